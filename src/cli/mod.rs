@@ -1,0 +1,56 @@
+//! The command line: types, dispatch, exit codes. One thin file a command.
+
+use std::error::Error;
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+
+/// How a command ended, when it did not fail.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Outcome {
+    /// Done: exit 0.
+    Done,
+    /// The answer is 'no' (a check failed): exit 1.
+    No,
+    /// Done, but data was lost on the way: exit 3.
+    DataLost,
+}
+
+/// What a command returns; an error is bad input or usage: exit 2.
+pub type CommandResult = Result<Outcome, Box<dyn Error + Send + Sync>>;
+
+/// Record, model and calibrate water-hammer tests, and find the physics a model lacks.
+#[derive(Debug, Parser)]
+#[command(version, propagate_version = true)]
+struct Cli {
+    /// Print one JSON document on standard output and nothing else there.
+    #[arg(long, global = true)]
+    json: bool,
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    // one variant a command, each holding the `Args` of its own file
+}
+
+/// Parses the arguments, runs the command and turns its outcome into the exit code.
+pub fn main() -> ExitCode {
+    let cli = Cli::parse();
+    let result: CommandResult = match cli.command {};
+    match result {
+        Ok(Outcome::Done) => ExitCode::SUCCESS,
+        Ok(Outcome::No) => ExitCode::from(1),
+        Ok(Outcome::DataLost) => ExitCode::from(3),
+        Err(error) => {
+            eprintln!("error: {error}");
+            let mut cause = error.source();
+            while let Some(inner) = cause {
+                eprintln!("  because: {inner}");
+                cause = inner.source();
+            }
+            ExitCode::from(2)
+        }
+    }
+}

@@ -1,0 +1,90 @@
+//! What a calibration gives back: plain data for tables, JSON and pages.
+
+/// One fitted parameter.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FittedParameter {
+    /// Name; a per-run parameter carries its run's file name in `run`.
+    pub name: String,
+    /// The run it belongs to where it is not shared by all.
+    pub run: Option<String>,
+    /// Value in `unit`.
+    pub value: f64,
+    /// Standard error in `unit`; infinite where the data do not determine it.
+    pub standard_error: f64,
+    /// Display unit.
+    pub unit: &'static str,
+    /// It ended at one of its bounds.
+    pub at_bound: bool,
+}
+
+/// Measurement and model at one pressure sensor, heads in m, all vectors of one length.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SensorFit {
+    /// Sensor name.
+    pub name: String,
+    /// Distance from the supply, m.
+    pub position_m: f64,
+    /// Sample times after the start of the closure, s (all ≥ 0).
+    pub time_s: Vec<f64>,
+    /// Measured head, m.
+    pub measured_m: Vec<f64>,
+    /// Fitted head, m.
+    pub model_m: Vec<f64>,
+    /// Standard deviation of the sensor's noise, m.
+    pub noise_m: f64,
+    /// Root mean square of measured − model over all samples, m.
+    pub rmse_m: f64,
+    /// Peak by peak and trough by trough.
+    pub extrema: Vec<ExtremumError>,
+}
+
+/// One extremum in measurement and model.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ExtremumError {
+    /// Cycle from 1.
+    pub cycle: usize,
+    /// A peak rather than a trough.
+    pub peak: bool,
+    /// When it is measured, s after the start of the closure.
+    pub time_s: f64,
+    /// Measured head, m.
+    pub measured_m: f64,
+    /// Head of the model's own extremum, m.
+    pub model_m: f64,
+    /// Model's time minus measured time of the crossing of the mean level that leads to it, s.
+    pub phase_s: f64,
+}
+
+/// One run under the fitted model.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RunFit {
+    /// File name.
+    pub file: String,
+    /// RMSE over all samples of all pressure sensors, m.
+    pub rmse_m: f64,
+    /// Noise over the same samples, m.
+    pub noise_m: f64,
+    /// Mean absolute percentage error over the extrema (paper's eq. 19), percent.
+    pub mape_extrema_percent: f64,
+    /// Each pressure sensor.
+    pub sensors: Vec<SensorFit>,
+}
+
+/// A calibrated model of one run or of several.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Fit {
+    /// Effects of the model, as on the command line (`viscoelastic-wall:2`).
+    pub effects: Vec<String>,
+    /// Each run.
+    pub runs: Vec<RunFit>,
+    /// Shared and per-run parameters.
+    pub parameters: Vec<FittedParameter>,
+    /// Simulations that the fit took.
+    pub evaluations: usize,
+    /// Wall time, s.
+    pub seconds: f64,
+    /// Why it stopped, in words.
+    pub stopped_because: String,
+    /// It stopped because it was done, not because a budget ran out.
+    pub converged: bool,
+}

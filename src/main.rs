@@ -1,0 +1,7 @@
+//! The `surgescope` program: parse, dispatch, exit code.
+
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    surgescope::cli::main()
+}

@@ -1,0 +1,49 @@
+//! A test in memory: the samples of each sensor with their times, the gaps, and what is known of the run.
+
+use crate::rig::Rig;
+
+/// One recorded test.
+#[derive(Debug, Clone)]
+pub struct Recording {
+    /// The rig it was made on.
+    pub rig: Rig,
+    /// One series for each sensor of the rig, in the rig's order; empty where nothing was recorded.
+    pub series: Vec<Series>,
+    /// What is known of the run.
+    pub run: RunInfo,
+}
+
+/// The samples of one sensor. Times are seconds on the recording's own clock, strictly increasing.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Series {
+    /// Sample times, s.
+    pub time_s: Vec<f64>,
+    /// Sample values in the sensor's unit, same length as `time_s`.
+    pub value: Vec<f64>,
+    /// Stretches known to be lost.
+    pub gaps: Vec<Gap>,
+}
+
+/// A stretch in which samples are known to be missing.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Gap {
+    /// Time of the last sample before it, s.
+    pub from_s: f64,
+    /// Time of the first sample after it, s.
+    pub to_s: f64,
+    /// Number of samples lost, where it is known.
+    pub samples: Option<u64>,
+}
+
+/// What is known of a run.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct RunInfo {
+    /// Wall-clock time that the recording's time 0 stands for, ns since 1970 UTC; 0 if unknown.
+    pub start_unix_ns: u64,
+    /// Where the samples come from (`serial`, `import run.csv`, …).
+    pub source: String,
+    /// Version of the program that wrote it.
+    pub program: String,
+    /// Free notes, key and value.
+    pub notes: Vec<(String, String)>,
+}
