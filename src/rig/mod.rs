@@ -12,9 +12,12 @@ mod parse;
 mod sensors;
 mod table;
 mod unique;
+mod wall;
+mod water;
 
 pub use error::{Problem, RigError};
 pub use friction::{LAMINAR_REYNOLDS, darcy_friction_factor};
+pub use water::WaterProperties;
 
 /// A test rig: fluid, pipes in series from the supply to the valve, sensors and their wiring.
 #[derive(Debug, Clone)]
