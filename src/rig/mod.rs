@@ -1,6 +1,23 @@
 //! The rig: what stands in the lab, as the rig file describes it; SI inside.
+//!
+//! A rig file is TOML; [`Rig::load`] reads it and reports everything that is wrong in it at once, each with its line.
 
 use crate::units::Unit;
+
+mod error;
+mod friction;
+mod live;
+pub mod material;
+mod parse;
+mod sensors;
+mod table;
+mod unique;
+mod wall;
+mod water;
+
+pub use error::{Problem, RigError};
+pub use friction::{LAMINAR_REYNOLDS, darcy_friction_factor};
+pub use water::WaterProperties;
 
 /// A test rig: fluid, pipes in series from the supply to the valve, sensors and their wiring.
 #[derive(Debug, Clone)]
@@ -19,6 +36,8 @@ pub struct Rig {
     pub sensors: Vec<Sensor>,
     /// Acquisition devices for live recording.
     pub devices: Vec<Device>,
+    /// Steady states known of the rig, from a paper or a log book; only `rig check` looks at them.
+    pub steady: Vec<SteadyState>,
     /// The file's text, kept to be attached to recordings unchanged.
     pub source: String,
 }
@@ -180,6 +199,16 @@ pub enum Encoding {
     F32,
 }
 
+impl Encoding {
+    /// Number of 16-bit registers that a value takes.
+    pub fn words(self) -> u64 {
+        match self {
+            Encoding::U16 | Encoding::I16 => 1,
+            Encoding::U32 | Encoding::I32 | Encoding::F32 => 2,
+        }
+    }
+}
+
 /// An acquisition device on a serial port.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Device {
@@ -209,6 +238,23 @@ pub enum Protocol {
         /// Time to wait for an answer, s.
         timeout_s: f64,
     },
+}
+
+/// A steady state that somebody reported of the rig (`[[steady]]`): what `rig check` holds against the rest.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SteadyState {
+    /// Its name, e.g. that of a case in a paper.
+    pub name: String,
+    /// Volume flow, m³/s.
+    pub flow_m3_s: f64,
+    /// Head of the supply above the valve's discharge, m, where reported.
+    pub supply_head_m: Option<f64>,
+    /// Water temperature, °C; that of the fluid where not reported.
+    pub temperature_degc: Option<f64>,
+    /// Reynolds number as reported.
+    pub reynolds_number: Option<f64>,
+    /// Wave speed as reported, m/s.
+    pub wave_speed_m_s: Option<f64>,
 }
 
 impl Rig {

@@ -1,0 +1,59 @@
+//! What can be wrong with a rig file, each with its line.
+
+use std::fmt;
+use std::path::PathBuf;
+
+use thiserror::Error;
+
+/// A rig file that cannot be used.
+#[derive(Debug, Error)]
+pub enum RigError {
+    /// The file cannot be read.
+    #[error("cannot read the rig file {}; check the path and its permissions", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// What the system says.
+        #[source]
+        source: std::io::Error,
+    },
+    /// The file says something that it must not.
+    #[error("{}", list(file, problems))]
+    Invalid {
+        /// Name of the file, as the user gave it.
+        file: String,
+        /// Every problem found, in the order of the lines.
+        problems: Vec<Problem>,
+    },
+}
+
+/// One thing wrong in a rig file.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Problem {
+    /// Line from 1; `None` where something is missing from the whole file.
+    pub line: Option<usize>,
+    /// What is wrong and what is allowed, as a sentence.
+    pub message: String,
+    /// The text of that line.
+    pub source_line: String,
+}
+
+impl Problem {
+    /// The problem as shown to a user: `file:line: message` and the line itself.
+    pub fn describe(&self, file: &str) -> String {
+        match self.line {
+            Some(line) => format!("{file}:{line}: {}\n{line:>5} | {}", self.message, self.source_line),
+            None => format!("{file}: {}", self.message),
+        }
+    }
+}
+
+impl fmt::Display for Problem {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.message)
+    }
+}
+
+fn list(file: &str, problems: &[Problem]) -> String {
+    problems.iter().map(|p| p.describe(file)).collect::<Vec<_>>().join("\n")
+}
