@@ -10,7 +10,7 @@ use super::ModelError;
 use super::parameter::Parameter;
 use super::solver::{LineTerm, Steady};
 use crate::rig::Rig;
-use crate::rig::water::WaterProperties;
+use crate::rig::WaterProperties;
 
 /// Every effect that a model can have.
 pub static CATALOGUE: &[&dyn Effect] = &[&viscoelastic_wall::ViscoelasticWall];
