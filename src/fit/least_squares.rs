@@ -89,7 +89,12 @@ pub struct Solution {
 }
 
 fn half_square(residuals: &[f64]) -> f64 {
-    0.5 * residuals.par_chunks(4096).map(|c| c.iter().map(|r| r * r).sum::<f64>()).collect::<Vec<_>>().iter().sum::<f64>()
+    0.5 * residuals
+        .par_chunks(4096)
+        .map(|c| c.iter().map(|r| r * r).sum::<f64>())
+        .collect::<Vec<_>>()
+        .iter()
+        .sum::<f64>()
 }
 
 /// The Jacobian by forward differences, one column a variable (backward where the upper bound is near), and its residuals.

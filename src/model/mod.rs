@@ -163,7 +163,24 @@ impl<'a> Model<'a> {
             )
             .with_prior(nominal_s, 0.5),
         ];
-        Model { rig, effects, effect_sizes, shared, per_run, closure: |closing_time_s| Closure::Linear { closing_time_s } }
+        Model {
+            rig,
+            effects,
+            effect_sizes,
+            shared,
+            per_run,
+            closure: |closing_time_s| Closure::Linear { closing_time_s },
+        }
+    }
+
+    /// Index of the first effect's first parameter among the shared ones.
+    pub fn effects_from(&self) -> usize {
+        self.rig.pipes.len() + 1
+    }
+
+    /// How many shared parameters each effect has.
+    pub fn effect_sizes(&self) -> &[usize] {
+        &self.effect_sizes
     }
 
     /// Theoretical period `4L/a` for shared parameter values, s.

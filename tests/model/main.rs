@@ -62,8 +62,7 @@ fn simulate(problem: &Exact, reaches: usize, places: &[f64], times: &[f64]) -> V
     let run = RunValues { initial_velocity_m_s: problem.velocity, valve_head_m: 30.0, closing_time_s };
     let duration_s = times.iter().copied().fold(0.0, f64::max);
     let conditions = Conditions { water, supply_head: None };
-    let traces =
-        model.simulate(&conditions, &shared, &run, Resolution { reaches, duration_s }, places).unwrap();
+    let traces = model.simulate(&conditions, &shared, &run, Resolution { reaches, duration_s }, places).unwrap();
     traces.iter().map(|trace| times.iter().map(|&t| trace.at(t) - 30.0).collect()).collect()
 }
 
