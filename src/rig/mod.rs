@@ -4,6 +4,7 @@
 
 use crate::units::Unit;
 
+pub mod check;
 mod error;
 mod friction;
 mod live;
