@@ -163,7 +163,14 @@ impl<'a> Model<'a> {
             )
             .with_prior(nominal_s, 0.5),
         ];
-        Model { rig, effects, effect_sizes, shared, per_run, closure: |closing_time_s| Closure::Linear { closing_time_s } }
+        Model {
+            rig,
+            effects,
+            effect_sizes,
+            shared,
+            per_run,
+            closure: |closing_time_s| Closure::Linear { closing_time_s },
+        }
     }
 
     /// Theoretical period `4L/a` for shared parameter values, s.

@@ -119,7 +119,8 @@ fn check_wave_speed(pipe: &Pipe, water: &WaterProperties) -> Finding {
     judge_wave_speed(pipe, subject, given, water)
 }
 
-fn judge_wave_speed(pipe: &Pipe, subject: String, given: f64, water: &WaterProperties) -> Finding {
+/// A wave speed against those that the wall allows.
+pub fn judge_wave_speed(pipe: &Pipe, subject: String, given: f64, water: &WaterProperties) -> Finding {
     let [lo, hi] = pipe.material_wave_speeds_m_s(water);
     let range = format!("{lo:.0}-{hi:.0} m/s that Korteweg's law gives for {} of this wall", pipe.material);
     let modulus = pipe.youngs_modulus_for_wave_speed(water, given);
