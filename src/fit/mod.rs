@@ -7,3 +7,4 @@ pub mod least_squares;
 pub mod outcome;
 pub mod problem;
 pub mod uncertainty;
+pub mod prepare;

@@ -195,11 +195,13 @@ impl<'a> Calibration<'a> {
             .fold(closure_start, f64::max);
         let places: Vec<f64> = run.sensors.iter().map(|s| s.sensor.position_m).collect();
         let conditions = Conditions {
-            supply_head: run
+            supply_deviation: run
                 .conditions
-                .supply_head
+                .supply_deviation
                 .as_ref()
-                .map(|(time_s, head_m)| (time_s.iter().map(|t| t - closure_start).collect(), head_m.clone())),
+                .map(|(time_s, deviation_m)| {
+                    (time_s.iter().map(|t| t - closure_start).collect(), deviation_m.clone())
+                }),
             water: run.conditions.water.clone(),
         };
         let shared = &values[..self.model.shared.len()];

@@ -88,8 +88,9 @@ pub struct RunValues {
 pub struct Conditions {
     /// The water at the run's temperature.
     pub water: WaterProperties,
-    /// Measured head at position 0, times after the start of the closure: for an upstream end of kind `measured`.
-    pub supply_head: Option<(Vec<f64>, Vec<f64>)>,
+    /// Head measured at position 0 minus its mean before the closure, against time after the start of the closure: drives an
+    /// upstream end of kind `measured`.
+    pub supply_deviation: Option<(Vec<f64>, Vec<f64>)>,
 }
 
 /// How finely and how long to simulate.
@@ -244,9 +245,10 @@ impl<'a> Model<'a> {
             terms.extend(chosen.effect.line_terms(&effect_values[at..at + count], &steady)?);
             at += count;
         }
-        let supply: Box<dyn Supply> = match (self.rig.upstream, &conditions.supply_head) {
-            (Upstream::Measured, Some((time_s, head_m))) if !time_s.is_empty() => {
-                Box::new(MeasuredHead { time_s: time_s.clone(), head_m: head_m.clone(), cursor: 0 })
+        let supply: Box<dyn Supply> = match (self.rig.upstream, &conditions.supply_deviation) {
+            (Upstream::Measured, Some((time_s, deviation_m))) if !time_s.is_empty() => {
+                let measured = deviation_m.iter().map(|d| head_m[0] + d).collect();
+                Box::new(MeasuredHead { time_s: time_s.clone(), head_m: measured, cursor: 0 })
             }
             (Upstream::Measured, _) => return Err(ModelError::NoSupplyHead),
             (Upstream::Reservoir | Upstream::Pump, _) => Box::new(ConstantHead(head_m[0])),

@@ -61,7 +61,7 @@ fn simulate(problem: &Exact, reaches: usize, places: &[f64], times: &[f64]) -> V
     shared.extend(problem.creep.iter().flat_map(|&(j, tau)| [j * 1e9, tau]));
     let run = RunValues { initial_velocity_m_s: problem.velocity, valve_head_m: 30.0, closing_time_s };
     let duration_s = times.iter().copied().fold(0.0, f64::max);
-    let conditions = Conditions { water, supply_head: None };
+    let conditions = Conditions { water, supply_deviation: None };
     let traces = model.simulate(&conditions, &shared, &run, Resolution { reaches, duration_s }, places).unwrap();
     traces.iter().map(|trace| times.iter().map(|&t| trace.at(t) - 30.0).collect()).collect()
 }
