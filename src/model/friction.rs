@@ -1,6 +1,6 @@
 //! Steady wall friction: Darcy-Weisbach with a constant factor or one that follows the Reynolds number.
 
-use crate::rig::friction::darcy_friction_factor;
+use crate::rig::darcy_friction_factor;
 use crate::units::GRAVITY_M_S2;
 
 /// How the wall's friction depends on the flow.

@@ -22,7 +22,7 @@ use parameter::Parameter;
 use solver::{Line, Steady, steady_heads};
 use trace::Trace;
 
-use crate::rig::water::WaterProperties;
+use crate::rig::WaterProperties;
 use crate::rig::{Rig, Upstream};
 
 /// What can be wrong with a model or a simulation.
@@ -173,6 +173,16 @@ impl<'a> Model<'a> {
         }
     }
 
+    /// Index of the first effect's first parameter among the shared ones.
+    pub fn effects_from(&self) -> usize {
+        self.rig.pipes.len() + 1
+    }
+
+    /// How many shared parameters each effect has.
+    pub fn effect_sizes(&self) -> &[usize] {
+        &self.effect_sizes
+    }
+
     /// Theoretical period `4L/a` for shared parameter values, s.
     pub fn period_s(&self, shared: &[f64]) -> f64 {
         4.0 * self.rig.pipes.iter().zip(shared).map(|(p, a)| p.length_m / a).sum::<f64>()
@@ -217,7 +227,8 @@ impl<'a> Model<'a> {
             })
             .collect();
         let grid = Grid::new(&stretches, resolution.reaches)?;
-        let steps = (resolution.duration_s / grid.dt_s).ceil().max(1.0) as usize;
+        // Two steps more than asked for: the cubic interpolation in time looks that far ahead.
+        let steps = (resolution.duration_s / grid.dt_s).ceil() as usize + 2;
         let bytes = steps.saturating_mul(places_m.len().max(1)).saturating_mul(8);
         if bytes > MOST_HISTORY_BYTES {
             let gib = bytes as f64 / (1u64 << 30) as f64;

@@ -10,7 +10,7 @@ use super::ModelError;
 use super::parameter::Parameter;
 use super::solver::{LineTerm, Steady};
 use crate::rig::Rig;
-use crate::rig::water::WaterProperties;
+use crate::rig::WaterProperties;
 
 /// Every effect that a model can have.
 pub static CATALOGUE: &[&dyn Effect] = &[&viscoelastic_wall::ViscoelasticWall];
@@ -43,6 +43,11 @@ pub trait Effect: Sync {
     }
     /// Its parameters, for a number of elements (1 where it has none).
     fn parameters(&self, site: &Site, elements: usize) -> Vec<Parameter>;
+    /// Other places than `start` from which a fit of this effect should be tried, as factors on the start values.
+    fn other_starts(&self, elements: usize) -> Vec<Vec<f64>> {
+        let _ = elements;
+        Vec::new()
+    }
     /// Terms along the line, for parameter values in the order of [`Effect::parameters`].
     ///
     /// # Errors

@@ -64,6 +64,11 @@ impl Effect for ViscoelasticWall {
             .collect()
     }
 
+    /// The same spread of retardation times, five times shorter and five times longer.
+    fn other_starts(&self, elements: usize) -> Vec<Vec<f64>> {
+        [0.2, 5.0].iter().map(|&by| [1.0, by].repeat(elements)).collect()
+    }
+
     fn line_terms(&self, values: &[f64], steady: &Steady) -> Result<Vec<Box<dyn LineTerm>>, ModelError> {
         for (k, pair) in values.chunks_exact(2).enumerate() {
             let bad = |name: String, value, allowed| Err(ModelError::Value { name, value, allowed });
