@@ -32,13 +32,13 @@ struct CheckArgs {
     /// A recording (MCAP) or a time series (CSV) made on it.
     recording: Option<PathBuf>,
     /// A steady flow to hold against the rig, m3/h (as `[[steady]]` in the rig file does).
-    #[arg(long, value_name = "M3_H", value_parser = positive)]
+    #[arg(long, value_name = "M3_H", value_parser = positive, allow_negative_numbers = true)]
     flow: Option<f64>,
     /// The supply's head at that flow, m.
-    #[arg(long, value_name = "M", value_parser = positive, requires = "flow")]
+    #[arg(long, value_name = "M", value_parser = positive, allow_negative_numbers = true, requires = "flow")]
     supply_head: Option<f64>,
     /// The Reynolds number reported for that flow.
-    #[arg(long, value_name = "RE", value_parser = positive, requires = "flow")]
+    #[arg(long, value_name = "RE", value_parser = positive, allow_negative_numbers = true, requires = "flow")]
     reynolds: Option<f64>,
 }
 

@@ -42,7 +42,7 @@ const HOMES: [(&str, &[&str]); 7] = [
 
 const TEMPERATURE: Limits = Limits { holds: |v| (0.0..=100.0).contains(&v), words: "a temperature from 0 to 100 degC" };
 const POISSON: Limits = Limits { holds: |v| v > 0.0 && v < 0.5, words: "a number between 0 and 0.5" };
-const FRICTION: Limits = Limits { holds: |v| v >= 0.0 && v <= 1.0, words: "a Darcy friction factor from 0 to 1" };
+const FRICTION: Limits = Limits { holds: |v| (0.0..=1.0).contains(&v), words: "a Darcy friction factor from 0 to 1" };
 const WAVE_SPEED: Limits = Limits {
     holds: |v| v > 0.0 && v <= 1600.0,
     words: "a wave speed above 0, at most 1600 m/s (that of water alone is 1400-1560)",
