@@ -108,49 +108,41 @@ fn friction_slope(pipe: &Pipe, flow_m3_s: f64, water: &WaterProperties) -> f64 {
 }
 
 fn check_wave_speed(pipe: &Pipe, water: &WaterProperties) -> Finding {
-    let [lo, hi] = pipe.material_wave_speeds_m_s(water);
-    let range = format!("{lo:.0}-{hi:.0} m/s that Korteweg's law gives for {} of this wall", pipe.material);
     let subject = format!("wave speed of '{}'", pipe.name);
-    let Some(given) = pipe.wave_speed_m_s else {
-        let (start, ..) = pipe.wave_speed_start(water);
-        let message = format!("not given; it will start at {start:.0} m/s, within the {range}");
-        return Finding::new(Level::Fine, subject, message, &[("start_m_s", start), ("lo_m_s", lo), ("hi_m_s", hi)]);
-    };
-    judge_wave_speed(pipe, subject, given, water)
+    if let Some(given) = pipe.wave_speed_m_s {
+        return judge_wave_speed(pipe, subject, given, 0.0, water);
+    }
+    let [lo, hi] = pipe.material_wave_speeds_m_s(water);
+    let (start, ..) = pipe.wave_speed_start(water);
+    let material = &pipe.material;
+    let message = format!(
+        "not given; it will start at {start:.0} m/s, within the {lo:.0}-{hi:.0} m/s of Korteweg's law for {material}"
+    );
+    Finding::new(Level::Fine, subject, message, &[("start_m_s", start), ("lo_m_s", lo), ("hi_m_s", hi)])
 }
 
-/// A wave speed against those that the wall allows.
-pub fn judge_wave_speed(pipe: &Pipe, subject: String, given: f64, water: &WaterProperties) -> Finding {
+/// A wave speed against those that the wall allows; `slack` is its relative uncertainty.
+pub fn judge_wave_speed(pipe: &Pipe, subject: String, given: f64, slack: f64, water: &WaterProperties) -> Finding {
     let [lo, hi] = pipe.material_wave_speeds_m_s(water);
-    let range = format!("{lo:.0}-{hi:.0} m/s that Korteweg's law gives for {} of this wall", pipe.material);
-    let modulus = pipe.youngs_modulus_for_wave_speed(water, given);
-    let (level, words) = match modulus {
-        None => {
-            let sound = water.sound_speed_m_s();
-            (
-                Level::Contradiction,
-                format!("{given:.0} m/s is not below the speed of sound in the water, {sound:.0} m/s"),
-            )
-        }
-        Some(e) => {
-            let e_gpa = e * 1e-9;
-            let (level, place) = if given > 1.15 * hi {
-                (Level::Contradiction, "far above")
-            } else if given < 0.5 * lo {
-                (Level::Contradiction, "far below")
-            } else if given > hi {
-                (Level::Warning, "above")
-            } else if given < lo {
-                (Level::Warning, "below")
-            } else {
-                (Level::Fine, "within")
-            };
-            (level, format!("{given:.0} m/s is {place} the {range}; it means E = {e_gpa:.2} GPa"))
-        }
+    let sound = water.sound_speed_m_s();
+    let (least, most) = (given * (1.0 - slack), given * (1.0 + slack));
+    let (level, place) = match () {
+        () if least >= sound => (Level::Contradiction, "faster than sound in the water, and outside"),
+        () if least > 1.15 * hi => (Level::Contradiction, "far above"),
+        () if most < 0.5 * lo => (Level::Contradiction, "far below"),
+        () if least > hi => (Level::Warning, "above"),
+        () if most < lo => (Level::Warning, "below"),
+        () => (Level::Fine, "within"),
     };
+    let modulus = pipe.youngs_modulus_for_wave_speed(water, given);
+    let means = modulus.map(|e| format!("; it means E = {:.2} GPa", e * 1e-9)).unwrap_or_default();
+    let uncertain = if slack > 0.0 { format!(" ± {:.0}", given * slack) } else { String::new() };
+    let material = &pipe.material;
+    let message =
+        format!("{given:.0}{uncertain} m/s is {place} the {lo:.0}-{hi:.0} m/s of Korteweg's law for {material}{means}");
     let mut numbers = vec![("given_m_s", given), ("lo_m_s", lo), ("hi_m_s", hi)];
     numbers.extend(modulus.map(|e| ("youngs_modulus_pa", e)));
-    Finding::new(level, subject, words, &numbers)
+    Finding::new(level, subject, message, &numbers)
 }
 
 fn check_closing_time(rig: &Rig, water: &WaterProperties) -> Finding {
@@ -177,10 +169,10 @@ fn check_counts(rig: &Rig, sensor: &Sensor) -> Option<Finding> {
         return None;
     }
     let ends = [f64::from(i16::MIN), f64::from(i16::MAX)].map(|count| wiring.offset + wiring.scale * count);
-    let (from, to) = (ends[0].min(ends[1]), ends[0].max(ends[1]));
+    let [from, to] = [ends[0].min(ends[1]), ends[0].max(ends[1])];
     let slack = 0.001 * (hi - lo);
     let unit = sensor.unit;
-    let reach = format!("16-bit counts reach from {from:.6} to {to:.6} {unit}, the sensor from {lo} to {hi} {unit}");
+    let reach = format!("16-bit counts reach from {from:.4} to {to:.4} {unit}, the sensor from {lo} to {hi} {unit}");
     let numbers = [("counts_from", from), ("counts_to", to), ("range_lo", lo), ("range_hi", hi)];
     let (level, message) = if from > lo + slack || to < hi - slack {
         (Level::Warning, format!("{reach}: the counts end first; change 'scale' or 'offset'"))
@@ -198,7 +190,7 @@ fn check_steady(rig: &Rig, state: &SteadyState, water: &WaterProperties) -> Vec<
         findings.push(check_reynolds(pipe, on("Reynolds number"), reported, flow, water));
     }
     if let (Some(reported), Some(pipe)) = (state.wave_speed_m_s, rig.pipes.first()) {
-        findings.push(judge_wave_speed(pipe, on("wave speed"), reported, water));
+        findings.push(judge_wave_speed(pipe, on("wave speed"), reported, 0.0, water));
     }
     for pipe in &rig.pipes {
         findings.extend(check_friction_factor(pipe, on(&format!("friction factor of '{}'", pipe.name)), flow, water));
