@@ -4,8 +4,9 @@
 
 use crate::units::Unit;
 
+pub mod check;
 mod error;
-mod friction;
+pub mod friction;
 mod live;
 pub mod material;
 mod parse;
@@ -13,7 +14,7 @@ mod sensors;
 mod table;
 mod unique;
 mod wall;
-mod water;
+pub mod water;
 
 pub use error::{Problem, RigError};
 pub use friction::{LAMINAR_REYNOLDS, darcy_friction_factor};
