@@ -2,6 +2,7 @@
 
 pub mod export;
 pub mod import;
+pub mod record;
 pub mod recover;
 
 use std::error::Error;
@@ -42,6 +43,8 @@ enum Command {
     Export(export::Args),
     /// Make a whole recording of one that a crash cut off.
     Recover(recover::Args),
+    /// Record a live, simulated or replayed test.
+    Record(record::Args),
 }
 
 /// Parses the arguments, runs the command and turns its outcome into the exit code.
@@ -51,6 +54,7 @@ pub fn main() -> ExitCode {
         Command::Import(args) => import::run(args, cli.json),
         Command::Export(args) => export::run(args, cli.json),
         Command::Recover(args) => recover::run(args, cli.json),
+        Command::Record(args) => record::run(args, cli.json),
     };
     match result {
         Ok(Outcome::Done) => ExitCode::SUCCESS,
