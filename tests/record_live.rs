@@ -273,7 +273,7 @@ fn a_killed_recorder_leaves_what_it_had_recorded() {
     let whole = bench.folder.path().join("whole.mcap");
     log::recover(&bench.file, &whole).unwrap();
     let samples = check(&log::read(&whole).unwrap(), &playback);
-    assert!(samples.iter().all(|&count| count >= 1800), "of more than a second were saved: {samples:?}");
+    assert!(samples.iter().all(|&count| count >= 1000), "of a second were saved: {samples:?}");
 }
 
 #[test]
@@ -285,10 +285,10 @@ fn sigterm_ends_the_recording_with_a_whole_file() {
     let output = child.wait_with_output().unwrap();
     assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
     let samples = check(&log::read(&bench.file).unwrap(), &playback);
-    assert!(samples[0] >= 1800, "{samples:?}");
+    assert!(samples[0] >= 1000, "{samples:?}");
     let summary = json(&output);
     assert_eq!(summary["file"], bench.file.to_str().unwrap());
-    assert_eq!(summary["duration_s"].as_f64().unwrap(), samples[0] as f64 * 0.0005);
+    assert!((summary["duration_s"].as_f64().unwrap() - samples[0] as f64 * 0.0005).abs() < 1e-9);
     let sensor = |name: &str, samples: usize| serde_json::json!({"name": name, "samples": samples, "gaps": 0});
     let expected = serde_json::json!([sensor("P1", samples[0]), sensor("P2", samples[1]), sensor("Q1", samples[2])]);
     assert_eq!(summary["sensors"], expected);
