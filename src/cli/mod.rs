@@ -2,6 +2,7 @@
 
 pub mod export;
 pub mod import;
+pub mod record;
 pub mod recover;
 pub mod rig;
 
@@ -45,6 +46,8 @@ enum Command {
     Recover(recover::Args),
     /// Say where a rig file contradicts itself, or a recording made on it.
     Rig(rig::Args),
+    /// Record a live, simulated or replayed test.
+    Record(record::Args),
 }
 
 /// Parses the arguments, runs the command and turns its outcome into the exit code.
@@ -55,6 +58,7 @@ pub fn main() -> ExitCode {
         Command::Export(args) => export::run(args, cli.json),
         Command::Recover(args) => recover::run(args, cli.json),
         Command::Rig(args) => rig::run(args, cli.json),
+        Command::Record(args) => record::run(args, cli.json),
     };
     match result {
         Ok(Outcome::Done) => ExitCode::SUCCESS,
