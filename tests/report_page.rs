@@ -47,7 +47,7 @@ fn sensor_fit(name: &str, position: f64, samples: usize, seed: u64, model: impl 
     let half = PERIOD_S / 2.0;
     let extremum = |k: usize| {
         let (from, to) = (k as f64 * half, (k + 1) as f64 * half);
-        let peak = k % 2 == 0;
+        let peak = k.is_multiple_of(2);
         let best = |values: &[f64]| {
             let inside = time_s.iter().zip(values).filter(|(t, _)| (from..to).contains(*t));
             inside.max_by(|a, b| if peak { a.1.total_cmp(b.1) } else { b.1.total_cmp(a.1) }).map(|(t, v)| (*t, *v))
@@ -224,6 +224,9 @@ fn the_page_tells_the_story_and_needs_no_network() {
     let rig = rig("hdpe-50");
     let text = page("Run 3", &rig, stages(&[("base model", &base), ("+ viscoelastic-wall", &wall)]), vec![]);
     keep("report-short.html", &text);
+    let terminal = table::calibration(&stages(&[("base model", &base), ("+ viscoelastic-wall", &wall)]));
+    keep("report.txt", &terminal);
+    assert!(terminal.starts_with("RMSE 5.2") && terminal.contains("395.1(4)") && terminal.contains("RMSE/noise"));
     assert!(text.contains("the model is down to the noise."));
     assert!(text.contains("395.1(4) m/s") && text.contains("at its bound") && text.contains("(undetermined)"));
     assert!(!text.contains("samples are drawn"), "a short trace is shown whole");
@@ -235,6 +238,48 @@ fn the_page_tells_the_story_and_needs_no_network() {
         assert!(!text.contains(fetching), "{fetching}");
     }
     assert_eq!(text.matches("<svg xmlns").count(), 6, "head and residual of each sensor without a script");
+}
+
+#[test]
+fn several_runs_and_stages_stay_apart() {
+    let (mut base, mut wall) = two_stages(6_000);
+    let mut half = base.clone();
+    half.runs[0].sensors[0] = sensor_fit("P1", 1.0, 6_000, 7, |t| surge(t, 1.0, 2.73, 0.05));
+    half.effects = vec!["unsteady-friction".into()];
+    let mut second = two_stages(3_000).1.runs.remove(0);
+    second.file = "hdpe-50-run-04.mcap".into();
+    second.sensors.truncate(1);
+    second.sensors[0].rmse_m = 0.09;
+    let sensor = &mut second.sensors[0];
+    let lost = sensor.time_s.iter().position(|t| *t > 6.0).expect("the run is longer");
+    for column in [&mut sensor.time_s, &mut sensor.measured_m, &mut sensor.model_m] {
+        column.drain(lost..lost + 200);
+    }
+    for fit in [&mut base, &mut half, &mut wall] {
+        fit.runs.push(second.clone());
+    }
+    wall.parameters[1].run = Some("hdpe-50-run-03.mcap".into());
+    let mut almost = wall.clone();
+    almost.converged = false;
+    almost.stopped_because = "the budget of 5000 simulations ran out".into();
+    let models = [("base model", &base), ("+ unsteady-friction", &half), ("+ viscoelastic-wall:1", &almost)];
+    let mut models = stages(&models);
+    models.push(Stage { title: "+ viscoelastic-wall:2".into(), fit: &wall });
+    let text = page("Runs 3 and 4", &rig("hdpe-50"), models, vec![]);
+    keep("report-runs.html", &text);
+    let data = data(&text);
+    let mut colours: Vec<u64> =
+        data["stages"].as_array().expect("stages").iter().filter_map(|s| s["colour"].as_u64()).collect();
+    assert_eq!(colours.last(), Some(&0), "the result has the first colour");
+    colours.sort_unstable();
+    colours.dedup();
+    assert_eq!(colours.len(), 4, "no two stages look alike");
+    assert_eq!(data["panels"].as_array().map(Vec::len), Some(4));
+    assert!(text.contains("P1 · hdpe-50-run-03.mcap</a>") && text.contains("P1 · hdpe-50-run-04.mcap</a>"));
+    assert!(text.contains("except at P1"), "a bad sensor among good ones is named");
+    assert!(text.contains("stopped early"));
+    let gap = data["panels"][3]["measured"].as_array().expect("a column").iter().filter(|v| v.is_null()).count();
+    assert_eq!(gap, 1, "lost samples leave a gap in the line");
 }
 
 #[test]
@@ -280,7 +325,7 @@ fn numbers_that_are_not_finite_are_left_out() {
     let body = text.split("<body>").nth(1).expect("a body").split("<script").next().expect("text before the data");
     assert!(!body.contains("NaN") && !body.contains(">inf") && !body.contains("Infinity"));
     assert_eq!(data(&text)["panels"][0]["models"][0][10], Value::Null);
-    assert!(table::calibration(&stages(&[("a", &wall)])).contains("cannot be judged"));
+    assert!(table::calibration(&stages(&[("a", &wall)])).contains("not a number"));
 
     let document: Value = serde_json::from_str(&json::calibration(&wall).expect("JSON")).expect("valid JSON");
     assert_eq!(document["runs"][0]["rmse_m"], Value::Null);

@@ -30,6 +30,7 @@ pub struct Page<'a> {
 const CSS: &str = include_str!("assets/page.css");
 const JS: &str = include_str!("assets/page.js");
 const UPLOT_JS: &str = include_str!("assets/uplot/uPlot.iife.min.js");
+const UPLOT_LICENCE: &str = include_str!("assets/uplot/LICENSE");
 const UPLOT_CSS: &str = include_str!("assets/uplot/uPlot.min.css");
 
 /// The page as one HTML document.
@@ -38,14 +39,11 @@ const UPLOT_CSS: &str = include_str!("assets/uplot/uPlot.min.css");
 pub fn html(page: &Page) -> String {
     let panels = panels(page);
     let title = escape(&page.title);
-    let (mark, class) = match page.stages.last().map(|s| summary::overall(s.fit)) {
-        Some(end) => match summary::closeness(end.rmse_m, end.noise_m) {
-            Closeness::Noise => ("✓", "good"),
-            Closeness::Near => ("≈", "near"),
-            Closeness::Missing => ("✗", "missing"),
-            Closeness::Unknown => ("?", "unknown"),
-        },
-        None => ("?", "unknown"),
+    let (mark, class) = match page.stages.last().map_or(Closeness::Unknown, |s| summary::judge(s.fit)) {
+        Closeness::Noise => ("✓", "good"),
+        Closeness::Near => ("≈", "near"),
+        Closeness::Missing => ("✗", "missing"),
+        Closeness::Unknown => ("?", "unknown"),
     };
     let mut out = format!(
         r#"<!doctype html>
@@ -87,7 +85,7 @@ pub fn html(page: &Page) -> String {
         let data = json_in_script(&data::json(&page.stages, &panels));
         let _ = write!(
             out,
-            "<script type=\"application/json\" id=\"data\">{data}</script>\n<script>{UPLOT_JS}</script>\n<script>{JS}</script>\n"
+            "<script type=\"application/json\" id=\"data\">{data}</script>\n<script>/*!\n{UPLOT_LICENCE}*/\n{UPLOT_JS}</script>\n<script>{JS}</script>\n"
         );
     }
     out.push_str("</body>\n</html>\n");

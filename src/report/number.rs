@@ -73,6 +73,14 @@ pub fn times(value: f64, noise: f64) -> String {
     if noise > 0.0 && ratio.is_finite() { significant(ratio, if ratio >= 100.0 { 3 } else { 2 }) } else { "–".into() }
 }
 
+/// The same with its unit, `64× noise`, for people; says so where the noise is unknown.
+pub fn times_noise(value: f64, noise: f64) -> String {
+    match times(value, noise).as_str() {
+        "–" => "noise unknown".into(),
+        ratio => format!("{ratio}× noise"),
+    }
+}
+
 /// A duration in s with a unit that fits.
 pub fn duration(seconds: f64) -> String {
     match seconds {
@@ -151,5 +159,7 @@ mod tests {
         assert_eq!(times(1.92, 0.03), "64");
         assert_eq!(times(1.0, 0.0), "–");
         assert_eq!(times(f64::NAN, 0.03), "–");
+        assert_eq!(times_noise(1.92, 0.03), "64× noise");
+        assert_eq!(times_noise(1.92, f64::NAN), "noise unknown");
     }
 }

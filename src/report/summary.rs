@@ -1,6 +1,6 @@
 //! The error of a whole fit against the noise, and what follows from it in one sentence.
 
-use crate::fit::outcome::{Fit, SensorFit};
+use crate::fit::outcome::{Fit, RunFit, SensorFit};
 use crate::report::Stage;
 use crate::report::number::{error_m, times};
 
@@ -59,6 +59,15 @@ pub fn closeness(rmse_m: f64, noise_m: f64) -> Closeness {
     }
 }
 
+/// Judges a whole fit: its error over all samples, and no sensor may hide well above its noise among good ones.
+pub fn judge(fit: &Fit) -> Closeness {
+    let all = overall(fit);
+    match closeness(all.rmse_m, all.noise_m) {
+        Closeness::Noise if worst_sensor(fit).is_some() => Closeness::Near,
+        closeness => closeness,
+    }
+}
+
 /// One sentence: `RMSE 1.92 m → 0.034 m, noise 0.030 m: the model is down to the noise.`
 pub fn verdict(stages: &[Stage]) -> String {
     let Some(last) = stages.last() else {
@@ -67,6 +76,9 @@ pub fn verdict(stages: &[Stage]) -> String {
     let end = overall(last.fit);
     if end.samples == 0 {
         return "The calibration has no samples of a pressure sensor: nothing can be said about the model.".into();
+    }
+    if !end.rmse_m.is_finite() {
+        return "The error of the model is not a number: the model failed, or samples of the recording are not numbers.".into();
     }
     let start = stages.first().map(|s| overall(s.fit)).filter(|_| stages.len() > 1);
     let fall = start.map_or(String::new(), |s| format!("{} m → ", error_m(s.rmse_m)));
@@ -90,21 +102,24 @@ pub fn verdict(stages: &[Stage]) -> String {
     format!("RMSE {fall}{} m, noise {} m: {meaning}.{caution}", error_m(end.rmse_m), error_m(end.noise_m))
 }
 
-/// The sensor with the largest error in its own noise, where that is more than a pooled error would show.
-fn worst_sensor(fit: &Fit) -> Option<(&str, String)> {
+/// The sensor with the largest error in its own noise and that ratio, if something is missing there.
+fn worst_sensor(fit: &Fit) -> Option<(String, String)> {
     let ratio = |s: &SensorFit| s.rmse_m / s.noise_m;
+    let place = |r: &RunFit, s: &SensorFit| match fit.runs.len() {
+        1 => s.name.clone(),
+        _ => format!("{} of {}", s.name, r.file),
+    };
     fit.runs
         .iter()
-        .flat_map(|r| &r.sensors)
-        .filter(|s| closeness(s.rmse_m, s.noise_m) == Closeness::Missing)
-        .max_by(|a, b| ratio(a).total_cmp(&ratio(b)))
-        .map(|s| (s.name.as_str(), times(s.rmse_m, s.noise_m)))
+        .flat_map(|r| r.sensors.iter().map(move |s| (r, s)))
+        .filter(|(_, s)| closeness(s.rmse_m, s.noise_m) == Closeness::Missing)
+        .max_by(|(_, a), (_, b)| ratio(a).total_cmp(&ratio(b)))
+        .map(|(r, s)| (place(r, s), times(s.rmse_m, s.noise_m)))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fit::outcome::RunFit;
 
     fn fit(runs: &[(f64, f64, usize)]) -> Fit {
         let run = |&(rmse_m, noise_m, n): &(f64, f64, usize)| RunFit {
@@ -161,7 +176,9 @@ mod tests {
     #[test]
     fn a_bad_sensor_does_not_hide_among_good_ones() {
         let mixed = fit(&[(0.03, 0.03, 10_000), (0.1, 0.03, 10)]);
-        assert!(say(&[&mixed]).contains("except at P1 (3.3× its noise)"), "{}", say(&[&mixed]));
+        assert!(say(&[&mixed]).contains("except at P1 of a (3.3× its noise)"), "{}", say(&[&mixed]));
+        assert_eq!(judge(&mixed), Closeness::Near);
+        assert_eq!(judge(&fit(&[(0.03, 0.03, 10)])), Closeness::Noise);
     }
 
     #[test]
@@ -169,7 +186,7 @@ mod tests {
         assert_eq!(say(&[]), "Nothing has been calibrated yet.");
         assert!(say(&[&fit(&[])]).contains("no samples"));
         assert!(say(&[&fit(&[(1.0, 0.0, 5)])]).contains("noise is not known"));
-        assert!(say(&[&fit(&[(f64::NAN, 0.1, 5)])]).contains("cannot be judged"));
+        assert!(say(&[&fit(&[(f64::NAN, 0.1, 5)])]).contains("not a number"));
     }
 
     #[test]

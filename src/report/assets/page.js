@@ -12,21 +12,21 @@
   const fixed = (v, n) => (v == null ? "–" : v.toFixed(n).replace("-", "\u2212"));
   const labels = (u, splits, axis, space, step) => splits.map((v) => fixed(v, digits(step)).replace(/^\u2212(0(\.0+)?)$/, "$1"));
 
-  // The index of the nearest sample that a series has, since overlays bring times of their own.
+  // The index of the nearest sample that a series has, since overlays bring times of their own; none where it has ended.
   const nearest = (u, series, at, x) => {
     const ys = u.data[series], xs = u.data[0];
     if (ys[at] !== undefined) return at;
     let a = at, b = at;
     while (a > 0 && ys[a] === undefined) a--;
     while (b < xs.length - 1 && ys[b] === undefined) b++;
-    if (ys[a] === undefined) return b;
-    return ys[b] === undefined || x - xs[a] < xs[b] - x ? a : b;
+    const best = ys[a] === undefined || (ys[b] !== undefined && xs[b] - x < x - xs[a]) ? b : a;
+    return Math.abs(u.valToPos(xs[best], "x") - u.valToPos(x, "x")) < 20 ? best : null;
   };
 
   const axes = (label) => [
     { stroke: () => css("--soft"), grid: { stroke: () => css("--grid"), width: 1 }, ticks: { stroke: () => css("--rule"), size: 5 },
-      font: FONT, values: labels, space: 70, size: label ? 46 : 28, gap: 4,
-      ...(label ? { label, labelFont: FONT, labelSize: 18, labelGap: 0 } : {}) },
+      font: FONT, values: labels, space: 70, size: 28, gap: 4,
+      ...(label ? { label, labelFont: FONT, labelSize: 20, labelGap: 0 } : {}) },
     { stroke: () => css("--soft"), grid: { stroke: () => css("--grid"), width: 1 }, ticks: { stroke: () => css("--rule"), size: 5 },
       font: FONT, values: labels, size: 58, space: 32, gap: 4 },
   ];
@@ -34,7 +34,7 @@
   function swatch(s) {
     const mark = s.points
       ? `<circle cx="13" cy="6" r="3" fill="var(${s.colour})"/>`
-      : `<path d="M0 6h26" stroke="var(${s.colour})" stroke-width="${s.width + 0.5}" stroke-dasharray="${s.dash.join(" ")}"/>`;
+      : `<path d="M0 6h26" stroke="var(${s.colour})" stroke-width="${Math.max(2, s.width)}" stroke-dasharray="${s.dash.join(" ")}"/>`;
     return `<svg width="26" height="12" aria-hidden="true">${mark}</svg>`;
   }
 
@@ -81,12 +81,12 @@
       series: [{}, ...series.map((s) => ({
         label: s.label, show: s.show, width: s.width, dash: s.dash.length ? s.dash : undefined,
         stroke: () => css(s.colour), paths: s.points ? () => null : undefined,
-        points: s.points ? { show: true, size: 6, fill: () => css(s.colour), width: 0 } : { show: false },
+        points: s.points ? { show: true, size: 5, fill: () => css(s.colour), width: 0 } : { show: false },
       }))],
       hooks: {
         setCursor: [() => refresh()],
         setScale: [(u, key) => key === "x" && options.zoomed(u)],
-        drawAxes: [(u) => options.under && options.under(u)],
+        draw: [(u) => options.over && options.over(u)],
       },
     }, points, element);
     refresh = legend(legendElement, chart, series, options.decimals);
@@ -98,29 +98,33 @@
     return chart;
   }
 
-  // A band of two standard deviations of the noise: what a perfect model leaves.
-  const band = (noise) => (u) => {
+  // Lines at two standard deviations of the noise: a perfect model's residual stays between them 19 times out of 20.
+  const limits = (noise) => (u) => {
     if (!(noise > 0)) return;
-    const top = u.valToPos(2 * noise, "y", true), bottom = u.valToPos(-2 * noise, "y", true);
-    const { left, width, top: low, height } = u.bbox;
+    const { left, width, top, height } = u.bbox, scale = uPlot.pxRatio;
     u.ctx.save();
-    u.ctx.beginPath();
-    u.ctx.rect(left, low, width, height);
-    u.ctx.clip();
-    u.ctx.fillStyle = css("--band");
-    u.ctx.fillRect(left, top, width, bottom - top);
+    u.ctx.strokeStyle = css("--text");
+    u.ctx.lineWidth = 1.25 * scale;
+    u.ctx.setLineDash([5 * scale, 4 * scale]);
+    for (const level of [2 * noise, -2 * noise]) {
+      const y = u.valToPos(level, "y", true);
+      if (y < top || y > top + height) continue;
+      u.ctx.beginPath();
+      u.ctx.moveTo(left, y);
+      u.ctx.lineTo(left + width, y);
+      u.ctx.stroke();
+    }
     u.ctx.restore();
   };
 
   function build(live) {
     const index = live.dataset.panel, p = data.panels[index];
     live.hidden = false;
-    const last = data.stages.length - 1;
-    const stage = (s, i, show) => ({ label: s.title, colour: `--s${s.colour}`, dash: DASHES[s.colour], width: i === last ? 1.75 : 1.5, show });
-    const head = [{ label: "measured", colour: "--measured", dash: [], width: 1.25, show: true },
-      ...data.stages.map((s, i) => stage(s, i, true)),
+    const stage = (s, show, width) => ({ label: s.title, colour: `--s${s.colour}`, dash: DASHES[s.colour], width, show });
+    const head = [{ label: "measured", colour: "--measured", dash: [], width: 3, show: true },
+      ...data.stages.map((s) => stage(s, true, 1.5)),
       ...p.overlays.map((o) => ({ label: o.label, colour: "--overlay", dash: [], width: 0, show: true, points: true }))];
-    const rest = data.stages.map((s, i) => stage(s, i, p.residual_shown[i]));
+    const rest = data.stages.map((s, i) => stage(s, p.residual_shown[i], 1));
     let headPoints = [p.x, p.measured, ...p.models];
     if (p.overlays.length) headPoints = uPlot.join([headPoints, ...p.overlays.map((o) => [o.x, o.y])]);
     const restPoints = [p.x, ...p.models.map((m) => m.map((v, k) => (v == null || p.measured[k] == null ? null : p.measured[k] - v)))];
@@ -141,10 +145,16 @@
     pair.push(plot(element(".plot.head"), element('.legend[data-of="head"]'), headPoints, head,
       { ...shared, high: 320, low: 250, decimals: Math.max(0, clear - 1), range: (u, min, max) => padded(min, max) }));
     pair.push(plot(element(".plot.residual"), element('.legend[data-of="residual"]'), restPoints, rest,
-      { ...shared, high: 220, low: 190, decimals: clear, under: band(p.noise), xLabel: "time after the start of the closure, s",
+      { ...shared, high: 220, low: 190, decimals: clear, over: limits(p.noise), xLabel: "time after the start of the closure, s",
         range: (u, min, max) => padded(Math.min(min ?? 0, -2.5 * (p.noise || 0)), Math.max(max ?? 0, 2.5 * (p.noise || 0))) }));
     show(full);
 
+    if (p.noise > 0) {
+      const key = element('.legend[data-of="residual"]').appendChild(document.createElement("span"));
+      key.className = "key";
+      key.innerHTML = swatch({ colour: "--text", width: 1, dash: [5, 4] });
+      key.append("\u00b12 × noise");
+    }
     const time = element('.legend[data-of="head"]').appendChild(document.createElement("span"));
     time.className = "time";
     pair[0].hooks.setCursor.push((u) => {

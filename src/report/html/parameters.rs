@@ -37,7 +37,7 @@ fn of(fit: &Fit, title: &str) -> String {
                 minus(&with_error(p.value, p.standard_error)),
                 escape(p.unit)
             ),
-            explain::parameter(&p.name).into(),
+            format!("<span class=\"prose\">{}</span>", explain::parameter(&p.name)),
         ];
         if per_run {
             row.insert(1, p.run.as_deref().map_or("all".into(), escape));

@@ -1,8 +1,8 @@
 //! The rig in short.
 
-use super::table;
+use super::{minus, table};
 use crate::report::escape::escape;
-use crate::report::number::significant;
+use crate::report::number::{fixed, significant};
 use crate::rig::{Constraint, Rig, SensorKind, Upstream};
 
 pub(super) fn section(rig: &Rig) -> String {
@@ -15,8 +15,8 @@ pub(super) fn section(rig: &Rig) -> String {
         "<section><h2>Rig</h2>\n<dl><div><dt>name</dt><dd>{}</dd></div><div><dt>fluid</dt><dd>{}, {} °C</dd></div><div><dt>length</dt><dd>{} m</dd></div><div><dt>supply</dt><dd>{supply}</dd></div><div><dt>valve</dt><dd>closes in {} s (nominal)</dd></div></dl>\n",
         escape(&rig.name),
         escape(&rig.fluid.name),
-        significant(rig.fluid.temperature_degc, 3),
-        significant(rig.length_m(), 5),
+        minus(&fixed(rig.fluid.temperature_degc, 1)),
+        fixed(rig.length_m(), 2),
         significant(rig.valve.closing_time_s, 3),
     );
     let pipes = rig.pipes.iter().map(|p| {
@@ -29,9 +29,9 @@ pub(super) fn section(rig: &Rig) -> String {
                 Constraint::Anchored => "anchored".into(),
                 Constraint::Coefficient(c) => format!("c₁ = {}", significant(c, 3)),
             },
-            significant(p.length_m, 5),
-            significant(p.inner_diameter_m * 1e3, 4),
-            significant(p.wall_thickness_m * 1e3, 3),
+            fixed(p.length_m, 2),
+            fixed(p.inner_diameter_m * 1e3, 2),
+            fixed(p.wall_thickness_m * 1e3, 2),
             p.wave_speed_m_s.map_or("–".into(), |a| significant(a, 4)),
         ]
     });
@@ -50,8 +50,8 @@ pub(super) fn section(rig: &Rig) -> String {
             }
             .into(),
             escape(s.unit.symbol),
-            significant(s.position_m, 5),
-            s.range.map_or("–".into(), |[lo, hi]| format!("{lo} to {hi}")),
+            fixed(s.position_m, 2),
+            s.range.map_or("–".into(), |[lo, hi]| minus(&format!("{lo} to {hi}"))),
             s.accuracy_percent_fs.map_or("–".into(), |a| significant(a, 2)),
         ]
     });

@@ -7,7 +7,7 @@ use crate::fit::outcome::ExtremumError;
 use crate::report::Stage;
 use crate::report::curves::{BUCKETS, Curves, find};
 use crate::report::escape::escape;
-use crate::report::number::{decimals_for, error_m, fixed, signed, significant, times};
+use crate::report::number::{decimals_for, error_m, fixed, signed, significant, times_noise};
 use crate::report::svg::{LineChart, Series, Style};
 
 const X_LABEL: &str = "time after the start of the closure, s";
@@ -37,10 +37,9 @@ pub(super) fn section(index: usize, panel: &Panel, stages: &[Stage]) -> String {
     out.push_str("</div>\n");
     let c = &panel.curves;
     if c.decimated {
-        let _ = write!(
+        let _ = writeln!(
             out,
-            r#"<p class="note">{} of {} samples are drawn: the trace is cut into {BUCKETS} equal stretches, and of each the lowest and the highest point of every curve and residual is kept, so no peak is lost. Errors and tables use all samples.</p>
-"#,
+            r#"<p class="note">{} of {} samples are drawn: the trace is cut into {BUCKETS} equal stretches, and of each the lowest and the highest point of every curve and residual is kept, so no peak is lost. Errors and tables use all samples.</p>"#,
             c.time_s.len(),
             c.samples
         );
@@ -55,10 +54,10 @@ fn facts(panel: &Panel, stages: &[Stage]) -> String {
     let before = stages.first().filter(|_| stages.len() > 1).and_then(|s| find(s.fit, panel.file, &fit.name));
     let before = before.map_or(String::new(), |s| format!("{} m → ", error_m(s.rmse_m)));
     format!(
-        "RMSE {before}<strong>{} m</strong> · noise {} m · {}× the noise",
+        "RMSE {before}<strong>{} m</strong> · noise {} m · {}",
         error_m(fit.rmse_m),
         error_m(fit.noise_m),
-        times(fit.rmse_m, fit.noise_m)
+        times_noise(fit.rmse_m, fit.noise_m)
     )
 }
 
@@ -81,6 +80,12 @@ fn still(panel: &Panel, stages: &[Stage]) -> String {
             points,
             style: Style { class: "overlay", ..Style::points(3) },
         });
+    }
+    if let (Some(&from), Some(&to), true) = (c.time_s.first(), c.time_s.last(), panel.fit.noise_m > 0.0) {
+        let (level, gap) = (2.0 * panel.fit.noise_m, f64::NAN);
+        let points = vec![(from, level), (to, level), (gap, gap), (from, -level), (to, -level)];
+        let style = Style { class: "limit", colour: "#222", dash: "5 4", width: 1.5, points: false };
+        residual.push(Series { label: "±2 × noise".into(), points, style });
     }
     let chart = |y_label: &str, series| LineChart {
         title: String::new(),
@@ -106,7 +111,7 @@ fn extrema(extrema: &[ExtremumError], noise_m: f64, sensor: &str) -> String {
     let rows = extrema.iter().map(|e| {
         let error = e.model_m - e.measured_m;
         vec![
-            format!("{} {}", e.cycle, if e.peak { "peak" } else { "trough" }),
+            format!("<span class=\"nowrap\">{} {}</span>", e.cycle, if e.peak { "peak" } else { "trough" }),
             fixed(e.time_s, 3),
             minus(&fixed(e.measured_m, decimals)),
             minus(&fixed(e.model_m, decimals)),
@@ -115,10 +120,11 @@ fn extrema(extrema: &[ExtremumError], noise_m: f64, sensor: &str) -> String {
             minus(&signed(e.phase_s * 1e3, 1)),
         ]
     });
-    let headings = ["cycle", "time, s", "measured, m", "model, m", "error, m", "error, %", r#"phase, ms"#];
+    let headings = ["cycle", "time, s", "measured, m", "model, m", "error, m", "error, %", "phase, ms"];
     let caption = format!("Peaks and troughs at {sensor}");
     format!(
-        "<h4>Peaks and troughs</h4>\n{}<p class=\"note\">Error: model − measured. Phase: how much later the model crosses its mean level on the way to the extremum; positive means that the model is late.</p>\n",
+        "<h4>Peaks and troughs ({})</h4>\n{}<p class=\"note\">Error: model − measured. Phase: how much later the model crosses its mean level on the way to the extremum; positive means that the model is late.</p>\n",
+        extrema.len(),
         table(&caption, &headings, 1, rows).replacen("class=\"scroll\"", "class=\"scroll tall\"", 1)
     )
 }

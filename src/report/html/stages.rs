@@ -5,38 +5,41 @@ use std::fmt::Write;
 use super::{colour, table};
 use crate::report::Stage;
 use crate::report::escape::escape;
-use crate::report::number::{duration, error_m, significant, times};
+use crate::report::number::{duration, error_m, times_noise};
 use crate::report::summary::{Overall, overall};
+use crate::report::svg::Scale;
 
 /// Error of each stage on a logarithmic axis, with the noise as the floor that no model can pass.
 pub(super) fn staircase(stages: &[Stage]) -> String {
     let errors: Vec<Overall> = stages.iter().map(|s| overall(s.fit)).collect();
     let noise = errors.last().map_or(f64::NAN, |e| e.noise_m);
-    let Some(axis) = Axis::over(errors.iter().map(|e| e.rmse_m).chain([noise])) else { return String::new() };
+    let Some(axis) = axis(errors.iter().map(|e| e.rmse_m).chain([noise])) else { return String::new() };
     let mut out = String::from("<section><h2>Error against the noise</h2>\n<div class=\"stairs\">\n");
     let floor = if noise > 0.0 && noise.is_finite() {
-        format!(r#"<i class="floor" style="left:{:.2}%"></i>"#, axis.percent(noise))
+        format!(r#"<i class="floor" style="left:{:.2}%"></i>"#, axis.px(noise))
     } else {
         String::new()
     };
     for (i, (stage, error)) in stages.iter().zip(&errors).enumerate() {
         let bar = if error.rmse_m > 0.0 && error.rmse_m.is_finite() {
-            let width = axis.percent(error.rmse_m);
+            let width = axis.px(error.rmse_m);
             format!(r#"<i class="bar" style="width:{width:.2}%;background:var(--s{})"></i>"#, colour(i, stages.len()))
         } else {
             String::new()
         };
         let _ = writeln!(
             out,
-            r#"<div class="step"><span class="name">{}</span><span class="track">{bar}{floor}</span><span class="value"><strong>{} m</strong> <small>{}× noise</small></span></div>"#,
+            r#"<div class="step"><span class="name">{}</span><span class="track">{bar}{floor}</span><span class="value"><strong>{} m</strong> <small>{}</small></span></div>"#,
             escape(&stage.title),
             error_m(error.rmse_m),
-            times(error.rmse_m, error.noise_m),
+            times_noise(error.rmse_m, error.noise_m),
         );
     }
     out.push_str(r#"<div class="step scale" aria-hidden="true"><span class="name"></span><span class="track">"#);
-    for tick in axis.ticks() {
-        let _ = write!(out, r#"<b style="left:{:.2}%">{}</b>"#, axis.percent(tick), significant(tick, 1));
+    let ticks = axis.ticks(8);
+    // Marks at the very ends have no room for their numbers.
+    for &tick in ticks.at.iter().filter(|t| (2.0..=98.0).contains(&axis.px(**t))) {
+        let _ = write!(out, r#"<b style="left:{:.2}%">{}</b>"#, axis.px(tick), ticks.label(tick));
     }
     out.push_str("</span><span class=\"value\">RMSE, m</span></div>\n</div>\n");
     if !floor.is_empty() {
@@ -62,7 +65,7 @@ pub(super) fn computation(stages: &[Stage]) -> String {
         vec![
             escape(&stage.title),
             effects,
-            format!("{done}{}", escape(&fit.stopped_because)),
+            format!("<span class=\"prose\">{done}{}</span>", escape(&fit.stopped_because)),
             fit.parameters.len().to_string(),
             fit.evaluations.to_string(),
             duration(fit.seconds),
@@ -76,35 +79,13 @@ pub(super) fn computation(stages: &[Stage]) -> String {
     )
 }
 
-/// A logarithmic axis from left to right.
-struct Axis {
-    lo: f64,
-    hi: f64,
-}
-
-impl Axis {
-    fn over(values: impl Iterator<Item = f64>) -> Option<Self> {
-        let (mut lo, mut hi) = (f64::INFINITY, 0.0f64);
-        for v in values.filter(|v| v.is_finite() && *v > 1e-12) {
-            (lo, hi) = (lo.min(v), hi.max(v));
-        }
-        (lo <= hi).then(|| Self { lo: lo / 2.5, hi: hi * 1.15 })
+/// A logarithmic axis in percent of its width, with room left of the smallest value; `None` without a positive one.
+fn axis(values: impl Iterator<Item = f64>) -> Option<Scale> {
+    let (mut lo, mut hi) = (f64::INFINITY, 0.0f64);
+    for v in values.filter(|v| v.is_finite() && *v > 1e-12) {
+        (lo, hi) = (lo.min(v), hi.max(v));
     }
-
-    fn percent(&self, value: f64) -> f64 {
-        (100.0 * (value / self.lo).ln() / (self.hi / self.lo).ln()).clamp(0.0, 100.0)
-    }
-
-    /// Powers of ten; with 2 and 5 between them where the axis is short. None too near the ends to be lettered.
-    fn ticks(&self) -> Vec<f64> {
-        let decades = (self.hi / self.lo).log10();
-        let between: &[f64] = if decades < 1.6 { &[1.0, 2.0, 5.0] } else { &[1.0] };
-        let (first, last) = (self.lo.log10().floor() as i32, self.hi.log10().ceil() as i32);
-        (first..=last)
-            .flat_map(|e| between.iter().map(move |m| m * 10f64.powi(e)))
-            .filter(|t| (2.0..=98.0).contains(&(100.0 * (t / self.lo).ln() / (self.hi / self.lo).ln())))
-            .collect()
-    }
+    (lo <= hi).then(|| Scale::new((lo / 2.5, hi * 1.15), 0.0, 100.0, true))
 }
 
 #[cfg(test)]
@@ -113,10 +94,9 @@ mod tests {
 
     #[test]
     fn equal_factors_are_equal_lengths() {
-        let axis = Axis::over([0.03, 2.0, f64::NAN, 0.0].into_iter()).unwrap();
-        let step = |a: f64, b: f64| axis.percent(b) - axis.percent(a);
+        let axis = axis([0.03, 2.0, f64::NAN, 0.0].into_iter()).unwrap();
+        let step = |a: f64, b: f64| axis.px(b) - axis.px(a);
         assert!((step(0.03, 0.3) - step(0.2, 2.0)).abs() < 1e-9);
-        assert_eq!(axis.ticks(), [0.1, 1.0]);
-        assert!(Axis::over([f64::NAN, 0.0].into_iter()).is_none());
+        assert!(super::axis([f64::NAN, 0.0].into_iter()).is_none());
     }
 }
