@@ -46,4 +46,16 @@ pub struct RunInfo {
     pub program: String,
     /// Free notes, key and value.
     pub notes: Vec<(String, String)>,
+    /// How the time series that it was imported from was written.
+    pub csv: Option<CsvFormat>,
+}
+
+/// How the numbers of an imported time series were written, so that its export gives the same text again.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct CsvFormat {
+    /// Decimals of the times, where all have the same number.
+    pub time_decimals: Option<u8>,
+    /// Columns in the order of the file: index of the sensor in the rig, and decimals where all its cells have the
+    /// same number.
+    pub columns: Vec<(usize, Option<u8>)>,
 }

@@ -1,5 +1,9 @@
 //! The command line: types, dispatch, exit codes. One thin file a command.
 
+pub mod export;
+pub mod import;
+pub mod recover;
+
 use std::error::Error;
 use std::process::ExitCode;
 
@@ -32,13 +36,22 @@ struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Command {
-    // one variant a command, each holding the `Args` of its own file
+    /// Turn a time series (CSV) into a recording.
+    Import(import::Args),
+    /// Turn a recording into a time series (CSV).
+    Export(export::Args),
+    /// Make a whole recording of one that a crash cut off.
+    Recover(recover::Args),
 }
 
 /// Parses the arguments, runs the command and turns its outcome into the exit code.
 pub fn main() -> ExitCode {
     let cli = Cli::parse();
-    let result: CommandResult = match cli.command {};
+    let result: CommandResult = match cli.command {
+        Command::Import(args) => import::run(args, cli.json),
+        Command::Export(args) => export::run(args, cli.json),
+        Command::Recover(args) => recover::run(args, cli.json),
+    };
     match result {
         Ok(Outcome::Done) => ExitCode::SUCCESS,
         Ok(Outcome::No) => ExitCode::from(1),
@@ -53,4 +66,12 @@ pub fn main() -> ExitCode {
             ExitCode::from(2)
         }
     }
+}
+
+/// One JSON document of the entries of two objects.
+fn document(mut head: serde_json::Value, body: &impl serde::Serialize) -> Result<serde_json::Value, serde_json::Error> {
+    if let (Some(head), serde_json::Value::Object(body)) = (head.as_object_mut(), serde_json::to_value(body)?) {
+        head.extend(body);
+    }
+    Ok(head)
 }

@@ -1,0 +1,40 @@
+//! `surgescope recover`: a recording cut off by a crash becomes a whole one.
+
+use std::path::PathBuf;
+
+use serde_json::json;
+
+use super::{CommandResult, Outcome};
+use crate::log::recover;
+
+/// Arguments of `recover`.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// The recording that was cut off or damaged; it is left as it is.
+    torn: PathBuf,
+    /// The recording to make; must not exist.
+    #[arg(short, long, value_name = "MCAP")]
+    output: PathBuf,
+}
+
+/// Runs it; [`Outcome::DataLost`] unless the file was whole.
+///
+/// # Errors
+/// See [`recover`](crate::log::recover).
+pub fn run(args: Args, json: bool) -> CommandResult {
+    let recovery = recover(&args.torn, &args.output)?;
+    if json {
+        println!("{}", super::document(json!({ "file": args.output, "source": args.torn }), &recovery)?);
+    } else {
+        println!("{}: {}", args.output.display(), recovery.kept);
+        match recovery.last_good_time_s {
+            _ if recovery.whole => println!("nothing was lost: the file was whole"),
+            Some(time) => println!("last good sample: {time} s"),
+            None => println!("no sample was saved"),
+        }
+    }
+    for loss in &recovery.lost {
+        eprintln!("lost: {loss}");
+    }
+    Ok(if recovery.whole { Outcome::Done } else { Outcome::DataLost })
+}

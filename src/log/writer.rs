@@ -1,0 +1,242 @@
+//! The live, crash-safe writer.
+
+use std::fs::{File, OpenOptions};
+use std::io::{BufReader, BufWriter, Read, Seek, SeekFrom, Write};
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use mcap::records::Record;
+use mcap::sans_io::{LinearReadEvent, LinearReader};
+use mcap::{Attachment, McapError};
+
+use super::layout::{BLOCK_ABOVE_HZ, offset_ns, to_ns, to_s};
+use super::read::{checked_options, parse};
+use super::schema::Block;
+use super::sink::{self, LIVE_CHUNK_BYTES, Sink};
+use super::{LogError, disk};
+use crate::recording::{Gap, RunInfo};
+use crate::rig::Rig;
+
+/// While samples arrive, none waits longer than this before it is handed to the system.
+pub const FLUSH_EVERY: Duration = Duration::from_millis(20);
+
+/// Writes a recording while it is made.
+///
+/// The file has its final name from the start. Killed at any moment, it holds every sample but those of the last
+/// [`FLUSH_EVERY`], and [`recover`](super::recover) makes it whole. Dropping the writer without
+/// [`finish`](Writer::finish) leaves such a file. Times are nanoseconds on the recording's clock (0 at
+/// [`RunInfo::start_unix_ns`]) and must increase from sample to sample of a sensor.
+pub struct Writer {
+    sink: Option<Sink<BufWriter<File>>>,
+    file: File,
+    path: PathBuf,
+    names: Vec<String>,
+    last_ns: Vec<Option<i64>>,
+    waiting_bytes: u64,
+    flushed: Instant,
+}
+
+impl Writer {
+    /// Starts a recording; the rig and the run are on the disk when this returns.
+    ///
+    /// # Errors
+    /// [`LogError::Exists`] when there is a file at `path`.
+    pub fn create(path: &Path, rig: &Rig, run: &RunInfo) -> Result<Writer, LogError> {
+        let io = |e| LogError::io("write", path, e);
+        disk::refuse_existing(path)?;
+        let file = OpenOptions::new().read(true).write(true).create_new(true).open(path).map_err(io)?;
+        let stream = BufWriter::with_capacity(4 * LIVE_CHUNK_BYTES as usize, file.try_clone().map_err(io)?);
+        let mut sink = Sink::start(stream, sink::live(), path, rig, run, run.start_unix_ns)?;
+        sink.flush()?;
+        disk::sync(&file, path)?;
+        Ok(Writer {
+            sink: Some(sink),
+            file,
+            path: path.into(),
+            names: rig.sensors.iter().map(|s| s.name.clone()).collect(),
+            last_ns: vec![None; rig.sensors.len()],
+            waiting_bytes: 0,
+            flushed: Instant::now(),
+        })
+    }
+
+    /// Samples at `first_ns + round(i·period_ns)`, the sensor an index into [`Rig::sensors`].
+    ///
+    /// # Errors
+    /// [`LogError::BadSamples`], with nothing written, when a value is not finite or the times do not come after the
+    /// sensor's last one.
+    pub fn samples(&mut self, sensor: usize, first_ns: i64, period_ns: f64, values: &[f64]) -> Result<(), LogError> {
+        let Some(last) = values.len().checked_sub(1) else { return Ok(()) };
+        // Two samples of less than a nanosecond apart could fall on one time.
+        if last > 0 && !(period_ns >= 1.0 && period_ns.is_finite()) {
+            return Err(self.bad(sensor, format!("a sample period of {period_ns} ns")));
+        }
+        if let Some(value) = values.iter().find(|v| !v.is_finite()) {
+            return Err(self.bad(sensor, format!("a value of {value}")));
+        }
+        let end_ns = first_ns.checked_add(offset_ns(last, period_ns));
+        let end_ns = end_ns.ok_or_else(|| self.bad(sensor, format!("a period of {period_ns} ns")))?;
+        self.advance(sensor, first_ns, end_ns)?;
+        let path = &self.path;
+        let sink = self.sink.as_mut().ok_or_else(|| closed(path))?;
+        if last > 0 && period_ns < 1e9 / BLOCK_ABOVE_HZ {
+            let block = Block { period_ns: Some(period_ns), values: values.to_vec(), times_s: Vec::new() };
+            sink.block(sensor, first_ns, &block)?;
+            self.written(64 + 8 * values.len() as u64)
+        } else {
+            for (i, &value) in values.iter().enumerate() {
+                sink.sample(sensor, first_ns + offset_ns(i, period_ns), None, value)?;
+            }
+            self.written(MESSAGE_BYTES * values.len() as u64)
+        }
+    }
+
+    /// One sample.
+    ///
+    /// # Errors
+    /// As [`samples`](Writer::samples).
+    pub fn sample(&mut self, sensor: usize, time_ns: i64, value: f64) -> Result<(), LogError> {
+        self.samples(sensor, time_ns, 0.0, &[value])
+    }
+
+    /// A stretch known to be lost.
+    ///
+    /// # Errors
+    /// [`LogError::BadSamples`] when its times are not finite.
+    pub fn gap(&mut self, sensor: usize, gap: Gap) -> Result<(), LogError> {
+        let (Some(_), Some(ns)) = (to_ns(gap.from_s), to_ns(gap.to_s)) else {
+            return Err(self.bad(sensor, format!("a gap from {} s to {} s", gap.from_s, gap.to_s)));
+        };
+        if sensor >= self.names.len() {
+            return Err(self.bad(sensor, "a gap".into()));
+        }
+        self.sink.as_mut().ok_or_else(|| closed(&self.path))?.gap(sensor, ns, gap)?;
+        self.written(MESSAGE_BYTES)
+    }
+
+    /// A note on the run, such as the counts of a device.
+    ///
+    /// # Errors
+    /// When the disk refuses.
+    pub fn note(&mut self, key: &str, value: &str) -> Result<(), LogError> {
+        self.sink.as_mut().ok_or_else(|| closed(&self.path))?.note(key, value)?;
+        self.written((key.len() + value.len()) as u64)
+    }
+
+    /// Hands everything to the system, so that a kill of this program loses none of it. Happens by itself while
+    /// samples arrive; call it when they pause.
+    ///
+    /// # Errors
+    /// When the disk refuses.
+    pub fn flush(&mut self) -> Result<(), LogError> {
+        self.sink.as_mut().ok_or_else(|| closed(&self.path))?.flush()?;
+        self.waiting_bytes = 0;
+        self.flushed = Instant::now();
+        Ok(())
+    }
+
+    /// Ends the recording: a finished file, compressed and indexed, takes the live file's place in one step.
+    ///
+    /// # Errors
+    /// [`LogError::Unfinished`] when that fails, as on a full disk: the live file stays, with every sample in it.
+    pub fn finish(mut self) -> Result<(), LogError> {
+        self.flush()?;
+        drop(self.sink.take().map(Sink::abandon));
+        disk::sync(&self.file, &self.path)?;
+        self.replace().map_err(|e| LogError::Unfinished { path: self.path.clone(), source: Box::new(e) })
+    }
+
+    fn replace(&mut self) -> Result<(), LogError> {
+        let temporary = disk::temporary_beside(&self.path)?;
+        compress(&mut self.file, temporary.as_file(), &self.path)?;
+        if !disk::is_same_file(&self.path, &self.file) {
+            // Someone moved our file away: what stands at its name now, if anything, is not ours to replace.
+            return disk::publish_new(temporary, &self.path);
+        }
+        disk::publish_over(temporary, &self.path)
+    }
+
+    fn advance(&mut self, sensor: usize, first_ns: i64, end_ns: i64) -> Result<(), LogError> {
+        match self.last_ns.get(sensor) {
+            None => return Err(self.bad(sensor, "samples".into())),
+            Some(Some(last)) if first_ns <= *last => {
+                let (first, last) = (to_s(first_ns), to_s(*last));
+                return Err(self.bad(sensor, format!("a sample at {first} s after one at {last} s")));
+            }
+            Some(_) => self.last_ns[sensor] = Some(end_ns),
+        }
+        Ok(())
+    }
+
+    fn written(&mut self, bytes: u64) -> Result<(), LogError> {
+        self.waiting_bytes += bytes;
+        if self.waiting_bytes >= LIVE_CHUNK_BYTES || self.flushed.elapsed() >= FLUSH_EVERY {
+            self.flush()
+        } else {
+            Ok(())
+        }
+    }
+
+    fn bad(&self, sensor: usize, what: String) -> LogError {
+        let name = self
+            .names
+            .get(sensor)
+            .map_or_else(|| format!("sensor {sensor}, which the rig lacks"), |n| format!("'{n}'"));
+        LogError::BadSamples { path: self.path.clone(), why: format!("{what} came for {name}") }
+    }
+}
+
+/// Bytes that a message of one sample takes in a chunk.
+const MESSAGE_BYTES: u64 = 40;
+
+impl Drop for Writer {
+    fn drop(&mut self) {
+        if let Some(mut sink) = self.sink.take() {
+            let _ = sink.flush();
+            drop(sink.abandon());
+        }
+    }
+}
+
+fn closed(path: &Path) -> LogError {
+    LogError::io("write", path, std::io::Error::other("the recording is closed"))
+}
+
+/// Copies a live file, record by record, into a finished one.
+fn compress(live: &mut File, out: &File, path: &Path) -> Result<(), LogError> {
+    let read = |e| LogError::io("read", path, e);
+    let write = |e| LogError::write(path, e);
+    let length = live.seek(SeekFrom::End(0)).map_err(read)?;
+    live.seek(SeekFrom::Start(0)).map_err(read)?;
+    let mut input = BufReader::with_capacity(1 << 16, live);
+    let mut reader = LinearReader::new_with_options(checked_options(length).with_skip_end_magic(true));
+    let mut mcap = mcap::Writer::with_options(BufWriter::new(out), sink::finished()).map_err(write)?;
+    while let Some(event) = reader.next_event() {
+        match event.map_err(write)? {
+            LinearReadEvent::ReadRequest(need) => {
+                let got = input.read(reader.insert(need)).map_err(read)?;
+                reader.notify_read(got);
+            }
+            LinearReadEvent::Record { opcode, data } => match parse(opcode, data).map_err(write)? {
+                Record::Schema { header, data } => {
+                    mcap.add_schema_with_id(header.id, &header.name, &header.encoding, &data).map_err(write)?;
+                }
+                Record::Channel(c) => {
+                    mcap.add_channel_with_id(c.id, c.schema_id, &c.topic, &c.message_encoding, &c.metadata)
+                        .map_err(write)?;
+                }
+                Record::Message { header, data } => mcap.write_to_known_channel(&header, &data).map_err(write)?,
+                Record::Metadata(metadata) => mcap.write_metadata(&metadata).map_err(write)?,
+                Record::Attachment { header, data, .. } => {
+                    let (log_time, create_time) = (header.log_time, header.create_time);
+                    let attachment =
+                        Attachment { log_time, create_time, name: header.name, media_type: header.media_type, data };
+                    mcap.attach(&attachment).map_err(write)?;
+                }
+                _ => {}
+            },
+        }
+    }
+    mcap.finish().map_err(write)?;
+    mcap.into_inner().flush().map_err(|e| write(McapError::Io(e)))
+}
