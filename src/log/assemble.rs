@@ -50,7 +50,12 @@ impl Assembler {
             Record::Attachment { header, data, .. } if header.name == layout::RIG_ATTACHMENT => {
                 self.rig = Some(String::from_utf8(data.into_owned()).map_err(|_| "the rig file is not text")?);
             }
-            Record::Metadata(record) if record.name == layout::RUN_METADATA => self.run = Some(record.metadata),
+            Record::Metadata(record) if record.name == layout::RUN_METADATA => {
+                if record.metadata.get(key::CHECK) != Some(&layout::check_sum(&record.metadata)) {
+                    return Err("the check sum of what is said of the run is wrong".into());
+                }
+                self.run = Some(record.metadata);
+            }
             Record::Metadata(mut record) if record.name == layout::NOTE_METADATA => {
                 let mut entry = |key: &str| record.metadata.remove(key).unwrap_or_default();
                 self.notes.push((entry(key::NOTE), entry(key::VALUE)));
@@ -215,7 +220,9 @@ impl Column {
         }
         let period_s = typical_period_s(&samples);
         let mut gaps = self.gaps;
-        for place in self.breaks {
+        let mut breaks = self.breaks;
+        breaks.dedup();
+        for place in breaks {
             if let (Some(before), Some(after)) = (place.checked_sub(1).and_then(|i| samples.get(i)), samples.get(place))
             {
                 // A slow sensor may well have had no sample in the lost stretch.

@@ -246,3 +246,145 @@ impl Numbers {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::export_csv;
+    use super::super::fixtures::{place, rig};
+    use super::super::{read, write};
+    use super::*;
+    use proptest::prelude::*;
+
+    fn recording(text: &str) -> Result<Recording, Fault> {
+        let (series, csv) = parse(text_of(text.as_bytes())?, &rig(), &[])?;
+        Ok(Recording { rig: rig(), series, run: RunInfo { csv: Some(csv), ..RunInfo::default() } })
+    }
+
+    /// Out again, by way of a file.
+    fn again(text: &str) -> String {
+        let (_folder, path) = place("run.mcap");
+        write(&path, &recording(text).unwrap()).unwrap();
+        let mut out = Vec::new();
+        export_csv(&read(&path).unwrap(), &mut out).unwrap();
+        String::from_utf8(out).unwrap()
+    }
+
+    fn problem(text: &str) -> (Option<usize>, String) {
+        let (line, problem) = recording(text).unwrap_err();
+        (line, problem.to_string())
+    }
+
+    #[test]
+    fn a_time_series_comes_back_as_it_was_written() {
+        let text = "time_s,P2,P1,Q1,T1\n-0.50,1.0,-0.00,,20\n0.00,,100.25,0.1,\n0.01,1.5,99.75,,21\n";
+        assert_eq!(again(text), text);
+        // Every number is kept where a column is not written in one way.
+        let mixed = "time_s,P1,P2,Q1,T1\n0,1.50,1e-3,,\n0.5,1.5,0.1234567890123456,,\n";
+        assert_eq!(again(mixed), "time_s,P1,P2,Q1,T1\n0,1.5,0.001,,\n0.5,1.5,0.1234567890123456,,\n");
+    }
+
+    #[test]
+    fn comments_a_byte_order_mark_and_windows_line_ends_are_fine() {
+        let plain = "time_s,P1,P2,Q1,T1\n0.0,1,2,3,4\n0.1,1,2,,\n";
+        let other = format!("\u{feff}# a comment\n\n{}", plain.replace('\n', "\r\n").replace("P1", "\"P1\""));
+        assert_eq!(again(&other), plain);
+    }
+
+    #[test]
+    fn times_between_two_nanoseconds_are_kept() {
+        let text = "time_s,P1,P2,Q1,T1\n0.0000000001,1,1,,\n0.0000000002,2,2,,\n";
+        assert_eq!(again(text), text);
+    }
+
+    #[test]
+    fn every_fault_is_told_with_its_line_and_what_to_do() {
+        let head = "time_s,P1,P2,Q1,T1\n";
+        let cases = [
+            ("".to_string(), None, "the file is empty"),
+            ("# only a comment\n\n".to_string(), None, "the file is empty"),
+            (head.to_string(), Some(1), "no line of samples under it"),
+            (format!("# c\n{head}0,1,1,,\n\n0.1,x,1,,\n"), Some(5), "column 'P1': 'x' is not a number"),
+            (format!("{head}0,1,1,,\n0.1,1,NaN,,\n"), Some(3), "column 'P2': 'NaN' is not a finite number"),
+            (format!("{head}0,1,1,,\n0.1,1,-inf,,\n"), Some(3), "column 'P2': '-inf' is not a finite"),
+            (format!("{head}0,1,1,,\n0.1,1,1,\n"), Some(3), "4 cells where the header has 5"),
+            (format!("{head}0,1,1,,\n0,1,1,,\n"), Some(3), "0 does not come after 0 of line 2"),
+            (format!("{head}0.2,1,1,,\n0.10,1,1,,\n"), Some(3), "0.10 does not come after 0.2 of line 2"),
+            (format!("{head}0,1,1,,\n,1,1,,\n"), Some(3), "column 'time_s' is empty"),
+            (format!("{head}1e300,1,1,,\n"), Some(2), "'time_s': 1e300 s is out of range"),
+            (format!("{head}nan,1,1,,\n"), Some(2), "column 'time_s': 'nan' is not a finite number"),
+            (format!("{head}0,1,,,\n"), Some(1), "column 'P2': the pressure sensor has no sample"),
+            (
+                "time_s,P1,p2,Q1,T1\n0,1,1,,\n".into(),
+                Some(1),
+                "no column for the pressure sensor 'P2' of rig 'bench'; the columns are time_s, P1, p2, Q1, T1; did you mean 'p2'?",
+            ),
+            ("time_s,P1,P2,T1\n0,1,1,\n".into(), Some(1), "no column for the flow sensor 'Q1'"),
+            (
+                "time_s,P1,P2,P3,Q1,T1\n0,1,1,1,,\n".into(),
+                Some(1),
+                "column 'P3' is no sensor of rig 'bench', which has P1, P2, Q1, T1; did you mean 'P1'?",
+            ),
+            ("time_s,P1,P2,P1,Q1,T1\n0,1,1,1,,\n".into(), Some(1), "column 'P1' stands in the header twice"),
+            (
+                "time_ms,P1,P2,Q1,T1\n0,1,1,,\n".into(),
+                Some(1),
+                "must be time_s (times in seconds), but it is 'time_ms'",
+            ),
+            ("time_s;P1;P2;Q1;T1\n0;1;1;;\n".into(), Some(1), "separate the columns by commas"),
+            ("0.0,1,1,1,1\n0.1,1,1,,\n".into(), Some(1), "the header line is missing"),
+        ];
+        for (text, line, message) in cases {
+            let (got_line, got) = problem(&text);
+            assert_eq!(got_line, line, "{text:?}: {got}");
+            assert!(got.contains(message), "{text:?}: {got}");
+        }
+        let (line, problem) = text_of(b"time_s,P1\n0,\xb0\n").unwrap_err();
+        assert_eq!((line, problem), (Some(2), CsvProblem::NotUtf8 { hint: "" }.into()));
+        assert!(text_of(b"\xff\xfet\0").unwrap_err().1.to_string().contains("UTF-16"));
+    }
+
+    #[test]
+    fn a_sensor_said_not_to_be_recorded_needs_no_column() {
+        let text = "time_s,P1,T1\n0,1,20\n";
+        let without = |names: &[&str]| {
+            parse(text, &rig(), &names.iter().map(|n| n.to_string()).collect::<Vec<_>>())
+                .map_err(|(_, p)| p.to_string())
+        };
+        let (series, csv) = without(&["P2", "Q1"]).unwrap();
+        assert_eq!(csv.columns, [(0, Some(0)), (3, Some(0))]);
+        assert!(series[1].time_s.is_empty() && series[0].value == [1.0]);
+        assert!(without(&["P2", "Q1", "Q7"]).unwrap_err().contains("no such sensor; did you mean 'Q1'?"));
+        assert!(without(&["P1", "P2", "Q1"]).unwrap_err().contains("has a column"));
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(64))]
+        #[test]
+        fn any_well_formed_time_series_comes_back_byte_by_byte(
+            start in -1_000_000i64..1_000_000,
+            rows in prop::collection::vec((1i64..100_000, prop::array::uniform4(0u8..4), prop::array::uniform4(-9_999_999i64..9_999_999)), 1..40),
+            decimals in prop::array::uniform5(0usize..7),
+        ) {
+            // Cells are made from integers: a sign, digits, and a point before the last `decimals`.
+            let cell = |n: i64, d: usize| {
+                let digits = format!("{:0>1$}", n.unsigned_abs(), d + 1);
+                let (whole, fraction) = digits.split_at(digits.len() - d);
+                let sign = if n < 0 { "-" } else { "" };
+                if d == 0 { format!("{sign}{whole}") } else { format!("{sign}{whole}.{fraction}") }
+            };
+            let mut text = "time_s,P1,P2,Q1,T1\n".to_string();
+            let mut time = start;
+            for (i, (step, blank, values)) in rows.iter().enumerate() {
+                time += step;
+                text += &cell(time, decimals[4]);
+                for column in 0..4 {
+                    // The first row is full, so that no pressure sensor is without a sample.
+                    let blank = i > 0 && blank[column] == 0 && column > 0;
+                    text += &if blank { ",".to_string() } else { format!(",{}", cell(values[column], decimals[column])) };
+                }
+                text.push('\n');
+            }
+            prop_assert_eq!(again(&text), text);
+        }
+    }
+}

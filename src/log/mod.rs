@@ -9,6 +9,8 @@ mod assemble;
 mod disk;
 mod error;
 mod export;
+#[cfg(test)]
+mod fixtures;
 mod import;
 pub mod layout;
 mod read;

@@ -16,14 +16,18 @@ use crate::recording::Recording;
 /// Says whether the file is no MCAP, not one of ours, cut off ([`LogError::Torn`]) or damaged: every CRC is checked, and
 /// no sample is given out of a file in which anything is wrong.
 pub fn read(path: &Path) -> Result<Recording, LogError> {
-    let bytes = disk::read_file(path)?;
-    check_start(&bytes, path)?;
-    if !has_end(&bytes) {
+    decode(&disk::read_file(path)?, path)
+}
+
+/// [`read`] of the bytes of a file.
+pub fn decode(bytes: &[u8], path: &Path) -> Result<Recording, LogError> {
+    check_start(bytes, path)?;
+    if !has_end(bytes) {
         return Err(LogError::Torn(path.into()));
     }
     let damaged = |why| LogError::Damaged { path: path.into(), why };
     let mut assembler = Assembler::default();
-    records(&bytes, checked_options(bytes.len() as u64).with_check_finishes_after_end_magic(true), |record| {
+    records(bytes, checked_options(bytes.len() as u64).with_check_finishes_after_end_magic(true), |record| {
         assembler.take(record)
     })
     .map_err(damaged)?;

@@ -4,7 +4,6 @@ use std::fmt;
 use std::path::Path;
 
 use mcap::records::op;
-use mcap::sans_io::LinearReaderOptions;
 use serde::Serialize;
 
 use super::assemble::Assembler;
@@ -104,14 +103,7 @@ fn salvage(bytes: &[u8]) -> Salvage {
         };
         let end = at + HEAD + body.len();
         let taken = match opcode {
-            op::CHUNK => {
-                let options = LinearReaderOptions {
-                    skip_start_magic: true,
-                    skip_end_magic: true,
-                    ..checked_options(bytes.len() as u64)
-                };
-                records(&bytes[at..end], options, |record| found.parts.take(record))
-            }
+            op::CHUNK => found.chunk(&bytes[at..end]),
             op::DATA_END => {
                 found.data_complete = true;
                 break;
@@ -127,6 +119,20 @@ fn salvage(bytes: &[u8]) -> Salvage {
 }
 
 impl Salvage {
+    /// Takes what is right in a chunk whose check sum is; all of it, but for messages of channels lost elsewhere.
+    fn chunk(&mut self, bytes: &[u8]) -> Result<(), String> {
+        let options = checked_options(bytes.len() as u64).with_skip_start_magic(true).with_skip_end_magic(true);
+        let mut wrong = Vec::new();
+        records(bytes, options, |record| {
+            wrong.extend(self.parts.take(record).err());
+            Ok(())
+        })?;
+        match wrong.first() {
+            Some(first) => Err(format!("{} of its messages cannot be used: {first}", wrong.len())),
+            None => Ok(()),
+        }
+    }
+
     fn lose(&mut self, from: usize, to: usize, reason: String) {
         self.parts.lost();
         self.lost.push(Loss { offset: from as u64, bytes: (to - from) as u64, reason });
@@ -155,4 +161,137 @@ fn is_chunk(bytes: &[u8], at: usize) -> bool {
     let compression = number(28, 4).unwrap_or(u64::MAX);
     let size = usize::try_from(compression).ok().and_then(|c| number(32usize.checked_add(c)?, 8));
     size.is_some_and(|size| size.checked_add(40 + compression) == Some(body.len() as u64))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::fixtures::{assert_same, place, play, recording, rig};
+    use super::super::read::decode;
+    use super::super::{Writer, read};
+    use super::*;
+    use crate::recording::{Recording, RunInfo};
+
+    /// The bytes of a finished file and of a live one, of the same recording.
+    fn files() -> [Vec<u8>; 2] {
+        let (_folder, path) = place("run.mcap");
+        write(&path, &recording()).unwrap();
+        let finished = std::fs::read(&path).unwrap();
+        let live = path.with_file_name("live.mcap");
+        let recording = recording();
+        let mut writer = Writer::create(&live, &recording.rig, &recording.run).unwrap();
+        play(&recording, &mut writer).unwrap();
+        [finished, std::fs::read(&live).unwrap()]
+    }
+
+    fn saved(bytes: &[u8]) -> Result<Recording, LogError> {
+        check_start(bytes, Path::new("x"))?;
+        salvage(bytes).parts.assemble(Path::new("x"), Some(&mut Vec::new()))
+    }
+
+    /// Every sample is one of the truth, at its time; returns their number.
+    fn assert_nothing_wrong(got: &Recording, truth: &Recording) -> usize {
+        for (got, truth) in got.series.iter().zip(&truth.series) {
+            for (time, value) in got.time_s.iter().zip(&got.value) {
+                let place = truth.time_s.iter().position(|t| t == time).expect("a time of the truth");
+                assert_eq!(value.to_bits(), truth.value[place].to_bits());
+            }
+        }
+        got.series.iter().map(|s| s.time_s.len()).sum()
+    }
+
+    #[test]
+    fn cut_at_any_byte_gives_an_error_or_true_samples_only() {
+        let truth = recording();
+        for bytes in files() {
+            let mut most = 0;
+            for length in 0..bytes.len() {
+                let cut = &bytes[..length];
+                let error = decode(cut, Path::new("x")).expect_err("a cut file is no recording");
+                assert!(matches!(error, LogError::Torn(_) | LogError::NotMcap { .. }), "{error}");
+                match saved(cut) {
+                    Ok(recording) => {
+                        let samples = assert_nothing_wrong(&recording, &truth);
+                        assert!(samples >= most, "{samples} samples of {length} bytes, {most} of fewer");
+                        most = samples;
+                    }
+                    Err(error) => {
+                        assert!(
+                            matches!(error, LogError::NotOurs { .. } | LogError::Torn(_) | LogError::NotMcap { .. }),
+                            "{error}"
+                        );
+                        assert_eq!(most, 0);
+                    }
+                }
+            }
+            let all = assert_nothing_wrong(&saved(&bytes).unwrap(), &truth);
+            assert_eq!(all, truth.series.iter().map(|s| s.time_s.len()).sum::<usize>());
+            assert!(most >= 30, "only the last chunk may be missing: {most}");
+        }
+    }
+
+    #[test]
+    fn a_flipped_bit_anywhere_never_gives_a_wrong_sample() {
+        let truth = recording();
+        let [finished, live] = files();
+        for at in 0..finished.len() {
+            let mut bytes = finished.clone();
+            bytes[at] ^= 1 << (at % 8);
+            if let Ok(recording) = decode(&bytes, Path::new("x")) {
+                assert_same(&recording, &truth);
+            }
+        }
+        let mut saved_most = 0;
+        for bytes in [finished, live] {
+            for at in 0..bytes.len() {
+                let mut bytes = bytes.clone();
+                bytes[at] ^= 1 << (at % 8);
+                if let Ok(recording) = saved(&bytes) {
+                    saved_most += usize::from(assert_nothing_wrong(&recording, &truth) > 25);
+                }
+            }
+        }
+        assert!(saved_most > 1000, "one flip costs one chunk: {saved_most}");
+    }
+
+    #[test]
+    fn a_whole_file_is_copied_and_nothing_is_lost() {
+        let (_folder, path) = place("run.mcap");
+        write(&path, &recording()).unwrap();
+        let out = path.with_file_name("out.mcap");
+        let recovery = recover(&path, &out).unwrap();
+        assert!(recovery.whole && recovery.lost.is_empty() && recovery.bytes_lost == 0);
+        assert_same(&read(&out).unwrap(), &recording());
+        assert!(matches!(recover(&path, &out), Err(LogError::Exists(_))));
+    }
+
+    #[test]
+    fn damage_between_samples_becomes_a_gap_and_a_note() {
+        let (_folder, path) = place("run.mcap");
+        let mut writer = Writer::create(&path, &rig(), &RunInfo::default()).unwrap();
+        let mut ends = Vec::new();
+        for block in 0..4 {
+            writer.samples(0, block * 10_000_000, 1e6, &[block as f64; 10]).unwrap();
+            if block == 0 {
+                writer.sample(2, 0, 7.0).unwrap();
+            }
+            writer.flush().unwrap();
+            ends.push(std::fs::metadata(&path).unwrap().len() as usize);
+        }
+        writer.samples(2, 40_000_000, 1e9, &[8.0]).unwrap();
+        drop(writer);
+        let mut bytes = std::fs::read(&path).unwrap();
+        // Chunk 1 with its head, as a bad sector takes it; one byte within chunk 2.
+        bytes[ends[0]..ends[0] + 100].fill(0xff);
+        bytes[ends[2] - 3] ^= 1;
+        std::fs::write(&path, bytes).unwrap();
+        let out = path.with_file_name("out.mcap");
+        let recovery = recover(&path, &out).unwrap();
+        assert!(!recovery.whole && recovery.lost.len() == 2, "{:?}", recovery.lost);
+        assert_eq!(recovery.bytes_lost as usize, ends[2] - ends[0]);
+        let recording = read(&out).unwrap();
+        assert_eq!(recording.series[0].value, [vec![0.0; 10], vec![3.0; 10]].concat());
+        let gaps: Vec<_> = recording.series[0].gaps.iter().map(|g| (g.from_s, g.to_s, g.samples)).collect();
+        assert_eq!(gaps, [(0.009, 0.03, None)]);
+        assert_eq!(recording.run.notes.len(), 2);
+    }
 }

@@ -193,5 +193,6 @@ fn run_metadata(run: &RunInfo, zero_ns: u64) -> BTreeMap<String, String> {
             entries.insert(key::TIME_DECIMALS.into(), decimals.to_string());
         }
     }
+    entries.insert(key::CHECK.into(), layout::check_sum(&entries));
     entries
 }

@@ -145,3 +145,103 @@ fn check(recording: &Recording) -> Result<(), String> {
     }
     Ok(())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::fixtures::{assert_same, place, recording, rig};
+    use super::super::read;
+    use super::*;
+    use crate::recording::{Gap, RunInfo};
+    use proptest::prelude::*;
+
+    fn through_a_file(recording: &Recording) -> Recording {
+        let (_folder, path) = place("run.mcap");
+        write(&path, recording).unwrap();
+        read(&path).unwrap()
+    }
+
+    fn of_first_sensor(time_s: Vec<f64>, value: Vec<f64>, gaps: Vec<Gap>) -> Recording {
+        let mut series = vec![Series::default(); 4];
+        series[0] = Series { time_s, value, gaps };
+        Recording { rig: rig(), series, run: RunInfo { program: "test".into(), ..RunInfo::default() } }
+    }
+
+    #[test]
+    fn a_recording_comes_back_as_it_was() {
+        assert_same(&through_a_file(&recording()), &recording());
+    }
+
+    #[test]
+    fn the_same_recording_gives_the_same_bytes() {
+        let bytes = || {
+            let (_folder, path) = place("run.mcap");
+            write(&path, &recording()).unwrap();
+            std::fs::read(path).unwrap()
+        };
+        assert_eq!(bytes(), bytes());
+    }
+
+    #[test]
+    fn a_fast_sensor_goes_in_blocks_and_comes_back_as_it_was() {
+        // 48 kHz from before time 0, with a gap and a stretch of unsteady clock.
+        let mut time_s: Vec<f64> = (-1000..9000).map(|i| f64::from(i) / 48_000.0).collect();
+        time_s.drain(5000..5100);
+        time_s[7000] += 3e-6;
+        let gap = Gap { from_s: time_s[4999], to_s: time_s[5000], samples: Some(100) };
+        let value = (0..time_s.len()).map(|i| (i as f64).sqrt()).collect();
+        let recording = of_first_sensor(time_s, value, vec![gap]);
+        assert!(blocks_of(&recording.series[0]).any(|(_, end)| end == 5000), "no block runs across the gap");
+        let (_folder, path) = place("run.mcap");
+        write(&path, &recording).unwrap();
+        assert_same(&read(&path).unwrap(), &recording);
+        let bytes = std::fs::read(&path).unwrap();
+        let summary = mcap::Summary::read(&bytes).unwrap().unwrap();
+        let messages = summary.stats.unwrap().message_count;
+        assert!(messages < 10, "{messages} messages");
+    }
+
+    #[test]
+    fn a_file_is_never_overwritten() {
+        let (_folder, path) = place("run.mcap");
+        std::fs::write(&path, "mine").unwrap();
+        assert!(matches!(write(&path, &recording()), Err(LogError::Exists(p)) if p == path));
+        assert_eq!(std::fs::read(&path).unwrap(), b"mine");
+    }
+
+    #[test]
+    fn what_is_no_series_is_refused_and_leaves_no_file() {
+        let bad = [
+            of_first_sensor(vec![0.0, 0.0], vec![1.0, 1.0], vec![]),
+            of_first_sensor(vec![0.0, f64::NAN], vec![1.0, 1.0], vec![]),
+            of_first_sensor(vec![0.0, 1.0], vec![1.0, f64::INFINITY], vec![]),
+            of_first_sensor(vec![0.0, 1.0], vec![1.0], vec![]),
+            of_first_sensor(vec![0.0, 1e11], vec![1.0, 1.0], vec![]),
+            Recording { series: vec![], ..recording() },
+        ];
+        for bad in bad {
+            let (folder, path) = place("run.mcap");
+            let error = write(&path, &bad).unwrap_err();
+            assert!(matches!(error, LogError::BadSamples { .. }), "{error}");
+            assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+        }
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(48))]
+        #[test]
+        fn any_series_comes_back_bit_by_bit(
+            mut time_s in prop::collection::vec(-1e4f64..1e4, 0..60),
+            scale in prop::sample::select(vec![1.0, 1e-3, 1e-7]),
+            values in prop::collection::vec(any::<f64>().prop_filter("finite", |v| v.is_finite()), 60),
+            start_unix_ns in prop::sample::select(vec![0u64, 1_700_000_000_123_456_789]),
+        ) {
+            time_s.iter_mut().for_each(|t| *t *= scale);
+            time_s.sort_by(f64::total_cmp);
+            time_s.dedup();
+            let value = values[..time_s.len()].to_vec();
+            let mut recording = of_first_sensor(time_s, value, vec![]);
+            recording.run.start_unix_ns = start_unix_ns;
+            assert_same(&through_a_file(&recording), &recording);
+        }
+    }
+}
