@@ -60,6 +60,7 @@ fn sensor_fit(name: &str, position: f64, samples: usize, seed: u64, model: impl 
         position_m: 271.6 * position,
         noise_m: NOISE_M,
         rmse_m: (square / samples as f64).sqrt(),
+        start_rmse_m: 2.0,
         extrema: (0..13).filter_map(extremum).collect(),
         time_s,
         measured_m,
@@ -68,7 +69,15 @@ fn sensor_fit(name: &str, position: f64, samples: usize, seed: u64, model: impl 
 }
 
 fn parameter(name: &str, value: f64, standard_error: f64, unit: &'static str) -> FittedParameter {
-    FittedParameter { name: name.into(), run: None, value, standard_error, unit, at_bound: false }
+    FittedParameter {
+        about: "speed of pressure waves",
+        name: name.into(),
+        run: None,
+        value,
+        standard_error,
+        unit,
+        at_bound: false,
+    }
 }
 
 fn fit(effects: &[&str], sensors: Vec<SensorFit>, parameters: Vec<FittedParameter>) -> Fit {
@@ -85,6 +94,8 @@ fn fit(effects: &[&str], sensors: Vec<SensorFit>, parameters: Vec<FittedParamete
             sensors,
         }],
         parameters,
+        reaches: 64,
+        grid_error_m: 0.001,
         evaluations: 312,
         seconds: 0.41,
         stopped_because: "the error no longer falls by more than a millionth".into(),
@@ -107,7 +118,11 @@ fn two_stages(samples: usize) -> (Fit, Fit) {
         vec![
             parameter("wave_speed_m_s", 400.9, 2.4, "m/s"),
             parameter("initial_velocity_m_s", 0.497, 0.012, "m/s"),
-            FittedParameter { at_bound: true, ..parameter("closing_time_s", 0.5, 0.2, "s") },
+            FittedParameter {
+                about: "speed of pressure waves",
+                at_bound: true,
+                ..parameter("closing_time_s", 0.5, 0.2, "s")
+            },
         ],
     );
     let wall = fit(
@@ -120,7 +135,11 @@ fn two_stages(samples: usize) -> (Fit, Fit) {
             parameter("J1_per_GPa", 0.1034, 0.0021, "1/GPa"),
             parameter("tau1_s", 0.0493, 0.0013, "s"),
             parameter("J2_per_GPa", 0.2391, 0.0114, "1/GPa"),
-            FittedParameter { at_bound: true, ..parameter("tau2_s", 10.0, f64::INFINITY, "s") },
+            FittedParameter {
+                about: "speed of pressure waves",
+                at_bound: true,
+                ..parameter("tau2_s", 10.0, f64::INFINITY, "s")
+            },
         ],
     );
     (base, wall)
@@ -159,6 +178,7 @@ fn rig(name: &str) -> Rig {
         upstream: Upstream::Reservoir,
         valve: Valve { closing_time_s: 0.1, discharge_head_m: 0.0 },
         sensors: vec![sensor("P1", 271.6), sensor("P2", 182.0), sensor("P3", 89.6)],
+        steady: vec![],
         devices: vec![],
         source: format!("name = \"{name}\"\n\n[fluid]\nname = \"water\"\n"),
     }

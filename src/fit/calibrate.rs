@@ -65,7 +65,7 @@ const EARLY_SAMPLES: usize = 2500;
 /// Evidence (difference of BIC) that one more element must bring: "strong" on the scale of Kass & Raftery (1995).
 const EVIDENCE: f64 = 6.0;
 
-const EARLY: Limits = Limits { iterations: 25, cost_tolerance: 1e-3, step_tolerance: 1e-7 };
+const EARLY: Limits = Limits { iterations: 30, cost_tolerance: 3e-4, step_tolerance: 1e-7 };
 const LATE: Limits = Limits { iterations: 60, cost_tolerance: 1e-5, step_tolerance: 1e-9 };
 
 /// Where a fit of one model stands.
@@ -166,32 +166,36 @@ impl Fitter<'_> {
     }
 
     /// Fits a model on a coarse grid: from the signals, or from a smaller model that is already fitted.
-    fn approach(&self, model: &Model, smaller: Option<(&Model, &State)>) -> Result<State, ModelError> {
+    fn approach(&self, model: &Model, smaller: Option<(&Model, &State)>) -> Result<State, FitError> {
         let mut problem = Calibration::new(model, self.runs, self.window(FIRST_REACHES, f64::INFINITY));
         let base: Vec<f64> = problem.parameters.iter().map(|p| p.start).collect();
-        let starts = match smaller {
-            Some((small, state)) => starts_from(model, small, state, &base),
-            None => starts_of(model, &base),
-        };
         let period_s = model.period_s(&base[..model.shared.len()]);
         let label = model.effects.iter().map(Chosen::label).collect::<Vec<_>>().join(" + ");
         let label = if label.is_empty() { "base model".to_owned() } else { label };
+        let mut attempt = |values: &[f64], horizon_s: f64| {
+            problem.set_window(self.window(FIRST_REACHES, horizon_s));
+            let solution = self.minimise(&problem, values, EARLY, &label)?;
+            Ok::<State, ModelError>(State { values: problem.values(&solution.x), cost: solution.cost })
+        };
+        let mut locked = Vec::new();
+        for values in starts_of(model, &base) {
+            let first = attempt(&values, 1.5 * period_s)?;
+            locked.push(attempt(&first.values, 5.0 * period_s)?);
+        }
+        locked.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+        // The best two by the first cycles see the whole record, and what a smaller model grows into.
+        let mut candidates: Vec<Vec<f64>> = locked.into_iter().take(2).map(|s| s.values).collect();
+        if let Some((small, state)) = smaller {
+            candidates.extend(starts_from(model, small, state, &base));
+        }
         let mut best: Option<State> = None;
-        for mut values in starts {
-            // A model grown from a fitted one has its phase locked already.
-            let horizons: &[f64] = if smaller.is_some() { &[f64::INFINITY] } else { &[1.5, 5.0, f64::INFINITY] };
-            let mut cost = f64::INFINITY;
-            for &cycles in horizons {
-                problem.set_window(self.window(FIRST_REACHES, cycles * period_s));
-                let solution = self.minimise(&problem, &values, EARLY, &label)?;
-                values = problem.values(&solution.x);
-                cost = solution.cost;
-            }
-            if best.as_ref().is_none_or(|b| cost < b.cost) {
-                best = Some(State { values, cost });
+        for values in candidates {
+            let state = attempt(&values, f64::INFINITY)?;
+            if best.as_ref().is_none_or(|b| state.cost < b.cost) {
+                best = Some(state);
             }
         }
-        Ok(best.expect("there is always one start"))
+        best.ok_or(FitError::NoRun)
     }
 
     /// Bayesian information criterion of a fit, with the residuals' effective number.
@@ -202,6 +206,9 @@ impl Fitter<'_> {
         let samples = &residuals[..n];
         let effective = n as f64 / correlation_inflation(samples);
         let mean_square = samples.iter().map(|r| r * r).sum::<f64>() / n as f64;
+        if std::env::var("V").is_ok() {
+            eprintln!("EVIDENCE {:?} n {n} eff {effective} ms {mean_square}", model.effects);
+        }
         Ok(effective * mean_square.ln() + model.shared.len() as f64 * effective.ln())
     }
 
@@ -258,6 +265,7 @@ impl Fitter<'_> {
             .enumerate()
             .map(|(j, p)| FittedParameter {
                 name: p.name.clone(),
+                about: p.about,
                 run: problem.run_of(j).map(|r| self.runs[r].file.clone()),
                 value: values[j],
                 standard_error: errors[j] * problem.stretch(j, values[j]),

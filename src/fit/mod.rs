@@ -5,6 +5,6 @@ pub mod compare;
 pub mod data;
 pub mod least_squares;
 pub mod outcome;
+pub mod prepare;
 pub mod problem;
 pub mod uncertainty;
-pub mod prepare;

@@ -5,6 +5,8 @@
 pub struct FittedParameter {
     /// Name; a per-run parameter carries its run's file name in `run`.
     pub name: String,
+    /// What it is, in plain words.
+    pub about: &'static str,
     /// The run it belongs to where it is not shared by all.
     pub run: Option<String>,
     /// Value in `unit`.

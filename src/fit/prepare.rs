@@ -30,7 +30,8 @@ pub fn prepare(file: &str, rig: &Rig, recording: &Recording, features: &Features
             let elevation_m = sensor.elevation_m.unwrap_or_else(|| rig.elevation_m(sensor.position_m));
             head_m.iter_mut().for_each(|h| *h -= elevation_m);
         }
-        let offset_sd_m = full_scale_error_m(&sensor, density).unwrap_or(OFFSET_SHARE * rise_m).max(seen.noise.white_sd_m);
+        let offset_sd_m =
+            full_scale_error_m(&sensor, density).unwrap_or(OFFSET_SHARE * rise_m).max(seen.noise.white_sd_m);
         // A noiseless record still has errors of its own; without a floor its weights would be infinite.
         let noise_m = seen.noise.white_sd_m.max(1e-5 * rise_m);
         sensors.push(SensorData { sensor, time_s, head_m, noise_m, offset_sd_m });
@@ -41,9 +42,7 @@ pub fn prepare(file: &str, rig: &Rig, recording: &Recording, features: &Features
     let measured_speed = features.wave_speed.best().map(|e| e.value);
     let speed = measured_speed.unwrap_or(mean_speed);
     let velocity_m_s = match features.steady_velocity_m_s {
-        Some(v) if v.value > 0.0 => {
-            (v.value, (v.standard_error / v.value).hypot(flow_uncertainty(rig, v.value)))
-        }
+        Some(v) if v.value > 0.0 => (v.value, (v.standard_error / v.value).hypot(flow_uncertainty(rig, v.value))),
         _ => (GRAVITY_M_S2 * rise_m / speed, JOUKOWSKY_UNCERTAINTY),
     };
     let nearest = features.sensors.iter().max_by(|a, b| a.position_m.total_cmp(&b.position_m)).unwrap_or(reference);

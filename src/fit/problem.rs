@@ -194,16 +194,13 @@ impl<'a> Calibration<'a> {
             .map(|(s, span)| s.time_s[span.1 - 1])
             .fold(closure_start, f64::max);
         let places: Vec<f64> = run.sensors.iter().map(|s| s.sensor.position_m).collect();
-        let conditions = Conditions {
-            supply_deviation: run
-                .conditions
-                .supply_deviation
-                .as_ref()
-                .map(|(time_s, deviation_m)| {
+        let conditions =
+            Conditions {
+                supply_deviation: run.conditions.supply_deviation.as_ref().map(|(time_s, deviation_m)| {
                     (time_s.iter().map(|t| t - closure_start).collect(), deviation_m.clone())
                 }),
-            water: run.conditions.water.clone(),
-        };
+                water: run.conditions.water.clone(),
+            };
         let shared = &values[..self.model.shared.len()];
         let resolution = Resolution { reaches, duration_s: latest - closure_start };
         let traces = self.model.simulate(&conditions, shared, &run_values, resolution, &places)?;

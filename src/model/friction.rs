@@ -1,6 +1,6 @@
 //! Steady wall friction: Darcy-Weisbach with a constant factor or one that follows the Reynolds number.
 
-use crate::rig::darcy_friction_factor;
+use crate::rig::{LAMINAR_REYNOLDS, Pipe, WaterProperties, darcy_friction_factor};
 use crate::units::GRAVITY_M_S2;
 
 /// How the wall's friction depends on the flow.
@@ -11,7 +11,14 @@ pub enum WallFriction {
         /// Darcy friction factor.
         factor: f64,
     },
-    /// Laminar below Re 2320, Colebrook-White above, times a scale.
+    /// Hagen-Poiseuille at every flow: linear.
+    Laminar {
+        /// Kinematic viscosity, m²/s.
+        viscosity_m2_s: f64,
+        /// Multiplies the loss; 1 is the textbook.
+        scale: f64,
+    },
+    /// The factor of the momentary flow: laminar below Re 2320, Colebrook-White above, times a scale.
     Reynolds {
         /// Kinematic viscosity, m²/s.
         viscosity_m2_s: f64,
@@ -28,30 +35,56 @@ impl WallFriction {
         WallFriction::Constant { factor }
     }
 
-    /// The same law with its factor multiplied.
+    /// The law of a pipe that carries `flow_m3_s` before the closure.
+    ///
+    /// A given factor is constant. A given roughness makes the factor follow the momentary Reynolds number. With neither the
+    /// pipe is smooth, and its factor that of the flow before the closure (quasi-steady friction as it is commonly
+    /// simulated): laminar and linear below Re 2320, constant above.
+    pub fn of(pipe: &Pipe, water: &WaterProperties, flow_m3_s: f64) -> Self {
+        let viscosity_m2_s = water.kinematic_viscosity_m2_s;
+        if let Some(factor) = pipe.friction_factor {
+            return WallFriction::Constant { factor };
+        }
+        if let Some(roughness_m) = pipe.roughness_m {
+            return WallFriction::Reynolds { viscosity_m2_s, roughness_m, scale: 1.0 };
+        }
+        let reynolds = flow_m3_s.abs() / pipe.area_m2() * pipe.inner_diameter_m / viscosity_m2_s;
+        if reynolds < LAMINAR_REYNOLDS {
+            return WallFriction::Laminar { viscosity_m2_s, scale: 1.0 };
+        }
+        WallFriction::Constant { factor: darcy_friction_factor(reynolds, 0.0) }
+    }
+
+    /// The same law with its loss multiplied.
     pub fn scaled(self, by: f64) -> Self {
         match self {
             WallFriction::Constant { factor } => WallFriction::Constant { factor: factor * by },
+            WallFriction::Laminar { viscosity_m2_s, scale } => {
+                WallFriction::Laminar { viscosity_m2_s, scale: scale * by }
+            }
             WallFriction::Reynolds { viscosity_m2_s, roughness_m, scale } => {
                 WallFriction::Reynolds { viscosity_m2_s, roughness_m, scale: scale * by }
             }
         }
     }
 
-    /// Head lost per metre of pipe, signed like the flow: `f V|V| / (2 g D)`.
+    /// Head lost per metre of pipe, signed like the flow: `f V|V| / (2 g D)`, laminar `32 ν V / (g D²)`.
     pub fn slope(self, diameter_m: f64, flow_m3_s: f64) -> f64 {
         let velocity = flow_m3_s / (std::f64::consts::FRAC_PI_4 * diameter_m * diameter_m);
-        let factor = match self {
-            WallFriction::Constant { factor } => factor,
+        let darcy = |factor: f64| factor * velocity * velocity.abs() / (2.0 * GRAVITY_M_S2 * diameter_m);
+        match self {
+            WallFriction::Constant { factor } => darcy(factor),
+            WallFriction::Laminar { viscosity_m2_s, scale } => {
+                scale * 32.0 * viscosity_m2_s * velocity / (GRAVITY_M_S2 * diameter_m * diameter_m)
+            }
             WallFriction::Reynolds { viscosity_m2_s, roughness_m, scale } => {
                 let reynolds = velocity.abs() * diameter_m / viscosity_m2_s;
                 if reynolds == 0.0 {
                     return 0.0;
                 }
-                scale * darcy_friction_factor(reynolds, roughness_m / diameter_m)
+                darcy(scale * darcy_friction_factor(reynolds, roughness_m / diameter_m))
             }
-        };
-        factor * velocity * velocity.abs() / (2.0 * GRAVITY_M_S2 * diameter_m)
+        }
     }
 }
 
@@ -87,6 +120,24 @@ impl NodeFriction for Quadratic {
     fn solve(&self, d: f64) -> f64 {
         let z = self.k * d.abs();
         d * (1.0 - z * (1.0 - z * (2.0 - 5.0 * z)))
+    }
+}
+
+/// Laminar friction: `φ` is a constant.
+#[derive(Debug, Clone)]
+pub struct Linear {
+    phi: f64,
+    by_one_and_phi: f64,
+}
+
+impl NodeFriction for Linear {
+    #[inline(always)]
+    fn phi(&self, _u: f64) -> f64 {
+        self.phi
+    }
+    #[inline(always)]
+    fn solve(&self, d: f64) -> f64 {
+        d * self.by_one_and_phi
     }
 }
 
@@ -142,28 +193,39 @@ impl NodeFriction for Tabulated {
 pub enum ReachFriction {
     /// See [`Quadratic`].
     Quadratic(Quadratic),
+    /// See [`Linear`].
+    Linear(Linear),
     /// See [`Tabulated`].
     Tabulated(Tabulated),
 }
 
 impl ReachFriction {
-    /// From the loss over one reach, `loss_m(Q)`, and the impedance `B`; `largest_u_m` bounds the table of a law that is
-    /// not `quadratic`.
-    pub fn new(quadratic: bool, loss_m: impl Fn(f64) -> f64, impedance: f64, largest_u_m: f64) -> Self {
-        if quadratic {
-            ReachFriction::Quadratic(Quadratic { k: 0.5 * loss_m(1.0) / (impedance * impedance) })
-        } else {
-            ReachFriction::Tabulated(Tabulated::new(|u| 0.5 * loss_m(u / impedance) / u, largest_u_m))
+    /// From the laws of the reach's parts, the loss over it, `loss_m(Q)`, and the impedance `B`; `largest_u_m` bounds the
+    /// table of a law that has no simple form.
+    pub fn new<'a>(
+        mut laws: impl Iterator<Item = &'a WallFriction> + Clone,
+        loss_m: impl Fn(f64) -> f64,
+        impedance: f64,
+        largest_u_m: f64,
+    ) -> Self {
+        if laws.clone().all(|law| matches!(law, WallFriction::Constant { .. })) {
+            return ReachFriction::Quadratic(Quadratic { k: 0.5 * loss_m(1.0) / (impedance * impedance) });
         }
+        if laws.all(|law| matches!(law, WallFriction::Laminar { .. })) {
+            let phi = 0.5 * loss_m(1.0) / impedance;
+            return ReachFriction::Linear(Linear { phi, by_one_and_phi: 1.0 / (1.0 + phi) });
+        }
+        ReachFriction::Tabulated(Tabulated::new(|u| 0.5 * loss_m(u / impedance) / u, largest_u_m))
     }
 
     /// Half a reach's loss `½R` at `u`, m, and its derivative by `u`.
     pub fn half_loss_and_slope(&self, u: f64) -> (f64, f64) {
         match self {
             ReachFriction::Quadratic(q) => (q.half_loss(u), 2.0 * q.phi(u)),
+            ReachFriction::Linear(l) => (l.half_loss(u), l.phi),
             ReachFriction::Tabulated(t) => {
-                let du = 0.5 / t.per_m;
-                (t.half_loss(u), (t.half_loss(u + du) - t.half_loss(u - du)) / (2.0 * du))
+                let (phi, by_u) = t.look_up(u.abs());
+                (u * phi, phi + by_u)
             }
         }
     }
@@ -172,6 +234,7 @@ impl ReachFriction {
     pub fn largest_share(&self, u: f64) -> f64 {
         match self {
             ReachFriction::Quadratic(q) => q.phi(u),
+            ReachFriction::Linear(l) => l.phi,
             ReachFriction::Tabulated(t) => t.steps.iter().map(|s| s.0).fold(0.0, f64::max),
         }
     }
@@ -206,10 +269,14 @@ mod tests {
 
     #[test]
     fn laminar_friction_is_hagen_poiseuille() {
-        let law = WallFriction::Reynolds { viscosity_m2_s: 1e-6, roughness_m: 0.0, scale: 1.0 };
-        let (d, velocity): (f64, f64) = (0.02, 0.05);
-        let flow = velocity * std::f64::consts::FRAC_PI_4 * d * d;
-        let exact = 32.0 * 1e-6 * velocity / (GRAVITY_M_S2 * d * d);
-        assert!((law.slope(d, flow) / exact - 1.0).abs() < 1e-12);
+        for law in [
+            WallFriction::Reynolds { viscosity_m2_s: 1e-6, roughness_m: 0.0, scale: 1.0 },
+            WallFriction::Laminar { viscosity_m2_s: 1e-6, scale: 1.0 },
+        ] {
+            let (d, velocity): (f64, f64) = (0.02, 0.05);
+            let flow = velocity * std::f64::consts::FRAC_PI_4 * d * d;
+            let exact = 32.0 * 1e-6 * velocity / (GRAVITY_M_S2 * d * d);
+            assert!((law.slope(d, flow) / exact - 1.0).abs() < 1e-12);
+        }
     }
 }

@@ -1,13 +1,14 @@
 //! The step of the interior nodes: loops over slices, nothing else.
 //!
-//! Each node keeps the two waves that leave it, `fwd` downstream and `bwd` upstream. With the waves `Cp`, `Cm` that arrive,
+//! Heads are deviations `h = H - H0(x)` from the steady state: storage terms want them so, and what the steady flow loses over a
+//! reach, `R0`, drops out of them. Each node keeps the two waves that leave it, `fwd` downstream and `bwd` upstream. With the waves `Cp`, `Cm` that arrive,
 //! `S = (Cp + Cm)/2`, `D = (Cp - Cm)/2`, the two characteristic equations, each averaged over both ends of its
 //! characteristic, separate at a node of a uniform pipe into
 //!
 //! ```text
-//! head   H (1 + κ) = S + b              κ, b: storage in the wall and the like, implicit and known part
-//! flow   u (1 + μ) + ½R(u/B) = D + d    u = B Q; μ, d: the same for momentum (unsteady friction)
-//! waves  fwd = (2H - S) + (2u - D),  bwd = (2H - S) - (2u - D)
+//! head   h (1 + κ) = S + b                    κ, b: storage in the wall and the like, implicit and known part
+//! flow   u (1 + μ) + ½R(u/B) = D + ½R0 + d    u = B Q; μ, d: the same for momentum (unsteady friction)
+//! waves  fwd = (2h - S) + (2u - D),  bwd = (2h - S) - (2u - D)
 //! ```
 //!
 //! The trapezoidal rule is hidden in `2X - incoming`: what a term takes from the arriving waves at the new time it takes
@@ -17,13 +18,22 @@ use super::friction::NodeFriction;
 
 /// Elastic interior with steady friction: nodes `1..n-1` of a segment, from the old leaving waves to the new.
 #[inline]
-pub fn elastic<F: NodeFriction>(fwd: &[f64], bwd: &[f64], new_fwd: &mut [f64], new_bwd: &mut [f64], friction: &F) {
+///
+/// `steady_half_loss` is `½R0`.
+pub fn elastic<F: NodeFriction>(
+    fwd: &[f64],
+    bwd: &[f64],
+    new_fwd: &mut [f64],
+    new_bwd: &mut [f64],
+    friction: &F,
+    steady_half_loss: f64,
+) {
     let Some(m) = fwd.len().checked_sub(2) else { return };
     let (cp, cm) = (&fwd[..m], &bwd[2..][..m]);
     let (new_fwd, new_bwd) = (&mut new_fwd[1..][..m], &mut new_bwd[1..][..m]);
     for i in 0..m {
         let (s, d) = (0.5 * (cp[i] + cm[i]), 0.5 * (cp[i] - cm[i]));
-        let odd = 2.0 * friction.solve(d) - d;
+        let odd = 2.0 * friction.solve(d + steady_half_loss) - d;
         new_fwd[i] = s + odd;
         new_bwd[i] = s - odd;
     }
@@ -39,6 +49,8 @@ pub struct Terms<'a> {
     pub momentum: &'a [f64],
     /// Implicit momentum `μ`.
     pub mu: f64,
+    /// Half of what the steady flow loses over a reach, `½R0`, m.
+    pub steady_half_loss: f64,
 }
 
 /// Interior with line terms; also gives head and `u = B Q` at nodes `1..n-1`. `friction` is that of the reach divided
@@ -60,11 +72,12 @@ pub fn with_terms<F: NodeFriction>(
     let (new_fwd, new_bwd) = (&mut new_fwd[1..][..m], &mut new_bwd[1..][..m]);
     let (head, u) = (&mut head[1..][..m], &mut u[1..][..m]);
     let (storage, momentum) = (&terms.storage[1..][..m], &terms.momentum[1..][..m]);
+    let steady_half_loss = terms.steady_half_loss;
     let (by_kappa, by_mu) = (1.0 / (1.0 + terms.kappa), 1.0 / (1.0 + terms.mu));
     for i in 0..m {
         let (s, d) = (0.5 * (cp[i] + cm[i]), 0.5 * (cp[i] - cm[i]));
         let h = (s + storage[i]) * by_kappa;
-        let v = friction.solve((d + momentum[i]) * by_mu);
+        let v = friction.solve((d + steady_half_loss + momentum[i]) * by_mu);
         head[i] = h;
         u[i] = v;
         let (even, odd) = (2.0 * h - s, 2.0 * v - d);

@@ -119,7 +119,14 @@ impl<'a> Model<'a> {
                 1 => "wave_speed_m_s".to_owned(),
                 _ => format!("wave_speed_m_s[{}]", pipe.name),
             };
-            shared.push(Parameter::log(name, "m/s", "elastic wave speed", start, lower, upper));
+            shared.push(Parameter::log(
+                name,
+                "m/s",
+                "speed of pressure waves in the pipe: sets the period, 4L/a, and the height of the first rise",
+                start,
+                lower,
+                upper,
+            ));
         }
         shared.push(
             Parameter::log("friction_scale", "1", "multiplies the steady friction factor", 1.0, 0.2, 5.0)
@@ -141,23 +148,16 @@ impl<'a> Model<'a> {
             Parameter::log(
                 "initial_velocity_m_s",
                 "m/s",
-                "velocity in the last pipe before the closure",
+                "mean velocity before the valve closes: sets the height of the first rise",
                 1.0,
                 1e-4,
                 50.0,
             ),
-            Parameter::linear(
-                "valve_head_m",
-                "m",
-                "head upstream of the valve before the closure",
-                20.0,
-                -20.0,
-                5000.0,
-            ),
+            Parameter::linear("valve_head_m", "m", "head upstream of the valve before it closes", 20.0, -20.0, 5000.0),
             Parameter::log(
                 "closing_time_s",
                 "s",
-                "closing time of the valve",
+                "how long the valve takes to close",
                 nominal_s,
                 nominal_s / 20.0,
                 nominal_s * 20.0,
@@ -205,6 +205,7 @@ impl<'a> Model<'a> {
         self.check(shared, run)?;
         let (wave_speeds, rest) = shared.split_at(self.rig.pipes.len());
         let (friction_scale, effect_values) = (rest[0], &rest[1..]);
+        let flow_m3_s = run.initial_velocity_m_s * self.rig.pipes[self.rig.pipes.len() - 1].area_m2();
         let stretches: Vec<Stretch> = self
             .rig
             .pipes
@@ -216,15 +217,7 @@ impl<'a> Model<'a> {
                 wall_m: pipe.wall_thickness_m,
                 wave_speed_m_s,
                 constraint: pipe.constraint_coefficient(),
-                friction: match pipe.friction_factor {
-                    Some(factor) => WallFriction::constant(factor),
-                    None => WallFriction::Reynolds {
-                        viscosity_m2_s: conditions.water.kinematic_viscosity_m2_s,
-                        roughness_m: pipe.roughness_m.unwrap_or(0.0),
-                        scale: 1.0,
-                    },
-                }
-                .scaled(friction_scale),
+                friction: WallFriction::of(pipe, &conditions.water, flow_m3_s).scaled(friction_scale),
             })
             .collect();
         let grid = Grid::new(&stretches, resolution.reaches)?;
@@ -235,7 +228,6 @@ impl<'a> Model<'a> {
             let gib = bytes as f64 / (1u64 << 30) as f64;
             return Err(ModelError::TooLong { steps, sensors: places_m.len(), gib });
         }
-        let flow_m3_s = run.initial_velocity_m_s * stretches[stretches.len() - 1].area_m2();
         let frictions = reach_frictions(&grid, flow_m3_s)?;
         let head_m = steady_heads(&grid, &frictions, flow_m3_s, run.valve_head_m);
         let steady = Steady { grid: &grid, head_m: &head_m, flow_m3_s, density_kg_m3: conditions.water.density_kg_m3 };
@@ -297,9 +289,9 @@ fn reach_frictions(grid: &Grid, flow_m3_s: f64) -> Result<Vec<ReachFriction>, Mo
     grid.segments
         .iter()
         .map(|segment| {
-            let quadratic = segment.parts.iter().all(|(s, _)| matches!(s.friction, WallFriction::Constant { .. }));
             let largest_u = 2.0 * segment.impedance * flow_m3_s;
-            let friction = ReachFriction::new(quadratic, |q| segment.reach_loss_m(q), segment.impedance, largest_u);
+            let laws = segment.parts.iter().map(|(s, _)| &s.friction);
+            let friction = ReachFriction::new(laws, |q| segment.reach_loss_m(q), segment.impedance, largest_u);
             let share = friction.largest_share(0.5 * largest_u);
             if share > MOST_FRICTION_SHARE {
                 let needed = (total as f64 * share / MOST_FRICTION_SHARE).ceil() as usize;

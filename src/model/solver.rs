@@ -30,14 +30,17 @@ pub struct Implicit {
 
 /// A term of the equations along the line, computed once a step over all nodes of a segment.
 ///
-/// In the notation of [`kernel`]: half of what the term takes over one reach and one step is `κH - b` of head (storage)
-/// and `μu - d` (momentum) at the new time; `κ, μ` are constants of the segment, `b, d` known before the step.
+/// In the notation of [`kernel`]: half of what the term takes over one reach and one step is `κh - b` of head (storage)
+/// and `μu - d` (momentum) at the new time; `κ, μ` are constants of the segment, `b, d` known before the step. Heads are deviations
+/// `h` from the steady state, in which `b` and, with `μ`, `d` must balance.
 pub trait LineTerm: Send {
     /// `κ` and `μ` of a segment.
     fn implicit(&self, segment: usize) -> Implicit;
-    /// Adds `b` and `d` of the first step, in steady state.
-    fn known(&self, segment: usize, storage: &mut [f64], momentum: &mut [f64]);
-    /// Takes in the new heads and `u` of a segment's nodes and adds `b` and `d` of the step to come.
+    /// Adds `b` and `d` of the first step, from the steady state; nothing by default.
+    fn known(&self, segment: usize, storage: &mut [f64], momentum: &mut [f64]) {
+        let _ = (segment, storage, momentum);
+    }
+    /// Takes in the new head deviations and `u` of a segment's nodes and adds `b` and `d` of the step to come.
     fn advance(&mut self, segment: usize, head: &[f64], u: &[f64], storage: &mut [f64], momentum: &mut [f64]);
 }
 
@@ -70,13 +73,13 @@ pub struct Line<'a> {
     pub valve: ValveEnd,
 }
 
-/// State of the line: waves, heads and scaled flows at all nodes, segment after segment.
+/// State of the line: waves, head deviations and scaled flows `u = B Q` at all nodes, segment after segment.
 struct State {
     fwd: Vec<f64>,
     bwd: Vec<f64>,
     new_fwd: Vec<f64>,
     new_bwd: Vec<f64>,
-    head: Vec<f64>,
+    h: Vec<f64>,
     u: Vec<f64>,
     storage: Vec<f64>,
     momentum: Vec<f64>,
@@ -84,7 +87,7 @@ struct State {
     elastic: bool,
 }
 
-/// The characteristic that reaches an end of a segment, `H ± z Q = e` (+ at its last node), linear in `H` and `Q`.
+/// The characteristic that reaches an end of a segment, `h ± z Q = e` (+ at its last node), linear in `h` and `Q`.
 struct Arriving {
     z: f64,
     e: f64,
@@ -106,15 +109,19 @@ impl Line<'_> {
             })
             .collect();
         let mut state = self.initial_state();
+        let bases: Vec<f64> = stencils
+            .iter()
+            .map(|stencil| stencil.iter().map(|&(node, weight)| weight * self.steady.head_m[node]).sum())
+            .collect();
         let mut traces: Vec<Trace> =
             stencils.iter().map(|_| Trace { dt_s: grid.dt_s, head_m: Vec::with_capacity(steps + 1) }).collect();
-        state.read(&mut traces, stencils);
+        state.read(&mut traces, stencils, &bases);
         for step in 1..=steps {
             let time_s = step as f64 * grid.dt_s;
             self.step(&mut state, &implicit, time_s);
-            state.read(&mut traces, stencils);
-            let valve_head = state.head[state.head.len() - 1];
-            if !valve_head.is_finite() {
+            state.read(&mut traces, stencils, &bases);
+            let at_valve = state.h[state.h.len() - 1];
+            if !at_valve.is_finite() {
                 return Err(ModelError::NotFinite { time_s });
             }
         }
@@ -124,48 +131,47 @@ impl Line<'_> {
     fn initial_state(&self) -> State {
         let grid = self.steady.grid;
         let n = grid.nodes();
-        let head = self.steady.head_m.to_vec();
         let mut u = vec![0.0; n];
         let (mut fwd, mut bwd) = (vec![0.0; n], vec![0.0; n]);
         let (mut storage, mut momentum) = (vec![0.0; n], vec![0.0; n]);
-        for (s, (segment, friction)) in grid.segments.iter().zip(&self.frictions).enumerate() {
+        for (s, segment) in grid.segments.iter().enumerate() {
+            let nodes = segment.nodes();
             let steady_u = segment.impedance * self.steady.flow_m3_s;
-            let half_loss = friction.half_loss_and_slope(steady_u).0;
-            for node in segment.nodes() {
-                u[node] = steady_u;
-                fwd[node] = head[node] + steady_u - half_loss;
-                bwd[node] = head[node] - steady_u + half_loss;
-            }
+            u[nodes.clone()].fill(steady_u);
+            // h = 0, and the loss of the steady flow drops out: the waves carry u alone.
+            fwd[nodes.clone()].fill(steady_u);
+            bwd[nodes.clone()].fill(-steady_u);
             for term in &self.terms {
-                term.known(s, &mut storage[segment.nodes()], &mut momentum[segment.nodes()]);
+                term.known(s, &mut storage[nodes.clone()], &mut momentum[nodes.clone()]);
             }
         }
         let elastic = self.terms.is_empty();
-        State { new_fwd: fwd.clone(), new_bwd: bwd.clone(), fwd, bwd, head, u, storage, momentum, elastic }
+        State { new_fwd: fwd.clone(), new_bwd: bwd.clone(), fwd, bwd, h: vec![0.0; n], u, storage, momentum, elastic }
     }
 
     fn step(&mut self, state: &mut State, implicit: &[Implicit], time_s: f64) {
         let grid = self.steady.grid;
         for (s, segment) in grid.segments.iter().enumerate() {
-            state.interior(segment.nodes(), implicit[s], &self.frictions[s]);
+            state.interior(segment.nodes(), implicit[s], &self.frictions[s], self.steady_half_loss(s));
         }
         // Supply: the first node of the first segment.
         let first = self.arriving_upstream(state, implicit, 0);
-        let head = self.supply.head_m(time_s);
-        self.leave_first(state, implicit, 0, head, (head - first.e) / first.z);
+        let h = self.supply.head_m(time_s) - self.steady.head_m[0];
+        self.leave_first(state, implicit, 0, h, (h - first.e) / first.z);
         // Joints: head and flow are common.
         for s in 0..grid.segments.len() - 1 {
             let left = self.arriving_downstream(state, implicit, s);
             let right = self.arriving_upstream(state, implicit, s + 1);
             let flow = (left.e - right.e) / (left.z + right.z);
-            let head = left.e - left.z * flow;
-            self.leave_last(state, implicit, s, head, flow);
-            self.leave_first(state, implicit, s + 1, head, flow);
+            let h = left.e - left.z * flow;
+            self.leave_last(state, implicit, s, h, flow);
+            self.leave_first(state, implicit, s + 1, h, flow);
         }
         // Valve: the last node of the last segment.
         let s = grid.segments.len() - 1;
         let last = self.arriving_downstream(state, implicit, s);
-        let flow = self.valve.flow_m3_s(time_s, last.z, last.e);
+        let steady_head = self.steady.head_m[self.steady.head_m.len() - 1];
+        let flow = self.valve.flow_m3_s(time_s, last.z, last.e + steady_head);
         self.leave_last(state, implicit, s, last.e - last.z * flow, flow);
 
         if !self.terms.is_empty() {
@@ -176,7 +182,7 @@ impl Line<'_> {
                 for term in &mut self.terms {
                     term.advance(
                         s,
-                        &state.head[nodes.clone()],
+                        &state.h[nodes.clone()],
                         &state.u[nodes.clone()],
                         &mut state.storage[nodes.clone()],
                         &mut state.momentum[nodes.clone()],
@@ -188,86 +194,104 @@ impl Line<'_> {
         std::mem::swap(&mut state.bwd, &mut state.new_bwd);
     }
 
-    /// `½R` linearised about the last flow at a node: value at `u = 0` and slope.
-    fn half_loss_line(&self, segment: usize, u: f64, mu: f64) -> (f64, f64) {
-        let (loss, slope) = self.frictions[segment].half_loss_and_slope(u);
-        ((loss - slope * u) * (1.0 + mu), slope * (1.0 + mu))
+    /// `½R0`: half of what the steady flow loses over one reach of a segment, m.
+    fn steady_half_loss(&self, segment: usize) -> f64 {
+        let u = self.steady.grid.segments[segment].impedance * self.steady.flow_m3_s;
+        self.frictions[segment].half_loss_and_slope(u).0
     }
 
-    /// The characteristic from inside segment `s` that reaches its first node: `H - z Q = e`.
+    /// `½R - ½R0` linearised about the last flow at a node: value at `u = 0` and slope.
+    fn half_loss_line(&self, segment: usize, u: f64) -> (f64, f64) {
+        let (loss, slope) = self.frictions[segment].half_loss_and_slope(u);
+        (loss - slope * u - self.steady_half_loss(segment), slope)
+    }
+
+    /// The characteristic from inside segment `s` that reaches its first node: `h - z Q = e`.
     fn arriving_upstream(&self, state: &State, implicit: &[Implicit], s: usize) -> Arriving {
         let segment = &self.steady.grid.segments[s];
         let node = segment.offset;
         let Implicit { kappa, mu } = implicit[s];
-        let (constant, slope) = self.half_loss_line(s, state.u[node], mu);
+        let (constant, slope) = self.half_loss_line(s, state.u[node]);
         let known = state.bwd[node + 1] + state.storage[node] - state.momentum[node] + constant;
         Arriving { z: segment.impedance * (1.0 + mu + slope) / (1.0 + kappa), e: known / (1.0 + kappa) }
     }
 
-    /// The characteristic from inside segment `s` that reaches its last node: `H + z Q = e`.
+    /// The characteristic from inside segment `s` that reaches its last node: `h + z Q = e`.
     fn arriving_downstream(&self, state: &State, implicit: &[Implicit], s: usize) -> Arriving {
         let segment = &self.steady.grid.segments[s];
         let node = segment.offset + segment.reaches;
         let Implicit { kappa, mu } = implicit[s];
-        let (constant, slope) = self.half_loss_line(s, state.u[node], mu);
+        let (constant, slope) = self.half_loss_line(s, state.u[node]);
         let known = state.fwd[node - 1] + state.storage[node] + state.momentum[node] - constant;
         Arriving { z: segment.impedance * (1.0 + mu + slope) / (1.0 + kappa), e: known / (1.0 + kappa) }
     }
 
     /// Sets the first node of segment `s` and the wave that leaves it downstream.
-    fn leave_first(&self, state: &mut State, implicit: &[Implicit], s: usize, head: f64, flow: f64) {
+    fn leave_first(&self, state: &mut State, implicit: &[Implicit], s: usize, h: f64, flow: f64) {
         let segment = &self.steady.grid.segments[s];
         let node = segment.offset;
         let u = segment.impedance * flow;
-        let stored = head * (1.0 + implicit[s].kappa) - state.storage[node];
+        let stored = h * (1.0 + implicit[s].kappa) - state.storage[node];
         let moved = stored - state.bwd[node + 1];
-        state.head[node] = head;
+        state.h[node] = h;
         state.u[node] = u;
-        state.new_fwd[node] = (2.0 * head - stored) + (2.0 * u - moved);
-        state.new_bwd[node] = 2.0 * head - state.new_fwd[node];
+        state.new_fwd[node] = (2.0 * h - stored) + (2.0 * u - moved);
+        state.new_bwd[node] = 2.0 * h - state.new_fwd[node];
     }
 
     /// Sets the last node of segment `s` and the wave that leaves it upstream.
-    fn leave_last(&self, state: &mut State, implicit: &[Implicit], s: usize, head: f64, flow: f64) {
+    fn leave_last(&self, state: &mut State, implicit: &[Implicit], s: usize, h: f64, flow: f64) {
         let segment = &self.steady.grid.segments[s];
         let node = segment.offset + segment.reaches;
         let u = segment.impedance * flow;
-        let stored = head * (1.0 + implicit[s].kappa) - state.storage[node];
+        let stored = h * (1.0 + implicit[s].kappa) - state.storage[node];
         let moved = state.fwd[node - 1] - stored;
-        state.head[node] = head;
+        state.h[node] = h;
         state.u[node] = u;
-        state.new_bwd[node] = (2.0 * head - stored) - (2.0 * u - moved);
-        state.new_fwd[node] = 2.0 * head - state.new_bwd[node];
+        state.new_bwd[node] = (2.0 * h - stored) - (2.0 * u - moved);
+        state.new_fwd[node] = 2.0 * h - state.new_bwd[node];
     }
 }
 
 impl State {
     /// Steps the nodes of a segment between its ends.
-    fn interior(&mut self, nodes: std::ops::Range<usize>, Implicit { kappa, mu }: Implicit, friction: &ReachFriction) {
+    fn interior(
+        &mut self,
+        nodes: std::ops::Range<usize>,
+        Implicit { kappa, mu }: Implicit,
+        friction: &ReachFriction,
+        steady_half_loss: f64,
+    ) {
         let (fwd, bwd) = (&self.fwd[nodes.clone()], &self.bwd[nodes.clone()]);
         let (new_fwd, new_bwd) = (&mut self.new_fwd[nodes.clone()], &mut self.new_bwd[nodes.clone()]);
         if self.elastic {
             match friction {
-                ReachFriction::Quadratic(f) => kernel::elastic(fwd, bwd, new_fwd, new_bwd, f),
-                ReachFriction::Tabulated(f) => kernel::elastic(fwd, bwd, new_fwd, new_bwd, f),
+                ReachFriction::Quadratic(f) => kernel::elastic(fwd, bwd, new_fwd, new_bwd, f, steady_half_loss),
+                ReachFriction::Linear(f) => kernel::elastic(fwd, bwd, new_fwd, new_bwd, f, steady_half_loss),
+                ReachFriction::Tabulated(f) => kernel::elastic(fwd, bwd, new_fwd, new_bwd, f, steady_half_loss),
             }
             return;
         }
-        let terms = Terms { storage: &self.storage[nodes.clone()], kappa, momentum: &self.momentum[nodes.clone()], mu };
-        let (head, u) = (&mut self.head[nodes.clone()], &mut self.u[nodes]);
+        let terms = Terms {
+            storage: &self.storage[nodes.clone()],
+            kappa,
+            momentum: &self.momentum[nodes.clone()],
+            mu,
+            steady_half_loss,
+        };
+        let (h, u) = (&mut self.h[nodes.clone()], &mut self.u[nodes]);
         match friction {
-            ReachFriction::Quadratic(f) => kernel::with_terms(fwd, bwd, new_fwd, new_bwd, head, u, &terms, f),
-            ReachFriction::Tabulated(f) => kernel::with_terms(fwd, bwd, new_fwd, new_bwd, head, u, &terms, f),
+            ReachFriction::Linear(f) => kernel::with_terms(fwd, bwd, new_fwd, new_bwd, h, u, &terms, f),
+            ReachFriction::Quadratic(f) => kernel::with_terms(fwd, bwd, new_fwd, new_bwd, h, u, &terms, f),
+            ReachFriction::Tabulated(f) => kernel::with_terms(fwd, bwd, new_fwd, new_bwd, h, u, &terms, f),
         }
     }
 
-    /// Appends the present head at each stencil.
-    fn read(&self, traces: &mut [Trace], stencils: &[Vec<(usize, f64)>]) {
-        for (trace, stencil) in traces.iter_mut().zip(stencils) {
-            let head = |node: usize| {
-                if self.elastic { 0.5 * (self.fwd[node] + self.bwd[node]) } else { self.head[node] }
-            };
-            trace.head_m.push(stencil.iter().map(|&(node, weight)| weight * head(node)).sum());
+    /// Appends the present head at each stencil, whose steady heads are `bases`.
+    fn read(&self, traces: &mut [Trace], stencils: &[Vec<(usize, f64)>], bases: &[f64]) {
+        for ((trace, stencil), base) in traces.iter_mut().zip(stencils).zip(bases) {
+            let h = |node: usize| if self.elastic { 0.5 * (self.fwd[node] + self.bwd[node]) } else { self.h[node] };
+            trace.head_m.push(base + stencil.iter().map(|&(node, weight)| weight * h(node)).sum::<f64>());
         }
     }
 }

@@ -157,6 +157,7 @@ mod tests {
             model_m,
             noise_m: 0.1,
             rmse_m: 1.0,
+            start_rmse_m: 2.0,
             extrema: vec![],
         };
         let run =
@@ -165,6 +166,8 @@ mod tests {
             effects: vec![],
             runs: vec![run],
             parameters: vec![],
+            reaches: 64,
+            grid_error_m: 0.001,
             evaluations: 1,
             seconds: 1.0,
             stopped_because: String::new(),

@@ -13,13 +13,11 @@
 //! | [`curves`] | the curves of one sensor under all stages, on one time axis |
 //! | [`decimate`] | fewer points, every peak kept |
 //! | [`number`] | digits: `395.1(4)`, `0.034`, `+12.5` |
-//! | [`explain`] | what a parameter means, in plain words |
 //! | [`escape`] | user text in HTML and SVG |
 
 pub mod curves;
 pub mod decimate;
 pub mod escape;
-pub mod explain;
 pub mod html;
 pub mod json;
 pub mod number;

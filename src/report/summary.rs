@@ -135,6 +135,7 @@ mod tests {
                 model_m: vec![0.0; n],
                 noise_m,
                 rmse_m,
+                start_rmse_m: 2.0,
                 extrema: vec![],
             }],
         };
@@ -142,6 +143,8 @@ mod tests {
             effects: vec![],
             runs: runs.iter().map(run).collect(),
             parameters: vec![],
+            reaches: 64,
+            grid_error_m: 0.001,
             evaluations: 0,
             seconds: 0.0,
             stopped_because: String::new(),

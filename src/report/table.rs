@@ -208,11 +208,13 @@ mod tests {
                     model_m: vec![0.0; 4],
                     noise_m: 0.03,
                     rmse_m,
+                    start_rmse_m: 2.0,
                     extrema: vec![extremum(1, true, 0.123), extremum(1, false, -0.2), extremum(2, true, 0.001)],
                 }],
             }],
             parameters: vec![
                 FittedParameter {
+                    about: "speed of pressure waves",
                     name: "wave_speed_m_s".into(),
                     run: None,
                     value: 395.12,
@@ -221,6 +223,7 @@ mod tests {
                     at_bound: false,
                 },
                 FittedParameter {
+                    about: "speed of pressure waves",
                     name: "tau1_s".into(),
                     run: None,
                     value: 0.5,
@@ -229,6 +232,8 @@ mod tests {
                     at_bound: true,
                 },
             ],
+            reaches: 64,
+            grid_error_m: 0.001,
             evaluations: 312,
             seconds: 0.41,
             stopped_because: "the error no longer falls".into(),

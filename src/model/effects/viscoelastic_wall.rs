@@ -99,9 +99,8 @@ impl Effect for ViscoelasticWall {
         for element in &mut elements {
             element.strain = vec![0.0; steady.head_m.len()];
         }
-        let steady_head_m = steady.head_m.to_vec();
         let offsets = steady.grid.segments.iter().map(|s| s.offset).collect();
-        Ok(vec![Box::new(Creep { kappas, elements, steady_head_m, offsets })])
+        Ok(vec![Box::new(Creep { kappas, elements, offsets })])
     }
 }
 
@@ -132,7 +131,6 @@ impl Element {
 struct Creep {
     kappas: Vec<f64>,
     elements: Vec<Element>,
-    steady_head_m: Vec<f64>,
     offsets: Vec<usize>,
 }
 
@@ -141,27 +139,38 @@ impl LineTerm for Creep {
         Implicit { kappa: self.kappas[segment], mu: 0.0 }
     }
 
-    fn known(&self, segment: usize, storage: &mut [f64], _momentum: &mut [f64]) {
-        let nodes = self.offsets[segment]..self.offsets[segment] + storage.len();
-        for (b, h0) in storage.iter_mut().zip(&self.steady_head_m[nodes]) {
-            *b += self.kappas[segment] * h0;
-        }
-    }
-
-    fn advance(&mut self, segment: usize, head: &[f64], _u: &[f64], storage: &mut [f64], _momentum: &mut [f64]) {
-        let nodes = self.offsets[segment]..self.offsets[segment] + head.len();
-        let steady = &self.steady_head_m[nodes.clone()];
-        let kappa = self.kappas[segment];
-        for element in &mut self.elements {
-            let (decay, gain) = (element.decay, element.gain[segment]);
-            let strain = &mut element.strain[nodes.clone()];
-            for i in 0..head.len() {
-                strain[i] = decay * strain[i] + gain * (head[i] - steady[i]);
-                storage[i] += strain[i];
+    fn advance(&mut self, segment: usize, h: &[f64], _u: &[f64], storage: &mut [f64], _momentum: &mut [f64]) {
+        let offset = self.offsets[segment];
+        // Elements two by two: half the passes over the heads.
+        let mut pairs = self.elements.chunks_exact_mut(2);
+        for pair in &mut pairs {
+            let [first, second] = pair else { continue };
+            let (a, b) = (first.of(segment, offset, h.len()), second.of(segment, offset, h.len()));
+            for ((x, y), (h, out)) in a.strain.iter_mut().zip(b.strain).zip(h.iter().zip(storage.iter_mut())) {
+                *x = a.decay * *x + a.gain * h;
+                *y = b.decay * *y + b.gain * h;
+                *out += *x + *y;
             }
         }
-        for (b, h0) in storage.iter_mut().zip(steady) {
-            *b += kappa * h0;
+        if let [last] = pairs.into_remainder() {
+            let a = last.of(segment, offset, h.len());
+            for (x, (h, out)) in a.strain.iter_mut().zip(h.iter().zip(storage.iter_mut())) {
+                *x = a.decay * *x + a.gain * h;
+                *out += *x;
+            }
         }
+    }
+}
+
+/// One element's share of a segment.
+struct Share<'a> {
+    decay: f64,
+    gain: f64,
+    strain: &'a mut [f64],
+}
+
+impl Element {
+    fn of(&mut self, segment: usize, offset: usize, nodes: usize) -> Share<'_> {
+        Share { decay: self.decay, gain: self.gain[segment], strain: &mut self.strain[offset..offset + nodes] }
     }
 }

@@ -2,9 +2,9 @@
 
 use super::{minus, table};
 use crate::fit::outcome::Fit;
+use crate::report::Stage;
 use crate::report::escape::escape;
 use crate::report::number::with_error;
-use crate::report::{Stage, explain};
 
 pub(super) fn section(stages: &[Stage]) -> String {
     let Some((last, earlier)) = stages.split_last() else { return String::new() };
@@ -37,7 +37,7 @@ fn of(fit: &Fit, title: &str) -> String {
                 minus(&with_error(p.value, p.standard_error)),
                 escape(p.unit)
             ),
-            format!("<span class=\"prose\">{}</span>", explain::parameter(&p.name)),
+            format!("<span class=\"prose\">{}</span>", p.about),
         ];
         if per_run {
             row.insert(1, p.run.as_deref().map_or("all".into(), escape));
