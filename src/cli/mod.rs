@@ -2,7 +2,9 @@
 
 pub mod export;
 pub mod import;
+pub mod record;
 pub mod recover;
+pub mod rig;
 
 use std::error::Error;
 use std::process::ExitCode;
@@ -42,6 +44,10 @@ enum Command {
     Export(export::Args),
     /// Make a whole recording of one that a crash cut off.
     Recover(recover::Args),
+    /// Say where a rig file contradicts itself, or a recording made on it.
+    Rig(rig::Args),
+    /// Record a live, simulated or replayed test.
+    Record(record::Args),
 }
 
 /// Parses the arguments, runs the command and turns its outcome into the exit code.
@@ -51,6 +57,8 @@ pub fn main() -> ExitCode {
         Command::Import(args) => import::run(args, cli.json),
         Command::Export(args) => export::run(args, cli.json),
         Command::Recover(args) => recover::run(args, cli.json),
+        Command::Rig(args) => rig::run(args, cli.json),
+        Command::Record(args) => record::run(args, cli.json),
     };
     match result {
         Ok(Outcome::Done) => ExitCode::SUCCESS,

@@ -1,1 +1,52 @@
-//! (to come)
+//! What a person, or a script, sees of a calibration: terminal tables, one JSON document, one self-contained HTML page.
+//!
+//! The loop of the program is to fit a model, see where it fails, add an effect and fit again. A report therefore shows a
+//! list of [`Stage`]s, the start model first, and lets the error of each be compared with the noise of the recording.
+//!
+//! | file | what it makes |
+//! | --- | --- |
+//! | [`json`] | the document of `calibrate --json` |
+//! | [`table`] | plain-text tables for the terminal |
+//! | [`html`](mod@html) | the page, from the pieces in `html/` and the files in `assets/` |
+//! | [`svg`] | static line charts, for the page in print and for any other plot |
+//! | [`summary`] | the error of a whole fit, and the one-sentence verdict |
+//! | [`curves`] | the curves of one sensor under all stages, on one time axis |
+//! | [`decimate`] | fewer points, every peak kept |
+//! | [`number`] | digits: `395.1(4)`, `0.034`, `+12.5` |
+//! | [`explain`] | what a parameter means, in plain words |
+//! | [`escape`] | user text in HTML and SVG |
+
+pub mod curves;
+pub mod decimate;
+pub mod escape;
+pub mod explain;
+pub mod html;
+pub mod json;
+pub mod number;
+pub mod summary;
+pub mod svg;
+pub mod table;
+
+use crate::fit::outcome::Fit;
+
+/// One model in the story of a calibration.
+#[derive(Debug, Clone)]
+pub struct Stage<'a> {
+    /// What a reader calls it: `base model`, `+ viscoelastic-wall`.
+    pub title: String,
+    /// The calibrated model.
+    pub fit: &'a Fit,
+}
+
+/// A curve from elsewhere, drawn over the measurement of one sensor: a digitised figure, another program's result.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Overlay {
+    /// Name of the sensor it belongs to; it is drawn in every run of that sensor.
+    pub sensor: String,
+    /// Its name in the legend.
+    pub label: String,
+    /// Times after the start of the closure, s; same length as `head_m`.
+    pub time_s: Vec<f64>,
+    /// Heads, m.
+    pub head_m: Vec<f64>,
+}

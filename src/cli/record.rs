@@ -1,0 +1,243 @@
+//! `surgescope record`: a live stream, a simulated device or a replayed file becomes a recording.
+
+use std::error::Error;
+use std::fmt::Write as _;
+use std::io::{IsTerminal, stderr};
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+use clap::ArgGroup;
+use indicatif::{ProgressBar, ProgressStyle};
+
+use super::{CommandResult, Outcome};
+use crate::record::output::{Progress, Summary, check_path};
+use crate::record::port::Source;
+use crate::record::session::{self, Options};
+use crate::record::{RecordError, replay};
+use crate::rig::{Device, Rig};
+
+/// Record a live test: from the rig's device, from a simulated one, or from a file played as if it were live.
+#[derive(Debug, clap::Args)]
+#[command(group = ArgGroup::new("paced").args(["replay", "simulate"]))]
+pub struct Args {
+    /// Rig file; a replayed recording brings its own.
+    #[arg(long, value_name = "RIG", required_unless_present = "replay")]
+    rig: Option<PathBuf>,
+    /// Recording to write; must not exist.
+    #[arg(short, long, value_name = "MCAP")]
+    output: PathBuf,
+    /// Stop after so much recorded time, in seconds.
+    #[arg(long, value_name = "S", value_parser = positive)]
+    duration: Option<f64>,
+    /// Use another port for a device than the rig file says.
+    #[arg(long, value_name = "NAME=PATH", value_parser = pair, conflicts_with = "paced")]
+    port: Vec<(String, String)>,
+    /// Play a recording or a CSV as if it were live.
+    #[arg(long, value_name = "FILE")]
+    replay: Option<PathBuf>,
+    /// Sensors of the rig that have no column in the CSV played.
+    #[arg(long, value_name = "SENSOR", value_delimiter = ',', requires = "replay")]
+    without: Vec<String>,
+    /// Record a simulated test of this rig, sent through a pseudo-terminal.
+    #[arg(long)]
+    simulate: bool,
+    /// Play so many times faster than real time; 0: as fast as possible.
+    #[arg(long, value_name = "FACTOR", default_value_t = 1.0, value_parser = not_negative, requires = "paced")]
+    speed: f64,
+    /// Let the simulated device misbehave, as in flip=0.01,drop=0.02,duplicate=0.01,seed=7 (probabilities per frame).
+    #[arg(long, value_name = "FAULTS", requires = "simulate")]
+    faults: Option<String>,
+    /// Set a value of the simulated test.
+    #[arg(long, value_name = "NAME=VALUE", value_parser = setting, requires = "simulate")]
+    set: Vec<(String, f64)>,
+    /// Keep a note with the recording; may be given often.
+    #[arg(long, value_name = "KEY=VALUE", value_parser = pair)]
+    note: Vec<(String, String)>,
+    /// The stream has ended when no valid frame came for so many seconds.
+    #[arg(long, value_name = "S", default_value_t = 5.0, value_parser = positive)]
+    silence: f64,
+}
+
+/// Set by Ctrl-C and SIGTERM.
+static STOP: AtomicBool = AtomicBool::new(false);
+
+/// Records until the duration, a signal or the stream's end.
+pub fn run(args: Args, json: bool) -> CommandResult {
+    check_path(&args.output)?;
+    ctrlc::set_handler(|| STOP.store(true, Ordering::Relaxed))?;
+    let rig = args.rig.as_deref().map(Rig::load).transpose()?;
+    let options = Options {
+        file: args.output.clone(),
+        duration_s: args.duration,
+        silence: Duration::try_from_secs_f64(args.silence)?,
+        notes: args.note.clone(),
+    };
+    let reporter = Reporter::new();
+    let summary = record(&args, rig.as_ref(), &options, &mut |progress| reporter.show(progress));
+    reporter.clear();
+    let summary = summary?;
+    eprintln!("{}: {}", summary.file, summary.ended);
+    if json {
+        println!("{}", serde_json::to_string(&summary)?);
+    } else {
+        print!("{}", table(&summary));
+    }
+    Ok(if summary.data_lost { Outcome::DataLost } else { Outcome::Done })
+}
+
+type AnyError = Box<dyn Error + Send + Sync>;
+
+fn record(
+    args: &Args,
+    rig: Option<&Rig>,
+    options: &Options,
+    report: &mut dyn FnMut(&Progress),
+) -> Result<Summary, AnyError> {
+    if let Some(path) = &args.replay {
+        let recording = replay::load(path, rig, &args.without)?;
+        let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy();
+        return Ok(replay::replay(&recording, &name, args.speed, options, &STOP, report)?);
+    }
+    let rig = rig.ok_or("--rig is missing: it says what is recorded")?;
+    if args.simulate {
+        return record_simulated(rig, args, options, report);
+    }
+    let device = live_device(rig, &args.port)?;
+    let source = Source::open(&device)?;
+    eprintln!("listening to device '{}' on {}; Ctrl-C ends the recording", device.name, device.port);
+    Ok(session::record(rig, &device, &source, options, &STOP, report)?)
+}
+
+/// The device to record, on the port that `--port` names, if any.
+fn live_device(rig: &Rig, ports: &[(String, String)]) -> Result<Device, RecordError> {
+    let mut device = session::live_device(rig)?.clone();
+    for (name, path) in ports {
+        if *name != device.name {
+            return Err(RecordError::UnknownPort { name: name.clone(), device: device.name });
+        }
+        device.port.clone_from(path);
+    }
+    Ok(device)
+}
+
+#[cfg(unix)]
+fn record_simulated(
+    rig: &Rig,
+    args: &Args,
+    options: &Options,
+    report: &mut dyn FnMut(&Progress),
+) -> Result<Summary, AnyError> {
+    use crate::record::simulated::{Counts, Faults, SimulatedDevice};
+
+    let mut device = live_device(rig, &[])?;
+    let faults: Faults = args.faults.as_deref().map(str::parse).transpose()?.unwrap_or_default();
+    let counts = Counts::new(&simulated_test(rig, args)?, rig, &device)?;
+    if counts.clipped > 0 {
+        eprintln!("{} samples are outside the range of the device's counts: see scale and offset", counts.clipped);
+    }
+    let mut simulated = SimulatedDevice::open()?;
+    device.port = simulated.path().display().to_string();
+    let source = Source::open(&device)?;
+    simulated.start(counts, args.speed, faults)?;
+    let summary = session::record(rig, &device, &source, options, &STOP, report)?;
+    simulated.stop()?;
+    Ok(summary)
+}
+
+#[cfg(not(unix))]
+fn record_simulated(_: &Rig, _: &Args, _: &Options, _: &mut dyn FnMut(&Progress)) -> Result<Summary, AnyError> {
+    Err("--simulate needs pseudo-terminals, which this system does not have".into())
+}
+
+/// The test that a simulated device plays: the model's pressures at the sensors, with the settings of `--set`.
+#[cfg(unix)]
+fn simulated_test(rig: &Rig, args: &Args) -> Result<crate::record::simulated::Playback, AnyError> {
+    let settings: Vec<_> = args.set.iter().map(|(name, value)| format!("{name}={value}")).collect();
+    Err(format!("rig '{}' cannot be simulated yet (settings: {})", rig.name, settings.join(" ")).into())
+}
+
+/// Progress on standard error: one line that changes on a terminal, a line a second elsewhere.
+enum Reporter {
+    Bar(ProgressBar),
+    Lines,
+}
+
+impl Reporter {
+    fn new() -> Reporter {
+        if !stderr().is_terminal() {
+            return Reporter::Lines;
+        }
+        let style =
+            ProgressStyle::with_template("{spinner} {msg}").unwrap_or_else(|_| ProgressStyle::default_spinner());
+        Reporter::Bar(ProgressBar::new_spinner().with_style(style))
+    }
+
+    fn show(&self, progress: &Progress) {
+        let Progress { recorded_s, samples, gaps, samples_per_s } = progress;
+        let text = format!("{recorded_s:.1} s  {samples} samples  {gaps} gaps  {samples_per_s:.0} samples/s");
+        match self {
+            Reporter::Bar(bar) => {
+                bar.set_message(text);
+                bar.tick();
+            }
+            Reporter::Lines => eprintln!("{text}"),
+        }
+    }
+
+    fn clear(&self) {
+        if let Reporter::Bar(bar) = self {
+            bar.finish_and_clear();
+        }
+    }
+}
+
+/// What was recorded, for people.
+fn table(summary: &Summary) -> String {
+    let names = summary.sensors.iter().map(|s| &s.name).chain(summary.devices.iter().map(|d| &d.name));
+    let width = names.map(|name| name.chars().count()).max().unwrap_or(0).max("sensor".len());
+    let mut text = format!("{:.3} s recorded\n", summary.duration_s);
+    let _ = writeln!(text, "{:width$}  {:>10}  {:>10}", "sensor", "samples", "gaps");
+    for sensor in &summary.sensors {
+        let _ = writeln!(text, "{:width$}  {:>10}  {:>10}", sensor.name, sensor.samples, sensor.gaps);
+    }
+    if !summary.devices.is_empty() {
+        let _ =
+            writeln!(text, "{:width$}  {:>10}  {:>10}  {:>10}  {:>10}", "device", "frames", "bad", "lost", "repeated");
+    }
+    for device in &summary.devices {
+        let _ = writeln!(
+            text,
+            "{:width$}  {:>10}  {:>10}  {:>10}  {:>10}",
+            device.name, device.frames, device.bad_frames, device.lost_frames, device.duplicated_frames
+        );
+    }
+    if summary.data_lost {
+        text.push_str("Samples were lost on the way; each hole is kept as a gap.\n");
+    }
+    text
+}
+
+fn pair(text: &str) -> Result<(String, String), String> {
+    match text.split_once('=') {
+        Some((name, value)) if !name.is_empty() => Ok((name.to_owned(), value.to_owned())),
+        _ => Err("expected NAME=VALUE".to_owned()),
+    }
+}
+
+fn setting(text: &str) -> Result<(String, f64), String> {
+    let (name, value) = pair(text)?;
+    Ok((name, number(&value)?))
+}
+
+fn number(text: &str) -> Result<f64, String> {
+    text.parse().ok().filter(|value: &f64| value.is_finite()).ok_or_else(|| "expected a number".to_owned())
+}
+
+fn positive(text: &str) -> Result<f64, String> {
+    number(text).and_then(|value| if value > 0.0 { Ok(value) } else { Err("must be above 0".to_owned()) })
+}
+
+fn not_negative(text: &str) -> Result<f64, String> {
+    number(text).and_then(|value| if value >= 0.0 { Ok(value) } else { Err("must not be negative".to_owned()) })
+}

@@ -1,0 +1,66 @@
+//! What can go wrong while recording, as sentences for the one at the rig.
+
+use std::io;
+use std::path::PathBuf;
+
+use crate::log::LogError;
+
+/// Why nothing was, or no more could be, recorded.
+#[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)] // every variant says in its sentence what its fields are
+pub enum RecordError {
+    #[error("{} exists already; recordings are never overwritten: choose another name", .0.display())]
+    Exists(PathBuf),
+    #[error("the folder {} does not exist: create it, or write the recording elsewhere", .0.display())]
+    NoFolder(PathBuf),
+    #[error(
+        "no sensor of rig '{rig}' is wired to a device: give its sensors `device` and `channel`, and describe the device in [[device]]"
+    )]
+    NothingWired { rig: String },
+    #[error("the rig's sensors are wired to several devices ({}); this version records one", .0.join(", "))]
+    SeveralDevices(Vec<String>),
+    #[error("a sensor is wired to device '{0}', which the rig file does not describe: add a [[device]] of that name")]
+    UnknownDevice(String),
+    #[error("device '{device}' speaks {protocol}; this version records `frames` only")]
+    Protocol { device: String, protocol: &'static str },
+    #[error("--port names '{name}', but the device recorded is '{device}'")]
+    UnknownPort { name: String, device: String },
+    #[error(
+        "port {port} of device '{device}' does not exist: is it plugged in? Another one is given with --port {device}=PATH ({known})"
+    )]
+    PortMissing { device: String, port: String, known: String },
+    #[error(
+        "no permission to open port {port} of device '{device}': join the group that owns it (often `dialout`), then log in again"
+    )]
+    PortForbidden { device: String, port: String },
+    #[error("port {port} of device '{device}' is in use by another program: close that one first")]
+    PortBusy { device: String, port: String },
+    #[error("port {port} of device '{device}' cannot be opened at {baud} baud: {reason}")]
+    PortUnusable { device: String, port: String, baud: u32, reason: String },
+    #[error("the thread that reads device '{device}' cannot be started")]
+    Thread { device: String, source: io::Error },
+    #[error("device '{device}' sent nothing ({ended}): is it switched on and started, and is {port} its port?")]
+    Silent { device: String, port: String, ended: String },
+    #[error(
+        "device '{device}' sent {bytes} bytes but no valid frame ({ended}): check the baud rate ({baud} in the rig file) and that it speaks `frames`"
+    )]
+    NoFrame { device: String, bytes: u64, baud: u32, ended: String },
+    #[error("sensor '{sensor}' is wired to channel {channel} of device '{device}', which sends {channels} channels (0 to {})", channels - 1)]
+    NoChannel { sensor: String, channel: u16, device: String, channels: u8 },
+    #[error("{0} has no samples to play")]
+    NothingToPlay(String),
+    #[error("{0} does not say what its columns are: give the rig with --rig")]
+    CsvWithoutRig(String),
+    #[error("{recording} cannot be played on rig '{rig}': {reason}")]
+    OtherRig { recording: String, rig: String, reason: String },
+    #[error("the simulated device cannot play this: {0}")]
+    Playback(String),
+    #[error("no pseudo-terminal can be made for the simulated device")]
+    Pseudoterminal(#[source] io::Error),
+    #[error("the recording cannot be started")]
+    Start(#[source] LogError),
+    #[error("the recording could not be written on; what was recorded until then is in {}: make it whole with `surgescope recover {} -o WHOLE.mcap`", .file.display(), .file.display())]
+    Write { file: PathBuf, source: LogError },
+    #[error(transparent)]
+    Read(LogError),
+}

@@ -1,0 +1,290 @@
+//! The `frames` wire protocol: bytes to frames and back, without any I/O.
+//!
+//! A frame is COBS-encoded and ended by a zero byte. Inside, little endian: u8 version (1), u8 channels n, u16 sequence
+//! (wraps), u64 device time of the first sample (µs), u32 sample period (ns), u16 samples m, m × n i16 interleaved by
+//! channel, u16 CRC-16/IBM-3740 over all before it.
+
+use crc::{CRC_16_IBM_3740, Crc};
+
+const VERSION: u8 = 1;
+const HEADER: usize = 18;
+const CRC_BYTES: usize = 2;
+const CRC: Crc<u16> = Crc::<u16>::new(&CRC_16_IBM_3740);
+
+/// Longest encoded frame taken, bytes. A stream without a zero for longer than this is no `frames` stream.
+pub const MAX_ENCODED: usize = 1 << 20;
+
+/// Device times beyond this, µs (146 000 years), would not fit the recording's i64 nanoseconds.
+const MAX_DEVICE_US: u64 = (i64::MAX / 2000) as u64;
+
+/// So many consecutive frames from the past, in sequence among themselves, are a device that restarted.
+const RESTART_FRAMES: u32 = 3;
+
+/// One frame: `samples()` samples of each of `channels()` channels, `period_ns()` apart.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Frame {
+    sequence: u16,
+    first_us: u64,
+    period_ns: u32,
+    channels: u8,
+    counts: Vec<i16>,
+}
+
+impl Frame {
+    /// A frame of `counts` interleaved by channel; `None` where the wire format cannot hold it (no channels, a ragged or
+    /// too long block, a period of 0, a time beyond what a recording can hold).
+    pub fn new(sequence: u16, first_us: u64, period_ns: u32, channels: u8, counts: Vec<i16>) -> Option<Frame> {
+        let width = usize::from(channels);
+        let whole = width > 0 && counts.len().is_multiple_of(width) && counts.len() / width <= usize::from(u16::MAX);
+        let encoded = HEADER + 2 * counts.len() + CRC_BYTES;
+        let fits = cobs::max_encoding_length(encoded) <= MAX_ENCODED;
+        (whole && fits && period_ns > 0 && first_us <= MAX_DEVICE_US).then_some(Frame {
+            sequence,
+            first_us,
+            period_ns,
+            channels,
+            counts,
+        })
+    }
+
+    /// Sequence number of the frame; wraps after 65535.
+    pub fn sequence(&self) -> u16 {
+        self.sequence
+    }
+
+    /// Device time of the first sample, µs since the device started.
+    pub fn first_us(&self) -> u64 {
+        self.first_us
+    }
+
+    /// Time between samples of a channel, ns; never 0.
+    pub fn period_ns(&self) -> u32 {
+        self.period_ns
+    }
+
+    /// Number of channels; never 0.
+    pub fn channels(&self) -> u8 {
+        self.channels
+    }
+
+    /// Number of samples of each channel.
+    pub fn samples(&self) -> usize {
+        self.counts.len() / usize::from(self.channels)
+    }
+
+    /// The counts of one channel, in time order; empty for a channel that the frame does not have.
+    pub fn channel(&self, channel: usize) -> impl Iterator<Item = i16> + '_ {
+        let width = usize::from(self.channels);
+        let skip = if channel < width { channel } else { self.counts.len() };
+        self.counts.iter().skip(skip).step_by(width).copied()
+    }
+
+    /// The bytes on the wire, with the closing zero.
+    pub fn encode(&self) -> Vec<u8> {
+        let mut raw = Vec::with_capacity(HEADER + 2 * self.counts.len() + CRC_BYTES);
+        raw.extend([VERSION, self.channels]);
+        raw.extend(self.sequence.to_le_bytes());
+        raw.extend(self.first_us.to_le_bytes());
+        raw.extend(self.period_ns.to_le_bytes());
+        raw.extend((self.samples() as u16).to_le_bytes());
+        raw.extend(self.counts.iter().flat_map(|count| count.to_le_bytes()));
+        raw.extend(CRC.checksum(&raw).to_le_bytes());
+        let mut encoded = cobs::encode_vec(&raw);
+        encoded.push(0);
+        encoded
+    }
+}
+
+/// What became of the bytes between two zeros.
+enum Parsed {
+    Good(Frame),
+    /// A frame's header with its length right, but the wrong CRC or an impossible value.
+    Damaged,
+    /// Not even the length of a frame: damaged, or joined in its middle.
+    Fragment,
+}
+
+fn parse(encoded: &[u8]) -> Parsed {
+    let Ok(raw) = cobs::decode_vec(encoded) else { return Parsed::Fragment };
+    match parse_raw(&raw) {
+        None => Parsed::Fragment,
+        Some(None) => Parsed::Damaged,
+        Some(Some(frame)) => Parsed::Good(frame),
+    }
+}
+
+/// `None` where the bytes do not have the shape of a frame, `Some(None)` where they have it but are damaged.
+fn parse_raw(raw: &[u8]) -> Option<Option<Frame>> {
+    let (body, crc) = raw.split_last_chunk::<CRC_BYTES>()?;
+    let (&[version, channels], rest) = body.split_first_chunk()?;
+    let (sequence, rest) = rest.split_first_chunk()?;
+    let (first_us, rest) = rest.split_first_chunk()?;
+    let (period_ns, rest) = rest.split_first_chunk()?;
+    let (samples, data) = rest.split_first_chunk()?;
+    let counts = usize::from(u16::from_le_bytes(*samples)) * usize::from(channels);
+    if version != VERSION || data.len() != 2 * counts {
+        return None;
+    }
+    if CRC.checksum(body) != u16::from_le_bytes(*crc) {
+        return Some(None);
+    }
+    let counts = data.chunks_exact(2).map(|b| i16::from_le_bytes([b[0], b[1]])).collect();
+    Some(Frame::new(
+        u16::from_le_bytes(*sequence),
+        u64::from_le_bytes(*first_us),
+        u32::from_le_bytes(*period_ns),
+        channels,
+        counts,
+    ))
+}
+
+/// What the decoder hands on.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Event {
+    /// A whole frame with at least one sample, later than the one before it.
+    Frame {
+        /// The frame.
+        frame: Frame,
+        /// How many frames are missing before it, by its sequence number.
+        lost_before: u32,
+    },
+    /// The device started again: its clock and its sequence began anew, and what follows cannot be placed in time.
+    Restarted,
+}
+
+/// What the decoder has seen.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct FrameCounts {
+    /// Frames taken.
+    pub frames: u64,
+    /// Pieces between zeros that were no valid frame (COBS, version, length, CRC).
+    pub bad: u64,
+    /// Frames missing by the jumps of the sequence; a bad frame is missing too.
+    pub lost: u64,
+    /// Frames that came again, or late; dropped.
+    pub duplicated: u64,
+}
+
+/// Incremental decoder: takes bytes in any split, finds the frames. Memory stays below [`MAX_ENCODED`].
+#[derive(Debug, Default)]
+pub struct Decoder {
+    pending: Vec<u8>,
+    /// The rest of an overlong piece is thrown away up to the next zero.
+    skipping: bool,
+    /// The first zero was seen; what stood before it may be the rest of a frame that began before we listened.
+    aligned: bool,
+    last: Option<Last>,
+    /// The last frame from the past: its sequence, and how many in a row there were.
+    stale: Option<(u16, u32)>,
+    /// Frames missing since the last one handed on.
+    lost_before: u32,
+    counts: FrameCounts,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Last {
+    sequence: u16,
+    first_us: u64,
+}
+
+impl Decoder {
+    /// A decoder at the start of a stream.
+    pub fn new() -> Decoder {
+        Decoder::default()
+    }
+
+    /// What was seen so far.
+    pub fn counts(&self) -> FrameCounts {
+        self.counts
+    }
+
+    /// Takes the next bytes of the stream and appends what they complete to `events`.
+    pub fn feed(&mut self, bytes: &[u8], events: &mut Vec<Event>) {
+        let mut pieces = bytes.split(|&byte| byte == 0);
+        let tail = pieces.next_back().unwrap_or_default();
+        for piece in pieces {
+            self.keep(piece);
+            self.end_of_piece(events);
+        }
+        self.keep(tail);
+    }
+
+    /// The stream has ended for good: a frame cut off by it is a bad one.
+    pub fn finish(&mut self) {
+        if self.aligned && (self.skipping || !self.pending.is_empty()) {
+            self.counts.bad += 1;
+        }
+        self.pending.clear();
+        self.skipping = false;
+    }
+
+    fn keep(&mut self, piece: &[u8]) {
+        if self.skipping {
+            return;
+        }
+        if self.pending.len() + piece.len() > MAX_ENCODED {
+            self.skipping = true;
+            self.pending.clear();
+            return;
+        }
+        self.pending.extend_from_slice(piece);
+    }
+
+    fn end_of_piece(&mut self, events: &mut Vec<Event>) {
+        let first = !std::mem::replace(&mut self.aligned, true);
+        if std::mem::take(&mut self.skipping) {
+            self.counts.bad += 1;
+        } else if !self.pending.is_empty() {
+            match parse(&self.pending) {
+                Parsed::Good(frame) => self.accept(frame, events),
+                Parsed::Fragment if first => {}
+                Parsed::Damaged | Parsed::Fragment => self.counts.bad += 1,
+            }
+        }
+        self.pending.clear();
+    }
+
+    /// Puts a valid frame in its place behind the last one, or drops it as one seen before.
+    fn accept(&mut self, frame: Frame, events: &mut Vec<Event>) {
+        let mut lost_before = 0;
+        if let Some(last) = self.last {
+            let step = frame.sequence.wrapping_sub(last.sequence);
+            if step == 0 || frame.first_us <= last.first_us {
+                self.stale(&frame, step == 0, events);
+                return;
+            }
+            lost_before = step - 1;
+        }
+        self.stale = None;
+        self.counts.frames += 1;
+        self.counts.lost += u64::from(lost_before);
+        self.lost_before += u32::from(lost_before);
+        if frame.samples() == 0 {
+            // A sign of life: it has a sequence number, but no sample that its time would be of.
+            let first_us = self.last.map_or(frame.first_us.saturating_sub(1), |last| last.first_us);
+            self.last = Some(Last { sequence: frame.sequence, first_us });
+            return;
+        }
+        self.last = Some(Last { sequence: frame.sequence, first_us: frame.first_us });
+        events.push(Event::Frame { frame, lost_before: std::mem::take(&mut self.lost_before) });
+    }
+
+    fn stale(&mut self, frame: &Frame, repeated: bool, events: &mut Vec<Event>) {
+        self.counts.duplicated += 1;
+        if repeated {
+            return;
+        }
+        let run = match self.stale {
+            Some((before, run)) if frame.sequence == before.wrapping_add(1) => run + 1,
+            _ => 1,
+        };
+        self.stale = Some((frame.sequence, run));
+        if run == RESTART_FRAMES {
+            events.push(Event::Restarted);
+        }
+    }
+}
+
+#[cfg(test)]
+#[path = "frames_tests.rs"]
+mod tests;

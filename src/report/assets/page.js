@@ -1,0 +1,197 @@
+// Turns each sensor's data into two charts with one time axis: head above, measured - model below.
+"use strict";
+(() => {
+  const data = JSON.parse(document.getElementById("data").textContent);
+  const css = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+  const DASHES = [[], [7, 4], [2, 3], [9, 3, 2, 3], [12, 5]];
+  const FONT = "12px system-ui, -apple-system, 'Segoe UI', Roboto, sans-serif";
+  const narrow = () => window.innerWidth < 640;
+  const charts = [];
+
+  const digits = (step) => Math.max(0, Math.min(9, Math.ceil(-Math.log10(step) - 1e-9)));
+  const fixed = (v, n) => (v == null ? "–" : v.toFixed(n).replace("-", "\u2212"));
+  const labels = (u, splits, axis, space, step) => splits.map((v) => fixed(v, digits(step)).replace(/^\u2212(0(\.0+)?)$/, "$1"));
+
+  // The index of the nearest sample that a series has, since overlays bring times of their own; none where it has ended.
+  const nearest = (u, series, at, x) => {
+    const ys = u.data[series], xs = u.data[0];
+    if (ys[at] !== undefined) return at;
+    let a = at, b = at;
+    while (a > 0 && ys[a] === undefined) a--;
+    while (b < xs.length - 1 && ys[b] === undefined) b++;
+    const best = ys[a] === undefined || (ys[b] !== undefined && xs[b] - x < x - xs[a]) ? b : a;
+    return Math.abs(u.valToPos(xs[best], "x") - u.valToPos(x, "x")) < 20 ? best : null;
+  };
+
+  const axes = (label) => [
+    { stroke: () => css("--soft"), grid: { stroke: () => css("--grid"), width: 1 }, ticks: { stroke: () => css("--rule"), size: 5 },
+      font: FONT, values: labels, space: 70, size: 28, gap: 4,
+      ...(label ? { label, labelFont: FONT, labelSize: 20, labelGap: 0 } : {}) },
+    { stroke: () => css("--soft"), grid: { stroke: () => css("--grid"), width: 1 }, ticks: { stroke: () => css("--rule"), size: 5 },
+      font: FONT, values: labels, size: 58, space: 32, gap: 4 },
+  ];
+
+  function swatch(s) {
+    const mark = s.points
+      ? `<circle cx="13" cy="6" r="3" fill="var(${s.colour})"/>`
+      : `<path d="M0 6h26" stroke="var(${s.colour})" stroke-width="${Math.max(2, s.width)}" stroke-dasharray="${s.dash.join(" ")}"/>`;
+    return `<svg width="26" height="12" aria-hidden="true">${mark}</svg>`;
+  }
+
+  // One button a series; pressed means shown. Values follow the cursor.
+  function legend(element, chart, series, decimals) {
+    const values = series.map((s, i) => {
+      const button = document.createElement("button");
+      button.type = "button";
+      button.setAttribute("aria-pressed", s.show);
+      button.innerHTML = swatch(s);
+      button.append(s.label);
+      const value = button.appendChild(document.createElement("output"));
+      button.addEventListener("click", () => {
+        const show = !chart.series[i + 1].show;
+        button.setAttribute("aria-pressed", show);
+        chart.setSeries(i + 1, { show });
+      });
+      element.append(button);
+      return value;
+    });
+    return () => values.forEach((value, i) => {
+      const at = chart.cursor.idxs && chart.cursor.idxs[i + 1];
+      const v = at == null ? null : chart.data[i + 1][at];
+      value.textContent = v == null ? "" : fixed(v, decimals) + " m";
+    });
+  }
+
+  function plot(element, legendElement, points, series, options) {
+    const height = () => (narrow() ? options.low : options.high);
+    let refresh = () => {};
+    const chart = new uPlot({
+      width: element.clientWidth, height: height(), pxAlign: 0,
+      legend: { show: false },
+      padding: [10, 12, 0, 0],
+      scales: { x: { time: false }, y: { range: options.range } },
+      axes: axes(options.xLabel),
+      cursor: {
+        sync: { key: options.key, filters: { pub: (type) => type === "mousemove" || type === "mouseleave" } },
+        drag: { x: true, y: false, dist: 5 },
+        bind: { dblclick: () => () => { options.reset(); return null; } },
+        dataIdx: nearest,
+        points: { size: 7 },
+      },
+      series: [{}, ...series.map((s) => ({
+        label: s.label, show: s.show, width: s.width, dash: s.dash.length ? s.dash : undefined,
+        stroke: () => css(s.colour), paths: s.points ? () => null : undefined,
+        points: s.points ? { show: true, size: 5, fill: () => css(s.colour), width: 0 } : { show: false },
+      }))],
+      hooks: {
+        setCursor: [() => refresh()],
+        setScale: [(u, key) => key === "x" && options.zoomed(u)],
+        draw: [(u) => options.over && options.over(u)],
+      },
+    }, points, element);
+    refresh = legend(legendElement, chart, series, options.decimals);
+    element.chart = chart;
+    new ResizeObserver(() => {
+      if (element.clientWidth > 0) chart.setSize({ width: element.clientWidth, height: height() });
+    }).observe(element);
+    charts.push(chart);
+    return chart;
+  }
+
+  // Lines at two standard deviations of the noise: a perfect model's residual stays between them 19 times out of 20.
+  const limits = (noise) => (u) => {
+    if (!(noise > 0)) return;
+    const { left, width, top, height } = u.bbox, scale = uPlot.pxRatio;
+    u.ctx.save();
+    u.ctx.strokeStyle = css("--text");
+    u.ctx.lineWidth = 1.25 * scale;
+    u.ctx.setLineDash([5 * scale, 4 * scale]);
+    for (const level of [2 * noise, -2 * noise]) {
+      const y = u.valToPos(level, "y", true);
+      if (y < top || y > top + height) continue;
+      u.ctx.beginPath();
+      u.ctx.moveTo(left, y);
+      u.ctx.lineTo(left + width, y);
+      u.ctx.stroke();
+    }
+    u.ctx.restore();
+  };
+
+  function build(live) {
+    const index = live.dataset.panel, p = data.panels[index];
+    live.hidden = false;
+    const stage = (s, show, width) => ({ label: s.title, colour: `--s${s.colour}`, dash: DASHES[s.colour], width, show });
+    const head = [{ label: "measured", colour: "--measured", dash: [], width: 3, show: true },
+      ...data.stages.map((s) => stage(s, true, 1.5)),
+      ...p.overlays.map((o) => ({ label: o.label, colour: "--overlay", dash: [], width: 0, show: true, points: true }))];
+    const rest = data.stages.map((s, i) => stage(s, p.residual_shown[i], 1));
+    let headPoints = [p.x, p.measured, ...p.models];
+    if (p.overlays.length) headPoints = uPlot.join([headPoints, ...p.overlays.map((o) => [o.x, o.y])]);
+    const restPoints = [p.x, ...p.models.map((m) => m.map((v, k) => (v == null || p.measured[k] == null ? null : p.measured[k] - v)))];
+
+    const full = { min: headPoints[0][0], max: headPoints[0][headPoints[0].length - 1] };
+    if (!(full.max > full.min)) full.max = full.min + 1;
+    const pair = [];
+    const show = (range) => pair.forEach((u) => u.setScale("x", range));
+    const zoomed = (u) => {
+      const { min, max } = u.scales.x;
+      for (const other of pair) {
+        if (other !== u && (other.scales.x.min !== min || other.scales.x.max !== max)) other.setScale("x", { min, max });
+      }
+    };
+    const shared = { key: `panel-${index}`, zoomed, reset: () => show(full) };
+    const clear = Number.isFinite(p.noise) && p.noise > 0 ? Math.min(6, digits(p.noise) + 1) : 3;
+    const element = (name) => live.querySelector(name);
+    pair.push(plot(element(".plot.head"), element('.legend[data-of="head"]'), headPoints, head,
+      { ...shared, high: 320, low: 250, decimals: Math.max(0, clear - 1), range: (u, min, max) => padded(min, max) }));
+    pair.push(plot(element(".plot.residual"), element('.legend[data-of="residual"]'), restPoints, rest,
+      { ...shared, high: 220, low: 190, decimals: clear, over: limits(p.noise), xLabel: "time after the start of the closure, s",
+        range: (u, min, max) => padded(Math.min(min ?? 0, -2.5 * (p.noise || 0)), Math.max(max ?? 0, 2.5 * (p.noise || 0))) }));
+    show(full);
+
+    if (p.noise > 0) {
+      const key = element('.legend[data-of="residual"]').appendChild(document.createElement("span"));
+      key.className = "key";
+      key.innerHTML = swatch({ colour: "--text", width: 1, dash: [5, 4] });
+      key.append("\u00b12 × noise");
+    }
+    const time = element('.legend[data-of="head"]').appendChild(document.createElement("span"));
+    time.className = "time";
+    pair[0].hooks.setCursor.push((u) => {
+      time.textContent = u.cursor.left >= 0 ? `t = ${fixed(u.posToVal(u.cursor.left, "x"), 4)} s` : "";
+    });
+    // The same by buttons, for keyboards and touch screens.
+    const move = (factor, shift) => () => {
+      const { min, max } = pair[0].scales.x, width = Math.min(full.max - full.min, (max - min) * factor);
+      let from = (min + max) / 2 - width / 2 + shift * (max - min);
+      from = Math.max(full.min, Math.min(full.max - width, from));
+      show({ min: from, max: from + width });
+    };
+    for (const [text, name, act] of [["\u2039", "Earlier", move(1, -0.4)], ["\u203a", "Later", move(1, 0.4)],
+      ["\u2212", "Zoom out", move(2, 0)], ["+", "Zoom in", move(0.5, 0)], ["All", "Whole record", shared.reset]]) {
+      const button = document.createElement("button");
+      button.type = "button";
+      button.textContent = text;
+      button.title = name;
+      button.setAttribute("aria-label", name);
+      button.addEventListener("click", act);
+      element(".buttons").append(button);
+    }
+  }
+
+  function padded(min, max) {
+    if (!Number.isFinite(min) || !Number.isFinite(max)) return [0, 1];
+    const pad = max > min ? 0.06 * (max - min) : Math.abs(max) * 0.05 || 1;
+    return [min - pad, max + pad];
+  }
+
+  for (const live of document.querySelectorAll(".live")) {
+    try {
+      build(live);
+    } catch (error) {
+      live.hidden = true; // the still picture stays
+      console.error(error);
+    }
+  }
+  window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => charts.forEach((u) => u.redraw(false, true)));
+})();

@@ -1,0 +1,181 @@
+//! One self-contained HTML page of a calibration: no network, light and dark, readable in print and without scripts.
+
+mod data;
+mod parameters;
+mod rig;
+mod sensor;
+mod stages;
+
+use std::fmt::Write;
+
+use crate::report::curves::{BUCKETS, Curves, find};
+use crate::report::escape::{escape, json_in_script};
+use crate::report::summary::{self, Closeness};
+use crate::report::{Overlay, Stage};
+use crate::rig::Rig;
+
+/// What a page is about.
+#[derive(Debug, Clone)]
+pub struct Page<'a> {
+    /// Heading of the page.
+    pub title: String,
+    /// The rig the runs were made on.
+    pub rig: &'a Rig,
+    /// The models in the order in which they were tried; the last one is the result.
+    pub stages: Vec<Stage<'a>>,
+    /// Curves from elsewhere.
+    pub overlays: Vec<Overlay>,
+}
+
+const CSS: &str = include_str!("assets/page.css");
+const JS: &str = include_str!("assets/page.js");
+const UPLOT_JS: &str = include_str!("assets/uplot/uPlot.iife.min.js");
+const UPLOT_LICENCE: &str = include_str!("assets/uplot/LICENSE");
+const UPLOT_CSS: &str = include_str!("assets/uplot/uPlot.min.css");
+
+/// The page as one HTML document.
+///
+/// Never fails: without stages or sensors the page says so; numbers that are not finite are left out of the curves.
+pub fn html(page: &Page) -> String {
+    let panels = panels(page);
+    let title = escape(&page.title);
+    let (mark, class) = match page.stages.last().map_or(Closeness::Unknown, |s| summary::judge(s.fit)) {
+        Closeness::Noise => ("✓", "good"),
+        Closeness::Near => ("≈", "near"),
+        Closeness::Missing => ("✗", "missing"),
+        Closeness::Unknown => ("?", "unknown"),
+    };
+    let mut out = format!(
+        r#"<!doctype html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<meta name="color-scheme" content="light dark">
+<meta name="generator" content="surgescope {version}">
+<meta http-equiv="Content-Security-Policy" content="default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:">
+<title>{title}</title>
+<style>{UPLOT_CSS}
+{CSS}</style>
+</head>
+<body>
+<main>
+<header>
+<p class="kicker">surgescope calibration report</p>
+<h1>{title}</h1>
+<p class="verdict {class}"><span class="mark" aria-hidden="true">{mark}</span> <span>{verdict}</span></p>
+</header>
+"#,
+        version = env!("CARGO_PKG_VERSION"),
+        verdict = escape(&summary::verdict(&page.stages)),
+    );
+    out.push_str(&stages::staircase(&page.stages));
+    sensors(&mut out, page, &panels);
+    out.push_str(&parameters::section(&page.stages));
+    out.push_str(&stages::computation(&page.stages));
+    out.push_str(&rig::section(page.rig));
+    let _ = write!(
+        out,
+        r#"<footer>Written by surgescope {}. The page holds its own data and needs no network. Charts: uPlot (MIT licence).</footer>
+</main>
+"#,
+        env!("CARGO_PKG_VERSION")
+    );
+    if !panels.is_empty() {
+        let data = json_in_script(&data::json(&page.stages, &panels));
+        let _ = write!(
+            out,
+            "<script type=\"application/json\" id=\"data\">{data}</script>\n<script>/*!\n{UPLOT_LICENCE}*/\n{UPLOT_JS}</script>\n<script>{JS}</script>\n"
+        );
+    }
+    out.push_str("</body>\n</html>\n");
+    out
+}
+
+/// What one sensor in one run shows.
+struct Panel<'a> {
+    /// The last stage's fit of it, whose numbers the text gives.
+    fit: &'a crate::fit::outcome::SensorFit,
+    file: &'a str,
+    curves: Curves,
+    overlays: Vec<&'a Overlay>,
+    /// Stages whose residual is shown from the start: the last, and those not so much larger that it would vanish.
+    residual_shown: Vec<bool>,
+}
+
+/// A residual this many times the last stage's is left out until the reader asks for it.
+const DWARFS: f64 = 4.0;
+
+fn panels<'a>(page: &'a Page) -> Vec<Panel<'a>> {
+    let Some(last) = page.stages.last() else { return Vec::new() };
+    let mut panels = Vec::new();
+    for run in &last.fit.runs {
+        for fit in &run.sensors {
+            let Some(curves) = Curves::of(&page.stages, &run.file, &fit.name, BUCKETS) else { continue };
+            let residual_shown = page.stages.iter().enumerate().map(|(i, stage)| {
+                let rmse_m = find(stage.fit, &run.file, &fit.name).map_or(f64::INFINITY, |s| s.rmse_m);
+                i + 1 == page.stages.len() || rmse_m <= DWARFS * fit.rmse_m
+            });
+            panels.push(Panel {
+                fit,
+                file: &run.file,
+                residual_shown: residual_shown.collect(),
+                curves,
+                overlays: page.overlays.iter().filter(|o| o.sensor == fit.name).collect(),
+            });
+        }
+    }
+    panels
+}
+
+fn sensors(out: &mut String, page: &Page, panels: &[Panel]) {
+    let Some(last) = page.stages.last() else { return };
+    if panels.is_empty() {
+        out.push_str("<section><h2>Measurement and model</h2><p>No pressure sensor was calibrated.</p></section>\n");
+        return;
+    }
+    out.push_str("<h2>Measurement and model</h2>\n");
+    if panels.len() > 1 {
+        out.push_str(r#"<nav aria-label="Sensors"><ul>"#);
+        for (i, panel) in panels.iter().enumerate() {
+            let run = if last.fit.runs.len() > 1 { format!(" · {}", escape(panel.file)) } else { String::new() };
+            let _ = write!(out, r##"<li><a href="#sensor-{i}">{}{run}</a></li>"##, escape(&panel.fit.name));
+        }
+        out.push_str("</ul></nav>\n");
+    }
+    for (i, panel) in panels.iter().enumerate() {
+        out.push_str(&sensor::section(i, panel, &page.stages));
+    }
+}
+
+/// Number of the colour of a stage: the result is always 0; those before it take 1 to 4 in turn.
+fn colour(stage: usize, stages: usize) -> usize {
+    if stage + 1 == stages { 0 } else { 1 + stage % 4 }
+}
+
+/// A table whose columns after the first `text_columns` hold numbers; cells are HTML.
+fn table(caption: &str, headings: &[&str], text_columns: usize, rows: impl Iterator<Item = Vec<String>>) -> String {
+    let mut out = format!(
+        r#"<div class="scroll" tabindex="0" role="region" aria-label="{0}"><table><caption class="hidden">{0}</caption><thead><tr>"#,
+        escape(caption)
+    );
+    let class = |column: usize| if column < text_columns { "" } else { r#" class="number""# };
+    for (column, heading) in headings.iter().enumerate() {
+        let _ = write!(out, r#"<th scope="col"{}>{heading}</th>"#, class(column));
+    }
+    out.push_str("</tr></thead><tbody>\n");
+    for row in rows {
+        out.push_str("<tr>");
+        for (column, cell) in row.iter().enumerate() {
+            let _ = write!(out, "<td{}>{cell}</td>", class(column));
+        }
+        out.push_str("</tr>\n");
+    }
+    out.push_str("</tbody></table></div>\n");
+    out
+}
+
+/// A number with a true minus sign.
+fn minus(text: &str) -> String {
+    text.replace('-', "−")
+}

@@ -1,0 +1,50 @@
+//! What was fitted, with its uncertainty and its meaning.
+
+use super::{minus, table};
+use crate::fit::outcome::Fit;
+use crate::report::escape::escape;
+use crate::report::number::with_error;
+use crate::report::{Stage, explain};
+
+pub(super) fn section(stages: &[Stage]) -> String {
+    let Some((last, earlier)) = stages.split_last() else { return String::new() };
+    let mut out = format!(
+        "<section><h2>Parameters</h2>\n{}<p class=\"note\">395.1(4) stands for 395.1 ± 0.4, one standard error in the last digits. At a bound the standard error means little: the data pull the value beyond what is allowed.</p>\n",
+        of(last.fit, &last.title)
+    );
+    for stage in earlier {
+        out.push_str(&format!(
+            "<details><summary>Parameters of: {}</summary>\n{}</details>\n",
+            escape(&stage.title),
+            of(stage.fit, &stage.title)
+        ));
+    }
+    out.push_str("</section>\n");
+    out
+}
+
+fn of(fit: &Fit, title: &str) -> String {
+    if fit.parameters.is_empty() {
+        return "<p>Nothing was fitted.</p>\n".into();
+    }
+    let per_run = fit.parameters.iter().any(|p| p.run.is_some());
+    let rows = fit.parameters.iter().map(|p| {
+        let flag = if p.at_bound { r#" <span class="flag">at its bound</span>"# } else { "" };
+        let mut row = vec![
+            format!("<code>{}</code>", escape(&p.name)),
+            format!(
+                "<span class=\"nowrap\">{} {}</span>{flag}",
+                minus(&with_error(p.value, p.standard_error)),
+                escape(p.unit)
+            ),
+            format!("<span class=\"prose\">{}</span>", explain::parameter(&p.name)),
+        ];
+        if per_run {
+            row.insert(1, p.run.as_deref().map_or("all".into(), escape));
+        }
+        row
+    });
+    let headings: &[&str] =
+        if per_run { &["parameter", "run", "value", "meaning"] } else { &["parameter", "value", "meaning"] };
+    table(&format!("Parameters of {title}"), headings, headings.len(), rows)
+}

@@ -1,0 +1,130 @@
+//! One sensor of one run: charts for the script, the same as still pictures, and the table of extrema.
+
+use std::fmt::Write;
+
+use super::{Panel, colour, minus, table};
+use crate::fit::outcome::ExtremumError;
+use crate::report::Stage;
+use crate::report::curves::{BUCKETS, Curves, find};
+use crate::report::escape::escape;
+use crate::report::number::{decimals_for, error_m, fixed, signed, significant, times_noise};
+use crate::report::svg::{LineChart, Series, Style};
+
+const X_LABEL: &str = "time after the start of the closure, s";
+const HEAD_LABEL: &str = "head, m";
+const RESIDUAL_LABEL: &str = "measured − model, m";
+/// Stretches of a still picture: about one a pixel.
+const STILL_BUCKETS: usize = 420;
+
+pub(super) fn section(index: usize, panel: &Panel, stages: &[Stage]) -> String {
+    let fit = panel.fit;
+    let name = escape(&fit.name);
+    let mut out = format!(
+        r#"<section class="sensor" id="sensor-{index}"><h3>{name} <small>{} m from the supply · {}</small></h3>
+<p class="facts">{}</p>
+<div class="live" data-panel="{index}" hidden>
+<div class="tools"><span class="hint">Drag to zoom, double-click to see all.</span><span class="buttons"></span></div>
+<h4>Head, m</h4><div class="legend" data-of="head"></div><div class="plot head" role="img" aria-label="Measured and modelled head at {name} over time"></div>
+<h4>Measured − model, m</h4><div class="legend" data-of="residual"></div><div class="plot residual" role="img" aria-label="Measured minus modelled head at {name} over time"></div>
+</div>
+<div class="still">
+"#,
+        significant(fit.position_m, 4),
+        escape(panel.file),
+        facts(panel, stages),
+    );
+    out.push_str(&still(panel, stages));
+    out.push_str("</div>\n");
+    let c = &panel.curves;
+    if c.decimated {
+        let _ = writeln!(
+            out,
+            r#"<p class="note">{} of {} samples are drawn: the trace is cut into {BUCKETS} equal stretches, and of each the lowest and the highest point of every curve and residual is kept, so no peak is lost. Errors and tables use all samples.</p>"#,
+            c.time_s.len(),
+            c.samples
+        );
+    }
+    out.push_str(&extrema(&fit.extrema, fit.noise_m, &fit.name));
+    out.push_str("</section>\n");
+    out
+}
+
+fn facts(panel: &Panel, stages: &[Stage]) -> String {
+    let fit = panel.fit;
+    let before = stages.first().filter(|_| stages.len() > 1).and_then(|s| find(s.fit, panel.file, &fit.name));
+    let before = before.map_or(String::new(), |s| format!("{} m → ", error_m(s.rmse_m)));
+    format!(
+        "RMSE {before}<strong>{} m</strong> · noise {} m · {}",
+        error_m(fit.rmse_m),
+        error_m(fit.noise_m),
+        times_noise(fit.rmse_m, fit.noise_m)
+    )
+}
+
+/// Head and residual as still pictures.
+fn still(panel: &Panel, stages: &[Stage]) -> String {
+    let c = &panel.curves;
+    let style = |i: usize| Style::line(colour(i, stages.len()));
+    let mut head = vec![line("measured", c, &c.measured_m, Style::measured())];
+    let mut residual = Vec::new();
+    for (i, (stage, (model, rest))) in stages.iter().zip(c.models_m.iter().zip(&c.residuals_m())).enumerate() {
+        head.push(line(&stage.title, c, model, style(i)));
+        if panel.residual_shown.get(i).copied().unwrap_or(true) {
+            residual.push(line(&stage.title, c, rest, style(i)));
+        }
+    }
+    for overlay in &panel.overlays {
+        let points = overlay.time_s.iter().copied().zip(overlay.head_m.iter().copied()).collect();
+        head.push(Series {
+            label: overlay.label.clone(),
+            points,
+            style: Style { class: "overlay", ..Style::points(3) },
+        });
+    }
+    if let (Some(&from), Some(&to), true) = (c.time_s.first(), c.time_s.last(), panel.fit.noise_m > 0.0) {
+        let (level, gap) = (2.0 * panel.fit.noise_m, f64::NAN);
+        let points = vec![(from, level), (to, level), (gap, gap), (from, -level), (to, -level)];
+        let style = Style { class: "limit", colour: "#222", dash: "5 4", width: 1.5, points: false };
+        residual.push(Series { label: "±2 × noise".into(), points, style });
+    }
+    let chart = |y_label: &str, series| LineChart {
+        title: String::new(),
+        x_label: X_LABEL.into(),
+        y_label: y_label.into(),
+        series,
+        log_y: false,
+    };
+    chart(HEAD_LABEL, head).to_svg(900.0, 330.0) + &chart(RESIDUAL_LABEL, residual).to_svg(900.0, 220.0)
+}
+
+fn line(label: &str, curves: &Curves, values: &[f64], style: Style) -> Series {
+    let kept = crate::report::decimate::keep(&[values], values.len(), STILL_BUCKETS);
+    let points = kept.iter().filter_map(|&i| Some((*curves.time_s.get(i)?, *values.get(i)?))).collect();
+    Series { label: label.into(), points, style }
+}
+
+fn extrema(extrema: &[ExtremumError], noise_m: f64, sensor: &str) -> String {
+    if extrema.is_empty() {
+        return "<p class=\"note\">No peaks or troughs were found in this trace.</p>\n".into();
+    }
+    let decimals = decimals_for(noise_m);
+    let rows = extrema.iter().map(|e| {
+        let error = e.model_m - e.measured_m;
+        vec![
+            format!("<span class=\"nowrap\">{} {}</span>", e.cycle, if e.peak { "peak" } else { "trough" }),
+            fixed(e.time_s, 3),
+            minus(&fixed(e.measured_m, decimals)),
+            minus(&fixed(e.model_m, decimals)),
+            minus(&signed(error, decimals)),
+            minus(&signed(100.0 * error / e.measured_m.abs(), 2)),
+            minus(&signed(e.phase_s * 1e3, 1)),
+        ]
+    });
+    let headings = ["cycle", "time, s", "measured, m", "model, m", "error, m", "error, %", "phase, ms"];
+    let caption = format!("Peaks and troughs at {sensor}");
+    format!(
+        "<h4>Peaks and troughs ({})</h4>\n{}<p class=\"note\">Error: model − measured. Phase: how much later the model crosses its mean level on the way to the extremum; positive means that the model is late.</p>\n",
+        extrema.len(),
+        table(&caption, &headings, 1, rows).replacen("class=\"scroll\"", "class=\"scroll tall\"", 1)
+    )
+}

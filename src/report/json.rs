@@ -1,0 +1,121 @@
+//! The document of `calibrate --json`. Keys are part of the program's contract: add, never rename.
+
+use serde::Serialize;
+
+use crate::fit::outcome::{Fit, FittedParameter, RunFit, SensorFit};
+
+/// A calibration as scripts see it. Numbers that are not finite become `null`.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Calibration<'a> {
+    /// Each run.
+    pub runs: Vec<Run<'a>>,
+    /// Effects of the model.
+    pub effects: &'a [String],
+    /// Fitted parameters.
+    pub parameters: Vec<Parameter<'a>>,
+    /// Simulations that the fit took.
+    pub evaluations: usize,
+    /// Wall time, s.
+    pub seconds: f64,
+    /// It was done, rather than out of budget.
+    pub converged: bool,
+    /// Why it stopped, in words.
+    pub stopped_because: &'a str,
+}
+
+/// One run.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Run<'a> {
+    /// File name.
+    pub file: &'a str,
+    /// RMSE over all samples of all pressure sensors, m.
+    pub rmse_m: f64,
+    /// Noise, m.
+    pub noise_m: f64,
+    /// Mean absolute error over the extrema, percent.
+    pub mape_extrema_percent: f64,
+    /// Each pressure sensor.
+    pub sensors: Vec<Sensor<'a>>,
+}
+
+/// One pressure sensor of a run.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Sensor<'a> {
+    /// Name.
+    pub name: &'a str,
+    /// RMSE, m.
+    pub rmse_m: f64,
+    /// Noise, m.
+    pub noise_m: f64,
+}
+
+/// One fitted parameter; the same in `calibrate --json` and `diagnose --json`.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Parameter<'a> {
+    /// Name.
+    pub name: &'a str,
+    /// The run it belongs to; left out where all runs share it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub run: Option<&'a str>,
+    /// Value in `unit`.
+    pub value: f64,
+    /// Standard error in `unit`; `null` where the data do not determine it.
+    pub standard_error: f64,
+    /// Display unit.
+    pub unit: &'a str,
+    /// It ended at one of its bounds.
+    pub at_bound: bool,
+}
+
+impl<'a> From<&'a Fit> for Calibration<'a> {
+    fn from(fit: &'a Fit) -> Self {
+        Self {
+            runs: fit.runs.iter().map(Run::from).collect(),
+            effects: &fit.effects,
+            parameters: fit.parameters.iter().map(Parameter::from).collect(),
+            evaluations: fit.evaluations,
+            seconds: fit.seconds,
+            converged: fit.converged,
+            stopped_because: &fit.stopped_because,
+        }
+    }
+}
+
+impl<'a> From<&'a RunFit> for Run<'a> {
+    fn from(run: &'a RunFit) -> Self {
+        Self {
+            file: &run.file,
+            rmse_m: run.rmse_m,
+            noise_m: run.noise_m,
+            mape_extrema_percent: run.mape_extrema_percent,
+            sensors: run.sensors.iter().map(Sensor::from).collect(),
+        }
+    }
+}
+
+impl<'a> From<&'a SensorFit> for Sensor<'a> {
+    fn from(sensor: &'a SensorFit) -> Self {
+        Self { name: &sensor.name, rmse_m: sensor.rmse_m, noise_m: sensor.noise_m }
+    }
+}
+
+impl<'a> From<&'a FittedParameter> for Parameter<'a> {
+    fn from(p: &'a FittedParameter) -> Self {
+        Self {
+            name: &p.name,
+            run: p.run.as_deref(),
+            value: p.value,
+            standard_error: p.standard_error,
+            unit: p.unit,
+            at_bound: p.at_bound,
+        }
+    }
+}
+
+/// The document of `calibrate --json` as text, one line.
+///
+/// # Errors
+/// Only what [`serde_json`] may report; plain data like this gives it no cause.
+pub fn calibration(fit: &Fit) -> serde_json::Result<String> {
+    serde_json::to_string(&Calibration::from(fit))
+}

@@ -1,0 +1,165 @@
+//! How many digits a number deserves.
+
+/// A value with its standard error in the last digits, `395.1(4)` meaning 395.1 ± 0.4.
+///
+/// The error gets one digit, or two where its leading digits are below 36, so that rounding never changes it by more than
+/// 15 % (the rule of the Particle Data Group). An infinite or unknown error says so; an error of zero stands for an exact value.
+pub fn with_error(value: f64, error: f64) -> String {
+    if !value.is_finite() {
+        return "not a number".into();
+    }
+    if !error.is_finite() {
+        return format!("{} (undetermined)", significant(value, 4));
+    }
+    if error <= 0.0 {
+        return significant(value, 6);
+    }
+    let magnitude = value.abs().max(error);
+    if !(1e-4..1e7).contains(&magnitude) {
+        let exponent = magnitude.log10().floor() as i32;
+        let scale = 10f64.powi(exponent);
+        return format!("{}e{exponent}", plain_with_error(value / scale, error / scale));
+    }
+    plain_with_error(value, error)
+}
+
+fn plain_with_error(value: f64, error: f64) -> String {
+    let exponent = error.log10().floor() as i32;
+    let leading = error / 10f64.powi(exponent);
+    let last_place = if leading < 3.55 { exponent - 1 } else { exponent };
+    let step = 10f64.powi(last_place);
+    if last_place >= 0 {
+        // Whole numbers: the error is written out, not counted in last digits.
+        return format!("{:.0}({:.0})", (value / step).round() * step, (error / step).round() * step);
+    }
+    format!("{value:.*}({:.0})", last_place.unsigned_abs() as usize, error / step)
+}
+
+/// A number to `digits` significant digits, trailing zeros kept: `significant(0.0304, 2)` is `0.030`.
+pub fn significant(value: f64, digits: usize) -> String {
+    if !value.is_finite() {
+        return "–".into();
+    }
+    if value == 0.0 {
+        return "0".into();
+    }
+    let digits = digits.max(1) as i32;
+    // Through the exponent format, so that 9.99 to two digits is 10 and not 10.0.
+    let exponent = exponent_of(value, digits);
+    if !(-5..7).contains(&exponent) {
+        return format!("{value:.*e}", (digits - 1) as usize);
+    }
+    let places = digits - 1 - exponent;
+    if places >= 0 {
+        return format!("{value:.*}", places as usize);
+    }
+    let step = 10f64.powi(-places);
+    format!("{:.0}", (value / step).round() * step)
+}
+
+fn exponent_of(value: f64, digits: i32) -> i32 {
+    let text = format!("{value:.*e}", (digits - 1) as usize);
+    text.rsplit('e').next().and_then(|e| e.parse().ok()).unwrap_or(0)
+}
+
+/// An error in metres: two digits below one metre, three above, as `0.034` and `1.92`.
+pub fn error_m(value: f64) -> String {
+    significant(value, if value.abs() < 0.995 { 2 } else { 3 })
+}
+
+/// How many times the noise an error is, `1.1`, `64`, `350`; a dash where the noise is unknown.
+pub fn times(value: f64, noise: f64) -> String {
+    let ratio = value / noise;
+    if noise > 0.0 && ratio.is_finite() { significant(ratio, if ratio >= 100.0 { 3 } else { 2 }) } else { "–".into() }
+}
+
+/// The same with its unit, `64× noise`, for people; says so where the noise is unknown.
+pub fn times_noise(value: f64, noise: f64) -> String {
+    match times(value, noise).as_str() {
+        "–" => "noise unknown".into(),
+        ratio => format!("{ratio}× noise"),
+    }
+}
+
+/// A duration in s with a unit that fits.
+pub fn duration(seconds: f64) -> String {
+    match seconds {
+        s if !s.is_finite() => "–".into(),
+        s if s < 1.0 => format!("{:.0} ms", s * 1e3),
+        s if s < 120.0 => format!("{} s", significant(s, 3)),
+        s => format!("{} min", significant(s / 60.0, 3)),
+    }
+}
+
+/// Fixed decimals with a sign, `+0.12`; a dash where it is not a number.
+pub fn signed(value: f64, decimals: usize) -> String {
+    if !value.is_finite() {
+        return "–".into();
+    }
+    let text = format!("{value:+.decimals$}");
+    // A rounded zero has no sign.
+    if text.bytes().all(|b| matches!(b, b'+' | b'-' | b'0' | b'.')) { text.replace(['+', '-'], "") } else { text }
+}
+
+/// Fixed decimals; a dash where it is not a number.
+pub fn fixed(value: f64, decimals: usize) -> String {
+    if value.is_finite() { format!("{value:.decimals$}") } else { "–".into() }
+}
+
+/// Decimals in which a quantity of this resolution is worth printing: its second digit for 0.015, its first for 0.03.
+pub fn decimals_for(resolution: f64) -> usize {
+    if resolution > 0.0 && resolution.is_finite() { (-resolution.log10()).ceil().clamp(0.0, 9.0) as usize } else { 3 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn errors_stand_in_the_last_digits() {
+        assert_eq!(with_error(395.123, 0.4), "395.1(4)");
+        assert_eq!(with_error(0.103_44, 0.0021), "0.1034(21)");
+        assert_eq!(with_error(1318.6, 23.0), "1319(23)");
+        assert_eq!(with_error(123_456.0, 6789.0), "123000(7000)");
+        assert_eq!(with_error(1.2341e-7, 0.02e-7), "1.234(20)e-7");
+        assert_eq!(with_error(0.02, 0.5), "0.0(5)");
+        assert_eq!(with_error(-3.0, 0.996), "-3.0(10)");
+    }
+
+    #[test]
+    fn what_the_data_do_not_determine_is_said() {
+        assert_eq!(with_error(0.1, f64::INFINITY), "0.1000 (undetermined)");
+        assert_eq!(with_error(0.1, f64::NAN), "0.1000 (undetermined)");
+        assert_eq!(with_error(f64::NAN, 0.1), "not a number");
+        assert_eq!(with_error(12.0, 0.0), "12.0000");
+    }
+
+    #[test]
+    fn significant_digits_survive_rounding_up() {
+        assert_eq!(significant(0.0304, 2), "0.030");
+        assert_eq!(significant(9.99, 2), "10");
+        assert_eq!(significant(0.0996, 2), "0.10");
+        assert_eq!(significant(1234.0, 2), "1200");
+        assert_eq!(significant(1.5e-9, 2), "1.5e-9");
+        assert_eq!(error_m(1.9234), "1.92");
+        assert_eq!(error_m(0.0338), "0.034");
+        assert_eq!(error_m(0.9999), "1.00");
+    }
+
+    #[test]
+    fn a_rounded_zero_has_no_sign() {
+        assert_eq!(signed(-0.0004, 2), "0.00");
+        assert_eq!(signed(-0.4, 1), "-0.4");
+        assert_eq!(signed(12.5, 1), "+12.5");
+    }
+
+    #[test]
+    fn ratios_need_a_known_noise() {
+        assert_eq!(times(0.034, 0.03), "1.1");
+        assert_eq!(times(1.92, 0.03), "64");
+        assert_eq!(times(1.0, 0.0), "–");
+        assert_eq!(times(f64::NAN, 0.03), "–");
+        assert_eq!(times_noise(1.92, 0.03), "64× noise");
+        assert_eq!(times_noise(1.92, f64::NAN), "noise unknown");
+    }
+}

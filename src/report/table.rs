@@ -1,0 +1,278 @@
+//! Tables of a calibration for the terminal: plain text, aligned, no colour.
+
+use crate::fit::outcome::{ExtremumError, Fit, RunFit};
+use crate::report::curves::find;
+use crate::report::number::{decimals_for, duration, error_m, fixed, signed, significant, times, with_error};
+use crate::report::{Stage, summary};
+
+/// Everything `calibrate` prints: verdict, errors, parameters, extrema, and why the fit stopped.
+pub fn calibration(stages: &[Stage]) -> String {
+    let mut parts = vec![summary::verdict(stages) + "\n"];
+    if let Some(last) = stages.last() {
+        parts.extend([errors(stages), parameters(last.fit), extrema(last.fit), stop(last.fit)]);
+    }
+    parts.retain(|p| !p.trim().is_empty());
+    parts.join("\n")
+}
+
+/// Fitted parameters as value(error in the last digits), unit, and a flag where a bound stopped them.
+pub fn parameters(fit: &Fit) -> String {
+    let mut table = Table::new(&["parameter", "<value", "unit", "run", ""]);
+    for p in &fit.parameters {
+        table.row([
+            p.name.clone(),
+            with_error(p.value, p.standard_error),
+            p.unit.into(),
+            p.run.clone().unwrap_or_default(),
+            if p.at_bound { "at its bound".into() } else { String::new() },
+        ]);
+    }
+    table.without_empty_columns().to_string()
+}
+
+/// RMSE of the first and the last stage, noise, their ratio and the error over extrema, for each run and sensor.
+pub fn errors(stages: &[Stage]) -> String {
+    let Some(last) = stages.last() else { return String::new() };
+    let first = stages.first().filter(|_| stages.len() > 1);
+    let before = |file: &str, sensor: &str| {
+        first.and_then(|s| find(s.fit, file, sensor)).map_or(String::new(), |s| error_m(s.rmse_m))
+    };
+    let mut table = Table::new(&["run", "sensor", "<before", "<RMSE, m", "<noise, m", "<RMSE/noise", "<MAPE, %"]);
+    for run in &last.fit.runs {
+        for s in &run.sensors {
+            table.row([
+                run.file.clone(),
+                s.name.clone(),
+                before(&run.file, &s.name),
+                error_m(s.rmse_m),
+                error_m(s.noise_m),
+                times(s.rmse_m, s.noise_m),
+                String::new(),
+            ]);
+        }
+        let start = first.and_then(|s| s.fit.runs.iter().find(|r| r.file == run.file));
+        table.row([
+            run.file.clone(),
+            "all".into(),
+            start.map_or(String::new(), |r| error_m(r.rmse_m)),
+            error_m(run.rmse_m),
+            error_m(run.noise_m),
+            times(run.rmse_m, run.noise_m),
+            significant(run.mape_extrema_percent, 2),
+        ]);
+    }
+    table.without_empty_columns().to_string()
+}
+
+/// Model − measured at the peak and the trough of every cycle: head in m, phase in ms.
+pub fn extrema(fit: &Fit) -> String {
+    fit.runs
+        .iter()
+        .filter(|r| r.sensors.iter().any(|s| !s.extrema.is_empty()))
+        .map(extrema_of)
+        .collect::<Vec<_>>()
+        .join("\n")
+}
+
+fn extrema_of(run: &RunFit) -> String {
+    let mut table = Table::new(&[
+        "sensor",
+        "<cycle",
+        "<peak, m",
+        "<error, m",
+        "<phase, ms",
+        "<trough, m",
+        "<error, m",
+        "<phase, ms",
+    ]);
+    for sensor in &run.sensors {
+        let decimals = decimals_for(sensor.noise_m);
+        let mut cycles: Vec<usize> = sensor.extrema.iter().map(|e| e.cycle).collect();
+        cycles.sort_unstable();
+        cycles.dedup();
+        for cycle in cycles {
+            let at = |peak| sensor.extrema.iter().find(|e| e.cycle == cycle && e.peak == peak);
+            let [peak, trough] = [cells(at(true), decimals), cells(at(false), decimals)];
+            let mut row = vec![sensor.name.clone(), cycle.to_string()];
+            row.extend(peak);
+            row.extend(trough);
+            table.rows.push(row);
+        }
+    }
+    format!("{}: model − measured at each extremum\n{table}", run.file)
+}
+
+fn cells(extremum: Option<&ExtremumError>, decimals: usize) -> [String; 3] {
+    extremum.map_or_else(Default::default, |e| {
+        [fixed(e.measured_m, decimals), signed(e.model_m - e.measured_m, decimals), signed(e.phase_s * 1e3, 1)]
+    })
+}
+
+/// Effort and reason of the stop, one line.
+pub fn stop(fit: &Fit) -> String {
+    let effects = if fit.effects.is_empty() { "base model".into() } else { fit.effects.join(", ") };
+    let end = if fit.converged { "done" } else { "stopped early" };
+    format!("{effects}: {} simulations in {}; {end}: {}\n", fit.evaluations, duration(fit.seconds), fit.stopped_because)
+}
+
+/// Columns aligned by their widest cell; a heading that starts with `<` aligns its column to the right.
+struct Table {
+    headings: Vec<String>,
+    right: Vec<bool>,
+    rows: Vec<Vec<String>>,
+}
+
+impl Table {
+    fn new(headings: &[&str]) -> Self {
+        Self {
+            headings: headings.iter().map(|h| h.trim_start_matches('<').into()).collect(),
+            right: headings.iter().map(|h| h.starts_with('<')).collect(),
+            rows: Vec::new(),
+        }
+    }
+
+    fn row<const N: usize>(&mut self, cells: [String; N]) {
+        self.rows.push(cells.into());
+    }
+
+    fn without_empty_columns(mut self) -> Self {
+        let used: Vec<bool> = (0..self.headings.len())
+            .map(|c| self.rows.iter().any(|r| r.get(c).is_some_and(|t| !t.is_empty())))
+            .collect();
+        fn keep<T>(list: &mut Vec<T>, used: &[bool]) {
+            let mut flags = used.iter();
+            list.retain(|_| flags.next().copied().unwrap_or(false));
+        }
+        keep(&mut self.headings, &used);
+        keep(&mut self.right, &used);
+        self.rows.iter_mut().for_each(|r| keep(r, &used));
+        self
+    }
+}
+
+impl std::fmt::Display for Table {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        if self.rows.is_empty() {
+            return Ok(());
+        }
+        let lines = || std::iter::once(&self.headings).chain(&self.rows);
+        let widths: Vec<usize> = (0..self.headings.len())
+            .map(|c| lines().filter_map(|l| l.get(c)).map(|t| t.chars().count()).max().unwrap_or(0))
+            .collect();
+        for (number, line) in lines().enumerate() {
+            let cells: Vec<String> = line
+                .iter()
+                .zip(widths.iter().zip(&self.right))
+                .map(
+                    |(text, (&width, &right))| {
+                        if right { format!("{text:>width$}") } else { format!("{text:<width$}") }
+                    },
+                )
+                .collect();
+            writeln!(f, "{}", cells.join("  ").trim_end())?;
+            if number == 0 {
+                let rule: Vec<String> = widths.iter().map(|w| "-".repeat(*w)).collect();
+                writeln!(f, "{}", rule.join("  ").trim_end())?;
+            }
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fit::outcome::{FittedParameter, SensorFit};
+
+    fn fit(rmse_m: f64) -> Fit {
+        let extremum = |cycle, peak, error| ExtremumError {
+            cycle,
+            peak,
+            time_s: 0.1,
+            measured_m: 50.0,
+            model_m: 50.0 + error,
+            phase_s: 0.0012,
+        };
+        Fit {
+            effects: vec!["viscoelastic-wall:1".into()],
+            runs: vec![RunFit {
+                file: "run.mcap".into(),
+                rmse_m,
+                noise_m: 0.03,
+                mape_extrema_percent: 0.41,
+                sensors: vec![SensorFit {
+                    name: "P1".into(),
+                    position_m: 10.0,
+                    time_s: vec![0.0; 4],
+                    measured_m: vec![0.0; 4],
+                    model_m: vec![0.0; 4],
+                    noise_m: 0.03,
+                    rmse_m,
+                    extrema: vec![extremum(1, true, 0.123), extremum(1, false, -0.2), extremum(2, true, 0.001)],
+                }],
+            }],
+            parameters: vec![
+                FittedParameter {
+                    name: "wave_speed_m_s".into(),
+                    run: None,
+                    value: 395.12,
+                    standard_error: 0.4,
+                    unit: "m/s",
+                    at_bound: false,
+                },
+                FittedParameter {
+                    name: "tau1_s".into(),
+                    run: None,
+                    value: 0.5,
+                    standard_error: f64::INFINITY,
+                    unit: "s",
+                    at_bound: true,
+                },
+            ],
+            evaluations: 312,
+            seconds: 0.41,
+            stopped_because: "the error no longer falls".into(),
+            converged: true,
+        }
+    }
+
+    #[test]
+    fn parameters_line_up_with_their_errors_and_flags() {
+        let text = parameters(&fit(0.05));
+        let lines: Vec<&str> = text.lines().collect();
+        assert_eq!(lines[2].split_whitespace().collect::<Vec<_>>(), ["wave_speed_m_s", "395.1(4)", "m/s"]);
+        assert!(lines[3].contains("0.5000 (undetermined)") && lines[3].ends_with("at its bound"), "{text}");
+        assert!(!lines[0].contains("run"), "a column without content is left out");
+    }
+
+    #[test]
+    fn errors_are_compared_with_before_and_with_the_noise() {
+        let (start, end) = (fit(1.92), fit(0.05));
+        let stages = [Stage { title: "a".into(), fit: &start }, Stage { title: "b".into(), fit: &end }];
+        let text = errors(&stages);
+        let all: Vec<&str> = text.lines().last().unwrap().split_whitespace().collect();
+        assert_eq!(all, ["run.mcap", "all", "1.92", "0.050", "0.030", "1.7", "0.41"]);
+        assert!(!errors(&stages[1..]).contains("before"));
+    }
+
+    #[test]
+    fn each_cycle_has_peak_and_trough_in_one_line() {
+        let text = extrema(&fit(0.05));
+        let cells: Vec<&str> = text.lines().nth(3).unwrap().split_whitespace().collect();
+        assert_eq!(cells, ["P1", "1", "50.00", "+0.12", "+1.2", "50.00", "-0.20", "+1.2"]);
+        assert!(text.lines().nth(4).unwrap().ends_with("+1.2"));
+    }
+
+    #[test]
+    fn the_whole_text_is_plain_and_safe_without_data() {
+        let end = fit(0.05);
+        let text = calibration(&[Stage { title: "b".into(), fit: &end }]);
+        assert!(text.contains("312 simulations in 410 ms; done: the error no longer falls"));
+        assert!(!text.contains('\u{1b}'));
+        assert!(calibration(&[]).contains("Nothing has been calibrated"));
+        let mut empty = end;
+        empty.runs.clear();
+        empty.parameters.clear();
+        assert!(calibration(&[Stage { title: "b".into(), fit: &empty }]).contains("no samples"));
+    }
+}

@@ -1,0 +1,141 @@
+//! How much later a front comes back, or comes by another sensor, by laying the first rise over the later one.
+//!
+//! A front returns with another height, on a level that drifts (friction), and followed by a slow tail (creep of the wall,
+//! unsteady friction). Over the short time of a front all of these are a level, a slope, the front times a gain, and the
+//! front's integral times another (the first terms of the tail's kernel); a longer window needs the second integral too. What
+//! cannot be had that way is the delay, which is found by trying all. Equal levels of the two fronts, the simpler way, come
+//! late by the tail: a tenth of the wave speed where the wall creeps.
+
+use super::front::Front;
+use super::project::{Projector, profile_minimum};
+use super::trace::Trace;
+
+/// A delay between two fronts, in grid points.
+#[derive(Debug, Clone)]
+pub(crate) struct Delay {
+    /// Median over the windows.
+    pub value: f64,
+    /// Noise and disagreement of the windows.
+    pub standard_error: f64,
+    /// The delay of each window that gave one, ascending.
+    pub windows: Vec<f64>,
+}
+
+/// A later front as against the first.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Sense {
+    /// It falls: come back from the supply.
+    Falls,
+    /// It rises: the same front at another sensor.
+    Rises,
+}
+
+/// Parts of the rise that a window reaches beyond the onset, and whether it needs the second integral.
+const WINDOWS: [(f64, bool); 5] = [(0.5, false), (0.75, false), (1.0, false), (1.3, true), (1.7, true)];
+/// Part of the rise before the onset that belongs to the window.
+const BEFORE: f64 = 0.3;
+
+/// Lays the first rise of `source` over `target` (on the same grid) at every delay from `lags.0` to `lags.1`.
+/// `reach` scales the windows: 1 where the front stands free, less where the next one comes before it is over.
+pub(crate) fn delay(
+    source: &Trace,
+    front: &Front,
+    target: &Trace,
+    lags: (f64, f64),
+    sense: Sense,
+    reach: f64,
+    white_sd_m: f64,
+) -> Option<Delay> {
+    let mut found: Vec<(f64, f64)> = WINDOWS
+        .iter()
+        .filter_map(|&(part, long)| window_delay(source, front, target, lags, sense, (part * reach, long), white_sd_m))
+        .collect();
+    if found.is_empty() {
+        return None;
+    }
+    found.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let middle = found.len() / 2;
+    let value = if found.len() % 2 == 1 { found[middle].0 } else { 0.5 * (found[middle - 1].0 + found[middle].0) };
+    // median deviation: one window that caught another front must not spoil the error
+    let mut deviations: Vec<f64> = found.iter().map(|f| (f.0 - value).abs()).collect();
+    let spread = super::trace::median(&mut deviations);
+    let noise = found[middle].1;
+    Some(Delay { value, standard_error: noise.hypot(spread), windows: found.into_iter().map(|f| f.0).collect() })
+}
+
+fn window_delay(
+    source: &Trace,
+    front: &Front,
+    target: &Trace,
+    (shortest, longest): (f64, f64),
+    sense: Sense,
+    (part, long): (f64, bool),
+    white_sd_m: f64,
+) -> Option<(f64, f64)> {
+    let from = (front.onset - (BEFORE * front.rise).max(3.0)).max(0.0) as usize;
+    let to = (front.onset + (part * front.rise).max(5.0)) as usize + 1;
+    if to > source.len() || !source.intact(from..to) {
+        return None;
+    }
+    let template: Vec<f64> = source.head_m[from..to].iter().map(|h| h - front.base_m).collect();
+    let n = template.len();
+    let integral = |values: &[f64]| -> Vec<f64> {
+        let mut sum = 0.0;
+        values
+            .iter()
+            .map(|v| {
+                sum += v;
+                sum - 0.5 * v
+            })
+            .collect()
+    };
+    let once = integral(&template);
+    let slope = (0..n).map(|i| i as f64 - 0.5 * (n - 1) as f64).collect();
+    let mut columns = vec![vec![1.0; n], slope];
+    if long {
+        columns.push(integral(&once));
+    }
+    columns.extend([once, template]);
+    let unknowns = columns.len();
+    if n < unknowns + 3 {
+        return None;
+    }
+    let projector = Projector::new(columns)?;
+    let first = shortest.max(0.0).floor() as usize;
+    let last = (longest.ceil().max(0.0) as usize).min(target.len().saturating_sub(to));
+    let mut shares = Vec::new();
+    let mut sums = Vec::new();
+    for lag in first..=last.max(first) {
+        if to + lag > target.len() || !target.intact(from + lag..to + lag) {
+            sums.push(f64::INFINITY);
+            shares.push(f64::INFINITY);
+            continue;
+        }
+        let residual = projector.residual(&target.head_m[from + lag..to + lag], 2);
+        let right_way = match sense {
+            Sense::Falls => residual.gain < -0.1,
+            Sense::Rises => residual.gain > 0.1,
+        };
+        sums.push(residual.all);
+        // share left unexplained: plateaus, where everything fits, do not win
+        shares.push(if right_way { residual.all / residual.background } else { f64::INFINITY });
+    }
+    let mut lowest = (0..shares.len()).min_by(|&a, &b| shares[a].total_cmp(&shares[b]))?;
+    if shares[lowest] > 0.2 {
+        return None; // no front like it
+    }
+    while lowest > 0 && sums[lowest - 1] < sums[lowest] {
+        lowest -= 1;
+    }
+    while lowest + 1 < sums.len() && sums[lowest + 1] < sums[lowest] {
+        lowest += 1;
+    }
+    if lowest == 0 || lowest + 1 >= sums.len() {
+        return None; // still falling at the edge of the search: not a match
+    }
+    let freedom = (n - unknowns) as f64;
+    // both fronts are noisy
+    let variance = 2.0 * (sums[lowest] / freedom).max(white_sd_m * white_sd_m);
+    let (at, width) = profile_minimum(&sums, lowest, variance);
+    Some((first as f64 + at, width))
+}

@@ -1,0 +1,165 @@
+//! A sensor's noise: how large, how coloured, and the step of its converter.
+
+use super::trace::median;
+
+/// What disturbs a pressure sensor while nothing happens; heads in m.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Noise {
+    /// Standard deviation of the white part, from second differences (slow disturbances cancel out of them), m.
+    pub white_sd_m: f64,
+    /// Standard deviation of everything about a straight line before the closure, m; the white one without a quiet lead-in.
+    pub total_sd_m: f64,
+    /// Autocorrelation at a lag of one sample before the closure; 0 without a quiet lead-in.
+    pub lag1_autocorrelation: f64,
+    /// Independent samples a recorded one (n_eff / n): 1 for white noise, less for coloured.
+    pub effective_fraction: f64,
+    /// Step of the converter, m, where the samples fall on a grid.
+    pub quantum_m: Option<f64>,
+    /// The colour is more than chance would give in as many white samples (three standard deviations).
+    pub coloured: bool,
+}
+
+/// Below this a lead-in says nothing about spread or colour.
+const SHORTEST_LEAD: usize = 30;
+/// Colour is judged from the last so many samples: enough for 1% of the variance.
+const LONGEST_LEAD: usize = 20_000;
+
+/// Noise from the samples before the closure (`lead`), or from the whole record where they are too few.
+pub(crate) fn noise(lead: &[f64], whole: &[f64]) -> Noise {
+    let quantum_m = quantum(whole);
+    let floor = quantum_m.map_or(0.0, |q| q / 12f64.sqrt());
+    if lead.len() < SHORTEST_LEAD {
+        let white = white_sd_of_whole(whole).max(floor);
+        return Noise {
+            white_sd_m: white,
+            total_sd_m: white,
+            lag1_autocorrelation: 0.0,
+            effective_fraction: 1.0,
+            quantum_m,
+            coloured: false,
+        };
+    }
+    let lead = &lead[lead.len().saturating_sub(LONGEST_LEAD)..];
+    let second: f64 = lead.windows(3).map(|w| (w[0] - 2.0 * w[1] + w[2]).powi(2)).sum();
+    let white_sd_m = (second / (6.0 * (lead.len() - 2) as f64)).sqrt().max(floor);
+    let residual = detrended(lead);
+    let n = residual.len() as f64;
+    let energy: f64 = residual.iter().map(|r| r * r).sum();
+    let total_sd_m = (energy / (n - 2.0)).sqrt().max(floor);
+    let correlation = |lag: usize| {
+        residual.iter().zip(&residual[lag..]).map(|(a, b)| a * b).sum::<f64>() / energy.max(f64::MIN_POSITIVE)
+    };
+    let lag1_autocorrelation = correlation(1);
+    let coloured = lag1_autocorrelation.abs() > 3.0 / n.sqrt();
+    // initial positive sequence: the sum is cut where the correlation drowns in its own scatter
+    let mut sum = 0.0;
+    for lag in 1..residual.len().min(400) {
+        let rho = correlation(lag);
+        if rho < 2.0 / n.sqrt() {
+            break;
+        }
+        sum += rho * (1.0 - lag as f64 / n);
+    }
+    Noise {
+        white_sd_m,
+        total_sd_m,
+        lag1_autocorrelation,
+        effective_fraction: 1.0 / (1.0 + 2.0 * sum),
+        quantum_m,
+        coloured,
+    }
+}
+
+/// Standard deviation of the white noise of a whole record, m. Fronts are few: the median of the differences does not see them.
+pub(crate) fn white_sd_of_whole(whole: &[f64]) -> f64 {
+    let mut second: Vec<f64> = whole.windows(3).map(|w| (w[0] - 2.0 * w[1] + w[2]).abs()).collect();
+    1.4826 * median(&mut second) / 6f64.sqrt()
+}
+
+/// Residuals of a straight line.
+fn detrended(values: &[f64]) -> Vec<f64> {
+    let n = values.len() as f64;
+    let middle = (n - 1.0) / 2.0;
+    let mean = values.iter().sum::<f64>() / n;
+    let (mut xy, mut xx) = (0.0, 0.0);
+    for (i, v) in values.iter().enumerate() {
+        let x = i as f64 - middle;
+        xy += x * (v - mean);
+        xx += x * x;
+    }
+    let slope = if xx > 0.0 { xy / xx } else { 0.0 };
+    values.iter().enumerate().map(|(i, v)| v - mean - slope * (i as f64 - middle)).collect()
+}
+
+/// The step on whose multiples the samples fall, if they do: most differences of neighbouring levels are whole multiples.
+fn quantum(values: &[f64]) -> Option<f64> {
+    let mut levels: Vec<f64> = values.iter().copied().take(8192).collect();
+    levels.sort_unstable_by(f64::total_cmp);
+    let span = levels.last()? - levels.first()?;
+    // printed decimals scatter equal levels a little
+    let same = (1e-9 * levels.first()?.abs().max(span)).max(1e-7);
+    let mut gaps: Vec<f64> = levels.windows(2).map(|w| w[1] - w[0]).filter(|g| *g > same).collect();
+    if gaps.len() < 3 || levels.len() < 4 * gaps.len() / 3 {
+        return None; // hardly any level comes twice: no grid to be seen
+    }
+    gaps.sort_unstable_by(f64::total_cmp);
+    let smallest = gaps[gaps.len() / 20];
+    let singles: Vec<f64> = gaps.iter().copied().filter(|g| (g / smallest - 1.0).abs() < 0.3).collect();
+    let step = singles.iter().sum::<f64>() / singles.len() as f64;
+    let whole = |g: &&f64| ((*g / step) - (*g / step).round()).abs() < 0.1;
+    let on_grid = gaps.iter().filter(|g| **g < 8.0 * step).filter(whole).count();
+    let near = gaps.iter().filter(|g| **g < 8.0 * step).count();
+    (on_grid as f64 > 0.9 * near as f64).then_some(step)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::signal::testing::Gauss;
+
+    #[test]
+    fn white_noise_is_white_and_of_its_size() {
+        let mut gauss = Gauss::new(1);
+        let lead: Vec<f64> = (0..4000).map(|_| 50.0 + 0.03 * gauss.next()).collect();
+        let noise = noise(&lead, &lead);
+        assert!((noise.white_sd_m / 0.03 - 1.0).abs() < 0.05, "{noise:?}");
+        assert!((noise.total_sd_m / 0.03 - 1.0).abs() < 0.05);
+        assert!(!noise.coloured && noise.effective_fraction > 0.9 && noise.quantum_m.is_none());
+    }
+
+    #[test]
+    fn coloured_noise_counts_for_less() {
+        let mut gauss = Gauss::new(2);
+        let mut state = 0.0;
+        let lead: Vec<f64> = (0..8000)
+            .map(|_| {
+                state = 0.9 * state + gauss.next();
+                0.02 * state
+            })
+            .collect();
+        let noise = noise(&lead, &lead);
+        assert!(noise.coloured && (noise.lag1_autocorrelation - 0.9).abs() < 0.03, "{noise:?}");
+        // a first-order process has n_eff/n = (1 - phi)/(1 + phi)
+        assert!((noise.effective_fraction - 0.1 / 1.9).abs() < 0.02, "{noise:?}");
+    }
+
+    #[test]
+    fn the_converter_step_is_found() {
+        let mut gauss = Gauss::new(3);
+        let step = 0.0031;
+        let lead: Vec<f64> = (0..3000).map(|_| ((40.0 + 0.02 * gauss.next()) / step).round() * step).collect();
+        let found = noise(&lead, &lead).quantum_m.unwrap();
+        assert!((found / step - 1.0).abs() < 1e-3, "{found}");
+        let constant = noise(&[7.0; 100], &[7.0; 100]);
+        assert_eq!((constant.white_sd_m, constant.quantum_m), (0.0, None));
+    }
+
+    #[test]
+    fn without_a_lead_in_the_fronts_do_not_count() {
+        let mut gauss = Gauss::new(4);
+        let whole: Vec<f64> =
+            (0..2000).map(|i| if (i / 100) % 2 == 0 { 30.0 } else { 60.0 } + 0.05 * gauss.next()).collect();
+        let noise = noise(&[], &whole);
+        assert!((noise.white_sd_m / 0.05 - 1.0).abs() < 0.1, "{noise:?}");
+    }
+}

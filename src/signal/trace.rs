@@ -1,0 +1,174 @@
+//! A sensor's record as a head on an even time grid, with the stretches marked where nothing was measured.
+
+use std::ops::Range;
+
+use crate::recording::Series;
+
+/// A sampled head on an even grid. Bridged gaps are marked, so that no feature is read out of them.
+#[derive(Debug, Clone)]
+pub(crate) struct Trace {
+    /// Time of the first sample, s.
+    pub start_s: f64,
+    /// Sample interval, s.
+    pub step_s: f64,
+    /// Piezometric head, m.
+    pub head_m: Vec<f64>,
+    /// Number of bridged samples before each index: a range is intact where it does not grow.
+    bridged_before: Vec<usize>,
+}
+
+impl Trace {
+    /// Puts samples (times strictly increasing, s; heads, m) on an even grid of the median interval by linear interpolation.
+    /// A step longer than 1.5 intervals is a gap, and so is every stretch of `series.gaps`. `None` below eight samples.
+    pub fn new(time_s: &[f64], head_m: &[f64], series: &Series) -> Option<Trace> {
+        if time_s.len() < 8 {
+            return None;
+        }
+        let mut intervals: Vec<f64> = time_s.windows(2).map(|w| w[1] - w[0]).collect();
+        let step_s = median(&mut intervals);
+        let (start_s, end_s) = (time_s[0], time_s[time_s.len() - 1]);
+        // a record that is nearly all gap would ask for memory without bound
+        let count = ((end_s - start_s) / step_s + 1e-6).floor();
+        if !(step_s > 0.0 && count < 64.0 * time_s.len() as f64 + 1e6) {
+            return None;
+        }
+        let count = count as usize + 1;
+        let mut trace =
+            Trace { start_s, step_s, head_m: Vec::with_capacity(count), bridged_before: Vec::with_capacity(count + 1) };
+        let (mut left, mut bridged) = (0, 0);
+        for i in 0..count {
+            let time = start_s + i as f64 * step_s;
+            while left + 2 < time_s.len() && time_s[left + 1] <= time {
+                left += 1;
+            }
+            let (t0, t1) = (time_s[left], time_s[left + 1]);
+            let part = ((time - t0) / (t1 - t0)).clamp(0.0, 1.0);
+            trace.head_m.push(head_m[left] + part * (head_m[left + 1] - head_m[left]));
+            trace.bridged_before.push(bridged);
+            let inside = part > 1e-6 && part < 1.0 - 1e-6;
+            let lost = t1 - t0 > 1.5 * step_s || series.gaps.iter().any(|g| g.from_s < time && time < g.to_s);
+            bridged += usize::from(inside && lost);
+        }
+        trace.bridged_before.push(bridged);
+        Some(trace)
+    }
+
+    /// Number of grid points.
+    pub fn len(&self) -> usize {
+        self.head_m.len()
+    }
+
+    /// Time of a (fractional) grid index, s.
+    pub fn time_s(&self, index: f64) -> f64 {
+        self.start_s + index * self.step_s
+    }
+
+    /// Grid index at or before a time, clamped to the record.
+    pub fn index(&self, time_s: f64) -> usize {
+        (((time_s - self.start_s) / self.step_s + 1e-6).max(0.0) as usize).min(self.len() - 1)
+    }
+
+    /// Nothing in the range was bridged; false where it leaves the record.
+    pub fn intact(&self, range: Range<usize>) -> bool {
+        range.start <= range.end
+            && range.end <= self.len()
+            && self.bridged_before[range.end] == self.bridged_before[range.start]
+    }
+
+    /// Start of the unbroken stretch that ends before `end`.
+    pub fn unbroken_from(&self, end: usize) -> usize {
+        self.bridged_before.partition_point(|&b| b < self.bridged_before[end.min(self.len())]).saturating_sub(1)
+    }
+
+    /// The mean of blocks of `factor` samples: fewer points, less noise, the same fronts.
+    pub fn decimated(&self, factor: usize) -> Trace {
+        if factor < 2 {
+            return self.clone();
+        }
+        let blocks = self.len() / factor;
+        let mut bridged = 0;
+        let mut bridged_before = vec![0];
+        for b in 0..blocks {
+            bridged += usize::from(!self.intact(b * factor..(b + 1) * factor));
+            bridged_before.push(bridged);
+        }
+        Trace {
+            start_s: self.start_s + 0.5 * (factor - 1) as f64 * self.step_s,
+            step_s: self.step_s * factor as f64,
+            head_m: self.head_m.chunks_exact(factor).map(mean).collect(),
+            bridged_before,
+        }
+    }
+
+    /// Centred moving mean over `2 × half + 1` samples, narrower towards the ends.
+    pub fn smoothed(&self, half: usize) -> Vec<f64> {
+        moving_mean(&self.head_m, half)
+    }
+}
+
+/// Centred moving mean over `2 × half + 1` values; the window shrinks towards both ends so that it stays centred.
+pub(crate) fn moving_mean(values: &[f64], half: usize) -> Vec<f64> {
+    let mut sums = Vec::with_capacity(values.len() + 1);
+    let mut sum = 0.0;
+    sums.push(sum);
+    // sums about the first value: no digits are lost to a large constant head
+    let origin = values.first().copied().unwrap_or(0.0);
+    for v in values {
+        sum += v - origin;
+        sums.push(sum);
+    }
+    (0..values.len())
+        .map(|i| {
+            let h = half.min(i).min(values.len() - 1 - i);
+            origin + (sums[i + h + 1] - sums[i - h]) / (2 * h + 1) as f64
+        })
+        .collect()
+}
+
+/// Arithmetic mean; 0 of nothing.
+pub(crate) fn mean(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / values.len().max(1) as f64
+}
+
+/// Median (upper of the two middle values); reorders its argument, 0 of nothing.
+pub(crate) fn median(values: &mut [f64]) -> f64 {
+    if values.is_empty() {
+        return 0.0;
+    }
+    let middle = values.len() / 2;
+    *values.select_nth_unstable_by(middle, f64::total_cmp).1
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::recording::Gap;
+
+    #[test]
+    fn a_gap_is_marked_and_the_rest_is_intact() {
+        let time: Vec<f64> = (0..100).filter(|i| !(40..50).contains(i)).map(|i| i as f64 * 0.01).collect();
+        let head: Vec<f64> = time.iter().map(|t| 3.0 * t).collect();
+        let trace = Trace::new(&time, &head, &Series::default()).unwrap();
+        assert_eq!(trace.len(), 100);
+        assert!(trace.intact(0..40) && trace.intact(50..100) && !trace.intact(30..45));
+        assert!((trace.head_m[45] - 1.35).abs() < 1e-9);
+        assert_eq!(trace.unbroken_from(100), 50);
+        assert_eq!(trace.unbroken_from(40), 0);
+    }
+
+    #[test]
+    fn a_declared_gap_counts_even_between_close_samples() {
+        let time: Vec<f64> = (0..50).map(|i| i as f64 * 0.01 + if i >= 25 { 0.013 } else { 0.0 }).collect();
+        let series = Series { gaps: vec![Gap { from_s: 0.24, to_s: 0.263, samples: Some(1) }], ..Series::default() };
+        let trace = Trace::new(&time, &vec![1.0; 50], &series).unwrap();
+        assert!(!trace.intact(20..30));
+    }
+
+    #[test]
+    fn a_moving_mean_keeps_a_straight_line() {
+        let line: Vec<f64> = (0..30).map(|i| 100.0 + 2.0 * i as f64).collect();
+        for (a, b) in moving_mean(&line, 4).iter().zip(&line) {
+            assert!((a - b).abs() < 1e-9);
+        }
+    }
+}

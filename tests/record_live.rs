@@ -1,0 +1,363 @@
+//! What someone relies on who records a live test: every sample right and at its device's time, every hole known, and a
+//! file that survives whatever ends the session.
+#![cfg(unix)]
+
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Output, Stdio};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread;
+use std::time::Duration;
+
+use surgescope::log;
+use surgescope::record::RecordError;
+use surgescope::record::output::Summary;
+use surgescope::record::port::Source;
+use surgescope::record::replay::{load, replay};
+use surgescope::record::session::{Options, live_device, record};
+use surgescope::record::simulated::{Counts, Faults, Playback, Sent, SimulatedDevice};
+use surgescope::recording::{Recording, Series};
+use surgescope::rig::Rig;
+use tempfile::TempDir;
+
+const PERIOD_NS: u32 = 500_000;
+const SCALES: [(f64, f64); 3] = [(0.030_518, -100.0), (0.030_518, -100.0), (0.000_01, 0.0)];
+
+fn rig_text(protocol: &str) -> String {
+    let sensors: String = [("P1", "pressure", "kPa"), ("P2", "pressure", "kPa"), ("Q1", "flow", "L/s")]
+        .iter()
+        .zip(SCALES)
+        .enumerate()
+        .map(|(channel, ((name, kind, unit), (scale, offset)))| {
+            format!(
+                "[[sensor]]\nname = \"{name}\"\nkind = \"{kind}\"\nposition_m = {}.0\nunit = \"{unit}\"\n\
+                 device = \"daq\"\nchannel = {channel}\nscale = {scale}\noffset = {offset:?}\n",
+                10 * (channel + 1),
+            )
+        })
+        .collect();
+    format!(
+        "name = \"bench\"\n[fluid]\nname = \"water\"\ntemperature_degC = 20.0\n\
+         [[pipe]]\nname = \"main\"\nlength_m = 40.0\ninner_diameter_mm = 50.6\nwall_thickness_mm = 6.2\nmaterial = \"HDPE\"\n\
+         [upstream]\nkind = \"reservoir\"\n[downstream]\nkind = \"valve\"\nclosing_time_s = 0.1\n{sensors}\
+         [[device]]\nname = \"daq\"\nport = \"/dev/ttyBENCH\"\nbaud = 921600\nprotocol = \"{protocol}\"\n"
+    )
+}
+
+fn rig() -> Rig {
+    Rig::from_toml(&rig_text("frames"), "bench.toml").unwrap()
+}
+
+/// Three different decaying waves around a steady value, `seconds` long at 2 kHz.
+fn playback(seconds: f64) -> Playback {
+    let samples = (seconds * 2000.0) as usize;
+    let wave = |steady: f64, height: f64, hertz: f64| {
+        let at = |i: usize| i as f64 / 2000.0;
+        let value = |t: f64| steady + height * (-0.3 * t).exp() * (std::f64::consts::TAU * hertz * t).sin();
+        (0..samples).map(|i| value(at(i))).collect()
+    };
+    Playback {
+        sample_period_ns: PERIOD_NS,
+        channels: vec![wave(300.0, 250.0, 0.9), wave(200.0, 90.0, 2.7), wave(0.1, 0.05, 1.1)],
+    }
+}
+
+/// What the converter makes of sample `index` of a channel.
+fn quantised(playback: &Playback, channel: usize, index: usize) -> f64 {
+    let (scale, offset) = SCALES[channel];
+    scale * ((playback.channels[channel][index] - offset) / scale).round() + offset
+}
+
+fn options(file: &Path) -> Options {
+    Options { file: file.to_owned(), duration_s: None, silence: Duration::from_secs(5), notes: vec![] }
+}
+
+/// Plays through a pseudo-terminal and records it, in this process.
+fn record_playback(playback: &Playback, speed: f64, faults: Faults, options: &Options) -> (Summary, Sent) {
+    let rig = rig();
+    let mut device = live_device(&rig).unwrap().clone();
+    let mut simulated = SimulatedDevice::open().unwrap();
+    device.port = simulated.path().display().to_string();
+    let source = Source::open(&device).unwrap();
+    let counts = Counts::new(playback, &rig, &device).unwrap();
+    assert_eq!(counts.clipped, 0);
+    simulated.start(counts, speed, faults).unwrap();
+    let summary = record(&rig, &device, &source, options, &AtomicBool::new(false), &mut |_| {}).unwrap();
+    (summary, simulated.stop().unwrap())
+}
+
+/// Sample numbers by the device's clock; fails where a time is not on it.
+fn indices(series: &Series) -> Vec<usize> {
+    let period = i64::from(PERIOD_NS);
+    let number = |time_s: &f64| {
+        let time_ns = (time_s * 1e9).round() as i64;
+        assert_eq!(time_ns % period, 0, "{time_s} s is no time of the device");
+        (time_ns / period) as usize
+    };
+    series.time_s.iter().map(number).collect()
+}
+
+/// Every sample is the one that was played at its time, and every hole is a gap, nothing else is. Returns the samples of
+/// each channel.
+fn check(recording: &Recording, playback: &Playback) -> Vec<usize> {
+    assert_eq!(recording.series.len(), 3);
+    for (channel, series) in recording.series.iter().enumerate() {
+        let indices = indices(series);
+        assert_eq!(indices.first(), Some(&0));
+        for (&index, &value) in indices.iter().zip(&series.value) {
+            let expected = quantised(playback, channel, index);
+            assert!((value - expected).abs() < 1e-9, "channel {channel}, sample {index}: {value} for {expected}");
+        }
+        let holes: Vec<_> = indices.windows(2).filter(|pair| pair[1] != pair[0] + 1).collect();
+        assert_eq!(holes.len(), series.gaps.len());
+        for (hole, gap) in holes.iter().zip(&series.gaps) {
+            let time_s = |index: usize| (index as u64 * u64::from(PERIOD_NS)) as f64 / 1e9;
+            assert!(
+                (gap.from_s - time_s(hole[0])).abs() < 1e-9 && (gap.to_s - time_s(hole[1])).abs() < 1e-9,
+                "{gap:?}"
+            );
+            assert_eq!(gap.samples, Some((hole[1] - hole[0] - 1) as u64));
+        }
+    }
+    recording.series.iter().map(|series| series.value.len()).collect()
+}
+
+#[test]
+fn every_sample_arrives_with_its_value_and_its_devices_time() {
+    let folder = TempDir::new().unwrap();
+    let file = folder.path().join("run.mcap");
+    let playback = playback(2.0);
+    let (summary, sent) = record_playback(&playback, 4.0, Faults::default(), &options(&file));
+    let recording = log::read(&file).unwrap();
+    assert_eq!(check(&recording, &playback), [4000; 3]);
+    assert_eq!(summary.duration_s, 2.0);
+    assert!(!summary.data_lost);
+    assert_eq!(summary.ended, "the device hung up");
+    assert_eq!(sent, Sent { frames: 200, ..Sent::default() });
+    let device = &summary.devices[0];
+    assert_eq!((device.frames, device.bad_frames, device.lost_frames, device.duplicated_frames), (200, 0, 0, 0));
+    let now = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH).unwrap().as_nanos() as u64;
+    let age_s = now.saturating_sub(recording.run.start_unix_ns) as f64 / 1e9;
+    assert!((0.2..60.0).contains(&age_s), "the run started {age_s} s ago");
+    assert!(recording.run.notes.contains(&("daq.frames".into(), "200".into())), "{:?}", recording.run.notes);
+}
+
+#[test]
+fn on_a_bad_line_every_recorded_sample_is_right_and_every_hole_is_a_gap() {
+    let folder = TempDir::new().unwrap();
+    for seed in 1..=3 {
+        let file = folder.path().join(format!("run{seed}.mcap"));
+        let playback = playback(20.0);
+        let faults = Faults { flip: 0.01, drop: 0.02, duplicate: 0.01, seed };
+        let (summary, sent) = record_playback(&playback, 0.0, faults, &options(&file));
+        assert!(sent.flipped > 5 && sent.dropped > 15 && sent.duplicated > 5, "too few faults to test: {sent:?}");
+        let missing = sent.flipped + sent.dropped;
+        let device = &summary.devices[0];
+        assert_eq!(device.frames, sent.frames - missing);
+        assert_eq!(device.bad_frames, sent.bad_pieces);
+        assert_eq!(device.lost_frames, missing);
+        assert_eq!(device.duplicated_frames, sent.duplicated);
+        assert!(summary.data_lost);
+        let samples = check(&log::read(&file).unwrap(), &playback);
+        assert_eq!(samples, [40_000 - 20 * missing as usize; 3]);
+        assert!(summary.sensors.iter().zip(samples).all(|(sensor, samples)| sensor.samples == samples as u64));
+    }
+}
+
+#[test]
+fn the_duration_is_kept_to_the_sample() {
+    let folder = TempDir::new().unwrap();
+    let file = folder.path().join("run.mcap");
+    let options = Options { duration_s: Some(0.7775), ..options(&file) };
+    let (summary, _) = record_playback(&playback(2.0), 0.0, Faults::default(), &options);
+    assert_eq!(summary.sensors.iter().map(|s| s.samples).collect::<Vec<_>>(), [1555; 3]);
+    assert_eq!(summary.duration_s, 0.7775);
+    assert_eq!(summary.ended, "the duration was reached");
+}
+
+#[test]
+fn a_silent_device_and_one_that_speaks_something_else_leave_no_file() {
+    let folder = TempDir::new().unwrap();
+    let rig = rig();
+    let device = live_device(&rig).unwrap();
+    let options = Options { silence: Duration::from_millis(200), ..options(&folder.path().join("run.mcap")) };
+    let record =
+        |source: Source| record(&rig, device, &source, &options, &AtomicBool::new(false), &mut |_| {}).unwrap_err();
+    let error = record(Source::spawn("daq", std::io::empty()).unwrap());
+    assert!(matches!(&error, RecordError::Silent { .. }), "{error}");
+    let error = record(Source::spawn("daq", std::io::Cursor::new("12,3.4,5.6\n".repeat(100))).unwrap());
+    assert!(matches!(&error, RecordError::NoFrame { bytes: 1100, .. }), "{error}");
+    assert!(!options.file.exists());
+}
+
+#[test]
+fn a_sensor_on_a_channel_that_the_device_lacks_is_an_error() {
+    let folder = TempDir::new().unwrap();
+    let rig = rig();
+    let device = live_device(&rig).unwrap();
+    let two = surgescope::record::frames::Frame::new(0, 0, PERIOD_NS, 2, vec![1, 2]).unwrap();
+    let source = Source::spawn("daq", std::io::Cursor::new(two.encode())).unwrap();
+    let options = options(&folder.path().join("run.mcap"));
+    let error = record(&rig, device, &source, &options, &AtomicBool::new(false), &mut |_| {}).unwrap_err().to_string();
+    assert!(error.contains("'Q1'") && error.contains("channel 2") && error.contains("2 channels"), "{error}");
+    assert!(!options.file.exists());
+}
+
+#[test]
+fn a_replayed_recording_holds_the_same_samples_and_gaps() {
+    let folder = TempDir::new().unwrap();
+    let (file, again) = (folder.path().join("run.mcap"), folder.path().join("again.mcap"));
+    let faults = Faults { drop: 0.05, seed: 4, ..Faults::default() };
+    record_playback(&playback(4.0), 0.0, faults, &options(&file));
+    let original = load(&file, None, &[]).unwrap();
+    assert!(!original.series[0].gaps.is_empty());
+    let summary = replay(&original, "run.mcap", 0.0, &options(&again), &AtomicBool::new(false), &mut |_| {}).unwrap();
+    let replayed = log::read(&again).unwrap();
+    assert_eq!(replayed.series, original.series);
+    assert_eq!(replayed.run.start_unix_ns, original.run.start_unix_ns);
+    assert_eq!(summary.duration_s, 4.0);
+    assert!(!summary.data_lost, "what the original lacks was not lost on the way");
+}
+
+/// A rig file, the arguments of a recorder on it, and a place for its file.
+struct Bench {
+    folder: TempDir,
+    rig: PathBuf,
+    file: PathBuf,
+}
+
+impl Bench {
+    fn new(protocol: &str) -> Bench {
+        let folder = TempDir::new().unwrap();
+        let (rig, file) = (folder.path().join("rig.toml"), folder.path().join("run.mcap"));
+        std::fs::write(&rig, rig_text(protocol)).unwrap();
+        Bench { folder, rig, file }
+    }
+
+    fn recorder(&self, more: &[&str]) -> Command {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_surgescope"));
+        command.args(["record", "--json", "--rig"]).arg(&self.rig).arg("-o").arg(&self.file).args(more);
+        command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        command
+    }
+
+    /// A recorder process on a simulated device that plays a minute in real time, after it has recorded for a while.
+    fn running(&self, playback: &Playback) -> (Child, SimulatedDevice) {
+        let mut simulated = SimulatedDevice::open().unwrap();
+        let port = format!("daq={}", simulated.path().display());
+        let child = self.recorder(&["--port", &port]).spawn().unwrap();
+        let rig = rig();
+        let counts = Counts::new(playback, &rig, live_device(&rig).unwrap()).unwrap();
+        simulated.start(counts, 1.0, Faults::default()).unwrap();
+        let started = std::time::Instant::now();
+        while !self.file.exists() {
+            assert!(started.elapsed() < Duration::from_secs(20), "the recorder made no file");
+            thread::sleep(Duration::from_millis(10));
+        }
+        thread::sleep(Duration::from_secs(1));
+        (child, simulated)
+    }
+}
+
+fn json(output: &Output) -> serde_json::Value {
+    let text = String::from_utf8_lossy(&output.stdout);
+    serde_json::from_str(&text).unwrap_or_else(|e| panic!("{e}: {text}\n{}", String::from_utf8_lossy(&output.stderr)))
+}
+
+#[test]
+fn a_killed_recorder_leaves_what_it_had_recorded() {
+    let bench = Bench::new("frames");
+    let playback = playback(60.0);
+    let (mut child, _simulated) = bench.running(&playback);
+    child.kill().unwrap(); // SIGKILL
+    child.wait().unwrap();
+    let whole = bench.folder.path().join("whole.mcap");
+    log::recover(&bench.file, &whole).unwrap();
+    let samples = check(&log::read(&whole).unwrap(), &playback);
+    assert!(samples.iter().all(|&count| count >= 1000), "of a second were saved: {samples:?}");
+}
+
+#[test]
+fn sigterm_ends_the_recording_with_a_whole_file() {
+    let bench = Bench::new("frames");
+    let playback = playback(60.0);
+    let (child, _simulated) = bench.running(&playback);
+    assert!(Command::new("kill").args(["-TERM", &child.id().to_string()]).status().unwrap().success());
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
+    let samples = check(&log::read(&bench.file).unwrap(), &playback);
+    assert!(samples[0] >= 1000, "{samples:?}");
+    let summary = json(&output);
+    assert_eq!(summary["file"], bench.file.to_str().unwrap());
+    assert!((summary["duration_s"].as_f64().unwrap() - samples[0] as f64 * 0.0005).abs() < 1e-9);
+    let sensor = |name: &str, samples: usize| serde_json::json!({"name": name, "samples": samples, "gaps": 0});
+    let expected = serde_json::json!([sensor("P1", samples[0]), sensor("P2", samples[1]), sensor("Q1", samples[2])]);
+    assert_eq!(summary["sensors"], expected);
+    let device = &summary["devices"][0];
+    assert_eq!((&device["name"], &device["bad_frames"], &device["lost_frames"]), (&"daq".into(), &0.into(), &0.into()));
+    assert_eq!(device["frames"].as_u64(), Some(samples[0] as u64 / 20));
+}
+
+#[test]
+fn an_existing_file_is_refused_and_left_alone() {
+    let bench = Bench::new("frames");
+    std::fs::write(&bench.file, "a recording that took a day").unwrap();
+    let output = bench.recorder(&["--port", "daq=/dev/null"]).output().unwrap();
+    assert_eq!(output.status.code(), Some(2));
+    assert!(String::from_utf8_lossy(&output.stderr).contains("never overwritten"));
+    assert!(output.stdout.is_empty());
+    assert_eq!(std::fs::read_to_string(&bench.file).unwrap(), "a recording that took a day");
+}
+
+#[test]
+fn what_cannot_be_recorded_is_said_before_anything_is_written() {
+    for (protocol, more, said) in [
+        ("lines", &[][..], "records `frames` only"),
+        ("frames", &[], "/dev/ttyBENCH of device 'daq' does not exist"),
+        ("frames", &["--port", "dag=/dev/null"], "--port names 'dag'"),
+        ("frames", &["--speed", "2"], "--replay"),
+        ("frames", &["--simulate", "--faults", "flop=1"], "unknown fault 'flop'"),
+    ] {
+        let bench = Bench::new(protocol);
+        let output = bench.recorder(more).output().unwrap();
+        let stderr = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{stderr}");
+        assert!(stderr.contains(said), "{stderr}");
+        assert!(!bench.file.exists());
+    }
+}
+
+#[test]
+fn a_csv_is_played_at_the_asked_pace() {
+    let bench = Bench::new("frames");
+    let csv = bench.folder.path().join("run.csv");
+    let rows: String = (0..=2000).map(|i| format!("{:.4},{}.5,{}\n", f64::from(i) * 0.0005, i, 2 * i)).collect();
+    std::fs::write(&csv, format!("time_s,P1,P2\n{rows}")).unwrap();
+    let started = std::time::Instant::now();
+    let output =
+        bench.recorder(&["--replay", csv.to_str().unwrap(), "--speed", "2", "--without", "Q1"]).output().unwrap();
+    assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
+    assert!(started.elapsed() >= Duration::from_millis(500), "1 s at double speed in {:?}", started.elapsed());
+    assert_eq!(json(&output)["sensors"][0]["samples"], 2001);
+    let (rig, columns) = (rig(), log::ImportOptions { without: vec!["Q1".into()], ..Default::default() });
+    assert_eq!(log::read(&bench.file).unwrap().series, log::import_csv_with(&csv, &rig, &columns).unwrap().series);
+}
+
+#[test]
+fn a_stop_flag_ends_a_slow_replay_at_once() {
+    let folder = TempDir::new().unwrap();
+    let (file, again) = (folder.path().join("run.mcap"), folder.path().join("again.mcap"));
+    record_playback(&playback(1.0), 0.0, Faults::default(), &options(&file));
+    let original = load(&file, Some(&rig()), &[]).unwrap();
+    let stop = AtomicBool::new(false);
+    let started = std::time::Instant::now();
+    let summary = thread::scope(|scope| {
+        scope.spawn(|| {
+            thread::sleep(Duration::from_millis(200));
+            stop.store(true, Ordering::Relaxed);
+        });
+        replay(&original, "run.mcap", 0.001, &options(&again), &stop, &mut |_| {}).unwrap()
+    });
+    assert_eq!(summary.ended, "stopped by the user");
+    assert!(started.elapsed() < Duration::from_secs(5), "{:?}", started.elapsed());
+    assert!(log::read(&again).is_ok());
+}
