@@ -17,7 +17,7 @@ pub struct Args {
     output: PathBuf,
 }
 
-/// Runs it; [`Outcome::DataLost`] unless the file was whole.
+/// Runs it; [`Outcome::DataLost`] if something was lost.
 ///
 /// # Errors
 /// See [`recover`](crate::log::recover).
@@ -28,7 +28,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     } else {
         println!("{}: {}", args.output.display(), recovery.kept);
         match recovery.last_good_time_s {
-            _ if recovery.whole => println!("nothing was lost: the file was whole"),
+            _ if recovery.whole => println!("nothing was lost"),
             Some(time) => println!("last good sample: {time} s"),
             None => println!("no sample was saved"),
         }

@@ -91,6 +91,14 @@ pub enum LogError {
         /// What is wrong.
         problem: Box<CsvProblem>,
     },
+    /// The disk refused the last samples.
+    #[error("{file} lacks its last samples; `surgescope recover {file} -o NEW.mcap` saves those before", file = path.display())]
+    CutShort {
+        /// The live file.
+        path: PathBuf,
+        /// Why.
+        source: Box<LogError>,
+    },
     /// The live file was written whole, but could not be turned into a finished one.
     #[error("every sample is safe in {file}, but it could not be finished; once the cause is gone, `surgescope recover {file} -o NEW.mcap` does it", file = path.display())]
     Unfinished {

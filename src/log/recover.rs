@@ -7,7 +7,7 @@ use mcap::records::op;
 use serde::Serialize;
 
 use super::assemble::Assembler;
-use super::read::{check_start, checked_options, describe, has_end, parse, records};
+use super::read::{check_start, checked_options, describe, parse, records};
 use super::{LogError, Summary, disk, write};
 
 /// What a recovery saved and what it could not.
@@ -16,7 +16,7 @@ pub struct Recovery {
     /// What the new recording holds.
     #[serde(flatten)]
     pub kept: Summary,
-    /// The file was finished and nothing in it was wrong.
+    /// Nothing was lost: the file was finished, or cut off only after its last sample.
     pub whole: bool,
     /// Bytes of the torn file.
     pub bytes: u64,
@@ -41,7 +41,10 @@ pub struct Loss {
 
 impl fmt::Display for Loss {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{} bytes at byte {} of the file: {}", self.bytes, self.offset, self.reason)
+        match self.bytes {
+            0 => f.write_str(&self.reason),
+            bytes => write!(f, "{bytes} bytes at byte {} of the file: {}", self.offset, self.reason),
+        }
     }
 }
 
@@ -60,8 +63,7 @@ pub fn recover(torn: &Path, out: &Path) -> Result<Recovery, LogError> {
     let mut repeats = Vec::new();
     let mut recording = salvage.parts.assemble(torn, Some(&mut repeats))?;
     lost.extend(repeats.into_iter().map(|reason| Loss { offset: 0, bytes: 0, reason }));
-    let whole = lost.is_empty() && has_end(&bytes);
-    if !whole && !salvage.data_complete && lost.is_empty() {
+    if lost.is_empty() && !salvage.data_complete {
         let reason =
             "the recording has no end: what was not yet written when it stopped (at most some 20 ms) is missing";
         lost.push(Loss { offset: bytes.len() as u64, bytes: 0, reason: reason.into() });

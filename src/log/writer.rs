@@ -139,8 +139,9 @@ impl Writer {
     ///
     /// # Errors
     /// [`LogError::Unfinished`] when that fails, as on a full disk: the live file stays, with every sample in it.
+    /// [`LogError::CutShort`] when the last samples could not even be written there.
     pub fn finish(mut self) -> Result<(), LogError> {
-        self.flush()?;
+        self.flush().map_err(|e| LogError::CutShort { path: self.path.clone(), source: Box::new(e) })?;
         drop(self.sink.take().map(Sink::abandon));
         disk::sync(&self.file, &self.path)?;
         self.replace().map_err(|e| LogError::Unfinished { path: self.path.clone(), source: Box::new(e) })
@@ -169,7 +170,7 @@ impl Writer {
     }
 
     fn written(&mut self, bytes: u64) -> Result<(), LogError> {
-        self.waiting_bytes += bytes;
+        self.waiting_bytes = self.waiting_bytes.saturating_add(bytes);
         if self.waiting_bytes >= LIVE_CHUNK_BYTES || self.flushed.elapsed() >= FLUSH_EVERY {
             self.flush()
         } else {
