@@ -161,3 +161,353 @@ fn every_key_arrives_in_si() {
     assert_eq!(rig.devices[1].protocol, Protocol::ModbusRtu { unit_id: 7, poll_interval_s: 0.5, timeout_s: 0.3 });
     assert_eq!(rig.devices[2].protocol, Protocol::Lines);
 }
+
+/// What a user reads after one change to the full rig file, and the line of the change.
+fn complaint(from: &str, to: &str) -> (String, usize) {
+    let at = FULL.find(from).unwrap_or_else(|| panic!("'{from}' is not in the file"));
+    let text = FULL.replacen(from, to, 1);
+    let line = FULL[..at].matches('\n').count() + 1;
+    let error = Rig::from_toml(&text, "rigs/x.toml").expect_err(&format!("{from} -> {to} must be refused"));
+    (error.to_string(), line)
+}
+
+/// The fault of each change is named, at its own line, and nothing else is complained of.
+#[test]
+fn every_fault_is_named_with_its_line() {
+    let faults: &[(&str, &str, &str)] = &[
+        // keys
+        ("length_m = 200.0", "lenght_m = 200.0", "unknown key 'lenght_m' in [[pipe]]; did you mean 'length_m'?"),
+        (
+            "temperature_degC = 20.0",
+            "temperature_degC = 20.0\ntemp = 1",
+            "unknown key 'temp' in [fluid]; did you mean 'temperature_degC'?",
+        ),
+        (
+            "kind = \"measured\"",
+            "kind = \"measured\"\nbaud = 9600",
+            "unknown key 'baud' in [upstream]; it belongs in [[device]]",
+        ),
+        (
+            "name = \"full\"",
+            "name = \"full\"\nsensors = 3",
+            "unknown key 'sensors' in the rig file; did you mean 'sensor'?",
+        ),
+        // types and choices
+        ("length_m = 200.0", "length_m = \"200\"", "'length_m' in [[pipe]] must be a number above 0, not \"200\""),
+        (
+            "kind = \"measured\"",
+            "kind = \"resevoir\"",
+            "must be \"reservoir\" or \"pump\" or \"measured\", not \"resevoir\"; did you mean \"reservoir\"?",
+        ),
+        ("kind = \"valve\"", "kind = \"gate\"", "'kind' in [downstream] must be \"valve\", not \"gate\""),
+        ("name = \"water\"", "name = \"oil\"", "'name' in [fluid] must be \"water\", not \"oil\""),
+        ("material = \"HDPE\"", "material = \"HPDE\"", "unknown material \"HPDE\"; did you mean \"HDPE\"?"),
+        ("protocol = \"lines\"", "protocol = \"line\"", "did you mean \"lines\"?"),
+        ("encoding = \"f32\"", "encoding = \"f64\"", "'encoding' in [[sensor]] must be \"u16\""),
+        ("baud = 921600", "baud = 921600.5", "must be a whole number"),
+        ("name = \"daq\"", "name = \"\"", "a text in quotes that is not empty"),
+        // ranges
+        ("temperature_degC = 20.0", "temperature_degC = 120", "a temperature from 0 to 100 degC, not 120"),
+        ("temperature_degC = 20.0", "temperature_degC = -1", "a temperature from 0 to 100 degC, not -1"),
+        ("length_m = 200.0", "length_m = 0", "must be a number above 0, not 0"),
+        ("length_m = 200.0", "length_m = nan", "must be a number above 0, not nan"),
+        ("inner_diameter_mm = 50.6", "inner_diameter_mm = inf", "must be a number above 0, not inf"),
+        (
+            "wall_thickness_mm = 6.2",
+            "wall_thickness_mm = 26",
+            "the wall (26 mm) is thicker than the inner radius (25.3 mm)",
+        ),
+        ("poisson_ratio = 0.45", "poisson_ratio = 0.5", "a number between 0 and 0.5, not 0.5"),
+        ("poisson_ratio = 0.45", "poisson_ratio = 0", "a number between 0 and 0.5, not 0"),
+        (
+            "friction_factor = 0.02",
+            "friction_factor = 0.02\nroughness_mm = 0.1",
+            "give 'friction_factor' or 'roughness_mm', not both",
+        ),
+        ("constraint = 0.9", "constraint = \"anchord\"", "did you mean \"anchored\"?"),
+        ("constraint = 0.9", "constraint = -1", "or a number above 0"),
+        ("closing_time_s = 0.10", "closing_time_s = 0", "'closing_time_s' in [downstream] must be a number above 0"),
+        (
+            "roughness_mm = 0.0015",
+            "roughness_mm = 0.0015\nelevation_start_m = 2.0",
+            "the pipe starts at 2 m, but the one before it ends at 3 m",
+        ),
+        ("range = [-100.0, 1200.0]", "range = [1200.0, -100.0]", "two finite numbers [lo, hi] with lo below hi"),
+        ("accuracy_percent_fs = 0.25", "accuracy_percent_fs = 0", "a percentage above 0"),
+        ("scale = 0.030518", "scale = 0", "a number other than 0"),
+        ("unit_id = 7", "unit_id = 300", "a whole number from 1 to 247"),
+        // sensors
+        (
+            "position_m = 271.0",
+            "position_m = 271.5",
+            "position_m = 271.5 is not on the pipe, which goes from 0 at the supply to 271 m at the valve",
+        ),
+        ("position_m = 271.0", "position_m = -0.5", "is not on the pipe"),
+        (
+            "unit = \"m(H2O)\"",
+            "unit = \"L/s\"",
+            "unit \"L/s\" does not fit the sensor's kind; allowed here are Pa, kPa, MPa, bar, psi, m(H2O)",
+        ),
+        ("unit = \"m(H2O)\"", "unit = \"mH2O\"", "unit \"mH2O\" is not a known unit; allowed here are Pa"),
+        ("name = \"P1\"", "name = \"P0\"", "a second sensor named 'P0'"),
+        ("name = \"P1\"", "name = \"time_s\"", "is the name of the time column"),
+        ("name = \"P1\"", "name = \"P,1\"", "must not hold a comma"),
+        ("name = \"P1\"", "name = \"P\\n1\"", "must not hold a comma, a quote or a line break"),
+        ("name = \"P1\"", "name = \"P1 \"", "must not begin or end with a space"),
+        ("name = \"tail\"", "name = \"main\"", "a second pipe named 'main'"),
+        ("coupling = \"dc\"", "coupling = \"dcc\"", "did you mean \"dc\"?"),
+        ("unit = \"K\"", "unit = \"K\"\ncoupling = \"ac\"", "'coupling' is for sensors with kind = \"pressure\" only"),
+        // wiring
+        ("device = \"logger\"", "device = \"loger\"", "unknown device \"loger\"; did you mean \"logger\"?"),
+        ("channel = 1", "channel = 0", "channel 0 of 'daq' already carries 'P0'"),
+        ("channel = 1", "channel = 255", "channel 255 is beyond the last possible one, 254"),
+        (
+            "channel = 2",
+            "channel = 2\nencoding = \"u16\"",
+            "'encoding' is for devices with protocol = \"modbus-rtu\" only",
+        ),
+        (
+            "protocol = \"lines\"",
+            "protocol = \"lines\"\ntimeout_s = 1",
+            "'timeout_s' is for devices with protocol = \"modbus-rtu\" only",
+        ),
+        ("unit = \"%\"", "unit = \"%\"\nchannel = 3", "'channel' without 'device'"),
+    ];
+    for (from, to, expected) in faults {
+        let (text, at) = complaint(from, to);
+        let line = at + to.matches('\n').count();
+        let first = text.lines().next().unwrap_or_default();
+        assert!(text.contains(expected), "{from} -> {to}\n{text}");
+        assert!(first.starts_with(&format!("rigs/x.toml:{line}: ")), "{from} -> {to} stands in line {line}\n{text}");
+        let source_line = to.lines().last().unwrap_or_default();
+        assert!(text.contains(&format!("| {source_line}")), "shows the line itself\n{text}");
+    }
+}
+
+#[test]
+fn what_is_missing_is_named_at_its_table() {
+    for (from, expected) in [
+        ("length_m = 200.0", "missing key 'length_m' in [[pipe]]; it is a number above 0"),
+        ("position_m = 271.0", "missing key 'position_m' in [[sensor]]"),
+        ("channel = 1\n", "missing key 'channel' in [[sensor]]"),
+        ("time_constant_s = 2.0", "coupling = \"ac\" needs 'time_constant_s'"),
+        ("temperature_degC = 20.0", "missing key 'temperature_degC' in [fluid]"),
+        ("closing_time_s = 0.10", "missing key 'closing_time_s' in [downstream]"),
+        ("baud = 19200", "missing key 'baud' in [[device]]"),
+        ("[fluid]\nname = \"water\"\ntemperature_degC = 20.0", "missing [fluid]"),
+        ("[upstream]\nkind = \"measured\"", "missing [upstream]"),
+    ] {
+        let (text, _) = complaint(from, "");
+        assert!(text.contains(expected), "without {from}:\n{text}");
+    }
+    let (text, at) = complaint("length_m = 200.0", "");
+    assert!(text.starts_with(&format!("rigs/x.toml:{}: ", at - 2)), "at the heading, two lines above\n{text}");
+}
+
+#[test]
+fn a_measured_supply_needs_a_steady_pressure_sensor_at_position_zero() {
+    let (text, _) = complaint("position_m = 0.0", "position_m = 0.1");
+    assert!(text.contains("needs a pressure sensor with position_m = 0"), "{text}");
+    let (text, _) = complaint("coupling = \"dc\"", "coupling = \"ac\"");
+    assert!(text.contains("needs a pressure sensor with position_m = 0"), "{text}");
+}
+
+#[test]
+fn a_rig_without_a_pressure_sensor_is_refused() {
+    let cut = FULL.find("[[sensor]]").unwrap();
+    let head = FULL[..cut].replace("measured", "reservoir");
+    let text = Rig::from_toml(&head, "x.toml").unwrap_err().to_string();
+    assert!(text.contains("there must be at least one [[sensor]] of that kind"), "{text}");
+    let flow_only = head + "[[sensor]]\nname = \"Q\"\nkind = \"flow\"\nunit = \"L/s\"\n";
+    let text = Rig::from_toml(&flow_only, "x.toml").unwrap_err().to_string();
+    assert!(text.contains("no sensor has kind = \"pressure\""), "{text}");
+}
+
+#[test]
+fn two_wide_registers_must_not_overlap() {
+    let sensor = "\n[[sensor]]\nname = \"Q2\"\nkind = \"flow\"\nunit = \"L/s\"\ndevice = \"meter\"\nchannel = 17\nregister_kind = \"holding\"\n";
+    let text = Rig::from_toml(&format!("{FULL}{sensor}"), "x.toml").unwrap_err().to_string();
+    assert!(text.contains("register 17 of 'meter' already carries 'Q1'"), "{text}");
+    let apart = sensor.replace("holding", "input");
+    assert!(Rig::from_toml(&format!("{FULL}{apart}"), "x.toml").is_ok(), "input and holding registers are two spaces");
+}
+
+#[test]
+fn several_faults_are_reported_at_once_in_the_order_of_the_lines() {
+    let text = FULL
+        .replacen("inner_diameter_mm = 50.6", "diameter_mm = 50.6", 1)
+        .replacen("unit = \"K\"", "unit = \"F\"", 1)
+        .replacen("baud = 19200", "baud = true", 1);
+    let error = Rig::from_toml(&text, "x.toml").unwrap_err().to_string();
+    let places: Vec<usize> = ["unknown key 'diameter_mm'", "unit \"F\" is not a known unit", "'baud' in [[device]]"]
+        .iter()
+        .map(|part| error.find(part).unwrap_or_else(|| panic!("{part} is not in\n{error}")))
+        .collect();
+    assert!(places.is_sorted(), "{error}");
+}
+
+#[test]
+fn broken_toml_and_tables_of_the_wrong_sort_are_told_with_their_line() {
+    let (text, line) = complaint("length_m = 200.0", "length_m = ");
+    assert!(text.starts_with(&format!("rigs/x.toml:{line}: not valid TOML")), "{text}");
+    let error =
+        Rig::from_toml("pipe = 3\nname = \"x\"\nfluid = \"water\"\nsensor = [1]\n", "x.toml").unwrap_err().to_string();
+    assert!(error.contains("x.toml:1: 'pipe' must be a list of tables: write [[pipe]] before each"), "{error}");
+    assert!(error.contains("x.toml:3: 'fluid' must be one table: write [fluid]"), "{error}");
+    assert!(error.contains("x.toml:4: 'sensor' must be a list of tables"), "{error}");
+    assert!(error.contains("missing [downstream]"), "{error}");
+}
+
+#[test]
+fn a_file_that_is_not_there_is_told_by_its_path() {
+    let error = Rig::load(std::path::Path::new("no/such/rig.toml")).unwrap_err().to_string();
+    assert!(error.contains("cannot read the rig file no/such/rig.toml"), "{error}");
+}
+
+#[test]
+fn a_pipe_without_a_constraint_has_coefficient_one_and_a_valve_discharges_at_zero() {
+    let text = FULL.replacen("constraint = 0.9\n", "", 1).replacen("discharge_head_m = 0.5\n", "", 1);
+    let rig = Rig::from_toml(&text, "x.toml").unwrap();
+    assert_eq!((rig.pipes[1].constraint, rig.valve.discharge_head_m), (Constraint::Coefficient(1.0), 0.0));
+}
+
+proptest::proptest! {
+    /// Whatever stands in a file: an answer, never a panic.
+    #[test]
+    fn no_text_makes_the_reader_panic(cut in 0usize..1000, junk in "\\PC{0,12}") {
+        let at = (0..=cut.min(FULL.len())).rev().find(|i| FULL.is_char_boundary(*i)).unwrap_or(0);
+        let _ = Rig::from_toml(&format!("{}{junk}{}", &FULL[..at], &FULL[at..]), "x.toml");
+        let _ = Rig::from_toml(&FULL[..at], "x.toml");
+    }
+}
+
+fn shipped(name: &str) -> std::path::PathBuf {
+    std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("rigs").join(name)
+}
+
+#[test]
+fn every_rig_that_ships_loads() {
+    let mut names = Vec::new();
+    for entry in std::fs::read_dir(shipped("")).unwrap() {
+        let path = entry.unwrap().path();
+        let rig = Rig::load(&path).unwrap_or_else(|error| panic!("{error}"));
+        assert_eq!(path.file_stem().unwrap().to_str(), Some(rig.name.as_str()), "named as its file");
+        names.push(rig.name);
+    }
+    for name in ["adelaide-copper", "demo-hdpe", "imperial-pe", "paper-hdpe", "paper-ppr"] {
+        assert!(names.iter().any(|n| n == name), "{name} is missing");
+    }
+}
+
+#[test]
+fn the_demo_rig_holds_a_surge_of_45_m_over_25_m() {
+    let rig = Rig::load(&shipped("demo-hdpe.toml")).unwrap();
+    let density = rig.fluid.properties(rig.fluid.temperature_degc).density_kg_m3;
+    let weight = density * surgescope::units::GRAVITY_M_S2;
+    assert_eq!(rig.pressure_sensors().count(), 3);
+    for (_, sensor) in rig.pressure_sensors() {
+        let wiring = sensor.wiring.as_ref().unwrap();
+        for head in [-10.3, 70.0] {
+            let shown = sensor.unit.from_si(head * weight, density);
+            let count = (shown - wiring.offset) / wiring.scale;
+            assert!(count > f64::from(i16::MIN) && count < f64::from(i16::MAX), "{head} m is count {count}");
+            let [lo, hi] = sensor.range.unwrap();
+            assert!(lo - 2.0 < shown && shown < hi, "{head} m is {shown}");
+        }
+    }
+}
+
+/// Runs `rig check --json` and gives back its exit code and its document.
+fn check(arguments: &[&str]) -> (Option<i32>, serde_json::Value) {
+    let mut command = assert_cmd::Command::cargo_bin("surgescope").unwrap();
+    let output = command.args(["--json", "rig", "check"]).args(arguments).output().unwrap();
+    let document = serde_json::from_slice(&output.stdout).unwrap_or(serde_json::Value::Null);
+    (output.status.code(), document)
+}
+
+fn subjects(document: &serde_json::Value, level: &str) -> Vec<String> {
+    let findings = document["findings"].as_array().unwrap();
+    let of_level = findings.iter().filter(|f| f["level"] == level);
+    of_level.map(|f| f["subject"].as_str().unwrap().to_owned()).collect()
+}
+
+#[test]
+fn the_papers_rigs_contradict_themselves_and_the_check_says_where() {
+    let (code, document) = check(&[shipped("paper-hdpe.toml").to_str().unwrap()]);
+    assert_eq!((code, document["verdict"].as_str()), (Some(1), Some("contradiction")));
+    let found = subjects(&document, "contradiction");
+    for subject in ["Reynolds number, Case 4", "friction loss, Case 5", "range of 'Q1', Case 6"] {
+        assert!(found.iter().any(|f| f == subject), "{subject} is not among {found:?}");
+    }
+    assert!(subjects(&document, "warning").iter().any(|f| f == "closing time"), "0.4 s is no quick closure here");
+
+    let (code, document) = check(&[shipped("paper-ppr.toml").to_str().unwrap()]);
+    assert_eq!(code, Some(1));
+    let loss =
+        document["findings"].as_array().unwrap().iter().find(|f| f["subject"] == "friction loss, Case 1").unwrap();
+    let loss_m = loss["numbers"]["loss_m"].as_f64().unwrap();
+    assert!((loss_m - 120.0).abs() < 1.0, "f L/D V²/2g by hand gives 120 m, not {loss_m}");
+}
+
+#[test]
+fn rigs_that_agree_with_themselves_pass() {
+    for name in ["adelaide-copper.toml", "demo-hdpe.toml", "imperial-pe.toml"] {
+        let (code, document) = check(&[shipped(name).to_str().unwrap()]);
+        assert_eq!(code, Some(0), "{document:#}");
+        assert!(subjects(&document, "contradiction").is_empty());
+    }
+}
+
+#[test]
+fn a_flow_given_on_the_command_line_is_held_against_the_rig() {
+    let demo = shipped("demo-hdpe.toml");
+    let demo = demo.to_str().unwrap();
+    assert_eq!(check(&[demo, "--flow", "8"]).0, Some(0));
+    let (code, document) = check(&[demo, "--flow", "13", "--supply-head", "5", "--reynolds", "20000"]);
+    assert_eq!(code, Some(1));
+    let found = subjects(&document, "contradiction");
+    assert_eq!(found.len(), 3, "Reynolds number, friction loss and the meter's range: {found:?}");
+}
+
+#[test]
+fn bad_input_exits_with_2_and_says_where_on_standard_error() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("bad.toml");
+    std::fs::write(&path, FULL.replacen("length_m", "lenght_m", 1)).unwrap();
+    let mut command = assert_cmd::Command::cargo_bin("surgescope").unwrap();
+    let output = command.args(["rig", "check"]).arg(&path).output().unwrap();
+    let message = String::from_utf8_lossy(&output.stderr);
+    assert_eq!((output.status.code(), output.stdout.len()), (Some(2), 0));
+    assert!(message.contains("bad.toml:10: unknown key 'lenght_m'"), "{message}");
+}
+
+#[test]
+fn a_recording_is_held_against_its_rig() {
+    let folder = tempfile::tempdir().unwrap();
+    let csv = folder.path().join("run.csv");
+    let mut text = "time_s,P1,P2,P3,Q1,T1,G1\n".to_owned();
+    for i in 0..2000 {
+        let t = f64::from(i) * 5e-4;
+        let at = |delay: f64, steady: f64| steady + 200.0 * ((t - 0.3 - delay) / 0.08).clamp(0.0, 1.0);
+        let (p1, p2, p3) = (at(0.0, 229.2), at(60.0 / 384.0, 237.1), at(100.0 / 384.0, 242.4));
+        text += &format!("{t:.4},{p1:.3},{p2:.3},{p3:.3},6.0,18.0,0\n");
+    }
+    std::fs::write(&csv, &text).unwrap();
+    let (demo, csv_path) = (shipped("demo-hdpe.toml"), csv.to_str().unwrap());
+    let (code, document) = check(&[demo.to_str().unwrap(), csv_path]);
+    assert_eq!(code, Some(0), "{document:#}");
+    assert!(subjects(&document, "fine").iter().any(|f| f == "wave from 'P1' to 'P2'"), "{document:#}");
+
+    std::fs::write(&csv, text.replace(",6.0,18.0", ",14.0,18.0")).unwrap();
+    let (code, document) = check(&[demo.to_str().unwrap(), csv_path]);
+    assert_eq!(code, Some(1));
+    let found = subjects(&document, "contradiction");
+    assert!(found.iter().any(|f| f == "range of 'Q1'"), "{found:?}");
+
+    let mcap = folder.path().join("run.mcap");
+    let mut import = assert_cmd::Command::cargo_bin("surgescope").unwrap();
+    import.args(["import", csv_path, "--rig"]).arg(&demo).arg("-o").arg(&mcap).assert().success();
+    let (code, document) = check(&[demo.to_str().unwrap(), mcap.to_str().unwrap()]);
+    assert_eq!(code, Some(1), "{document:#}");
+    assert_eq!(subjects(&document, "contradiction"), found, "the recording says what its CSV says");
+}

@@ -4,6 +4,7 @@ pub mod export;
 pub mod import;
 pub mod inspect;
 pub mod recover;
+pub mod rig;
 
 use std::error::Error;
 use std::process::ExitCode;
@@ -45,6 +46,8 @@ enum Command {
     Inspect(inspect::Args),
     /// Make a whole recording of one that a crash cut off.
     Recover(recover::Args),
+    /// Say where a rig file contradicts itself, or a recording made on it.
+    Rig(rig::Args),
 }
 
 /// Parses the arguments, runs the command and turns its outcome into the exit code.
@@ -55,6 +58,7 @@ pub fn main() -> ExitCode {
         Command::Export(args) => export::run(args, cli.json),
         Command::Inspect(args) => inspect::run(args, cli.json),
         Command::Recover(args) => recover::run(args, cli.json),
+        Command::Rig(args) => rig::run(args, cli.json),
     };
     match result {
         Ok(Outcome::Done) => ExitCode::SUCCESS,

@@ -1,3 +1,9 @@
 //! Calibration: from a recording to the fitted model of the run.
 
+pub mod calibrate;
+pub mod compare;
+pub mod data;
+pub mod least_squares;
 pub mod outcome;
+pub mod problem;
+pub mod uncertainty;

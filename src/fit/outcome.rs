@@ -34,6 +34,8 @@ pub struct SensorFit {
     pub noise_m: f64,
     /// Root mean square of measured − model over all samples, m.
     pub rmse_m: f64,
+    /// The same with the parameters that the fit started from, m.
+    pub start_rmse_m: f64,
     /// Peak by peak and trough by trough.
     pub extrema: Vec<ExtremumError>,
 }
@@ -79,6 +81,10 @@ pub struct Fit {
     pub runs: Vec<RunFit>,
     /// Shared and per-run parameters.
     pub parameters: Vec<FittedParameter>,
+    /// Reaches of the grid of the final fit.
+    pub reaches: usize,
+    /// What halving the grid's step would still change, rms over all samples, m.
+    pub grid_error_m: f64,
     /// Simulations that the fit took.
     pub evaluations: usize,
     /// Wall time, s.

@@ -1,1 +1,309 @@
-//! The method of characteristics.
+//! The model of a rig: base model and effects, their parameters, and the simulation of one run by the method of
+//! characteristics.
+//!
+//! The base model has elastic waves, quasi-steady wall friction, a constant supply head and a valve whose opening falls
+//! linearly in time. Effects (see [`effects`]) add to it.
+
+pub mod boundary;
+pub mod effects;
+pub mod friction;
+pub mod grid;
+pub mod kernel;
+pub mod parameter;
+pub mod sensor;
+pub mod solver;
+pub mod trace;
+
+use boundary::{Closure, ConstantHead, MeasuredHead, Supply, ValveEnd};
+use effects::{Chosen, Site};
+use friction::{ReachFriction, WallFriction};
+use grid::{Grid, Stretch};
+use parameter::Parameter;
+use solver::{Line, Steady, steady_heads};
+use trace::Trace;
+
+use crate::rig::WaterProperties;
+use crate::rig::{Rig, Upstream};
+
+/// What can be wrong with a model or a simulation.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[allow(missing_docs)] // the sentences say it
+pub enum ModelError {
+    #[error("{reaches} reaches are too few: these pipes need at least {needed}")]
+    TooFewReaches { reaches: usize, needed: usize },
+    #[error("{name} = {value} is outside its physical range ({allowed})")]
+    Value { name: String, value: f64, allowed: &'static str },
+    #[error("unknown effect '{name}'; did you mean '{nearest}'? Known are: {known}")]
+    UnknownEffect { name: String, nearest: String, known: String },
+    #[error("'{item}': the number of elements must be a whole number from {low} to {high}")]
+    Elements { item: String, low: usize, high: usize },
+    #[error("'{item}': this effect has no elements to number")]
+    NoElements { item: String },
+    #[error("the effect '{name}' is named twice")]
+    EffectTwice { name: String },
+    #[error(
+        "friction takes {share:.3} of the impedance over one reach, more than the scheme resolves; use at least {needed} reaches"
+    )]
+    FrictionTooCoarse { share: f64, needed: usize },
+    #[error("{steps} steps at {sensors} places would need {gib:.1} GiB; shorten the duration or take fewer reaches")]
+    TooLong { steps: usize, sensors: usize, gib: f64 },
+    #[error(
+        "the solution stopped being finite {time_s:.4} s after the start of the closure; check the parameter values"
+    )]
+    NotFinite { time_s: f64 },
+    #[error("an upstream end of kind 'measured' needs the head measured at position 0")]
+    NoSupplyHead,
+}
+
+/// A model: a rig, the effects added to the base model, and its parameters.
+#[derive(Debug, Clone)]
+pub struct Model<'a> {
+    /// The rig.
+    pub rig: &'a Rig,
+    /// Effects, each with its number of elements decided.
+    pub effects: Vec<Chosen>,
+    /// How many of the shared parameters belong to each effect.
+    effect_sizes: Vec<usize>,
+    /// Parameters shared by all runs on the rig: wave speeds, friction, effects.
+    pub shared: Vec<Parameter>,
+    /// Parameters of one run: velocity, head, closing time.
+    pub per_run: Vec<Parameter>,
+    /// Form of the closure, its time taken from the run's parameters.
+    pub closure: fn(f64) -> Closure,
+}
+
+/// Order of the per-run parameters.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RunValues {
+    /// Velocity in the last pipe before the closure, m/s.
+    pub initial_velocity_m_s: f64,
+    /// Head upstream of the valve before the closure, m.
+    pub valve_head_m: f64,
+    /// Closing time, s.
+    pub closing_time_s: f64,
+}
+
+/// What a run has beside its parameters.
+#[derive(Debug, Clone)]
+pub struct Conditions {
+    /// The water at the run's temperature.
+    pub water: WaterProperties,
+    /// Measured head at position 0, times after the start of the closure: for an upstream end of kind `measured`.
+    pub supply_head: Option<(Vec<f64>, Vec<f64>)>,
+}
+
+/// How finely and how long to simulate.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Resolution {
+    /// Number of reaches of the whole line.
+    pub reaches: usize,
+    /// Simulated time after the start of the closure, s.
+    pub duration_s: f64,
+}
+
+/// Memory that the recorded heads of one simulation may take.
+const MOST_HISTORY_BYTES: usize = 4 << 30;
+/// Share of the impedance that friction over one reach may take (see [`friction::NodeFriction`]).
+const MOST_FRICTION_SHARE: f64 = 0.02;
+
+impl<'a> Model<'a> {
+    /// The base model of a rig with effects added; `water` and the rig give parameters their starts and bounds.
+    pub fn new(rig: &'a Rig, water: &WaterProperties, effects: &[Chosen]) -> Model<'a> {
+        let mut shared = Vec::new();
+        let mut travel_s = 0.0;
+        for pipe in &rig.pipes {
+            let (start, lower, upper) = pipe.wave_speed_start(water);
+            travel_s += pipe.length_m / start;
+            let name = match rig.pipes.len() {
+                1 => "wave_speed_m_s".to_owned(),
+                _ => format!("wave_speed_m_s[{}]", pipe.name),
+            };
+            shared.push(Parameter::log(name, "m/s", "elastic wave speed", start, lower, upper));
+        }
+        shared.push(
+            Parameter::log("friction_scale", "1", "multiplies the steady friction factor", 1.0, 0.2, 5.0)
+                .with_prior(1.0, 0.2),
+        );
+        let site = Site { rig, water, period_s: 4.0 * travel_s };
+        let effects: Vec<Chosen> = effects
+            .iter()
+            .map(|c| c.with_elements(c.elements.unwrap_or(c.effect.elements().map_or(1, |r| *r.start()))))
+            .collect();
+        let mut effect_sizes = Vec::new();
+        for chosen in &effects {
+            let parameters = chosen.effect.parameters(&site, chosen.elements.unwrap_or(1));
+            effect_sizes.push(parameters.len());
+            shared.extend(parameters);
+        }
+        let nominal_s = rig.valve.closing_time_s;
+        let per_run = vec![
+            Parameter::log(
+                "initial_velocity_m_s",
+                "m/s",
+                "velocity in the last pipe before the closure",
+                1.0,
+                1e-4,
+                50.0,
+            ),
+            Parameter::linear(
+                "valve_head_m",
+                "m",
+                "head upstream of the valve before the closure",
+                20.0,
+                -20.0,
+                5000.0,
+            ),
+            Parameter::log(
+                "closing_time_s",
+                "s",
+                "closing time of the valve",
+                nominal_s,
+                nominal_s / 20.0,
+                nominal_s * 20.0,
+            )
+            .with_prior(nominal_s, 0.5),
+        ];
+        Model {
+            rig,
+            effects,
+            effect_sizes,
+            shared,
+            per_run,
+            closure: |closing_time_s| Closure::Linear { closing_time_s },
+        }
+    }
+
+    /// Index of the first effect's first parameter among the shared ones.
+    pub fn effects_from(&self) -> usize {
+        self.rig.pipes.len() + 1
+    }
+
+    /// How many shared parameters each effect has.
+    pub fn effect_sizes(&self) -> &[usize] {
+        &self.effect_sizes
+    }
+
+    /// Theoretical period `4L/a` for shared parameter values, s.
+    pub fn period_s(&self, shared: &[f64]) -> f64 {
+        4.0 * self.rig.pipes.iter().zip(shared).map(|(p, a)| p.length_m / a).sum::<f64>()
+    }
+
+    /// Simulates one run: the head at each place (m from the supply), in time after the start of the closure.
+    ///
+    /// # Errors
+    /// Values out of their physical range, a grid too coarse for the pipes, a run too long for memory, a solution that
+    /// stops being finite.
+    pub fn simulate(
+        &self,
+        conditions: &Conditions,
+        shared: &[f64],
+        run: &RunValues,
+        resolution: Resolution,
+        places_m: &[f64],
+    ) -> Result<Vec<Trace>, ModelError> {
+        self.check(shared, run)?;
+        let (wave_speeds, rest) = shared.split_at(self.rig.pipes.len());
+        let (friction_scale, effect_values) = (rest[0], &rest[1..]);
+        let stretches: Vec<Stretch> = self
+            .rig
+            .pipes
+            .iter()
+            .zip(wave_speeds)
+            .map(|(pipe, &wave_speed_m_s)| Stretch {
+                length_m: pipe.length_m,
+                diameter_m: pipe.inner_diameter_m,
+                wall_m: pipe.wall_thickness_m,
+                wave_speed_m_s,
+                constraint: pipe.constraint_coefficient(),
+                friction: match pipe.friction_factor {
+                    Some(factor) => WallFriction::constant(factor),
+                    None => WallFriction::Reynolds {
+                        viscosity_m2_s: conditions.water.kinematic_viscosity_m2_s,
+                        roughness_m: pipe.roughness_m.unwrap_or(0.0),
+                        scale: 1.0,
+                    },
+                }
+                .scaled(friction_scale),
+            })
+            .collect();
+        let grid = Grid::new(&stretches, resolution.reaches)?;
+        // Two steps more than asked for: the cubic interpolation in time looks that far ahead.
+        let steps = (resolution.duration_s / grid.dt_s).ceil() as usize + 2;
+        let bytes = steps.saturating_mul(places_m.len().max(1)).saturating_mul(8);
+        if bytes > MOST_HISTORY_BYTES {
+            let gib = bytes as f64 / (1u64 << 30) as f64;
+            return Err(ModelError::TooLong { steps, sensors: places_m.len(), gib });
+        }
+        let flow_m3_s = run.initial_velocity_m_s * stretches[stretches.len() - 1].area_m2();
+        let frictions = reach_frictions(&grid, flow_m3_s)?;
+        let head_m = steady_heads(&grid, &frictions, flow_m3_s, run.valve_head_m);
+        let steady = Steady { grid: &grid, head_m: &head_m, flow_m3_s, density_kg_m3: conditions.water.density_kg_m3 };
+        let mut terms = Vec::new();
+        let mut at = 0;
+        for (chosen, &count) in self.effects.iter().zip(&self.effect_sizes) {
+            terms.extend(chosen.effect.line_terms(&effect_values[at..at + count], &steady)?);
+            at += count;
+        }
+        let supply: Box<dyn Supply> = match (self.rig.upstream, &conditions.supply_head) {
+            (Upstream::Measured, Some((time_s, head_m))) if !time_s.is_empty() => {
+                Box::new(MeasuredHead { time_s: time_s.clone(), head_m: head_m.clone(), cursor: 0 })
+            }
+            (Upstream::Measured, _) => return Err(ModelError::NoSupplyHead),
+            (Upstream::Reservoir | Upstream::Pump, _) => Box::new(ConstantHead(head_m[0])),
+        };
+        let discharge_head_m = self.rig.valve.discharge_head_m;
+        let valve = ValveEnd {
+            flow_m3_s,
+            drop_m: run.valve_head_m - discharge_head_m,
+            discharge_head_m,
+            closure: (self.closure)(run.closing_time_s),
+        };
+        let stencils: Vec<_> = places_m.iter().map(|&x| grid.stencil(x)).collect();
+        Line { steady, frictions, terms, supply, valve }.run(steps, &stencils)
+    }
+
+    fn check(&self, shared: &[f64], run: &RunValues) -> Result<(), ModelError> {
+        let positive = |name: &str, value: f64| match value > 0.0 && value.is_finite() {
+            true => Ok(()),
+            false => Err(ModelError::Value { name: name.to_owned(), value, allowed: "more than zero" }),
+        };
+        for (parameter, &value) in self.shared.iter().zip(shared).take(self.rig.pipes.len()) {
+            positive(&parameter.name, value)?;
+        }
+        let not_negative = |name: &str, value: f64| match value >= 0.0 && value.is_finite() {
+            true => Ok(()),
+            false => Err(ModelError::Value { name: name.to_owned(), value, allowed: "zero or more" }),
+        };
+        not_negative("friction_scale", shared[self.rig.pipes.len()])?;
+        not_negative("initial_velocity_m_s", run.initial_velocity_m_s)?;
+        not_negative("closing_time_s", run.closing_time_s)?;
+        let needs_drop = matches!((self.closure)(run.closing_time_s), Closure::Linear { .. });
+        if !run.valve_head_m.is_finite() || (needs_drop && run.valve_head_m <= self.rig.valve.discharge_head_m) {
+            return Err(ModelError::Value {
+                name: "valve_head_m".to_owned(),
+                value: run.valve_head_m,
+                allowed: "above the discharge head, or nothing would flow",
+            });
+        }
+        Ok(())
+    }
+}
+
+/// The friction of every segment, checked against what the scheme resolves.
+fn reach_frictions(grid: &Grid, flow_m3_s: f64) -> Result<Vec<ReachFriction>, ModelError> {
+    let total: usize = grid.segments.iter().map(|s| s.reaches).sum();
+    grid.segments
+        .iter()
+        .map(|segment| {
+            let quadratic = segment.parts.iter().all(|(s, _)| matches!(s.friction, WallFriction::Constant { .. }));
+            let largest_u = 2.0 * segment.impedance * flow_m3_s;
+            let friction = ReachFriction::new(quadratic, |q| segment.reach_loss_m(q), segment.impedance, largest_u);
+            let share = friction.largest_share(0.5 * largest_u);
+            if share > MOST_FRICTION_SHARE {
+                let needed = (total as f64 * share / MOST_FRICTION_SHARE).ceil() as usize;
+                return Err(ModelError::FrictionTooCoarse { share, needed });
+            }
+            Ok(friction)
+        })
+        .collect()
+}

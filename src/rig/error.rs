@@ -9,7 +9,7 @@ use thiserror::Error;
 #[derive(Debug, Error)]
 pub enum RigError {
     /// The file cannot be read.
-    #[error("cannot read the rig file {}; check the path and its permissions", path.display())]
+    #[error("cannot read the rig file {}; it must be a text file in UTF-8 that you may read", path.display())]
     Read {
         /// The file.
         path: PathBuf,

@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use super::table::{At, FINITE, NOT_ZERO, POSITIVE, Section, nearest};
+use super::table::{FINITE, NOT_ZERO, POSITIVE, Section, nearest};
 use super::unique::Names;
 use super::{Device, Encoding, Protocol, Register, Wiring};
 
@@ -22,12 +22,18 @@ enum Speaks {
     Modbus,
 }
 
-pub(super) fn read_devices(sections: &[Section<'_>]) -> Vec<At<Device>> {
+/// The devices of a file by name (empty where it is at fault); `None` for one at fault, so that its sensors are not blamed
+/// on top.
+pub(super) fn read_devices(sections: &[Section<'_>]) -> Vec<(String, Option<Device>)> {
     let mut names = Names::new("device");
-    sections.iter().filter_map(|section| read_device(section, &mut names)).collect()
+    let named = |section: &Section<'_>| {
+        let device = read_device(section, &mut names);
+        (section.peek_text("name").unwrap_or_default().to_owned(), device)
+    };
+    sections.iter().map(named).collect()
 }
 
-fn read_device(section: &Section<'_>, names: &mut Names) -> Option<At<Device>> {
+fn read_device(section: &Section<'_>, names: &mut Names) -> Option<Device> {
     let name = section.required_text("name", "the device's name");
     names.check(section, name.as_ref());
     let port = section.required_text("port", "the path of its serial port, e.g. \"/dev/ttyUSB0\"");
@@ -45,9 +51,7 @@ fn read_device(section: &Section<'_>, names: &mut Names) -> Option<At<Device>> {
         Speaks::Lines => Protocol::Lines,
         Speaks::Modbus => Protocol::ModbusRtu { unit_id, poll_interval_s, timeout_s },
     };
-    let name = name?;
-    let device = Device { name: name.value.to_owned(), port: port?.value.to_owned(), baud: baud? as u32, protocol };
-    Some(At { value: device, place: name.place })
+    Some(Device { name: name?.value.to_owned(), port: port?.value.to_owned(), baud: baud? as u32, protocol })
 }
 
 fn only_for_modbus(section: &Section<'_>, keys: &[&str]) {
@@ -67,7 +71,7 @@ pub(super) struct Channels(HashMap<(String, bool, u64), String>);
 pub(super) fn read_wiring(
     section: &Section<'_>,
     sensor: &str,
-    devices: &[At<Device>],
+    devices: &[(String, Option<Device>)],
     channels: &mut Channels,
 ) -> Option<Wiring> {
     let name = section.text("device");
@@ -95,14 +99,17 @@ pub(super) fn read_wiring(
     }
     let channel = section.required("channel", "the column of the device from 0, or the register's address", channel);
     let name = name?;
-    let Some(device) = devices.iter().find(|d| d.value.name == name.value) else {
-        let near = nearest(name.value, devices.iter().map(|d| d.value.name.as_str()));
-        let hint =
-            near.map_or("the file has no usable [[device]]".to_owned(), |near| format!("did you mean \"{near}\"?"));
+    let Some((_, device)) = devices.iter().find(|(known, _)| known == name.value) else {
+        if devices.iter().any(|(known, _)| known.trim().is_empty()) {
+            return None; // it may well be the one whose name is at fault
+        }
+        let near = nearest(name.value, devices.iter().map(|(known, _)| known.as_str()));
+        let hint = near.map_or("the file has no [[device]]".to_owned(), |near| format!("did you mean \"{near}\"?"));
         section.fault_at(&name.place, format!("unknown device \"{}\"; {hint}", name.value));
         return None;
     };
-    let modbus = matches!(device.value.protocol, Protocol::ModbusRtu { .. });
+    let device = device.as_ref()?;
+    let modbus = matches!(device.protocol, Protocol::ModbusRtu { .. });
     if !modbus {
         only_for_modbus(section, &MODBUS_SENSOR);
     }
@@ -116,13 +123,13 @@ pub(super) fn read_wiring(
         section.fault_at(&place, format!("a value of two registers cannot start at the last address, {channel}"));
     }
     for address in channel..channel + words {
-        let slot = (device.value.name.clone(), modbus && !input, address);
+        let slot = (device.name.clone(), modbus && !input, address);
         if let Some(other) = channels.0.insert(slot, sensor.to_owned()) {
             let what = if modbus { "register" } else { "channel" };
-            section.fault_at(&place, format!("{what} {address} of '{}' already carries '{other}'", device.value.name));
+            section.fault_at(&place, format!("{what} {address} of '{}' already carries '{other}'", device.name));
             break;
         }
     }
     let register = modbus.then_some(Register { input, encoding, big_word_order });
-    Some(Wiring { device: device.value.name.clone(), channel: channel as u16, scale, offset, register })
+    Some(Wiring { device: device.name.clone(), channel: channel as u16, scale, offset, register })
 }

@@ -41,7 +41,7 @@ impl Material {
     /// The material of that name or alias, whatever its case; `None` if unknown.
     pub fn by_name(name: &str) -> Option<&'static Material> {
         let same = |other: &&str| other.eq_ignore_ascii_case(name.trim());
-        MATERIALS.iter().find(|m| same(&m.name) || m.aliases.iter().any(|a| same(&a)))
+        MATERIALS.iter().find(|m| same(&m.name) || m.aliases.iter().any(same))
     }
 
     /// Start and bounds of a creep element, as multiples of the instantaneous compliance 1/E.

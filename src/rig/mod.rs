@@ -1,11 +1,26 @@
 //! The rig: what stands in the lab, as the rig file describes it; SI inside.
 //!
 //! A rig file is TOML; [`Rig::load`] reads it and reports everything that is wrong in it at once, each with its line.
+//!
+//! Beside the tables that describe the rig, a file may hold steady states that a paper or a log book reports of it. Only
+//! `surgescope rig check` looks at them, and says which cannot be:
+//!
+//! ```toml
+//! [[steady]]
+//! name = "Case 1"
+//! flow_m3_h = 2.59
+//! # optional:
+//! supply_head_m = 62.6         # above the datum of the elevations
+//! temperature_degC = 24.0      # else that of [fluid]
+//! reynolds_number = 71937.0    # as reported, in the first pipe
+//! wave_speed_m_s = 470.0       # as reported, in the first pipe
+//! ```
 
 use crate::units::Unit;
 
+pub mod check;
 mod error;
-mod friction;
+pub mod friction;
 mod live;
 pub mod material;
 mod parse;
@@ -13,7 +28,7 @@ mod sensors;
 mod table;
 mod unique;
 mod wall;
-mod water;
+pub mod water;
 
 pub use error::{Problem, RigError};
 pub use friction::{LAMINAR_REYNOLDS, darcy_friction_factor};

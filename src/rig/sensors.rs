@@ -30,27 +30,24 @@ const POSITION_SLACK_M: f64 = 1e-6;
 const PERCENT: Limits = Limits { holds: |v| v > 0.0 && v <= 100.0, words: "a percentage above 0, at most 100" };
 
 /// Reads all sensors; `total_m` is the length of the pipes where that is known.
-pub(super) fn read_sensors(sections: &[Section<'_>], total_m: Option<f64>, devices: &[At<Device>]) -> Vec<At<Sensor>> {
+pub(super) fn read_sensors(
+    sections: &[Section<'_>],
+    total_m: Option<f64>,
+    devices: &[(String, Option<Device>)],
+) -> Vec<Sensor> {
     let mut names = Names::new("sensor");
     let mut channels = Channels::default();
     sections.iter().filter_map(|section| read_sensor(section, total_m, devices, &mut names, &mut channels)).collect()
 }
 
 /// Pressure is what the program is about: one sensor of it at least, and one at position 0 where it drives the model.
-pub(super) fn check_pressure(
-    source: &Source<'_>,
-    sensors: &[At<Sensor>],
-    upstream: Option<&At<Upstream>>,
-    any_section: bool,
-) {
-    let pressure = || sensors.iter().filter(|s| s.value.kind == SensorKind::Pressure);
-    if !any_section {
-        source.report(None, "missing [[sensor]]: at least one with kind = \"pressure\"");
-    } else if pressure().next().is_none() && source.is_clean() {
-        source.report(None, "no sensor has kind = \"pressure\"; there must be at least one");
+pub(super) fn check_pressure(source: &Source<'_>, sensors: &[Sensor], upstream: Option<&At<Upstream>>) {
+    let pressure = || sensors.iter().filter(|s| s.kind == SensorKind::Pressure);
+    if pressure().next().is_none() {
+        source.report(None, "no sensor has kind = \"pressure\"; there must be at least one [[sensor]] of that kind");
     }
     if let Some(upstream) = upstream.filter(|u| u.value == Upstream::Measured) {
-        let drives = |s: &At<Sensor>| s.value.position_m.abs() <= POSITION_SLACK_M && s.value.coupling == Coupling::Dc;
+        let drives = |s: &Sensor| s.position_m <= POSITION_SLACK_M && s.coupling == Coupling::Dc;
         if !pressure().any(drives) {
             let message = "kind = \"measured\" needs a pressure sensor with position_m = 0 and coupling = \"dc\" to drive the model";
             source.report(Some(upstream.place.clone()), message);
@@ -61,10 +58,10 @@ pub(super) fn check_pressure(
 fn read_sensor(
     section: &Section<'_>,
     total_m: Option<f64>,
-    devices: &[At<Device>],
+    devices: &[(String, Option<Device>)],
     names: &mut Names,
     channels: &mut Channels,
-) -> Option<At<Sensor>> {
+) -> Option<Sensor> {
     let name = section.required_text("name", "the sensor's name, also its column in CSV files");
     names.check(section, name.as_ref());
     if let Some(name) = &name {
@@ -94,7 +91,7 @@ fn read_sensor(
     }
     let name = name?;
     let wiring = read_wiring(section, name.value, devices, channels);
-    let sensor = Sensor {
+    Some(Sensor {
         name: name.value.to_owned(),
         kind: kind?,
         position_m: position_m?,
@@ -105,8 +102,7 @@ fn read_sensor(
         elevation_m,
         coupling: coupling.map_or(Coupling::Dc, |c| c.value),
         wiring,
-    };
-    Some(At { value: sensor, place: name.place })
+    })
 }
 
 /// A name is the heading of a CSV column: no quoting, no clash with the time column.

@@ -73,6 +73,8 @@ pub(super) struct Section<'a> {
     table: &'a DeTable<'a>,
     place: Range<usize>,
     keys: &'static [&'static str],
+    /// Keys that an unknown one was probably meant to be: not to be reported as missing on top.
+    misspelt: Vec<&'static str>,
 }
 
 impl<'a> Section<'a> {
@@ -85,6 +87,7 @@ impl<'a> Section<'a> {
         keys: &'static [&'static str],
         others: &[(&'static str, &'static [&'static str])],
     ) -> Self {
+        let mut misspelt = Vec::new();
         for key in table.keys() {
             let name: &str = key.get_ref();
             if keys.contains(&name) {
@@ -92,11 +95,15 @@ impl<'a> Section<'a> {
             }
             let hint = match others.iter().find(|(_, keys)| keys.contains(&name)) {
                 Some((home, _)) => format!("it belongs in {home}"),
-                None => format!("did you mean '{}'?", nearest(name, keys.iter().copied()).unwrap_or_default()),
+                None => {
+                    let near = nearest(name, keys.iter().copied()).unwrap_or_default();
+                    misspelt.push(near);
+                    format!("did you mean '{near}'?")
+                }
             };
             source.report(Some(key.span()), format!("unknown key '{name}' in {heading}; {hint}"));
         }
-        Section { source, heading, table, place, keys }
+        Section { source, heading, table, place, keys, misspelt }
     }
 
     /// Reports a fault of the table as a whole, at its heading.
@@ -116,7 +123,7 @@ impl<'a> Section<'a> {
 
     /// Reports `key` as missing when nothing was written there; hands `found` on.
     pub fn required<T>(&self, key: &str, words: &str, found: Option<T>) -> Option<T> {
-        if found.is_none() && self.get(key).is_none() {
+        if found.is_none() && self.get(key).is_none() && !self.misspelt.contains(&key) {
             self.fault(format!("missing key '{key}' in {}; it is {words}", self.heading));
         }
         found
@@ -207,9 +214,14 @@ impl<'a> Section<'a> {
         }
     }
 
+    /// The text of a key, whatever it is, without a report.
+    pub fn peek_text(&self, key: &str) -> Option<&'a str> {
+        self.get(key)?.get_ref().as_str()
+    }
+
     /// Is the value of this key a text? (For keys that take a word or a number.)
     pub fn is_text(&self, key: &str) -> bool {
-        self.get(key).is_some_and(|v| v.get_ref().is_str())
+        self.peek_text(key).is_some()
     }
 }
 

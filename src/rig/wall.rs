@@ -8,7 +8,7 @@ const THICK_WALL_RATIO: f64 = 25.0;
 
 /// How far the search for the wave speed may leave what the material's modulus allows: free gas and soft joints slow a wave
 /// down, an overestimated diameter or supports at the wall make it look faster.
-const SLOWER: f64 = 0.75;
+const SLOWER: f64 = 0.65;
 const FASTER: f64 = 1.15;
 
 impl Pipe {
@@ -64,7 +64,7 @@ impl Pipe {
     /// Start and bounds of the wave speed in a calibration, `(start, lo, hi)` m/s.
     ///
     /// The start is the file's `wave_speed_m_s` or Korteweg's for the typical modulus. The bounds are those of the
-    /// material widened by 25 % down and 15 % up, stretched to hold the file's value with as much room, and end at the
+    /// material widened by 35 % down and 15 % up, stretched to hold the file's value with as much room, and end at the
     /// speed of sound in the water.
     pub fn wave_speed_start(&self, water: &WaterProperties) -> (f64, f64, f64) {
         let [lo, hi] = self.material_wave_speeds_m_s(water);

@@ -10,7 +10,9 @@
 //! | `levels` | head before and after, flow, temperature |
 //! | `matching`, `wavespeed` | delays between fronts, and the wave speed they give |
 //! | `extrema` | half cycles, period, damping |
+//! | [`check`] | does a recording agree with its rig |
 
+pub mod check;
 mod closure;
 mod extrema;
 mod front;

@@ -1,0 +1,374 @@
+//! Calibration of a model: from coarse to fine, from the first cycles to the whole record.
+//!
+//! A wave speed a few percent off is half a period late after twenty cycles, where least squares sees no way back. So the
+//! fit starts with the first cycle and a half on a coarse grid, then takes in more of the record as the phase locks. Then the
+//! grid is refined until halving its step changes less than the noise does.
+
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use super::compare::{Pair, mape_percent, rmse};
+use super::data::RunData;
+use super::least_squares::{Limits, Problem, Solution, Stop, jacobian, minimise};
+use super::outcome::{Fit, FittedParameter, RunFit, SensorFit};
+use super::problem::{Calibration, Window};
+use super::uncertainty::{correlation_inflation, standard_errors};
+use crate::model::effects::Chosen;
+use crate::model::{Model, ModelError};
+use crate::rig::Rig;
+
+/// Why a fit cannot be had.
+#[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)] // the sentences say it
+pub enum FitError {
+    #[error("there is no run to fit")]
+    NoRun,
+    #[error(
+        "{file}: no pressure sample lies after the start of the closure; check the closure's time with `surgescope inspect`"
+    )]
+    NoSample { file: String },
+    #[error(transparent)]
+    Model(#[from] ModelError),
+}
+
+/// What a fit is doing.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Progress {
+    /// The stage, in words.
+    pub stage: String,
+    /// Simulated reaches.
+    pub reaches: usize,
+    /// Iteration within the stage.
+    pub iteration: usize,
+    /// Root mean square of the weighted residuals: 1 is the noise.
+    pub error_over_noise: f64,
+}
+
+/// How far a fit may go.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Options {
+    /// Most reaches of the grid.
+    pub most_reaches: usize,
+    /// Share of the noise that the grid's own error may have.
+    pub grid_error_over_noise: f64,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Options { most_reaches: 512, grid_error_over_noise: 0.3 }
+    }
+}
+
+const FIRST_REACHES: usize = 48;
+const FINAL_REACHES: usize = 64;
+/// Samples a sensor in the early stages.
+const EARLY_SAMPLES: usize = 2500;
+/// Evidence (difference of BIC) that one more element must bring: "strong" on the scale of Kass & Raftery (1995).
+const EVIDENCE: f64 = 6.0;
+
+const EARLY: Limits = Limits { iterations: 25, cost_tolerance: 1e-3, step_tolerance: 1e-7 };
+const LATE: Limits = Limits { iterations: 60, cost_tolerance: 1e-5, step_tolerance: 1e-9 };
+
+/// Where a fit of one model stands.
+struct State {
+    values: Vec<f64>,
+    cost: f64,
+}
+
+/// Fits the base model with `effects` to all `runs` at once.
+///
+/// Where an effect has elements and their number is not fixed, they are added one by one while the evidence asks for it.
+///
+/// # Errors
+/// No run, a run without samples after its closure, a model that cannot be simulated at its start.
+pub fn calibrate(
+    rig: &Rig,
+    runs: &[RunData],
+    effects: &[Chosen],
+    options: &Options,
+    progress: &(dyn Fn(&Progress) + Sync),
+) -> Result<Fit, FitError> {
+    let first = runs.first().ok_or(FitError::NoRun)?;
+    for run in runs {
+        let any = run.sensors.iter().any(|s| s.time_s.last().is_some_and(|&t| t > run.start.closure_s.0));
+        if !any {
+            return Err(FitError::NoSample { file: run.file.clone() });
+        }
+    }
+    let water = &first.conditions.water;
+    let open = effects.iter().position(|c| c.elements.is_none() && c.effect.elements().is_some());
+    let evaluations = AtomicUsize::new(0);
+    let fitter = Fitter { runs, options, progress, evaluations: &evaluations };
+
+    let mut chosen = effects.to_vec();
+    if let Some(i) = open {
+        chosen[i] = chosen[i].with_elements(1);
+    }
+    let mut model = Model::new(rig, water, &chosen);
+    let mut state = fitter.approach(&model, None)?;
+    let most = open.and_then(|i| chosen[i].effect.elements()).map_or(1, |r| *r.end());
+    let mut evidence = fitter.evidence(&model, &state)?;
+    for elements in 2..=most {
+        let Some(i) = open else { break };
+        let mut more = chosen.clone();
+        more[i] = more[i].with_elements(elements);
+        let bigger = Model::new(rig, water, &more);
+        let trial = fitter.approach(&bigger, Some((&model, &state)))?;
+        let trial_evidence = fitter.evidence(&bigger, &trial)?;
+        if evidence - trial_evidence < EVIDENCE {
+            break;
+        }
+        (chosen, model, state, evidence) = (more, bigger, trial, trial_evidence);
+    }
+    fitter.finish(&model, state)
+}
+
+struct Fitter<'a> {
+    runs: &'a [RunData],
+    options: &'a Options,
+    progress: &'a (dyn Fn(&Progress) + Sync),
+    evaluations: &'a AtomicUsize,
+}
+
+impl Fitter<'_> {
+    fn window(&self, reaches: usize, horizon_s: f64) -> Window {
+        let samples = self.runs.iter().flat_map(|r| &r.sensors).map(|s| {
+            let (a, b) = (s.time_s.first().copied().unwrap_or(0.0), s.time_s.last().copied().unwrap_or(0.0));
+            let share = (horizon_s / (b - a).max(1e-9)).min(1.0);
+            (s.time_s.len() as f64 * share) as usize
+        });
+        let stride = (samples.max().unwrap_or(0) / EARLY_SAMPLES).max(1);
+        Window { reaches, horizon_s, stride }
+    }
+
+    fn whole(&self, reaches: usize) -> Window {
+        Window { stride: 1, ..self.window(reaches, f64::INFINITY) }
+    }
+
+    fn minimise(
+        &self,
+        problem: &Calibration,
+        values: &[f64],
+        limits: Limits,
+        stage: &str,
+    ) -> Result<Solution, ModelError> {
+        let n = problem.samples().max(1) as f64;
+        let reaches = problem.window().reaches;
+        let solution = minimise(problem, &problem.variables(values), limits, |iteration, cost| {
+            (self.progress)(&Progress {
+                stage: stage.to_owned(),
+                reaches,
+                iteration,
+                error_over_noise: (2.0 * cost / n).sqrt(),
+            });
+        })?;
+        self.evaluations.fetch_add(solution.evaluations * self.runs.len(), Ordering::Relaxed);
+        Ok(solution)
+    }
+
+    /// Fits a model on a coarse grid: from the signals, or from a smaller model that is already fitted.
+    fn approach(&self, model: &Model, smaller: Option<(&Model, &State)>) -> Result<State, ModelError> {
+        let mut problem = Calibration::new(model, self.runs, self.window(FIRST_REACHES, f64::INFINITY));
+        let base: Vec<f64> = problem.parameters.iter().map(|p| p.start).collect();
+        let starts = match smaller {
+            Some((small, state)) => starts_from(model, small, state, &base),
+            None => starts_of(model, &base),
+        };
+        let period_s = model.period_s(&base[..model.shared.len()]);
+        let label = model.effects.iter().map(Chosen::label).collect::<Vec<_>>().join(" + ");
+        let label = if label.is_empty() { "base model".to_owned() } else { label };
+        let mut best: Option<State> = None;
+        for mut values in starts {
+            // A model grown from a fitted one has its phase locked already.
+            let horizons: &[f64] = if smaller.is_some() { &[f64::INFINITY] } else { &[1.5, 5.0, f64::INFINITY] };
+            let mut cost = f64::INFINITY;
+            for &cycles in horizons {
+                problem.set_window(self.window(FIRST_REACHES, cycles * period_s));
+                let solution = self.minimise(&problem, &values, EARLY, &label)?;
+                values = problem.values(&solution.x);
+                cost = solution.cost;
+            }
+            if best.as_ref().is_none_or(|b| cost < b.cost) {
+                best = Some(State { values, cost });
+            }
+        }
+        Ok(best.expect("there is always one start"))
+    }
+
+    /// Bayesian information criterion of a fit, with the residuals' effective number.
+    fn evidence(&self, model: &Model, state: &State) -> Result<f64, ModelError> {
+        let problem = Calibration::new(model, self.runs, self.window(FIRST_REACHES, f64::INFINITY));
+        let n = problem.samples();
+        let residuals = problem.residuals(&problem.variables(&state.values))?;
+        let samples = &residuals[..n];
+        let effective = n as f64 / correlation_inflation(samples);
+        let mean_square = samples.iter().map(|r| r * r).sum::<f64>() / n as f64;
+        Ok(effective * mean_square.ln() + model.shared.len() as f64 * effective.ln())
+    }
+
+    /// Refines the grid to the noise, fits all samples and puts the result together.
+    fn finish(&self, model: &Model, state: State) -> Result<Fit, FitError> {
+        let mut values = state.values;
+        let mut reaches = FINAL_REACHES;
+        let (problem, solution, grid_error_m) = loop {
+            let mut problem = Calibration::new(model, self.runs, self.window(reaches, f64::INFINITY));
+            let solution = self.minimise(&problem, &values, LATE, &format!("{reaches} reaches"))?;
+            values = problem.values(&solution.x);
+            let (grid_error_m, over_noise) = self.grid_error(&problem, &values)?;
+            if over_noise <= self.options.grid_error_over_noise || 2 * reaches > self.options.most_reaches {
+                problem.set_window(self.whole(reaches));
+                let solution = self.minimise(&problem, &values, LATE, "all samples")?;
+                break (problem, solution, grid_error_m);
+            }
+            reaches *= 2;
+        };
+        self.outcome(&problem, &solution, grid_error_m)
+    }
+
+    /// What halving the grid's step changes at every sample: rms in m, and the worst run's rms over its noise.
+    fn grid_error(&self, problem: &Calibration, values: &[f64]) -> Result<(f64, f64), ModelError> {
+        let reaches = problem.window().reaches;
+        let (mut square, mut weighted, mut n) = (0.0, 0.0, 0usize);
+        for (r, run) in self.runs.iter().enumerate() {
+            let start = problem.closure_start_s(r, values);
+            let (coarse, fine) = (problem.traces(r, values, reaches)?, problem.traces(r, values, 2 * reaches)?);
+            for ((sensor, a), b) in run.sensors.iter().zip(&coarse).zip(&fine) {
+                for t in sensor.time_s.iter().map(|t| t - start).filter(|&t| t >= 0.0) {
+                    let d = (a.at(t) - b.at(t)).powi(2);
+                    square += d;
+                    weighted += d / sensor.noise_m.powi(2);
+                    n += 1;
+                }
+            }
+        }
+        self.evaluations.fetch_add(2 * self.runs.len(), Ordering::Relaxed);
+        let n = n.max(1) as f64;
+        Ok(((square / n).sqrt(), (weighted / n).sqrt()))
+    }
+
+    fn outcome(&self, problem: &Calibration, solution: &Solution, grid_error_m: f64) -> Result<Fit, FitError> {
+        let values = problem.values(&solution.x);
+        let start_values: Vec<f64> = problem.parameters.iter().map(|p| p.start).collect();
+        let columns = jacobian(problem, &solution.x, &solution.residuals)?;
+        self.evaluations.fetch_add(columns.len() * self.runs.len(), Ordering::Relaxed);
+        let errors = standard_errors(&columns, &solution.residuals, problem.samples(), &solution.at_bound);
+        let model = problem.model;
+        let parameters = problem
+            .parameters
+            .iter()
+            .enumerate()
+            .map(|(j, p)| FittedParameter {
+                name: p.name.clone(),
+                run: problem.run_of(j).map(|r| self.runs[r].file.clone()),
+                value: values[j],
+                standard_error: errors[j] * problem.stretch(j, values[j]),
+                unit: p.unit,
+                at_bound: solution.at_bound[j],
+            })
+            .collect();
+        let period_s = model.period_s(&values[..model.shared.len()]);
+        let reaches = problem.window().reaches;
+        let runs = (0..self.runs.len())
+            .map(|r| self.run_fit(problem, r, &values, &start_values, reaches, period_s))
+            .collect::<Result<_, _>>()?;
+        Ok(Fit {
+            effects: model.effects.iter().map(Chosen::label).collect(),
+            runs,
+            parameters,
+            reaches,
+            grid_error_m,
+            evaluations: self.evaluations.load(Ordering::Relaxed),
+            seconds: f64::NAN,
+            stopped_because: solution.stop.describe().to_owned(),
+            converged: solution.stop != Stop::IterationsSpent,
+        })
+    }
+
+    fn run_fit(
+        &self,
+        problem: &Calibration,
+        r: usize,
+        values: &[f64],
+        start_values: &[f64],
+        reaches: usize,
+        period_s: f64,
+    ) -> Result<RunFit, ModelError> {
+        let run = &self.runs[r];
+        let traces = problem.traces(r, values, reaches)?;
+        let first_traces = problem.traces(r, start_values, reaches)?;
+        let start = problem.closure_start_s(r, values);
+        let first_start = problem.closure_start_s(r, start_values);
+        let mut sensors = Vec::new();
+        for (s, sensor) in run.sensors.iter().enumerate() {
+            let offset = problem.offset_m(r, s, values);
+            let from = sensor.time_s.partition_point(|&t| t < start);
+            let time_s: Vec<f64> = sensor.time_s[from..].iter().map(|t| t - start).collect();
+            let measured_m = sensor.head_m[from..].to_vec();
+            let model_m: Vec<f64> = time_s.iter().map(|&t| offset + traces[s].at(t)).collect();
+            let before: Vec<f64> = time_s.iter().map(|&t| first_traces[s].at(t + start - first_start)).collect();
+            let found: Vec<_> = run.extrema[s].iter().map(|&(t, cycle, peak)| (t - start, cycle, peak)).collect();
+            let pair =
+                Pair { time_s: &time_s, measured_m: &measured_m, model_m: &model_m, noise_m: sensor.noise_m, period_s };
+            let extrema = pair.extrema(&found);
+            sensors.push(SensorFit {
+                name: sensor.sensor.name.clone(),
+                position_m: sensor.sensor.position_m,
+                noise_m: sensor.noise_m,
+                rmse_m: rmse(&measured_m, &model_m),
+                start_rmse_m: rmse(&measured_m, &before),
+                extrema,
+                time_s,
+                measured_m,
+                model_m,
+            });
+        }
+        // Over all samples of all sensors: each sensor's mean square weighs as its number of samples.
+        let total = sensors.iter().map(|s| s.time_s.len()).sum::<usize>().max(1) as f64;
+        let pooled = |f: &dyn Fn(&SensorFit) -> f64| {
+            (sensors.iter().map(|s| f(s).powi(2) * s.time_s.len() as f64).sum::<f64>() / total).sqrt()
+        };
+        Ok(RunFit {
+            file: run.file.clone(),
+            rmse_m: pooled(&|s| s.rmse_m),
+            noise_m: pooled(&|s| s.noise_m),
+            mape_extrema_percent: mape_percent(sensors.iter().flat_map(|s| &s.extrema)),
+            sensors,
+        })
+    }
+}
+
+/// The start values and those that each effect proposes beside them.
+fn starts_of(model: &Model, base: &[f64]) -> Vec<Vec<f64>> {
+    let mut starts = vec![base.to_vec()];
+    let mut at = model.effects_from();
+    for (chosen, &size) in model.effects.iter().zip(model.effect_sizes()) {
+        for factors in chosen.effect.other_starts(chosen.elements.unwrap_or(1)) {
+            let mut start = base.to_vec();
+            for (value, factor) in start[at..at + size].iter_mut().zip(factors) {
+                *value *= factor;
+            }
+            starts.push(start);
+        }
+        at += size;
+    }
+    starts
+}
+
+/// Starts from a smaller fitted model: what they share by name is taken over, what is new is tried weak, at its own start
+/// and at each other start of its effect.
+fn starts_from(model: &Model, small: &Model, state: &State, base: &[f64]) -> Vec<Vec<f64>> {
+    let (shared, small_shared) = (model.shared.len(), small.shared.len());
+    starts_of(model, base)
+        .into_iter()
+        .map(|mut start| {
+            for (value, parameter) in start[..shared].iter_mut().zip(&model.shared) {
+                match small.shared.iter().position(|p| p.name == parameter.name) {
+                    Some(i) => *value = state.values[i],
+                    None if parameter.vanishes_at == Some(0.0) => *value *= 0.2,
+                    None => {}
+                }
+            }
+            start[shared..].copy_from_slice(&state.values[small_shared..]);
+            start
+        })
+        .collect()
+}

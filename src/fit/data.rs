@@ -1,0 +1,47 @@
+//! What a fit sees of a run: heads, noise, and what is known beforehand of its velocity, head, closure and offsets.
+
+use crate::model::Conditions;
+use crate::rig::Sensor;
+
+/// One pressure sensor's samples.
+#[derive(Debug, Clone)]
+pub struct SensorData {
+    /// The sensor.
+    pub sensor: Sensor,
+    /// Sample times on the recording's clock, s.
+    pub time_s: Vec<f64>,
+    /// Measured heads, m.
+    pub head_m: Vec<f64>,
+    /// Standard deviation of the noise, m; more than zero.
+    pub noise_m: f64,
+    /// Standard deviation of what its zero may be off by, m.
+    pub offset_sd_m: f64,
+}
+
+/// One run, ready to be fitted.
+#[derive(Debug, Clone)]
+pub struct RunData {
+    /// File name.
+    pub file: String,
+    /// Its pressure sensors, at least one.
+    pub sensors: Vec<SensorData>,
+    /// Water and supply; the times of a measured supply head are on the recording's clock.
+    pub conditions: Conditions,
+    /// Where the fit starts.
+    pub start: RunStart,
+    /// Measured extrema, by sensor: `(time on the recording's clock, cycle, is a peak)`.
+    pub extrema: Vec<Vec<(f64, usize, bool)>>,
+}
+
+/// What the signals say of a run before the fit.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RunStart {
+    /// Start of the closure on the recording's clock, s, and its uncertainty.
+    pub closure_s: (f64, f64),
+    /// Velocity in the last pipe, m/s, and its relative uncertainty.
+    pub velocity_m_s: (f64, f64),
+    /// Head upstream of the valve, m.
+    pub valve_head_m: f64,
+    /// Wave speed relative to the rig's start value, where the signals show it.
+    pub wave_speed_ratio: Option<f64>,
+}

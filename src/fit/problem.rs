@@ -1,0 +1,290 @@
+//! Calibration as a least-squares problem: which variables the solver moves, and the residuals they leave.
+//!
+//! Variables are the model's shared parameters, then for each run its velocity, head, closing time, the start of its
+//! closure and one offset a sensor. Log-scaled parameters are moved as logarithms. Residuals are measured minus modelled
+//! heads over each sensor's noise, then one for each prior.
+
+use super::data::RunData;
+use super::least_squares::Problem;
+use crate::model::parameter::{Parameter, Scale};
+use crate::model::sensor::seen_by;
+use crate::model::trace::Trace;
+use crate::model::{Conditions, Model, ModelError, Resolution, RunValues};
+
+/// Parameters of a run that the model takes; the start of the closure follows them.
+const MODEL_PER_RUN: usize = 3;
+/// Index of the closure's start among a run's variables.
+const CLOSURE_START: usize = MODEL_PER_RUN;
+
+/// Which samples enter, and how finely they are simulated.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Window {
+    /// Reaches of the grid.
+    pub reaches: usize,
+    /// Longest time after the closure that enters, s.
+    pub horizon_s: f64,
+    /// Every how many samples one enters.
+    pub stride: usize,
+}
+
+/// See the module.
+pub struct Calibration<'a> {
+    /// The model.
+    pub model: &'a Model<'a>,
+    /// The runs.
+    pub runs: &'a [RunData],
+    /// Every variable, described.
+    pub parameters: Vec<Parameter>,
+    /// First variable of each run.
+    run_offsets: Vec<usize>,
+    window: Window,
+    /// Samples of each run and sensor that enter: first index, past the last.
+    spans: Vec<Vec<(usize, usize)>>,
+    lower: Vec<f64>,
+    upper: Vec<f64>,
+}
+
+fn to_variable(parameter: &Parameter, value: f64) -> f64 {
+    match parameter.scale {
+        Scale::Linear => value,
+        Scale::Log => value.ln(),
+    }
+}
+
+fn to_value(parameter: &Parameter, variable: f64) -> f64 {
+    match parameter.scale {
+        Scale::Linear => variable,
+        Scale::Log => variable.exp(),
+    }
+}
+
+impl<'a> Calibration<'a> {
+    /// The problem of fitting `model` to `runs`; `window` may be changed later.
+    pub fn new(model: &'a Model<'a>, runs: &'a [RunData], window: Window) -> Self {
+        let period_s = model.period_s(&model.shared.iter().map(|p| p.start).collect::<Vec<_>>());
+        let mut parameters = model.shared.clone();
+        let ratios: Vec<f64> = runs.iter().filter_map(|r| r.start.wave_speed_ratio).collect();
+        if !ratios.is_empty() {
+            let ratio = ratios.iter().sum::<f64>() / ratios.len() as f64;
+            for wave_speed in &mut parameters[..model.rig.pipes.len()] {
+                wave_speed.start = (wave_speed.start * ratio).clamp(wave_speed.lower, wave_speed.upper);
+            }
+        }
+        let mut run_offsets = Vec::new();
+        for run in runs {
+            run_offsets.push(parameters.len());
+            let RunStart { closure_s, velocity_m_s, valve_head_m, .. } = run.start;
+            let [velocity, head, closing]: [Parameter; MODEL_PER_RUN] =
+                model.per_run.clone().try_into().unwrap_or_else(|_| unreachable!("a run has three model parameters"));
+            parameters.push(Parameter { start: velocity_m_s.0, prior: Some(velocity_m_s), ..velocity });
+            parameters.push(Parameter { start: valve_head_m, ..head });
+            parameters.push(closing);
+            let reach = (10.0 * closure_s.1).max(0.25 * period_s);
+            parameters.push(Parameter::linear(
+                "closure_start_s",
+                "s",
+                "start of the closure on the recording's clock",
+                closure_s.0,
+                closure_s.0 - reach,
+                closure_s.0 + reach,
+            ));
+            for sensor in &run.sensors {
+                let sd = sensor.offset_sd_m;
+                parameters.push(
+                    Parameter::linear(
+                        format!("offset_m[{}]", sensor.sensor.name),
+                        "m",
+                        "zero error of the sensor",
+                        0.0,
+                        -20.0 * sd,
+                        20.0 * sd,
+                    )
+                    .with_prior(0.0, sd),
+                );
+            }
+        }
+        let lower = parameters.iter().map(|p| to_variable(p, p.lower)).collect();
+        let upper = parameters.iter().map(|p| to_variable(p, p.upper)).collect();
+        let mut problem = Calibration { model, runs, parameters, run_offsets, window, spans: Vec::new(), lower, upper };
+        problem.set_window(window);
+        problem
+    }
+
+    /// Chooses the samples that enter and the grid.
+    pub fn set_window(&mut self, window: Window) {
+        self.window = window;
+        self.spans = self
+            .runs
+            .iter()
+            .map(|run| {
+                let start = run.start.closure_s.0;
+                let lead = 0.1 * self.model.period_s(&self.start_values()[..self.model.shared.len()]);
+                run.sensors
+                    .iter()
+                    .map(|sensor| {
+                        let first = sensor.time_s.partition_point(|&t| t < start - lead);
+                        let last = sensor.time_s.partition_point(|&t| t <= start + window.horizon_s);
+                        (first, last.max(first))
+                    })
+                    .collect()
+            })
+            .collect();
+    }
+
+    /// The window in force.
+    pub fn window(&self) -> Window {
+        self.window
+    }
+
+    fn start_values(&self) -> Vec<f64> {
+        self.parameters.iter().map(|p| p.start).collect()
+    }
+
+    /// The variables of the start values.
+    pub fn start(&self) -> Vec<f64> {
+        self.parameters.iter().map(|p| to_variable(p, p.start)).collect()
+    }
+
+    /// Values, in the parameters' units, of variables.
+    pub fn values(&self, x: &[f64]) -> Vec<f64> {
+        self.parameters.iter().zip(x).map(|(p, &v)| to_value(p, v)).collect()
+    }
+
+    /// Variables of values.
+    pub fn variables(&self, values: &[f64]) -> Vec<f64> {
+        self.parameters.iter().zip(values).map(|(p, &v)| to_variable(p, v)).collect()
+    }
+
+    /// How a small change of variable `j` at `value` changes the value.
+    pub fn stretch(&self, j: usize, value: f64) -> f64 {
+        match self.parameters[j].scale {
+            Scale::Linear => 1.0,
+            Scale::Log => value,
+        }
+    }
+
+    /// The run that variable `j` belongs to, if it is not shared.
+    pub fn run_of(&self, j: usize) -> Option<usize> {
+        self.run_offsets.iter().rposition(|&first| j >= first)
+    }
+
+    /// Number of residuals that are samples rather than priors.
+    pub fn samples(&self) -> usize {
+        self.spans.iter().flatten().map(|&span| self.taken(span)).sum()
+    }
+
+    fn taken(&self, (first, last): (usize, usize)) -> usize {
+        (last - first).div_ceil(self.window.stride)
+    }
+
+    /// Modelled traces of a run at its sensors, as each sensor shows them, without offsets.
+    ///
+    /// # Errors
+    /// As [`Model::simulate`].
+    pub fn traces(&self, r: usize, values: &[f64], reaches: usize) -> Result<Vec<Trace>, ModelError> {
+        let run = &self.runs[r];
+        let own = &values[self.run_offsets[r]..];
+        let run_values = RunValues { initial_velocity_m_s: own[0], valve_head_m: own[1], closing_time_s: own[2] };
+        let closure_start = own[CLOSURE_START];
+        let latest = run
+            .sensors
+            .iter()
+            .zip(&self.spans[r])
+            .filter(|(_, span)| span.1 > span.0)
+            .map(|(s, span)| s.time_s[span.1 - 1])
+            .fold(closure_start, f64::max);
+        let places: Vec<f64> = run.sensors.iter().map(|s| s.sensor.position_m).collect();
+        let conditions = Conditions {
+            supply_head: run
+                .conditions
+                .supply_head
+                .as_ref()
+                .map(|(time_s, head_m)| (time_s.iter().map(|t| t - closure_start).collect(), head_m.clone())),
+            water: run.conditions.water.clone(),
+        };
+        let shared = &values[..self.model.shared.len()];
+        let resolution = Resolution { reaches, duration_s: latest - closure_start };
+        let traces = self.model.simulate(&conditions, shared, &run_values, resolution, &places)?;
+        Ok(run.sensors.iter().zip(traces).map(|(s, trace)| seen_by(&s.sensor, trace)).collect())
+    }
+
+    /// Start of a run's closure on its clock, s.
+    pub fn closure_start_s(&self, r: usize, values: &[f64]) -> f64 {
+        values[self.run_offsets[r] + CLOSURE_START]
+    }
+
+    /// Offset of a run's sensor, m.
+    pub fn offset_m(&self, r: usize, sensor: usize, values: &[f64]) -> f64 {
+        values[self.run_offsets[r] + CLOSURE_START + 1 + sensor]
+    }
+
+    fn append_run(&self, r: usize, values: &[f64], out: &mut Vec<f64>) -> Result<(), ModelError> {
+        let traces = self.traces(r, values, self.window.reaches)?;
+        let closure_start = self.closure_start_s(r, values);
+        for (s, (sensor, trace)) in self.runs[r].sensors.iter().zip(&traces).enumerate() {
+            let (first, last) = self.spans[r][s];
+            let offset = self.offset_m(r, s, values);
+            let weight = 1.0 / sensor.noise_m;
+            let samples = sensor.time_s[first..last].iter().zip(&sensor.head_m[first..last]);
+            out.extend(
+                samples
+                    .step_by(self.window.stride)
+                    .map(|(&t, &head)| weight * (head - offset - trace.at(t - closure_start))),
+            );
+        }
+        Ok(())
+    }
+
+    fn append_priors(&self, x: &[f64], out: &mut Vec<f64>) {
+        for (parameter, &v) in self.parameters.iter().zip(x) {
+            if let Some((mean, sd)) = parameter.prior {
+                out.push((v - to_variable(parameter, mean)) / sd);
+            }
+        }
+    }
+}
+
+use super::data::RunStart;
+
+impl Problem for Calibration<'_> {
+    type Error = ModelError;
+
+    fn residuals(&self, x: &[f64]) -> Result<Vec<f64>, ModelError> {
+        let values = self.values(x);
+        let mut out = Vec::with_capacity(self.samples() + x.len());
+        for r in 0..self.runs.len() {
+            self.append_run(r, &values, &mut out)?;
+        }
+        self.append_priors(x, &mut out);
+        Ok(out)
+    }
+
+    fn residuals_moved(&self, x: &[f64], j: usize, base: &[f64]) -> Result<Vec<f64>, ModelError> {
+        let Some(moved) = self.run_of(j) else { return self.residuals(x) };
+        let values = self.values(x);
+        let mut out = Vec::with_capacity(base.len());
+        for r in 0..self.runs.len() {
+            if r == moved {
+                self.append_run(r, &values, &mut out)?;
+            } else {
+                let length: usize = self.spans[r].iter().map(|&span| self.taken(span)).sum();
+                let from = out.len();
+                out.extend_from_slice(&base[from..from + length]);
+            }
+        }
+        self.append_priors(x, &mut out);
+        Ok(out)
+    }
+
+    fn bounds(&self) -> (&[f64], &[f64]) {
+        (&self.lower, &self.upper)
+    }
+
+    fn difference_step(&self, j: usize) -> f64 {
+        match self.parameters[j].scale {
+            Scale::Log => 1e-5,
+            // Heads and offsets in m, times in s: small against noise and fronts, large against rounding.
+            Scale::Linear => 1e-5 * (1.0 + self.parameters[j].start.abs()).min(10.0),
+        }
+    }
+}

@@ -1,0 +1,81 @@
+//! How far to trust the parameters: standard errors from the Jacobian, with the colour of the residuals.
+
+use nalgebra::DMatrix;
+
+/// Factor by which correlation between neighbours reduces the effective number of residuals: `(1 + ρ)/(1 - ρ)` for the
+/// lag-one autocorrelation `ρ` of a first-order process, not below 1.
+pub fn correlation_inflation(residuals: &[f64]) -> f64 {
+    let n = residuals.len();
+    if n < 3 {
+        return 1.0;
+    }
+    let mean = residuals.iter().sum::<f64>() / n as f64;
+    let variance: f64 = residuals.iter().map(|r| (r - mean).powi(2)).sum();
+    if variance == 0.0 {
+        return 1.0;
+    }
+    let lagged: f64 = residuals.windows(2).map(|w| (w[0] - mean) * (w[1] - mean)).sum();
+    let rho = (lagged / variance).clamp(0.0, 0.9999);
+    (1.0 + rho) / (1.0 - rho)
+}
+
+/// Standard errors of the variables: `√diag (JᵀJ)⁻¹`, times the residuals' own spread where it exceeds their assumed
+/// noise, times the root of [`correlation_inflation`].
+///
+/// `samples` residuals are measurements, the rest priors. Variables at a bound are held there and have no standard error
+/// (NaN); those that the data do not determine have an infinite one.
+pub fn standard_errors(columns: &[Vec<f64>], residuals: &[f64], samples: usize, at_bound: &[bool]) -> Vec<f64> {
+    let free: Vec<usize> = (0..columns.len()).filter(|&j| !at_bound[j]).collect();
+    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(x, y)| x * y).sum::<f64>();
+    let scale: Vec<f64> = free.iter().map(|&j| dot(&columns[j], &columns[j]).sqrt()).collect();
+    let normal = DMatrix::from_fn(free.len(), free.len(), |a, b| {
+        dot(&columns[free[a]], &columns[free[b]]) / (scale[a] * scale[b]).max(f64::MIN_POSITIVE)
+    });
+    let dof = samples.saturating_sub(free.len()).max(1) as f64;
+    let spread = residuals[..samples].iter().map(|r| r * r).sum::<f64>() / dof;
+    let inflation = spread.max(1.0) * correlation_inflation(&residuals[..samples]);
+    let mut errors = vec![f64::NAN; columns.len()];
+    let covariance = normal.try_inverse();
+    for (a, &j) in free.iter().enumerate() {
+        let variance = covariance.as_ref().map_or(f64::INFINITY, |c| c[(a, a)]);
+        errors[j] =
+            if variance >= 0.0 && scale[a] > 0.0 { (variance * inflation).sqrt() / scale[a] } else { f64::INFINITY };
+    }
+    errors
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_mean_of_white_noise_has_the_textbook_error() {
+        // Residuals alternate: not positively correlated; y = m + e, σ = 1, n = 100: s.e. = 1/10.
+        let residuals: Vec<f64> = (0..100).map(|i| if i % 2 == 0 { 1.0 } else { -1.0 }).collect();
+        let errors = standard_errors(&[vec![1.0; 100]], &residuals, 100, &[false]);
+        assert!((errors[0] - 0.1).abs() < 1e-3, "{errors:?}");
+    }
+
+    #[test]
+    fn correlated_residuals_widen_it() {
+        let mut state = 1u64;
+        let mut white = || {
+            state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+            (state >> 33) as f64 / (1u64 << 31) as f64 - 0.5
+        };
+        let (mut r, mut series) = (0.0, Vec::new());
+        for _ in 0..20_000 {
+            r = 0.8 * r + white();
+            series.push(r);
+        }
+        assert!((correlation_inflation(&series) / 9.0 - 1.0).abs() < 0.15, "{}", correlation_inflation(&series));
+    }
+
+    #[test]
+    fn what_is_at_a_bound_or_undetermined_says_so() {
+        let columns = vec![vec![1.0, 1.0], vec![1.0, 1.0], vec![0.3, 0.1]];
+        let errors = standard_errors(&columns, &[0.1, -0.1], 2, &[false, false, true]);
+        assert!(errors[2].is_nan());
+        assert!(errors[0] > 1e3 && errors[1] > 1e3, "{errors:?}");
+    }
+}

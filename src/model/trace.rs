@@ -1,0 +1,50 @@
+//! What a simulation leaves: the head at each sensor, step by step, and its value at any time.
+
+/// Head at one place.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Trace {
+    /// Time step, s.
+    pub dt_s: f64,
+    /// Head at `0, dt, 2dt, …` after the start of the closure, m; the first is the steady head, which also holds before.
+    pub head_m: Vec<f64>,
+}
+
+impl Trace {
+    /// Head at a time after the start of the closure, cubic between steps; the steady head before it, the last one after
+    /// the end.
+    ///
+    /// Linear interpolation would leave `dt² H''/8` at a front, more than the scheme's own error.
+    pub fn at(&self, time_s: f64) -> f64 {
+        let x = time_s / self.dt_s;
+        if x <= 0.0 {
+            return self.head_m[0];
+        }
+        let last = self.head_m.len() - 1;
+        let i = x as usize;
+        if i >= last {
+            return self.head_m[last];
+        }
+        let (a, b, c, d) =
+            (self.head_m[i.saturating_sub(1)], self.head_m[i], self.head_m[i + 1], self.head_m[(i + 2).min(last)]);
+        let s = x - i as f64;
+        // Lagrange through -1, 0, 1, 2.
+        let (m, p, q) = (s + 1.0, s - 1.0, s - 2.0);
+        -a * s * p * q / 6.0 + b * m * p * q / 2.0 - c * m * s * q / 2.0 + d * m * s * p / 6.0
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn cubic_between_steps_and_steady_outside() {
+        let f = |t: f64| 3.0 - t + 0.5 * t * t - 0.1 * t.powi(3);
+        let trace = Trace { dt_s: 0.5, head_m: (0..20).map(|i| f(0.5 * i as f64)).collect() };
+        for t in [0.5, 0.77, 3.14, 8.9] {
+            assert!((trace.at(t) - f(t)).abs() < 1e-12, "{t}");
+        }
+        assert_eq!(trace.at(-1.0), f(0.0));
+        assert_eq!(trace.at(100.0), f(9.5));
+    }
+}

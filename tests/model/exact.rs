@@ -1,0 +1,85 @@
+//! Exact solutions of the linear problem: reservoir, uniform pipe, prescribed flow at the valve.
+//!
+//! The Laplace transform of the head's deviation,
+//! `dH(x,s) = V0 sR/(g s γ) sinh(γx)/cosh(γL) L{-V'/V0}`, `γ² = sR s χ/a²`, `χ = 1 + F Σ J_k/(1 + s τ_k)`, `F = a² ρ D/e`,
+//! is inverted by a Fourier series on a shifted contour (Dubner & Abate 1968; Crump 1976). Nothing here knows of the solver.
+
+use nalgebra::Complex;
+
+type C = Complex<f64>;
+const G: f64 = 9.81;
+
+/// A closure by its transform `L{-V'/V0}`.
+#[derive(Clone, Copy)]
+pub enum Ramp {
+    /// `V = V0 (1 + cos(πt/Tc))/2`.
+    Cosine(f64),
+    /// `V = V0 (1 - t/Tc + sin(2πt/Tc)/2π)`.
+    Cycloid(f64),
+}
+
+impl Ramp {
+    fn transform(self, s: C) -> C {
+        match self {
+            Ramp::Cosine(tc) => {
+                let w = std::f64::consts::PI / tc;
+                (C::from(1.0) + (-s * tc).exp()) * (0.5 * w * w) / (s * s + w * w)
+            }
+            Ramp::Cycloid(tc) => {
+                let w = std::f64::consts::TAU / tc;
+                (C::from(1.0) - (-s * tc).exp()) * (s.inv() - s / (s * s + w * w)) / tc
+            }
+        }
+    }
+}
+
+/// The linear problem, SI.
+pub struct Exact {
+    pub length: f64,
+    pub diameter: f64,
+    pub wall: f64,
+    pub wave_speed: f64,
+    pub density: f64,
+    pub velocity: f64,
+    pub ramp: Ramp,
+    /// `(J, tau)`, 1/Pa and s.
+    pub creep: Vec<(f64, f64)>,
+}
+
+impl Exact {
+    fn transform(&self, x: f64, s: C) -> C {
+        let f = self.wave_speed.powi(2) * self.density * self.diameter / self.wall;
+        let chi = self.creep.iter().map(|&(j, tau)| (C::from(1.0) + s * tau).inv() * (f * j)).sum::<C>() + 1.0;
+        let gamma = s * chi.sqrt() / self.wave_speed;
+        // sinh(γx)/cosh(γL) without overflow.
+        let up = (gamma * (x - self.length)).exp() * (C::from(1.0) - (gamma * (-2.0 * x)).exp());
+        let down = C::from(1.0) + (gamma * (-2.0 * self.length)).exp();
+        (gamma * G).inv() * (up / down) * self.ramp.transform(s) * self.velocity
+    }
+
+    /// Deviation of the head from its steady value at `x` (m from the supply) and times `t`.
+    pub fn head(&self, x: f64, times: &[f64]) -> Vec<f64> {
+        let window = 1.5 * times.iter().copied().fold(0.0, f64::max);
+        let shift = 15.0 / window;
+        let terms = 60_000;
+        let values: Vec<C> =
+            (0..terms).map(|k| self.transform(x, C::new(shift, std::f64::consts::PI * k as f64 / window))).collect();
+        times
+            .iter()
+            .map(|&t| {
+                let turn = C::new(0.0, std::f64::consts::PI * t / window).exp();
+                let (mut sum, mut phase) = (0.5 * values[0].re, C::from(1.0));
+                for (k, value) in values.iter().enumerate().skip(1) {
+                    // Renewed now and then: a running product drifts.
+                    phase = if k % 512 == 0 {
+                        C::new(0.0, std::f64::consts::PI * t / window * k as f64).exp()
+                    } else {
+                        phase * turn
+                    };
+                    sum += (value * phase).re;
+                }
+                sum * (shift * t).exp() / window
+            })
+            .collect()
+    }
+}
