@@ -13,6 +13,38 @@ pub struct Recording {
     pub run: RunInfo,
 }
 
+/// A rig that cannot be put in the place of the one in the recording.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[error("the rig '{rig}' has no sensor named '{sensor}', which the recording has samples of; its sensors are {known}")]
+pub struct RigMismatch {
+    /// The rig's name.
+    pub rig: String,
+    /// The sensor that it lacks.
+    pub sensor: String,
+    /// The sensors that it has.
+    pub known: String,
+}
+
+impl Recording {
+    /// The same samples on another rig (`--rig`): each series goes to the sensor of its name. Sensors that the recording does
+    /// not know stay empty; one with samples that the rig lacks is an error.
+    pub fn on_rig(mut self, rig: Rig) -> Result<Recording, RigMismatch> {
+        let mut series = vec![Series::default(); rig.sensors.len()];
+        for (sensor, recorded) in self.rig.sensors.iter().zip(&mut self.series) {
+            match rig.sensors.iter().position(|s| s.name == sensor.name) {
+                Some(place) => series[place] = std::mem::take(recorded),
+                None if recorded.time_s.is_empty() => {}
+                None => {
+                    let names: Vec<&str> = rig.sensors.iter().map(|s| s.name.as_str()).collect();
+                    let known = if names.is_empty() { "none".into() } else { names.join(", ") };
+                    return Err(RigMismatch { rig: rig.name, sensor: sensor.name.clone(), known });
+                }
+            }
+        }
+        Ok(Recording { rig, series, run: self.run })
+    }
+}
+
 /// The samples of one sensor. Times are seconds on the recording's own clock, strictly increasing.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Series {

@@ -2,6 +2,7 @@
 
 pub mod export;
 pub mod import;
+pub mod inspect;
 pub mod record;
 pub mod recover;
 pub mod rig;
@@ -42,6 +43,8 @@ enum Command {
     Import(import::Args),
     /// Turn a recording into a time series (CSV).
     Export(export::Args),
+    /// Show what a recording tells without a model: steady heads, extrema, period, wave speed, closure, noise.
+    Inspect(inspect::Args),
     /// Make a whole recording of one that a crash cut off.
     Recover(recover::Args),
     /// Say where a rig file contradicts itself, or a recording made on it.
@@ -56,6 +59,7 @@ pub fn main() -> ExitCode {
     let result: CommandResult = match cli.command {
         Command::Import(args) => import::run(args, cli.json),
         Command::Export(args) => export::run(args, cli.json),
+        Command::Inspect(args) => inspect::run(args, cli.json),
         Command::Recover(args) => recover::run(args, cli.json),
         Command::Rig(args) => rig::run(args, cli.json),
         Command::Record(args) => record::run(args, cli.json),

@@ -136,7 +136,7 @@ mod tests {
                 }
             })
             .collect();
-        Trace::new(&time, &head, &Default::default()).unwrap()
+        Trace::new(&time, &head).unwrap()
     }
 
     #[test]

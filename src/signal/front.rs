@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use super::project::{Projector, profile_minimum};
-use super::trace::{Trace, mean, median};
+use super::trace::{Trace, mean, median, moving_mean};
 
 /// The first rise at one sensor and the fall after it. Indices count grid points, fractional ones lie between them.
 #[derive(Debug, Clone)]
@@ -78,6 +78,9 @@ impl Front {
     }
 }
 
+/// A swing below a millimetre of head is no closure, however quiet the sensor.
+const SMALLEST_M: f64 = 1e-3;
+
 /// First crossing of a level from index `from` on, between grid points by linear interpolation.
 pub(crate) fn crossing(head_m: &[f64], from: usize, level_m: f64, upwards: bool) -> Option<f64> {
     let sign = if upwards { 1.0 } else { -1.0 };
@@ -88,17 +91,28 @@ pub(crate) fn crossing(head_m: &[f64], from: usize, level_m: f64, upwards: bool)
     })
 }
 
+/// Median of five: the switching of a solenoid valve leaves spikes of a sample or two, which are no fronts.
+fn despiked(head_m: &[f64]) -> Vec<f64> {
+    let mut out = head_m.to_vec();
+    for (i, five) in head_m.windows(5).enumerate() {
+        let mut five = [five[0], five[1], five[2], five[3], five[4]];
+        five.sort_unstable_by(f64::total_cmp);
+        out[i + 2] = five[2];
+    }
+    out
+}
+
 /// Finds the first front. Works from the swing of the whole record, so that neither the length of the lead-in nor a drift in it
 /// matters: the first place where the head has risen a fifth of the swing above its lowest value so far belongs to the front.
 pub(crate) fn find(trace: &Trace, white_sd_m: f64) -> Result<Front, NoFront> {
-    let head = trace.smoothed(2);
+    let head = moving_mean(&despiked(&trace.head_m), 1);
     let swing = {
         let mut heads = head.clone();
         let cut = heads.len() / 2000;
         let highest = *heads.select_nth_unstable_by(head.len() - 1 - cut, f64::total_cmp).1;
         highest - *heads.select_nth_unstable_by(cut, f64::total_cmp).1
     };
-    if swing.is_nan() || swing <= 8.0 * white_sd_m {
+    if swing.is_nan() || swing <= (8.0 * white_sd_m).max(SMALLEST_M) {
         return Err(NoFront::Quiet);
     }
     let mut lowest = f64::INFINITY;
@@ -116,7 +130,9 @@ pub(crate) fn find(trace: &Trace, white_sd_m: f64) -> Result<Front, NoFront> {
         start = head[..high].iter().rposition(|&h| h <= limit).unwrap_or(0);
         let reach = 2 * (high - start) + 10;
         let from = start.saturating_sub(reach).max(trace.unbroken_from(start));
-        base = median(&mut head[from..=start].to_vec());
+        // clear of the bend; a record that begins with the closure has its first sample only
+        let end = start.saturating_sub((high - start) / 3);
+        base = if end < from + 3 { head[from] } else { median(&mut head[from..end].to_vec()) };
     }
     let mut top = head[high];
     let fallen = (high..head.len()).find(|&i| {
@@ -125,6 +141,9 @@ pub(crate) fn find(trace: &Trace, white_sd_m: f64) -> Result<Front, NoFront> {
     });
     let fallen = fallen.ok_or(NoFront::NoReturn)?;
     let height = top - base;
+    if height < 0.15 * swing {
+        return Err(NoFront::Quiet); // a drift: the level before it follows right behind
+    }
 
     // 10% to 60%: above that, friction's slow rise of the plateau would count as front
     let level = |part: f64| crossing(&head, start, base + part * height, true);

@@ -34,6 +34,8 @@ pub(crate) enum Sense {
 const WINDOWS: [(f64, bool); 5] = [(0.5, false), (0.75, false), (1.0, false), (1.3, true), (1.7, true)];
 /// Part of the rise before the onset that belongs to the window.
 const BEFORE: f64 = 0.3;
+/// Error of a bend's place between grid points, in grid steps: a front of few points is not a smooth curve.
+const GRID: f64 = 0.15;
 
 /// Lays the first rise of `source` over `target` (on the same grid) at every delay from `lags.0` to `lags.1`.
 /// `reach` scales the windows: 1 where the front stands free, less where the next one comes before it is over.
@@ -72,12 +74,16 @@ fn window_delay(
     (part, long): (f64, bool),
     white_sd_m: f64,
 ) -> Option<(f64, f64)> {
-    let from = (front.onset - (BEFORE * front.rise).max(3.0)).max(0.0) as usize;
-    let to = (front.onset + (part * front.rise).max(5.0)) as usize + 1;
-    if to > source.len() || !source.intact(from..to) {
+    let before = (BEFORE * front.rise).max(3.0).ceil() as usize;
+    let onset = front.onset as usize;
+    let to = onset + (part * front.rise).max(5.0) as usize + 2;
+    if to > source.len() || !source.intact(onset.saturating_sub(before)..to) {
         return None;
     }
-    let template: Vec<f64> = source.head_m[from..to].iter().map(|h| h - front.base_m).collect();
+    // a record that begins with the closure lacks the level before it: that one is known
+    let missing = before.saturating_sub(onset);
+    let recorded = source.head_m[onset.saturating_sub(before)..to].iter().map(|h| h - front.base_m);
+    let template: Vec<f64> = std::iter::repeat_n(0.0, missing).chain(recorded).collect();
     let n = template.len();
     let integral = |values: &[f64]| -> Vec<f64> {
         let mut sum = 0.0;
@@ -101,17 +107,18 @@ fn window_delay(
         return None;
     }
     let projector = Projector::new(columns)?;
-    let first = shortest.max(0.0).floor() as usize;
+    let first = (shortest.max(0.0) as usize).max(missing);
     let last = (longest.ceil().max(0.0) as usize).min(target.len().saturating_sub(to));
     let mut shares = Vec::new();
     let mut sums = Vec::new();
     for lag in first..=last.max(first) {
-        if to + lag > target.len() || !target.intact(from + lag..to + lag) {
+        let place = (to + lag).saturating_sub(n)..to + lag;
+        if !target.intact(place.clone()) {
             sums.push(f64::INFINITY);
             shares.push(f64::INFINITY);
             continue;
         }
-        let residual = projector.residual(&target.head_m[from + lag..to + lag], 2);
+        let residual = projector.residual(&target.head_m[place], 2);
         let right_way = match sense {
             Sense::Falls => residual.gain < -0.1,
             Sense::Rises => residual.gain > 0.1,
@@ -137,5 +144,5 @@ fn window_delay(
     // both fronts are noisy
     let variance = 2.0 * (sums[lowest] / freedom).max(white_sd_m * white_sd_m);
     let (at, width) = profile_minimum(&sums, lowest, variance);
-    Some((first as f64 + at, width))
+    Some((first as f64 + at, width.hypot(GRID)))
 }

@@ -10,6 +10,7 @@
 //! | `levels` | head before and after, flow, temperature |
 //! | `matching`, `wavespeed` | delays between fronts, and the wave speed they give |
 //! | `extrema` | half cycles, period, damping |
+//! | [`check`] | does a recording agree with its rig |
 
 pub mod check;
 mod closure;
@@ -210,8 +211,8 @@ pub fn inspect(recording: &Recording) -> Result<Features, SignalError> {
 
     let (crossings, smear) = wavespeed::crossings(&clear).unzip();
     let smear = smear.unwrap_or(0.0);
+    let slow = crossings.is_none_or(|c| c.slow_closure);
     let arrival = wavespeed::arrival(&clear, smear);
-    let slow = wavespeed::is_slow(front);
     let step_s = reference.coarse.step_s;
     // without a match the half fall is the next best measure of 2L/a
     let rough = 2.0 * reference.place_m / ((front.half_fall - front.onset) * step_s).max(step_s);
@@ -238,7 +239,8 @@ pub fn inspect(recording: &Recording) -> Result<Features, SignalError> {
     let steady_velocity_m_s = flow_m3_s
         .map(|q| Estimate { value: q.value / area, standard_error: q.standard_error / area })
         .filter(|v| v.value.is_finite());
-    let joukowsky = steady_velocity_m_s.and_then(|v| wavespeed::joukowsky(reference, speed, v, smear));
+    let joukowsky =
+        steady_velocity_m_s.filter(|_| !slow).and_then(|v| wavespeed::joukowsky(reference, speed, v, smear));
 
     let sensors: Vec<SensorFeatures> = stations
         .iter()
@@ -281,7 +283,7 @@ fn stations(recording: &Recording, temperature_degc: f64) -> Vec<Station> {
     pressure
         .filter_map(|(sensor, place)| {
             let (time_s, head_m) = heads(recording, sensor, temperature_degc);
-            let trace = Trace::new(&time_s, &head_m, &recording.series[sensor])?;
+            let trace = Trace::new(&time_s, &head_m)?;
             Some(Station::new(sensor, travel_place_m(&recording.rig, place.position_m, temperature_degc), trace))
         })
         .collect()

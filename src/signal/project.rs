@@ -32,8 +32,7 @@ impl Projector {
                 }
             }
             last_norm = dot(&column, &column).sqrt();
-            // written so that NaN fails too
-            if !(last_norm > 1e-9 * before) || basis.len() >= column.len() {
+            if last_norm.is_nan() || last_norm <= 1e-9 * before || basis.len() >= column.len() {
                 return None;
             }
             column.iter_mut().for_each(|c| *c /= last_norm);

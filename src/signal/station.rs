@@ -69,7 +69,7 @@ impl Station {
             times.push(t);
             heads.push(own.head_m[left] + part * (own.head_m[left + 1] - own.head_m[left]));
         }
-        let trace = Trace::new(&times, &heads, &Default::default())?;
+        let trace = Trace::new(&times, &heads)?;
         let shift = (trace.start_s - other.start_s) / other.step_s;
         Some((trace, shift))
     }

@@ -2,8 +2,6 @@
 
 use std::ops::Range;
 
-use crate::recording::Series;
-
 /// A sampled head on an even grid. Bridged gaps are marked, so that no feature is read out of them.
 #[derive(Debug, Clone)]
 pub(crate) struct Trace {
@@ -19,8 +17,8 @@ pub(crate) struct Trace {
 
 impl Trace {
     /// Puts samples (times strictly increasing, s; heads, m) on an even grid of the median interval by linear interpolation.
-    /// A step longer than 1.5 intervals is a gap, and so is every stretch of `series.gaps`. `None` below eight samples.
-    pub fn new(time_s: &[f64], head_m: &[f64], series: &Series) -> Option<Trace> {
+    /// One missing sample is bridged; more are a gap (declared ones show in the times, too). `None` below eight samples.
+    pub fn new(time_s: &[f64], head_m: &[f64]) -> Option<Trace> {
         if time_s.len() < 8 {
             return None;
         }
@@ -46,7 +44,7 @@ impl Trace {
             trace.head_m.push(head_m[left] + part * (head_m[left + 1] - head_m[left]));
             trace.bridged_before.push(bridged);
             let inside = part > 1e-6 && part < 1.0 - 1e-6;
-            let lost = t1 - t0 > 1.5 * step_s || series.gaps.iter().any(|g| g.from_s < time && time < g.to_s);
+            let lost = t1 - t0 > 2.5 * step_s;
             bridged += usize::from(inside && lost);
         }
         trace.bridged_before.push(bridged);
@@ -77,7 +75,7 @@ impl Trace {
 
     /// Start of the unbroken stretch that ends before `end`.
     pub fn unbroken_from(&self, end: usize) -> usize {
-        self.bridged_before.partition_point(|&b| b < self.bridged_before[end.min(self.len())]).saturating_sub(1)
+        self.bridged_before.partition_point(|&b| b < self.bridged_before[end.min(self.len())])
     }
 
     /// The mean of blocks of `factor` samples: fewer points, less noise, the same fronts.
@@ -142,13 +140,12 @@ pub(crate) fn median(values: &mut [f64]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::recording::Gap;
 
     #[test]
     fn a_gap_is_marked_and_the_rest_is_intact() {
         let time: Vec<f64> = (0..100).filter(|i| !(40..50).contains(i)).map(|i| i as f64 * 0.01).collect();
         let head: Vec<f64> = time.iter().map(|t| 3.0 * t).collect();
-        let trace = Trace::new(&time, &head, &Series::default()).unwrap();
+        let trace = Trace::new(&time, &head).unwrap();
         assert_eq!(trace.len(), 100);
         assert!(trace.intact(0..40) && trace.intact(50..100) && !trace.intact(30..45));
         assert!((trace.head_m[45] - 1.35).abs() < 1e-9);
@@ -157,11 +154,11 @@ mod tests {
     }
 
     #[test]
-    fn a_declared_gap_counts_even_between_close_samples() {
-        let time: Vec<f64> = (0..50).map(|i| i as f64 * 0.01 + if i >= 25 { 0.013 } else { 0.0 }).collect();
-        let series = Series { gaps: vec![Gap { from_s: 0.24, to_s: 0.263, samples: Some(1) }], ..Series::default() };
-        let trace = Trace::new(&time, &vec![1.0; 50], &series).unwrap();
-        assert!(!trace.intact(20..30));
+    fn one_missing_sample_is_bridged() {
+        let time: Vec<f64> = (0..50).filter(|i| *i != 25).map(|i| i as f64 * 0.01).collect();
+        let trace = Trace::new(&time, &time).unwrap();
+        assert!(trace.intact(0..50) && (trace.head_m[25] - 0.25).abs() < 1e-12);
+        assert!(Trace::new(&time[..7], &time[..7]).is_none());
     }
 
     #[test]

@@ -6,14 +6,16 @@ use super::station::Station;
 use super::{Crossings, Estimate};
 use crate::units::GRAVITY_M_S2;
 
-/// A rise that takes more of the time to the half fall than this is a closure slower than 2L/a.
-const SLOW: f64 = 0.75;
+/// A rise that takes more of the time to the half fall than this may run into the fall: only its beginning is laid over.
+const CROWDED: f64 = 0.6;
+/// A rise that takes more of the time to the return of the front than this is a closure slower than 2L/a.
+const SLOW: f64 = 0.85;
 /// Share of the smear that is taken for the error left in a delay of laid-over fronts.
 const TAIL_LEFT: f64 = 0.1;
 
-/// The valve closes more slowly than the wave returns to this sensor.
-pub(crate) fn is_slow(front: &Front) -> bool {
-    front.rise > SLOW * (front.half_fall - front.onset)
+/// The rise may run into the fall.
+fn is_crowded(front: &Front) -> bool {
+    front.rise > CROWDED * (front.half_fall - front.onset)
 }
 
 /// From the time that the first front takes to the supply and back: the first peak's rise against its fall.
@@ -37,7 +39,7 @@ pub(crate) fn crossings(stations: &[&Station]) -> Option<(Crossings, f64)> {
         let speed = |points: f64| 2.0 * station.place_m / (points * trace.step_s);
         let to_half_fall = front.half_fall - front.onset;
         let (lags, reach) = match estimates.first() {
-            None if is_slow(front) => ((0.4 * to_half_fall, to_half_fall), 0.4),
+            None if is_crowded(front) => ((0.4 * to_half_fall, to_half_fall), 0.4),
             None => (((0.55 * to_half_fall).max(0.8 * front.rise), to_half_fall), 1.0),
             Some(first) => {
                 let expected = 2.0 * station.place_m / first.value / trace.step_s;
@@ -52,7 +54,7 @@ pub(crate) fn crossings(stations: &[&Station]) -> Option<(Crossings, f64)> {
         let Some(found) = delay(trace, front, trace, lags, Sense::Falls, reach, station.coarse_sd_m) else { continue };
         let value = speed(found.value);
         if estimates.is_empty() {
-            slow = is_slow(front);
+            slow = front.rise > SLOW * found.value;
             let levels = if slow { Vec::new() } else { equal_levels(station, front, stations[0].place_m, &found) };
             if let Some(half) = levels.last() {
                 tail = (speed(*half) / value - 1.0).abs();
@@ -99,7 +101,7 @@ pub(crate) fn arrival(stations: &[&Station], smear: f64) -> Option<Estimate> {
         let margin = 0.4 * front.rise + 3.0;
         let lags = (expected - margin - shift, expected + margin - shift);
         let sd = first.coarse_sd_m.max(other.coarse_sd_m);
-        let reach = if is_slow(front) || is_slow(later) { 0.4 } else { 1.0 };
+        let reach = if is_crowded(front) || is_crowded(later) { 0.4 } else { 1.0 };
         let Some(found) = delay(&first.coarse, front, &target, lags, Sense::Rises, reach, sd) else { continue };
         let points = found.value + shift;
         if distance > 0.0 && points > 0.5 {
@@ -116,7 +118,7 @@ pub(crate) fn arrival(stations: &[&Station], smear: f64) -> Option<Estimate> {
 /// rise and the slow part of creep out of it; creep during the closure lowers the rise for good, by about the smear.
 pub(crate) fn joukowsky(station: &Station, wave_speed_m_s: f64, velocity: Estimate, smear: f64) -> Option<Estimate> {
     let front = station.front.as_ref().ok()?;
-    if is_slow(front) || velocity.value <= 0.0 {
+    if velocity.value <= 0.0 {
         return None;
     }
     let trace = &station.coarse;
