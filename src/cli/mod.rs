@@ -1,8 +1,10 @@
 //! The command line: types, dispatch, exit codes. One thin file a command.
 
+pub mod calibrate;
 pub mod export;
 pub mod import;
 pub mod inspect;
+pub mod load;
 pub mod record;
 pub mod recover;
 pub mod rig;
@@ -41,6 +43,8 @@ struct Cli {
 enum Command {
     /// Turn a time series (CSV) into a recording.
     Import(import::Args),
+    /// Fit a model to one recording, or to several of one rig at once.
+    Calibrate(calibrate::Args),
     /// Turn a recording into a time series (CSV).
     Export(export::Args),
     /// Show what a recording tells without a model: steady heads, extrema, period, wave speed, closure, noise.
@@ -58,6 +62,7 @@ pub fn main() -> ExitCode {
     let cli = Cli::parse();
     let result: CommandResult = match cli.command {
         Command::Import(args) => import::run(args, cli.json),
+        Command::Calibrate(args) => calibrate::run(args, cli.json),
         Command::Export(args) => export::run(args, cli.json),
         Command::Inspect(args) => inspect::run(args, cli.json),
         Command::Recover(args) => recover::run(args, cli.json),

@@ -58,13 +58,18 @@ impl Default for Options {
     }
 }
 
+/// Reaches while the phase locks, and while models are chosen.
+const LOCKING_REACHES: usize = 32;
 const FIRST_REACHES: usize = 48;
 const FINAL_REACHES: usize = 64;
 /// Samples a sensor in the early stages.
 const EARLY_SAMPLES: usize = 2500;
+/// Half the mean square, in units of the noise's, above which a fit is too poor to grow a richer one from.
+const POOR: f64 = 2.0;
 /// Evidence (difference of BIC) that one more element must bring: "strong" on the scale of Kass & Raftery (1995).
 const EVIDENCE: f64 = 6.0;
 
+const GLANCE: Limits = Limits { iterations: 6, cost_tolerance: 1e-2, step_tolerance: 1e-7 };
 const EARLY: Limits = Limits { iterations: 30, cost_tolerance: 3e-4, step_tolerance: 1e-7 };
 const LATE: Limits = Limits { iterations: 60, cost_tolerance: 1e-5, step_tolerance: 1e-9 };
 
@@ -106,20 +111,41 @@ pub fn calibrate(
     let mut model = Model::new(rig, water, &chosen);
     let mut state = fitter.approach(&model, None)?;
     let most = open.and_then(|i| chosen[i].effect.elements()).map_or(1, |r| *r.end());
-    let mut evidence = fitter.evidence(&model, &state)?;
+    let mut leftover = fitter.leftover(&model, &state)?;
     for elements in 2..=most {
         let Some(i) = open else { break };
         let mut more = chosen.clone();
         more[i] = more[i].with_elements(elements);
         let bigger = Model::new(rig, water, &more);
         let trial = fitter.approach(&bigger, Some((&model, &state)))?;
-        let trial_evidence = fitter.evidence(&bigger, &trial)?;
-        if evidence - trial_evidence < EVIDENCE {
+        let trial_leftover = fitter.leftover(&bigger, &trial)?;
+        if trial_leftover.evidence_over(&leftover) < EVIDENCE {
             break;
         }
-        (chosen, model, state, evidence) = (more, bigger, trial, trial_evidence);
+        (chosen, model, state, leftover) = (more, bigger, trial, trial_leftover);
     }
     fitter.finish(&model, state)
+}
+
+/// What a fit leaves over.
+struct Leftover {
+    /// Samples.
+    n: f64,
+    /// Mean square of the weighted residuals: 1 is the noise.
+    mean_square: f64,
+    /// See [`correlation_inflation`].
+    inflation: f64,
+    /// Shared parameters of the model.
+    parameters: f64,
+}
+
+impl Leftover {
+    /// Fall of the Bayesian information criterion from `before`, with this (richer) model's effective number of samples.
+    fn evidence_over(&self, before: &Leftover) -> f64 {
+        let effective = self.n / self.inflation;
+        effective * (before.mean_square / self.mean_square).ln()
+            - (self.parameters - before.parameters) * effective.ln()
+    }
 }
 
 struct Fitter<'a> {
@@ -172,44 +198,51 @@ impl Fitter<'_> {
         let period_s = model.period_s(&base[..model.shared.len()]);
         let label = model.effects.iter().map(Chosen::label).collect::<Vec<_>>().join(" + ");
         let label = if label.is_empty() { "base model".to_owned() } else { label };
-        let mut attempt = |values: &[f64], horizon_s: f64| {
-            problem.set_window(self.window(FIRST_REACHES, horizon_s));
-            let solution = self.minimise(&problem, values, EARLY, &label)?;
+        let attempt = |problem: &mut Calibration, values: &[f64], horizon_s: f64, limits: Limits| {
+            let reaches = if horizon_s.is_finite() { LOCKING_REACHES } else { FIRST_REACHES };
+            problem.set_window(self.window(reaches, horizon_s));
+            let solution = self.minimise(problem, values, limits, &label)?;
             Ok::<State, ModelError>(State { values: problem.values(&solution.x), cost: solution.cost })
         };
-        let mut locked = Vec::new();
-        for values in starts_of(model, &base) {
-            let first = attempt(&values, 1.5 * period_s)?;
-            locked.push(attempt(&first.values, 5.0 * period_s)?);
-        }
-        locked.sort_by(|a, b| a.cost.total_cmp(&b.cost));
-        // The best two by the first cycles see the whole record, and what a smaller model grows into.
-        let mut candidates: Vec<Vec<f64>> = locked.into_iter().take(2).map(|s| s.values).collect();
+        let mut candidates = Vec::new();
         if let Some((small, state)) = smaller {
             candidates.extend(starts_from(model, small, state, &base));
         }
+        // A good smaller model is the best start; a poor one has its parameters in the wrong places.
+        if smaller.is_none_or(|(_, state)| state.cost > POOR * problem.samples() as f64) {
+            let mut locked = Vec::new();
+            for values in starts_of(model, &base) {
+                let first = attempt(&mut problem, &values, 1.5 * period_s, EARLY)?;
+                locked.push(attempt(&mut problem, &first.values, 5.0 * period_s, EARLY)?);
+            }
+            locked.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+            // The best two by the first cycles see the whole record.
+            candidates.extend(locked.into_iter().take(2).map(|s| s.values));
+        }
+        // A few iterations each, then the best goes on.
         let mut best: Option<State> = None;
         for values in candidates {
-            let state = attempt(&values, f64::INFINITY)?;
+            let state = attempt(&mut problem, &values, f64::INFINITY, GLANCE)?;
             if best.as_ref().is_none_or(|b| state.cost < b.cost) {
                 best = Some(state);
             }
         }
-        best.ok_or(FitError::NoRun)
+        let best = best.ok_or(FitError::NoRun)?;
+        Ok(attempt(&mut problem, &best.values, f64::INFINITY, EARLY)?)
     }
 
-    /// Bayesian information criterion of a fit, with the residuals' effective number.
-    fn evidence(&self, model: &Model, state: &State) -> Result<f64, ModelError> {
+    /// What a coarse fit leaves over.
+    fn leftover(&self, model: &Model, state: &State) -> Result<Leftover, ModelError> {
         let problem = Calibration::new(model, self.runs, self.window(FIRST_REACHES, f64::INFINITY));
-        let n = problem.samples();
         let residuals = problem.residuals(&problem.variables(&state.values))?;
-        let samples = &residuals[..n];
-        let effective = n as f64 / correlation_inflation(samples);
-        let mean_square = samples.iter().map(|r| r * r).sum::<f64>() / n as f64;
-        if std::env::var("V").is_ok() {
-            eprintln!("EVIDENCE {:?} n {n} eff {effective} ms {mean_square}", model.effects);
-        }
-        Ok(effective * mean_square.ln() + model.shared.len() as f64 * effective.ln())
+        let samples = &residuals[..problem.samples()];
+        let n = samples.len().max(1) as f64;
+        Ok(Leftover {
+            n,
+            mean_square: samples.iter().map(|r| r * r).sum::<f64>() / n,
+            inflation: correlation_inflation(samples),
+            parameters: model.shared.len() as f64,
+        })
     }
 
     /// Refines the grid to the noise, fits all samples and puts the result together.

@@ -1,6 +1,6 @@
 //! Calibration as a least-squares problem: which variables the solver moves, and the residuals they leave.
 //!
-//! Variables are the model's shared parameters, then for each run its velocity, head, closing time, the start of its
+//! Variables are the model's shared parameters, then for each run its velocity, head, closing time and friction, the start of its
 //! closure and one offset a sensor. Log-scaled parameters are moved as logarithms. Residuals are measured minus modelled
 //! heads over each sensor's noise, then one for each prior.
 
@@ -11,10 +11,8 @@ use crate::model::sensor::seen_by;
 use crate::model::trace::Trace;
 use crate::model::{Conditions, Model, ModelError, Resolution, RunValues};
 
-/// Parameters of a run that the model takes; the start of the closure follows them.
-const MODEL_PER_RUN: usize = 3;
-/// Index of the closure's start among a run's variables.
-const CLOSURE_START: usize = MODEL_PER_RUN;
+/// Index of the closure's start among a run's variables; those that the model takes come before it, offsets after it.
+const CLOSURE_START: usize = RunValues::COUNT;
 
 /// Which samples enter, and how finely they are simulated.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -74,11 +72,10 @@ impl<'a> Calibration<'a> {
         for run in runs {
             run_offsets.push(parameters.len());
             let RunStart { closure_s, velocity_m_s, valve_head_m, .. } = run.start;
-            let [velocity, head, closing]: [Parameter; MODEL_PER_RUN] =
-                model.per_run.clone().try_into().unwrap_or_else(|_| unreachable!("a run has three model parameters"));
+            let [velocity, head, closing, friction] = model.per_run.clone();
             parameters.push(Parameter { start: velocity_m_s.0, prior: Some(velocity_m_s), ..velocity });
             parameters.push(Parameter { start: valve_head_m, ..head });
-            parameters.push(closing);
+            parameters.extend([closing, friction]);
             let reach = (10.0 * closure_s.1).max(0.25 * period_s);
             parameters.push(Parameter::linear(
                 "closure_start_s",
@@ -184,7 +181,7 @@ impl<'a> Calibration<'a> {
     pub fn traces(&self, r: usize, values: &[f64], reaches: usize) -> Result<Vec<Trace>, ModelError> {
         let run = &self.runs[r];
         let own = &values[self.run_offsets[r]..];
-        let run_values = RunValues { initial_velocity_m_s: own[0], valve_head_m: own[1], closing_time_s: own[2] };
+        let run_values = RunValues::from_slice(own.first_chunk().unwrap_or(&[f64::NAN; RunValues::COUNT]));
         let closure_start = own[CLOSURE_START];
         let latest = run
             .sensors
@@ -234,6 +231,12 @@ impl<'a> Calibration<'a> {
         Ok(())
     }
 
+    /// The offset `j` that residuals were computed with, read back from its prior's residual.
+    fn base_offset(&self, base: &[f64], j: usize) -> f64 {
+        let row = self.samples() + self.parameters[..j].iter().filter(|p| p.prior.is_some()).count();
+        self.parameters[j].prior.map_or(0.0, |(mean, sd)| mean + sd * base[row])
+    }
+
     fn append_priors(&self, x: &[f64], out: &mut Vec<f64>) {
         for (parameter, &v) in self.parameters.iter().zip(x) {
             if let Some((mean, sd)) = parameter.prior {
@@ -262,6 +265,17 @@ impl Problem for Calibration<'_> {
         let Some(moved) = self.run_of(j) else { return self.residuals(x) };
         let values = self.values(x);
         let mut out = Vec::with_capacity(base.len());
+        if let Some(sensor) = (j - self.run_offsets[moved]).checked_sub(CLOSURE_START + 1) {
+            // An offset shifts its sensor's residuals; nothing is simulated.
+            let shift = (self.base_offset(base, j) - values[j]) / self.runs[moved].sensors[sensor].noise_m;
+            let before = self.spans[..moved].iter().flatten().chain(&self.spans[moved][..sensor]);
+            let first: usize = before.map(|&span| self.taken(span)).sum();
+            let last = first + self.taken(self.spans[moved][sensor]);
+            out.extend_from_slice(&base[..self.samples()]);
+            out[first..last].iter_mut().for_each(|r| *r += shift);
+            self.append_priors(x, &mut out);
+            return Ok(out);
+        }
         for r in 0..self.runs.len() {
             if r == moved {
                 self.append_run(r, &values, &mut out)?;
@@ -284,6 +298,92 @@ impl Problem for Calibration<'_> {
             Scale::Log => 1e-5,
             // Heads and offsets in m, times in s: small against noise and fronts, large against rounding.
             Scale::Linear => 1e-5 * (1.0 + self.parameters[j].start.abs()).min(10.0),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::data::SensorData;
+    use super::*;
+    use crate::model::effects::parse_list;
+    use crate::rig::Rig;
+
+    const RIG: &str = r#"
+name = "two sensors"
+[fluid]
+name = "water"
+temperature_degC = 20.0
+[[pipe]]
+name = "main"
+length_m = 100.0
+inner_diameter_mm = 50.0
+wall_thickness_mm = 5.0
+material = "HDPE"
+[upstream]
+kind = "reservoir"
+[downstream]
+kind = "valve"
+closing_time_s = 0.1
+[[sensor]]
+name = "P1"
+kind = "pressure"
+position_m = 100.0
+unit = "kPa"
+[[sensor]]
+name = "P2"
+kind = "pressure"
+position_m = 40.0
+unit = "kPa"
+"#;
+
+    fn run(rig: &Rig, file: &str) -> RunData {
+        let time_s: Vec<f64> = (0..400).map(|i| i as f64 * 0.01).collect();
+        let sensors = rig
+            .pressure_sensors()
+            .map(|(_, sensor)| SensorData {
+                sensor: sensor.clone(),
+                head_m: time_s.iter().map(|t| 20.0 + (9.0 * t).sin()).collect(),
+                time_s: time_s.clone(),
+                noise_m: 0.05,
+                offset_sd_m: 0.2,
+            })
+            .collect();
+        RunData {
+            file: file.into(),
+            sensors,
+            conditions: Conditions { water: rig.fluid.properties(20.0), supply_deviation: None },
+            start: RunStart {
+                closure_s: (0.5, 1e-3),
+                velocity_m_s: (0.4, 0.01),
+                valve_head_m: 20.0,
+                wave_speed_ratio: None,
+            },
+            extrema: vec![Vec::new(); 2],
+        }
+    }
+
+    /// The shortcuts of `residuals_moved` (other runs copied, offsets added) give what a full evaluation gives.
+    #[test]
+    fn moving_one_variable_by_a_shortcut_changes_nothing() {
+        let rig = Rig::from_toml(RIG, "rig.toml").unwrap();
+        let runs = [run(&rig, "a"), run(&rig, "b")];
+        let model = Model::new(&rig, &runs[0].conditions.water, &parse_list("viscoelastic-wall:1").unwrap());
+        let window = Window { reaches: 20, horizon_s: 2.0, stride: 3 };
+        let problem = Calibration::new(&model, &runs, window);
+        let mut x = problem.start();
+        let first_offset = problem.parameters.iter().position(|p| p.name.starts_with("offset")).unwrap();
+        x[first_offset] = 0.1;
+        let base = problem.residuals(&x).unwrap();
+        assert_eq!(base.len(), problem.samples() + problem.parameters.iter().filter(|p| p.prior.is_some()).count());
+        for j in 0..x.len() {
+            let mut moved = x.clone();
+            moved[j] += 1e-3;
+            let (short, full) =
+                (problem.residuals_moved(&moved, j, &base).unwrap(), problem.residuals(&moved).unwrap());
+            let worst = short.iter().zip(&full).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+            assert!(worst < 1e-9, "{}: {worst}", problem.parameters[j].name);
+            assert!(full.iter().zip(&base).any(|(a, b)| a != b), "{} changes nothing", problem.parameters[j].name);
         }
     }
 }

@@ -64,15 +64,15 @@ pub struct Model<'a> {
     pub effects: Vec<Chosen>,
     /// How many of the shared parameters belong to each effect.
     effect_sizes: Vec<usize>,
-    /// Parameters shared by all runs on the rig: wave speeds, friction, effects.
+    /// Parameters shared by all runs on the rig: wave speeds, effects.
     pub shared: Vec<Parameter>,
-    /// Parameters of one run: velocity, head, closing time.
-    pub per_run: Vec<Parameter>,
+    /// Parameters of one run: velocity, head, closing time, friction.
+    pub per_run: [Parameter; RunValues::COUNT],
     /// Form of the closure, its time taken from the run's parameters.
     pub closure: fn(f64) -> Closure,
 }
 
-/// Order of the per-run parameters.
+/// The per-run parameters, in their order.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RunValues {
     /// Velocity in the last pipe before the closure, m/s.
@@ -81,6 +81,8 @@ pub struct RunValues {
     pub valve_head_m: f64,
     /// Closing time, s.
     pub closing_time_s: f64,
+    /// Multiplies the steady friction factor.
+    pub friction_scale: f64,
 }
 
 /// What a run has beside its parameters.
@@ -107,6 +109,17 @@ const MOST_HISTORY_BYTES: usize = 4 << 30;
 /// Share of the impedance that friction over one reach may take (see [`friction::NodeFriction`]).
 const MOST_FRICTION_SHARE: f64 = 0.02;
 
+impl RunValues {
+    /// Number of per-run parameters.
+    pub const COUNT: usize = 4;
+
+    /// From values in the parameters' order.
+    pub fn from_slice(values: &[f64; RunValues::COUNT]) -> RunValues {
+        let [initial_velocity_m_s, valve_head_m, closing_time_s, friction_scale] = *values;
+        RunValues { initial_velocity_m_s, valve_head_m, closing_time_s, friction_scale }
+    }
+}
+
 impl<'a> Model<'a> {
     /// The base model of a rig with effects added; `water` and the rig give parameters their starts and bounds.
     pub fn new(rig: &'a Rig, water: &WaterProperties, effects: &[Chosen]) -> Model<'a> {
@@ -128,10 +141,6 @@ impl<'a> Model<'a> {
                 upper,
             ));
         }
-        shared.push(
-            Parameter::log("friction_scale", "1", "multiplies the steady friction factor", 1.0, 0.2, 5.0)
-                .with_prior(1.0, 0.2),
-        );
         let site = Site { rig, water, period_s: 4.0 * travel_s };
         let effects: Vec<Chosen> = effects
             .iter()
@@ -144,7 +153,7 @@ impl<'a> Model<'a> {
             shared.extend(parameters);
         }
         let nominal_s = rig.valve.closing_time_s;
-        let per_run = vec![
+        let per_run = [
             Parameter::log(
                 "initial_velocity_m_s",
                 "m/s",
@@ -163,6 +172,9 @@ impl<'a> Model<'a> {
                 nominal_s * 20.0,
             )
             .with_prior(nominal_s, 0.5),
+            // A run's own: the factor belongs to its flow and temperature.
+            Parameter::log("friction_scale", "1", "multiplies the steady friction factor", 1.0, 0.2, 5.0)
+                .with_prior(1.0, 0.2),
         ];
         Model {
             rig,
@@ -176,7 +188,7 @@ impl<'a> Model<'a> {
 
     /// Index of the first effect's first parameter among the shared ones.
     pub fn effects_from(&self) -> usize {
-        self.rig.pipes.len() + 1
+        self.rig.pipes.len()
     }
 
     /// How many shared parameters each effect has.
@@ -203,8 +215,7 @@ impl<'a> Model<'a> {
         places_m: &[f64],
     ) -> Result<Vec<Trace>, ModelError> {
         self.check(shared, run)?;
-        let (wave_speeds, rest) = shared.split_at(self.rig.pipes.len());
-        let (friction_scale, effect_values) = (rest[0], &rest[1..]);
+        let (wave_speeds, effect_values) = shared.split_at(self.rig.pipes.len());
         let flow_m3_s = run.initial_velocity_m_s * self.rig.pipes[self.rig.pipes.len() - 1].area_m2();
         let stretches: Vec<Stretch> = self
             .rig
@@ -217,7 +228,7 @@ impl<'a> Model<'a> {
                 wall_m: pipe.wall_thickness_m,
                 wave_speed_m_s,
                 constraint: pipe.constraint_coefficient(),
-                friction: WallFriction::of(pipe, &conditions.water, flow_m3_s).scaled(friction_scale),
+                friction: WallFriction::of(pipe, &conditions.water, flow_m3_s).scaled(run.friction_scale),
             })
             .collect();
         let grid = Grid::new(&stretches, resolution.reaches)?;
@@ -268,7 +279,7 @@ impl<'a> Model<'a> {
             true => Ok(()),
             false => Err(ModelError::Value { name: name.to_owned(), value, allowed: "zero or more" }),
         };
-        not_negative("friction_scale", shared[self.rig.pipes.len()])?;
+        not_negative("friction_scale", run.friction_scale)?;
         not_negative("initial_velocity_m_s", run.initial_velocity_m_s)?;
         not_negative("closing_time_s", run.closing_time_s)?;
         let needs_drop = matches!((self.closure)(run.closing_time_s), Closure::Linear { .. });

@@ -57,9 +57,10 @@ fn simulate(problem: &Exact, reaches: usize, places: &[f64], times: &[f64]) -> V
         Ramp::Cycloid(_) => |closing_time_s| Closure::FlowCycloid { closing_time_s },
     };
     let (Ramp::Cosine(closing_time_s) | Ramp::Cycloid(closing_time_s)) = problem.ramp;
-    let mut shared = vec![problem.wave_speed, 1.0];
+    let mut shared = vec![problem.wave_speed];
     shared.extend(problem.creep.iter().flat_map(|&(j, tau)| [j * 1e9, tau]));
-    let run = RunValues { initial_velocity_m_s: problem.velocity, valve_head_m: 30.0, closing_time_s };
+    let run =
+        RunValues { initial_velocity_m_s: problem.velocity, valve_head_m: 30.0, closing_time_s, friction_scale: 1.0 };
     let duration_s = times.iter().copied().fold(0.0, f64::max);
     let conditions = Conditions { water, supply_deviation: None };
     let traces = model.simulate(&conditions, &shared, &run, Resolution { reaches, duration_s }, places).unwrap();

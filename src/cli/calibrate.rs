@@ -1,0 +1,136 @@
+//! `surgescope calibrate`: the fitted model of one run, or of several at once.
+
+use std::io::{IsTerminal, stderr};
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+
+use clap::ValueEnum;
+use indicatif::{ProgressBar, ProgressStyle};
+
+use super::load::{self, Loaded};
+use super::{CommandResult, Outcome};
+use crate::fit::calibrate::{FitError, Options, Progress, calibrate};
+use crate::fit::data::RunData;
+use crate::fit::outcome::Fit;
+use crate::model::effects::{Chosen, parse_list};
+use crate::report::html::{Page, html};
+use crate::report::{Stage, json, table};
+use crate::rig::Rig;
+
+/// Fit a model to one recording, or to several of one rig at once.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// The recordings, all of one rig.
+    #[arg(required = true, value_name = "MCAP")]
+    recordings: Vec<PathBuf>,
+    /// Effects added to the base model, such as viscoelastic-wall:2; `none` is the base model alone.
+    #[arg(long, value_name = "A,B", default_value = "none", value_parser = parse_list)]
+    effects: ::std::vec::Vec<Chosen>,
+    /// How to search.
+    #[arg(long, value_enum, default_value_t = Method::LeastSquares)]
+    method: Method,
+    /// Another model to fit first and to show beside it in tables and report; may be given often.
+    #[arg(long, value_name = "A,B", value_parser = parse_list)]
+    against: Vec<::std::vec::Vec<Chosen>>,
+    /// A rig to read them with, instead of the one that is stored in them.
+    #[arg(long, value_name = "RIG")]
+    rig: Option<PathBuf>,
+    /// Write a page with charts of measurement, models and residuals; an older page of that name is replaced.
+    #[arg(long, value_name = "HTML")]
+    report: Option<PathBuf>,
+    /// Finest grid that the fit may use.
+    #[arg(long, value_name = "REACHES", default_value_t = Options::default().most_reaches)]
+    most_reaches: usize,
+}
+
+/// How to search for the best parameters.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Method {
+    /// Bounded Levenberg-Marquardt from several starts.
+    LeastSquares,
+}
+
+/// Runs it.
+///
+/// # Errors
+/// Recordings that cannot be read or show no closure, effects that do not exist, a report that cannot be written.
+pub fn run(args: Args, json: bool) -> CommandResult {
+    let Method::LeastSquares = args.method;
+    let loaded = load::load(&args.recordings, args.rig.as_deref())?;
+    let rig = loaded[0].recording.rig.clone();
+    let runs = load::runs(&loaded);
+    let options = Options { most_reaches: args.most_reaches, ..Options::default() };
+    let mut models = args.against.clone();
+    models.push(args.effects.clone());
+    let mut fits: Vec<(String, Fit)> = Vec::new();
+    for effects in &models {
+        fits.push((title(effects), timed(&rig, &runs, effects, &options)?));
+    }
+    let stages: Vec<Stage> = fits.iter().map(|(title, fit)| Stage { title: title.clone(), fit }).collect();
+    if let Some(path) = &args.report {
+        write_report(path, &rig, &loaded, stages.clone())?;
+        eprintln!("report: {}", path.display());
+    }
+    let Some((_, last)) = fits.last() else { return Ok(Outcome::Done) };
+    if json {
+        println!("{}", json::calibration(last)?);
+    } else {
+        print!("{}", table::calibration(&stages));
+    }
+    Ok(Outcome::Done)
+}
+
+/// How a report calls a model.
+pub fn title(effects: &[Chosen]) -> String {
+    match effects {
+        [] => "base model".to_owned(),
+        _ => format!("+ {}", effects.iter().map(Chosen::label).collect::<Vec<_>>().join(" + ")),
+    }
+}
+
+/// A fit with its progress shown and its time taken.
+///
+/// # Errors
+/// As [`calibrate`].
+pub fn timed(rig: &Rig, runs: &[RunData], effects: &[Chosen], options: &Options) -> Result<Fit, FitError> {
+    let start = Instant::now();
+    let bar = progress_bar();
+    let shown = |p: &Progress| {
+        bar.set_message(format!(
+            "{}: {} reaches, iteration {}, error {:.2} x noise",
+            p.stage, p.reaches, p.iteration, p.error_over_noise
+        ));
+    };
+    let fit = calibrate(rig, runs, effects, options, &shown);
+    bar.finish_and_clear();
+    Ok(Fit { seconds: start.elapsed().as_secs_f64(), ..fit? })
+}
+
+/// A line on the terminal that shows after half a second; nothing where standard error is no terminal.
+fn progress_bar() -> ProgressBar {
+    if !stderr().is_terminal() {
+        return ProgressBar::hidden();
+    }
+    let style =
+        ProgressStyle::with_template("{spinner} {elapsed} {msg}").unwrap_or_else(|_| ProgressStyle::default_spinner());
+    let bar = ProgressBar::new_spinner().with_style(style);
+    bar.enable_steady_tick(Duration::from_millis(100));
+    bar
+}
+
+/// Writes the page of a list of fits.
+///
+/// # Errors
+/// If the file cannot be written.
+pub fn write_report(
+    path: &std::path::Path,
+    rig: &Rig,
+    loaded: &[Loaded],
+    stages: Vec<Stage>,
+) -> Result<(), Box<dyn std::error::Error + Send + Sync>> {
+    let files: Vec<&str> = loaded.iter().map(|l| l.file.as_str()).collect();
+    let title = format!("{} on rig {}", files.join(", "), rig.name);
+    let page = html(&Page { title, rig, stages, overlays: Vec::new() });
+    std::fs::write(path, page).map_err(|e| format!("cannot write the report {}: {e}", path.display()))?;
+    Ok(())
+}
