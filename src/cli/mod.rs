@@ -8,6 +8,9 @@ pub mod load;
 pub mod record;
 pub mod recover;
 pub mod rig;
+pub mod scenario;
+pub mod simulate;
+pub mod values;
 
 use std::error::Error;
 use std::process::ExitCode;
@@ -55,6 +58,8 @@ enum Command {
     Rig(rig::Args),
     /// Record a live, simulated or replayed test.
     Record(record::Args),
+    /// Simulate a closure on a rig, no recording needed.
+    Simulate(simulate::Args),
 }
 
 /// Parses the arguments, runs the command and turns its outcome into the exit code.
@@ -66,6 +71,7 @@ pub fn main() -> ExitCode {
         Command::Export(args) => export::run(args, cli.json),
         Command::Inspect(args) => inspect::run(args, cli.json),
         Command::Recover(args) => recover::run(args, cli.json),
+        Command::Simulate(args) => simulate::run(args, cli.json),
         Command::Rig(args) => rig::run(args, cli.json),
         Command::Record(args) => record::run(args, cli.json),
     };

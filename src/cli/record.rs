@@ -10,6 +10,7 @@ use std::time::Duration;
 use clap::ArgGroup;
 use indicatif::{ProgressBar, ProgressStyle};
 
+use super::values::{not_negative, pair, positive, setting};
 use super::{CommandResult, Outcome};
 use crate::record::output::{Progress, Summary, check_path};
 use crate::record::port::Source;
@@ -216,28 +217,4 @@ fn table(summary: &Summary) -> String {
         text.push_str("Samples were lost on the way; each hole is kept as a gap.\n");
     }
     text
-}
-
-fn pair(text: &str) -> Result<(String, String), String> {
-    match text.split_once('=') {
-        Some((name, value)) if !name.is_empty() => Ok((name.to_owned(), value.to_owned())),
-        _ => Err("expected NAME=VALUE".to_owned()),
-    }
-}
-
-fn setting(text: &str) -> Result<(String, f64), String> {
-    let (name, value) = pair(text)?;
-    Ok((name, number(&value)?))
-}
-
-fn number(text: &str) -> Result<f64, String> {
-    text.parse().ok().filter(|value: &f64| value.is_finite()).ok_or_else(|| "expected a number".to_owned())
-}
-
-fn positive(text: &str) -> Result<f64, String> {
-    number(text).and_then(|value| if value > 0.0 { Ok(value) } else { Err("must be above 0".to_owned()) })
-}
-
-fn not_negative(text: &str) -> Result<f64, String> {
-    number(text).and_then(|value| if value >= 0.0 { Ok(value) } else { Err("must not be negative".to_owned()) })
 }

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::Subcommand;
 use serde_json::{Map, Value, json};
 
+use super::values::positive;
 use super::{CommandResult, Outcome};
 use crate::log;
 use crate::recording::Recording;
@@ -40,11 +41,6 @@ struct CheckArgs {
     /// The Reynolds number reported for that flow.
     #[arg(long, value_name = "RE", value_parser = positive, allow_negative_numbers = true, requires = "flow")]
     reynolds: Option<f64>,
-}
-
-fn positive(text: &str) -> Result<f64, String> {
-    let number: f64 = text.parse().map_err(|_| "not a number".to_owned())?;
-    if number.is_finite() && number > 0.0 { Ok(number) } else { Err("must be a number above 0".to_owned()) }
 }
 
 /// Runs the command; the answer is 'no' where there is a contradiction.

@@ -1,0 +1,137 @@
+//! `surgescope simulate`: the model alone, no recording needed.
+
+use std::fs::File;
+use std::io::{BufWriter, Write, stdout};
+use std::path::PathBuf;
+
+use serde_json::json;
+
+use super::scenario::{Scenario, ValveForm};
+use super::values::{positive, setting};
+use super::{CommandResult, Outcome};
+use crate::model::effects::{Chosen, parse_list};
+use crate::model::trace::Trace;
+use crate::rig::Rig;
+
+/// Simulate a closure on a rig.
+///
+/// Settings that are always known: wave_speed_m_s, friction_factor (a constant; left out, it follows from Reynolds number and
+/// roughness), initial_velocity_m_s, valve_head_m, closing_time_s, reaches; each effect adds its own (J1_per_GPa, tau1_s, …).
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// The rig.
+    #[arg(long, value_name = "RIG")]
+    rig: PathBuf,
+    /// Effects added to the base model; `none` is the base model alone.
+    #[arg(long, value_name = "A,B", default_value = "none", value_parser = parse_list)]
+    effects: ::std::vec::Vec<Chosen>,
+    /// Values of parameters; what is not set has the rig's value or a default.
+    #[arg(long, value_name = "NAME=VALUE", value_parser = setting, num_args = 1..)]
+    set: Vec<(String, f64)>,
+    /// How the valve closes.
+    #[arg(long, value_enum, default_value_t = ValveForm::Linear)]
+    valve: ValveForm,
+    /// Simulated time after the start of the closure, s [default: ten periods].
+    #[arg(long, value_name = "S", value_parser = positive)]
+    duration: Option<f64>,
+    /// Write values at 0, DT, 2 DT, … s [default: the simulation's own steps].
+    #[arg(long, value_name = "DT", value_parser = positive)]
+    csv_times: Option<f64>,
+    /// The time series to write, one column a pressure sensor in its unit; an older file of that name is replaced
+    /// [default: standard output].
+    #[arg(short, long, value_name = "CSV")]
+    output: Option<PathBuf>,
+}
+
+/// Most rows that one file may have.
+const MOST_ROWS: f64 = 1e8;
+
+/// Runs it.
+///
+/// # Errors
+/// A rig that cannot be read, settings that do not exist or are out of range, a file that cannot be written.
+pub fn run(args: Args, json: bool) -> CommandResult {
+    let scenario = Scenario::new(Rig::load(&args.rig)?, &args.effects, args.valve, &args.set)?;
+    let duration_s = args.duration.unwrap_or(10.0 * scenario.period_s());
+    let traces = scenario.simulate(duration_s)?;
+    let step_s = args.csv_times.unwrap_or(traces.first().map_or(duration_s, |t| t.dt_s));
+    if duration_s / step_s > MOST_ROWS {
+        return Err(format!(
+            "{duration_s} s in steps of {step_s} s are more than {MOST_ROWS:.0} rows; take a longer step"
+        )
+        .into());
+    }
+    warn_of_cavities(&scenario, &traces);
+    match &args.output {
+        Some(path) => {
+            let file = File::create(path).map_err(|e| format!("cannot write {}: {e}", path.display()))?;
+            write_csv(&scenario, &traces, step_s, duration_s, BufWriter::new(file))
+                .map_err(|e| format!("writing {}: {e}", path.display()))?;
+        }
+        None if json => {}
+        None => write_csv(&scenario, &traces, step_s, duration_s, BufWriter::new(stdout().lock()))?,
+    }
+    if json {
+        let settings: serde_json::Map<_, _> = scenario.values().into_iter().map(|(n, v)| (n, json!(v))).collect();
+        let document = json!({
+            "file": args.output,
+            "effects": scenario.effects.iter().map(Chosen::label).collect::<Vec<_>>(),
+            "settings": settings,
+            "reaches": scenario.reaches,
+            "time_step_s": traces.first().map(|t| t.dt_s),
+            "duration_s": duration_s,
+            "sensors": scenario.rig.pressure_sensors().map(|(_, s)| &s.name).collect::<Vec<_>>(),
+        });
+        println!("{document:#}");
+    }
+    Ok(Outcome::Done)
+}
+
+fn write_csv(
+    scenario: &Scenario,
+    traces: &[Trace],
+    step_s: f64,
+    duration_s: f64,
+    mut out: impl Write,
+) -> std::io::Result<()> {
+    let sensors: Vec<usize> = scenario.rig.pressure_sensors().map(|(i, _)| i).collect();
+    write!(out, "time_s")?;
+    for &i in &sensors {
+        write!(out, ",{}", scenario.rig.sensors[i].name)?;
+    }
+    writeln!(out)?;
+    // The last time counts although it may be a rounding error beyond the duration.
+    let rows = (duration_s / step_s * (1.0 + 1e-12) + 1e-9).floor() as u64;
+    for row in 0..=rows {
+        let time_s = row as f64 * step_s;
+        write!(out, "{}", rounded(time_s))?;
+        for (&i, trace) in sensors.iter().zip(traces) {
+            write!(out, ",{}", rounded(scenario.displayed(i, trace.at(time_s))))?;
+        }
+        writeln!(out)?;
+    }
+    out.flush()
+}
+
+/// Twelve significant digits, without the tail of binary fractions.
+fn rounded(value: f64) -> f64 {
+    format!("{value:.11e}").parse().unwrap_or(value)
+}
+
+/// Without the physics of cavities a head below vapour pressure is a number, not water.
+fn warn_of_cavities(scenario: &Scenario, traces: &[Trace]) {
+    const ATMOSPHERE_PA: f64 = 101_325.0;
+    let least_pa = scenario.water.vapour_pressure_pa - ATMOSPHERE_PA;
+    for ((_, sensor), trace) in scenario.rig.pressure_sensors().zip(traces) {
+        let elevation_m = sensor.elevation_m.unwrap_or_else(|| scenario.rig.elevation_m(sensor.position_m));
+        let least_head_m = elevation_m + least_pa / (scenario.water.density_kg_m3 * crate::units::GRAVITY_M_S2);
+        if let Some(step) = trace.head_m.iter().position(|&h| h < least_head_m) {
+            eprintln!(
+                "warning: at {} the pressure falls below vapour pressure {:.4} s after the start of the closure; this model does \
+                 not let the water boil, so what follows is not physical: take a lower velocity or a higher head",
+                sensor.name,
+                step as f64 * trace.dt_s
+            );
+        }
+    }
+}

@@ -1,0 +1,59 @@
+//! Values on the command line: numbers in their ranges, `NAME=VALUE` pairs. Each is a clap value parser.
+
+/// A finite number.
+///
+/// # Errors
+/// In words, for clap to put behind the option's name; likewise below.
+pub fn number(text: &str) -> Result<f64, String> {
+    text.trim().parse().ok().filter(|v: &f64| v.is_finite()).ok_or_else(|| format!("'{text}' is not a number"))
+}
+
+/// A number above 0.
+///
+/// # Errors
+/// See [`number`].
+pub fn positive(text: &str) -> Result<f64, String> {
+    number(text).and_then(|v| if v > 0.0 { Ok(v) } else { Err("must be above 0".to_owned()) })
+}
+
+/// A number not below 0.
+///
+/// # Errors
+/// See [`number`].
+pub fn not_negative(text: &str) -> Result<f64, String> {
+    number(text).and_then(|v| if v >= 0.0 { Ok(v) } else { Err("must not be negative".to_owned()) })
+}
+
+/// `NAME=TEXT`.
+///
+/// # Errors
+/// Without `=` or without a name.
+pub fn pair(text: &str) -> Result<(String, String), String> {
+    match text.split_once('=') {
+        Some((name, value)) if !name.trim().is_empty() => Ok((name.trim().to_owned(), value.to_owned())),
+        _ => Err("write it as NAME=VALUE".to_owned()),
+    }
+}
+
+/// `NAME=NUMBER`.
+///
+/// # Errors
+/// See [`pair`] and [`number`].
+pub fn setting(text: &str) -> Result<(String, f64), String> {
+    let (name, value) = pair(text)?;
+    Ok((name, number(&value)?))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn settings_are_read_and_slips_are_explained() {
+        assert_eq!(setting("wave_speed_m_s = 395").unwrap(), ("wave_speed_m_s".to_owned(), 395.0));
+        assert!(setting("wave_speed_m_s").unwrap_err().contains("NAME=VALUE"));
+        assert!(setting("a=b").unwrap_err().contains("'b' is not a number"));
+        assert!(setting("a=NaN").is_err() && positive("0").is_err() && not_negative("-1").is_err());
+        assert_eq!(not_negative("0"), Ok(0.0));
+    }
+}
