@@ -146,7 +146,8 @@ pub struct Crossings {
     pub low: f64,
     /// Highest value that another level or window gives.
     pub high: f64,
-    /// The closure takes longer than 2L/a: the start of the fall lies within the rise.
+    /// The closure takes longer than the wave's return to the sensor (2L/a at the valve), or nearly: the fall starts within the
+    /// rise.
     pub slow_closure: bool,
 }
 
@@ -209,7 +210,7 @@ pub fn inspect(recording: &Recording) -> Result<Features, SignalError> {
     let Some(&reference) = clear.first() else { return Err(why_none(rig, &stations)) };
     let Ok(front) = &reference.front else { return Err(why_none(rig, &stations)) };
 
-    let (crossings, smear) = wavespeed::crossings(&clear).unzip();
+    let (crossings, smear) = wavespeed::crossings(&clear, rig.length_m()).unzip();
     let smear = smear.unwrap_or(0.0);
     let slow = crossings.is_none_or(|c| c.slow_closure);
     let arrival = wavespeed::arrival(&clear, smear);
