@@ -216,6 +216,15 @@ fn one_sensor_anywhere_is_enough() {
 }
 
 #[test]
+fn a_sensor_that_cannot_tell_says_so() {
+    // a quarter up from the supply the closure outlasts the wave's return: its end looks like the return
+    let f = inspect(&record(Lab { law: Law::Linear(0.14), white: 0.02, ..CLEAN }, &[0.25 * L])).unwrap();
+    let c = f.wave_speed.crossings.unwrap();
+    assert!(c.slow_closure && (c.value - A).abs() < 2.0 * c.standard_error, "{c:?}");
+    assert!((f.closure.start_s - CLEAN.start).abs() < 2.0 * f.closure.start_se_s, "{:?}", f.closure);
+}
+
+#[test]
 fn a_gap_is_never_read_as_a_feature() {
     let lab = Lab { white: 0.02, ..CLEAN };
     let fall = lab.start + RETURN_S;

@@ -105,16 +105,19 @@ fn despiked(head_m: &[f64]) -> Vec<f64> {
 /// Finds the first front. Works from the swing of the whole record, so that neither the length of the lead-in nor a drift in it
 /// matters: the first place where the head has risen a fifth of the swing above its lowest value so far belongs to the front.
 pub(crate) fn find(trace: &Trace, white_sd_m: f64) -> Result<Front, NoFront> {
-    let head = moving_mean(&despiked(&trace.head_m), 1);
+    let clean = despiked(&trace.head_m);
     let swing = {
-        let mut heads = head.clone();
-        let cut = heads.len() / 2000;
-        let highest = *heads.select_nth_unstable_by(head.len() - 1 - cut, f64::total_cmp).1;
+        let mut heads = moving_mean(&clean, 1);
+        let (count, cut) = (heads.len(), heads.len() / 2000);
+        let highest = *heads.select_nth_unstable_by(count - 1 - cut, f64::total_cmp).1;
         highest - *heads.select_nth_unstable_by(cut, f64::total_cmp).1
     };
     if swing.is_nan() || swing <= (8.0 * white_sd_m).max(SMALLEST_M) {
         return Err(NoFront::Quiet);
     }
+    // smooth enough that noise is a sixtieth of the swing, or it would end a slow rise before it is over
+    let half = (0.5 * (60.0 * white_sd_m / swing).powi(2)).clamp(1.0, 50.0) as usize;
+    let head = moving_mean(&clean, half);
     let mut lowest = f64::INFINITY;
     let high = head.iter().position(|&h| {
         lowest = lowest.min(h);

@@ -127,15 +127,9 @@ fn window_delay(
         // share left unexplained: plateaus, where everything fits, do not win
         shares.push(if right_way { residual.all / residual.background } else { f64::INFINITY });
     }
-    let mut lowest = (0..shares.len()).min_by(|&a, &b| shares[a].total_cmp(&shares[b]))?;
+    let lowest = (0..shares.len()).min_by(|&a, &b| shares[a].total_cmp(&shares[b]))?;
     if shares[lowest] > 0.2 {
         return None; // no front like it
-    }
-    while lowest > 0 && sums[lowest - 1] < sums[lowest] {
-        lowest -= 1;
-    }
-    while lowest + 1 < sums.len() && sums[lowest + 1] < sums[lowest] {
-        lowest += 1;
     }
     if lowest == 0 || lowest + 1 >= sums.len() {
         return None; // still falling at the edge of the search: not a match
@@ -143,6 +137,8 @@ fn window_delay(
     let freedom = (n - unknowns) as f64;
     // both fronts are noisy
     let variance = 2.0 * (sums[lowest] / freedom).max(white_sd_m * white_sd_m);
-    let (at, width) = profile_minimum(&sums, lowest, variance);
+    let scale = sums[lowest] / shares[lowest].max(f64::MIN_POSITIVE);
+    let scaled: Vec<f64> = shares.iter().map(|s| s * scale).collect();
+    let (at, width) = profile_minimum(&scaled, lowest, variance);
     Some((first as f64 + at, width.hypot(GRID)))
 }

@@ -146,7 +146,8 @@ pub struct Crossings {
     pub low: f64,
     /// Highest value that another level or window gives.
     pub high: f64,
-    /// The closure takes longer than 2L/a: the start of the fall lies within the rise.
+    /// The closure takes longer than the wave's return to the sensor (2L/a at the valve), or nearly: the fall starts within the
+    /// rise.
     pub slow_closure: bool,
 }
 
@@ -209,7 +210,7 @@ pub fn inspect(recording: &Recording) -> Result<Features, SignalError> {
     let Some(&reference) = clear.first() else { return Err(why_none(rig, &stations)) };
     let Ok(front) = &reference.front else { return Err(why_none(rig, &stations)) };
 
-    let (crossings, smear) = wavespeed::crossings(&clear).unzip();
+    let (crossings, smear) = wavespeed::crossings(&clear, rig.length_m()).unzip();
     let smear = smear.unwrap_or(0.0);
     let slow = crossings.is_none_or(|c| c.slow_closure);
     let arrival = wavespeed::arrival(&clear, smear);
@@ -217,13 +218,14 @@ pub fn inspect(recording: &Recording) -> Result<Features, SignalError> {
     // without a match the half fall is the next best measure of 2L/a
     let rough = 2.0 * reference.place_m / ((front.half_fall - front.onset) * step_s).max(step_s);
     let speed = crossings.map(|c| c.value).or(arrival.map(|a| a.value)).unwrap_or(rough);
+    let speed_error = crossings.map_or(0.3, |c| c.standard_error / c.value).max(0.005);
     let from_valve_s = (rig.length_m() - reference.place_m).max(0.0) / speed;
 
     let (bend, bend_error) = onset::bend(&reference.coarse, front, reference.coarse_sd_m)
         .unwrap_or((front.onset, (0.1 * front.rise).max(1.0)));
     let onset = Estimate {
         value: reference.coarse.time_s(bend) - from_valve_s,
-        standard_error: (bend_error * step_s).hypot(0.01 * from_valve_s),
+        standard_error: (bend_error * step_s).hypot(speed_error * from_valve_s),
     };
     let back = 2.0 * reference.place_m / speed / step_s;
     let end_s = reference.coarse.time_s(front.knee(&reference.coarse, back)) - from_valve_s;

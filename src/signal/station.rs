@@ -5,7 +5,7 @@ use super::noise::{Noise, noise, white_sd_of_whole};
 use super::trace::Trace;
 
 /// Points that a front needs; more only cost time, so they are averaged.
-const POINTS_A_FRONT: f64 = 120.0;
+const POINTS_A_FRONT: f64 = 40.0;
 
 /// A pressure sensor that recorded something.
 #[derive(Debug, Clone)]
@@ -31,16 +31,21 @@ pub(crate) struct Station {
 impl Station {
     pub fn new(sensor: usize, place_m: f64, trace: Trace) -> Station {
         let rough_sd_m = white_sd_of_whole(&trace.head_m);
-        let mut coarse = trace.clone();
-        let mut front = front::find(&coarse, rough_sd_m);
-        let mut factor = 1;
-        if let Ok(found) = &front {
-            factor = ((found.rise / POINTS_A_FRONT) as usize).max(1);
-            if factor > 1 {
-                coarse = trace.decimated(factor);
-                front = front::find(&coarse, rough_sd_m / (factor as f64).sqrt());
-            }
-        }
+        let found = |factor: usize| {
+            let coarse = trace.decimated(factor);
+            // averaging leaves more of coloured noise than of white
+            let sd_m = (rough_sd_m / (factor as f64).sqrt()).max(white_sd_of_whole(&coarse.head_m));
+            let front = front::find(&coarse, sd_m);
+            (factor, coarse, front)
+        };
+        // a slow front in loud noise shows once the noise is averaged
+        let whole = found(1);
+        let loud = !matches!(whole.2, Ok(_) | Err(NoFront::NoReturn)) && trace.len() > 64 * 50;
+        let seen = if loud { [8, 64].into_iter().map(found).find(|f| f.2.is_ok()).unwrap_or(whole) } else { whole };
+        let rise = seen.2.as_ref().map_or(0.0, |f| f.rise * seen.0 as f64);
+        let fitting = ((rise / POINTS_A_FRONT) as usize).max(1);
+        let (factor, coarse, front) =
+            if fitting == seen.0 { seen } else { Some(found(fitting)).filter(|f| f.2.is_ok()).unwrap_or(seen) };
         let lead = front.as_ref().map_or(0..0, |f| f.quiet.start * factor..(f.quiet.end * factor).min(trace.len()));
         let noise = noise(&trace.head_m[lead.clone()], &trace.head_m);
         let coarse_sd_m = noise.white_sd_m / (factor as f64).sqrt();

@@ -10,6 +10,8 @@ use crate::units::GRAVITY_M_S2;
 const CROWDED: f64 = 0.6;
 /// A rise that takes more of the time to the return of the front than this is a closure slower than 2L/a.
 const SLOW: f64 = 0.85;
+/// Relative error where the end of the closure may have been taken for the return of the wave.
+const MISTAKEN: f64 = 0.25;
 /// Share of the smear that is taken for the error left in a delay of laid-over fronts.
 const TAIL_LEFT: f64 = 0.1;
 
@@ -24,12 +26,12 @@ fn is_crowded(front: &Front) -> bool {
 /// gives. The range holds every window of every sensor, and the crossings of equal levels (a quarter and half of the front,
 /// the latter at the valve being the steady level itself, as in Table 2 of the source paper). Comes with the smear: by which
 /// part of itself the half level's delay is longer, which is what creep and unsteady friction do to a front.
-pub(crate) fn crossings(stations: &[&Station]) -> Option<(Crossings, f64)> {
+pub(crate) fn crossings(stations: &[&Station], length_m: f64) -> Option<(Crossings, f64)> {
     let mut estimates: Vec<Estimate> = Vec::new();
     let mut alternatives: Vec<f64> = Vec::new();
     let mut tail = 0.0;
     let mut slow = false;
-    let valve_m = stations.first()?.place_m;
+    let mut doubt = 0.0;
     for station in stations {
         let Ok(front) = &station.front else { continue };
         if station.place_m <= 0.0 {
@@ -44,7 +46,7 @@ pub(crate) fn crossings(stations: &[&Station]) -> Option<(Crossings, f64)> {
             Some(first) => {
                 let expected = 2.0 * station.place_m / first.value / trace.step_s;
                 // where the fall comes into the rise, or too close to the supply, the sensor adds doubt only
-                if slow || front.rise > 0.7 * expected || station.place_m < 0.4 * valve_m {
+                if slow || front.rise > 0.7 * expected || station.place_m < 0.4 * length_m {
                     continue;
                 }
                 let margin = 0.06 * expected + 0.05 * front.rise + 2.0;
@@ -54,8 +56,13 @@ pub(crate) fn crossings(stations: &[&Station]) -> Option<(Crossings, f64)> {
         let Some(found) = delay(trace, front, trace, lags, Sense::Falls, reach, station.coarse_sd_m) else { continue };
         let value = speed(found.value);
         if estimates.is_empty() {
-            slow = front.rise > SLOW * found.value;
-            let levels = if slow { Vec::new() } else { equal_levels(station, front, stations[0].place_m, &found) };
+            // between the valve and the supply a closure that outlasts the return holds the head level: its end is what falls
+            let doubtful = station.place_m < 0.9 * length_m && front.rise > CROWDED * found.value;
+            slow = doubtful || front.rise > SLOW * found.value;
+            if doubtful {
+                doubt = MISTAKEN;
+            }
+            let levels = if slow { Vec::new() } else { equal_levels(station, front, length_m, &found) };
             if let Some(half) = levels.last() {
                 tail = (speed(*half) / value - 1.0).abs();
             }
@@ -65,7 +72,7 @@ pub(crate) fn crossings(stations: &[&Station]) -> Option<(Crossings, f64)> {
         estimates.push(Estimate { value, standard_error: value * found.standard_error / found.value });
     }
     let joint = weighted_mean(&estimates)?;
-    let standard_error = joint.standard_error.hypot(TAIL_LEFT * tail * joint.value);
+    let standard_error = joint.standard_error.hypot(TAIL_LEFT * tail * joint.value).hypot(doubt * joint.value);
     let low = alternatives.iter().copied().fold(joint.value - standard_error, f64::min);
     let high = alternatives.iter().copied().fold(joint.value + standard_error, f64::max);
     Some((Crossings { value: joint.value, standard_error, low, high, slow_closure: slow }, tail))
