@@ -73,9 +73,9 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     }
     let Some((_, last)) = fits.last() else { return Ok(Outcome::Done) };
     if json {
-        println!("{}", json::calibration(last)?);
+        super::say!("{}", json::calibration(last)?);
     } else {
-        print!("{}", table::calibration(&stages));
+        super::say_text!(table::calibration(&stages));
     }
     Ok(Outcome::Done)
 }

@@ -26,9 +26,9 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     export_csv_file(&recording, &args.output)?;
     let summary = Summary::of(&recording);
     if json {
-        println!("{}", super::document(json!({ "file": args.output, "source": args.mcap }), &summary)?);
+        super::say!("{}", super::document(json!({ "file": args.output, "source": args.mcap }), &summary)?);
     } else {
-        println!("{}: {summary}", args.output.display());
+        super::say!("{}: {summary}", args.output.display());
     }
     let gaps: usize = summary.sensors.iter().map(|s| s.gaps).sum();
     if gaps > 0 {

@@ -39,9 +39,9 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     write(&args.output, &recording)?;
     let summary = Summary::of(&recording);
     if json {
-        println!("{}", super::document(json!({ "file": args.output, "source": args.csv }), &summary)?);
+        super::say!("{}", super::document(json!({ "file": args.output, "source": args.csv }), &summary)?);
     } else {
-        println!("{}: {summary}", args.output.display());
+        super::say!("{}: {summary}", args.output.display());
     }
     Ok(Outcome::Done)
 }

@@ -41,9 +41,9 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     if json {
         let mut document = document(&recording, &features);
         document["file"] = json!(args.recording);
-        println!("{document:#}");
+        super::say!("{document:#}");
     } else {
-        print!("{}", table(&recording, &features));
+        super::say_text!(table(&recording, &features));
     }
     Ok(Outcome::Done)
 }

@@ -1,5 +1,17 @@
 //! The command line: types, dispatch, exit codes. One thin file a command.
 
+/// A line on standard output. Where nobody reads it any more (`| head`) that is no error: `println!` would panic.
+macro_rules! say {
+    ($($arg:tt)*) => { $crate::cli::write_out(format_args!("{}\n", format_args!($($arg)*)))? };
+}
+/// Text on standard output as it stands, likewise.
+macro_rules! say_text {
+    ($text:expr) => {
+        $crate::cli::write_out(format_args!("{}", $text))?
+    };
+}
+pub(crate) use {say, say_text};
+
 pub mod calibrate;
 pub mod export;
 pub mod import;
@@ -13,6 +25,7 @@ pub mod simulate;
 pub mod values;
 
 use std::error::Error;
+use std::io::Write as _;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
@@ -88,6 +101,15 @@ pub fn main() -> ExitCode {
             }
             ExitCode::from(2)
         }
+    }
+}
+
+/// Writes to standard output; a closed pipe is not an error.
+fn write_out(text: std::fmt::Arguments) -> std::io::Result<()> {
+    let mut out = std::io::stdout().lock();
+    match out.write_fmt(text).and_then(|()| out.flush()) {
+        Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => Ok(()),
+        other => other,
     }
 }
 

@@ -80,9 +80,9 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     let summary = summary?;
     eprintln!("{}: {}", summary.file, summary.ended);
     if json {
-        println!("{}", serde_json::to_string(&summary)?);
+        super::say!("{}", serde_json::to_string(&summary)?);
     } else {
-        print!("{}", table(&summary));
+        super::say_text!(table(&summary));
     }
     Ok(if summary.data_lost { Outcome::DataLost } else { Outcome::Done })
 }

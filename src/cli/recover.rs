@@ -24,13 +24,13 @@ pub struct Args {
 pub fn run(args: Args, json: bool) -> CommandResult {
     let recovery = recover(&args.torn, &args.output)?;
     if json {
-        println!("{}", super::document(json!({ "file": args.output, "source": args.torn }), &recovery)?);
+        super::say!("{}", super::document(json!({ "file": args.output, "source": args.torn }), &recovery)?);
     } else {
-        println!("{}: {}", args.output.display(), recovery.kept);
+        super::say!("{}: {}", args.output.display(), recovery.kept);
         match recovery.last_good_time_s {
-            _ if recovery.whole => println!("nothing was lost"),
-            Some(time) => println!("last good sample: {time} s"),
-            None => println!("no sample was saved"),
+            _ if recovery.whole => super::say!("nothing was lost"),
+            Some(time) => super::say!("last good sample: {time} s"),
+            None => super::say!("no sample was saved"),
         }
     }
     for loss in &recovery.lost {

@@ -63,9 +63,9 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     }
     let worst = findings.iter().map(|f| f.level).max().unwrap_or(Level::Fine);
     if json {
-        println!("{}", document(&args.rig, args.recording.as_deref(), worst, &findings));
+        super::say!("{}", document(&args.rig, args.recording.as_deref(), worst, &findings));
     } else {
-        print!("{}", table(&findings));
+        super::say_text!(table(&findings));
     }
     Ok(if worst == Level::Contradiction { Outcome::No } else { Outcome::Done })
 }

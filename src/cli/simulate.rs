@@ -69,7 +69,10 @@ pub fn run(args: Args, json: bool) -> CommandResult {
                 .map_err(|e| format!("writing {}: {e}", path.display()))?;
         }
         None if json => {}
-        None => write_csv(&scenario, &traces, step_s, duration_s, BufWriter::new(stdout().lock()))?,
+        None => match write_csv(&scenario, &traces, step_s, duration_s, BufWriter::new(stdout().lock())) {
+            Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => {}
+            other => other?,
+        },
     }
     if json {
         let settings: serde_json::Map<_, _> = scenario.values().into_iter().map(|(n, v)| (n, json!(v))).collect();
@@ -82,7 +85,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
             "duration_s": duration_s,
             "sensors": scenario.rig.pressure_sensors().map(|(_, s)| &s.name).collect::<Vec<_>>(),
         });
-        println!("{document:#}");
+        super::say!("{document:#}");
     }
     Ok(Outcome::Done)
 }
