@@ -109,7 +109,8 @@ fn sensor(recording: &Recording, s: &SensorFeatures) -> Value {
     })
 }
 
-fn table(recording: &Recording, f: &Features) -> String {
+/// What a recording shows, for people.
+pub fn table(recording: &Recording, f: &Features) -> String {
     let mut out = String::new();
     let plus_minus = |e: Option<Estimate>, digits: usize| {
         e.map_or("not to be seen".into(), |e| format!("{:.digits$} ± {:.digits$}", e.value, e.standard_error))

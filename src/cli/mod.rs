@@ -13,10 +13,13 @@ macro_rules! say_text {
 pub(crate) use {say, say_text};
 
 pub mod calibrate;
+pub mod demo;
+pub mod effects;
 pub mod export;
 pub mod import;
 pub mod inspect;
 pub mod load;
+pub mod playback;
 pub mod record;
 pub mod recover;
 pub mod rig;
@@ -59,6 +62,10 @@ struct Cli {
 enum Command {
     /// Turn a time series (CSV) into a recording.
     Import(import::Args),
+    /// The whole story on a recording that ships with the program.
+    Demo(demo::Args),
+    /// List the effects that a model can have.
+    Effects(effects::Args),
     /// Fit a model to one recording, or to several of one rig at once.
     Calibrate(calibrate::Args),
     /// Turn a recording into a time series (CSV).
@@ -80,6 +87,8 @@ pub fn main() -> ExitCode {
     let cli = Cli::parse();
     let result: CommandResult = match cli.command {
         Command::Import(args) => import::run(args, cli.json),
+        Command::Demo(args) => demo::run(args, cli.json),
+        Command::Effects(args) => effects::run(args, cli.json),
         Command::Calibrate(args) => calibrate::run(args, cli.json),
         Command::Export(args) => export::run(args, cli.json),
         Command::Inspect(args) => inspect::run(args, cli.json),

@@ -10,11 +10,17 @@ use std::time::Duration;
 use clap::ArgGroup;
 use indicatif::{ProgressBar, ProgressStyle};
 
+#[cfg(unix)]
+use super::playback::{Timing, of_scenario};
+use super::scenario::{Scenario, ValveForm};
 use super::values::{not_negative, pair, positive, setting};
 use super::{CommandResult, Outcome};
+use crate::model::effects::{Chosen, parse_list};
 use crate::record::output::{Progress, Summary, check_path};
 use crate::record::port::Source;
 use crate::record::session::{self, Options};
+#[cfg(unix)]
+use crate::record::simulated::{Counts, Faults, Playback, SimulatedDevice};
 use crate::record::{RecordError, replay};
 use crate::rig::{Device, Rig};
 
@@ -49,8 +55,14 @@ pub struct Args {
     /// Let the simulated device misbehave, as in flip=0.01,drop=0.02,duplicate=0.01,seed=7 (probabilities per frame).
     #[arg(long, value_name = "FAULTS", requires = "simulate")]
     faults: Option<String>,
-    /// Set a value of the simulated test.
-    #[arg(long, value_name = "NAME=VALUE", value_parser = setting, requires = "simulate")]
+    /// Effects of the simulated test.
+    #[arg(long, value_name = "A,B", default_value = "none", value_parser = parse_list)]
+    effects: ::std::vec::Vec<Chosen>,
+    /// Samples a second and channel of the simulated device.
+    #[arg(long, value_name = "HZ", default_value_t = 1000.0, value_parser = positive)]
+    rate: f64,
+    /// Set values of the simulated test, as in `simulate`.
+    #[arg(long, value_name = "NAME=VALUE", value_parser = setting, requires = "simulate", num_args = 1..)]
     set: Vec<(String, f64)>,
     /// Keep a note with the recording; may be given often.
     #[arg(long, value_name = "KEY=VALUE", value_parser = pair)]
@@ -129,21 +141,13 @@ fn record_simulated(
     options: &Options,
     report: &mut dyn FnMut(&Progress),
 ) -> Result<Summary, AnyError> {
-    use crate::record::simulated::{Counts, Faults, SimulatedDevice};
-
-    let mut device = live_device(rig, &[])?;
-    let faults: Faults = args.faults.as_deref().map(str::parse).transpose()?.unwrap_or_default();
-    let counts = Counts::new(&simulated_test(rig, args)?, rig, &device)?;
-    if counts.clipped > 0 {
-        eprintln!("{} samples are outside the range of the device's counts: see scale and offset", counts.clipped);
-    }
-    let mut simulated = SimulatedDevice::open()?;
-    device.port = simulated.path().display().to_string();
-    let source = Source::open(&device)?;
-    simulated.start(counts, args.speed, faults)?;
-    let summary = session::record(rig, &device, &source, options, &STOP, report)?;
-    simulated.stop()?;
-    Ok(summary)
+    let device = live_device(rig, &[])?;
+    let scenario = Scenario::new(rig.clone(), &args.effects, ValveForm::Linear, &args.set)?;
+    let total_s = args.duration.unwrap_or(LEAD_S + 12.0 * scenario.period_s());
+    let timing = Timing { rate_hz: args.rate, lead_s: LEAD_S, after_s: (total_s - LEAD_S).max(0.0) };
+    let playback = of_scenario(&scenario, &device, &timing)?;
+    let faults = args.faults.as_deref().map(str::parse).transpose()?.unwrap_or_default();
+    record_playback(rig, device, &playback, args.speed, faults, options, report)
 }
 
 #[cfg(not(unix))]
@@ -151,21 +155,48 @@ fn record_simulated(_: &Rig, _: &Args, _: &Options, _: &mut dyn FnMut(&Progress)
     Err("--simulate needs pseudo-terminals, which this system does not have".into())
 }
 
-/// The test that a simulated device plays: the model's pressures at the sensors, with the settings of `--set`.
+/// Steady time before the closure of a simulated test, s.
 #[cfg(unix)]
-fn simulated_test(rig: &Rig, args: &Args) -> Result<crate::record::simulated::Playback, AnyError> {
-    let settings: Vec<_> = args.set.iter().map(|(name, value)| format!("{name}={value}")).collect();
-    Err(format!("rig '{}' cannot be simulated yet (settings: {})", rig.name, settings.join(" ")).into())
+const LEAD_S: f64 = 1.0;
+
+/// Plays data on a simulated device and records it through a pseudo-terminal, as from a real port.
+///
+/// # Errors
+/// No pseudo-terminal, data that the device cannot send, or any error of a recording.
+#[cfg(unix)]
+pub fn record_playback(
+    rig: &Rig,
+    mut device: Device,
+    playback: &Playback,
+    speed: f64,
+    faults: Faults,
+    options: &Options,
+    report: &mut dyn FnMut(&Progress),
+) -> Result<Summary, AnyError> {
+    let counts = Counts::new(playback, rig, &device)?;
+    if counts.clipped > 0 {
+        eprintln!("{} samples are outside the range of the device's counts: see scale and offset", counts.clipped);
+    }
+    let mut simulated = SimulatedDevice::open()?;
+    device.port = simulated.path().display().to_string();
+    let source = Source::open(&device)?;
+    simulated.start(counts, speed, faults)?;
+    let summary = session::record(rig, &device, &source, options, &STOP, report)?;
+    simulated.stop()?;
+    Ok(summary)
 }
 
 /// Progress on standard error: one line that changes on a terminal, a line a second elsewhere.
-enum Reporter {
+pub enum Reporter {
+    /// One line that changes.
     Bar(ProgressBar),
+    /// A line a second.
     Lines,
 }
 
 impl Reporter {
-    fn new() -> Reporter {
+    /// On the terminal, or line by line.
+    pub fn new() -> Reporter {
         if !stderr().is_terminal() {
             return Reporter::Lines;
         }
@@ -174,7 +205,8 @@ impl Reporter {
         Reporter::Bar(ProgressBar::new_spinner().with_style(style))
     }
 
-    fn show(&self, progress: &Progress) {
+    /// Shows where the recording stands.
+    pub fn show(&self, progress: &Progress) {
         let Progress { recorded_s, samples, gaps, samples_per_s } = progress;
         let text = format!("{recorded_s:.1} s  {samples} samples  {gaps} gaps  {samples_per_s:.0} samples/s");
         match self {
@@ -186,7 +218,8 @@ impl Reporter {
         }
     }
 
-    fn clear(&self) {
+    /// Takes the line away.
+    pub fn clear(&self) {
         if let Reporter::Bar(bar) = self {
             bar.finish_and_clear();
         }

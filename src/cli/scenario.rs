@@ -6,7 +6,7 @@ use crate::model::boundary::Closure;
 use crate::model::effects::Chosen;
 use crate::model::parameter::Parameter;
 use crate::model::sensor::seen_by;
-use crate::model::trace::Trace;
+use crate::model::trace::{Probe, Trace};
 use crate::model::{Conditions, Model, ModelError, Resolution, RunValues};
 use crate::rig::{Rig, Upstream, WaterProperties};
 use crate::units::GRAVITY_M_S2;
@@ -149,11 +149,19 @@ impl Scenario {
     /// # Errors
     /// As [`Model::simulate`].
     pub fn simulate(&self, duration_s: f64) -> Result<Vec<Trace>, ModelError> {
+        let probes: Vec<Probe> = self.rig.pressure_sensors().map(|(_, s)| Probe::Head(s.position_m)).collect();
+        let traces = self.probe(&probes, duration_s)?;
+        Ok(self.rig.pressure_sensors().zip(traces).map(|((_, sensor), trace)| seen_by(sensor, trace)).collect())
+    }
+
+    /// What probes read, in time after the start of the closure.
+    ///
+    /// # Errors
+    /// As [`Model::simulate`].
+    pub fn probe(&self, probes: &[Probe], duration_s: f64) -> Result<Vec<Trace>, ModelError> {
         let conditions = Conditions { water: self.water, supply_deviation: None };
         let resolution = Resolution { reaches: self.reaches, duration_s };
-        let places: Vec<f64> = self.rig.pressure_sensors().map(|(_, s)| s.position_m).collect();
-        let traces = self.model().simulate(&conditions, &self.shared, &self.run, resolution, &places)?;
-        Ok(self.rig.pressure_sensors().zip(traces).map(|((_, sensor), trace)| seen_by(sensor, trace)).collect())
+        self.model().simulate(&conditions, &self.shared, &self.run, resolution, probes)
     }
 
     /// A head at a sensor in the sensor's unit.

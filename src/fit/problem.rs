@@ -8,7 +8,7 @@ use super::data::RunData;
 use super::least_squares::Problem;
 use crate::model::parameter::{Parameter, Scale};
 use crate::model::sensor::seen_by;
-use crate::model::trace::Trace;
+use crate::model::trace::{Probe, Trace};
 use crate::model::{Conditions, Model, ModelError, Resolution, RunValues};
 
 /// Index of the closure's start among a run's variables; those that the model takes come before it, offsets after it.
@@ -190,7 +190,7 @@ impl<'a> Calibration<'a> {
             .filter(|(_, span)| span.1 > span.0)
             .map(|(s, span)| s.time_s[span.1 - 1])
             .fold(closure_start, f64::max);
-        let places: Vec<f64> = run.sensors.iter().map(|s| s.sensor.position_m).collect();
+        let probes: Vec<Probe> = run.sensors.iter().map(|s| Probe::Head(s.sensor.position_m)).collect();
         let conditions =
             Conditions {
                 supply_deviation: run.conditions.supply_deviation.as_ref().map(|(time_s, deviation_m)| {
@@ -200,7 +200,7 @@ impl<'a> Calibration<'a> {
             };
         let shared = &values[..self.model.shared.len()];
         let resolution = Resolution { reaches, duration_s: latest - closure_start };
-        let traces = self.model.simulate(&conditions, shared, &run_values, resolution, &places)?;
+        let traces = self.model.simulate(&conditions, shared, &run_values, resolution, &probes)?;
         Ok(run.sensors.iter().zip(traces).map(|(s, trace)| seen_by(&s.sensor, trace)).collect())
     }
 

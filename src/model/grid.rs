@@ -141,22 +141,23 @@ impl Grid {
         self.segments.last().map_or(0, |s| s.offset + s.reaches + 1)
     }
 
-    /// Weights of up to four nodes around a position, for cubic interpolation within its segment.
-    pub fn stencil(&self, position_m: f64) -> Vec<(usize, f64)> {
-        let segment = self
+    /// The segment of a position, and weights of up to four of its nodes around it for cubic interpolation.
+    pub fn stencil(&self, position_m: f64) -> (usize, Vec<(usize, f64)>) {
+        let at = self
             .segments
             .iter()
-            .find(|s| position_m <= s.start_m + s.reach_m * s.reaches as f64)
-            .unwrap_or(&self.segments[self.segments.len() - 1]);
+            .position(|s| position_m <= s.start_m + s.reach_m * s.reaches as f64)
+            .unwrap_or(self.segments.len() - 1);
+        let segment = &self.segments[at];
         let x = ((position_m - segment.start_m) / segment.reach_m).clamp(0.0, segment.reaches as f64);
         let nearest = x.round();
         if (x - nearest).abs() < 1e-9 {
-            return vec![(segment.offset + nearest as usize, 1.0)];
+            return (at, vec![(segment.offset + nearest as usize, 1.0)]);
         }
         let points = (segment.reaches + 1).min(4);
         let first = (x.floor() as isize - (points as isize - 2) / 2).clamp(0, (segment.reaches + 1 - points) as isize);
         let first = first as usize;
-        (first..first + points)
+        let weights = (first..first + points)
             .map(|i| {
                 let weight = (first..first + points)
                     .filter(|&j| j != i)
@@ -164,7 +165,8 @@ impl Grid {
                     .product::<f64>();
                 (segment.offset + i, weight)
             })
-            .collect()
+            .collect();
+        (at, weights)
     }
 }
 
@@ -206,7 +208,7 @@ mod tests {
         let grid = Grid::new(&[stretch(100.0, 1000.0)], 25).unwrap();
         let f = |x: f64| 1.0 + 0.3 * x - 0.02 * x * x + 1e-4 * x.powi(3);
         for position in [0.0, 1.3, 4.0, 51.7, 98.9, 100.0] {
-            let value: f64 = grid.stencil(position).iter().map(|&(i, w)| w * f(4.0 * i as f64)).sum();
+            let value: f64 = grid.stencil(position).1.iter().map(|&(i, w)| w * f(4.0 * i as f64)).sum();
             assert!((value - f(position)).abs() < 1e-9, "{position}: {value}");
         }
     }

@@ -20,7 +20,7 @@ use friction::{ReachFriction, WallFriction};
 use grid::{Grid, Stretch};
 use parameter::Parameter;
 use solver::{Line, Steady, steady_heads};
-use trace::Trace;
+use trace::{Probe, Trace};
 
 use crate::rig::WaterProperties;
 use crate::rig::{Rig, Upstream};
@@ -201,7 +201,7 @@ impl<'a> Model<'a> {
         4.0 * self.rig.pipes.iter().zip(shared).map(|(p, a)| p.length_m / a).sum::<f64>()
     }
 
-    /// Simulates one run: the head at each place (m from the supply), in time after the start of the closure.
+    /// Simulates one run: what each probe reads, in time after the start of the closure.
     ///
     /// # Errors
     /// Values out of their physical range, a grid too coarse for the pipes, a run too long for memory, a solution that
@@ -212,7 +212,7 @@ impl<'a> Model<'a> {
         shared: &[f64],
         run: &RunValues,
         resolution: Resolution,
-        places_m: &[f64],
+        probes: &[Probe],
     ) -> Result<Vec<Trace>, ModelError> {
         self.check(shared, run)?;
         let (wave_speeds, effect_values) = shared.split_at(self.rig.pipes.len());
@@ -234,10 +234,10 @@ impl<'a> Model<'a> {
         let grid = Grid::new(&stretches, resolution.reaches)?;
         // Two steps more than asked for: the cubic interpolation in time looks that far ahead.
         let steps = (resolution.duration_s / grid.dt_s).ceil() as usize + 2;
-        let bytes = steps.saturating_mul(places_m.len().max(1)).saturating_mul(8);
+        let bytes = steps.saturating_mul(probes.len().max(1)).saturating_mul(8);
         if bytes > MOST_HISTORY_BYTES {
             let gib = bytes as f64 / (1u64 << 30) as f64;
-            return Err(ModelError::TooLong { steps, sensors: places_m.len(), gib });
+            return Err(ModelError::TooLong { steps, sensors: probes.len(), gib });
         }
         let frictions = reach_frictions(&grid, flow_m3_s)?;
         let head_m = steady_heads(&grid, &frictions, flow_m3_s, run.valve_head_m);
@@ -263,8 +263,7 @@ impl<'a> Model<'a> {
             discharge_head_m,
             closure: (self.closure)(run.closing_time_s),
         };
-        let stencils: Vec<_> = places_m.iter().map(|&x| grid.stencil(x)).collect();
-        Line { steady, frictions, terms, supply, valve }.run(steps, &stencils)
+        Line { steady, frictions, terms, supply, valve }.run(steps, probes)
     }
 
     fn check(&self, shared: &[f64], run: &RunValues) -> Result<(), ModelError> {

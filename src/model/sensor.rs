@@ -13,10 +13,10 @@ pub fn seen_by(sensor: &Sensor, trace: Trace) -> Trace {
     let decay = (-r).exp();
     let mean = -(-r).exp_m1() / r;
     let (p1, p0) = (1.0 - mean, mean - decay);
-    let mut lagged = trace.head_m[0];
-    let mut before = trace.head_m[0];
-    let head_m = trace
-        .head_m
+    let mut lagged = trace.values[0];
+    let mut before = trace.values[0];
+    let values = trace
+        .values
         .iter()
         .map(|&head| {
             lagged = decay * lagged + p1 * head + p0 * before;
@@ -27,7 +27,7 @@ pub fn seen_by(sensor: &Sensor, trace: Trace) -> Trace {
             }
         })
         .collect();
-    Trace { head_m, ..trace }
+    Trace { values, ..trace }
 }
 
 #[cfg(test)]
@@ -49,8 +49,8 @@ mod tests {
             wiring: None,
         };
         // A ramp of 2 m/s from 10 m: the lag of a ramp has the closed form used below.
-        let head_m = (0..200).map(|i| 10.0 + 2.0 * 0.01 * i as f64).collect();
-        seen_by(&sensor, Trace { dt_s: 0.01, head_m })
+        let values = (0..200).map(|i| 10.0 + 2.0 * 0.01 * i as f64).collect();
+        seen_by(&sensor, Trace { dt_s: 0.01, values })
     }
 
     #[test]
@@ -59,8 +59,8 @@ mod tests {
         for i in [1, 50, 199] {
             let t = 0.01 * i as f64;
             let behind = 2.0 * 0.5 * (1.0 - (-t / 0.5f64).exp());
-            assert!((dc.head_m[i] - (10.0 + 2.0 * t - behind)).abs() < 1e-9, "{i}");
-            assert!((ac.head_m[i] - behind).abs() < 1e-9, "{i}");
+            assert!((dc.values[i] - (10.0 + 2.0 * t - behind)).abs() < 1e-9, "{i}");
+            assert!((ac.values[i] - behind).abs() < 1e-9, "{i}");
         }
     }
 }

@@ -5,7 +5,7 @@ use super::boundary::{Supply, ValveEnd};
 use super::friction::ReachFriction;
 use super::grid::Grid;
 use super::kernel::{self, Terms};
-use super::trace::Trace;
+use super::trace::{Probe, Trace};
 
 /// The steady state before the closure.
 pub struct Steady<'a> {
@@ -83,7 +83,7 @@ struct State {
     u: Vec<f64>,
     storage: Vec<f64>,
     momentum: Vec<f64>,
-    /// No line terms: interior heads are not kept but read from the waves.
+    /// No line terms and no flow to read: interior heads are not kept but read from the waves.
     elastic: bool,
 }
 
@@ -94,11 +94,11 @@ struct Arriving {
 }
 
 impl Line<'_> {
-    /// Simulates `steps` steps and gives the head at each stencil (weights of nodes).
+    /// Simulates `steps` steps and gives what each probe reads.
     ///
     /// # Errors
     /// If the solution stops being finite.
-    pub fn run(mut self, steps: usize, stencils: &[Vec<(usize, f64)>]) -> Result<Vec<Trace>, ModelError> {
+    pub fn run(mut self, steps: usize, probes: &[Probe]) -> Result<Vec<Trace>, ModelError> {
         let grid = self.steady.grid;
         let implicit: Vec<Implicit> = (0..grid.segments.len())
             .map(|s| {
@@ -108,18 +108,15 @@ impl Line<'_> {
                     .fold(Implicit::default(), |a, b| Implicit { kappa: a.kappa + b.kappa, mu: a.mu + b.mu })
             })
             .collect();
-        let mut state = self.initial_state();
-        let bases: Vec<f64> = stencils
-            .iter()
-            .map(|stencil| stencil.iter().map(|&(node, weight)| weight * self.steady.head_m[node]).sum())
-            .collect();
+        let mut state = self.initial_state(probes.iter().all(|p| matches!(p, Probe::Head(_))));
+        let readings: Vec<Reading> = probes.iter().map(|&probe| Reading::new(probe, &self.steady)).collect();
         let mut traces: Vec<Trace> =
-            stencils.iter().map(|_| Trace { dt_s: grid.dt_s, head_m: Vec::with_capacity(steps + 1) }).collect();
-        state.read(&mut traces, stencils, &bases);
+            readings.iter().map(|_| Trace { dt_s: grid.dt_s, values: Vec::with_capacity(steps + 1) }).collect();
+        state.read(&mut traces, &readings);
         for step in 1..=steps {
             let time_s = step as f64 * grid.dt_s;
             self.step(&mut state, &implicit, time_s);
-            state.read(&mut traces, stencils, &bases);
+            state.read(&mut traces, &readings);
             let at_valve = state.h[state.h.len() - 1];
             if !at_valve.is_finite() {
                 return Err(ModelError::NotFinite { time_s });
@@ -128,7 +125,7 @@ impl Line<'_> {
         Ok(traces)
     }
 
-    fn initial_state(&self) -> State {
+    fn initial_state(&self, heads_only: bool) -> State {
         let grid = self.steady.grid;
         let n = grid.nodes();
         let mut u = vec![0.0; n];
@@ -145,7 +142,7 @@ impl Line<'_> {
                 term.known(s, &mut storage[nodes.clone()], &mut momentum[nodes.clone()]);
             }
         }
-        let elastic = self.terms.is_empty();
+        let elastic = self.terms.is_empty() && heads_only;
         State { new_fwd: fwd.clone(), new_bwd: bwd.clone(), fwd, bwd, h: vec![0.0; n], u, storage, momentum, elastic }
     }
 
@@ -287,11 +284,33 @@ impl State {
         }
     }
 
-    /// Appends the present head at each stencil, whose steady heads are `bases`.
-    fn read(&self, traces: &mut [Trace], stencils: &[Vec<(usize, f64)>], bases: &[f64]) {
-        for ((trace, stencil), base) in traces.iter_mut().zip(stencils).zip(bases) {
-            let h = |node: usize| if self.elastic { 0.5 * (self.fwd[node] + self.bwd[node]) } else { self.h[node] };
-            trace.head_m.push(base + stencil.iter().map(|&(node, weight)| weight * h(node)).sum::<f64>());
+    /// Appends what each probe reads now.
+    fn read(&self, traces: &mut [Trace], readings: &[Reading]) {
+        for (trace, reading) in traces.iter_mut().zip(readings) {
+            let weigh = |of: &dyn Fn(usize) -> f64| reading.stencil.iter().map(|&(node, w)| w * of(node)).sum::<f64>();
+            trace.values.push(match reading.flow_by_u {
+                None if self.elastic => reading.base + weigh(&|node| 0.5 * (self.fwd[node] + self.bwd[node])),
+                None => reading.base + weigh(&|node| self.h[node]),
+                Some(by_u) => by_u * weigh(&|node| self.u[node]),
+            });
         }
+    }
+}
+
+/// A probe on the grid.
+struct Reading {
+    stencil: Vec<(usize, f64)>,
+    /// Steady head, which the state's deviations are counted from.
+    base: f64,
+    /// `1/B` where the flow is read.
+    flow_by_u: Option<f64>,
+}
+
+impl Reading {
+    fn new(probe: Probe, steady: &Steady) -> Reading {
+        let (segment, stencil) = steady.grid.stencil(probe.position_m());
+        let base = stencil.iter().map(|&(node, weight)| weight * steady.head_m[node]).sum();
+        let flow_by_u = matches!(probe, Probe::Flow(_)).then(|| 1.0 / steady.grid.segments[segment].impedance);
+        Reading { stencil, base, flow_by_u }
     }
 }

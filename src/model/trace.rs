@@ -1,35 +1,53 @@
-//! What a simulation leaves: the head at each sensor, step by step, and its value at any time.
+//! What a simulation leaves: head or flow at each probe, step by step, and its value at any time.
 
-/// Head at one place.
+/// Head or flow at one place.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Trace {
     /// Time step, s.
     pub dt_s: f64,
-    /// Head at `0, dt, 2dt, …` after the start of the closure, m; the first is the steady head, which also holds before.
-    pub head_m: Vec<f64>,
+    /// Head (m) or flow (m³/s) at `0, dt, 2dt, …` after the start of the closure; the first is the steady value, which also
+    /// holds before.
+    pub values: Vec<f64>,
 }
 
 impl Trace {
-    /// Head at a time after the start of the closure, cubic between steps; the steady head before it, the last one after
+    /// Value at a time after the start of the closure, cubic between steps; the steady one before it, the last one after
     /// the end.
     ///
     /// Linear interpolation would leave `dt² H''/8` at a front, more than the scheme's own error.
     pub fn at(&self, time_s: f64) -> f64 {
         let x = time_s / self.dt_s;
         if x <= 0.0 {
-            return self.head_m[0];
+            return self.values[0];
         }
-        let last = self.head_m.len() - 1;
+        let last = self.values.len() - 1;
         let i = x as usize;
         if i >= last {
-            return self.head_m[last];
+            return self.values[last];
         }
         let (a, b, c, d) =
-            (self.head_m[i.saturating_sub(1)], self.head_m[i], self.head_m[i + 1], self.head_m[(i + 2).min(last)]);
+            (self.values[i.saturating_sub(1)], self.values[i], self.values[i + 1], self.values[(i + 2).min(last)]);
         let s = x - i as f64;
         // Lagrange through -1, 0, 1, 2.
         let (m, p, q) = (s + 1.0, s - 1.0, s - 2.0);
         -a * s * p * q / 6.0 + b * m * p * q / 2.0 - c * m * s * q / 2.0 + d * m * s * p / 6.0
+    }
+}
+
+/// What to read where, in m from the supply.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Probe {
+    /// Head, m.
+    Head(f64),
+    /// Flow, m³/s.
+    Flow(f64),
+}
+
+impl Probe {
+    /// Its place, m from the supply.
+    pub fn position_m(self) -> f64 {
+        let (Probe::Head(x) | Probe::Flow(x)) = self;
+        x
     }
 }
 
@@ -40,8 +58,8 @@ mod tests {
     #[test]
     fn cubic_between_steps_and_steady_outside() {
         let f = |t: f64| 3.0 - t + 0.5 * t * t - 0.1 * t.powi(3);
-        let trace = Trace { dt_s: 0.5, head_m: (0..20).map(|i| f(0.5 * i as f64)).collect() };
-        for t in [0.5, 0.77, 3.14, 8.9] {
+        let trace = Trace { dt_s: 0.5, values: (0..20).map(|i| f(0.5 * i as f64)).collect() };
+        for t in [0.5, 0.77, 3.17, 8.9] {
             assert!((trace.at(t) - f(t)).abs() < 1e-12, "{t}");
         }
         assert_eq!(trace.at(-1.0), f(0.0));

@@ -9,6 +9,7 @@
 //! | [`table`] | plain-text tables for the terminal |
 //! | [`html`](mod@html) | the page, from the pieces in `html/` and the files in `assets/` |
 //! | [`svg`] | static line charts, for the page in print and for any other plot |
+//! | [`failure`] | where a model fails, in words |
 //! | [`summary`] | the error of a whole fit, and the one-sentence verdict |
 //! | [`curves`] | the curves of one sensor under all stages, on one time axis |
 //! | [`decimate`] | fewer points, every peak kept |
@@ -18,6 +19,7 @@
 pub mod curves;
 pub mod decimate;
 pub mod escape;
+pub mod failure;
 pub mod html;
 pub mod json;
 pub mod number;

@@ -1,6 +1,7 @@
 //! Tables of a calibration for the terminal: plain text, aligned, no colour.
 
-use crate::fit::outcome::{ExtremumError, Fit, RunFit};
+use crate::fit::compare::mape_percent;
+use crate::fit::outcome::{ExtremumError, Fit, RunFit, SensorFit};
 use crate::report::curves::find;
 use crate::report::number::{decimals_for, duration, error_m, fixed, signed, significant, times, with_error};
 use crate::report::{Stage, summary};
@@ -30,35 +31,39 @@ pub fn parameters(fit: &Fit) -> String {
     table.without_empty_columns().to_string()
 }
 
-/// RMSE of the first and the last stage, noise, their ratio and the error over extrema, for each run and sensor.
+/// RMSE before (of the first stage; of the start values where there is one stage only), RMSE, noise, their ratio and the error
+/// over extrema, for each run and sensor.
 pub fn errors(stages: &[Stage]) -> String {
     let Some(last) = stages.last() else { return String::new() };
     let first = stages.first().filter(|_| stages.len() > 1);
-    let before = |file: &str, sensor: &str| {
-        first.and_then(|s| find(s.fit, file, sensor)).map_or(String::new(), |s| error_m(s.rmse_m))
+    let before = |run: &RunFit, s: &SensorFit| match first {
+        Some(first) => find(first.fit, &run.file, &s.name).map_or(f64::NAN, |s| s.rmse_m),
+        None => s.start_rmse_m,
     };
+    let mape = |percent: f64| if percent.is_finite() { significant(percent, 2) } else { String::new() };
     let mut table = Table::new(&["run", "sensor", "<before", "<RMSE, m", "<noise, m", "<RMSE/noise", "<MAPE, %"]);
     for run in &last.fit.runs {
         for s in &run.sensors {
             table.row([
                 run.file.clone(),
                 s.name.clone(),
-                before(&run.file, &s.name),
+                error_m(before(run, s)),
                 error_m(s.rmse_m),
                 error_m(s.noise_m),
                 times(s.rmse_m, s.noise_m),
-                String::new(),
+                mape(mape_percent(s.extrema.iter())),
             ]);
         }
-        let start = first.and_then(|s| s.fit.runs.iter().find(|r| r.file == run.file));
+        let samples: usize = run.sensors.iter().map(|s| s.time_s.len()).sum();
+        let square: f64 = run.sensors.iter().map(|s| s.time_s.len() as f64 * before(run, s).powi(2)).sum();
         table.row([
             run.file.clone(),
             "all".into(),
-            start.map_or(String::new(), |r| error_m(r.rmse_m)),
+            error_m((square / samples as f64).sqrt()),
             error_m(run.rmse_m),
             error_m(run.noise_m),
             times(run.rmse_m, run.noise_m),
-            significant(run.mape_extrema_percent, 2),
+            mape(run.mape_extrema_percent),
         ]);
     }
     table.without_empty_columns().to_string()
@@ -257,7 +262,7 @@ mod tests {
         let text = errors(&stages);
         let all: Vec<&str> = text.lines().last().unwrap().split_whitespace().collect();
         assert_eq!(all, ["run.mcap", "all", "1.92", "0.050", "0.030", "1.7", "0.41"]);
-        assert!(!errors(&stages[1..]).contains("before"));
+        assert!(errors(&stages[1..]).contains("2.00"), "one stage alone is compared with its start values");
     }
 
     #[test]

@@ -5,6 +5,7 @@ mod exact;
 use exact::{Exact, Ramp};
 use surgescope::model::boundary::Closure;
 use surgescope::model::effects::parse_list;
+use surgescope::model::trace::Probe;
 use surgescope::model::{Conditions, Model, Resolution, RunValues};
 use surgescope::rig::{Rig, WaterProperties};
 
@@ -63,7 +64,8 @@ fn simulate(problem: &Exact, reaches: usize, places: &[f64], times: &[f64]) -> V
         RunValues { initial_velocity_m_s: problem.velocity, valve_head_m: 30.0, closing_time_s, friction_scale: 1.0 };
     let duration_s = times.iter().copied().fold(0.0, f64::max);
     let conditions = Conditions { water, supply_deviation: None };
-    let traces = model.simulate(&conditions, &shared, &run, Resolution { reaches, duration_s }, places).unwrap();
+    let probes: Vec<Probe> = places.iter().map(|&x| Probe::Head(x)).collect();
+    let traces = model.simulate(&conditions, &shared, &run, Resolution { reaches, duration_s }, &probes).unwrap();
     traces.iter().map(|trace| times.iter().map(|&t| trace.at(t) - 30.0).collect()).collect()
 }
 

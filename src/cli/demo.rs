@@ -1,0 +1,170 @@
+//! `surgescope demo`: the whole story on a recording that ships with the project.
+
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use serde_json::json;
+
+use super::calibrate::{timed, title, write_report};
+use super::load::{self, Loaded};
+use super::{CommandResult, Outcome};
+use crate::fit::calibrate::Options as FitOptions;
+use crate::fit::outcome::Fit;
+use crate::model::effects::parse_list;
+use crate::report::{Stage, failure, summary, table};
+use crate::rig::Rig;
+
+/// Record a test, calibrate the base model, see where it fails, add an effect, watch the error fall.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// Folder for the recording and the report; made if it is not there. Nothing in it is overwritten.
+    #[arg(short, long, value_name = "FOLDER", default_value = "surgescope-demo")]
+    output: PathBuf,
+    /// Play the test so many times faster than it was recorded.
+    #[arg(long, value_name = "FACTOR", default_value_t = 5.0, value_parser = super::values::positive)]
+    speed: f64,
+}
+
+/// A recording of an HDPE pipe made by a simulator that shares nothing with this program; see recordings/README.md.
+const RECORDING: &[u8] = include_bytes!("../../recordings/hdpe-creep.mcap");
+/// The rig it was made on, with its sensors wired to an acquisition device.
+const RIG: &str = include_str!("../../rigs/demo-hdpe.toml");
+const EFFECT: &str = "viscoelastic-wall";
+
+/// Runs it.
+///
+/// # Errors
+/// A folder that cannot be written.
+pub fn run(args: Args, json: bool) -> CommandResult {
+    std::fs::create_dir_all(&args.output)
+        .map_err(|e| format!("cannot make the folder {}: {e}", args.output.display()))?;
+    let rig = Rig::from_toml(RIG, "rigs/demo-hdpe.toml")?;
+    let (recording, report) = free_names(&args.output);
+
+    say(
+        json,
+        &format!(
+            "1. Record. A simulated device plays a test on rig '{}', {} times faster than real.\n",
+            rig.name, args.speed
+        ),
+    )?;
+    let outcome = record(&rig, &recording, args.speed)?;
+
+    let loaded = load::load(std::slice::from_ref(&recording), None)?;
+    say(
+        json,
+        &format!(
+            "\n2. Inspect. What the recording tells without a model.\n{}",
+            super::inspect::table(&loaded[0].recording, &loaded[0].features)
+        ),
+    )?;
+
+    let runs = load::runs(&loaded);
+    let fit = |effects: &str| -> Result<(String, Fit), Box<dyn std::error::Error + Send + Sync>> {
+        let effects = parse_list(effects)?;
+        Ok((title(&effects), timed(&rig, &runs, &effects, &FitOptions::default())?))
+    };
+    let (base_title, base) = fit("none")?;
+    let base_stage = Stage { title: base_title.clone(), fit: &base };
+    say(
+        json,
+        &format!(
+            "\n3. Calibrate the base model: elastic pipe, steady friction.\n{}\nWhere it fails:\n{}",
+            summary::verdict(std::slice::from_ref(&base_stage)),
+            failure::describe(&base)
+        ),
+    )?;
+
+    let (full_title, full) = fit(EFFECT)?;
+    let stages = vec![base_stage, Stage { title: full_title, fit: &full }];
+    say(json, &format!("\n4. Add '{EFFECT}' and calibrate again.\n{}", table::calibration(&stages)))?;
+
+    write_report(&report, &rig, &loaded, stages)?;
+    if json {
+        super::say!("{:#}", document(&loaded, &recording, &report, &base, &full));
+    } else {
+        super::say!(
+            "\n5. Look. Open {} in a browser: measurement, both models, residuals, parameters.\n   Next: `surgescope inspect {}`, \
+             `surgescope calibrate {} --effects {EFFECT}:2`, and your own test by `surgescope import` or `surgescope record`.",
+            report.display(),
+            recording.display(),
+            recording.display()
+        );
+    }
+    Ok(outcome)
+}
+
+/// The story goes to standard output; to standard error where that is kept for JSON.
+fn say(json: bool, text: &str) -> std::io::Result<()> {
+    if json {
+        eprintln!("{text}");
+    } else {
+        super::say_text!(format!("{text}\n"));
+    }
+    Ok(())
+}
+
+/// The first pair of names, `demo.mcap` and `demo.html` or `demo-2.…`, of which neither is taken.
+fn free_names(folder: &Path) -> (PathBuf, PathBuf) {
+    let mut number = 1;
+    loop {
+        let stem = if number == 1 { "demo".to_owned() } else { format!("demo-{number}") };
+        let names = (folder.join(format!("{stem}.mcap")), folder.join(format!("{stem}.html")));
+        if !names.0.exists() && !names.1.exists() {
+            return names;
+        }
+        number += 1;
+    }
+}
+
+/// Plays the shipped recording through the wire protocol and records it as from a real port.
+#[cfg(unix)]
+fn record(rig: &Rig, output: &Path, speed: f64) -> CommandResult {
+    use super::record::{Reporter, record_playback};
+    use crate::record::session::{Options, live_device};
+    use crate::record::simulated::Faults;
+
+    let shipped = shipped()?;
+    let device = live_device(rig)?.clone();
+    let playback = super::playback::of_recording(&shipped, rig, &device)?;
+    let options = Options {
+        file: output.to_owned(),
+        duration_s: None,
+        silence: Duration::from_secs(5),
+        notes: vec![("demo".to_owned(), "recordings/hdpe-creep.mcap played through a simulated device".to_owned())],
+    };
+    let reporter = Reporter::new();
+    let recorded =
+        record_playback(rig, device, &playback, speed, Faults::default(), &options, &mut |p| reporter.show(p));
+    reporter.clear();
+    let recorded = recorded?;
+    eprintln!("   {}: {:.1} s from the wire", output.display(), recorded.duration_s);
+    Ok(if recorded.data_lost { Outcome::DataLost } else { Outcome::Done })
+}
+
+/// Without pseudo-terminals the shipped recording itself is used.
+#[cfg(not(unix))]
+fn record(rig: &Rig, output: &Path, _speed: f64) -> CommandResult {
+    crate::log::write(output, &shipped()?.on_rig(rig.clone())?)?;
+    Ok(Outcome::Done)
+}
+
+fn shipped() -> Result<crate::recording::Recording, Box<dyn std::error::Error + Send + Sync>> {
+    let folder = tempfile::tempdir()?;
+    let path = folder.path().join("hdpe-creep.mcap");
+    std::fs::write(&path, RECORDING)?;
+    Ok(crate::log::read(&path)?)
+}
+
+fn document(loaded: &[Loaded], recording: &Path, report: &Path, base: &Fit, full: &Fit) -> serde_json::Value {
+    let stage = |fit: &Fit| {
+        let all = summary::overall(fit);
+        json!({ "effects": fit.effects, "rmse_m": all.rmse_m, "noise_m": all.noise_m, "seconds": fit.seconds })
+    };
+    json!({
+        "recording": recording,
+        "report": report,
+        "duration_s": loaded[0].recording.series.iter().filter_map(|s| s.time_s.last()).fold(0.0f64, |a, &b| a.max(b)),
+        "stages": [stage(base), stage(full)],
+    })
+}
