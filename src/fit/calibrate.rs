@@ -102,13 +102,15 @@ pub fn calibrate(
     let water = &first.conditions.water;
     let open = effects.iter().position(|c| c.elements.is_none() && c.effect.elements().is_some());
     let evaluations = AtomicUsize::new(0);
-    let fitter = Fitter { runs, options, progress, evaluations: &evaluations };
 
     let mut chosen = effects.to_vec();
     if let Some(i) = open {
         chosen[i] = chosen[i].with_elements(1);
     }
     let mut model = Model::new(rig, water, &chosen);
+    let starts: Vec<f64> = model.shared.iter().map(|p| p.start).collect();
+    let fitter =
+        Fitter { runs, options, progress, evaluations: &evaluations, least_reaches: model.least_reaches(&starts) };
     let mut state = fitter.approach(&model, None)?;
     let most = open.and_then(|i| chosen[i].effect.elements()).map_or(1, |r| *r.end());
     let mut leftover = fitter.leftover(&model, &state)?;
@@ -153,10 +155,13 @@ struct Fitter<'a> {
     options: &'a Options,
     progress: &'a (dyn Fn(&Progress) + Sync),
     evaluations: &'a AtomicUsize,
+    /// What the pipes need at the least.
+    least_reaches: usize,
 }
 
 impl Fitter<'_> {
     fn window(&self, reaches: usize, horizon_s: f64) -> Window {
+        let reaches = reaches.max(self.least_reaches);
         let samples = self.runs.iter().flat_map(|r| &r.sensors).map(|s| {
             let (a, b) = (s.time_s.first().copied().unwrap_or(0.0), s.time_s.last().copied().unwrap_or(0.0));
             let share = (horizon_s / (b - a).max(1e-9)).min(1.0);
@@ -248,7 +253,7 @@ impl Fitter<'_> {
     /// Refines the grid to the noise, fits all samples and puts the result together.
     fn finish(&self, model: &Model, state: State) -> Result<Fit, FitError> {
         let mut values = state.values;
-        let mut reaches = FINAL_REACHES;
+        let mut reaches = FINAL_REACHES.max(self.least_reaches);
         let (problem, solution, grid_error_m) = loop {
             let mut problem = Calibration::new(model, self.runs, self.window(reaches, f64::INFINITY));
             let solution = self.minimise(&problem, &values, LATE, &format!("{reaches} reaches"))?;

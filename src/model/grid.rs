@@ -1,10 +1,10 @@
 //! The grid: nodes evenly spaced in *travel time*, so that one time step carries a wave over every reach of every pipe
 //! and no wave speed has to be bent to make pipes in series fit.
 //!
-//! The pipes' travel times `l/a` are laid end to end and divided into `N` equal steps. A reach inside one pipe is that
-//! pipe's own `dx = a dt`. The one reach that straddles a joint becomes a segment of its own with the inertance
-//! `Σ l/(gA)` and the capacitance `Σ gAl/a²` of its two parts: the joint's place and reflection move smoothly with wave
-//! speeds and lengths, which a fit needs, and the error is second order in `dt`.
+//! A reach inside one pipe is that pipe's own `dx = a dt`. The one reach that straddles a joint becomes a segment of its own
+//! with the inertance `Σ l/(gA)` and the capacitance `Σ gAl/a²` of its two parts, which are chosen so that the reach as a whole,
+//! too, takes one step: `√(inertance capacitance) = dt`. Joint and reflection then move smoothly with wave speeds and lengths,
+//! which a fit needs, and no inertia or storage is lost, which keeps the scheme second order.
 
 use super::ModelError;
 use super::friction::WallFriction;
@@ -81,57 +81,50 @@ impl Grid {
     /// Divides stretches in series into `reaches` reaches of equal travel time.
     ///
     /// # Errors
-    /// If there are fewer than two reaches a stretch.
+    /// If a stretch is shorter than one reach.
     pub fn new(stretches: &[Stretch], reaches: usize) -> Result<Grid, ModelError> {
-        let needed = 2 * stretches.len();
+        let travel_s: Vec<f64> = stretches.iter().map(|s| s.length_m / s.wave_speed_m_s).collect();
+        let total_s: f64 = travel_s.iter().sum();
+        let joints = stretches.len() - 1;
+        let needed = least_reaches(&travel_s);
         if reaches < needed {
             return Err(ModelError::TooFewReaches { reaches, needed });
         }
-        let ends: Vec<f64> = stretches
-            .iter()
-            .scan(0.0, |t, s| {
-                *t += s.length_m / s.wave_speed_m_s;
-                Some(*t)
-            })
-            .collect();
-        let dt_s = ends[ends.len() - 1] / reaches as f64;
-        // Joints in units of reaches; one within a millionth of a node counts as on it.
-        let joints: Vec<f64> =
-            ends.iter().map(|t| t / dt_s).map(|j| if (j - j.round()).abs() < 1e-6 { j.round() } else { j }).collect();
+        // A longer step makes fewer reaches; every joint costs less than one reach more than travel time alone.
+        let (mut low, mut high) = (total_s / reaches as f64, total_s / (reaches - joints) as f64);
+        while joints > 0 && high - low > 1e-14 * low {
+            let middle = 0.5 * (low + high);
+            if middle <= low || middle >= high {
+                break;
+            }
+            if March::new(stretches, middle).reaches() > reaches as f64 {
+                low = middle;
+            } else {
+                high = middle;
+            }
+        }
+        let dt_s = if joints > 0 { high } else { low };
         let mut segments: Vec<Segment> = Vec::new();
-        let (mut node, mut offset, mut start_m) = (0usize, 0usize, 0.0);
-        let mut push = |parts: Vec<(Stretch, f64)>, reaches: usize, start_m: &mut f64| {
+        let (mut offset, mut start_m) = (0, 0.0);
+        let mut push = |parts: Vec<(Stretch, f64)>, reaches: usize| {
             let reach_m: f64 = parts.iter().map(|p| p.1).sum();
             let inertance: f64 = parts.iter().map(|(s, l)| l / (GRAVITY_M_S2 * s.area_m2())).sum();
             let capacitance: f64 =
                 parts.iter().map(|(s, l)| GRAVITY_M_S2 * s.area_m2() * l / s.wave_speed_m_s.powi(2)).sum();
             let impedance = (inertance / capacitance).sqrt();
-            segments.push(Segment { offset, reaches, start_m: *start_m, reach_m, impedance, parts });
+            segments.push(Segment { offset, reaches, start_m, reach_m, impedance, parts });
             offset += reaches + 1;
-            *start_m += reach_m * reaches as f64;
+            start_m += reach_m * reaches as f64;
         };
-        while node < reaches {
-            let here = joints.iter().position(|&j| j > node as f64).unwrap_or(joints.len() - 1);
-            let whole = joints[here].floor() as usize - node;
-            if whole > 0 {
-                let reach_m = stretches[here].wave_speed_m_s * dt_s;
-                push(vec![(stretches[here].clone(), reach_m)], whole, &mut start_m);
-                node += whole;
-                continue;
+        for step in March::new(stretches, dt_s) {
+            let own = &stretches[step.stretch];
+            if step.whole > 0 {
+                push(vec![(own.clone(), own.wave_speed_m_s * dt_s)], step.whole);
             }
-            // The joint falls inside the reach from `node` to `node + 1`.
-            let (from, to) = (node as f64, (node + 1) as f64);
-            let mut parts = Vec::new();
-            let mut begin = from;
-            for (stretch, &joint) in stretches.iter().zip(&joints) {
-                let end = joint.min(to);
-                if end > begin {
-                    parts.push((stretch.clone(), (end - begin) * dt_s * stretch.wave_speed_m_s));
-                    begin = end;
-                }
+            if let Some((own_s, next_s)) = step.joint {
+                let next = &stretches[step.stretch + 1];
+                push(vec![(own.clone(), own_s * own.wave_speed_m_s), (next.clone(), next_s * next.wave_speed_m_s)], 1);
             }
-            push(parts, 1, &mut start_m);
-            node += 1;
         }
         Ok(Grid { dt_s, segments })
     }
@@ -170,6 +163,69 @@ impl Grid {
     }
 }
 
+/// Fewest reaches that pipes in series of these travel times can be divided into: one each, two in all.
+pub fn least_reaches(travel_s: &[f64]) -> usize {
+    let total_s: f64 = travel_s.iter().sum();
+    let shortest = travel_s.iter().copied().fold(f64::INFINITY, f64::min);
+    let joints = travel_s.len() - 1;
+    ((total_s / shortest * (1.0 - 1e-9)).ceil() as usize + joints).max(2)
+}
+
+/// Lays reaches of one step's travel time along the stretches, from the supply on.
+struct March<'a> {
+    stretches: &'a [Stretch],
+    dt_s: f64,
+    at: usize,
+    /// Travel time of the present stretch that the reach over its upstream joint has taken.
+    taken_s: f64,
+}
+
+/// What `March` lays in one stretch.
+struct Laid {
+    stretch: usize,
+    /// Whole reaches.
+    whole: usize,
+    /// What is left over, in reaches.
+    rest: f64,
+    /// Travel times in this stretch and the next of the reach over the joint between them.
+    joint: Option<(f64, f64)>,
+}
+
+impl<'a> March<'a> {
+    fn new(stretches: &'a [Stretch], dt_s: f64) -> Self {
+        March { stretches, dt_s, at: 0, taken_s: 0.0 }
+    }
+
+    /// Reaches that the line takes, the last one in part.
+    fn reaches(self) -> f64 {
+        self.map(|l| l.whole as f64 + if l.joint.is_some() { 1.0 } else { l.rest }).sum()
+    }
+}
+
+impl Iterator for March<'_> {
+    type Item = Laid;
+    fn next(&mut self) -> Option<Laid> {
+        /// A joint that is within so many reaches of a node is on it.
+        const ON_NODE: f64 = 1e-9;
+        let own = self.stretches.get(self.at)?;
+        let left = (own.length_m / own.wave_speed_m_s - self.taken_s) / self.dt_s;
+        let whole = (left + ON_NODE).floor();
+        let rest = (left - whole).max(0.0);
+        let next = self.stretches.get(self.at + 1).filter(|_| rest > ON_NODE);
+        let joint = next.map(|next| {
+            // Parts of travel time t and x (in reaches) with impedances Z1, Z2: (Z1 t + Z2 x)(t/Z1 + x/Z2) = 1.
+            let ratio = own.wave_speed_m_s * next.area_m2() / (next.wave_speed_m_s * own.area_m2());
+            let c = rest * (ratio + 1.0 / ratio);
+            let x = 0.5 * ((c * c + 4.0 * (1.0 - rest * rest)).sqrt() - c);
+            (rest * self.dt_s, x * self.dt_s)
+        });
+        let laid = Laid { stretch: self.at, whole: whole.max(0.0) as usize, rest, joint };
+        self.taken_s = joint.map_or(0.0, |j| j.1);
+        self.at += 1;
+        Some(laid)
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -186,13 +242,21 @@ mod tests {
     }
 
     #[test]
-    fn travel_time_and_length_are_exact_whatever_the_joint() {
+    fn length_inertance_and_capacitance_are_exact_whatever_the_joint() {
         for (l1, a1, l2, a2) in [(60.0, 1200.0, 40.0, 400.0), (10.0, 1000.0, 90.3, 350.0), (33.3, 500.0, 66.7, 500.0)] {
-            let grid = Grid::new(&[stretch(l1, a1), stretch(l2, a2)], 37).unwrap();
-            let length: f64 = grid.segments.iter().map(|s| s.reach_m * s.reaches as f64).sum();
-            assert!((length - l1 - l2).abs() < 1e-9, "{length}");
-            assert!((grid.dt_s * 37.0 - l1 / a1 - l2 / a2).abs() < 1e-12);
-            assert_eq!(grid.segments.iter().map(|s| s.reaches).sum::<usize>(), 37);
+            for reaches in [41, 42, 120] {
+                let grid = Grid::new(&[stretch(l1, a1), stretch(l2, a2)], reaches).unwrap();
+                let sum = |f: &dyn Fn(&Segment) -> f64| grid.segments.iter().map(f).sum::<f64>();
+                assert!((sum(&|s| s.reach_m * s.reaches as f64) - l1 - l2).abs() < 1e-8);
+                assert_eq!(grid.segments.iter().map(|s| s.reaches).sum::<usize>(), reaches);
+                // As the scheme sees them: B dt and dt/B a reach.
+                let inertance = sum(&|s| s.impedance * grid.dt_s * s.reaches as f64);
+                let capacitance = sum(&|s| grid.dt_s / s.impedance * s.reaches as f64);
+                let area = stretch(1.0, 1.0).area_m2();
+                assert!((inertance * GRAVITY_M_S2 * area / (l1 + l2) - 1.0).abs() < 1e-9);
+                let exact = GRAVITY_M_S2 * area * (l1 / (a1 * a1) + l2 / (a2 * a2));
+                assert!((capacitance / exact - 1.0).abs() < 1e-9);
+            }
         }
     }
 
@@ -215,7 +279,7 @@ mod tests {
 
     #[test]
     fn too_few_reaches_are_refused() {
-        let error = Grid::new(&[stretch(1.0, 1.0), stretch(1.0, 1.0)], 3).unwrap_err();
-        assert!(error.to_string().contains("at least 4"), "{error}");
+        let error = Grid::new(&[stretch(1.0, 1.0), stretch(1.0, 1.0)], 2).unwrap_err();
+        assert!(error.to_string().contains("at least 3"), "{error}");
     }
 }

@@ -201,6 +201,13 @@ impl<'a> Model<'a> {
         4.0 * self.rig.pipes.iter().zip(shared).map(|(p, a)| p.length_m / a).sum::<f64>()
     }
 
+    /// Fewest reaches that the pipes can be divided into, with wave speeds a fifth off.
+    pub fn least_reaches(&self, shared: &[f64]) -> usize {
+        let travel_s: Vec<f64> = self.rig.pipes.iter().zip(shared).map(|(p, a)| p.length_m / a).collect();
+        let margin = if travel_s.len() > 1 { 1.2 } else { 1.0 };
+        (margin * grid::least_reaches(&travel_s) as f64).ceil() as usize
+    }
+
     /// Simulates one run: what each probe reads, in time after the start of the closure.
     ///
     /// # Errors

@@ -85,6 +85,8 @@ struct State {
     momentum: Vec<f64>,
     /// No line terms and no flow to read: interior heads are not kept but read from the waves.
     elastic: bool,
+    /// Half of what the steady flow loses over one reach, `½R0`, of each segment, m.
+    steady_half_loss: Vec<f64>,
 }
 
 /// The characteristic that reaches an end of a segment, `h ± z Q = e` (+ at its last node), linear in `h` and `Q`.
@@ -143,13 +145,30 @@ impl Line<'_> {
             }
         }
         let elastic = self.terms.is_empty() && heads_only;
-        State { new_fwd: fwd.clone(), new_bwd: bwd.clone(), fwd, bwd, h: vec![0.0; n], u, storage, momentum, elastic }
+        let steady_half_loss = self
+            .frictions
+            .iter()
+            .zip(&grid.segments)
+            .map(|(friction, segment)| friction.steady_half_loss(segment.impedance * self.steady.flow_m3_s))
+            .collect();
+        State {
+            new_fwd: fwd.clone(),
+            new_bwd: bwd.clone(),
+            fwd,
+            bwd,
+            h: vec![0.0; n],
+            u,
+            storage,
+            momentum,
+            elastic,
+            steady_half_loss,
+        }
     }
 
     fn step(&mut self, state: &mut State, implicit: &[Implicit], time_s: f64) {
         let grid = self.steady.grid;
         for (s, segment) in grid.segments.iter().enumerate() {
-            state.interior(segment.nodes(), implicit[s], &self.frictions[s], self.steady_half_loss(s));
+            state.interior(s, segment.nodes(), implicit[s], &self.frictions[s]);
         }
         // Supply: the first node of the first segment.
         let first = self.arriving_upstream(state, implicit, 0);
@@ -191,16 +210,10 @@ impl Line<'_> {
         std::mem::swap(&mut state.bwd, &mut state.new_bwd);
     }
 
-    /// `½R0`: half of what the steady flow loses over one reach of a segment, m.
-    fn steady_half_loss(&self, segment: usize) -> f64 {
-        let u = self.steady.grid.segments[segment].impedance * self.steady.flow_m3_s;
-        self.frictions[segment].half_loss_and_slope(u).0
-    }
-
     /// `½R - ½R0` linearised about the last flow at a node: value at `u = 0` and slope.
-    fn half_loss_line(&self, segment: usize, u: f64) -> (f64, f64) {
+    fn half_loss_line(&self, state: &State, segment: usize, u: f64) -> (f64, f64) {
         let (loss, slope) = self.frictions[segment].half_loss_and_slope(u);
-        (loss - slope * u - self.steady_half_loss(segment), slope)
+        (loss - slope * u - state.steady_half_loss[segment], slope)
     }
 
     /// The characteristic from inside segment `s` that reaches its first node: `h - z Q = e`.
@@ -208,7 +221,7 @@ impl Line<'_> {
         let segment = &self.steady.grid.segments[s];
         let node = segment.offset;
         let Implicit { kappa, mu } = implicit[s];
-        let (constant, slope) = self.half_loss_line(s, state.u[node]);
+        let (constant, slope) = self.half_loss_line(state, s, state.u[node]);
         let known = state.bwd[node + 1] + state.storage[node] - state.momentum[node] + constant;
         Arriving { z: segment.impedance * (1.0 + mu + slope) / (1.0 + kappa), e: known / (1.0 + kappa) }
     }
@@ -218,7 +231,7 @@ impl Line<'_> {
         let segment = &self.steady.grid.segments[s];
         let node = segment.offset + segment.reaches;
         let Implicit { kappa, mu } = implicit[s];
-        let (constant, slope) = self.half_loss_line(s, state.u[node]);
+        let (constant, slope) = self.half_loss_line(state, s, state.u[node]);
         let known = state.fwd[node - 1] + state.storage[node] + state.momentum[node] - constant;
         Arriving { z: segment.impedance * (1.0 + mu + slope) / (1.0 + kappa), e: known / (1.0 + kappa) }
     }
@@ -254,11 +267,12 @@ impl State {
     /// Steps the nodes of a segment between its ends.
     fn interior(
         &mut self,
+        segment: usize,
         nodes: std::ops::Range<usize>,
         Implicit { kappa, mu }: Implicit,
         friction: &ReachFriction,
-        steady_half_loss: f64,
     ) {
+        let steady_half_loss = self.steady_half_loss[segment];
         let (fwd, bwd) = (&self.fwd[nodes.clone()], &self.bwd[nodes.clone()]);
         let (new_fwd, new_bwd) = (&mut self.new_fwd[nodes.clone()], &mut self.new_bwd[nodes.clone()]);
         if self.elastic {
