@@ -7,6 +7,7 @@ pub mod inspect;
 pub mod load;
 pub mod record;
 pub mod recover;
+pub mod replay;
 pub mod rig;
 
 use std::error::Error;
@@ -55,6 +56,8 @@ enum Command {
     Rig(rig::Args),
     /// Record a live, simulated or replayed test.
     Record(record::Args),
+    /// Say whether recordings still give the results kept beside them.
+    Replay(replay::Args),
 }
 
 /// Parses the arguments, runs the command and turns its outcome into the exit code.
@@ -68,6 +71,7 @@ pub fn main() -> ExitCode {
         Command::Recover(args) => recover::run(args, cli.json),
         Command::Rig(args) => rig::run(args, cli.json),
         Command::Record(args) => record::run(args, cli.json),
+        Command::Replay(args) => replay::run(args, cli.json),
     };
     match result {
         Ok(Outcome::Done) => ExitCode::SUCCESS,
