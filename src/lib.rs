@@ -13,6 +13,7 @@
 //! | [`model`] | the method of characteristics, its boundaries and effects |
 //! | [`fit`] | calibration: bounded least squares, comparison, uncertainty |
 //! | [`report`] | tables, JSON and HTML |
+//! | [`replay`] | results kept beside recordings, and whether they still hold |
 //! | [`cli`] | one thin file a command |
 #![warn(missing_docs)]
 
@@ -22,6 +23,7 @@ pub mod log;
 pub mod model;
 pub mod record;
 pub mod recording;
+pub mod replay;
 pub mod report;
 pub mod rig;
 pub mod signal;

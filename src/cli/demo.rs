@@ -133,7 +133,7 @@ fn record(rig: &Rig, output: &Path, speed: f64) -> CommandResult {
         silence: Duration::from_secs(5),
         notes: vec![("demo".to_owned(), "recordings/hdpe-creep.mcap played through a simulated device".to_owned())],
     };
-    let reporter = Reporter::new();
+    let reporter = Reporter::open();
     let recorded =
         record_playback(rig, device, &playback, speed, Faults::default(), &options, &mut |p| reporter.show(p));
     reporter.clear();

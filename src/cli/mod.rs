@@ -22,6 +22,7 @@ pub mod load;
 pub mod playback;
 pub mod record;
 pub mod recover;
+pub mod replay;
 pub mod rig;
 pub mod scenario;
 pub mod simulate;
@@ -80,6 +81,8 @@ enum Command {
     Record(record::Args),
     /// Simulate a closure on a rig, no recording needed.
     Simulate(simulate::Args),
+    /// Say whether recordings still give the results kept beside them.
+    Replay(replay::Args),
 }
 
 /// Parses the arguments, runs the command and turns its outcome into the exit code.
@@ -96,6 +99,7 @@ pub fn main() -> ExitCode {
         Command::Simulate(args) => simulate::run(args, cli.json),
         Command::Rig(args) => rig::run(args, cli.json),
         Command::Record(args) => record::run(args, cli.json),
+        Command::Replay(args) => replay::run(args, cli.json),
     };
     match result {
         Ok(Outcome::Done) => ExitCode::SUCCESS,

@@ -86,7 +86,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         silence: Duration::try_from_secs_f64(args.silence)?,
         notes: args.note.clone(),
     };
-    let reporter = Reporter::new();
+    let reporter = Reporter::open();
     let summary = record(&args, rig.as_ref(), &options, &mut |progress| reporter.show(progress));
     reporter.clear();
     let summary = summary?;
@@ -196,7 +196,7 @@ pub enum Reporter {
 
 impl Reporter {
     /// On the terminal, or line by line.
-    pub fn new() -> Reporter {
+    pub fn open() -> Reporter {
         if !stderr().is_terminal() {
             return Reporter::Lines;
         }

@@ -196,7 +196,7 @@ impl<'a> Calibration<'a> {
                 supply_deviation: run.conditions.supply_deviation.as_ref().map(|(time_s, deviation_m)| {
                     (time_s.iter().map(|t| t - closure_start).collect(), deviation_m.clone())
                 }),
-                water: run.conditions.water.clone(),
+                water: run.conditions.water,
             };
         let shared = &values[..self.model.shared.len()];
         let resolution = Resolution { reaches, duration_s: latest - closure_start };
