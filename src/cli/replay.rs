@@ -65,7 +65,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
                 if !json {
                     print!("{}", text(path, &done, args.verbose));
                     if let Some(file) = &accepted {
-                        println!("  now expected: {}", file.display());
+                        super::say!("  now expected: {}", file.display());
                     }
                 }
                 entries.push(entry(path, &done, accepted.as_deref()));
@@ -79,14 +79,14 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         }
     }
     if json {
-        println!("{:#}", json!({ "compared": compared, "moved": moved_in_all, "recordings": entries }));
+        super::say!("{:#}", json!({ "compared": compared, "moved": moved_in_all, "recordings": entries }));
     } else {
         let verdict = match moved_in_all {
             _ if compared == 0 => "nothing to tell".to_owned(),
             0 => "all held".to_owned(),
             n => format!("{n} moved"),
         };
-        println!("{compared} quantities of {} recordings compared: {verdict}", recordings.len() - failed);
+        super::say!("{compared} quantities of {} recordings compared: {verdict}", recordings.len() - failed);
     }
     match (failed, moved_in_all) {
         (1.., _) => Err(format!("{failed} of {} recordings could not be compared", recordings.len()).into()),

@@ -362,7 +362,7 @@ mod tests {
     const SPEED: f64 = 384.0;
 
     fn demo() -> Rig {
-        Rig::from_toml(include_str!("../../rigs/demo-hdpe.toml"), "demo-hdpe.toml").unwrap()
+        Rig::from_toml(include_str!("../../tests/rigs/hdpe-63.toml"), "hdpe-63.toml").unwrap()
     }
 
     /// A steady flow of 6 m³/h with the friction that belongs to it; at 0.5 s a wave of 200 kPa leaves the valve.
