@@ -15,6 +15,26 @@
 //! | [`report`] | tables, JSON and HTML |
 //! | [`replay`] | results kept beside recordings, and whether they still hold |
 //! | [`cli`] | one thin file a command |
+//!
+//! # Example
+//!
+//! Joukowsky's head on a rig of the project, by simulation:
+//!
+//! ```
+//! use surgescope::model::{Conditions, Model, Resolution, RunValues, trace::Probe};
+//! use surgescope::rig::Rig;
+//!
+//! let rig = Rig::from_toml(include_str!("../rigs/imperial-pe.toml"), "imperial-pe.toml")?;
+//! let water = rig.fluid.properties(20.0);
+//! let model = Model::new(&rig, &water, &[]);
+//! let run = RunValues { initial_velocity_m_s: 0.5, valve_head_m: 45.0, closing_time_s: 0.1, friction_scale: 0.0 };
+//! let conditions = Conditions { water, supply_deviation: None };
+//! let resolution = Resolution { reaches: 100, duration_s: 1.0 };
+//! let traces = model.simulate(&conditions, &[395.0], &run, resolution, &[Probe::Head(rig.length_m())])?;
+//! let rise_m = traces[0].at(0.5) - traces[0].at(0.0);
+//! assert!((rise_m - 395.0 * 0.5 / 9.81).abs() < 1e-6);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 #![warn(missing_docs)]
 
 pub mod cli;
