@@ -5,7 +5,6 @@ use std::error::Error;
 use crate::model::boundary::Closure;
 use crate::model::effects::Chosen;
 use crate::model::parameter::Parameter;
-use crate::model::sensor::seen_by;
 use crate::model::trace::{Probe, Trace};
 use crate::model::{Conditions, Model, ModelError, Resolution, RunValues};
 use crate::rig::{Rig, Upstream, WaterProperties};
@@ -83,7 +82,7 @@ impl Scenario {
             );
         }
         let water = rig.fluid.properties(rig.fluid.temperature_degc);
-        let effects: Vec<Chosen> = effects.iter().map(|c| with_elements_set(*c, settings)).collect();
+        let effects: Vec<Chosen> = effects.iter().map(|c| with_elements_set(c, settings)).collect();
         let get = |name: &str| settings.iter().find(|(n, _)| n == name).map(|(_, v)| *v);
         if let Some(factor) = get("friction_factor") {
             if factor < 0.0 {
@@ -151,7 +150,8 @@ impl Scenario {
     pub fn simulate(&self, duration_s: f64) -> Result<Vec<Trace>, ModelError> {
         let probes: Vec<Probe> = self.rig.pressure_sensors().map(|(_, s)| Probe::Head(s.position_m)).collect();
         let traces = self.probe(&probes, duration_s)?;
-        Ok(self.rig.pressure_sensors().zip(traces).map(|((_, sensor), trace)| seen_by(sensor, trace)).collect())
+        let model = self.model();
+        self.rig.pressure_sensors().zip(traces).map(|((_, s), trace)| model.sensed(&self.shared, s, trace)).collect()
     }
 
     /// What probes read, in time after the start of the closure.
@@ -161,7 +161,7 @@ impl Scenario {
     pub fn probe(&self, probes: &[Probe], duration_s: f64) -> Result<Vec<Trace>, ModelError> {
         let conditions = Conditions { water: self.water, supply_deviation: None };
         let resolution = Resolution { reaches: self.reaches, duration_s };
-        self.model().simulate(&conditions, &self.shared, &self.run, resolution, probes)
+        Ok(self.model().simulate(&conditions, &self.shared, &self.run, resolution, probes)?.traces)
     }
 
     /// A head at a sensor in the sensor's unit.
@@ -174,8 +174,8 @@ impl Scenario {
 }
 
 /// The number of elements that settings like `tau3_s` ask for, where the list of effects leaves it open.
-fn with_elements_set(chosen: Chosen, settings: &[(String, f64)]) -> Chosen {
-    let (None, Some(range)) = (chosen.elements, chosen.effect.elements()) else { return chosen };
+fn with_elements_set(chosen: &Chosen, settings: &[(String, f64)]) -> Chosen {
+    let (None, Some(range)) = (chosen.elements, chosen.effect.elements()) else { return chosen.clone() };
     let site_free_number = |name: &str| {
         let digits: String =
             name.chars().skip_while(|c| !c.is_ascii_digit()).take_while(char::is_ascii_digit).collect();

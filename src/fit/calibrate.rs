@@ -275,7 +275,8 @@ impl Fitter<'_> {
         let (mut square, mut weighted, mut n) = (0.0, 0.0, 0usize);
         for (r, run) in self.runs.iter().enumerate() {
             let start = problem.closure_start_s(r, values);
-            let (coarse, fine) = (problem.traces(r, values, reaches)?, problem.traces(r, values, 2 * reaches)?);
+            let (coarse, fine) =
+                (problem.modelled(r, values, reaches)?.traces, problem.modelled(r, values, 2 * reaches)?.traces);
             for ((sensor, a), b) in run.sensors.iter().zip(&coarse).zip(&fine) {
                 for t in sensor.time_s.iter().map(|t| t - start).filter(|&t| t >= 0.0) {
                     let d = (a.at(t) - b.at(t)).powi(2);
@@ -339,8 +340,8 @@ impl Fitter<'_> {
         period_s: f64,
     ) -> Result<RunFit, ModelError> {
         let run = &self.runs[r];
-        let traces = problem.traces(r, values, reaches)?;
-        let first_traces = problem.traces(r, start_values, reaches)?;
+        let traces = problem.modelled(r, values, reaches)?.traces;
+        let first_traces = problem.modelled(r, start_values, reaches)?.traces;
         let start = problem.closure_start_s(r, values);
         let first_start = problem.closure_start_s(r, start_values);
         let mut sensors = Vec::new();

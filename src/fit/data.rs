@@ -29,8 +29,21 @@ pub struct RunData {
     pub conditions: Conditions,
     /// Where the fit starts.
     pub start: RunStart,
+    /// Its flow meter, where it has one.
+    pub meter: Option<Meter>,
     /// Measured extrema, by sensor: `(time on the recording's clock, cycle, is a peak)`.
     pub extrema: Vec<Vec<(f64, usize, bool)>>,
+}
+
+/// What a flow meter says of the flow before the closure.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Meter {
+    /// Its place, m from the supply.
+    pub position_m: f64,
+    /// Flow, m³/s.
+    pub flow_m3_s: f64,
+    /// Relative uncertainty.
+    pub relative_sd: f64,
 }
 
 /// What the signals say of a run before the fit.

@@ -1,6 +1,6 @@
 //! From a recording and its signals to what a fit needs.
 
-use super::data::{RunData, RunStart, SensorData};
+use super::data::{Meter, RunData, RunStart, SensorData};
 use crate::model::Conditions;
 use crate::recording::Recording;
 use crate::rig::{Coupling, Rig, Sensor, Upstream};
@@ -56,8 +56,16 @@ pub fn prepare(file: &str, rig: &Rig, recording: &Recording, features: &Features
             valve_head_m: nearest.steady_before_m.value,
             wave_speed_ratio: measured_speed.map(|a| a / mean_speed),
         },
+        meter: flow_meter(rig, features, velocity_m_s),
         extrema,
     }
+}
+
+/// The flow meter's reading before the closure, with the uncertainty of `velocity`.
+fn flow_meter(rig: &Rig, features: &Features, velocity: (f64, f64)) -> Option<Meter> {
+    let flow_m3_s = features.flow_m3_s.map(|q| q.value).filter(|q| *q > 0.0)?;
+    let meter = rig.sensors.iter().find(|s| s.kind == crate::rig::SensorKind::Flow)?;
+    Some(Meter { position_m: meter.position_m, flow_m3_s, relative_sd: velocity.1 })
 }
 
 /// A pressure sensor's stated accuracy as a head, m.

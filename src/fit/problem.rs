@@ -2,12 +2,12 @@
 //!
 //! Variables are the model's shared parameters, then for each run its velocity, head, closing time and friction, the start of its
 //! closure and one offset a sensor. Log-scaled parameters are moved as logarithms. Residuals are measured minus modelled
-//! heads over each sensor's noise, then one for each prior.
+//! heads over each sensor's noise, then one for each prior,
+//! then one for each run's flow meter.
 
 use super::data::RunData;
 use super::least_squares::Problem;
 use crate::model::parameter::{Parameter, Scale};
-use crate::model::sensor::seen_by;
 use crate::model::trace::{Probe, Trace};
 use crate::model::{Conditions, Model, ModelError, Resolution, RunValues};
 
@@ -23,6 +23,14 @@ pub struct Window {
     pub horizon_s: f64,
     /// Every how many samples one enters.
     pub stride: usize,
+}
+
+/// What the model shows of a run.
+pub struct Modelled {
+    /// Traces at the run's pressure sensors, as each shows them, without offsets.
+    pub traces: Vec<Trace>,
+    /// Flow before the closure at the flow meter, m³/s.
+    pub meter_flow_m3_s: Option<f64>,
 }
 
 /// See the module.
@@ -73,7 +81,9 @@ impl<'a> Calibration<'a> {
             run_offsets.push(parameters.len());
             let RunStart { closure_s, velocity_m_s, valve_head_m, .. } = run.start;
             let [velocity, head, closing, friction] = model.per_run.clone();
-            parameters.push(Parameter { start: velocity_m_s.0, prior: Some(velocity_m_s), ..velocity });
+            // With a flow meter the model's flow is compared at the meter's place; without, the velocity itself has a prior.
+            let prior = if run.meter.is_some() { None } else { Some(velocity_m_s) };
+            parameters.push(Parameter { start: velocity_m_s.0, prior, ..velocity });
             parameters.push(Parameter { start: valve_head_m, ..head });
             parameters.extend([closing, friction]);
             let reach = (10.0 * closure_s.1).max(0.25 * period_s);
@@ -174,11 +184,11 @@ impl<'a> Calibration<'a> {
         (last - first).div_ceil(self.window.stride)
     }
 
-    /// Modelled traces of a run at its sensors, as each sensor shows them, without offsets.
+    /// What the model shows of a run: traces at its sensors, as each sensor shows them, without offsets.
     ///
     /// # Errors
     /// As [`Model::simulate`].
-    pub fn traces(&self, r: usize, values: &[f64], reaches: usize) -> Result<Vec<Trace>, ModelError> {
+    pub fn modelled(&self, r: usize, values: &[f64], reaches: usize) -> Result<Modelled, ModelError> {
         let run = &self.runs[r];
         let own = &values[self.run_offsets[r]..];
         let run_values = RunValues::from_slice(own.first_chunk().unwrap_or(&[f64::NAN; RunValues::COUNT]));
@@ -200,8 +210,11 @@ impl<'a> Calibration<'a> {
             };
         let shared = &values[..self.model.shared.len()];
         let resolution = Resolution { reaches, duration_s: latest - closure_start };
-        let traces = self.model.simulate(&conditions, shared, &run_values, resolution, &probes)?;
-        Ok(run.sensors.iter().zip(traces).map(|(s, trace)| seen_by(&s.sensor, trace)).collect())
+        let simulated = self.model.simulate(&conditions, shared, &run_values, resolution, &probes)?;
+        let meter_flow_m3_s = run.meter.as_ref().map(|m| simulated.steady_flow_m3_s(m.position_m));
+        let sensed = run.sensors.iter().zip(simulated.traces);
+        let traces = sensed.map(|(s, trace)| self.model.sensed(shared, &s.sensor, trace)).collect::<Result<_, _>>()?;
+        Ok(Modelled { traces, meter_flow_m3_s })
     }
 
     /// Start of a run's closure on its clock, s.
@@ -214,8 +227,17 @@ impl<'a> Calibration<'a> {
         values[self.run_offsets[r] + CLOSURE_START + 1 + sensor]
     }
 
-    fn append_run(&self, r: usize, values: &[f64], out: &mut Vec<f64>) -> Result<(), ModelError> {
-        let traces = self.traces(r, values, self.window.reaches)?;
+    fn append_run(
+        &self,
+        r: usize,
+        values: &[f64],
+        out: &mut Vec<f64>,
+        meters: &mut Vec<f64>,
+    ) -> Result<(), ModelError> {
+        let Modelled { traces, meter_flow_m3_s } = self.modelled(r, values, self.window.reaches)?;
+        if let (Some(meter), Some(flow)) = (&self.runs[r].meter, meter_flow_m3_s) {
+            meters.push((flow / meter.flow_m3_s - 1.0) / meter.relative_sd);
+        }
         let closure_start = self.closure_start_s(r, values);
         for (s, (sensor, trace)) in self.runs[r].sensors.iter().zip(&traces).enumerate() {
             let (first, last) = self.spans[r][s];
@@ -253,11 +275,12 @@ impl Problem for Calibration<'_> {
 
     fn residuals(&self, x: &[f64]) -> Result<Vec<f64>, ModelError> {
         let values = self.values(x);
-        let mut out = Vec::with_capacity(self.samples() + x.len());
+        let (mut out, mut meters) = (Vec::with_capacity(self.samples() + x.len() + self.runs.len()), Vec::new());
         for r in 0..self.runs.len() {
-            self.append_run(r, &values, &mut out)?;
+            self.append_run(r, &values, &mut out, &mut meters)?;
         }
         self.append_priors(x, &mut out);
+        out.append(&mut meters);
         Ok(out)
     }
 
@@ -274,18 +297,24 @@ impl Problem for Calibration<'_> {
             out.extend_from_slice(&base[..self.samples()]);
             out[first..last].iter_mut().for_each(|r| *r += shift);
             self.append_priors(x, &mut out);
+            out.extend_from_slice(&base[out.len()..]);
             return Ok(out);
         }
+        let mut meters = Vec::new();
+        let mut base_meters = base[base.len() - self.runs.iter().filter(|r| r.meter.is_some()).count()..].iter();
         for r in 0..self.runs.len() {
+            let base_meter = self.runs[r].meter.as_ref().and_then(|_| base_meters.next());
             if r == moved {
-                self.append_run(r, &values, &mut out)?;
+                self.append_run(r, &values, &mut out, &mut meters)?;
             } else {
                 let length: usize = self.spans[r].iter().map(|&span| self.taken(span)).sum();
                 let from = out.len();
                 out.extend_from_slice(&base[from..from + length]);
+                meters.extend(base_meter);
             }
         }
         self.append_priors(x, &mut out);
+        out.append(&mut meters);
         Ok(out)
     }
 
@@ -304,7 +333,7 @@ impl Problem for Calibration<'_> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::data::SensorData;
+    use super::super::data::{Meter, SensorData};
     use super::*;
     use crate::model::effects::parse_list;
     use crate::rig::Rig;
@@ -360,6 +389,7 @@ unit = "kPa"
                 wave_speed_ratio: None,
             },
             extrema: vec![Vec::new(); 2],
+            meter: (file == "a").then_some(Meter { position_m: 0.0, flow_m3_s: 8e-4, relative_sd: 0.01 }),
         }
     }
 
@@ -375,7 +405,8 @@ unit = "kPa"
         let first_offset = problem.parameters.iter().position(|p| p.name.starts_with("offset")).unwrap();
         x[first_offset] = 0.1;
         let base = problem.residuals(&x).unwrap();
-        assert_eq!(base.len(), problem.samples() + problem.parameters.iter().filter(|p| p.prior.is_some()).count());
+        let priors = problem.parameters.iter().filter(|p| p.prior.is_some()).count();
+        assert_eq!(base.len(), problem.samples() + priors + 1, "one run has a meter");
         for j in 0..x.len() {
             let mut moved = x.clone();
             moved[j] += 1e-3;

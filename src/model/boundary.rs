@@ -60,8 +60,10 @@ pub enum Closure {
     },
 }
 
+/// Relative opening of a valve as a function of the part of its closing time that has passed (0 to 1).
+pub type OpeningLaw = Box<dyn Fn(f64) -> f64 + Send>;
+
 /// The valve: its steady point and its closure.
-#[derive(Debug, Clone, Copy)]
 pub struct ValveEnd {
     /// Flow before the closure, m³/s.
     pub flow_m3_s: f64,
@@ -71,37 +73,78 @@ pub struct ValveEnd {
     pub discharge_head_m: f64,
     /// How it closes.
     pub closure: Closure,
+    /// Another law than a linear one for a closure by opening.
+    pub law: Option<OpeningLaw>,
+    /// Relative opening that stays when it is closed.
+    pub residual_opening: f64,
 }
+
+/// Heads this close to the discharge head, m, make an orifice's flow linear: its root has no slope at rest.
+const SMALL_DROP_M: f64 = 1e-9;
 
 impl ValveEnd {
     /// Flow through the valve at `time_s`, from the characteristic `H + z Q = e` that reaches it.
     pub fn flow_m3_s(&self, time_s: f64, z: f64, e: f64) -> f64 {
-        let part = |closing_time_s: f64| {
-            if closing_time_s > 0.0 { (time_s / closing_time_s).clamp(0.0, 1.0) } else { f64::from(time_s > 0.0) }
-        };
-        match self.closure {
-            Closure::Linear { closing_time_s } => self.orifice_flow_m3_s(1.0 - part(closing_time_s), z, e),
-            Closure::FlowRamp { closing_time_s } => {
-                self.flow_m3_s * 0.5 * (1.0 + (std::f64::consts::PI * part(closing_time_s)).cos())
-            }
-            Closure::FlowCycloid { closing_time_s } => {
-                let s = part(closing_time_s);
-                let turn = std::f64::consts::TAU;
-                self.flow_m3_s * (1.0 - s + (turn * s).sin() / turn)
+        match self.given_flow(time_s) {
+            Some(flow) => flow,
+            None => {
+                let excess = e - self.discharge_head_m;
+                let root_c = self.root_c(time_s);
+                if root_c <= 0.0 || excess == 0.0 {
+                    return 0.0;
+                }
+                // `Q = τ Q0 √(ΔH/ΔH0)`, signed like `ΔH = H - H_discharge`, together with `H + z Q = e`.
+                excess.signum() * 2.0 * excess.abs() * root_c
+                    / (z * root_c + (z * z * root_c * root_c + 4.0 * excess.abs()).sqrt())
             }
         }
     }
 
-    /// `Q = τ Q0 √(ΔH/ΔH0)`, signed like `ΔH = H - H_discharge`, together with `H + z Q = e`.
-    fn orifice_flow_m3_s(&self, opening: f64, z: f64, e: f64) -> f64 {
-        let excess = e - self.discharge_head_m;
-        if opening <= 0.0 || excess == 0.0 || self.drop_m <= 0.0 {
+    /// Flow through the valve at `time_s` and a head before it, and its derivative by that head.
+    pub fn flow_at_m3_s(&self, time_s: f64, head_m: f64) -> (f64, f64) {
+        if let Some(flow) = self.given_flow(time_s) {
+            return (flow, 0.0);
+        }
+        let (drop, root_c) = (head_m - self.discharge_head_m, self.root_c(time_s));
+        if drop.abs() < SMALL_DROP_M {
+            let slope = root_c / SMALL_DROP_M.sqrt();
+            return (slope * drop, slope);
+        }
+        let flow = drop.signum() * root_c * drop.abs().sqrt();
+        (flow, 0.5 * flow / drop)
+    }
+
+    /// The flow where it is given whatever the head.
+    fn given_flow(&self, time_s: f64) -> Option<f64> {
+        match self.closure {
+            Closure::Linear { .. } => None,
+            Closure::FlowRamp { closing_time_s } => {
+                let s = part(time_s, closing_time_s);
+                Some(self.flow_m3_s * 0.5 * (1.0 + (std::f64::consts::PI * s).cos()))
+            }
+            Closure::FlowCycloid { closing_time_s } => {
+                let (s, turn) = (part(time_s, closing_time_s), std::f64::consts::TAU);
+                Some(self.flow_m3_s * (1.0 - s + (turn * s).sin() / turn))
+            }
+        }
+    }
+
+    /// `τ Q0/√ΔH0`: the orifice's flow over the root of its head difference.
+    fn root_c(&self, time_s: f64) -> f64 {
+        let Closure::Linear { closing_time_s } = self.closure else { return 0.0 };
+        if self.drop_m <= 0.0 {
             return 0.0;
         }
-        let root_c = opening * self.flow_m3_s / self.drop_m.sqrt();
-        excess.signum() * 2.0 * excess.abs() * root_c
-            / (z * root_c + (z * z * root_c * root_c + 4.0 * excess.abs()).sqrt())
+        let s = part(time_s, closing_time_s);
+        let moving = self.law.as_ref().map_or(1.0 - s, |law| law(s)).clamp(0.0, 1.0);
+        let opening = self.residual_opening + (1.0 - self.residual_opening) * moving;
+        opening * self.flow_m3_s / self.drop_m.sqrt()
     }
+}
+
+/// The part of the closing time that has passed, 0 to 1.
+fn part(time_s: f64, closing_time_s: f64) -> f64 {
+    if closing_time_s > 0.0 { (time_s / closing_time_s).clamp(0.0, 1.0) } else { f64::from(time_s > 0.0) }
 }
 
 #[cfg(test)]
@@ -115,6 +158,8 @@ mod tests {
             drop_m: 20.0,
             discharge_head_m: 1.0,
             closure: Closure::Linear { closing_time_s: 0.1 },
+            law: None,
+            residual_opening: 0.0,
         };
         for (time_s, z, e) in [(0.03, 4e4, 60.0), (0.09, 4e4, 30.0), (0.05, 2e4, -15.0)] {
             let flow = valve.flow_m3_s(time_s, z, e);
@@ -122,6 +167,10 @@ mod tests {
             let opening = 1.0 - time_s / 0.1;
             let orifice = opening * 1e-3 * (drop.abs() / 20.0).sqrt() * drop.signum();
             assert!((flow - orifice).abs() < 1e-12, "{flow} {orifice}");
+            let (at, slope) = valve.flow_at_m3_s(time_s, e - z * flow);
+            assert!((at - flow).abs() < 1e-12);
+            let nearby = valve.flow_at_m3_s(time_s, e - z * flow + 1e-6).0;
+            assert!(((nearby - at) / 1e-6 / slope - 1.0).abs() < 1e-4);
         }
         assert_eq!(valve.flow_m3_s(0.1, 4e4, 30.0), 0.0);
     }

@@ -218,6 +218,31 @@ impl ReachFriction {
         ReachFriction::Tabulated(Tabulated::new(|u| 0.5 * loss_m(u / impedance) / u, largest_u_m))
     }
 
+    /// The same friction with its loss divided by `1 + μ`, as a node with momentum terms sees it.
+    pub fn divided(&self, by: f64) -> Self {
+        match self {
+            ReachFriction::Quadratic(q) => ReachFriction::Quadratic(Quadratic { k: q.k / by }),
+            ReachFriction::Linear(l) => {
+                let phi = l.phi / by;
+                ReachFriction::Linear(Linear { phi, by_one_and_phi: 1.0 / (1.0 + phi) })
+            }
+            ReachFriction::Tabulated(t) => {
+                let steps = t.steps.iter().map(|&(phi, rise)| (phi / by, rise / by)).collect();
+                ReachFriction::Tabulated(Tabulated { per_m: t.per_m, steps })
+            }
+        }
+    }
+
+    /// `u` with `u + ½R(u/B) = d`.
+    #[inline]
+    pub fn solve(&self, d: f64) -> f64 {
+        match self {
+            ReachFriction::Quadratic(q) => q.solve(d),
+            ReachFriction::Linear(l) => l.solve(d),
+            ReachFriction::Tabulated(t) => t.solve(d),
+        }
+    }
+
     /// Half a reach's loss `½R` at `u`, m, and its derivative by `u`.
     pub fn half_loss_and_slope(&self, u: f64) -> (f64, f64) {
         match self {
@@ -233,14 +258,9 @@ impl ReachFriction {
     /// `½R0` of a steady `u`, as [`NodeFriction::solve`] sees it: `solve(u + ½R0) = u` to rounding, so that the series' own error
     /// moves no steady state.
     pub fn steady_half_loss(&self, u: f64) -> f64 {
-        let solve = |d: f64| match self {
-            ReachFriction::Quadratic(q) => q.solve(d),
-            ReachFriction::Linear(l) => l.solve(d),
-            ReachFriction::Tabulated(t) => t.solve(d),
-        };
         let mut loss = self.half_loss_and_slope(u).0;
         for _ in 0..4 {
-            loss += u - solve(u + loss);
+            loss += u - self.solve(u + loss);
         }
         loss
     }

@@ -129,6 +129,52 @@ impl Grid {
         Ok(Grid { dt_s, segments })
     }
 
+    /// Total number of reaches.
+    pub fn reaches(&self) -> usize {
+        self.segments.iter().map(|s| s.reaches).sum()
+    }
+
+    /// The two inner nodes around a position, counted in reaches from the supply, with weights that add up to 1 and move smoothly
+    /// with it: what sits between nodes is shared among them. Near an end the nearest inner node has it all.
+    pub fn around(&self, position_m: f64) -> [(usize, f64); 2] {
+        let mut before = 0;
+        let mut x = 0.0;
+        for segment in &self.segments {
+            x = before as f64 + ((position_m - segment.start_m) / segment.reach_m).clamp(0.0, segment.reaches as f64);
+            before += segment.reaches;
+            if position_m <= segment.start_m + segment.reach_m * segment.reaches as f64 {
+                break;
+            }
+        }
+        let last = (before.max(self.reaches()) - 1) as f64;
+        let x = x.clamp(1.0, last.max(1.0));
+        let node = x.floor().min(last) as usize;
+        let share = x - node as f64;
+        if share < 1e-9 { [(node, 1.0), (node, 0.0)] } else { [(node, 1.0 - share), (node + 1, share)] }
+    }
+
+    /// The same grid with its segments cut at inner nodes, counted in reaches from the supply.
+    pub fn cut(self, nodes: &[usize]) -> Grid {
+        let mut segments: Vec<Segment> = Vec::new();
+        let (mut before, mut offset) = (0, 0);
+        for segment in self.segments {
+            let mut cuts: Vec<usize> =
+                nodes.iter().filter(|&&n| n > before && n < before + segment.reaches).map(|n| n - before).collect();
+            cuts.sort_unstable();
+            cuts.dedup();
+            cuts.push(segment.reaches);
+            let mut from = 0;
+            for to in cuts {
+                let start_m = segment.start_m + segment.reach_m * from as f64;
+                segments.push(Segment { offset, reaches: to - from, start_m, ..segment.clone() });
+                offset += to - from + 1;
+                from = to;
+            }
+            before += segment.reaches;
+        }
+        Grid { segments, ..self }
+    }
+
     /// Number of nodes over all segments (a node between two segments counts in both).
     pub fn nodes(&self) -> usize {
         self.segments.last().map_or(0, |s| s.offset + s.reaches + 1)
@@ -265,6 +311,27 @@ mod tests {
         let grid = Grid::new(&[stretch(50.0, 500.0), stretch(100.0, 1000.0)], 20).unwrap();
         assert_eq!(grid.segments.len(), 2);
         assert!(grid.segments.iter().all(|s| s.parts.len() == 1 && s.reaches == 10));
+    }
+
+    #[test]
+    fn a_place_between_nodes_is_shared_and_cuts_keep_the_line() {
+        let grid = Grid::new(&[stretch(50.0, 500.0), stretch(100.0, 1000.0)], 20).unwrap();
+        let [(first, share), (second, rest)] = grid.around(12.5);
+        assert_eq!((first, second), (2, 3));
+        assert!((share - 0.5).abs() < 1e-9 && (rest - 0.5).abs() < 1e-9);
+        assert_eq!(grid.around(75.0)[0].0, 12);
+        assert_eq!(grid.around(0.0)[0], (1, 1.0));
+        assert_eq!(grid.around(150.0)[0], (19, 1.0));
+        let (length, nodes) = (grid.segments.iter().map(|s| s.reach_m * s.reaches as f64).sum::<f64>(), grid.nodes());
+        let cut = grid.cut(&[3, 2, 12, 3, 10]);
+        assert_eq!(cut.segments.iter().map(|s| s.reaches).collect::<Vec<_>>(), [2, 1, 7, 2, 8]);
+        assert_eq!(cut.nodes(), nodes + 3);
+        assert!((cut.segments.iter().map(|s| s.reach_m * s.reaches as f64).sum::<f64>() - length).abs() < 1e-9);
+        assert!(
+            cut.segments
+                .windows(2)
+                .all(|w| (w[0].start_m + w[0].reach_m * w[0].reaches as f64 - w[1].start_m).abs() < 1e-9)
+        );
     }
 
     #[test]

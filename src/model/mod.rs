@@ -9,21 +9,24 @@ pub mod effects;
 pub mod friction;
 pub mod grid;
 pub mod kernel;
+pub mod node;
 pub mod parameter;
 pub mod sensor;
 pub mod solver;
 pub mod trace;
 
 use boundary::{Closure, ConstantHead, MeasuredHead, Supply, ValveEnd};
-use effects::{Chosen, Site};
+use effects::{Chosen, Element, Place, Scene, Site, Spot};
 use friction::{ReachFriction, WallFriction};
 use grid::{Grid, Stretch};
+use node::Node;
 use parameter::Parameter;
-use solver::{Line, Steady, steady_heads};
+use sensor::seen_by;
+use solver::{Line, Steady, settle};
 use trace::{Probe, Trace};
 
 use crate::rig::WaterProperties;
-use crate::rig::{Rig, Upstream};
+use crate::rig::{Rig, Sensor, Upstream};
 
 /// What can be wrong with a model or a simulation.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -48,9 +51,16 @@ pub enum ModelError {
     #[error("{steps} steps at {sensors} places would need {gib:.1} GiB; shorten the duration or take fewer reaches")]
     TooLong { steps: usize, sensors: usize, gib: f64 },
     #[error(
-        "the solution stopped being finite {time_s:.4} s after the start of the closure; check the parameter values"
+        "the solution stopped being finite {time_s:.4} s after the start of the closure, {position_m:.2} m from the supply, in a \
+         model with {effects}; check the parameter values"
     )]
-    NotFinite { time_s: f64 },
+    NotFinite { time_s: f64, position_m: f64, effects: String },
+    #[error("'{item}': this effect concerns no single sensor")]
+    NoSensor { item: String },
+    #[error("'{one}' and '{other}' cannot be together: {why}")]
+    Excluded { one: String, other: String, why: &'static str },
+    #[error("there is no pressure sensor '{name}'; the rig has {known}")]
+    UnknownSensor { name: String, known: String },
     #[error("an upstream end of kind 'measured' needs the head measured at position 0")]
     NoSupplyHead,
 }
@@ -104,6 +114,23 @@ pub struct Resolution {
     pub duration_s: f64,
 }
 
+/// What a simulation gives.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Simulated {
+    /// What each probe reads.
+    pub traces: Vec<Trace>,
+    starts_m: Vec<f64>,
+    flows_m3_s: Vec<f64>,
+}
+
+impl Simulated {
+    /// Flow before the closure at a place, m³/s: a leak makes it differ along the pipe.
+    pub fn steady_flow_m3_s(&self, position_m: f64) -> f64 {
+        let segment = self.starts_m.iter().rposition(|&start| position_m >= start).unwrap_or(0);
+        self.flows_m3_s[segment]
+    }
+}
+
 /// Memory that the recorded heads of one simulation may take.
 const MOST_HISTORY_BYTES: usize = 4 << 30;
 /// Share of the impedance that friction over one reach may take (see [`friction::NodeFriction`]).
@@ -144,7 +171,11 @@ impl<'a> Model<'a> {
         let site = Site { rig, water, period_s: 4.0 * travel_s };
         let effects: Vec<Chosen> = effects
             .iter()
-            .map(|c| c.with_elements(c.elements.unwrap_or(c.effect.elements().map_or(1, |r| *r.start()))))
+            .map(|c| Chosen {
+                elements: c.elements.or(c.effect.elements().map(|r| *r.start())),
+                sensor: c.sensor.clone().or_else(|| first_sensor(rig).filter(|_| c.effect.at_sensor())),
+                ..c.clone()
+            })
             .collect();
         let mut effect_sizes = Vec::new();
         for chosen in &effects {
@@ -220,24 +251,13 @@ impl<'a> Model<'a> {
         run: &RunValues,
         resolution: Resolution,
         probes: &[Probe],
-    ) -> Result<Vec<Trace>, ModelError> {
+    ) -> Result<Simulated, ModelError> {
         self.check(shared, run)?;
-        let (wave_speeds, effect_values) = shared.split_at(self.rig.pipes.len());
         let flow_m3_s = run.initial_velocity_m_s * self.rig.pipes[self.rig.pipes.len() - 1].area_m2();
-        let stretches: Vec<Stretch> = self
-            .rig
-            .pipes
-            .iter()
-            .zip(wave_speeds)
-            .map(|(pipe, &wave_speed_m_s)| Stretch {
-                length_m: pipe.length_m,
-                diameter_m: pipe.inner_diameter_m,
-                wall_m: pipe.wall_thickness_m,
-                wave_speed_m_s,
-                constraint: pipe.constraint_coefficient(),
-                friction: WallFriction::of(pipe, &conditions.water, flow_m3_s).scaled(run.friction_scale),
-            })
-            .collect();
+        let mut stretches = self.stretches(conditions, shared, run, flow_m3_s);
+        for (chosen, values) in self.chosen(shared) {
+            chosen.effect.reshape(values, &mut stretches)?;
+        }
         let grid = Grid::new(&stretches, resolution.reaches)?;
         // Two steps more than asked for: the cubic interpolation in time looks that far ahead.
         let steps = (resolution.duration_s / grid.dt_s).ceil() as usize + 2;
@@ -246,34 +266,173 @@ impl<'a> Model<'a> {
             let gib = bytes as f64 / (1u64 << 30) as f64;
             return Err(ModelError::TooLong { steps, sensors: probes.len(), gib });
         }
-        let frictions = reach_frictions(&grid, flow_m3_s)?;
-        let head_m = steady_heads(&grid, &frictions, flow_m3_s, run.valve_head_m);
-        let steady = Steady { grid: &grid, head_m: &head_m, flow_m3_s, density_kg_m3: conditions.water.density_kg_m3 };
-        let mut terms = Vec::new();
-        let mut at = 0;
-        for (chosen, &count) in self.effects.iter().zip(&self.effect_sizes) {
-            terms.extend(chosen.effect.line_terms(&effect_values[at..at + count], &steady)?);
-            at += count;
-        }
-        let supply: Box<dyn Supply> = match (self.rig.upstream, &conditions.supply_deviation) {
-            (Upstream::Measured, Some((time_s, deviation_m))) if !time_s.is_empty() => {
-                let measured = deviation_m.iter().map(|d| head_m[0] + d).collect();
-                Box::new(MeasuredHead { time_s: time_s.clone(), head_m: measured, cursor: 0 })
-            }
-            (Upstream::Measured, _) => return Err(ModelError::NoSupplyHead),
-            (Upstream::Reservoir | Upstream::Pump, _) => Box::new(ConstantHead(head_m[0])),
+        let scene = Scene {
+            rig: self.rig,
+            water: &conditions.water,
+            dt_s: grid.dt_s,
+            flow_m3_s,
+            valve_head_m: run.valve_head_m,
         };
+        let (grid, mut joints, mut at_valve) = self.nodes(grid, shared, &scene)?;
+        let frictions = reach_frictions(&grid, flow_m3_s)?;
+        let (head_m, flows) = settle(&grid, &frictions, &mut joints, &mut at_valve, flow_m3_s, run.valve_head_m);
+        let starts_m = grid.segments.iter().map(|s| s.start_m).collect();
+        let steady = Steady {
+            grid: &grid,
+            frictions: &frictions,
+            head_m,
+            flow_m3_s: flows.clone(),
+            density_kg_m3: conditions.water.density_kg_m3,
+            viscosity_m2_s: conditions.water.kinematic_viscosity_m2_s,
+        };
+        let mut terms = Vec::new();
+        let mut field = None;
+        let mut supply = self.base_supply(conditions, steady.head_m[0])?;
         let discharge_head_m = self.rig.valve.discharge_head_m;
-        let valve = ValveEnd {
+        let mut valve = ValveEnd {
             flow_m3_s,
             drop_m: run.valve_head_m - discharge_head_m,
             discharge_head_m,
             closure: (self.closure)(run.closing_time_s),
+            law: None,
+            residual_opening: 0.0,
         };
-        Line { steady, frictions, terms, supply, valve }.run(steps, probes)
+        for (chosen, values) in self.chosen(shared) {
+            terms.extend(chosen.effect.line_terms(values, &steady)?);
+            if let Some(own) = chosen.effect.field(values, &scene, &steady)? {
+                field = Some(own);
+            }
+            supply = chosen.effect.supply(values, supply)?;
+            chosen.effect.valve(values, &mut valve)?;
+        }
+        let line = Line { steady, terms, field, supply, joints, at_valve, valve };
+        let traces = line.run(steps, probes).map_err(|error| self.named(error))?;
+        Ok(Simulated { traces, starts_m, flows_m3_s: flows })
+    }
+
+    /// What a pressure sensor makes of the head at its place: its own dynamics, then the effects that concern it.
+    ///
+    /// # Errors
+    /// If an effect's value is outside its physical range.
+    pub fn sensed(&self, shared: &[f64], sensor: &Sensor, trace: Trace) -> Result<Trace, ModelError> {
+        let mut trace = seen_by(sensor, trace);
+        let elevation_m = sensor.elevation_m.unwrap_or_else(|| self.rig.elevation_m(sensor.position_m));
+        for (chosen, values) in self.chosen(shared) {
+            if chosen.sensor.as_ref() == Some(&sensor.name) {
+                trace = chosen.effect.sense(values, elevation_m, trace)?;
+            }
+        }
+        Ok(trace)
+    }
+
+    /// The effects with their values.
+    fn chosen<'s>(&'s self, shared: &'s [f64]) -> impl Iterator<Item = (&'s Chosen, &'s [f64])> {
+        let mut at = self.effects_from();
+        self.effects.iter().zip(&self.effect_sizes).map(move |(chosen, &size)| {
+            let values = &shared[at..at + size];
+            at += size;
+            (chosen, values)
+        })
+    }
+
+    fn stretches(&self, conditions: &Conditions, shared: &[f64], run: &RunValues, flow_m3_s: f64) -> Vec<Stretch> {
+        self.rig
+            .pipes
+            .iter()
+            .zip(shared)
+            .map(|(pipe, &wave_speed_m_s)| Stretch {
+                length_m: pipe.length_m,
+                diameter_m: pipe.inner_diameter_m,
+                wall_m: pipe.wall_thickness_m,
+                wave_speed_m_s,
+                constraint: pipe.constraint_coefficient(),
+                friction: WallFriction::of(pipe, &conditions.water, flow_m3_s).scaled(run.friction_scale),
+            })
+            .collect()
+    }
+
+    /// Puts what the effects attach at nodes, cutting segments where needed.
+    fn nodes(&self, grid: Grid, shared: &[f64], scene: &Scene) -> Result<(Grid, Vec<Node>, Node), ModelError> {
+        let mut attached = Vec::new();
+        for (chosen, values) in self.chosen(shared) {
+            attached.extend(chosen.effect.attachments(values, scene)?);
+        }
+        let around = |position_m: f64| grid.around(position_m).into_iter().filter(|(_, share)| *share > 0.0);
+        let cuts: Vec<usize> = attached
+            .iter()
+            .filter_map(|a| if let Place::At(x) = a.place { Some(around(x).map(|(node, _)| node)) } else { None })
+            .flatten()
+            .collect();
+        let shares: Vec<Vec<(usize, f64)>> = attached
+            .iter()
+            .map(|a| if let Place::At(x) = a.place { around(x).collect() } else { vec![(grid.reaches(), 1.0)] })
+            .collect();
+        let grid = grid.cut(&cuts);
+        let mut nodes: Vec<Node> = grid.segments.iter().map(|_| Node::default()).collect();
+        let mut spots = Vec::new();
+        let mut reach = 0;
+        for (s, segment) in grid.segments.iter().enumerate() {
+            reach += segment.reaches;
+            let position_m = segment.start_m + segment.reach_m * segment.reaches as f64;
+            let half = |s: &grid::Segment| 0.5 * s.mean(Stretch::area_m2) * s.reach_m;
+            spots.push(Spot {
+                share: 1.0,
+                position_m,
+                elevation_m: self.rig.elevation_m(position_m),
+                area_m2: segment.mean(Stretch::area_m2),
+                wave_speed_m_s: segment.reach_m / grid.dt_s,
+                volume_m3: half(segment) + grid.segments.get(s + 1).map_or(0.0, half),
+            });
+            for (attachment, shares) in attached.iter().zip(&shares) {
+                for &(_, share) in shares.iter().filter(|(node, _)| *node == reach) {
+                    match (attachment.make)(&Spot { share, ..spots[s] }) {
+                        Element::Loss(loss) => nodes[s].loss += loss,
+                        Element::Shunt(shunt) => nodes[s].shunts.push(shunt),
+                    }
+                }
+            }
+        }
+        for (chosen, values) in self.chosen(shared) {
+            for (node, spot) in nodes.iter_mut().zip(&spots) {
+                node.shunts.extend(chosen.effect.node_shunt(values, scene, spot));
+            }
+        }
+        let at_valve = nodes.pop().unwrap_or_default();
+        Ok((grid, nodes, at_valve))
+    }
+
+    fn base_supply(&self, conditions: &Conditions, steady_head_m: f64) -> Result<Box<dyn Supply>, ModelError> {
+        match (self.rig.upstream, &conditions.supply_deviation) {
+            (Upstream::Measured, Some((time_s, deviation_m))) if !time_s.is_empty() => {
+                let head_m = deviation_m.iter().map(|d| steady_head_m + d).collect();
+                Ok(Box::new(MeasuredHead { time_s: time_s.clone(), head_m, cursor: 0 }))
+            }
+            (Upstream::Measured, _) => Err(ModelError::NoSupplyHead),
+            (Upstream::Reservoir | Upstream::Pump, _) => Ok(Box::new(ConstantHead(steady_head_m))),
+        }
+    }
+
+    /// The error with the model's effects in it.
+    fn named(&self, error: ModelError) -> ModelError {
+        match error {
+            ModelError::NotFinite { time_s, position_m, .. } => {
+                let labels: Vec<String> = self.effects.iter().map(Chosen::label).collect();
+                let effects = if labels.is_empty() { "no effects".to_owned() } else { labels.join(", ") };
+                ModelError::NotFinite { time_s, position_m, effects }
+            }
+            other => other,
+        }
     }
 
     fn check(&self, shared: &[f64], run: &RunValues) -> Result<(), ModelError> {
+        for chosen in &self.effects {
+            if let Some(name) = &chosen.sensor
+                && !self.rig.pressure_sensors().any(|(_, s)| s.name == *name)
+            {
+                let known: Vec<&str> = self.rig.pressure_sensors().map(|(_, s)| s.name.as_str()).collect();
+                return Err(ModelError::UnknownSensor { name: name.clone(), known: known.join(", ") });
+            }
+        }
         let positive = |name: &str, value: f64| match value > 0.0 && value.is_finite() {
             true => Ok(()),
             false => Err(ModelError::Value { name: name.to_owned(), value, allowed: "more than zero" }),
@@ -298,6 +457,11 @@ impl<'a> Model<'a> {
         }
         Ok(())
     }
+}
+
+/// Name of the first pressure sensor.
+fn first_sensor(rig: &Rig) -> Option<String> {
+    rig.pressure_sensors().next().map(|(_, s)| s.name.clone())
 }
 
 /// The friction of every segment, checked against what the scheme resolves.

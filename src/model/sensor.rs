@@ -50,7 +50,7 @@ mod tests {
         };
         // A ramp of 2 m/s from 10 m: the lag of a ramp has the closed form used below.
         let values = (0..200).map(|i| 10.0 + 2.0 * 0.01 * i as f64).collect();
-        seen_by(&sensor, Trace { dt_s: 0.01, values })
+        seen_by(&sensor, Trace { dt_s: 0.01, values, late_s: 0.0 })
     }
 
     #[test]

@@ -1,22 +1,27 @@
-//! One simulation: the state of the line, its steps from the start of the closure on, and the heads it leaves at sensors.
+//! One simulation: the state of the line, its steps from the start of the closure on, and what it leaves at probes.
 
 use super::ModelError;
 use super::boundary::{Supply, ValveEnd};
 use super::friction::ReachFriction;
 use super::grid::Grid;
 use super::kernel::{self, Terms};
+use super::node::{Arriving, Node};
 use super::trace::{Probe, Trace};
 
 /// The steady state before the closure.
 pub struct Steady<'a> {
     /// The grid.
     pub grid: &'a Grid,
+    /// Friction of each segment's reach.
+    pub frictions: &'a [ReachFriction],
     /// Head at every node, m.
-    pub head_m: &'a [f64],
-    /// Flow, m³/s.
-    pub flow_m3_s: f64,
+    pub head_m: Vec<f64>,
+    /// Flow in each segment, m³/s.
+    pub flow_m3_s: Vec<f64>,
     /// Density of the water, kg/m³.
     pub density_kg_m3: f64,
+    /// Kinematic viscosity of the water, m²/s.
+    pub viscosity_m2_s: f64,
 }
 
 /// The implicit parts of a line term: the shares of head and of flow that it adds at the new time.
@@ -41,36 +46,63 @@ pub trait LineTerm: Send {
         let _ = (segment, storage, momentum);
     }
     /// Takes in the new head deviations and `u` of a segment's nodes and adds `b` and `d` of the step to come.
-    fn advance(&mut self, segment: usize, head: &[f64], u: &[f64], storage: &mut [f64], momentum: &mut [f64]);
+    fn advance(&mut self, segment: usize, h: &[f64], u: &[f64], storage: &mut [f64], momentum: &mut [f64]);
 }
 
-/// Heads and flow before the closure, from the valve back to the supply.
-pub fn steady_heads(grid: &Grid, frictions: &[ReachFriction], flow_m3_s: f64, valve_head_m: f64) -> Vec<f64> {
+/// What takes water out of *every* node: gas spread along the pipe, cavities wherever the pressure falls.
+///
+/// At the inner nodes of a segment it is solved for all of them at once; at joints and at the valve it is a [`Shunt`].
+///
+/// [`Shunt`]: super::node::Shunt
+pub trait NodeField: Send {
+    /// Solves `(1 + κ) h + c q(h) = s` at a segment's inner nodes, whose `s` and deviations `h` (m) are given; `q(h)` is the
+    /// outflow (m³/s), which is left in `q` beside the new `h`.
+    fn inner(&mut self, segment: usize, one_plus_kappa: f64, c: f64, s: &[f64], h: &mut [f64], q: &mut [f64]);
+}
+
+/// Everything that a simulation needs.
+pub struct Line<'a> {
+    /// Steady state, grid and friction.
+    pub steady: Steady<'a>,
+    /// Terms along the line.
+    pub terms: Vec<Box<dyn LineTerm>>,
+    /// What takes water out of every node.
+    pub field: Option<Box<dyn NodeField>>,
+    /// Upstream end.
+    pub supply: Box<dyn Supply>,
+    /// What sits at the joints between segments, one fewer than there are segments.
+    pub joints: Vec<Node>,
+    /// What sits at the pipe's end, before the valve.
+    pub at_valve: Node,
+    /// Downstream end.
+    pub valve: ValveEnd,
+}
+
+/// Steady heads and flows, from the valve back to the supply; settles what sits at the nodes.
+pub fn settle(
+    grid: &Grid,
+    frictions: &[ReachFriction],
+    joints: &mut [Node],
+    at_valve: &mut Node,
+    valve_flow_m3_s: f64,
+    valve_head_m: f64,
+) -> (Vec<f64>, Vec<f64>) {
     let mut heads = vec![valve_head_m; grid.nodes()];
-    let mut head = valve_head_m;
-    for (segment, friction) in grid.segments.iter().zip(frictions).rev() {
-        let loss = 2.0 * friction.half_loss_and_slope(segment.impedance * flow_m3_s).0;
+    let mut flows = vec![0.0; grid.segments.len()];
+    let (mut head, mut flow) = at_valve.settle(valve_head_m, valve_flow_m3_s);
+    for (s, (segment, friction)) in grid.segments.iter().zip(frictions).enumerate().rev() {
+        if s + 1 < grid.segments.len() {
+            (head, flow) = joints[s].settle(head, flow);
+        }
+        flows[s] = flow;
+        let loss = 2.0 * friction.half_loss_and_slope(segment.impedance * flow).0;
         for node in segment.nodes().rev() {
             heads[node] = head;
             head += loss;
         }
         head -= loss;
     }
-    heads
-}
-
-/// Everything that a simulation needs.
-pub struct Line<'a> {
-    /// Steady state and grid.
-    pub steady: Steady<'a>,
-    /// Friction of each segment's reach.
-    pub frictions: Vec<ReachFriction>,
-    /// Terms along the line.
-    pub terms: Vec<Box<dyn LineTerm>>,
-    /// Upstream end.
-    pub supply: Box<dyn Supply>,
-    /// Downstream end.
-    pub valve: ValveEnd,
+    (heads, flows)
 }
 
 /// State of the line: waves, head deviations and scaled flows `u = B Q` at all nodes, segment after segment.
@@ -83,16 +115,17 @@ struct State {
     u: Vec<f64>,
     storage: Vec<f64>,
     momentum: Vec<f64>,
+    /// Outflow of each node where there is a node field, m³/s.
+    outflow: Vec<f64>,
+    scratch: Vec<f64>,
     /// No line terms and no flow to read: interior heads are not kept but read from the waves.
     elastic: bool,
     /// Half of what the steady flow loses over one reach, `½R0`, of each segment, m.
     steady_half_loss: Vec<f64>,
-}
-
-/// The characteristic that reaches an end of a segment, `h ± z Q = e` (+ at its last node), linear in `h` and `Q`.
-struct Arriving {
-    z: f64,
-    e: f64,
+    /// `κ` and `μ` of each segment.
+    implicit: Vec<Implicit>,
+    /// Friction of each segment's reach divided by its `1 + μ`.
+    frictions: Vec<ReachFriction>,
 }
 
 impl Line<'_> {
@@ -102,29 +135,27 @@ impl Line<'_> {
     /// If the solution stops being finite.
     pub fn run(mut self, steps: usize, probes: &[Probe]) -> Result<Vec<Trace>, ModelError> {
         let grid = self.steady.grid;
-        let implicit: Vec<Implicit> = (0..grid.segments.len())
-            .map(|s| {
-                self.terms
-                    .iter()
-                    .map(|t| t.implicit(s))
-                    .fold(Implicit::default(), |a, b| Implicit { kappa: a.kappa + b.kappa, mu: a.mu + b.mu })
-            })
-            .collect();
-        let mut state = self.initial_state(probes.iter().all(|p| matches!(p, Probe::Head(_))));
+        let heads_only = probes.iter().all(|p| matches!(p, Probe::Head(_)));
+        let mut state = self.initial_state(heads_only);
         let readings: Vec<Reading> = probes.iter().map(|&probe| Reading::new(probe, &self.steady)).collect();
-        let mut traces: Vec<Trace> =
-            readings.iter().map(|_| Trace { dt_s: grid.dt_s, values: Vec::with_capacity(steps + 1) }).collect();
+        let mut traces: Vec<Trace> = readings.iter().map(|_| Trace::with_capacity(grid.dt_s, steps + 1)).collect();
         state.read(&mut traces, &readings);
         for step in 1..=steps {
             let time_s = step as f64 * grid.dt_s;
-            self.step(&mut state, &implicit, time_s);
+            self.step(&mut state, time_s);
             state.read(&mut traces, &readings);
-            let at_valve = state.h[state.h.len() - 1];
-            if !at_valve.is_finite() {
-                return Err(ModelError::NotFinite { time_s });
+            if !state.h[state.h.len() - 1].is_finite() {
+                return Err(self.not_finite(&state, time_s));
             }
         }
         Ok(traces)
+    }
+
+    fn not_finite(&self, state: &State, time_s: f64) -> ModelError {
+        let bad = (0..state.fwd.len()).find(|&i| !(state.fwd[i].is_finite() && state.bwd[i].is_finite())).unwrap_or(0);
+        let segment = self.steady.grid.segments.iter().find(|s| s.nodes().contains(&bad));
+        let position_m = segment.map_or(0.0, |s| s.start_m + s.reach_m * (bad - s.offset) as f64);
+        ModelError::NotFinite { time_s, position_m, effects: String::new() }
     }
 
     fn initial_state(&self, heads_only: bool) -> State {
@@ -133,24 +164,28 @@ impl Line<'_> {
         let mut u = vec![0.0; n];
         let (mut fwd, mut bwd) = (vec![0.0; n], vec![0.0; n]);
         let (mut storage, mut momentum) = (vec![0.0; n], vec![0.0; n]);
-        for (s, segment) in grid.segments.iter().enumerate() {
+        let mut steady_half_loss = Vec::new();
+        let mut implicit = Vec::new();
+        let mut inner_frictions = Vec::new();
+        for (s, (segment, friction)) in grid.segments.iter().zip(self.steady.frictions).enumerate() {
             let nodes = segment.nodes();
-            let steady_u = segment.impedance * self.steady.flow_m3_s;
+            let steady_u = segment.impedance * self.steady.flow_m3_s[s];
             u[nodes.clone()].fill(steady_u);
             // h = 0, and the loss of the steady flow drops out: the waves carry u alone.
             fwd[nodes.clone()].fill(steady_u);
             bwd[nodes.clone()].fill(-steady_u);
+            let mut total = Implicit::default();
             for term in &self.terms {
                 term.known(s, &mut storage[nodes.clone()], &mut momentum[nodes.clone()]);
+                let Implicit { kappa, mu } = term.implicit(s);
+                total = Implicit { kappa: total.kappa + kappa, mu: total.mu + mu };
             }
+            let inner = friction.divided(1.0 + total.mu);
+            steady_half_loss.push((1.0 + total.mu) * inner.steady_half_loss(steady_u));
+            inner_frictions.push(inner);
+            implicit.push(total);
         }
-        let elastic = self.terms.is_empty() && heads_only;
-        let steady_half_loss = self
-            .frictions
-            .iter()
-            .zip(&grid.segments)
-            .map(|(friction, segment)| friction.steady_half_loss(segment.impedance * self.steady.flow_m3_s))
-            .collect();
+        let elastic = self.terms.is_empty() && self.field.is_none() && heads_only;
         State {
             new_fwd: fwd.clone(),
             new_bwd: bwd.clone(),
@@ -160,35 +195,57 @@ impl Line<'_> {
             u,
             storage,
             momentum,
+            outflow: vec![0.0; n],
+            scratch: vec![0.0; n],
             elastic,
             steady_half_loss,
+            implicit,
+            frictions: inner_frictions,
         }
     }
 
-    fn step(&mut self, state: &mut State, implicit: &[Implicit], time_s: f64) {
+    fn step(&mut self, state: &mut State, time_s: f64) {
         let grid = self.steady.grid;
         for (s, segment) in grid.segments.iter().enumerate() {
-            state.interior(s, segment.nodes(), implicit[s], &self.frictions[s]);
+            match &mut self.field {
+                None => state.interior(s, segment.nodes()),
+                Some(field) => state.interior_with(field.as_mut(), s, segment),
+            }
         }
         // Supply: the first node of the first segment.
-        let first = self.arriving_upstream(state, implicit, 0);
-        let h = self.supply.head_m(time_s) - self.steady.head_m[0];
-        self.leave_first(state, implicit, 0, h, (h - first.e) / first.z);
-        // Joints: head and flow are common.
+        let first = self.arriving_upstream(state, 0);
+        let head = self.supply.head_m(time_s);
+        self.leave_first(state, 0, head, (head - first.e) / first.z);
+        // Joints.
         for s in 0..grid.segments.len() - 1 {
-            let left = self.arriving_downstream(state, implicit, s);
-            let right = self.arriving_upstream(state, implicit, s + 1);
-            let flow = (left.e - right.e) / (left.z + right.z);
-            let h = left.e - left.z * flow;
-            self.leave_last(state, implicit, s, h, flow);
-            self.leave_first(state, implicit, s + 1, h, flow);
+            let (left, right) = (self.arriving_downstream(state, s), self.arriving_upstream(state, s + 1));
+            let joint = &mut self.joints[s];
+            if joint.is_plain() {
+                let flow = (left.e - right.e) / (left.z + right.z);
+                let head = left.e - left.z * flow;
+                self.leave_last(state, s, head, flow);
+                self.leave_first(state, s + 1, head, flow);
+                continue;
+            }
+            let node = grid.segments[s + 1].offset;
+            let guess = self.steady.head_m[node] + state.h[node];
+            let solved = joint.solve(left, |h| ((h - right.e) / right.z, 1.0 / right.z), guess);
+            self.leave_last(state, s, solved.left_head_m, solved.left_flow_m3_s);
+            self.leave_first(state, s + 1, solved.right_head_m, solved.right_flow_m3_s);
         }
         // Valve: the last node of the last segment.
         let s = grid.segments.len() - 1;
-        let last = self.arriving_downstream(state, implicit, s);
-        let steady_head = self.steady.head_m[self.steady.head_m.len() - 1];
-        let flow = self.valve.flow_m3_s(time_s, last.z, last.e + steady_head);
-        self.leave_last(state, implicit, s, last.e - last.z * flow, flow);
+        let last = self.arriving_downstream(state, s);
+        if self.at_valve.is_plain() {
+            let flow = self.valve.flow_m3_s(time_s, last.z, last.e);
+            self.leave_last(state, s, last.e - last.z * flow, flow);
+        } else {
+            let node = self.steady.head_m.len() - 1;
+            let guess = self.steady.head_m[node] + state.h[node];
+            let valve = &self.valve;
+            let solved = self.at_valve.solve(last, |h| valve.flow_at_m3_s(time_s, h), guess);
+            self.leave_last(state, s, solved.left_head_m, solved.left_flow_m3_s);
+        }
 
         if !self.terms.is_empty() {
             state.storage.fill(0.0);
@@ -212,36 +269,42 @@ impl Line<'_> {
 
     /// `½R - ½R0` linearised about the last flow at a node: value at `u = 0` and slope.
     fn half_loss_line(&self, state: &State, segment: usize, u: f64) -> (f64, f64) {
-        let (loss, slope) = self.frictions[segment].half_loss_and_slope(u);
+        let (loss, slope) = self.steady.frictions[segment].half_loss_and_slope(u);
         (loss - slope * u - state.steady_half_loss[segment], slope)
     }
 
-    /// The characteristic from inside segment `s` that reaches its first node: `h - z Q = e`.
-    fn arriving_upstream(&self, state: &State, implicit: &[Implicit], s: usize) -> Arriving {
+    /// The characteristic from inside segment `s` that reaches its first node: `H - z Q = e`.
+    fn arriving_upstream(&self, state: &State, s: usize) -> Arriving {
         let segment = &self.steady.grid.segments[s];
         let node = segment.offset;
-        let Implicit { kappa, mu } = implicit[s];
+        let Implicit { kappa, mu } = state.implicit[s];
         let (constant, slope) = self.half_loss_line(state, s, state.u[node]);
         let known = state.bwd[node + 1] + state.storage[node] - state.momentum[node] + constant;
-        Arriving { z: segment.impedance * (1.0 + mu + slope) / (1.0 + kappa), e: known / (1.0 + kappa) }
+        Arriving {
+            z: segment.impedance * (1.0 + mu + slope) / (1.0 + kappa),
+            e: self.steady.head_m[node] + known / (1.0 + kappa),
+        }
     }
 
-    /// The characteristic from inside segment `s` that reaches its last node: `h + z Q = e`.
-    fn arriving_downstream(&self, state: &State, implicit: &[Implicit], s: usize) -> Arriving {
+    /// The characteristic from inside segment `s` that reaches its last node: `H + z Q = e`.
+    fn arriving_downstream(&self, state: &State, s: usize) -> Arriving {
         let segment = &self.steady.grid.segments[s];
         let node = segment.offset + segment.reaches;
-        let Implicit { kappa, mu } = implicit[s];
+        let Implicit { kappa, mu } = state.implicit[s];
         let (constant, slope) = self.half_loss_line(state, s, state.u[node]);
         let known = state.fwd[node - 1] + state.storage[node] + state.momentum[node] - constant;
-        Arriving { z: segment.impedance * (1.0 + mu + slope) / (1.0 + kappa), e: known / (1.0 + kappa) }
+        Arriving {
+            z: segment.impedance * (1.0 + mu + slope) / (1.0 + kappa),
+            e: self.steady.head_m[node] + known / (1.0 + kappa),
+        }
     }
 
     /// Sets the first node of segment `s` and the wave that leaves it downstream.
-    fn leave_first(&self, state: &mut State, implicit: &[Implicit], s: usize, h: f64, flow: f64) {
+    fn leave_first(&self, state: &mut State, s: usize, head: f64, flow: f64) {
         let segment = &self.steady.grid.segments[s];
         let node = segment.offset;
-        let u = segment.impedance * flow;
-        let stored = h * (1.0 + implicit[s].kappa) - state.storage[node];
+        let (h, u) = (head - self.steady.head_m[node], segment.impedance * flow);
+        let stored = h * (1.0 + state.implicit[s].kappa) - state.storage[node];
         let moved = stored - state.bwd[node + 1];
         state.h[node] = h;
         state.u[node] = u;
@@ -250,11 +313,11 @@ impl Line<'_> {
     }
 
     /// Sets the last node of segment `s` and the wave that leaves it upstream.
-    fn leave_last(&self, state: &mut State, implicit: &[Implicit], s: usize, h: f64, flow: f64) {
+    fn leave_last(&self, state: &mut State, s: usize, head: f64, flow: f64) {
         let segment = &self.steady.grid.segments[s];
         let node = segment.offset + segment.reaches;
-        let u = segment.impedance * flow;
-        let stored = h * (1.0 + implicit[s].kappa) - state.storage[node];
+        let (h, u) = (head - self.steady.head_m[node], segment.impedance * flow);
+        let stored = h * (1.0 + state.implicit[s].kappa) - state.storage[node];
         let moved = state.fwd[node - 1] - stored;
         state.h[node] = h;
         state.u[node] = u;
@@ -265,13 +328,8 @@ impl Line<'_> {
 
 impl State {
     /// Steps the nodes of a segment between its ends.
-    fn interior(
-        &mut self,
-        segment: usize,
-        nodes: std::ops::Range<usize>,
-        Implicit { kappa, mu }: Implicit,
-        friction: &ReachFriction,
-    ) {
+    fn interior(&mut self, segment: usize, nodes: std::ops::Range<usize>) {
+        let friction = &self.frictions[segment];
         let steady_half_loss = self.steady_half_loss[segment];
         let (fwd, bwd) = (&self.fwd[nodes.clone()], &self.bwd[nodes.clone()]);
         let (new_fwd, new_bwd) = (&mut self.new_fwd[nodes.clone()], &mut self.new_bwd[nodes.clone()]);
@@ -283,6 +341,7 @@ impl State {
             }
             return;
         }
+        let Implicit { kappa, mu } = self.implicit[segment];
         let terms = Terms {
             storage: &self.storage[nodes.clone()],
             kappa,
@@ -295,6 +354,40 @@ impl State {
             ReachFriction::Linear(f) => kernel::with_terms(fwd, bwd, new_fwd, new_bwd, h, u, &terms, f),
             ReachFriction::Quadratic(f) => kernel::with_terms(fwd, bwd, new_fwd, new_bwd, h, u, &terms, f),
             ReachFriction::Tabulated(f) => kernel::with_terms(fwd, bwd, new_fwd, new_bwd, h, u, &terms, f),
+        }
+    }
+
+    /// The same with water taken out of every node: flows differ on its two sides by the outflow, half of which the head
+    /// equation sees as `½ (1 + μ) B q`.
+    fn interior_with(&mut self, field: &mut dyn NodeField, s: usize, segment: &super::grid::Segment) {
+        let friction = &self.frictions[s];
+        let nodes = segment.nodes();
+        let inner = nodes.start + 1..nodes.end - 1;
+        if inner.is_empty() {
+            return;
+        }
+        let Implicit { kappa, mu } = self.implicit[s];
+        let half_b = 0.5 * segment.impedance;
+        for i in inner.clone() {
+            self.scratch[i] = 0.5 * (self.fwd[i - 1] + self.bwd[i + 1]) + self.storage[i];
+        }
+        field.inner(
+            s,
+            1.0 + kappa,
+            (1.0 + mu) * half_b,
+            &self.scratch[inner.clone()],
+            &mut self.h[inner.clone()],
+            &mut self.outflow[inner.clone()],
+        );
+        for i in inner {
+            let d = 0.5 * (self.fwd[i - 1] - self.bwd[i + 1]);
+            let u = friction.solve((d + self.steady_half_loss[s] + self.momentum[i]) / (1.0 + mu));
+            let (up, down) = (u + half_b * self.outflow[i], u - half_b * self.outflow[i]);
+            let stored = self.h[i] * (1.0 + kappa) - self.storage[i];
+            let (moved_up, moved_down) = (self.fwd[i - 1] - stored, stored - self.bwd[i + 1]);
+            self.u[i] = u;
+            self.new_bwd[i] = (2.0 * self.h[i] - stored) - (2.0 * up - moved_up);
+            self.new_fwd[i] = (2.0 * self.h[i] - stored) + (2.0 * down - moved_down);
         }
     }
 

@@ -8,15 +8,22 @@ pub struct Trace {
     /// Head (m) or flow (m³/s) at `0, dt, 2dt, …` after the start of the closure; the first is the steady value, which also
     /// holds before.
     pub values: Vec<f64>,
+    /// How much later than it happens the trace shows it, s: the skew of a sensor's clock.
+    pub late_s: f64,
 }
 
 impl Trace {
+    /// An empty trace with room for so many values.
+    pub fn with_capacity(dt_s: f64, values: usize) -> Trace {
+        Trace { dt_s, values: Vec::with_capacity(values), late_s: 0.0 }
+    }
+
     /// Value at a time after the start of the closure, cubic between steps; the steady one before it, the last one after
     /// the end.
     ///
     /// Linear interpolation would leave `dt² H''/8` at a front, more than the scheme's own error.
     pub fn at(&self, time_s: f64) -> f64 {
-        let x = time_s / self.dt_s;
+        let x = (time_s - self.late_s) / self.dt_s;
         if x <= 0.0 {
             return self.values[0];
         }
@@ -58,7 +65,7 @@ mod tests {
     #[test]
     fn cubic_between_steps_and_steady_outside() {
         let f = |t: f64| 3.0 - t + 0.5 * t * t - 0.1 * t.powi(3);
-        let trace = Trace { dt_s: 0.5, values: (0..20).map(|i| f(0.5 * i as f64)).collect() };
+        let trace = Trace { dt_s: 0.5, values: (0..20).map(|i| f(0.5 * i as f64)).collect(), late_s: 0.0 };
         for t in [0.5, 0.77, 3.17, 8.9] {
             assert!((trace.at(t) - f(t)).abs() < 1e-12, "{t}");
         }

@@ -65,7 +65,8 @@ fn simulate(problem: &Exact, reaches: usize, places: &[f64], times: &[f64]) -> V
     let duration_s = times.iter().copied().fold(0.0, f64::max);
     let conditions = Conditions { water, supply_deviation: None };
     let probes: Vec<Probe> = places.iter().map(|&x| Probe::Head(x)).collect();
-    let traces = model.simulate(&conditions, &shared, &run, Resolution { reaches, duration_s }, &probes).unwrap();
+    let traces =
+        model.simulate(&conditions, &shared, &run, Resolution { reaches, duration_s }, &probes).unwrap().traces;
     traces.iter().map(|trace| times.iter().map(|&t| trace.at(t) - 30.0).collect()).collect()
 }
 
@@ -217,7 +218,7 @@ fn two_pipes(reaches: usize, times: &[f64]) -> Vec<f64> {
     let run = RunValues { initial_velocity_m_s: 1.0, valve_head_m: 50.0, closing_time_s: 0.02, friction_scale: 1.0 };
     let conditions = Conditions { water, supply_deviation: None };
     let resolution = Resolution { reaches, duration_s: 2.0 };
-    let trace = model.simulate(&conditions, &[1200.0, 400.0], &run, resolution, &[Probe::Head(160.0)]).unwrap();
+    let trace = model.simulate(&conditions, &[1200.0, 400.0], &run, resolution, &[Probe::Head(160.0)]).unwrap().traces;
     times.iter().map(|&t| trace[0].at(t) - 50.0).collect()
 }
 
@@ -274,7 +275,7 @@ fn the_line_comes_to_rest_at_the_supplys_head() {
     let conditions = Conditions { water, supply_deviation: None };
     let probes = [Probe::Head(100.0), Probe::Head(0.0), Probe::Flow(50.0)];
     let resolution = Resolution { reaches: 40, duration_s: 600.0 };
-    let traces = model.simulate(&conditions, &[300.0, 0.5, 0.3], &run, resolution, &probes).unwrap();
+    let traces = model.simulate(&conditions, &[300.0, 0.5, 0.3], &run, resolution, &probes).unwrap().traces;
     let loss = 0.05 * 100.0 / 0.02 * 0.25 / (2.0 * 9.81);
     assert!((traces[1].at(0.0) - 20.0 - loss).abs() < 1e-9, "steady state with Darcy-Weisbach's loss");
     assert!((traces[0].at(600.0) - traces[1].at(0.0)).abs() < 1e-3, "{}", traces[0].at(600.0));
@@ -302,7 +303,7 @@ fn the_steady_state_stays() {
             let resolution = Resolution { reaches: 60, duration_s: 20.0 };
             let traces =
                 model.simulate(&conditions, &[400.0], &run, resolution, &[Probe::Head(200.0), Probe::Head(90.0)]);
-            for trace in traces.unwrap() {
+            for trace in traces.unwrap().traces {
                 assert!(
                     (trace.at(20.0) - trace.at(0.0)).abs() < 1e-5,
                     "{friction} {velocity}: {}",
@@ -352,7 +353,7 @@ fn a_measured_head_drives_the_line() {
     let resolution = Resolution { reaches: 50, duration_s: 4.0 };
     let with = |supply_deviation| {
         let conditions = Conditions { water, supply_deviation };
-        model.simulate(&conditions, &[400.0], &run, resolution, &[Probe::Head(100.0)]).map(|t| t[0].clone())
+        model.simulate(&conditions, &[400.0], &run, resolution, &[Probe::Head(100.0)]).map(|t| t.traces[0].clone())
     };
     assert!(with(None).unwrap_err().to_string().contains("position 0"));
     let constant = with(Some((vec![0.0, 4.0], vec![0.0, 0.0]))).unwrap();
@@ -364,7 +365,7 @@ fn a_measured_head_drives_the_line() {
     let conditions = Conditions { water, supply_deviation: None };
     let reservoir =
         Model::new(&rig, &water, &[]).simulate(&conditions, &[400.0], &run, resolution, &[Probe::Head(100.0)]).unwrap();
-    assert_eq!(reservoir[0], constant);
+    assert_eq!(reservoir.traces[0], constant);
 }
 
 #[test]

@@ -1,16 +1,27 @@
 //! The catalogue: one file an effect, and the list of them.
 //!
 //! An effect says everything about itself. Whatever needs to know of effects (help, calibration, reports) iterates over
-//! [`CATALOGUE`]. It contributes to the scheme in one of a few ways, each a method of [`Effect`] that defaults to nothing;
-//! so far a term along the line, computed once a step for all nodes of a segment.
+//! [`CATALOGUE`]. It contributes to the scheme in a few ways, each a method of [`Effect`] that defaults to nothing:
+//!
+//! | method | what the effect changes |
+//! | --- | --- |
+//! | [`Effect::reshape`] | the pipes, before the grid is laid |
+//! | [`Effect::line_terms`] | a term along the line, once a step for all nodes of a segment |
+//! | [`Effect::attachments`] | something at one place, or at the pipe's end before the valve |
+//! | [`Effect::field`] with [`Effect::node_shunt`] | what takes water out of every node |
+//! | [`Effect::supply`], [`Effect::valve`] | the ends |
+//! | [`Effect::sense`] | what one sensor makes of the head |
 
 mod viscoelastic_wall;
 
 use super::ModelError;
+use super::boundary::{Supply, ValveEnd};
+use super::grid::Stretch;
+use super::node::Shunt;
 use super::parameter::Parameter;
-use super::solver::{LineTerm, Steady};
-use crate::rig::Rig;
-use crate::rig::WaterProperties;
+use super::solver::{LineTerm, NodeField, Steady};
+use super::trace::Trace;
+use crate::rig::{Rig, WaterProperties};
 
 /// Every effect that a model can have.
 pub static CATALOGUE: &[&dyn Effect] = &[&viscoelastic_wall::ViscoelasticWall];
@@ -23,6 +34,77 @@ pub struct Site<'a> {
     pub water: &'a WaterProperties,
     /// Theoretical period `4L/a`, s.
     pub period_s: f64,
+}
+
+/// What an effect needs to know of a run to take part in it.
+pub struct Scene<'a> {
+    /// The rig.
+    pub rig: &'a Rig,
+    /// The water at the run's temperature.
+    pub water: &'a WaterProperties,
+    /// Time step, s.
+    pub dt_s: f64,
+    /// Flow through the valve before the closure, m³/s.
+    pub flow_m3_s: f64,
+    /// Head upstream of the valve before the closure, m.
+    pub valve_head_m: f64,
+}
+
+impl Scene<'_> {
+    /// Gauge pressure head of vapour, m: below this above the pipe's axis the water boils.
+    pub fn vapour_head_m(&self) -> f64 {
+        (self.water.vapour_pressure_pa - ATMOSPHERE_PA) / (self.water.density_kg_m3 * crate::units::GRAVITY_M_S2)
+    }
+
+    /// Head of the atmosphere, m.
+    pub fn atmosphere_head_m(&self) -> f64 {
+        ATMOSPHERE_PA / (self.water.density_kg_m3 * crate::units::GRAVITY_M_S2)
+    }
+}
+
+/// Standard atmosphere, Pa: what gauge pressures are counted from.
+pub const ATMOSPHERE_PA: f64 = 101_325.0;
+
+/// One node of the grid as seen by what is put there.
+#[derive(Debug, Clone, Copy)]
+pub struct Spot {
+    /// Share of the effect that this node has, 0 to 1: a place between two nodes is shared.
+    pub share: f64,
+    /// Position, m from the supply.
+    pub position_m: f64,
+    /// Elevation of the pipe's axis, m.
+    pub elevation_m: f64,
+    /// Cross-section of the pipe, m².
+    pub area_m2: f64,
+    /// Wave speed, m/s.
+    pub wave_speed_m_s: f64,
+    /// Volume of pipe that belongs to the node, m³.
+    pub volume_m3: f64,
+}
+
+/// Where something is attached.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Place {
+    /// At a distance from the supply, m.
+    At(f64),
+    /// At the pipe's end, before the valve.
+    Valve,
+}
+
+/// What is attached to a node.
+pub enum Element {
+    /// A head loss `k Q|Q|` with `k = K/(2gA²)`, s²/m⁵.
+    Loss(f64),
+    /// What takes water out.
+    Shunt(Box<dyn Shunt>),
+}
+
+/// Something at one place: made once for each node that shares it.
+pub struct Attachment<'a> {
+    /// Where.
+    pub place: Place,
+    /// Makes a node's share of it.
+    pub make: Box<dyn Fn(&Spot) -> Element + 'a>,
 }
 
 /// A physical effect that can be added to the base model.
@@ -41,6 +123,18 @@ pub trait Effect: Sync {
     fn elements(&self) -> Option<std::ops::RangeInclusive<usize>> {
         None
     }
+    /// Other forms of the same effect, chosen as `name/variant`: each an effect of its own of that name.
+    fn variants(&self) -> &'static [&'static dyn Effect] {
+        &[]
+    }
+    /// It concerns one pressure sensor, which may be named (`name@P2`).
+    fn at_sensor(&self) -> bool {
+        false
+    }
+    /// Effects that it cannot be together with, and why.
+    fn excludes(&self) -> &'static [(&'static str, &'static str)] {
+        &[]
+    }
     /// Its parameters, for a number of elements (1 where it has none).
     fn parameters(&self, site: &Site, elements: usize) -> Vec<Parameter>;
     /// Other places than `start` from which a fit of this effect should be tried, as factors on the start values.
@@ -48,37 +142,101 @@ pub trait Effect: Sync {
         let _ = elements;
         Vec::new()
     }
-    /// Terms along the line, for parameter values in the order of [`Effect::parameters`].
+    /// Changes the pipes before the grid is laid. Values are in the order of [`Effect::parameters`], here and below.
     ///
     /// # Errors
-    /// If a value is outside its physical range.
+    /// If a value is outside its physical range; likewise below.
+    fn reshape(&self, values: &[f64], stretches: &mut Vec<Stretch>) -> Result<(), ModelError> {
+        let _ = (values, stretches);
+        Ok(())
+    }
+    /// Terms along the line.
+    ///
+    /// # Errors
+    /// See [`Effect::reshape`].
     fn line_terms(&self, values: &[f64], steady: &Steady) -> Result<Vec<Box<dyn LineTerm>>, ModelError> {
         let _ = (values, steady);
         Ok(Vec::new())
     }
+    /// What it puts at places of the line.
+    ///
+    /// # Errors
+    /// See [`Effect::reshape`].
+    fn attachments<'a>(&self, values: &'a [f64], scene: &'a Scene) -> Result<Vec<Attachment<'a>>, ModelError> {
+        let _ = (values, scene);
+        Ok(Vec::new())
+    }
+    /// What takes water out of all inner nodes of segments.
+    ///
+    /// # Errors
+    /// See [`Effect::reshape`].
+    fn field(&self, values: &[f64], scene: &Scene, steady: &Steady) -> Result<Option<Box<dyn NodeField>>, ModelError> {
+        let _ = (values, scene, steady);
+        Ok(None)
+    }
+    /// The same at a joint of segments or at the pipe's end, for effects that have a field.
+    fn node_shunt(&self, values: &[f64], scene: &Scene, spot: &Spot) -> Option<Box<dyn Shunt>> {
+        let _ = (values, scene, spot);
+        None
+    }
+    /// The supply, given the one without this effect.
+    ///
+    /// # Errors
+    /// See [`Effect::reshape`].
+    fn supply(&self, values: &[f64], supply: Box<dyn Supply>) -> Result<Box<dyn Supply>, ModelError> {
+        let _ = values;
+        Ok(supply)
+    }
+    /// Changes the valve.
+    ///
+    /// # Errors
+    /// See [`Effect::reshape`].
+    fn valve(&self, values: &[f64], valve: &mut ValveEnd) -> Result<(), ModelError> {
+        let _ = (values, valve);
+        Ok(())
+    }
+    /// What the sensor that it concerns makes of the head; the sensor's elevation is `elevation_m`.
+    ///
+    /// # Errors
+    /// See [`Effect::reshape`].
+    fn sense(&self, values: &[f64], elevation_m: f64, trace: Trace) -> Result<Trace, ModelError> {
+        let _ = (values, elevation_m);
+        Ok(trace)
+    }
 }
 
 /// An effect chosen for a model.
-#[derive(Clone, Copy)]
+#[derive(Clone)]
 pub struct Chosen {
     /// The effect.
     pub effect: &'static dyn Effect,
     /// Number of elements where the user fixed it.
     pub elements: Option<usize>,
+    /// The sensor it concerns where the user named it.
+    pub sensor: Option<String>,
 }
 
 impl Chosen {
-    /// As the user writes it: `viscoelastic-wall:2`.
+    /// As the user writes it: `viscoelastic-wall:2`, `sensor-lag@P2`.
     pub fn label(&self) -> String {
-        match self.elements {
-            Some(n) if self.effect.elements().is_some() => format!("{}:{n}", self.effect.name()),
-            _ => self.effect.name().to_owned(),
+        let mut label = self.effect.name().to_owned();
+        if let Some(n) = self.elements.filter(|_| self.effect.elements().is_some()) {
+            label += &format!(":{n}");
         }
+        if let Some(sensor) = &self.sensor {
+            label += &format!("@{sensor}");
+        }
+        label
     }
 
     /// The same with a number of elements.
-    pub fn with_elements(self, elements: usize) -> Self {
-        Chosen { elements: Some(elements), ..self }
+    pub fn with_elements(&self, elements: usize) -> Self {
+        Chosen { elements: Some(elements), ..self.clone() }
+    }
+
+    /// The same at a sensor.
+    pub fn with_sensor(&self, sensor: &str) -> Self {
+        Chosen { sensor: Some(sensor.to_owned()), ..self.clone() }
     }
 }
 
@@ -86,6 +244,17 @@ impl std::fmt::Debug for Chosen {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.write_str(&self.label())
     }
+}
+
+/// Refuses a value outside its physical range.
+///
+/// # Errors
+/// A sentence with name, value and what is allowed.
+pub fn check(name: &str, value: f64, holds: bool, allowed: &'static str) -> Result<(), ModelError> {
+    if holds && value.is_finite() {
+        return Ok(());
+    }
+    Err(ModelError::Value { name: name.to_owned(), value, allowed })
 }
 
 /// Reads a comma-separated list of effects; `none` or nothing is the base model.
@@ -96,12 +265,18 @@ impl std::fmt::Debug for Chosen {
 pub fn parse_list(text: &str) -> Result<Vec<Chosen>, ModelError> {
     let mut chosen: Vec<Chosen> = Vec::new();
     for item in text.split(',').map(str::trim).filter(|s| !s.is_empty() && *s != "none") {
+        let (item, sensor) = match item.split_once('@') {
+            Some((item, sensor)) => (item, Some(sensor.to_owned())),
+            None => (item, None),
+        };
         let (name, number) = match item.split_once(':') {
             Some((name, number)) => (name, Some(number)),
             None => (item, None),
         };
-        let effect = *CATALOGUE.iter().find(|e| e.name() == name).ok_or_else(|| {
-            let known: Vec<_> = CATALOGUE.iter().map(|e| e.name()).collect();
+        let all: Vec<&'static dyn Effect> =
+            CATALOGUE.iter().flat_map(|e| std::iter::once(*e).chain(e.variants().iter().copied())).collect();
+        let effect = all.iter().copied().find(|e| e.name() == name).ok_or_else(|| {
+            let known: Vec<_> = all.iter().map(|e| e.name()).collect();
             let nearest =
                 known.iter().max_by(|a, b| strsim::jaro_winkler(name, a).total_cmp(&strsim::jaro_winkler(name, b)));
             ModelError::UnknownEffect {
@@ -121,12 +296,31 @@ pub fn parse_list(text: &str) -> Result<Vec<Chosen>, ModelError> {
             }
             (Some(_), None) => return Err(ModelError::NoElements { item: item.to_owned() }),
         };
-        if chosen.iter().any(|c| c.effect.name() == name) {
-            return Err(ModelError::EffectTwice { name: name.to_owned() });
+        if sensor.is_some() && !effect.at_sensor() {
+            return Err(ModelError::NoSensor { item: item.to_owned() });
         }
-        chosen.push(Chosen { effect, elements });
+        for other in &chosen {
+            if other.effect.name() == name {
+                return Err(ModelError::EffectTwice { name: name.to_owned() });
+            }
+            excluded(effect, other.effect)?;
+        }
+        chosen.push(Chosen { effect, elements, sensor });
     }
     Ok(chosen)
+}
+
+/// Whether two effects can be together.
+///
+/// # Errors
+/// If one excludes the other, with the reason.
+pub fn excluded(one: &dyn Effect, other: &dyn Effect) -> Result<(), ModelError> {
+    for (a, b) in [(one, other), (other, one)] {
+        if let Some((name, why)) = a.excludes().iter().find(|(name, _)| *name == b.name()) {
+            return Err(ModelError::Excluded { one: a.name().to_owned(), other: (*name).to_owned(), why });
+        }
+    }
+    Ok(())
 }
 
 #[cfg(test)]

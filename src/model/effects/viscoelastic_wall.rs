@@ -1,6 +1,6 @@
 //! Creep of the pipe wall: generalised Kelvin-Voigt elements whose retarded hoop strain stores water.
 
-use super::{Effect, Site};
+use super::{Effect, Site, check};
 use crate::model::ModelError;
 use crate::model::parameter::Parameter;
 use crate::model::solver::{Implicit, LineTerm, Steady};
@@ -71,13 +71,8 @@ impl Effect for ViscoelasticWall {
 
     fn line_terms(&self, values: &[f64], steady: &Steady) -> Result<Vec<Box<dyn LineTerm>>, ModelError> {
         for (k, pair) in values.chunks_exact(2).enumerate() {
-            let bad = |name: String, value, allowed| Err(ModelError::Value { name, value, allowed });
-            if !(pair[0] >= 0.0 && pair[0].is_finite()) {
-                return bad(format!("J{}_per_GPa", k + 1), pair[0], "zero or more");
-            }
-            if !(pair[1] > 0.0 && pair[1].is_finite()) {
-                return bad(format!("tau{}_s", k + 1), pair[1], "more than zero");
-            }
+            check(&format!("J{}_per_GPa", k + 1), pair[0], pair[0] >= 0.0, "zero or more")?;
+            check(&format!("tau{}_s", k + 1), pair[1], pair[1] > 0.0, "more than zero")?;
         }
         let dt = steady.grid.dt_s;
         let mut kappas = Vec::new();

@@ -1,0 +1,161 @@
+//! Nodes where something sits: joints of pipes, leaks, blockages, branches, gas, and the valve's end.
+//!
+//! Each side sends one characteristic, linear in head and flow. What sits there is either a *shunt*, which takes a flow out of
+//! the node that does not fall with the head, or a *loss*, across which the head drops by `K Q|Q|`. Any number of both at one
+//! node leave one scalar equation in the head behind the losses, increasing, solved by a safeguarded Newton iteration.
+
+/// What takes water out of a node: a leak, a branch, a gas volume, a moving wall. Heads are total heads, m.
+pub trait Shunt: Send {
+    /// Outflow before the closure, m³/s; sets the inner state for it.
+    fn settle(&mut self, head_m: f64) -> f64;
+    /// Outflow at the new time if the head is `head_m`, m³/s, and its derivative by the head (zero or more).
+    fn outflow(&self, head_m: f64) -> (f64, f64);
+    /// Takes the new head for good.
+    fn advance(&mut self, head_m: f64);
+}
+
+/// The characteristic that reaches a node along a pipe, in total heads: `H + z Q = e` from upstream, `H - z Q = e` from
+/// downstream.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Arriving {
+    /// Effective impedance, s/m².
+    pub z: f64,
+    /// Known part, m.
+    pub e: f64,
+}
+
+/// Head and flow on both sides of a node.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Solved {
+    /// Head upstream of the losses, m.
+    pub left_head_m: f64,
+    /// Flow that arrives, m³/s.
+    pub left_flow_m3_s: f64,
+    /// Head downstream of the losses, m.
+    pub right_head_m: f64,
+    /// Flow that goes on, m³/s.
+    pub right_flow_m3_s: f64,
+}
+
+/// What sits at one node.
+#[derive(Default)]
+pub struct Node {
+    /// Sum of the losses' `K/(2gA²)`, s²/m⁵.
+    pub loss: f64,
+    /// Everything that takes water out, behind the losses.
+    pub shunts: Vec<Box<dyn Shunt>>,
+}
+
+impl Node {
+    /// Steady state: from head and flow behind the node to those before it.
+    pub fn settle(&mut self, head_m: f64, flow_m3_s: f64) -> (f64, f64) {
+        let flow = flow_m3_s + self.shunts.iter_mut().map(|s| s.settle(head_m)).sum::<f64>();
+        (head_m + self.loss * flow * flow.abs(), flow)
+    }
+
+    /// A plain joint: nothing sits there.
+    pub fn is_plain(&self) -> bool {
+        self.loss == 0.0 && self.shunts.is_empty()
+    }
+
+    /// Solves the node. `onward` is the flow that goes on at a head behind the losses, and its derivative; `guess_m` a head near
+    /// the solution.
+    pub fn solve(&mut self, left: Arriving, onward: impl Fn(f64) -> (f64, f64), guess_m: f64) -> Solved {
+        // F(H) = H + K Ql|Ql| + z Ql - e with Ql = onward(H) + Σ outflow(H): increasing in H.
+        let balance = |head: f64| {
+            let (mut flow, mut slope) = onward(head);
+            for shunt in &self.shunts {
+                let (q, dq) = shunt.outflow(head);
+                flow += q;
+                slope += dq;
+            }
+            let value = head + self.loss * flow * flow.abs() + left.z * flow - left.e;
+            (value, 1.0 + (2.0 * self.loss * flow.abs() + left.z) * slope)
+        };
+        let head = root(balance, guess_m);
+        let right_flow = onward(head).0;
+        let left_flow = right_flow + self.shunts.iter().map(|s| s.outflow(head).0).sum::<f64>();
+        for shunt in &mut self.shunts {
+            shunt.advance(head);
+        }
+        Solved {
+            left_head_m: head + self.loss * left_flow * left_flow.abs(),
+            left_flow_m3_s: left_flow,
+            right_head_m: head,
+            right_flow_m3_s: right_flow,
+        }
+    }
+}
+
+/// Root of an increasing function given with its derivative, by Newton's method kept inside a bracket.
+pub fn root(f: impl Fn(f64) -> (f64, f64), guess: f64) -> f64 {
+    const MOST: usize = 100;
+    let (mut low, mut high) = (f64::NEG_INFINITY, f64::INFINITY);
+    let mut x = guess;
+    let mut width = 1.0;
+    for _ in 0..MOST {
+        let (value, slope) = f(x);
+        if value == 0.0 || !value.is_finite() && x == guess {
+            return x;
+        }
+        if value > 0.0 {
+            high = x;
+        } else {
+            low = x;
+        }
+        let newton = x - value / slope;
+        let inside = newton > low && newton < high && newton.is_finite();
+        let next = if inside {
+            newton
+        } else if low.is_finite() && high.is_finite() {
+            0.5 * (low + high)
+        } else {
+            // No bracket yet: further and further in the direction of the root.
+            width *= 2.0;
+            if value > 0.0 { x - width } else { x + width }
+        };
+        let tolerance = 1e-13 * (1.0 + x.abs());
+        if (next - x).abs() <= tolerance {
+            return next;
+        }
+        x = next;
+    }
+    x
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    struct Orifice(f64);
+    impl Shunt for Orifice {
+        fn settle(&mut self, head_m: f64) -> f64 {
+            self.outflow(head_m).0
+        }
+        fn outflow(&self, head_m: f64) -> (f64, f64) {
+            if head_m <= 0.0 { (0.0, 0.0) } else { (self.0 * head_m.sqrt(), 0.5 * self.0 / head_m.sqrt()) }
+        }
+        fn advance(&mut self, _head_m: f64) {}
+    }
+
+    #[test]
+    fn a_leak_and_a_loss_at_one_node_meet_all_their_equations() {
+        let mut node = Node { loss: 2e5, shunts: vec![Box::new(Orifice(1e-4)), Box::new(Orifice(3e-5))] };
+        let (left, right) = (Arriving { z: 4e4, e: 70.0 }, Arriving { z: 5e4, e: -20.0 });
+        let s = node.solve(left, |h| ((h - right.e) / right.z, 1.0 / right.z), 20.0);
+        assert!((s.left_head_m + left.z * s.left_flow_m3_s - left.e).abs() < 1e-9);
+        assert!((s.right_head_m - right.z * s.right_flow_m3_s - right.e).abs() < 1e-9);
+        let leak = 1.3e-4 * s.right_head_m.sqrt();
+        assert!((s.left_flow_m3_s - s.right_flow_m3_s - leak).abs() < 1e-12);
+        let loss = 2e5 * s.left_flow_m3_s * s.left_flow_m3_s.abs();
+        assert!((s.left_head_m - s.right_head_m - loss).abs() < 1e-9);
+    }
+
+    #[test]
+    fn the_root_is_found_from_afar_and_across_a_kink() {
+        let f = |x: f64| if x > 3.0 { (1e6 * (x - 3.0) + 1.0, 1e6) } else { ((x - 2.0) * 1.0, 1.0) };
+        assert!((root(f, -500.0) - 2.0).abs() < 1e-9);
+        assert!((root(f, 1e4) - 2.0).abs() < 1e-9);
+        assert!((root(|x| (x.powi(3), 3.0 * x * x), 5.0)).abs() < 1e-3);
+    }
+}
