@@ -10,6 +10,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use super::load::{self, Loaded};
 use super::{CommandResult, Outcome};
 use crate::fit::calibrate::{FitError, Options, Progress, calibrate};
+use crate::fit::conflict::conflicts;
 use crate::fit::data::RunData;
 use crate::fit::outcome::Fit;
 use crate::model::effects::{Chosen, parse_list};
@@ -72,6 +73,9 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         eprintln!("report: {}", path.display());
     }
     let Some((_, last)) = fits.last() else { return Ok(Outcome::Done) };
+    for conflict in conflicts(last, &runs) {
+        eprintln!("warning: {conflict}");
+    }
     if json {
         super::say!("{}", json::calibration(last)?);
     } else {

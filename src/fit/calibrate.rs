@@ -100,11 +100,13 @@ pub fn calibrate(
         }
     }
     let water = &first.conditions.water;
-    let open = effects.iter().position(|c| c.elements.is_none() && c.effect.elements().is_some());
+    // An effect with elements grows from one: a fit of many from scratch ends in poorer places.
+    let growing = effects.iter().position(|c| c.effect.elements().is_some_and(|r| r.contains(&2)));
+    let asked = growing.and_then(|i| effects[i].elements);
     let evaluations = AtomicUsize::new(0);
 
     let mut chosen = effects.to_vec();
-    if let Some(i) = open {
+    if let Some(i) = growing {
         chosen[i] = chosen[i].with_elements(1);
     }
     let mut model = Model::new(rig, water, &chosen);
@@ -112,16 +114,16 @@ pub fn calibrate(
     let fitter =
         Fitter { runs, options, progress, evaluations: &evaluations, least_reaches: model.least_reaches(&starts) };
     let mut state = fitter.approach(&model, None)?;
-    let most = open.and_then(|i| chosen[i].effect.elements()).map_or(1, |r| *r.end());
+    let most = growing.map_or(1, |i| asked.or(effects[i].effect.elements().map(|r| *r.end())).unwrap_or(1));
     let mut leftover = fitter.leftover(&model, &state)?;
     for elements in 2..=most {
-        let Some(i) = open else { break };
+        let Some(i) = growing else { break };
         let mut more = chosen.clone();
         more[i] = more[i].with_elements(elements);
         let bigger = Model::new(rig, water, &more);
         let trial = fitter.approach(&bigger, Some((&model, &state)))?;
         let trial_leftover = fitter.leftover(&bigger, &trial)?;
-        if trial_leftover.evidence_over(&leftover) < EVIDENCE {
+        if asked.is_none() && trial_leftover.evidence_over(&leftover) < EVIDENCE {
             break;
         }
         (chosen, model, state, leftover) = (more, bigger, trial, trial_leftover);
@@ -261,6 +263,7 @@ impl Fitter<'_> {
             let (grid_error_m, over_noise) = self.grid_error(&problem, &values)?;
             if over_noise <= self.options.grid_error_over_noise || 2 * reaches > self.options.most_reaches {
                 problem.set_window(self.whole(reaches));
+                model.put_in_order(&mut values);
                 let solution = self.minimise(&problem, &values, LATE, "all samples")?;
                 break (problem, solution, grid_error_m);
             }
@@ -401,21 +404,22 @@ fn starts_of(model: &Model, base: &[f64]) -> Vec<Vec<f64>> {
 }
 
 /// Starts from a smaller fitted model: what they share by name is taken over, what is new is tried weak, at its own start
-/// and at each other start of its effect.
+/// and at each other start of its effect, and as good as gone, so that more never fits worse.
 fn starts_from(model: &Model, small: &Model, state: &State, base: &[f64]) -> Vec<Vec<f64>> {
     let (shared, small_shared) = (model.shared.len(), small.shared.len());
-    starts_of(model, base)
-        .into_iter()
-        .map(|mut start| {
-            for (value, parameter) in start[..shared].iter_mut().zip(&model.shared) {
-                match small.shared.iter().position(|p| p.name == parameter.name) {
-                    Some(i) => *value = state.values[i],
-                    None if parameter.vanishes_at == Some(0.0) => *value *= 0.2,
-                    None => {}
-                }
+    let grown = |mut start: Vec<f64>, gone: bool| {
+        for (value, parameter) in start[..shared].iter_mut().zip(&model.shared) {
+            match small.shared.iter().position(|p| p.name == parameter.name) {
+                Some(i) => *value = state.values[i],
+                None if parameter.vanishes_at == Some(0.0) && gone => *value = parameter.lower,
+                None if parameter.vanishes_at == Some(0.0) => *value *= 0.2,
+                None => {}
             }
-            start[shared..].copy_from_slice(&state.values[small_shared..]);
-            start
-        })
-        .collect()
+        }
+        start[shared..].copy_from_slice(&state.values[small_shared..]);
+        start
+    };
+    let mut starts: Vec<Vec<f64>> = starts_of(model, base).into_iter().map(|start| grown(start, false)).collect();
+    starts.push(grown(base.to_vec(), true));
+    starts
 }

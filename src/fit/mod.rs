@@ -2,6 +2,7 @@
 
 pub mod calibrate;
 pub mod compare;
+pub mod conflict;
 pub mod data;
 pub mod least_squares;
 pub mod outcome;

@@ -227,6 +227,15 @@ impl<'a> Model<'a> {
         &self.effect_sizes
     }
 
+    /// Puts the effects' values in their customary order.
+    pub fn put_in_order(&self, values: &mut [f64]) {
+        let mut at = self.effects_from();
+        for (chosen, &size) in self.effects.iter().zip(&self.effect_sizes) {
+            chosen.effect.put_in_order(&mut values[at..at + size]);
+            at += size;
+        }
+    }
+
     /// Theoretical period `4L/a` for shared parameter values, s.
     pub fn period_s(&self, shared: &[f64]) -> f64 {
         4.0 * self.rig.pipes.iter().zip(shared).map(|(p, a)| p.length_m / a).sum::<f64>()

@@ -142,6 +142,10 @@ pub trait Effect: Sync {
         let _ = elements;
         Vec::new()
     }
+    /// Puts values that could stand in another order and mean the same (elements) in their customary one.
+    fn put_in_order(&self, values: &mut [f64]) {
+        let _ = values;
+    }
     /// Changes the pipes before the grid is laid. Values are in the order of [`Effect::parameters`], here and below.
     ///
     /// # Errors

@@ -69,6 +69,13 @@ impl Effect for ViscoelasticWall {
         [0.2, 5.0].iter().map(|&by| [1.0, by].repeat(elements)).collect()
     }
 
+    /// By retardation time.
+    fn put_in_order(&self, values: &mut [f64]) {
+        let mut pairs: Vec<[f64; 2]> = values.chunks_exact(2).map(|p| [p[0], p[1]]).collect();
+        pairs.sort_by(|a, b| a[1].total_cmp(&b[1]));
+        values.copy_from_slice(pairs.as_flattened());
+    }
+
     fn line_terms(&self, values: &[f64], steady: &Steady) -> Result<Vec<Box<dyn LineTerm>>, ModelError> {
         for (k, pair) in values.chunks_exact(2).enumerate() {
             check(&format!("J{}_per_GPa", k + 1), pair[0], pair[0] >= 0.0, "zero or more")?;
