@@ -7,7 +7,7 @@ use crate::model::effects::Chosen;
 use crate::model::parameter::Parameter;
 use crate::model::trace::{Probe, Trace};
 use crate::model::{Conditions, Model, ModelError, Resolution, RunValues};
-use crate::rig::{Rig, Upstream, WaterProperties};
+use crate::rig::{Coupling, Rig, Upstream, WaterProperties};
 use crate::units::GRAVITY_M_S2;
 
 type AnyError = Box<dyn Error + Send + Sync>;
@@ -119,6 +119,8 @@ impl Scenario {
             closing_time_s: get("closing_time_s").unwrap_or(rig.valve.closing_time_s),
             friction_scale,
         };
+        let travel: Vec<f64> = rig.pipes.iter().zip(&shared).map(|(p, a)| p.length_m / a).collect();
+        let reaches = crate::model::grid::fitting_reaches(&travel, reaches);
         Ok(Scenario { water, effects, valve, shared, run, reaches, rig })
     }
 
@@ -167,7 +169,11 @@ impl Scenario {
     /// A head at a sensor in the sensor's unit.
     pub fn displayed(&self, sensor: usize, head_m: f64) -> f64 {
         let sensor = &self.rig.sensors[sensor];
-        let elevation_m = sensor.elevation_m.unwrap_or_else(|| self.rig.elevation_m(sensor.position_m));
+        // A sensor that sees no steady pressure sees no elevation.
+        let elevation_m = match sensor.coupling {
+            Coupling::Dc => sensor.elevation_m.unwrap_or_else(|| self.rig.elevation_m(sensor.position_m)),
+            Coupling::Ac => 0.0,
+        };
         let density = self.water.density_kg_m3;
         sensor.unit.from_si((head_m - elevation_m) * density * GRAVITY_M_S2, density)
     }

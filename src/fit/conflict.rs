@@ -26,9 +26,10 @@ pub fn conflicts(fit: &Fit, runs: &[RunData]) -> Vec<String> {
                 run.file
             ));
         }
-        let known_head = run.start.valve_head_m;
+        let (known_head, guessed) = run.start.valve_head_m;
         let head_sd = run.sensors.iter().map(|s| s.offset_sd_m).fold(0.0, f64::max);
         if let Some(fitted) = own("valve_head_m")
+            && guessed.is_none()
             && (fitted - known_head).abs() > CONFLICT * head_sd
         {
             sentences.push(format!(
@@ -55,6 +56,14 @@ pub fn conflicts(fit: &Fit, runs: &[RunData]) -> Vec<String> {
                 run.file
             ));
         }
+    }
+    let noise = fit.runs.iter().map(|r| r.noise_m).fold(f64::INFINITY, f64::min);
+    if fit.grid_error_m > 0.5 * noise {
+        sentences.push(format!(
+            "the grid's own error, {:.3} m at {} reaches, is not small against the noise of {noise:.3} m: raise --most-reaches before \
+             looking for missing physics",
+            fit.grid_error_m, fit.reaches
+        ));
     }
     for parameter in fit.parameters.iter().filter(|p| p.at_bound) {
         sentences.push(format!("{} ended at its bound, {:.4e} {}", parameter.name, parameter.value, parameter.unit));

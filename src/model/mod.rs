@@ -131,6 +131,8 @@ impl Simulated {
     }
 }
 
+/// Least head over the open valve, m: without any nothing would flow.
+pub const LEAST_DROP_M: f64 = 1e-3;
 /// Memory that the recorded heads of one simulation may take.
 const MOST_HISTORY_BYTES: usize = 4 << 30;
 /// Share of the impedance that friction over one reach may take (see [`friction::NodeFriction`]).
@@ -193,7 +195,14 @@ impl<'a> Model<'a> {
                 1e-4,
                 50.0,
             ),
-            Parameter::linear("valve_head_m", "m", "head upstream of the valve before it closes", 20.0, -20.0, 5000.0),
+            Parameter::linear(
+                "valve_head_m",
+                "m",
+                "head upstream of the valve before it closes",
+                rig.valve.discharge_head_m + 20.0,
+                rig.valve.discharge_head_m + LEAST_DROP_M,
+                rig.valve.discharge_head_m + 5000.0,
+            ),
             Parameter::log(
                 "closing_time_s",
                 "s",
@@ -246,6 +255,12 @@ impl<'a> Model<'a> {
         let travel_s: Vec<f64> = self.rig.pipes.iter().zip(shared).map(|(p, a)| p.length_m / a).collect();
         let margin = if travel_s.len() > 1 { 1.2 } else { 1.0 };
         (margin * grid::least_reaches(&travel_s) as f64).ceil() as usize
+    }
+
+    /// Reaches, at least `reaches`, that fit the pipes' joints best.
+    pub fn fitting_reaches(&self, shared: &[f64], reaches: usize) -> usize {
+        let travel_s: Vec<f64> = self.rig.pipes.iter().zip(shared).map(|(p, a)| p.length_m / a).collect();
+        grid::fitting_reaches(&travel_s, reaches)
     }
 
     /// Simulates one run: what each probe reads, in time after the start of the closure.
@@ -345,11 +360,14 @@ impl<'a> Model<'a> {
     }
 
     fn stretches(&self, conditions: &Conditions, shared: &[f64], run: &RunValues, flow_m3_s: f64) -> Vec<Stretch> {
+        // Where some pipes are of a material that creeps, only they do.
+        let any_creeps = self.rig.pipes.iter().any(|p| p.material().viscoelastic);
         self.rig
             .pipes
             .iter()
             .zip(shared)
             .map(|(pipe, &wave_speed_m_s)| Stretch {
+                creeps: pipe.material().viscoelastic || !any_creeps,
                 length_m: pipe.length_m,
                 diameter_m: pipe.inner_diameter_m,
                 wall_m: pipe.wall_thickness_m,

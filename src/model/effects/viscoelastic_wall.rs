@@ -32,7 +32,7 @@ impl Effect for ViscoelasticWall {
     /// `J1_per_GPa, tau1_s, J2_per_GPa, tau2_s, …`, spread evenly (in ratio) around the period.
     fn parameters(&self, site: &Site, elements: usize) -> Vec<Parameter> {
         // The creep compliance in units of the wall's whole effect on the wave speed, e/(a² c₁ ρ D).
-        let pipe = &site.rig.pipes[0];
+        let pipe = site.rig.pipes.iter().find(|p| p.material().viscoelastic).unwrap_or(&site.rig.pipes[0]);
         let (wave_speed, ..) = pipe.wave_speed_start(site.water);
         let unit_compliance = pipe.wall_thickness_m
             / (wave_speed.powi(2) * pipe.constraint_coefficient() * site.water.density_kg_m3 * pipe.inner_diameter_m);
@@ -87,7 +87,13 @@ impl Effect for ViscoelasticWall {
         for segment in &steady.grid.segments {
             // ½ B (2 A dx) ε': half of the storage flow of a reach, as a head; ε = C J h with C = c₁ D ρ g/(2e).
             let strain = segment.mean(|s| {
-                s.area_m2() * s.constraint * s.diameter_m * steady.density_kg_m3 * GRAVITY_M_S2 / (2.0 * s.wall_m)
+                f64::from(u8::from(s.creeps))
+                    * s.area_m2()
+                    * s.constraint
+                    * s.diameter_m
+                    * steady.density_kg_m3
+                    * GRAVITY_M_S2
+                    / (2.0 * s.wall_m)
             });
             let weight = segment.impedance * segment.reach_m * strain;
             let mut kappa = 0.0;
