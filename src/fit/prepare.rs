@@ -205,7 +205,7 @@ mod tests {
     #[test]
     fn smoothing_keeps_a_cubic_and_halves_noise_many_times() {
         let cubic: Vec<f64> =
-            (0..200).map(|i| f64::from(i)).map(|x| 1.0 + 0.1 * x - 1e-3 * x * x + 1e-5 * x.powi(3)).collect();
+            (0..200).map(f64::from).map(|x| 1.0 + 0.1 * x - 1e-3 * x * x + 1e-5 * x.powi(3)).collect();
         for (a, b) in savitzky_golay(&cubic, 9).iter().zip(&cubic) {
             assert!((a - b).abs() < 1e-9);
         }
