@@ -361,3 +361,27 @@ fn a_stop_flag_ends_a_slow_replay_at_once() {
     assert!(started.elapsed() < Duration::from_secs(5), "{:?}", started.elapsed());
     assert!(log::read(&again).is_ok());
 }
+
+/// Messages have nowhere to go: a pipe that nobody reads any more, a disk that is full.
+#[test]
+fn a_recording_goes_on_when_standard_error_does_not() {
+    let simulate = ["--simulate", "--speed", "0", "--duration", "8"];
+    let finished = |name: &str, bench: &Bench, output: Output| {
+        assert_eq!(output.status.code(), Some(0), "standard error {name}");
+        let recording = log::read(&bench.file).unwrap();
+        assert_eq!(recording.series[0].value.len(), 8000, "standard error {name}");
+        assert_eq!(json(&output)["sensors"][0]["samples"], 8000);
+    };
+
+    let bench = Bench::new("frames");
+    let mut child = bench.recorder(&simulate).spawn().unwrap();
+    drop(child.stderr.take());
+    finished("closed", &bench, child.wait_with_output().unwrap());
+
+    if let Ok(full) = std::fs::OpenOptions::new().write(true).open("/dev/full") {
+        let bench = Bench::new("frames");
+        finished("full", &bench, bench.recorder(&simulate).stderr(full).output().unwrap());
+        let refused = bench.recorder(&simulate).stderr(Stdio::null()).status().unwrap();
+        assert_eq!(refused.code(), Some(2), "the exit code holds without its message");
+    }
+}

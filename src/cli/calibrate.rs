@@ -69,7 +69,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     let stages: Vec<Stage> = fits.iter().map(|(title, fit)| Stage { title: title.clone(), fit }).collect();
     if let Some(path) = &args.report {
         write_report(path, &rig, &loaded, stages.clone())?;
-        eprintln!("report: {}", path.display());
+        super::tell!("report: {}", path.display());
     }
     let Some((_, last)) = fits.last() else { return Ok(Outcome::Done) };
     if json {

@@ -97,7 +97,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
 /// The story goes to standard output; to standard error where that is kept for JSON.
 fn say(json: bool, text: &str) -> std::io::Result<()> {
     if json {
-        eprintln!("{text}");
+        super::tell!("{text}");
     } else {
         super::say_text!(format!("{text}\n"));
     }
@@ -138,7 +138,7 @@ fn record(rig: &Rig, output: &Path, speed: f64) -> CommandResult {
         record_playback(rig, device, &playback, speed, Faults::default(), &options, &mut |p| reporter.show(p));
     reporter.clear();
     let recorded = recorded?;
-    eprintln!("   {}: {:.1} s from the wire", output.display(), recorded.duration_s);
+    super::tell!("   {}: {:.1} s from the wire", output.display(), recorded.duration_s);
     Ok(if recorded.data_lost { Outcome::DataLost } else { Outcome::Done })
 }
 

@@ -90,7 +90,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     let summary = record(&args, rig.as_ref(), &options, &mut |progress| reporter.show(progress));
     reporter.clear();
     let summary = summary?;
-    eprintln!("{}: {}", summary.file, summary.ended);
+    super::tell!("{}: {}", summary.file, summary.ended);
     if json {
         super::say!("{}", serde_json::to_string(&summary)?);
     } else {
@@ -118,7 +118,7 @@ fn record(
     }
     let device = live_device(rig, &args.port)?;
     let source = Source::open(&device)?;
-    eprintln!("listening to device '{}' on {}; Ctrl-C ends the recording", device.name, device.port);
+    super::tell!("listening to device '{}' on {}; Ctrl-C ends the recording", device.name, device.port);
     Ok(session::record(rig, &device, &source, options, &STOP, report)?)
 }
 
@@ -175,7 +175,7 @@ pub fn record_playback(
 ) -> Result<Summary, AnyError> {
     let counts = Counts::new(playback, rig, &device)?;
     if counts.clipped > 0 {
-        eprintln!("{} samples are outside the range of the device's counts: see scale and offset", counts.clipped);
+        super::tell!("{} samples are outside the range of the device's counts: see scale and offset", counts.clipped);
     }
     let mut simulated = SimulatedDevice::open()?;
     device.port = simulated.path().display().to_string();
@@ -214,7 +214,9 @@ impl Reporter {
                 bar.set_message(text);
                 bar.tick();
             }
-            Reporter::Lines => eprintln!("{text}"),
+            // a reader that has stopped reading must not hold up the recording
+            Reporter::Lines if stderr_takes_more() => super::tell!("{text}"),
+            Reporter::Lines => {}
         }
     }
 
@@ -224,6 +226,22 @@ impl Reporter {
             bar.finish_and_clear();
         }
     }
+}
+
+/// A line to standard error would not wait for its reader.
+#[cfg(unix)]
+fn stderr_takes_more() -> bool {
+    use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
+    use std::os::fd::AsFd;
+    let stderr = stderr();
+    let mut ready = [PollFd::new(stderr.as_fd(), PollFlags::POLLOUT)];
+    poll(&mut ready, PollTimeout::ZERO) == Ok(1)
+}
+
+/// Elsewhere the line is written and may wait.
+#[cfg(not(unix))]
+fn stderr_takes_more() -> bool {
+    true
 }
 
 /// What was recorded, for people.

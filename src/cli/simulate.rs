@@ -129,7 +129,7 @@ fn warn_of_cavities(scenario: &Scenario, traces: &[Trace]) {
         let elevation_m = sensor.elevation_m.unwrap_or_else(|| scenario.rig.elevation_m(sensor.position_m));
         let least_head_m = elevation_m + least_pa / (scenario.water.density_kg_m3 * crate::units::GRAVITY_M_S2);
         if let Some(step) = trace.values.iter().position(|&h| h < least_head_m) {
-            eprintln!(
+            super::tell!(
                 "warning: at {} the pressure falls below vapour pressure {:.4} s after the start of the closure; this model does \
                  not let the water boil, so what follows is not physical: take a lower velocity or a higher head",
                 sensor.name,
