@@ -380,8 +380,20 @@ fn a_recording_goes_on_when_standard_error_does_not() {
 
     if let Ok(full) = std::fs::OpenOptions::new().write(true).open("/dev/full") {
         let bench = Bench::new("frames");
-        finished("full", &bench, bench.recorder(&simulate).stderr(full).output().unwrap());
-        let refused = bench.recorder(&simulate).stderr(Stdio::null()).status().unwrap();
+        finished("full", &bench, bench.recorder(&simulate).stderr(full.try_clone().unwrap()).output().unwrap());
+        let refused = bench.recorder(&simulate).stderr(full).status().unwrap();
         assert_eq!(refused.code(), Some(2), "the exit code holds without its message");
+    }
+}
+
+#[test]
+fn a_simulated_test_too_long_for_memory_is_refused_before_it_takes_any() {
+    for more in [&["--rate", "1e9", "--duration", "3600"][..], &["--duration", "1e12"], &["--rate", "1e300"]] {
+        let bench = Bench::new("frames");
+        let output = bench.recorder(&[&["--simulate"], more].concat()).output().unwrap();
+        let stderr = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{stderr}");
+        assert!(stderr.contains("GiB; shorten the duration or lower the rate"), "{stderr}");
+        assert!(!bench.file.exists());
     }
 }

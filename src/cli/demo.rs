@@ -21,7 +21,7 @@ pub struct Args {
     #[arg(short, long, value_name = "FOLDER", default_value = "surgescope-demo")]
     output: PathBuf,
     /// Play the test so many times faster than it was recorded.
-    #[arg(long, value_name = "FACTOR", default_value_t = 5.0, value_parser = super::values::positive)]
+    #[arg(long, value_name = "FACTOR", default_value_t = 5.0, value_parser = super::values::positive, allow_negative_numbers = true)]
     speed: f64,
 }
 

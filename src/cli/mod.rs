@@ -24,6 +24,7 @@ pub mod export;
 pub mod import;
 pub mod inspect;
 pub mod load;
+pub mod output;
 pub mod playback;
 pub mod record;
 pub mod recover;

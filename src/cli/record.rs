@@ -35,7 +35,7 @@ pub struct Args {
     #[arg(short, long, value_name = "MCAP")]
     output: PathBuf,
     /// Stop after so much recorded time, in seconds.
-    #[arg(long, value_name = "S", value_parser = positive)]
+    #[arg(long, value_name = "S", value_parser = positive, allow_negative_numbers = true)]
     duration: Option<f64>,
     /// Use another port for a device than the rig file says.
     #[arg(long, value_name = "NAME=PATH", value_parser = pair, conflicts_with = "paced")]
@@ -50,7 +50,7 @@ pub struct Args {
     #[arg(long)]
     simulate: bool,
     /// Play so many times faster than real time; 0: as fast as possible.
-    #[arg(long, value_name = "FACTOR", default_value_t = 1.0, value_parser = not_negative, requires = "paced")]
+    #[arg(long, value_name = "FACTOR", default_value_t = 1.0, value_parser = not_negative, requires = "paced", allow_negative_numbers = true)]
     speed: f64,
     /// Let the simulated device misbehave, as in flip=0.01,drop=0.02,duplicate=0.01,seed=7 (probabilities per frame).
     #[arg(long, value_name = "FAULTS", requires = "simulate")]
@@ -59,7 +59,7 @@ pub struct Args {
     #[arg(long, value_name = "A,B", default_value = "none", value_parser = parse_list)]
     effects: ::std::vec::Vec<Chosen>,
     /// Samples a second and channel of the simulated device.
-    #[arg(long, value_name = "HZ", default_value_t = 1000.0, value_parser = positive)]
+    #[arg(long, value_name = "HZ", default_value_t = 1000.0, value_parser = positive, allow_negative_numbers = true)]
     rate: f64,
     /// Set values of the simulated test, as in `simulate`.
     #[arg(long, value_name = "NAME=VALUE", value_parser = setting, requires = "simulate", num_args = 1..)]
@@ -68,7 +68,7 @@ pub struct Args {
     #[arg(long, value_name = "KEY=VALUE", value_parser = pair)]
     note: Vec<(String, String)>,
     /// The stream has ended when no valid frame came for so many seconds.
-    #[arg(long, value_name = "S", default_value_t = 5.0, value_parser = positive)]
+    #[arg(long, value_name = "S", default_value_t = 5.0, value_parser = positive, allow_negative_numbers = true)]
     silence: f64,
 }
 
