@@ -370,7 +370,9 @@ fn nothing_is_suggested_that_is_not_alike() {
 #[test]
 fn a_time_series_in_the_place_of_a_rig_is_told_in_one_line() {
     let rows: String = (0..60_000).map(|i| format!("{i},1.0,2.0\n")).collect();
-    for (head, rows) in [("time_s,P1,P2\n", rows.as_str()), ("# lab 3\n\ntime_s;P1;P2\n", "0;1;2\n"), ("0.0,1.0,2.0\n", "")] {
+    for (head, rows) in
+        [("time_s,P1,P2\n", rows.as_str()), ("# lab 3\n\ntime_s;P1;P2\n", "0;1;2\n"), ("0.0,1.0,2.0\n", "")]
+    {
         let text = Rig::from_toml(&format!("{head}{rows}"), "run.csv").unwrap_err().to_string();
         assert!(text.contains("run.csv:1: this looks like a time series, not a rig file"), "{text}");
         assert!(text.lines().count() <= 2, "{text}");

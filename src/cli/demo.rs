@@ -7,6 +7,7 @@ use serde_json::json;
 
 use super::calibrate::{timed, title, write_report};
 use super::load::{self, Loaded};
+use super::output::same_file;
 use super::{CommandResult, Outcome};
 use crate::fit::calibrate::Options as FitOptions;
 use crate::fit::outcome::Fit;
@@ -83,15 +84,39 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     if json {
         super::say!("{:#}", document(&loaded, &recording, &report, &base, &full));
     } else {
+        let (program, recording) = (program(), quoted(&recording));
         super::say!(
-            "\n5. Look. Open {} in a browser: measurement, both models, residuals, parameters.\n   Next: `surgescope inspect {}`, \
-             `surgescope calibrate {} --effects {EFFECT}:2`, and your own test by `surgescope import` or `surgescope record`.",
+            "\n5. Look. Open {} in a browser: measurement, both models, residuals, parameters.\n   Next:\n     {program} inspect \
+             {recording}\n     {program} calibrate {recording} --effects {EFFECT}:2\n   and your own test by `import` or `record` (see \
+             `{program} help`).",
             report.display(),
-            recording.display(),
-            recording.display()
         );
     }
     Ok(outcome)
+}
+
+/// How this program is called from where the user stands: by its name where the PATH leads to it, otherwise by its path.
+fn program() -> String {
+    let Ok(own) = std::env::current_exe() else { return "surgescope".to_owned() };
+    let name = own.file_name().unwrap_or(own.as_os_str());
+    let path = std::env::var_os("PATH").unwrap_or_default();
+    if std::env::split_paths(&path)
+        .find(|folder| folder.join(name).is_file())
+        .is_some_and(|f| same_file(&f.join(name), &own))
+    {
+        return name.to_string_lossy().into_owned();
+    }
+    let here = std::env::current_dir().ok().and_then(|here| here.canonicalize().ok());
+    let own = own.canonicalize().unwrap_or(own);
+    let inside = here.and_then(|here| own.strip_prefix(here).ok().map(|rest| Path::new(".").join(rest)));
+    quoted(&inside.unwrap_or(own))
+}
+
+/// A path as a shell takes it.
+fn quoted(path: &Path) -> String {
+    let text = path.display().to_string();
+    let plain = text.chars().all(|c| c.is_alphanumeric() || "/._-+:\\".contains(c));
+    if plain { text } else { format!("'{}'", text.replace('\'', "'\\''")) }
 }
 
 /// The story goes to standard output; to standard error where that is kept for JSON.

@@ -146,7 +146,9 @@ mod tests {
             let (_folder, path) = place(content);
             assert_eq!(check_series(&path, "time_s,P1,P2", false, rig).is_ok(), may, "{content:?}");
             assert_eq!(check_series(&path, "time_s,P1,P2", true, rig).is_ok(), may_overwrite, "{content:?}");
-            assert!(check_series(&path, "time_s,P1,P2", true, &path).unwrap_err().to_string().contains("is the rig file"));
+            assert!(
+                check_series(&path, "time_s,P1,P2", true, &path).unwrap_err().to_string().contains("is the rig file")
+            );
         }
     }
 }

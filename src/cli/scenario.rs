@@ -222,11 +222,16 @@ fn check_names(model: &Model, water: &WaterProperties, settings: &[(String, f64)
         let likeness = |k: &String| strsim::jaro_winkler(name, k);
         let nearest = known.iter().max_by(|a, b| likeness(a).total_cmp(&likeness(b))).filter(|k| likeness(k) >= ALIKE);
         let hint = if name == "closure_start_s" {
-            "it places the closure on a recording's clock, and here time 0 is the start of the closure: leave it out".to_owned()
+            "it places the closure on a recording's clock, and here time 0 is the start of the closure: leave it out"
+                .to_owned()
         } else if name == "offset_m" || name.starts_with("offset_m[") {
             "it belongs to the sensors of a recording, and simulated sensors have no offset: leave it out".to_owned()
         } else if let Some((effect, elements)) = owner(name, model, water) {
-            let label = if effect.elements().is_some() { format!("{}:{elements}", effect.name()) } else { effect.name().into() };
+            let label = if effect.elements().is_some() {
+                format!("{}:{elements}", effect.name())
+            } else {
+                effect.name().into()
+            };
             match model.effects.iter().find(|c| c.effect.name() == effect.name()) {
                 Some(chosen) => format!("it needs the effect '{label}', and this model has '{}'", chosen.label()),
                 None => format!("it belongs to the effect '{}': add --effects {label}", effect.name()),

@@ -39,9 +39,11 @@ pub fn temporary_beside(path: &Path) -> Result<NamedTempFile, LogError> {
     #[cfg(unix)]
     builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
     // the system's reason alone: the name of a temporary file would only puzzle
-    builder
-        .tempfile_in(folder(path))
-        .map_err(|e| LogError::Io { action: "make a file in", path: folder(path), source: e.kind().into() })
+    builder.tempfile_in(folder(path)).map_err(|e| LogError::Io {
+        action: "make a file in",
+        path: folder(path),
+        source: e.kind().into(),
+    })
 }
 
 /// Puts a temporary file at `path` unless something stands there.

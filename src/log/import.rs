@@ -206,7 +206,9 @@ fn hint_on_time(heading: &str) -> String {
     ];
     match other.iter().find(|(names, ..)| has(names)) {
         Some((_, unit, factor)) => {
-            format!(": times must be in seconds, these look like {unit}; divide them by {factor} and name the column time_s")
+            format!(
+                ": times must be in seconds, these look like {unit}; divide them by {factor} and name the column time_s"
+            )
         }
         None => ": if these times are in seconds, name the column time_s".into(),
     }
@@ -351,7 +353,11 @@ mod tests {
                 Some(1),
                 "must be time_s (times in seconds), but it is 'time_ms': times must be in seconds, these look like milliseconds",
             ),
-            ("t,P1,P2,Q1,T1\n0,1,1,,\n".into(), Some(1), "it is 't': if these times are in seconds, name the column time_s"),
+            (
+                "t,P1,P2,Q1,T1\n0,1,1,,\n".into(),
+                Some(1),
+                "it is 't': if these times are in seconds, name the column time_s",
+            ),
             ("Time (s),P1,P2,Q1,T1\n0,1,1,,\n".into(), Some(1), "name the column time_s"),
             ("Time [ms],P1,P2,Q1,T1\n0,1,1,,\n".into(), Some(1), "divide them by 1000"),
             ("P1,time_s,P2,Q1,T1\n0,1,1,,\n".into(), Some(1), "it stands first"),

@@ -158,8 +158,7 @@ fn read_unit(section: &Section<'_>, kind: Option<SensorKind>) -> Option<Unit> {
         };
         let meant = meant_unit(text.value, UNITS.iter().filter(fits).map(|u| u.symbol));
         let hint = meant.map(|u| format!("; did you mean \"{u}\"?")).unwrap_or_default();
-        section
-            .fault_at(&text.place, format!("unit \"{}\" {problem}; allowed here are {allowed}{hint}", text.value));
+        section.fault_at(&text.place, format!("unit \"{}\" {problem}; allowed here are {allowed}{hint}", text.value));
     }
     found
 }

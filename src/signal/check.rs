@@ -486,7 +486,9 @@ mod tests {
         recording.series.iter_mut().flat_map(|s| &mut s.time_s).for_each(|t| *t *= 1000.0);
         let found = said(&recording);
         assert_eq!(found.len(), 2, "{found:#?}");
-        assert!(found.iter().all(|f| f.level == Level::Contradiction && f.message.contains("are the times in seconds")));
+        assert!(
+            found.iter().all(|f| f.level == Level::Contradiction && f.message.contains("are the times in seconds"))
+        );
     }
 
     #[test]
