@@ -35,7 +35,7 @@ pub struct Args {
     #[arg(short, long, value_name = "MCAP")]
     output: PathBuf,
     /// Stop after so much recorded time, in seconds.
-    #[arg(long, value_name = "S", value_parser = positive)]
+    #[arg(long, value_name = "S", value_parser = positive, allow_negative_numbers = true)]
     duration: Option<f64>,
     /// Use another port for a device than the rig file says.
     #[arg(long, value_name = "NAME=PATH", value_parser = pair, conflicts_with = "paced")]
@@ -50,7 +50,7 @@ pub struct Args {
     #[arg(long)]
     simulate: bool,
     /// Play so many times faster than real time; 0: as fast as possible.
-    #[arg(long, value_name = "FACTOR", default_value_t = 1.0, value_parser = not_negative, requires = "paced")]
+    #[arg(long, value_name = "FACTOR", default_value_t = 1.0, value_parser = not_negative, requires = "paced", allow_negative_numbers = true)]
     speed: f64,
     /// Let the simulated device misbehave, as in flip=0.01,drop=0.02,duplicate=0.01,seed=7 (probabilities per frame).
     #[arg(long, value_name = "FAULTS", requires = "simulate")]
@@ -59,7 +59,7 @@ pub struct Args {
     #[arg(long, value_name = "A,B", default_value = "none", value_parser = parse_list)]
     effects: ::std::vec::Vec<Chosen>,
     /// Samples a second and channel of the simulated device.
-    #[arg(long, value_name = "HZ", default_value_t = 1000.0, value_parser = positive)]
+    #[arg(long, value_name = "HZ", default_value_t = 1000.0, value_parser = positive, allow_negative_numbers = true)]
     rate: f64,
     /// Set values of the simulated test, as in `simulate`.
     #[arg(long, value_name = "NAME=VALUE", value_parser = setting, requires = "simulate", num_args = 1..)]
@@ -68,7 +68,7 @@ pub struct Args {
     #[arg(long, value_name = "KEY=VALUE", value_parser = pair)]
     note: Vec<(String, String)>,
     /// The stream has ended when no valid frame came for so many seconds.
-    #[arg(long, value_name = "S", default_value_t = 5.0, value_parser = positive)]
+    #[arg(long, value_name = "S", default_value_t = 5.0, value_parser = positive, allow_negative_numbers = true)]
     silence: f64,
 }
 
@@ -90,7 +90,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     let summary = record(&args, rig.as_ref(), &options, &mut |progress| reporter.show(progress));
     reporter.clear();
     let summary = summary?;
-    eprintln!("{}: {}", summary.file, summary.ended);
+    super::tell!("{}: {}", summary.file, summary.ended);
     if json {
         super::say!("{}", serde_json::to_string(&summary)?);
     } else {
@@ -118,7 +118,7 @@ fn record(
     }
     let device = live_device(rig, &args.port)?;
     let source = Source::open(&device)?;
-    eprintln!("listening to device '{}' on {}; Ctrl-C ends the recording", device.name, device.port);
+    super::tell!("listening to device '{}' on {}; Ctrl-C ends the recording", device.name, device.port);
     Ok(session::record(rig, &device, &source, options, &STOP, report)?)
 }
 
@@ -175,7 +175,7 @@ pub fn record_playback(
 ) -> Result<Summary, AnyError> {
     let counts = Counts::new(playback, rig, &device)?;
     if counts.clipped > 0 {
-        eprintln!("{} samples are outside the range of the device's counts: see scale and offset", counts.clipped);
+        super::tell!("{} samples are outside the range of the device's counts: see scale and offset", counts.clipped);
     }
     let mut simulated = SimulatedDevice::open()?;
     device.port = simulated.path().display().to_string();
@@ -214,7 +214,9 @@ impl Reporter {
                 bar.set_message(text);
                 bar.tick();
             }
-            Reporter::Lines => eprintln!("{text}"),
+            // a reader that has stopped reading must not hold up the recording
+            Reporter::Lines if stderr_takes_more() => super::tell!("{text}"),
+            Reporter::Lines => {}
         }
     }
 
@@ -224,6 +226,22 @@ impl Reporter {
             bar.finish_and_clear();
         }
     }
+}
+
+/// A line to standard error would not wait for its reader.
+#[cfg(unix)]
+fn stderr_takes_more() -> bool {
+    use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
+    use std::os::fd::AsFd;
+    let stderr = stderr();
+    let mut ready = [PollFd::new(stderr.as_fd(), PollFlags::POLLOUT)];
+    poll(&mut ready, PollTimeout::ZERO) == Ok(1)
+}
+
+/// Elsewhere the line is written and may wait.
+#[cfg(not(unix))]
+fn stderr_takes_more() -> bool {
+    true
 }
 
 /// What was recorded, for people.

@@ -8,7 +8,7 @@ use serde_json::json;
 
 use super::scenario::{Scenario, ValveForm};
 use super::values::{positive, setting};
-use super::{CommandResult, Outcome};
+use super::{CommandResult, Outcome, output};
 use crate::model::effects::{Chosen, parse_list};
 use crate::model::trace::Trace;
 use crate::rig::Rig;
@@ -32,15 +32,18 @@ pub struct Args {
     #[arg(long, value_enum, default_value_t = ValveForm::Linear)]
     valve: ValveForm,
     /// Simulated time after the start of the closure, s [default: ten periods].
-    #[arg(long, value_name = "S", value_parser = positive)]
+    #[arg(long, value_name = "S", value_parser = positive, allow_negative_numbers = true)]
     duration: Option<f64>,
     /// Write values at 0, DT, 2 DT, … s [default: the simulation's own steps].
-    #[arg(long, value_name = "DT", value_parser = positive)]
+    #[arg(long, value_name = "DT", value_parser = positive, allow_negative_numbers = true)]
     csv_times: Option<f64>,
-    /// The time series to write, one column a pressure sensor in its unit; an older file of that name is replaced
+    /// The time series to write, one column a pressure sensor in its unit; an older one with the same columns is replaced
     /// [default: standard output].
     #[arg(short, long, value_name = "CSV")]
     output: Option<PathBuf>,
+    /// Replace whatever file stands at the output, unless it is the rig or a recording.
+    #[arg(long, requires = "output")]
+    overwrite: bool,
 }
 
 /// Most rows that one file may have.
@@ -52,9 +55,13 @@ const MOST_ROWS: f64 = 1e8;
 /// A rig that cannot be read, settings that do not exist or are out of range, a file that cannot be written.
 pub fn run(args: Args, json: bool) -> CommandResult {
     let scenario = Scenario::new(Rig::load(&args.rig)?, &args.effects, args.valve, &args.set)?;
+    if let Some(path) = &args.output {
+        output::check_series(path, &header(&scenario), args.overwrite, &args.rig)?;
+    }
     let duration_s = args.duration.unwrap_or(10.0 * scenario.period_s());
     let traces = scenario.simulate(duration_s)?;
     let step_s = args.csv_times.unwrap_or(traces.first().map_or(duration_s, |t| t.dt_s));
+    tell_what_was_not_set(&scenario, &args, duration_s, step_s);
     if duration_s / step_s > MOST_ROWS {
         return Err(format!(
             "{duration_s} s in steps of {step_s} s are more than {MOST_ROWS:.0} rows; take a longer step"
@@ -90,6 +97,22 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     Ok(Outcome::Done)
 }
 
+/// Nothing is made up in silence: each value that nobody set, from the rig, its law or a default.
+fn tell_what_was_not_set(scenario: &Scenario, args: &Args, duration_s: f64, step_s: f64) {
+    let mut used = scenario.not_set(&args.set);
+    used.extend(args.duration.is_none().then(|| ("duration_s".to_owned(), duration_s)));
+    used.extend(args.csv_times.is_none().then(|| ("csv_times_s".to_owned(), step_s)));
+    used.push(("temperature_degC".to_owned(), scenario.rig.fluid.temperature_degc));
+    let list: Vec<String> = used.iter().map(|(name, v)| format!("{name}={}", to_digits(*v, 6))).collect();
+    super::tell!("not set, so used: {}", list.join(" "));
+}
+
+/// First line of the time series.
+fn header(scenario: &Scenario) -> String {
+    let names = scenario.rig.pressure_sensors().map(|(_, s)| s.name.as_str());
+    std::iter::once("time_s").chain(names).collect::<Vec<_>>().join(",")
+}
+
 fn write_csv(
     scenario: &Scenario,
     traces: &[Trace],
@@ -98,11 +121,7 @@ fn write_csv(
     mut out: impl Write,
 ) -> std::io::Result<()> {
     let sensors: Vec<usize> = scenario.rig.pressure_sensors().map(|(i, _)| i).collect();
-    write!(out, "time_s")?;
-    for &i in &sensors {
-        write!(out, ",{}", scenario.rig.sensors[i].name)?;
-    }
-    writeln!(out)?;
+    writeln!(out, "{}", header(scenario))?;
     // The last time counts although it may be a rounding error beyond the duration.
     let rows = (duration_s / step_s * (1.0 + 1e-12) + 1e-9).floor() as u64;
     for row in 0..=rows {
@@ -118,7 +137,11 @@ fn write_csv(
 
 /// Twelve significant digits, without the tail of binary fractions.
 fn rounded(value: f64) -> f64 {
-    format!("{value:.11e}").parse().unwrap_or(value)
+    to_digits(value, 12)
+}
+
+fn to_digits(value: f64, digits: usize) -> f64 {
+    format!("{value:.*e}", digits - 1).parse().unwrap_or(value)
 }
 
 /// Without the physics of cavities a head below vapour pressure is a number, not water.
@@ -129,7 +152,7 @@ fn warn_of_cavities(scenario: &Scenario, traces: &[Trace]) {
         let elevation_m = sensor.elevation_m.unwrap_or_else(|| scenario.rig.elevation_m(sensor.position_m));
         let least_head_m = elevation_m + least_pa / (scenario.water.density_kg_m3 * crate::units::GRAVITY_M_S2);
         if let Some(step) = trace.values.iter().position(|&h| h < least_head_m) {
-            eprintln!(
+            super::tell!(
                 "warning: at {} the pressure falls below vapour pressure {:.4} s after the start of the closure; this model does \
                  not let the water boil, so what follows is not physical: take a lower velocity or a higher head",
                 sensor.name,

@@ -71,7 +71,7 @@ impl Style {
 
     /// A measurement: broad and neutral, so that it is seen behind a model that follows it.
     pub fn measured() -> Self {
-        Self { class: "measured", colour: "#8b95a0", dash: "", width: 2.5, points: false }
+        Self { class: "measured", colour: "#8b95a0", dash: "", width: 5.0, points: false }
     }
 
     /// Separate points in the n-th colour.
