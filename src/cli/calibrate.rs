@@ -74,7 +74,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     let stages: Vec<Stage> = fits.iter().map(|(title, fit)| Stage { title: title.clone(), fit }).collect();
     let Some((_, last)) = fits.last() else { return Ok(Outcome::Done) };
     for conflict in conflicts(last, &runs) {
-        eprintln!("warning: {conflict}");
+        super::tell!("warning: {conflict}");
     }
     if json {
         super::say!("{}", json::calibration(last)?);
