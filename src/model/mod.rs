@@ -10,6 +10,7 @@ pub mod friction;
 pub mod grid;
 pub mod kernel;
 pub mod node;
+pub mod oscillator;
 pub mod parameter;
 pub mod sensor;
 pub mod solver;
@@ -260,7 +261,8 @@ impl<'a> Model<'a> {
         }
         let grid = Grid::new(&stretches, resolution.reaches)?;
         // Two steps more than asked for: the cubic interpolation in time looks that far ahead.
-        let steps = (resolution.duration_s / grid.dt_s).ceil() as usize + 2;
+        let beyond_s = self.chosen(shared).map(|(chosen, values)| chosen.effect.beyond_s(values)).fold(0.0, f64::max);
+        let steps = ((resolution.duration_s + beyond_s) / grid.dt_s).ceil() as usize + 2;
         let bytes = steps.saturating_mul(probes.len().max(1)).saturating_mul(8);
         if bytes > MOST_HISTORY_BYTES {
             let gib = bytes as f64 / (1u64 << 30) as f64;
