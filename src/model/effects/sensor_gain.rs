@@ -21,7 +21,7 @@ impl Effect for SensorGain {
         "y = z + (1 + g)(H - z)"
     }
     fn source(&self) -> &'static str {
-        "the definition of a sensitivity error (IEC 60770-1)"
+        "the definition of a sensitivity (span) error"
     }
     fn trace(&self) -> &'static str {
         "steady and transient pressures too high or too low by one factor, at one sensor"

@@ -26,8 +26,8 @@ impl Effect for ValveLaw {
         "Q = τ Q₀ √(ΔH/ΔH₀);  τ linear in t between (0, 1), (t_i, τ_i) and (T_c, 0)"
     }
     fn source(&self) -> &'static str {
-        "Wylie & Streeter (1993), Fluid Transients in Systems, ch. 3 (orifice); two-stage closure after Azoury et al. (1986), \
-         J. Hydraul. Eng. 112(6):479-492"
+        "Wylie & Streeter (1993), Fluid Transients in Systems, ch. 3 (orifice); two-stage closure: Azoury, Baasiri & Najm \
+         (1986), J. Hydraul. Eng. 112(10)"
     }
     fn trace(&self) -> &'static str {
         "another shape of the first rise and of every front after it; plateaus and period stay"
