@@ -14,7 +14,7 @@ use super::problem::{Calibration, Window};
 use super::uncertainty::{correlation_inflation, gauss_newton_step, standard_errors};
 use crate::model::effects::Chosen;
 use crate::model::{Model, ModelError};
-use crate::rig::Rig;
+use crate::rig::{Rig, WaterProperties};
 
 /// Why a fit cannot be had.
 #[derive(Debug, thiserror::Error)]
@@ -96,7 +96,8 @@ struct State {
 
 /// Fits the base model with `effects` to all `runs` at once.
 ///
-/// Where an effect has elements and their number is not fixed, they are added one by one while the evidence asks for it.
+/// Where an effect has elements and their number is not fixed, they are added one by one while the evidence asks for it. Where one
+/// concerns a pressure sensor and none is named, it goes to the sensor at which a coarse fit is best.
 ///
 /// # Errors
 /// No run, a run without samples after its closure, a model that cannot be simulated at its start.
@@ -115,19 +116,19 @@ pub fn calibrate(
         }
     }
     let water = &first.conditions.water;
+    let evaluations = AtomicUsize::new(0);
+    let model = Model::new(rig, water, effects);
+    let starts: Vec<f64> = model.shared.iter().map(|p| p.start).collect();
+    let fitter =
+        Fitter { runs, options, progress, evaluations: &evaluations, least_reaches: model.least_reaches(&starts) };
+    let mut chosen = fitter.with_sensors(rig, water, effects)?;
     // An effect with elements grows from one: a fit of many from scratch ends in poorer places.
     let growing = effects.iter().position(|c| c.effect.elements().is_some_and(|r| r.contains(&2)));
     let asked = growing.and_then(|i| effects[i].elements);
-    let evaluations = AtomicUsize::new(0);
-
-    let mut chosen = effects.to_vec();
     if let Some(i) = growing {
         chosen[i] = chosen[i].with_elements(1);
     }
     let mut model = Model::new(rig, water, &chosen);
-    let starts: Vec<f64> = model.shared.iter().map(|p| p.start).collect();
-    let fitter =
-        Fitter { runs, options, progress, evaluations: &evaluations, least_reaches: model.least_reaches(&starts) };
     let mut state = fitter.approach(&model, None)?;
     let most = growing.map_or(1, |i| asked.or(effects[i].effect.elements().map(|r| *r.end())).unwrap_or(1));
     let mut leftover = fitter.leftover(&model, &state)?;
@@ -144,6 +145,11 @@ pub fn calibrate(
         (chosen, model, state, leftover) = (more, bigger, trial, trial_leftover);
     }
     fitter.finish(&model, state)
+}
+
+/// Its number of elements is left to the fit.
+fn is_open(chosen: &Chosen) -> bool {
+    chosen.elements.is_none() && chosen.effect.elements().is_some()
 }
 
 /// What a fit leaves over.
@@ -211,6 +217,34 @@ impl Fitter<'_> {
         })?;
         self.evaluations.fetch_add(solution.evaluations * self.runs.len(), Ordering::Relaxed);
         Ok(solution)
+    }
+
+    /// Names the sensor of each effect that concerns one and has none.
+    fn with_sensors(&self, rig: &Rig, water: &WaterProperties, effects: &[Chosen]) -> Result<Vec<Chosen>, FitError> {
+        let mut chosen = effects.to_vec();
+        let sensors: Vec<&str> = rig.pressure_sensors().map(|(_, s)| s.name.as_str()).collect();
+        for i in 0..chosen.len() {
+            if !chosen[i].effect.at_sensor() || chosen[i].sensor.is_some() || sensors.len() < 2 {
+                continue;
+            }
+            let mut best: Option<(f64, Chosen)> = None;
+            for sensor in &sensors {
+                // Two elements where their number is open: with one the model may be too poor to show a sensor's fault.
+                let mut trial = chosen.clone();
+                for open in trial.iter_mut().filter(|c| is_open(c)) {
+                    *open = open.with_elements(open.effect.elements().map_or(1, |r| 2.min(*r.end())));
+                }
+                trial[i] = chosen[i].with_sensor(sensor);
+                let cost = self.approach(&Model::new(rig, water, &trial), None)?.cost;
+                if best.as_ref().is_none_or(|b| cost < b.0) {
+                    best = Some((cost, trial[i].clone()));
+                }
+            }
+            if let Some((_, at_sensor)) = best {
+                chosen[i] = at_sensor;
+            }
+        }
+        Ok(chosen)
     }
 
     /// Fits a model on a coarse grid: from the signals, or from a smaller model that is already fitted.

@@ -10,12 +10,14 @@ pub mod friction;
 pub mod grid;
 pub mod kernel;
 pub mod node;
+pub mod oscillator;
 pub mod parameter;
 pub mod sensor;
 pub mod solver;
 pub mod trace;
+pub mod valve_from_head;
 
-use boundary::{Closure, ConstantHead, MeasuredHead, Supply, ValveEnd};
+use boundary::{Closure, ConstantHead, HeadInTime, MeasuredHead, Supply, ValveEnd};
 use effects::{Chosen, Element, Place, Scene, Site, Spot};
 use friction::{ReachFriction, WallFriction};
 use grid::{Grid, Stretch};
@@ -63,6 +65,8 @@ pub enum ModelError {
     UnknownSensor { name: String, known: String },
     #[error("an upstream end of kind 'measured' needs the head measured at position 0")]
     NoSupplyHead,
+    #[error("the head before the valve needs at least one sample, and times that increase")]
+    NoValveHead,
 }
 
 /// A model: a rig, the effects added to the base model, and its parameters.
@@ -276,6 +280,19 @@ impl<'a> Model<'a> {
         resolution: Resolution,
         probes: &[Probe],
     ) -> Result<Simulated, ModelError> {
+        self.driven(conditions, shared, run, resolution, probes, None)
+    }
+
+    /// The same with the head before the valve given, which then drives the line in the valve's stead.
+    fn driven(
+        &self,
+        conditions: &Conditions,
+        shared: &[f64],
+        run: &RunValues,
+        resolution: Resolution,
+        probes: &[Probe],
+        given_head: Option<HeadInTime>,
+    ) -> Result<Simulated, ModelError> {
         self.check(shared, run)?;
         let flow_m3_s = run.initial_velocity_m_s * self.rig.pipes[self.rig.pipes.len() - 1].area_m2();
         let mut stretches = self.stretches(conditions, shared, run, flow_m3_s);
@@ -284,7 +301,8 @@ impl<'a> Model<'a> {
         }
         let grid = Grid::new(&stretches, resolution.reaches)?;
         // Two steps more than asked for: the cubic interpolation in time looks that far ahead.
-        let steps = (resolution.duration_s / grid.dt_s).ceil() as usize + 2;
+        let beyond_s = self.chosen(shared).map(|(chosen, values)| chosen.effect.beyond_s(values)).fold(0.0, f64::max);
+        let steps = ((resolution.duration_s + beyond_s) / grid.dt_s).ceil() as usize + 2;
         let bytes = steps.saturating_mul(probes.len().max(1)).saturating_mul(8);
         if bytes > MOST_HISTORY_BYTES {
             let gib = bytes as f64 / (1u64 << 30) as f64;
@@ -320,6 +338,7 @@ impl<'a> Model<'a> {
             closure: (self.closure)(run.closing_time_s),
             law: None,
             residual_opening: 0.0,
+            given_head,
         };
         for (chosen, values) in self.chosen(shared) {
             terms.extend(chosen.effect.line_terms(values, &steady)?);

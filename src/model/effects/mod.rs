@@ -12,6 +12,13 @@
 //! | [`Effect::supply`], [`Effect::valve`] | the ends |
 //! | [`Effect::sense`] | what one sensor makes of the head |
 
+mod clock_skew;
+mod moving_valve;
+mod sensor_gain;
+mod sensor_lag;
+mod supply_drift;
+mod valve_law;
+mod valve_seat_leak;
 mod viscoelastic_wall;
 
 use super::ModelError;
@@ -24,7 +31,16 @@ use super::trace::Trace;
 use crate::rig::{Rig, WaterProperties};
 
 /// Every effect that a model can have.
-pub static CATALOGUE: &[&dyn Effect] = &[&viscoelastic_wall::ViscoelasticWall];
+pub static CATALOGUE: &[&dyn Effect] = &[
+    &viscoelastic_wall::ViscoelasticWall,
+    &valve_law::ValveLaw,
+    &valve_seat_leak::ValveSeatLeak,
+    &supply_drift::SupplyDrift,
+    &moving_valve::MovingValve,
+    &sensor_lag::SensorLag,
+    &clock_skew::ClockSkew,
+    &sensor_gain::SensorGain,
+];
 
 /// What an effect needs to know of the rig to give its parameters sensible starts and bounds.
 pub struct Site<'a> {
@@ -198,6 +214,11 @@ pub trait Effect: Sync {
     fn valve(&self, values: &[f64], valve: &mut ValveEnd) -> Result<(), ModelError> {
         let _ = (values, valve);
         Ok(())
+    }
+    /// How much longer than it is looked at a run must be simulated, s: a sensor's clock may show what is still to come.
+    fn beyond_s(&self, values: &[f64]) -> f64 {
+        let _ = values;
+        0.0
     }
     /// What the sensor that it concerns makes of the head; the sensor's elevation is `elevation_m`.
     ///
