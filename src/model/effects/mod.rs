@@ -12,6 +12,10 @@
 //! | [`Effect::supply`], [`Effect::valve`] | the ends |
 //! | [`Effect::sense`] | what one sensor makes of the head |
 
+mod blockage;
+mod leak;
+mod section_change;
+mod side_branch;
 mod viscoelastic_wall;
 
 use super::ModelError;
@@ -24,7 +28,13 @@ use super::trace::Trace;
 use crate::rig::{Rig, WaterProperties};
 
 /// Every effect that a model can have.
-pub static CATALOGUE: &[&dyn Effect] = &[&viscoelastic_wall::ViscoelasticWall];
+pub static CATALOGUE: &[&dyn Effect] = &[
+    &viscoelastic_wall::ViscoelasticWall,
+    &leak::Leak,
+    &blockage::Blockage,
+    &section_change::SectionChange,
+    &side_branch::SideBranch,
+];
 
 /// What an effect needs to know of the rig to give its parameters sensible starts and bounds.
 pub struct Site<'a> {
@@ -244,6 +254,11 @@ impl std::fmt::Debug for Chosen {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.write_str(&self.label())
     }
+}
+
+/// Factors on a start in the middle of the pipe: places over its whole length where a fit of something local should start, too.
+fn other_places() -> impl Iterator<Item = f64> {
+    [0.1, 0.2, 0.3, 0.4, 0.6, 0.7, 0.8, 0.9].into_iter().map(|place| place / 0.5)
 }
 
 /// Refuses a value outside its physical range.
