@@ -34,6 +34,7 @@ pub static CATALOGUE: &[&dyn Effect] = &[
     &blockage::Blockage,
     &section_change::SectionChange,
     &side_branch::SideBranch,
+    &unsteady_friction::UnsteadyFriction,
 ];
 
 /// What an effect needs to know of the rig to give its parameters sensible starts and bounds.
