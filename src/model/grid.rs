@@ -35,6 +35,16 @@ impl Stretch {
     pub fn area_m2(&self) -> f64 {
         std::f64::consts::FRAC_PI_4 * self.diameter_m * self.diameter_m
     }
+
+    /// Inertance of a metre, `1/(gA)`.
+    fn inertance(&self) -> f64 {
+        1.0 / (GRAVITY_M_S2 * self.area_m2())
+    }
+
+    /// Capacitance of a metre, `gA/a²`.
+    fn capacitance(&self) -> f64 {
+        GRAVITY_M_S2 * self.area_m2() / self.wave_speed_m_s.powi(2)
+    }
 }
 
 /// A run of reaches with equal properties; its nodes are numbered from 0 at the supply side to `reaches`.
@@ -83,24 +93,28 @@ pub struct Grid {
 impl Grid {
     /// Divides stretches in series into `reaches` reaches of equal travel time.
     ///
+    /// A stretch shorter than one reach is lumped with its neighbours in the reach that covers it: less sharp, but with all of
+    /// its inertance and capacitance. [`least_reaches`] is what it takes for none to be so.
+    ///
     /// # Errors
-    /// If a stretch is shorter than one reach.
+    /// If there are fewer than two reaches.
     pub fn new(stretches: &[Stretch], reaches: usize) -> Result<Grid, ModelError> {
-        let travel_s: Vec<f64> = stretches.iter().map(|s| s.length_m / s.wave_speed_m_s).collect();
-        let total_s: f64 = travel_s.iter().sum();
-        let joints = stretches.len() - 1;
-        let needed = least_reaches(&travel_s);
-        if reaches < needed {
-            return Err(ModelError::TooFewReaches { reaches, needed });
+        if reaches < 2 {
+            return Err(ModelError::TooFewReaches { reaches, needed: 2 });
         }
+        let total_s: f64 = stretches.iter().map(|s| s.length_m / s.wave_speed_m_s).sum();
+        let joints = stretches.len() - 1;
         // A longer step makes fewer reaches; every joint costs less than one reach more than travel time alone.
-        let (mut low, mut high) = (total_s / reaches as f64, total_s / (reaches - joints) as f64);
+        let (mut low, mut high) = (total_s / reaches as f64, total_s / reaches.saturating_sub(joints).max(1) as f64);
+        while lay(stretches, high, |_, _| {}) > reaches as f64 {
+            high *= 2.0;
+        }
         while joints > 0 && high - low > 1e-14 * low {
             let middle = 0.5 * (low + high);
             if middle <= low || middle >= high {
                 break;
             }
-            if March::new(stretches, middle).reaches() > reaches as f64 {
+            if lay(stretches, middle, |_, _| {}) > reaches as f64 {
                 low = middle;
             } else {
                 high = middle;
@@ -109,26 +123,16 @@ impl Grid {
         let dt_s = if joints > 0 { high } else { low };
         let mut segments: Vec<Segment> = Vec::new();
         let (mut offset, mut start_m) = (0, 0.0);
-        let mut push = |parts: Vec<(Stretch, f64)>, reaches: usize| {
+        lay(stretches, dt_s, |parts, reaches| {
+            let parts: Vec<(Stretch, f64)> = parts.iter().map(|&(k, l)| (stretches[k].clone(), l)).collect();
             let reach_m: f64 = parts.iter().map(|p| p.1).sum();
-            let inertance: f64 = parts.iter().map(|(s, l)| l / (GRAVITY_M_S2 * s.area_m2())).sum();
-            let capacitance: f64 =
-                parts.iter().map(|(s, l)| GRAVITY_M_S2 * s.area_m2() * l / s.wave_speed_m_s.powi(2)).sum();
+            let inertance: f64 = parts.iter().map(|(s, l)| s.inertance() * l).sum();
+            let capacitance: f64 = parts.iter().map(|(s, l)| s.capacitance() * l).sum();
             let impedance = (inertance / capacitance).sqrt();
             segments.push(Segment { offset, reaches, start_m, reach_m, impedance, parts });
             offset += reaches + 1;
             start_m += reach_m * reaches as f64;
-        };
-        for step in March::new(stretches, dt_s) {
-            let own = &stretches[step.stretch];
-            if step.whole > 0 {
-                push(vec![(own.clone(), own.wave_speed_m_s * dt_s)], step.whole);
-            }
-            if let Some((own_s, next_s)) = step.joint {
-                let next = &stretches[step.stretch + 1];
-                push(vec![(own.clone(), own_s * own.wave_speed_m_s), (next.clone(), next_s * next.wave_speed_m_s)], 1);
-            }
-        }
+        });
         Ok(Grid { dt_s, segments })
     }
 
@@ -212,7 +216,7 @@ impl Grid {
     }
 }
 
-/// Fewest reaches that pipes in series of these travel times can be divided into: one each, two in all.
+/// Fewest reaches at which no pipe in series of these travel times is shorter than a reach: one each, two in all.
 pub fn least_reaches(travel_s: &[f64]) -> usize {
     let total_s: f64 = travel_s.iter().sum();
     let shortest = travel_s.iter().copied().fold(f64::INFINITY, f64::min);
@@ -239,59 +243,52 @@ pub fn fitting_reaches(travel_s: &[f64], reaches: usize) -> usize {
     (reaches..=reaches + reaches / 4).min_by(|&a, &b| misfit(a).total_cmp(&misfit(b))).unwrap_or(reaches)
 }
 
-/// Lays reaches of one step's travel time along the stretches, from the supply on.
-struct March<'a> {
-    stretches: &'a [Stretch],
-    dt_s: f64,
-    at: usize,
-    /// Travel time of the present stretch that the reach over its upstream joint has taken.
-    taken_s: f64,
-}
-
-/// What `March` lays in one stretch.
-struct Laid {
-    stretch: usize,
-    /// Whole reaches.
-    whole: usize,
-    /// What is left over, in reaches.
-    rest: f64,
-    /// Travel times in this stretch and the next of the reach over the joint between them.
-    joint: Option<(f64, f64)>,
-}
-
-impl<'a> March<'a> {
-    fn new(stretches: &'a [Stretch], dt_s: f64) -> Self {
-        March { stretches, dt_s, at: 0, taken_s: 0.0 }
+/// Lays reaches of one step's travel time along the stretches, from the supply on: gives `push` the parts of a reach (stretch and
+/// length, m) and how often it comes. Returns how many reaches that makes, the last one in part.
+///
+/// A reach over one joint or several takes from the last stretch it touches the length `x` that makes it take one step:
+/// `(I + ix)(C + cx) = dt²` with the inertance `I` and capacitance `C` of what it has already.
+fn lay(stretches: &[Stretch], dt_s: f64, mut push: impl FnMut(&[(usize, f64)], usize)) -> f64 {
+    /// A joint that is within so many reaches of a node is on it.
+    const ON_NODE: f64 = 1e-9;
+    let mut laid = 0;
+    let mut open: Vec<(usize, f64)> = Vec::new();
+    let (mut inertance, mut capacitance) = (0.0, 0.0);
+    for (k, stretch) in stretches.iter().enumerate() {
+        let mut left = stretch.length_m;
+        let reach_m = stretch.wave_speed_m_s * dt_s;
+        let (i, c) = (stretch.inertance(), stretch.capacitance());
+        if !open.is_empty() {
+            // i c = 1/a²: x² + b x = room in units of a dt.
+            let b = reach_m / (dt_s * dt_s) * (inertance * c + capacitance * i);
+            let room = (1.0 - inertance * capacitance / (dt_s * dt_s)).max(0.0);
+            let x = 2.0 * room / (b + (b * b + 4.0 * room).sqrt()) * reach_m;
+            let taken = x.min(left);
+            open.push((k, taken));
+            if x > left + ON_NODE * reach_m {
+                inertance += i * taken;
+                capacitance += c * taken;
+                continue;
+            }
+            push(&open, 1);
+            laid += 1;
+            left -= taken;
+            open.clear();
+        }
+        let whole = (left / reach_m + ON_NODE).floor().max(0.0);
+        if whole > 0.0 {
+            push(&[(k, reach_m)], whole as usize);
+            laid += whole as usize;
+            left -= whole * reach_m;
+        }
+        if left > ON_NODE * reach_m {
+            open.push((k, left));
+            (inertance, capacitance) = (i * left, c * left);
+        } else {
+            (inertance, capacitance) = (0.0, 0.0);
+        }
     }
-
-    /// Reaches that the line takes, the last one in part.
-    fn reaches(self) -> f64 {
-        self.map(|l| l.whole as f64 + if l.joint.is_some() { 1.0 } else { l.rest }).sum()
-    }
-}
-
-impl Iterator for March<'_> {
-    type Item = Laid;
-    fn next(&mut self) -> Option<Laid> {
-        /// A joint that is within so many reaches of a node is on it.
-        const ON_NODE: f64 = 1e-9;
-        let own = self.stretches.get(self.at)?;
-        let left = (own.length_m / own.wave_speed_m_s - self.taken_s) / self.dt_s;
-        let whole = (left + ON_NODE).floor();
-        let rest = (left - whole).max(0.0);
-        let next = self.stretches.get(self.at + 1).filter(|_| rest > ON_NODE);
-        let joint = next.map(|next| {
-            // Parts of travel time t and x (in reaches) with impedances Z1, Z2: (Z1 t + Z2 x)(t/Z1 + x/Z2) = 1.
-            let ratio = own.wave_speed_m_s * next.area_m2() / (next.wave_speed_m_s * own.area_m2());
-            let c = rest * (ratio + 1.0 / ratio);
-            let x = 0.5 * ((c * c + 4.0 * (1.0 - rest * rest)).sqrt() - c);
-            (rest * self.dt_s, x * self.dt_s)
-        });
-        let laid = Laid { stretch: self.at, whole: whole.max(0.0) as usize, rest, joint };
-        self.taken_s = joint.map_or(0.0, |j| j.1);
-        self.at += 1;
-        Some(laid)
-    }
+    laid as f64 + (inertance * capacitance).sqrt() / dt_s
 }
 
 #[cfg(test)]
@@ -367,6 +364,46 @@ mod tests {
         }
     }
 
+    /// A stretch that no reach resolves is lumped, and everything moves smoothly with its length and place.
+    #[test]
+    fn a_stretch_shorter_than_a_reach_loses_nothing_and_moves_smoothly() {
+        let grid = |from: f64, length: f64| {
+            let stretches = [stretch(from, 1000.0), stretch(length, 400.0), stretch(100.0 - from - length, 1000.0)];
+            let grid = Grid::new(&stretches, 20).unwrap();
+            let sum = |f: &dyn Fn(&Segment) -> f64| grid.segments.iter().map(f).sum::<f64>();
+            assert_eq!(grid.reaches(), 20);
+            assert!((sum(&|s| s.reach_m * s.reaches as f64) - 100.0).abs() < 1e-6, "{from} {length}");
+            let area = stretches[0].area_m2();
+            let capacitance = sum(&|s| grid.dt_s / s.impedance * s.reaches as f64);
+            let exact =
+                GRAVITY_M_S2 * area * stretches.iter().map(|s| s.length_m / s.wave_speed_m_s.powi(2)).sum::<f64>();
+            assert!((capacitance / exact - 1.0).abs() < 1e-8, "{from} {length}");
+            grid
+        };
+        let node = |g: &Grid, n: usize| {
+            let mut before = 0;
+            for s in &g.segments {
+                if n <= before + s.reaches {
+                    return s.start_m + s.reach_m * (n - before) as f64;
+                }
+                before += s.reaches;
+            }
+            f64::NAN
+        };
+        for length in [1e-9, 0.01, 0.7, 1.99, 2.0, 2.01, 9.0] {
+            for step in 0..400 {
+                let from = 40.0 + 0.05 * f64::from(step);
+                let (a, b) = (grid(from, length), grid(from + 1e-4, length + 1e-4));
+                for n in 0..=20 {
+                    assert!((node(&a, n) - node(&b, n)).abs() < 2e-3, "{from} {length} {n}");
+                }
+            }
+        }
+        // At the line's very ends, too.
+        grid(0.01, 0.5);
+        grid(98.5, 1.49);
+    }
+
     #[test]
     fn reaches_are_chosen_to_put_joints_on_nodes() {
         // 40 ms and 16 ms: 5 and 2 reaches, or any multiple.
@@ -379,7 +416,9 @@ mod tests {
 
     #[test]
     fn too_few_reaches_are_refused() {
-        let error = Grid::new(&[stretch(1.0, 1.0), stretch(1.0, 1.0)], 2).unwrap_err();
-        assert!(error.to_string().contains("at least 3"), "{error}");
+        let error = Grid::new(&[stretch(1.0, 1.0), stretch(1.0, 1.0)], 1).unwrap_err();
+        assert!(error.to_string().contains("at least 2"), "{error}");
+        assert_eq!(least_reaches(&[1.0, 1.0]), 3);
+        assert_eq!(least_reaches(&[1.0, 0.1]), 12);
     }
 }

@@ -297,6 +297,11 @@ impl<'a> Model<'a> {
         self.check(shared, run)?;
         let flow_m3_s = run.initial_velocity_m_s * self.rig.pipes[self.rig.pipes.len() - 1].area_m2();
         let mut stretches = self.stretches(conditions, shared, run, flow_m3_s);
+        let travel_s: Vec<f64> = stretches.iter().map(|s| s.length_m / s.wave_speed_m_s).collect();
+        let needed = grid::least_reaches(&travel_s);
+        if resolution.reaches < needed {
+            return Err(ModelError::TooFewReaches { reaches: resolution.reaches, needed });
+        }
         for (chosen, values) in self.chosen(shared) {
             chosen.effect.reshape(values, &mut stretches)?;
         }

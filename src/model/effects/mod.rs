@@ -12,10 +12,14 @@
 //! | [`Effect::supply`], [`Effect::valve`] | the ends |
 //! | [`Effect::sense`] | what one sensor makes of the head |
 
+mod blockage;
 mod clock_skew;
+mod leak;
 mod moving_valve;
+mod section_change;
 mod sensor_gain;
 mod sensor_lag;
+mod side_branch;
 mod supply_drift;
 mod unsteady_friction;
 mod valve_law;
@@ -35,10 +39,14 @@ use crate::rig::{Rig, WaterProperties};
 pub static CATALOGUE: &[&dyn Effect] = &[
     &viscoelastic_wall::ViscoelasticWall,
     &unsteady_friction::UnsteadyFriction,
+    &leak::Leak,
+    &blockage::Blockage,
+    &section_change::SectionChange,
     &valve_law::ValveLaw,
     &valve_seat_leak::ValveSeatLeak,
     &supply_drift::SupplyDrift,
     &moving_valve::MovingValve,
+    &side_branch::SideBranch,
     &sensor_lag::SensorLag,
     &clock_skew::ClockSkew,
     &sensor_gain::SensorGain,
@@ -271,6 +279,11 @@ impl std::fmt::Debug for Chosen {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.write_str(&self.label())
     }
+}
+
+/// Factors on a start in the middle of the pipe: places over its whole length where a fit of something local should start, too.
+fn other_places() -> impl Iterator<Item = f64> {
+    [0.1, 0.2, 0.3, 0.4, 0.6, 0.7, 0.8, 0.9].into_iter().map(|place| place / 0.5)
 }
 
 /// Refuses a value outside its physical range.
