@@ -12,6 +12,9 @@
 //! | [`Effect::supply`], [`Effect::valve`] | the ends |
 //! | [`Effect::sense`] | what one sensor makes of the head |
 
+mod air_pocket;
+mod entrained_gas;
+mod vapour_cavity;
 mod viscoelastic_wall;
 
 use super::ModelError;
@@ -24,7 +27,12 @@ use super::trace::Trace;
 use crate::rig::{Rig, WaterProperties};
 
 /// Every effect that a model can have.
-pub static CATALOGUE: &[&dyn Effect] = &[&viscoelastic_wall::ViscoelasticWall];
+pub static CATALOGUE: &[&dyn Effect] = &[
+    &viscoelastic_wall::ViscoelasticWall,
+    &entrained_gas::EntrainedGas,
+    &vapour_cavity::VapourCavity,
+    &air_pocket::AirPocket,
+];
 
 /// What an effect needs to know of the rig to give its parameters sensible starts and bounds.
 pub struct Site<'a> {
