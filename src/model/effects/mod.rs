@@ -14,6 +14,7 @@
 
 mod air_pocket;
 mod entrained_gas;
+mod unsteady_friction;
 mod vapour_cavity;
 mod viscoelastic_wall;
 
@@ -29,6 +30,7 @@ use crate::rig::{Rig, WaterProperties};
 /// Every effect that a model can have.
 pub static CATALOGUE: &[&dyn Effect] = &[
     &viscoelastic_wall::ViscoelasticWall,
+    &unsteady_friction::UnsteadyFriction,
     &entrained_gas::EntrainedGas,
     &vapour_cavity::VapourCavity,
     &air_pocket::AirPocket,
