@@ -7,6 +7,7 @@
 pub mod boundary;
 pub mod effects;
 pub mod friction;
+pub mod gas;
 pub mod grid;
 pub mod kernel;
 pub mod node;

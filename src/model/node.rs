@@ -104,8 +104,11 @@ pub fn root(f: impl Fn(f64) -> (f64, f64), guess: f64) -> f64 {
             low = x;
         }
         let newton = x - value / slope;
+        let tolerance = 1e-13 * (1.0 + x.abs());
+        // At the root itself rounding may put Newton's step on the bracket's edge or beyond.
+        let arrived = (newton - x).abs() <= tolerance;
         let inside = newton > low && newton < high && newton.is_finite();
-        let next = if inside {
+        let next = if inside || arrived {
             newton
         } else if low.is_finite() && high.is_finite() {
             0.5 * (low + high)
@@ -114,7 +117,6 @@ pub fn root(f: impl Fn(f64) -> (f64, f64), guess: f64) -> f64 {
             width *= 2.0;
             if value > 0.0 { x - width } else { x + width }
         };
-        let tolerance = 1e-13 * (1.0 + x.abs());
         if (next - x).abs() <= tolerance {
             return next;
         }

@@ -12,8 +12,10 @@
 //! | [`Effect::supply`], [`Effect::valve`] | the ends |
 //! | [`Effect::sense`] | what one sensor makes of the head |
 
+mod air_pocket;
 mod blockage;
 mod clock_skew;
+mod entrained_gas;
 mod leak;
 mod moving_valve;
 mod section_change;
@@ -24,6 +26,7 @@ mod supply_drift;
 mod unsteady_friction;
 mod valve_law;
 mod valve_seat_leak;
+mod vapour_cavity;
 mod viscoelastic_wall;
 
 use super::ModelError;
@@ -39,12 +42,15 @@ use crate::rig::{Rig, WaterProperties};
 pub static CATALOGUE: &[&dyn Effect] = &[
     &viscoelastic_wall::ViscoelasticWall,
     &unsteady_friction::UnsteadyFriction,
+    &entrained_gas::EntrainedGas,
+    &vapour_cavity::VapourCavity,
     &leak::Leak,
     &blockage::Blockage,
     &section_change::SectionChange,
     &valve_law::ValveLaw,
     &valve_seat_leak::ValveSeatLeak,
     &supply_drift::SupplyDrift,
+    &air_pocket::AirPocket,
     &moving_valve::MovingValve,
     &side_branch::SideBranch,
     &sensor_lag::SensorLag,
