@@ -128,14 +128,14 @@ pub fn stop(fit: &Fit) -> String {
 }
 
 /// Columns aligned by their widest cell; a heading that starts with `<` aligns its column to the right.
-struct Table {
+pub(crate) struct Table {
     headings: Vec<String>,
     right: Vec<bool>,
     rows: Vec<Vec<String>>,
 }
 
 impl Table {
-    fn new(headings: &[&str]) -> Self {
+    pub(crate) fn new(headings: &[&str]) -> Self {
         Self {
             headings: headings.iter().map(|h| h.trim_start_matches('<').into()).collect(),
             right: headings.iter().map(|h| h.starts_with('<')).collect(),
@@ -143,11 +143,11 @@ impl Table {
         }
     }
 
-    fn row<const N: usize>(&mut self, cells: [String; N]) {
+    pub(crate) fn row<const N: usize>(&mut self, cells: [String; N]) {
         self.rows.push(cells.into());
     }
 
-    fn without_empty_columns(mut self) -> Self {
+    pub(crate) fn without_empty_columns(mut self) -> Self {
         let used: Vec<bool> = (0..self.headings.len())
             .map(|c| self.rows.iter().any(|r| r.get(c).is_some_and(|t| !t.is_empty())))
             .collect();
