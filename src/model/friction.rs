@@ -218,17 +218,17 @@ impl ReachFriction {
         ReachFriction::Tabulated(Tabulated::new(|u| 0.5 * loss_m(u / impedance) / u, largest_u_m))
     }
 
-    /// The same friction with its loss divided by `1 + μ`, as a node with momentum terms sees it.
-    pub fn divided(&self, by: f64) -> Self {
+    /// The same friction as the kernel's loops see it: of `w = 2u`, its loss divided by `1 + μ`.
+    pub fn of_twice_u(&self, one_plus_mu: f64) -> Self {
         match self {
-            ReachFriction::Quadratic(q) => ReachFriction::Quadratic(Quadratic { k: q.k / by }),
+            ReachFriction::Quadratic(q) => ReachFriction::Quadratic(Quadratic { k: 0.5 * q.k / one_plus_mu }),
             ReachFriction::Linear(l) => {
-                let phi = l.phi / by;
+                let phi = l.phi / one_plus_mu;
                 ReachFriction::Linear(Linear { phi, by_one_and_phi: 1.0 / (1.0 + phi) })
             }
             ReachFriction::Tabulated(t) => {
-                let steps = t.steps.iter().map(|&(phi, rise)| (phi / by, rise / by)).collect();
-                ReachFriction::Tabulated(Tabulated { per_m: t.per_m, steps })
+                let steps = t.steps.iter().map(|&(phi, rise)| (phi / one_plus_mu, rise / one_plus_mu)).collect();
+                ReachFriction::Tabulated(Tabulated { per_m: 0.5 * t.per_m, steps })
             }
         }
     }

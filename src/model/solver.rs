@@ -124,7 +124,7 @@ struct State {
     steady_half_loss: Vec<f64>,
     /// `κ` and `μ` of each segment.
     implicit: Vec<Implicit>,
-    /// Friction of each segment's reach divided by its `1 + μ`.
+    /// Friction of each segment's reach for `w = 2u`, divided by its `1 + μ`.
     frictions: Vec<ReachFriction>,
 }
 
@@ -180,8 +180,8 @@ impl Line<'_> {
                 let Implicit { kappa, mu } = term.implicit(s);
                 total = Implicit { kappa: total.kappa + kappa, mu: total.mu + mu };
             }
-            let inner = friction.divided(1.0 + total.mu);
-            steady_half_loss.push((1.0 + total.mu) * inner.steady_half_loss(steady_u));
+            let inner = friction.of_twice_u(1.0 + total.mu);
+            steady_half_loss.push(0.5 * (1.0 + total.mu) * inner.steady_half_loss(2.0 * steady_u));
             inner_frictions.push(inner);
             implicit.push(total);
         }
@@ -330,14 +330,14 @@ impl State {
     /// Steps the nodes of a segment between its ends.
     fn interior(&mut self, segment: usize, nodes: std::ops::Range<usize>) {
         let friction = &self.frictions[segment];
-        let steady_half_loss = self.steady_half_loss[segment];
+        let steady_loss = 2.0 * self.steady_half_loss[segment];
         let (fwd, bwd) = (&self.fwd[nodes.clone()], &self.bwd[nodes.clone()]);
         let (new_fwd, new_bwd) = (&mut self.new_fwd[nodes.clone()], &mut self.new_bwd[nodes.clone()]);
         if self.elastic {
             match friction {
-                ReachFriction::Quadratic(f) => kernel::elastic(fwd, bwd, new_fwd, new_bwd, f, steady_half_loss),
-                ReachFriction::Linear(f) => kernel::elastic(fwd, bwd, new_fwd, new_bwd, f, steady_half_loss),
-                ReachFriction::Tabulated(f) => kernel::elastic(fwd, bwd, new_fwd, new_bwd, f, steady_half_loss),
+                ReachFriction::Quadratic(f) => kernel::elastic(fwd, bwd, new_fwd, new_bwd, f, steady_loss),
+                ReachFriction::Linear(f) => kernel::elastic(fwd, bwd, new_fwd, new_bwd, f, steady_loss),
+                ReachFriction::Tabulated(f) => kernel::elastic(fwd, bwd, new_fwd, new_bwd, f, steady_loss),
             }
             return;
         }
@@ -347,7 +347,7 @@ impl State {
             kappa,
             momentum: &self.momentum[nodes.clone()],
             mu,
-            steady_half_loss,
+            steady_loss,
         };
         let (h, u) = (&mut self.h[nodes.clone()], &mut self.u[nodes]);
         match friction {
@@ -381,7 +381,8 @@ impl State {
         );
         for i in inner {
             let d = 0.5 * (self.fwd[i - 1] - self.bwd[i + 1]);
-            let u = friction.solve((d + self.steady_half_loss[s] + self.momentum[i]) / (1.0 + mu));
+            let known = d + self.steady_half_loss[s] + self.momentum[i];
+            let u = 0.5 * friction.solve(2.0 * known / (1.0 + mu));
             let (up, down) = (u + half_b * self.outflow[i], u - half_b * self.outflow[i]);
             let stored = self.h[i] * (1.0 + kappa) - self.storage[i];
             let (moved_up, moved_down) = (self.fwd[i - 1] - stored, stored - self.bwd[i + 1]);
