@@ -3,12 +3,13 @@
 use std::fs::File;
 use std::io::{BufWriter, Write, stdout};
 use std::path::PathBuf;
+use std::time::Instant;
 
 use serde_json::json;
 
 use super::scenario::{Scenario, ValveForm};
-use super::values::{positive, setting};
-use super::{CommandResult, Outcome};
+use super::values::{positive, rounded, setting};
+use super::{CommandResult, Outcome, energy};
 use crate::model::effects::{Chosen, parse_list};
 use crate::model::trace::Trace;
 use crate::rig::Rig;
@@ -41,6 +42,10 @@ pub struct Args {
     /// [default: standard output].
     #[arg(short, long, value_name = "CSV")]
     output: Option<PathBuf>,
+    /// Keep the energy book and write it here, J, at the times of the other file: what the line holds as motion and as
+    /// strain, what the supply gave, what valve, friction and each effect took; an older file of that name is replaced.
+    #[arg(long, value_name = "CSV")]
+    energy: Option<PathBuf>,
 }
 
 /// Most rows that one file may have.
@@ -53,7 +58,9 @@ const MOST_ROWS: f64 = 1e8;
 pub fn run(args: Args, json: bool) -> CommandResult {
     let scenario = Scenario::new(Rig::load(&args.rig)?, &args.effects, args.valve, &args.set)?;
     let duration_s = args.duration.unwrap_or(10.0 * scenario.period_s());
-    let traces = scenario.simulate(duration_s)?;
+    let start = Instant::now();
+    let (traces, book) = scenario.simulate_with(duration_s, args.energy.is_some())?;
+    let seconds = start.elapsed().as_secs_f64();
     let step_s = args.csv_times.unwrap_or(traces.first().map_or(duration_s, |t| t.dt_s));
     if duration_s / step_s > MOST_ROWS {
         return Err(format!(
@@ -74,6 +81,11 @@ pub fn run(args: Args, json: bool) -> CommandResult {
             other => other?,
         },
     }
+    let kept = args.energy.as_deref().zip(book.as_ref());
+    if let Some((path, book)) = kept {
+        energy::write_csv(book, path, times(step_s, duration_s))?;
+        eprintln!("{}", energy::sentence(book, duration_s));
+    }
     if json {
         let settings: serde_json::Map<_, _> = scenario.values().into_iter().map(|(n, v)| (n, json!(v))).collect();
         let document = json!({
@@ -84,10 +96,19 @@ pub fn run(args: Args, json: bool) -> CommandResult {
             "time_step_s": traces.first().map(|t| t.dt_s),
             "duration_s": duration_s,
             "sensors": scenario.rig.pressure_sensors().map(|(_, s)| &s.name).collect::<Vec<_>>(),
+            "energy": kept.map(|(path, book)| energy::json(book, duration_s, path)),
+            "seconds": seconds,
         });
         super::say!("{document:#}");
     }
     Ok(Outcome::Done)
+}
+
+/// The times 0, DT, 2 DT, … up to the duration.
+fn times(step_s: f64, duration_s: f64) -> impl Iterator<Item = f64> {
+    // The last time counts although it may be a rounding error beyond the duration.
+    let rows = (duration_s / step_s * (1.0 + 1e-12) + 1e-9).floor() as u64;
+    (0..=rows).map(move |row| row as f64 * step_s)
 }
 
 fn write_csv(
@@ -103,10 +124,7 @@ fn write_csv(
         write!(out, ",{}", scenario.rig.sensors[i].name)?;
     }
     writeln!(out)?;
-    // The last time counts although it may be a rounding error beyond the duration.
-    let rows = (duration_s / step_s * (1.0 + 1e-12) + 1e-9).floor() as u64;
-    for row in 0..=rows {
-        let time_s = row as f64 * step_s;
+    for time_s in times(step_s, duration_s) {
         write!(out, "{}", rounded(time_s))?;
         for (&i, trace) in sensors.iter().zip(traces) {
             write!(out, ",{}", rounded(scenario.displayed(i, trace.at(time_s))))?;
@@ -114,11 +132,6 @@ fn write_csv(
         writeln!(out)?;
     }
     out.flush()
-}
-
-/// Twelve significant digits, without the tail of binary fractions.
-fn rounded(value: f64) -> f64 {
-    format!("{value:.11e}").parse().unwrap_or(value)
 }
 
 /// Without the physics of cavities a head below vapour pressure is a number, not water.

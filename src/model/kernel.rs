@@ -15,26 +15,28 @@
 //! once more from the leaving ones. The loops reckon in `w = 2u`, which saves the halves.
 
 use super::friction::NodeFriction;
+use super::wide::widened;
 
-/// Elastic interior with steady friction: nodes `1..n-1` of a segment, from the old leaving waves to the new.
-///
-/// `friction` is that of `w`, `steady_loss` is `R0`.
-#[inline]
-pub fn elastic<F: NodeFriction>(
-    fwd: &[f64],
-    bwd: &[f64],
-    new_fwd: &mut [f64],
-    new_bwd: &mut [f64],
-    friction: &F,
-    steady_loss: f64,
-) {
-    let Some(m) = fwd.len().checked_sub(2) else { return };
-    let (cp, cm) = (&fwd[..m], &bwd[2..][..m]);
-    let (new_fwd, new_bwd) = (&mut new_fwd[1..][..m], &mut new_bwd[1..][..m]);
-    for i in 0..m {
-        let w = friction.solve(cp[i] - cm[i] + steady_loss);
-        new_fwd[i] = cm[i] + w;
-        new_bwd[i] = cp[i] - w;
+widened! {
+    /// Elastic interior with steady friction: nodes `1..n-1` of a segment, from the old leaving waves to the new.
+    ///
+    /// `friction` is that of `w`, `steady_loss` is `R0`.
+    pub fn elastic[F: NodeFriction](
+        fwd: &[f64],
+        bwd: &[f64],
+        new_fwd: &mut [f64],
+        new_bwd: &mut [f64],
+        friction: &F,
+        steady_loss: f64,
+    ) {
+        let Some(m) = fwd.len().checked_sub(2) else { return };
+        let (cp, cm) = (&fwd[..m], &bwd[2..][..m]);
+        let (new_fwd, new_bwd) = (&mut new_fwd[1..][..m], &mut new_bwd[1..][..m]);
+        for i in 0..m {
+            let w = friction.solve(cp[i] - cm[i] + steady_loss);
+            new_fwd[i] = cm[i] + w;
+            new_bwd[i] = cp[i] - w;
+        }
     }
 }
 
@@ -52,33 +54,33 @@ pub struct Terms<'a> {
     pub steady_loss: f64,
 }
 
-/// Interior with line terms; also gives head and `u = B Q` at nodes `1..n-1`. `friction` is that of `w`, of the reach divided
-/// by `1 + μ`.
-#[inline]
-#[allow(clippy::too_many_arguments)] // six slices of one segment, all of one length
-pub fn with_terms<F: NodeFriction>(
-    fwd: &[f64],
-    bwd: &[f64],
-    new_fwd: &mut [f64],
-    new_bwd: &mut [f64],
-    head: &mut [f64],
-    u: &mut [f64],
-    terms: &Terms,
-    friction: &F,
-) {
-    let Some(m) = fwd.len().checked_sub(2) else { return };
-    let (cp, cm) = (&fwd[..m], &bwd[2..][..m]);
-    let (new_fwd, new_bwd) = (&mut new_fwd[1..][..m], &mut new_bwd[1..][..m]);
-    let (head, u) = (&mut head[1..][..m], &mut u[1..][..m]);
-    let (storage, momentum) = (&terms.storage[1..][..m], &terms.momentum[1..][..m]);
-    let steady_loss = terms.steady_loss;
-    let (by_kappa, by_mu) = (1.0 / (1.0 + terms.kappa), 1.0 / (1.0 + terms.mu));
-    for i in 0..m {
-        let twice_h = (cp[i] + cm[i] + 2.0 * storage[i]) * by_kappa;
-        let w = friction.solve((cp[i] - cm[i] + steady_loss + 2.0 * momentum[i]) * by_mu);
-        head[i] = 0.5 * twice_h;
-        u[i] = 0.5 * w;
-        new_fwd[i] = twice_h + w - cp[i];
-        new_bwd[i] = twice_h - w - cm[i];
+widened! {
+    /// Interior with line terms; also gives head and `u = B Q` at nodes `1..n-1`. `friction` is that of `w`, of the reach divided
+    /// by `1 + μ`.
+    pub fn with_terms[F: NodeFriction](
+        fwd: &[f64],
+        bwd: &[f64],
+        new_fwd: &mut [f64],
+        new_bwd: &mut [f64],
+        head: &mut [f64],
+        u: &mut [f64],
+        terms: &Terms,
+        friction: &F,
+    ) {
+        let Some(m) = fwd.len().checked_sub(2) else { return };
+        let (cp, cm) = (&fwd[..m], &bwd[2..][..m]);
+        let (new_fwd, new_bwd) = (&mut new_fwd[1..][..m], &mut new_bwd[1..][..m]);
+        let (head, u) = (&mut head[1..][..m], &mut u[1..][..m]);
+        let (storage, momentum) = (&terms.storage[1..][..m], &terms.momentum[1..][..m]);
+        let steady_loss = terms.steady_loss;
+        let (by_kappa, by_mu) = (1.0 / (1.0 + terms.kappa), 1.0 / (1.0 + terms.mu));
+        for i in 0..m {
+            let twice_h = (cp[i] + cm[i] + 2.0 * storage[i]) * by_kappa;
+            let w = friction.solve((cp[i] - cm[i] + steady_loss + 2.0 * momentum[i]) * by_mu);
+            head[i] = 0.5 * twice_h;
+            u[i] = 0.5 * w;
+            new_fwd[i] = twice_h + w - cp[i];
+            new_bwd[i] = twice_h - w - cm[i];
+        }
     }
 }
