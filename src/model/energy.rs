@@ -252,13 +252,13 @@ impl<'a> Book<'a> {
                 term.advance(s, h, u, &mut storage[n.clone()], &mut momentum[n]);
             }
         }
-        let sum = |total: &mut [f64], of: &dyn Fn(&(Vec<f64>, Vec<f64>), usize) -> f64| {
-            for (i, total) in total.iter_mut().enumerate() {
-                *total = self.known.iter().map(|known| of(known, i)).sum();
-            }
-        };
-        sum(&mut state.storage, &|known, i| known.0[i]);
-        sum(&mut state.momentum, &|known, i| known.1[i]);
+        state.storage.fill(0.0);
+        state.momentum.fill(0.0);
+        let add = |total: &mut [f64], own: &[f64]| total.iter_mut().zip(own).for_each(|(total, own)| *total += own);
+        for (storage, momentum) in &self.known {
+            add(&mut state.storage, storage);
+            add(&mut state.momentum, momentum);
+        }
     }
 
     /// Weighs what the line holds in the waves that now leave the nodes, strikes the balance and writes the row.

@@ -15,6 +15,7 @@ pub mod parameter;
 pub mod sensor;
 pub mod solver;
 pub mod trace;
+mod unsteady_kernels;
 mod wide;
 
 use boundary::{Closure, ConstantHead, MeasuredHead, Supply, ValveEnd};

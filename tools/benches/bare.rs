@@ -2,9 +2,12 @@
 //! for exactly one case, to measure what the solver pays for its generality.
 
 /// One uniform pipe and its closure.
+#[derive(Clone, Copy)]
 pub struct Pipe {
     /// Reaches.
     pub reaches: usize,
+    /// Inner diameter, m.
+    pub diameter_m: f64,
     /// Wave speed over g, s: `dH = B dV`.
     pub b_s: f64,
     /// Head lost over one reach at 1 m/s, m.
@@ -126,8 +129,7 @@ impl Pipe {
         trace
     }
 
-    /// Unsteady friction by convolution with `terms` exponentials in the same pass. `kernel` holds weight and decay a second.
-    #[allow(dead_code)] // until the effect is there to compare with
+    /// Unsteady friction by convolution with `K` exponentials. `kernel` holds the head a reach takes, m per m/s, and the decay, 1/s.
     pub fn unsteady_friction<const K: usize>(&self, steps: usize, kernel: [(f64, f64); K]) -> Vec<f64> {
         let (n, b, r) = (self.reaches + 1, self.b_s, self.r);
         let Nodes { mut h, mut v, mut new_h, mut new_v } = self.nodes();

@@ -12,6 +12,7 @@
 //! | [`Effect::supply`], [`Effect::valve`] | the ends |
 //! | [`Effect::sense`] | what one sensor makes of the head |
 
+mod unsteady_friction;
 mod viscoelastic_wall;
 
 use super::ModelError;
@@ -24,7 +25,7 @@ use super::trace::Trace;
 use crate::rig::{Rig, WaterProperties};
 
 /// Every effect that a model can have.
-pub static CATALOGUE: &[&dyn Effect] = &[&viscoelastic_wall::ViscoelasticWall];
+pub static CATALOGUE: &[&dyn Effect] = &[&viscoelastic_wall::ViscoelasticWall, &unsteady_friction::UnsteadyFriction];
 
 /// What an effect needs to know of the rig to give its parameters sensible starts and bounds.
 pub struct Site<'a> {
