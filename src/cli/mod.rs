@@ -20,6 +20,7 @@ pub(crate) use {say, say_text, tell};
 pub mod calibrate;
 pub mod demo;
 pub mod effects;
+pub mod energy;
 pub mod export;
 pub mod import;
 pub mod inspect;

@@ -4,10 +4,11 @@ use std::error::Error;
 
 use crate::model::boundary::Closure;
 use crate::model::effects::{CATALOGUE, Chosen, Effect, Site};
+use crate::model::energy::Energy;
 use crate::model::friction::WallFriction;
 use crate::model::parameter::Parameter;
 use crate::model::trace::{Probe, Trace};
-use crate::model::{Conditions, Model, ModelError, Resolution, RunValues};
+use crate::model::{Conditions, Model, ModelError, Resolution, RunValues, Simulated};
 use crate::rig::{Coupling, Rig, Upstream, WaterProperties};
 use crate::units::GRAVITY_M_S2;
 
@@ -174,10 +175,20 @@ impl Scenario {
     /// # Errors
     /// As [`Model::simulate`].
     pub fn simulate(&self, duration_s: f64) -> Result<Vec<Trace>, ModelError> {
+        Ok(self.simulate_with(duration_s, false)?.0)
+    }
+
+    /// The same and, if asked for, where the energy went.
+    ///
+    /// # Errors
+    /// As [`Model::simulate`].
+    pub fn simulate_with(&self, duration_s: f64, energy: bool) -> Result<(Vec<Trace>, Option<Energy>), ModelError> {
         let probes: Vec<Probe> = self.rig.pressure_sensors().map(|(_, s)| Probe::Head(s.position_m)).collect();
-        let traces = self.probe(&probes, duration_s)?;
+        let simulated = self.run_model(&probes, duration_s, energy)?;
         let model = self.model();
-        self.rig.pressure_sensors().zip(traces).map(|((_, s), trace)| model.sensed(&self.shared, s, trace)).collect()
+        let sensors = self.rig.pressure_sensors().zip(simulated.traces);
+        let seen = sensors.map(|((_, sensor), trace)| model.sensed(&self.shared, sensor, trace));
+        Ok((seen.collect::<Result<_, _>>()?, simulated.energy))
     }
 
     /// What probes read, in time after the start of the closure.
@@ -185,9 +196,15 @@ impl Scenario {
     /// # Errors
     /// As [`Model::simulate`].
     pub fn probe(&self, probes: &[Probe], duration_s: f64) -> Result<Vec<Trace>, ModelError> {
+        Ok(self.run_model(probes, duration_s, false)?.traces)
+    }
+
+    fn run_model(&self, probes: &[Probe], duration_s: f64, energy: bool) -> Result<Simulated, ModelError> {
         let conditions = Conditions { water: self.water, supply_deviation: None };
         let resolution = Resolution { reaches: self.reaches, duration_s };
-        Ok(self.model().simulate(&conditions, &self.shared, &self.run, resolution, probes)?.traces)
+        let model = self.model();
+        let simulate = if energy { Model::simulate_with_energy } else { Model::simulate };
+        simulate(&model, &conditions, &self.shared, &self.run, resolution, probes)
     }
 
     /// A head at a sensor in the sensor's unit.

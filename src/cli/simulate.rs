@@ -3,12 +3,13 @@
 use std::fs::File;
 use std::io::{BufWriter, Write, stdout};
 use std::path::PathBuf;
+use std::time::Instant;
 
 use serde_json::json;
 
 use super::scenario::{Scenario, ValveForm};
-use super::values::{positive, setting};
-use super::{CommandResult, Outcome, output};
+use super::values::{positive, rounded, setting};
+use super::{CommandResult, Outcome, energy, output};
 use crate::model::effects::{Chosen, parse_list};
 use crate::model::trace::Trace;
 use crate::rig::Rig;
@@ -44,6 +45,10 @@ pub struct Args {
     /// Replace whatever file stands at the output, unless it is the rig or a recording.
     #[arg(long, requires = "output")]
     overwrite: bool,
+    /// Keep the energy book and write it here, J, at the times of the other file: what the line holds as motion and as
+    /// strain, what the supply gave, what valve, friction and each effect took; an older file of that name is replaced.
+    #[arg(long, value_name = "CSV")]
+    energy: Option<PathBuf>,
 }
 
 /// Most rows that one file may have.
@@ -59,7 +64,9 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         output::check_series(path, &header(&scenario), args.overwrite, &args.rig)?;
     }
     let duration_s = args.duration.unwrap_or(10.0 * scenario.period_s());
-    let traces = scenario.simulate(duration_s)?;
+    let start = Instant::now();
+    let (traces, book) = scenario.simulate_with(duration_s, args.energy.is_some())?;
+    let seconds = start.elapsed().as_secs_f64();
     let step_s = args.csv_times.unwrap_or(traces.first().map_or(duration_s, |t| t.dt_s));
     tell_what_was_not_set(&scenario, &args, duration_s, step_s);
     if duration_s / step_s > MOST_ROWS {
@@ -81,6 +88,11 @@ pub fn run(args: Args, json: bool) -> CommandResult {
             other => other?,
         },
     }
+    let kept = args.energy.as_deref().zip(book.as_ref());
+    if let Some((path, book)) = kept {
+        energy::write_csv(book, path, times(step_s, duration_s))?;
+        eprintln!("{}", energy::sentence(book, duration_s));
+    }
     if json {
         let settings: serde_json::Map<_, _> = scenario.values().into_iter().map(|(n, v)| (n, json!(v))).collect();
         let document = json!({
@@ -91,6 +103,8 @@ pub fn run(args: Args, json: bool) -> CommandResult {
             "time_step_s": traces.first().map(|t| t.dt_s),
             "duration_s": duration_s,
             "sensors": scenario.rig.pressure_sensors().map(|(_, s)| &s.name).collect::<Vec<_>>(),
+            "energy": kept.map(|(path, book)| energy::json(book, duration_s, path)),
+            "seconds": seconds,
         });
         super::say!("{document:#}");
     }
@@ -113,6 +127,13 @@ fn header(scenario: &Scenario) -> String {
     std::iter::once("time_s").chain(names).collect::<Vec<_>>().join(",")
 }
 
+/// The times 0, DT, 2 DT, … up to the duration.
+fn times(step_s: f64, duration_s: f64) -> impl Iterator<Item = f64> {
+    // The last time counts although it may be a rounding error beyond the duration.
+    let rows = (duration_s / step_s * (1.0 + 1e-12) + 1e-9).floor() as u64;
+    (0..=rows).map(move |row| row as f64 * step_s)
+}
+
 fn write_csv(
     scenario: &Scenario,
     traces: &[Trace],
@@ -122,10 +143,7 @@ fn write_csv(
 ) -> std::io::Result<()> {
     let sensors: Vec<usize> = scenario.rig.pressure_sensors().map(|(i, _)| i).collect();
     writeln!(out, "{}", header(scenario))?;
-    // The last time counts although it may be a rounding error beyond the duration.
-    let rows = (duration_s / step_s * (1.0 + 1e-12) + 1e-9).floor() as u64;
-    for row in 0..=rows {
-        let time_s = row as f64 * step_s;
+    for time_s in times(step_s, duration_s) {
         write!(out, "{}", rounded(time_s))?;
         for (&i, trace) in sensors.iter().zip(traces) {
             write!(out, ",{}", rounded(scenario.displayed(i, trace.at(time_s))))?;
@@ -133,11 +151,6 @@ fn write_csv(
         writeln!(out)?;
     }
     out.flush()
-}
-
-/// Twelve significant digits, without the tail of binary fractions.
-fn rounded(value: f64) -> f64 {
-    to_digits(value, 12)
 }
 
 fn to_digits(value: f64, digits: usize) -> f64 {

@@ -6,6 +6,7 @@
 
 pub mod boundary;
 pub mod effects;
+pub mod energy;
 pub mod friction;
 pub mod gas;
 pub mod grid;
@@ -18,9 +19,11 @@ pub mod solver;
 pub mod trace;
 mod unsteady_kernels;
 pub mod valve_from_head;
+mod wide;
 
 use boundary::{Closure, ConstantHead, HeadInTime, MeasuredHead, Supply, ValveEnd};
 use effects::{Chosen, Element, Place, Scene, Site, Spot};
+use energy::{Energy, NodeOwners, Owners};
 use friction::{ReachFriction, WallFriction};
 use grid::{Grid, Stretch};
 use node::Node;
@@ -125,6 +128,8 @@ pub struct Resolution {
 pub struct Simulated {
     /// What each probe reads.
     pub traces: Vec<Trace>,
+    /// Where the energy went, if that was asked for.
+    pub energy: Option<Energy>,
     starts_m: Vec<f64>,
     flows_m3_s: Vec<f64>,
 }
@@ -282,7 +287,7 @@ impl<'a> Model<'a> {
         resolution: Resolution,
         probes: &[Probe],
     ) -> Result<Simulated, ModelError> {
-        self.driven(conditions, shared, run, resolution, probes, None)
+        self.run(conditions, shared, run, resolution, probes, None, false)
     }
 
     /// The same with the head before the valve given, which then drives the line in the valve's stead.
@@ -294,6 +299,35 @@ impl<'a> Model<'a> {
         resolution: Resolution,
         probes: &[Probe],
         given_head: Option<HeadInTime>,
+    ) -> Result<Simulated, ModelError> {
+        self.run(conditions, shared, run, resolution, probes, given_head, false)
+    }
+
+    /// The same, and keeps the energy book ([`Simulated::energy`]).
+    ///
+    /// # Errors
+    /// As [`Model::simulate`].
+    pub fn simulate_with_energy(
+        &self,
+        conditions: &Conditions,
+        shared: &[f64],
+        run: &RunValues,
+        resolution: Resolution,
+        probes: &[Probe],
+    ) -> Result<Simulated, ModelError> {
+        self.run(conditions, shared, run, resolution, probes, None, true)
+    }
+
+    #[allow(clippy::too_many_arguments)] // what simulate, driven and simulate_with_energy share
+    fn run(
+        &self,
+        conditions: &Conditions,
+        shared: &[f64],
+        run: &RunValues,
+        resolution: Resolution,
+        probes: &[Probe],
+        given_head: Option<HeadInTime>,
+        with_energy: bool,
     ) -> Result<Simulated, ModelError> {
         self.check(shared, run)?;
         let flow_m3_s = run.initial_velocity_m_s * self.rig.pipes[self.rig.pipes.len() - 1].area_m2();
@@ -310,7 +344,8 @@ impl<'a> Model<'a> {
         // Two steps more than asked for: the cubic interpolation in time looks that far ahead.
         let beyond_s = self.chosen(shared).map(|(chosen, values)| chosen.effect.beyond_s(values)).fold(0.0, f64::max);
         let steps = ((resolution.duration_s + beyond_s) / grid.dt_s).ceil() as usize + 2;
-        let bytes = steps.saturating_mul(probes.len().max(1)).saturating_mul(8);
+        let columns = probes.len().max(1) + if with_energy { self.effects.len() + 6 } else { 0 };
+        let bytes = steps.saturating_mul(columns).saturating_mul(8);
         if bytes > MOST_HISTORY_BYTES {
             let gib = bytes as f64 / (1u64 << 30) as f64;
             return Err(ModelError::TooLong { steps, sensors: probes.len(), gib });
@@ -322,7 +357,7 @@ impl<'a> Model<'a> {
             flow_m3_s,
             valve_head_m: run.valve_head_m,
         };
-        let (grid, mut joints, mut at_valve) = self.nodes(grid, shared, &scene)?;
+        let (grid, mut joints, mut at_valve, nodes) = self.nodes(grid, shared, &scene)?;
         let frictions = reach_frictions(&grid, flow_m3_s)?;
         let (head_m, flows) = settle(&grid, &frictions, &mut joints, &mut at_valve, flow_m3_s, run.valve_head_m);
         let starts_m = grid.segments.iter().map(|s| s.start_m).collect();
@@ -335,6 +370,8 @@ impl<'a> Model<'a> {
             viscosity_m2_s: conditions.water.kinematic_viscosity_m2_s,
         };
         let mut terms = Vec::new();
+        let accounts = self.effects.iter().map(|c| c.effect.name().to_owned()).collect();
+        let mut owners = Owners { accounts, nodes, ..Owners::default() };
         let mut field = None;
         let mut supply = self.base_supply(conditions, steady.head_m[0])?;
         let discharge_head_m = self.rig.valve.discharge_head_m;
@@ -347,17 +384,20 @@ impl<'a> Model<'a> {
             residual_opening: 0.0,
             given_head,
         };
-        for (chosen, values) in self.chosen(shared) {
+        for (account, (chosen, values)) in self.chosen(shared).enumerate() {
             terms.extend(chosen.effect.line_terms(values, &steady)?);
+            owners.terms.resize(terms.len(), account);
             if let Some(own) = chosen.effect.field(values, &scene, &steady)? {
                 field = Some(own);
+                owners.field = Some(account);
             }
             supply = chosen.effect.supply(values, supply)?;
             chosen.effect.valve(values, &mut valve)?;
         }
-        let line = Line { steady, terms, field, supply, joints, at_valve, valve };
-        let traces = line.run(steps, probes).map_err(|error| self.named(error))?;
-        Ok(Simulated { traces, starts_m, flows_m3_s: flows })
+        let line = Line { steady: &steady, terms, field, supply, joints, at_valve, valve };
+        let owners = with_energy.then_some(owners);
+        let (traces, energy) = line.run(steps, probes, owners).map_err(|error| self.named(error))?;
+        Ok(Simulated { traces, energy, starts_m, flows_m3_s: flows })
     }
 
     /// What a pressure sensor makes of the head at its place: its own dynamics, then the effects that concern it.
@@ -404,11 +444,18 @@ impl<'a> Model<'a> {
             .collect()
     }
 
-    /// Puts what the effects attach at nodes, cutting segments where needed.
-    fn nodes(&self, grid: Grid, shared: &[f64], scene: &Scene) -> Result<(Grid, Vec<Node>, Node), ModelError> {
+    /// Puts what the effects attach at nodes, cutting segments where needed; also says whose each part is.
+    fn nodes(
+        &self,
+        grid: Grid,
+        shared: &[f64],
+        scene: &Scene,
+    ) -> Result<(Grid, Vec<Node>, Node, Vec<NodeOwners>), ModelError> {
         let mut attached = Vec::new();
-        for (chosen, values) in self.chosen(shared) {
+        let mut accounts = Vec::new();
+        for (account, (chosen, values)) in self.chosen(shared).enumerate() {
             attached.extend(chosen.effect.attachments(values, scene)?);
+            accounts.resize(attached.len(), account);
         }
         let around = |position_m: f64| grid.around(position_m).into_iter().filter(|(_, share)| *share > 0.0);
         let cuts: Vec<usize> = attached
@@ -422,6 +469,7 @@ impl<'a> Model<'a> {
             .collect();
         let grid = grid.cut(&cuts);
         let mut nodes: Vec<Node> = grid.segments.iter().map(|_| Node::default()).collect();
+        let mut owners = vec![NodeOwners::default(); nodes.len()];
         let mut spots = Vec::new();
         let mut reach = 0;
         for (s, segment) in grid.segments.iter().enumerate() {
@@ -436,22 +484,29 @@ impl<'a> Model<'a> {
                 wave_speed_m_s: segment.reach_m / grid.dt_s,
                 volume_m3: half(segment) + grid.segments.get(s + 1).map_or(0.0, half),
             });
-            for (attachment, shares) in attached.iter().zip(&shares) {
+            for ((attachment, shares), &account) in attached.iter().zip(&shares).zip(&accounts) {
                 for &(_, share) in shares.iter().filter(|(node, _)| *node == reach) {
                     match (attachment.make)(&Spot { share, ..spots[s] }) {
-                        Element::Loss(loss) => nodes[s].loss += loss,
-                        Element::Shunt(shunt) => nodes[s].shunts.push(shunt),
+                        Element::Loss(loss) => {
+                            nodes[s].loss += loss;
+                            owners[s].losses.push((account, loss));
+                        }
+                        Element::Shunt(shunt) => {
+                            nodes[s].shunts.push(shunt);
+                            owners[s].shunts.push(account);
+                        }
                     }
                 }
             }
         }
-        for (chosen, values) in self.chosen(shared) {
-            for (node, spot) in nodes.iter_mut().zip(&spots) {
+        for (account, (chosen, values)) in self.chosen(shared).enumerate() {
+            for ((node, owners), spot) in nodes.iter_mut().zip(&mut owners).zip(&spots) {
                 node.shunts.extend(chosen.effect.node_shunt(values, scene, spot));
+                owners.shunts.resize(node.shunts.len(), account);
             }
         }
         let at_valve = nodes.pop().unwrap_or_default();
-        Ok((grid, nodes, at_valve))
+        Ok((grid, nodes, at_valve, owners))
     }
 
     fn base_supply(&self, conditions: &Conditions, steady_head_m: f64) -> Result<Box<dyn Supply>, ModelError> {

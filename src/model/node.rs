@@ -59,8 +59,8 @@ impl Node {
     }
 
     /// Solves the node. `onward` is the flow that goes on at a head behind the losses, and its derivative; `guess_m` a head near
-    /// the solution.
-    pub fn solve(&mut self, left: Arriving, onward: impl Fn(f64) -> (f64, f64), guess_m: f64) -> Solved {
+    /// the solution. What sits there takes it in by [`Node::advance`].
+    pub fn solve(&self, left: Arriving, onward: impl Fn(f64) -> (f64, f64), guess_m: f64) -> Solved {
         // F(H) = H + K Ql|Ql| + z Ql - e with Ql = onward(H) + Σ outflow(H): increasing in H.
         let balance = |head: f64| {
             let (mut flow, mut slope) = onward(head);
@@ -75,14 +75,18 @@ impl Node {
         let head = root(balance, guess_m);
         let right_flow = onward(head).0;
         let left_flow = right_flow + self.shunts.iter().map(|s| s.outflow(head).0).sum::<f64>();
-        for shunt in &mut self.shunts {
-            shunt.advance(head);
-        }
         Solved {
             left_head_m: head + self.loss * left_flow * left_flow.abs(),
             left_flow_m3_s: left_flow,
             right_head_m: head,
             right_flow_m3_s: right_flow,
+        }
+    }
+
+    /// Takes the new head behind the losses for good.
+    pub fn advance(&mut self, head_m: f64) {
+        for shunt in &mut self.shunts {
+            shunt.advance(head_m);
         }
     }
 }
@@ -142,7 +146,7 @@ mod tests {
 
     #[test]
     fn a_leak_and_a_loss_at_one_node_meet_all_their_equations() {
-        let mut node = Node { loss: 2e5, shunts: vec![Box::new(Orifice(1e-4)), Box::new(Orifice(3e-5))] };
+        let node = Node { loss: 2e5, shunts: vec![Box::new(Orifice(1e-4)), Box::new(Orifice(3e-5))] };
         let (left, right) = (Arriving { z: 4e4, e: 70.0 }, Arriving { z: 5e4, e: -20.0 });
         let s = node.solve(left, |h| ((h - right.e) / right.z, 1.0 / right.z), 20.0);
         assert!((s.left_head_m + left.z * s.left_flow_m3_s - left.e).abs() < 1e-9);

@@ -1,6 +1,7 @@
 //! The model against what is not ours: exact solutions, published numbers, conservation, orders of convergence.
 
 mod ends;
+mod energy;
 mod exact;
 mod unsteady_friction;
 

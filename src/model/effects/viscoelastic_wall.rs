@@ -4,6 +4,7 @@ use super::{Effect, Site, check};
 use crate::model::ModelError;
 use crate::model::parameter::Parameter;
 use crate::model::solver::{Implicit, LineTerm, Steady};
+use crate::model::wide::widened;
 use crate::units::GRAVITY_M_S2;
 
 /// See the module.
@@ -153,19 +154,29 @@ impl LineTerm for Creep {
         let mut pairs = self.elements.chunks_exact_mut(2);
         for pair in &mut pairs {
             let [first, second] = pair else { continue };
-            let (a, b) = (first.of(segment, offset, h.len()), second.of(segment, offset, h.len()));
-            for ((x, y), (h, out)) in a.strain.iter_mut().zip(b.strain).zip(h.iter().zip(storage.iter_mut())) {
-                *x = a.decay * *x + a.gain * h;
-                *y = b.decay * *y + b.gain * h;
-                *out += *x + *y;
-            }
+            creep_of_two(first.of(segment, offset, h.len()), second.of(segment, offset, h.len()), h, storage);
         }
         if let [last] = pairs.into_remainder() {
-            let a = last.of(segment, offset, h.len());
-            for (x, (h, out)) in a.strain.iter_mut().zip(h.iter().zip(storage.iter_mut())) {
-                *x = a.decay * *x + a.gain * h;
-                *out += *x;
-            }
+            creep_of_one(last.of(segment, offset, h.len()), h, storage);
+        }
+    }
+}
+
+widened! {
+    fn creep_of_two(a: Share, b: Share, h: &[f64], storage: &mut [f64]) {
+        for ((x, y), (h, out)) in a.strain.iter_mut().zip(b.strain).zip(h.iter().zip(storage.iter_mut())) {
+            *x = a.decay * *x + a.gain * h;
+            *y = b.decay * *y + b.gain * h;
+            *out += *x + *y;
+        }
+    }
+}
+
+widened! {
+    fn creep_of_one(a: Share, h: &[f64], storage: &mut [f64]) {
+        for (x, (h, out)) in a.strain.iter_mut().zip(h.iter().zip(storage.iter_mut())) {
+            *x = a.decay * *x + a.gain * h;
+            *out += *x;
         }
     }
 }
