@@ -15,6 +15,7 @@ pub mod parameter;
 pub mod sensor;
 pub mod solver;
 pub mod trace;
+mod unsteady_kernels;
 pub mod valve_from_head;
 
 use boundary::{Closure, ConstantHead, HeadInTime, MeasuredHead, Supply, ValveEnd};

@@ -2,8 +2,9 @@
 
 mod ends;
 mod exact;
+mod unsteady_friction;
 
-use exact::{Exact, Ramp};
+use exact::{Exact, Ramp, Shear};
 use surgescope::model::boundary::Closure;
 use surgescope::model::effects::parse_list;
 use surgescope::model::trace::Probe;
@@ -11,7 +12,7 @@ use surgescope::model::{Conditions, Model, Resolution, RunValues};
 use surgescope::rig::{Rig, WaterProperties};
 
 /// A rig of one uniform pipe, built as a user would: from a file's text.
-fn rig(length_m: f64, diameter_mm: f64, wall_mm: f64, friction: &str) -> Rig {
+pub(crate) fn rig(length_m: f64, diameter_mm: f64, wall_mm: f64, friction: &str) -> Rig {
     let text = format!(
         r#"
 name = "reference"
@@ -71,17 +72,17 @@ fn simulate(problem: &Exact, reaches: usize, places: &[f64], times: &[f64]) -> V
     traces.iter().map(|trace| times.iter().map(|&t| trace.at(t) - 30.0).collect()).collect()
 }
 
-fn relative_rms(value: &[f64], exact: &[f64]) -> f64 {
+pub(crate) fn relative_rms(value: &[f64], exact: &[f64]) -> f64 {
     let square = |v: &mut dyn Iterator<Item = f64>| v.map(|x| x * x).sum::<f64>();
     (square(&mut value.iter().zip(exact).map(|(v, e)| v - e)) / square(&mut exact.iter().copied())).sqrt()
 }
 
-fn largest_error(value: &[f64], exact: &[f64]) -> f64 {
+pub(crate) fn largest_error(value: &[f64], exact: &[f64]) -> f64 {
     value.iter().zip(exact).map(|(v, e)| (v - e).abs()).fold(0.0, f64::max)
 }
 
 /// The columns of a reference file.
-fn reference(text: &str) -> Vec<Vec<f64>> {
+pub(crate) fn reference(text: &str) -> Vec<Vec<f64>> {
     let rows: Vec<Vec<f64>> = text
         .lines()
         .filter(|l| !l.starts_with('#') && !l.is_empty())
@@ -101,6 +102,7 @@ fn b1() -> Exact {
         velocity: 0.5,
         ramp: Ramp::Cycloid(0.10),
         creep: creep.iter().map(|&(j, tau)| (j * 1e-10, tau)).collect(),
+        shear: Shear::None,
     }
 }
 
@@ -114,11 +116,12 @@ fn b3(ramp: Ramp) -> Exact {
         velocity: 1.0,
         ramp,
         creep: vec![(1e-10, 0.0225), (8e-10, 1.1)],
+        shear: Shear::None,
     }
 }
 
 /// Orders of convergence from errors at halved steps.
-fn orders(errors: &[f64]) -> Vec<f64> {
+pub(crate) fn orders(errors: &[f64]) -> Vec<f64> {
     errors.windows(2).map(|w| (w[0] / w[1]).log2()).collect()
 }
 

@@ -17,6 +17,7 @@ mod moving_valve;
 mod sensor_gain;
 mod sensor_lag;
 mod supply_drift;
+mod unsteady_friction;
 mod valve_law;
 mod valve_seat_leak;
 mod viscoelastic_wall;
@@ -33,6 +34,7 @@ use crate::rig::{Rig, WaterProperties};
 /// Every effect that a model can have.
 pub static CATALOGUE: &[&dyn Effect] = &[
     &viscoelastic_wall::ViscoelasticWall,
+    &unsteady_friction::UnsteadyFriction,
     &valve_law::ValveLaw,
     &valve_seat_leak::ValveSeatLeak,
     &supply_drift::SupplyDrift,
