@@ -11,10 +11,11 @@ use super::data::RunData;
 use super::least_squares::{Limits, Problem, Solution, Stop, jacobian, minimise};
 use super::outcome::{Fit, FittedParameter, RunFit, SensorFit};
 use super::problem::{Calibration, Window};
+use super::sensor_choice::with_sensors;
 use super::uncertainty::{correlation_inflation, gauss_newton_step, standard_errors};
 use crate::model::effects::Chosen;
 use crate::model::{Model, ModelError};
-use crate::rig::{Rig, WaterProperties};
+use crate::rig::Rig;
 
 /// Why a fit cannot be had.
 #[derive(Debug, thiserror::Error)]
@@ -121,7 +122,9 @@ pub fn calibrate(
     let starts: Vec<f64> = model.shared.iter().map(|p| p.start).collect();
     let fitter =
         Fitter { runs, options, progress, evaluations: &evaluations, least_reaches: model.least_reaches(&starts) };
-    let mut chosen = fitter.with_sensors(rig, water, effects)?;
+    let mut chosen = with_sensors(rig, effects, |trial| {
+        Ok::<_, FitError>(fitter.approach(&Model::new(rig, water, trial), None)?.cost)
+    })?;
     // An effect with elements grows from one: a fit of many from scratch ends in poorer places.
     let growing = effects.iter().position(|c| c.effect.elements().is_some_and(|r| r.contains(&2)));
     let asked = growing.and_then(|i| effects[i].elements);
@@ -145,11 +148,6 @@ pub fn calibrate(
         (chosen, model, state, leftover) = (more, bigger, trial, trial_leftover);
     }
     fitter.finish(&model, state)
-}
-
-/// Its number of elements is left to the fit.
-fn is_open(chosen: &Chosen) -> bool {
-    chosen.elements.is_none() && chosen.effect.elements().is_some()
 }
 
 /// What a fit leaves over.
@@ -217,34 +215,6 @@ impl Fitter<'_> {
         })?;
         self.evaluations.fetch_add(solution.evaluations * self.runs.len(), Ordering::Relaxed);
         Ok(solution)
-    }
-
-    /// Names the sensor of each effect that concerns one and has none.
-    fn with_sensors(&self, rig: &Rig, water: &WaterProperties, effects: &[Chosen]) -> Result<Vec<Chosen>, FitError> {
-        let mut chosen = effects.to_vec();
-        let sensors: Vec<&str> = rig.pressure_sensors().map(|(_, s)| s.name.as_str()).collect();
-        for i in 0..chosen.len() {
-            if !chosen[i].effect.at_sensor() || chosen[i].sensor.is_some() || sensors.len() < 2 {
-                continue;
-            }
-            let mut best: Option<(f64, Chosen)> = None;
-            for sensor in &sensors {
-                // Two elements where their number is open: with one the model may be too poor to show a sensor's fault.
-                let mut trial = chosen.clone();
-                for open in trial.iter_mut().filter(|c| is_open(c)) {
-                    *open = open.with_elements(open.effect.elements().map_or(1, |r| 2.min(*r.end())));
-                }
-                trial[i] = chosen[i].with_sensor(sensor);
-                let cost = self.approach(&Model::new(rig, water, &trial), None)?.cost;
-                if best.as_ref().is_none_or(|b| cost < b.0) {
-                    best = Some((cost, trial[i].clone()));
-                }
-            }
-            if let Some((_, at_sensor)) = best {
-                chosen[i] = at_sensor;
-            }
-        }
-        Ok(chosen)
     }
 
     /// Fits a model on a coarse grid: from the signals, or from a smaller model that is already fitted.

@@ -8,4 +8,5 @@ pub mod least_squares;
 pub mod outcome;
 pub mod prepare;
 pub mod problem;
+pub mod sensor_choice;
 pub mod uncertainty;

@@ -102,7 +102,7 @@ mod tests {
 
     #[test]
     fn a_ramp_is_followed_by_the_lag_and_stiffness_does_no_harm() {
-        for w in [1.0, 1e3, 1e8] {
+        for w in [10.0, 1e3, 1e8] {
             for z in [0.1, 1.0, 4.0] {
                 let mut oscillator = Oscillator::new(w, z, 0.01, 5.0);
                 let x = |i: u32| 5.0 + 2.0 * 0.01 * f64::from(i);
