@@ -14,7 +14,9 @@
 //!   and throw the water back, step after step. Since `K` itself is never changed, no water is lost or made by that: a limiter
 //!   that clips the volume instead feeds on alternating flows, and its spikes grow with finer grids.
 //!
-//! Both conditions make `q⁺` an increasing, concave function of the head: `dt q⁺ = min((K - V⁺)/ψ, K - V⁺/2)`.
+//! Gas that follows the pressure with a lag `θ`, `V + θ dV/dt = V_eq(H)`, takes `ψ dt + θ` in place of `ψ dt`, no more.
+//!
+//! Both conditions make `q⁺` an increasing, concave function of the head: `q⁺ = min((K - V_eq)/(ψ dt + θ), (K - V_eq/2)/dt)`.
 
 use super::ModelError;
 use super::effects::{Scene, Spot};
@@ -29,20 +31,20 @@ const LEAST: f64 = 0.5;
 pub struct Stepping {
     /// `dt`, s.
     pub dt_s: f64,
-    /// `ψ dt`, s.
-    pub psi_dt_s: f64,
+    /// `ψ dt + θ`, s.
+    pub follow_s: f64,
 }
 
 impl Stepping {
-    /// For reaches of `reach_m` of a line of `length_m`.
-    pub fn new(dt_s: f64, reach_m: f64, length_m: f64) -> Self {
+    /// For reaches of `reach_m` of a line of `length_m` and gas with a lag.
+    pub fn new(dt_s: f64, reach_m: f64, length_m: f64, lag_s: f64) -> Self {
         let psi = (0.5 + 4.0 * reach_m / length_m).min(1.0);
-        Stepping { dt_s, psi_dt_s: psi * dt_s }
+        Stepping { dt_s, follow_s: psi * dt_s + lag_s }
     }
 
     /// At a joint or at the pipe's end.
-    pub fn at(scene: &Scene, spot: &Spot) -> Self {
-        Stepping::new(scene.dt_s, spot.wave_speed_m_s * scene.dt_s, scene.rig.length_m())
+    pub fn at(scene: &Scene, spot: &Spot, lag_s: f64) -> Self {
+        Stepping::new(scene.dt_s, spot.wave_speed_m_s * scene.dt_s, scene.rig.length_m(), lag_s)
     }
 }
 
@@ -110,9 +112,9 @@ impl Shunt for Volume {
     }
     fn outflow(&self, head_m: f64) -> (f64, f64) {
         let (volume, fall) = self.law.volume(head_m);
-        let Stepping { dt_s, psi_dt_s } = self.stepping;
-        let (free, held) = ((self.book_m3 - volume) / psi_dt_s, (self.book_m3 - LEAST * volume) / dt_s);
-        if free <= held { (free, fall / psi_dt_s) } else { (held, LEAST * fall / dt_s) }
+        let Stepping { dt_s, follow_s } = self.stepping;
+        let (free, held) = ((self.book_m3 - volume) / follow_s, (self.book_m3 - LEAST * volume) / dt_s);
+        if free <= held { (free, fall / follow_s) } else { (held, LEAST * fall / dt_s) }
     }
     fn advance(&mut self, head_m: f64) {
         self.book_m3 -= self.stepping.dt_s * self.outflow(head_m).0;
@@ -136,14 +138,14 @@ struct Piece {
 }
 
 impl NodeField for Field {
-    /// With `y = h + y0` the node is `k y + c q = k y0 + s` with `q = min((K - C/y)/(ψ dt), (K - C/2y)/dt)`: two quadratics, of
+    /// With `y = h + y0` the node is `k y + c q = k y0 + s` with `q = min((K - C/y)/(ψ dt + θ), (K - C/2y)/dt)`: two quadratics, of
     /// which the lesser outflow leaves the greater `y`.
     fn inner(&mut self, segment: usize, one_plus_kappa: f64, c: f64, s: &[f64], h: &mut [f64], q: &mut [f64]) {
-        let Piece { offset, content_m4, stepping: Stepping { dt_s, psi_dt_s } } = self.segments[segment];
+        let Piece { offset, content_m4, stepping: Stepping { dt_s, follow_s } } = self.segments[segment];
         let inner = offset + 1..offset + 1 + s.len();
         let (steady, book) = (&self.steady_m[inner.clone()], &mut self.book_m3[inner]);
         let (k, by_2k, by_c) = (one_plus_kappa, 0.5 / one_plus_kappa, 1.0 / c);
-        let (free, held) = (c / psi_dt_s, c / dt_s);
+        let (free, held) = (c / follow_s, c / dt_s);
         let (free_product, held_product) = (4.0 * k * free * content_m4, 4.0 * k * held * LEAST * content_m4);
         for ((((y0, book), s), h), q) in steady.iter().zip(book).zip(s).zip(h).zip(q) {
             let known = k * y0 + s;
@@ -168,11 +170,12 @@ fn boiling_head_m(scene: &Scene, elevation_m: f64) -> f64 {
     elevation_m + scene.vapour_head_m()
 }
 
-/// Isothermal gas over vapour at all inner nodes: `V (H - z - H_vapour)` is `content_m` times the node's piece of pipe.
+/// Isothermal gas over vapour at all inner nodes: `V (H - z - H_vapour)` is `content_m` times the node's piece of pipe, which
+/// the gas comes to with a lag.
 ///
 /// # Errors
 /// If the water boils somewhere before the closure.
-pub fn field(scene: &Scene, steady: &Steady, content_m: f64) -> Result<Box<dyn NodeField>, ModelError> {
+pub fn field(scene: &Scene, steady: &Steady, content_m: f64, lag_s: f64) -> Result<Box<dyn NodeField>, ModelError> {
     let length_m = scene.rig.length_m();
     let mut steady_m = vec![0.0; steady.head_m.len()];
     let mut book_m3 = steady_m.clone();
@@ -184,7 +187,7 @@ pub fn field(scene: &Scene, steady: &Steady, content_m: f64) -> Result<Box<dyn N
             steady_m[node] = steady.head_m[node] - boiling_head_m(scene, scene.rig.elevation_m(position_m));
             book_m3[node] = content_m4 / steady_m[node];
         }
-        let stepping = Stepping::new(scene.dt_s, segment.reach_m, length_m);
+        let stepping = Stepping::new(scene.dt_s, segment.reach_m, length_m, lag_s);
         segments.push(Piece { offset: segment.offset, content_m4, stepping });
     }
     if steady_m.iter().any(|&y| y <= 0.0) {
@@ -198,10 +201,10 @@ pub fn field(scene: &Scene, steady: &Steady, content_m: f64) -> Result<Box<dyn N
 }
 
 /// The same at a joint or at the pipe's end.
-pub fn at_node(scene: &Scene, spot: &Spot, content_m: f64) -> Box<dyn Shunt> {
+pub fn at_node(scene: &Scene, spot: &Spot, content_m: f64, lag_s: f64) -> Box<dyn Shunt> {
     let floor_m = boiling_head_m(scene, spot.elevation_m);
     let law = Law::isothermal(floor_m, content_m * spot.volume_m3, spot.volume_m3);
-    Box::new(Volume::new(law, Stepping::at(scene, spot)))
+    Box::new(Volume::new(law, Stepping::at(scene, spot, lag_s)))
 }
 
 #[cfg(test)]
@@ -245,8 +248,8 @@ mod tests {
     #[test]
     fn a_volume_at_a_closed_end_is_solved_however_hard_it_is_hit() {
         for law in laws() {
-            let stepping = Stepping::new(1e-4, 0.1, 20.0);
-            let psi = stepping.psi_dt_s / stepping.dt_s;
+            let stepping = Stepping::new(1e-4, 0.1, 20.0, 0.0);
+            let psi = stepping.follow_s / stepping.dt_s;
             let mut node = Node { loss: 0.0, shunts: vec![Box::new(Volume::new(law, stepping))] };
             node.settle(30.0, 0.0);
             let (mut book, mut head, mut seed) = (law.volume(30.0).0, 30.0, 1u64);
@@ -276,7 +279,7 @@ mod tests {
     /// The law is as stiff as any that a node meets; bisection alone would take fifty steps and more.
     #[test]
     fn newtons_method_needs_few_steps_of_it() {
-        let mut volume = Volume::new(laws()[0], Stepping::new(1e-4, 0.1, 20.0));
+        let mut volume = Volume::new(laws()[0], Stepping::new(1e-4, 0.1, 20.0, 0.0));
         volume.settle(30.0);
         let mut head = 30.0;
         let (mut total, mut most) = (0, 0);

@@ -69,7 +69,7 @@ impl Effect for AirPocket {
             let floor_m = floor_m(spot);
             let reference_m = (scene.valve_head_m - floor_m).max(low_m);
             let law = Law::polytropic(floor_m, exponent, reference_m, spot.share * volume_ml * 1e-6, low_m);
-            Element::Shunt(Box::new(Volume::new(law, Stepping::at(scene, spot))))
+            Element::Shunt(Box::new(Volume::new(law, Stepping::at(scene, spot, 0.0))))
         };
         Ok(vec![Attachment { place: Place::Valve, make: Box::new(make) }])
     }

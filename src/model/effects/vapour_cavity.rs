@@ -43,9 +43,9 @@ impl Effect for VapourCavity {
         Vec::new()
     }
     fn field(&self, _values: &[f64], scene: &Scene, steady: &Steady) -> Result<Option<Box<dyn NodeField>>, ModelError> {
-        gas::field(scene, steady, GAS_FRACTION * scene.atmosphere_head_m()).map(Some)
+        gas::field(scene, steady, GAS_FRACTION * scene.atmosphere_head_m(), 0.0).map(Some)
     }
     fn node_shunt(&self, _values: &[f64], scene: &Scene, spot: &Spot) -> Option<Box<dyn Shunt>> {
-        Some(gas::at_node(scene, spot, GAS_FRACTION * scene.atmosphere_head_m()))
+        Some(gas::at_node(scene, spot, GAS_FRACTION * scene.atmosphere_head_m(), 0.0))
     }
 }
