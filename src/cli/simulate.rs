@@ -10,9 +10,9 @@ use serde_json::json;
 use super::scenario::{Scenario, ValveForm};
 use super::values::{positive, rounded, setting};
 use super::{CommandResult, Outcome, energy, output};
-use crate::model::effects::{Chosen, parse_list};
+use crate::model::effects::{ATMOSPHERE_PA, Chosen, parse_list};
 use crate::model::trace::Trace;
-use crate::rig::Rig;
+use crate::rig::{Coupling, Rig};
 
 /// Simulate a closure on a rig.
 ///
@@ -90,8 +90,9 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     }
     let kept = args.energy.as_deref().zip(book.as_ref());
     if let Some((path, book)) = kept {
+        output::check_series(path, &format!("time_s,{}", book.columns().join(",")), args.overwrite, &args.rig)?;
         energy::write_csv(book, path, times(step_s, duration_s))?;
-        eprintln!("{}", energy::sentence(book, duration_s));
+        super::tell!("{}", energy::sentence(book, duration_s));
     }
     if json {
         let settings: serde_json::Map<_, _> = scenario.values().into_iter().map(|(n, v)| (n, json!(v))).collect();
@@ -159,15 +160,20 @@ fn to_digits(value: f64, digits: usize) -> f64 {
 
 /// Without the physics of cavities a head below vapour pressure is a number, not water.
 fn warn_of_cavities(scenario: &Scenario, traces: &[Trace]) {
-    const ATMOSPHERE_PA: f64 = 101_325.0;
+    if scenario.effects.iter().any(|c| c.effect.lets_boil()) {
+        return;
+    }
     let least_pa = scenario.water.vapour_pressure_pa - ATMOSPHERE_PA;
-    for ((_, sensor), trace) in scenario.rig.pressure_sensors().zip(traces) {
+    // A piezoelectric sensor shows no head to judge by.
+    let steady = scenario.rig.pressure_sensors().zip(traces).filter(|((_, s), _)| s.coupling == Coupling::Dc);
+    for ((_, sensor), trace) in steady {
         let elevation_m = sensor.elevation_m.unwrap_or_else(|| scenario.rig.elevation_m(sensor.position_m));
         let least_head_m = elevation_m + least_pa / (scenario.water.density_kg_m3 * crate::units::GRAVITY_M_S2);
         if let Some(step) = trace.values.iter().position(|&h| h < least_head_m) {
             super::tell!(
                 "warning: at {} the pressure falls below vapour pressure {:.4} s after the start of the closure; this model does \
-                 not let the water boil, so what follows is not physical: take a lower velocity or a higher head",
+                 not let the water boil, so what follows is not physical: add vapour-cavity, or take a lower velocity or a higher \
+                 head",
                 sensor.name,
                 step as f64 * trace.dt_s
             );

@@ -35,6 +35,9 @@ impl Effect for EntrainedGas {
         &[("vapour-cavity", "gas opens cavities at the vapour head by itself")]
     }
 
+    fn lets_boil(&self) -> bool {
+        true
+    }
     fn parameters(&self, _site: &Site, _elements: usize) -> Vec<Parameter> {
         vec![
             Parameter::log(

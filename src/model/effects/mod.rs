@@ -223,6 +223,10 @@ pub trait Effect: Sync {
         let _ = values;
         Ok(supply)
     }
+    /// It lets the water boil or gas grow where the pressure falls: without such an effect a head below vapour's is no head.
+    fn lets_boil(&self) -> bool {
+        false
+    }
     /// Changes the valve.
     ///
     /// # Errors

@@ -39,6 +39,9 @@ impl Effect for VapourCavity {
     }
 
     /// None: where the water boils follows from its temperature.
+    fn lets_boil(&self) -> bool {
+        true
+    }
     fn parameters(&self, _site: &Site, _elements: usize) -> Vec<Parameter> {
         Vec::new()
     }
