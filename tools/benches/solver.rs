@@ -141,7 +141,8 @@ fn pairs() -> Vec<Pair> {
                 1000 => Box::new(move |steps| thin.unsteady_friction(steps, shear)),
                 _ => Box::new(move |steps| thin.unsteady_friction::<7>(steps, std::array::from_fn(|i| shear[i]))),
             },
-            within: 2e-2,
+            // The bare loop leaves the terms out that a step forgets.
+            within: if reaches == 1000 { 2e-2 } else { 5e-2 },
         });
     }
     pairs
