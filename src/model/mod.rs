@@ -4,9 +4,11 @@
 //! The base model has elastic waves, quasi-steady wall friction, a constant supply head and a valve whose opening falls
 //! linearly in time. Effects (see [`effects`]) add to it.
 
+mod attach;
 pub mod boundary;
 pub mod effects;
 pub mod energy;
+pub mod error;
 pub mod friction;
 pub mod gas;
 pub mod grid;
@@ -21,12 +23,13 @@ mod unsteady_kernels;
 pub mod valve_from_head;
 mod wide;
 
+pub use error::ModelError;
+
 use boundary::{Closure, ConstantHead, HeadInTime, MeasuredHead, Supply, ValveEnd};
-use effects::{Chosen, Element, Place, Scene, Site, Spot};
-use energy::{Energy, NodeOwners, Owners};
+use effects::{Chosen, Scene, Site};
+use energy::{Energy, Owners};
 use friction::{ReachFriction, WallFriction};
 use grid::{Grid, Stretch};
-use node::Node;
 use parameter::Parameter;
 use sensor::seen_by;
 use solver::{Line, Steady, settle};
@@ -34,45 +37,6 @@ use trace::{Probe, Trace};
 
 use crate::rig::WaterProperties;
 use crate::rig::{Rig, Sensor, Upstream};
-
-/// What can be wrong with a model or a simulation.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[allow(missing_docs)] // the sentences say it
-pub enum ModelError {
-    #[error("{reaches} reaches are too few: these pipes need at least {needed}")]
-    TooFewReaches { reaches: usize, needed: usize },
-    #[error("{name} = {value} is outside its physical range ({allowed})")]
-    Value { name: String, value: f64, allowed: &'static str },
-    #[error("unknown effect '{name}'; did you mean '{nearest}'? Known are: {known}")]
-    UnknownEffect { name: String, nearest: String, known: String },
-    #[error("'{item}': the number of elements must be a whole number from {low} to {high}")]
-    Elements { item: String, low: usize, high: usize },
-    #[error("'{item}': this effect has no elements to number")]
-    NoElements { item: String },
-    #[error("the effect '{name}' is named twice")]
-    EffectTwice { name: String },
-    #[error(
-        "friction takes {share:.3} of the impedance over one reach, more than the scheme resolves; use at least {needed} reaches"
-    )]
-    FrictionTooCoarse { share: f64, needed: usize },
-    #[error("{steps} steps at {sensors} places would need {gib:.1} GiB; shorten the duration or take fewer reaches")]
-    TooLong { steps: usize, sensors: usize, gib: f64 },
-    #[error(
-        "the solution stopped being finite {time_s:.4} s after the start of the closure, {position_m:.2} m from the supply, in a \
-         model with {effects}; check the parameter values"
-    )]
-    NotFinite { time_s: f64, position_m: f64, effects: String },
-    #[error("'{item}': this effect concerns no single sensor")]
-    NoSensor { item: String },
-    #[error("'{one}' and '{other}' cannot be together: {why}")]
-    Excluded { one: String, other: String, why: &'static str },
-    #[error("there is no pressure sensor '{name}'; the rig has {known}")]
-    UnknownSensor { name: String, known: String },
-    #[error("an upstream end of kind 'measured' needs the head measured at position 0")]
-    NoSupplyHead,
-    #[error("the head before the valve needs at least one sample, and times that increase")]
-    NoValveHead,
-}
 
 /// A model: a rig, the effects added to the base model, and its parameters.
 #[derive(Debug, Clone)]
@@ -442,71 +406,6 @@ impl<'a> Model<'a> {
                 friction: WallFriction::of(pipe, &conditions.water, flow_m3_s).scaled(run.friction_scale),
             })
             .collect()
-    }
-
-    /// Puts what the effects attach at nodes, cutting segments where needed; also says whose each part is.
-    fn nodes(
-        &self,
-        grid: Grid,
-        shared: &[f64],
-        scene: &Scene,
-    ) -> Result<(Grid, Vec<Node>, Node, Vec<NodeOwners>), ModelError> {
-        let mut attached = Vec::new();
-        let mut accounts = Vec::new();
-        for (account, (chosen, values)) in self.chosen(shared).enumerate() {
-            attached.extend(chosen.effect.attachments(values, scene)?);
-            accounts.resize(attached.len(), account);
-        }
-        let around = |position_m: f64| grid.around(position_m).into_iter().filter(|(_, share)| *share > 0.0);
-        let cuts: Vec<usize> = attached
-            .iter()
-            .filter_map(|a| if let Place::At(x) = a.place { Some(around(x).map(|(node, _)| node)) } else { None })
-            .flatten()
-            .collect();
-        let shares: Vec<Vec<(usize, f64)>> = attached
-            .iter()
-            .map(|a| if let Place::At(x) = a.place { around(x).collect() } else { vec![(grid.reaches(), 1.0)] })
-            .collect();
-        let grid = grid.cut(&cuts);
-        let mut nodes: Vec<Node> = grid.segments.iter().map(|_| Node::default()).collect();
-        let mut owners = vec![NodeOwners::default(); nodes.len()];
-        let mut spots = Vec::new();
-        let mut reach = 0;
-        for (s, segment) in grid.segments.iter().enumerate() {
-            reach += segment.reaches;
-            let position_m = segment.start_m + segment.reach_m * segment.reaches as f64;
-            let half = |s: &grid::Segment| 0.5 * s.mean(Stretch::area_m2) * s.reach_m;
-            spots.push(Spot {
-                share: 1.0,
-                position_m,
-                elevation_m: self.rig.elevation_m(position_m),
-                area_m2: segment.mean(Stretch::area_m2),
-                wave_speed_m_s: segment.reach_m / grid.dt_s,
-                volume_m3: half(segment) + grid.segments.get(s + 1).map_or(0.0, half),
-            });
-            for ((attachment, shares), &account) in attached.iter().zip(&shares).zip(&accounts) {
-                for &(_, share) in shares.iter().filter(|(node, _)| *node == reach) {
-                    match (attachment.make)(&Spot { share, ..spots[s] }) {
-                        Element::Loss(loss) => {
-                            nodes[s].loss += loss;
-                            owners[s].losses.push((account, loss));
-                        }
-                        Element::Shunt(shunt) => {
-                            nodes[s].shunts.push(shunt);
-                            owners[s].shunts.push(account);
-                        }
-                    }
-                }
-            }
-        }
-        for (account, (chosen, values)) in self.chosen(shared).enumerate() {
-            for ((node, owners), spot) in nodes.iter_mut().zip(&mut owners).zip(&spots) {
-                node.shunts.extend(chosen.effect.node_shunt(values, scene, spot));
-                owners.shunts.resize(node.shunts.len(), account);
-            }
-        }
-        let at_valve = nodes.pop().unwrap_or_default();
-        Ok((grid, nodes, at_valve, owners))
     }
 
     fn base_supply(&self, conditions: &Conditions, steady_head_m: f64) -> Result<Box<dyn Supply>, ModelError> {
