@@ -4,7 +4,7 @@ mod energy;
 mod exact;
 mod unsteady_friction;
 
-use exact::{Exact, Ramp};
+use exact::{Exact, Ramp, Shear};
 use surgescope::model::boundary::Closure;
 use surgescope::model::effects::parse_list;
 use surgescope::model::trace::Probe;
@@ -102,7 +102,7 @@ fn b1() -> Exact {
         velocity: 0.5,
         ramp: Ramp::Cycloid(0.10),
         creep: creep.iter().map(|&(j, tau)| (j * 1e-10, tau)).collect(),
-        viscosity: None,
+        shear: Shear::None,
     }
 }
 
@@ -116,7 +116,7 @@ fn b3(ramp: Ramp) -> Exact {
         velocity: 1.0,
         ramp,
         creep: vec![(1e-10, 0.0225), (8e-10, 1.1)],
-        viscosity: None,
+        shear: Shear::None,
     }
 }
 
