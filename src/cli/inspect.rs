@@ -163,7 +163,7 @@ pub fn table(recording: &Recording, f: &Features) -> String {
         );
     }
     for (i, doubt) in doubts(&recording.rig, f).iter().enumerate() {
-        let _ = write!(out, "{}note: {doubt}\n", if i == 0 { "\n" } else { "" });
+        let _ = writeln!(out, "{}note: {doubt}", if i == 0 { "\n" } else { "" });
     }
     out
 }

@@ -218,32 +218,27 @@ fn check_names(model: &Model, water: &WaterProperties, settings: &[(String, f64)
     known.extend(["friction_factor", "reaches", "wave_speed_m_s"].map(String::from));
     known.sort();
     known.dedup();
-    for (name, _) in settings.iter().filter(|(name, _)| !known.contains(name)) {
-        let likeness = |k: &String| strsim::jaro_winkler(name, k);
-        let nearest = known.iter().max_by(|a, b| likeness(a).total_cmp(&likeness(b))).filter(|k| likeness(k) >= ALIKE);
-        let hint = if name == "closure_start_s" {
-            "it places the closure on a recording's clock, and here time 0 is the start of the closure: leave it out"
-                .to_owned()
-        } else if name == "offset_m" || name.starts_with("offset_m[") {
-            "it belongs to the sensors of a recording, and simulated sensors have no offset: leave it out".to_owned()
-        } else if let Some((effect, elements)) = owner(name, model, water) {
-            let label = if effect.elements().is_some() {
-                format!("{}:{elements}", effect.name())
-            } else {
-                effect.name().into()
-            };
-            match model.effects.iter().find(|c| c.effect.name() == effect.name()) {
-                Some(chosen) => format!("it needs the effect '{label}', and this model has '{}'", chosen.label()),
-                None => format!("it belongs to the effect '{}': add --effects {label}", effect.name()),
-            }
-        } else if let Some(nearest) = nearest {
-            format!("did you mean '{nearest}'? This model has {}", known.join(", "))
-        } else {
-            format!("this model has {}", known.join(", "))
-        };
-        return Err(format!("unknown setting '{name}'; {hint}").into());
-    }
-    Ok(())
+    let Some((name, _)) = settings.iter().find(|(name, _)| !known.contains(name)) else { return Ok(()) };
+    let likeness = |k: &String| strsim::jaro_winkler(name, k);
+    let nearest = known.iter().max_by(|a, b| likeness(a).total_cmp(&likeness(b))).filter(|k| likeness(k) >= ALIKE);
+    let hint = if name == "closure_start_s" {
+        "it places the closure on a recording's clock, and here time 0 is the start of the closure: leave it out"
+            .to_owned()
+    } else if name == "offset_m" || name.starts_with("offset_m[") {
+        "it belongs to the sensors of a recording, and simulated sensors have no offset: leave it out".to_owned()
+    } else if let Some((effect, elements)) = owner(name, model, water) {
+        let label =
+            if effect.elements().is_some() { format!("{}:{elements}", effect.name()) } else { effect.name().into() };
+        match model.effects.iter().find(|c| c.effect.name() == effect.name()) {
+            Some(chosen) => format!("it needs the effect '{label}', and this model has '{}'", chosen.label()),
+            None => format!("it belongs to the effect '{}': add --effects {label}", effect.name()),
+        }
+    } else if let Some(nearest) = nearest {
+        format!("did you mean '{nearest}'? This model has {}", known.join(", "))
+    } else {
+        format!("this model has {}", known.join(", "))
+    };
+    Err(format!("unknown setting '{name}'; {hint}").into())
 }
 
 /// The effect of the catalogue that has a parameter of this name, and its least number of elements with it.
