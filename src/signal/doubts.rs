@@ -22,9 +22,10 @@ pub fn doubts(rig: &Rig, features: &Features) -> Vec<String> {
         && apart(a, c)
     {
         found.push(format!(
-            "the wave takes {:.0} ± {:.0} m/s from sensor to sensor, but {:.0} ± {:.0} m/s to the supply and back: is a sensor's clock \
+            "the wave takes {} from sensor to sensor, but {} to the supply and back: is a sensor's clock \
              shifted (clock-skew), or a position or the pipe's length wrong in the rig file?",
-            a.value, a.standard_error, c.value, c.standard_error
+            shown(a),
+            shown(c)
         ));
     }
     if let Some(j) = speeds.joukowsky {
@@ -33,8 +34,10 @@ pub fn doubts(rig: &Rig, features: &Features) -> Vec<String> {
     if let Some(best) = speeds.best() {
         found.extend(doubt_bounds(rig, features.temperature_degc, best));
     }
-    if let (Some(period), Some(sensor)) = (features.period, features.sensors.get(features.reference)) {
-        let periods = (sensor.end_s - features.closure.start_s) / period.value;
+    // a record too short for a period still has 4L/a
+    let period_s = features.period.map(|p| p.value).or(speeds.best().map(|a| 4.0 * rig.length_m() / a.value));
+    if let (Some(period_s), Some(sensor)) = (period_s, features.sensors.get(features.reference)) {
+        let periods = (sensor.end_s - features.closure.start_s) / period_s;
         if periods < LEAST_PERIODS {
             found.push(format!(
                 "only {periods:.1} periods were recorded after the closure: damping, creep and friction need {LEAST_PERIODS:.0} or \
@@ -43,6 +46,11 @@ pub fn doubts(rig: &Rig, features: &Features) -> Vec<String> {
         }
     }
     found
+}
+
+fn shown(speed: Estimate) -> String {
+    let digits = usize::from(speed.standard_error < 0.95);
+    format!("{:.digits$} ± {:.digits$} m/s", speed.value, speed.standard_error)
 }
 
 /// Different beyond two standard errors.
@@ -61,12 +69,14 @@ fn doubt_joukowsky(j: Estimate, crossings: Option<Estimate>) -> Option<String> {
     let c = crossings.filter(|c| apart(j, *c))?;
     let ratio = j.value / c.value;
     let values = format!(
-        "the first rise over the velocity (Joukowsky) asks for {:.0} ± {:.0} m/s, but the wave runs at {:.0} ± {:.0} m/s",
-        j.value, j.standard_error, c.value, c.standard_error
+        "the first rise over the velocity (Joukowsky) asks for {}, but the wave runs at {}",
+        shown(j),
+        shown(c)
     );
     if ratio > 1.0 + SAME_SPEED {
         return Some(format!(
-            "{values}: the flow reads too low or the pressure too high; check the unit of the flow, the inner diameter and the gain"
+            "{values}: the flow reads too low or the pressure too high; check the unit of the flow, the inner diameter, the gain, and that the times \
+             are in seconds"
         ));
     }
     (ratio < 1.0 - LOW_JOUKOWSKY).then(|| {
@@ -94,7 +104,7 @@ fn doubt_bounds(rig: &Rig, temperature_degc: f64, best: Estimate) -> Option<Stri
         return None;
     };
     Some(format!(
-        "the wave runs at {:.0} ± {:.0} m/s, but a fit may take {lo:.0} to {hi:.0} m/s for the rig's pipe: {causes}",
-        best.value, best.standard_error
+        "the wave runs at {}, but a fit may take {lo:.0} to {hi:.0} m/s for the rig's pipe: {causes}",
+        shown(best)
     ))
 }
