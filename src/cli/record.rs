@@ -78,7 +78,7 @@ static STOP: AtomicBool = AtomicBool::new(false);
 /// Records until the duration, a signal or the stream's end.
 pub fn run(args: Args, json: bool) -> CommandResult {
     check_path(&args.output)?;
-    ctrlc::set_handler(|| STOP.store(true, Ordering::Relaxed))?;
+    stop_on_signals()?;
     let rig = args.rig.as_deref().map(Rig::load).transpose()?;
     let options = Options {
         file: args.output.clone(),
@@ -97,6 +97,38 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         super::say_text!(table(&summary));
     }
     Ok(if summary.data_lost { Outcome::DataLost } else { Outcome::Done })
+}
+
+/// Lets Ctrl-C and the requests to terminate or hang up end the recording, not the program: its file is made whole first.
+#[cfg(unix)]
+fn stop_on_signals() -> std::io::Result<()> {
+    use tokio::signal::unix::{SignalKind, signal};
+
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
+    let (mut interrupt, mut terminate, mut hang_up) = {
+        // Registered before anything is recorded.
+        let _inside = runtime.enter();
+        (signal(SignalKind::interrupt())?, signal(SignalKind::terminate())?, signal(SignalKind::hangup())?)
+    };
+    let wait = async move {
+        tokio::select! { _ = interrupt.recv() => (), _ = terminate.recv() => (), _ = hang_up.recv() => () }
+        STOP.store(true, Ordering::Relaxed);
+    };
+    std::thread::Builder::new().name("signals".into()).spawn(move || runtime.block_on(wait))?;
+    Ok(())
+}
+
+/// Lets Ctrl-C end the recording, not the program: its file is made whole first.
+#[cfg(not(unix))]
+fn stop_on_signals() -> std::io::Result<()> {
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
+    let wait = async {
+        if tokio::signal::ctrl_c().await.is_ok() {
+            STOP.store(true, Ordering::Relaxed);
+        }
+    };
+    std::thread::Builder::new().name("signals".into()).spawn(move || runtime.block_on(wait))?;
+    Ok(())
 }
 
 type AnyError = Box<dyn Error + Send + Sync>;
