@@ -240,7 +240,7 @@ impl Line<'_> {
             }
             let node = grid.segments[s + 1].offset;
             let guess = self.steady.head_m[node] + state.h[node];
-            let solved = joint.solve(left, |h| ((h - right.e) / right.z, 1.0 / right.z), guess);
+            let solved = joint.find(left, |h| ((h - right.e) / right.z, 1.0 / right.z), guess);
             if let Some(book) = &mut book {
                 book.node(s, joint, &solved, self.steady.head_m[node]);
             }
@@ -261,7 +261,7 @@ impl Line<'_> {
             let node = self.steady.head_m.len() - 1;
             let guess = self.steady.head_m[node] + state.h[node];
             let valve = &self.valve;
-            let solved = self.at_valve.solve(last, |h| valve.flow_at_m3_s(time_s, h), guess);
+            let solved = self.at_valve.find(last, |h| valve.flow_at_m3_s(time_s, h), guess);
             if let Some(book) = &mut book {
                 let steady_flow = self.steady.flow_m3_s[s];
                 let steady_m = self.steady.head_m[node] - self.at_valve.loss * steady_flow * steady_flow.abs();
