@@ -33,6 +33,8 @@ pub struct Owners {
     pub field: Option<usize>,
     /// Of what sits at the joints and, last, at the valve's end.
     pub nodes: Vec<NodeOwners>,
+    /// Head at the valve before the closure, behind what sits before it, m.
+    pub valve_head_m: f64,
 }
 
 /// Whose the parts of one node are.
@@ -40,7 +42,7 @@ pub struct Owners {
 pub struct NodeOwners {
     /// Of each shunt.
     pub shunts: Vec<usize>,
-    /// Of each loss, with its `K/(2gA²)`.
+    /// Of each loss, with its `K/(2gA²)`, by which losses at one node share what they take.
     pub losses: Vec<(usize, f64)>,
 }
 
@@ -174,24 +176,29 @@ impl<'a> Book<'a> {
         self.energy
     }
 
-    /// Enters what a joint takes, or what sits before the valve: `index` counts the joints, `steady_m` is the steady head behind
-    /// its losses. To be called before the node's shunts take in the new head.
-    pub fn node(&mut self, index: usize, node: &Node, solved: &Solved, steady_m: f64) {
+    /// Enters what a joint takes, or what sits before the valve; `index` counts the joints. To be called before the node takes
+    /// in the new head.
+    pub fn node(&mut self, index: usize, node: &Node, solved: &Solved) {
+        let (heads, segments) = (&self.steady.head_m, &self.steady.grid.segments);
+        let before_m = heads[segments[index].nodes().end - 1];
+        let behind_m = segments.get(index + 1).map_or(self.owners.valve_head_m, |next| heads[next.offset]);
         let owners = &self.owners.nodes[index];
-        let (flow, steady_flow) = (solved.left_flow_m3_s, self.steady.flow_m3_s[index]);
-        for &(owner, k) in &owners.losses {
-            self.row[EFFECTS + owner] += self.weight * k * flow * flow.abs() * flow;
-            self.row[SUPPLY] += self.weight * k * steady_flow * steady_flow.abs() * flow;
+        let flow = solved.left_flow_m3_s;
+        let whole: f64 = owners.losses.iter().map(|(_, k)| k).sum();
+        for &(owner, k) in owners.losses.iter().filter(|(_, k)| *k > 0.0) {
+            let drop_m = solved.left_head_m - solved.right_head_m;
+            self.row[EFFECTS + owner] += self.weight * k / whole * drop_m * flow;
+            self.row[SUPPLY] += self.weight * k / whole * (before_m - behind_m) * flow;
         }
         for (shunt, &owner) in node.shunts.iter().zip(&owners.shunts) {
             let outflow = shunt.outflow(solved.right_head_m).0;
-            self.row[EFFECTS + owner] += self.weight * (solved.right_head_m - steady_m) * outflow;
+            self.row[EFFECTS + owner] += self.weight * (solved.right_head_m - behind_m) * outflow;
         }
     }
 
-    /// Enters what leaves through the valve at a head deviation `h`.
-    pub fn valve(&mut self, h: f64, flow_m3_s: f64) {
-        self.row[VALVE] += self.weight * h * flow_m3_s;
+    /// Enters what leaves through the valve.
+    pub fn valve(&mut self, head_m: f64, flow_m3_s: f64) {
+        self.row[VALVE] += self.weight * (head_m - self.owners.valve_head_m) * flow_m3_s;
     }
 
     /// Enters what the supply gives at a head deviation `h`.

@@ -335,7 +335,7 @@ impl<'a> Model<'a> {
         };
         let mut terms = Vec::new();
         let accounts = self.effects.iter().map(|c| c.effect.name().to_owned()).collect();
-        let mut owners = Owners { accounts, nodes, ..Owners::default() };
+        let mut owners = Owners { accounts, nodes, valve_head_m: run.valve_head_m, ..Owners::default() };
         let mut field = None;
         let mut supply = self.base_supply(conditions, steady.head_m[0])?;
         let discharge_head_m = self.rig.valve.discharge_head_m;

@@ -58,9 +58,16 @@ impl Node {
         self.loss == 0.0 && self.shunts.is_empty()
     }
 
-    /// Solves the node. `onward` is the flow that goes on at a head behind the losses, and its derivative; `guess_m` a head near
-    /// the solution. What sits there takes it in by [`Node::advance`].
-    pub fn solve(&self, left: Arriving, onward: impl Fn(f64) -> (f64, f64), guess_m: f64) -> Solved {
+    /// Solves the node, and what sits there takes the new head in. `onward` is the flow that goes on at a head behind the
+    /// losses, and its derivative; `guess_m` a head near the solution.
+    pub fn solve(&mut self, left: Arriving, onward: impl Fn(f64) -> (f64, f64), guess_m: f64) -> Solved {
+        let solved = self.find(left, onward, guess_m);
+        self.advance(solved.right_head_m);
+        solved
+    }
+
+    /// The solution alone, as [`Node::solve`]: until [`Node::advance`] what sits there is still that of the step before.
+    pub fn find(&self, left: Arriving, onward: impl Fn(f64) -> (f64, f64), guess_m: f64) -> Solved {
         // F(H) = H + K Ql|Ql| + z Ql - e with Ql = onward(H) + Σ outflow(H): increasing in H.
         let balance = |head: f64| {
             let (mut flow, mut slope) = onward(head);
@@ -146,7 +153,7 @@ mod tests {
 
     #[test]
     fn a_leak_and_a_loss_at_one_node_meet_all_their_equations() {
-        let node = Node { loss: 2e5, shunts: vec![Box::new(Orifice(1e-4)), Box::new(Orifice(3e-5))] };
+        let mut node = Node { loss: 2e5, shunts: vec![Box::new(Orifice(1e-4)), Box::new(Orifice(3e-5))] };
         let (left, right) = (Arriving { z: 4e4, e: 70.0 }, Arriving { z: 5e4, e: -20.0 });
         let s = node.solve(left, |h| ((h - right.e) / right.z, 1.0 / right.z), 20.0);
         assert!((s.left_head_m + left.z * s.left_flow_m3_s - left.e).abs() < 1e-9);

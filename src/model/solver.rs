@@ -240,9 +240,9 @@ impl Line<'_> {
             }
             let node = grid.segments[s + 1].offset;
             let guess = self.steady.head_m[node] + state.h[node];
-            let solved = joint.solve(left, |h| ((h - right.e) / right.z, 1.0 / right.z), guess);
+            let solved = joint.find(left, |h| ((h - right.e) / right.z, 1.0 / right.z), guess);
             if let Some(book) = &mut book {
-                book.node(s, joint, &solved, self.steady.head_m[node]);
+                book.node(s, joint, &solved);
             }
             joint.advance(solved.right_head_m);
             self.leave_last(state, s, solved.left_head_m, solved.left_flow_m3_s);
@@ -253,20 +253,19 @@ impl Line<'_> {
         let last = self.arriving_downstream(state, s);
         if self.at_valve.is_plain() {
             let flow = self.valve.flow_m3_s(time_s, last.z, last.e);
-            self.leave_last(state, s, last.e - last.z * flow, flow);
+            let head = last.e - last.z * flow;
+            self.leave_last(state, s, head, flow);
             if let Some(book) = &mut book {
-                book.valve(state.h[state.h.len() - 1], flow);
+                book.valve(head, flow);
             }
         } else {
             let node = self.steady.head_m.len() - 1;
             let guess = self.steady.head_m[node] + state.h[node];
             let valve = &self.valve;
-            let solved = self.at_valve.solve(last, |h| valve.flow_at_m3_s(time_s, h), guess);
+            let solved = self.at_valve.find(last, |h| valve.flow_at_m3_s(time_s, h), guess);
             if let Some(book) = &mut book {
-                let steady_flow = self.steady.flow_m3_s[s];
-                let steady_m = self.steady.head_m[node] - self.at_valve.loss * steady_flow * steady_flow.abs();
-                book.node(s, &self.at_valve, &solved, steady_m);
-                book.valve(solved.right_head_m - steady_m, solved.right_flow_m3_s);
+                book.node(s, &self.at_valve, &solved);
+                book.valve(solved.right_head_m, solved.right_flow_m3_s);
             }
             self.at_valve.advance(solved.right_head_m);
             self.leave_last(state, s, solved.left_head_m, solved.left_flow_m3_s);
