@@ -3,6 +3,7 @@
 mod ends;
 mod energy;
 mod exact;
+mod gas;
 mod unsteady_friction;
 
 use exact::{Exact, Ramp, Shear};

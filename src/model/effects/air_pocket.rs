@@ -62,12 +62,18 @@ impl Effect for AirPocket {
         if volume_ml == 0.0 {
             return Ok(Vec::new());
         }
-        let floor_m = |spot: &Spot| spot.elevation_m - scene.atmosphere_head_m();
         // Below vapour pressure the air goes on growing in a straight line.
         let low_m = scene.vapour_head_m() + scene.atmosphere_head_m();
+        let floor_m = scene.rig.elevation_m(scene.rig.length_m()) - scene.atmosphere_head_m();
+        let reference_m = scene.valve_head_m - floor_m;
+        let boils_not = reference_m > low_m;
+        check(
+            "valve_head_m",
+            scene.valve_head_m,
+            boils_not,
+            "so high that the water does not boil before the closure",
+        )?;
         let make = move |spot: &Spot| {
-            let floor_m = floor_m(spot);
-            let reference_m = (scene.valve_head_m - floor_m).max(low_m);
             let law = Law::polytropic(floor_m, exponent, reference_m, spot.share * volume_ml * 1e-6, low_m);
             Element::Shunt(Box::new(Volume::new(law, Stepping::at(scene, spot, 0.0))))
         };
