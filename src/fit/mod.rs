@@ -7,4 +7,5 @@ pub mod least_squares;
 pub mod outcome;
 pub mod prepare;
 pub mod problem;
+mod starts;
 pub mod uncertainty;

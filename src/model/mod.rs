@@ -20,7 +20,7 @@ use boundary::{Closure, ConstantHead, MeasuredHead, Supply, ValveEnd};
 use effects::{Chosen, Element, Place, Scene, Site, Spot};
 use friction::{ReachFriction, WallFriction};
 use grid::{Grid, Stretch};
-use node::Node;
+use node::{Loss, Node, Overlap, SharedShunt};
 use parameter::Parameter;
 use sensor::seen_by;
 use solver::{Line, Steady, settle};
@@ -391,9 +391,13 @@ impl<'a> Model<'a> {
             });
             for (attachment, shares) in attached.iter().zip(&shares) {
                 for &(_, share) in shares.iter().filter(|(node, _)| *node == reach) {
+                    let overlap = Overlap::of(shares, share);
                     match (attachment.make)(&Spot { share, ..spots[s] }) {
-                        Element::Loss(loss) => nodes[s].loss += loss,
-                        Element::Shunt(shunt) => nodes[s].shunts.push(shunt),
+                        Element::Loss(loss) => nodes[s].losses.push(Loss::new(loss, overlap, segment.impedance)),
+                        Element::Shunt(shunt) if overlap == Overlap::default() => nodes[s].shunts.push(shunt),
+                        Element::Shunt(shunt) => {
+                            nodes[s].shunts.push(Box::new(SharedShunt::new(shunt, overlap, segment.impedance)));
+                        }
                     }
                 }
             }

@@ -1,6 +1,7 @@
 //! The model against what is not ours: exact solutions, published numbers, conservation, orders of convergence.
 
 mod exact;
+mod place;
 mod unsteady_friction;
 
 use exact::{Exact, Ramp};

@@ -179,7 +179,10 @@ fn joukowsky_and_packing_at_every_grid() {
                 let low = h.iter().copied().fold(f64::MAX, f64::min);
                 println!(
                     "{effects} {values:?} nu {viscosity} Tc {closing} n {n}: first {:.4} low {:.4} end {:.4} rms to finest {:.5}",
-                    first / joukowsky, low / joukowsky, h[1900..].iter().copied().fold(f64::MIN, f64::max)/joukowsky, relative_rms(&h, &finest)
+                    first / joukowsky,
+                    low / joukowsky,
+                    h[1900..].iter().copied().fold(f64::MIN, f64::max) / joukowsky,
+                    relative_rms(&h, &finest)
                 );
             }
         }

@@ -16,6 +16,7 @@ mod blockage;
 mod leak;
 mod section_change;
 mod side_branch;
+mod unsteady_friction;
 mod viscoelastic_wall;
 
 use super::ModelError;

@@ -96,7 +96,8 @@ impl Memory {
     fn new(segment: &Segment, flow_m3_s: f64, scale: f64, steady: &Steady) -> Self {
         let viscosity = steady.viscosity_m2_s;
         let by_diffusion_s = 4.0 * viscosity / segment.mean(|s| s.diameter_m).powi(2);
-        let steps = Kernel::of_reynolds(reynolds(segment, flow_m3_s, viscosity)).steps(by_diffusion_s * steady.grid.dt_s);
+        let steps =
+            Kernel::of_reynolds(reynolds(segment, flow_m3_s, viscosity)).steps(by_diffusion_s * steady.grid.dt_s);
         // ½ dx (16ν/D²)/g of velocity, for u = B Q.
         let by_area = segment.mean(|s| 1.0 / (s.area_m2() * s.diameter_m * s.diameter_m));
         let c = scale * 8.0 * viscosity * by_area * segment.reach_m / (GRAVITY_M_S2 * segment.impedance);
@@ -199,11 +200,8 @@ const MOST_BRUNONE_SCALE: f64 = 20.0;
 
 /// Brunone's `k` from Vardy's shear decay coefficient.
 fn brunone_coefficient(reynolds: f64) -> f64 {
-    let shear_decay = if reynolds < LAMINAR_REYNOLDS {
-        0.00476
-    } else {
-        7.41 / reynolds.powf((14.3 / reynolds.powf(0.05)).log10())
-    };
+    let shear_decay =
+        if reynolds < LAMINAR_REYNOLDS { 0.00476 } else { 7.41 / reynolds.powf((14.3 / reynolds.powf(0.05)).log10()) };
     0.5 * shear_decay.sqrt()
 }
 
