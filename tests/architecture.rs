@@ -88,6 +88,19 @@ fn the_physics_sees_no_clock_file_or_runtime() {
     }
 }
 
+/// `println!` and its kin panic where nobody reads any more, in the middle of a recording.
+#[test]
+fn nothing_prints_but_by_the_macros_of_the_command_line() {
+    for path in sources() {
+        let text = fs::read_to_string(&path).unwrap();
+        for (number, line) in text.lines().enumerate().filter(|(_, l)| !l.trim_start().starts_with("//")) {
+            for word in ["print!(", "println!(", "dbg!("] {
+                assert!(!line.contains(word), "{}:{}: {word} may panic: say!, tell!", path.display(), number + 1);
+            }
+        }
+    }
+}
+
 #[test]
 fn files_fit_in_a_head() {
     for path in sources() {

@@ -361,3 +361,39 @@ fn a_stop_flag_ends_a_slow_replay_at_once() {
     assert!(started.elapsed() < Duration::from_secs(5), "{:?}", started.elapsed());
     assert!(log::read(&again).is_ok());
 }
+
+/// Messages have nowhere to go: a pipe that nobody reads any more, a disk that is full.
+#[test]
+fn a_recording_goes_on_when_standard_error_does_not() {
+    let simulate = ["--simulate", "--speed", "0", "--duration", "8"];
+    let finished = |name: &str, bench: &Bench, output: Output| {
+        assert_eq!(output.status.code(), Some(0), "standard error {name}");
+        let recording = log::read(&bench.file).unwrap();
+        assert_eq!(recording.series[0].value.len(), 8000, "standard error {name}");
+        assert_eq!(json(&output)["sensors"][0]["samples"], 8000);
+    };
+
+    let bench = Bench::new("frames");
+    let mut child = bench.recorder(&simulate).spawn().unwrap();
+    drop(child.stderr.take());
+    finished("closed", &bench, child.wait_with_output().unwrap());
+
+    if let Ok(full) = std::fs::OpenOptions::new().write(true).open("/dev/full") {
+        let bench = Bench::new("frames");
+        finished("full", &bench, bench.recorder(&simulate).stderr(full.try_clone().unwrap()).output().unwrap());
+        let refused = bench.recorder(&simulate).stderr(full).status().unwrap();
+        assert_eq!(refused.code(), Some(2), "the exit code holds without its message");
+    }
+}
+
+#[test]
+fn a_simulated_test_too_long_for_memory_is_refused_before_it_takes_any() {
+    for more in [&["--rate", "1e9", "--duration", "3600"][..], &["--duration", "1e12"], &["--rate", "1e300"]] {
+        let bench = Bench::new("frames");
+        let output = bench.recorder(&[&["--simulate"], more].concat()).output().unwrap();
+        let stderr = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{stderr}");
+        assert!(stderr.contains("GiB; shorten the duration or lower the rate"), "{stderr}");
+        assert!(!bench.file.exists());
+    }
+}

@@ -171,7 +171,11 @@ fn an_empty_or_header_only_csv_is_refused() {
 fn a_missing_column_is_named_with_those_that_are_there() {
     let bench = Bench::new();
     bench.put("run.csv", CSV.replace("P2", "p2"));
-    let words = ["run.csv:1", "no column for the pressure sensor 'P2'", "time_s, P1, p2, Q1", "did you mean 'p2'?"];
+    let words = [
+        "run.csv:1",
+        "no column for the pressure sensor 'P2'",
+        "time_s, P1, p2, Q1; did you mean 'p2'? Rename the column",
+    ];
     bench.refuses("import run.csv --rig rig.toml -o x.mcap", &words);
 }
 
@@ -228,7 +232,7 @@ fn files_that_are_not_there_and_folders_are_refused() {
     bench.refuses("import . --rig rig.toml -o x.mcap", &["is a folder"]);
     bench.refuses("export none.mcap -o x.csv", &["none.mcap does not exist"]);
     bench.put("run.csv", CSV);
-    bench.refuses("import run.csv --rig rig.toml -o no/such/x.mcap", &["cannot write no/such/x.mcap"]);
+    bench.refuses("import run.csv --rig rig.toml -o no/such/x.mcap", &["the folder no/such does not exist"]);
 }
 
 #[test]
@@ -354,4 +358,149 @@ fn a_recording_with_gaps_exports_and_says_that_they_do_not_show() {
     assert!(err.contains("a CSV cannot mark gaps; the recording has 1"), "{err}");
     let text = String::from_utf8(bench.get("live.csv")).unwrap();
     assert_eq!(text, "time_s,P1,P2,Q1\n0,1,,\n0.0005,,7,\n0.001,2.5,,\n0.01,3,,\n");
+}
+
+fn shipped(name: &str) -> String {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("recordings").join(name).display().to_string()
+}
+
+#[test]
+fn a_time_series_replaces_only_one_like_it_unless_told_to() {
+    let bench = Bench::new();
+    let simulate = "simulate --rig rig.toml --duration 0.2 --csv-times 0.01 --set reaches=24";
+    let (_, err) = bench.expect(0, &format!("{simulate} -o new.csv"));
+    let used = err.lines().find_map(|l| l.strip_prefix("not set, so used: ")).expect("what was not set is told");
+    for value in
+        ["initial_velocity_m_s=1 ", "closing_time_s=0.1 ", "friction_scale=1 ", "friction_factor=0.0", "valve_head_m="]
+    {
+        assert!(used.contains(value), "{value} is not in {used}");
+    }
+    assert!(!used.contains("reaches=") && !used.contains("duration_s="), "these were set: {used}");
+    let first = bench.get("new.csv");
+    assert!(first.starts_with(b"time_s,P1,P2\n"));
+    bench.expect(0, &format!("{simulate} --set initial_velocity_m_s=0.5 -o new.csv"));
+    assert_ne!(bench.get("new.csv"), first, "an older one like it is replaced");
+
+    bench.put("measured.csv", CSV);
+    let words = ["measured.csv exists and does not begin with 'time_s,P1,P2'", "--overwrite"];
+    bench.refuses(&format!("{simulate} -o measured.csv"), &words);
+    assert_eq!(bench.get("measured.csv"), CSV.as_bytes());
+    bench.expect(0, &format!("{simulate} -o measured.csv --overwrite"));
+    assert!(bench.get("measured.csv").starts_with(b"time_s,P1,P2\n"));
+
+    let (recording, rig) = (bench.imported(), bench.get("rig.toml"));
+    bench.refuses(&format!("{simulate} --overwrite -o run.mcap"), &["run.mcap is a recording"]);
+    bench.refuses(&format!("{simulate} --overwrite -o ./rig.toml"), &["./rig.toml is the rig file"]);
+    bench.refuses(&format!("{simulate} -o no/such/x.csv"), &["the folder no/such does not exist"]);
+    bench.refuses(&format!("{simulate} -o ."), &["is a folder"]);
+    assert_eq!((bench.get("run.mcap"), bench.get("rig.toml")), (recording, rig));
+}
+
+#[test]
+fn a_report_replaces_only_a_report_and_costs_no_result() {
+    let bench = Bench::new();
+    let calibrate = format!("calibrate {} --report", shipped("hdpe-nothing-missing.mcap"));
+    bench.imported();
+    for (name, says) in
+        [("run.mcap", "is no report"), ("rig.toml", "is no report"), ("no/x.html", "the folder no does not exist")]
+    {
+        let before = bench.path(name).exists().then(|| bench.get(name));
+        let (out, err) = bench.expect(2, &format!("{calibrate} {name}"));
+        assert!(out.is_empty() && err.contains(says), "{err}");
+        assert_eq!(bench.path(name).exists().then(|| bench.get(name)), before);
+    }
+    bench.put(
+        "old.html",
+        "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta name=\"generator\" content=\"surgescope 0.0.1\">",
+    );
+    let (out, _) = bench.expect(0, &format!("{calibrate} old.html"));
+    assert!(out.starts_with("RMSE") && bench.get("old.html").ends_with(b"</html>\n"), "{out}");
+    if Path::new("/dev/full").exists() {
+        let (again, err) = bench.expect(2, &format!("{calibrate} /dev/full"));
+        assert!(err.contains("cannot write /dev/full"), "{err}");
+        assert_eq!(again.lines().next(), out.lines().next(), "the tables were printed before");
+    }
+}
+
+#[test]
+fn a_recording_counts_once() {
+    let bench = Bench::new();
+    fs::copy(shipped("hdpe-nothing-missing.mcap"), bench.path("run.mcap")).unwrap();
+    let (_, err) = bench.expect(2, "calibrate run.mcap ./run.mcap");
+    assert!(err.contains("run.mcap and ./run.mcap are one recording"), "{err}");
+    let (_, err) = bench.expect(2, "calibrate run.mcap run.mcap");
+    assert!(err.contains("run.mcap is given twice"), "{err}");
+}
+
+#[test]
+fn what_cannot_be_right_together_is_told_before_the_fit() {
+    let bench = Bench::new();
+    let slow = rig_text("slow", &[("P1", "pressure", "kPa")]).replace("length_m = 50.0", "length_m = 5000.0");
+    bench.put("slow.toml", slow.replace("position_m = 25.0", "position_m = 5000.0"));
+    bench.expect(0, "simulate --rig rig.toml --set reaches=24 --csv-times 0.001 --duration 3 -o run.csv");
+    // the same wave in a pipe said to be a hundred times as long
+    let text = String::from_utf8(bench.get("run.csv")).unwrap();
+    let times = text.lines().skip(1).map(|l| l.split(',').collect::<Vec<_>>());
+    let rows: String = times.map(|c| format!("{:.4},{}\n", 1.0 + c[0].parse::<f64>().unwrap(), c[1])).collect();
+    let steady: f64 = rows.split(',').nth(1).unwrap().lines().next().unwrap().parse().unwrap();
+    let lead: String =
+        (0..1000).map(|i| format!("{:.4},{}\n", f64::from(i) * 1e-3, steady + 0.01 * f64::from(i % 7))).collect();
+    bench.put("slow.csv", format!("time_s,P1\n{lead}{rows}"));
+    bench.expect(0, "import slow.csv --rig slow.toml -o slow.mcap");
+    let (out, _) = bench.expect(0, "inspect slow.mcap");
+    let note = out.lines().find_map(|l| l.strip_prefix("note: the wave runs at")).expect("a doubt").to_owned();
+    assert!(note.contains("are the pipe's length"), "{note}");
+    // an unknown setting ends nothing else: the warning comes with the loading
+    let (_, err) = bench.expect(2, "calibrate slow.mcap slow.mcap");
+    assert!(err.contains("warning: slow.mcap: the wave runs at"), "{err}");
+}
+
+#[test]
+fn settings_that_belong_elsewhere_are_told_where() {
+    let bench = Bench::new();
+    for (set, says) in [
+        ("J1_per_GPa=0.1", "it belongs to the effect 'viscoelastic-wall': add --effects viscoelastic-wall:1"),
+        ("tau3_s=0.1", "add --effects viscoelastic-wall:3"),
+        ("closure_start_s=1", "time 0 is the start of the closure"),
+        ("offset_m[P1]=1", "simulated sensors have no offset"),
+        ("wave_sped_m_s=400", "did you mean 'wave_speed_m_s'?"),
+        ("xyzzy=1", "this model has closing_time_s, friction_factor"),
+    ] {
+        let (_, err) = bench.expect(2, &format!("simulate --rig rig.toml --set {set}"));
+        assert!(err.contains(says), "{set}: {err}");
+        assert_eq!(err.contains("did you mean"), set.starts_with("wave_sped"), "{err}");
+    }
+    let (_, err) = bench.expect(2, "simulate --rig rig.toml --effects viscoelastic-wall:1 --set J2_per_GPa=0.1");
+    assert!(
+        err.contains("it needs the effect 'viscoelastic-wall:2', and this model has 'viscoelastic-wall:1'"),
+        "{err}"
+    );
+}
+
+#[test]
+fn negative_numbers_are_values_and_not_unknown_options() {
+    let bench = Bench::new();
+    let recording = shipped("hdpe-creep.mcap");
+    for (command, says) in [
+        ("simulate --rig rig.toml --duration -1", "must be above 0"),
+        ("simulate --rig rig.toml --csv-times -1", "must be above 0"),
+        ("record --rig rig.toml -o x.mcap --simulate --rate -1", "must be above 0"),
+        ("record --rig rig.toml -o x.mcap --simulate --speed -1", "must not be negative"),
+        ("record --rig rig.toml -o x.mcap --duration -1", "must be above 0"),
+        ("record --rig rig.toml -o x.mcap --silence -1", "must be above 0"),
+        ("demo --speed -1", "must be above 0"),
+        (&format!("calibrate {recording} --most-reaches -1"), "a whole number from 8 to 100000"),
+        (&format!("calibrate {recording} --most-reaches 4"), "a whole number from 8 to 100000"),
+    ] {
+        let (_, err) = bench.expect(2, command);
+        assert!(err.contains(says) && !err.contains("unexpected argument"), "{command}: {err}");
+    }
+}
+
+#[test]
+fn a_duration_has_no_digits_that_nobody_measured() {
+    let bench = Bench::new();
+    bench.put("run.csv", "time_s,P1,P2,Q1\n0.1,1,2,3\n0.3,1,2,3\n0.4,1,2,3\n");
+    let (out, _) = bench.expect(0, "import run.csv --rig rig.toml -o run.mcap");
+    assert!(out.contains(": 0.3 s of rig 'bench'"), "{out}");
 }

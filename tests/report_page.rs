@@ -257,6 +257,12 @@ fn the_page_tells_the_story_and_needs_no_network() {
     {
         assert!(!text.contains(fetching), "{fetching}");
     }
+    assert!(text.starts_with("<!doctype html>") && text.contains("<meta name=\"generator\" content=\"surgescope "));
+    assert!(
+        text.contains("Model − measured, m") && !text.to_lowercase().contains("measured − model"),
+        "one sign throughout"
+    );
+    assert!(!text.contains("max-height: 38rem"), "no table hides rows in a box of its own");
     assert_eq!(text.matches("<svg xmlns").count(), 6, "head and residual of each sensor without a script");
 }
 

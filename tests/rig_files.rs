@@ -249,6 +249,12 @@ fn every_fault_is_named_with_its_line() {
             "unit \"L/s\" does not fit the sensor's kind; allowed here are Pa, kPa, MPa, bar, psi, m(H2O)",
         ),
         ("unit = \"m(H2O)\"", "unit = \"mH2O\"", "unit \"mH2O\" is not a known unit; allowed here are Pa"),
+        ("unit = \"m(H2O)\"", "unit = \"mH2O\"", "m(H2O); did you mean \"m(H2O)\"?"),
+        ("unit = \"m(H2O)\"", "unit = \"mWC\"", "did you mean \"m(H2O)\"?"),
+        ("unit = \"kPa\"", "unit = \"kpa\"", "did you mean \"kPa\"?"),
+        ("unit = \"L/s\"", "unit = \"l/s\"", "did you mean \"L/s\"?"),
+        ("unit = \"L/s\"", "unit = \"m³/h\"", "did you mean \"m3/h\"?"),
+        ("unit = \"K\"", "unit = \"°C\"", "did you mean \"degC\"?"),
         ("name = \"P1\"", "name = \"P0\"", "a second sensor named 'P0'"),
         ("name = \"P1\"", "name = \"time_s\"", "is the name of the time column"),
         ("name = \"P1\"", "name = \"P,1\"", "must not hold a comma"),
@@ -344,6 +350,36 @@ fn several_faults_are_reported_at_once_in_the_order_of_the_lines() {
         .map(|part| error.find(part).unwrap_or_else(|| panic!("{part} is not in\n{error}")))
         .collect();
     assert!(places.is_sorted(), "{error}");
+}
+
+/// A suggestion that is not alike is worse than none.
+#[test]
+fn nothing_is_suggested_that_is_not_alike() {
+    for (from, to, instead) in [
+        ("length_m = 200.0", "length_m = 200.0\nxyz = 1", "unknown key 'xyz' in [[pipe]]; known are name, length_m"),
+        ("material = \"HDPE\"", "material = \"wood\"", "unknown material \"wood\". Known are"),
+        ("device = \"logger\"", "device = \"x\"", "unknown device \"x\"; the file has daq, meter, logger"),
+        ("kind = \"measured\"", "kind = \"xyz\"", "not \"xyz\""),
+        ("unit = \"K\"", "unit = \"furlong\"", "allowed here are degC, K"),
+    ] {
+        let (text, _) = complaint(from, to);
+        assert!(text.contains(instead) && !text.contains("did you mean"), "{from} -> {to}\n{text}");
+    }
+}
+
+#[test]
+fn a_time_series_in_the_place_of_a_rig_is_told_in_one_line() {
+    let rows: String = (0..60_000).map(|i| format!("{i},1.0,2.0\n")).collect();
+    for (head, rows) in
+        [("time_s,P1,P2\n", rows.as_str()), ("# lab 3\n\ntime_s;P1;P2\n", "0;1;2\n"), ("0.0,1.0,2.0\n", "")]
+    {
+        let text = Rig::from_toml(&format!("{head}{rows}"), "run.csv").unwrap_err().to_string();
+        assert!(text.contains("run.csv:1: this looks like a time series, not a rig file"), "{text}");
+        assert!(text.lines().count() <= 2, "{text}");
+    }
+    let text = Rig::from_toml(&"nonsense\n".repeat(5000), "notes.txt").unwrap_err().to_string();
+    assert!(text.lines().count() <= 21, "{}", text.lines().count());
+    assert!(text.lines().last().unwrap().starts_with("… and ") && text.ends_with(" more"), "{text}");
 }
 
 #[test]

@@ -319,6 +319,49 @@ fn spikes_of_a_switching_valve_are_no_fronts() {
 }
 
 #[test]
+fn a_dropout_before_the_closure_changes_neither_noise_nor_steady_head() {
+    let clean = record(Lab { white: 0.02, ..CLEAN }, &[L]);
+    let mut spiky = clean.clone();
+    spiky.series[0].value[400] = -10_200.0;
+    let (clean, spiky) = (inspect(&clean).unwrap(), inspect(&spiky).unwrap());
+    let (a, b) = (&clean.sensors[0], &spiky.sensors[0]);
+    assert!((b.noise.white_sd_m / a.noise.white_sd_m - 1.0).abs() < 0.1, "{:?}", b.noise);
+    assert!((b.noise.total_sd_m / a.noise.total_sd_m - 1.0).abs() < 0.1, "{:?}", b.noise);
+    assert!((b.steady_before_m.value - a.steady_before_m.value).abs() < 0.01, "{:?}", b.steady_before_m);
+    assert!((spiky.wave_speed.crossings.unwrap().value / A - 1.0).abs() < 0.005);
+}
+
+#[test]
+fn numbers_that_cannot_all_be_right_are_doubted_and_others_are_not() {
+    use surgescope::signal::doubts::doubts;
+    let said = |recording: &Recording| doubts(&recording.rig, &inspect(recording).unwrap());
+    let good = record(Lab { white: 0.02, ..CLEAN }, &[L, 0.5 * L]);
+    assert_eq!(said(&good), Vec::<String>::new());
+    let one = |recording: &Recording, words: &[&str]| {
+        let said = said(recording);
+        assert!(said.iter().any(|s| words.iter().all(|w| s.contains(w))), "{words:?} is not in {said:#?}");
+    };
+    // m3/h read as if it were less: the rise is too high for the flow; then so much that no water does it
+    let flow = |factor: f64| {
+        let mut recording = good.clone();
+        recording.series[2].value.iter_mut().for_each(|v| *v *= factor);
+        recording
+    };
+    one(&flow(0.7), &["Joukowsky", "the flow reads too low"]);
+    one(&flow(1.0 / 3.6), &["Joukowsky", "the unit of the flow"]);
+    one(&flow(0.1), &["which no water pipe has"]);
+    one(&flow(2.0), &["Joukowsky", "whether the valve closed fully"]);
+    assert_eq!(said(&flow(1.3)), Vec::<String>::new(), "creep and leaks lower the first rise");
+    let mut late = good.clone();
+    late.series[1].time_s.iter_mut().for_each(|t| *t += 0.05);
+    one(&late, &["from sensor to sensor", "clock"]);
+    let mut slow = good.clone();
+    slow.series.iter_mut().flat_map(|s| &mut s.time_s).for_each(|t| *t *= 6.0);
+    one(&slow, &["a fit may take", "gas in the water"]);
+    one(&record(Lab { white: 0.02, end: 2.0, ..CLEAN }, &[L]), &["periods were recorded after the closure"]);
+}
+
+#[test]
 fn a_record_cut_anywhere_gives_an_answer_or_an_error_but_no_nan() {
     let whole = record(Lab { white: 0.05, ..CLEAN }, &[L, 0.5 * L]);
     for end in (0..6000).step_by(97) {
@@ -358,6 +401,18 @@ fn the_program_prints_a_table_and_json() {
     }
     assert_eq!(f["sensors"].as_array().unwrap().len(), 2);
     assert!(f["sensors"][0]["extrema"].as_array().unwrap().len() > 8);
+
+    assert_eq!(f["doubts"], serde_json::json!([]));
+    let mut short = record(Lab { white: 0.02, end: 2.0, ..CLEAN }, &[L]);
+    short.series[1] = Series::default();
+    let brief = dir.path().join("brief.mcap");
+    surgescope::log::write(&brief, &short).unwrap();
+    let table = String::from_utf8(run(&["inspect", path(&brief)])).unwrap();
+    assert!(table.lines().any(|l| l.starts_with("note: only 1.") && l.contains("periods")), "{table}");
+    assert!(table.contains("Joukowsky            not to be seen\n"), "no unit where there is no number: {table}");
+    let json = run(&["inspect", path(&brief), "--json"]);
+    let brief: serde_json::Value = serde_json::from_slice(&json).unwrap();
+    assert_eq!(brief["doubts"].as_array().unwrap().len(), 1, "{brief}");
 
     let table = String::from_utf8(run(&["inspect", path(&mcap)])).unwrap();
     assert!(table.contains("wave speed, crossings  4") && table.contains("P2"), "{table}");

@@ -8,8 +8,9 @@ use clap::ValueEnum;
 use indicatif::{ProgressBar, ProgressStyle};
 
 use super::load::{self, Loaded};
-use super::{CommandResult, Outcome};
+use super::{CommandResult, Outcome, output};
 use crate::fit::calibrate::{FitError, Options, Progress, calibrate};
+use crate::fit::conflict::conflicts;
 use crate::fit::data::RunData;
 use crate::fit::outcome::Fit;
 use crate::model::effects::{Chosen, parse_list};
@@ -35,11 +36,12 @@ pub struct Args {
     /// A rig to read them with, instead of the one that is stored in them.
     #[arg(long, value_name = "RIG")]
     rig: Option<PathBuf>,
-    /// Write a page with charts of measurement, models and residuals; an older page of that name is replaced.
+    /// Write a page with charts of measurement, models and residuals; an older page of that name is replaced, no other file.
     #[arg(long, value_name = "HTML")]
     report: Option<PathBuf>,
     /// Finest grid that the fit may use.
-    #[arg(long, value_name = "REACHES", default_value_t = Options::default().most_reaches)]
+    #[arg(long, value_name = "REACHES", default_value_t = Options::default().most_reaches, value_parser = super::values::reaches,
+          allow_negative_numbers = true)]
     most_reaches: usize,
 }
 
@@ -56,6 +58,9 @@ enum Method {
 /// Recordings that cannot be read or show no closure, effects that do not exist, a report that cannot be written.
 pub fn run(args: Args, json: bool) -> CommandResult {
     let Method::LeastSquares = args.method;
+    if let Some(path) = &args.report {
+        output::check_report(path)?;
+    }
     let loaded = load::load(&args.recordings, args.rig.as_deref())?;
     let rig = loaded[0].recording.rig.clone();
     let runs = load::runs(&loaded);
@@ -67,15 +72,19 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         fits.push((title(effects), timed(&rig, &runs, effects, &options)?));
     }
     let stages: Vec<Stage> = fits.iter().map(|(title, fit)| Stage { title: title.clone(), fit }).collect();
-    if let Some(path) = &args.report {
-        write_report(path, &rig, &loaded, stages.clone())?;
-        eprintln!("report: {}", path.display());
-    }
     let Some((_, last)) = fits.last() else { return Ok(Outcome::Done) };
+    for conflict in conflicts(last, &runs) {
+        super::tell!("warning: {conflict}");
+    }
     if json {
         super::say!("{}", json::calibration(last)?);
     } else {
         super::say_text!(table::calibration(&stages));
+    }
+    // last, so that a page that cannot be written costs no result
+    if let Some(path) = &args.report {
+        write_report(path, &rig, &loaded, stages)?;
+        super::tell!("report: {}", path.display());
     }
     Ok(Outcome::Done)
 }
@@ -121,7 +130,7 @@ fn progress_bar() -> ProgressBar {
 /// Writes the page of a list of fits.
 ///
 /// # Errors
-/// If the file cannot be written.
+/// If the file cannot be written, or has become something else than a page meanwhile.
 pub fn write_report(
     path: &std::path::Path,
     rig: &Rig,
@@ -131,6 +140,6 @@ pub fn write_report(
     let files: Vec<&str> = loaded.iter().map(|l| l.file.as_str()).collect();
     let title = format!("{} on rig {}", files.join(", "), rig.name);
     let page = html(&Page { title, rig, stages, overlays: Vec::new() });
-    std::fs::write(path, page).map_err(|e| format!("cannot write the report {}: {e}", path.display()))?;
-    Ok(())
+    output::check_report(path)?;
+    output::write(path, &page)
 }

@@ -7,6 +7,7 @@ use serde_json::json;
 
 use super::calibrate::{timed, title, write_report};
 use super::load::{self, Loaded};
+use super::output::same_file;
 use super::{CommandResult, Outcome};
 use crate::fit::calibrate::Options as FitOptions;
 use crate::fit::outcome::Fit;
@@ -21,7 +22,7 @@ pub struct Args {
     #[arg(short, long, value_name = "FOLDER", default_value = "surgescope-demo")]
     output: PathBuf,
     /// Play the test so many times faster than it was recorded.
-    #[arg(long, value_name = "FACTOR", default_value_t = 5.0, value_parser = super::values::positive)]
+    #[arg(long, value_name = "FACTOR", default_value_t = 5.0, value_parser = super::values::positive, allow_negative_numbers = true)]
     speed: f64,
 }
 
@@ -83,21 +84,45 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     if json {
         super::say!("{:#}", document(&loaded, &recording, &report, &base, &full));
     } else {
+        let (program, recording) = (program(), quoted(&recording));
         super::say!(
-            "\n5. Look. Open {} in a browser: measurement, both models, residuals, parameters.\n   Next: `surgescope inspect {}`, \
-             `surgescope calibrate {} --effects {EFFECT}:2`, and your own test by `surgescope import` or `surgescope record`.",
+            "\n5. Look. Open {} in a browser: measurement, both models, residuals, parameters.\n   Next:\n     {program} inspect \
+             {recording}\n     {program} calibrate {recording} --effects {EFFECT}:2\n   and your own test by `import` or `record` (see \
+             `{program} help`).",
             report.display(),
-            recording.display(),
-            recording.display()
         );
     }
     Ok(outcome)
 }
 
+/// How this program is called from where the user stands: by its name where the PATH leads to it, otherwise by its path.
+fn program() -> String {
+    let Ok(own) = std::env::current_exe() else { return "surgescope".to_owned() };
+    let name = own.file_name().unwrap_or(own.as_os_str());
+    let path = std::env::var_os("PATH").unwrap_or_default();
+    if std::env::split_paths(&path)
+        .find(|folder| folder.join(name).is_file())
+        .is_some_and(|f| same_file(&f.join(name), &own))
+    {
+        return name.to_string_lossy().into_owned();
+    }
+    let here = std::env::current_dir().ok().and_then(|here| here.canonicalize().ok());
+    let own = own.canonicalize().unwrap_or(own);
+    let inside = here.and_then(|here| own.strip_prefix(here).ok().map(|rest| Path::new(".").join(rest)));
+    quoted(&inside.unwrap_or(own))
+}
+
+/// A path as a shell takes it.
+fn quoted(path: &Path) -> String {
+    let text = path.display().to_string();
+    let plain = text.chars().all(|c| c.is_alphanumeric() || "/._-+:\\".contains(c));
+    if plain { text } else { format!("'{}'", text.replace('\'', "'\\''")) }
+}
+
 /// The story goes to standard output; to standard error where that is kept for JSON.
 fn say(json: bool, text: &str) -> std::io::Result<()> {
     if json {
-        eprintln!("{text}");
+        super::tell!("{text}");
     } else {
         super::say_text!(format!("{text}\n"));
     }
@@ -138,7 +163,7 @@ fn record(rig: &Rig, output: &Path, speed: f64) -> CommandResult {
         record_playback(rig, device, &playback, speed, Faults::default(), &options, &mut |p| reporter.show(p));
     reporter.clear();
     let recorded = recorded?;
-    eprintln!("   {}: {:.1} s from the wire", output.display(), recorded.duration_s);
+    super::tell!("   {}: {:.1} s from the wire", output.display(), recorded.duration_s);
     Ok(if recorded.data_lost { Outcome::DataLost } else { Outcome::Done })
 }
 

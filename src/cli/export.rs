@@ -32,7 +32,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     }
     let gaps: usize = summary.sensors.iter().map(|s| s.gaps).sum();
     if gaps > 0 {
-        eprintln!("note: a CSV cannot mark gaps; the recording has {gaps}, of which only the missing lines show");
+        super::tell!("note: a CSV cannot mark gaps; the recording has {gaps}, of which only the missing lines show");
     }
     Ok(Outcome::Done)
 }

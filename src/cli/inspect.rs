@@ -8,6 +8,7 @@ use serde_json::{Value, json};
 use super::{CommandResult, Outcome};
 use crate::recording::Recording;
 use crate::rig::Rig;
+use crate::signal::doubts::doubts;
 use crate::signal::{Estimate, Features, SensorFeatures, inspect};
 
 /// Arguments of `inspect`.
@@ -17,7 +18,7 @@ use crate::signal::{Estimate, Features, SensorFeatures, inspect};
 /// `crossings` {`value`, `standard_error`, `low`, `high`, `slow_closure`}, `arrival`}, `reference_sensor` and `sensors` [{`name`,
 /// `position_m`, `samples`, `gaps`, `interval_s`, `noise` {`white_sd_m`, `total_sd_m`, `coloured`, `lag1_autocorrelation`,
 /// `effective_fraction`, `quantum_m`}, `steady_before_m`, `steady_after_m`, `front_arrival_s`, `first_peak`, `extrema`
-/// [{`cycle`, `peak`, `time_s`, `head_m`}], `damping_per_cycle`}]. What has an uncertainty is {`value`, `standard_error`}; what the
+/// [{`cycle`, `peak`, `time_s`, `head_m`}], `damping_per_cycle`}], `doubts` (sentences on what cannot all be right). What has an uncertainty is {`value`, `standard_error`}; what the
 /// recording does not show is null.
 #[derive(Debug, clap::Args)]
 pub struct Args {
@@ -76,6 +77,7 @@ fn document(recording: &Recording, f: &Features) -> Value {
             "arrival": f.wave_speed.arrival.map(estimate),
         },
         "reference_sensor": f.sensors.get(f.reference).map(|s| &s.name),
+        "doubts": doubts(&recording.rig, f),
         "sensors": f.sensors.iter().map(|s| sensor(recording, s)).collect::<Vec<_>>(),
     })
 }
@@ -112,8 +114,8 @@ fn sensor(recording: &Recording, s: &SensorFeatures) -> Value {
 /// What a recording shows, for people.
 pub fn table(recording: &Recording, f: &Features) -> String {
     let mut out = String::new();
-    let plus_minus = |e: Option<Estimate>, digits: usize| {
-        e.map_or("not to be seen".into(), |e| format!("{:.digits$} ± {:.digits$}", e.value, e.standard_error))
+    let shown = |e: Option<Estimate>, unit: &str| {
+        e.map_or("not to be seen".into(), |e| format!("{} {unit}", plus_minus(e.value, e.standard_error)))
     };
     let c = &f.closure;
     let source = if c.from_trigger { "trigger" } else { "pressure" };
@@ -122,21 +124,21 @@ pub fn table(recording: &Recording, f: &Features) -> String {
     };
     line("rig", recording.rig.name.clone());
     line("temperature", format!("{:.2} °C", f.temperature_degc));
-    line("closure starts", format!("{:.5} ± {:.5} s ({source})", c.start_s, c.start_se_s));
+    line("closure starts", format!("{} s ({source})", plus_minus(c.start_s, c.start_se_s)));
     let ends = c.end_s.map(|end| format!("{end:.4} s, after {:.4} s", end - c.start_s));
     line("closure ends", ends.unwrap_or("not to be seen: slower than 2L/a".into()));
-    line("velocity before", format!("{} m/s", plus_minus(f.steady_velocity_m_s, 4)));
-    line("period", format!("{} s", plus_minus(f.period, 4)));
+    line("velocity before", shown(f.steady_velocity_m_s, "m/s"));
+    line("period", shown(f.period, "s"));
     let damping: Vec<String> = f.damping_per_cycle.iter().take(5).map(|d| format!("{d:.3}")).collect();
     line("damping per cycle", if damping.is_empty() { "not to be seen".into() } else { damping.join("  ") });
     let w = &f.wave_speed;
     let crossings = w.crossings.map(|c| {
         let note = if c.slow_closure { ", closure slower than 2L/a" } else { "" };
-        format!("{:.1} ± {:.1} m/s (range {:.1} to {:.1}{note})", c.value, c.standard_error, c.low, c.high)
+        format!("{} m/s (range {:.1} to {:.1}{note})", plus_minus(c.value, c.standard_error), c.low, c.high)
     });
     line("wave speed, crossings", crossings.unwrap_or("not to be seen".into()));
-    line("  two sensors", format!("{} m/s", plus_minus(w.arrival, 1)));
-    line("  Joukowsky", format!("{} m/s", plus_minus(w.joukowsky, 1)));
+    line("  two sensors", shown(w.arrival, "m/s"));
+    line("  Joukowsky", shown(w.joukowsky, "m/s"));
     let _ = writeln!(
         out,
         "\n{:<10} {:>8} {:>7} {:>5} {:>12} {:>12} {:>12} {:>10} {:>8} {:>9}",
@@ -160,5 +162,30 @@ pub fn table(recording: &Recording, f: &Features) -> String {
             if s.noise.coloured { format!(" (coloured: {:.4} in all)", s.noise.total_sd_m) } else { String::new() },
         );
     }
+    for (i, doubt) in doubts(&recording.rig, f).iter().enumerate() {
+        let _ = writeln!(out, "{}note: {doubt}", if i == 0 { "\n" } else { "" });
+    }
     out
+}
+
+/// A value and its standard error in as many decimals as give the error two digits.
+fn plus_minus(value: f64, standard_error: f64) -> String {
+    if !(standard_error > 0.0 && standard_error.is_finite()) {
+        return format!("{value:.4} ± {standard_error}");
+    }
+    let decimals = (1.0 - standard_error.log10().floor()).clamp(0.0, 9.0) as usize;
+    format!("{value:.decimals$} ± {standard_error:.decimals$}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::plus_minus;
+
+    #[test]
+    fn an_error_shows_two_digits_of_itself() {
+        assert_eq!(plus_minus(0.5021, 0.000_012_3), "0.502100 ± 0.000012");
+        assert_eq!(plus_minus(395.1, 12.4), "395 ± 12");
+        assert_eq!(plus_minus(1.25, 0.2), "1.25 ± 0.20");
+        assert_eq!(plus_minus(1.25, 0.0), "1.2500 ± 0");
+    }
 }

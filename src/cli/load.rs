@@ -3,10 +3,12 @@
 use std::error::Error;
 use std::path::{Path, PathBuf};
 
+use super::output::same_file;
 use crate::fit::data::RunData;
 use crate::fit::prepare::prepare;
 use crate::recording::Recording;
 use crate::rig::Rig;
+use crate::signal::doubts::doubts;
 use crate::signal::{Features, inspect};
 
 /// A recording with what it shows.
@@ -22,11 +24,19 @@ pub struct Loaded {
 /// Reads recordings, all of one rig: that of `rig`, or the one stored in the first of them.
 ///
 /// # Errors
-/// Any that cannot be read or shows no closure (the file is named), or recordings of different rigs.
+/// Any that cannot be read or shows no closure (the file is named), one given twice, or recordings of different rigs.
 pub fn load(paths: &[PathBuf], rig: Option<&Path>) -> Result<Vec<Loaded>, Box<dyn Error + Send + Sync>> {
     let given = rig.map(Rig::load).transpose()?;
     let mut loaded: Vec<Loaded> = Vec::new();
-    for path in paths {
+    for (i, path) in paths.iter().enumerate() {
+        if let Some(twin) = paths[..i].iter().find(|p| same_file(p, path)) {
+            return Err(if twin == path {
+                format!("{} is given twice: a recording counts once", path.display())
+            } else {
+                format!("{} and {} are one recording: it counts once", twin.display(), path.display())
+            }
+            .into());
+        }
         let mut recording = crate::log::read(path)?;
         if let Some(rig) = &given {
             recording = recording.on_rig(rig.clone()).map_err(|e| format!("{}: {e}", path.display()))?;
@@ -44,7 +54,11 @@ pub fn load(paths: &[PathBuf], rig: Option<&Path>) -> Result<Vec<Loaded>, Box<dy
             .into());
         }
         let features = inspect(&recording).map_err(|e| format!("{}: {e}", path.display()))?;
-        loaded.push(Loaded { file: file_name(path, paths), recording, features });
+        let file = file_name(path, paths);
+        for doubt in doubts(&recording.rig, &features) {
+            super::tell!("warning: {file}: {doubt}");
+        }
+        loaded.push(Loaded { file, recording, features });
     }
     Ok(loaded)
 }

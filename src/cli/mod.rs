@@ -10,15 +10,22 @@ macro_rules! say_text {
         $crate::cli::write_out(format_args!("{}", $text))?
     };
 }
-pub(crate) use {say, say_text};
+/// A line on standard error: progress, notes, warnings. Where nobody reads it any more, or its disk is full, the work goes on
+/// and the exit code stays: `eprintln!` would panic.
+macro_rules! tell {
+    ($($arg:tt)*) => { $crate::cli::write_err(format_args!($($arg)*)) };
+}
+pub(crate) use {say, say_text, tell};
 
 pub mod calibrate;
 pub mod demo;
 pub mod effects;
+pub mod energy;
 pub mod export;
 pub mod import;
 pub mod inspect;
 pub mod load;
+pub mod output;
 pub mod playback;
 pub mod record;
 pub mod recover;
@@ -106,10 +113,10 @@ pub fn main() -> ExitCode {
         Ok(Outcome::No) => ExitCode::from(1),
         Ok(Outcome::DataLost) => ExitCode::from(3),
         Err(error) => {
-            eprintln!("error: {error}");
+            tell!("error: {error}");
             let mut cause = error.source();
             while let Some(inner) = cause {
-                eprintln!("  because: {inner}");
+                tell!("  because: {inner}");
                 cause = inner.source();
             }
             ExitCode::from(2)
@@ -124,6 +131,12 @@ fn write_out(text: std::fmt::Arguments) -> std::io::Result<()> {
         Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => Ok(()),
         other => other,
     }
+}
+
+/// Writes a line to standard error, whatever has become of it.
+fn write_err(line: std::fmt::Arguments) {
+    // in one piece, so that lines of two threads do not mix
+    let _ = std::io::stderr().lock().write_all(format!("{line}\n").as_bytes());
 }
 
 /// One JSON document of the entries of two objects.

@@ -22,6 +22,8 @@ pub struct Timing {
 
 /// Noise of a simulated pressure sensor, as a share of its range; of the steady pressure where it has none.
 const NOISE_SHARE: f64 = 1e-4;
+/// Most values that a device may be given to play: what they take in memory is counted in GiB.
+const MOST_VALUES: f64 = 2e8;
 /// The noise is the same at every run: a demonstration should be one that can be repeated.
 const NOISE_SEED: u64 = 1;
 
@@ -32,7 +34,9 @@ const NOISE_SEED: u64 = 1;
 pub fn of_scenario(scenario: &Scenario, device: &Device, timing: &Timing) -> Result<Playback, AnyError> {
     let rig = &scenario.rig;
     let period_ns = (1e9 / timing.rate_hz).round();
-    let samples = ((timing.lead_s + timing.after_s) * timing.rate_hz).floor() as usize + 1;
+    let samples = ((timing.lead_s + timing.after_s) * timing.rate_hz).floor() + 1.0;
+    check_size(samples, channels(wired(rig, device).map(|(_, _, channel)| channel)))?;
+    let samples = samples as usize;
     let times: Vec<f64> = (0..samples).map(|i| i as f64 * period_ns * 1e-9 - timing.lead_s).collect();
     let pressures = scenario.simulate(timing.after_s)?;
     let flows: Vec<Probe> = wired(rig, device)
@@ -100,11 +104,29 @@ fn wired<'a>(rig: &'a Rig, device: &'a Device) -> impl Iterator<Item = (usize, &
     })
 }
 
+/// Channels of a device whose last wired one is known.
+fn channels(wired: impl Iterator<Item = usize>) -> usize {
+    wired.map(|channel| channel + 1).max().unwrap_or(0)
+}
+
+fn check_size(samples: f64, channels: usize) -> Result<(), AnyError> {
+    let values = samples * channels as f64;
+    if values <= MOST_VALUES {
+        return Ok(());
+    }
+    let gib = values * size_of::<f64>() as f64 / f64::from(1u32 << 30);
+    Err(format!(
+        "{samples:.3e} samples of {channels} channels would need {gib:.1} GiB; shorten the duration or lower the rate"
+    )
+    .into())
+}
+
 fn playback(period_ns: f64, samples: usize, wired: Vec<(usize, Vec<f64>)>) -> Result<Playback, AnyError> {
     if !(period_ns >= 1.0 && period_ns <= f64::from(u32::MAX)) {
         return Err(format!("a sample period of {period_ns} ns does not fit the frames' 32 bits").into());
     }
-    let count = wired.iter().map(|(channel, _)| channel + 1).max().unwrap_or(0);
+    let count = channels(wired.iter().map(|(channel, _)| *channel));
+    check_size(samples as f64, count)?;
     let mut channels = vec![vec![0.0; samples]; count];
     for (channel, values) in wired {
         channels[channel] = values;

@@ -35,7 +35,7 @@ pub struct Args {
     #[arg(short, long, value_name = "MCAP")]
     output: PathBuf,
     /// Stop after so much recorded time, in seconds.
-    #[arg(long, value_name = "S", value_parser = positive)]
+    #[arg(long, value_name = "S", value_parser = positive, allow_negative_numbers = true)]
     duration: Option<f64>,
     /// Use another port for a device than the rig file says.
     #[arg(long, value_name = "NAME=PATH", value_parser = pair, conflicts_with = "paced")]
@@ -50,7 +50,7 @@ pub struct Args {
     #[arg(long)]
     simulate: bool,
     /// Play so many times faster than real time; 0: as fast as possible.
-    #[arg(long, value_name = "FACTOR", default_value_t = 1.0, value_parser = not_negative, requires = "paced")]
+    #[arg(long, value_name = "FACTOR", default_value_t = 1.0, value_parser = not_negative, requires = "paced", allow_negative_numbers = true)]
     speed: f64,
     /// Let the simulated device misbehave, as in flip=0.01,drop=0.02,duplicate=0.01,seed=7 (probabilities per frame).
     #[arg(long, value_name = "FAULTS", requires = "simulate")]
@@ -59,7 +59,7 @@ pub struct Args {
     #[arg(long, value_name = "A,B", default_value = "none", value_parser = parse_list)]
     effects: ::std::vec::Vec<Chosen>,
     /// Samples a second and channel of the simulated device.
-    #[arg(long, value_name = "HZ", default_value_t = 1000.0, value_parser = positive)]
+    #[arg(long, value_name = "HZ", default_value_t = 1000.0, value_parser = positive, allow_negative_numbers = true)]
     rate: f64,
     /// Set values of the simulated test, as in `simulate`.
     #[arg(long, value_name = "NAME=VALUE", value_parser = setting, requires = "simulate", num_args = 1..)]
@@ -68,7 +68,7 @@ pub struct Args {
     #[arg(long, value_name = "KEY=VALUE", value_parser = pair)]
     note: Vec<(String, String)>,
     /// The stream has ended when no valid frame came for so many seconds.
-    #[arg(long, value_name = "S", default_value_t = 5.0, value_parser = positive)]
+    #[arg(long, value_name = "S", default_value_t = 5.0, value_parser = positive, allow_negative_numbers = true)]
     silence: f64,
 }
 
@@ -78,7 +78,7 @@ static STOP: AtomicBool = AtomicBool::new(false);
 /// Records until the duration, a signal or the stream's end.
 pub fn run(args: Args, json: bool) -> CommandResult {
     check_path(&args.output)?;
-    ctrlc::set_handler(|| STOP.store(true, Ordering::Relaxed))?;
+    stop_on_signals()?;
     let rig = args.rig.as_deref().map(Rig::load).transpose()?;
     let options = Options {
         file: args.output.clone(),
@@ -90,13 +90,45 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     let summary = record(&args, rig.as_ref(), &options, &mut |progress| reporter.show(progress));
     reporter.clear();
     let summary = summary?;
-    eprintln!("{}: {}", summary.file, summary.ended);
+    super::tell!("{}: {}", summary.file, summary.ended);
     if json {
         super::say!("{}", serde_json::to_string(&summary)?);
     } else {
         super::say_text!(table(&summary));
     }
     Ok(if summary.data_lost { Outcome::DataLost } else { Outcome::Done })
+}
+
+/// Lets Ctrl-C and the requests to terminate or hang up end the recording, not the program: its file is made whole first.
+#[cfg(unix)]
+fn stop_on_signals() -> std::io::Result<()> {
+    use tokio::signal::unix::{SignalKind, signal};
+
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
+    let (mut interrupt, mut terminate, mut hang_up) = {
+        // Registered before anything is recorded.
+        let _inside = runtime.enter();
+        (signal(SignalKind::interrupt())?, signal(SignalKind::terminate())?, signal(SignalKind::hangup())?)
+    };
+    let wait = async move {
+        tokio::select! { _ = interrupt.recv() => (), _ = terminate.recv() => (), _ = hang_up.recv() => () }
+        STOP.store(true, Ordering::Relaxed);
+    };
+    std::thread::Builder::new().name("signals".into()).spawn(move || runtime.block_on(wait))?;
+    Ok(())
+}
+
+/// Lets Ctrl-C end the recording, not the program: its file is made whole first.
+#[cfg(not(unix))]
+fn stop_on_signals() -> std::io::Result<()> {
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
+    let wait = async {
+        if tokio::signal::ctrl_c().await.is_ok() {
+            STOP.store(true, Ordering::Relaxed);
+        }
+    };
+    std::thread::Builder::new().name("signals".into()).spawn(move || runtime.block_on(wait))?;
+    Ok(())
 }
 
 type AnyError = Box<dyn Error + Send + Sync>;
@@ -118,7 +150,7 @@ fn record(
     }
     let device = live_device(rig, &args.port)?;
     let source = Source::open(&device)?;
-    eprintln!("listening to device '{}' on {}; Ctrl-C ends the recording", device.name, device.port);
+    super::tell!("listening to device '{}' on {}; Ctrl-C ends the recording", device.name, device.port);
     Ok(session::record(rig, &device, &source, options, &STOP, report)?)
 }
 
@@ -175,7 +207,7 @@ pub fn record_playback(
 ) -> Result<Summary, AnyError> {
     let counts = Counts::new(playback, rig, &device)?;
     if counts.clipped > 0 {
-        eprintln!("{} samples are outside the range of the device's counts: see scale and offset", counts.clipped);
+        super::tell!("{} samples are outside the range of the device's counts: see scale and offset", counts.clipped);
     }
     let mut simulated = SimulatedDevice::open()?;
     device.port = simulated.path().display().to_string();
@@ -214,7 +246,9 @@ impl Reporter {
                 bar.set_message(text);
                 bar.tick();
             }
-            Reporter::Lines => eprintln!("{text}"),
+            // a reader that has stopped reading must not hold up the recording
+            Reporter::Lines if stderr_takes_more() => super::tell!("{text}"),
+            Reporter::Lines => {}
         }
     }
 
@@ -224,6 +258,22 @@ impl Reporter {
             bar.finish_and_clear();
         }
     }
+}
+
+/// A line to standard error would not wait for its reader.
+#[cfg(unix)]
+fn stderr_takes_more() -> bool {
+    use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
+    use std::os::fd::AsFd;
+    let stderr = stderr();
+    let mut ready = [PollFd::new(stderr.as_fd(), PollFlags::POLLOUT)];
+    poll(&mut ready, PollTimeout::ZERO) == Ok(1)
+}
+
+/// Elsewhere the line is written and may wait.
+#[cfg(not(unix))]
+fn stderr_takes_more() -> bool {
+    true
 }
 
 /// What was recorded, for people.

@@ -34,7 +34,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         }
     }
     for loss in &recovery.lost {
-        eprintln!("lost: {loss}");
+        super::tell!("lost: {loss}");
     }
     Ok(if recovery.whole { Outcome::Done } else { Outcome::DataLost })
 }

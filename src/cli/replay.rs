@@ -56,14 +56,14 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     let recordings = recordings(&args.paths)?;
     let (mut entries, mut compared, mut moved_in_all, mut failed) = (Vec::new(), 0, 0, 0);
     for (i, path) in recordings.iter().enumerate() {
-        eprintln!("[{}/{}] {}", i + 1, recordings.len(), path.display());
+        super::tell!("[{}/{}] {}", i + 1, recordings.len(), path.display());
         let outcome = replay(path, &args).and_then(|done| Ok((accept(path, &done, &args)?, done)));
         match outcome {
             Ok((accepted, done)) => {
                 compared += done.comparisons.len();
                 moved_in_all += moved(&done.comparisons);
                 if !json {
-                    print!("{}", text(path, &done, args.verbose));
+                    super::say_text!(text(path, &done, args.verbose));
                     if let Some(file) = &accepted {
                         super::say!("  now expected: {}", file.display());
                     }
@@ -73,7 +73,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
             Err(error) => {
                 failed += 1;
                 let sentence = with_causes(error.as_ref());
-                eprintln!("error: {sentence}");
+                super::tell!("error: {sentence}");
                 entries.push(json!({ "file": path, "error": sentence }));
             }
         }

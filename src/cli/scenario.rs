@@ -3,11 +3,13 @@
 use std::error::Error;
 
 use crate::model::boundary::Closure;
-use crate::model::effects::Chosen;
+use crate::model::effects::{CATALOGUE, Chosen, Effect, Site};
+use crate::model::energy::Energy;
+use crate::model::friction::WallFriction;
 use crate::model::parameter::Parameter;
 use crate::model::trace::{Probe, Trace};
-use crate::model::{Conditions, Model, ModelError, Resolution, RunValues};
-use crate::rig::{Rig, Upstream, WaterProperties};
+use crate::model::{Conditions, Model, ModelError, Resolution, RunValues, Simulated};
+use crate::rig::{Coupling, Rig, Upstream, WaterProperties};
 use crate::units::GRAVITY_M_S2;
 
 type AnyError = Box<dyn Error + Send + Sync>;
@@ -18,6 +20,9 @@ const REACHES: usize = 240;
 const VELOCITY_M_S: f64 = 1.0;
 /// Head at the supply where nothing gives one, m.
 const SUPPLY_HEAD_M: f64 = 30.0;
+
+/// Names less alike than this (Jaro-Winkler) are no slips of one another.
+const ALIKE: f64 = 0.75;
 
 /// Form of the closure, as on the command line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
@@ -91,7 +96,7 @@ impl Scenario {
             rig.pipes.iter_mut().for_each(|p| p.friction_factor = Some(factor));
         }
         let model = Model::new(&rig, &water, &effects);
-        check_names(&model, settings)?;
+        check_names(&model, &water, settings)?;
         let shared: Vec<f64> = model
             .shared
             .iter()
@@ -119,6 +124,8 @@ impl Scenario {
             closing_time_s: get("closing_time_s").unwrap_or(rig.valve.closing_time_s),
             friction_scale,
         };
+        let travel: Vec<f64> = rig.pipes.iter().zip(&shared).map(|(p, a)| p.length_m / a).collect();
+        let reaches = crate::model::grid::fitting_reaches(&travel, reaches);
         Ok(Scenario { water, effects, valve, shared, run, reaches, rig })
     }
 
@@ -138,6 +145,26 @@ impl Scenario {
         shared.chain(model.per_run.iter().zip(run).map(|(p, v)| named(p, v))).collect()
     }
 
+    /// What was used although nobody set it: parameters, friction factors at the initial flow and the grid.
+    pub fn not_set(&self, settings: &[(String, f64)]) -> Vec<(String, f64)> {
+        let set = |name: &str| {
+            let group = name.split('[').next().unwrap_or(name);
+            settings.iter().any(|(n, _)| n == name || n == group)
+        };
+        let mut used = self.values();
+        let flow_m3_s = self.run.initial_velocity_m_s * self.rig.pipes[self.rig.pipes.len() - 1].area_m2();
+        for pipe in &self.rig.pipes {
+            let velocity = flow_m3_s / pipe.area_m2();
+            let slope = WallFriction::of(pipe, &self.water, flow_m3_s).slope(pipe.inner_diameter_m, flow_m3_s);
+            let factor = slope * 2.0 * GRAVITY_M_S2 * pipe.inner_diameter_m / (velocity * velocity);
+            let several = if self.rig.pipes.len() > 1 { format!("[{}]", pipe.name) } else { String::new() };
+            used.push((format!("friction_factor{several}"), factor));
+        }
+        used.push(("reaches".to_owned(), self.reaches as f64));
+        used.retain(|(name, value)| value.is_finite() && !set(name));
+        used
+    }
+
     /// Theoretical period `4L/a`, s.
     pub fn period_s(&self) -> f64 {
         self.model().period_s(&self.shared)
@@ -148,10 +175,20 @@ impl Scenario {
     /// # Errors
     /// As [`Model::simulate`].
     pub fn simulate(&self, duration_s: f64) -> Result<Vec<Trace>, ModelError> {
+        Ok(self.simulate_with(duration_s, false)?.0)
+    }
+
+    /// The same and, if asked for, where the energy went.
+    ///
+    /// # Errors
+    /// As [`Model::simulate`].
+    pub fn simulate_with(&self, duration_s: f64, energy: bool) -> Result<(Vec<Trace>, Option<Energy>), ModelError> {
         let probes: Vec<Probe> = self.rig.pressure_sensors().map(|(_, s)| Probe::Head(s.position_m)).collect();
-        let traces = self.probe(&probes, duration_s)?;
+        let simulated = self.run_model(&probes, duration_s, energy)?;
         let model = self.model();
-        self.rig.pressure_sensors().zip(traces).map(|((_, s), trace)| model.sensed(&self.shared, s, trace)).collect()
+        let sensors = self.rig.pressure_sensors().zip(simulated.traces);
+        let seen = sensors.map(|((_, sensor), trace)| model.sensed(&self.shared, sensor, trace));
+        Ok((seen.collect::<Result<_, _>>()?, simulated.energy))
     }
 
     /// What probes read, in time after the start of the closure.
@@ -159,15 +196,25 @@ impl Scenario {
     /// # Errors
     /// As [`Model::simulate`].
     pub fn probe(&self, probes: &[Probe], duration_s: f64) -> Result<Vec<Trace>, ModelError> {
+        Ok(self.run_model(probes, duration_s, false)?.traces)
+    }
+
+    fn run_model(&self, probes: &[Probe], duration_s: f64, energy: bool) -> Result<Simulated, ModelError> {
         let conditions = Conditions { water: self.water, supply_deviation: None };
         let resolution = Resolution { reaches: self.reaches, duration_s };
-        Ok(self.model().simulate(&conditions, &self.shared, &self.run, resolution, probes)?.traces)
+        let model = self.model();
+        let simulate = if energy { Model::simulate_with_energy } else { Model::simulate };
+        simulate(&model, &conditions, &self.shared, &self.run, resolution, probes)
     }
 
     /// A head at a sensor in the sensor's unit.
     pub fn displayed(&self, sensor: usize, head_m: f64) -> f64 {
         let sensor = &self.rig.sensors[sensor];
-        let elevation_m = sensor.elevation_m.unwrap_or_else(|| self.rig.elevation_m(sensor.position_m));
+        // A sensor that sees no steady pressure sees no elevation.
+        let elevation_m = match sensor.coupling {
+            Coupling::Dc => sensor.elevation_m.unwrap_or_else(|| self.rig.elevation_m(sensor.position_m)),
+            Coupling::Ac => 0.0,
+        };
         let density = self.water.density_kg_m3;
         sensor.unit.from_si((head_m - elevation_m) * density * GRAVITY_M_S2, density)
     }
@@ -188,29 +235,53 @@ fn with_elements_set(chosen: &Chosen, settings: &[(String, f64)]) -> Chosen {
     chosen.with_elements(asked.max().unwrap_or(*range.start()).clamp(*range.start(), *range.end()))
 }
 
-fn check_names(model: &Model, settings: &[(String, f64)]) -> Result<(), AnyError> {
+/// Refuses a setting that the model does not have, and says where it belongs.
+fn check_names(model: &Model, water: &WaterProperties, settings: &[(String, f64)]) -> Result<(), AnyError> {
     let mut known: Vec<String> = model.shared.iter().chain(&model.per_run).map(|p| p.name.clone()).collect();
     known.extend(["friction_factor", "reaches", "wave_speed_m_s"].map(String::from));
     known.sort();
     known.dedup();
-    for (name, _) in settings {
-        if !known.contains(name) {
-            let nearest =
-                known.iter().max_by(|a, b| strsim::jaro_winkler(name, a).total_cmp(&strsim::jaro_winkler(name, b)));
-            return Err(format!(
-                "unknown setting '{name}'; did you mean '{}'? This model has {}",
-                nearest.map_or("", String::as_str),
-                known.join(", ")
-            )
-            .into());
+    let Some((name, _)) = settings.iter().find(|(name, _)| !known.contains(name)) else { return Ok(()) };
+    let likeness = |k: &String| strsim::jaro_winkler(name, k);
+    let nearest = known.iter().max_by(|a, b| likeness(a).total_cmp(&likeness(b))).filter(|k| likeness(k) >= ALIKE);
+    let hint = if name == "closure_start_s" {
+        "it places the closure on a recording's clock, and here time 0 is the start of the closure: leave it out"
+            .to_owned()
+    } else if name == "offset_m" || name.starts_with("offset_m[") {
+        "it belongs to the sensors of a recording, and simulated sensors have no offset: leave it out".to_owned()
+    } else if let Some((effect, elements)) = owner(name, model, water) {
+        let label =
+            if effect.elements().is_some() { format!("{}:{elements}", effect.name()) } else { effect.name().into() };
+        match model.effects.iter().find(|c| c.effect.name() == effect.name()) {
+            Some(chosen) => format!("it needs the effect '{label}', and this model has '{}'", chosen.label()),
+            None => format!("it belongs to the effect '{}': add --effects {label}", effect.name()),
         }
-    }
-    Ok(())
+    } else if let Some(nearest) = nearest {
+        format!("did you mean '{nearest}'? This model has {}", known.join(", "))
+    } else {
+        format!("this model has {}", known.join(", "))
+    };
+    Err(format!("unknown setting '{name}'; {hint}").into())
+}
+
+/// The effect of the catalogue that has a parameter of this name, and its least number of elements with it.
+fn owner(name: &str, model: &Model, water: &WaterProperties) -> Option<(&'static dyn Effect, usize)> {
+    let site = Site { rig: model.rig, water, period_s: model.period_s(&starts(model)) };
+    let all = CATALOGUE.iter().flat_map(|e| std::iter::once(*e).chain(e.variants().iter().copied()));
+    all.filter_map(|effect| {
+        let mut elements = effect.elements().unwrap_or(1..=1);
+        let elements = elements.find(|&n| effect.parameters(&site, n).iter().any(|p| p.name == name))?;
+        Some((effect, elements))
+    })
+    .next()
+}
+
+fn starts(model: &Model) -> Vec<f64> {
+    model.shared.iter().map(|p| p.start).collect()
 }
 
 /// Steady loss over all pipes, m.
 fn loss_m(rig: &Rig, water: &WaterProperties, flow_m3_s: f64) -> f64 {
-    use crate::model::friction::WallFriction;
     let of =
         |p: &crate::rig::Pipe| WallFriction::of(p, water, flow_m3_s).slope(p.inner_diameter_m, flow_m3_s) * p.length_m;
     rig.pipes.iter().map(of).sum()

@@ -3,15 +3,16 @@
 use std::fs::File;
 use std::io::{BufWriter, Write, stdout};
 use std::path::PathBuf;
+use std::time::Instant;
 
 use serde_json::json;
 
 use super::scenario::{Scenario, ValveForm};
-use super::values::{positive, setting};
-use super::{CommandResult, Outcome};
-use crate::model::effects::{Chosen, parse_list};
+use super::values::{positive, rounded, setting};
+use super::{CommandResult, Outcome, energy, output};
+use crate::model::effects::{ATMOSPHERE_PA, Chosen, parse_list};
 use crate::model::trace::Trace;
-use crate::rig::Rig;
+use crate::rig::{Coupling, Rig};
 
 /// Simulate a closure on a rig.
 ///
@@ -32,15 +33,22 @@ pub struct Args {
     #[arg(long, value_enum, default_value_t = ValveForm::Linear)]
     valve: ValveForm,
     /// Simulated time after the start of the closure, s [default: ten periods].
-    #[arg(long, value_name = "S", value_parser = positive)]
+    #[arg(long, value_name = "S", value_parser = positive, allow_negative_numbers = true)]
     duration: Option<f64>,
     /// Write values at 0, DT, 2 DT, … s [default: the simulation's own steps].
-    #[arg(long, value_name = "DT", value_parser = positive)]
+    #[arg(long, value_name = "DT", value_parser = positive, allow_negative_numbers = true)]
     csv_times: Option<f64>,
-    /// The time series to write, one column a pressure sensor in its unit; an older file of that name is replaced
+    /// The time series to write, one column a pressure sensor in its unit; an older one with the same columns is replaced
     /// [default: standard output].
     #[arg(short, long, value_name = "CSV")]
     output: Option<PathBuf>,
+    /// Replace whatever file stands at the output, unless it is the rig or a recording.
+    #[arg(long, requires = "output")]
+    overwrite: bool,
+    /// Keep the energy book and write it here, J, at the times of the other file: what the line holds as motion and as
+    /// strain, what the supply gave, what valve, friction and each effect took; an older file of that name is replaced.
+    #[arg(long, value_name = "CSV")]
+    energy: Option<PathBuf>,
 }
 
 /// Most rows that one file may have.
@@ -52,9 +60,15 @@ const MOST_ROWS: f64 = 1e8;
 /// A rig that cannot be read, settings that do not exist or are out of range, a file that cannot be written.
 pub fn run(args: Args, json: bool) -> CommandResult {
     let scenario = Scenario::new(Rig::load(&args.rig)?, &args.effects, args.valve, &args.set)?;
+    if let Some(path) = &args.output {
+        output::check_series(path, &header(&scenario), args.overwrite, &args.rig)?;
+    }
     let duration_s = args.duration.unwrap_or(10.0 * scenario.period_s());
-    let traces = scenario.simulate(duration_s)?;
+    let start = Instant::now();
+    let (traces, book) = scenario.simulate_with(duration_s, args.energy.is_some())?;
+    let seconds = start.elapsed().as_secs_f64();
     let step_s = args.csv_times.unwrap_or(traces.first().map_or(duration_s, |t| t.dt_s));
+    tell_what_was_not_set(&scenario, &args, duration_s, step_s);
     if duration_s / step_s > MOST_ROWS {
         return Err(format!(
             "{duration_s} s in steps of {step_s} s are more than {MOST_ROWS:.0} rows; take a longer step"
@@ -74,6 +88,12 @@ pub fn run(args: Args, json: bool) -> CommandResult {
             other => other?,
         },
     }
+    let kept = args.energy.as_deref().zip(book.as_ref());
+    if let Some((path, book)) = kept {
+        output::check_series(path, &format!("time_s,{}", book.columns().join(",")), args.overwrite, &args.rig)?;
+        energy::write_csv(book, path, times(step_s, duration_s))?;
+        super::tell!("{}", energy::sentence(book, duration_s));
+    }
     if json {
         let settings: serde_json::Map<_, _> = scenario.values().into_iter().map(|(n, v)| (n, json!(v))).collect();
         let document = json!({
@@ -84,10 +104,35 @@ pub fn run(args: Args, json: bool) -> CommandResult {
             "time_step_s": traces.first().map(|t| t.dt_s),
             "duration_s": duration_s,
             "sensors": scenario.rig.pressure_sensors().map(|(_, s)| &s.name).collect::<Vec<_>>(),
+            "energy": kept.map(|(path, book)| energy::json(book, duration_s, path)),
+            "seconds": seconds,
         });
         super::say!("{document:#}");
     }
     Ok(Outcome::Done)
+}
+
+/// Nothing is made up in silence: each value that nobody set, from the rig, its law or a default.
+fn tell_what_was_not_set(scenario: &Scenario, args: &Args, duration_s: f64, step_s: f64) {
+    let mut used = scenario.not_set(&args.set);
+    used.extend(args.duration.is_none().then(|| ("duration_s".to_owned(), duration_s)));
+    used.extend(args.csv_times.is_none().then(|| ("csv_times_s".to_owned(), step_s)));
+    used.push(("temperature_degC".to_owned(), scenario.rig.fluid.temperature_degc));
+    let list: Vec<String> = used.iter().map(|(name, v)| format!("{name}={}", to_digits(*v, 6))).collect();
+    super::tell!("not set, so used: {}", list.join(" "));
+}
+
+/// First line of the time series.
+fn header(scenario: &Scenario) -> String {
+    let names = scenario.rig.pressure_sensors().map(|(_, s)| s.name.as_str());
+    std::iter::once("time_s").chain(names).collect::<Vec<_>>().join(",")
+}
+
+/// The times 0, DT, 2 DT, … up to the duration.
+fn times(step_s: f64, duration_s: f64) -> impl Iterator<Item = f64> {
+    // The last time counts although it may be a rounding error beyond the duration.
+    let rows = (duration_s / step_s * (1.0 + 1e-12) + 1e-9).floor() as u64;
+    (0..=rows).map(move |row| row as f64 * step_s)
 }
 
 fn write_csv(
@@ -98,15 +143,8 @@ fn write_csv(
     mut out: impl Write,
 ) -> std::io::Result<()> {
     let sensors: Vec<usize> = scenario.rig.pressure_sensors().map(|(i, _)| i).collect();
-    write!(out, "time_s")?;
-    for &i in &sensors {
-        write!(out, ",{}", scenario.rig.sensors[i].name)?;
-    }
-    writeln!(out)?;
-    // The last time counts although it may be a rounding error beyond the duration.
-    let rows = (duration_s / step_s * (1.0 + 1e-12) + 1e-9).floor() as u64;
-    for row in 0..=rows {
-        let time_s = row as f64 * step_s;
+    writeln!(out, "{}", header(scenario))?;
+    for time_s in times(step_s, duration_s) {
         write!(out, "{}", rounded(time_s))?;
         for (&i, trace) in sensors.iter().zip(traces) {
             write!(out, ",{}", rounded(scenario.displayed(i, trace.at(time_s))))?;
@@ -116,22 +154,26 @@ fn write_csv(
     out.flush()
 }
 
-/// Twelve significant digits, without the tail of binary fractions.
-fn rounded(value: f64) -> f64 {
-    format!("{value:.11e}").parse().unwrap_or(value)
+fn to_digits(value: f64, digits: usize) -> f64 {
+    format!("{value:.*e}", digits - 1).parse().unwrap_or(value)
 }
 
 /// Without the physics of cavities a head below vapour pressure is a number, not water.
 fn warn_of_cavities(scenario: &Scenario, traces: &[Trace]) {
-    const ATMOSPHERE_PA: f64 = 101_325.0;
+    if scenario.effects.iter().any(|c| c.effect.lets_boil()) {
+        return;
+    }
     let least_pa = scenario.water.vapour_pressure_pa - ATMOSPHERE_PA;
-    for ((_, sensor), trace) in scenario.rig.pressure_sensors().zip(traces) {
+    // A piezoelectric sensor shows no head to judge by.
+    let steady = scenario.rig.pressure_sensors().zip(traces).filter(|((_, s), _)| s.coupling == Coupling::Dc);
+    for ((_, sensor), trace) in steady {
         let elevation_m = sensor.elevation_m.unwrap_or_else(|| scenario.rig.elevation_m(sensor.position_m));
         let least_head_m = elevation_m + least_pa / (scenario.water.density_kg_m3 * crate::units::GRAVITY_M_S2);
         if let Some(step) = trace.values.iter().position(|&h| h < least_head_m) {
-            eprintln!(
+            super::tell!(
                 "warning: at {} the pressure falls below vapour pressure {:.4} s after the start of the closure; this model does \
-                 not let the water boil, so what follows is not physical: take a lower velocity or a higher head",
+                 not let the water boil, so what follows is not physical: add vapour-cavity, or take a lower velocity or a higher \
+                 head",
                 sensor.name,
                 step as f64 * trace.dt_s
             );

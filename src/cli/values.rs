@@ -24,6 +24,16 @@ pub fn not_negative(text: &str) -> Result<f64, String> {
     number(text).and_then(|v| if v >= 0.0 { Ok(v) } else { Err("must not be negative".to_owned()) })
 }
 
+/// A number of reaches of a grid, 8 to 100000.
+///
+/// # Errors
+/// See [`number`].
+pub fn reaches(text: &str) -> Result<usize, String> {
+    let range = 8..=100_000;
+    let number = text.trim().parse().ok().filter(|n| range.contains(n));
+    number.ok_or_else(|| format!("must be a whole number from {} to {}", range.start(), range.end()))
+}
+
 /// `NAME=TEXT`.
 ///
 /// # Errors
@@ -44,6 +54,11 @@ pub fn setting(text: &str) -> Result<(String, f64), String> {
     Ok((name, number(&value)?))
 }
 
+/// Twelve significant digits, without the tail of binary fractions.
+pub fn rounded(value: f64) -> f64 {
+    format!("{value:.11e}").parse().unwrap_or(value)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -55,5 +70,9 @@ mod tests {
         assert!(setting("a=b").unwrap_err().contains("'b' is not a number"));
         assert!(setting("a=NaN").is_err() && positive("0").is_err() && not_negative("-1").is_err());
         assert_eq!(not_negative("0"), Ok(0.0));
+        assert_eq!((reaches("8"), reaches("100000")), (Ok(8), Ok(100_000)));
+        for bad in ["7", "100001", "-1", "1e3", "64.5", ""] {
+            assert!(reaches(bad).unwrap_err().contains("from 8 to 100000"), "{bad}");
+        }
     }
 }

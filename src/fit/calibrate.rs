@@ -11,8 +11,9 @@ use super::data::RunData;
 use super::least_squares::{Limits, Problem, Solution, Stop, jacobian, minimise};
 use super::outcome::{Fit, FittedParameter, RunFit, SensorFit};
 use super::problem::{Calibration, Window};
+use super::sensor_choice::with_sensors;
 use super::starts::{differing, starts_from, starts_of, take_over, vanish};
-use super::uncertainty::{correlation_inflation, standard_errors};
+use super::uncertainty::{correlation_inflation, gauss_newton_step, standard_errors};
 use crate::model::effects::Chosen;
 use crate::model::{Model, ModelError};
 use crate::rig::Rig;
@@ -76,6 +77,21 @@ const GLANCE: Limits = Limits { iterations: 6, cost_tolerance: 1e-2, step_tolera
 const EARLY: Limits = Limits { iterations: 30, cost_tolerance: 3e-4, step_tolerance: 1e-7 };
 const LATE: Limits = Limits { iterations: 60, cost_tolerance: 1e-5, step_tolerance: 1e-9 };
 
+/// Pull of the grid on a parameter, in standard errors, that sends the fit to a finer one.
+const MOST_PULL: f64 = 2.0;
+
+/// What a finer grid changes.
+struct Pull {
+    /// At the samples, in units of their noise, rms.
+    error_over_noise: f64,
+    /// The same in m.
+    error_m: f64,
+    /// In the variables.
+    shifts: Vec<f64>,
+    /// The largest of these, in standard errors.
+    over_errors: f64,
+}
+
 /// Where a fit of one model stands.
 pub(super) struct State {
     pub(super) values: Vec<f64>,
@@ -84,7 +100,8 @@ pub(super) struct State {
 
 /// Fits the base model with `effects` to all `runs` at once.
 ///
-/// Where an effect has elements and their number is not fixed, they are added one by one while the evidence asks for it.
+/// Where an effect has elements and their number is not fixed, they are added one by one while the evidence asks for it. Where one
+/// concerns a pressure sensor and none is named, it goes to the sensor at which a coarse fit is best.
 ///
 /// # Errors
 /// No run, a run without samples after its closure, a model that cannot be simulated at its start.
@@ -103,28 +120,32 @@ pub fn calibrate(
         }
     }
     let water = &first.conditions.water;
-    let open = effects.iter().position(|c| c.elements.is_none() && c.effect.elements().is_some());
     let evaluations = AtomicUsize::new(0);
-
-    let mut chosen = effects.to_vec();
-    if let Some(i) = open {
-        chosen[i] = chosen[i].with_elements(1);
-    }
-    let mut model = Model::new(rig, water, &chosen);
+    let model = Model::new(rig, water, effects);
     let starts: Vec<f64> = model.shared.iter().map(|p| p.start).collect();
     let fitter =
         Fitter { runs, options, progress, evaluations: &evaluations, least_reaches: model.least_reaches(&starts) };
+    let mut chosen = with_sensors(rig, effects, |trial| {
+        Ok::<_, FitError>(fitter.approach(&Model::new(rig, water, trial), None)?.cost)
+    })?;
+    // An effect with elements grows from one: a fit of many from scratch ends in poorer places.
+    let growing = effects.iter().position(|c| c.effect.elements().is_some_and(|r| r.contains(&2)));
+    let asked = growing.and_then(|i| effects[i].elements);
+    if let Some(i) = growing {
+        chosen[i] = chosen[i].with_elements(1);
+    }
+    let mut model = Model::new(rig, water, &chosen);
     let mut state = fitter.approach(&model, None)?;
-    let most = open.and_then(|i| chosen[i].effect.elements()).map_or(1, |r| *r.end());
+    let most = growing.map_or(1, |i| asked.or(effects[i].effect.elements().map(|r| *r.end())).unwrap_or(1));
     let mut leftover = fitter.leftover(&model, &state)?;
     for elements in 2..=most {
-        let Some(i) = open else { break };
+        let Some(i) = growing else { break };
         let mut more = chosen.clone();
         more[i] = more[i].with_elements(elements);
         let bigger = Model::new(rig, water, &more);
         let trial = fitter.approach(&bigger, Some((&model, &state)))?;
         let trial_leftover = fitter.leftover(&bigger, &trial)?;
-        if trial_leftover.evidence_over(&leftover) < EVIDENCE {
+        if asked.is_none() && trial_leftover.evidence_over(&leftover) < EVIDENCE {
             break;
         }
         (chosen, model, state, leftover) = (more, bigger, trial, trial_leftover);
@@ -208,6 +229,7 @@ impl Fitter<'_> {
         let label = if label.is_empty() { "base model".to_owned() } else { label };
         let attempt = |problem: &mut Calibration, values: &[f64], horizon_s: f64, limits: Limits| {
             let reaches = if horizon_s.is_finite() { LOCKING_REACHES } else { FIRST_REACHES };
+            let reaches = model.fitting_reaches(&values[..model.shared.len()], reaches);
             problem.set_window(self.window(reaches, horizon_s));
             let solution = self.minimise(problem, values, limits, &label)?;
             Ok::<State, ModelError>(State { values: problem.values(&solution.x), cost: solution.cost })
@@ -273,7 +295,8 @@ impl Fitter<'_> {
 
     /// What a coarse fit leaves over.
     fn leftover(&self, model: &Model, state: &State) -> Result<Leftover, ModelError> {
-        let problem = Calibration::new(model, self.runs, self.window(FIRST_REACHES, f64::INFINITY));
+        let reaches = model.fitting_reaches(&state.values[..model.shared.len()], FIRST_REACHES);
+        let problem = Calibration::new(model, self.runs, self.window(reaches, f64::INFINITY));
         let residuals = problem.residuals(&problem.variables(&state.values))?;
         let samples = &residuals[..problem.samples()];
         let n = samples.len().max(1) as f64;
@@ -285,48 +308,57 @@ impl Fitter<'_> {
         })
     }
 
-    /// Refines the grid to the noise, fits all samples and puts the result together.
+    /// Refines the grid until its error is small against the noise and its pull on the parameters against their standard errors,
+    /// then fits all samples on a grid of half that step and puts the result together.
     fn finish(&self, model: &Model, state: State) -> Result<Fit, FitError> {
         let mut values = state.values;
         let mut reaches = FINAL_REACHES.max(self.least_reaches);
-        let (problem, solution, grid_error_m) = loop {
-            let mut problem = Calibration::new(model, self.runs, self.window(reaches, f64::INFINITY));
-            let solution = self.minimise(&problem, &values, LATE, &format!("{reaches} reaches"))?;
+        let (fine, pull) = loop {
+            let fitting = |n: usize| model.fitting_reaches(&values[..model.shared.len()], n);
+            let (coarse, fine) = (fitting(reaches), fitting(2 * reaches));
+            let problem = Calibration::new(model, self.runs, self.window(coarse, f64::INFINITY));
+            let solution = self.minimise(&problem, &values, LATE, &format!("{coarse} reaches"))?;
             values = problem.values(&solution.x);
-            let (grid_error_m, over_noise) = self.grid_error(&problem, &values)?;
-            if over_noise <= self.options.grid_error_over_noise || 2 * reaches > self.options.most_reaches {
-                problem.set_window(self.whole(reaches));
-                let solution = self.minimise(&problem, &values, LATE, "all samples")?;
-                break (problem, solution, grid_error_m);
+            let pull = self.grid_pull(&problem, &solution, fine)?;
+            // A second order scheme's own limit lies a third further on than half the step.
+            for (j, value) in values.iter_mut().enumerate() {
+                let by = pull.shifts[j] * 4.0 / 3.0;
+                *value = (*value + problem.stretch(j, *value) * by)
+                    .clamp(problem.parameters[j].lower, problem.parameters[j].upper);
+            }
+            let settled = pull.error_over_noise <= self.options.grid_error_over_noise && pull.over_errors <= MOST_PULL;
+            if settled || 4 * reaches > self.options.most_reaches {
+                break (fine, pull);
             }
             reaches *= 2;
         };
-        self.outcome(&problem, &solution, grid_error_m)
+        model.put_in_order(&mut values);
+        let problem = Calibration::new(model, self.runs, self.whole(fine));
+        let solution = self.minimise(&problem, &values, LATE, "all samples")?;
+        self.outcome(&problem, &solution, &pull)
     }
 
-    /// What halving the grid's step changes at every sample: rms in m, and the worst run's rms over its noise.
-    fn grid_error(&self, problem: &Calibration, values: &[f64]) -> Result<(f64, f64), ModelError> {
-        let reaches = problem.window().reaches;
-        let (mut square, mut weighted, mut n) = (0.0, 0.0, 0usize);
-        for (r, run) in self.runs.iter().enumerate() {
-            let start = problem.closure_start_s(r, values);
-            let (coarse, fine) =
-                (problem.modelled(r, values, reaches)?.traces, problem.modelled(r, values, 2 * reaches)?.traces);
-            for ((sensor, a), b) in run.sensors.iter().zip(&coarse).zip(&fine) {
-                for t in sensor.time_s.iter().map(|t| t - start).filter(|&t| t >= 0.0) {
-                    let d = (a.at(t) - b.at(t)).powi(2);
-                    square += d;
-                    weighted += d / sensor.noise_m.powi(2);
-                    n += 1;
-                }
-            }
-        }
-        self.evaluations.fetch_add(2 * self.runs.len(), Ordering::Relaxed);
-        let n = n.max(1) as f64;
-        Ok(((square / n).sqrt(), (weighted / n).sqrt()))
+    /// What a finer grid would change: at the samples, and by one Gauss-Newton step in the parameters.
+    fn grid_pull(&self, problem: &Calibration, solution: &Solution, fine: usize) -> Result<Pull, ModelError> {
+        let mut finer = Calibration::new(problem.model, self.runs, problem.window());
+        finer.set_window(Window { reaches: fine, ..problem.window() });
+        let residuals = finer.residuals(&solution.x)?;
+        let columns = jacobian(problem, &solution.x, &solution.residuals)?;
+        self.evaluations.fetch_add((columns.len() + 1) * self.runs.len(), Ordering::Relaxed);
+        let errors = standard_errors(&columns, &solution.residuals, problem.samples(), &solution.at_bound);
+        let change: Vec<f64> = residuals.iter().zip(&solution.residuals).map(|(f, c)| f - c).collect();
+        let shifts = gauss_newton_step(&columns, &change, &solution.at_bound);
+        let n = problem.samples().max(1);
+        let over_errors =
+            shifts.iter().zip(&errors).filter(|(_, e)| e.is_finite()).map(|(s, e)| s.abs() / e).fold(0.0, f64::max);
+        let square = |weights: &dyn Fn(usize) -> f64| {
+            (change[..n].iter().enumerate().map(|(i, c)| (c * weights(i)).powi(2)).sum::<f64>() / n as f64).sqrt()
+        };
+        let noise = problem.sample_noise();
+        Ok(Pull { error_over_noise: square(&|_| 1.0), error_m: square(&|i| noise[i]), shifts, over_errors })
     }
 
-    fn outcome(&self, problem: &Calibration, solution: &Solution, grid_error_m: f64) -> Result<Fit, FitError> {
+    fn outcome(&self, problem: &Calibration, solution: &Solution, pull: &Pull) -> Result<Fit, FitError> {
         let values = problem.values(&solution.x);
         let start_values: Vec<f64> = problem.parameters.iter().map(|p| p.start).collect();
         let columns = jacobian(problem, &solution.x, &solution.residuals)?;
@@ -342,7 +374,8 @@ impl Fitter<'_> {
                 about: p.about,
                 run: problem.run_of(j).map(|r| self.runs[r].file.clone()),
                 value: values[j],
-                standard_error: errors[j] * problem.stretch(j, values[j]),
+                // A quarter of the pull is left on the last grid; half of it allows for schemes of first order.
+                standard_error: errors[j].hypot(0.5 * pull.shifts[j]) * problem.stretch(j, values[j]),
                 unit: p.unit,
                 at_bound: solution.at_bound[j],
             })
@@ -357,7 +390,7 @@ impl Fitter<'_> {
             runs,
             parameters,
             reaches,
-            grid_error_m,
+            grid_error_m: 0.25 * pull.error_m,
             evaluations: self.evaluations.load(Ordering::Relaxed),
             seconds: f64::NAN,
             stopped_because: solution.stop.describe().to_owned(),

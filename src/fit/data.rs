@@ -53,8 +53,8 @@ pub struct RunStart {
     pub closure_s: (f64, f64),
     /// Velocity in the last pipe, m/s, and its relative uncertainty.
     pub velocity_m_s: (f64, f64),
-    /// Head upstream of the valve, m.
-    pub valve_head_m: f64,
+    /// Head upstream of the valve, m, and its uncertainty where no sensor that sees steady pressure shows it.
+    pub valve_head_m: (f64, Option<f64>),
     /// Wave speed relative to the rig's start value, where the signals show it.
     pub wave_speed_ratio: Option<f64>,
 }

@@ -2,10 +2,12 @@
 
 pub mod calibrate;
 pub mod compare;
+pub mod conflict;
 pub mod data;
 pub mod least_squares;
 pub mod outcome;
 pub mod prepare;
 pub mod problem;
+pub mod sensor_choice;
 mod starts;
 pub mod uncertainty;

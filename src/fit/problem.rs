@@ -5,7 +5,7 @@
 //! heads over each sensor's noise, then one for each prior,
 //! then one for each run's flow meter.
 
-use super::data::RunData;
+use super::data::{RunData, RunStart};
 use super::least_squares::Problem;
 use crate::model::parameter::{Parameter, Scale};
 use crate::model::trace::{Probe, Trace};
@@ -84,7 +84,11 @@ impl<'a> Calibration<'a> {
             // With a flow meter the model's flow is compared at the meter's place; without, the velocity itself has a prior.
             let prior = if run.meter.is_some() { None } else { Some(velocity_m_s) };
             parameters.push(Parameter { start: velocity_m_s.0, prior, ..velocity });
-            parameters.push(Parameter { start: valve_head_m, ..head });
+            parameters.push(Parameter {
+                start: valve_head_m.0,
+                prior: valve_head_m.1.map(|sd| (valve_head_m.0, sd)),
+                ..head
+            });
             parameters.extend([closing, friction]);
             let reach = (10.0 * closure_s.1).max(0.25 * period_s);
             parameters.push(Parameter::linear(
@@ -109,6 +113,9 @@ impl<'a> Calibration<'a> {
                     .with_prior(0.0, sd),
                 );
             }
+        }
+        for parameter in &mut parameters {
+            parameter.start = parameter.start.clamp(parameter.lower, parameter.upper);
         }
         let lower = parameters.iter().map(|p| to_variable(p, p.lower)).collect();
         let upper = parameters.iter().map(|p| to_variable(p, p.upper)).collect();
@@ -188,6 +195,12 @@ impl<'a> Calibration<'a> {
     /// Number of residuals that are samples rather than priors.
     pub fn samples(&self) -> usize {
         self.spans.iter().flatten().map(|&span| self.taken(span)).sum()
+    }
+
+    /// Noise of each sample that enters, m, in the order of the residuals.
+    pub fn sample_noise(&self) -> Vec<f64> {
+        let sensors = self.runs.iter().zip(&self.spans).flat_map(|(run, spans)| run.sensors.iter().zip(spans));
+        sensors.flat_map(|(sensor, &span)| std::iter::repeat_n(sensor.noise_m, self.taken(span))).collect()
     }
 
     fn taken(&self, (first, last): (usize, usize)) -> usize {
@@ -277,8 +290,6 @@ impl<'a> Calibration<'a> {
         }
     }
 }
-
-use super::data::RunStart;
 
 impl Problem for Calibration<'_> {
     type Error = ModelError;
@@ -395,7 +406,7 @@ unit = "kPa"
             start: RunStart {
                 closure_s: (0.5, 1e-3),
                 velocity_m_s: (0.4, 0.01),
-                valve_head_m: 20.0,
+                valve_head_m: (20.0, None),
                 wave_speed_ratio: None,
             },
             extrema: vec![Vec::new(); 2],

@@ -68,22 +68,27 @@ pub(super) fn take_over(values: &mut [f64], model: &Model, small: &Model, state:
 }
 
 /// Starts from a smaller fitted model: what they share by name is taken over, what is new is tried weak, at its own start
-/// and at each other start of its effect.
+/// and at each other start of its effect, and as good as gone, so that more never fits worse.
 pub(super) fn starts_from(model: &Model, small: &Model, state: &State, base: &[f64]) -> Vec<Vec<f64>> {
     let (shared, small_shared) = (model.shared.len(), small.shared.len());
-    let mut starts: Vec<Vec<f64>> = Vec::new();
-    for Start { mut values, .. } in starts_of(model, base) {
-        for (value, parameter) in values[..shared].iter_mut().zip(&model.shared) {
+    let grown = |mut start: Vec<f64>, gone: bool| {
+        for (value, parameter) in start[..shared].iter_mut().zip(&model.shared) {
             match small.shared.iter().position(|p| p.name == parameter.name) {
                 Some(i) => *value = state.values[i],
+                None if parameter.vanishes_at == Some(0.0) && gone => *value = parameter.lower,
                 None if parameter.vanishes_at == Some(0.0) => *value *= 0.2,
                 None => {}
             }
         }
-        values[shared..].copy_from_slice(&state.values[small_shared..]);
+        start[shared..].copy_from_slice(&state.values[small_shared..]);
+        start
+    };
+    let mut starts: Vec<Vec<f64>> = Vec::new();
+    for start in starts_of(model, base).into_iter().map(|s| grown(s.values, false)).chain([grown(base.to_vec(), true)])
+    {
         // Other starts of what the smaller model has, too, come to the same.
-        if !starts.contains(&values) {
-            starts.push(values);
+        if !starts.contains(&start) {
+            starts.push(start);
         }
     }
     starts
@@ -150,7 +155,7 @@ unit = "kPa"
             start: RunStart {
                 closure_s: (0.2, 1e-3),
                 velocity_m_s: (velocity, 0.01),
-                valve_head_m: 40.0,
+                valve_head_m: (40.0, None),
                 wave_speed_ratio: None,
             },
             meter: Some(meter),

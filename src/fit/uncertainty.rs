@@ -1,6 +1,6 @@
 //! How far to trust the parameters: standard errors from the Jacobian, with the colour of the residuals.
 
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector};
 
 /// Factor by which correlation between neighbours reduces the effective number of residuals: `(1 + ρ)/(1 - ρ)` for the
 /// lag-one autocorrelation `ρ` of a first-order process, not below 1.
@@ -44,6 +44,26 @@ pub fn standard_errors(columns: &[Vec<f64>], residuals: &[f64], samples: usize, 
     errors
 }
 
+/// The step that takes up a change of the residuals, `-(JᵀJ)⁻¹ Jᵀ change`, in the variables that are not at a bound; zero in those
+/// that are, and in all where the data determine none.
+pub fn gauss_newton_step(columns: &[Vec<f64>], change: &[f64], at_bound: &[bool]) -> Vec<f64> {
+    let free: Vec<usize> = (0..columns.len()).filter(|&j| !at_bound[j]).collect();
+    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(x, y)| x * y).sum::<f64>();
+    let scale: Vec<f64> = free.iter().map(|&j| dot(&columns[j], &columns[j]).sqrt().max(f64::MIN_POSITIVE)).collect();
+    let normal = DMatrix::from_fn(free.len(), free.len(), |a, b| {
+        dot(&columns[free[a]], &columns[free[b]]) / (scale[a] * scale[b])
+    });
+    let right =
+        DVector::from_iterator(free.len(), free.iter().zip(&scale).map(|(&j, s)| -dot(&columns[j], change) / s));
+    let mut steps = vec![0.0; columns.len()];
+    if let Some(solved) = normal.cholesky().map(|c| c.solve(&right)) {
+        for (a, &j) in free.iter().enumerate() {
+            steps[j] = solved[a] / scale[a];
+        }
+    }
+    steps
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -69,6 +89,14 @@ mod tests {
             series.push(r);
         }
         assert!((correlation_inflation(&series) / 9.0 - 1.0).abs() < 0.15, "{}", correlation_inflation(&series));
+    }
+
+    #[test]
+    fn a_change_that_is_a_column_is_taken_up_whole() {
+        let columns = vec![vec![1.0, 0.0, 1.0], vec![0.0, 2.0, 1.0], vec![1.0, 1.0, 0.0]];
+        let change: Vec<f64> = (0..3).map(|i| 0.5 * columns[0][i] - 0.25 * columns[1][i]).collect();
+        let step = gauss_newton_step(&columns, &change, &[false, false, true]);
+        assert!((step[0] + 0.5).abs() < 1e-12 && (step[1] - 0.25).abs() < 1e-12 && step[2] == 0.0, "{step:?}");
     }
 
     #[test]

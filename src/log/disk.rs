@@ -24,14 +24,26 @@ pub fn refuse_existing(path: &Path) -> Result<(), LogError> {
     }
 }
 
+/// Fails when the folder of `path` is not there.
+pub fn require_folder(path: &Path) -> Result<(), LogError> {
+    let folder = folder(path);
+    if folder.is_dir() { Ok(()) } else { Err(LogError::NoFolder(folder)) }
+}
+
 /// A temporary file in the folder of `path`, so that a rename puts it there in one step.
 pub fn temporary_beside(path: &Path) -> Result<NamedTempFile, LogError> {
+    require_folder(path)?;
     let mut builder = tempfile::Builder::new();
     builder.prefix(".surgescope-").suffix(".tmp");
     // Temporary files are private by default; a recording gets the permissions of any other file.
     #[cfg(unix)]
     builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-    builder.tempfile_in(folder(path)).map_err(|e| LogError::io("write", path, e))
+    // the system's reason alone: the name of a temporary file would only puzzle
+    builder.tempfile_in(folder(path)).map_err(|e| LogError::Io {
+        action: "make a file in",
+        path: folder(path),
+        source: e.kind().into(),
+    })
 }
 
 /// Puts a temporary file at `path` unless something stands there.

@@ -27,6 +27,9 @@ pub enum LogError {
     /// A folder where a file is expected.
     #[error("{} is a folder: name a file in it", .0.display())]
     Folder(PathBuf),
+    /// The folder to write in is not there.
+    #[error("the folder {} does not exist: create it, or write elsewhere", .0.display())]
+    NoFolder(PathBuf),
     /// The file to write exists already.
     #[error("{} exists already and recordings are never overwritten: choose another name or move it away", .0.display())]
     Exists(PathBuf),
@@ -135,7 +138,7 @@ pub enum CsvProblem {
     },
     /// A sensor of the rig has no column.
     #[error(
-        "no column for the {kind} sensor '{sensor}' of rig '{rig}'; the columns are {found}{hint}. Rename the column, take the rig file of this test, or say that the sensor was not recorded with --without {sensor}"
+        "no column for the {kind} sensor '{sensor}' of rig '{rig}'; the columns are {found}{hint} Rename the column, take the rig file of this test, or say that the sensor was not recorded with --without {sensor}"
     )]
     MissingColumn {
         /// The sensor.
@@ -146,12 +149,12 @@ pub enum CsvProblem {
         rig: String,
         /// Columns of the file.
         found: String,
-        /// The nearest column, as a question; may be empty.
+        /// The nearest column, as a question; a full stop where none is near.
         hint: String,
     },
     /// A column that no sensor has.
     #[error(
-        "column '{column}' is no sensor of rig '{rig}', which has {known}{hint}. Rename or remove the column, or take the rig file of this test"
+        "column '{column}' is no sensor of rig '{rig}', which has {known}{hint} Rename or remove the column, or take the rig file of this test"
     )]
     UnknownColumn {
         /// The column.
@@ -160,7 +163,7 @@ pub enum CsvProblem {
         rig: String,
         /// Sensors of the rig.
         known: String,
-        /// The nearest sensor, as a question; may be empty.
+        /// The nearest sensor, as a question; a full stop where none is near.
         hint: String,
     },
     /// Two columns of one name.

@@ -143,12 +143,12 @@ fn columns(header: &[String], rig: &Rig, without: &[String]) -> Result<Vec<Colum
         let hint = match separator {
             Some(_) => ": separate the columns by commas, and write decimals with a point".to_string(),
             None if header.len() > 1 && first.parse::<f64>().is_ok() => ": the header line is missing".to_string(),
-            None => String::new(),
+            None => hint_on_time(first),
         };
         return Err(CsvProblem::NoTimeColumn { found: first.into(), hint });
     }
     let names = &header[1..];
-    let question = |n: Option<&str>| n.map(|n| format!("; did you mean '{n}'?")).unwrap_or_default();
+    let question = |n: Option<&str>| n.map(|n| format!("; did you mean '{n}'?")).unwrap_or(".".into());
     let sensors = || rig.sensors.iter().map(|s| s.name.as_str());
     for (i, name) in names.iter().enumerate() {
         if names[..i].contains(name) || name == first {
@@ -189,6 +189,29 @@ fn columns(header: &[String], rig: &Rig, without: &[String]) -> Result<Vec<Colum
         }),
     };
     names.iter().map(column).collect()
+}
+
+/// What to do about a first column that is the time under another name or in another unit.
+fn hint_on_time(heading: &str) -> String {
+    let lower = heading.to_lowercase();
+    let words: Vec<&str> = lower.split(|c: char| !c.is_alphanumeric() && c != 'µ').filter(|w| !w.is_empty()).collect();
+    let has = |names: &[&str]| words.iter().any(|w| names.contains(w));
+    if !has(&["time", "t", "times", "zeit", "temps", "tempo", "seconds", "s", "sec"]) {
+        return ": it stands first, whatever else the file holds".into();
+    }
+    let other = [
+        (&["ms", "msec", "milliseconds"][..], "milliseconds", "1000"),
+        (&["us", "µs", "μs", "usec", "microseconds"], "microseconds", "1000000"),
+        (&["ns"], "nanoseconds", "1000000000"),
+    ];
+    match other.iter().find(|(names, ..)| has(names)) {
+        Some((_, unit, factor)) => {
+            format!(
+                ": times must be in seconds, these look like {unit}; divide them by {factor} and name the column time_s"
+            )
+        }
+        None => ": if these times are in seconds, name the column time_s".into(),
+    }
 }
 
 /// Reads the numbers of a column and watches how they are written.
@@ -328,8 +351,16 @@ mod tests {
             (
                 "time_ms,P1,P2,Q1,T1\n0,1,1,,\n".into(),
                 Some(1),
-                "must be time_s (times in seconds), but it is 'time_ms'",
+                "must be time_s (times in seconds), but it is 'time_ms': times must be in seconds, these look like milliseconds",
             ),
+            (
+                "t,P1,P2,Q1,T1\n0,1,1,,\n".into(),
+                Some(1),
+                "it is 't': if these times are in seconds, name the column time_s",
+            ),
+            ("Time (s),P1,P2,Q1,T1\n0,1,1,,\n".into(), Some(1), "name the column time_s"),
+            ("Time [ms],P1,P2,Q1,T1\n0,1,1,,\n".into(), Some(1), "divide them by 1000"),
+            ("P1,time_s,P2,Q1,T1\n0,1,1,,\n".into(), Some(1), "it stands first"),
             ("time_s;P1;P2;Q1;T1\n0;1;1;;\n".into(), Some(1), "separate the columns by commas"),
             ("0.0,1,1,1,1\n0.1,1,1,,\n".into(), Some(1), "the header line is missing"),
         ];

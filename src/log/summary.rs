@@ -59,7 +59,9 @@ impl Summary {
 
 impl fmt::Display for Summary {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{} s of rig '{}'", self.duration_s, self.rig)?;
+        // a difference of two times ends in digits that nobody measured
+        let duration_s = (self.duration_s * 1e9).round() / 1e9;
+        write!(f, "{duration_s} s of rig '{}'", self.rig)?;
         for sensor in &self.sensors {
             write!(f, "\n  {}: {} samples", sensor.name, sensor.samples)?;
             match sensor.gaps {

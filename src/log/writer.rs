@@ -44,6 +44,7 @@ impl Writer {
     pub fn create(path: &Path, rig: &Rig, run: &RunInfo) -> Result<Writer, LogError> {
         let io = |e| LogError::io("write", path, e);
         disk::refuse_existing(path)?;
+        disk::require_folder(path)?;
         let file = OpenOptions::new().read(true).write(true).create_new(true).open(path).map_err(io)?;
         let stream = BufWriter::with_capacity(4 * LIVE_CHUNK_BYTES as usize, file.try_clone().map_err(io)?);
         let mut sink = Sink::start(stream, sink::live(), path, rig, run, run.start_unix_ns)?;

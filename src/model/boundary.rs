@@ -63,6 +63,9 @@ pub enum Closure {
 /// Relative opening of a valve as a function of the part of its closing time that has passed (0 to 1).
 pub type OpeningLaw = Box<dyn Fn(f64) -> f64 + Send>;
 
+/// A head as a function of the time after the start of the closure.
+pub type HeadInTime = Box<dyn Fn(f64) -> f64 + Send>;
+
 /// The valve: its steady point and its closure.
 pub struct ValveEnd {
     /// Flow before the closure, m³/s.
@@ -77,14 +80,21 @@ pub struct ValveEnd {
     pub law: Option<OpeningLaw>,
     /// Relative opening that stays when it is closed.
     pub residual_opening: f64,
+    /// The head before it, where that is given and drives the line in the valve's stead.
+    pub given_head: Option<HeadInTime>,
 }
 
 /// Heads this close to the discharge head, m, make an orifice's flow linear: its root has no slope at rest.
 const SMALL_DROP_M: f64 = 1e-9;
+/// Flow per head with which a given head is held where something else sits before the valve, m²/s: a micrometre at a litre a second.
+const HOLDING_M2_S: f64 = 1e3;
 
 impl ValveEnd {
     /// Flow through the valve at `time_s`, from the characteristic `H + z Q = e` that reaches it.
     pub fn flow_m3_s(&self, time_s: f64, z: f64, e: f64) -> f64 {
+        if let Some(head) = &self.given_head {
+            return (e - head(time_s)) / z;
+        }
         match self.given_flow(time_s) {
             Some(flow) => flow,
             None => {
@@ -102,6 +112,9 @@ impl ValveEnd {
 
     /// Flow through the valve at `time_s` and a head before it, and its derivative by that head.
     pub fn flow_at_m3_s(&self, time_s: f64, head_m: f64) -> (f64, f64) {
+        if let Some(head) = &self.given_head {
+            return (HOLDING_M2_S * (head_m - head(time_s)), HOLDING_M2_S);
+        }
         if let Some(flow) = self.given_flow(time_s) {
             return (flow, 0.0);
         }
@@ -160,6 +173,7 @@ mod tests {
             closure: Closure::Linear { closing_time_s: 0.1 },
             law: None,
             residual_opening: 0.0,
+            given_head: None,
         };
         for (time_s, z, e) in [(0.03, 4e4, 60.0), (0.09, 4e4, 30.0), (0.05, 2e4, -15.0)] {
             let flow = valve.flow_m3_s(time_s, z, e);

@@ -4,7 +4,8 @@
 //! A reach inside one pipe is that pipe's own `dx = a dt`. The one reach that straddles a joint becomes a segment of its own
 //! with the inertance `Σ l/(gA)` and the capacitance `Σ gAl/a²` of its two parts, which are chosen so that the reach as a whole,
 //! too, takes one step: `√(inertance capacitance) = dt`. Joint and reflection then move smoothly with wave speeds and lengths,
-//! which a fit needs, and no inertia or storage is lost, which keeps the scheme second order.
+//! which a fit needs, and no inertia or storage is lost. Such a joint disperses fronts that are not many steps long, so the number
+//! of reaches is chosen to put joints on nodes, or nearly so: [`fitting_reaches`].
 
 use super::ModelError;
 use super::friction::WallFriction;
@@ -25,6 +26,8 @@ pub struct Stretch {
     pub constraint: f64,
     /// Steady friction.
     pub friction: WallFriction,
+    /// Its wall creeps where the model has creep.
+    pub creeps: bool,
 }
 
 impl Stretch {
@@ -232,6 +235,25 @@ pub fn least_reaches(travel_s: &[f64]) -> usize {
     ((total_s / shortest * (1.0 - 1e-9)).ceil() as usize + joints).max(2)
 }
 
+/// The number of reaches, from `reaches` to a quarter more, whose nodes come nearest to all joints of pipes in series: a joint on
+/// a node is exact, one between nodes disperses steep fronts a little each time they pass.
+pub fn fitting_reaches(travel_s: &[f64], reaches: usize) -> usize {
+    let total_s: f64 = travel_s.iter().sum();
+    let misfit = |n: usize| {
+        let mut end_s = 0.0;
+        travel_s[..travel_s.len() - 1]
+            .iter()
+            .map(|t| {
+                end_s += t;
+                let x = end_s / total_s * n as f64;
+                (x - x.round()).abs()
+            })
+            .fold(0.0, f64::max)
+    };
+    // The first of the best: `min_by` keeps it.
+    (reaches..=reaches + reaches / 4).min_by(|&a, &b| misfit(a).total_cmp(&misfit(b))).unwrap_or(reaches)
+}
+
 /// Lays reaches of one step's travel time along the stretches, from the supply on: gives `push` the parts of a reach (stretch and
 /// length, m) and how often it comes. Returns how many reaches that makes, the last one in part.
 ///
@@ -292,6 +314,7 @@ mod tests {
             wave_speed_m_s,
             constraint: 1.0,
             friction: WallFriction::constant(0.02),
+            creeps: true,
         }
     }
 
@@ -396,6 +419,16 @@ mod tests {
         // At the line's very ends, too.
         grid(0.01, 0.5);
         grid(98.5, 1.49);
+    }
+
+    #[test]
+    fn reaches_are_chosen_to_put_joints_on_nodes() {
+        // 40 ms and 16 ms: 5 and 2 reaches, or any multiple.
+        assert_eq!(fitting_reaches(&[0.040, 0.016], 64), 70);
+        assert_eq!(fitting_reaches(&[0.040, 0.016], 70), 70);
+        assert_eq!(fitting_reaches(&[0.3], 64), 64);
+        let n = fitting_reaches(&[0.1, 0.0437, 0.08], 100);
+        assert!((100..=125).contains(&n));
     }
 
     #[test]

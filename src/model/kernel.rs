@@ -8,34 +8,35 @@
 //! ```text
 //! head   h (1 + κ) = S + b                    κ, b: storage in the wall and the like, implicit and known part
 //! flow   u (1 + μ) + ½R(u/B) = D + ½R0 + d    u = B Q; μ, d: the same for momentum (unsteady friction)
-//! waves  fwd = (2h - S) + (2u - D),  bwd = (2h - S) - (2u - D)
+//! waves  fwd = 2h + 2u - Cp,  bwd = 2h - 2u - Cm
 //! ```
 //!
 //! The trapezoidal rule is hidden in `2X - incoming`: what a term takes from the arriving waves at the new time it takes
-//! once more from the leaving ones.
+//! once more from the leaving ones. The loops reckon in `w = 2u`, which saves the halves.
 
 use super::friction::NodeFriction;
+use super::wide::widened;
 
-/// Elastic interior with steady friction: nodes `1..n-1` of a segment, from the old leaving waves to the new.
-#[inline]
-///
-/// `steady_half_loss` is `½R0`.
-pub fn elastic<F: NodeFriction>(
-    fwd: &[f64],
-    bwd: &[f64],
-    new_fwd: &mut [f64],
-    new_bwd: &mut [f64],
-    friction: &F,
-    steady_half_loss: f64,
-) {
-    let Some(m) = fwd.len().checked_sub(2) else { return };
-    let (cp, cm) = (&fwd[..m], &bwd[2..][..m]);
-    let (new_fwd, new_bwd) = (&mut new_fwd[1..][..m], &mut new_bwd[1..][..m]);
-    for i in 0..m {
-        let (s, d) = (0.5 * (cp[i] + cm[i]), 0.5 * (cp[i] - cm[i]));
-        let odd = 2.0 * friction.solve(d + steady_half_loss) - d;
-        new_fwd[i] = s + odd;
-        new_bwd[i] = s - odd;
+widened! {
+    /// Elastic interior with steady friction: nodes `1..n-1` of a segment, from the old leaving waves to the new.
+    ///
+    /// `friction` is that of `w`, `steady_loss` is `R0`.
+    pub fn elastic[F: NodeFriction](
+        fwd: &[f64],
+        bwd: &[f64],
+        new_fwd: &mut [f64],
+        new_bwd: &mut [f64],
+        friction: &F,
+        steady_loss: f64,
+    ) {
+        let Some(m) = fwd.len().checked_sub(2) else { return };
+        let (cp, cm) = (&fwd[..m], &bwd[2..][..m]);
+        let (new_fwd, new_bwd) = (&mut new_fwd[1..][..m], &mut new_bwd[1..][..m]);
+        for i in 0..m {
+            let w = friction.solve(cp[i] - cm[i] + steady_loss);
+            new_fwd[i] = cm[i] + w;
+            new_bwd[i] = cp[i] - w;
+        }
     }
 }
 
@@ -49,39 +50,37 @@ pub struct Terms<'a> {
     pub momentum: &'a [f64],
     /// Implicit momentum `μ`.
     pub mu: f64,
-    /// Half of what the steady flow loses over a reach, `½R0`, m.
-    pub steady_half_loss: f64,
+    /// What the steady flow loses over a reach, `R0`, m.
+    pub steady_loss: f64,
 }
 
-/// Interior with line terms; also gives head and `u = B Q` at nodes `1..n-1`. `friction` is that of the reach divided
-/// by `1 + μ`.
-#[inline]
-#[allow(clippy::too_many_arguments)] // six slices of one segment, all of one length
-pub fn with_terms<F: NodeFriction>(
-    fwd: &[f64],
-    bwd: &[f64],
-    new_fwd: &mut [f64],
-    new_bwd: &mut [f64],
-    head: &mut [f64],
-    u: &mut [f64],
-    terms: &Terms,
-    friction: &F,
-) {
-    let Some(m) = fwd.len().checked_sub(2) else { return };
-    let (cp, cm) = (&fwd[..m], &bwd[2..][..m]);
-    let (new_fwd, new_bwd) = (&mut new_fwd[1..][..m], &mut new_bwd[1..][..m]);
-    let (head, u) = (&mut head[1..][..m], &mut u[1..][..m]);
-    let (storage, momentum) = (&terms.storage[1..][..m], &terms.momentum[1..][..m]);
-    let steady_half_loss = terms.steady_half_loss;
-    let (by_kappa, by_mu) = (1.0 / (1.0 + terms.kappa), 1.0 / (1.0 + terms.mu));
-    for i in 0..m {
-        let (s, d) = (0.5 * (cp[i] + cm[i]), 0.5 * (cp[i] - cm[i]));
-        let h = (s + storage[i]) * by_kappa;
-        let v = friction.solve((d + steady_half_loss + momentum[i]) * by_mu);
-        head[i] = h;
-        u[i] = v;
-        let (even, odd) = (2.0 * h - s, 2.0 * v - d);
-        new_fwd[i] = even + odd;
-        new_bwd[i] = even - odd;
+widened! {
+    /// Interior with line terms; also gives head and `u = B Q` at nodes `1..n-1`. `friction` is that of `w`, of the reach divided
+    /// by `1 + μ`.
+    pub fn with_terms[F: NodeFriction](
+        fwd: &[f64],
+        bwd: &[f64],
+        new_fwd: &mut [f64],
+        new_bwd: &mut [f64],
+        head: &mut [f64],
+        u: &mut [f64],
+        terms: &Terms,
+        friction: &F,
+    ) {
+        let Some(m) = fwd.len().checked_sub(2) else { return };
+        let (cp, cm) = (&fwd[..m], &bwd[2..][..m]);
+        let (new_fwd, new_bwd) = (&mut new_fwd[1..][..m], &mut new_bwd[1..][..m]);
+        let (head, u) = (&mut head[1..][..m], &mut u[1..][..m]);
+        let (storage, momentum) = (&terms.storage[1..][..m], &terms.momentum[1..][..m]);
+        let steady_loss = terms.steady_loss;
+        let (by_kappa, by_mu) = (1.0 / (1.0 + terms.kappa), 1.0 / (1.0 + terms.mu));
+        for i in 0..m {
+            let twice_h = (cp[i] + cm[i] + 2.0 * storage[i]) * by_kappa;
+            let w = friction.solve((cp[i] - cm[i] + steady_loss + 2.0 * momentum[i]) * by_mu);
+            head[i] = 0.5 * twice_h;
+            u[i] = 0.5 * w;
+            new_fwd[i] = twice_h + w - cp[i];
+            new_bwd[i] = twice_h - w - cm[i];
+        }
     }
 }

@@ -4,23 +4,32 @@
 //! The base model has elastic waves, quasi-steady wall friction, a constant supply head and a valve whose opening falls
 //! linearly in time. Effects (see [`effects`]) add to it.
 
+mod attach;
 pub mod boundary;
 pub mod effects;
+pub mod energy;
+pub mod error;
 pub mod friction;
+pub mod gas;
 pub mod grid;
 pub mod kernel;
 pub mod node;
+pub mod oscillator;
 pub mod parameter;
 pub mod sensor;
 pub mod solver;
 pub mod trace;
 mod unsteady_kernels;
+pub mod valve_from_head;
+mod wide;
 
-use boundary::{Closure, ConstantHead, MeasuredHead, Supply, ValveEnd};
-use effects::{Chosen, Element, Place, Scene, Site, Spot};
+pub use error::ModelError;
+
+use boundary::{Closure, ConstantHead, HeadInTime, MeasuredHead, Supply, ValveEnd};
+use effects::{Chosen, Scene, Site};
+use energy::{Energy, Owners};
 use friction::{ReachFriction, WallFriction};
 use grid::{Grid, Stretch};
-use node::{Loss, Node, Overlap, SharedShunt};
 use parameter::Parameter;
 use sensor::seen_by;
 use solver::{Line, Steady, settle};
@@ -28,43 +37,6 @@ use trace::{Probe, Trace};
 
 use crate::rig::WaterProperties;
 use crate::rig::{Rig, Sensor, Upstream};
-
-/// What can be wrong with a model or a simulation.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[allow(missing_docs)] // the sentences say it
-pub enum ModelError {
-    #[error("{reaches} reaches are too few: these pipes need at least {needed}")]
-    TooFewReaches { reaches: usize, needed: usize },
-    #[error("{name} = {value} is outside its physical range ({allowed})")]
-    Value { name: String, value: f64, allowed: &'static str },
-    #[error("unknown effect '{name}'; did you mean '{nearest}'? Known are: {known}")]
-    UnknownEffect { name: String, nearest: String, known: String },
-    #[error("'{item}': the number of elements must be a whole number from {low} to {high}")]
-    Elements { item: String, low: usize, high: usize },
-    #[error("'{item}': this effect has no elements to number")]
-    NoElements { item: String },
-    #[error("the effect '{name}' is named twice")]
-    EffectTwice { name: String },
-    #[error(
-        "friction takes {share:.3} of the impedance over one reach, more than the scheme resolves; use at least {needed} reaches"
-    )]
-    FrictionTooCoarse { share: f64, needed: usize },
-    #[error("{steps} steps at {sensors} places would need {gib:.1} GiB; shorten the duration or take fewer reaches")]
-    TooLong { steps: usize, sensors: usize, gib: f64 },
-    #[error(
-        "the solution stopped being finite {time_s:.4} s after the start of the closure, {position_m:.2} m from the supply, in a \
-         model with {effects}; check the parameter values"
-    )]
-    NotFinite { time_s: f64, position_m: f64, effects: String },
-    #[error("'{item}': this effect concerns no single sensor")]
-    NoSensor { item: String },
-    #[error("'{one}' and '{other}' cannot be together: {why}")]
-    Excluded { one: String, other: String, why: &'static str },
-    #[error("there is no pressure sensor '{name}'; the rig has {known}")]
-    UnknownSensor { name: String, known: String },
-    #[error("an upstream end of kind 'measured' needs the head measured at position 0")]
-    NoSupplyHead,
-}
 
 /// A model: a rig, the effects added to the base model, and its parameters.
 #[derive(Debug, Clone)]
@@ -120,6 +92,8 @@ pub struct Resolution {
 pub struct Simulated {
     /// What each probe reads.
     pub traces: Vec<Trace>,
+    /// Where the energy went, if that was asked for.
+    pub energy: Option<Energy>,
     starts_m: Vec<f64>,
     flows_m3_s: Vec<f64>,
 }
@@ -132,6 +106,8 @@ impl Simulated {
     }
 }
 
+/// Least head over the open valve, m: without any nothing would flow.
+pub const LEAST_DROP_M: f64 = 1e-3;
 /// Memory that the recorded heads of one simulation may take.
 const MOST_HISTORY_BYTES: usize = 4 << 30;
 /// Share of the impedance that friction over one reach may take (see [`friction::NodeFriction`]).
@@ -194,7 +170,14 @@ impl<'a> Model<'a> {
                 1e-4,
                 50.0,
             ),
-            Parameter::linear("valve_head_m", "m", "head upstream of the valve before it closes", 20.0, -20.0, 5000.0),
+            Parameter::linear(
+                "valve_head_m",
+                "m",
+                "head upstream of the valve before it closes",
+                rig.valve.discharge_head_m + 20.0,
+                rig.valve.discharge_head_m + LEAST_DROP_M,
+                rig.valve.discharge_head_m + 5000.0,
+            ),
             Parameter::log(
                 "closing_time_s",
                 "s",
@@ -228,6 +211,15 @@ impl<'a> Model<'a> {
         &self.effect_sizes
     }
 
+    /// Puts the effects' values in their customary order.
+    pub fn put_in_order(&self, values: &mut [f64]) {
+        let mut at = self.effects_from();
+        for (chosen, &size) in self.effects.iter().zip(&self.effect_sizes) {
+            chosen.effect.put_in_order(&mut values[at..at + size]);
+            at += size;
+        }
+    }
+
     /// Theoretical period `4L/a` for shared parameter values, s.
     pub fn period_s(&self, shared: &[f64]) -> f64 {
         4.0 * self.rig.pipes.iter().zip(shared).map(|(p, a)| p.length_m / a).sum::<f64>()
@@ -238,6 +230,12 @@ impl<'a> Model<'a> {
         let travel_s: Vec<f64> = self.rig.pipes.iter().zip(shared).map(|(p, a)| p.length_m / a).collect();
         let margin = if travel_s.len() > 1 { 1.2 } else { 1.0 };
         (margin * grid::least_reaches(&travel_s) as f64).ceil() as usize
+    }
+
+    /// Reaches, at least `reaches`, that fit the pipes' joints best.
+    pub fn fitting_reaches(&self, shared: &[f64], reaches: usize) -> usize {
+        let travel_s: Vec<f64> = self.rig.pipes.iter().zip(shared).map(|(p, a)| p.length_m / a).collect();
+        grid::fitting_reaches(&travel_s, reaches)
     }
 
     /// Simulates one run: what each probe reads, in time after the start of the closure.
@@ -253,6 +251,48 @@ impl<'a> Model<'a> {
         resolution: Resolution,
         probes: &[Probe],
     ) -> Result<Simulated, ModelError> {
+        self.run(conditions, shared, run, resolution, probes, None, false)
+    }
+
+    /// The same with the head before the valve given, which then drives the line in the valve's stead.
+    fn driven(
+        &self,
+        conditions: &Conditions,
+        shared: &[f64],
+        run: &RunValues,
+        resolution: Resolution,
+        probes: &[Probe],
+        given_head: Option<HeadInTime>,
+    ) -> Result<Simulated, ModelError> {
+        self.run(conditions, shared, run, resolution, probes, given_head, false)
+    }
+
+    /// The same, and keeps the energy book ([`Simulated::energy`]).
+    ///
+    /// # Errors
+    /// As [`Model::simulate`].
+    pub fn simulate_with_energy(
+        &self,
+        conditions: &Conditions,
+        shared: &[f64],
+        run: &RunValues,
+        resolution: Resolution,
+        probes: &[Probe],
+    ) -> Result<Simulated, ModelError> {
+        self.run(conditions, shared, run, resolution, probes, None, true)
+    }
+
+    #[allow(clippy::too_many_arguments)] // what simulate, driven and simulate_with_energy share
+    fn run(
+        &self,
+        conditions: &Conditions,
+        shared: &[f64],
+        run: &RunValues,
+        resolution: Resolution,
+        probes: &[Probe],
+        given_head: Option<HeadInTime>,
+        with_energy: bool,
+    ) -> Result<Simulated, ModelError> {
         self.check(shared, run)?;
         let flow_m3_s = run.initial_velocity_m_s * self.rig.pipes[self.rig.pipes.len() - 1].area_m2();
         let mut stretches = self.stretches(conditions, shared, run, flow_m3_s);
@@ -266,8 +306,10 @@ impl<'a> Model<'a> {
         }
         let grid = Grid::new(&stretches, resolution.reaches)?;
         // Two steps more than asked for: the cubic interpolation in time looks that far ahead.
-        let steps = (resolution.duration_s / grid.dt_s).ceil() as usize + 2;
-        let bytes = steps.saturating_mul(probes.len().max(1)).saturating_mul(8);
+        let beyond_s = self.chosen(shared).map(|(chosen, values)| chosen.effect.beyond_s(values)).fold(0.0, f64::max);
+        let steps = ((resolution.duration_s + beyond_s) / grid.dt_s).ceil() as usize + 2;
+        let columns = probes.len().max(1) + if with_energy { self.effects.len() + 6 } else { 0 };
+        let bytes = steps.saturating_mul(columns).saturating_mul(8);
         if bytes > MOST_HISTORY_BYTES {
             let gib = bytes as f64 / (1u64 << 30) as f64;
             return Err(ModelError::TooLong { steps, sensors: probes.len(), gib });
@@ -279,7 +321,7 @@ impl<'a> Model<'a> {
             flow_m3_s,
             valve_head_m: run.valve_head_m,
         };
-        let (grid, mut joints, mut at_valve) = self.nodes(grid, shared, &scene)?;
+        let (grid, mut joints, mut at_valve, nodes) = self.nodes(grid, shared, &scene)?;
         let frictions = reach_frictions(&grid, flow_m3_s)?;
         let (head_m, flows) = settle(&grid, &frictions, &mut joints, &mut at_valve, flow_m3_s, run.valve_head_m);
         let starts_m = grid.segments.iter().map(|s| s.start_m).collect();
@@ -292,6 +334,8 @@ impl<'a> Model<'a> {
             viscosity_m2_s: conditions.water.kinematic_viscosity_m2_s,
         };
         let mut terms = Vec::new();
+        let accounts = self.effects.iter().map(|c| c.effect.name().to_owned()).collect();
+        let mut owners = Owners { accounts, nodes, valve_head_m: run.valve_head_m, ..Owners::default() };
         let mut field = None;
         let mut supply = self.base_supply(conditions, steady.head_m[0])?;
         let discharge_head_m = self.rig.valve.discharge_head_m;
@@ -302,18 +346,22 @@ impl<'a> Model<'a> {
             closure: (self.closure)(run.closing_time_s),
             law: None,
             residual_opening: 0.0,
+            given_head,
         };
-        for (chosen, values) in self.chosen(shared) {
+        for (account, (chosen, values)) in self.chosen(shared).enumerate() {
             terms.extend(chosen.effect.line_terms(values, &steady)?);
+            owners.terms.resize(terms.len(), account);
             if let Some(own) = chosen.effect.field(values, &scene, &steady)? {
                 field = Some(own);
+                owners.field = Some(account);
             }
             supply = chosen.effect.supply(values, supply)?;
             chosen.effect.valve(values, &mut valve)?;
         }
-        let line = Line { steady, terms, field, supply, joints, at_valve, valve };
-        let traces = line.run(steps, probes).map_err(|error| self.named(error))?;
-        Ok(Simulated { traces, starts_m, flows_m3_s: flows })
+        let line = Line { steady: &steady, terms, field, supply, joints, at_valve, valve };
+        let owners = with_energy.then_some(owners);
+        let (traces, energy) = line.run(steps, probes, owners).map_err(|error| self.named(error))?;
+        Ok(Simulated { traces, energy, starts_m, flows_m3_s: flows })
     }
 
     /// What a pressure sensor makes of the head at its place: its own dynamics, then the effects that concern it.
@@ -342,11 +390,14 @@ impl<'a> Model<'a> {
     }
 
     fn stretches(&self, conditions: &Conditions, shared: &[f64], run: &RunValues, flow_m3_s: f64) -> Vec<Stretch> {
+        // Where some pipes are of a material that creeps, only they do.
+        let any_creeps = self.rig.pipes.iter().any(|p| p.material().viscoelastic);
         self.rig
             .pipes
             .iter()
             .zip(shared)
             .map(|(pipe, &wave_speed_m_s)| Stretch {
+                creeps: pipe.material().viscoelastic || !any_creeps,
                 length_m: pipe.length_m,
                 diameter_m: pipe.inner_diameter_m,
                 wall_m: pipe.wall_thickness_m,
@@ -355,60 +406,6 @@ impl<'a> Model<'a> {
                 friction: WallFriction::of(pipe, &conditions.water, flow_m3_s).scaled(run.friction_scale),
             })
             .collect()
-    }
-
-    /// Puts what the effects attach at nodes, cutting segments where needed.
-    fn nodes(&self, grid: Grid, shared: &[f64], scene: &Scene) -> Result<(Grid, Vec<Node>, Node), ModelError> {
-        let mut attached = Vec::new();
-        for (chosen, values) in self.chosen(shared) {
-            attached.extend(chosen.effect.attachments(values, scene)?);
-        }
-        let around = |position_m: f64| grid.around(position_m).into_iter().filter(|(_, share)| *share > 0.0);
-        let cuts: Vec<usize> = attached
-            .iter()
-            .filter_map(|a| if let Place::At(x) = a.place { Some(around(x).map(|(node, _)| node)) } else { None })
-            .flatten()
-            .collect();
-        let shares: Vec<Vec<(usize, f64)>> = attached
-            .iter()
-            .map(|a| if let Place::At(x) = a.place { around(x).collect() } else { vec![(grid.reaches(), 1.0)] })
-            .collect();
-        let grid = grid.cut(&cuts);
-        let mut nodes: Vec<Node> = grid.segments.iter().map(|_| Node::default()).collect();
-        let mut spots = Vec::new();
-        let mut reach = 0;
-        for (s, segment) in grid.segments.iter().enumerate() {
-            reach += segment.reaches;
-            let position_m = segment.start_m + segment.reach_m * segment.reaches as f64;
-            let half = |s: &grid::Segment| 0.5 * s.mean(Stretch::area_m2) * s.reach_m;
-            spots.push(Spot {
-                share: 1.0,
-                position_m,
-                elevation_m: self.rig.elevation_m(position_m),
-                area_m2: segment.mean(Stretch::area_m2),
-                wave_speed_m_s: segment.reach_m / grid.dt_s,
-                volume_m3: half(segment) + grid.segments.get(s + 1).map_or(0.0, half),
-            });
-            for (attachment, shares) in attached.iter().zip(&shares) {
-                for &(_, share) in shares.iter().filter(|(node, _)| *node == reach) {
-                    let overlap = Overlap::of(shares, share);
-                    match (attachment.make)(&Spot { share, ..spots[s] }) {
-                        Element::Loss(loss) => nodes[s].losses.push(Loss::new(loss, overlap, segment.impedance)),
-                        Element::Shunt(shunt) if overlap == Overlap::default() => nodes[s].shunts.push(shunt),
-                        Element::Shunt(shunt) => {
-                            nodes[s].shunts.push(Box::new(SharedShunt::new(shunt, overlap, segment.impedance)));
-                        }
-                    }
-                }
-            }
-        }
-        for (chosen, values) in self.chosen(shared) {
-            for (node, spot) in nodes.iter_mut().zip(&spots) {
-                node.shunts.extend(chosen.effect.node_shunt(values, scene, spot));
-            }
-        }
-        let at_valve = nodes.pop().unwrap_or_default();
-        Ok((grid, nodes, at_valve))
     }
 
     fn base_supply(&self, conditions: &Conditions, steady_head_m: f64) -> Result<Box<dyn Supply>, ModelError> {

@@ -167,9 +167,16 @@ impl Node {
         self.losses.iter().map(|l| l.drop_m(flow_m3_s)).fold((0.0, 0.0), |sum, d| (sum.0 + d.0, sum.1 + d.1))
     }
 
-    /// Solves the node. `onward` is the flow that goes on at a head behind the losses, and its derivative; `guess_m` a head near
-    /// the solution.
+    /// Solves the node, and what sits there takes the new head in. `onward` is the flow that goes on at a head behind the
+    /// losses, and its derivative; `guess_m` a head near the solution.
     pub fn solve(&mut self, left: Arriving, onward: impl Fn(f64) -> (f64, f64), guess_m: f64) -> Solved {
+        let solved = self.find(left, onward, guess_m);
+        self.advance(&solved);
+        solved
+    }
+
+    /// The solution alone, as [`Node::solve`]: until [`Node::advance`] what sits there is still that of the step before.
+    pub fn find(&self, left: Arriving, onward: impl Fn(f64) -> (f64, f64), guess_m: f64) -> Solved {
         // F(H) = H + K Ql|Ql| + z Ql - e with Ql = onward(H) + Σ outflow(H): increasing in H.
         let balance = |head: f64| {
             let (mut flow, mut slope) = onward(head);
@@ -185,13 +192,17 @@ impl Node {
         let right_flow = onward(head).0;
         let left_flow = right_flow + self.shunts.iter().map(|s| s.outflow(head).0).sum::<f64>();
         let drop = self.drop_m(left_flow).0;
+        Solved { left_head_m: head + drop, left_flow_m3_s: left_flow, right_head_m: head, right_flow_m3_s: right_flow }
+    }
+
+    /// Takes a solution for good.
+    pub fn advance(&mut self, solved: &Solved) {
         for shunt in &mut self.shunts {
-            shunt.advance(head);
+            shunt.advance(solved.right_head_m);
         }
         for loss in &mut self.losses {
-            loss.advance(left_flow);
+            loss.advance(solved.left_flow_m3_s);
         }
-        Solved { left_head_m: head + drop, left_flow_m3_s: left_flow, right_head_m: head, right_flow_m3_s: right_flow }
     }
 }
 
@@ -212,8 +223,11 @@ pub fn root(f: impl Fn(f64) -> (f64, f64), guess: f64) -> f64 {
             low = x;
         }
         let newton = x - value / slope;
+        let tolerance = 1e-13 * (1.0 + x.abs());
+        // At the root itself rounding may put Newton's step on the bracket's edge or beyond.
+        let arrived = (newton - x).abs() <= tolerance;
         let inside = newton > low && newton < high && newton.is_finite();
-        let next = if inside {
+        let next = if inside || arrived {
             newton
         } else if low.is_finite() && high.is_finite() {
             0.5 * (low + high)
@@ -222,7 +236,6 @@ pub fn root(f: impl Fn(f64) -> (f64, f64), guess: f64) -> f64 {
             width *= 2.0;
             if value > 0.0 { x - width } else { x + width }
         };
-        let tolerance = 1e-13 * (1.0 + x.abs());
         if (next - x).abs() <= tolerance {
             return next;
         }

@@ -2,6 +2,7 @@
 
 use super::ModelError;
 use super::boundary::{Supply, ValveEnd};
+use super::energy::{Book, Energy, Owners};
 use super::friction::ReachFriction;
 use super::grid::Grid;
 use super::kernel::{self, Terms};
@@ -63,7 +64,7 @@ pub trait NodeField: Send {
 /// Everything that a simulation needs.
 pub struct Line<'a> {
     /// Steady state, grid and friction.
-    pub steady: Steady<'a>,
+    pub steady: &'a Steady<'a>,
     /// Terms along the line.
     pub terms: Vec<Box<dyn LineTerm>>,
     /// What takes water out of every node.
@@ -106,49 +107,55 @@ pub fn settle(
 }
 
 /// State of the line: waves, head deviations and scaled flows `u = B Q` at all nodes, segment after segment.
-struct State {
+pub(super) struct State {
     fwd: Vec<f64>,
     bwd: Vec<f64>,
-    new_fwd: Vec<f64>,
-    new_bwd: Vec<f64>,
-    h: Vec<f64>,
-    u: Vec<f64>,
-    storage: Vec<f64>,
-    momentum: Vec<f64>,
+    pub(super) new_fwd: Vec<f64>,
+    pub(super) new_bwd: Vec<f64>,
+    pub(super) h: Vec<f64>,
+    pub(super) u: Vec<f64>,
+    pub(super) storage: Vec<f64>,
+    pub(super) momentum: Vec<f64>,
     /// Outflow of each node where there is a node field, m³/s.
-    outflow: Vec<f64>,
+    pub(super) outflow: Vec<f64>,
     scratch: Vec<f64>,
     /// No line terms and no flow to read: interior heads are not kept but read from the waves.
     elastic: bool,
     /// Half of what the steady flow loses over one reach, `½R0`, of each segment, m.
-    steady_half_loss: Vec<f64>,
+    pub(super) steady_half_loss: Vec<f64>,
     /// `κ` and `μ` of each segment.
     implicit: Vec<Implicit>,
-    /// Friction of each segment's reach divided by its `1 + μ`.
+    /// Friction of each segment's reach for `w = 2u`, divided by its `1 + μ`.
     frictions: Vec<ReachFriction>,
 }
 
 impl Line<'_> {
-    /// Simulates `steps` steps and gives what each probe reads.
+    /// Simulates `steps` steps and gives what each probe reads; with `owners` also keeps the energy book.
     ///
     /// # Errors
     /// If the solution stops being finite.
-    pub fn run(mut self, steps: usize, probes: &[Probe]) -> Result<Vec<Trace>, ModelError> {
+    pub fn run(
+        mut self,
+        steps: usize,
+        probes: &[Probe],
+        owners: Option<Owners>,
+    ) -> Result<(Vec<Trace>, Option<Energy>), ModelError> {
         let grid = self.steady.grid;
         let heads_only = probes.iter().all(|p| matches!(p, Probe::Head(_)));
-        let mut state = self.initial_state(heads_only);
-        let readings: Vec<Reading> = probes.iter().map(|&probe| Reading::new(probe, &self.steady)).collect();
+        let mut state = self.initial_state(heads_only && owners.is_none());
+        let mut book = owners.map(|owners| Book::new(self.steady, owners, &self.terms, &state, steps));
+        let readings: Vec<Reading> = probes.iter().map(|&probe| Reading::new(probe, self.steady)).collect();
         let mut traces: Vec<Trace> = readings.iter().map(|_| Trace::with_capacity(grid.dt_s, steps + 1)).collect();
         state.read(&mut traces, &readings);
         for step in 1..=steps {
             let time_s = step as f64 * grid.dt_s;
-            self.step(&mut state, time_s);
+            self.step(&mut state, time_s, book.as_mut());
             state.read(&mut traces, &readings);
             if !state.h[state.h.len() - 1].is_finite() {
                 return Err(self.not_finite(&state, time_s));
             }
         }
-        Ok(traces)
+        Ok((traces, book.map(Book::close)))
     }
 
     fn not_finite(&self, state: &State, time_s: f64) -> ModelError {
@@ -180,8 +187,8 @@ impl Line<'_> {
                 let Implicit { kappa, mu } = term.implicit(s);
                 total = Implicit { kappa: total.kappa + kappa, mu: total.mu + mu };
             }
-            let inner = friction.divided(1.0 + total.mu);
-            steady_half_loss.push((1.0 + total.mu) * inner.steady_half_loss(steady_u));
+            let inner = friction.of_twice_u(1.0 + total.mu);
+            steady_half_loss.push(0.5 * (1.0 + total.mu) * inner.steady_half_loss(2.0 * steady_u));
             inner_frictions.push(inner);
             implicit.push(total);
         }
@@ -204,7 +211,7 @@ impl Line<'_> {
         }
     }
 
-    fn step(&mut self, state: &mut State, time_s: f64) {
+    fn step(&mut self, state: &mut State, time_s: f64, mut book: Option<&mut Book>) {
         let grid = self.steady.grid;
         for (s, segment) in grid.segments.iter().enumerate() {
             match &mut self.field {
@@ -215,7 +222,11 @@ impl Line<'_> {
         // Supply: the first node of the first segment.
         let first = self.arriving_upstream(state, 0);
         let head = self.supply.head_m(time_s);
-        self.leave_first(state, 0, head, (head - first.e) / first.z);
+        let flow = (head - first.e) / first.z;
+        self.leave_first(state, 0, head, flow);
+        if let Some(book) = &mut book {
+            book.supply(state.h[0], flow);
+        }
         // Joints.
         for s in 0..grid.segments.len() - 1 {
             let (left, right) = (self.arriving_downstream(state, s), self.arriving_upstream(state, s + 1));
@@ -229,7 +240,11 @@ impl Line<'_> {
             }
             let node = grid.segments[s + 1].offset;
             let guess = self.steady.head_m[node] + state.h[node];
-            let solved = joint.solve(left, |h| ((h - right.e) / right.z, 1.0 / right.z), guess);
+            let solved = joint.find(left, |h| ((h - right.e) / right.z, 1.0 / right.z), guess);
+            if let Some(book) = &mut book {
+                book.node(s, joint, &solved);
+            }
+            joint.advance(&solved);
             self.leave_last(state, s, solved.left_head_m, solved.left_flow_m3_s);
             self.leave_first(state, s + 1, solved.right_head_m, solved.right_flow_m3_s);
         }
@@ -238,33 +253,46 @@ impl Line<'_> {
         let last = self.arriving_downstream(state, s);
         if self.at_valve.is_plain() {
             let flow = self.valve.flow_m3_s(time_s, last.z, last.e);
-            self.leave_last(state, s, last.e - last.z * flow, flow);
+            let head = last.e - last.z * flow;
+            self.leave_last(state, s, head, flow);
+            if let Some(book) = &mut book {
+                book.valve(head, flow);
+            }
         } else {
             let node = self.steady.head_m.len() - 1;
             let guess = self.steady.head_m[node] + state.h[node];
             let valve = &self.valve;
-            let solved = self.at_valve.solve(last, |h| valve.flow_at_m3_s(time_s, h), guess);
+            let solved = self.at_valve.find(last, |h| valve.flow_at_m3_s(time_s, h), guess);
+            if let Some(book) = &mut book {
+                book.node(s, &self.at_valve, &solved);
+                book.valve(solved.right_head_m, solved.right_flow_m3_s);
+            }
+            self.at_valve.advance(&solved);
             self.leave_last(state, s, solved.left_head_m, solved.left_flow_m3_s);
         }
 
-        if !self.terms.is_empty() {
-            state.storage.fill(0.0);
-            state.momentum.fill(0.0);
-            for (s, segment) in grid.segments.iter().enumerate() {
-                let nodes = segment.nodes();
-                for term in &mut self.terms {
-                    term.advance(
-                        s,
-                        &state.h[nodes.clone()],
-                        &state.u[nodes.clone()],
-                        &mut state.storage[nodes.clone()],
-                        &mut state.momentum[nodes.clone()],
-                    );
-                }
+        match book {
+            Some(book) => {
+                book.line(state);
+                book.advance(&mut self.terms, state);
             }
+            None if self.terms.is_empty() => {}
+            None => self.advance_terms(state),
         }
         std::mem::swap(&mut state.fwd, &mut state.new_fwd);
         std::mem::swap(&mut state.bwd, &mut state.new_bwd);
+    }
+
+    fn advance_terms(&mut self, state: &mut State) {
+        state.storage.fill(0.0);
+        state.momentum.fill(0.0);
+        for (s, segment) in self.steady.grid.segments.iter().enumerate() {
+            let n = segment.nodes();
+            let (h, u) = (&state.h[n.clone()], &state.u[n.clone()]);
+            for term in &mut self.terms {
+                term.advance(s, h, u, &mut state.storage[n.clone()], &mut state.momentum[n.clone()]);
+            }
+        }
     }
 
     /// `½R - ½R0` linearised about the last flow at a node: value at `u = 0` and slope.
@@ -330,14 +358,14 @@ impl State {
     /// Steps the nodes of a segment between its ends.
     fn interior(&mut self, segment: usize, nodes: std::ops::Range<usize>) {
         let friction = &self.frictions[segment];
-        let steady_half_loss = self.steady_half_loss[segment];
+        let steady_loss = 2.0 * self.steady_half_loss[segment];
         let (fwd, bwd) = (&self.fwd[nodes.clone()], &self.bwd[nodes.clone()]);
         let (new_fwd, new_bwd) = (&mut self.new_fwd[nodes.clone()], &mut self.new_bwd[nodes.clone()]);
         if self.elastic {
             match friction {
-                ReachFriction::Quadratic(f) => kernel::elastic(fwd, bwd, new_fwd, new_bwd, f, steady_half_loss),
-                ReachFriction::Linear(f) => kernel::elastic(fwd, bwd, new_fwd, new_bwd, f, steady_half_loss),
-                ReachFriction::Tabulated(f) => kernel::elastic(fwd, bwd, new_fwd, new_bwd, f, steady_half_loss),
+                ReachFriction::Quadratic(f) => kernel::elastic(fwd, bwd, new_fwd, new_bwd, f, steady_loss),
+                ReachFriction::Linear(f) => kernel::elastic(fwd, bwd, new_fwd, new_bwd, f, steady_loss),
+                ReachFriction::Tabulated(f) => kernel::elastic(fwd, bwd, new_fwd, new_bwd, f, steady_loss),
             }
             return;
         }
@@ -347,7 +375,7 @@ impl State {
             kappa,
             momentum: &self.momentum[nodes.clone()],
             mu,
-            steady_half_loss,
+            steady_loss,
         };
         let (h, u) = (&mut self.h[nodes.clone()], &mut self.u[nodes]);
         match friction {
@@ -381,7 +409,8 @@ impl State {
         );
         for i in inner {
             let d = 0.5 * (self.fwd[i - 1] - self.bwd[i + 1]);
-            let u = friction.solve((d + self.steady_half_loss[s] + self.momentum[i]) / (1.0 + mu));
+            let known = d + self.steady_half_loss[s] + self.momentum[i];
+            let u = 0.5 * friction.solve(2.0 * known / (1.0 + mu));
             let (up, down) = (u + half_b * self.outflow[i], u - half_b * self.outflow[i]);
             let stored = self.h[i] * (1.0 + kappa) - self.storage[i];
             let (moved_up, moved_down) = (self.fwd[i - 1] - stored, stored - self.bwd[i + 1]);

@@ -219,10 +219,17 @@ fn number(value: &DeValue) -> Option<f64> {
     number.is_finite().then_some(number)
 }
 
+/// Names less alike than this (Jaro-Winkler) are no slips of one another.
+const ALIKE: f64 = 0.75;
+
 fn unknown(name: &Key, place: &str, known: &[&str]) -> Fault {
     let likeness = |k: &str| strsim::jaro_winkler(name.get_ref(), k);
-    let nearest = known.iter().max_by(|a, b| likeness(a).total_cmp(&likeness(b))).copied().unwrap_or_default();
-    Fault(name.span(), format!("unknown key '{}' in {place}; did you mean '{nearest}'?", name.get_ref()))
+    let nearest = known.iter().max_by(|a, b| likeness(a).total_cmp(&likeness(b)));
+    let hint = match nearest.filter(|k| likeness(k) >= ALIKE) {
+        Some(nearest) => format!("did you mean '{nearest}'?"),
+        None => format!("known are {}", known.join(", ")),
+    };
+    Fault(name.span(), format!("unknown key '{}' in {place}; {hint}", name.get_ref()))
 }
 
 /// The text of the file for what is found now; what is no use to compare stands there as a comment.

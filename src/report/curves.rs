@@ -46,9 +46,9 @@ impl Curves {
         Some(if samples > WHOLE_UP_TO { whole.decimated(buckets) } else { whole })
     }
 
-    /// Measured − model of each stage, m.
+    /// Model − measured of each stage, m.
     pub fn residuals_m(&self) -> Vec<Vec<f64>> {
-        let minus = |model: &Vec<f64>| self.measured_m.iter().zip(model).map(|(y, m)| y - m).collect();
+        let minus = |model: &Vec<f64>| self.measured_m.iter().zip(model).map(|(y, m)| m - y).collect();
         self.models_m.iter().map(minus).collect()
     }
 
@@ -187,6 +187,8 @@ mod tests {
         assert_eq!(curves.models_m[0], measured[3..]);
         assert!(!curves.decimated);
         assert_eq!(curves.residuals_m()[0], [0.0; 7]);
+        let below: Vec<f64> = measured[3..].iter().map(|y| 0.0 - y).collect();
+        assert_eq!(curves.residuals_m()[1], below, "model − measured, as in the tables");
     }
 
     #[test]

@@ -9,6 +9,7 @@
 //! | [`table`] | plain-text tables for the terminal |
 //! | [`html`](mod@html) | the page, from the pieces in `html/` and the files in `assets/` |
 //! | [`svg`] | static line charts, for the page in print and for any other plot |
+//! | [`plot`] | a small plot of two curves in text |
 //! | [`failure`] | where a model fails, in words |
 //! | [`summary`] | the error of a whole fit, and the one-sentence verdict |
 //! | [`curves`] | the curves of one sensor under all stages, on one time axis |
@@ -23,6 +24,7 @@ pub mod failure;
 pub mod html;
 pub mod json;
 pub mod number;
+pub mod plot;
 pub mod summary;
 pub mod svg;
 pub mod table;

@@ -12,7 +12,7 @@ const SOMETHING_MISSING: f64 = 2.0;
 /// Error and noise over all samples of all runs, m; NaN where there are none.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Overall {
-    /// Root mean square of measured − model.
+    /// Root mean square of model − measured.
     pub rmse_m: f64,
     /// Root mean square of the sensors' noise.
     pub noise_m: f64,

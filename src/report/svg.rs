@@ -69,9 +69,9 @@ impl Style {
         Self { class, colour, dash, width: 1.5, points: false }
     }
 
-    /// A measurement: broad and neutral, so that it is seen behind a model that follows it.
+    /// A measurement: broad and light, so that it is seen behind a model that follows it.
     pub fn measured() -> Self {
-        Self { class: "measured", colour: "#8b95a0", dash: "", width: 2.5, points: false }
+        Self { class: "measured", colour: "#b0b8c1", dash: "", width: 5.0, points: false }
     }
 
     /// Separate points in the n-th colour.

@@ -31,8 +31,8 @@ pub fn parameters(fit: &Fit) -> String {
     table.without_empty_columns().to_string()
 }
 
-/// RMSE before (of the first stage; of the start values where there is one stage only), RMSE, noise, their ratio and the error
-/// over extrema, for each run and sensor.
+/// RMSE of what came before (`before`: the first stage; `start`: the unfitted start values, where there is one stage only), RMSE,
+/// noise, their ratio and the error over extrema, for each run and sensor; then what the columns mean.
 pub fn errors(stages: &[Stage]) -> String {
     let Some(last) = stages.last() else { return String::new() };
     let first = stages.first().filter(|_| stages.len() > 1);
@@ -41,7 +41,8 @@ pub fn errors(stages: &[Stage]) -> String {
         None => s.start_rmse_m,
     };
     let mape = |percent: f64| if percent.is_finite() { significant(percent, 2) } else { String::new() };
-    let mut table = Table::new(&["run", "sensor", "<before", "<RMSE, m", "<noise, m", "<RMSE/noise", "<MAPE, %"]);
+    let earlier = if first.is_some() { "<before" } else { "<start" };
+    let mut table = Table::new(&["run", "sensor", earlier, "<RMSE, m", "<noise, m", "<RMSE/noise", "<MAPE, %"]);
     for run in &last.fit.runs {
         for s in &run.sensors {
             table.row([
@@ -66,8 +67,14 @@ pub fn errors(stages: &[Stage]) -> String {
             mape(run.mape_extrema_percent),
         ]);
     }
-    table.without_empty_columns().to_string()
+    let earlier = match first {
+        Some(first) => format!("before: RMSE of the first model ({}), m", first.title),
+        None => "start: RMSE of the start values, before any fit, m".into(),
+    };
+    format!("{}{earlier}. {MAPE}\n", table.without_empty_columns())
 }
+
+const MAPE: &str = "MAPE: mean error of the peaks and troughs, without sign, in percent of the measured head.";
 
 /// Model − measured at the peak and the trough of every cycle: head in m, phase in ms.
 pub fn extrema(fit: &Fit) -> String {
@@ -121,14 +128,14 @@ pub fn stop(fit: &Fit) -> String {
 }
 
 /// Columns aligned by their widest cell; a heading that starts with `<` aligns its column to the right.
-struct Table {
+pub(crate) struct Table {
     headings: Vec<String>,
     right: Vec<bool>,
     rows: Vec<Vec<String>>,
 }
 
 impl Table {
-    fn new(headings: &[&str]) -> Self {
+    pub(crate) fn new(headings: &[&str]) -> Self {
         Self {
             headings: headings.iter().map(|h| h.trim_start_matches('<').into()).collect(),
             right: headings.iter().map(|h| h.starts_with('<')).collect(),
@@ -136,11 +143,11 @@ impl Table {
         }
     }
 
-    fn row<const N: usize>(&mut self, cells: [String; N]) {
+    pub(crate) fn row<const N: usize>(&mut self, cells: [String; N]) {
         self.rows.push(cells.into());
     }
 
-    fn without_empty_columns(mut self) -> Self {
+    pub(crate) fn without_empty_columns(mut self) -> Self {
         let used: Vec<bool> = (0..self.headings.len())
             .map(|c| self.rows.iter().any(|r| r.get(c).is_some_and(|t| !t.is_empty())))
             .collect();
@@ -260,9 +267,16 @@ mod tests {
         let (start, end) = (fit(1.92), fit(0.05));
         let stages = [Stage { title: "a".into(), fit: &start }, Stage { title: "b".into(), fit: &end }];
         let text = errors(&stages);
-        let all: Vec<&str> = text.lines().last().unwrap().split_whitespace().collect();
+        let lines: Vec<&str> = text.lines().collect();
+        let all: Vec<&str> = lines[lines.len() - 2].split_whitespace().collect();
+        assert!(
+            lines[0].contains("before") && text.contains("before: RMSE of the first model (a), m. MAPE: mean error"),
+            "{text}"
+        );
         assert_eq!(all, ["run.mcap", "all", "1.92", "0.050", "0.030", "1.7", "0.41"]);
-        assert!(errors(&stages[1..]).contains("2.00"), "one stage alone is compared with its start values");
+        let alone = errors(&stages[1..]);
+        assert!(alone.contains("2.00") && alone.contains("start: RMSE of the start values"), "{alone}");
+        assert!(!alone.contains("before  "), "{alone}");
     }
 
     #[test]

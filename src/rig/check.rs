@@ -121,25 +121,32 @@ fn check_wave_speed(pipe: &Pipe, water: &WaterProperties) -> Finding {
     Finding::new(Level::Fine, subject, message, &[("start_m_s", start), ("lo_m_s", lo), ("hi_m_s", hi)])
 }
 
-/// A wave speed against those that the wall allows; `slack` is its relative uncertainty.
+/// A wave speed more uncertain than this share of itself tells nothing of the wall.
+const TELLS_NOTHING: f64 = 0.5;
+
+/// A wave speed against those that the wall allows; `slack` is its relative uncertainty. Only one within them says what the
+/// wall's modulus is.
 pub fn judge_wave_speed(pipe: &Pipe, subject: String, given: f64, slack: f64, water: &WaterProperties) -> Finding {
     let [lo, hi] = pipe.material_wave_speeds_m_s(water);
     let sound = water.sound_speed_m_s();
     let (least, most) = (given * (1.0 - slack), given * (1.0 + slack));
     let (level, place) = match () {
-        () if least >= sound => (Level::Contradiction, "faster than sound in the water, and outside"),
-        () if least > 1.15 * hi => (Level::Contradiction, "far above"),
-        () if most < 0.5 * lo => (Level::Contradiction, "far below"),
-        () if least > hi => (Level::Warning, "above"),
-        () if most < lo => (Level::Warning, "below"),
-        () => (Level::Fine, "within"),
+        () if least >= sound => (Level::Contradiction, "is faster than sound in the water, and outside"),
+        () if least > 1.15 * hi => (Level::Contradiction, "is far above"),
+        () if most < 0.5 * lo => (Level::Contradiction, "is far below"),
+        () if slack > TELLS_NOTHING => (Level::Warning, "is too uncertain to judge by"),
+        () if least > hi => (Level::Warning, "is above"),
+        () if most < lo => (Level::Warning, "is below"),
+        () if (lo..=hi).contains(&given) => (Level::Fine, "is within"),
+        () => (Level::Fine, "agrees within its error with"),
     };
-    let modulus = pipe.youngs_modulus_for_wave_speed(water, given);
+    let inside = slack <= TELLS_NOTHING && (lo..=hi).contains(&given);
+    let modulus = pipe.youngs_modulus_for_wave_speed(water, given).filter(|_| inside);
     let means = modulus.map(|e| format!("; it means E = {:.2} GPa", e * 1e-9)).unwrap_or_default();
     let uncertain = if slack > 0.0 { format!(" ± {:.0}", given * slack) } else { String::new() };
     let material = &pipe.material;
     let message =
-        format!("{given:.0}{uncertain} m/s is {place} the {lo:.0}-{hi:.0} m/s of Korteweg's law for {material}{means}");
+        format!("{given:.0}{uncertain} m/s {place} the {lo:.0}-{hi:.0} m/s of Korteweg's law for {material}{means}");
     let mut numbers = vec![("given_m_s", given), ("lo_m_s", lo), ("hi_m_s", hi)];
     numbers.extend(modulus.map(|e| ("youngs_modulus_pa", e)));
     Finding::new(level, subject, message, &numbers)
@@ -312,5 +319,34 @@ pub fn flow_regime(reynolds: f64) -> &'static str {
         re if re <= LAMINAR_REYNOLDS => "laminar",
         re if re < 4000.0 => "between laminar and turbulent: friction is uncertain",
         _ => "turbulent",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_wave_speed_is_judged_by_its_error_too() {
+        let rig = Rig::from_toml(include_str!("../../rigs/adelaide-copper.toml"), "x.toml").unwrap();
+        let water = rig.fluid.properties(20.0);
+        let [lo, hi] = rig.pipes[0].material_wave_speeds_m_s(&water);
+        let middle = 0.5 * (lo + hi);
+        for (speed, slack, level, words, modulus) in [
+            (middle, 0.0, Level::Fine, "is within the", true),
+            (middle, 0.1, Level::Fine, "is within the", true),
+            (1.06 * hi, 0.11, Level::Fine, "agrees within its error with the", false),
+            (1.06 * hi, 0.01, Level::Warning, "is above the", false),
+            (0.8 * lo, 0.01, Level::Warning, "is below the", false),
+            (middle, 0.6, Level::Warning, "is too uncertain to judge by the", false),
+            (0.1 * lo, 0.01, Level::Contradiction, "is far below the", false),
+            (3.0 * hi, 0.01, Level::Contradiction, "faster than sound", false),
+        ] {
+            let found = judge_wave_speed(&rig.pipes[0], "wave".into(), speed, slack, &water);
+            assert_eq!(found.level, level, "{found:?}");
+            assert!(found.message.contains(words), "{found:?}");
+            assert_eq!(found.message.contains("it means E ="), modulus, "{found:?}");
+            assert_eq!(found.numbers.iter().any(|n| n.0 == "youngs_modulus_pa"), modulus, "{found:?}");
+        }
     }
 }

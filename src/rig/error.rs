@@ -54,6 +54,13 @@ impl fmt::Display for Problem {
     }
 }
 
+/// More problems than this tell a reader nothing new.
+const MOST_SHOWN: usize = 10;
+
 fn list(file: &str, problems: &[Problem]) -> String {
-    problems.iter().map(|p| p.describe(file)).collect::<Vec<_>>().join("\n")
+    let mut lines: Vec<String> = problems.iter().take(MOST_SHOWN).map(|p| p.describe(file)).collect();
+    if problems.len() > MOST_SHOWN {
+        lines.push(format!("… and {} more", problems.len() - MOST_SHOWN));
+    }
+    lines.join("\n")
 }

@@ -103,8 +103,12 @@ pub(super) fn read_wiring(
         if devices.iter().any(|(known, _)| known.trim().is_empty()) {
             return None; // it may well be the one whose name is at fault
         }
-        let near = nearest(name.value, devices.iter().map(|(known, _)| known.as_str()));
-        let hint = near.map_or("the file has no [[device]]".to_owned(), |near| format!("did you mean \"{near}\"?"));
+        let names = || devices.iter().map(|(known, _)| known.as_str());
+        let hint = match nearest(name.value, names()) {
+            Some(near) => format!("did you mean \"{near}\"?"),
+            None if devices.is_empty() => "the file has no [[device]]".to_owned(),
+            None => format!("the file has {}", names().collect::<Vec<_>>().join(", ")),
+        };
         section.fault_at(&name.place, format!("unknown device \"{}\"; {hint}", name.value));
         return None;
     };

@@ -71,6 +71,13 @@ impl Rig {
 
 /// Reads all tables; `None` where one is missing or at fault, which is then reported in `source`.
 fn read(source: &Source<'_>) -> Option<Rig> {
+    if is_time_series(source.text) {
+        source.report(
+            Some(0..0),
+            "this looks like a time series, not a rig file: give the TOML file that describes the rig",
+        );
+        return None;
+    }
     let (document, errors) = DeTable::parse_recoverable(source.text);
     if !errors.is_empty() {
         for error in errors {
@@ -119,6 +126,14 @@ fn read(source: &Source<'_>) -> Option<Rig> {
         steady,
         source: source.text.to_owned(),
     })
+}
+
+/// Does the first line that says anything name the columns of a CSV? A line of TOML has a bracket or an equals sign.
+fn is_time_series(text: &str) -> bool {
+    let lines = || text.trim_start_matches('\u{feff}').lines().filter(|l| !l.trim().is_empty() && !l.starts_with('#'));
+    let first = lines().next().unwrap_or_default();
+    let columns = |line: &str| line.split([',', ';', '\t']).count();
+    !first.contains(['=', '[']) && columns(first) > 1 && lines().nth(1).is_none_or(|l| columns(l) == columns(first))
 }
 
 /// The one table of a name, or a report that it is missing.
@@ -204,9 +219,9 @@ fn read_pipe(section: &Section<'_>, names: &mut Names, joins_at_m: Option<f64>) 
         let found = material::Material::by_name(text.value);
         if found.is_none() {
             let names = || material::MATERIALS.iter().map(|m| m.name);
-            let near = nearest(text.value, names()).unwrap_or_default();
+            let near = nearest(text.value, names()).map(|n| format!("; did you mean \"{n}\"?")).unwrap_or(".".into());
             let known = names().collect::<Vec<_>>().join(", ");
-            let message = format!("unknown material \"{}\"; did you mean \"{near}\"? Known are {known}", text.value);
+            let message = format!("unknown material \"{}\"{near} Known are {known}", text.value);
             section.fault_at(&text.place, message);
         }
         found

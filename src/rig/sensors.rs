@@ -1,7 +1,7 @@
 //! The sensors of a rig file.
 
 use super::live::{Channels, read_wiring};
-use super::table::{At, FINITE, Limits, POSITIVE, Section, Source};
+use super::table::{At, FINITE, Limits, POSITIVE, Section, Source, nearest};
 use super::unique::Names;
 use super::{Coupling, Device, Sensor, SensorKind, Upstream};
 use crate::units::{Quantity, UNITS, Unit};
@@ -156,9 +156,43 @@ fn read_unit(section: &Section<'_>, kind: Option<SensorKind>) -> Option<Unit> {
             Ok(_) => "does not fit the sensor's kind",
             Err(_) => "is not a known unit",
         };
-        section.fault_at(&text.place, format!("unit \"{}\" {problem}; allowed here are {allowed}", text.value));
+        let meant = meant_unit(text.value, UNITS.iter().filter(fits).map(|u| u.symbol));
+        let hint = meant.map(|u| format!("; did you mean \"{u}\"?")).unwrap_or_default();
+        section.fault_at(&text.place, format!("unit \"{}\" {problem}; allowed here are {allowed}{hint}", text.value));
     }
     found
+}
+
+/// Other ways in which people write units, without case and signs.
+const OTHER_SPELLINGS: [(&str, &str); 15] = [
+    ("c", "degC"),
+    ("celsius", "degC"),
+    ("kelvin", "K"),
+    ("mwc", "m(H2O)"),
+    ("mws", "m(H2O)"),
+    ("mce", "m(H2O)"),
+    ("mh20", "m(H2O)"),
+    ("m", "m(H2O)"),
+    ("lps", "L/s"),
+    ("lpm", "L/min"),
+    ("cmh", "m3/h"),
+    ("m3hr", "m3/h"),
+    ("percent", "%"),
+    ("barg", "bar"),
+    ("psig", "psi"),
+];
+
+/// The unit among those allowed that another spelling was probably meant to be: another case, without its signs, a common
+/// name, or a slip.
+fn meant_unit<'u>(text: &str, mut allowed: impl Iterator<Item = &'u str> + Clone) -> Option<&'u str> {
+    let bare = |t: &str| -> String {
+        let plain = t.replace('³', "3").replace('₂', "2").replace('°', "");
+        plain.chars().filter(|c| c.is_alphanumeric() || *c == '%').collect::<String>().to_lowercase()
+    };
+    let wanted = bare(text);
+    let other = OTHER_SPELLINGS.iter().find(|(name, _)| *name == wanted).map(|(_, unit)| *unit);
+    let known = allowed.clone().find(|u| bare(u) == wanted || other == Some(*u));
+    known.or_else(|| nearest(text, allowed.by_ref()))
 }
 
 fn quantity_of(kind: SensorKind) -> Quantity {

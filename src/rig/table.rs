@@ -40,11 +40,15 @@ impl<'a> Source<'a> {
     }
 }
 
-/// The name in `known` that looks most like `name`.
+/// Names less alike than this (Jaro-Winkler) are no slips of one another.
+const ALIKE: f64 = 0.75;
+
+/// The name in `known` that looks most like `name`, if one looks like it at all.
 pub(super) fn nearest<'k>(name: &str, known: impl IntoIterator<Item = &'k str>) -> Option<&'k str> {
     let lower = name.to_lowercase();
     let likeness = |k: &str| strsim::jaro_winkler(&lower, &k.to_lowercase());
-    known.into_iter().map(|k| (likeness(k), k)).max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, k)| k)
+    let alike = known.into_iter().map(|k| (likeness(k), k)).filter(|(l, _)| *l >= ALIKE);
+    alike.max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, k)| k)
 }
 
 /// What a number must be.
@@ -95,11 +99,13 @@ impl<'a> Section<'a> {
             }
             let hint = match others.iter().find(|(_, keys)| keys.contains(&name)) {
                 Some((home, _)) => format!("it belongs in {home}"),
-                None => {
-                    let near = nearest(name, keys.iter().copied()).unwrap_or_default();
-                    misspelt.push(near);
-                    format!("did you mean '{near}'?")
-                }
+                None => match nearest(name, keys.iter().copied()) {
+                    Some(near) => {
+                        misspelt.push(near);
+                        format!("did you mean '{near}'?")
+                    }
+                    None => format!("known are {}", keys.join(", ")),
+                },
             };
             source.report(Some(key.span()), format!("unknown key '{name}' in {heading}; {hint}"));
         }
@@ -187,9 +193,9 @@ impl<'a> Section<'a> {
         let text = self.text(key)?;
         let found = choices.iter().find(|(name, _)| *name == text.value);
         if found.is_none() {
-            let near = nearest(text.value, choices.iter().map(|c| c.0)).unwrap_or_default();
+            let near = nearest(text.value, choices.iter().map(|c| c.0)).filter(|_| choices.len() > 1);
             let message = format!("'{key}' in {} must be {}, not \"{}\"", self.heading, one_of(choices), text.value);
-            let hint = if choices.len() > 1 { format!("; did you mean \"{near}\"?") } else { String::new() };
+            let hint = near.map(|near| format!("; did you mean \"{near}\"?")).unwrap_or_default();
             self.fault_at(&text.place, message + &hint);
         }
         found.map(|(_, value)| At { value: *value, place: text.place })

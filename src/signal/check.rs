@@ -4,7 +4,7 @@ use crate::recording::{Recording, Series};
 use crate::rig::check::{
     ATMOSPHERE_PA, Finding, Level, check_meter, flow_regime, friction_loss_m, judge_wave_speed, reynolds_number,
 };
-use crate::rig::{Coupling, Rig, Sensor, SensorKind, WaterProperties};
+use crate::rig::{Coupling, Pipe, Rig, Sensor, SensorKind, WaterProperties};
 use crate::units::GRAVITY_M_S2;
 
 /// Share of the largest deviation from the steady pressure at which a front counts as arrived.
@@ -13,6 +13,8 @@ const ARRIVAL: f64 = 0.05;
 const SIGNAL_TO_NOISE: f64 = 10.0;
 /// What a sensor may be off where its accuracy is not given: percent of its steady reading.
 const DEFAULT_ACCURACY_PERCENT: f64 = 0.5;
+/// A wave speed beyond those of the walls by this factor is no matter of their modulus.
+const FAR_OFF: f64 = 1.3;
 /// Samples that a closure and a travel from sensor to sensor should be seen in.
 const SAMPLES_OF_A_FRONT: f64 = 10.0;
 
@@ -35,6 +37,7 @@ pub fn check_recording(rig: &Rig, recording: &Recording) -> Vec<Finding> {
     findings.extend(pressures.iter().filter_map(|front| check_sample_rate(rig, front, &pressures, &water)));
     findings.extend(tracks.iter().filter_map(|track| check_vapour(track, &water)));
     findings.extend(check_travel(rig, &pressures, &water));
+    findings.extend(check_speeds(rig, recording, &water));
     for track in tracks.iter().filter(|t| t.sensor.kind == SensorKind::Flow) {
         findings.extend(check_flow(rig, track, start_s, &pressures, &water));
     }
@@ -283,7 +286,38 @@ fn check_travel(rig: &Rig, fronts: &[Front<'_>], water: &WaterProperties) -> Vec
     arrived.windows(2).filter_map(pair).collect()
 }
 
-fn pipe_between(rig: &Rig, from_m: f64, to_m: f64) -> Option<&crate::rig::Pipe> {
+/// The wave speed of the recording's features, mean over all pipes, against what their walls allow. Only what no gas, support or
+/// slip of a diameter explains is a contradiction.
+fn check_speeds(rig: &Rig, recording: &Recording, water: &WaterProperties) -> Vec<Finding> {
+    let Some(features) = recording.clone().on_rig(rig.clone()).ok().and_then(|r| super::inspect(&r).ok()) else {
+        return Vec::new();
+    };
+    // a wave speed that the rig file gives is known better than the material
+    let mean = |end: usize, pick: fn(f64, f64) -> f64| {
+        let speed = |p: &Pipe| p.material_wave_speeds_m_s(water)[end];
+        let travel = |p: &Pipe| p.length_m / p.wave_speed_m_s.map_or(speed(p), |given| pick(speed(p), given));
+        rig.length_m() / rig.pipes.iter().map(travel).sum::<f64>()
+    };
+    let (lo, hi) = (mean(0, f64::min), mean(1, f64::max));
+    let crossings = features.wave_speed.crossings.map(|c| (c.value, c.standard_error));
+    let arrival = features.wave_speed.arrival.map(|a| (a.value, a.standard_error));
+    let judge = |(name, speed): (&str, Option<(f64, f64)>)| {
+        let (value, error) = speed?;
+        let (above, below) = (value > FAR_OFF * hi && value - error > hi, value < lo / FAR_OFF && value + error < lo);
+        let message = format!(
+            "{value:.0} ± {error:.0} m/s, where the walls allow {lo:.0}-{hi:.0} m/s: are the times in seconds, and length, wall and \
+             material those of this pipe?"
+        );
+        let numbers = [("wave_speed_m_s", value), ("lo_m_s", lo), ("hi_m_s", hi)];
+        (above || below).then(|| Finding::new(Level::Contradiction, format!("wave speed by {name}"), message, &numbers))
+    };
+    [("the period of the first peak", crossings), ("the arrival at two sensors", arrival)]
+        .into_iter()
+        .filter_map(judge)
+        .collect()
+}
+
+fn pipe_between(rig: &Rig, from_m: f64, to_m: f64) -> Option<&Pipe> {
     let mut start = 0.0;
     rig.pipes.iter().find(|pipe| {
         let inside = from_m >= start - 1e-6 && to_m <= start + pipe.length_m + 1e-6;
@@ -421,6 +455,40 @@ mod tests {
         let mut recording = run(&rig);
         recording.series[3].value.fill(0.4); // Re about 2600
         assert_eq!(level(&check_recording(&rig, &recording), "flow in 'main' by 'Q1'"), Level::Warning);
+    }
+
+    /// A closed valve that rings: a square wave of period 4L/a.
+    #[test]
+    fn times_in_milliseconds_contradict_the_wall() {
+        let rig = demo();
+        let mut recording = run(&rig);
+        for (sensor, series) in rig.sensors.iter().zip(&mut recording.series) {
+            if sensor.kind != SensorKind::Pressure {
+                continue;
+            }
+            let front = |t: f64| (t / 0.02).clamp(0.0, 1.0);
+            let (to, back) = ((120.0 - sensor.position_m) / SPEED, (120.0 + sensor.position_m) / SPEED);
+            for (i, (t, v)) in series.time_s.iter().zip(&mut series.value).enumerate() {
+                let since = t - 0.5;
+                let echoes = |k: i32| {
+                    let delay = f64::from(k) * 240.0 / SPEED;
+                    let sign = if k % 2 == 0 { 200.0 } else { -200.0 };
+                    sign * (front(since - to - delay) - front(since - back - delay))
+                };
+                *v = 245.0 + (0..4).map(echoes).sum::<f64>() + 0.05 * (i as f64 * 1.7).sin();
+            }
+        }
+        let said = |recording: &Recording| {
+            let findings = check_recording(&rig, recording);
+            findings.into_iter().filter(|f| f.subject.starts_with("wave speed by")).collect::<Vec<_>>()
+        };
+        assert_eq!(said(&recording), []);
+        recording.series.iter_mut().flat_map(|s| &mut s.time_s).for_each(|t| *t *= 1000.0);
+        let found = said(&recording);
+        assert_eq!(found.len(), 2, "{found:#?}");
+        assert!(
+            found.iter().all(|f| f.level == Level::Contradiction && f.message.contains("are the times in seconds"))
+        );
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! Steady levels: head before and after, flow and temperature of the run.
 
 use super::Estimate;
-use super::noise::Noise;
+use super::noise::{Noise, despiked};
 use super::trace::{Trace, mean};
 use crate::recording::{Recording, Series};
 use crate::rig::SensorKind;
@@ -9,7 +9,7 @@ use crate::rig::SensorKind;
 /// Level of the last stretch before the front: the newest part of the lead-in, as a supply may drift over a longer one.
 /// With fewer than three quiet samples it is the head that the front was found to start from.
 pub(crate) fn before(lead: &[f64], base_m: f64, longest: usize, noise: &Noise) -> Estimate {
-    let lead = &lead[lead.len().saturating_sub(longest)..];
+    let lead = &despiked(&lead[lead.len().saturating_sub(longest)..]);
     if lead.len() < 3 {
         return Estimate { value: base_m, standard_error: noise.white_sd_m.max(f64::MIN_POSITIVE) };
     }

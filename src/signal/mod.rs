@@ -11,9 +11,11 @@
 //! | `matching`, `wavespeed` | delays between fronts, and the wave speed they give |
 //! | `extrema` | half cycles, period, damping |
 //! | [`check`] | does a recording agree with its rig |
+//! | [`doubts`](mod@doubts) | numbers that cannot all be right, before a fit |
 
 pub mod check;
 mod closure;
+pub mod doubts;
 mod extrema;
 mod front;
 mod levels;
@@ -95,6 +97,8 @@ pub struct SensorFeatures {
     pub samples: usize,
     /// Median sample interval, s.
     pub interval_s: f64,
+    /// Time of its last sample, s.
+    pub end_s: f64,
     /// Its noise, in m.
     pub noise: Noise,
     /// Head before the closure, m.
@@ -363,6 +367,7 @@ fn sensor_features(
         position_m: place.position_m,
         samples: trace.len(),
         interval_s: trace.step_s,
+        end_s: trace.time_s((trace.len() - 1) as f64),
         noise: *noise,
         steady_before_m: levels::before(&trace.head_m[lead], base_m, newest, noise),
         steady_after_m: levels::after(trace, start_s, period_s, noise),

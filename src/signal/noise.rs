@@ -1,5 +1,7 @@
 //! A sensor's noise: how large, how coloured, and the step of its converter.
 
+use std::borrow::Cow;
+
 use super::trace::median;
 
 /// What disturbs a pressure sensor while nothing happens; heads in m.
@@ -24,6 +26,13 @@ const SHORTEST_LEAD: usize = 30;
 /// Colour is judged from the last so many samples: enough for 1% of the variance.
 const LONGEST_LEAD: usize = 20_000;
 
+/// Noise whose second differences are this much larger in the root mean square than by their median has spikes among it.
+const SPIKY: f64 = 1.5;
+/// A sample this many standard deviations from the median of its five neighbours is a spike.
+const SPIKE: f64 = 8.0;
+/// Median of the absolute value of a normal variable to its standard deviation.
+const MEDIAN_TO_SD: f64 = 1.4826;
+
 /// Noise from the samples before the closure (`lead`), or from the whole record where they are too few.
 pub(crate) fn noise(lead: &[f64], whole: &[f64]) -> Noise {
     let quantum_m = quantum(whole);
@@ -40,12 +49,11 @@ pub(crate) fn noise(lead: &[f64], whole: &[f64]) -> Noise {
         };
     }
     let lead = &lead[lead.len().saturating_sub(LONGEST_LEAD)..];
-    let second: f64 = lead.windows(3).map(|w| (w[0] - 2.0 * w[1] + w[2]).powi(2)).sum();
-    let white_sd_m = (second / (6.0 * (lead.len() - 2) as f64)).sqrt().max(floor);
-    let residual = detrended(lead);
+    let white_sd_m = white_sd(lead).0.max(floor);
+    let residual = detrended(&despiked(lead));
     let n = residual.len() as f64;
     let energy: f64 = residual.iter().map(|r| r * r).sum();
-    let total_sd_m = (energy / (n - 2.0)).sqrt().max(floor);
+    let total_sd_m = robust((energy / (n - 2.0)).sqrt(), &residual, MEDIAN_TO_SD).0.max(floor);
     let correlation = |lag: usize| {
         residual.iter().zip(&residual[lag..]).map(|(a, b)| a * b).sum::<f64>() / energy.max(f64::MIN_POSITIVE)
     };
@@ -70,15 +78,41 @@ pub(crate) fn noise(lead: &[f64], whole: &[f64]) -> Noise {
     }
 }
 
+/// A root mean square, or what the median of the values says where they have spikes; and whether they have.
+fn robust(rms: f64, values: &[f64], median_to_sd: f64) -> (f64, bool) {
+    let by_median = median_to_sd * median(&mut values.iter().map(|v| v.abs()).collect::<Vec<_>>());
+    if by_median > 0.0 && rms > SPIKY * by_median { (by_median, true) } else { (rms, false) }
+}
+
+/// Standard deviation of the white noise of a lead-in, and whether it has spikes (which do not count).
+fn white_sd(lead: &[f64]) -> (f64, bool) {
+    let second: Vec<f64> = lead.windows(3).map(|w| w[0] - 2.0 * w[1] + w[2]).collect();
+    let mean_square = second.iter().map(|d| d * d).sum::<f64>() / (6.0 * second.len().max(1) as f64);
+    robust(mean_square.sqrt(), &second, MEDIAN_TO_SD / 6f64.sqrt())
+}
+
+/// A lead-in with the median of its neighbours in the place of each spike; as it is where it has none.
+pub(crate) fn despiked(lead: &[f64]) -> Cow<'_, [f64]> {
+    let (sd, spiky) = white_sd(lead);
+    if !spiky {
+        return Cow::Borrowed(lead);
+    }
+    let clean = |(i, v): (usize, &f64)| {
+        let around = median(&mut lead[i.saturating_sub(2)..(i + 3).min(lead.len())].to_vec());
+        if (v - around).abs() > SPIKE * sd { around } else { *v }
+    };
+    Cow::Owned(lead.iter().enumerate().map(clean).collect())
+}
+
 /// Standard deviation of the white noise of a whole record, m. Fronts are few: the median of the differences does not see them.
 pub(crate) fn white_sd_of_whole(whole: &[f64]) -> f64 {
     let mut second: Vec<f64> = whole.windows(3).map(|w| (w[0] - 2.0 * w[1] + w[2]).abs()).collect();
     let mut middle = median(&mut second);
     if middle == 0.0 {
         // the converter's step hides most of the noise: what shows of it is that step
-        middle = second.iter().copied().filter(|d| *d > 0.0).fold(f64::INFINITY, f64::min) / 1.4826;
+        middle = second.iter().copied().filter(|d| *d > 0.0).fold(f64::INFINITY, f64::min) / MEDIAN_TO_SD;
     }
-    if middle.is_finite() { 1.4826 * middle / 6f64.sqrt() } else { 0.0 }
+    if middle.is_finite() { MEDIAN_TO_SD * middle / 6f64.sqrt() } else { 0.0 }
 }
 
 /// Residuals of a straight line.
@@ -130,6 +164,24 @@ mod tests {
         assert!((noise.white_sd_m / 0.03 - 1.0).abs() < 0.05, "{noise:?}");
         assert!((noise.total_sd_m / 0.03 - 1.0).abs() < 0.05);
         assert!(!noise.coloured && noise.effective_fraction > 0.9 && noise.quantum_m.is_none());
+    }
+
+    /// One dropout of a logger that writes -99999 kPa, and two samples of a switching valve.
+    #[test]
+    fn spikes_do_not_count_as_noise() {
+        let mut gauss = Gauss::new(5);
+        let mut lead: Vec<f64> = (0..2000).map(|_| 50.0 + 0.03 * gauss.next()).collect();
+        let clean = noise(&lead, &lead);
+        assert!(matches!(despiked(&lead), Cow::Borrowed(_)));
+        lead[700] = -10_200.0;
+        lead[1500] += 40.0;
+        lead[1501] += 35.0;
+        let found = noise(&lead, &lead);
+        assert!((found.white_sd_m / clean.white_sd_m - 1.0).abs() < 0.1, "{found:?}");
+        assert!((found.total_sd_m / clean.total_sd_m - 1.0).abs() < 0.1, "{found:?}");
+        assert!(!found.coloured && found.effective_fraction > 0.9, "{found:?}");
+        let mean = despiked(&lead).iter().sum::<f64>() / 2000.0;
+        assert!((mean - 50.0).abs() < 0.01, "{mean}");
     }
 
     #[test]

@@ -2,7 +2,8 @@
 //!
 //! The Laplace transform of the head's deviation,
 //! `dH(x,s) = V0 sR/(g s γ) sinh(γx)/cosh(γL) L{-V'/V0}`, `γ² = sR s χ/a²`, `χ = 1 + F Σ J_k/(1 + s τ_k)`, `F = a² ρ D/e`,
-//! `sR = s` without friction, `s I₀(z)/I₂(z)`, `z = R √(s/ν)`, with all the friction of laminar flow (Zielke 1968),
+//! `sR = s` without friction; with all that of laminar flow `s I₀(z)/I₂(z)`, `z = R √(s/ν)` (Zielke 1968); with the unsteady
+//! part of turbulent flow alone `s (1 + (16ν/D²) L{W})`, `L{W} = D²/(8ν)/√(sD²/4ν + B*)` (Vardy & Brown 2003),
 //! is inverted by a Fourier series on a shifted contour (Dubner & Abate 1968; Crump 1976). Nothing here knows of the solver.
 
 use nalgebra::Complex;
@@ -34,6 +35,35 @@ impl Ramp {
     }
 }
 
+/// Friction; `viscosity` is kinematic.
+#[derive(Clone, Copy)]
+pub enum Shear {
+    None,
+    /// Steady and unsteady.
+    Laminar {
+        viscosity: f64,
+    },
+    /// Unsteady alone.
+    Turbulent {
+        viscosity: f64,
+        reynolds: f64,
+    },
+}
+
+impl Shear {
+    /// `sR/s`.
+    fn inertia(self, diameter: f64, s: C) -> C {
+        match self {
+            Shear::None => C::from(1.0),
+            Shear::Laminar { viscosity } => bessel_ratio((s / viscosity).sqrt() * (0.5 * diameter)),
+            Shear::Turbulent { viscosity, reynolds } => {
+                let decay = reynolds.powf((15.29 / reynolds.powf(0.0567)).log10()) / 12.86;
+                C::from(1.0) + (s * (diameter * diameter / (4.0 * viscosity)) + decay).sqrt().inv() * 2.0
+            }
+        }
+    }
+}
+
 /// The linear problem, SI.
 pub struct Exact {
     pub length: f64,
@@ -45,8 +75,7 @@ pub struct Exact {
     pub ramp: Ramp,
     /// `(J, tau)`, 1/Pa and s.
     pub creep: Vec<(f64, f64)>,
-    /// Kinematic viscosity of laminar flow, m²/s; without it there is no friction.
-    pub viscosity: Option<f64>,
+    pub shear: Shear,
 }
 
 /// `I₀(z)/I₂(z)` in the right half-plane.
@@ -74,7 +103,7 @@ impl Exact {
     fn transform(&self, x: f64, s: C) -> C {
         let f = self.wave_speed.powi(2) * self.density * self.diameter / self.wall;
         let chi = self.creep.iter().map(|&(j, tau)| (C::from(1.0) + s * tau).inv() * (f * j)).sum::<C>() + 1.0;
-        let inertia = self.viscosity.map_or(C::from(1.0), |nu| bessel_ratio((s / nu).sqrt() * (0.5 * self.diameter)));
+        let inertia = self.shear.inertia(self.diameter, s);
         let gamma = s * (inertia * chi).sqrt() / self.wave_speed;
         // sinh(γx)/cosh(γL) without overflow.
         let up = (gamma * (x - self.length)).exp() * (C::from(1.0) - (gamma * (-2.0 * x)).exp());

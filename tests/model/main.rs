@@ -1,10 +1,13 @@
 //! The model against what is not ours: exact solutions, published numbers, conservation, orders of convergence.
 
+mod ends;
+mod energy;
 mod exact;
+mod gas;
 mod place;
 mod unsteady_friction;
 
-use exact::{Exact, Ramp};
+use exact::{Exact, Ramp, Shear};
 use surgescope::model::boundary::Closure;
 use surgescope::model::effects::parse_list;
 use surgescope::model::trace::Probe;
@@ -102,7 +105,7 @@ fn b1() -> Exact {
         velocity: 0.5,
         ramp: Ramp::Cycloid(0.10),
         creep: creep.iter().map(|&(j, tau)| (j * 1e-10, tau)).collect(),
-        viscosity: None,
+        shear: Shear::None,
     }
 }
 
@@ -116,7 +119,7 @@ fn b3(ramp: Ramp) -> Exact {
         velocity: 1.0,
         ramp,
         creep: vec![(1e-10, 0.0225), (8e-10, 1.1)],
-        viscosity: None,
+        shear: Shear::None,
     }
 }
 

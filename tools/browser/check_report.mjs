@@ -186,6 +186,8 @@ try {
   await page.pdf({ path: join(folder, "print.pdf"), format: "A4", printBackground: true });
   await page.emulateMedia({ media: "print" });
   check("print shows the still pictures", await page.$$eval(".still", (all) => all.every((s) => s.getBoundingClientRect().height > 100)));
+  const cut = () => page.$$eval(".scroll", (all) => all.filter((s) => s.scrollHeight > s.clientHeight + 1).length);
+  check("print cuts no table off", (await cut()) === 0);
   check("print hides the charts", await page.$$eval(".live", (all) => all.every((s) => getComputedStyle(s).display === "none")));
   try {
     execFileSync("pdftoppm", ["-r", "60", "-png", join(folder, "print.pdf"), join(folder, "print")]);

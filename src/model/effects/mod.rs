@@ -12,11 +12,21 @@
 //! | [`Effect::supply`], [`Effect::valve`] | the ends |
 //! | [`Effect::sense`] | what one sensor makes of the head |
 
+mod air_pocket;
 mod blockage;
+mod clock_skew;
+mod entrained_gas;
 mod leak;
+mod moving_valve;
 mod section_change;
+mod sensor_gain;
+mod sensor_lag;
 mod side_branch;
+mod supply_drift;
 mod unsteady_friction;
+mod valve_law;
+mod valve_seat_leak;
+mod vapour_cavity;
 mod viscoelastic_wall;
 
 use super::ModelError;
@@ -31,11 +41,21 @@ use crate::rig::{Rig, WaterProperties};
 /// Every effect that a model can have.
 pub static CATALOGUE: &[&dyn Effect] = &[
     &viscoelastic_wall::ViscoelasticWall,
+    &unsteady_friction::UnsteadyFriction,
+    &entrained_gas::EntrainedGas,
+    &vapour_cavity::VapourCavity,
     &leak::Leak,
     &blockage::Blockage,
     &section_change::SectionChange,
+    &valve_law::ValveLaw,
+    &valve_seat_leak::ValveSeatLeak,
+    &supply_drift::SupplyDrift,
+    &air_pocket::AirPocket,
+    &moving_valve::MovingValve,
     &side_branch::SideBranch,
-    &unsteady_friction::UnsteadyFriction,
+    &sensor_lag::SensorLag,
+    &clock_skew::ClockSkew,
+    &sensor_gain::SensorGain,
 ];
 
 /// What an effect needs to know of the rig to give its parameters sensible starts and bounds.
@@ -154,6 +174,10 @@ pub trait Effect: Sync {
         let _ = elements;
         Vec::new()
     }
+    /// Puts values that could stand in another order and mean the same (elements) in their customary one.
+    fn put_in_order(&self, values: &mut [f64]) {
+        let _ = values;
+    }
     /// Changes the pipes before the grid is laid. Values are in the order of [`Effect::parameters`], here and below.
     ///
     /// # Errors
@@ -199,6 +223,10 @@ pub trait Effect: Sync {
         let _ = values;
         Ok(supply)
     }
+    /// It lets the water boil or gas grow where the pressure falls: without such an effect a head below vapour's is no head.
+    fn lets_boil(&self) -> bool {
+        false
+    }
     /// Changes the valve.
     ///
     /// # Errors
@@ -206,6 +234,11 @@ pub trait Effect: Sync {
     fn valve(&self, values: &[f64], valve: &mut ValveEnd) -> Result<(), ModelError> {
         let _ = (values, valve);
         Ok(())
+    }
+    /// How much longer than it is looked at a run must be simulated, s: a sensor's clock may show what is still to come.
+    fn beyond_s(&self, values: &[f64]) -> f64 {
+        let _ = values;
+        0.0
     }
     /// What the sensor that it concerns makes of the head; the sensor's elevation is `elevation_m`.
     ///

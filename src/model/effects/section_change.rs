@@ -76,6 +76,14 @@ impl Effect for SectionChange {
         pairs.map(|(from, to)| vec![from / 0.4, to / 0.6, 1.0, 1.0]).collect()
     }
 
+    fn put_in_order(&self, values: &mut [f64]) {
+        if let [start_m, end_m, ..] = values
+            && start_m > end_m
+        {
+            std::mem::swap(start_m, end_m);
+        }
+    }
+
     fn reshape(&self, values: &[f64], stretches: &mut Vec<Stretch>) -> Result<(), ModelError> {
         let [one_m, other_m, ratio, beyond] = *values else { return Ok(()) };
         let total_m: f64 = stretches.iter().map(|s| s.length_m).sum();
@@ -113,7 +121,7 @@ mod tests {
 
     fn stretch(length_m: f64, wave_speed_m_s: f64) -> Stretch {
         let friction = WallFriction::constant(0.02);
-        Stretch { length_m, diameter_m: 0.05, wall_m: 0.005, wave_speed_m_s, constraint: 1.0, friction }
+        Stretch { length_m, diameter_m: 0.05, wall_m: 0.005, wave_speed_m_s, constraint: 1.0, friction, creeps: true }
     }
 
     fn reshaped(values: [f64; 4]) -> Vec<(f64, f64)> {
@@ -130,6 +138,9 @@ mod tests {
         assert_eq!(reshaped([90.0, 100.0, 2.0, 1.0]), [(40.0, 1000.0), (50.0, 500.0), (10.0, 1000.0)]);
         assert_eq!(reshaped([100.0, 90.0, 2.0, 1.0]), [(40.0, 1000.0), (50.0, 500.0), (10.0, 1000.0)]);
         assert_eq!(reshaped([30.0, 50.0, 1.0, 1.0]), [(40.0, 1000.0), (60.0, 500.0)]);
+        let mut reversed = [50.0, 30.0, 1.1, 1.0];
+        SectionChange.put_in_order(&mut reversed);
+        assert_eq!(reversed, [30.0, 50.0, 1.1, 1.0]);
         assert_eq!(reshaped([10.0, 30.0, 1.5, 2.0])[2..], [(10.0, 2000.0), (60.0, 1000.0)]);
     }
 }

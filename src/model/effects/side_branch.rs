@@ -186,9 +186,9 @@ mod tests {
                     size = size.max(flow.abs());
                 }
             }
-            // Linear interpolation takes a little energy.
-            let within = if delay < 1.0 { 2e-2 } else { 2e-3 };
-            assert!(worst < within * exact, "{delay}: {worst} of {exact}");
+            // Within one step the interpolation is linear and swallows `½ s (1 - s) ω²` of the wave: a small real admittance.
+            let swallowed = if delay < 1.0 { 0.25 * delay * (1.0 - delay) * turn * turn * 2e-3 } else { 0.0 };
+            assert!(worst < 2e-3 * exact + 1.01 * swallowed, "{delay}: {worst} of {exact}");
             assert!((size / exact - 1.0).abs() < 2e-3, "{delay}");
         }
     }

@@ -7,6 +7,7 @@ use crate::model::grid::Segment;
 use crate::model::parameter::Parameter;
 use crate::model::solver::{Implicit, LineTerm, Steady};
 use crate::model::unsteady_kernels::Kernel;
+use crate::model::wide::widened;
 use crate::rig::LAMINAR_REYNOLDS;
 use crate::units::GRAVITY_M_S2;
 
@@ -127,6 +128,24 @@ impl Memory {
     }
 }
 
+widened! {
+    fn advance_blocks(terms: &[(f64, f64)], forgotten: f64, states: &mut [[f64; BLOCK]], u: &[f64], momentum: &mut [f64]) {
+        let mut blocks = states.chunks_exact_mut(terms.len());
+        let (whole_u, last_u) = u.as_chunks::<BLOCK>();
+        let (whole_d, last_d) = momentum.as_chunks_mut::<BLOCK>();
+        for ((u, d), states) in whole_u.iter().zip(whole_d).zip(&mut blocks) {
+            let known = Memory::advance(terms, forgotten, states, u);
+            d.iter_mut().zip(known).for_each(|(d, known)| *d += known);
+        }
+        if !last_u.is_empty() {
+            let mut padded = [0.0; BLOCK];
+            padded[..last_u.len()].copy_from_slice(last_u);
+            let known = Memory::advance(terms, forgotten, blocks.next().unwrap_or_default(), &padded);
+            last_d.iter_mut().zip(known).for_each(|(d, known)| *d += known);
+        }
+    }
+}
+
 struct Convolution {
     segments: Vec<Memory>,
 }
@@ -143,19 +162,7 @@ impl LineTerm for Convolution {
 
     fn advance(&mut self, segment: usize, _h: &[f64], u: &[f64], _storage: &mut [f64], momentum: &mut [f64]) {
         let Memory { forgotten, terms, states, .. } = &mut self.segments[segment];
-        let mut blocks = states.chunks_exact_mut(terms.len());
-        let (whole_u, last_u) = u.as_chunks::<BLOCK>();
-        let (whole_d, last_d) = momentum.as_chunks_mut::<BLOCK>();
-        for ((u, d), states) in whole_u.iter().zip(whole_d).zip(&mut blocks) {
-            let known = Memory::advance(terms, *forgotten, states, u);
-            d.iter_mut().zip(known).for_each(|(d, known)| *d += known);
-        }
-        if !last_u.is_empty() {
-            let mut padded = [0.0; BLOCK];
-            padded[..last_u.len()].copy_from_slice(last_u);
-            let known = Memory::advance(terms, *forgotten, blocks.next().unwrap_or_default(), &padded);
-            last_d.iter_mut().zip(known).for_each(|(d, known)| *d += known);
-        }
+        advance_blocks(terms, *forgotten, states, u, momentum);
     }
 }
 

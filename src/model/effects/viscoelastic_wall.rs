@@ -4,6 +4,7 @@ use super::{Effect, Site, check};
 use crate::model::ModelError;
 use crate::model::parameter::Parameter;
 use crate::model::solver::{Implicit, LineTerm, Steady};
+use crate::model::wide::widened;
 use crate::units::GRAVITY_M_S2;
 
 /// See the module.
@@ -32,7 +33,7 @@ impl Effect for ViscoelasticWall {
     /// `J1_per_GPa, tau1_s, J2_per_GPa, tau2_s, …`, spread evenly (in ratio) around the period.
     fn parameters(&self, site: &Site, elements: usize) -> Vec<Parameter> {
         // The creep compliance in units of the wall's whole effect on the wave speed, e/(a² c₁ ρ D).
-        let pipe = &site.rig.pipes[0];
+        let pipe = site.rig.pipes.iter().find(|p| p.material().viscoelastic).unwrap_or(&site.rig.pipes[0]);
         let (wave_speed, ..) = pipe.wave_speed_start(site.water);
         let unit_compliance = pipe.wall_thickness_m
             / (wave_speed.powi(2) * pipe.constraint_coefficient() * site.water.density_kg_m3 * pipe.inner_diameter_m);
@@ -69,6 +70,13 @@ impl Effect for ViscoelasticWall {
         [0.2, 5.0].iter().map(|&by| [1.0, by].repeat(elements)).collect()
     }
 
+    /// By retardation time.
+    fn put_in_order(&self, values: &mut [f64]) {
+        let mut pairs: Vec<[f64; 2]> = values.chunks_exact(2).map(|p| [p[0], p[1]]).collect();
+        pairs.sort_by(|a, b| a[1].total_cmp(&b[1]));
+        values.copy_from_slice(pairs.as_flattened());
+    }
+
     fn line_terms(&self, values: &[f64], steady: &Steady) -> Result<Vec<Box<dyn LineTerm>>, ModelError> {
         for (k, pair) in values.chunks_exact(2).enumerate() {
             check(&format!("J{}_per_GPa", k + 1), pair[0], pair[0] >= 0.0, "zero or more")?;
@@ -80,7 +88,13 @@ impl Effect for ViscoelasticWall {
         for segment in &steady.grid.segments {
             // ½ B (2 A dx) ε': half of the storage flow of a reach, as a head; ε = C J h with C = c₁ D ρ g/(2e).
             let strain = segment.mean(|s| {
-                s.area_m2() * s.constraint * s.diameter_m * steady.density_kg_m3 * GRAVITY_M_S2 / (2.0 * s.wall_m)
+                f64::from(u8::from(s.creeps))
+                    * s.area_m2()
+                    * s.constraint
+                    * s.diameter_m
+                    * steady.density_kg_m3
+                    * GRAVITY_M_S2
+                    / (2.0 * s.wall_m)
             });
             let weight = segment.impedance * segment.reach_m * strain;
             let mut kappa = 0.0;
@@ -140,19 +154,29 @@ impl LineTerm for Creep {
         let mut pairs = self.elements.chunks_exact_mut(2);
         for pair in &mut pairs {
             let [first, second] = pair else { continue };
-            let (a, b) = (first.of(segment, offset, h.len()), second.of(segment, offset, h.len()));
-            for ((x, y), (h, out)) in a.strain.iter_mut().zip(b.strain).zip(h.iter().zip(storage.iter_mut())) {
-                *x = a.decay * *x + a.gain * h;
-                *y = b.decay * *y + b.gain * h;
-                *out += *x + *y;
-            }
+            creep_of_two(first.of(segment, offset, h.len()), second.of(segment, offset, h.len()), h, storage);
         }
         if let [last] = pairs.into_remainder() {
-            let a = last.of(segment, offset, h.len());
-            for (x, (h, out)) in a.strain.iter_mut().zip(h.iter().zip(storage.iter_mut())) {
-                *x = a.decay * *x + a.gain * h;
-                *out += *x;
-            }
+            creep_of_one(last.of(segment, offset, h.len()), h, storage);
+        }
+    }
+}
+
+widened! {
+    fn creep_of_two(a: Share, b: Share, h: &[f64], storage: &mut [f64]) {
+        for ((x, y), (h, out)) in a.strain.iter_mut().zip(b.strain).zip(h.iter().zip(storage.iter_mut())) {
+            *x = a.decay * *x + a.gain * h;
+            *y = b.decay * *y + b.gain * h;
+            *out += *x + *y;
+        }
+    }
+}
+
+widened! {
+    fn creep_of_one(a: Share, h: &[f64], storage: &mut [f64]) {
+        for (x, (h, out)) in a.strain.iter_mut().zip(h.iter().zip(storage.iter_mut())) {
+            *x = a.decay * *x + a.gain * h;
+            *out += *x;
         }
     }
 }

@@ -1,4 +1,4 @@
-// Turns each sensor's data into two charts with one time axis: head above, measured - model below.
+// Turns each sensor's data into two charts with one time axis: head above, model - measured below.
 "use strict";
 (() => {
   const data = JSON.parse(document.getElementById("data").textContent);
@@ -121,13 +121,13 @@
     const index = live.dataset.panel, p = data.panels[index];
     live.hidden = false;
     const stage = (s, show, width) => ({ label: s.title, colour: `--s${s.colour}`, dash: DASHES[s.colour], width, show });
-    const head = [{ label: "measured", colour: "--measured", dash: [], width: 3, show: true },
+    const head = [{ label: "measured", colour: "--measured", dash: [], width: 6, show: true },
       ...data.stages.map((s) => stage(s, true, 1.5)),
       ...p.overlays.map((o) => ({ label: o.label, colour: "--overlay", dash: [], width: 0, show: true, points: true }))];
     const rest = data.stages.map((s, i) => stage(s, p.residual_shown[i], 1));
     let headPoints = [p.x, p.measured, ...p.models];
     if (p.overlays.length) headPoints = uPlot.join([headPoints, ...p.overlays.map((o) => [o.x, o.y])]);
-    const restPoints = [p.x, ...p.models.map((m) => m.map((v, k) => (v == null || p.measured[k] == null ? null : p.measured[k] - v)))];
+    const restPoints = [p.x, ...p.models.map((m) => m.map((v, k) => (v == null || p.measured[k] == null ? null : v - p.measured[k])))];
 
     const full = { min: headPoints[0][0], max: headPoints[0][headPoints[0].length - 1] };
     if (!(full.max > full.min)) full.max = full.min + 1;

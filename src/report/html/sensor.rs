@@ -12,7 +12,7 @@ use crate::report::svg::{LineChart, Series, Style};
 
 const X_LABEL: &str = "time after the start of the closure, s";
 const HEAD_LABEL: &str = "head, m";
-const RESIDUAL_LABEL: &str = "measured − model, m";
+const RESIDUAL_LABEL: &str = "model − measured, m";
 /// Stretches of a still picture: about one a pixel.
 const STILL_BUCKETS: usize = 420;
 
@@ -25,7 +25,7 @@ pub(super) fn section(index: usize, panel: &Panel, stages: &[Stage]) -> String {
 <div class="live" data-panel="{index}" hidden>
 <div class="tools"><span class="hint">Drag to zoom, double-click to see all.</span><span class="buttons"></span></div>
 <h4>Head, m</h4><div class="legend" data-of="head"></div><div class="plot head" role="img" aria-label="Measured and modelled head at {name} over time"></div>
-<h4>Measured − model, m</h4><div class="legend" data-of="residual"></div><div class="plot residual" role="img" aria-label="Measured minus modelled head at {name} over time"></div>
+<h4>Model − measured, m</h4><div class="legend" data-of="residual"></div><div class="plot residual" role="img" aria-label="Modelled minus measured head at {name} over time"></div>
 </div>
 <div class="still">
 "#,
@@ -125,6 +125,6 @@ fn extrema(extrema: &[ExtremumError], noise_m: f64, sensor: &str) -> String {
     format!(
         "<h4>Peaks and troughs ({})</h4>\n{}<p class=\"note\">Error: model − measured. Phase: how much later the model crosses its mean level on the way to the extremum; positive means that the model is late.</p>\n",
         extrema.len(),
-        table(&caption, &headings, 1, rows).replacen("class=\"scroll\"", "class=\"scroll tall\"", 1)
+        table(&caption, &headings, 1, rows)
     )
 }

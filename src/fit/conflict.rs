@@ -1,0 +1,72 @@
+//! Where a fit contradicts what was known before it: a fit may be down to the noise with a velocity that no meter showed.
+
+use super::data::RunData;
+use super::outcome::Fit;
+
+/// Deviations, in standard deviations of what was known, that are a conflict.
+const CONFLICT: f64 = 5.0;
+
+/// One sentence a conflict.
+pub fn conflicts(fit: &Fit, runs: &[RunData]) -> Vec<String> {
+    let mut sentences = Vec::new();
+    for run in runs {
+        let own = |name: &str| {
+            fit.parameters
+                .iter()
+                .find(|p| p.name == name && p.run.as_ref().is_none_or(|r| *r == run.file))
+                .map(|p| p.value)
+        };
+        let (measured, relative) = run.start.velocity_m_s;
+        if let (Some(fitted), Some(_)) = (own("initial_velocity_m_s"), &run.meter)
+            && (fitted / measured - 1.0).abs() > (CONFLICT * relative).max(0.05)
+        {
+            sentences.push(format!(
+                "{}: the fit takes a velocity of {fitted:.4} m/s where the flow meter says {measured:.4}: check the meter's unit and \
+                 range, the diameter, and whether an effect is missing",
+                run.file
+            ));
+        }
+        let (known_head, guessed) = run.start.valve_head_m;
+        let head_sd = run.sensors.iter().map(|s| s.offset_sd_m).fold(0.0, f64::max);
+        if let Some(fitted) = own("valve_head_m")
+            && guessed.is_none()
+            && (fitted - known_head).abs() > CONFLICT * head_sd
+        {
+            sentences.push(format!(
+                "{}: the fit takes {fitted:.2} m of head before the valve where the sensors say {known_head:.2}: the model misses \
+                 something that a shifted mean level stands in for",
+                run.file
+            ));
+        }
+        let (known_start, se) = run.start.closure_s;
+        if let (Some(fitted), Some(closing)) = (own("closure_start_s"), own("closing_time_s"))
+            && (fitted - known_start).abs() > (CONFLICT * se).max(0.25 * closing)
+        {
+            sentences.push(format!(
+                "{}: the fit starts the closure at {fitted:.4} s where the pressure starts to rise at {known_start:.4} s",
+                run.file
+            ));
+        }
+        if let Some(scale) = own("friction_scale")
+            && !(0.5..=2.0).contains(&scale)
+        {
+            sentences.push(format!(
+                "{}: the fit takes {scale:.2} times the friction of the pipe: an effect that takes energy is missing, or one too many \
+                 is there",
+                run.file
+            ));
+        }
+    }
+    let noise = fit.runs.iter().map(|r| r.noise_m).fold(f64::INFINITY, f64::min);
+    if fit.grid_error_m > 0.5 * noise {
+        sentences.push(format!(
+            "the grid's own error, {:.3} m at {} reaches, is not small against the noise of {noise:.3} m: raise --most-reaches before \
+             looking for missing physics",
+            fit.grid_error_m, fit.reaches
+        ));
+    }
+    for parameter in fit.parameters.iter().filter(|p| p.at_bound) {
+        sentences.push(format!("{} ended at its bound, {:.4e} {}", parameter.name, parameter.value, parameter.unit));
+    }
+    sentences
+}

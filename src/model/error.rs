@@ -1,0 +1,40 @@
+//! Why a model cannot be simulated, in sentences.
+
+/// What can be wrong with a model or a simulation.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[allow(missing_docs)] // the sentences say it
+pub enum ModelError {
+    #[error("{reaches} reaches are too few: these pipes need at least {needed}")]
+    TooFewReaches { reaches: usize, needed: usize },
+    #[error("{name} = {value} is outside its physical range ({allowed})")]
+    Value { name: String, value: f64, allowed: &'static str },
+    #[error("unknown effect '{name}'; did you mean '{nearest}'? Known are: {known}")]
+    UnknownEffect { name: String, nearest: String, known: String },
+    #[error("'{item}': the number of elements must be a whole number from {low} to {high}")]
+    Elements { item: String, low: usize, high: usize },
+    #[error("'{item}': this effect has no elements to number")]
+    NoElements { item: String },
+    #[error("the effect '{name}' is named twice")]
+    EffectTwice { name: String },
+    #[error(
+        "friction takes {share:.3} of the impedance over one reach, more than the scheme resolves; use at least {needed} reaches"
+    )]
+    FrictionTooCoarse { share: f64, needed: usize },
+    #[error("{steps} steps at {sensors} places would need {gib:.1} GiB; shorten the duration or take fewer reaches")]
+    TooLong { steps: usize, sensors: usize, gib: f64 },
+    #[error(
+        "the solution stopped being finite {time_s:.4} s after the start of the closure, {position_m:.2} m from the supply, in a \
+         model with {effects}; check the parameter values"
+    )]
+    NotFinite { time_s: f64, position_m: f64, effects: String },
+    #[error("'{item}': this effect concerns no single sensor")]
+    NoSensor { item: String },
+    #[error("'{one}' and '{other}' cannot be together: {why}")]
+    Excluded { one: String, other: String, why: &'static str },
+    #[error("there is no pressure sensor '{name}'; the rig has {known}")]
+    UnknownSensor { name: String, known: String },
+    #[error("an upstream end of kind 'measured' needs the head measured at position 0")]
+    NoSupplyHead,
+    #[error("the head before the valve needs at least one sample, and times that increase")]
+    NoValveHead,
+}

@@ -1,0 +1,380 @@
+//! Gas, vapour and air against what is known of them: exact periods and cavities, energy, and the pipe of Adelaide.
+
+use surgescope::model::boundary::Closure;
+use surgescope::model::effects::parse_list;
+use surgescope::model::trace::{Probe, Trace};
+use surgescope::model::{Conditions, Model, ModelError, Resolution, RunValues};
+use surgescope::rig::Rig;
+
+use crate::{orders, relative_rms, rig, rig_of_two_pipes, water};
+
+const G: f64 = 9.81;
+const ATMOSPHERE_PA: f64 = 101_325.0;
+
+/// One run: what differs between the tests.
+struct Run<'a> {
+    effects: &'a str,
+    shared: &'a [f64],
+    velocity: f64,
+    head: f64,
+    closing_s: f64,
+    closure: fn(f64) -> Closure,
+    reaches: usize,
+    duration_s: f64,
+}
+
+fn smooth(closing_time_s: f64) -> Closure {
+    Closure::FlowCycloid { closing_time_s }
+}
+
+impl Run<'_> {
+    fn try_on(&self, rig: &Rig, probes: &[Probe]) -> Result<Vec<Trace>, ModelError> {
+        let water = rig.fluid.properties(rig.fluid.temperature_degc);
+        let mut model = Model::new(rig, &water, &parse_list(self.effects).unwrap());
+        model.closure = self.closure;
+        let run = RunValues {
+            initial_velocity_m_s: self.velocity,
+            valve_head_m: self.head,
+            closing_time_s: self.closing_s,
+            friction_scale: 1.0,
+        };
+        let conditions = Conditions { water, supply_deviation: None };
+        let resolution = Resolution { reaches: self.reaches, duration_s: self.duration_s };
+        model.simulate(&conditions, self.shared, &run, resolution, probes).map(|s| s.traces)
+    }
+
+    fn on(&self, rig: &Rig, probes: &[Probe]) -> Vec<Trace> {
+        self.try_on(rig, probes).unwrap()
+    }
+}
+
+/// 100 m of 50 mm pipe without friction.
+fn plain() -> Rig {
+    rig(100.0, 50.0, 4.0, "friction_factor = 0.0")
+}
+
+fn usual<'a>(effects: &'a str, shared: &'a [f64]) -> Run<'a> {
+    Run { effects, shared, velocity: 0.2, head: 40.0, closing_s: 0.3, closure: smooth, reaches: 64, duration_s: 2.0 }
+}
+
+fn samples(trace: &Trace, duration_s: f64) -> Vec<f64> {
+    (0..1000).map(|i| trace.at(f64::from(i) * duration_s / 1000.0)).collect()
+}
+
+#[test]
+fn at_vanishing_strength_the_base_model_is_left() {
+    let rig = plain();
+    let probes = [Probe::Head(100.0), Probe::Head(41.0), Probe::Flow(70.0)];
+    for (wall, creep) in [("", &[][..]), ("viscoelastic-wall:1,", &[0.05, 0.1][..])] {
+        let with = |effect: &str, values: &[f64], head: f64| {
+            let shared = [&[1000.0], creep, values].concat();
+            let effects = format!("{wall}{effect}");
+            Run { head, ..usual(&effects, &shared) }.on(&rig, &probes)
+        };
+        for (effect, values, head) in [
+            ("entrained-gas", &[0.0, 1e-4][..], 40.0),
+            ("entrained-gas", &[1e-15, 1e-4][..], 40.0),
+            ("air-pocket", &[0.0, 1.2][..], 40.0),
+            ("air-pocket", &[1e-11, 1.2][..], 40.0),
+            // Cavities have no strength: they are gone where the pressure is far from that of vapour.
+            ("vapour-cavity", &[1e-4][..], 1e6),
+        ] {
+            let (base, own) = (with("none", &[], head), with(effect, values, head));
+            for (a, b) in base.iter().zip(&own) {
+                let worst = a.values.iter().zip(&b.values).map(|(x, y)| (x - y).abs()).fold(0.0, f64::max);
+                assert!(worst <= 1e-9 * (head / 40.0), "{wall}{effect} {values:?}: {worst}");
+            }
+        }
+    }
+}
+
+#[test]
+fn before_the_valve_moves_nothing_moves() {
+    let rig = Rig::from_toml(include_str!("../../rigs/adelaide-copper.toml"), "adelaide-copper.toml").unwrap();
+    for (effects, values) in [
+        ("none", &[][..]),
+        ("entrained-gas", &[1e-3, 1e-4][..]),
+        ("vapour-cavity", &[1e-4][..]),
+        ("air-pocket", &[50.0, 1.2][..]),
+    ] {
+        let shared = [&[1319.0], values].concat();
+        let shut_late = |closing_time_s| Closure::FlowRamp { closing_time_s: 1e9 + closing_time_s };
+        let run = Run { velocity: 1.0, head: 15.0, closure: shut_late, duration_s: 5.0, ..usual(effects, &shared) };
+        for trace in run.on(&rig, &[Probe::Head(37.23), Probe::Head(11.0), Probe::Flow(20.0)]) {
+            let moved = trace.values.iter().map(|v| (v - trace.values[0]).abs()).fold(0.0, f64::max);
+            assert!(moved < 1e-8, "{effects}: {moved}");
+        }
+    }
+}
+
+/// The period of small oscillations about the head at rest, from the zeros of the head at the valve.
+fn period_s(trace: &Trace, rest_m: f64, from_s: f64) -> f64 {
+    let mut rises = Vec::new();
+    for (i, pair) in trace.values.windows(2).enumerate() {
+        let (a, b) = (pair[0] - rest_m, pair[1] - rest_m);
+        let time_s = (i as f64 + a / (a - b)) * trace.dt_s;
+        if a < 0.0 && b >= 0.0 && time_s > from_s {
+            rises.push(time_s);
+        }
+    }
+    (rises[rises.len() - 1] - rises[0]) / (rises.len() - 1) as f64
+}
+
+/// Wylie & Streeter's wave speed of water with gas: `1/a_m² = 1/a² + α H_atm/(g y²)`, `y` the head above that of vapour.
+#[test]
+fn waves_in_gassy_water_have_wylies_speed() {
+    let rig = plain();
+    let water = water(&rig, rig.fluid.properties(20.0).density_kg_m3);
+    let per_m = water.density_kg_m3 * G;
+    let a = 1200.0f64;
+    for (gas_fraction, head) in [(1e-5, 20.0), (1e-4, 40.0), (1e-3, 30.0)] {
+        let y = head + (ATMOSPHERE_PA - water.vapour_pressure_pa) / per_m;
+        let wylie = (1.0 / (1.0 / (a * a) + gas_fraction * ATMOSPHERE_PA / per_m / (G * y * y))).sqrt();
+        let period = 4.0 * 100.0 / wylie;
+        let shared = [a, gas_fraction, 0.0];
+        let run = Run {
+            velocity: 1e-4,
+            head,
+            closing_s: 0.75 * period,
+            duration_s: 12.0 * period,
+            reaches: 128,
+            ..usual("entrained-gas", &shared)
+        };
+        let found = period_s(&run.on(&rig, &[Probe::Head(100.0)])[0], head, period);
+        assert!((found / period - 1.0).abs() < 2e-3, "{gas_fraction} {head}: {found} {period}");
+    }
+}
+
+/// Pipe and spring: `gA/a cot(ωL/a) = ω V/(n y)` for small oscillations.
+#[test]
+fn small_oscillations_on_a_pocket_have_their_exact_period() {
+    let rig = plain();
+    let density = rig.fluid.properties(20.0).density_kg_m3;
+    let (a, area) = (1000.0f64, std::f64::consts::FRAC_PI_4 * 0.05 * 0.05);
+    for (volume_ml, exponent) in [(20.0, 1.0), (300.0, 1.2), (5000.0, 1.4)] {
+        let head = 30.0;
+        let spring = volume_ml * 1e-6 / (exponent * (head + ATMOSPHERE_PA / (density * G)));
+        let (mut low, mut high) = (1e-3, 0.5 * std::f64::consts::PI);
+        while high - low > 1e-13 {
+            let x = 0.5 * (low + high);
+            if G * area / a / x.tan() > x * a / 100.0 * spring { low = x } else { high = x }
+        }
+        let period = std::f64::consts::TAU * 100.0 / (a * low);
+        let shared = [a, volume_ml, exponent];
+        let run = Run {
+            velocity: 1e-4,
+            head,
+            closing_s: 0.75 * period,
+            duration_s: 12.0 * period,
+            reaches: 100,
+            ..usual("air-pocket", &shared)
+        };
+        let found = period_s(&run.on(&rig, &[Probe::Head(100.0)])[0], head, period);
+        assert!((found / period - 1.0).abs() < 1e-3, "{volume_ml} {exponent}: {found} {period}");
+    }
+}
+
+/// A pocket much softer than the water stops the column: its work, `∫ (p - p0) dV` from the first volume to the least, is what
+/// the column's motion held, and the other way on the way back.
+#[test]
+fn a_pocket_takes_in_and_gives_back_the_energy_of_the_column() {
+    let rig = plain();
+    let density = rig.fluid.properties(20.0).density_kg_m3;
+    let (head, volume, exponent) = (20.0, 2e-3, 1.2);
+    let y0 = head + ATMOSPHERE_PA / (density * G);
+    let velocity = 0.5;
+    let motion_j = 0.5 * density * 0.25 * std::f64::consts::PI * 0.05f64.powi(2) * 100.0 * velocity * velocity;
+    let shared = [1400.0, volume * 1e6, exponent];
+    let shut = |_| Closure::FlowRamp { closing_time_s: 1e-9 };
+    let run = Run { velocity, head, closure: shut, duration_s: 4.0, reaches: 200, ..usual("air-pocket", &shared) };
+    let trace = &run.on(&rig, &[Probe::Head(100.0)])[0];
+    let work_j = |head: f64| {
+        let y = head + y0 - 20.0;
+        let v = volume * (y0 / y).powf(1.0 / exponent);
+        let stored = density * G * (y * v - y0 * volume) / (exponent - 1.0);
+        stored - density * G * y0 * (volume - v)
+    };
+    let highest = trace.values.iter().copied().fold(f64::MIN, f64::max);
+    let lowest = trace.values.iter().copied().fold(f64::MAX, f64::min);
+    for extreme in [highest, lowest] {
+        assert!((work_j(extreme) / motion_j - 1.0).abs() < 0.02, "{extreme}: {} {motion_j}", work_j(extreme));
+    }
+}
+
+/// Where no cavity opens all three are smooth, and of second order.
+#[test]
+fn smooth_runs_converge_with_second_order() {
+    let rig = rig(100.0, 50.0, 4.0, "friction_factor = 0.02");
+    for (effects, values) in [
+        ("entrained-gas", &[1e-4, 0.0][..]),
+        ("entrained-gas", &[1e-4, 1e-2][..]),
+        ("vapour-cavity", &[0.0][..]),
+        ("air-pocket", &[200.0, 1.2][..]),
+    ] {
+        let shared = [&[1000.0], values].concat();
+        let at = |reaches| {
+            let run = Run { reaches, ..usual(effects, &shared) };
+            let traces = run.on(&rig, &[Probe::Head(100.0), Probe::Head(37.0)]);
+            [samples(&traces[0], 2.0), samples(&traces[1], 2.0)].concat()
+        };
+        let exact = at(1024);
+        let deviation: Vec<f64> = exact.iter().map(|v| v - 40.0).collect();
+        let errors = [32, 64, 128].map(|n| {
+            let error: Vec<f64> = at(n).iter().map(|v| v - 40.0).collect();
+            relative_rms(&error, &deviation)
+        });
+        assert!(errors[2] < 4e-3, "{effects}: {errors:?}");
+        assert!(orders(&errors).iter().all(|&o| o > 1.8), "{effects} {values:?}: {errors:?} {:?}", orders(&errors));
+    }
+}
+
+/// One cavity at the valve of a level pipe without friction, after a sudden closure: with `d = g y0/a`, `y0` the head above that of
+/// vapour, the water leaves the valve with `V0 - d` in the first `2L/a` after `2L/a`, and `2d` slower in each one after. The cavity
+/// is full when that adds up to nothing, and the head rises by `a/g` of the last velocity.
+#[test]
+fn a_cavity_at_the_valve_lasts_as_long_as_it_must() {
+    let rig = plain();
+    let water = rig.fluid.properties(20.0);
+    let vapour_m = (water.vapour_pressure_pa - ATMOSPHERE_PA) / (water.density_kg_m3 * G);
+    let (a, velocity, head) = (1200.0, 1.0, 20.0);
+    let d = G * (head - vapour_m) / a;
+    let (mut volume, mut periods, mut leaving) = (0.0, 1.0, velocity - d);
+    while volume + leaving > 0.0 {
+        volume += leaving;
+        periods += 1.0;
+        leaving -= 2.0 * d;
+    }
+    let return_s = 2.0 * 100.0 / a;
+    let end_s = return_s * (periods + volume / -leaving);
+    let shut = |_| Closure::FlowRamp { closing_time_s: 1e-9 };
+    let last = |effects: &str, values: &[f64], reaches: usize| {
+        let shared = [&[a], values].concat();
+        let run = Run { velocity, head, closure: shut, duration_s: 1.2, reaches, ..usual(effects, &shared) };
+        let trace = run.on(&rig, &[Probe::Head(100.0)]).remove(0);
+        let lowest = trace.values.iter().copied().fold(f64::MAX, f64::min);
+        assert!(lowest > vapour_m - 1e-3, "{effects}: {lowest}");
+        let full = (0..trace.values.len())
+            .find(|&i| trace.dt_s * i as f64 > 1.1 * return_s && trace.values[i] > vapour_m + 5.0)
+            .unwrap();
+        (trace.dt_s * full as f64 - end_s, trace.at(end_s + 6.0 * trace.dt_s) - vapour_m)
+    };
+    let jump = -leaving * a / G;
+    // Hardly any gas: the vapour cavity alone, to the step.
+    let errors = [50, 100, 200].map(|n| last("entrained-gas", &[1e-11, 0.0], n));
+    for ((late_s, rise), reaches) in errors.iter().zip([50.0, 100.0, 200.0]) {
+        let dt_s = 100.0 / a / reaches;
+        assert!(late_s.abs() < 2.0 * dt_s, "{reaches} reaches: {late_s} s late");
+        assert!((rise / jump - 1.0).abs() < 0.01, "{reaches} reaches: {rise} {jump}");
+    }
+    // The gas that starts the cavities of `vapour-cavity` shows by a hundredth.
+    let (late_s, rise) = last("vapour-cavity", &[0.0], 200);
+    assert!((late_s / (end_s - return_s)).abs() < 0.02, "{late_s}");
+    assert!((rise / jump - 1.0).abs() < 0.05, "{rise} {jump}");
+}
+
+/// The joint of two equal pipes is solved by another way than the nodes beside it, and changes nothing.
+#[test]
+fn a_joint_is_a_node_like_any_other() {
+    let text = rig_of_two_pipes();
+    let mut joined = Rig::from_toml(&text, "two.toml").unwrap();
+    for pipe in &mut joined.pipes {
+        pipe.length_m = 50.0;
+        pipe.inner_diameter_m = 0.05;
+    }
+    let whole = plain();
+    let at = |rig: &Rig, effects: &str, shared: &[f64]| {
+        let run = Run { velocity: 0.7, closing_s: 0.02, duration_s: 1.0, ..usual(effects, shared) };
+        run.on(rig, &[Probe::Head(100.0)]).remove(0)
+    };
+    for (effects, values) in [("entrained-gas", [1e-5, 1e-4]), ("entrained-gas", [1e-3, 0.0])] {
+        let one = at(&whole, effects, &[&[1000.0], &values[..]].concat());
+        let two = at(&joined, effects, &[&[1000.0, 1000.0], &values[..]].concat());
+        let worst = one.values.iter().zip(&two.values).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        assert!(worst < 1e-5, "{effects} {values:?}: {worst}");
+    }
+}
+
+#[test]
+fn what_gas_cannot_be_is_refused() {
+    let rig = plain();
+    let refusal = |effects: &str, values: &[f64], head: f64| {
+        let shared = [&[1000.0], values].concat();
+        Run { head, ..usual(effects, &shared) }.try_on(&rig, &[Probe::Head(100.0)]).map(|_| ()).unwrap_err().to_string()
+    };
+    assert!(refusal("entrained-gas", &[-1e-6, 0.0], 40.0).contains("gas_fraction"));
+    assert!(refusal("entrained-gas", &[1.5, 0.0], 40.0).contains("gas_fraction"));
+    assert!(refusal("entrained-gas", &[f64::NAN, 0.0], 40.0).contains("gas_fraction"));
+    assert!(refusal("entrained-gas", &[1e-6, -1.0], 40.0).contains("gas_lag_s"));
+    assert!(refusal("vapour-cavity", &[-1.0], 40.0).contains("cavity_lag_s"));
+    assert!(refusal("vapour-cavity", &[0.0], -11.0).contains("boils"));
+    assert!(refusal("air-pocket", &[-1.0, 1.2], 40.0).contains("air_volume_mL"));
+    assert!(refusal("air-pocket", &[10.0, 0.9], 40.0).contains("polytropic_exponent"));
+    assert!(refusal("air-pocket", &[10.0, 1.2], -11.0).contains("valve_head_m"));
+    assert!(parse_list("entrained-gas,vapour-cavity").unwrap_err().to_string().contains("cavities"));
+    assert!(parse_list("vapour-cavity,air-pocket").is_ok());
+}
+
+/// The head upstream of the valve that a supply of 22 m leaves at Adelaide.
+fn adelaide(effects: &str, velocity: f64, reaches: usize, duration_s: f64) -> Vec<(f64, f64)> {
+    let rig = Rig::from_toml(include_str!("../../rigs/adelaide-copper.toml"), "adelaide-copper.toml").unwrap();
+    let water = rig.fluid.properties(rig.fluid.temperature_degc);
+    let pipe = &rig.pipes[0];
+    let reynolds = velocity * pipe.inner_diameter_m / water.kinematic_viscosity_m2_s;
+    let factor = surgescope::rig::darcy_friction_factor(reynolds, 0.0);
+    let loss = factor * pipe.length_m / pipe.inner_diameter_m * velocity * velocity / (2.0 * G);
+    let shared: &[f64] = &[1319.0, 2e-4];
+    let run = Run {
+        effects,
+        shared,
+        velocity,
+        head: 22.0 - loss,
+        closing_s: 0.009,
+        closure: |closing_time_s| Closure::Linear { closing_time_s },
+        reaches,
+        duration_s,
+    };
+    let trace = run.on(&rig, &[Probe::Head(pipe.length_m)]).remove(0);
+    let kpa = |head: f64| (head - 2.03) * water.density_kg_m3 * G / 1e3 + ATMOSPHERE_PA / 1e3;
+    trace.values.iter().enumerate().map(|(i, &h)| (trace.dt_s * i as f64, kpa(h))).collect()
+}
+
+/// When the pressure stays below a level for longer than a spike, s: start and end of each such time.
+fn lows(record: &[(f64, f64)], level: f64) -> Vec<(f64, f64)> {
+    let mut lows: Vec<(f64, f64)> = Vec::new();
+    for pair in record.windows(2).filter(|pair| pair[1].1 < level) {
+        match lows.last_mut() {
+            Some(last) if pair[0].0 - last.1 < 0.012 => last.1 = pair[1].0,
+            _ => lows.push((pair[0].0, pair[1].0)),
+        }
+    }
+    lows.into_iter().filter(|(start, end)| *start > 0.02 && end - start > 0.1).collect()
+}
+
+/// Bergant & Simpson (1999), V0 1.4 m/s, with the durations read off the digitised trace where it crosses 500 kPa: 0.0629 to 0.3864 s
+/// and 0.4435 to 0.7287 s. (Half way up its steep fronts: there its doubtful zero, some 80 kPa, moves a crossing by less than a
+/// millisecond. What the digitiser gives beside the trace at a constant 2062 kPa from 0.4464 s on is a line of the figure.)
+#[test]
+fn severe_column_separation_at_adelaide() {
+    for reaches in [32, 64, 128, 256] {
+        let record = adelaide("vapour-cavity", 1.4, reaches, 0.8);
+        let second = record.iter().filter(|(t, _)| (0.33..0.47).contains(t)).map(|r| r.1).fold(0.0, f64::max);
+        assert!((second / 2057.0 - 1.0).abs() < 0.10, "{reaches} reaches: second peak {second} kPa");
+        let lows = lows(&record, 500.0);
+        for (low, measured) in lows.iter().zip([0.3864 - 0.0629, 0.7287 - 0.4435]) {
+            let duration = low.1 - low.0;
+            assert!((duration / measured - 1.0).abs() < 0.05, "{reaches} reaches: {duration} s for {measured} s");
+        }
+        assert!(lows.len() >= 2, "{reaches} reaches: {lows:?}");
+    }
+}
+
+/// The same at 0.3 m/s: 1015 kPa measured. The model is 6 to 12% above it on these grids. The pulse grows by five metres per metre of
+/// supply head, which is not known to a metre; unsteady friction, left out here, takes off 1 to 4%.
+#[test]
+fn moderate_column_separation_at_adelaide() {
+    for reaches in [32, 64, 128, 256] {
+        let record = adelaide("vapour-cavity", 0.3, reaches, 0.6);
+        let highest = record.iter().map(|r| r.1).fold(0.0, f64::max);
+        assert!((highest / 1015.0 - 1.0).abs() < 0.12, "{reaches} reaches: {highest} kPa");
+    }
+}
