@@ -88,6 +88,8 @@ struct Pull {
     error_m: f64,
     /// In the variables.
     shifts: Vec<f64>,
+    /// Half the sum of squares that the unmoved variables leave on the finer grid.
+    finer_cost: f64,
     /// The largest of these, in standard errors.
     over_errors: f64,
 }
@@ -320,11 +322,19 @@ impl Fitter<'_> {
             let solution = self.minimise(&problem, &values, LATE, &format!("{coarse} reaches"))?;
             values = problem.values(&solution.x);
             let pull = self.grid_pull(&problem, &solution, fine)?;
-            // A second order scheme's own limit lies a third further on than half the step.
-            for (j, value) in values.iter_mut().enumerate() {
+            // A second order scheme's own limit lies a third further on than half the step. Where the data hardly tell two
+            // parameters apart the step may lead astray: the finer grid decides.
+            let mut further = values.clone();
+            for (j, value) in further.iter_mut().enumerate() {
                 let by = pull.shifts[j] * 4.0 / 3.0;
                 *value = (*value + problem.stretch(j, *value) * by)
                     .clamp(problem.parameters[j].lower, problem.parameters[j].upper);
+            }
+            let finer = Calibration::new(model, self.runs, self.window(fine, f64::INFINITY));
+            let moved = finer.residuals(&finer.variables(&further)).map(|r| 0.5 * r.iter().map(|r| r * r).sum::<f64>());
+            self.evaluations.fetch_add(self.runs.len(), Ordering::Relaxed);
+            if moved.is_ok_and(|cost| cost < pull.finer_cost) {
+                values = further;
             }
             let settled = pull.error_over_noise <= self.options.grid_error_over_noise && pull.over_errors <= MOST_PULL;
             if settled || 4 * reaches > self.options.most_reaches {
@@ -355,7 +365,9 @@ impl Fitter<'_> {
             (change[..n].iter().enumerate().map(|(i, c)| (c * weights(i)).powi(2)).sum::<f64>() / n as f64).sqrt()
         };
         let noise = problem.sample_noise();
-        Ok(Pull { error_over_noise: square(&|_| 1.0), error_m: square(&|i| noise[i]), shifts, over_errors })
+        let finer_cost = 0.5 * residuals.iter().map(|r| r * r).sum::<f64>();
+        let (error_over_noise, error_m) = (square(&|_| 1.0), square(&|i| noise[i]));
+        Ok(Pull { error_over_noise, error_m, shifts, finer_cost, over_errors })
     }
 
     fn outcome(&self, problem: &Calibration, solution: &Solution, pull: &Pull) -> Result<Fit, FitError> {
