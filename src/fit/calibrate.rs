@@ -12,6 +12,7 @@ use super::least_squares::{Limits, Problem, Solution, Stop, jacobian, minimise};
 use super::outcome::{Fit, FittedParameter, RunFit, SensorFit};
 use super::problem::{Calibration, Window};
 use super::sensor_choice::with_sensors;
+use super::starts::{differing, starts_from, starts_of, take_over, vanish};
 use super::uncertainty::{correlation_inflation, gauss_newton_step, standard_errors};
 use crate::model::effects::Chosen;
 use crate::model::{Model, ModelError};
@@ -63,6 +64,8 @@ impl Default for Options {
 const LOCKING_REACHES: usize = 32;
 const FIRST_REACHES: usize = 48;
 const FINAL_REACHES: usize = 64;
+/// How many of the places where an effect was tried are followed further.
+const LET_GO: usize = 4;
 /// Samples a sensor in the early stages.
 const EARLY_SAMPLES: usize = 2500;
 /// Half the mean square, in units of the noise's, above which a fit is too poor to grow a richer one from.
@@ -92,9 +95,9 @@ struct Pull {
 }
 
 /// Where a fit of one model stands.
-struct State {
-    values: Vec<f64>,
-    cost: f64,
+pub(super) struct State {
+    pub(super) values: Vec<f64>,
+    pub(super) cost: f64,
 }
 
 /// Fits the base model with `effects` to all `runs` at once.
@@ -239,9 +242,41 @@ impl Fitter<'_> {
         }
         // A good smaller model is the best start; a poor one has its parameters in the wrong places.
         if smaller.is_none_or(|(_, state)| state.cost > POOR * problem.samples() as f64) {
+            let (scanned, few): (Vec<_>, Vec<_>) = starts_of(model, &base).into_iter().partition(|s| s.of_many);
+            let scanned = if smaller.is_none() { scanned } else { Vec::new() };
+            let places = differing(&scanned, &base);
             let mut locked = Vec::new();
-            for values in starts_of(model, &base) {
-                let first = attempt(&mut problem, &values, 1.5 * period_s, EARLY)?;
+            for mut start in few {
+                // The phase locks without what may be anywhere: in the wrong place it would draw all else with it.
+                let still = match smaller {
+                    Some((small, state)) => {
+                        take_over(&mut start.values, model, small, state);
+                        Vec::new()
+                    }
+                    None => vanish(&mut start.values, &scanned, model),
+                };
+                problem.hold(&still, &start.values);
+                let first = attempt(&mut problem, &start.values, 1.5 * period_s, EARLY)?;
+                locked.push(attempt(&mut problem, &first.values, 5.0 * period_s, EARLY)?);
+            }
+            locked.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+            // An effect that may be anywhere is held in one place after the other, with all else free; then the best are let go.
+            let mut glimpsed = vec![];
+            for start in &scanned {
+                let mut values = locked[0].values.clone();
+                values[start.effect.clone()].copy_from_slice(&start.values[start.effect.clone()]);
+                problem.hold(&places, &values);
+                glimpsed.push(attempt(&mut problem, &values, 1.5 * period_s, GLANCE)?);
+            }
+            glimpsed.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+            problem.hold(&[], &base);
+            if !places.is_empty() {
+                glimpsed.truncate(LET_GO);
+                glimpsed.extend(locked.drain(..1));
+                locked.clear();
+            }
+            for glimpse in &glimpsed {
+                let first = attempt(&mut problem, &glimpse.values, 1.5 * period_s, EARLY)?;
                 locked.push(attempt(&mut problem, &first.values, 5.0 * period_s, EARLY)?);
             }
             locked.sort_by(|a, b| a.cost.total_cmp(&b.cost));
@@ -426,42 +461,4 @@ impl Fitter<'_> {
             sensors,
         })
     }
-}
-
-/// The start values and those that each effect proposes beside them.
-fn starts_of(model: &Model, base: &[f64]) -> Vec<Vec<f64>> {
-    let mut starts = vec![base.to_vec()];
-    let mut at = model.effects_from();
-    for (chosen, &size) in model.effects.iter().zip(model.effect_sizes()) {
-        for factors in chosen.effect.other_starts(chosen.elements.unwrap_or(1)) {
-            let mut start = base.to_vec();
-            for (value, factor) in start[at..at + size].iter_mut().zip(factors) {
-                *value *= factor;
-            }
-            starts.push(start);
-        }
-        at += size;
-    }
-    starts
-}
-
-/// Starts from a smaller fitted model: what they share by name is taken over, what is new is tried weak, at its own start
-/// and at each other start of its effect, and as good as gone, so that more never fits worse.
-fn starts_from(model: &Model, small: &Model, state: &State, base: &[f64]) -> Vec<Vec<f64>> {
-    let (shared, small_shared) = (model.shared.len(), small.shared.len());
-    let grown = |mut start: Vec<f64>, gone: bool| {
-        for (value, parameter) in start[..shared].iter_mut().zip(&model.shared) {
-            match small.shared.iter().position(|p| p.name == parameter.name) {
-                Some(i) => *value = state.values[i],
-                None if parameter.vanishes_at == Some(0.0) && gone => *value = parameter.lower,
-                None if parameter.vanishes_at == Some(0.0) => *value *= 0.2,
-                None => {}
-            }
-        }
-        start[shared..].copy_from_slice(&state.values[small_shared..]);
-        start
-    };
-    let mut starts: Vec<Vec<f64>> = starts_of(model, base).into_iter().map(|start| grown(start, false)).collect();
-    starts.push(grown(base.to_vec(), true));
-    starts
 }

@@ -9,4 +9,5 @@ pub mod outcome;
 pub mod prepare;
 pub mod problem;
 pub mod sensor_choice;
+mod starts;
 pub mod uncertainty;

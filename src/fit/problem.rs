@@ -145,6 +145,16 @@ impl<'a> Calibration<'a> {
             .collect();
     }
 
+    /// Holds some variables at `values`, and no others.
+    pub fn hold(&mut self, held: &[usize], values: &[f64]) {
+        self.lower = self.parameters.iter().map(|p| to_variable(p, p.lower)).collect();
+        self.upper = self.parameters.iter().map(|p| to_variable(p, p.upper)).collect();
+        for &j in held {
+            let x = to_variable(&self.parameters[j], values[j]).clamp(self.lower[j], self.upper[j]);
+            (self.lower[j], self.upper[j]) = (x, x);
+        }
+    }
+
     /// The window in force.
     pub fn window(&self) -> Window {
         self.window

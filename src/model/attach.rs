@@ -3,7 +3,7 @@
 use super::effects::{Element, Place, Scene, Spot};
 use super::energy::NodeOwners;
 use super::grid::{Grid, Segment, Stretch};
-use super::node::Node;
+use super::node::{Loss, Node, Overlap, SharedShunt};
 use super::{Model, ModelError};
 
 impl Model<'_> {
@@ -49,12 +49,18 @@ impl Model<'_> {
             });
             for ((attachment, shares), &account) in attached.iter().zip(&shares).zip(&accounts) {
                 for &(_, share) in shares.iter().filter(|(node, _)| *node == reach) {
+                    let overlap = Overlap::of(shares, share);
                     match (attachment.make)(&Spot { share, ..spots[s] }) {
                         Element::Loss(loss) => {
-                            nodes[s].loss += loss;
+                            nodes[s].losses.push(Loss::new(loss, overlap, segment.impedance));
                             owners[s].losses.push((account, loss));
                         }
                         Element::Shunt(shunt) => {
+                            let shunt = if overlap == Overlap::default() {
+                                shunt
+                            } else {
+                                Box::new(SharedShunt::new(shunt, overlap, segment.impedance))
+                            };
                             nodes[s].shunts.push(shunt);
                             owners[s].shunts.push(account);
                         }

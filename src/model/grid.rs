@@ -141,9 +141,14 @@ impl Grid {
         self.segments.iter().map(|s| s.reaches).sum()
     }
 
-    /// The two inner nodes around a position, counted in reaches from the supply, with weights that add up to 1 and move smoothly
-    /// with it: what sits between nodes is shared among them. Near an end the nearest inner node has it all.
-    pub fn around(&self, position_m: f64) -> [(usize, f64); 2] {
+    /// The inner nodes around a position, counted in reaches from the supply, with weights that add up to 1: what sits between
+    /// nodes is shared among them.
+    ///
+    /// The weights are those of a quadratic B-spline: their centre is the position and their spread the same wherever it is.
+    /// Shares of two nodes would be sharp on a node and blurred between, and a fit would stop at nodes. Near an end two nodes
+    /// share, at last the first inner one has it all.
+    pub fn around(&self, position_m: f64) -> [(usize, f64); 3] {
+        let reaches = self.reaches();
         let mut before = 0;
         let mut x = 0.0;
         for segment in &self.segments {
@@ -153,11 +158,17 @@ impl Grid {
                 break;
             }
         }
-        let last = (before.max(self.reaches()) - 1) as f64;
-        let x = x.clamp(1.0, last.max(1.0));
-        let node = x.floor().min(last) as usize;
-        let share = x - node as f64;
-        if share < 1e-9 { [(node, 1.0), (node, 0.0)] } else { [(node, 1.0 - share), (node + 1, share)] }
+        let last = reaches.saturating_sub(1).max(1) as f64;
+        let x = x.clamp(1.0, last);
+        if x < 1.5 || x > last - 0.5 {
+            let node = x.floor().min((last - 1.0).max(1.0));
+            let share = x - node;
+            let node = node as usize;
+            return [(node, 1.0 - share), (node + 1, share), (node, 0.0)];
+        }
+        let node = x.round();
+        let (d, node) = (x - node, node as usize);
+        [(node - 1, 0.5 * (0.5 - d).powi(2)), (node, 0.75 - d * d), (node + 1, 0.5 * (0.5 + d).powi(2))]
     }
 
     /// The same grid with its segments cut at inner nodes, counted in reaches from the supply.
@@ -336,12 +347,18 @@ mod tests {
     #[test]
     fn a_place_between_nodes_is_shared_and_cuts_keep_the_line() {
         let grid = Grid::new(&[stretch(50.0, 500.0), stretch(100.0, 1000.0)], 20).unwrap();
-        let [(first, share), (second, rest)] = grid.around(12.5);
-        assert_eq!((first, second), (2, 3));
-        assert!((share - 0.5).abs() < 1e-9 && (rest - 0.5).abs() < 1e-9);
-        assert_eq!(grid.around(75.0)[0].0, 12);
+        for position in [5.0, 6.0, 7.49, 7.51, 12.5, 17.4, 40.0, 49.9, 50.0, 63.0, 137.0, 140.0] {
+            let shares = grid.around(position);
+            let reaches = if position <= 50.0 { position / 5.0 } else { 5.0 + position / 10.0 };
+            assert!((shares.iter().map(|s| s.1).sum::<f64>() - 1.0).abs() < 1e-12, "{position}");
+            let centre: f64 = shares.iter().map(|s| s.0 as f64 * s.1).sum();
+            assert!((centre - reaches).abs() < 1e-9, "{position}: {centre}");
+            let nearby = grid.around(position + 1e-7);
+            let share = |all: &[(usize, f64)], n: usize| all.iter().filter(|s| s.0 == n).map(|s| s.1).sum::<f64>();
+            assert!((0..=20).all(|n| (share(&shares, n) - share(&nearby, n)).abs() < 1e-6), "{position}");
+        }
         assert_eq!(grid.around(0.0)[0], (1, 1.0));
-        assert_eq!(grid.around(150.0)[0], (19, 1.0));
+        assert_eq!(grid.around(150.0)[1], (19, 1.0));
         let (length, nodes) = (grid.segments.iter().map(|s| s.reach_m * s.reaches as f64).sum::<f64>(), grid.nodes());
         let cut = grid.cut(&[3, 2, 12, 3, 10]);
         assert_eq!(cut.segments.iter().map(|s| s.reaches).collect::<Vec<_>>(), [2, 1, 7, 2, 8]);

@@ -3,6 +3,10 @@
 //! Each side sends one characteristic, linear in head and flow. What sits there is either a *shunt*, which takes a flow out of
 //! the node that does not fall with the head, or a *loss*, across which the head drops by `K Q|Q|`. Any number of both at one
 //! node leave one scalar equation in the head behind the losses, increasing, solved by a safeguarded Newton iteration.
+//!
+//! What lies between nodes is shared among the nodes around it. Shares meet what the others sent out one or two steps before: waves that run
+//! to and fro between them, an inertance (losses: a capacitance) that one thing at one place does not have and an error of
+//! first order. [`Overlap`] takes it out.
 
 /// What takes water out of a node: a leak, a branch, a gas volume, a moving wall. Heads are total heads, m.
 pub trait Shunt: Send {
@@ -12,6 +16,106 @@ pub trait Shunt: Send {
     fn outflow(&self, head_m: f64) -> (f64, f64);
     /// Takes the new head for good.
     fn advance(&mut self, head_m: f64);
+}
+
+/// How the shares of one thing at neighbouring nodes overlap: `Σ w_i w_j` over neighbours, and over nodes two reaches apart,
+/// divided by the share's own weight.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Overlap([f64; 2]);
+
+impl Overlap {
+    /// Of the share `own` among `shares`, nodes and weights.
+    pub fn of(shares: &[(usize, f64)], own: f64) -> Overlap {
+        let apart = |distance: usize| {
+            let pairs = shares.iter().flat_map(|a| shares.iter().map(move |b| (a, b)));
+            pairs.filter(|(a, b)| b.0 == a.0 + distance).map(|(a, b)| a.1 * b.1).sum::<f64>() / own
+        };
+        Overlap([apart(1), apart(2)])
+    }
+
+    fn times(self, by: f64) -> [f64; 2] {
+        self.0.map(|c| c * by)
+    }
+}
+
+/// A share of a shunt: its flow `q` sees the head less `Z Σ c_n (q - q_n)`, `q_n` the flow `n` steps before.
+pub struct SharedShunt {
+    inner: Box<dyn Shunt>,
+    by: [f64; 2],
+    flows_m3_s: [f64; 2],
+    inner_head_m: f64,
+}
+
+impl SharedShunt {
+    /// Of a share on a line of impedance `z`.
+    pub fn new(inner: Box<dyn Shunt>, overlap: Overlap, z: f64) -> SharedShunt {
+        SharedShunt { inner, by: overlap.times(z), flows_m3_s: [0.0; 2], inner_head_m: 0.0 }
+    }
+
+    fn inner_head_m(&self, head_m: f64) -> f64 {
+        let by = self.by[0] + self.by[1];
+        let known = head_m + self.by[0] * self.flows_m3_s[0] + self.by[1] * self.flows_m3_s[1];
+        let balance = |x: f64| {
+            let (q, dq) = self.inner.outflow(x);
+            (x + by * q - known, 1.0 + by * dq)
+        };
+        root(balance, self.inner_head_m)
+    }
+}
+
+impl Shunt for SharedShunt {
+    fn settle(&mut self, head_m: f64) -> f64 {
+        let flow = self.inner.settle(head_m);
+        self.flows_m3_s = [flow; 2];
+        self.inner_head_m = head_m;
+        flow
+    }
+
+    fn outflow(&self, head_m: f64) -> (f64, f64) {
+        let (q, dq) = self.inner.outflow(self.inner_head_m(head_m));
+        (q, dq / (1.0 + (self.by[0] + self.by[1]) * dq))
+    }
+
+    fn advance(&mut self, head_m: f64) {
+        self.inner_head_m = self.inner_head_m(head_m);
+        self.flows_m3_s = [self.inner.outflow(self.inner_head_m).0, self.flows_m3_s[0]];
+        self.inner.advance(self.inner_head_m);
+    }
+}
+
+/// A share of a head loss `k u|u|`: what passes it, `u`, is the flow less `Σ c_n (d - d_n)/Z`, `d` the drop, `d_n` the one `n` steps
+/// before.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Loss {
+    k: f64,
+    by: [f64; 2],
+    drops_m: [f64; 2],
+}
+
+impl Loss {
+    /// A share with `k = K/(2gA²)`, s²/m⁵, on a line of impedance `z`.
+    pub fn new(k: f64, overlap: Overlap, z: f64) -> Loss {
+        Loss { k, by: overlap.times(1.0 / z), drops_m: [0.0; 2] }
+    }
+
+    fn settle(&mut self, flow_m3_s: f64) -> f64 {
+        self.drops_m = [self.k * flow_m3_s * flow_m3_s.abs(); 2];
+        self.drops_m[0]
+    }
+
+    /// Head drop at a flow, and its derivative.
+    fn drop_m(&self, flow_m3_s: f64) -> (f64, f64) {
+        let by = self.by[0] + self.by[1];
+        let known = flow_m3_s + self.by[0] * self.drops_m[0] + self.by[1] * self.drops_m[1];
+        // u + by k u|u| = known
+        let u = 2.0 * known / (1.0 + (1.0 + 4.0 * by * self.k * known.abs()).sqrt());
+        let slope = 2.0 * self.k * u.abs();
+        (self.k * u * u.abs(), slope / (1.0 + by * slope))
+    }
+
+    fn advance(&mut self, flow_m3_s: f64) {
+        self.drops_m = [self.drop_m(flow_m3_s).0, self.drops_m[0]];
+    }
 }
 
 /// The characteristic that reaches a node along a pipe, in total heads: `H + z Q = e` from upstream, `H - z Q = e` from
@@ -40,8 +144,8 @@ pub struct Solved {
 /// What sits at one node.
 #[derive(Default)]
 pub struct Node {
-    /// Sum of the losses' `K/(2gA²)`, s²/m⁵.
-    pub loss: f64,
+    /// Head losses.
+    pub losses: Vec<Loss>,
     /// Everything that takes water out, behind the losses.
     pub shunts: Vec<Box<dyn Shunt>>,
 }
@@ -50,19 +154,24 @@ impl Node {
     /// Steady state: from head and flow behind the node to those before it.
     pub fn settle(&mut self, head_m: f64, flow_m3_s: f64) -> (f64, f64) {
         let flow = flow_m3_s + self.shunts.iter_mut().map(|s| s.settle(head_m)).sum::<f64>();
-        (head_m + self.loss * flow * flow.abs(), flow)
+        (head_m + self.losses.iter_mut().map(|l| l.settle(flow)).sum::<f64>(), flow)
     }
 
     /// A plain joint: nothing sits there.
     pub fn is_plain(&self) -> bool {
-        self.loss == 0.0 && self.shunts.is_empty()
+        self.losses.is_empty() && self.shunts.is_empty()
+    }
+
+    /// Head that the losses take from a flow, and its derivative.
+    fn drop_m(&self, flow_m3_s: f64) -> (f64, f64) {
+        self.losses.iter().map(|l| l.drop_m(flow_m3_s)).fold((0.0, 0.0), |sum, d| (sum.0 + d.0, sum.1 + d.1))
     }
 
     /// Solves the node, and what sits there takes the new head in. `onward` is the flow that goes on at a head behind the
     /// losses, and its derivative; `guess_m` a head near the solution.
     pub fn solve(&mut self, left: Arriving, onward: impl Fn(f64) -> (f64, f64), guess_m: f64) -> Solved {
         let solved = self.find(left, onward, guess_m);
-        self.advance(solved.right_head_m);
+        self.advance(&solved);
         solved
     }
 
@@ -76,24 +185,23 @@ impl Node {
                 flow += q;
                 slope += dq;
             }
-            let value = head + self.loss * flow * flow.abs() + left.z * flow - left.e;
-            (value, 1.0 + (2.0 * self.loss * flow.abs() + left.z) * slope)
+            let (drop, by_flow) = self.drop_m(flow);
+            (head + drop + left.z * flow - left.e, 1.0 + (by_flow + left.z) * slope)
         };
         let head = root(balance, guess_m);
         let right_flow = onward(head).0;
         let left_flow = right_flow + self.shunts.iter().map(|s| s.outflow(head).0).sum::<f64>();
-        Solved {
-            left_head_m: head + self.loss * left_flow * left_flow.abs(),
-            left_flow_m3_s: left_flow,
-            right_head_m: head,
-            right_flow_m3_s: right_flow,
-        }
+        let drop = self.drop_m(left_flow).0;
+        Solved { left_head_m: head + drop, left_flow_m3_s: left_flow, right_head_m: head, right_flow_m3_s: right_flow }
     }
 
-    /// Takes the new head behind the losses for good.
-    pub fn advance(&mut self, head_m: f64) {
+    /// Takes a solution for good.
+    pub fn advance(&mut self, solved: &Solved) {
         for shunt in &mut self.shunts {
-            shunt.advance(head_m);
+            shunt.advance(solved.right_head_m);
+        }
+        for loss in &mut self.losses {
+            loss.advance(solved.left_flow_m3_s);
         }
     }
 }
@@ -153,7 +261,10 @@ mod tests {
 
     #[test]
     fn a_leak_and_a_loss_at_one_node_meet_all_their_equations() {
-        let mut node = Node { loss: 2e5, shunts: vec![Box::new(Orifice(1e-4)), Box::new(Orifice(3e-5))] };
+        let mut node = Node {
+            losses: vec![Loss::new(2e5, Overlap::default(), 4e4)],
+            shunts: vec![Box::new(Orifice(1e-4)), Box::new(Orifice(3e-5))],
+        };
         let (left, right) = (Arriving { z: 4e4, e: 70.0 }, Arriving { z: 5e4, e: -20.0 });
         let s = node.solve(left, |h| ((h - right.e) / right.z, 1.0 / right.z), 20.0);
         assert!((s.left_head_m + left.z * s.left_flow_m3_s - left.e).abs() < 1e-9);

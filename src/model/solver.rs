@@ -244,7 +244,7 @@ impl Line<'_> {
             if let Some(book) = &mut book {
                 book.node(s, joint, &solved);
             }
-            joint.advance(solved.right_head_m);
+            joint.advance(&solved);
             self.leave_last(state, s, solved.left_head_m, solved.left_flow_m3_s);
             self.leave_first(state, s + 1, solved.right_head_m, solved.right_flow_m3_s);
         }
@@ -267,7 +267,7 @@ impl Line<'_> {
                 book.node(s, &self.at_valve, &solved);
                 book.valve(solved.right_head_m, solved.right_flow_m3_s);
             }
-            self.at_valve.advance(solved.right_head_m);
+            self.at_valve.advance(&solved);
             self.leave_last(state, s, solved.left_head_m, solved.left_flow_m3_s);
         }
 

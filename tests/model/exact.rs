@@ -21,7 +21,7 @@ pub enum Ramp {
 }
 
 impl Ramp {
-    fn transform(self, s: C) -> C {
+    pub fn transform(self, s: C) -> C {
         match self {
             Ramp::Cosine(tc) => {
                 let w = std::f64::consts::PI / tc;
@@ -113,27 +113,32 @@ impl Exact {
 
     /// Deviation of the head from its steady value at `x` (m from the supply) and times `t`.
     pub fn head(&self, x: f64, times: &[f64]) -> Vec<f64> {
-        let window = 1.5 * times.iter().copied().fold(0.0, f64::max);
-        let shift = 15.0 / window;
-        let terms = 60_000;
-        let values: Vec<C> =
-            (0..terms).map(|k| self.transform(x, C::new(shift, std::f64::consts::PI * k as f64 / window))).collect();
-        times
-            .iter()
-            .map(|&t| {
-                let turn = C::new(0.0, std::f64::consts::PI * t / window).exp();
-                let (mut sum, mut phase) = (0.5 * values[0].re, C::from(1.0));
-                for (k, value) in values.iter().enumerate().skip(1) {
-                    // Renewed now and then: a running product drifts.
-                    phase = if k % 512 == 0 {
-                        C::new(0.0, std::f64::consts::PI * t / window * k as f64).exp()
-                    } else {
-                        phase * turn
-                    };
-                    sum += (value * phase).re;
-                }
-                sum * (shift * t).exp() / window
-            })
-            .collect()
+        invert(|s| self.transform(x, s), times)
     }
+}
+
+/// The function of time that has a Laplace transform.
+pub fn invert(transform: impl Fn(C) -> C, times: &[f64]) -> Vec<f64> {
+    let window = 1.5 * times.iter().copied().fold(0.0, f64::max);
+    let shift = 15.0 / window;
+    let terms = 60_000;
+    let values: Vec<C> =
+        (0..terms).map(|k| transform(C::new(shift, std::f64::consts::PI * k as f64 / window))).collect();
+    times
+        .iter()
+        .map(|&t| {
+            let turn = C::new(0.0, std::f64::consts::PI * t / window).exp();
+            let (mut sum, mut phase) = (0.5 * values[0].re, C::from(1.0));
+            for (k, value) in values.iter().enumerate().skip(1) {
+                // Renewed now and then: a running product drifts.
+                phase = if k % 512 == 0 {
+                    C::new(0.0, std::f64::consts::PI * t / window * k as f64).exp()
+                } else {
+                    phase * turn
+                };
+                sum += (value * phase).re;
+            }
+            sum * (shift * t).exp() / window
+        })
+        .collect()
 }

@@ -4,6 +4,7 @@ mod ends;
 mod energy;
 mod exact;
 mod gas;
+mod place;
 mod unsteady_friction;
 
 use exact::{Exact, Ramp, Shear};

@@ -12,6 +12,9 @@ use crate::model::ModelError;
 use crate::model::grid::Stretch;
 use crate::model::parameter::Parameter;
 
+/// Ratio from which a fit starts: so weak that the period, to which the wave speed is locked, hardly moves.
+const WEAK: f64 = 1.04;
+
 /// See the module.
 pub struct SectionChange;
 
@@ -23,7 +26,7 @@ impl Effect for SectionChange {
         "a stretch of pipe with another wave speed"
     }
     fn equation(&self) -> &'static str {
-        "a → ratio · a from start to start + length; waves reflect by (B₂ - B₁)/(B₂ + B₁), B = a/(gA)"
+        "a → ratio · a from start to end; waves reflect by (B₂ - B₁)/(B₂ + B₁), B = a/(gA)"
     }
     fn source(&self) -> &'static str {
         "series connection: Wylie & Streeter (1993), Fluid Transients in Systems; Gong et al. (2013), J. Hydraul. Eng. 139(9):935-944"
@@ -32,7 +35,8 @@ impl Effect for SectionChange {
         "a pair of steps from its two ends, in proportion to the pressure; modes shift unevenly"
     }
 
-    /// Start and length rather than two ends: no fit can cross them.
+    /// The two ends: each is a front of its own in the record. In either order, so that a fit in which they pass each other meets
+    /// no wall.
     fn parameters(&self, site: &Site, _elements: usize) -> Vec<Parameter> {
         let length_m = site.rig.length_m();
         vec![
@@ -42,53 +46,56 @@ impl Effect for SectionChange {
                 "where the stretch begins, from the supply",
                 0.4 * length_m,
                 0.0,
-                0.99 * length_m,
-            ),
-            Parameter::log(
-                "section_length_m",
-                "m",
-                "length of the stretch; it ends at the valve at the latest",
-                0.2 * length_m,
-                0.01 * length_m,
                 length_m,
             ),
-            Parameter::log("section_wave_speed_ratio", "1", "its wave speed over that of the pipe", 1.15, 0.25, 4.0)
+            Parameter::linear(
+                "section_end_m",
+                "m",
+                "where the stretch ends, from the supply",
+                0.6 * length_m,
+                0.0,
+                length_m,
+            ),
+            Parameter::log("section_wave_speed_ratio", "1", "its wave speed over that of the pipe", WEAK, 0.25, 4.0)
                 .vanishing_at(1.0),
             Parameter::log(
                 "section_beyond_ratio",
                 "1",
                 "wave speed of the pipe from the stretch to the valve over that before the stretch",
                 1.0,
-                0.95,
-                1.05,
+                0.98,
+                1.02,
             )
             .with_prior(1.0, 0.005),
         ]
     }
 
     fn other_starts(&self, _elements: usize) -> Vec<Vec<f64>> {
-        let slower = 1.0 / (1.15 * 1.15);
-        let places = [(0.1, 1.0), (0.25, 1.0), (0.55, 1.0), (0.7, 1.0), (0.05, 2.0), (0.3, 2.0), (0.55, 2.0)];
-        std::iter::once(vec![1.0, 1.0, slower, 1.0])
-            .chain(
-                places
-                    .iter()
-                    .flat_map(|&(place, length)| [1.0, slower].map(|ratio| vec![place / 0.4, length, ratio, 1.0])),
-            )
-            .collect()
+        let ends = [0.05, 0.2, 0.35, 0.5, 0.65, 0.8, 0.95];
+        let pairs = ends.iter().enumerate().flat_map(|(i, from)| ends[i + 1..].iter().map(move |to| (from, to)));
+        pairs.map(|(from, to)| vec![from / 0.4, to / 0.6, 1.0, 1.0]).collect()
+    }
+
+    fn put_in_order(&self, values: &mut [f64]) {
+        if let [start_m, end_m, ..] = values
+            && start_m > end_m
+        {
+            std::mem::swap(start_m, end_m);
+        }
     }
 
     fn reshape(&self, values: &[f64], stretches: &mut Vec<Stretch>) -> Result<(), ModelError> {
-        let [start_m, section_m, ratio, beyond] = *values else { return Ok(()) };
+        let [one_m, other_m, ratio, beyond] = *values else { return Ok(()) };
         let total_m: f64 = stretches.iter().map(|s| s.length_m).sum();
-        check("section_start_m", start_m, (0.0..total_m).contains(&start_m), "inside the pipe")?;
-        check("section_length_m", section_m, section_m > 0.0, "more than zero")?;
+        for (name, end_m) in [("section_start_m", one_m), ("section_end_m", other_m)] {
+            check(name, end_m, (0.0..=total_m * (1.0 + 1e-9)).contains(&end_m), "between supply and valve")?;
+        }
         check("section_wave_speed_ratio", ratio, ratio > 0.0, "more than zero")?;
         check("section_beyond_ratio", beyond, beyond > 0.0, "more than zero")?;
         if ratio == 1.0 && beyond == 1.0 {
             return Ok(());
         }
-        let end_m = start_m + section_m;
+        let (start_m, end_m) = (one_m.min(other_m), one_m.max(other_m));
         let mut before_m = 0.0;
         let mut reshaped = Vec::with_capacity(stretches.len() + 2);
         for stretch in stretches.drain(..) {
@@ -125,11 +132,15 @@ mod tests {
 
     #[test]
     fn it_cuts_the_pipes_where_it_lies() {
-        assert_eq!(reshaped([10.0, 20.0, 1.5, 1.0]), [(10.0, 1000.0), (20.0, 1500.0), (10.0, 1000.0), (60.0, 500.0)]);
-        assert_eq!(reshaped([30.0, 20.0, 0.5, 1.0]), [(30.0, 1000.0), (10.0, 500.0), (10.0, 250.0), (50.0, 500.0)]);
+        assert_eq!(reshaped([10.0, 30.0, 1.5, 1.0]), [(10.0, 1000.0), (20.0, 1500.0), (10.0, 1000.0), (60.0, 500.0)]);
+        assert_eq!(reshaped([50.0, 30.0, 0.5, 1.0]), [(30.0, 1000.0), (10.0, 500.0), (10.0, 250.0), (50.0, 500.0)]);
         assert_eq!(reshaped([0.0, 40.0, 2.0, 1.0]), [(40.0, 2000.0), (60.0, 500.0)]);
-        assert_eq!(reshaped([90.0, 50.0, 2.0, 1.0]), [(40.0, 1000.0), (50.0, 500.0), (10.0, 1000.0)]);
-        assert_eq!(reshaped([30.0, 20.0, 1.0, 1.0]), [(40.0, 1000.0), (60.0, 500.0)]);
-        assert_eq!(reshaped([10.0, 20.0, 1.5, 2.0])[2..], [(10.0, 2000.0), (60.0, 1000.0)]);
+        assert_eq!(reshaped([90.0, 100.0, 2.0, 1.0]), [(40.0, 1000.0), (50.0, 500.0), (10.0, 1000.0)]);
+        assert_eq!(reshaped([100.0, 90.0, 2.0, 1.0]), [(40.0, 1000.0), (50.0, 500.0), (10.0, 1000.0)]);
+        assert_eq!(reshaped([30.0, 50.0, 1.0, 1.0]), [(40.0, 1000.0), (60.0, 500.0)]);
+        let mut reversed = [50.0, 30.0, 1.1, 1.0];
+        SectionChange.put_in_order(&mut reversed);
+        assert_eq!(reversed, [30.0, 50.0, 1.1, 1.0]);
+        assert_eq!(reshaped([10.0, 30.0, 1.5, 2.0])[2..], [(10.0, 2000.0), (60.0, 1000.0)]);
     }
 }

@@ -2,7 +2,7 @@
 //!
 //! The branch is elastic and frictionless, with the wave speed of the line at its place. The wave `f` that enters it comes back
 //! from the dead end whole, after `2l/a`: `h = f + r`, `r(t) = f(t - 2l/a)`, `Q = (f - r)/B`. Between the times at which it is known, `f`
-//! is interpolated (cubic; linear where the branch is shorter than half a reach), which makes the trace smooth in the length.
+//! is interpolated (cubic; linear where it takes less than one step to return), which makes the trace smooth in the length.
 
 use super::{Attachment, Effect, Element, Place, Scene, Site, check};
 use crate::model::ModelError;

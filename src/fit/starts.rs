@@ -1,0 +1,196 @@
+//! Where fits start: from the rig's values, from what each effect proposes beside them, from a smaller model already fitted.
+
+use super::calibrate::State;
+use crate::model::Model;
+
+/// Where a fit may start.
+pub(super) struct Start {
+    /// Values of all variables.
+    pub(super) values: Vec<f64>,
+    /// The parameters of the effect that proposes it; none for the model's own start.
+    pub(super) effect: std::ops::Range<usize>,
+    /// One of the many that an effect proposes that may be anywhere.
+    pub(super) of_many: bool,
+}
+
+/// Other starts of an effect up to which each is followed on its own.
+const FEW_STARTS: usize = 3;
+
+/// The start values and those that each effect proposes beside them.
+pub(super) fn starts_of(model: &Model, base: &[f64]) -> Vec<Start> {
+    let mut starts = vec![Start { values: base.to_vec(), effect: 0..0, of_many: false }];
+    let mut at = model.effects_from();
+    for (chosen, &size) in model.effects.iter().zip(model.effect_sizes()) {
+        let others = chosen.effect.other_starts(chosen.elements.unwrap_or(1));
+        let of_many = others.len() > FEW_STARTS;
+        for factors in others {
+            let mut values = base.to_vec();
+            for (value, factor) in values[at..at + size].iter_mut().zip(factors) {
+                *value *= factor;
+            }
+            starts.push(Start { values, effect: at..at + size, of_many });
+        }
+        at += size;
+    }
+    starts
+}
+
+/// The parameters in which starts differ from `base`.
+pub(super) fn differing(starts: &[Start], base: &[f64]) -> Vec<usize> {
+    (0..base.len()).filter(|&j| starts.iter().any(|s| s.values[j] != base[j])).collect()
+}
+
+/// Sets the effects of `starts` to the strength at which they vanish (or nearly: what a fit may take) and gives their parameters.
+pub(super) fn vanish(values: &mut [f64], starts: &[Start], model: &Model) -> Vec<usize> {
+    let all: std::collections::BTreeSet<usize> = starts.iter().flat_map(|s| s.effect.clone()).collect();
+    for &j in &all {
+        let parameter = &model.shared[j];
+        if let Some(gone) = parameter.vanishes_at {
+            values[j] = gone.clamp(parameter.lower, parameter.upper);
+        }
+    }
+    all.into_iter().collect()
+}
+
+/// Takes from a smaller fitted model the values of the effects that may be anywhere.
+pub(super) fn take_over(values: &mut [f64], model: &Model, small: &Model, state: &State) {
+    let mut at = model.effects_from();
+    for (chosen, &size) in model.effects.iter().zip(model.effect_sizes()) {
+        if chosen.effect.other_starts(chosen.elements.unwrap_or(1)).len() > FEW_STARTS {
+            for (value, parameter) in values.iter_mut().zip(&model.shared).skip(at).take(size) {
+                if let Some(i) = small.shared.iter().position(|p| p.name == parameter.name) {
+                    *value = state.values[i];
+                }
+            }
+        }
+        at += size;
+    }
+}
+
+/// Starts from a smaller fitted model: what they share by name is taken over, what is new is tried weak, at its own start
+/// and at each other start of its effect, and as good as gone, so that more never fits worse.
+pub(super) fn starts_from(model: &Model, small: &Model, state: &State, base: &[f64]) -> Vec<Vec<f64>> {
+    let (shared, small_shared) = (model.shared.len(), small.shared.len());
+    let grown = |mut start: Vec<f64>, gone: bool| {
+        for (value, parameter) in start[..shared].iter_mut().zip(&model.shared) {
+            match small.shared.iter().position(|p| p.name == parameter.name) {
+                Some(i) => *value = state.values[i],
+                None if parameter.vanishes_at == Some(0.0) && gone => *value = parameter.lower,
+                None if parameter.vanishes_at == Some(0.0) => *value *= 0.2,
+                None => {}
+            }
+        }
+        start[shared..].copy_from_slice(&state.values[small_shared..]);
+        start
+    };
+    let mut starts: Vec<Vec<f64>> = Vec::new();
+    for start in starts_of(model, base).into_iter().map(|s| grown(s.values, false)).chain([grown(base.to_vec(), true)])
+    {
+        // Other starts of what the smaller model has, too, come to the same.
+        if !starts.contains(&start) {
+            starts.push(start);
+        }
+    }
+    starts
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::calibrate::{Options, calibrate};
+    use super::super::data::{Meter, RunData, RunStart, SensorData};
+    use super::*;
+    use crate::model::effects::parse_list;
+    use crate::model::trace::Probe;
+    use crate::model::{Conditions, Resolution, RunValues};
+    use crate::rig::Rig;
+
+    const RIG: &str = r#"
+name = "one pipe"
+[fluid]
+name = "water"
+temperature_degC = 20.0
+[[pipe]]
+name = "main"
+length_m = 80.0
+inner_diameter_mm = 30.0
+wall_thickness_mm = 2.0
+material = "copper"
+[upstream]
+kind = "reservoir"
+[downstream]
+kind = "valve"
+closing_time_s = 0.03
+[[sensor]]
+name = "P1"
+kind = "pressure"
+position_m = 80.0
+unit = "kPa"
+"#;
+
+    /// A record of `effect` at `values`, with noise, made on a grid of its own.
+    fn record(rig: &Rig, effect: &str, values: &[f64]) -> RunData {
+        let water = rig.fluid.properties(20.0);
+        let model = Model::new(rig, &water, &parse_list(effect).unwrap());
+        let conditions = Conditions { water, supply_deviation: None };
+        let run =
+            RunValues { initial_velocity_m_s: 0.3, valve_head_m: 40.0, closing_time_s: 0.035, friction_scale: 1.1 };
+        let shared: Vec<f64> = [1290.0].into_iter().chain(values.iter().copied()).collect();
+        let resolution = Resolution { reaches: 601, duration_s: 4.0 };
+        let simulated = model.simulate(&conditions, &shared, &run, resolution, &[Probe::Head(80.0)]).unwrap();
+        let meter = Meter { position_m: 0.0, flow_m3_s: simulated.steady_flow_m3_s(0.0), relative_sd: 0.003 };
+        let velocity = meter.flow_m3_s / rig.pipes[0].area_m2();
+        // Noise of 0.1 m by a linear congruential generator.
+        let mut seed = 1u64;
+        let mut noise = || {
+            seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            0.1 * 12f64.sqrt() * ((seed >> 11) as f64 / (1u64 << 53) as f64 - 0.5)
+        };
+        let time_s: Vec<f64> = (0..4000).map(|i| f64::from(i) * 1e-3).collect();
+        let head_m = time_s.iter().map(|t| simulated.traces[0].at(t - 0.2) + noise()).collect();
+        let sensor = rig.sensors[0].clone();
+        RunData {
+            file: "run".into(),
+            sensors: vec![SensorData { sensor, time_s, head_m, noise_m: 0.1, offset_sd_m: 0.2 }],
+            conditions,
+            start: RunStart {
+                closure_s: (0.2, 1e-3),
+                velocity_m_s: (velocity, 0.01),
+                valve_head_m: (40.0, None),
+                wave_speed_ratio: None,
+            },
+            meter: Some(meter),
+            extrema: vec![Vec::new()],
+        }
+    }
+
+    /// Effects that may be anywhere are found where they are, near either end and in between.
+    #[test]
+    fn a_place_is_found_wherever_it_is() {
+        let rig = Rig::from_toml(RIG, "rig.toml").unwrap();
+        let cases: [(&str, &[&[f64]]); 4] = [
+            ("leak", &[&[12.3, 0.6], &[67.9, 0.6]]),
+            ("blockage", &[&[9.1, 200.0], &[55.3, 200.0]]),
+            ("section-change", &[&[8.7, 21.7, 1.15, 1.0], &[51.0, 73.0, 0.8, 1.0]]),
+            ("side-branch", &[&[14.9, 3.1, 1.0], &[60.7, 7.7, 0.6]]),
+        ];
+        for (effect, truths) in cases {
+            for truth in truths {
+                let runs = [record(&rig, effect, truth)];
+                let effects = parse_list(effect).unwrap();
+                let fit = calibrate(&rig, &runs, &effects, &Options::default(), &|_| {}).unwrap();
+                let run = &fit.runs[0];
+                assert!(run.rmse_m < 1.1 * run.noise_m, "{effect} {truth:?}: {} m", run.rmse_m);
+                for (found, exact) in fit.parameters[1..].iter().zip(*truth) {
+                    let off = (found.value - exact).abs();
+                    let grid = 0.003 * if found.unit == "m" { 80.0 } else { *exact };
+                    assert!(
+                        off < 4.0 * found.standard_error + grid,
+                        "{effect} {truth:?}: {} {}",
+                        found.name,
+                        found.value
+                    );
+                }
+            }
+        }
+    }
+}
