@@ -12,6 +12,7 @@
 //! | [`signal`] | noise, steady pressures, extrema, period, wave speed |
 //! | [`model`] | the method of characteristics, its boundaries and effects |
 //! | [`fit`] | calibration: bounded least squares, comparison, uncertainty |
+//! | [`diagnose`] | where a model fails, and which effect it lacks |
 //! | [`report`] | tables, JSON and HTML |
 //! | [`replay`] | results kept beside recordings, and whether they still hold |
 //! | [`cli`] | one thin file a command |
@@ -38,6 +39,7 @@
 #![warn(missing_docs)]
 
 pub mod cli;
+pub mod diagnose;
 pub mod fit;
 pub mod log;
 pub mod model;

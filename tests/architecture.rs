@@ -4,14 +4,15 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// The rooms from the cellar up. A room may use what stands before it, with the exceptions below.
-const ROOMS: [&str; 11] =
-    ["units", "rig", "recording", "log", "record", "signal", "model", "fit", "report", "replay", "cli"];
+const ROOMS: [&str; 12] =
+    ["units", "rig", "recording", "log", "record", "signal", "model", "fit", "diagnose", "report", "replay", "cli"];
 
 /// Arrows down that are forbidden all the same: the physics knows of no files, the files of no physics.
-const STRANGERS: [(&str, &[&str]); 4] = [
+const STRANGERS: [(&str, &[&str]); 5] = [
     ("signal", &["log", "record"]),
     ("model", &["log", "record", "signal", "recording"]),
     ("fit", &["log", "record"]),
+    ("diagnose", &["log", "record"]),
     ("report", &["log", "record"]),
 ];
 

@@ -116,7 +116,7 @@ pub fn timed(rig: &Rig, runs: &[RunData], effects: &[Chosen], options: &Options)
 }
 
 /// A line on the terminal that shows after half a second; nothing where standard error is no terminal.
-fn progress_bar() -> ProgressBar {
+pub fn progress_bar() -> ProgressBar {
     if !stderr().is_terminal() {
         return ProgressBar::hidden();
     }

@@ -19,6 +19,7 @@ pub(crate) use {say, say_text, tell};
 
 pub mod calibrate;
 pub mod demo;
+pub mod diagnose;
 pub mod effects;
 pub mod energy;
 pub mod export;
@@ -76,6 +77,7 @@ enum Command {
     Effects(effects::Args),
     /// Fit a model to one recording, or to several of one rig at once.
     Calibrate(calibrate::Args),
+    Diagnose(diagnose::Args),
     /// Turn a recording into a time series (CSV).
     Export(export::Args),
     /// Show what a recording tells without a model: steady heads, extrema, period, wave speed, closure, noise.
@@ -100,6 +102,7 @@ pub fn main() -> ExitCode {
         Command::Demo(args) => demo::run(args, cli.json),
         Command::Effects(args) => effects::run(args, cli.json),
         Command::Calibrate(args) => calibrate::run(args, cli.json),
+        Command::Diagnose(args) => diagnose::run(args, cli.json),
         Command::Export(args) => export::run(args, cli.json),
         Command::Inspect(args) => inspect::run(args, cli.json),
         Command::Recover(args) => recover::run(args, cli.json),

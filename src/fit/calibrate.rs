@@ -155,6 +155,26 @@ pub fn calibrate(
     fitter.finish(&model, state)
 }
 
+/// Fits a model on from `values` of all its variables (shared ones, then each run's): to all samples, on as fine a grid as it takes.
+///
+/// # Errors
+/// As [`calibrate`].
+pub fn refine(
+    rig: &Rig,
+    runs: &[RunData],
+    effects: &[Chosen],
+    values: &[f64],
+    options: &Options,
+    progress: &(dyn Fn(&Progress) + Sync),
+) -> Result<Fit, FitError> {
+    let water = &runs.first().ok_or(FitError::NoRun)?.conditions.water;
+    let model = Model::new(rig, water, effects);
+    let evaluations = AtomicUsize::new(0);
+    let least_reaches = model.least_reaches(&values[..model.shared.len()]);
+    let fitter = Fitter { runs, options, progress, evaluations: &evaluations, least_reaches };
+    fitter.finish(&model, State { values: values.to_vec(), cost: f64::NAN })
+}
+
 /// What a fit leaves over.
 struct Leftover {
     /// Samples.

@@ -19,6 +19,7 @@
 
 pub mod curves;
 pub mod decimate;
+pub mod diagnosis;
 pub mod escape;
 pub mod failure;
 pub mod html;

@@ -167,6 +167,11 @@ pub trait Effect: Sync {
     fn excludes(&self) -> &'static [(&'static str, &'static str)] {
         &[]
     }
+    /// Odds, before any data, that a rig has it, against the others: below 1 where its material or build speaks against it.
+    fn odds(&self, rig: &Rig) -> f64 {
+        let _ = rig;
+        1.0
+    }
     /// Its parameters, for a number of elements (1 where it has none).
     fn parameters(&self, site: &Site, elements: usize) -> Vec<Parameter>;
     /// Other places than `start` from which a fit of this effect should be tried, as factors on the start values.

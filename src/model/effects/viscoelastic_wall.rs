@@ -31,6 +31,10 @@ impl Effect for ViscoelasticWall {
     }
 
     /// `J1_per_GPa, tau1_s, J2_per_GPa, tau2_s, …`, spread evenly (in ratio) around the period.
+    fn odds(&self, rig: &crate::rig::Rig) -> f64 {
+        // Metal creeps at no pressure that a water-hammer test reaches; a wrong material in the rig file stays possible.
+        if rig.pipes.iter().any(|p| p.material().viscoelastic) { 1.0 } else { 0.01 }
+    }
     fn parameters(&self, site: &Site, elements: usize) -> Vec<Parameter> {
         // The creep compliance in units of the wall's whole effect on the wave speed, e/(a² c₁ ρ D).
         let pipe = site.rig.pipes.iter().find(|p| p.material().viscoelastic).unwrap_or(&site.rig.pipes[0]);

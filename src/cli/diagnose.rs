@@ -1,0 +1,104 @@
+//! `surgescope diagnose`: where the model fails, and which effect is missing.
+
+use std::path::PathBuf;
+
+use super::calibrate::{progress_bar, title, write_report};
+use super::{CommandResult, Outcome, load, output};
+use crate::diagnose::{Diagnosis, Verdict, diagnose};
+use crate::fit::calibrate::Options;
+use crate::fit::outcome::Fit;
+use crate::model::effects::{Chosen, parse_list};
+use crate::report::{Stage, diagnosis};
+
+/// Most effects that are added one after the other.
+const MOST_ADDED: usize = 8;
+
+/// Find out where the model fails and which effect it lacks, from one recording or from several of one rig at once.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// The recordings, all of one rig.
+    #[arg(required = true, value_name = "MCAP")]
+    recordings: Vec<PathBuf>,
+    /// Effects of the model to start from, such as viscoelastic-wall:2; `none` is the base model alone.
+    #[arg(long, value_name = "A,B", default_value = "none", value_parser = parse_list)]
+    effects: ::std::vec::Vec<Chosen>,
+    /// Add the effect that is missing and diagnose again, until nothing is missing or nothing explains the rest.
+    #[arg(long)]
+    until_done: bool,
+    /// A rig to read them with, instead of the one that is stored in them.
+    #[arg(long, value_name = "RIG")]
+    rig: Option<PathBuf>,
+    /// Write a page with charts of measurement, models and residuals; an older page of that name is replaced, no other file.
+    #[arg(long, value_name = "HTML")]
+    report: Option<PathBuf>,
+    /// Finest grid that a fit may use.
+    #[arg(long, value_name = "REACHES", default_value_t = Options::default().most_reaches, value_parser = super::values::reaches,
+          allow_negative_numbers = true)]
+    most_reaches: usize,
+}
+
+/// Runs it.
+///
+/// # Errors
+/// Recordings that cannot be read or show no closure, effects that do not exist, a report that cannot be written.
+pub fn run(args: Args, json: bool) -> CommandResult {
+    if let Some(path) = &args.report {
+        output::check_report(path)?;
+    }
+    let loaded = load::load(&args.recordings, args.rig.as_deref())?;
+    let rig = loaded[0].recording.rig.clone();
+    let runs = load::runs(&loaded);
+    let options = Options { most_reaches: args.most_reaches, ..Options::default() };
+    let mut effects = args.effects.clone();
+    let mut models: Vec<(String, Fit)> = Vec::new();
+    let mut last: Option<Diagnosis> = None;
+    for _ in 0..=MOST_ADDED {
+        let bar = progress_bar();
+        let found = diagnose(&rig, &runs, &effects, &options, &|message| bar.set_message(message.to_owned()));
+        bar.finish_and_clear();
+        let found = found?;
+        if models.is_empty() {
+            models.push((title(&effects), found.start.clone()));
+        }
+        let best = found.candidates.first().filter(|_| found.verdict == Verdict::MissingEffect);
+        let added = best.and_then(|best| {
+            let fit = best.fit.clone()?;
+            Some((parse_list(&fit.effects.join(",")).ok()?, fit))
+        });
+        if args.until_done && !json {
+            super::say_text!(diagnosis::text(&found));
+        }
+        last = Some(found);
+        let Some((grown, fit)) = added else { break };
+        models.push((title(&grown), fit));
+        effects = grown;
+        if !args.until_done {
+            break;
+        }
+    }
+    let Some(last) = last else { return Ok(Outcome::Done) };
+    if json {
+        super::say!("{}", diagnosis::json(&last)?);
+    } else if args.until_done {
+        super::say_text!(staircase(&models));
+    } else {
+        super::say_text!(diagnosis::text(&last));
+    }
+    // last, so that a page that cannot be written costs no result
+    if let Some(path) = &args.report {
+        let stages = models.iter().map(|(title, fit)| Stage { title: title.clone(), fit }).collect();
+        write_report(path, &rig, &loaded, stages)?;
+        super::tell!("report: {}", path.display());
+    }
+    Ok(Outcome::Done)
+}
+
+/// The errors of the models, one after the other.
+fn staircase(models: &[(String, Fit)]) -> String {
+    let mut out = String::from("\nModels, one after the other:\n");
+    for (title, fit) in models {
+        let (rmse_m, noise_m) = crate::diagnose::pooled(fit);
+        out += &format!("  {rmse_m:>8.3} m  {:>7.2} x noise  {title}\n", rmse_m / noise_m);
+    }
+    out
+}

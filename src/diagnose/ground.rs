@@ -1,0 +1,185 @@
+//! The ground a diagnosis stands on: the start model, fitted, and its residuals on a coarse grid that errs like a fine one.
+//!
+//! Sixteen candidates are refitted from here, so a refit must be cheap. Samples are averaged into a few thousand bins a sensor,
+//! which keeps all that they say of anything slower than a bin, and the model runs on a coarse grid. What both of that changes is
+//! known at the start model's fit, where the fine grid and all samples were used: the binned data are shifted by the difference, so
+//! that coarse residuals there are the bin means of the fine ones (defect correction: Stetter 1978, Numer. Math. 29, 425).
+
+use nalgebra::{DMatrix, DVector};
+
+use crate::fit::data::{RunData, SensorData};
+use crate::fit::least_squares::{Problem, jacobian};
+use crate::fit::outcome::Fit;
+use crate::fit::problem::{Calibration, Window};
+use crate::model::effects::{Chosen, parse_list};
+use crate::model::{Model, ModelError};
+use crate::rig::Rig;
+
+/// Reaches of the coarse grid.
+const COARSE_REACHES: usize = 48;
+/// Bins a sensor.
+const BINS: usize = 3000;
+
+/// See the module.
+pub struct Ground<'a> {
+    /// The rig.
+    pub rig: &'a Rig,
+    /// The runs, binned and corrected.
+    pub runs: Vec<RunData>,
+    /// The start model's effects, their open choices decided.
+    pub effects: Vec<Chosen>,
+    /// Values of the start model's variables: shared ones first, then each run's.
+    pub values: Vec<f64>,
+    /// How many of them are shared.
+    pub shared: usize,
+    /// Reaches of the coarse grid.
+    pub reaches: usize,
+    /// Residuals of samples, then of flow meters.
+    pub residuals: Vec<f64>,
+    /// Sum of squares of all residuals, priors included.
+    pub square: f64,
+    /// Number of residuals that are samples.
+    pub samples: usize,
+    fitted: Fitted,
+}
+
+/// What the fitted parameters can take up: Jacobian columns (of those not at a bound) and the inverse of their normal matrix.
+struct Fitted {
+    columns: Vec<Vec<f64>>,
+    inverse: DMatrix<f64>,
+}
+
+impl<'a> Ground<'a> {
+    /// The ground under a fit of the start model to `runs`.
+    ///
+    /// # Errors
+    /// As [`Model::simulate`], and if the fit names effects that do not exist.
+    pub fn new(rig: &'a Rig, runs: &[RunData], fit: &Fit) -> Result<Self, ModelError> {
+        let effects = parse_list(&fit.effects.join(","))?;
+        let model = Model::new(rig, &runs[0].conditions.water, &effects);
+        let values: Vec<f64> = fit.parameters.iter().map(|p| p.value).collect();
+        let shared = model.shared.len();
+        let reaches =
+            model.fitting_reaches(&values[..shared], COARSE_REACHES.max(model.least_reaches(&values[..shared])));
+        let runs = binned(&model, runs, &values, fit.reaches, reaches)?;
+        let problem = Calibration::new(&model, &runs, window(reaches));
+        let x = problem.variables(&values);
+        let all = problem.residuals(&x)?;
+        let at_bound: Vec<bool> = fit.parameters.iter().map(|p| p.at_bound).collect();
+        let columns: Vec<Vec<f64>> = jacobian(&problem, &x, &all)?
+            .into_iter()
+            .zip(&at_bound)
+            .filter(|(column, at_bound)| !**at_bound && column.iter().any(|c| *c != 0.0))
+            .map(|(column, _)| column)
+            .collect();
+        let samples = problem.samples();
+        let meters = runs.iter().filter(|r| r.meter.is_some()).count();
+        let normal = DMatrix::from_fn(columns.len(), columns.len(), |a, b| dot(&columns[a], &columns[b]));
+        let inverse = normal.pseudo_inverse(0.0).unwrap_or_else(|_| DMatrix::zeros(columns.len(), columns.len()));
+        let columns = columns.iter().map(|c| seen(c, samples, meters)).collect();
+        Ok(Ground {
+            rig,
+            effects,
+            shared,
+            reaches,
+            square: dot(&all, &all),
+            residuals: seen(&all, samples, meters),
+            samples,
+            fitted: Fitted { columns, inverse },
+            values,
+            runs,
+        })
+    }
+
+    /// The start model with other effects.
+    pub fn model(&self, effects: &[Chosen]) -> Model<'a> {
+        Model::new(self.rig, &self.runs[0].conditions.water, effects)
+    }
+
+    /// The problem of fitting a model on this ground.
+    pub fn problem<'m>(&'m self, model: &'m Model<'m>) -> Calibration<'m> {
+        Calibration::new(model, &self.runs, window(self.reaches))
+    }
+
+    /// Residuals of samples and flow meters of a model that has more effects; `added` are their values.
+    ///
+    /// # Errors
+    /// As [`Model::simulate`].
+    pub fn residuals_with(&self, problem: &Calibration, added: &[f64]) -> Result<Vec<f64>, ModelError> {
+        let all = problem.residuals(&problem.variables(&self.values_with(added)))?;
+        Ok(self.seen(&all))
+    }
+
+    /// The residuals of samples and flow meters among all, priors left out.
+    pub fn seen(&self, all: &[f64]) -> Vec<f64> {
+        seen(all, self.samples, self.runs.iter().filter(|r| r.meter.is_some()).count())
+    }
+
+    /// All variables of a model that has more effects.
+    pub fn values_with(&self, added: &[f64]) -> Vec<f64> {
+        let (shared, own) = self.values.split_at(self.shared);
+        [shared, added, own].concat()
+    }
+
+    /// What is left of `a·b` once what the fitted parameters can take up of both is gone.
+    pub fn projected_dot(&self, a: &[f64], b: &[f64]) -> f64 {
+        let along = |v: &[f64]| {
+            DVector::from_iterator(self.fitted.columns.len(), self.fitted.columns.iter().map(|c| dot(c, v)))
+        };
+        dot(a, b) - along(a).dot(&(&self.fitted.inverse * along(b)))
+    }
+}
+
+fn window(reaches: usize) -> Window {
+    Window { reaches, horizon_s: f64::INFINITY, stride: 1 }
+}
+
+/// Samples and flow meters among all residuals, whose middle is priors.
+fn seen(all: &[f64], samples: usize, meters: usize) -> Vec<f64> {
+    [&all[..samples], &all[all.len() - meters..]].concat()
+}
+
+pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(x, y)| x * y).sum()
+}
+
+/// The runs with their samples averaged, shifted by what the model at `values` changes from `fine` reaches to `coarse` ones.
+fn binned(
+    model: &Model,
+    runs: &[RunData],
+    values: &[f64],
+    fine: usize,
+    coarse: usize,
+) -> Result<Vec<RunData>, ModelError> {
+    let problem = Calibration::new(model, runs, window(fine));
+    runs.iter()
+        .enumerate()
+        .map(|(r, run)| {
+            let fine_traces = problem.modelled(r, values, fine)?.traces;
+            let coarse_traces = problem.modelled(r, values, coarse)?.traces;
+            let start = problem.closure_start_s(r, values);
+            let lead = 0.1 * model.period_s(&values[..model.shared.len()]);
+            let sensors = run.sensors.iter().enumerate().map(|(s, sensor)| {
+                let (fine, coarse) = (&fine_traces[s], &coarse_traces[s]);
+                let from = sensor.time_s.partition_point(|&t| t < start - lead);
+                let (time_s, head_m) = (&sensor.time_s[from..], &sensor.head_m[from..]);
+                let size = time_s.len().div_ceil(BINS).max(1);
+                let mut bins = (Vec::new(), Vec::new());
+                for (times, heads) in time_s.chunks_exact(size).zip(head_m.chunks_exact(size)) {
+                    let centre = times.iter().sum::<f64>() / size as f64;
+                    let excess: f64 = times.iter().zip(heads).map(|(t, h)| h - fine.at(t - start)).sum();
+                    bins.0.push(centre);
+                    bins.1.push(excess / size as f64 + coarse.at(centre - start));
+                }
+                SensorData {
+                    time_s: bins.0,
+                    head_m: bins.1,
+                    noise_m: sensor.noise_m / (size as f64).sqrt(),
+                    sensor: sensor.sensor.clone(),
+                    offset_sd_m: sensor.offset_sd_m,
+                }
+            });
+            Ok(RunData { sensors: sensors.collect(), ..run.clone() })
+        })
+        .collect()
+}

@@ -1,0 +1,159 @@
+//! A diagnosis as JSON (see the contract) and as text.
+
+use std::fmt::Write;
+
+use serde::Serialize;
+
+use crate::diagnose::{Candidate, Diagnosis, Verdict, pooled};
+
+#[derive(Serialize)]
+struct Document<'a> {
+    verdict: &'static str,
+    start: StartModel<'a>,
+    candidates: Vec<Rival<'a>>,
+    next_test: &'a str,
+    fails: &'a [String],
+}
+
+#[derive(Serialize)]
+struct StartModel<'a> {
+    effects: &'a [String],
+    rmse_m: f64,
+    noise_m: f64,
+}
+
+#[derive(Serialize)]
+struct Rival<'a> {
+    effect: &'a str,
+    label: &'a str,
+    probability: f64,
+    evidence: f64,
+    rmse_m: f64,
+    indistinguishable_from: &'a [&'static str],
+    parameters: Vec<Value<'a>>,
+}
+
+#[derive(Serialize)]
+struct Value<'a> {
+    name: &'a str,
+    value: f64,
+    standard_error: f64,
+    unit: &'a str,
+    at_bound: bool,
+}
+
+/// The JSON document of `diagnose --json`.
+///
+/// # Errors
+/// None in practice: all values can be written.
+pub fn json(diagnosis: &Diagnosis) -> serde_json::Result<String> {
+    let (rmse_m, noise_m) = pooled(&diagnosis.start);
+    serde_json::to_string_pretty(&Document {
+        verdict: diagnosis.verdict.name(),
+        start: StartModel { effects: &diagnosis.start.effects, rmse_m, noise_m },
+        candidates: diagnosis.candidates.iter().map(rival).collect(),
+        next_test: diagnosis.next_test.as_deref().unwrap_or(""),
+        fails: &diagnosis.failings,
+    })
+}
+
+fn rival(candidate: &Candidate) -> Rival<'_> {
+    Rival {
+        effect: candidate.effect,
+        label: &candidate.label,
+        probability: candidate.probability,
+        evidence: candidate.evidence,
+        rmse_m: candidate.rmse_m,
+        indistinguishable_from: &candidate.indistinguishable_from,
+        parameters: candidate
+            .parameters
+            .iter()
+            .map(|p| Value {
+                name: &p.name,
+                value: p.value,
+                standard_error: p.standard_error,
+                unit: p.unit,
+                at_bound: p.at_bound,
+            })
+            .collect(),
+    }
+}
+
+/// Candidates that the text shows.
+const SHOWN: usize = 5;
+
+/// The diagnosis for people.
+pub fn text(diagnosis: &Diagnosis) -> String {
+    let (rmse_m, noise_m) = pooled(&diagnosis.start);
+    let model = match diagnosis.start.effects.as_slice() {
+        [] => "base model".to_owned(),
+        effects => format!("base model + {}", effects.join(" + ")),
+    };
+    let mut out = format!("{model}: RMSE {rmse_m:.3} m, noise {noise_m:.3} m\n");
+    for sentence in &diagnosis.failings {
+        let _ = writeln!(out, "  {sentence}");
+    }
+    let _ = match (diagnosis.verdict, diagnosis.candidates.first()) {
+        (Verdict::NothingMissing, _) => {
+            writeln!(out, "\nNothing is missing: no effect of the catalogue is worth adding.")
+        }
+        (Verdict::UnknownEffect, Some(best)) => writeln!(
+            out,
+            "\nSomething is missing that no effect of the catalogue explains; the nearest, {}, leaves {:.3} m.",
+            best.effect, best.rmse_m
+        ),
+        (Verdict::UnknownEffect, None) => {
+            writeln!(out, "\nSomething is missing that no effect of the catalogue explains.")
+        }
+        (Verdict::MissingEffect, Some(best)) => writeln!(
+            out,
+            "\nMissing: {} (probability {:.2}). With it, RMSE {:.3} m → {:.3} m.",
+            best.label, best.probability, rmse_m, best.rmse_m
+        ),
+        (Verdict::MissingEffect, None) => Ok(()),
+    };
+    if diagnosis.verdict == Verdict::MissingEffect {
+        for p in diagnosis.candidates.first().map_or(&[][..], |c| &c.parameters) {
+            let _ = writeln!(out, "  {} = {:.5} ± {:.2} {}", p.name, Sig(p.value), Sig(p.standard_error), p.unit);
+        }
+    }
+    if diagnosis.verdict != Verdict::NothingMissing {
+        let _ = writeln!(
+            out,
+            "\n{:<20} {:>11} {:>10} {:>9}  cannot be told from",
+            "effect", "probability", "evidence", "RMSE m"
+        );
+        for c in diagnosis.candidates.iter().take(SHOWN) {
+            let _ = writeln!(
+                out,
+                "{:<20} {:>11.3} {:>10.1} {:>9.3}  {}",
+                c.effect,
+                c.probability,
+                c.evidence,
+                c.rmse_m,
+                c.indistinguishable_from.join(", ")
+            );
+        }
+    }
+    if let Some(test) = &diagnosis.next_test {
+        let _ = writeln!(out, "\nNext test: {test}.");
+    }
+    out
+}
+
+/// A number to a number of significant digits.
+struct Sig(f64);
+
+impl std::fmt::Display for Sig {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let digits = f.precision().unwrap_or(3);
+        if !self.0.is_finite() {
+            return write!(f, "?");
+        }
+        let magnitude = if self.0 == 0.0 { 0 } else { self.0.abs().log10().floor() as i32 };
+        if !(-4..6).contains(&magnitude) {
+            return write!(f, "{:.*e}", digits - 1, self.0);
+        }
+        write!(f, "{:.*}", (digits as i32 - 1 - magnitude).max(0) as usize, self.0)
+    }
+}
