@@ -4,7 +4,6 @@
 //! each parameter that it adds (Schwarz 1978, Ann. Statist. 6, 461), with `n` the effective number of samples: neighbours that err
 //! alike count once. A residual that no model brings down to the noise makes all of them less sure.
 
-use super::refit::Refit;
 use crate::fit::uncertainty::correlation_inflation;
 
 /// By how much the evidence is divided before it becomes odds: models err in ways that the noise does not know of.
@@ -28,9 +27,9 @@ impl Worth {
         Worth { effective: n / inflation, unit: variance.max(1.0) * inflation }
     }
 
-    /// Evidence of a refit over a model that leaves `square`.
-    pub fn evidence(&self, square: f64, refit: &Refit) -> f64 {
-        0.5 * (square - refit.square) / self.unit - 0.5 * refit.added as f64 * self.effective.ln()
+    /// Evidence of a model that leaves `other` and has `added` free parameters more over one that leaves `square`.
+    pub fn evidence(&self, square: f64, other: f64, added: usize) -> f64 {
+        0.5 * (square - other) / self.unit - 0.5 * added as f64 * self.effective.ln()
     }
 }
 

@@ -40,6 +40,8 @@ pub struct Ground<'a> {
     pub square: f64,
     /// Number of residuals that are samples.
     pub samples: usize,
+    /// Recorded samples a bin, on average.
+    bin_size: f64,
     fitted: Fitted,
 }
 
@@ -61,7 +63,9 @@ impl<'a> Ground<'a> {
         let shared = model.shared.len();
         let reaches =
             model.fitting_reaches(&values[..shared], COARSE_REACHES.max(model.least_reaches(&values[..shared])));
+        let recorded: usize = fit.runs.iter().flat_map(|r| &r.sensors).map(|s| s.time_s.len()).sum();
         let runs = binned(&model, runs, &values, fit.reaches, reaches)?;
+        let bins: usize = runs.iter().flat_map(|r| &r.sensors).map(|s| s.time_s.len()).sum();
         let problem = Calibration::new(&model, &runs, window(reaches));
         let x = problem.variables(&values);
         let all = problem.residuals(&x)?;
@@ -85,10 +89,31 @@ impl<'a> Ground<'a> {
             square: dot(&all, &all),
             residuals: seen(&all, samples, meters),
             samples,
+            bin_size: (recorded as f64 / bins.max(1) as f64).max(1.0),
             fitted: Fitted { columns, inverse },
             values,
             runs,
         })
+    }
+
+    /// Mean square of the bins' noise over that of one sample's.
+    pub fn bin_noise_square(&self) -> f64 {
+        1.0 / self.bin_size
+    }
+
+    /// Number of recorded samples behind the bins.
+    pub fn run_samples(&self) -> usize {
+        (self.samples as f64 * self.bin_size).round() as usize
+    }
+
+    /// Noise of one recorded sample, rms over the bins, m.
+    pub fn noise_m(&self) -> f64 {
+        let sensors = self.runs.iter().flat_map(|r| &r.sensors);
+        let (sum, n) = sensors.fold((0.0, 0.0), |(sum, n), s| {
+            let bins = s.time_s.len() as f64;
+            (sum + bins * s.noise_m.powi(2), n + bins)
+        });
+        (sum / f64::max(n, 1.0) * self.bin_size).sqrt()
     }
 
     /// The start model with other effects.
@@ -99,15 +124,6 @@ impl<'a> Ground<'a> {
     /// The problem of fitting a model on this ground.
     pub fn problem<'m>(&'m self, model: &'m Model<'m>) -> Calibration<'m> {
         Calibration::new(model, &self.runs, window(self.reaches))
-    }
-
-    /// Residuals of samples and flow meters of a model that has more effects; `added` are their values.
-    ///
-    /// # Errors
-    /// As [`Model::simulate`].
-    pub fn residuals_with(&self, problem: &Calibration, added: &[f64]) -> Result<Vec<f64>, ModelError> {
-        let all = problem.residuals(&problem.variables(&self.values_with(added)))?;
-        Ok(self.seen(&all))
     }
 
     /// The residuals of samples and flow meters among all, priors left out.

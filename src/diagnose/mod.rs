@@ -15,14 +15,14 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use rayon::prelude::*;
 
-use crate::fit::calibrate::{FitError, Options, calibrate, refine};
+use crate::fit::calibrate::{FitError, Options, Progress, calibrate, refine};
 use crate::fit::data::RunData;
 use crate::fit::outcome::{Fit, FittedParameter};
-use crate::model::effects::Chosen;
+use crate::model::effects::{Chosen, parse_list};
 use crate::rig::Rig;
 use evidence::{Worth, probabilities, tempered};
 use ground::Ground;
-use refit::{Refit, refit};
+use refit::{Refit, follow, glimpse};
 
 /// Evidence below which an effect is not worth having: the largest of sixteen searches by chance stays below.
 const LEAST_EVIDENCE: f64 = 10.0;
@@ -34,8 +34,15 @@ const NOISE: f64 = 1.3;
 /// [`LEFT_OVER_NOISE`] times the noise, does not explain it.
 const LEFT_SHARE: f64 = 0.35;
 const LEFT_OVER_NOISE: f64 = 2.5;
+/// What an effect must take away of the error, in quadrature, over the noise: less is not worth a model.
+const LEAST_FALL: f64 = 0.25;
+/// Effects that are refitted to the end; the others have been looked at.
+const FOLLOWED_EFFECTS: usize = 6;
 /// Most candidates that are fitted to all samples on the fine grid.
-const FINISHED: usize = 2;
+const FINISHED: usize = 3;
+/// Error over noise of the best candidate from which on candidates are fitted from scratch, and how many.
+const POOR: f64 = 1.5;
+const FROM_SCRATCH: usize = 4;
 /// Finest grid of a fit with cavities: the spikes of their collapse belong to the grid (Bergant, Simpson & Tijsseling 2006).
 const MOST_REACHES_WITH_CAVITIES: usize = 128;
 
@@ -72,6 +79,8 @@ pub struct Candidate {
     pub probability: f64,
     /// Evidence for it over the start model, natural logarithm of odds before tempering.
     pub evidence: f64,
+    /// It is more than what every rig has of it.
+    pub noteworthy: bool,
     /// RMSE with it, m: of the full fit where there is one, otherwise as forecast from the coarse refit.
     pub rmse_m: f64,
     /// Its own parameters.
@@ -121,19 +130,9 @@ pub fn diagnose(
     progress("the start model");
     let start = calibrate(rig, runs, effects, options, &|p| progress(&format!("the start model, {}", p.stage)))?;
     let ground = Ground::new(rig, runs, &start)?;
-    let forms: Vec<_> = candidate::candidates(rig, &ground.effects).into_iter().flatten().collect();
-    let done = AtomicUsize::new(0);
-    let refits: Vec<Refit> = forms
-        .par_iter()
-        .filter_map(|form| {
-            let refit = refit(&ground, form).ok();
-            let n = done.fetch_add(1, Ordering::Relaxed) + 1;
-            progress(&format!("{n} of {} candidates refitted", forms.len()));
-            refit
-        })
-        .collect();
+    let refits = refits(&ground, progress);
+    let failings = misfit::failings(&start);
     let Some(closest) = refits.iter().min_by(|a, b| a.square.total_cmp(&b.square)) else {
-        let failings = misfit::failings(&start);
         return Ok(Diagnosis {
             verdict: unexplained(&start),
             start,
@@ -142,44 +141,117 @@ pub fn diagnose(
             next_test: None,
         });
     };
-    let worth = Worth::of(&closest.residuals[..ground.samples]);
-    let mut ranked = best_forms(&refits, |r| worth.evidence(ground.square, r));
-    let odds = |r: &Refit| r.form.chosen.effect.odds(rig);
-    ranked.sort_by(|a, b| (tempered(b.0) + odds(b.1).ln()).total_cmp(&(tempered(a.0) + odds(a.1).ln())));
-    let shares = probabilities(&ranked.iter().map(|(evidence, r)| (*evidence, odds(r))).collect::<Vec<_>>());
-    let fits: Vec<Option<Fit>> = ranked
+    let coarse = Worth::of(&closest.residuals[..ground.samples]);
+    let mut rivals: Vec<Rival> = best_forms(&refits, |r| coarse.evidence(ground.square, r.square, r.added))
+        .into_iter()
+        .map(|(evidence, refit)| Rival { refit, evidence, square: forecast(&ground, &start, refit), fit: None })
+        .collect();
+    let by_odds = |a: &Rival, b: &Rival| b.log_odds(rig).total_cmp(&a.log_odds(rig));
+    rivals.sort_by(by_odds);
+    let finisher = Finisher { rig, runs, effects, options, progress };
+    rivals[..FINISHED.min(refits.len())].par_iter_mut().enumerate().for_each(|(i, rival)| {
+        if i == 0 || rival.evidence > LEAST_EVIDENCE {
+            rival.take(finisher.finished(rival.refit));
+        }
+    });
+    let (_, noise_m) = pooled(&start);
+    let least = rivals.iter().filter_map(|r| r.fit.as_ref()).map(|f| pooled(f).0).fold(f64::INFINITY, f64::min);
+    if least > POOR * noise_m && pooled(&start).0 > POOR * noise_m {
+        // None is down to the noise. The start model's parameters may have gone too far astray to find a way back from.
+        let tried = rivals.len().min(FROM_SCRATCH);
+        rivals[..tried].par_iter_mut().for_each(|rival| rival.take(finisher.from_scratch(rival.refit)));
+    }
+    let fine = rivals.iter().filter_map(|r| r.fit.as_ref()).min_by(|a, b| square(a).total_cmp(&square(b)));
+    if let Some(best) = fine {
+        let worth = worth(best);
+        rivals.iter_mut().for_each(|r| r.evidence = worth.evidence(square(&start), r.square, r.refit.added));
+    }
+    rivals.sort_by(by_odds);
+    let shares = probabilities(&rivals.iter().map(|r| (r.evidence, r.odds(rig))).collect::<Vec<_>>());
+    let candidates: Vec<Candidate> =
+        (0..rivals.len()).map(|i| candidate(&ground, rig, &rivals, i, shares[i])).collect();
+    let verdict = verdict(&start, &candidates);
+    let other =
+        candidates.first().filter(|_| verdict == Verdict::MissingEffect).and_then(|c| c.indistinguishable_from.first());
+    let next_test = other.and_then(|name| {
+        let other = rivals.iter().find(|r| r.refit.form.effect == *name)?;
+        next_test::next_test(&ground, rivals[0].refit, other.refit)
+    });
+    Ok(Diagnosis { verdict, failings, start, candidates, next_test })
+}
+
+/// A glimpse of every form; those of the most promising effects are followed.
+fn refits(ground: &Ground, progress: &(dyn Fn(&str) + Sync)) -> Vec<Refit> {
+    let forms: Vec<_> = candidate::candidates(ground.rig, &ground.effects).into_iter().flatten().collect();
+    let done = AtomicUsize::new(0);
+    let glimpses: Vec<Refit> = forms
         .par_iter()
-        .enumerate()
-        .map(|(i, (evidence, r))| {
-            let worthy = i == 0 || (*evidence > LEAST_EVIDENCE && i < FINISHED);
-            worthy.then(|| finished(rig, runs, r, options, progress).ok()).flatten()
+        .filter_map(|form| {
+            let glimpse = glimpse(ground, form).ok();
+            let n = done.fetch_add(1, Ordering::Relaxed) + 1;
+            progress(&format!("{n} of {} candidates looked at", forms.len()));
+            glimpse
         })
         .collect();
-    let mut candidates: Vec<Candidate> = Vec::new();
-    for (i, (((evidence, r), probability), fit)) in ranked.iter().zip(&shares).zip(fits).enumerate() {
-        let alike = ranked.iter().enumerate().filter(|(j, _)| *j != i);
-        let near = alike.filter(|(_, other)| {
-            (tempered(other.0) - tempered(*evidence)).abs() < INDISTINGUISHABLE && other.0 > LEAST_EVIDENCE
-        });
-        candidates.push(Candidate {
-            effect: r.form.effect,
-            label: r.form.chosen.label(),
-            probability: *probability,
-            evidence: *evidence,
-            rmse_m: fit.as_ref().map_or_else(|| forecast_rmse_m(&ground, &start, r), |f| pooled(f).0),
-            parameters: own_parameters(&ground, r, fit.as_ref()),
-            indistinguishable_from: near.map(|(_, (_, other))| other.form.effect).collect(),
-            fit,
-        });
+    let mut order = best_forms(&glimpses, |r| -r.square);
+    order.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let worthy: Vec<&str> = order.iter().take(FOLLOWED_EFFECTS).map(|(_, r)| r.form.effect).collect();
+    glimpses
+        .par_iter()
+        .map(|glimpse| {
+            if !worthy.contains(&glimpse.form.effect) {
+                return glimpse.clone();
+            }
+            progress(&format!("{} refitted", glimpse.form.chosen.label()));
+            follow(ground, glimpse).ok().unwrap_or_else(|| glimpse.clone())
+        })
+        .collect()
+}
+
+/// An effect in its best form.
+struct Rival<'a> {
+    refit: &'a Refit,
+    evidence: f64,
+    /// Sum over all samples of the residual's square over the noise's, of the fit or as forecast.
+    square: f64,
+    fit: Option<Fit>,
+}
+
+impl Rival<'_> {
+    fn odds(&self, rig: &Rig) -> f64 {
+        self.refit.form.chosen.effect.odds(rig)
     }
-    let verdict = verdict(&start, &candidates);
-    let rival =
-        candidates.first().filter(|_| verdict == Verdict::MissingEffect).and_then(|c| c.indistinguishable_from.first());
-    let next_test = rival.and_then(|name| {
-        let other = ranked.iter().find(|(_, r)| r.form.effect == *name)?;
-        next_test::next_test(&ground, ranked[0].1, other.1)
-    });
-    Ok(Diagnosis { verdict, failings: misfit::failings(&start), start, candidates, next_test })
+
+    fn log_odds(&self, rig: &Rig) -> f64 {
+        tempered(self.evidence) + self.odds(rig).ln()
+    }
+
+    /// Keeps a fit if it is better than the one known.
+    fn take(&mut self, fit: Result<Fit, FitError>) {
+        if let Ok(fit) = fit
+            && self.fit.as_ref().is_none_or(|known| square(&fit) < square(known))
+        {
+            self.square = square(&fit);
+            self.fit = Some(fit);
+        }
+    }
+}
+
+/// Sum over all samples of the residual's square over the noise's.
+fn square(fit: &Fit) -> f64 {
+    let sensors = fit.runs.iter().flat_map(|r| &r.sensors);
+    sensors.map(|s| s.time_s.len() as f64 * (s.rmse_m / s.noise_m).powi(2)).sum()
+}
+
+/// What a fit's residuals say evidence is worth.
+fn worth(fit: &Fit) -> Worth {
+    let residuals: Vec<f64> = fit
+        .runs
+        .iter()
+        .flat_map(|r| &r.sensors)
+        .flat_map(|s| s.measured_m.iter().zip(&s.model_m).map(|(a, b)| (a - b) / s.noise_m))
+        .collect();
+    Worth::of(&residuals)
 }
 
 /// The best form of each effect, with its evidence.
@@ -196,46 +268,101 @@ fn best_forms(refits: &[Refit], evidence: impl Fn(&Refit) -> f64) -> Vec<(f64, &
     best
 }
 
-/// A candidate fitted to all samples on the fine grid.
-fn finished(
-    rig: &Rig,
-    runs: &[RunData],
-    refit: &Refit,
-    options: &Options,
-    progress: &(dyn Fn(&str) + Sync),
-) -> Result<Fit, FitError> {
-    let boils = refit.effects.iter().any(|c| c.effect.lets_boil());
-    let most_reaches = if boils { options.most_reaches.min(MOST_REACHES_WITH_CAVITIES) } else { options.most_reaches };
-    let options = Options { most_reaches, ..*options };
-    let shown = |p: &crate::fit::calibrate::Progress| progress(&format!("{} added, {}", refit.form.effect, p.stage));
-    refine(rig, runs, &refit.effects, &refit.values, &options, &shown)
+/// Fits candidates to all samples on the fine grid.
+struct Finisher<'a> {
+    rig: &'a Rig,
+    runs: &'a [RunData],
+    /// The start model's effects as they were asked for.
+    effects: &'a [Chosen],
+    options: &'a Options,
+    progress: &'a (dyn Fn(&str) + Sync),
 }
 
-/// The start model's error less what the refit takes away, m.
-fn forecast_rmse_m(ground: &Ground, start: &Fit, refit: &Refit) -> f64 {
-    let mean = |r: &[f64]| r[..ground.samples].iter().map(|x| x * x).sum::<f64>() / ground.samples.max(1) as f64;
-    let (rmse_m, _) = pooled(start);
-    rmse_m * (mean(&refit.residuals) / mean(&ground.residuals).max(f64::MIN_POSITIVE)).sqrt()
-}
-
-fn own_parameters(ground: &Ground, refit: &Refit, fit: Option<&Fit>) -> Vec<FittedParameter> {
-    let model = ground.model(&refit.effects);
-    match fit {
-        Some(fit) => fit.parameters[ground.shared..model.shared.len()].to_vec(),
-        None => model.shared[ground.shared..]
-            .iter()
-            .zip(&refit.values[ground.shared..])
-            .map(|(p, &value)| FittedParameter {
-                name: p.name.clone(),
-                about: p.about,
-                run: None,
-                value,
-                standard_error: f64::NAN,
-                unit: p.unit,
-                at_bound: value <= p.lower || value >= p.upper,
-            })
-            .collect(),
+impl Finisher<'_> {
+    /// From where the refit ended.
+    fn finished(&self, refit: &Refit) -> Result<Fit, FitError> {
+        let shown = |p: &Progress| (self.progress)(&format!("{} added, {}", refit.form.effect, p.stage));
+        refine(self.rig, self.runs, &refit.effects, &refit.values, &self.options_of(refit), &shown)
     }
+
+    /// From the signals, as if nothing had been fitted before.
+    fn from_scratch(&self, refit: &Refit) -> Result<Fit, FitError> {
+        if refit.form.chosen.effect.lets_boil() {
+            return Err(FitError::NoRun);
+        }
+        let effects: Vec<Chosen> = self.effects.iter().cloned().chain([refit.form.chosen.clone()]).collect();
+        let shown = |p: &Progress| (self.progress)(&format!("{} from scratch, {}", refit.form.effect, p.stage));
+        calibrate(self.rig, self.runs, &effects, &self.options_of(refit), &shown)
+    }
+
+    fn options_of(&self, refit: &Refit) -> Options {
+        let boils = refit.effects.iter().any(|c| c.effect.lets_boil());
+        let most = if boils { MOST_REACHES_WITH_CAVITIES } else { usize::MAX };
+        Options { most_reaches: self.options.most_reaches.min(most), ..*self.options }
+    }
+}
+
+/// The start model's square, in all samples, less the share that the refit takes away of it in bins.
+fn forecast(ground: &Ground, start: &Fit, refit: &Refit) -> f64 {
+    let n = ground.samples.max(1) as f64;
+    let sum = |r: &[f64]| r[..ground.samples].iter().map(|x| x * x).sum::<f64>();
+    let samples: usize = start.runs.iter().flat_map(|r| &r.sensors).map(|s| s.time_s.len()).sum();
+    // Noise averages out in bins: the fall of the mean square is the same in both, in units of one sample's noise.
+    let fall = (sum(&ground.residuals) - sum(&refit.residuals)) / n * ground.bin_noise_square();
+    (square(start) - samples as f64 * fall).max(0.0)
+}
+
+fn candidate(ground: &Ground, rig: &Rig, rivals: &[Rival], i: usize, probability: f64) -> Candidate {
+    let rival = &rivals[i];
+    let near = rivals.iter().enumerate().filter(|(j, other)| {
+        *j != i
+            && other.evidence > LEAST_EVIDENCE
+            && (other.log_odds(rig) - rival.log_odds(rig)).abs() < INDISTINGUISHABLE
+    });
+    let samples: usize = ground.run_samples();
+    let parameters = own_parameters(ground, rival);
+    Candidate {
+        effect: rival.refit.form.effect,
+        label: rival.refit.form.chosen.label(),
+        probability,
+        evidence: rival.evidence,
+        noteworthy: rival.refit.form.chosen.effect.noteworthy(&parameters.iter().map(|p| p.value).collect::<Vec<_>>()),
+        rmse_m: rival
+            .fit
+            .as_ref()
+            .map_or_else(|| ground.noise_m() * (rival.square / samples.max(1) as f64).sqrt(), |f| pooled(f).0),
+        parameters,
+        indistinguishable_from: near.map(|(_, other)| other.refit.form.effect).collect(),
+        fit: rival.fit.clone(),
+    }
+}
+
+/// The added effect's parameters.
+fn own_parameters(ground: &Ground, rival: &Rival) -> Vec<FittedParameter> {
+    let own = |effects: &[Chosen]| {
+        let model = ground.model(effects);
+        let size = model.effect_sizes().last().copied().unwrap_or(0);
+        (model.shared.len() - size..model.shared.len(), model.shared)
+    };
+    if let Some(fit) = &rival.fit
+        && let Ok(effects) = parse_list(&fit.effects.join(","))
+    {
+        return fit.parameters[own(&effects).0].to_vec();
+    }
+    let (range, shared) = own(&rival.refit.effects);
+    shared[range.clone()]
+        .iter()
+        .zip(&rival.refit.values[range])
+        .map(|(p, &value)| FittedParameter {
+            name: p.name.clone(),
+            about: p.about,
+            run: None,
+            value,
+            standard_error: f64::NAN,
+            unit: p.unit,
+            at_bound: value <= p.lower || value >= p.upper,
+        })
+        .collect()
 }
 
 fn unexplained(start: &Fit) -> Verdict {
@@ -244,10 +371,15 @@ fn unexplained(start: &Fit) -> Verdict {
 }
 
 fn verdict(start: &Fit, candidates: &[Candidate]) -> Verdict {
-    let Some(best) = candidates.first().filter(|c| c.evidence >= LEAST_EVIDENCE) else {
+    let (rmse_m, noise_m) = pooled(start);
+    let worth_it = |c: &&Candidate| {
+        c.noteworthy
+            && c.evidence >= LEAST_EVIDENCE
+            && rmse_m.powi(2) - c.rmse_m.powi(2) > (LEAST_FALL * noise_m).powi(2)
+    };
+    let Some(best) = candidates.first().filter(worth_it) else {
         return unexplained(start);
     };
-    let (rmse_m, noise_m) = pooled(start);
     let excess = |rmse: f64| (rmse.powi(2) - noise_m.powi(2)).max(0.0);
     let left = excess(best.rmse_m) / excess(rmse_m).max(f64::MIN_POSITIVE);
     if left > LEFT_SHARE && best.rmse_m > LEFT_OVER_NOISE * noise_m {

@@ -1,11 +1,13 @@
 //! A candidate refitted: the start model with one form of an effect added, from the most promising of many starts.
+//!
+//! First a glimpse of every form, a few iterations from its best starts; then those worth it are followed to the end.
 
 use super::candidate::Form;
 use super::ground::Ground;
-use crate::fit::least_squares::{Limits, minimise};
+use crate::fit::least_squares::{Limits, Problem, Solution, minimise};
 use crate::fit::problem::Calibration;
 use crate::model::effects::Chosen;
-use crate::model::parameter::Scale;
+use crate::model::parameter::{Parameter, Scale};
 use crate::model::{Model, ModelError};
 
 const GLANCE: Limits = Limits { iterations: 6, cost_tolerance: 1e-2, step_tolerance: 1e-7 };
@@ -13,9 +15,13 @@ const FULL: Limits = Limits { iterations: 25, cost_tolerance: 1e-3, step_toleran
 
 /// Strengths at which an effect's signature is taken, as multiples of its usual start's.
 const STRENGTHS: [f64; 5] = [1.0, 0.1, 0.3, 3.0, 10.0];
+/// Places up to which an effect is tried at all strengths: with more, one has to do.
+const FEW_PLACES: usize = 12;
 /// How many starts are looked at by a few iterations, and how many of these are followed.
 const GLANCED: usize = 4;
 const FOLLOWED: usize = 2;
+/// Strengths that a linear forecast from one of them can speak for.
+const FORECAST: (f64, f64) = (0.3, 2.0);
 
 /// What a refit came to.
 #[derive(Debug, Clone)]
@@ -32,114 +38,144 @@ pub struct Refit {
     pub residuals: Vec<f64>,
     /// Free parameters that it adds: those of which nothing was known.
     pub added: usize,
-    /// Simulations it took.
-    pub evaluations: usize,
+    /// Variables of the next best glimpses, to be followed too.
+    others: Vec<Vec<f64>>,
 }
 
-/// Refits the start model with `form` added.
+/// A few iterations with `form` added, from each of its most promising starts.
 ///
 /// # Errors
 /// If no start can be simulated.
-pub fn refit(ground: &Ground, form: &Form) -> Result<Refit, ModelError> {
+pub fn glimpse(ground: &Ground, form: &Form) -> Result<Refit, ModelError> {
     let effects: Vec<Chosen> = ground.effects.iter().cloned().chain([form.chosen.clone()]).collect();
     let model = ground.model(&effects);
-    let (model, effects) = (&model, effects.clone());
-    let problem = ground.problem(model);
-    let mut evaluations = 0;
-    let mut starts = promising(ground, model, &problem, &form.chosen, &mut evaluations);
-    starts.truncate(GLANCED);
+    let problem = ground.problem(&model);
     let mut failure = None;
-    let mut glimpses = Vec::new();
-    for start in &starts {
+    let mut glimpses: Vec<Solution> = Vec::new();
+    for start in promising(ground, &model, &problem, &form.chosen).iter().take(GLANCED) {
         match minimise(&problem, &problem.variables(&ground.values_with(start)), GLANCE, |_, _| {}) {
             Ok(solution) => glimpses.push(solution),
             Err(error) => failure = Some(error),
         }
     }
-    evaluations += glimpses.iter().map(|g| g.evaluations).sum::<usize>();
     glimpses.sort_by(|a, b| a.cost.total_cmp(&b.cost));
-    glimpses.truncate(FOLLOWED);
-    let mut best = None;
-    for glimpse in glimpses {
-        let solution = minimise(&problem, &glimpse.x, FULL, |_, _| {})?;
-        evaluations += solution.evaluations;
-        if best.as_ref().is_none_or(|b: &crate::fit::least_squares::Solution| solution.cost < b.cost) {
+    let others = glimpses.iter().skip(1).take(FOLLOWED - 1).map(|s| s.x.clone()).collect();
+    match glimpses.into_iter().next() {
+        Some(best) => Ok(of(ground, form, &model, &problem, best, others)),
+        None => Err(failure.unwrap_or_else(|| no_start(form))),
+    }
+}
+
+/// Follows a glimpse to the end.
+///
+/// # Errors
+/// If it cannot be simulated.
+pub fn follow(ground: &Ground, glimpse: &Refit) -> Result<Refit, ModelError> {
+    let model = ground.model(&glimpse.effects);
+    let problem = ground.problem(&model);
+    let starts = std::iter::once(problem.variables(&glimpse.values)).chain(glimpse.others.iter().cloned());
+    let mut best: Option<Solution> = None;
+    for start in starts {
+        let solution = minimise(&problem, &start, FULL, |_, _| {})?;
+        if best.as_ref().is_none_or(|b| solution.cost < b.cost) {
             best = Some(solution);
         }
     }
-    let Some(best) = best else {
-        return Err(failure.unwrap_or(ModelError::NotFinite {
-            time_s: 0.0,
-            position_m: 0.0,
-            effects: form.chosen.label(),
-        }));
-    };
-    Ok(Refit {
+    let best = best.ok_or_else(|| no_start(&glimpse.form))?;
+    Ok(of(ground, &glimpse.form, &model, &problem, best, Vec::new()))
+}
+
+fn no_start(form: &Form) -> ModelError {
+    ModelError::NotFinite { time_s: 0.0, position_m: 0.0, effects: form.chosen.label() }
+}
+
+fn of(
+    ground: &Ground,
+    form: &Form,
+    model: &Model,
+    problem: &Calibration,
+    solution: Solution,
+    others: Vec<Vec<f64>>,
+) -> Refit {
+    Refit {
         form: form.clone(),
-        effects,
-        square: 2.0 * best.cost,
-        residuals: ground.seen(&best.residuals),
+        effects: model.effects.clone(),
+        square: 2.0 * solution.cost,
+        residuals: ground.seen(&solution.residuals),
         added: model.shared[ground.shared..].iter().filter(|p| p.prior.is_none()).count(),
-        values: problem.values(&best.x),
-        evaluations,
-    })
+        values: problem.values(&solution.x),
+        others,
+    }
 }
 
 /// Values of the added parameters at which to start, the most promising first: by what their signature, projected off the fitted
 /// parameters, would take away of the residual.
-fn promising(
-    ground: &Ground,
-    model: &Model,
-    problem: &Calibration,
-    chosen: &Chosen,
-    evaluations: &mut usize,
-) -> Vec<Vec<f64>> {
-    let parameters = &model.shared[ground.shared..];
-    let usual: Vec<f64> = parameters.iter().map(|p| p.start).collect();
-    let others = chosen.effect.other_starts(chosen.elements.unwrap_or(1));
-    let places = std::iter::once(usual.clone())
-        .chain(others.iter().map(|factors| usual.iter().zip(factors).map(|(v, f)| v * f).collect()));
-    let strengths: &[f64] = if others.len() > 12 { &STRENGTHS[..1] } else { &STRENGTHS };
-    let mut starts: Vec<Vec<f64>> = Vec::new();
-    for place in places {
-        for &strength in strengths {
-            for sign in [1.0, -1.0] {
-                let mut start = place.clone();
-                let Some(j) = parameters.iter().position(|p| p.vanishes_at.is_some()) else {
-                    starts.push(start);
-                    continue;
-                };
-                let p = &parameters[j];
-                let gone = p.vanishes_at.unwrap_or(0.0);
-                start[j] = match p.scale {
-                    // Some vanish at one on a log scale: a ratio, and its inverse.
-                    Scale::Log if gone > 0.0 => gone * (start[j] / gone).powf(strength * sign),
-                    Scale::Log if sign > 0.0 => start[j] * strength,
-                    Scale::Linear => gone + (start[j] - gone) * strength * sign,
-                    Scale::Log => continue,
-                }
-                .clamp(p.lower, p.upper);
-                if !starts.contains(&start) {
-                    starts.push(start);
-                }
-            }
-        }
-    }
+fn promising(ground: &Ground, model: &Model, problem: &Calibration, chosen: &Chosen) -> Vec<Vec<f64>> {
     let left = ground.projected_dot(&ground.residuals, &ground.residuals);
-    let mut scored: Vec<(f64, Vec<f64>)> = starts
+    let mut scored: Vec<(f64, Vec<f64>)> = starts(&model.shared[ground.shared..], chosen)
         .into_iter()
         .filter_map(|start| {
-            *evaluations += 1;
-            let with = ground.residuals_with(problem, &start).ok()?;
-            let change: Vec<f64> = with.iter().zip(&ground.residuals).map(|(w, r)| w - r).collect();
+            let all = problem.residuals(&problem.variables(&ground.values_with(&start))).ok()?;
+            let change: Vec<f64> = ground.seen(&all).iter().zip(&ground.residuals).map(|(w, r)| w - r).collect();
             let size = ground.projected_dot(&change, &change);
             let along = ground.projected_dot(&change, &ground.residuals);
-            // The strength is free: within what a linear forecast can say.
-            let by = if size > 0.0 { (-along / size).clamp(0.3, 2.0) } else { 0.0 };
+            let by = if size > 0.0 { (-along / size).clamp(FORECAST.0, FORECAST.1) } else { 0.0 };
             Some((left + by * (2.0 * along + by * size), start))
         })
         .filter(|(cost, _)| cost.is_finite())
         .collect();
     scored.sort_by(|a, b| a.0.total_cmp(&b.0));
     scored.into_iter().map(|(_, start)| start).collect()
+}
+
+/// All starts of an effect: its usual one and its others, in several strengths, of either sign where it has one.
+fn starts(parameters: &[Parameter], chosen: &Chosen) -> Vec<Vec<f64>> {
+    let usual: Vec<f64> = parameters.iter().map(|p| p.start).collect();
+    let others = chosen.effect.other_starts(chosen.elements.unwrap_or(1));
+    let strengths = if others.len() > FEW_PLACES { &STRENGTHS[..1] } else { &STRENGTHS };
+    let places = others.iter().map(|factors| usual.iter().zip(factors).map(|(v, f)| v * f).collect::<Vec<f64>>());
+    let strength_of = parameters.iter().position(|p| p.vanishes_at.is_some());
+    let mut starts: Vec<Vec<f64>> = Vec::new();
+    for place in std::iter::once(usual.clone()).chain(places) {
+        let Some(j) = strength_of else {
+            starts.push(place);
+            continue;
+        };
+        for &strength in strengths {
+            for value in strengthened(&parameters[j], place[j], strength) {
+                let mut start = place.clone();
+                start[j] = value.clamp(parameters[j].lower, parameters[j].upper);
+                if !starts.contains(&start) {
+                    starts.push(start);
+                }
+            }
+        }
+    }
+    starts
+}
+
+/// A value so many times as far from where it vanishes, to either side where there are two.
+fn strengthened(parameter: &Parameter, value: f64, strength: f64) -> Vec<f64> {
+    let gone = parameter.vanishes_at.unwrap_or(0.0);
+    match parameter.scale {
+        Scale::Linear => [strength, -strength].map(|by| gone + (value - gone) * by).to_vec(),
+        Scale::Log if gone > 0.0 => [strength, -strength].map(|by| gone * (value / gone).powf(by)).to_vec(),
+        Scale::Log => vec![value * strength],
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn strengths_lie_on_both_sides_of_what_vanishes_between() {
+        let ratio = Parameter::log("ratio", "1", "", 1.1, 0.25, 4.0).vanishing_at(1.0);
+        let both = strengthened(&ratio, 1.1, 2.0);
+        assert!((both[0] - 1.21).abs() < 1e-12 && (both[1] * 1.21 - 1.0).abs() < 1e-12, "{both:?}");
+        let signed = Parameter::linear("shift", "s", "", 0.01, -1.0, 1.0).vanishing_at(0.0);
+        assert_eq!(strengthened(&signed, 0.01, 10.0), [0.1, -0.1]);
+        let amount = Parameter::log("amount", "1", "", 0.01, 1e-6, 1.0).vanishing_at(0.0);
+        assert_eq!(strengthened(&amount, 0.01, 0.1), [0.001]);
+    }
 }

@@ -172,6 +172,11 @@ pub trait Effect: Sync {
         let _ = rig;
         1.0
     }
+    /// These values of it are more than what every rig has of it: instruments within their class are no fault.
+    fn noteworthy(&self, values: &[f64]) -> bool {
+        let _ = values;
+        true
+    }
     /// Its parameters, for a number of elements (1 where it has none).
     fn parameters(&self, site: &Site, elements: usize) -> Vec<Parameter>;
     /// Other places than `start` from which a fit of this effect should be tried, as factors on the start values.

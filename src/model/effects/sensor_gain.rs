@@ -10,6 +10,9 @@ use crate::model::trace::Trace;
 /// What is scaled is the pressure, so that the elevation of the sensor does not count; its zero error is a parameter of every run.
 pub struct SensorGain;
 
+/// Gain error that is a fault: an ordinary transducer with its amplifier is good to a percent.
+const LEAST_FAULT: f64 = 0.01;
+
 impl Effect for SensorGain {
     fn name(&self) -> &'static str {
         "sensor-gain"
@@ -32,6 +35,9 @@ impl Effect for SensorGain {
     fn parameters(&self, _site: &Site, _elements: usize) -> Vec<Parameter> {
         let about = "by which part the sensor reads too high";
         vec![Parameter::linear("gain_error", "1", about, 0.02, -0.3, 0.3).vanishing_at(0.0)]
+    }
+    fn noteworthy(&self, values: &[f64]) -> bool {
+        values.iter().any(|gain| gain.abs() >= LEAST_FAULT)
     }
     fn sense(&self, values: &[f64], elevation_m: f64, mut trace: Trace) -> Result<Trace, ModelError> {
         let gain = values[0];
