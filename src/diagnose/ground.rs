@@ -47,6 +47,8 @@ pub struct Ground<'a> {
 
 /// What the fitted parameters can take up: Jacobian columns (of those not at a bound) and the inverse of their normal matrix.
 struct Fitted {
+    /// Which variables these are.
+    which: Vec<usize>,
     columns: Vec<Vec<f64>>,
     inverse: DMatrix<f64>,
 }
@@ -70,12 +72,11 @@ impl<'a> Ground<'a> {
         let x = problem.variables(&values);
         let all = problem.residuals(&x)?;
         let at_bound: Vec<bool> = fit.parameters.iter().map(|p| p.at_bound).collect();
-        let columns: Vec<Vec<f64>> = jacobian(&problem, &x, &all)?
+        let (which, columns): (Vec<usize>, Vec<Vec<f64>>) = jacobian(&problem, &x, &all)?
             .into_iter()
-            .zip(&at_bound)
-            .filter(|(column, at_bound)| !**at_bound && column.iter().any(|c| *c != 0.0))
-            .map(|(column, _)| column)
-            .collect();
+            .enumerate()
+            .filter(|(j, column)| !at_bound[*j] && column.iter().any(|c| *c != 0.0))
+            .unzip();
         let samples = problem.samples();
         let meters = runs.iter().filter(|r| r.meter.is_some()).count();
         let normal = DMatrix::from_fn(columns.len(), columns.len(), |a, b| dot(&columns[a], &columns[b]));
@@ -90,7 +91,7 @@ impl<'a> Ground<'a> {
             residuals: seen(&all, samples, meters),
             samples,
             bin_size: (recorded as f64 / bins.max(1) as f64).max(1.0),
-            fitted: Fitted { columns, inverse },
+            fitted: Fitted { which, columns, inverse },
             values,
             runs,
         })
@@ -139,10 +140,32 @@ impl<'a> Ground<'a> {
 
     /// What is left of `a·b` once what the fitted parameters can take up of both is gone.
     pub fn projected_dot(&self, a: &[f64], b: &[f64]) -> f64 {
-        let along = |v: &[f64]| {
-            DVector::from_iterator(self.fitted.columns.len(), self.fitted.columns.iter().map(|c| dot(c, v)))
-        };
-        dot(a, b) - along(a).dot(&(&self.fitted.inverse * along(b)))
+        dot(a, b) - self.along(a).dot(&(&self.fitted.inverse * self.along(b)))
+    }
+
+    /// Residuals less what the fitted parameters can take up of them.
+    pub fn projected(&self, residuals: &[f64]) -> Vec<f64> {
+        let step = &self.fitted.inverse * self.along(residuals);
+        let mut left = residuals.to_vec();
+        for (column, by) in self.fitted.columns.iter().zip(&step) {
+            left.iter_mut().zip(column).for_each(|(l, c)| *l -= by * c);
+        }
+        left
+    }
+
+    /// The start model's variables `x` (any more effects' among them, after the shared ones) moved to take residuals up.
+    pub fn moved(&self, x: &[f64], residuals: &[f64]) -> Vec<f64> {
+        let added = x.len() - self.values.len();
+        let step = &self.fitted.inverse * self.along(residuals);
+        let mut moved = x.to_vec();
+        for (&j, by) in self.fitted.which.iter().zip(&step) {
+            moved[if j < self.shared { j } else { j + added }] -= by;
+        }
+        moved
+    }
+
+    fn along(&self, v: &[f64]) -> DVector<f64> {
+        DVector::from_iterator(self.fitted.columns.len(), self.fitted.columns.iter().map(|c| dot(c, v)))
     }
 }
 

@@ -79,8 +79,6 @@ pub struct Candidate {
     pub probability: f64,
     /// Evidence for it over the start model, natural logarithm of odds before tempering.
     pub evidence: f64,
-    /// It is more than what every rig has of it.
-    pub noteworthy: bool,
     /// RMSE with it, m: of the full fit where there is one, otherwise as forecast from the coarse refit.
     pub rmse_m: f64,
     /// Its own parameters.
@@ -166,6 +164,15 @@ pub fn diagnose(
         let worth = worth(best);
         rivals.iter_mut().for_each(|r| r.evidence = worth.evidence(square(&start), r.square, r.refit.added));
     }
+    // What is not worth a model is no explanation, however sure.
+    let (rmse_m, samples) = (pooled(&start).0, ground.run_samples() as f64);
+    for rival in &mut rivals {
+        let fall_m2 = rmse_m.powi(2) - noise_m.powi(2) * rival.square / samples;
+        let values: Vec<f64> = own_parameters(&ground, rival).iter().map(|p| p.value).collect();
+        if fall_m2 < (LEAST_FALL * noise_m).powi(2) || !rival.refit.form.chosen.effect.noteworthy(&values) {
+            rival.evidence = rival.evidence.min(0.0);
+        }
+    }
     rivals.sort_by(by_odds);
     let shares = probabilities(&rivals.iter().map(|r| (r.evidence, r.odds(rig))).collect::<Vec<_>>());
     let candidates: Vec<Candidate> =
@@ -199,7 +206,8 @@ fn refits(ground: &Ground, progress: &(dyn Fn(&str) + Sync)) -> Vec<Refit> {
     glimpses
         .par_iter()
         .map(|glimpse| {
-            if !worthy.contains(&glimpse.form.effect) {
+            // What boils does so past a threshold that no straight line sees.
+            if !worthy.contains(&glimpse.form.effect) && !glimpse.form.chosen.effect.lets_boil() {
                 return glimpse.clone();
             }
             progress(&format!("{} refitted", glimpse.form.chosen.label()));
@@ -326,7 +334,6 @@ fn candidate(ground: &Ground, rig: &Rig, rivals: &[Rival], i: usize, probability
         label: rival.refit.form.chosen.label(),
         probability,
         evidence: rival.evidence,
-        noteworthy: rival.refit.form.chosen.effect.noteworthy(&parameters.iter().map(|p| p.value).collect::<Vec<_>>()),
         rmse_m: rival
             .fit
             .as_ref()
@@ -372,12 +379,7 @@ fn unexplained(start: &Fit) -> Verdict {
 
 fn verdict(start: &Fit, candidates: &[Candidate]) -> Verdict {
     let (rmse_m, noise_m) = pooled(start);
-    let worth_it = |c: &&Candidate| {
-        c.noteworthy
-            && c.evidence >= LEAST_EVIDENCE
-            && rmse_m.powi(2) - c.rmse_m.powi(2) > (LEAST_FALL * noise_m).powi(2)
-    };
-    let Some(best) = candidates.first().filter(worth_it) else {
+    let Some(best) = candidates.first().filter(|c| c.evidence >= LEAST_EVIDENCE) else {
         return unexplained(start);
     };
     let excess = |rmse: f64| (rmse.powi(2) - noise_m.powi(2)).max(0.0);

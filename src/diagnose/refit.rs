@@ -1,6 +1,7 @@
 //! A candidate refitted: the start model with one form of an effect added, from the most promising of many starts.
 //!
-//! First a glimpse of every form, a few iterations from its best starts; then those worth it are followed to the end.
+//! First a glimpse of every form: only what it adds is moved, while the start model's parameters take up what they can in a straight
+//! line (variable projection: Golub & Pereyra 1973, SIAM J. Numer. Anal. 10, 413). Then those worth it are followed to the end.
 
 use super::candidate::Form;
 use super::ground::Ground;
@@ -10,7 +11,7 @@ use crate::model::effects::Chosen;
 use crate::model::parameter::{Parameter, Scale};
 use crate::model::{Model, ModelError};
 
-const GLANCE: Limits = Limits { iterations: 6, cost_tolerance: 1e-2, step_tolerance: 1e-7 };
+const GLANCE: Limits = Limits { iterations: 10, cost_tolerance: 3e-3, step_tolerance: 1e-7 };
 const FULL: Limits = Limits { iterations: 25, cost_tolerance: 1e-3, step_tolerance: 1e-7 };
 
 /// Strengths at which an effect's signature is taken, as multiples of its usual start's.
@@ -42,7 +43,7 @@ pub struct Refit {
     others: Vec<Vec<f64>>,
 }
 
-/// A few iterations with `form` added, from each of its most promising starts.
+/// The start model with `form` added, fitted in what it adds alone, from each of its most promising starts.
 ///
 /// # Errors
 /// If no start can be simulated.
@@ -50,19 +51,95 @@ pub fn glimpse(ground: &Ground, form: &Form) -> Result<Refit, ModelError> {
     let effects: Vec<Chosen> = ground.effects.iter().cloned().chain([form.chosen.clone()]).collect();
     let model = ground.model(&effects);
     let problem = ground.problem(&model);
+    let added = Added::new(ground, &problem, &model);
     let mut failure = None;
     let mut glimpses: Vec<Solution> = Vec::new();
     for start in promising(ground, &model, &problem, &form.chosen).iter().take(GLANCED) {
-        match minimise(&problem, &problem.variables(&ground.values_with(start)), GLANCE, |_, _| {}) {
+        match minimise(&added, &problem.variables(&ground.values_with(start))[added.range()], GLANCE, |_, _| {}) {
             Ok(solution) => glimpses.push(solution),
             Err(error) => failure = Some(error),
         }
     }
     glimpses.sort_by(|a, b| a.cost.total_cmp(&b.cost));
-    let others = glimpses.iter().skip(1).take(FOLLOWED - 1).map(|s| s.x.clone()).collect();
-    match glimpses.into_iter().next() {
-        Some(best) => Ok(of(ground, form, &model, &problem, best, others)),
-        None => Err(failure.unwrap_or_else(|| no_start(form))),
+    let Some(best) = glimpses.first() else { return Err(failure.unwrap_or_else(|| no_start(form))) };
+    let mut all = Vec::new();
+    for glimpse in glimpses.iter().take(FOLLOWED) {
+        all.push(added.whole(&glimpse.x)?);
+    }
+    Ok(Refit {
+        form: form.clone(),
+        square: 2.0 * best.cost,
+        residuals: best.residuals[..ground.residuals.len()].to_vec(),
+        added: free(ground, &model),
+        values: problem.values(&all.remove(0)),
+        others: all,
+        effects: model.effects.clone(),
+    })
+}
+
+/// The problem of fitting only what an effect adds.
+struct Added<'g> {
+    ground: &'g Ground<'g>,
+    problem: &'g Calibration<'g>,
+    /// The start model's variables, with the effect's usual ones among them.
+    usual: Vec<f64>,
+    /// Mean and deviation of what is known of the added variables.
+    priors: Vec<Option<(f64, f64)>>,
+}
+
+impl<'g> Added<'g> {
+    fn new(ground: &'g Ground, problem: &'g Calibration, model: &Model) -> Self {
+        let parameters = &model.shared[ground.shared..];
+        let variables = |of: fn(&Parameter) -> f64| {
+            problem.variables(&ground.values_with(&parameters.iter().map(of).collect::<Vec<_>>()))
+        };
+        let means = variables(|p| p.prior.map_or(p.start, |(mean, _)| mean));
+        let priors = parameters
+            .iter()
+            .zip(&means[ground.shared..])
+            .map(|(p, &mean)| p.prior.map(|(_, sd)| (mean, sd)))
+            .collect();
+        Added { ground, problem, usual: variables(|p| p.start), priors }
+    }
+
+    /// Where the added variables stand among all.
+    fn range(&self) -> std::ops::Range<usize> {
+        self.ground.shared..self.ground.shared + self.priors.len()
+    }
+
+    fn with(&self, added: &[f64]) -> Vec<f64> {
+        let mut x = self.usual.clone();
+        x[self.range()].copy_from_slice(added);
+        x
+    }
+
+    fn seen(&self, added: &[f64]) -> Result<Vec<f64>, ModelError> {
+        Ok(self.ground.seen(&self.problem.residuals(&self.with(added))?))
+    }
+
+    /// All variables, the start model's moved to where they take up most.
+    fn whole(&self, added: &[f64]) -> Result<Vec<f64>, ModelError> {
+        Ok(self.ground.moved(&self.with(added), &self.seen(added)?))
+    }
+}
+
+impl Problem for Added<'_> {
+    type Error = ModelError;
+
+    fn residuals(&self, x: &[f64]) -> Result<Vec<f64>, ModelError> {
+        let mut residuals = self.ground.projected(&self.seen(x)?);
+        let known = self.priors.iter().zip(x).filter_map(|(prior, v)| prior.map(|(mean, sd)| (v - mean) / sd));
+        residuals.extend(known);
+        Ok(residuals)
+    }
+
+    fn bounds(&self) -> (&[f64], &[f64]) {
+        let (lower, upper) = self.problem.bounds();
+        (&lower[self.range()], &upper[self.range()])
+    }
+
+    fn difference_step(&self, j: usize) -> f64 {
+        self.problem.difference_step(self.ground.shared + j)
     }
 }
 
@@ -82,30 +159,24 @@ pub fn follow(ground: &Ground, glimpse: &Refit) -> Result<Refit, ModelError> {
         }
     }
     let best = best.ok_or_else(|| no_start(&glimpse.form))?;
-    Ok(of(ground, &glimpse.form, &model, &problem, best, Vec::new()))
+    Ok(Refit {
+        form: glimpse.form.clone(),
+        square: 2.0 * best.cost,
+        residuals: ground.seen(&best.residuals),
+        added: glimpse.added,
+        values: problem.values(&best.x),
+        others: Vec::new(),
+        effects: glimpse.effects.clone(),
+    })
 }
 
 fn no_start(form: &Form) -> ModelError {
     ModelError::NotFinite { time_s: 0.0, position_m: 0.0, effects: form.chosen.label() }
 }
 
-fn of(
-    ground: &Ground,
-    form: &Form,
-    model: &Model,
-    problem: &Calibration,
-    solution: Solution,
-    others: Vec<Vec<f64>>,
-) -> Refit {
-    Refit {
-        form: form.clone(),
-        effects: model.effects.clone(),
-        square: 2.0 * solution.cost,
-        residuals: ground.seen(&solution.residuals),
-        added: model.shared[ground.shared..].iter().filter(|p| p.prior.is_none()).count(),
-        values: problem.values(&solution.x),
-        others,
-    }
+/// Parameters of which nothing is known beforehand.
+fn free(ground: &Ground, model: &Model) -> usize {
+    model.shared[ground.shared..].iter().filter(|p| p.prior.is_none()).count()
 }
 
 /// Values of the added parameters at which to start, the most promising first: by what their signature, projected off the fitted
