@@ -65,9 +65,10 @@ impl<'a> Ground<'a> {
         let shared = model.shared.len();
         let reaches =
             model.fitting_reaches(&values[..shared], COARSE_REACHES.max(model.least_reaches(&values[..shared])));
-        let recorded: usize = fit.runs.iter().flat_map(|r| &r.sensors).map(|s| s.time_s.len()).sum();
-        let runs = binned(&model, runs, &values, fit.reaches, reaches)?;
-        let bins: usize = runs.iter().flat_map(|r| &r.sensors).map(|s| s.time_s.len()).sum();
+        let recorded = runs;
+        let runs = binned(&model, recorded, &values, fit.reaches, reaches)?;
+        let sizes = recorded.iter().zip(&runs).flat_map(|(a, b)| a.sensors.iter().zip(&b.sensors));
+        let sizes: Vec<f64> = sizes.map(|(a, b)| (a.noise_m / b.noise_m).powi(2)).collect();
         let problem = Calibration::new(&model, &runs, window(reaches));
         let x = problem.variables(&values);
         let all = problem.residuals(&x)?;
@@ -90,16 +91,11 @@ impl<'a> Ground<'a> {
             square: dot(&all, &all),
             residuals: seen(&all, samples, meters),
             samples,
-            bin_size: (recorded as f64 / bins.max(1) as f64).max(1.0),
+            bin_size: sizes.iter().sum::<f64>() / sizes.len().max(1) as f64,
             fitted: Fitted { which, columns, inverse },
             values,
             runs,
         })
-    }
-
-    /// Mean square of the bins' noise over that of one sample's.
-    pub fn bin_noise_square(&self) -> f64 {
-        1.0 / self.bin_size
     }
 
     /// Number of recorded samples behind the bins.
@@ -115,6 +111,14 @@ impl<'a> Ground<'a> {
             (sum + bins * s.noise_m.powi(2), n + bins)
         });
         (sum / f64::max(n, 1.0) * self.bin_size).sqrt()
+    }
+
+    /// Mean square that residuals of bins, in units of the bins' noise, mean for single samples, in units of theirs.
+    pub fn mean_square(&self, residuals: &[f64]) -> f64 {
+        let bins = &residuals[..self.samples];
+        let mean = dot(bins, bins) / self.samples.max(1) as f64;
+        // Noise averages out in a bin, misfit does not.
+        (1.0 + (mean - 1.0) / self.bin_size).max(mean / self.bin_size)
     }
 
     /// The start model with other effects.
@@ -214,6 +218,7 @@ fn binned(
                     time_s: bins.0,
                     head_m: bins.1,
                     noise_m: sensor.noise_m / (size as f64).sqrt(),
+                    total_noise_m: sensor.total_noise_m,
                     sensor: sensor.sensor.clone(),
                     offset_sd_m: sensor.offset_sd_m,
                 }

@@ -43,6 +43,10 @@ const FINISHED: usize = 3;
 /// Error over noise of the best candidate from which on candidates are fitted from scratch, and how many.
 const POOR: f64 = 1.5;
 const FROM_SCRATCH: usize = 4;
+/// Error over noise of the start model up to which its parameters cannot be far astray.
+const ASTRAY: f64 = 3.0;
+/// Times the best candidate's square: what leaves more is not worth a full fit.
+const HOPELESS: f64 = 4.0;
 /// Finest grid of a fit with cavities: the spikes of their collapse belong to the grid (Bergant, Simpson & Tijsseling 2006).
 const MOST_REACHES_WITH_CAVITIES: usize = 128;
 
@@ -132,7 +136,7 @@ pub fn diagnose(
     let failings = misfit::failings(&start);
     let Some(closest) = refits.iter().min_by(|a, b| a.square.total_cmp(&b.square)) else {
         return Ok(Diagnosis {
-            verdict: unexplained(&start),
+            verdict: unexplained(&start, total_noise_m(runs)),
             start,
             failings,
             candidates: Vec::new(),
@@ -147,17 +151,25 @@ pub fn diagnose(
     let by_odds = |a: &Rival, b: &Rival| b.log_odds(rig).total_cmp(&a.log_odds(rig));
     rivals.sort_by(by_odds);
     let finisher = Finisher { rig, runs, effects, options, progress };
-    rivals[..FINISHED.min(refits.len())].par_iter_mut().enumerate().for_each(|(i, rival)| {
-        if i == 0 || rival.evidence > LEAST_EVIDENCE {
+    let hopeless = HOPELESS * rivals[0].square;
+    let tried = rivals.len().min(FINISHED);
+    rivals[..tried].par_iter_mut().enumerate().for_each(|(i, rival)| {
+        if i == 0 || (rival.evidence > LEAST_EVIDENCE && rival.square < hopeless) {
             rival.take(finisher.finished(rival.refit));
         }
     });
-    let (_, noise_m) = pooled(&start);
-    let least = rivals.iter().filter_map(|r| r.fit.as_ref()).map(|f| pooled(f).0).fold(f64::INFINITY, f64::min);
-    if least > POOR * noise_m && pooled(&start).0 > POOR * noise_m {
+    let noise_m = total_noise_m(runs);
+    let tried = rivals.len().min(FROM_SCRATCH);
+    for two in rivals[..tried].chunks_mut(2) {
+        let least = two.iter().filter_map(|r| r.fit.as_ref()).map(|f| pooled(f).0).fold(f64::INFINITY, f64::min);
         // None is down to the noise. The start model's parameters may have gone too far astray to find a way back from.
-        let tried = rivals.len().min(FROM_SCRATCH);
-        rivals[..tried].par_iter_mut().for_each(|rival| rival.take(finisher.from_scratch(rival.refit)));
+        if least < POOR * noise_m || pooled(&start).0 < ASTRAY * noise_m {
+            break;
+        }
+        two.par_iter_mut().for_each(|rival| rival.take(finisher.scratch_fit(rival.refit)));
+        if two.iter().filter_map(|r| r.fit.as_ref()).any(|f| pooled(f).0 < POOR * noise_m) {
+            break;
+        }
     }
     let fine = rivals.iter().filter_map(|r| r.fit.as_ref()).min_by(|a, b| square(a).total_cmp(&square(b)));
     if let Some(best) = fine {
@@ -167,7 +179,7 @@ pub fn diagnose(
     // What is not worth a model is no explanation, however sure.
     let (rmse_m, samples) = (pooled(&start).0, ground.run_samples() as f64);
     for rival in &mut rivals {
-        let fall_m2 = rmse_m.powi(2) - noise_m.powi(2) * rival.square / samples;
+        let fall_m2 = rmse_m.powi(2) - ground.noise_m().powi(2) * rival.square / samples;
         let values: Vec<f64> = own_parameters(&ground, rival).iter().map(|p| p.value).collect();
         if fall_m2 < (LEAST_FALL * noise_m).powi(2) || !rival.refit.form.chosen.effect.noteworthy(&values) {
             rival.evidence = rival.evidence.min(0.0);
@@ -177,7 +189,7 @@ pub fn diagnose(
     let shares = probabilities(&rivals.iter().map(|r| (r.evidence, r.odds(rig))).collect::<Vec<_>>());
     let candidates: Vec<Candidate> =
         (0..rivals.len()).map(|i| candidate(&ground, rig, &rivals, i, shares[i])).collect();
-    let verdict = verdict(&start, &candidates);
+    let verdict = verdict(&start, noise_m, &candidates);
     let other =
         candidates.first().filter(|_| verdict == Verdict::MissingEffect).and_then(|c| c.indistinguishable_from.first());
     let next_test = other.and_then(|name| {
@@ -287,18 +299,22 @@ struct Finisher<'a> {
 }
 
 impl Finisher<'_> {
-    /// From where the refit ended.
+    /// From where the refit ended; with elements, which a fit had better add one by one, from scratch.
     fn finished(&self, refit: &Refit) -> Result<Fit, FitError> {
+        if refit.form.chosen.elements.is_some() {
+            return self.scratch_fit(refit);
+        }
         let shown = |p: &Progress| (self.progress)(&format!("{} added, {}", refit.form.effect, p.stage));
         refine(self.rig, self.runs, &refit.effects, &refit.values, &self.options_of(refit), &shown)
     }
 
     /// From the signals, as if nothing had been fitted before.
-    fn from_scratch(&self, refit: &Refit) -> Result<Fit, FitError> {
+    fn scratch_fit(&self, refit: &Refit) -> Result<Fit, FitError> {
         if refit.form.chosen.effect.lets_boil() {
             return Err(FitError::NoRun);
         }
-        let effects: Vec<Chosen> = self.effects.iter().cloned().chain([refit.form.chosen.clone()]).collect();
+        let effects: Vec<Chosen> =
+            self.effects.iter().cloned().chain([Chosen { elements: None, ..refit.form.chosen.clone() }]).collect();
         let shown = |p: &Progress| (self.progress)(&format!("{} from scratch, {}", refit.form.effect, p.stage));
         calibrate(self.rig, self.runs, &effects, &self.options_of(refit), &shown)
     }
@@ -310,14 +326,9 @@ impl Finisher<'_> {
     }
 }
 
-/// The start model's square, in all samples, less the share that the refit takes away of it in bins.
+/// The square of a full fit, in all samples, by what the coarse refit leaves of the start model's.
 fn forecast(ground: &Ground, start: &Fit, refit: &Refit) -> f64 {
-    let n = ground.samples.max(1) as f64;
-    let sum = |r: &[f64]| r[..ground.samples].iter().map(|x| x * x).sum::<f64>();
-    let samples: usize = start.runs.iter().flat_map(|r| &r.sensors).map(|s| s.time_s.len()).sum();
-    // Noise averages out in bins: the fall of the mean square is the same in both, in units of one sample's noise.
-    let fall = (sum(&ground.residuals) - sum(&refit.residuals)) / n * ground.bin_noise_square();
-    (square(start) - samples as f64 * fall).max(0.0)
+    square(start) * ground.mean_square(&refit.residuals) / ground.mean_square(&ground.residuals)
 }
 
 fn candidate(ground: &Ground, rig: &Rig, rivals: &[Rival], i: usize, probability: f64) -> Candidate {
@@ -372,15 +383,25 @@ fn own_parameters(ground: &Ground, rival: &Rival) -> Vec<FittedParameter> {
         .collect()
 }
 
-fn unexplained(start: &Fit) -> Verdict {
-    let (rmse_m, noise_m) = pooled(start);
+/// What disturbs the sensors while nothing happens, rms over all samples, m.
+fn total_noise_m(runs: &[RunData]) -> f64 {
+    let sensors = runs.iter().flat_map(|r| &r.sensors);
+    let (sum, n) = sensors.fold((0.0, 0.0), |(sum, n), s| {
+        let samples = s.time_s.len() as f64;
+        (sum + samples * s.total_noise_m.powi(2), n + samples)
+    });
+    (sum / f64::max(n, 1.0)).sqrt()
+}
+
+fn unexplained(start: &Fit, noise_m: f64) -> Verdict {
+    let (rmse_m, _) = pooled(start);
     if rmse_m <= NOISE * noise_m { Verdict::NothingMissing } else { Verdict::UnknownEffect }
 }
 
-fn verdict(start: &Fit, candidates: &[Candidate]) -> Verdict {
-    let (rmse_m, noise_m) = pooled(start);
+fn verdict(start: &Fit, noise_m: f64, candidates: &[Candidate]) -> Verdict {
+    let (rmse_m, _) = pooled(start);
     let Some(best) = candidates.first().filter(|c| c.evidence >= LEAST_EVIDENCE) else {
-        return unexplained(start);
+        return unexplained(start, noise_m);
     };
     let excess = |rmse: f64| (rmse.powi(2) - noise_m.powi(2)).max(0.0);
     let left = excess(best.rmse_m) / excess(rmse_m).max(f64::MIN_POSITIVE);

@@ -150,7 +150,11 @@ impl Problem for Added<'_> {
 pub fn follow(ground: &Ground, glimpse: &Refit) -> Result<Refit, ModelError> {
     let model = ground.model(&glimpse.effects);
     let problem = ground.problem(&model);
-    let starts = std::iter::once(problem.variables(&glimpse.values)).chain(glimpse.others.iter().cloned());
+    // Without cavities the start model is far from anything that has them: they are tried from the signals, too.
+    let boils = glimpse.form.chosen.effect.lets_boil();
+    let starts = std::iter::once(problem.variables(&glimpse.values))
+        .chain(glimpse.others.iter().cloned())
+        .chain(boils.then(|| problem.start()));
     let mut best: Option<Solution> = None;
     for start in starts {
         let solution = minimise(&problem, &start, FULL, |_, _| {})?;

@@ -14,6 +14,9 @@ pub struct SensorData {
     pub head_m: Vec<f64>,
     /// Standard deviation of the noise, m; more than zero.
     pub noise_m: f64,
+    /// Standard deviation of all that disturbs it while nothing happens, slow disturbances too but no lasting
+    /// oscillation, m; not below the noise.
+    pub total_noise_m: f64,
     /// Standard deviation of what its zero may be off by, m.
     pub offset_sd_m: f64,
 }

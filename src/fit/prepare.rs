@@ -35,7 +35,8 @@ pub fn prepare(file: &str, rig: &Rig, recording: &Recording, features: &Features
             full_scale_error_m(&sensor, density).unwrap_or(OFFSET_SHARE * rise_m).max(seen.noise.white_sd_m);
         // A noiseless record still has errors of its own; without a floor its weights would be infinite.
         let noise_m = seen.noise.white_sd_m.max(1e-5 * rise_m);
-        sensors.push(SensorData { sensor, time_s, head_m, noise_m, offset_sd_m });
+        let total_noise_m = if seen.noise.line { noise_m } else { seen.noise.total_sd_m.max(noise_m) };
+        sensors.push(SensorData { sensor, time_s, head_m, noise_m, total_noise_m, offset_sd_m });
         extrema.push(seen.extrema.iter().map(|e| (e.time_s, e.cycle, e.peak)).collect());
     }
     let nominal: Vec<f64> = rig.pipes.iter().map(|p| p.wave_speed_start(&water).0).collect();

@@ -396,6 +396,7 @@ unit = "kPa"
                 head_m: time_s.iter().map(|t| 20.0 + (9.0 * t).sin()).collect(),
                 time_s: time_s.clone(),
                 noise_m: 0.05,
+                total_noise_m: 0.05,
                 offset_sd_m: 0.2,
             })
             .collect();

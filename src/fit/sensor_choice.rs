@@ -130,6 +130,7 @@ mod tests {
                     head_m: time_s.iter().map(head).collect(),
                     time_s: time_s.clone(),
                     noise_m: 0.05,
+                    total_noise_m: 0.05,
                     offset_sd_m: 0.3,
                 }
             });

@@ -150,7 +150,7 @@ unit = "kPa"
         let sensor = rig.sensors[0].clone();
         RunData {
             file: "run".into(),
-            sensors: vec![SensorData { sensor, time_s, head_m, noise_m: 0.1, offset_sd_m: 0.2 }],
+            sensors: vec![SensorData { sensor, time_s, head_m, noise_m: 0.1, total_noise_m: 0.1, offset_sd_m: 0.2 }],
             conditions,
             start: RunStart {
                 closure_s: (0.2, 1e-3),

@@ -19,8 +19,15 @@ pub struct Noise {
     pub quantum_m: Option<f64>,
     /// The colour is more than chance would give in as many white samples (three standard deviations).
     pub coloured: bool,
+    /// What is not white of it is one lasting oscillation: no sensor's noise, but something that happens in the pipe or its wiring.
+    pub line: bool,
 }
 
+/// Share of the disturbance's variance that is not white from which on it is asked whether it is an oscillation; the correlation
+/// that an oscillation keeps after its first swing; the longest swing looked for, samples.
+const LEAST_SLOW: f64 = 0.3;
+const LINE: f64 = 0.5;
+const LONGEST_LINE_LAG: usize = 2000;
 /// Below this a lead-in says nothing about spread or colour.
 const SHORTEST_LEAD: usize = 30;
 /// Colour is judged from the last so many samples: enough for 1% of the variance.
@@ -46,6 +53,7 @@ pub(crate) fn noise(lead: &[f64], whole: &[f64]) -> Noise {
             effective_fraction: 1.0,
             quantum_m,
             coloured: false,
+            line: false,
         };
     }
     let lead = &lead[lead.len().saturating_sub(LONGEST_LEAD)..];
@@ -68,7 +76,15 @@ pub(crate) fn noise(lead: &[f64], whole: &[f64]) -> Noise {
         }
         sum += rho * (1.0 - lag as f64 / n);
     }
+    // The white part has no correlation but at lag zero.
+    let slow = (1.0 - (white_sd_m / total_sd_m).powi(2)).max(0.0);
+    let longest = (residual.len() / 2).min(LONGEST_LINE_LAG);
+    let line = slow > LEAST_SLOW && {
+        let first_zero = (1..longest).find(|&lag| correlation(lag) < 0.0).unwrap_or(longest);
+        (first_zero..longest).any(|lag| correlation(lag) > LINE * slow * (1.0 - lag as f64 / n))
+    };
     Noise {
+        line,
         white_sd_m,
         total_sd_m,
         lag1_autocorrelation,
@@ -218,5 +234,20 @@ mod tests {
             (0..12_000).map(|i| if (i / 100) % 2 == 0 { 30.0 } else { 60.0 } + 0.05 * gauss.next()).collect();
         let noise = noise(&[], &whole);
         assert!((noise.white_sd_m / 0.05 - 1.0).abs() < 0.1, "{noise:?}");
+    }
+
+    /// First-order noise forgets itself; a pump's ripple does not.
+    #[test]
+    fn an_oscillation_is_no_coloured_noise() {
+        let mut random = fastrand::Rng::with_seed(3);
+        let (mut slow, mut lead, mut ripple) = (0.0, Vec::new(), Vec::new());
+        for i in 0..2000 {
+            let white = random.f64() - 0.5;
+            slow = 0.95 * slow + white;
+            lead.push(slow + 0.3 * white);
+            ripple.push(3.0 * (f64::from(i) * 0.06).sin() + white);
+        }
+        assert!(!noise(&lead, &lead).line && noise(&lead, &lead).coloured);
+        assert!(noise(&ripple, &ripple).line);
     }
 }
