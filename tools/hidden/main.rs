@@ -1,0 +1,51 @@
+//! Recordings with one effect hidden, from a scheme that shares nothing with the program: what `diagnose` is tried on.
+//!
+//! `cargo run --release --example hidden_effects -- SEED COUNT FOLDER [KIND,KIND…] [--coloured] [--wrong-rig]` writes folders with `rig.toml`,
+//! `run.csv`, sometimes `run2.csv`, and `answers.json` beside them, as `tools/blind.py` reads them. The same seed gives the same files.
+
+mod record;
+mod rig;
+mod scheme;
+
+use std::path::Path;
+
+use rayon::prelude::*;
+use serde_json::{Map, json};
+
+fn main() -> Result<(), Box<dyn std::error::Error + Send + Sync>> {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let (flags, plain): (Vec<String>, Vec<String>) = arguments.into_iter().partition(|a| a.starts_with("--"));
+    let [seed, count, folder, kinds @ ..] = plain.as_slice() else {
+        return Err("usage: hidden_effects SEED COUNT FOLDER [KIND,KIND…] [--coloured] [--wrong-rig]".into());
+    };
+    let (seed, count): (u64, u64) = (seed.parse()?, count.parse()?);
+    let mut drawn = rig::KINDS.to_vec();
+    if let Some(asked) = kinds.first() {
+        if let Some(unknown) = asked.split(',').find(|k| !rig::KINDS.contains(k)) {
+            return Err(format!("there is no kind '{unknown}'; known: {}", rig::KINDS.join(", ")).into());
+        }
+        drawn.retain(|k| asked.split(',').any(|a| a == *k));
+    }
+    let has = |flag: &str| flags.iter().any(|f| f == flag);
+    let (coloured, wrong_rig) = (has("--coloured"), has("--wrong-rig"));
+    let folder = Path::new(folder);
+    let cases: Vec<(String, serde_json::Value)> = (0..count)
+        .into_par_iter()
+        .map(|i| {
+            let name = format!("case-{:03}", i + 1);
+            let mut random = fastrand::Rng::with_seed(seed * 1_000_003 + i);
+            let kind = drawn[i as usize % drawn.len()];
+            let case = rig::draw(&mut random, kind, &name);
+            record::write(&folder.join(&name), &case, &mut random, coloured, wrong_rig)?;
+            Ok((
+                name,
+                json!({"hidden": {"effect": kind, "what": format!("{:?}", case.hidden)}, "start_effects": case.start_effects,
+                       "noise_m": case.noise_m, "joukowsky_m": case.joukowsky_m(), "wave_speed_m_s": case.wave_speed_m_s,
+                       "material": case.material}),
+            ))
+        })
+        .collect::<Result<_, std::io::Error>>()?;
+    let answers: Map<String, serde_json::Value> = cases.into_iter().collect();
+    std::fs::write(folder.join("answers.json"), serde_json::to_string_pretty(&answers)?)?;
+    Ok(())
+}

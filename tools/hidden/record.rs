@@ -1,0 +1,139 @@
+//! What a lab would have recorded of a run: sensors with noise, offsets and faults, and a rig file with what the lab believes.
+
+use std::fmt::Write;
+use std::path::Path;
+
+use crate::rig::{Case, Hidden};
+use crate::scheme::{Solved, solve};
+
+const KPA_PER_M: f64 = 9.79;
+
+pub fn write(
+    folder: &Path,
+    case: &Case,
+    random: &mut fastrand::Rng,
+    coloured: bool,
+    wrong_rig: bool,
+) -> std::io::Result<()> {
+    std::fs::create_dir_all(folder)?;
+    let wrong =
+        |random: &mut fastrand::Rng, by: f64| if wrong_rig { 1.0 + by * (2.0 * random.f64() - 1.0) } else { 1.0 };
+    let closing = case.closing_s * (1.0 + 0.25 * (2.0 * random.f64() - 1.0));
+    let mut rig = format!(
+        "name = \"{}\"\n\n[fluid]\nname = \"water\"\ntemperature_degC = {:.1}\n\n[[pipe]]\nname = \"main\"\nlength_m = {:.2}\n\
+         inner_diameter_mm = {:.2}\nwall_thickness_mm = {:.3}\nmaterial = \"{}\"\n\n[upstream]\nkind = \"reservoir\"\n\n[downstream]\nkind = \
+         \"valve\"\nclosing_time_s = {closing:.3}\n",
+        case.name,
+        case.temperature_c,
+        // Sensors stay inside.
+        case.length_m * wrong(random, 0.003).max(1.0),
+        1e3 * case.diameter_m * wrong(random, 0.005),
+        1e3 * case.wall_m * wrong(random, 0.05),
+        case.material
+    );
+    let mut columns = String::from("time_s");
+    for (i, x) in case.sensors_m.iter().enumerate() {
+        let _ = write!(
+            rig,
+            "\n[[sensor]]\nname = \"P{}\"\nkind = \"pressure\"\nposition_m = {x:.2}\nunit = \"kPa\"\n",
+            i + 1
+        );
+        let _ = write!(columns, ",P{}", i + 1);
+    }
+    rig += "\n[[sensor]]\nname = \"Q1\"\nkind = \"flow\"\nposition_m = 0.0\nunit = \"m3/h\"\n";
+    rig += "\n[[sensor]]\nname = \"T1\"\nkind = \"temperature\"\nposition_m = 0.0\nunit = \"degC\"\n";
+    std::fs::write(folder.join("rig.toml"), rig)?;
+    // Errors of the instruments are the same in both runs.
+    let gains: Vec<f64> = case.sensors_m.iter().map(|_| 1.0 + 0.001 * normal(random)).collect();
+    let offsets: Vec<f64> = case.sensors_m.iter().map(|_| 0.003 * case.joukowsky_m() * normal(random)).collect();
+    let meter = 1.0 + 0.003 * normal(random);
+    let velocities = [("run.csv", Some(case.velocity_m_s)), ("run2.csv", case.second_velocity_m_s)];
+    for (file, velocity) in velocities.into_iter().filter_map(|(f, v)| v.map(|v| (f, v))) {
+        let solved = solve(case, velocity, case.duration_s);
+        let mut out = format!("{columns},Q1,T1\n");
+        let n = ((case.lead_s + case.duration_s) / case.sample_s) as usize;
+        let heads: Vec<Vec<f64>> = (0..case.sensors_m.len())
+            .map(|s| {
+                let trace = sensed(case, s, &solved);
+                let memory = if coloured { (-case.sample_s / 0.005f64).exp() } else { 0.0 };
+                let mut slow = 0.0;
+                (0..n)
+                    .map(|i| {
+                        slow = memory * slow + (1.0 - memory * memory).sqrt() * normal(random);
+                        let t = i as f64 * case.sample_s - case.lead_s;
+                        let h = gains[s] * at(case, &solved, &trace, t) + offsets[s];
+                        let noise = if coloured { 0.7 * normal(random) + 0.7 * slow } else { normal(random) };
+                        (((h + case.noise_m * noise) * KPA_PER_M / 0.03).round()) * 0.03
+                    })
+                    .collect()
+            })
+            .collect();
+        for i in 0..n {
+            let _ = write!(out, "{:.5}", i as f64 * case.sample_s);
+            for head in &heads {
+                let _ = write!(out, ",{:.4}", head[i]);
+            }
+            if i % 100 == 0 && (i as f64) * case.sample_s < case.lead_s {
+                let leak =
+                    if let Hidden::Leak(_, flow) = case.hidden { flow * velocity / case.velocity_m_s } else { 0.0 };
+                let flow = (velocity * case.area_m2() + leak) * 3600.0 * meter * (1.0 + 0.001 * normal(random));
+                let _ = write!(out, ",{flow:.5},{:.2}", case.temperature_c + 0.05 * normal(random));
+            } else {
+                out += ",,";
+            }
+            out.push('\n');
+        }
+        std::fs::write(folder.join(file), out)?;
+    }
+    Ok(())
+}
+
+/// Head that a sensor shows, every step, without its noise.
+fn sensed(case: &Case, s: usize, solved: &Solved) -> Vec<f64> {
+    let mut trace = solved.heads_m[s].clone();
+    match case.hidden {
+        Hidden::Lag(which, hz) if which == s => {
+            let keep = (-std::f64::consts::TAU * hz * solved.dt_s).exp();
+            let mut shown = trace[0];
+            for h in &mut trace {
+                shown = keep * shown + (1.0 - keep) * *h;
+                *h = shown;
+            }
+        }
+        Hidden::Gain(which, gain) if which == s => trace.iter_mut().for_each(|h| *h *= gain),
+        Hidden::Bent(which, bend) if which == s => {
+            let still = trace[0];
+            trace.iter_mut().for_each(|h| *h += bend * (*h - still).powi(2));
+        }
+        Hidden::Hum(which, amplitude, hz) if which == s => {
+            for (i, h) in trace.iter_mut().enumerate() {
+                *h += amplitude * (std::f64::consts::TAU * hz * i as f64 * solved.dt_s).sin();
+            }
+        }
+        _ => {}
+    }
+    if let Hidden::Skew(which, skew) = case.hidden
+        && which == s
+    {
+        let moved: Vec<f64> = (0..trace.len()).map(|i| linear(&trace, i as f64 - skew / solved.dt_s)).collect();
+        trace = moved;
+    }
+    trace
+}
+
+/// Pulsation is there before the closure, too; all else is still until then.
+fn at(case: &Case, solved: &Solved, trace: &[f64], t: f64) -> f64 {
+    let before = if matches!(case.hidden, Hidden::Pulsation(..)) { case.lead_s } else { 0.0 };
+    linear(trace, (t + before) / solved.dt_s)
+}
+
+fn linear(trace: &[f64], at: f64) -> f64 {
+    let at = at.clamp(0.0, (trace.len() - 2) as f64);
+    let i = at as usize;
+    trace[i] + (at - i as f64) * (trace[i + 1] - trace[i])
+}
+
+/// Box & Muller (1958).
+fn normal(random: &mut fastrand::Rng) -> f64 {
+    (-2.0 * (1.0 - random.f64()).ln()).sqrt() * (std::f64::consts::TAU * random.f64()).cos()
+}

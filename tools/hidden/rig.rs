@@ -1,0 +1,215 @@
+//! What is drawn: a rig, a run, and the effect hidden in it.
+
+/// Every kind of case.
+pub const KINDS: [&str; 18] = [
+    "nothing",
+    "unknown",
+    "viscoelastic-wall",
+    "unsteady-friction",
+    "entrained-gas",
+    "vapour-cavity",
+    "leak",
+    "blockage",
+    "section-change",
+    "valve-law",
+    "valve-seat-leak",
+    "supply-drift",
+    "air-pocket",
+    "moving-valve",
+    "side-branch",
+    "sensor-lag",
+    "clock-skew",
+    "sensor-gain",
+];
+
+/// The hidden effect; places in m from the supply.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Hidden {
+    Nothing,
+    /// Head of the supply swings: amplitude m, frequency Hz.
+    Pulsation(f64, f64),
+    /// A sensor hums from the closure on: sensor, amplitude m, frequency Hz.
+    Hum(usize, f64, f64),
+    /// A sensor reads h + c h² of its deviation: sensor, c 1/m.
+    Bent(usize, f64),
+    Creep,
+    UnsteadyFriction,
+    Gas(f64),
+    Cavity,
+    /// Place, flow under the head there before the closure m³/s.
+    Leak(f64, f64),
+    /// Place, loss before the closure m.
+    Blockage(f64, f64),
+    /// From, to, ratio of wave speeds.
+    Section(f64, f64, f64),
+    /// Inflection: share of the time, opening.
+    TwoStage(f64, f64),
+    SeatLeak(f64),
+    /// Change of head m, time constant s.
+    Drift(f64, f64),
+    /// Volume m³.
+    Air(f64),
+    /// Frequency Hz, static travel m under the Joukowsky head, damping ratio.
+    MovingValve(f64, f64, f64),
+    /// Place, length.
+    Branch(f64, f64),
+    /// Sensor, frequency Hz.
+    Lag(usize, f64),
+    /// Sensor, s.
+    Skew(usize, f64),
+    /// Sensor, factor.
+    Gain(usize, f64),
+}
+
+/// One case.
+pub struct Case {
+    pub name: String,
+    pub material: &'static str,
+    pub length_m: f64,
+    pub diameter_m: f64,
+    pub wall_m: f64,
+    pub wave_speed_m_s: f64,
+    pub temperature_c: f64,
+    pub velocity_m_s: f64,
+    pub second_velocity_m_s: Option<f64>,
+    pub valve_head_m: f64,
+    pub closing_s: f64,
+    pub duration_s: f64,
+    pub lead_s: f64,
+    pub sample_s: f64,
+    pub sensors_m: Vec<f64>,
+    pub noise_m: f64,
+    /// Creep that the start model knows of or that is hidden: compliance 1/Pa, retardation s.
+    pub creep: Vec<(f64, f64)>,
+    pub unsteady_friction: bool,
+    pub start_effects: Vec<&'static str>,
+    pub hidden: Hidden,
+}
+
+impl Case {
+    pub fn area_m2(&self) -> f64 {
+        std::f64::consts::PI / 4.0 * self.diameter_m.powi(2)
+    }
+    pub fn joukowsky_m(&self) -> f64 {
+        self.wave_speed_m_s * self.velocity_m_s / 9.81
+    }
+    pub fn viscosity_m2_s(&self) -> f64 {
+        // Fit to tabulated values of water, 5 to 40 °C, within 1%.
+        1.787e-6 * (-0.03288 * self.temperature_c + 1.962e-4 * self.temperature_c.powi(2)).exp()
+    }
+    pub fn reynolds(&self) -> f64 {
+        self.velocity_m_s * self.diameter_m / self.viscosity_m2_s()
+    }
+    /// Constant for the rig: the first run's, smooth.
+    pub fn friction_factor(&self) -> f64 {
+        if self.reynolds() < 2320.0 { 64.0 / self.reynolds() } else { 0.316 / self.reynolds().powf(0.25) }
+    }
+}
+
+pub fn draw(random: &mut fastrand::Rng, kind: &'static str, name: &str) -> Case {
+    let between = |random: &mut fastrand::Rng, a: f64, b: f64| a + (b - a) * random.f64();
+    let log = |random: &mut fastrand::Rng, a: f64, b: f64| a * (b / a).powf(random.f64());
+    let plastic = match kind {
+        "viscoelastic-wall" => true,
+        "vapour-cavity" | "unknown" => false,
+        _ => random.bool(),
+    };
+    let (material, lowest, highest, compliance) = if plastic {
+        [("HDPE", 330.0, 400.0, 0.13e-9), ("PPR", 450.0, 510.0, 0.06e-9), ("PVC", 425.0, 470.0, 0.04e-9)]
+            [random.usize(..3)]
+    } else {
+        [("copper", 1220.0, 1330.0, 0.0), ("steel", 1000.0, 1250.0, 0.0)][random.usize(..2)]
+    };
+    let wave_speed_m_s = between(random, lowest, highest);
+    let length_m = between(random, 40.0, 150.0);
+    let period_s = 4.0 * length_m / wave_speed_m_s;
+    let joukowsky_m = between(random, 10.0, 50.0);
+    let velocity_m_s = joukowsky_m * 9.81 / wave_speed_m_s;
+    let unsteady_friction = kind == "unsteady-friction" || (!plastic && random.bool());
+    let creep = if plastic {
+        (0..3)
+            .map(|k| (compliance * between(random, 0.6, 1.4), period_s * [0.02, 0.2, 1.2][k] * log(random, 0.7, 1.5)))
+            .collect()
+    } else {
+        Vec::new()
+    };
+    let mut start_effects = Vec::new();
+    if plastic && kind != "viscoelastic-wall" {
+        start_effects.push("viscoelastic-wall");
+    }
+    if unsteady_friction && kind != "unsteady-friction" {
+        start_effects.push("unsteady-friction");
+    }
+    let sensors = 2 + random.usize(..2);
+    let sensors_m: Vec<f64> = [1.0, between(random, 0.5, 0.75), between(random, 0.2, 0.4)][..sensors]
+        .iter()
+        .map(|share| (share * length_m * 100.0).round() / 100.0)
+        .collect();
+    let which = random.usize(..sensors);
+    let diameter_m = [0.014, 0.016, 0.0221, 0.032, 0.0506][random.usize(..5)];
+    let area_m2 = std::f64::consts::PI / 4.0 * diameter_m * diameter_m;
+    let flow_m3_s = area_m2 * velocity_m_s;
+    let place_m = length_m * between(random, 0.15, 0.85);
+    let closing_s = period_s * log(random, 0.08, 0.3);
+    let sign = if random.bool() { 1.0 } else { -1.0 };
+    let hidden = match kind {
+        "nothing" => Hidden::Nothing,
+        "unknown" => match random.usize(..3) {
+            0 => Hidden::Pulsation(joukowsky_m * log(random, 0.01, 0.05), between(random, 3.0, 30.0)),
+            1 => Hidden::Hum(which, joukowsky_m * log(random, 0.01, 0.05), 50.0),
+            _ => Hidden::Bent(which, 0.1 / joukowsky_m),
+        },
+        "viscoelastic-wall" => Hidden::Creep,
+        "unsteady-friction" => Hidden::UnsteadyFriction,
+        "entrained-gas" => Hidden::Gas(log(random, 1e-6, 1e-4) * if plastic { 10.0 } else { 1.0 }),
+        "vapour-cavity" => Hidden::Cavity,
+        "leak" => Hidden::Leak(place_m, flow_m3_s * log(random, 0.01, 0.08)),
+        "blockage" => Hidden::Blockage(place_m, joukowsky_m * log(random, 0.03, 0.15)),
+        "section-change" => {
+            let from = length_m * between(random, 0.1, 0.6);
+            let to = from + length_m * between(random, 0.1, 0.3);
+            Hidden::Section(from, to, 1.0 + sign * between(random, 0.08, 0.3))
+        }
+        "valve-law" => Hidden::TwoStage(between(random, 0.2, 0.6), between(random, 0.15, 0.4)),
+        "valve-seat-leak" => Hidden::SeatLeak(log(random, 0.005, 0.04)),
+        "supply-drift" => {
+            Hidden::Drift(sign * joukowsky_m * log(random, 0.02, 0.1), period_s * between(random, 5.0, 30.0))
+        }
+        "air-pocket" => Hidden::Air(flow_m3_s * period_s * log(random, 0.003, 0.03)),
+        "moving-valve" => Hidden::MovingValve(
+            between(random, 2.0, 6.0) / period_s,
+            length_m * joukowsky_m * 9.81 / wave_speed_m_s.powi(2) * log(random, 0.02, 0.1),
+            0.03,
+        ),
+        "side-branch" => Hidden::Branch(place_m, length_m * between(random, 0.03, 0.15)),
+        "sensor-lag" => Hidden::Lag(which, log(random, 2.0, 15.0) / period_s),
+        "clock-skew" => Hidden::Skew(which, sign * period_s * log(random, 0.01, 0.05)),
+        "sensor-gain" => Hidden::Gain(which, 1.0 + sign * between(random, 0.02, 0.08)),
+        _ => Hidden::Nothing,
+    };
+    let cycles = if plastic { 30.0 } else { 20.0 };
+    let cavity = hidden == Hidden::Cavity;
+    Case {
+        name: name.to_owned(),
+        material,
+        length_m: (length_m * 100.0).round() / 100.0,
+        diameter_m,
+        wall_m: diameter_m * if plastic { 0.1 } else { 0.06 },
+        wave_speed_m_s,
+        temperature_c: between(random, 10.0, 30.0),
+        velocity_m_s,
+        second_velocity_m_s: random.bool().then(|| velocity_m_s * between(random, 0.4, 0.7)),
+        // Without cavities nothing may fall to vapour pressure.
+        valve_head_m: if cavity { 0.4 * joukowsky_m } else { joukowsky_m * 1.1 + between(random, 5.0, 25.0) },
+        closing_s,
+        duration_s: cycles * period_s,
+        lead_s: between(random, 0.5, 1.0),
+        sample_s: [0.0002, 0.0005, 0.001, 0.002].into_iter().rfind(|dt| *dt < period_s / 300.0).unwrap_or(0.0002),
+        sensors_m,
+        noise_m: joukowsky_m * between(random, 0.0015, 0.003),
+        creep,
+        unsteady_friction,
+        start_effects,
+        hidden,
+    }
+}
