@@ -5,6 +5,7 @@ pub mod compare;
 pub mod conflict;
 pub mod data;
 pub mod least_squares;
+pub mod model_file;
 pub mod outcome;
 pub mod prepare;
 pub mod problem;
