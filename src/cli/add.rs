@@ -48,7 +48,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     let (fit, evidence) = grown?;
     super::tell!("{:.1} s", began.elapsed().as_secs_f64());
     at.file.append(&fit, &format!("{label} added"), Some(evidence), models::now());
-    at.file.save(&at.path)?;
+    models::save(&at.file, &at.path)?;
     if json {
         super::say!("{}", models_json(&at.file)?);
     } else {

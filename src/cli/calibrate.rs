@@ -88,7 +88,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     }
     if let (Some(path), Some(file)) = (&args.save, &mut file) {
         file.append(last, "calibrated", None, models::now());
-        file.save(path)?;
+        models::save(file, path)?;
         super::tell!("model {} in {}", file.in_force, path.display());
     }
     // last, so that a page that cannot be written costs no result

@@ -110,7 +110,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         super::say_text!(diagnosis::text(&last));
     }
     if let (Some(path), Some(file)) = (&args.apply, &file) {
-        file.save(path)?;
+        models::save(file, path)?;
         super::tell!("model {} in force in {}", file.in_force, path.display());
     }
     // last, so that a page that cannot be written costs no result

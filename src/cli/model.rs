@@ -2,8 +2,7 @@
 
 use std::path::PathBuf;
 
-use super::{CommandResult, Outcome};
-use crate::fit::model_file::ModelFile;
+use super::{CommandResult, Outcome, models};
 use crate::report::models::{json as models_json, text};
 
 /// Show the models of a file: errors one after the other, which one is in force, its parameters.
@@ -19,7 +18,7 @@ pub struct Args {
 /// # Errors
 /// A file that cannot be read.
 pub fn run(args: Args, json: bool) -> CommandResult {
-    let file = ModelFile::load(&args.file)?;
+    let file = models::load(&args.file)?;
     if json {
         super::say!("{}", models_json(&file)?);
     } else {

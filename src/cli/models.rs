@@ -3,7 +3,7 @@
 use std::error::Error;
 use std::path::{Path, PathBuf};
 
-use super::load;
+use super::load as recordings_of;
 use crate::fit::calibrate::Options;
 use crate::fit::data::RunData;
 use crate::fit::model_file::ModelFile;
@@ -28,15 +28,36 @@ pub struct Opened {
 /// # Errors
 /// If either cannot be read.
 pub fn open(path: &Path) -> Result<Opened, Box<dyn Error + Send + Sync>> {
-    let file = ModelFile::load(path)?;
+    let file = load(path)?;
     let folder = path.parent().unwrap_or(Path::new(""));
     let recordings: Vec<PathBuf> = file.recordings.iter().map(|r| folder.join(r)).collect();
     let rig = file.rig.as_ref().map(|r| folder.join(r));
-    let loaded = load::load(&recordings, rig.as_deref())
+    let loaded = recordings_of::load(&recordings, rig.as_deref())
         .map_err(|e| format!("{}: the recordings that it names: {e}", path.display()))?;
     let options = Options { constraints: file.current().constraints(), ..Options::default() };
     let rig = loaded[0].recording.rig.clone();
-    Ok(Opened { path: path.to_owned(), rig, runs: load::runs(&loaded), options, file })
+    Ok(Opened { path: path.to_owned(), rig, runs: recordings_of::runs(&loaded), options, file })
+}
+
+/// Reads a file of models.
+///
+/// # Errors
+/// One that cannot be read, is none, or contradicts itself.
+pub fn load(path: &Path) -> Result<ModelFile, Box<dyn Error + Send + Sync>> {
+    let text =
+        std::fs::read_to_string(path).map_err(|e| format!("cannot read the models in {}: {e}", path.display()))?;
+    Ok(ModelFile::parse(&text, path)?)
+}
+
+/// Writes a file of models whole or not at all.
+///
+/// # Errors
+/// If it cannot be written; what was there is then as it was.
+pub fn save(file: &ModelFile, path: &Path) -> Result<(), Box<dyn Error + Send + Sync>> {
+    let beside = path.with_extension("toml.new");
+    std::fs::write(&beside, file.text()?)
+        .and_then(|()| std::fs::rename(&beside, path))
+        .map_err(|e| format!("cannot write the models to {}: {e}; what was there is as it was", path.display()).into())
 }
 
 /// The models of `path` if it is about these recordings; a new list of none where there is no file yet.
@@ -54,7 +75,7 @@ pub fn about(
         let recordings = recordings.iter().map(|r| from_folder(r)).collect();
         return Ok(ModelFile { in_force: 0, recordings, rig: rig.map(from_folder), models: Vec::new() });
     }
-    let file = ModelFile::load(path)?;
+    let file = load(path)?;
     let same = file.recordings.len() == recordings.len()
         && recordings.iter().all(|r| file.recordings.iter().any(|own| super::output::same_file(&folder.join(own), r)));
     if !same {

@@ -31,7 +31,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     let fit = before.refit(&at.rig, &at.runs, &at.options, &|p| bar.set_message(p.stage.clone()));
     bar.finish_and_clear();
     at.file.append(&fit?, &why, None, models::now());
-    at.file.save(&at.path)?;
+    models::save(&at.file, &at.path)?;
     if json {
         super::say!("{}", models_json(&at.file)?);
     } else {

@@ -2,8 +2,7 @@
 
 use std::path::PathBuf;
 
-use super::{CommandResult, Outcome};
-use crate::fit::model_file::ModelFile;
+use super::{CommandResult, Outcome, models};
 use crate::report::models::{json as models_json, text};
 
 /// Put the model in force that the present one grew out of; nothing is deleted.
@@ -19,7 +18,7 @@ pub struct Args {
 /// # Errors
 /// A file that cannot be read or written, a model in force that grew out of none.
 pub fn run(args: Args, json: bool) -> CommandResult {
-    let mut file = ModelFile::load(&args.file)?;
+    let mut file = models::load(&args.file)?;
     if !file.step_back() {
         return Err(format!(
             "model {} in {} is where it began: there is no step back from it",
@@ -28,7 +27,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         )
         .into());
     }
-    file.save(&args.file)?;
+    models::save(&file, &args.file)?;
     if json {
         super::say!("{}", models_json(&file)?);
     } else {

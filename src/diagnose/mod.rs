@@ -10,6 +10,7 @@ pub mod ground;
 pub mod misfit;
 pub mod next_test;
 pub mod refit;
+mod rescue;
 mod rival;
 
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -42,11 +43,11 @@ const LEAST_FALL: f64 = 0.25;
 const FOLLOWED_EFFECTS: usize = 6;
 /// Most candidates that are fitted to all samples on the fine grid.
 const FINISHED: usize = 3;
-/// Error over noise of the best candidate from which on candidates are fitted from scratch, and how many.
-const POOR: f64 = 1.5;
-const FROM_SCRATCH: usize = 4;
-/// Error over noise of the start model up to which its parameters cannot be far astray.
+/// Error over noise of the best candidate from which on it is not down to the noise.
+const POOR: f64 = 1.2;
+/// Error over noise of the start model from which on its parameters may be astray, and from which on they tell nothing of the effects.
 const ASTRAY: f64 = 3.0;
+const FAR_ASTRAY: f64 = 10.0;
 /// Odds before any fit from which on an effect is at work for certain, whatever it leaves unexplained.
 const CERTAIN: f64 = 100.0;
 /// Times the best candidate's square: what leaves more is not worth a full fit.
@@ -153,22 +154,21 @@ pub fn diagnose(
         }
     });
     let noise_m = total_noise_m(runs);
-    let tried = rivals.len().min(FROM_SCRATCH);
-    for two in rivals[..tried].chunks_mut(2) {
-        let least = two.iter().filter_map(|r| r.fit.as_ref()).map(|f| f.pooled().0).fold(f64::INFINITY, f64::min);
-        // None is down to the noise. The start model's parameters may have gone too far astray to find a way back from.
-        if least < POOR * noise_m || start.pooled().0 < ASTRAY * noise_m {
-            break;
-        }
-        two.par_iter_mut().for_each(|rival| rival.take(finisher.scratch_fit(rival.refit)));
-        if two.iter().filter_map(|r| r.fit.as_ref()).any(|f| f.pooled().0 < POOR * noise_m) {
-            break;
-        }
+    // A record on the floor of vapour pressure has cavities, however well or badly a model of them follows their collapse.
+    let certain = rivals.first().is_some_and(|r| r.odds(&ground.known) >= CERTAIN);
+    let astray = start.pooled().0 / noise_m;
+    if astray > ASTRAY && !certain {
+        rescue::rescue(
+            &finisher,
+            &mut rivals,
+            POOR * noise_m,
+            if astray > FAR_ASTRAY { usize::MAX } else { FOLLOWED_EFFECTS },
+        );
     }
     let fine = rivals.iter().filter_map(|r| r.fit.as_ref()).min_by(|a, b| square(a).total_cmp(&square(b)));
     if let Some(best) = fine {
         let worth = worth(best, ground.features());
-        rivals.iter_mut().for_each(|r| r.evidence = worth.evidence(square(&start), r.square, r.refit.added));
+        rivals.iter_mut().for_each(|r| r.evidence = worth.evidence(square(&start), r.square, r.added(&ground, &start)));
     }
     // What is not worth a model is no explanation, however sure.
     let (rmse_m, samples) = (start.pooled().0, ground.run_samples() as f64);
@@ -182,8 +182,6 @@ pub fn diagnose(
     rivals.sort_by(by_odds);
     let shares = probabilities(&rivals.iter().map(|r| (r.evidence, r.odds(&ground.known))).collect::<Vec<_>>());
     let candidates: Vec<Candidate> = (0..rivals.len()).map(|i| candidate(&ground, &rivals, i, shares[i])).collect();
-    // A record on the floor of vapour pressure has cavities, however well or badly a model of them follows their collapse.
-    let certain = rivals.first().is_some_and(|r| r.odds(&ground.known) >= CERTAIN);
     let verdict = verdict(&start, noise_m, &candidates, certain);
     let other =
         candidates.first().filter(|_| verdict == Verdict::MissingEffect).and_then(|c| c.indistinguishable_from.first());
@@ -269,7 +267,7 @@ fn candidate(ground: &Ground, rivals: &[Rival], i: usize, probability: f64) -> C
     let parameters = rival.own_parameters(ground);
     Candidate {
         effect: rival.refit.form.effect,
-        label: rival.refit.form.chosen.label(),
+        label: rival.label(),
         probability,
         evidence: rival.evidence,
         rmse_m: rival

@@ -3,7 +3,7 @@
 use super::evidence::{Worth, tempered};
 use super::ground::Ground;
 use super::refit::Refit;
-use crate::fit::calibrate::{FitError, Options, Progress, calibrate, refine};
+use crate::fit::calibrate::{Coarse, FitError, Options, Progress, approach, calibrate, refine, with_more_elements};
 use crate::fit::data::RunData;
 use crate::fit::outcome::{Fit, FittedParameter};
 use crate::model::effects::{Chosen, Circumstances, parse_list};
@@ -34,6 +34,24 @@ impl<'a> Rival<'a> {
 
     pub(super) fn log_odds(&self, known: &Circumstances) -> f64 {
         tempered(self.evidence) + self.odds(known).ln()
+    }
+
+    /// The form of its fit, where there is one.
+    pub(super) fn label(&self) -> String {
+        let fitted = self.fit.as_ref().and_then(|f| f.effects.last().cloned());
+        fitted.unwrap_or_else(|| self.refit.form.chosen.label())
+    }
+
+    /// Free parameters that it has more than the start model, more elements of an effect of that among them.
+    pub(super) fn added(&self, ground: &Ground, start: &Fit) -> usize {
+        let own = self.refit.values.len() - ground.values.len();
+        let more = self.fit.as_ref().map_or(0, |f| f.parameters.len().saturating_sub(start.parameters.len() + own));
+        self.refit.added + more
+    }
+
+    /// Error of its fit over all samples, m; infinite where there is none.
+    pub(super) fn rmse_m(&self) -> f64 {
+        self.fit.as_ref().map_or(f64::INFINITY, |f| f.pooled().0)
     }
 
     /// Keeps a fit if it is better than the one known.
@@ -131,13 +149,37 @@ impl Finisher<'_> {
 
     /// From the signals, as if nothing had been fitted before.
     pub(super) fn scratch_fit(&self, refit: &Refit) -> Result<Fit, FitError> {
-        if refit.form.chosen.effect.lets_boil() {
-            return Err(FitError::NoRun);
-        }
         let effects: Vec<Chosen> =
             self.effects.iter().cloned().chain([Chosen { elements: None, ..refit.form.chosen.clone() }]).collect();
         let shown = |p: &Progress| (self.progress)(&format!("{} from scratch, {}", refit.form.effect, p.stage));
         calibrate(self.rig, self.runs, &effects, &self.options_of(refit), &shown)
+    }
+
+    /// A coarse fit from the signals.
+    pub(super) fn approached(&self, refit: &Refit) -> Result<Coarse, FitError> {
+        (self.progress)(&format!("{} from the signals", refit.form.effect));
+        let mut effects = refit.effects.clone();
+        if let Some(added) = effects.last_mut() {
+            added.sensor = None;
+        }
+        approach(self.rig, self.runs, &effects, self.options)
+    }
+
+    /// With more elements of what the start model has, if their number was left open and the fit asks for more.
+    pub(super) fn with_more_elements(&self, rival: &Rival) -> Result<Fit, FitError> {
+        let fit = rival.fit.as_ref().ok_or(FitError::NoRun)?;
+        let shown = |p: &Progress| (self.progress)(&format!("{} and more elements, {}", rival.label(), p.stage));
+        let grown = with_more_elements(self.rig, self.runs, fit, self.effects, &self.options_of(rival.refit), &shown)?;
+        grown.ok_or(FitError::NoRun)
+    }
+
+    /// From where a coarse fit ended; with elements, from scratch.
+    pub(super) fn refined(&self, refit: &Refit, coarse: &Coarse) -> Result<Fit, FitError> {
+        if refit.form.chosen.elements.is_some() {
+            return self.scratch_fit(refit);
+        }
+        let shown = |p: &Progress| (self.progress)(&format!("{} added, {}", refit.form.effect, p.stage));
+        refine(self.rig, self.runs, &coarse.effects, &coarse.values, &self.options_of(refit), &shown)
     }
 
     fn options_of(&self, refit: &Refit) -> Options {

@@ -1,9 +1,11 @@
 //! Calibration: from a recording to the fitted model of the run.
 
+mod approach;
 pub mod calibrate;
 pub mod compare;
 pub mod conflict;
 pub mod data;
+mod finish;
 pub mod least_squares;
 pub mod model_file;
 pub mod outcome;

@@ -92,27 +92,22 @@ pub struct Value {
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs)] // the sentences say it
 pub enum ModelFileError {
-    #[error("cannot read the models in {}", .0.display())]
-    Read(PathBuf, #[source] std::io::Error),
     #[error("{} is no file of models: {}", .0.display(), .1)]
     Parse(PathBuf, String),
     #[error("{}: model {number} {what}", .file.display())]
     Contradiction { file: PathBuf, number: usize, what: String },
     #[error("{}: model {number}", .file.display())]
     Effects { file: PathBuf, number: usize, source: ModelError },
-    #[error("cannot write the models to {}; what was there is as it was", .0.display())]
-    Write(PathBuf, #[source] std::io::Error),
 }
 
 impl ModelFile {
-    /// Reads a file.
+    /// From the text of a file; `path` is for messages.
     ///
     /// # Errors
-    /// One that cannot be read, is none, or contradicts itself.
-    pub fn load(path: &Path) -> Result<Self, ModelFileError> {
-        let text = std::fs::read_to_string(path).map_err(|e| ModelFileError::Read(path.to_owned(), e))?;
+    /// One that is no file of models, or contradicts itself.
+    pub fn parse(text: &str, path: &Path) -> Result<Self, ModelFileError> {
         let file: ModelFile =
-            toml::from_str(&text).map_err(|e| ModelFileError::Parse(path.to_owned(), e.to_string()))?;
+            toml::from_str(text).map_err(|e| ModelFileError::Parse(path.to_owned(), e.to_string()))?;
         file.check(path)?;
         Ok(file)
     }
@@ -146,20 +141,13 @@ impl ModelFile {
         Ok(())
     }
 
-    /// Writes the file whole or not at all.
+    /// The text of the file.
     ///
     /// # Errors
-    /// If it cannot be written.
-    pub fn save(&self, path: &Path) -> Result<(), ModelFileError> {
-        let failed = |e: std::io::Error| ModelFileError::Write(path.to_owned(), e);
-        let body = toml::to_string(self).map_err(|e| failed(std::io::Error::other(e)))?;
-        let beside = path.with_extension("toml.new");
-        std::fs::write(
-            &beside,
-            format!("{HEADING}: the one in force is refitted, grown or taken back by the program\n\n{body}"),
-        )
-        .and_then(|()| std::fs::rename(&beside, path))
-        .map_err(failed)
+    /// None in practice: all values can be written.
+    pub fn text(&self) -> Result<String, toml::ser::Error> {
+        let body = toml::to_string(self)?;
+        Ok(format!("{HEADING}: the one in force is refitted, grown or taken back by the program\n\n{body}"))
     }
 
     /// The model in force.

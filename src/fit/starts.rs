@@ -1,6 +1,6 @@
 //! Where fits start: from the rig's values, from what each effect proposes beside them, from a smaller model already fitted.
 
-use super::calibrate::State;
+use super::approach::State;
 use crate::model::Model;
 
 /// Where a fit may start.

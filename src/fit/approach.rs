@@ -1,0 +1,217 @@
+//! The way to a fit: from the signals or from a smaller model, on a coarse grid, from the first cycles to the whole record.
+
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use super::calibrate::{FitError, Options, Progress};
+use super::data::RunData;
+use super::least_squares::{Limits, Problem, Solution, minimise};
+use super::problem::{Calibration, Window};
+use super::starts::{differing, starts_from, starts_of, take_over, vanish};
+use super::uncertainty::correlation_inflation;
+use crate::model::effects::Chosen;
+use crate::model::{Model, ModelError};
+
+/// Reaches while the phase locks, and while models are chosen.
+const LOCKING_REACHES: usize = 32;
+const FIRST_REACHES: usize = 48;
+/// How many of the places where an effect was tried are followed further.
+const LET_GO: usize = 4;
+/// Samples a sensor in the early stages.
+const EARLY_SAMPLES: usize = 2500;
+/// Half the mean square, in units of the noise's, above which a fit is too poor to grow a richer one from.
+const POOR: f64 = 2.0;
+
+const GLANCE: Limits = Limits { iterations: 6, cost_tolerance: 1e-2, step_tolerance: 1e-7 };
+const EARLY: Limits = Limits { iterations: 30, cost_tolerance: 3e-4, step_tolerance: 1e-7 };
+
+/// Where a fit of one model stands.
+pub(super) struct State {
+    pub(super) values: Vec<f64>,
+    pub(super) cost: f64,
+}
+
+/// What a fit leaves over.
+pub(super) struct Leftover {
+    /// Samples.
+    n: f64,
+    /// Mean square of the weighted residuals: 1 is the noise.
+    mean_square: f64,
+    /// See [`correlation_inflation`].
+    inflation: f64,
+    /// Shared parameters of the model.
+    parameters: f64,
+}
+
+impl Leftover {
+    /// Fall of the Bayesian information criterion from `before`, with this (richer) model's effective number of samples.
+    pub(super) fn evidence_over(&self, before: &Leftover) -> f64 {
+        let effective = self.n / self.inflation;
+        effective * (before.mean_square / self.mean_square).ln()
+            - (self.parameters - before.parameters) * effective.ln()
+    }
+}
+
+/// Fits models to runs.
+pub(super) struct Fitter<'a> {
+    pub(super) runs: &'a [RunData],
+    pub(super) options: &'a Options,
+    pub(super) progress: &'a (dyn Fn(&Progress) + Sync),
+    pub(super) evaluations: &'a AtomicUsize,
+    /// What the pipes need at the least.
+    pub(super) least_reaches: usize,
+}
+
+impl Fitter<'_> {
+    pub(super) fn window(&self, reaches: usize, horizon_s: f64) -> Window {
+        let reaches = reaches.max(self.least_reaches);
+        let samples = self.runs.iter().flat_map(|r| &r.sensors).map(|s| {
+            let (a, b) = (s.time_s.first().copied().unwrap_or(0.0), s.time_s.last().copied().unwrap_or(0.0));
+            let share = (horizon_s / (b - a).max(1e-9)).min(1.0);
+            (s.time_s.len() as f64 * share) as usize
+        });
+        let stride = (samples.max().unwrap_or(0) / EARLY_SAMPLES).max(1);
+        Window { reaches, horizon_s, stride }
+    }
+
+    pub(super) fn whole(&self, reaches: usize) -> Window {
+        Window { stride: 1, ..self.window(reaches, f64::INFINITY) }
+    }
+
+    pub(super) fn minimise(
+        &self,
+        problem: &Calibration,
+        values: &[f64],
+        limits: Limits,
+        stage: &str,
+    ) -> Result<Solution, ModelError> {
+        let n = problem.samples().max(1) as f64;
+        let reaches = problem.window().reaches;
+        let solution = minimise(problem, &problem.variables(values), limits, |iteration, cost| {
+            (self.progress)(&Progress {
+                stage: stage.to_owned(),
+                reaches,
+                iteration,
+                error_over_noise: (2.0 * cost / n).sqrt(),
+            });
+        })?;
+        self.evaluations.fetch_add(solution.evaluations * self.runs.len(), Ordering::Relaxed);
+        Ok(solution)
+    }
+
+    /// Fits a model on a coarse grid: from the signals, or from a smaller model that is already fitted.
+    pub(super) fn approach(&self, model: &Model, smaller: Option<(&Model, &State)>) -> Result<State, FitError> {
+        let problem = &mut Calibration::new(model, self.runs, self.window(FIRST_REACHES, f64::INFINITY));
+        let base: Vec<f64> = problem.parameters.iter().map(|p| p.start).collect();
+        let period_s = model.period_s(&base[..model.shared.len()]);
+        let mut candidates = Vec::new();
+        if let Some((small, state)) = smaller {
+            candidates.extend(starts_from(model, small, state, &base));
+        }
+        // A good smaller model is the best start; a poor one has its parameters in the wrong places.
+        if smaller.is_none_or(|(_, state)| state.cost > POOR * problem.samples() as f64) {
+            let (scanned, few): (Vec<_>, Vec<_>) = starts_of(model, &base).into_iter().partition(|s| s.of_many);
+            let scanned = if smaller.is_none() { scanned } else { Vec::new() };
+            let places = differing(&scanned, &base);
+            let mut locked = Vec::new();
+            for mut start in few {
+                // The phase locks without what may be anywhere: in the wrong place it would draw all else with it.
+                let still = match smaller {
+                    Some((small, state)) => {
+                        take_over(&mut start.values, model, small, state);
+                        Vec::new()
+                    }
+                    None => vanish(&mut start.values, &scanned, model),
+                };
+                problem.hold(&still, &start.values);
+                locked.push(self.lock(problem, &start.values, period_s)?);
+            }
+            locked.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+            // An effect that may be anywhere is held in one place after the other, with all else free; then the best are let go.
+            let mut glimpsed = vec![];
+            for start in &scanned {
+                let mut values = locked[0].values.clone();
+                values[start.effect.clone()].copy_from_slice(&start.values[start.effect.clone()]);
+                problem.hold(&places, &values);
+                glimpsed.push(self.attempt(problem, &values, 1.5 * period_s, GLANCE)?);
+            }
+            glimpsed.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+            problem.hold(&[], &base);
+            if !places.is_empty() {
+                glimpsed.truncate(LET_GO);
+                glimpsed.extend(locked.drain(..1));
+                locked.clear();
+            }
+            for glimpse in &glimpsed {
+                locked.push(self.lock(problem, &glimpse.values, period_s)?);
+            }
+            locked.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+            // The best two by the first cycles see the whole record.
+            candidates.extend(locked.into_iter().take(2).map(|s| s.values));
+        }
+        self.best_of(problem, &candidates)
+    }
+
+    /// Fits a model on a coarse grid from one with an element less alone.
+    pub(super) fn grow(&self, model: &Model, smaller: &Model, state: &State) -> Result<State, FitError> {
+        let mut problem = Calibration::new(model, self.runs, self.window(FIRST_REACHES, f64::INFINITY));
+        let base: Vec<f64> = problem.parameters.iter().map(|p| p.start).collect();
+        self.best_of(&mut problem, &starts_from(model, smaller, state, &base))
+    }
+
+    /// A few iterations from each start, then the best goes on.
+    fn best_of(&self, problem: &mut Calibration, starts: &[Vec<f64>]) -> Result<State, FitError> {
+        let mut best: Option<State> = None;
+        for values in starts {
+            let state = self.attempt(problem, values, f64::INFINITY, GLANCE)?;
+            if best.as_ref().is_none_or(|b| state.cost < b.cost) {
+                best = Some(state);
+            }
+        }
+        let best = best.ok_or(FitError::NoRun)?;
+        Ok(self.attempt(problem, &best.values, f64::INFINITY, EARLY)?)
+    }
+
+    /// Fits the first cycle and a half, then more, so that the phase locks.
+    fn lock(&self, problem: &mut Calibration, values: &[f64], period_s: f64) -> Result<State, ModelError> {
+        let first = self.attempt(problem, values, 1.5 * period_s, EARLY)?;
+        self.attempt(problem, &first.values, 5.0 * period_s, EARLY)
+    }
+
+    fn attempt(
+        &self,
+        problem: &mut Calibration,
+        values: &[f64],
+        horizon_s: f64,
+        limits: Limits,
+    ) -> Result<State, ModelError> {
+        let model = problem.model;
+        let reaches = if horizon_s.is_finite() { LOCKING_REACHES } else { FIRST_REACHES };
+        let reaches = model.fitting_reaches(&values[..model.shared.len()], reaches);
+        problem.set_window(self.window(reaches, horizon_s));
+        let label = model.effects.iter().map(Chosen::label).collect::<Vec<_>>().join(" + ");
+        let label = if label.is_empty() { "base model" } else { &label };
+        let solution = self.minimise(problem, values, limits, label)?;
+        Ok(State { values: problem.values(&solution.x), cost: solution.cost })
+    }
+
+    /// Mean square of what a coarse fit leaves, in units of the noise's, priors among it.
+    pub(super) fn mean_square(&self, model: &Model, state: &State) -> f64 {
+        let problem = Calibration::new(model, self.runs, self.window(FIRST_REACHES, f64::INFINITY));
+        2.0 * state.cost / problem.samples().max(1) as f64
+    }
+
+    /// What a coarse fit leaves over.
+    pub(super) fn leftover(&self, model: &Model, state: &State) -> Result<Leftover, ModelError> {
+        let reaches = model.fitting_reaches(&state.values[..model.shared.len()], FIRST_REACHES);
+        let problem = Calibration::new(model, self.runs, self.window(reaches, f64::INFINITY));
+        let residuals = problem.residuals(&problem.variables(&state.values))?;
+        let samples = &residuals[..problem.samples()];
+        let n = samples.len().max(1) as f64;
+        Ok(Leftover {
+            n,
+            mean_square: samples.iter().map(|r| r * r).sum::<f64>() / n,
+            inflation: correlation_inflation(samples),
+            parameters: model.shared.len() as f64,
+        })
+    }
+}

@@ -1,0 +1,203 @@
+//! The end of a fit: the grid is refined until halving its step changes less than the noise does, then all samples enter.
+
+use std::sync::atomic::Ordering;
+
+use super::approach::{Fitter, State};
+use super::calibrate::FitError;
+use super::compare::{Pair, mape_percent, rmse};
+use super::least_squares::{Limits, Problem, Solution, Stop, jacobian};
+use super::outcome::{Fit, FittedParameter, RunFit, SensorFit};
+use super::problem::{Calibration, Window};
+use super::uncertainty::{gauss_newton_step, standard_errors};
+use crate::model::effects::Chosen;
+use crate::model::{Model, ModelError};
+
+/// Reaches from which the grid is refined.
+const FINAL_REACHES: usize = 64;
+const MIDDLE: Limits = Limits { iterations: 20, cost_tolerance: 1e-4, step_tolerance: 1e-8 };
+const LATE: Limits = Limits { iterations: 40, cost_tolerance: 1e-5, step_tolerance: 1e-9 };
+
+/// Pull of the grid on a parameter, in standard errors, that sends the fit to a finer one.
+const MOST_PULL: f64 = 2.0;
+
+/// What a finer grid changes.
+struct Pull {
+    /// At the samples, in units of their noise, rms.
+    error_over_noise: f64,
+    /// The same in m.
+    error_m: f64,
+    /// In the variables.
+    shifts: Vec<f64>,
+    /// Half the sum of squares that the unmoved variables leave on the finer grid.
+    finer_cost: f64,
+    /// The largest of these, in standard errors.
+    over_errors: f64,
+}
+
+impl Fitter<'_> {
+    /// Refines the grid until its error is small against the noise and its pull on the parameters against their standard errors,
+    /// then fits all samples on a grid of half that step and puts the result together.
+    pub(super) fn finish(&self, model: &Model, state: State) -> Result<Fit, FitError> {
+        let mut values = state.values;
+        let mut reaches = FINAL_REACHES.max(self.least_reaches);
+        let (fine, pull) = loop {
+            let fitting = |n: usize| model.fitting_reaches(&values[..model.shared.len()], n);
+            let (coarse, fine) = (fitting(reaches), fitting(2 * reaches));
+            let problem = Calibration::new(model, self.runs, self.window(coarse, f64::INFINITY));
+            let solution = self.minimise(&problem, &values, MIDDLE, &format!("{coarse} reaches"))?;
+            values = problem.values(&solution.x);
+            let pull = self.grid_pull(&problem, &solution, fine)?;
+            // A second order scheme's own limit lies a third further on than half the step. Where the data hardly tell two
+            // parameters apart the step may lead astray: the finer grid decides.
+            let mut further = values.clone();
+            for (j, value) in further.iter_mut().enumerate() {
+                let by = pull.shifts[j] * 4.0 / 3.0;
+                *value = (*value + problem.stretch(j, *value) * by)
+                    .clamp(problem.parameters[j].lower, problem.parameters[j].upper);
+            }
+            let finer = Calibration::new(model, self.runs, self.window(fine, f64::INFINITY));
+            let moved = finer.residuals(&finer.variables(&further)).map(|r| 0.5 * r.iter().map(|r| r * r).sum::<f64>());
+            self.evaluations.fetch_add(self.runs.len(), Ordering::Relaxed);
+            if moved.is_ok_and(|cost| cost < pull.finer_cost) {
+                values = further;
+            }
+            // Where the model leaves more than noise, the grid may err by as much more.
+            let left = (2.0 * solution.cost / problem.samples().max(1) as f64).sqrt();
+            let settled = pull.error_over_noise <= self.options.grid_error_over_noise * left.max(1.0)
+                && pull.over_errors <= MOST_PULL;
+            if settled || 4 * reaches > self.options.most_reaches {
+                break (fine, pull);
+            }
+            reaches *= 2;
+        };
+        // What is held stands under its own name.
+        if model.constraints.is_empty() {
+            model.put_in_order(&mut values);
+        }
+        let problem = Calibration::new(model, self.runs, self.whole(fine));
+        problem.know(&model.constraints)?;
+        let solution = self.minimise(&problem, &values, LATE, "all samples")?;
+        self.outcome(&problem, &solution, &pull)
+    }
+
+    /// What a finer grid would change: at the samples, and by one Gauss-Newton step in the parameters.
+    fn grid_pull(&self, problem: &Calibration, solution: &Solution, fine: usize) -> Result<Pull, ModelError> {
+        let mut finer = Calibration::new(problem.model, self.runs, problem.window());
+        finer.set_window(Window { reaches: fine, ..problem.window() });
+        let residuals = finer.residuals(&solution.x)?;
+        let columns = jacobian(problem, &solution.x, &solution.residuals)?;
+        self.evaluations.fetch_add((columns.len() + 1) * self.runs.len(), Ordering::Relaxed);
+        let errors = standard_errors(&columns, &solution.residuals, problem.samples(), &solution.at_bound);
+        let change: Vec<f64> = residuals.iter().zip(&solution.residuals).map(|(f, c)| f - c).collect();
+        let shifts = gauss_newton_step(&columns, &change, &solution.at_bound);
+        let n = problem.samples().max(1);
+        let over_errors =
+            shifts.iter().zip(&errors).filter(|(_, e)| e.is_finite()).map(|(s, e)| s.abs() / e).fold(0.0, f64::max);
+        let square = |weights: &dyn Fn(usize) -> f64| {
+            (change[..n].iter().enumerate().map(|(i, c)| (c * weights(i)).powi(2)).sum::<f64>() / n as f64).sqrt()
+        };
+        let noise = problem.sample_noise();
+        let finer_cost = 0.5 * residuals.iter().map(|r| r * r).sum::<f64>();
+        let (error_over_noise, error_m) = (square(&|_| 1.0), square(&|i| noise[i]));
+        Ok(Pull { error_over_noise, error_m, shifts, finer_cost, over_errors })
+    }
+
+    fn outcome(&self, problem: &Calibration, solution: &Solution, pull: &Pull) -> Result<Fit, FitError> {
+        let values = problem.values(&solution.x);
+        let start_values: Vec<f64> = problem.parameters.iter().map(|p| p.start).collect();
+        let columns = jacobian(problem, &solution.x, &solution.residuals)?;
+        self.evaluations.fetch_add(columns.len() * self.runs.len(), Ordering::Relaxed);
+        let errors = standard_errors(&columns, &solution.residuals, problem.samples(), &solution.at_bound);
+        let model = problem.model;
+        let parameters = problem
+            .parameters
+            .iter()
+            .enumerate()
+            .map(|(j, p)| FittedParameter {
+                name: p.name.clone(),
+                about: p.about,
+                run: problem.run_of(j).map(|r| self.runs[r].file.clone()),
+                value: values[j],
+                // A quarter of the pull is left on the last grid; half of it allows for schemes of first order.
+                standard_error: if p.lower < p.upper {
+                    errors[j].hypot(0.5 * pull.shifts[j]) * problem.stretch(j, values[j])
+                } else {
+                    0.0
+                },
+                unit: p.unit,
+                at_bound: solution.at_bound[j] && p.lower < p.upper,
+                lower: p.lower,
+                upper: p.upper,
+                held: p.lower == p.upper,
+            })
+            .collect();
+        let period_s = model.period_s(&values[..model.shared.len()]);
+        let reaches = problem.window().reaches;
+        let runs = (0..self.runs.len())
+            .map(|r| self.run_fit(problem, r, &values, &start_values, reaches, period_s))
+            .collect::<Result<_, _>>()?;
+        Ok(Fit {
+            effects: model.effects.iter().map(Chosen::label).collect(),
+            runs,
+            parameters,
+            reaches,
+            grid_error_m: 0.25 * pull.error_m,
+            evaluations: self.evaluations.load(Ordering::Relaxed),
+            seconds: f64::NAN,
+            stopped_because: solution.stop.describe().to_owned(),
+            converged: solution.stop != Stop::IterationsSpent,
+        })
+    }
+
+    fn run_fit(
+        &self,
+        problem: &Calibration,
+        r: usize,
+        values: &[f64],
+        start_values: &[f64],
+        reaches: usize,
+        period_s: f64,
+    ) -> Result<RunFit, ModelError> {
+        let run = &self.runs[r];
+        let traces = problem.modelled(r, values, reaches)?.traces;
+        let first_traces = problem.modelled(r, start_values, reaches)?.traces;
+        let start = problem.closure_start_s(r, values);
+        let first_start = problem.closure_start_s(r, start_values);
+        let mut sensors = Vec::new();
+        for (s, sensor) in run.sensors.iter().enumerate() {
+            let offset = problem.offset_m(r, s, values);
+            let from = sensor.time_s.partition_point(|&t| t < start);
+            let time_s: Vec<f64> = sensor.time_s[from..].iter().map(|t| t - start).collect();
+            let measured_m = sensor.head_m[from..].to_vec();
+            let model_m: Vec<f64> = time_s.iter().map(|&t| offset + traces[s].at(t)).collect();
+            let before: Vec<f64> = time_s.iter().map(|&t| first_traces[s].at(t + start - first_start)).collect();
+            let found: Vec<_> = run.extrema[s].iter().map(|&(t, cycle, peak)| (t - start, cycle, peak)).collect();
+            let pair =
+                Pair { time_s: &time_s, measured_m: &measured_m, model_m: &model_m, noise_m: sensor.noise_m, period_s };
+            let extrema = pair.extrema(&found);
+            sensors.push(SensorFit {
+                name: sensor.sensor.name.clone(),
+                position_m: sensor.sensor.position_m,
+                noise_m: sensor.noise_m,
+                rmse_m: rmse(&measured_m, &model_m),
+                start_rmse_m: rmse(&measured_m, &before),
+                extrema,
+                time_s,
+                measured_m,
+                model_m,
+            });
+        }
+        // Over all samples of all sensors: each sensor's mean square weighs as its number of samples.
+        let total = sensors.iter().map(|s| s.time_s.len()).sum::<usize>().max(1) as f64;
+        let pooled = |f: &dyn Fn(&SensorFit) -> f64| {
+            (sensors.iter().map(|s| f(s).powi(2) * s.time_s.len() as f64).sum::<f64>() / total).sqrt()
+        };
+        Ok(RunFit {
+            file: run.file.clone(),
+            rmse_m: pooled(&|s| s.rmse_m),
+            noise_m: pooled(&|s| s.noise_m),
+            mape_extrema_percent: mape_percent(sensors.iter().flat_map(|s| &s.extrema)),
+            sensors,
+        })
+    }
+}
