@@ -27,6 +27,7 @@ pub mod export;
 pub mod import;
 pub mod inspect;
 pub mod load;
+mod memory;
 pub mod model;
 pub mod models;
 pub mod output;

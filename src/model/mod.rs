@@ -14,6 +14,7 @@ pub mod friction;
 pub mod gas;
 pub mod grid;
 pub mod kernel;
+pub mod memory;
 pub mod node;
 pub mod oscillator;
 pub mod parameter;
@@ -32,6 +33,7 @@ use effects::{Chosen, Scene, Site};
 use energy::{Energy, Owners};
 use friction::{ReachFriction, WallFriction};
 use grid::{Grid, Stretch};
+use memory::Need;
 use parameter::Parameter;
 use sensor::seen_by;
 use solver::{Line, Steady, settle};
@@ -57,6 +59,8 @@ pub struct Model<'a> {
     pub closure: fn(f64) -> Closure,
     /// What has been settled about parameters, those of runs and sensors included.
     pub constraints: Vec<Constraint>,
+    /// The most memory that a simulation may take, bytes.
+    pub memory_limit_bytes: f64,
 }
 
 /// The per-run parameters, in their order.
@@ -112,8 +116,6 @@ impl Simulated {
 
 /// Least head over the open valve, m: without any nothing would flow.
 pub const LEAST_DROP_M: f64 = 1e-3;
-/// Memory that the recorded heads of one simulation may take.
-const MOST_HISTORY_BYTES: usize = 4 << 30;
 /// Share of the impedance that friction over one reach may take (see [`friction::NodeFriction`]).
 const MOST_FRICTION_SHARE: f64 = 0.02;
 
@@ -203,6 +205,7 @@ impl<'a> Model<'a> {
             per_run,
             closure: |closing_time_s| Closure::Linear { closing_time_s },
             constraints: Vec::new(),
+            memory_limit_bytes: memory::USUAL_LIMIT_BYTES,
         }
     }
 
@@ -248,10 +251,30 @@ impl<'a> Model<'a> {
         grid::fitting_reaches(&travel_s, reaches)
     }
 
+    /// Fewest reaches at which no pipe, and no section that an effect makes of one, is shorter than a reach. A simulation goes on with
+    /// fewer for sections, which it then lumps with what lies beside them: a fit moves them about.
+    ///
+    /// # Errors
+    /// Values out of their physical range.
+    pub fn resolving_reaches(
+        &self,
+        conditions: &Conditions,
+        shared: &[f64],
+        run: &RunValues,
+    ) -> Result<usize, ModelError> {
+        self.check(shared, run)?;
+        let mut stretches = self.stretches(conditions, shared, run, 0.0);
+        for (chosen, values) in self.chosen(shared) {
+            chosen.effect.reshape(values, &mut stretches)?;
+        }
+        let travel_s: Vec<f64> = stretches.iter().map(|s| s.length_m / s.wave_speed_m_s).collect();
+        Ok(grid::least_reaches(&travel_s))
+    }
+
     /// Simulates one run: what each probe reads, in time after the start of the closure.
     ///
     /// # Errors
-    /// Values out of their physical range, a grid too coarse for the pipes, a run too long for memory, a solution that
+    /// Values out of their physical range, a grid too coarse for the pipes, a run too large for memory, a solution that
     /// stops being finite.
     pub fn simulate(
         &self,
@@ -317,13 +340,11 @@ impl<'a> Model<'a> {
         let grid = Grid::new(&stretches, resolution.reaches)?;
         // Two steps more than asked for: the cubic interpolation in time looks that far ahead.
         let beyond_s = self.chosen(shared).map(|(chosen, values)| chosen.effect.beyond_s(values)).fold(0.0, f64::max);
-        let steps = ((resolution.duration_s + beyond_s) / grid.dt_s).ceil() as usize + 2;
-        let columns = probes.len().max(1) + if with_energy { self.effects.len() + 6 } else { 0 };
-        let bytes = steps.saturating_mul(columns).saturating_mul(8);
-        if bytes > MOST_HISTORY_BYTES {
-            let gib = bytes as f64 / (1u64 << 30) as f64;
-            return Err(ModelError::TooLong { steps, sensors: probes.len(), gib });
-        }
+        let steps = ((resolution.duration_s + beyond_s) / grid.dt_s).ceil() + 2.0;
+        let per_step = probes.len().max(1) + if with_energy { self.effects.len() + 6 } else { 0 };
+        let effects_per_node = self.effects.iter().map(|c| c.effect.kept_per_node(c.elements.unwrap_or(1))).sum();
+        Need { steps, per_step, nodes: grid.nodes(), effects_per_node }.check(self.memory_limit_bytes)?;
+        let steps = steps as usize;
         let scene = Scene {
             rig: self.rig,
             water: &conditions.water,
