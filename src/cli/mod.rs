@@ -24,6 +24,7 @@ pub mod diagnose;
 pub mod effects;
 pub mod energy;
 pub mod export;
+mod hold;
 pub mod import;
 pub mod inspect;
 pub mod load;
