@@ -125,7 +125,7 @@ impl Scenario {
             friction_scale,
         };
         let travel: Vec<f64> = rig.pipes.iter().zip(&shared).map(|(p, a)| p.length_m / a).collect();
-        let reaches = crate::model::grid::fitting_reaches(&travel, reaches);
+        let reaches = crate::model::reaches::fitting_reaches(&travel, reaches);
         Ok(Scenario { water, effects, valve, shared, run, reaches, rig })
     }
 

@@ -18,6 +18,7 @@ pub mod memory;
 pub mod node;
 pub mod oscillator;
 pub mod parameter;
+pub mod reaches;
 pub mod sensor;
 pub mod solver;
 pub mod trace;
@@ -242,13 +243,13 @@ impl<'a> Model<'a> {
     pub fn least_reaches(&self, shared: &[f64]) -> usize {
         let travel_s: Vec<f64> = self.rig.pipes.iter().zip(shared).map(|(p, a)| p.length_m / a).collect();
         let margin = if travel_s.len() > 1 { 1.2 } else { 1.0 };
-        (margin * grid::least_reaches(&travel_s) as f64).ceil() as usize
+        (margin * reaches::least_reaches(&travel_s) as f64).ceil() as usize
     }
 
     /// Reaches, at least `reaches`, that fit the pipes' joints best.
     pub fn fitting_reaches(&self, shared: &[f64], reaches: usize) -> usize {
         let travel_s: Vec<f64> = self.rig.pipes.iter().zip(shared).map(|(p, a)| p.length_m / a).collect();
-        grid::fitting_reaches(&travel_s, reaches)
+        reaches::fitting_reaches(&travel_s, reaches)
     }
 
     /// Fewest reaches at which no pipe, and no section that an effect makes of one, is shorter than a reach. A simulation goes on with
@@ -268,7 +269,7 @@ impl<'a> Model<'a> {
             chosen.effect.reshape(values, &mut stretches)?;
         }
         let travel_s: Vec<f64> = stretches.iter().map(|s| s.length_m / s.wave_speed_m_s).collect();
-        Ok(grid::least_reaches(&travel_s))
+        Ok(reaches::least_reaches(&travel_s))
     }
 
     /// Simulates one run: what each probe reads, in time after the start of the closure.
@@ -330,7 +331,7 @@ impl<'a> Model<'a> {
         let flow_m3_s = run.initial_velocity_m_s * self.rig.pipes[self.rig.pipes.len() - 1].area_m2();
         let mut stretches = self.stretches(conditions, shared, run, flow_m3_s);
         let travel_s: Vec<f64> = stretches.iter().map(|s| s.length_m / s.wave_speed_m_s).collect();
-        let needed = grid::least_reaches(&travel_s);
+        let needed = reaches::least_reaches(&travel_s);
         if resolution.reaches < needed {
             return Err(ModelError::TooFewReaches { reaches: resolution.reaches, needed });
         }
