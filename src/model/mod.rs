@@ -22,6 +22,7 @@ pub mod reaches;
 pub mod sensor;
 mod simulate;
 pub mod solver;
+mod state;
 pub mod trace;
 mod unsteady_kernels;
 pub mod valve_from_head;
