@@ -8,7 +8,7 @@ use clap::ValueEnum;
 use indicatif::{ProgressBar, ProgressStyle};
 
 use super::load::{self, Loaded};
-use super::{CommandResult, Outcome, models, output};
+use super::{CommandResult, Outcome, hold, models, output};
 use crate::fit::calibrate::{FitError, Options, Progress, calibrate};
 use crate::fit::conflict::conflicts;
 use crate::fit::data::RunData;
@@ -33,6 +33,9 @@ pub struct Args {
     /// Another model to fit first and to show beside it in tables and report; may be given often.
     #[arg(long, value_name = "A,B", value_parser = parse_list)]
     against: Vec<::std::vec::Vec<Chosen>>,
+    /// Values that the fits do not touch; one that each run has of its own is held in all of them.
+    #[arg(long, value_name = "NAME=VALUE", value_parser = super::values::setting, num_args = 1..)]
+    hold: Vec<(String, f64)>,
     /// A rig to read them with, instead of the one that is stored in them.
     #[arg(long, value_name = "RIG")]
     rig: Option<PathBuf>,
@@ -69,11 +72,12 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     let loaded = load::load(&args.recordings, args.rig.as_deref())?;
     let rig = loaded[0].recording.rig.clone();
     let runs = load::runs(&loaded);
-    let options = Options { most_reaches: args.most_reaches, ..Options::default() };
     let mut models = args.against.clone();
     models.push(args.effects.clone());
     let mut fits: Vec<(String, Fit)> = Vec::new();
-    for effects in &models {
+    let held = hold::constraints(&rig, &runs, &models, &args.hold);
+    for (effects, constraints) in models.iter().zip(held) {
+        let options = Options { most_reaches: args.most_reaches, constraints, ..Options::default() };
         fits.push((title(effects), timed(&rig, &runs, effects, &options)?));
     }
     let stages: Vec<Stage> = fits.iter().map(|(title, fit)| Stage { title: title.clone(), fit }).collect();

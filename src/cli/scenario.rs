@@ -125,13 +125,14 @@ impl Scenario {
             friction_scale,
         };
         let travel: Vec<f64> = rig.pipes.iter().zip(&shared).map(|(p, a)| p.length_m / a).collect();
-        let reaches = crate::model::grid::fitting_reaches(&travel, reaches);
+        let reaches = crate::model::reaches::fitting_reaches(&travel, reaches);
         Ok(Scenario { water, effects, valve, shared, run, reaches, rig })
     }
 
     fn model(&self) -> Model<'_> {
         let mut model = Model::new(&self.rig, &self.water, &self.effects);
         model.closure = self.valve.closure();
+        model.memory_limit_bytes = super::memory::limit_bytes();
         model
     }
 
@@ -203,6 +204,10 @@ impl Scenario {
         let conditions = Conditions { water: self.water, supply_deviation: None };
         let resolution = Resolution { reaches: self.reaches, duration_s };
         let model = self.model();
+        let needed = model.resolving_reaches(&conditions, &self.shared, &self.run)?;
+        if self.reaches < needed {
+            return Err(ModelError::TooFewReaches { reaches: self.reaches, needed });
+        }
         let simulate = if energy { Model::simulate_with_energy } else { Model::simulate };
         simulate(&model, &conditions, &self.shared, &self.run, resolution, probes)
     }

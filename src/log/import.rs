@@ -1,12 +1,17 @@
 //! A time series becomes a recording.
 
+mod columns;
+mod numbers;
+
 use std::borrow::Cow;
-use std::fmt::Write as _;
 use std::path::Path;
 
-use super::layout::{kind_name, to_ns};
+use columns::columns;
+use numbers::Numbers;
+
+use super::layout::to_ns;
 use super::sink::program;
-use super::{CsvProblem, LogError, disk, nearest};
+use super::{CsvProblem, LogError, disk};
 use crate::recording::{CsvFormat, Recording, RunInfo, Series};
 use crate::rig::{Rig, SensorKind};
 
@@ -126,148 +131,6 @@ fn split<'a>(line: &'a str, row: &mut Vec<Cow<'a, str>>) {
     let mut quoted = csv::ReaderBuilder::new().has_headers(false).from_reader(line.as_bytes());
     let record = quoted.records().next().and_then(Result::ok).unwrap_or_default();
     row.extend(record.iter().map(|cell| Cow::Owned(cell.trim().to_string())));
-}
-
-/// A column on its way into a series.
-struct Column {
-    sensor: usize,
-    series: Series,
-    numbers: Numbers,
-}
-
-/// Finds the sensor of each column after the first.
-fn columns(header: &[String], rig: &Rig, without: &[String]) -> Result<Vec<Column>, CsvProblem> {
-    let first = header.first().map(String::as_str).unwrap_or_default();
-    if first != "time_s" {
-        let separator = first.chars().find(|c| matches!(c, ';' | '\t')).filter(|_| header.len() == 1);
-        let hint = match separator {
-            Some(_) => ": separate the columns by commas, and write decimals with a point".to_string(),
-            None if header.len() > 1 && first.parse::<f64>().is_ok() => ": the header line is missing".to_string(),
-            None => hint_on_time(first),
-        };
-        return Err(CsvProblem::NoTimeColumn { found: first.into(), hint });
-    }
-    let names = &header[1..];
-    let question = |n: Option<&str>| n.map(|n| format!("; did you mean '{n}'?")).unwrap_or(".".into());
-    let sensors = || rig.sensors.iter().map(|s| s.name.as_str());
-    for (i, name) in names.iter().enumerate() {
-        if names[..i].contains(name) || name == first {
-            return Err(CsvProblem::DuplicateColumn(name.clone()));
-        }
-    }
-    for sensor in without {
-        let bad = |why: String| CsvProblem::BadWithout { sensor: sensor.clone(), why };
-        if !sensors().any(|s| s == sensor) {
-            return Err(bad(format!("rig '{}' has no such sensor{}", rig.name, question(nearest(sensor, sensors())))));
-        }
-        if names.contains(sensor) {
-            return Err(bad("the file has a column for it".into()));
-        }
-    }
-    for sensor in &rig.sensors {
-        if !names.contains(&sensor.name) && !without.contains(&sensor.name) {
-            let spare = names.iter().map(String::as_str).filter(|n| !sensors().any(|s| s == *n));
-            return Err(CsvProblem::MissingColumn {
-                sensor: sensor.name.clone(),
-                kind: kind_name(sensor.kind),
-                rig: rig.name.clone(),
-                found: header.join(", "),
-                hint: question(nearest(&sensor.name, spare)),
-            });
-        }
-    }
-    if !rig.pressure_sensors().any(|(_, s)| names.contains(&s.name)) {
-        return Err(CsvProblem::NoPressure);
-    }
-    let column = |name: &String| match sensors().position(|s| s == name) {
-        Some(sensor) => Ok(Column { sensor, series: Series::default(), numbers: Numbers::default() }),
-        None => Err(CsvProblem::UnknownColumn {
-            column: name.clone(),
-            rig: rig.name.clone(),
-            known: sensors().collect::<Vec<_>>().join(", "),
-            hint: question(nearest(name, sensors())),
-        }),
-    };
-    names.iter().map(column).collect()
-}
-
-/// What to do about a first column that is the time under another name or in another unit.
-fn hint_on_time(heading: &str) -> String {
-    let lower = heading.to_lowercase();
-    let words: Vec<&str> = lower.split(|c: char| !c.is_alphanumeric() && c != 'µ').filter(|w| !w.is_empty()).collect();
-    let has = |names: &[&str]| words.iter().any(|w| names.contains(w));
-    if !has(&["time", "t", "times", "zeit", "temps", "tempo", "seconds", "s", "sec"]) {
-        return ": it stands first, whatever else the file holds".into();
-    }
-    let other = [
-        (&["ms", "msec", "milliseconds"][..], "milliseconds", "1000"),
-        (&["us", "µs", "μs", "usec", "microseconds"], "microseconds", "1000000"),
-        (&["ns"], "nanoseconds", "1000000000"),
-    ];
-    match other.iter().find(|(names, ..)| has(names)) {
-        Some((_, unit, factor)) => {
-            format!(
-                ": times must be in seconds, these look like {unit}; divide them by {factor} and name the column time_s"
-            )
-        }
-        None => ": if these times are in seconds, name the column time_s".into(),
-    }
-}
-
-/// Reads the numbers of a column and watches how they are written.
-#[derive(Default)]
-struct Numbers {
-    written: Written,
-    scratch: String,
-}
-
-#[derive(Default, Clone, Copy, PartialEq)]
-enum Written {
-    #[default]
-    Nothing,
-    Decimals(u8),
-    Mixed,
-}
-
-impl Numbers {
-    fn read(&mut self, cell: &str, column: &str) -> Result<Option<f64>, CsvProblem> {
-        if cell.is_empty() {
-            return Ok(None);
-        }
-        let named = || (column.to_string(), cell.to_string());
-        let value: f64 = cell.parse().map_err(|_| {
-            let (column, cell) = named();
-            CsvProblem::NotANumber { column, cell }
-        })?;
-        if !value.is_finite() {
-            let (column, cell) = named();
-            return Err(CsvProblem::NotFinite { column, cell });
-        }
-        self.watch(cell, value);
-        Ok(Some(value))
-    }
-
-    /// Keeps the number of decimals as long as writing each value with it gives the cell's text again.
-    fn watch(&mut self, cell: &str, value: f64) {
-        if self.written == Written::Mixed {
-            return;
-        }
-        let decimals = cell.split_once('.').map_or(0, |(_, fraction)| fraction.len());
-        self.scratch.clear();
-        let again = write!(self.scratch, "{value:.decimals$}").is_ok() && self.scratch == cell;
-        self.written = match (self.written, u8::try_from(decimals)) {
-            (Written::Nothing, Ok(d)) if again => Written::Decimals(d),
-            (Written::Decimals(same), Ok(d)) if again && d == same => Written::Decimals(d),
-            _ => Written::Mixed,
-        };
-    }
-
-    fn decimals(&self) -> Option<u8> {
-        match self.written {
-            Written::Decimals(d) => Some(d),
-            _ => None,
-        }
-    }
 }
 
 #[cfg(test)]

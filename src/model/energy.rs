@@ -19,7 +19,8 @@
 //! the others, so that the balance checks the step.
 
 use super::node::{Node, Solved};
-use super::solver::{Implicit, LineTerm, State, Steady};
+use super::solver::{Implicit, LineTerm, Steady};
+use super::state::State;
 use crate::units::GRAVITY_M_S2;
 
 /// Whose each part of the line is: the index of an account for every term, field, shunt and loss.

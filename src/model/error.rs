@@ -4,7 +4,7 @@
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[allow(missing_docs)] // the sentences say it
 pub enum ModelError {
-    #[error("{reaches} reaches are too few: these pipes need at least {needed}")]
+    #[error("{reaches} reaches are too few: these pipes, with the sections they are given, need at least {needed}")]
     TooFewReaches { reaches: usize, needed: usize },
     #[error("{name} = {value} is outside its physical range ({allowed})")]
     Value { name: String, value: f64, allowed: &'static str },
@@ -20,11 +20,14 @@ pub enum ModelError {
         "friction takes {share:.3} of the impedance over one reach, more than the scheme resolves; use at least {needed} reaches"
     )]
     FrictionTooCoarse { share: f64, needed: usize },
-    #[error("{steps} steps at {sensors} places would need {gib:.1} GiB; shorten the duration or take fewer reaches")]
-    TooLong { steps: usize, sensors: usize, gib: f64 },
     #[error(
-        "the solution stopped being finite {time_s:.4} s after the start of the closure, {position_m:.2} m from the supply, in a \
-         model with {effects}; check the parameter values"
+        "{steps:.0} steps on {nodes} nodes would need {gib:.1} GiB of memory, and {limit_gib:.1} GiB are free for it; shorten the \
+         duration or take fewer reaches"
+    )]
+    TooLarge { steps: f64, nodes: usize, gib: f64, limit_gib: f64 },
+    #[error(
+        "the solution stopped being finite {time_s:.4} s after the start of the closure, at the node \
+         {position_m:.2} m from the supply, in a model with {effects}; check the parameter values"
     )]
     NotFinite { time_s: f64, position_m: f64, effects: String },
     #[error("'{item}': this effect concerns no single sensor")]

@@ -5,7 +5,7 @@
 //! with the inertance `Σ l/(gA)` and the capacitance `Σ gAl/a²` of its two parts, which are chosen so that the reach as a whole,
 //! too, takes one step: `√(inertance capacitance) = dt`. Joint and reflection then move smoothly with wave speeds and lengths,
 //! which a fit needs, and no inertia or storage is lost. Such a joint disperses fronts that are not many steps long, so the number
-//! of reaches is chosen to put joints on nodes, or nearly so: [`fitting_reaches`].
+//! of reaches is chosen to put joints on nodes, or nearly so: [`fitting_reaches`](super::reaches::fitting_reaches).
 
 use super::ModelError;
 use super::friction::WallFriction;
@@ -94,7 +94,7 @@ impl Grid {
     /// Divides stretches in series into `reaches` reaches of equal travel time.
     ///
     /// A stretch shorter than one reach is lumped with its neighbours in the reach that covers it: less sharp, but with all of
-    /// its inertance and capacitance. [`least_reaches`] is what it takes for none to be so.
+    /// its inertance and capacitance. [`least_reaches`](super::reaches::least_reaches) is what it takes for none to be so.
     ///
     /// # Errors
     /// If there are fewer than two reaches.
@@ -225,33 +225,6 @@ impl Grid {
             .collect();
         (at, weights)
     }
-}
-
-/// Fewest reaches at which no pipe in series of these travel times is shorter than a reach: one each, two in all.
-pub fn least_reaches(travel_s: &[f64]) -> usize {
-    let total_s: f64 = travel_s.iter().sum();
-    let shortest = travel_s.iter().copied().fold(f64::INFINITY, f64::min);
-    let joints = travel_s.len() - 1;
-    ((total_s / shortest * (1.0 - 1e-9)).ceil() as usize + joints).max(2)
-}
-
-/// The number of reaches, from `reaches` to a quarter more, whose nodes come nearest to all joints of pipes in series: a joint on
-/// a node is exact, one between nodes disperses steep fronts a little each time they pass.
-pub fn fitting_reaches(travel_s: &[f64], reaches: usize) -> usize {
-    let total_s: f64 = travel_s.iter().sum();
-    let misfit = |n: usize| {
-        let mut end_s = 0.0;
-        travel_s[..travel_s.len() - 1]
-            .iter()
-            .map(|t| {
-                end_s += t;
-                let x = end_s / total_s * n as f64;
-                (x - x.round()).abs()
-            })
-            .fold(0.0, f64::max)
-    };
-    // The first of the best: `min_by` keeps it.
-    (reaches..=reaches + reaches / 4).min_by(|&a, &b| misfit(a).total_cmp(&misfit(b))).unwrap_or(reaches)
 }
 
 /// Lays reaches of one step's travel time along the stretches, from the supply on: gives `push` the parts of a reach (stretch and
@@ -422,20 +395,8 @@ mod tests {
     }
 
     #[test]
-    fn reaches_are_chosen_to_put_joints_on_nodes() {
-        // 40 ms and 16 ms: 5 and 2 reaches, or any multiple.
-        assert_eq!(fitting_reaches(&[0.040, 0.016], 64), 70);
-        assert_eq!(fitting_reaches(&[0.040, 0.016], 70), 70);
-        assert_eq!(fitting_reaches(&[0.3], 64), 64);
-        let n = fitting_reaches(&[0.1, 0.0437, 0.08], 100);
-        assert!((100..=125).contains(&n));
-    }
-
-    #[test]
     fn too_few_reaches_are_refused() {
         let error = Grid::new(&[stretch(1.0, 1.0), stretch(1.0, 1.0)], 1).unwrap_err();
         assert!(error.to_string().contains("at least 2"), "{error}");
-        assert_eq!(least_reaches(&[1.0, 1.0]), 3);
-        assert_eq!(least_reaches(&[1.0, 0.1]), 12);
     }
 }

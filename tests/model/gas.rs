@@ -1,4 +1,4 @@
-//! Gas, vapour and air against what is known of them: exact periods and cavities, energy, and the pipe of Adelaide.
+//! Gas, vapour and air against what is known of them: exact periods and cavities, and energy.
 
 use surgescope::model::boundary::Closure;
 use surgescope::model::effects::parse_list;
@@ -254,69 +254,4 @@ fn what_gas_cannot_be_is_refused() {
     assert!(refusal("air-pocket", &[10.0, 1.2], -11.0).contains("valve_head_m"));
     assert!(parse_list("entrained-gas,vapour-cavity").unwrap_err().to_string().contains("cavities"));
     assert!(parse_list("vapour-cavity,air-pocket").is_ok());
-}
-
-/// The head upstream of the valve that a supply of 22 m leaves at Adelaide.
-fn adelaide(effects: &str, velocity: f64, reaches: usize, duration_s: f64) -> Vec<(f64, f64)> {
-    let rig = Rig::from_toml(include_str!("../../rigs/adelaide-copper.toml"), "adelaide-copper.toml").unwrap();
-    let water = rig.fluid.properties(rig.fluid.temperature_degc);
-    let pipe = &rig.pipes[0];
-    let reynolds = velocity * pipe.inner_diameter_m / water.kinematic_viscosity_m2_s;
-    let factor = surgescope::rig::darcy_friction_factor(reynolds, 0.0);
-    let loss = factor * pipe.length_m / pipe.inner_diameter_m * velocity * velocity / (2.0 * G);
-    let shared: &[f64] = &[1319.0, 2e-4];
-    let run = Run {
-        effects,
-        shared,
-        velocity,
-        head: 22.0 - loss,
-        closing_s: 0.009,
-        closure: |closing_time_s| Closure::Linear { closing_time_s },
-        reaches,
-        duration_s,
-    };
-    let trace = run.on(&rig, &[Probe::Head(pipe.length_m)]).remove(0);
-    let kpa = |head: f64| (head - 2.03) * water.density_kg_m3 * G / 1e3 + ATMOSPHERE_PA / 1e3;
-    trace.values.iter().enumerate().map(|(i, &h)| (trace.dt_s * i as f64, kpa(h))).collect()
-}
-
-/// When the pressure stays below a level for longer than a spike, s: start and end of each such time.
-fn lows(record: &[(f64, f64)], level: f64) -> Vec<(f64, f64)> {
-    let mut lows: Vec<(f64, f64)> = Vec::new();
-    for pair in record.windows(2).filter(|pair| pair[1].1 < level) {
-        match lows.last_mut() {
-            Some(last) if pair[0].0 - last.1 < 0.012 => last.1 = pair[1].0,
-            _ => lows.push((pair[0].0, pair[1].0)),
-        }
-    }
-    lows.into_iter().filter(|(start, end)| *start > 0.02 && end - start > 0.1).collect()
-}
-
-/// Bergant & Simpson (1999), V0 1.4 m/s, with the durations read off the digitised trace where it crosses 500 kPa: 0.0629 to 0.3864 s
-/// and 0.4435 to 0.7287 s. (Half way up its steep fronts: there its doubtful zero, some 80 kPa, moves a crossing by less than a
-/// millisecond. What the digitiser gives beside the trace at a constant 2062 kPa from 0.4464 s on is a line of the figure.)
-#[test]
-fn severe_column_separation_at_adelaide() {
-    for reaches in [32, 64, 128, 256] {
-        let record = adelaide("vapour-cavity", 1.4, reaches, 0.8);
-        let second = record.iter().filter(|(t, _)| (0.33..0.47).contains(t)).map(|r| r.1).fold(0.0, f64::max);
-        assert!((second / 2057.0 - 1.0).abs() < 0.10, "{reaches} reaches: second peak {second} kPa");
-        let lows = lows(&record, 500.0);
-        for (low, measured) in lows.iter().zip([0.3864 - 0.0629, 0.7287 - 0.4435]) {
-            let duration = low.1 - low.0;
-            assert!((duration / measured - 1.0).abs() < 0.05, "{reaches} reaches: {duration} s for {measured} s");
-        }
-        assert!(lows.len() >= 2, "{reaches} reaches: {lows:?}");
-    }
-}
-
-/// The same at 0.3 m/s: 1015 kPa measured. The model is 6 to 12% above it on these grids. The pulse grows by five metres per metre of
-/// supply head, which is not known to a metre; unsteady friction, left out here, takes off 1 to 4%.
-#[test]
-fn moderate_column_separation_at_adelaide() {
-    for reaches in [32, 64, 128, 256] {
-        let record = adelaide("vapour-cavity", 0.3, reaches, 0.6);
-        let highest = record.iter().map(|r| r.1).fold(0.0, f64::max);
-        assert!((highest / 1015.0 - 1.0).abs() < 0.12, "{reaches} reaches: {highest} kPa");
-    }
 }

@@ -67,6 +67,10 @@ impl Effect for EntrainedGas {
         vec![vec![0.03, 1.0], vec![30.0, 1.0]]
     }
 
+    /// Its steady head above vapour's, its book.
+    fn kept_per_node(&self, _elements: usize) -> usize {
+        2
+    }
     fn field(&self, values: &[f64], scene: &Scene, steady: &Steady) -> Result<Option<Box<dyn NodeField>>, ModelError> {
         let (gas_fraction, lag_s) = (values[0], values[1]);
         check("gas_fraction", gas_fraction, (0.0..1.0).contains(&gas_fraction), "zero or more, less than 1")?;

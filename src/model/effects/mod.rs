@@ -223,6 +223,11 @@ pub trait Effect: Sync {
         let _ = (values, steady);
         Ok(Vec::new())
     }
+    /// How many numbers it keeps of every node.
+    fn kept_per_node(&self, elements: usize) -> usize {
+        let _ = elements;
+        0
+    }
     /// What it puts at places of the line.
     ///
     /// # Errors

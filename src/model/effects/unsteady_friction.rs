@@ -62,6 +62,10 @@ impl Effect for UnsteadyFriction {
         vec![scale("unsteady_friction_scale", "multiplies the unsteady friction; 1 is the textbook's")]
     }
 
+    fn kept_per_node(&self, _elements: usize) -> usize {
+        MOST_TERMS
+    }
+
     fn line_terms(&self, values: &[f64], steady: &Steady) -> Result<Vec<Box<dyn LineTerm>>, ModelError> {
         let [scale] = *values else { return Ok(Vec::new()) };
         check("unsteady_friction_scale", scale, scale >= 0.0, "zero or more")?;
@@ -72,6 +76,8 @@ impl Effect for UnsteadyFriction {
     }
 }
 
+/// Terms of a kernel down to the steps of the finest grids, about a microsecond in pipes of centimetres.
+const MOST_TERMS: usize = 20;
 /// Nodes whose memories lie together, so that one pass over them keeps sums and flows in registers.
 const BLOCK: usize = 8;
 

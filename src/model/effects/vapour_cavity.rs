@@ -63,6 +63,10 @@ impl Effect for VapourCavity {
             .with_prior(2e-4, 2.0),
         ]
     }
+    /// Its steady head above vapour's, its book.
+    fn kept_per_node(&self, _elements: usize) -> usize {
+        2
+    }
     fn field(&self, values: &[f64], scene: &Scene, steady: &Steady) -> Result<Option<Box<dyn NodeField>>, ModelError> {
         check("cavity_lag_s", values[0], values[0] >= 0.0, "zero or more")?;
         gas::field(scene, steady, GAS_FRACTION * scene.atmosphere_head_m(), values[0]).map(Some)

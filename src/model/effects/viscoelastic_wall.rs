@@ -83,6 +83,10 @@ impl Effect for ViscoelasticWall {
         values.copy_from_slice(pairs.as_flattened());
     }
 
+    fn kept_per_node(&self, elements: usize) -> usize {
+        elements
+    }
+
     fn line_terms(&self, values: &[f64], steady: &Steady) -> Result<Vec<Box<dyn LineTerm>>, ModelError> {
         for (k, pair) in values.chunks_exact(2).enumerate() {
             check(&format!("J{}_per_GPa", k + 1), pair[0], pair[0] >= 0.0, "zero or more")?;
