@@ -94,6 +94,7 @@ fn fit(effects: &[&str], sensors: Vec<SensorFit>, parameters: Vec<FittedParamete
             sensors,
         }],
         parameters,
+        correlation: vec![],
         reaches: 64,
         grid_error_m: 0.001,
         evaluations: 312,
@@ -189,7 +190,7 @@ fn stages<'a>(fits: &[(&str, &'a Fit)]) -> Vec<Stage<'a>> {
 }
 
 fn page(title: &str, rig: &Rig, stages: Vec<Stage>, overlays: Vec<Overlay>) -> String {
-    html(&Page { title: title.into(), rig, stages, overlays })
+    html(&Page { title: title.into(), rig, stages, overlays, diagnoses: &[], energy: None })
 }
 
 /// The data that the page's script reads.

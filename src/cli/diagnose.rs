@@ -2,10 +2,11 @@
 
 use std::path::PathBuf;
 
-use super::calibrate::{progress_bar, title, write_report};
+use super::calibrate::{progress_bar, title, write_page};
 use super::{CommandResult, Outcome, load, output};
 use crate::diagnose::{Diagnosis, Verdict, diagnose};
 use crate::fit::calibrate::Options;
+use crate::fit::energy::energy_of;
 use crate::fit::outcome::Fit;
 use crate::model::effects::{Chosen, parse_list};
 use crate::report::{Stage, diagnosis};
@@ -51,7 +52,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     let options = Options { most_reaches: args.most_reaches, ..Options::default() };
     let mut effects = args.effects.clone();
     let mut models: Vec<(String, Fit)> = Vec::new();
-    let mut last: Option<Diagnosis> = None;
+    let mut diagnoses: Vec<Diagnosis> = Vec::new();
     for _ in 0..=MOST_ADDED {
         let bar = progress_bar();
         let found = diagnose(&rig, &runs, &effects, &options, &|message| bar.set_message(message.to_owned()));
@@ -68,7 +69,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         if args.until_done && !json {
             super::say_text!(diagnosis::text(&found));
         }
-        last = Some(found);
+        diagnoses.push(found);
         let Some((grown, fit)) = added else { break };
         models.push((title(&grown), fit));
         effects = grown;
@@ -76,18 +77,19 @@ pub fn run(args: Args, json: bool) -> CommandResult {
             break;
         }
     }
-    let Some(last) = last else { return Ok(Outcome::Done) };
+    let Some(last) = diagnoses.last() else { return Ok(Outcome::Done) };
     if json {
-        super::say!("{}", diagnosis::json(&last)?);
+        super::say!("{}", diagnosis::json(last)?);
     } else if args.until_done {
         super::say_text!(staircase(&models));
     } else {
-        super::say_text!(diagnosis::text(&last));
+        super::say_text!(diagnosis::text(last));
     }
     // last, so that a page that cannot be written costs no result
     if let Some(path) = &args.report {
         let stages = models.iter().map(|(title, fit)| Stage { title: title.clone(), fit }).collect();
-        write_report(path, &rig, &loaded, stages)?;
+        let energy = models.last().and_then(|(_, fit)| energy_of(&rig, &runs, fit, 0).ok().flatten());
+        write_page(path, &rig, &loaded, stages, &diagnoses, energy)?;
         super::tell!("report: {}", path.display());
     }
     Ok(Outcome::Done)

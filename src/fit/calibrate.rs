@@ -13,7 +13,7 @@ use super::outcome::{Fit, FittedParameter, RunFit, SensorFit};
 use super::problem::{Calibration, Window};
 use super::sensor_choice::with_sensors;
 use super::starts::{differing, starts_from, starts_of, take_over, vanish};
-use super::uncertainty::{correlation_inflation, gauss_newton_step, standard_errors};
+use super::uncertainty::{correlation, correlation_inflation, gauss_newton_step, standard_errors};
 use crate::model::effects::Chosen;
 use crate::model::{Model, ModelError};
 use crate::rig::Rig;
@@ -421,6 +421,7 @@ impl Fitter<'_> {
             effects: model.effects.iter().map(Chosen::label).collect(),
             runs,
             parameters,
+            correlation: correlation(&columns, &solution.at_bound),
             reaches,
             grid_error_m: 0.25 * pull.error_m,
             evaluations: self.evaluations.load(Ordering::Relaxed),

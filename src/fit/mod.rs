@@ -4,6 +4,7 @@ pub mod calibrate;
 pub mod compare;
 pub mod conflict;
 pub mod data;
+pub mod energy;
 pub mod least_squares;
 pub mod outcome;
 pub mod prepare;

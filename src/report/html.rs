@@ -1,13 +1,24 @@
-//! One self-contained HTML page of a calibration: no network, light and dark, readable in print and without scripts.
+//! One self-contained HTML page of a calibration, or of a diagnosis: no network, light and dark, readable in print and without scripts.
 
+mod correlation;
 mod data;
+mod diagnosis;
+mod energy;
+mod figures;
+mod heatmap;
+mod matrix;
 mod parameters;
+mod ranking;
 mod rig;
 mod sensor;
+mod signature;
+mod spectrum;
 mod stages;
 
 use std::fmt::Write;
 
+use crate::diagnose::Diagnosis;
+use crate::model::energy::Energy;
 use crate::report::curves::{BUCKETS, Curves, find};
 use crate::report::escape::{escape, json_in_script};
 use crate::report::summary::{self, Closeness};
@@ -25,6 +36,10 @@ pub struct Page<'a> {
     pub stages: Vec<Stage<'a>>,
     /// Curves from elsewhere.
     pub overlays: Vec<Overlay>,
+    /// The diagnoses that led from stage to stage, the first one first; none on the page of a calibration.
+    pub diagnoses: &'a [Diagnosis],
+    /// Where the energy of the last stage's first run went, if that is known.
+    pub energy: Option<Energy>,
 }
 
 const CSS: &str = include_str!("assets/page.css");
@@ -39,12 +54,9 @@ const UPLOT_CSS: &str = include_str!("assets/uplot/uPlot.min.css");
 pub fn html(page: &Page) -> String {
     let panels = panels(page);
     let title = escape(&page.title);
-    let (mark, class) = match page.stages.last().map_or(Closeness::Unknown, |s| summary::judge(s.fit)) {
-        Closeness::Noise => ("✓", "good"),
-        Closeness::Near => ("≈", "near"),
-        Closeness::Missing => ("✗", "missing"),
-        Closeness::Unknown => ("?", "unknown"),
-    };
+    let kind = if page.diagnoses.is_empty() { "calibration" } else { "diagnosis" };
+    let (mark, class, verdict) =
+        if page.diagnoses.is_empty() { verdict(&page.stages) } else { diagnosis::verdict(page) };
     let mut out = format!(
         r#"<!doctype html>
 <html lang="en">
@@ -58,18 +70,19 @@ pub fn html(page: &Page) -> String {
 <style>{UPLOT_CSS}
 {CSS}</style>
 </head>
-<body>
+<body data-page="{kind}"{named}>
 <main>
 <header>
-<p class="kicker">surgescope calibration report</p>
+<p class="kicker">surgescope {kind} report</p>
 <h1>{title}</h1>
 <p class="verdict {class}"><span class="mark" aria-hidden="true">{mark}</span> <span>{verdict}</span></p>
 </header>
 "#,
         version = env!("CARGO_PKG_VERSION"),
-        verdict = escape(&summary::verdict(&page.stages)),
+        named = page.diagnoses.last().map_or(String::new(), |d| format!(" data-verdict=\"{}\"", d.verdict.name())),
+        verdict = escape(&verdict),
     );
-    out.push_str(&stages::staircase(&page.stages));
+    out.push_str(&if page.diagnoses.is_empty() { stages::staircase(&page.stages) } else { diagnosis::sections(page) });
     sensors(&mut out, page, &panels);
     out.push_str(&parameters::section(&page.stages));
     out.push_str(&stages::computation(&page.stages));
@@ -90,6 +103,17 @@ pub fn html(page: &Page) -> String {
     }
     out.push_str("</body>\n</html>\n");
     out
+}
+
+/// Mark, class and sentence of what the last stage says.
+fn verdict(stages: &[Stage]) -> (&'static str, &'static str, String) {
+    let (mark, class) = match stages.last().map_or(Closeness::Unknown, |s| summary::judge(s.fit)) {
+        Closeness::Noise => ("✓", "good"),
+        Closeness::Near => ("≈", "near"),
+        Closeness::Missing => ("✗", "missing"),
+        Closeness::Unknown => ("?", "unknown"),
+    };
+    (mark, class, summary::verdict(stages))
 }
 
 /// What one sensor in one run shows.
@@ -153,13 +177,13 @@ fn colour(stage: usize, stages: usize) -> usize {
     if stage + 1 == stages { 0 } else { 1 + stage % 4 }
 }
 
-/// A table whose columns after the first `text_columns` hold numbers; cells are HTML.
-fn table(caption: &str, headings: &[&str], text_columns: usize, rows: impl Iterator<Item = Vec<String>>) -> String {
+/// A table in which the columns of `numbers` hold numbers; cells are HTML.
+fn table(caption: &str, headings: &[&str], numbers: &[usize], rows: impl Iterator<Item = Vec<String>>) -> String {
     let mut out = format!(
         r#"<div class="scroll" tabindex="0" role="region" aria-label="{0}"><table><caption class="hidden">{0}</caption><thead><tr>"#,
         escape(caption)
     );
-    let class = |column: usize| if column < text_columns { "" } else { r#" class="number""# };
+    let class = |column: usize| if numbers.contains(&column) { r#" class="number""# } else { "" };
     for (column, heading) in headings.iter().enumerate() {
         let _ = write!(out, r#"<th scope="col"{}>{heading}</th>"#, class(column));
     }

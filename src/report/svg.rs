@@ -25,6 +25,8 @@ pub struct LineChart {
     pub series: Vec<Series>,
     /// Logarithmic y axis; values that are not positive are left out.
     pub log_y: bool,
+    /// Places along x that are marked by an upright line with a short word at its top; only those within the curves' range are.
+    pub marks: Vec<(f64, String)>,
 }
 
 /// One curve.
@@ -106,6 +108,7 @@ impl LineChart {
         match self.scales(area) {
             Some((x, y)) => {
                 self.axes(&mut out, area, &x, &y);
+                self.marked(&mut out, area, &x);
                 for series in &self.series {
                     self.curve(&mut out, series, &x, &y);
                 }
@@ -208,6 +211,23 @@ impl LineChart {
         );
     }
 
+    fn marked(&self, out: &mut String, area: Area, x: &Scale) {
+        for (at, word) in &self.marks {
+            let px = x.px(*at);
+            if !(area.left..=area.right).contains(&px) {
+                continue;
+            }
+            let _ = write!(
+                out,
+                r##"<path class="mark" d="M{px:.1} {:.1}V{:.1}" stroke="#999" stroke-dasharray="1 3" fill="none"/><g class="label"><text x="{px:.1}" y="{:.1}" text-anchor="middle" font-size="10">{}</text></g>"##,
+                area.top + 13.0,
+                area.bottom,
+                area.top + 9.0,
+                escape(word)
+            );
+        }
+    }
+
     fn curve(&self, out: &mut String, series: &Series, x: &Scale, y: &Scale) {
         let s = series.style;
         if s.points {
@@ -262,6 +282,7 @@ mod tests {
             y_label: "head, m".into(),
             series: vec![Series { label: "curve & co".into(), points, style: Style::line(0) }],
             log_y,
+            marks: Vec::new(),
         }
     }
 
@@ -272,6 +293,15 @@ mod tests {
         let start: Vec<f64> = d[1..].split(['L', ' ']).map(|n| n.parse().unwrap()).collect();
         assert_eq!((start[0], start[2]), (LEFT, 600.0 - RIGHT));
         assert!(start[1] > start[3], "y grows upwards");
+    }
+
+    #[test]
+    fn marks_stand_where_they_belong_and_only_within_the_curves() {
+        let mut marked = chart(vec![(0.0, 0.0), (10.0, 1.0)], false);
+        marked.marks = vec![(5.0, "5 <Hz>".into()), (11.0, "beyond".into())];
+        let svg = marked.to_svg(600.0, 300.0);
+        let middle = format!("d=\"M{:.1} ", 0.5 * (LEFT + 600.0 - RIGHT));
+        assert!(svg.contains("5 &lt;Hz&gt;") && svg.contains(&middle) && !svg.contains("beyond"), "{svg}");
     }
 
     #[test]

@@ -244,6 +244,7 @@ mod tests {
                     at_bound: true,
                 },
             ],
+            correlation: vec![],
             reaches: 64,
             grid_error_m: 0.001,
             evaluations: 312,

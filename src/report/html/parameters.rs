@@ -46,5 +46,5 @@ fn of(fit: &Fit, title: &str) -> String {
     });
     let headings: &[&str] =
         if per_run { &["parameter", "run", "value", "meaning"] } else { &["parameter", "value", "meaning"] };
-    table(&format!("Parameters of {title}"), headings, headings.len(), rows)
+    table(&format!("Parameters of {title}"), headings, &[], rows)
 }

@@ -37,7 +37,7 @@ pub(super) fn section(rig: &Rig) -> String {
     });
     let headings =
         ["pipe", "material", "held", "length, m", "inner diameter, mm", "wall, mm", "nominal wave speed, m/s"];
-    out.push_str(&table("Pipes", &headings, 3, pipes));
+    out.push_str(&table("Pipes", &headings, &[3, 4, 5, 6], pipes));
     let sensors = rig.sensors.iter().map(|s| {
         vec![
             escape(&s.name),
@@ -57,7 +57,7 @@ pub(super) fn section(rig: &Rig) -> String {
     });
     if !rig.sensors.is_empty() {
         let headings = ["sensor", "measures", "unit", "position, m", "range", "accuracy, % of full scale"];
-        out.push_str(&table("Sensors", &headings, 3, sensors));
+        out.push_str(&table("Sensors", &headings, &[3, 4, 5], sensors));
     }
     if !rig.source.trim().is_empty() {
         out.push_str(&format!("<details><summary>Rig file</summary><pre>{}</pre></details>\n", escape(&rig.source)));

@@ -93,6 +93,7 @@ fn still(panel: &Panel, stages: &[Stage]) -> String {
         y_label: y_label.into(),
         series,
         log_y: false,
+        marks: Vec::new(),
     };
     chart(HEAD_LABEL, head).to_svg(900.0, 330.0) + &chart(RESIDUAL_LABEL, residual).to_svg(900.0, 220.0)
 }
@@ -125,6 +126,6 @@ fn extrema(extrema: &[ExtremumError], noise_m: f64, sensor: &str) -> String {
     format!(
         "<h4>Peaks and troughs ({})</h4>\n{}<p class=\"note\">Error: model − measured. Phase: how much later the model crosses its mean level on the way to the extremum; positive means that the model is late.</p>\n",
         extrema.len(),
-        table(&caption, &headings, 1, rows)
+        table(&caption, &headings, &[1, 2, 3, 4, 5, 6], rows)
     )
 }

@@ -4,8 +4,9 @@ use std::fmt::Write;
 
 use super::{colour, table};
 use crate::report::Stage;
+use crate::report::curves::find;
 use crate::report::escape::escape;
-use crate::report::number::{duration, error_m, times_noise};
+use crate::report::number::{duration, error_m, times, times_noise};
 use crate::report::summary::{Overall, overall};
 use crate::report::svg::Scale;
 
@@ -53,6 +54,33 @@ pub(super) fn staircase(stages: &[Stage]) -> String {
     out
 }
 
+/// Error of each stage as numbers: over all samples, and at each sensor (or, of several runs, in each run) in units of its noise.
+pub(super) fn errors(stages: &[Stage]) -> String {
+    let Some(last) = stages.last() else { return String::new() };
+    let places: Vec<(String, &str, Option<&str>)> = match last.fit.runs.as_slice() {
+        [run] => run.sensors.iter().map(|s| (s.name.clone(), run.file.as_str(), Some(s.name.as_str()))).collect(),
+        runs => runs.iter().map(|r| (r.file.clone(), r.file.as_str(), None)).collect(),
+    };
+    let rows = stages.iter().map(|stage| {
+        let all = overall(stage.fit);
+        let mut row =
+            vec![escape(&stage.title), error_m(all.rmse_m), error_m(all.noise_m), times(all.rmse_m, all.noise_m)];
+        row.extend(places.iter().map(|(_, file, sensor)| match sensor {
+            Some(sensor) => find(stage.fit, file, sensor).map_or("–".into(), |s| times(s.rmse_m, s.noise_m)),
+            None => {
+                let run = stage.fit.runs.iter().find(|r| r.file == *file);
+                run.map_or("–".into(), |r| times(r.rmse_m, r.noise_m))
+            }
+        }));
+        row
+    });
+    let names: Vec<String> = places.iter().map(|(name, _, _)| escape(&format!("{name}, × noise"))).collect();
+    let mut headings = vec!["model", "RMSE, m", "noise, m", "RMSE, × noise"];
+    headings.extend(names.iter().map(String::as_str));
+    let numbers: Vec<usize> = (1..headings.len()).collect();
+    table("Error of each model", &headings, &numbers, rows)
+}
+
 /// How each stage was computed.
 pub(super) fn computation(stages: &[Stage]) -> String {
     if stages.is_empty() {
@@ -74,7 +102,7 @@ pub(super) fn computation(stages: &[Stage]) -> String {
     let headings = ["model", "effects", "why it stopped", "parameters", "simulations", "time"];
     format!(
         "<section><h2>How it was computed</h2>\n{}<p class=\"note\">Method of characteristics, calibrated by least squares; program version {}.</p></section>\n",
-        table("How each stage was computed", &headings, 3, rows),
+        table("How each stage was computed", &headings, &[3, 4, 5], rows),
         env!("CARGO_PKG_VERSION")
     )
 }

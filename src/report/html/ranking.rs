@@ -1,0 +1,114 @@
+//! The ranking: every effect that could be missing, with its probability.
+
+use super::diagnosis::{label, probability, start_model};
+use super::{minus, table};
+use crate::diagnose::{Candidate, Diagnosis};
+use crate::report::escape::escape;
+use crate::report::number::{error_m, significant, times_noise, with_error};
+use crate::report::summary::overall;
+
+/// Candidates that are shown at once; the others fold away.
+const SHOWN: usize = 6;
+
+/// One ranking a diagnosis.
+pub(super) fn section(diagnoses: &[Diagnosis]) -> String {
+    let mut out = String::from("<section class=\"ranking\"><h2>Which effect is missing</h2>\n");
+    for diagnosis in diagnoses {
+        out.push_str(&format!("<h3>Effects added to the {}</h3>\n", escape(&start_model(diagnosis))));
+        if diagnosis.candidates.is_empty() {
+            out.push_str("<p>There was no effect left to try.</p>\n");
+            continue;
+        }
+        let (shown, folded) = diagnosis.candidates.split_at(diagnosis.candidates.len().min(SHOWN));
+        out.push_str(&rows(diagnosis, shown, true));
+        if !folded.is_empty() {
+            out.push_str(&format!(
+                "<details><summary>{} less likely</summary>\n{}</details>\n",
+                folded.len(),
+                rows(diagnosis, folded, false)
+            ));
+        }
+    }
+    out.push_str("<p class=\"note\">The probability that an effect is the one that is missing follows from the evidence, the natural logarithm of its odds against the model without it; “none of these” has evidence 0. 0.1321(6) stands for 0.1321 ± 0.0006, one standard error; candidates that were not worth a full fit have none.</p>\n</section>\n");
+    out
+}
+
+fn rows(diagnosis: &Diagnosis, candidates: &[Candidate], with_none: bool) -> String {
+    let noise_m = overall(&diagnosis.start).noise_m;
+    let none = 1.0 - diagnosis.candidates.iter().map(|c| c.probability).sum::<f64>();
+    let rows = candidates.iter().map(|c| {
+        vec![
+            format!("<code>{}</code>", escape(label(c))),
+            bar(c.probability),
+            minus(&evidence(c.evidence)),
+            error_m(c.rmse_m),
+            times_noise(c.rmse_m, noise_m).replace("× noise", "×"),
+            parameters(c),
+            escape(&c.indistinguishable_from.join(", ")),
+        ]
+    });
+    let start = overall(&diagnosis.start);
+    let last = with_none.then(|| {
+        vec![
+            "none of these".into(),
+            bar(none.clamp(0.0, 1.0)),
+            "0".into(),
+            error_m(start.rmse_m),
+            times_noise(start.rmse_m, noise_m).replace("× noise", "×"),
+            String::new(),
+            String::new(),
+        ]
+    });
+    let headings = ["effect", "probability", "evidence", "RMSE, m", "× noise", "its parameters", "cannot be told from"];
+    let caption = format!("Effects added to the {}", start_model(diagnosis));
+    table(&caption, &headings, &[2, 3, 4], rows.chain(last))
+}
+
+fn bar(p: f64) -> String {
+    format!(
+        r#"<span class="probability" data-probability="{p:.9}"><span class="track"><i style="width:{:.1}%"></i></span>{}</span>"#,
+        100.0 * p,
+        probability(p).replace('>', "&gt;").replace('<', "&lt;")
+    )
+}
+
+/// Thousands in groups, below that three digits.
+fn evidence(value: f64) -> String {
+    if !value.is_finite() || value.abs() < 1e4 {
+        return significant(value, 3);
+    }
+    let digits = format!("{:.0}", value.abs());
+    let grouped: Vec<&str> = digits.as_bytes().rchunks(3).rev().filter_map(|c| std::str::from_utf8(c).ok()).collect();
+    format!("{}{}", if value < 0.0 { "-" } else { "" }, grouped.join("\u{202f}"))
+}
+
+fn parameters(candidate: &Candidate) -> String {
+    let each = candidate.parameters.iter().map(|p| {
+        let value =
+            if p.standard_error.is_nan() { significant(p.value, 3) } else { with_error(p.value, p.standard_error) };
+        let flag = if p.at_bound { r#" <span class="flag">at its bound</span>"# } else { "" };
+        let unit = if p.unit == "1" { String::new() } else { format!(" {}", escape(p.unit)) };
+        format!("<span class=\"nowrap\">{} = {}{unit}{flag}</span>", escape(&p.name), minus(&value))
+    });
+    each.collect::<Vec<_>>().join("<br>")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn evidence_is_readable_at_any_size() {
+        assert_eq!(evidence(32_127_829.4), "32\u{202f}127\u{202f}829");
+        assert_eq!(evidence(-12_345.0), "-12\u{202f}345");
+        assert_eq!(evidence(-8.44), "-8.44");
+        assert_eq!(evidence(1234.5), "1230");
+    }
+
+    #[test]
+    fn no_probability_is_certain() {
+        assert!(bar(0.99999).contains("&gt; 0.99") && bar(0.99999).contains("width:100.0%"));
+        assert!(bar(0.873).ends_with("0.87</span>"));
+        assert!(bar(1e-9).contains("&lt; 0.01"));
+    }
+}
