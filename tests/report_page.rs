@@ -77,6 +77,7 @@ fn parameter(name: &str, value: f64, standard_error: f64, unit: &'static str) ->
         standard_error,
         unit,
         at_bound: false,
+        ..FittedParameter::default()
     }
 }
 

@@ -8,7 +8,7 @@ use clap::ValueEnum;
 use indicatif::{ProgressBar, ProgressStyle};
 
 use super::load::{self, Loaded};
-use super::{CommandResult, Outcome, output};
+use super::{CommandResult, Outcome, models, output};
 use crate::diagnose::Diagnosis;
 use crate::fit::calibrate::{FitError, Options, Progress, calibrate};
 use crate::fit::conflict::conflicts;
@@ -41,6 +41,9 @@ pub struct Args {
     /// Write a page with charts of measurement, models and residuals; an older page of that name is replaced, no other file.
     #[arg(long, value_name = "HTML")]
     report: Option<PathBuf>,
+    /// Keep the fitted model in this file of models, as the one in force; older ones stay in it.
+    #[arg(long, value_name = "MODEL.toml")]
+    save: Option<PathBuf>,
     /// Finest grid that the fit may use.
     #[arg(long, value_name = "REACHES", default_value_t = Options::default().most_reaches, value_parser = super::values::reaches,
           allow_negative_numbers = true)]
@@ -63,6 +66,8 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     if let Some(path) = &args.report {
         output::check_report(path)?;
     }
+    let mut file =
+        args.save.as_ref().map(|path| models::about(path, &args.recordings, args.rig.as_deref())).transpose()?;
     let loaded = load::load(&args.recordings, args.rig.as_deref())?;
     let rig = loaded[0].recording.rig.clone();
     let runs = load::runs(&loaded);
@@ -82,6 +87,11 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         super::say!("{}", json::calibration(last)?);
     } else {
         super::say_text!(table::calibration(&stages));
+    }
+    if let (Some(path), Some(file)) = (&args.save, &mut file) {
+        file.append(last, "calibrated", None, models::now());
+        file.save(path)?;
+        super::tell!("model {} in {}", file.in_force, path.display());
     }
     // last, so that a page that cannot be written costs no result
     if let Some(path) = &args.report {

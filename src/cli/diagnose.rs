@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use super::calibrate::{progress_bar, title, write_page};
-use super::{CommandResult, Outcome, load, output};
+use super::{CommandResult, Outcome, load, models, output};
 use crate::diagnose::{Diagnosis, Verdict, diagnose};
 use crate::fit::calibrate::Options;
 use crate::fit::energy::energy_of;
@@ -21,11 +21,15 @@ pub struct Args {
     #[arg(required = true, value_name = "MCAP")]
     recordings: Vec<PathBuf>,
     /// Effects of the model to start from, such as viscoelastic-wall:2; `none` is the base model alone.
-    #[arg(long, value_name = "A,B", default_value = "none", value_parser = parse_list)]
-    effects: ::std::vec::Vec<Chosen>,
+    #[arg(long, value_name = "A,B", value_parser = parse_list)]
+    effects: Option<::std::vec::Vec<Chosen>>,
     /// Add the effect that is missing and diagnose again, until nothing is missing or nothing explains the rest.
     #[arg(long)]
     until_done: bool,
+    /// Grow the model in force of this file by the effect that is missing; without --effects it is the model to start from. Where there is
+    /// no such file yet, it is made.
+    #[arg(long, value_name = "MODEL.toml")]
+    apply: Option<PathBuf>,
     /// A rig to read them with, instead of the one that is stored in them.
     #[arg(long, value_name = "RIG")]
     rig: Option<PathBuf>,
@@ -46,11 +50,25 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     if let Some(path) = &args.report {
         output::check_report(path)?;
     }
+    let mut file =
+        args.apply.as_ref().map(|path| models::about(path, &args.recordings, args.rig.as_deref())).transpose()?;
     let loaded = load::load(&args.recordings, args.rig.as_deref())?;
     let rig = loaded[0].recording.rig.clone();
     let runs = load::runs(&loaded);
-    let options = Options { most_reaches: args.most_reaches, ..Options::default() };
-    let mut effects = args.effects.clone();
+    let mut options = Options { most_reaches: args.most_reaches, ..Options::default() };
+    let mut effects = args.effects.clone().unwrap_or_default();
+    if let Some(file) = file.as_ref().filter(|f| !f.models.is_empty()) {
+        let current = file.current();
+        options.constraints = current.constraints();
+        if args.effects.as_ref().is_some_and(|asked| title(asked) != title(&current.chosen())) {
+            return Err(format!(
+                "the model in force is the {}, not what --effects says: leave --effects out, or name another file",
+                current.name
+            )
+            .into());
+        }
+        effects = current.chosen();
+    }
     let mut models: Vec<(String, Fit)> = Vec::new();
     let mut diagnoses: Vec<Diagnosis> = Vec::new();
     for _ in 0..=MOST_ADDED {
@@ -61,9 +79,16 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         if models.is_empty() {
             models.push((title(&effects), found.start.clone()));
         }
+        if let Some(file) = file.as_mut().filter(|f| f.models.is_empty()) {
+            file.append(&found.start, "the start of a diagnosis", None, models::now());
+        }
         let best = found.candidates.first().filter(|_| found.verdict == Verdict::MissingEffect);
         let added = best.and_then(|best| {
             let fit = best.fit.clone()?;
+            if let Some(file) = &mut file {
+                let why = format!("diagnosed: {} missing, probability {:.2}", best.effect, best.probability);
+                file.append(&fit, &why, Some(best.evidence), models::now());
+            }
             Some((parse_list(&fit.effects.join(",")).ok()?, fit))
         });
         if args.until_done && !json {
@@ -85,6 +110,10 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     } else {
         super::say_text!(diagnosis::text(last));
     }
+    if let (Some(path), Some(file)) = (&args.apply, &file) {
+        file.save(path)?;
+        super::tell!("model {} in force in {}", file.in_force, path.display());
+    }
     // last, so that a page that cannot be written costs no result
     if let Some(path) = &args.report {
         let stages = models.iter().map(|(title, fit)| Stage { title: title.clone(), fit }).collect();
@@ -99,7 +128,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
 fn staircase(models: &[(String, Fit)]) -> String {
     let mut out = String::from("\nModels, one after the other:\n");
     for (title, fit) in models {
-        let (rmse_m, noise_m) = crate::diagnose::pooled(fit);
+        let (rmse_m, noise_m) = fit.pooled();
         out += &format!("  {rmse_m:>8.3} m  {:>7.2} x noise  {title}\n", rmse_m / noise_m);
     }
     out

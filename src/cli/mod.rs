@@ -17,6 +17,7 @@ macro_rules! tell {
 }
 pub(crate) use {say, say_text, tell};
 
+pub mod add;
 pub mod calibrate;
 pub mod demo;
 pub mod diagnose;
@@ -26,14 +27,18 @@ pub mod export;
 pub mod import;
 pub mod inspect;
 pub mod load;
+pub mod model;
+pub mod models;
 pub mod output;
 pub mod playback;
 pub mod record;
 pub mod recover;
+pub mod refit;
 pub mod replay;
 pub mod rig;
 pub mod scenario;
 pub mod simulate;
+pub mod undo;
 pub mod values;
 
 use std::error::Error;
@@ -78,6 +83,10 @@ enum Command {
     /// Fit a model to one recording, or to several of one rig at once.
     Calibrate(calibrate::Args),
     Diagnose(diagnose::Args),
+    Add(add::Args),
+    Refit(refit::Args),
+    Undo(undo::Args),
+    Model(model::Args),
     /// Turn a recording into a time series (CSV).
     Export(export::Args),
     /// Show what a recording tells without a model: steady heads, extrema, period, wave speed, closure, noise.
@@ -103,6 +112,10 @@ pub fn main() -> ExitCode {
         Command::Effects(args) => effects::run(args, cli.json),
         Command::Calibrate(args) => calibrate::run(args, cli.json),
         Command::Diagnose(args) => diagnose::run(args, cli.json),
+        Command::Add(args) => add::run(args, cli.json),
+        Command::Refit(args) => refit::run(args, cli.json),
+        Command::Undo(args) => undo::run(args, cli.json),
+        Command::Model(args) => model::run(args, cli.json),
         Command::Export(args) => export::run(args, cli.json),
         Command::Inspect(args) => inspect::run(args, cli.json),
         Command::Recover(args) => recover::run(args, cli.json),

@@ -41,6 +41,17 @@ fn forms(rig: &Rig, effect: &'static dyn Effect) -> Vec<Form> {
         .collect()
 }
 
+/// The forms of one effect as it was asked for: where sensor or number of elements are left open, each of them.
+pub fn forms_of(rig: &Rig, asked: &Chosen) -> Vec<Form> {
+    let own = |form: &Form| {
+        form.chosen.effect.name() == asked.effect.name()
+            && asked.elements.is_none_or(|n| form.chosen.elements == Some(n))
+            && asked.sensor.as_ref().is_none_or(|s| form.chosen.sensor.as_ref() == Some(s))
+    };
+    let forms: Vec<Form> = CATALOGUE.iter().flat_map(|effect| forms(rig, *effect)).filter(own).collect();
+    if forms.is_empty() { vec![Form { effect: base_name(asked.effect.name()), chosen: asked.clone() }] } else { forms }
+}
+
 /// The name without its variant.
 pub fn base_name(name: &str) -> &str {
     name.split('/').next().unwrap_or(name)

@@ -11,6 +11,7 @@ use crate::fit::data::{RunData, SensorData};
 use crate::fit::least_squares::{Problem, jacobian};
 use crate::fit::outcome::Fit;
 use crate::fit::problem::{Calibration, Window};
+use crate::model::constraint::Constraint;
 use crate::model::effects::{Chosen, parse_list};
 use crate::model::{Model, ModelError};
 use crate::rig::Rig;
@@ -26,6 +27,8 @@ pub struct Ground<'a> {
     pub rig: &'a Rig,
     /// The runs, binned and corrected.
     pub runs: Vec<RunData>,
+    /// What has been settled about parameters.
+    constraints: Vec<Constraint>,
     /// The start model's effects, their open choices decided.
     pub effects: Vec<Chosen>,
     /// Values of the start model's variables: shared ones first, then each run's.
@@ -58,9 +61,9 @@ impl<'a> Ground<'a> {
     ///
     /// # Errors
     /// As [`Model::simulate`], and if the fit names effects that do not exist.
-    pub fn new(rig: &'a Rig, runs: &[RunData], fit: &Fit) -> Result<Self, ModelError> {
+    pub fn new(rig: &'a Rig, runs: &[RunData], fit: &Fit, constraints: &[Constraint]) -> Result<Self, ModelError> {
         let effects = parse_list(&fit.effects.join(","))?;
-        let model = Model::new(rig, &runs[0].conditions.water, &effects);
+        let model = Model::new(rig, &runs[0].conditions.water, &effects).constrained(constraints);
         let values: Vec<f64> = fit.parameters.iter().map(|p| p.value).collect();
         let shared = model.shared.len();
         let reaches =
@@ -72,7 +75,7 @@ impl<'a> Ground<'a> {
         let problem = Calibration::new(&model, &runs, window(reaches));
         let x = problem.variables(&values);
         let all = problem.residuals(&x)?;
-        let at_bound: Vec<bool> = fit.parameters.iter().map(|p| p.at_bound).collect();
+        let at_bound: Vec<bool> = fit.parameters.iter().map(|p| p.at_bound || p.held).collect();
         let (which, columns): (Vec<usize>, Vec<Vec<f64>>) = jacobian(&problem, &x, &all)?
             .into_iter()
             .enumerate()
@@ -81,10 +84,15 @@ impl<'a> Ground<'a> {
         let samples = problem.samples();
         let meters = runs.iter().filter(|r| r.meter.is_some()).count();
         let normal = DMatrix::from_fn(columns.len(), columns.len(), |a, b| dot(&columns[a], &columns[b]));
-        let inverse = normal.pseudo_inverse(0.0).unwrap_or_else(|_| DMatrix::zeros(columns.len(), columns.len()));
+        // Where every parameter is held there is nothing to invert, which the library does not bear.
+        let inverse = match columns.len() {
+            0 => normal,
+            n => normal.pseudo_inverse(0.0).unwrap_or_else(|_| DMatrix::zeros(n, n)),
+        };
         let columns = columns.iter().map(|c| seen(c, samples, meters)).collect();
         Ok(Ground {
             rig,
+            constraints: constraints.to_vec(),
             effects,
             shared,
             reaches,
@@ -123,7 +131,7 @@ impl<'a> Ground<'a> {
 
     /// The start model with other effects.
     pub fn model(&self, effects: &[Chosen]) -> Model<'a> {
-        Model::new(self.rig, &self.runs[0].conditions.water, effects)
+        Model::new(self.rig, &self.runs[0].conditions.water, effects).constrained(&self.constraints)
     }
 
     /// The problem of fitting a model on this ground.

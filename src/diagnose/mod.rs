@@ -10,19 +10,21 @@ pub mod ground;
 pub mod misfit;
 pub mod next_test;
 pub mod refit;
+mod rival;
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use rayon::prelude::*;
 
-use crate::fit::calibrate::{FitError, Options, Progress, calibrate, refine};
+use crate::fit::calibrate::{FitError, Options, Progress, calibrate};
 use crate::fit::data::RunData;
 use crate::fit::outcome::{Fit, FittedParameter};
-use crate::model::effects::{Chosen, parse_list};
+use crate::model::effects::Chosen;
 use crate::rig::Rig;
-use evidence::{Worth, probabilities, tempered};
+use evidence::{Worth, probabilities};
 use ground::Ground;
 use refit::{Refit, follow, glimpse};
+use rival::{Finisher, Rival, best_forms, square, worth};
 
 /// Evidence below which an effect is not worth having: the largest of sixteen searches by chance stays below.
 const LEAST_EVIDENCE: f64 = 10.0;
@@ -47,9 +49,6 @@ const FROM_SCRATCH: usize = 4;
 const ASTRAY: f64 = 3.0;
 /// Times the best candidate's square: what leaves more is not worth a full fit.
 const HOPELESS: f64 = 4.0;
-/// Finest grid of a fit with cavities: the spikes of their collapse belong to the grid (Bergant, Simpson & Tijsseling 2006).
-const MOST_REACHES_WITH_CAVITIES: usize = 128;
-
 /// What a diagnosis says.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Verdict {
@@ -108,16 +107,6 @@ pub struct Diagnosis {
     pub next_test: Option<String>,
 }
 
-/// RMSE and noise over all runs, m: each weighs as its number of samples.
-pub fn pooled(fit: &Fit) -> (f64, f64) {
-    let weight = |r: &crate::fit::outcome::RunFit| r.sensors.iter().map(|s| s.time_s.len()).sum::<usize>() as f64;
-    let total: f64 = fit.runs.iter().map(weight).sum();
-    let mean = |f: &dyn Fn(&crate::fit::outcome::RunFit) -> f64| {
-        (fit.runs.iter().map(|r| weight(r) * f(r).powi(2)).sum::<f64>() / total.max(1.0)).sqrt()
-    };
-    (mean(&|r| r.rmse_m), mean(&|r| r.noise_m))
-}
-
 /// Diagnoses `runs` of a rig, starting from a model with `effects`; `progress` hears what is going on.
 ///
 /// # Errors
@@ -131,7 +120,7 @@ pub fn diagnose(
 ) -> Result<Diagnosis, FitError> {
     progress("the start model");
     let start = calibrate(rig, runs, effects, options, &|p| progress(&format!("the start model, {}", p.stage)))?;
-    let ground = Ground::new(rig, runs, &start)?;
+    let ground = Ground::new(rig, runs, &start, &options.constraints)?;
     let refits = refits(&ground, progress);
     let failings = misfit::failings(&start);
     let Some(closest) = refits.iter().min_by(|a, b| a.square.total_cmp(&b.square)) else {
@@ -146,7 +135,7 @@ pub fn diagnose(
     let coarse = Worth::of(&closest.residuals[..ground.samples]);
     let mut rivals: Vec<Rival> = best_forms(&refits, |r| coarse.evidence(ground.square, r.square, r.added))
         .into_iter()
-        .map(|(evidence, refit)| Rival { refit, evidence, square: forecast(&ground, &start, refit), fit: None })
+        .map(|(evidence, refit)| Rival::forecast(&ground, &start, refit, evidence))
         .collect();
     let by_odds = |a: &Rival, b: &Rival| b.log_odds(rig).total_cmp(&a.log_odds(rig));
     rivals.sort_by(by_odds);
@@ -161,13 +150,13 @@ pub fn diagnose(
     let noise_m = total_noise_m(runs);
     let tried = rivals.len().min(FROM_SCRATCH);
     for two in rivals[..tried].chunks_mut(2) {
-        let least = two.iter().filter_map(|r| r.fit.as_ref()).map(|f| pooled(f).0).fold(f64::INFINITY, f64::min);
+        let least = two.iter().filter_map(|r| r.fit.as_ref()).map(|f| f.pooled().0).fold(f64::INFINITY, f64::min);
         // None is down to the noise. The start model's parameters may have gone too far astray to find a way back from.
-        if least < POOR * noise_m || pooled(&start).0 < ASTRAY * noise_m {
+        if least < POOR * noise_m || start.pooled().0 < ASTRAY * noise_m {
             break;
         }
         two.par_iter_mut().for_each(|rival| rival.take(finisher.scratch_fit(rival.refit)));
-        if two.iter().filter_map(|r| r.fit.as_ref()).any(|f| pooled(f).0 < POOR * noise_m) {
+        if two.iter().filter_map(|r| r.fit.as_ref()).any(|f| f.pooled().0 < POOR * noise_m) {
             break;
         }
     }
@@ -177,10 +166,10 @@ pub fn diagnose(
         rivals.iter_mut().for_each(|r| r.evidence = worth.evidence(square(&start), r.square, r.refit.added));
     }
     // What is not worth a model is no explanation, however sure.
-    let (rmse_m, samples) = (pooled(&start).0, ground.run_samples() as f64);
+    let (rmse_m, samples) = (start.pooled().0, ground.run_samples() as f64);
     for rival in &mut rivals {
         let fall_m2 = rmse_m.powi(2) - ground.noise_m().powi(2) * rival.square / samples;
-        let values: Vec<f64> = own_parameters(&ground, rival).iter().map(|p| p.value).collect();
+        let values: Vec<f64> = rival.own_parameters(&ground).iter().map(|p| p.value).collect();
         if fall_m2 < (LEAST_FALL * noise_m).powi(2) || !rival.refit.form.chosen.effect.noteworthy(&values) {
             rival.evidence = rival.evidence.min(0.0);
         }
@@ -197,6 +186,40 @@ pub fn diagnose(
         next_test::next_test(&ground, rivals[0].refit, other.refit)
     });
     Ok(Diagnosis { verdict, failings, start, candidates, next_test })
+}
+
+/// The start model, fitted before, with one effect more: fitted to all samples, with the evidence for it.
+///
+/// # Errors
+/// As [`calibrate`]; an effect that no start of it can be simulated with.
+pub fn grow(
+    rig: &Rig,
+    runs: &[RunData],
+    start: &Fit,
+    added: &Chosen,
+    options: &Options,
+    progress: &(dyn Fn(&str) + Sync),
+) -> Result<(Fit, f64), FitError> {
+    let ground = Ground::new(rig, runs, start, &options.constraints)?;
+    let shown = |p: &Progress| progress(&format!("{}, {}", added.label(), p.stage));
+    let mut fits = Vec::new();
+    if added.effect.elements().is_some() {
+        // Elements are added one by one.
+        let effects: Vec<Chosen> = ground.effects.iter().cloned().chain([added.clone()]).collect();
+        fits.push(calibrate(rig, runs, &effects, options, &shown));
+    } else {
+        let finisher = Finisher { rig, runs, effects: &ground.effects, options, progress };
+        for form in candidate::forms_of(rig, added) {
+            let refit = glimpse(&ground, &form).and_then(|g| follow(&ground, &g));
+            fits.push(refit.map_err(FitError::from).and_then(|refit| finisher.finished(&refit)));
+        }
+    }
+    let (fits, failures): (Vec<_>, Vec<_>) = fits.into_iter().partition(Result::is_ok);
+    let best = fits.into_iter().flatten().min_by(|a, b| square(a).total_cmp(&square(b)));
+    let best = best.ok_or_else(|| failures.into_iter().find_map(Result::err).unwrap_or(FitError::NoRun))?;
+    let parameters = best.parameters.len() - start.parameters.len();
+    let evidence = worth(&best).evidence(square(start), square(&best), parameters);
+    Ok((best, evidence))
 }
 
 /// A glimpse of every form; those of the most promising effects are followed.
@@ -228,109 +251,6 @@ fn refits(ground: &Ground, progress: &(dyn Fn(&str) + Sync)) -> Vec<Refit> {
         .collect()
 }
 
-/// An effect in its best form.
-struct Rival<'a> {
-    refit: &'a Refit,
-    evidence: f64,
-    /// Sum over all samples of the residual's square over the noise's, of the fit or as forecast.
-    square: f64,
-    fit: Option<Fit>,
-}
-
-impl Rival<'_> {
-    fn odds(&self, rig: &Rig) -> f64 {
-        self.refit.form.chosen.effect.odds(rig)
-    }
-
-    fn log_odds(&self, rig: &Rig) -> f64 {
-        tempered(self.evidence) + self.odds(rig).ln()
-    }
-
-    /// Keeps a fit if it is better than the one known.
-    fn take(&mut self, fit: Result<Fit, FitError>) {
-        if let Ok(fit) = fit
-            && self.fit.as_ref().is_none_or(|known| square(&fit) < square(known))
-        {
-            self.square = square(&fit);
-            self.fit = Some(fit);
-        }
-    }
-}
-
-/// Sum over all samples of the residual's square over the noise's.
-fn square(fit: &Fit) -> f64 {
-    let sensors = fit.runs.iter().flat_map(|r| &r.sensors);
-    sensors.map(|s| s.time_s.len() as f64 * (s.rmse_m / s.noise_m).powi(2)).sum()
-}
-
-/// What a fit's residuals say evidence is worth.
-fn worth(fit: &Fit) -> Worth {
-    let residuals: Vec<f64> = fit
-        .runs
-        .iter()
-        .flat_map(|r| &r.sensors)
-        .flat_map(|s| s.measured_m.iter().zip(&s.model_m).map(|(a, b)| (a - b) / s.noise_m))
-        .collect();
-    Worth::of(&residuals)
-}
-
-/// The best form of each effect, with its evidence.
-fn best_forms(refits: &[Refit], evidence: impl Fn(&Refit) -> f64) -> Vec<(f64, &Refit)> {
-    let mut best: Vec<(f64, &Refit)> = Vec::new();
-    for refit in refits {
-        let own = evidence(refit);
-        match best.iter_mut().find(|(_, b)| b.form.effect == refit.form.effect) {
-            Some(known) if own > known.0 => *known = (own, refit),
-            Some(_) => {}
-            None => best.push((own, refit)),
-        }
-    }
-    best
-}
-
-/// Fits candidates to all samples on the fine grid.
-struct Finisher<'a> {
-    rig: &'a Rig,
-    runs: &'a [RunData],
-    /// The start model's effects as they were asked for.
-    effects: &'a [Chosen],
-    options: &'a Options,
-    progress: &'a (dyn Fn(&str) + Sync),
-}
-
-impl Finisher<'_> {
-    /// From where the refit ended; with elements, which a fit had better add one by one, from scratch.
-    fn finished(&self, refit: &Refit) -> Result<Fit, FitError> {
-        if refit.form.chosen.elements.is_some() {
-            return self.scratch_fit(refit);
-        }
-        let shown = |p: &Progress| (self.progress)(&format!("{} added, {}", refit.form.effect, p.stage));
-        refine(self.rig, self.runs, &refit.effects, &refit.values, &self.options_of(refit), &shown)
-    }
-
-    /// From the signals, as if nothing had been fitted before.
-    fn scratch_fit(&self, refit: &Refit) -> Result<Fit, FitError> {
-        if refit.form.chosen.effect.lets_boil() {
-            return Err(FitError::NoRun);
-        }
-        let effects: Vec<Chosen> =
-            self.effects.iter().cloned().chain([Chosen { elements: None, ..refit.form.chosen.clone() }]).collect();
-        let shown = |p: &Progress| (self.progress)(&format!("{} from scratch, {}", refit.form.effect, p.stage));
-        calibrate(self.rig, self.runs, &effects, &self.options_of(refit), &shown)
-    }
-
-    fn options_of(&self, refit: &Refit) -> Options {
-        let boils = refit.effects.iter().any(|c| c.effect.lets_boil());
-        let most = if boils { MOST_REACHES_WITH_CAVITIES } else { usize::MAX };
-        Options { most_reaches: self.options.most_reaches.min(most), ..*self.options }
-    }
-}
-
-/// The square of a full fit, in all samples, by what the coarse refit leaves of the start model's.
-fn forecast(ground: &Ground, start: &Fit, refit: &Refit) -> f64 {
-    square(start) * ground.mean_square(&refit.residuals) / ground.mean_square(&ground.residuals)
-}
-
 fn candidate(ground: &Ground, rig: &Rig, rivals: &[Rival], i: usize, probability: f64) -> Candidate {
     let rival = &rivals[i];
     let near = rivals.iter().enumerate().filter(|(j, other)| {
@@ -339,7 +259,7 @@ fn candidate(ground: &Ground, rig: &Rig, rivals: &[Rival], i: usize, probability
             && (other.log_odds(rig) - rival.log_odds(rig)).abs() < INDISTINGUISHABLE
     });
     let samples: usize = ground.run_samples();
-    let parameters = own_parameters(ground, rival);
+    let parameters = rival.own_parameters(ground);
     Candidate {
         effect: rival.refit.form.effect,
         label: rival.refit.form.chosen.label(),
@@ -348,39 +268,11 @@ fn candidate(ground: &Ground, rig: &Rig, rivals: &[Rival], i: usize, probability
         rmse_m: rival
             .fit
             .as_ref()
-            .map_or_else(|| ground.noise_m() * (rival.square / samples.max(1) as f64).sqrt(), |f| pooled(f).0),
+            .map_or_else(|| ground.noise_m() * (rival.square / samples.max(1) as f64).sqrt(), |f| f.pooled().0),
         parameters,
         indistinguishable_from: near.map(|(_, other)| other.refit.form.effect).collect(),
         fit: rival.fit.clone(),
     }
-}
-
-/// The added effect's parameters.
-fn own_parameters(ground: &Ground, rival: &Rival) -> Vec<FittedParameter> {
-    let own = |effects: &[Chosen]| {
-        let model = ground.model(effects);
-        let size = model.effect_sizes().last().copied().unwrap_or(0);
-        (model.shared.len() - size..model.shared.len(), model.shared)
-    };
-    if let Some(fit) = &rival.fit
-        && let Ok(effects) = parse_list(&fit.effects.join(","))
-    {
-        return fit.parameters[own(&effects).0].to_vec();
-    }
-    let (range, shared) = own(&rival.refit.effects);
-    shared[range.clone()]
-        .iter()
-        .zip(&rival.refit.values[range])
-        .map(|(p, &value)| FittedParameter {
-            name: p.name.clone(),
-            about: p.about,
-            run: None,
-            value,
-            standard_error: f64::NAN,
-            unit: p.unit,
-            at_bound: value <= p.lower || value >= p.upper,
-        })
-        .collect()
 }
 
 /// What disturbs the sensors while nothing happens, rms over all samples, m.
@@ -394,12 +286,12 @@ fn total_noise_m(runs: &[RunData]) -> f64 {
 }
 
 fn unexplained(start: &Fit, noise_m: f64) -> Verdict {
-    let (rmse_m, _) = pooled(start);
+    let (rmse_m, _) = start.pooled();
     if rmse_m <= NOISE * noise_m { Verdict::NothingMissing } else { Verdict::UnknownEffect }
 }
 
 fn verdict(start: &Fit, noise_m: f64, candidates: &[Candidate]) -> Verdict {
-    let (rmse_m, _) = pooled(start);
+    let (rmse_m, _) = start.pooled();
     let Some(best) = candidates.first().filter(|c| c.evidence >= LEAST_EVIDENCE) else {
         return unexplained(start, noise_m);
     };

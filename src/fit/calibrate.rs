@@ -14,6 +14,7 @@ use super::problem::{Calibration, Window};
 use super::sensor_choice::with_sensors;
 use super::starts::{differing, starts_from, starts_of, take_over, vanish};
 use super::uncertainty::{correlation, correlation_inflation, gauss_newton_step, standard_errors};
+use crate::model::constraint::Constraint;
 use crate::model::effects::Chosen;
 use crate::model::{Model, ModelError};
 use crate::rig::Rig;
@@ -28,6 +29,8 @@ pub enum FitError {
         "{file}: no pressure sample lies after the start of the closure; check the closure's time with `surgescope inspect`"
     )]
     NoSample { file: String },
+    #[error("the model has no parameter '{name}' to hold or to bound; it has {known}")]
+    NoSuchParameter { name: String, known: String },
     #[error(transparent)]
     Model(#[from] ModelError),
 }
@@ -46,17 +49,19 @@ pub struct Progress {
 }
 
 /// How far a fit may go.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Options {
     /// Most reaches of the grid.
     pub most_reaches: usize,
     /// Share of the noise that the grid's own error may have.
     pub grid_error_over_noise: f64,
+    /// What has been settled about parameters.
+    pub constraints: Vec<Constraint>,
 }
 
 impl Default for Options {
     fn default() -> Self {
-        Options { most_reaches: 512, grid_error_over_noise: 0.3 }
+        Options { most_reaches: 512, grid_error_over_noise: 0.3, constraints: Vec::new() }
     }
 }
 
@@ -123,20 +128,20 @@ pub fn calibrate(
     }
     let water = &first.conditions.water;
     let evaluations = AtomicUsize::new(0);
-    let model = Model::new(rig, water, effects);
+    let model_of = |effects: &[Chosen]| Model::new(rig, water, effects).constrained(&options.constraints);
+    let model = model_of(effects);
     let starts: Vec<f64> = model.shared.iter().map(|p| p.start).collect();
     let fitter =
         Fitter { runs, options, progress, evaluations: &evaluations, least_reaches: model.least_reaches(&starts) };
-    let mut chosen = with_sensors(rig, effects, |trial| {
-        Ok::<_, FitError>(fitter.approach(&Model::new(rig, water, trial), None)?.cost)
-    })?;
+    let mut chosen =
+        with_sensors(rig, effects, |trial| Ok::<_, FitError>(fitter.approach(&model_of(trial), None)?.cost))?;
     // An effect with elements grows from one: a fit of many from scratch ends in poorer places.
     let growing = effects.iter().position(|c| c.effect.elements().is_some_and(|r| r.contains(&2)));
     let asked = growing.and_then(|i| effects[i].elements);
     if let Some(i) = growing {
         chosen[i] = chosen[i].with_elements(1);
     }
-    let mut model = Model::new(rig, water, &chosen);
+    let mut model = model_of(&chosen);
     let mut state = fitter.approach(&model, None)?;
     let most = growing.map_or(1, |i| asked.or(effects[i].effect.elements().map(|r| *r.end())).unwrap_or(1));
     let mut leftover = fitter.leftover(&model, &state)?;
@@ -144,7 +149,7 @@ pub fn calibrate(
         let Some(i) = growing else { break };
         let mut more = chosen.clone();
         more[i] = more[i].with_elements(elements);
-        let bigger = Model::new(rig, water, &more);
+        let bigger = model_of(&more);
         let trial = fitter.approach(&bigger, Some((&model, &state)))?;
         let trial_leftover = fitter.leftover(&bigger, &trial)?;
         if asked.is_none() && trial_leftover.evidence_over(&leftover) < EVIDENCE {
@@ -168,7 +173,7 @@ pub fn refine(
     progress: &(dyn Fn(&Progress) + Sync),
 ) -> Result<Fit, FitError> {
     let water = &runs.first().ok_or(FitError::NoRun)?.conditions.water;
-    let model = Model::new(rig, water, effects);
+    let model = Model::new(rig, water, effects).constrained(&options.constraints);
     let evaluations = AtomicUsize::new(0);
     let least_reaches = model.least_reaches(&values[..model.shared.len()]);
     let fitter = Fitter { runs, options, progress, evaluations: &evaluations, least_reaches };
@@ -362,8 +367,12 @@ impl Fitter<'_> {
             }
             reaches *= 2;
         };
-        model.put_in_order(&mut values);
+        // What is held stands under its own name.
+        if model.constraints.is_empty() {
+            model.put_in_order(&mut values);
+        }
         let problem = Calibration::new(model, self.runs, self.whole(fine));
+        problem.know(&model.constraints)?;
         let solution = self.minimise(&problem, &values, LATE, "all samples")?;
         self.outcome(&problem, &solution, &pull)
     }
@@ -407,9 +416,16 @@ impl Fitter<'_> {
                 run: problem.run_of(j).map(|r| self.runs[r].file.clone()),
                 value: values[j],
                 // A quarter of the pull is left on the last grid; half of it allows for schemes of first order.
-                standard_error: errors[j].hypot(0.5 * pull.shifts[j]) * problem.stretch(j, values[j]),
+                standard_error: if p.lower < p.upper {
+                    errors[j].hypot(0.5 * pull.shifts[j]) * problem.stretch(j, values[j])
+                } else {
+                    0.0
+                },
                 unit: p.unit,
-                at_bound: solution.at_bound[j],
+                at_bound: solution.at_bound[j] && p.lower < p.upper,
+                lower: p.lower,
+                upper: p.upper,
+                held: p.lower == p.upper,
             })
             .collect();
         let period_s = model.period_s(&values[..model.shared.len()]);

@@ -6,6 +6,7 @@ pub mod conflict;
 pub mod data;
 pub mod energy;
 pub mod least_squares;
+pub mod model_file;
 pub mod outcome;
 pub mod prepare;
 pub mod problem;

@@ -1,7 +1,7 @@
 //! What a calibration gives back: plain data for tables, JSON and pages.
 
 /// One fitted parameter.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct FittedParameter {
     /// Name; a per-run parameter carries its run's file name in `run`.
     pub name: String,
@@ -17,6 +17,12 @@ pub struct FittedParameter {
     pub unit: &'static str,
     /// It ended at one of its bounds.
     pub at_bound: bool,
+    /// Least value that the fit could take, in `unit`.
+    pub lower: f64,
+    /// Greatest value that the fit could take, in `unit`.
+    pub upper: f64,
+    /// It was held at its value.
+    pub held: bool,
 }
 
 /// Measurement and model at one pressure sensor, heads in m, all vectors of one length.
@@ -97,4 +103,16 @@ pub struct Fit {
     pub stopped_because: String,
     /// It stopped because it was done, not because a budget ran out.
     pub converged: bool,
+}
+
+impl Fit {
+    /// RMSE and noise over all runs, m: each weighs as its number of samples.
+    pub fn pooled(&self) -> (f64, f64) {
+        let weight = |r: &RunFit| r.sensors.iter().map(|s| s.time_s.len()).sum::<usize>() as f64;
+        let total: f64 = self.runs.iter().map(weight).sum();
+        let mean = |f: &dyn Fn(&RunFit) -> f64| {
+            (self.runs.iter().map(|r| weight(r) * f(r).powi(2)).sum::<f64>() / total.max(1.0)).sqrt()
+        };
+        (mean(&|r| r.rmse_m), mean(&|r| r.noise_m))
+    }
 }

@@ -5,8 +5,10 @@
 //! heads over each sensor's noise, then one for each prior,
 //! then one for each run's flow meter.
 
+use super::calibrate::FitError;
 use super::data::{RunData, RunStart};
 use super::least_squares::Problem;
+use crate::model::constraint::Constraint;
 use crate::model::energy::Energy;
 use crate::model::parameter::{Parameter, Scale};
 use crate::model::trace::{Probe, Trace};
@@ -62,10 +64,12 @@ fn to_variable(parameter: &Parameter, value: f64) -> f64 {
     }
 }
 
+/// A bound's variable gives the bound itself back, not a rounding beside it.
 fn to_value(parameter: &Parameter, variable: f64) -> f64 {
+    let bounds = [parameter.lower, parameter.upper];
     match parameter.scale {
         Scale::Linear => variable,
-        Scale::Log => variable.exp(),
+        Scale::Log => bounds.into_iter().find(|b| b.ln() == variable).unwrap_or_else(|| variable.exp()),
     }
 }
 
@@ -119,8 +123,12 @@ impl<'a> Calibration<'a> {
                 );
             }
         }
-        for parameter in &mut parameters {
+        for (j, parameter) in parameters.iter_mut().enumerate() {
             parameter.start = parameter.start.clamp(parameter.lower, parameter.upper);
+            let run = run_offsets.iter().rposition(|&first| j >= first).map(|r| runs[r].file.as_str());
+            if let Some(settled) = model.constraints.iter().find(|c| c.concerns(&parameter.name, run)) {
+                settled.narrow(parameter);
+            }
         }
         let lower = parameters.iter().map(|p| to_variable(p, p.lower)).collect();
         let upper = parameters.iter().map(|p| to_variable(p, p.upper)).collect();
@@ -189,6 +197,22 @@ impl<'a> Calibration<'a> {
         match self.parameters[j].scale {
             Scale::Linear => 1.0,
             Scale::Log => value,
+        }
+    }
+
+    /// Refuses a constraint on what the model does not have.
+    ///
+    /// # Errors
+    /// The first such.
+    pub fn know(&self, constraints: &[Constraint]) -> Result<(), FitError> {
+        let runs = (0..self.parameters.len()).map(|j| self.run_of(j).map(|r| self.runs[r].file.as_str()));
+        let own: Vec<_> = self.parameters.iter().zip(runs).collect();
+        match constraints.iter().find(|c| !own.iter().any(|(p, run)| c.concerns(&p.name, *run))) {
+            None => Ok(()),
+            Some(stranger) => Err(FitError::NoSuchParameter {
+                name: stranger.name.clone(),
+                known: own.iter().map(|(p, _)| p.name.as_str()).collect::<Vec<_>>().join(", "),
+            }),
         }
     }
 

@@ -19,35 +19,38 @@ pub fn correlation_inflation(residuals: &[f64]) -> f64 {
     (1.0 + rho) / (1.0 - rho)
 }
 
-/// What Jacobian columns say of the variables that are not at a bound.
-struct Determined {
+/// `JᵀJ` of the variables that are not at a bound, each column scaled to length one so that units do not matter.
+struct Normal {
     /// Which variables these are.
     free: Vec<usize>,
-    /// Norm of each one's column.
+    /// Norm of each one's column; the least positive number where the column is zero.
     scale: Vec<f64>,
-    /// `(JᵀJ)⁻¹` in units of these norms; none where the data leave a combination of them open.
-    covariance: Option<DMatrix<f64>>,
+    matrix: DMatrix<f64>,
 }
 
-impl Determined {
-    fn by(columns: &[Vec<f64>], at_bound: &[bool]) -> Self {
+impl Normal {
+    fn of(columns: &[Vec<f64>], at_bound: &[bool]) -> Self {
         let free: Vec<usize> = (0..columns.len()).filter(|&j| !at_bound[j]).collect();
-        let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(x, y)| x * y).sum::<f64>();
-        let scale: Vec<f64> = free.iter().map(|&j| dot(&columns[j], &columns[j]).sqrt()).collect();
-        let normal = DMatrix::from_fn(free.len(), free.len(), |a, b| {
+        let scale: Vec<f64> =
+            free.iter().map(|&j| dot(&columns[j], &columns[j]).sqrt().max(f64::MIN_POSITIVE)).collect();
+        let matrix = DMatrix::from_fn(free.len(), free.len(), |a, b| {
             dot(&columns[free[a]], &columns[free[b]]) / (scale[a] * scale[b]).max(f64::MIN_POSITIVE)
         });
-        Determined { free, scale, covariance: normal.try_inverse() }
+        Normal { free, scale, matrix }
     }
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(x, y)| x * y).sum()
 }
 
 /// Correlations between the errors of the variables, one row and one column a variable: `C_ij / √(C_ii C_jj)`, `C = (JᵀJ)⁻¹`.
 ///
 /// NaN where a variable is at a bound, and everywhere where the data leave a combination of the variables open.
 pub fn correlation(columns: &[Vec<f64>], at_bound: &[bool]) -> Vec<Vec<f64>> {
-    let Determined { free, covariance, .. } = Determined::by(columns, at_bound);
+    let Normal { free, matrix, .. } = Normal::of(columns, at_bound);
     let mut correlation = vec![vec![f64::NAN; columns.len()]; columns.len()];
-    let Some(c) = covariance else { return correlation };
+    let Some(c) = matrix.try_inverse() else { return correlation };
     for (a, &i) in free.iter().enumerate() {
         for (b, &j) in free.iter().enumerate() {
             let both = 0.5 * (c[(a, b)] + c[(b, a)]) / (c[(a, a)].sqrt() * c[(b, b)].sqrt());
@@ -63,15 +66,15 @@ pub fn correlation(columns: &[Vec<f64>], at_bound: &[bool]) -> Vec<Vec<f64>> {
 /// `samples` residuals are measurements, the rest priors. Variables at a bound are held there and have no standard error
 /// (NaN); those that the data do not determine have an infinite one.
 pub fn standard_errors(columns: &[Vec<f64>], residuals: &[f64], samples: usize, at_bound: &[bool]) -> Vec<f64> {
-    let Determined { free, scale, covariance } = Determined::by(columns, at_bound);
+    let Normal { free, scale, matrix } = Normal::of(columns, at_bound);
     let dof = samples.saturating_sub(free.len()).max(1) as f64;
     let spread = residuals[..samples].iter().map(|r| r * r).sum::<f64>() / dof;
     let inflation = spread.max(1.0) * correlation_inflation(&residuals[..samples]);
+    let covariance = matrix.try_inverse();
     let mut errors = vec![f64::NAN; columns.len()];
     for (a, &j) in free.iter().enumerate() {
         let variance = covariance.as_ref().map_or(f64::INFINITY, |c| c[(a, a)]);
-        errors[j] =
-            if variance >= 0.0 && scale[a] > 0.0 { (variance * inflation).sqrt() / scale[a] } else { f64::INFINITY };
+        errors[j] = if variance >= 0.0 { (variance * inflation).sqrt() / scale[a] } else { f64::INFINITY };
     }
     errors
 }
@@ -79,16 +82,11 @@ pub fn standard_errors(columns: &[Vec<f64>], residuals: &[f64], samples: usize, 
 /// The step that takes up a change of the residuals, `-(JᵀJ)⁻¹ Jᵀ change`, in the variables that are not at a bound; zero in those
 /// that are, and in all where the data determine none.
 pub fn gauss_newton_step(columns: &[Vec<f64>], change: &[f64], at_bound: &[bool]) -> Vec<f64> {
-    let free: Vec<usize> = (0..columns.len()).filter(|&j| !at_bound[j]).collect();
-    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(x, y)| x * y).sum::<f64>();
-    let scale: Vec<f64> = free.iter().map(|&j| dot(&columns[j], &columns[j]).sqrt().max(f64::MIN_POSITIVE)).collect();
-    let normal = DMatrix::from_fn(free.len(), free.len(), |a, b| {
-        dot(&columns[free[a]], &columns[free[b]]) / (scale[a] * scale[b])
-    });
+    let Normal { free, scale, matrix } = Normal::of(columns, at_bound);
     let right =
         DVector::from_iterator(free.len(), free.iter().zip(&scale).map(|(&j, s)| -dot(&columns[j], change) / s));
     let mut steps = vec![0.0; columns.len()];
-    if let Some(solved) = normal.cholesky().map(|c| c.solve(&right)) {
+    if let Some(solved) = matrix.cholesky().map(|c| c.solve(&right)) {
         for (a, &j) in free.iter().enumerate() {
             steps[j] = solved[a] / scale[a];
         }

@@ -6,6 +6,7 @@
 
 mod attach;
 pub mod boundary;
+pub mod constraint;
 pub mod effects;
 pub mod energy;
 pub mod error;
@@ -26,6 +27,7 @@ mod wide;
 pub use error::ModelError;
 
 use boundary::{Closure, ConstantHead, HeadInTime, MeasuredHead, Supply, ValveEnd};
+use constraint::Constraint;
 use effects::{Chosen, Scene, Site};
 use energy::{Energy, Owners};
 use friction::{ReachFriction, WallFriction};
@@ -53,6 +55,8 @@ pub struct Model<'a> {
     pub per_run: [Parameter; RunValues::COUNT],
     /// Form of the closure, its time taken from the run's parameters.
     pub closure: fn(f64) -> Closure,
+    /// What has been settled about parameters, those of runs and sensors included.
+    pub constraints: Vec<Constraint>,
 }
 
 /// The per-run parameters, in their order.
@@ -198,7 +202,13 @@ impl<'a> Model<'a> {
             shared,
             per_run,
             closure: |closing_time_s| Closure::Linear { closing_time_s },
+            constraints: Vec::new(),
         }
+    }
+
+    /// With parameters held, or between other bounds.
+    pub fn constrained(self, constraints: &[Constraint]) -> Self {
+        Model { constraints: constraints.to_vec(), ..self }
     }
 
     /// Index of the first effect's first parameter among the shared ones.

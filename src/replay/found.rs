@@ -113,7 +113,16 @@ mod tests {
     use super::*;
 
     fn fitted(name: &str, value: f64, standard_error: f64, at_bound: bool) -> Found {
-        let p = FittedParameter { name: name.into(), about: "", run: None, value, standard_error, unit: "", at_bound };
+        let p = FittedParameter {
+            name: name.into(),
+            about: "",
+            run: None,
+            value,
+            standard_error,
+            unit: "",
+            at_bound,
+            ..FittedParameter::default()
+        };
         parameter(&p, 0.002)
     }
 

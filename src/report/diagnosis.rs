@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use serde::Serialize;
 
-use crate::diagnose::{Candidate, Diagnosis, Verdict, pooled};
+use crate::diagnose::{Candidate, Diagnosis, Verdict};
 
 #[derive(Serialize)]
 struct Document<'a> {
@@ -47,7 +47,7 @@ struct Value<'a> {
 /// # Errors
 /// None in practice: all values can be written.
 pub fn json(diagnosis: &Diagnosis) -> serde_json::Result<String> {
-    let (rmse_m, noise_m) = pooled(&diagnosis.start);
+    let (rmse_m, noise_m) = diagnosis.start.pooled();
     serde_json::to_string_pretty(&Document {
         verdict: diagnosis.verdict.name(),
         start: StartModel { effects: &diagnosis.start.effects, rmse_m, noise_m },
@@ -84,7 +84,7 @@ const SHOWN: usize = 5;
 
 /// The diagnosis for people.
 pub fn text(diagnosis: &Diagnosis) -> String {
-    let (rmse_m, noise_m) = pooled(&diagnosis.start);
+    let (rmse_m, noise_m) = diagnosis.start.pooled();
     let model = match diagnosis.start.effects.as_slice() {
         [] => "base model".to_owned(),
         effects => format!("base model + {}", effects.join(" + ")),

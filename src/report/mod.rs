@@ -24,6 +24,7 @@ pub mod escape;
 pub mod failure;
 pub mod html;
 pub mod json;
+pub mod models;
 pub mod number;
 pub mod plot;
 pub mod summary;

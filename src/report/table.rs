@@ -25,7 +25,13 @@ pub fn parameters(fit: &Fit) -> String {
             with_error(p.value, p.standard_error),
             p.unit.into(),
             p.run.clone().unwrap_or_default(),
-            if p.at_bound { "at its bound".into() } else { String::new() },
+            if p.held {
+                "held".into()
+            } else if p.at_bound {
+                "at its bound".into()
+            } else {
+                String::new()
+            },
         ]);
     }
     table.without_empty_columns().to_string()
@@ -233,6 +239,7 @@ mod tests {
                     standard_error: 0.4,
                     unit: "m/s",
                     at_bound: false,
+                    ..FittedParameter::default()
                 },
                 FittedParameter {
                     about: "speed of pressure waves",
@@ -242,6 +249,7 @@ mod tests {
                     standard_error: f64::INFINITY,
                     unit: "s",
                     at_bound: true,
+                    ..FittedParameter::default()
                 },
             ],
             correlation: vec![],

@@ -2,7 +2,7 @@
 
 use std::f64::consts::{FRAC_PI_4, PI, TAU};
 
-use super::{orders, relative_rms, rig, water};
+use super::{rig, water};
 use surgescope::model::boundary::Closure;
 use surgescope::model::effects::parse_list;
 use surgescope::model::trace::{Probe, Trace};
@@ -53,60 +53,6 @@ fn at_times(trace: &Trace, times: &[f64]) -> Vec<f64> {
 
 fn times(duration_s: f64) -> Vec<f64> {
     (0..1000).map(|i| duration_s * f64::from(i) / 1000.0).collect()
-}
-
-#[test]
-fn at_vanishing_strength_they_leave_the_base_model() {
-    let cases: [(&str, &[f64]); 8] = [
-        ("valve-law", &[0.3, 0.7]),
-        ("valve-law/power", &[1.0]),
-        ("valve-seat-leak", &[0.0]),
-        ("supply-drift", &[0.0, 3.0]),
-        ("moving-valve", &[20.0, 0.0, 0.05]),
-        ("sensor-lag", &[0.0, 1.0]),
-        ("clock-skew", &[0.0]),
-        ("sensor-gain", &[0.0]),
-    ];
-    for (others, their_values) in [("none", &[][..]), ("viscoelastic-wall:2", &[0.2, 0.03, 0.1, 0.5][..])] {
-        let run = |effects: &str, values: &[f64]| shown(effects, values, ORIFICE, &RUN, 0.03, 40, 10.0).unwrap();
-        let base = run(others, their_values);
-        for (effect, values) in cases {
-            let with = run(&format!("{others},{effect}"), &[their_values, values].concat());
-            let worst = base.values.iter().zip(&with.values).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
-            assert!(worst < 1e-9, "{effect} with {others}: {worst}");
-        }
-    }
-}
-
-/// Second order everywhere, also across the corners of the valve's law, which lie at any place within a step. Heads are compared at
-/// the coarsest grid's steps, which all grids have: between steps a corner of the law costs the interpolation an order.
-#[test]
-fn refining_the_grid_converges_at_the_order_stated() {
-    let cases: [(&str, &[f64], Form, f64, f64); 8] = [
-        ("valve-law", &[0.37, 0.45], ORIFICE, 0.83, 1.8),
-        ("valve-law/power", &[2.0], ORIFICE, 0.83, 1.8),
-        ("valve-seat-leak", &[0.03], ORIFICE, 0.83, 1.8),
-        ("supply-drift", &[5.0, 1.7], RAMP, 0.31, 1.8),
-        ("moving-valve", &[7.0, 0.3, 0.05], RAMP, 0.31, 1.8),
-        ("sensor-lag", &[0.05, 0.4], RAMP, 0.31, 1.8),
-        ("clock-skew", &[-0.0123], RAMP, 0.31, 1.8),
-        ("sensor-gain", &[0.05], RAMP, 0.31, 1.8),
-    ];
-    let duration_s = 6.0;
-    let step_s = LENGTH_M / WAVE_SPEED_M_S / 53.0;
-    let times: Vec<f64> = (0..1200).map(|i| step_s * f64::from(i)).collect();
-    for (effect, values, closure, closing_time_s, least) in cases {
-        let run = RunValues { closing_time_s, ..RUN };
-        let at = |reaches| {
-            let trace = shown(effect, values, closure, &run, 0.03, reaches, duration_s).unwrap();
-            at_times(&trace, &times).iter().map(|h| h - RUN.valve_head_m).collect::<Vec<f64>>()
-        };
-        let finest = at(53 * 32);
-        let errors = [53, 106, 212].map(|n| relative_rms(&at(n), &finest));
-        let order = orders(&errors);
-        assert!((errors[0] / errors[2]).log2() / 2.0 >= least, "{effect}: {errors:?}, orders {order:?}");
-        assert!(errors[2] < 1e-3, "{effect}: {errors:?}");
-    }
 }
 
 /// Without friction and before the first reflection comes back, head and flow at the valve follow from the orifice and one

@@ -1,5 +1,6 @@
 //! The model against what is not ours: exact solutions, published numbers, conservation, orders of convergence.
 
+mod catalogue;
 mod ends;
 mod energy;
 mod exact;

@@ -262,34 +262,6 @@ fn the_supply_feeds_valve_and_leak() {
     assert!((run.steady_flow_m3_s(LENGTH) - velocity * area()).abs() < 1e-15);
 }
 
-/// Each effect at the strength where it vanishes, and just beside it.
-const VANISHING: [(&str, &[f64], &[f64]); 4] = [
-    ("leak", &[43.7, 0.0], &[43.7, 1e-7]),
-    ("blockage", &[43.7, 0.0], &[43.7, 1e-7]),
-    ("section-change", &[43.7, 64.7, 1.0, 1.0], &[43.7, 64.7, 1.0 + 1e-9, 1.0]),
-    ("side-branch", &[43.7, 0.0, 1.0], &[43.7, 1e-7, 1.0]),
-];
-
-#[test]
-fn without_strength_there_is_only_the_base_model() {
-    let times = times(400, 3.0);
-    for (wall, creep) in [("none", vec![]), ("viscoelastic-wall:1", vec![0.05, 0.3])] {
-        let with = |effect: &str, values: &[f64]| {
-            let effects = format!("{wall},{effect}");
-            let values: Vec<f64> = creep.iter().chain(values).copied().collect();
-            let case = Case { closure: linear, closing: 0.1, friction: "", ..Case::sudden(&effects, &values, 0.7) };
-            case.head(60, &times)
-        };
-        let base = with("none", &[]);
-        for (effect, gone, faint) in VANISHING {
-            assert!(largest_error(&with(effect, gone), &base) < 1e-9, "{effect}");
-            // A joint takes friction about the flow of the step before, an inner node about its own: 1e-5 of the rise.
-            let off = largest_error(&with(effect, faint), &base);
-            assert!(off < 2e-3, "{effect}: {off}");
-        }
-    }
-}
-
 /// A small step of any parameter is a small step of the trace, wherever a node or the end of a section lies.
 #[test]
 fn traces_move_smoothly_with_place_length_and_strength() {

@@ -290,28 +290,6 @@ fn brunones_plateaus_fall_by_one_plus_k() {
     }
 }
 
-#[test]
-fn at_vanishing_strength_it_is_the_base_model() {
-    for case in [large(cosine, 0.3), Case { velocity: 0.002, ..large(linear, 0.2) }] {
-        let times = times(500, 0.02);
-        let base = case.head(60, &times);
-        let creep = [0.05, 0.3];
-        let with_creep = case.with("viscoelastic-wall:1", &creep).head(60, &times);
-        for scale in [0.0, 1e-12] {
-            for effect in [CONVOLUTION, BRUNONE] {
-                let alone = case.with(effect, &[scale]).head(60, &times);
-                let error = largest_error(&alone, &base) / largest_error(&base, &[0.0; 500]);
-                assert!(error < 1e-9, "{effect} at {scale}: {error}");
-            }
-            for effects in ["viscoelastic-wall:1,unsteady-friction", "viscoelastic-wall:1,unsteady-friction/brunone"] {
-                let both = case.with(effects, &[creep[0], creep[1], scale]).head(60, &times);
-                let error = largest_error(&both, &with_creep) / largest_error(&with_creep, &[0.0; 500]);
-                assert!(error < 1e-9, "{effects} at {scale}: {error}");
-            }
-        }
-    }
-}
-
 /// A pipe in two pieces of the same kind is the same pipe, also where the joint lies on no node.
 #[test]
 fn a_joint_in_a_uniform_pipe_changes_nothing() {

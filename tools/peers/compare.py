@@ -137,8 +137,12 @@ def main() -> int:
         asked = json.dumps({**case, "with_peak": turn == 0})
         answers = {"surgescope": surgescope(args.program, case, case["steps"]["surgescope"])}
         for name, peer in PEERS.items():
-            command = [pythons[name], HERE / peer["script"]]
-            run = subprocess.run(command, input=asked, capture_output=True, text=True, env=one_thread)
+            command = [pythons[name].absolute(), HERE / peer["script"]]
+            # TSNet's EPANET leaves files where it runs.
+            with tempfile.TemporaryDirectory() as folder:
+                run = subprocess.run(
+                    command, input=asked, capture_output=True, text=True, env=one_thread, cwd=folder
+                )
             if run.returncode != 0:
                 print(run.stderr, file=sys.stderr)
                 return 1

@@ -14,7 +14,7 @@ const AFTER: [usize; 5] = [1, 2, 4, 8, 16];
 pub(super) fn section(page: &Page) -> String {
     let (Some(energy), Some(last)) = (&page.energy, page.stages.last()) else { return String::new() };
     let Some((run, times)) = last.fit.runs.first().map(|run| (run, readings(run))) else { return String::new() };
-    let Some((_, end_s)) = times.last().copied() else { return String::new() };
+    let Some(&(_, end_s)) = times.last() else { return String::new() };
     // The accounts in the order of the end, so that a colour is always one account's.
     let accounts: Vec<(String, f64)> = energy.takers(end_s);
     let mut out = String::from(

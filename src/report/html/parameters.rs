@@ -29,7 +29,11 @@ fn of(fit: &Fit, title: &str) -> String {
     }
     let per_run = fit.parameters.iter().any(|p| p.run.is_some());
     let rows = fit.parameters.iter().map(|p| {
-        let flag = if p.at_bound { r#" <span class="flag">at its bound</span>"# } else { "" };
+        let flag = match (p.held, p.at_bound) {
+            (true, _) => r#" <span class="flag">held</span>"#,
+            (_, true) => r#" <span class="flag">at its bound</span>"#,
+            _ => "",
+        };
         let mut row = vec![
             format!("<code>{}</code>", escape(&p.name)),
             format!(

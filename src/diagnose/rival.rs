@@ -1,0 +1,148 @@
+//! Effects in competition: the best form of each, what it leaves, and its fit to all samples.
+
+use super::evidence::{Worth, tempered};
+use super::ground::Ground;
+use super::refit::Refit;
+use crate::fit::calibrate::{FitError, Options, Progress, calibrate, refine};
+use crate::fit::data::RunData;
+use crate::fit::outcome::{Fit, FittedParameter};
+use crate::model::effects::{Chosen, parse_list};
+use crate::rig::Rig;
+
+/// Finest grid of a fit with cavities: the spikes of their collapse belong to the grid (Bergant, Simpson & Tijsseling 2006).
+const MOST_REACHES_WITH_CAVITIES: usize = 128;
+
+/// An effect in its best form.
+pub(super) struct Rival<'a> {
+    pub(super) refit: &'a Refit,
+    pub(super) evidence: f64,
+    /// Sum over all samples of the residual's square over the noise's, of the fit or as forecast.
+    pub(super) square: f64,
+    pub(super) fit: Option<Fit>,
+}
+
+impl<'a> Rival<'a> {
+    /// As the refit forecasts it from what it leaves of the start model's square.
+    pub(super) fn forecast(ground: &Ground, start: &Fit, refit: &'a Refit, evidence: f64) -> Self {
+        let left = ground.mean_square(&refit.residuals) / ground.mean_square(&ground.residuals);
+        Rival { refit, evidence, square: square(start) * left, fit: None }
+    }
+
+    pub(super) fn odds(&self, rig: &Rig) -> f64 {
+        self.refit.form.chosen.effect.odds(rig)
+    }
+
+    pub(super) fn log_odds(&self, rig: &Rig) -> f64 {
+        tempered(self.evidence) + self.odds(rig).ln()
+    }
+
+    /// Keeps a fit if it is better than the one known.
+    pub(super) fn take(&mut self, fit: Result<Fit, FitError>) {
+        if let Ok(fit) = fit
+            && self.fit.as_ref().is_none_or(|known| square(&fit) < square(known))
+        {
+            self.square = square(&fit);
+            self.fit = Some(fit);
+        }
+    }
+
+    /// The added effect's parameters.
+    pub(super) fn own_parameters(&self, ground: &Ground) -> Vec<FittedParameter> {
+        let own = |effects: &[Chosen]| {
+            let model = ground.model(effects);
+            let size = model.effect_sizes().last().copied().unwrap_or(0);
+            (model.shared.len() - size..model.shared.len(), model.shared)
+        };
+        if let Some(fit) = &self.fit
+            && let Ok(effects) = parse_list(&fit.effects.join(","))
+        {
+            return fit.parameters[own(&effects).0].to_vec();
+        }
+        let (range, shared) = own(&self.refit.effects);
+        shared[range.clone()]
+            .iter()
+            .zip(&self.refit.values[range])
+            .map(|(p, &value)| FittedParameter {
+                name: p.name.clone(),
+                about: p.about,
+                run: None,
+                value,
+                standard_error: f64::NAN,
+                unit: p.unit,
+                at_bound: value <= p.lower || value >= p.upper,
+                lower: p.lower,
+                upper: p.upper,
+                held: false,
+            })
+            .collect()
+    }
+}
+
+/// Sum over all samples of the residual's square over the noise's.
+pub(super) fn square(fit: &Fit) -> f64 {
+    let sensors = fit.runs.iter().flat_map(|r| &r.sensors);
+    sensors.map(|s| s.time_s.len() as f64 * (s.rmse_m / s.noise_m).powi(2)).sum()
+}
+
+/// What a fit's residuals say evidence is worth.
+pub(super) fn worth(fit: &Fit) -> Worth {
+    let residuals: Vec<f64> = fit
+        .runs
+        .iter()
+        .flat_map(|r| &r.sensors)
+        .flat_map(|s| s.measured_m.iter().zip(&s.model_m).map(|(a, b)| (a - b) / s.noise_m))
+        .collect();
+    Worth::of(&residuals)
+}
+
+/// The best form of each effect, with its evidence.
+pub(super) fn best_forms(refits: &[Refit], evidence: impl Fn(&Refit) -> f64) -> Vec<(f64, &Refit)> {
+    let mut best: Vec<(f64, &Refit)> = Vec::new();
+    for refit in refits {
+        let own = evidence(refit);
+        match best.iter_mut().find(|(_, b)| b.form.effect == refit.form.effect) {
+            Some(known) if own > known.0 => *known = (own, refit),
+            Some(_) => {}
+            None => best.push((own, refit)),
+        }
+    }
+    best
+}
+
+/// Fits candidates to all samples on the fine grid.
+pub(super) struct Finisher<'a> {
+    pub(super) rig: &'a Rig,
+    pub(super) runs: &'a [RunData],
+    /// The start model's effects as they were asked for.
+    pub(super) effects: &'a [Chosen],
+    pub(super) options: &'a Options,
+    pub(super) progress: &'a (dyn Fn(&str) + Sync),
+}
+
+impl Finisher<'_> {
+    /// From where the refit ended; with elements, which a fit had better add one by one, from scratch.
+    pub(super) fn finished(&self, refit: &Refit) -> Result<Fit, FitError> {
+        if refit.form.chosen.elements.is_some() {
+            return self.scratch_fit(refit);
+        }
+        let shown = |p: &Progress| (self.progress)(&format!("{} added, {}", refit.form.effect, p.stage));
+        refine(self.rig, self.runs, &refit.effects, &refit.values, &self.options_of(refit), &shown)
+    }
+
+    /// From the signals, as if nothing had been fitted before.
+    pub(super) fn scratch_fit(&self, refit: &Refit) -> Result<Fit, FitError> {
+        if refit.form.chosen.effect.lets_boil() {
+            return Err(FitError::NoRun);
+        }
+        let effects: Vec<Chosen> =
+            self.effects.iter().cloned().chain([Chosen { elements: None, ..refit.form.chosen.clone() }]).collect();
+        let shown = |p: &Progress| (self.progress)(&format!("{} from scratch, {}", refit.form.effect, p.stage));
+        calibrate(self.rig, self.runs, &effects, &self.options_of(refit), &shown)
+    }
+
+    fn options_of(&self, refit: &Refit) -> Options {
+        let boils = refit.effects.iter().any(|c| c.effect.lets_boil());
+        let most = if boils { MOST_REACHES_WITH_CAVITIES } else { usize::MAX };
+        Options { most_reaches: self.options.most_reaches.min(most), ..self.options.clone() }
+    }
+}

@@ -1,0 +1,153 @@
+//! A file of models: it grows, is edited by hand, goes a step back, and refuses what contradicts it.
+
+use std::path::{Path, PathBuf};
+use std::process::Output;
+
+use assert_cmd::Command;
+use serde_json::Value;
+
+const HERE: &str = env!("CARGO_MANIFEST_DIR");
+
+fn surgescope(arguments: &[&str]) -> Output {
+    Command::cargo_bin("surgescope").unwrap().current_dir(HERE).args(arguments).output().unwrap()
+}
+
+fn done(arguments: &[&str]) -> Value {
+    let output = surgescope(&[arguments, &["--json"]].concat());
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    serde_json::from_slice(&output.stdout).unwrap()
+}
+
+fn refused(arguments: &[&str], said: &[&str]) {
+    let output = surgescope(arguments);
+    let text = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(2), "{text}");
+    for word in said {
+        assert!(text.contains(word), "no {word:?} in: {text}");
+    }
+}
+
+/// The models of a leaking copper pipe: a first one without the leak.
+fn calibrated(folder: &Path) -> PathBuf {
+    let file = folder.join("copper.toml");
+    let output = surgescope(&[
+        "calibrate",
+        "recordings/copper-leak.mcap",
+        "--effects",
+        "unsteady-friction",
+        "--against",
+        "none",
+        "--save",
+        file.to_str().unwrap(),
+    ]);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    file
+}
+
+fn rmse_m(models: &Value, number: usize) -> f64 {
+    models["models"][number - 1]["rmse_m"].as_f64().unwrap()
+}
+
+fn edit(file: &Path, from: &str, to: &str) {
+    let text = std::fs::read_to_string(file).unwrap();
+    assert!(text.contains(from), "no {from:?} in {text}");
+    std::fs::write(file, text.replacen(from, to, 1)).unwrap();
+}
+
+/// The lines of a parameter of the last model in the file.
+fn lines_of(file: &Path, parameter: &str) -> String {
+    let text = std::fs::read_to_string(file).unwrap();
+    let last = text.split(&format!("name = \"{parameter}\"")).last().unwrap();
+    last.split("[[").next().unwrap().to_owned()
+}
+
+#[test]
+fn an_effect_is_added_and_taken_back_and_nothing_is_lost() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = calibrated(folder.path());
+    let name = file.to_str().unwrap();
+
+    let grown = done(&["add", "leak", name]);
+    assert_eq!(grown["in_force"], 2);
+    assert_eq!(grown["models"][1]["grown_from"], 1);
+    assert!(rmse_m(&grown, 2) < 0.5 * rmse_m(&grown, 1));
+    assert!(grown["models"][1]["evidence"].as_f64().unwrap() > 100.0);
+    let parameters = grown["models"][1]["parameter"].as_array().unwrap();
+    let place = parameters.iter().find(|p| p["name"] == "leak_position_m").unwrap();
+    assert!((place["value"].as_f64().unwrap() - 57.43).abs() < 0.5, "{place}");
+
+    let back = done(&["undo", name]);
+    assert_eq!(back["in_force"], 1);
+    assert_eq!(back["models"], grown["models"]);
+    refused(&["undo", name], &["no step back"]);
+}
+
+#[test]
+fn what_a_person_holds_stays_held_through_refit_and_growth() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = calibrated(folder.path());
+    let name = file.to_str().unwrap();
+    let before = lines_of(&file, "wave_speed_m_s");
+    let value: f64 = before.lines().find_map(|l| l.strip_prefix("value = ")).unwrap().parse().unwrap();
+    let held = before.replace(&format!("value = {value}"), &format!("value = {}", value + 3.0));
+    edit(&file, &before, &held.replace("fixed = false", "fixed = true"));
+
+    for models in [done(&["refit", name]), done(&["add", "leak", name])] {
+        let last = models["models"].as_array().unwrap().last().unwrap();
+        let speed = last["parameter"].as_array().unwrap().iter().find(|p| p["name"] == "wave_speed_m_s").unwrap();
+        assert_eq!(speed["value"].as_f64().unwrap(), value + 3.0);
+        assert_eq!(speed["fixed"], true);
+        assert!(speed["lower"].as_f64().unwrap() < value && speed["upper"].as_f64().unwrap() > value + 3.0);
+        assert!(last["parameter"].as_array().unwrap().iter().any(|p| p["fixed"] == false));
+    }
+    let models = done(&["model", name]);
+    assert!(rmse_m(&models, 2) > rmse_m(&models, 1), "a wrong wave speed costs nothing");
+}
+
+/// `diagnose --apply` makes the file, grows it by what is missing, and goes on from there the next time.
+#[test]
+fn a_diagnosis_grows_the_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("models.toml");
+    let name = file.to_str().unwrap();
+    let first = done(&["diagnose", "recordings/copper-leak.mcap", "--effects", "unsteady-friction", "--apply", name]);
+    assert_eq!(first["candidates"][0]["effect"], "leak");
+    let models = done(&["model", name]);
+    assert_eq!(models["in_force"], 2);
+    assert!(models["models"][1]["why"].as_str().unwrap().contains("leak"));
+    let second = done(&["diagnose", "recordings/copper-leak.mcap", "--apply", name]);
+    assert_eq!(second["verdict"], "nothing-missing", "{second}");
+    assert_eq!(done(&["model", name])["models"], models["models"]);
+}
+
+#[test]
+fn contradictions_are_refused_and_the_file_is_left_as_it_was() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = calibrated(folder.path());
+    let name = file.to_str().unwrap();
+    let good = std::fs::read_to_string(&file).unwrap();
+    refused(&["add", "leek", name], &["leek", "leak"]);
+    refused(&["add", "unsteady-friction", name], &["unsteady-friction"]);
+    refused(&["calibrate", "recordings/hdpe-creep.mcap", "--save", name], &["copper-leak.mcap", "another file"]);
+    refused(&["diagnose", "recordings/copper-leak.mcap", "--effects", "leak", "--apply", name], &["in force"]);
+    refused(&["model", "recordings/copper-leak.mcap"], &["copper-leak.mcap"]);
+    refused(&["refit", "no-such-file.toml"], &["no-such-file.toml"]);
+    assert_eq!(std::fs::read_to_string(&file).unwrap(), good);
+
+    let speed = lines_of(&file, "wave_speed_m_s");
+    let upper = speed.lines().find(|l| l.starts_with("upper = ")).unwrap().to_owned();
+    for (from, to, said) in [
+        (upper.as_str(), "upper = 3.0", "outside its bounds"),
+        ("name = \"wave_speed_m_s\"", "name = \"wave_sped_m_s\"", "wave_sped_m_s"),
+        ("in_force = 1", "in_force = 7", "does not exist"),
+        ("when = ", "wen = ", "wen"),
+        ("effects = [\"unsteady-friction\"]", "effects = [\"friction\"]", "friction"),
+        ("recordings = [\"", "recordings = [\"/gone", "gone"),
+    ] {
+        edit(&file, from, to);
+        let edited = std::fs::read_to_string(&file).unwrap();
+        refused(&["refit", name], &[said]);
+        assert_eq!(std::fs::read_to_string(&file).unwrap(), edited);
+        std::fs::write(&file, &good).unwrap();
+    }
+}
