@@ -82,11 +82,17 @@ pub fn html(page: &Page) -> String {
         named = page.diagnoses.last().map_or(String::new(), |d| format!(" data-verdict=\"{}\"", d.verdict.name())),
         verdict = escape(&verdict),
     );
-    out.push_str(&if page.diagnoses.is_empty() { stages::staircase(&page.stages) } else { diagnosis::sections(page) });
-    sensors(&mut out, page, &panels);
-    out.push_str(&parameters::section(&page.stages));
-    out.push_str(&stages::computation(&page.stages));
-    out.push_str(&rig::section(page.rig));
+    let diagnosed = !page.diagnoses.is_empty();
+    let mut body = if diagnosed { diagnosis::before(page) } else { stages::staircase(&page.stages, "") };
+    sensors(&mut body, page, &panels);
+    body.push_str(&parameters::section(&page.stages));
+    if diagnosed {
+        body.push_str(&diagnosis::after(page));
+    }
+    body.push_str(&stages::computation(&page.stages));
+    body.push_str(&rig::section(page.rig));
+    out.push_str(&contents(&body));
+    out.push_str(&body);
     let _ = write!(
         out,
         r#"<footer>Written by surgescope {}. The page holds its own data and needs no network. Charts: uPlot (MIT licence).</footer>
@@ -103,6 +109,20 @@ pub fn html(page: &Page) -> String {
     }
     out.push_str("</body>\n</html>\n");
     out
+}
+
+/// Links to the chapters that a body has: headings right after an `id`.
+fn contents(body: &str) -> String {
+    let chapters: Vec<String> = body
+        .split(r#" id=""#)
+        .skip(1)
+        .filter_map(|rest| {
+            let (id, rest) = rest.split_once(r#""><h2>"#)?;
+            let (heading, _) = rest.split_once("</h2>")?;
+            (!id.contains('<')).then(|| format!(r##"<li><a href="#{id}">{heading}</a></li>"##))
+        })
+        .collect();
+    format!("<nav class=\"contents\" aria-label=\"Contents\"><ul>{}</ul></nav>\n", chapters.concat())
 }
 
 /// Mark, class and sentence of what the last stage says.
@@ -155,10 +175,10 @@ fn panels<'a>(page: &'a Page) -> Vec<Panel<'a>> {
 fn sensors(out: &mut String, page: &Page, panels: &[Panel]) {
     let Some(last) = page.stages.last() else { return };
     if panels.is_empty() {
-        out.push_str("<section><h2>Measurement and model</h2><p>No pressure sensor was calibrated.</p></section>\n");
+        out.push_str("<section id=\"sensors\"><h2>Measurement and model</h2><p>No pressure sensor was calibrated.</p></section>\n");
         return;
     }
-    out.push_str("<h2>Measurement and model</h2>\n");
+    out.push_str("<section id=\"sensors\"><h2>Measurement and model</h2>\n");
     if panels.len() > 1 {
         out.push_str(r#"<nav aria-label="Sensors"><ul>"#);
         for (i, panel) in panels.iter().enumerate() {
@@ -168,8 +188,10 @@ fn sensors(out: &mut String, page: &Page, panels: &[Panel]) {
         out.push_str("</ul></nav>\n");
     }
     for (i, panel) in panels.iter().enumerate() {
-        out.push_str(&sensor::section(i, panel, &page.stages));
+        // The page of a diagnosis has more to say than numbers of peaks: there they fold away.
+        out.push_str(&sensor::section(i, panel, &page.stages, page.diagnoses.is_empty()));
     }
+    out.push_str("</section>\n");
 }
 
 /// Number of the colour of a stage: the result is always 0; those before it take 1 to 4 in turn.

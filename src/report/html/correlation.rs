@@ -30,7 +30,8 @@ pub(super) fn section(stages: &[Stage]) -> String {
         })
         .collect();
     let caption = format!("Correlation between the parameters of {}", last.title);
-    let mut out = String::from("<section class=\"correlation\"><h2>Which parameters go together</h2>\n");
+    let mut out =
+        String::from("<section class=\"correlation\" id=\"correlation\"><h2>Which parameters go together</h2>\n");
     out.push_str(&matrix(&caption, "parameter", &columns, &rows));
     let mut pairs: Vec<(f64, usize, usize)> = Vec::new();
     for (a, &i) in known.iter().enumerate() {

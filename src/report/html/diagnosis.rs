@@ -7,21 +7,23 @@ use crate::report::escape::escape;
 use crate::report::number::{error_m, times_noise};
 use crate::report::summary::{self, overall};
 
-/// All of them, in the order in which they are read.
-pub(super) fn sections(page: &Page) -> String {
+/// What comes before the curves of the sensors: how far the models err, what is missing, and where that shows.
+pub(super) fn before(page: &Page) -> String {
     let models = compared(page);
-    let pieces = [
-        findings(page),
-        stages::staircase(&models),
-        stages::errors(&models),
+    [
+        stages::staircase(&models, &stages::errors(&models)),
         ranking::section(page.diagnoses),
+        failings(page.diagnoses),
         heatmap::section(&models),
         spectrum::section(&models),
         signature::section(page.diagnoses),
-        correlation::section(&page.stages),
-        energy::section(page),
-    ];
-    pieces.concat()
+    ]
+    .concat()
+}
+
+/// What comes after the parameters.
+pub(super) fn after(page: &Page) -> String {
+    correlation::section(&page.stages) + &energy::section(page)
 }
 
 /// The models to compare: the stages and, where no effect explains what is left, that with the nearest one.
@@ -73,6 +75,10 @@ pub(super) fn verdict(page: &Page) -> (&'static str, &'static str, String) {
         [] => String::new(),
         names => format!("Missing: {}. {} ", names.join(", then "), summary::verdict(&page.stages)),
     };
+    let unsure = found.last().filter(|c| !c.indistinguishable_from.is_empty()).map_or(String::new(), |c| {
+        format!("These recordings cannot tell {} from {}. ", label(c), c.indistinguishable_from.join(", "))
+    });
+    let missing = missing + &unsure;
     let (error, model) = (overall(&last.start), start_model(last));
     let (rmse, noise) = (error_m(error.rmse_m), times_noise(error.rmse_m, error.noise_m));
     match last.verdict {
@@ -97,25 +103,17 @@ pub(super) fn verdict(page: &Page) -> (&'static str, &'static str, String) {
     }
 }
 
-/// Where each start model fails, in words, and the test that would tell candidates apart.
-fn findings(page: &Page) -> String {
-    let mut out = String::from("<section class=\"findings\"><h2>What the models lack</h2>\n");
-    for diagnosis in page.diagnoses {
-        out.push_str(&format!("<h3>Where the {} fails</h3>\n", escape(&start_model(diagnosis))));
+/// Where each start model fails, in words.
+fn failings(diagnoses: &[Diagnosis]) -> String {
+    let mut out = String::from("<section class=\"failings\" id=\"failings\"><h2>Where the models fail</h2>\n");
+    for diagnosis in diagnoses {
+        out.push_str(&format!("<h3>The {}</h3>\n", escape(&start_model(diagnosis))));
         if diagnosis.failings.is_empty() {
-            out.push_str("<p>Nowhere: what it leaves is noise.</p>\n");
+            out.push_str("<p>It fails nowhere: what it leaves is noise.</p>\n");
         } else {
             let items: Vec<String> = diagnosis.failings.iter().map(|f| format!("<li>{}</li>\n", escape(f))).collect();
             out.push_str(&format!("<ul>\n{}</ul>\n", items.concat()));
         }
-        if let Some(test) = &diagnosis.next_test {
-            out.push_str(&format!("<p class=\"next\"><strong>Next test:</strong> {}.</p>\n", escape(test)));
-        }
-    }
-    if page.diagnoses.iter().all(|d| d.next_test.is_none() && d.verdict == Verdict::MissingEffect) {
-        out.push_str(
-            "<p class=\"next\"><strong>Next test:</strong> none is needed to tell the candidates apart.</p>\n",
-        );
     }
     out.push_str("</section>\n");
     out

@@ -18,7 +18,7 @@ pub(super) fn section(page: &Page) -> String {
     // The accounts in the order of the end, so that a colour is always one account's.
     let accounts: Vec<(String, f64)> = energy.takers(end_s);
     let mut out = String::from(
-        "<section class=\"energy\"><h2>Where the energy goes</h2>\n<p class=\"key\" aria-hidden=\"true\">",
+        "<section class=\"energy\" id=\"energy\"><h2>Where the energy goes</h2>\n<p class=\"key\" aria-hidden=\"true\">",
     );
     for (name, _) in &accounts {
         let _ = write!(out, r#"<span><i style="background:{}"></i>{}</span>"#, colour(energy, name), escape(name));

@@ -19,7 +19,7 @@ pub(super) fn section(models: &[Stage]) -> String {
         return String::new();
     }
     format!(
-        "<section class=\"heat\"><h2>Error by sensor and cycle</h2>\n<p class=\"key\" aria-hidden=\"true\">rms of model − measured, times the noise: {}</p>\n<div class=\"maps\">\n{}</div>\n</section>\n",
+        "<section class=\"heat\" id=\"heat\"><h2>Error by sensor and cycle</h2>\n<p class=\"key\" aria-hidden=\"true\">rms of model − measured, times the noise: {}</p>\n<div class=\"maps\">\n{}</div>\n</section>\n",
         key(),
         maps.concat()
     )

@@ -9,7 +9,7 @@ use crate::report::number::with_error;
 pub(super) fn section(stages: &[Stage]) -> String {
     let Some((last, earlier)) = stages.split_last() else { return String::new() };
     let mut out = format!(
-        "<section><h2>Parameters</h2>\n{}<p class=\"note\">395.1(4) stands for 395.1 ± 0.4, one standard error in the last digits. At a bound the standard error means little: the data pull the value beyond what is allowed.</p>\n",
+        "<section id=\"parameters\"><h2>Parameters</h2>\n{}<p class=\"note\">395.1(4) stands for 395.1 ± 0.4, one standard error in the last digits. At a bound the standard error means little: the data pull the value beyond what is allowed.</p>\n",
         of(last.fit, &last.title)
     );
     for stage in earlier {

@@ -2,7 +2,7 @@
 
 use super::diagnosis::{label, probability, start_model};
 use super::{minus, table};
-use crate::diagnose::{Candidate, Diagnosis};
+use crate::diagnose::{Candidate, Diagnosis, Verdict};
 use crate::report::escape::escape;
 use crate::report::number::{error_m, significant, times_noise, with_error};
 use crate::report::summary::overall;
@@ -12,11 +12,12 @@ const SHOWN: usize = 6;
 
 /// One ranking a diagnosis.
 pub(super) fn section(diagnoses: &[Diagnosis]) -> String {
-    let mut out = String::from("<section class=\"ranking\"><h2>Which effect is missing</h2>\n");
+    let mut out = String::from("<section class=\"ranking\" id=\"ranking\"><h2>Which effect is missing</h2>\n");
     for diagnosis in diagnoses {
         out.push_str(&format!("<h3>Effects added to the {}</h3>\n", escape(&start_model(diagnosis))));
         if diagnosis.candidates.is_empty() {
             out.push_str("<p>There was no effect left to try.</p>\n");
+            out.push_str(&next_test(diagnosis));
             continue;
         }
         let (shown, folded) = diagnosis.candidates.split_at(diagnosis.candidates.len().min(SHOWN));
@@ -28,9 +29,26 @@ pub(super) fn section(diagnoses: &[Diagnosis]) -> String {
                 rows(diagnosis, folded, false)
             ));
         }
+        out.push_str(&next_test(diagnosis));
     }
     out.push_str("<p class=\"note\">The probability that an effect is the one that is missing follows from the evidence, the natural logarithm of its odds against the model without it; “none of these” has evidence 0. 0.1321(6) stands for 0.1321 ± 0.0006, one standard error; candidates that were not worth a full fit have none.</p>\n</section>\n");
     out
+}
+
+/// The test that would tell the best candidates apart, or why there is none to make.
+fn next_test(diagnosis: &Diagnosis) -> String {
+    let said = match (&diagnosis.next_test, diagnosis.verdict) {
+        (Some(test), _) => escape(test),
+        (None, Verdict::NothingMissing) => "none is needed, nothing is missing".into(),
+        (None, Verdict::UnknownEffect) => {
+            "none can be named, for no effect of the catalogue explains what is left".into()
+        }
+        (None, Verdict::MissingEffect) => match diagnosis.candidates.first().map(|c| c.indistinguishable_from.len()) {
+            Some(0) | None => "none is needed, these recordings tell the candidates apart".into(),
+            Some(_) => "none was found in which those that cannot be told apart would differ".into(),
+        },
+    };
+    format!("<p class=\"next\"><strong>Next test:</strong> {said}.</p>\n")
 }
 
 fn rows(diagnosis: &Diagnosis, candidates: &[Candidate], with_none: bool) -> String {

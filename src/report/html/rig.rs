@@ -12,7 +12,7 @@ pub(super) fn section(rig: &Rig) -> String {
         Upstream::Measured => "measured pressure at position 0",
     };
     let mut out = format!(
-        "<section><h2>Rig</h2>\n<dl><div><dt>name</dt><dd>{}</dd></div><div><dt>fluid</dt><dd>{}, {} °C</dd></div><div><dt>length</dt><dd>{} m</dd></div><div><dt>supply</dt><dd>{supply}</dd></div><div><dt>valve</dt><dd>closes in {} s (nominal)</dd></div></dl>\n",
+        "<section id=\"rig\"><h2>Rig</h2>\n<dl><div><dt>name</dt><dd>{}</dd></div><div><dt>fluid</dt><dd>{}, {} °C</dd></div><div><dt>length</dt><dd>{} m</dd></div><div><dt>supply</dt><dd>{supply}</dd></div><div><dt>valve</dt><dd>closes in {} s (nominal)</dd></div></dl>\n",
         escape(&rig.name),
         escape(&rig.fluid.name),
         minus(&fixed(rig.fluid.temperature_degc, 1)),

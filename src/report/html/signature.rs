@@ -24,7 +24,7 @@ pub(super) fn section(diagnoses: &[Diagnosis]) -> String {
         return out;
     }
     format!(
-        "<section class=\"signature\"><h2>Signature of the effect</h2>\n{out}<p class=\"note\">Broad: what the start model leaves, measured − start model. Line: what the effect changes, model with the effect − start model, both calibrated. Share: how much of the square of the one the other takes up.</p>\n</section>\n"
+        "<section class=\"signature\" id=\"signature\"><h2>Signature of the effect</h2>\n{out}<p class=\"note\">Broad: what the start model leaves, measured − start model. Line: what the effect changes, model with the effect − start model, both calibrated. Share: how much of the square of the one the other takes up.</p>\n</section>\n"
     )
 }
 
@@ -41,7 +41,7 @@ fn of(diagnosis: &Diagnosis) -> Option<String> {
             let Some(pair) = Pair::of(&stages, &run.file, &sensor.name) else { continue };
             let title = figures::title(with, &run.file, sensor);
             let title = format!("{title}: {:.1} % of the residual’s square", 100.0 * pair.share());
-            plates.push(pair.chart(title, label(best)).to_svg(figures::WIDTH, figures::HEIGHT));
+            plates.push((title, pair.chart(label(best))));
         }
     }
     let mut out = String::new();
@@ -87,13 +87,12 @@ impl Pair {
         if whole > 0.0 { (1.0 - rest / whole).max(0.0) } else { 0.0 }
     }
 
-    fn chart(&self, title: String, effect: &str) -> LineChart {
+    fn chart(&self, effect: &str) -> LineChart {
         let line = |label: String, values: &[f64], style: Style| {
             let kept = decimate::keep(&[values], values.len(), STRETCHES);
             Series { label, points: kept.iter().map(|&i| (self.time_s[i], values[i])).collect(), style }
         };
         LineChart {
-            title,
             x_label: "time after the start of the closure, s".into(),
             y_label: "change of head, m".into(),
             series: vec![
@@ -122,7 +121,7 @@ mod tests {
         assert!((pair(1.0).share() - 1.0).abs() < 1e-12);
         assert_eq!(pair(-1.0).share(), 0.0);
         assert_eq!(pair(f64::NAN).share(), 0.0);
-        let svg = pair(0.5).chart("P1".into(), "leak").to_svg(500.0, 300.0);
+        let svg = pair(0.5).chart("leak").to_svg(500.0, 300.0);
         assert!(svg.contains("class=\"measured\"") && svg.contains("class=\"series-0\"") && svg.contains(">leak<"));
     }
 }

@@ -30,15 +30,13 @@ pub(super) fn section(models: &[Stage]) -> String {
             let residuals: Vec<(usize, Spectrum)> = residuals.collect();
             let Some(first_hz) = fundamental_hz(sensor).filter(|_| !residuals.is_empty()) else { continue };
             let title = figures::title(last.fit, &run.file, sensor);
-            plates.push(
-                chart(title, models, &residuals, first_hz, sensor.noise_m).to_svg(figures::WIDTH, figures::HEIGHT),
-            );
+            plates.push((title, chart(models, &residuals, first_hz, sensor.noise_m)));
         }
     }
     if plates.is_empty() {
         return String::new();
     }
-    let mut out = String::from("<section class=\"spectrum\"><h2>Error by frequency</h2>\n");
+    let mut out = String::from("<section class=\"spectrum\" id=\"spectrum\"><h2>Error by frequency</h2>\n");
     out.push_str(&figures::plates(&plates));
     let _ = writeln!(
         out,
@@ -62,7 +60,7 @@ fn fundamental_hz(sensor: &SensorFit) -> Option<f64> {
     spectrum.peak_hz(0.8 * about_hz, 1.25 * about_hz)
 }
 
-fn chart(title: String, models: &[Stage], residuals: &[(usize, Spectrum)], first_hz: f64, noise_m: f64) -> LineChart {
+fn chart(models: &[Stage], residuals: &[(usize, Spectrum)], first_hz: f64, noise_m: f64) -> LineChart {
     let most_hz = (HARMONICS + 0.5) * first_hz;
     let level = residuals.first().map_or(f64::NAN, |(_, s)| s.white * noise_m);
     let least = if level > 0.0 { FLOOR * level } else { 0.0 };
@@ -80,7 +78,7 @@ fn chart(title: String, models: &[Stage], residuals: &[(usize, Spectrum)], first
         series.push(Series { label: "noise".into(), points: vec![(0.0, level), (end, level)], style });
     }
     LineChart {
-        title,
+        title: String::new(),
         x_label: "frequency, Hz".into(),
         y_label: "amplitude, m".into(),
         series,

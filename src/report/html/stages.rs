@@ -11,11 +11,13 @@ use crate::report::summary::{Overall, overall};
 use crate::report::svg::Scale;
 
 /// Error of each stage on a logarithmic axis, with the noise as the floor that no model can pass.
-pub(super) fn staircase(stages: &[Stage]) -> String {
+///
+/// `below` is HTML that ends the section.
+pub(super) fn staircase(stages: &[Stage], below: &str) -> String {
     let errors: Vec<Overall> = stages.iter().map(|s| overall(s.fit)).collect();
     let noise = errors.last().map_or(f64::NAN, |e| e.noise_m);
     let Some(axis) = axis(errors.iter().map(|e| e.rmse_m).chain([noise])) else { return String::new() };
-    let mut out = String::from("<section><h2>Error against the noise</h2>\n<div class=\"stairs\">\n");
+    let mut out = String::from("<section id=\"errors\"><h2>Error against the noise</h2>\n<div class=\"stairs\">\n");
     let floor = if noise > 0.0 && noise.is_finite() {
         format!(r#"<i class="floor" style="left:{:.2}%"></i>"#, axis.px(noise))
     } else {
@@ -50,6 +52,7 @@ pub(super) fn staircase(stages: &[Stage]) -> String {
             error_m(noise)
         );
     }
+    out.push_str(below);
     out.push_str("</section>\n");
     out
 }
@@ -101,7 +104,7 @@ pub(super) fn computation(stages: &[Stage]) -> String {
     });
     let headings = ["model", "effects", "why it stopped", "parameters", "simulations", "time"];
     format!(
-        "<section><h2>How it was computed</h2>\n{}<p class=\"note\">Method of characteristics, calibrated by least squares; program version {}.</p></section>\n",
+        "<section id=\"computation\"><h2>How it was computed</h2>\n{}<p class=\"note\">Method of characteristics, calibrated by least squares; program version {}.</p></section>\n",
         table("How each stage was computed", &headings, &[3, 4, 5], rows),
         env!("CARGO_PKG_VERSION")
     )
