@@ -77,7 +77,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         bar.finish_and_clear();
         let found = found?;
         if models.is_empty() {
-            models.push((title(&effects), found.start.clone()));
+            models.push((title(&decided(&found.start, &effects)), found.start.clone()));
         }
         if let Some(file) = file.as_mut().filter(|f| f.models.is_empty()) {
             file.append(&found.start, "the start of a diagnosis", None, models::now());
@@ -122,6 +122,11 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         super::tell!("report: {}", path.display());
     }
     Ok(Outcome::Done)
+}
+
+/// The effects of a fit, their open choices decided, of those that were asked for.
+fn decided(fit: &Fit, asked: &[Chosen]) -> ::std::vec::Vec<Chosen> {
+    parse_list(&fit.effects.join(",")).unwrap_or_else(|_| asked.to_vec())
 }
 
 /// The errors of the models, one after the other.

@@ -104,7 +104,9 @@ impl LineChart {
             top += LINE;
         }
         top += self.legend(&mut out, top, width);
-        let area = Area { left: LEFT, top: top + 4.0, right: width - RIGHT, bottom: height - BOTTOM };
+        // Words over marks have a line of their own.
+        top += if self.marks.is_empty() { 4.0 } else { 16.0 };
+        let area = Area { left: LEFT, top, right: width - RIGHT, bottom: height - BOTTOM };
         match self.scales(area) {
             Some((x, y)) => {
                 self.axes(&mut out, area, &x, &y);
@@ -171,7 +173,7 @@ impl LineChart {
     fn axes(&self, out: &mut String, area: Area, x: &Scale, y: &Scale) {
         let Area { left, top, right, bottom } = area;
         out.push_str(r##"<g class="grid" stroke="#ddd" stroke-width="1" fill="none"><path d=""##);
-        let (xs, ys) = (x.ticks(((right - left) / 80.0) as usize), y.ticks(((bottom - top) / 36.0) as usize));
+        let (xs, ys) = (x.ticks(((right - left) / 65.0) as usize), y.ticks(((bottom - top) / 36.0) as usize));
         for t in &xs.at {
             let _ = write!(out, "M{:.1} {top:.1}V{bottom:.1}", x.px(*t));
         }
@@ -220,9 +222,9 @@ impl LineChart {
             let _ = write!(
                 out,
                 r##"<path class="mark" d="M{px:.1} {:.1}V{:.1}" stroke="#999" stroke-dasharray="1 3" fill="none"/><g class="label"><text x="{px:.1}" y="{:.1}" text-anchor="middle" font-size="10">{}</text></g>"##,
-                area.top + 13.0,
+                area.top,
                 area.bottom,
-                area.top + 9.0,
+                area.top - 4.0,
                 escape(word)
             );
         }

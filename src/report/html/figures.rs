@@ -8,7 +8,7 @@ use crate::report::svg::LineChart;
 
 /// Size of a chart, px: small, so that its letters stay readable where a phone shrinks it.
 const WIDTH: f64 = 460.0;
-const HEIGHT: f64 = 270.0;
+const HEIGHT: f64 = 300.0;
 
 /// What a chart is called: its sensor, with the run where there are several.
 pub(super) fn title(fit: &Fit, file: &str, sensor: &SensorFit) -> String {

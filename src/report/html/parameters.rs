@@ -27,7 +27,7 @@ fn of(fit: &Fit, title: &str) -> String {
     if fit.parameters.is_empty() {
         return "<p>Nothing was fitted.</p>\n".into();
     }
-    let per_run = fit.parameters.iter().any(|p| p.run.is_some());
+    let per_run = fit.runs.len() > 1;
     let rows = fit.parameters.iter().map(|p| {
         let flag = match (p.held, p.at_bound) {
             (true, _) => r#" <span class="flag">held</span>"#,
@@ -39,7 +39,7 @@ fn of(fit: &Fit, title: &str) -> String {
             format!(
                 "<span class=\"nowrap\">{} {}</span>{flag}",
                 minus(&with_error(p.value, p.standard_error)),
-                escape(p.unit)
+                if p.unit == "1" { String::new() } else { escape(p.unit) }
             ),
             format!("<span class=\"prose\">{}</span>", p.about),
         ];

@@ -4,7 +4,7 @@ use super::diagnosis::{label, probability, start_model};
 use super::{minus, table};
 use crate::diagnose::{Candidate, Diagnosis, Verdict};
 use crate::report::escape::escape;
-use crate::report::number::{error_m, significant, times_noise, with_error};
+use crate::report::number::{error_m, significant, times, with_error};
 use crate::report::summary::overall;
 
 /// Candidates that are shown at once; the others fold away.
@@ -15,23 +15,32 @@ pub(super) fn section(diagnoses: &[Diagnosis]) -> String {
     let mut out = String::from("<section class=\"ranking\" id=\"ranking\"><h2>Which effect is missing</h2>\n");
     for diagnosis in diagnoses {
         out.push_str(&format!("<h3>Effects added to the {}</h3>\n", escape(&start_model(diagnosis))));
-        if diagnosis.candidates.is_empty() {
-            out.push_str("<p>There was no effect left to try.</p>\n");
-            out.push_str(&next_test(diagnosis));
-            continue;
-        }
-        let (shown, folded) = diagnosis.candidates.split_at(diagnosis.candidates.len().min(SHOWN));
-        out.push_str(&rows(diagnosis, shown, true));
-        if !folded.is_empty() {
-            out.push_str(&format!(
-                "<details><summary>{} less likely</summary>\n{}</details>\n",
-                folded.len(),
-                rows(diagnosis, folded, false)
-            ));
-        }
+        out.push_str(&candidates(diagnosis));
         out.push_str(&next_test(diagnosis));
     }
     out.push_str("<p class=\"note\">The probability that an effect is the one that is missing follows from the evidence, the natural logarithm of its odds against the model without it; “none of these” has evidence 0. 0.1321(6) stands for 0.1321 ± 0.0006, one standard error; candidates that were not worth a full fit have none.</p>\n</section>\n");
+    out
+}
+
+/// What was tried; folded away where nothing of it is worth adding.
+fn candidates(diagnosis: &Diagnosis) -> String {
+    let all = &diagnosis.candidates;
+    if all.is_empty() {
+        return "<p>There was no effect left to try.</p>\n".into();
+    }
+    if diagnosis.verdict == Verdict::NothingMissing {
+        return format!(
+            "<p>None of the {} effects that were tried is worth adding.</p>\n<details><summary>What was tried</summary>\n{}</details>\n",
+            all.len(),
+            rows(diagnosis, all, true)
+        );
+    }
+    let (shown, folded) = all.split_at(all.len().min(SHOWN));
+    let mut out = rows(diagnosis, shown, true);
+    if !folded.is_empty() {
+        let rest = rows(diagnosis, folded, false);
+        out += &format!("<details><summary>{} less likely</summary>\n{rest}</details>\n", folded.len());
+    }
     out
 }
 
@@ -52,32 +61,23 @@ fn next_test(diagnosis: &Diagnosis) -> String {
 }
 
 fn rows(diagnosis: &Diagnosis, candidates: &[Candidate], with_none: bool) -> String {
-    let noise_m = overall(&diagnosis.start).noise_m;
-    let none = 1.0 - diagnosis.candidates.iter().map(|c| c.probability).sum::<f64>();
-    let rows = candidates.iter().map(|c| {
-        vec![
-            format!("<code>{}</code>", escape(label(c))),
-            bar(c.probability),
-            minus(&evidence(c.evidence)),
-            error_m(c.rmse_m),
-            times_noise(c.rmse_m, noise_m).replace("× noise", "×"),
-            parameters(c),
-            escape(&c.indistinguishable_from.join(", ")),
-        ]
-    });
     let start = overall(&diagnosis.start);
-    let last = with_none.then(|| {
-        vec![
-            "none of these".into(),
-            bar(none.clamp(0.0, 1.0)),
-            "0".into(),
-            error_m(start.rmse_m),
-            times_noise(start.rmse_m, noise_m).replace("× noise", "×"),
-            String::new(),
-            String::new(),
-        ]
+    // Where all can be told apart, a column that says so would only take room.
+    let alike = diagnosis.candidates.iter().any(|c| !c.indistinguishable_from.is_empty());
+    let row = |name: String, p: f64, evidence: String, rmse_m: f64, of: Option<&Candidate>| {
+        let mut row = vec![name, bar(p), evidence, error_m(rmse_m), times(rmse_m, start.noise_m)];
+        row.push(of.map_or(String::new(), parameters));
+        row.extend(alike.then(|| of.map_or(String::new(), |c| escape(&c.indistinguishable_from.join(", ")))));
+        row
+    };
+    let rows = candidates.iter().map(|c| {
+        let name = format!("<code class=\"nowrap\">{}</code>", escape(label(c)));
+        row(name, c.probability, minus(&evidence(c.evidence)), c.rmse_m, Some(c))
     });
-    let headings = ["effect", "probability", "evidence", "RMSE, m", "× noise", "its parameters", "cannot be told from"];
+    let none = 1.0 - diagnosis.candidates.iter().map(|c| c.probability).sum::<f64>();
+    let last = with_none.then(|| row("none of these".into(), none.clamp(0.0, 1.0), "0".into(), start.rmse_m, None));
+    let mut headings = vec!["effect", "probability", "evidence", "RMSE, m", "× noise", "its parameters"];
+    headings.extend(alike.then_some("cannot be told from"));
     let caption = format!("Effects added to the {}", start_model(diagnosis));
     table(&caption, &headings, &[2, 3, 4], rows.chain(last))
 }

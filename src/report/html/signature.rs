@@ -24,7 +24,7 @@ pub(super) fn section(diagnoses: &[Diagnosis]) -> String {
         return out;
     }
     format!(
-        "<section class=\"signature\" id=\"signature\"><h2>Signature of the effect</h2>\n{out}<p class=\"note\">Broad: what the start model leaves, measured − start model. Line: what the effect changes, model with the effect − start model, both calibrated. Share: how much of the square of the one the other takes up.</p>\n</section>\n"
+        "<section class=\"signature\" id=\"signature\"><h2>Signature of the effect</h2>\n{out}<p class=\"note\">Broad: what the start model leaves, measured − start model. Line: what the effect changes, model with the effect − start model, both calibrated. A share of the residual’s square counts all samples.</p>\n</section>\n"
     )
 }
 
@@ -40,7 +40,7 @@ fn of(diagnosis: &Diagnosis) -> Option<String> {
         for sensor in &run.sensors {
             let Some(pair) = Pair::of(&stages, &run.file, &sensor.name) else { continue };
             let title = figures::title(with, &run.file, sensor);
-            let title = format!("{title}: {:.1} % of the residual’s square", 100.0 * pair.share());
+            let title = format!("{title}: takes up {:.1} % of the residual’s square", 100.0 * pair.share());
             plates.push((title, pair.chart(label(best))));
         }
     }

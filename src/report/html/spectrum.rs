@@ -40,7 +40,7 @@ pub(super) fn section(models: &[Stage]) -> String {
     out.push_str(&figures::plates(&plates));
     let _ = writeln!(
         out,
-        r#"<p class="note">Amplitude spectrum of model − measured, over the whole record. Dotted: odd multiples of the fundamental as measured, the harmonics of a pipe between a supply and a closed valve. Dashed: level of the sensor's noise, above which white noise rises at a third of all frequencies.</p>
+        r#"<p class="note">Amplitude spectrum of model − measured, over the whole record; of frequencies too near each other to be told apart here, the highest amplitude. Dotted: odd multiples of the fundamental as measured, the harmonics of a pipe between a supply and a closed valve. Dashed: level of the sensor’s noise, above which white noise rises at a third of all frequencies.</p>
 </section>"#
     );
     out

@@ -89,23 +89,28 @@ pub(super) fn computation(stages: &[Stage]) -> String {
     if stages.is_empty() {
         return String::new();
     }
+    // The models of a diagnosis have no times of their own.
+    let timed = stages.iter().any(|s| s.fit.seconds > 0.0);
     let rows = stages.iter().map(|stage| {
         let fit = stage.fit;
         let effects = if fit.effects.is_empty() { "none".into() } else { escape(&fit.effects.join(", ")) };
         let done = if fit.converged { "" } else { r#"<span class="flag">stopped early</span> "# };
-        vec![
+        let mut row = vec![
             escape(&stage.title),
             effects,
             format!("<span class=\"prose\">{done}{}</span>", escape(&fit.stopped_because)),
             fit.parameters.len().to_string(),
+            fit.reaches.to_string(),
             fit.evaluations.to_string(),
-            duration(fit.seconds),
-        ]
+        ];
+        row.extend(timed.then(|| duration(fit.seconds)));
+        row
     });
-    let headings = ["model", "effects", "why it stopped", "parameters", "simulations", "time"];
+    let mut headings = vec!["model", "effects", "why it stopped", "parameters", "reaches", "simulations"];
+    headings.extend(timed.then_some("time"));
     format!(
         "<section id=\"computation\"><h2>How it was computed</h2>\n{}<p class=\"note\">Method of characteristics, calibrated by least squares; program version {}.</p></section>\n",
-        table("How each stage was computed", &headings, &[3, 4, 5], rows),
+        table("How each stage was computed", &headings, &[3, 4, 5, 6], rows),
         env!("CARGO_PKG_VERSION")
     )
 }
