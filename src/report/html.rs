@@ -199,7 +199,8 @@ fn colour(stage: usize, stages: usize) -> usize {
     if stage + 1 == stages { 0 } else { 1 + stage % 4 }
 }
 
-/// A table in which the columns of `numbers` hold numbers; cells are HTML.
+/// A table in which the columns of `numbers` hold numbers; cells and headings are HTML. Where there is no room for columns, each cell brings
+/// its heading along.
 fn table(caption: &str, headings: &[&str], numbers: &[usize], rows: impl Iterator<Item = Vec<String>>) -> String {
     let mut out = format!(
         r#"<div class="scroll" tabindex="0" role="region" aria-label="{0}"><table><caption class="hidden">{0}</caption><thead><tr>"#,
@@ -213,7 +214,8 @@ fn table(caption: &str, headings: &[&str], numbers: &[usize], rows: impl Iterato
     for row in rows {
         out.push_str("<tr>");
         for (column, cell) in row.iter().enumerate() {
-            let _ = write!(out, "<td{}>{cell}</td>", class(column));
+            let label = headings.get(column).copied().unwrap_or_default();
+            let _ = write!(out, r#"<td{} data-label="{label}">{cell}</td>"#, class(column));
         }
         out.push_str("</tr>\n");
     }

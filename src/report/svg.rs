@@ -83,7 +83,7 @@ impl Style {
 }
 
 /// Room around the plotting area, px.
-const LEFT: f64 = 62.0;
+const LEFT: f64 = 68.0;
 const RIGHT: f64 = 14.0;
 const BOTTOM: f64 = 44.0;
 const LINE: f64 = 18.0;
@@ -206,7 +206,7 @@ impl LineChart {
         let (mid_x, mid_y) = ((left + right) / 2.0, (top + bottom) / 2.0);
         let _ = write!(
             out,
-            r#"<text x="{mid_x:.1}" y="{:.1}" text-anchor="middle">{}</text><text transform="translate(13 {mid_y:.1}) rotate(-90)" text-anchor="middle">{}</text></g>"#,
+            r#"<text x="{mid_x:.1}" y="{:.1}" text-anchor="middle">{}</text><text transform="translate(10 {mid_y:.1}) rotate(-90)" text-anchor="middle">{}</text></g>"#,
             bottom + 35.0,
             escape(&self.x_label),
             escape(&self.y_label)

@@ -11,7 +11,7 @@ use crate::report::escape::escape;
 /// Size of a correlation from which on two parameters are named: half the variance of one and more is the other's.
 const STRONG: f64 = 0.9;
 /// Most parameters that a table can show; with more only the shared ones are in it.
-const MOST: usize = 24;
+const MOST: usize = 20;
 
 pub(super) fn section(stages: &[Stage]) -> String {
     let Some(last) = stages.last() else { return String::new() };

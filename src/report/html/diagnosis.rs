@@ -118,3 +118,103 @@ fn failings(diagnoses: &[Diagnosis]) -> String {
     out.push_str("</section>\n");
     out
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fit::outcome::{Fit, RunFit, SensorFit};
+    use crate::report::html::html;
+    use crate::rig::Rig;
+
+    const RIG: &str = include_str!("../../../rigs/imperial-pe.toml");
+
+    /// A model 0.3 m off where the noise is 0.03 m.
+    fn fit(effects: &[&str], off_m: f64) -> Fit {
+        let time_s: Vec<f64> = (0..500).map(|i| f64::from(i) * 0.01).collect();
+        let sensor = SensorFit {
+            name: "P1".into(),
+            position_m: 1.0,
+            measured_m: time_s.iter().map(|t| t.sin()).collect(),
+            model_m: time_s.iter().map(|t| t.sin() + off_m).collect(),
+            noise_m: 0.03,
+            rmse_m: off_m,
+            start_rmse_m: 1.0,
+            extrema: vec![],
+            time_s,
+        };
+        Fit {
+            effects: effects.iter().map(|e| (*e).to_owned()).collect(),
+            runs: vec![RunFit {
+                file: "a".into(),
+                rmse_m: off_m,
+                noise_m: 0.03,
+                mape_extrema_percent: 0.0,
+                sensors: vec![sensor],
+            }],
+            parameters: vec![],
+            correlation: vec![],
+            reaches: 64,
+            grid_error_m: 0.0,
+            evaluations: 1,
+            seconds: 0.0,
+            stopped_because: "done".into(),
+            converged: true,
+        }
+    }
+
+    fn candidate(effect: &'static str, probability: f64, rmse_m: f64, alike: &[&'static str]) -> Candidate {
+        Candidate {
+            effect,
+            label: effect.into(),
+            probability,
+            evidence: 5.0,
+            rmse_m,
+            parameters: vec![],
+            indistinguishable_from: alike.to_vec(),
+            fit: Some(fit(&[effect], rmse_m)),
+        }
+    }
+
+    fn page_of(verdict: Verdict, candidates: Vec<Candidate>, next_test: Option<&str>) -> String {
+        let diagnosis = Diagnosis {
+            verdict,
+            start: fit(&[], 0.3),
+            failings: vec!["P1: <much> too high".into()],
+            next_test: next_test.map(str::to_owned),
+            candidates,
+        };
+        let rig = Rig::from_toml(RIG, "rig.toml").unwrap();
+        let mut stages = vec![Stage { title: "base model".into(), fit: &diagnosis.start }];
+        if verdict == Verdict::MissingEffect {
+            stages.push(Stage { title: "+ it".into(), fit: diagnosis.candidates[0].fit.as_ref().unwrap() });
+        }
+        let diagnoses = std::slice::from_ref(&diagnosis);
+        html(&Page { title: "t".into(), rig: &rig, stages, overlays: vec![], diagnoses, energy: None })
+    }
+
+    #[test]
+    fn what_no_effect_explains_is_said_with_the_nearest() {
+        let page = page_of(Verdict::UnknownEffect, vec![candidate("leak", 0.4, 0.27, &[])], None);
+        assert!(page.contains("Something is missing that no effect of the catalogue explains: the base model has RMSE 0.30 m, 10× noise. The nearest, leak, leaves 0.27 m."));
+        assert!(page.contains("+ leak (the nearest)") && page.matches("class=\"bar\"").count() == 2);
+        assert!(page.contains("none can be named") && page.contains("<code>leak</code> (the nearest) over what"));
+        assert!(page.contains("P1: &lt;much&gt; too high"));
+    }
+
+    #[test]
+    fn what_cannot_be_told_apart_is_said_with_the_test_that_would() {
+        let rivals = vec![candidate("leak", 0.6, 0.031, &["blockage"]), candidate("blockage", 0.3, 0.032, &["leak"])];
+        let page = page_of(Verdict::MissingEffect, rivals, Some("halve the flow"));
+        assert!(page.contains("Missing: leak (probability 0.60).") && page.contains("cannot tell leak from blockage."));
+        assert!(
+            page.contains("<strong>Next test:</strong> halve the flow.") && page.contains(">cannot be told from</th>")
+        );
+    }
+
+    #[test]
+    fn without_a_candidate_the_page_still_stands() {
+        let page = page_of(Verdict::UnknownEffect, vec![], None);
+        assert!(page.contains("There was no effect left to try.") && !page.contains("id=\"signature\""));
+        assert!(page.contains("no effect of the catalogue explains") && page.ends_with("</html>\n"));
+    }
+}
