@@ -206,7 +206,7 @@ impl LineChart {
         let (mid_x, mid_y) = ((left + right) / 2.0, (top + bottom) / 2.0);
         let _ = write!(
             out,
-            r#"<text x="{mid_x:.1}" y="{:.1}" text-anchor="middle">{}</text><text transform="translate(10 {mid_y:.1}) rotate(-90)" text-anchor="middle">{}</text></g>"#,
+            r#"<text x="{mid_x:.1}" y="{:.1}" text-anchor="middle">{}</text><text transform="translate(12 {mid_y:.1}) rotate(-90)" text-anchor="middle">{}</text></g>"#,
             bottom + 35.0,
             escape(&self.x_label),
             escape(&self.y_label)

@@ -56,10 +56,15 @@ impl Spectrum {
         points.take_while(move |(f, _)| *f <= most_hz)
     }
 
-    /// Frequency, Hz, of the highest amplitude between two frequencies.
+    /// Frequency, Hz, of the highest amplitude between two frequencies, by a parabola through the logarithms of it and its neighbours.
     pub fn peak_hz(&self, from_hz: f64, to_hz: f64) -> Option<f64> {
-        let inside = self.points(to_hz).filter(|(f, _)| *f >= from_hz);
-        inside.max_by(|a, b| a.1.total_cmp(&b.1)).map(|(f, _)| f)
+        let inside = self.points(to_hz).enumerate().filter(|(_, (f, _))| *f >= from_hz);
+        let (i, (peak_hz, _)) = inside.max_by(|a, b| a.1.1.total_cmp(&b.1.1))?;
+        let log = |i: usize| self.amplitude.get(i).map(|a| a.ln());
+        let around = i.checked_sub(1).and_then(|before| Some((log(before)?, log(i)?, log(i + 1)?)));
+        let shift = around.map_or(0.0, |(a, b, c)| 0.5 * (a - c) / (a - 2.0 * b + c));
+        // At an edge of the band the highest point is no peak, and the parabola's top is anywhere.
+        Some(if shift.abs() <= 1.0 { peak_hz + shift * self.step_hz } else { peak_hz })
     }
 }
 
@@ -108,7 +113,7 @@ mod tests {
             let wave: Vec<f64> = time_s.iter().map(|t| 12.0 + 0.7 * (TAU * frequency_hz * t + 0.4).sin()).collect();
             let spectrum = Spectrum::of(&time_s, &wave).unwrap();
             let peak_hz = spectrum.peak_hz(0.0, 250.0).unwrap();
-            assert!((peak_hz - frequency_hz).abs() <= spectrum.step_hz, "{peak_hz}");
+            assert!((peak_hz - frequency_hz).abs() <= 0.1 * spectrum.step_hz, "{peak_hz}");
             let highest = spectrum.amplitude.iter().copied().fold(0.0, f64::max);
             assert!((highest / 0.7 - 1.0).abs() < 0.03, "{highest}");
             // An octave away there is a thousandth of it.
