@@ -173,7 +173,7 @@ impl LineChart {
     fn axes(&self, out: &mut String, area: Area, x: &Scale, y: &Scale) {
         let Area { left, top, right, bottom } = area;
         out.push_str(r##"<g class="grid" stroke="#ddd" stroke-width="1" fill="none"><path d=""##);
-        let (xs, ys) = (x.ticks(((right - left) / 65.0) as usize), y.ticks(((bottom - top) / 36.0) as usize));
+        let (xs, ys) = (x.ticks(((right - left) / 65.0) as usize), y.ticks(((bottom - top) / 30.0) as usize));
         for t in &xs.at {
             let _ = write!(out, "M{:.1} {top:.1}V{bottom:.1}", x.px(*t));
         }

@@ -53,7 +53,7 @@ async function ranking(page, check, answer) {
       const group = groups.at(-1);
       if (!group) continue;
       for (const row of e.querySelectorAll("tbody tr")) {
-        group.rows.push({ effect: row.cells[0].textContent, probability: Number(row.querySelector("[data-probability]").dataset.probability),
+        group.rows.push({ effect: (row.querySelector("code") ?? row.cells[0]).textContent, probability: Number(row.querySelector("[data-probability]").dataset.probability),
           width: row.querySelector(".probability i").style.width, parameters: row.cells[5].textContent });
       }
       if (e.classList.contains("next")) group.next.push(e.textContent);

@@ -207,7 +207,8 @@ mod tests {
         let page = page_of(Verdict::MissingEffect, rivals, Some("halve the flow"));
         assert!(page.contains("Missing: leak (probability 0.60).") && page.contains("cannot tell leak from blockage."));
         assert!(
-            page.contains("<strong>Next test:</strong> halve the flow.") && page.contains(">cannot be told from</th>")
+            page.contains("<strong>Next test:</strong> halve the flow.")
+                && page.contains(">leak</code><small class=\"alike\">cannot be told from blockage</small>")
         );
     }
 

@@ -62,24 +62,25 @@ fn next_test(diagnosis: &Diagnosis) -> String {
 
 fn rows(diagnosis: &Diagnosis, candidates: &[Candidate], with_none: bool) -> String {
     let start = overall(&diagnosis.start);
-    // Where all can be told apart, a column that says so would only take room.
-    let alike = diagnosis.candidates.iter().any(|c| !c.indistinguishable_from.is_empty());
-    let row = |name: String, p: f64, evidence: String, rmse_m: f64, of: Option<&Candidate>| {
-        let mut row = vec![name, bar(p), evidence, error_m(rmse_m), times(rmse_m, start.noise_m)];
-        row.push(of.map_or(String::new(), parameters));
-        row.extend(alike.then(|| of.map_or(String::new(), |c| escape(&c.indistinguishable_from.join(", ")))));
-        row
+    let row = |name: String, p: f64, evidence: String, rmse_m: f64, parameters: String| {
+        vec![name, bar(p), evidence, error_m(rmse_m), times(rmse_m, start.noise_m), parameters]
     };
-    let rows = candidates.iter().map(|c| {
-        let name = format!("<code class=\"nowrap\">{}</code>", escape(label(c)));
-        row(name, c.probability, minus(&evidence(c.evidence)), c.rmse_m, Some(c))
-    });
+    let rows =
+        candidates.iter().map(|c| row(name(c), c.probability, minus(&evidence(c.evidence)), c.rmse_m, parameters(c)));
     let none = 1.0 - diagnosis.candidates.iter().map(|c| c.probability).sum::<f64>();
-    let last = with_none.then(|| row("none of these".into(), none.clamp(0.0, 1.0), "0".into(), start.rmse_m, None));
-    let mut headings = vec!["effect", "probability", "evidence", "RMSE, m", "× noise", "its parameters"];
-    headings.extend(alike.then_some("cannot be told from"));
+    let last =
+        with_none.then(|| row("none of these".into(), none.clamp(0.0, 1.0), "0".into(), start.rmse_m, String::new()));
+    let headings = ["effect", "probability", "evidence", "RMSE, m", "× noise", "its parameters"];
     let caption = format!("Effects added to the {}", start_model(diagnosis));
     table(&caption, &headings, &[2, 3, 4], rows.chain(last))
+}
+
+fn name(candidate: &Candidate) -> String {
+    let name = format!("<code class=\"nowrap\">{}</code>", escape(label(candidate)));
+    match candidate.indistinguishable_from.as_slice() {
+        [] => name,
+        others => format!("{name}<small class=\"alike\">cannot be told from {}</small>", escape(&others.join(", "))),
+    }
 }
 
 fn bar(p: f64) -> String {
