@@ -15,15 +15,23 @@ pub struct Form {
 /// Most elements with which an effect that has some is tried.
 const MOST_ELEMENTS: usize = 3;
 
-/// Effects of the catalogue that may be added to `start`, in their order, each with its forms.
-pub fn candidates(rig: &Rig, start: &[Chosen]) -> Vec<Vec<Form>> {
+/// Every form of the effects of the catalogue that may be added to `start`, in their order.
+pub fn candidates(rig: &Rig, start: &[Chosen]) -> Vec<Form> {
     CATALOGUE
         .iter()
-        .filter(|effect| {
-            !start.iter().any(|c| base_name(c.effect.name()) == effect.name()) && fits_beside(**effect, start)
-        })
-        .map(|effect| forms(rig, *effect))
+        .filter(|effect| !is_in(**effect, start) && reason_against(**effect, rig, start).is_none())
+        .flat_map(|effect| forms(rig, *effect))
         .collect()
+}
+
+/// Effects that `start` has not and cannot be given, each with the reason.
+pub fn left_out(rig: &Rig, start: &[Chosen]) -> Vec<(&'static str, String)> {
+    let others = CATALOGUE.iter().filter(|effect| !is_in(**effect, start));
+    others.filter_map(|effect| Some((effect.name(), reason_against(*effect, rig, start)?))).collect()
+}
+
+fn is_in(effect: &dyn Effect, start: &[Chosen]) -> bool {
+    start.iter().any(|c| base_name(c.effect.name()) == effect.name())
 }
 
 fn forms(rig: &Rig, effect: &'static dyn Effect) -> Vec<Form> {
@@ -57,7 +65,11 @@ pub fn base_name(name: &str) -> &str {
     name.split('/').next().unwrap_or(name)
 }
 
-fn fits_beside(effect: &dyn Effect, start: &[Chosen]) -> bool {
-    let excluded = |a: &dyn Effect, b: &str| a.excludes().iter().any(|(name, _)| *name == b);
-    !start.iter().any(|c| excluded(effect, c.effect.name()) || excluded(c.effect, effect.name()))
+fn reason_against(effect: &dyn Effect, rig: &Rig, start: &[Chosen]) -> Option<String> {
+    let excluded = |a: &dyn Effect, b: &str| a.excludes().iter().find(|(name, _)| *name == b).map(|(_, why)| *why);
+    let beside = start.iter().find_map(|c| {
+        let why = excluded(effect, c.effect.name()).or_else(|| excluded(c.effect, effect.name()))?;
+        Some(format!("not beside {}: {why}", c.effect.name()))
+    });
+    effect.impossible(rig).map(str::to_owned).or(beside)
 }

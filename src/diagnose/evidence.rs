@@ -19,11 +19,13 @@ pub struct Worth {
 }
 
 impl Worth {
-    /// From the residuals of samples, in units of their noise, that the best model leaves.
-    pub fn of(samples: &[f64]) -> Self {
+    /// From the residuals of samples, in units of their noise, that the best model leaves. What of them is no noise has its causes,
+    /// which repeat: it counts as `features` at most.
+    pub fn of(samples: &[f64], features: f64) -> Self {
         let n = samples.len().max(1) as f64;
         let variance = samples.iter().map(|r| r * r).sum::<f64>() / n;
-        let inflation = correlation_inflation(samples);
+        let systematic = (1.0 - 1.0 / variance.max(1.0)) * n / features;
+        let inflation = correlation_inflation(samples).max(systematic);
         Worth { effective: n / inflation, unit: variance.max(1.0) * inflation }
     }
 
@@ -62,10 +64,19 @@ mod tests {
     #[test]
     fn white_noise_is_worth_what_it_counts() {
         let residuals: Vec<f64> = (0..1000).map(|i| if i % 2 == 0 { 1.0 } else { -1.0 }).collect();
-        let worth = Worth::of(&residuals);
+        let worth = Worth::of(&residuals, 1000.0);
         assert!((worth.effective - 1000.0).abs() < 1e-9 && (worth.unit - 1.0).abs() < 1e-9);
         let slow: Vec<f64> = (0..1000).map(|i| (f64::from(i) / 50.0).sin() * 3.0).collect();
-        let worth = Worth::of(&slow);
+        let worth = Worth::of(&slow, 1000.0);
         assert!(worth.effective < 20.0 && worth.unit > 100.0, "{worth:?}");
+    }
+
+    #[test]
+    fn what_is_no_noise_counts_as_its_features() {
+        let misfit: Vec<f64> = (0..1000).map(|i| if i % 2 == 0 { 10.0 } else { -10.0 }).collect();
+        let worth = Worth::of(&misfit, 20.0);
+        assert!((worth.effective - 20.0).abs() < 0.5, "{worth:?}");
+        let noise: Vec<f64> = misfit.iter().map(|r| 0.1 * r).collect();
+        assert!((Worth::of(&noise, 20.0).effective - 1000.0).abs() < 1e-9);
     }
 }

@@ -12,7 +12,7 @@ use crate::fit::least_squares::{Problem, jacobian};
 use crate::fit::outcome::Fit;
 use crate::fit::problem::{Calibration, Window};
 use crate::model::constraint::Constraint;
-use crate::model::effects::{Chosen, parse_list};
+use crate::model::effects::{Chosen, Circumstances, parse_list, vapour_head_m};
 use crate::model::{Model, ModelError};
 use crate::rig::Rig;
 
@@ -20,6 +20,8 @@ use crate::rig::Rig;
 const COARSE_REACHES: usize = 48;
 /// Bins a sensor.
 const BINS: usize = 3000;
+/// Features of a half cycle.
+const FEATURES: f64 = 3.0;
 
 /// See the module.
 pub struct Ground<'a> {
@@ -27,6 +29,8 @@ pub struct Ground<'a> {
     pub rig: &'a Rig,
     /// The runs, binned and corrected.
     pub runs: Vec<RunData>,
+    /// What speaks for or against an effect before any fit.
+    pub known: Circumstances<'a>,
     /// What has been settled about parameters.
     constraints: Vec<Constraint>,
     /// The start model's effects, their open choices decided.
@@ -92,6 +96,7 @@ impl<'a> Ground<'a> {
         let columns = columns.iter().map(|c| seen(c, samples, meters)).collect();
         Ok(Ground {
             rig,
+            known: Circumstances { rig, above_vapour_m: above_vapour_m(rig, recorded) },
             constraints: constraints.to_vec(),
             effects,
             shared,
@@ -104,6 +109,13 @@ impl<'a> Ground<'a> {
             values,
             runs,
         })
+    }
+
+    /// What can be told apart in a record at most, however often it was sampled, where something other than noise is left: a few
+    /// features (front, plateau, way back) a half cycle of each sensor.
+    pub fn features(&self) -> f64 {
+        let halves: usize = self.runs.iter().flat_map(|r| &r.extrema).map(Vec::len).sum();
+        FEATURES * halves.max(1) as f64
     }
 
     /// Number of recorded samples behind the bins.
@@ -192,6 +204,15 @@ fn seen(all: &[f64], samples: usize, meters: usize) -> Vec<f64> {
 
 pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(x, y)| x * y).sum()
+}
+
+/// By how much the lowest pressure in any record stays above that of vapour, m.
+fn above_vapour_m(rig: &Rig, runs: &[RunData]) -> f64 {
+    let margin = |run: &RunData, s: &SensorData| {
+        let boiling_m = rig.elevation_m(s.sensor.position_m) + vapour_head_m(&run.conditions.water);
+        s.head_m.iter().copied().fold(f64::INFINITY, f64::min) - boiling_m
+    };
+    runs.iter().flat_map(|run| run.sensors.iter().map(move |s| margin(run, s))).fold(f64::INFINITY, f64::min)
 }
 
 /// The runs with their samples averaged, shifted by what the model at `values` changes from `fine` reaches to `coarse` ones.

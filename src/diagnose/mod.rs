@@ -47,6 +47,8 @@ const POOR: f64 = 1.5;
 const FROM_SCRATCH: usize = 4;
 /// Error over noise of the start model up to which its parameters cannot be far astray.
 const ASTRAY: f64 = 3.0;
+/// Odds before any fit from which on an effect is at work for certain, whatever it leaves unexplained.
+const CERTAIN: f64 = 100.0;
 /// Times the best candidate's square: what leaves more is not worth a full fit.
 const HOPELESS: f64 = 4.0;
 /// What a diagnosis says.
@@ -103,6 +105,8 @@ pub struct Diagnosis {
     pub failings: Vec<String>,
     /// Effects that could be missing, best first.
     pub candidates: Vec<Candidate>,
+    /// Effects that were not tried, each with the reason.
+    pub left_out: Vec<(&'static str, String)>,
     /// What would tell the best apart, where these data cannot.
     pub next_test: Option<String>,
 }
@@ -126,18 +130,19 @@ pub fn diagnose(
     let Some(closest) = refits.iter().min_by(|a, b| a.square.total_cmp(&b.square)) else {
         return Ok(Diagnosis {
             verdict: unexplained(&start, total_noise_m(runs)),
+            left_out: candidate::left_out(rig, &ground.effects),
             start,
             failings,
             candidates: Vec::new(),
             next_test: None,
         });
     };
-    let coarse = Worth::of(&closest.residuals[..ground.samples]);
+    let coarse = Worth::of(&closest.residuals[..ground.samples], ground.features());
     let mut rivals: Vec<Rival> = best_forms(&refits, |r| coarse.evidence(ground.square, r.square, r.added))
         .into_iter()
         .map(|(evidence, refit)| Rival::forecast(&ground, &start, refit, evidence))
         .collect();
-    let by_odds = |a: &Rival, b: &Rival| b.log_odds(rig).total_cmp(&a.log_odds(rig));
+    let by_odds = |a: &Rival, b: &Rival| b.log_odds(&ground.known).total_cmp(&a.log_odds(&ground.known));
     rivals.sort_by(by_odds);
     let finisher = Finisher { rig, runs, effects, options, progress };
     let hopeless = HOPELESS * rivals[0].square;
@@ -162,7 +167,7 @@ pub fn diagnose(
     }
     let fine = rivals.iter().filter_map(|r| r.fit.as_ref()).min_by(|a, b| square(a).total_cmp(&square(b)));
     if let Some(best) = fine {
-        let worth = worth(best);
+        let worth = worth(best, ground.features());
         rivals.iter_mut().for_each(|r| r.evidence = worth.evidence(square(&start), r.square, r.refit.added));
     }
     // What is not worth a model is no explanation, however sure.
@@ -175,17 +180,19 @@ pub fn diagnose(
         }
     }
     rivals.sort_by(by_odds);
-    let shares = probabilities(&rivals.iter().map(|r| (r.evidence, r.odds(rig))).collect::<Vec<_>>());
-    let candidates: Vec<Candidate> =
-        (0..rivals.len()).map(|i| candidate(&ground, rig, &rivals, i, shares[i])).collect();
-    let verdict = verdict(&start, noise_m, &candidates);
+    let shares = probabilities(&rivals.iter().map(|r| (r.evidence, r.odds(&ground.known))).collect::<Vec<_>>());
+    let candidates: Vec<Candidate> = (0..rivals.len()).map(|i| candidate(&ground, &rivals, i, shares[i])).collect();
+    // A record on the floor of vapour pressure has cavities, however well or badly a model of them follows their collapse.
+    let certain = rivals.first().is_some_and(|r| r.odds(&ground.known) >= CERTAIN);
+    let verdict = verdict(&start, noise_m, &candidates, certain);
     let other =
         candidates.first().filter(|_| verdict == Verdict::MissingEffect).and_then(|c| c.indistinguishable_from.first());
     let next_test = other.and_then(|name| {
         let other = rivals.iter().find(|r| r.refit.form.effect == *name)?;
         next_test::next_test(&ground, rivals[0].refit, other.refit)
     });
-    Ok(Diagnosis { verdict, failings, start, candidates, next_test })
+    let left_out = candidate::left_out(rig, &ground.effects);
+    Ok(Diagnosis { verdict, failings, start, candidates, left_out, next_test })
 }
 
 /// The start model, fitted before, with one effect more: fitted to all samples, with the evidence for it.
@@ -218,13 +225,13 @@ pub fn grow(
     let best = fits.into_iter().flatten().min_by(|a, b| square(a).total_cmp(&square(b)));
     let best = best.ok_or_else(|| failures.into_iter().find_map(Result::err).unwrap_or(FitError::NoRun))?;
     let parameters = best.parameters.len() - start.parameters.len();
-    let evidence = worth(&best).evidence(square(start), square(&best), parameters);
+    let evidence = worth(&best, ground.features()).evidence(square(start), square(&best), parameters);
     Ok((best, evidence))
 }
 
 /// A glimpse of every form; those of the most promising effects are followed.
 fn refits(ground: &Ground, progress: &(dyn Fn(&str) + Sync)) -> Vec<Refit> {
-    let forms: Vec<_> = candidate::candidates(ground.rig, &ground.effects).into_iter().flatten().collect();
+    let forms: Vec<_> = candidate::candidates(ground.rig, &ground.effects);
     let done = AtomicUsize::new(0);
     let glimpses: Vec<Refit> = forms
         .par_iter()
@@ -251,12 +258,12 @@ fn refits(ground: &Ground, progress: &(dyn Fn(&str) + Sync)) -> Vec<Refit> {
         .collect()
 }
 
-fn candidate(ground: &Ground, rig: &Rig, rivals: &[Rival], i: usize, probability: f64) -> Candidate {
+fn candidate(ground: &Ground, rivals: &[Rival], i: usize, probability: f64) -> Candidate {
     let rival = &rivals[i];
     let near = rivals.iter().enumerate().filter(|(j, other)| {
         *j != i
             && other.evidence > LEAST_EVIDENCE
-            && (other.log_odds(rig) - rival.log_odds(rig)).abs() < INDISTINGUISHABLE
+            && (other.log_odds(&ground.known) - rival.log_odds(&ground.known)).abs() < INDISTINGUISHABLE
     });
     let samples: usize = ground.run_samples();
     let parameters = rival.own_parameters(ground);
@@ -290,14 +297,14 @@ fn unexplained(start: &Fit, noise_m: f64) -> Verdict {
     if rmse_m <= NOISE * noise_m { Verdict::NothingMissing } else { Verdict::UnknownEffect }
 }
 
-fn verdict(start: &Fit, noise_m: f64, candidates: &[Candidate]) -> Verdict {
+fn verdict(start: &Fit, noise_m: f64, candidates: &[Candidate], certain: bool) -> Verdict {
     let (rmse_m, _) = start.pooled();
     let Some(best) = candidates.first().filter(|c| c.evidence >= LEAST_EVIDENCE) else {
         return unexplained(start, noise_m);
     };
     let excess = |rmse: f64| (rmse.powi(2) - noise_m.powi(2)).max(0.0);
     let left = excess(best.rmse_m) / excess(rmse_m).max(f64::MIN_POSITIVE);
-    if left > LEFT_SHARE && best.rmse_m > LEFT_OVER_NOISE * noise_m {
+    if !certain && left > LEFT_SHARE && best.rmse_m > LEFT_OVER_NOISE * noise_m {
         Verdict::UnknownEffect
     } else {
         Verdict::MissingEffect

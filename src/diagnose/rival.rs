@@ -6,7 +6,7 @@ use super::refit::Refit;
 use crate::fit::calibrate::{FitError, Options, Progress, calibrate, refine};
 use crate::fit::data::RunData;
 use crate::fit::outcome::{Fit, FittedParameter};
-use crate::model::effects::{Chosen, parse_list};
+use crate::model::effects::{Chosen, Circumstances, parse_list};
 use crate::rig::Rig;
 
 /// Finest grid of a fit with cavities: the spikes of their collapse belong to the grid (Bergant, Simpson & Tijsseling 2006).
@@ -28,12 +28,12 @@ impl<'a> Rival<'a> {
         Rival { refit, evidence, square: square(start) * left, fit: None }
     }
 
-    pub(super) fn odds(&self, rig: &Rig) -> f64 {
-        self.refit.form.chosen.effect.odds(rig)
+    pub(super) fn odds(&self, known: &Circumstances) -> f64 {
+        self.refit.form.chosen.effect.odds(known)
     }
 
-    pub(super) fn log_odds(&self, rig: &Rig) -> f64 {
-        tempered(self.evidence) + self.odds(rig).ln()
+    pub(super) fn log_odds(&self, known: &Circumstances) -> f64 {
+        tempered(self.evidence) + self.odds(known).ln()
     }
 
     /// Keeps a fit if it is better than the one known.
@@ -85,14 +85,14 @@ pub(super) fn square(fit: &Fit) -> f64 {
 }
 
 /// What a fit's residuals say evidence is worth.
-pub(super) fn worth(fit: &Fit) -> Worth {
+pub(super) fn worth(fit: &Fit, features: f64) -> Worth {
     let residuals: Vec<f64> = fit
         .runs
         .iter()
         .flat_map(|r| &r.sensors)
         .flat_map(|s| s.measured_m.iter().zip(&s.model_m).map(|(a, b)| (a - b) / s.noise_m))
         .collect();
-    Worth::of(&residuals)
+    Worth::of(&residuals, features)
 }
 
 /// The best form of each effect, with its evidence.

@@ -13,6 +13,13 @@ struct Document<'a> {
     candidates: Vec<Rival<'a>>,
     next_test: &'a str,
     fails: &'a [String],
+    not_tried: Vec<LeftOut<'a>>,
+}
+
+#[derive(Serialize)]
+struct LeftOut<'a> {
+    effect: &'a str,
+    reason: &'a str,
 }
 
 #[derive(Serialize)]
@@ -54,6 +61,7 @@ pub fn json(diagnosis: &Diagnosis) -> serde_json::Result<String> {
         candidates: diagnosis.candidates.iter().map(rival).collect(),
         next_test: diagnosis.next_test.as_deref().unwrap_or(""),
         fails: &diagnosis.failings,
+        not_tried: diagnosis.left_out.iter().map(|(effect, reason)| LeftOut { effect, reason }).collect(),
     })
 }
 
@@ -134,6 +142,9 @@ pub fn text(diagnosis: &Diagnosis) -> String {
                 c.indistinguishable_from.join(", ")
             );
         }
+    }
+    for (effect, reason) in &diagnosis.left_out {
+        let _ = writeln!(out, "\nNot tried: {effect}: {reason}.");
     }
     if let Some(test) = &diagnosis.next_test {
         let _ = writeln!(out, "\nNext test: {test}.");

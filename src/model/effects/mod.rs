@@ -82,10 +82,24 @@ pub struct Scene<'a> {
     pub valve_head_m: f64,
 }
 
+/// What is known, before any fit, that speaks for or against an effect.
+#[derive(Debug, Clone, Copy)]
+pub struct Circumstances<'a> {
+    /// The rig.
+    pub rig: &'a Rig,
+    /// By how much the lowest pressure that any sensor saw stays above that of vapour, m.
+    pub above_vapour_m: f64,
+}
+
+/// Gauge pressure head of vapour, m: below this above the pipe's axis the water boils.
+pub fn vapour_head_m(water: &WaterProperties) -> f64 {
+    (water.vapour_pressure_pa - ATMOSPHERE_PA) / (water.density_kg_m3 * crate::units::GRAVITY_M_S2)
+}
+
 impl Scene<'_> {
-    /// Gauge pressure head of vapour, m: below this above the pipe's axis the water boils.
+    /// [`vapour_head_m`] of its water.
     pub fn vapour_head_m(&self) -> f64 {
-        (self.water.vapour_pressure_pa - ATMOSPHERE_PA) / (self.water.density_kg_m3 * crate::units::GRAVITY_M_S2)
+        vapour_head_m(self.water)
     }
 
     /// Head of the atmosphere, m.
@@ -167,9 +181,14 @@ pub trait Effect: Sync {
     fn excludes(&self) -> &'static [(&'static str, &'static str)] {
         &[]
     }
-    /// Odds, before any data, that a rig has it, against the others: below 1 where its material or build speaks against it.
-    fn odds(&self, rig: &Rig) -> f64 {
+    /// Why a rig cannot have it, where it cannot: a diagnosis leaves it out then, a person may still add it.
+    fn impossible(&self, rig: &Rig) -> Option<&'static str> {
         let _ = rig;
+        None
+    }
+    /// Odds that it is at work, against other effects, before any fit.
+    fn odds(&self, known: &Circumstances) -> f64 {
+        let _ = known;
         1.0
     }
     /// These values of it are more than what every rig has of it: instruments within their class are no fault.

@@ -1,6 +1,6 @@
 //! Column separation: where the pressure falls to that of vapour, a cavity opens and holds it there until it is filled again.
 
-use super::{Effect, Scene, Site, Spot, check};
+use super::{Circumstances, Effect, Scene, Site, Spot, check};
 use crate::model::ModelError;
 use crate::model::gas;
 use crate::model::node::Shunt;
@@ -16,6 +16,9 @@ pub struct VapourCavity;
 /// cavities of a region near vapour pressure, which without any gas collapse one after the other in spikes that no measurement
 /// shows. It is fixed: any other that is as small leaves the same trace (Wylie 1984; Bergant, Simpson & Tijsseling 2006, J. Fluids Struct. 22:135-171, recommend 1e-7 or less).
 const GAS_FRACTION: f64 = 1e-7;
+
+/// How near to vapour pressure a record must come to be on its floor, m: zero errors of sensors and weather are of this size.
+const FLOOR_M: f64 = 1.0;
 
 impl Effect for VapourCavity {
     fn name(&self) -> &'static str {
@@ -41,6 +44,10 @@ impl Effect for VapourCavity {
 
     fn lets_boil(&self) -> bool {
         true
+    }
+    /// Where the record lies on the floor of vapour pressure, the water boils: nothing else stops a fall there.
+    fn odds(&self, known: &Circumstances) -> f64 {
+        if known.above_vapour_m < FLOOR_M { 100.0 } else { 1.0 }
     }
     /// Where the water boils follows from its temperature; how fast a cavity fills at the end is all that can be fitted.
     fn parameters(&self, _site: &Site, _elements: usize) -> Vec<Parameter> {

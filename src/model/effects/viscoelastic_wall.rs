@@ -5,6 +5,7 @@ use crate::model::ModelError;
 use crate::model::parameter::Parameter;
 use crate::model::solver::{Implicit, LineTerm, Steady};
 use crate::model::wide::widened;
+use crate::rig::Rig;
 use crate::units::GRAVITY_M_S2;
 
 /// See the module.
@@ -30,11 +31,12 @@ impl Effect for ViscoelasticWall {
         Some(1..=5)
     }
 
-    /// `J1_per_GPa, tau1_s, J2_per_GPa, tau2_s, …`, spread evenly (in ratio) around the period.
-    fn odds(&self, rig: &crate::rig::Rig) -> f64 {
-        // Metal creeps at no pressure that a water-hammer test reaches; a wrong material in the rig file stays possible.
-        if rig.pipes.iter().any(|p| p.material().viscoelastic) { 1.0 } else { 0.01 }
+    fn impossible(&self, rig: &Rig) -> Option<&'static str> {
+        // A wrong material in the rig file stays possible, but that is the file's fault.
+        let creeps = rig.pipes.iter().any(|p| p.material().viscoelastic);
+        (!creeps).then_some("no pipe of the rig is of a material that creeps at room temperature")
     }
+    /// `J1_per_GPa, tau1_s, J2_per_GPa, tau2_s, …`, spread evenly (in ratio) around the period.
     fn parameters(&self, site: &Site, elements: usize) -> Vec<Parameter> {
         // The creep compliance in units of the wall's whole effect on the wave speed, e/(a² c₁ ρ D).
         let pipe = site.rig.pipes.iter().find(|p| p.material().viscoelastic).unwrap_or(&site.rig.pipes[0]);
