@@ -179,6 +179,7 @@ mod tests {
         let diagnosis = Diagnosis {
             verdict,
             start: fit(&[], 0.3),
+            left_out: vec![("moving-valve", "for a <reason>".into())],
             failings: vec!["P1: <much> too high".into()],
             next_test: next_test.map(str::to_owned),
             candidates,
@@ -199,6 +200,7 @@ mod tests {
         assert!(page.contains("+ leak (the nearest)") && page.matches("class=\"bar\"").count() == 2);
         assert!(page.contains("none can be named") && page.contains("<code>leak</code> (the nearest) over what"));
         assert!(page.contains("P1: &lt;much&gt; too high"));
+        assert!(page.contains("Not tried: <code>moving-valve</code>, for a &lt;reason&gt;."));
     }
 
     #[test]

@@ -16,9 +16,10 @@ pub(super) fn section(diagnoses: &[Diagnosis]) -> String {
     for diagnosis in diagnoses {
         out.push_str(&format!("<h3>Effects added to the {}</h3>\n", escape(&start_model(diagnosis))));
         out.push_str(&candidates(diagnosis));
+        out.push_str(&left_out(diagnosis));
         out.push_str(&next_test(diagnosis));
     }
-    out.push_str("<p class=\"note\">The probability that an effect is the one that is missing follows from the evidence, the natural logarithm of its odds against the model without it; “none of these” has evidence 0. 0.1321(6) stands for 0.1321 ± 0.0006, one standard error; candidates that were not worth a full fit have none.</p>\n</section>\n");
+    out.push_str("<p class=\"note\">The probability that an effect is the one that is missing follows from how likely it is before any fit and from the evidence, the natural logarithm of its odds against the model without it, a quarter of which counts because models err in ways that noise does not know of; “none of these” has evidence 0. 0.1321(6) stands for 0.1321 ± 0.0006, one standard error; candidates that were not worth a full fit have none.</p>\n</section>\n");
     out
 }
 
@@ -42,6 +43,13 @@ fn candidates(diagnosis: &Diagnosis) -> String {
         out += &format!("<details><summary>{} less likely</summary>\n{rest}</details>\n", folded.len());
     }
     out
+}
+
+/// What was not tried, and why.
+fn left_out(diagnosis: &Diagnosis) -> String {
+    let each = diagnosis.left_out.iter().map(|(effect, why)| format!("<code>{effect}</code>, {}", escape(why)));
+    let said: Vec<String> = each.collect();
+    if said.is_empty() { String::new() } else { format!("<p class=\"note\">Not tried: {}.</p>\n", said.join("; ")) }
 }
 
 /// The test that would tell the best candidates apart, or why there is none to make.
