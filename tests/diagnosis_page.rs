@@ -56,6 +56,10 @@ fn ranking_is_of(page: &str, answer: &Value) {
             assert!(row.contains(&format!("{} = ", parameter["name"].as_str().unwrap())), "{parameter}: {row}");
         }
     }
+    for effect in answer["not_tried"].as_array().unwrap() {
+        let (name, reason) = (effect["effect"].as_str().unwrap(), effect["reason"].as_str().unwrap());
+        assert!(last.contains(&format!("<code>{name}</code>: {reason}")), "{name} was not tried: {reason}");
+    }
     for sentence in answer["fails"].as_array().unwrap() {
         assert!(section(page, "failings").contains(sentence.as_str().unwrap()), "{sentence}");
     }

@@ -200,7 +200,7 @@ mod tests {
         assert!(page.contains("+ leak (the nearest)") && page.matches("class=\"bar\"").count() == 2);
         assert!(page.contains("none can be named") && page.contains("<code>leak</code> (the nearest) over what"));
         assert!(page.contains("P1: &lt;much&gt; too high"));
-        assert!(page.contains("Not tried: <code>moving-valve</code>, for a &lt;reason&gt;."));
+        assert!(page.contains("Not tried: <code>moving-valve</code>: for a &lt;reason&gt;."));
     }
 
     #[test]

@@ -47,7 +47,7 @@ fn candidates(diagnosis: &Diagnosis) -> String {
 
 /// What was not tried, and why.
 fn left_out(diagnosis: &Diagnosis) -> String {
-    let each = diagnosis.left_out.iter().map(|(effect, why)| format!("<code>{effect}</code>, {}", escape(why)));
+    let each = diagnosis.left_out.iter().map(|(effect, why)| format!("<code>{effect}</code>: {}", escape(why)));
     let said: Vec<String> = each.collect();
     if said.is_empty() { String::new() } else { format!("<p class=\"note\">Not tried: {}.</p>\n", said.join("; ")) }
 }
