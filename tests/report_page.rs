@@ -95,6 +95,7 @@ fn fit(effects: &[&str], sensors: Vec<SensorFit>, parameters: Vec<FittedParamete
             sensors,
         }],
         parameters,
+        correlation: vec![],
         reaches: 64,
         grid_error_m: 0.001,
         evaluations: 312,
@@ -190,7 +191,7 @@ fn stages<'a>(fits: &[(&str, &'a Fit)]) -> Vec<Stage<'a>> {
 }
 
 fn page(title: &str, rig: &Rig, stages: Vec<Stage>, overlays: Vec<Overlay>) -> String {
-    html(&Page { title: title.into(), rig, stages, overlays })
+    html(&Page { title: title.into(), rig, stages, overlays, diagnoses: &[], energy: None })
 }
 
 /// The data that the page's script reads.
@@ -349,7 +350,7 @@ fn numbers_that_are_not_finite_are_left_out() {
     wall.parameters[0].value = f64::NAN;
     let text = page("odd", &rig("r"), stages(&[("a", &wall)]), vec![]);
     keep("report-nan.html", &text);
-    let body = text.split("<body>").nth(1).expect("a body").split("<script").next().expect("text before the data");
+    let body = text.split("<body").nth(1).expect("a body").split("<script").next().expect("text before the data");
     assert!(!body.contains("NaN") && !body.contains(">inf") && !body.contains("Infinity"));
     assert_eq!(data(&text)["panels"][0]["models"][0][10], Value::Null);
     assert!(table::calibration(&stages(&[("a", &wall)])).contains("not a number"));

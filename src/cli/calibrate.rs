@@ -9,11 +9,13 @@ use indicatif::{ProgressBar, ProgressStyle};
 
 use super::load::{self, Loaded};
 use super::{CommandResult, Outcome, hold, models, output};
+use crate::diagnose::Diagnosis;
 use crate::fit::calibrate::{FitError, Options, Progress, calibrate};
 use crate::fit::conflict::conflicts;
 use crate::fit::data::RunData;
 use crate::fit::outcome::Fit;
 use crate::model::effects::{Chosen, parse_list};
+use crate::model::energy::Energy;
 use crate::report::html::{Page, html};
 use crate::report::{Stage, json, table};
 use crate::rig::Rig;
@@ -151,9 +153,24 @@ pub fn write_report(
     loaded: &[Loaded],
     stages: Vec<Stage>,
 ) -> Result<(), Box<dyn std::error::Error + Send + Sync>> {
+    write_page(path, rig, loaded, stages, &[], None)
+}
+
+/// The same with what a diagnosis knows beside the fits.
+///
+/// # Errors
+/// As [`write_report`].
+pub fn write_page(
+    path: &std::path::Path,
+    rig: &Rig,
+    loaded: &[Loaded],
+    stages: Vec<Stage>,
+    diagnoses: &[Diagnosis],
+    energy: Option<Energy>,
+) -> Result<(), Box<dyn std::error::Error + Send + Sync>> {
     let files: Vec<&str> = loaded.iter().map(|l| l.file.as_str()).collect();
     let title = format!("{} on rig {}", files.join(", "), rig.name);
-    let page = html(&Page { title, rig, stages, overlays: Vec::new() });
+    let page = html(&Page { title, rig, stages, overlays: Vec::new(), diagnoses, energy });
     output::check_report(path)?;
     output::write(path, &page)
 }

@@ -2,10 +2,11 @@
 
 use std::path::PathBuf;
 
-use super::calibrate::{progress_bar, title, write_report};
+use super::calibrate::{progress_bar, title, write_page};
 use super::{CommandResult, Outcome, load, models, output};
 use crate::diagnose::{Diagnosis, Verdict, diagnose};
 use crate::fit::calibrate::Options;
+use crate::fit::energy::energy_of;
 use crate::fit::outcome::Fit;
 use crate::model::effects::{Chosen, parse_list};
 use crate::report::{Stage, diagnosis};
@@ -69,14 +70,14 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         effects = current.chosen();
     }
     let mut models: Vec<(String, Fit)> = Vec::new();
-    let mut last: Option<Diagnosis> = None;
+    let mut diagnoses: Vec<Diagnosis> = Vec::new();
     for _ in 0..=MOST_ADDED {
         let bar = progress_bar();
         let found = diagnose(&rig, &runs, &effects, &options, &|message| bar.set_message(message.to_owned()));
         bar.finish_and_clear();
         let found = found?;
         if models.is_empty() {
-            models.push((title(&effects), found.start.clone()));
+            models.push((title(&decided(&found.start, &effects)), found.start.clone()));
         }
         if let Some(file) = file.as_mut().filter(|f| f.models.is_empty()) {
             file.append(&found.start, "the start of a diagnosis", None, models::now());
@@ -93,7 +94,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         if args.until_done && !json {
             super::say_text!(diagnosis::text(&found));
         }
-        last = Some(found);
+        diagnoses.push(found);
         let Some((grown, fit)) = added else { break };
         models.push((title(&grown), fit));
         effects = grown;
@@ -101,13 +102,13 @@ pub fn run(args: Args, json: bool) -> CommandResult {
             break;
         }
     }
-    let Some(last) = last else { return Ok(Outcome::Done) };
+    let Some(last) = diagnoses.last() else { return Ok(Outcome::Done) };
     if json {
-        super::say!("{}", diagnosis::json(&last)?);
+        super::say!("{}", diagnosis::json(last)?);
     } else if args.until_done {
         super::say_text!(staircase(&models));
     } else {
-        super::say_text!(diagnosis::text(&last));
+        super::say_text!(diagnosis::text(last));
     }
     if let (Some(path), Some(file)) = (&args.apply, &file) {
         models::save(file, path)?;
@@ -116,10 +117,16 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     // last, so that a page that cannot be written costs no result
     if let Some(path) = &args.report {
         let stages = models.iter().map(|(title, fit)| Stage { title: title.clone(), fit }).collect();
-        write_report(path, &rig, &loaded, stages)?;
+        let energy = models.last().and_then(|(_, fit)| energy_of(&rig, &runs, fit, 0).ok().flatten());
+        write_page(path, &rig, &loaded, stages, &diagnoses, energy)?;
         super::tell!("report: {}", path.display());
     }
     Ok(Outcome::Done)
+}
+
+/// The effects of a fit, their open choices decided, of those that were asked for.
+fn decided(fit: &Fit, asked: &[Chosen]) -> ::std::vec::Vec<Chosen> {
+    parse_list(&fit.effects.join(",")).unwrap_or_else(|_| asked.to_vec())
 }
 
 /// The errors of the models, one after the other.

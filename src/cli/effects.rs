@@ -230,6 +230,7 @@ impl Example {
             y_label: format!("head at {}, m", self.sensor),
             series: vec![series(0, "base model", |p| p.1), series(1, &format!("with {}", self.label), |p| p.2)],
             log_y: false,
+            marks: Vec::new(),
         }
     }
 

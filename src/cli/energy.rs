@@ -32,11 +32,8 @@ fn rows(energy: &Energy, mut out: impl Write, times_s: impl Iterator<Item = f64>
 
 /// What came in and who has taken it by the end, in a sentence.
 pub fn sentence(energy: &Energy, duration_s: f64) -> String {
-    let takers = energy.takers(duration_s);
-    // Shares of all that was taken: an account below zero has given.
-    let whole = takers.iter().map(|t| t.1.max(0.0)).sum::<f64>().max(f64::MIN_POSITIVE);
     let shares: Vec<String> =
-        takers.iter().map(|(name, joules)| format!("{name} {:.1}%", 100.0 * joules / whole)).collect();
+        energy.shares(duration_s).iter().map(|(name, share)| format!("{name} {:.1}%", 100.0 * share)).collect();
     format!(
         "energy: {:.4} J of motion before the closure, {:+.4} J from the supply; after {duration_s:.3} s: {}; unaccounted for at \
          most {:.0e} of the motion",

@@ -31,8 +31,7 @@ const TESTS: [Test; 5] = [
 
 /// The test in which two rivals, as fitted, differ most, in words; `None` where they cannot be simulated there.
 pub fn next_test(ground: &Ground, one: &Refit, other: &Refit) -> Option<String> {
-    let run = &ground.runs[0];
-    let noise_m = run.sensors.iter().map(|s| s.noise_m).fold(f64::INFINITY, f64::min);
+    let noise_m = ground.noise_m();
     let differences: Vec<Option<f64>> = TESTS
         .par_iter()
         .map(|test| {

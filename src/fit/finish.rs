@@ -8,7 +8,7 @@ use super::compare::{Pair, mape_percent, rmse};
 use super::least_squares::{Limits, Problem, Solution, Stop, jacobian};
 use super::outcome::{Fit, FittedParameter, RunFit, SensorFit};
 use super::problem::{Calibration, Window};
-use super::uncertainty::{gauss_newton_step, standard_errors};
+use super::uncertainty::{correlation, gauss_newton_step, standard_errors};
 use crate::model::effects::Chosen;
 use crate::model::{Model, ModelError};
 
@@ -140,6 +140,7 @@ impl Fitter<'_> {
             effects: model.effects.iter().map(Chosen::label).collect(),
             runs,
             parameters,
+            correlation: correlation(&columns, &solution.at_bound),
             reaches,
             grid_error_m: 0.25 * pull.error_m,
             evaluations: self.evaluations.load(Ordering::Relaxed),

@@ -5,6 +5,8 @@ pub mod calibrate;
 pub mod compare;
 pub mod conflict;
 pub mod data;
+
+pub mod energy;
 mod finish;
 pub mod least_squares;
 pub mod model_file;

@@ -89,6 +89,8 @@ pub struct Fit {
     pub runs: Vec<RunFit>,
     /// Shared and per-run parameters.
     pub parameters: Vec<FittedParameter>,
+    /// Correlation between the errors of each two parameters, in the order of `parameters`; NaN for what is at a bound.
+    pub correlation: Vec<Vec<f64>>,
     /// Reaches of the grid of the final fit.
     pub reaches: usize,
     /// What halving the grid's step would still change, rms over all samples, m.

@@ -9,9 +9,10 @@ use super::calibrate::FitError;
 use super::data::{RunData, RunStart};
 use super::least_squares::Problem;
 use crate::model::constraint::Constraint;
+use crate::model::energy::Energy;
 use crate::model::parameter::{Parameter, Scale};
 use crate::model::trace::{Probe, Trace};
-use crate::model::{Conditions, Model, ModelError, Resolution, RunValues};
+use crate::model::{Conditions, Model, ModelError, Resolution, RunValues, Simulated};
 
 /// Index of the closure's start among a run's variables; those that the model takes come before it, offsets after it.
 const CLOSURE_START: usize = RunValues::COUNT;
@@ -34,6 +35,10 @@ pub struct Modelled {
     /// Flow before the closure at the flow meter, m³/s.
     pub meter_flow_m3_s: Option<f64>,
 }
+
+/// [`Model::simulate`] or [`Model::simulate_with_energy`].
+type Simulate<'a> =
+    fn(&Model<'a>, &Conditions, &[f64], &RunValues, Resolution, &[Probe]) -> Result<Simulated, ModelError>;
 
 /// See the module.
 pub struct Calibration<'a> {
@@ -237,6 +242,31 @@ impl<'a> Calibration<'a> {
     /// As [`Model::simulate`].
     pub fn modelled(&self, r: usize, values: &[f64], reaches: usize) -> Result<Modelled, ModelError> {
         let run = &self.runs[r];
+        let simulated = self.simulated(r, values, reaches, Model::simulate)?;
+        let shared = &values[..self.model.shared.len()];
+        let meter_flow_m3_s = run.meter.as_ref().map(|m| simulated.steady_flow_m3_s(m.position_m));
+        let sensed = run.sensors.iter().zip(simulated.traces);
+        let traces = sensed.map(|(s, trace)| self.model.sensed(shared, &s.sensor, trace)).collect::<Result<_, _>>()?;
+        Ok(Modelled { traces, meter_flow_m3_s })
+    }
+
+    /// Where the energy goes in a run, from the start of its closure to its last sample that enters.
+    ///
+    /// # Errors
+    /// As [`Model::simulate`].
+    pub fn energy(&self, r: usize, values: &[f64], reaches: usize) -> Result<Option<Energy>, ModelError> {
+        Ok(self.simulated(r, values, reaches, Model::simulate_with_energy)?.energy)
+    }
+
+    /// What one of the model's ways to simulate makes of a run.
+    fn simulated(
+        &self,
+        r: usize,
+        values: &[f64],
+        reaches: usize,
+        simulate: Simulate<'a>,
+    ) -> Result<Simulated, ModelError> {
+        let run = &self.runs[r];
         let own = &values[self.run_offsets[r]..];
         let run_values = RunValues::from_slice(own.first_chunk().unwrap_or(&[f64::NAN; RunValues::COUNT]));
         let closure_start = own[CLOSURE_START];
@@ -257,11 +287,7 @@ impl<'a> Calibration<'a> {
             };
         let shared = &values[..self.model.shared.len()];
         let resolution = Resolution { reaches, duration_s: latest - closure_start };
-        let simulated = self.model.simulate(&conditions, shared, &run_values, resolution, &probes)?;
-        let meter_flow_m3_s = run.meter.as_ref().map(|m| simulated.steady_flow_m3_s(m.position_m));
-        let sensed = run.sensors.iter().zip(simulated.traces);
-        let traces = sensed.map(|(s, trace)| self.model.sensed(shared, &s.sensor, trace)).collect::<Result<_, _>>()?;
-        Ok(Modelled { traces, meter_flow_m3_s })
+        simulate(self.model, &conditions, shared, &run_values, resolution, &probes)
     }
 
     /// Start of a run's closure on its clock, s.

@@ -19,27 +19,62 @@ pub fn correlation_inflation(residuals: &[f64]) -> f64 {
     (1.0 + rho) / (1.0 - rho)
 }
 
+/// `JᵀJ` of the variables that are not at a bound, each column scaled to length one so that units do not matter.
+struct Normal {
+    /// Which variables these are.
+    free: Vec<usize>,
+    /// Norm of each one's column; the least positive number where the column is zero.
+    scale: Vec<f64>,
+    matrix: DMatrix<f64>,
+}
+
+impl Normal {
+    fn of(columns: &[Vec<f64>], at_bound: &[bool]) -> Self {
+        let free: Vec<usize> = (0..columns.len()).filter(|&j| !at_bound[j]).collect();
+        let scale: Vec<f64> =
+            free.iter().map(|&j| dot(&columns[j], &columns[j]).sqrt().max(f64::MIN_POSITIVE)).collect();
+        let matrix = DMatrix::from_fn(free.len(), free.len(), |a, b| {
+            dot(&columns[free[a]], &columns[free[b]]) / (scale[a] * scale[b]).max(f64::MIN_POSITIVE)
+        });
+        Normal { free, scale, matrix }
+    }
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(x, y)| x * y).sum()
+}
+
+/// Correlations between the errors of the variables, one row and one column a variable: `C_ij / √(C_ii C_jj)`, `C = (JᵀJ)⁻¹`.
+///
+/// NaN where a variable is at a bound, and everywhere where the data leave a combination of the variables open.
+pub fn correlation(columns: &[Vec<f64>], at_bound: &[bool]) -> Vec<Vec<f64>> {
+    let Normal { free, matrix, .. } = Normal::of(columns, at_bound);
+    let mut correlation = vec![vec![f64::NAN; columns.len()]; columns.len()];
+    let Some(c) = matrix.try_inverse() else { return correlation };
+    for (a, &i) in free.iter().enumerate() {
+        for (b, &j) in free.iter().enumerate() {
+            let both = 0.5 * (c[(a, b)] + c[(b, a)]) / (c[(a, a)].sqrt() * c[(b, b)].sqrt());
+            correlation[i][j] = if a == b && both.is_finite() { 1.0 } else { both.clamp(-1.0, 1.0) };
+        }
+    }
+    correlation
+}
+
 /// Standard errors of the variables: `√diag (JᵀJ)⁻¹`, times the residuals' own spread where it exceeds their assumed
 /// noise, times the root of [`correlation_inflation`].
 ///
 /// `samples` residuals are measurements, the rest priors. Variables at a bound are held there and have no standard error
 /// (NaN); those that the data do not determine have an infinite one.
 pub fn standard_errors(columns: &[Vec<f64>], residuals: &[f64], samples: usize, at_bound: &[bool]) -> Vec<f64> {
-    let free: Vec<usize> = (0..columns.len()).filter(|&j| !at_bound[j]).collect();
-    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(x, y)| x * y).sum::<f64>();
-    let scale: Vec<f64> = free.iter().map(|&j| dot(&columns[j], &columns[j]).sqrt()).collect();
-    let normal = DMatrix::from_fn(free.len(), free.len(), |a, b| {
-        dot(&columns[free[a]], &columns[free[b]]) / (scale[a] * scale[b]).max(f64::MIN_POSITIVE)
-    });
+    let Normal { free, scale, matrix } = Normal::of(columns, at_bound);
     let dof = samples.saturating_sub(free.len()).max(1) as f64;
     let spread = residuals[..samples].iter().map(|r| r * r).sum::<f64>() / dof;
     let inflation = spread.max(1.0) * correlation_inflation(&residuals[..samples]);
+    let covariance = matrix.try_inverse();
     let mut errors = vec![f64::NAN; columns.len()];
-    let covariance = normal.try_inverse();
     for (a, &j) in free.iter().enumerate() {
         let variance = covariance.as_ref().map_or(f64::INFINITY, |c| c[(a, a)]);
-        errors[j] =
-            if variance >= 0.0 && scale[a] > 0.0 { (variance * inflation).sqrt() / scale[a] } else { f64::INFINITY };
+        errors[j] = if variance >= 0.0 { (variance * inflation).sqrt() / scale[a] } else { f64::INFINITY };
     }
     errors
 }
@@ -47,16 +82,11 @@ pub fn standard_errors(columns: &[Vec<f64>], residuals: &[f64], samples: usize, 
 /// The step that takes up a change of the residuals, `-(JᵀJ)⁻¹ Jᵀ change`, in the variables that are not at a bound; zero in those
 /// that are, and in all where the data determine none.
 pub fn gauss_newton_step(columns: &[Vec<f64>], change: &[f64], at_bound: &[bool]) -> Vec<f64> {
-    let free: Vec<usize> = (0..columns.len()).filter(|&j| !at_bound[j]).collect();
-    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(x, y)| x * y).sum::<f64>();
-    let scale: Vec<f64> = free.iter().map(|&j| dot(&columns[j], &columns[j]).sqrt().max(f64::MIN_POSITIVE)).collect();
-    let normal = DMatrix::from_fn(free.len(), free.len(), |a, b| {
-        dot(&columns[free[a]], &columns[free[b]]) / (scale[a] * scale[b])
-    });
+    let Normal { free, scale, matrix } = Normal::of(columns, at_bound);
     let right =
         DVector::from_iterator(free.len(), free.iter().zip(&scale).map(|(&j, s)| -dot(&columns[j], change) / s));
     let mut steps = vec![0.0; columns.len()];
-    if let Some(solved) = normal.cholesky().map(|c| c.solve(&right)) {
+    if let Some(solved) = matrix.cholesky().map(|c| c.solve(&right)) {
         for (a, &j) in free.iter().enumerate() {
             steps[j] = solved[a] / scale[a];
         }
@@ -97,6 +127,19 @@ mod tests {
         let change: Vec<f64> = (0..3).map(|i| 0.5 * columns[0][i] - 0.25 * columns[1][i]).collect();
         let step = gauss_newton_step(&columns, &change, &[false, false, true]);
         assert!((step[0] + 0.5).abs() < 1e-12 && (step[1] - 0.25).abs() < 1e-12 && step[2] == 0.0, "{step:?}");
+    }
+
+    /// Of two columns at an angle `φ` the errors of the two variables correlate by `-cos φ`.
+    #[test]
+    fn columns_at_an_angle_correlate_by_its_cosine() {
+        let phi = 0.3f64;
+        let columns = vec![vec![2.0, 0.0, 0.0], vec![3.0 * phi.cos(), 3.0 * phi.sin(), 0.0], vec![1.0, 1.0, 9.0]];
+        let found = correlation(&columns, &[false, false, true]);
+        assert!((found[0][1] + phi.cos()).abs() < 1e-12 && found[0][1] == found[1][0], "{found:?}");
+        assert!(found[0][0] == 1.0 && found[1][1] == 1.0);
+        assert!(found[2].iter().all(|r| r.is_nan()) && found[0][2].is_nan(), "at its bound: {found:?}");
+        let alike = correlation(&[vec![1.0, 1.0], vec![1.0, 1.0]], &[false, false]);
+        assert!(alike.iter().flatten().all(|r| r.is_nan() || r.abs() <= 1.0));
     }
 
     #[test]

@@ -117,6 +117,13 @@ impl Energy {
         takers
     }
 
+    /// The same as shares of all that was taken: they add up to 1; what is below zero has given and has none.
+    pub fn shares(&self, time_s: f64) -> Vec<(String, f64)> {
+        let takers = self.takers(time_s);
+        let whole = takers.iter().map(|t| t.1.max(0.0)).sum::<f64>().max(f64::MIN_POSITIVE);
+        takers.into_iter().map(|(name, joules)| (name, joules.max(0.0) / whole)).collect()
+    }
+
     /// What the supply had given at a time, J.
     pub fn supplied_j(&self, time_s: f64) -> f64 {
         self.at(time_s)[SUPPLY]

@@ -166,6 +166,7 @@ mod tests {
             effects: vec![],
             runs: vec![run],
             parameters: vec![],
+            correlation: vec![],
             reaches: 64,
             grid_error_m: 0.001,
             evaluations: 1,

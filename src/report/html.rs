@@ -1,13 +1,24 @@
-//! One self-contained HTML page of a calibration: no network, light and dark, readable in print and without scripts.
+//! One self-contained HTML page of a calibration, or of a diagnosis: no network, light and dark, readable in print and without scripts.
 
+mod correlation;
 mod data;
+mod diagnosis;
+mod energy;
+mod figures;
+mod heatmap;
+mod matrix;
 mod parameters;
+mod ranking;
 mod rig;
 mod sensor;
+mod signature;
+mod spectrum;
 mod stages;
 
 use std::fmt::Write;
 
+use crate::diagnose::Diagnosis;
+use crate::model::energy::Energy;
 use crate::report::curves::{BUCKETS, Curves, find};
 use crate::report::escape::{escape, json_in_script};
 use crate::report::summary::{self, Closeness};
@@ -25,6 +36,10 @@ pub struct Page<'a> {
     pub stages: Vec<Stage<'a>>,
     /// Curves from elsewhere.
     pub overlays: Vec<Overlay>,
+    /// The diagnoses that led from stage to stage, the first one first; none on the page of a calibration.
+    pub diagnoses: &'a [Diagnosis],
+    /// Where the energy of the last stage's first run went, if that is known.
+    pub energy: Option<Energy>,
 }
 
 const CSS: &str = include_str!("assets/page.css");
@@ -39,12 +54,9 @@ const UPLOT_CSS: &str = include_str!("assets/uplot/uPlot.min.css");
 pub fn html(page: &Page) -> String {
     let panels = panels(page);
     let title = escape(&page.title);
-    let (mark, class) = match page.stages.last().map_or(Closeness::Unknown, |s| summary::judge(s.fit)) {
-        Closeness::Noise => ("✓", "good"),
-        Closeness::Near => ("≈", "near"),
-        Closeness::Missing => ("✗", "missing"),
-        Closeness::Unknown => ("?", "unknown"),
-    };
+    let kind = if page.diagnoses.is_empty() { "calibration" } else { "diagnosis" };
+    let (mark, class, verdict) =
+        if page.diagnoses.is_empty() { verdict(&page.stages) } else { diagnosis::verdict(page) };
     let mut out = format!(
         r#"<!doctype html>
 <html lang="en">
@@ -58,22 +70,29 @@ pub fn html(page: &Page) -> String {
 <style>{UPLOT_CSS}
 {CSS}</style>
 </head>
-<body>
+<body data-page="{kind}"{named}>
 <main>
 <header>
-<p class="kicker">surgescope calibration report</p>
+<p class="kicker">surgescope {kind} report</p>
 <h1>{title}</h1>
 <p class="verdict {class}"><span class="mark" aria-hidden="true">{mark}</span> <span>{verdict}</span></p>
 </header>
 "#,
         version = env!("CARGO_PKG_VERSION"),
-        verdict = escape(&summary::verdict(&page.stages)),
+        named = page.diagnoses.last().map_or(String::new(), |d| format!(" data-verdict=\"{}\"", d.verdict.name())),
+        verdict = escape(&verdict),
     );
-    out.push_str(&stages::staircase(&page.stages));
-    sensors(&mut out, page, &panels);
-    out.push_str(&parameters::section(&page.stages));
-    out.push_str(&stages::computation(&page.stages));
-    out.push_str(&rig::section(page.rig));
+    let diagnosed = !page.diagnoses.is_empty();
+    let mut body = if diagnosed { diagnosis::before(page) } else { stages::staircase(&page.stages, "") };
+    sensors(&mut body, page, &panels);
+    body.push_str(&parameters::section(&page.stages));
+    if diagnosed {
+        body.push_str(&diagnosis::after(page));
+    }
+    body.push_str(&stages::computation(&page.stages));
+    body.push_str(&rig::section(page.rig));
+    out.push_str(&contents(&body));
+    out.push_str(&body);
     let _ = write!(
         out,
         r#"<footer>Written by surgescope {}. The page holds its own data and needs no network. Charts: uPlot (MIT licence).</footer>
@@ -90,6 +109,31 @@ pub fn html(page: &Page) -> String {
     }
     out.push_str("</body>\n</html>\n");
     out
+}
+
+/// Links to the chapters that a body has: headings right after an `id`.
+fn contents(body: &str) -> String {
+    let chapters: Vec<String> = body
+        .split(r#" id=""#)
+        .skip(1)
+        .filter_map(|rest| {
+            let (id, rest) = rest.split_once(r#""><h2>"#)?;
+            let (heading, _) = rest.split_once("</h2>")?;
+            (!id.contains('<')).then(|| format!(r##"<li><a href="#{id}">{heading}</a></li>"##))
+        })
+        .collect();
+    format!("<nav class=\"contents\" aria-label=\"Contents\"><ul>{}</ul></nav>\n", chapters.concat())
+}
+
+/// Mark, class and sentence of what the last stage says.
+fn verdict(stages: &[Stage]) -> (&'static str, &'static str, String) {
+    let (mark, class) = match stages.last().map_or(Closeness::Unknown, |s| summary::judge(s.fit)) {
+        Closeness::Noise => ("✓", "good"),
+        Closeness::Near => ("≈", "near"),
+        Closeness::Missing => ("✗", "missing"),
+        Closeness::Unknown => ("?", "unknown"),
+    };
+    (mark, class, summary::verdict(stages))
 }
 
 /// What one sensor in one run shows.
@@ -131,10 +175,10 @@ fn panels<'a>(page: &'a Page) -> Vec<Panel<'a>> {
 fn sensors(out: &mut String, page: &Page, panels: &[Panel]) {
     let Some(last) = page.stages.last() else { return };
     if panels.is_empty() {
-        out.push_str("<section><h2>Measurement and model</h2><p>No pressure sensor was calibrated.</p></section>\n");
+        out.push_str("<section id=\"sensors\"><h2>Measurement and model</h2><p>No pressure sensor was calibrated.</p></section>\n");
         return;
     }
-    out.push_str("<h2>Measurement and model</h2>\n");
+    out.push_str("<section id=\"sensors\"><h2>Measurement and model</h2>\n");
     if panels.len() > 1 {
         out.push_str(r#"<nav aria-label="Sensors"><ul>"#);
         for (i, panel) in panels.iter().enumerate() {
@@ -144,8 +188,10 @@ fn sensors(out: &mut String, page: &Page, panels: &[Panel]) {
         out.push_str("</ul></nav>\n");
     }
     for (i, panel) in panels.iter().enumerate() {
-        out.push_str(&sensor::section(i, panel, &page.stages));
+        // The page of a diagnosis has more to say than numbers of peaks: there they fold away.
+        out.push_str(&sensor::section(i, panel, &page.stages, page.diagnoses.is_empty()));
     }
+    out.push_str("</section>\n");
 }
 
 /// Number of the colour of a stage: the result is always 0; those before it take 1 to 4 in turn.
@@ -153,13 +199,14 @@ fn colour(stage: usize, stages: usize) -> usize {
     if stage + 1 == stages { 0 } else { 1 + stage % 4 }
 }
 
-/// A table whose columns after the first `text_columns` hold numbers; cells are HTML.
-fn table(caption: &str, headings: &[&str], text_columns: usize, rows: impl Iterator<Item = Vec<String>>) -> String {
+/// A table in which the columns of `numbers` hold numbers; cells and headings are HTML. Where there is no room for columns, each cell brings
+/// its heading along.
+fn table(caption: &str, headings: &[&str], numbers: &[usize], rows: impl Iterator<Item = Vec<String>>) -> String {
     let mut out = format!(
         r#"<div class="scroll" tabindex="0" role="region" aria-label="{0}"><table><caption class="hidden">{0}</caption><thead><tr>"#,
         escape(caption)
     );
-    let class = |column: usize| if column < text_columns { "" } else { r#" class="number""# };
+    let class = |column: usize| if numbers.contains(&column) { r#" class="number""# } else { "" };
     for (column, heading) in headings.iter().enumerate() {
         let _ = write!(out, r#"<th scope="col"{}>{heading}</th>"#, class(column));
     }
@@ -167,7 +214,8 @@ fn table(caption: &str, headings: &[&str], text_columns: usize, rows: impl Itera
     for row in rows {
         out.push_str("<tr>");
         for (column, cell) in row.iter().enumerate() {
-            let _ = write!(out, "<td{}>{cell}</td>", class(column));
+            let label = headings.get(column).copied().unwrap_or_default();
+            let _ = write!(out, r#"<td{} data-label="{label}">{cell}</td>"#, class(column));
         }
         out.push_str("</tr>\n");
     }

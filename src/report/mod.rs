@@ -7,7 +7,7 @@
 //! | --- | --- |
 //! | [`json`] | the document of `calibrate --json` |
 //! | [`table`] | plain-text tables for the terminal |
-//! | [`html`](mod@html) | the page, from the pieces in `html/` and the files in `assets/` |
+//! | [`html`](mod@html) | the page of a calibration or a diagnosis, from the pieces in `html/` and the files in `assets/` |
 //! | [`svg`] | static line charts, for the page in print and for any other plot |
 //! | [`plot`] | a small plot of two curves in text |
 //! | [`failure`] | where a model fails, in words |

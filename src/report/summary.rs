@@ -143,6 +143,7 @@ mod tests {
             effects: vec![],
             runs: runs.iter().map(run).collect(),
             parameters: vec![],
+            correlation: vec![],
             reaches: 64,
             grid_error_m: 0.001,
             evaluations: 0,

@@ -25,6 +25,8 @@ pub struct LineChart {
     pub series: Vec<Series>,
     /// Logarithmic y axis; values that are not positive are left out.
     pub log_y: bool,
+    /// Places along x that are marked by an upright line with a short word at its top; only those within the curves' range are.
+    pub marks: Vec<(f64, String)>,
 }
 
 /// One curve.
@@ -81,7 +83,7 @@ impl Style {
 }
 
 /// Room around the plotting area, px.
-const LEFT: f64 = 62.0;
+const LEFT: f64 = 68.0;
 const RIGHT: f64 = 14.0;
 const BOTTOM: f64 = 44.0;
 const LINE: f64 = 18.0;
@@ -102,10 +104,13 @@ impl LineChart {
             top += LINE;
         }
         top += self.legend(&mut out, top, width);
-        let area = Area { left: LEFT, top: top + 4.0, right: width - RIGHT, bottom: height - BOTTOM };
+        // Words over marks have a line of their own.
+        top += if self.marks.is_empty() { 4.0 } else { 16.0 };
+        let area = Area { left: LEFT, top, right: width - RIGHT, bottom: height - BOTTOM };
         match self.scales(area) {
             Some((x, y)) => {
                 self.axes(&mut out, area, &x, &y);
+                self.marked(&mut out, area, &x);
                 for series in &self.series {
                     self.curve(&mut out, series, &x, &y);
                 }
@@ -168,7 +173,7 @@ impl LineChart {
     fn axes(&self, out: &mut String, area: Area, x: &Scale, y: &Scale) {
         let Area { left, top, right, bottom } = area;
         out.push_str(r##"<g class="grid" stroke="#ddd" stroke-width="1" fill="none"><path d=""##);
-        let (xs, ys) = (x.ticks(((right - left) / 80.0) as usize), y.ticks(((bottom - top) / 36.0) as usize));
+        let (xs, ys) = (x.ticks(((right - left) / 65.0) as usize), y.ticks(((bottom - top) / 30.0) as usize));
         for t in &xs.at {
             let _ = write!(out, "M{:.1} {top:.1}V{bottom:.1}", x.px(*t));
         }
@@ -201,11 +206,28 @@ impl LineChart {
         let (mid_x, mid_y) = ((left + right) / 2.0, (top + bottom) / 2.0);
         let _ = write!(
             out,
-            r#"<text x="{mid_x:.1}" y="{:.1}" text-anchor="middle">{}</text><text transform="translate(13 {mid_y:.1}) rotate(-90)" text-anchor="middle">{}</text></g>"#,
+            r#"<text x="{mid_x:.1}" y="{:.1}" text-anchor="middle">{}</text><text transform="translate(12 {mid_y:.1}) rotate(-90)" text-anchor="middle">{}</text></g>"#,
             bottom + 35.0,
             escape(&self.x_label),
             escape(&self.y_label)
         );
+    }
+
+    fn marked(&self, out: &mut String, area: Area, x: &Scale) {
+        for (at, word) in &self.marks {
+            let px = x.px(*at);
+            if !(area.left..=area.right).contains(&px) {
+                continue;
+            }
+            let _ = write!(
+                out,
+                r##"<path class="mark" d="M{px:.1} {:.1}V{:.1}" stroke="#999" stroke-dasharray="1 3" fill="none"/><g class="label"><text x="{px:.1}" y="{:.1}" text-anchor="middle" font-size="10">{}</text></g>"##,
+                area.top,
+                area.bottom,
+                area.top - 4.0,
+                escape(word)
+            );
+        }
     }
 
     fn curve(&self, out: &mut String, series: &Series, x: &Scale, y: &Scale) {
@@ -262,6 +284,7 @@ mod tests {
             y_label: "head, m".into(),
             series: vec![Series { label: "curve & co".into(), points, style: Style::line(0) }],
             log_y,
+            marks: Vec::new(),
         }
     }
 
@@ -272,6 +295,15 @@ mod tests {
         let start: Vec<f64> = d[1..].split(['L', ' ']).map(|n| n.parse().unwrap()).collect();
         assert_eq!((start[0], start[2]), (LEFT, 600.0 - RIGHT));
         assert!(start[1] > start[3], "y grows upwards");
+    }
+
+    #[test]
+    fn marks_stand_where_they_belong_and_only_within_the_curves() {
+        let mut marked = chart(vec![(0.0, 0.0), (10.0, 1.0)], false);
+        marked.marks = vec![(5.0, "5 <Hz>".into()), (11.0, "beyond".into())];
+        let svg = marked.to_svg(600.0, 300.0);
+        let middle = format!("d=\"M{:.1} ", 0.5 * (LEFT + 600.0 - RIGHT));
+        assert!(svg.contains("5 &lt;Hz&gt;") && svg.contains(&middle) && !svg.contains("beyond"), "{svg}");
     }
 
     #[test]

@@ -252,6 +252,7 @@ mod tests {
                     ..FittedParameter::default()
                 },
             ],
+            correlation: vec![],
             reaches: 64,
             grid_error_m: 0.001,
             evaluations: 312,

@@ -1,20 +1,23 @@
-// Opens a calibration report in Chromium and checks what a reader relies on.
+// Opens the report of a calibration or of a diagnosis in Chromium and checks what a reader relies on.
 //
-//   npm ci && node check_report.mjs REPORT.html [FOLDER FOR PICTURES]
+//   npm ci && node check_report.mjs REPORT.html [FOLDER FOR PICTURES [ANSWER.json]]
 //
+// ANSWER.json is what `diagnose --json` said when it wrote the report: the page must say the same.
 // Needs Debian's `chromium` (or CHROMIUM=/path/to/it); `pdftoppm` for pictures of the printed pages. Exit 1 when a check fails.
 import { chromium } from "playwright-core";
 import { execFileSync } from "node:child_process";
-import { existsSync, mkdirSync } from "node:fs";
+import { existsSync, mkdirSync, readFileSync } from "node:fs";
 import { join, resolve } from "node:path";
 import { pathToFileURL } from "node:url";
+import { diagnosis, texts } from "./diagnosis.mjs";
 
-const [file, folder = "pictures"] = process.argv.slice(2);
+const [file, folder = "pictures", answerFile] = process.argv.slice(2);
 if (!file || !existsSync(file)) {
-  console.error("usage: node check_report.mjs REPORT.html [FOLDER FOR PICTURES]");
+  console.error("usage: node check_report.mjs REPORT.html [FOLDER FOR PICTURES [ANSWER.json]]");
   process.exit(2);
 }
 mkdirSync(folder, { recursive: true });
+const answer = answerFile && JSON.parse(readFileSync(answerFile, "utf8"));
 const url = pathToFileURL(resolve(file)).href;
 
 let failures = 0;
@@ -154,11 +157,14 @@ async function readable(page, mode) {
 async function fits(page, width) {
   const [wide, culprits] = await page.evaluate(() => {
     const limit = document.documentElement.clientWidth;
-    const inScroller = (e) => e.closest(".scroll, pre, .plot");
+    const inScroller = (e) => e.closest(".scroll, pre, .plot, .hidden");
     const out = [...document.querySelectorAll("main *")].filter((e) => !inScroller(e) && e.checkVisibility() && e.getBoundingClientRect().right > limit + 0.5);
     return [document.documentElement.scrollWidth - limit, out.slice(0, 3).map((e) => `${e.tagName}.${e.className}`)];
   });
   check(`nothing overflows at ${width} px`, wide <= 0 && culprits.length === 0, `${wide} px, ${culprits.join(" ")}`);
+  const cut = await page.$$eval("main *", (all) => all.filter((e) => e.checkVisibility() && e.scrollWidth > e.clientWidth + 1 && e.clientWidth > 1
+    && !e.closest(".plot, svg, .hidden, thead") && ["hidden", "clip"].includes(getComputedStyle(e).overflowX)).map((e) => `${e.tagName}.${e.className}`));
+  check(`what does not fit at ${width} px can be scrolled to`, cut.length === 0, cut.slice(0, 3).join(" "));
 }
 
 const background = (page) => page.evaluate(() => getComputedStyle(document.body).backgroundColor);
@@ -166,6 +172,9 @@ const background = (page) => page.evaluate(() => getComputedStyle(document.body)
 try {
   const { page, problems, requests } = await open();
   await contents(page, problems, requests);
+  const diagnosed = await page.$eval("body", (b) => b.dataset.page === "diagnosis");
+  check("a report with an answer is that of a diagnosis", diagnosed || !answer);
+  if (diagnosed) await diagnosis(page, check, answer);
   await picture(page, "light.png");
   await zoom(page);
   await legend(page);
@@ -186,8 +195,14 @@ try {
   await page.pdf({ path: join(folder, "print.pdf"), format: "A4", printBackground: true });
   await page.emulateMedia({ media: "print" });
   check("print shows the still pictures", await page.$$eval(".still", (all) => all.every((s) => s.getBoundingClientRect().height > 100)));
-  const cut = () => page.$$eval(".scroll", (all) => all.filter((s) => s.scrollHeight > s.clientHeight + 1).length);
-  check("print cuts no table off", (await cut()) === 0);
+  // An A4 page between its margins.
+  await page.setViewportSize({ width: 680, height: 1000 });
+  await settled(page);
+  const cut = await page.$$eval(".scroll", (all) => all.filter((s) => s.checkVisibility() && (s.scrollHeight > s.clientHeight + 1 || s.scrollWidth > s.clientWidth + 1))
+    .map((s) => `${s.getAttribute("aria-label")}: ${s.scrollWidth} of ${s.clientWidth} px`));
+  check("print cuts no table off", cut.length === 0, cut.join(", "));
+  const unseen = await page.$$eval("section, details:not(#rig details)", (all) => all.filter((s) => s.getBoundingClientRect().height < 40).map((s) => s.id || s.textContent.slice(0, 30)));
+  check("print hides no section and unfolds what is folded", unseen.length === 0, unseen.join(", "));
   check("print hides the charts", await page.$$eval(".live", (all) => all.every((s) => getComputedStyle(s).display === "none")));
   try {
     execFileSync("pdftoppm", ["-r", "60", "-png", join(folder, "print.pdf"), join(folder, "print")]);
@@ -196,8 +211,9 @@ try {
   }
   check("still no console error or request", problems.length === 0 && requests.length === 0, [...problems, ...requests].join(" | "));
 
-  const narrow = await open({ viewport: { width: 400, height: 800 }, isMobile: false });
-  await fits(narrow.page, 400);
+  const narrow = await open({ viewport: { width: 390, height: 800 }, isMobile: false });
+  await fits(narrow.page, 390);
+  await texts(narrow.page, check, "narrow");
   await picture(narrow.page, "narrow.png");
   await narrow.page.setViewportSize({ width: 1000, height: 800 });
   await narrow.page.waitForTimeout(200);

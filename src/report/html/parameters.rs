@@ -9,7 +9,7 @@ use crate::report::number::with_error;
 pub(super) fn section(stages: &[Stage]) -> String {
     let Some((last, earlier)) = stages.split_last() else { return String::new() };
     let mut out = format!(
-        "<section><h2>Parameters</h2>\n{}<p class=\"note\">395.1(4) stands for 395.1 ± 0.4, one standard error in the last digits. At a bound the standard error means little: the data pull the value beyond what is allowed.</p>\n",
+        "<section id=\"parameters\"><h2>Parameters</h2>\n{}<p class=\"note\">395.1(4) stands for 395.1 ± 0.4, one standard error in the last digits. At a bound the standard error means little: the data pull the value beyond what is allowed.</p>\n",
         of(last.fit, &last.title)
     );
     for stage in earlier {
@@ -27,7 +27,7 @@ fn of(fit: &Fit, title: &str) -> String {
     if fit.parameters.is_empty() {
         return "<p>Nothing was fitted.</p>\n".into();
     }
-    let per_run = fit.parameters.iter().any(|p| p.run.is_some());
+    let per_run = fit.runs.len() > 1;
     let rows = fit.parameters.iter().map(|p| {
         let flag = match (p.held, p.at_bound) {
             (true, _) => r#" <span class="flag">held</span>"#,
@@ -39,7 +39,7 @@ fn of(fit: &Fit, title: &str) -> String {
             format!(
                 "<span class=\"nowrap\">{} {}</span>{flag}",
                 minus(&with_error(p.value, p.standard_error)),
-                escape(p.unit)
+                if p.unit == "1" { String::new() } else { escape(p.unit) }
             ),
             format!("<span class=\"prose\">{}</span>", p.about),
         ];
@@ -50,5 +50,5 @@ fn of(fit: &Fit, title: &str) -> String {
     });
     let headings: &[&str] =
         if per_run { &["parameter", "run", "value", "meaning"] } else { &["parameter", "value", "meaning"] };
-    table(&format!("Parameters of {title}"), headings, headings.len(), rows)
+    table(&format!("Parameters of {title}"), headings, &[], rows)
 }

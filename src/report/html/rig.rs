@@ -12,7 +12,7 @@ pub(super) fn section(rig: &Rig) -> String {
         Upstream::Measured => "measured pressure at position 0",
     };
     let mut out = format!(
-        "<section><h2>Rig</h2>\n<dl><div><dt>name</dt><dd>{}</dd></div><div><dt>fluid</dt><dd>{}, {} °C</dd></div><div><dt>length</dt><dd>{} m</dd></div><div><dt>supply</dt><dd>{supply}</dd></div><div><dt>valve</dt><dd>closes in {} s (nominal)</dd></div></dl>\n",
+        "<section id=\"rig\"><h2>Rig</h2>\n<dl><div><dt>name</dt><dd>{}</dd></div><div><dt>fluid</dt><dd>{}, {} °C</dd></div><div><dt>length</dt><dd>{} m</dd></div><div><dt>supply</dt><dd>{supply}</dd></div><div><dt>valve</dt><dd>closes in {} s (nominal)</dd></div></dl>\n",
         escape(&rig.name),
         escape(&rig.fluid.name),
         minus(&fixed(rig.fluid.temperature_degc, 1)),
@@ -37,7 +37,7 @@ pub(super) fn section(rig: &Rig) -> String {
     });
     let headings =
         ["pipe", "material", "held", "length, m", "inner diameter, mm", "wall, mm", "nominal wave speed, m/s"];
-    out.push_str(&table("Pipes", &headings, 3, pipes));
+    out.push_str(&table("Pipes", &headings, &[3, 4, 5, 6], pipes));
     let sensors = rig.sensors.iter().map(|s| {
         vec![
             escape(&s.name),
@@ -57,7 +57,7 @@ pub(super) fn section(rig: &Rig) -> String {
     });
     if !rig.sensors.is_empty() {
         let headings = ["sensor", "measures", "unit", "position, m", "range", "accuracy, % of full scale"];
-        out.push_str(&table("Sensors", &headings, 3, sensors));
+        out.push_str(&table("Sensors", &headings, &[3, 4, 5], sensors));
     }
     if !rig.source.trim().is_empty() {
         out.push_str(&format!("<details><summary>Rig file</summary><pre>{}</pre></details>\n", escape(&rig.source)));

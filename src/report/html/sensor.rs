@@ -16,7 +16,7 @@ const RESIDUAL_LABEL: &str = "model − measured, m";
 /// Stretches of a still picture: about one a pixel.
 const STILL_BUCKETS: usize = 420;
 
-pub(super) fn section(index: usize, panel: &Panel, stages: &[Stage]) -> String {
+pub(super) fn section(index: usize, panel: &Panel, stages: &[Stage], open: bool) -> String {
     let fit = panel.fit;
     let name = escape(&fit.name);
     let mut out = format!(
@@ -44,7 +44,7 @@ pub(super) fn section(index: usize, panel: &Panel, stages: &[Stage]) -> String {
             c.samples
         );
     }
-    out.push_str(&extrema(&fit.extrema, fit.noise_m, &fit.name));
+    out.push_str(&extrema(&fit.extrema, fit.noise_m, &fit.name, open));
     out.push_str("</section>\n");
     out
 }
@@ -93,6 +93,7 @@ fn still(panel: &Panel, stages: &[Stage]) -> String {
         y_label: y_label.into(),
         series,
         log_y: false,
+        marks: Vec::new(),
     };
     chart(HEAD_LABEL, head).to_svg(900.0, 330.0) + &chart(RESIDUAL_LABEL, residual).to_svg(900.0, 220.0)
 }
@@ -103,7 +104,7 @@ fn line(label: &str, curves: &Curves, values: &[f64], style: Style) -> Series {
     Series { label: label.into(), points, style }
 }
 
-fn extrema(extrema: &[ExtremumError], noise_m: f64, sensor: &str) -> String {
+fn extrema(extrema: &[ExtremumError], noise_m: f64, sensor: &str, open: bool) -> String {
     if extrema.is_empty() {
         return "<p class=\"note\">No peaks or troughs were found in this trace.</p>\n".into();
     }
@@ -123,8 +124,9 @@ fn extrema(extrema: &[ExtremumError], noise_m: f64, sensor: &str) -> String {
     let headings = ["cycle", "time, s", "measured, m", "model, m", "error, m", "error, %", "phase, ms"];
     let caption = format!("Peaks and troughs at {sensor}");
     format!(
-        "<h4>Peaks and troughs ({})</h4>\n{}<p class=\"note\">Error: model − measured. Phase: how much later the model crosses its mean level on the way to the extremum; positive means that the model is late.</p>\n",
+        "<details{}><summary>Peaks and troughs ({})</summary>\n{}<p class=\"note\">Error: model − measured. Phase: how much later the model crosses its mean level on the way to the extremum; positive means that the model is late.</p></details>\n",
+        if open { " open" } else { "" },
         extrema.len(),
-        table(&caption, &headings, 1, rows)
+        table(&caption, &headings, &[1, 2, 3, 4, 5, 6], rows)
     )
 }

@@ -4,17 +4,20 @@ use std::fmt::Write;
 
 use super::{colour, table};
 use crate::report::Stage;
+use crate::report::curves::find;
 use crate::report::escape::escape;
-use crate::report::number::{duration, error_m, times_noise};
+use crate::report::number::{duration, error_m, times, times_noise};
 use crate::report::summary::{Overall, overall};
 use crate::report::svg::Scale;
 
 /// Error of each stage on a logarithmic axis, with the noise as the floor that no model can pass.
-pub(super) fn staircase(stages: &[Stage]) -> String {
+///
+/// `below` is HTML that ends the section.
+pub(super) fn staircase(stages: &[Stage], below: &str) -> String {
     let errors: Vec<Overall> = stages.iter().map(|s| overall(s.fit)).collect();
     let noise = errors.last().map_or(f64::NAN, |e| e.noise_m);
     let Some(axis) = axis(errors.iter().map(|e| e.rmse_m).chain([noise])) else { return String::new() };
-    let mut out = String::from("<section><h2>Error against the noise</h2>\n<div class=\"stairs\">\n");
+    let mut out = String::from("<section id=\"errors\"><h2>Error against the noise</h2>\n<div class=\"stairs\">\n");
     let floor = if noise > 0.0 && noise.is_finite() {
         format!(r#"<i class="floor" style="left:{:.2}%"></i>"#, axis.px(noise))
     } else {
@@ -49,8 +52,36 @@ pub(super) fn staircase(stages: &[Stage]) -> String {
             error_m(noise)
         );
     }
+    out.push_str(below);
     out.push_str("</section>\n");
     out
+}
+
+/// Error of each stage as numbers: over all samples, and at each sensor (or, of several runs, in each run) in units of its noise.
+pub(super) fn errors(stages: &[Stage]) -> String {
+    let Some(last) = stages.last() else { return String::new() };
+    let places: Vec<(String, &str, Option<&str>)> = match last.fit.runs.as_slice() {
+        [run] => run.sensors.iter().map(|s| (s.name.clone(), run.file.as_str(), Some(s.name.as_str()))).collect(),
+        runs => runs.iter().map(|r| (r.file.clone(), r.file.as_str(), None)).collect(),
+    };
+    let rows = stages.iter().map(|stage| {
+        let all = overall(stage.fit);
+        let mut row =
+            vec![escape(&stage.title), error_m(all.rmse_m), error_m(all.noise_m), times(all.rmse_m, all.noise_m)];
+        row.extend(places.iter().map(|(_, file, sensor)| match sensor {
+            Some(sensor) => find(stage.fit, file, sensor).map_or("–".into(), |s| times(s.rmse_m, s.noise_m)),
+            None => {
+                let run = stage.fit.runs.iter().find(|r| r.file == *file);
+                run.map_or("–".into(), |r| times(r.rmse_m, r.noise_m))
+            }
+        }));
+        row
+    });
+    let names: Vec<String> = places.iter().map(|(name, _, _)| escape(&format!("{name}, × noise"))).collect();
+    let mut headings = vec!["model", "RMSE, m", "noise, m", "RMSE, × noise"];
+    headings.extend(names.iter().map(String::as_str));
+    let numbers: Vec<usize> = (1..headings.len()).collect();
+    table("Error of each model", &headings, &numbers, rows)
 }
 
 /// How each stage was computed.
@@ -58,23 +89,28 @@ pub(super) fn computation(stages: &[Stage]) -> String {
     if stages.is_empty() {
         return String::new();
     }
+    // The models of a diagnosis have no times of their own.
+    let timed = stages.iter().any(|s| s.fit.seconds > 0.0);
     let rows = stages.iter().map(|stage| {
         let fit = stage.fit;
         let effects = if fit.effects.is_empty() { "none".into() } else { escape(&fit.effects.join(", ")) };
         let done = if fit.converged { "" } else { r#"<span class="flag">stopped early</span> "# };
-        vec![
+        let mut row = vec![
             escape(&stage.title),
             effects,
             format!("<span class=\"prose\">{done}{}</span>", escape(&fit.stopped_because)),
             fit.parameters.len().to_string(),
+            fit.reaches.to_string(),
             fit.evaluations.to_string(),
-            duration(fit.seconds),
-        ]
+        ];
+        row.extend(timed.then(|| duration(fit.seconds)));
+        row
     });
-    let headings = ["model", "effects", "why it stopped", "parameters", "simulations", "time"];
+    let mut headings = vec!["model", "effects", "why it stopped", "parameters", "reaches", "simulations"];
+    headings.extend(timed.then_some("time"));
     format!(
-        "<section><h2>How it was computed</h2>\n{}<p class=\"note\">Method of characteristics, calibrated by least squares; program version {}.</p></section>\n",
-        table("How each stage was computed", &headings, 3, rows),
+        "<section id=\"computation\"><h2>How it was computed</h2>\n{}<p class=\"note\">Method of characteristics, calibrated by least squares; program version {}.</p></section>\n",
+        table("How each stage was computed", &headings, &[3, 4, 5, 6], rows),
         env!("CARGO_PKG_VERSION")
     )
 }
