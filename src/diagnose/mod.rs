@@ -52,6 +52,8 @@ const FAR_ASTRAY: f64 = 10.0;
 const CERTAIN: f64 = 100.0;
 /// Times the best candidate's square: what leaves more is not worth a full fit.
 const HOPELESS: f64 = 4.0;
+/// Times the best candidate's square up to which a fit is worth all patience.
+const SETTLED: f64 = 1.2;
 /// What a diagnosis says.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Verdict {
@@ -165,6 +167,14 @@ pub fn diagnose(
             if astray > FAR_ASTRAY { usize::MAX } else { FOLLOWED_EFFECTS },
         );
     }
+    rivals.sort_by(|a, b| a.square.total_cmp(&b.square));
+    let near = SETTLED * rivals[0].square;
+    rivals.par_iter_mut().filter(|r| r.fit.as_ref().is_some_and(|f| !f.converged) && r.square < near).for_each(
+        |rival| {
+            let settled = finisher.settled(rival);
+            rival.take(settled);
+        },
+    );
     let fine = rivals.iter().filter_map(|r| r.fit.as_ref()).min_by(|a, b| square(a).total_cmp(&square(b)));
     if let Some(best) = fine {
         let worth = worth(best, ground.features());

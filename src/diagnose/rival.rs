@@ -12,6 +12,9 @@ use crate::rig::Rig;
 /// Finest grid of a fit with cavities: the spikes of their collapse belong to the grid (Bergant, Simpson & Tijsseling 2006).
 const MOST_REACHES_WITH_CAVITIES: usize = 128;
 
+/// Iterations on each of the finer grids until it is known who wins.
+const GLANCED: usize = 6;
+
 /// An effect in its best form.
 pub(super) struct Rival<'a> {
     pub(super) refit: &'a Refit,
@@ -185,6 +188,16 @@ impl Finisher<'_> {
     fn options_of(&self, refit: &Refit) -> Options {
         let boils = refit.effects.iter().any(|c| c.effect.lets_boil());
         let most = if boils { MOST_REACHES_WITH_CAVITIES } else { usize::MAX };
-        Options { most_reaches: self.options.most_reaches.min(most), ..self.options.clone() }
+        Options { most_reaches: self.options.most_reaches.min(most), patience: GLANCED, ..self.options.clone() }
+    }
+
+    /// The fit of a rival, with all patience.
+    pub(super) fn settled(&self, rival: &Rival) -> Result<Fit, FitError> {
+        let fit = rival.fit.as_ref().ok_or(FitError::NoRun)?;
+        let effects = parse_list(&fit.effects.join(","))?;
+        let values: Vec<f64> = fit.parameters.iter().map(|p| p.value).collect();
+        let shown = |p: &Progress| (self.progress)(&format!("{}, {}", rival.label(), p.stage));
+        let options = Options { patience: self.options.patience, ..self.options_of(rival.refit) };
+        refine(self.rig, self.runs, &effects, &values, &options, &shown)
     }
 }

@@ -51,13 +51,15 @@ pub struct Options {
     pub most_reaches: usize,
     /// Share of the noise that the grid's own error may have.
     pub grid_error_over_noise: f64,
+    /// Most iterations on each of the finer grids.
+    pub patience: usize,
     /// What has been settled about parameters.
     pub constraints: Vec<Constraint>,
 }
 
 impl Default for Options {
     fn default() -> Self {
-        Options { most_reaches: 512, grid_error_over_noise: 0.3, constraints: Vec::new() }
+        Options { most_reaches: 512, grid_error_over_noise: 0.3, patience: 40, constraints: Vec::new() }
     }
 }
 

@@ -15,7 +15,7 @@ use crate::model::{Model, ModelError};
 /// Reaches from which the grid is refined.
 const FINAL_REACHES: usize = 64;
 const MIDDLE: Limits = Limits { iterations: 20, cost_tolerance: 1e-4, step_tolerance: 1e-8 };
-const LATE: Limits = Limits { iterations: 40, cost_tolerance: 1e-5, step_tolerance: 1e-9 };
+const LATE: Limits = Limits { iterations: usize::MAX, cost_tolerance: 1e-5, step_tolerance: 1e-9 };
 
 /// Pull of the grid on a parameter, in standard errors, that sends the fit to a finer one.
 const MOST_PULL: f64 = 2.0;
@@ -35,6 +35,10 @@ struct Pull {
 }
 
 impl Fitter<'_> {
+    fn patient(&self, limits: Limits) -> Limits {
+        Limits { iterations: limits.iterations.min(self.options.patience), ..limits }
+    }
+
     /// Refines the grid until its error is small against the noise and its pull on the parameters against their standard errors,
     /// then fits all samples on a grid of half that step and puts the result together.
     pub(super) fn finish(&self, model: &Model, state: State) -> Result<Fit, FitError> {
@@ -44,7 +48,7 @@ impl Fitter<'_> {
             let fitting = |n: usize| model.fitting_reaches(&values[..model.shared.len()], n);
             let (coarse, fine) = (fitting(reaches), fitting(2 * reaches));
             let problem = Calibration::new(model, self.runs, self.window(coarse, f64::INFINITY));
-            let solution = self.minimise(&problem, &values, MIDDLE, &format!("{coarse} reaches"))?;
+            let solution = self.minimise(&problem, &values, self.patient(MIDDLE), &format!("{coarse} reaches"))?;
             values = problem.values(&solution.x);
             let pull = self.grid_pull(&problem, &solution, fine)?;
             // A second order scheme's own limit lies a third further on than half the step. Where the data hardly tell two
@@ -76,7 +80,7 @@ impl Fitter<'_> {
         }
         let problem = Calibration::new(model, self.runs, self.whole(fine));
         problem.know(&model.constraints)?;
-        let solution = self.minimise(&problem, &values, LATE, "all samples")?;
+        let solution = self.minimise(&problem, &values, self.patient(LATE), "all samples")?;
         self.outcome(&problem, &solution, &pull)
     }
 
