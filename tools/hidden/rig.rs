@@ -97,14 +97,17 @@ impl Case {
         // Fit to tabulated values of water, 5 to 40 °C, within 1%.
         1.787e-6 * (-0.03288 * self.temperature_c + 1.962e-4 * self.temperature_c.powi(2)).exp()
     }
-    pub fn reynolds(&self) -> f64 {
-        self.velocity_m_s * self.diameter_m / self.viscosity_m2_s()
+    pub fn reynolds(&self, velocity_m_s: f64) -> f64 {
+        velocity_m_s * self.diameter_m / self.viscosity_m2_s()
     }
-    /// Constant for the rig: the first run's, smooth.
-    pub fn friction_factor(&self) -> f64 {
-        if self.reynolds() < 2320.0 { 64.0 / self.reynolds() } else { 0.316 / self.reynolds().powf(0.25) }
+    /// Of a smooth pipe (Blasius) at the flow before the closure.
+    pub fn friction_factor(&self, velocity_m_s: f64) -> f64 {
+        0.316 / self.reynolds(velocity_m_s).powf(0.25)
     }
 }
+
+/// Inner diameters of the rigs.
+const DIAMETERS_M: [f64; 8] = [0.014, 0.016, 0.0221, 0.032, 0.0506, 0.0662, 0.0933, 0.15];
 
 pub fn draw(random: &mut fastrand::Rng, kind: &'static str, name: &str) -> Case {
     let between = |random: &mut fastrand::Rng, a: f64, b: f64| a + (b - a) * random.f64();
@@ -146,7 +149,14 @@ pub fn draw(random: &mut fastrand::Rng, kind: &'static str, name: &str) -> Case 
         .map(|share| (share * length_m * 100.0).round() / 100.0)
         .collect();
     let which = random.usize(..sensors);
-    let diameter_m = [0.014, 0.016, 0.0221, 0.032, 0.0506][random.usize(..5)];
+    let diameter_m = DIAMETERS_M[random.usize(..5)];
+    // Turbulent, the slower run too.
+    let turbulent = |d: &f64| velocity_m_s * d > 1e-6 * 8000.0;
+    let diameter_m = DIAMETERS_M
+        .into_iter()
+        .filter(turbulent)
+        .find(|d| *d >= diameter_m)
+        .unwrap_or(DIAMETERS_M[DIAMETERS_M.len() - 1]);
     let area_m2 = std::f64::consts::PI / 4.0 * diameter_m * diameter_m;
     let flow_m3_s = area_m2 * velocity_m_s;
     let place_m = length_m * between(random, 0.15, 0.85);

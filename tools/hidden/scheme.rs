@@ -77,7 +77,7 @@ pub fn solve(case: &Case, velocity_m_s: f64, duration_s: f64) -> Solved {
         _ => (0, 0.0),
     };
     let block_k = block_m / (case.velocity_m_s * area).powi(2);
-    let f = case.friction_factor();
+    let f = case.friction_factor(velocity_m_s);
     let slope = |q: f64| f * q * q.abs() / (2.0 * G * case.diameter_m * area * area);
     let mut head = vec![case.valve_head_m; NODES + 1];
     let mut flow = vec![flow0; NODES];
