@@ -35,11 +35,15 @@ impl Worth {
     }
 }
 
-/// Probabilities of rivals from their evidence and the odds that they had before, and that of none of them, whose evidence is zero.
+/// Odds, before any data, that nothing is missing, against any one effect: as probable as that one of the sixteen is.
+const NOTHING: f64 = 16.0;
+
+/// Probabilities of rivals from their evidence and the odds that they had before, against each other and against none of them, whose
+/// evidence is zero; what is missing to one is the probability of none.
 pub fn probabilities(rivals: &[(f64, f64)]) -> Vec<f64> {
     let logs: Vec<f64> = rivals.iter().map(|(evidence, odds)| tempered(*evidence) + odds.ln()).collect();
-    let top = logs.iter().copied().fold(0.0, f64::max);
-    let total: f64 = logs.iter().map(|l| (l - top).exp()).sum::<f64>() + (-top).exp();
+    let top = logs.iter().copied().fold(NOTHING.ln(), f64::max);
+    let total: f64 = logs.iter().map(|l| (l - top).exp()).sum::<f64>() + (NOTHING.ln() - top).exp();
     logs.iter().map(|l| (l - top).exp() / total).collect()
 }
 

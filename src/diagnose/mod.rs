@@ -7,11 +7,14 @@
 pub mod candidate;
 pub mod evidence;
 pub mod ground;
+pub mod held_out;
 pub mod misfit;
 pub mod next_test;
 pub mod refit;
 mod rescue;
 mod rival;
+pub mod verdict;
+pub mod visible;
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -24,25 +27,21 @@ use crate::model::effects::Chosen;
 use crate::rig::Rig;
 use evidence::{Worth, probabilities};
 use ground::Ground;
+use held_out::held_out_m;
 use refit::{Refit, follow, glimpse};
 use rival::{Finisher, Rival, best_forms, square, worth};
+pub use verdict::Verdict;
+use verdict::{LEAST_EVIDENCE, LEAST_FALL, something_else};
+use visible::{Visible, visible};
 
-/// Evidence below which an effect is not worth having: the largest of sixteen searches by chance stays below.
-const LEAST_EVIDENCE: f64 = 10.0;
 /// Difference of tempered evidence within which two effects cannot be told apart: a Bayes factor of twenty (Kass & Raftery 1995).
 const INDISTINGUISHABLE: f64 = 3.0;
-/// Error over noise up to which a residual may be noise.
-const NOISE: f64 = 1.3;
-/// An effect that leaves more than this share of what the start model's error has beyond the noise, and more than
-/// [`LEFT_OVER_NOISE`] times the noise, does not explain it.
-const LEFT_SHARE: f64 = 0.35;
-const LEFT_OVER_NOISE: f64 = 2.5;
-/// What an effect must take away of the error, in quadrature, over the noise: less is not worth a model.
-const LEAST_FALL: f64 = 0.25;
 /// Effects that are refitted to the end; the others have been looked at.
 const FOLLOWED_EFFECTS: usize = 6;
 /// Most candidates that are fitted to all samples on the fine grid.
 const FINISHED: usize = 3;
+/// Evidence of what is not worth a model.
+const NOT_WORTH: f64 = -10.0;
 /// Error over noise of the best candidate from which on it is not down to the noise.
 const POOR: f64 = 1.2;
 /// Error over noise of the start model from which on its parameters may be astray, and from which on they tell nothing of the effects.
@@ -54,28 +53,6 @@ const CERTAIN: f64 = 100.0;
 const HOPELESS: f64 = 4.0;
 /// Times the best candidate's square up to which a fit is worth all patience.
 const SETTLED: f64 = 1.2;
-/// What a diagnosis says.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Verdict {
-    /// An effect of the catalogue is missing.
-    MissingEffect,
-    /// The residual is noise.
-    NothingMissing,
-    /// Something is missing that no effect of the catalogue explains.
-    UnknownEffect,
-}
-
-impl Verdict {
-    /// As the contract names it.
-    pub fn name(self) -> &'static str {
-        match self {
-            Verdict::MissingEffect => "missing-effect",
-            Verdict::NothingMissing => "nothing-missing",
-            Verdict::UnknownEffect => "unknown-effect",
-        }
-    }
-}
-
 /// An effect that may be missing.
 #[derive(Debug, Clone)]
 pub struct Candidate {
@@ -87,6 +64,8 @@ pub struct Candidate {
     pub probability: f64,
     /// Evidence for it over the start model, natural logarithm of odds before tempering.
     pub evidence: f64,
+    /// RMSE over the last two fifths of the records when it is fitted to what comes before, m, of the best one.
+    pub held_out_m: Option<f64>,
     /// RMSE with it, m: of the full fit where there is one, otherwise as forecast from the coarse refit.
     pub rmse_m: f64,
     /// Its own parameters.
@@ -102,6 +81,8 @@ pub struct Candidate {
 pub struct Diagnosis {
     /// The verdict.
     pub verdict: Verdict,
+    /// The probability that it is right.
+    pub probability: f64,
     /// The start model, fitted.
     pub start: Fit,
     /// Where it fails, a sentence each.
@@ -110,6 +91,10 @@ pub struct Diagnosis {
     pub candidates: Vec<Candidate>,
     /// Effects that were not tried, each with the reason.
     pub left_out: Vec<(&'static str, String)>,
+    /// RMSE of the start model over the last two fifths of the records when it is fitted to what comes before, m.
+    pub held_out_m: Option<f64>,
+    /// What could not have been seen, where nothing is missing.
+    pub visible: Vec<Visible>,
     /// What would tell the best apart, where these data cannot.
     pub next_test: Option<String>,
 }
@@ -129,78 +114,123 @@ pub fn diagnose(
     let start = calibrate(rig, runs, effects, options, &|p| progress(&format!("the start model, {}", p.stage)))?;
     let ground = Ground::new(rig, runs, &start, &options.constraints)?;
     let refits = refits(&ground, progress);
-    let failings = misfit::failings(&start);
-    let Some(closest) = refits.iter().min_by(|a, b| a.square.total_cmp(&b.square)) else {
-        return Ok(Diagnosis {
-            verdict: unexplained(&start, total_noise_m(runs)),
-            left_out: candidate::left_out(rig, &ground.effects),
-            start,
-            failings,
-            candidates: Vec::new(),
-            next_test: None,
-        });
-    };
-    let coarse = Worth::of(&closest.residuals[..ground.samples], ground.features());
-    let mut rivals: Vec<Rival> = best_forms(&refits, |r| coarse.evidence(ground.square, r.square, r.added))
-        .into_iter()
-        .map(|(evidence, refit)| Rival::forecast(&ground, &start, refit, evidence))
-        .collect();
-    let by_odds = |a: &Rival, b: &Rival| b.log_odds(&ground.known).total_cmp(&a.log_odds(&ground.known));
-    rivals.sort_by(by_odds);
     let finisher = Finisher { rig, runs, effects, options, progress };
-    let hopeless = HOPELESS * rivals[0].square;
+    let mut rivals = rivals(&ground, &start, &refits);
+    fit(&finisher, &ground, &start, &mut rivals);
+    let worth = weigh(&ground, &start, &mut rivals);
+    rivals.sort_by(|a, b| b.log_odds(&ground.known).total_cmp(&a.log_odds(&ground.known)));
+    let shares = probabilities(&rivals.iter().map(|r| (r.evidence, r.odds(&ground.known))).collect::<Vec<_>>());
+    let mut candidates: Vec<Candidate> = (0..rivals.len()).map(|i| candidate(&ground, &rivals, i, shares[i])).collect();
+    let certain = is_certain(&ground, &rivals);
+    let noise_m = total_noise_m(runs);
+    let verdict = Verdict::over(&start, noise_m, &candidates, certain);
+    // Whatever is in the catalogue shares what is left for it.
+    let rmse_m = start.pooled().0;
+    let left_m = candidates.first().filter(|c| c.evidence >= LEAST_EVIDENCE).map_or(rmse_m, |c| c.rmse_m);
+    let other = if certain { 0.0 } else { something_else(rmse_m, left_m, noise_m) };
+    let none = (1.0 - shares.iter().sum::<f64>()).max(0.0) * (1.0 - other);
+    candidates.iter_mut().for_each(|c| c.probability *= 1.0 - other);
+    let probability = match verdict {
+        Verdict::MissingEffect => candidates.first().map_or(0.0, |c| c.probability),
+        Verdict::NothingMissing => none,
+        Verdict::UnknownEffect => other,
+    };
+    let mut diagnosis = Diagnosis {
+        verdict,
+        probability,
+        failings: misfit::failings(&start),
+        candidates,
+        left_out: candidate::left_out(rig, &ground.effects),
+        held_out_m: None,
+        visible: Vec::new(),
+        next_test: None,
+        start,
+    };
+    match verdict {
+        Verdict::MissingEffect => explain(&finisher, &ground, &rivals, &mut diagnosis),
+        Verdict::NothingMissing => {
+            let forms: Vec<_> = rivals.iter().map(|r| r.refit.form.clone()).collect();
+            diagnosis.visible = visible(&ground, &forms, worth, LEAST_EVIDENCE, LEAST_FALL);
+        }
+        Verdict::UnknownEffect => {}
+    }
+    Ok(diagnosis)
+}
+
+/// The best form of each effect, as its refit forecasts it, the most promising first.
+fn rivals<'a>(ground: &Ground, start: &Fit, refits: &'a [Refit]) -> Vec<Rival<'a>> {
+    let Some(closest) = refits.iter().min_by(|a, b| a.square.total_cmp(&b.square)) else { return Vec::new() };
+    let coarse = Worth::of(&closest.residuals[..ground.samples], ground.features());
+    let mut rivals: Vec<Rival> = best_forms(refits, |r| coarse.evidence(ground.square, r.square, r.added))
+        .into_iter()
+        .map(|(evidence, refit)| Rival::forecast(ground, start, refit, evidence))
+        .collect();
+    rivals.sort_by(|a, b| b.log_odds(&ground.known).total_cmp(&a.log_odds(&ground.known)));
+    rivals
+}
+
+/// Fits the best rivals to all samples, and tries further where none of them is down to the noise.
+fn fit(finisher: &Finisher, ground: &Ground, start: &Fit, rivals: &mut [Rival]) {
+    let Some(best) = rivals.first().map(|r| r.square) else { return };
     let tried = rivals.len().min(FINISHED);
     rivals[..tried].par_iter_mut().enumerate().for_each(|(i, rival)| {
-        if i == 0 || (rival.evidence > LEAST_EVIDENCE && rival.square < hopeless) {
+        if i == 0 || (rival.evidence > LEAST_EVIDENCE && rival.square < HOPELESS * best) {
             rival.take(finisher.finished(rival.refit));
         }
     });
-    let noise_m = total_noise_m(runs);
-    // A record on the floor of vapour pressure has cavities, however well or badly a model of them follows their collapse.
-    let certain = rivals.first().is_some_and(|r| r.odds(&ground.known) >= CERTAIN);
+    let noise_m = total_noise_m(finisher.runs);
     let astray = start.pooled().0 / noise_m;
-    if astray > ASTRAY && !certain {
-        rescue::rescue(
-            &finisher,
-            &mut rivals,
-            POOR * noise_m,
-            if astray > FAR_ASTRAY { usize::MAX } else { FOLLOWED_EFFECTS },
-        );
+    if astray > ASTRAY && !is_certain(ground, rivals) {
+        let most = if astray > FAR_ASTRAY { usize::MAX } else { FOLLOWED_EFFECTS };
+        rescue::rescue(finisher, rivals, POOR * noise_m, most);
     }
-    rivals.sort_by(|a, b| a.square.total_cmp(&b.square));
-    let near = SETTLED * rivals[0].square;
+    let near = SETTLED * rivals.iter().map(|r| r.square).fold(f64::INFINITY, f64::min);
     rivals.par_iter_mut().filter(|r| r.fit.as_ref().is_some_and(|f| !f.converged) && r.square < near).for_each(
         |rival| {
             let settled = finisher.settled(rival);
             rival.take(settled);
         },
     );
+}
+
+/// Gives the rivals their evidence by the best fit, and takes it from those that are not worth a model, however sure.
+fn weigh(ground: &Ground, start: &Fit, rivals: &mut [Rival]) -> Worth {
     let fine = rivals.iter().filter_map(|r| r.fit.as_ref()).min_by(|a, b| square(a).total_cmp(&square(b)));
-    if let Some(best) = fine {
-        let worth = worth(best, ground.features());
-        rivals.iter_mut().for_each(|r| r.evidence = worth.evidence(square(&start), r.square, r.added(&ground, &start)));
-    }
-    // What is not worth a model is no explanation, however sure.
-    let (rmse_m, samples) = (start.pooled().0, ground.run_samples() as f64);
-    for rival in &mut rivals {
-        let fall_m2 = rmse_m.powi(2) - ground.noise_m().powi(2) * rival.square / samples;
-        let values: Vec<f64> = rival.own_parameters(&ground).iter().map(|p| p.value).collect();
-        if fall_m2 < (LEAST_FALL * noise_m).powi(2) || !rival.refit.form.chosen.effect.noteworthy(&values) {
-            rival.evidence = rival.evidence.min(0.0);
+    let worth = worth(fine.unwrap_or(start), ground.features());
+    let (rmse_m, noise_m) = (start.pooled().0, ground.noise_m());
+    let least_fall_m = LEAST_FALL * total_noise_m(&ground.runs);
+    for rival in rivals {
+        rival.evidence = worth.evidence(square(start), rival.square, rival.added(ground, start));
+        let fall_m2 = rmse_m.powi(2) - noise_m.powi(2) * rival.square / ground.run_samples() as f64;
+        let values: Vec<f64> = rival.own_parameters(ground).iter().map(|p| p.value).collect();
+        if fall_m2 < least_fall_m.powi(2) || !rival.refit.form.chosen.effect.noteworthy(&values) {
+            rival.evidence = rival.evidence.min(NOT_WORTH);
         }
     }
-    rivals.sort_by(by_odds);
-    let shares = probabilities(&rivals.iter().map(|r| (r.evidence, r.odds(&ground.known))).collect::<Vec<_>>());
-    let candidates: Vec<Candidate> = (0..rivals.len()).map(|i| candidate(&ground, &rivals, i, shares[i])).collect();
-    let verdict = verdict(&start, noise_m, &candidates, certain);
-    let other =
-        candidates.first().filter(|_| verdict == Verdict::MissingEffect).and_then(|c| c.indistinguishable_from.first());
-    let next_test = other.and_then(|name| {
+    worth
+}
+
+/// A record on the floor of vapour pressure has cavities, however well or badly a model of them follows their collapse.
+fn is_certain(ground: &Ground, rivals: &[Rival]) -> bool {
+    rivals.first().is_some_and(|r| r.odds(&ground.known) >= CERTAIN)
+}
+
+/// Adds what a missing effect calls for: whether it predicts what it has not seen, and the test that would tell it from its rivals.
+fn explain(finisher: &Finisher, ground: &Ground, rivals: &[Rival], diagnosis: &mut Diagnosis) {
+    (finisher.progress)("predicting the end of the records from their beginning");
+    let predicted = |fit: Option<&Fit>| {
+        fit.and_then(|fit| held_out_m(finisher.rig, finisher.runs, fit, finisher.options).ok())
+            .filter(|m| m.is_finite())
+    };
+    let best = diagnosis.candidates.first().and_then(|c| c.fit.clone());
+    let (start, with) = rayon::join(|| predicted(Some(&diagnosis.start)), || predicted(best.as_ref()));
+    diagnosis.held_out_m = start;
+    let Some(first) = diagnosis.candidates.first_mut() else { return };
+    first.held_out_m = with;
+    diagnosis.next_test = first.indistinguishable_from.first().and_then(|name| {
         let other = rivals.iter().find(|r| r.refit.form.effect == *name)?;
-        next_test::next_test(&ground, rivals[0].refit, other.refit)
+        next_test::next_test(ground, rivals[0].refit, other.refit)
     });
-    let left_out = candidate::left_out(rig, &ground.effects);
-    Ok(Diagnosis { verdict, failings, start, candidates, left_out, next_test })
 }
 
 /// The start model, fitted before, with one effect more: fitted to all samples, with the evidence for it.
@@ -285,6 +315,7 @@ fn candidate(ground: &Ground, rivals: &[Rival], i: usize, probability: f64) -> C
             .as_ref()
             .map_or_else(|| ground.noise_m() * (rival.square / samples.max(1) as f64).sqrt(), |f| f.pooled().0),
         parameters,
+        held_out_m: None,
         indistinguishable_from: near.map(|(_, other)| other.refit.form.effect).collect(),
         fit: rival.fit.clone(),
     }
@@ -298,23 +329,4 @@ fn total_noise_m(runs: &[RunData]) -> f64 {
         (sum + samples * s.total_noise_m.powi(2), n + samples)
     });
     (sum / f64::max(n, 1.0)).sqrt()
-}
-
-fn unexplained(start: &Fit, noise_m: f64) -> Verdict {
-    let (rmse_m, _) = start.pooled();
-    if rmse_m <= NOISE * noise_m { Verdict::NothingMissing } else { Verdict::UnknownEffect }
-}
-
-fn verdict(start: &Fit, noise_m: f64, candidates: &[Candidate], certain: bool) -> Verdict {
-    let (rmse_m, _) = start.pooled();
-    let Some(best) = candidates.first().filter(|c| c.evidence >= LEAST_EVIDENCE) else {
-        return unexplained(start, noise_m);
-    };
-    let excess = |rmse: f64| (rmse.powi(2) - noise_m.powi(2)).max(0.0);
-    let left = excess(best.rmse_m) / excess(rmse_m).max(f64::MIN_POSITIVE);
-    if !certain && left > LEFT_SHARE && best.rmse_m > LEFT_OVER_NOISE * noise_m {
-        Verdict::UnknownEffect
-    } else {
-        Verdict::MissingEffect
-    }
 }

@@ -9,11 +9,21 @@ use crate::diagnose::{Candidate, Diagnosis, Verdict};
 #[derive(Serialize)]
 struct Document<'a> {
     verdict: &'static str,
+    probability: f64,
     start: StartModel<'a>,
     candidates: Vec<Rival<'a>>,
     next_test: &'a str,
     fails: &'a [String],
     not_tried: Vec<LeftOut<'a>>,
+    least_visible: Vec<Least<'a>>,
+}
+
+#[derive(Serialize)]
+struct Least<'a> {
+    effect: &'a str,
+    parameter: &'a str,
+    value: f64,
+    unit: &'a str,
 }
 
 #[derive(Serialize)]
@@ -27,6 +37,7 @@ struct StartModel<'a> {
     effects: &'a [String],
     rmse_m: f64,
     noise_m: f64,
+    held_out_m: Option<f64>,
 }
 
 #[derive(Serialize)]
@@ -36,6 +47,7 @@ struct Rival<'a> {
     probability: f64,
     evidence: f64,
     rmse_m: f64,
+    held_out_m: Option<f64>,
     indistinguishable_from: &'a [&'static str],
     parameters: Vec<Value<'a>>,
 }
@@ -57,7 +69,13 @@ pub fn json(diagnosis: &Diagnosis) -> serde_json::Result<String> {
     let (rmse_m, noise_m) = diagnosis.start.pooled();
     serde_json::to_string_pretty(&Document {
         verdict: diagnosis.verdict.name(),
-        start: StartModel { effects: &diagnosis.start.effects, rmse_m, noise_m },
+        probability: diagnosis.probability,
+        start: StartModel { effects: &diagnosis.start.effects, rmse_m, noise_m, held_out_m: diagnosis.held_out_m },
+        least_visible: diagnosis
+            .visible
+            .iter()
+            .map(|v| Least { effect: &v.effect, parameter: &v.parameter, value: v.value, unit: v.unit })
+            .collect(),
         candidates: diagnosis.candidates.iter().map(rival).collect(),
         next_test: diagnosis.next_test.as_deref().unwrap_or(""),
         fails: &diagnosis.failings,
@@ -72,6 +90,7 @@ fn rival(candidate: &Candidate) -> Rival<'_> {
         probability: candidate.probability,
         evidence: candidate.evidence,
         rmse_m: candidate.rmse_m,
+        held_out_m: candidate.held_out_m,
         indistinguishable_from: &candidate.indistinguishable_from,
         parameters: candidate
             .parameters
@@ -103,7 +122,11 @@ pub fn text(diagnosis: &Diagnosis) -> String {
     }
     let _ = match (diagnosis.verdict, diagnosis.candidates.first()) {
         (Verdict::NothingMissing, _) => {
-            writeln!(out, "\nNothing is missing: no effect of the catalogue is worth adding.")
+            writeln!(
+                out,
+                "\nNothing is missing (probability {:.2}): no effect of the catalogue is worth adding.",
+                diagnosis.probability
+            )
         }
         (Verdict::UnknownEffect, Some(best)) => writeln!(
             out,
@@ -120,6 +143,25 @@ pub fn text(diagnosis: &Diagnosis) -> String {
         ),
         (Verdict::MissingEffect, None) => Ok(()),
     };
+    if let Some(best) = diagnosis.candidates.first()
+        && let (Some(without), Some(with)) = (diagnosis.held_out_m, best.held_out_m)
+    {
+        let _ = writeln!(
+            out,
+            "Fitted to the first three fifths of the record, the model misses the rest by {with:.3} m with it, {without:.3} m without."
+        );
+    }
+    if !diagnosis.visible.is_empty() {
+        let least: Vec<String> = diagnosis
+            .visible
+            .iter()
+            .map(|v| {
+                let unit = if v.unit == "1" { "" } else { v.unit };
+                format!("  {} under {} = {:.2} {unit}", v.effect, v.parameter, Sig(v.value)).trim_end().to_owned()
+            })
+            .collect();
+        let _ = writeln!(out, "\nThis record would hardly show\n{}", least.join("\n"));
+    }
     if diagnosis.verdict == Verdict::MissingEffect {
         for p in diagnosis.candidates.first().map_or(&[][..], |c| &c.parameters) {
             let _ = writeln!(out, "  {} = {:.5} ± {:.2} {}", p.name, Sig(p.value), Sig(p.standard_error), p.unit);

@@ -164,6 +164,7 @@ mod tests {
 
     fn candidate(effect: &'static str, probability: f64, rmse_m: f64, alike: &[&'static str]) -> Candidate {
         Candidate {
+            held_out_m: None,
             effect,
             label: effect.into(),
             probability,
@@ -177,6 +178,9 @@ mod tests {
 
     fn page_of(verdict: Verdict, candidates: Vec<Candidate>, next_test: Option<&str>) -> String {
         let diagnosis = Diagnosis {
+            held_out_m: None,
+            probability: 0.9,
+            visible: Vec::new(),
             verdict,
             start: fit(&[], 0.3),
             left_out: vec![("moving-valve", "for a <reason>".into())],

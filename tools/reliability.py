@@ -1,0 +1,86 @@
+"""How often a stated probability comes true: diagnose folders of recordings with one effect (or none) hidden, and count.
+
+reliability.py PROGRAM FOLDER... > tools/reliability.md
+
+FOLDER as for blind.py. A case counts as a hit where the verdict, or the most probable effect where one is missing, is the truth. An
+effect that leaves the start model within LEAST times the noise of what it would be without cannot be seen by anyone: such a case is
+a hit, too, where the answer is that nothing is missing, and is counted apart. Answers are kept in FOLDER/said.jsonl, so that a run that is cut off goes on."""
+import json
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+LEAST = 1.1
+VERDICTS = {"nothing-missing": "nothing", "unknown-effect": "unknown"}
+BINS = [0.0, 0.5, 0.8, 0.9, 0.95, 1.0001]
+
+
+def diagnose(program, folder, case, answer, work):
+    recordings = []
+    for csv in sorted((folder / case).glob("run*.csv")):
+        recordings.append(f"{work}/{case}-{csv.stem}.mcap")
+        rig = str(folder / case / "rig.toml")
+        subprocess.run([program, "import", str(csv), "--rig", rig, "-o", recordings[-1]], check=True, capture_output=True)
+    start = ",".join(answer["start_effects"]) or "none"
+    began = time.time()
+    run = subprocess.run([program, "diagnose", *recordings, "--effects", start, "--json"], capture_output=True, text=True)
+    for recording in recordings:
+        Path(recording).unlink()
+    return {"case": case, "truth": answer["hidden"]["effect"], "s": time.time() - began, "said": json.loads(run.stdout)}
+
+
+def answers(program, folder):
+    kept = folder / "said.jsonl"
+    said = [json.loads(line) for line in kept.read_text().splitlines()] if kept.exists() else []
+    known = {s["case"] for s in said}
+    with tempfile.TemporaryDirectory() as work, kept.open("a") as out:
+        for case, answer in sorted(json.loads((folder / "answers.json").read_text()).items()):
+            if case not in known:
+                said.append(diagnose(program, folder, case, answer, work))
+                print(json.dumps(said[-1]), file=out, flush=True)
+    return said
+
+
+def judged(one):
+    """Truth, answer, its probability, whether it is right, whether the effect could be seen at all."""
+    said, truth = one["said"], one["truth"]
+    answer = VERDICTS.get(said["verdict"]) or said["candidates"][0]["effect"]
+    visible = truth == "nothing" or said["start"]["rmse_m"] > LEAST * said["start"]["noise_m"]
+    right = answer == truth or (not visible and answer == "nothing")
+    return truth, answer, said["probability"], right, visible
+
+
+program, folders = sys.argv[1], [Path(f) for f in sys.argv[2:]]
+all_cases = []
+print("| recordings | cases | right | of those that can be seen | false alarms | seconds, median and worst |")
+print("| --- | --- | --- | --- | --- | --- |")
+for folder in folders:
+    said = answers(program, folder)
+    cases = [judged(s) for s in said]
+    all_cases += cases
+    nulls = [c for c in cases if c[0] == "nothing"]
+    effects = [c for c in cases if c[0] != "nothing" and c[4]]
+    seconds = sorted(s["s"] for s in said)
+    print(f"| {folder.name} | {len(cases)} | {sum(c[3] for c in cases)} | {sum(c[3] for c in effects)} of {len(effects)} "
+          f"| {sum(c[1] != 'nothing' for c in nulls)} of {len(nulls)} | {seconds[len(seconds) // 2]:.1f}, {seconds[-1]:.1f} |")
+
+print("\n| stated probability | cases | stated, mean | right |")
+print("| --- | --- | --- | --- |")
+error = 0.0
+for low, high in zip(BINS, BINS[1:]):
+    inside = [c for c in all_cases if low <= c[2] < high]
+    if inside:
+        stated, right = sum(c[2] for c in inside) / len(inside), sum(c[3] for c in inside) / len(inside)
+        error += abs(stated - right) * len(inside) / len(all_cases)
+        print(f"| {low:.2f} to {min(high, 1):.2f} | {len(inside)} | {stated:.3f} | {right:.3f} |")
+brier = sum((c[2] - c[3]) ** 2 for c in all_cases) / len(all_cases)
+print(f"\n{len(all_cases)} cases: expected calibration error {error:.3f}, Brier score {brier:.3f}.")
+
+print("\n| hidden | right of those that can be seen | taken for |")
+print("| --- | --- | --- |")
+for truth in sorted({c[0] for c in all_cases}):
+    seen = [c for c in all_cases if c[0] == truth and c[4]]
+    wrong = sorted({c[1] for c in seen if not c[3]})
+    print(f"| {truth} | {sum(c[3] for c in seen)} of {len(seen)} | {', '.join(wrong)} |")
