@@ -40,6 +40,8 @@ const INDISTINGUISHABLE: f64 = 3.0;
 const FOLLOWED_EFFECTS: usize = 6;
 /// Most candidates that are fitted to all samples on the fine grid.
 const FINISHED: usize = 3;
+/// Error over noise of a start model that is next to the noise.
+const QUIET: f64 = 1.3;
 /// Evidence of what is not worth a model.
 const NOT_WORTH: f64 = -10.0;
 /// Error over noise of the best candidate from which on it is not down to the noise.
@@ -174,7 +176,8 @@ fn fit(finisher: &Finisher, ground: &Ground, start: &Fit, rivals: &mut [Rival]) 
     let Some(best) = rivals.first().map(|r| r.square) else { return };
     let tried = rivals.len().min(FINISHED);
     rivals[..tried].par_iter_mut().enumerate().for_each(|(i, rival)| {
-        if i == 0 || (rival.evidence > LEAST_EVIDENCE && rival.square < HOPELESS * best) {
+        let first = i == 0 && rival.evidence > NOT_WORTH;
+        if first || (rival.evidence > LEAST_EVIDENCE && rival.square < HOPELESS * best) {
             rival.take(finisher.finished(rival.refit));
         }
     });
@@ -283,10 +286,17 @@ fn refits(ground: &Ground, progress: &(dyn Fn(&str) + Sync)) -> Vec<Refit> {
     let mut order = best_forms(&glimpses, |r| -r.square);
     order.sort_by(|a, b| b.0.total_cmp(&a.0));
     let worthy: Vec<&str> = order.iter().take(FOLLOWED_EFFECTS).map(|(_, r)| r.form.effect).collect();
+    // Next to the noise a straight line tells all: what a glimpse does not promise will not come.
+    let quiet = ground.mean_square(&ground.residuals) < QUIET.powi(2);
+    let worth = Worth::of(&ground.residuals[..ground.samples], ground.features());
+    let hopeful = |r: &Refit| worth.evidence(ground.square, r.square, r.added) > NOT_WORTH;
     glimpses
         .par_iter()
         .map(|glimpse| {
             // What boils does so past a threshold that no straight line sees.
+            if quiet && !hopeful(glimpse) {
+                return glimpse.clone();
+            }
             if !worthy.contains(&glimpse.form.effect) && !glimpse.form.chosen.effect.lets_boil() {
                 return glimpse.clone();
             }

@@ -16,10 +16,12 @@ pub(super) fn section(diagnoses: &[Diagnosis]) -> String {
     for diagnosis in diagnoses {
         out.push_str(&format!("<h3>Effects added to the {}</h3>\n", escape(&start_model(diagnosis))));
         out.push_str(&candidates(diagnosis));
+        out.push_str(&held_out(diagnosis));
+        out.push_str(&least_visible(diagnosis));
         out.push_str(&left_out(diagnosis));
         out.push_str(&next_test(diagnosis));
     }
-    out.push_str("<p class=\"note\">The probability that an effect is the one that is missing follows from how likely it is before any fit and from the evidence, the natural logarithm of its odds against the model without it, a quarter of which counts because models err in ways that noise does not know of; “none of these” has evidence 0. 0.1321(6) stands for 0.1321 ± 0.0006, one standard error; candidates that were not worth a full fit have none.</p>\n</section>\n");
+    out.push_str("<p class=\"note\">The probability that an effect is the one that is missing follows from how likely it is before any fit and from the evidence, the natural logarithm of its odds against the model without it, a quarter of which counts because models err in ways that noise does not know of; “none of these”, that nothing is missing or that it is something else, has evidence 0. 0.1321(6) stands for 0.1321 ± 0.0006, one standard error; candidates that were not worth a full fit have none.</p>\n</section>\n");
     out
 }
 
@@ -43,6 +45,36 @@ fn candidates(diagnosis: &Diagnosis) -> String {
         out += &format!("<details><summary>{} less likely</summary>\n{rest}</details>\n", folded.len());
     }
     out
+}
+
+/// How well the end of the records is predicted from their beginning, with the effect and without.
+fn held_out(diagnosis: &Diagnosis) -> String {
+    match (diagnosis.held_out_m, diagnosis.candidates.first().and_then(|c| Some((c, c.held_out_m?)))) {
+        (Some(without), Some((best, with))) => format!(
+            "<p>Fitted to the first three fifths of the record, the model misses the rest by {} m with <code>{}</code>, by {} m without.</p>\n",
+            error_m(with),
+            escape(label(best)),
+            error_m(without)
+        ),
+        _ => String::new(),
+    }
+}
+
+/// What could not have been seen.
+fn least_visible(diagnosis: &Diagnosis) -> String {
+    if diagnosis.visible.is_empty() {
+        return String::new();
+    }
+    let rows = diagnosis.visible.iter().map(|v| {
+        let unit = if v.unit == "1" { String::new() } else { format!(" {}", escape(v.unit)) };
+        vec![
+            format!("<code>{}</code>", escape(&v.effect)),
+            escape(&v.parameter),
+            format!("{}{unit}", significant(v.value, 2)),
+        ]
+    });
+    let caption = "What these recordings would hardly show: effects smaller than this";
+    format!("<h4>{caption}</h4>\n{}", table(caption, &["effect", "parameter", "least visible"], &[2], rows))
 }
 
 /// What was not tried, and why.
