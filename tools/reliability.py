@@ -2,43 +2,29 @@
 
 reliability.py PROGRAM FOLDER... > tools/reliability.md
 
-FOLDER as for blind.py. A case counts as a hit where the verdict, or the most probable effect where one is missing, is the truth. An
+FOLDER as hidden_folder.py says. A case counts as a hit where the verdict, or the most probable effect where one is missing, is the truth. An
 effect that leaves the start model within LEAST times the noise of what it would be without cannot be seen by anyone: such a case is
 a hit, too, where the answer is that nothing is missing, and is counted apart. Answers are kept in FOLDER/said.jsonl, so that a run that is cut off goes on."""
 import json
-import subprocess
 import sys
 import tempfile
-import time
 from pathlib import Path
 
+from hidden_folder import answer_of, answers, diagnose
+
 LEAST = 1.1
-VERDICTS = {"nothing-missing": "nothing", "unknown-effect": "unknown"}
 BINS = [0.0, 0.5, 0.8, 0.9, 0.95, 1.0001]
 
 
-def diagnose(program, folder, case, answer, work):
-    recordings = []
-    for csv in sorted((folder / case).glob("run*.csv")):
-        recordings.append(f"{work}/{case}-{csv.stem}.mcap")
-        rig = str(folder / case / "rig.toml")
-        subprocess.run([program, "import", str(csv), "--rig", rig, "-o", recordings[-1]], check=True, capture_output=True)
-    start = ",".join(answer["start_effects"]) or "none"
-    began = time.time()
-    run = subprocess.run([program, "diagnose", *recordings, "--effects", start, "--json"], capture_output=True, text=True)
-    for recording in recordings:
-        Path(recording).unlink()
-    return {"case": case, "truth": answer["hidden"]["effect"], "s": time.time() - began, "said": json.loads(run.stdout)}
-
-
-def answers(program, folder):
+def said_of(program, folder):
     kept = folder / "said.jsonl"
     said = [json.loads(line) for line in kept.read_text().splitlines()] if kept.exists() else []
     known = {s["case"] for s in said}
     with tempfile.TemporaryDirectory() as work, kept.open("a") as out:
-        for case, answer in sorted(json.loads((folder / "answers.json").read_text()).items()):
+        for case, answer in answers(folder):
             if case not in known:
-                said.append(diagnose(program, folder, case, answer, work))
+                found, seconds = diagnose(program, folder, case, answer, work)
+                said.append({"case": case, "truth": answer["hidden"]["effect"], "s": seconds, "said": found})
                 print(json.dumps(said[-1]), file=out, flush=True)
     return said
 
@@ -46,7 +32,7 @@ def answers(program, folder):
 def judged(one):
     """Truth, answer, its probability, whether it is right, whether the effect could be seen at all."""
     said, truth = one["said"], one["truth"]
-    answer = VERDICTS.get(said["verdict"]) or said["candidates"][0]["effect"]
+    answer = answer_of(said)
     visible = truth == "nothing" or said["start"]["rmse_m"] > LEAST * said["start"]["noise_m"]
     right = answer == truth or (not visible and answer == "nothing")
     return truth, answer, said["probability"], right, visible
@@ -57,7 +43,7 @@ all_cases = []
 print("| recordings | cases | right | of those that can be seen | false alarms | seconds, median and worst |")
 print("| --- | --- | --- | --- | --- | --- |")
 for folder in folders:
-    said = answers(program, folder)
+    said = said_of(program, folder)
     cases = [judged(s) for s in said]
     all_cases += cases
     nulls = [c for c in cases if c[0] == "nothing"]

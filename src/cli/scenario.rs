@@ -217,7 +217,7 @@ impl Scenario {
         let sensor = &self.rig.sensors[sensor];
         // A sensor that sees no steady pressure sees no elevation.
         let elevation_m = match sensor.coupling {
-            Coupling::Dc => sensor.elevation_m.unwrap_or_else(|| self.rig.elevation_m(sensor.position_m)),
+            Coupling::Dc => self.rig.sensor_elevation_m(sensor),
             Coupling::Ac => 0.0,
         };
         let density = self.water.density_kg_m3;

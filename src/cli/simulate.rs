@@ -167,7 +167,7 @@ fn warn_of_cavities(scenario: &Scenario, traces: &[Trace]) {
     // A piezoelectric sensor shows no head to judge by.
     let steady = scenario.rig.pressure_sensors().zip(traces).filter(|((_, s), _)| s.coupling == Coupling::Dc);
     for ((_, sensor), trace) in steady {
-        let elevation_m = sensor.elevation_m.unwrap_or_else(|| scenario.rig.elevation_m(sensor.position_m));
+        let elevation_m = scenario.rig.sensor_elevation_m(sensor);
         let least_head_m = elevation_m + least_pa / (scenario.water.density_kg_m3 * crate::units::GRAVITY_M_S2);
         if let Some(step) = trace.values.iter().position(|&h| h < least_head_m) {
             super::tell!(

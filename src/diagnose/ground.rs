@@ -14,7 +14,7 @@ use crate::fit::problem::{Calibration, Window};
 use crate::model::constraint::Constraint;
 use crate::model::effects::{Chosen, Circumstances, parse_list, vapour_head_m};
 use crate::model::{Model, ModelError};
-use crate::rig::Rig;
+use crate::rig::{Coupling, Rig};
 
 /// Reaches of the coarse grid.
 const COARSE_REACHES: usize = 48;
@@ -212,7 +212,9 @@ fn above_vapour_m(rig: &Rig, runs: &[RunData]) -> f64 {
         let boiling_m = rig.elevation_m(s.sensor.position_m) + vapour_head_m(&run.conditions.water);
         s.head_m.iter().copied().fold(f64::INFINITY, f64::min) - boiling_m
     };
-    runs.iter().flat_map(|run| run.sensors.iter().map(move |s| margin(run, s))).fold(f64::INFINITY, f64::min)
+    // A sensor that sees no steady pressure sees no floor.
+    let dc = |s: &&SensorData| s.sensor.coupling == Coupling::Dc;
+    runs.iter().flat_map(|run| run.sensors.iter().filter(dc).map(move |s| margin(run, s))).fold(f64::INFINITY, f64::min)
 }
 
 /// The runs with their samples averaged, shifted by what the model at `values` changes from `fine` reaches to `coarse` ones.

@@ -28,7 +28,7 @@ pub fn prepare(file: &str, rig: &Rig, recording: &Recording, features: &Features
         let (time_s, mut head_m) = heads(recording, seen.sensor, features.temperature_degc);
         if sensor.coupling == Coupling::Ac {
             // It sees no steady pressure: neither an elevation.
-            let elevation_m = elevation_m(rig, &sensor);
+            let elevation_m = rig.sensor_elevation_m(&sensor);
             head_m.iter_mut().for_each(|h| *h -= elevation_m);
         }
         let offset_sd_m =
@@ -107,10 +107,6 @@ fn flow_uncertainty(rig: &Rig, velocity_m_s: f64) -> f64 {
         Some(error / (area * velocity_m_s))
     });
     stated.unwrap_or(FLOW_UNCERTAINTY).clamp(1e-3, 1.0)
-}
-
-fn elevation_m(rig: &Rig, sensor: &Sensor) -> f64 {
-    sensor.elevation_m.unwrap_or_else(|| rig.elevation_m(sensor.position_m))
 }
 
 /// Head before the valve: of the nearest sensor that sees steady pressure, less the friction between; where there is none, a

@@ -254,7 +254,7 @@ impl<'a> Model<'a> {
     /// If an effect's value is outside its physical range.
     pub fn sensed(&self, shared: &[f64], sensor: &Sensor, trace: Trace) -> Result<Trace, ModelError> {
         let mut trace = seen_by(sensor, trace);
-        let elevation_m = sensor.elevation_m.unwrap_or_else(|| self.rig.elevation_m(sensor.position_m));
+        let elevation_m = self.rig.sensor_elevation_m(sensor);
         for (chosen, values) in self.chosen(shared) {
             if chosen.sensor.as_ref() == Some(&sensor.name) {
                 trace = chosen.effect.sense(values, elevation_m, trace)?;

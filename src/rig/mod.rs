@@ -283,6 +283,11 @@ impl Rig {
         self.sensors.iter().enumerate().filter(|(_, s)| s.kind == SensorKind::Pressure)
     }
 
+    /// Elevation of a sensor, m: its own, or that of the pipe's axis at its place.
+    pub fn sensor_elevation_m(&self, sensor: &Sensor) -> f64 {
+        sensor.elevation_m.unwrap_or_else(|| self.elevation_m(sensor.position_m))
+    }
+
     /// Elevation of the pipe axis at a position, m (linear along each pipe).
     pub fn elevation_m(&self, position_m: f64) -> f64 {
         let mut start = 0.0;

@@ -279,7 +279,7 @@ pub fn heads(recording: &Recording, sensor: usize, temperature_degc: f64) -> (Ve
         return (Vec::new(), Vec::new());
     }
     let density = rig.fluid.properties(temperature_degc).density_kg_m3;
-    let elevation_m = place.elevation_m.unwrap_or_else(|| rig.elevation_m(place.position_m));
+    let elevation_m = rig.sensor_elevation_m(place);
     levels::finite(series)
         .map(|(t, v)| (t, place.unit.to_si(v, density) / (density * GRAVITY_M_S2) + elevation_m))
         .unzip()

@@ -100,7 +100,7 @@ impl<'a> Front<'a> {
             return None;
         }
         let metres = |shown: f64| sensor.unit.to_si(shown, water.density_kg_m3) / (water.density_kg_m3 * GRAVITY_M_S2);
-        let elevation = sensor.elevation_m.unwrap_or_else(|| rig.elevation_m(sensor.position_m));
+        let elevation = rig.sensor_elevation_m(sensor);
         let random = 3.0 * self.noise / (self.steady_samples as f64).sqrt();
         Some((metres(self.steady) + elevation, metres(self.track.accuracy(self.steady) + random)))
     }
