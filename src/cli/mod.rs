@@ -42,6 +42,7 @@ pub mod scenario;
 pub mod simulate;
 pub mod undo;
 pub mod values;
+pub mod valve;
 
 use std::error::Error;
 use std::io::Write as _;
@@ -89,6 +90,7 @@ enum Command {
     Refit(refit::Args),
     Undo(undo::Args),
     Model(model::Args),
+    Valve(valve::Args),
     /// Turn a recording into a time series (CSV).
     Export(export::Args),
     /// Show what a recording tells without a model: steady heads, extrema, period, wave speed, closure, noise.
@@ -118,6 +120,7 @@ pub fn main() -> ExitCode {
         Command::Refit(args) => refit::run(args, cli.json),
         Command::Undo(args) => undo::run(args, cli.json),
         Command::Model(args) => model::run(args, cli.json),
+        Command::Valve(args) => valve::run(args, cli.json),
         Command::Export(args) => export::run(args, cli.json),
         Command::Inspect(args) => inspect::run(args, cli.json),
         Command::Recover(args) => recover::run(args, cli.json),

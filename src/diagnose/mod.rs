@@ -5,6 +5,7 @@
 //! probability and a verdict, rivals that the data cannot tell apart are named together, with the test that would ([`next_test`]).
 
 pub mod candidate;
+pub mod doubt;
 pub mod evidence;
 pub mod ground;
 pub mod held_out;
@@ -43,7 +44,7 @@ const FINISHED: usize = 3;
 /// Error over noise of a start model that is next to the noise.
 const QUIET: f64 = 1.3;
 /// Evidence of what is not worth a model.
-const NOT_WORTH: f64 = -10.0;
+pub const NOT_WORTH: f64 = -10.0;
 /// Error over noise of the best candidate from which on it is not down to the noise.
 const POOR: f64 = 1.2;
 /// Error over noise of the start model from which on its parameters may be astray, and from which on they tell nothing of the effects.
@@ -87,6 +88,8 @@ pub struct Diagnosis {
     pub probability: f64,
     /// The start model, fitted.
     pub start: Fit,
+    /// What makes all that follows doubtful, a sentence each.
+    pub doubts: Vec<String>,
     /// Where it fails, a sentence each.
     pub failings: Vec<String>,
     /// Effects that could be missing, best first.
@@ -140,6 +143,7 @@ pub fn diagnose(
     let mut diagnosis = Diagnosis {
         verdict,
         probability,
+        doubts: doubt::doubts(rig, runs, &start, effects),
         failings: misfit::failings(&start),
         candidates,
         left_out: candidate::left_out(rig, &ground.effects),

@@ -20,6 +20,8 @@ pub struct Visible {
     pub parameter: String,
     /// Its least visible value.
     pub value: f64,
+    /// Where the effect vanishes.
+    pub vanishes_at: f64,
     /// Its unit.
     pub unit: &'static str,
 }
@@ -54,6 +56,7 @@ fn least(ground: &Ground, form: &Form, worth: Worth, least_evidence: f64, least_
         effect: form.chosen.label(),
         parameter: parameter.name.clone(),
         value,
+        vanishes_at: parameter.vanishes_at.unwrap_or(0.0),
         unit: parameter.unit,
     })
 }

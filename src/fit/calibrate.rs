@@ -27,6 +27,10 @@ pub enum FitError {
     NoSample { file: String },
     #[error("the model has no parameter '{name}' to hold or to bound; it has {known}")]
     NoSuchParameter { name: String, known: String },
+    #[error(
+        "{file}: no pressure sensor stands at the valve (within {within_m:.2} m of the pipe's end), which shows how it closed"
+    )]
+    NoValveSensor { file: String, within_m: f64 },
     #[error(transparent)]
     Model(#[from] ModelError),
 }

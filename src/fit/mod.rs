@@ -16,3 +16,4 @@ pub mod problem;
 pub mod sensor_choice;
 mod starts;
 pub mod uncertainty;
+pub mod valve_curve;

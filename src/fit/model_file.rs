@@ -133,7 +133,14 @@ impl ModelFile {
                 if !(p.lower <= p.value && p.value <= p.upper) {
                     return Err(wrong(
                         i + 1,
-                        format!("has {} = {} outside its bounds, {} to {}", p.name, p.value, p.lower, p.upper),
+                        if p.lower > p.upper {
+                            format!("has a lower bound of {}, {}, above the upper one, {}", p.name, p.lower, p.upper)
+                        } else {
+                            format!(
+                                "has {} = {:.6} outside its bounds, {:.6} to {:.6}: set its value between them, too",
+                                p.name, p.value, p.lower, p.upper
+                            )
+                        },
                     ));
                 }
             }

@@ -268,7 +268,7 @@ impl<'a> Calibration<'a> {
     ) -> Result<Simulated, ModelError> {
         let run = &self.runs[r];
         let own = &values[self.run_offsets[r]..];
-        let run_values = RunValues::from_slice(own.first_chunk().unwrap_or(&[f64::NAN; RunValues::COUNT]));
+        let run_values = self.run_values(r, values);
         let closure_start = own[CLOSURE_START];
         let latest = run
             .sensors
@@ -288,6 +288,12 @@ impl<'a> Calibration<'a> {
         let shared = &values[..self.model.shared.len()];
         let resolution = Resolution { reaches, duration_s: latest - closure_start };
         simulate(self.model, &conditions, shared, &run_values, resolution, &probes)
+    }
+
+    /// A run's own values.
+    pub fn run_values(&self, r: usize, values: &[f64]) -> RunValues {
+        let own = &values[self.run_offsets[r]..];
+        RunValues::from_slice(own.first_chunk().unwrap_or(&[f64::NAN; RunValues::COUNT]))
     }
 
     /// Start of a run's closure on its clock, s.

@@ -4,7 +4,8 @@ use std::fmt::Write;
 
 use serde::Serialize;
 
-use crate::diagnose::{Candidate, Diagnosis, Verdict};
+use crate::diagnose::visible::Visible;
+use crate::diagnose::{Candidate, Diagnosis, NOT_WORTH, Verdict};
 
 #[derive(Serialize)]
 struct Document<'a> {
@@ -16,6 +17,7 @@ struct Document<'a> {
     fails: &'a [String],
     not_tried: Vec<LeftOut<'a>>,
     least_visible: Vec<Least<'a>>,
+    warnings: &'a [String],
 }
 
 #[derive(Serialize)]
@@ -79,6 +81,7 @@ pub fn json(diagnosis: &Diagnosis) -> serde_json::Result<String> {
         candidates: diagnosis.candidates.iter().map(rival).collect(),
         next_test: diagnosis.next_test.as_deref().unwrap_or(""),
         fails: &diagnosis.failings,
+        warnings: &diagnosis.doubts,
         not_tried: diagnosis.left_out.iter().map(|(effect, reason)| LeftOut { effect, reason }).collect(),
     })
 }
@@ -120,6 +123,9 @@ pub fn text(diagnosis: &Diagnosis) -> String {
     for sentence in &diagnosis.failings {
         let _ = writeln!(out, "  {sentence}");
     }
+    for doubt in &diagnosis.doubts {
+        let _ = writeln!(out, "\nwarning: {doubt}");
+    }
     let _ = match (diagnosis.verdict, diagnosis.candidates.first()) {
         (Verdict::NothingMissing, _) => {
             writeln!(
@@ -152,15 +158,9 @@ pub fn text(diagnosis: &Diagnosis) -> String {
         );
     }
     if !diagnosis.visible.is_empty() {
-        let least: Vec<String> = diagnosis
-            .visible
-            .iter()
-            .map(|v| {
-                let unit = if v.unit == "1" { "" } else { v.unit };
-                format!("  {} under {} = {:.2} {unit}", v.effect, v.parameter, Sig(v.value)).trim_end().to_owned()
-            })
-            .collect();
-        let _ = writeln!(out, "\nThis record would hardly show\n{}", least.join("\n"));
+        let least: Vec<String> =
+            diagnosis.visible.iter().map(|v| format!("  {}, {} {}", v.effect, v.parameter, least_visible(v))).collect();
+        let _ = writeln!(out, "\nToo small to be seen in this record would be\n{}", least.join("\n"));
     }
     if diagnosis.verdict == Verdict::MissingEffect {
         for p in diagnosis.candidates.first().map_or(&[][..], |c| &c.parameters) {
@@ -176,14 +176,18 @@ pub fn text(diagnosis: &Diagnosis) -> String {
         for c in diagnosis.candidates.iter().take(SHOWN) {
             let _ = writeln!(
                 out,
-                "{:<20} {:>11.3} {:>10.1} {:>9.3}  {}",
+                "{:<20} {:>11.3} {:>10} {:>9.3}  {}",
                 c.effect,
                 c.probability,
-                c.evidence,
+                evidence(c),
                 c.rmse_m,
                 c.indistinguishable_from.join(", ")
             );
         }
+    }
+    if diagnosis.verdict != Verdict::NothingMissing {
+        let all: f64 = diagnosis.candidates.iter().map(|c| c.probability).sum();
+        let _ = writeln!(out, "{:<20} {:>11.3}", "none of these", (1.0 - all).max(0.0));
     }
     for (effect, reason) in &diagnosis.left_out {
         let _ = writeln!(out, "\nNot tried: {effect}: {reason}.");
@@ -192,6 +196,20 @@ pub fn text(diagnosis: &Diagnosis) -> String {
         let _ = writeln!(out, "\nNext test: {test}.");
     }
     out
+}
+
+/// The evidence in words: what is not worth a model has none.
+fn evidence(candidate: &Candidate) -> String {
+    if candidate.evidence <= NOT_WORTH { "none".to_owned() } else { format!("{:.1}", candidate.evidence) }
+}
+
+/// The range of a parameter in which its effect could not be seen, in words.
+pub(super) fn least_visible(v: &Visible) -> String {
+    let unit = if v.unit == "1" { String::new() } else { format!(" {}", v.unit) };
+    if v.vanishes_at == 0.0 {
+        return format!("under {:.2}{unit}", Sig(v.value));
+    }
+    format!("within {} ± {:.2}{unit}", v.vanishes_at, Sig((v.value - v.vanishes_at).abs()))
 }
 
 /// A number to a number of significant digits.

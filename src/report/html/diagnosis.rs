@@ -178,6 +178,7 @@ mod tests {
 
     fn page_of(verdict: Verdict, candidates: Vec<Candidate>, next_test: Option<&str>) -> String {
         let diagnosis = Diagnosis {
+            doubts: Vec::new(),
             held_out_m: None,
             probability: 0.9,
             visible: Vec::new(),

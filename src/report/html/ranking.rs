@@ -2,7 +2,7 @@
 
 use super::diagnosis::{label, probability, start_model};
 use super::{minus, table};
-use crate::diagnose::{Candidate, Diagnosis, Verdict};
+use crate::diagnose::{Candidate, Diagnosis, NOT_WORTH, Verdict};
 use crate::report::escape::escape;
 use crate::report::number::{error_m, significant, times, with_error};
 use crate::report::summary::overall;
@@ -21,7 +21,7 @@ pub(super) fn section(diagnoses: &[Diagnosis]) -> String {
         out.push_str(&left_out(diagnosis));
         out.push_str(&next_test(diagnosis));
     }
-    out.push_str("<p class=\"note\">The probability that an effect is the one that is missing follows from how likely it is before any fit and from the evidence, the natural logarithm of its odds against the model without it, a quarter of which counts because models err in ways that noise does not know of; “none of these”, that nothing is missing or that it is something else, has evidence 0. 0.1321(6) stands for 0.1321 ± 0.0006, one standard error; candidates that were not worth a full fit have none.</p>\n</section>\n");
+    out.push_str("<p class=\"note\">The probability that an effect is the one that is missing follows from how likely it is before any fit and from the evidence, the natural logarithm of its odds against the model without it, a quarter of which counts because models err in ways that noise does not know of; “none of these”, that nothing is missing or that it is something else, has evidence 0; evidence “none” is that of effects smaller than what is worth a model, however sure their size. 0.1321(6) stands for 0.1321 ± 0.0006, one standard error; candidates that were not worth a full fit have none.</p>\n</section>\n");
     out
 }
 
@@ -66,15 +66,14 @@ fn least_visible(diagnosis: &Diagnosis) -> String {
         return String::new();
     }
     let rows = diagnosis.visible.iter().map(|v| {
-        let unit = if v.unit == "1" { String::new() } else { format!(" {}", escape(v.unit)) };
         vec![
             format!("<code>{}</code>", escape(&v.effect)),
             escape(&v.parameter),
-            format!("{}{unit}", significant(v.value, 2)),
+            escape(&crate::report::diagnosis::least_visible(v)),
         ]
     });
-    let caption = "What these recordings would hardly show: effects smaller than this";
-    format!("<h4>{caption}</h4>\n{}", table(caption, &["effect", "parameter", "least visible"], &[2], rows))
+    let caption = "What would be too small to be seen in these recordings";
+    format!("<h4>{caption}</h4>\n{}", table(caption, &["effect", "parameter", "not to be seen"], &[], rows))
 }
 
 /// What was not tried, and why.
@@ -105,8 +104,15 @@ fn rows(diagnosis: &Diagnosis, candidates: &[Candidate], with_none: bool) -> Str
     let row = |name: String, p: f64, evidence: String, rmse_m: f64, parameters: String| {
         vec![name, bar(p), evidence, error_m(rmse_m), times(rmse_m, start.noise_m), parameters]
     };
-    let rows =
-        candidates.iter().map(|c| row(name(c), c.probability, minus(&evidence(c.evidence)), c.rmse_m, parameters(c)));
+    let rows = candidates.iter().map(|c| {
+        row(
+            name(c),
+            c.probability,
+            if c.evidence <= NOT_WORTH { "none".into() } else { minus(&evidence(c.evidence)) },
+            c.rmse_m,
+            parameters(c),
+        )
+    });
     let none = 1.0 - diagnosis.candidates.iter().map(|c| c.probability).sum::<f64>();
     let last =
         with_none.then(|| row("none of these".into(), none.clamp(0.0, 1.0), "0".into(), start.rmse_m, String::new()));

@@ -1,0 +1,52 @@
+//! What makes a diagnosis doubtful before it begins: a start model that cannot be this rig's, or was not fitted at all.
+
+use crate::fit::conflict::conflicts;
+use crate::fit::data::RunData;
+use crate::fit::outcome::Fit;
+use crate::model::effects::Chosen;
+use crate::rig::Rig;
+
+/// Share of the signal's own deviation, rms, that a fitted model cannot leave.
+const NOT_FITTED: f64 = 0.5;
+
+/// One sentence a doubt about the start model.
+pub fn doubts(rig: &Rig, runs: &[RunData], start: &Fit, effects: &[Chosen]) -> Vec<String> {
+    let mut doubts = Vec::new();
+    for chosen in effects {
+        if let Some(why) = chosen.effect.impossible(rig) {
+            doubts.push(format!(
+                "{} is in the start model, but {why}: what it takes up belongs to another effect; leave it out of --effects",
+                chosen.effect.name()
+            ));
+        }
+    }
+    let at_bound: Vec<&str> =
+        start.parameters.iter().filter(|p| p.run.is_none() && p.at_bound).map(|p| p.name.as_str()).collect();
+    if !at_bound.is_empty() {
+        doubts.push(format!(
+            "the start model has {} at a bound: check material, length and wall of the pipe, and the effects it starts with, before \
+             believing what follows",
+            at_bound.join(", ")
+        ));
+    }
+    let (rmse_m, signal_m) = (start.pooled().0, signal_m(start));
+    if rmse_m > NOT_FITTED * signal_m {
+        doubts.push(format!(
+            "the start model leaves {rmse_m:.3} m of a signal that moves by {signal_m:.3} m, rms: it follows nothing, and where it fails \
+             says little; start with the effects that are known to be there"
+        ));
+    }
+    doubts.extend(conflicts(start, runs));
+    doubts
+}
+
+/// Deviation of what was measured from its mean, rms over all samples, m.
+fn signal_m(fit: &Fit) -> f64 {
+    let (mut square, mut n) = (0.0, 0usize);
+    for sensor in fit.runs.iter().flat_map(|r| &r.sensors) {
+        let mean = sensor.measured_m.iter().sum::<f64>() / sensor.measured_m.len().max(1) as f64;
+        square += sensor.measured_m.iter().map(|h| (h - mean).powi(2)).sum::<f64>();
+        n += sensor.measured_m.len();
+    }
+    (square / n.max(1) as f64).sqrt()
+}
