@@ -38,6 +38,9 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     let label = args.effect.label();
     // The list as a whole says what stands against the newcomer.
     parse_list(&before.effects.iter().cloned().chain([label.clone()]).collect::<Vec<_>>().join(","))?;
+    if let Some(why) = args.effect.effect.impossible(&at.rig) {
+        super::tell!("warning: {label}: {why}; what it takes up belongs to another effect");
+    }
     let began = Instant::now();
     let bar = progress_bar();
     let shown = |message: &str| bar.set_message(message.to_owned());
@@ -48,7 +51,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     let (fit, evidence) = grown?;
     super::tell!("{:.1} s", began.elapsed().as_secs_f64());
     at.file.append(&fit, &format!("{label} added"), Some(evidence), models::now());
-    models::save(&at.file, &at.path)?;
+    models::save(&mut at.file, &at.path)?;
     if json {
         super::say!("{}", models_json(&at.file)?);
     } else {

@@ -71,7 +71,8 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     }
     let mut file =
         args.save.as_ref().map(|path| models::about(path, &args.recordings, args.rig.as_deref())).transpose()?;
-    let loaded = load::load(&args.recordings, args.rig.as_deref())?;
+    let rig_file = models::rig_of(args.rig.as_deref(), args.save.as_deref().zip(file.as_ref()));
+    let loaded = load::load(&args.recordings, rig_file.as_deref())?;
     let rig = loaded[0].recording.rig.clone();
     let runs = load::runs(&loaded);
     let mut models = args.against.clone();

@@ -52,7 +52,8 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     }
     let mut file =
         args.apply.as_ref().map(|path| models::about(path, &args.recordings, args.rig.as_deref())).transpose()?;
-    let loaded = load::load(&args.recordings, args.rig.as_deref())?;
+    let rig_file = models::rig_of(args.rig.as_deref(), args.apply.as_deref().zip(file.as_ref()));
+    let loaded = load::load(&args.recordings, rig_file.as_deref())?;
     let rig = loaded[0].recording.rig.clone();
     let runs = load::runs(&loaded);
     let mut options = Options { most_reaches: args.most_reaches, ..Options::default() };
@@ -91,8 +92,15 @@ pub fn run(args: Args, json: bool) -> CommandResult {
             }
             Some((parse_list(&fit.effects.join(",")).ok()?, fit))
         });
+        if let (Some(path), Some(file)) = (&args.apply, &mut file) {
+            // each as soon as it is there: a later one may be interrupted
+            models::save(file, path)?;
+        }
         if args.until_done && !json {
             super::say_text!(diagnosis::text(&found));
+        }
+        if found.verdict == Verdict::MissingEffect && added.is_none() {
+            super::tell!("what is missing could not be fitted to the whole record, so nothing was added");
         }
         diagnoses.push(found);
         let Some((grown, fit)) = added else { break };
@@ -103,15 +111,17 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         }
     }
     let Some(last) = diagnoses.last() else { return Ok(Outcome::Done) };
+    if models.len() > MOST_ADDED {
+        super::tell!("{MOST_ADDED} effects were added: here it stops, done or not");
+    }
     if json {
-        super::say!("{}", diagnosis::json(last)?);
+        super::say!("{}", diagnosis::json(&diagnoses)?);
     } else if args.until_done {
         super::say_text!(staircase(&models));
     } else {
         super::say_text!(diagnosis::text(last));
     }
     if let (Some(path), Some(file)) = (&args.apply, &file) {
-        models::save(file, path)?;
         super::tell!("model {} in force in {}", file.in_force, path.display());
     }
     // last, so that a page that cannot be written costs no result

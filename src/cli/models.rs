@@ -1,6 +1,7 @@
 //! A file of models at hand: read with its recordings, grown, written.
 
 use std::error::Error;
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use super::load as recordings_of;
@@ -46,18 +47,41 @@ pub fn open(path: &Path) -> Result<Opened, Box<dyn Error + Send + Sync>> {
 pub fn load(path: &Path) -> Result<ModelFile, Box<dyn Error + Send + Sync>> {
     let text =
         std::fs::read_to_string(path).map_err(|e| format!("cannot read the models in {}: {e}", path.display()))?;
-    Ok(ModelFile::parse(&text, path)?)
+    let mut file = ModelFile::parse(&text, path)?;
+    file.as_read = Some(text);
+    Ok(file)
 }
 
 /// Writes a file of models whole or not at all.
 ///
 /// # Errors
-/// If it cannot be written; what was there is then as it was.
-pub fn save(file: &ModelFile, path: &Path) -> Result<(), Box<dyn Error + Send + Sync>> {
-    let beside = path.with_extension("toml.new");
-    std::fs::write(&beside, file.text()?)
-        .and_then(|()| std::fs::rename(&beside, path))
-        .map_err(|e| format!("cannot write the models to {}: {e}; what was there is as it was", path.display()).into())
+/// If it cannot be written, may not be, or has changed since it was read; what was there is then as it was.
+pub fn save(file: &mut ModelFile, path: &Path) -> Result<(), Box<dyn Error + Send + Sync>> {
+    // Through a link to what it names.
+    let path = &path.canonicalize().unwrap_or_else(|_| path.to_owned());
+    let failed =
+        |e: std::io::Error| format!("cannot write the models to {}: {e}; what was there is as it was", path.display());
+    let present = match std::fs::read_to_string(path) {
+        Ok(text) => Some(text),
+        Err(e) if e.kind() == std::io::ErrorKind::NotFound => None,
+        Err(e) => return Err(failed(e).into()),
+    };
+    if present != file.as_read {
+        return Err(format!("{} has changed while this ran: nothing was written; run it again", path.display()).into());
+    }
+    if std::fs::metadata(path).is_ok_and(|m| m.permissions().readonly()) {
+        return Err(format!("{} may not be written to", path.display()).into());
+    }
+    let text = file.text()?;
+    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let mut beside = tempfile::NamedTempFile::new_in(folder).map_err(failed)?;
+    beside.write_all(text.as_bytes()).and_then(|()| beside.as_file().sync_all()).map_err(failed)?;
+    if let Ok(old) = std::fs::metadata(path) {
+        std::fs::set_permissions(beside.path(), old.permissions()).map_err(failed)?;
+    }
+    beside.persist(path).map_err(|e| failed(e.error))?;
+    file.as_read = Some(text);
+    Ok(())
 }
 
 /// The models of `path` if it is about these recordings; a new list of none where there is no file yet.
@@ -71,9 +95,12 @@ pub fn about(
 ) -> Result<ModelFile, Box<dyn Error + Send + Sync>> {
     let folder = path.parent().unwrap_or(Path::new(""));
     if !path.exists() {
+        if !folder.as_os_str().is_empty() && !folder.is_dir() {
+            return Err(format!("there is no folder {} to keep {} in", folder.display(), path.display()).into());
+        }
         let from_folder = |p: &Path| relative(p, folder);
         let recordings = recordings.iter().map(|r| from_folder(r)).collect();
-        return Ok(ModelFile { in_force: 0, recordings, rig: rig.map(from_folder), models: Vec::new() });
+        return Ok(ModelFile { in_force: 0, recordings, rig: rig.map(from_folder), models: Vec::new(), as_read: None });
     }
     let file = load(path)?;
     let same = file.recordings.len() == recordings.len()
@@ -86,7 +113,19 @@ pub fn about(
         )
         .into());
     }
+    let own = file.rig.as_ref().map(|r| folder.join(r));
+    if let (Some(own), Some(asked)) = (&own, rig)
+        && !super::output::same_file(own, asked)
+    {
+        return Err(format!("{} holds models of the rig {}: name another file", path.display(), own.display()).into());
+    }
     Ok(file)
+}
+
+/// The rig file to read the recordings with: the one asked for, or that of the file of models.
+pub fn rig_of(asked: Option<&Path>, file: Option<(&Path, &ModelFile)>) -> Option<PathBuf> {
+    let own = |(path, file): (&Path, &ModelFile)| Some(path.parent().unwrap_or(Path::new("")).join(file.rig.as_ref()?));
+    asked.map(Path::to_owned).or_else(|| own(file.filter(|(_, f)| !f.models.is_empty())?))
 }
 
 /// A path from a folder where it lies in it, otherwise from the root.

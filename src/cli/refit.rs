@@ -31,11 +31,12 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     let fit = before.refit(&at.rig, &at.runs, &at.options, &|p| bar.set_message(p.stage.clone()));
     bar.finish_and_clear();
     at.file.append(&fit?, &why, None, models::now());
-    models::save(&at.file, &at.path)?;
+    models::save(&mut at.file, &at.path)?;
     if json {
         super::say!("{}", models_json(&at.file)?);
     } else {
         super::say_text!(text(&at.file));
+        super::say!("\n{why}: RMSE {:.4} m → {:.4} m", before.rmse_m, at.file.current().rmse_m);
     }
     Ok(Outcome::Done)
 }

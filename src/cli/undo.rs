@@ -27,7 +27,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         )
         .into());
     }
-    models::save(&file, &args.file)?;
+    models::save(&mut file, &args.file)?;
     if json {
         super::say!("{}", models_json(&file)?);
     } else {

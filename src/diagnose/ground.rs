@@ -20,6 +20,10 @@ use crate::rig::{Coupling, Rig};
 const COARSE_REACHES: usize = 48;
 /// Bins a sensor.
 const BINS: usize = 3000;
+/// Singular values of the normal matrix of unit columns below which a combination of parameters counts as not seen.
+const PARALLEL: f64 = 1e-9;
+/// The part of a record, one over this, that must lie on a floor.
+const SHORT: usize = 500;
 /// Features of a half cycle.
 const FEATURES: f64 = 3.0;
 
@@ -87,12 +91,17 @@ impl<'a> Ground<'a> {
             .unzip();
         let samples = problem.samples();
         let meters = runs.iter().filter(|r| r.meter.is_some()).count();
-        let normal = DMatrix::from_fn(columns.len(), columns.len(), |a, b| dot(&columns[a], &columns[b]));
+        // In units of each column's norm, and without the combinations that the data hardly show: elements of a wall's creep that lie
+        // close together are nearly parallel.
+        let norms: Vec<f64> = columns.iter().map(|c| dot(c, c).sqrt()).collect();
+        let n = columns.len();
+        let normal = DMatrix::from_fn(n, n, |a, b| dot(&columns[a], &columns[b]) / (norms[a] * norms[b]));
         // Where every parameter is held there is nothing to invert, which the library does not bear.
         let inverse = match columns.len() {
             0 => normal,
-            n => normal.pseudo_inverse(0.0).unwrap_or_else(|_| DMatrix::zeros(n, n)),
+            n => normal.pseudo_inverse(PARALLEL).unwrap_or_else(|_| DMatrix::zeros(n, n)),
         };
+        let inverse = DMatrix::from_fn(n, n, |a, b| inverse[(a, b)] / (norms[a] * norms[b]));
         let columns = columns.iter().map(|c| seen(c, samples, meters)).collect();
         Ok(Ground {
             rig,
@@ -210,7 +219,11 @@ pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
 fn above_vapour_m(rig: &Rig, runs: &[RunData]) -> f64 {
     let margin = |run: &RunData, s: &SensorData| {
         let boiling_m = rig.elevation_m(s.sensor.position_m) + vapour_head_m(&run.conditions.water);
-        s.head_m.iter().copied().fold(f64::INFINITY, f64::min) - boiling_m
+        // A single sample may be a dead count; a floor is stayed on.
+        let mut heads = s.head_m.clone();
+        let few = (heads.len() / SHORT).clamp(1, heads.len()) - 1;
+        let (_, low_m, _) = heads.select_nth_unstable_by(few, f64::total_cmp);
+        *low_m - boiling_m
     };
     // A sensor that sees no steady pressure sees no floor.
     let dc = |s: &&SensorData| s.sensor.coupling == Coupling::Dc;

@@ -24,6 +24,7 @@ use rayon::prelude::*;
 use crate::fit::calibrate::{FitError, Options, Progress, calibrate};
 use crate::fit::data::RunData;
 use crate::fit::outcome::{Fit, FittedParameter};
+use crate::model::check_sensors;
 use crate::model::effects::Chosen;
 use crate::rig::Rig;
 use evidence::{Worth, probabilities};
@@ -69,6 +70,10 @@ pub struct Candidate {
     pub evidence: f64,
     /// RMSE over the last two fifths of the records when it is fitted to what comes before, m, of the best one.
     pub held_out_m: Option<f64>,
+    /// The same over the noise: each sensor's error in units of its own, rms.
+    pub over_noise: f64,
+    /// Its values are within what every rig has of it (see [`crate::model::effects::Effect::noteworthy`]).
+    pub within_class: bool,
     /// RMSE with it, m: of the full fit where there is one, otherwise as forecast from the coarse refit.
     pub rmse_m: f64,
     /// Its own parameters.
@@ -125,14 +130,19 @@ pub fn diagnose(
     let worth = weigh(&ground, &start, &mut rivals);
     rivals.sort_by(|a, b| b.log_odds(&ground.known).total_cmp(&a.log_odds(&ground.known)));
     let shares = probabilities(&rivals.iter().map(|r| (r.evidence, r.odds(&ground.known))).collect::<Vec<_>>());
-    let mut candidates: Vec<Candidate> = (0..rivals.len()).map(|i| candidate(&ground, &rivals, i, shares[i])).collect();
+    let mut candidates: Vec<Candidate> =
+        (0..rivals.len()).map(|i| candidate(&ground, &start, &rivals, i, shares[i])).collect();
     let certain = is_certain(&ground, &rivals);
-    let noise_m = total_noise_m(runs);
-    let verdict = Verdict::over(&start, noise_m, &candidates, certain);
+    let before = over_noise(&start, runs);
+    let verdict = Verdict::over(before, &candidates, certain);
     // Whatever is in the catalogue shares what is left for it.
-    let rmse_m = start.pooled().0;
-    let left_m = candidates.first().filter(|c| c.evidence >= LEAST_EVIDENCE).map_or(rmse_m, |c| c.rmse_m);
-    let other = if certain { 0.0 } else { something_else(rmse_m, left_m, noise_m) };
+    let after = candidates.first().filter(|c| c.evidence >= LEAST_EVIDENCE).map(|c| c.over_noise);
+    let within_class = candidates.iter().filter(|c| c.within_class).map(|c| c.over_noise).fold(before, f64::min);
+    let other = match after {
+        Some(_) if certain => 0.0,
+        Some(_) => something_else(before, after),
+        None => something_else(within_class, None),
+    };
     let none = (1.0 - shares.iter().sum::<f64>()).max(0.0) * (1.0 - other);
     candidates.iter_mut().for_each(|c| c.probability *= 1.0 - other);
     let probability = match verdict {
@@ -185,11 +195,10 @@ fn fit(finisher: &Finisher, ground: &Ground, start: &Fit, rivals: &mut [Rival]) 
             rival.take(finisher.finished(rival.refit));
         }
     });
-    let noise_m = total_noise_m(finisher.runs);
-    let astray = start.pooled().0 / noise_m;
+    let astray = over_noise(start, finisher.runs);
     if astray > ASTRAY && !is_certain(ground, rivals) {
         let most = if astray > FAR_ASTRAY { usize::MAX } else { FOLLOWED_EFFECTS };
-        rescue::rescue(finisher, rivals, POOR * noise_m, most);
+        rescue::rescue(finisher, rivals, POOR, most);
     }
     let near = SETTLED * rivals.iter().map(|r| r.square).fold(f64::INFINITY, f64::min);
     rivals.par_iter_mut().filter(|r| r.fit.as_ref().is_some_and(|f| !f.converged) && r.square < near).for_each(
@@ -204,13 +213,11 @@ fn fit(finisher: &Finisher, ground: &Ground, start: &Fit, rivals: &mut [Rival]) 
 fn weigh(ground: &Ground, start: &Fit, rivals: &mut [Rival]) -> Worth {
     let fine = rivals.iter().filter_map(|r| r.fit.as_ref()).min_by(|a, b| square(a).total_cmp(&square(b)));
     let worth = worth(fine.unwrap_or(start), ground.features());
-    let (rmse_m, noise_m) = (start.pooled().0, ground.noise_m());
-    let least_fall_m = LEAST_FALL * total_noise_m(&ground.runs);
+    let before = over_noise(start, &ground.runs);
     for rival in rivals {
         rival.evidence = worth.evidence(square(start), rival.square, rival.added(ground, start));
-        let fall_m2 = rmse_m.powi(2) - noise_m.powi(2) * rival.square / ground.run_samples() as f64;
-        let values: Vec<f64> = rival.own_parameters(ground).iter().map(|p| p.value).collect();
-        if fall_m2 < least_fall_m.powi(2) || !rival.refit.form.chosen.effect.noteworthy(&values) {
+        let fall = before.powi(2) * (1.0 - rival.square / square(start));
+        if fall < LEAST_FALL.powi(2) || !rival.is_noteworthy(ground) {
             rival.evidence = rival.evidence.min(NOT_WORTH);
         }
     }
@@ -252,6 +259,7 @@ pub fn grow(
     options: &Options,
     progress: &(dyn Fn(&str) + Sync),
 ) -> Result<(Fit, f64), FitError> {
+    check_sensors(rig, std::slice::from_ref(added))?;
     let ground = Ground::new(rig, runs, start, &options.constraints)?;
     let shown = |p: &Progress| progress(&format!("{}, {}", added.label(), p.stage));
     let mut fits = Vec::new();
@@ -310,24 +318,25 @@ fn refits(ground: &Ground, progress: &(dyn Fn(&str) + Sync)) -> Vec<Refit> {
         .collect()
 }
 
-fn candidate(ground: &Ground, rivals: &[Rival], i: usize, probability: f64) -> Candidate {
+fn candidate(ground: &Ground, start: &Fit, rivals: &[Rival], i: usize, probability: f64) -> Candidate {
     let rival = &rivals[i];
     let near = rivals.iter().enumerate().filter(|(j, other)| {
         *j != i
             && other.evidence > LEAST_EVIDENCE
             && (other.log_odds(&ground.known) - rival.log_odds(&ground.known)).abs() < INDISTINGUISHABLE
     });
-    let samples: usize = ground.run_samples();
     let parameters = rival.own_parameters(ground);
     Candidate {
         effect: rival.refit.form.effect,
         label: rival.label(),
         probability,
         evidence: rival.evidence,
-        rmse_m: rival
+        rmse_m: rival.fit.as_ref().map_or_else(|| start.pooled().0 * rival.left_of(start), |f| f.pooled().0),
+        over_noise: rival
             .fit
             .as_ref()
-            .map_or_else(|| ground.noise_m() * (rival.square / samples.max(1) as f64).sqrt(), |f| f.pooled().0),
+            .map_or_else(|| over_noise(start, &ground.runs) * rival.left_of(start), |f| over_noise(f, &ground.runs)),
+        within_class: !rival.is_noteworthy(ground),
         parameters,
         held_out_m: None,
         indistinguishable_from: near.map(|(_, other)| other.refit.form.effect).collect(),
@@ -335,12 +344,15 @@ fn candidate(ground: &Ground, rivals: &[Rival], i: usize, probability: f64) -> C
     }
 }
 
-/// What disturbs the sensors while nothing happens, rms over all samples, m.
-fn total_noise_m(runs: &[RunData]) -> f64 {
-    let sensors = runs.iter().flat_map(|r| &r.sensors);
-    let (sum, n) = sensors.fold((0.0, 0.0), |(sum, n), s| {
-        let samples = s.time_s.len() as f64;
-        (sum + samples * s.total_noise_m.powi(2), n + samples)
-    });
-    (sum / f64::max(n, 1.0)).sqrt()
+/// Error of a fit over what disturbs each sensor while nothing happens, rms over all samples.
+fn over_noise(fit: &Fit, runs: &[RunData]) -> f64 {
+    let (mut square, mut n) = (0.0, 0.0);
+    for (fitted, run) in fit.runs.iter().zip(runs) {
+        for (sensor, data) in fitted.sensors.iter().zip(&run.sensors) {
+            let samples = sensor.time_s.len() as f64;
+            square += samples * (sensor.rmse_m / data.total_noise_m).powi(2);
+            n += samples;
+        }
+    }
+    (square / f64::max(n, 1.0)).sqrt()
 }

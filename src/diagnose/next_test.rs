@@ -17,6 +17,9 @@ struct Test {
     at: f64,
 }
 
+/// Times the noise that two rivals must differ by for a test to be worth making.
+const TELLING: f64 = 3.0;
+
 const TESTS: [Test; 5] = [
     Test { instruction: "repeat the test at half the flow", change: |v| v.initial_velocity_m_s *= 0.5, at: 1.0 },
     Test {
@@ -37,12 +40,17 @@ pub fn next_test(ground: &Ground, one: &Refit, other: &Refit) -> Option<String> 
         .map(|test| {
             let (a, b) = (predicted(ground, one, test).ok()?, predicted(ground, other, test).ok()?);
             let n = a.len().min(b.len()).max(1) as f64;
-            Some((a.iter().zip(&b).map(|(x, y)| (x - y).powi(2)).sum::<f64>() / n).sqrt())
+            // A sensor's zero would take up what differs throughout.
+            let mean = a.iter().zip(&b).map(|(x, y)| x - y).sum::<f64>() / n;
+            Some((a.iter().zip(&b).map(|(x, y)| (x - y - mean).powi(2)).sum::<f64>() / n).sqrt())
         })
         .collect();
     let best =
         TESTS.iter().zip(differences).filter_map(|(t, d)| d.map(|d| (t, d))).max_by(|a, b| a.1.total_cmp(&b.1))?;
     let (test, difference_m) = best;
+    if difference_m < TELLING * noise_m {
+        return None;
+    }
     Some(format!(
         "{} and {} cannot be told apart by these recordings: {}; there the two models, as fitted, differ by {:.3} m rms ({:.1} times \
          the noise)",

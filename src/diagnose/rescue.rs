@@ -5,15 +5,16 @@
 
 use rayon::prelude::*;
 
-use super::HOPELESS;
 use super::rival::{Finisher, Rival};
+use super::{HOPELESS, over_noise};
 
 /// How many are fitted to the end.
 const FITTED: usize = 3;
 
-/// Tries on until an error is below `enough_m`, from the signals with the first `most` of the effects.
-pub(super) fn rescue(finisher: &Finisher, rivals: &mut [Rival], enough_m: f64, most: usize) {
-    let done = |rivals: &[Rival]| rivals.iter().any(|r| r.rmse_m() < enough_m);
+/// Tries on until an error is below `enough` times the noise, from the signals with the first `most` of the effects.
+pub(super) fn rescue(finisher: &Finisher, rivals: &mut [Rival], enough: f64, most: usize) {
+    let done =
+        |rivals: &[Rival]| rivals.iter().filter_map(|r| r.fit.as_ref()).any(|f| over_noise(f, finisher.runs) < enough);
     if done(rivals) {
         return;
     }

@@ -3,6 +3,7 @@
 use super::evidence::{Worth, tempered};
 use super::ground::Ground;
 use super::refit::Refit;
+use super::verdict::LEAST_EVIDENCE;
 use crate::fit::calibrate::{Coarse, FitError, Options, Progress, approach, calibrate, refine, with_more_elements};
 use crate::fit::data::RunData;
 use crate::fit::outcome::{Fit, FittedParameter};
@@ -32,7 +33,9 @@ impl<'a> Rival<'a> {
     }
 
     pub(super) fn odds(&self, known: &Circumstances) -> f64 {
-        self.refit.form.chosen.effect.odds(known)
+        // What speaks for an effect beforehand does not make up for a fit that has nothing of it.
+        let odds = self.refit.form.chosen.effect.odds(known);
+        if self.evidence < LEAST_EVIDENCE { odds.min(1.0) } else { odds }
     }
 
     pub(super) fn log_odds(&self, known: &Circumstances) -> f64 {
@@ -52,9 +55,15 @@ impl<'a> Rival<'a> {
         self.refit.added + more
     }
 
-    /// Error of its fit over all samples, m; infinite where there is none.
-    pub(super) fn rmse_m(&self) -> f64 {
-        self.fit.as_ref().map_or(f64::INFINITY, |f| f.pooled().0)
+    /// Its error as a part of the start model's.
+    pub(super) fn left_of(&self, start: &Fit) -> f64 {
+        (self.square / square(start)).sqrt()
+    }
+
+    /// Whether there is more of it than every rig has.
+    pub(super) fn is_noteworthy(&self, ground: &Ground) -> bool {
+        let values: Vec<f64> = self.own_parameters(ground).iter().map(|p| p.value).collect();
+        self.refit.form.chosen.effect.noteworthy(&values)
     }
 
     /// Keeps a fit if it is better than the one known.

@@ -12,7 +12,7 @@ use super::outcome::Fit;
 use super::sensor_choice::with_sensors;
 use crate::model::constraint::Constraint;
 use crate::model::effects::{Chosen, parse_list};
-use crate::model::{Model, ModelError};
+use crate::model::{Model, ModelError, check_sensors};
 use crate::rig::{Rig, WaterProperties};
 
 /// Why a fit cannot be had.
@@ -25,6 +25,10 @@ pub enum FitError {
         "{file}: no pressure sample lies after the start of the closure; check the closure's time with `surgescope inspect`"
     )]
     NoSample { file: String },
+    #[error(
+        "{name} cannot be kept between {lower} and {upper}: its bounds must be finite, in order, and more than zero unless it may be negative"
+    )]
+    Bounds { name: String, lower: f64, upper: f64 },
     #[error("the model has no parameter '{name}' to hold or to bound; it has {known}")]
     NoSuchParameter { name: String, known: String },
     #[error(
@@ -91,6 +95,7 @@ pub fn calibrate(
             return Err(FitError::NoSample { file: run.file.clone() });
         }
     }
+    check_sensors(rig, effects)?;
     let models = Models { rig, water: &first.conditions.water, constraints: &options.constraints };
     let evaluations = AtomicUsize::new(0);
     let fitter = Fitter {

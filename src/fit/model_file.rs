@@ -33,6 +33,9 @@ pub struct ModelFile {
     /// All models, oldest first.
     #[serde(rename = "model")]
     pub models: Vec<Entry>,
+    /// Its text when it was read, to see whether another has written to it since.
+    #[serde(skip)]
+    pub as_read: Option<String>,
 }
 
 /// One model.
@@ -94,6 +97,8 @@ pub struct Value {
 pub enum ModelFileError {
     #[error("{} is no file of models: {}", .0.display(), .1)]
     Parse(PathBuf, String),
+    #[error("{} names no recordings", .0.display())]
+    NoRecording(PathBuf),
     #[error("{}: model {number} {what}", .file.display())]
     Contradiction { file: PathBuf, number: usize, what: String },
     #[error("{}: model {number}", .file.display())]
@@ -114,6 +119,9 @@ impl ModelFile {
 
     fn check(&self, path: &Path) -> Result<(), ModelFileError> {
         let wrong = |number: usize, what: String| ModelFileError::Contradiction { file: path.to_owned(), number, what };
+        if self.recordings.is_empty() {
+            return Err(ModelFileError::NoRecording(path.to_owned()));
+        }
         if self.in_force == 0 || self.in_force > self.models.len() {
             return Err(wrong(
                 self.in_force,
@@ -154,7 +162,9 @@ impl ModelFile {
     /// None in practice: all values can be written.
     pub fn text(&self) -> Result<String, toml::ser::Error> {
         let body = toml::to_string(self)?;
-        Ok(format!("{HEADING}: the one in force is refitted, grown or taken back by the program\n\n{body}"))
+        Ok(format!(
+            "{HEADING}: the one in force may be edited (fixed, lower, upper, value); comments are not kept\n\n{body}"
+        ))
     }
 
     /// The model in force.

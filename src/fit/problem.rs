@@ -207,10 +207,14 @@ impl<'a> Calibration<'a> {
     pub fn know(&self, constraints: &[Constraint]) -> Result<(), FitError> {
         let runs = (0..self.parameters.len()).map(|j| self.run_of(j).map(|r| self.runs[r].file.as_str()));
         let own: Vec<_> = self.parameters.iter().zip(runs).collect();
+        let unsuited = |c: &&Constraint| own.iter().any(|(p, run)| c.concerns(&p.name, *run) && !c.suits(p));
+        if let Some(c) = constraints.iter().find(unsuited) {
+            return Err(FitError::Bounds { name: c.name.clone(), lower: c.lower, upper: c.upper });
+        }
         match constraints.iter().find(|c| !own.iter().any(|(p, run)| c.concerns(&p.name, *run))) {
             None => Ok(()),
             Some(stranger) => Err(FitError::NoSuchParameter {
-                name: stranger.name.clone(),
+                name: stranger.run.as_ref().map_or(stranger.name.clone(), |run| format!("{} of {run}", stranger.name)),
                 known: own.iter().map(|(p, _)| p.name.as_str()).collect::<Vec<_>>().join(", "),
             }),
         }

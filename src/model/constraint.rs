@@ -1,6 +1,6 @@
 //! What a person has settled about a parameter: narrower bounds, or its value.
 
-use super::parameter::Parameter;
+use super::parameter::{Parameter, Scale};
 
 /// A parameter that is held, or kept between bounds other than its usual ones. Values are in the parameter's own unit.
 #[derive(Debug, Clone, PartialEq)]
@@ -26,8 +26,17 @@ impl Constraint {
         self.lower == self.upper
     }
 
-    /// Narrows a parameter, wherever its start lay.
+    /// Whether a parameter can have these bounds: in order, finite, and more than zero where it is moved as a logarithm.
+    pub fn suits(&self, parameter: &Parameter) -> bool {
+        let ordered = self.lower <= self.upper && self.lower.is_finite() && self.upper.is_finite();
+        ordered && (parameter.scale == Scale::Linear || self.lower > 0.0)
+    }
+
+    /// Narrows a parameter that it suits, wherever its start lay.
     pub fn narrow(&self, parameter: &mut Parameter) {
+        if !self.suits(parameter) {
+            return;
+        }
         (parameter.lower, parameter.upper) = (self.lower, self.upper);
         parameter.start = parameter.start.clamp(self.lower, self.upper);
     }

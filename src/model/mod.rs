@@ -278,3 +278,15 @@ impl<'a> Model<'a> {
 fn first_sensor(rig: &Rig) -> Option<String> {
     rig.pressure_sensors().next().map(|(_, s)| s.name.clone())
 }
+
+/// Refuses effects at sensors that a rig does not have.
+///
+/// # Errors
+/// [`ModelError::UnknownSensor`] for the first of them.
+pub fn check_sensors(rig: &Rig, effects: &[Chosen]) -> Result<(), ModelError> {
+    let known: Vec<&str> = rig.pressure_sensors().map(|(_, s)| s.name.as_str()).collect();
+    match effects.iter().filter_map(|c| c.sensor.as_ref()).find(|name| !known.contains(&name.as_str())) {
+        None => Ok(()),
+        Some(name) => Err(ModelError::UnknownSensor { name: name.clone(), known: known.join(", ") }),
+    }
+}

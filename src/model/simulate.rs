@@ -8,7 +8,7 @@ use super::grid::{Grid, Stretch};
 use super::memory::Need;
 use super::solver::{Line, Steady, settle};
 use super::trace::Probe;
-use super::{Conditions, Model, ModelError, Resolution, RunValues, Simulated, reaches};
+use super::{Conditions, Model, ModelError, Resolution, RunValues, Simulated, check_sensors, reaches};
 use crate::rig::Upstream;
 
 /// Share of the impedance that friction over one reach may take (see [`friction::NodeFriction`]).
@@ -202,14 +202,7 @@ impl Model<'_> {
     }
 
     fn check(&self, shared: &[f64], run: &RunValues) -> Result<(), ModelError> {
-        for chosen in &self.effects {
-            if let Some(name) = &chosen.sensor
-                && !self.rig.pressure_sensors().any(|(_, s)| s.name == *name)
-            {
-                let known: Vec<&str> = self.rig.pressure_sensors().map(|(_, s)| s.name.as_str()).collect();
-                return Err(ModelError::UnknownSensor { name: name.clone(), known: known.join(", ") });
-            }
-        }
+        check_sensors(self.rig, &self.effects)?;
         let positive = |name: &str, value: f64| match value > 0.0 && value.is_finite() {
             true => Ok(()),
             false => Err(ModelError::Value { name: name.to_owned(), value, allowed: "more than zero" }),

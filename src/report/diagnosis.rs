@@ -63,13 +63,21 @@ struct Value<'a> {
     at_bound: bool,
 }
 
-/// The JSON document of `diagnose --json`.
+/// The JSON document of `diagnose --json`: the last diagnosis and, where there were several, `steps`, all of them.
 ///
 /// # Errors
 /// None in practice: all values can be written.
-pub fn json(diagnosis: &Diagnosis) -> serde_json::Result<String> {
+pub fn json(diagnoses: &[Diagnosis]) -> serde_json::Result<String> {
+    let mut last = serde_json::to_value(diagnoses.last().map(document))?;
+    if diagnoses.len() > 1 {
+        last["steps"] = serde_json::to_value(diagnoses.iter().map(document).collect::<Vec<_>>())?;
+    }
+    serde_json::to_string_pretty(&last)
+}
+
+fn document(diagnosis: &Diagnosis) -> Document<'_> {
     let (rmse_m, noise_m) = diagnosis.start.pooled();
-    serde_json::to_string_pretty(&Document {
+    Document {
         verdict: diagnosis.verdict.name(),
         probability: diagnosis.probability,
         start: StartModel { effects: &diagnosis.start.effects, rmse_m, noise_m, held_out_m: diagnosis.held_out_m },
@@ -83,7 +91,7 @@ pub fn json(diagnosis: &Diagnosis) -> serde_json::Result<String> {
         fails: &diagnosis.failings,
         warnings: &diagnosis.doubts,
         not_tried: diagnosis.left_out.iter().map(|(effect, reason)| LeftOut { effect, reason }).collect(),
-    })
+    }
 }
 
 fn rival(candidate: &Candidate) -> Rival<'_> {
@@ -134,11 +142,16 @@ pub fn text(diagnosis: &Diagnosis) -> String {
                 diagnosis.probability
             )
         }
-        (Verdict::UnknownEffect, Some(best)) => writeln!(
-            out,
-            "\nSomething is missing that no effect of the catalogue explains; the nearest, {}, leaves {:.3} m.",
-            best.effect, best.rmse_m
-        ),
+        (Verdict::UnknownEffect, Some(_)) => {
+            let nearest = diagnosis.candidates.iter().min_by(|a, b| a.rmse_m.total_cmp(&b.rmse_m));
+            let nearest =
+                nearest.map_or(String::new(), |c| format!("; the nearest, {}, leaves {:.3} m", c.effect, c.rmse_m));
+            let p = diagnosis.probability;
+            writeln!(
+                out,
+                "\nSomething is missing that no effect of the catalogue explains (probability {p:.2}){nearest}."
+            )
+        }
         (Verdict::UnknownEffect, None) => {
             writeln!(out, "\nSomething is missing that no effect of the catalogue explains.")
         }
@@ -154,7 +167,7 @@ pub fn text(diagnosis: &Diagnosis) -> String {
     {
         let _ = writeln!(
             out,
-            "Fitted to the first three fifths of the record, the model misses the rest by {with:.3} m with it, {without:.3} m without."
+            "Refitted to the first three fifths of the record, the model misses the rest by {with:.3} m with it, {without:.3} m without."
         );
     }
     if !diagnosis.visible.is_empty() {

@@ -165,6 +165,8 @@ mod tests {
     fn candidate(effect: &'static str, probability: f64, rmse_m: f64, alike: &[&'static str]) -> Candidate {
         Candidate {
             held_out_m: None,
+            over_noise: 1.0,
+            within_class: false,
             effect,
             label: effect.into(),
             probability,

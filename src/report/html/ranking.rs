@@ -51,7 +51,7 @@ fn candidates(diagnosis: &Diagnosis) -> String {
 fn held_out(diagnosis: &Diagnosis) -> String {
     match (diagnosis.held_out_m, diagnosis.candidates.first().and_then(|c| Some((c, c.held_out_m?)))) {
         (Some(without), Some((best, with))) => format!(
-            "<p>Fitted to the first three fifths of the record, the model misses the rest by {} m with <code>{}</code>, by {} m without.</p>\n",
+            "<p>Refitted to the first three fifths of the record, the model misses the rest by {} m with <code>{}</code>, by {} m without.</p>\n",
             error_m(with),
             escape(label(best)),
             error_m(without)
