@@ -20,6 +20,8 @@ use crate::rig::{Coupling, Rig};
 const COARSE_REACHES: usize = 48;
 /// Bins a sensor.
 const BINS: usize = 3000;
+/// Norm of a column, in units of the noise, below which a parameter is not seen: what its differences show is rounding.
+const UNSEEN: f64 = 0.1;
 /// Singular values of the normal matrix of unit columns below which a combination of parameters counts as not seen.
 const PARALLEL: f64 = 1e-9;
 /// The part of a record, one over this, that must lie on a floor.
@@ -87,7 +89,7 @@ impl<'a> Ground<'a> {
         let (which, columns): (Vec<usize>, Vec<Vec<f64>>) = jacobian(&problem, &x, &all)?
             .into_iter()
             .enumerate()
-            .filter(|(j, column)| !at_bound[*j] && column.iter().any(|c| *c != 0.0))
+            .filter(|(j, column)| !at_bound[*j] && dot(column, column) > UNSEEN.powi(2))
             .unzip();
         let samples = problem.samples();
         let meters = runs.iter().filter(|r| r.meter.is_some()).count();

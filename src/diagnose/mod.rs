@@ -25,7 +25,7 @@ use crate::fit::calibrate::{FitError, Options, Progress, calibrate};
 use crate::fit::data::RunData;
 use crate::fit::outcome::{Fit, FittedParameter};
 use crate::model::check_sensors;
-use crate::model::effects::Chosen;
+use crate::model::effects::{CERTAIN, Chosen};
 use crate::rig::Rig;
 use evidence::{Worth, probabilities};
 use ground::Ground;
@@ -51,8 +51,6 @@ const POOR: f64 = 1.2;
 /// Error over noise of the start model from which on its parameters may be astray, and from which on they tell nothing of the effects.
 const ASTRAY: f64 = 3.0;
 const FAR_ASTRAY: f64 = 10.0;
-/// Odds before any fit from which on an effect is at work for certain, whatever it leaves unexplained.
-const CERTAIN: f64 = 100.0;
 /// Times the best candidate's square: what leaves more is not worth a full fit.
 const HOPELESS: f64 = 4.0;
 /// Times the best candidate's square up to which a fit is worth all patience.
@@ -196,7 +194,12 @@ fn fit(finisher: &Finisher, ground: &Ground, start: &Fit, rivals: &mut [Rival]) 
         }
     });
     let astray = over_noise(start, finisher.runs);
-    if astray > ASTRAY && !is_certain(ground, rivals) {
+    if is_certain(ground, rivals) {
+        if rivals[0].fit.as_ref().is_none_or(|f| over_noise(f, finisher.runs) > POOR) {
+            let fit = finisher.scratch_fit(rivals[0].refit);
+            rivals[0].take(fit);
+        }
+    } else if astray > ASTRAY {
         let most = if astray > FAR_ASTRAY { usize::MAX } else { FOLLOWED_EFFECTS };
         rescue::rescue(finisher, rivals, POOR, most);
     }

@@ -82,6 +82,9 @@ pub struct Scene<'a> {
     pub valve_head_m: f64,
 }
 
+/// Odds of an effect that is at work for certain, whatever a fit says of others.
+pub const CERTAIN: f64 = 1e300;
+
 /// What is known, before any fit, that speaks for or against an effect.
 #[derive(Debug, Clone, Copy)]
 pub struct Circumstances<'a> {

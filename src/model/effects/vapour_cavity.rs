@@ -1,6 +1,6 @@
 //! Column separation: where the pressure falls to that of vapour, a cavity opens and holds it there until it is filled again.
 
-use super::{Circumstances, Effect, Scene, Site, Spot, check};
+use super::{CERTAIN, Circumstances, Effect, Scene, Site, Spot, check};
 use crate::model::ModelError;
 use crate::model::gas;
 use crate::model::node::Shunt;
@@ -47,7 +47,7 @@ impl Effect for VapourCavity {
     }
     /// Where the record lies on the floor of vapour pressure, the water boils: nothing else stops a fall there.
     fn odds(&self, known: &Circumstances) -> f64 {
-        if known.above_vapour_m < FLOOR_M { 100.0 } else { 1.0 }
+        if known.above_vapour_m < FLOOR_M { CERTAIN } else { 1.0 }
     }
     /// Where the water boils follows from its temperature; how fast a cavity fills at the end is all that can be fitted.
     fn parameters(&self, _site: &Site, _elements: usize) -> Vec<Parameter> {
