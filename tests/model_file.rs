@@ -54,6 +54,11 @@ fn edit(file: &Path, from: &str, to: &str) {
     std::fs::write(file, text.replacen(from, to, 1)).unwrap();
 }
 
+/// The value in a parameter's lines, as it stands there.
+fn value_of(lines: &str) -> String {
+    lines.lines().find_map(|l| l.strip_prefix("value = ")).unwrap().to_owned()
+}
+
 /// The lines of a parameter of the last model in the file.
 fn lines_of(file: &Path, parameter: &str) -> String {
     let text = std::fs::read_to_string(file).unwrap();
@@ -137,9 +142,11 @@ fn contradictions_are_refused_and_the_file_is_left_as_it_was() {
     let speed = lines_of(&file, "wave_speed_m_s");
     let upper = speed.lines().find(|l| l.starts_with("upper = ")).unwrap().to_owned();
     for (from, to, said) in [
-        (upper.as_str(), "upper = 3.0", "outside its bounds"),
+        (upper.as_str(), "upper = 3.0", "above the upper one"),
         ("name = \"wave_speed_m_s\"", "name = \"wave_sped_m_s\"", "wave_sped_m_s"),
+        (&format!("value = {}", value_of(&speed)), "value = 3.0", "outside its bounds"),
         ("in_force = 1", "in_force = 7", "does not exist"),
+        ("recordings = [\"", "recordings = [] # [\"", "names no recordings"),
         ("when = ", "wen = ", "wen"),
         ("effects = [\"unsteady-friction\"]", "effects = [\"friction\"]", "friction"),
         ("recordings = [\"", "recordings = [\"/gone", "gone"),
@@ -150,4 +157,40 @@ fn contradictions_are_refused_and_the_file_is_left_as_it_was() {
         assert_eq!(std::fs::read_to_string(&file).unwrap(), edited);
         std::fs::write(&file, &good).unwrap();
     }
+}
+
+/// Bounds that a parameter cannot have are refused, whichever way they come in.
+#[test]
+fn impossible_bounds_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = calibrated(folder.path());
+    let speed = lines_of(&file, "wave_speed_m_s");
+    let lower = speed.lines().find(|l| l.starts_with("lower = ")).unwrap().to_owned();
+    edit(&file, &lower, "lower = -1.0");
+    refused(&["refit", file.to_str().unwrap()], &["wave_speed_m_s", "-1"]);
+    refused(&["calibrate", "recordings/copper-leak.mcap", "--hold", "wave_speed_m_s=-5"], &["wave_speed_m_s", "-5"]);
+    refused(&["diagnose", "recordings/copper-leak.mcap", "--effects", "sensor-lag@P9"], &["P9", "P1"]);
+    refused(
+        &["diagnose", "recordings/copper-leak.mcap", "--apply", "no/such/folder/models.toml"],
+        &["no folder", "no/such/folder"],
+    );
+}
+
+/// A link stays a link, and what may not be written to is not.
+#[cfg(unix)]
+#[test]
+fn links_and_permissions_are_respected() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = calibrated(folder.path());
+    let link = folder.path().join("link.toml");
+    std::os::unix::fs::symlink(&file, &link).unwrap();
+    done(&["add", "leak", link.to_str().unwrap()]);
+    assert!(std::fs::symlink_metadata(&link).unwrap().file_type().is_symlink());
+    assert_eq!(done(&["model", file.to_str().unwrap()])["in_force"], 2);
+    let mut permissions = std::fs::metadata(&file).unwrap().permissions();
+    permissions.set_readonly(true);
+    std::fs::set_permissions(&file, permissions).unwrap();
+    let before = std::fs::read_to_string(&file).unwrap();
+    refused(&["undo", file.to_str().unwrap()], &["may not be written"]);
+    assert_eq!(std::fs::read_to_string(&file).unwrap(), before);
 }

@@ -52,7 +52,7 @@ async function ranking(page, check, answer) {
       if (e.tagName === "H3") groups.push({ heading: e.textContent, rows: [], next: [] });
       const group = groups.at(-1);
       if (!group) continue;
-      for (const row of e.querySelectorAll("tbody tr")) {
+      for (const row of e.querySelectorAll("tbody tr:has([data-probability])")) {
         group.rows.push({ effect: (row.querySelector("code") ?? row.cells[0]).textContent, probability: Number(row.querySelector("[data-probability]").dataset.probability),
           width: row.querySelector(".probability i").style.width, parameters: row.cells[5].textContent });
       }
@@ -74,6 +74,8 @@ async function ranking(page, check, answer) {
     candidates[i].effect.split(/[:@/]/)[0] === c.effect && near(candidates[i].probability, c.probability)
       && c.parameters.every((p) => candidates[i].parameters.includes(`${p.name} = `)));
   check("the ranking is that of the answer, the first one first", same, `${candidates[0]?.effect} against ${answer.candidates[0]?.effect}`);
+  const unseen = await page.$$eval("#ranking tbody tr:not(:has([data-probability])) td:first-child", (cells) => cells.map((c) => c.textContent.trim()));
+  check("what could not be seen is that of the answer", answer.least_visible.every((v) => unseen.includes(v.effect)) && unseen.length >= answer.least_visible.length, unseen.join(", "));
   check("the next test is that of the answer", answer.next_test === "" ? /none|no test/.test(next[0]) : next[0].includes(answer.next_test), next[0]);
 }
 

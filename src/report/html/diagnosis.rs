@@ -114,6 +114,9 @@ fn failings(diagnoses: &[Diagnosis]) -> String {
             let items: Vec<String> = diagnosis.failings.iter().map(|f| format!("<li>{}</li>\n", escape(f))).collect();
             out.push_str(&format!("<ul>\n{}</ul>\n", items.concat()));
         }
+        for doubt in &diagnosis.doubts {
+            out.push_str(&format!("<p class=\"note\"><strong>Doubtful:</strong> {}.</p>\n", escape(doubt)));
+        }
     }
     out.push_str("</section>\n");
     out
