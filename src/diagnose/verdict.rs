@@ -13,8 +13,8 @@ const NOISE: f64 = 1.3;
 const LEFT_SHARE: f64 = 0.35;
 const LEFT_OVER_NOISE: f64 = 2.5;
 /// How quickly the probability of something else changes with the error's logarithm around [`NOISE`] where nothing explains any of it,
-/// and around [`LEFT_OVER_NOISE`] where an effect explains some: chosen so that what was sure came true on recordings of one seed, counted
-/// on those of others (tools/reliability.md).
+/// and around [`LEFT_OVER_NOISE`] where an effect explains some: chosen on recordings of `tools/hidden` of one seed, to be counted on those
+/// of others by `tools/reliability.py`.
 const STEEPNESS_UNEXPLAINED: f64 = 12.0;
 const STEEPNESS: f64 = 4.0;
 
