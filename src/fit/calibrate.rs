@@ -29,8 +29,8 @@ pub enum FitError {
         "{name} cannot be kept between {lower} and {upper}: its bounds must be finite, in order, and more than zero unless it may be negative"
     )]
     Bounds { name: String, lower: f64, upper: f64 },
-    #[error("the model has no parameter '{name}' to hold or to bound; it has {known}")]
-    NoSuchParameter { name: String, known: String },
+    #[error("the model has no parameter '{name}'{of} to hold or to bound; it has {known}")]
+    NoSuchParameter { name: String, of: String, known: String },
     #[error(
         "{file}: no pressure sensor stands at the valve (within {within_m:.2} m of the pipe's end), which shows how it closed"
     )]

@@ -214,7 +214,8 @@ impl<'a> Calibration<'a> {
         match constraints.iter().find(|c| !own.iter().any(|(p, run)| c.concerns(&p.name, *run))) {
             None => Ok(()),
             Some(stranger) => Err(FitError::NoSuchParameter {
-                name: stranger.run.as_ref().map_or(stranger.name.clone(), |run| format!("{} of {run}", stranger.name)),
+                name: stranger.name.clone(),
+                of: stranger.run.as_ref().map_or(String::new(), |run| format!(" of {run}")),
                 known: own.iter().map(|(p, _)| p.name.as_str()).collect::<Vec<_>>().join(", "),
             }),
         }
