@@ -48,7 +48,7 @@ fn creep_added_to_the_base_model_brings_the_error_down_to_the_noise() {
     let (base, full) = (fit(&recording, "none"), fit(&recording, "viscoelastic-wall"));
     assert!(base.runs[0].rmse_m > 10.0 * full.runs[0].rmse_m, "{} {}", base.runs[0].rmse_m, full.runs[0].rmse_m);
     assert!(over_noise(&full) <= 1.5, "{}", over_noise(&full));
-    assert_eq!(full.effects, ["viscoelastic-wall:3"], "the evidence finds the three elements that are there");
+    assert_eq!(full.labels(), ["viscoelastic-wall:3"], "the evidence finds the three elements that are there");
     let truth = [
         ("wave_speed_m_s", 342.272),
         ("J1_per_GPa", 0.13146),

@@ -5,6 +5,7 @@ use std::path::Path;
 
 use serde_json::Value;
 use surgescope::fit::outcome::{ExtremumError, Fit, FittedParameter, RunFit, SensorFit};
+use surgescope::model::effects::{Chosen, parse_list};
 use surgescope::report::html::{Page, html};
 use surgescope::report::{Overlay, Stage, json, table};
 use surgescope::rig::{Constraint, Coupling, Fluid, Pipe, Rig, Sensor, SensorKind, Upstream, Valve};
@@ -81,12 +82,16 @@ fn parameter(name: &str, value: f64, standard_error: f64, unit: &'static str) ->
     }
 }
 
+fn chosen(effects: &str) -> Vec<Chosen> {
+    parse_list(effects).expect("effects of the catalogue")
+}
+
 fn fit(effects: &[&str], sensors: Vec<SensorFit>, parameters: Vec<FittedParameter>) -> Fit {
     let mean = |of: fn(&SensorFit) -> f64| {
         (sensors.iter().map(|s| of(s).powi(2)).sum::<f64>() / sensors.len().max(1) as f64).sqrt()
     };
     Fit {
-        effects: effects.iter().map(|e| e.to_string()).collect(),
+        effects: chosen(&effects.join(",")),
         runs: vec![RunFit {
             file: "hdpe-50-run-03.mcap".into(),
             rmse_m: mean(|s| s.rmse_m),
@@ -273,7 +278,7 @@ fn several_runs_and_stages_stay_apart() {
     let (mut base, mut wall) = two_stages(6_000);
     let mut half = base.clone();
     half.runs[0].sensors[0] = sensor_fit("P1", 1.0, 6_000, 7, |t| surge(t, 1.0, 2.73, 0.05));
-    half.effects = vec!["unsteady-friction".into()];
+    half.effects = chosen("unsteady-friction");
     let mut second = two_stages(3_000).1.runs.remove(0);
     second.file = "hdpe-50-run-04.mcap".into();
     second.sensors.truncate(1);
@@ -318,7 +323,7 @@ fn hostile_names_do_no_harm() {
     base.runs[0].sensors[0].name = evil.into();
     base.parameters[0].name = evil.into();
     base.parameters[0].run = Some(evil.into());
-    base.effects = vec![evil.into()];
+    base.effects = vec![chosen("sensor-lag").remove(0).with_sensor(evil)];
     base.stopped_because = evil.into();
     let mut rig = rig(evil);
     rig.fluid.name = evil.into();

@@ -184,7 +184,7 @@ fn shipped() -> Result<crate::recording::Recording, Box<dyn std::error::Error + 
 fn document(loaded: &[Loaded], recording: &Path, report: &Path, base: &Fit, full: &Fit) -> serde_json::Value {
     let stage = |fit: &Fit| {
         let all = summary::overall(fit);
-        json!({ "effects": fit.effects, "rmse_m": all.rmse_m, "noise_m": all.noise_m, "seconds": fit.seconds })
+        json!({ "effects": fit.labels(), "rmse_m": all.rmse_m, "noise_m": all.noise_m, "seconds": fit.seconds })
     };
     json!({
         "recording": recording,

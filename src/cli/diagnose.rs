@@ -78,7 +78,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         bar.finish_and_clear();
         let found = found?;
         if models.is_empty() {
-            models.push((title(&decided(&found.start, &effects)), found.start.clone()));
+            models.push((title(&found.start.effects), found.start.clone()));
         }
         if let Some(file) = file.as_mut().filter(|f| f.models.is_empty()) {
             file.append(&found.start, "the start of a diagnosis", None, models::now());
@@ -90,7 +90,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
                 let why = format!("diagnosed: {} missing, probability {:.2}", best.effect, best.probability);
                 file.append(&fit, &why, Some(best.evidence), models::now());
             }
-            Some((parse_list(&fit.effects.join(",")).ok()?, fit))
+            Some((fit.effects.clone(), fit))
         });
         if let (Some(path), Some(file)) = (&args.apply, &mut file) {
             // each as soon as it is there: a later one may be interrupted
@@ -132,11 +132,6 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         super::tell!("report: {}", path.display());
     }
     Ok(Outcome::Done)
-}
-
-/// The effects of a fit, their open choices decided, of those that were asked for.
-fn decided(fit: &Fit, asked: &[Chosen]) -> ::std::vec::Vec<Chosen> {
-    parse_list(&fit.effects.join(",")).unwrap_or_else(|_| asked.to_vec())
 }
 
 /// The errors of the models, one after the other.

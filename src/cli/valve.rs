@@ -44,7 +44,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     let closures: Vec<ValveClosure> =
         (0..runs.len()).map(|r| closure_of(&rig, &runs, &fit, r)).collect::<Result<_, _>>()?;
     if json {
-        let document = json!({ "effects": fit.effects, "runs": closures.iter().map(document).collect::<Vec<_>>() });
+        let document = json!({ "effects": fit.labels(), "runs": closures.iter().map(document).collect::<Vec<_>>() });
         super::say!("{document:#}");
     } else {
         super::say_text!(closures.iter().map(text).collect::<Vec<_>>().join("\n"));

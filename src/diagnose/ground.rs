@@ -12,7 +12,7 @@ use crate::fit::least_squares::{Problem, jacobian};
 use crate::fit::outcome::Fit;
 use crate::fit::problem::{Calibration, Window};
 use crate::model::constraint::Constraint;
-use crate::model::effects::{Chosen, Circumstances, parse_list, vapour_head_m};
+use crate::model::effects::{Chosen, Circumstances, vapour_head_m};
 use crate::model::{Model, ModelError};
 use crate::rig::{Coupling, Rig};
 
@@ -70,11 +70,11 @@ impl<'a> Ground<'a> {
     /// The ground under a fit of the start model to `runs`.
     ///
     /// # Errors
-    /// As [`Model::simulate`], and if the fit names effects that do not exist.
+    /// As [`Model::simulate`].
     pub fn new(rig: &'a Rig, runs: &[RunData], fit: &Fit, constraints: &[Constraint]) -> Result<Self, ModelError> {
-        let effects = parse_list(&fit.effects.join(","))?;
+        let effects = fit.effects.clone();
         let model = Model::new(rig, &runs[0].conditions.water, &effects).constrained(constraints);
-        let values: Vec<f64> = fit.parameters.iter().map(|p| p.value).collect();
+        let values = fit.values();
         let shared = model.shared.len();
         let reaches =
             model.fitting_reaches(&values[..shared], COARSE_REACHES.max(model.least_reaches(&values[..shared])));

@@ -5,7 +5,6 @@ use crate::fit::data::RunData;
 use crate::fit::outcome::Fit;
 use crate::fit::problem::{Calibration, Window};
 use crate::model::Model;
-use crate::model::effects::parse_list;
 use crate::rig::Rig;
 
 /// Share of each record that is fitted.
@@ -18,15 +17,13 @@ const PATIENCE: usize = 8;
 /// # Errors
 /// As [`refine`].
 pub fn held_out_m(rig: &Rig, runs: &[RunData], fit: &Fit, options: &Options) -> Result<f64, FitError> {
-    let effects = parse_list(&fit.effects.join(","))?;
-    let values: Vec<f64> = fit.parameters.iter().map(|p| p.value).collect();
     let ends: Vec<f64> = runs.iter().map(end_of_first_part_s).collect();
     let first: Vec<RunData> = runs.iter().zip(&ends).map(|(run, &end)| until(run, end)).collect();
     let options = Options { patience: PATIENCE, most_reaches: fit.reaches, ..options.clone() };
-    let fitted = refine(rig, &first, &effects, &values, &options, &|_| {})?;
-    let values: Vec<f64> = fitted.parameters.iter().map(|p| p.value).collect();
+    let fitted = refine(rig, &first, &fit.effects, &fit.values(), &options, &|_| {})?;
+    let values = fitted.values();
     let water = &runs.first().ok_or(FitError::NoRun)?.conditions.water;
-    let model = Model::new(rig, water, &effects).constrained(&options.constraints);
+    let model = Model::new(rig, water, &fit.effects).constrained(&options.constraints);
     let window = Window { reaches: fitted.reaches, horizon_s: f64::INFINITY, stride: 1 };
     let problem = Calibration::new(&model, runs, window);
     let (mut square, mut n) = (0.0, 0usize);

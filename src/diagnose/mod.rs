@@ -33,7 +33,7 @@ use held_out::held_out_m;
 use refit::{Refit, follow, glimpse};
 use rival::{Finisher, Rival, best_forms, square, worth};
 pub use verdict::Verdict;
-use verdict::{LEAST_EVIDENCE, LEAST_FALL, something_else};
+use verdict::{LEAST_EVIDENCE, LEAST_FALL};
 use visible::{Visible, visible};
 
 /// Difference of tempered evidence within which two effects cannot be told apart: a Bayes factor of twenty (Kass & Raftery 1995).
@@ -55,6 +55,7 @@ const FAR_ASTRAY: f64 = 10.0;
 const HOPELESS: f64 = 4.0;
 /// Times the best candidate's square up to which a fit is worth all patience.
 const SETTLED: f64 = 1.2;
+
 /// An effect that may be missing.
 #[derive(Debug, Clone)]
 pub struct Candidate {
@@ -68,7 +69,7 @@ pub struct Candidate {
     pub evidence: f64,
     /// RMSE over the last two fifths of the records when it is fitted to what comes before, m, of the best one.
     pub held_out_m: Option<f64>,
-    /// The same over the noise: each sensor's error in units of its own, rms.
+    /// Error over the noise: each sensor's in units of its own, rms.
     pub over_noise: f64,
     /// Its values are within what every rig has of it (see [`crate::model::effects::Effect::noteworthy`]).
     pub within_class: bool,
@@ -126,21 +127,13 @@ pub fn diagnose(
     let mut rivals = rivals(&ground, &start, &refits);
     fit(&finisher, &ground, &start, &mut rivals);
     let worth = weigh(&ground, &start, &mut rivals);
-    rivals.sort_by(|a, b| b.log_odds(&ground.known).total_cmp(&a.log_odds(&ground.known)));
+    rank(&ground, &mut rivals);
     let shares = probabilities(&rivals.iter().map(|r| (r.evidence, r.odds(&ground.known))).collect::<Vec<_>>());
     let mut candidates: Vec<Candidate> =
         (0..rivals.len()).map(|i| candidate(&ground, &start, &rivals, i, shares[i])).collect();
     let certain = is_certain(&ground, &rivals);
-    let before = over_noise(&start, runs);
-    let verdict = Verdict::over(before, &candidates, certain);
+    let (verdict, other) = Verdict::over(over_noise(&start, runs), &candidates, certain);
     // Whatever is in the catalogue shares what is left for it.
-    let after = candidates.first().filter(|c| c.evidence >= LEAST_EVIDENCE).map(|c| c.over_noise);
-    let within_class = candidates.iter().filter(|c| c.within_class).map(|c| c.over_noise).fold(before, f64::min);
-    let other = match after {
-        Some(_) if certain => 0.0,
-        Some(_) => something_else(before, after),
-        None => something_else(within_class, None),
-    };
     let none = (1.0 - shares.iter().sum::<f64>()).max(0.0) * (1.0 - other);
     candidates.iter_mut().for_each(|c| c.probability *= 1.0 - other);
     let probability = match verdict {
@@ -179,8 +172,13 @@ fn rivals<'a>(ground: &Ground, start: &Fit, refits: &'a [Refit]) -> Vec<Rival<'a
         .into_iter()
         .map(|(evidence, refit)| Rival::forecast(ground, start, refit, evidence))
         .collect();
-    rivals.sort_by(|a, b| b.log_odds(&ground.known).total_cmp(&a.log_odds(&ground.known)));
+    rank(ground, &mut rivals);
     rivals
+}
+
+/// The most probable first.
+fn rank(ground: &Ground, rivals: &mut [Rival]) {
+    rivals.sort_by(|a, b| b.log_odds(&ground.known).total_cmp(&a.log_odds(&ground.known)));
 }
 
 /// Fits the best rivals to all samples, and tries further where none of them is down to the noise.
@@ -232,15 +230,15 @@ fn is_certain(ground: &Ground, rivals: &[Rival]) -> bool {
     rivals.first().is_some_and(|r| r.odds(&ground.known) >= CERTAIN)
 }
 
-/// Adds what a missing effect calls for: whether it predicts what it has not seen, and the test that would tell it from its rivals.
+/// Adds what a missing effect calls for: whether it predicts what comes later, and the test that would tell it from its rivals.
 fn explain(finisher: &Finisher, ground: &Ground, rivals: &[Rival], diagnosis: &mut Diagnosis) {
     (finisher.progress)("predicting the end of the records from their beginning");
     let predicted = |fit: Option<&Fit>| {
         fit.and_then(|fit| held_out_m(finisher.rig, finisher.runs, fit, finisher.options).ok())
             .filter(|m| m.is_finite())
     };
-    let best = diagnosis.candidates.first().and_then(|c| c.fit.clone());
-    let (start, with) = rayon::join(|| predicted(Some(&diagnosis.start)), || predicted(best.as_ref()));
+    let best = diagnosis.candidates.first().and_then(|c| c.fit.as_ref());
+    let (start, with) = rayon::join(|| predicted(Some(&diagnosis.start)), || predicted(best));
     diagnosis.held_out_m = start;
     let Some(first) = diagnosis.candidates.first_mut() else { return };
     first.held_out_m = with;
@@ -309,10 +307,8 @@ fn refits(ground: &Ground, progress: &(dyn Fn(&str) + Sync)) -> Vec<Refit> {
         .par_iter()
         .map(|glimpse| {
             // What boils does so past a threshold that no straight line sees.
-            if quiet && !hopeful(glimpse) {
-                return glimpse.clone();
-            }
-            if !worthy.contains(&glimpse.form.effect) && !glimpse.form.chosen.effect.lets_boil() {
+            let worthy = worthy.contains(&glimpse.form.effect) || glimpse.form.chosen.effect.lets_boil();
+            if !worthy || (quiet && !hopeful(glimpse)) {
                 return glimpse.clone();
             }
             progress(&format!("{} refitted", glimpse.form.chosen.label()));

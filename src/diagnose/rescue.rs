@@ -48,7 +48,7 @@ fn from_the_signals(finisher: &Finisher, rivals: &mut [Rival]) {
     let hopeless = HOPELESS * order.first().map_or(0.0, |&i| mean_square(i));
     rivals.par_iter_mut().enumerate().filter(|(i, _)| order.contains(i)).for_each(|(i, rival)| {
         if let Some(coarse) = coarse[i].as_ref().filter(|c| c.mean_square <= hopeless) {
-            rival.take(finisher.refined(rival.refit, coarse));
+            rival.take(finisher.refined(rival.refit, &coarse.effects, &coarse.values));
         }
     });
 }

@@ -7,7 +7,7 @@ use super::verdict::LEAST_EVIDENCE;
 use crate::fit::calibrate::{Coarse, FitError, Options, Progress, approach, calibrate, refine, with_more_elements};
 use crate::fit::data::RunData;
 use crate::fit::outcome::{Fit, FittedParameter};
-use crate::model::effects::{Chosen, Circumstances, parse_list};
+use crate::model::effects::{Chosen, Circumstances};
 use crate::rig::Rig;
 
 /// Finest grid of a fit with cavities: the spikes of their collapse belong to the grid (Bergant, Simpson & Tijsseling 2006).
@@ -44,8 +44,8 @@ impl<'a> Rival<'a> {
 
     /// The form of its fit, where there is one.
     pub(super) fn label(&self) -> String {
-        let fitted = self.fit.as_ref().and_then(|f| f.effects.last().cloned());
-        fitted.unwrap_or_else(|| self.refit.form.chosen.label())
+        let fitted = self.fit.as_ref().and_then(|f| f.effects.last());
+        fitted.unwrap_or(&self.refit.form.chosen).label()
     }
 
     /// Free parameters that it has more than the start model, more elements of an effect of that among them.
@@ -83,10 +83,8 @@ impl<'a> Rival<'a> {
             let size = model.effect_sizes().last().copied().unwrap_or(0);
             (model.shared.len() - size..model.shared.len(), model.shared)
         };
-        if let Some(fit) = &self.fit
-            && let Ok(effects) = parse_list(&fit.effects.join(","))
-        {
-            return fit.parameters[own(&effects).0].to_vec();
+        if let Some(fit) = &self.fit {
+            return fit.parameters[own(&fit.effects).0].to_vec();
         }
         let (range, shared) = own(&self.refit.effects);
         shared[range.clone()]
@@ -150,13 +148,19 @@ pub(super) struct Finisher<'a> {
 }
 
 impl Finisher<'_> {
-    /// From where the refit ended; with elements, which a fit had better add one by one, from scratch.
+    /// From where the refit ended.
     pub(super) fn finished(&self, refit: &Refit) -> Result<Fit, FitError> {
+        self.refined(refit, &refit.effects, &refit.values)
+    }
+
+    /// From where a coarse fit ended.
+    pub(super) fn refined(&self, refit: &Refit, effects: &[Chosen], values: &[f64]) -> Result<Fit, FitError> {
+        // Elements had better be added one by one.
         if refit.form.chosen.elements.is_some() {
             return self.scratch_fit(refit);
         }
         let shown = |p: &Progress| (self.progress)(&format!("{} added, {}", refit.form.effect, p.stage));
-        refine(self.rig, self.runs, &refit.effects, &refit.values, &self.options_of(refit), &shown)
+        refine(self.rig, self.runs, effects, values, &self.options_of(refit), &shown)
     }
 
     /// From the signals, as if nothing had been fitted before.
@@ -185,15 +189,6 @@ impl Finisher<'_> {
         grown.ok_or(FitError::NoRun)
     }
 
-    /// From where a coarse fit ended; with elements, from scratch.
-    pub(super) fn refined(&self, refit: &Refit, coarse: &Coarse) -> Result<Fit, FitError> {
-        if refit.form.chosen.elements.is_some() {
-            return self.scratch_fit(refit);
-        }
-        let shown = |p: &Progress| (self.progress)(&format!("{} added, {}", refit.form.effect, p.stage));
-        refine(self.rig, self.runs, &coarse.effects, &coarse.values, &self.options_of(refit), &shown)
-    }
-
     fn options_of(&self, refit: &Refit) -> Options {
         let boils = refit.effects.iter().any(|c| c.effect.lets_boil());
         let most = if boils { MOST_REACHES_WITH_CAVITIES } else { usize::MAX };
@@ -203,10 +198,8 @@ impl Finisher<'_> {
     /// The fit of a rival, with all patience.
     pub(super) fn settled(&self, rival: &Rival) -> Result<Fit, FitError> {
         let fit = rival.fit.as_ref().ok_or(FitError::NoRun)?;
-        let effects = parse_list(&fit.effects.join(","))?;
-        let values: Vec<f64> = fit.parameters.iter().map(|p| p.value).collect();
         let shown = |p: &Progress| (self.progress)(&format!("{}, {}", rival.label(), p.stage));
         let options = Options { patience: self.options.patience, ..self.options_of(rival.refit) };
-        refine(self.rig, self.runs, &effects, &values, &options, &shown)
+        refine(self.rig, self.runs, &fit.effects, &fit.values(), &options, &shown)
     }
 }

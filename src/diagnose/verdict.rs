@@ -39,20 +39,22 @@ impl Verdict {
         }
     }
 
-    /// The verdict over candidates, the most probable first, of a start model that leaves `start` times the noise. One that is at work
-    /// for `certain` is missing whatever it leaves unexplained.
-    pub(super) fn over(start: f64, candidates: &[Candidate], certain: bool) -> Verdict {
+    /// The verdict over candidates, the most probable first, of a start model that leaves `start` times the noise, and the probability
+    /// that something outside the catalogue is missing. One that is at work for `certain` is missing whatever it leaves unexplained.
+    pub(super) fn over(start: f64, candidates: &[Candidate], certain: bool) -> (Verdict, f64) {
         let Some(best) = candidates.first().filter(|c| c.evidence >= LEAST_EVIDENCE) else {
             // Within what instruments of their class may be off by, it is still noise.
             let within_class = candidates.iter().filter(|c| c.within_class).map(|c| c.over_noise);
             let left = within_class.fold(start, f64::min);
-            return if left <= NOISE { Verdict::NothingMissing } else { Verdict::UnknownEffect };
+            let verdict = if left <= NOISE { Verdict::NothingMissing } else { Verdict::UnknownEffect };
+            return (verdict, something_else(left, None));
         };
-        if !certain && left_share(start, best.over_noise) > LEFT_SHARE && best.over_noise > LEFT_OVER_NOISE {
-            Verdict::UnknownEffect
-        } else {
-            Verdict::MissingEffect
+        if certain {
+            return (Verdict::MissingEffect, 0.0);
         }
+        let unexplained = left_share(start, best.over_noise) > LEFT_SHARE && best.over_noise > LEFT_OVER_NOISE;
+        let verdict = if unexplained { Verdict::UnknownEffect } else { Verdict::MissingEffect };
+        (verdict, something_else(start, Some(best.over_noise)))
     }
 }
 
@@ -65,7 +67,7 @@ fn left_share(before: f64, after: f64) -> f64 {
 /// The probability that it is something outside the catalogue that is missing, of a start model that leaves `before` times the noise.
 /// Where an effect is worth having it brings that down to `after`: the more that is left, the more is something else, unless most is
 /// explained and only more is missing besides.
-pub(super) fn something_else(before: f64, after: Option<f64>) -> f64 {
+fn something_else(before: f64, after: Option<f64>) -> f64 {
     let rises =
         |over_noise: f64, even: f64, steepness: f64| 1.0 / (1.0 + (even / over_noise.max(0.01)).powf(steepness));
     match after {

@@ -10,6 +10,7 @@ use super::starts::{differing, starts_from, starts_of, take_over, vanish};
 use super::uncertainty::correlation_inflation;
 use crate::model::effects::Chosen;
 use crate::model::{Model, ModelError};
+use crate::rig::{Rig, WaterProperties};
 
 /// Reaches while the phase locks, and while models are chosen.
 const LOCKING_REACHES: usize = 32;
@@ -53,10 +54,13 @@ impl Leftover {
 
 /// Fits models to runs.
 pub(super) struct Fitter<'a> {
+    pub(super) rig: &'a Rig,
+    pub(super) water: &'a WaterProperties,
     pub(super) runs: &'a [RunData],
     pub(super) options: &'a Options,
     pub(super) progress: &'a (dyn Fn(&Progress) + Sync),
-    pub(super) evaluations: &'a AtomicUsize,
+    /// Simulations so far.
+    pub(super) evaluations: AtomicUsize,
     /// What the pipes need at the least.
     pub(super) least_reaches: usize,
 }

@@ -11,9 +11,9 @@ use super::data::RunData;
 use super::outcome::Fit;
 use super::sensor_choice::with_sensors;
 use crate::model::constraint::Constraint;
-use crate::model::effects::{Chosen, parse_list};
+use crate::model::effects::Chosen;
 use crate::model::{Model, ModelError, check_sensors};
-use crate::rig::{Rig, WaterProperties};
+use crate::rig::Rig;
 
 /// Why a fit cannot be had.
 #[derive(Debug, thiserror::Error)]
@@ -88,7 +88,6 @@ pub fn calibrate(
     options: &Options,
     progress: &(dyn Fn(&Progress) + Sync),
 ) -> Result<Fit, FitError> {
-    let first = runs.first().ok_or(FitError::NoRun)?;
     for run in runs {
         let any = run.sensors.iter().any(|s| s.time_s.last().is_some_and(|&t| t > run.start.closure_s.0));
         if !any {
@@ -96,29 +95,18 @@ pub fn calibrate(
         }
     }
     check_sensors(rig, effects)?;
-    let models = Models { rig, water: &first.conditions.water, constraints: &options.constraints };
-    let evaluations = AtomicUsize::new(0);
-    let fitter = Fitter {
-        runs,
-        options,
-        progress,
-        evaluations: &evaluations,
-        least_reaches: least_reaches(&models.of(effects)),
-    };
-    let mut chosen = fitter.placed(&models, effects)?;
+    let fitter = Fitter::new(rig, runs, options, progress, effects, None)?;
+    let mut chosen = fitter.placed(effects)?;
     // An effect with elements grows from one: a fit of many from scratch ends in poorer places.
     let growing = growing(effects);
     if let Some(i) = growing {
         chosen[i] = chosen[i].with_elements(1);
     }
-    let mut model = models.of(&chosen);
+    let mut model = fitter.model(&chosen);
     let mut state = fitter.approach(&model, None)?;
     if let Some(i) = growing {
-        let grown = fitter.grown(&models, (&model, state), i, effects[i].elements, |bigger, model, state| {
-            fitter.approach(bigger, Some((model, state)))
-        })?;
-        state = grown.1;
-        model = models.of(&grown.0);
+        let approached = |bigger: &Model, model: &Model, state: &State| fitter.approach(bigger, Some((model, state)));
+        (model, state) = fitter.grown((model, state), i, effects[i].elements, approached)?;
     }
     fitter.finish(&model, state)
 }
@@ -139,18 +127,9 @@ pub struct Coarse {
 /// # Errors
 /// As [`calibrate`]; elements have to have a number.
 pub fn approach(rig: &Rig, runs: &[RunData], effects: &[Chosen], options: &Options) -> Result<Coarse, FitError> {
-    let water = &runs.first().ok_or(FitError::NoRun)?.conditions.water;
-    let models = Models { rig, water, constraints: &options.constraints };
-    let evaluations = AtomicUsize::new(0);
-    let fitter = Fitter {
-        runs,
-        options,
-        progress: &|_| {},
-        evaluations: &evaluations,
-        least_reaches: least_reaches(&models.of(effects)),
-    };
-    let effects = fitter.placed(&models, effects)?;
-    let model = models.of(&effects);
+    let fitter = Fitter::new(rig, runs, options, &|_| {}, effects, None)?;
+    let effects = fitter.placed(effects)?;
+    let model = fitter.model(&effects);
     let state = fitter.approach(&model, None)?;
     let mean_square = fitter.mean_square(&model, &state);
     Ok(Coarse { mean_square, values: state.values, effects })
@@ -168,12 +147,8 @@ pub fn refine(
     options: &Options,
     progress: &(dyn Fn(&Progress) + Sync),
 ) -> Result<Fit, FitError> {
-    let water = &runs.first().ok_or(FitError::NoRun)?.conditions.water;
-    let model = Models { rig, water, constraints: &options.constraints }.of(effects);
-    let evaluations = AtomicUsize::new(0);
-    let least_reaches = model.least_reaches(&values[..model.shared.len()]);
-    let fitter = Fitter { runs, options, progress, evaluations: &evaluations, least_reaches };
-    fitter.finish(&model, State { values: values.to_vec(), cost: f64::NAN })
+    let fitter = Fitter::new(rig, runs, options, progress, effects, Some(values))?;
+    fitter.finish(&fitter.model(effects), State { values: values.to_vec(), cost: f64::NAN })
 }
 
 /// Where the number of elements was left open in what was `asked` for, a fitted model with more of them, while the evidence asks for
@@ -189,35 +164,15 @@ pub fn with_more_elements(
     options: &Options,
     progress: &(dyn Fn(&Progress) + Sync),
 ) -> Result<Option<Fit>, FitError> {
-    let effects = parse_list(&fit.effects.join(","))?;
     let Some(i) = growing(asked).filter(|&i| asked[i].elements.is_none()) else { return Ok(None) };
-    let water = &runs.first().ok_or(FitError::NoRun)?.conditions.water;
-    let models = Models { rig, water, constraints: &options.constraints };
-    let model = models.of(&effects);
-    let values: Vec<f64> = fit.parameters.iter().map(|p| p.value).collect();
-    let evaluations = AtomicUsize::new(0);
-    let least_reaches = model.least_reaches(&values[..model.shared.len()]);
-    let fitter = Fitter { runs, options, progress, evaluations: &evaluations, least_reaches };
-    let state = State { values, cost: f64::NAN };
-    let (grown, state) =
-        fitter.grown(&models, (&model, state), i, None, |bigger, model, state| fitter.grow(bigger, model, state))?;
-    if grown[i].elements == effects[i].elements {
+    let state = State { values: fit.values(), cost: f64::NAN };
+    let fitter = Fitter::new(rig, runs, options, progress, &fit.effects, Some(&state.values))?;
+    let start = (fitter.model(&fit.effects), state);
+    let (model, state) = fitter.grown(start, i, None, |bigger, model, state| fitter.grow(bigger, model, state))?;
+    if model.effects == fit.effects {
         return Ok(None);
     }
-    fitter.finish(&models.of(&grown), state).map(Some)
-}
-
-/// Makes the models of a fit.
-struct Models<'a> {
-    rig: &'a Rig,
-    water: &'a WaterProperties,
-    constraints: &'a [Constraint],
-}
-
-impl<'a> Models<'a> {
-    fn of(&self, effects: &[Chosen]) -> Model<'a> {
-        Model::new(self.rig, self.water, effects).constrained(self.constraints)
-    }
+    fitter.finish(&model, state).map(Some)
 }
 
 /// The effect of a list whose elements are added one by one.
@@ -225,41 +180,56 @@ fn growing(effects: &[Chosen]) -> Option<usize> {
     effects.iter().position(|c| c.effect.elements().is_some_and(|r| r.contains(&2)))
 }
 
-fn least_reaches(model: &Model) -> usize {
-    let starts: Vec<f64> = model.shared.iter().map(|p| p.start).collect();
-    model.least_reaches(&starts)
-}
+impl<'a> Fitter<'a> {
+    /// Of models that have `effects` or more; what the pipes need at the least is taken from the model's `values`, or from its starts.
+    fn new(
+        rig: &'a Rig,
+        runs: &'a [RunData],
+        options: &'a Options,
+        progress: &'a (dyn Fn(&Progress) + Sync),
+        effects: &[Chosen],
+        values: Option<&[f64]>,
+    ) -> Result<Self, FitError> {
+        let water = &runs.first().ok_or(FitError::NoRun)?.conditions.water;
+        let mut fitter =
+            Fitter { rig, water, runs, options, progress, evaluations: AtomicUsize::new(0), least_reaches: 0 };
+        let model = fitter.model(effects);
+        let starts: Vec<f64> = model.shared.iter().map(|p| p.start).collect();
+        fitter.least_reaches = model.least_reaches(values.map_or(&starts[..], |v| &v[..model.shared.len()]));
+        Ok(fitter)
+    }
 
-impl Fitter<'_> {
+    fn model(&self, effects: &[Chosen]) -> Model<'a> {
+        Model::new(self.rig, self.water, effects).constrained(&self.options.constraints)
+    }
+
     /// Effects that concern a sensor, each at the one where a coarse fit is best.
-    fn placed(&self, models: &Models, effects: &[Chosen]) -> Result<Vec<Chosen>, FitError> {
-        with_sensors(models.rig, effects, |trial| Ok(self.approach(&models.of(trial), None)?.cost))
+    fn placed(&self, effects: &[Chosen]) -> Result<Vec<Chosen>, FitError> {
+        with_sensors(self.rig, effects, |trial| Ok(self.approach(&self.model(trial), None)?.cost))
     }
 
     /// A fitted model with more elements of its effect `i`: as many as were `asked` for, or while the evidence asks for more.
     fn grown(
         &self,
-        models: &Models,
-        (start, mut state): (&Model, State),
+        (mut model, mut state): (Model<'a>, State),
         i: usize,
         asked: Option<usize>,
         fitted: impl Fn(&Model, &Model, &State) -> Result<State, FitError>,
-    ) -> Result<(Vec<Chosen>, State), FitError> {
-        let mut chosen = start.effects.clone();
-        let most = asked.or(chosen[i].effect.elements().map(|r| *r.end())).unwrap_or(1);
-        let mut leftover = self.leftover(start, &state)?;
-        for elements in chosen[i].elements.unwrap_or(1) + 1..=most {
-            let model = models.of(&chosen);
-            let mut more = chosen.clone();
+    ) -> Result<(Model<'a>, State), FitError> {
+        let range = model.effects[i].effect.elements();
+        let most = asked.or(range.map(|r| *r.end())).unwrap_or(1);
+        let mut leftover = self.leftover(&model, &state)?;
+        for elements in model.effects[i].elements.unwrap_or(1) + 1..=most {
+            let mut more = model.effects.clone();
             more[i] = more[i].with_elements(elements);
-            let bigger = models.of(&more);
+            let bigger = self.model(&more);
             let trial = fitted(&bigger, &model, &state)?;
             let trial_leftover = self.leftover(&bigger, &trial)?;
             if asked.is_none() && trial_leftover.evidence_over(&leftover) < EVIDENCE {
                 break;
             }
-            (chosen, state, leftover) = (more, trial, trial_leftover);
+            (model, state, leftover) = (bigger, trial, trial_leftover);
         }
-        Ok((chosen, state))
+        Ok((model, state))
     }
 }

@@ -3,7 +3,6 @@
 use super::data::RunData;
 use super::outcome::Fit;
 use super::problem::{Calibration, Window};
-use crate::model::effects::parse_list;
 use crate::model::energy::Energy;
 use crate::model::{Model, ModelError};
 use crate::rig::Rig;
@@ -11,11 +10,10 @@ use crate::rig::Rig;
 /// The energy book of run `r` of those that were fitted, on the fit's own grid, to the end of the recording.
 ///
 /// # Errors
-/// As [`Model::simulate`], and if the fit names effects that do not exist.
+/// As [`Model::simulate`].
 pub fn energy_of(rig: &Rig, runs: &[RunData], fit: &Fit, r: usize) -> Result<Option<Energy>, ModelError> {
     let Some(first) = runs.first().filter(|_| r < runs.len()) else { return Ok(None) };
-    let model = Model::new(rig, &first.conditions.water, &parse_list(&fit.effects.join(","))?);
+    let model = Model::new(rig, &first.conditions.water, &fit.effects);
     let problem = Calibration::new(&model, runs, Window { reaches: fit.reaches, horizon_s: f64::INFINITY, stride: 1 });
-    let values: Vec<f64> = fit.parameters.iter().map(|p| p.value).collect();
-    problem.energy(r, &values, fit.reaches)
+    problem.energy(r, &fit.values(), fit.reaches)
 }

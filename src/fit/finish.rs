@@ -5,11 +5,10 @@ use std::sync::atomic::Ordering;
 use super::approach::{Fitter, State};
 use super::calibrate::FitError;
 use super::compare::{Pair, mape_percent, rmse};
-use super::least_squares::{Limits, Problem, Solution, Stop, jacobian};
+use super::least_squares::{Limits, Problem, Solution, jacobian};
 use super::outcome::{Fit, FittedParameter, RunFit, SensorFit};
 use super::problem::{Calibration, Window};
 use super::uncertainty::{correlation, gauss_newton_step, standard_errors};
-use crate::model::effects::Chosen;
 use crate::model::{Model, ModelError};
 
 /// Reaches from which the grid is refined.
@@ -141,7 +140,7 @@ impl Fitter<'_> {
             .map(|r| self.run_fit(problem, r, &values, &start_values, reaches, period_s))
             .collect::<Result<_, _>>()?;
         Ok(Fit {
-            effects: model.effects.iter().map(Chosen::label).collect(),
+            effects: model.effects.clone(),
             runs,
             parameters,
             correlation: correlation(&columns, &solution.at_bound),
@@ -150,7 +149,7 @@ impl Fitter<'_> {
             evaluations: self.evaluations.load(Ordering::Relaxed),
             seconds: f64::NAN,
             stopped_because: solution.stop.describe().to_owned(),
-            converged: solution.stop != Stop::IterationsSpent,
+            converged: solution.stop.converged(),
         })
     }
 

@@ -12,7 +12,7 @@ use super::data::RunData;
 use super::outcome::{Fit, FittedParameter};
 use super::problem::{Calibration, Window};
 use crate::model::constraint::Constraint;
-use crate::model::effects::{Chosen, parse_list};
+use crate::model::effects::{Chosen, name_of, parse_list};
 use crate::model::{Model, ModelError};
 use crate::rig::Rig;
 
@@ -199,17 +199,12 @@ impl ModelFile {
 impl Entry {
     fn of(fit: &Fit, why: &str, evidence: Option<f64>, when: String, grown_from: Option<usize>) -> Self {
         let (rmse_m, noise_m) = fit.pooled();
-        let name = if fit.effects.is_empty() {
-            "base model".to_owned()
-        } else {
-            format!("base model + {}", fit.effects.join(" + "))
-        };
         Entry {
-            name,
+            name: name_of(&fit.effects),
             grown_from,
             when,
             why: why.to_owned(),
-            effects: fit.effects.clone(),
+            effects: fit.labels(),
             rmse_m,
             noise_m,
             evidence,

@@ -1,5 +1,7 @@
 //! What a calibration gives back: plain data for tables, JSON and pages.
 
+use crate::model::effects::Chosen;
+
 /// One fitted parameter.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct FittedParameter {
@@ -83,8 +85,8 @@ pub struct RunFit {
 /// A calibrated model of one run or of several.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Fit {
-    /// Effects of the model, as on the command line (`viscoelastic-wall:2`).
-    pub effects: Vec<String>,
+    /// Effects of the model, their open choices decided.
+    pub effects: Vec<Chosen>,
     /// Each run.
     pub runs: Vec<RunFit>,
     /// Shared and per-run parameters.
@@ -106,13 +108,22 @@ pub struct Fit {
 }
 
 impl Fit {
-    /// RMSE and noise over all runs, m: each weighs as its number of samples.
+    /// Values of all parameters: shared ones first, then each run's.
+    pub fn values(&self) -> Vec<f64> {
+        self.parameters.iter().map(|p| p.value).collect()
+    }
+
+    /// Its effects as on the command line (`viscoelastic-wall:2`).
+    pub fn labels(&self) -> Vec<String> {
+        self.effects.iter().map(Chosen::label).collect()
+    }
+
+    /// RMSE and noise over all runs, m: each weighs as its number of samples; NaN where there are none.
     pub fn pooled(&self) -> (f64, f64) {
         let weight = |r: &RunFit| r.sensors.iter().map(|s| s.time_s.len()).sum::<usize>() as f64;
-        let total: f64 = self.runs.iter().map(weight).sum();
-        let mean = |f: &dyn Fn(&RunFit) -> f64| {
-            (self.runs.iter().map(|r| weight(r) * f(r).powi(2)).sum::<f64>() / total.max(1.0)).sqrt()
-        };
+        let runs = || self.runs.iter().filter(|&r| weight(r) > 0.0);
+        let total: f64 = runs().map(weight).sum();
+        let mean = |f: &dyn Fn(&RunFit) -> f64| (runs().map(|r| weight(r) * f(r).powi(2)).sum::<f64>() / total).sqrt();
         (mean(&|r| r.rmse_m), mean(&|r| r.noise_m))
     }
 }

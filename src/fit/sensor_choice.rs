@@ -149,7 +149,7 @@ mod tests {
             }];
             let unnamed = parse_list(fault.split('@').next().unwrap()).unwrap();
             let fit = calibrate(&rig, &runs, &unnamed, &Options::default(), &|_| {}).unwrap();
-            assert_eq!(fit.effects, [fault]);
+            assert_eq!(fit.labels(), [fault]);
             let found = &fit.parameters[1];
             assert!((found.value - value).abs() < 5.0 * found.standard_error + 2e-2 * value, "{fault}: {found:?}");
             assert!(fit.runs[0].rmse_m < 0.055, "{}", fit.runs[0].rmse_m);

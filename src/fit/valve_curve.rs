@@ -5,7 +5,6 @@ use super::data::RunData;
 use super::least_squares::{Limits, Problem, minimise};
 use super::outcome::Fit;
 use super::problem::{Calibration, Window};
-use crate::model::effects::parse_list;
 use crate::model::valve_from_head::{ValveCurve, valve_from_head};
 use crate::model::{Model, Resolution};
 use crate::rig::Rig;
@@ -63,11 +62,10 @@ pub fn valve_sensor(rig: &Rig, run: &RunData) -> Result<usize, FitError> {
 pub fn closure_of(rig: &Rig, runs: &[RunData], fit: &Fit, r: usize) -> Result<ValveClosure, FitError> {
     let run = runs.get(r).ok_or(FitError::NoRun)?;
     let at_valve = valve_sensor(rig, run)?;
-    let effects = parse_list(&fit.effects.join(","))?;
-    let model = Model::new(rig, &run.conditions.water, &effects);
+    let model = Model::new(rig, &run.conditions.water, &fit.effects);
     let window = Window { reaches: fit.reaches, horizon_s: f64::INFINITY, stride: 1 };
     let problem = Calibration::new(&model, runs, window);
-    let values: Vec<f64> = fit.parameters.iter().map(|p| p.value).collect();
+    let values = fit.values();
     let start = problem.closure_start_s(r, &values);
     let offset = problem.offset_m(r, at_valve, &values);
     let own = problem.run_values(r, &values);

@@ -6,6 +6,7 @@
 
 mod attach;
 pub mod boundary;
+mod chosen;
 pub mod constraint;
 pub mod effects;
 pub mod energy;

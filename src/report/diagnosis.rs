@@ -6,12 +6,13 @@ use serde::Serialize;
 
 use crate::diagnose::visible::Visible;
 use crate::diagnose::{Candidate, Diagnosis, NOT_WORTH, Verdict};
+use crate::model::effects::name_of;
 
 #[derive(Serialize)]
 struct Document<'a> {
     verdict: &'static str,
     probability: f64,
-    start: StartModel<'a>,
+    start: StartModel,
     candidates: Vec<Rival<'a>>,
     next_test: &'a str,
     fails: &'a [String],
@@ -35,8 +36,8 @@ struct LeftOut<'a> {
 }
 
 #[derive(Serialize)]
-struct StartModel<'a> {
-    effects: &'a [String],
+struct StartModel {
+    effects: Vec<String>,
     rmse_m: f64,
     noise_m: f64,
     held_out_m: Option<f64>,
@@ -80,7 +81,7 @@ fn document(diagnosis: &Diagnosis) -> Document<'_> {
     Document {
         verdict: diagnosis.verdict.name(),
         probability: diagnosis.probability,
-        start: StartModel { effects: &diagnosis.start.effects, rmse_m, noise_m, held_out_m: diagnosis.held_out_m },
+        start: StartModel { effects: diagnosis.start.labels(), rmse_m, noise_m, held_out_m: diagnosis.held_out_m },
         least_visible: diagnosis
             .visible
             .iter()
@@ -123,10 +124,7 @@ const SHOWN: usize = 5;
 /// The diagnosis for people.
 pub fn text(diagnosis: &Diagnosis) -> String {
     let (rmse_m, noise_m) = diagnosis.start.pooled();
-    let model = match diagnosis.start.effects.as_slice() {
-        [] => "base model".to_owned(),
-        effects => format!("base model + {}", effects.join(" + ")),
-    };
+    let model = name_of(&diagnosis.start.effects);
     let mut out = format!("{model}: RMSE {rmse_m:.3} m, noise {noise_m:.3} m\n");
     for sentence in &diagnosis.failings {
         let _ = writeln!(out, "  {sentence}");

@@ -10,7 +10,7 @@ pub struct Calibration<'a> {
     /// Each run.
     pub runs: Vec<Run<'a>>,
     /// Effects of the model.
-    pub effects: &'a [String],
+    pub effects: Vec<String>,
     /// Fitted parameters.
     pub parameters: Vec<Parameter<'a>>,
     /// Simulations that the fit took.
@@ -71,7 +71,7 @@ impl<'a> From<&'a Fit> for Calibration<'a> {
     fn from(fit: &'a Fit) -> Self {
         Self {
             runs: fit.runs.iter().map(Run::from).collect(),
-            effects: &fit.effects,
+            effects: fit.labels(),
             parameters: fit.parameters.iter().map(Parameter::from).collect(),
             evaluations: fit.evaluations,
             seconds: fit.seconds,

@@ -22,17 +22,9 @@ pub struct Overall {
 
 /// Pools the runs of a fit, each weighted by its samples.
 pub fn overall(fit: &Fit) -> Overall {
-    let (mut samples, mut square, mut noise) = (0, 0.0, 0.0);
-    for run in &fit.runs {
-        let n: usize = run.sensors.iter().map(|s| s.time_s.len()).sum();
-        if n > 0 {
-            samples += n;
-            square += n as f64 * run.rmse_m.powi(2);
-            noise += n as f64 * run.noise_m.powi(2);
-        }
-    }
-    let mean = |sum: f64| if samples > 0 { (sum / samples as f64).sqrt() } else { f64::NAN };
-    Overall { rmse_m: mean(square), noise_m: mean(noise), samples }
+    let samples = fit.runs.iter().flat_map(|r| &r.sensors).map(|s| s.time_s.len()).sum();
+    let (rmse_m, noise_m) = fit.pooled();
+    Overall { rmse_m, noise_m, samples }
 }
 
 /// How near a model is to what the recording can tell.

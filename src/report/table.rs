@@ -128,7 +128,7 @@ fn cells(extremum: Option<&ExtremumError>, decimals: usize) -> [String; 3] {
 
 /// Effort and reason of the stop, one line.
 pub fn stop(fit: &Fit) -> String {
-    let effects = if fit.effects.is_empty() { "base model".into() } else { fit.effects.join(", ") };
+    let effects = if fit.effects.is_empty() { "base model".into() } else { fit.labels().join(", ") };
     let end = if fit.converged { "done" } else { "stopped early" };
     format!("{effects}: {} simulations in {}; {end}: {}\n", fit.evaluations, duration(fit.seconds), fit.stopped_because)
 }
@@ -201,6 +201,7 @@ impl std::fmt::Display for Table {
 mod tests {
     use super::*;
     use crate::fit::outcome::{FittedParameter, SensorFit};
+    use crate::model::effects::parse_list;
 
     fn fit(rmse_m: f64) -> Fit {
         let extremum = |cycle, peak, error| ExtremumError {
@@ -212,7 +213,7 @@ mod tests {
             phase_s: 0.0012,
         };
         Fit {
-            effects: vec!["viscoelastic-wall:1".into()],
+            effects: parse_list("viscoelastic-wall:1").unwrap(),
             runs: vec![RunFit {
                 file: "run.mcap".into(),
                 rmse_m,

@@ -31,6 +31,7 @@ mod viscoelastic_wall;
 
 use super::ModelError;
 use super::boundary::{Supply, ValveEnd};
+pub use super::chosen::{Chosen, excluded, name_of, parse_list};
 use super::grid::Stretch;
 use super::node::Shunt;
 use super::parameter::Parameter;
@@ -287,47 +288,6 @@ pub trait Effect: Sync {
     }
 }
 
-/// An effect chosen for a model.
-#[derive(Clone)]
-pub struct Chosen {
-    /// The effect.
-    pub effect: &'static dyn Effect,
-    /// Number of elements where the user fixed it.
-    pub elements: Option<usize>,
-    /// The sensor it concerns where the user named it.
-    pub sensor: Option<String>,
-}
-
-impl Chosen {
-    /// As the user writes it: `viscoelastic-wall:2`, `sensor-lag@P2`.
-    pub fn label(&self) -> String {
-        let mut label = self.effect.name().to_owned();
-        if let Some(n) = self.elements.filter(|_| self.effect.elements().is_some()) {
-            label += &format!(":{n}");
-        }
-        if let Some(sensor) = &self.sensor {
-            label += &format!("@{sensor}");
-        }
-        label
-    }
-
-    /// The same with a number of elements.
-    pub fn with_elements(&self, elements: usize) -> Self {
-        Chosen { elements: Some(elements), ..self.clone() }
-    }
-
-    /// The same at a sensor.
-    pub fn with_sensor(&self, sensor: &str) -> Self {
-        Chosen { sensor: Some(sensor.to_owned()), ..self.clone() }
-    }
-}
-
-impl std::fmt::Debug for Chosen {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(&self.label())
-    }
-}
-
 /// Factors on a start in the middle of the pipe: places over its whole length where a fit of something local should start, too.
 fn other_places() -> impl Iterator<Item = f64> {
     [0.1, 0.2, 0.3, 0.4, 0.6, 0.7, 0.8, 0.9].into_iter().map(|place| place / 0.5)
@@ -342,72 +302,6 @@ pub fn check(name: &str, value: f64, holds: bool, allowed: &'static str) -> Resu
         return Ok(());
     }
     Err(ModelError::Value { name: name.to_owned(), value, allowed })
-}
-
-/// Reads a comma-separated list of effects; `none` or nothing is the base model.
-///
-/// # Errors
-/// A name that is not in the catalogue (the nearest is named), a number of elements where there are none or out of
-/// range, an effect named twice.
-pub fn parse_list(text: &str) -> Result<Vec<Chosen>, ModelError> {
-    let mut chosen: Vec<Chosen> = Vec::new();
-    for item in text.split(',').map(str::trim).filter(|s| !s.is_empty() && *s != "none") {
-        let (item, sensor) = match item.split_once('@') {
-            Some((item, sensor)) => (item, Some(sensor.to_owned())),
-            None => (item, None),
-        };
-        let (name, number) = match item.split_once(':') {
-            Some((name, number)) => (name, Some(number)),
-            None => (item, None),
-        };
-        let all: Vec<&'static dyn Effect> =
-            CATALOGUE.iter().flat_map(|e| std::iter::once(*e).chain(e.variants().iter().copied())).collect();
-        let effect = all.iter().copied().find(|e| e.name() == name).ok_or_else(|| {
-            let known: Vec<_> = all.iter().map(|e| e.name()).collect();
-            let nearest =
-                known.iter().max_by(|a, b| strsim::jaro_winkler(name, a).total_cmp(&strsim::jaro_winkler(name, b)));
-            ModelError::UnknownEffect {
-                name: name.to_owned(),
-                nearest: nearest.map_or(String::new(), |n| (*n).to_owned()),
-                known: known.join(", "),
-            }
-        })?;
-        let elements = match (number, effect.elements()) {
-            (None, _) => None,
-            (Some(number), Some(range)) => {
-                Some(number.parse().ok().filter(|n| range.contains(n)).ok_or_else(|| ModelError::Elements {
-                    item: item.to_owned(),
-                    low: *range.start(),
-                    high: *range.end(),
-                })?)
-            }
-            (Some(_), None) => return Err(ModelError::NoElements { item: item.to_owned() }),
-        };
-        if sensor.is_some() && !effect.at_sensor() {
-            return Err(ModelError::NoSensor { item: item.to_owned() });
-        }
-        for other in &chosen {
-            if other.effect.name() == name {
-                return Err(ModelError::EffectTwice { name: name.to_owned() });
-            }
-            excluded(effect, other.effect)?;
-        }
-        chosen.push(Chosen { effect, elements, sensor });
-    }
-    Ok(chosen)
-}
-
-/// Whether two effects can be together.
-///
-/// # Errors
-/// If one excludes the other, with the reason.
-pub fn excluded(one: &dyn Effect, other: &dyn Effect) -> Result<(), ModelError> {
-    for (a, b) in [(one, other), (other, one)] {
-        if let Some((name, why)) = a.excludes().iter().find(|(name, _)| *name == b.name()) {
-            return Err(ModelError::Excluded { one: a.name().to_owned(), other: (*name).to_owned(), why });
-        }
-    }
-    Ok(())
 }
 
 #[cfg(test)]
@@ -427,15 +321,5 @@ mod tests {
         let mut names: Vec<String> = CATALOGUE.iter().map(|e| e.name().to_owned()).collect();
         names.sort();
         assert_eq!(files, names);
-    }
-
-    #[test]
-    fn lists_are_read_and_slips_are_explained() {
-        assert!(parse_list("none").unwrap().is_empty());
-        assert_eq!(parse_list("viscoelastic-wall:3").unwrap()[0].label(), "viscoelastic-wall:3");
-        let slip = parse_list("viscoelastic_wall").unwrap_err().to_string();
-        assert!(slip.contains("did you mean 'viscoelastic-wall'"), "{slip}");
-        assert!(parse_list("viscoelastic-wall:0").unwrap_err().to_string().contains("from 1 to"));
-        assert!(parse_list("viscoelastic-wall,viscoelastic-wall:2").unwrap_err().to_string().contains("twice"));
     }
 }

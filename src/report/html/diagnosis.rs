@@ -2,6 +2,7 @@
 
 use super::{Page, correlation, energy, heatmap, ranking, signature, spectrum, stages};
 use crate::diagnose::{Candidate, Diagnosis, Verdict};
+use crate::model::effects::name_of;
 use crate::report::Stage;
 use crate::report::escape::escape;
 use crate::report::number::{error_m, times_noise};
@@ -33,22 +34,14 @@ fn compared<'a>(page: &Page<'a>) -> Vec<Stage<'a>> {
         && let Some(best) = last.candidates.first()
         && let Some(fit) = &best.fit
     {
-        models.push(Stage { title: format!("+ {} (the nearest)", label(best)), fit });
+        models.push(Stage { title: format!("+ {} (the nearest)", best.label), fit });
     }
     models
 }
 
-/// How a page calls a candidate: the form that was fitted in the end.
-pub(super) fn label(candidate: &Candidate) -> &str {
-    candidate.fit.as_ref().and_then(|f| f.effects.last()).unwrap_or(&candidate.label)
-}
-
 /// The model that a diagnosis started from.
 pub(super) fn start_model(diagnosis: &Diagnosis) -> String {
-    match diagnosis.start.effects.as_slice() {
-        [] => "base model".into(),
-        effects => format!("base model + {}", effects.join(" + ")),
-    }
+    name_of(&diagnosis.start.effects)
 }
 
 /// A probability in words that do not claim more than it can.
@@ -70,13 +63,13 @@ pub(super) fn verdict(page: &Page) -> (&'static str, &'static str, String) {
         .filter_map(|d| d.candidates.first())
         .collect();
     let names: Vec<String> =
-        found.iter().map(|c| format!("{} (probability {})", label(c), probability(c.probability))).collect();
+        found.iter().map(|c| format!("{} (probability {})", c.label, probability(c.probability))).collect();
     let missing = match names.as_slice() {
         [] => String::new(),
         names => format!("Missing: {}. {} ", names.join(", then "), summary::verdict(&page.stages)),
     };
     let unsure = found.last().filter(|c| !c.indistinguishable_from.is_empty()).map_or(String::new(), |c| {
-        format!("These recordings cannot tell {} from {}. ", label(c), c.indistinguishable_from.join(", "))
+        format!("These recordings cannot tell {} from {}. ", c.label, c.indistinguishable_from.join(", "))
     });
     let missing = missing + &unsure;
     let (error, model) = (overall(&last.start), start_model(last));
@@ -92,7 +85,7 @@ pub(super) fn verdict(page: &Page) -> (&'static str, &'static str, String) {
         Verdict::NothingMissing => ("✓", "good", format!("{missing}Nothing more is missing.")),
         Verdict::UnknownEffect => {
             let nearest = last.candidates.first().map_or(String::new(), |best| {
-                format!(" The nearest, {}, leaves {} m.", label(best), error_m(best.rmse_m))
+                format!(" The nearest, {}, leaves {} m.", best.label, error_m(best.rmse_m))
             });
             let more = if found.is_empty() { "Something" } else { "Something more" };
             let said = format!(
@@ -146,7 +139,7 @@ mod tests {
             time_s,
         };
         Fit {
-            effects: effects.iter().map(|e| (*e).to_owned()).collect(),
+            effects: crate::model::effects::parse_list(&effects.join(",")).unwrap(),
             runs: vec![RunFit {
                 file: "a".into(),
                 rmse_m: off_m,

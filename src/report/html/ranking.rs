@@ -1,6 +1,6 @@
 //! The ranking: every effect that could be missing, with its probability.
 
-use super::diagnosis::{label, probability, start_model};
+use super::diagnosis::{probability, start_model};
 use super::{minus, table};
 use crate::diagnose::{Candidate, Diagnosis, NOT_WORTH, Verdict};
 use crate::report::escape::escape;
@@ -53,7 +53,7 @@ fn held_out(diagnosis: &Diagnosis) -> String {
         (Some(without), Some((best, with))) => format!(
             "<p>Refitted to the first three fifths of the record, the model misses the rest by {} m with <code>{}</code>, by {} m without.</p>\n",
             error_m(with),
-            escape(label(best)),
+            escape(&best.label),
             error_m(without)
         ),
         _ => String::new(),
@@ -122,7 +122,7 @@ fn rows(diagnosis: &Diagnosis, candidates: &[Candidate], with_none: bool) -> Str
 }
 
 fn name(candidate: &Candidate) -> String {
-    let name = format!("<code class=\"nowrap\">{}</code>", escape(label(candidate)));
+    let name = format!("<code class=\"nowrap\">{}</code>", escape(&candidate.label));
     match candidate.indistinguishable_from.as_slice() {
         [] => name,
         others => format!("{name}<small class=\"alike\">cannot be told from {}</small>", escape(&others.join(", "))),

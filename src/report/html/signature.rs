@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use super::diagnosis::{label, start_model};
+use super::diagnosis::start_model;
 use super::figures;
 use crate::diagnose::{Diagnosis, Verdict};
 use crate::report::Stage;
@@ -33,7 +33,7 @@ fn of(diagnosis: &Diagnosis) -> Option<String> {
     let with = best.fit.as_ref()?;
     let stages = [
         Stage { title: start_model(diagnosis), fit: &diagnosis.start },
-        Stage { title: label(best).into(), fit: with },
+        Stage { title: best.label.clone(), fit: with },
     ];
     let mut plates = Vec::new();
     for run in &with.runs {
@@ -41,7 +41,7 @@ fn of(diagnosis: &Diagnosis) -> Option<String> {
             let Some(pair) = Pair::of(&stages, &run.file, &sensor.name) else { continue };
             let title = figures::title(with, &run.file, sensor);
             let title = format!("{title}: takes up {:.1} % of the residual’s square", 100.0 * pair.share());
-            plates.push((title, pair.chart(label(best))));
+            plates.push((title, pair.chart(&best.label)));
         }
     }
     let mut out = String::new();
@@ -49,7 +49,7 @@ fn of(diagnosis: &Diagnosis) -> Option<String> {
     let _ = writeln!(
         out,
         "<h3><code>{}</code>{nearest} over what the {} leaves</h3>",
-        escape(label(best)),
+        escape(&best.label),
         escape(&start_model(diagnosis))
     );
     out.push_str(&figures::plates(&plates));

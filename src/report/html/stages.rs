@@ -93,7 +93,7 @@ pub(super) fn computation(stages: &[Stage]) -> String {
     let timed = stages.iter().any(|s| s.fit.seconds > 0.0);
     let rows = stages.iter().map(|stage| {
         let fit = stage.fit;
-        let effects = if fit.effects.is_empty() { "none".into() } else { escape(&fit.effects.join(", ")) };
+        let effects = if fit.effects.is_empty() { "none".into() } else { escape(&fit.labels().join(", ")) };
         let done = if fit.converged { "" } else { r#"<span class="flag">stopped early</span> "# };
         let mut row = vec![
             escape(&stage.title),
