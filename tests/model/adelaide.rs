@@ -158,8 +158,24 @@ fn with_the_head_from_the_first_cavity_all_is_met() {
     }
 }
 
-/// Other ways to a lower pulse, each at the published head. Free gas does it, but differently on every grid, and leaves the
-/// cavities 5 and 9% short; instantaneous accelerations do too, and leave the second cavity 15 to 19% short.
+/// One number of the water that nobody published, its free gas, of which two to three millionths cushion the short cavity of the
+/// moderate test and leave the severe one as it is: with the head as published, and steady friction, everything is met.
+#[test]
+fn with_a_trace_of_free_gas_all_is_met_at_the_published_head() {
+    for gas in [2e-6, 2.5e-6, 3e-6] {
+        for reaches in [128, 256, 512] {
+            let found = against("entrained-gas", &[gas], SUPPLY_M, reaches);
+            assert!(found.highest.abs() < 0.03, "{gas}, {reaches} reaches: pulse {}", found.highest);
+            assert!(found.second_peak.abs() < 0.10, "{gas}, {reaches} reaches: second peak {}", found.second_peak);
+            assert!(found.cavities.iter().all(|c| c.abs() < 0.05), "{gas}, {reaches} reaches: {:?}", found.cavities);
+        }
+    }
+    // It is the gas: a tenth of it leaves the pulse as high as without.
+    assert!(against("entrained-gas", &[2e-7], SUPPLY_M, 256).highest > 0.05);
+}
+
+/// Other ways to a lower pulse, each at the published head. With free gas and unsteady friction both, the cavities are 5 and 9%
+/// short; instantaneous accelerations bring it down too, and leave the second cavity 15 to 19% short.
 #[test]
 fn what_else_lowers_the_pulse_misses_elsewhere() {
     let gas = [64, 256].map(|reaches| against("entrained-gas,unsteady-friction", &[1e-6, 2e-4], SUPPLY_M, reaches));
