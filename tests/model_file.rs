@@ -172,7 +172,7 @@ fn impossible_bounds_are_refused() {
     refused(&["diagnose", "recordings/copper-leak.mcap", "--effects", "sensor-lag@P9"], &["P9", "P1"]);
     refused(
         &["diagnose", "recordings/copper-leak.mcap", "--apply", "no/such/folder/models.toml"],
-        &["no folder", "no/such/folder"],
+        &["does not exist", "no/such/folder"],
     );
 }
 

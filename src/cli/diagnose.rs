@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use super::calibrate::{progress_bar, title, write_page};
-use super::{CommandResult, Outcome, load, models, output};
+use super::{CommandResult, Outcome, hold, load, models, output};
 use crate::diagnose::{Diagnosis, Verdict, diagnose};
 use crate::fit::calibrate::Options;
 use crate::fit::energy::energy_of;
@@ -30,6 +30,9 @@ pub struct Args {
     /// no such file yet, it is made.
     #[arg(long, value_name = "MODEL.toml")]
     apply: Option<PathBuf>,
+    /// Values of the start model's parameters that no fit touches; one that each run has of its own is held in all of them.
+    #[arg(long, value_name = "NAME=VALUE", value_parser = super::values::setting, num_args = 1..)]
+    hold: Vec<(String, f64)>,
     /// A rig to read them with, instead of the one that is stored in them.
     #[arg(long, value_name = "RIG")]
     rig: Option<PathBuf>,
@@ -70,6 +73,8 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         }
         effects = current.chosen();
     }
+    let held = hold::constraints(&rig, &runs, std::slice::from_ref(&effects), &args.hold);
+    options.constraints.extend(held.into_iter().flatten());
     let mut models: Vec<(String, Fit)> = Vec::new();
     let mut diagnoses: Vec<Diagnosis> = Vec::new();
     for _ in 0..=MOST_ADDED {

@@ -8,6 +8,8 @@ use super::load as recordings_of;
 use crate::fit::calibrate::Options;
 use crate::fit::data::RunData;
 use crate::fit::model_file::ModelFile;
+use crate::log::LogError;
+use crate::log::disk::{publish_over, require_folder, temporary_beside};
 use crate::rig::Rig;
 
 /// A file of models with all that a fit needs.
@@ -32,7 +34,7 @@ pub fn open(path: &Path) -> Result<Opened, Box<dyn Error + Send + Sync>> {
     let file = load(path)?;
     let folder = path.parent().unwrap_or(Path::new(""));
     let recordings: Vec<PathBuf> = file.recordings.iter().map(|r| folder.join(r)).collect();
-    let rig = file.rig.as_ref().map(|r| folder.join(r));
+    let rig = rig_of(None, Some((path, &file)));
     let loaded = recordings_of::load(&recordings, rig.as_deref())
         .map_err(|e| format!("{}: the recordings that it names: {e}", path.display()))?;
     let options = Options { constraints: file.current().constraints(), ..Options::default() };
@@ -59,8 +61,7 @@ pub fn load(path: &Path) -> Result<ModelFile, Box<dyn Error + Send + Sync>> {
 pub fn save(file: &mut ModelFile, path: &Path) -> Result<(), Box<dyn Error + Send + Sync>> {
     // Through a link to what it names.
     let path = &path.canonicalize().unwrap_or_else(|_| path.to_owned());
-    let failed =
-        |e: std::io::Error| format!("cannot write the models to {}: {e}; what was there is as it was", path.display());
+    let failed = |e: std::io::Error| LogError::io("write the models to", path, e);
     let present = match std::fs::read_to_string(path) {
         Ok(text) => Some(text),
         Err(e) if e.kind() == std::io::ErrorKind::NotFound => None,
@@ -73,13 +74,12 @@ pub fn save(file: &mut ModelFile, path: &Path) -> Result<(), Box<dyn Error + Sen
         return Err(format!("{} may not be written to", path.display()).into());
     }
     let text = file.text()?;
-    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let mut beside = tempfile::NamedTempFile::new_in(folder).map_err(failed)?;
-    beside.write_all(text.as_bytes()).and_then(|()| beside.as_file().sync_all()).map_err(failed)?;
+    let mut beside = temporary_beside(path)?;
+    beside.write_all(text.as_bytes()).map_err(failed)?;
     if let Ok(old) = std::fs::metadata(path) {
         std::fs::set_permissions(beside.path(), old.permissions()).map_err(failed)?;
     }
-    beside.persist(path).map_err(|e| failed(e.error))?;
+    publish_over(beside, path)?;
     file.as_read = Some(text);
     Ok(())
 }
@@ -95,9 +95,7 @@ pub fn about(
 ) -> Result<ModelFile, Box<dyn Error + Send + Sync>> {
     let folder = path.parent().unwrap_or(Path::new(""));
     if !path.exists() {
-        if !folder.as_os_str().is_empty() && !folder.is_dir() {
-            return Err(format!("there is no folder {} to keep {} in", folder.display(), path.display()).into());
-        }
+        require_folder(path)?;
         let from_folder = |p: &Path| relative(p, folder);
         let recordings = recordings.iter().map(|r| from_folder(r)).collect();
         return Ok(ModelFile { in_force: 0, recordings, rig: rig.map(from_folder), models: Vec::new(), as_read: None });

@@ -234,7 +234,7 @@ pub enum CsvProblem {
 
 impl LogError {
     /// An I/O failure on `path`, with the plain cases in plain words.
-    pub(super) fn io(action: &'static str, path: &Path, source: io::Error) -> Self {
+    pub(crate) fn io(action: &'static str, path: &Path, source: io::Error) -> Self {
         match source.kind() {
             io::ErrorKind::NotFound if action == "read" => LogError::Missing(path.into()),
             io::ErrorKind::IsADirectory => LogError::Folder(path.into()),

@@ -6,7 +6,7 @@
 //! left behind. What is in the files is described in [`layout`] and [`schema`].
 
 mod assemble;
-mod disk;
+pub(crate) mod disk;
 mod error;
 mod export;
 #[cfg(test)]

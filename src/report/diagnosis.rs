@@ -4,6 +4,7 @@ use std::fmt::Write;
 
 use serde::Serialize;
 
+use super::json::Parameter;
 use crate::diagnose::visible::Visible;
 use crate::diagnose::{Candidate, Diagnosis, NOT_WORTH, Verdict};
 use crate::model::effects::name_of;
@@ -12,7 +13,7 @@ use crate::model::effects::name_of;
 struct Document<'a> {
     verdict: &'static str,
     probability: f64,
-    start: StartModel,
+    start: StartModel<'a>,
     candidates: Vec<Rival<'a>>,
     next_test: &'a str,
     fails: &'a [String],
@@ -36,11 +37,13 @@ struct LeftOut<'a> {
 }
 
 #[derive(Serialize)]
-struct StartModel {
+struct StartModel<'a> {
+    runs: Vec<&'a str>,
     effects: Vec<String>,
     rmse_m: f64,
     noise_m: f64,
     held_out_m: Option<f64>,
+    parameters: Vec<Parameter<'a>>,
 }
 
 #[derive(Serialize)]
@@ -52,16 +55,7 @@ struct Rival<'a> {
     rmse_m: f64,
     held_out_m: Option<f64>,
     indistinguishable_from: &'a [&'static str],
-    parameters: Vec<Value<'a>>,
-}
-
-#[derive(Serialize)]
-struct Value<'a> {
-    name: &'a str,
-    value: f64,
-    standard_error: f64,
-    unit: &'a str,
-    at_bound: bool,
+    parameters: Vec<Parameter<'a>>,
 }
 
 /// The JSON document of `diagnose --json`: the last diagnosis and, where there were several, `steps`, all of them.
@@ -81,7 +75,14 @@ fn document(diagnosis: &Diagnosis) -> Document<'_> {
     Document {
         verdict: diagnosis.verdict.name(),
         probability: diagnosis.probability,
-        start: StartModel { effects: diagnosis.start.labels(), rmse_m, noise_m, held_out_m: diagnosis.held_out_m },
+        start: StartModel {
+            runs: diagnosis.start.runs.iter().map(|r| r.file.as_str()).collect(),
+            effects: diagnosis.start.labels(),
+            rmse_m,
+            noise_m,
+            held_out_m: diagnosis.held_out_m,
+            parameters: diagnosis.start.parameters.iter().map(Parameter::from).collect(),
+        },
         least_visible: diagnosis
             .visible
             .iter()
@@ -104,17 +105,7 @@ fn rival(candidate: &Candidate) -> Rival<'_> {
         rmse_m: candidate.rmse_m,
         held_out_m: candidate.held_out_m,
         indistinguishable_from: &candidate.indistinguishable_from,
-        parameters: candidate
-            .parameters
-            .iter()
-            .map(|p| Value {
-                name: &p.name,
-                value: p.value,
-                standard_error: p.standard_error,
-                unit: p.unit,
-                at_bound: p.at_bound,
-            })
-            .collect(),
+        parameters: candidate.parameters.iter().map(Parameter::from).collect(),
     }
 }
 
