@@ -10,7 +10,7 @@ pub mod evidence;
 pub mod ground;
 pub mod held_out;
 pub mod misfit;
-pub mod next_test;
+mod next_test;
 pub mod refit;
 mod rescue;
 mod rival;
@@ -244,7 +244,7 @@ fn explain(finisher: &Finisher, ground: &Ground, rivals: &[Rival], diagnosis: &m
     first.held_out_m = with;
     diagnosis.next_test = first.indistinguishable_from.first().and_then(|name| {
         let other = rivals.iter().find(|r| r.refit.form.effect == *name)?;
-        next_test::next_test(ground, rivals[0].refit, other.refit)
+        next_test::next_test(ground, &rivals[0], other)
     });
 }
 

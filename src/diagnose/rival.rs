@@ -42,6 +42,14 @@ impl<'a> Rival<'a> {
         tempered(self.evidence) + self.odds(known).ln()
     }
 
+    /// Its effects and the values of all variables, of its fit where there is one.
+    pub(super) fn model(&self) -> (&[Chosen], Vec<f64>) {
+        match &self.fit {
+            Some(fit) => (&fit.effects, fit.values()),
+            None => (&self.refit.effects, self.refit.values.clone()),
+        }
+    }
+
     /// The form of its fit, where there is one.
     pub(super) fn label(&self) -> String {
         let fitted = self.fit.as_ref().and_then(|f| f.effects.last());
