@@ -105,6 +105,7 @@ fn fit(effects: &[&str], sensors: Vec<SensorFit>, parameters: Vec<FittedParamete
         grid_error_m: 0.001,
         evaluations: 312,
         seconds: 0.41,
+        steps: vec![],
         stopped_because: "the error no longer falls by more than a millionth".into(),
         converged: true,
     }

@@ -4,10 +4,10 @@ use std::io::{IsTerminal, stderr};
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-use clap::ValueEnum;
 use indicatif::{ProgressBar, ProgressStyle};
 
 use super::load::{self, Loaded};
+use super::search::Search;
 use super::{CommandResult, Outcome, hold, models, output};
 use crate::diagnose::Diagnosis;
 use crate::fit::calibrate::{FitError, Options, Progress, calibrate};
@@ -29,9 +29,8 @@ pub struct Args {
     /// Effects added to the base model, such as viscoelastic-wall:2; `none` is the base model alone.
     #[arg(long, value_name = "A,B", default_value = "none", value_parser = parse_list)]
     effects: ::std::vec::Vec<Chosen>,
-    /// How to search.
-    #[arg(long, value_enum, default_value_t = Method::LeastSquares)]
-    method: Method,
+    #[command(flatten)]
+    search: Search,
     /// Another model to fit first and to show beside it in tables and report; may be given often.
     #[arg(long, value_name = "A,B", value_parser = parse_list)]
     against: Vec<::std::vec::Vec<Chosen>>,
@@ -53,19 +52,12 @@ pub struct Args {
     most_reaches: usize,
 }
 
-/// How to search for the best parameters.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum Method {
-    /// Bounded Levenberg-Marquardt from several starts.
-    LeastSquares,
-}
-
 /// Runs it.
 ///
 /// # Errors
 /// Recordings that cannot be read or show no closure, effects that do not exist, a report that cannot be written.
 pub fn run(args: Args, json: bool) -> CommandResult {
-    let Method::LeastSquares = args.method;
+    let searched = args.search.options()?;
     if let Some(path) = &args.report {
         output::check_report(path)?;
     }
@@ -80,7 +72,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     let mut fits: Vec<(String, Fit)> = Vec::new();
     let held = hold::constraints(&rig, &runs, &models, &args.hold);
     for (effects, constraints) in models.iter().zip(held) {
-        let options = Options { most_reaches: args.most_reaches, constraints, ..Options::default() };
+        let options = Options { most_reaches: args.most_reaches, constraints, ..searched.clone() };
         fits.push((title(effects), timed(&rig, &runs, effects, &options)?));
     }
     let stages: Vec<Stage> = fits.iter().map(|(title, fit)| Stage { title: title.clone(), fit }).collect();

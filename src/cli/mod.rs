@@ -39,6 +39,7 @@ pub mod refit;
 pub mod replay;
 pub mod rig;
 pub mod scenario;
+mod search;
 pub mod simulate;
 pub mod undo;
 pub mod values;

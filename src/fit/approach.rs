@@ -6,7 +6,7 @@ use super::calibrate::{FitError, Options, Progress};
 use super::data::RunData;
 use super::least_squares::{Limits, Problem, Solution, minimise};
 use super::problem::{Calibration, Window};
-use super::starts::{differing, starts_from, starts_of, take_over, vanish};
+use super::starts::{differing, drawn, starts_from, starts_of, take_over, vanish};
 use super::uncertainty::correlation_inflation;
 use crate::model::effects::Chosen;
 use crate::model::{Model, ModelError};
@@ -14,7 +14,7 @@ use crate::rig::{Rig, WaterProperties};
 
 /// Reaches while the phase locks, and while models are chosen.
 const LOCKING_REACHES: usize = 32;
-const FIRST_REACHES: usize = 48;
+pub(super) const FIRST_REACHES: usize = 48;
 /// How many of the places where an effect was tried are followed further.
 const LET_GO: usize = 4;
 /// Samples a sensor in the early stages.
@@ -77,6 +77,11 @@ impl Fitter<'_> {
         Window { reaches, horizon_s, stride }
     }
 
+    /// Counts evaluations of all runs.
+    pub(super) fn count(&self, evaluations: usize) {
+        self.evaluations.fetch_add(evaluations * self.runs.len(), Ordering::Relaxed);
+    }
+
     pub(super) fn whole(&self, reaches: usize) -> Window {
         Window { stride: 1, ..self.window(reaches, f64::INFINITY) }
     }
@@ -98,7 +103,7 @@ impl Fitter<'_> {
                 error_over_noise: (2.0 * cost / n).sqrt(),
             });
         })?;
-        self.evaluations.fetch_add(solution.evaluations * self.runs.len(), Ordering::Relaxed);
+        self.count(solution.evaluations);
         Ok(solution)
     }
 
@@ -113,7 +118,9 @@ impl Fitter<'_> {
         }
         // A good smaller model is the best start; a poor one has its parameters in the wrong places.
         if smaller.is_none_or(|(_, state)| state.cost > POOR * problem.samples() as f64) {
-            let (scanned, few): (Vec<_>, Vec<_>) = starts_of(model, &base).into_iter().partition(|s| s.of_many);
+            let random = drawn(model, &base, self.options.starts, self.options.seed);
+            let (scanned, few): (Vec<_>, Vec<_>) =
+                starts_of(model, &base).into_iter().chain(random).partition(|s| s.of_many);
             let scanned = if smaller.is_none() { scanned } else { Vec::new() };
             let places = differing(&scanned, &base);
             let mut locked = Vec::new();
@@ -149,8 +156,8 @@ impl Fitter<'_> {
                 locked.push(self.lock(problem, &glimpse.values, period_s)?);
             }
             locked.sort_by(|a, b| a.cost.total_cmp(&b.cost));
-            // The best two by the first cycles see the whole record.
-            candidates.extend(locked.into_iter().take(2).map(|s| s.values));
+            // The best by the first cycles see the whole record.
+            candidates.extend(locked.into_iter().take(2 + self.options.starts / 4).map(|s| s.values));
         }
         self.best_of(problem, &candidates)
     }

@@ -5,12 +5,14 @@
 //! grid is refined until halving its step changes less than the noise does.
 
 use std::sync::atomic::AtomicUsize;
+use std::sync::{Mutex, PoisonError};
 
 use super::approach::{Fitter, State};
 use super::data::RunData;
+use super::method::Method;
 use super::outcome::Fit;
 use super::sensor_choice::with_sensors;
-use crate::model::constraint::Constraint;
+use crate::model::constraint::{Constraint, Given};
 use crate::model::effects::Chosen;
 use crate::model::{Model, ModelError, check_sensors};
 use crate::rig::Rig;
@@ -63,11 +65,34 @@ pub struct Options {
     pub patience: usize,
     /// What has been settled about parameters.
     pub constraints: Vec<Constraint>,
+    /// How to search.
+    pub method: Method,
+    /// Random starts of least squares beside those that the signals and the effects propose.
+    pub starts: usize,
+    /// Simulations that a global search may take.
+    pub budget: usize,
+    /// Steps after which a stepwise calibration stops.
+    pub most_steps: usize,
+    /// Where parameters start, instead of where signals, rig and effects say.
+    pub starts_at: Vec<Given>,
+    /// Seed of all that is drawn at random.
+    pub seed: u64,
 }
 
 impl Default for Options {
     fn default() -> Self {
-        Options { most_reaches: 512, grid_error_over_noise: 0.3, patience: 40, constraints: Vec::new() }
+        Options {
+            most_reaches: 512,
+            grid_error_over_noise: 0.3,
+            patience: 40,
+            constraints: Vec::new(),
+            method: Method::LeastSquares,
+            starts: 0,
+            budget: 20_000,
+            most_steps: usize::MAX,
+            starts_at: Vec::new(),
+            seed: 1,
+        }
     }
 }
 
@@ -103,12 +128,26 @@ pub fn calibrate(
         chosen[i] = chosen[i].with_elements(1);
     }
     let mut model = fitter.model(&chosen);
-    let mut state = fitter.approach(&model, None)?;
+    let steps = Mutex::new(Vec::new());
+    let found = |model: &Model, smaller: Option<(&Model, &State)>| match options.method {
+        Method::LeastSquares => fitter.approach(model, smaller),
+        Method::Global | Method::MicroGa | Method::GlobalLocal => Ok(fitter.searched(model)?),
+        Method::Stepwise => {
+            let (state, taken) = fitter.stepped(model)?;
+            *steps.lock().unwrap_or_else(PoisonError::into_inner) = taken;
+            Ok(state)
+        }
+    };
+    let mut state = found(&model, None)?;
     if let Some(i) = growing {
-        let approached = |bigger: &Model, model: &Model, state: &State| fitter.approach(bigger, Some((model, state)));
-        (model, state) = fitter.grown((model, state), i, effects[i].elements, approached)?;
+        let grown = |bigger: &Model, model: &Model, state: &State| found(bigger, Some((model, state)));
+        (model, state) = fitter.grown((model, state), i, effects[i].elements, grown)?;
     }
-    fitter.finish(&model, state)
+    if options.method.descends() {
+        return fitter.finish(&model, state);
+    }
+    let steps = steps.into_inner().unwrap_or_else(PoisonError::into_inner);
+    Ok(Fit { steps, ..fitter.as_found(&model, state)? })
 }
 
 /// A coarse fit from the signals.
@@ -200,7 +239,9 @@ impl<'a> Fitter<'a> {
     }
 
     fn model(&self, effects: &[Chosen]) -> Model<'a> {
-        Model::new(self.rig, self.water, effects).constrained(&self.options.constraints)
+        Model::new(self.rig, self.water, effects)
+            .constrained(&self.options.constraints)
+            .starting_at(&self.options.starts_at)
     }
 
     /// Effects that concern a sensor, each at the one where a coarse fit is best.

@@ -60,7 +60,7 @@ impl Fitter<'_> {
             }
             let finer = Calibration::new(model, self.runs, self.window(fine, f64::INFINITY));
             let moved = finer.residuals(&finer.variables(&further)).map(|r| 0.5 * r.iter().map(|r| r * r).sum::<f64>());
-            self.evaluations.fetch_add(self.runs.len(), Ordering::Relaxed);
+            self.count(1);
             if moved.is_ok_and(|cost| cost < pull.finer_cost) {
                 values = further;
             }
@@ -83,13 +83,28 @@ impl Fitter<'_> {
         self.outcome(&problem, &solution, &pull)
     }
 
+    /// What a search found, on a grid as fine as a fit ends on at the least, without any further descent.
+    pub(super) fn as_found(&self, model: &Model, state: State) -> Result<Fit, FitError> {
+        let fitting = |n: usize| model.fitting_reaches(&state.values[..model.shared.len()], n);
+        let (coarse, fine) = (fitting(FINAL_REACHES), fitting(2 * FINAL_REACHES));
+        let still = Limits { iterations: 0, ..LATE };
+        let problem = Calibration::new(model, self.runs, self.window(coarse, f64::INFINITY));
+        let solution = self.minimise(&problem, &state.values, still, "as found")?;
+        let pull = self.grid_pull(&problem, &solution, fine)?;
+        let problem = Calibration::new(model, self.runs, self.whole(fine));
+        problem.know(&model.constraints)?;
+        let solution = self.minimise(&problem, &state.values, still, "as found")?;
+        let fit = self.outcome(&problem, &solution, &pull)?;
+        Ok(Fit { stopped_because: "the search was over; no descent followed it".to_owned(), converged: true, ..fit })
+    }
+
     /// What a finer grid would change: at the samples, and by one Gauss-Newton step in the parameters.
     fn grid_pull(&self, problem: &Calibration, solution: &Solution, fine: usize) -> Result<Pull, ModelError> {
         let mut finer = Calibration::new(problem.model, self.runs, problem.window());
         finer.set_window(Window { reaches: fine, ..problem.window() });
         let residuals = finer.residuals(&solution.x)?;
         let columns = jacobian(problem, &solution.x, &solution.residuals)?;
-        self.evaluations.fetch_add((columns.len() + 1) * self.runs.len(), Ordering::Relaxed);
+        self.count(columns.len() + 1);
         let errors = standard_errors(&columns, &solution.residuals, problem.samples(), &solution.at_bound);
         let change: Vec<f64> = residuals.iter().zip(&solution.residuals).map(|(f, c)| f - c).collect();
         let shifts = gauss_newton_step(&columns, &change, &solution.at_bound);
@@ -109,7 +124,7 @@ impl Fitter<'_> {
         let values = problem.values(&solution.x);
         let start_values: Vec<f64> = problem.parameters.iter().map(|p| p.start).collect();
         let columns = jacobian(problem, &solution.x, &solution.residuals)?;
-        self.evaluations.fetch_add(columns.len() * self.runs.len(), Ordering::Relaxed);
+        self.count(columns.len());
         let errors = standard_errors(&columns, &solution.residuals, problem.samples(), &solution.at_bound);
         let model = problem.model;
         let parameters = problem
@@ -148,6 +163,7 @@ impl Fitter<'_> {
             grid_error_m: 0.25 * pull.error_m,
             evaluations: self.evaluations.load(Ordering::Relaxed),
             seconds: f64::NAN,
+            steps: Vec::new(),
             stopped_because: solution.stop.describe().to_owned(),
             converged: solution.stop.converged(),
         })

@@ -82,6 +82,23 @@ pub struct RunFit {
     pub sensors: Vec<SensorFit>,
 }
 
+/// One step of a stepwise calibration.
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+pub struct StepTaken {
+    /// The round it belongs to, from 1.
+    pub round: usize,
+    /// What it moved, and to where.
+    pub parameters: Vec<(String, f64)>,
+    /// What of the record it looked at.
+    pub feature: &'static str,
+    /// Why that.
+    pub why: &'static str,
+    /// Error over the noise, over all samples, before it.
+    pub before_over_noise: f64,
+    /// The same after it.
+    pub after_over_noise: f64,
+}
+
 /// A calibrated model of one run or of several.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Fit {
@@ -101,6 +118,8 @@ pub struct Fit {
     pub evaluations: usize,
     /// Wall time, s.
     pub seconds: f64,
+    /// The steps of a stepwise calibration; none of any other.
+    pub steps: Vec<StepTaken>,
     /// Why it stopped, in words.
     pub stopped_because: String,
     /// It stopped because it was done, not because a budget ran out.

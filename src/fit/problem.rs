@@ -124,8 +124,11 @@ impl<'a> Calibration<'a> {
             }
         }
         for (j, parameter) in parameters.iter_mut().enumerate() {
-            parameter.start = parameter.start.clamp(parameter.lower, parameter.upper);
             let run = run_offsets.iter().rposition(|&first| j >= first).map(|r| runs[r].file.as_str());
+            if let Some(given) = model.starts.iter().find(|g| g.concerns(&parameter.name, run)) {
+                parameter.start = given.value;
+            }
+            parameter.start = parameter.start.clamp(parameter.lower, parameter.upper);
             if let Some(settled) = model.constraints.iter().find(|c| c.concerns(&parameter.name, run)) {
                 settled.narrow(parameter);
             }

@@ -2,6 +2,7 @@
 
 use super::approach::State;
 use crate::model::Model;
+use crate::model::parameter::Scale;
 
 /// Where a fit may start.
 pub(super) struct Start {
@@ -31,6 +32,25 @@ pub(super) fn starts_of(model: &Model, base: &[f64]) -> Vec<Start> {
             starts.push(Start { values, effect: at..at + size, of_many });
         }
         at += size;
+    }
+    starts
+}
+
+/// `n` starts drawn at random, as a Latin hypercube over the ranges of the shared parameters.
+pub(super) fn drawn(model: &Model, base: &[f64], n: usize, seed: u64) -> Vec<Start> {
+    let mut random = fastrand::Rng::with_seed(seed);
+    let mut starts: Vec<Start> =
+        (0..n).map(|_| Start { values: base.to_vec(), effect: 0..0, of_many: false }).collect();
+    for (j, parameter) in model.shared.iter().enumerate().filter(|(_, p)| p.lower < p.upper) {
+        let mut strata: Vec<usize> = (0..n).collect();
+        random.shuffle(&mut strata);
+        for (start, stratum) in starts.iter_mut().zip(strata) {
+            let share = (stratum as f64 + random.f64()) / n as f64;
+            start.values[j] = match parameter.scale {
+                Scale::Linear => parameter.lower + share * (parameter.upper - parameter.lower),
+                Scale::Log => parameter.lower * (parameter.upper / parameter.lower).powf(share),
+            };
+        }
     }
     starts
 }

@@ -15,6 +15,24 @@ pub struct Constraint {
     pub upper: f64,
 }
 
+/// Where a person lets a parameter start.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Given {
+    /// The parameter's name.
+    pub name: String,
+    /// The run it belongs to; none for one that all share, and for that of each run alike.
+    pub run: Option<String>,
+    /// The value, in the parameter's own unit.
+    pub value: f64,
+}
+
+impl Given {
+    /// Whether it is about the parameter `name` of `run`.
+    pub fn concerns(&self, name: &str, run: Option<&str>) -> bool {
+        self.name == name && (self.run.is_none() || self.run.as_deref() == run)
+    }
+}
+
 impl Constraint {
     /// Whether it is about the parameter `name` of `run`.
     pub fn concerns(&self, name: &str, run: Option<&str>) -> bool {

@@ -32,7 +32,7 @@ mod wide;
 pub use error::ModelError;
 
 use boundary::Closure;
-use constraint::Constraint;
+use constraint::{Constraint, Given};
 use effects::{Chosen, Site};
 use energy::Energy;
 use parameter::Parameter;
@@ -59,6 +59,8 @@ pub struct Model<'a> {
     pub closure: fn(f64) -> Closure,
     /// What has been settled about parameters, those of runs and sensors included.
     pub constraints: Vec<Constraint>,
+    /// Where a person lets parameters start.
+    pub starts: Vec<Given>,
     /// The most memory that a simulation may take, bytes.
     pub memory_limit_bytes: f64,
 }
@@ -203,6 +205,7 @@ impl<'a> Model<'a> {
             per_run,
             closure: |closing_time_s| Closure::Linear { closing_time_s },
             constraints: Vec::new(),
+            starts: Vec::new(),
             memory_limit_bytes: memory::USUAL_LIMIT_BYTES,
         }
     }
@@ -210,6 +213,11 @@ impl<'a> Model<'a> {
     /// With parameters held, or between other bounds.
     pub fn constrained(self, constraints: &[Constraint]) -> Self {
         Model { constraints: constraints.to_vec(), ..self }
+    }
+
+    /// The same model whose parameters start where a person says.
+    pub fn starting_at(self, starts: &[Given]) -> Self {
+        Model { starts: starts.to_vec(), ..self }
     }
 
     /// Index of the first effect's first parameter among the shared ones.

@@ -171,6 +171,7 @@ mod tests {
             grid_error_m: 0.001,
             evaluations: 1,
             seconds: 1.0,
+            steps: vec![],
             stopped_because: String::new(),
             converged: true,
         }

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use crate::fit::outcome::{Fit, FittedParameter, RunFit, SensorFit};
+use crate::fit::outcome::{Fit, FittedParameter, RunFit, SensorFit, StepTaken};
 
 /// A calibration as scripts see it. Numbers that are not finite become `null`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -19,6 +19,9 @@ pub struct Calibration<'a> {
     pub seconds: f64,
     /// It was done, rather than out of budget.
     pub converged: bool,
+    /// The steps of a stepwise calibration; left out of any other.
+    #[serde(skip_serializing_if = "<[_]>::is_empty")]
+    pub steps: &'a [StepTaken],
     /// Why it stopped, in words.
     pub stopped_because: &'a str,
 }
@@ -76,6 +79,7 @@ impl<'a> From<&'a Fit> for Calibration<'a> {
             evaluations: fit.evaluations,
             seconds: fit.seconds,
             converged: fit.converged,
+            steps: &fit.steps,
             stopped_because: &fit.stopped_because,
         }
     }

@@ -140,6 +140,7 @@ mod tests {
             grid_error_m: 0.001,
             evaluations: 0,
             seconds: 0.0,
+            steps: vec![],
             stopped_because: String::new(),
             converged: true,
         }

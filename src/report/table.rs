@@ -10,7 +10,7 @@ use crate::report::{Stage, summary};
 pub fn calibration(stages: &[Stage]) -> String {
     let mut parts = vec![summary::verdict(stages) + "\n"];
     if let Some(last) = stages.last() {
-        parts.extend([errors(stages), parameters(last.fit), extrema(last.fit), stop(last.fit)]);
+        parts.extend([errors(stages), parameters(last.fit), extrema(last.fit), steps(last.fit), stop(last.fit)]);
     }
     parts.retain(|p| !p.trim().is_empty());
     parts.join("\n")
@@ -124,6 +124,34 @@ fn cells(extremum: Option<&ExtremumError>, decimals: usize) -> [String; 3] {
     extremum.map_or_else(Default::default, |e| {
         [fixed(e.measured_m, decimals), signed(e.model_m - e.measured_m, decimals), signed(e.phase_s * 1e3, 1)]
     })
+}
+
+/// The steps of a stepwise calibration, one line each; nothing for any other.
+pub fn steps(fit: &Fit) -> String {
+    if fit.steps.is_empty() {
+        return String::new();
+    }
+    let mut table = Table::new(&["<round", "from the", "moved to", "<error/noise before", "<after"]);
+    let mut reasons: Vec<String> = Vec::new();
+    for step in &fit.steps {
+        // Offsets and starts of closures are many and tell little.
+        let moved = step.parameters.iter().filter(|(name, _)| !name.starts_with("offset"));
+        let moved: Vec<String> = moved.map(|(name, value)| format!("{name} {}", significant(*value, 5))).collect();
+        table.row([
+            step.round.to_string(),
+            step.feature.into(),
+            moved.join(", "),
+            significant(step.before_over_noise, 4),
+            significant(step.after_over_noise, 4),
+        ]);
+        let names: Vec<&str> = step.parameters.iter().map(|(name, _)| name.as_str()).collect();
+        let first = names.first().copied().unwrap_or_default();
+        let reason = format!("{first}{}: {}", if names.len() > 1 { ", …" } else { "" }, step.why);
+        if !reasons.contains(&reason) {
+            reasons.push(reason);
+        }
+    }
+    format!("{table}\nWhy:\n  {}\n", reasons.join("\n  "))
 }
 
 /// Effort and reason of the stop, one line.
@@ -258,6 +286,7 @@ mod tests {
             grid_error_m: 0.001,
             evaluations: 312,
             seconds: 0.41,
+            steps: vec![],
             stopped_because: "the error no longer falls".into(),
             converged: true,
         }

@@ -153,6 +153,7 @@ mod tests {
             grid_error_m: 0.0,
             evaluations: 1,
             seconds: 0.0,
+            steps: vec![],
             stopped_because: "done".into(),
             converged: true,
         }
