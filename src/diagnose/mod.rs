@@ -199,7 +199,7 @@ fn fit(finisher: &Finisher, ground: &Ground, start: &Fit, rivals: &mut [Rival]) 
         }
     } else if astray > ASTRAY {
         let most = if astray > FAR_ASTRAY { usize::MAX } else { FOLLOWED_EFFECTS };
-        rescue::rescue(finisher, rivals, POOR, most);
+        rescue::rescue(finisher, rivals, square(start), POOR, most);
     }
     let near = SETTLED * rivals.iter().map(|r| r.square).fold(f64::INFINITY, f64::min);
     rivals.par_iter_mut().filter(|r| r.fit.as_ref().is_some_and(|f| !f.converged) && r.square < near).for_each(
