@@ -11,7 +11,7 @@ use super::search::Search;
 use super::{CommandResult, Outcome, hold, models, output};
 use crate::diagnose::Diagnosis;
 use crate::fit::calibrate::{FitError, Options, Progress, calibrate};
-use crate::fit::conflict::conflicts;
+use crate::fit::conflict::{at_bounds, conflicts};
 use crate::fit::data::RunData;
 use crate::fit::outcome::Fit;
 use crate::model::effects::{Chosen, parse_list};
@@ -61,6 +61,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     if let Some(path) = &args.report {
         output::check_report(path)?;
     }
+    hold::check(&args.hold)?;
     let mut file =
         args.save.as_ref().map(|path| models::about(path, &args.recordings, args.rig.as_deref())).transpose()?;
     let rig_file = models::rig_of(args.rig.as_deref(), args.save.as_deref().zip(file.as_ref()));
@@ -77,7 +78,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     }
     let stages: Vec<Stage> = fits.iter().map(|(title, fit)| Stage { title: title.clone(), fit }).collect();
     let Some((_, last)) = fits.last() else { return Ok(Outcome::Done) };
-    for conflict in conflicts(last, &runs) {
+    for conflict in conflicts(last, &runs).into_iter().chain(at_bounds(last)) {
         super::tell!("warning: {conflict}");
     }
     if json {

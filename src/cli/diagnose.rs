@@ -8,6 +8,7 @@ use crate::diagnose::{Diagnosis, Verdict, diagnose};
 use crate::fit::calibrate::Options;
 use crate::fit::energy::energy_of;
 use crate::fit::outcome::Fit;
+use crate::fit::sensor_choice::is_open;
 use crate::model::effects::{Chosen, parse_list};
 use crate::report::{Stage, diagnosis};
 
@@ -52,7 +53,11 @@ pub struct Args {
 pub fn run(args: Args, json: bool) -> CommandResult {
     if let Some(path) = &args.report {
         output::check_report(path)?;
+        if args.apply.as_ref() == Some(path) {
+            return Err(format!("{} cannot be both the models and the report", path.display()).into());
+        }
     }
+    hold::check(&args.hold)?;
     let mut file =
         args.apply.as_ref().map(|path| models::about(path, &args.recordings, args.rig.as_deref())).transpose()?;
     let rig_file = models::rig_of(args.rig.as_deref(), args.apply.as_deref().zip(file.as_ref()));
@@ -74,9 +79,11 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         effects = current.chosen();
     }
     let held = hold::constraints(&rig, &runs, std::slice::from_ref(&effects), &args.hold);
-    options.constraints.extend(held.into_iter().flatten());
+    // The first that concerns a parameter counts: what is said now goes before what the file says.
+    options.constraints.splice(0..0, held.into_iter().flatten());
     let mut models: Vec<(String, Fit)> = Vec::new();
     let mut diagnoses: Vec<Diagnosis> = Vec::new();
+    let mut unsaved = None;
     for _ in 0..=MOST_ADDED {
         let bar = progress_bar();
         let found = diagnose(&rig, &runs, &effects, &options, &|message| bar.set_message(message.to_owned()));
@@ -95,11 +102,11 @@ pub fn run(args: Args, json: bool) -> CommandResult {
                 let why = format!("diagnosed: {} missing, probability {:.2}", best.effect, best.probability);
                 file.append(&fit, &why, Some(best.evidence), models::now());
             }
-            Some((fit.effects.clone(), fit))
+            Some(fit)
         });
         if let (Some(path), Some(file)) = (&args.apply, &mut file) {
             // each as soon as it is there: a later one may be interrupted
-            models::save(file, path)?;
+            unsaved = models::save(file, path).err();
         }
         if args.until_done && !json {
             super::say_text!(diagnosis::text(&found));
@@ -108,12 +115,13 @@ pub fn run(args: Args, json: bool) -> CommandResult {
             super::tell!("what is missing could not be fitted to the whole record, so nothing was added");
         }
         diagnoses.push(found);
-        let Some((grown, fit)) = added else { break };
-        models.push((title(&grown), fit));
-        effects = grown;
-        if !args.until_done {
+        let Some(fit) = added else { break };
+        models.push((title(&fit.effects), fit));
+        let last = diagnoses.last();
+        if !args.until_done || unsaved.is_some() || last.is_some_and(Diagnosis::predicts_worse) {
             break;
         }
+        effects = grown(&effects, &models[models.len() - 1].1.effects);
     }
     let Some(last) = diagnoses.last() else { return Ok(Outcome::Done) };
     if models.len() > MOST_ADDED {
@@ -126,7 +134,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     } else {
         super::say_text!(diagnosis::text(last));
     }
-    if let (Some(path), Some(file)) = (&args.apply, &file) {
+    if let (Some(path), Some(file), None) = (&args.apply, &file, &unsaved) {
         super::tell!("model {} in force in {}", file.in_force, path.display());
     }
     // last, so that a page that cannot be written costs no result
@@ -136,7 +144,13 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         write_page(path, &rig, &loaded, stages, &diagnoses, energy)?;
         super::tell!("report: {}", path.display());
     }
-    Ok(Outcome::Done)
+    unsaved.map_or(Ok(Outcome::Done), Err)
+}
+
+/// The effects of the next step: what was found is added, what had its number left open keeps it open.
+fn grown(asked: &[Chosen], found: &[Chosen]) -> ::std::vec::Vec<Chosen> {
+    let open = |c: &Chosen| asked.iter().any(|a| a.effect.name() == c.effect.name() && is_open(a));
+    found.iter().map(|c| if open(c) { Chosen { elements: None, ..c.clone() } } else { c.clone() }).collect()
 }
 
 /// The errors of the models, one after the other.

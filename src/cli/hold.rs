@@ -6,6 +6,15 @@ use crate::model::constraint::Constraint;
 use crate::model::effects::Chosen;
 use crate::rig::Rig;
 
+/// Refuses two values for one parameter.
+///
+/// # Errors
+/// The first parameter that is held twice.
+pub fn check(hold: &[(String, f64)]) -> Result<(), String> {
+    let twice = hold.iter().enumerate().find(|(i, (name, _))| hold[..*i].iter().any(|(n, _)| n == name));
+    twice.map_or(Ok(()), |(_, (name, _))| Err(format!("--hold names {name} twice: give it one value")))
+}
+
 /// What holds mean for each of several models. A value that one of them shares among runs concerns only those that have it; any
 /// other is held in every run, and the fit says so where there is no such parameter.
 pub fn constraints(

@@ -3,7 +3,7 @@
 use std::error::Error;
 use std::path::{Path, PathBuf};
 
-use super::output::same_file;
+use super::output::{same_content, same_file};
 use crate::fit::data::RunData;
 use crate::fit::prepare::prepare;
 use crate::recording::Recording;
@@ -36,6 +36,9 @@ pub fn load(paths: &[PathBuf], rig: Option<&Path>) -> Result<Vec<Loaded>, Box<dy
                 format!("{} and {} are one recording: it counts once", twin.display(), path.display())
             }
             .into());
+        }
+        if let Some(twin) = paths[..i].iter().find(|p| same_content(p, path)) {
+            return Err(format!("{} is a copy of {}: a recording counts once", path.display(), twin.display()).into());
         }
         let mut recording = crate::log::read(path)?;
         if let Some(rig) = &given {

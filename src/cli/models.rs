@@ -70,9 +70,7 @@ pub fn save(file: &mut ModelFile, path: &Path) -> Result<(), Box<dyn Error + Sen
     if present != file.as_read {
         return Err(format!("{} has changed while this ran: nothing was written; run it again", path.display()).into());
     }
-    if std::fs::metadata(path).is_ok_and(|m| m.permissions().readonly()) {
-        return Err(format!("{} may not be written to", path.display()).into());
-    }
+    require_writable(path)?;
     let text = file.text()?;
     let mut beside = temporary_beside(path)?;
     beside.write_all(text.as_bytes()).map_err(failed)?;
@@ -82,6 +80,11 @@ pub fn save(file: &mut ModelFile, path: &Path) -> Result<(), Box<dyn Error + Sen
     publish_over(beside, path)?;
     file.as_read = Some(text);
     Ok(())
+}
+
+fn require_writable(path: &Path) -> Result<(), String> {
+    let locked = std::fs::metadata(path).is_ok_and(|m| m.permissions().readonly());
+    if locked { Err(format!("{} may not be written to", path.display())) } else { Ok(()) }
 }
 
 /// The models of `path` if it is about these recordings; a new list of none where there is no file yet.
@@ -101,6 +104,7 @@ pub fn about(
         return Ok(ModelFile { in_force: 0, recordings, rig: rig.map(from_folder), models: Vec::new(), as_read: None });
     }
     let file = load(path)?;
+    require_writable(path)?;
     let same = file.recordings.len() == recordings.len()
         && recordings.iter().all(|r| file.recordings.iter().any(|own| super::output::same_file(&folder.join(own), r)));
     if !same {

@@ -66,6 +66,12 @@ pub fn same_file(a: &Path, b: &Path) -> bool {
     matches!((a.canonicalize(), b.canonicalize()), (Ok(a), Ok(b)) if a == b)
 }
 
+/// Do two files hold the same bytes? False where one of them cannot be read.
+pub fn same_content(a: &Path, b: &Path) -> bool {
+    let size = |p: &Path| p.metadata().ok().map(|m| m.len());
+    size(a).is_some() && size(a) == size(b) && matches!((fs::read(a), fs::read(b)), (Ok(a), Ok(b)) if a == b)
+}
+
 /// Whether there is a file whose content could be lost; devices and pipes have none.
 fn holds_a_file(path: &Path) -> Result<bool, AnyError> {
     let name = path.display();

@@ -15,12 +15,13 @@ pub struct Form {
 /// Most elements with which an effect that has some is tried.
 const MOST_ELEMENTS: usize = 3;
 
-/// Every form of the effects of the catalogue that may be added to `start`, in their order.
-pub fn candidates(rig: &Rig, start: &[Chosen]) -> Vec<Form> {
+/// Every form of the effects of the catalogue that may be added to `start`, in their order, and that so many runs can tell from others.
+pub fn candidates(rig: &Rig, start: &[Chosen], runs: usize) -> Vec<Form> {
     CATALOGUE
         .iter()
         .filter(|effect| !is_in(**effect, start) && reason_against(**effect, rig, start).is_none())
         .flat_map(|effect| forms(rig, *effect))
+        .filter(|form| form.chosen.effect.least_runs() <= runs)
         .collect()
 }
 

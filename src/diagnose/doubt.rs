@@ -1,5 +1,6 @@
 //! What makes a diagnosis doubtful before it begins: a start model that cannot be this rig's, or was not fitted at all.
 
+use crate::fit::calibrate::{Options, with_more_elements};
 use crate::fit::conflict::conflicts;
 use crate::fit::data::RunData;
 use crate::fit::outcome::Fit;
@@ -10,8 +11,13 @@ use crate::rig::Rig;
 const NOT_FITTED: f64 = 0.5;
 
 /// One sentence a doubt about the start model.
-pub fn doubts(rig: &Rig, runs: &[RunData], start: &Fit, effects: &[Chosen]) -> Vec<String> {
+pub fn doubts(rig: &Rig, runs: &[RunData], start: &Fit, effects: &[Chosen], options: &Options) -> Vec<String> {
     let mut doubts = Vec::new();
+    let held: Vec<&str> = start.parameters.iter().filter(|p| p.held).map(|p| p.name.as_str()).collect();
+    if !held.is_empty() {
+        doubts.push(format!("held: {}; an effect that is found may make up for a value that is off", held.join(", ")));
+    }
+    doubts.extend(too_few_elements(rig, runs, start, effects, options));
     for chosen in effects {
         if let Some(why) = chosen.effect.impossible(rig) {
             doubts.push(format!(
@@ -20,8 +26,7 @@ pub fn doubts(rig: &Rig, runs: &[RunData], start: &Fit, effects: &[Chosen]) -> V
             ));
         }
     }
-    let at_bound: Vec<&str> =
-        start.parameters.iter().filter(|p| p.run.is_none() && p.at_bound).map(|p| p.name.as_str()).collect();
+    let at_bound: Vec<&str> = start.parameters.iter().filter(|p| p.at_bound).map(|p| p.name.as_str()).collect();
     if !at_bound.is_empty() {
         doubts.push(format!(
             "the start model has {} at a bound: check material, length and wall of the pipe, and the effects it starts with, before \
@@ -38,6 +43,21 @@ pub fn doubts(rig: &Rig, runs: &[RunData], start: &Fit, effects: &[Chosen]) -> V
     }
     doubts.extend(conflicts(start, runs));
     doubts
+}
+
+/// A number of elements that was fixed, where the evidence asks for more.
+fn too_few_elements(rig: &Rig, runs: &[RunData], start: &Fit, effects: &[Chosen], options: &Options) -> Option<String> {
+    let open: Vec<Chosen> = effects.iter().map(|c| Chosen { elements: None, ..c.clone() }).collect();
+    let fixed = effects.iter().find(|c| c.elements.is_some())?;
+    let more = with_more_elements(rig, runs, start, &open, options, &|_| {}).ok()??;
+    let name = more.effects.iter().find(|c| c.effect.name() == fixed.effect.name())?.label();
+    Some(format!(
+        "{} has too few elements: with {name} the error falls from {:.4} to {:.4} m, and what is found here may only make up for them; \
+         leave their number out",
+        fixed.label(),
+        start.pooled().0,
+        more.pooled().0
+    ))
 }
 
 /// Deviation of what was measured from its mean, rms over all samples, m.

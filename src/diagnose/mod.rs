@@ -51,6 +51,8 @@ const POOR: f64 = 1.2;
 /// Error over noise of the start model from which on its parameters may be astray, and from which on they tell nothing of the effects.
 const ASTRAY: f64 = 3.0;
 const FAR_ASTRAY: f64 = 10.0;
+/// Times the start model's error of prediction: a model that errs by more has learned nothing of use.
+const PREDICTS_WORSE: f64 = 1.05;
 /// Times the best candidate's square: what leaves more is not worth a full fit.
 const HOPELESS: f64 = 4.0;
 /// Times the best candidate's square up to which a fit is worth all patience.
@@ -108,6 +110,14 @@ pub struct Diagnosis {
     pub next_test: Option<String>,
 }
 
+impl Diagnosis {
+    /// The most probable effect makes the model predict the end of the records worse than without it.
+    pub fn predicts_worse(&self) -> bool {
+        let with = self.candidates.first().and_then(|c| c.held_out_m);
+        matches!((with, self.held_out_m), (Some(with), Some(without)) if with > PREDICTS_WORSE * without)
+    }
+}
+
 /// Diagnoses `runs` of a rig, starting from a model with `effects`; `progress` hears what is going on.
 ///
 /// # Errors
@@ -144,7 +154,7 @@ pub fn diagnose(
     let mut diagnosis = Diagnosis {
         verdict,
         probability,
-        doubts: doubt::doubts(rig, runs, &start, effects),
+        doubts: doubt::doubts(rig, runs, &start, effects, options),
         failings: misfit::failings(&start),
         candidates,
         left_out: candidate::left_out(rig, &ground.effects),
@@ -199,7 +209,7 @@ fn fit(finisher: &Finisher, ground: &Ground, start: &Fit, rivals: &mut [Rival]) 
         }
     } else if astray > ASTRAY {
         let most = if astray > FAR_ASTRAY { usize::MAX } else { FOLLOWED_EFFECTS };
-        rescue::rescue(finisher, rivals, POOR, most);
+        rescue::rescue(finisher, rivals, square(start), POOR, most);
     }
     let near = SETTLED * rivals.iter().map(|r| r.square).fold(f64::INFINITY, f64::min);
     rivals.par_iter_mut().filter(|r| r.fit.as_ref().is_some_and(|f| !f.converged) && r.square < near).for_each(
@@ -242,6 +252,14 @@ fn explain(finisher: &Finisher, ground: &Ground, rivals: &[Rival], diagnosis: &m
     diagnosis.held_out_m = start;
     let Some(first) = diagnosis.candidates.first_mut() else { return };
     first.held_out_m = with;
+    let effect = first.effect;
+    if diagnosis.predicts_worse() {
+        diagnosis.doubts.push(format!(
+            "fitted to the beginning of the records the model with {effect} predicts the rest worse than the start model does: it follows \
+             these records without being what happens in the pipe"
+        ));
+    }
+    let Some(first) = diagnosis.candidates.first() else { return };
     diagnosis.next_test = first.indistinguishable_from.first().and_then(|name| {
         let other = rivals.iter().find(|r| r.refit.form.effect == *name)?;
         next_test::next_test(ground, &rivals[0], other)
@@ -285,7 +303,7 @@ pub fn grow(
 
 /// A glimpse of every form; those of the most promising effects are followed.
 fn refits(ground: &Ground, progress: &(dyn Fn(&str) + Sync)) -> Vec<Refit> {
-    let forms: Vec<_> = candidate::candidates(ground.rig, &ground.effects);
+    let forms: Vec<_> = candidate::candidates(ground.rig, &ground.effects, ground.runs.len());
     let done = AtomicUsize::new(0);
     let glimpses: Vec<Refit> = forms
         .par_iter()

@@ -7,10 +7,12 @@ use super::rival::Rival;
 use crate::model::effects::Chosen;
 use crate::model::trace::Probe;
 use crate::model::{Conditions, Model, ModelError, Resolution, RunValues};
-use crate::rig::Rig;
+use crate::rig::{Rig, Sensor};
 
 /// Times the noise that two rivals must differ by for a test to be worth making.
 const TELLING: f64 = 3.0;
+/// How many tests are named.
+const NAMED: usize = 2;
 /// Periods that are compared.
 const PERIODS: f64 = 8.0;
 /// How many times the other's creep one rival's must be at least for a creep test to tell them.
@@ -19,39 +21,61 @@ const CREEP_APART: f64 = 1.2;
 const SAME_SHARE: f64 = 0.2;
 const SAME_HEAD_M: f64 = 5.0;
 const SAME_PLACE: f64 = 0.1;
+/// Share of the length within which a sensor stands at the valve.
+const AT_THE_VALVE: f64 = 0.01;
+/// Points a sensor at which two predictions are compared.
+const POINTS: usize = 2000;
 
 /// A test as it would be made.
 struct Setup {
     rig: Rig,
     conditions: Conditions,
     run: RunValues,
-    /// Where heads are read, as a share of the length.
-    at: f64,
+    sensors: Vec<Sensor>,
 }
 
-/// A test that could be made: what to do, and what that changes.
+/// A test that could be made: what it changes of the first run, and what to do, given the run as changed.
 struct Test {
-    instruction: &'static str,
     change: fn(&mut Setup),
+    instruction: fn(&RunValues) -> String,
 }
 
 const TESTS: [Test; 7] = [
-    Test { instruction: "repeat the test at half the flow", change: |s| s.run.initial_velocity_m_s *= 0.5 },
+    Test { change: |s| s.run.initial_velocity_m_s *= 0.5, instruction: at_velocity },
+    Test { change: |s| s.run.initial_velocity_m_s *= 1.5, instruction: at_velocity },
     Test {
-        instruction: "repeat the test at one and a half times the flow",
-        change: |s| s.run.initial_velocity_m_s *= 1.5,
+        change: |s| s.run.closing_time_s *= 4.0,
+        instruction: |run| format!("close the valve more slowly, in {:.3} s", run.closing_time_s),
     },
-    Test { instruction: "close the valve four times as slowly", change: |s| s.run.closing_time_s *= 4.0 },
-    Test { instruction: "raise the static head by 20 m", change: |s| s.run.valve_head_m += 20.0 },
-    Test { instruction: "add a pressure sensor at mid-length", change: |s| s.at = 0.5 },
-    Test { instruction: "put half as much pipe again before the valve", change: lengthen },
-    Test { instruction: "repeat the test with water 20 K warmer", change: warm },
+    Test {
+        change: |s| s.run.valve_head_m += 20.0,
+        instruction: |run| format!("raise the static head by 20 m, to {:.1} m before the valve", run.valve_head_m),
+    },
+    Test { change: add_sensor, instruction: |_| "add a pressure sensor at mid-length".to_owned() },
+    Test { change: lengthen, instruction: |_| "put half as much pipe again before the valve".to_owned() },
+    Test { change: warm, instruction: |_| "repeat the test with water 20 K warmer".to_owned() },
 ];
 
+fn at_velocity(run: &RunValues) -> String {
+    format!("repeat the test at {:.3} m/s", run.initial_velocity_m_s)
+}
+
+fn add_sensor(setup: &mut Setup) {
+    if let Some(known) = setup.sensors.first() {
+        let position_m = 0.5 * setup.rig.length_m();
+        setup.sensors.push(Sensor { name: String::new(), position_m, ..known.clone() });
+    }
+}
+
 fn lengthen(setup: &mut Setup) {
-    let more_m = 0.5 * setup.rig.length_m();
+    let length_m = setup.rig.length_m();
     if let Some(last) = setup.rig.pipes.last_mut() {
-        last.length_m += more_m;
+        last.length_m += 0.5 * length_m;
+    }
+    for sensor in &mut setup.sensors {
+        if length_m - sensor.position_m < AT_THE_VALVE * length_m {
+            sensor.position_m = 1.5 * length_m;
+        }
     }
 }
 
@@ -81,32 +105,44 @@ impl<'a> Fitted<'a> {
 
     /// The first run, changed.
     fn setup(&self, ground: &Ground, test: &Test) -> Setup {
-        let conditions = ground.runs[0].conditions.clone();
-        let mut setup = Setup { rig: ground.rig.clone(), conditions, run: self.runs[0], at: 1.0 };
+        let first = &ground.runs[0];
+        let sensors = first.sensors.iter().map(|s| s.sensor.clone()).collect();
+        let (rig, conditions) = (ground.rig.clone(), first.conditions.clone());
+        let mut setup = Setup { rig, conditions, run: self.runs[0], sensors };
         (test.change)(&mut setup);
         setup
     }
 
-    fn predicted(&self, ground: &Ground, test: &Test) -> Result<Vec<f64>, ModelError> {
+    /// What each sensor would show.
+    fn predicted(&self, ground: &Ground, test: &Test) -> Result<Vec<Vec<f64>>, ModelError> {
         let setup = self.setup(ground, test);
         let model = Model::new(&setup.rig, &setup.conditions.water, self.effects);
         let duration_s = PERIODS * model.period_s(&self.shared);
-        let probe = Probe::Head(setup.at * setup.rig.length_m());
+        let probes: Vec<Probe> = setup.sensors.iter().map(|s| Probe::Head(s.position_m)).collect();
         let resolution = Resolution { reaches: ground.reaches, duration_s };
-        let mut simulated = model.simulate(&setup.conditions, &self.shared, &setup.run, resolution, &[probe])?;
-        let trace = simulated.traces.remove(0);
-        Ok((0..2000).map(|i| trace.at(f64::from(i) / 2000.0 * duration_s)).collect())
+        let simulated = model.simulate(&setup.conditions, &self.shared, &setup.run, resolution, &probes)?;
+        let shown = setup.sensors.iter().zip(simulated.traces).map(|(sensor, trace)| {
+            let trace = model.sensed(&self.shared, sensor, trace)?;
+            Ok((0..POINTS).map(|i| trace.at(i as f64 / POINTS as f64 * duration_s)).collect())
+        });
+        shown.collect()
     }
 
     /// Whether the recordings hold such a test already.
     fn has_seen(&self, ground: &Ground, test: &Test) -> bool {
         let setup = self.setup(ground, test);
-        if setup.run != self.runs[0] {
-            return self.runs.iter().any(|run| alike(run, &setup.run));
+        let first = &self.runs[0];
+        if setup.run != *first {
+            return self.runs.iter().any(|run| alike(run, &setup.run, first));
         }
-        let sensors = ground.runs.iter().flat_map(|r| &r.sensors);
-        let mut places = sensors.map(|s| s.sensor.position_m / ground.rig.length_m());
-        setup.at < 1.0 && places.any(|place| (place - setup.at).abs() < SAME_PLACE)
+        let near = |a: &Sensor, b: &Sensor| (a.position_m - b.position_m).abs() < SAME_PLACE * ground.rig.length_m();
+        let known = ground.runs[0].sensors.len();
+        setup.sensors[known..].iter().any(|new| setup.sensors[..known].iter().any(|old| near(old, new)))
+    }
+
+    /// The sensor that its added effect concerns.
+    fn suspect(&self) -> Option<&str> {
+        self.effects.last()?.sensor.as_deref()
     }
 
     /// What the wall creeps by in the end, 1/GPa.
@@ -116,22 +152,26 @@ impl<'a> Fitted<'a> {
     }
 }
 
-fn alike(one: &RunValues, other: &RunValues) -> bool {
-    let near = |a: f64, b: f64| (a / b).ln().abs() < SAME_SHARE;
-    near(one.initial_velocity_m_s, other.initial_velocity_m_s)
-        && near(one.closing_time_s, other.closing_time_s)
-        && (one.valve_head_m - other.valve_head_m).abs() < SAME_HEAD_M
+/// Whether a run is like the one that is asked for in what that changes of the first.
+fn alike(run: &RunValues, asked: &RunValues, first: &RunValues) -> bool {
+    let near = |of: fn(&RunValues) -> f64| of(asked) == of(first) || (of(run) / of(asked)).ln().abs() < SAME_SHARE;
+    let head = asked.valve_head_m == first.valve_head_m || (run.valve_head_m - asked.valve_head_m).abs() < SAME_HEAD_M;
+    near(|v| v.initial_velocity_m_s) && near(|v| v.closing_time_s) && head
 }
 
-/// The test in which two rivals, as fitted, differ most, in words, of those that have not been made; `None` where none would tell.
+/// Deviation of two predictions, rms, less their mean: a sensor's zero would take that up.
+fn deviation(a: &[f64], b: &[f64]) -> f64 {
+    let n = a.len().max(1) as f64;
+    let mean = a.iter().zip(b).map(|(x, y)| x - y).sum::<f64>() / n;
+    (a.iter().zip(b).map(|(x, y)| (x - y - mean).powi(2)).sum::<f64>() / n).sqrt()
+}
+
+/// The tests in which two rivals, as fitted, differ most, in words, of those that have not been made; `None` where none would tell.
 pub(super) fn next_test(ground: &Ground, one: &Rival, other: &Rival) -> Option<String> {
     let (one, other) = (Fitted::of(ground, one), Fitted::of(ground, other));
     let difference_m = |test: &Test| {
         let (a, b) = (one.predicted(ground, test).ok()?, other.predicted(ground, test).ok()?);
-        let n = a.len().min(b.len()).max(1) as f64;
-        // A sensor's zero would take up what differs throughout.
-        let mean = a.iter().zip(&b).map(|(x, y)| x - y).sum::<f64>() / n;
-        Some((a.iter().zip(&b).map(|(x, y)| (x - y - mean).powi(2)).sum::<f64>() / n).sqrt())
+        a.iter().zip(&b).map(|(a, b)| deviation(a, b)).max_by(f64::total_cmp)
     };
     let noise_m = ground.noise_m();
     let mut telling: Vec<(&Test, f64)> = TESTS
@@ -140,14 +180,16 @@ pub(super) fn next_test(ground: &Ground, one: &Rival, other: &Rival) -> Option<S
         .filter_map(|test| Some((test, difference_m(test).filter(|d| *d >= TELLING * noise_m)?)))
         .collect();
     telling.sort_by(|a, b| b.1.total_cmp(&a.1));
-    let times = |d: f64| format!("{d:.3} m rms, {:.1} times the noise", d / noise_m);
-    let simulated = telling.first().map(|(test, d)| {
-        let second =
-            telling.get(1).map_or(String::new(), |(test, d)| format!("; or {} ({})", test.instruction, times(*d)));
-        format!("{} (there the two models, as fitted, differ by {}){second}", test.instruction, times(*d))
+    let simulated = telling.iter().take(NAMED).map(|(test, d)| {
+        let instruction = (test.instruction)(&one.setup(ground, test).run);
+        format!("{instruction} (the two models differ by {d:.3} m rms there, {:.1} times the noise)", d / noise_m)
     });
+    let exchange = (one.suspect() != other.suspect() && ground.runs[0].sensors.len() > 1)
+        .then(|| one.suspect().or(other.suspect()))
+        .flatten()
+        .map(|sensor| format!("exchange {sensor} with another sensor (a fault of the sensor goes with it)"));
     let creep = creep_test(one.creep_per_gpa(ground), other.creep_per_gpa(ground));
-    let tests: Vec<String> = simulated.into_iter().chain(creep).collect();
+    let tests: Vec<String> = exchange.into_iter().chain(simulated).chain(creep).collect();
     (!tests.is_empty()).then(|| {
         format!("{} and {} cannot be told apart by these recordings: {}", one.name, other.name, tests.join("; or "))
     })

@@ -4,7 +4,7 @@
 //! line (variable projection: Golub & Pereyra 1973, SIAM J. Numer. Anal. 10, 413). Then those worth it are followed to the end.
 
 use super::candidate::Form;
-use super::ground::Ground;
+use super::ground::{Ground, dot};
 use crate::fit::least_squares::{Limits, Problem, Solution, minimise};
 use crate::fit::problem::Calibration;
 use crate::model::effects::Chosen;
@@ -21,6 +21,8 @@ const FEW_PLACES: usize = 12;
 /// How many starts are looked at by a few iterations, and how many of these are followed.
 const GLANCED: usize = 4;
 const FOLLOWED: usize = 2;
+/// Parts of a straight line's step that are tried.
+const PARTS: [f64; 4] = [1.0, 0.3, 0.1, 0.0];
 /// Strengths that a linear forecast from one of them can speak for.
 const FORECAST: (f64, f64) = (0.3, 2.0);
 
@@ -117,9 +119,18 @@ impl<'g> Added<'g> {
         Ok(self.ground.seen(&self.problem.residuals(&self.with(added))?))
     }
 
-    /// All variables, the start model's moved to where they take up most.
+    /// All variables, the start model's moved to where they take up most, or as far on the way there as the straight line holds.
     fn whole(&self, added: &[f64]) -> Result<Vec<f64>, ModelError> {
-        Ok(self.ground.moved(&self.with(added), &self.seen(added)?))
+        let (lower, upper) = self.problem.bounds();
+        let still = self.with(added);
+        let moved = self.ground.moved(&still, &self.seen(added)?);
+        let on_the_way = PARTS.map(|part| {
+            let between = still.iter().zip(&moved).zip(lower.iter().zip(upper));
+            between.map(|((s, m), (l, u))| (s + part * (m - s)).clamp(*l, *u)).collect::<Vec<f64>>()
+        });
+        let square = |x: &Vec<f64>| self.problem.residuals(x).map_or(f64::INFINITY, |r| dot(&r, &r));
+        let best = on_the_way.into_iter().map(|x| (square(&x), x)).min_by(|a, b| a.0.total_cmp(&b.0));
+        Ok(best.map_or(still, |(_, x)| x))
     }
 }
 

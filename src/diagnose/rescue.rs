@@ -11,8 +11,9 @@ use super::{HOPELESS, over_noise};
 /// How many are fitted to the end.
 const FITTED: usize = 3;
 
-/// Tries on until an error is below `enough` times the noise, from the signals with the first `most` of the effects.
-pub(super) fn rescue(finisher: &Finisher, rivals: &mut [Rival], enough: f64, most: usize) {
+/// Tries on until an error is below `enough` times the noise, from the signals with the first `most` of the effects and with those
+/// that err by more than the start model, which leaves `start`: they contain it, so their refits have failed.
+pub(super) fn rescue(finisher: &Finisher, rivals: &mut [Rival], start: f64, enough: f64, most: usize) {
     let done =
         |rivals: &[Rival]| rivals.iter().filter_map(|r| r.fit.as_ref()).any(|f| over_noise(f, finisher.runs) < enough);
     if done(rivals) {
@@ -22,8 +23,9 @@ pub(super) fn rescue(finisher: &Finisher, rivals: &mut [Rival], enough: f64, mos
     if done(rivals) {
         return;
     }
-    let most = most.min(rivals.len());
-    from_the_signals(finisher, &mut rivals[..most]);
+    let mut tried: Vec<&mut Rival> =
+        rivals.iter_mut().enumerate().filter(|(i, r)| *i < most || r.square > start).map(|(_, r)| r).collect();
+    from_the_signals(finisher, &mut tried);
     if !done(rivals) {
         more_elements(finisher, rivals);
     }
@@ -39,7 +41,7 @@ fn more_elements(finisher: &Finisher, rivals: &mut [Rival]) {
     });
 }
 
-fn from_the_signals(finisher: &Finisher, rivals: &mut [Rival]) {
+fn from_the_signals(finisher: &Finisher, rivals: &mut [&mut Rival]) {
     let coarse: Vec<_> = rivals.par_iter().map(|rival| finisher.approached(rival.refit).ok()).collect();
     let mean_square = |i: usize| coarse[i].as_ref().map_or(f64::INFINITY, |c| c.mean_square);
     let mut order: Vec<usize> = (0..rivals.len()).collect();

@@ -65,8 +65,11 @@ pub fn conflicts(fit: &Fit, runs: &[RunData]) -> Vec<String> {
             fit.grid_error_m, fit.reaches
         ));
     }
-    for parameter in fit.parameters.iter().filter(|p| p.at_bound) {
-        sentences.push(format!("{} ended at its bound, {:.4e} {}", parameter.name, parameter.value, parameter.unit));
-    }
     sentences
+}
+
+/// One sentence for each parameter that ended at a bound.
+pub fn at_bounds(fit: &Fit) -> Vec<String> {
+    let at_bound = fit.parameters.iter().filter(|p| p.at_bound);
+    at_bound.map(|p| format!("{} ended at its bound, {:.4e} {}", p.name, p.value, p.unit)).collect()
 }

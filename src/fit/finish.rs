@@ -127,6 +127,9 @@ impl Fitter<'_> {
         self.count(columns.len());
         let errors = standard_errors(&columns, &solution.residuals, problem.samples(), &solution.at_bound);
         let model = problem.model;
+        // What is held keeps the bounds that it will have when it is let go.
+        let unheld = Model::new(self.rig, self.water, &model.effects);
+        let usual = Calibration::new(&unheld, self.runs, problem.window()).parameters;
         let parameters = problem
             .parameters
             .iter()
@@ -144,8 +147,8 @@ impl Fitter<'_> {
                 },
                 unit: p.unit,
                 at_bound: solution.at_bound[j] && p.lower < p.upper,
-                lower: p.lower,
-                upper: p.upper,
+                lower: if p.lower < p.upper { p.lower } else { usual[j].lower.min(p.lower) },
+                upper: if p.lower < p.upper { p.upper } else { usual[j].upper.max(p.upper) },
                 held: p.lower == p.upper,
             })
             .collect();

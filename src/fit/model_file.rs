@@ -137,7 +137,10 @@ impl ModelFile {
                 number: i + 1,
                 source,
             })?;
-            for p in &model.parameters {
+            for (k, p) in model.parameters.iter().enumerate() {
+                if model.parameters[..k].iter().any(|q| q.name == p.name && q.run == p.run) {
+                    return Err(wrong(i + 1, format!("has {} twice: keep one of them", p.name)));
+                }
                 if !(p.lower <= p.value && p.value <= p.upper) {
                     return Err(wrong(
                         i + 1,

@@ -73,7 +73,7 @@ const CAVITY: Row =
 const LEAK: Row =
     Row { effect: "leak", values: &[THIRD_M, 0.5], gone: &[THIRD_M, 0.0], faint: &[THIRD_M, 1e-12], ..PLACE };
 
-const TABLE: [Row; 22] = [
+const TABLE: [Row; 23] = [
     Row { case: "base model", ..ROW },
     Row {
         effect: "viscoelastic-wall:2",
@@ -142,7 +142,8 @@ const TABLE: [Row; 22] = [
     },
     Row { effect: "valve-law", values: &[INFLECTION, 0.45], gone: &[0.3, 0.7], faint: &[0.3, 0.7 + 1e-12], ..VALVE },
     Row { effect: "valve-law/power", values: &[2.0], gone: &[1.0], faint: &[1.0 + 1e-12], ..VALVE },
-    Row { effect: "valve-seat-leak", values: &[0.03], gone: &[0.0], faint: &[1e-12], ..VALVE },
+    Row { effect: "valve-seat-leak", values: &[0.137], gone: &[0.0], faint: &[1e-12], ..VALVE },
+    Row { effect: "valve-seat-leak/stroke", values: &[0.03], gone: &[0.0], faint: &[1e-12], ..VALVE },
     Row { effect: "supply-drift", values: &[5.0, 1.7], gone: &[0.0, 3.0], faint: &[1e-12, 3.0], ..ROW },
     Row { effect: "air-pocket", values: &[20.0, 1.2], gone: &[0.0, 1.2], faint: &[1e-12, 1.2], ..ROW },
     Row {

@@ -69,7 +69,8 @@ pub fn solve(case: &Case, velocity_m_s: f64, duration_s: f64) -> Solved {
     let nearest =
         |x_m: f64| (0..=NODES).min_by(|&a, &b| (place[a] - x_m).abs().total_cmp(&(place[b] - x_m).abs())).unwrap_or(0);
     let (leak_at, leak_flow) = match case.hidden {
-        Hidden::Leak(x, flow) => (nearest(x), flow * velocity_m_s / case.velocity_m_s),
+        // The hole is the same in every run, and so is the head.
+        Hidden::Leak(x, flow) => (nearest(x), flow),
         _ => (0, 0.0),
     };
     let (block_at, block_m) = match case.hidden {
@@ -153,7 +154,11 @@ pub fn solve(case: &Case, velocity_m_s: f64, duration_s: f64) -> Solved {
         match case.hidden {
             Hidden::TwoStage(ti, oi) if s < ti => 1.0 - (1.0 - oi) * s / ti,
             Hidden::TwoStage(ti, oi) => oi * (1.0 - s) / (1.0 - ti),
-            Hidden::SeatLeak(rest) => (1.0 - s) * (1.0 - rest) + rest,
+            Hidden::SeatLeak(rest) => {
+                // So is the gap under the seat, whatever the valve let through before.
+                let rest = rest * case.velocity_m_s / velocity_m_s;
+                (1.0 - s) * (1.0 - rest) + rest
+            }
             _ => 1.0 - s,
         }
     };

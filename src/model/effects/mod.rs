@@ -190,6 +190,10 @@ pub trait Effect: Sync {
         let _ = rig;
         None
     }
+    /// Runs that it takes to tell it from the effect that it is a variant of.
+    fn least_runs(&self) -> usize {
+        1
+    }
     /// Odds that it is at work, against other effects, before any fit.
     fn odds(&self, known: &Circumstances) -> f64 {
         let _ = known;
