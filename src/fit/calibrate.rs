@@ -12,6 +12,7 @@ use super::outcome::Fit;
 use super::sensor_choice::with_sensors;
 use crate::model::constraint::Constraint;
 use crate::model::effects::Chosen;
+use crate::model::prior::Prior;
 use crate::model::{Model, ModelError, check_sensors};
 use crate::rig::Rig;
 
@@ -63,11 +64,19 @@ pub struct Options {
     pub patience: usize,
     /// What has been settled about parameters.
     pub constraints: Vec<Constraint>,
+    /// What is known of shared parameters from elsewhere, such as a creep test; elements that it tells of are not added one by one.
+    pub priors: Vec<Prior>,
 }
 
 impl Default for Options {
     fn default() -> Self {
-        Options { most_reaches: 512, grid_error_over_noise: 0.3, patience: 40, constraints: Vec::new() }
+        Options {
+            most_reaches: 512,
+            grid_error_over_noise: 0.3,
+            patience: 40,
+            constraints: Vec::new(),
+            priors: Vec::new(),
+        }
     }
 }
 
@@ -98,7 +107,7 @@ pub fn calibrate(
     let fitter = Fitter::new(rig, runs, options, progress, effects, None)?;
     let mut chosen = fitter.placed(effects)?;
     // An effect with elements grows from one: a fit of many from scratch ends in poorer places.
-    let growing = growing(effects);
+    let growing = growing(effects).filter(|_| options.priors.is_empty());
     if let Some(i) = growing {
         chosen[i] = chosen[i].with_elements(1);
     }
@@ -200,7 +209,7 @@ impl<'a> Fitter<'a> {
     }
 
     fn model(&self, effects: &[Chosen]) -> Model<'a> {
-        Model::new(self.rig, self.water, effects).constrained(&self.options.constraints)
+        Model::new(self.rig, self.water, effects).constrained(&self.options.constraints).informed(&self.options.priors)
     }
 
     /// Effects that concern a sensor, each at the one where a coarse fit is best.

@@ -73,8 +73,8 @@ impl Fitter<'_> {
             }
             reaches *= 2;
         };
-        // What is held stands under its own name.
-        if model.constraints.is_empty() {
+        // What is held, or known before, stands under its own name.
+        if model.constraints.is_empty() && model.priors.is_empty() {
             model.put_in_order(&mut values);
         }
         let problem = Calibration::new(model, self.runs, self.whole(fine));
@@ -132,6 +132,7 @@ impl Fitter<'_> {
                 lower: p.lower,
                 upper: p.upper,
                 held: p.lower == p.upper,
+                prior: model.priors.iter().find(|known| known.name == p.name).map(|known| (known.mean, known.sd)),
             })
             .collect();
         let period_s = model.period_s(&values[..model.shared.len()]);

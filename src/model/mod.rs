@@ -19,6 +19,7 @@ pub mod memory;
 pub mod node;
 pub mod oscillator;
 pub mod parameter;
+pub mod prior;
 pub mod reaches;
 pub mod sensor;
 mod simulate;
@@ -36,6 +37,7 @@ use constraint::Constraint;
 use effects::{Chosen, Site};
 use energy::Energy;
 use parameter::Parameter;
+use prior::Prior;
 use sensor::seen_by;
 use trace::Trace;
 
@@ -59,6 +61,8 @@ pub struct Model<'a> {
     pub closure: fn(f64) -> Closure,
     /// What has been settled about parameters, those of runs and sensors included.
     pub constraints: Vec<Constraint>,
+    /// What is known of shared parameters from elsewhere.
+    pub priors: Vec<Prior>,
     /// The most memory that a simulation may take, bytes.
     pub memory_limit_bytes: f64,
 }
@@ -203,6 +207,7 @@ impl<'a> Model<'a> {
             per_run,
             closure: |closing_time_s| Closure::Linear { closing_time_s },
             constraints: Vec::new(),
+            priors: Vec::new(),
             memory_limit_bytes: memory::USUAL_LIMIT_BYTES,
         }
     }
@@ -210,6 +215,14 @@ impl<'a> Model<'a> {
     /// With parameters held, or between other bounds.
     pub fn constrained(self, constraints: &[Constraint]) -> Self {
         Model { constraints: constraints.to_vec(), ..self }
+    }
+
+    /// With what is known of shared parameters; what the model does not have is passed over.
+    pub fn informed(mut self, priors: &[Prior]) -> Self {
+        for prior in priors {
+            self.shared.iter_mut().filter(|p| p.name == prior.name).for_each(|p| prior.inform(p));
+        }
+        Model { priors: priors.to_vec(), ..self }
     }
 
     /// Index of the first effect's first parameter among the shared ones.
