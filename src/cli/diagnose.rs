@@ -6,6 +6,7 @@ use super::calibrate::{progress_bar, title, write_page};
 use super::{CommandResult, Outcome, hold, load, models, output};
 use crate::diagnose::{Diagnosis, Verdict, diagnose};
 use crate::fit::calibrate::Options;
+use crate::fit::conflict::conflicts;
 use crate::fit::energy::energy_of;
 use crate::fit::outcome::Fit;
 use crate::model::effects::{Chosen, parse_list};
@@ -33,6 +34,8 @@ pub struct Args {
     /// Values of the start model's parameters that no fit touches; one that each run has of its own is held in all of them.
     #[arg(long, value_name = "NAME=VALUE", value_parser = super::values::setting, num_args = 1..)]
     hold: Vec<(String, f64)>,
+    #[command(flatten)]
+    creep: super::creep_prior::CreepPrior,
     /// A rig to read them with, instead of the one that is stored in them.
     #[arg(long, value_name = "RIG")]
     rig: Option<PathBuf>,
@@ -64,6 +67,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     if let Some(file) = file.as_ref().filter(|f| !f.models.is_empty()) {
         let current = file.current();
         options.constraints = current.constraints();
+        options.priors = current.priors();
         if args.effects.as_ref().is_some_and(|asked| title(asked) != title(&current.chosen())) {
             return Err(format!(
                 "the model in force is the {}, not what --effects says: leave --effects out, or name another file",
@@ -72,6 +76,9 @@ pub fn run(args: Args, json: bool) -> CommandResult {
             .into());
         }
         effects = current.chosen();
+    }
+    if args.creep.given() {
+        options.priors = args.creep.priors(&loaded, &runs, &mut effects)?;
     }
     let held = hold::constraints(&rig, &runs, std::slice::from_ref(&effects), &args.hold);
     options.constraints.extend(held.into_iter().flatten());
@@ -108,6 +115,9 @@ pub fn run(args: Args, json: bool) -> CommandResult {
             super::tell!("what is missing could not be fitted to the whole record, so nothing was added");
         }
         diagnoses.push(found);
+        for conflict in conflicts(&diagnoses[diagnoses.len() - 1].start, &runs).iter().filter(|_| args.creep.given()) {
+            super::tell!("warning: {conflict}");
+        }
         let Some((grown, fit)) = added else { break };
         models.push((title(&grown), fit));
         effects = grown;
