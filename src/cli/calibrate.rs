@@ -37,6 +37,8 @@ pub struct Args {
     /// Values that the fits do not touch; one that each run has of its own is held in all of them.
     #[arg(long, value_name = "NAME=VALUE", value_parser = super::values::setting, num_args = 1..)]
     hold: Vec<(String, f64)>,
+    #[command(flatten)]
+    creep: super::creep_prior::CreepPrior,
     /// A rig to read them with, instead of the one that is stored in them.
     #[arg(long, value_name = "RIG")]
     rig: Option<PathBuf>,
@@ -68,12 +70,16 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     let loaded = load::load(&args.recordings, rig_file.as_deref())?;
     let rig = loaded[0].recording.rig.clone();
     let runs = load::runs(&loaded);
+    let mut effects = args.effects.clone();
+    // What is known is for the model asked for: those that it is compared with show what the recordings alone say.
+    let priors = args.creep.priors(&loaded, &runs, &mut effects)?;
     let mut models = args.against.clone();
-    models.push(args.effects.clone());
+    models.push(effects);
     let mut fits: Vec<(String, Fit)> = Vec::new();
     let held = hold::constraints(&rig, &runs, &models, &args.hold);
-    for (effects, constraints) in models.iter().zip(held) {
-        let options = Options { most_reaches: args.most_reaches, constraints, ..searched.clone() };
+    for (i, (effects, constraints)) in models.iter().zip(held).enumerate() {
+        let priors = if i + 1 == models.len() { priors.clone() } else { Vec::new() };
+        let options = Options { most_reaches: args.most_reaches, constraints, priors, ..searched.clone() };
         fits.push((title(effects), timed(&rig, &runs, effects, &options)?));
     }
     let stages: Vec<Stage> = fits.iter().map(|(title, fit)| Stage { title: title.clone(), fit }).collect();

@@ -34,6 +34,8 @@ pub struct Args {
     /// Values of the start model's parameters that no fit touches; one that each run has of its own is held in all of them.
     #[arg(long, value_name = "NAME=VALUE", value_parser = super::values::setting, num_args = 1..)]
     hold: Vec<(String, f64)>,
+    #[command(flatten)]
+    creep: super::creep_prior::CreepPrior,
     /// A rig to read them with, instead of the one that is stored in them.
     #[arg(long, value_name = "RIG")]
     rig: Option<PathBuf>,
@@ -69,6 +71,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     if let Some(file) = file.as_ref().filter(|f| !f.models.is_empty()) {
         let current = file.current();
         options.constraints = current.constraints();
+        options.priors = current.priors();
         if args.effects.as_ref().is_some_and(|asked| title(asked) != title(&current.chosen())) {
             return Err(format!(
                 "the model in force is the {}, not what --effects says: leave --effects out, or name another file",
@@ -77,6 +80,9 @@ pub fn run(args: Args, json: bool) -> CommandResult {
             .into());
         }
         effects = current.chosen();
+    }
+    if args.creep.given() {
+        options.priors = args.creep.priors(&loaded, &runs, &mut effects)?;
     }
     let held = hold::constraints(&rig, &runs, std::slice::from_ref(&effects), &args.hold);
     // The first that concerns a parameter counts: what is said now goes before what the file says.

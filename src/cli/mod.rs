@@ -19,6 +19,8 @@ pub(crate) use {say, say_text, tell};
 
 pub mod add;
 pub mod calibrate;
+pub mod creep;
+mod creep_prior;
 pub mod demo;
 pub mod diagnose;
 pub mod effects;
@@ -87,6 +89,7 @@ enum Command {
     /// Fit a model to one recording, or to several of one rig at once.
     Calibrate(calibrate::Args),
     Diagnose(diagnose::Args),
+    Creep(creep::Args),
     Add(add::Args),
     Refit(refit::Args),
     Undo(undo::Args),
@@ -117,6 +120,7 @@ pub fn main() -> ExitCode {
         Command::Effects(args) => effects::run(args, cli.json),
         Command::Calibrate(args) => calibrate::run(args, cli.json),
         Command::Diagnose(args) => diagnose::run(args, cli.json),
+        Command::Creep(args) => creep::run(args, cli.json),
         Command::Add(args) => add::run(args, cli.json),
         Command::Refit(args) => refit::run(args, cli.json),
         Command::Undo(args) => undo::run(args, cli.json),

@@ -37,7 +37,8 @@ pub fn open(path: &Path) -> Result<Opened, Box<dyn Error + Send + Sync>> {
     let rig = rig_of(None, Some((path, &file)));
     let loaded = recordings_of::load(&recordings, rig.as_deref())
         .map_err(|e| format!("{}: the recordings that it names: {e}", path.display()))?;
-    let options = Options { constraints: file.current().constraints(), ..Options::default() };
+    let options =
+        Options { constraints: file.current().constraints(), priors: file.current().priors(), ..Options::default() };
     let rig = loaded[0].recording.rig.clone();
     Ok(Opened { path: path.to_owned(), rig, runs: recordings_of::runs(&loaded), options, file })
 }

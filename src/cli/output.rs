@@ -32,6 +32,25 @@ pub fn check_report(path: &Path) -> Result<(), AnyError> {
     .into())
 }
 
+/// Refuses a place for a result that holds anything but an empty file or an older result, one that begins with `heading`.
+///
+/// # Errors
+/// A folder, a folder that does not exist, any other file.
+pub fn check_result(path: &Path, heading: &str) -> Result<(), AnyError> {
+    if !holds_a_file(path)? {
+        return Ok(());
+    }
+    let start = beginning(path, heading.len())?;
+    if start.is_empty() || start == heading.as_bytes() {
+        return Ok(());
+    }
+    Err(format!(
+        "{} exists and does not begin with '{heading}', so it is left alone: choose another name",
+        path.display()
+    )
+    .into())
+}
+
 /// Refuses a place for a time series that holds anything but an empty file or one that begins with `header`. With
 /// `overwrite` any file may go, but neither `rig` nor a recording.
 ///

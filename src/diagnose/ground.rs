@@ -7,11 +7,11 @@
 
 use nalgebra::{DMatrix, DVector};
 
+use crate::fit::calibrate::Options;
 use crate::fit::data::{RunData, SensorData};
 use crate::fit::least_squares::{Problem, jacobian};
 use crate::fit::outcome::Fit;
 use crate::fit::problem::{Calibration, Window};
-use crate::model::constraint::Constraint;
 use crate::model::effects::{Chosen, Circumstances, vapour_head_m};
 use crate::model::{Model, ModelError};
 use crate::rig::{Coupling, Rig};
@@ -38,7 +38,7 @@ pub struct Ground<'a> {
     /// What speaks for or against an effect before any fit.
     pub known: Circumstances<'a>,
     /// What has been settled about parameters.
-    constraints: Vec<Constraint>,
+    options: Options,
     /// The start model's effects, their open choices decided.
     pub effects: Vec<Chosen>,
     /// Values of the start model's variables: shared ones first, then each run's.
@@ -71,9 +71,10 @@ impl<'a> Ground<'a> {
     ///
     /// # Errors
     /// As [`Model::simulate`].
-    pub fn new(rig: &'a Rig, runs: &[RunData], fit: &Fit, constraints: &[Constraint]) -> Result<Self, ModelError> {
+    pub fn new(rig: &'a Rig, runs: &[RunData], fit: &Fit, options: &Options) -> Result<Self, ModelError> {
         let effects = fit.effects.clone();
-        let model = Model::new(rig, &runs[0].conditions.water, &effects).constrained(constraints);
+        let model = Model::new(rig, &runs[0].conditions.water, &effects);
+        let model = model.constrained(&options.constraints).informed(&options.priors);
         let values = fit.values();
         let shared = model.shared.len();
         let reaches =
@@ -108,7 +109,7 @@ impl<'a> Ground<'a> {
         Ok(Ground {
             rig,
             known: Circumstances { rig, above_vapour_m: above_vapour_m(rig, recorded) },
-            constraints: constraints.to_vec(),
+            options: options.clone(),
             effects,
             shared,
             reaches,
@@ -154,7 +155,8 @@ impl<'a> Ground<'a> {
 
     /// The start model with other effects.
     pub fn model(&self, effects: &[Chosen]) -> Model<'a> {
-        Model::new(self.rig, &self.runs[0].conditions.water, effects).constrained(&self.constraints)
+        let model = Model::new(self.rig, &self.runs[0].conditions.water, effects);
+        model.constrained(&self.options.constraints).informed(&self.options.priors)
     }
 
     /// The problem of fitting a model on this ground.

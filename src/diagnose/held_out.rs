@@ -23,7 +23,7 @@ pub fn held_out_m(rig: &Rig, runs: &[RunData], fit: &Fit, options: &Options) -> 
     let fitted = refine(rig, &first, &fit.effects, &fit.values(), &options, &|_| {})?;
     let values = fitted.values();
     let water = &runs.first().ok_or(FitError::NoRun)?.conditions.water;
-    let model = Model::new(rig, water, &fit.effects).constrained(&options.constraints);
+    let model = Model::new(rig, water, &fit.effects).constrained(&options.constraints).informed(&options.priors);
     let window = Window { reaches: fitted.reaches, horizon_s: f64::INFINITY, stride: 1 };
     let problem = Calibration::new(&model, runs, window);
     let (mut square, mut n) = (0.0, 0usize);

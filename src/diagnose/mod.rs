@@ -131,7 +131,7 @@ pub fn diagnose(
 ) -> Result<Diagnosis, FitError> {
     progress("the start model");
     let start = calibrate(rig, runs, effects, options, &|p| progress(&format!("the start model, {}", p.stage)))?;
-    let ground = Ground::new(rig, runs, &start, &options.constraints)?;
+    let ground = Ground::new(rig, runs, &start, options)?;
     let refits = refits(&ground, progress);
     let finisher = Finisher { rig, runs, effects, options, progress };
     let mut rivals = rivals(&ground, &start, &refits);
@@ -279,7 +279,7 @@ pub fn grow(
     progress: &(dyn Fn(&str) + Sync),
 ) -> Result<(Fit, f64), FitError> {
     check_sensors(rig, std::slice::from_ref(added))?;
-    let ground = Ground::new(rig, runs, start, &options.constraints)?;
+    let ground = Ground::new(rig, runs, start, options)?;
     let shown = |p: &Progress| progress(&format!("{}, {}", added.label(), p.stage));
     let mut fits = Vec::new();
     if added.effect.elements().is_some() {

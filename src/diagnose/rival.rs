@@ -109,6 +109,7 @@ impl<'a> Rival<'a> {
                 lower: p.lower,
                 upper: p.upper,
                 held: false,
+                prior: None,
             })
             .collect()
     }

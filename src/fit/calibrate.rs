@@ -14,6 +14,7 @@ use super::outcome::Fit;
 use super::sensor_choice::with_sensors;
 use crate::model::constraint::{Constraint, Given};
 use crate::model::effects::Chosen;
+use crate::model::prior::Prior;
 use crate::model::{Model, ModelError, check_sensors};
 use crate::rig::Rig;
 
@@ -77,6 +78,8 @@ pub struct Options {
     pub starts_at: Vec<Given>,
     /// Seed of all that is drawn at random.
     pub seed: u64,
+    /// What is known of shared parameters from elsewhere, such as a creep test; elements that it tells of are not added one by one.
+    pub priors: Vec<Prior>,
 }
 
 impl Default for Options {
@@ -92,6 +95,7 @@ impl Default for Options {
             most_steps: usize::MAX,
             starts_at: Vec::new(),
             seed: 1,
+            priors: Vec::new(),
         }
     }
 }
@@ -122,8 +126,9 @@ pub fn calibrate(
     check_sensors(rig, effects)?;
     let fitter = Fitter::new(rig, runs, options, progress, effects, None)?;
     let mut chosen = fitter.placed(effects)?;
-    // An effect with elements grows from one: a fit of many from scratch ends in poorer places.
-    let growing = growing(effects);
+    // An effect with elements grows from one: descent from scratch with many ends in poorer places, unless it is told where to start.
+    let told = !options.priors.is_empty() || !options.starts_at.is_empty() || options.method != Method::LeastSquares;
+    let growing = growing(effects).filter(|&i| effects[i].elements.is_none() || !told);
     if let Some(i) = growing {
         chosen[i] = chosen[i].with_elements(1);
     }
@@ -242,6 +247,7 @@ impl<'a> Fitter<'a> {
         Model::new(self.rig, self.water, effects)
             .constrained(&self.options.constraints)
             .starting_at(&self.options.starts_at)
+            .informed(&self.options.priors)
     }
 
     /// Effects that concern a sensor, each at the one where a coarse fit is best.

@@ -6,6 +6,9 @@ use super::outcome::Fit;
 /// Deviations, in standard deviations of what was known, that are a conflict.
 const CONFLICT: f64 = 5.0;
 
+/// The same for what a test of the material told.
+const PRIOR_CONFLICT: f64 = 3.0;
+
 /// One sentence a conflict.
 pub fn conflicts(fit: &Fit, runs: &[RunData]) -> Vec<String> {
     let mut sentences = Vec::new();
@@ -64,6 +67,21 @@ pub fn conflicts(fit: &Fit, runs: &[RunData]) -> Vec<String> {
              looking for missing physics",
             fit.grid_error_m, fit.reaches
         ));
+    }
+    for parameter in &fit.parameters {
+        let Some((mean, sd)) = parameter.prior else { continue };
+        let away = (parameter.value / mean).ln() / sd;
+        if away.abs() > PRIOR_CONFLICT {
+            sentences.push(format!(
+                "{} = {:.4} {unit} lies {:.1} standard deviations from what was known before, {mean:.4} {unit} to {:.0}%: this record \
+                 contradicts the creep test; look for another temperature or specimen, or for an effect that creep stands in for",
+                parameter.name,
+                parameter.value,
+                away.abs(),
+                100.0 * sd,
+                unit = parameter.unit
+            ));
+        }
     }
     sentences
 }

@@ -73,8 +73,8 @@ impl Fitter<'_> {
             }
             reaches *= 2;
         };
-        // What is held stands under its own name.
-        if model.constraints.is_empty() {
+        // What is held, or known before, stands under its own name.
+        if model.constraints.is_empty() && model.priors.is_empty() {
             model.put_in_order(&mut values);
         }
         let problem = Calibration::new(model, self.runs, self.whole(fine));
@@ -150,6 +150,7 @@ impl Fitter<'_> {
                 lower: if p.lower < p.upper { p.lower } else { usual[j].lower.min(p.lower) },
                 upper: if p.lower < p.upper { p.upper } else { usual[j].upper.max(p.upper) },
                 held: p.lower == p.upper,
+                prior: model.priors.iter().find(|known| known.name == p.name).map(|known| (known.mean, known.sd)),
             })
             .collect();
         let period_s = model.period_s(&values[..model.shared.len()]);

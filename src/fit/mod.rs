@@ -4,6 +4,7 @@ mod approach;
 pub mod calibrate;
 pub mod compare;
 pub mod conflict;
+pub mod creep;
 pub mod data;
 pub mod energy;
 mod finish;

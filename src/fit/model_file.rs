@@ -13,6 +13,7 @@ use super::outcome::{Fit, FittedParameter};
 use super::problem::{Calibration, Window};
 use crate::model::constraint::Constraint;
 use crate::model::effects::{Chosen, name_of, parse_list};
+use crate::model::prior::Prior;
 use crate::model::{Model, ModelError};
 use crate::rig::Rig;
 
@@ -86,6 +87,9 @@ pub struct Value {
     /// Held at its value.
     #[serde(default)]
     pub fixed: bool,
+    /// What is known of it from elsewhere, such as a creep test: mean and relative standard deviation.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub prior: Option<[f64; 2]>,
     /// Where the value came from.
     #[serde(default)]
     pub source: String,
@@ -140,6 +144,9 @@ impl ModelFile {
             for (k, p) in model.parameters.iter().enumerate() {
                 if model.parameters[..k].iter().any(|q| q.name == p.name && q.run == p.run) {
                     return Err(wrong(i + 1, format!("has {} twice: keep one of them", p.name)));
+                }
+                if p.prior.is_some_and(|known| !known.iter().all(|v| *v > 0.0 && v.is_finite())) {
+                    return Err(wrong(i + 1, format!("has a prior of {} that is not above 0", p.name)));
                 }
                 if !(p.lower <= p.value && p.value <= p.upper) {
                     return Err(wrong(
@@ -232,6 +239,12 @@ impl Entry {
             .collect()
     }
 
+    /// What is known of its parameters from elsewhere.
+    pub fn priors(&self) -> Vec<Prior> {
+        let known = self.parameters.iter().filter_map(|p| p.prior.map(|known| (p, known)));
+        known.map(|(p, [mean, sd])| Prior { name: p.name.clone(), mean, sd }).collect()
+    }
+
     /// Fits it again, from the values in the file, with what is held and bounded there.
     ///
     /// # Errors
@@ -243,10 +256,10 @@ impl Entry {
         options: &Options,
         progress: &(dyn Fn(&Progress) + Sync),
     ) -> Result<Fit, FitError> {
-        let options = Options { constraints: self.constraints(), ..options.clone() };
+        let options = Options { constraints: self.constraints(), priors: self.priors(), ..options.clone() };
         let effects = self.chosen();
         let water = &runs.first().ok_or(FitError::NoRun)?.conditions.water;
-        let model = Model::new(rig, water, &effects).constrained(&options.constraints);
+        let model = Model::new(rig, water, &effects).constrained(&options.constraints).informed(&options.priors);
         let window = Window { reaches: 1, horizon_s: f64::INFINITY, stride: 1 };
         let problem = Calibration::new(&model, runs, window);
         problem.know(&options.constraints)?;
@@ -275,6 +288,7 @@ impl Value {
             lower: p.lower,
             upper: p.upper,
             fixed: p.held,
+            prior: p.prior.map(|(mean, sd)| [mean, sd]),
             source: source.to_owned(),
         }
     }

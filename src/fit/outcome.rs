@@ -25,6 +25,8 @@ pub struct FittedParameter {
     pub upper: f64,
     /// It was held at its value.
     pub held: bool,
+    /// What was known of it from elsewhere (a creep test): mean in `unit`, and a relative standard deviation.
+    pub prior: Option<(f64, f64)>,
 }
 
 /// Measurement and model at one pressure sensor, heads in m, all vectors of one length.

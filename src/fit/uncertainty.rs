@@ -60,6 +60,31 @@ pub fn correlation(columns: &[Vec<f64>], at_bound: &[bool]) -> Vec<Vec<f64>> {
     correlation
 }
 
+/// `(JᵀJ)⁻¹` of all variables; zero in the rows and columns of those at a bound, infinite on the diagonal where the data leave a combination
+/// of them open.
+pub fn covariance(columns: &[Vec<f64>], at_bound: &[bool]) -> DMatrix<f64> {
+    let Normal { free, scale, matrix } = Normal::of(columns, at_bound);
+    let mut all = DMatrix::zeros(columns.len(), columns.len());
+    let inverse = matrix.try_inverse();
+    for (a, &i) in free.iter().enumerate() {
+        for (b, &j) in free.iter().enumerate() {
+            let open = if a == b { f64::INFINITY } else { 0.0 };
+            all[(i, j)] = inverse.as_ref().map_or(open, |c| c[(a, b)] / (scale[a] * scale[b]));
+        }
+    }
+    all
+}
+
+/// Half a 95% interval of Student's distribution in standard errors, by Cornish and Fisher's expansion in the inverse of its degrees of
+/// freedom (Abramowitz & Stegun 26.7.5); those below 1 count as 1.
+pub fn student_95(freedom: f64) -> f64 {
+    let (z, v) = (1.959_964_f64, freedom.max(1.0));
+    let [z3, z5, z7] = [3, 5, 7].map(|n| z.powi(n));
+    z + (z3 + z) / (4.0 * v)
+        + (5.0 * z5 + 16.0 * z3 + 3.0 * z) / (96.0 * v.powi(2))
+        + (3.0 * z7 + 19.0 * z5 + 17.0 * z3 - 15.0 * z) / (384.0 * v.powi(3))
+}
+
 /// Standard errors of the variables: `√diag (JᵀJ)⁻¹`, times the residuals' own spread where it exceeds their assumed
 /// noise, times the root of [`correlation_inflation`].
 ///
@@ -104,6 +129,21 @@ mod tests {
         let residuals: Vec<f64> = (0..100).map(|i| if i % 2 == 0 { 1.0 } else { -1.0 }).collect();
         let errors = standard_errors(&[vec![1.0; 100]], &residuals, 100, &[false]);
         assert!((errors[0] - 0.1).abs() < 1e-3, "{errors:?}");
+    }
+
+    #[test]
+    fn students_interval_is_that_of_the_tables() {
+        for (freedom, table) in [(5.0, 2.5706), (10.0, 2.2281), (30.0, 2.0423), (1e9, 1.9600)] {
+            assert!((student_95(freedom) - table).abs() < 5e-3, "{freedom}: {}", student_95(freedom));
+        }
+    }
+
+    #[test]
+    fn the_covariance_leaves_out_what_is_at_a_bound() {
+        let found = covariance(&[vec![2.0, 0.0], vec![0.0, 4.0], vec![1.0, 1.0]], &[false, false, true]);
+        let expected = DMatrix::from_diagonal(&DVector::from_row_slice(&[0.25, 0.0625, 0.0]));
+        assert!((found - expected).norm() < 1e-15);
+        assert!(covariance(&[vec![1.0, 1.0], vec![1.0, 1.0]], &[false, false])[(0, 0)] > 1e12);
     }
 
     #[test]

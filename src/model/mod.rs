@@ -19,6 +19,7 @@ pub mod memory;
 pub mod node;
 pub mod oscillator;
 pub mod parameter;
+pub mod prior;
 pub mod reaches;
 pub mod sensor;
 mod simulate;
@@ -36,6 +37,7 @@ use constraint::{Constraint, Given};
 use effects::{Chosen, Site};
 use energy::Energy;
 use parameter::Parameter;
+use prior::Prior;
 use sensor::seen_by;
 use trace::Trace;
 
@@ -61,6 +63,8 @@ pub struct Model<'a> {
     pub constraints: Vec<Constraint>,
     /// Where a person lets parameters start.
     pub starts: Vec<Given>,
+    /// What is known of shared parameters from elsewhere.
+    pub priors: Vec<Prior>,
     /// The most memory that a simulation may take, bytes.
     pub memory_limit_bytes: f64,
 }
@@ -206,6 +210,7 @@ impl<'a> Model<'a> {
             closure: |closing_time_s| Closure::Linear { closing_time_s },
             constraints: Vec::new(),
             starts: Vec::new(),
+            priors: Vec::new(),
             memory_limit_bytes: memory::USUAL_LIMIT_BYTES,
         }
     }
@@ -218,6 +223,14 @@ impl<'a> Model<'a> {
     /// The same model whose parameters start where a person says.
     pub fn starting_at(self, starts: &[Given]) -> Self {
         Model { starts: starts.to_vec(), ..self }
+    }
+
+    /// With what is known of shared parameters; what the model does not have is passed over.
+    pub fn informed(mut self, priors: &[Prior]) -> Self {
+        for prior in priors {
+            self.shared.iter_mut().filter(|p| p.name == prior.name).for_each(|p| prior.inform(p));
+        }
+        Model { priors: priors.to_vec(), ..self }
     }
 
     /// Index of the first effect's first parameter among the shared ones.

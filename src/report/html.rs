@@ -1,6 +1,7 @@
 //! One self-contained HTML page of a calibration, or of a diagnosis: no network, light and dark, readable in print and without scripts.
 
 mod correlation;
+pub mod creep;
 mod data;
 mod diagnosis;
 mod energy;

@@ -9,6 +9,7 @@
 //! | [`table`] | plain-text tables for the terminal |
 //! | [`html`](mod@html) | the page of a calibration or a diagnosis, from the pieces in `html/` and the files in `assets/` |
 //! | [`svg`] | static line charts, for the page in print and for any other plot |
+//! | [`creep`] | a creep test as text and JSON |
 //! | [`plot`] | a small plot of two curves in text |
 //! | [`failure`] | where a model fails, in words |
 //! | [`summary`] | the error of a whole fit, and the one-sentence verdict |
@@ -17,6 +18,7 @@
 //! | [`number`] | digits: `395.1(4)`, `0.034`, `+12.5` |
 //! | [`escape`] | user text in HTML and SVG |
 
+pub mod creep;
 pub mod curves;
 pub mod decimate;
 pub mod diagnosis;

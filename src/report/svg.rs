@@ -23,6 +23,8 @@ pub struct LineChart {
     pub y_label: String,
     /// The curves, drawn in this order.
     pub series: Vec<Series>,
+    /// Logarithmic x axis; places that are not positive are left out.
+    pub log_x: bool,
     /// Logarithmic y axis; values that are not positive are left out.
     pub log_y: bool,
     /// Places along x that are marked by an upright line with a short word at its top; only those within the curves' range are.
@@ -53,6 +55,8 @@ pub struct Style {
     pub width: f64,
     /// Points instead of a line.
     pub points: bool,
+    /// A band, whose outline the points are, instead of a line.
+    pub area: bool,
 }
 
 /// Colours told apart by colour-blind readers too (after Okabe and Ito, darkened to 3:1 on white).
@@ -68,12 +72,17 @@ impl Style {
     /// The n-th of a set of lines; colour and dash both tell them apart. They repeat after five.
     pub fn line(n: usize) -> Self {
         let (class, colour, dash) = PALETTE[n % PALETTE.len()];
-        Self { class, colour, dash, width: 1.5, points: false }
+        Self { class, colour, dash, width: 1.5, points: false, area: false }
     }
 
     /// A measurement: broad and light, so that it is seen behind a model that follows it.
     pub fn measured() -> Self {
-        Self { class: "measured", colour: "#b0b8c1", dash: "", width: 5.0, points: false }
+        Self { class: "measured", colour: "#b0b8c1", dash: "", width: 5.0, points: false, area: false }
+    }
+
+    /// A pale band in the n-th colour.
+    pub fn area(n: usize) -> Self {
+        Self { area: true, ..Self::line(n) }
     }
 
     /// Separate points in the n-th colour.
@@ -124,7 +133,7 @@ impl LineChart {
     }
 
     fn shown(&self, point: &(f64, f64)) -> bool {
-        point.0.is_finite() && point.1.is_finite() && (!self.log_y || point.1 > 0.0)
+        point.0.is_finite() && point.1.is_finite() && (!self.log_y || point.1 > 0.0) && (!self.log_x || point.0 > 0.0)
     }
 
     fn scales(&self, area: Area) -> Option<(Scale, Scale)> {
@@ -138,7 +147,10 @@ impl LineChart {
             return None;
         }
         let y = if self.log_y { log_range(y) } else { padded(y) };
-        Some((Scale::new(wide(x), area.left, area.right, false), Scale::new(y, area.bottom, area.top, self.log_y)))
+        Some((
+            Scale::new(if self.log_x { log_range(x) } else { wide(x) }, area.left, area.right, self.log_x),
+            Scale::new(y, area.bottom, area.top, self.log_y),
+        ))
     }
 
     /// Draws the legend, in as many rows as it needs, and returns its height.
@@ -160,6 +172,8 @@ impl LineChart {
                     x + 11.0,
                     s.colour
                 );
+            } else if s.area {
+                out.push_str(&filled(s, &format!("M{x} {}h22v10h-22", y - 5.0)));
             } else {
                 let d = format!("M{x} {y}h22");
                 out.push_str(&stroke(s, &d));
@@ -253,8 +267,12 @@ impl LineChart {
             }
             (pen_down, last) = (true, at);
         }
-        out.push_str(&stroke(s, &d));
+        out.push_str(&if s.area { filled(s, &d) } else { stroke(s, &d) });
     }
+}
+
+fn filled(s: Style, d: &str) -> String {
+    format!(r#"<path class="{} area" d="{d}Z" fill="{}" fill-opacity="0.22" stroke="none"/>"#, s.class, s.colour)
 }
 
 fn stroke(s: Style, d: &str) -> String {
@@ -284,7 +302,7 @@ mod tests {
             y_label: "head, m".into(),
             series: vec![Series { label: "curve & co".into(), points, style: Style::line(0) }],
             log_y,
-            marks: Vec::new(),
+            ..LineChart::default()
         }
     }
 
@@ -332,6 +350,24 @@ mod tests {
             assert!(svg.ends_with("</svg>"));
         }
         assert!(chart(vec![(0.0, -1.0)], true).to_svg(600.0, 300.0).contains("no data"));
+    }
+
+    #[test]
+    fn on_a_logarithmic_axis_equal_ratios_are_equally_far_apart() {
+        let points = vec![(0.0, 1.0), (1.0, 1.0), (10.0, 2.0), (100.0, 3.0)];
+        let svg = LineChart { log_x: true, ..chart(points, false) }.to_svg(600.0, 300.0);
+        let d = svg.split("series-0\" d=\"").nth(2).unwrap().split('"').next().unwrap();
+        let x: Vec<f64> = d[1..].split('L').map(|p| p.split(' ').next().unwrap().parse().unwrap()).collect();
+        assert_eq!(x.len(), 3, "{d}");
+        assert!((x[1] - 0.5 * (x[0] + x[2])).abs() < 0.1 && x[0] > LEFT && x[2] > x[1] + 100.0, "{d}");
+    }
+
+    #[test]
+    fn a_band_is_filled_and_closed() {
+        let mut band = chart(vec![(0.0, 0.0), (1.0, 1.0), (1.0, 0.5)], false);
+        band.series[0].style = Style::area(0);
+        let svg = band.to_svg(600.0, 300.0);
+        assert!(svg.matches("series-0 area").count() == 2 && svg.contains("Z\" fill=\"#0072b2\""), "{svg}");
     }
 
     #[test]

@@ -84,7 +84,7 @@ fn still(panel: &Panel, stages: &[Stage]) -> String {
     if let (Some(&from), Some(&to), true) = (c.time_s.first(), c.time_s.last(), panel.fit.noise_m > 0.0) {
         let (level, gap) = (2.0 * panel.fit.noise_m, f64::NAN);
         let points = vec![(from, level), (to, level), (gap, gap), (from, -level), (to, -level)];
-        let style = Style { class: "limit", colour: "#222", dash: "5 4", width: 1.5, points: false };
+        let style = Style { class: "limit", colour: "#222", dash: "5 4", width: 1.5, points: false, area: false };
         residual.push(Series { label: "±2 × noise".into(), points, style });
     }
     let chart = |y_label: &str, series| LineChart {
@@ -92,6 +92,7 @@ fn still(panel: &Panel, stages: &[Stage]) -> String {
         x_label: X_LABEL.into(),
         y_label: y_label.into(),
         series,
+        log_x: false,
         log_y: false,
         marks: Vec::new(),
     };

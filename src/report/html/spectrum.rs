@@ -74,7 +74,7 @@ fn chart(models: &[Stage], residuals: &[(usize, Spectrum)], first_hz: f64, noise
         .collect();
     if level > 0.0 {
         let end = series.iter().flat_map(|s| s.points.last()).map(|p| p.0).fold(0.0, f64::max);
-        let style = Style { class: "limit", colour: "#222", dash: "5 4", width: 1.5, points: false };
+        let style = Style { class: "limit", colour: "#222", dash: "5 4", width: 1.5, points: false, area: false };
         series.push(Series { label: "noise".into(), points: vec![(0.0, level), (end, level)], style });
     }
     LineChart {
@@ -82,6 +82,7 @@ fn chart(models: &[Stage], residuals: &[(usize, Spectrum)], first_hz: f64, noise
         x_label: "frequency, Hz".into(),
         y_label: "amplitude, m".into(),
         series,
+        log_x: false,
         log_y: true,
         marks: (0..10).map(|k| 2 * k + 1).map(|n| (f64::from(n) * first_hz, n.to_string())).collect(),
     }

@@ -1,0 +1,67 @@
+//! `--creep CREEP.toml`: what a creep test knows of the wall, for a calibration or a diagnosis.
+
+use std::path::PathBuf;
+
+use super::load::Loaded;
+use crate::fit::creep::CreepError;
+use crate::fit::creep::file::CreepFile;
+use crate::fit::creep::prior::wall_prior;
+use crate::fit::data::RunData;
+use crate::model::Model;
+use crate::model::effects::Chosen;
+use crate::model::prior::Prior;
+
+/// The effect that a creep test tells of.
+const WALL: &str = "viscoelastic-wall";
+
+/// Options of commands that fit.
+#[derive(Debug, clap::Args)]
+pub struct CreepPrior {
+    /// What `surgescope creep -o` wrote: its elements that a surge can show are the known start of viscoelastic-wall, and their number.
+    #[arg(long, value_name = "CREEP.toml")]
+    creep: Option<PathBuf>,
+    /// Least standard deviation with which a value of the creep test is known: a slow test at larger strains is no surge.
+    #[arg(long, value_name = "PERCENT", default_value_t = 10.0, value_parser = super::values::positive, requires = "creep",
+          allow_negative_numbers = true)]
+    creep_sd: f64,
+}
+
+impl CreepPrior {
+    /// Whether there is a creep test.
+    pub fn given(&self) -> bool {
+        self.creep.is_some()
+    }
+
+    /// What the test knows of a model's parameters, nothing where there is none; gives the model's wall its number of elements.
+    ///
+    /// # Errors
+    /// A file that cannot be read, a model without a wall that creeps or with another number of elements.
+    pub fn priors(
+        &self,
+        loaded: &[Loaded],
+        runs: &[RunData],
+        effects: &mut [Chosen],
+    ) -> Result<Vec<Prior>, Box<dyn std::error::Error + Send + Sync>> {
+        let (Some(path), Some(run), Some(first)) = (&self.creep, runs.first(), loaded.first()) else {
+            return Ok(Vec::new());
+        };
+        let text = std::fs::read_to_string(path)
+            .map_err(|e| format!("cannot read the creep test in {}: {e}", path.display()))?;
+        let file = CreepFile::parse(&text, &path.display().to_string())?;
+        let wall = effects.iter_mut().find(|c| c.effect.name() == WALL).ok_or(CreepError::NoWall)?;
+        let base = Model::new(&first.recording.rig, &run.conditions.water, &[]);
+        let starts: Vec<f64> =
+            base.shared.iter().map(|p| p.start * run.start.wave_speed_ratio.unwrap_or(1.0)).collect();
+        let most = wall.effect.elements().map_or(1, |range| *range.end());
+        let water_degc = loaded.iter().map(|l| l.features.temperature_degc).sum::<f64>() / loaded.len() as f64;
+        let known = wall_prior(&file, base.period_s(&starts), water_degc, 0.01 * self.creep_sd, most)?;
+        if let Some(asked) = wall.elements.filter(|&n| n != known.elements) {
+            return Err(CreepError::OtherNumber { asked, found: known.elements }.into());
+        }
+        *wall = wall.with_elements(known.elements);
+        for sentence in &known.sentences {
+            super::tell!("{sentence}");
+        }
+        Ok(known.priors)
+    }
+}

@@ -1,0 +1,99 @@
+//! What the numbers of a creep test alone do not say.
+
+use super::fit::{CreepFit, MOST, OPEN, TestFit};
+use super::ladder::{Ladder, Step};
+use super::problem::Shifted;
+
+/// Fall of the Bayesian information criterion that is strong evidence (Kass & Raftery 1995).
+const STRONG: f64 = 6.0;
+/// Variance of correlated residuals over that of independent ones from which a reader is told.
+const ALIKE: f64 = 3.0;
+
+/// Adds sentences: `room` elements could be tried at the most; `most_taken` if evidence would have had that many or more.
+pub(super) fn remark(fit: &mut CreepFit, ladder: &Ladder, step: &Step, (room, most_taken): (usize, bool)) {
+    let chosen = fit.creep.elements.len();
+    let (shortest_s, longest_s) = fit.span_s();
+    let none = fit.creep.elements.is_empty();
+    if most_taken && chosen < MOST {
+        fit.remarks
+            .push(format!("there are too few samples to try more than {chosen} elements: read more often, or longer"));
+    } else if most_taken {
+        fit.remarks.push(format!(
+            "more than {MOST} elements are not tried: the spectrum is broad, and these elements stand for it within the test's times alone"
+        ));
+    } else if none && fit.inflation > ALIKE {
+        fit.remarks.push(
+            "no creep describes these readings, which fall, jump or start long after the load: check them against the file's description".into(),
+        );
+    } else if none {
+        fit.remarks.push("no creep shows above the noise: the material is elastic as far as this test tells".into());
+    }
+    for (k, e) in fit.creep.elements.iter().enumerate() {
+        let at_bound = fit.at_bound[1 + 2 * k] || fit.at_bound[2 + 2 * k];
+        if e.tau_s > longest_s {
+            fit.remarks.push(format!(
+                "element {} is slower ({:.3e} s) than the test lasted ({longest_s:.3e} s): the test sees its rate, J/tau, and not the two \
+                 apart; test longer",
+                k + 1,
+                e.tau_s
+            ));
+        } else if e.tau_s < shortest_s {
+            fit.remarks.push(format!(
+                "element {} is faster ({:.3e} s) than the first sample ({shortest_s:.3e} s): what it shares with J0 stays open",
+                k + 1,
+                e.tau_s
+            ));
+        } else if !at_bound && fit.relative_errors[1 + 2 * k..=2 + 2 * k].iter().any(|e| *e > OPEN) {
+            fit.remarks.push(format!("element {} is not determined by these readings: ask for fewer elements", k + 1));
+        } else if at_bound {
+            fit.remarks.push(format!("element {} ended at a bound of the fit: ask for fewer elements", k + 1));
+        }
+    }
+    if fit.inflation > ALIKE {
+        fit.remarks.push(format!(
+            "neighbouring residuals are alike, so that {:.0} samples count as one: errors and band are widened for it; a drift of gauge or \
+             temperature, or a load that changed, does that",
+            fit.inflation
+        ));
+    }
+    if ladder.shifts > 0 {
+        apart(fit, ladder, step, room);
+    }
+}
+
+/// Says where tests fitted apart, one temperature at a time, are described better than by shifted times.
+fn apart(fit: &mut CreepFit, ladder: &Ladder, step: &Step, room: usize) {
+    let (mut square, mut variables, mut worst) = (0.0, 0, (0.0, String::new()));
+    for group in std::iter::once(None).chain((0..ladder.shifts).map(Some)) {
+        let of_group = |(t, _): &(&Shifted, &TestFit)| t.shift == group;
+        let own: Vec<_> = ladder.tests.iter().zip(&fit.tests).filter(of_group).collect();
+        let alone = own.iter().map(|(t, _)| Shifted { samples: t.samples.clone(), shift: None }).collect();
+        let alone = Ladder::new(alone, &[]);
+        let steps = alone.climb(0, room.min(alone.samples() / 4));
+        let Some(best) = steps.iter().min_by(|a, b| a.bic.total_cmp(&b.bic)) else { continue };
+        let together: f64 = own
+            .iter()
+            .flat_map(|(t, f)| {
+                let left = f.test.compliance_per_pa.iter().zip(&f.fitted_per_pa).zip(&t.samples.sd_per_pa);
+                left.map(|((j, f), sd)| ((j - f) / sd).powi(2))
+            })
+            .sum();
+        square += 2.0 * best.solution.cost;
+        variables += alone.variables(best.creep.elements.len());
+        let ratio = (together / (2.0 * best.solution.cost).max(f64::MIN_POSITIVE)).sqrt();
+        if ratio > worst.0 {
+            worst = (ratio, own.first().map_or(String::new(), |(_, f)| f.test.file.clone()));
+        }
+    }
+    let n = ladder.samples() as f64;
+    let effective = n / fit.inflation.clamp(1.0, 20.0);
+    let together = ladder.variables(step.creep.elements.len()) as f64;
+    let gain = effective * (2.0 * step.solution.cost / n).max(0.1).ln() - effective * (square / n).max(0.1).ln();
+    if gain - (variables as f64 - together) * effective.ln() > STRONG {
+        fit.remarks.push(format!(
+            "a shift of times does not describe these tests: fitted apart they leave less, {} by {:.2} times; compliances change with \
+             temperature too, or loads and specimens differ",
+            worst.1, worst.0
+        ));
+    }
+}
