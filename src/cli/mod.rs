@@ -39,6 +39,7 @@ pub mod refit;
 pub mod replay;
 pub mod rig;
 pub mod scenario;
+pub mod sensitivity;
 pub mod simulate;
 pub mod undo;
 pub mod values;
@@ -91,6 +92,7 @@ enum Command {
     Undo(undo::Args),
     Model(model::Args),
     Valve(valve::Args),
+    Sensitivity(sensitivity::Args),
     /// Turn a recording into a time series (CSV).
     Export(export::Args),
     /// Show what a recording tells without a model: steady heads, extrema, period, wave speed, closure, noise.
@@ -121,6 +123,7 @@ pub fn main() -> ExitCode {
         Command::Undo(args) => undo::run(args, cli.json),
         Command::Model(args) => model::run(args, cli.json),
         Command::Valve(args) => valve::run(args, cli.json),
+        Command::Sensitivity(args) => sensitivity::run(args, cli.json),
         Command::Export(args) => export::run(args, cli.json),
         Command::Inspect(args) => inspect::run(args, cli.json),
         Command::Recover(args) => recover::run(args, cli.json),
