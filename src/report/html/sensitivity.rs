@@ -102,7 +102,7 @@ fn of_morris(morris: &Table<Effects>) -> String {
     let sigma = |e: &Effects| Bar { value: e.sigma, low: f64::NAN, high: f64::NAN };
     let chart = |o: &Column<Effects>| BarChart {
         title: o.output.about.into(),
-        x_label: format!("{}, for a step over the whole range", o.output.unit),
+        x_label: format!("{}for a step over the whole range", with_comma(o.output.unit, "", ", ")),
         series: vec!["mean absolute effect μ*".into(), "spread σ".into()],
         groups: groups(&morris.factors, &o.parameters, |e| vec![bar(e), sigma(e)]),
     };
@@ -137,6 +137,11 @@ fn figure(caption: &str, svg: &str) -> String {
 
 fn caption(output: &Output) -> String {
     format!("{} ({})", output.about, output.name)
+}
+
+/// A unit with what joins it to its neighbours; nothing where there is none.
+fn with_comma(unit: &str, before: &str, after: &str) -> String {
+    if unit == "1" { String::new() } else { format!("{before}{unit}{after}") }
 }
 
 fn indices<T>(title: &str, of: &Table<T>, cell: impl Fn(&T) -> String) -> String {
@@ -195,7 +200,7 @@ fn of_map(map: &Map, number: usize) -> String {
 fn layered(map: &Map, layer: &Layer) -> String {
     let title = match &layer.raised {
         None => caption(&layer.output),
-        Some(raised) => format!("raising {raised}: {}, {}", layer.output.about, layer.output.unit),
+        Some(raised) => format!("raising {raised}: {}{}", layer.output.about, with_comma(layer.output.unit, ", ", "")),
     };
     // Times in periods: the rules are rules about τ/T.
     let in_periods = |axis: &Axis| if axis.unit == "s" { map.period_s } else { 1.0 };
