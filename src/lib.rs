@@ -11,6 +11,7 @@
 //! | [`record`] | live streams: wire protocols, ports, sessions, the simulated rig |
 //! | [`signal`] | noise, steady pressures, extrema, period, wave speed |
 //! | [`model`] | the method of characteristics, its boundaries and effects |
+//! | [`sensitivity`] | which parameter moves what: analysis of variance, maps, Morris, Sobol, the source paper's rules |
 //! | [`fit`] | calibration: bounded least squares, comparison, uncertainty |
 //! | [`diagnose`] | where a model fails, and which effect it lacks |
 //! | [`report`] | tables, JSON and HTML |
@@ -48,5 +49,6 @@ pub mod recording;
 pub mod replay;
 pub mod report;
 pub mod rig;
+pub mod sensitivity;
 pub mod signal;
 pub mod units;

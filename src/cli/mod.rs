@@ -42,6 +42,7 @@ pub mod replay;
 pub mod rig;
 pub mod scenario;
 mod search;
+pub mod sensitivity;
 pub mod simulate;
 pub mod undo;
 pub mod values;
@@ -95,6 +96,7 @@ enum Command {
     Undo(undo::Args),
     Model(model::Args),
     Valve(valve::Args),
+    Sensitivity(sensitivity::Args),
     /// Turn a recording into a time series (CSV).
     Export(export::Args),
     /// Show what a recording tells without a model: steady heads, extrema, period, wave speed, closure, noise.
@@ -126,6 +128,7 @@ pub fn main() -> ExitCode {
         Command::Undo(args) => undo::run(args, cli.json),
         Command::Model(args) => model::run(args, cli.json),
         Command::Valve(args) => valve::run(args, cli.json),
+        Command::Sensitivity(args) => sensitivity::run(args, cli.json),
         Command::Export(args) => export::run(args, cli.json),
         Command::Inspect(args) => inspect::run(args, cli.json),
         Command::Recover(args) => recover::run(args, cli.json),

@@ -129,7 +129,8 @@ impl Scenario {
         Ok(Scenario { water, effects, valve, shared, run, reaches, rig })
     }
 
-    fn model(&self) -> Model<'_> {
+    /// The model of it.
+    pub fn model(&self) -> Model<'_> {
         let mut model = Model::new(&self.rig, &self.water, &self.effects);
         model.closure = self.valve.closure();
         model.memory_limit_bytes = super::memory::limit_bytes();

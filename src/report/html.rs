@@ -11,6 +11,7 @@ mod matrix;
 mod parameters;
 mod ranking;
 mod rig;
+pub mod sensitivity;
 mod sensor;
 mod signature;
 mod spectrum;
@@ -54,34 +55,17 @@ const UPLOT_CSS: &str = include_str!("assets/uplot/uPlot.min.css");
 /// Never fails: without stages or sensors the page says so; numbers that are not finite are left out of the curves.
 pub fn html(page: &Page) -> String {
     let panels = panels(page);
-    let title = escape(&page.title);
     let kind = if page.diagnoses.is_empty() { "calibration" } else { "diagnosis" };
     let (mark, class, verdict) =
         if page.diagnoses.is_empty() { verdict(&page.stages) } else { diagnosis::verdict(page) };
-    let mut out = format!(
-        r#"<!doctype html>
-<html lang="en">
-<head>
-<meta charset="utf-8">
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<meta name="color-scheme" content="light dark">
-<meta name="generator" content="surgescope {version}">
-<meta http-equiv="Content-Security-Policy" content="default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:">
-<title>{title}</title>
-<style>{UPLOT_CSS}
-{CSS}</style>
-</head>
-<body data-page="{kind}"{named}>
-<main>
-<header>
-<p class="kicker">surgescope {kind} report</p>
-<h1>{title}</h1>
-<p class="verdict {class}"><span class="mark" aria-hidden="true">{mark}</span> <span>{verdict}</span></p>
+    let named = page.diagnoses.last().map_or(String::new(), |d| format!(" data-verdict=\"{}\"", d.verdict.name()));
+    let mut out = head(&page.title, kind, &named);
+    let _ = write!(
+        out,
+        r#"<p class="verdict {class}"><span class="mark" aria-hidden="true">{mark}</span> <span>{}</span></p>
 </header>
 "#,
-        version = env!("CARGO_PKG_VERSION"),
-        named = page.diagnoses.last().map_or(String::new(), |d| format!(" data-verdict=\"{}\"", d.verdict.name())),
-        verdict = escape(&verdict),
+        escape(&verdict)
     );
     let diagnosed = !page.diagnoses.is_empty();
     let mut body = if diagnosed { diagnosis::before(page) } else { stages::staircase(&page.stages, "") };
@@ -94,13 +78,7 @@ pub fn html(page: &Page) -> String {
     body.push_str(&rig::section(page.rig));
     out.push_str(&contents(&body));
     out.push_str(&body);
-    let _ = write!(
-        out,
-        r#"<footer>Written by surgescope {}. The page holds its own data and needs no network. Charts: uPlot (MIT licence).</footer>
-</main>
-"#,
-        env!("CARGO_PKG_VERSION")
-    );
+    out.push_str(&footer(" Charts: uPlot (MIT licence)."));
     if !panels.is_empty() {
         let data = json_in_script(&data::json(&page.stages, &panels));
         let _ = write!(
@@ -110,6 +88,40 @@ pub fn html(page: &Page) -> String {
     }
     out.push_str("</body>\n</html>\n");
     out
+}
+
+/// The beginning of a page up to its heading, inside `<header>`.
+fn head(title: &str, kind: &str, attributes: &str) -> String {
+    format!(
+        r#"<!doctype html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<meta name="color-scheme" content="light dark">
+<meta name="generator" content="surgescope {version}">
+<meta http-equiv="Content-Security-Policy" content="default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:">
+<title>{title}</title>
+<style>{UPLOT_CSS}
+{CSS}</style>
+</head>
+<body data-page="{kind}"{attributes}>
+<main>
+<header>
+<p class="kicker">surgescope {kind} report</p>
+<h1>{title}</h1>
+"#,
+        version = env!("CARGO_PKG_VERSION"),
+        title = escape(title),
+    )
+}
+
+/// The end of a page's text.
+fn footer(more: &str) -> String {
+    format!(
+        "<footer>Written by surgescope {}. The page holds its own data and needs no network.{more}</footer>\n</main>\n",
+        env!("CARGO_PKG_VERSION")
+    )
 }
 
 /// Links to the chapters that a body has: headings right after an `id`.

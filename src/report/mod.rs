@@ -8,8 +8,9 @@
 //! | [`json`] | the document of `calibrate --json` |
 //! | [`table`] | plain-text tables for the terminal |
 //! | [`html`](mod@html) | the page of a calibration or a diagnosis, from the pieces in `html/` and the files in `assets/` |
-//! | [`svg`] | static line charts, for the page in print and for any other plot |
 //! | [`creep`] | a creep test as text and JSON |
+//! | [`sensitivity`] | a sensitivity study as text, and the page of the source paper's rules |
+//! | [`svg`] | static charts, for the page in print and for any other plot |
 //! | [`plot`] | a small plot of two curves in text |
 //! | [`failure`] | where a model fails, in words |
 //! | [`summary`] | the error of a whole fit, and the one-sentence verdict |
@@ -29,6 +30,7 @@ pub mod json;
 pub mod models;
 pub mod number;
 pub mod plot;
+pub mod sensitivity;
 pub mod summary;
 pub mod svg;
 pub mod table;

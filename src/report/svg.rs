@@ -1,9 +1,11 @@
-//! Small static line charts: what a page shows where no script runs, in print, and any other plot.
+//! Small static charts (lines here, [`bars`], [`heat`] maps): what a page shows where no script runs, in print, and any other plot.
 //!
 //! Every mark carries a class beside its own colour (`chart`, `grid`, `axis`, `series-0` …), so that a page's style sheet can
 //! recolour it for dark mode or paper; a file of its own looks right without one.
 
 mod axis;
+pub mod bars;
+pub mod heat;
 
 use std::fmt::Write;
 

@@ -10,6 +10,7 @@
 //! | `levels` | head before and after, flow, temperature |
 //! | `matching`, `wavespeed` | delays between fronts, and the wave speed they give |
 //! | `extrema` | half cycles, period, damping |
+//! | [`oscillation`](mod@oscillation) | the same of a head known without noise |
 //! | [`spectrum`] | amplitude over frequency of a trace |
 //! | [`check`] | does a recording agree with its rig |
 //! | [`doubts`](mod@doubts) | numbers that cannot all be right, before a fit |
@@ -23,6 +24,7 @@ mod levels;
 mod matching;
 mod noise;
 mod onset;
+pub mod oscillation;
 mod project;
 pub mod spectrum;
 mod station;
