@@ -89,3 +89,13 @@ fn steps_are_told_and_can_be_stopped_and_continued() {
     assert!(after < 0.3 * before, "{before} to {after}");
     assert!(over_noise(&whole) < 1.2 * after);
 }
+
+#[test]
+fn a_start_for_what_the_model_has_not_is_refused() {
+    let mut command = Command::cargo_bin("surgescope").unwrap();
+    command.current_dir(env!("CARGO_MANIFEST_DIR")).args(["calibrate", RECORDING, "--most-reaches", "64"]);
+    let output = command.args(["--start", "wave_sped_m_s=300"]).output().unwrap();
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(2), "{said}");
+    assert!(said.contains("wave_sped_m_s") && said.contains("wave_speed_m_s"), "{said}");
+}

@@ -82,6 +82,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         let options = Options { most_reaches: args.most_reaches, constraints, priors, ..searched.clone() };
         fits.push((title(effects), timed(&rig, &runs, effects, &options)?));
     }
+    args.search.check(fits.iter().map(|(_, fit)| fit))?;
     let stages: Vec<Stage> = fits.iter().map(|(title, fit)| Stage { title: title.clone(), fit }).collect();
     let Some((_, last)) = fits.last() else { return Ok(Outcome::Done) };
     for conflict in conflicts(last, &runs).into_iter().chain(at_bounds(last)) {

@@ -8,6 +8,7 @@ use clap::ValueEnum;
 use super::models;
 use crate::fit::calibrate::Options;
 use crate::fit::method;
+use crate::fit::outcome::Fit;
 use crate::model::constraint::Given;
 
 /// Options of a search.
@@ -64,6 +65,22 @@ impl From<Method> for method::Method {
 }
 
 impl Search {
+    /// Refuses a start for what none of the fitted models has.
+    ///
+    /// # Errors
+    /// The first such.
+    pub fn check<'a>(&self, fits: impl Iterator<Item = &'a Fit> + Clone) -> Result<(), String> {
+        let known = fits.flat_map(|f| &f.parameters).map(|p| p.name.as_str());
+        match self.start.iter().find(|(name, _)| !known.clone().any(|k| k == name)) {
+            None => Ok(()),
+            Some((name, _)) => {
+                let known: std::collections::BTreeSet<&str> = known.collect();
+                let known = known.into_iter().collect::<Vec<_>>().join(", ");
+                Err(format!("the model has no parameter '{name}' to start; it has {known}"))
+            }
+        }
+    }
+
     /// Options of a fit that searches so.
     ///
     /// # Errors
