@@ -35,6 +35,7 @@ pub mod model;
 pub mod models;
 pub mod output;
 pub mod playback;
+pub mod ports;
 pub mod record;
 pub mod recover;
 pub mod refit;
@@ -105,6 +106,7 @@ enum Command {
     Recover(recover::Args),
     /// Say where a rig file contradicts itself, or a recording made on it.
     Rig(rig::Args),
+    Ports(ports::Args),
     /// Record a live, simulated or replayed test.
     Record(record::Args),
     /// Simulate a closure on a rig, no recording needed.
@@ -134,6 +136,7 @@ pub fn main() -> ExitCode {
         Command::Recover(args) => recover::run(args, cli.json),
         Command::Simulate(args) => simulate::run(args, cli.json),
         Command::Rig(args) => rig::run(args, cli.json),
+        Command::Ports(args) => ports::run(args, cli.json),
         Command::Record(args) => record::run(args, cli.json),
         Command::Replay(args) => replay::run(args, cli.json),
     };
