@@ -87,7 +87,8 @@ mod tests {
             let cut = end_in_place(&mut file).unwrap();
             let values = &read(&path).unwrap().series[0].value;
             assert!(values.iter().enumerate().all(|(i, v)| *v == i as f64), "{values:?}");
-            assert!(values.len() >= most && cut < 300);
+            // The first chunk holds what the others only name.
+            assert!(values.len() >= most && cut < 4000, "{} values, {cut} bytes cut of {length}", values.len());
             most = values.len();
         }
         assert!(most >= 19, "{most}");

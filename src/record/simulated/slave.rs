@@ -23,9 +23,8 @@ pub fn run(mut line: Wire, script: &Script, speed: f64, faults: Faults) -> io::R
     let mut pending = Vec::new();
     let mut buffer = [0; 256];
     while line.wanted() {
-        let played_ns = started.elapsed().as_nanos() as f64 * speed;
-        let row = (played_ns / f64::from(script.period_ns)) as usize;
-        if row >= script.rows {
+        let row = || (started.elapsed().as_nanos() as f64 * speed / f64::from(script.period_ns)) as usize;
+        if row() >= script.rows {
             line.drain();
             break;
         }
@@ -41,7 +40,7 @@ pub fn run(mut line: Wire, script: &Script, speed: f64, faults: Faults) -> io::R
                 continue;
             };
             pending.drain(..8);
-            let Some(bytes) = answer(script, asked, &request, row) else { continue };
+            let Some(bytes) = answer(script, asked, &request, row().min(script.rows - 1)) else { continue };
             sent.frames += 1;
             let fault = if sent.frames > 1 { faults.throw(&mut dice) } else { None };
             let timeout_s = if let Form::Registers { timeout_s, .. } = script.form { timeout_s } else { 0.2 };
