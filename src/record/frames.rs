@@ -321,7 +321,7 @@ impl Decoder {
 fn missing(last: &Last, next: &Frame, step: u16) -> u32 {
     let by_sequence = u64::from(step - 1);
     let hole_us = next.first_us.saturating_sub(last.first_us + last.length_us);
-    let by_time = if last.length_us == 0 { 0 } else { hole_us / last.length_us };
+    let by_time = hole_us.checked_div(last.length_us).unwrap_or(0);
     let wraps = (by_time.saturating_sub(by_sequence) + (1 << 15)) >> 16;
     u32::try_from(by_sequence + (wraps << 16)).unwrap_or(u32::MAX)
 }

@@ -201,7 +201,7 @@ impl Decoder {
 
     fn stale(&mut self, line: Line, events: &mut Vec<Event>) {
         self.counts.stale += 1;
-        if !self.stale.last().is_some_and(|last| last.time_us < line.time_us) {
+        if self.stale.last().is_none_or(|last| last.time_us >= line.time_us) {
             self.stale.clear();
         }
         self.stale.push(line);

@@ -182,7 +182,7 @@ impl<L: Line> Poller<L> {
         let asked = Instant::now();
         let mut bytes = Vec::new();
         while self.more(&mut bytes, asked)?.is_some() {
-            while self.take_old(&mut bytes) {
+            if self.take_old(&mut bytes) {
                 return Ok(self.stepped());
             }
         }

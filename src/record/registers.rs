@@ -125,8 +125,8 @@ mod tests {
             (Encoding::U32, true, vec![0x0001, 0x0000], 65_536.0),
             (Encoding::U32, false, vec![0x0001, 0x0000], 1.0),
             (Encoding::I32, true, vec![0xFFFF, 0xFFFE], -2.0),
-            (Encoding::F32, true, vec![0x47F1, 0x2065], f64::from(123_456.789_f32)),
-            (Encoding::F32, false, vec![0x2065, 0x47F1], f64::from(123_456.789_f32)),
+            (Encoding::F32, true, vec![0x47F1, 0x2065], f64::from(123_456.79_f32)),
+            (Encoding::F32, false, vec![0x2065, 0x47F1], f64::from(123_456.79_f32)),
         ] {
             let place = place(7, true, encoding, big);
             assert_eq!(value(&place, 7, &words_), Some(number), "{encoding:?} {big}");

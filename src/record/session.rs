@@ -128,10 +128,14 @@ fn finish(
         .enumerate()
         .map(|(index, stream)| {
             let mut count = stream.count(sources.waited(index));
-            // A device that ended before the duration, or never spoke, owes what it did not send; one that the user stopped does not.
+            // What ended before the duration, vanished for good or never spoke owes what it did not send; a device that ends by
+            // itself, or that the user stops, does not.
             let early = options.duration_s.is_some() && stream.state != State::Reached && !by_user;
-            let alone = streams.len() == 1;
-            let left = !alone && matches!(stream.state, State::Ended(_) | State::Vanished(..));
+            let left = match stream.state {
+                State::Vanished(..) => true,
+                State::Ended(_) => streams.len() > 1,
+                State::Open | State::Reached => false,
+            };
             count.incomplete = early || stream.is_empty() || left;
             count
         })
