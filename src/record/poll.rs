@@ -15,6 +15,8 @@ use super::registers::Group;
 const SILENCE: Duration = Duration::from_millis(20);
 /// A slave that has said nothing for so many time-outs, echoes included, will not answer what it was asked before.
 const FORGOTTEN_TIMEOUTS: u32 = 10;
+/// Another echo is asked for after so many time-outs: a slave that is slow already is not to be flooded.
+const ECHO_TIMEOUTS: u32 = 4;
 /// Longest answer, bytes, and some.
 const MOST_BYTES: usize = 512;
 
@@ -72,6 +74,7 @@ pub struct Poller<L> {
     /// Echoes neither returned nor refused yet.
     owed_echoes: u32,
     next_echo: u16,
+    echo_asked: Option<Instant>,
     heard: Instant,
 }
 
@@ -88,6 +91,7 @@ impl<L: Line> Poller<L> {
             echoes: Vec::new(),
             owed_echoes: 0,
             next_echo,
+            echo_asked: None,
             heard: Instant::now(),
         }
     }
@@ -174,12 +178,18 @@ impl<L: Line> Poller<L> {
         if !self.drain()? {
             return Ok(false);
         }
-        let number = self.next_echo;
-        self.next_echo = number.wrapping_add(1);
-        self.echoes.push(number);
-        self.owed_echoes += 1;
-        self.line.send(&Request::Echo(number).encode(self.unit))?;
+        if self.in_step {
+            return Ok(true);
+        }
         let asked = Instant::now();
+        if self.echo_asked.is_none_or(|before| before.elapsed() >= self.timeout * ECHO_TIMEOUTS) {
+            self.echo_asked = Some(asked);
+            let number = self.next_echo;
+            self.next_echo = number.wrapping_add(1);
+            self.echoes.push(number);
+            self.owed_echoes += 1;
+            self.line.send(&Request::Echo(number).encode(self.unit))?;
+        }
         let mut bytes = Vec::new();
         while self.more(&mut bytes, asked)?.is_some() {
             if self.take_old(&mut bytes) {
@@ -193,6 +203,7 @@ impl<L: Line> Poller<L> {
     fn stepped(&mut self) -> bool {
         self.in_step = true;
         self.echoes.clear();
+        self.echo_asked = None;
         true
     }
 

@@ -46,7 +46,7 @@ pub fn run(count: usize, program: &str) -> Measured {
         let whole = folder.path().join("whole.mcap");
         recover(&file, &whole).map_err(|error| format!("kill {index}: {error}"))?;
         let samples =
-            ramp::check(&read(&whole)?, playback.sample_period_ns).map_err(|why| format!("kill {index}: {why}"))?;
+            ramp::check(&read(&whole)?, playback.sample_period_ns, 20).map_err(|why| format!("kill {index}: {why}"))?;
         losses_ms.push(1e3 * (played_s - samples as f64 / RATE_HZ));
     }
     losses_ms.sort_by(f64::total_cmp);

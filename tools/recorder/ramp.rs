@@ -52,8 +52,9 @@ pub fn frame(index: i64, samples: i64, period_ns: u32) -> Option<Frame> {
     Frame::new(index as u16, first_us, period_ns, CHANNELS as u8, counts)
 }
 
-/// Checks that each channel holds the samples from number 0 on, every one at its time; returns how many there are of each.
-pub fn check(recording: &Recording, period_ns: u32) -> Result<usize, String> {
+/// Checks that each channel holds the samples from number 0 on, every one at its time; returns how many there are of each, at least.
+/// After a kill channels may differ by `torn` samples: those of the last frame.
+pub fn check(recording: &Recording, period_ns: u32, torn: usize) -> Result<usize, String> {
     let mut lengths = Vec::new();
     for (channel, series) in recording.series.iter().enumerate() {
         if let Some(gap) = series.gaps.first() {
@@ -68,13 +69,11 @@ pub fn check(recording: &Recording, period_ns: u32) -> Result<usize, String> {
         }
         lengths.push(series.value.len());
     }
-    match lengths[..] {
-        [first, ..] if lengths.iter().all(|length| *length == first) => Ok(first),
-        _ => Err(format!("channels of different lengths: {lengths:?}")),
-    }
+    let (least, most) = (lengths.iter().min().copied().unwrap_or(0), lengths.iter().max().copied().unwrap_or(0));
+    if most - least <= torn { Ok(least) } else { Err(format!("channels of different lengths: {lengths:?}")) }
 }
 
 /// Reads a finished file and checks it; returns how many samples there are of each channel.
 pub fn check_file(path: &Path, period_ns: u32) -> Result<usize, Box<dyn std::error::Error + Send + Sync>> {
-    Ok(check(&surgescope::log::read(path)?, period_ns)?)
+    Ok(check(&surgescope::log::read(path)?, period_ns, 0)?)
 }
