@@ -131,7 +131,9 @@ def record(program, polls, seed):
                     # The registers a and a + 1, most significant word first.
                     expected = address << 16 | address + 1
                     right += bool(text) and float(text) == expected
-                    wrong += bool(text) and float(text) != expected
+                    if text and float(text) != expected:
+                        wrong += 1
+                        print(f"P{address} at {row['time_s']} s: {text} for {expected}", file=sys.stderr)
     return summary["devices"][0], right, wrong
 
 

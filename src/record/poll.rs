@@ -2,8 +2,9 @@
 //!
 //! An answer does not say which registers it is of. One that comes after its time-out would fit the next request for as many
 //! registers, and pressures would stand under a flow's name. So after anything but the answer asked for the line is *out of step*: it is
-//! drained to silence, then an echo with a number of its own is asked for, and only when that comes back (or its refusal; or nothing at
-//! all for ten time-outs) are registers read again. A slave answers in order, so nothing older can then be on its way.
+//! drained to silence, then an echo with a number of its own is asked for, and only when that comes back (or its refusal) are
+//! registers read again. A slave answers in order, so nothing older can then be on its way. With a slave that has never said anything to an
+//! echo there is only silence to go by: ten time-outs of it, and two seconds at least.
 
 use std::io;
 use std::time::{Duration, Instant};
@@ -13,8 +14,9 @@ use super::registers::Group;
 
 /// A line without bytes for so long is silent: longer than the 16 ms that USB adapters hold bytes back.
 const SILENCE: Duration = Duration::from_millis(20);
-/// A slave that has said nothing for so many time-outs, echoes included, will not answer what it was asked before.
+/// A slave that does not know echoes and has said nothing for so many time-outs, and for so long, will not answer what it was asked before.
 const FORGOTTEN_TIMEOUTS: u32 = 10;
+const FORGOTTEN: Duration = Duration::from_millis(if cfg!(test) { 200 } else { 2000 });
 /// Another echo is asked for after so many time-outs: a slave that is slow already is not to be flooded.
 const ECHO_TIMEOUTS: u32 = 4;
 /// Longest answer, bytes, and some.
@@ -75,6 +77,8 @@ pub struct Poller<L> {
     owed_echoes: u32,
     next_echo: u16,
     echo_asked: Option<Instant>,
+    /// It has returned or refused an echo before.
+    knows_echoes: bool,
     heard: Instant,
 }
 
@@ -92,6 +96,7 @@ impl<L: Line> Poller<L> {
             owed_echoes: 0,
             next_echo,
             echo_asked: None,
+            knows_echoes: false,
             heard: Instant::now(),
         }
     }
@@ -170,6 +175,7 @@ impl<L: Line> Poller<L> {
     fn is_old_echo(&mut self, answer: &Answer) -> bool {
         let old = matches!(answer, Answer::Echo(_) | Answer::Refused { echo: true, .. });
         self.owed_echoes = self.owed_echoes.saturating_sub(u32::from(old));
+        self.knows_echoes |= old;
         old
     }
 
@@ -196,8 +202,8 @@ impl<L: Line> Poller<L> {
                 return Ok(self.stepped());
             }
         }
-        let forgotten = self.heard.elapsed() >= self.timeout * FORGOTTEN_TIMEOUTS;
-        Ok(forgotten && self.stepped())
+        let forgotten = self.heard.elapsed() >= FORGOTTEN.max(self.timeout * FORGOTTEN_TIMEOUTS);
+        Ok(forgotten && !self.knows_echoes && self.stepped())
     }
 
     fn stepped(&mut self) -> bool {
