@@ -4,7 +4,7 @@ use super::{Case, file, fixed, number};
 use crate::fit::least_squares::Problem as _;
 use crate::model::parameter::Scale;
 
-/// How much more than a step of our own difference PEST takes: it reads the model's output as text.
+/// How much more than a step of our own differences PEST takes: what it writes and reads passes through text.
 const STEP_FACTOR: f64 = 10.0;
 /// Group of the parameters that are moved as logarithms.
 const LOG_GROUP: &str = "log";

@@ -17,7 +17,7 @@ impl Names {
     /// than what stands before.
     pub(super) fn take(&mut self, text: &str, suffix: &str) -> String {
         let (stem, inside) = text.split_once('[').unwrap_or((text, ""));
-        let (stem, inside) = (plain(stem), plain(inside));
+        let (stem, inside) = (Some(plain(stem)).filter(|s| !s.is_empty()).unwrap_or("x".to_owned()), plain(inside));
         let room = self.longest.saturating_sub(suffix.len());
         let whole = if inside.is_empty() { stem.clone() } else { format!("{stem}_{inside}") };
         let short = match (whole.len() <= room, inside.is_empty()) {
@@ -49,8 +49,7 @@ fn plain(text: &str) -> String {
             out.push('_');
         }
     }
-    let out = out.trim_end_matches('_');
-    if out.is_empty() { "x".to_owned() } else { out.to_owned() }
+    out.trim_end_matches('_').to_owned()
 }
 
 fn cut(text: &str, most: usize) -> &str {
