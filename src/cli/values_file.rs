@@ -29,7 +29,7 @@ fn parse(text: &str) -> Result<Vec<Given>, String> {
             continue;
         }
         // Fortran programs may write an exponent with D.
-        let value = |text: &str| number(&text.replace(['D', 'd'], "E"));
+        let value = |text: &str| number(&text.trim().replace(['D', 'd'], "E"));
         let read = pair(line).and_then(|(name, text)| Ok((name, value(&text)?)));
         let (name, value) = read.map_err(|e| format!("line {}: {e}", i + 1))?;
         if given.iter().any(|g| g.name == name && g.run == run) {
