@@ -17,6 +17,7 @@ macro_rules! tell {
 }
 pub(crate) use {say, say_text, tell};
 
+pub mod accept;
 pub mod add;
 pub mod calibrate;
 pub mod creep;
@@ -25,7 +26,9 @@ pub mod demo;
 pub mod diagnose;
 pub mod effects;
 pub mod energy;
+pub mod evaluate;
 pub mod export;
+pub mod history;
 mod hold;
 pub mod import;
 pub mod inspect;
@@ -47,6 +50,7 @@ pub mod simulate;
 pub mod undo;
 pub mod values;
 pub mod valve;
+pub mod watch;
 
 use std::error::Error;
 use std::io::Write as _;
@@ -111,6 +115,9 @@ enum Command {
     Simulate(simulate::Args),
     /// Say whether recordings still give the results kept beside them.
     Replay(replay::Args),
+    Watch(watch::Args),
+    Accept(accept::Args),
+    History(history::Args),
 }
 
 /// Parses the arguments, runs the command and turns its outcome into the exit code.
@@ -136,6 +143,9 @@ pub fn main() -> ExitCode {
         Command::Rig(args) => rig::run(args, cli.json),
         Command::Record(args) => record::run(args, cli.json),
         Command::Replay(args) => replay::run(args, cli.json),
+        Command::Watch(args) => watch::run(args, cli.json),
+        Command::Accept(args) => accept::run(args, cli.json),
+        Command::History(args) => history::run(args, cli.json),
     };
     match result {
         Ok(Outcome::Done) => ExitCode::SUCCESS,

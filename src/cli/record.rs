@@ -10,11 +10,13 @@ use std::time::Duration;
 use clap::ArgGroup;
 use indicatif::{ProgressBar, ProgressStyle};
 
+use super::evaluate::{Settings, evaluate_new, line};
 #[cfg(unix)]
 use super::playback::{Timing, of_scenario};
 use super::scenario::{Scenario, ValveForm};
 use super::values::{not_negative, pair, positive, setting};
 use super::{CommandResult, Outcome};
+use crate::history::State;
 use crate::model::effects::{Chosen, parse_list};
 use crate::record::output::{Progress, Summary, check_path};
 use crate::record::port::Source;
@@ -22,6 +24,7 @@ use crate::record::session::{self, Options};
 #[cfg(unix)]
 use crate::record::simulated::{Counts, Faults, Playback, SimulatedDevice};
 use crate::record::{RecordError, replay};
+use crate::report::history::RunDocument;
 use crate::rig::{Device, Rig};
 
 /// Record a live test: from the rig's device, from a simulated one, or from a file played as if it were live.
@@ -67,13 +70,16 @@ pub struct Args {
     /// Keep a note with the recording; may be given often.
     #[arg(long, value_name = "KEY=VALUE", value_parser = pair)]
     note: Vec<(String, String)>,
+    /// Calibrate and diagnose the finished recording, as `surgescope watch` does: fit and report land beside it.
+    #[arg(long)]
+    calibrate: bool,
     /// The stream has ended when no valid frame came for so many seconds.
     #[arg(long, value_name = "S", default_value_t = 5.0, value_parser = positive, allow_negative_numbers = true)]
     silence: f64,
 }
 
 /// Set by Ctrl-C and SIGTERM.
-static STOP: AtomicBool = AtomicBool::new(false);
+pub(super) static STOP: AtomicBool = AtomicBool::new(false);
 
 /// Records until the duration, a signal or the stream's end.
 pub fn run(args: Args, json: bool) -> CommandResult {
@@ -91,17 +97,27 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     reporter.clear();
     let summary = summary?;
     super::tell!("{}: {}", summary.file, summary.ended);
-    if json {
-        super::say!("{}", serde_json::to_string(&summary)?);
-    } else {
+    if !json {
         super::say_text!(table(&summary));
     }
-    Ok(if summary.data_lost { Outcome::DataLost } else { Outcome::Done })
+    let run = if args.calibrate { evaluate_new(&args.output, &Settings::default())? } else { None };
+    if json {
+        let calibration = run.as_ref().map(|run| serde_json::json!({ "calibration": RunDocument::from(run) }));
+        super::say!("{}", super::document(calibration.unwrap_or_else(|| serde_json::json!({})), &summary)?);
+    } else if let Some(run) = &run {
+        super::say!("{}", line(run));
+    }
+    let failed = run.is_some_and(|run| run.state == State::Failed);
+    Ok(match (summary.data_lost, failed) {
+        (true, _) => Outcome::DataLost,
+        (false, true) => Outcome::No,
+        _ => Outcome::Done,
+    })
 }
 
 /// Lets Ctrl-C and the requests to terminate or hang up end the recording, not the program: its file is made whole first.
 #[cfg(unix)]
-fn stop_on_signals() -> std::io::Result<()> {
+pub(super) fn stop_on_signals() -> std::io::Result<()> {
     use tokio::signal::unix::{SignalKind, signal};
 
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
@@ -120,7 +136,7 @@ fn stop_on_signals() -> std::io::Result<()> {
 
 /// Lets Ctrl-C end the recording, not the program: its file is made whole first.
 #[cfg(not(unix))]
-fn stop_on_signals() -> std::io::Result<()> {
+pub(super) fn stop_on_signals() -> std::io::Result<()> {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
     let wait = async {
         if tokio::signal::ctrl_c().await.is_ok() {
