@@ -47,6 +47,7 @@ pub mod scenario;
 mod search;
 pub mod sensitivity;
 pub mod simulate;
+mod triggers;
 pub mod undo;
 pub mod values;
 pub mod valve;

@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use serde::Serialize;
 
-use super::number::{fixed, significant, times, with_error};
+use super::number::{decimals_for, fixed, signed, significant, times, with_error};
 use crate::history::drift::{Drift, Point, Slope};
 use crate::history::{History, Run, State, Value};
 
@@ -298,12 +298,12 @@ pub fn drift_rows(history: &History) -> Vec<[String; 6]> {
     history.parameters.iter().map(row).collect()
 }
 
-/// A slope with its interval; a star where it is not zero.
+/// A slope with its interval, in as many decimals as the interval's half width deserves; a star where it is not zero.
 pub fn slope_text(s: &Slope) -> String {
-    let digits = |v: f64| significant(v, 2);
-    let sign = if s.value > 0.0 { "+" } else { "" };
+    let half = 0.5 * (s.high - s.low);
+    let decimals = (decimals_for(half) + 1).min(9);
     let star = if s.stands_out() { " *" } else { "" };
-    format!("{sign}{} [{}, {}]{star}", digits(s.value), digits(s.low), digits(s.high))
+    format!("{} [{}, {}]{star}", signed(s.value, decimals), fixed(s.low, decimals), fixed(s.high, decimals))
 }
 
 /// What the drifts mean, in sentences.
