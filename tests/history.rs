@@ -57,6 +57,24 @@ fn index(folder: &Path) {
     }
 }
 
+/// A run that the program never survives is begun so often and no more; a failed one waits only when it is asked for.
+#[test]
+fn a_run_that_ends_the_program_is_given_up() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut index = Index::open(folder.path()).unwrap();
+    let name = Name { file: "run.mcap".into(), size: 1, modified_ns: 1 };
+    index.enter(&name, "content", ("lab", 1), None, |_| true).unwrap();
+    for tries in 1..=3 {
+        assert_eq!(index.claim(None).unwrap().map(|run| run.tries), Some(tries));
+        assert_eq!(index.resume(3).unwrap().len(), 1, "it was cut off");
+    }
+    assert_eq!(index.claim(None).unwrap(), None);
+    let run = index.named("run.mcap").unwrap().unwrap();
+    assert!(run.error.unwrap().contains("ended 3 times"));
+    assert_eq!(index.retry().unwrap(), 1);
+    assert_eq!(index.claim(None).unwrap().map(|run| run.tries), Some(1));
+}
+
 fn history(folder: &Path, more: &[&str]) -> (i32, String, String) {
     let mut command = Command::cargo_bin("surgescope").unwrap();
     let output = command.args(["history", "--folder"]).arg(folder).args(more).output().unwrap();

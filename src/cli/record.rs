@@ -91,6 +91,13 @@ pub(super) static STOP: AtomicBool = AtomicBool::new(false);
 pub fn run(args: Args, json: bool) -> CommandResult {
     if let Some(output) = &args.output {
         check_path(output)?;
+        if args.calibrate && output.extension().is_none_or(|e| !e.eq_ignore_ascii_case("mcap")) {
+            return Err(format!(
+                "{} does not end with .mcap, as --calibrate needs it to: a later watch looks for that",
+                output.display()
+            )
+            .into());
+        }
     }
     stop_on_signals()?;
     let rig = args.rig.as_deref().map(Rig::load).transpose()?;

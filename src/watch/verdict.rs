@@ -146,3 +146,62 @@ fn plus_minus(expected: &Expected) -> String {
     let digits = (expected.value.abs() / expected.half_width).log10().ceil().max(0.0) as usize + 2;
     format!("{} ± {}", significant(expected.value, digits.min(7)), significant(expected.half_width, 2))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::history::{NOTHING_MISSING, State};
+
+    fn value(name: &str, value: f64, own: bool) -> Value {
+        Value { name: name.into(), value, standard_error: Some(0.1), unit: "m/s".into(), own }
+    }
+
+    /// A run whose wave speed falls by 2 m/s a kelvin.
+    fn run(id: i64, degc: f64, verdict: &str, off: f64) -> Run {
+        let finding = Finding {
+            temperature_degc: Some(degc),
+            effects: vec!["leak".into()],
+            verdict: verdict.into(),
+            parameters: vec![value("wave_speed_m_s", 435.0 - 2.0 * degc + off, false), value("velocity", off, true)],
+            ..Finding::default()
+        };
+        Run {
+            id,
+            content: id.to_string(),
+            file: format!("{id}.mcap"),
+            rig: "lab".into(),
+            recorded_unix_ns: id,
+            state: State::Done,
+            tries: 1,
+            error: None,
+            finding: Some(finding),
+            accepted: false,
+        }
+    }
+
+    fn compared(earlier: &[Run], speed: f64, degc: f64) -> Compared {
+        compare(
+            &[value("wave_speed_m_s", speed, false), value("velocity", 99.0, true)],
+            &["leak".into()],
+            Some(degc),
+            earlier,
+        )
+    }
+
+    #[test]
+    fn a_value_is_held_against_sound_runs_of_the_same_model_at_its_temperature() {
+        let degc = [20.0, 23.0, 18.0, 25.0, 21.0];
+        let off = [0.1, -0.1, 0.05, 0.0, -0.05];
+        let mut earlier: Vec<Run> = (0..5).map(|i| run(i as i64, degc[i], NOTHING_MISSING, off[i])).collect();
+        let warm = compared(&earlier, 379.1, 28.0);
+        assert_eq!((warm.earlier, warm.compared, warm.outside.len()), (5, 1, 0), "{warm:?}");
+        let odd = compared(&earlier, 395.0, 28.0);
+        assert_eq!(odd.outside.len(), 1);
+        assert!((odd.outside[0].1.value - 379.0).abs() < 0.5);
+        // What lacks something says nothing of the rig, unless a person accepted it.
+        earlier.extend([30.0, 10.0, 40.0].map(|degc| run(9, degc, "missing-effect", 50.0)));
+        assert_eq!(compared(&earlier, 379.1, 28.0), warm);
+        let other = compare(&[value("wave_speed_m_s", 379.1, false)], &[], Some(28.0), &earlier);
+        assert_eq!((other.earlier, other.compared), (0, 0), "another model has no history");
+    }
+}

@@ -23,6 +23,9 @@ pub fn html(history: &History) -> String {
     for note in drift_notes(history) {
         let _ = writeln!(out, "<p class=\"note\">{}</p>", escape(&note));
     }
+    if history.parameters.iter().any(|p| p.drift.is_some_and(|d| d.together)) {
+        out.push_str("<p class=\"note\">Values over runs are brought to the mean temperature, values over temperature to the mean run, by the other drift.</p>\n");
+    }
     for parameter in &history.parameters {
         let _ = writeln!(out, "<h3><code>{}</code></h3>", escape(&parameter.name));
         for chart in charts(parameter) {
@@ -64,10 +67,16 @@ pub fn svg(history: &History) -> String {
 
 /// A parameter over runs and, where temperatures are known, over temperature.
 fn charts(parameter: &ParameterHistory) -> Vec<LineChart> {
-    let over_runs = Axis { of: |p| Some(p.run), label: "run", slope: |d| d.per_run, at: |d| d.mean_run, is_run: true };
+    let over_runs = Axis {
+        of: |p| Some(p.run),
+        label: "run (bars: ± 2 standard errors)",
+        slope: |d| d.per_run,
+        at: |d| d.mean_run,
+        is_run: true,
+    };
     let over_kelvin = Axis {
         of: |p| p.temperature_degc,
-        label: "temperature, °C",
+        label: "temperature, °C (bars: ± 2 standard errors)",
         slope: |d| d.per_kelvin,
         at: |d| d.mean_degc,
         is_run: false,
@@ -106,7 +115,11 @@ fn chart(parameter: &ParameterHistory, axis: &Axis) -> LineChart {
         if places.is_empty() {
             continue;
         }
-        let bars = places.iter().flat_map(|&(x, y, e)| [(x, y - e), (x, y + e), (f64::NAN, f64::NAN)]).collect();
+        // A place of its own on either side draws nothing but keeps the outer bars off the frame.
+        let room =
+            places.iter().flat_map(|&(x, y, _)| [x - 0.5, x + 0.5].map(|x| [(x, y), (f64::NAN, f64::NAN)])).flatten();
+        let bars = places.iter().flat_map(|&(x, y, e)| [(x, y - e), (x, y + e), (f64::NAN, f64::NAN)]);
+        let bars = bars.chain(room).collect();
         series.push(Series { label: String::new(), points: bars, style: Style { dash: "", ..Style::line(n) } });
         let dots = places.iter().map(|&(x, y, _)| (x, y)).collect();
         series.push(Series { label: label.to_owned(), points: dots, style: Style::points(n) });
