@@ -35,7 +35,7 @@ pub struct Plan {
 /// Where a session's samples go: all into one file, or each shot into one.
 pub enum Recorder {
     /// All into one.
-    Whole(Output),
+    Whole(Box<Output>),
     /// Each shot into one.
     Shots(Box<Shots>),
 }
@@ -47,7 +47,7 @@ impl Recorder {
     /// A file that cannot be made.
     pub fn create(options: &Options, rig: &Rig, run: &RunInfo) -> Result<Recorder, RecordError> {
         Ok(match &options.shots {
-            None => Recorder::Whole(Output::create(&options.file, rig, run)?),
+            None => Recorder::Whole(Box::new(Output::create(&options.file, rig, run)?)),
             Some(plan) => Recorder::Shots(Box::new(Shots::new(plan.clone(), rig, run))),
         })
     }
@@ -222,7 +222,7 @@ impl Shots {
             // A slow sensor may have had no sample in the time before the shot: then its last one says how it stood.
             let own = || self.kept.iter().filter(|b| b.sensor == sensor);
             let within = own().any(|b| b.last_ns() >= from_ns);
-            match own().last() {
+            match own().next_back() {
                 Some(last) if !within => open.write_last(last)?,
                 _ => own().try_for_each(|batch| open.write(batch))?,
             }

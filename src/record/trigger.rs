@@ -178,7 +178,7 @@ mod tests {
 
     #[test]
     fn a_slope_fires_on_a_rise_and_not_on_noise_or_drift() {
-        let noise = |i: usize| if i % 2 == 0 { 1.0 } else { -1.0 };
+        let noise = |i: usize| if i.is_multiple_of(2) { 1.0 } else { -1.0 };
         let mut pressure: Vec<f64> = (0..200).map(|i| 100.0 + 0.02 * i as f64 + noise(i)).collect();
         pressure.extend((0..40).map(|i| 104.0 + 4.0 * i as f64 + noise(i)));
         let found = events(Condition::Slope(1000.0), 50, 30, &pressure);
