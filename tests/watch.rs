@@ -10,6 +10,7 @@ use std::time::{Duration, Instant};
 use serde_json::Value;
 use surgescope::fit::model_file::ModelFile;
 use surgescope::history::{Index, Run, State};
+use surgescope::report::fit_file::FitFile;
 
 const HERE: &str = env!("CARGO_MANIFEST_DIR");
 
@@ -61,6 +62,9 @@ fn assert_done(folder: &Path, run: &Run) {
     assert!((speed.value - 360.2).abs() < 3.0 && speed.standard_error.unwrap() < 3.0, "{speed:?}");
     let first = file.models[0].parameters.iter().find(|p| p.name == "wave_speed_m_s").unwrap();
     assert_eq!(first.value, speed.value);
+    let fit = FitFile::read(&folder.join(&run.file).with_extension("fit.toml")).unwrap();
+    let written: Vec<f64> = fit.parameters.iter().map(|p| p.value).collect();
+    assert_eq!(written, finding.parameters.iter().map(|v| v.value).collect::<Vec<_>>());
     assert!(fs::read_to_string(folder.join(&finding.report_file)).unwrap().ends_with("</html>\n"));
 }
 

@@ -2,7 +2,6 @@
 
 use std::collections::BTreeSet;
 use std::error::Error;
-use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
@@ -21,9 +20,9 @@ use crate::history::index::Entered;
 use crate::history::lock::Lock;
 use crate::history::{Accepted, Finding, HistoryError, Index, Run};
 use crate::log::decode;
-use crate::log::disk::{publish_over, temporary_beside};
 use crate::model::effects::{Chosen, parse_list};
 use crate::report::Stage;
+use crate::report::fit_file::{FitFile, Form};
 use crate::report::html::{Page, html};
 use crate::rig::Rig;
 use crate::signal::doubts::doubts;
@@ -204,6 +203,8 @@ fn found(
     let (model_path, report_path) = (path.with_extension("model.toml"), path.with_extension("html"));
     (finding.model_file, finding.report_file) = (name(&model_path), name(&report_path));
     let file = write_model(&model_path, path, &diagnosis)?;
+    let fit = FitFile::new(&diagnosis.start, start.options.method, &rig, &[(&recording, &features)], models::now());
+    write_fit(&path.with_extension("fit.toml"), &fit)?;
     let fits: Vec<&Fit> = std::iter::once(&diagnosis.start).chain(missing_fit(&diagnosis)).collect();
     let page = Page {
         title: format!("{} on rig {}", run.file, rig.name),
@@ -243,13 +244,16 @@ fn write_model(path: &Path, recording: &Path, diagnosis: &Diagnosis) -> Result<M
     Ok(file)
 }
 
+/// Writes the fit that the index has the values of, as `calibrate -o` does.
+fn write_fit(path: &Path, fit: &FitFile) -> Result<(), AnyError> {
+    output::check_result(path, "# surgescope fit:")?;
+    output::write_new(path, &fit.text(Form::Toml)?, true)
+}
+
 /// Puts a page in its place in one step.
 fn write_report(path: &Path, page: &str) -> Result<(), AnyError> {
     output::check_report(path)?;
-    let mut beside = temporary_beside(path)?;
-    beside.write_all(page.as_bytes()).map_err(|e| format!("cannot write {}: {e}", path.display()))?;
-    publish_over(beside, path)?;
-    Ok(())
+    output::write_new(path, page, true)
 }
 
 /// The model in force of a file as the one accepted of a rig.

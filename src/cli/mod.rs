@@ -19,6 +19,7 @@ pub(crate) use {say, say_text, tell};
 
 pub mod accept;
 pub mod add;
+pub mod as_recorded;
 pub mod calibrate;
 pub mod creep;
 mod creep_prior;
@@ -28,6 +29,7 @@ pub mod effects;
 pub mod energy;
 pub mod evaluate;
 pub mod export;
+mod fit_output;
 pub mod history;
 mod hold;
 pub mod import;
@@ -37,11 +39,13 @@ mod memory;
 pub mod model;
 pub mod models;
 pub mod output;
+pub mod pest;
 pub mod playback;
 pub mod record;
 pub mod recover;
 pub mod refit;
 pub mod replay;
+pub mod results;
 pub mod rig;
 pub mod scenario;
 mod search;
@@ -50,6 +54,7 @@ pub mod simulate;
 mod triggers;
 pub mod undo;
 pub mod values;
+pub mod values_file;
 pub mod valve;
 pub mod watch;
 
@@ -99,6 +104,8 @@ enum Command {
     Add(add::Args),
     Refit(refit::Args),
     Undo(undo::Args),
+    Results(results::Args),
+    Pest(pest::Args),
     Model(model::Args),
     Valve(valve::Args),
     Sensitivity(sensitivity::Args),
@@ -133,6 +140,8 @@ pub fn main() -> ExitCode {
         Command::Creep(args) => creep::run(args, cli.json),
         Command::Add(args) => add::run(args, cli.json),
         Command::Refit(args) => refit::run(args, cli.json),
+        Command::Results(args) => results::run(args, cli.json),
+        Command::Pest(args) => pest::run(args, cli.json),
         Command::Undo(args) => undo::run(args, cli.json),
         Command::Model(args) => model::run(args, cli.json),
         Command::Valve(args) => valve::run(args, cli.json),

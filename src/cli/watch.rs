@@ -21,8 +21,8 @@ const MOST_TRIES: u32 = 5;
 
 /// Watch a folder: each finished recording in it is inspected, calibrated with the rig's last accepted model and diagnosed against it.
 ///
-/// Fit (NAME.model.toml) and report (NAME.html) land beside the recording, a line says the verdict, and the folder's index
-/// (surgescope.sqlite) keeps the values for `surgescope history`. Ends with Ctrl-C, after the run at work. May be killed at any time:
+/// Fit (NAME.fit.toml, and NAME.model.toml to go on from) and report (NAME.html) land beside the recording, a line says the verdict, and
+/// the folder's index (surgescope.sqlite) keeps the values for `surgescope history`. Ends with Ctrl-C, after the run at work. May be killed at any time:
 /// begun again, it finishes what is missing. A recording counts once, however often it is copied or renamed.
 #[derive(Debug, clap::Args)]
 pub struct Args {
