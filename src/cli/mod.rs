@@ -17,6 +17,7 @@ macro_rules! tell {
 }
 pub(crate) use {say, say_text, tell};
 
+pub mod accept;
 pub mod add;
 pub mod as_recorded;
 pub mod calibrate;
@@ -26,8 +27,10 @@ pub mod demo;
 pub mod diagnose;
 pub mod effects;
 pub mod energy;
+pub mod evaluate;
 pub mod export;
 mod fit_output;
+pub mod history;
 mod hold;
 pub mod import;
 pub mod inspect;
@@ -48,10 +51,12 @@ pub mod scenario;
 mod search;
 pub mod sensitivity;
 pub mod simulate;
+mod triggers;
 pub mod undo;
 pub mod values;
 pub mod values_file;
 pub mod valve;
+pub mod watch;
 
 use std::error::Error;
 use std::io::Write as _;
@@ -118,6 +123,9 @@ enum Command {
     Simulate(simulate::Args),
     /// Say whether recordings still give the results kept beside them.
     Replay(replay::Args),
+    Watch(watch::Args),
+    Accept(accept::Args),
+    History(history::Args),
 }
 
 /// Parses the arguments, runs the command and turns its outcome into the exit code.
@@ -145,6 +153,9 @@ pub fn main() -> ExitCode {
         Command::Rig(args) => rig::run(args, cli.json),
         Command::Record(args) => record::run(args, cli.json),
         Command::Replay(args) => replay::run(args, cli.json),
+        Command::Watch(args) => watch::run(args, cli.json),
+        Command::Accept(args) => accept::run(args, cli.json),
+        Command::History(args) => history::run(args, cli.json),
     };
     match result {
         Ok(Outcome::Done) => ExitCode::SUCCESS,

@@ -7,6 +7,7 @@ mod diagnosis;
 mod energy;
 mod figures;
 mod heatmap;
+pub mod history;
 mod matrix;
 mod parameters;
 mod ranking;

@@ -13,6 +13,7 @@
 //! | [`observations`] | what was measured, or modelled in its place, as a table |
 //! | [`pest`] | a calibration as a problem of PEST |
 //! | [`creep`] | a creep test as text and JSON |
+//! | [`history`] | a rig's runs and drifts as text, JSON and CSV |
 //! | [`sensitivity`] | a sensitivity study as text, and the page of the source paper's rules |
 //! | [`svg`] | static charts, for the page in print and for any other plot |
 //! | [`plot`] | a small plot of two curves in text |
@@ -30,6 +31,7 @@ pub mod diagnosis;
 pub mod escape;
 pub mod failure;
 pub mod fit_file;
+pub mod history;
 pub mod html;
 pub mod json;
 pub mod models;
