@@ -21,6 +21,7 @@ pub mod add;
 pub mod calibrate;
 pub mod creep;
 mod creep_prior;
+pub mod cross_validate;
 pub mod demo;
 pub mod diagnose;
 pub mod effects;
@@ -35,6 +36,7 @@ pub mod model;
 pub mod models;
 pub mod output;
 pub mod playback;
+pub mod predict;
 pub mod record;
 pub mod recover;
 pub mod refit;
@@ -91,6 +93,8 @@ enum Command {
     Calibrate(calibrate::Args),
     Diagnose(diagnose::Args),
     Creep(creep::Args),
+    Predict(predict::Args),
+    CrossValidate(cross_validate::Args),
     Add(add::Args),
     Refit(refit::Args),
     Undo(undo::Args),
@@ -123,6 +127,8 @@ pub fn main() -> ExitCode {
         Command::Calibrate(args) => calibrate::run(args, cli.json),
         Command::Diagnose(args) => diagnose::run(args, cli.json),
         Command::Creep(args) => creep::run(args, cli.json),
+        Command::Predict(args) => predict::run(args, cli.json),
+        Command::CrossValidate(args) => cross_validate::run(args, cli.json),
         Command::Add(args) => add::run(args, cli.json),
         Command::Refit(args) => refit::run(args, cli.json),
         Command::Undo(args) => undo::run(args, cli.json),

@@ -3,6 +3,7 @@
 use std::sync::atomic::Ordering;
 
 use super::approach::{Fitter, State};
+use super::band::{curve_sd_m, half_width_m, posterior};
 use super::calibrate::FitError;
 use super::compare::{Pair, mape_percent, rmse};
 use super::least_squares::{Limits, Problem, Solution, jacobian};
@@ -126,6 +127,8 @@ impl Fitter<'_> {
         let columns = jacobian(problem, &solution.x, &solution.residuals)?;
         self.count(columns.len());
         let errors = standard_errors(&columns, &solution.residuals, problem.samples(), &solution.at_bound);
+        let covariance = posterior(&columns, &solution.at_bound);
+        let bands = curve_sd_m(problem, &columns, &covariance);
         let model = problem.model;
         // What is held keeps the bounds that it will have when it is let go.
         let unheld = Model::new(self.rig, self.water, &model.effects);
@@ -154,16 +157,15 @@ impl Fitter<'_> {
             })
             .collect();
         let period_s = model.period_s(&values[..model.shared.len()]);
-        let reaches = problem.window().reaches;
         let runs = (0..self.runs.len())
-            .map(|r| self.run_fit(problem, r, &values, &start_values, reaches, period_s))
+            .map(|r| self.run_fit(problem, r, &values, &start_values, period_s, &bands[r]))
             .collect::<Result<_, _>>()?;
         Ok(Fit {
             effects: model.effects.clone(),
             runs,
             parameters,
             correlation: correlation(&columns, &solution.at_bound),
-            reaches,
+            reaches: problem.window().reaches,
             grid_error_m: 0.25 * pull.error_m,
             evaluations: self.evaluations.load(Ordering::Relaxed),
             seconds: f64::NAN,
@@ -179,10 +181,10 @@ impl Fitter<'_> {
         r: usize,
         values: &[f64],
         start_values: &[f64],
-        reaches: usize,
         period_s: f64,
+        curve_sd_m: &[Vec<f64>],
     ) -> Result<RunFit, ModelError> {
-        let run = &self.runs[r];
+        let (run, reaches) = (&self.runs[r], problem.window().reaches);
         let traces = problem.modelled(r, values, reaches)?.traces;
         let first_traces = problem.modelled(r, start_values, reaches)?.traces;
         let start = problem.closure_start_s(r, values);
@@ -202,6 +204,7 @@ impl Fitter<'_> {
             sensors.push(SensorFit {
                 name: sensor.sensor.name.clone(),
                 position_m: sensor.sensor.position_m,
+                band_m: half_width_m(problem, r, s, &curve_sd_m[s], from),
                 noise_m: sensor.noise_m,
                 rmse_m: rmse(&measured_m, &model_m),
                 start_rmse_m: rmse(&measured_m, &before),

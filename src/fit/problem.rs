@@ -240,6 +240,12 @@ impl<'a> Calibration<'a> {
         sensors.flat_map(|(sensor, &span)| std::iter::repeat_n(sensor.noise_m, self.taken(span))).collect()
     }
 
+    /// First sample of a run's sensor that enters, and how many do.
+    pub fn entering(&self, r: usize, sensor: usize) -> (usize, usize) {
+        let span = self.spans[r][sensor];
+        (span.0, self.taken(span))
+    }
+
     fn taken(&self, (first, last): (usize, usize)) -> usize {
         (last - first).div_ceil(self.window.stride)
     }
@@ -309,9 +315,14 @@ impl<'a> Calibration<'a> {
         values[self.run_offsets[r] + CLOSURE_START]
     }
 
+    /// Which variable the offset of a run's sensor is.
+    pub fn offset_index(&self, r: usize, sensor: usize) -> usize {
+        self.run_offsets[r] + CLOSURE_START + 1 + sensor
+    }
+
     /// Offset of a run's sensor, m.
     pub fn offset_m(&self, r: usize, sensor: usize, values: &[f64]) -> f64 {
-        values[self.run_offsets[r] + CLOSURE_START + 1 + sensor]
+        values[self.offset_index(r, sensor)]
     }
 
     fn append_run(

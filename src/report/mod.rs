@@ -8,6 +8,7 @@
 //! | [`json`] | the document of `calibrate --json` |
 //! | [`table`] | plain-text tables for the terminal |
 //! | [`html`](mod@html) | the page of a calibration or a diagnosis, from the pieces in `html/` and the files in `assets/` |
+//! | [`prediction`], [`cross_validation`] | how a model does on what it was not fitted to, as text and JSON |
 //! | [`creep`] | a creep test as text and JSON |
 //! | [`sensitivity`] | a sensitivity study as text, and the page of the source paper's rules |
 //! | [`svg`] | static charts, for the page in print and for any other plot |
@@ -20,6 +21,7 @@
 //! | [`escape`] | user text in HTML and SVG |
 
 pub mod creep;
+pub mod cross_validation;
 pub mod curves;
 pub mod decimate;
 pub mod diagnosis;
@@ -30,6 +32,7 @@ pub mod json;
 pub mod models;
 pub mod number;
 pub mod plot;
+pub mod prediction;
 pub mod sensitivity;
 pub mod summary;
 pub mod svg;
