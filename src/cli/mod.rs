@@ -27,11 +27,13 @@ pub mod diagnose;
 pub mod effects;
 pub mod energy;
 pub mod export;
+pub mod frequency;
 mod hold;
 pub mod import;
 pub mod inspect;
 pub mod load;
 mod memory;
+mod misfit;
 pub mod model;
 pub mod models;
 pub mod output;
@@ -95,6 +97,7 @@ enum Command {
     Creep(creep::Args),
     Predict(predict::Args),
     CrossValidate(cross_validate::Args),
+    Frequency(frequency::Args),
     Add(add::Args),
     Refit(refit::Args),
     Undo(undo::Args),
@@ -129,6 +132,7 @@ pub fn main() -> ExitCode {
         Command::Creep(args) => creep::run(args, cli.json),
         Command::Predict(args) => predict::run(args, cli.json),
         Command::CrossValidate(args) => cross_validate::run(args, cli.json),
+        Command::Frequency(args) => frequency::run(args, cli.json),
         Command::Add(args) => add::run(args, cli.json),
         Command::Refit(args) => refit::run(args, cli.json),
         Command::Undo(args) => undo::run(args, cli.json),

@@ -50,7 +50,7 @@ pub struct Own {
     hold: Vec<(String, f64)>,
     /// A rig to read the recordings with, instead of the one that is stored in them.
     #[arg(long, value_name = "RIG")]
-    rig: Option<PathBuf>,
+    pub rig: Option<PathBuf>,
     /// Predict although the line (pipes, supply, fluid) is another than the model's.
     #[arg(long)]
     other_rig: bool,

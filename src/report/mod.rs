@@ -9,6 +9,7 @@
 //! | [`table`] | plain-text tables for the terminal |
 //! | [`html`](mod@html) | the page of a calibration or a diagnosis, from the pieces in `html/` and the files in `assets/` |
 //! | [`prediction`], [`cross_validation`] | how a model does on what it was not fitted to, as text and JSON |
+//! | [`frequency`] | a frequency response as text, JSON and pictures |
 //! | [`creep`] | a creep test as text and JSON |
 //! | [`sensitivity`] | a sensitivity study as text, and the page of the source paper's rules |
 //! | [`svg`] | static charts, for the page in print and for any other plot |
@@ -27,6 +28,7 @@ pub mod decimate;
 pub mod diagnosis;
 pub mod escape;
 pub mod failure;
+pub mod frequency;
 pub mod html;
 pub mod json;
 pub mod models;
