@@ -9,21 +9,46 @@ use super::number::{error_m, fixed, signed, significant};
 use super::svg::{LineChart, Series, Style};
 use super::table::Table;
 use crate::fit::frequency::{Harmonic, SensorResponse, turned};
-use crate::signal::harmonics::{Response, Tone};
+use crate::signal::harmonics::Response;
 
 /// Most points of a curve: of each stretch the highest is kept.
 const POINTS: usize = 700;
 /// Share of the noise's level below which nothing is drawn: chance makes some frequencies as quiet as one likes.
 const FLOOR: f64 = 0.2;
+/// Times the noise's level above which a phase is drawn.
+const CLEAR: f64 = 3.0;
+/// Shares of frequency and amplitude of the fundamental within which a model has it.
+const HAS_IT: (f64, f64) = (0.005, 0.02);
 
 /// Where the window comes from, for all who read the numbers.
 pub const WINDOW: &str = "One window for record and model, from the end of the closure to the end of the record: it rises over one period of the \
     pipe and falls over a whole number of them, so that odd harmonics do not leak into each other; the mean is taken off. Amplitudes are those of \
     steady sines under that window, a decaying oscillation shows its mean strength. Phases are the cosine's at the window's beginning.";
 
-/// Tables, one a sensor.
+/// The fundamental at the first sensor in a sentence, and whether the model has it; none without a model.
+pub fn verdict(sensors: &[SensorResponse]) -> (String, Option<bool>) {
+    let Some((sensor, h)) = sensors.iter().find_map(|s| Some((s, s.harmonics.first()?))) else {
+        return ("No harmonic stands out of the noise.".to_owned(), None);
+    };
+    let way = if h.shift < 0.0 { "below" } else { "above" };
+    let shift = significant(100.0 * h.shift.abs(), 2);
+    let said = format!(
+        "At {} the fundamental, {} Hz, lies {shift}% {way} a/4L, and {} harmonics stand out of the noise",
+        sensor.name,
+        fixed(h.record.frequency_hz, 4),
+        sensor.harmonics.len()
+    );
+    let (Some(model), Some(peak)) = (h.model, h.model_peak) else { return (said + ".", None) };
+    let (frequency, amplitude) =
+        (peak.frequency_hz / h.record.frequency_hz - 1.0, model.amplitude / h.record.amplitude - 1.0);
+    let has_it = frequency.abs() < HAS_IT.0 && amplitude.abs() < HAS_IT.1;
+    let (frequency, amplitude) = (signed(100.0 * frequency, 2), signed(100.0 * amplitude, 2));
+    (format!("{said}; the model's is {frequency}% off in frequency and {amplitude}% in amplitude."), Some(has_it))
+}
+
+/// Verdict, and tables, one a sensor.
 pub fn text(sensors: &[SensorResponse]) -> String {
-    let mut out = String::new();
+    let mut out = verdict(sensors).0 + "\n\n";
     for sensor in sensors {
         let _ = writeln!(out, "{}\n{}", heading(sensor), table(sensor));
     }
@@ -92,6 +117,8 @@ fn table(sensor: &SensorResponse) -> String {
 pub struct Document<'a> {
     /// Effects of the model; none without one.
     pub effects: Option<Vec<String>>,
+    /// In a sentence.
+    pub verdict: String,
     /// How frequencies were made.
     pub window: &'static str,
     /// Each sensor.
@@ -117,6 +144,7 @@ pub struct Sensor<'a> {
 
 /// The document of `frequency --json`.
 pub fn document(sensors: &[SensorResponse], effects: Option<Vec<String>>) -> Document<'_> {
+    let all = sensors;
     let of = |s: &SensorResponse| (s.window.from_s, s.window.to_s, s.window.rise_s, s.window.fall_s);
     let sensors = sensors.iter().map(|s| {
         let (from, to, rise, fall) = of(s);
@@ -129,7 +157,7 @@ pub fn document(sensors: &[SensorResponse], effects: Option<Vec<String>>) -> Doc
             harmonics: &s.harmonics,
         }
     });
-    Document { effects, window: WINDOW, sensors: sensors.collect() }
+    Document { effects, verdict: verdict(all).0, window: WINDOW, sensors: sensors.collect() }
 }
 
 fn marks(sensor: &SensorResponse) -> Vec<(f64, String)> {
@@ -170,15 +198,18 @@ pub fn amplitude(sensor: &SensorResponse) -> LineChart {
 
 /// Phase at the harmonics against frequency.
 pub fn phase(sensor: &SensorResponse) -> LineChart {
-    let points = |of: &dyn Fn(&Harmonic) -> Option<Tone>| {
-        sensor.harmonics.iter().filter_map(|h| of(h).map(|t| (t.frequency_hz, t.phase_rad))).collect()
-    };
-    let mut series =
-        vec![Series { label: "record".into(), points: points(&|h| Some(h.record)), style: Style::points(1) }];
-    if sensor.model.is_some() {
-        series.push(Series { label: "model".into(), points: points(&|h| h.model), style: Style::points(0) });
-    }
     let most = most_hz(sensor);
+    // Where the record is no more than noise its phase is anything.
+    let least = CLEAR * sensor.noise_floor_m;
+    let clear = |k: usize| sensor.record.amplitudes.get(k).is_some_and(|a| *a > least);
+    let mut series = vec![Series {
+        label: "record".into(),
+        points: phases(&sensor.record, most, &clear),
+        style: Style { width: 4.0, ..Style::measured() },
+    }];
+    if let Some(model) = &sensor.model {
+        series.push(Series { label: "model".into(), points: phases(model, most, &clear), style: Style::line(0) });
+    }
     let style = Style { class: "limit", colour: "#222", dash: "1 4", width: 1.0, ..Style::line(0) };
     let ends = vec![(0.0, PI), (most, PI), (f64::NAN, f64::NAN), (0.0, -PI), (most, -PI)];
     series.push(Series { label: "±π".into(), points: ends, style });
@@ -189,6 +220,25 @@ pub fn phase(sensor: &SensorResponse) -> LineChart {
         marks: marks(sensor),
         ..LineChart::default()
     }
+}
+
+/// Phases where they are clear; where one turns through ±π the line breaks.
+fn phases(response: &Response, most_hz: f64, clear: &dyn Fn(usize) -> bool) -> Vec<(f64, f64)> {
+    let mut points: Vec<(f64, f64)> = Vec::new();
+    for (k, &phase) in response.phases.iter().enumerate().skip(1) {
+        let hz = k as f64 * response.step_hz;
+        if hz > most_hz {
+            break;
+        }
+        let broken = points.last().is_some_and(|p| (p.1 - phase).abs() > PI);
+        if broken || !clear(k) {
+            points.push((f64::NAN, f64::NAN));
+        }
+        if clear(k) {
+            points.push((hz, phase));
+        }
+    }
+    points
 }
 
 fn highest(response: &Response, most_hz: f64, least: f64) -> Vec<(f64, f64)> {

@@ -58,6 +58,8 @@ pub struct Response {
     pub step_hz: f64,
     /// Amplitude at 0, `step_hz`, … up to half the sample rate.
     pub amplitudes: Vec<f64>,
+    /// Phase at the same, rad, as of [`Tone`].
+    pub phases: Vec<f64>,
     /// Root mean square amplitude of white noise of standard deviation 1.
     pub white: f64,
 }
@@ -105,6 +107,7 @@ impl Response {
         let plan = RealFftPlanner::<f64>::new().plan_fft_forward(even.len());
         let (step_hz, mut bins) = (1.0 / (step_s * even.len() as f64), plan.make_output_vec());
         plan.process(&mut even, &mut bins).ok()?;
+        let late = |hz: f64| Complex::from_polar(1.0, -TAU * hz * (first_s - window.from_s));
         Some(Response {
             step_s,
             late_s: first_s - window.from_s,
@@ -112,6 +115,7 @@ impl Response {
             whole,
             step_hz,
             amplitudes: bins.iter().map(|b| 2.0 * b.norm() / whole).collect(),
+            phases: bins.iter().enumerate().map(|(k, b)| (b * late(k as f64 * step_hz)).arg()).collect(),
             white: 2.0 * square.sqrt() / whole,
         })
     }

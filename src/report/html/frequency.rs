@@ -2,13 +2,19 @@
 
 use std::fmt::Write;
 
-use super::{CSS, footer, minus, table};
+use super::{CSS, figures, footer, minus, table};
 use crate::fit::frequency::SensorResponse;
 use crate::report::escape::escape;
-use crate::report::frequency::{WINDOW, amplitude, heading, headings, phase, rows};
+use crate::report::frequency::{WINDOW, amplitude, heading, headings, phase, rows, verdict};
 
 /// The page as one HTML document, without scripts.
-pub fn html(title: &str, verdict: &str, sensors: &[SensorResponse]) -> String {
+pub fn html(title: &str, against: &str, sensors: &[SensorResponse]) -> String {
+    let (said, has_it) = verdict(sensors);
+    let (mark, class) = match has_it {
+        Some(true) => ("✓", "good"),
+        Some(false) => ("✗", "missing"),
+        None => ("?", "unknown"),
+    };
     let mut out = format!(
         r#"<!doctype html>
 <html lang="en">
@@ -24,23 +30,23 @@ pub fn html(title: &str, verdict: &str, sensors: &[SensorResponse]) -> String {
 <body data-page="frequency">
 <main>
 <header>
-<p class="kicker">surgescope frequency response</p>
+<p class="kicker">surgescope frequency response, {against}</p>
 <h1>{title}</h1>
-<p class="verdict near"><span>{verdict}</span></p>
+<p class="verdict {class}"><span class="mark" aria-hidden="true">{mark}</span> <span>{said}</span></p>
 </header>
 "#,
         version = env!("CARGO_PKG_VERSION"),
         title = escape(title),
-        verdict = escape(verdict),
+        against = escape(against),
+        said = escape(&said),
     );
     for (i, sensor) in sensors.iter().enumerate() {
         let _ = write!(
             out,
-            "<section id=\"sensor-{i}\"><h2>{}</h2>\n<p class=\"facts\">{}</p>\n<figure>{}</figure>\n<figure>{}</figure>\n",
+            "<section id=\"sensor-{i}\"><h2>{}</h2>\n<p class=\"facts\">{}</p>\n{}",
             escape(&sensor.name),
             escape(&heading(sensor)),
-            amplitude(sensor).to_svg(900.0, 360.0),
-            phase(sensor).to_svg(900.0, 230.0),
+            figures::plates(&[("Amplitude".to_owned(), amplitude(sensor)), ("Phase".to_owned(), phase(sensor))]),
         );
         let cells = rows(sensor).into_iter().map(|row| row.map(|cell| minus(&escape(&cell))).to_vec());
         out.push_str(&table(
