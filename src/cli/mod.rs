@@ -18,6 +18,7 @@ macro_rules! tell {
 pub(crate) use {say, say_text, tell};
 
 pub mod add;
+pub mod as_recorded;
 pub mod calibrate;
 pub mod creep;
 mod creep_prior;
@@ -27,6 +28,7 @@ pub mod diagnose;
 pub mod effects;
 pub mod energy;
 pub mod export;
+mod fit_output;
 pub mod frequency;
 mod hold;
 pub mod import;
@@ -37,12 +39,14 @@ mod misfit;
 pub mod model;
 pub mod models;
 pub mod output;
+pub mod pest;
 pub mod playback;
 pub mod predict;
 pub mod record;
 pub mod recover;
 pub mod refit;
 pub mod replay;
+pub mod results;
 pub mod rig;
 pub mod scenario;
 mod search;
@@ -50,6 +54,7 @@ pub mod sensitivity;
 pub mod simulate;
 pub mod undo;
 pub mod values;
+pub mod values_file;
 pub mod valve;
 
 use std::error::Error;
@@ -101,6 +106,8 @@ enum Command {
     Add(add::Args),
     Refit(refit::Args),
     Undo(undo::Args),
+    Results(results::Args),
+    Pest(pest::Args),
     Model(model::Args),
     Valve(valve::Args),
     Sensitivity(sensitivity::Args),
@@ -135,6 +142,8 @@ pub fn main() -> ExitCode {
         Command::Frequency(args) => frequency::run(args, cli.json),
         Command::Add(args) => add::run(args, cli.json),
         Command::Refit(args) => refit::run(args, cli.json),
+        Command::Results(args) => results::run(args, cli.json),
+        Command::Pest(args) => pest::run(args, cli.json),
         Command::Undo(args) => undo::run(args, cli.json),
         Command::Model(args) => model::run(args, cli.json),
         Command::Valve(args) => valve::run(args, cli.json),

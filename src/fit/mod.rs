@@ -17,6 +17,7 @@ pub mod method;
 mod micro_ga;
 pub mod misfit;
 pub mod model_file;
+pub mod observed;
 pub mod outcome;
 pub mod predict;
 pub mod prepare;
