@@ -31,6 +31,8 @@ pub struct Args {
     effects: ::std::vec::Vec<Chosen>,
     #[command(flatten)]
     search: Search,
+    #[command(flatten)]
+    compare: super::misfit::CompareBy,
     /// Another model to fit first and to show beside it in tables and report; may be given often.
     #[arg(long, value_name = "A,B", value_parser = parse_list)]
     against: Vec<::std::vec::Vec<Chosen>>,
@@ -61,7 +63,7 @@ pub struct Args {
 /// # Errors
 /// Recordings that cannot be read or show no closure, effects that do not exist, a report that cannot be written.
 pub fn run(args: Args, json: bool) -> CommandResult {
-    let searched = args.search.options()?;
+    let searched = args.compare.options(args.search.options()?)?;
     if let Some(path) = &args.report {
         output::check_report(path)?;
     }

@@ -23,6 +23,7 @@ pub mod as_recorded;
 pub mod calibrate;
 pub mod creep;
 mod creep_prior;
+pub mod cross_validate;
 pub mod demo;
 pub mod diagnose;
 pub mod effects;
@@ -30,17 +31,20 @@ pub mod energy;
 pub mod evaluate;
 pub mod export;
 mod fit_output;
+pub mod frequency;
 pub mod history;
 mod hold;
 pub mod import;
 pub mod inspect;
 pub mod load;
 mod memory;
+mod misfit;
 pub mod model;
 pub mod models;
 pub mod output;
 pub mod pest;
 pub mod playback;
+pub mod predict;
 pub mod record;
 pub mod recover;
 pub mod refit;
@@ -101,6 +105,9 @@ enum Command {
     Calibrate(calibrate::Args),
     Diagnose(diagnose::Args),
     Creep(creep::Args),
+    Predict(predict::Args),
+    CrossValidate(cross_validate::Args),
+    Frequency(frequency::Args),
     Add(add::Args),
     Refit(refit::Args),
     Undo(undo::Args),
@@ -138,6 +145,9 @@ pub fn main() -> ExitCode {
         Command::Calibrate(args) => calibrate::run(args, cli.json),
         Command::Diagnose(args) => diagnose::run(args, cli.json),
         Command::Creep(args) => creep::run(args, cli.json),
+        Command::Predict(args) => predict::run(args, cli.json),
+        Command::CrossValidate(args) => cross_validate::run(args, cli.json),
+        Command::Frequency(args) => frequency::run(args, cli.json),
         Command::Add(args) => add::run(args, cli.json),
         Command::Refit(args) => refit::run(args, cli.json),
         Command::Results(args) => results::run(args, cli.json),

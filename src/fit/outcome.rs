@@ -36,7 +36,7 @@ pub struct FittedParameter {
 }
 
 /// Measurement and model at one pressure sensor, heads in m, all vectors of one length.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct SensorFit {
     /// Sensor name.
     pub name: String,
@@ -48,6 +48,8 @@ pub struct SensorFit {
     pub measured_m: Vec<f64>,
     /// Fitted head, m.
     pub model_m: Vec<f64>,
+    /// Half the width of the band around the model that holds a sample with 95% probability, m; empty where it is not known.
+    pub band_m: Vec<f64>,
     /// Standard deviation of the sensor's noise, m.
     pub noise_m: f64,
     /// Root mean square of measured − model over all samples, m.

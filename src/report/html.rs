@@ -6,6 +6,7 @@ mod data;
 mod diagnosis;
 mod energy;
 mod figures;
+pub mod frequency;
 mod heatmap;
 pub mod history;
 mod matrix;
