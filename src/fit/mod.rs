@@ -7,6 +7,8 @@ pub mod conflict;
 pub mod creep;
 pub mod data;
 pub mod energy;
+mod evolution;
+mod feature;
 mod finish;
 pub mod least_squares;
 pub mod method;

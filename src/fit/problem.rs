@@ -16,6 +16,8 @@ use crate::model::{Conditions, Model, ModelError, Resolution, RunValues, Simulat
 
 /// Index of the closure's start among a run's variables; those that the model takes come before it, offsets after it.
 const CLOSURE_START: usize = RunValues::COUNT;
+/// Index of its closing time among them.
+const CLOSING_TIME: usize = 2;
 
 /// Which samples enter, and how finely they are simulated.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -244,6 +246,34 @@ impl<'a> Calibration<'a> {
         (last - first).div_ceil(self.window.stride)
     }
 
+    /// The residuals of a run's sensor.
+    pub(super) fn rows(&self, r: usize, sensor: usize) -> std::ops::Range<usize> {
+        let before = self.spans[..r].iter().flatten().chain(&self.spans[r][..sensor]);
+        let first: usize = before.map(|&span| self.taken(span)).sum();
+        first..first + self.taken(self.spans[r][sensor])
+    }
+
+    /// The variable that is the offset of a run's sensor.
+    pub(super) fn offset_variable(&self, r: usize, sensor: usize) -> usize {
+        self.run_offsets[r] + CLOSURE_START + 1 + sensor
+    }
+
+    /// The variable that is a run's closing time.
+    pub(super) fn closing_time_variable(&self, r: usize) -> usize {
+        self.run_offsets[r] + CLOSING_TIME
+    }
+
+    /// What is known beforehand of variable `j`, if anything is: mean and standard deviation, as variables.
+    pub(super) fn known(&self, j: usize) -> Option<(f64, f64)> {
+        let parameter = &self.parameters[j];
+        parameter.prior.map(|(mean, sd)| (to_variable(parameter, mean), sd))
+    }
+
+    /// The residual of what is known beforehand of variable `j`, if anything is.
+    pub(super) fn prior_residual(&self, j: usize, x: f64) -> Option<f64> {
+        self.known(j).map(|(mean, sd)| (x - mean) / sd)
+    }
+
     /// What the model shows of a run: traces at its sensors, as each sensor shows them, without offsets.
     ///
     /// # Errors
@@ -311,7 +341,7 @@ impl<'a> Calibration<'a> {
 
     /// Offset of a run's sensor, m.
     pub fn offset_m(&self, r: usize, sensor: usize, values: &[f64]) -> f64 {
-        values[self.run_offsets[r] + CLOSURE_START + 1 + sensor]
+        values[self.offset_variable(r, sensor)]
     }
 
     fn append_run(
@@ -347,11 +377,7 @@ impl<'a> Calibration<'a> {
     }
 
     fn append_priors(&self, x: &[f64], out: &mut Vec<f64>) {
-        for (parameter, &v) in self.parameters.iter().zip(x) {
-            if let Some((mean, sd)) = parameter.prior {
-                out.push((v - to_variable(parameter, mean)) / sd);
-            }
-        }
+        out.extend(x.iter().enumerate().filter_map(|(j, &v)| self.prior_residual(j, v)));
     }
 }
 
@@ -376,11 +402,8 @@ impl Problem for Calibration<'_> {
         if let Some(sensor) = (j - self.run_offsets[moved]).checked_sub(CLOSURE_START + 1) {
             // An offset shifts its sensor's residuals; nothing is simulated.
             let shift = (self.base_offset(base, j) - values[j]) / self.runs[moved].sensors[sensor].noise_m;
-            let before = self.spans[..moved].iter().flatten().chain(&self.spans[moved][..sensor]);
-            let first: usize = before.map(|&span| self.taken(span)).sum();
-            let last = first + self.taken(self.spans[moved][sensor]);
             out.extend_from_slice(&base[..self.samples()]);
-            out[first..last].iter_mut().for_each(|r| *r += shift);
+            out[self.rows(moved, sensor)].iter_mut().for_each(|r| *r += shift);
             self.append_priors(x, &mut out);
             out.extend_from_slice(&base[out.len()..]);
             return Ok(out);

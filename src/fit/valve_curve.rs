@@ -6,7 +6,7 @@ use super::least_squares::{Limits, Problem, minimise};
 use super::outcome::Fit;
 use super::problem::{Calibration, Window};
 use crate::model::valve_from_head::{ValveCurve, valve_from_head};
-use crate::model::{Model, Resolution};
+use crate::model::{Model, ModelError, Resolution};
 use crate::rig::Rig;
 
 /// How far from the valve a sensor may be to stand for the head before it, as a share of the pipe's length.
@@ -66,17 +66,9 @@ pub fn closure_of(rig: &Rig, runs: &[RunData], fit: &Fit, r: usize) -> Result<Va
     let window = Window { reaches: fit.reaches, horizon_s: f64::INFINITY, stride: 1 };
     let problem = Calibration::new(&model, runs, window);
     let values = fit.values();
-    let start = problem.closure_start_s(r, &values);
-    let offset = problem.offset_m(r, at_valve, &values);
     let own = problem.run_values(r, &values);
     let sensor = &run.sensors[at_valve];
-    let from = sensor.time_s.partition_point(|&t| t < start);
-    let time_s: Vec<f64> = sensor.time_s[from..].iter().map(|t| t - start).collect();
-    let head_m: Vec<f64> = sensor.head_m[from..].iter().map(|h| h - offset).collect();
-    let duration_s = (BEYOND * own.closing_time_s).min(time_s.last().copied().unwrap_or(0.0));
-    let resolution = Resolution { reaches: fit.reaches, duration_s };
-    let shared = &values[..model.shared.len()];
-    let curve = valve_from_head(&model, &run.conditions, shared, &own, resolution, (&time_s, &head_m))?;
+    let curve = read_back(&problem, r, &values, at_valve, fit.reaches)?;
     Ok(ValveClosure {
         file: run.file.clone(),
         sensor: sensor.sensor.name.clone(),
@@ -85,6 +77,30 @@ pub fn closure_of(rig: &Rig, runs: &[RunData], fit: &Fit, r: usize) -> Result<Va
         two_stage: TwoStage::nearest(&curve, own.closing_time_s),
         curve,
     })
+}
+
+/// The valve's curve of run `r` by its head at `sensor`, to twice the closing time that is among the `values`.
+///
+/// # Errors
+/// As [`valve_from_head`].
+pub(super) fn read_back(
+    problem: &Calibration,
+    r: usize,
+    values: &[f64],
+    sensor: usize,
+    reaches: usize,
+) -> Result<ValveCurve, ModelError> {
+    let run = &problem.runs[r];
+    let (start, offset) = (problem.closure_start_s(r, values), problem.offset_m(r, sensor, values));
+    let own = problem.run_values(r, values);
+    let seen = &run.sensors[sensor];
+    let from = seen.time_s.partition_point(|&t| t < start);
+    let time_s: Vec<f64> = seen.time_s[from..].iter().map(|t| t - start).collect();
+    let head_m: Vec<f64> = seen.head_m[from..].iter().map(|h| h - offset).collect();
+    let duration_s = (BEYOND * own.closing_time_s).min(time_s.last().copied().unwrap_or(0.0));
+    let resolution = Resolution { reaches, duration_s };
+    let shared = &values[..problem.model.shared.len()];
+    valve_from_head(problem.model, &run.conditions, shared, &own, resolution, (&time_s, &head_m))
 }
 
 fn effective_closing_s(curve: &ValveCurve) -> Option<f64> {
@@ -104,7 +120,7 @@ impl TwoStage {
     }
 
     /// Least squares from the linear closure with its kink in nine places.
-    fn nearest(curve: &ValveCurve, closing_s: f64) -> Self {
+    pub(super) fn nearest(curve: &ValveCurve, closing_s: f64) -> Self {
         let points: Vec<(f64, f64)> =
             curve.time_s.iter().copied().zip(curve.opening.iter().copied()).filter(|(_, o)| o.is_finite()).collect();
         let law = Law { points, lower: [0.3 * closing_s, 0.02, 0.0], upper: [BEYOND * closing_s, 0.98, 1.0] };
