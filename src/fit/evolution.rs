@@ -63,8 +63,9 @@ pub(super) fn minimise(
         if worst - least <= SETTLED * least {
             break;
         }
-        let trials: Vec<Trial> =
-            (0..members.len().min(budget - spent)).map(|i| trial(i, &members, &archive, &memory, &mut random)).collect();
+        let trials: Vec<Trial> = (0..members.len().min(budget - spent))
+            .map(|i| trial(i, &members, &archive, &memory, &mut random))
+            .collect();
         let children = evaluated(cost, trials.iter().map(|t| t.x.clone()).collect());
         spent += children.len();
         let mut successes = Vec::new();

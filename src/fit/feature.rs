@@ -26,8 +26,6 @@ pub(super) enum Feature {
     LatePhase,
     /// Heights of the extrema of the second half.
     LatePeaks,
-    /// Heights of all extrema and when the level between them is crossed.
-    Extrema,
     /// Everything.
     Record,
 }
@@ -42,7 +40,6 @@ impl Feature {
             Feature::EarlyPhase => "phase of the early cycles",
             Feature::LatePhase => "phase of the late cycles",
             Feature::LatePeaks => "heights of the late peaks",
-            Feature::Extrema => "phase and heights of all peaks",
             Feature::Record => "whole record",
         }
     }
@@ -102,9 +99,7 @@ impl<'p> Aspect<'p> {
         let index = |t: f64| sensor.time_s.partition_point(|&time| time < t);
         let (from, to) = match self.feature {
             Feature::Steady => (0, index(known_start - LEAD * self.period_s)),
-            Feature::FirstRise => {
-                (index(known_start - LEAD * self.period_s), index(known_start + 0.5 * self.period_s))
-            }
+            Feature::FirstRise => (index(known_start - LEAD * self.period_s), index(known_start + 0.5 * self.period_s)),
             _ => (index(known_start), sensor.time_s.len()),
         };
         let measured_m = &sensor.head_m[from..to];
@@ -142,7 +137,6 @@ impl<'p> Aspect<'p> {
         let heights = seen.iter().map(|e| zero_if_lost((e.model_m - e.measured_m) / pair.noise_m));
         match self.feature {
             Feature::LatePeaks => heights.collect(),
-            Feature::Extrema => phases.chain(heights).collect(),
             _ => phases.collect(),
         }
     }

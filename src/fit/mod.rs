@@ -21,5 +21,8 @@ mod search;
 pub mod sensor_choice;
 mod starts;
 mod stepwise;
+#[cfg(test)]
+mod test_record;
 pub mod uncertainty;
 pub mod valve_curve;
+pub mod valve_shift;

@@ -258,6 +258,11 @@ impl<'a> Calibration<'a> {
         self.run_offsets[r] + CLOSURE_START + 1 + sensor
     }
 
+    /// The variables of a run beside its offsets: velocity, head, closing time, friction and start of the closure.
+    pub(super) fn run_variables(&self, r: usize) -> [usize; CLOSURE_START + 1] {
+        std::array::from_fn(|i| self.run_offsets[r] + i)
+    }
+
     /// The variable that is a run's closing time.
     pub(super) fn closing_time_variable(&self, r: usize) -> usize {
         self.run_offsets[r] + CLOSING_TIME

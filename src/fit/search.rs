@@ -10,13 +10,67 @@ use super::calibrate::Progress;
 use super::least_squares::Problem;
 use super::method::Method;
 use super::problem::Calibration;
+use super::stepwise::Groups;
 use super::{evolution, micro_ga};
 use crate::model::{Model, ModelError};
 
 /// Standard deviations from what is known beforehand that a search goes, where a parameter's bounds are wider.
 const KNOWN_WITHIN: f64 = 4.0;
+/// Retardation times that a surge can show, in periods, and the least compliance, as a share of the largest that its bounds allow.
+const SEEN_TIMES: (f64, f64) = (0.01, 10.0);
+const SEEN_COMPLIANCE: f64 = 1e-3;
+/// How far it goes at the least from a measured velocity, of the velocity, and from the seen start of the closure, of the period.
+const LEAST_SHARE: f64 = 0.05;
 /// What cannot be simulated costs more than anything that can.
 const IMPOSSIBLE: f64 = 1e300;
+
+/// The box that a search goes over: a parameter's bounds, and no further than what is known beforehand allows.
+struct Window {
+    lower: Vec<f64>,
+    upper: Vec<f64>,
+}
+
+impl Window {
+    fn of(problem: &Calibration) -> Self {
+        let (lower, upper) = problem.bounds();
+        let mut window = Window { lower: lower.to_vec(), upper: upper.to_vec() };
+        let model = problem.model;
+        let start = problem.start();
+        for j in 0..start.len() {
+            if let Some((mean, sd)) = problem.known(j) {
+                window.narrow(j, mean, KNOWN_WITHIN * sd);
+            }
+        }
+        let period_s = model.period_s(&problem.values(&start)[..model.shared.len()]);
+        for (r, run) in problem.runs.iter().enumerate() {
+            let [velocity, head, .., closure] = problem.run_variables(r);
+            let (velocity_m_s, relative_sd) = run.start.velocity_m_s;
+            window.narrow(velocity, velocity_m_s.ln(), (KNOWN_WITHIN * relative_sd).max(LEAST_SHARE));
+            if run.start.valve_head_m.1.is_none() {
+                let offset_sd_m = run.sensors.iter().map(|s| s.offset_sd_m).fold(0.0, f64::max);
+                window.narrow(head, run.start.valve_head_m.0, KNOWN_WITHIN * offset_sd_m);
+            }
+            let (start_s, sd) = run.start.closure_s;
+            window.narrow(closure, start_s, (KNOWN_WITHIN * sd).max(LEAST_SHARE * period_s));
+        }
+        let groups = Groups::of(problem);
+        for j in groups.times {
+            let (quickest, slowest) = SEEN_TIMES;
+            window.lower[j] = (quickest * period_s).ln().clamp(window.lower[j], window.upper[j]);
+            window.upper[j] = (slowest * period_s).ln().clamp(window.lower[j], window.upper[j]);
+        }
+        for j in groups.compliances {
+            window.lower[j] = window.lower[j].max(window.upper[j] + SEEN_COMPLIANCE.ln());
+        }
+        window
+    }
+
+    /// Keeps a variable within `reach` of what it is known to be; a start that was asked for elsewhere lies on the window's edge.
+    fn narrow(&mut self, j: usize, known: f64, reach: f64) {
+        self.lower[j] = (known - reach).clamp(self.lower[j], self.upper[j]);
+        self.upper[j] = (known + reach).clamp(self.lower[j], self.upper[j]);
+    }
+}
 
 /// Half the sum of squares over the unit cube of those variables that have any choice and are no offsets.
 struct Cube<'a> {
@@ -33,13 +87,11 @@ impl<'a> Cube<'a> {
     fn new(problem: &'a Calibration) -> Self {
         let (lower, upper) = problem.bounds();
         let sensors = |r: usize| problem.runs[r].sensors.len();
-        let offsets: Vec<usize> = (0..problem.runs.len())
-            .flat_map(|r| (0..sensors(r)).map(move |s| problem.offset_variable(r, s)))
-            .collect();
+        let offsets: Vec<usize> =
+            (0..problem.runs.len()).flat_map(|r| (0..sensors(r)).map(move |s| problem.offset_variable(r, s))).collect();
         let free: Vec<usize> = (0..lower.len()).filter(|j| lower[*j] < upper[*j] && !offsets.contains(j)).collect();
-        let known: Vec<_> = (0..lower.len()).map(|j| problem.known(j)).collect();
-        let lower = known.iter().zip(lower).map(|(k, l)| k.map_or(*l, |(x, sd)| l.max(x - KNOWN_WITHIN * sd))).collect();
-        let upper = known.iter().zip(upper).map(|(k, u)| k.map_or(*u, |(x, sd)| u.min(x + KNOWN_WITHIN * sd))).collect();
+        let window = Window::of(problem);
+        let (lower, upper) = (window.lower, window.upper);
         Cube { problem, still: problem.start(), free, lower, upper, evaluations: AtomicUsize::new(0) }
     }
 

@@ -32,20 +32,21 @@ struct Step {
 }
 
 /// The variables of a model, by what a step does with them.
-struct Groups {
+pub(super) struct Groups {
     wave_speeds: Vec<usize>,
     /// Closing time and start, and the valve's law.
     closure: Vec<usize>,
     velocities: Vec<usize>,
     levels: Vec<usize>,
     friction: Vec<usize>,
-    compliances: Vec<usize>,
-    times: Vec<usize>,
+    /// Of creep: those of the elements, and their retardation times.
+    pub(super) compliances: Vec<usize>,
+    pub(super) times: Vec<usize>,
     others: Vec<usize>,
 }
 
 impl Groups {
-    fn of(problem: &Calibration) -> Self {
+    pub(super) fn of(problem: &Calibration) -> Self {
         let model = problem.model;
         let named = |names: &[&str]| -> Vec<usize> {
             (model.shared.len()..problem.parameters.len())
@@ -86,11 +87,14 @@ impl Groups {
         let (quick, slow) = self.compliances.split_at(self.compliances.len().saturating_sub(1));
         let quick = if quick.is_empty() { slow } else { quick };
         let plan = [
-            (self.wave_speeds.clone(), Feature::EarlyPhase, "the wave speed sets the period before creep has changed it"),
+            (
+                self.wave_speeds.clone(),
+                Feature::EarlyPhase,
+                "the wave speed sets the period before creep has changed it",
+            ),
             (self.levels.clone(), Feature::Steady, "levels stand in the record before anything moves"),
             (curve, Feature::ValveCurve, "two stages nearest to the opening that head and characteristics tell"),
             (rise, Feature::FirstRise, "nothing but the closure shapes the head before the first reflection is back"),
-            (self.times.clone(), Feature::Extrema, "retardation times share the creep out over early and late cycles"),
             (quick.to_vec(), Feature::LatePhase, "the quicker elements delay the late cycles most"),
             (slow.to_vec(), Feature::LatePeaks, "the slowest element damps the late peaks most"),
             (self.others.clone(), Feature::Record, "what else the model has"),
@@ -100,14 +104,18 @@ impl Groups {
 
     /// A round over the whole record.
     fn by_record(&self) -> Vec<Step> {
-        let creep = [&self.compliances[..], &self.times].concat();
+        // An element quicker than the closure is not to be told from a softer pipe: the creep takes the wave speed with it.
+        let creep = match self.compliances.is_empty() {
+            true => vec![],
+            false => [&self.wave_speeds[..], &self.compliances, &self.times].concat(),
+        };
         let closure = [&self.closure[..], &self.velocities].concat();
         let levels = [&self.levels[..], &self.friction].concat();
         let plan = [
-            (self.wave_speeds.clone(), Feature::Record, "wave speed, creep and valve in turn: the wave speed"),
-            (creep, Feature::Record, "wave speed, creep and valve in turn: the creep"),
-            (closure, Feature::Record, "wave speed, creep and valve in turn: the valve"),
-            (levels, Feature::Record, "levels, and the friction near that of the pipe"),
+            (self.wave_speeds.clone(), Feature::Record, "in turn: the wave speed"),
+            (creep, Feature::Record, "in turn: the creep; quick creep and wave speed stand in for each other"),
+            (closure, Feature::Record, "in turn: the valve"),
+            (levels, Feature::Record, "in turn: levels, and the friction near that of the pipe"),
             (self.others.clone(), Feature::Record, "what else the model has"),
         ];
         steps(plan)

@@ -5,6 +5,7 @@ use super::data::RunData;
 use super::least_squares::{Limits, Problem, minimise};
 use super::outcome::Fit;
 use super::problem::{Calibration, Window};
+use super::valve_shift::{LawErrors, Shift, errors_of, shifts_of};
 use crate::model::valve_from_head::{ValveCurve, valve_from_head};
 use crate::model::{Model, ModelError, Resolution};
 use crate::rig::Rig;
@@ -30,6 +31,10 @@ pub struct ValveClosure {
     pub effective_closing_s: Option<f64>,
     /// Opening in two linear stages nearest to the curve.
     pub two_stage: TwoStage,
+    /// What the laws leave of the measured head.
+    pub errors: LawErrors,
+    /// The curve again with other wave speeds and creep.
+    pub shifts: Vec<Shift>,
 }
 
 /// Linear from `(0, 1)` to `(inflection_s, inflection_opening)`, then to `(closing_s, 0)`.
@@ -69,12 +74,15 @@ pub fn closure_of(rig: &Rig, runs: &[RunData], fit: &Fit, r: usize) -> Result<Va
     let own = problem.run_values(r, &values);
     let sensor = &run.sensors[at_valve];
     let curve = read_back(&problem, r, &values, at_valve, fit.reaches)?;
+    let two_stage = TwoStage::nearest(&curve, own.closing_time_s);
     Ok(ValveClosure {
         file: run.file.clone(),
         sensor: sensor.sensor.name.clone(),
         fitted_closing_s: own.closing_time_s,
         effective_closing_s: effective_closing_s(&curve),
-        two_stage: TwoStage::nearest(&curve, own.closing_time_s),
+        errors: errors_of(&problem, r, &values, at_valve, fit.reaches, (&curve, &two_stage))?,
+        shifts: shifts_of(&problem, r, fit, at_valve, &curve)?,
+        two_stage,
         curve,
     })
 }
@@ -103,7 +111,7 @@ pub(super) fn read_back(
     valve_from_head(problem.model, &run.conditions, shared, &own, resolution, (&time_s, &head_m))
 }
 
-fn effective_closing_s(curve: &ValveCurve) -> Option<f64> {
+pub(super) fn effective_closing_s(curve: &ValveCurve) -> Option<f64> {
     let below = |level: f64| curve.time_s.iter().zip(&curve.opening).find(|(_, o)| **o <= level).map(|(t, _)| *t);
     Some((below(0.1)? - below(0.9)?) / 0.8)
 }
