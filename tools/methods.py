@@ -6,7 +6,7 @@
     python3 tools/methods.py target/release/surgescope FOLDER -o tools/methods.md
 
 Ten runs: the three of recordings/ and seven of FOLDER, each with the effects that it was made with. A run's best error is the least that any search found,
-of any seed. Least squares with random starts and the population searches run once for each of `--seeds`; what draws nothing runs once.
+of any seed. Least squares with random starts runs with five seeds, population searches with two; what draws nothing runs once.
 """
 
 import argparse
@@ -25,14 +25,14 @@ SHIPPED = [
     ("copper-leak", "unsteady-friction,leak"),
 ]
 DRAWN = ["case-001", "case-002", "case-003", "case-004", "case-006", "case-007", "case-009"]
-# Name, options, whether it draws at random.
+# Name, options, seeds.
 METHODS = [
-    ("stepwise", ["--method", "stepwise"], False),
-    ("least squares", [], False),
-    ("least squares, 8 more starts", ["--starts", "8"], True),
-    ("global", ["--method", "global"], True),
-    ("micro-GA", ["--method", "micro-ga"], True),
-    ("global-local", ["--method", "global-local"], True),
+    ("stepwise", ["--method", "stepwise"], 1),
+    ("least squares", [], 1),
+    ("least squares, 8 more starts", ["--starts", "8"], 5),
+    ("global", ["--method", "global"], 2),
+    ("micro-GA", ["--method", "micro-ga"], 2),
+    ("global-local", ["--method", "global-local"], 2),
 ]
 FOUND = 0.005
 
@@ -65,11 +65,11 @@ def runs(program: str, folder: Path, scratch: Path):
         case = folder / name
         command = [program, "import", str(case / "run.csv"), "--rig", str(case / "rig.toml"), "-o", str(mcap)]
         subprocess.run(command, check=True, capture_output=True)
-        effects = [f"{e}:2" if e == "viscoelastic-wall" else e for e in answers[name]["start_effects"]]
+        effects = [f"{e}:3" if e == "viscoelastic-wall" else e for e in answers[name]["start_effects"]]
         yield f"{name}, {answers[name]['material']}", mcap, ",".join(effects) or "none"
 
 
-def table(results: dict, seeds: list[int], budget: int) -> str:
+def table(results: dict) -> str:
     lines = ["| run | effects | " + " | ".join(name for name, *_ in METHODS) + " |", "| --- | --- |" + " --- |" * len(METHODS)]
     best = {run: min(f["rmse_m"] for method in found["fits"].values() for f in method) for run, found in results.items()}
     for run, found in results.items():
@@ -96,21 +96,33 @@ def main() -> int:
     parser.add_argument("program")
     parser.add_argument("folder", type=Path)
     parser.add_argument("-o", "--output", type=Path, default=Path("methods-table.md"))
-    parser.add_argument("--seeds", type=int, default=5)
+    parser.add_argument("--seeds", type=int, default=5, help="most seeds of a search")
+    parser.add_argument("--keep", type=Path, help="a JSON file to keep fits in, and to take those from that are there already")
+    parser.add_argument("--only", nargs="+", help="fit with these searches only, and write no table")
     parser.add_argument("--budget", type=int, default=8000)
     args = parser.parse_args()
     program = str(Path(args.program).resolve())
-    seeds = list(range(1, args.seeds + 1))
+    kept = json.loads(args.keep.read_text()) if args.keep and args.keep.exists() else {}
     results = {}
     with tempfile.TemporaryDirectory() as scratch:
         for run, recording, effects in runs(program, args.folder.resolve(), Path(scratch)):
             results[run] = {"effects": effects, "fits": {}}
-            for name, options, draws in METHODS:
-                jobs = [(program, recording, effects, options, seed, args.budget) for seed in (seeds if draws else seeds[:1])]
-                results[run]["fits"][name] = [fit(job) for job in jobs]
-                shown = ", ".join(f"{f['over_noise']:.3f}" for f in results[run]["fits"][name])
-                print(f"{run}: {name}: {shown}", file=sys.stderr, flush=True)
-    text = table(results, seeds, args.budget)
+            for name, options, seeds in METHODS:
+                fits = []
+                for seed in range(1, min(seeds, args.seeds) + 1):
+                    if args.only and name not in args.only:
+                        continue
+                    key = f"{run} {effects} {name} {seed} {args.budget}"
+                    if key not in kept:
+                        kept[key] = fit((program, recording, effects, options, seed, args.budget))
+                        if args.keep:
+                            args.keep.write_text(json.dumps(kept))
+                    fits.append(kept[key])
+                results[run]["fits"][name] = fits
+                print(f"{run}: {name}: {', '.join(format(f['over_noise'], '.3f') for f in fits)}", file=sys.stderr, flush=True)
+    if args.only:
+        return 0
+    text = table(results)
     marker = "<!-- table -->"
     old = args.output.read_text() if args.output.exists() else ""
     before = old.split(marker)[0] if marker in old else "# Searches\n\n"

@@ -300,6 +300,7 @@ def main() -> int:
         print(f"  {name:24} {fitted[name]:12.5g} {peer['values'][short]:12.5g}")
     ratio = peer["seconds"] / median
     print(f"ratio, scipy without imports over the program's median: {ratio:.0f} (bar {BAR:.0f})")
+    print(f"the same of CPU seconds, which other work on the machine hardly changes: {peer_cpu / cpu:.0f}")
     same = abs(peer["rmse_m"] / rmse - 1) < SAME
     if not same:
         print(f"the errors differ by more than {100 * SAME:.0f}%")
