@@ -155,7 +155,7 @@ pub fn calibrate(
         Method::Global | Method::MicroGa | Method::GlobalLocal => Ok(fitter.searched(model)?),
         Method::Stepwise => {
             let (state, taken) = fitter.stepped(model)?;
-            *steps.lock().unwrap_or_else(PoisonError::into_inner) = taken;
+            steps.lock().unwrap_or_else(PoisonError::into_inner).push((model.effects.clone(), taken));
             Ok(state)
         }
     };
@@ -167,7 +167,9 @@ pub fn calibrate(
     if options.method.descends() {
         return fitter.finish(&model, state);
     }
-    let steps = steps.into_inner().unwrap_or_else(PoisonError::into_inner);
+    // Of the models that were tried with more and more elements, the steps of the one that was kept.
+    let tried = steps.into_inner().unwrap_or_else(PoisonError::into_inner);
+    let steps = tried.into_iter().find(|(effects, _)| *effects == model.effects).map_or(Vec::new(), |(_, taken)| taken);
     Ok(Fit { steps, ..fitter.as_found(&model, state)? })
 }
 

@@ -215,7 +215,7 @@ fn without_sensor(name: &str, rig: &Rig, runs: &[RunData], fit: &Fit, options: &
     let [mut held_out, mut in_fit, mut noise] = [Tally::default(); 3];
     for (r, run) in runs.iter().enumerate() {
         let Some(s) = run.sensors.iter().position(|s| s.sensor.name == name) else { continue };
-        values[problem.offset_index(r, s)] = zero_before(&problem, r, s, &values)?;
+        values[problem.offset_variable(r, s)] = zero_before(&problem, r, s, &values)?;
         held_out = held_out.with(errors(&problem, r, &values, f64::NEG_INFINITY)?[s]);
         let (of_fit, of_noise) = known_of(&fit.runs[r].sensors[s], 0.0);
         (in_fit, noise) = (in_fit.with(of_fit), noise.with(of_noise));

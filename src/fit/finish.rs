@@ -14,7 +14,7 @@ use super::uncertainty::{correlation, gauss_newton_step, standard_errors};
 use crate::model::{Model, ModelError};
 
 /// Reaches from which the grid is refined.
-const FINAL_REACHES: usize = 64;
+pub(super) const FINAL_REACHES: usize = 64;
 const MIDDLE: Limits = Limits { iterations: 20, cost_tolerance: 1e-4, step_tolerance: 1e-8 };
 const LATE: Limits = Limits { iterations: usize::MAX, cost_tolerance: 1e-5, step_tolerance: 1e-9 };
 

@@ -9,6 +9,8 @@ pub mod creep;
 pub mod cross_validate;
 pub mod data;
 pub mod energy;
+mod evolution;
+mod feature;
 mod finish;
 pub mod frequency;
 pub mod held_out;
@@ -26,5 +28,8 @@ mod search;
 pub mod sensor_choice;
 mod starts;
 mod stepwise;
+#[cfg(test)]
+mod test_record;
 pub mod uncertainty;
 pub mod valve_curve;
+pub mod valve_shift;

@@ -107,6 +107,8 @@ pub struct StepTaken {
     pub before_over_noise: f64,
     /// The same after it.
     pub after_over_noise: f64,
+    /// It was kept, not taken back because the whole record became worse by it.
+    pub kept: bool,
 }
 
 /// A calibrated model of one run or of several.

@@ -17,6 +17,8 @@ use crate::model::{Conditions, Model, ModelError, Resolution, RunValues, Simulat
 
 /// Index of the closure's start among a run's variables; those that the model takes come before it, offsets after it.
 const CLOSURE_START: usize = RunValues::COUNT;
+/// Index of its closing time among them.
+const CLOSING_TIME: usize = 2;
 
 /// Which samples enter, and how finely they are simulated.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -271,16 +273,25 @@ impl<'a> Calibration<'a> {
 
     /// Number of residuals that are samples rather than priors.
     pub fn samples(&self) -> usize {
-        (0..self.runs.len()).map(|r| self.run_rows(r)).sum()
+        (0..self.runs.len()).map(|r| self.run_row_count(r)).sum()
     }
 
-    /// Residuals of a run's sensor.
-    fn rows(&self, r: usize, sensor: usize) -> usize {
+    /// How many residuals a run's sensor has.
+    fn row_count(&self, r: usize, sensor: usize) -> usize {
         self.bins_at(r, sensor).map_or(self.taken(self.spans[r][sensor]), Bins::len)
     }
 
-    fn run_rows(&self, r: usize) -> usize {
-        (0..self.runs[r].sensors.len()).map(|s| self.rows(r, s)).sum()
+    fn run_row_count(&self, r: usize) -> usize {
+        (0..self.runs[r].sensors.len()).map(|s| self.row_count(r, s)).sum()
+    }
+
+    /// What an offset of 1 m takes from each residual of a run's sensor, times the noise: 1 a sample, what leaks of it into frequencies.
+    pub(super) fn unit_offset(&self, r: usize, sensor: usize) -> Vec<f64> {
+        let constant = vec![1.0; self.taken(self.spans[r][sensor])];
+        match self.bins_at(r, sensor) {
+            Some(bins) => bins.of_residuals(&constant),
+            None => constant,
+        }
     }
 
     fn bins_at(&self, r: usize, sensor: usize) -> Option<&Bins> {
@@ -292,7 +303,7 @@ impl<'a> Calibration<'a> {
     pub fn sample_noise(&self) -> Vec<f64> {
         let sensors = self.runs.iter().enumerate().flat_map(|(r, run)| (0..run.sensors.len()).map(move |s| (r, s)));
         let noise = sensors.flat_map(|(r, s)| {
-            let (rows, samples) = (self.rows(r, s), self.taken(self.spans[r][s]).max(1));
+            let (rows, samples) = (self.row_count(r, s), self.taken(self.spans[r][s]).max(1));
             std::iter::repeat_n(self.runs[r].sensors[s].noise_m * (rows as f64 / samples as f64).sqrt(), rows)
         });
         noise.collect()
@@ -314,6 +325,39 @@ impl<'a> Calibration<'a> {
 
     fn taken(&self, (first, last): (usize, usize)) -> usize {
         (last - first).div_ceil(self.window.stride)
+    }
+
+    /// The residuals of a run's sensor.
+    pub(super) fn rows(&self, r: usize, sensor: usize) -> std::ops::Range<usize> {
+        let first: usize = (0..r).map(|r| self.run_row_count(r)).sum::<usize>()
+            + (0..sensor).map(|s| self.row_count(r, s)).sum::<usize>();
+        first..first + self.row_count(r, sensor)
+    }
+
+    /// The variable that is the offset of a run's sensor.
+    pub(super) fn offset_variable(&self, r: usize, sensor: usize) -> usize {
+        self.run_offsets[r] + CLOSURE_START + 1 + sensor
+    }
+
+    /// The variables of a run beside its offsets: velocity, head, closing time, friction and start of the closure.
+    pub(super) fn run_variables(&self, r: usize) -> [usize; CLOSURE_START + 1] {
+        std::array::from_fn(|i| self.run_offsets[r] + i)
+    }
+
+    /// The variable that is a run's closing time.
+    pub(super) fn closing_time_variable(&self, r: usize) -> usize {
+        self.run_offsets[r] + CLOSING_TIME
+    }
+
+    /// What is known beforehand of variable `j`, if anything is: mean and standard deviation, as variables.
+    pub(super) fn known(&self, j: usize) -> Option<(f64, f64)> {
+        let parameter = &self.parameters[j];
+        parameter.prior.map(|(mean, sd)| (to_variable(parameter, mean), sd))
+    }
+
+    /// The residual of what is known beforehand of variable `j`, if anything is.
+    pub(super) fn prior_residual(&self, j: usize, x: f64) -> Option<f64> {
+        self.known(j).map(|(mean, sd)| (x - mean) / sd)
     }
 
     /// What the model shows of a run: traces at its sensors, as each sensor shows them, without offsets.
@@ -381,14 +425,9 @@ impl<'a> Calibration<'a> {
         values[self.run_offsets[r] + CLOSURE_START]
     }
 
-    /// Which variable the offset of a run's sensor is.
-    pub fn offset_index(&self, r: usize, sensor: usize) -> usize {
-        self.run_offsets[r] + CLOSURE_START + 1 + sensor
-    }
-
     /// Offset of a run's sensor, m.
     pub fn offset_m(&self, r: usize, sensor: usize, values: &[f64]) -> f64 {
-        values[self.offset_index(r, sensor)]
+        values[self.offset_variable(r, sensor)]
     }
 
     fn append_run(
@@ -423,11 +462,7 @@ impl<'a> Calibration<'a> {
     }
 
     fn append_priors(&self, x: &[f64], out: &mut Vec<f64>) {
-        for (parameter, &v) in self.parameters.iter().zip(x) {
-            if let Some((mean, sd)) = parameter.prior {
-                out.push((v - to_variable(parameter, mean)) / sd);
-            }
-        }
+        out.extend(x.iter().enumerate().filter_map(|(j, &v)| self.prior_residual(j, v)));
     }
 }
 
@@ -452,12 +487,9 @@ impl Problem for Calibration<'_> {
         if let Some(sensor) = (j - self.run_offsets[moved]).checked_sub(CLOSURE_START + 1) {
             // An offset shifts its sensor's residuals; nothing is simulated.
             let shift = (self.base_offset(base, j) - values[j]) / self.runs[moved].sensors[sensor].noise_m;
-            let first: usize = (0..moved).map(|r| self.run_rows(r)).sum::<usize>()
-                + (0..sensor).map(|s| self.rows(moved, s)).sum::<usize>();
-            let constant = vec![1.0; self.taken(self.spans[moved][sensor])];
-            let constant = self.bins_at(moved, sensor).map_or(constant.clone(), |bins| bins.of_residuals(&constant));
             out.extend_from_slice(&base[..self.samples()]);
-            out[first..].iter_mut().zip(constant).for_each(|(r, one)| *r += shift * one);
+            let one = self.unit_offset(moved, sensor);
+            out[self.rows(moved, sensor)].iter_mut().zip(one).for_each(|(r, one)| *r += shift * one);
             self.append_priors(x, &mut out);
             out.extend_from_slice(&base[out.len()..]);
             return Ok(out);
@@ -470,7 +502,7 @@ impl Problem for Calibration<'_> {
                 self.append_run(r, &values, &mut out, &mut meters)?;
             } else {
                 let from = out.len();
-                out.extend_from_slice(&base[from..from + self.run_rows(r)]);
+                out.extend_from_slice(&base[from..from + self.run_row_count(r)]);
                 meters.extend(base_meter);
             }
         }

@@ -139,7 +139,7 @@ pub fn steps(fit: &Fit) -> String {
     if fit.steps.is_empty() {
         return String::new();
     }
-    let mut table = Table::new(&["<round", "from the", "moved to", "<error/noise before", "<after"]);
+    let mut table = Table::new(&["<round", "from the", "moved to", "<error/noise before", "<after", "kept"]);
     let mut reasons: Vec<String> = Vec::new();
     for step in &fit.steps {
         // Offsets and starts of closures are many and tell little.
@@ -151,6 +151,7 @@ pub fn steps(fit: &Fit) -> String {
             moved.join(", "),
             significant(step.before_over_noise, 4),
             significant(step.after_over_noise, 4),
+            if step.kept { "yes" } else { "taken back" }.into(),
         ]);
         let names: Vec<&str> = step.parameters.iter().map(|(name, _)| name.as_str()).collect();
         let first = names.first().copied().unwrap_or_default();
