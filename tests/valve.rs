@@ -23,6 +23,16 @@ fn a_linear_closure_is_read_back_as_one() {
     let run = &answer["runs"][0];
     let fitted_s = run["fitted_closing_time_s"].as_f64().unwrap();
     assert!((run["effective_closing_time_s"].as_f64().unwrap() / fitted_s - 1.0).abs() < 0.02, "{run}");
+    // The curve and the linear law tell the same first rise, and the pipe's own parameters move the curve.
+    let left = |law: &str| run["errors"][law]["first_rise_rms_m"].as_f64().unwrap();
+    assert!(left("fitted") < 0.1 && left("two_stage") < 0.1 && left("curve") < 0.1, "{}", run["errors"]);
+    let shifts = run["shifts"].as_array().unwrap();
+    let moved = |what: &str| {
+        let shift = shifts.iter().find(|s| s["what"] == what).unwrap_or_else(|| panic!("no {what}"));
+        shift["largest_change_of_opening"].as_f64().unwrap()
+    };
+    assert!(moved("wave speed +2%") > 3.0 * moved("wave speed +1 standard error"));
+    assert!(moved("creep left out") > 2.0 * moved("creep +20%") && moved("creep +20%") > 1e-3);
     let numbers = |name: &str| -> Vec<f64> {
         run[name].as_array().unwrap().iter().map(|v| v.as_f64().unwrap_or(f64::NAN)).collect()
     };
@@ -31,6 +41,21 @@ fn a_linear_closure_is_read_back_as_one() {
     for (t, found) in time_s.iter().zip(&opening) {
         assert!((found - (1.0 - t / fitted_s).max(0.0)).abs() < 0.02, "{t}: {found}");
     }
+}
+
+#[test]
+fn the_curve_is_drawn_and_its_worth_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let svg = folder.path().join("valve.svg");
+    let effects = ["--effects", "viscoelastic-wall:1", "--svg", svg.to_str().unwrap()];
+    let output = valve(&[&["recordings/hdpe-creep.mcap"], &effects[..]].concat());
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let said = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert!(said.contains("creep left out") && said.contains("nearest two stages"), "{said}");
+    let drawn = std::fs::read_to_string(svg).unwrap();
+    assert!(drawn.ends_with("</svg>") && drawn.contains("wave speed +2%"), "{drawn}");
+    let two = valve(&["recordings/hdpe-creep.mcap", "recordings/hdpe-creep.mcap", "--svg", "x.svg"]);
+    assert_eq!(two.status.code(), Some(2));
 }
 
 #[test]

@@ -161,6 +161,7 @@ fn record(rig: &Rig, output: &Path, speed: f64) -> CommandResult {
         silence: Duration::from_secs(5),
         wait: Duration::ZERO,
         notes: vec![("demo".to_owned(), "recordings/hdpe-creep.mcap played through a simulated device".to_owned())],
+        shots: None,
     };
     let reporter = Reporter::open();
     let recorded = record_playbacks(rig, played, speed, Faults::default(), &options, &mut |p| reporter.show(p));

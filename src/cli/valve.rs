@@ -7,8 +7,12 @@ use serde_json::json;
 
 use super::{CommandResult, Outcome, calibrate, load};
 use crate::fit::calibrate::Options;
-use crate::fit::valve_curve::{ValveClosure, closure_of, valve_sensor};
+use crate::fit::valve_curve::{TwoStage, ValveClosure, closure_of, valve_sensor};
+use crate::fit::valve_shift::{LawError, Shift};
 use crate::model::effects::{Chosen, parse_list};
+use crate::report::number::{fixed, significant};
+use crate::report::svg::{LineChart, Series, Style};
+use crate::report::table::Table;
 
 /// How the valve closed, read back from the head measured before it: opening against time, and the laws nearest to it.
 ///
@@ -24,6 +28,9 @@ pub struct Args {
     /// A rig to read them with, instead of the one that is stored in them.
     #[arg(long, value_name = "RIG")]
     rig: Option<PathBuf>,
+    /// Draw the curve, its two stages, and what other wave speeds and creep would make of it; of one recording.
+    #[arg(long, value_name = "FILE")]
+    svg: Option<PathBuf>,
 }
 
 /// Rows of the table of one run.
@@ -34,6 +41,9 @@ const ROWS: usize = 20;
 /// # Errors
 /// As `calibrate`; a rig without a pressure sensor at the valve.
 pub fn run(args: Args, json: bool) -> CommandResult {
+    if args.svg.is_some() && args.recordings.len() > 1 {
+        return Err("--svg draws the valve of one recording; name one".into());
+    }
     let loaded = load::load(&args.recordings, args.rig.as_deref())?;
     let rig = loaded[0].recording.rig.clone();
     let runs = load::runs(&loaded);
@@ -49,22 +59,102 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     } else {
         super::say_text!(closures.iter().map(text).collect::<Vec<_>>().join("\n"));
     }
+    if let (Some(path), Some(closure)) = (&args.svg, closures.first()) {
+        std::fs::write(path, chart(closure).to_svg(900.0, 480.0))
+            .map_err(|e| format!("cannot write the chart to {}: {e}", path.display()))?;
+        super::tell!("chart: {}", path.display());
+    }
     Ok(Outcome::Done)
 }
 
 fn document(closure: &ValveClosure) -> serde_json::Value {
-    let law = closure.two_stage;
+    let error = |e: LawError| json!({ "first_rise_rms_m": e.first_rise_m, "record_rms_m": e.record_m });
+    let shift = |s: &Shift| {
+        json!({
+            "what": s.what, "largest_change_of_opening": s.largest, "rms_change_of_opening": s.rms,
+            "effective_closing_time_s": s.effective_closing_s, "two_stage": two_stage(s.two_stage),
+            "time_s": s.curve.time_s, "opening": s.curve.opening,
+        })
+    };
     json!({
         "file": closure.file,
         "sensor": closure.sensor,
         "fitted_closing_time_s": closure.fitted_closing_s,
         "effective_closing_time_s": closure.effective_closing_s,
-        "two_stage": { "inflection_s": law.inflection_s, "inflection_opening": law.inflection_opening,
-                       "closing_time_s": law.closing_s, "rms_of_opening": law.rms },
+        "two_stage": two_stage(closure.two_stage),
+        "errors": { "fitted": error(closure.errors.fitted), "two_stage": error(closure.errors.two_stage),
+                    "curve": error(closure.errors.curve) },
+        "shifts": closure.shifts.iter().map(shift).collect::<Vec<_>>(),
         "time_s": closure.curve.time_s,
         "velocity_m_s": closure.curve.velocity_m_s,
         "opening": closure.curve.opening,
     })
+}
+
+fn two_stage(law: TwoStage) -> serde_json::Value {
+    json!({ "inflection_s": law.inflection_s, "inflection_opening": law.inflection_opening,
+            "closing_time_s": law.closing_s, "rms_of_opening": law.rms })
+}
+
+/// What the laws leave of the head, and how the curve moves with the pipe's own parameters.
+fn worth(closure: &ValveClosure) -> String {
+    let mut errors = Table::new(&["valve closes by", "first rise, rms m", "whole record, rms m"]);
+    let laws = [
+        ("the fitted model's law", closure.errors.fitted),
+        ("the nearest two stages", closure.errors.two_stage),
+        ("the curve itself", closure.errors.curve),
+    ];
+    for (law, error) in laws {
+        errors.row([law.into(), significant(error.first_rise_m, 3), significant(error.record_m, 3)]);
+    }
+    let mut shifts =
+        Table::new(&["with", "opening moves by", "rms", "effective, s", "inflection, s", "opening", "closed, s"]);
+    let row = |what: &str, moved: Option<(f64, f64)>, effective: Option<f64>, law: TwoStage| {
+        let moved = moved.map_or(["".into(), "".into()], |(largest, rms)| [fixed(largest, 4), fixed(rms, 4)]);
+        let seconds = |s: f64| fixed(s, 4);
+        let [largest, rms] = moved;
+        let effective = effective.map_or(String::new(), seconds);
+        [
+            what.into(),
+            largest,
+            rms,
+            effective,
+            seconds(law.inflection_s),
+            fixed(law.inflection_opening, 3),
+            seconds(law.closing_s),
+        ]
+    };
+    shifts.row(row("as fitted", None, closure.effective_closing_s, closure.two_stage));
+    for s in &closure.shifts {
+        shifts.row(row(&s.what, Some((s.largest, s.rms)), s.effective_closing_s, s.two_stage));
+    }
+    format!("\nWhat is left of the head at {}:\n{errors}\nThe curve owes to the pipe:\n{shifts}", closure.sensor)
+}
+
+fn chart(closure: &ValveClosure) -> LineChart {
+    let line = |n: usize, label: &str, time_s: &[f64], opening: &dyn Fn(usize) -> f64| Series {
+        label: label.into(),
+        points: time_s.iter().enumerate().map(|(i, t)| (*t, opening(i))).filter(|p| p.1.is_finite()).collect(),
+        style: Style::line(n),
+    };
+    let (curve, law) = (&closure.curve, closure.two_stage);
+    let mut series = vec![
+        line(0, "read back from the head", &curve.time_s, &|i| curve.opening[i]),
+        line(1, "nearest two stages", &curve.time_s, &|i| law.opening(curve.time_s[i])),
+    ];
+    // Five lines can be told apart; a standard error moves the curve by less than a line's width.
+    let drawn = closure.shifts.iter().filter(|s| s.what.starts_with("wave speed") && s.what.ends_with('%'));
+    let drawn = drawn.chain(closure.shifts.iter().filter(|s| s.what == "creep left out"));
+    series.extend(drawn.enumerate().map(|(n, s)| line(n + 2, &s.what, &s.curve.time_s, &|i| s.curve.opening[i])));
+    LineChart {
+        title: format!("{}: how the valve closed, by {}", closure.file, closure.sensor),
+        x_label: "time after the start of the closure, s".into(),
+        y_label: "opening, relative".into(),
+        series,
+        log_x: false,
+        log_y: false,
+        marks: Vec::new(),
+    }
 }
 
 fn text(closure: &ValveClosure) -> String {
@@ -91,5 +181,5 @@ fn text(closure: &ValveClosure) -> String {
             law.opening(time_s)
         );
     }
-    out
+    out + &worth(closure)
 }

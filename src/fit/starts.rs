@@ -117,11 +117,9 @@ pub(super) fn starts_from(model: &Model, small: &Model, state: &State, base: &[f
 #[cfg(test)]
 mod tests {
     use super::super::calibrate::{Options, calibrate};
-    use super::super::data::{Meter, RunData, RunStart, SensorData};
-    use super::*;
+    use super::super::test_record::record;
+    use crate::model::RunValues;
     use crate::model::effects::parse_list;
-    use crate::model::trace::Probe;
-    use crate::model::{Conditions, Resolution, RunValues};
     use crate::rig::Rig;
 
     const RIG: &str = r#"
@@ -147,41 +145,8 @@ position_m = 80.0
 unit = "kPa"
 "#;
 
-    /// A record of `effect` at `values`, with noise, made on a grid of its own.
-    fn record(rig: &Rig, effect: &str, values: &[f64]) -> RunData {
-        let water = rig.fluid.properties(20.0);
-        let model = Model::new(rig, &water, &parse_list(effect).unwrap());
-        let conditions = Conditions { water, supply_deviation: None };
-        let run =
-            RunValues { initial_velocity_m_s: 0.3, valve_head_m: 40.0, closing_time_s: 0.035, friction_scale: 1.1 };
-        let shared: Vec<f64> = [1290.0].into_iter().chain(values.iter().copied()).collect();
-        let resolution = Resolution { reaches: 601, duration_s: 4.0 };
-        let simulated = model.simulate(&conditions, &shared, &run, resolution, &[Probe::Head(80.0)]).unwrap();
-        let meter = Meter { position_m: 0.0, flow_m3_s: simulated.steady_flow_m3_s(0.0), relative_sd: 0.003 };
-        let velocity = meter.flow_m3_s / rig.pipes[0].area_m2();
-        // Noise of 0.1 m by a linear congruential generator.
-        let mut seed = 1u64;
-        let mut noise = || {
-            seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            0.1 * 12f64.sqrt() * ((seed >> 11) as f64 / (1u64 << 53) as f64 - 0.5)
-        };
-        let time_s: Vec<f64> = (0..4000).map(|i| f64::from(i) * 1e-3).collect();
-        let head_m = time_s.iter().map(|t| simulated.traces[0].at(t - 0.2) + noise()).collect();
-        let sensor = rig.sensors[0].clone();
-        RunData {
-            file: "run".into(),
-            sensors: vec![SensorData { sensor, time_s, head_m, noise_m: 0.1, total_noise_m: 0.1, offset_sd_m: 0.2 }],
-            conditions,
-            start: RunStart {
-                closure_s: (0.2, 1e-3),
-                velocity_m_s: (velocity, 0.01),
-                valve_head_m: (40.0, None),
-                wave_speed_ratio: None,
-            },
-            meter: Some(meter),
-            extrema: vec![Vec::new()],
-        }
-    }
+    const RUN: RunValues =
+        RunValues { initial_velocity_m_s: 0.3, valve_head_m: 40.0, closing_time_s: 0.035, friction_scale: 1.1 };
 
     /// Effects that may be anywhere are found where they are, near either end and in between.
     #[test]
@@ -195,8 +160,8 @@ unit = "kPa"
         ];
         for (effect, truths) in cases {
             for truth in truths {
-                let runs = [record(&rig, effect, truth)];
                 let effects = parse_list(effect).unwrap();
+                let runs = [record(&rig, &effects, &[&[1290.0], *truth].concat(), RUN, 0.1, 4.0)];
                 let fit = calibrate(&rig, &runs, &effects, &Options::default(), &|_| {}).unwrap();
                 let run = &fit.runs[0];
                 assert!(run.rmse_m < 1.1 * run.noise_m, "{effect} {truth:?}: {} m", run.rmse_m);

@@ -1,49 +1,28 @@
-//! Stepwise calibration: one parameter after the other, each from the feature of the record that it moves most.
+//! Stepwise calibration: a few parameters at a time, each from the feature of the record that shows it best.
 //!
 //! The order is that of Tjuatja et al. (2023) as the paper has it: wave speed, closure, creep by the phase and the damping of the late
-//! cycles, then all in turn until nothing is gained. A person can follow it, stop it, change a value and go on.
+//! cycles, then all in turn over the whole record until nothing is gained. How far a step goes follows from the feature's sensitivity (a
+//! Gauss-Newton step). A person can follow it, stop it, change a value and go on.
 
 use super::approach::{FIRST_REACHES, Fitter, State};
 use super::calibrate::Progress;
-use super::compare::Pair;
+use super::feature::{Along, Aspect, Feature};
+use super::finish::FINAL_REACHES;
 use super::least_squares::{Limits, Problem, minimise};
 use super::outcome::StepTaken;
 use super::problem::Calibration;
+use super::valve_curve::{TwoStage, read_back, valve_sensor};
 use crate::model::{Model, ModelError};
 
 const LIMITS: Limits = Limits { iterations: 12, cost_tolerance: 1e-3, step_tolerance: 1e-6 };
-/// Rounds after the first, at most, and the relative fall of the error below which one more is not worth it.
-const ROUNDS: usize = 12;
-const SETTLED: f64 = 0.005;
-/// What a crossing's time is known to, as a share of the period.
-const PHASE_SHARE: f64 = 1e-3;
-
-/// What of the record a step looks at.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Feature {
-    /// All samples before the first reflection is back.
-    FirstRise,
-    /// When the level between extrema is crossed, in the first half of the cycles.
-    EarlyPhase,
-    /// The same in the second half.
-    LatePhase,
-    /// Heights of the extrema of the second half.
-    LatePeaks,
-    /// Everything.
-    Record,
-}
-
-impl Feature {
-    fn name(self) -> &'static str {
-        match self {
-            Feature::FirstRise => "first rise",
-            Feature::EarlyPhase => "phase of the early cycles",
-            Feature::LatePhase => "phase of the late cycles",
-            Feature::LatePeaks => "heights of the late peaks",
-            Feature::Record => "whole record",
-        }
-    }
-}
+/// Most rounds over the features, and over the whole record on each grid.
+const FEATURE_ROUNDS: usize = 6;
+const ROUNDS: usize = 40;
+/// Relative fall of the sum of squares below which another round is not worth it, over the features and over the record.
+const GAINED: f64 = 0.1;
+const SETTLED: f64 = 0.003;
+/// How much a step by a feature may raise the sum of squares of the whole record: more, and it is taken back.
+const WORSE: f64 = 1.1;
 
 /// One step: which variables it moves, and by what.
 struct Step {
@@ -52,199 +31,261 @@ struct Step {
     why: &'static str,
 }
 
-/// The steps of a round, in their order; those that would move nothing are left out.
-fn steps(problem: &Calibration) -> Vec<Step> {
-    let model = problem.model;
-    let (pipes, shared) = (model.rig.pipes.len(), model.shared.len());
-    let named = |names: &[&str]| -> Vec<usize> {
-        (shared..problem.parameters.len())
-            .filter(|&j| names.iter().any(|n| problem.parameters[j].name.starts_with(n)))
-            .collect()
-    };
-    let mut at = pipes;
-    let (mut compliances, mut times, mut valve, mut others) = (vec![], vec![], vec![], vec![]);
-    for (chosen, &size) in model.effects.iter().zip(model.effect_sizes()) {
-        for j in at..at + size {
-            match problem.parameters[j].unit {
-                "1/GPa" => compliances.push(j),
-                "s" if chosen.effect.elements().is_some() => times.push(j),
-                _ if chosen.effect.name().starts_with("valve-law") => valve.push(j),
-                _ => others.push(j),
+/// The variables of a model, by what a step does with them.
+pub(super) struct Groups {
+    wave_speeds: Vec<usize>,
+    /// Closing time and start, and the valve's law.
+    closure: Vec<usize>,
+    velocities: Vec<usize>,
+    levels: Vec<usize>,
+    friction: Vec<usize>,
+    /// Of creep: those of the elements, and their retardation times.
+    pub(super) compliances: Vec<usize>,
+    pub(super) times: Vec<usize>,
+    others: Vec<usize>,
+}
+
+impl Groups {
+    pub(super) fn of(problem: &Calibration) -> Self {
+        let model = problem.model;
+        let named = |names: &[&str]| -> Vec<usize> {
+            (model.shared.len()..problem.parameters.len())
+                .filter(|&j| names.iter().any(|n| problem.parameters[j].name.starts_with(n)))
+                .collect()
+        };
+        let mut groups = Groups {
+            wave_speeds: (0..model.rig.pipes.len()).collect(),
+            closure: named(&["closing_time", "closure_start"]),
+            velocities: named(&["initial_velocity"]),
+            levels: named(&["valve_head", "offset"]),
+            friction: named(&["friction_scale"]),
+            compliances: vec![],
+            times: vec![],
+            others: vec![],
+        };
+        let mut at = model.effects_from();
+        for (chosen, &size) in model.effects.iter().zip(model.effect_sizes()) {
+            for j in at..at + size {
+                match problem.parameters[j].unit {
+                    "1/GPa" => groups.compliances.push(j),
+                    "s" if chosen.effect.elements().is_some() => groups.times.push(j),
+                    _ if chosen.effect.name().starts_with("valve-law") => groups.closure.push(j),
+                    _ => groups.others.push(j),
+                }
+            }
+            at += size;
+        }
+        groups
+    }
+
+    /// A round over the features.
+    fn by_features(&self, problem: &Calibration) -> Vec<Step> {
+        let curve = if has_two_stages(problem.model) { self.closure.clone() } else { Vec::new() };
+        // What a meter shows is better known than what the rise would say of it while the creep is not.
+        let metered = problem.runs.iter().all(|r| r.meter.is_some());
+        let rise = if metered { self.closure.clone() } else { [&self.closure[..], &self.velocities].concat() };
+        let (quick, slow) = self.compliances.split_at(self.compliances.len().saturating_sub(1));
+        let quick = if quick.is_empty() { slow } else { quick };
+        let plan = [
+            (
+                self.wave_speeds.clone(),
+                Feature::EarlyPhase,
+                "the wave speed sets the period before creep has changed it",
+            ),
+            (self.levels.clone(), Feature::Steady, "levels stand in the record before anything moves"),
+            (curve, Feature::ValveCurve, "two stages nearest to the opening that head and characteristics tell"),
+            (rise, Feature::FirstRise, "nothing but the closure shapes the head before the first reflection is back"),
+            (quick.to_vec(), Feature::LatePhase, "the quicker elements delay the late cycles most"),
+            (slow.to_vec(), Feature::LatePeaks, "the slowest element damps the late peaks most"),
+            (self.others.clone(), Feature::Record, "what else the model has"),
+        ];
+        steps(plan)
+    }
+
+    /// A round over the whole record.
+    fn by_record(&self) -> Vec<Step> {
+        // An element quicker than the closure is not to be told from a softer pipe: the creep takes the wave speed with it.
+        let creep = match self.compliances.is_empty() {
+            true => vec![],
+            false => [&self.wave_speeds[..], &self.compliances, &self.times].concat(),
+        };
+        let closure = [&self.closure[..], &self.velocities].concat();
+        let levels = [&self.levels[..], &self.friction].concat();
+        let plan = [
+            (self.wave_speeds.clone(), Feature::Record, "in turn: the wave speed"),
+            (creep, Feature::Record, "in turn: the creep; quick creep and wave speed stand in for each other"),
+            (closure, Feature::Record, "in turn: the valve"),
+            (levels, Feature::Record, "in turn: levels, and the friction near that of the pipe"),
+            (self.others.clone(), Feature::Record, "what else the model has"),
+        ];
+        steps(plan)
+    }
+}
+
+/// Those of a plan that would move anything.
+fn steps<const N: usize>(plan: [(Vec<usize>, Feature, &'static str); N]) -> Vec<Step> {
+    plan.into_iter()
+        .filter(|(which, ..)| !which.is_empty())
+        .map(|(which, feature, why)| Step { which, feature, why })
+        .collect()
+}
+
+fn has_two_stages(model: &Model) -> bool {
+    model.effects.iter().any(|c| c.effect.name() == "valve-law")
+}
+
+/// A calibration on its way.
+struct Walk<'f> {
+    fitter: &'f Fitter<'f>,
+    values: Vec<f64>,
+    taken: Vec<StepTaken>,
+}
+
+impl Walk<'_> {
+    fn stopped(&self) -> bool {
+        self.taken.len() >= self.fitter.options.most_steps
+    }
+
+    fn cost(&self, problem: &Calibration) -> Result<f64, ModelError> {
+        self.fitter.count(1);
+        cost(problem, &problem.variables(&self.values))
+    }
+
+    /// Takes the steps of one round.
+    fn round(&mut self, problem: &Calibration, plan: &[Step], round: usize) -> Result<(), ModelError> {
+        for step in plan {
+            if self.stopped() {
+                break;
+            }
+            let before = self.cost(problem)?;
+            let moved = match step.feature {
+                Feature::ValveCurve => self.by_valve_curve(problem)?,
+                _ => {
+                    let aspect = Aspect::new(problem, &step.which, step.feature, &self.values);
+                    let solution = minimise(&aspect, &aspect.start(), LIMITS, |_, _| {})?;
+                    self.fitter.count(solution.evaluations);
+                    aspect.whole(&solution.x)
+                }
+            };
+            self.judge(problem, step, round, before, &moved)?;
+        }
+        Ok(())
+    }
+
+    /// Goes on the way of the last round: wave speed and creep stand in for each other, so that steps in turn go along a valley.
+    fn further(&mut self, problem: &Calibration, since: &[f64], round: usize) -> Result<(), ModelError> {
+        if self.stopped() {
+            return Ok(());
+        }
+        let before = self.cost(problem)?;
+        let from = problem.variables(&self.values);
+        let direction: Vec<f64> = from.iter().zip(problem.variables(since)).map(|(now, then)| now - then).collect();
+        let which = (0..from.len()).filter(|&j| direction[j] != 0.0).collect();
+        let along = Along { problem, from: &from, direction: &direction };
+        let solution = minimise(&along, &[0.0], LIMITS, |_, _| {})?;
+        self.fitter.count(solution.evaluations);
+        let why = "the way that the round went, further: what stands in for each other moves together";
+        let step = Step { which, feature: Feature::Record, why };
+        self.judge(problem, &step, round, before, &along.whole(solution.x[0]))
+    }
+
+    /// Keeps what a step has moved, or takes it back; both are told.
+    fn judge(
+        &mut self,
+        problem: &Calibration,
+        step: &Step,
+        round: usize,
+        before: f64,
+        moved: &[f64],
+    ) -> Result<(), ModelError> {
+        self.fitter.count(1);
+        let after = cost(problem, moved).unwrap_or(f64::INFINITY);
+        let allowed = if step.feature == Feature::Record { 1.0 } else { WORSE };
+        let kept = after <= allowed * before;
+        let values = problem.values(moved);
+        let over_noise = |cost: f64| (2.0 * cost / problem.samples().max(1) as f64).sqrt();
+        self.taken.push(StepTaken {
+            round,
+            parameters: step.which.iter().map(|&j| (problem.parameters[j].name.clone(), values[j])).collect(),
+            feature: step.feature.name(),
+            why: step.why,
+            before_over_noise: over_noise(before),
+            after_over_noise: over_noise(after),
+            kept,
+        });
+        if kept {
+            self.values = values;
+        }
+        (self.fitter.progress)(&Progress {
+            stage: format!("round {round}, {}", step.feature.name()),
+            reaches: problem.window().reaches,
+            iteration: self.taken.len(),
+            error_over_noise: over_noise(if kept { after } else { before }),
+        });
+        Ok(())
+    }
+
+    /// All variables with the law and closing time that lie nearest to the openings that each run's head at the valve tells; unchanged
+    /// where no sensor stands there. What the runs share is their mean.
+    fn by_valve_curve(&self, problem: &Calibration) -> Result<Vec<f64>, ModelError> {
+        let mut values = self.values.clone();
+        let mut laws = Vec::new();
+        for (r, run) in problem.runs.iter().enumerate() {
+            let Ok(sensor) = valve_sensor(self.fitter.rig, run) else { continue };
+            self.fitter.count(1);
+            let curve = read_back(problem, r, &self.values, sensor, problem.window().reaches)?;
+            let law = TwoStage::nearest(&curve, problem.run_values(r, &self.values).closing_time_s);
+            if law.rms.is_finite() {
+                values[problem.closing_time_variable(r)] = law.closing_s;
+                laws.push(law);
             }
         }
-        at += size;
-    }
-    let slow = if compliances.len() > 1 { compliances.split_off(compliances.len() - 1) } else { compliances.clone() };
-    let closure = [named(&["initial_velocity", "closing_time", "closure_start"]), valve].concat();
-    let plan = [
-        (
-            (0..pipes).collect(),
-            Feature::EarlyPhase,
-            "the wave speed sets the period before creep has had time to change it",
-        ),
-        (
-            closure,
-            Feature::FirstRise,
-            "nothing but the closure shapes the pressure before the first reflection is back",
-        ),
-        (named(&["valve_head", "offset", "friction_scale"]), Feature::Record, "levels before and after the surge"),
-        (compliances, Feature::LatePhase, "the quicker elements delay the late cycles most"),
-        (slow, Feature::LatePeaks, "the slowest element damps the late peaks most"),
-        (times, Feature::Record, "the retardation times share the creep out over the record"),
-        (others, Feature::Record, "what else the model has"),
-    ];
-    let steps = plan.into_iter().map(|(which, feature, why): (Vec<usize>, _, _)| Step { which, feature, why });
-    steps.filter(|s| !s.which.is_empty()).collect()
-}
-
-/// A feature as a problem of a few variables, the others at rest.
-struct Aspect<'p> {
-    problem: &'p Calibration<'p>,
-    step: &'p Step,
-    /// All variables.
-    still: Vec<f64>,
-    lower: Vec<f64>,
-    upper: Vec<f64>,
-    /// Period with which the step began, s: what is compared stays the same while it moves.
-    period_s: f64,
-}
-
-impl<'p> Aspect<'p> {
-    fn new(problem: &'p Calibration, step: &'p Step, values: &[f64]) -> Self {
-        let (lower, upper) = problem.bounds();
-        let of = |all: &[f64]| step.which.iter().map(|&j| all[j]).collect();
-        Aspect {
-            lower: of(lower),
-            upper: of(upper),
-            still: problem.variables(values),
-            period_s: problem.model.period_s(&values[..problem.model.shared.len()]),
-            problem,
-            step,
-        }
-    }
-
-    fn start(&self) -> Vec<f64> {
-        self.step.which.iter().map(|&j| self.still[j]).collect()
-    }
-
-    fn whole(&self, x: &[f64]) -> Vec<f64> {
-        let mut all = self.still.clone();
-        self.step.which.iter().zip(x).for_each(|(&j, &v)| all[j] = v);
-        all
-    }
-
-    /// What of measurement and model run `r` shows of the feature.
-    fn of_run(&self, r: usize, values: &[f64]) -> Result<Vec<f64>, ModelError> {
-        let run = &self.problem.runs[r];
-        let traces = self.problem.modelled(r, values, self.problem.window().reaches)?.traces;
-        let start = self.problem.closure_start_s(r, values);
-        let known_start = run.start.closure_s.0;
-        let mut residuals = Vec::new();
-        for (s, (sensor, trace)) in run.sensors.iter().zip(&traces).enumerate() {
-            let offset = self.problem.offset_m(r, s, values);
-            let from = sensor.time_s.partition_point(|&t| t < known_start);
-            let to = match self.step.feature {
-                Feature::FirstRise => sensor.time_s.partition_point(|&t| t < known_start + 0.5 * self.period_s),
-                _ => sensor.time_s.len(),
-            };
-            let time_s: Vec<f64> = sensor.time_s[from..to].iter().map(|t| t - known_start).collect();
-            let model_m: Vec<f64> = sensor.time_s[from..to].iter().map(|t| offset + trace.at(t - start)).collect();
-            let measured_m = &sensor.head_m[from..to];
-            if self.step.feature == Feature::FirstRise {
-                residuals.extend(measured_m.iter().zip(&model_m).map(|(a, b)| (a - b) / sensor.noise_m));
-                continue;
+        let mean = |of: &dyn Fn(&TwoStage) -> f64| laws.iter().map(of).sum::<f64>() / laws.len() as f64;
+        for (value, parameter) in values.iter_mut().zip(&problem.parameters).filter(|_| !laws.is_empty()) {
+            match parameter.name.as_str() {
+                "inflection_time_fraction" => *value = mean(&|l| l.inflection_s / l.closing_s),
+                "inflection_opening" => *value = mean(&|l| l.inflection_opening),
+                _ => {}
             }
-            let pair = Pair {
-                time_s: &time_s,
-                measured_m,
-                model_m: &model_m,
-                noise_m: sensor.noise_m,
-                period_s: self.period_s,
-            };
-            let found: Vec<_> = run.extrema[s].iter().map(|&(t, c, p)| (t - known_start, c, p)).collect();
-            let middle = found.len() / 2;
-            let extrema = pair.extrema(&found);
-            let late = matches!(self.step.feature, Feature::LatePhase | Feature::LatePeaks);
-            let half = if late { &extrema[middle.min(extrema.len())..] } else { &extrema[..middle.min(extrema.len())] };
-            let zero_if_lost = |v: f64| if v.is_finite() { v } else { 0.0 };
-            residuals.extend(half.iter().map(|e| match self.step.feature {
-                Feature::LatePeaks => zero_if_lost((e.model_m - e.measured_m) / sensor.noise_m),
-                _ => zero_if_lost(e.phase_s / (PHASE_SHARE * self.period_s)),
-            }));
+            *value = value.clamp(parameter.lower, parameter.upper);
         }
-        Ok(residuals)
+        Ok(problem.variables(&values))
     }
 }
 
-impl Problem for Aspect<'_> {
-    type Error = ModelError;
-
-    fn residuals(&self, x: &[f64]) -> Result<Vec<f64>, ModelError> {
-        let all = self.whole(x);
-        if self.step.feature == Feature::Record {
-            return self.problem.residuals(&all);
-        }
-        let values = self.problem.values(&all);
-        let runs = (0..self.problem.runs.len()).map(|r| self.of_run(r, &values));
-        Ok(runs.collect::<Result<Vec<_>, _>>()?.concat())
-    }
-
-    fn bounds(&self) -> (&[f64], &[f64]) {
-        (&self.lower, &self.upper)
-    }
-
-    fn difference_step(&self, j: usize) -> f64 {
-        self.problem.difference_step(self.step.which[j])
-    }
+/// Half the sum of squares over the whole record.
+fn cost(problem: &Calibration, x: &[f64]) -> Result<f64, ModelError> {
+    problem.residuals(x).map(|r| 0.5 * r.iter().map(|r| r * r).sum::<f64>())
 }
 
 impl Fitter<'_> {
-    /// A model on the coarse grid, from the starts that the signals and its effects give, and the steps that were taken.
+    /// A model from the starts that the signals, its effects and what is known beforehand give, and the steps that were taken: by features on a
+    /// coarse grid, then by the whole record there and on a fine one.
     pub(super) fn stepped(&self, model: &Model) -> Result<(State, Vec<StepTaken>), ModelError> {
-        let problem = Calibration::new(model, self.runs, self.window(FIRST_REACHES, f64::INFINITY));
-        let n = problem.samples().max(1) as f64;
-        let cost = |values: &[f64]| {
-            problem.residuals(&problem.variables(values)).map(|r| 0.5 * r.iter().map(|r| r * r).sum::<f64>())
+        let coarse = Calibration::new(model, self.runs, self.window(FIRST_REACHES, f64::INFINITY));
+        let groups = Groups::of(&coarse);
+        let mut walk = Walk { fitter: self, values: coarse.values(&coarse.start()), taken: Vec::new() };
+        let mut round = 0;
+        let mut rounds = |walk: &mut Walk, problem: &Calibration, plan: &[Step], most: usize, worth: f64, on: bool| {
+            for _ in 0..most {
+                let (before, since) = (walk.cost(problem)?, walk.values.clone());
+                round += 1;
+                walk.round(problem, plan, round)?;
+                if on {
+                    walk.further(problem, &since, round)?;
+                }
+                if walk.stopped() || walk.cost(problem)? > (1.0 - worth) * before {
+                    break;
+                }
+            }
+            Ok::<(), ModelError>(())
         };
-        let over_noise = |cost: f64| (2.0 * cost / n).sqrt();
-        let plan = steps(&problem);
-        let mut values = problem.values(&problem.start());
-        let mut now = cost(&values)?;
-        let (mut best, mut taken) = (State { values: values.clone(), cost: now }, Vec::new());
-        for round in 1..=ROUNDS {
-            let before_round = best.cost;
-            for step in &plan {
-                if taken.len() >= self.options.most_steps {
-                    return Ok((State { values, cost: now }, taken));
-                }
-                let aspect = Aspect::new(&problem, step, &values);
-                let solution = minimise(&aspect, &aspect.start(), LIMITS, |_, _| {})?;
-                self.count(solution.evaluations + 1);
-                values = problem.values(&aspect.whole(&solution.x));
-                let before = now;
-                now = cost(&values)?;
-                taken.push(StepTaken {
-                    round,
-                    parameters: step.which.iter().map(|&j| (problem.parameters[j].name.clone(), values[j])).collect(),
-                    feature: step.feature.name(),
-                    why: step.why,
-                    before_over_noise: over_noise(before),
-                    after_over_noise: over_noise(now),
-                });
-                (self.progress)(&Progress {
-                    stage: format!("round {round}, {}", step.feature.name()),
-                    reaches: problem.window().reaches,
-                    iteration: taken.len(),
-                    error_over_noise: over_noise(now),
-                });
-                if now < best.cost {
-                    best = State { values: values.clone(), cost: now };
-                }
-            }
-            if best.cost > (1.0 - SETTLED) * before_round {
-                break;
-            }
-        }
-        Ok((best, taken))
+        rounds(&mut walk, &coarse, &groups.by_features(&coarse), FEATURE_ROUNDS, GAINED, false)?;
+        rounds(&mut walk, &coarse, &groups.by_record(), ROUNDS, SETTLED, true)?;
+        let reaches = model.fitting_reaches(&walk.values[..model.shared.len()], 2 * FINAL_REACHES);
+        let fine = Calibration::new(model, self.runs, self.window(reaches, f64::INFINITY));
+        rounds(&mut walk, &fine, &groups.by_record(), ROUNDS, SETTLED, true)?;
+        let cost = walk.cost(&coarse)?;
+        Ok((State { values: walk.values, cost }, walk.taken))
     }
 }

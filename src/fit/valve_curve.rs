@@ -5,8 +5,9 @@ use super::data::RunData;
 use super::least_squares::{Limits, Problem, minimise};
 use super::outcome::Fit;
 use super::problem::{Calibration, Window};
+use super::valve_shift::{LawErrors, Shift, errors_of, shifts_of};
 use crate::model::valve_from_head::{ValveCurve, valve_from_head};
-use crate::model::{Model, Resolution};
+use crate::model::{Model, ModelError, Resolution};
 use crate::rig::Rig;
 
 /// How far from the valve a sensor may be to stand for the head before it, as a share of the pipe's length.
@@ -30,6 +31,10 @@ pub struct ValveClosure {
     pub effective_closing_s: Option<f64>,
     /// Opening in two linear stages nearest to the curve.
     pub two_stage: TwoStage,
+    /// What the laws leave of the measured head.
+    pub errors: LawErrors,
+    /// The curve again with other wave speeds and creep.
+    pub shifts: Vec<Shift>,
 }
 
 /// Linear from `(0, 1)` to `(inflection_s, inflection_opening)`, then to `(closing_s, 0)`.
@@ -66,28 +71,47 @@ pub fn closure_of(rig: &Rig, runs: &[RunData], fit: &Fit, r: usize) -> Result<Va
     let window = Window { reaches: fit.reaches, horizon_s: f64::INFINITY, stride: 1 };
     let problem = Calibration::new(&model, runs, window);
     let values = fit.values();
-    let start = problem.closure_start_s(r, &values);
-    let offset = problem.offset_m(r, at_valve, &values);
     let own = problem.run_values(r, &values);
     let sensor = &run.sensors[at_valve];
-    let from = sensor.time_s.partition_point(|&t| t < start);
-    let time_s: Vec<f64> = sensor.time_s[from..].iter().map(|t| t - start).collect();
-    let head_m: Vec<f64> = sensor.head_m[from..].iter().map(|h| h - offset).collect();
-    let duration_s = (BEYOND * own.closing_time_s).min(time_s.last().copied().unwrap_or(0.0));
-    let resolution = Resolution { reaches: fit.reaches, duration_s };
-    let shared = &values[..model.shared.len()];
-    let curve = valve_from_head(&model, &run.conditions, shared, &own, resolution, (&time_s, &head_m))?;
+    let curve = read_back(&problem, r, &values, at_valve, fit.reaches)?;
+    let two_stage = TwoStage::nearest(&curve, own.closing_time_s);
     Ok(ValveClosure {
         file: run.file.clone(),
         sensor: sensor.sensor.name.clone(),
         fitted_closing_s: own.closing_time_s,
         effective_closing_s: effective_closing_s(&curve),
-        two_stage: TwoStage::nearest(&curve, own.closing_time_s),
+        errors: errors_of(&problem, r, &values, at_valve, fit.reaches, (&curve, &two_stage))?,
+        shifts: shifts_of(&problem, r, fit, at_valve, &curve)?,
+        two_stage,
         curve,
     })
 }
 
-fn effective_closing_s(curve: &ValveCurve) -> Option<f64> {
+/// The valve's curve of run `r` by its head at `sensor`, to twice the closing time that is among the `values`.
+///
+/// # Errors
+/// As [`valve_from_head`].
+pub(super) fn read_back(
+    problem: &Calibration,
+    r: usize,
+    values: &[f64],
+    sensor: usize,
+    reaches: usize,
+) -> Result<ValveCurve, ModelError> {
+    let run = &problem.runs[r];
+    let (start, offset) = (problem.closure_start_s(r, values), problem.offset_m(r, sensor, values));
+    let own = problem.run_values(r, values);
+    let seen = &run.sensors[sensor];
+    let from = seen.time_s.partition_point(|&t| t < start);
+    let time_s: Vec<f64> = seen.time_s[from..].iter().map(|t| t - start).collect();
+    let head_m: Vec<f64> = seen.head_m[from..].iter().map(|h| h - offset).collect();
+    let duration_s = (BEYOND * own.closing_time_s).min(time_s.last().copied().unwrap_or(0.0));
+    let resolution = Resolution { reaches, duration_s };
+    let shared = &values[..problem.model.shared.len()];
+    valve_from_head(problem.model, &run.conditions, shared, &own, resolution, (&time_s, &head_m))
+}
+
+pub(super) fn effective_closing_s(curve: &ValveCurve) -> Option<f64> {
     let below = |level: f64| curve.time_s.iter().zip(&curve.opening).find(|(_, o)| **o <= level).map(|(t, _)| *t);
     Some((below(0.1)? - below(0.9)?) / 0.8)
 }
@@ -104,7 +128,7 @@ impl TwoStage {
     }
 
     /// Least squares from the linear closure with its kink in nine places.
-    fn nearest(curve: &ValveCurve, closing_s: f64) -> Self {
+    pub(super) fn nearest(curve: &ValveCurve, closing_s: f64) -> Self {
         let points: Vec<(f64, f64)> =
             curve.time_s.iter().copied().zip(curve.opening.iter().copied()).filter(|(_, o)| o.is_finite()).collect();
         let law = Law { points, lower: [0.3 * closing_s, 0.02, 0.0], upper: [BEYOND * closing_s, 0.98, 1.0] };

@@ -66,6 +66,16 @@ pub type OpeningLaw = Box<dyn Fn(f64) -> f64 + Send>;
 /// A head as a function of the time after the start of the closure.
 pub type HeadInTime = Box<dyn Fn(f64) -> f64 + Send>;
 
+/// What is given of the valve's end, in the stead of what the model says of it.
+pub(super) enum GivenEnd {
+    /// Nothing.
+    Nothing,
+    /// The head before it, which then drives the line.
+    Head(HeadInTime),
+    /// Its law over the run's closing time.
+    Law(OpeningLaw),
+}
+
 /// The valve: its steady point and its closure.
 pub struct ValveEnd {
     /// Flow before the closure, m³/s.

@@ -1,6 +1,6 @@
 //! One run of a model: from its values to the line that is stepped, checked before anything is taken.
 
-use super::boundary::{Closure, ConstantHead, HeadInTime, MeasuredHead, Supply, ValveEnd};
+use super::boundary::{Closure, ConstantHead, GivenEnd, MeasuredHead, Supply, ValveEnd};
 use super::effects::{Chosen, Scene};
 use super::energy::Owners;
 use super::friction::{ReachFriction, WallFriction};
@@ -48,10 +48,10 @@ impl Model<'_> {
         resolution: Resolution,
         probes: &[Probe],
     ) -> Result<Simulated, ModelError> {
-        self.run(conditions, shared, run, resolution, probes, None, false)
+        self.run(conditions, shared, run, resolution, probes, GivenEnd::Nothing, false)
     }
 
-    /// The same with the head before the valve given, which then drives the line in the valve's stead.
+    /// The same with something of the valve's end given.
     pub(super) fn driven(
         &self,
         conditions: &Conditions,
@@ -59,9 +59,9 @@ impl Model<'_> {
         run: &RunValues,
         resolution: Resolution,
         probes: &[Probe],
-        given_head: Option<HeadInTime>,
+        given: GivenEnd,
     ) -> Result<Simulated, ModelError> {
-        self.run(conditions, shared, run, resolution, probes, given_head, false)
+        self.run(conditions, shared, run, resolution, probes, given, false)
     }
 
     /// The same, and keeps the energy book ([`Simulated::energy`]).
@@ -76,7 +76,7 @@ impl Model<'_> {
         resolution: Resolution,
         probes: &[Probe],
     ) -> Result<Simulated, ModelError> {
-        self.run(conditions, shared, run, resolution, probes, None, true)
+        self.run(conditions, shared, run, resolution, probes, GivenEnd::Nothing, true)
     }
 
     #[allow(clippy::too_many_arguments)] // what simulate, driven and simulate_with_energy share
@@ -87,7 +87,7 @@ impl Model<'_> {
         run: &RunValues,
         resolution: Resolution,
         probes: &[Probe],
-        given_head: Option<HeadInTime>,
+        given: GivenEnd,
         with_energy: bool,
     ) -> Result<Simulated, ModelError> {
         self.check(shared, run)?;
@@ -134,6 +134,11 @@ impl Model<'_> {
         let mut field = None;
         let mut supply = self.base_supply(conditions, steady.head_m[0])?;
         let discharge_head_m = self.rig.valve.discharge_head_m;
+        let (given_head, given_law) = match given {
+            GivenEnd::Nothing => (None, None),
+            GivenEnd::Head(head) => (Some(head), None),
+            GivenEnd::Law(law) => (None, Some(law)),
+        };
         let mut valve = ValveEnd {
             flow_m3_s,
             drop_m: run.valve_head_m - discharge_head_m,
@@ -152,6 +157,9 @@ impl Model<'_> {
             }
             supply = chosen.effect.supply(values, supply)?;
             chosen.effect.valve(values, &mut valve)?;
+        }
+        if given_law.is_some() {
+            valve.law = given_law;
         }
         let line = Line { steady: &steady, terms, field, supply, joints, at_valve, valve };
         let owners = with_energy.then_some(owners);

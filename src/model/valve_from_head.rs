@@ -3,7 +3,8 @@
 //! The measured head drives the line at its end; the characteristic that arrives there then gives the velocity, `V`, and with
 //! the orifice's law the relative opening, `τ = (V/V₀) √(ΔH₀/ΔH)`.
 
-use super::trace::Probe;
+use super::boundary::{GivenEnd, OpeningLaw};
+use super::trace::{Probe, Trace};
 use super::{Conditions, Model, ModelError, Resolution, RunValues};
 
 /// Velocity at the valve and relative opening, step by step.
@@ -44,7 +45,7 @@ pub fn valve_from_head(
     let head = move |time_s: f64| linear(&samples, time_s);
     let end_m = model.rig.length_m();
     let probes = [Probe::Head(end_m), Probe::Flow(end_m)];
-    let traces = model.driven(conditions, shared, run, resolution, &probes, Some(Box::new(head)))?.traces;
+    let traces = model.driven(conditions, shared, run, resolution, &probes, GivenEnd::Head(Box::new(head)))?.traces;
     let [heads, flows] = &traces[..] else { return Err(ModelError::NoValveHead) };
     let area_m2 = model.rig.pipes.last().map_or(f64::NAN, crate::rig::Pipe::area_m2);
     let discharge_m = model.rig.valve.discharge_head_m;
@@ -63,6 +64,25 @@ pub fn valve_from_head(
         })
         .collect();
     Ok(ValveCurve { time_s: (0..kept).map(|i| heads.dt_s * i as f64).collect(), velocity_m_s, opening })
+}
+
+/// What a sensor at `place_m` shows where the valve closes by `law`, the opening after a part of `run`'s closing time (0 to 1), whatever the model says of
+/// its valve.
+///
+/// # Errors
+/// As [`Model::simulate`].
+pub fn head_from_valve(
+    model: &Model,
+    conditions: &Conditions,
+    shared: &[f64],
+    run: &RunValues,
+    resolution: Resolution,
+    place_m: f64,
+    law: OpeningLaw,
+) -> Result<Trace, ModelError> {
+    let probes = [Probe::Head(place_m)];
+    let mut traces = model.driven(conditions, shared, run, resolution, &probes, GivenEnd::Law(law))?.traces;
+    Ok(traces.swap_remove(0))
 }
 
 /// Linear between samples, constant beyond them. There is at least one.

@@ -2,8 +2,8 @@
 
 use super::RecordError;
 use super::align;
-use super::output::Output;
 use super::session::Options;
+use super::shots::Recorder;
 use super::source::HostClock;
 use super::stream::Stream;
 use crate::recording::RunInfo;
@@ -19,7 +19,7 @@ pub struct Live<'a> {
     source: String,
     host: HostClock,
     /// The output, and recording time 0 on the host's clock.
-    begun: Option<(Output, i64)>,
+    begun: Option<(Recorder, i64)>,
     clocks_changed: bool,
 }
 
@@ -44,7 +44,7 @@ impl<'a> Live<'a> {
                 notes: self.options.notes.clone(),
                 ..RunInfo::default()
             };
-            self.begun = Some((Output::create(&self.options.file, self.rig, &run)?, host_ns));
+            self.begun = Some((Recorder::create(self.options, self.rig, &run)?, host_ns));
         }
         Ok(())
     }
@@ -60,7 +60,7 @@ impl<'a> Live<'a> {
     }
 
     /// What is written to, after [`begin`](Live::begin).
-    pub fn output(&mut self) -> Result<&mut Output, RecordError> {
+    pub fn output(&mut self) -> Result<&mut Recorder, RecordError> {
         self.begun.as_mut().map(|(output, _)| output).ok_or(RecordError::NotBegun)
     }
 
@@ -88,7 +88,7 @@ impl<'a> Live<'a> {
     }
 
     /// The output, to be finished; `None` where nothing began.
-    pub fn into_output(self) -> Option<Output> {
+    pub fn into_output(self) -> Option<Recorder> {
         self.begun.map(|(output, _)| output)
     }
 }

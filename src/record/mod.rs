@@ -15,6 +15,8 @@
 //! | [`simulated`] | devices on pseudo-terminals that play given data, with faults where asked for |
 //! | [`pace`] | playing recorded time against the wall clock |
 //! | [`output`] | what sessions write to, and count |
+//! | [`trigger`] | when a shot begins and is over, without I/O |
+//! | [`shots`] | a recording a shot, with what came before it |
 
 pub mod align;
 pub mod clock;
@@ -32,9 +34,11 @@ pub mod port;
 pub mod registers;
 pub mod replay;
 pub mod session;
+pub mod shots;
 #[cfg(unix)]
 pub mod simulated;
 pub mod source;
 pub mod stream;
+pub mod trigger;
 
 pub use error::RecordError;

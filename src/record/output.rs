@@ -75,7 +75,8 @@ pub struct DeviceCount {
 }
 
 impl DeviceCount {
-    fn lost_data(&self) -> bool {
+    /// Whether samples of it are missing.
+    pub(super) fn lost_data(&self) -> bool {
         self.incomplete || self.bad_frames > 0 || self.lost_frames > 0 || self.holes > 0
     }
 
@@ -147,6 +148,9 @@ pub struct Summary {
     pub ended: String,
     /// Whether samples were lost on the way.
     pub data_lost: bool,
+    /// The recordings of a triggered session, one a shot; `file` is then their folder.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub shots: Vec<String>,
 }
 
 /// The log of a running session. Dropped without [`Output::finish`], the file stays as a crash would leave it.
@@ -295,6 +299,7 @@ impl Output {
             data_lost,
             devices,
             ended,
+            shots: Vec::new(),
         })
     }
 }

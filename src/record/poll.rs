@@ -73,8 +73,12 @@ pub struct Poller<L> {
     in_step: bool,
     /// Numbers of the echoes asked for since the line fell out of step.
     echoes: Vec<u16>,
-    /// Echoes neither returned nor refused yet.
+    /// Echoes neither returned nor refused yet, now and when the line fell out of step; a refusal does not say which it refuses.
     owed_echoes: u32,
+    owed_before: u32,
+    /// Refusals since then.
+    refusals: u32,
+    stepped: Instant,
     next_echo: u16,
     echo_asked: Option<Instant>,
     /// It has returned or refused an echo before.
@@ -94,6 +98,9 @@ impl<L: Line> Poller<L> {
             in_step: false,
             echoes: Vec::new(),
             owed_echoes: 0,
+            owed_before: 0,
+            refusals: 0,
+            stepped: Instant::now(),
             next_echo,
             echo_asked: None,
             knows_echoes: false,
@@ -128,11 +135,18 @@ impl<L: Line> Poller<L> {
         let request = Request::Read { input: group.input, start: group.start, count: group.count };
         let outcome = self.ask(&request)?;
         match &outcome {
-            Outcome::Words(..) => self.counts.answers += 1,
+            Outcome::Words(..) => {
+                self.counts.answers += 1;
+                if self.stepped.elapsed() > self.forgotten_after() {
+                    // What has not come by now was lost on the wire.
+                    self.owed_echoes = 0;
+                }
+            }
             Outcome::Refused(_) => self.counts.refused += 1,
             Outcome::Missed => {
                 self.counts.missed += 1;
                 self.in_step = false;
+                (self.owed_before, self.refusals) = (self.owed_echoes, 0);
                 self.heard = Instant::now();
             }
         }
@@ -202,12 +216,17 @@ impl<L: Line> Poller<L> {
                 return Ok(self.stepped());
             }
         }
-        let forgotten = self.heard.elapsed() >= FORGOTTEN.max(self.timeout * FORGOTTEN_TIMEOUTS);
+        let forgotten = self.heard.elapsed() >= self.forgotten_after();
         Ok(forgotten && !self.knows_echoes && self.stepped())
+    }
+
+    fn forgotten_after(&self) -> Duration {
+        FORGOTTEN.max(self.timeout * FORGOTTEN_TIMEOUTS)
     }
 
     fn stepped(&mut self) -> bool {
         self.in_step = true;
+        self.stepped = Instant::now();
         self.echoes.clear();
         self.echo_asked = None;
         true
@@ -222,9 +241,10 @@ impl<L: Line> Poller<L> {
                 Parsed::Whole(answer, length) => {
                     bytes.drain(..length);
                     let old_echo = self.is_old_echo(&answer);
+                    self.refusals += u32::from(matches!(answer, Answer::Refused { echo: true, .. }));
                     match answer {
                         Answer::Echo(number) if self.echoes.contains(&number) => return true,
-                        Answer::Refused { echo: true, .. } if self.owed_echoes == 0 => return true,
+                        Answer::Refused { echo: true, .. } if self.refusals > self.owed_before => return true,
                         _ => self.counts.late += u64::from(!old_echo),
                     }
                 }

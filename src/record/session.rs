@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 use super::RecordError;
 use super::live::Live;
 use super::output::{DeviceCount, Progress, Summary, check_path};
+use super::shots::Plan;
 use super::source::Sources;
 use super::stream::{State, Stream};
 use crate::rig::{Device, Protocol, Rig};
@@ -30,9 +31,16 @@ pub struct Options {
     pub wait: Duration,
     /// Free notes to keep with the run.
     pub notes: Vec<(String, String)>,
+    /// Record shots around what a trigger sees, each in a file of its own, instead of everything in `file`.
+    pub shots: Option<Plan>,
 }
 
 impl Options {
+    /// Refuses early what the log would refuse at the first sample.
+    pub(super) fn check(&self) -> Result<(), RecordError> {
+        self.shots.as_ref().map_or_else(|| check_path(&self.file), |_| Ok(()))
+    }
+
     /// End of the recording on its own clock, ns, for one that starts at `first_ns`.
     pub(super) fn end_ns(&self, first_ns: i64) -> i64 {
         self.duration_s.map_or(i64::MAX, |s| first_ns.saturating_add((s * 1e9).round() as i64))
@@ -72,7 +80,7 @@ pub fn record(
     stop: &AtomicBool,
     on_progress: &mut dyn FnMut(&Progress),
 ) -> Result<Summary, RecordError> {
-    check_path(&options.file)?;
+    options.check()?;
     let mut streams: Vec<Stream<'_>> = sources.devices.iter().map(|device| Stream::new(rig, device)).collect();
     let mut live = Live::new(rig, options, describe(&sources.devices), sources.host);
     let mut clocks_written = Instant::now();
@@ -106,6 +114,9 @@ pub fn record(
             if output.refused() {
                 break "the disk takes no more".to_owned();
             }
+            if output.is_over() {
+                break "all shots were recorded".to_owned();
+            }
         }
     };
     finish(&streams, live, sources, options, ended)
@@ -122,6 +133,7 @@ fn finish(
         return Err(streams.first().map_or(RecordError::NotBegun, |stream| stream.nothing(ended)));
     }
     live.write_clocks(streams)?;
+    let all_shots = live.output()?.is_over();
     let by_user = ended == BY_USER;
     let devices: Vec<DeviceCount> = streams
         .iter()
@@ -130,7 +142,7 @@ fn finish(
             let mut count = stream.count(sources.waited(index));
             // What ended before the duration, vanished for good or never spoke owes what it did not send; a device that ends by
             // itself, or that the user stops, does not.
-            let early = options.duration_s.is_some() && stream.state != State::Reached && !by_user;
+            let early = options.duration_s.is_some() && stream.state != State::Reached && !by_user && !all_shots;
             let left = match stream.state {
                 State::Vanished(..) => true,
                 State::Ended(_) => streams.len() > 1,

@@ -47,6 +47,7 @@ pub fn run(hours: f64, rate_hz: f64) -> Measured {
         silence: Duration::from_secs(60),
         wait: Duration::ZERO,
         notes: vec![],
+        shots: None,
     };
     let started = Instant::now();
     let sources = Sources::reading(&device, day)?;

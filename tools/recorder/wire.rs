@@ -88,6 +88,7 @@ pub fn in_this_process(rate_hz: f64, seconds: f64) -> Measured {
             silence: Duration::from_secs(5),
             wait: Duration::ZERO,
             notes: vec![],
+            shots: None,
         };
         let (cpu_0, made_0, started) = (usage::own_cpu_s(), usage::threads_cpu_s("port"), Instant::now());
         let sources = Sources::reading(&device, maker)?;
