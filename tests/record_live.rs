@@ -78,6 +78,7 @@ fn options(file: &Path) -> Options {
         silence: Duration::from_secs(5),
         wait: Duration::ZERO,
         notes: vec![],
+        shots: None,
     }
 }
 

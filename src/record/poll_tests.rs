@@ -110,7 +110,7 @@ fn a_slave_that_was_away_is_read_again() {
         (Duration::ZERO, (!(20..30).contains(&asked)).then_some(bytes))
     });
     let (answers, counts) = poll(Poller::new(slave, UNIT, TIMEOUT), 60);
-    assert!(answers >= 45 && counts.missed >= 9, "{counts:?}");
+    assert!(answers >= 35 && counts.missed >= 9, "{counts:?}");
 }
 
 /// A slave that ignores what it does not know is read again when it has been silent for long.
