@@ -26,7 +26,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     let devices = args.rig.as_deref().map(tried).transpose()?.unwrap_or_default();
     let all_open = devices.iter().all(|(_, problem)| problem.is_none());
     if json {
-        let entry = |(device, problem): &(Device, Option<String>)| json!({"name": device.name, "port": device.port, "problem": problem});
+        let entry = |(device, problem): &Tried| json!({"name": device.name, "port": device.port, "problem": problem});
         let devices: Vec<_> = devices.iter().map(entry).collect();
         super::say!("{}", json!({"ports": ports, "devices": devices}));
     } else {
@@ -39,8 +39,11 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     Ok(if all_open { Outcome::Done } else { Outcome::No })
 }
 
+/// A device, and what keeps its port from being opened.
+type Tried = (Device, Option<String>);
+
 /// The devices of a rig, each with what keeps its port from being opened.
-fn tried(rig: &Path) -> Result<Vec<(Device, Option<String>)>, Box<dyn std::error::Error + Send + Sync>> {
+fn tried(rig: &Path) -> Result<Vec<Tried>, Box<dyn std::error::Error + Send + Sync>> {
     let devices = live_devices(&Rig::load(rig)?, &[])?;
     let with_problem = |device: Device| {
         let problem = open_port(&device).err().map(|error| error.to_string());
