@@ -6,6 +6,8 @@ mod numbers;
 use std::borrow::Cow;
 use std::path::Path;
 
+pub(super) use columns::hint_on_time;
+
 use columns::columns;
 use numbers::Numbers;
 
@@ -56,9 +58,9 @@ pub fn import_csv_with(csv: &Path, rig: &Rig, options: &ImportOptions) -> Result
 }
 
 /// Line from 1 where there is one, and what is wrong.
-type Fault = (Option<usize>, Box<CsvProblem>);
+pub(super) type Fault = (Option<usize>, Box<CsvProblem>);
 
-fn text_of(bytes: &[u8]) -> Result<&str, Fault> {
+pub(super) fn text_of(bytes: &[u8]) -> Result<&str, Fault> {
     let text = std::str::from_utf8(bytes).map_err(|e| {
         let utf16 = bytes.starts_with(&[0xff, 0xfe]) || bytes.starts_with(&[0xfe, 0xff]);
         let line = 1 + bytes[..e.valid_up_to()].iter().filter(|b| **b == b'\n').count();

@@ -9,6 +9,7 @@ mod assemble;
 pub(crate) mod disk;
 mod error;
 mod export;
+pub mod foreign;
 #[cfg(test)]
 mod fixtures;
 mod import;
@@ -24,8 +25,8 @@ mod writer;
 pub use error::{CsvProblem, LogError};
 pub use export::{export_csv, export_csv_file};
 pub use import::{ImportOptions, import_csv, import_csv_with};
-pub use read::read;
-pub use recover::{Loss, Recovery, recover};
+pub use read::{decode, read};
+pub use recover::{Loss, Recovery, recover, salvaged};
 pub use summary::{SensorSummary, Summary};
 pub use write::write;
 pub use writer::{FLUSH_EVERY, Writer};
