@@ -4,13 +4,14 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// The rooms from the cellar up. A room may use what stands before it, with the exceptions below.
-const ROOMS: [&str; 13] = [
+const ROOMS: [&str; 14] = [
     "units",
     "rig",
     "recording",
     "log",
     "record",
     "signal",
+    "align",
     "model",
     "sensitivity",
     "fit",
@@ -21,9 +22,10 @@ const ROOMS: [&str; 13] = [
 ];
 
 /// Arrows down that are forbidden all the same: the physics knows of no files, the files of no physics.
-const STRANGERS: [(&str, &[&str]); 6] = [
+const STRANGERS: [(&str, &[&str]); 7] = [
     ("signal", &["log", "record"]),
-    ("model", &["log", "record", "signal", "recording"]),
+    ("align", &["log", "record"]),
+    ("model", &["log", "record", "signal", "recording", "align"]),
     ("sensitivity", &["log", "record", "recording"]),
     ("fit", &["log", "record", "sensitivity"]),
     ("diagnose", &["log", "record"]),

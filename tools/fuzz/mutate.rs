@@ -22,9 +22,36 @@ const NUMBERS: [u64; 14] = [
     u64::MAX,
 ];
 const WORDS: [&str; 30] = [
-    "time_s", "P1", "#", ";", ",", "\t", "\n", "\r\n", "\"", "=", "[", "]]", "{", "}", "e308", "-", "nan", "inf", "1e-320",
-    "0", "99999999999999999999", "0.1", "2026-03-14T09:26:53.5Z", "14.03.2026 09:26:53,5", "09:26:53", " (bar)", "[kPa]",
-    "\u{feff}", "°", "0,5",
+    "time_s",
+    "P1",
+    "#",
+    ";",
+    ",",
+    "\t",
+    "\n",
+    "\r\n",
+    "\"",
+    "=",
+    "[",
+    "]]",
+    "{",
+    "}",
+    "e308",
+    "-",
+    "nan",
+    "inf",
+    "1e-320",
+    "0",
+    "99999999999999999999",
+    "0.1",
+    "2026-03-14T09:26:53.5Z",
+    "14.03.2026 09:26:53,5",
+    "09:26:53",
+    " (bar)",
+    "[kPa]",
+    "\u{feff}",
+    "°",
+    "0,5",
 ];
 
 /// A new input made of those in `queue`; later ones, which led to newer code, more often.
@@ -51,7 +78,11 @@ fn once(bytes: &mut Vec<u8>, queue: &[Vec<u8>], rng: &mut Rng) {
         2 | 3 => {
             let number = NUMBERS[rng.usize(0..NUMBERS.len())].wrapping_add_signed(rng.i64(-2..=2));
             let width = [1, 2, 4, 8][rng.usize(0..4)];
-            let text = if rng.bool() { number.to_le_bytes() } else { number.swap_bytes().rotate_left(8 * width as u32).to_le_bytes() };
+            let text = if rng.bool() {
+                number.to_le_bytes()
+            } else {
+                number.swap_bytes().rotate_left(8 * width as u32).to_le_bytes()
+            };
             let end = (at + width).min(bytes.len());
             bytes[at..end].copy_from_slice(&text[..end - at]);
         }

@@ -77,7 +77,7 @@ pub fn bind(
 ///
 /// # Errors
 /// Names the first that is not.
-pub fn require_sensors(parts: &[Recording], rig: &Rig, without: &[String]) -> Result<(), LogError> {
+pub fn require_sensors(parts: &[&Recording], rig: &Rig, without: &[String]) -> Result<(), LogError> {
     for name in without {
         if !rig.sensors.iter().any(|s| s.name == *name) {
             let why = format!("rig '{}' has no such sensor", rig.name);

@@ -6,6 +6,7 @@
 //! | `csv/` | text tables, however they are written, with a report of what was mended |
 //! | `tdms/` | NI TDMS |
 //! | `mcap`, `fields` | MCAP of other programs: JSON and protobuf messages |
+//! | `file` | one file becomes a recording |
 //! | `bind` | tracks → sensors: names, units, what is left out |
 //! | `doubt` | values that look like those of another unit |
 
@@ -13,6 +14,7 @@ mod bind;
 mod csv;
 mod doubt;
 mod fields;
+mod file;
 mod mcap;
 mod tdms;
 
@@ -24,8 +26,10 @@ use super::{LogError, disk};
 use crate::recording::Series;
 
 pub use bind::{bind, require_sensors};
+pub(in crate::log) use csv::{comment_notes, even_holes};
 pub use csv::{time_unit, zone_seconds};
 pub use doubt::doubts;
+pub use file::import_file;
 
 /// What a file of another program holds.
 #[derive(Debug, Clone, Default)]

@@ -12,9 +12,11 @@ const MOST_REPEATED: f64 = 0.2;
 /// Part of the lines that may stand out of order: above it several runs were joined.
 const MOST_DISPLACED: f64 = 0.01;
 
-/// Times missing from an even grid: between this row and the next.
-pub(super) struct Hole {
+/// Times missing from an even grid.
+pub struct Hole {
+    /// The row before it.
     pub before: usize,
+    /// From the time of that row to that of the next.
     pub gap: Gap,
 }
 
@@ -136,7 +138,7 @@ fn join_repeats(table: &mut Table, mended: &mut Vec<Mended>) -> Result<(), Fault
 }
 
 /// The step of an even grid, s; `None` where fewer than four of five steps are it.
-pub(super) fn even_step(time_s: &[f64]) -> Option<f64> {
+fn even_step(time_s: &[f64]) -> Option<f64> {
     let mut steps: Vec<f64> = time_s.windows(2).map(|w| w[1] - w[0]).collect();
     if steps.len() < 3 {
         return None;
@@ -145,6 +147,11 @@ pub(super) fn even_step(time_s: &[f64]) -> Option<f64> {
     let step = *steps.select_nth_unstable_by(middle, f64::total_cmp).1;
     let even = steps.iter().filter(|s| (**s / step - 1.0).abs() < SAME_STEP).count();
     (step > 0.0 && even as f64 >= 0.8 * steps.len() as f64).then_some(step)
+}
+
+/// The holes of an even grid of increasing times; none where the grid is not even.
+pub fn even_holes(time_s: &[f64]) -> Vec<Hole> {
+    even_step(time_s).map_or(Vec::new(), |step_s| holes(time_s, step_s))
 }
 
 fn holes(time_s: &[f64], step_s: f64) -> Vec<Hole> {

@@ -11,6 +11,8 @@ mod text;
 use clock::Clock;
 pub use clock::time_unit;
 use decimals::Decimals;
+use mend::Hole;
+pub use mend::even_holes;
 pub use stamp::zone_seconds;
 
 use super::{Foreign, ForeignOptions, Mended, Track};
@@ -112,8 +114,13 @@ pub(super) fn read(bytes: &[u8], options: &ForeignOptions) -> Result<Foreign, Fa
         mended.push(said);
         Some(start)
     });
-    let notes = if comments.is_empty() { Vec::new() } else { vec![("comment".into(), comments.join("\n"))] };
-    Ok(Foreign { tracks, start_unix_ns, notes, mended, spare_tracks: false })
+    Ok(Foreign { tracks, start_unix_ns, notes: comment_notes(&text), mended, spare_tracks: false })
+}
+
+/// The block of comments as a note, if there is one.
+pub fn comment_notes(text: &str) -> Vec<(String, String)> {
+    let comments = comments::comments(text);
+    if comments.is_empty() { Vec::new() } else { vec![("comment".into(), comments.join("\n"))] }
 }
 
 fn is_row(line: &str) -> bool {
@@ -151,7 +158,7 @@ fn units_row(row: &::csv::StringRecord, header: &[String]) -> Option<Vec<String>
     (units.len() == header.len() && words && clock::time_unit(units.first()?).is_some()).then_some(units)
 }
 
-fn tracks(table: Table, gaps: &[mend::Hole], header: &[String], units: Option<&[String]>) -> Vec<Track> {
+fn tracks(table: Table, gaps: &[Hole], header: &[String], units: Option<&[String]>) -> Vec<Track> {
     let named = header.iter().enumerate().zip(table.columns);
     named
         .map(|((i, name), values)| {
