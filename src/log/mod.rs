@@ -14,6 +14,7 @@ pub mod foreign;
 mod fixtures;
 mod import;
 pub mod layout;
+mod lengths;
 mod read;
 mod recover;
 pub mod schema;
