@@ -12,16 +12,26 @@ pub fn merge(parts: Vec<Part>, clocks: &[Clock]) -> Option<(Recording, Vec<Strin
     let mut series = vec![Series::default(); rig.sensors.len()];
     for (sensor, place) in series.iter_mut().enumerate() {
         let count = |part: &Part| part.recording.series.get(sensor).map_or(0, |s| s.time_s.len());
-        let Some(best) = (0..parts.len()).rev().max_by_key(|&i| count(&parts[i])).filter(|&i| count(&parts[i]) > 0) else { continue };
+        let Some(best) = (0..parts.len()).rev().max_by_key(|&i| count(&parts[i])).filter(|&i| count(&parts[i]) > 0)
+        else {
+            continue;
+        };
         for (i, part) in parts.iter().enumerate().filter(|(i, p)| *i != best && count(p) > 0) {
             let name = &rig.sensors[sensor].name;
-            left_out.push(format!("'{name}' of {} ({} samples) is left out: {} has more", parts[i].file, count(part), parts[best].file));
+            left_out.push(format!(
+                "'{name}' of {} ({} samples) is left out: {} has more",
+                parts[i].file,
+                count(part),
+                parts[best].file
+            ));
         }
         *place = on_clock(&parts[best].recording.series[sensor], &clocks[best]);
     }
     let mut notes = Vec::new();
     for (part, clock) in parts.iter().zip(clocks) {
-        notes.extend(part.recording.run.notes.iter().map(|(key, text)| (format!("{key} ({})", part.file), text.clone())));
+        notes.extend(
+            part.recording.run.notes.iter().map(|(key, text)| (format!("{key} ({})", part.file), text.clone())),
+        );
         if parts.len() > 1 && clock.events > 0 {
             notes.push(("alignment".into(), clock.to_string()));
         }

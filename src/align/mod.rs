@@ -23,6 +23,8 @@ pub struct Part {
     pub file: String,
     /// Its samples; sensors that it lacks are empty.
     pub recording: Recording,
+    /// Value of the last digit of its start, s; if not known, that of the last digit that is not 0.
+    pub start_digit_s: Option<f64>,
 }
 
 /// What clocks are aligned by.
@@ -105,7 +107,13 @@ impl fmt::Display for Clock {
             (Method::Front, 1) => "the front at one pair of sensors".into(),
             (Method::Front, n) => format!("the front at {n} pairs of sensors"),
         };
-        write!(f, "{}: aligned by {what}: time 0 is at {:.9} s ± {}", self.file, self.offset_s, short(self.uncertainty_s))?;
+        write!(
+            f,
+            "{}: aligned by {what}: time 0 is at {:.9} s ± {}",
+            self.file,
+            self.offset_s,
+            short(self.uncertainty_s)
+        )?;
         if let Some(drift) = self.drift_ppm {
             write!(f, ", clock slow by {drift:.3} ppm")?;
             if let Some(error) = self.drift_error_ppm {
@@ -226,21 +234,28 @@ fn contradict(clock: &mut Clock, first: &Part, other: &Part) {
         let difference = check.offset_s - clock.offset_s;
         let error = check.uncertainty_s.hypot(clock.uncertainty_s);
         let verdict = if difference.abs() > 4.0 * error { "which contradicts it" } else { "which agrees" };
-        clock.remarks.push(format!("by {method} it would be {} later ± {}, {verdict}", short(difference), short(check.uncertainty_s)));
+        clock.remarks.push(format!(
+            "by {method} it would be {} later ± {}, {verdict}",
+            short(difference),
+            short(check.uncertainty_s)
+        ));
     }
 }
 
 /// Each trigger of the part that has samples.
 fn triggers(part: &Part) -> impl Iterator<Item = (&str, &Series)> {
     let sensors = part.recording.rig.sensors.iter().zip(&part.recording.series);
-    sensors.filter(|(s, series)| s.kind == SensorKind::Trigger && !series.time_s.is_empty()).map(|(s, series)| (s.name.as_str(), series))
+    sensors
+        .filter(|(s, series)| s.kind == SensorKind::Trigger && !series.time_s.is_empty())
+        .map(|(s, series)| (s.name.as_str(), series))
 }
 
 fn by_trigger(first: &Part, other: &Part) -> Result<Clock, String> {
     let edges = |part: &Part| {
         let mut known = triggers(part).peekable();
         if known.peek().is_none() {
-            let hint = "the rig needs a sensor of kind = \"trigger\", and every file a column of it (--map NAME=SENSOR)";
+            let hint =
+                "the rig needs a sensor of kind = \"trigger\", and every file a column of it (--map NAME=SENSOR)";
             return Err(format!("{} has no trigger: {hint}", part.file));
         }
         known
@@ -281,19 +296,26 @@ fn by_trigger(first: &Part, other: &Part) -> Result<Clock, String> {
 
 fn by_time(first: &Part, other: &Part) -> Result<Clock, String> {
     let start = |part: &Part| match part.recording.run.start_unix_ns {
-        0 => Err(format!("{} does not say when its time 0 was: give date-times, a comment '# start: 2026-03-14T09:26:53.5Z', or --start", part.file)),
-        ns => Ok(ns),
+        0 => Err(format!(
+            "{} does not say when its time 0 was: give date-times, a comment '# start: 2026-03-14T09:26:53.5Z', or --start",
+            part.file
+        )),
+        ns => Ok((ns, part.start_digit_s.unwrap_or_else(|| last_digit_s(ns)))),
     };
-    let (a, b) = (start(first)?, start(other)?);
-    // what the last digit written leaves open, for each of the two evenly likely
-    let digit = |ns: u64| (0..10).map(|k| 10u64.pow(9 - k)).find(|unit| ns % unit == 0).unwrap_or(1) as f64 * 1e-9;
-    let open = |ns: u64| digit(ns) / 12f64.sqrt();
-    let remark = format!("the starts are written to {}, and what the clocks differ by comes on top", short(digit(a).max(digit(b))));
+    let ((a, digit_a), (b, digit_b)) = (start(first)?, start(other)?);
+    // what the last digits written leave open is evenly likely
+    let written = short(digit_a.max(digit_b));
+    let remark = format!("the starts are written to {written}, and what the clocks differ by comes on top");
     Ok(Clock {
         offset_s: (i128::from(b) - i128::from(a)) as f64 * 1e-9,
-        uncertainty_s: open(a).hypot(open(b)),
+        uncertainty_s: digit_a.hypot(digit_b) / 12f64.sqrt(),
         events: 1,
         remarks: vec![remark],
         ..Clock::own(&other.file, Method::Time)
     })
+}
+
+/// Value of the last digit of a time that is not 0, from a second down, s.
+fn last_digit_s(ns: u64) -> f64 {
+    (0..10).map(|k| 10u64.pow(9 - k)).find(|unit| ns % unit == 0).unwrap_or(1) as f64 * 1e-9
 }

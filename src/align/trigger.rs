@@ -27,9 +27,11 @@ pub(super) fn edges(series: &Series) -> Vec<Edge> {
         return Vec::new();
     }
     let level = |v: f64| (v - low) / swing;
-    let lows: Vec<f64> = series.value.iter().copied().filter(|v| level(*v) < 0.25).collect();
-    let mean = lows.iter().sum::<f64>() / lows.len() as f64;
-    let noise = (lows.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / lows.len() as f64).sqrt() / swing;
+    // the median deviation: what of a slow flank counts as low is no noise
+    let mut lows: Vec<f64> = series.value.iter().map(|v| level(*v)).filter(|l| *l < 0.25).collect();
+    let middle = median(&mut lows);
+    lows.iter_mut().for_each(|l| *l = (*l - middle).abs());
+    let noise = 1.4826 * median(&mut lows);
     let mut edges = Vec::new();
     // the last sample that was clearly low or clearly high
     let mut settled: Option<(usize, bool)> = None;
@@ -42,7 +44,7 @@ pub(super) fn edges(series: &Series) -> Vec<Edge> {
         if let Some((from, was_up)) = settled
             && was_up != up
         {
-            edges.push(edge(series, from, i, up, |v| level(v), noise));
+            edges.push(edge(series, from, i, up, level, noise));
             if edges.len() == MOST_EDGES {
                 break;
             }
@@ -50,6 +52,12 @@ pub(super) fn edges(series: &Series) -> Vec<Edge> {
         settled = Some((i, up));
     }
     edges
+}
+
+/// Median; 0 of nothing.
+fn median(values: &mut [f64]) -> f64 {
+    let middle = values.len() / 2;
+    if values.is_empty() { 0.0 } else { *values.select_nth_unstable_by(middle, f64::total_cmp).1 }
 }
 
 fn edge(series: &Series, from: usize, to: usize, rising: bool, level: impl Fn(f64) -> f64, noise: f64) -> Edge {
@@ -62,7 +70,8 @@ fn edge(series: &Series, from: usize, to: usize, rising: bool, level: impl Fn(f6
     let at = time[before] + step_s * ((0.5 - a) / (b - a)).clamp(0.0, 1.0);
     let standard_error = match to - from {
         1 => step_s / 12f64.sqrt(),
-        _ => (INTERPOLATED * step_s).hypot(noise * (time[to] - time[from]) / (level(value[to]) - level(value[from])).abs()),
+        _ => (INTERPOLATED * step_s)
+            .hypot(noise * (time[to] - time[from]) / (level(value[to]) - level(value[from])).abs()),
     };
     Edge { time_s: Estimate { value: at, standard_error }, rising }
 }
@@ -176,7 +185,9 @@ pub(super) fn line(first: &[Edge], second: &[Edge], pairs: &[(usize, usize)]) ->
     let (middle, shift) = (mean(|p| p.0), mean(|p| p.1));
     let spread: f64 = points.iter().map(|p| p.2 * (p.0 - middle).powi(2)).sum();
     let (slope, slope_error) = match spread > 0.0 {
-        true => (points.iter().map(|p| p.2 * (p.0 - middle) * (p.1 - shift)).sum::<f64>() / spread, Some(spread.powf(-0.5))),
+        true => {
+            (points.iter().map(|p| p.2 * (p.0 - middle) * (p.1 - shift)).sum::<f64>() / spread, Some(spread.powf(-0.5)))
+        }
         false => (0.0, None),
     };
     let drift = if slope_error.is_some_and(|e| slope.abs() > 3.0 * e) { slope } else { 0.0 };

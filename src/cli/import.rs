@@ -8,7 +8,7 @@ use serde_json::json;
 use super::import_options::{ForeignArgs, start};
 use super::{CommandResult, Outcome};
 use crate::align::{Clock, Method, Part, align, merge};
-use crate::log::foreign::{Mended, doubts, import_file, require_sensors};
+use crate::log::foreign::{Imported, Mended, doubts, import_file, require_sensors};
 use crate::log::{ImportOptions, Summary, write};
 use crate::recording::Recording;
 use crate::rig::Rig;
@@ -71,9 +71,9 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     let mut parts = Vec::new();
     for path in &args.files {
         let options = ImportOptions { start_unix_ns: start_of(path, &args.start), without: args.without.clone() };
-        let (recording, mended) = import_file(path, &rig, &options, &foreign, alone)?;
+        let Imported { recording, mended, start_digit_s } = import_file(path, &rig, &options, &foreign, alone)?;
         reports.extend(mended.into_iter().map(|mended| Report { file: path.clone(), mended }));
-        parts.push(Part { file: path.display().to_string(), recording });
+        parts.push(Part { file: path.display().to_string(), recording, start_digit_s });
     }
     let (recording, clocks, left_out) = joined(parts, &rig, &args)?;
     let warnings = doubts(&recording);
@@ -132,7 +132,11 @@ fn is_file(path: &Path, name: &str) -> bool {
 }
 
 fn check_starts(args: &Args) -> Result<(), String> {
-    let strange = args.start.iter().filter_map(|(file, _)| file.as_ref()).find(|name| !args.files.iter().any(|p| is_file(p, name)));
+    let strange = args
+        .start
+        .iter()
+        .filter_map(|(file, _)| file.as_ref())
+        .find(|name| !args.files.iter().any(|p| is_file(p, name)));
     match strange {
         Some(name) => Err(format!("--start {name}=…: no such file is imported")),
         None if args.files.len() > 1 && args.start.iter().any(|(file, _)| file.is_none()) => {

@@ -60,7 +60,9 @@ fn mapping(text: &str) -> Result<(String, String), String> {
 fn zone(text: &str) -> Result<i32, String> {
     match text.to_ascii_uppercase().as_str() {
         "UTC" | "Z" | "GMT" => Ok(0),
-        _ => zone_seconds(text).ok_or_else(|| "write it like +01:00, -05:00 or UTC; names of zones are not known".into()),
+        _ => {
+            zone_seconds(text).ok_or_else(|| "write it like +01:00, -05:00 or UTC; names of zones are not known".into())
+        }
     }
 }
 

@@ -47,7 +47,12 @@ pub fn import_csv_with(csv: &Path, rig: &Rig, options: &ImportOptions) -> Result
 }
 
 /// [`import_csv_with`] of the bytes of a file.
-pub(super) fn import_bytes(bytes: &[u8], csv: &Path, rig: &Rig, options: &ImportOptions) -> Result<Recording, LogError> {
+pub(super) fn import_bytes(
+    bytes: &[u8],
+    csv: &Path,
+    rig: &Rig,
+    options: &ImportOptions,
+) -> Result<Recording, LogError> {
     let fail = |(line, problem): Fault| LogError::Csv { path: csv.into(), line, problem };
     let text = text_of(bytes).map_err(fail)?;
     let (series, format) = parse(text, rig, &options.without).map_err(fail)?;
@@ -79,7 +84,7 @@ fn parse(text: &str, rig: &Rig, without: &[String]) -> Result<(Vec<Series>, CsvF
     let mut lines = (1..).zip(text.lines()).filter(|(_, l)| !l.trim().is_empty() && !l.starts_with('#'));
     let (header_line, header) = lines.next().ok_or((None, CsvProblem::Empty.into()))?;
     let mut row = Vec::new();
-    split(header, &mut row);
+    split(header, ',', &mut row);
     let header: Vec<String> = row.iter().map(|c| c.to_string()).collect();
     let mut columns = columns(&header, rig, without).map_err(|p| (Some(header_line), p.into()))?;
 
@@ -88,7 +93,7 @@ fn parse(text: &str, rig: &Rig, without: &[String]) -> Result<(Vec<Series>, CsvF
     let mut rows_s = Vec::new();
     for (line, text) in lines {
         let fault = |problem: CsvProblem| (Some(line), problem.into());
-        split(text, &mut row);
+        split(text, ',', &mut row);
         if row.len() != header.len() {
             return Err(fault(CsvProblem::Ragged { found: row.len(), expected: header.len() }));
         }
@@ -137,13 +142,14 @@ fn parse(text: &str, rig: &Rig, without: &[String]) -> Result<(Vec<Series>, CsvF
 }
 
 /// The cells of a line.
-fn split<'a>(line: &'a str, row: &mut Vec<Cow<'a, str>>) {
+pub(super) fn split<'a>(line: &'a str, separator: char, row: &mut Vec<Cow<'a, str>>) {
     row.clear();
     if !line.contains('"') {
-        row.extend(line.split(',').map(|cell| Cow::Borrowed(cell.trim())));
+        row.extend(line.split(separator).map(|cell| Cow::Borrowed(cell.trim())));
         return;
     }
-    let mut quoted = csv::ReaderBuilder::new().has_headers(false).from_reader(line.as_bytes());
+    let delimiter = u8::try_from(separator).unwrap_or(b',');
+    let mut quoted = csv::ReaderBuilder::new().has_headers(false).delimiter(delimiter).from_reader(line.as_bytes());
     let record = quoted.records().next().and_then(Result::ok).unwrap_or_default();
     row.extend(record.iter().map(|cell| Cow::Owned(cell.trim().to_string())));
 }

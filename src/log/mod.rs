@@ -9,9 +9,9 @@ mod assemble;
 pub(crate) mod disk;
 mod error;
 mod export;
-pub mod foreign;
 #[cfg(test)]
 mod fixtures;
+pub mod foreign;
 mod import;
 pub mod layout;
 mod lengths;

@@ -11,7 +11,8 @@ fn a_german_table_is_read_and_every_mending_is_said() {
         14.03.2026 09:26:53,505;1,8;120,0;\r\n14.03.2026 09:26:53,506;1,8;120,0;\r\n14.03.2026 09:26:53,510;1,9;120,0;\r\n";
     bench.put("run.csv", text);
     let (document, err) = bench.import(0, &["run.csv", "--zone", "+01:00"]);
-    for what in ["separator", "byte-order-mark", "decimal-comma", "thousands", "date-times", "order", "duplicate-times"] {
+    for what in ["separator", "byte-order-mark", "decimal-comma", "thousands", "date-times", "order", "duplicate-times"]
+    {
         assert_eq!(mended(&document, what)["file"], "run.csv");
     }
     assert_eq!(mended(&document, "duplicate-times")["line"], 6);
@@ -110,7 +111,10 @@ fn what_nobody_can_mend_is_refused_with_its_line() {
 #[test]
 fn readings_of_one_time_that_differ_become_their_mean_and_are_said() {
     let bench = Bench::plain();
-    bench.put("run.csv", "time_s,P1,P2\n0.0,100,1\n0.1,100,1\n0.1,104,\n0.2,100,1\n0.3,100,1\n0.4,,1\n0.4,100,\n0.5,100,1\n");
+    bench.put(
+        "run.csv",
+        "time_s,P1,P2\n0.0,100,1\n0.1,100,1\n0.1,104,\n0.2,100,1\n0.3,100,1\n0.4,,1\n0.4,100,\n0.5,100,1\n",
+    );
     let (document, err) = bench.import(0, &["run.csv"]);
     let said = mended(&document, "contradicting-times");
     assert_eq!((&said["line"], &said["count"]), (&4.into(), &1.into()));
@@ -163,12 +167,18 @@ fn a_unit_that_cannot_be_is_doubted_and_the_likely_one_named() {
     bench.put("run.csv", "time_s,P1,P2\n0.0,2.4,2.3\n0.1,2.5,2.3\n0.2,2.4,2.3\n");
     let (document, err) = bench.import(0, &["run.csv"]);
     assert_eq!(document["warnings"].as_array().unwrap().len(), 2, "{document}");
-    assert!(err.contains("the median of 'P1', 2.4 kPa, is far from that of the other sensors") && err.contains("bar"), "{err}");
+    assert!(
+        err.contains("the median of 'P1', 2.4 kPa, is far from that of the other sensors") && err.contains("bar"),
+        "{err}"
+    );
     bench.put("run.csv", "time_s,P1,P2\n0.0,240,2.3\n0.1,250,2.3\n0.2,240,2.3\n");
     let (document, _) = bench.import(0, &["run.csv"]);
     assert_eq!(document["warnings"].as_array().unwrap().len(), 0, "{document}");
     // a piezoelectric sensor shows no steady pressure
-    let bench = Bench::new(&[("P1", "pressure", "kPa", ""), ("PZ", "pressure", "kPa", "coupling = \"ac\"\ntime_constant_s = 1.0")]);
+    let bench = Bench::new(&[
+        ("P1", "pressure", "kPa", ""),
+        ("PZ", "pressure", "kPa", "coupling = \"ac\"\ntime_constant_s = 1.0"),
+    ]);
     bench.put("run.csv", "time_s,P1,PZ\n0.0,240,0.1\n0.1,250,-0.1\n0.2,240,0.1\n");
     let (document, _) = bench.import(0, &["run.csv"]);
     assert_eq!(document["warnings"].as_array().unwrap().len(), 0, "{document}");

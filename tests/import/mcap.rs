@@ -70,7 +70,11 @@ fn put_foreign(bench: &Bench) {
             let header = MessageHeader { channel_id, sequence: i, log_time: time + 5_000_000, publish_time: time };
             writer.write_to_known_channel(&header, data).unwrap();
         };
-        put(json, format!(r#"{{"t_ms": {}, "sensors": [{{"bar": {}}}, "text", true]}}"#, i * 10, f64::from(i) * 0.5).as_bytes());
+        put(
+            json,
+            format!(r#"{{"t_ms": {}, "sensors": [{{"bar": {}}}, "text", true]}}"#, i * 10, f64::from(i) * 0.5)
+                .as_bytes(),
+        );
         let stamp = Some(Stamp { seconds: 1_773_476_813, nanos: i as i32 * 10_000_000 });
         put(proto, &Reading { pressure: f64::from(i % 2) * 100.0, stamp, raw: vec![7, -(i as i32)] }.encode_to_vec());
         put(ros, &[0, 1, 0, 0]);
@@ -82,7 +86,15 @@ fn put_foreign(bench: &Bench) {
 fn without_a_map_the_numbers_that_are_there_are_listed() {
     let bench = Bench::plain();
     put_foreign(&bench);
-    let words = ["other.mcap", "--map '/lab.t_ms=P1'", "/lab.sensors[0].bar (100 values)", "/daq.pressure", "/daq.raw[1]", "/tf", "messages of ROS"];
+    let words = [
+        "other.mcap",
+        "--map '/lab.sensors[0].bar=P1'",
+        "/lab.t_ms (100 values)",
+        "/daq.pressure",
+        "/daq.raw[1]",
+        "/tf",
+        "messages of ROS",
+    ];
     bench.refuses(&["other.mcap"], &words);
     bench.refuses(&["other.mcap", "--map", "/lab.t_ms=P1", "--map", "/lab.nothing=P2"], &["no field '/lab.nothing'"]);
 }
@@ -105,7 +117,17 @@ fn json_and_protobuf_fields_become_sensors_at_the_time_asked_for() {
     let (document, _) = bench.import(3, &[&map[..3], &["--without", "P2", "--time-field", "stamp"]].concat());
     assert_eq!(mended(&document, "no-time")["count"], 100, "the messages of /lab have no stamp");
     assert_eq!((bench.recording().run.start_unix_ns, bench.recording().series[0].time_s[3]), (start, 0.03));
-    let by_ms = ["other.mcap", "--map", "/lab.sensors[0].bar=P2", "--without", "P1", "--time-field", "t_ms", "--time-unit", "ms"];
+    let by_ms = [
+        "other.mcap",
+        "--map",
+        "/lab.sensors[0].bar=P2",
+        "--without",
+        "P1",
+        "--time-field",
+        "t_ms",
+        "--time-unit",
+        "ms",
+    ];
     bench.import(3, &by_ms);
     assert_eq!(bench.recording().series[1].time_s[3], 0.03);
     assert_eq!(bench.recording().run.start_unix_ns, 0, "a clock that counts from its own start tells no date");

@@ -35,7 +35,7 @@ fn every_channel_has_the_times_and_scaled_values_that_nptdms_reads() {
     let unit = |name: &str| file.tracks.iter().find(|t| t.short == name).unwrap().unit.clone();
     assert_eq!((unit("P1"), unit("P2"), unit("T1")), (Some("kPa".into()), Some("bar".into()), Some("degC".into())));
     // 2026-03-14T09:26:53.25Z
-    assert_eq!(file.start_unix_ns, Some(1_773_480_413_250_000_000));
+    assert_eq!(file.start.unwrap().unix_ns, 1_773_480_413_250_000_000);
     assert!(file.notes.contains(&("Operator".into(), "A. Joukowsky".into())), "{:?}", file.notes);
 }
 

@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use surgescope::log::foreign::{ForeignOptions, MessageTime, bind, decode_foreign};
 use surgescope::log;
+use surgescope::log::foreign::{ForeignOptions, MessageTime, bind, decode_foreign};
 use surgescope::rig::Rig;
 
 /// A parser and the name of its folder in `corpus/`.
@@ -64,7 +64,8 @@ unit = "bar"
 
 /// Reads a file of another program, and brings it to the sensors of a rig: what comes out can be written as a recording.
 fn foreign(input: &[u8], name: &str, options: &ForeignOptions) {
-    static RIG: std::sync::LazyLock<Rig> = std::sync::LazyLock::new(|| Rig::from_toml(BENCH, "bench.toml").expect("a rig"));
+    static RIG: std::sync::LazyLock<Rig> =
+        std::sync::LazyLock::new(|| Rig::from_toml(BENCH, "bench.toml").expect("a rig"));
     let path = Path::new(name);
     let file = match decode_foreign(input, path, options) {
         Ok(file) => file,
@@ -86,7 +87,12 @@ fn foreign(input: &[u8], name: &str, options: &ForeignOptions) {
 /// Tables in text.
 fn csv(input: &[u8]) {
     foreign(input, "run.csv", &ForeignOptions::default());
-    let told = ForeignOptions { day_first: Some(false), time_unit_s: Some(1e-3), ignore: vec!["*".into()], ..Default::default() };
+    let told = ForeignOptions {
+        day_first: Some(false),
+        time_unit_s: Some(1e-3),
+        ignore: vec!["*".into()],
+        ..Default::default()
+    };
     foreign(input, "run.csv", &told);
 }
 

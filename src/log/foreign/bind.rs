@@ -60,11 +60,16 @@ pub fn bind(
         return Err(no_sensor(path, rig, &spare, table));
     }
     if !spare.is_empty() {
-        mended.push(Mended::new("left-out", spare.len(), None, format!("left out, for no sensor is named so: {}", listed(&spare))));
+        mended.push(Mended::new(
+            "left-out",
+            spare.len(),
+            None,
+            format!("left out, for no sensor is named so: {}", listed(&spare)),
+        ));
     }
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     let run = RunInfo {
-        start_unix_ns: foreign.start_unix_ns.unwrap_or_default(),
+        start_unix_ns: foreign.start.map_or(0, |s| s.unix_ns),
         source: format!("import {name}"),
         program: program(),
         notes: foreign.notes,
@@ -87,7 +92,8 @@ pub fn require_sensors(parts: &[&Recording], rig: &Rig, without: &[String]) -> R
     let recorded = |i: usize| parts.iter().any(|p| p.series.get(i).is_some_and(|s| !s.time_s.is_empty()));
     let missing = rig.sensors.iter().enumerate().find(|(i, s)| !recorded(*i) && !without.contains(&s.name));
     if let Some((_, sensor)) = missing {
-        let found: Vec<&str> = (0..rig.sensors.len()).filter(|&i| recorded(i)).map(|i| rig.sensors[i].name.as_str()).collect();
+        let found: Vec<&str> =
+            (0..rig.sensors.len()).filter(|&i| recorded(i)).map(|i| rig.sensors[i].name.as_str()).collect();
         return Err(LogError::Sensors(CsvProblem::MissingColumn {
             sensor: sensor.name.clone(),
             kind: kind_name(sensor.kind),
@@ -105,7 +111,9 @@ pub fn require_sensors(parts: &[&Recording], rig: &Rig, without: &[String]) -> R
 fn sensor_of(track: &Track, rig: &Rig, options: &ForeignOptions) -> Result<Option<usize>, CsvProblem> {
     let place = |name: &str| rig.sensors.iter().position(|s| s.name == name);
     if let Some((_, sensor)) = options.map.iter().find(|(from, _)| *from == track.name || *from == track.short) {
-        return place(sensor).map(Some).ok_or_else(|| unknown(&Track { name: sensor.clone(), ..Track::default() }, rig));
+        return place(sensor)
+            .map(Some)
+            .ok_or_else(|| unknown(&Track { name: sensor.clone(), ..Track::default() }, rig));
     }
     if options.ignore.iter().any(|i| *i == track.name || *i == track.short) {
         return Ok(None);

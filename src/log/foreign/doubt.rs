@@ -35,14 +35,23 @@ pub fn doubts(recording: &Recording) -> Vec<Mended> {
 
 fn doubt(own: &(&Sensor, f64, f64), all: &[(&Sensor, f64, f64)], rig: &Rig, density: f64) -> Option<Mended> {
     let &(sensor, level, pa) = own;
-    let others: Vec<f64> = all.iter().filter(|o| o.0.name != sensor.name).map(|o| o.2).filter(|p| *p > PLAUSIBLE_PA[0]).collect();
+    let others: Vec<f64> =
+        all.iter().filter(|o| o.0.name != sensor.name).map(|o| o.2).filter(|p| *p > PLAUSIBLE_PA[0]).collect();
     let apart = |p: f64, q: f64| (p / q).max(q / p);
     let strange = match sensor.range {
-        Some([low, high]) if level < low || level > high => Some(format!("is outside of its range, {low} to {high} {}", sensor.unit)),
-        _ if level != 0.0 && pa.abs() > PLAUSIBLE_PA[1] => Some("is more than a pipe of a laboratory holds".to_string()),
+        Some([low, high]) if level < low || level > high => {
+            Some(format!("is outside of its range, {low} to {high} {}", sensor.unit))
+        }
+        _ if level != 0.0 && pa.abs() > PLAUSIBLE_PA[1] => {
+            Some("is more than a pipe of a laboratory holds".to_string())
+        }
         _ if pa <= 0.0 => None,
-        _ if !others.is_empty() && others.iter().all(|&o| apart(pa, o) > FAR_APART) => Some("is far from that of the other sensors".to_string()),
-        _ if others.is_empty() && pa < PLAUSIBLE_PA[0] && sensor.range.is_none() => Some("is next to nothing".to_string()),
+        _ if !others.is_empty() && others.iter().all(|&o| apart(pa, o) > FAR_APART) => {
+            Some("is far from that of the other sensors".to_string())
+        }
+        _ if others.is_empty() && pa < PLAUSIBLE_PA[0] && sensor.range.is_none() => {
+            Some("is next to nothing".to_string())
+        }
         _ => None,
     }?;
     // the others say what it should be; without them, the range or what a laboratory has
@@ -55,8 +64,14 @@ fn doubt(own: &(&Sensor, f64, f64), all: &[(&Sensor, f64, f64)], rig: &Rig, dens
     let meant: Vec<&str> = candidates.filter(|u| fits(u.to_si(level, density))).map(|u| u.symbol).collect();
     let hint = match meant[..] {
         [] => "check the sensor's unit, zero and scale".to_string(),
-        _ => format!("would it be in {}? Then say so in the heading, as in '{} ({})', or in the rig file", meant.join(" or "), sensor.name, meant[0]),
+        _ => format!(
+            "would it be in {}? Then say so in the heading, as in '{} ({})', or in the rig file",
+            meant.join(" or "),
+            sensor.name,
+            meant[0]
+        ),
     };
-    let text = format!("the median of '{}', {level} {}, {strange} (rig '{}'): {hint}", sensor.name, sensor.unit, rig.name);
+    let text =
+        format!("the median of '{}', {level} {}, {strange} (rig '{}'): {hint}", sensor.name, sensor.unit, rig.name);
     Some(Mended::new("doubtful-unit", 1, None, text))
 }

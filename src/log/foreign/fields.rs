@@ -23,7 +23,8 @@ impl Format {
         match (encoding, schema) {
             ("json", _) => Ok(Format::Json),
             ("protobuf", Some((name, _, data))) => {
-                let pool = DescriptorPool::decode(data).map_err(|e| format!("its protobuf schema does not decode: {e}"))?;
+                let pool =
+                    DescriptorPool::decode(data).map_err(|e| format!("its protobuf schema does not decode: {e}"))?;
                 let message = pool.get_message_by_name(name);
                 message.map(Format::Protobuf).ok_or_else(|| format!("its protobuf schema lacks the message {name}"))
             }
@@ -44,7 +45,8 @@ impl Format {
                 json_numbers(&value, "", 0, &mut found);
             }
             Format::Protobuf(descriptor) => {
-                let message = DynamicMessage::decode(descriptor.clone(), data).map_err(|e| format!("does not decode: {e}"))?;
+                let message =
+                    DynamicMessage::decode(descriptor.clone(), data).map_err(|e| format!("does not decode: {e}"))?;
                 message_numbers(&message, "", 0, &mut found);
             }
         }

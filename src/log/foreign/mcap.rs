@@ -7,10 +7,10 @@ use std::path::Path;
 use mcap::records::Record;
 
 use super::fields::Format;
-use super::{Foreign, ForeignOptions, MessageTime, Mended, Track};
+use super::{Foreign, ForeignOptions, Mended, MessageTime, Start, Track};
+use crate::log::LogError;
 use crate::log::layout::{RIG_ATTACHMENT, to_s};
 use crate::log::read::{check_start, checked_options, decode, has_end, records};
-use crate::log::LogError;
 use crate::recording::Series;
 
 /// A channel that can be read, and the fields of it that are wanted.
@@ -51,10 +51,10 @@ fn ours(bytes: &[u8], path: &Path) -> Result<Foreign, LogError> {
         let unit = Some(sensor.unit.symbol.to_string());
         Track { name: sensor.name.clone(), short: sensor.name.clone(), unit, series }
     });
-    let start = recording.run.start_unix_ns;
+    let unix_ns = recording.run.start_unix_ns;
     Ok(Foreign {
         tracks: tracks.collect(),
-        start_unix_ns: (start > 0).then_some(start),
+        start: (unix_ns > 0).then_some(Start { unix_ns, digit_s: 1e-6 }),
         notes: recording.run.notes,
         mended: Vec::new(),
         spare_tracks: true,
@@ -95,7 +95,8 @@ impl<'o> Reading<'o> {
                 self.schemas.insert(header.id, (header.name, header.encoding, data.into_owned()));
             }
             Record::Channel(channel) if !self.channels.contains_key(&channel.id) => {
-                let schema = self.schemas.get(&channel.schema_id).map(|(name, encoding, data)| (&**name, &**encoding, &**data));
+                let schema =
+                    self.schemas.get(&channel.schema_id).map(|(name, encoding, data)| (&**name, &**encoding, &**data));
                 let format = Format::of(&channel.message_encoding, schema);
                 let readable = match format {
                     Ok(format) => Some(Channel { topic: channel.topic, format }),
@@ -108,12 +109,15 @@ impl<'o> Reading<'o> {
             }
             Record::Message { header, data } if !self.ours => {
                 let known = self.channels.get(&header.channel_id);
-                let Some(channel) = known.ok_or_else(|| format!("a message of channel {}, which is not there", header.channel_id))?
+                let Some(channel) =
+                    known.ok_or_else(|| format!("a message of channel {}, which is not there", header.channel_id))?
                 else {
                     return Ok(());
                 };
                 let fields = channel.format.numbers(&data);
-                let fields = fields.map_err(|why| format!("a message of {} at log time {} ns {why}", channel.topic, header.log_time))?;
+                let fields = fields.map_err(|why| {
+                    format!("a message of {} at log time {} ns {why}", channel.topic, header.log_time)
+                })?;
                 let time = match &self.options.message_time {
                     MessageTime::Log => i64::try_from(header.log_time).ok(),
                     MessageTime::Publish => i64::try_from(header.publish_time).ok(),
@@ -155,11 +159,14 @@ impl<'o> Reading<'o> {
             };
             return Err(why);
         }
-        let wanted: Vec<&String> = self.order.iter().filter(|name| self.options.map.iter().any(|(from, _)| from == *name)).collect();
+        let wanted: Vec<&String> =
+            self.order.iter().filter(|name| self.options.map.iter().any(|(from, _)| from == *name)).collect();
         if wanted.is_empty() {
             return Err(self.say_fields());
         }
-        if let Some((missing, _)) = self.options.map.iter().find(|(from, _)| from.starts_with('/') && !self.found.contains_key(from)) {
+        if let Some((missing, _)) =
+            self.options.map.iter().find(|(from, _)| from.starts_with('/') && !self.found.contains_key(from))
+        {
             return Err(format!("it has no field '{missing}'. {}", self.say_fields()));
         }
         let mut mended = Vec::new();
@@ -179,20 +186,29 @@ impl<'o> Reading<'o> {
             let found = self.found.remove(&name).unwrap_or_default();
             let (series, repeated) = found.series(zero_ns);
             if repeated > 0 {
-                let text = format!("{repeated} messages of {name} repeat the time of another and were left out: try --time-field or --message-time publish");
+                let text = format!(
+                    "{repeated} messages of {name} repeat the time of another and were left out: try --time-field or --message-time publish"
+                );
                 mended.push(Mended { lost: true, ..Mended::new("duplicate-times", repeated, None, text) });
             }
             tracks.push(Track { short: name.clone(), name, unit: None, series });
         }
         // a time above a year is one since 1970; below, the clock counted from its own start
-        let start_unix_ns = u64::try_from(zero_ns).ok().filter(|ns| *ns > 31_536_000_000_000_000);
-        Ok(Foreign { tracks, start_unix_ns, notes: Vec::new(), mended, spare_tracks: true })
+        let unix_ns = u64::try_from(zero_ns).ok().filter(|ns| *ns > 31_536_000_000_000_000);
+        let start = unix_ns.map(|unix_ns| Start { unix_ns, digit_s: 1e-6 });
+        Ok(Foreign { tracks, start, notes: Vec::new(), mended, spare_tracks: true })
     }
 
     fn say_fields(&self) -> String {
         const MOST: usize = 40;
-        let fields: Vec<String> = self.order.iter().take(MOST).map(|name| format!("\n  {name} ({} values)", self.found[name].value.len())).collect();
-        let more = if self.order.len() > MOST { format!("\n  and {} more", self.order.len() - MOST) } else { String::new() };
+        let fields: Vec<String> = self
+            .order
+            .iter()
+            .take(MOST)
+            .map(|name| format!("\n  {name} ({} values)", self.found[name].value.len()))
+            .collect();
+        let more =
+            if self.order.len() > MOST { format!("\n  and {} more", self.order.len() - MOST) } else { String::new() };
         let unreadable: String = self.unreadable.iter().map(|u| format!("\n  {u}")).collect();
         format!(
             "say which number is which sensor, as in --map '{}=P1'. It has{}{more}{unreadable}",

@@ -29,21 +29,30 @@ pub use bind::{bind, require_sensors};
 pub(in crate::log) use csv::{comment_notes, even_holes};
 pub use csv::{time_unit, zone_seconds};
 pub use doubt::doubts;
-pub use file::import_file;
+pub use file::{Imported, import_file};
 
 /// What a file of another program holds.
 #[derive(Debug, Clone, Default)]
 pub struct Foreign {
     /// Its columns, channels or fields.
     pub tracks: Vec<Track>,
-    /// Wall-clock time of its time 0, ns since 1970 UTC, where it says so.
-    pub start_unix_ns: Option<u64>,
+    /// Wall-clock time of its time 0, where it says so.
+    pub start: Option<Start>,
     /// What it says of itself: comments, properties.
     pub notes: Vec<(String, String)>,
     /// What was mended on the way.
     pub mended: Vec<Mended>,
     /// Tracks that no sensor wants are left out silently (a table's columns are not: one may be misspelt).
     pub spare_tracks: bool,
+}
+
+/// A wall-clock time, and how finely it was written.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Start {
+    /// Nanoseconds since 1970 UTC.
+    pub unix_ns: u64,
+    /// Value of its last digit, s.
+    pub digit_s: f64,
 }
 
 /// One column, channel or field.

@@ -2,8 +2,9 @@
 
 use super::decimals::Decimals;
 use super::stamp::{self, Order, Stamp};
-use super::{ForeignOptions, Mended, header_unit};
+use super::{ForeignOptions, Mended, Row, header_unit};
 use crate::log::CsvProblem;
+use crate::log::foreign::Start;
 use crate::log::import::hint_on_time;
 use crate::log::layout::{to_ns, to_s};
 
@@ -14,6 +15,7 @@ pub(super) struct Clock {
     /// Column's heading.
     name: String,
     first_ns: Option<i64>,
+    digit_s: f64,
     last_ns: i64,
     /// What midnights have added, ns.
     days_ns: i64,
@@ -40,9 +42,9 @@ impl Clock {
     pub(super) fn find(
         header: &[String],
         units: Option<&[String]>,
-        row: &::csv::StringRecord,
+        row: &Row,
         text: &str,
-        separator: u8,
+        separator: char,
         options: &ForeignOptions,
     ) -> Result<Clock, CsvProblem> {
         let name = header.first().cloned().unwrap_or_default();
@@ -55,7 +57,12 @@ impl Clock {
             let heading = heading_unit(&name).or(unit).or(options.time_unit_s);
             let seconds = heading.ok_or_else(|| no_time_column(&name, header))?;
             if seconds != 1.0 {
-                said.push(Mended::new("time-unit", 1, None, format!("the times of '{name}' are in units of {seconds} s")));
+                said.push(Mended::new(
+                    "time-unit",
+                    1,
+                    None,
+                    format!("the times of '{name}' are in units of {seconds} s"),
+                ));
             } else if name != "time_s" {
                 said.push(Mended::new("time-column", 1, None, format!("the times stand in '{name}', in seconds")));
             }
@@ -75,7 +82,17 @@ impl Clock {
             }
         };
         let zone_assumed = options.zone_s.is_none();
-        Ok(Clock { kind, said, name, first_ns: None, last_ns: i64::MIN, days_ns: 0, zone_s, zone_assumed })
+        Ok(Clock {
+            kind,
+            said,
+            name,
+            first_ns: None,
+            digit_s: 1.0,
+            last_ns: i64::MIN,
+            days_ns: 0,
+            zone_s,
+            zone_assumed,
+        })
     }
 
     /// Number of columns that hold the time.
@@ -84,12 +101,7 @@ impl Clock {
     }
 
     /// The time of a row, s: the column's own numbers, or seconds since the first date-time.
-    pub(super) fn seconds(
-        &mut self,
-        row: &::csv::StringRecord,
-        decimals: &mut Decimals,
-        header: &[String],
-    ) -> Result<f64, CsvProblem> {
+    pub(super) fn seconds(&mut self, row: &Row, decimals: &mut Decimals, header: &[String]) -> Result<f64, CsvProblem> {
         let cell = row.get(0).unwrap_or_default();
         if cell.is_empty() {
             return Err(CsvProblem::NoTime);
@@ -111,13 +123,19 @@ impl Clock {
         };
         let stamp = stamp.ok_or_else(bad)?;
         self.zone_assumed &= stamp.zone_s.is_none();
+        self.digit_s = self.digit_s.min(stamp.digit_s);
         let mut ns = stamp.unix_ns(self.zone_s);
         if self.kind == Kind::TimeOfDay {
             ns = ns.saturating_add(self.days_ns);
             if ns < self.last_ns.saturating_sub(DAY_NS / 2) {
                 self.days_ns = self.days_ns.saturating_add(DAY_NS);
                 ns = ns.saturating_add(DAY_NS);
-                self.said.push(Mended::new("midnight", 1, None, format!("the times of '{}' run past midnight", self.name)));
+                self.said.push(Mended::new(
+                    "midnight",
+                    1,
+                    None,
+                    format!("the times of '{}' run past midnight", self.name),
+                ));
             }
             self.last_ns = ns;
         }
@@ -127,9 +145,10 @@ impl Clock {
     }
 
     /// Wall-clock time of time 0, where the column gives dates.
-    pub(super) fn start_unix_ns(&self) -> Option<u64> {
+    pub(super) fn start(&self) -> Option<Start> {
         let dated = matches!(self.kind, Kind::Stamps(_) | Kind::TwoColumns(_));
-        self.first_ns.filter(|_| dated).and_then(|ns| u64::try_from(ns).ok()).filter(|ns| *ns > 0)
+        let unix_ns = self.first_ns.filter(|_| dated).and_then(|ns| u64::try_from(ns).ok()).filter(|ns| *ns > 0)?;
+        Some(Start { unix_ns, digit_s: self.digit_s })
     }
 
     pub(super) fn said(&mut self) -> Vec<Mended> {
@@ -147,12 +166,12 @@ impl Clock {
 }
 
 /// The order of day and month: as told, or as the first date shows that has a number above 12.
-fn order(cell: &str, text: &str, separator: u8, options: &ForeignOptions) -> Order {
+fn order(cell: &str, text: &str, separator: char, options: &ForeignOptions) -> Order {
     match options.day_first {
         Some(true) => Order::DayFirst,
         Some(false) => Order::MonthFirst,
         None if stamp::is_ambiguous(cell) => {
-            let first = |line: &str| line.split(char::from(separator)).next().map(|c| c.trim().trim_matches('"').to_string());
+            let first = |line: &str| line.split(separator).next().map(|c| c.trim().trim_matches('"').to_string());
             text.lines().filter_map(first).find_map(|c| stamp::order_shown(&c)).unwrap_or(Order::Unknown)
         }
         // the first date's own order holds for all

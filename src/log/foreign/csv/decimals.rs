@@ -5,14 +5,14 @@ use crate::log::foreign::Mended;
 
 /// Reads cells, and holds the file to one decimal mark.
 pub(super) struct Decimals {
-    separator: u8,
+    separator: char,
     mark: Option<char>,
     grouped: usize,
     scratch: String,
 }
 
 impl Decimals {
-    pub(super) fn new(separator: u8) -> Decimals {
+    pub(super) fn new(separator: char) -> Decimals {
         Decimals { separator, mark: None, grouped: 0, scratch: String::new() }
     }
 
@@ -55,11 +55,16 @@ impl Decimals {
     pub(super) fn said(&self) -> Vec<Mended> {
         let mut said = Vec::new();
         if self.mark == Some(',') {
-            let quoted = if self.separator == b',' { " in quotes" } else { "" };
+            let quoted = if self.separator == ',' { " in quotes" } else { "" };
             said.push(Mended::new("decimal-comma", 1, None, format!("numbers have decimal commas{quoted}")));
         }
         if self.grouped > 0 {
-            said.push(Mended::new("thousands", self.grouped, None, format!("{} numbers have their thousands set apart", self.grouped)));
+            said.push(Mended::new(
+                "thousands",
+                self.grouped,
+                None,
+                format!("{} numbers have their thousands set apart", self.grouped),
+            ));
         }
         said
     }

@@ -23,13 +23,18 @@ pub struct Hole {
 /// Brings the table into order.
 pub(super) fn mend(table: &mut Table, mended: &mut Vec<Mended>) -> Result<Vec<Hole>, Fault> {
     let displaced = displaced(table)?;
+    let in_order = displaced.and_then(|_| even_step(&in_order(&table.time_s)));
     if let Some((count, line)) = displaced {
         sort(table);
-        mended.push(Mended::new("order", count, Some(line), format!("{count} lines stood out of order and were sorted in")));
+        mended.push(Mended::new(
+            "order",
+            count,
+            Some(line),
+            format!("{count} lines stood out of order and were sorted in"),
+        ));
     }
     join_repeats(table, mended)?;
-    let step_s = even_step(&table.time_s);
-    if let (Some((_, line)), Some(step_s)) = (displaced, step_s)
+    if let (Some((_, line)), Some(step_s)) = (displaced, in_order)
         && let Some(i) = table.time_s.windows(2).position(|w| w[1] - w[0] < 0.5 * step_s)
     {
         // sorted in, it falls between the times of an even grid: a wrong time rather than a line out of place
@@ -37,7 +42,7 @@ pub(super) fn mend(table: &mut Table, mended: &mut Vec<Mended>) -> Result<Vec<Ho
         let problem = CsvProblem::OffTheGrid { time_s: table.time_s[at], step_s };
         return Err((Some(table.line[at].max(line)), Box::new(problem)));
     }
-    let holes = step_s.map_or(Vec::new(), |step_s| holes(&table.time_s, step_s));
+    let holes = even_holes(&table.time_s);
     if let Some(first) = holes.first() {
         let missing: u64 = holes.iter().filter_map(|h| h.gap.samples).sum();
         let text = match holes.len() {
@@ -67,6 +72,17 @@ fn displaced(table: &Table) -> Result<Option<(usize, usize)>, Fault> {
         return Err((Some(line), Box::new(CsvProblem::TimeNotIncreasing { time, previous, previous_line })));
     }
     Ok(Some((count, line)))
+}
+
+/// The times that come after all before them.
+fn in_order(time_s: &[f64]) -> Vec<f64> {
+    let mut latest = f64::NEG_INFINITY;
+    let later = |t: &f64| {
+        let is_later = *t > latest;
+        latest = latest.max(*t);
+        is_later
+    };
+    time_s.iter().copied().filter(later).collect()
 }
 
 fn sort(table: &mut Table) {
@@ -131,7 +147,9 @@ fn join_repeats(table: &mut Table, mended: &mut Vec<Mended>) -> Result<(), Fault
         mended.push(Mended::new("duplicate-times", same, same_line, text));
     }
     if differing > 0 {
-        let text = format!("{differing} times stand more than once with different values: their mean was taken; they differ by up to {most}");
+        let text = format!(
+            "{differing} times stand more than once with different values: their mean was taken; they differ by up to {most}"
+        );
         mended.push(Mended::new("contradicting-times", differing, differing_line, text));
     }
     Ok(())
@@ -140,7 +158,7 @@ fn join_repeats(table: &mut Table, mended: &mut Vec<Mended>) -> Result<(), Fault
 /// The step of an even grid, s; `None` where fewer than four of five steps are it.
 fn even_step(time_s: &[f64]) -> Option<f64> {
     let mut steps: Vec<f64> = time_s.windows(2).map(|w| w[1] - w[0]).collect();
-    if steps.len() < 3 {
+    if steps.len() < 2 {
         return None;
     }
     let middle = steps.len() / 2;

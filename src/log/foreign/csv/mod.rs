@@ -17,7 +17,7 @@ pub use stamp::zone_seconds;
 
 use super::{Foreign, ForeignOptions, Mended, Track};
 use crate::log::CsvProblem;
-use crate::log::import::Fault;
+use crate::log::import::{Fault, split};
 
 /// A table on its way: times, lines and columns of one length; NaN where a cell is empty.
 #[derive(Default)]
@@ -27,6 +27,39 @@ struct Table {
     columns: Vec<Vec<f64>>,
 }
 
+/// The cells of a line.
+#[derive(Default)]
+struct Row {
+    cells: Vec<String>,
+    count: usize,
+}
+
+impl Row {
+    fn read(&mut self, line: &str, separator: char) {
+        let mut cells = Vec::with_capacity(self.count);
+        split(line, separator, &mut cells);
+        self.count = cells.len();
+        // the texts of the line before are written over, not set aside anew
+        self.cells.resize(self.cells.len().max(self.count), String::new());
+        for (own, cell) in self.cells.iter_mut().zip(&cells) {
+            own.clear();
+            own.push_str(cell);
+        }
+    }
+
+    fn len(&self) -> usize {
+        self.count
+    }
+
+    fn iter(&self) -> impl Iterator<Item = &str> {
+        self.cells[..self.count].iter().map(String::as_str)
+    }
+
+    fn get(&self, place: usize) -> Option<&str> {
+        self.cells[..self.count].get(place).map(String::as_str)
+    }
+}
+
 /// Reads a table. `Err` holds the line from 1, where there is one, and what is wrong.
 pub(super) fn read(bytes: &[u8], options: &ForeignOptions) -> Result<Foreign, Fault> {
     let mut mended = Vec::new();
@@ -34,26 +67,16 @@ pub(super) fn read(bytes: &[u8], options: &ForeignOptions) -> Result<Foreign, Fa
     let comments = comments::comments(&text);
     let header_line = text.lines().find(|l| is_row(l)).ok_or((None, Box::new(CsvProblem::Empty)))?;
     let separator = separator(header_line);
-    if separator != b',' {
-        let name = if separator == b';' { "semicolons" } else { "tabs" };
+    if separator != ',' {
+        let name = if separator == ';' { "semicolons" } else { "tabs" };
         mended.push(Mended::new("separator", 1, None, format!("columns are separated by {name}")));
     }
-    let mut rows = ::csv::ReaderBuilder::new()
-        .has_headers(false)
-        .flexible(true)
-        .delimiter(separator)
-        .trim(::csv::Trim::All)
-        .comment(Some(b'#'))
-        .from_reader(text.as_bytes());
-    let mut row = ::csv::StringRecord::new();
-    let mut next = |row: &mut ::csv::StringRecord| -> Option<usize> {
-        // the text is UTF-8 and rows may have any length, so that nothing is left to go wrong
-        while rows.read_record(row).unwrap_or(false) {
-            if row.iter().any(|cell| !cell.is_empty()) {
-                return Some(row.position().map_or(0, |p| p.line() as usize));
-            }
-        }
-        None
+    let mut lines = (1..).zip(text.lines()).filter(|(_, l)| is_row(l));
+    let mut row = Row::default();
+    let mut next = |row: &mut Row| {
+        let (at, line) = lines.next()?;
+        row.read(line, separator);
+        Some(at)
     };
     let header_at = next(&mut row).ok_or((None, Box::new(CsvProblem::Empty)))?;
     let mut header: Vec<String> = row.iter().map(str::to_string).collect();
@@ -109,12 +132,12 @@ pub(super) fn read(bytes: &[u8], options: &ForeignOptions) -> Result<Foreign, Fa
     mended.extend(clock.said());
     let gaps = mend::mend(&mut table, &mut mended)?;
     let tracks = tracks(table, &gaps, &header[first..], units.as_deref().map(|u| &u[first.min(u.len())..]));
-    let start_unix_ns = clock.start_unix_ns().or_else(|| {
+    let start = clock.start().or_else(|| {
         let (start, said) = comments::start(&comments, options)?;
         mended.push(said);
         Some(start)
     });
-    Ok(Foreign { tracks, start_unix_ns, notes: comment_notes(&text), mended, spare_tracks: false })
+    Ok(Foreign { tracks, start, notes: comment_notes(&text), mended, spare_tracks: false })
 }
 
 /// The block of comments as a note, if there is one.
@@ -128,7 +151,7 @@ fn is_row(line: &str) -> bool {
 }
 
 /// What stands between the headings, outside of quotes.
-fn separator(header: &str) -> u8 {
+fn separator(header: &str) -> char {
     let mut quoted = false;
     let mut seen = [false; 2];
     for c in header.chars() {
@@ -137,21 +160,21 @@ fn separator(header: &str) -> u8 {
         seen[1] |= c == '\t' && !quoted;
     }
     match seen {
-        [true, _] => b';',
-        [_, true] => b'\t',
-        _ => b',',
+        [true, _] => ';',
+        [_, true] => '\t',
+        _ => ',',
     }
 }
 
 /// Number of cells of a line that has too few or too many; empty ones at its end do not count.
-fn ragged(row: &::csv::StringRecord, expected: usize) -> Option<usize> {
+fn ragged(row: &Row, expected: usize) -> Option<usize> {
     let found = row.len();
     let surplus_is_empty = found > expected && row.iter().skip(expected).all(str::is_empty);
     (found != expected && !surplus_is_empty).then_some(found)
 }
 
 /// The units, if the row under the header holds them: words everywhere, the first one of time.
-fn units_row(row: &::csv::StringRecord, header: &[String]) -> Option<Vec<String>> {
+fn units_row(row: &Row, header: &[String]) -> Option<Vec<String>> {
     let bare = |cell: &str| cell.trim_matches(|c| matches!(c, '(' | ')' | '[' | ']')).trim().to_string();
     let units: Vec<String> = row.iter().take(header.len()).map(bare).collect();
     let words = units.iter().all(|u| !u.chars().next().is_some_and(|c| c.is_ascii_digit() || matches!(c, '-' | '+')));
@@ -196,4 +219,3 @@ fn header_unit(heading: &str) -> Option<(String, String)> {
     }
     None
 }
-

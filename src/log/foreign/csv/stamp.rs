@@ -19,6 +19,8 @@ pub(super) struct Stamp {
     pub has_time: bool,
     /// Seconds east of UTC, where it says so.
     pub zone_s: Option<i32>,
+    /// Value of its last digit, s.
+    pub digit_s: f64,
 }
 
 const DAY_NS: i64 = 86_400_000_000_000;
@@ -34,8 +36,8 @@ impl Stamp {
         };
         let (has_date, has_time) = (date.is_some(), time.is_some());
         let date = date.map_or(NaiveDate::from_ymd_opt(1970, 1, 1), |d| parse_date(d, order))?;
-        let (ns_of_day, zone_s) = time.map_or(Some((0, None)), parse_time)?;
-        Some(Stamp { date, ns_of_day, has_date, has_time, zone_s })
+        let (ns_of_day, zone_s, digit_s) = time.map_or(Some((0, None, 1.0)), parse_time)?;
+        Some(Stamp { date, ns_of_day, has_date, has_time, zone_s, digit_s })
     }
 
     /// Nanoseconds since 1970 UTC; `zone_s` is for stamps that give no zone. Saturates some 290 years from 1970.
@@ -47,7 +49,7 @@ impl Stamp {
 
     /// The date of one cell and the time of the next.
     pub(super) fn joined(self, time: Stamp) -> Stamp {
-        Stamp { ns_of_day: time.ns_of_day, has_time: true, zone_s: time.zone_s, ..self }
+        Stamp { ns_of_day: time.ns_of_day, has_time: true, zone_s: time.zone_s, digit_s: time.digit_s, ..self }
     }
 }
 
@@ -91,8 +93,8 @@ pub(super) fn order_shown(text: &str) -> Option<Order> {
     }
 }
 
-/// Nanoseconds of the day, and the zone.
-fn parse_time(text: &str) -> Option<(i64, Option<i32>)> {
+/// Nanoseconds of the day, the zone, and the value of the last digit.
+fn parse_time(text: &str) -> Option<(i64, Option<i32>, f64)> {
     let (text, zone_s) = split_zone(text.trim())?;
     let upper = text.to_ascii_uppercase();
     let (clock, half) = match upper.strip_suffix("AM").or_else(|| upper.strip_suffix("PM")) {
@@ -104,13 +106,13 @@ fn parse_time(text: &str) -> Option<(i64, Option<i32>)> {
     let (mut hour, minute) = (whole(parts.next()?)?, whole(parts.next()?)?);
     let (second, fraction) = match parts.next() {
         Some(seconds) => {
-            let (second, fraction) = seconds.split_once(['.', ',']).unwrap_or((seconds, "0"));
-            if fraction.is_empty() || fraction.len() > 18 || !fraction.bytes().all(|b| b.is_ascii_digit()) {
+            let (second, fraction) = seconds.split_once(['.', ',']).unwrap_or((seconds, ""));
+            if fraction.len() > 18 || !fraction.bytes().all(|b| b.is_ascii_digit()) {
                 return None;
             }
             (whole(second)?, &fraction[..fraction.len().min(9)])
         }
-        None => (0, "0"),
+        None => (0, ""),
     };
     if parts.next().is_some() {
         return None;
@@ -118,9 +120,10 @@ fn parse_time(text: &str) -> Option<(i64, Option<i32>)> {
     if let Some(after_noon) = half {
         hour = (1..=12).contains(&hour).then_some(hour % 12 + if after_noon { 12 } else { 0 })?;
     }
-    let nano = fraction.parse::<u32>().ok()? * 10u32.pow(9 - fraction.len() as u32);
+    let digit_ns = 10u32.pow(9 - fraction.len() as u32);
+    let nano = format!("0{fraction}").parse::<u32>().ok()? * digit_ns;
     let time = NaiveTime::from_hms_nano_opt(hour, minute, second, nano)?;
-    Some((time.signed_duration_since(NaiveTime::MIN).num_nanoseconds()?, zone_s))
+    Some((time.signed_duration_since(NaiveTime::MIN).num_nanoseconds()?, zone_s, f64::from(digit_ns) * 1e-9))
 }
 
 /// Cuts `Z`, `UTC` or `+01:00` off.

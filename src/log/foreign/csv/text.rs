@@ -10,7 +10,8 @@ use crate::log::import::{Fault, text_of};
 /// The text of a file, without a byte-order mark.
 pub(super) fn decode<'b>(bytes: &'b [u8], mended: &mut Vec<Mended>) -> Result<Cow<'b, str>, Fault> {
     if let Some(text) = utf16(bytes) {
-        let text = text.ok_or((None, Box::new(CsvProblem::NotUtf8 { hint: " (nor UTF-16, as its first bytes say)" })))?;
+        let text =
+            text.ok_or((None, Box::new(CsvProblem::NotUtf8 { hint: " (nor UTF-16, as its first bytes say)" })))?;
         mended.push(Mended::new("encoding", 1, None, "the text is UTF-16"));
         return Ok(Cow::Owned(text));
     }

@@ -17,7 +17,8 @@ impl<'b> Bytes<'b> {
     }
 
     pub(super) fn take(&mut self, count: usize) -> Result<&'b [u8], String> {
-        let (taken, rest) = self.rest.split_at_checked(count).ok_or("its metadata ends early: the file is damaged or cut off")?;
+        let (taken, rest) =
+            self.rest.split_at_checked(count).ok_or("its metadata ends early: the file is damaged or cut off")?;
         self.rest = rest;
         Ok(taken)
     }

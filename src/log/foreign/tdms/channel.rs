@@ -88,7 +88,14 @@ impl Channel {
     }
 
     /// Takes in the values that start `offset` bytes into `raw`, `stride` bytes apart, `count` of them or as many as there are.
-    pub(super) fn extend(&mut self, raw: Bytes<'_>, code: u32, offset: usize, stride: usize, count: u64) -> Result<(), String> {
+    pub(super) fn extend(
+        &mut self,
+        raw: Bytes<'_>,
+        code: u32,
+        offset: usize,
+        stride: usize,
+        count: u64,
+    ) -> Result<(), String> {
         let Some(size) = size(code) else {
             if let Values::Other(n) = &mut self.values {
                 *n = n.saturating_add(count as usize);

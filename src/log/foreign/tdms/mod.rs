@@ -13,7 +13,7 @@ use std::collections::BTreeMap;
 use channel::{Channel, Values};
 use segment::Reader;
 
-use super::{Foreign, Mended, Track};
+use super::{Foreign, Mended, Start, Track};
 use crate::log::layout::to_s;
 use crate::recording::Series;
 
@@ -56,7 +56,10 @@ pub(super) fn read(bytes: &[u8]) -> Result<Foreign, String> {
         }
     }
     if timed.is_empty() {
-        return Err("it holds no channel of numbers that has times: neither wf_increment nor a channel of times beside it".into());
+        return Err(
+            "it holds no channel of numbers that has times: neither wf_increment nor a channel of times beside it"
+                .into(),
+        );
     }
     let start_ns = timed.iter().filter_map(|(_, start)| *start).filter(|ns| *ns > 0).min();
     let tracks = timed
@@ -69,8 +72,8 @@ pub(super) fn read(bytes: &[u8]) -> Result<Foreign, String> {
             track
         })
         .collect();
-    let start_unix_ns = start_ns.and_then(|ns| u64::try_from(ns).ok());
-    Ok(Foreign { tracks, start_unix_ns, notes, mended, spare_tracks: true })
+    let start = start_ns.and_then(|ns| u64::try_from(ns).ok()).map(|unix_ns| Start { unix_ns, digit_s: 1e-6 });
+    Ok(Foreign { tracks, start, notes, mended, spare_tracks: true })
 }
 
 /// A channel of numbers with its times, s from its own start, and that start; `None` where it is no such channel.
@@ -130,7 +133,11 @@ fn timed_track(
 }
 
 /// The times that a channel beside gives: timestamps, or numbers under a name such as `time_s` or `Time`.
-fn times(channel: &Channel, names: &[String], properties: &BTreeMap<String, Properties>) -> Option<(Vec<f64>, Option<i64>)> {
+fn times(
+    channel: &Channel,
+    names: &[String],
+    properties: &BTreeMap<String, Properties>,
+) -> Option<(Vec<f64>, Option<i64>)> {
     match &channel.values {
         Values::Times(ns) => {
             let first = *ns.first()?;
@@ -168,4 +175,3 @@ fn in_order(path: &str, time_s: Vec<f64>, value: Vec<f64>) -> Result<(Vec<f64>, 
         None => Ok((time_s, value)),
     }
 }
-

@@ -41,7 +41,8 @@ pub(super) fn scaling(properties: &Properties) -> Result<Option<Scaling>, String
     }
     let mut scales = Vec::new();
     for i in 0..count as usize {
-        let kind = text(&format!("NI_Scale[{i}]_Scale_Type")).ok_or_else(|| format!("scale {i} does not say its type"))?;
+        let kind =
+            text(&format!("NI_Scale[{i}]_Scale_Type")).ok_or_else(|| format!("scale {i} does not say its type"))?;
         let of = |key: &str| number(format!("NI_Scale[{i}]_{key}"));
         let need = |key: &str| of(key).ok_or_else(|| format!("scale {i} ({kind}) lacks {key}"));
         let input = |key: &str| match of(key).unwrap_or(RAW) {
@@ -57,7 +58,8 @@ pub(super) fn scaling(properties: &Properties) -> Result<Option<Scaling>, String
             }
             "Polynomial" => {
                 let size = of("Polynomial_Coefficients_Size").unwrap_or(4.0).clamp(0.0, MOST) as usize;
-                let terms = (0..size).map(|k| need(&format!("Polynomial_Coefficients[{k}]"))).collect::<Result<_, _>>()?;
+                let terms =
+                    (0..size).map(|k| need(&format!("Polynomial_Coefficients[{k}]"))).collect::<Result<_, _>>()?;
                 (Scale::Polynomial(terms), input("Polynomial_Input_Source")?)
             }
             "Add" => (Scale::Add(other("Add_Left_Operand_Input_Source")?), input("Add_Right_Operand_Input_Source")?),

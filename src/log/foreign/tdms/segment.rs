@@ -54,7 +54,9 @@ impl Reader {
                 if cut {
                     return Ok(true);
                 }
-                return Err(format!("the raw data of the segment at byte {at} begin after its end: the file is damaged"));
+                return Err(format!(
+                    "the raw data of the segment at byte {at} begin after its end: the file is damaged"
+                ));
             }
             let (metadata, data) = body.split_at(raw);
             if flags & METADATA != 0 {
@@ -113,12 +115,15 @@ impl Reader {
         let present: Vec<(String, Index)> =
             self.list.iter().filter_map(|(path, index)| Some((path.clone(), index.filter(|i| i.bytes > 0)?))).collect();
         let chunk = present.iter().try_fold(0u64, |sum, (_, index)| sum.checked_add(index.bytes));
-        let chunk = chunk.and_then(|c| usize::try_from(c).ok()).ok_or("a segment is longer than any file: the file is damaged")?;
+        let chunk = chunk
+            .and_then(|c| usize::try_from(c).ok())
+            .ok_or("a segment is longer than any file: the file is damaged")?;
         if chunk == 0 {
             return Ok(());
         }
         if interleaved {
-            let sizes: Option<Vec<usize>> = present.iter().map(|(_, i)| channel::size(i.code).map(|s| s as usize)).collect();
+            let sizes: Option<Vec<usize>> =
+                present.iter().map(|(_, i)| channel::size(i.code).map(|s| s as usize)).collect();
             let sizes = sizes.ok_or("text cannot be interleaved: the file is damaged")?;
             let stride: usize = sizes.iter().sum();
             let mut offset = 0;
