@@ -18,6 +18,7 @@ macro_rules! tell {
 pub(crate) use {say, say_text, tell};
 
 pub mod add;
+pub mod as_recorded;
 pub mod calibrate;
 pub mod creep;
 mod creep_prior;
@@ -26,6 +27,7 @@ pub mod diagnose;
 pub mod effects;
 pub mod energy;
 pub mod export;
+mod fit_output;
 mod hold;
 pub mod import;
 mod import_options;
@@ -35,11 +37,13 @@ mod memory;
 pub mod model;
 pub mod models;
 pub mod output;
+pub mod pest;
 pub mod playback;
 pub mod record;
 pub mod recover;
 pub mod refit;
 pub mod replay;
+pub mod results;
 pub mod rig;
 pub mod scenario;
 mod search;
@@ -47,6 +51,7 @@ pub mod sensitivity;
 pub mod simulate;
 pub mod undo;
 pub mod values;
+pub mod values_file;
 pub mod valve;
 
 use std::error::Error;
@@ -95,6 +100,8 @@ enum Command {
     Add(add::Args),
     Refit(refit::Args),
     Undo(undo::Args),
+    Results(results::Args),
+    Pest(pest::Args),
     Model(model::Args),
     Valve(valve::Args),
     Sensitivity(sensitivity::Args),
@@ -126,6 +133,8 @@ pub fn main() -> ExitCode {
         Command::Creep(args) => creep::run(args, cli.json),
         Command::Add(args) => add::run(args, cli.json),
         Command::Refit(args) => refit::run(args, cli.json),
+        Command::Results(args) => results::run(args, cli.json),
+        Command::Pest(args) => pest::run(args, cli.json),
         Command::Undo(args) => undo::run(args, cli.json),
         Command::Model(args) => model::run(args, cli.json),
         Command::Valve(args) => valve::run(args, cli.json),

@@ -151,6 +151,8 @@ impl Fitter<'_> {
                 upper: if p.lower < p.upper { p.upper } else { usual[j].upper.max(p.upper) },
                 held: p.lower == p.upper,
                 prior: model.priors.iter().find(|known| known.name == p.name).map(|known| (known.mean, known.sd)),
+                scale: p.scale,
+                belief: p.prior,
             })
             .collect();
         let period_s = model.period_s(&values[..model.shared.len()]);

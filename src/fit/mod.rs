@@ -12,6 +12,7 @@ pub mod least_squares;
 pub mod method;
 mod micro_ga;
 pub mod model_file;
+pub mod observed;
 pub mod outcome;
 pub mod prepare;
 pub mod problem;

@@ -1,5 +1,7 @@
 //! The models of a rig's runs, one after the other, in a file that people may edit: `MODEL.toml`.
 //!
+//! It is to be worked with. A result that is written once and says all about one fit is another file (`calibrate -o FIT.toml`).
+//!
 //! Every model that was fitted stays in it, with what it was fitted to, how well it did, and why it was made. One of them is in force;
 //! a step back puts the one in force that it grew out of. A value may be held, or its bounds moved, with an editor.
 

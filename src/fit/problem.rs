@@ -240,6 +240,14 @@ impl<'a> Calibration<'a> {
         sensors.flat_map(|(sensor, &span)| std::iter::repeat_n(sensor.noise_m, self.taken(span))).collect()
     }
 
+    /// Samples of a run's sensor that enter: times on the recording's clock, s, and heads, m.
+    pub fn samples_of(&self, r: usize, s: usize) -> impl Iterator<Item = (f64, f64)> + use<'a, '_> {
+        let (first, last) = self.spans[r][s];
+        let sensor = &self.runs[r].sensors[s];
+        let samples = sensor.time_s[first..last].iter().zip(&sensor.head_m[first..last]);
+        samples.step_by(self.window.stride).map(|(&t, &head)| (t, head))
+    }
+
     fn taken(&self, (first, last): (usize, usize)) -> usize {
         (last - first).div_ceil(self.window.stride)
     }
@@ -327,15 +335,9 @@ impl<'a> Calibration<'a> {
         }
         let closure_start = self.closure_start_s(r, values);
         for (s, (sensor, trace)) in self.runs[r].sensors.iter().zip(&traces).enumerate() {
-            let (first, last) = self.spans[r][s];
             let offset = self.offset_m(r, s, values);
             let weight = 1.0 / sensor.noise_m;
-            let samples = sensor.time_s[first..last].iter().zip(&sensor.head_m[first..last]);
-            out.extend(
-                samples
-                    .step_by(self.window.stride)
-                    .map(|(&t, &head)| weight * (head - offset - trace.at(t - closure_start))),
-            );
+            out.extend(self.samples_of(r, s).map(|(t, head)| weight * (head - offset - trace.at(t - closure_start))));
         }
         Ok(())
     }

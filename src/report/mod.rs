@@ -8,6 +8,10 @@
 //! | [`json`] | the document of `calibrate --json` |
 //! | [`table`] | plain-text tables for the terminal |
 //! | [`html`](mod@html) | the page of a calibration or a diagnosis, from the pieces in `html/` and the files in `assets/` |
+//! | [`fit_file`] | one fit as a file, TOML or JSON, and back |
+//! | [`results`] | many fits as one table |
+//! | [`observations`] | what was measured, or modelled in its place, as a table |
+//! | [`pest`] | a calibration as a problem of PEST |
 //! | [`creep`] | a creep test as text and JSON |
 //! | [`sensitivity`] | a sensitivity study as text, and the page of the source paper's rules |
 //! | [`svg`] | static charts, for the page in print and for any other plot |
@@ -25,11 +29,15 @@ pub mod decimate;
 pub mod diagnosis;
 pub mod escape;
 pub mod failure;
+pub mod fit_file;
 pub mod html;
 pub mod json;
 pub mod models;
 pub mod number;
+pub mod observations;
+pub mod pest;
 pub mod plot;
+pub mod results;
 pub mod sensitivity;
 pub mod summary;
 pub mod svg;
