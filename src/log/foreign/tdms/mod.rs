@@ -62,16 +62,18 @@ pub(super) fn read(bytes: &[u8]) -> Result<Foreign, String> {
         );
     }
     let start_ns = timed.iter().filter_map(|(_, start)| *start).filter(|ns| *ns > 0).min();
-    let tracks = timed
-        .into_iter()
-        .map(|(mut track, start)| {
-            if let (Some(own), Some(first)) = (start, start_ns) {
-                let late_s = to_s(own.saturating_sub(first));
-                track.series.time_s.iter_mut().for_each(|t| *t += late_s);
-            }
-            track
-        })
-        .collect();
+    let mut tracks = Vec::new();
+    for (mut track, start) in timed {
+        if let (Some(own), Some(first)) = (start, start_ns) {
+            let late_s = to_s(own.saturating_sub(first));
+            let Series { time_s, value, .. } = track.series;
+            let late: Vec<f64> = time_s.iter().map(|t| t + late_s).collect();
+            // years after the first channel, steps of microseconds vanish
+            let (time_s, value) = in_order(&track.name, late, value)?;
+            track.series = Series { time_s, value, gaps: Vec::new() };
+        }
+        tracks.push(track);
+    }
     let start = start_ns.and_then(|ns| u64::try_from(ns).ok()).map(|unix_ns| Start { unix_ns, digit_s: 1e-6 });
     Ok(Foreign { tracks, start, notes, mended, spare_tracks: true })
 }
