@@ -35,6 +35,7 @@ pub mod frequency;
 pub mod history;
 mod hold;
 pub mod import;
+mod import_options;
 pub mod inspect;
 pub mod load;
 mod memory;
@@ -95,7 +96,7 @@ struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Command {
-    /// Turn a time series (CSV) into a recording.
+    /// Turn time series (CSV, TDMS, MCAP of other programs) into a recording.
     Import(import::Args),
     /// The whole story on a recording that ships with the program.
     Demo(demo::Args),
