@@ -123,7 +123,7 @@ pub fn solve(case: &Case, velocity_m_s: f64, duration_s: f64) -> Solved {
         .collect();
     let weight: f64 = shed.iter().map(|(_, w)| w).sum();
     let constraint = 1.0;
-    let modulus = constraint * case.diameter_m * 1000.0 * G / (2.0 * case.wall_m);
+    let modulus = constraint * case.diameter_m * case.density_kg_m3() * G / (2.0 * case.wall_m);
     let creep: Vec<(f64, f64, f64)> = case
         .creep
         .iter()
