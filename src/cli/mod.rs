@@ -35,6 +35,7 @@ pub mod model;
 pub mod models;
 pub mod output;
 pub mod playback;
+pub mod profile;
 pub mod record;
 pub mod recover;
 pub mod refit;

@@ -2,12 +2,16 @@
 
 mod approach;
 pub mod calibrate;
+pub mod colour;
 pub mod compare;
 pub mod conflict;
 pub mod creep;
 pub mod data;
 pub mod energy;
+pub mod errors;
 mod finish;
+pub mod identify;
+pub mod interval;
 pub mod least_squares;
 pub mod method;
 mod micro_ga;
@@ -15,6 +19,7 @@ pub mod model_file;
 pub mod outcome;
 pub mod prepare;
 pub mod problem;
+pub mod profile;
 mod search;
 pub mod sensor_choice;
 mod starts;

@@ -5,8 +5,12 @@
 //! heads over each sensor's noise, then one for each prior,
 //! then one for each run's flow meter.
 
+use std::collections::BTreeMap;
+use std::ops::Range;
+
 use super::calibrate::FitError;
 use super::data::{RunData, RunStart};
+use super::errors::Common;
 use super::least_squares::Problem;
 use crate::model::constraint::Constraint;
 use crate::model::energy::Energy;
@@ -195,6 +199,11 @@ impl<'a> Calibration<'a> {
         self.parameters.iter().zip(values).map(|(p, &v)| to_variable(p, v)).collect()
     }
 
+    /// Value, in the parameter's unit, of variable `j`.
+    pub fn value(&self, j: usize, x: f64) -> f64 {
+        to_value(&self.parameters[j], x)
+    }
+
     /// How a small change of variable `j` at `value` changes the value.
     pub fn stretch(&self, j: usize, value: f64) -> f64 {
         match self.parameters[j].scale {
@@ -238,6 +247,38 @@ impl<'a> Calibration<'a> {
     pub fn sample_noise(&self) -> Vec<f64> {
         let sensors = self.runs.iter().zip(&self.spans).flat_map(|(run, spans)| run.sensors.iter().zip(spans));
         sensors.flat_map(|(sensor, &span)| std::iter::repeat_n(sensor.noise_m, self.taken(span))).collect()
+    }
+
+    /// Where each sensor's samples lie among the residuals: run, sensor, range; in their order.
+    pub fn records(&self) -> Vec<(usize, usize, Range<usize>)> {
+        let mut records = Vec::new();
+        let mut at = 0;
+        for (r, spans) in self.spans.iter().enumerate() {
+            for (s, &span) in spans.iter().enumerate() {
+                records.push((r, s, at..at + self.taken(span)));
+                at += self.taken(span);
+            }
+        }
+        records
+    }
+
+    /// What one standard deviation of each sensor's gain does to the residuals; a sensor is the same instrument in all runs.
+    pub fn gain_errors(&self) -> Vec<Common> {
+        let mut by_sensor: BTreeMap<&str, Common> = BTreeMap::new();
+        for (r, s, range) in self.records() {
+            let sensor = &self.runs[r].sensors[s];
+            let (first, last) = self.spans[r][s];
+            let heads = sensor.head_m[first..last].iter().step_by(self.window.stride);
+            let moved = heads.map(|h| h * sensor.gain_sd() / sensor.noise_m).collect();
+            by_sensor.entry(&sensor.sensor.name).or_default().push((range.start, moved));
+        }
+        by_sensor.into_values().collect()
+    }
+
+    /// Residuals of priors: where they are among all.
+    pub fn prior_rows(&self) -> Range<usize> {
+        let first = self.samples();
+        first..first + self.parameters.iter().filter(|p| p.prior.is_some()).count()
     }
 
     fn taken(&self, (first, last): (usize, usize)) -> usize {

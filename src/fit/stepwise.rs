@@ -11,7 +11,7 @@ use super::outcome::StepTaken;
 use super::problem::Calibration;
 use crate::model::{Model, ModelError};
 
-const LIMITS: Limits = Limits { iterations: 12, cost_tolerance: 1e-3, step_tolerance: 1e-6 };
+const LIMITS: Limits = Limits { iterations: 12, cost_tolerance: 1e-3, step_tolerance: 1e-6, thorough: false };
 /// Rounds after the first, at most, and the relative fall of the error below which one more is not worth it.
 const ROUNDS: usize = 12;
 const SETTLED: f64 = 0.005;

@@ -9,6 +9,7 @@ mod figures;
 mod heatmap;
 mod matrix;
 mod parameters;
+mod profiles;
 mod ranking;
 mod rig;
 pub mod sensitivity;
