@@ -105,8 +105,7 @@ mod tests {
     /// First-order noise `e = φ e⁻ + w` of variance 1/(1 - φ²).
     fn first_order(n: usize, phi: f64, seed: u64) -> Vec<f64> {
         let mut random = fastrand::Rng::with_seed(seed);
-        let mut normal =
-            || (-2.0 * (1.0 - random.f64()).ln()).sqrt() * (std::f64::consts::TAU * random.f64()).cos();
+        let mut normal = || (-2.0 * (1.0 - random.f64()).ln()).sqrt() * (std::f64::consts::TAU * random.f64()).cos();
         let mut e = normal() / (1.0 - phi * phi).sqrt();
         (0..n)
             .map(|_| {

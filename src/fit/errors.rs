@@ -49,7 +49,8 @@ impl Errors {
         let all = fit.columns.len();
         let free: Vec<usize> = (0..all).filter(|&j| !fit.at_bound[j]).collect();
         let columns: Vec<&[f64]> = free.iter().map(|&j| fit.columns[j].as_slice()).collect();
-        let scale: Vec<f64> = columns.iter().map(|c| Some(dot(c, c).sqrt()).filter(|n| *n > 0.0).unwrap_or(1.0)).collect();
+        let scale: Vec<f64> =
+            columns.iter().map(|c| Some(dot(c, c).sqrt()).filter(|n| *n > 0.0).unwrap_or(1.0)).collect();
         let (inverse, open) = inverse(&columns, &scale);
         let samples = fit.records.iter().map(|r| r.end).max().unwrap_or(0);
         let mut scores = score_covariance(&columns, fit.residuals, fit.records);
@@ -59,7 +60,8 @@ impl Errors {
             }
         }
         for common in fit.common {
-            let moved = |c: &&[f64]| common.iter().map(|(first, by)| dot(&c[*first..first + by.len()], by)).sum::<f64>();
+            let moved =
+                |c: &&[f64]| common.iter().map(|(first, by)| dot(&c[*first..first + by.len()], by)).sum::<f64>();
             let by: Vec<f64> = columns.iter().map(moved).collect();
             scores += DMatrix::from_fn(by.len(), by.len(), |a, b| by[a] * by[b]);
         }
@@ -132,7 +134,9 @@ mod tests {
 
     fn white(n: usize, seed: u64) -> Vec<f64> {
         let mut random = fastrand::Rng::with_seed(seed);
-        (0..n).map(|_| (-2.0 * (1.0 - random.f64()).ln()).sqrt() * (std::f64::consts::TAU * random.f64()).cos()).collect()
+        (0..n)
+            .map(|_| (-2.0 * (1.0 - random.f64()).ln()).sqrt() * (std::f64::consts::TAU * random.f64()).cos())
+            .collect()
     }
 
     fn errors(columns: &[Vec<f64>], residuals: &[f64], samples: usize, common: &[Common], at_bound: &[bool]) -> Errors {

@@ -115,8 +115,10 @@ impl Fitter<'_> {
         let change: Vec<f64> = residuals.iter().zip(&solution.residuals).map(|(f, c)| f - c).collect();
         let shifts = gauss_newton_step(&columns, &change, &solution.at_bound);
         let n = problem.samples().max(1);
-        let over_errors =
-            (0..shifts.len()).map(|j| shifts[j].abs() / errors.of_variable(j)).filter(|r| r.is_finite()).fold(0.0, f64::max);
+        let over_errors = (0..shifts.len())
+            .map(|j| shifts[j].abs() / errors.of_variable(j))
+            .filter(|r| r.is_finite())
+            .fold(0.0, f64::max);
         let square = |weights: &dyn Fn(usize) -> f64| {
             (change[..n].iter().enumerate().map(|(i, c)| (c * weights(i)).powi(2)).sum::<f64>() / n as f64).sqrt()
         };

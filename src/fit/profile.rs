@@ -98,8 +98,7 @@ impl<P: Problem> Problem for Held<'_, P> {
 
 /// Both sides of a variable.
 fn walk<P: Problem>(problem: &P, start: &Start) -> Walk {
-    let ((low, mut points), (high, above)) =
-        rayon::join(|| side(problem, start, -1.0), || side(problem, start, 1.0));
+    let ((low, mut points), (high, above)) = rayon::join(|| side(problem, start, -1.0), || side(problem, start, 1.0));
     points.push((start.best.x[start.j], 0.0));
     points.extend(above);
     points.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -118,8 +117,7 @@ fn side<P: Problem>(problem: &P, start: &Start, sign: f64) -> (Option<f64>, Vec<
         let at = best.x[j] + sign * away;
         let mut held = Held { inner: problem, lower: lower.to_vec(), upper: upper.to_vec() };
         (held.lower[j], held.upper[j]) = (at, at);
-        let guess: Vec<f64> =
-            near.2.iter().zip(follow).map(|(x, f)| x + f * sign * (away - near.0)).collect();
+        let guess: Vec<f64> = near.2.iter().zip(follow).map(|(x, f)| x + f * sign * (away - near.0)).collect();
         let limits = Limits {
             iterations: 25,
             cost_tolerance: SETTLED * unit / best.cost.max(f64::MIN_POSITIVE),
@@ -276,7 +274,9 @@ mod tests {
     fn of_a_poisson_rate_it_is_the_likelihood_interval() {
         let n = 10.0f64;
         let problem = Test {
-            f: |x: &[f64]| vec![(x[0] - n - n * (x[0] / n).ln()).max(0.0).mul_add(2.0, 0.0).sqrt() * (x[0] - n).signum()],
+            f: |x: &[f64]| {
+                vec![(x[0] - n - n * (x[0] / n).ln()).max(0.0).mul_add(2.0, 0.0).sqrt() * (x[0] - n).signum()]
+            },
             lower: vec![0.5],
             upper: vec![100.0],
         };

@@ -10,7 +10,14 @@ use crate::report::{Stage, summary};
 pub fn calibration(stages: &[Stage]) -> String {
     let mut parts = vec![summary::verdict(stages) + "\n"];
     if let Some(last) = stages.last() {
-        parts.extend([errors(stages), parameters(last.fit), unseen(last.fit), extrema(last.fit), steps(last.fit), stop(last.fit)]);
+        parts.extend([
+            errors(stages),
+            parameters(last.fit),
+            unseen(last.fit),
+            extrema(last.fit),
+            steps(last.fit),
+            stop(last.fit),
+        ]);
     }
     parts.retain(|p| !p.trim().is_empty());
     parts.join("\n")

@@ -13,8 +13,7 @@ pub(super) fn section(stages: &[Stage]) -> String {
         of(last.fit, &last.title)
     );
     if !last.fit.unseen.is_empty() {
-        let said: String =
-            last.fit.unseen.iter().map(|u| format!("<li>{}</li>\n", escape(&u.in_words))).collect();
+        let said: String = last.fit.unseen.iter().map(|u| format!("<li>{}</li>\n", escape(&u.in_words))).collect();
         out.push_str(&format!("<h3>What the recordings do not see</h3>\n<ul>\n{said}</ul>\n"));
     }
     out.push_str(&super::profiles::section(last.fit));
@@ -55,7 +54,10 @@ fn of(fit: &Fit, title: &str) -> String {
         }
         row
     });
-    let headings: &[&str] =
-        if per_run { &["parameter", "run", "value", "95% interval", "meaning"] } else { &["parameter", "value", "95% interval", "meaning"] };
+    let headings: &[&str] = if per_run {
+        &["parameter", "run", "value", "95% interval", "meaning"]
+    } else {
+        &["parameter", "value", "95% interval", "meaning"]
+    };
     table(&format!("Parameters of {title}"), headings, &[], rows)
 }

@@ -38,19 +38,17 @@ fn figure(p: &FittedParameter, profile: &Profile, several: bool) -> String {
 }
 
 fn chart(p: &FittedParameter, profile: &Profile) -> LineChart {
-    let (first, last) = (profile.points.first().map_or(p.value, |x| x.0), profile.points.last().map_or(p.value, |x| x.0));
+    let (first, last) =
+        (profile.points.first().map_or(p.value, |x| x.0), profile.points.last().map_or(p.value, |x| x.0));
     let mut series = vec![
         Series { label: "profile".into(), points: profile.points.clone(), style: Style::line(0) },
         Series { label: String::new(), points: profile.points.clone(), style: Style::points(0) },
-        Series {
-            label: "95%".into(),
-            points: vec![(first, Z_95 * Z_95), (last, Z_95 * Z_95)],
-            style: Style::line(3),
-        },
+        Series { label: "95%".into(), points: vec![(first, Z_95 * Z_95), (last, Z_95 * Z_95)], style: Style::line(3) },
     ];
     if p.standard_error > 0.0 && p.standard_error.is_finite() {
         let parabola = (0..=60).map(|i| first + (last - first) * f64::from(i) / 60.0);
-        let points = parabola.map(|x| (x, ((x - p.value) / p.standard_error).powi(2))).filter(|p| p.1 <= HIGHEST).collect();
+        let points =
+            parabola.map(|x| (x, ((x - p.value) / p.standard_error).powi(2))).filter(|p| p.1 <= HIGHEST).collect();
         series.push(Series { label: "linear".into(), points, style: Style::line(1) });
     }
     LineChart {
@@ -73,7 +71,13 @@ mod tests {
             points: vec![(0.9, 3.84), (1.0, 0.0), (2.0, 1.5)],
             fell_by: 0.0,
         };
-        let p = FittedParameter { name: "tau1_s".into(), value: 1.0, standard_error: 0.05, unit: "s", ..Default::default() };
+        let p = FittedParameter {
+            name: "tau1_s".into(),
+            value: 1.0,
+            standard_error: 0.05,
+            unit: "s",
+            ..Default::default()
+        };
         let drawn = chart(&p, &profile);
         let labels: Vec<&str> = drawn.series.iter().map(|s| s.label.as_str()).filter(|l| !l.is_empty()).collect();
         assert_eq!(labels, ["profile", "95%", "linear"]);
