@@ -14,7 +14,6 @@ use super::finish::{FINAL_REACHES, errors_of};
 use super::interval::Z_95;
 use super::least_squares::{Limits, Problem, Solution, jacobian, minimise};
 use super::outcome::Fit;
-use super::problem::Calibration;
 use crate::rig::Rig;
 
 /// Points on one side of the best value, at most.
@@ -170,7 +169,7 @@ pub fn profiles(
     let fitter = Fitter::new(rig, runs, options, progress, &fit.effects, Some(&values))?;
     let model = fitter.model(&fit.effects);
     let reaches = model.fitting_reaches(&values[..model.shared.len()], FINAL_REACHES.max(fitter.least_reaches));
-    let problem = Calibration::new(&model, runs, fitter.whole(reaches));
+    let problem = fitter.problem(&model, fitter.whole(reaches));
     let limits = Limits {
         iterations: options.patience,
         cost_tolerance: SETTLED / problem.samples().max(1) as f64,
