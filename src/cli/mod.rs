@@ -46,6 +46,7 @@ pub mod output;
 pub mod pest;
 pub mod playback;
 pub mod predict;
+pub mod profile;
 pub mod record;
 pub mod recover;
 pub mod refit;

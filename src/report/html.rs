@@ -11,6 +11,7 @@ mod heatmap;
 pub mod history;
 mod matrix;
 mod parameters;
+mod profiles;
 mod ranking;
 mod rig;
 pub mod sensitivity;
