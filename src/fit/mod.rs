@@ -7,6 +7,7 @@ pub mod conflict;
 pub mod creep;
 pub mod data;
 pub mod energy;
+pub mod family;
 mod finish;
 pub mod least_squares;
 pub mod method;
