@@ -26,6 +26,7 @@ pub mod diagnose;
 pub mod effects;
 pub mod energy;
 pub mod export;
+pub mod family;
 mod hold;
 pub mod import;
 pub mod inspect;
@@ -91,6 +92,7 @@ enum Command {
     Calibrate(calibrate::Args),
     Diagnose(diagnose::Args),
     Creep(creep::Args),
+    Family(family::Args),
     Add(add::Args),
     Refit(refit::Args),
     Undo(undo::Args),
@@ -123,6 +125,7 @@ pub fn main() -> ExitCode {
         Command::Calibrate(args) => calibrate::run(args, cli.json),
         Command::Diagnose(args) => diagnose::run(args, cli.json),
         Command::Creep(args) => creep::run(args, cli.json),
+        Command::Family(args) => family::run(args, cli.json),
         Command::Add(args) => add::run(args, cli.json),
         Command::Refit(args) => refit::run(args, cli.json),
         Command::Undo(args) => undo::run(args, cli.json),

@@ -8,6 +8,7 @@ use super::compare::{Pair, mape_percent, rmse};
 use super::least_squares::{Limits, Problem, Solution, jacobian};
 use super::outcome::{Fit, FittedParameter, RunFit, SensorFit};
 use super::problem::{Calibration, Window};
+use super::settle::settle;
 use super::uncertainty::{correlation, gauss_newton_step, standard_errors};
 use crate::model::{Model, ModelError};
 
@@ -79,7 +80,11 @@ impl Fitter<'_> {
         }
         let problem = Calibration::new(model, self.runs, self.whole(fine));
         problem.know(&model.constraints)?;
-        let solution = self.minimise(&problem, &values, self.patient(LATE), "all samples")?;
+        let limits = self.patient(LATE);
+        let solution = self.minimise(&problem, &values, limits, "all samples")?;
+        let before = solution.evaluations;
+        let solution = settle(&problem, solution, limits, |_, _| {})?;
+        self.count(solution.evaluations - before);
         self.outcome(&problem, &solution, &pull)
     }
 

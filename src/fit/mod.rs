@@ -18,6 +18,7 @@ pub mod prepare;
 pub mod problem;
 mod search;
 pub mod sensor_choice;
+pub mod settle;
 mod starts;
 mod stepwise;
 pub mod uncertainty;

@@ -5,6 +5,7 @@ pub mod creep;
 mod data;
 mod diagnosis;
 mod energy;
+pub mod family;
 mod figures;
 mod heatmap;
 mod matrix;

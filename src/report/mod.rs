@@ -9,6 +9,7 @@
 //! | [`table`] | plain-text tables for the terminal |
 //! | [`html`](mod@html) | the page of a calibration or a diagnosis, from the pieces in `html/` and the files in `assets/` |
 //! | [`creep`] | a creep test as text and JSON |
+//! | [`family`] | a family of runs at several temperatures as text, JSON and CSV |
 //! | [`sensitivity`] | a sensitivity study as text, and the page of the source paper's rules |
 //! | [`svg`] | static charts, for the page in print and for any other plot |
 //! | [`plot`] | a small plot of two curves in text |
@@ -25,6 +26,7 @@ pub mod decimate;
 pub mod diagnosis;
 pub mod escape;
 pub mod failure;
+pub mod family;
 pub mod html;
 pub mod json;
 pub mod models;

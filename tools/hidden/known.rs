@@ -3,11 +3,11 @@
 //! `cargo run --release --example known_run -- RIG OUT.csv NAME=VALUE …`; names are those of `surgescope simulate --set`, with
 //! `temperature_degC`, `duration_s`, `noise_m`, `zero_m` (standard deviation of the sensors' zero errors) and `seed`.
 
+mod of_rig;
 #[allow(dead_code)] // of the other example
 mod record;
 #[allow(dead_code)]
 mod rig;
-mod of_rig;
 mod scheme;
 
 use std::collections::BTreeMap;

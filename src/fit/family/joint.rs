@@ -11,6 +11,7 @@ use crate::fit::calibrate::Progress;
 use crate::fit::least_squares::{Limits, Problem, Solution, jacobian, minimise};
 use crate::fit::outcome::Fit;
 use crate::fit::problem::{Calibration, Window};
+use crate::fit::settle::settle;
 use crate::fit::uncertainty::{correlation, correlation_inflation, gauss_newton_step, standard_errors};
 use crate::model::parameter::Parameter;
 use crate::model::{Model, ModelError};
@@ -232,11 +233,12 @@ pub(super) fn together(
     let mut start = from_apart(&law, &models[0].shared, members, fits);
     apart_values.iter().for_each(|x| start.extend(&x[joint.shared..]));
     let samples = joint.samples();
-    let solution = minimise(&joint, &start, LIMITS, |iteration, cost| {
+    let shown = |iteration, cost: f64| {
         let error_over_noise = (2.0 * cost / samples.max(1) as f64).sqrt();
         let reaches = fine.iter().copied().max().unwrap_or(0);
         progress("all runs", &Progress { stage: "together".into(), reaches, iteration, error_over_noise });
-    })?;
+    };
+    let solution = settle(&joint, minimise(&joint, &start, LIMITS, shown)?, LIMITS, shown)?;
 
     let comparison = compare(&sums(&joint, fits, &apart, &solution));
     let widening = comparison.filter(|c| c.verdict != Verdict::Describe).map_or(1.0, |c| c.f.max(1.0).sqrt());

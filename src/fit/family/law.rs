@@ -194,7 +194,13 @@ impl<'a> LawModel<'a> {
     }
 
     /// The model's shared parameters at a temperature, of `run` where a law is free; then the moduli behind the wave speeds, GPa.
-    pub fn shared(&self, values: &[f64], degc: f64, water: &WaterProperties, run: Option<usize>) -> (Vec<f64>, Vec<f64>) {
+    pub fn shared(
+        &self,
+        values: &[f64],
+        degc: f64,
+        water: &WaterProperties,
+        run: Option<usize>,
+    ) -> (Vec<f64>, Vec<f64>) {
         let warmer_k = degc - self.reference_degc;
         let mut shared = vec![0.0; self.roles.len()];
         let (mut ln_shift, mut ln_compliance, mut c1) = (0.0, 0.0, 0.0);
@@ -269,7 +275,13 @@ mod tests {
         let shifted = wlf.shared(&values, 40.0, &water, None).0[2];
         assert!((shifted / (0.02 * 10f64.powf(-17.44 * 20.0 / 71.6)) - 1.0).abs() < 1e-9);
         // Free: the run at the reference has no factor of its own.
-        let free = LawModel::new(&rig, &model.shared, Laws { shift: Shift::Free, modulus_free: true, vertical: false }, 20.0, &runs);
+        let free = LawModel::new(
+            &rig,
+            &model.shared,
+            Laws { shift: Shift::Free, modulus_free: true, vertical: false },
+            20.0,
+            &runs,
+        );
         assert!(!free.is_a_law());
         let values = [2.0, 1.5, 0.1, 0.02, 0.8, 1.1, 0.5f64.ln()];
         assert_eq!(free.parameters.len(), values.len());

@@ -106,7 +106,9 @@ pub enum FamilyError {
     OneTemperature { low: f64, high: f64 },
     #[error("{file} was made on another rig than {first}: {what} differs; a family is of one rig")]
     OtherRig { file: String, first: String, what: &'static str },
-    #[error("the law of Williams, Landel and Ferry has two constants: it takes three temperatures or more, and these are {have}")]
+    #[error(
+        "the law of Williams, Landel and Ferry has two constants: it takes three temperatures or more, and these are {have}"
+    )]
     TooFewForWlf { have: usize },
     #[error(
         "{file}: the fitted wave speed of {wave_speed_m_s:.0} m/s is that of sound in the water or more, which no elastic wall gives: check length \

@@ -48,7 +48,10 @@ impl Line {
         let chance = ChiSquared::new(freedom as f64).ok().filter(|_| freedom > 0).map(|law| law.sf(square));
         let scattered = chance.is_some_and(|p| p < SIGNIFICANT);
         let (widening, quantile) = if scattered {
-            (square / freedom as f64, StudentsT::new(0.0, 1.0, freedom as f64).map_or(f64::NAN, |t| t.inverse_cdf(0.975)))
+            (
+                square / freedom as f64,
+                StudentsT::new(0.0, 1.0, freedom as f64).map_or(f64::NAN, |t| t.inverse_cdf(0.975)),
+            )
         } else {
             (1.0, Normal::standard().inverse_cdf(0.975))
         };
@@ -66,8 +69,7 @@ impl Line {
 
     /// Its value at `x` and half the 95% interval of it.
     pub fn at(&self, x: f64) -> (f64, f64) {
-        let variance =
-            self.at_zero_error.powi(2) + 2.0 * x * self.covariance + (x * self.slope_error).powi(2);
+        let variance = self.at_zero_error.powi(2) + 2.0 * x * self.covariance + (x * self.slope_error).powi(2);
         (self.at_zero + self.slope * x, self.quantile * variance.max(0.0).sqrt())
     }
 
