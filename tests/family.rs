@@ -30,7 +30,10 @@ fn lab_rig(material: &str) -> String {
     let text = fs::read_to_string(path).unwrap();
     let kept = text.lines().filter(|l| !(l.starts_with("wave_speed_m_s") && l.contains('#')));
     let text = kept.collect::<Vec<_>>().join("\n").replace("closing_time_s = 0.4", "closing_time_s = 0.06");
-    assert!(text.contains("closing_time_s = 0.06") && Rig::from_toml(&text, "rig.toml").unwrap().pipes[0].wave_speed_m_s.is_none());
+    assert!(
+        text.contains("closing_time_s = 0.06")
+            && Rig::from_toml(&text, "rig.toml").unwrap().pipes[0].wave_speed_m_s.is_none()
+    );
     text
 }
 
@@ -43,7 +46,14 @@ fn recording(folder: &Path, name: &str, rig: &str, known: &Known) -> PathBuf {
     let [rig_file, series, run] = ["toml", "csv", "mcap"].map(|end| folder.join(format!("{name}.{end}")));
     fs::write(&rig_file, rig).unwrap();
     fs::write(&series, csv(&Rig::from_toml(rig, "rig.toml").unwrap(), known)).unwrap();
-    surgescope().args(["import".as_ref(), series.as_os_str()]).arg("--rig").arg(&rig_file).arg("-o").arg(&run).assert().success();
+    surgescope()
+        .args(["import".as_ref(), series.as_os_str()])
+        .arg("--rig")
+        .arg(&rig_file)
+        .arg("-o")
+        .arg(&run)
+        .assert()
+        .success();
     run
 }
 
@@ -98,7 +108,13 @@ fn the_laws_that_made_four_runs_are_recovered_within_their_intervals() {
         .collect();
     let [page, table] = ["family.html", "family.csv"].map(|name| folder.path().join(name));
     let document = json_of(
-        surgescope().arg("family").args(&runs).args(["--effects", "viscoelastic-wall:2", "--report"]).arg(&page).arg("--csv").arg(&table),
+        surgescope()
+            .arg("family")
+            .args(&runs)
+            .args(["--effects", "viscoelastic-wall:2", "--report"])
+            .arg(&page)
+            .arg("--csv")
+            .arg(&table),
     );
     assert_eq!(document["reference_degC"], 30.0);
     assert_known(&document, "activation_kJ_mol", 60.0);
@@ -193,14 +209,22 @@ fn what_is_no_family_is_refused_with_the_reason() {
     // Without a thermometer the rig file says 24 °C of all.
     let blind = rig.replace("[[sensor]]\nname = \"T1\"\nkind = \"temperature\"\nunit = \"degC\"\n", "");
     assert_ne!(blind, rig);
-    let [a, b] = [(20.0, 5), (30.0, 6)].map(|(t, seed)| recording(folder.path(), &format!("blind{seed}"), &blind, &short(t, seed)));
+    let [a, b] = [(20.0, 5), (30.0, 6)]
+        .map(|(t, seed)| recording(folder.path(), &format!("blind{seed}"), &blind, &short(t, seed)));
     refused(&[], &[&a, &b], "no run has recorded its temperature, and their rig files all say 24 °C");
     refused(&["--temperature-degC", "20,30,40"], &[&a, &b], "2 recordings and 3 temperatures");
     let told = json_of(surgescope().arg("family").args([&a, &b]).args([
-        "--temperature-degC", "20,30", "--effects", "viscoelastic-wall:1", "--apart",
+        "--temperature-degC",
+        "20,30",
+        "--effects",
+        "viscoelastic-wall:1",
+        "--apart",
     ]));
     assert!(told["together"].is_null());
-    assert_eq!((&told["runs"][1]["temperature_degC"], &told["runs"][1]["temperature_from"]), (&30.0.into(), &"given".into()));
+    assert_eq!(
+        (&told["runs"][1]["temperature_degC"], &told["runs"][1]["temperature_from"]),
+        (&30.0.into(), &"given".into())
+    );
 }
 
 /// Table 2 of the source paper in small (`tools/paper_table2.py` has all six cases): the range that the record's first peak gives, the
@@ -208,7 +232,9 @@ fn what_is_no_family_is_refused_with_the_reason() {
 #[test]
 fn the_papers_wave_speeds_are_calibrated_within_its_bar() {
     let folder = tempfile::tempdir().unwrap();
-    for (material, degc, truth, velocity_m_s, supply_m) in [("ppr", 24.0, 470.0, 1.0, 62.6), ("hdpe", 40.0, 370.0, 0.923, 58.6)] {
+    for (material, degc, truth, velocity_m_s, supply_m) in
+        [("ppr", 24.0, 470.0, 1.0, 62.6), ("hdpe", 40.0, 370.0, 0.923, 58.6)]
+    {
         let rig = lab_rig(material);
         let own = Known {
             wave_speed_m_s: truth,

@@ -33,6 +33,10 @@ pub struct Args {
     #[arg(long = "temperature-degC", value_name = "T,T", value_delimiter = ',', value_parser = celsius,
           allow_negative_numbers = true)]
     temperature_degc: Vec<f64>,
+    /// Standard deviation of the runs' temperatures: of the thermometers, and of the wall against the water.
+    #[arg(long = "temperature-sd-K", value_name = "K", default_value_t = 0.1, value_parser = super::values::positive,
+          allow_negative_numbers = true)]
+    temperature_sd_k: f64,
     /// A rig to read them with, instead of those that are stored in them.
     #[arg(long, value_name = "RIG")]
     rig: Option<PathBuf>,
@@ -113,7 +117,12 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     let members: Vec<Member> = loaded.iter().map(|l| member(l, !args.temperature_degc.is_empty())).collect();
     let rig = loaded[0].recording.rig.clone();
     let options = Options { most_reaches: args.most_reaches, ..Options::default() };
-    let plan = Plan { laws: args.laws.laws(), reference_degc: args.laws.reference_degc, options };
+    let plan = Plan {
+        laws: args.laws.laws(),
+        reference_degc: args.laws.reference_degc,
+        temperature_sd_k: args.temperature_sd_k,
+        options,
+    };
     let bar = calibrate::progress_bar();
     let fitted = family(&rig, members, &args.effects, &plan, &|of, p| {
         bar.set_message(format!(

@@ -204,7 +204,7 @@ pub(super) fn degrees(family: &Family) -> Vec<f64> {
 /// The document of `family --json`. Intervals are 95% ones, `null` where they are open.
 ///
 /// `effects`, `reference_degC`; `runs`: list of `file`, `temperature_degC`, `temperature_from`, `rmse_m` (fitted apart),
-/// `together_rmse_m` or `null`, `noise_m`, `parameters` (list of `name`, `value`, `standard_error`, `unit`, `at_bound`);
+/// `together_rmse_m` and `together_temperature_degC` (as it suits the laws) or `null`, `noise_m`, `parameters` (list of `name`, `value`, `standard_error`, `unit`, `at_bound`);
 /// `trends`: list of `name`, `unit`, `form`, `at_reference`, `at_reference_interval`, `slope`, `slope_standard_error`, `slope_interval`, `slope_unit`,
 /// `chance` (that the line holds, of scatter as large), `contradicted`; `together`, or `null`: `shift`, `modulus`, `vertical`, `parameters` (list
 /// of `name`, `value`, `standard_error`, `interval`, `unit`, `at_bound`), `comparison` (`f`, `parameters_saved`, `effective_samples_left`, `chance`,
@@ -214,13 +214,14 @@ pub(super) fn degrees(family: &Family) -> Vec<f64> {
 /// Only what [`serde_json`] may report; plain data like this gives it no cause.
 pub fn json(family: &Family) -> serde_json::Result<String> {
     let runs = family.members.iter().zip(&family.fits).enumerate().map(|(r, (m, fit))| {
-        let together = family.together.as_ref().map(|t| t.runs[r].together_m);
+        let (together, moved) =
+            family.together.as_ref().map(|t| (t.runs[r].together_m, t.runs[r].temperature_degc)).unzip();
         let own = fit.parameters.iter().map(|p| {
             json!({ "name": p.name, "value": p.value, "standard_error": p.standard_error, "unit": p.unit, "at_bound": p.at_bound })
         });
         json!({
             "file": m.data.file, "temperature_degC": m.temperature_degc, "temperature_from": m.source.name(),
-            "rmse_m": fit.runs[0].rmse_m, "together_rmse_m": together, "noise_m": fit.runs[0].noise_m,
+            "rmse_m": fit.runs[0].rmse_m, "together_rmse_m": together, "together_temperature_degC": moved, "noise_m": fit.runs[0].noise_m,
             "parameters": own.collect::<Vec<_>>(),
         })
     });

@@ -88,7 +88,9 @@ pub struct Trend {
 }
 
 impl Trend {
-    fn of(form: Form, points: &[Point], reference_degc: f64) -> Option<Trend> {
+    /// Through points whose temperatures are known to `temperature_sd_k`: what that makes of a value by the line's slope adds to its error
+    /// (effective variance, Orear 1982, Am. J. Phys. 50:912).
+    fn of(form: Form, points: &[Point], reference_degc: f64, temperature_sd_k: f64) -> Option<Trend> {
         let place = |p: &Point| abscissa(form, reference_degc, p.temperature_degc);
         let x: Vec<f64> = points.iter().map(place).collect();
         let (y, sd): (Vec<f64>, Vec<f64>) = points
@@ -98,7 +100,19 @@ impl Trend {
                 _ => (p.value.ln(), p.standard_error / p.value),
             })
             .unzip();
-        Line::through(&x, &y, &sd).map(|line| Trend { form, line, reference_degc })
+        let mut line = Line::through(&x, &y, &sd)?;
+        for _ in 0..3 {
+            let effective: Vec<f64> = points
+                .iter()
+                .zip(x.iter().zip(&sd))
+                .map(|(p, (x, sd))| {
+                    let off = abscissa(form, reference_degc, p.temperature_degc + temperature_sd_k) - x;
+                    sd.hypot(line.slope * off)
+                })
+                .collect();
+            line = Line::through(&x, &y, &effective)?;
+        }
+        Some(Trend { form, line, reference_degc })
     }
 
     /// The quantity at a temperature.
@@ -144,7 +158,7 @@ pub(super) fn quantities(
     rig: &Rig,
     members: &[Member],
     fits: &[Fit],
-    reference_degc: f64,
+    (reference_degc, temperature_sd_k): (f64, f64),
     remarks: &mut Vec<String>,
 ) -> Result<Vec<Quantity>, FamilyError> {
     let Some(first) = fits.first() else { return Ok(Vec::new()) };
@@ -173,7 +187,7 @@ pub(super) fn quantities(
             _ => None,
         };
         let quantity = |name: String, unit, form, points: Vec<Point>| {
-            let trend = Trend::of(form, &points, reference_degc);
+            let trend = Trend::of(form, &points, reference_degc, temperature_sd_k);
             Quantity { name, unit, points, trend, law: Vec::new() }
         };
         found.push(quantity(shared[j].name.clone(), shared[j].unit, form, points));
@@ -234,12 +248,16 @@ mod tests {
         let at = [20.0, 30.0, 45.0];
         let tau = at.map(|t| (t, 0.05 * (60e3 * inverse_kelvin(20.0, t)).exp()));
         let points: Vec<Point> = tau.iter().enumerate().map(|(r, (t, v))| point(r, *t, *v, 0.01, true)).collect();
-        let trend = Trend::of(Form::Arrhenius, &points, 20.0).unwrap();
+        let trend = Trend::of(Form::Arrhenius, &points, 20.0, 0.0).unwrap();
         assert!((trend.line.slope / 60e3 - 1.0).abs() < 1e-9 && (trend.at(20.0).value / 0.05 - 1.0).abs() < 1e-9);
         let (low, high) = trend.at(33.0).interval;
         assert!(low < trend.at(33.0).value && trend.at(33.0).value < high && high / low < 1.05);
         let falling: Vec<Point> =
             at.iter().enumerate().map(|(r, t)| point(r, *t, 2.0 * (-0.015 * t).exp(), 0.01, true)).collect();
-        assert!((Trend::of(Form::Exponential, &falling, 20.0).unwrap().line.slope + 0.015).abs() < 1e-12);
+        assert!((Trend::of(Form::Exponential, &falling, 20.0, 0.0).unwrap().line.slope + 0.015).abs() < 1e-12);
+        // A thermometer of 1 K is worth 1.5% of each value here, beside its own 1%.
+        let doubtful = Trend::of(Form::Exponential, &falling, 20.0, 1.0).unwrap().line;
+        let sure = Trend::of(Form::Exponential, &falling, 20.0, 0.0).unwrap().line;
+        assert!((doubtful.slope_error / sure.slope_error - 0.015f64.hypot(0.01) / 0.01).abs() < 1e-6);
     }
 }

@@ -1,6 +1,7 @@
 //! All runs at once: each run's shared parameters are what the laws make of its temperature, the rest is its own.
 //!
-//! Variables are the laws', then each run's own as in [`Calibration`]. Residuals are the samples of all runs, then their priors and meters.
+//! Variables are the laws', then each run's own as in [`Calibration`], the last of them what its thermometer is off by: a wave speed told to a
+//! hundred-thousandth knows temperature better than any thermometer. Residuals are the samples of all runs, then each run's priors and meter.
 
 use super::apart::{Banded, NORMAL_95, Quantity};
 use super::compare::{Comparison, Sums, Verdict, compare};
@@ -20,6 +21,8 @@ use crate::rig::Rig;
 const LIMITS: Limits = Limits { iterations: 60, cost_tolerance: 1e-6, step_tolerance: 1e-9 };
 /// Points of a law's line.
 const POINTS: usize = 41;
+/// Most that a thermometer may be off by, in its standard deviations.
+const MOST_OFF: f64 = 20.0;
 
 /// A fitted parameter of the laws.
 #[derive(Debug, Clone, PartialEq)]
@@ -51,6 +54,8 @@ pub struct RunError {
     pub together_m: f64,
     /// Noise, m.
     pub noise_m: f64,
+    /// Temperature that suits the laws best, as far as its standard deviation lets it move, °C.
+    pub temperature_degc: f64,
 }
 
 /// The runs fitted together.
@@ -105,6 +110,8 @@ struct Joint<'a> {
     members: &'a [Member],
     calibrations: Vec<Calibration<'a>>,
     shared: usize,
+    /// Standard deviation of the runs' temperatures, K.
+    temperature_sd_k: f64,
     /// First variable of each run's own.
     own: Vec<usize>,
     lower: Vec<f64>,
@@ -112,7 +119,13 @@ struct Joint<'a> {
 }
 
 impl<'a> Joint<'a> {
-    fn new(law: &'a LawModel<'a>, members: &'a [Member], models: &'a [Model<'a>], reaches: &[usize]) -> Self {
+    fn new(
+        law: &'a LawModel<'a>,
+        members: &'a [Member],
+        models: &'a [Model<'a>],
+        reaches: &[usize],
+        temperature_sd_k: f64,
+    ) -> Self {
         let calibrations: Vec<Calibration> = members
             .iter()
             .zip(models)
@@ -129,9 +142,11 @@ impl<'a> Joint<'a> {
             own.push(lower.len());
             let (low, high) = calibration.bounds();
             lower.extend(&low[shared..]);
+            lower.push(-MOST_OFF * temperature_sd_k);
             upper.extend(&high[shared..]);
+            upper.push(MOST_OFF * temperature_sd_k);
         }
-        Joint { law, members, calibrations, shared, own, lower, upper }
+        Joint { law, members, calibrations, shared, temperature_sd_k, own, lower, upper }
     }
 
     fn law_values(&self, x: &[f64]) -> Vec<f64> {
@@ -142,12 +157,25 @@ impl<'a> Joint<'a> {
     fn of_run(&self, r: usize, x: &[f64]) -> Vec<f64> {
         let (member, calibration) = (&self.members[r], &self.calibrations[r]);
         let water = &member.data.conditions.water;
-        let (shared, _) = self.law.shared(&self.law_values(x), member.temperature_degc, water, Some(r));
+        let degc = member.temperature_degc + x[self.thermometer(r)];
+        let (shared, _) = self.law.shared(&self.law_values(x), degc, water, Some(r));
         let kept = |(p, v): (&Parameter, f64)| to_variable(p, v.clamp(p.lower, p.upper));
         let mut out: Vec<f64> = calibration.parameters.iter().zip(shared).map(kept).collect();
         let own = calibration.parameters.len() - self.shared;
         out.extend(&x[self.own[r]..self.own[r] + own]);
         out
+    }
+
+    /// The variable of what a run's thermometer is off by.
+    fn thermometer(&self, r: usize) -> usize {
+        self.own[r] + self.calibrations[r].parameters.len() - self.shared
+    }
+
+    /// Residuals of one run: samples, priors, meter, thermometer.
+    fn run_residuals(&self, r: usize, x: &[f64]) -> Result<Vec<f64>, ModelError> {
+        let mut out = self.calibrations[r].residuals(&self.of_run(r, x))?;
+        out.push(x[self.thermometer(r)] / self.temperature_sd_k);
+        Ok(out)
     }
 
     fn samples(&self) -> usize {
@@ -157,7 +185,7 @@ impl<'a> Joint<'a> {
     /// Where a run's samples, and where its priors and meter, stand among the residuals.
     fn places(&self, r: usize) -> [std::ops::Range<usize>; 2] {
         let rest = |c: &Calibration| {
-            c.parameters.iter().filter(|p| p.prior.is_some()).count() + usize::from(c.runs[0].meter.is_some())
+            1 + c.parameters.iter().filter(|p| p.prior.is_some()).count() + usize::from(c.runs[0].meter.is_some())
         };
         let before = &self.calibrations[..r];
         let first: usize = before.iter().map(Calibration::samples).sum();
@@ -177,16 +205,22 @@ impl Problem for Joint<'_> {
     type Error = ModelError;
 
     fn residuals(&self, x: &[f64]) -> Result<Vec<f64>, ModelError> {
-        let each: Result<Vec<_>, _> =
-            self.calibrations.iter().enumerate().map(|(r, c)| c.residuals(&self.of_run(r, x))).collect();
+        let each: Result<Vec<_>, _> = (0..self.own.len()).map(|r| self.run_residuals(r, x)).collect();
         Ok(self.ordered(&each?))
     }
 
     fn residuals_moved(&self, x: &[f64], j: usize, base: &[f64]) -> Result<Vec<f64>, ModelError> {
         let Some(r) = self.own.iter().rposition(|&first| j >= first) else { return self.residuals(x) };
         let [samples, rest] = self.places(r);
-        let own = [&base[samples.clone()], &base[rest.clone()]].concat();
-        let moved = self.calibrations[r].residuals_moved(&self.of_run(r, x), self.shared + j - self.own[r], &own)?;
+        let moved = if j == self.thermometer(r) {
+            self.run_residuals(r, x)?
+        } else {
+            let own = [&base[samples.clone()], &base[rest.start..rest.end - 1]].concat();
+            let local = self.shared + j - self.own[r];
+            let mut moved = self.calibrations[r].residuals_moved(&self.of_run(r, x), local, &own)?;
+            moved.push(base[rest.end - 1]);
+            moved
+        };
         let mut out = base.to_vec();
         let (of_samples, of_rest) = moved.split_at(samples.len());
         out[samples].copy_from_slice(of_samples);
@@ -200,6 +234,7 @@ impl Problem for Joint<'_> {
 
     fn difference_step(&self, j: usize) -> f64 {
         match self.own.iter().rposition(|&first| j >= first) {
+            Some(r) if j == self.thermometer(r) => 1e-4 * self.temperature_sd_k,
             Some(r) => self.calibrations[r].difference_step(self.shared + j - self.own[r]),
             None => step_of(&self.law.parameters[j]),
         }
@@ -214,7 +249,7 @@ pub(super) fn together(
     rig: &Rig,
     members: &[Member],
     fits: &[Fit],
-    (laws, reference_degc): (Laws, f64),
+    (laws, reference_degc, temperature_sd_k): (Laws, f64, f64),
     quantities: &mut [Quantity],
     progress: &(dyn Fn(&str, &Progress) + Sync),
 ) -> Result<Together, FamilyError> {
@@ -223,15 +258,19 @@ pub(super) fn together(
     let runs: Vec<(f64, String)> = members.iter().map(|m| (m.temperature_degc, m.data.file.clone())).collect();
     let law = LawModel::new(rig, &models[0].shared, laws, reference_degc, &runs);
     let fine: Vec<usize> = fits.iter().map(|f| f.reaches).collect();
-    let joint = Joint::new(&law, members, &models, &fine);
+    let joint = Joint::new(&law, members, &models, &fine, temperature_sd_k);
 
     let apart_values: Vec<Vec<f64>> =
         fits.iter().zip(&joint.calibrations).map(|(f, c)| c.variables(&f.values())).collect();
-    let each: Result<Vec<_>, _> = joint.calibrations.iter().zip(&apart_values).map(|(c, x)| c.residuals(x)).collect();
-    let apart = joint.ordered(&each?);
+    let each = joint.calibrations.iter().zip(&apart_values).map(|(c, x)| {
+        let residuals = c.residuals(x)?;
+        // Apart, no thermometer is asked.
+        Ok([&residuals[..], &[0.0]].concat())
+    });
+    let apart = joint.ordered(&each.collect::<Result<Vec<_>, ModelError>>()?);
 
     let mut start = from_apart(&law, &models[0].shared, members, fits);
-    apart_values.iter().for_each(|x| start.extend(&x[joint.shared..]));
+    apart_values.iter().for_each(|x| start.extend(x[joint.shared..].iter().chain(&[0.0])));
     let samples = joint.samples();
     let shown = |iteration, cost: f64| {
         let error_over_noise = (2.0 * cost / samples.max(1) as f64).sqrt();
@@ -256,7 +295,7 @@ pub(super) fn together(
     Ok(Together {
         laws,
         parameters: law.parameters.iter().enumerate().map(|(j, p)| parameter(p, &solution, &errors, j)).collect(),
-        runs: run_errors(&joint, &apart, &solution.residuals),
+        runs: run_errors(&joint, &apart, &solution),
         comparison,
         stopped_because: solution.stop.describe(),
         converged: solution.stop.converged(),
@@ -293,7 +332,8 @@ fn grid_pull(
             models[r].fitting_reaches(&values[..joint.shared], (calibration.window().reaches / 2).max(1))
         })
         .collect();
-    let coarser = Joint::new(joint.law, joint.members, models, &coarse).residuals(&solution.x)?;
+    let coarser =
+        Joint::new(joint.law, joint.members, models, &coarse, joint.temperature_sd_k).residuals(&solution.x)?;
     let change: Vec<f64> = solution.residuals.iter().zip(&coarser).map(|(f, c)| f - c).collect();
     Ok(gauss_newton_step(columns, &change, &solution.at_bound))
 }
@@ -312,7 +352,7 @@ fn parameter(p: &Parameter, solution: &Solution, errors: &[f64], j: usize) -> La
     }
 }
 
-fn run_errors(joint: &Joint, apart: &[f64], together: &[f64]) -> Vec<RunError> {
+fn run_errors(joint: &Joint, apart: &[f64], together: &Solution) -> Vec<RunError> {
     let of = |(r, c): (usize, &Calibration)| {
         let [place, _] = joint.places(r);
         let noise = c.sample_noise();
@@ -323,7 +363,8 @@ fn run_errors(joint: &Joint, apart: &[f64], together: &[f64]) -> Vec<RunError> {
         RunError {
             file: joint.members[r].data.file.clone(),
             apart_m: rms(&|i| apart[place.start + i]),
-            together_m: rms(&|i| together[place.start + i]),
+            together_m: rms(&|i| together.residuals[place.start + i]),
+            temperature_degc: joint.members[r].temperature_degc + together.x[joint.thermometer(r)],
             noise_m: rms(&|_| 1.0),
         }
     };

@@ -66,6 +66,8 @@ pub struct Plan {
     pub laws: Option<Laws>,
     /// Temperature that the laws' values are given at, °C; the runs' mean unless another is named.
     pub reference_degc: Option<f64>,
+    /// Standard deviation of the runs' temperatures, K.
+    pub temperature_sd_k: f64,
     /// Of each fit.
     pub options: Options,
 }
@@ -166,9 +168,17 @@ pub fn family(
     }
     let fits = apart::apart(rig, &members, effects, &plan.options, progress)?;
     let mut remarks = Vec::new();
-    let mut quantities = apart::quantities(rig, &members, &fits, reference_degc, &mut remarks)?;
+    let mut quantities =
+        apart::quantities(rig, &members, &fits, (reference_degc, plan.temperature_sd_k), &mut remarks)?;
     let together = match plan.laws {
-        Some(laws) => Some(joint::together(rig, &members, &fits, (laws, reference_degc), &mut quantities, progress)?),
+        Some(laws) => Some(joint::together(
+            rig,
+            &members,
+            &fits,
+            (laws, reference_degc, plan.temperature_sd_k),
+            &mut quantities,
+            progress,
+        )?),
         None => None,
     };
     remarks.extend(together.iter().flat_map(Together::remarks));
