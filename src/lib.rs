@@ -14,8 +14,10 @@
 //! | [`sensitivity`] | which parameter moves what: analysis of variance, maps, Morris, Sobol, the source paper's rules |
 //! | [`fit`] | calibration: bounded least squares, comparison, uncertainty |
 //! | [`diagnose`] | where a model fails, and which effect it lacks |
+//! | [`history`] | every run of a folder in an index, and the drift of a rig's parameters |
 //! | [`report`] | tables, JSON and HTML |
 //! | [`replay`] | results kept beside recordings, and whether they still hold |
+//! | [`watch`] | from a finished recording to its verdict: which files are finished, the model to start from, what to say |
 //! | [`cli`] | one thin file a command |
 //!
 //! # Example
@@ -42,6 +44,7 @@
 pub mod cli;
 pub mod diagnose;
 pub mod fit;
+pub mod history;
 pub mod log;
 pub mod model;
 pub mod record;
@@ -52,3 +55,4 @@ pub mod rig;
 pub mod sensitivity;
 pub mod signal;
 pub mod units;
+pub mod watch;

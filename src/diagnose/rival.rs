@@ -110,6 +110,8 @@ impl<'a> Rival<'a> {
                 upper: p.upper,
                 held: false,
                 prior: None,
+                scale: p.scale,
+                belief: p.prior,
             })
             .collect()
     }

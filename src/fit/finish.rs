@@ -3,9 +3,11 @@
 use std::sync::atomic::Ordering;
 
 use super::approach::{Fitter, State};
+use super::band::{curve_sd_m, half_width_m, posterior};
 use super::calibrate::FitError;
 use super::compare::{Pair, mape_percent, rmse};
 use super::least_squares::{Limits, Problem, Solution, jacobian};
+use super::misfit::Misfit;
 use super::outcome::{Fit, FittedParameter, RunFit, SensorFit};
 use super::problem::{Calibration, Window};
 use super::settle::settle;
@@ -39,6 +41,19 @@ impl Fitter<'_> {
         Limits { iterations: limits.iterations.min(self.options.patience), ..limits }
     }
 
+    /// A problem with the misfit that was asked for.
+    fn problem<'a>(&'a self, model: &'a Model<'a>, window: Window) -> Calibration<'a> {
+        Calibration::new(model, self.runs, window).comparing(self.options.misfit)
+    }
+
+    /// Some samples while the grid is sought; all of them where their transform is compared.
+    fn compared(&self, reaches: usize) -> Window {
+        match self.options.misfit {
+            Misfit::Time => self.window(reaches, f64::INFINITY),
+            Misfit::Frequency => self.whole(reaches),
+        }
+    }
+
     /// Refines the grid until its error is small against the noise and its pull on the parameters against their standard errors,
     /// then fits all samples on a grid of half that step and puts the result together.
     pub(super) fn finish(&self, model: &Model, state: State) -> Result<Fit, FitError> {
@@ -47,7 +62,7 @@ impl Fitter<'_> {
         let (fine, pull) = loop {
             let fitting = |n: usize| model.fitting_reaches(&values[..model.shared.len()], n);
             let (coarse, fine) = (fitting(reaches), fitting(2 * reaches));
-            let problem = Calibration::new(model, self.runs, self.window(coarse, f64::INFINITY));
+            let problem = self.problem(model, self.compared(coarse));
             let solution = self.minimise(&problem, &values, self.patient(MIDDLE), &format!("{coarse} reaches"))?;
             values = problem.values(&solution.x);
             let pull = self.grid_pull(&problem, &solution, fine)?;
@@ -59,7 +74,7 @@ impl Fitter<'_> {
                 *value = (*value + problem.stretch(j, *value) * by)
                     .clamp(problem.parameters[j].lower, problem.parameters[j].upper);
             }
-            let finer = Calibration::new(model, self.runs, self.window(fine, f64::INFINITY));
+            let finer = self.problem(model, self.compared(fine));
             let moved = finer.residuals(&finer.variables(&further)).map(|r| 0.5 * r.iter().map(|r| r * r).sum::<f64>());
             self.count(1);
             if moved.is_ok_and(|cost| cost < pull.finer_cost) {
@@ -78,7 +93,7 @@ impl Fitter<'_> {
         if model.constraints.is_empty() && model.priors.is_empty() {
             model.put_in_order(&mut values);
         }
-        let problem = Calibration::new(model, self.runs, self.whole(fine));
+        let problem = self.problem(model, self.whole(fine));
         problem.know(&model.constraints)?;
         let limits = self.patient(LATE);
         let solution = self.minimise(&problem, &values, limits, "all samples")?;
@@ -105,8 +120,7 @@ impl Fitter<'_> {
 
     /// What a finer grid would change: at the samples, and by one Gauss-Newton step in the parameters.
     fn grid_pull(&self, problem: &Calibration, solution: &Solution, fine: usize) -> Result<Pull, ModelError> {
-        let mut finer = Calibration::new(problem.model, self.runs, problem.window());
-        finer.set_window(Window { reaches: fine, ..problem.window() });
+        let finer = self.problem(problem.model, Window { reaches: fine, ..problem.window() });
         let residuals = finer.residuals(&solution.x)?;
         let columns = jacobian(problem, &solution.x, &solution.residuals)?;
         self.count(columns.len() + 1);
@@ -131,6 +145,16 @@ impl Fitter<'_> {
         let columns = jacobian(problem, &solution.x, &solution.residuals)?;
         self.count(columns.len());
         let errors = standard_errors(&columns, &solution.residuals, problem.samples(), &solution.at_bound);
+        let covariance = posterior(&columns, &solution.at_bound);
+        let bands = match self.options.misfit {
+            Misfit::Time => curve_sd_m(problem, &columns, &covariance),
+            Misfit::Frequency => {
+                let in_time = Calibration::new(problem.model, self.runs, problem.window());
+                let columns = jacobian(&in_time, &solution.x, &in_time.residuals(&solution.x)?)?;
+                self.count(columns.len() + 1);
+                curve_sd_m(&in_time, &columns, &covariance)
+            }
+        };
         let model = problem.model;
         // What is held keeps the bounds that it will have when it is let go.
         let unheld = Model::new(self.rig, self.water, &model.effects);
@@ -156,19 +180,20 @@ impl Fitter<'_> {
                 upper: if p.lower < p.upper { p.upper } else { usual[j].upper.max(p.upper) },
                 held: p.lower == p.upper,
                 prior: model.priors.iter().find(|known| known.name == p.name).map(|known| (known.mean, known.sd)),
+                scale: p.scale,
+                belief: p.prior,
             })
             .collect();
         let period_s = model.period_s(&values[..model.shared.len()]);
-        let reaches = problem.window().reaches;
         let runs = (0..self.runs.len())
-            .map(|r| self.run_fit(problem, r, &values, &start_values, reaches, period_s))
+            .map(|r| self.run_fit(problem, r, &values, &start_values, period_s, &bands[r]))
             .collect::<Result<_, _>>()?;
         Ok(Fit {
             effects: model.effects.clone(),
             runs,
             parameters,
             correlation: correlation(&columns, &solution.at_bound),
-            reaches,
+            reaches: problem.window().reaches,
             grid_error_m: 0.25 * pull.error_m,
             evaluations: self.evaluations.load(Ordering::Relaxed),
             seconds: f64::NAN,
@@ -184,10 +209,10 @@ impl Fitter<'_> {
         r: usize,
         values: &[f64],
         start_values: &[f64],
-        reaches: usize,
         period_s: f64,
+        curve_sd_m: &[Vec<f64>],
     ) -> Result<RunFit, ModelError> {
-        let run = &self.runs[r];
+        let (run, reaches) = (&self.runs[r], problem.window().reaches);
         let traces = problem.modelled(r, values, reaches)?.traces;
         let first_traces = problem.modelled(r, start_values, reaches)?.traces;
         let start = problem.closure_start_s(r, values);
@@ -207,6 +232,7 @@ impl Fitter<'_> {
             sensors.push(SensorFit {
                 name: sensor.sensor.name.clone(),
                 position_m: sensor.sensor.position_m,
+                band_m: half_width_m(problem, r, s, &curve_sd_m[s], from),
                 noise_m: sensor.noise_m,
                 rmse_m: rmse(&measured_m, &model_m),
                 start_rmse_m: rmse(&measured_m, &before),

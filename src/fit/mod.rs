@@ -1,19 +1,26 @@
 //! Calibration: from a recording to the fitted model of the run.
 
 mod approach;
+pub mod band;
 pub mod calibrate;
 pub mod compare;
 pub mod conflict;
 pub mod creep;
+pub mod cross_validate;
 pub mod data;
 pub mod energy;
 pub mod family;
 mod finish;
+pub mod frequency;
+pub mod held_out;
 pub mod least_squares;
 pub mod method;
 mod micro_ga;
+pub mod misfit;
 pub mod model_file;
+pub mod observed;
 pub mod outcome;
+pub mod predict;
 pub mod prepare;
 pub mod problem;
 mod search;

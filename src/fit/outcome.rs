@@ -1,6 +1,7 @@
 //! What a calibration gives back: plain data for tables, JSON and pages.
 
 use crate::model::effects::Chosen;
+use crate::model::parameter::Scale;
 
 /// One fitted parameter.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -27,10 +28,15 @@ pub struct FittedParameter {
     pub held: bool,
     /// What was known of it from elsewhere (a creep test): mean in `unit`, and a relative standard deviation.
     pub prior: Option<(f64, f64)>,
+    /// How the fit moved it.
+    pub scale: Scale,
+    /// All that the fit took for known before it, whatever said so (meter, rig, signals, creep test): mean in `unit`, and a standard
+    /// deviation that is relative on a log scale.
+    pub belief: Option<(f64, f64)>,
 }
 
 /// Measurement and model at one pressure sensor, heads in m, all vectors of one length.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct SensorFit {
     /// Sensor name.
     pub name: String,
@@ -42,6 +48,8 @@ pub struct SensorFit {
     pub measured_m: Vec<f64>,
     /// Fitted head, m.
     pub model_m: Vec<f64>,
+    /// Half the width of the band around the model that holds a sample with 95% probability, m; empty where it is not known.
+    pub band_m: Vec<f64>,
     /// Standard deviation of the sensor's noise, m.
     pub noise_m: f64,
     /// Root mean square of measured − model over all samples, m.

@@ -2,12 +2,13 @@
 //!
 //! Variables are the model's shared parameters, then for each run its velocity, head, closing time and friction, the start of its
 //! closure and one offset a sensor. Log-scaled parameters are moved as logarithms. Residuals are measured minus modelled
-//! heads over each sensor's noise, then one for each prior,
+//! heads over each sensor's noise (or their transform, see [`super::misfit`]), then one for each prior,
 //! then one for each run's flow meter.
 
 use super::calibrate::FitError;
 use super::data::{RunData, RunStart};
 use super::least_squares::Problem;
+use super::misfit::{Bins, Misfit};
 use crate::model::constraint::Constraint;
 use crate::model::energy::Energy;
 use crate::model::parameter::{Parameter, Scale};
@@ -53,6 +54,9 @@ pub struct Calibration<'a> {
     window: Window,
     /// Samples of each run and sensor that enter: first index, past the last.
     spans: Vec<Vec<(usize, usize)>>,
+    misfit: Misfit,
+    /// Of each run and sensor, where frequencies are compared and the record is long enough for it.
+    bins: Vec<Vec<Option<Bins>>>,
     lower: Vec<f64>,
     upper: Vec<f64>,
 }
@@ -135,7 +139,18 @@ impl<'a> Calibration<'a> {
         }
         let lower = parameters.iter().map(|p| to_variable(p, p.lower)).collect();
         let upper = parameters.iter().map(|p| to_variable(p, p.upper)).collect();
-        let mut problem = Calibration { model, runs, parameters, run_offsets, window, spans: Vec::new(), lower, upper };
+        let mut problem = Calibration {
+            model,
+            runs,
+            parameters,
+            run_offsets,
+            window,
+            spans: Vec::new(),
+            misfit: Misfit::Time,
+            bins: Vec::new(),
+            lower,
+            upper,
+        };
         problem.set_window(window);
         problem
     }
@@ -159,6 +174,31 @@ impl<'a> Calibration<'a> {
                     .collect()
             })
             .collect();
+        let compared = self.misfit == Misfit::Frequency && window.stride == 1;
+        self.bins = if compared { (0..self.runs.len()).map(|r| self.bins_of(r)).collect() } else { Vec::new() };
+    }
+
+    /// The same problem with another misfit; frequencies are compared where every sample enters. A sensor whose record is too short
+    /// for it is compared in time.
+    pub fn comparing(mut self, misfit: Misfit) -> Self {
+        self.misfit = misfit;
+        self.set_window(self.window);
+        self
+    }
+
+    /// The first run and sensor whose frequencies should be compared and cannot be.
+    pub fn too_short(&self) -> Option<(String, String)> {
+        let all = self.bins.iter().enumerate().flat_map(|(r, row)| row.iter().enumerate().map(move |(s, b)| (r, s, b)));
+        let (r, s, _) = all.into_iter().find(|(_, _, bins)| bins.is_none())?;
+        Some((self.runs[r].file.clone(), self.runs[r].sensors[s].sensor.name.clone()))
+    }
+
+    fn bins_of(&self, r: usize) -> Vec<Option<Bins>> {
+        let (run, shared) = (&self.runs[r], self.model.shared.len());
+        let closure = (run.start.closure_s.0, self.model.rig.valve.closing_time_s);
+        let period_s = self.model.period_s(&self.start_values()[..shared]);
+        let of = |(sensor, &(first, last)): (_, &(usize, usize))| Bins::of(sensor, first..last, closure, period_s);
+        run.sensors.iter().zip(&self.spans[r]).map(of).collect()
     }
 
     /// Holds some variables at `values`, and no others.
@@ -231,13 +271,45 @@ impl<'a> Calibration<'a> {
 
     /// Number of residuals that are samples rather than priors.
     pub fn samples(&self) -> usize {
-        self.spans.iter().flatten().map(|&span| self.taken(span)).sum()
+        (0..self.runs.len()).map(|r| self.run_rows(r)).sum()
     }
 
-    /// Noise of each sample that enters, m, in the order of the residuals.
+    /// Residuals of a run's sensor.
+    fn rows(&self, r: usize, sensor: usize) -> usize {
+        self.bins_at(r, sensor).map_or(self.taken(self.spans[r][sensor]), Bins::len)
+    }
+
+    fn run_rows(&self, r: usize) -> usize {
+        (0..self.runs[r].sensors.len()).map(|s| self.rows(r, s)).sum()
+    }
+
+    fn bins_at(&self, r: usize, sensor: usize) -> Option<&Bins> {
+        self.bins.get(r)?.get(sensor)?.as_ref()
+    }
+
+    /// Noise of each sample that enters, m, in the order of the residuals; of frequencies, such that a root mean square over them is that
+    /// over the samples.
     pub fn sample_noise(&self) -> Vec<f64> {
-        let sensors = self.runs.iter().zip(&self.spans).flat_map(|(run, spans)| run.sensors.iter().zip(spans));
-        sensors.flat_map(|(sensor, &span)| std::iter::repeat_n(sensor.noise_m, self.taken(span))).collect()
+        let sensors = self.runs.iter().enumerate().flat_map(|(r, run)| (0..run.sensors.len()).map(move |s| (r, s)));
+        let noise = sensors.flat_map(|(r, s)| {
+            let (rows, samples) = (self.rows(r, s), self.taken(self.spans[r][s]).max(1));
+            std::iter::repeat_n(self.runs[r].sensors[s].noise_m * (rows as f64 / samples as f64).sqrt(), rows)
+        });
+        noise.collect()
+    }
+
+    /// First sample of a run's sensor that enters, and how many do.
+    pub fn entering(&self, r: usize, sensor: usize) -> (usize, usize) {
+        let span = self.spans[r][sensor];
+        (span.0, self.taken(span))
+    }
+
+    /// Samples of a run's sensor that enter: times on the recording's clock, s, and heads, m.
+    pub fn samples_of(&self, r: usize, s: usize) -> impl Iterator<Item = (f64, f64)> + use<'a, '_> {
+        let (first, last) = self.spans[r][s];
+        let sensor = &self.runs[r].sensors[s];
+        let samples = sensor.time_s[first..last].iter().zip(&sensor.head_m[first..last]);
+        samples.step_by(self.window.stride).map(|(&t, &head)| (t, head))
     }
 
     fn taken(&self, (first, last): (usize, usize)) -> usize {
@@ -309,9 +381,14 @@ impl<'a> Calibration<'a> {
         values[self.run_offsets[r] + CLOSURE_START]
     }
 
+    /// Which variable the offset of a run's sensor is.
+    pub fn offset_index(&self, r: usize, sensor: usize) -> usize {
+        self.run_offsets[r] + CLOSURE_START + 1 + sensor
+    }
+
     /// Offset of a run's sensor, m.
     pub fn offset_m(&self, r: usize, sensor: usize, values: &[f64]) -> f64 {
-        values[self.run_offsets[r] + CLOSURE_START + 1 + sensor]
+        values[self.offset_index(r, sensor)]
     }
 
     fn append_run(
@@ -327,15 +404,14 @@ impl<'a> Calibration<'a> {
         }
         let closure_start = self.closure_start_s(r, values);
         for (s, (sensor, trace)) in self.runs[r].sensors.iter().zip(&traces).enumerate() {
-            let (first, last) = self.spans[r][s];
             let offset = self.offset_m(r, s, values);
             let weight = 1.0 / sensor.noise_m;
-            let samples = sensor.time_s[first..last].iter().zip(&sensor.head_m[first..last]);
-            out.extend(
-                samples
-                    .step_by(self.window.stride)
-                    .map(|(&t, &head)| weight * (head - offset - trace.at(t - closure_start))),
-            );
+            let residuals =
+                self.samples_of(r, s).map(|(t, head)| weight * (head - offset - trace.at(t - closure_start)));
+            match self.bins_at(r, s) {
+                Some(bins) => out.extend(bins.of_residuals(&residuals.collect::<Vec<f64>>())),
+                None => out.extend(residuals),
+            }
         }
         Ok(())
     }
@@ -376,11 +452,12 @@ impl Problem for Calibration<'_> {
         if let Some(sensor) = (j - self.run_offsets[moved]).checked_sub(CLOSURE_START + 1) {
             // An offset shifts its sensor's residuals; nothing is simulated.
             let shift = (self.base_offset(base, j) - values[j]) / self.runs[moved].sensors[sensor].noise_m;
-            let before = self.spans[..moved].iter().flatten().chain(&self.spans[moved][..sensor]);
-            let first: usize = before.map(|&span| self.taken(span)).sum();
-            let last = first + self.taken(self.spans[moved][sensor]);
+            let first: usize = (0..moved).map(|r| self.run_rows(r)).sum::<usize>()
+                + (0..sensor).map(|s| self.rows(moved, s)).sum::<usize>();
+            let constant = vec![1.0; self.taken(self.spans[moved][sensor])];
+            let constant = self.bins_at(moved, sensor).map_or(constant.clone(), |bins| bins.of_residuals(&constant));
             out.extend_from_slice(&base[..self.samples()]);
-            out[first..last].iter_mut().for_each(|r| *r += shift);
+            out[first..].iter_mut().zip(constant).for_each(|(r, one)| *r += shift * one);
             self.append_priors(x, &mut out);
             out.extend_from_slice(&base[out.len()..]);
             return Ok(out);
@@ -392,9 +469,8 @@ impl Problem for Calibration<'_> {
             if r == moved {
                 self.append_run(r, &values, &mut out, &mut meters)?;
             } else {
-                let length: usize = self.spans[r].iter().map(|&span| self.taken(span)).sum();
                 let from = out.len();
-                out.extend_from_slice(&base[from..from + length]);
+                out.extend_from_slice(&base[from..from + self.run_rows(r)]);
                 meters.extend(base_meter);
             }
         }
@@ -417,90 +493,5 @@ impl Problem for Calibration<'_> {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::super::data::{Meter, SensorData};
-    use super::*;
-    use crate::model::effects::parse_list;
-    use crate::rig::Rig;
-
-    const RIG: &str = r#"
-name = "two sensors"
-[fluid]
-name = "water"
-temperature_degC = 20.0
-[[pipe]]
-name = "main"
-length_m = 100.0
-inner_diameter_mm = 50.0
-wall_thickness_mm = 5.0
-material = "HDPE"
-[upstream]
-kind = "reservoir"
-[downstream]
-kind = "valve"
-closing_time_s = 0.1
-[[sensor]]
-name = "P1"
-kind = "pressure"
-position_m = 100.0
-unit = "kPa"
-[[sensor]]
-name = "P2"
-kind = "pressure"
-position_m = 40.0
-unit = "kPa"
-"#;
-
-    fn run(rig: &Rig, file: &str) -> RunData {
-        let time_s: Vec<f64> = (0..400).map(|i| i as f64 * 0.01).collect();
-        let sensors = rig
-            .pressure_sensors()
-            .map(|(_, sensor)| SensorData {
-                sensor: sensor.clone(),
-                head_m: time_s.iter().map(|t| 20.0 + (9.0 * t).sin()).collect(),
-                time_s: time_s.clone(),
-                noise_m: 0.05,
-                total_noise_m: 0.05,
-                offset_sd_m: 0.2,
-            })
-            .collect();
-        RunData {
-            file: file.into(),
-            sensors,
-            conditions: Conditions { water: rig.fluid.properties(20.0), supply_deviation: None },
-            start: RunStart {
-                closure_s: (0.5, 1e-3),
-                velocity_m_s: (0.4, 0.01),
-                valve_head_m: (20.0, None),
-                wave_speed_ratio: None,
-            },
-            extrema: vec![Vec::new(); 2],
-            meter: (file == "a").then_some(Meter { position_m: 0.0, flow_m3_s: 8e-4, relative_sd: 0.01 }),
-        }
-    }
-
-    /// The shortcuts of `residuals_moved` (other runs copied, offsets added) give what a full evaluation gives.
-    #[test]
-    fn moving_one_variable_by_a_shortcut_changes_nothing() {
-        let rig = Rig::from_toml(RIG, "rig.toml").unwrap();
-        let runs = [run(&rig, "a"), run(&rig, "b")];
-        let model = Model::new(&rig, &runs[0].conditions.water, &parse_list("viscoelastic-wall:1").unwrap());
-        let window = Window { reaches: 20, horizon_s: 2.0, stride: 3 };
-        let problem = Calibration::new(&model, &runs, window);
-        let mut x = problem.start();
-        let first_offset = problem.parameters.iter().position(|p| p.name.starts_with("offset")).unwrap();
-        x[first_offset] = 0.1;
-        let base = problem.residuals(&x).unwrap();
-        let priors = problem.parameters.iter().filter(|p| p.prior.is_some()).count();
-        assert_eq!(base.len(), problem.samples() + priors + 1, "one run has a meter");
-        for j in 0..x.len() {
-            let mut moved = x.clone();
-            moved[j] += 1e-3;
-            let (short, full) =
-                (problem.residuals_moved(&moved, j, &base).unwrap(), problem.residuals(&moved).unwrap());
-            let worst = short.iter().zip(&full).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
-            assert!(worst < 1e-9, "{}: {worst}", problem.parameters[j].name);
-            assert!(full.iter().zip(&base).any(|(a, b)| a != b), "{} changes nothing", problem.parameters[j].name);
-        }
-    }
-}
+#[path = "problem_tests.rs"]
+mod tests;

@@ -24,7 +24,7 @@ mod writer;
 pub use error::{CsvProblem, LogError};
 pub use export::{export_csv, export_csv_file};
 pub use import::{ImportOptions, import_csv, import_csv_with};
-pub use read::read;
+pub use read::{decode, has_end, read};
 pub use recover::{Loss, Recovery, recover};
 pub use summary::{SensorSummary, Summary};
 pub use write::write;

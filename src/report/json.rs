@@ -50,6 +50,9 @@ pub struct Sensor<'a> {
     pub rmse_m: f64,
     /// Noise, m.
     pub noise_m: f64,
+    /// Share of the samples inside the 95% band of model and noise; left out where there is no band.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub inside_band_95: Option<f64>,
 }
 
 /// One fitted parameter; the same in `calibrate --json` and `diagnose --json`.
@@ -99,7 +102,12 @@ impl<'a> From<&'a RunFit> for Run<'a> {
 
 impl<'a> From<&'a SensorFit> for Sensor<'a> {
     fn from(sensor: &'a SensorFit) -> Self {
-        Self { name: &sensor.name, rmse_m: sensor.rmse_m, noise_m: sensor.noise_m }
+        Self {
+            name: &sensor.name,
+            rmse_m: sensor.rmse_m,
+            noise_m: sensor.noise_m,
+            inside_band_95: sensor.inside_band(),
+        }
     }
 }
 

@@ -125,6 +125,7 @@ mod tests {
                 time_s: vec![0.0; n],
                 measured_m: vec![0.0; n],
                 model_m: vec![0.0; n],
+                band_m: Vec::new(),
                 noise_m,
                 rmse_m,
                 start_rmse_m: 2.0,

@@ -48,7 +48,8 @@ pub fn errors(stages: &[Stage]) -> String {
     };
     let mape = |percent: f64| if percent.is_finite() { significant(percent, 2) } else { String::new() };
     let earlier = if first.is_some() { "<before" } else { "<start" };
-    let mut table = Table::new(&["run", "sensor", earlier, "<RMSE, m", "<noise, m", "<RMSE/noise", "<MAPE, %"]);
+    let mut table =
+        Table::new(&["run", "sensor", earlier, "<RMSE, m", "<noise, m", "<RMSE/noise", "<inside 95%", "<MAPE, %"]);
     for run in &last.fit.runs {
         for s in &run.sensors {
             table.row([
@@ -58,6 +59,7 @@ pub fn errors(stages: &[Stage]) -> String {
                 error_m(s.rmse_m),
                 error_m(s.noise_m),
                 times(s.rmse_m, s.noise_m),
+                s.inside_band().map_or(String::new(), |share| format!("{}%", fixed(100.0 * share, 1))),
                 mape(mape_percent(s.extrema.iter())),
             ]);
         }
@@ -70,6 +72,7 @@ pub fn errors(stages: &[Stage]) -> String {
             error_m(run.rmse_m),
             error_m(run.noise_m),
             times(run.rmse_m, run.noise_m),
+            String::new(),
             mape(run.mape_extrema_percent),
         ]);
     }
@@ -77,8 +80,13 @@ pub fn errors(stages: &[Stage]) -> String {
         Some(first) => format!("before: RMSE of the first model ({}), m", first.title),
         None => "start: RMSE of the start values, before any fit, m".into(),
     };
-    format!("{}{earlier}. {MAPE}\n", table.without_empty_columns())
+    let banded = last.fit.runs.iter().flat_map(|r| &r.sensors).any(|s| s.inside_band().is_some());
+    let band = if banded { INSIDE } else { "" };
+    format!("{}{earlier}. {band}{MAPE}\n", table.without_empty_columns())
 }
+
+const INSIDE: &str =
+    "inside 95%: share of the samples inside the band of model and noise, 95% where nothing is missing. ";
 
 const MAPE: &str = "MAPE: mean error of the peaks and troughs, without sign, in percent of the measured head.";
 
@@ -253,6 +261,7 @@ mod tests {
                     time_s: vec![0.0; 4],
                     measured_m: vec![0.0; 4],
                     model_m: vec![0.0; 4],
+                    band_m: Vec::new(),
                     noise_m: 0.03,
                     rmse_m,
                     start_rmse_m: 2.0,

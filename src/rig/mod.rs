@@ -19,6 +19,7 @@
 use crate::units::Unit;
 
 pub mod check;
+pub mod compare;
 mod error;
 pub mod friction;
 mod live;

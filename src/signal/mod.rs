@@ -20,6 +20,7 @@ mod closure;
 pub mod doubts;
 mod extrema;
 mod front;
+pub mod harmonics;
 mod levels;
 mod matching;
 mod noise;

@@ -132,6 +132,7 @@ mod tests {
             position_m: 1.0,
             measured_m: time_s.iter().map(|t| t.sin()).collect(),
             model_m: time_s.iter().map(|t| t.sin() + off_m).collect(),
+            band_m: Vec::new(),
             noise_m: 0.03,
             rmse_m: off_m,
             start_rmse_m: 1.0,

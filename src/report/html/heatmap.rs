@@ -109,6 +109,7 @@ mod tests {
             position_m: 1.0,
             measured_m: vec![5.0; 2000],
             model_m: time_s.iter().map(|&t| 5.0 - off(t)).collect(),
+            band_m: Vec::new(),
             noise_m: 0.03,
             rmse_m: 0.2,
             start_rmse_m: 1.0,
