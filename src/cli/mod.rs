@@ -30,6 +30,7 @@ pub mod effects;
 pub mod energy;
 pub mod evaluate;
 pub mod export;
+pub mod family;
 mod fit_output;
 pub mod frequency;
 pub mod history;
@@ -107,6 +108,7 @@ enum Command {
     Calibrate(calibrate::Args),
     Diagnose(diagnose::Args),
     Creep(creep::Args),
+    Family(family::Args),
     Predict(predict::Args),
     CrossValidate(cross_validate::Args),
     Frequency(frequency::Args),
@@ -147,6 +149,7 @@ pub fn main() -> ExitCode {
         Command::Calibrate(args) => calibrate::run(args, cli.json),
         Command::Diagnose(args) => diagnose::run(args, cli.json),
         Command::Creep(args) => creep::run(args, cli.json),
+        Command::Family(args) => family::run(args, cli.json),
         Command::Predict(args) => predict::run(args, cli.json),
         Command::CrossValidate(args) => cross_validate::run(args, cli.json),
         Command::Frequency(args) => frequency::run(args, cli.json),

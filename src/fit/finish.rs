@@ -150,7 +150,7 @@ impl Fitter<'_> {
         // A quarter of the pull is left on the last grid; half of it allows for schemes of first order.
         let left: Vec<f64> = pull.shifts.iter().map(|s| 0.5 * s).collect();
         let records: Vec<_> = problem.records().into_iter().map(|(_, _, range)| range).collect();
-        let common = problem.gain_errors();
+        let common: Vec<_> = problem.gain_errors().into_values().collect();
         let linearised = Linearised {
             columns: &columns,
             residuals: &solution.residuals,

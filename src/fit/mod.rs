@@ -12,6 +12,7 @@ pub mod data;
 pub mod energy;
 pub mod errors;
 mod evolution;
+pub mod family;
 mod feature;
 mod finish;
 pub mod frequency;

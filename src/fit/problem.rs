@@ -338,8 +338,8 @@ impl<'a> Calibration<'a> {
         (0..self.runs.len()).flat_map(sensors).map(|(r, s)| (r, s, self.rows(r, s))).collect()
     }
 
-    /// What one standard deviation of each sensor's gain does to the residuals; a sensor is the same instrument in all runs.
-    pub fn gain_errors(&self) -> Vec<Common> {
+    /// What one standard deviation of each sensor's gain does to the residuals, by its name; a sensor is the same instrument in all runs.
+    pub fn gain_errors(&self) -> BTreeMap<&str, Common> {
         let mut by_sensor: BTreeMap<&str, Common> = BTreeMap::new();
         for (r, s, range) in self.records() {
             let sensor = &self.runs[r].sensors[s];
@@ -348,7 +348,7 @@ impl<'a> Calibration<'a> {
             let moved = self.bins_at(r, s).map_or_else(|| moved.clone(), |bins| bins.of_residuals(&moved));
             by_sensor.entry(&sensor.sensor.name).or_default().push((range.start, moved));
         }
-        by_sensor.into_values().collect()
+        by_sensor
     }
 
     /// Residuals of priors: where they are among all.

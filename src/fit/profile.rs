@@ -187,7 +187,7 @@ pub fn profiles(
             at_bound: best.at_bound.iter().enumerate().map(|(i, held)| *held && i != j).collect(),
             ..best.clone()
         };
-        let errors = errors_of(&problem, &solution, &columns, &problem.gain_errors());
+        let errors = errors_of(&problem, &solution, &columns, &problem.gain_errors().into_values().collect::<Vec<_>>());
         let believed = errors.believed[(j, j)];
         let error = parameter.standard_error / problem.stretch(j, values[j]);
         let unit = if error.is_finite() { (error * error / believed).max(1.0) } else { errors.inflation(j) };

@@ -5,6 +5,7 @@ pub mod creep;
 mod data;
 mod diagnosis;
 mod energy;
+pub mod family;
 mod figures;
 pub mod frequency;
 mod heatmap;

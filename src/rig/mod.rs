@@ -69,7 +69,7 @@ pub struct Fluid {
 }
 
 /// One pipe of constant section, material and nominal wave speed.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Pipe {
     /// Its name.
     pub name: String,

@@ -126,13 +126,13 @@ fn at(case: &Case, solved: &Solved, trace: &[f64], t: f64) -> f64 {
     linear(trace, (t + before) / solved.dt_s)
 }
 
-fn linear(trace: &[f64], at: f64) -> f64 {
+pub fn linear(trace: &[f64], at: f64) -> f64 {
     let at = at.clamp(0.0, (trace.len() - 2) as f64);
     let i = at as usize;
     trace[i] + (at - i as f64) * (trace[i + 1] - trace[i])
 }
 
 /// Box & Muller (1958).
-fn normal(random: &mut fastrand::Rng) -> f64 {
+pub fn normal(random: &mut fastrand::Rng) -> f64 {
     (-2.0 * (1.0 - random.f64()).ln()).sqrt() * (std::f64::consts::TAU * random.f64()).cos()
 }

@@ -81,6 +81,8 @@ pub struct Case {
     pub noise_m: f64,
     /// Creep that the start model knows of or that is hidden: compliance 1/Pa, retardation s.
     pub creep: Vec<(f64, f64)>,
+    /// Darcy factor where it is known; otherwise that of a smooth pipe.
+    pub friction: Option<f64>,
     pub unsteady_friction: bool,
     pub start_effects: Vec<&'static str>,
     pub hidden: Hidden,
@@ -107,9 +109,9 @@ impl Case {
     pub fn reynolds(&self, velocity_m_s: f64) -> f64 {
         velocity_m_s * self.diameter_m / self.viscosity_m2_s()
     }
-    /// Of a smooth pipe (Blasius) at the flow before the closure.
+    /// As given, or of a smooth pipe (Blasius) at the flow before the closure.
     pub fn friction_factor(&self, velocity_m_s: f64) -> f64 {
-        0.316 / self.reynolds(velocity_m_s).powf(0.25)
+        self.friction.unwrap_or_else(|| 0.316 / self.reynolds(velocity_m_s).powf(0.25))
     }
 }
 
@@ -225,6 +227,7 @@ pub fn draw(random: &mut fastrand::Rng, kind: &'static str, name: &str) -> Case 
         sensors_m,
         noise_m: joukowsky_m * between(random, 0.0015, 0.003),
         creep,
+        friction: None,
         unsteady_friction,
         start_effects,
         hidden,

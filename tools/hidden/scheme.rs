@@ -308,6 +308,7 @@ mod tests {
             sensors_m: vec![100.0],
             noise_m: 0.01,
             creep,
+            friction: None,
             unsteady_friction: false,
             start_effects: Vec::new(),
             hidden,
