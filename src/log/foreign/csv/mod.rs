@@ -80,6 +80,8 @@ pub(super) fn read(bytes: &[u8], options: &ForeignOptions) -> Result<Foreign, Fa
     };
     let header_at = next(&mut row).ok_or((None, Box::new(CsvProblem::Empty)))?;
     let mut header: Vec<String> = row.iter().map(str::to_string).collect();
+    // separators behind the last heading stand behind the rows as well
+    let widest = header.len();
     while header.len() > 1 && header.last().is_some_and(String::is_empty) {
         header.pop();
     }
@@ -99,7 +101,7 @@ pub(super) fn read(bytes: &[u8], options: &ForeignOptions) -> Result<Foreign, Fa
     let mut cut = None;
     loop {
         let fault = |problem: CsvProblem| (Some(line), Box::new(problem));
-        if let Some(found) = ragged(&row, header.len()) {
+        if let Some(found) = ragged(&row, header.len(), widest) {
             // a logger that was switched off in the middle of a line
             let whole = text.ends_with('\n') || found > header.len();
             let last_line = line;
@@ -166,11 +168,12 @@ fn separator(header: &str) -> char {
     }
 }
 
-/// Number of cells of a line that has too few or too many; empty ones at its end do not count.
-fn ragged(row: &Row, expected: usize) -> Option<usize> {
+/// Number of cells of a line that has too few or too many; empty ones at its end do not count as far as the header has them too.
+/// Elsewhere a surplus cell is a decimal comma.
+fn ragged(row: &Row, expected: usize, widest: usize) -> Option<usize> {
     let found = row.len();
-    let surplus_is_empty = found > expected && row.iter().skip(expected).all(str::is_empty);
-    (found != expected && !surplus_is_empty).then_some(found)
+    let fits = (expected..=widest).contains(&found) && row.iter().skip(expected).all(str::is_empty);
+    (!fits).then_some(found)
 }
 
 /// The units, if the row under the header holds them: words everywhere, the first one of time.
