@@ -10,12 +10,15 @@
 //! | [`log`] | recordings on disk: MCAP writer, reader, recovery; CSV import and export |
 //! | [`record`] | live streams: wire protocols, ports, sessions, the simulated rig |
 //! | [`signal`] | noise, steady pressures, extrema, period, wave speed |
+//! | [`align`] | several recordings of one closure, each on its own clock, become one |
 //! | [`model`] | the method of characteristics, its boundaries and effects |
 //! | [`sensitivity`] | which parameter moves what: analysis of variance, maps, Morris, Sobol, the source paper's rules |
 //! | [`fit`] | calibration: bounded least squares, comparison, uncertainty |
 //! | [`diagnose`] | where a model fails, and which effect it lacks |
+//! | [`history`] | every run of a folder in an index, and the drift of a rig's parameters |
 //! | [`report`] | tables, JSON and HTML |
 //! | [`replay`] | results kept beside recordings, and whether they still hold |
+//! | [`watch`] | from a finished recording to its verdict: which files are finished, the model to start from, what to say |
 //! | [`cli`] | one thin file a command |
 //!
 //! # Example
@@ -39,9 +42,11 @@
 //! ```
 #![warn(missing_docs)]
 
+pub mod align;
 pub mod cli;
 pub mod diagnose;
 pub mod fit;
+pub mod history;
 pub mod log;
 pub mod model;
 pub mod record;
@@ -52,3 +57,4 @@ pub mod rig;
 pub mod sensitivity;
 pub mod signal;
 pub mod units;
+pub mod watch;

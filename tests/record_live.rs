@@ -68,7 +68,7 @@ fn quantised(playback: &Playback, channel: usize, index: usize) -> f64 {
 }
 
 fn options(file: &Path) -> Options {
-    Options { file: file.to_owned(), duration_s: None, silence: Duration::from_secs(5), notes: vec![] }
+    Options { file: file.to_owned(), duration_s: None, silence: Duration::from_secs(5), notes: vec![], shots: None }
 }
 
 /// Plays through a pseudo-terminal and records it, in this process.

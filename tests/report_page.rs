@@ -59,6 +59,7 @@ fn sensor_fit(name: &str, position: f64, samples: usize, seed: u64, model: impl 
     SensorFit {
         name: name.into(),
         position_m: 271.6 * position,
+        band_m: Vec::new(),
         noise_m: NOISE_M,
         rmse_m: (square / samples as f64).sqrt(),
         start_rmse_m: 2.0,
@@ -101,6 +102,7 @@ fn fit(effects: &[&str], sensors: Vec<SensorFit>, parameters: Vec<FittedParamete
         }],
         parameters,
         correlation: vec![],
+        unseen: vec![],
         reaches: 64,
         grid_error_m: 0.001,
         evaluations: 312,

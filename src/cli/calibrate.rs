@@ -31,6 +31,8 @@ pub struct Args {
     effects: ::std::vec::Vec<Chosen>,
     #[command(flatten)]
     search: Search,
+    #[command(flatten)]
+    compare: super::misfit::CompareBy,
     /// Another model to fit first and to show beside it in tables and report; may be given often.
     #[arg(long, value_name = "A,B", value_parser = parse_list)]
     against: Vec<::std::vec::Vec<Chosen>>,
@@ -39,12 +41,16 @@ pub struct Args {
     hold: Vec<(String, f64)>,
     #[command(flatten)]
     creep: super::creep_prior::CreepPrior,
+    #[command(flatten)]
+    profiles: super::profile::Profiles,
     /// A rig to read them with, instead of the one that is stored in them.
     #[arg(long, value_name = "RIG")]
     rig: Option<PathBuf>,
     /// Write a page with charts of measurement, models and residuals; an older page of that name is replaced, no other file.
     #[arg(long, value_name = "HTML")]
     report: Option<PathBuf>,
+    #[command(flatten)]
+    output: super::fit_output::FitOutput,
     /// Keep the fitted model in this file of models, as the one in force; older ones stay in it.
     #[arg(long, value_name = "MODEL.toml")]
     save: Option<PathBuf>,
@@ -59,10 +65,11 @@ pub struct Args {
 /// # Errors
 /// Recordings that cannot be read or show no closure, effects that do not exist, a report that cannot be written.
 pub fn run(args: Args, json: bool) -> CommandResult {
-    let searched = args.search.options()?;
+    let searched = args.compare.options(args.search.options()?)?;
     if let Some(path) = &args.report {
         output::check_report(path)?;
     }
+    args.output.check()?;
     hold::check(&args.hold)?;
     let mut file =
         args.save.as_ref().map(|path| models::about(path, &args.recordings, args.rig.as_deref())).transpose()?;
@@ -80,9 +87,13 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     for (i, (effects, constraints)) in models.iter().zip(held).enumerate() {
         let priors = if i + 1 == models.len() { priors.clone() } else { Vec::new() };
         let options = Options { most_reaches: args.most_reaches, constraints, priors, ..searched.clone() };
-        fits.push((title(effects), timed(&rig, &runs, effects, &options)?));
+        let mut fit = timed(&rig, &runs, effects, &options)?;
+        if i + 1 == models.len() {
+            args.profiles.apply(&rig, &runs, &mut fit, &options)?;
+        }
+        fits.push((title(effects), fit));
     }
-    args.search.check(fits.iter().map(|(_, fit)| fit))?;
+    args.search.check(fits.iter().flat_map(|(_, fit)| &fit.parameters).map(|p| p.name.as_str()))?;
     let stages: Vec<Stage> = fits.iter().map(|(title, fit)| Stage { title: title.clone(), fit }).collect();
     let Some((_, last)) = fits.last() else { return Ok(Outcome::Done) };
     for conflict in conflicts(last, &runs).into_iter().chain(at_bounds(last)) {
@@ -93,6 +104,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     } else {
         super::say_text!(table::calibration(&stages));
     }
+    args.output.write(last, args.search.method(), &loaded)?;
     if let (Some(path), Some(file)) = (&args.save, &mut file) {
         file.append(last, "calibrated", None, models::now());
         models::save(file, path)?;

@@ -157,6 +157,7 @@ fn record(rig: &Rig, output: &Path, speed: f64) -> CommandResult {
         duration_s: None,
         silence: Duration::from_secs(5),
         notes: vec![("demo".to_owned(), "recordings/hdpe-creep.mcap played through a simulated device".to_owned())],
+        shots: None,
     };
     let reporter = Reporter::open();
     let recorded =

@@ -18,7 +18,7 @@ use crate::signal::{Estimate, Features, SensorFeatures, inspect};
 /// `crossings` {`value`, `standard_error`, `low`, `high`, `slow_closure`}, `arrival`}, `reference_sensor` and `sensors` [{`name`,
 /// `position_m`, `samples`, `gaps`, `interval_s`, `noise` {`white_sd_m`, `total_sd_m`, `coloured`, `lag1_autocorrelation`,
 /// `effective_fraction`, `quantum_m`}, `steady_before_m`, `steady_after_m`, `front_arrival_s`, `first_peak`, `extrema`
-/// [{`cycle`, `peak`, `time_s`, `head_m`}], `damping_per_cycle`}], `doubts` (sentences on what cannot all be right). What has an uncertainty is {`value`, `standard_error`}; what the
+/// [{`cycle`, `peak`, `time_s`, `head_m`}], `damping_per_cycle`}], `doubts` (sentences on what cannot all be right), `notes` [{`key`, `value`}]. What has an uncertainty is {`value`, `standard_error`}; what the
 /// recording does not show is null.
 #[derive(Debug, clap::Args)]
 pub struct Args {
@@ -59,6 +59,7 @@ fn document(recording: &Recording, f: &Features) -> Value {
                 "slow_closure": c.slow_closure })
     });
     json!({
+        "notes": recording.run.notes.iter().map(|(k, v)| json!({ "key": k, "value": v })).collect::<Vec<_>>(),
         "temperature_degC": f.temperature_degc,
         "closure": {
             "start_s": f.closure.start_s,
@@ -123,6 +124,9 @@ pub fn table(recording: &Recording, f: &Features) -> String {
         let _ = writeln!(out, "{name:<22} {text}");
     };
     line("rig", recording.rig.name.clone());
+    for (key, value) in &recording.run.notes {
+        line(&format!("note {key}"), value.clone());
+    }
     line("temperature", format!("{:.2} °C", f.temperature_degc));
     line("closure starts", format!("{} s ({source})", plus_minus(c.start_s, c.start_se_s)));
     let ends = c.end_s.map(|end| format!("{end:.4} s, after {:.4} s", end - c.start_s));

@@ -17,36 +17,52 @@ macro_rules! tell {
 }
 pub(crate) use {say, say_text, tell};
 
+pub mod accept;
 pub mod add;
+pub mod as_recorded;
 pub mod calibrate;
 pub mod creep;
 mod creep_prior;
+pub mod cross_validate;
 pub mod demo;
 pub mod diagnose;
 pub mod effects;
 pub mod energy;
+pub mod evaluate;
 pub mod export;
+mod fit_output;
+pub mod frequency;
+pub mod history;
 mod hold;
 pub mod import;
+mod import_options;
 pub mod inspect;
 pub mod load;
 mod memory;
+mod misfit;
 pub mod model;
 pub mod models;
 pub mod output;
+pub mod pest;
 pub mod playback;
+pub mod predict;
+pub mod profile;
 pub mod record;
 pub mod recover;
 pub mod refit;
 pub mod replay;
+pub mod results;
 pub mod rig;
 pub mod scenario;
 mod search;
 pub mod sensitivity;
 pub mod simulate;
+mod triggers;
 pub mod undo;
 pub mod values;
+pub mod values_file;
 pub mod valve;
+pub mod watch;
 
 use std::error::Error;
 use std::io::Write as _;
@@ -81,7 +97,7 @@ struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Command {
-    /// Turn a time series (CSV) into a recording.
+    /// Turn time series (CSV, TDMS, MCAP of other programs) into a recording.
     Import(import::Args),
     /// The whole story on a recording that ships with the program.
     Demo(demo::Args),
@@ -91,9 +107,14 @@ enum Command {
     Calibrate(calibrate::Args),
     Diagnose(diagnose::Args),
     Creep(creep::Args),
+    Predict(predict::Args),
+    CrossValidate(cross_validate::Args),
+    Frequency(frequency::Args),
     Add(add::Args),
     Refit(refit::Args),
     Undo(undo::Args),
+    Results(results::Args),
+    Pest(pest::Args),
     Model(model::Args),
     Valve(valve::Args),
     Sensitivity(sensitivity::Args),
@@ -111,6 +132,9 @@ enum Command {
     Simulate(simulate::Args),
     /// Say whether recordings still give the results kept beside them.
     Replay(replay::Args),
+    Watch(watch::Args),
+    Accept(accept::Args),
+    History(history::Args),
 }
 
 /// Parses the arguments, runs the command and turns its outcome into the exit code.
@@ -123,8 +147,13 @@ pub fn main() -> ExitCode {
         Command::Calibrate(args) => calibrate::run(args, cli.json),
         Command::Diagnose(args) => diagnose::run(args, cli.json),
         Command::Creep(args) => creep::run(args, cli.json),
+        Command::Predict(args) => predict::run(args, cli.json),
+        Command::CrossValidate(args) => cross_validate::run(args, cli.json),
+        Command::Frequency(args) => frequency::run(args, cli.json),
         Command::Add(args) => add::run(args, cli.json),
         Command::Refit(args) => refit::run(args, cli.json),
+        Command::Results(args) => results::run(args, cli.json),
+        Command::Pest(args) => pest::run(args, cli.json),
         Command::Undo(args) => undo::run(args, cli.json),
         Command::Model(args) => model::run(args, cli.json),
         Command::Valve(args) => valve::run(args, cli.json),
@@ -136,6 +165,9 @@ pub fn main() -> ExitCode {
         Command::Rig(args) => rig::run(args, cli.json),
         Command::Record(args) => record::run(args, cli.json),
         Command::Replay(args) => replay::run(args, cli.json),
+        Command::Watch(args) => watch::run(args, cli.json),
+        Command::Accept(args) => accept::run(args, cli.json),
+        Command::History(args) => history::run(args, cli.json),
     };
     match result {
         Ok(Outcome::Done) => ExitCode::SUCCESS,

@@ -2,8 +2,11 @@
 
 use std::error::Error;
 use std::fs::{self, File};
-use std::io::Read;
+use std::io::{Read, Write as _};
 use std::path::Path;
+
+use crate::log::LogError;
+use crate::log::disk::{publish_new, publish_over, temporary_beside};
 
 type AnyError = Box<dyn Error + Send + Sync>;
 
@@ -78,6 +81,44 @@ pub fn check_series(path: &Path, header: &str, overwrite: bool, rig: &Path) -> R
          replace it"
     )
     .into())
+}
+
+/// Refuses a place for a file where one stands. With `overwrite` any file may go, but no recording.
+///
+/// # Errors
+/// A folder, a folder that does not exist, a file that must stay.
+pub fn check_new(path: &Path, overwrite: bool) -> Result<(), AnyError> {
+    if !holds_a_file(path)? {
+        return Ok(());
+    }
+    let name = path.display();
+    if beginning(path, MCAP_MAGIC.len())? == MCAP_MAGIC {
+        return Err(format!("{name} is a recording, and recordings are never overwritten: choose another name").into());
+    }
+    if overwrite {
+        return Ok(());
+    }
+    Err(format!("{name} exists: choose another name, or say --overwrite to replace it").into())
+}
+
+/// Writes a whole file where none stands, or in the place of one with `overwrite`; at once or not at all.
+///
+/// # Errors
+/// As [`check_new`]; if it cannot be written.
+pub fn write_new(path: &Path, content: &str, overwrite: bool) -> Result<(), AnyError> {
+    check_new(path, overwrite)?;
+    if path.exists() && !path.is_file() {
+        return write(path, content); // a device or a pipe
+    }
+    let failed = |e| LogError::io("write", path, e);
+    let mut beside = temporary_beside(path)?;
+    beside.write_all(content.as_bytes()).map_err(failed)?;
+    if overwrite {
+        publish_over(beside, path)?
+    } else {
+        publish_new(beside, path)?
+    }
+    Ok(())
 }
 
 /// Do two paths lead to one file? False where one of them leads nowhere.

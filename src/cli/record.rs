@@ -3,18 +3,21 @@
 use std::error::Error;
 use std::fmt::Write as _;
 use std::io::{IsTerminal, stderr};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use clap::ArgGroup;
 use indicatif::{ProgressBar, ProgressStyle};
 
+use super::evaluate::{Settings, evaluate_new, line};
 #[cfg(unix)]
 use super::playback::{Timing, of_scenario};
 use super::scenario::{Scenario, ValveForm};
+use super::triggers::Triggers;
 use super::values::{not_negative, pair, positive, setting};
 use super::{CommandResult, Outcome};
+use crate::history::{Run, State};
 use crate::model::effects::{Chosen, parse_list};
 use crate::record::output::{Progress, Summary, check_path};
 use crate::record::port::Source;
@@ -22,6 +25,7 @@ use crate::record::session::{self, Options};
 #[cfg(unix)]
 use crate::record::simulated::{Counts, Faults, Playback, SimulatedDevice};
 use crate::record::{RecordError, replay};
+use crate::report::history::RunDocument;
 use crate::rig::{Device, Rig};
 
 /// Record a live test: from the rig's device, from a simulated one, or from a file played as if it were live.
@@ -32,8 +36,10 @@ pub struct Args {
     #[arg(long, value_name = "RIG", required_unless_present = "replay")]
     rig: Option<PathBuf>,
     /// Recording to write; must not exist.
-    #[arg(short, long, value_name = "MCAP")]
-    output: PathBuf,
+    #[arg(short, long, value_name = "MCAP", required_unless_present = "trigger")]
+    output: Option<PathBuf>,
+    #[command(flatten)]
+    triggers: Triggers,
     /// Stop after so much recorded time, in seconds.
     #[arg(long, value_name = "S", value_parser = positive, allow_negative_numbers = true)]
     duration: Option<f64>,
@@ -64,44 +70,92 @@ pub struct Args {
     /// Set values of the simulated test, as in `simulate`.
     #[arg(long, value_name = "NAME=VALUE", value_parser = setting, requires = "simulate", num_args = 1..)]
     set: Vec<(String, f64)>,
-    /// Keep a note with the recording; may be given often.
+    /// Keep a note with the recording, such as ambient=12degC; may be given often. `inspect` shows them.
     #[arg(long, value_name = "KEY=VALUE", value_parser = pair)]
     note: Vec<(String, String)>,
+    /// Who records, kept as the note `operator`.
+    #[arg(long, value_name = "NAME")]
+    operator: Option<String>,
+    /// Calibrate and diagnose the finished recording, as `surgescope watch` does: fit and report land beside it.
+    #[arg(long)]
+    calibrate: bool,
     /// The stream has ended when no valid frame came for so many seconds.
     #[arg(long, value_name = "S", default_value_t = 5.0, value_parser = positive, allow_negative_numbers = true)]
     silence: f64,
 }
 
 /// Set by Ctrl-C and SIGTERM.
-static STOP: AtomicBool = AtomicBool::new(false);
+pub(super) static STOP: AtomicBool = AtomicBool::new(false);
 
 /// Records until the duration, a signal or the stream's end.
 pub fn run(args: Args, json: bool) -> CommandResult {
-    check_path(&args.output)?;
+    if let Some(output) = &args.output {
+        check_path(output)?;
+        if args.calibrate && output.extension().is_none_or(|e| !e.eq_ignore_ascii_case("mcap")) {
+            return Err(format!(
+                "{} does not end with .mcap, as --calibrate needs it to: a later watch looks for that",
+                output.display()
+            )
+            .into());
+        }
+    }
     stop_on_signals()?;
     let rig = args.rig.as_deref().map(Rig::load).transpose()?;
+    let operator = args.operator.iter().map(|name| ("operator".to_owned(), name.clone()));
     let options = Options {
-        file: args.output.clone(),
+        file: args.output.clone().unwrap_or_default(),
         duration_s: args.duration,
         silence: Duration::try_from_secs_f64(args.silence)?,
-        notes: args.note.clone(),
+        notes: operator.chain(args.note.iter().cloned()).collect(),
+        shots: None,
     };
     let reporter = Reporter::open();
     let summary = record(&args, rig.as_ref(), &options, &mut |progress| reporter.show(progress));
     reporter.clear();
     let summary = summary?;
     super::tell!("{}: {}", summary.file, summary.ended);
-    if json {
-        super::say!("{}", serde_json::to_string(&summary)?);
-    } else {
+    if !json {
         super::say_text!(table(&summary));
     }
-    Ok(if summary.data_lost { Outcome::DataLost } else { Outcome::Done })
+    let runs = if args.calibrate { calibrated(&summary, json)? } else { Vec::new() };
+    if json {
+        let documents: Vec<RunDocument> = runs.iter().map(RunDocument::from).collect();
+        let head = match &documents[..] {
+            [] => serde_json::json!({}),
+            [one] if summary.shots.is_empty() => serde_json::json!({ "calibration": one }),
+            all => serde_json::json!({ "calibrations": all }),
+        };
+        super::say!("{}", super::document(head, &summary)?);
+    }
+    let failed = runs.iter().any(|run| run.state == State::Failed);
+    Ok(match (summary.data_lost, failed) {
+        (true, _) => Outcome::DataLost,
+        (false, true) => Outcome::No,
+        _ => Outcome::Done,
+    })
+}
+
+/// The runs of the recordings that a session left, calibrated and diagnosed; each is told as it is done.
+fn calibrated(summary: &Summary, json: bool) -> Result<Vec<Run>, AnyError> {
+    let one = [summary.file.clone()];
+    let files = if summary.shots.is_empty() { &one } else { &summary.shots[..] };
+    let mut runs = Vec::new();
+    // a triggered session that saw no shot names its folder
+    for file in files.iter().filter(|file| Path::new(file).is_file()) {
+        let Some(run) = evaluate_new(Path::new(file), &Settings::default())? else { continue };
+        if json {
+            super::tell!("{}", line(&run));
+        } else {
+            super::say!("{}", line(&run));
+        }
+        runs.push(run);
+    }
+    Ok(runs)
 }
 
 /// Lets Ctrl-C and the requests to terminate or hang up end the recording, not the program: its file is made whole first.
 #[cfg(unix)]
-fn stop_on_signals() -> std::io::Result<()> {
+pub(super) fn stop_on_signals() -> std::io::Result<()> {
     use tokio::signal::unix::{SignalKind, signal};
 
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
@@ -120,7 +174,7 @@ fn stop_on_signals() -> std::io::Result<()> {
 
 /// Lets Ctrl-C end the recording, not the program: its file is made whole first.
 #[cfg(not(unix))]
-fn stop_on_signals() -> std::io::Result<()> {
+pub(super) fn stop_on_signals() -> std::io::Result<()> {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
     let wait = async {
         if tokio::signal::ctrl_c().await.is_ok() {
@@ -142,9 +196,11 @@ fn record(
     if let Some(path) = &args.replay {
         let recording = replay::load(path, rig, &args.without)?;
         let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy();
-        return Ok(replay::replay(&recording, &name, args.speed, options, &STOP, report)?);
+        let options = args.triggers.applied(options, &recording.rig)?;
+        return Ok(replay::replay(&recording, &name, args.speed, &options, &STOP, report)?);
     }
     let rig = rig.ok_or("--rig is missing: it says what is recorded")?;
+    let options = &args.triggers.applied(options, rig)?;
     if args.simulate {
         return record_simulated(rig, args, options, report);
     }
@@ -295,6 +351,9 @@ fn table(summary: &Summary) -> String {
             "{:width$}  {:>10}  {:>10}  {:>10}  {:>10}",
             device.name, device.frames, device.bad_frames, device.lost_frames, device.duplicated_frames
         );
+    }
+    for shot in &summary.shots {
+        let _ = writeln!(text, "shot: {shot}");
     }
     if summary.data_lost {
         text.push_str("Samples were lost on the way; each hole is kept as a gap.\n");

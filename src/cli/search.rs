@@ -8,7 +8,6 @@ use clap::ValueEnum;
 use super::models;
 use crate::fit::calibrate::Options;
 use crate::fit::method;
-use crate::fit::outcome::Fit;
 use crate::model::constraint::Given;
 
 /// Options of a search.
@@ -65,12 +64,16 @@ impl From<Method> for method::Method {
 }
 
 impl Search {
-    /// Refuses a start for what none of the fitted models has.
+    /// How it searches.
+    pub fn method(&self) -> method::Method {
+        self.method.into()
+    }
+
+    /// Refuses a start for what is none of the `known` parameters.
     ///
     /// # Errors
     /// The first such.
-    pub fn check<'a>(&self, fits: impl Iterator<Item = &'a Fit> + Clone) -> Result<(), String> {
-        let known = fits.flat_map(|f| &f.parameters).map(|p| p.name.as_str());
+    pub fn check<'a>(&self, known: impl Iterator<Item = &'a str> + Clone) -> Result<(), String> {
         match self.start.iter().find(|(name, _)| !known.clone().any(|k| k == name)) {
             None => Ok(()),
             Some((name, _)) => {

@@ -7,9 +7,11 @@ use std::time::Instant;
 
 use serde_json::json;
 
+use super::as_recorded::{AsRecorded, Asked};
 use super::scenario::{Scenario, ValveForm};
 use super::values::{positive, rounded, setting};
-use super::{CommandResult, Outcome, energy, output};
+use super::{CommandResult, Outcome, energy, output, values_file};
+use crate::model::constraint::Given;
 use crate::model::effects::{ATMOSPHERE_PA, Chosen, parse_list};
 use crate::model::trace::Trace;
 use crate::rig::{Coupling, Rig};
@@ -20,15 +22,20 @@ use crate::rig::{Coupling, Rig};
 /// roughness), initial_velocity_m_s, valve_head_m, closing_time_s, reaches; each effect adds its own (J1_per_GPa, tau1_s, …).
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// The rig.
-    #[arg(long, value_name = "RIG")]
-    rig: PathBuf,
+    /// The rig; with --recording, one instead of that stored in them.
+    #[arg(long, value_name = "RIG", required_unless_present = "recording")]
+    rig: Option<PathBuf>,
+    #[command(flatten)]
+    beside: AsRecorded,
     /// Effects added to the base model; `none` is the base model alone.
     #[arg(long, value_name = "A,B", default_value = "none", value_parser = parse_list)]
     effects: ::std::vec::Vec<Chosen>,
     /// Values of parameters; what is not set has the rig's value or a default.
     #[arg(long, value_name = "NAME=VALUE", value_parser = setting, num_args = 1..)]
     set: Vec<(String, f64)>,
+    /// Values from a file, a line NAME = VALUE each; --set goes before them.
+    #[arg(long, value_name = "FILE")]
+    values: Option<PathBuf>,
     /// How the valve closes.
     #[arg(long, value_enum, default_value_t = ValveForm::Linear)]
     valve: ValveForm,
@@ -58,10 +65,28 @@ const MOST_ROWS: f64 = 1e8;
 ///
 /// # Errors
 /// A rig that cannot be read, settings that do not exist or are out of range, a file that cannot be written.
-pub fn run(args: Args, json: bool) -> CommandResult {
-    let scenario = Scenario::new(Rig::load(&args.rig)?, &args.effects, args.valve, &args.set)?;
+pub fn run(mut args: Args, json: bool) -> CommandResult {
+    let given = given(&args)?;
+    let rig = match args.rig.clone() {
+        Some(rig) if !args.beside.asked() => rig,
+        rig => {
+            let asked = Asked {
+                rig: rig.as_deref(),
+                effects: &args.effects,
+                given: &given,
+                output: args.output.as_deref(),
+                overwrite: args.overwrite,
+            };
+            return args.beside.run(&asked, json);
+        }
+    };
+    if let Some(run) = given.iter().find_map(|g| g.run.as_ref()) {
+        return Err(format!("the file of values has some of '{run}' alone: name it with --recording").into());
+    }
+    args.set = given.into_iter().map(|g| (g.name, g.value)).collect();
+    let scenario = Scenario::new(Rig::load(&rig)?, &args.effects, args.valve, &args.set)?;
     if let Some(path) = &args.output {
-        output::check_series(path, &header(&scenario), args.overwrite, &args.rig)?;
+        output::check_series(path, &header(&scenario), args.overwrite, &rig)?;
     }
     let duration_s = args.duration.unwrap_or(10.0 * scenario.period_s());
     let start = Instant::now();
@@ -90,7 +115,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     }
     let kept = args.energy.as_deref().zip(book.as_ref());
     if let Some((path, book)) = kept {
-        output::check_series(path, &format!("time_s,{}", book.columns().join(",")), args.overwrite, &args.rig)?;
+        output::check_series(path, &format!("time_s,{}", book.columns().join(",")), args.overwrite, &rig)?;
         energy::write_csv(book, path, times(step_s, duration_s))?;
         super::tell!("{}", energy::sentence(book, duration_s));
     }
@@ -110,6 +135,17 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         super::say!("{document:#}");
     }
     Ok(Outcome::Done)
+}
+
+/// Values from the command line, then those of the file that it does not set.
+fn given(args: &Args) -> Result<Vec<Given>, String> {
+    let said = args.set.iter().map(|(name, value)| Given { name: name.clone(), run: None, value: *value });
+    let mut given: Vec<Given> = said.collect();
+    if let Some(path) = &args.values {
+        let own = values_file::read(path)?;
+        given.extend(own.into_iter().filter(|g| !args.set.iter().any(|(name, _)| *name == g.name)));
+    }
+    Ok(given)
 }
 
 /// Nothing is made up in silence: each value that nobody set, from the rig, its law or a default.

@@ -109,6 +109,7 @@ mod tests {
             position_m: 1.0,
             measured_m: time_s.iter().map(|&t| wave(t)).collect(),
             model_m: time_s.iter().map(|&t| wave(t) + high_m).collect(),
+            band_m: Vec::new(),
             noise_m: 0.01,
             rmse_m: high_m,
             start_rmse_m: 1.0,

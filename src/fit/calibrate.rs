@@ -10,7 +10,9 @@ use std::sync::{Mutex, PoisonError};
 use super::approach::{Fitter, State};
 use super::data::RunData;
 use super::method::Method;
+use super::misfit::Misfit;
 use super::outcome::Fit;
+use super::problem::{Calibration, Window};
 use super::sensor_choice::with_sensors;
 use crate::model::constraint::{Constraint, Given};
 use crate::model::effects::Chosen;
@@ -38,6 +40,10 @@ pub enum FitError {
         "{file}: no pressure sensor stands at the valve (within {within_m:.2} m of the pipe's end), which shows how it closed"
     )]
     NoValveSensor { file: String, within_m: f64 },
+    #[error(
+        "{file}: {sensor} records less than three periods of the pipe after the closure: too short to compare frequencies; use --misfit time"
+    )]
+    NoRinging { file: String, sensor: String },
     #[error(transparent)]
     Model(#[from] ModelError),
 }
@@ -68,6 +74,8 @@ pub struct Options {
     pub constraints: Vec<Constraint>,
     /// How to search.
     pub method: Method,
+    /// What of the records is compared once the phase is locked.
+    pub misfit: Misfit,
     /// Random starts of least squares beside those that the signals and the effects propose.
     pub starts: usize,
     /// Simulations that a global search may take.
@@ -90,6 +98,7 @@ impl Default for Options {
             patience: 40,
             constraints: Vec::new(),
             method: Method::LeastSquares,
+            misfit: Misfit::Time,
             starts: 0,
             budget: 20_000,
             most_steps: usize::MAX,
@@ -124,6 +133,13 @@ pub fn calibrate(
         }
     }
     check_sensors(rig, effects)?;
+    if options.misfit == Misfit::Frequency {
+        let model = Model::new(rig, &runs[0].conditions.water, &[]);
+        let window = Window { reaches: 1, horizon_s: f64::INFINITY, stride: 1 };
+        if let Some((file, sensor)) = Calibration::new(&model, runs, window).comparing(options.misfit).too_short() {
+            return Err(FitError::NoRinging { file, sensor });
+        }
+    }
     let fitter = Fitter::new(rig, runs, options, progress, effects, None)?;
     let mut chosen = fitter.placed(effects)?;
     // An effect with elements grows from one: descent from scratch with many ends in poorer places, unless it is told where to start.
@@ -228,7 +244,7 @@ fn growing(effects: &[Chosen]) -> Option<usize> {
 
 impl<'a> Fitter<'a> {
     /// Of models that have `effects` or more; what the pipes need at the least is taken from the model's `values`, or from its starts.
-    fn new(
+    pub(super) fn new(
         rig: &'a Rig,
         runs: &'a [RunData],
         options: &'a Options,
@@ -245,7 +261,7 @@ impl<'a> Fitter<'a> {
         Ok(fitter)
     }
 
-    fn model(&self, effects: &[Chosen]) -> Model<'a> {
+    pub(super) fn model(&self, effects: &[Chosen]) -> Model<'a> {
         Model::new(self.rig, self.water, effects)
             .constrained(&self.options.constraints)
             .starting_at(&self.options.starts_at)

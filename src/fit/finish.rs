@@ -3,18 +3,25 @@
 use std::sync::atomic::Ordering;
 
 use super::approach::{Fitter, State};
+use super::band::{curve_sd_m, half_width_m, posterior};
 use super::calibrate::FitError;
 use super::compare::{Pair, mape_percent, rmse};
+use super::errors::{Common, Errors, Linearised};
+use super::identify::unseen;
+use super::interval::linear;
 use super::least_squares::{Limits, Problem, Solution, jacobian};
+use super::misfit::Misfit;
 use super::outcome::{Fit, FittedParameter, RunFit, SensorFit};
 use super::problem::{Calibration, Window};
-use super::uncertainty::{correlation, gauss_newton_step, standard_errors};
+use super::uncertainty::{correlation, gauss_newton_step};
 use crate::model::{Model, ModelError};
 
 /// Reaches from which the grid is refined.
 pub(super) const FINAL_REACHES: usize = 64;
-const MIDDLE: Limits = Limits { iterations: 20, cost_tolerance: 1e-4, step_tolerance: 1e-8 };
-const LATE: Limits = Limits { iterations: usize::MAX, cost_tolerance: 1e-5, step_tolerance: 1e-9 };
+const MIDDLE: Limits = Limits { iterations: 20, cost_tolerance: 1e-4, step_tolerance: 1e-8, thorough: false };
+const LATE: Limits = Limits { iterations: usize::MAX, cost_tolerance: 1e-5, step_tolerance: 1e-9, thorough: true };
+/// Fall of the sum of squares, in units of what one sample leaves, that is worth no iteration more: a seventh of a standard error.
+const SETTLED: f64 = 0.02;
 
 /// Pull of the grid on a parameter, in standard errors, that sends the fit to a finer one.
 const MOST_PULL: f64 = 2.0;
@@ -38,6 +45,19 @@ impl Fitter<'_> {
         Limits { iterations: limits.iterations.min(self.options.patience), ..limits }
     }
 
+    /// A problem with the misfit that was asked for.
+    pub(super) fn problem<'a>(&'a self, model: &'a Model<'a>, window: Window) -> Calibration<'a> {
+        Calibration::new(model, self.runs, window).comparing(self.options.misfit)
+    }
+
+    /// Some samples while the grid is sought; all of them where their transform is compared.
+    fn compared(&self, reaches: usize) -> Window {
+        match self.options.misfit {
+            Misfit::Time => self.window(reaches, f64::INFINITY),
+            Misfit::Frequency => self.whole(reaches),
+        }
+    }
+
     /// Refines the grid until its error is small against the noise and its pull on the parameters against their standard errors,
     /// then fits all samples on a grid of half that step and puts the result together.
     pub(super) fn finish(&self, model: &Model, state: State) -> Result<Fit, FitError> {
@@ -46,7 +66,7 @@ impl Fitter<'_> {
         let (fine, pull) = loop {
             let fitting = |n: usize| model.fitting_reaches(&values[..model.shared.len()], n);
             let (coarse, fine) = (fitting(reaches), fitting(2 * reaches));
-            let problem = Calibration::new(model, self.runs, self.window(coarse, f64::INFINITY));
+            let problem = self.problem(model, self.compared(coarse));
             let solution = self.minimise(&problem, &values, self.patient(MIDDLE), &format!("{coarse} reaches"))?;
             values = problem.values(&solution.x);
             let pull = self.grid_pull(&problem, &solution, fine)?;
@@ -58,7 +78,7 @@ impl Fitter<'_> {
                 *value = (*value + problem.stretch(j, *value) * by)
                     .clamp(problem.parameters[j].lower, problem.parameters[j].upper);
             }
-            let finer = Calibration::new(model, self.runs, self.window(fine, f64::INFINITY));
+            let finer = self.problem(model, self.compared(fine));
             let moved = finer.residuals(&finer.variables(&further)).map(|r| 0.5 * r.iter().map(|r| r * r).sum::<f64>());
             self.count(1);
             if moved.is_ok_and(|cost| cost < pull.finer_cost) {
@@ -77,9 +97,10 @@ impl Fitter<'_> {
         if model.constraints.is_empty() && model.priors.is_empty() {
             model.put_in_order(&mut values);
         }
-        let problem = Calibration::new(model, self.runs, self.whole(fine));
+        let problem = self.problem(model, self.whole(fine));
         problem.know(&model.constraints)?;
-        let solution = self.minimise(&problem, &values, self.patient(LATE), "all samples")?;
+        let limits = Limits { cost_tolerance: SETTLED / problem.samples().max(1) as f64, ..self.patient(LATE) };
+        let solution = self.minimise(&problem, &values, limits, "all samples")?;
         self.outcome(&problem, &solution, &pull)
     }
 
@@ -100,17 +121,18 @@ impl Fitter<'_> {
 
     /// What a finer grid would change: at the samples, and by one Gauss-Newton step in the parameters.
     fn grid_pull(&self, problem: &Calibration, solution: &Solution, fine: usize) -> Result<Pull, ModelError> {
-        let mut finer = Calibration::new(problem.model, self.runs, problem.window());
-        finer.set_window(Window { reaches: fine, ..problem.window() });
+        let finer = self.problem(problem.model, Window { reaches: fine, ..problem.window() });
         let residuals = finer.residuals(&solution.x)?;
         let columns = jacobian(problem, &solution.x, &solution.residuals)?;
         self.count(columns.len() + 1);
-        let errors = standard_errors(&columns, &solution.residuals, problem.samples(), &solution.at_bound);
+        let errors = errors_of(problem, solution, &columns, &[]);
         let change: Vec<f64> = residuals.iter().zip(&solution.residuals).map(|(f, c)| f - c).collect();
         let shifts = gauss_newton_step(&columns, &change, &solution.at_bound);
         let n = problem.samples().max(1);
-        let over_errors =
-            shifts.iter().zip(&errors).filter(|(_, e)| e.is_finite()).map(|(s, e)| s.abs() / e).fold(0.0, f64::max);
+        let over_errors = (0..shifts.len())
+            .map(|j| shifts[j].abs() / errors.of_variable(j))
+            .filter(|r| r.is_finite())
+            .fold(0.0, f64::max);
         let square = |weights: &dyn Fn(usize) -> f64| {
             (change[..n].iter().enumerate().map(|(i, c)| (c * weights(i)).powi(2)).sum::<f64>() / n as f64).sqrt()
         };
@@ -125,7 +147,28 @@ impl Fitter<'_> {
         let start_values: Vec<f64> = problem.parameters.iter().map(|p| p.start).collect();
         let columns = jacobian(problem, &solution.x, &solution.residuals)?;
         self.count(columns.len());
-        let errors = standard_errors(&columns, &solution.residuals, problem.samples(), &solution.at_bound);
+        // A quarter of the pull is left on the last grid; half of it allows for schemes of first order.
+        let left: Vec<f64> = pull.shifts.iter().map(|s| 0.5 * s).collect();
+        let records: Vec<_> = problem.records().into_iter().map(|(_, _, range)| range).collect();
+        let common = problem.gain_errors();
+        let linearised = Linearised {
+            columns: &columns,
+            residuals: &solution.residuals,
+            records: &records,
+            common: &common,
+            at_bound: &solution.at_bound,
+        };
+        let errors = Errors::of(linearised).and(&left);
+        let covariance = posterior(&columns, &solution.at_bound);
+        let bands = match self.options.misfit {
+            Misfit::Time => curve_sd_m(problem, &columns, &covariance),
+            Misfit::Frequency => {
+                let in_time = Calibration::new(problem.model, self.runs, problem.window());
+                let columns = jacobian(&in_time, &solution.x, &in_time.residuals(&solution.x)?)?;
+                self.count(columns.len() + 1);
+                curve_sd_m(&in_time, &columns, &covariance)
+            }
+        };
         let model = problem.model;
         // What is held keeps the bounds that it will have when it is let go.
         let unheld = Model::new(self.rig, self.water, &model.effects);
@@ -139,31 +182,34 @@ impl Fitter<'_> {
                 about: p.about,
                 run: problem.run_of(j).map(|r| self.runs[r].file.clone()),
                 value: values[j],
-                // A quarter of the pull is left on the last grid; half of it allows for schemes of first order.
                 standard_error: if p.lower < p.upper {
-                    errors[j].hypot(0.5 * pull.shifts[j]) * problem.stretch(j, values[j])
+                    errors.of_variable(j) * problem.stretch(j, values[j])
                 } else {
                     0.0
                 },
+                interval_95: linear(problem, linearised, &errors, &solution.x, j),
+                profile: None,
                 unit: p.unit,
                 at_bound: solution.at_bound[j] && p.lower < p.upper,
                 lower: if p.lower < p.upper { p.lower } else { usual[j].lower.min(p.lower) },
                 upper: if p.lower < p.upper { p.upper } else { usual[j].upper.max(p.upper) },
                 held: p.lower == p.upper,
                 prior: model.priors.iter().find(|known| known.name == p.name).map(|known| (known.mean, known.sd)),
+                scale: p.scale,
+                belief: p.prior,
             })
             .collect();
         let period_s = model.period_s(&values[..model.shared.len()]);
-        let reaches = problem.window().reaches;
         let runs = (0..self.runs.len())
-            .map(|r| self.run_fit(problem, r, &values, &start_values, reaches, period_s))
+            .map(|r| self.run_fit(problem, r, &values, &start_values, period_s, &bands[r]))
             .collect::<Result<_, _>>()?;
         Ok(Fit {
             effects: model.effects.clone(),
             runs,
             parameters,
             correlation: correlation(&columns, &solution.at_bound),
-            reaches,
+            unseen: unseen(problem, linearised, &errors),
+            reaches: problem.window().reaches,
             grid_error_m: 0.25 * pull.error_m,
             evaluations: self.evaluations.load(Ordering::Relaxed),
             seconds: f64::NAN,
@@ -179,10 +225,10 @@ impl Fitter<'_> {
         r: usize,
         values: &[f64],
         start_values: &[f64],
-        reaches: usize,
         period_s: f64,
+        curve_sd_m: &[Vec<f64>],
     ) -> Result<RunFit, ModelError> {
-        let run = &self.runs[r];
+        let (run, reaches) = (&self.runs[r], problem.window().reaches);
         let traces = problem.modelled(r, values, reaches)?.traces;
         let first_traces = problem.modelled(r, start_values, reaches)?.traces;
         let start = problem.closure_start_s(r, values);
@@ -202,6 +248,7 @@ impl Fitter<'_> {
             sensors.push(SensorFit {
                 name: sensor.sensor.name.clone(),
                 position_m: sensor.sensor.position_m,
+                band_m: half_width_m(problem, r, s, &curve_sd_m[s], from),
                 noise_m: sensor.noise_m,
                 rmse_m: rmse(&measured_m, &model_m),
                 start_rmse_m: rmse(&measured_m, &before),
@@ -224,4 +271,11 @@ impl Fitter<'_> {
             sensors,
         })
     }
+}
+
+/// Errors of a solution's variables.
+pub(super) fn errors_of(problem: &Calibration, solution: &Solution, columns: &[Vec<f64>], common: &[Common]) -> Errors {
+    let records: Vec<_> = problem.records().into_iter().map(|(_, _, range)| range).collect();
+    let (residuals, at_bound) = (&solution.residuals, &solution.at_bound);
+    Errors::of(Linearised { columns, residuals, records: &records, common, at_bound })
 }

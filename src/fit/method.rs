@@ -17,6 +17,17 @@ pub enum Method {
 }
 
 impl Method {
+    /// Its name, as on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Method::LeastSquares => "least-squares",
+            Method::Global => "global",
+            Method::MicroGa => "micro-ga",
+            Method::GlobalLocal => "global-local",
+            Method::Stepwise => "stepwise",
+        }
+    }
+
     /// Whether descent has the last word.
     pub fn descends(self) -> bool {
         matches!(self, Method::LeastSquares | Method::GlobalLocal)

@@ -1,5 +1,7 @@
 //! The models of a rig's runs, one after the other, in a file that people may edit: `MODEL.toml`.
 //!
+//! It is to be worked with. A result that is written once and says all about one fit is another file (`calibrate -o FIT.toml`).
+//!
 //! Every model that was fitted stays in it, with what it was fitted to, how well it did, and why it was made. One of them is in force;
 //! a step back puts the one in force that it grew out of. A value may be held, or its bounds moved, with an editor.
 
@@ -10,6 +12,7 @@ use serde::{Deserialize, Serialize};
 use super::calibrate::{FitError, Options, Progress, refine};
 use super::data::RunData;
 use super::outcome::{Fit, FittedParameter};
+use super::predict::{Known, Shared, geometric_mean};
 use super::problem::{Calibration, Window};
 use crate::model::constraint::Constraint;
 use crate::model::effects::{Chosen, name_of, parse_list};
@@ -61,6 +64,9 @@ pub struct Entry {
     /// Evidence for it over the model that it grew out of, natural logarithm of odds.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub evidence: Option<f64>,
+    /// Correlations of the errors of the parameters that runs share, in their order; 0 where they are not known.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub correlation: Vec<Vec<f64>>,
     /// Its parameters, shared ones first.
     #[serde(default, rename = "parameter")]
     pub parameters: Vec<Value>,
@@ -218,7 +224,22 @@ impl Entry {
             rmse_m,
             noise_m,
             evidence,
+            correlation: known_only(&Known::of(fit).correlation),
             parameters: fit.parameters.iter().map(Value::of).collect(),
+        }
+    }
+
+    /// What it knows of other recordings on its rig.
+    pub fn known(&self) -> Known {
+        let shared: Vec<Shared> = (self.parameters.iter().filter(|p| p.run.is_none()))
+            .map(|p| Shared { name: p.name.clone(), value: p.value, standard_error: p.standard_error })
+            .collect();
+        let scales = self.parameters.iter().filter(|p| p.name == "friction_scale").map(|p| p.value);
+        Known {
+            effects: self.chosen(),
+            correlation: if self.correlation.len() == shared.len() { self.correlation.clone() } else { Vec::new() },
+            shared,
+            friction_scale: geometric_mean(scales),
         }
     }
 
@@ -271,6 +292,12 @@ impl Entry {
         let values: Vec<f64> = own.collect();
         refine(rig, runs, &effects, &values, &options, progress)
     }
+}
+
+/// Correlations with 0 for those that are not known, to eight digits.
+fn known_only(correlation: &[Vec<f64>]) -> Vec<Vec<f64>> {
+    let plain = |r: &f64| if r.is_finite() { (r * 1e8).round() / 1e8 } else { 0.0 };
+    correlation.iter().map(|row| row.iter().map(plain).collect()).collect()
 }
 
 impl Value {

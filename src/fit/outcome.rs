@@ -1,6 +1,9 @@
 //! What a calibration gives back: plain data for tables, JSON and pages.
 
+use super::identify::Unseen;
+use super::profile::Profile;
 use crate::model::effects::Chosen;
+use crate::model::parameter::Scale;
 
 /// One fitted parameter.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -15,6 +18,10 @@ pub struct FittedParameter {
     pub value: f64,
     /// Standard error in `unit`; infinite where the data do not determine it.
     pub standard_error: f64,
+    /// 95% interval in `unit`: linear, or by its profile where there is one; an end that the data leave open is infinite.
+    pub interval_95: (f64, f64),
+    /// How the fit gets worse along it, where that was asked for.
+    pub profile: Option<Profile>,
     /// Display unit.
     pub unit: &'static str,
     /// It ended at one of its bounds.
@@ -27,10 +34,15 @@ pub struct FittedParameter {
     pub held: bool,
     /// What was known of it from elsewhere (a creep test): mean in `unit`, and a relative standard deviation.
     pub prior: Option<(f64, f64)>,
+    /// How the fit moved it.
+    pub scale: Scale,
+    /// All that the fit took for known before it, whatever said so (meter, rig, signals, creep test): mean in `unit`, and a standard
+    /// deviation that is relative on a log scale.
+    pub belief: Option<(f64, f64)>,
 }
 
 /// Measurement and model at one pressure sensor, heads in m, all vectors of one length.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct SensorFit {
     /// Sensor name.
     pub name: String,
@@ -42,6 +54,8 @@ pub struct SensorFit {
     pub measured_m: Vec<f64>,
     /// Fitted head, m.
     pub model_m: Vec<f64>,
+    /// Half the width of the band around the model that holds a sample with 95% probability, m; empty where it is not known.
+    pub band_m: Vec<f64>,
     /// Standard deviation of the sensor's noise, m.
     pub noise_m: f64,
     /// Root mean square of measured − model over all samples, m.
@@ -114,6 +128,8 @@ pub struct Fit {
     pub parameters: Vec<FittedParameter>,
     /// Correlation between the errors of each two parameters, in the order of `parameters`; NaN for what is at a bound.
     pub correlation: Vec<Vec<f64>>,
+    /// Combinations of parameters that the recordings do not see.
+    pub unseen: Vec<Unseen>,
     /// Reaches of the grid of the final fit.
     pub reaches: usize,
     /// What halving the grid's step would still change, rms over all samples, m.

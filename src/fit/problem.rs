@@ -2,12 +2,17 @@
 //!
 //! Variables are the model's shared parameters, then for each run its velocity, head, closing time and friction, the start of its
 //! closure and one offset a sensor. Log-scaled parameters are moved as logarithms. Residuals are measured minus modelled
-//! heads over each sensor's noise, then one for each prior,
+//! heads over each sensor's noise (or their transform, see [`super::misfit`]), then one for each prior,
 //! then one for each run's flow meter.
+
+use std::collections::BTreeMap;
+use std::ops::Range;
 
 use super::calibrate::FitError;
 use super::data::{RunData, RunStart};
+use super::errors::Common;
 use super::least_squares::Problem;
+use super::misfit::{Bins, Misfit};
 use crate::model::constraint::Constraint;
 use crate::model::energy::Energy;
 use crate::model::parameter::{Parameter, Scale};
@@ -55,6 +60,9 @@ pub struct Calibration<'a> {
     window: Window,
     /// Samples of each run and sensor that enter: first index, past the last.
     spans: Vec<Vec<(usize, usize)>>,
+    misfit: Misfit,
+    /// Of each run and sensor, where frequencies are compared and the record is long enough for it.
+    bins: Vec<Vec<Option<Bins>>>,
     lower: Vec<f64>,
     upper: Vec<f64>,
 }
@@ -137,7 +145,18 @@ impl<'a> Calibration<'a> {
         }
         let lower = parameters.iter().map(|p| to_variable(p, p.lower)).collect();
         let upper = parameters.iter().map(|p| to_variable(p, p.upper)).collect();
-        let mut problem = Calibration { model, runs, parameters, run_offsets, window, spans: Vec::new(), lower, upper };
+        let mut problem = Calibration {
+            model,
+            runs,
+            parameters,
+            run_offsets,
+            window,
+            spans: Vec::new(),
+            misfit: Misfit::Time,
+            bins: Vec::new(),
+            lower,
+            upper,
+        };
         problem.set_window(window);
         problem
     }
@@ -161,6 +180,31 @@ impl<'a> Calibration<'a> {
                     .collect()
             })
             .collect();
+        let compared = self.misfit == Misfit::Frequency && window.stride == 1;
+        self.bins = if compared { (0..self.runs.len()).map(|r| self.bins_of(r)).collect() } else { Vec::new() };
+    }
+
+    /// The same problem with another misfit; frequencies are compared where every sample enters. A sensor whose record is too short
+    /// for it is compared in time.
+    pub fn comparing(mut self, misfit: Misfit) -> Self {
+        self.misfit = misfit;
+        self.set_window(self.window);
+        self
+    }
+
+    /// The first run and sensor whose frequencies should be compared and cannot be.
+    pub fn too_short(&self) -> Option<(String, String)> {
+        let all = self.bins.iter().enumerate().flat_map(|(r, row)| row.iter().enumerate().map(move |(s, b)| (r, s, b)));
+        let (r, s, _) = all.into_iter().find(|(_, _, bins)| bins.is_none())?;
+        Some((self.runs[r].file.clone(), self.runs[r].sensors[s].sensor.name.clone()))
+    }
+
+    fn bins_of(&self, r: usize) -> Vec<Option<Bins>> {
+        let (run, shared) = (&self.runs[r], self.model.shared.len());
+        let closure = (run.start.closure_s.0, self.model.rig.valve.closing_time_s);
+        let period_s = self.model.period_s(&self.start_values()[..shared]);
+        let of = |(sensor, &(first, last)): (_, &(usize, usize))| Bins::of(sensor, first..last, closure, period_s);
+        run.sensors.iter().zip(&self.spans[r]).map(of).collect()
     }
 
     /// Holds some variables at `values`, and no others.
@@ -195,6 +239,11 @@ impl<'a> Calibration<'a> {
     /// Variables of values.
     pub fn variables(&self, values: &[f64]) -> Vec<f64> {
         self.parameters.iter().zip(values).map(|(p, &v)| to_variable(p, v)).collect()
+    }
+
+    /// Value, in the parameter's unit, of variable `j`.
+    pub fn value(&self, j: usize, x: f64) -> f64 {
+        to_value(&self.parameters[j], x)
     }
 
     /// How a small change of variable `j` at `value` changes the value.
@@ -233,13 +282,79 @@ impl<'a> Calibration<'a> {
 
     /// Number of residuals that are samples rather than priors.
     pub fn samples(&self) -> usize {
-        self.spans.iter().flatten().map(|&span| self.taken(span)).sum()
+        (0..self.runs.len()).map(|r| self.run_row_count(r)).sum()
     }
 
-    /// Noise of each sample that enters, m, in the order of the residuals.
+    /// How many residuals a run's sensor has.
+    fn row_count(&self, r: usize, sensor: usize) -> usize {
+        self.bins_at(r, sensor).map_or(self.taken(self.spans[r][sensor]), Bins::len)
+    }
+
+    fn run_row_count(&self, r: usize) -> usize {
+        (0..self.runs[r].sensors.len()).map(|s| self.row_count(r, s)).sum()
+    }
+
+    /// What an offset of 1 m takes from each residual of a run's sensor, times the noise: 1 a sample, what leaks of it into frequencies.
+    pub(super) fn unit_offset(&self, r: usize, sensor: usize) -> Vec<f64> {
+        let constant = vec![1.0; self.taken(self.spans[r][sensor])];
+        match self.bins_at(r, sensor) {
+            Some(bins) => bins.of_residuals(&constant),
+            None => constant,
+        }
+    }
+
+    fn bins_at(&self, r: usize, sensor: usize) -> Option<&Bins> {
+        self.bins.get(r)?.get(sensor)?.as_ref()
+    }
+
+    /// Noise of each sample that enters, m, in the order of the residuals; of frequencies, such that a root mean square over them is that
+    /// over the samples.
     pub fn sample_noise(&self) -> Vec<f64> {
-        let sensors = self.runs.iter().zip(&self.spans).flat_map(|(run, spans)| run.sensors.iter().zip(spans));
-        sensors.flat_map(|(sensor, &span)| std::iter::repeat_n(sensor.noise_m, self.taken(span))).collect()
+        let sensors = self.runs.iter().enumerate().flat_map(|(r, run)| (0..run.sensors.len()).map(move |s| (r, s)));
+        let noise = sensors.flat_map(|(r, s)| {
+            let (rows, samples) = (self.row_count(r, s), self.taken(self.spans[r][s]).max(1));
+            std::iter::repeat_n(self.runs[r].sensors[s].noise_m * (rows as f64 / samples as f64).sqrt(), rows)
+        });
+        noise.collect()
+    }
+
+    /// First sample of a run's sensor that enters, and how many do.
+    pub fn entering(&self, r: usize, sensor: usize) -> (usize, usize) {
+        let span = self.spans[r][sensor];
+        (span.0, self.taken(span))
+    }
+
+    /// Samples of a run's sensor that enter: times on the recording's clock, s, and heads, m.
+    pub fn samples_of(&self, r: usize, s: usize) -> impl Iterator<Item = (f64, f64)> + use<'a, '_> {
+        let (first, last) = self.spans[r][s];
+        let sensor = &self.runs[r].sensors[s];
+        let samples = sensor.time_s[first..last].iter().zip(&sensor.head_m[first..last]);
+        samples.step_by(self.window.stride).map(|(&t, &head)| (t, head))
+    }
+
+    /// Where each sensor's residuals lie among all: run, sensor, range; in their order.
+    pub fn records(&self) -> Vec<(usize, usize, Range<usize>)> {
+        let sensors = |r: usize| (0..self.runs[r].sensors.len()).map(move |s| (r, s));
+        (0..self.runs.len()).flat_map(sensors).map(|(r, s)| (r, s, self.rows(r, s))).collect()
+    }
+
+    /// What one standard deviation of each sensor's gain does to the residuals; a sensor is the same instrument in all runs.
+    pub fn gain_errors(&self) -> Vec<Common> {
+        let mut by_sensor: BTreeMap<&str, Common> = BTreeMap::new();
+        for (r, s, range) in self.records() {
+            let sensor = &self.runs[r].sensors[s];
+            let weight = sensor.gain_sd() / sensor.noise_m;
+            let moved: Vec<f64> = self.samples_of(r, s).map(|(_, head)| head * weight).collect();
+            let moved = self.bins_at(r, s).map_or_else(|| moved.clone(), |bins| bins.of_residuals(&moved));
+            by_sensor.entry(&sensor.sensor.name).or_default().push((range.start, moved));
+        }
+        by_sensor.into_values().collect()
+    }
+
+    /// Residuals of priors: where they are among all.
+    pub fn prior_rows(&self) -> Range<usize> {
+        let first = self.samples();
+        first..first + self.parameters.iter().filter(|p| p.prior.is_some()).count()
     }
 
     fn taken(&self, (first, last): (usize, usize)) -> usize {
@@ -248,9 +363,9 @@ impl<'a> Calibration<'a> {
 
     /// The residuals of a run's sensor.
     pub(super) fn rows(&self, r: usize, sensor: usize) -> std::ops::Range<usize> {
-        let before = self.spans[..r].iter().flatten().chain(&self.spans[r][..sensor]);
-        let first: usize = before.map(|&span| self.taken(span)).sum();
-        first..first + self.taken(self.spans[r][sensor])
+        let first: usize = (0..r).map(|r| self.run_row_count(r)).sum::<usize>()
+            + (0..sensor).map(|s| self.row_count(r, s)).sum::<usize>();
+        first..first + self.row_count(r, sensor)
     }
 
     /// The variable that is the offset of a run's sensor.
@@ -362,15 +477,14 @@ impl<'a> Calibration<'a> {
         }
         let closure_start = self.closure_start_s(r, values);
         for (s, (sensor, trace)) in self.runs[r].sensors.iter().zip(&traces).enumerate() {
-            let (first, last) = self.spans[r][s];
             let offset = self.offset_m(r, s, values);
             let weight = 1.0 / sensor.noise_m;
-            let samples = sensor.time_s[first..last].iter().zip(&sensor.head_m[first..last]);
-            out.extend(
-                samples
-                    .step_by(self.window.stride)
-                    .map(|(&t, &head)| weight * (head - offset - trace.at(t - closure_start))),
-            );
+            let residuals =
+                self.samples_of(r, s).map(|(t, head)| weight * (head - offset - trace.at(t - closure_start)));
+            match self.bins_at(r, s) {
+                Some(bins) => out.extend(bins.of_residuals(&residuals.collect::<Vec<f64>>())),
+                None => out.extend(residuals),
+            }
         }
         Ok(())
     }
@@ -408,7 +522,8 @@ impl Problem for Calibration<'_> {
             // An offset shifts its sensor's residuals; nothing is simulated.
             let shift = (self.base_offset(base, j) - values[j]) / self.runs[moved].sensors[sensor].noise_m;
             out.extend_from_slice(&base[..self.samples()]);
-            out[self.rows(moved, sensor)].iter_mut().for_each(|r| *r += shift);
+            let one = self.unit_offset(moved, sensor);
+            out[self.rows(moved, sensor)].iter_mut().zip(one).for_each(|(r, one)| *r += shift * one);
             self.append_priors(x, &mut out);
             out.extend_from_slice(&base[out.len()..]);
             return Ok(out);
@@ -420,9 +535,8 @@ impl Problem for Calibration<'_> {
             if r == moved {
                 self.append_run(r, &values, &mut out, &mut meters)?;
             } else {
-                let length: usize = self.spans[r].iter().map(|&span| self.taken(span)).sum();
                 let from = out.len();
-                out.extend_from_slice(&base[from..from + length]);
+                out.extend_from_slice(&base[from..from + self.run_row_count(r)]);
                 meters.extend(base_meter);
             }
         }
@@ -445,90 +559,5 @@ impl Problem for Calibration<'_> {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::super::data::{Meter, SensorData};
-    use super::*;
-    use crate::model::effects::parse_list;
-    use crate::rig::Rig;
-
-    const RIG: &str = r#"
-name = "two sensors"
-[fluid]
-name = "water"
-temperature_degC = 20.0
-[[pipe]]
-name = "main"
-length_m = 100.0
-inner_diameter_mm = 50.0
-wall_thickness_mm = 5.0
-material = "HDPE"
-[upstream]
-kind = "reservoir"
-[downstream]
-kind = "valve"
-closing_time_s = 0.1
-[[sensor]]
-name = "P1"
-kind = "pressure"
-position_m = 100.0
-unit = "kPa"
-[[sensor]]
-name = "P2"
-kind = "pressure"
-position_m = 40.0
-unit = "kPa"
-"#;
-
-    fn run(rig: &Rig, file: &str) -> RunData {
-        let time_s: Vec<f64> = (0..400).map(|i| i as f64 * 0.01).collect();
-        let sensors = rig
-            .pressure_sensors()
-            .map(|(_, sensor)| SensorData {
-                sensor: sensor.clone(),
-                head_m: time_s.iter().map(|t| 20.0 + (9.0 * t).sin()).collect(),
-                time_s: time_s.clone(),
-                noise_m: 0.05,
-                total_noise_m: 0.05,
-                offset_sd_m: 0.2,
-            })
-            .collect();
-        RunData {
-            file: file.into(),
-            sensors,
-            conditions: Conditions { water: rig.fluid.properties(20.0), supply_deviation: None },
-            start: RunStart {
-                closure_s: (0.5, 1e-3),
-                velocity_m_s: (0.4, 0.01),
-                valve_head_m: (20.0, None),
-                wave_speed_ratio: None,
-            },
-            extrema: vec![Vec::new(); 2],
-            meter: (file == "a").then_some(Meter { position_m: 0.0, flow_m3_s: 8e-4, relative_sd: 0.01 }),
-        }
-    }
-
-    /// The shortcuts of `residuals_moved` (other runs copied, offsets added) give what a full evaluation gives.
-    #[test]
-    fn moving_one_variable_by_a_shortcut_changes_nothing() {
-        let rig = Rig::from_toml(RIG, "rig.toml").unwrap();
-        let runs = [run(&rig, "a"), run(&rig, "b")];
-        let model = Model::new(&rig, &runs[0].conditions.water, &parse_list("viscoelastic-wall:1").unwrap());
-        let window = Window { reaches: 20, horizon_s: 2.0, stride: 3 };
-        let problem = Calibration::new(&model, &runs, window);
-        let mut x = problem.start();
-        let first_offset = problem.parameters.iter().position(|p| p.name.starts_with("offset")).unwrap();
-        x[first_offset] = 0.1;
-        let base = problem.residuals(&x).unwrap();
-        let priors = problem.parameters.iter().filter(|p| p.prior.is_some()).count();
-        assert_eq!(base.len(), problem.samples() + priors + 1, "one run has a meter");
-        for j in 0..x.len() {
-            let mut moved = x.clone();
-            moved[j] += 1e-3;
-            let (short, full) =
-                (problem.residuals_moved(&moved, j, &base).unwrap(), problem.residuals(&moved).unwrap());
-            let worst = short.iter().zip(&full).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
-            assert!(worst < 1e-9, "{}: {worst}", problem.parameters[j].name);
-            assert!(full.iter().zip(&base).any(|(a, b)| a != b), "{} changes nothing", problem.parameters[j].name);
-        }
-    }
-}
+#[path = "problem_tests.rs"]
+mod tests;

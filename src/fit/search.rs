@@ -123,11 +123,13 @@ impl<'a> Cube<'a> {
         for (r, run) in self.problem.runs.iter().enumerate() {
             for (s, sensor) in run.sensors.iter().enumerate() {
                 let j = self.problem.offset_variable(r, s);
-                let rows = &residuals[self.problem.rows(r, s)];
+                let (rows, one) = (&residuals[self.problem.rows(r, s)], self.problem.unit_offset(r, s));
                 let (known, sd) = (self.problem.prior_residual(j, x[j]), self.problem.known(j).map(|(_, sd)| sd));
                 // d: by how much it moves; each sample's residual falls by d over the noise, its prior's grows by d over sd.
-                let slope = known.unwrap_or(0.0) / sd.unwrap_or(1.0) - rows.iter().sum::<f64>() / sensor.noise_m;
-                let curvature = rows.len() as f64 / sensor.noise_m.powi(2) + sd.map_or(0.0, |sd| sd.powi(-2));
+                let slope = known.unwrap_or(0.0) / sd.unwrap_or(1.0)
+                    - rows.iter().zip(&one).map(|(r, one)| r * one).sum::<f64>() / sensor.noise_m;
+                let curvature = one.iter().map(|one| one * one).sum::<f64>() / sensor.noise_m.powi(2)
+                    + sd.map_or(0.0, |sd| sd.powi(-2));
                 let d = (x[j] - slope / curvature).clamp(self.lower[j], self.upper[j]) - x[j];
                 if d.is_finite() {
                     x[j] += d;

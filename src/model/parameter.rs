@@ -1,12 +1,23 @@
 //! A parameter: its name with the unit, where it may lie, and how the fit moves it.
 
 /// How a fit moves a parameter.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Scale {
     /// In equal steps.
+    #[default]
     Linear,
     /// In equal ratios; bounds are positive.
     Log,
+}
+
+impl Scale {
+    /// What files call it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Scale::Linear => "linear",
+            Scale::Log => "log",
+        }
+    }
 }
 
 /// One parameter of a model. Values, bounds and prior are in `unit`.

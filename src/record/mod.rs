@@ -10,6 +10,8 @@
 //! | [`simulated`] | a device on a pseudo-terminal that plays given data, with faults where asked for |
 //! | [`pace`] | playing recorded time against the wall clock |
 //! | [`output`] | what sessions write to, and count |
+//! | [`trigger`] | when a shot begins and is over, without I/O |
+//! | [`shots`] | a recording a shot, with what came before it |
 
 pub mod clock;
 mod error;
@@ -19,7 +21,9 @@ pub mod pace;
 pub mod port;
 pub mod replay;
 pub mod session;
+pub mod shots;
 #[cfg(unix)]
 pub mod simulated;
+pub mod trigger;
 
 pub use error::RecordError;

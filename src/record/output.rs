@@ -69,6 +69,9 @@ pub struct Summary {
     pub ended: String,
     /// Whether samples were lost on the way.
     pub data_lost: bool,
+    /// The recordings of a triggered session, one a shot; `file` is then their folder.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub shots: Vec<String>,
 }
 
 /// The log of a running session. Dropped without [`Output::finish`], the file stays as a crash would leave it.
@@ -173,6 +176,7 @@ impl Output {
             data_lost: devices.iter().any(|device| device.bad_frames > 0 || device.lost_frames > 0),
             devices,
             ended,
+            shots: Vec::new(),
         })
     }
 

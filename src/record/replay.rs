@@ -4,9 +4,10 @@ use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::RecordError;
-use super::output::{Output, Progress, Summary, check_path};
+use super::output::{Progress, Summary};
 use super::pace::Pace;
 use super::session::Options;
+use super::shots::Recorder;
 use crate::log::{self, ImportOptions, import_csv_with};
 use crate::recording::{Gap, Recording, RunInfo, Series};
 use crate::rig::Rig;
@@ -61,7 +62,7 @@ pub fn replay(
     stop: &AtomicBool,
     on_progress: &mut dyn FnMut(&Progress),
 ) -> Result<Summary, RecordError> {
-    check_path(&options.file)?;
+    options.check()?;
     let mut tracks: Vec<Track> = recording.series.iter().map(Track::new).collect();
     let first_ns =
         tracks.iter().filter_map(Track::next_ns).min().ok_or_else(|| RecordError::NothingToPlay(name.to_owned()))?;
@@ -71,7 +72,7 @@ pub fn replay(
         notes: recording.run.notes.iter().chain(&options.notes).cloned().collect(),
         ..recording.run.clone()
     };
-    let mut output = Output::create(&options.file, &recording.rig, &run)?;
+    let mut output = Recorder::create(options, &recording.rig, &run)?;
     let end_ns = options.end_ns(first_ns);
     let pace = Pace::start(speed);
     let wanted = || !stop.load(Ordering::Relaxed);
@@ -79,6 +80,9 @@ pub fn replay(
     let ended = loop {
         if now_ns >= end_ns {
             break "the duration was reached";
+        }
+        if output.is_over() {
+            break "all shots were recorded";
         }
         if tracks.iter().all(|track| track.next_ns().is_none()) {
             break "everything was played";
@@ -119,7 +123,7 @@ impl<'a> Track<'a> {
         sample.into_iter().chain(gap).min()
     }
 
-    fn play_until(&mut self, until_ns: i64, sensor: usize, output: &mut Output) -> Result<(), RecordError> {
+    fn play_until(&mut self, until_ns: i64, sensor: usize, output: &mut Recorder) -> Result<(), RecordError> {
         while self.next_ns().is_some_and(|next| next < until_ns) {
             // A gap goes behind the sample that it starts at.
             let gap_ns = self.gaps.first().map(|gap| nanoseconds(gap.from_s));

@@ -8,8 +8,9 @@ use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 use super::RecordError;
 use super::clock::DeviceClock;
 use super::frames::{Decoder, Event, Frame};
-use super::output::{DeviceCount, Output, Progress, Summary, check_path};
+use super::output::{DeviceCount, Progress, Summary, check_path};
 use super::port::{Input, Source};
+use super::shots::{Plan, Recorder};
 use crate::recording::RunInfo;
 use crate::rig::{Device, Protocol, Rig, Wiring};
 
@@ -27,9 +28,16 @@ pub struct Options {
     pub silence: Duration,
     /// Free notes to keep with the run.
     pub notes: Vec<(String, String)>,
+    /// Record shots around what a trigger sees, each in a file of its own, instead of everything in `file`.
+    pub shots: Option<Plan>,
 }
 
 impl Options {
+    /// Refuses early what the log would refuse at the first sample.
+    pub(super) fn check(&self) -> Result<(), RecordError> {
+        self.shots.as_ref().map_or_else(|| check_path(&self.file), |_| Ok(()))
+    }
+
     /// End of the recording on its own clock, ns, for one that starts at `first_ns`.
     pub(super) fn end_ns(&self, first_ns: i64) -> i64 {
         self.duration_s.map_or(i64::MAX, |s| first_ns.saturating_add((s * 1e9).round() as i64))
@@ -69,7 +77,7 @@ pub fn record(
     stop: &AtomicBool,
     on_progress: &mut dyn FnMut(&Progress),
 ) -> Result<Summary, RecordError> {
-    check_path(&options.file)?;
+    options.check()?;
     let mut session = Session { rig, device, options, live: None };
     let mut decoder = Decoder::new();
     let mut events = Vec::new();
@@ -141,7 +149,7 @@ struct Session<'a> {
 
 /// What exists from the first frame on.
 struct Live {
-    output: Output,
+    output: Recorder,
     clock: DeviceClock,
     channels: u8,
     end_ns: i64,
@@ -199,7 +207,7 @@ impl Live {
             ..RunInfo::default()
         };
         Ok(Live {
-            output: Output::create(&options.file, rig, &run)?,
+            output: Recorder::create(options, rig, &run)?,
             clock: DeviceClock::starting_at(frame),
             channels: frame.channels(),
             end_ns: options.end_ns(0),
@@ -232,6 +240,9 @@ impl Live {
             if wanted > 0 {
                 self.output.samples(tap.sensor, placed.first_ns, f64::from(frame.period_ns()), &self.values)?;
             }
+        }
+        if self.output.is_over() {
+            return Ok(Some("all shots were recorded".into()));
         }
         Ok((self.clock.end_ns() >= self.end_ns).then(|| "the duration was reached".into()))
     }

@@ -19,6 +19,8 @@ pub struct Curves {
     pub measured_m: Vec<f64>,
     /// Head of each stage's model, m.
     pub models_m: Vec<Vec<f64>>,
+    /// Half the width of the 95% band around the last stage's model, m; empty where it is not known.
+    pub band_m: Vec<f64>,
     /// Samples of the trace before any were left out.
     pub samples: usize,
     /// Some were left out.
@@ -38,11 +40,17 @@ impl Curves {
         let models_m: Vec<Vec<f64>> = stages
             .iter()
             .map(|stage| match find(stage.fit, file, sensor) {
-                Some(fit) => blank_gaps(on_times(fit, reference, &time_s), &measured_m),
+                Some(fit) => blank_gaps(on_times(fit, &fit.model_m, reference, &time_s), &measured_m),
                 None => vec![f64::NAN; time_s.len()],
             })
             .collect();
-        let whole = Self { time_s, measured_m, models_m, samples, decimated: false };
+        let band_m = match stages.last().and_then(|last| find(last.fit, file, sensor)) {
+            Some(fit) if !fit.band_m.is_empty() => {
+                blank_gaps(on_times(fit, &fit.band_m, reference, &time_s), &measured_m)
+            }
+            _ => Vec::new(),
+        };
+        let whole = Self { time_s, measured_m, models_m, band_m, samples, decimated: false };
         Some(if samples > WHOLE_UP_TO { whole.decimated(buckets) } else { whole })
     }
 
@@ -66,6 +74,7 @@ impl Curves {
             time_s: pick(&self.time_s),
             measured_m: pick(&self.measured_m),
             models_m: self.models_m.iter().map(pick).collect(),
+            band_m: if self.band_m.is_empty() { Vec::new() } else { pick(&self.band_m) },
             samples: self.samples,
             decimated: kept.len() < self.time_s.len(),
         }
@@ -107,11 +116,11 @@ fn blank_gaps(mut model: Vec<f64>, measured: &[f64]) -> Vec<f64> {
     model
 }
 
-/// The model of `fit` at times of `reference`, linear between its samples, NaN outside them.
-fn on_times(fit: &SensorFit, reference: &SensorFit, time_s: &[f64]) -> Vec<f64> {
+/// Values at the samples of `fit` (its model, its band) at times of `reference`, linear between its samples, NaN outside them.
+fn on_times(fit: &SensorFit, values: &[f64], reference: &SensorFit, time_s: &[f64]) -> Vec<f64> {
     let shift = shift_s(fit, reference);
-    let len = fit.time_s.len().min(fit.model_m.len());
-    let (times, model) = (&fit.time_s[..len], &fit.model_m[..len]);
+    let len = fit.time_s.len().min(values.len());
+    let (times, model) = (&fit.time_s[..len], &values[..len]);
     // Sample times that agree up to rounding are the same sample.
     let slack = 1e-9 * time_s.last().map_or(1.0, |t| t.abs().max(1.0));
     let mut next = 0;
@@ -155,6 +164,7 @@ mod tests {
             time_s,
             measured_m,
             model_m,
+            band_m: Vec::new(),
             noise_m: 0.1,
             rmse_m: 1.0,
             start_rmse_m: 2.0,
@@ -167,6 +177,7 @@ mod tests {
             runs: vec![run],
             parameters: vec![],
             correlation: vec![],
+            unseen: vec![],
             reaches: 64,
             grid_error_m: 0.001,
             evaluations: 1,

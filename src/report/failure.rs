@@ -103,6 +103,7 @@ mod tests {
             time_s: vec![],
             measured_m: vec![],
             model_m: vec![],
+            band_m: Vec::new(),
             noise_m: 0.03,
             rmse_m,
             start_rmse_m: 1.0,

@@ -8,7 +8,14 @@
 //! | [`json`] | the document of `calibrate --json` |
 //! | [`table`] | plain-text tables for the terminal |
 //! | [`html`](mod@html) | the page of a calibration or a diagnosis, from the pieces in `html/` and the files in `assets/` |
+//! | [`prediction`], [`cross_validation`] | how a model does on what it was not fitted to, as text and JSON |
+//! | [`frequency`] | a frequency response as text, JSON and pictures |
+//! | [`fit_file`] | one fit as a file, TOML or JSON, and back |
+//! | [`results`] | many fits as one table |
+//! | [`observations`] | what was measured, or modelled in its place, as a table |
+//! | [`pest`] | a calibration as a problem of PEST |
 //! | [`creep`] | a creep test as text and JSON |
+//! | [`history`] | a rig's runs and drifts as text, JSON and CSV |
 //! | [`sensitivity`] | a sensitivity study as text, and the page of the source paper's rules |
 //! | [`svg`] | static charts, for the page in print and for any other plot |
 //! | [`plot`] | a small plot of two curves in text |
@@ -20,16 +27,24 @@
 //! | [`escape`] | user text in HTML and SVG |
 
 pub mod creep;
+pub mod cross_validation;
 pub mod curves;
 pub mod decimate;
 pub mod diagnosis;
 pub mod escape;
 pub mod failure;
+pub mod fit_file;
+pub mod frequency;
+pub mod history;
 pub mod html;
 pub mod json;
 pub mod models;
 pub mod number;
+pub mod observations;
+pub mod pest;
 pub mod plot;
+pub mod prediction;
+pub mod results;
 pub mod sensitivity;
 pub mod summary;
 pub mod svg;

@@ -3,14 +3,21 @@
 use crate::fit::compare::mape_percent;
 use crate::fit::outcome::{ExtremumError, Fit, RunFit, SensorFit};
 use crate::report::curves::find;
-use crate::report::number::{decimals_for, duration, error_m, fixed, signed, significant, times, with_error};
+use crate::report::number::{decimals_for, duration, error_m, fixed, interval, signed, significant, times, with_error};
 use crate::report::{Stage, summary};
 
 /// Everything `calibrate` prints: verdict, errors, parameters, extrema, and why the fit stopped.
 pub fn calibration(stages: &[Stage]) -> String {
     let mut parts = vec![summary::verdict(stages) + "\n"];
     if let Some(last) = stages.last() {
-        parts.extend([errors(stages), parameters(last.fit), extrema(last.fit), steps(last.fit), stop(last.fit)]);
+        parts.extend([
+            errors(stages),
+            parameters(last.fit),
+            unseen(last.fit),
+            extrema(last.fit),
+            steps(last.fit),
+            stop(last.fit),
+        ]);
     }
     parts.retain(|p| !p.trim().is_empty());
     parts.join("\n")
@@ -18,12 +25,13 @@ pub fn calibration(stages: &[Stage]) -> String {
 
 /// Fitted parameters as value(error in the last digits), unit, and a flag where a bound stopped them.
 pub fn parameters(fit: &Fit) -> String {
-    let mut table = Table::new(&["parameter", "<value", "unit", "run", ""]);
+    let mut table = Table::new(&["parameter", "<value", "unit", "95%", "run", ""]);
     for p in &fit.parameters {
         table.row([
             p.name.clone(),
             with_error(p.value, p.standard_error),
             p.unit.into(),
+            interval(p.interval_95) + if p.profile.is_some() { " (profile)" } else { "" },
             p.run.clone().unwrap_or_default(),
             if p.held {
                 "held".into()
@@ -37,6 +45,11 @@ pub fn parameters(fit: &Fit) -> String {
     table.without_empty_columns().to_string()
 }
 
+/// What the recordings do not see, a line each.
+pub fn unseen(fit: &Fit) -> String {
+    fit.unseen.iter().map(|u| format!("{}\n", u.in_words)).collect()
+}
+
 /// RMSE of what came before (`before`: the first stage; `start`: the unfitted start values, where there is one stage only), RMSE,
 /// noise, their ratio and the error over extrema, for each run and sensor; then what the columns mean.
 pub fn errors(stages: &[Stage]) -> String {
@@ -48,7 +61,8 @@ pub fn errors(stages: &[Stage]) -> String {
     };
     let mape = |percent: f64| if percent.is_finite() { significant(percent, 2) } else { String::new() };
     let earlier = if first.is_some() { "<before" } else { "<start" };
-    let mut table = Table::new(&["run", "sensor", earlier, "<RMSE, m", "<noise, m", "<RMSE/noise", "<MAPE, %"]);
+    let mut table =
+        Table::new(&["run", "sensor", earlier, "<RMSE, m", "<noise, m", "<RMSE/noise", "<inside 95%", "<MAPE, %"]);
     for run in &last.fit.runs {
         for s in &run.sensors {
             table.row([
@@ -58,6 +72,7 @@ pub fn errors(stages: &[Stage]) -> String {
                 error_m(s.rmse_m),
                 error_m(s.noise_m),
                 times(s.rmse_m, s.noise_m),
+                s.inside_band().map_or(String::new(), |share| format!("{}%", fixed(100.0 * share, 1))),
                 mape(mape_percent(s.extrema.iter())),
             ]);
         }
@@ -70,6 +85,7 @@ pub fn errors(stages: &[Stage]) -> String {
             error_m(run.rmse_m),
             error_m(run.noise_m),
             times(run.rmse_m, run.noise_m),
+            String::new(),
             mape(run.mape_extrema_percent),
         ]);
     }
@@ -77,8 +93,13 @@ pub fn errors(stages: &[Stage]) -> String {
         Some(first) => format!("before: RMSE of the first model ({}), m", first.title),
         None => "start: RMSE of the start values, before any fit, m".into(),
     };
-    format!("{}{earlier}. {MAPE}\n", table.without_empty_columns())
+    let banded = last.fit.runs.iter().flat_map(|r| &r.sensors).any(|s| s.inside_band().is_some());
+    let band = if banded { INSIDE } else { "" };
+    format!("{}{earlier}. {band}{MAPE}\n", table.without_empty_columns())
 }
+
+const INSIDE: &str =
+    "inside 95%: share of the samples inside the band of model and noise, 95% where nothing is missing. ";
 
 const MAPE: &str = "MAPE: mean error of the peaks and troughs, without sign, in percent of the measured head.";
 
@@ -254,6 +275,7 @@ mod tests {
                     time_s: vec![0.0; 4],
                     measured_m: vec![0.0; 4],
                     model_m: vec![0.0; 4],
+                    band_m: Vec::new(),
                     noise_m: 0.03,
                     rmse_m,
                     start_rmse_m: 2.0,
@@ -283,6 +305,7 @@ mod tests {
                 },
             ],
             correlation: vec![],
+            unseen: vec![],
             reaches: 64,
             grid_error_m: 0.001,
             evaluations: 312,

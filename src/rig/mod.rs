@@ -19,6 +19,7 @@
 use crate::units::Unit;
 
 pub mod check;
+pub mod compare;
 mod error;
 pub mod friction;
 mod live;
@@ -32,6 +33,7 @@ pub mod water;
 
 pub use error::{Problem, RigError};
 pub use friction::{LAMINAR_REYNOLDS, darcy_friction_factor};
+pub use sensors::{quantity_of, spelled_unit};
 pub use water::WaterProperties;
 
 /// A test rig: fluid, pipes in series from the supply to the valve, sensors and their wiring.

@@ -69,7 +69,7 @@ impl Spectrum {
 }
 
 /// Linear between samples, on steps of their median distance.
-fn on_even_steps(samples: &[(f64, f64)]) -> Option<(f64, Vec<f64>)> {
+pub(super) fn on_even_steps(samples: &[(f64, f64)]) -> Option<(f64, Vec<f64>)> {
     if samples.len() < LEAST_SAMPLES {
         return None;
     }

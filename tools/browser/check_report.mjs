@@ -167,10 +167,39 @@ async function fits(page, width) {
   check(`what does not fit at ${width} px can be scrolled to`, cut.length === 0, cut.slice(0, 3).join(" "));
 }
 
+// A page of still pictures: creep, sensitivity, frequency.
+async function stillPage(page, problems, requests) {
+  const drawn = await page.$$eval("main svg", (all) => all.filter((s) => s.checkVisibility() && s.querySelectorAll("path, rect, circle").length > 3).length);
+  check("its charts are drawn", drawn > 0, `${drawn} charts`);
+  const odd = await page.$$eval("main", ([m]) => ["NaN", "undefined", "Infinity"].filter((word) => m.innerHTML.includes(word)));
+  check("no number is odd", odd.length === 0, odd.join(" "));
+  check("it has tables", await page.$$eval("main table", (all) => all.length > 0 && all.every((t) => t.tBodies[0].rows.length > 0)));
+  await picture(page, "light.png");
+  await fits(page, 1400);
+  await readable(page, "light");
+  const light = await background(page);
+  await page.emulateMedia({ colorScheme: "dark" });
+  await settled(page);
+  check("dark mode changes the ground", (await background(page)) !== light, light);
+  await readable(page, "dark");
+  await picture(page, "dark.png");
+  await page.setViewportSize({ width: 390, height: 800 });
+  await settled(page);
+  await fits(page, 390);
+  await picture(page, "narrow.png");
+  check("no console error or request", problems.length === 0 && requests.length === 0, [...problems, ...requests].join(" | "));
+}
+
 const background = (page) => page.evaluate(() => getComputedStyle(document.body).backgroundColor);
 
 try {
   const { page, problems, requests } = await open();
+  if (!(await page.$("#data"))) {
+    await stillPage(page, problems, requests);
+    await browser.close();
+    console.log(failures === 0 ? "all checks passed" : `${failures} checks failed`);
+    process.exit(failures === 0 ? 0 : 1);
+  }
   await contents(page, problems, requests);
   const diagnosed = await page.$eval("body", (b) => b.dataset.page === "diagnosis");
   check("a report with an answer is that of a diagnosis", diagnosed || !answer);

@@ -32,7 +32,9 @@
   ];
 
   function swatch(s) {
-    const mark = s.points
+    const mark = s.band
+      ? `<rect y="1" width="26" height="10" fill="var(--band)"/>`
+      : s.points
       ? `<circle cx="13" cy="6" r="3" fill="var(${s.colour})"/>`
       : `<path d="M0 6h26" stroke="var(${s.colour})" stroke-width="${Math.max(2, s.width)}" stroke-dasharray="${s.dash.join(" ")}"/>`;
     return `<svg width="26" height="12" aria-hidden="true">${mark}</svg>`;
@@ -41,6 +43,7 @@
   // One button a series; pressed means shown. Values follow the cursor.
   function legend(element, chart, series, decimals) {
     const values = series.map((s, i) => {
+      if (s.lower) return null; // its button is that of the band's upper edge
       const button = document.createElement("button");
       button.type = "button";
       button.setAttribute("aria-pressed", s.show);
@@ -51,11 +54,13 @@
         const show = !chart.series[i + 1].show;
         button.setAttribute("aria-pressed", show);
         chart.setSeries(i + 1, { show });
+        if (s.band) chart.setSeries(i + 2, { show });
       });
       element.append(button);
       return value;
     });
     return () => values.forEach((value, i) => {
+      if (!value || series[i].band) return;
       const at = chart.cursor.idxs && chart.cursor.idxs[i + 1];
       const v = at == null ? null : chart.data[i + 1][at];
       value.textContent = v == null ? "" : fixed(v, decimals) + " m";
@@ -79,10 +84,11 @@
         points: { size: 7 },
       },
       series: [{}, ...series.map((s) => ({
-        label: s.label, show: s.show, width: s.width, dash: s.dash.length ? s.dash : undefined,
+        label: s.label, show: s.show, width: s.width, spanGaps: false, dash: s.dash.length ? s.dash : undefined,
         stroke: () => css(s.colour), paths: s.points ? () => null : undefined,
         points: s.points ? { show: true, size: 5, fill: () => css(s.colour), width: 0 } : { show: false },
       }))],
+      bands: series.flatMap((s, i) => (s.band ? [{ series: [i + 1, i + 2], fill: () => css("--band") }] : [])),
       hooks: {
         setCursor: [() => refresh()],
         setScale: [(u, key) => key === "x" && options.zoomed(u)],
@@ -125,9 +131,21 @@
       ...data.stages.map((s) => stage(s, true, 1.5)),
       ...p.overlays.map((o) => ({ label: o.label, colour: "--overlay", dash: [], width: 0, show: true, points: true }))];
     const rest = data.stages.map((s, i) => stage(s, p.residual_shown[i], 1));
+    // Upper and lower edge of the band around the last model.
+    const edges = (middle) => [1, -1].map((sign) => p.band.map((half, k) => (half == null || middle(k) == null ? null : middle(k) + sign * half)));
+    const edge = { colour: "--band", dash: [], width: 0, show: true };
+    const banded = p.band.length > 0 ? [{ ...edge, label: "95% band", band: true }, { ...edge, label: "", lower: true }] : [];
+    head.push(...banded);
+    rest.push(...banded);
+    const last = p.models[p.models.length - 1];
+    const restPoints = [p.x, ...p.models.map((m) => m.map((v, k) => (v == null || p.measured[k] == null ? null : v - p.measured[k])))];
     let headPoints = [p.x, p.measured, ...p.models];
     if (p.overlays.length) headPoints = uPlot.join([headPoints, ...p.overlays.map((o) => [o.x, o.y])]);
-    const restPoints = [p.x, ...p.models.map((m) => m.map((v, k) => (v == null || p.measured[k] == null ? null : v - p.measured[k])))];
+    if (banded.length) {
+      const around = edges((k) => last[k]);
+      headPoints = p.overlays.length ? uPlot.join([headPoints, [p.x, ...around]]) : [...headPoints, ...around];
+      restPoints.push(...edges(() => 0));
+    }
 
     const full = { min: headPoints[0][0], max: headPoints[0][headPoints[0].length - 1] };
     if (!(full.max > full.min)) full.max = full.min + 1;

@@ -6,7 +6,7 @@ use super::{Panel, colour};
 use crate::report::Stage;
 use crate::report::number::decimals_for;
 
-/// `{"stages": [{"title", "colour"}], "panels": [{"x", "measured", "models", "noise", "residual_shown", "overlays"}]}`.
+/// `{"stages": [{"title", "colour"}], "panels": [{"x", "measured", "models", "band", "noise", "residual_shown", "overlays"}]}`.
 pub(super) fn json(stages: &[Stage], panels: &[Panel]) -> String {
     let mut out = String::from(r#"{"stages":"#);
     list(&mut out, stages.iter().enumerate(), |out, (i, stage)| {
@@ -35,6 +35,8 @@ fn panel(out: &mut String, panel: &Panel) {
     numbers(out, &c.measured_m, head);
     out.push_str(r#","models":"#);
     list(out, c.models_m.iter(), |out, model| numbers(out, model, head));
+    out.push_str(r#","band":"#);
+    numbers(out, &c.band_m, head + 1);
     out.push_str(r#","noise":"#);
     number(out, panel.fit.noise_m, 9);
     let _ = write!(out, r#","residual_shown":{:?},"overlays":"#, panel.residual_shown);

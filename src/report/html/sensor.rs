@@ -36,6 +36,9 @@ pub(super) fn section(index: usize, panel: &Panel, stages: &[Stage], open: bool)
     out.push_str(&still(panel, stages));
     out.push_str("</div>\n");
     let c = &panel.curves;
+    if !c.band_m.is_empty() {
+        out.push_str("<p class=\"note\">Band: where the model expects a sample with 95% probability, from the noise and the uncertainty of the parameters. A model that lacks nothing has 95% of the samples inside.</p>\n");
+    }
     if c.decimated {
         let _ = writeln!(
             out,
@@ -53,8 +56,11 @@ fn facts(panel: &Panel, stages: &[Stage]) -> String {
     let fit = panel.fit;
     let before = stages.first().filter(|_| stages.len() > 1).and_then(|s| find(s.fit, panel.file, &fit.name));
     let before = before.map_or(String::new(), |s| format!("{} m → ", error_m(s.rmse_m)));
+    let inside = fit
+        .inside_band()
+        .map_or(String::new(), |share| format!(" · {}% of the samples inside the 95% band", fixed(100.0 * share, 1)));
     format!(
-        "RMSE {before}<strong>{} m</strong> · noise {} m · {}",
+        "RMSE {before}<strong>{} m</strong> · noise {} m · {}{inside}",
         error_m(fit.rmse_m),
         error_m(fit.noise_m),
         times_noise(fit.rmse_m, fit.noise_m)
@@ -67,6 +73,10 @@ fn still(panel: &Panel, stages: &[Stage]) -> String {
     let style = |i: usize| Style::line(colour(i, stages.len()));
     let mut head = vec![line("measured", c, &c.measured_m, Style::measured())];
     let mut residual = Vec::new();
+    if let Some(model) = c.models_m.last().filter(|_| !c.band_m.is_empty()) {
+        head.push(band(c, model));
+        residual.push(band(c, &vec![0.0; model.len()]));
+    }
     for (i, (stage, (model, rest))) in stages.iter().zip(c.models_m.iter().zip(&c.residuals_m())).enumerate() {
         head.push(line(&stage.title, c, model, style(i)));
         if panel.residual_shown.get(i).copied().unwrap_or(true) {
@@ -97,6 +107,17 @@ fn still(panel: &Panel, stages: &[Stage]) -> String {
         marks: Vec::new(),
     };
     chart(HEAD_LABEL, head).to_svg(900.0, 330.0) + &chart(RESIDUAL_LABEL, residual).to_svg(900.0, 220.0)
+}
+
+/// The 95% band around a curve.
+fn band(curves: &Curves, middle: &[f64]) -> Series {
+    let edge = |sign: f64| {
+        let values: Vec<f64> = middle.iter().zip(&curves.band_m).map(|(m, half)| m + sign * half).collect();
+        let edge = line("", curves, &values, Style::area(0)).points;
+        edge.into_iter().filter(|p| p.1.is_finite()).collect::<Vec<_>>()
+    };
+    let points = edge(1.0).into_iter().chain(edge(-1.0).into_iter().rev()).collect();
+    Series { label: "95% band".into(), points, style: Style::area(0) }
 }
 
 fn line(label: &str, curves: &Curves, values: &[f64], style: Style) -> Series {

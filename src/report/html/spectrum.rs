@@ -113,6 +113,7 @@ mod tests {
             position_m: 1.0,
             measured_m: time_s.iter().map(|&t| wave(t)).collect(),
             model_m: time_s.iter().map(|&t| wave(t) + 0.2 * (5.0 * TAU * frequency_hz * t).sin()).collect(),
+            band_m: Vec::new(),
             noise_m: 0.01,
             rmse_m: 0.1,
             start_rmse_m: 1.0,

@@ -1,0 +1,115 @@
+//! Where a fitted model expects the samples: the posterior predictive band, `J C Jᵀ` of the parameters and the noise on top.
+//!
+//! Linear in the parameters around the fit (Seber & Wild 2003, *Nonlinear Regression*, sec. 5.1). What the samples leave open does not move
+//! the curve at them, so those directions are left out rather than counted as infinite.
+
+use nalgebra::{DMatrix, SymmetricEigen};
+
+use super::outcome::SensorFit;
+use super::problem::Calibration;
+
+/// Half of a 95% interval of the normal distribution in standard deviations.
+const NORMAL_95: f64 = 1.959_964;
+/// Share of the largest eigenvalue of the scaled `JᵀJ` below which a direction counts as left open.
+const OPEN: f64 = 1e-12;
+
+/// Covariance of the variables as the noise alone makes it, `(JᵀJ)⁻¹`: zero in the rows and columns of variables at a bound and in directions
+/// that the data leave open. What a model fails to explain does not widen it: the failure is to show outside the band.
+pub fn posterior(columns: &[Vec<f64>], at_bound: &[bool]) -> DMatrix<f64> {
+    let n = columns.len();
+    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(x, y)| x * y).sum::<f64>();
+    let free: Vec<usize> = (0..n).filter(|&j| !at_bound[j]).collect();
+    let scale: Vec<f64> = free.iter().map(|&j| dot(&columns[j], &columns[j]).sqrt().max(f64::MIN_POSITIVE)).collect();
+    let mut normal = DMatrix::zeros(free.len(), free.len());
+    for a in 0..free.len() {
+        for b in 0..=a {
+            let both = dot(&columns[free[a]], &columns[free[b]]) / (scale[a] * scale[b]).max(f64::MIN_POSITIVE);
+            (normal[(a, b)], normal[(b, a)]) = (both, both);
+        }
+    }
+    let mut all = DMatrix::zeros(n, n);
+    if free.is_empty() || normal.iter().any(|v| !v.is_finite()) {
+        return all;
+    }
+    let SymmetricEigen { eigenvectors, eigenvalues } = SymmetricEigen::new(normal);
+    let largest = eigenvalues.max();
+    for (k, &eigenvalue) in eigenvalues.iter().enumerate().filter(|(_, v)| **v > OPEN * largest) {
+        for (a, &i) in free.iter().enumerate() {
+            for (b, &j) in free.iter().enumerate() {
+                let product = eigenvectors[(a, k)] * eigenvectors[(b, k)];
+                all[(i, j)] += product / (eigenvalue * scale[a] * scale[b]);
+            }
+        }
+    }
+    all
+}
+
+/// Standard deviation that the uncertainty of the variables gives the curve, m: of each run and sensor, at each of its samples that enter.
+/// `columns` is the Jacobian of the residuals in time.
+pub fn curve_sd_m(problem: &Calibration, columns: &[Vec<f64>], covariance: &DMatrix<f64>) -> Vec<Vec<Vec<f64>>> {
+    let mut row = 0;
+    let mut runs = Vec::new();
+    for (r, run) in problem.runs.iter().enumerate() {
+        // What belongs to other runs does not move this one.
+        let own: Vec<usize> =
+            (0..columns.len()).filter(|&j| problem.run_of(j).is_none_or(|other| other == r)).collect();
+        let mut sensors = Vec::new();
+        for (s, sensor) in run.sensors.iter().enumerate() {
+            let rows = row..row + problem.entering(r, s).1;
+            row = rows.end;
+            let mut variance = vec![0.0; rows.len()];
+            for &i in &own {
+                for &j in own.iter().filter(|&&j| j <= i && covariance[(i, j)] != 0.0) {
+                    let twice = if i == j { 1.0 } else { 2.0 };
+                    let weight = twice * covariance[(i, j)] * sensor.noise_m.powi(2);
+                    let pairs = columns[i][rows.clone()].iter().zip(&columns[j][rows.clone()]);
+                    variance.iter_mut().zip(pairs).for_each(|(v, (a, b))| *v += weight * a * b);
+                }
+            }
+            sensors.push(variance.into_iter().map(|v| v.max(0.0).sqrt()).collect());
+        }
+        runs.push(sensors);
+    }
+    runs
+}
+
+/// Half the width of the band around the curve of a run's sensor, m, from its sample `from` on; `sd_m` is that of [`curve_sd_m`].
+pub fn half_width_m(problem: &Calibration, r: usize, s: usize, sd_m: &[f64], from: usize) -> Vec<f64> {
+    let sensor = &problem.runs[r].sensors[s];
+    let (first, count) = problem.entering(r, s);
+    let last = count.saturating_sub(1);
+    let at = |i: usize| sd_m.get(i.saturating_sub(first).min(last)).copied().unwrap_or(0.0);
+    (from..sensor.time_s.len()).map(|i| NORMAL_95 * at(i).hypot(sensor.total_noise_m)).collect()
+}
+
+impl SensorFit {
+    /// Share of the samples inside the band; none where there is no band.
+    pub fn inside_band(&self) -> Option<f64> {
+        let all = self.measured_m.iter().zip(&self.model_m).zip(&self.band_m);
+        let inside = all.filter(|((y, m), half)| (*y - *m).abs() <= **half).count();
+        (!self.band_m.is_empty()).then(|| inside as f64 / self.band_m.len() as f64)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A line through n points known to σ: at the mean of the abscissas the curve is known to σ/√n, at an end to twice that.
+    #[test]
+    fn the_covariance_of_a_line_is_the_textbooks() {
+        let n = 1001;
+        let x: Vec<f64> = (0..n).map(|i| f64::from(i) / 500.0 - 1.0).collect();
+        let columns = [vec![1.0; n as usize], x.clone()];
+        let c = posterior(&columns, &[false, false]);
+        let square: f64 = x.iter().map(|x| x * x).sum();
+        assert!((c[(0, 0)] * f64::from(n) - 1.0).abs() < 1e-9 && (c[(1, 1)] * square - 1.0).abs() < 1e-9, "{c}");
+        assert!(c[(0, 1)].abs() < 1e-12);
+        // The same column twice: open between the two, known in their sum.
+        let twice = [vec![1.0; n as usize], vec![1.0; n as usize]];
+        let c = posterior(&twice, &[false, false]);
+        let sum = c[(0, 0)] + 2.0 * c[(0, 1)] + c[(1, 1)];
+        assert!((sum * f64::from(n) - 1.0).abs() < 1e-6, "{c}");
+        assert_eq!(posterior(&twice, &[true, true]).norm(), 0.0);
+    }
+}

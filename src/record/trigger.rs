@@ -1,0 +1,206 @@
+//! When a shot begins and when it is over: by the edge of the valve's command, by a level, or by a slope. No clock and no file in it:
+//! it is fed with the samples of its sensor and says what they mean.
+
+/// What fires a trigger.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Condition {
+    /// The valve's command (0 or 1) goes past one half, whichever way.
+    Edge,
+    /// The value reaches this one from below, in the sensor's unit.
+    Level(f64),
+    /// The value rises by so many of its units a second, over [`SLOPE_SPAN_NS`].
+    Slope(f64),
+}
+
+/// The stretch over which a slope is taken, ns: long against a sample's noise, short against a closure. At least from one sample to the
+/// next.
+pub const SLOPE_SPAN_NS: i64 = 20_000_000;
+
+/// What a trigger does.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Settings {
+    /// What fires it.
+    pub condition: Condition,
+    /// What a shot holds before the moment at which it fires, ns.
+    pub pre_ns: i64,
+    /// What a shot holds after it, ns.
+    pub post_ns: i64,
+}
+
+/// What samples have brought about.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Event {
+    /// The signal was quiet for the time that a shot holds before it fires: from now on it may.
+    Armed,
+    /// It has fired, at this time.
+    Fired(i64),
+    /// The shot's last moment, this time, has passed.
+    Over(i64),
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum State {
+    /// Waits until the condition has not been met since this time for long enough; none before the first sample.
+    Settling(Option<i64>),
+    Armed,
+    /// Fired at this time.
+    Fired(i64),
+}
+
+/// A trigger at work on one sensor.
+#[derive(Debug, Clone)]
+pub struct Trigger {
+    settings: Settings,
+    state: State,
+    /// The last samples, time in ns and value, as far back as a slope looks.
+    last: std::collections::VecDeque<(i64, f64)>,
+}
+
+impl Trigger {
+    /// One that has seen nothing yet.
+    pub fn new(settings: Settings) -> Trigger {
+        Trigger { settings, state: State::Settling(None), last: std::collections::VecDeque::new() }
+    }
+
+    /// Whether it may fire.
+    pub fn is_armed(&self) -> bool {
+        self.state == State::Armed
+    }
+
+    /// Takes samples of its sensor, `period_ns` apart, the first at `first_ns`; says what they bring about, in order.
+    pub fn feed(&mut self, first_ns: i64, period_ns: f64, values: &[f64], events: &mut Vec<Event>) {
+        for (i, &value) in values.iter().enumerate() {
+            let at = first_ns.saturating_add((i as f64 * period_ns).round() as i64);
+            let met = self.is_met(at, value);
+            self.remember(at, value);
+            let next = match self.state {
+                State::Settling(_) if met => Some(State::Settling(None)),
+                State::Settling(None) => Some(State::Settling(Some(at))),
+                State::Settling(Some(since)) => (at - since >= self.settings.pre_ns).then_some(State::Armed),
+                State::Armed => met.then_some(State::Fired(at)),
+                State::Fired(fired) => (at - fired > self.settings.post_ns).then_some(State::Settling(None)),
+            };
+            let Some(next) = next else { continue };
+            match (self.state, next) {
+                (_, State::Armed) => events.push(Event::Armed),
+                (_, State::Fired(at)) => events.push(Event::Fired(at)),
+                (State::Fired(fired), _) => events.push(Event::Over(fired + self.settings.post_ns)),
+                _ => {}
+            }
+            self.state = next;
+        }
+    }
+
+    /// Samples are missing: what comes after a gap is not held against what was before it.
+    pub fn gap(&mut self) {
+        self.last.clear();
+        // a shot goes on; what was quiet may not have been
+        if !matches!(self.state, State::Fired(_)) {
+            self.state = State::Settling(None);
+        }
+    }
+
+    fn is_met(&self, at: i64, value: f64) -> bool {
+        match self.settings.condition {
+            Condition::Edge => self.last.back().is_some_and(|(_, before)| (*before > 0.5) != (value > 0.5)),
+            Condition::Level(level) => value >= level,
+            Condition::Slope(least) => self.last.front().is_some_and(|&(then, before)| {
+                let span_s = (at - then) as f64 * 1e-9;
+                span_s > 0.0
+                    && (at - then >= SLOPE_SPAN_NS || self.last.len() == 1)
+                    && (value - before) / span_s >= least
+            }),
+        }
+    }
+
+    /// Keeps the youngest sample that is a span old, and those after it.
+    fn remember(&mut self, at: i64, value: f64) {
+        self.last.push_back((at, value));
+        // the next sample comes later than this one: what is a span old now will be then
+        while self.last.len() > 1 && self.last.get(1).is_some_and(|(next, _)| at - next >= SLOPE_SPAN_NS) {
+            self.last.pop_front();
+        }
+        if self.settings.condition == Condition::Edge {
+            self.last.drain(..self.last.len() - 1);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const MS: i64 = 1_000_000;
+
+    /// Feeds samples 1 ms apart in batches of 7.
+    fn events(condition: Condition, pre_ms: i64, post_ms: i64, values: &[f64]) -> Vec<Event> {
+        let mut trigger = Trigger::new(Settings { condition, pre_ns: pre_ms * MS, post_ns: post_ms * MS });
+        let mut events = Vec::new();
+        for (batch, values) in values.chunks(7).enumerate() {
+            trigger.feed(batch as i64 * 7 * MS, 1e6, values, &mut events);
+        }
+        events
+    }
+
+    fn steps(parts: &[(usize, f64)]) -> Vec<f64> {
+        parts.iter().flat_map(|&(n, v)| std::iter::repeat_n(v, n)).collect()
+    }
+
+    #[test]
+    fn an_edge_fires_once_a_shot_and_is_armed_again() {
+        let command = steps(&[(50, 0.0), (30, 1.0), (60, 0.0), (25, 1.0)]);
+        let shot = |armed: bool, at: i64| {
+            let mut all = if armed { vec![Event::Armed] } else { vec![] };
+            all.extend([Event::Fired(at * MS), Event::Over((at + 20) * MS)]);
+            all
+        };
+        let found = events(Condition::Edge, 10, 20, &command);
+        // closes at 50, opens at 80 (before it is armed again: only 8 ms after the shot), closes at 140
+        let expected = [shot(true, 50), shot(true, 140)].concat();
+        assert_eq!(found, expected);
+        // with less to hold before a shot, the valve's opening is a shot of its own
+        assert_eq!(
+            events(Condition::Edge, 5, 20, &command),
+            [shot(true, 50), shot(true, 80), shot(true, 140)].concat()
+        );
+    }
+
+    #[test]
+    fn a_level_does_not_fire_while_the_surge_rings() {
+        let mut pressure = steps(&[(40, 100.0)]);
+        // twelve swings of 30 ms, then quiet
+        pressure.extend((0..360).map(|i| 100.0 + 80.0 * (i as f64 * std::f64::consts::TAU / 30.0).sin()));
+        pressure.extend(steps(&[(100, 100.0), (5, 200.0)]));
+        let found = events(Condition::Level(150.0), 30, 60, &pressure);
+        let fired: Vec<&Event> = found.iter().filter(|e| matches!(e, Event::Fired(_))).collect();
+        assert_eq!(fired, [&Event::Fired(44 * MS), &Event::Fired(500 * MS)], "{found:?}");
+    }
+
+    #[test]
+    fn a_slope_fires_on_a_rise_and_not_on_noise_or_drift() {
+        let noise = |i: usize| if i.is_multiple_of(2) { 1.0 } else { -1.0 };
+        let mut pressure: Vec<f64> = (0..200).map(|i| 100.0 + 0.02 * i as f64 + noise(i)).collect();
+        pressure.extend((0..40).map(|i| 104.0 + 4.0 * i as f64 + noise(i)));
+        let found = events(Condition::Slope(1000.0), 50, 30, &pressure);
+        let Some(Event::Fired(at)) = found.get(1) else { panic!("{found:?}") };
+        assert!((200 * MS..210 * MS).contains(at), "the rise of 4000 a second starts at 200 ms: {at}");
+    }
+
+    #[test]
+    fn nothing_fires_before_there_is_enough_to_hold() {
+        assert_eq!(events(Condition::Level(1.0), 10, 10, &steps(&[(100, 2.0)])), []);
+        assert_eq!(events(Condition::Edge, 10, 10, &steps(&[(5, 0.0), (20, 1.0)])), [Event::Armed]);
+    }
+
+    #[test]
+    fn a_gap_is_no_edge_and_has_to_be_waited_out() {
+        let settings = Settings { condition: Condition::Edge, pre_ns: 10 * MS, post_ns: 20 * MS };
+        let (mut trigger, mut events) = (Trigger::new(settings), Vec::new());
+        trigger.feed(0, 1e6, &[0.0; 20], &mut events);
+        assert!(trigger.is_armed());
+        trigger.gap();
+        trigger.feed(100 * MS, 1e6, &[1.0; 5], &mut events);
+        assert!(!trigger.is_armed());
+        assert_eq!(events, [Event::Armed]);
+    }
+}

@@ -1,0 +1,68 @@
+//! The page of a frequency response: amplitude and phase of record and model at each sensor, and the table of harmonics.
+
+use std::fmt::Write;
+
+use super::{CSS, figures, footer, minus, table};
+use crate::fit::frequency::SensorResponse;
+use crate::report::escape::escape;
+use crate::report::frequency::{WINDOW, amplitude, heading, headings, phase, rows, verdict};
+
+/// The page as one HTML document, without scripts.
+pub fn html(title: &str, against: &str, sensors: &[SensorResponse]) -> String {
+    let (said, has_it) = verdict(sensors);
+    let (mark, class) = match has_it {
+        Some(true) => ("✓", "good"),
+        Some(false) => ("✗", "missing"),
+        None => ("?", "unknown"),
+    };
+    let mut out = format!(
+        r#"<!doctype html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<meta name="color-scheme" content="light dark">
+<meta name="generator" content="surgescope {version}">
+<meta http-equiv="Content-Security-Policy" content="default-src 'none'; style-src 'unsafe-inline'; img-src data:">
+<title>{title}</title>
+<style>{CSS}</style>
+</head>
+<body data-page="frequency">
+<main>
+<header>
+<p class="kicker">surgescope frequency response, {against}</p>
+<h1>{title}</h1>
+<p class="verdict {class}"><span class="mark" aria-hidden="true">{mark}</span> <span>{said}</span></p>
+</header>
+"#,
+        version = env!("CARGO_PKG_VERSION"),
+        title = escape(title),
+        against = escape(against),
+        said = escape(&said),
+    );
+    for (i, sensor) in sensors.iter().enumerate() {
+        let _ = write!(
+            out,
+            "<section id=\"sensor-{i}\"><h2>{}</h2>\n<p class=\"facts\">{}</p>\n{}",
+            escape(&sensor.name),
+            escape(&heading(sensor)),
+            figures::plates(&[("Amplitude".to_owned(), amplitude(sensor)), ("Phase".to_owned(), phase(sensor))]),
+        );
+        let cells = rows(sensor).into_iter().map(|row| row.map(|cell| minus(&escape(&cell))).to_vec());
+        out.push_str(&table(
+            &format!("Harmonics at {}", sensor.name),
+            &headings(),
+            &[0, 1, 2, 3, 4, 5, 6, 7, 8],
+            cells,
+        ));
+        out.push_str("</section>\n");
+    }
+    let _ = writeln!(
+        out,
+        "<p class=\"note\">Dotted: n·a/4L, n odd, of the elastic pipe. Shift: where the record has the harmonic against that. {}</p>",
+        escape(WINDOW)
+    );
+    out.push_str(&footer(""));
+    out.push_str("</body>\n</html>\n");
+    out
+}

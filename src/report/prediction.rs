@@ -1,0 +1,139 @@
+//! A prediction as text and JSON: how far a model errs on recordings that it was not fitted to.
+
+use serde::Serialize;
+
+use super::json;
+use super::number::{error_m, fixed, significant, times};
+use super::table::{Table, parameters};
+use crate::fit::compare::mape_percent;
+use crate::fit::outcome::RunFit;
+use crate::fit::predict::Prediction;
+
+/// Error over the noise up to which a prediction is down to the noise.
+const NOISE: f64 = 1.25;
+/// The same up to which it is near.
+const NEAR: f64 = 2.0;
+
+/// Error over the samples that were predicted, and the noise of the same, over all runs, m.
+pub fn ahead(prediction: &Prediction) -> (f64, f64) {
+    pooled(prediction, &prediction.fit.runs)
+}
+
+fn pooled(prediction: &Prediction, runs: &[RunFit]) -> (f64, f64) {
+    let (mut square, mut noise, mut samples) = (0.0, 0.0, 0.0);
+    for sensor in runs.iter().flat_map(|r| &r.sensors) {
+        let n = sensor.time_s.iter().filter(|t| **t > prediction.known_until_s).count() as f64;
+        if n > 0.0 {
+            square += n * prediction.ahead_m(sensor).powi(2);
+            noise += n * sensor.noise_m.powi(2);
+            samples += n;
+        }
+    }
+    ((square / samples).sqrt(), (noise / samples).sqrt())
+}
+
+/// The prediction in a sentence.
+pub fn verdict(prediction: &Prediction) -> String {
+    let (error, noise) = ahead(prediction);
+    if !error.is_finite() {
+        return "No sample lies after those that tell a run's own values: nothing was predicted.".to_owned();
+    }
+    let meaning = match error / noise {
+        ratio if ratio <= NOISE => "the model predicts down to the noise".to_owned(),
+        ratio if ratio <= NEAR => format!("{}× the noise, the model predicts nearly all of it", times(error, noise)),
+        _ => format!("{}× the noise, the model does not hold here", times(error, noise)),
+    };
+    format!("Predicted to {} m, noise {} m: {meaning}.", error_m(error), error_m(noise))
+}
+
+/// Verdict, errors by sensor, and the values that were used.
+pub fn text(prediction: &Prediction) -> String {
+    let mut table = Table::new(&[
+        "run",
+        "sensor",
+        "<predicted, m",
+        "<all, m",
+        "<noise, m",
+        "<predicted/noise",
+        "<inside 95%",
+        "<MAPE, %",
+    ]);
+    let percent = |value: f64| if value.is_finite() { significant(value, 2) } else { String::new() };
+    for run in &prediction.fit.runs {
+        for s in &run.sensors {
+            let ahead = prediction.ahead_m(s);
+            table.row([
+                run.file.clone(),
+                s.name.clone(),
+                error_m(ahead),
+                error_m(s.rmse_m),
+                error_m(s.noise_m),
+                times(ahead, s.noise_m),
+                s.inside_band().map_or(String::new(), |share| format!("{}%", fixed(100.0 * share, 1))),
+                percent(mape_percent(s.extrema.iter())),
+            ]);
+        }
+    }
+    format!(
+        "{}\n\n{}predicted: RMSE of what came later than {:.3} s after the start of the closure. Before that the run's own values were read from \
+         it. all: with those samples. MAPE: mean error of peaks and troughs, without sign.\n\nShared values are the model's, the run's own are \
+         from its signals:\n{}",
+        verdict(prediction),
+        table.without_empty_columns(),
+        prediction.known_until_s,
+        parameters(&prediction.fit)
+    )
+}
+
+/// The document of `predict --json`.
+#[derive(Debug, Serialize)]
+pub struct Document<'a> {
+    /// Effects of the model.
+    pub effects: Vec<String>,
+    /// In a sentence.
+    pub verdict: String,
+    /// Samples up to this time after the start of the closure told the runs' own values, s.
+    pub known_until_s: f64,
+    /// Error over the samples after that, m.
+    pub predicted_rmse_m: f64,
+    /// Noise of the same, m.
+    pub noise_m: f64,
+    /// Each run.
+    pub runs: Vec<Run<'a>>,
+    /// Shared parameters as the model has them, and the runs' own.
+    pub parameters: Vec<json::Parameter<'a>>,
+    /// What to know: differences of the rigs, temperatures, recordings that the model was fitted to.
+    pub warnings: &'a [String],
+}
+
+/// One run, as in `calibrate --json`, with its error ahead.
+#[derive(Debug, Serialize)]
+pub struct Run<'a> {
+    /// As in `calibrate --json`: errors over all samples.
+    #[serde(flatten)]
+    pub all: json::Run<'a>,
+    /// Error over the samples that were predicted, m.
+    pub predicted_rmse_m: f64,
+    /// The same by sensor, in the order of `sensors`.
+    pub predicted_rmse_m_by_sensor: Vec<f64>,
+}
+
+/// A prediction as scripts see it.
+pub fn document<'a>(prediction: &'a Prediction, warnings: &'a [String]) -> Document<'a> {
+    let (predicted_rmse_m, noise_m) = ahead(prediction);
+    let run = |run: &'a RunFit| Run {
+        all: run.into(),
+        predicted_rmse_m: pooled(prediction, std::slice::from_ref(run)).0,
+        predicted_rmse_m_by_sensor: run.sensors.iter().map(|s| prediction.ahead_m(s)).collect(),
+    };
+    Document {
+        effects: prediction.fit.labels(),
+        verdict: verdict(prediction),
+        known_until_s: prediction.known_until_s,
+        predicted_rmse_m,
+        noise_m,
+        runs: prediction.fit.runs.iter().map(run).collect(),
+        parameters: prediction.fit.parameters.iter().map(Into::into).collect(),
+        warnings,
+    }
+}

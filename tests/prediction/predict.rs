@@ -1,0 +1,122 @@
+//! Bands, predictions of other runs, cross-validation.
+
+use assert_cmd::Command;
+use serde_json::Value;
+use surgescope::fit::calibrate::{Options, calibrate};
+use surgescope::fit::cross_validate::{By, cross_validate};
+use surgescope::fit::outcome::Fit;
+use surgescope::fit::predict::{Known, predict};
+use surgescope::model::effects::parse_list;
+use surgescope::report::cross_validation::comparison;
+use surgescope::report::prediction::{ahead, verdict};
+
+use super::{NOISE_M, creeping, plastic};
+
+fn inside(fit: &Fit) -> Vec<f64> {
+    fit.runs.iter().flat_map(|r| &r.sensors).map(|s| s.inside_band().unwrap()).collect()
+}
+
+/// A model of one flow predicts another flow and another closing time down to the noise if its physics is whole, and does not if it is not.
+#[test]
+fn a_model_of_one_flow_predicts_another() {
+    let rig = plastic();
+    let (one, other) = ([creeping(&rig, "slow", 0.25, 0.09)], [creeping(&rig, "fast", 0.55, 0.13)]);
+    let options = Options { most_reaches: 128, ..Options::default() };
+    let whole = parse_list("viscoelastic-wall:1").unwrap();
+    let fit = calibrate(&rig, &one, &whole, &options, &|_| {}).unwrap();
+    assert!(inside(&fit).iter().all(|share| (0.94..0.96).contains(share)), "{:?}", inside(&fit));
+    let predicted = predict(&rig, &other, &Known::of(&fit), &[], &options, &|_| {}).unwrap();
+    let (error, noise) = ahead(&predicted);
+    assert!(error < 1.15 * noise && (noise - NOISE_M).abs() < 1e-9, "{error}");
+    assert!(verdict(&predicted).contains("down to the noise"), "{}", verdict(&predicted));
+    assert!(inside(&predicted.fit).iter().all(|share| (0.9..0.98).contains(share)), "{:?}", inside(&predicted.fit));
+    let value = |name: &str| predicted.fit.parameters.iter().find(|p| p.name == name).unwrap();
+    assert!((value("closing_time_s").value - 0.13).abs() < 0.01 && !value("closing_time_s").held);
+    assert!(value("wave_speed_m_s").held && value("wave_speed_m_s").value == fit.parameters[0].value);
+    // All of it lies after 2L/a, some half a second.
+    assert!((0.4..0.6).contains(&predicted.known_until_s), "{}", predicted.known_until_s);
+
+    let poor = calibrate(&rig, &one, &[], &options, &|_| {}).unwrap();
+    assert!(inside(&poor).iter().all(|share| *share < 0.7), "{:?}", inside(&poor));
+    let predicted = predict(&rig, &other, &Known::of(&poor), &[], &options, &|_| {}).unwrap();
+    assert!(
+        ahead(&predicted).0 > 20.0 * noise && verdict(&predicted).contains("does not hold"),
+        "{}",
+        verdict(&predicted)
+    );
+}
+
+#[test]
+fn cross_validation_tells_the_whole_model_from_the_poor_one() {
+    let rig = plastic();
+    let runs = [creeping(&rig, "slow", 0.25, 0.09), creeping(&rig, "fast", 0.55, 0.13)];
+    let options = Options { most_reaches: 64, ..Options::default() };
+    let all = [By::Sensors, By::Runs, By::Time];
+    let of =
+        |effects: &str| cross_validate(&rig, &runs, &parse_list(effects).unwrap(), &all, &options, &|_| {}).unwrap();
+    let (whole, poor) = (of("viscoelastic-wall:1"), of("none"));
+    let left_out: Vec<&str> = whole.folds.iter().map(|f| f.left_out.as_str()).collect();
+    assert_eq!(left_out[..4], ["P1", "P2", "slow", "fast"]);
+    assert_eq!(whole.folds.len(), 5);
+    for by in all {
+        let (good, bad) = (whole.pooled(by).unwrap(), poor.pooled(by).unwrap());
+        assert!(good.held_out_m < 1.15 * NOISE_M && good.held_out_m >= 0.9 * good.in_fit_m, "{by:?} {good:?}");
+        assert!(bad.held_out_m > 5.0 * NOISE_M, "{by:?} {bad:?}");
+    }
+    let words = comparison(&whole, &poor);
+    assert!(words.len() == 3 && words.iter().all(|w| w.contains("viscoelastic-wall:1 predicts better")), "{words:?}");
+    let alone = cross_validate(&rig, &runs[..1], &[], &[By::Runs, By::Time], &options, &|_| {}).unwrap();
+    assert!(alone.folds.len() == 1 && alone.skipped[0].contains("single recording"), "{:?}", alone.skipped);
+}
+
+fn surgescope(arguments: &[&str]) -> std::process::Output {
+    let mut command = Command::cargo_bin("surgescope").unwrap();
+    command.current_dir(env!("CARGO_MANIFEST_DIR")).args(arguments).output().unwrap()
+}
+
+fn document(output: &std::process::Output) -> Value {
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    serde_json::from_slice(&output.stdout).unwrap()
+}
+
+/// A model file predicts; another line is refused unless that is asked for; the record it was fitted to is named.
+#[test]
+fn a_file_of_models_predicts_recordings_of_its_line_only() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let (model, page) = (path("model.toml"), path("page.html"));
+    let own = "recordings/hdpe-creep.mcap";
+    let fit = surgescope(&[
+        "calibrate",
+        own,
+        "--effects",
+        "viscoelastic-wall:2",
+        "--most-reaches",
+        "64",
+        "--save",
+        &model,
+        "--json",
+    ]);
+    let fit = document(&fit);
+    let share = fit["runs"][0]["sensors"][0]["inside_band_95"].as_f64().unwrap();
+    assert!((0.9..0.99).contains(&share), "{share}");
+    let output = surgescope(&["predict", &model, own, "--json", "--report", &page]);
+    let answer = document(&output);
+    let [error, noise] = ["predicted_rmse_m", "noise_m"].map(|key| answer[key].as_f64().unwrap());
+    assert!(error < 1.5 * noise, "{error} {noise}");
+    assert!(answer["warnings"][0].as_str().unwrap().contains("was fitted to"), "{}", answer["warnings"]);
+    let text = std::fs::read_to_string(&page).unwrap();
+    assert!(text.contains("95% band") && text.contains("prediction"));
+    let held = surgescope(&["predict", &model, own, "--json", "--closing-time", "0.2"]);
+    let held = document(&held);
+    assert!(held["predicted_rmse_m"].as_f64().unwrap() > error, "a wrong closing time predicts worse");
+
+    let other = "recordings/hdpe-nothing-missing.mcap";
+    let refused = surgescope(&["predict", &model, other, "--json"]);
+    let words = String::from_utf8_lossy(&refused.stderr).into_owned();
+    assert!(refused.status.code() == Some(2) && words.contains("another line") && words.contains("length"), "{words}");
+    let forced = document(&surgescope(&["predict", &model, other, "--json", "--other-rig"]));
+    assert!(forced["predicted_rmse_m"].as_f64().unwrap() > 5.0 * forced["noise_m"].as_f64().unwrap());
+    let shared = surgescope(&["predict", &model, own, "--hold", "wave_speed_m_s=300"]);
+    assert!(String::from_utf8_lossy(&shared.stderr).contains("is the model's, not the run's"));
+}

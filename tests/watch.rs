@@ -1,0 +1,247 @@
+//! What a lab relies on when nobody looks: `surgescope watch` does each recording once, says what it cannot do, and survives being killed.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Output, Stdio};
+use std::time::{Duration, Instant};
+
+use serde_json::Value;
+use surgescope::fit::model_file::ModelFile;
+use surgescope::history::{Index, Run, State};
+use surgescope::report::fit_file::FitFile;
+
+const HERE: &str = env!("CARGO_MANIFEST_DIR");
+
+fn surgescope(arguments: &[&str]) -> Command {
+    let mut command = Command::new(assert_cmd::cargo::cargo_bin("surgescope"));
+    command.current_dir(HERE).args(arguments);
+    command
+}
+
+fn path(path: &Path) -> &str {
+    path.to_str().unwrap()
+}
+
+/// Exit code, standard output, standard error.
+fn ended(output: Output) -> (i32, String, String) {
+    let text = |bytes| String::from_utf8(bytes).unwrap();
+    (output.status.code().unwrap(), text(output.stdout), text(output.stderr))
+}
+
+fn once(folder: &Path, more: &[&str]) -> (i32, String, String) {
+    ended(surgescope(&[&["watch", path(folder), "--once"], more].concat()).output().unwrap())
+}
+
+/// The shipped test of an HDPE pipe, played for so many seconds into a recording of its own.
+fn recorded(file: &Path, seconds: &str, note: &str) {
+    let from = "recordings/hdpe-nothing-missing.mcap";
+    let arguments =
+        ["record", "--replay", from, "--speed", "0", "--duration", seconds, "--note", note, "-o", path(file)];
+    let (code, _, err) = ended(surgescope(&arguments).output().unwrap());
+    assert_eq!(code, 0, "{err}");
+}
+
+fn runs(folder: &Path) -> BTreeMap<String, Run> {
+    let all = Index::read(folder).unwrap().all().unwrap();
+    let count = all.len();
+    let runs: BTreeMap<String, Run> = all.into_iter().map(|r| (r.file.clone(), r)).collect();
+    assert_eq!(runs.len(), count, "a run stands in the index twice");
+    runs
+}
+
+/// Fit and report stand beside a recording and are about it.
+fn assert_done(folder: &Path, run: &Run) {
+    assert_eq!(run.state, State::Done, "{run:?}");
+    let finding = run.finding.as_ref().unwrap();
+    let model = folder.join(&finding.model_file);
+    let file = ModelFile::parse(&fs::read_to_string(&model).unwrap(), &model).unwrap();
+    assert_eq!(file.recordings, [PathBuf::from(&run.file)]);
+    let speed = finding.parameters.iter().find(|v| v.name == "wave_speed_m_s").unwrap();
+    assert!((speed.value - 360.2).abs() < 3.0 && speed.standard_error.unwrap() < 3.0, "{speed:?}");
+    let first = file.models[0].parameters.iter().find(|p| p.name == "wave_speed_m_s").unwrap();
+    assert_eq!(first.value, speed.value);
+    let fit = FitFile::read(&folder.join(&run.file).with_extension("fit.toml")).unwrap();
+    let written: Vec<f64> = fit.parameters.iter().map(|p| p.value).collect();
+    assert_eq!(written, finding.parameters.iter().map(|v| v.value).collect::<Vec<_>>());
+    assert!(fs::read_to_string(folder.join(&finding.report_file)).unwrap().ends_with("</html>\n"));
+}
+
+#[test]
+fn each_recording_is_done_once_and_what_cannot_be_done_is_said_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    recorded(&at("a.mcap"), "5", "run=1");
+    recorded(&at("still.mcap"), "0.5", "run=2");
+    fs::copy(at("a.mcap"), at("copy.mcap")).unwrap();
+    let (code, out, err) = once(folder.path(), &["--json"]);
+    assert_eq!(code, 1, "the recording without a closure has failed: {err}");
+    let document: Value = serde_json::from_str(&out).unwrap();
+    assert_eq!(document["runs"].as_array().unwrap().len(), 2, "{out}");
+    assert!(err.contains("copy.mcap is a copy of a.mcap"), "{err}");
+    let known = runs(folder.path());
+    assert_done(folder.path(), &known["a.mcap"]);
+    assert_eq!(known["still.mcap"].state, State::Failed);
+    let said = document["runs"].as_array().unwrap().iter().find(|r| r["file"] == "still.mcap").unwrap();
+    assert_eq!(said["state"], "failed");
+    assert!(said["error"].as_str().unwrap().contains("closure"), "{said}");
+
+    // Nothing is left to do, under whatever name.
+    fs::rename(at("still.mcap"), at("renamed.mcap")).unwrap();
+    let before = fs::metadata(at("a.html")).unwrap().modified().unwrap();
+    let (code, out, err) = once(folder.path(), &["--json"]);
+    assert_eq!((code, serde_json::from_str::<Value>(&out).unwrap()["runs"].as_array().unwrap().len()), (0, 0), "{err}");
+    assert!(err.contains("renamed.mcap is still.mcap under another name"), "{err}");
+    assert_eq!(fs::metadata(at("a.html")).unwrap().modified().unwrap(), before);
+
+    // Failed runs come again only when asked for.
+    let (code, out, _) = once(folder.path(), &["--retry"]);
+    assert_eq!(code, 1);
+    assert!(out.starts_with("renamed.mcap: failed: ") && out.lines().count() == 1, "{out}");
+}
+
+#[test]
+fn a_recording_is_waited_for_until_it_has_its_end() {
+    let folder = tempfile::tempdir().unwrap();
+    let whole = folder.path().join("whole.mcap");
+    recorded(&whole, "5", "run=1");
+    let bytes = fs::read(&whole).unwrap();
+    fs::remove_file(&whole).unwrap();
+    let growing = folder.path().join("growing.mcap");
+    let mut file = fs::File::create(&growing).unwrap();
+    file.write_all(&bytes[..bytes.len() / 2]).unwrap();
+    let (code, out, err) = once(folder.path(), &[]);
+    assert_eq!((code, out.as_str()), (3, ""), "{err}");
+    assert!(err.contains("growing.mcap: is still being written"), "{err}");
+    // One that does not grow is called torn, once, with what to do about it, and taken up all the same when it does grow.
+    std::thread::sleep(Duration::from_millis(150));
+    let (code, _, err) = once(folder.path(), &["--torn-after", "0.1"]);
+    assert!(code == 3 && err.contains("surgescope recover"), "{err}");
+    let (code, _, err) = once(folder.path(), &["--torn-after", "0.1"]);
+    assert!(code == 3 && !err.contains("surgescope recover"), "{err}");
+    file.write_all(&bytes[bytes.len() / 2..]).unwrap();
+    let (code, out, err) = once(folder.path(), &["--json-lines"]);
+    assert_eq!(code, 0, "{err}");
+    let line: Value = serde_json::from_str(out.trim()).unwrap();
+    assert_eq!((&line["file"], &line["state"]), (&Value::from("growing.mcap"), &Value::from("done")));
+    assert_done(folder.path(), &runs(folder.path())["growing.mcap"]);
+}
+
+/// A watch that runs until it is killed.
+struct Watcher(Child);
+
+impl Watcher {
+    fn start(folder: &Path) -> Watcher {
+        let mut command = surgescope(&["watch", path(folder), "--every", "0.02"]);
+        Watcher(command.stdout(Stdio::piped()).stderr(Stdio::null()).spawn().unwrap())
+    }
+
+    /// SIGKILL; what it had printed.
+    fn kill(mut self) -> String {
+        self.0.kill().unwrap();
+        String::from_utf8(self.0.wait_with_output().unwrap().stdout).unwrap()
+    }
+}
+
+fn wait_for(what: &str, mut there: impl FnMut() -> bool) {
+    let start = Instant::now();
+    while !there() {
+        assert!(start.elapsed() < Duration::from_secs(120), "{what} does not come");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+}
+
+#[test]
+fn a_killed_watch_does_nothing_twice_and_leaves_nothing_out() {
+    let folder = tempfile::tempdir().unwrap();
+    for n in 1..=3 {
+        recorded(&folder.path().join(format!("run-{n}.mcap")), "5", &format!("run={n}"));
+    }
+    let mut printed = String::new();
+    // Killed at once; in the middle of the first fit; right after a fit was written, before or after it is entered; soon after.
+    printed += &Watcher::start(folder.path()).kill();
+    let begun = || {
+        Index::read(folder.path()).is_ok_and(|i| i.all().is_ok_and(|all| all.iter().any(|r| r.state == State::Running)))
+    };
+    for more_ms in [0, 300] {
+        let watcher = Watcher::start(folder.path());
+        wait_for("the first run", begun);
+        std::thread::sleep(Duration::from_millis(more_ms));
+        printed += &watcher.kill();
+    }
+    let watcher = Watcher::start(folder.path());
+    wait_for("a fit", || (1..=3).any(|n| folder.path().join(format!("run-{n}.model.toml")).exists()));
+    printed += &watcher.kill();
+    let watcher = Watcher::start(folder.path());
+    wait_for("a report", || (1..=3).any(|n| folder.path().join(format!("run-{n}.html")).exists()));
+    printed += &watcher.kill();
+
+    let (code, out, err) = once(folder.path(), &[]);
+    assert_eq!(code, 0, "{err}");
+    printed += &out;
+    let known = runs(folder.path());
+    assert_eq!(known.len(), 3);
+    for (file, run) in &known {
+        assert_done(folder.path(), run);
+        let lines = printed.lines().filter(|l| l.starts_with(&format!("{file}: "))).count();
+        assert!(lines <= 1, "{file} was told {lines} times: {printed}");
+        let model = folder.path().join(&run.finding.as_ref().unwrap().model_file);
+        let models = ModelFile::parse(&fs::read_to_string(&model).unwrap(), &model).unwrap().models;
+        assert_eq!(models.len(), 1, "what a killed process wrote is replaced");
+    }
+    assert!(known.values().any(|r| r.tries > 1), "no kill hit a run: {known:?}");
+    let (_, out, _) = once(folder.path(), &[]);
+    assert_eq!(out, "", "something was done again");
+}
+
+#[test]
+fn a_second_watch_is_refused_and_a_killed_one_leaves_no_lock() {
+    let folder = tempfile::tempdir().unwrap();
+    let first = Watcher::start(folder.path());
+    wait_for("the index", || folder.path().join("surgescope.sqlite").exists());
+    let (code, _, err) = once(folder.path(), &[]);
+    assert_eq!(code, 2);
+    assert!(err.contains("another surgescope") && err.contains(&format!("process {}", first.0.id())), "{err}");
+    first.kill();
+    assert_eq!(once(folder.path(), &[]).0, 0);
+}
+
+#[test]
+fn one_document_needs_an_end() {
+    let folder = tempfile::tempdir().unwrap();
+    let (code, out, err) = ended(surgescope(&["watch", path(folder.path()), "--json"]).output().unwrap());
+    assert_eq!((code, out.as_str()), (2, ""));
+    assert!(err.contains("--once") && err.contains("--json-lines"), "{err}");
+}
+
+/// A leak that the rig's model lacks is named; once its model is accepted, a like run lacks nothing.
+#[test]
+fn what_is_accepted_is_what_later_runs_are_held_against() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    fs::copy(Path::new(HERE).join("recordings/copper-leak.mcap"), at("first.mcap")).unwrap();
+    let (code, out, err) = once(folder.path(), &[]);
+    assert_eq!(code, 0, "{err}");
+    assert!(out.contains("leak missing") && out.contains("surgescope accept first.mcap"), "{out}");
+    let (code, _, err) = ended(surgescope(&["accept", path(&at("other.mcap"))]).output().unwrap());
+    assert!(code == 2 && err.contains("does not know"), "{err}");
+    let (code, out, err) = ended(surgescope(&["accept", path(&at("first.mcap")), "--json"]).output().unwrap());
+    assert_eq!(code, 0, "{err}");
+    let accepted: Value = serde_json::from_str(&out).unwrap();
+    assert_eq!(accepted["effects"], serde_json::json!(["unsteady-friction", "leak"]));
+    let leak = accepted["parameters"].as_array().unwrap().iter().find(|p| p["name"] == "leak_position_m").unwrap();
+    assert_eq!((&leak["unit"], &leak["own"]), (&Value::from("m"), &Value::from(false)));
+
+    // The same rig again, recorded and calibrated in one go.
+    let again = at("second.mcap");
+    let from = "recordings/copper-leak.mcap";
+    let arguments = ["record", "--replay", from, "--speed", "0", "--calibrate", "--json", "-o", path(&again)];
+    let (code, out, err) = ended(surgescope(&arguments).output().unwrap());
+    assert_eq!(code, 0, "{err}");
+    let document: Value = serde_json::from_str(&out).unwrap();
+    assert_eq!(document["calibration"]["verdict"], "nothing-missing", "{out}");
+    assert_eq!(document["calibration"]["effects"], accepted["effects"]);
+    assert!(at("second.html").exists());
+    assert_eq!(once(folder.path(), &[]).1, "", "the watch knows what record has done");
+}
