@@ -11,12 +11,12 @@ use std::time::Duration;
 use surgescope::log;
 use surgescope::record::RecordError;
 use surgescope::record::output::Summary;
-use surgescope::record::port::Source;
 use surgescope::record::replay::{load, replay};
-use surgescope::record::session::{Options, live_device, record};
-use surgescope::record::simulated::{Counts, Faults, Playback, Sent, SimulatedDevice};
+use surgescope::record::session::{Options, live_devices, record};
+use surgescope::record::simulated::{Faults, Playback, Script, Sent, SimulatedDevice};
+use surgescope::record::source::Sources;
 use surgescope::recording::{Recording, Series};
-use surgescope::rig::Rig;
+use surgescope::rig::{Device, Rig};
 use tempfile::TempDir;
 
 const PERIOD_NS: u32 = 500_000;
@@ -47,6 +47,10 @@ fn rig() -> Rig {
     Rig::from_toml(&rig_text("frames"), "bench.toml").unwrap()
 }
 
+fn device() -> Device {
+    live_devices(&rig(), &[]).unwrap().remove(0)
+}
+
 /// Three different decaying waves around a steady value, `seconds` long at 2 kHz.
 fn playback(seconds: f64) -> Playback {
     let samples = (seconds * 2000.0) as usize;
@@ -57,31 +61,37 @@ fn playback(seconds: f64) -> Playback {
     };
     Playback {
         sample_period_ns: PERIOD_NS,
-        channels: vec![wave(300.0, 250.0, 0.9), wave(200.0, 90.0, 2.7), wave(0.1, 0.05, 1.1)],
+        sensors: vec![(0, wave(300.0, 250.0, 0.9)), (1, wave(200.0, 90.0, 2.7)), (2, wave(0.1, 0.05, 1.1))],
     }
 }
 
 /// What the converter makes of sample `index` of a channel.
 fn quantised(playback: &Playback, channel: usize, index: usize) -> f64 {
     let (scale, offset) = SCALES[channel];
-    scale * ((playback.channels[channel][index] - offset) / scale).round() + offset
+    scale * ((playback.sensors[channel].1[index] - offset) / scale).round() + offset
 }
 
 fn options(file: &Path) -> Options {
-    Options { file: file.to_owned(), duration_s: None, silence: Duration::from_secs(5), notes: vec![], shots: None }
+    Options {
+        file: file.to_owned(),
+        duration_s: None,
+        silence: Duration::from_secs(5),
+        wait: Duration::ZERO,
+        notes: vec![],
+        shots: None,
+    }
 }
 
 /// Plays through a pseudo-terminal and records it, in this process.
 fn record_playback(playback: &Playback, speed: f64, faults: Faults, options: &Options) -> (Summary, Sent) {
     let rig = rig();
-    let mut device = live_device(&rig).unwrap().clone();
     let mut simulated = SimulatedDevice::open().unwrap();
-    device.port = simulated.path().display().to_string();
-    let source = Source::open(&device).unwrap();
-    let counts = Counts::new(playback, &rig, &device).unwrap();
-    assert_eq!(counts.clipped, 0);
-    simulated.start(counts, speed, faults).unwrap();
-    let summary = record(&rig, &device, &source, options, &AtomicBool::new(false), &mut |_| {}).unwrap();
+    let device = Device { port: simulated.path().display().to_string(), ..device() };
+    let sources = Sources::open(&rig, std::slice::from_ref(&device), false).unwrap();
+    let script = Script::new(playback, &rig, &device).unwrap();
+    assert_eq!(script.clipped, 0);
+    simulated.start(script, speed, faults).unwrap();
+    let summary = record(&rig, &sources, options, &AtomicBool::new(false), &mut |_| {}).unwrap();
     (summary, simulated.stop().unwrap())
 }
 
@@ -147,10 +157,20 @@ fn on_a_bad_line_every_recorded_sample_is_right_and_every_hole_is_a_gap() {
     for seed in 1..=3 {
         let file = folder.path().join(format!("run{seed}.mcap"));
         let playback = playback(20.0);
-        let faults = Faults { flip: 0.01, drop: 0.02, duplicate: 0.01, seed };
+        let faults = Faults {
+            flip: 0.01,
+            drop: 0.02,
+            duplicate: 0.01,
+            noise: 0.01,
+            cut: 0.01,
+            crc: 0.01,
+            seed,
+            ..Faults::default()
+        };
         let (summary, sent) = record_playback(&playback, 0.0, faults, &options(&file));
         assert!(sent.flipped > 5 && sent.dropped > 15 && sent.duplicated > 5, "too few faults to test: {sent:?}");
-        let missing = sent.flipped + sent.dropped;
+        assert!(sent.noisy > 5 && sent.cut > 5 && sent.wrong_crc > 5, "too few faults to test: {sent:?}");
+        let missing = sent.harmed();
         let device = &summary.devices[0];
         assert_eq!(device.frames, sent.frames - missing);
         assert_eq!(device.bad_frames, sent.bad_pieces);
@@ -178,13 +198,11 @@ fn the_duration_is_kept_to_the_sample() {
 fn a_silent_device_and_one_that_speaks_something_else_leave_no_file() {
     let folder = TempDir::new().unwrap();
     let rig = rig();
-    let device = live_device(&rig).unwrap();
     let options = Options { silence: Duration::from_millis(200), ..options(&folder.path().join("run.mcap")) };
-    let record =
-        |source: Source| record(&rig, device, &source, &options, &AtomicBool::new(false), &mut |_| {}).unwrap_err();
-    let error = record(Source::spawn("daq", std::io::empty()).unwrap());
+    let record = |sources: Sources| record(&rig, &sources, &options, &AtomicBool::new(false), &mut |_| {}).unwrap_err();
+    let error = record(Sources::reading(&device(), std::io::empty()).unwrap());
     assert!(matches!(&error, RecordError::Silent { .. }), "{error}");
-    let error = record(Source::spawn("daq", std::io::Cursor::new("12,3.4,5.6\n".repeat(100))).unwrap());
+    let error = record(Sources::reading(&device(), std::io::Cursor::new("12,3.4,5.6\n".repeat(100))).unwrap());
     assert!(matches!(&error, RecordError::NoFrame { bytes: 1100, .. }), "{error}");
     assert!(!options.file.exists());
 }
@@ -193,11 +211,10 @@ fn a_silent_device_and_one_that_speaks_something_else_leave_no_file() {
 fn a_sensor_on_a_channel_that_the_device_lacks_is_an_error() {
     let folder = TempDir::new().unwrap();
     let rig = rig();
-    let device = live_device(&rig).unwrap();
     let two = surgescope::record::frames::Frame::new(0, 0, PERIOD_NS, 2, vec![1, 2]).unwrap();
-    let source = Source::spawn("daq", std::io::Cursor::new(two.encode())).unwrap();
+    let sources = Sources::reading(&device(), std::io::Cursor::new(two.encode())).unwrap();
     let options = options(&folder.path().join("run.mcap"));
-    let error = record(&rig, device, &source, &options, &AtomicBool::new(false), &mut |_| {}).unwrap_err().to_string();
+    let error = record(&rig, &sources, &options, &AtomicBool::new(false), &mut |_| {}).unwrap_err().to_string();
     assert!(error.contains("'Q1'") && error.contains("channel 2") && error.contains("2 channels"), "{error}");
     assert!(!options.file.exists());
 }
@@ -246,8 +263,8 @@ impl Bench {
         let port = format!("daq={}", simulated.path().display());
         let child = self.recorder(&["--port", &port]).spawn().unwrap();
         let rig = rig();
-        let counts = Counts::new(playback, &rig, live_device(&rig).unwrap()).unwrap();
-        simulated.start(counts, 1.0, Faults::default()).unwrap();
+        let script = Script::new(playback, &rig, &device()).unwrap();
+        simulated.start(script, 1.0, Faults::default()).unwrap();
         let started = std::time::Instant::now();
         while !self.file.exists() {
             assert!(started.elapsed() < Duration::from_secs(20), "the recorder made no file");
@@ -263,17 +280,22 @@ fn json(output: &Output) -> serde_json::Value {
     serde_json::from_str(&text).unwrap_or_else(|e| panic!("{e}: {text}\n{}", String::from_utf8_lossy(&output.stderr)))
 }
 
+/// tools/recorder/kills.py does this 200 times, and measures the loss against the clock.
 #[test]
-fn a_killed_recorder_leaves_what_it_had_recorded() {
-    let bench = Bench::new("frames");
+fn a_recorder_killed_at_any_moment_leaves_what_it_had_recorded() {
     let playback = playback(60.0);
-    let (mut child, _simulated) = bench.running(&playback);
-    child.kill().unwrap(); // SIGKILL
-    child.wait().unwrap();
-    let whole = bench.folder.path().join("whole.mcap");
-    log::recover(&bench.file, &whole).unwrap();
-    let samples = check(&log::read(&whole).unwrap(), &playback);
-    assert!(samples.iter().all(|&count| count >= 1000), "of a second were saved: {samples:?}");
+    let mut dice = fastrand::Rng::with_seed(11);
+    for _ in 0..4 {
+        let bench = Bench::new("frames");
+        let (mut child, _simulated) = bench.running(&playback);
+        thread::sleep(Duration::from_micros(dice.u64(..100_000)));
+        child.kill().unwrap(); // SIGKILL
+        child.wait().unwrap();
+        let whole = bench.folder.path().join("whole.mcap");
+        log::recover(&bench.file, &whole).unwrap();
+        let samples = check(&log::read(&whole).unwrap(), &playback);
+        assert!(samples.iter().all(|&count| count >= 1000), "of a second were saved: {samples:?}");
+    }
 }
 
 #[test]
@@ -311,8 +333,7 @@ fn an_existing_file_is_refused_and_left_alone() {
 #[test]
 fn what_cannot_be_recorded_is_said_before_anything_is_written() {
     for (protocol, more, said) in [
-        ("lines", &[][..], "records `frames` only"),
-        ("frames", &[], "/dev/ttyBENCH of device 'daq' does not exist"),
+        ("frames", &[][..], "/dev/ttyBENCH of device 'daq' does not exist"),
         ("frames", &["--port", "dag=/dev/null"], "--port names 'dag'"),
         ("frames", &["--speed", "2"], "--replay"),
         ("frames", &["--simulate", "--faults", "flop=1"], "unknown fault 'flop'"),
@@ -395,5 +416,34 @@ fn a_simulated_test_too_long_for_memory_is_refused_before_it_takes_any() {
         assert_eq!(output.status.code(), Some(2), "{stderr}");
         assert!(stderr.contains("GiB; shorten the duration or lower the rate"), "{stderr}");
         assert!(!bench.file.exists());
+    }
+}
+
+/// The same device through a restart: samples of its second life stand where they were taken, behind a gap.
+#[test]
+fn a_restart_is_a_gap_and_what_follows_is_recorded() {
+    let folder = TempDir::new().unwrap();
+    let file = folder.path().join("run.mcap");
+    let playback = playback(6.0);
+    let faults = Faults { reset: 0.003, stall: 0.003, seed: 2, ..Faults::default() };
+    let (summary, sent) = record_playback(&playback, 1.0, faults, &options(&file));
+    assert!(sent.resets >= 1 && sent.stalls >= 1, "{sent:?}");
+    assert_eq!(summary.devices[0].restarts, sent.resets);
+    let recording = log::read(&file).unwrap();
+    let series = &recording.series[0];
+    assert_eq!(series.gaps.len() as u64, sent.resets);
+    assert_eq!(series.value.len() as u64, 12_000 - 20 * sent.reset_frames);
+    assert!(summary.data_lost);
+    // Between gaps every sample follows the one before it; a gap skips as many as the restart took.
+    let times = &series.time_s;
+    let mut index = 0;
+    for (at, value) in series.value.iter().enumerate() {
+        if at > 0 && series.gaps.iter().any(|gap| gap.to_s == times[at]) {
+            index += 400; // 0.2 s
+            let skipped_s = times[at] - times[at - 1];
+            assert!((skipped_s - 0.2005).abs() < 0.02, "{skipped_s} s");
+        }
+        assert!((value - quantised(&playback, 0, index)).abs() < 1e-9, "sample {index} at {} s", times[at]);
+        index += 1;
     }
 }

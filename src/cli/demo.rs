@@ -145,23 +145,26 @@ fn free_names(folder: &Path) -> (PathBuf, PathBuf) {
 /// Plays the shipped recording through the wire protocol and records it as from a real port.
 #[cfg(unix)]
 fn record(rig: &Rig, output: &Path, speed: f64) -> CommandResult {
-    use super::record::{Reporter, record_playback};
-    use crate::record::session::{Options, live_device};
+    use super::record::{Reporter, record_playbacks};
+    use crate::record::session::{Options, live_devices};
     use crate::record::simulated::Faults;
 
     let shipped = shipped()?;
-    let device = live_device(rig)?.clone();
-    let playback = super::playback::of_recording(&shipped, rig, &device)?;
+    let mut played = Vec::new();
+    for device in live_devices(rig, &[])? {
+        let playback = super::playback::of_recording(&shipped, rig, &device)?;
+        played.push((device, playback));
+    }
     let options = Options {
         file: output.to_owned(),
         duration_s: None,
         silence: Duration::from_secs(5),
+        wait: Duration::ZERO,
         notes: vec![("demo".to_owned(), "recordings/hdpe-creep.mcap played through a simulated device".to_owned())],
         shots: None,
     };
     let reporter = Reporter::open();
-    let recorded =
-        record_playback(rig, device, &playback, speed, Faults::default(), &options, &mut |p| reporter.show(p));
+    let recorded = record_playbacks(rig, played, speed, Faults::default(), &options, &mut |p| reporter.show(p));
     reporter.clear();
     let recorded = recorded?;
     super::tell!("   {}: {:.1} s from the wire", output.display(), recorded.duration_s);

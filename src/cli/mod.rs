@@ -46,6 +46,7 @@ pub mod models;
 pub mod output;
 pub mod pest;
 pub mod playback;
+pub mod ports;
 pub mod predict;
 pub mod profile;
 pub mod record;
@@ -128,6 +129,7 @@ enum Command {
     Recover(recover::Args),
     /// Say where a rig file contradicts itself, or a recording made on it.
     Rig(rig::Args),
+    Ports(ports::Args),
     /// Record a live, simulated or replayed test.
     Record(record::Args),
     /// Simulate a closure on a rig, no recording needed.
@@ -166,6 +168,7 @@ pub fn main() -> ExitCode {
         Command::Recover(args) => recover::run(args, cli.json),
         Command::Simulate(args) => simulate::run(args, cli.json),
         Command::Rig(args) => rig::run(args, cli.json),
+        Command::Ports(args) => ports::run(args, cli.json),
         Command::Record(args) => record::run(args, cli.json),
         Command::Replay(args) => replay::run(args, cli.json),
         Command::Watch(args) => watch::run(args, cli.json),

@@ -35,20 +35,20 @@ pub fn of_scenario(scenario: &Scenario, device: &Device, timing: &Timing) -> Res
     let rig = &scenario.rig;
     let period_ns = (1e9 / timing.rate_hz).round();
     let samples = ((timing.lead_s + timing.after_s) * timing.rate_hz).floor() + 1.0;
-    check_size(samples, channels(wired(rig, device).map(|(_, _, channel)| channel)))?;
+    check_size(samples, wired(rig, device).count())?;
     let samples = samples as usize;
     let times: Vec<f64> = (0..samples).map(|i| i as f64 * period_ns * 1e-9 - timing.lead_s).collect();
     let pressures = scenario.simulate(timing.after_s)?;
     let flows: Vec<Probe> = wired(rig, device)
-        .filter(|(_, s, _)| s.kind == SensorKind::Flow)
-        .map(|(_, s, _)| Probe::Flow(s.position_m))
+        .filter(|(_, s)| s.kind == SensorKind::Flow)
+        .map(|(_, s)| Probe::Flow(s.position_m))
         .collect();
     let mut flows = scenario.probe(&flows, timing.after_s)?.into_iter();
     let pressure_sensors: Vec<usize> = rig.pressure_sensors().map(|(i, _)| i).collect();
     let mut noise = Gauss(fastrand::Rng::with_seed(NOISE_SEED));
     let density = scenario.water.density_kg_m3;
-    let mut channels = Vec::new();
-    for (index, sensor, channel) in wired(rig, device) {
+    let mut sensors = Vec::new();
+    for (index, sensor) in wired(rig, device) {
         let values: Vec<f64> = match sensor.kind {
             SensorKind::Pressure => {
                 let trace = pressure_sensors.iter().position(|&i| i == index).and_then(|k| pressures.get(k));
@@ -68,9 +68,9 @@ pub fn of_scenario(scenario: &Scenario, device: &Device, timing: &Timing) -> Res
             }
             SensorKind::Trigger => times.iter().map(|&t| sensor.unit.from_si(f64::from(t >= 0.0), density)).collect(),
         };
-        channels.push((channel, values));
+        sensors.push((index, values));
     }
-    playback(period_ns, samples, channels)
+    playback(period_ns, sensors)
 }
 
 /// Plays a recording on a device, its sensors found by name: each channel shows the latest sample at every tick of the most
@@ -83,30 +83,23 @@ pub fn of_recording(recording: &Recording, rig: &Rig, device: &Device) -> Result
     let fastest = fastest.ok_or("the recording has no samples to play")?;
     let (first, last) = (fastest.time_s[0], fastest.time_s[fastest.time_s.len() - 1]);
     let period_ns = (1e9 * (last - first) / (fastest.time_s.len() - 1) as f64).round();
-    let mut channels = Vec::new();
-    for (_, sensor, channel) in wired(rig, device) {
+    let mut sensors = Vec::new();
+    for (index, sensor) in wired(rig, device) {
         let found = recording.rig.sensors.iter().position(|s| s.name == sensor.name && s.unit == sensor.unit);
         let series = found.and_then(|i| recording.series.get(i)).filter(|s| !s.value.is_empty());
         let series =
             series.ok_or_else(|| format!("the recording has no samples of '{}' in {}", sensor.name, sensor.unit))?;
         let latest = |t: f64| series.value[series.time_s.partition_point(|&x| x <= t + 1e-9).saturating_sub(1)];
         let values = (0..fastest.time_s.len()).map(|i| latest(first + i as f64 * period_ns * 1e-9)).collect();
-        channels.push((channel, values));
+        sensors.push((index, values));
     }
-    playback(period_ns, fastest.time_s.len(), channels)
+    playback(period_ns, sensors)
 }
 
-/// The sensors on a device, with their index in the rig and their channel.
-fn wired<'a>(rig: &'a Rig, device: &'a Device) -> impl Iterator<Item = (usize, &'a Sensor, usize)> {
-    rig.sensors.iter().enumerate().filter_map(move |(i, sensor)| {
-        let wiring = sensor.wiring.as_ref().filter(|w| w.device == device.name)?;
-        Some((i, sensor, usize::from(wiring.channel)))
-    })
-}
-
-/// Channels of a device whose last wired one is known.
-fn channels(wired: impl Iterator<Item = usize>) -> usize {
-    wired.map(|channel| channel + 1).max().unwrap_or(0)
+/// The sensors on a device, with their index in the rig.
+fn wired<'a>(rig: &'a Rig, device: &'a Device) -> impl Iterator<Item = (usize, &'a Sensor)> {
+    let on_device = |sensor: &Sensor| sensor.wiring.as_ref().is_some_and(|wiring| wiring.device == device.name);
+    rig.sensors.iter().enumerate().filter(move |(_, sensor)| on_device(sensor))
 }
 
 fn check_size(samples: f64, channels: usize) -> Result<(), AnyError> {
@@ -121,17 +114,12 @@ fn check_size(samples: f64, channels: usize) -> Result<(), AnyError> {
     .into())
 }
 
-fn playback(period_ns: f64, samples: usize, wired: Vec<(usize, Vec<f64>)>) -> Result<Playback, AnyError> {
+fn playback(period_ns: f64, sensors: Vec<(usize, Vec<f64>)>) -> Result<Playback, AnyError> {
     if !(period_ns >= 1.0 && period_ns <= f64::from(u32::MAX)) {
         return Err(format!("a sample period of {period_ns} ns does not fit the frames' 32 bits").into());
     }
-    let count = channels(wired.iter().map(|(channel, _)| *channel));
-    check_size(samples as f64, count)?;
-    let mut channels = vec![vec![0.0; samples]; count];
-    for (channel, values) in wired {
-        channels[channel] = values;
-    }
-    Ok(Playback { sample_period_ns: period_ns as u32, channels })
+    check_size(sensors.first().map_or(0, |(_, values)| values.len()) as f64, sensors.len())?;
+    Ok(Playback { sample_period_ns: period_ns as u32, sensors })
 }
 
 /// Standard normal numbers by the polar method (Marsaglia & Bray 1964).

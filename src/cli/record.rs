@@ -19,16 +19,16 @@ use super::values::{not_negative, pair, positive, setting};
 use super::{CommandResult, Outcome};
 use crate::history::{Run, State};
 use crate::model::effects::{Chosen, parse_list};
-use crate::record::output::{Progress, Summary, check_path};
-use crate::record::port::Source;
-use crate::record::session::{self, Options};
+use crate::record::output::{DeviceCount, Progress, Summary, check_path};
+use crate::record::replay;
+use crate::record::session::{self, Options, live_devices};
 #[cfg(unix)]
-use crate::record::simulated::{Counts, Faults, Playback, SimulatedDevice};
-use crate::record::{RecordError, replay};
+use crate::record::simulated::{Faults, Playback, Script, SimulatedDevice};
+use crate::record::source::Sources;
 use crate::report::history::RunDocument;
 use crate::rig::{Device, Rig};
 
-/// Record a live test: from the rig's device, from a simulated one, or from a file played as if it were live.
+/// Record a live test: from the rig's devices, from simulated ones, or from a file played as if it were live.
 #[derive(Debug, clap::Args)]
 #[command(group = ArgGroup::new("paced").args(["replay", "simulate"]))]
 pub struct Args {
@@ -52,13 +52,14 @@ pub struct Args {
     /// Sensors of the rig that have no column in the CSV played.
     #[arg(long, value_name = "SENSOR", value_delimiter = ',', requires = "replay")]
     without: Vec<String>,
-    /// Record a simulated test of this rig, sent through a pseudo-terminal.
+    /// Record a simulated test of this rig, each device sending through a pseudo-terminal.
     #[arg(long)]
     simulate: bool,
     /// Play so many times faster than real time; 0: as fast as possible.
     #[arg(long, value_name = "FACTOR", default_value_t = 1.0, value_parser = not_negative, requires = "paced", allow_negative_numbers = true)]
     speed: f64,
-    /// Let the simulated device misbehave, as in flip=0.01,drop=0.02,duplicate=0.01,seed=7 (probabilities per frame).
+    /// Let the simulated devices misbehave, as in flip=0.01,drop=0.02,seed=7: probabilities per frame of flip, drop, duplicate, noise, cut,
+    /// crc, stall, reset and late (Modbus answers), and drift_ppm of their clocks.
     #[arg(long, value_name = "FAULTS", requires = "simulate")]
     faults: Option<String>,
     /// Effects of the simulated test.
@@ -79,9 +80,12 @@ pub struct Args {
     /// Calibrate and diagnose the finished recording, as `surgescope watch` does: fit and report land beside it.
     #[arg(long)]
     calibrate: bool,
-    /// The stream has ended when no valid frame came for so many seconds.
+    /// A stream has ended when no valid frame came for so many seconds.
     #[arg(long, value_name = "S", default_value_t = 5.0, value_parser = positive, allow_negative_numbers = true)]
     silence: f64,
+    /// Wait so many seconds for a device whose port has vanished.
+    #[arg(long, value_name = "S", default_value_t = 60.0, value_parser = not_negative, allow_negative_numbers = true)]
+    wait: f64,
 }
 
 /// Set by Ctrl-C and SIGTERM.
@@ -106,6 +110,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         file: args.output.clone().unwrap_or_default(),
         duration_s: args.duration,
         silence: Duration::try_from_secs_f64(args.silence)?,
+        wait: Duration::try_from_secs_f64(args.wait)?,
         notes: operator.chain(args.note.iter().cloned()).collect(),
         shots: None,
     };
@@ -204,22 +209,13 @@ fn record(
     if args.simulate {
         return record_simulated(rig, args, options, report);
     }
-    let device = live_device(rig, &args.port)?;
-    let source = Source::open(&device)?;
-    super::tell!("listening to device '{}' on {}; Ctrl-C ends the recording", device.name, device.port);
-    Ok(session::record(rig, &device, &source, options, &STOP, report)?)
-}
-
-/// The device to record, on the port that `--port` names, if any.
-fn live_device(rig: &Rig, ports: &[(String, String)]) -> Result<Device, RecordError> {
-    let mut device = session::live_device(rig)?.clone();
-    for (name, path) in ports {
-        if *name != device.name {
-            return Err(RecordError::UnknownPort { name: name.clone(), device: device.name });
-        }
-        device.port.clone_from(path);
+    let devices = live_devices(rig, &args.port)?;
+    let sources = Sources::open(rig, &devices, args.wait > 0.0)?;
+    for device in &devices {
+        super::tell!("listening to device '{}' on {}", device.name, device.port);
     }
-    Ok(device)
+    super::tell!("Ctrl-C ends the recording");
+    Ok(session::record(rig, &sources, options, &STOP, report)?)
 }
 
 #[cfg(unix)]
@@ -229,13 +225,16 @@ fn record_simulated(
     options: &Options,
     report: &mut dyn FnMut(&Progress),
 ) -> Result<Summary, AnyError> {
-    let device = live_device(rig, &[])?;
     let scenario = Scenario::new(rig.clone(), &args.effects, ValveForm::Linear, &args.set)?;
     let total_s = args.duration.unwrap_or(LEAD_S + 12.0 * scenario.period_s());
     let timing = Timing { rate_hz: args.rate, lead_s: LEAD_S, after_s: (total_s - LEAD_S).max(0.0) };
-    let playback = of_scenario(&scenario, &device, &timing)?;
     let faults = args.faults.as_deref().map(str::parse).transpose()?.unwrap_or_default();
-    record_playback(rig, device, &playback, args.speed, faults, options, report)
+    let mut played = Vec::new();
+    for device in live_devices(rig, &[])? {
+        let playback = of_scenario(&scenario, &device, &timing)?;
+        played.push((device, playback));
+    }
+    record_playbacks(rig, played, args.speed, faults, options, report)
 }
 
 #[cfg(not(unix))]
@@ -247,30 +246,40 @@ fn record_simulated(_: &Rig, _: &Args, _: &Options, _: &mut dyn FnMut(&Progress)
 #[cfg(unix)]
 const LEAD_S: f64 = 1.0;
 
-/// Plays data on a simulated device and records it through a pseudo-terminal, as from a real port.
+/// Plays data on simulated devices and records it through pseudo-terminals, as from real ports.
 ///
 /// # Errors
-/// No pseudo-terminal, data that the device cannot send, or any error of a recording.
+/// No pseudo-terminal, data that a device cannot send, or any error of a recording.
 #[cfg(unix)]
-pub fn record_playback(
+pub fn record_playbacks(
     rig: &Rig,
-    mut device: Device,
-    playback: &Playback,
+    played: Vec<(Device, Playback)>,
     speed: f64,
     faults: Faults,
     options: &Options,
     report: &mut dyn FnMut(&Progress),
 ) -> Result<Summary, AnyError> {
-    let counts = Counts::new(playback, rig, &device)?;
-    if counts.clipped > 0 {
-        super::tell!("{} samples are outside the range of the device's counts: see scale and offset", counts.clipped);
+    let (mut devices, mut simulated) = (Vec::new(), Vec::new());
+    for (mut device, playback) in played {
+        let script = Script::new(&playback, rig, &device)?;
+        if script.clipped > 0 {
+            let (clipped, name) = (script.clipped, &device.name);
+            super::tell!("{clipped} samples are outside the range of the counts of '{name}': see scale and offset");
+        }
+        let line = SimulatedDevice::open()?;
+        device.port = line.path().display().to_string();
+        devices.push(device);
+        simulated.push((line, script));
     }
-    let mut simulated = SimulatedDevice::open()?;
-    device.port = simulated.path().display().to_string();
-    let source = Source::open(&device)?;
-    simulated.start(counts, speed, faults)?;
-    let summary = session::record(rig, &device, &source, options, &STOP, report)?;
-    simulated.stop()?;
+    // A simulated device that hangs up has played everything.
+    let sources = Sources::open(rig, &devices, false)?;
+    for (line, script) in &mut simulated {
+        line.start(script.clone(), speed, faults)?;
+    }
+    let summary = session::record(rig, &sources, options, &STOP, report)?;
+    for (line, _) in simulated {
+        line.stop()?;
+    }
     Ok(summary)
 }
 
@@ -355,8 +364,34 @@ fn table(summary: &Summary) -> String {
     for shot in &summary.shots {
         let _ = writeln!(text, "shot: {shot}");
     }
+    for device in &summary.devices {
+        let _ = describe(&mut text, device);
+    }
     if summary.data_lost {
         text.push_str("Samples were lost on the way; each hole is kept as a gap.\n");
     }
     text
+}
+
+/// What is worth a word of a device.
+fn describe(text: &mut String, device: &DeviceCount) -> std::fmt::Result {
+    let name = &device.name;
+    if let Some(clock) = &device.clock {
+        writeln!(text, "clock of {name}: {clock}")?;
+    }
+    for (count, what) in [
+        (device.late_answers, "answers came after their time-out and were dropped"),
+        (device.skipped_polls, "polls fell out because the one before took too long"),
+        (device.reconnects, "times its port vanished and came back"),
+        (device.restarts, "times it restarted"),
+        (device.queue_waits, "times it waited because the disk did not keep up"),
+    ] {
+        if count > 0 {
+            writeln!(text, "{name}: {count} {what}")?;
+        }
+    }
+    if device.incomplete {
+        writeln!(text, "{name}: it did not send to the end")?;
+    }
+    Ok(())
 }

@@ -7,6 +7,7 @@ use mcap::records::{self, MessageHeader, Record};
 use prost::Message;
 
 use super::layout::{self, key, offset_ns, to_s};
+use super::retime::{CLOCKS_METADATA, Retimer, SensorClock};
 use super::schema::{self, Block, Kind, Sample};
 use super::{LogError, nearest};
 use crate::recording::{CsvFormat, Gap, Recording, RunInfo, Series};
@@ -18,6 +19,7 @@ pub struct Assembler {
     rig: Option<String>,
     run: Option<BTreeMap<String, String>>,
     notes: Vec<(String, String)>,
+    retimer: Retimer,
     schemas: HashMap<u16, Option<Kind>>,
     channels: HashMap<u16, Option<(usize, Kind)>>,
     columns: Vec<Column>,
@@ -60,6 +62,7 @@ impl Assembler {
                 let mut entry = |key: &str| record.metadata.remove(key).unwrap_or_default();
                 self.notes.push((entry(key::NOTE), entry(key::VALUE)));
             }
+            Record::Metadata(record) if record.name == CLOCKS_METADATA => self.retimer = Retimer::read(&record)?,
             Record::Schema { header, .. } => {
                 let kind = Kind::ALL.into_iter().find(|k| k.schema_name() == header.name);
                 self.schemas.insert(header.id, kind);
@@ -175,7 +178,8 @@ impl Assembler {
             if let Some((place, decimals)) = column.csv {
                 places.push((place, sensor, decimals));
             }
-            series[sensor] = column.into_series(zero_ns, &mut repeats).map_err(damaged)?;
+            let clock = self.retimer.of(&column.sensor);
+            series[sensor] = column.into_series(zero_ns, &clock, &mut repeats).map_err(damaged)?;
         }
         places.sort_unstable();
         let csv = entries.contains_key(key::CSV).then(|| CsvFormat {
@@ -210,16 +214,22 @@ fn sensor_of(rig: &Rig, column: &Column) -> Result<usize, String> {
 }
 
 impl Column {
-    fn into_series(self, zero_ns: u64, repeats: &mut Option<&mut Vec<String>>) -> Result<Series, String> {
+    fn into_series(
+        self,
+        zero_ns: u64,
+        clock: &SensorClock,
+        repeats: &mut Option<&mut Vec<String>>,
+    ) -> Result<Series, String> {
         let sensor = self.sensor;
         let mut samples = Vec::with_capacity(self.points.len());
         for point in self.points {
             let ns = i64::try_from(i128::from(point.log_time) - i128::from(zero_ns))
                 .map_err(|_| format!("'{sensor}' has a sample centuries from its start"))?;
-            samples.push((if point.time_s.is_nan() { to_s(ns) } else { point.time_s }, point.value));
+            let time_s = if point.time_s.is_nan() { to_s(clock.time_ns(ns)) } else { point.time_s };
+            samples.push((time_s, point.value));
         }
         let period_s = typical_period_s(&samples);
-        let mut gaps = self.gaps;
+        let mut gaps: Vec<Gap> = self.gaps.into_iter().map(|gap| clock.gap(gap)).collect();
         let mut breaks = self.breaks;
         breaks.dedup();
         for place in breaks {

@@ -3,6 +3,7 @@
 //! - **Attachment** `rig.toml`: the rig file's text, unchanged.
 //! - **Metadata** `surgescope.run`: `format`, `start_unix_ns`, `time_zero_ns` (log time of recording time 0),
 //!   `program`, `source`, `time_decimals`, and a check sum, for MCAP gives metadata none; `surgescope.note`: one record a note, with `key` and `value`.
+//!   In a file that is not finished, `surgescope.clocks` ([`ClockFix`](super::ClockFix)).
 //! - **Channels**: `/P1` of [`schema::Sample`](super::schema::Sample) for each sensor up to [`BLOCK_ABOVE_HZ`],
 //!   `/P1/blocks` above it, `/P1/gaps` where samples are known to be lost. Their metadata carry the sensor's name,
 //!   kind, unit and position, and how its column of an imported time series was written.

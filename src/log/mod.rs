@@ -6,7 +6,9 @@
 //! left behind. What is in the files is described in [`layout`] and [`schema`].
 
 mod assemble;
+mod compress;
 pub(crate) mod disk;
+mod end;
 mod error;
 mod export;
 #[cfg(test)]
@@ -17,6 +19,7 @@ pub mod layout;
 mod lengths;
 mod read;
 mod recover;
+mod retime;
 pub mod schema;
 mod sink;
 mod summary;
@@ -28,9 +31,10 @@ pub use export::{export_csv, export_csv_file};
 pub use import::{ImportOptions, import_csv, import_csv_with};
 pub use read::{decode, has_end, read};
 pub use recover::{Loss, Recovery, recover, salvaged};
+pub use retime::ClockFix;
 pub use summary::{SensorSummary, Summary};
 pub use write::write;
-pub use writer::{FLUSH_EVERY, Writer};
+pub use writer::{Ending, FLUSH_EVERY, Writer};
 
 /// The name among `known` that `name` was probably meant to be.
 fn nearest<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {

@@ -241,6 +241,43 @@ mod tests {
         }
     }
 
+    /// Blocks of a fast sensor beside samples of a slow one, with renewals of the writer between them.
+    #[test]
+    fn ten_thousand_cuts_of_a_fast_recording_give_true_samples_only() {
+        let (_folder, path) = place("fast.mcap");
+        let make = |path: &Path| {
+            let mut writer = Writer::create(path, &rig(), &RunInfo::default()).unwrap();
+            for block in 0..20 {
+                let values: Vec<f64> = (0..100).map(|i| f64::from(100 * block + i)).collect();
+                writer.samples(0, i64::from(block) * 4_000_000, 20_000.0, &values).unwrap();
+                writer.samples(1, i64::from(block) * 4_000_000, 1e6, &values[..4]).unwrap();
+                writer.flush().unwrap();
+            }
+            writer
+        };
+        let live = path.with_file_name("live.mcap");
+        drop(make(&live));
+        make(&path).finish().unwrap();
+        let mut dice = fastrand::Rng::with_seed(9);
+        for bytes in [live, path].map(|path| std::fs::read(path).unwrap()) {
+            let mut all = 0;
+            for cut in 0..5000 {
+                let length = if cut == 0 { bytes.len() } else { dice.usize(..bytes.len()) };
+                let Ok(recording) = saved(&bytes[..length]) else { continue };
+                for (series, period_s, per_block) in [(0, 20e-6, 100), (1, 1e-3, 4)] {
+                    let series = &recording.series[series];
+                    for (at, (time_s, value)) in series.time_s.iter().zip(&series.value).enumerate() {
+                        let (block, within) = (at / per_block, at % per_block);
+                        assert_eq!(*value, (100 * block + within) as f64);
+                        assert!((time_s - (block as f64 * 4e-3 + within as f64 * period_s)).abs() < 1e-12);
+                    }
+                }
+                all = all.max(recording.series[0].value.len());
+            }
+            assert_eq!(all, 2000, "the whole file gives everything");
+        }
+    }
+
     #[test]
     fn a_flipped_bit_anywhere_never_gives_a_wrong_sample() {
         let truth = recording();

@@ -2,8 +2,10 @@
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
-use std::io::{Seek, Write};
+use std::io::{self, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use mcap::records::{MessageHeader, Metadata};
 use mcap::{Attachment, WriteOptions};
@@ -138,6 +140,11 @@ impl<W: Write + Seek> Sink<W> {
         Ok(self.mcap.into_inner())
     }
 
+    /// Writes a record of metadata.
+    pub fn record(&mut self, record: &Metadata) -> Result<(), LogError> {
+        self.mcap.write_metadata(record).map_err(|e| LogError::write(&self.path, e))
+    }
+
     /// Gives the stream back without an end: a file left so is seen to be cut off.
     pub fn abandon(self) -> W {
         self.mcap.into_inner()
@@ -156,8 +163,68 @@ impl<W: Write + Seek> Sink<W> {
     }
 
     fn metadata(&mut self, name: &str, metadata: BTreeMap<String, String>) -> Result<(), LogError> {
-        let record = Metadata { name: name.into(), metadata };
-        self.mcap.write_metadata(&record).map_err(|e| LogError::write(&self.path, e))
+        self.record(&Metadata { name: name.into(), metadata })
+    }
+}
+
+/// A stream that can be made to swallow what is written.
+pub struct Muted<W> {
+    inner: W,
+    muted: Arc<AtomicBool>,
+}
+
+impl<W> Muted<W> {
+    /// A stream that lets everything through.
+    pub fn new(inner: W) -> Muted<W> {
+        Muted { inner, muted: Arc::default() }
+    }
+}
+
+impl<W: Write> Write for Muted<W> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        if self.muted.load(Ordering::Relaxed) { Ok(bytes.len()) } else { self.inner.write(bytes) }
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.inner.flush()
+    }
+}
+
+impl<W: Seek> Seek for Muted<W> {
+    fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
+        self.inner.seek(to)
+    }
+}
+
+impl<W: Write + Seek> Sink<Muted<W>> {
+    /// Goes on in the same file with a new MCAP writer, without a second head: the old one remembers each chunk for an index that a
+    /// live file does not have, and a day's chunks would take half a gigabyte.
+    pub fn renew(mut self, options: WriteOptions) -> Result<Self, LogError> {
+        self.flush()?;
+        let Sink { mcap, path, zero_ns, sensors, descriptors, schemas, buffer } = self;
+        let fail = |e| LogError::write(&path, e);
+        let stream = mcap.into_inner();
+        let muted = Arc::clone(&stream.muted);
+        muted.store(true, Ordering::Relaxed);
+        let renewed = mcap::Writer::with_options(stream, options);
+        let mut mcap = renewed.map_err(fail)?;
+        mcap.flush().map_err(fail)?;
+        muted.store(false, Ordering::Relaxed);
+        // Each as it was: the same numbers mean the same all through the file.
+        for (kind, id) in Kind::ALL.iter().zip(schemas) {
+            if let Some(id) = id {
+                mcap.add_schema_with_id(id, kind.schema_name(), "protobuf", &descriptors).map_err(fail)?;
+            }
+        }
+        for sensor in &sensors {
+            for ((kind, id), schema) in Kind::ALL.iter().zip(sensor.ids).zip(schemas) {
+                if let (Some(id), Some(schema)) = (id, schema) {
+                    let topic = kind.topic(&sensor.name);
+                    mcap.add_channel_with_id(id, schema, &topic, "protobuf", &sensor.metadata).map_err(fail)?;
+                }
+            }
+        }
+        Ok(Sink { mcap, path, zero_ns, sensors, descriptors, schemas, buffer })
     }
 }
 

@@ -1,24 +1,35 @@
 //! The live, crash-safe writer.
 
 use std::fs::{File, OpenOptions};
-use std::io::{BufReader, BufWriter, Read, Seek, SeekFrom, Write};
+use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use mcap::records::Record;
-use mcap::sans_io::{LinearReadEvent, LinearReader};
-use mcap::{Attachment, McapError};
-
+use super::compress::compress;
+use super::end::end_in_place;
 use super::layout::{BLOCK_ABOVE_HZ, offset_ns, to_ns, to_s};
-use super::read::{checked_options, parse};
+use super::retime::{ClockFix, Retimer};
 use super::schema::Block;
-use super::sink::{self, LIVE_CHUNK_BYTES, Sink};
+use super::sink::{self, LIVE_CHUNK_BYTES, Muted, Sink};
 use super::{LogError, disk};
 use crate::recording::{Gap, RunInfo};
 use crate::rig::Rig;
 
 /// While samples arrive, none waits longer than this before it is handed to the system.
 pub const FLUSH_EVERY: Duration = Duration::from_millis(20);
+/// After so many chunks the MCAP writer, which remembers something of each, is renewed.
+const CHUNKS_BEFORE_RENEWAL: u32 = if cfg!(test) { 3 } else { 10_000 };
+
+/// How a recording ended.
+#[derive(Debug)]
+pub enum Ending {
+    /// A finished file, compressed and indexed, with every sample.
+    Finished,
+    /// Every sample is there, but the file could not be compressed, and why.
+    Plain(LogError),
+    /// A whole file, but its last samples are missing, and why.
+    CutShort(LogError),
+}
 
 /// Writes a recording while it is made.
 ///
@@ -27,13 +38,18 @@ pub const FLUSH_EVERY: Duration = Duration::from_millis(20);
 /// [`finish`](Writer::finish) leaves such a file. Times are nanoseconds on the recording's clock (0 at
 /// [`RunInfo::start_unix_ns`]) and must increase from sample to sample of a sensor.
 pub struct Writer {
-    sink: Option<Sink<BufWriter<File>>>,
+    sink: Option<Sink<Muted<BufWriter<File>>>>,
     file: File,
     path: PathBuf,
     names: Vec<String>,
     last_ns: Vec<Option<i64>>,
     waiting_bytes: u64,
     flushed: Instant,
+    chunks: u32,
+    zero_ns: u64,
+    retimer: Retimer,
+    /// The disk refused something: what came since is not in the file.
+    failed: Option<LogError>,
 }
 
 impl Writer {
@@ -47,6 +63,7 @@ impl Writer {
         disk::require_folder(path)?;
         let file = OpenOptions::new().read(true).write(true).create_new(true).open(path).map_err(io)?;
         let stream = BufWriter::with_capacity(4 * LIVE_CHUNK_BYTES as usize, file.try_clone().map_err(io)?);
+        let stream = Muted::new(stream);
         let mut sink = Sink::start(stream, sink::live(), path, rig, run, run.start_unix_ns)?;
         sink.flush()?;
         disk::sync(&file, path)?;
@@ -58,6 +75,10 @@ impl Writer {
             last_ns: vec![None; rig.sensors.len()],
             waiting_bytes: 0,
             flushed: Instant::now(),
+            chunks: 0,
+            zero_ns: run.start_unix_ns,
+            retimer: Retimer::default(),
+            failed: None,
         })
     }
 
@@ -124,6 +145,22 @@ impl Writer {
         self.written((key.len() + value.len()) as u64)
     }
 
+    /// Says how the clocks of the devices lie to each other, as well as it is known by now: the last word holds for the whole
+    /// recording. Fixes of one sensor must keep its times in order.
+    ///
+    /// # Errors
+    /// When the disk refuses.
+    pub fn clocks(&mut self, fixes: Vec<ClockFix>) -> Result<(), LogError> {
+        let retimer = Retimer::new(fixes);
+        if retimer == self.retimer {
+            return Ok(());
+        }
+        self.retimer = retimer;
+        let record = self.retimer.metadata();
+        self.sink.as_mut().ok_or_else(|| closed(&self.path))?.record(&record)?;
+        self.written(MESSAGE_BYTES)
+    }
+
     /// Hands everything to the system, so that a kill of this program loses none of it. Happens by itself while
     /// samples arrive; call it when they pause.
     ///
@@ -131,26 +168,55 @@ impl Writer {
     /// When the disk refuses.
     pub fn flush(&mut self) -> Result<(), LogError> {
         self.sink.as_mut().ok_or_else(|| closed(&self.path))?.flush()?;
-        self.waiting_bytes = 0;
         self.flushed = Instant::now();
+        if std::mem::take(&mut self.waiting_bytes) > 0 {
+            self.chunks += 1;
+        }
+        if self.chunks >= CHUNKS_BEFORE_RENEWAL {
+            self.chunks = 0;
+            self.sink = self.sink.take().map(|sink| sink.renew(sink::live())).transpose()?;
+        }
         Ok(())
     }
 
-    /// Ends the recording: a finished file, compressed and indexed, takes the live file's place in one step.
+    /// Ends the recording: a finished file, compressed and indexed, takes the live file's place in one step. Where the disk has no room for
+    /// it, or refused samples before, the live file itself is given an end: it is read as any other.
     ///
     /// # Errors
-    /// [`LogError::Unfinished`] when that fails, as on a full disk: the live file stays, with every sample in it.
-    /// [`LogError::CutShort`] when the last samples could not even be written there.
-    pub fn finish(mut self) -> Result<(), LogError> {
-        self.flush().map_err(|e| LogError::CutShort { path: self.path.clone(), source: Box::new(e) })?;
+    /// [`LogError::Unfinished`] when neither can be done: the live file stays, with all samples in it that were written.
+    pub fn finish(mut self) -> Result<Ending, LogError> {
+        let flushed = self.flush();
         drop(self.sink.take().map(Sink::abandon));
-        disk::sync(&self.file, &self.path)?;
-        self.replace().map_err(|e| LogError::Unfinished { path: self.path.clone(), source: Box::new(e) })
+        let failed = self.failed.take().or(flushed.err());
+        let synced = disk::sync(&self.file, &self.path);
+        let replaced = match (&failed, synced) {
+            // What stands in the file may end within a record: nothing can be copied from it as a whole.
+            (Some(_), _) => Err(None),
+            (None, Err(error)) => Err(Some(error)),
+            (None, Ok(())) => self.replace().map_err(Some),
+        };
+        let Err(why) = replaced else { return Ok(Ending::Finished) };
+        let ended =
+            if disk::is_same_file(&self.path, &self.file) { end_in_place(&mut self.file).is_ok() } else { false };
+        match (failed, why) {
+            (Some(error), _) if ended => Ok(Ending::CutShort(error)),
+            (None, Some(error)) if ended => Ok(Ending::Plain(error)),
+            (Some(error), _) => Err(LogError::CutShort { path: self.path.clone(), source: Box::new(error) }),
+            (None, why) => {
+                let source = Box::new(why.unwrap_or_else(|| closed(&self.path)));
+                Err(LogError::Unfinished { path: self.path.clone(), source })
+            }
+        }
+    }
+
+    /// The disk refused what was written last; from now on only [`finish`](Writer::finish) is of use.
+    pub fn fail(&mut self, error: LogError) {
+        self.failed.get_or_insert(error);
     }
 
     fn replace(&mut self) -> Result<(), LogError> {
         let temporary = disk::temporary_beside(&self.path)?;
-        compress(&mut self.file, temporary.as_file(), &self.path)?;
+        compress(&mut self.file, temporary.as_file(), &self.path, &self.retimer, self.zero_ns)?;
         if !disk::is_same_file(&self.path, &self.file) {
             // Someone moved our file away: what stands at its name now, if anything, is not ours to replace.
             return disk::publish_new(temporary, &self.path);
@@ -202,45 +268,6 @@ impl Drop for Writer {
 
 fn closed(path: &Path) -> LogError {
     LogError::io("write", path, std::io::Error::other("the recording is closed"))
-}
-
-/// Copies a live file, record by record, into a finished one.
-fn compress(live: &mut File, out: &File, path: &Path) -> Result<(), LogError> {
-    let read = |e| LogError::io("read", path, e);
-    let write = |e| LogError::write(path, e);
-    let length = live.seek(SeekFrom::End(0)).map_err(read)?;
-    live.seek(SeekFrom::Start(0)).map_err(read)?;
-    let mut input = BufReader::with_capacity(1 << 16, live);
-    let mut reader = LinearReader::new_with_options(checked_options(length).with_skip_end_magic(true));
-    let mut mcap = mcap::Writer::with_options(BufWriter::new(out), sink::finished()).map_err(write)?;
-    while let Some(event) = reader.next_event() {
-        match event.map_err(write)? {
-            LinearReadEvent::ReadRequest(need) => {
-                let got = input.read(reader.insert(need)).map_err(read)?;
-                reader.notify_read(got);
-            }
-            LinearReadEvent::Record { opcode, data } => match parse(opcode, data).map_err(write)? {
-                Record::Schema { header, data } => {
-                    mcap.add_schema_with_id(header.id, &header.name, &header.encoding, &data).map_err(write)?;
-                }
-                Record::Channel(c) => {
-                    mcap.add_channel_with_id(c.id, c.schema_id, &c.topic, &c.message_encoding, &c.metadata)
-                        .map_err(write)?;
-                }
-                Record::Message { header, data } => mcap.write_to_known_channel(&header, &data).map_err(write)?,
-                Record::Metadata(metadata) => mcap.write_metadata(&metadata).map_err(write)?,
-                Record::Attachment { header, data, .. } => {
-                    let (log_time, create_time) = (header.log_time, header.create_time);
-                    let attachment =
-                        Attachment { log_time, create_time, name: header.name, media_type: header.media_type, data };
-                    mcap.attach(&attachment).map_err(write)?;
-                }
-                _ => {}
-            },
-        }
-    }
-    mcap.finish().map_err(write)?;
-    mcap.into_inner().flush().map_err(|e| write(McapError::Io(e)))
 }
 
 #[cfg(test)]
@@ -301,6 +328,45 @@ mod tests {
         assert!(matches!(read(&path), Err(LogError::Torn(_))));
         let out = path.with_file_name("saved.mcap");
         assert_eq!(recover(&path, &out).unwrap().kept.sensors[0].samples, 3);
+    }
+
+    /// Two stretches of a device's clock, one 100 ppm fast; the other sensor's times stay as they are.
+    fn on_two_clocks(path: &Path) -> Writer {
+        let mut writer = Writer::create(path, &rig(), &RunInfo::default()).unwrap();
+        let fix = |from_ns, to_ns| ClockFix { sensors: vec!["P1".into(), "P2".into()], from_ns, to_ns, rate: 1.0001 };
+        writer.samples(0, 0, 1e7, &[1.0, 2.0]).unwrap();
+        writer.clocks(vec![fix(0, 77)]).unwrap();
+        writer.samples(1, 0, 1e4, &[1.0, 2.0, 3.0]).unwrap();
+        writer.gap(0, Gap { from_s: 0.01, to_s: 3.0, samples: None }).unwrap();
+        for step in 0..10 {
+            writer.samples(0, 3_000_000_000 + step * 10_000_000, 1e9, &[3.0]).unwrap();
+            writer.samples(2, step, 1e9, &[4.0]).unwrap();
+            writer.flush().unwrap();
+        }
+        writer.clocks(vec![fix(0, 1000), fix(3_000_000_000, 3_500_000_000)]).unwrap();
+        writer.flush().unwrap();
+        writer
+    }
+
+    #[test]
+    fn samples_end_on_the_recordings_clock_whether_finished_recovered_or_closed_in_place() {
+        let (_folder, path) = place("run.mcap");
+        assert!(matches!(on_two_clocks(&path).finish().unwrap(), Ending::Finished));
+        let finished = read(&path).unwrap();
+        let series = &finished.series[0];
+        assert_eq!(series.time_s[..3], [0.000_001, 0.010_002, 3.5]);
+        assert_eq!((series.gaps[0].from_s, series.gaps[0].to_s), (0.010_002, 3.5));
+        assert_eq!(finished.series[1].time_s, [0.000_001, 0.000_011_001, 0.000_021_002]);
+        assert_eq!(finished.series[2].time_s[9], 9e-9);
+        let torn = path.with_file_name("torn.mcap");
+        drop(on_two_clocks(&torn));
+        let recovered = path.with_file_name("recovered.mcap");
+        recover(&torn, &recovered).unwrap();
+        end_in_place(&mut OpenOptions::new().read(true).write(true).open(&torn).unwrap()).unwrap();
+        for other in [recovered, torn] {
+            let other = read(&other).unwrap();
+            assert_eq!(other.series, finished.series);
+        }
     }
 
     #[test]

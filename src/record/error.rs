@@ -17,14 +17,14 @@ pub enum RecordError {
         "no sensor of rig '{rig}' is wired to a device: give its sensors `device` and `channel`, and describe the device in [[device]]"
     )]
     NothingWired { rig: String },
-    #[error("the rig's sensors are wired to several devices ({}); this version records one", .0.join(", "))]
-    SeveralDevices(Vec<String>),
-    #[error("a sensor is wired to device '{0}', which the rig file does not describe: add a [[device]] of that name")]
-    UnknownDevice(String),
-    #[error("device '{device}' speaks {protocol}; this version records `frames` only")]
-    Protocol { device: String, protocol: &'static str },
-    #[error("--port names '{name}', but the device recorded is '{device}'")]
-    UnknownPort { name: String, device: String },
+    #[error("--port names '{name}', but the devices that sensors are wired to are: {known}")]
+    UnknownPort { name: String, known: String },
+    #[error(
+        "devices '{first}' and '{second}' are both on port {port}: give one of them its own with --port {second}=PATH"
+    )]
+    SamePort { first: String, second: String, port: String },
+    #[error("no sample came, so there is nothing to write")]
+    NotBegun,
     #[error(
         "port {port} of device '{device}' does not exist: is it plugged in? Another one is given with --port {device}=PATH ({known})"
     )]
@@ -42,11 +42,17 @@ pub enum RecordError {
     #[error("device '{device}' sent nothing ({ended}): is it switched on and started, and is {port} its port?")]
     Silent { device: String, port: String, ended: String },
     #[error(
-        "device '{device}' sent {bytes} bytes but no valid frame ({ended}): check the baud rate ({baud} in the rig file) and that it speaks `frames`"
+        "device '{device}' sent {bytes} bytes but nothing valid ({ended}): check the baud rate ({baud} in the rig file) and that it speaks `{speaks}`"
     )]
-    NoFrame { device: String, bytes: u64, baud: u32, ended: String },
-    #[error("sensor '{sensor}' is wired to channel {channel} of device '{device}', which sends {channels} channels (0 to {})", channels - 1)]
-    NoChannel { sensor: String, channel: u16, device: String, channels: u8 },
+    NoFrame { device: String, bytes: u64, baud: u32, speaks: &'static str, ended: String },
+    #[error(
+        "device '{device}' never answered ({ended}): is it switched on, and are its port ({port}), baud rate ({baud}), parity (none) and unit_id right?"
+    )]
+    NoAnswer { device: String, port: String, baud: u32, ended: String },
+    #[error("device '{device}' refuses what it is asked for: {why}")]
+    Refused { device: String, why: &'static str },
+    #[error("sensor '{sensor}' is wired to channel {channel} of device '{device}', which sends {channels} channels (0 to {})", channels.saturating_sub(1))]
+    NoChannel { sensor: String, channel: usize, device: String, channels: usize },
     #[error("{0} has no samples to play")]
     NothingToPlay(String),
     #[error("{0} does not say what its columns are: give the rig with --rig")]

@@ -18,7 +18,7 @@ pub const MAX_ENCODED: usize = 1 << 20;
 const MAX_DEVICE_US: u64 = (i64::MAX / 2000) as u64;
 
 /// So many consecutive frames from the past, in sequence among themselves, are a device that restarted.
-const RESTART_FRAMES: u32 = 3;
+const RESTART_FRAMES: usize = 3;
 
 /// One frame: `samples()` samples of each of `channels()` channels, `period_ns()` apart.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -81,6 +81,15 @@ impl Frame {
 
     /// The bytes on the wire, with the closing zero.
     pub fn encode(&self) -> Vec<u8> {
+        self.sealed_by(|sum| sum)
+    }
+
+    /// The bytes of a device whose check sums are wrong.
+    pub(super) fn encode_with_wrong_crc(&self) -> Vec<u8> {
+        self.sealed_by(|sum| !sum)
+    }
+
+    fn sealed_by(&self, seal: impl FnOnce(u16) -> u16) -> Vec<u8> {
         let mut raw = Vec::with_capacity(HEADER + 2 * self.counts.len() + CRC_BYTES);
         raw.extend([VERSION, self.channels]);
         raw.extend(self.sequence.to_le_bytes());
@@ -88,7 +97,7 @@ impl Frame {
         raw.extend(self.period_ns.to_le_bytes());
         raw.extend((self.samples() as u16).to_le_bytes());
         raw.extend(self.counts.iter().flat_map(|count| count.to_le_bytes()));
-        raw.extend(CRC.checksum(&raw).to_le_bytes());
+        raw.extend(seal(CRC.checksum(&raw)).to_le_bytes());
         let mut encoded = cobs::encode_vec(&raw);
         encoded.push(0);
         encoded
@@ -147,8 +156,10 @@ pub enum Event {
         frame: Frame,
         /// How many frames are missing before it, by its sequence number.
         lost_before: u32,
+        /// When its first byte arrived, ns on the clock of [`Decoder::feed`].
+        began_ns: i64,
     },
-    /// The device started again: its clock and its sequence began anew, and what follows cannot be placed in time.
+    /// The device started again: its clock and its sequence began anew with the next frame.
     Restarted,
 }
 
@@ -174,8 +185,10 @@ pub struct Decoder {
     /// The first zero was seen; what stood before it may be the rest of a frame that began before we listened.
     aligned: bool,
     last: Option<Last>,
-    /// The last frame from the past: its sequence, and how many in a row there were.
-    stale: Option<(u16, u32)>,
+    /// Frames from the past, in sequence among themselves: late ones, or a device that restarted. Each with its arrival.
+    stale: Vec<(Frame, i64)>,
+    /// When the first byte of the pending piece arrived.
+    began_ns: i64,
     /// Frames missing since the last one handed on.
     lost_before: u32,
     counts: FrameCounts,
@@ -185,6 +198,8 @@ pub struct Decoder {
 struct Last {
     sequence: u16,
     first_us: u64,
+    /// Length of a frame, µs.
+    length_us: u64,
 }
 
 impl Decoder {
@@ -198,29 +213,33 @@ impl Decoder {
         self.counts
     }
 
-    /// Takes the next bytes of the stream and appends what they complete to `events`.
-    pub fn feed(&mut self, bytes: &[u8], events: &mut Vec<Event>) {
+    /// Takes the next bytes of the stream, which arrived at `at_ns` on any clock, and appends what they complete to `events`.
+    pub fn feed(&mut self, at_ns: i64, bytes: &[u8], events: &mut Vec<Event>) {
         let mut pieces = bytes.split(|&byte| byte == 0);
         let tail = pieces.next_back().unwrap_or_default();
         for piece in pieces {
-            self.keep(piece);
+            self.keep(at_ns, piece);
             self.end_of_piece(events);
         }
-        self.keep(tail);
+        self.keep(at_ns, tail);
     }
 
-    /// The stream has ended for good: a frame cut off by it is a bad one.
-    pub fn finish(&mut self) {
+    /// The stream was cut off: a frame cut with it is a bad one, and what comes next may begin within a frame.
+    pub fn cut(&mut self) {
         if self.aligned && (self.skipping || !self.pending.is_empty()) {
             self.counts.bad += 1;
         }
         self.pending.clear();
         self.skipping = false;
+        self.aligned = false;
     }
 
-    fn keep(&mut self, piece: &[u8]) {
+    fn keep(&mut self, at_ns: i64, piece: &[u8]) {
         if self.skipping {
             return;
+        }
+        if self.pending.is_empty() {
+            self.began_ns = at_ns;
         }
         if self.pending.len() + piece.len() > MAX_ENCODED {
             self.skipping = true;
@@ -244,45 +263,67 @@ impl Decoder {
         self.pending.clear();
     }
 
-    /// Puts a valid frame in its place behind the last one, or drops it as one seen before.
+    /// Puts a valid frame in its place behind the last one, or keeps it aside as one from the past.
     fn accept(&mut self, frame: Frame, events: &mut Vec<Event>) {
         let mut lost_before = 0;
         if let Some(last) = self.last {
             let step = frame.sequence.wrapping_sub(last.sequence);
             if step == 0 || frame.first_us <= last.first_us {
-                self.stale(&frame, step == 0, events);
+                self.stale(frame, step == 0, events);
                 return;
             }
-            lost_before = step - 1;
+            lost_before = missing(&last, &frame, step);
         }
-        self.stale = None;
+        self.stale.clear();
         self.counts.frames += 1;
         self.counts.lost += u64::from(lost_before);
-        self.lost_before += u32::from(lost_before);
+        self.lost_before = self.lost_before.saturating_add(lost_before);
+        let length_us = u64::from(frame.period_ns) * frame.samples() as u64 / 1000;
         if frame.samples() == 0 {
             // A sign of life: it has a sequence number, but no sample that its time would be of.
             let first_us = self.last.map_or(frame.first_us.saturating_sub(1), |last| last.first_us);
-            self.last = Some(Last { sequence: frame.sequence, first_us });
+            self.last = Some(Last { sequence: frame.sequence, first_us, length_us });
             return;
         }
-        self.last = Some(Last { sequence: frame.sequence, first_us: frame.first_us });
-        events.push(Event::Frame { frame, lost_before: std::mem::take(&mut self.lost_before) });
+        self.last = Some(Last { sequence: frame.sequence, first_us: frame.first_us, length_us });
+        let lost_before = std::mem::take(&mut self.lost_before);
+        events.push(Event::Frame { frame, lost_before, began_ns: self.began_ns });
     }
 
-    fn stale(&mut self, frame: &Frame, repeated: bool, events: &mut Vec<Event>) {
+    /// A frame from the past: late, or sent again; enough of them in sequence are a device that restarted, and none of them is lost.
+    fn stale(&mut self, frame: Frame, repeated: bool, events: &mut Vec<Event>) {
         self.counts.duplicated += 1;
         if repeated {
             return;
         }
-        let run = match self.stale {
-            Some((before, run)) if frame.sequence == before.wrapping_add(1) => run + 1,
-            _ => 1,
+        let follows = |(last, _): &(Frame, i64)| {
+            frame.sequence == last.sequence.wrapping_add(1) && frame.first_us > last.first_us
         };
-        self.stale = Some((frame.sequence, run));
-        if run == RESTART_FRAMES {
-            events.push(Event::Restarted);
+        if !self.stale.last().is_some_and(follows) {
+            self.stale.clear();
+        }
+        self.stale.push((frame, self.began_ns));
+        if self.stale.len() < RESTART_FRAMES {
+            return;
+        }
+        events.push(Event::Restarted);
+        self.last = None;
+        self.lost_before = 0;
+        self.counts.duplicated -= RESTART_FRAMES as u64;
+        for (frame, began_ns) in std::mem::take(&mut self.stale) {
+            self.began_ns = began_ns;
+            self.accept(frame, events);
         }
     }
+}
+
+/// Frames missing between two, by the sequence; where it wrapped unseen in a long hole, the device's time tells how often.
+fn missing(last: &Last, next: &Frame, step: u16) -> u32 {
+    let by_sequence = u64::from(step - 1);
+    let hole_us = next.first_us.saturating_sub(last.first_us + last.length_us);
+    let by_time = hole_us.checked_div(last.length_us).unwrap_or(0);
+    let wraps = (by_time.saturating_sub(by_sequence) + (1 << 15)) >> 16;
+    u32::try_from(by_sequence + (wraps << 16)).unwrap_or(u32::MAX)
 }
 
 #[cfg(test)]

@@ -6,7 +6,7 @@ use super::*;
 
 fn decode(decoder: &mut Decoder, bytes: &[u8]) -> Vec<Event> {
     let mut events = Vec::new();
-    decoder.feed(bytes, &mut events);
+    decoder.feed(0, bytes, &mut events);
     events
 }
 
@@ -88,7 +88,7 @@ proptest! {
         let mut rest = &bytes[..];
         for cut in cuts.into_iter().cycle() {
             let (piece, tail) = rest.split_at(cut.min(rest.len()));
-            split.feed(piece, &mut events);
+            split.feed(0, piece, &mut events);
             rest = tail;
             if rest.is_empty() { break; }
         }
@@ -204,7 +204,7 @@ fn a_frame_cut_off_by_the_end_is_a_bad_one() {
     bytes.extend(&nth(1).encode()[..10]);
     let mut decoder = Decoder::new();
     assert_eq!(decode(&mut decoder, &bytes).len(), 1);
-    decoder.finish();
+    decoder.cut();
     assert_eq!(decoder.counts().bad, 1);
 }
 
@@ -226,6 +226,32 @@ fn a_restarted_device_is_noticed_and_a_late_frame_is_not_taken_for_one() {
     let mut decoder = Decoder::new();
     let bytes: Vec<u8> = [500, 501, 499, 502].iter().flat_map(|&i| nth(i).encode()).collect();
     assert_eq!(frames(decode(&mut decoder, &bytes)).len(), 3);
-    let bytes: Vec<u8> = (0..3).flat_map(|i| nth(i).encode()).collect();
-    assert_eq!(decode(&mut decoder, &bytes), vec![Event::Restarted]);
+    let before = decoder.counts();
+    let bytes: Vec<u8> = (0..5).flat_map(|i| nth(i).encode()).collect();
+    let mut events = decode(&mut decoder, &bytes);
+    assert_eq!(events.remove(0), Event::Restarted);
+    assert_eq!(frames(events), (0..5).map(nth).collect::<Vec<_>>(), "not one frame is lost by a restart");
+    let counts = decoder.counts();
+    assert_eq!((counts.frames, counts.duplicated), (before.frames + 5, before.duplicated));
+}
+
+#[test]
+fn a_frame_begins_when_its_first_byte_arrives() {
+    let (mut decoder, mut events) = (Decoder::new(), Vec::new());
+    let bytes: Vec<u8> = (0..2).flat_map(|i| nth(i).encode()).collect();
+    let first = nth(0).encode().len();
+    decoder.feed(10, &bytes[..first + 3], &mut events);
+    decoder.feed(20, &bytes[first + 3..], &mut events);
+    decoder.feed(30, &nth(2).encode(), &mut events);
+    let began = |event: &Event| if let Event::Frame { began_ns, .. } = event { *began_ns } else { -1 };
+    assert_eq!(events.iter().map(began).collect::<Vec<_>>(), [10, 10, 30]);
+}
+
+#[test]
+fn a_hole_longer_than_the_sequence_is_counted_by_the_devices_time() {
+    let at = |index: u64| Frame::new(index as u16, index * 10_000, 1_000_000, 1, vec![0; 10]).unwrap();
+    let mut decoder = Decoder::new();
+    let bytes: Vec<u8> = [0, 70_000].iter().flat_map(|&index| at(index).encode()).collect();
+    assert_eq!(decode(&mut decoder, &bytes).len(), 2);
+    assert_eq!(decoder.counts().lost, 69_999);
 }

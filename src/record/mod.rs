@@ -1,29 +1,44 @@
-//! Live recording: bytes from a device become a recording whose sample times are the device's own.
+//! Live recording: bytes from devices become a recording whose sample times are the devices' own.
 //!
 //! | file | what it holds |
 //! | --- | --- |
-//! | [`frames`] | the wire codec, without I/O |
-//! | [`port`] | a serial port, read by a thread of its own into a bounded channel |
+//! | [`frames`], [`lines`], [`modbus`] | the wire codecs, without I/O |
+//! | [`registers`], [`poll`], [`polling`] | Modbus: what is asked for together, how never to take a late answer for the next one, the thread that asks |
+//! | [`port`] | serial ports: which there are, opening one |
+//! | [`source`] | one thread a port, all into one bounded queue |
+//! | [`fit`], [`align`] | a device's clock against the host's; several devices on one clock |
 //! | [`clock`] | device time to recording time; where samples are missing |
-//! | [`session`] | one live test from the first frame to the finished file |
+//! | [`stream`] | one device of a session |
+//! | [`live`] | the log of a session, from the first valid sample on |
+//! | [`session`] | one live test from the first sample to the finished file |
 //! | [`replay`] | a recording or a CSV played as if it were live |
-//! | [`simulated`] | a device on a pseudo-terminal that plays given data, with faults where asked for |
+//! | [`simulated`] | devices on pseudo-terminals that play given data, with faults where asked for |
 //! | [`pace`] | playing recorded time against the wall clock |
 //! | [`output`] | what sessions write to, and count |
 //! | [`trigger`] | when a shot begins and is over, without I/O |
 //! | [`shots`] | a recording a shot, with what came before it |
 
+pub mod align;
 pub mod clock;
 mod error;
+pub mod fit;
 pub mod frames;
+pub mod lines;
+pub mod live;
+pub mod modbus;
 pub mod output;
 pub mod pace;
+pub mod poll;
+pub mod polling;
 pub mod port;
+pub mod registers;
 pub mod replay;
 pub mod session;
 pub mod shots;
 #[cfg(unix)]
 pub mod simulated;
+pub mod source;
+pub mod stream;
 pub mod trigger;
 
 pub use error::RecordError;

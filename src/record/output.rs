@@ -1,5 +1,6 @@
 //! What a session writes to: the log, with what went into it counted, flushed and reported on time.
 
+use std::fmt;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -7,12 +8,13 @@ use serde::Serialize;
 
 use super::RecordError;
 use super::clock::seconds;
-use crate::log::Writer;
+use super::fit::ClockLine;
+use crate::log::{self, ClockFix, Ending, LogError, Writer};
 use crate::recording::{Gap, RunInfo};
 use crate::rig::Rig;
 
-/// A crash loses no more than this.
-const FLUSH_EVERY: Duration = Duration::from_millis(100);
+/// A crash loses no more than this and what is on its way.
+const FLUSH_EVERY: Duration = crate::log::FLUSH_EVERY;
 const REPORT_EVERY: Duration = Duration::from_secs(1);
 
 /// Where a session stands, about once a second.
@@ -39,19 +41,96 @@ pub struct SensorCount {
     pub gaps: u64,
 }
 
-/// What came from one device.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+/// What came from one device. Lines and answers to polls count as frames.
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct DeviceCount {
     /// Its name.
     pub name: String,
     /// Valid frames.
     pub frames: u64,
-    /// Damaged ones (CRC, COBS, version, length).
+    /// Damaged ones (check sum, length, text that does not parse), and answers that refuse.
     pub bad_frames: u64,
-    /// Missing ones, by the jumps of the sequence; damaged ones are missing too.
+    /// Missing ones: by the jumps of the sequence, where damaged ones are missing too; of polls, those without an answer.
     pub lost_frames: u64,
     /// Frames that came again and were dropped.
     pub duplicated_frames: u64,
+    /// Answers that came after their time-out and were dropped.
+    pub late_answers: u64,
+    /// Polls that fell out because the one before took too long.
+    pub skipped_polls: u64,
+    /// How often samples are known to be missing.
+    pub holes: u64,
+    /// How often its port vanished and came back.
+    pub reconnects: u64,
+    /// How often its clock began anew.
+    pub restarts: u64,
+    /// How often its thread waited because the session did not keep up.
+    pub queue_waits: u64,
+    /// How long it waited in all, s.
+    pub queue_waited_s: f64,
+    /// It ended before the others, or before the duration, or never spoke.
+    pub incomplete: bool,
+    /// Its clock against this computer's.
+    pub clock: Option<ClockSummary>,
+}
+
+impl DeviceCount {
+    /// Whether samples of it are missing.
+    pub(super) fn lost_data(&self) -> bool {
+        self.incomplete || self.bad_frames > 0 || self.lost_frames > 0 || self.holes > 0
+    }
+
+    /// What is kept of it with the recording.
+    pub(super) fn notes(&self) -> Vec<(&'static str, String)> {
+        let mut notes = vec![
+            ("frames", self.frames.to_string()),
+            ("bad_frames", self.bad_frames.to_string()),
+            ("lost_frames", self.lost_frames.to_string()),
+            ("duplicated_frames", self.duplicated_frames.to_string()),
+        ];
+        let seldom = [
+            ("late_answers", self.late_answers),
+            ("skipped_polls", self.skipped_polls),
+            ("reconnects", self.reconnects),
+            ("restarts", self.restarts),
+            ("queue_waits", self.queue_waits),
+        ];
+        notes.extend(seldom.into_iter().filter(|(_, count)| *count > 0).map(|(what, count)| (what, count.to_string())));
+        if let Some(clock) = &self.clock {
+            notes.push(("clock", clock.to_string()));
+        }
+        notes
+    }
+}
+
+/// A device's clock against this computer's: the line below all arrivals.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct ClockSummary {
+    /// How much faster the device's clock runs, millionths; `None` where the stream was too short to tell, or not in real time.
+    pub drift_ppm: Option<f64>,
+    /// How late after the line half of the arrivals came at most, ms.
+    pub residual_median_ms: f64,
+    /// How late 95% of them came at most, ms.
+    pub residual_95_ms: f64,
+}
+
+impl ClockSummary {
+    pub(super) fn of(line: &ClockLine) -> ClockSummary {
+        let (median_ns, most_ns) = line.residual_ns;
+        let drift_ppm = line.drift_known.then_some((1.0 / line.rate - 1.0) * 1e6);
+        ClockSummary { drift_ppm, residual_median_ms: median_ns / 1e6, residual_95_ms: most_ns / 1e6 }
+    }
+}
+
+impl fmt::Display for ClockSummary {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.drift_ppm {
+            Some(drift) => write!(f, "{drift:+.1} ppm against this computer's")?,
+            None => f.write_str("drift not known")?,
+        }
+        let ClockSummary { residual_median_ms: half, residual_95_ms: most, .. } = self;
+        write!(f, "; half of the frames came within {half:.3} ms of the fit, 95% within {most:.3} ms")
+    }
 }
 
 /// A finished session, as `record --json` prints it.
@@ -82,6 +161,8 @@ pub struct Output {
     counts: Vec<(u64, u64)>,
     end_ns: i64,
     flush_at: Instant,
+    /// The disk has refused something; what came since is dropped.
+    refused: bool,
     reported: (Instant, u64),
 }
 
@@ -109,13 +190,16 @@ impl Output {
             counts: vec![(0, 0); rig.sensors.len()],
             end_ns: 0,
             flush_at: now + FLUSH_EVERY,
+            refused: false,
             reported: (now, 0),
         })
     }
 
     /// Writes evenly spaced samples of a sensor (index in the rig), in its unit; the first at `first_ns`.
     pub fn samples(&mut self, sensor: usize, first_ns: i64, period_ns: f64, values: &[f64]) -> Result<(), RecordError> {
-        self.writer.samples(sensor, first_ns, period_ns, values).map_err(|source| self.failed(source))?;
+        if !self.write(|writer| writer.samples(sensor, first_ns, period_ns, values))? {
+            return Ok(());
+        }
         self.end_ns = self.end_ns.max(first_ns.saturating_add((period_ns * values.len() as f64) as i64));
         if let Some(count) = self.counts.get_mut(sensor) {
             count.0 += values.len() as u64;
@@ -125,23 +209,50 @@ impl Output {
 
     /// Writes a gap of a sensor.
     pub fn gap(&mut self, sensor: usize, gap: Gap) -> Result<(), RecordError> {
-        self.writer.gap(sensor, gap).map_err(|source| self.failed(source))?;
+        let written = self.write(|writer| writer.gap(sensor, gap))?;
         if let Some(count) = self.counts.get_mut(sensor) {
-            count.1 += 1;
+            count.1 += u64::from(written);
         }
         Ok(())
     }
 
     /// Writes a note.
     pub fn note(&mut self, key: &str, value: &str) -> Result<(), RecordError> {
-        self.writer.note(key, value).map_err(|source| self.failed(source))
+        self.write(|writer| writer.note(key, value)).map(drop)
+    }
+
+    /// Writes how the devices' clocks lie to each other.
+    pub fn clocks(&mut self, fixes: Vec<ClockFix>) -> Result<(), RecordError> {
+        self.write(|writer| writer.clocks(fixes)).map(drop)
+    }
+
+    /// True once the disk has refused something: the recording is over.
+    pub fn refused(&self) -> bool {
+        self.refused
+    }
+
+    /// Writes, unless the disk has refused before; false where nothing was written.
+    fn write(&mut self, act: impl FnOnce(&mut Writer) -> Result<(), LogError>) -> Result<bool, RecordError> {
+        if self.refused {
+            return Ok(false);
+        }
+        match act(&mut self.writer) {
+            Ok(()) => Ok(true),
+            // No fault of the disk.
+            Err(source @ LogError::BadSamples { .. }) => Err(RecordError::Write { file: self.path.clone(), source }),
+            Err(error) => {
+                self.writer.fail(error);
+                self.refused = true;
+                Ok(false)
+            }
+        }
     }
 
     /// To be called often: flushes when it is time, and returns the progress when it is time to report it.
     pub fn tick(&mut self) -> Result<Option<Progress>, RecordError> {
         let now = Instant::now();
         if now >= self.flush_at {
-            self.writer.flush().map_err(|source| self.failed(source))?;
+            self.write(Writer::flush)?;
             self.flush_at = now + FLUSH_EVERY;
         }
         let (reported_at, reported_samples) = self.reported;
@@ -157,14 +268,26 @@ impl Output {
 
     /// Finishes the file. `first_ns` is the time of the first sample, `listed` says which sensors the summary lists.
     pub fn finish(
-        self,
+        mut self,
         first_ns: i64,
         listed: impl Fn(usize) -> bool,
         devices: Vec<DeviceCount>,
-        ended: String,
+        mut ended: String,
     ) -> Result<Summary, RecordError> {
         let file = self.path.clone();
-        self.writer.finish().map_err(|source| RecordError::Write { file: file.clone(), source })?;
+        let ending = self.writer.finish().map_err(|source| RecordError::Write { file: file.clone(), source })?;
+        let mut data_lost = devices.iter().any(DeviceCount::lost_data);
+        match ending {
+            Ending::Finished => {}
+            Ending::Plain(error) => {
+                ended += &format!(". Every sample is in the file, but it could not be compressed: {}", cause(&error));
+            }
+            Ending::CutShort(error) => {
+                ended += &format!(". The file is whole up to there, what came later is lost: {}", cause(&error));
+                data_lost = true;
+                (self.counts, self.end_ns) = counted(&self.path)?;
+            }
+        }
         let counts = self.names.into_iter().zip(self.counts).enumerate();
         Ok(Summary {
             file: file.display().to_string(),
@@ -173,14 +296,27 @@ impl Output {
                 .filter(|(sensor, _)| listed(*sensor))
                 .map(|(_, (name, (samples, gaps)))| SensorCount { name, samples, gaps })
                 .collect(),
-            data_lost: devices.iter().any(|device| device.bad_frames > 0 || device.lost_frames > 0),
+            data_lost,
             devices,
             ended,
             shots: Vec::new(),
         })
     }
+}
 
-    fn failed(&self, source: crate::log::LogError) -> RecordError {
-        RecordError::Write { file: self.path.clone(), source }
+/// Samples and gaps of each sensor of a file, and the time of the last sample, ns.
+fn counted(path: &Path) -> Result<(Vec<(u64, u64)>, i64), RecordError> {
+    let recording = log::read(path).map_err(RecordError::Read)?;
+    let last_s = recording.series.iter().filter_map(|series| series.time_s.last().copied()).fold(0.0, f64::max);
+    let counts = recording.series.iter().map(|series| (series.value.len() as u64, series.gaps.len() as u64));
+    Ok((counts.collect(), (last_s * 1e9) as i64))
+}
+
+/// What the system said.
+fn cause(error: &LogError) -> String {
+    let mut cause: &dyn std::error::Error = error;
+    while let Some(inner) = cause.source() {
+        cause = inner;
     }
+    cause.to_string()
 }

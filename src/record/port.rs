@@ -1,107 +1,99 @@
-//! Bytes from a serial port: one thread a port reads them, stamps their arrival and passes them on.
-//!
-//! A blocking thread hands bytes on in 0.1 ms where an async serial port on a busy runtime needs 8 ms. The channel is bounded: when
-//! the disk stalls for long, the kernel's buffer overflows and the sequence numbers show what was lost; memory does not grow.
+//! Serial ports: which there are, and opening one.
 
-use std::io::{ErrorKind, Read};
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
-use std::thread::{self, JoinHandle};
-use std::time::{Duration, SystemTime};
+use std::io::{self, ErrorKind, Read, Write};
+use std::path::Path;
+use std::time::Duration;
+
+use serde::Serialize;
+use serialport::{SerialPort, SerialPortType};
 
 use super::RecordError;
+use super::poll::Line;
 use crate::rig::Device;
 
-/// How long a read waits before the thread looks whether it is still wanted.
+/// How long a read waits before its thread looks whether it is still wanted.
 const READ_TIMEOUT: Duration = Duration::from_millis(100);
-const READ_BYTES: usize = 16 * 1024;
-/// Reads that may wait for the session: at 20 kHz × 3 channels more than ten seconds of them.
-const CHANNEL_READS: usize = 4096;
 
-/// What a source passes on.
-#[derive(Debug)]
-pub enum Input {
-    /// The next bytes and when they arrived.
-    Bytes {
-        /// Wall clock of their arrival.
-        at: SystemTime,
-        /// The bytes.
-        bytes: Vec<u8>,
-    },
-    /// No more will come, and why.
-    Ended(String),
+/// A port of this machine.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct PortInfo {
+    /// What to write in the rig file.
+    pub path: String,
+    /// A name that stays the same whatever else is plugged in, where the system has one.
+    pub stable_path: Option<String>,
+    /// `usb`, `pci`, `bluetooth` or `other`.
+    pub kind: &'static str,
+    /// Maker and product of a USB adapter.
+    pub product: Option<String>,
+    /// Its serial number.
+    pub serial_number: Option<String>,
 }
 
-/// A stream of bytes, read by a thread that ends with this value.
-#[derive(Debug)]
-pub struct Source {
-    /// What was read.
-    pub inputs: Receiver<Input>,
-    wanted: Arc<AtomicBool>,
-    thread: Option<JoinHandle<()>>,
-}
-
-impl Source {
-    /// Opens the device's serial port (a pseudo-terminal will do) and starts to read it.
-    pub fn open(device: &Device) -> Result<Source, RecordError> {
-        let port = open_port(device)?;
-        Source::spawn(&device.name, port)
+/// The serial ports that are there now, by path. Pseudo-terminals are not listed.
+pub fn list() -> Vec<PortInfo> {
+    // The library takes this folder for granted.
+    if cfg!(target_os = "linux") && !Path::new("/sys/class/tty").is_dir() {
+        return Vec::new();
     }
-
-    /// Reads from anything whose reads return within a moment: a timeout is no end of the stream.
-    pub fn spawn(device: &str, reader: impl Read + Send + 'static) -> Result<Source, RecordError> {
-        let (sender, inputs) = sync_channel(CHANNEL_READS);
-        let wanted = Arc::new(AtomicBool::new(true));
-        let flag = Arc::clone(&wanted);
-        let thread = thread::Builder::new()
-            .name(format!("port {device}"))
-            .spawn(move || pump(reader, &sender, &flag))
-            .map_err(|source| RecordError::Thread { device: device.to_owned(), source })?;
-        Ok(Source { inputs, wanted, thread: Some(thread) })
-    }
+    let mut ports: Vec<PortInfo> =
+        serialport::available_ports().unwrap_or_default().into_iter().map(describe).collect();
+    ports.sort_by(|a, b| a.path.cmp(&b.path));
+    ports
 }
 
-impl Drop for Source {
-    fn drop(&mut self) {
-        self.wanted.store(false, Ordering::Relaxed);
-        // The thread may wait for room in the channel: closing our end of it wakes it.
-        let (_, closed) = sync_channel(0);
-        drop(std::mem::replace(&mut self.inputs, closed));
-        if let Some(thread) = self.thread.take() {
-            let _ = thread.join();
+fn describe(info: serialport::SerialPortInfo) -> PortInfo {
+    let (kind, product, serial_number) = match info.port_type {
+        SerialPortType::UsbPort(usb) => {
+            let names: Vec<String> = usb.manufacturer.into_iter().chain(usb.product).collect();
+            let ids = format!("{:04x}:{:04x}", usb.vid, usb.pid);
+            (
+                "usb",
+                Some(if names.is_empty() { ids } else { format!("{} ({ids})", names.join(" ")) }),
+                usb.serial_number,
+            )
         }
-    }
-}
-
-fn pump(mut reader: impl Read, sender: &SyncSender<Input>, wanted: &AtomicBool) {
-    let mut buffer = vec![0; READ_BYTES];
-    let ended = loop {
-        if !wanted.load(Ordering::Relaxed) {
-            return;
-        }
-        match reader.read(&mut buffer) {
-            Ok(0) => break "the stream ended".to_owned(),
-            Ok(length) => {
-                let bytes = buffer.get(..length).unwrap_or_default().to_vec();
-                if sender.send(Input::Bytes { at: SystemTime::now(), bytes }).is_err() {
-                    return;
-                }
-            }
-            Err(error) => match error.kind() {
-                ErrorKind::TimedOut | ErrorKind::Interrupted | ErrorKind::WouldBlock => {}
-                ErrorKind::BrokenPipe | ErrorKind::UnexpectedEof => break "the device hung up".to_owned(),
-                _ => break format!("the port vanished: {error}"),
-            },
-        }
+        SerialPortType::PciPort => ("pci", None, None),
+        SerialPortType::BluetoothPort => ("bluetooth", None, None),
+        SerialPortType::Unknown => ("other", None, None),
     };
-    // The session may have gone meanwhile; then nobody asks.
-    let _ = sender.send(Input::Ended(ended));
+    PortInfo { stable_path: stable_path(&info.port_name), path: info.port_name, kind, product, serial_number }
 }
 
-fn open_port(device: &Device) -> Result<Box<dyn serialport::SerialPort>, RecordError> {
+/// The link that udev makes from maker and serial number.
+fn stable_path(port: &str) -> Option<String> {
+    let port = std::fs::canonicalize(port).ok()?;
+    let links = std::fs::read_dir("/dev/serial/by-id").ok()?;
+    let mut links = links.filter_map(|link| Some(link.ok()?.path()));
+    links.find(|link| std::fs::canonicalize(link).is_ok_and(|to| to == port)).map(|link| link.display().to_string())
+}
+
+/// A serial port as the line to a Modbus slave.
+pub struct SerialLine(pub Box<dyn SerialPort>);
+
+impl Line for SerialLine {
+    fn send(&mut self, bytes: &[u8]) -> io::Result<()> {
+        self.0.set_timeout(READ_TIMEOUT.max(Duration::from_secs(1)))?;
+        self.0.write_all(bytes)?;
+        self.0.flush()
+    }
+
+    fn receive(&mut self, buffer: &mut [u8], within: Duration) -> io::Result<usize> {
+        self.0.set_timeout(within)?;
+        match self.0.read(buffer) {
+            Ok(0) => Err(ErrorKind::UnexpectedEof.into()),
+            Err(error) if matches!(error.kind(), ErrorKind::TimedOut | ErrorKind::WouldBlock) => Ok(0),
+            Err(error) if error.kind() == ErrorKind::Interrupted => Ok(0),
+            other => other,
+        }
+    }
+}
+
+/// Opens the device's port, a serial one or a pseudo-terminal.
+pub fn open_port(device: &Device) -> Result<Box<dyn serialport::SerialPort>, RecordError> {
     let open = |baud| serialport::new(&device.port, baud).timeout(READ_TIMEOUT).open();
-    let pseudoterminal = device.port.starts_with("/dev/pts/");
+    // It may be named by a link.
+    let real = std::fs::canonicalize(&device.port);
+    let pseudoterminal = real.is_ok_and(|path| path.starts_with("/dev/pts/"));
     let opened = match open(device.baud) {
         // A pseudo-terminal has no baud rate, and may refuse an odd one.
         Err(error) if pseudoterminal && !is_final(&error) => open(9600),
@@ -120,8 +112,7 @@ fn explain(device: &Device, error: &serialport::Error) -> RecordError {
     let (name, port) = (device.name.clone(), device.port.clone());
     match error.kind {
         _ if !std::path::Path::new(&port).exists() => {
-            let ports: Vec<_> =
-                serialport::available_ports().unwrap_or_default().into_iter().map(|info| info.port_name).collect();
+            let ports: Vec<_> = list().into_iter().map(|port| port.path).collect();
             let known = if ports.is_empty() {
                 "no serial port is there now".into()
             } else {
@@ -144,9 +135,13 @@ mod tests {
         Device { name: "daq".into(), port: port.into(), baud: 921_600, protocol: Protocol::Frames }
     }
 
+    fn refusal(port: &str) -> String {
+        open_port(&device(port)).map(drop).unwrap_err().to_string()
+    }
+
     #[test]
     fn a_port_that_is_not_there_says_what_to_do() {
-        let text = Source::open(&device("/dev/ttyNOWHERE")).unwrap_err().to_string();
+        let text = refusal("/dev/ttyNOWHERE");
         assert!(text.contains("/dev/ttyNOWHERE") && text.contains("--port daq=PATH"), "{text}");
     }
 
@@ -154,27 +149,13 @@ mod tests {
     #[test]
     fn a_file_is_no_port() {
         let file = tempfile::NamedTempFile::new().unwrap();
-        let text = Source::open(&device(file.path().to_str().unwrap())).unwrap_err().to_string();
+        let text = refusal(file.path().to_str().unwrap());
         assert!(text.contains("cannot be opened"), "{text}");
     }
 
     #[test]
-    fn bytes_arrive_in_order_and_then_the_end() {
-        let bytes: Vec<u8> = (0..100_000u32).map(|i| i as u8).collect();
-        let source = Source::spawn("daq", std::io::Cursor::new(bytes.clone())).unwrap();
-        let mut received = Vec::new();
-        loop {
-            match source.inputs.recv().unwrap() {
-                Input::Bytes { bytes, .. } => received.extend(bytes),
-                Input::Ended(why) => break assert_eq!(why, "the stream ended"),
-            }
-        }
-        assert_eq!(received, bytes);
-    }
-
-    #[test]
-    fn a_source_nobody_reads_ends_when_dropped() {
-        let source = Source::spawn("daq", std::io::repeat(7)).unwrap();
-        drop(source); // hangs if the thread does not notice
+    fn listing_survives_any_machine() {
+        let ports = list();
+        assert!(ports.windows(2).all(|pair| pair[0].path <= pair[1].path));
     }
 }

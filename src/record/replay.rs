@@ -97,6 +97,9 @@ pub fn replay(
         if let Some(progress) = output.tick()? {
             on_progress(&progress);
         }
+        if output.refused() {
+            break "the disk takes no more";
+        }
     };
     let listed = |sensor| recording.series.get(sensor).is_some_and(|series: &Series| !series.time_s.is_empty());
     output.finish(first_ns, listed, Vec::new(), ended.to_owned())

@@ -1,21 +1,22 @@
-//! One live test: from the bytes of a device to a finished recording.
+//! One live test: from what devices send to a finished recording.
 
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::RecvTimeoutError;
-use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+use std::time::{Duration, Instant};
 
 use super::RecordError;
-use super::clock::DeviceClock;
-use super::frames::{Decoder, Event, Frame};
+use super::live::Live;
 use super::output::{DeviceCount, Progress, Summary, check_path};
-use super::port::{Input, Source};
-use super::shots::{Plan, Recorder};
-use crate::recording::RunInfo;
-use crate::rig::{Device, Protocol, Rig, Wiring};
+use super::shots::Plan;
+use super::source::Sources;
+use super::stream::{State, Stream};
+use crate::rig::{Device, Protocol, Rig};
 
-/// How long the session waits for bytes before it looks at the clock and the stop flag.
-const WAIT: Duration = Duration::from_millis(50);
+/// How long the session waits for input before it looks at the clock and the stop flag, and flushes.
+const WAIT: Duration = Duration::from_millis(10);
+/// How often the log is told how the clocks lie to each other.
+const CLOCKS_EVERY: Duration = Duration::from_secs(5);
 
 /// What a session is asked for.
 #[derive(Debug, Clone)]
@@ -24,8 +25,10 @@ pub struct Options {
     pub file: PathBuf,
     /// Stop after so much recorded time, s.
     pub duration_s: Option<f64>,
-    /// The stream has ended when no valid frame came for so long.
+    /// A stream has ended when nothing valid came for so long.
     pub silence: Duration,
+    /// A device whose port has vanished is waited for so long.
+    pub wait: Duration,
     /// Free notes to keep with the run.
     pub notes: Vec<(String, String)>,
     /// Record shots around what a trigger sees, each in a file of its own, instead of everything in `file`.
@@ -44,224 +47,167 @@ impl Options {
     }
 }
 
-/// The one device that the rig's sensors are wired to; refuses what this version cannot record.
-pub fn live_device(rig: &Rig) -> Result<&Device, RecordError> {
-    let mut names: Vec<&str> = Vec::new();
-    for wiring in rig.sensors.iter().filter_map(|sensor| sensor.wiring.as_ref()) {
-        if !names.contains(&wiring.device.as_str()) {
-            names.push(&wiring.device);
+/// The devices that the rig's sensors are wired to, in the order of the file, on the ports that `ports` names instead.
+pub fn live_devices(rig: &Rig, ports: &[(String, String)]) -> Result<Vec<Device>, RecordError> {
+    let wired = |name: &str| {
+        let mut wiring = rig.sensors.iter().filter_map(|sensor| sensor.wiring.as_ref());
+        wiring.any(|wiring| wiring.device == name)
+    };
+    let mut devices: Vec<Device> = rig.devices.iter().filter(|device| wired(&device.name)).cloned().collect();
+    if devices.is_empty() {
+        return Err(RecordError::NothingWired { rig: rig.name.clone() });
+    }
+    for (name, path) in ports {
+        let known = || devices.iter().map(|device| device.name.clone()).collect::<Vec<_>>().join(", ");
+        let unknown = RecordError::UnknownPort { name: name.clone(), known: known() };
+        devices.iter_mut().find(|device| device.name == *name).ok_or(unknown)?.port.clone_from(path);
+    }
+    for (index, device) in devices.iter().enumerate() {
+        if let Some(other) = devices[..index].iter().find(|other| other.port == device.port) {
+            let (first, second) = (other.name.clone(), device.name.clone());
+            return Err(RecordError::SamePort { first, second, port: device.port.clone() });
         }
     }
-    let name = match names[..] {
-        [] => return Err(RecordError::NothingWired { rig: rig.name.clone() }),
-        [name] => name,
-        _ => return Err(RecordError::SeveralDevices(names.into_iter().map(str::to_owned).collect())),
-    };
-    let device =
-        rig.devices.iter().find(|device| device.name == name).ok_or_else(|| RecordError::UnknownDevice(name.into()))?;
-    let protocol = match device.protocol {
-        Protocol::Frames => return Ok(device),
-        Protocol::Lines => "lines",
-        Protocol::ModbusRtu { .. } => "modbus-rtu",
-    };
-    Err(RecordError::Protocol { device: name.into(), protocol })
+    Ok(devices)
 }
 
-/// Records `source`, the stream of `device`, until the duration is reached, `stop` is set or the stream ends. The file is
-/// created with the first frame: a device that never speaks leaves nothing behind.
+/// Records what `sources` send until the duration is reached, `stop` is set or the streams end. The file is created with the
+/// first valid sample: devices that never speak leave nothing behind.
 pub fn record(
     rig: &Rig,
-    device: &Device,
-    source: &Source,
+    sources: &Sources,
     options: &Options,
     stop: &AtomicBool,
     on_progress: &mut dyn FnMut(&Progress),
 ) -> Result<Summary, RecordError> {
     options.check()?;
-    let mut session = Session { rig, device, options, live: None };
-    let mut decoder = Decoder::new();
-    let mut events = Vec::new();
-    let mut bytes_seen = 0_u64;
-    let mut last_frame = Instant::now();
-    let ended = 'session: loop {
+    let mut streams: Vec<Stream<'_>> = sources.devices.iter().map(|device| Stream::new(rig, device)).collect();
+    let mut live = Live::new(rig, options, describe(&sources.devices), sources.host);
+    let mut clocks_written = Instant::now();
+    let ended = loop {
         if stop.load(Ordering::Relaxed) {
-            break "stopped by the user".to_owned();
+            break BY_USER.to_owned();
         }
-        match source.inputs.recv_timeout(WAIT) {
-            Ok(Input::Bytes { at, bytes }) => {
-                bytes_seen += bytes.len() as u64;
-                decoder.feed(&bytes, &mut events);
-                for event in events.drain(..) {
-                    last_frame = Instant::now();
-                    if let Some(ended) = session.take(event, at)? {
-                        break 'session ended;
-                    }
+        match sources.inputs.recv_timeout(WAIT) {
+            Ok((device, input)) => {
+                if let Some(stream) = streams.get_mut(device) {
+                    stream.take(input, &mut live)?;
                 }
             }
-            Ok(Input::Ended(why)) => {
-                decoder.finish();
-                break why;
-            }
             Err(RecvTimeoutError::Timeout) => {}
-            Err(RecvTimeoutError::Disconnected) => break "the reading thread ended".to_owned(),
+            Err(RecvTimeoutError::Disconnected) if streams.iter().all(|s| over(s, options).is_some()) => {}
+            Err(RecvTimeoutError::Disconnected) => break "the reading threads ended".to_owned(),
         }
-        if last_frame.elapsed() >= options.silence {
-            break format!("no valid frame for {} s", options.silence.as_secs_f64());
+        if let Some(ended) = all_over(&streams, options) {
+            break ended;
         }
-        if let Some(live) = &mut session.live
-            && let Some(progress) = live.output.tick()?
-        {
-            on_progress(&progress);
-        }
-    };
-    let Some(live) = session.live else {
-        let name = device.name.clone();
-        return Err(match bytes_seen {
-            0 => RecordError::Silent { device: name, port: device.port.clone(), ended },
-            bytes => RecordError::NoFrame { device: name, bytes, baud: device.baud, ended },
-        });
-    };
-    let counts = decoder.counts();
-    let devices = vec![DeviceCount {
-        name: device.name.clone(),
-        frames: counts.frames,
-        bad_frames: counts.bad,
-        lost_frames: counts.lost,
-        duplicated_frames: counts.duplicated,
-    }];
-    live.finish(devices, ended)
-}
-
-/// A sensor fed by the device.
-struct Tap {
-    sensor: usize,
-    column: usize,
-    scale: f64,
-    offset: f64,
-}
-
-struct Session<'a> {
-    rig: &'a Rig,
-    device: &'a Device,
-    options: &'a Options,
-    live: Option<Live>,
-}
-
-/// What exists from the first frame on.
-struct Live {
-    output: Recorder,
-    clock: DeviceClock,
-    channels: u8,
-    end_ns: i64,
-    taps: Vec<Tap>,
-    values: Vec<f64>,
-}
-
-impl Session<'_> {
-    /// Records an event; returns why the session ends, where it does.
-    fn take(&mut self, event: Event, at: SystemTime) -> Result<Option<String>, RecordError> {
-        let (frame, lost_before) = match event {
-            Event::Frame { frame, lost_before } => (frame, lost_before),
-            Event::Restarted => {
-                return Ok(Some("the device restarted: its clock began anew, so later samples have no place".into()));
+        if live.has_begun() {
+            let several = streams.len() > 1 || streams.iter().any(|stream| stream.stretches.len() > 1);
+            if several && (live.take_clocks_changed() || clocks_written.elapsed() >= CLOCKS_EVERY) {
+                live.write_clocks(&streams)?;
+                clocks_written = Instant::now();
             }
-        };
-        let live = match &mut self.live {
-            Some(live) => live,
-            empty => empty.insert(Live::start(self.rig, self.device, self.options, &frame, at)?),
-        };
-        live.take(&frame, lost_before)
+            let output = live.output()?;
+            if let Some(progress) = output.tick()? {
+                on_progress(&progress);
+            }
+            if output.refused() {
+                break "the disk takes no more".to_owned();
+            }
+            if output.is_over() {
+                break "all shots were recorded".to_owned();
+            }
+        }
+    };
+    finish(&streams, live, sources, options, ended)
+}
+
+fn finish(
+    streams: &[Stream<'_>],
+    mut live: Live<'_>,
+    sources: &Sources,
+    options: &Options,
+    ended: String,
+) -> Result<Summary, RecordError> {
+    if !live.has_begun() {
+        return Err(streams.first().map_or(RecordError::NotBegun, |stream| stream.nothing(ended)));
     }
-}
-
-impl Live {
-    fn start(
-        rig: &Rig,
-        device: &Device,
-        options: &Options,
-        frame: &Frame,
-        at: SystemTime,
-    ) -> Result<Live, RecordError> {
-        let wired = |wiring: &&Wiring| wiring.device == device.name;
-        let mut taps = Vec::new();
-        for (sensor, described) in rig.sensors.iter().enumerate() {
-            let Some(wiring) = described.wiring.as_ref().filter(wired) else { continue };
-            if wiring.channel >= u16::from(frame.channels()) {
-                return Err(RecordError::NoChannel {
-                    sensor: described.name.clone(),
-                    channel: wiring.channel,
-                    device: device.name.clone(),
-                    channels: frame.channels(),
-                });
-            }
-            taps.push(Tap { sensor, column: wiring.channel.into(), scale: wiring.scale, offset: wiring.offset });
-        }
-        // The frame arrived after its last sample was taken; its first is that much older.
-        let span_ns = u64::from(frame.period_ns()).saturating_mul(frame.samples() as u64);
-        let arrived_ns = at.duration_since(UNIX_EPOCH).map_or(0, |since| since.as_nanos() as u64);
-        let run = RunInfo {
-            start_unix_ns: arrived_ns.saturating_sub(span_ns),
-            source: format!("frames from device '{}' on {}", device.name, device.port),
-            program: format!("surgescope {}", env!("CARGO_PKG_VERSION")),
-            notes: options.notes.clone(),
-            ..RunInfo::default()
-        };
-        Ok(Live {
-            output: Recorder::create(options, rig, &run)?,
-            clock: DeviceClock::starting_at(frame),
-            channels: frame.channels(),
-            end_ns: options.end_ns(0),
-            taps,
-            values: Vec::new(),
+    live.write_clocks(streams)?;
+    let all_shots = live.output()?.is_over();
+    let by_user = ended == BY_USER;
+    let devices: Vec<DeviceCount> = streams
+        .iter()
+        .enumerate()
+        .map(|(index, stream)| {
+            let mut count = stream.count(sources.waited(index));
+            // What ended before the duration, vanished for good or never spoke owes what it did not send; a device that ends by
+            // itself, or that the user stops, does not.
+            let early = options.duration_s.is_some() && stream.state != State::Reached && !by_user && !all_shots;
+            let left = match stream.state {
+                State::Vanished(..) => true,
+                State::Ended(_) => streams.len() > 1,
+                State::Open | State::Reached => false,
+            };
+            count.incomplete = early || stream.is_empty() || left;
+            count
         })
+        .collect();
+    let listed: Vec<usize> = streams.iter().flat_map(|stream| stream.sensors().collect::<Vec<_>>()).collect();
+    let Some(mut output) = live.into_output() else { return Err(RecordError::NotBegun) };
+    for device in &devices {
+        for (what, text) in device.notes() {
+            output.note(&format!("{}.{what}", device.name), &text)?;
+        }
     }
+    output.note("ended", &ended)?;
+    output.finish(0, |sensor| listed.contains(&sensor), devices, ended)
+}
 
-    fn take(&mut self, frame: &Frame, lost_before: u32) -> Result<Option<String>, RecordError> {
-        if frame.channels() != self.channels {
-            return Ok(Some(format!(
-                "the device changed from {} to {} channels, so their meaning is unknown",
-                self.channels,
-                frame.channels()
-            )));
-        }
-        let end_before_ns = self.clock.end_ns();
-        let placed = self.clock.place(frame, lost_before);
-        let left_ns = self.end_ns.saturating_sub(placed.first_ns).max(0) as u64;
-        let wanted = left_ns.div_ceil(u64::from(frame.period_ns())).min(frame.samples() as u64) as usize;
-        for tap in &self.taps {
-            if let Some(gap) = placed.gap
-                && end_before_ns < self.end_ns
-            {
-                self.output.gap(tap.sensor, gap)?;
-            }
-            self.values.clear();
-            let counts = frame.channel(tap.column).take(wanted);
-            self.values.extend(counts.map(|count| tap.scale * f64::from(count) + tap.offset));
-            if wanted > 0 {
-                self.output.samples(tap.sensor, placed.first_ns, f64::from(frame.period_ns()), &self.values)?;
-            }
-        }
-        if self.output.is_over() {
-            return Ok(Some("all shots were recorded".into()));
-        }
-        Ok((self.clock.end_ns() >= self.end_ns).then(|| "the duration was reached".into()))
-    }
+const BY_USER: &str = "stopped by the user";
 
-    /// Keeps the counts with the recording and finishes it.
-    fn finish(mut self, devices: Vec<DeviceCount>, ended: String) -> Result<Summary, RecordError> {
-        for device in &devices {
-            let DeviceCount { name, frames, bad_frames, lost_frames, duplicated_frames } = device;
-            for (what, count) in [
-                ("frames", frames),
-                ("bad_frames", bad_frames),
-                ("lost_frames", lost_frames),
-                ("duplicated_frames", duplicated_frames),
-            ] {
-                self.output.note(&format!("{name}.{what}"), &count.to_string())?;
-            }
+/// Why a device sends no more, where it does not.
+fn over(stream: &Stream<'_>, options: &Options) -> Option<String> {
+    match &stream.state {
+        State::Reached => Some("the duration was reached".to_owned()),
+        State::Ended(why) => Some(why.clone()),
+        State::Vanished(since, why) if since.elapsed() >= options.wait => {
+            Some(format!("{why} and did not come back within {} s", options.wait.as_secs_f64()))
         }
-        self.output.note("ended", &ended)?;
-        let taps = self.taps;
-        self.output.finish(0, |sensor| taps.iter().any(|tap| tap.sensor == sensor), devices, ended)
+        State::Vanished(..) => None,
+        State::Open if stream.heard.elapsed() >= options.silence => {
+            let what = match stream.device.protocol {
+                Protocol::Frames => "valid frame",
+                Protocol::Lines => "valid line",
+                Protocol::ModbusRtu { .. } => "answer",
+            };
+            Some(format!("no {what} for {} s", options.silence.as_secs_f64()))
+        }
+        State::Open => None,
     }
+}
+
+/// Why the session ends, where no device sends more.
+fn all_over(streams: &[Stream<'_>], options: &Options) -> Option<String> {
+    let reasons: Vec<String> = streams.iter().map(|stream| over(stream, options)).collect::<Option<_>>()?;
+    match &reasons[..] {
+        [only] => Some(only.clone()),
+        all if all.iter().all(|reason| *reason == all[0]) => Some(all[0].clone()),
+        all => {
+            let named = streams.iter().zip(all).map(|(stream, why)| format!("{}: {why}", stream.device.name));
+            Some(named.collect::<Vec<_>>().join("; "))
+        }
+    }
+}
+
+/// Where the samples come from, for the run's notes.
+fn describe(devices: &[Device]) -> String {
+    let one = |device: &Device| {
+        let protocol = match device.protocol {
+            Protocol::Frames => "frames",
+            Protocol::Lines => "lines",
+            Protocol::ModbusRtu { .. } => "modbus-rtu",
+        };
+        format!("{protocol} from device '{}' on {}", device.name, device.port)
+    };
+    devices.iter().map(one).collect::<Vec<_>>().join("; ")
 }

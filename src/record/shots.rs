@@ -13,6 +13,7 @@ use super::clock::seconds;
 use super::output::{DeviceCount, Output, Progress, SensorCount, Summary};
 use super::session::Options;
 use super::trigger::{Event, Settings, Trigger};
+use crate::log::ClockFix;
 use crate::recording::{Gap, RunInfo};
 use crate::rig::Rig;
 
@@ -84,6 +85,22 @@ impl Recorder {
         }
     }
 
+    /// As [`Output::clocks`].
+    pub fn clocks(&mut self, fixes: Vec<ClockFix>) -> Result<(), RecordError> {
+        match self {
+            Recorder::Whole(output) => output.clocks(fixes),
+            Recorder::Shots(shots) => shots.clocks(fixes),
+        }
+    }
+
+    /// As [`Output::refused`].
+    pub fn refused(&self) -> bool {
+        match self {
+            Recorder::Whole(output) => output.refused(),
+            Recorder::Shots(shots) => shots.open.as_ref().is_some_and(|open| open.output.refused()),
+        }
+    }
+
     /// All shots that were asked for are there.
     pub fn is_over(&self) -> bool {
         matches!(self, Recorder::Shots(shots) if shots.open.is_none() && shots.plan.most.is_some_and(|most| shots.done.len() >= most))
@@ -145,6 +162,8 @@ pub struct Shots {
     newest_ns: i64,
     open: Option<Open>,
     done: Vec<Summary>,
+    /// How the devices' clocks lie to each other, as well as it is known by now.
+    clocks: Vec<ClockFix>,
 }
 
 impl Shots {
@@ -160,6 +179,7 @@ impl Shots {
             newest_ns: i64::MIN,
             open: None,
             done: Vec::new(),
+            clocks: Vec::new(),
         }
     }
 
@@ -196,6 +216,11 @@ impl Shots {
         self.open.as_mut().map_or(Ok(()), |open| open.gap(sensor, gap))
     }
 
+    fn clocks(&mut self, fixes: Vec<ClockFix>) -> Result<(), RecordError> {
+        self.clocks = fixes;
+        self.open.as_mut().map_or(Ok(()), |open| open.clocks(&self.clocks))
+    }
+
     /// Whether all shots that were asked for are there or being written.
     fn is_full(&self) -> bool {
         self.open.is_none() && self.plan.most.is_some_and(|most| self.done.len() >= most)
@@ -228,6 +253,7 @@ impl Shots {
             }
         }
         self.gaps.iter().try_for_each(|(sensor, gap)| open.gap(*sensor, *gap))?;
+        open.clocks(&self.clocks)?;
         self.open = Some(open);
         Ok(())
     }
@@ -269,7 +295,7 @@ impl Shots {
             file: self.plan.folder.display().to_string(),
             duration_s: self.done.iter().map(|shot| shot.duration_s).sum(),
             sensors,
-            data_lost: devices.iter().any(|device| device.bad_frames > 0 || device.lost_frames > 0),
+            data_lost: devices.iter().any(DeviceCount::lost_data) || self.done.iter().any(|shot| shot.data_lost),
             devices,
             ended,
             shots: self.done.into_iter().map(|shot| shot.file).collect(),
@@ -293,6 +319,16 @@ impl Open {
             return Ok(());
         }
         self.output.gap(sensor, Gap { from_s: gap.from_s - zero_s, to_s: gap.to_s - zero_s, ..gap })
+    }
+
+    /// Writes how the clocks lie to each other, on the shot's own clock.
+    fn clocks(&mut self, fixes: &[ClockFix]) -> Result<(), RecordError> {
+        let on_shot = |fix: &ClockFix| ClockFix {
+            from_ns: fix.from_ns.saturating_sub(self.from_ns),
+            to_ns: fix.to_ns.saturating_sub(self.from_ns),
+            ..fix.clone()
+        };
+        self.output.clocks(fixes.iter().map(on_shot).collect())
     }
 
     /// Writes the last sample of a batch that lies before the shot.

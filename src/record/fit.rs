@@ -1,0 +1,191 @@
+//! A device's clock against the host's: the line below all arrivals.
+//!
+//! Bytes never arrive before they are sent, but often later. So the true relation of the clocks is the line that lies below every arrival
+//! and as near to them as it can: the edge of their lower convex hull over the mean device time minimises the sum of the distances
+//! (Moon, Skelly & Towsley 1999, "Estimation and removal of clock skew from network delay measurements", IEEE INFOCOM). A constant
+//! delay between sample and arrival cannot be seen; bursts of delay, however many and long, do no harm.
+
+/// Most points kept; when there are more, neighbours become one.
+const MOST_POINTS: usize = 1024;
+/// First width of the stretch that a point stands for, ns.
+const FIRST_WIDTH_NS: i64 = 10_000_000;
+/// Below this span of device time the drift is not known well enough to use.
+const SPAN_FOR_DRIFT_NS: i64 = 5_000_000_000;
+/// No device clock is this far off: what shows more is no stream in real time.
+const MOST_DRIFT: f64 = 0.05;
+
+/// Arrivals of one device, as few as the fit needs.
+#[derive(Debug, Clone)]
+pub struct ClockFit {
+    /// Device time and delay against it (arrival − device time), ns, from the first arrival's.
+    points: Vec<(i64, i64)>,
+    origin: Option<(i64, i64)>,
+    width_ns: i64,
+    seen: u64,
+}
+
+/// Host time = `host_ns` + `rate` × (device time − `device_ns`).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ClockLine {
+    /// A device time, ns.
+    pub device_ns: i64,
+    /// The host time then, ns.
+    pub host_ns: f64,
+    /// Host seconds a device second.
+    pub rate: f64,
+    /// Whether the drift is the fit's; else the span was too short, or the stream ran not in real time, and the rate is 1.
+    pub drift_known: bool,
+    /// How far the arrivals lie above the line, ns: their median, and the value that 95% do not exceed.
+    pub residual_ns: (f64, f64),
+}
+
+impl ClockLine {
+    /// Host time of a device time, ns.
+    pub fn host_at(&self, device_ns: i64) -> f64 {
+        self.host_ns + self.rate * (device_ns - self.device_ns) as f64
+    }
+}
+
+impl Default for ClockFit {
+    fn default() -> ClockFit {
+        ClockFit { points: Vec::new(), origin: None, width_ns: FIRST_WIDTH_NS, seen: 0 }
+    }
+}
+
+impl ClockFit {
+    /// Takes an arrival: what was sent at `device_ns` came at `host_ns`. Device times must not run backwards.
+    pub fn add(&mut self, device_ns: i64, host_ns: i64) {
+        self.seen += 1;
+        let (device_0, host_0) = *self.origin.get_or_insert((device_ns, host_ns));
+        let device = device_ns.saturating_sub(device_0);
+        let point = (device, host_ns.saturating_sub(host_0).saturating_sub(device));
+        match self.points.last_mut() {
+            Some(last) if last.0.div_euclid(self.width_ns) == device.div_euclid(self.width_ns) => {
+                keep_least(last, point)
+            }
+            _ => self.points.push(point),
+        }
+        if self.points.len() > MOST_POINTS {
+            self.width_ns *= 2;
+            let width = self.width_ns;
+            self.points.dedup_by(|next, kept| {
+                let same = next.0.div_euclid(width) == kept.0.div_euclid(width);
+                if same {
+                    keep_least(kept, *next);
+                }
+                same
+            });
+        }
+    }
+
+    /// The line; `None` before the first arrival.
+    pub fn line(&self) -> Option<ClockLine> {
+        let (device_ns, host_0) = self.origin?;
+        let (first, last) = (self.points.first()?, self.points.last()?);
+        let hull = lower_hull(&self.points);
+        let mean = self.points.iter().map(|p| p.0 as f64).sum::<f64>() / self.points.len() as f64;
+        let edge = hull.windows(2).find(|edge| edge[1].0 as f64 >= mean);
+        let drift = edge.map_or(0.0, |e| (e[1].1 - e[0].1) as f64 / (e[1].0 - e[0].0) as f64);
+        let drift_known = last.0 - first.0 >= SPAN_FOR_DRIFT_NS && drift.abs() <= MOST_DRIFT;
+        let drift = if drift_known { drift } else { 0.0 };
+        let above = |p: &(i64, i64)| p.1 as f64 - drift * p.0 as f64;
+        let offset = self.points.iter().map(above).fold(f64::INFINITY, f64::min);
+        let mut residuals: Vec<f64> = self.points.iter().map(|p| above(p) - offset).collect();
+        residuals.sort_by(f64::total_cmp);
+        let share = |q: f64| residuals[((residuals.len() - 1) as f64 * q).round() as usize];
+        Some(ClockLine {
+            device_ns,
+            host_ns: host_0 as f64 + offset,
+            rate: 1.0 + drift,
+            drift_known,
+            residual_ns: (share(0.5), share(0.95)),
+        })
+    }
+
+    /// Arrivals taken.
+    pub fn seen(&self) -> u64 {
+        self.seen
+    }
+}
+
+/// The earlier of two arrivals stands for both.
+fn keep_least(kept: &mut (i64, i64), next: (i64, i64)) {
+    if next.1 < kept.1 {
+        *kept = next;
+    }
+}
+
+/// Lower convex hull of points in the order of their first number (Andrew 1979).
+fn lower_hull(points: &[(i64, i64)]) -> Vec<(i64, i64)> {
+    let mut hull: Vec<(i64, i64)> = Vec::new();
+    for &point in points {
+        while let [.., a, b] = hull[..] {
+            let cross =
+                i128::from(b.0 - a.0) * i128::from(point.1 - a.1) - i128::from(b.1 - a.1) * i128::from(point.0 - a.0);
+            if cross > 0 {
+                break;
+            }
+            hull.pop();
+        }
+        if hull.last().is_none_or(|last| last.0 < point.0) {
+            hull.push(point);
+        }
+    }
+    hull
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Arrivals of a device with a drift: each delayed at random (exponentially, 0.3 ms), one in `burst` by up to 200 ms.
+    fn arrivals(seconds: u32, drift: f64, burst: u32, seed: u64) -> ClockFit {
+        let mut dice = fastrand::Rng::with_seed(seed);
+        let mut fit = ClockFit::default();
+        for index in 0..100 * i64::from(seconds) {
+            let device_ns = 7_000_000_000 + index * 10_000_000;
+            let delay = -300_000.0 * (1.0 - dice.f64()).ln();
+            let stall = if dice.u32(..burst) == 0 { dice.f64() * 200e6 } else { 0.0 };
+            let true_ns = 55e9 + (1.0 + drift) * (device_ns - 7_000_000_000) as f64;
+            fit.add(device_ns, (true_ns + delay + stall) as i64);
+        }
+        fit
+    }
+
+    #[test]
+    fn offset_and_drift_are_found_under_delays_and_stalls() {
+        for (seed, drift, burst) in [(1, 80e-6, 50), (2, -120e-6, 3), (3, 5e-3, 10), (4, 0.0, 2)] {
+            let line = arrivals(60, drift, burst, seed).line().unwrap();
+            assert!(line.drift_known);
+            assert!((line.rate - 1.0 - drift).abs() < 2e-6, "seed {seed}: drift {} for {drift}", line.rate - 1.0);
+            for at_s in [0.0, 30.0, 60.0] {
+                let truth = 55e9 + (1.0 + drift) * at_s * 1e9;
+                let error_us = (line.host_at(7_000_000_000 + (at_s * 1e9) as i64) - truth) / 1e3;
+                assert!(error_us.abs() < 50.0, "seed {seed}, {at_s} s: {error_us} µs");
+            }
+            assert!(line.residual_ns.0 > 0.0 && line.residual_ns.0 < line.residual_ns.1);
+        }
+    }
+
+    #[test]
+    fn a_day_takes_no_more_memory_than_a_minute() {
+        let mut fit = ClockFit::default();
+        for index in 0..86_400 * 20 {
+            let device_ns = index * 50_000_000;
+            fit.add(device_ns, device_ns + device_ns / 50_000 + (index * 7919) % 400_000);
+        }
+        assert!(fit.points.len() <= MOST_POINTS + 1 && fit.seen() == 86_400 * 20);
+        let line = fit.line().unwrap();
+        assert!((line.rate - 1.0 - 20e-6).abs() < 1e-8, "{}", line.rate - 1.0);
+    }
+
+    #[test]
+    fn a_short_stream_and_one_out_of_real_time_have_no_drift() {
+        assert_eq!(ClockFit::default().line(), None);
+        let line = arrivals(2, 80e-6, 50, 1).line().unwrap();
+        assert!(!line.drift_known && line.rate == 1.0);
+        let mut fit = ClockFit::default();
+        (0..1000).for_each(|i| fit.add(i * 10_000_000, i * 1_000_000));
+        assert_eq!(fit.line().unwrap().rate, 1.0, "ten times as fast as real time");
+    }
+}

@@ -1,0 +1,331 @@
+//! The `lines` wire protocol: text lines `t_us,v0,v1,…` to rows of values, without any I/O.
+//!
+//! Lines carry neither a check sum nor a number. A line that does not parse, or has another number of values than those before,
+//! is counted and kept out; a missing one shows in the times only. A time that jumps is believed when the next line confirms it.
+
+/// Longest line taken, bytes.
+pub const MAX_LINE: usize = 4096;
+/// So many lines in a row from the past, in order among themselves, are a device that restarted.
+const RESTART_LINES: usize = 3;
+/// Steps between lines that are remembered: one half longer than the longest of them is a jump.
+const STEPS: usize = 16;
+/// Steps needed before a jump can be told from the device's own rhythm.
+const ENOUGH_STEPS: usize = 3;
+/// Device times beyond this, µs, would not fit the recording's i64 nanoseconds.
+const MAX_DEVICE_US: u64 = (i64::MAX / 2000) as u64;
+
+/// One line.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Line {
+    /// Device time, µs.
+    pub time_us: u64,
+    /// The values printed.
+    pub values: Vec<f64>,
+    /// Whether lines are known to be missing before it: bad ones, or a jump of the time.
+    pub hole_before: bool,
+    /// When its first byte arrived, ns on the clock of [`Decoder::feed`].
+    pub began_ns: i64,
+}
+
+/// What the decoder hands on.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Event {
+    /// A line later than the one before it.
+    Line(Line),
+    /// The device started again: its clock began anew with the next line.
+    Restarted,
+}
+
+/// What the decoder has seen.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct LineCounts {
+    /// Lines taken.
+    pub lines: u64,
+    /// Lines that did not parse, were too long, had another number of values or an unconfirmed time.
+    pub bad: u64,
+    /// Lines from the past, dropped.
+    pub stale: u64,
+}
+
+/// Incremental decoder: takes bytes in any split, finds the lines.
+#[derive(Debug, Default)]
+pub struct Decoder {
+    pending: Vec<u8>,
+    skipping: bool,
+    /// The first line end was seen; what stood before it may be the rest of a line.
+    aligned: bool,
+    began_ns: i64,
+    width: Option<usize>,
+    last_us: Option<u64>,
+    steps: std::collections::VecDeque<u64>,
+    /// Jumps of about one length that came one after the other.
+    jumps: Vec<u64>,
+    hole: bool,
+    /// A line whose time jumps, until the next one confirms it.
+    doubtful: Option<Line>,
+    stale: Vec<Line>,
+    counts: LineCounts,
+}
+
+impl Decoder {
+    /// A decoder at the start of a stream.
+    pub fn new() -> Decoder {
+        Decoder::default()
+    }
+
+    /// What was seen so far.
+    pub fn counts(&self) -> LineCounts {
+        self.counts
+    }
+
+    /// Takes the next bytes of the stream, which arrived at `at_ns` on any clock, and appends what they complete to `events`.
+    pub fn feed(&mut self, at_ns: i64, bytes: &[u8], events: &mut Vec<Event>) {
+        let mut pieces = bytes.split(|&byte| byte == b'\n');
+        let tail = pieces.next_back().unwrap_or_default();
+        for piece in pieces {
+            self.keep(at_ns, piece);
+            self.end_of_line(events);
+        }
+        self.keep(at_ns, tail);
+    }
+
+    /// The stream was cut off: a line cut with it is a bad one, and what comes next may begin within a line.
+    pub fn cut(&mut self) {
+        if self.aligned && (self.skipping || !self.pending.is_empty()) {
+            self.bad();
+        }
+        self.pending.clear();
+        self.skipping = false;
+        self.aligned = false;
+    }
+
+    fn keep(&mut self, at_ns: i64, piece: &[u8]) {
+        if self.skipping {
+            return;
+        }
+        if self.pending.is_empty() {
+            self.began_ns = at_ns;
+        }
+        if self.pending.len() + piece.len() > MAX_LINE {
+            self.skipping = true;
+            self.pending.clear();
+        } else {
+            self.pending.extend_from_slice(piece);
+        }
+    }
+
+    fn end_of_line(&mut self, events: &mut Vec<Event>) {
+        let first = !std::mem::replace(&mut self.aligned, true);
+        let pending = std::mem::take(&mut self.pending);
+        if std::mem::take(&mut self.skipping) {
+            self.bad();
+        } else if !first && !is_comment(&pending) {
+            // A first line could be the rest of one and parse all the same: it is never taken.
+            match parse(&pending) {
+                Some((time_us, values)) => self.line(time_us, values, events),
+                None => self.bad(),
+            }
+        }
+        self.pending = pending;
+        self.pending.clear();
+    }
+
+    fn bad(&mut self) {
+        self.counts.bad += 1;
+        self.hole = true;
+    }
+
+    fn line(&mut self, time_us: u64, values: Vec<f64>, events: &mut Vec<Event>) {
+        if *self.width.get_or_insert(values.len()) != values.len() {
+            self.bad();
+            return;
+        }
+        let line = Line { time_us, values, hole_before: false, began_ns: self.began_ns };
+        if let Some(doubtful) = self.doubtful.take() {
+            // The line after a jump goes on either from the jump or from before it.
+            if line.time_us > doubtful.time_us && self.goes_on(&doubtful, &line) {
+                self.learn(doubtful.time_us, line.time_us);
+                self.take(Line { hole_before: true, ..doubtful }, events);
+            } else {
+                self.bad();
+            }
+        }
+        match self.last_us {
+            Some(last_us) if line.time_us <= last_us => self.stale(line, events),
+            Some(last_us) if self.jumps(last_us, line.time_us) => self.doubtful = Some(line),
+            _ => self.take(line, events),
+        }
+    }
+
+    /// True for a step well beyond those before it.
+    fn jumps(&self, from_us: u64, to_us: u64) -> bool {
+        let longest = self.steps.iter().max().copied().unwrap_or_default();
+        self.steps.len() >= ENOUGH_STEPS && to_us - from_us > longest + longest / 2
+    }
+
+    /// True for a step no longer than the jump, or the device's rhythm: it may have slowed down for good.
+    fn goes_on(&self, jumped: &Line, next: &Line) -> bool {
+        let jump_us = self.last_us.map_or(0, |last_us| jumped.time_us - last_us);
+        let step_us = next.time_us - jumped.time_us;
+        !self.jumps(jumped.time_us, next.time_us) || step_us <= jump_us + jump_us / 2
+    }
+
+    /// One jump after the other are holes at first, then the device's new rhythm.
+    fn learn(&mut self, from_us: u64, to_us: u64) {
+        if !self.jumps(from_us, to_us) {
+            self.jumps.clear();
+            return;
+        }
+        self.jumps.push(to_us - from_us);
+        if self.jumps.len() == ENOUGH_STEPS {
+            self.steps.clear();
+            self.steps.extend(self.jumps.drain(..));
+        }
+    }
+
+    fn take(&mut self, mut line: Line, events: &mut Vec<Event>) {
+        line.hole_before |= std::mem::take(&mut self.hole);
+        if let Some(last_us) = self.last_us
+            && !line.hole_before
+        {
+            if self.steps.len() == STEPS {
+                self.steps.pop_front();
+            }
+            self.steps.push_back(line.time_us - last_us);
+        }
+        self.last_us = Some(line.time_us);
+        self.stale.clear();
+        self.counts.lines += 1;
+        events.push(Event::Line(line));
+    }
+
+    fn stale(&mut self, line: Line, events: &mut Vec<Event>) {
+        self.counts.stale += 1;
+        if self.stale.last().is_none_or(|last| last.time_us >= line.time_us) {
+            self.stale.clear();
+        }
+        self.stale.push(line);
+        if self.stale.len() == RESTART_LINES {
+            events.push(Event::Restarted);
+            self.last_us = None;
+            self.hole = false;
+            self.steps.clear();
+            self.counts.stale -= RESTART_LINES as u64;
+            for line in std::mem::take(&mut self.stale) {
+                self.take(line, events);
+            }
+        }
+    }
+}
+
+/// A comment or an empty line says nothing.
+fn is_comment(line: &[u8]) -> bool {
+    let text = line.trim_ascii();
+    text.is_empty() || text.starts_with(b"#")
+}
+
+fn parse(line: &[u8]) -> Option<(u64, Vec<f64>)> {
+    let text = std::str::from_utf8(line).ok()?;
+    let mut cells = text.split(',').map(str::trim);
+    let time_us = cells.next()?.parse().ok().filter(|time| *time <= MAX_DEVICE_US)?;
+    // `parse` would take words such as inf and nan too.
+    let number = |cell: &str| cell.parse().ok().filter(|value: &f64| value.is_finite());
+    let values: Vec<f64> = cells.map(number).collect::<Option<_>>()?;
+    (!values.is_empty()).then_some((time_us, values))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn decode(decoder: &mut Decoder, text: &str) -> Vec<Event> {
+        let mut events = Vec::new();
+        decoder.feed(0, text.as_bytes(), &mut events);
+        events
+    }
+
+    fn times(events: &[Event]) -> Vec<(u64, bool)> {
+        let of = |event: &Event| match event {
+            Event::Line(line) => (line.time_us, line.hole_before),
+            Event::Restarted => (u64::MAX, false),
+        };
+        events.iter().map(of).collect()
+    }
+
+    #[test]
+    fn lines_comments_and_bad_lines() {
+        let mut decoder = Decoder::new();
+        let text =
+            "34,0.5\n# a comment\n\n1000,1.5,-2e3\r\n 2000 , 3 , 4 \n3000,x,1\n4000,1\n5000,inf,1\n6000,7,8\n-1,2,3\n";
+        let events = decode(&mut decoder, text);
+        let line = |time_us, values: &[f64], hole_before| {
+            Event::Line(Line { time_us, values: values.to_vec(), hole_before, began_ns: 0 })
+        };
+        assert_eq!(
+            events,
+            [line(1000, &[1.5, -2000.0], false), line(2000, &[3.0, 4.0], false), line(6000, &[7.0, 8.0], true)]
+        );
+        assert_eq!(decoder.counts(), LineCounts { lines: 3, bad: 4, stale: 0 });
+    }
+
+    #[test]
+    fn a_jump_that_the_next_line_confirms_is_a_hole_and_another_is_a_bad_line() {
+        let mut decoder = Decoder::new();
+        let text = "x\n0,1\n10,1\n20,1\n30,1\n40,1\n90,1\n100,1\n9110,6\n120,1\n130,1\n";
+        let events = decode(&mut decoder, text);
+        assert_eq!(times(&events[5..]), [(90, true), (100, false), (120, true), (130, false)]);
+        assert_eq!(decoder.counts().bad, 1);
+    }
+
+    #[test]
+    fn a_device_that_slows_down_goes_on() {
+        let mut decoder = Decoder::new();
+        let events = decode(&mut decoder, "\n0,1\n10,1\n20,1\n30,1\n40,1\n60,1\n80,1\n100,1\n120,1\n");
+        assert_eq!(times(&events[4..]), [(40, false), (60, true), (80, true), (100, true), (120, false)]);
+        assert_eq!(decoder.counts().bad, 0);
+    }
+
+    #[test]
+    fn a_restart_loses_no_line() {
+        let mut decoder = Decoder::new();
+        let events = decode(&mut decoder, "\n500,1\n510,1\n505,1\n520,1\n0,1\n10,1\n20,1\n30,1\n");
+        let restart = (u64::MAX, false);
+        let expected =
+            [(500, false), (510, false), (520, false), restart, (0, false), (10, false), (20, false), (30, false)];
+        assert_eq!(times(&events), expected);
+        assert_eq!(decoder.counts(), LineCounts { lines: 7, bad: 0, stale: 1 });
+    }
+
+    #[test]
+    fn a_stream_without_line_ends_does_not_fill_the_memory() {
+        let mut decoder = Decoder::new();
+        for _ in 0..100 {
+            assert!(decode(&mut decoder, &"5".repeat(1000)).is_empty());
+        }
+        assert!(decoder.pending.capacity() <= 2 * MAX_LINE);
+        assert_eq!(times(&decode(&mut decoder, "\n7,1\n")), [(7, true)]);
+    }
+
+    proptest! {
+        #[test]
+        fn any_bytes_in_any_split_are_survived(bytes in prop::collection::vec(prop_oneof![
+            Just(b'\n'), Just(b','), Just(b'1'), Just(b'-'), any::<u8>()], 0..600), size in 1usize..50) {
+            let (mut whole, mut split) = (Decoder::new(), Decoder::new());
+            let (mut expected, mut events) = (Vec::new(), Vec::new());
+            whole.feed(0, &bytes, &mut expected);
+            bytes.chunks(size).for_each(|piece| split.feed(0, piece, &mut events));
+            prop_assert_eq!(&events, &expected);
+            let mut last = 0;
+            for event in events {
+                match event {
+                    Event::Restarted => last = 0,
+                    Event::Line(line) => {
+                        prop_assert!(line.time_us >= last && line.values.iter().all(|v| v.is_finite()));
+                        last = line.time_us;
+                    }
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,298 @@
+//! Asking a Modbus slave, so that no answer is ever taken for another's.
+//!
+//! An answer does not say which registers it is of. One that comes after its time-out would fit the next request for as many
+//! registers, and pressures would stand under a flow's name. So after anything but the answer asked for the line is *out of step*: it is
+//! drained to silence, then an echo with a number of its own is asked for, and only when that comes back (or its refusal) are
+//! registers read again. A slave answers in order, so nothing older can then be on its way. With a slave that has never said anything to an
+//! echo there is only silence to go by: ten time-outs of it, and two seconds at least.
+
+use std::io;
+use std::time::{Duration, Instant};
+
+use super::modbus::{Answer, Parsed, Request, parse};
+use super::registers::Group;
+
+/// A line without bytes for so long is silent: longer than the 16 ms that USB adapters hold bytes back.
+const SILENCE: Duration = Duration::from_millis(20);
+/// A slave that does not know echoes and has said nothing for so many time-outs, and for so long, will not answer what it was asked before.
+const FORGOTTEN_TIMEOUTS: u32 = 10;
+const FORGOTTEN: Duration = Duration::from_millis(if cfg!(test) { 200 } else { 2000 });
+/// Another echo is asked for after so many time-outs: a slave that is slow already is not to be flooded.
+const ECHO_TIMEOUTS: u32 = 4;
+/// Longest answer, bytes, and some.
+const MOST_BYTES: usize = 512;
+
+/// A line to a slave.
+pub trait Line {
+    /// Sends bytes; returns when they are on their way.
+    ///
+    /// # Errors
+    /// When the line is gone.
+    fn send(&mut self, bytes: &[u8]) -> io::Result<()>;
+    /// Waits for bytes; 0 where none came in time.
+    ///
+    /// # Errors
+    /// When the line is gone.
+    fn receive(&mut self, buffer: &mut [u8], within: Duration) -> io::Result<usize>;
+}
+
+/// What was seen of a slave.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct PollCounts {
+    /// Requests answered.
+    pub answers: u64,
+    /// Requests not answered in time, or not asked because the line was out of step.
+    pub missed: u64,
+    /// Answers that were none: noise, wrong check sums.
+    pub bad: u64,
+    /// Answers that came after their time-out; dropped.
+    pub late: u64,
+    /// Requests refused by the slave.
+    pub refused: u64,
+    /// Polls that fell out because the one before took too long.
+    pub skipped: u64,
+}
+
+/// What became of a request.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Outcome {
+    /// The registers, and the middle between request and answer.
+    Words(Vec<u16>, Instant),
+    /// The slave refused, with the exception's code.
+    Refused(u8),
+    /// Nothing that can be used.
+    Missed,
+}
+
+/// Asks one slave.
+pub struct Poller<L> {
+    line: L,
+    unit: u8,
+    timeout: Duration,
+    counts: PollCounts,
+    in_step: bool,
+    /// Numbers of the echoes asked for since the line fell out of step.
+    echoes: Vec<u16>,
+    /// Echoes neither returned nor refused yet, now and when the line fell out of step; a refusal does not say which it refuses.
+    owed_echoes: u32,
+    owed_before: u32,
+    /// Refusals since then.
+    refusals: u32,
+    stepped: Instant,
+    next_echo: u16,
+    echo_asked: Option<Instant>,
+    /// It has returned or refused an echo before.
+    knows_echoes: bool,
+    heard: Instant,
+}
+
+impl<L: Line> Poller<L> {
+    /// A poller that first brings the line into step: something may be on its way to whoever asked before.
+    pub fn new(line: L, unit: u8, timeout: Duration) -> Poller<L> {
+        let next_echo = fastrand::u16(..);
+        Poller {
+            line,
+            unit,
+            timeout,
+            counts: PollCounts::default(),
+            in_step: false,
+            echoes: Vec::new(),
+            owed_echoes: 0,
+            owed_before: 0,
+            refusals: 0,
+            stepped: Instant::now(),
+            next_echo,
+            echo_asked: None,
+            knows_echoes: false,
+            heard: Instant::now(),
+        }
+    }
+
+    /// What was seen so far.
+    pub fn counts(&self) -> PollCounts {
+        self.counts
+    }
+
+    /// Counts polls that fell out.
+    pub fn skipped(&mut self, polls: u64) {
+        self.counts.skipped += polls;
+    }
+
+    /// Goes on counting after the line was opened anew.
+    pub fn reopened(self, line: L) -> Poller<L> {
+        Poller { counts: self.counts, ..Poller::new(line, self.unit, self.timeout) }
+    }
+
+    /// Reads the registers of a group; takes about two time-outs at most.
+    ///
+    /// # Errors
+    /// When the line is gone.
+    pub fn read(&mut self, group: &Group) -> io::Result<Outcome> {
+        if !self.in_step && !self.step()? {
+            self.counts.missed += 1;
+            return Ok(Outcome::Missed);
+        }
+        let request = Request::Read { input: group.input, start: group.start, count: group.count };
+        let outcome = self.ask(&request)?;
+        match &outcome {
+            Outcome::Words(..) => {
+                self.counts.answers += 1;
+                if self.stepped.elapsed() > self.forgotten_after() {
+                    // What has not come by now was lost on the wire.
+                    self.owed_echoes = 0;
+                }
+            }
+            Outcome::Refused(_) => self.counts.refused += 1,
+            Outcome::Missed => {
+                self.counts.missed += 1;
+                self.in_step = false;
+                (self.owed_before, self.refusals) = (self.owed_echoes, 0);
+                self.heard = Instant::now();
+            }
+        }
+        Ok(outcome)
+    }
+
+    fn ask(&mut self, request: &Request) -> io::Result<Outcome> {
+        self.drain()?;
+        self.line.send(&request.encode(self.unit))?;
+        let asked = Instant::now();
+        let mut answered = None;
+        let mut bytes = Vec::new();
+        while let Some(arrived) = self.more(&mut bytes, asked)? {
+            let answered = *answered.get_or_insert(arrived);
+            loop {
+                match parse(self.unit, &bytes) {
+                    Parsed::Incomplete => break,
+                    Parsed::Bad => {
+                        self.counts.bad += 1;
+                        return Ok(Outcome::Missed);
+                    }
+                    Parsed::Whole(answer, length) if self.is_old_echo(&answer) => drop(bytes.drain(..length)),
+                    // More behind an answer: which of the two is it?
+                    Parsed::Whole(answer, length) if !answer.fits(request) || bytes.len() > length => {
+                        self.counts.late += 1;
+                        return Ok(Outcome::Missed);
+                    }
+                    Parsed::Whole(Answer::Registers { words, .. }, _) => {
+                        return Ok(Outcome::Words(words, asked + answered.duration_since(asked) / 2));
+                    }
+                    Parsed::Whole(Answer::Refused { code, .. }, _) => return Ok(Outcome::Refused(code)),
+                    Parsed::Whole(Answer::Echo(_), _) => return Ok(Outcome::Missed),
+                }
+            }
+        }
+        Ok(Outcome::Missed)
+    }
+
+    /// An echo that is still owed comes back, or its refusal: no answer to a read.
+    fn is_old_echo(&mut self, answer: &Answer) -> bool {
+        let old = matches!(answer, Answer::Echo(_) | Answer::Refused { echo: true, .. });
+        self.owed_echoes = self.owed_echoes.saturating_sub(u32::from(old));
+        self.knows_echoes |= old;
+        old
+    }
+
+    /// Tries once to bring the line into step.
+    fn step(&mut self) -> io::Result<bool> {
+        if !self.drain()? {
+            return Ok(false);
+        }
+        if self.in_step {
+            return Ok(true);
+        }
+        let asked = Instant::now();
+        if self.echo_asked.is_none_or(|before| before.elapsed() >= self.timeout * ECHO_TIMEOUTS) {
+            self.echo_asked = Some(asked);
+            let number = self.next_echo;
+            self.next_echo = number.wrapping_add(1);
+            self.echoes.push(number);
+            self.owed_echoes += 1;
+            self.line.send(&Request::Echo(number).encode(self.unit))?;
+        }
+        let mut bytes = Vec::new();
+        while self.more(&mut bytes, asked)?.is_some() {
+            if self.take_old(&mut bytes) {
+                return Ok(self.stepped());
+            }
+        }
+        let forgotten = self.heard.elapsed() >= self.forgotten_after();
+        Ok(forgotten && !self.knows_echoes && self.stepped())
+    }
+
+    fn forgotten_after(&self) -> Duration {
+        FORGOTTEN.max(self.timeout * FORGOTTEN_TIMEOUTS)
+    }
+
+    fn stepped(&mut self) -> bool {
+        self.in_step = true;
+        self.stepped = Instant::now();
+        self.echoes.clear();
+        self.echo_asked = None;
+        true
+    }
+
+    /// Takes whatever stands in `bytes`; true where it brings the line into step.
+    fn take_old(&mut self, bytes: &mut Vec<u8>) -> bool {
+        loop {
+            match parse(self.unit, bytes) {
+                Parsed::Incomplete => return false,
+                Parsed::Bad => drop(bytes.drain(..1)),
+                Parsed::Whole(answer, length) => {
+                    bytes.drain(..length);
+                    let old_echo = self.is_old_echo(&answer);
+                    self.refusals += u32::from(matches!(answer, Answer::Refused { echo: true, .. }));
+                    match answer {
+                        Answer::Echo(number) if self.echoes.contains(&number) => return true,
+                        Answer::Refused { echo: true, .. } if self.refusals > self.owed_before => return true,
+                        _ => self.counts.late += u64::from(!old_echo),
+                    }
+                }
+            }
+        }
+    }
+
+    /// Waits for more bytes of an answer; `None` when its time is over.
+    fn more(&mut self, bytes: &mut Vec<u8>, asked: Instant) -> io::Result<Option<Instant>> {
+        let left = self.timeout.saturating_sub(asked.elapsed());
+        if left.is_zero() {
+            return Ok(None);
+        }
+        let mut buffer = [0; MOST_BYTES];
+        let length = self.line.receive(&mut buffer, left)?;
+        if length == 0 {
+            return Ok(None);
+        }
+        bytes.extend(buffer.iter().take(length));
+        self.heard = Instant::now();
+        Ok(Some(self.heard))
+    }
+
+    /// Takes what is on the line until it is silent; false where it does not become so.
+    fn drain(&mut self) -> io::Result<bool> {
+        let quiet = if self.in_step { Duration::ZERO } else { SILENCE };
+        let started = Instant::now();
+        let (mut bytes, mut buffer) = (Vec::new(), [0; MOST_BYTES]);
+        loop {
+            match self.line.receive(&mut buffer, quiet)? {
+                0 => break,
+                length => bytes.extend(buffer.iter().take(length)),
+            }
+            self.heard = Instant::now();
+            if started.elapsed() > self.timeout + SILENCE {
+                self.counts.bad += 1;
+                return Ok(false);
+            }
+        }
+        // What comes between requests is late; an echo among it brings no line into step that is in step.
+        let in_step = self.take_old(&mut bytes);
+        if in_step && !self.in_step {
+            self.stepped();
+        }
+        Ok(true)
+    }
+}
+
+#[cfg(test)]
+#[path = "poll_tests.rs"]
+mod tests;

@@ -1,0 +1,135 @@
+//! What the poller promises: no value under another's name, whatever the slave's delays do.
+
+use std::collections::VecDeque;
+use std::sync::mpsc::{Receiver, Sender, channel};
+
+use super::*;
+
+const UNIT: u8 = 5;
+const TIMEOUT: Duration = Duration::from_millis(20);
+
+/// A slave in a thread of its own that answers in order, each after a delay of its choice; register `a` holds `a`.
+struct Slave {
+    requests: Sender<Vec<u8>>,
+    answers: Receiver<Vec<u8>>,
+    ready: VecDeque<u8>,
+}
+
+impl Slave {
+    fn new(echoes: bool, mut reply: impl FnMut(Vec<u8>) -> (Duration, Option<Vec<u8>>) + Send + 'static) -> Slave {
+        let (requests, asked) = channel::<Vec<u8>>();
+        let (answer, answers) = channel();
+        std::thread::spawn(move || {
+            for bytes in asked {
+                let (unit, request) = Request::decode(&bytes).unwrap();
+                assert_eq!(unit, UNIT);
+                let honest = match request {
+                    Request::Read { input, start, count } => {
+                        Answer::Registers { input, words: (start..start + count).collect() }
+                    }
+                    Request::Echo(number) if echoes => Answer::Echo(number),
+                    Request::Echo(_) => Answer::Refused { echo: true, code: 1 },
+                };
+                let (delay, bytes) = reply(honest.encode(UNIT));
+                std::thread::sleep(delay);
+                if bytes.is_some_and(|bytes| answer.send(bytes).is_err()) {
+                    return;
+                }
+            }
+        });
+        Slave { requests, answers, ready: VecDeque::new() }
+    }
+}
+
+impl Line for Slave {
+    fn send(&mut self, bytes: &[u8]) -> io::Result<()> {
+        self.requests.send(bytes.to_vec()).map_err(|_| io::ErrorKind::BrokenPipe.into())
+    }
+
+    fn receive(&mut self, buffer: &mut [u8], within: Duration) -> io::Result<usize> {
+        if self.ready.is_empty() {
+            self.ready.extend(self.answers.recv_timeout(within).unwrap_or_default());
+        }
+        // In pieces, as a serial port gives them.
+        let length = self.ready.len().min(buffer.len()).min(5);
+        buffer.iter_mut().zip(self.ready.drain(..length)).for_each(|(slot, byte)| *slot = byte);
+        Ok(length)
+    }
+}
+
+fn group(start: u16) -> Group {
+    Group { input: true, start, count: 2, members: vec![0, 1] }
+}
+
+/// Polls two groups of the same shape in turn; every value must be its own. Returns what was answered.
+fn poll(mut poller: Poller<Slave>, polls: u16) -> (u64, PollCounts) {
+    let mut answers = 0;
+    for index in 0..polls {
+        let start = 100 * (index % 2);
+        if let Outcome::Words(words, _) = poller.read(&group(start)).unwrap() {
+            assert_eq!(words, [start, start + 1], "poll {index}");
+            answers += 1;
+        }
+    }
+    (answers, poller.counts())
+}
+
+#[test]
+fn delays_around_the_timeout_put_no_value_under_anothers_name() {
+    for echoes in [true, false] {
+        let mut dice = fastrand::Rng::with_seed(3);
+        let slave = Slave::new(echoes, move |bytes| (Duration::from_micros(dice.u64(100..26_000)), Some(bytes)));
+        let (answers, counts) = poll(Poller::new(slave, UNIT, TIMEOUT), 250);
+        assert_eq!(answers, counts.answers);
+        assert!(counts.late > 10 && answers > 60, "echoes {echoes}: {counts:?}");
+    }
+}
+
+#[test]
+fn noise_and_wrong_check_sums_are_counted_and_give_no_value() {
+    let mut dice = fastrand::Rng::with_seed(5);
+    let slave = Slave::new(true, move |mut bytes| {
+        if dice.f64() < 0.2 {
+            let at = dice.usize(..bytes.len());
+            bytes[at] ^= 1 << dice.u8(..8);
+        } else if dice.f64() < 0.1 {
+            bytes.truncate(dice.usize(..bytes.len()));
+        }
+        (Duration::ZERO, Some(bytes))
+    });
+    let (answers, counts) = poll(Poller::new(slave, UNIT, TIMEOUT), 200);
+    assert!(counts.bad > 10 && answers > 80, "{counts:?}");
+    assert_eq!(counts.answers + counts.missed, 200);
+}
+
+#[test]
+fn a_slave_that_was_away_is_read_again() {
+    let mut asked = 0;
+    let slave = Slave::new(true, move |bytes| {
+        asked += 1;
+        (Duration::ZERO, (!(20..30).contains(&asked)).then_some(bytes))
+    });
+    let (answers, counts) = poll(Poller::new(slave, UNIT, TIMEOUT), 60);
+    assert!(answers >= 35 && counts.missed >= 9, "{counts:?}");
+}
+
+/// A slave that ignores what it does not know is read again when it has been silent for long.
+#[test]
+fn a_slave_that_does_not_even_refuse_an_echo_is_read_all_the_same() {
+    let slave = Slave::new(true, |bytes| (Duration::ZERO, (bytes[1] != 8).then_some(bytes)));
+    let (answers, counts) = poll(Poller::new(slave, UNIT, TIMEOUT), 40);
+    assert!(answers >= 25, "{counts:?}");
+}
+
+#[test]
+fn a_time_is_the_middle_between_request_and_answer() {
+    let slave = Slave::new(true, |bytes| (Duration::from_millis(8), Some(bytes)));
+    let mut poller = Poller::new(slave, UNIT, Duration::from_secs(5));
+    while !poller.in_step {
+        poller.read(&group(0)).unwrap();
+    }
+    let before = Instant::now();
+    let Outcome::Words(_, at) = poller.read(&group(0)).unwrap() else { panic!("no answer") };
+    let (since, took) = (at.duration_since(before).as_secs_f64(), before.elapsed().as_secs_f64());
+    assert!((since - took / 2.0).abs() < 0.25 * took, "{since} s of {took} s");
+}

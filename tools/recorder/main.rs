@@ -1,0 +1,53 @@
+//! Measures the recorder against what a lab needs of it; the results stand in `tools/recorder.md`.
+//!
+//! ```sh
+//! cargo run --release --example recorder -- wire 20000 60 target/release/surgescope   # over a pseudo-terminal, in a process of its own
+//! cargo run --release --example recorder -- memory 500000 30                          # frames made in this process
+//! cargo run --release --example recorder -- kills 200 target/release/surgescope       # kill -9 at random moments
+//! cargo run --release --example recorder -- day 24 100                                # a day at 100 Hz, as fast as it goes
+//! ```
+//!
+//! Every sample recorded is compared with the one that was sent; a wrong or missing one ends the program with an error.
+
+mod day;
+mod kills;
+mod ramp;
+mod usage;
+mod wire;
+
+use std::process::ExitCode;
+
+/// What a measurement returns: an error says what did not hold.
+pub type Measured = Result<(), Box<dyn std::error::Error + Send + Sync>>;
+
+fn main() -> ExitCode {
+    let words: Vec<String> = std::env::args().skip(1).collect();
+    let words: Vec<&str> = words.iter().map(String::as_str).collect();
+    let number = |text: &str| text.parse::<f64>().map_err(|_| format!("'{text}' is no number"));
+    let measured = match words[..] {
+        ["wire", rate, seconds, program] => {
+            number(rate).and_then(|rate| Ok((rate, number(seconds)?))).map_err(Into::into).and_then(|(rate, seconds)| {
+                wire::over_a_pseudoterminal(rate, seconds, program)
+            })
+        }
+        ["memory", rate, seconds] => number(rate)
+            .and_then(|rate| Ok((rate, number(seconds)?)))
+            .map_err(Into::into)
+            .and_then(|(rate, seconds)| wire::in_this_process(rate, seconds)),
+        ["kills", count, program] => {
+            number(count).map_err(Into::into).and_then(|count| kills::run(count as usize, program))
+        }
+        ["day", hours, rate] => number(hours)
+            .and_then(|hours| Ok((hours, number(rate)?)))
+            .map_err(Into::into)
+            .and_then(|(hours, rate)| day::run(hours, rate)),
+        _ => Err("usage: recorder wire RATE_HZ SECONDS PROGRAM | memory RATE_HZ SECONDS | kills COUNT PROGRAM | day HOURS RATE_HZ".into()),
+    };
+    match measured {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("{error}");
+            ExitCode::FAILURE
+        }
+    }
+}
