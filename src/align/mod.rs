@@ -317,5 +317,5 @@ fn by_time(first: &Part, other: &Part) -> Result<Clock, String> {
 
 /// Value of the last digit of a time that is not 0, from a second down, s.
 fn last_digit_s(ns: u64) -> f64 {
-    (0..10).map(|k| 10u64.pow(9 - k)).find(|unit| ns % unit == 0).unwrap_or(1) as f64 * 1e-9
+    (0..10).map(|k| 10u64.pow(9 - k)).find(|unit| ns.is_multiple_of(*unit)).unwrap_or(1) as f64 * 1e-9
 }

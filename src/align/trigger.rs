@@ -109,13 +109,16 @@ pub(super) fn matched(first: &[Edge], second: &[Edge], shift_s: Option<f64>) -> 
     if found.ambiguous { Err(NoMatch::Ambiguous) } else { Ok(Matched { pairs: found.pairs, inverted: turn }) }
 }
 
+/// An edge of the first file and one of the second, each by its place.
+type Pairs = Vec<(usize, usize)>;
+
 struct Found {
-    pairs: Vec<(usize, usize)>,
+    pairs: Pairs,
     ambiguous: bool,
 }
 
 fn best(first: &[Edge], second: &[Edge], shift_s: Option<f64>) -> Option<Found> {
-    let mut all: Vec<(Vec<(usize, usize)>, f64, f64)> = Vec::new();
+    let mut all: Vec<(Pairs, f64, f64)> = Vec::new();
     for a in first {
         for b in second.iter().filter(|b| b.rising == a.rising) {
             let shift = a.time_s.value - b.time_s.value;
