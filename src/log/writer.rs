@@ -53,7 +53,7 @@ pub struct Writer {
 }
 
 impl Writer {
-    /// Starts a recording; the rig and the run are on the disk when this returns.
+    /// Starts a recording; the rig and the run are with the system when this returns, and soon on the disk.
     ///
     /// # Errors
     /// [`LogError::Exists`] when there is a file at `path`.
@@ -66,7 +66,9 @@ impl Writer {
         let stream = Muted::new(stream);
         let mut sink = Sink::start(stream, sink::live(), path, rig, run, run.start_unix_ns)?;
         sink.flush()?;
-        disk::sync(&file, path)?;
+        // On a busy disk this takes longer than the first samples may wait; an error shows again at the end.
+        let head = file.try_clone().map_err(io)?;
+        std::thread::spawn(move || drop(head.sync_all()));
         Ok(Writer {
             sink: Some(sink),
             file,
