@@ -100,12 +100,11 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     Ok(if reports.iter().any(|r| r.mended.lost) { Outcome::DataLost } else { Outcome::Done })
 }
 
+/// The recording, how each file's clock was aligned, and what was left out.
+type Joined = (Recording, Vec<Clock>, Vec<String>);
+
 /// One recording of all files.
-fn joined(
-    mut parts: Vec<Part>,
-    rig: &Rig,
-    args: &Args,
-) -> Result<(Recording, Vec<Clock>, Vec<String>), Box<dyn std::error::Error + Send + Sync>> {
+fn joined(mut parts: Vec<Part>, rig: &Rig, args: &Args) -> Result<Joined, Box<dyn std::error::Error + Send + Sync>> {
     if parts.len() == 1 {
         return Ok((parts.remove(0).recording, Vec::new(), Vec::new()));
     }

@@ -104,7 +104,7 @@ pub enum LogError {
     },
     /// No file of several has a sensor of the rig.
     #[error(transparent)]
-    Sensors(CsvProblem),
+    Sensors(Box<CsvProblem>),
     /// The disk refused the last samples.
     #[error("{file} lacks its last samples; `surgescope recover {file} -o NEW.mcap` saves those before", file = path.display())]
     CutShort {

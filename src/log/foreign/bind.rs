@@ -86,7 +86,7 @@ pub fn require_sensors(parts: &[&Recording], rig: &Rig, without: &[String]) -> R
     for name in without {
         if !rig.sensors.iter().any(|s| s.name == *name) {
             let why = format!("rig '{}' has no such sensor", rig.name);
-            return Err(LogError::Sensors(CsvProblem::BadWithout { sensor: name.clone(), why }));
+            return Err(LogError::Sensors(Box::new(CsvProblem::BadWithout { sensor: name.clone(), why })));
         }
     }
     let recorded = |i: usize| parts.iter().any(|p| p.series.get(i).is_some_and(|s| !s.time_s.is_empty()));
@@ -94,16 +94,16 @@ pub fn require_sensors(parts: &[&Recording], rig: &Rig, without: &[String]) -> R
     if let Some((_, sensor)) = missing {
         let found: Vec<&str> =
             (0..rig.sensors.len()).filter(|&i| recorded(i)).map(|i| rig.sensors[i].name.as_str()).collect();
-        return Err(LogError::Sensors(CsvProblem::MissingColumn {
+        return Err(LogError::Sensors(Box::new(CsvProblem::MissingColumn {
             sensor: sensor.name.clone(),
             kind: kind_name(sensor.kind),
             rig: rig.name.clone(),
             found: if found.is_empty() { "none".into() } else { found.join(", ") },
             hint: ".".into(),
-        }));
+        })));
     }
     if !rig.pressure_sensors().any(|(i, _)| recorded(i)) {
-        return Err(LogError::Sensors(CsvProblem::NoPressure));
+        return Err(LogError::Sensors(Box::new(CsvProblem::NoPressure)));
     }
     Ok(())
 }
