@@ -39,8 +39,11 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     Ok(if all_open { Outcome::Done } else { Outcome::No })
 }
 
-/// The devices of a rig, each with what keeps its port from being opened.
-fn tried(rig: &Path) -> Result<Vec<(Device, Option<String>)>, Box<dyn std::error::Error + Send + Sync>> {
+/// A device, and what keeps its port from being opened.
+type Tried = (Device, Option<String>);
+
+/// The devices of a rig.
+fn tried(rig: &Path) -> Result<Vec<Tried>, Box<dyn std::error::Error + Send + Sync>> {
     let devices = live_devices(&Rig::load(rig)?, &[])?;
     let with_problem = |device: Device| {
         let problem = open_port(&device).err().map(|error| error.to_string());

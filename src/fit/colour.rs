@@ -135,7 +135,9 @@ mod tests {
             for period in [f64::INFINITY, 300.0, 7.0, 3.0] {
                 let column: Vec<f64> =
                     (0..n).map(|i| (std::f64::consts::TAU * i as f64 / period + 0.7).cos()).collect();
-                let said = |seed| score_covariance(&[&column], &first_order(n, phi, seed), &[0..n])[(0, 0)];
+                let said = |seed| {
+                    score_covariance(&[&column], &first_order(n, phi, seed), std::slice::from_ref(&(0..n)))[(0, 0)]
+                };
                 let found = (1..=10).map(said).sum::<f64>() / 10.0;
                 let ratio = found / exact(&column, phi).max(column.iter().map(|c| c * c).sum());
                 assert!((0.8..1.25).contains(&ratio), "φ {phi}, period {period}: {ratio}");
@@ -155,7 +157,7 @@ mod tests {
             let estimate = column.iter().zip(&noise).map(|(c, e)| c * e).sum::<f64>() / square;
             let residuals: Vec<f64> = column.iter().zip(&noise).map(|(c, e)| e - estimate * c).collect();
             scatter += estimate * estimate;
-            said += score_covariance(&[&column], &residuals, &[0..n])[(0, 0)] / (square * square);
+            said += score_covariance(&[&column], &residuals, std::slice::from_ref(&(0..n)))[(0, 0)] / (square * square);
         }
         assert!((scatter / said).sqrt() < 1.15 && (scatter / said).sqrt() > 0.87, "{}", (scatter / said).sqrt());
     }
@@ -166,7 +168,7 @@ mod tests {
         let column = vec![1.0; 400];
         let residuals: Vec<f64> = (0..400).map(|i| if i < 200 { 3.0 } else { -3.0 }).collect();
         let apart = score_covariance(&[&column], &residuals, &[0..200, 200..400])[(0, 0)];
-        let first = score_covariance(&[&column], &residuals, &[0..200])[(0, 0)];
+        let first = score_covariance(&[&column], &residuals, std::slice::from_ref(&(0..200)))[(0, 0)];
         assert!((apart / first - 2.0).abs() < 1e-9, "{apart} {first}");
     }
 }

@@ -140,7 +140,7 @@ mod tests {
     }
 
     fn errors(columns: &[Vec<f64>], residuals: &[f64], samples: usize, common: &[Common], at_bound: &[bool]) -> Errors {
-        Errors::of(Linearised { columns, residuals, records: &[0..samples], common, at_bound })
+        Errors::of(Linearised { columns, residuals, records: std::slice::from_ref(&(0..samples)), common, at_bound })
     }
 
     /// y = m + e, σ = 1, n = 400: 1/20; with a gauge that is off by 0.3 in all samples, √(1/400 + 0.09).

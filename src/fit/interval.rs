@@ -65,7 +65,7 @@ mod tests {
         let fit = Linearised {
             columns: &columns,
             residuals: &residuals,
-            records: &[0..200],
+            records: std::slice::from_ref(&(0..200)),
             common: &[],
             at_bound: &[false, true],
         };
