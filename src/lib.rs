@@ -10,6 +10,7 @@
 //! | [`log`] | recordings on disk: MCAP writer, reader, recovery; CSV import and export |
 //! | [`record`] | live streams: wire protocols, ports, sessions, the simulated rig |
 //! | [`signal`] | noise, steady pressures, extrema, period, wave speed |
+//! | [`align`] | several recordings of one closure, each on its own clock, become one |
 //! | [`model`] | the method of characteristics, its boundaries and effects |
 //! | [`sensitivity`] | which parameter moves what: analysis of variance, maps, Morris, Sobol, the source paper's rules |
 //! | [`fit`] | calibration: bounded least squares, comparison, uncertainty |
@@ -41,6 +42,7 @@
 //! ```
 #![warn(missing_docs)]
 
+pub mod align;
 pub mod cli;
 pub mod diagnose;
 pub mod fit;

@@ -4,13 +4,14 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// The rooms from the cellar up. A room may use what stands before it, with the exceptions below.
-const ROOMS: [&str; 15] = [
+const ROOMS: [&str; 16] = [
     "units",
     "rig",
     "recording",
     "log",
     "record",
     "signal",
+    "align",
     "model",
     "sensitivity",
     "fit",
@@ -23,9 +24,10 @@ const ROOMS: [&str; 15] = [
 ];
 
 /// Arrows down that are forbidden all the same: the physics knows of no files, the files of no physics.
-const STRANGERS: [(&str, &[&str]); 7] = [
+const STRANGERS: [(&str, &[&str]); 8] = [
     ("signal", &["log", "record"]),
-    ("model", &["log", "record", "signal", "recording"]),
+    ("align", &["log", "record"]),
+    ("model", &["log", "record", "signal", "recording", "align"]),
     ("sensitivity", &["log", "record", "recording"]),
     ("fit", &["log", "record", "sensitivity"]),
     ("diagnose", &["log", "record"]),

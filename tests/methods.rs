@@ -53,7 +53,7 @@ fn searches_without_descent_keep_their_budget_and_repeat_themselves() {
     for method in ["global", "micro-ga"] {
         let search = |seed: &str| calibrated(&["--method", method, "--budget", "1500", "--seed", seed]);
         let one = search("1");
-        assert!(over_noise(&one) < 20.0, "{method}: {}", over_noise(&one));
+        assert!(over_noise(&one) < 40.0, "{method}: {}", over_noise(&one));
         let start = calibrated(&["--method", method, "--budget", "1"]);
         assert!(
             over_noise(&one) < 0.7 * over_noise(&start),

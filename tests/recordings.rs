@@ -180,13 +180,18 @@ fn a_missing_column_is_named_with_those_that_are_there() {
 }
 
 #[test]
-fn times_that_run_backwards_or_repeat_are_refused() {
+fn times_that_run_backwards_are_refused_and_the_mean_of_those_that_repeat_is_said() {
     let bench = Bench::new();
     bench.put("back.csv", CSV.replace("0.0015", "0.0007"));
     let words = ["back.csv:5", "0.0007 does not come after 0.0010 of line 4", "sort the file"];
     bench.refuses("import back.csv --rig rig.toml -o x.mcap", &words);
     bench.put("twice.csv", CSV.replace("0.0015", "0.0010"));
-    bench.refuses("import twice.csv --rig rig.toml -o x.mcap", &["twice.csv:5", "0.0010 does not come after 0.0010"]);
+    let (_, err) = bench.expect(0, "import twice.csv --rig rig.toml -o twice.mcap");
+    assert!(
+        err.contains("twice.csv:5: 1 times stand more than once with different values: their mean was taken"),
+        "{err}"
+    );
+    assert_eq!(log::read(&bench.path("twice.mcap")).unwrap().series[0].value, [431.25, 431.3, 442.875]);
 }
 
 #[test]

@@ -102,6 +102,7 @@ fn fit(effects: &[&str], sensors: Vec<SensorFit>, parameters: Vec<FittedParamete
         }],
         parameters,
         correlation: vec![],
+        unseen: vec![],
         reaches: 64,
         grid_error_m: 0.001,
         evaluations: 312,

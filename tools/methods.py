@@ -76,12 +76,17 @@ def table(results: dict) -> str:
         cells = []
         for name, *_ in METHODS:
             fits = found["fits"][name]
+            if not fits:
+                cells.append("")
+                continue
             median = lambda key: statistics.median(f[key] for f in fits)  # noqa: E731
             cells.append(f"{median('rmse_m'):.4g} m, {median('over_noise'):.3f}×, {median('solves'):.0f}, {median('cpu'):.1f} s")
         lines.append(f"| {run} | `{found['effects']}` | " + " | ".join(cells) + " |")
     lines += ["", "| search | within 0.5% of the best | RMSE/noise, median | worst | solves, median | seconds, median | CPU seconds, median |", "| --- | --- | --- | --- | --- | --- | --- |"]
     for name, *_ in METHODS:
         fits = [(run, f) for run, found in results.items() for f in found["fits"][name]]
+        if not fits:
+            continue
         found = sum(f["rmse_m"] <= (1 + FOUND) * best[run] for run, f in fits)
         of = lambda key: [f[key] for _, f in fits]  # noqa: E731
         lines.append(

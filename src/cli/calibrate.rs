@@ -41,6 +41,8 @@ pub struct Args {
     hold: Vec<(String, f64)>,
     #[command(flatten)]
     creep: super::creep_prior::CreepPrior,
+    #[command(flatten)]
+    profiles: super::profile::Profiles,
     /// A rig to read them with, instead of the one that is stored in them.
     #[arg(long, value_name = "RIG")]
     rig: Option<PathBuf>,
@@ -85,7 +87,11 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     for (i, (effects, constraints)) in models.iter().zip(held).enumerate() {
         let priors = if i + 1 == models.len() { priors.clone() } else { Vec::new() };
         let options = Options { most_reaches: args.most_reaches, constraints, priors, ..searched.clone() };
-        fits.push((title(effects), timed(&rig, &runs, effects, &options)?));
+        let mut fit = timed(&rig, &runs, effects, &options)?;
+        if i + 1 == models.len() {
+            args.profiles.apply(&rig, &runs, &mut fit, &options)?;
+        }
+        fits.push((title(effects), fit));
     }
     args.search.check(fits.iter().flat_map(|(_, fit)| &fit.parameters).map(|p| p.name.as_str()))?;
     let stages: Vec<Stage> = fits.iter().map(|(title, fit)| Stage { title: title.clone(), fit }).collect();

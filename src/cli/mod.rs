@@ -30,11 +30,13 @@ pub mod effects;
 pub mod energy;
 pub mod evaluate;
 pub mod export;
+pub mod family;
 mod fit_output;
 pub mod frequency;
 pub mod history;
 mod hold;
 pub mod import;
+mod import_options;
 pub mod inspect;
 pub mod load;
 mod memory;
@@ -46,6 +48,7 @@ pub mod pest;
 pub mod playback;
 pub mod ports;
 pub mod predict;
+pub mod profile;
 pub mod record;
 pub mod recover;
 pub mod refit;
@@ -96,7 +99,7 @@ struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Command {
-    /// Turn a time series (CSV) into a recording.
+    /// Turn time series (CSV, TDMS, MCAP of other programs) into a recording.
     Import(import::Args),
     /// The whole story on a recording that ships with the program.
     Demo(demo::Args),
@@ -106,6 +109,7 @@ enum Command {
     Calibrate(calibrate::Args),
     Diagnose(diagnose::Args),
     Creep(creep::Args),
+    Family(family::Args),
     Predict(predict::Args),
     CrossValidate(cross_validate::Args),
     Frequency(frequency::Args),
@@ -147,6 +151,7 @@ pub fn main() -> ExitCode {
         Command::Calibrate(args) => calibrate::run(args, cli.json),
         Command::Diagnose(args) => diagnose::run(args, cli.json),
         Command::Creep(args) => creep::run(args, cli.json),
+        Command::Family(args) => family::run(args, cli.json),
         Command::Predict(args) => predict::run(args, cli.json),
         Command::CrossValidate(args) => cross_validate::run(args, cli.json),
         Command::Frequency(args) => frequency::run(args, cli.json),

@@ -42,7 +42,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
 /// A device, and what keeps its port from being opened.
 type Tried = (Device, Option<String>);
 
-/// The devices of a rig, each with what keeps its port from being opened.
+/// The devices of a rig.
 fn tried(rig: &Path) -> Result<Vec<Tried>, Box<dyn std::error::Error + Send + Sync>> {
     let devices = live_devices(&Rig::load(rig)?, &[])?;
     let with_problem = |device: Device| {

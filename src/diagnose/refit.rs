@@ -11,8 +11,8 @@ use crate::model::effects::Chosen;
 use crate::model::parameter::{Parameter, Scale};
 use crate::model::{Model, ModelError};
 
-const GLANCE: Limits = Limits { iterations: 10, cost_tolerance: 3e-3, step_tolerance: 1e-7 };
-const FULL: Limits = Limits { iterations: 25, cost_tolerance: 1e-3, step_tolerance: 1e-7 };
+const GLANCE: Limits = Limits { iterations: 10, cost_tolerance: 3e-3, step_tolerance: 1e-7, thorough: false };
+const FULL: Limits = Limits { iterations: 25, cost_tolerance: 1e-3, step_tolerance: 1e-7, thorough: false };
 
 /// Strengths at which an effect's signature is taken, as multiples of its usual start's.
 const STRENGTHS: [f64; 5] = [1.0, 0.1, 0.3, 3.0, 10.0];

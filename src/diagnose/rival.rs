@@ -104,6 +104,8 @@ impl<'a> Rival<'a> {
                 run: None,
                 value,
                 standard_error: f64::NAN,
+                interval_95: (f64::NEG_INFINITY, f64::INFINITY),
+                profile: None,
                 unit: p.unit,
                 at_bound: value <= p.lower || value >= p.upper,
                 lower: p.lower,

@@ -22,8 +22,8 @@ const EARLY_SAMPLES: usize = 2500;
 /// Half the mean square, in units of the noise's, above which a fit is too poor to grow a richer one from.
 const POOR: f64 = 2.0;
 
-const GLANCE: Limits = Limits { iterations: 6, cost_tolerance: 1e-2, step_tolerance: 1e-7 };
-const EARLY: Limits = Limits { iterations: 30, cost_tolerance: 3e-4, step_tolerance: 1e-7 };
+const GLANCE: Limits = Limits { iterations: 6, cost_tolerance: 1e-2, step_tolerance: 1e-7, thorough: false };
+const EARLY: Limits = Limits { iterations: 30, cost_tolerance: 3e-4, step_tolerance: 1e-7, thorough: false };
 
 /// Where a fit of one model stands.
 pub(super) struct State {

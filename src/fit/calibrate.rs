@@ -244,7 +244,7 @@ fn growing(effects: &[Chosen]) -> Option<usize> {
 
 impl<'a> Fitter<'a> {
     /// Of models that have `effects` or more; what the pipes need at the least is taken from the model's `values`, or from its starts.
-    fn new(
+    pub(super) fn new(
         rig: &'a Rig,
         runs: &'a [RunData],
         options: &'a Options,
@@ -261,7 +261,7 @@ impl<'a> Fitter<'a> {
         Ok(fitter)
     }
 
-    fn model(&self, effects: &[Chosen]) -> Model<'a> {
+    pub(super) fn model(&self, effects: &[Chosen]) -> Model<'a> {
         Model::new(self.rig, self.water, effects)
             .constrained(&self.options.constraints)
             .starting_at(&self.options.starts_at)

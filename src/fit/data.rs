@@ -21,6 +21,16 @@ pub struct SensorData {
     pub offset_sd_m: f64,
 }
 
+/// Accuracy class of a pressure sensor that states none, percent of its span: that of common industrial transmitters.
+const ACCURACY_PERCENT: f64 = 0.25;
+
+impl SensorData {
+    /// Standard deviation of what its gain may be off by: an accuracy is a limit, and all below it equally likely (JCGM 100:2008, 4.3.7).
+    pub fn gain_sd(&self) -> f64 {
+        self.sensor.accuracy_percent_fs.unwrap_or(ACCURACY_PERCENT) / 100.0 / 3f64.sqrt()
+    }
+}
+
 /// One run, ready to be fitted.
 #[derive(Debug, Clone)]
 pub struct RunData {

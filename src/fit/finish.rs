@@ -6,17 +6,22 @@ use super::approach::{Fitter, State};
 use super::band::{curve_sd_m, half_width_m, posterior};
 use super::calibrate::FitError;
 use super::compare::{Pair, mape_percent, rmse};
+use super::errors::{Common, Errors, Linearised};
+use super::identify::unseen;
+use super::interval::linear;
 use super::least_squares::{Limits, Problem, Solution, jacobian};
 use super::misfit::Misfit;
 use super::outcome::{Fit, FittedParameter, RunFit, SensorFit};
 use super::problem::{Calibration, Window};
-use super::uncertainty::{correlation, gauss_newton_step, standard_errors};
+use super::uncertainty::{correlation, gauss_newton_step};
 use crate::model::{Model, ModelError};
 
 /// Reaches from which the grid is refined.
 pub(super) const FINAL_REACHES: usize = 64;
-const MIDDLE: Limits = Limits { iterations: 20, cost_tolerance: 1e-4, step_tolerance: 1e-8 };
-const LATE: Limits = Limits { iterations: usize::MAX, cost_tolerance: 1e-5, step_tolerance: 1e-9 };
+const MIDDLE: Limits = Limits { iterations: 20, cost_tolerance: 1e-4, step_tolerance: 1e-8, thorough: false };
+const LATE: Limits = Limits { iterations: usize::MAX, cost_tolerance: 1e-5, step_tolerance: 1e-9, thorough: true };
+/// Fall of the sum of squares, in units of what one sample leaves, that is worth no iteration more: a seventh of a standard error.
+const SETTLED: f64 = 0.02;
 
 /// Pull of the grid on a parameter, in standard errors, that sends the fit to a finer one.
 const MOST_PULL: f64 = 2.0;
@@ -41,7 +46,7 @@ impl Fitter<'_> {
     }
 
     /// A problem with the misfit that was asked for.
-    fn problem<'a>(&'a self, model: &'a Model<'a>, window: Window) -> Calibration<'a> {
+    pub(super) fn problem<'a>(&'a self, model: &'a Model<'a>, window: Window) -> Calibration<'a> {
         Calibration::new(model, self.runs, window).comparing(self.options.misfit)
     }
 
@@ -94,7 +99,8 @@ impl Fitter<'_> {
         }
         let problem = self.problem(model, self.whole(fine));
         problem.know(&model.constraints)?;
-        let solution = self.minimise(&problem, &values, self.patient(LATE), "all samples")?;
+        let limits = Limits { cost_tolerance: SETTLED / problem.samples().max(1) as f64, ..self.patient(LATE) };
+        let solution = self.minimise(&problem, &values, limits, "all samples")?;
         self.outcome(&problem, &solution, &pull)
     }
 
@@ -119,12 +125,14 @@ impl Fitter<'_> {
         let residuals = finer.residuals(&solution.x)?;
         let columns = jacobian(problem, &solution.x, &solution.residuals)?;
         self.count(columns.len() + 1);
-        let errors = standard_errors(&columns, &solution.residuals, problem.samples(), &solution.at_bound);
+        let errors = errors_of(problem, solution, &columns, &[]);
         let change: Vec<f64> = residuals.iter().zip(&solution.residuals).map(|(f, c)| f - c).collect();
         let shifts = gauss_newton_step(&columns, &change, &solution.at_bound);
         let n = problem.samples().max(1);
-        let over_errors =
-            shifts.iter().zip(&errors).filter(|(_, e)| e.is_finite()).map(|(s, e)| s.abs() / e).fold(0.0, f64::max);
+        let over_errors = (0..shifts.len())
+            .map(|j| shifts[j].abs() / errors.of_variable(j))
+            .filter(|r| r.is_finite())
+            .fold(0.0, f64::max);
         let square = |weights: &dyn Fn(usize) -> f64| {
             (change[..n].iter().enumerate().map(|(i, c)| (c * weights(i)).powi(2)).sum::<f64>() / n as f64).sqrt()
         };
@@ -139,7 +147,18 @@ impl Fitter<'_> {
         let start_values: Vec<f64> = problem.parameters.iter().map(|p| p.start).collect();
         let columns = jacobian(problem, &solution.x, &solution.residuals)?;
         self.count(columns.len());
-        let errors = standard_errors(&columns, &solution.residuals, problem.samples(), &solution.at_bound);
+        // A quarter of the pull is left on the last grid; half of it allows for schemes of first order.
+        let left: Vec<f64> = pull.shifts.iter().map(|s| 0.5 * s).collect();
+        let records: Vec<_> = problem.records().into_iter().map(|(_, _, range)| range).collect();
+        let common: Vec<_> = problem.gain_errors().into_values().collect();
+        let linearised = Linearised {
+            columns: &columns,
+            residuals: &solution.residuals,
+            records: &records,
+            common: &common,
+            at_bound: &solution.at_bound,
+        };
+        let errors = Errors::of(linearised).and(&left);
         let covariance = posterior(&columns, &solution.at_bound);
         let bands = match self.options.misfit {
             Misfit::Time => curve_sd_m(problem, &columns, &covariance),
@@ -163,12 +182,13 @@ impl Fitter<'_> {
                 about: p.about,
                 run: problem.run_of(j).map(|r| self.runs[r].file.clone()),
                 value: values[j],
-                // A quarter of the pull is left on the last grid; half of it allows for schemes of first order.
                 standard_error: if p.lower < p.upper {
-                    errors[j].hypot(0.5 * pull.shifts[j]) * problem.stretch(j, values[j])
+                    errors.of_variable(j) * problem.stretch(j, values[j])
                 } else {
                     0.0
                 },
+                interval_95: linear(problem, linearised, &errors, &solution.x, j),
+                profile: None,
                 unit: p.unit,
                 at_bound: solution.at_bound[j] && p.lower < p.upper,
                 lower: if p.lower < p.upper { p.lower } else { usual[j].lower.min(p.lower) },
@@ -188,6 +208,7 @@ impl Fitter<'_> {
             runs,
             parameters,
             correlation: correlation(&columns, &solution.at_bound),
+            unseen: unseen(problem, linearised, &errors),
             reaches: problem.window().reaches,
             grid_error_m: 0.25 * pull.error_m,
             evaluations: self.evaluations.load(Ordering::Relaxed),
@@ -250,4 +271,11 @@ impl Fitter<'_> {
             sensors,
         })
     }
+}
+
+/// Errors of a solution's variables.
+pub(super) fn errors_of(problem: &Calibration, solution: &Solution, columns: &[Vec<f64>], common: &[Common]) -> Errors {
+    let records: Vec<_> = problem.records().into_iter().map(|(_, _, range)| range).collect();
+    let (residuals, at_bound) = (&solution.residuals, &solution.at_bound);
+    Errors::of(Linearised { columns, residuals, records: &records, common, at_bound })
 }

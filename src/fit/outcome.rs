@@ -1,5 +1,7 @@
 //! What a calibration gives back: plain data for tables, JSON and pages.
 
+use super::identify::Unseen;
+use super::profile::Profile;
 use crate::model::effects::Chosen;
 use crate::model::parameter::Scale;
 
@@ -16,6 +18,10 @@ pub struct FittedParameter {
     pub value: f64,
     /// Standard error in `unit`; infinite where the data do not determine it.
     pub standard_error: f64,
+    /// 95% interval in `unit`: linear, or by its profile where there is one; an end that the data leave open is infinite.
+    pub interval_95: (f64, f64),
+    /// How the fit gets worse along it, where that was asked for.
+    pub profile: Option<Profile>,
     /// Display unit.
     pub unit: &'static str,
     /// It ended at one of its bounds.
@@ -122,6 +128,8 @@ pub struct Fit {
     pub parameters: Vec<FittedParameter>,
     /// Correlation between the errors of each two parameters, in the order of `parameters`; NaN for what is at a bound.
     pub correlation: Vec<Vec<f64>>,
+    /// Combinations of parameters that the recordings do not see.
+    pub unseen: Vec<Unseen>,
     /// Reaches of the grid of the final fit.
     pub reaches: usize,
     /// What halving the grid's step would still change, rms over all samples, m.

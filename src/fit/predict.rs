@@ -21,7 +21,7 @@ use crate::rig::Rig;
 
 /// Reaches of the grid on which a run's own values are found.
 const OWN_REACHES: usize = 128;
-const OWN: Limits = Limits { iterations: 60, cost_tolerance: 1e-6, step_tolerance: 1e-9 };
+const OWN: Limits = Limits { iterations: 60, cost_tolerance: 1e-6, step_tolerance: 1e-9, thorough: false };
 /// A closure slower than 2L/a is followed this many of its durations.
 const CLOSED_BY: f64 = 1.25;
 

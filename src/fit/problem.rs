@@ -5,8 +5,12 @@
 //! heads over each sensor's noise (or their transform, see [`super::misfit`]), then one for each prior,
 //! then one for each run's flow meter.
 
+use std::collections::BTreeMap;
+use std::ops::Range;
+
 use super::calibrate::FitError;
 use super::data::{RunData, RunStart};
+use super::errors::Common;
 use super::least_squares::Problem;
 use super::misfit::{Bins, Misfit};
 use crate::model::constraint::Constraint;
@@ -237,6 +241,11 @@ impl<'a> Calibration<'a> {
         self.parameters.iter().zip(values).map(|(p, &v)| to_variable(p, v)).collect()
     }
 
+    /// Value, in the parameter's unit, of variable `j`.
+    pub fn value(&self, j: usize, x: f64) -> f64 {
+        to_value(&self.parameters[j], x)
+    }
+
     /// How a small change of variable `j` at `value` changes the value.
     pub fn stretch(&self, j: usize, value: f64) -> f64 {
         match self.parameters[j].scale {
@@ -321,6 +330,31 @@ impl<'a> Calibration<'a> {
         let sensor = &self.runs[r].sensors[s];
         let samples = sensor.time_s[first..last].iter().zip(&sensor.head_m[first..last]);
         samples.step_by(self.window.stride).map(|(&t, &head)| (t, head))
+    }
+
+    /// Where each sensor's residuals lie among all: run, sensor, range; in their order.
+    pub fn records(&self) -> Vec<(usize, usize, Range<usize>)> {
+        let sensors = |r: usize| (0..self.runs[r].sensors.len()).map(move |s| (r, s));
+        (0..self.runs.len()).flat_map(sensors).map(|(r, s)| (r, s, self.rows(r, s))).collect()
+    }
+
+    /// What one standard deviation of each sensor's gain does to the residuals, by its name; a sensor is the same instrument in all runs.
+    pub fn gain_errors(&self) -> BTreeMap<&str, Common> {
+        let mut by_sensor: BTreeMap<&str, Common> = BTreeMap::new();
+        for (r, s, range) in self.records() {
+            let sensor = &self.runs[r].sensors[s];
+            let weight = sensor.gain_sd() / sensor.noise_m;
+            let moved: Vec<f64> = self.samples_of(r, s).map(|(_, head)| head * weight).collect();
+            let moved = self.bins_at(r, s).map_or_else(|| moved.clone(), |bins| bins.of_residuals(&moved));
+            by_sensor.entry(&sensor.sensor.name).or_default().push((range.start, moved));
+        }
+        by_sensor
+    }
+
+    /// Residuals of priors: where they are among all.
+    pub fn prior_rows(&self) -> Range<usize> {
+        let first = self.samples();
+        first..first + self.parameters.iter().filter(|p| p.prior.is_some()).count()
     }
 
     fn taken(&self, (first, last): (usize, usize)) -> usize {

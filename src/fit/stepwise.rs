@@ -14,7 +14,7 @@ use super::problem::Calibration;
 use super::valve_curve::{TwoStage, read_back, valve_sensor};
 use crate::model::{Model, ModelError};
 
-const LIMITS: Limits = Limits { iterations: 12, cost_tolerance: 1e-3, step_tolerance: 1e-6 };
+const LIMITS: Limits = Limits { iterations: 12, cost_tolerance: 1e-3, step_tolerance: 1e-6, thorough: false };
 /// Most rounds over the features, and over the whole record on each grid.
 const FEATURE_ROUNDS: usize = 6;
 const ROUNDS: usize = 40;

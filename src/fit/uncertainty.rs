@@ -1,4 +1,4 @@
-//! How far to trust the parameters: standard errors from the Jacobian, with the colour of the residuals.
+//! What a Jacobian says of a fit whose noise is white: covariance, correlation, Gauss-Newton steps; and what colour takes from it.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -85,25 +85,6 @@ pub fn student_95(freedom: f64) -> f64 {
         + (3.0 * z7 + 19.0 * z5 + 17.0 * z3 - 15.0 * z) / (384.0 * v.powi(3))
 }
 
-/// Standard errors of the variables: `√diag (JᵀJ)⁻¹`, times the residuals' own spread where it exceeds their assumed
-/// noise, times the root of [`correlation_inflation`].
-///
-/// `samples` residuals are measurements, the rest priors. Variables at a bound are held there and have no standard error
-/// (NaN); those that the data do not determine have an infinite one.
-pub fn standard_errors(columns: &[Vec<f64>], residuals: &[f64], samples: usize, at_bound: &[bool]) -> Vec<f64> {
-    let Normal { free, scale, matrix } = Normal::of(columns, at_bound);
-    let dof = samples.saturating_sub(free.len()).max(1) as f64;
-    let spread = residuals[..samples].iter().map(|r| r * r).sum::<f64>() / dof;
-    let inflation = spread.max(1.0) * correlation_inflation(&residuals[..samples]);
-    let covariance = matrix.try_inverse();
-    let mut errors = vec![f64::NAN; columns.len()];
-    for (a, &j) in free.iter().enumerate() {
-        let variance = covariance.as_ref().map_or(f64::INFINITY, |c| c[(a, a)]);
-        errors[j] = if variance >= 0.0 { (variance * inflation).sqrt() / scale[a] } else { f64::INFINITY };
-    }
-    errors
-}
-
 /// The step that takes up a change of the residuals, `-(JᵀJ)⁻¹ Jᵀ change`, in the variables that are not at a bound; zero in those
 /// that are, and in all where the data determine none.
 pub fn gauss_newton_step(columns: &[Vec<f64>], change: &[f64], at_bound: &[bool]) -> Vec<f64> {
@@ -122,14 +103,6 @@ pub fn gauss_newton_step(columns: &[Vec<f64>], change: &[f64], at_bound: &[bool]
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn the_mean_of_white_noise_has_the_textbook_error() {
-        // Residuals alternate: not positively correlated; y = m + e, σ = 1, n = 100: s.e. = 1/10.
-        let residuals: Vec<f64> = (0..100).map(|i| if i % 2 == 0 { 1.0 } else { -1.0 }).collect();
-        let errors = standard_errors(&[vec![1.0; 100]], &residuals, 100, &[false]);
-        assert!((errors[0] - 0.1).abs() < 1e-3, "{errors:?}");
-    }
 
     #[test]
     fn students_interval_is_that_of_the_tables() {
@@ -180,13 +153,5 @@ mod tests {
         assert!(found[2].iter().all(|r| r.is_nan()) && found[0][2].is_nan(), "at its bound: {found:?}");
         let alike = correlation(&[vec![1.0, 1.0], vec![1.0, 1.0]], &[false, false]);
         assert!(alike.iter().flatten().all(|r| r.is_nan() || r.abs() <= 1.0));
-    }
-
-    #[test]
-    fn what_is_at_a_bound_or_undetermined_says_so() {
-        let columns = vec![vec![1.0, 1.0], vec![1.0, 1.0], vec![0.3, 0.1]];
-        let errors = standard_errors(&columns, &[0.1, -0.1], 2, &[false, false, true]);
-        assert!(errors[2].is_nan());
-        assert!(errors[0] > 1e3 && errors[1] > 1e3, "{errors:?}");
     }
 }

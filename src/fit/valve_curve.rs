@@ -14,7 +14,7 @@ use crate::rig::Rig;
 const AT_THE_VALVE: f64 = 0.01;
 /// What is read beyond the fitted closing time, as a multiple of it: the valve may have taken longer.
 const BEYOND: f64 = 2.0;
-const LIMITS: Limits = Limits { iterations: 100, cost_tolerance: 1e-10, step_tolerance: 1e-10 };
+const LIMITS: Limits = Limits { iterations: 100, cost_tolerance: 1e-10, step_tolerance: 1e-10, thorough: false };
 
 /// The valve of one run.
 #[derive(Debug, Clone)]

@@ -94,6 +94,17 @@ pub enum LogError {
         /// What is wrong.
         problem: Box<CsvProblem>,
     },
+    /// Something is wrong in a file of another program that has no lines.
+    #[error("{}: {why}", path.display())]
+    Foreign {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong, and what to do.
+        why: String,
+    },
+    /// No file of several has a sensor of the rig.
+    #[error(transparent)]
+    Sensors(Box<CsvProblem>),
     /// The disk refused the last samples.
     #[error("{file} lacks its last samples; `surgescope recover {file} -o NEW.mcap` saves those before", file = path.display())]
     CutShort {
@@ -226,6 +237,56 @@ pub enum CsvProblem {
     NoSamples {
         /// The column.
         column: String,
+    },
+    /// Decimal points and decimal commas in one file.
+    #[error(
+        "column '{column}': '{cell}' has another decimal mark than the numbers before it, so that nobody can tell what it means: write all with one mark"
+    )]
+    TwoDecimalMarks {
+        /// The column.
+        column: String,
+        /// What stands there.
+        cell: String,
+    },
+    /// A date whose day and month cannot be told apart.
+    #[error("'{0}' may be two dates, and no other line shows which: say --date-order dmy or --date-order mdy")]
+    WhichDay(String),
+    /// A cell that is no date-time where the others are.
+    #[error("'{0}' is not a time like those of the lines above")]
+    NotATime(String),
+    /// A time out of order that is none of the grid's.
+    #[error(
+        "the time of this line, {time_s} s, is out of order and falls between the times of the others, which are {step_s} s apart: a wrong time, or two runs in one file; correct it, or split the file"
+    )]
+    OffTheGrid {
+        /// The time, s.
+        time_s: f64,
+        /// Step of the others, s.
+        step_s: f64,
+    },
+    /// Times with too few digits.
+    #[error(
+        "{repeats} of {rows} lines repeat the time of the line above: the times are written too coarsely for this sample rate; export them with more decimals"
+    )]
+    TimesTooCoarse {
+        /// Lines that repeat a time.
+        repeats: usize,
+        /// All lines.
+        rows: usize,
+    },
+    /// A unit that the sensor's samples cannot have.
+    #[error(
+        "column '{column}' is in '{unit}', which is no {kind} unit known here (known are {known}); convert it, or correct the heading"
+    )]
+    WrongUnit {
+        /// The column.
+        column: String,
+        /// Its unit.
+        unit: String,
+        /// What the sensor measures.
+        kind: &'static str,
+        /// Units that it may have.
+        known: String,
     },
     /// Nothing to calibrate with.
     #[error("no pressure sensor is left: a recording needs at least one")]

@@ -6,12 +6,14 @@ mod numbers;
 use std::borrow::Cow;
 use std::path::Path;
 
+pub(super) use columns::hint_on_time;
+
 use columns::columns;
 use numbers::Numbers;
 
 use super::layout::to_ns;
 use super::sink::program;
-use super::{CsvProblem, LogError, disk};
+use super::{CsvProblem, LogError, disk, foreign};
 use crate::recording::{CsvFormat, Recording, RunInfo, Series};
 use crate::rig::{Rig, SensorKind};
 
@@ -33,32 +35,42 @@ pub fn import_csv(csv: &Path, rig: &Rig) -> Result<Recording, LogError> {
 }
 
 /// Reads a time series: the first column `time_s` in seconds, then one a sensor of the rig, by its name and in its
-/// unit; an empty cell is no sample. `#` lines are comments; a byte-order mark and CRLF line ends are fine.
+/// unit; an empty cell is no sample. `#` lines are comments, which become a note; a byte-order mark and CRLF line ends are
+/// fine. Lines missing from an even grid of times become gaps.
 ///
 /// # Errors
 /// [`LogError::Csv`] with the line, the column and what to do: times that do not increase, cells that are not finite
 /// numbers, lines of another length, sensors without a column, columns without a sensor, a pressure sensor without
 /// a sample. Nothing is skipped or mended.
 pub fn import_csv_with(csv: &Path, rig: &Rig, options: &ImportOptions) -> Result<Recording, LogError> {
-    let bytes = disk::read_file(csv)?;
+    import_bytes(&disk::read_file(csv)?, csv, rig, options)
+}
+
+/// [`import_csv_with`] of the bytes of a file.
+pub(super) fn import_bytes(
+    bytes: &[u8],
+    csv: &Path,
+    rig: &Rig,
+    options: &ImportOptions,
+) -> Result<Recording, LogError> {
     let fail = |(line, problem): Fault| LogError::Csv { path: csv.into(), line, problem };
-    let text = text_of(&bytes).map_err(fail)?;
+    let text = text_of(bytes).map_err(fail)?;
     let (series, format) = parse(text, rig, &options.without).map_err(fail)?;
     let name = csv.file_name().unwrap_or_default().to_string_lossy();
     let run = RunInfo {
         start_unix_ns: options.start_unix_ns,
         source: format!("import {name}"),
         program: program(),
-        notes: Vec::new(),
+        notes: foreign::comment_notes(text),
         csv: Some(format),
     };
     Ok(Recording { rig: rig.clone(), series, run })
 }
 
 /// Line from 1 where there is one, and what is wrong.
-type Fault = (Option<usize>, Box<CsvProblem>);
+pub(super) type Fault = (Option<usize>, Box<CsvProblem>);
 
-fn text_of(bytes: &[u8]) -> Result<&str, Fault> {
+pub(super) fn text_of(bytes: &[u8]) -> Result<&str, Fault> {
     let text = std::str::from_utf8(bytes).map_err(|e| {
         let utf16 = bytes.starts_with(&[0xff, 0xfe]) || bytes.starts_with(&[0xfe, 0xff]);
         let line = 1 + bytes[..e.valid_up_to()].iter().filter(|b| **b == b'\n').count();
@@ -72,15 +84,16 @@ fn parse(text: &str, rig: &Rig, without: &[String]) -> Result<(Vec<Series>, CsvF
     let mut lines = (1..).zip(text.lines()).filter(|(_, l)| !l.trim().is_empty() && !l.starts_with('#'));
     let (header_line, header) = lines.next().ok_or((None, CsvProblem::Empty.into()))?;
     let mut row = Vec::new();
-    split(header, &mut row);
+    split(header, ',', &mut row);
     let header: Vec<String> = row.iter().map(|c| c.to_string()).collect();
     let mut columns = columns(&header, rig, without).map_err(|p| (Some(header_line), p.into()))?;
 
     let mut times = Numbers::default();
     let mut previous: Option<(usize, Cow<str>, f64)> = None;
+    let mut rows_s = Vec::new();
     for (line, text) in lines {
         let fault = |problem: CsvProblem| (Some(line), problem.into());
-        split(text, &mut row);
+        split(text, ',', &mut row);
         if row.len() != header.len() {
             return Err(fault(CsvProblem::Ragged { found: row.len(), expected: header.len() }));
         }
@@ -97,6 +110,7 @@ fn parse(text: &str, rig: &Rig, without: &[String]) -> Result<(Vec<Series>, CsvF
             return Err(fault(CsvProblem::TimeNotIncreasing { time, previous, previous_line }));
         }
         previous = Some((line, row[0].clone(), time_s));
+        rows_s.push(time_s);
         for ((column, cell), name) in columns.iter_mut().zip(&row[1..]).zip(&header[1..]) {
             if let Some(value) = column.numbers.read(cell, name).map_err(fault)? {
                 column.series.time_s.push(time_s);
@@ -108,6 +122,7 @@ fn parse(text: &str, rig: &Rig, without: &[String]) -> Result<(Vec<Series>, CsvF
         return Err((Some(header_line), CsvProblem::HeaderOnly.into()));
     }
 
+    let holes = foreign::even_holes(&rows_s);
     let mut series = vec![Series::default(); rig.sensors.len()];
     let mut format = CsvFormat { time_decimals: times.decimals(), columns: Vec::new() };
     for column in columns {
@@ -117,18 +132,24 @@ fn parse(text: &str, rig: &Rig, without: &[String]) -> Result<(Vec<Series>, CsvF
         }
         format.columns.push((column.sensor, column.numbers.decimals()));
         series[column.sensor] = column.series;
+        // only a sensor that is sampled on both sides of a hole has lost something in it
+        let sampled = |series: &Series, t: f64| series.time_s.binary_search_by(|x| x.total_cmp(&t)).is_ok();
+        let own = &series[column.sensor];
+        let gaps = holes.iter().map(|h| h.gap).filter(|g| sampled(own, g.from_s) && sampled(own, g.to_s)).collect();
+        series[column.sensor].gaps = gaps;
     }
     Ok((series, format))
 }
 
 /// The cells of a line.
-fn split<'a>(line: &'a str, row: &mut Vec<Cow<'a, str>>) {
+pub(super) fn split<'a>(line: &'a str, separator: char, row: &mut Vec<Cow<'a, str>>) {
     row.clear();
     if !line.contains('"') {
-        row.extend(line.split(',').map(|cell| Cow::Borrowed(cell.trim())));
+        row.extend(line.split(separator).map(|cell| Cow::Borrowed(cell.trim())));
         return;
     }
-    let mut quoted = csv::ReaderBuilder::new().has_headers(false).from_reader(line.as_bytes());
+    let delimiter = u8::try_from(separator).unwrap_or(b',');
+    let mut quoted = csv::ReaderBuilder::new().has_headers(false).delimiter(delimiter).from_reader(line.as_bytes());
     let record = quoted.records().next().and_then(Result::ok).unwrap_or_default();
     row.extend(record.iter().map(|cell| Cow::Owned(cell.trim().to_string())));
 }

@@ -7,6 +7,7 @@ use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use mcap::{MAGIC, McapError, McapResult};
 
 use super::assemble::Assembler;
+use super::lengths::texts_fit;
 use super::{LogError, disk};
 use crate::recording::Recording;
 
@@ -68,8 +69,11 @@ pub fn checked_options(length: u64) -> LinearReaderOptions {
         .with_record_length_limit(limit)
 }
 
-/// [`mcap::parse_record`], for bytes that may be anything: it takes the lengths in an attachment on trust.
+/// [`mcap::parse_record`], for bytes that may be anything: it takes the lengths in them on trust.
 pub fn parse(opcode: u8, body: &[u8]) -> McapResult<Record<'_>> {
+    if !texts_fit(opcode, body) {
+        return Err(McapError::UnexpectedEoc);
+    }
     if opcode == op::ATTACHMENT {
         let length_at = |at: usize| {
             let bytes = body.get(at..at.checked_add(4)?)?;
@@ -115,6 +119,7 @@ pub fn describe(error: McapError) -> String {
     match error {
         McapError::Io(cause) => format!("a compressed chunk does not unpack ({cause})"),
         McapError::Parse(_) => "a record does not parse".into(),
+        McapError::UnexpectedEoc => "a text in a record is longer than the record".into(),
         McapError::BadChunkCrc { .. } => "the check sum of a chunk is wrong".into(),
         McapError::BadDataCrc { .. } => "the check sum of its data is wrong".into(),
         McapError::BadSummaryCrc { .. } => "the check sum of its index is wrong".into(),

@@ -9,6 +9,7 @@ use serde::Serialize;
 use super::assemble::Assembler;
 use super::read::{check_start, checked_options, describe, parse, records};
 use super::{LogError, Summary, disk, write};
+use crate::recording::Recording;
 
 /// What a recovery saved and what it could not.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -57,18 +58,7 @@ impl fmt::Display for Loss {
 pub fn recover(torn: &Path, out: &Path) -> Result<Recovery, LogError> {
     disk::refuse_existing(out)?;
     let bytes = disk::read_file(torn)?;
-    check_start(&bytes, torn)?;
-    let salvage = salvage(&bytes);
-    let mut lost = salvage.lost;
-    let mut repeats = Vec::new();
-    let mut recording = salvage.parts.assemble(torn, Some(&mut repeats))?;
-    lost.extend(repeats.into_iter().map(|reason| Loss { offset: 0, bytes: 0, reason }));
-    if lost.is_empty() && !salvage.data_complete {
-        let reason =
-            "the recording has no end: what was not yet written when it stopped (at most some 20 ms) is missing";
-        lost.push(Loss { offset: bytes.len() as u64, bytes: 0, reason: reason.into() });
-    }
-    recording.run.notes.extend(lost.iter().map(|loss| ("lost before recovery".into(), loss.to_string())));
+    let (recording, lost) = salvaged(&bytes, torn)?;
     write(out, &recording)?;
     let last = recording.series.iter().filter_map(|s| s.time_s.last().copied()).reduce(f64::max);
     Ok(Recovery {
@@ -79,6 +69,26 @@ pub fn recover(torn: &Path, out: &Path) -> Result<Recovery, LogError> {
         last_good_time_s: last,
         lost,
     })
+}
+
+/// What is right in the bytes of the recording `torn`, with a note of each loss, and the losses.
+///
+/// # Errors
+/// When it is not one of our recordings or was cut before its rig file was written.
+pub fn salvaged(bytes: &[u8], torn: &Path) -> Result<(Recording, Vec<Loss>), LogError> {
+    check_start(bytes, torn)?;
+    let salvage = salvage(bytes);
+    let mut lost = salvage.lost;
+    let mut repeats = Vec::new();
+    let mut recording = salvage.parts.assemble(torn, Some(&mut repeats))?;
+    lost.extend(repeats.into_iter().map(|reason| Loss { offset: 0, bytes: 0, reason }));
+    if lost.is_empty() && !salvage.data_complete {
+        let reason =
+            "the recording has no end: what was not yet written when it stopped (at most some 20 ms) is missing";
+        lost.push(Loss { offset: bytes.len() as u64, bytes: 0, reason: reason.into() });
+    }
+    recording.run.notes.extend(lost.iter().map(|loss| ("lost before recovery".into(), loss.to_string())));
+    Ok((recording, lost))
 }
 
 struct Salvage {

@@ -66,7 +66,7 @@ pub enum RecordError {
     #[error("the recording cannot be started")]
     Start(#[source] LogError),
     #[error("the recording could not be written on; what was recorded until then is in {}: make it whole with `surgescope recover {} -o WHOLE.mcap`", .file.display(), .file.display())]
-    Write { file: PathBuf, source: LogError },
+    Write { file: PathBuf, source: Box<LogError> },
     #[error(transparent)]
     Read(LogError),
 }

@@ -239,7 +239,9 @@ impl Output {
         match act(&mut self.writer) {
             Ok(()) => Ok(true),
             // No fault of the disk.
-            Err(source @ LogError::BadSamples { .. }) => Err(RecordError::Write { file: self.path.clone(), source }),
+            Err(source @ LogError::BadSamples { .. }) => {
+                Err(RecordError::Write { file: self.path.clone(), source: Box::new(source) })
+            }
             Err(error) => {
                 self.writer.fail(error);
                 self.refused = true;
@@ -275,7 +277,10 @@ impl Output {
         mut ended: String,
     ) -> Result<Summary, RecordError> {
         let file = self.path.clone();
-        let ending = self.writer.finish().map_err(|source| RecordError::Write { file: file.clone(), source })?;
+        let ending = self
+            .writer
+            .finish()
+            .map_err(|source| RecordError::Write { file: file.clone(), source: Box::new(source) })?;
         let mut data_lost = devices.iter().any(DeviceCount::lost_data);
         match ending {
             Ending::Finished => {}

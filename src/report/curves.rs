@@ -177,6 +177,7 @@ mod tests {
             runs: vec![run],
             parameters: vec![],
             correlation: vec![],
+            unseen: vec![],
             reaches: 64,
             grid_error_m: 0.001,
             evaluations: 1,

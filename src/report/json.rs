@@ -2,6 +2,7 @@
 
 use serde::Serialize;
 
+use crate::fit::identify::Unseen;
 use crate::fit::outcome::{Fit, FittedParameter, RunFit, SensorFit, StepTaken};
 
 /// A calibration as scripts see it. Numbers that are not finite become `null`.
@@ -17,6 +18,8 @@ pub struct Calibration<'a> {
     pub evaluations: usize,
     /// Wall time, s.
     pub seconds: f64,
+    /// Combinations of parameters that the recordings do not see.
+    pub unseen: &'a [Unseen],
     /// It was done, rather than out of budget.
     pub converged: bool,
     /// The steps of a stepwise calibration; left out of any other.
@@ -67,6 +70,11 @@ pub struct Parameter<'a> {
     pub value: f64,
     /// Standard error in `unit`; `null` where the data do not determine it.
     pub standard_error: f64,
+    /// 95% interval in `unit`; `null` for an end that the data leave open. By its profile where there is one.
+    pub interval_95: [f64; 2],
+    /// Value and rise of the sum of squares (3.84 is the threshold) along the parameter, others following; left out where it was not asked for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub profile: Option<&'a [(f64, f64)]>,
     /// Display unit.
     pub unit: &'a str,
     /// It ended at one of its bounds.
@@ -81,6 +89,7 @@ impl<'a> From<&'a Fit> for Calibration<'a> {
             parameters: fit.parameters.iter().map(Parameter::from).collect(),
             evaluations: fit.evaluations,
             seconds: fit.seconds,
+            unseen: &fit.unseen,
             converged: fit.converged,
             steps: &fit.steps,
             stopped_because: &fit.stopped_because,
@@ -118,6 +127,8 @@ impl<'a> From<&'a FittedParameter> for Parameter<'a> {
             run: p.run.as_deref(),
             value: p.value,
             standard_error: p.standard_error,
+            interval_95: [p.interval_95.0, p.interval_95.1],
+            profile: p.profile.as_ref().map(|profile| &profile.points[..]),
             unit: p.unit,
             at_bound: p.at_bound,
         }

@@ -15,6 +15,7 @@
 //! | [`observations`] | what was measured, or modelled in its place, as a table |
 //! | [`pest`] | a calibration as a problem of PEST |
 //! | [`creep`] | a creep test as text and JSON |
+//! | [`family`] | a family of runs at several temperatures as text, JSON and CSV |
 //! | [`history`] | a rig's runs and drifts as text, JSON and CSV |
 //! | [`sensitivity`] | a sensitivity study as text, and the page of the source paper's rules |
 //! | [`svg`] | static charts, for the page in print and for any other plot |
@@ -33,6 +34,7 @@ pub mod decimate;
 pub mod diagnosis;
 pub mod escape;
 pub mod failure;
+pub mod family;
 pub mod fit_file;
 pub mod frequency;
 pub mod history;

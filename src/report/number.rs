@@ -35,6 +35,21 @@ fn plain_with_error(value: f64, error: f64) -> String {
     format!("{value:.*}({:.0})", last_place.unsigned_abs() as usize, error / step)
 }
 
+/// An interval, `395.0 to 395.3`, to as many digits as its width needs; an end that is not finite is open, and nothing stands for no width.
+pub fn interval((low, high): (f64, f64)) -> String {
+    match (low.is_finite(), high.is_finite()) {
+        (false, false) => "open".into(),
+        (true, false) => format!("from {}", significant(low, 3)),
+        (false, true) => format!("up to {}", significant(high, 3)),
+        _ if low >= high => String::new(),
+        _ => {
+            let size = low.abs().max(high.abs());
+            let digits = ((size / (high - low)).log10().ceil() as i32 + 2).clamp(2, 9);
+            format!("{} to {}", significant(low, digits as usize), significant(high, digits as usize))
+        }
+    }
+}
+
 /// A number to `digits` significant digits, trailing zeros kept: `significant(0.0304, 2)` is `0.030`.
 pub fn significant(value: f64, digits: usize) -> String {
     if !value.is_finite() {
@@ -114,6 +129,16 @@ pub fn decimals_for(resolution: f64) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn an_interval_has_the_digits_of_its_width() {
+        assert_eq!(interval((395.012, 395.274)), "395.012 to 395.274");
+        assert_eq!(interval((0.021, 0.083)), "0.0210 to 0.0830");
+        assert_eq!(interval((0.5, f64::INFINITY)), "from 0.500");
+        assert_eq!(interval((f64::NEG_INFINITY, 0.25)), "up to 0.250");
+        assert_eq!(interval((f64::NEG_INFINITY, f64::INFINITY)), "open");
+        assert_eq!(interval((1.0, 1.0)), "");
+    }
 
     #[test]
     fn errors_stand_in_the_last_digits() {

@@ -137,6 +137,7 @@ mod tests {
             runs: runs.iter().map(run).collect(),
             parameters: vec![],
             correlation: vec![],
+            unseen: vec![],
             reaches: 64,
             grid_error_m: 0.001,
             evaluations: 0,

@@ -3,14 +3,21 @@
 use crate::fit::compare::mape_percent;
 use crate::fit::outcome::{ExtremumError, Fit, RunFit, SensorFit};
 use crate::report::curves::find;
-use crate::report::number::{decimals_for, duration, error_m, fixed, signed, significant, times, with_error};
+use crate::report::number::{decimals_for, duration, error_m, fixed, interval, signed, significant, times, with_error};
 use crate::report::{Stage, summary};
 
 /// Everything `calibrate` prints: verdict, errors, parameters, extrema, and why the fit stopped.
 pub fn calibration(stages: &[Stage]) -> String {
     let mut parts = vec![summary::verdict(stages) + "\n"];
     if let Some(last) = stages.last() {
-        parts.extend([errors(stages), parameters(last.fit), extrema(last.fit), steps(last.fit), stop(last.fit)]);
+        parts.extend([
+            errors(stages),
+            parameters(last.fit),
+            unseen(last.fit),
+            extrema(last.fit),
+            steps(last.fit),
+            stop(last.fit),
+        ]);
     }
     parts.retain(|p| !p.trim().is_empty());
     parts.join("\n")
@@ -18,12 +25,13 @@ pub fn calibration(stages: &[Stage]) -> String {
 
 /// Fitted parameters as value(error in the last digits), unit, and a flag where a bound stopped them.
 pub fn parameters(fit: &Fit) -> String {
-    let mut table = Table::new(&["parameter", "<value", "unit", "run", ""]);
+    let mut table = Table::new(&["parameter", "<value", "unit", "95%", "run", ""]);
     for p in &fit.parameters {
         table.row([
             p.name.clone(),
             with_error(p.value, p.standard_error),
             p.unit.into(),
+            interval(p.interval_95) + if p.profile.is_some() { " (profile)" } else { "" },
             p.run.clone().unwrap_or_default(),
             if p.held {
                 "held".into()
@@ -35,6 +43,11 @@ pub fn parameters(fit: &Fit) -> String {
         ]);
     }
     table.without_empty_columns().to_string()
+}
+
+/// What the recordings do not see, a line each.
+pub fn unseen(fit: &Fit) -> String {
+    fit.unseen.iter().map(|u| format!("{}\n", u.in_words)).collect()
 }
 
 /// RMSE of what came before (`before`: the first stage; `start`: the unfitted start values, where there is one stage only), RMSE,
@@ -292,6 +305,7 @@ mod tests {
                 },
             ],
             correlation: vec![],
+            unseen: vec![],
             reaches: 64,
             grid_error_m: 0.001,
             evaluations: 312,

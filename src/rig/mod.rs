@@ -33,6 +33,7 @@ pub mod water;
 
 pub use error::{Problem, RigError};
 pub use friction::{LAMINAR_REYNOLDS, darcy_friction_factor};
+pub use sensors::{quantity_of, spelled_unit};
 pub use water::WaterProperties;
 
 /// A test rig: fluid, pipes in series from the supply to the valve, sensors and their wiring.
@@ -68,7 +69,7 @@ pub struct Fluid {
 }
 
 /// One pipe of constant section, material and nominal wave speed.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Pipe {
     /// Its name.
     pub name: String,

@@ -182,20 +182,32 @@ const OTHER_SPELLINGS: [(&str, &str); 15] = [
     ("psig", "psi"),
 ];
 
+/// The unit of a quantity that `text` spells, be it in another way than rig files do: `BAR`, `m³/h`, `°C`, `mWC`, `lpm`.
+pub fn spelled_unit(text: &str, quantity: Quantity) -> Option<Unit> {
+    let allowed = UNITS.iter().filter(|u| u.quantity == quantity);
+    let wanted = bare(text);
+    let other = OTHER_SPELLINGS.iter().find(|(name, _)| *name == wanted).map(|(_, unit)| *unit);
+    let exact = allowed.clone().find(|u| u.symbol == text);
+    exact.or_else(|| allowed.clone().find(|u| bare(u.symbol) == wanted || other == Some(u.symbol))).copied()
+}
+
+/// A unit without its signs and case.
+fn bare(text: &str) -> String {
+    let plain = text.replace('³', "3").replace('₂', "2").replace('°', "");
+    plain.chars().filter(|c| c.is_alphanumeric() || *c == '%').collect::<String>().to_lowercase()
+}
+
 /// The unit among those allowed that another spelling was probably meant to be: another case, without its signs, a common
 /// name, or a slip.
 fn meant_unit<'u>(text: &str, mut allowed: impl Iterator<Item = &'u str> + Clone) -> Option<&'u str> {
-    let bare = |t: &str| -> String {
-        let plain = t.replace('³', "3").replace('₂', "2").replace('°', "");
-        plain.chars().filter(|c| c.is_alphanumeric() || *c == '%').collect::<String>().to_lowercase()
-    };
     let wanted = bare(text);
     let other = OTHER_SPELLINGS.iter().find(|(name, _)| *name == wanted).map(|(_, unit)| *unit);
     let known = allowed.clone().find(|u| bare(u) == wanted || other == Some(*u));
     known.or_else(|| nearest(text, allowed.by_ref()))
 }
 
-fn quantity_of(kind: SensorKind) -> Quantity {
+/// What a sensor of a kind measures.
+pub fn quantity_of(kind: SensorKind) -> Quantity {
     match kind {
         SensorKind::Pressure => Quantity::Pressure,
         SensorKind::Flow => Quantity::Flow,

@@ -9,12 +9,14 @@
 //! | `onset`, `closure` | when the closure starts and ends |
 //! | `levels` | head before and after, flow, temperature |
 //! | `matching`, `wavespeed` | delays between fronts, and the wave speed they give |
+//! | `between` | the same front in two recordings |
 //! | `extrema` | half cycles, period, damping |
 //! | [`oscillation`](mod@oscillation) | the same of a head known without noise |
 //! | [`spectrum`] | amplitude over frequency of a trace |
 //! | [`check`] | does a recording agree with its rig |
 //! | [`doubts`](mod@doubts) | numbers that cannot all be right, before a fit |
 
+mod between;
 pub mod check;
 mod closure;
 pub mod doubts;
@@ -37,6 +39,7 @@ mod wavespeed;
 use crate::recording::Recording;
 use crate::rig::{Rig, SensorKind};
 use crate::units::GRAVITY_M_S2;
+pub use between::{FrontPair, front_pairs};
 use front::NoFront;
 pub use noise::Noise;
 use station::Station;

@@ -97,27 +97,33 @@ fn equal_levels(station: &Station, front: &Front, valve_m: f64, found: &Delay) -
 /// From the front's arrival at two sensors: the one nearest to the valve against each other one.
 pub(crate) fn arrival(stations: &[&Station], smear: f64) -> Option<Estimate> {
     let (first, others) = stations.split_first()?;
-    let front = first.front.as_ref().ok()?;
     let mut estimates = Vec::new();
     for other in others {
-        let Ok(later) = &other.front else { continue };
         let distance = first.place_m - other.place_m;
-        let Some((target, shift)) = other.on_grid_of(&first.coarse) else { continue };
-        let onset = (other.coarse.time_s(later.onset) - first.coarse.start_s) / first.coarse.step_s;
-        let expected = onset - front.onset;
-        let margin = 0.4 * front.rise + 3.0;
-        let lags = (expected - margin - shift, expected + margin - shift);
-        let sd = first.coarse_sd_m.max(other.coarse_sd_m);
-        let reach = if is_crowded(front) || is_crowded(later) { 0.4 } else { 1.0 };
-        let Some(found) = delay(&first.coarse, front, &target, lags, Sense::Rises, reach, sd) else { continue };
-        let points = found.value + shift;
-        if distance > 0.0 && points > 0.5 {
-            let value = distance / (points * first.coarse.step_s);
-            estimates.push(Estimate { value, standard_error: value * found.standard_error / points });
+        let Some(later) = front_delay(first, other) else { continue };
+        if distance > 0.0 && later.value > 0.5 * first.coarse.step_s {
+            let value = distance / later.value;
+            estimates.push(Estimate { value, standard_error: value * later.standard_error / later.value });
         }
     }
     let joint = weighted_mean(&estimates)?;
     Some(Estimate { standard_error: joint.standard_error.hypot(TAIL_LEFT * smear * joint.value), ..joint })
+}
+
+/// How much later `other` sees the front than `first`, s, each on its own clock: the one front laid over the other.
+pub(crate) fn front_delay(first: &Station, other: &Station) -> Option<Estimate> {
+    let front = first.front.as_ref().ok()?;
+    let later = other.front.as_ref().ok()?;
+    let (target, shift) = other.on_grid_of(&first.coarse)?;
+    let onset = (other.coarse.time_s(later.onset) - first.coarse.start_s) / first.coarse.step_s;
+    let expected = onset - front.onset;
+    let margin = 0.4 * front.rise + 3.0;
+    let lags = (expected - margin - shift, expected + margin - shift);
+    let sd = first.coarse_sd_m.max(other.coarse_sd_m);
+    let reach = if is_crowded(front) || is_crowded(later) { 0.4 } else { 1.0 };
+    let found = delay(&first.coarse, front, &target, lags, Sense::Rises, reach, sd)?;
+    let step_s = first.coarse.step_s;
+    Some(Estimate { value: (found.value + shift) * step_s, standard_error: found.standard_error * step_s })
 }
 
 /// From the height of the first rise: a = g ΔH / V₀ (Joukowsky 1898). `None` for a closure slower than 2L/a, whose rise

@@ -6,6 +6,7 @@
 mod record;
 mod rig;
 mod scheme;
+mod truth;
 
 use std::path::Path;
 
@@ -37,14 +38,15 @@ fn main() -> Result<(), Box<dyn std::error::Error + Send + Sync>> {
             let kind = drawn[i as usize % drawn.len()];
             let case = rig::draw(&mut random, kind, &name);
             record::write(&folder.join(&name), &case, &mut random, coloured, wrong_rig)?;
+            let truth = truth::of(&case, &folder.join(&name))?;
             Ok((
                 name,
                 json!({"hidden": {"effect": kind, "what": format!("{:?}", case.hidden)}, "start_effects": case.start_effects,
                        "noise_m": case.noise_m, "joukowsky_m": case.joukowsky_m(), "wave_speed_m_s": case.wave_speed_m_s,
-                       "material": case.material}),
+                       "material": case.material, "truth": truth}),
             ))
         })
-        .collect::<Result<_, std::io::Error>>()?;
+        .collect::<Result<_, Box<dyn std::error::Error + Send + Sync>>>()?;
     let answers: Map<String, serde_json::Value> = cases.into_iter().collect();
     std::fs::write(folder.join("answers.json"), serde_json::to_string_pretty(&answers)?)?;
     Ok(())

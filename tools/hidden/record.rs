@@ -6,8 +6,6 @@ use std::path::Path;
 use crate::rig::{Case, Hidden};
 use crate::scheme::{Solved, solve};
 
-const KPA_PER_M: f64 = 9.79;
-
 pub fn write(
     folder: &Path,
     case: &Case,
@@ -47,6 +45,7 @@ pub fn write(
     let gains: Vec<f64> = case.sensors_m.iter().map(|_| 1.0 + 0.001 * normal(random)).collect();
     let offsets: Vec<f64> = case.sensors_m.iter().map(|_| 0.003 * case.joukowsky_m() * normal(random)).collect();
     let meter = 1.0 + 0.003 * normal(random);
+    let kpa_per_m = 9.81e-3 * case.density_kg_m3();
     let velocities = [("run.csv", Some(case.velocity_m_s)), ("run2.csv", case.second_velocity_m_s)];
     for (file, velocity) in velocities.into_iter().filter_map(|(f, v)| v.map(|v| (f, v))) {
         let solved = solve(case, velocity, case.duration_s);
@@ -63,7 +62,7 @@ pub fn write(
                         let t = i as f64 * case.sample_s - case.lead_s;
                         let h = gains[s] * at(case, &solved, &trace, t) + offsets[s];
                         let noise = if coloured { 0.7 * normal(random) + 0.7 * slow } else { normal(random) };
-                        (((h + case.noise_m * noise) * KPA_PER_M / 0.03).round()) * 0.03
+                        (((h + case.noise_m * noise) * kpa_per_m / 0.03).round()) * 0.03
                     })
                     .collect()
             })
@@ -127,13 +126,13 @@ fn at(case: &Case, solved: &Solved, trace: &[f64], t: f64) -> f64 {
     linear(trace, (t + before) / solved.dt_s)
 }
 
-fn linear(trace: &[f64], at: f64) -> f64 {
+pub fn linear(trace: &[f64], at: f64) -> f64 {
     let at = at.clamp(0.0, (trace.len() - 2) as f64);
     let i = at as usize;
     trace[i] + (at - i as f64) * (trace[i + 1] - trace[i])
 }
 
 /// Box & Muller (1958).
-fn normal(random: &mut fastrand::Rng) -> f64 {
+pub fn normal(random: &mut fastrand::Rng) -> f64 {
     (-2.0 * (1.0 - random.f64()).ln()).sqrt() * (std::f64::consts::TAU * random.f64()).cos()
 }

@@ -81,6 +81,8 @@ pub struct Case {
     pub noise_m: f64,
     /// Creep that the start model knows of or that is hidden: compliance 1/Pa, retardation s.
     pub creep: Vec<(f64, f64)>,
+    /// Darcy factor where it is known; otherwise that of a smooth pipe.
+    pub friction: Option<f64>,
     pub unsteady_friction: bool,
     pub start_effects: Vec<&'static str>,
     pub hidden: Hidden,
@@ -93,16 +95,23 @@ impl Case {
     pub fn joukowsky_m(&self) -> f64 {
         self.wave_speed_m_s * self.velocity_m_s / 9.81
     }
+    /// Kestin, Sokolov & Wakeham (1978).
     pub fn viscosity_m2_s(&self) -> f64 {
-        // Fit to tabulated values of water, 5 to 40 °C, within 1%.
-        1.787e-6 * (-0.03288 * self.temperature_c + 1.962e-4 * self.temperature_c.powi(2)).exp()
+        let below = 20.0 - self.temperature_c;
+        let by = below / (self.temperature_c + 96.0) * (1.2364 - 1.37e-3 * below + 5.7e-6 * below * below);
+        1.002e-3 * 10f64.powf(by) / self.density_kg_m3()
+    }
+    /// McCutcheon, Martin & Barnwell (1993), fresh water.
+    pub fn density_kg_m3(&self) -> f64 {
+        let t = self.temperature_c;
+        1000.0 * (1.0 - (t + 288.9414) / (508_929.2 * (t + 68.12963)) * (t - 3.9863).powi(2))
     }
     pub fn reynolds(&self, velocity_m_s: f64) -> f64 {
         velocity_m_s * self.diameter_m / self.viscosity_m2_s()
     }
-    /// Of a smooth pipe (Blasius) at the flow before the closure.
+    /// As given, or of a smooth pipe (Blasius) at the flow before the closure.
     pub fn friction_factor(&self, velocity_m_s: f64) -> f64 {
-        0.316 / self.reynolds(velocity_m_s).powf(0.25)
+        self.friction.unwrap_or_else(|| 0.316 / self.reynolds(velocity_m_s).powf(0.25))
     }
 }
 
@@ -218,6 +227,7 @@ pub fn draw(random: &mut fastrand::Rng, kind: &'static str, name: &str) -> Case 
         sensors_m,
         noise_m: joukowsky_m * between(random, 0.0015, 0.003),
         creep,
+        friction: None,
         unsteady_friction,
         start_effects,
         hidden,

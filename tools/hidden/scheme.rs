@@ -25,10 +25,11 @@ pub struct Solved {
     pub heads_m: Vec<Vec<f64>>,
 }
 
-/// `1/√t` as a sum of exponentials: `∫ s^-½ e^-st ds / √π` by the trapezoidal rule in `ln s`.
+/// `1/√t` as a sum of exponentials: `∫ s^-½ e^-st ds / √π` by the trapezoidal rule in `ln s`, far enough for a thousandth of its
+/// integral over one step.
 fn inverse_root(shortest: f64) -> Vec<(f64, f64)> {
     let h = 0.7f64;
-    let (low, high) = ((0.01f64).ln(), (30.0 / shortest).ln());
+    let (low, high) = ((0.01f64).ln(), (3e5 / shortest).ln());
     let n = ((high - low) / h).ceil() as usize;
     (0..=n)
         .map(|j| {
@@ -123,7 +124,7 @@ pub fn solve(case: &Case, velocity_m_s: f64, duration_s: f64) -> Solved {
         .collect();
     let weight: f64 = shed.iter().map(|(_, w)| w).sum();
     let constraint = 1.0;
-    let modulus = constraint * case.diameter_m * 1000.0 * G / (2.0 * case.wall_m);
+    let modulus = constraint * case.diameter_m * case.density_kg_m3() * G / (2.0 * case.wall_m);
     let creep: Vec<(f64, f64, f64)> = case
         .creep
         .iter()
@@ -307,6 +308,7 @@ mod tests {
             sensors_m: vec![100.0],
             noise_m: 0.01,
             creep,
+            friction: None,
             unsteady_friction: false,
             start_effects: Vec::new(),
             hidden,

@@ -7,8 +7,8 @@ use crate::fit::least_squares::{Limits, Solution, minimise};
 use crate::fit::uncertainty::correlation_inflation;
 
 /// To see which start is best, on thinned samples; and to the end.
-const GLANCE: Limits = Limits { iterations: 60, cost_tolerance: 1e-6, step_tolerance: 1e-6 };
-const LIMITS: Limits = Limits { iterations: 200, cost_tolerance: 1e-10, step_tolerance: 1e-9 };
+const GLANCE: Limits = Limits { iterations: 60, cost_tolerance: 1e-6, step_tolerance: 1e-6, thorough: false };
+const LIMITS: Limits = Limits { iterations: 200, cost_tolerance: 1e-10, step_tolerance: 1e-9, thorough: false };
 /// Elements in vain, one after the other, after which no more are tried.
 const IN_VAIN: usize = 2;
 /// Trial shifts of times: to this many decades either way, in steps of this many.

@@ -11,7 +11,7 @@ const GAS_CONSTANT: f64 = 8.314_462_618;
 const ZERO_DEGC_K: f64 = 273.15;
 /// `C2` from which its law cannot be told from one linear in the temperature, K.
 const MOST_C2_K: f64 = 1e4;
-const LIMITS: Limits = Limits { iterations: 200, cost_tolerance: 1e-14, step_tolerance: 1e-10 };
+const LIMITS: Limits = Limits { iterations: 200, cost_tolerance: 1e-14, step_tolerance: 1e-10, thorough: false };
 
 /// The shift factor of one temperature: `τ_k(T) = a_T τ_k(T_ref)`.
 #[derive(Debug, Clone, Copy, PartialEq)]

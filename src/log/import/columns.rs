@@ -70,7 +70,7 @@ pub(super) fn columns(header: &[String], rig: &Rig, without: &[String]) -> Resul
 }
 
 /// What to do about a first column that is the time under another name or in another unit.
-fn hint_on_time(heading: &str) -> String {
+pub(in crate::log) fn hint_on_time(heading: &str) -> String {
     let lower = heading.to_lowercase();
     let words: Vec<&str> = lower.split(|c: char| !c.is_alphanumeric() && c != 'µ').filter(|w| !w.is_empty()).collect();
     let has = |names: &[&str]| words.iter().any(|w| names.contains(w));

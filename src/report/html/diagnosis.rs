@@ -150,6 +150,7 @@ mod tests {
             }],
             parameters: vec![],
             correlation: vec![],
+            unseen: vec![],
             reaches: 64,
             grid_error_m: 0.0,
             evaluations: 1,

@@ -145,6 +145,7 @@ mod tests {
             runs: vec![run],
             parameters: vec![],
             correlation: vec![],
+            unseen: vec![],
             reaches: 1,
             grid_error_m: 0.0,
             evaluations: 1,

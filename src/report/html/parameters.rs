@@ -4,7 +4,7 @@ use super::{minus, table};
 use crate::fit::outcome::Fit;
 use crate::report::Stage;
 use crate::report::escape::escape;
-use crate::report::number::with_error;
+use crate::report::number::{interval, with_error};
 
 pub(super) fn section(stages: &[Stage]) -> String {
     let Some((last, earlier)) = stages.split_last() else { return String::new() };
@@ -12,6 +12,11 @@ pub(super) fn section(stages: &[Stage]) -> String {
         "<section id=\"parameters\"><h2>Parameters</h2>\n{}<p class=\"note\">395.1(4) stands for 395.1 ± 0.4, one standard error in the last digits. At a bound the standard error means little: the data pull the value beyond what is allowed.</p>\n",
         of(last.fit, &last.title)
     );
+    if !last.fit.unseen.is_empty() {
+        let said: String = last.fit.unseen.iter().map(|u| format!("<li>{}</li>\n", escape(&u.in_words))).collect();
+        out.push_str(&format!("<h3>What the recordings do not see</h3>\n<ul>\n{said}</ul>\n"));
+    }
+    out.push_str(&super::profiles::section(last.fit));
     for stage in earlier {
         out.push_str(&format!(
             "<details><summary>Parameters of: {}</summary>\n{}</details>\n",
@@ -41,6 +46,7 @@ fn of(fit: &Fit, title: &str) -> String {
                 minus(&with_error(p.value, p.standard_error)),
                 if p.unit == "1" { String::new() } else { escape(p.unit) }
             ),
+            format!("<span class=\"nowrap\">{}</span>", minus(&interval(p.interval_95))),
             format!("<span class=\"prose\">{}</span>", p.about),
         ];
         if per_run {
@@ -48,7 +54,10 @@ fn of(fit: &Fit, title: &str) -> String {
         }
         row
     });
-    let headings: &[&str] =
-        if per_run { &["parameter", "run", "value", "meaning"] } else { &["parameter", "value", "meaning"] };
+    let headings: &[&str] = if per_run {
+        &["parameter", "run", "value", "95% interval", "meaning"]
+    } else {
+        &["parameter", "value", "95% interval", "meaning"]
+    };
     table(&format!("Parameters of {title}"), headings, &[], rows)
 }

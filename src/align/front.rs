@@ -1,0 +1,65 @@
+//! Alignment by the pressure front: it reaches each sensor when its way from the valve takes it there.
+
+use super::{Clock, Method, Part};
+use crate::recording::Recording;
+use crate::rig::Rig;
+use crate::signal::{self, Estimate, front_pairs};
+
+/// The clock of `other` from every pair of fronts: each gives a shift, less the time that the wave takes between the sensors.
+pub(super) fn by_front(first: &Part, other: &Part) -> Result<Clock, String> {
+    let rig = &first.recording.rig;
+    let temperature_degc = rig.fluid.temperature_degc;
+    let pairs = front_pairs(&first.recording, &other.recording, temperature_degc);
+    if pairs.is_empty() {
+        let shows = |part: &Part| front_pairs(&part.recording, &part.recording, temperature_degc).is_empty();
+        let who = if shows(first) { &first.file } else { &other.file };
+        return Err(format!("no pressure sensor of {who} shows a front that rises and falls back"));
+    }
+    let (speed, measured) = wave_speed(&first.recording, &other.recording, rig);
+    let shifts: Vec<Estimate> = pairs
+        .iter()
+        .map(|pair| {
+            // nearer to the supply, the front comes later
+            let way_s = pair.distance_m / speed.value;
+            let way_error = way_s.abs() * speed.standard_error / speed.value;
+            Estimate { value: way_s - pair.later_s.value, standard_error: way_error.hypot(pair.later_s.standard_error) }
+        })
+        .collect();
+    let weight = |e: &Estimate| e.standard_error.max(1e-12).powi(-2);
+    let total: f64 = shifts.iter().map(weight).sum();
+    let offset_s = shifts.iter().map(|e| weight(e) * e.value).sum::<f64>() / total;
+    let chi2: f64 = shifts.iter().map(|e| weight(e) * (e.value - offset_s).powi(2)).sum();
+    let count = shifts.len() as f64;
+    let excess = (chi2 / (count - 1.0).max(1.0)).max(1.0);
+    // pairs share sensors and the wave speed: together they are no better than the best of them
+    let best = shifts.iter().map(|e| e.standard_error).fold(f64::INFINITY, f64::min);
+    let residual_s = (shifts.iter().map(|e| (e.value - offset_s).powi(2)).sum::<f64>() / count).sqrt();
+    let mut remarks = Vec::new();
+    if pairs.iter().any(|p| p.distance_m != 0.0) {
+        let whence = if measured { "as measured" } else { "as the rig's walls suggest" };
+        remarks.push(format!("wave speed {:.1} ± {:.1} m/s, {whence}", speed.value, speed.standard_error));
+    }
+    Ok(Clock {
+        offset_s,
+        uncertainty_s: best * excess.sqrt(),
+        events: shifts.len(),
+        residual_s: (shifts.len() > 1).then_some(residual_s),
+        remarks,
+        ..Clock::own(&other.file, Method::Front)
+    })
+}
+
+/// The wave speed that the recordings show, else the rig's nominal one; and whether it was measured.
+fn wave_speed(first: &Recording, other: &Recording, rig: &Rig) -> (Estimate, bool) {
+    let water = rig.fluid.properties(rig.fluid.temperature_degc);
+    let mean = |of: fn((f64, f64, f64)) -> f64| {
+        rig.length_m() / rig.pipes.iter().map(|p| p.length_m / of(p.wave_speed_start(&water))).sum::<f64>()
+    };
+    let (start, low, high) = (mean(|s| s.0), mean(|s| s.1), mean(|s| s.2));
+    let shown = |recording: &Recording| signal::inspect(recording).ok()?.wave_speed.best();
+    let measured = [first, other].into_iter().filter_map(shown).filter(|e| (low..=high).contains(&e.value));
+    match measured.min_by(|a, b| a.standard_error.total_cmp(&b.standard_error)) {
+        Some(speed) => (speed, true),
+        None => (Estimate { value: start, standard_error: (high - low) / 12f64.sqrt() }, false),
+    }
+}

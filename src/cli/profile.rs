@@ -1,0 +1,78 @@
+//! Profile likelihood intervals, as the command line asks for them.
+
+use crate::fit::calibrate::{FitError, Options, Progress};
+use crate::fit::data::RunData;
+use crate::fit::outcome::Fit;
+use crate::fit::profile::profiles;
+use crate::rig::Rig;
+
+/// Which parameters to profile.
+#[derive(Debug, clap::Args)]
+pub struct Profiles {
+    /// Parameters whose 95% intervals come from their profiles: each is moved while all others follow, until the fit is worse than noise
+    /// explains. `all` takes all of them; one that each run has of its own is profiled in all of them.
+    #[arg(long = "profile", value_name = "NAME,…|all", value_delimiter = ',')]
+    names: Vec<String>,
+}
+
+impl Profiles {
+    /// Refuses a name that the fit does not have.
+    ///
+    /// # Errors
+    /// The first such.
+    fn which(&self, fit: &Fit) -> Result<Vec<usize>, String> {
+        let all = self.names.iter().any(|n| n == "all");
+        let has = |name: &String| fit.parameters.iter().any(|p| p.name == *name);
+        if let Some(unknown) = self.names.iter().find(|n| *n != "all" && !has(n)) {
+            let known: std::collections::BTreeSet<&str> = fit.parameters.iter().map(|p| p.name.as_str()).collect();
+            let known = known.into_iter().collect::<Vec<_>>().join(", ");
+            return Err(format!("the model has no parameter '{unknown}' to profile; it has {known}"));
+        }
+        let parameters = fit.parameters.iter().enumerate();
+        let asked = parameters.filter(|(_, p)| !p.held && (all || self.names.contains(&p.name)));
+        Ok(asked.map(|(j, _)| j).collect())
+    }
+
+    /// Profiles what was asked for; the fit's intervals become the profiles'. Says where a profile tells something else than the linear interval.
+    ///
+    /// # Errors
+    /// A name that the fit does not have, a model that cannot be simulated.
+    pub fn apply(
+        &self,
+        rig: &Rig,
+        runs: &[RunData],
+        fit: &mut Fit,
+        options: &Options,
+    ) -> Result<(), Box<dyn std::error::Error + Send + Sync>> {
+        let which = self.which(fit)?;
+        if which.is_empty() {
+            return Ok(());
+        }
+        let bar = super::calibrate::progress_bar();
+        let shown = |p: &Progress| bar.set_message(p.stage.clone());
+        let found: Result<Vec<_>, FitError> = profiles(rig, runs, fit, &which, options, &shown);
+        bar.finish_and_clear();
+        for (j, profile) in which.into_iter().zip(found?) {
+            let parameter = &mut fit.parameters[j];
+            let run = parameter.run.as_ref().map_or(String::new(), |r| format!(" of {r}"));
+            if profile.disagrees(parameter.value) {
+                super::tell!(
+                    "warning: {}{run}: the profile's 95% interval, {}, is not the linear one, {}: trust the profile",
+                    parameter.name,
+                    crate::report::number::interval(profile.interval_95),
+                    crate::report::number::interval(profile.linear_95)
+                );
+            }
+            if profile.fell_by > 1.0 {
+                super::tell!(
+                    "warning: {}{run}: a better fit lies along its profile, by {:.1} in χ²; look at it with --start",
+                    parameter.name,
+                    profile.fell_by
+                );
+            }
+            parameter.interval_95 = profile.interval_95;
+            parameter.profile = Some(profile);
+        }
+        Ok(())
+    }
+}

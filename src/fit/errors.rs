@@ -1,0 +1,198 @@
+//! The covariance of fitted variables, from everything that is known to disturb them.
+//!
+//! `C = A M A` with `A = (JᵀJ)⁻¹` and `M` the covariance of `Jᵀr`: that of coloured noise (see [`super::colour`]), of priors, and of what an
+//! instrument does to all its samples alike, whose size is known but whose value is not fitted (Jazwinski 1970, Stochastic
+//! Processes and Filtering Theory, sec. 8.4; "consider" covariance). Where noise is white, of the size it is believed to have, and nothing
+//! else disturbs, `C = A`.
+
+use std::ops::Range;
+
+use nalgebra::DMatrix;
+
+use super::colour::score_covariance;
+
+/// Share of the largest eigenvalue of the scaled normal matrix below which a combination of variables is not determined: finite differences know no more.
+const NOTHING: f64 = 1e-13;
+/// Part of such a combination from which on a variable shares its fate.
+const PART: f64 = 1e-4;
+
+/// What one standard deviation of an instrument's error does to residuals: where they start, and by how much they change.
+pub type Common = Vec<(usize, Vec<f64>)>;
+
+/// A linearised fit.
+#[derive(Debug, Clone, Copy)]
+pub struct Linearised<'a> {
+    /// Derivative of the residuals, a column a variable.
+    pub columns: &'a [Vec<f64>],
+    /// Residuals: those of each record, then those of priors and meters.
+    pub residuals: &'a [f64],
+    /// Records, each an instrument's samples one after the other.
+    pub records: &'a [Range<usize>],
+    /// Errors of instruments that all their samples have alike.
+    pub common: &'a [Common],
+    /// Variables that are held at a bound.
+    pub at_bound: &'a [bool],
+}
+
+/// See the module. Rows and columns of variables at a bound are zero; a variable that the data leave open has an infinite variance.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Errors {
+    /// `C`.
+    pub covariance: DMatrix<f64>,
+    /// `A`: what `C` would be with the noise that was believed in, white, and nothing else.
+    pub believed: DMatrix<f64>,
+}
+
+impl Errors {
+    /// Of a linearised fit.
+    pub fn of(fit: Linearised) -> Self {
+        let all = fit.columns.len();
+        let free: Vec<usize> = (0..all).filter(|&j| !fit.at_bound[j]).collect();
+        let columns: Vec<&[f64]> = free.iter().map(|&j| fit.columns[j].as_slice()).collect();
+        let scale: Vec<f64> =
+            columns.iter().map(|c| Some(dot(c, c).sqrt()).filter(|n| *n > 0.0).unwrap_or(1.0)).collect();
+        let (inverse, open) = inverse(&columns, &scale);
+        let samples = fit.records.iter().map(|r| r.end).max().unwrap_or(0);
+        let mut scores = score_covariance(&columns, fit.residuals, fit.records);
+        for (a, x) in columns.iter().enumerate() {
+            for (b, y) in columns.iter().enumerate() {
+                scores[(a, b)] += dot(&x[samples..], &y[samples..]);
+            }
+        }
+        for common in fit.common {
+            let moved =
+                |c: &&[f64]| common.iter().map(|(first, by)| dot(&c[*first..first + by.len()], by)).sum::<f64>();
+            let by: Vec<f64> = columns.iter().map(moved).collect();
+            scores += DMatrix::from_fn(by.len(), by.len(), |a, b| by[a] * by[b]);
+        }
+        let scaled = DMatrix::from_fn(free.len(), free.len(), |a, b| scores[(a, b)] / (scale[a] * scale[b]));
+        let sandwich = &inverse * scaled * &inverse;
+        let spread = |m: &DMatrix<f64>| {
+            let mut out = DMatrix::zeros(all, all);
+            for (a, &i) in free.iter().enumerate() {
+                for (b, &j) in free.iter().enumerate() {
+                    let unknown = if a == b { f64::INFINITY } else { 0.0 };
+                    out[(i, j)] = if open[a] || open[b] { unknown } else { m[(a, b)] / (scale[a] * scale[b]) };
+                }
+            }
+            out
+        };
+        Errors { covariance: spread(&sandwich), believed: spread(&inverse) }
+    }
+
+    /// With an error besides whose size in each variable is known.
+    pub fn and(mut self, of_each: &[f64]) -> Self {
+        let n = of_each.len();
+        // A variable at a bound does not move, and what is infinite stays so.
+        let moved = |j: usize| if self.covariance[(j, j)] > 0.0 { of_each[j] } else { 0.0 };
+        self.covariance += DMatrix::from_fn(n, n, |i, j| moved(i) * moved(j));
+        self
+    }
+
+    /// Standard error of variable `j`: NaN at a bound, infinite where the data leave it open.
+    pub fn of_variable(&self, j: usize) -> f64 {
+        let variance = self.covariance[(j, j)];
+        if variance == 0.0 { f64::NAN } else { variance.sqrt() }
+    }
+
+    /// How much more a variable scatters than with the noise that was believed in: the factor by which a rise of the sum of squares along it
+    /// is worth less (Kent 1982, Biometrika 69, 19). Not below 1.
+    pub fn inflation(&self, j: usize) -> f64 {
+        let ratio = self.covariance[(j, j)] / self.believed[(j, j)];
+        if ratio.is_finite() { ratio.max(1.0) } else { 1.0 }
+    }
+}
+
+/// Inverse of the scaled normal matrix over what it determines, and which variables it leaves open.
+fn inverse(columns: &[&[f64]], scale: &[f64]) -> (DMatrix<f64>, Vec<bool>) {
+    let p = columns.len();
+    let normal = DMatrix::from_fn(p, p, |a, b| dot(columns[a], columns[b]) / scale[a] / scale[b]);
+    let mut open = vec![false; p];
+    if p == 0 {
+        return (normal, open);
+    }
+    let eigen = normal.symmetric_eigen();
+    let most = eigen.eigenvalues.max();
+    let mut inverse = DMatrix::zeros(p, p);
+    for (value, vector) in eigen.eigenvalues.iter().zip(eigen.eigenvectors.column_iter()) {
+        if *value > NOTHING * most {
+            inverse += vector * vector.transpose() / *value;
+        } else {
+            vector.iter().zip(&mut open).for_each(|(v, o)| *o |= v.abs() > PART);
+        }
+    }
+    (inverse, open)
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(x, y)| x * y).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn white(n: usize, seed: u64) -> Vec<f64> {
+        let mut random = fastrand::Rng::with_seed(seed);
+        (0..n)
+            .map(|_| (-2.0 * (1.0 - random.f64()).ln()).sqrt() * (std::f64::consts::TAU * random.f64()).cos())
+            .collect()
+    }
+
+    fn errors(columns: &[Vec<f64>], residuals: &[f64], samples: usize, common: &[Common], at_bound: &[bool]) -> Errors {
+        Errors::of(Linearised { columns, residuals, records: std::slice::from_ref(&(0..samples)), common, at_bound })
+    }
+
+    /// y = m + e, σ = 1, n = 400: 1/20; with a gauge that is off by 0.3 in all samples, √(1/400 + 0.09).
+    #[test]
+    fn the_mean_of_white_noise_has_the_textbook_error_and_a_gauges_own_on_top() {
+        let (ones, noise) = (vec![vec![1.0; 400]], white(400, 1));
+        let alone = errors(&ones, &noise, 400, &[], &[false]);
+        assert!((alone.of_variable(0) * 20.0 - 1.0).abs() < 0.15, "{}", alone.of_variable(0));
+        assert!((alone.believed[(0, 0)] * 400.0 - 1.0).abs() < 1e-12);
+        let gauge = errors(&ones, &noise, 400, &[vec![(0, vec![0.3; 400])]], &[false]);
+        let expected = (alone.covariance[(0, 0)] + 0.09).sqrt();
+        assert!((gauge.of_variable(0) - expected).abs() < 1e-12, "{}", gauge.of_variable(0));
+    }
+
+    /// A prior of standard deviation 0.1 on what 400 samples of noise 100 hardly see.
+    #[test]
+    fn a_prior_counts_as_one_measurement() {
+        let mut column = vec![0.01; 400];
+        column.push(1.0 / 0.1);
+        let mut residuals = white(400, 2);
+        residuals.push(0.0);
+        let found = errors(&[column], &residuals, 400, &[], &[false]).of_variable(0);
+        let exact = (1.0 / (400.0 * 1e-4 + 100.0f64)).sqrt();
+        assert!((found / exact - 1.0).abs() < 1e-3, "{found} against {exact}");
+    }
+
+    #[test]
+    fn what_is_at_a_bound_or_undetermined_says_so_and_spares_the_rest() {
+        let x: Vec<f64> = (0..200).map(|i| (f64::from(i) * 0.3).sin()).collect();
+        let columns = vec![vec![1.0; 200], vec![1.0; 200], vec![0.3; 200], x.clone(), vec![0.0; 200]];
+        let found = errors(&columns, &white(200, 3), 200, &[], &[false, false, true, false, false]);
+        assert!(found.of_variable(2).is_nan());
+        assert!([0, 1, 4].iter().all(|&j| found.of_variable(j) == f64::INFINITY), "{found:?}");
+        let square: f64 = x.iter().map(|v| v * v).sum();
+        assert!((found.of_variable(3) * square.sqrt() - 1.0).abs() < 0.3, "{}", found.of_variable(3));
+        assert!(found.inflation(0) == 1.0);
+        let more = found.and(&[0.0, 0.0, 0.5, 0.5, 0.0]);
+        assert!(more.of_variable(2).is_nan() && more.of_variable(3) > 0.5);
+    }
+
+    /// NIST StRD Misra1a's columns at its certified values: the certified standard errors, from the spread that NIST takes.
+    #[test]
+    fn believed_errors_are_those_of_nist() {
+        let t = [77.6, 114.9, 141.1, 190.8, 239.9, 289.0, 332.8, 378.4, 434.8, 477.3, 536.8, 593.1, 689.1, 760.0];
+        let (b1, b2, spread) = (238.942_129_18, 5.501_564_318_1e-4, 0.101_878_76);
+        let decay = |t: f64| (-b2 * t).exp();
+        let columns = vec![
+            t.iter().map(|t| -(1.0 - decay(*t)) / spread).collect::<Vec<f64>>(),
+            t.iter().map(|t| -b1 * t * decay(*t) / spread).collect(),
+        ];
+        let found = errors(&columns, &[0.0; 14], 14, &[], &[false, false]).believed;
+        assert!((found[(0, 0)].sqrt() / 2.707_007_524_1 - 1.0).abs() < 1e-4, "{}", found[(0, 0)].sqrt());
+        assert!((found[(1, 1)].sqrt() / 7.266_868_843_6e-6 - 1.0).abs() < 1e-4, "{}", found[(1, 1)].sqrt());
+    }
+}

@@ -1,0 +1,224 @@
+//! Tables in text, however they are written: separators, decimal commas, date-times, comments, units in headings, lines
+//! that repeat or stand out of order. What can be put right safely is, and is said; the rest is refused with its line.
+
+mod clock;
+mod comments;
+mod decimals;
+mod mend;
+mod stamp;
+mod text;
+
+use clock::Clock;
+pub use clock::time_unit;
+use decimals::Decimals;
+use mend::Hole;
+pub use mend::even_holes;
+pub use stamp::zone_seconds;
+
+use super::{Foreign, ForeignOptions, Mended, Track};
+use crate::log::CsvProblem;
+use crate::log::import::{Fault, split};
+
+/// A table on its way: times, lines and columns of one length; NaN where a cell is empty.
+#[derive(Default)]
+struct Table {
+    time_s: Vec<f64>,
+    line: Vec<usize>,
+    columns: Vec<Vec<f64>>,
+}
+
+/// The cells of a line.
+#[derive(Default)]
+struct Row {
+    cells: Vec<String>,
+    count: usize,
+}
+
+impl Row {
+    fn read(&mut self, line: &str, separator: char) {
+        let mut cells = Vec::with_capacity(self.count);
+        split(line, separator, &mut cells);
+        self.count = cells.len();
+        // the texts of the line before are written over, not set aside anew
+        self.cells.resize(self.cells.len().max(self.count), String::new());
+        for (own, cell) in self.cells.iter_mut().zip(&cells) {
+            own.clear();
+            own.push_str(cell);
+        }
+    }
+
+    fn len(&self) -> usize {
+        self.count
+    }
+
+    fn iter(&self) -> impl Iterator<Item = &str> {
+        self.cells[..self.count].iter().map(String::as_str)
+    }
+
+    fn get(&self, place: usize) -> Option<&str> {
+        self.cells[..self.count].get(place).map(String::as_str)
+    }
+}
+
+/// Reads a table. `Err` holds the line from 1, where there is one, and what is wrong.
+pub(super) fn read(bytes: &[u8], options: &ForeignOptions) -> Result<Foreign, Fault> {
+    let mut mended = Vec::new();
+    let text = text::decode(bytes, &mut mended)?;
+    let comments = comments::comments(&text);
+    let header_line = text.lines().find(|l| is_row(l)).ok_or((None, Box::new(CsvProblem::Empty)))?;
+    let separator = separator(header_line);
+    if separator != ',' {
+        let name = if separator == ';' { "semicolons" } else { "tabs" };
+        mended.push(Mended::new("separator", 1, None, format!("columns are separated by {name}")));
+    }
+    let mut lines = (1..).zip(text.lines()).filter(|(_, l)| is_row(l));
+    let mut row = Row::default();
+    let mut next = |row: &mut Row| {
+        let (at, line) = lines.next()?;
+        row.read(line, separator);
+        Some(at)
+    };
+    let header_at = next(&mut row).ok_or((None, Box::new(CsvProblem::Empty)))?;
+    let mut header: Vec<String> = row.iter().map(str::to_string).collect();
+    // separators behind the last heading stand behind the rows as well
+    let widest = header.len();
+    while header.len() > 1 && header.last().is_some_and(String::is_empty) {
+        header.pop();
+    }
+    let none = || (Some(header_at), Box::new(CsvProblem::HeaderOnly));
+    let mut line = next(&mut row).ok_or_else(none)?;
+    let units = units_row(&row, &header);
+    if units.is_some() {
+        mended.push(Mended::new("units", 1, Some(line), "the line under the header holds units"));
+        line = next(&mut row).ok_or_else(none)?;
+    }
+
+    let mut decimals = Decimals::new(separator);
+    let mut clock = Clock::find(&header, units.as_deref(), &row, &text, separator, options)
+        .map_err(|p| (Some(if matches!(p, CsvProblem::NotANumber { .. }) { line } else { header_at }), Box::new(p)))?;
+    let first = clock.columns();
+    let mut table = Table { columns: vec![Vec::new(); header.len().saturating_sub(first)], ..Table::default() };
+    let mut cut = None;
+    loop {
+        let fault = |problem: CsvProblem| (Some(line), Box::new(problem));
+        if let Some(found) = ragged(&row, header.len(), widest) {
+            // a logger that was switched off in the middle of a line
+            let whole = text.ends_with('\n') || found > header.len();
+            let last_line = line;
+            if whole || next(&mut row).is_some() {
+                return Err((Some(last_line), Box::new(CsvProblem::Ragged { found, expected: header.len() })));
+            }
+            cut = Some(last_line);
+            break;
+        }
+        let time_s = clock.seconds(&row, &mut decimals, &header).map_err(fault)?;
+        table.time_s.push(time_s);
+        table.line.push(line);
+        for (i, column) in table.columns.iter_mut().enumerate() {
+            let cell = row.get(first + i).unwrap_or_default();
+            column.push(decimals.read(cell, &header[first + i]).map_err(fault)?);
+        }
+        match next(&mut row) {
+            Some(at) => line = at,
+            None => break,
+        }
+    }
+    if let Some(line) = cut {
+        let text = "the file ends within this line, which was left out";
+        mended.push(Mended { lost: true, ..Mended::new("cut-off", 1, Some(line), text) });
+    }
+    if table.time_s.is_empty() {
+        return Err(none());
+    }
+    mended.extend(decimals.said());
+    mended.extend(clock.said());
+    let gaps = mend::mend(&mut table, &mut mended)?;
+    let tracks = tracks(table, &gaps, &header[first..], units.as_deref().map(|u| &u[first.min(u.len())..]));
+    let start = clock.start().or_else(|| {
+        let (start, said) = comments::start(&comments, options)?;
+        mended.push(said);
+        Some(start)
+    });
+    Ok(Foreign { tracks, start, notes: comment_notes(&text), mended, spare_tracks: false })
+}
+
+/// The block of comments as a note, if there is one.
+pub fn comment_notes(text: &str) -> Vec<(String, String)> {
+    let comments = comments::comments(text);
+    if comments.is_empty() { Vec::new() } else { vec![("comment".into(), comments.join("\n"))] }
+}
+
+fn is_row(line: &str) -> bool {
+    !line.starts_with('#') && line.chars().any(|c| !c.is_whitespace() && !matches!(c, ',' | ';'))
+}
+
+/// What stands between the headings, outside of quotes.
+fn separator(header: &str) -> char {
+    let mut quoted = false;
+    let mut seen = [false; 2];
+    for c in header.chars() {
+        quoted ^= c == '"';
+        seen[0] |= c == ';' && !quoted;
+        seen[1] |= c == '\t' && !quoted;
+    }
+    match seen {
+        [true, _] => ';',
+        [_, true] => '\t',
+        _ => ',',
+    }
+}
+
+/// Number of cells of a line that has too few or too many; empty ones at its end do not count as far as the header has them too.
+/// Elsewhere a surplus cell is a decimal comma.
+fn ragged(row: &Row, expected: usize, widest: usize) -> Option<usize> {
+    let found = row.len();
+    let fits = (expected..=widest).contains(&found) && row.iter().skip(expected).all(str::is_empty);
+    (!fits).then_some(found)
+}
+
+/// The units, if the row under the header holds them: words everywhere, the first one of time.
+fn units_row(row: &Row, header: &[String]) -> Option<Vec<String>> {
+    let bare = |cell: &str| cell.trim_matches(|c| matches!(c, '(' | ')' | '[' | ']')).trim().to_string();
+    let units: Vec<String> = row.iter().take(header.len()).map(bare).collect();
+    let words = units.iter().all(|u| !u.chars().next().is_some_and(|c| c.is_ascii_digit() || matches!(c, '-' | '+')));
+    (units.len() == header.len() && words && clock::time_unit(units.first()?).is_some()).then_some(units)
+}
+
+fn tracks(table: Table, gaps: &[Hole], header: &[String], units: Option<&[String]>) -> Vec<Track> {
+    let named = header.iter().enumerate().zip(table.columns);
+    named
+        .map(|((i, name), values)| {
+            let present: Vec<usize> = (0..values.len()).filter(|&r| !values[r].is_nan()).collect();
+            let mut series = crate::recording::Series {
+                time_s: present.iter().map(|&r| table.time_s[r]).collect(),
+                value: present.iter().map(|&r| values[r]).collect(),
+                gaps: Vec::new(),
+            };
+            // only a column that is sampled on both sides of a hole has lost something in it
+            let lost = gaps.iter().filter(|g| !values[g.before].is_nan() && !values[g.before + 1].is_nan());
+            series.gaps = lost.map(|g| g.gap).collect();
+            let (short, unit) = match header_unit(name) {
+                Some((short, unit)) => (short, Some(unit)),
+                None => (name.clone(), None),
+            };
+            let unit = unit.or_else(|| units.and_then(|u| u.get(i)).filter(|u| !u.is_empty()).cloned());
+            Track { name: name.clone(), short, unit, series }
+        })
+        .collect()
+}
+
+/// Name and unit of a heading such as `P1 (bar)`, `P1 [kPa]` or `P1 / kPa`.
+fn header_unit(heading: &str) -> Option<(String, String)> {
+    for (open, close) in [(" (", ")"), ("(", ")"), ("[", "]"), (" / ", "")] {
+        if let Some((name, unit)) = heading.strip_suffix(close).and_then(|rest| rest.rsplit_once(open))
+            && !name.trim().is_empty()
+            && !unit.trim().is_empty()
+        {
+            // m(H2O) has brackets of its own
+            let unit = if unit == "H2O" && heading.ends_with("m(H2O)") { "m(H2O)" } else { unit };
+            let name = name.trim().strip_suffix(" m").filter(|_| unit == "m(H2O)").unwrap_or(name.trim());
+            return Some((name.to_string(), unit.trim().to_string()));
+        }
+    }
+    None
+}

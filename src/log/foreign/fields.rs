@@ -1,0 +1,114 @@
+//! The numbers in a message: JSON by its own structure, protobuf by the descriptors that the file carries.
+
+use prost_reflect::{DescriptorPool, DynamicMessage, Kind, MessageDescriptor, ReflectMessage, Value};
+use serde_json::Value as Json;
+
+/// Most fields of one message that are looked at: an image in JSON is none of ours.
+const MOST: usize = 2000;
+/// Messages inside messages, this deep.
+const DEEPEST: usize = 32;
+
+/// How a channel's messages are read.
+pub(super) enum Format {
+    Json,
+    Protobuf(MessageDescriptor),
+}
+
+/// A number found in a message.
+pub(super) type Field = (String, f64);
+
+impl Format {
+    /// The format of a channel: its encoding and its schema's name, encoding and data. `Err` says why it cannot be read.
+    pub(super) fn of(encoding: &str, schema: Option<(&str, &str, &[u8])>) -> Result<Format, String> {
+        match (encoding, schema) {
+            ("json", _) => Ok(Format::Json),
+            ("protobuf", Some((name, _, data))) => {
+                let pool =
+                    DescriptorPool::decode(data).map_err(|e| format!("its protobuf schema does not decode: {e}"))?;
+                let message = pool.get_message_by_name(name);
+                message.map(Format::Protobuf).ok_or_else(|| format!("its protobuf schema lacks the message {name}"))
+            }
+            ("protobuf", None) => Err("it has protobuf messages without a schema".into()),
+            ("ros1" | "cdr", _) => Err(format!(
+                "it has messages of ROS ({encoding}), which are not read here: convert the topic to JSON or CSV, for example with PlotJuggler"
+            )),
+            (other, _) => Err(format!("it has messages in '{other}', of which only JSON and protobuf are read here")),
+        }
+    }
+
+    /// Every number in a message, by its path: `pressure.value`, `samples[3]`.
+    pub(super) fn numbers(&self, data: &[u8]) -> Result<Vec<Field>, String> {
+        let mut found = Vec::new();
+        match self {
+            Format::Json => {
+                let value = serde_json::from_slice(data).map_err(|e| format!("is no JSON: {e}"))?;
+                json_numbers(&value, "", 0, &mut found);
+            }
+            Format::Protobuf(descriptor) => {
+                let message =
+                    DynamicMessage::decode(descriptor.clone(), data).map_err(|e| format!("does not decode: {e}"))?;
+                message_numbers(&message, "", 0, &mut found);
+            }
+        }
+        Ok(found)
+    }
+}
+
+fn joined(path: &str, name: &str) -> String {
+    if path.is_empty() { name.to_string() } else { format!("{path}.{name}") }
+}
+
+fn json_numbers(value: &Json, path: &str, depth: usize, found: &mut Vec<Field>) {
+    if found.len() >= MOST || depth > DEEPEST {
+        return;
+    }
+    match value {
+        Json::Number(number) => found.extend(number.as_f64().map(|n| (path.to_string(), n))),
+        Json::Bool(on) => found.push((path.to_string(), f64::from(u8::from(*on)))),
+        Json::Array(items) => {
+            for (i, item) in items.iter().enumerate().take(MOST) {
+                json_numbers(item, &format!("{path}[{i}]"), depth + 1, found);
+            }
+        }
+        Json::Object(entries) => entries.iter().for_each(|(k, v)| json_numbers(v, &joined(path, k), depth + 1, found)),
+        Json::Null | Json::String(_) => {}
+    }
+}
+
+fn message_numbers(message: &DynamicMessage, path: &str, depth: usize, found: &mut Vec<Field>) {
+    for field in message.descriptor().fields() {
+        // a field of proto3 that is zero is not written, and yet it was measured
+        let plain = !field.is_list() && !field.is_map() && !field.supports_presence();
+        if plain || message.has_field(&field) {
+            let path = joined(path, field.name());
+            let is_enum = matches!(field.kind(), Kind::Enum(_));
+            if !is_enum {
+                value_numbers(&message.get_field(&field), &path, depth, found);
+            }
+        }
+    }
+}
+
+fn value_numbers(value: &Value, path: &str, depth: usize, found: &mut Vec<Field>) {
+    if found.len() >= MOST || depth > DEEPEST {
+        return;
+    }
+    let number = match value {
+        Value::Bool(on) => f64::from(u8::from(*on)),
+        Value::I32(n) => f64::from(*n),
+        Value::I64(n) => *n as f64,
+        Value::U32(n) => f64::from(*n),
+        Value::U64(n) => *n as f64,
+        Value::F32(n) => f64::from(*n),
+        Value::F64(n) => *n,
+        Value::Message(inner) => return message_numbers(inner, path, depth + 1, found),
+        Value::List(items) => {
+            for (i, item) in items.iter().enumerate().take(MOST) {
+                value_numbers(item, &format!("{path}[{i}]"), depth + 1, found);
+            }
+            return;
+        }
+        _ => return,
+    };
+    found.push((path.to_string(), number));
+}

@@ -1,0 +1,247 @@
+//! MCAP files of other programs: each number of each message is a track, mapped to a sensor by a user. Recordings of our own
+//! give the samples of their sensors.
+
+use std::collections::HashMap;
+use std::path::Path;
+
+use mcap::records::Record;
+
+use super::fields::Format;
+use super::{Foreign, ForeignOptions, Mended, MessageTime, Start, Track};
+use crate::log::LogError;
+use crate::log::layout::{RIG_ATTACHMENT, to_s};
+use crate::log::read::{check_start, checked_options, decode, has_end, records};
+use crate::recording::Series;
+
+/// A channel that can be read, and the fields of it that are wanted.
+struct Channel {
+    topic: String,
+    format: Format,
+}
+
+/// Samples of a field, with their times in ns.
+#[derive(Default)]
+struct Found {
+    time_ns: Vec<i64>,
+    value: Vec<f64>,
+}
+
+/// Reads a file.
+pub(super) fn read(bytes: &[u8], path: &Path, options: &ForeignOptions) -> Result<Foreign, LogError> {
+    check_start(bytes, path)?;
+    if !has_end(bytes) {
+        let why = "it has no end: its recording was cut off, or is still running; `mcap recover` of its makers saves what is in it";
+        return Err(LogError::Foreign { path: path.into(), why: why.into() });
+    }
+    let damaged = |why| LogError::Foreign { path: path.into(), why: format!("it is damaged: {why}") };
+    let mut reading = Reading::new(options);
+    let checked = checked_options(bytes.len() as u64).with_check_finishes_after_end_magic(true);
+    records(bytes, checked, |record| reading.take(record)).map_err(damaged)?;
+    if reading.ours {
+        return ours(bytes, path);
+    }
+    reading.finish().map_err(|why| LogError::Foreign { path: path.into(), why })
+}
+
+/// A recording of our own: its sensors are the tracks.
+fn ours(bytes: &[u8], path: &Path) -> Result<Foreign, LogError> {
+    let recording = decode(bytes, path)?;
+    let sensors = recording.rig.sensors.iter().zip(recording.series).filter(|(_, s)| !s.time_s.is_empty());
+    let tracks = sensors.map(|(sensor, series)| {
+        let unit = Some(sensor.unit.symbol.to_string());
+        Track { name: sensor.name.clone(), short: sensor.name.clone(), unit, series }
+    });
+    let unix_ns = recording.run.start_unix_ns;
+    Ok(Foreign {
+        tracks: tracks.collect(),
+        start: (unix_ns > 0).then_some(Start { unix_ns, digit_s: 1e-6 }),
+        notes: recording.run.notes,
+        mended: Vec::new(),
+        spare_tracks: true,
+    })
+}
+
+struct Reading<'o> {
+    options: &'o ForeignOptions,
+    ours: bool,
+    schemas: HashMap<u16, (String, String, Vec<u8>)>,
+    channels: HashMap<u16, Option<Channel>>,
+    unreadable: Vec<String>,
+    order: Vec<String>,
+    found: HashMap<String, Found>,
+    without_time: usize,
+    not_finite: usize,
+}
+
+impl<'o> Reading<'o> {
+    fn new(options: &'o ForeignOptions) -> Reading<'o> {
+        Reading {
+            options,
+            ours: false,
+            schemas: HashMap::new(),
+            channels: HashMap::new(),
+            unreadable: Vec::new(),
+            order: Vec::new(),
+            found: HashMap::new(),
+            without_time: 0,
+            not_finite: 0,
+        }
+    }
+
+    fn take(&mut self, record: Record<'_>) -> Result<(), String> {
+        match record {
+            Record::Attachment { header, .. } if header.name == RIG_ATTACHMENT => self.ours = true,
+            Record::Schema { header, data } => {
+                self.schemas.insert(header.id, (header.name, header.encoding, data.into_owned()));
+            }
+            Record::Channel(channel) if !self.channels.contains_key(&channel.id) => {
+                let schema =
+                    self.schemas.get(&channel.schema_id).map(|(name, encoding, data)| (&**name, &**encoding, &**data));
+                let format = Format::of(&channel.message_encoding, schema);
+                let readable = match format {
+                    Ok(format) => Some(Channel { topic: channel.topic, format }),
+                    Err(why) => {
+                        self.unreadable.push(format!("{}: {why}", channel.topic));
+                        None
+                    }
+                };
+                self.channels.insert(channel.id, readable);
+            }
+            Record::Message { header, data } if !self.ours => {
+                let known = self.channels.get(&header.channel_id);
+                let Some(channel) =
+                    known.ok_or_else(|| format!("a message of channel {}, which is not there", header.channel_id))?
+                else {
+                    return Ok(());
+                };
+                let fields = channel.format.numbers(&data);
+                let fields = fields.map_err(|why| {
+                    format!("a message of {} at log time {} ns {why}", channel.topic, header.log_time)
+                })?;
+                let time = match &self.options.message_time {
+                    MessageTime::Log => i64::try_from(header.log_time).ok(),
+                    MessageTime::Publish => i64::try_from(header.publish_time).ok(),
+                    MessageTime::Field(name) => field_ns(&fields, name, self.options.time_unit_s.unwrap_or(1.0)),
+                };
+                let Some(time_ns) = time else {
+                    self.without_time += 1;
+                    return Ok(());
+                };
+                for (field, value) in fields {
+                    if !value.is_finite() {
+                        self.not_finite += 1;
+                        continue;
+                    }
+                    let name = format!("{}.{field}", channel.topic);
+                    if !self.found.contains_key(&name) {
+                        self.order.push(name.clone());
+                    }
+                    let found = self.found.entry(name).or_default();
+                    found.time_ns.push(time_ns);
+                    found.value.push(value);
+                }
+            }
+            _ => {}
+        }
+        Ok(())
+    }
+
+    fn finish(mut self) -> Result<Foreign, String> {
+        if self.order.is_empty() {
+            if let MessageTime::Field(name) = &self.options.message_time
+                && self.without_time > 0
+            {
+                return Err(format!("no message has a number named '{name}' to take its time from"));
+            }
+            let why = match self.unreadable.first() {
+                Some(first) => format!("no numbers can be read from it. {first}"),
+                None => "it holds no messages with numbers".into(),
+            };
+            return Err(why);
+        }
+        let wanted: Vec<&String> =
+            self.order.iter().filter(|name| self.options.map.iter().any(|(from, _)| from == *name)).collect();
+        if wanted.is_empty() {
+            return Err(self.say_fields());
+        }
+        if let Some((missing, _)) =
+            self.options.map.iter().find(|(from, _)| from.starts_with('/') && !self.found.contains_key(from))
+        {
+            return Err(format!("it has no field '{missing}'. {}", self.say_fields()));
+        }
+        let mut mended = Vec::new();
+        if self.without_time > 0 {
+            let text = format!("{} messages do not say their time and were left out", self.without_time);
+            mended.push(Mended { lost: true, ..Mended::new("no-time", self.without_time, None, text) });
+        }
+        if self.not_finite > 0 {
+            let text = format!("{} values are no finite numbers and were left out", self.not_finite);
+            mended.push(Mended::new("not-finite", self.not_finite, None, text));
+        }
+        let wanted: Vec<String> = wanted.into_iter().cloned().collect();
+        let first = |name: &String| self.found.get(name).and_then(|f| f.time_ns.iter().min().copied());
+        let zero_ns = wanted.iter().filter_map(first).min().unwrap_or(0);
+        let mut tracks = Vec::new();
+        for name in wanted {
+            let found = self.found.remove(&name).unwrap_or_default();
+            let (series, repeated) = found.series(zero_ns);
+            if repeated > 0 {
+                let text = format!(
+                    "{repeated} messages of {name} repeat the time of another and were left out: try --time-field or --message-time publish"
+                );
+                mended.push(Mended { lost: true, ..Mended::new("duplicate-times", repeated, None, text) });
+            }
+            tracks.push(Track { short: name.clone(), name, unit: None, series });
+        }
+        // a time above a year is one since 1970; below, the clock counted from its own start
+        let unix_ns = u64::try_from(zero_ns).ok().filter(|ns| *ns > 31_536_000_000_000_000);
+        let start = unix_ns.map(|unix_ns| Start { unix_ns, digit_s: 1e-6 });
+        Ok(Foreign { tracks, start, notes: Vec::new(), mended, spare_tracks: true })
+    }
+
+    fn say_fields(&self) -> String {
+        const MOST: usize = 40;
+        let fields: Vec<String> = self
+            .order
+            .iter()
+            .take(MOST)
+            .map(|name| format!("\n  {name} ({} values)", self.found[name].value.len()))
+            .collect();
+        let more =
+            if self.order.len() > MOST { format!("\n  and {} more", self.order.len() - MOST) } else { String::new() };
+        let unreadable: String = self.unreadable.iter().map(|u| format!("\n  {u}")).collect();
+        format!(
+            "say which number is which sensor, as in --map '{}=P1'. It has{}{more}{unreadable}",
+            self.order.first().map_or("", String::as_str),
+            fields.concat()
+        )
+    }
+}
+
+impl Found {
+    /// In the order of time from `zero_ns` on, and how many repeat a time.
+    fn series(self, zero_ns: i64) -> (Series, usize) {
+        let mut samples: Vec<(i64, f64)> = self.time_ns.into_iter().zip(self.value).collect();
+        samples.sort_by_key(|(t, _)| *t);
+        let all = samples.len();
+        samples.dedup_by_key(|(t, _)| *t);
+        let repeated = all - samples.len();
+        let in_reach = |t: &i64| t.checked_sub(zero_ns).filter(|ns| ns.unsigned_abs() < 9_000_000_000_000_000_000);
+        let (time_s, value) = samples.iter().filter_map(|(t, v)| Some((to_s(in_reach(t)?), *v))).unzip();
+        (Series { time_s, value, gaps: Vec::new() }, repeated)
+    }
+}
+
+/// The time that a field gives, ns: a number in its unit, or a message of seconds and nanoseconds.
+fn field_ns(fields: &[(String, f64)], name: &str, unit_s: f64) -> Option<i64> {
+    let number = |name: &str| fields.iter().find(|(n, _)| n == name).map(|(_, v)| *v);
+    let part = |names: [&str; 2]| names.iter().find_map(|part| number(&format!("{name}.{part}")));
+    let fits = |ns: f64| (ns.abs() < 9e18).then_some(ns as i64);
+    if let Some(value) = number(name) {
+        return fits((value * unit_s * 1e9).round());
+    }
+    let seconds = part(["seconds", "sec"])?;
+    let nanos = part(["nanos", "nsec"]).or_else(|| number(&format!("{name}.nanosec"))).unwrap_or(0.0);
+    fits(seconds * 1e9).filter(|_| nanos.abs() < 1e18)?;
+    (seconds as i64).checked_mul(1_000_000_000)?.checked_add(nanos as i64)
+}

@@ -1,0 +1,186 @@
+//! Tables however they are written, and the report of what was mended.
+
+use super::{Bench, mended};
+
+#[test]
+fn a_german_table_is_read_and_every_mending_is_said() {
+    let bench = Bench::plain();
+    let text = "\u{feff}# Messung 7\r\n# Betreiber: A\r\nZeitstempel;\"P1 (bar)\";P2 [kPa];\r\n\
+        14.03.2026 09:26:53,500;1,5;1.200,25;\r\n14.03.2026 09:26:53,501;1,6;120,5;\r\n14.03.2026 09:26:53,501;1,6;120,5;\r\n\
+        14.03.2026 09:26:53,503;;120,0;\r\n14.03.2026 09:26:53,502;1,7;120,0;\r\n14.03.2026 09:26:53,504;1,8;120,0;\r\n\
+        14.03.2026 09:26:53,505;1,8;120,0;\r\n14.03.2026 09:26:53,506;1,8;120,0;\r\n14.03.2026 09:26:53,510;1,9;120,0;\r\n";
+    bench.put("run.csv", text);
+    let (document, err) = bench.import(0, &["run.csv", "--zone", "+01:00"]);
+    for what in ["separator", "byte-order-mark", "decimal-comma", "thousands", "date-times", "order", "duplicate-times"]
+    {
+        assert_eq!(mended(&document, what)["file"], "run.csv");
+    }
+    assert_eq!(mended(&document, "duplicate-times")["line"], 6);
+    assert_eq!(mended(&document, "order")["line"], 8);
+    assert_eq!(mended(&document, "missing-times")["count"], 3);
+    assert!(err.contains("run.csv:6: 1 lines repeat a time"), "{err}");
+    let recording = bench.recording();
+    let [p1, p2] = &recording.series[..] else { panic!() };
+    assert_eq!(p1.time_s, [0.0, 0.001, 0.002, 0.004, 0.005, 0.006, 0.01]);
+    for (value, bar) in p1.value.iter().zip([1.5, 1.6, 1.7, 1.8, 1.8, 1.8, 1.9]) {
+        assert!((value - 100.0 * bar).abs() < 1e-9, "{value} kPa are not {bar} bar");
+    }
+    assert!((p2.value[0] - 12.0025).abs() < 1e-12 && (p2.value[1] - 1.205).abs() < 1e-12);
+    let gap = p2.gaps[0];
+    assert_eq!((gap.from_s, gap.to_s, gap.samples), (0.006, 0.01, Some(3)));
+    // 2026-03-14T08:26:53.5Z, by `date -u -d`
+    assert_eq!(recording.run.start_unix_ns, 1_773_476_813_500_000_000);
+    assert_eq!(recording.run.notes, [("comment".to_string(), "Messung 7\nBetreiber: A".to_string())]);
+}
+
+#[test]
+fn date_times_of_many_programs_are_the_same_time() {
+    let bench = Bench::plain();
+    for (head, first, second, more) in [
+        ("t", "2026-03-14T08:26:53.5Z", "2026-03-14T08:26:54Z", ""),
+        ("Timestamp", "2026-03-14 09:26:53.500+01:00", "2026-03-14 09:26:54.000+01:00", ""),
+        ("Date/Time", "2026/03/14 08:26:53.5", "2026/03/14 08:26:54.0", ""),
+        ("t", "3/14/2026 8:26:53.5 AM", "3/14/2026 8:26:54 AM", ""),
+        ("t", "14/03/2026 08:26:53.5", "14/03/2026 08:26:54", ""),
+        ("t", "14.03.2026 08:26:53.5", "14.03.2026 08:26:54", ""),
+        ("Date,Time", "14/03/2026,08:26:53.5", "14/03/2026,08:26:54", ""),
+        ("t", "03/04/2026 08:26:53.5", "03/04/2026 08:26:54", "mdy"),
+    ] {
+        bench.put("run.csv", format!("{head},P1,P2\n{first},100,1\n{second},101,1\n"));
+        let order = ["run.csv", "--date-order", more];
+        bench.import(0, if more.is_empty() { &order[..1] } else { &order });
+        let recording = bench.recording();
+        // 4 March and 14 March 2026, 08:26:53.5 UTC, by `date -u -d`
+        let start = if more.is_empty() { 1_773_476_813_500_000_000 } else { 1_772_612_813_500_000_000 };
+        assert_eq!(recording.run.start_unix_ns, start, "{first}");
+        assert_eq!(recording.series[0].time_s, [0.0, 0.5], "{first}");
+    }
+    bench.put("run.csv", "t,P1,P2\n03/04/2026 08:26:53.5,100,1\n03/04/2026 08:26:54,101,1\n");
+    bench.refuses(&["run.csv"], &["run.csv:1", "may be two dates", "--date-order dmy"]);
+    bench.put("run.csv", "t,P1,P2\n23:59:59.9,100,1\n00:00:00.1,101,1\n");
+    let (document, _) = bench.import(0, &["run.csv"]);
+    assert_eq!(mended(&document, "midnight")["count"], 1);
+    assert_eq!(bench.recording().series[0].time_s, [0.0, 0.2]);
+}
+
+#[test]
+fn tabs_units_of_time_a_row_of_units_and_other_encodings() {
+    let bench = Bench::plain();
+    bench.put("run.csv", "Time (ms)\tP1\tP2\n0\t100\t1\n12.5\t101\t1\n");
+    bench.import(0, &["run.csv"]);
+    assert_eq!(bench.recording().series[0].time_s, [0.0, 0.0125]);
+    bench.put("run.csv", "X,P1,P2\nms,bar,bar\n0,1,1\n12.5,1.5,1\n");
+    bench.import(0, &["run.csv"]);
+    assert_eq!(bench.recording().series[0].time_s, [0.0, 0.0125]);
+    assert!((bench.recording().series[0].value[1] - 150.0).abs() < 1e-9);
+    bench.put("run.csv", "t,P1,P2\n0,100,1\n12.5,101,1\n");
+    bench.refuses(&["run.csv"], &["run.csv:1", "if these times are in seconds, name the column time_s"]);
+    bench.import(0, &["run.csv", "--time-unit", "ms"]);
+    assert_eq!(bench.recording().series[1].time_s, [0.0, 0.0125]);
+    let utf16: Vec<u8> = "\u{feff}time_s,P1,P2\n0,1,2\n".encode_utf16().flat_map(u16::to_le_bytes).collect();
+    bench.put("run.csv", utf16);
+    let (document, _) = bench.import(0, &["run.csv"]);
+    assert_eq!(mended(&document, "encoding")["count"], 1);
+    bench.put("run.csv", b"# 20 \xb0C\ntime_s,P1,P2\n0,1,2\n");
+    let (document, _) = bench.import(0, &["run.csv"]);
+    assert_eq!(mended(&document, "encoding")["line"], 1);
+}
+
+#[test]
+fn what_nobody_can_mend_is_refused_with_its_line() {
+    let bench = Bench::plain();
+    for (text, words) in [
+        ("time_s;P1;P2\n0;1,5;2\n1;1.5;2\n", ["run.csv:3", "column 'P1': '1.5' has another decimal mark"]),
+        ("time_s;P1;P2\n0;1,5;2\n1;x;2\n", ["run.csv:3", "column 'P1': 'x' is not a number"]),
+        ("time_s;P1;P2\n0;1;2\n1;2\n2;1;2\n", ["run.csv:3", "2 cells where the header has 3"]),
+        ("time_s,P1,P2\n0,1,2\n1,1,5,\n2,1,2\n", ["run.csv:3", "4 cells where the header has 3"]),
+        ("time_s;P1 (V);P2\n0;1;2\n", ["is in 'V', which is no pressure unit", "known are Pa, kPa"]),
+        ("time_s;P1;P2;Q\n0;1;2;3\n", ["column 'Q' is no sensor of rig 'bench'", "Rename or remove"]),
+        ("time_s;P1\n0;1\n", ["no column for the pressure sensor 'P2'", "--without P2"]),
+        ("time_s;P1;P1 (bar);P2\n0;1;2;3\n", ["are both the sensor 'P1'", "--ignore"]),
+        ("t;P1;P2\n2026-03-14T09:26:53;1;2\nlater;1;2\n", ["run.csv:3", "'later' is not a time like those"]),
+        // two runs in one file, and a time that is wrong rather than out of place
+        ("time_s;P1;P2\n0;1;2\n1;1;2\n2;1;2\n3;1;2\n0;1;2\n1;1;2\n2;1;2\n", ["run.csv:6", "0 does not come after 3"]),
+        ("time_s;P1;P2\n0;1;2\n1;1;2\n2;1;2\n3;1;2\n1,4;1;2\n4;1;2\n", ["run.csv:6", "falls between the times"]),
+        ("time_s;P1;P2\n0;1;2\n0;1;3\n0;1;4\n1;1;2\n1;1;3\n1;1;4\n", ["run.csv:3", "written too coarsely"]),
+    ] {
+        bench.put("run.csv", text);
+        bench.refuses(&["run.csv"], &words);
+    }
+}
+
+#[test]
+fn readings_of_one_time_that_differ_become_their_mean_and_are_said() {
+    let bench = Bench::plain();
+    bench.put(
+        "run.csv",
+        "time_s,P1,P2\n0.0,100,1\n0.1,100,1\n0.1,104,\n0.2,100,1\n0.3,100,1\n0.4,,1\n0.4,100,\n0.5,100,1\n",
+    );
+    let (document, err) = bench.import(0, &["run.csv"]);
+    let said = mended(&document, "contradicting-times");
+    assert_eq!((&said["line"], &said["count"]), (&4.into(), &1.into()));
+    assert!(err.contains("they differ by up to 4"), "{err}");
+    assert_eq!(bench.recording().series[0].value, [100.0, 102.0, 100.0, 100.0, 100.0, 100.0]);
+    assert_eq!(bench.recording().series[1].value, [1.0; 6]);
+}
+
+#[test]
+fn a_file_that_ends_within_a_line_costs_that_line_and_is_said_by_the_exit_code() {
+    let bench = Bench::plain();
+    bench.put("run.csv", "time_s,P1,P2\n0.0,100,1\n0.1,101,1\n0.2,10");
+    let (document, _) = bench.import(3, &["run.csv"]);
+    assert_eq!(mended(&document, "cut-off")["line"], 4);
+    assert_eq!(bench.recording().series[0].value, [100.0, 101.0]);
+}
+
+#[test]
+fn columns_of_other_names_are_mapped_and_others_left_out_when_told() {
+    let bench = Bench::plain();
+    bench.put("run.csv", "time_s,Druck 1 (bar),Druck=2,Lufttemperatur\n0.0,1,1,20\n0.1,2,1,20\n");
+    bench.refuses(&["run.csv", "--map", "Druck 1=P1"], &["'Druck=2' is no sensor"]);
+    bench.refuses(&["run.csv", "--map", "Druck 1=P7"], &["column 'P7' is no sensor"]);
+    bench.refuses(&["run.csv", "--map", "Druck"], &["write it like 'Column name=P1'"]);
+    let args = ["run.csv", "--map", "Druck 1=P1", "--map", "Druck=2=P2", "--ignore", "*"];
+    let (document, _) = bench.import(0, &args);
+    assert!(mended(&document, "left-out")["text"].as_str().unwrap().contains("Lufttemperatur"));
+    assert_eq!(bench.recording().series[0].value, [100.0, 200.0]);
+}
+
+#[test]
+fn a_plain_file_keeps_its_comments_and_marks_its_holes_and_still_comes_back_byte_by_byte() {
+    let bench = Bench::plain();
+    let body = "time_s,P1,P2\n0.00,100,1\n0.01,100,\n0.02,100,\n0.03,100,1\n0.07,100,\n0.08,100,1\n";
+    bench.put("run.csv", format!("# run 7\n{body}"));
+    let (document, _) = bench.import(0, &["run.csv"]);
+    assert_eq!(mended(&document, "missing-times")["count"], 3);
+    let recording = bench.recording();
+    assert_eq!(recording.run.notes, [("comment".to_string(), "run 7".to_string())]);
+    assert_eq!((recording.series[0].gaps.len(), recording.series[1].gaps.len()), (1, 0));
+    let mut out = Vec::new();
+    surgescope::log::export_csv(&recording, &mut out).unwrap();
+    assert_eq!(String::from_utf8(out).unwrap(), body);
+}
+
+#[test]
+fn a_unit_that_cannot_be_is_doubted_and_the_likely_one_named() {
+    let bench = Bench::plain();
+    // P1 is in kPa by the rig, but holds bar; P2 is right
+    bench.put("run.csv", "time_s,P1,P2\n0.0,2.4,2.3\n0.1,2.5,2.3\n0.2,2.4,2.3\n");
+    let (document, err) = bench.import(0, &["run.csv"]);
+    assert_eq!(document["warnings"].as_array().unwrap().len(), 2, "{document}");
+    assert!(
+        err.contains("the median of 'P1', 2.4 kPa, is far from that of the other sensors") && err.contains("bar"),
+        "{err}"
+    );
+    bench.put("run.csv", "time_s,P1,P2\n0.0,240,2.3\n0.1,250,2.3\n0.2,240,2.3\n");
+    let (document, _) = bench.import(0, &["run.csv"]);
+    assert_eq!(document["warnings"].as_array().unwrap().len(), 0, "{document}");
+    // a piezoelectric sensor shows no steady pressure
+    let bench = Bench::new(&[
+        ("P1", "pressure", "kPa", ""),
+        ("PZ", "pressure", "kPa", "coupling = \"ac\"\ntime_constant_s = 1.0"),
+    ]);
+    bench.put("run.csv", "time_s,P1,PZ\n0.0,240,0.1\n0.1,250,-0.1\n0.2,240,0.1\n");
+    let (document, _) = bench.import(0, &["run.csv"]);
+    assert_eq!(document["warnings"].as_array().unwrap().len(), 0, "{document}");
+}

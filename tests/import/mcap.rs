@@ -1,0 +1,175 @@
+//! MCAP of other programs: JSON and protobuf numbers, mapped; and check sums that are checked.
+
+use std::collections::BTreeMap;
+use std::fs;
+
+use mcap::records::MessageHeader;
+use prost::Message;
+use prost_types::field_descriptor_proto::{Label, Type};
+use prost_types::{DescriptorProto, FieldDescriptorProto, FileDescriptorProto, FileDescriptorSet};
+
+use super::{Bench, mended};
+
+/// What another program's protobuf message looks like.
+#[derive(Clone, PartialEq, Message)]
+struct Reading {
+    #[prost(double, tag = "1")]
+    pressure: f64,
+    #[prost(message, optional, tag = "2")]
+    stamp: Option<Stamp>,
+    #[prost(sint32, repeated, tag = "3")]
+    raw: Vec<i32>,
+}
+
+#[derive(Clone, Copy, PartialEq, Message)]
+struct Stamp {
+    #[prost(int64, tag = "1")]
+    seconds: i64,
+    #[prost(int32, tag = "2")]
+    nanos: i32,
+}
+
+fn descriptors() -> Vec<u8> {
+    let field = |name: &str, number, kind: Type, label: Label, of: Option<&str>| FieldDescriptorProto {
+        name: Some(name.into()),
+        number: Some(number),
+        label: Some(label as i32),
+        r#type: Some(kind as i32),
+        type_name: of.map(Into::into),
+        ..Default::default()
+    };
+    let one = Label::Optional;
+    let reading = vec![
+        field("pressure", 1, Type::Double, one, None),
+        field("stamp", 2, Type::Message, one, Some(".other.Stamp")),
+        field("raw", 3, Type::Sint32, Label::Repeated, None),
+    ];
+    let stamp = vec![field("seconds", 1, Type::Int64, one, None), field("nanos", 2, Type::Int32, one, None)];
+    let message = |name: &str, field| DescriptorProto { name: Some(name.into()), field, ..Default::default() };
+    let file = FileDescriptorProto {
+        name: Some("other.proto".into()),
+        package: Some("other".into()),
+        message_type: vec![message("Reading", reading), message("Stamp", stamp)],
+        syntax: Some("proto3".into()),
+        ..Default::default()
+    };
+    FileDescriptorSet { file: vec![file] }.encode_to_vec()
+}
+
+/// A second at 100 Hz: /lab in JSON, /daq in protobuf, logged 5 ms late; /tf of ROS.
+fn put_foreign(bench: &Bench) {
+    let mut writer = mcap::Writer::new(fs::File::create(bench.path("other.mcap")).unwrap()).unwrap();
+    let schema = writer.add_schema("other.Reading", "protobuf", &descriptors()).unwrap();
+    let none = BTreeMap::new();
+    let json = writer.add_channel(0, "/lab", "json", &none).unwrap();
+    let proto = writer.add_channel(schema, "/daq", "protobuf", &none).unwrap();
+    let ros = writer.add_channel(0, "/tf", "cdr", &none).unwrap();
+    for i in 0..100u32 {
+        let time = 1_773_476_813_000_000_000 + u64::from(i) * 10_000_000;
+        let mut put = |channel_id, data: &[u8]| {
+            let header = MessageHeader { channel_id, sequence: i, log_time: time + 5_000_000, publish_time: time };
+            writer.write_to_known_channel(&header, data).unwrap();
+        };
+        put(
+            json,
+            format!(r#"{{"t_ms": {}, "sensors": [{{"bar": {}}}, "text", true]}}"#, i * 10, f64::from(i) * 0.5)
+                .as_bytes(),
+        );
+        let stamp = Some(Stamp { seconds: 1_773_476_813, nanos: i as i32 * 10_000_000 });
+        put(proto, &Reading { pressure: f64::from(i % 2) * 100.0, stamp, raw: vec![7, -(i as i32)] }.encode_to_vec());
+        put(ros, &[0, 1, 0, 0]);
+    }
+    writer.finish().unwrap();
+}
+
+#[test]
+fn without_a_map_the_numbers_that_are_there_are_listed() {
+    let bench = Bench::plain();
+    put_foreign(&bench);
+    let words = [
+        "other.mcap",
+        "--map '/lab.sensors[0].bar=P1'",
+        "/lab.t_ms (100 values)",
+        "/daq.pressure",
+        "/daq.raw[1]",
+        "/tf",
+        "messages of ROS",
+    ];
+    bench.refuses(&["other.mcap"], &words);
+    bench.refuses(&["other.mcap", "--map", "/lab.t_ms=P1", "--map", "/lab.nothing=P2"], &["no field '/lab.nothing'"]);
+}
+
+#[test]
+fn json_and_protobuf_fields_become_sensors_at_the_time_asked_for() {
+    let bench = Bench::plain();
+    put_foreign(&bench);
+    let map = ["other.mcap", "--map", "/daq.pressure=P1", "--map", "/lab.sensors[0].bar=P2"];
+    let start = 1_773_476_813_000_000_000;
+    for (more, start_ns) in [(&[][..], start + 5_000_000), (&["--message-time", "publish"], start)] {
+        bench.import(0, &[&map, more].concat());
+        let recording = bench.recording();
+        assert_eq!(recording.run.start_unix_ns, start_ns);
+        let [p1, p2] = &recording.series[..] else { panic!() };
+        assert_eq!((p1.value[0], p1.value[1], p1.value.len()), (0.0, 100.0, 100), "a zero of proto3 is a value");
+        assert_eq!((p2.value[3], p2.time_s[3]), (1.5, 0.03));
+    }
+    // a time inside the message, in the two shapes that there are
+    let (document, _) = bench.import(3, &[&map[..3], &["--without", "P2", "--time-field", "stamp"]].concat());
+    assert_eq!(mended(&document, "no-time")["count"], 100, "the messages of /lab have no stamp");
+    assert_eq!((bench.recording().run.start_unix_ns, bench.recording().series[0].time_s[3]), (start, 0.03));
+    let by_ms = [
+        "other.mcap",
+        "--map",
+        "/lab.sensors[0].bar=P2",
+        "--without",
+        "P1",
+        "--time-field",
+        "t_ms",
+        "--time-unit",
+        "ms",
+    ];
+    bench.import(3, &by_ms);
+    assert_eq!(bench.recording().series[1].time_s[3], 0.03);
+    assert_eq!(bench.recording().run.start_unix_ns, 0, "a clock that counts from its own start tells no date");
+}
+
+#[test]
+fn a_flipped_byte_is_found_wherever_it_stands() {
+    let bench = Bench::plain();
+    put_foreign(&bench);
+    let whole = fs::read(bench.path("other.mcap")).unwrap();
+    let place = whole.windows(4).position(|w| w == [0x28, 0xb5, 0x2f, 0xfd]).expect("a chunk in zstd") + 200;
+    let mut damaged = whole.clone();
+    damaged[place] ^= 1;
+    bench.put("bad.mcap", &damaged);
+    bench.refuses(&["bad.mcap", "--map", "/lab.t_ms=P1"], &["bad.mcap: it is damaged"]);
+    bench.put("cut.mcap", &whole[..whole.len() - 50]);
+    bench.refuses(&["cut.mcap", "--map", "/lab.t_ms=P1"], &["cut.mcap: it has no end"]);
+}
+
+/// Every byte of a finished recording is under some check sum, or says nothing of the samples: a flip of any of them is
+/// either refused or changes nothing.
+#[test]
+fn no_flipped_byte_of_our_own_recording_changes_a_sample() {
+    let bench = Bench::plain();
+    let rows: String = (0..200).map(|i| format!("{:.3},{},{}\n", f64::from(i) * 0.001, 100 + i % 7, 1.5)).collect();
+    bench.put("run.csv", format!("time_s,P1,P2\n{rows}"));
+    bench.import(0, &["run.csv"]);
+    let whole = fs::read(bench.path("run.mcap")).unwrap();
+    let right = bench.recording();
+    let path = bench.path("flipped.mcap");
+    let (mut refused, mut harmless) = (0, 0);
+    for place in 0..whole.len() {
+        let mut bytes = whole.clone();
+        bytes[place] ^= 1 << (place % 8);
+        match surgescope::log::decode(&bytes, &path) {
+            Err(_) => refused += 1,
+            Ok(recording) => {
+                harmless += 1;
+                assert_eq!(recording.series, right.series, "byte {place} changes samples unseen");
+                assert_eq!(recording.rig.source, right.rig.source, "byte {place} changes the rig unseen");
+            }
+        }
+    }
+    assert!(refused > harmless, "{refused} refused, {harmless} harmless");
+}

@@ -1,0 +1,121 @@
+"""How often the 95% intervals hold the truth: calibrate recordings whose true parameters are known, and count.
+
+coverage.py PROGRAM FOLDER [KEEP [OPEN]]
+
+FOLDER as tools/hidden writes it, with `truth` in answers.json; the start effects are those of the answers, with the true number of creep
+elements, or with their number left open where OPEN is `open`. What the program says is kept in KEEP (a .jsonl), so that a run that is
+cut off goes on. `off` is the root mean square of (estimate - truth) / standard error, logarithms where the interval is not symmetric: 1 where errors are what they
+are said to be. An open end of an interval reaches the parameter's bound and counts as inside."""
+import json
+import math
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+from hidden_folder import answers
+
+Z = 1.959964
+LINEAR = {"valve_head_m", "closure_start_s"}
+
+
+def calibrate(program, folder, case, answer, open_number, work):
+    recordings = []
+    for csv in sorted((folder / case).glob("run*.csv")):
+        recordings.append(f"{work}/{case}-{csv.stem}.mcap")
+        rig = str(folder / case / "rig.toml")
+        subprocess.run([program, "import", str(csv), "--rig", rig, "-o", recordings[-1]], check=True, capture_output=True)
+    elements = sum(name.startswith("tau") for name in answer["truth"]["shared"])
+    fixed = {"viscoelastic-wall": f"viscoelastic-wall:{elements}"} if not open_number else {}
+    effects = ",".join(fixed.get(e, e) for e in answer["start_effects"]) or "none"
+    began = time.time()
+    run = subprocess.run([program, "calibrate", *recordings, "--effects", effects, "--json"], capture_output=True, text=True)
+    seconds = time.time() - began
+    for recording in recordings:
+        Path(recording).unlink()
+    if run.returncode != 0:
+        raise SystemExit(f"{case}: {run.stderr.strip()}")
+    return json.loads(run.stdout), seconds
+
+
+def said_of(program, folder, keep, open_number):
+    said = [json.loads(line) for line in keep.read_text().splitlines()] if keep.exists() else []
+    known = {s["case"] for s in said}
+    with tempfile.TemporaryDirectory() as work, keep.open("a") as out:
+        for case, answer in answers(folder):
+            if case not in known:
+                found, seconds = calibrate(program, folder, case, answer, open_number, work)
+                said.append({"case": case, "s": seconds, "said": found})
+                print(json.dumps(said[-1]), file=out, flush=True)
+    return said
+
+
+def kind(name):
+    return name.rstrip("]").split("[")[0] if "[" in name else name
+
+
+def interval(p):
+    """The program's, or the linear one where it says none."""
+    if "interval_95" in p:
+        low, high = p["interval_95"] or (None, None)
+        return (-math.inf if low is None else low), (math.inf if high is None else high)
+    if p["standard_error"] is None:
+        return -math.inf, math.inf
+    return p["value"] - Z * p["standard_error"], p["value"] + Z * p["standard_error"]
+
+
+def judged(said, answer):
+    """A row for each parameter whose truth is known: kind, whether inside, estimate - truth in standard errors."""
+    truth, found = answer["truth"], said["said"]["parameters"]
+    elements = lambda names: sum(n.startswith("tau") for n in names)
+    same = elements(truth["shared"]) == elements(p["name"] for p in found)
+    for p in found:
+        run = truth["runs"].get(Path(p["run"]).stem.removeprefix(said["case"] + "-")) if p.get("run") else truth["shared"]
+        exact = run.get(p["name"])
+        if exact is None or (not same and p["name"][:3] in ("tau", "J1_", "J2_", "J3_")):
+            continue
+        low, high = interval(p)
+        error = p["standard_error"]
+        if not error:
+            off = math.nan
+        elif p["name"] in LINEAR:
+            off = (p["value"] - exact) / error
+        else:
+            off = math.log(p["value"] / exact) * p["value"] / error
+        yield said["case"], p["name"], low <= exact <= high, off, p["at_bound"], p["value"], exact, error
+
+
+def table(rows):
+    print("| parameter | intervals | hold the truth | off, rms | off, median of the size | at a bound |")
+    print("| --- | --- | --- | --- | --- | --- |")
+    names = sorted({r[1] for r in rows})
+    for name in [*names, "all"]:
+        own = [r for r in rows if name in ("all", r[1])]
+        offs = sorted(abs(r[3]) for r in own if math.isfinite(r[3]))
+        rms = math.sqrt(sum(o * o for o in offs) / max(1, len(offs)))
+        inside = sum(r[2] for r in own)
+        print(f"| {name} | {len(own)} | {inside} ({100 * inside / len(own):.0f}%) | {rms:.2f} "
+              f"| {offs[len(offs) // 2] if offs else math.nan:.2f} | {sum(r[4] for r in own)} |")
+
+
+def main():
+    program, folder = sys.argv[1], Path(sys.argv[2])
+    open_number = "open" in sys.argv[4:]
+    keep = Path(sys.argv[3]) if len(sys.argv) > 3 else folder / "coverage.jsonl"
+    said = said_of(program, folder, keep, open_number)
+    truths = dict(answers(folder))
+    rows = [row for s in said for row in judged(s, truths[s["case"]])]
+    table(rows)
+    seconds = sorted(s["s"] for s in said)
+    print(f"\n{len(said)} recordings; {seconds[len(seconds) // 2]:.1f} s median, {seconds[-1]:.1f} s worst.")
+    if "misses" in sys.argv[4:]:
+        for r in rows:
+            if not r[2]:
+                print(r)
+        for s in said:
+            f = s["said"]
+            print(s["case"], f"{s['s']:.1f} s", " ".join(f"{r['rmse_m'] / r['noise_m']:.4f}" for r in f["runs"]), f["effects"])
+
+
+main()

@@ -1,0 +1,111 @@
+//! What is fuzzed. An input is taken in full or refused with an error; anything else is a finding.
+
+use std::path::Path;
+
+use surgescope::log;
+use surgescope::log::foreign::{ForeignOptions, MessageTime, bind, decode_foreign};
+use surgescope::rig::Rig;
+
+/// A parser and the name of its folder in `corpus/`.
+pub struct Target {
+    pub name: &'static str,
+    pub run: fn(&[u8]),
+}
+
+pub const TARGETS: &[Target] = &[
+    Target { name: "rig", run: rig },
+    Target { name: "recording", run: recording },
+    Target { name: "csv", run: csv },
+    Target { name: "tdms", run: tdms },
+    Target { name: "mcap", run: mcap },
+];
+
+/// Rig files, and every sentence about what is wrong in them.
+fn rig(input: &[u8]) {
+    let Ok(text) = std::str::from_utf8(input) else { return };
+    if let Err(error) = Rig::from_toml(text, "rig.toml") {
+        let _ = error.to_string();
+    }
+}
+
+/// Our own recordings, finished ones and torn ones.
+fn recording(input: &[u8]) {
+    let path = Path::new("run.mcap");
+    let whole = log::decode(input, path);
+    if let Ok(recording) = &whole {
+        let mut out = Vec::new();
+        log::export_csv(recording, &mut out).expect("a recording that was read can be exported");
+    }
+    let saved = log::salvaged(input, path);
+    assert!(whole.is_err() || saved.is_ok(), "what can be read can be recovered");
+}
+
+const BENCH: &str = r#"name = "b"
+fluid = { name = "water", temperature_degC = 20.0 }
+upstream = { kind = "reservoir" }
+downstream = { kind = "valve", closing_time_s = 0.1 }
+[[pipe]]
+name = "main"
+length_m = 50.0
+inner_diameter_mm = 20.0
+wall_thickness_mm = 2.0
+material = "copper"
+[[sensor]]
+name = "P1"
+kind = "pressure"
+position_m = 25.0
+unit = "kPa"
+[[sensor]]
+name = "P2"
+kind = "pressure"
+position_m = 50.0
+unit = "bar"
+"#;
+
+/// Reads a file of another program, and brings it to the sensors of a rig: what comes out can be written as a recording.
+fn foreign(input: &[u8], name: &str, options: &ForeignOptions) {
+    static RIG: std::sync::LazyLock<Rig> =
+        std::sync::LazyLock::new(|| Rig::from_toml(BENCH, "bench.toml").expect("a rig"));
+    let path = Path::new(name);
+    let file = match decode_foreign(input, path, options) {
+        Ok(file) => file,
+        Err(error) => return drop(error.to_string()),
+    };
+    for track in &file.tracks {
+        let (time_s, value) = (&track.series.time_s, &track.series.value);
+        assert_eq!(time_s.len(), value.len(), "a value for each time");
+        assert!(time_s.windows(2).all(|t| t[0] < t[1]), "times increase");
+        assert!(time_s.iter().chain(value).all(|n| n.is_finite()), "numbers are finite");
+    }
+    let mut mended = Vec::new();
+    match bind(file, path, &RIG, options, &mut mended) {
+        Ok(recording) => log::foreign::doubts(&recording).iter().for_each(|d| assert!(!d.text.is_empty())),
+        Err(error) => drop(error.to_string()),
+    }
+}
+
+/// Tables in text.
+fn csv(input: &[u8]) {
+    foreign(input, "run.csv", &ForeignOptions::default());
+    let told = ForeignOptions {
+        day_first: Some(false),
+        time_unit_s: Some(1e-3),
+        ignore: vec!["*".into()],
+        ..Default::default()
+    };
+    foreign(input, "run.csv", &told);
+}
+
+/// NI TDMS; what does not begin like one goes to the other readers.
+fn tdms(input: &[u8]) {
+    let map = vec![("/'Group'/'Channel'".to_string(), "P1".to_string())];
+    foreign(input, "run.tdms", &ForeignOptions { map, ..ForeignOptions::default() });
+}
+
+/// MCAP of other programs, its messages timed in three ways.
+fn mcap(input: &[u8]) {
+    let map = vec![("/a.p".to_string(), "P1".to_string()), ("/b.value".to_string(), "P2".to_string())];
+    for message_time in [MessageTime::Log, MessageTime::Publish, MessageTime::Field("t".into())] {
+        foreign(input, "run.mcap", &ForeignOptions { map: map.clone(), message_time, ..ForeignOptions::default() });
+    }
+}
