@@ -26,7 +26,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     let devices = args.rig.as_deref().map(tried).transpose()?.unwrap_or_default();
     let all_open = devices.iter().all(|(_, problem)| problem.is_none());
     if json {
-        let entry = |(device, problem): &(Device, Option<String>)| json!({"name": device.name, "port": device.port, "problem": problem});
+        let entry = |(device, problem): &Tried| json!({"name": device.name, "port": device.port, "problem": problem});
         let devices: Vec<_> = devices.iter().map(entry).collect();
         super::say!("{}", json!({"ports": ports, "devices": devices}));
     } else {
