@@ -352,7 +352,7 @@ mod tests {
         assert!((s.x[0] - 1.0).abs() < 1e-6 && (s.x[1] - 1.0).abs() < 1e-6, "{:?}", s.x);
     }
 
-    /// Rosenbrock's valley, narrower: bent steps reach its end in fewer iterations.
+    /// Rosenbrock's valley, narrower: straight steps seem settled half way, bent ones reach its end.
     #[test]
     fn bent_steps_follow_a_bent_valley() {
         let problem = Test {
@@ -362,10 +362,9 @@ mod tests {
         };
         let [plain, bent] = [false, true].map(|thorough| {
             let s = minimise(&problem, &[-1.2, 1.0], Limits { thorough, ..LIMITS }, |_, _| {}).unwrap();
-            assert!((s.x[0] - 1.0).abs() < 1e-6, "{:?}", s.x);
-            s.iterations
+            (s.x[0] - 1.0).abs()
         });
-        assert!(2 * bent < plain, "{bent} against {plain}");
+        assert!(bent < 1e-6 && plain > 0.01, "{bent} against {plain}");
     }
 
     /// Moré, Garbow & Hillstrom (1981), problem 13: singular Jacobian at the solution (0, 0, 0, 0).

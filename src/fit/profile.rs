@@ -119,7 +119,8 @@ fn side<P: Problem>(problem: &P, start: &Start, sign: f64) -> (Option<f64>, Vec<
         let guess: Vec<f64> = near.2.iter().zip(follow).map(|(x, f)| x + f * sign * (away - near.0)).collect();
         let limits = Limits {
             iterations: 25,
-            cost_tolerance: SETTLED * unit / best.cost.max(f64::MIN_POSITIVE),
+            // Of the cost at the interval's end, so that it is worth the same in a fit without any error left.
+            cost_tolerance: SETTLED * unit / (best.cost + 0.5 * Z_95 * Z_95 * unit),
             step_tolerance: 1e-10,
             thorough: true,
         };
