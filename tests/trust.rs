@@ -86,13 +86,15 @@ fn creep_slower_than_the_record_is_known_by_its_rate_alone() {
     for name in ["wave_speed_m_s", "J1_per_GPa", "tau1_s"] {
         assert!(fit.unseen.iter().all(|u| !u.parameters.iter().any(|p| p == name)), "{:?}", fit.unseen);
     }
-    // Its profile does not end before the longest time that a fit may take; that of the wave speed is the linear interval.
+    // Its profile does not end before the longest time that a fit may take. That of the wave speed ends where the slow element cannot follow
+    // as far as the linear interval believes, so it is the narrower one.
     let which: Vec<usize> =
         ["wave_speed_m_s", "tau2_s"].map(|name| fit.parameters.iter().position(|p| p.name == name).unwrap()).to_vec();
     let found = profiles(&rig, &runs, &fit, &which, &options, &|_| {}).unwrap();
-    assert!(!found[0].disagrees(parameter(&fit, "wave_speed_m_s").value), "{:?}", found[0]);
     let (low, high) = found[0].interval_95;
     assert!(low < 360.0 && 360.0 < high, "{:?}", found[0]);
+    let (linear_low, linear_high) = found[0].linear_95;
+    assert!((0.5..1.2).contains(&((high - low) / (linear_high - linear_low))), "{:?}", found[0]);
     let (low, high) = found[1].interval_95;
     assert!(high == f64::INFINITY && low < 40.0, "{:?}", found[1]);
 }

@@ -7,7 +7,7 @@ use super::verdict::LEAST_EVIDENCE;
 use crate::fit::calibrate::{Coarse, FitError, Options, Progress, approach, calibrate, refine, with_more_elements};
 use crate::fit::data::RunData;
 use crate::fit::outcome::{Fit, FittedParameter};
-use crate::model::effects::{Chosen, Circumstances};
+use crate::model::effects::{CERTAIN, Chosen, Circumstances};
 use crate::rig::Rig;
 
 /// Finest grid of a fit with cavities: the spikes of their collapse belong to the grid (Bergant, Simpson & Tijsseling 2006).
@@ -35,7 +35,9 @@ impl<'a> Rival<'a> {
     pub(super) fn odds(&self, known: &Circumstances) -> f64 {
         // What speaks for an effect beforehand does not make up for a fit that has nothing of it.
         let odds = self.refit.form.chosen.effect.odds(known);
-        if self.evidence < LEAST_EVIDENCE { odds.min(1.0) } else { odds }
+        // What a record shows by itself needs a model that is better with it, no more.
+        let least = if odds >= CERTAIN { 0.0 } else { LEAST_EVIDENCE };
+        if self.evidence < least { odds.min(1.0) } else { odds }
     }
 
     pub(super) fn log_odds(&self, known: &Circumstances) -> f64 {

@@ -116,16 +116,18 @@ fn side<P: Problem>(problem: &P, start: &Start, sign: f64) -> (Option<f64>, Vec<
         let at = best.x[j] + sign * away;
         let mut held = Held { inner: problem, lower: lower.to_vec(), upper: upper.to_vec() };
         (held.lower[j], held.upper[j]) = (at, at);
-        let guess: Vec<f64> = near.2.iter().zip(follow).map(|(x, f)| x + f * sign * (away - near.0)).collect();
         let limits = Limits {
-            iterations: 25,
+            iterations: 40,
             // Of the cost at the interval's end, so that it is worth the same in a fit without any error left.
             cost_tolerance: SETTLED * unit / (best.cost + 0.5 * Z_95 * Z_95 * unit),
             step_tolerance: 1e-10,
             thorough: true,
         };
-        // What cannot be simulated does not fit.
-        let found = minimise(&held, &guess, limits, |_, _| {}).ok();
+        // Along the valley as the best fit sees it, and straight on in case that leads astray. What cannot be simulated does not fit.
+        let along: Vec<f64> = near.2.iter().zip(follow).map(|(x, f)| x + f * sign * (away - near.0)).collect();
+        let (along, straight) =
+            rayon::join(|| minimise(&held, &along, limits, |_, _| {}), || minimise(&held, &near.2, limits, |_, _| {}));
+        let found = [along, straight].into_iter().flatten().min_by(|a, b| a.cost.total_cmp(&b.cost));
         let rise = found.as_ref().map_or(f64::INFINITY, |s| 2.0 * (s.cost - best.cost) / unit);
         points.push((at, rise));
         let root = rise.max(0.0).sqrt();
