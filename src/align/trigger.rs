@@ -1,7 +1,7 @@
 //! Edges of trigger channels, and which edge of one file is which of another.
 
 use crate::recording::Series;
-use crate::signal::Estimate;
+use crate::signal::{Estimate, median};
 
 /// An edge of a trigger.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -52,12 +52,6 @@ pub(super) fn edges(series: &Series) -> Vec<Edge> {
         settled = Some((i, up));
     }
     edges
-}
-
-/// Median; 0 of nothing.
-fn median(values: &mut [f64]) -> f64 {
-    let middle = values.len() / 2;
-    if values.is_empty() { 0.0 } else { *values.select_nth_unstable_by(middle, f64::total_cmp).1 }
 }
 
 fn edge(series: &Series, from: usize, to: usize, rising: bool, level: impl Fn(f64) -> f64, noise: f64) -> Edge {

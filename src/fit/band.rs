@@ -5,11 +5,11 @@
 
 use nalgebra::{DMatrix, SymmetricEigen};
 
+use super::interval::Z_95;
 use super::outcome::SensorFit;
 use super::problem::Calibration;
+use super::uncertainty::Normal;
 
-/// Half of a 95% interval of the normal distribution in standard deviations.
-const NORMAL_95: f64 = 1.959_964;
 /// Share of the largest eigenvalue of the scaled `JᵀJ` below which a direction counts as left open.
 const OPEN: f64 = 1e-12;
 
@@ -17,16 +17,7 @@ const OPEN: f64 = 1e-12;
 /// that the data leave open. What a model fails to explain does not widen it: the failure is to show outside the band.
 pub fn posterior(columns: &[Vec<f64>], at_bound: &[bool]) -> DMatrix<f64> {
     let n = columns.len();
-    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(x, y)| x * y).sum::<f64>();
-    let free: Vec<usize> = (0..n).filter(|&j| !at_bound[j]).collect();
-    let scale: Vec<f64> = free.iter().map(|&j| dot(&columns[j], &columns[j]).sqrt().max(f64::MIN_POSITIVE)).collect();
-    let mut normal = DMatrix::zeros(free.len(), free.len());
-    for a in 0..free.len() {
-        for b in 0..=a {
-            let both = dot(&columns[free[a]], &columns[free[b]]) / (scale[a] * scale[b]).max(f64::MIN_POSITIVE);
-            (normal[(a, b)], normal[(b, a)]) = (both, both);
-        }
-    }
+    let Normal { free, scale, matrix: normal } = Normal::of(columns, at_bound);
     let mut all = DMatrix::zeros(n, n);
     if free.is_empty() || normal.iter().any(|v| !v.is_finite()) {
         return all;
@@ -79,7 +70,7 @@ pub fn half_width_m(problem: &Calibration, r: usize, s: usize, sd_m: &[f64], fro
     let (first, count) = problem.entering(r, s);
     let last = count.saturating_sub(1);
     let at = |i: usize| sd_m.get(i.saturating_sub(first).min(last)).copied().unwrap_or(0.0);
-    (from..sensor.time_s.len()).map(|i| NORMAL_95 * at(i).hypot(sensor.total_noise_m)).collect()
+    (from..sensor.time_s.len()).map(|i| Z_95 * at(i).hypot(sensor.total_noise_m)).collect()
 }
 
 impl SensorFit {

@@ -10,6 +10,7 @@ use std::ops::Range;
 use nalgebra::DMatrix;
 
 use super::colour::score_covariance;
+use super::uncertainty::dot;
 
 /// Share of the largest eigenvalue of the scaled normal matrix below which a combination of variables is not determined: finite differences know no more.
 const NOTHING: f64 = 1e-13;
@@ -122,10 +123,6 @@ fn inverse(columns: &[&[f64]], scale: &[f64]) -> (DMatrix<f64>, Vec<bool>) {
         }
     }
     (inverse, open)
-}
-
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(x, y)| x * y).sum()
 }
 
 #[cfg(test)]

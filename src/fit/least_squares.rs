@@ -318,25 +318,9 @@ pub fn minimise<P: Problem>(
 
 #[cfg(test)]
 mod tests {
+    use super::super::test_problem::Test;
     use super::*;
 
-    struct Test<F> {
-        f: F,
-        lower: Vec<f64>,
-        upper: Vec<f64>,
-    }
-    impl<F: Fn(&[f64]) -> Vec<f64> + Sync> Problem for Test<F> {
-        type Error = String;
-        fn residuals(&self, x: &[f64]) -> Result<Vec<f64>, String> {
-            Ok((self.f)(x))
-        }
-        fn bounds(&self) -> (&[f64], &[f64]) {
-            (&self.lower, &self.upper)
-        }
-        fn difference_step(&self, _j: usize) -> f64 {
-            1e-7
-        }
-    }
     const LIMITS: Limits = Limits { iterations: 200, cost_tolerance: 1e-14, step_tolerance: 1e-12, thorough: false };
 
     /// Moré, Garbow & Hillstrom (1981), problem 1.

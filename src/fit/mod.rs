@@ -35,6 +35,8 @@ pub mod sensor_choice;
 mod starts;
 mod stepwise;
 #[cfg(test)]
+mod test_problem;
+#[cfg(test)]
 mod test_record;
 pub mod uncertainty;
 pub mod valve_curve;

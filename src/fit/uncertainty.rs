@@ -2,6 +2,8 @@
 
 use nalgebra::{DMatrix, DVector};
 
+use super::interval::Z_95;
+
 /// Factor by which correlation between neighbours reduces the effective number of residuals: `(1 + ρ)/(1 - ρ)` for the
 /// lag-one autocorrelation `ρ` of a first-order process, not below 1.
 pub fn correlation_inflation(residuals: &[f64]) -> f64 {
@@ -20,16 +22,16 @@ pub fn correlation_inflation(residuals: &[f64]) -> f64 {
 }
 
 /// `JᵀJ` of the variables that are not at a bound, each column scaled to length one so that units do not matter.
-struct Normal {
+pub(super) struct Normal {
     /// Which variables these are.
-    free: Vec<usize>,
+    pub free: Vec<usize>,
     /// Norm of each one's column; the least positive number where the column is zero.
-    scale: Vec<f64>,
-    matrix: DMatrix<f64>,
+    pub scale: Vec<f64>,
+    pub matrix: DMatrix<f64>,
 }
 
 impl Normal {
-    fn of(columns: &[Vec<f64>], at_bound: &[bool]) -> Self {
+    pub fn of(columns: &[Vec<f64>], at_bound: &[bool]) -> Self {
         let free: Vec<usize> = (0..columns.len()).filter(|&j| !at_bound[j]).collect();
         let scale: Vec<f64> =
             free.iter().map(|&j| dot(&columns[j], &columns[j]).sqrt().max(f64::MIN_POSITIVE)).collect();
@@ -40,7 +42,7 @@ impl Normal {
     }
 }
 
-fn dot(a: &[f64], b: &[f64]) -> f64 {
+pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(x, y)| x * y).sum()
 }
 
@@ -78,7 +80,7 @@ pub fn covariance(columns: &[Vec<f64>], at_bound: &[bool]) -> DMatrix<f64> {
 /// Half a 95% interval of Student's distribution in standard errors, by Cornish and Fisher's expansion in the inverse of its degrees of
 /// freedom (Abramowitz & Stegun 26.7.5); those below 1 count as 1.
 pub fn student_95(freedom: f64) -> f64 {
-    let (z, v) = (1.959_964_f64, freedom.max(1.0));
+    let (z, v) = (Z_95, freedom.max(1.0));
     let [z3, z5, z7] = [3, 5, 7].map(|n| z.powi(n));
     z + (z3 + z) / (4.0 * v)
         + (5.0 * z5 + 16.0 * z3 + 3.0 * z) / (96.0 * v.powi(2))

@@ -94,8 +94,33 @@ pub fn html(page: &Page) -> String {
     out
 }
 
+/// What a page with charts to zoom into may load and run.
+const LIVE: &str = "style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:";
+/// The same of a page of still pictures.
+const STILL: &str = "style-src 'unsafe-inline'; img-src data:";
+
 /// The beginning of a page up to its heading, inside `<header>`.
 fn head(title: &str, kind: &str, attributes: &str) -> String {
+    opening(
+        title,
+        &format!("{kind} report"),
+        &format!("data-page=\"{kind}\"{attributes}"),
+        LIVE,
+        &format!("{UPLOT_CSS}\n{CSS}"),
+    )
+}
+
+/// The beginning of a page of still pictures, with its verdict: a mark, the verdict's class, and its words.
+fn still_head(title: &str, kind: &str, kicker: &str, (mark, class): (&str, &str), verdict: &str) -> String {
+    let head = opening(title, &escape(kicker), &format!("data-page=\"{kind}\""), STILL, CSS);
+    format!(
+        "{head}<p class=\"verdict {class}\"><span class=\"mark\" aria-hidden=\"true\">{mark}</span> <span>{}</span></p>\n</header>\n",
+        escape(verdict)
+    )
+}
+
+/// A page's beginning, `attributes` those of its body, `allowed` what it may load and run.
+fn opening(title: &str, kicker: &str, attributes: &str, allowed: &str, style: &str) -> String {
     format!(
         r#"<!doctype html>
 <html lang="en">
@@ -104,20 +129,28 @@ fn head(title: &str, kind: &str, attributes: &str) -> String {
 <meta name="viewport" content="width=device-width, initial-scale=1">
 <meta name="color-scheme" content="light dark">
 <meta name="generator" content="surgescope {version}">
-<meta http-equiv="Content-Security-Policy" content="default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:">
+<meta http-equiv="Content-Security-Policy" content="default-src 'none'; {allowed}">
 <title>{title}</title>
-<style>{UPLOT_CSS}
-{CSS}</style>
+<style>{style}</style>
 </head>
-<body data-page="{kind}"{attributes}>
+<body {attributes}>
 <main>
 <header>
-<p class="kicker">surgescope {kind} report</p>
+<p class="kicker">surgescope {kicker}</p>
 <h1>{title}</h1>
 "#,
         version = env!("CARGO_PKG_VERSION"),
         title = escape(title),
     )
+}
+
+/// What to know beside the results, where there is anything.
+fn remarks(remarks: &[String]) -> String {
+    if remarks.is_empty() {
+        return String::new();
+    }
+    let items: String = remarks.iter().map(|remark| format!("<li>{}</li>\n", escape(remark))).collect();
+    format!("<section id=\"remarks\"><h2>What to know</h2>\n<ul class=\"failings\">\n{items}</ul></section>\n")
 }
 
 /// The end of a page's text.

@@ -4,12 +4,11 @@ use super::law::{Role, inverse_kelvin, roles};
 use super::trend::Line;
 use super::{FamilyError, Member};
 use crate::fit::calibrate::{Options, Progress, calibrate};
+use crate::fit::interval::Z_95;
 use crate::fit::outcome::{Fit, FittedParameter};
 use crate::model::effects::Chosen;
 use crate::rig::{Pipe, Rig, WaterProperties};
 
-/// Half a 95% interval in standard errors.
-pub(super) const NORMAL_95: f64 = 1.959_964;
 /// Relative standard error from which a value counts as open.
 const OPEN: f64 = 1.0;
 
@@ -213,7 +212,7 @@ pub(super) fn modulus_name(wave_speed: &str) -> String {
 }
 
 fn point(run: usize, temperature_degc: f64, value: f64, relative: f64, log: bool) -> Point {
-    let half = NORMAL_95 * relative;
+    let half = Z_95 * relative;
     let interval = if log {
         (value * (-half).exp(), value * half.exp())
     } else {

@@ -6,13 +6,14 @@
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-use super::apart::{Banded, NORMAL_95, Quantity};
+use super::apart::{Banded, Quantity};
 use super::compare::{Comparison, Sums, Verdict, compare};
 use super::law::{LawModel, Laws, is_log};
 use super::start::{bounds_of, from_apart, step_of, to_value, to_variable};
 use super::{FamilyError, Member};
 use crate::fit::calibrate::Progress;
 use crate::fit::errors::{Common, Errors, Linearised};
+use crate::fit::interval::Z_95;
 use crate::fit::least_squares::{Limits, Problem, Solution, jacobian, minimise};
 use crate::fit::outcome::Fit;
 use crate::fit::problem::{Calibration, Window};
@@ -368,7 +369,7 @@ fn grid_pull(
 }
 
 fn parameter(p: &Parameter, solution: &Solution, errors: &[f64], j: usize) -> LawParameter {
-    let (x, half) = (solution.x[j], NORMAL_95 * errors[j]);
+    let (x, half) = (solution.x[j], Z_95 * errors[j]);
     let value = to_value(p, x);
     LawParameter {
         name: p.name.clone(),
@@ -437,7 +438,7 @@ fn lines(joint: &Joint, x: &[f64], errors: &[f64], alike: &[Vec<f64>], quantitie
                 let both = columns[i][q] * columns[j][q] * errors[i] * errors[j] * alike[i][j];
                 variance += if both.is_finite() { both } else { 0.0 };
             }
-            let (value, half) = (mid[q], NORMAL_95 * variance.max(0.0).sqrt());
+            let (value, half) = (mid[q], Z_95 * variance.max(0.0).sqrt());
             let interval = if value > 0.0 {
                 (value * (-half / value).exp(), value * (half / value).exp())
             } else {

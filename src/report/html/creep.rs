@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use super::{CSS, minus, table};
+use super::{footer, minus, remarks, still_head, table};
 use crate::fit::creep::fit::{CreepFit, Noise, TestFit};
 use crate::report::creep::{COMPLIANCE_UNIT, curve, elements, headline, shift_lines, temperature, tried};
 use crate::report::escape::escape;
@@ -14,41 +14,10 @@ const POINTS: usize = 1500;
 
 /// The page as one HTML document, without scripts.
 pub fn html(fit: &CreepFit) -> String {
-    let title = escape(&format!(
-        "Creep test: {}",
-        fit.tests.iter().map(|t| t.test.file.as_str()).collect::<Vec<_>>().join(", ")
-    ));
-    let (mark, class) = if fit.remarks.is_empty() { ("✓", "good") } else { ("≈", "near") };
-    let mut out = format!(
-        r#"<!doctype html>
-<html lang="en">
-<head>
-<meta charset="utf-8">
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<meta name="color-scheme" content="light dark">
-<meta name="generator" content="surgescope {version}">
-<meta http-equiv="Content-Security-Policy" content="default-src 'none'; style-src 'unsafe-inline'; img-src data:">
-<title>{title}</title>
-<style>{CSS}</style>
-</head>
-<body data-page="creep">
-<main>
-<header>
-<p class="kicker">surgescope creep test</p>
-<h1>{title}</h1>
-<p class="verdict {class}"><span class="mark" aria-hidden="true">{mark}</span> <span>{verdict}</span></p>
-</header>
-"#,
-        version = env!("CARGO_PKG_VERSION"),
-        verdict = escape(&headline(fit)),
-    );
-    if !fit.remarks.is_empty() {
-        out.push_str("<section id=\"remarks\"><h2>What to know</h2>\n<ul class=\"failings\">\n");
-        for remark in &fit.remarks {
-            let _ = writeln!(out, "<li>{}</li>", escape(remark));
-        }
-        out.push_str("</ul></section>\n");
-    }
+    let files: Vec<&str> = fit.tests.iter().map(|t| t.test.file.as_str()).collect();
+    let mark = if fit.remarks.is_empty() { ("✓", "good") } else { ("≈", "near") };
+    let mut out = still_head(&format!("Creep test: {}", files.join(", ")), "creep", "creep test", mark, &headline(fit));
+    out.push_str(&remarks(&fit.remarks));
     let at = fit.reference_degc.map_or(String::new(), |t| format!(" at {t} °C"));
     let _ = write!(
         out,
@@ -79,11 +48,8 @@ pub fn html(fit: &CreepFit) -> String {
     if !fit.shifts.is_empty() {
         shift(&mut out, fit);
     }
-    let _ = write!(
-        out,
-        "<footer>Written by surgescope {}. The page holds its own data and needs no network.</footer>\n</main>\n</body>\n</html>\n",
-        env!("CARGO_PKG_VERSION")
-    );
+    out.push_str(&footer(""));
+    out.push_str("</body>\n</html>\n");
     out
 }
 

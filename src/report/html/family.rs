@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use super::figures::plates;
-use super::{CSS, minus, table};
+use super::{footer, minus, remarks, still_head, table};
 use crate::fit::family::apart::{Banded, Quantity};
 use crate::fit::family::{Family, Verdict};
 use crate::report::escape::escape;
@@ -14,43 +14,15 @@ use crate::report::svg::{LineChart, Series, Style};
 
 /// The page as one HTML document, without scripts.
 pub fn html(family: &Family, rig: &str) -> String {
-    let title = escape(&format!("Rig {rig} over temperature"));
     let verdict = family.together.as_ref().and_then(|t| t.comparison).map(|c| c.verdict);
-    let (mark, class) = match verdict {
+    let mark = match verdict {
         Some(Verdict::Fail) => ("✗", "missing"),
         _ if family.remarks.is_empty() => ("✓", "good"),
         _ => ("≈", "near"),
     };
-    let mut out = format!(
-        r#"<!doctype html>
-<html lang="en">
-<head>
-<meta charset="utf-8">
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<meta name="color-scheme" content="light dark">
-<meta name="generator" content="surgescope {version}">
-<meta http-equiv="Content-Security-Policy" content="default-src 'none'; style-src 'unsafe-inline'; img-src data:">
-<title>{title}</title>
-<style>{CSS}</style>
-</head>
-<body data-page="family">
-<main>
-<header>
-<p class="kicker">surgescope family of runs</p>
-<h1>{title}</h1>
-<p class="verdict {class}"><span class="mark" aria-hidden="true">{mark}</span> <span>{verdict}</span></p>
-</header>
-"#,
-        version = env!("CARGO_PKG_VERSION"),
-        verdict = escape(&headline(family)),
-    );
-    if !family.remarks.is_empty() {
-        out.push_str("<section id=\"remarks\"><h2>What to know</h2>\n<ul class=\"failings\">\n");
-        for remark in &family.remarks {
-            let _ = writeln!(out, "<li>{}</li>", escape(remark));
-        }
-        out.push_str("</ul></section>\n");
-    }
+    let title = format!("Rig {rig} over temperature");
+    let mut out = still_head(&title, "family", "family of runs", mark, &headline(family));
+    out.push_str(&remarks(&family.remarks));
     let charts: Vec<(String, LineChart)> =
         family.quantities.iter().map(|q| (q.name.clone(), chart(family, q))).collect();
     let _ = write!(
@@ -83,11 +55,11 @@ pub fn html(family: &Family, rig: &str) -> String {
     out.push_str(&shown("Values", &headings.iter().map(String::as_str).collect::<Vec<_>>(), rows));
     let _ = writeln!(out, "<h3>Trends, at {} °C</h3>", family.reference_degc);
     out.push_str(&shown("Trends", &TREND_HEADINGS, trends(family)));
-    let _ = write!(
-        out,
-        "<p class=\"note\">Moduli and compliances are lines in their logarithms, retardation times in logarithm over the inverse absolute temperature.</p></section>\n<footer>Written by surgescope {}. The page holds its own data and needs no network.</footer>\n</main>\n</body>\n</html>\n",
-        env!("CARGO_PKG_VERSION")
+    out.push_str(
+        "<p class=\"note\">Moduli and compliances are lines in their logarithms, retardation times in logarithm over the inverse absolute temperature.</p></section>\n",
     );
+    out.push_str(&footer(""));
+    out.push_str("</body>\n</html>\n");
     out
 }
 

@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use super::{CSS, figures, footer, minus, table};
+use super::{figures, footer, minus, still_head, table};
 use crate::fit::frequency::SensorResponse;
 use crate::report::escape::escape;
 use crate::report::frequency::{WINDOW, amplitude, heading, headings, phase, rows, verdict};
@@ -10,36 +10,13 @@ use crate::report::frequency::{WINDOW, amplitude, heading, headings, phase, rows
 /// The page as one HTML document, without scripts.
 pub fn html(title: &str, against: &str, sensors: &[SensorResponse]) -> String {
     let (said, has_it) = verdict(sensors);
-    let (mark, class) = match has_it {
+    let mark = match has_it {
         Some(true) => ("✓", "good"),
         Some(false) => ("✗", "missing"),
         None => ("?", "unknown"),
     };
-    let mut out = format!(
-        r#"<!doctype html>
-<html lang="en">
-<head>
-<meta charset="utf-8">
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<meta name="color-scheme" content="light dark">
-<meta name="generator" content="surgescope {version}">
-<meta http-equiv="Content-Security-Policy" content="default-src 'none'; style-src 'unsafe-inline'; img-src data:">
-<title>{title}</title>
-<style>{CSS}</style>
-</head>
-<body data-page="frequency">
-<main>
-<header>
-<p class="kicker">surgescope frequency response, {against}</p>
-<h1>{title}</h1>
-<p class="verdict {class}"><span class="mark" aria-hidden="true">{mark}</span> <span>{said}</span></p>
-</header>
-"#,
-        version = env!("CARGO_PKG_VERSION"),
-        title = escape(title),
-        against = escape(against),
-        said = escape(&said),
-    );
+    let kicker = format!("frequency response, {against}");
+    let mut out = still_head(title, "frequency", &kicker, mark, &said);
     for (i, sensor) in sensors.iter().enumerate() {
         let _ = write!(
             out,
