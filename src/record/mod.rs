@@ -40,5 +40,6 @@ pub mod simulated;
 pub mod source;
 pub mod stream;
 pub mod trigger;
+pub mod vitals;
 
 pub use error::RecordError;

@@ -22,6 +22,7 @@ pub mod check;
 pub mod compare;
 mod error;
 pub mod friction;
+pub mod limits;
 mod live;
 pub mod material;
 mod parse;
