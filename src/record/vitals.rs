@@ -150,7 +150,8 @@ impl Vitals {
         bin.samples += values.len() as u32;
         let Some(&value) = values.last() else { return };
         let moved = self.last.is_none_or(|(_, before)| values.iter().any(|v| *v != before));
-        self.still = if moved || self.still.1 == 0 { (last_ns, 1) } else { (self.still.0, self.still.1 + values.len() as u64) };
+        self.still =
+            if moved || self.still.1 == 0 { (last_ns, 1) } else { (self.still.0, self.still.1 + values.len() as u64) };
         self.last = Some((last_ns, value));
     }
 
@@ -217,7 +218,9 @@ impl Vitals {
         let newest = newest_ns.div_euclid(BIN_NS);
         let mut trace = vec![None; BINS];
         for bin in &self.bins {
-            if let Some(slot) = usize::try_from(bin.number - newest + BINS as i64 - 1).ok().and_then(|i| trace.get_mut(i)) {
+            if let Some(slot) =
+                usize::try_from(bin.number - newest + BINS as i64 - 1).ok().and_then(|i| trace.get_mut(i))
+            {
                 *slot = Some([bin.least, bin.most]);
             }
         }
@@ -252,7 +255,8 @@ mod tests {
         // a square wave that rings for good, and the smooth rest of one
         let surge = |t: f64| if (t / 0.35).fract() < 0.5 { 300.0 } else { 700.0 };
         let smooth = |t: f64| 500.0 + 200.0 * (t * std::f64::consts::TAU / 0.35).sin();
-        for (what, quiet) in [("steady", &(|_| 300.0) as &dyn Fn(f64) -> f64), ("square", &surge), ("smooth", &smooth)] {
+        for (what, quiet) in [("steady", &(|_| 300.0) as &dyn Fn(f64) -> f64), ("square", &surge), ("smooth", &smooth)]
+        {
             let still = played(0.35, 5.0, quiet).noise().unwrap();
             assert!(still < 2.0, "{what}: {still}, 1% of the surge");
             let noise = played(0.35, 5.0, |t| quiet(t) + 5.0 * gauss(&dice)).noise().unwrap();
