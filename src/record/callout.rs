@@ -82,16 +82,16 @@ impl Ailment {
             Ailment::Silent => "silent: no sample comes".to_owned(),
             Ailment::Saturated { end, upper } => {
                 let which = if *upper { "upper" } else { "lower" };
-                format!("saturated: it stands at the {which} end of what it can show, {} {unit}", short(*end))
+                format!("saturated: it stands at the {which} end of what it can show, {} {unit}", short(*end, 4))
             }
             Ailment::Flat { at } => {
-                format!("flat: it has stood at {} {unit} without the least change for 3 s", short(*at))
+                format!("flat: it has stood at {} {unit} without the least change for 3 s", short(*at, 4))
             }
             Ailment::Noisy { sd, limit } => {
                 format!(
                     "noisy: standard deviation {} {unit}, where its accuracy leaves room for {}",
-                    short(*sd),
-                    short(*limit)
+                    short(*sd, 3),
+                    short(*limit, 3)
                 )
             }
         }
@@ -114,10 +114,10 @@ impl Ailment {
     }
 }
 
-/// Four digits that matter.
-fn short(value: f64) -> String {
+/// At most so many digits that matter.
+fn short(value: f64, digits: i32) -> String {
     let before = if value == 0.0 { 0 } else { value.abs().log10().floor() as i32 + 1 };
-    let digits = usize::try_from(4 - before).unwrap_or(0).min(6);
+    let digits = usize::try_from(digits - before).unwrap_or(0).min(6);
     let text = format!("{value:.digits$}");
     if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
 }
@@ -198,7 +198,7 @@ mod tests {
 
     #[test]
     fn numbers_are_short() {
-        let texts = [0.0, 998.9, 1105.336, 0.012_345, 245.0, 123_456.0].map(short);
+        let texts = [0.0, 998.9, 1105.336, 0.012_345, 245.0, 123_456.0].map(|value| short(value, 4));
         assert_eq!(texts, ["0", "998.9", "1105", "0.01235", "245", "123456"]);
     }
 }

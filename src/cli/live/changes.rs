@@ -8,8 +8,8 @@ use crate::record::snapshot::{Disk, Phase, Snapshot, TriggerView};
 /// A disk that is full sooner than this is called out, s.
 pub(super) const SHORT_OF_ROOM_S: f64 = 600.0;
 
-/// What has changed from one snapshot to the next, in sentences.
-pub(super) fn changes(before: Option<&Snapshot>, now: &Snapshot) -> Vec<(Tone, String)> {
+/// What has changed from one snapshot to the next, in sentences; with what to do about it, unless that is shown elsewhere.
+pub(super) fn changes(before: Option<&Snapshot>, now: &Snapshot, advised: bool) -> Vec<(Tone, String)> {
     let nothing = Snapshot::default();
     let before = before.unwrap_or(&nothing);
     let mut news = Vec::new();
@@ -28,7 +28,8 @@ pub(super) fn changes(before: Option<&Snapshot>, now: &Snapshot) -> Vec<(Tone, S
         match (old, sensor.ailment) {
             (_, Some(Ailment::Silent)) if of_device => {}
             (old, Some(ailment)) if old.is_none_or(|old| old.word() != ailment.word()) => {
-                news.push((Tone::Alarm, format!("{name} {}; {}", ailment.seen(sensor.unit), ailment.advice())));
+                let advice = if advised { format!("; {}", ailment.advice()) } else { String::new() };
+                news.push((Tone::Alarm, format!("{name} {}{advice}", ailment.seen(sensor.unit))));
             }
             (Some(Ailment::Silent), None) => {}
             (Some(old), None) => news.push((Tone::Plain, format!("{name} is no longer {}", old.word()))),
@@ -98,7 +99,7 @@ mod tests {
     use super::*;
 
     fn texts(before: Option<&Snapshot>, now: &Snapshot) -> Vec<String> {
-        changes(before, now).into_iter().map(|(_, text)| text).collect()
+        changes(before, now, true).into_iter().map(|(_, text)| text).collect()
     }
 
     #[test]

@@ -72,7 +72,7 @@ fn show_all(snapshots: &Receiver<Snapshot>) {
         if !stderr_takes_more() {
             continue;
         }
-        let news = changes(before.as_ref(), &snapshot);
+        let news = changes(before.as_ref(), &snapshot, screen.is_none());
         match &mut screen {
             Some(screen) => screen.draw(&news, &snapshot),
             None => {

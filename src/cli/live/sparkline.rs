@@ -2,32 +2,42 @@
 
 const LEVELS: [char; 8] = ['▁', '▂', '▃', '▄', '▅', '▆', '▇', '█'];
 
-/// Draws least and most values in so many cells. A cell shows the one of its values that is farthest from the middle of all, so that a spike
-/// of one sample is seen; a cell without samples is blank. What moves by less than `least_span` in all is a level line. `newest` is the
-/// number of the last value since some beginning: values that share a cell go on doing so while the line moves.
+/// A cell whose values reach so many times as far as those of most cells holds a spike or a front.
+const SPIKE: f64 = 2.0;
+
+/// Draws least and most values in so many cells. Cells show their most and their least value by turns, so that noise is seen as a band; one
+/// that holds a spike, even of one sample, shows it; one without samples is blank. What moves by less than `least_span` in all is a
+/// level line. `newest` is the number of the last value since some beginning: values that share a cell go on doing so while the line moves.
 pub(super) fn sparkline(trace: &[Option<[f64; 2]>], newest: i64, cells: usize, least_span: f64) -> String {
     if cells == 0 || trace.is_empty() {
         return String::new();
     }
     let per_cell = trace.len().div_ceil(cells);
-    let begun = (trace.len() as i64 - 1 - newest).rem_euclid(per_cell as i64) as usize;
-    let ranges: Vec<Option<[f64; 2]>> = trace[begun..].chunks(per_cell).map(range).collect();
+    let oldest = newest + 1 - trace.len() as i64;
+    let begun = (-oldest).rem_euclid(per_cell as i64);
+    let first_cell = (oldest + begun).div_euclid(per_cell as i64);
+    let ranges: Vec<Option<[f64; 2]>> = trace[begun as usize..].chunks(per_cell).map(range).collect();
     let Some([least, most]) = range(&ranges) else { return " ".repeat(ranges.len()) };
-    let mut middles: Vec<f64> = ranges.iter().flatten().map(|[a, b]| 0.5 * (a + b)).collect();
-    let half = middles.len() / 2;
-    let middle = *middles.select_nth_unstable_by(half, f64::total_cmp).1;
     let (low, span) = if most - least >= least_span {
         (least, most - least)
     } else {
         (0.5 * (least + most) - 0.5 * least_span, least_span)
     };
-    let cell = |range: &Option<[f64; 2]>| {
+    let middle = median(ranges.iter().flatten().map(|[a, b]| 0.5 * (a + b)));
+    let usual = median(ranges.iter().flatten().map(|[a, b]| b - a));
+    let cell = |(number, range): (i64, &Option<[f64; 2]>)| {
         let Some([least, most]) = range else { return ' ' };
-        let shown = if most - middle >= middle - least { *most } else { *least };
-        let share = if span > 0.0 { (shown - low) / span } else { 0.5 };
+        let upper = if most - least > SPIKE * usual { most - middle >= middle - least } else { number % 2 == 0 };
+        let share = if span > 0.0 { (if upper { most } else { least } - low) / span } else { 0.5 };
         LEVELS[((share * (LEVELS.len() - 1) as f64).round() as usize).min(LEVELS.len() - 1)]
     };
-    ranges.iter().map(cell).collect()
+    (first_cell..).zip(&ranges).map(cell).collect()
+}
+
+fn median(values: impl Iterator<Item = f64>) -> f64 {
+    let mut values: Vec<f64> = values.collect();
+    let half = values.len() / 2;
+    *values.select_nth_unstable_by(half, f64::total_cmp).1
 }
 
 fn range(parts: &[Option<[f64; 2]>]) -> Option<[f64; 2]> {
@@ -58,6 +68,9 @@ mod tests {
         trace[10..].fill(Some([600.0, 600.2]));
         trace[4..6].fill(None);
         assert_eq!(sparkline(&trace, 19, 20, 5.0), "▁▁▁▁  ▁▁▁▁██████████");
+        let noise = vec![Some([-1.0, 1.0]); 20];
+        assert_eq!(sparkline(&noise, 19, 10, 0.1), "█▁█▁█▁█▁█▁");
+        assert_eq!(sparkline(&noise, 21, 10, 0.1), "▁█▁█▁█▁█▁█", "the band moves as it is");
         assert_eq!(sparkline(&[None, None], 1, 2, 1.0), "  ");
         assert_eq!(sparkline(&[Some([1.0, 1.0])], 0, 5, 0.0), "▅");
         assert_eq!(sparkline(&trace, 19, 0, 1.0), "");

@@ -77,7 +77,7 @@ fn head(snapshot: &Snapshot, columns: usize) -> Vec<Line> {
         lines.extend(called_out(&room(disk), columns));
     }
     if let Some(trigger) = &snapshot.trigger {
-        lines.extend(trigger_lines(trigger, columns));
+        lines.extend(trigger_lines(trigger, &snapshot.sensors, columns));
     }
     lines
 }
@@ -91,13 +91,16 @@ fn left(disk: &Disk) -> String {
     }
 }
 
-fn trigger_lines(trigger: &TriggerView, columns: usize) -> Vec<Line> {
+fn trigger_lines(trigger: &TriggerView, sensors: &[SensorView], columns: usize) -> Vec<Line> {
     let again = if trigger.fired > 0 { " AGAIN" } else { "" };
     let (tone, state) = match trigger.phase {
         Phase::Settling { quiet_s, wanted_s } => {
             (Tone::Plain, format!("NOT ARMED{again}: quiet for {quiet_s:.1} of {wanted_s} s"))
         }
-        Phase::Armed => (Tone::Good, format!("ARMED{again}: close the valve")),
+        Phase::Armed => match sensors.iter().find(|sensor| sensor.ailment.is_some()) {
+            None => (Tone::Good, format!("ARMED{again}: close the valve")),
+            Some(sensor) => (Tone::Alarm, format!("ARMED{again}, but look at {} first", sensor.name)),
+        },
         Phase::Fired { since_s, lasts_s } => {
             (Tone::Good, format!("SHOT {}: {since_s:.1} of {lasts_s} s", trigger.fired))
         }
@@ -178,6 +181,7 @@ fn sensor_rows(snapshot: &Snapshot, columns: usize) -> Vec<String> {
     let name = |sensor: &SensorView| truncate_str(&sensor.name, LONGEST_NAME, "…").into_owned();
     let level = |sensor: &SensorView| match sensor.level {
         None => "-".to_owned(),
+        Some(level) if sensor.unit == "1" => value(level, sensor.accuracy),
         Some(level) => format!("{} {}", value(level, sensor.accuracy), sensor.unit),
     };
     let hertz = |sensor: &SensorView| sensor.rate_hz.map_or("-".to_owned(), rate);

@@ -74,6 +74,10 @@ fn the_trigger_says_what_it_waits_for() {
     assert_eq!(second_line(fired, 2), "SHOT 2: 3.1 of 20 s   fires when P1 reaches 500 kPa   2 of 3 shots");
     let lines = view(&armed(Phase::Armed, 0), Size { columns: 80, rows: 24 });
     assert_eq!(lines[1].tone, Tone::Good);
+    let mut noisy = armed(Phase::Armed, 0);
+    noisy.sensors[1].ailment = ailing().sensors[1].ailment;
+    let lines = view(&noisy, Size { columns: 80, rows: 24 });
+    assert!(lines[1].text.starts_with("ARMED, but look at P2 first") && lines[1].tone == Tone::Alarm, "{lines:?}");
 }
 
 #[test]
