@@ -1,5 +1,6 @@
 //! The end of a fit: the grid is refined until halving its step changes less than the noise does, then all samples enter.
 
+use std::borrow::Cow;
 use std::sync::atomic::Ordering;
 
 use super::approach::{Fitter, State};
@@ -18,7 +19,7 @@ use crate::model::{Model, ModelError};
 
 /// Reaches from which the grid is refined.
 pub(super) const FINAL_REACHES: usize = 64;
-const MIDDLE: Limits = Limits { iterations: 20, cost_tolerance: 1e-4, step_tolerance: 1e-8, thorough: false };
+const MIDDLE: Limits = Limits { iterations: 20, cost_tolerance: 1e-4, step_tolerance: 1e-8, thorough: true };
 const LATE: Limits = Limits { iterations: usize::MAX, cost_tolerance: 1e-5, step_tolerance: 1e-9, thorough: true };
 /// Fall of the sum of squares, in units of what one sample leaves, that is worth no iteration more: a seventh of a standard error.
 const SETTLED: f64 = 0.02;
@@ -119,12 +120,22 @@ impl Fitter<'_> {
         Ok(Fit { stopped_because: "the search was over; no descent followed it".to_owned(), converged: true, ..fit })
     }
 
+    /// The Jacobian's columns at a solution: those of its last step where that no longer mattered.
+    fn slopes<'a>(&self, problem: &Calibration, solution: &'a Solution) -> Result<Cow<'a, [Vec<f64>]>, ModelError> {
+        if solution.stop.converged() {
+            return Ok(Cow::Borrowed(&solution.columns));
+        }
+        let columns = jacobian(problem, &solution.x, &solution.residuals)?;
+        self.count(columns.len());
+        Ok(Cow::Owned(columns))
+    }
+
     /// What a finer grid would change: at the samples, and by one Gauss-Newton step in the parameters.
     fn grid_pull(&self, problem: &Calibration, solution: &Solution, fine: usize) -> Result<Pull, ModelError> {
         let finer = self.problem(problem.model, Window { reaches: fine, ..problem.window() });
         let residuals = finer.residuals(&solution.x)?;
-        let columns = jacobian(problem, &solution.x, &solution.residuals)?;
-        self.count(columns.len() + 1);
+        let columns = self.slopes(problem, solution)?;
+        self.count(1);
         let errors = errors_of(problem, solution, &columns, &[]);
         let change: Vec<f64> = residuals.iter().zip(&solution.residuals).map(|(f, c)| f - c).collect();
         let shifts = gauss_newton_step(&columns, &change, &solution.at_bound);
@@ -145,8 +156,7 @@ impl Fitter<'_> {
     fn outcome(&self, problem: &Calibration, solution: &Solution, pull: &Pull) -> Result<Fit, FitError> {
         let values = problem.values(&solution.x);
         let start_values: Vec<f64> = problem.parameters.iter().map(|p| p.start).collect();
-        let columns = jacobian(problem, &solution.x, &solution.residuals)?;
-        self.count(columns.len());
+        let columns = self.slopes(problem, solution)?;
         // A quarter of the pull is left on the last grid; half of it allows for schemes of first order.
         let left: Vec<f64> = pull.shifts.iter().map(|s| 0.5 * s).collect();
         let records: Vec<_> = problem.records().into_iter().map(|(_, _, range)| range).collect();
