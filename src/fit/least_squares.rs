@@ -344,19 +344,19 @@ mod tests {
         assert!((s.x[0] - 1.0).abs() < 1e-6 && (s.x[1] - 1.0).abs() < 1e-6, "{:?}", s.x);
     }
 
-    /// Rosenbrock's valley, narrower: straight steps seem settled half way, bent ones reach its end.
+    /// Rosenbrock's valley, narrower: where straight, damped steps creep, bent ones reach its end.
     #[test]
     fn bent_steps_follow_a_bent_valley() {
         let problem = Test {
-            f: |x: &[f64]| vec![1000.0 * (x[1] - x[0] * x[0]), 1.0 - x[0]],
+            f: |x: &[f64]| vec![3000.0 * (x[1] - x[0] * x[0]), 1.0 - x[0]],
             lower: vec![-5.0; 2],
             upper: vec![5.0; 2],
         };
         let [plain, bent] = [false, true].map(|thorough| {
-            let s = minimise(&problem, &[-1.2, 1.0], Limits { thorough, ..LIMITS }, |_, _| {}).unwrap();
+            let s = minimise(&problem, &[0.5, 0.2], Limits { iterations: 20, thorough, ..LIMITS }, |_, _| {}).unwrap();
             (s.x[0] - 1.0).abs()
         });
-        assert!(bent < 1e-6 && plain > 0.01, "{bent} against {plain}");
+        assert!(bent < 1e-6 && plain > 0.1, "{bent} against {plain}");
     }
 
     /// Moré, Garbow & Hillstrom (1981), problem 13: singular Jacobian at the solution (0, 0, 0, 0).
