@@ -12,8 +12,13 @@
 
 mod allocation;
 mod coverage;
+mod frames;
+mod lines;
+mod modbus;
 mod mutate;
+mod poller;
 mod targets;
+mod wire;
 
 use std::collections::HashSet;
 use std::fs;
