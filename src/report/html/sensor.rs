@@ -98,13 +98,10 @@ fn still(panel: &Panel, stages: &[Stage]) -> String {
         residual.push(Series { label: "±2 × noise".into(), points, style });
     }
     let chart = |y_label: &str, series| LineChart {
-        title: String::new(),
         x_label: X_LABEL.into(),
         y_label: y_label.into(),
         series,
-        log_x: false,
-        log_y: false,
-        marks: Vec::new(),
+        ..LineChart::default()
     };
     chart(HEAD_LABEL, head).to_svg(900.0, 330.0) + &chart(RESIDUAL_LABEL, residual).to_svg(900.0, 220.0)
 }
