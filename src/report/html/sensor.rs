@@ -99,13 +99,11 @@ fn still(panel: &Panel, stages: &[Stage], ahead_from_s: Option<f64>) -> String {
         residual.push(Series { label: "±2 × noise".into(), points, style });
     }
     let chart = |y_label: &str, series| LineChart {
-        title: String::new(),
         x_label: X_LABEL.into(),
         y_label: y_label.into(),
         series,
-        log_x: false,
-        log_y: false,
         marks: ahead_from_s.map(|from| (from, "predicted from here".to_owned())).into_iter().collect(),
+        ..LineChart::default()
     };
     chart(HEAD_LABEL, head).to_svg(900.0, 330.0) + &chart(RESIDUAL_LABEL, residual).to_svg(900.0, 220.0)
 }

@@ -78,13 +78,12 @@ fn chart(models: &[Stage], residuals: &[(usize, Spectrum)], first_hz: f64, noise
         series.push(Series { label: "noise".into(), points: vec![(0.0, level), (end, level)], style });
     }
     LineChart {
-        title: String::new(),
         x_label: "frequency, Hz".into(),
         y_label: "amplitude, m".into(),
         series,
-        log_x: false,
         log_y: true,
         marks: (0..10).map(|k| 2 * k + 1).map(|n| (f64::from(n) * first_hz, n.to_string())).collect(),
+        ..LineChart::default()
     }
 }
 
