@@ -185,7 +185,7 @@ impl Fitter<'_> {
         let own = jacobian(&in_time, &solution.x, &residuals)?;
         self.count(own.len() + 1);
         let records = in_time.records().into_iter().map(|(_, _, range)| range).collect();
-        Ok(Sampled { problem: in_time, columns: own, seen: problem.from_samples(columns), residuals, records })
+        Ok(Sampled { problem: in_time, columns: own, seen: problem.seen_in_time(columns), residuals, records })
     }
 
     fn outcome(&self, problem: &Calibration, solution: &Solution, pull: &Pull) -> Result<Fit, FitError> {

@@ -32,7 +32,7 @@ impl<'a> Calibration<'a> {
     }
 
     /// Columns over the residuals seen from the samples: the transpose of what makes bins of samples, applied to the rows of each record.
-    pub(in crate::fit) fn from_samples(&self, columns: &[Vec<f64>]) -> Vec<Vec<f64>> {
+    pub(in crate::fit) fn seen_in_time(&self, columns: &[Vec<f64>]) -> Vec<Vec<f64>> {
         let records = self.records();
         let one = |column: &Vec<f64>| {
             let seen = records.iter().flat_map(|(r, s, range)| match self.bins_at(*r, *s) {
