@@ -56,6 +56,7 @@ pub mod refit;
 pub mod replay;
 pub mod results;
 pub mod rig;
+mod run_models;
 pub mod scenario;
 mod search;
 pub mod sensitivity;

@@ -173,7 +173,7 @@ mod tests {
         let flags = |framing: Framing| {
             let line = crate::record::simulated::SimulatedDevice::open().unwrap();
             let port = open_port(&Device { framing, ..device(line.path().to_str().unwrap()) }).unwrap();
-            let modes = tcgetattr(&std::fs::File::open(line.path()).unwrap()).unwrap();
+            let modes = tcgetattr(std::fs::File::open(line.path()).unwrap()).unwrap();
             drop(port);
             let has = |flag| modes.control_flags.contains(flag);
             (has(ControlFlags::CSTOPB), has(ControlFlags::PARODD), modes.input_flags.contains(InputFlags::INPCK))

@@ -70,7 +70,7 @@ fn the_trigger_says_what_it_waits_for() {
         second_line(Phase::Armed, 1),
         "ARMED AGAIN: close the valve   fires when P1 reaches 500 kPa   1 of 3 shots"
     );
-    let fired = Phase::Fired { since_s: 3.14, lasts_s: 20.0 };
+    let fired = Phase::Fired { since_s: 3.12, lasts_s: 20.0 };
     assert_eq!(second_line(fired, 2), "SHOT 2: 3.1 of 20 s   fires when P1 reaches 500 kPa   2 of 3 shots");
     let lines = view(&armed(Phase::Armed, 0), Size { columns: 80, rows: 24 });
     assert_eq!(lines[1].tone, Tone::Good);
