@@ -6,6 +6,7 @@ use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
+use super::creep_prior::WALL;
 use super::load::{self, Loaded};
 use super::search::Search;
 use super::{CommandResult, Outcome, hold, models, output};
@@ -103,6 +104,11 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         super::say!("{}", json::calibration(last)?);
     } else {
         super::say_text!(table::calibration(&stages));
+        if last.effects.iter().any(|c| c.effect.name() == WALL)
+            && let Some(said) = rig.constraint_in_words()
+        {
+            super::say!("\n{said}.");
+        }
     }
     args.output.write(last, args.search.method(), &loaded)?;
     if let (Some(path), Some(file)) = (&args.save, &mut file) {

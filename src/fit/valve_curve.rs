@@ -116,7 +116,20 @@ pub(super) fn effective_closing_s(curve: &ValveCurve) -> Option<f64> {
     Some((below(0.1)? - below(0.9)?) / 0.8)
 }
 
+/// A bend less than this of the opening off the straight line is none, nor one less than twice what the law leaves of the curve.
+const NO_BEND: (f64, f64) = (0.02, 2.0);
+
 impl TwoStage {
+    /// How far the inflection lies off the straight line from open to closed, of the opening.
+    pub fn bend(&self) -> f64 {
+        self.inflection_opening - (1.0 - self.inflection_s / self.closing_s)
+    }
+
+    /// Whether a straight line does as well: then the inflection may lie anywhere on it.
+    pub fn straight(&self) -> bool {
+        self.bend().abs() < NO_BEND.0.max(NO_BEND.1 * self.rms)
+    }
+
     /// The opening at a time after the start of the closure.
     pub fn opening(&self, time_s: f64) -> f64 {
         let (inflection_s, opening) = (self.inflection_s, self.inflection_opening);
@@ -188,7 +201,8 @@ mod tests {
         let found = TwoStage::nearest(&curve(|t| truth.opening(t)), 0.1);
         assert!((found.inflection_s - 0.03).abs() < 1e-4, "{found:?}");
         assert!((found.inflection_opening - 0.35).abs() < 1e-3 && (found.closing_s - 0.11).abs() < 1e-4, "{found:?}");
-        assert!(found.rms < 1e-4);
+        assert!(found.rms < 1e-4 && !found.straight() && (found.bend() - (0.35 - 8.0 / 11.0)).abs() < 0.01);
+        assert!(TwoStage::nearest(&curve(|t| (1.0 - t / 0.1).max(0.0)), 0.1).straight());
     }
 
     #[test]
