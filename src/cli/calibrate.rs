@@ -37,7 +37,7 @@ pub struct Args {
     /// Another model to fit first and to show beside it in tables and report; may be given often.
     #[arg(long, value_name = "A,B", value_parser = parse_list)]
     against: Vec<::std::vec::Vec<Chosen>>,
-    /// Values that the fits do not touch; one that each run has of its own is held in all of them.
+    /// Values that the fits do not touch; one that each run has of its own is held in all of them. Recordings go before it.
     #[arg(long, value_name = "NAME=VALUE", value_parser = super::values::setting, num_args = 1..)]
     hold: Vec<(String, f64)>,
     #[command(flatten)]

@@ -37,7 +37,7 @@ pub struct Args {
     fitted: bool,
     #[command(flatten)]
     search: Search,
-    /// Values that PEST is not to touch; one that each run has of its own is fixed in all of them.
+    /// Values that PEST is not to touch; one that each run has of its own is fixed in all of them. Recordings go before it.
     #[arg(long, value_name = "NAME=VALUE", value_parser = super::values::setting, num_args = 1..)]
     hold: Vec<(String, f64)>,
     #[command(flatten)]

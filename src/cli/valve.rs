@@ -8,15 +8,12 @@ use serde_json::json;
 use super::creep_prior::WALL;
 use super::{CommandResult, Outcome, calibrate, load, output};
 use crate::fit::calibrate::{EVIDENCE, Options};
-use crate::fit::data::RunData;
-use crate::fit::outcome::Fit;
-use crate::fit::valve_curve::{TwoStage, ValveClosure, closure_of, valve_sensor};
+use crate::fit::valve_curve::{Lawful, TwoStage, ValveClosure, closure_of, valve_sensor, with_its_law};
 use crate::fit::valve_shift::{LawError, Shift};
 use crate::model::effects::{Chosen, parse_list};
 use crate::report::number::{fixed, significant};
 use crate::report::svg::{LineChart, Series, Style};
 use crate::report::table::Table;
-use crate::rig::Rig;
 
 /// How the valve closed, read back from the head measured before it: opening against time, and the laws nearest to it.
 ///
@@ -58,7 +55,14 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     for run in &runs {
         valve_sensor(&rig, run)?;
     }
-    let fit = fitted(&rig, &runs, &args.effects)?;
+    let Lawful { fit, evidence } =
+        with_its_law(&args.effects, |effects| calibrate::timed(&rig, &runs, effects, &Options::default()))?;
+    if let Some(evidence) = evidence {
+        let law = if evidence > EVIDENCE { "two stages" } else { "a straight line" };
+        super::tell!(
+            "the model's valve closes by {law}: two stages bring {evidence:.0} of evidence, {EVIDENCE:.0} is strong"
+        );
+    }
     let closures: Vec<ValveClosure> =
         (0..runs.len()).map(|r| closure_of(&rig, &runs, &fit, r)).collect::<Result<_, _>>()?;
     let creep_missing = rig.constraint_in_words().is_some() && !fit.effects.iter().any(|c| c.effect.name() == WALL);
@@ -79,27 +83,6 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         super::tell!("chart: {}", path.display());
     }
     Ok(Outcome::Done)
-}
-
-/// The effect whose law a valve may follow instead of the linear one.
-const LAW: &str = "valve-law";
-
-/// The fit with a linear valve, or with two stages where the record asks for them; as asked where the valve's law is settled.
-fn fitted(rig: &Rig, runs: &[RunData], effects: &[Chosen]) -> Result<Fit, Box<dyn std::error::Error + Send + Sync>> {
-    let linear = calibrate::timed(rig, runs, effects, &Options::default())?;
-    let settled =
-        |c: &Chosen| c.effect.name().starts_with(LAW) || c.effect.excludes().iter().any(|(name, _)| *name == LAW);
-    if effects.iter().any(settled) {
-        return Ok(linear);
-    }
-    let more = [&linear.effects[..], &parse_list(LAW)?].concat();
-    let staged = calibrate::timed(rig, runs, &more, &Options::default())?;
-    let evidence = staged.evidence_over(&linear);
-    let (taken, law) = if evidence > EVIDENCE { (staged, "two stages") } else { (linear, "a straight line") };
-    super::tell!(
-        "the model's valve closes by {law}: two stages bring {evidence:.0} of evidence, {EVIDENCE:.0} is strong"
-    );
-    Ok(taken)
 }
 
 /// Openings that no valve has, beyond what noise does.

@@ -290,3 +290,30 @@ pub(super) fn errors_of(problem: &Calibration, solution: &Solution, columns: &[V
     let (residuals, at_bound) = (&solution.residuals, &solution.at_bound);
     Errors::of(Linearised { columns, residuals, records: &records, common, at_bound })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::calibrate::{Options, calibrate, refine};
+    use super::super::test_record::{HDPE, record};
+    use crate::model::RunValues;
+    use crate::model::effects::parse_list;
+    use crate::rig::Rig;
+
+    /// A fit begun anew where one has ended comes to the same place, and to the same errors: what the grid adds to them is no matter of the way.
+    #[test]
+    fn errors_belong_to_the_place_and_not_to_the_way_there() {
+        let rig = Rig::from_toml(HDPE, "rig.toml").unwrap();
+        let effects = parse_list("viscoelastic-wall:2").unwrap();
+        let run =
+            RunValues { initial_velocity_m_s: 0.5, valve_head_m: 20.0, closing_time_s: 0.05, friction_scale: 1.0 };
+        let runs = [record(&rig, &effects, &[380.0, 0.12, 0.03, 0.35, 0.6], run, 0.05, 6.0)];
+        let first = calibrate(&rig, &runs, &effects, &Options::default(), &|_| {}).unwrap();
+        let again = refine(&rig, &runs, &effects, &first.values(), &Options::default(), &|_| {}).unwrap();
+        assert_eq!(first.reaches, again.reaches);
+        for (a, b) in first.parameters.iter().zip(&again.parameters) {
+            assert!((a.value - b.value).abs() < 0.1 * a.standard_error, "{}: {} {}", a.name, a.value, b.value);
+            let ratio = a.standard_error / b.standard_error;
+            assert!((0.98..1.02).contains(&ratio), "{}: {} {}", a.name, a.standard_error, b.standard_error);
+        }
+    }
+}
