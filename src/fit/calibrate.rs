@@ -161,7 +161,15 @@ pub fn calibrate(
     };
     let mut state = found(&model, None)?;
     if let Some(i) = growing {
-        let grown = |bigger: &Model, model: &Model, state: &State| found(bigger, Some((model, state)));
+        // Where an element is missing, those that are known are drawn off to stand in for it: they are begun with anew, too.
+        let grown = |bigger: &Model, model: &Model, state: &State| {
+            let on = found(bigger, Some((model, state)))?;
+            if options.priors.is_empty() {
+                return Ok(on);
+            }
+            let anew = found(bigger, None)?;
+            Ok(if anew.cost < on.cost { anew } else { on })
+        };
         (model, state) = fitter.grown((model, state), i, effects[i].elements, grown)?;
     }
     if options.method.descends() {
