@@ -53,7 +53,7 @@ fn the_curve_is_drawn_and_its_worth_is_told() {
     let output = valve(&[&["recordings/hdpe-creep.mcap"], &effects[..]].concat());
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let said = String::from_utf8_lossy(&output.stdout).into_owned();
-    assert!(said.contains("creep left out") && said.contains("as good as straight"), "{said}");
+    assert!(said.contains("creep left out") && said.contains("nearest two stages"), "{said}");
     let drawn = std::fs::read_to_string(svg).unwrap();
     assert!(drawn.ends_with("</svg>") && drawn.contains("wave speed +2%"), "{drawn}");
     let two = valve(&["recordings/hdpe-creep.mcap", "recordings/hdpe-creep.mcap", "--svg", "x.svg"]);
