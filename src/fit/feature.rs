@@ -59,13 +59,19 @@ pub(super) struct Aspect<'p> {
 }
 
 impl<'p> Aspect<'p> {
-    pub(super) fn new(problem: &'p Calibration, which: &'p [usize], feature: Feature, values: &[f64]) -> Self {
-        let (lower, upper) = problem.bounds();
-        let of = |all: &[f64]| which.iter().map(|&j| all[j]).collect();
+    /// From `values`, within `bounds` of all variables or where they are.
+    pub(super) fn new(
+        problem: &'p Calibration,
+        which: &'p [usize],
+        feature: Feature,
+        values: &[f64],
+        bounds: &(Vec<f64>, Vec<f64>),
+    ) -> Self {
+        let still = problem.variables(values);
         Aspect {
-            lower: of(lower),
-            upper: of(upper),
-            still: problem.variables(values),
+            lower: which.iter().map(|&j| bounds.0[j].min(still[j])).collect(),
+            upper: which.iter().map(|&j| bounds.1[j].max(still[j])).collect(),
+            still,
             period_s: problem.model.period_s(&values[..problem.model.shared.len()]),
             problem,
             which,

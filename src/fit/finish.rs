@@ -9,8 +9,9 @@ use super::compare::{Pair, mape_percent, rmse};
 use super::errors::{Common, Errors, Linearised};
 use super::identify::unseen;
 use super::interval::linear;
-use super::least_squares::{Limits, Problem, Solution, jacobian};
+use super::least_squares::{Limits, Problem, Solution, Stop, jacobian};
 use super::misfit::Misfit;
+use super::optimum::{AT_OPTIMUM, promised_fall, short_of_it};
 use super::outcome::{Fit, FittedParameter, RunFit, SensorFit};
 use super::problem::{Calibration, Window};
 use super::uncertainty::{correlation, gauss_newton_step};
@@ -116,7 +117,8 @@ impl Fitter<'_> {
         problem.know(&model.constraints)?;
         let solution = self.minimise(&problem, &state.values, still, "as found")?;
         let fit = self.outcome(&problem, &solution, &pull)?;
-        Ok(Fit { stopped_because: "the search was over; no descent followed it".to_owned(), converged: true, ..fit })
+        let over = "the search was over, and a descent from its end would gain nothing".to_owned();
+        Ok(if fit.converged { Fit { stopped_because: over, ..fit } } else { fit })
     }
 
     /// What a finer grid would change: at the samples, and by one Gauss-Newton step in the parameters.
@@ -203,7 +205,17 @@ impl Fitter<'_> {
         let runs = (0..self.runs.len())
             .map(|r| self.run_fit(problem, r, &values, &start_values, period_s, &bands[r]))
             .collect::<Result<_, _>>()?;
-        Ok(Fit {
+        // Where every step has been tried it is one, whatever is promised: residuals may have corners. Of any other end it is measured.
+        let left = (2.0 * solution.cost / problem.samples().max(1) as f64).max(f64::MIN_POSITIVE);
+        let promised = promised_fall(&columns, &solution.residuals, &solution.x, problem.bounds()) / left;
+        let tried = !matches!(solution.stop, Stop::CostSettled | Stop::IterationsSpent);
+        let converged = tried || promised <= AT_OPTIMUM;
+        let stopped_because = match (converged, solution.stop.describe()) {
+            (true, why) => why.to_owned(),
+            (false, _) => short_of_it(promised, problem.samples(), self.options.method),
+        };
+        let fit = Fit {
+            method: self.options.method,
             effects: model.effects.clone(),
             runs,
             parameters,
@@ -214,9 +226,12 @@ impl Fitter<'_> {
             evaluations: self.evaluations.load(Ordering::Relaxed),
             seconds: f64::NAN,
             steps: Vec::new(),
-            stopped_because: solution.stop.describe().to_owned(),
-            converged: solution.stop.converged(),
-        })
+            features_left: Vec::new(),
+            stopped_because,
+            converged,
+            promised_fall: promised,
+        };
+        Ok(if converged { fit } else { fit.without_errors() })
     }
 
     fn run_fit(

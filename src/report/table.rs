@@ -29,7 +29,7 @@ pub fn parameters(fit: &Fit) -> String {
     for p in &fit.parameters {
         table.row([
             p.name.clone(),
-            with_error(p.value, p.standard_error),
+            if fit.converged { with_error(p.value, p.standard_error) } else { significant(p.value, 5) },
             p.unit.into(),
             interval(p.interval_95) + if p.profile.is_some() { " (profile)" } else { "" },
             p.run.clone().unwrap_or_default(),
@@ -152,20 +152,28 @@ pub fn steps(fit: &Fit) -> String {
     if fit.steps.is_empty() {
         return String::new();
     }
-    let mut table = Table::new(&["<round", "from the", "moved to", "<error/noise before", "<after", "kept"]);
+    let mut table = Table::new(&["<step", "<round", "from the", "moved to", "<error/noise", "<after", ""]);
     let mut reasons: Vec<String> = Vec::new();
-    for step in &fit.steps {
-        // Offsets and starts of closures are many and tell little.
+    for (i, step) in fit.steps.iter().enumerate() {
+        // Offsets are many and tell little.
         let moved = step.parameters.iter().filter(|(name, _)| !name.starts_with("offset"));
-        let moved: Vec<String> = moved.map(|(name, value)| format!("{name} {}", significant(*value, 5))).collect();
-        table.row([
-            step.round.to_string(),
-            step.feature.into(),
-            moved.join(", "),
-            significant(step.before_over_noise, 4),
-            significant(step.after_over_noise, 4),
-            if step.kept { "yes" } else { "taken back" }.into(),
-        ]);
+        let mut moved = in_lines(moved.map(|(name, value)| format!("{name} {}", significant(*value, 5))), MOVED_WIDTH);
+        if moved.len() > MOVED_LINES {
+            moved.truncate(MOVED_LINES);
+            moved[MOVED_LINES - 1] += " …";
+        }
+        for (line, moved) in moved.into_iter().enumerate() {
+            let first = |text: String| if line == 0 { text } else { String::new() };
+            table.row([
+                first((i + 1).to_string()),
+                first(step.round.to_string()),
+                first(step.feature.into()),
+                moved,
+                first(significant(step.before_over_noise, 4)),
+                first(significant(step.after_over_noise, 4)),
+                first(if step.kept { "" } else { "taken back" }.into()),
+            ]);
+        }
         let names: Vec<&str> = step.parameters.iter().map(|(name, _)| name.as_str()).collect();
         let first = names.first().copied().unwrap_or_default();
         let reason = format!("{first}{}: {}", if names.len() > 1 { ", …" } else { "" }, step.why);
@@ -174,6 +182,28 @@ pub fn steps(fit: &Fit) -> String {
         }
     }
     format!("{table}\nWhy:\n  {}\n", reasons.join("\n  "))
+}
+
+/// Widest that the values which a step has moved stand in one line.
+const MOVED_WIDTH: usize = 44;
+/// Most such lines of a step; all values are in the document of --json.
+const MOVED_LINES: usize = 2;
+
+/// Items with commas between, as many in a line as its width has room for, at least one line.
+fn in_lines(items: impl Iterator<Item = String>, width: usize) -> Vec<String> {
+    let mut lines = vec![String::new()];
+    for item in items {
+        let last = lines.len() - 1;
+        if lines[last].is_empty() {
+            lines[last] = item;
+        } else if lines[last].chars().count() + item.chars().count() + 3 <= width {
+            lines[last] += &format!(", {item}");
+        } else {
+            lines[last].push(',');
+            lines.push(item);
+        }
+    }
+    lines
 }
 
 /// Effort and reason of the stop, one line.
@@ -250,7 +280,7 @@ impl std::fmt::Display for Table {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fit::outcome::{FittedParameter, SensorFit};
+    use crate::fit::outcome::{FittedParameter, SensorFit, StepTaken};
     use crate::model::effects::parse_list;
 
     fn fit(rmse_m: f64) -> Fit {
@@ -313,6 +343,9 @@ mod tests {
             steps: vec![],
             stopped_because: "the error no longer falls".into(),
             converged: true,
+            promised_fall: 0.0,
+            features_left: vec![],
+            method: crate::fit::method::Method::default(),
         }
     }
 
@@ -340,6 +373,26 @@ mod tests {
         let alone = errors(&stages[1..]);
         assert!(alone.contains("2.00") && alone.contains("start: RMSE of the start values"), "{alone}");
         assert!(!alone.contains("before  "), "{alone}");
+    }
+
+    #[test]
+    fn steps_fit_a_terminal() {
+        let name = |i| format!("initial_velocity_{i}_m_s");
+        let step = |kept, n: usize| StepTaken {
+            round: 1,
+            parameters: (0..n).map(|i| (name(i), 0.123_456)).collect(),
+            feature: "opening read back from the head at the valve",
+            why: "it shows there",
+            before_over_noise: 123.4,
+            after_over_noise: 2.0,
+            kept,
+        };
+        let fit = Fit { steps: vec![step(true, 1), step(false, 9)], ..fit(0.05) };
+        let text = steps(&fit);
+        assert!(text.lines().all(|l| l.chars().count() <= 132), "{text}");
+        let lines: Vec<&str> = text.lines().collect();
+        assert!(lines[2].contains("   1 ") && !lines[2].contains("taken back") && lines[3].ends_with("taken back"), "{text}");
+        assert!(lines[4].trim_start().starts_with("initial_velocity_1_m_s") && lines[4].ends_with(" …"), "{text}");
     }
 
     #[test]
