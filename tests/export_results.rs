@@ -80,7 +80,8 @@ fn a_fit_is_read_back_as_it_was_written() {
     let both = |p: &Value| [0, 1].map(|end| p["interval_95"][end].as_f64());
     for (p, told) in from_toml.parameters.iter().zip(told["parameters"].as_array().unwrap()).filter(|(p, _)| !p.held) {
         let ends = p.interval_95.unwrap().map(|end| Some(end).filter(|e| e.is_finite()));
-        let near = |(a, b): (&Option<f64>, &Option<f64>)| a.zip(*b).map_or(a == b, |(a, b)| (a / b - 1.0).abs() < 1e-12);
+        let near =
+            |(a, b): (&Option<f64>, &Option<f64>)| a.zip(*b).map_or(a == b, |(a, b)| (a / b - 1.0).abs() < 1e-12);
         assert!(ends.iter().zip(&both(told)).all(near), "{p:?} {told}");
         assert_eq!(p.profile.is_some(), p.name == "tau1_s");
     }

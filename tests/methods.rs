@@ -87,7 +87,10 @@ fn searches_without_descent_keep_their_budget_and_repeat_themselves() {
         assert!(one["stopped_because"].as_str().unwrap().contains("raise --budget"), "{}", one["stopped_because"]);
         assert_eq!(one["unseen"].as_array().map(Vec::len), Some(0), "{method}");
         for p in one["parameters"].as_array().unwrap() {
-            assert!(p["standard_error"].is_null() && p["interval_95"].as_array().unwrap().iter().all(Value::is_null), "{p}");
+            assert!(
+                p["standard_error"].is_null() && p["interval_95"].as_array().unwrap().iter().all(Value::is_null),
+                "{p}"
+            );
         }
     }
 }
@@ -100,7 +103,10 @@ fn a_search_short_of_an_optimum_gives_no_verdict_and_its_profile_finds_one() {
     let (said, warned) = (String::from_utf8(output.stdout).unwrap(), String::from_utf8(output.stderr).unwrap());
     let verdict = said.lines().next().unwrap();
     assert!(verdict.contains("no verdict on the model: the search did not reach an optimum"), "{verdict}");
-    assert!(!said.contains("missing") && !said.contains("does not see") && !warned.contains("friction"), "{said}{warned}");
+    assert!(
+        !said.contains("missing") && !said.contains("does not see") && !warned.contains("friction"),
+        "{said}{warned}"
+    );
     assert!(warned.contains("the fit is not at its optimum") && warned.contains("lower in χ²"), "{warned}");
     let (alone, profiled) = (document(&search), document(&[&search[..], &["--profile", "wave_speed_m_s"]].concat()));
     let interval = &parameter(&profiled, "wave_speed_m_s")["interval_95"];
@@ -165,15 +171,16 @@ fn all_of(fit: &Value) -> Vec<Value> {
 #[test]
 fn a_person_can_intervene_between_steps() {
     let folder = tempfile::tempdir().unwrap();
-    let [before, edited, after] = ["a.toml", "b.toml", "c.toml"].map(|n| folder.path().join(n).to_str().unwrap().to_owned());
+    let [before, edited, after] =
+        ["a.toml", "b.toml", "c.toml"].map(|n| folder.path().join(n).to_str().unwrap().to_owned());
     let three = calibrated(&["--method", "stepwise", "--steps", "3", "--save", &before]);
     assert!(three["converged"] == false && parameter(&three, "wave_speed_m_s")["interval_95"][0].is_null());
     let mut file = ModelFile::parse(&std::fs::read_to_string(&before).unwrap(), Path::new(&before)).unwrap();
     assert_eq!(file.current().features_left, ["phase of the late cycles", "heights of the late peaks"]);
     for p in &mut file.models[0].parameters {
         match p.name.as_str() {
-            "tau2_s" => (p.value, p.fixed) = (0.6, true),
-            "wave_speed_m_s" => (p.value, p.lower, p.upper) = (344.0, 343.0, 345.0),
+            "tau2_s" => (p.value, p.fixed) = (0.43, true),
+            "wave_speed_m_s" => (p.value, p.lower, p.upper) = (345.0, 343.0, 350.0),
             _ => {}
         }
     }
@@ -184,18 +191,19 @@ fn a_person_can_intervene_between_steps() {
     let steps = whole["steps"].as_array().unwrap();
     let features: Vec<&str> = steps.iter().map(|s| s["feature"].as_str().unwrap()).collect();
     assert_eq!(features[..2], ["phase of the late cycles", "heights of the late peaks"], "{features:?}");
-    assert!(features[2..].iter().all(|f| *f == "whole record"), "{features:?}");
+    assert!(features[2..].iter().all(|f| ["first cycles", "whole record"].contains(f)), "{features:?}");
+    assert!(over_noise(&whole) < 1.05, "{}", over_noise(&whole));
     let moved = |s: &Value| s["parameters"].as_array().unwrap().iter().any(|p| p[0] == "tau2_s");
     assert!(!steps.iter().any(moved), "what is held is not moved");
-    assert_eq!(value(&whole, "tau2_s"), 0.6);
+    assert_eq!(value(&whole, "tau2_s"), 0.43);
     assert_eq!(value(&whole, "wave_speed_m_s"), 343.0, "the optimum lies below the bound");
     let saved = ModelFile::parse(&std::fs::read_to_string(&after).unwrap(), Path::new(&after)).unwrap();
     let of = |name: &str| saved.current().parameters.iter().find(|p| p.name == name).unwrap().clone();
     assert!(of("tau2_s").fixed && saved.current().features_left.is_empty());
-    assert_eq!((of("wave_speed_m_s").lower, of("wave_speed_m_s").upper), (343.0, 345.0));
+    assert_eq!((of("wave_speed_m_s").lower, of("wave_speed_m_s").upper), (343.0, 350.0));
     // Least squares heeds it as well, and the command line has the last word.
-    let least = document(&["--from", &after, "--hold", "tau2_s=0.5"]);
-    assert_eq!((value(&least, "tau2_s"), value(&least, "wave_speed_m_s")), (0.5, 343.0));
+    let least = document(&["--from", &after, "--hold", "tau2_s=0.42"]);
+    assert_eq!((value(&least, "tau2_s"), value(&least, "wave_speed_m_s")), (0.42, 343.0));
     let refused = run(&["--from", &after, "--profile", "tau2_s"]);
     assert!(String::from_utf8_lossy(&refused.stderr).contains("tau2_s is held"), "{refused:?}");
 }
@@ -209,7 +217,10 @@ fn what_a_method_does_not_heed_is_refused() {
         (&["--method", "stepwise", "--budget", "100"], "--budget is for"),
         (&["--method", "stepwise", "--starts", "2"], "--starts is for --method least-squares"),
         (&["--method", "global", "--starts", "2"], "--starts is for"),
-        (&["--hold", "closing_time_s=0.05", "--profile", "closing_time_s"], "closing_time_s is held, so it has no profile"),
+        (
+            &["--hold", "closing_time_s=0.05", "--profile", "closing_time_s"],
+            "closing_time_s is held, so it has no profile",
+        ),
     ] {
         let output = run(arguments);
         let told = String::from_utf8_lossy(&output.stderr).into_owned();

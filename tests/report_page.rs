@@ -61,6 +61,7 @@ fn sensor_fit(name: &str, position: f64, samples: usize, seed: u64, model: impl 
         position_m: 271.6 * position,
         band_m: Vec::new(),
         noise_m: NOISE_M,
+        white_noise_m: NOISE_M,
         rmse_m: (square / samples as f64).sqrt(),
         start_rmse_m: 2.0,
         extrema: (0..13).filter_map(extremum).collect(),
@@ -202,7 +203,7 @@ fn stages<'a>(fits: &[(&str, &'a Fit)]) -> Vec<Stage<'a>> {
 }
 
 fn page(title: &str, rig: &Rig, stages: Vec<Stage>, overlays: Vec<Overlay>) -> String {
-    html(&Page { title: title.into(), rig, stages, overlays, diagnoses: &[], energy: None })
+    html(&Page { title: title.into(), stages, overlays, ..Page::of(rig) })
 }
 
 /// The data that the page's script reads.
@@ -318,7 +319,10 @@ fn several_runs_and_stages_stay_apart() {
     assert!(text.contains("P1 · hdpe-50-run-03.mcap</a>") && text.contains("P1 · hdpe-50-run-04.mcap</a>"));
     assert!(text.contains("except at P1"), "a bad sensor among good ones is named");
     assert!(text.contains("stopped early"));
-    assert!(text.contains("calibrated by least squares; a micro-genetic algorithm; least squares; program"), "methods are named");
+    assert!(
+        text.contains("calibrated by least squares; a micro-genetic algorithm; least squares; program"),
+        "methods are named"
+    );
     let gap = data["panels"][3]["measured"].as_array().expect("a column").iter().filter(|v| v.is_null()).count();
     assert_eq!(gap, 1, "lost samples leave a gap in the line");
 }

@@ -1,6 +1,6 @@
 //! What users rely on in rig files: every key of the interface works, and every fault is named with its line.
 
-use surgescope::rig::{Constraint, Coupling, Encoding, Protocol, Rig, SensorKind, Upstream};
+use surgescope::rig::{Constraint, Coupling, Encoding, Framing, Parity, Protocol, Rig, SensorKind, Upstream};
 
 /// Every key of the interface, once.
 const FULL: &str = r#"
@@ -111,6 +111,9 @@ timeout_s = 0.3
 name = "logger"
 port = "/dev/ttyUSB2"
 baud = 115200
+data_bits = 7
+parity = "even"
+stop_bits = 2
 protocol = "lines"
 "#;
 
@@ -160,6 +163,9 @@ fn every_key_arrives_in_si() {
     assert_eq!(rig.devices[0].protocol, Protocol::Frames);
     assert_eq!(rig.devices[1].protocol, Protocol::ModbusRtu { unit_id: 7, poll_interval_s: 0.5, timeout_s: 0.3 });
     assert_eq!(rig.devices[2].protocol, Protocol::Lines);
+    assert_eq!(rig.devices[2].framing, Framing { data_bits: 7, parity: Parity::Even, stop_bits: 2 });
+    assert_eq!(rig.devices[2].speed(), "115200 baud 7E2");
+    assert!(rig.devices[..2].iter().all(|device| device.framing.to_string() == "8N1"));
 }
 
 /// What a user reads after one change to the full rig file, and the line of the change.
@@ -236,6 +242,12 @@ fn every_fault_is_named_with_its_line() {
         ("accuracy_percent_fs = 0.25", "accuracy_percent_fs = 0", "a percentage above 0"),
         ("scale = 0.030518", "scale = 0", "a number other than 0"),
         ("unit_id = 7", "unit_id = 300", "a whole number from 1 to 247"),
+        ("data_bits = 7", "data_bits = 5", "a whole number from 7 to 8"),
+        ("unit_id = 7", "data_bits = 7", "'data_bits' = 7 is for devices with protocol = \"lines\" only"),
+        ("parity = \"even\"", "parity = \"evn\"", "did you mean \"even\"?"),
+        ("parity = \"even\"", "parity = 2", "parity"),
+        ("stop_bits = 2", "stop_bits = 1.5", "a whole number from 1 to 2"),
+        ("stop_bits = 2", "stopbits = 2", "did you mean 'stop_bits'?"),
         // sensors
         (
             "position_m = 271.0",

@@ -9,7 +9,6 @@ use indicatif::{ProgressBar, ProgressStyle};
 use super::load::{self, Loaded};
 use super::search::Search;
 use super::{CommandResult, Outcome, hold, models, output};
-use crate::diagnose::Diagnosis;
 use crate::fit::calibrate::{FitError, Options, Progress, calibrate};
 use crate::fit::conflict::{at_bounds, conflicts};
 use crate::fit::data::RunData;
@@ -17,7 +16,6 @@ use crate::fit::method::Method;
 use crate::fit::model_file::Entry;
 use crate::fit::outcome::Fit;
 use crate::model::effects::{Chosen, parse_list};
-use crate::model::energy::Energy;
 use crate::report::html::{Page, html};
 use crate::report::{Stage, json, table};
 use crate::rig::Rig;
@@ -206,24 +204,21 @@ pub fn write_report(
     loaded: &[Loaded],
     stages: Vec<Stage>,
 ) -> Result<(), Box<dyn std::error::Error + Send + Sync>> {
-    write_page(path, rig, loaded, stages, &[], None)
+    write_page(path, loaded, Page { stages, ..Page::of(rig) })
 }
 
-/// The same with what a diagnosis knows beside the fits.
+/// The same of a page that knows more than fits; its heading names the recordings.
 ///
 /// # Errors
 /// As [`write_report`].
 pub fn write_page(
     path: &std::path::Path,
-    rig: &Rig,
     loaded: &[Loaded],
-    stages: Vec<Stage>,
-    diagnoses: &[Diagnosis],
-    energy: Option<Energy>,
+    page: Page,
 ) -> Result<(), Box<dyn std::error::Error + Send + Sync>> {
     let files: Vec<&str> = loaded.iter().map(|l| l.file.as_str()).collect();
-    let title = format!("{} on rig {}", files.join(", "), rig.name);
-    let page = html(&Page { title, rig, stages, overlays: Vec::new(), diagnoses, energy });
+    let title = format!("{} on rig {}", files.join(", "), page.rig.name);
+    let page = html(&Page { title, ..page });
     output::check_report(path)?;
     output::write(path, &page)
 }

@@ -229,9 +229,7 @@ impl Example {
             x_label: "time after the start of the closure, s".into(),
             y_label: format!("head at {}, m", self.sensor),
             series: vec![series(0, "base model", |p| p.1), series(1, &format!("with {}", self.label), |p| p.2)],
-            log_x: false,
-            log_y: false,
-            marks: Vec::new(),
+            ..LineChart::default()
         }
     }
 

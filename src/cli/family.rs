@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use super::load::{Loaded, load};
+use super::run_models::RunModels;
 use super::{CommandResult, Outcome, calibrate, output};
 use crate::fit::calibrate::Options;
 use crate::fit::data::RunData;
@@ -46,6 +47,8 @@ pub struct Args {
     /// Write the runs' values and the lines through them as a table; an older one of that name is replaced, no other file.
     #[arg(long, value_name = "CSV")]
     csv: Option<PathBuf>,
+    #[command(flatten)]
+    models: RunModels,
     /// Finest grid that the fits may use.
     #[arg(long, value_name = "REACHES", default_value_t = Options::default().most_reaches, value_parser = super::values::reaches,
           allow_negative_numbers = true)]
@@ -114,6 +117,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         output::check_result(path, CSV_HEADER)?;
     }
     let loaded = loaded(&args)?;
+    let models = args.models.open(&args.recordings, args.rig.as_deref())?;
     let members: Vec<Member> = loaded.iter().map(|l| member(l, !args.temperature_degc.is_empty())).collect();
     let rig = loaded[0].recording.rig.clone();
     let options = Options { most_reaches: args.most_reaches, ..Options::default() };
@@ -137,6 +141,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     } else {
         super::say_text!(text(&fitted));
     }
+    models.save(&fitted.fits, "fitted by itself, in a family over temperature")?;
     if let Some(path) = &args.csv {
         output::check_result(path, CSV_HEADER)?;
         output::write(path, &csv(&fitted))?;

@@ -101,7 +101,7 @@ fn modelled(known: &Predicted) -> Vec<SensorResponse> {
         time_s: &s.time_s,
         measured_m: &s.measured_m,
         model_m: Some(&s.model_m),
-        noise_m: s.noise_m,
+        noise_m: s.white_noise_m,
     });
     traces.filter_map(|t| response(&t, period_s, closing_s)).collect()
 }

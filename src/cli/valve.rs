@@ -151,9 +151,7 @@ fn chart(closure: &ValveClosure) -> LineChart {
         x_label: "time after the start of the closure, s".into(),
         y_label: "opening, relative".into(),
         series,
-        log_x: false,
-        log_y: false,
-        marks: Vec::new(),
+        ..LineChart::default()
     }
 }
 

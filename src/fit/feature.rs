@@ -26,6 +26,8 @@ pub(super) enum Feature {
     LatePhase,
     /// Heights of the extrema of the second half.
     LatePeaks,
+    /// All samples of the first cycles, as many as the problem takes.
+    FirstCycles,
     /// Everything.
     Record,
 }
@@ -40,6 +42,7 @@ impl Feature {
             Feature::EarlyPhase => "phase of the early cycles",
             Feature::LatePhase => "phase of the late cycles",
             Feature::LatePeaks => "heights of the late peaks",
+            Feature::FirstCycles => "first cycles",
             Feature::Record => "whole record",
         }
     }
@@ -153,7 +156,7 @@ impl Problem for Aspect<'_> {
 
     fn residuals(&self, x: &[f64]) -> Result<Vec<f64>, ModelError> {
         let all = self.whole(x);
-        if self.feature == Feature::Record {
+        if matches!(self.feature, Feature::FirstCycles | Feature::Record) {
             return self.problem.residuals(&all);
         }
         let values = self.problem.values(&all);

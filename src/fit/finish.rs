@@ -1,12 +1,14 @@
 //! The end of a fit: the grid is refined until halving its step changes less than the noise does, then all samples enter.
 
+use std::borrow::Cow;
+use std::ops::Range;
 use std::sync::atomic::Ordering;
 
 use super::approach::{Fitter, State};
 use super::band::{curve_sd_m, half_width_m, posterior};
 use super::calibrate::FitError;
 use super::compare::{Pair, mape_percent, rmse};
-use super::errors::{Common, Errors, Linearised};
+use super::errors::{Common, Errors, InTime, Linearised};
 use super::identify::unseen;
 use super::interval::linear;
 use super::least_squares::{Limits, Problem, Solution, Stop, jacobian};
@@ -19,10 +21,13 @@ use crate::model::{Model, ModelError};
 
 /// Reaches from which the grid is refined.
 pub(super) const FINAL_REACHES: usize = 64;
-const MIDDLE: Limits = Limits { iterations: 20, cost_tolerance: 1e-4, step_tolerance: 1e-8, thorough: false };
+const MIDDLE: Limits = Limits { iterations: 20, cost_tolerance: 1e-4, step_tolerance: 1e-8, thorough: true };
 const LATE: Limits = Limits { iterations: usize::MAX, cost_tolerance: 1e-5, step_tolerance: 1e-9, thorough: true };
 /// Fall of the sum of squares, in units of what one sample leaves, that is worth no iteration more: a seventh of a standard error.
 const SETTLED: f64 = 0.02;
+
+/// How often a descent that has given up is begun anew at the most.
+const ANEW: usize = 3;
 
 /// Pull of the grid on a parameter, in standard errors, that sends the fit to a finer one.
 const MOST_PULL: f64 = 2.0;
@@ -39,6 +44,25 @@ struct Pull {
     finer_cost: f64,
     /// The largest of these, in standard errors.
     over_errors: f64,
+}
+
+/// See [`Fitter::sampled`].
+struct Sampled<'a> {
+    /// The same fit with every sample compared.
+    problem: Calibration<'a>,
+    /// Its Jacobian's columns.
+    columns: Vec<Vec<f64>>,
+    /// The columns over frequencies, seen from the samples.
+    seen: Vec<Vec<f64>>,
+    /// Residuals of the samples, and where each record's are.
+    residuals: Vec<f64>,
+    records: Vec<Range<usize>>,
+}
+
+impl Sampled<'_> {
+    fn in_time(&self) -> InTime<'_> {
+        InTime { columns: &self.seen, residuals: &self.residuals, records: &self.records }
+    }
 }
 
 impl Fitter<'_> {
@@ -101,7 +125,18 @@ impl Fitter<'_> {
         let problem = self.problem(model, self.whole(fine));
         problem.know(&model.constraints)?;
         let limits = Limits { cost_tolerance: SETTLED / problem.samples().max(1) as f64, ..self.patient(LATE) };
-        let solution = self.minimise(&problem, &values, limits, "all samples")?;
+        let mut solution = self.minimise(&problem, &values, limits, "all samples")?;
+        // A descent may give up in a bent valley, though more is promised: begun anew it often goes on.
+        for _ in 0..ANEW {
+            if solution.stop != Stop::CostSettled || self.promised(&problem, &solution)? <= AT_OPTIMUM {
+                break;
+            }
+            let again = self.minimise(&problem, &problem.values(&solution.x), limits, "all samples, anew")?;
+            if again.cost >= solution.cost {
+                break;
+            }
+            solution = again;
+        }
         self.outcome(&problem, &solution, &pull)
     }
 
@@ -121,12 +156,37 @@ impl Fitter<'_> {
         Ok(if fit.converged { Fit { stopped_because: over, ..fit } } else { fit })
     }
 
+    /// The Jacobian's columns at a solution: those of its last step where that no longer mattered.
+    fn slopes<'a>(&self, problem: &Calibration, solution: &'a Solution) -> Result<Cow<'a, [Vec<f64>]>, ModelError> {
+        if solution.stop.converged() {
+            return Ok(Cow::Borrowed(&solution.columns));
+        }
+        let columns = jacobian(problem, &solution.x, &solution.residuals)?;
+        self.count(columns.len());
+        Ok(Cow::Owned(columns))
+    }
+
+    /// Fall of the sum of squares that a step of a descent promises at a solution, in units of what one sample leaves.
+    fn promised(&self, problem: &Calibration, solution: &Solution) -> Result<f64, ModelError> {
+        let of_one = (2.0 * solution.cost / problem.samples().max(1) as f64).max(f64::MIN_POSITIVE);
+        let promise =
+            |columns: &[Vec<f64>]| promised_fall(columns, &solution.residuals, &solution.x, problem.bounds()) / of_one;
+        let columns = self.slopes(problem, solution)?;
+        let promised = promise(&columns);
+        if promised <= AT_OPTIMUM || matches!(columns, Cow::Owned(_)) {
+            return Ok(promised);
+        }
+        // The last step mattered, after all.
+        self.count(columns.len());
+        Ok(promise(&jacobian(problem, &solution.x, &solution.residuals)?))
+    }
+
     /// What a finer grid would change: at the samples, and by one Gauss-Newton step in the parameters.
     fn grid_pull(&self, problem: &Calibration, solution: &Solution, fine: usize) -> Result<Pull, ModelError> {
         let finer = self.problem(problem.model, Window { reaches: fine, ..problem.window() });
         let residuals = finer.residuals(&solution.x)?;
-        let columns = jacobian(problem, &solution.x, &solution.residuals)?;
-        self.count(columns.len() + 1);
+        let columns = self.slopes(problem, solution)?;
+        self.count(1);
         let errors = errors_of(problem, solution, &columns, &[]);
         let change: Vec<f64> = residuals.iter().zip(&solution.residuals).map(|(f, c)| f - c).collect();
         let shifts = gauss_newton_step(&columns, &change, &solution.at_bound);
@@ -144,33 +204,47 @@ impl Fitter<'_> {
         Ok(Pull { error_over_noise, error_m, shifts, finer_cost, over_errors })
     }
 
+    /// A fit of frequencies seen from the samples, whose noise is stationary.
+    fn sampled<'a>(
+        &'a self,
+        problem: &Calibration<'a>,
+        solution: &Solution,
+        columns: &[Vec<f64>],
+    ) -> Result<Sampled<'a>, ModelError> {
+        let in_time = Calibration::new(problem.model, self.runs, problem.window());
+        let residuals = in_time.residuals(&solution.x)?;
+        let own = jacobian(&in_time, &solution.x, &residuals)?;
+        self.count(own.len() + 1);
+        let records = in_time.records().into_iter().map(|(_, _, range)| range).collect();
+        Ok(Sampled { problem: in_time, columns: own, seen: problem.seen_in_time(columns), residuals, records })
+    }
+
     fn outcome(&self, problem: &Calibration, solution: &Solution, pull: &Pull) -> Result<Fit, FitError> {
         let values = problem.values(&solution.x);
         let start_values: Vec<f64> = problem.parameters.iter().map(|p| p.start).collect();
-        let columns = jacobian(problem, &solution.x, &solution.residuals)?;
-        self.count(columns.len());
+        let columns = self.slopes(problem, solution)?;
         // A quarter of the pull is left on the last grid; half of it allows for schemes of first order.
         let left: Vec<f64> = pull.shifts.iter().map(|s| 0.5 * s).collect();
         let records: Vec<_> = problem.records().into_iter().map(|(_, _, range)| range).collect();
         let common: Vec<_> = problem.gain_errors().into_values().collect();
+        let covariance = posterior(&columns, &solution.at_bound);
+        let sampled = match self.options.misfit {
+            Misfit::Time => None,
+            Misfit::Frequency => Some(self.sampled(problem, solution, &columns)?),
+        };
+        let bands = match &sampled {
+            None => curve_sd_m(problem, &columns, &covariance),
+            Some(sampled) => curve_sd_m(&sampled.problem, &sampled.columns, &covariance),
+        };
         let linearised = Linearised {
             columns: &columns,
             residuals: &solution.residuals,
             records: &records,
             common: &common,
             at_bound: &solution.at_bound,
+            in_time: sampled.as_ref().map(Sampled::in_time),
         };
         let errors = Errors::of(linearised).and(&left);
-        let covariance = posterior(&columns, &solution.at_bound);
-        let bands = match self.options.misfit {
-            Misfit::Time => curve_sd_m(problem, &columns, &covariance),
-            Misfit::Frequency => {
-                let in_time = Calibration::new(problem.model, self.runs, problem.window());
-                let columns = jacobian(&in_time, &solution.x, &in_time.residuals(&solution.x)?)?;
-                self.count(columns.len() + 1);
-                curve_sd_m(&in_time, &columns, &covariance)
-            }
-        };
         let model = problem.model;
         // What is held keeps the bounds that it will have when it is let go.
         let unheld = Model::new(self.rig, self.water, &model.effects);
@@ -206,8 +280,7 @@ impl Fitter<'_> {
             .map(|r| self.run_fit(problem, r, &values, &start_values, period_s, &bands[r]))
             .collect::<Result<_, _>>()?;
         // Where every step has been tried it is one, whatever is promised: residuals may have corners. Of any other end it is measured.
-        let left = (2.0 * solution.cost / problem.samples().max(1) as f64).max(f64::MIN_POSITIVE);
-        let promised = promised_fall(&columns, &solution.residuals, &solution.x, problem.bounds()) / left;
+        let promised = self.promised(problem, solution)?;
         let tried = !matches!(solution.stop, Stop::CostSettled | Stop::IterationsSpent);
         let converged = tried || promised <= AT_OPTIMUM;
         let stopped_because = match (converged, solution.stop.describe()) {
@@ -264,7 +337,8 @@ impl Fitter<'_> {
                 name: sensor.sensor.name.clone(),
                 position_m: sensor.sensor.position_m,
                 band_m: half_width_m(problem, r, s, &curve_sd_m[s], from),
-                noise_m: sensor.noise_m,
+                noise_m: sensor.total_noise_m,
+                white_noise_m: sensor.noise_m,
                 rmse_m: rmse(&measured_m, &model_m),
                 start_rmse_m: rmse(&measured_m, &before),
                 extrema,
@@ -292,5 +366,5 @@ impl Fitter<'_> {
 pub(super) fn errors_of(problem: &Calibration, solution: &Solution, columns: &[Vec<f64>], common: &[Common]) -> Errors {
     let records: Vec<_> = problem.records().into_iter().map(|(_, _, range)| range).collect();
     let (residuals, at_bound) = (&solution.residuals, &solution.at_bound);
-    Errors::of(Linearised { columns, residuals, records: &records, common, at_bound })
+    Errors::of(Linearised { columns, residuals, records: &records, common, at_bound, in_time: None })
 }

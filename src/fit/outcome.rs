@@ -58,8 +58,10 @@ pub struct SensorFit {
     pub model_m: Vec<f64>,
     /// Half the width of the band around the model that holds a sample with 95% probability, m; empty where it is not known.
     pub band_m: Vec<f64>,
-    /// Standard deviation of the sensor's noise, m.
+    /// Standard deviation of all that disturbs the sensor while nothing happens, m.
     pub noise_m: f64,
+    /// The same of its white part: what a sample's weight in the fit is, m.
+    pub white_noise_m: f64,
     /// Root mean square of measured − model over all samples, m.
     pub rmse_m: f64,
     /// The same with the parameters that the fit started from, m.

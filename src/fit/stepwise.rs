@@ -6,7 +6,7 @@
 //! and is as a descent of least squares from there.
 //!
 //! A person can follow it, stop it, change a value and go on. Who goes on starts from the values as they are: a feature that has been used is not
-//! used again, so that it does not put back what has been changed.
+//! used again, so that it does not put back what has been changed. Changed values may be out of phase in the late cycles, so the first ones go first.
 
 use std::sync::atomic::Ordering;
 
@@ -25,6 +25,8 @@ const LIMITS: Limits = Limits { iterations: 12, cost_tolerance: 1e-3, step_toler
 /// Most rounds over the features, and over the whole record on each grid.
 const FEATURE_ROUNDS: usize = 6;
 const ROUNDS: usize = 40;
+/// First cycles that a calibration looks at where it goes on from values as they are, in periods: as a fit that locks its phase does.
+const FIRST_CYCLES: [f64; 2] = [1.5, 5.0];
 /// Relative fall of the sum of squares below which another round is not worth it, over the features and over the record.
 const GAINED: f64 = 0.1;
 const SETTLED: f64 = 0.003;
@@ -107,8 +109,8 @@ impl Groups {
         steps(problem, plan)
     }
 
-    /// A round over the whole record.
-    fn by_record(&self, problem: &Calibration) -> Vec<Step> {
+    /// A round over all samples of the record, or of its first cycles.
+    fn in_turn(&self, problem: &Calibration, seen: Feature) -> Vec<Step> {
         // An element quicker than the closure is not to be told from a softer pipe: the creep takes the wave speed with it.
         let creep = match self.compliances.is_empty() {
             true => vec![],
@@ -117,11 +119,11 @@ impl Groups {
         let closure = [&self.closure[..], &self.velocities].concat();
         let levels = [&self.levels[..], &self.friction].concat();
         let plan = [
-            (self.wave_speeds.clone(), Feature::Record, "in turn: the wave speed"),
-            (creep, Feature::Record, "in turn: the creep; quick creep and wave speed stand in for each other"),
-            (closure, Feature::Record, "in turn: the valve"),
-            (levels, Feature::Record, "in turn: levels, and the friction near that of the pipe"),
-            (self.others.clone(), Feature::Record, "what else the model has"),
+            (self.wave_speeds.clone(), seen, "in turn: the wave speed"),
+            (creep, seen, "in turn: the creep; quick creep and wave speed stand in for each other"),
+            (closure, seen, "in turn: the valve"),
+            (levels, seen, "in turn: levels, and the friction near that of the pipe"),
+            (self.others.clone(), seen, "what else the model has"),
         ];
         steps(problem, plan)
     }
@@ -219,8 +221,7 @@ impl Walk<'_> {
     ) -> Result<(), ModelError> {
         self.fitter.count(1);
         let after = cost(problem, moved).unwrap_or(f64::INFINITY);
-        let worse = std::env::var("X_WORSE").map_or(1.0, |v| v.parse().unwrap());
-        let kept = after <= before * if step.feature == Feature::Record { 1.0 } else { worse };
+        let kept = after <= before;
         let values = problem.values(moved);
         let over_noise = |cost: f64| (2.0 * cost / problem.samples().max(1) as f64).sqrt();
         self.taken.push(StepTaken {
@@ -287,12 +288,11 @@ impl Fitter<'_> {
         if let Some(left) = &self.options.features_left {
             by_features.retain(|step| left.iter().any(|name| name == step.feature.name()));
         }
-        let feature_rounds = if self.options.features_left.is_some() { 1 } else { FEATURE_ROUNDS };
+        let goes_on = self.options.features_left.is_some();
         let values = coarse.values(&coarse.start());
         let (mut lower, mut upper) = (coarse.bounds().0.to_vec(), coarse.bounds().1.to_vec());
-        if std::env::var("X_SEEN").is_ok() {
-            keep_seen(&mut lower, &mut upper, &groups, model.period_s(&values[..model.shared.len()]));
-        }
+        let period_s = model.period_s(&values[..model.shared.len()]);
+        keep_seen(&mut lower, &mut upper, &groups, period_s);
         let mut walk = Walk { fitter: self, values, taken: Vec::new(), bounds: (lower, upper) };
         let mut round = 0;
         let mut rounds = |walk: &mut Walk, problem: &Calibration, plan: &[Step], most: usize, worth: f64, on: bool| {
@@ -310,12 +310,16 @@ impl Fitter<'_> {
             Ok::<(), ModelError>(())
         };
         if !by_features.is_empty() {
-            rounds(&mut walk, &coarse, &by_features, feature_rounds, GAINED, false)?;
+            rounds(&mut walk, &coarse, &by_features, if goes_on { 1 } else { FEATURE_ROUNDS }, GAINED, false)?;
         }
-        rounds(&mut walk, &coarse, &groups.by_record(&coarse), ROUNDS, SETTLED, true)?;
+        for periods in FIRST_CYCLES.into_iter().filter(|_| goes_on) {
+            let first = Calibration::new(model, self.runs, self.window(FIRST_REACHES, periods * period_s));
+            rounds(&mut walk, &first, &groups.in_turn(&first, Feature::FirstCycles), FEATURE_ROUNDS, GAINED, false)?;
+        }
+        rounds(&mut walk, &coarse, &groups.in_turn(&coarse, Feature::Record), ROUNDS, SETTLED, true)?;
         let reaches = model.fitting_reaches(&walk.values[..model.shared.len()], 2 * FINAL_REACHES);
         let fine = Calibration::new(model, self.runs, self.window(reaches, f64::INFINITY));
-        rounds(&mut walk, &fine, &groups.by_record(&fine), ROUNDS, SETTLED, true)?;
+        rounds(&mut walk, &fine, &groups.in_turn(&fine, Feature::Record), ROUNDS, SETTLED, true)?;
         let cost = walk.cost(&coarse)?;
         let mut features_left: Vec<&str> = by_features.iter().map(|step| step.feature.name()).collect();
         features_left

@@ -10,18 +10,20 @@ enum Part {
     Text,
     /// A length in bytes, and pairs of texts.
     Map,
+    /// A length in bytes, and entries of so many each: the library reads the last to its end, wherever the length says that they end.
+    Entries(usize),
 }
 
 /// Does every text of a record lie in its body?
 pub fn texts_fit(opcode: u8, body: &[u8]) -> bool {
-    use Part::{Map, Skip, Text};
+    use Part::{Entries, Map, Skip, Text};
     let parts: &[Part] = match opcode {
         op::HEADER => &[Text, Text],
         op::SCHEMA => &[Skip(2), Text, Text, Text],
         op::CHANNEL => &[Skip(4), Text, Text, Map],
         op::ATTACHMENT => &[Skip(16), Text, Text],
         op::METADATA => &[Text, Map],
-        op::CHUNK_INDEX => &[Skip(32), Text, Skip(8), Text],
+        op::CHUNK_INDEX => &[Skip(32), Entries(10), Skip(8), Text],
         op::ATTACHMENT_INDEX => &[Skip(40), Text, Text],
         op::METADATA_INDEX => &[Skip(16), Text],
         _ => &[],
@@ -34,6 +36,10 @@ fn fit(parts: &[Part], mut body: &[u8]) -> Option<()> {
         match part {
             Part::Skip(count) => body = body.get(*count..)?,
             Part::Text => body = text(body)?.1,
+            Part::Entries(size) => {
+                let (entries, rest) = text(body)?;
+                body = entries.len().is_multiple_of(*size).then_some(rest)?;
+            }
             Part::Map => {
                 let (mut entries, rest) = text(body)?;
                 while !entries.is_empty() {
@@ -65,6 +71,12 @@ mod tests {
             damaged[place + 3] = 0x75;
             assert!(!texts_fit(op::CHANNEL, &damaged), "{place}");
         }
+        let mut index = vec![0; 32];
+        index.extend(b"\x14\0\0\0\x01\0offset:1\x02\0offset:2length:8\x04\0\0\0zstdcompressplain...");
+        assert!(texts_fit(op::CHUNK_INDEX, &index));
+        index[32] = 0x13;
+        index.remove(36);
+        assert!(!texts_fit(op::CHUNK_INDEX, &index), "half an entry shifts what comes behind");
         assert!(texts_fit(op::HEADER, b"\0\0\0\0\0\0\0\0") && !texts_fit(op::HEADER, b"\0\0suan bytes"));
         assert!(texts_fit(op::MESSAGE, b"") && !texts_fit(op::METADATA, b""));
     }

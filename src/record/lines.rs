@@ -60,7 +60,10 @@ pub struct Decoder {
     steps: std::collections::VecDeque<u64>,
     /// Jumps of about one length that came one after the other.
     jumps: Vec<u64>,
+    /// Bad lines came since the last that parsed.
     hole: bool,
+    /// Bad lines came before the stale ones, since the last line taken.
+    hole_before_stale: bool,
     /// A line whose time jumps, until the next one confirms it.
     doubtful: Option<Line>,
     stale: Vec<Line>,
@@ -140,14 +143,16 @@ impl Decoder {
             self.bad();
             return;
         }
-        let line = Line { time_us, values, hole_before: false, began_ns: self.began_ns };
+        let hole_before = std::mem::take(&mut self.hole);
+        let mut line = Line { time_us, values, hole_before, began_ns: self.began_ns };
         if let Some(doubtful) = self.doubtful.take() {
             // The line after a jump goes on either from the jump or from before it.
             if line.time_us > doubtful.time_us && self.goes_on(&doubtful, &line) {
                 self.learn(doubtful.time_us, line.time_us);
                 self.take(Line { hole_before: true, ..doubtful }, events);
             } else {
-                self.bad();
+                self.counts.bad += 1;
+                line.hole_before = true;
             }
         }
         match self.last_us {
@@ -184,7 +189,7 @@ impl Decoder {
     }
 
     fn take(&mut self, mut line: Line, events: &mut Vec<Event>) {
-        line.hole_before |= std::mem::take(&mut self.hole);
+        line.hole_before |= std::mem::take(&mut self.hole_before_stale);
         if let Some(last_us) = self.last_us
             && !line.hole_before
         {
@@ -201,6 +206,7 @@ impl Decoder {
 
     fn stale(&mut self, line: Line, events: &mut Vec<Event>) {
         self.counts.stale += 1;
+        self.hole_before_stale |= line.hole_before;
         if self.stale.last().is_none_or(|last| last.time_us >= line.time_us) {
             self.stale.clear();
         }
@@ -208,7 +214,7 @@ impl Decoder {
         if self.stale.len() == RESTART_LINES {
             events.push(Event::Restarted);
             self.last_us = None;
-            self.hole = false;
+            self.hole_before_stale = false;
             self.steps.clear();
             self.counts.stale -= RESTART_LINES as u64;
             for line in std::mem::take(&mut self.stale) {
@@ -284,6 +290,17 @@ mod tests {
         let events = decode(&mut decoder, "\n0,1\n10,1\n20,1\n30,1\n40,1\n60,1\n80,1\n100,1\n120,1\n");
         assert_eq!(times(&events[4..]), [(40, false), (60, true), (80, true), (100, true), (120, false)]);
         assert_eq!(decoder.counts().bad, 0);
+    }
+
+    #[test]
+    fn a_bad_line_behind_a_jump_or_in_a_restart_is_a_hole_where_it_was() {
+        let mut decoder = Decoder::new();
+        let events = decode(&mut decoder, "\n0,1\n10,1\n20,1\n30,1\n70,1\nbad\n90,1\n100,1\n");
+        assert_eq!(times(&events[4..]), [(70, true), (90, true), (100, false)]);
+        let events = decode(&mut decoder, "bad\n0,1\n10,1\nbad\n20,1\n30,1\n");
+        assert_eq!(times(&events[1..]), [(0, true), (10, false), (20, true), (30, false)]);
+        let events = decode(&mut decoder, "bad\n25,1\n40,1\n50,1\n");
+        assert_eq!(times(&events), [(40, true), (50, false)]);
     }
 
     #[test]

@@ -9,9 +9,13 @@ use crc::{CRC_16_MODBUS, Crc};
 const CRC: Crc<u16> = Crc::<u16>::new(&CRC_16_MODBUS);
 const READ_HOLDING: u8 = 3;
 const READ_INPUT: u8 = 4;
-const DIAGNOSTICS: u8 = 8;
+/// Function of an echo.
+pub(super) const DIAGNOSTICS: u8 = 8;
 /// Set in the function of an answer that refuses.
 const REFUSED: u8 = 0x80;
+const REFUSED_HOLDING: u8 = REFUSED | READ_HOLDING;
+const REFUSED_INPUT: u8 = REFUSED | READ_INPUT;
+const REFUSED_DIAGNOSTICS: u8 = REFUSED | DIAGNOSTICS;
 
 /// What is asked of a slave.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -36,6 +40,11 @@ impl Request {
             Request::Read { input: false, .. } => READ_HOLDING,
             Request::Echo(_) => DIAGNOSTICS,
         }
+    }
+
+    /// The slave's no, with an exception code.
+    pub fn refused(&self, code: u8) -> Answer {
+        Answer::Refused { function: self.function(), code }
     }
 
     /// The bytes on the wire.
@@ -78,8 +87,8 @@ pub enum Answer {
     Echo(u16),
     /// No, with the exception's code.
     Refused {
-        /// Whether it was an echo that was refused, not a read.
-        echo: bool,
+        /// The function refused: 3, 4 or 8.
+        function: u8,
         /// Modbus exception code.
         code: u8,
     },
@@ -99,9 +108,7 @@ impl Answer {
                 let [high, low] = number.to_be_bytes();
                 vec![unit, DIAGNOSTICS, 0, 0, high, low]
             }
-            Answer::Refused { echo, code } => {
-                vec![unit, REFUSED | if *echo { DIAGNOSTICS } else { READ_INPUT }, *code]
-            }
+            Answer::Refused { function, code } => vec![unit, REFUSED | function, *code],
         };
         sealed(bytes)
     }
@@ -114,7 +121,7 @@ impl Answer {
                 input == asked && words.len() == usize::from(*count)
             }
             (Answer::Echo(number), Request::Echo(asked)) => number == asked,
-            (Answer::Refused { echo, .. }, request) => *echo == matches!(request, Request::Echo(_)),
+            (Answer::Refused { function, .. }, request) => *function == request.function(),
             _ => false,
         }
     }
@@ -141,7 +148,7 @@ pub fn parse(unit: u8, bytes: &[u8]) -> Parsed {
         (READ_HOLDING | READ_INPUT, None) => return Parsed::Incomplete,
         (READ_HOLDING | READ_INPUT, Some(&data)) if data > 0 && data % 2 == 0 => 5 + usize::from(data),
         (DIAGNOSTICS, _) => 8,
-        (refused, _) if refused & REFUSED != 0 => 5,
+        (REFUSED_HOLDING | REFUSED_INPUT | REFUSED_DIAGNOSTICS, _) => 5,
         _ => return Parsed::Bad,
     };
     let Some(frame) = bytes.get(..length) else { return Parsed::Incomplete };
@@ -152,7 +159,7 @@ pub fn parse(unit: u8, bytes: &[u8]) -> Parsed {
         }
         (DIAGNOSTICS, &[_, _, 0, 0, high, low]) => Some(Answer::Echo(u16::from_be_bytes([high, low]))),
         (DIAGNOSTICS, _) => None,
-        (_, &[_, refused, code]) => Some(Answer::Refused { echo: refused == REFUSED | DIAGNOSTICS, code }),
+        (_, &[_, refused, code]) => Some(Answer::Refused { function: refused & !REFUSED, code }),
         _ => None,
     });
     answer.map_or(Parsed::Bad, |answer| Parsed::Whole(answer, length))
@@ -202,12 +209,26 @@ mod tests {
         assert!(!answer.fits(&Request::Echo(3)));
     }
 
+    /// A slave that refuses function 4, or one that nobody asked for, has not refused function 3.
+    #[test]
+    fn a_refusal_is_of_the_function_asked_for() {
+        let refused = |function: u8| parse(0x11, &sealed(vec![0x11, REFUSED | function, 2]));
+        for function in [READ_HOLDING, READ_INPUT, DIAGNOSTICS] {
+            let Parsed::Whole(answer, 5) = refused(function) else { panic!("function {function}") };
+            assert_eq!(answer.fits(&READ), function == READ_HOLDING);
+            assert_eq!(answer.fits(&Request::Echo(2)), function == DIAGNOSTICS);
+        }
+        assert_eq!(READ.refused(2).encode(0x11), [0x11, 0x83, 0x02, 0xC1, 0x34]);
+        assert_eq!(refused(6), Parsed::Bad);
+    }
+
     fn any_answer() -> impl Strategy<Value = Answer> {
         prop_oneof![
             (any::<bool>(), prop::collection::vec(any::<u16>(), 1..125))
                 .prop_map(|(input, words)| Answer::Registers { input, words }),
             any::<u16>().prop_map(Answer::Echo),
-            (any::<bool>(), any::<u8>()).prop_map(|(echo, code)| Answer::Refused { echo, code }),
+            (prop_oneof![Just(3u8), Just(4), Just(8)], any::<u8>())
+                .prop_map(|(function, code)| Answer::Refused { function, code }),
         ]
     }
 

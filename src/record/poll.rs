@@ -9,7 +9,7 @@
 use std::io;
 use std::time::{Duration, Instant};
 
-use super::modbus::{Answer, Parsed, Request, parse};
+use super::modbus::{Answer, DIAGNOSTICS, Parsed, Request, parse};
 use super::registers::Group;
 
 /// A line without bytes for so long is silent: longer than the 16 ms that USB adapters hold bytes back.
@@ -187,7 +187,7 @@ impl<L: Line> Poller<L> {
 
     /// An echo that is still owed comes back, or its refusal: no answer to a read.
     fn is_old_echo(&mut self, answer: &Answer) -> bool {
-        let old = matches!(answer, Answer::Echo(_) | Answer::Refused { echo: true, .. });
+        let old = matches!(answer, Answer::Echo(_) | Answer::Refused { function: DIAGNOSTICS, .. });
         self.owed_echoes = self.owed_echoes.saturating_sub(u32::from(old));
         self.knows_echoes |= old;
         old
@@ -241,10 +241,12 @@ impl<L: Line> Poller<L> {
                 Parsed::Whole(answer, length) => {
                     bytes.drain(..length);
                     let old_echo = self.is_old_echo(&answer);
-                    self.refusals += u32::from(matches!(answer, Answer::Refused { echo: true, .. }));
+                    self.refusals += u32::from(matches!(answer, Answer::Refused { function: DIAGNOSTICS, .. }));
                     match answer {
                         Answer::Echo(number) if self.echoes.contains(&number) => return true,
-                        Answer::Refused { echo: true, .. } if self.refusals > self.owed_before => return true,
+                        Answer::Refused { function: DIAGNOSTICS, .. } if self.refusals > self.owed_before => {
+                            return true;
+                        }
                         _ => self.counts.late += u64::from(!old_echo),
                     }
                 }

@@ -28,7 +28,7 @@ impl Slave {
                         Answer::Registers { input, words: (start..start + count).collect() }
                     }
                     Request::Echo(number) if echoes => Answer::Echo(number),
-                    Request::Echo(_) => Answer::Refused { echo: true, code: 1 },
+                    Request::Echo(_) => request.refused(1),
                 };
                 let (delay, bytes) = reply(honest.encode(UNIT));
                 std::thread::sleep(delay);

@@ -234,9 +234,15 @@ pub fn headline(history: &History) -> String {
     let model = if history.effects.is_empty() { "base model".to_owned() } else { history.effects.join(" + ") };
     let runs = format!("{all} run{} ({done} done, {failed} failed)", if all == 1 { "" } else { "s" });
     match &history.in_force {
-        Some(a) => format!("{runs}; model {model}, accepted from {} ({}, {})", a.file, a.how, a.when),
+        Some(a) => format!("{runs}; model {model}, accepted from {} ({}, {})", a.file, a.how, minute(&a.when)),
         None => format!("{runs}; model {model}, none accepted yet"),
     }
+}
+
+/// A time of the index to the minute, as people write it; as it stands there where it is none.
+fn minute(when: &str) -> String {
+    let time = chrono::DateTime::parse_from_rfc3339(when);
+    time.map_or_else(|_| when.to_owned(), |t| t.to_utc().format("%Y-%m-%d %H:%M UTC").to_string())
 }
 
 /// Headings of the table of runs.

@@ -29,6 +29,10 @@ pub struct LineChart {
     pub log_x: bool,
     /// Logarithmic y axis; values that are not positive are left out.
     pub log_y: bool,
+    /// Only whole numbers stand along x: it counts something.
+    pub whole_x: bool,
+    /// Room left and right, where points would stand on the frame; a line runs from edge to edge without it.
+    pub room_x: bool,
     /// Places along x that are marked by an upright line with a short word at its top; only those within the curves' range are.
     pub marks: Vec<(f64, String)>,
 }
@@ -94,12 +98,19 @@ impl Style {
 }
 
 /// Room around the plotting area, px.
-const LEFT: f64 = 68.0;
+const LEFT: f64 = 74.0;
 const RIGHT: f64 = 14.0;
 const BOTTOM: f64 = 44.0;
 const LINE: f64 = 18.0;
+/// More points than these are drawn smaller.
+const MANY_POINTS: usize = 60;
 
 impl LineChart {
+    /// The chart for a page that gives its title itself.
+    pub fn untitled(self) -> Self {
+        Self { title: String::new(), ..self }
+    }
+
     /// The chart as an SVG element of `width` × `height` px that scales with the room it is given.
     pub fn to_svg(&self, width: f64, height: f64) -> String {
         let mut out = String::new();
@@ -150,7 +161,18 @@ impl LineChart {
         }
         let y = if self.log_y { log_range(y) } else { padded(y) };
         Some((
-            Scale::new(if self.log_x { log_range(x) } else { wide(x) }, area.left, area.right, self.log_x),
+            Scale::new(
+                if self.log_x {
+                    log_range(x)
+                } else if self.room_x {
+                    padded(x)
+                } else {
+                    wide(x)
+                },
+                area.left,
+                area.right,
+                self.log_x,
+            ),
             Scale::new(y, area.bottom, area.top, self.log_y),
         ))
     }
@@ -169,7 +191,7 @@ impl LineChart {
             if s.points {
                 let _ = write!(
                     out,
-                    r#"<circle class="{}" cx="{}" cy="{y}" r="2.5" fill="{}"/>"#,
+                    r#"<circle class="{}" cx="{}" cy="{y}" r="3" fill="{}"/>"#,
                     s.class,
                     x + 11.0,
                     s.colour
@@ -189,7 +211,10 @@ impl LineChart {
     fn axes(&self, out: &mut String, area: Area, x: &Scale, y: &Scale) {
         let Area { left, top, right, bottom } = area;
         out.push_str(r##"<g class="grid" stroke="#ddd" stroke-width="1" fill="none"><path d=""##);
-        let (xs, ys) = (x.ticks(((right - left) / 65.0) as usize), y.ticks(((bottom - top) / 30.0) as usize));
+        let (mut xs, ys) = (x.ticks(((right - left) / 65.0) as usize), y.ticks(((bottom - top) / 30.0) as usize));
+        if self.whole_x {
+            xs = xs.whole();
+        }
         for t in &xs.at {
             let _ = write!(out, "M{:.1} {top:.1}V{bottom:.1}", x.px(*t));
         }
@@ -222,7 +247,7 @@ impl LineChart {
         let (mid_x, mid_y) = ((left + right) / 2.0, (top + bottom) / 2.0);
         let _ = write!(
             out,
-            r#"<text x="{mid_x:.1}" y="{:.1}" text-anchor="middle">{}</text><text transform="translate(12 {mid_y:.1}) rotate(-90)" text-anchor="middle">{}</text></g>"#,
+            r#"<text x="{mid_x:.1}" y="{:.1}" text-anchor="middle">{}</text><text transform="translate(11 {mid_y:.1}) rotate(-90)" text-anchor="middle">{}</text></g>"#,
             bottom + 35.0,
             escape(&self.x_label),
             escape(&self.y_label)
@@ -249,9 +274,10 @@ impl LineChart {
     fn curve(&self, out: &mut String, series: &Series, x: &Scale, y: &Scale) {
         let s = series.style;
         if s.points {
+            let radius = if series.points.len() > MANY_POINTS { 2 } else { 3 };
             let _ = write!(out, r#"<g class="{} points" fill="{}">"#, s.class, s.colour);
             for p in series.points.iter().filter(|p| self.shown(p)) {
-                let _ = write!(out, r#"<circle cx="{:.1}" cy="{:.1}" r="2"/>"#, x.px(p.0), y.px(p.1));
+                let _ = write!(out, r#"<circle cx="{:.1}" cy="{:.1}" r="{radius}"/>"#, x.px(p.0), y.px(p.1));
             }
             out.push_str("</g>");
             return;

@@ -4,6 +4,7 @@ use crate::fit::compare::mape_percent;
 use crate::fit::outcome::{ExtremumError, Fit, RunFit, SensorFit};
 use crate::report::curves::find;
 use crate::report::number::{decimals_for, duration, error_m, fixed, interval, signed, significant, times, with_error};
+use crate::report::steps::steps;
 use crate::report::{Stage, summary};
 
 /// Everything `calibrate` prints: verdict, errors, parameters, extrema, and why the fit stopped.
@@ -15,7 +16,7 @@ pub fn calibration(stages: &[Stage]) -> String {
             parameters(last.fit),
             unseen(last.fit),
             extrema(last.fit),
-            steps(last.fit),
+            steps(&last.fit.steps),
             stop(last.fit),
         ]);
     }
@@ -147,65 +148,6 @@ fn cells(extremum: Option<&ExtremumError>, decimals: usize) -> [String; 3] {
     })
 }
 
-/// The steps of a stepwise calibration, one line each; nothing for any other.
-pub fn steps(fit: &Fit) -> String {
-    if fit.steps.is_empty() {
-        return String::new();
-    }
-    let mut table = Table::new(&["<step", "<round", "from the", "moved to", "<error/noise", "<after", ""]);
-    let mut reasons: Vec<String> = Vec::new();
-    for (i, step) in fit.steps.iter().enumerate() {
-        // Offsets are many and tell little.
-        let moved = step.parameters.iter().filter(|(name, _)| !name.starts_with("offset"));
-        let mut moved = in_lines(moved.map(|(name, value)| format!("{name} {}", significant(*value, 5))), MOVED_WIDTH);
-        if moved.len() > MOVED_LINES {
-            moved.truncate(MOVED_LINES);
-            moved[MOVED_LINES - 1] += " …";
-        }
-        for (line, moved) in moved.into_iter().enumerate() {
-            let first = |text: String| if line == 0 { text } else { String::new() };
-            table.row([
-                first((i + 1).to_string()),
-                first(step.round.to_string()),
-                first(step.feature.into()),
-                moved,
-                first(significant(step.before_over_noise, 4)),
-                first(significant(step.after_over_noise, 4)),
-                first(if step.kept { "" } else { "taken back" }.into()),
-            ]);
-        }
-        let names: Vec<&str> = step.parameters.iter().map(|(name, _)| name.as_str()).collect();
-        let first = names.first().copied().unwrap_or_default();
-        let reason = format!("{first}{}: {}", if names.len() > 1 { ", …" } else { "" }, step.why);
-        if !reasons.contains(&reason) {
-            reasons.push(reason);
-        }
-    }
-    format!("{table}\nWhy:\n  {}\n", reasons.join("\n  "))
-}
-
-/// Widest that the values which a step has moved stand in one line.
-const MOVED_WIDTH: usize = 44;
-/// Most such lines of a step; all values are in the document of --json.
-const MOVED_LINES: usize = 2;
-
-/// Items with commas between, as many in a line as its width has room for, at least one line.
-fn in_lines(items: impl Iterator<Item = String>, width: usize) -> Vec<String> {
-    let mut lines = vec![String::new()];
-    for item in items {
-        let last = lines.len() - 1;
-        if lines[last].is_empty() {
-            lines[last] = item;
-        } else if lines[last].chars().count() + item.chars().count() + 3 <= width {
-            lines[last] += &format!(", {item}");
-        } else {
-            lines[last].push(',');
-            lines.push(item);
-        }
-    }
-    lines
-}
-
 /// Effort and reason of the stop, one line.
 pub fn stop(fit: &Fit) -> String {
     let effects = if fit.effects.is_empty() { "base model".into() } else { fit.labels().join(", ") };
@@ -280,7 +222,7 @@ impl std::fmt::Display for Table {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fit::outcome::{FittedParameter, SensorFit, StepTaken};
+    use crate::fit::outcome::{FittedParameter, SensorFit};
     use crate::model::effects::parse_list;
 
     fn fit(rmse_m: f64) -> Fit {
@@ -307,6 +249,7 @@ mod tests {
                     model_m: vec![0.0; 4],
                     band_m: Vec::new(),
                     noise_m: 0.03,
+                    white_noise_m: 0.03,
                     rmse_m,
                     start_rmse_m: 2.0,
                     extrema: vec![extremum(1, true, 0.123), extremum(1, false, -0.2), extremum(2, true, 0.001)],
@@ -373,26 +316,6 @@ mod tests {
         let alone = errors(&stages[1..]);
         assert!(alone.contains("2.00") && alone.contains("start: RMSE of the start values"), "{alone}");
         assert!(!alone.contains("before  "), "{alone}");
-    }
-
-    #[test]
-    fn steps_fit_a_terminal() {
-        let name = |i| format!("initial_velocity_{i}_m_s");
-        let step = |kept, n: usize| StepTaken {
-            round: 1,
-            parameters: (0..n).map(|i| (name(i), 0.123_456)).collect(),
-            feature: "opening read back from the head at the valve",
-            why: "it shows there",
-            before_over_noise: 123.4,
-            after_over_noise: 2.0,
-            kept,
-        };
-        let fit = Fit { steps: vec![step(true, 1), step(false, 9)], ..fit(0.05) };
-        let text = steps(&fit);
-        assert!(text.lines().all(|l| l.chars().count() <= 132), "{text}");
-        let lines: Vec<&str> = text.lines().collect();
-        assert!(lines[2].contains("   1 ") && !lines[2].contains("taken back") && lines[3].ends_with("taken back"), "{text}");
-        assert!(lines[4].trim_start().starts_with("initial_velocity_1_m_s") && lines[4].ends_with(" …"), "{text}");
     }
 
     #[test]

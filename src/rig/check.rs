@@ -175,8 +175,7 @@ fn check_counts(rig: &Rig, sensor: &Sensor) -> Option<Finding> {
     if device.protocol != Protocol::Frames {
         return None;
     }
-    let ends = [f64::from(i16::MIN), f64::from(i16::MAX)].map(|count| wiring.offset + wiring.scale * count);
-    let [from, to] = [ends[0].min(ends[1]), ends[0].max(ends[1])];
+    let [from, to] = rig.count_ends(sensor)?;
     let slack = 0.001 * (hi - lo);
     let unit = sensor.unit;
     let reach = format!("16-bit counts reach from {from:.4} to {to:.4} {unit}, the sensor from {lo} to {hi} {unit}");

@@ -161,6 +161,26 @@ fn a_plain_file_keeps_its_comments_and_marks_its_holes_and_still_comes_back_byte
     assert_eq!(String::from_utf8(out).unwrap(), body);
 }
 
+/// 2026-03-14T09:26:53Z is 1 773 480 413 s after 1970, by `date -u +%s -d 2026-03-14T09:26:53Z`.
+#[test]
+fn the_start_in_the_comments_is_that_of_the_recording_unless_another_is_named() {
+    const START_NS: u64 = 1_773_480_413_000_000_000;
+    let bench = Bench::plain();
+    let plain = "time_s,P1,P2\n0.00,100,1\n0.01,100,1\n";
+    for (name, body) in [("plain.csv", plain.to_string()), ("german.csv", plain.replace(',', ";").replace('.', ","))] {
+        bench.put(name, format!("# start: 2026-03-14T09:26:53.5Z\n{body}"));
+        let (document, said) = bench.import(0, &[name]);
+        assert_eq!(bench.recording().run.start_unix_ns, START_NS + 500_000_000, "{name}");
+        assert!(mended(&document, "start")["text"].as_str().unwrap().contains("2026-03-14T09:26:53.5Z"), "{said}");
+        let (document, _) = bench.import(0, &[name, "--start", "2026-03-14T09:26:53Z"]);
+        assert_eq!(bench.recording().run.start_unix_ns, START_NS, "{name}");
+        assert!(document["mended"].as_array().unwrap().iter().all(|m| m["what"] != "start"), "{document}");
+    }
+    bench.put("none.csv", format!("# run 7: no start\n{plain}"));
+    bench.import(0, &["none.csv"]);
+    assert_eq!(bench.recording().run.start_unix_ns, 0);
+}
+
 #[test]
 fn a_unit_that_cannot_be_is_doubted_and_the_likely_one_named() {
     let bench = Bench::plain();

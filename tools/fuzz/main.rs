@@ -12,14 +12,20 @@
 
 mod allocation;
 mod coverage;
+mod frames;
+mod lines;
+mod modbus;
 mod mutate;
+mod poller;
 mod targets;
+mod wire;
 
 use std::collections::HashSet;
 use std::fs;
 use std::panic;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use targets::{TARGETS, Target};
@@ -30,6 +36,8 @@ const TOO_SLOW: Duration = Duration::from_secs(1);
 const TOO_BIG: usize = 256 << 20;
 /// Findings of a target after which it stops.
 const ENOUGH: usize = 20;
+/// File and line of the last panic.
+static PANICKED_AT: Mutex<String> = Mutex::new(String::new());
 
 fn main() -> ExitCode {
     let args: Vec<String> = std::env::args().skip(1).collect();
@@ -54,7 +62,10 @@ fn fuzz(target: &Target, limit: Duration, seed: u64) -> usize {
     let mut seen = coverage::Seen::default();
     let mut found = HashSet::new();
     let mut slowest = Duration::ZERO;
-    panic::set_hook(Box::new(|_| {}));
+    panic::set_hook(Box::new(|panic| {
+        let place = panic.location().map(|at| format!(" ({}:{})", at.file(), at.line()));
+        *PANICKED_AT.lock().unwrap_or_else(PoisonError::into_inner) = place.unwrap_or_default();
+    }));
     for input in &queue {
         run(target, input, &folder, &mut found, &mut slowest);
         seen.anything_new();
@@ -106,7 +117,8 @@ fn run(target: &Target, input: &[u8], folder: &Path, found: &mut HashSet<String>
     let wrong = match outcome {
         Err(cause) => {
             let text = cause.downcast_ref::<String>().cloned();
-            Some(text.or(cause.downcast_ref::<&str>().map(|s| s.to_string())).unwrap_or("a panic".into()))
+            let text = text.or(cause.downcast_ref::<&str>().map(|s| s.to_string())).unwrap_or("a panic".into());
+            Some(text + &PANICKED_AT.lock().unwrap_or_else(PoisonError::into_inner))
         }
         Ok(()) if took > TOO_SLOW => Some("slow".to_string()),
         Ok(()) if allocation::largest() > TOO_BIG => Some("big".to_string()),

@@ -18,6 +18,9 @@ pub const TARGETS: &[Target] = &[
     Target { name: "csv", run: csv },
     Target { name: "tdms", run: tdms },
     Target { name: "mcap", run: mcap },
+    Target { name: "frames", run: super::frames::frames },
+    Target { name: "lines", run: super::lines::lines },
+    Target { name: "modbus", run: super::modbus::modbus },
 ];
 
 /// Rig files, and every sentence about what is wrong in them.

@@ -2,8 +2,9 @@
 
 use std::path::Path;
 
+use super::csv::{START, start_in_comments};
 use super::{ForeignOptions, Mended, bind, decode_foreign};
-use crate::log::import::import_bytes;
+use crate::log::import::{import_bytes, text_of};
 use crate::log::{CsvProblem, ImportOptions, LogError, disk};
 use crate::recording::Recording;
 use crate::rig::Rig;
@@ -19,7 +20,8 @@ pub struct Imported {
     pub start_digit_s: Option<f64>,
 }
 
-/// Reads a file onto the sensors of a rig; sensors that it lacks stay empty where it is not `alone`. A time series as the project writes it is taken without any mending, and its export gives it back byte by byte.
+/// Reads a file onto the sensors of a rig; sensors that it lacks stay empty where it is not `alone`. A time series as the project writes it
+/// is taken without any mending, and its export gives it back byte by byte. A start in the options goes before that of the file.
 ///
 /// # Errors
 /// Says what is wrong, where, and what to do.
@@ -34,14 +36,23 @@ pub fn import_file(
     let plain = alone && foreign.map.is_empty() && foreign.ignore.is_empty();
     let strict = plain.then(|| import_bytes(&bytes, path, rig, options));
     let refused = match strict {
-        Some(Ok(recording)) => {
+        Some(Ok(mut recording)) => {
             let mut mended = Vec::new();
+            let mut start_digit_s = None;
+            let said = text_of(&bytes).ok().and_then(|text| start_in_comments(text, foreign));
+            if options.start_unix_ns == 0
+                && let Some((start, how)) = said
+            {
+                recording.run.start_unix_ns = start.unix_ns;
+                start_digit_s = Some(start.digit_s);
+                mended.push(how);
+            }
             let missing: u64 = recording.series.iter().flat_map(|s| &s.gaps).filter_map(|g| g.samples).sum();
             if missing > 0 {
                 let text = format!("{missing} samples are missing from even grids of times: recorded as gaps");
                 mended.push(Mended::new("missing-times", missing as usize, None, text));
             }
-            return Ok(Imported { recording, mended, start_digit_s: None });
+            return Ok(Imported { recording, mended, start_digit_s });
         }
         Some(Err(error)) => Some(error),
         None => None,
@@ -62,6 +73,7 @@ pub fn import_file(
             if options.start_unix_ns > 0 {
                 recording.run.start_unix_ns = options.start_unix_ns;
                 start_digit_s = None;
+                mended.retain(|m| m.what != START);
             }
             Ok(Imported { recording, mended, start_digit_s })
         }

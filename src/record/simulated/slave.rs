@@ -74,7 +74,7 @@ fn answer(script: &Script, asked: u8, request: &Request, row: usize) -> Option<V
             let addresses = (0..count).map(|offset| start.checked_add(offset));
             match addresses.map(|address| word(address?)).collect::<Option<Vec<u16>>>() {
                 Some(words) if !words.is_empty() => Answer::Registers { input, words },
-                _ => Answer::Refused { echo: false, code: 2 },
+                _ => request.refused(2),
             }
         }
     };

@@ -101,7 +101,13 @@ fn chart(family: &Family, quantity: &Quantity) -> LineChart {
     let solid = Style { dash: "", ..Style::line(2) };
     series.push(Series { label: String::new(), points: bars(&apart), style: solid });
     series.push(Series { label: "run".into(), points: line(&apart), style: Style::points(2) });
-    LineChart { x_label: "temperature, °C".into(), y_label: quantity.unit.into(), series, ..LineChart::default() }
+    LineChart {
+        x_label: "temperature, °C".into(),
+        y_label: quantity.unit.into(),
+        series,
+        room_x: true,
+        ..LineChart::default()
+    }
 }
 
 fn band(values: &[Banded]) -> Series {

@@ -2,7 +2,8 @@
 
 use std::fmt::Write;
 
-use super::{footer, head, minus, table};
+use super::figures::plates;
+use super::{CSS, STILL, footer, minus, opening, table};
 use crate::history::drift::{Drift, Point, Slope};
 use crate::history::{History, ParameterHistory};
 use crate::report::escape::escape;
@@ -15,7 +16,7 @@ const HEIGHT: f64 = 260.0;
 
 /// The page as one HTML document, without scripts.
 pub fn html(history: &History) -> String {
-    let mut out = head(&format!("Rig {}", history.rig), "history", "");
+    let mut out = opening(&format!("Rig {}", history.rig), "history", "data-page=\"history\"", STILL, CSS);
     let _ = writeln!(out, "<p class=\"verdict\"><span>{}</span></p>\n</header>", escape(&headline(history)));
     out.push_str("<section id=\"drift\"><h2>Drift</h2>\n");
     let cells = drift_rows(history).into_iter().map(|row| row.map(|cell| minus(&escape(&cell))).to_vec());
@@ -26,17 +27,14 @@ pub fn html(history: &History) -> String {
     if history.parameters.iter().any(|p| p.drift.is_some_and(|d| d.together)) {
         out.push_str("<p class=\"note\">Values over runs are brought to the mean temperature, values over temperature to the mean run, by the other drift.</p>\n");
     }
-    for parameter in &history.parameters {
-        let _ = writeln!(out, "<h3><code>{}</code></h3>", escape(&parameter.name));
-        for chart in charts(parameter) {
-            let _ = writeln!(out, "<figure>{}</figure>", chart.to_svg(2.0 * WIDTH, HEIGHT));
-        }
-    }
+    let charts = history.parameters.iter().flat_map(charts).map(|chart| (chart.title.clone(), chart.untitled()));
+    out.push_str(&plates(&charts.collect::<Vec<_>>()));
     out.push_str("</section>\n<section id=\"runs\"><h2>Runs</h2>\n");
-    let names: Vec<String> = headings(history).iter().map(|h| escape(h)).collect();
+    let names: Vec<String> = headings(history).iter().map(|h| escape(h).replace("x noise", "× noise")).collect();
     let names: Vec<&str> = names.iter().map(String::as_str).collect();
     let numbers: Vec<usize> = std::iter::once(0).chain(3..names.len() - 1).collect();
-    let cells = rows(history).into_iter().map(|row| row.iter().map(|cell| minus(&escape(cell))).collect());
+    let shown = |(c, cell): (usize, &String)| if numbers.contains(&c) { minus(&escape(cell)) } else { escape(cell) };
+    let cells = rows(history).into_iter().map(|row| row.iter().enumerate().map(shown).collect());
     out.push_str(&table("Runs", &names, &numbers, cells));
     out.push_str("</section>\n");
     out.push_str(&footer(""));
@@ -115,11 +113,7 @@ fn chart(parameter: &ParameterHistory, axis: &Axis) -> LineChart {
         if places.is_empty() {
             continue;
         }
-        // A place of its own on either side draws nothing but keeps the outer bars off the frame.
-        let room =
-            places.iter().flat_map(|&(x, y, _)| [x - 0.5, x + 0.5].map(|x| [(x, y), (f64::NAN, f64::NAN)])).flatten();
-        let bars = places.iter().flat_map(|&(x, y, e)| [(x, y - e), (x, y + e), (f64::NAN, f64::NAN)]);
-        let bars = bars.chain(room).collect();
+        let bars = places.iter().flat_map(|&(x, y, e)| [(x, y - e), (x, y + e), (f64::NAN, f64::NAN)]).collect();
         series.push(Series { label: String::new(), points: bars, style: Style { dash: "", ..Style::line(n) } });
         let dots = places.iter().map(|&(x, y, _)| (x, y)).collect();
         series.push(Series { label: label.to_owned(), points: dots, style: Style::points(n) });
@@ -130,7 +124,7 @@ fn chart(parameter: &ParameterHistory, axis: &Axis) -> LineChart {
             [xs.iter().copied().fold(f64::INFINITY, f64::min), xs.iter().copied().fold(f64::NEG_INFINITY, f64::max)];
         let line = ends.map(|x| (x, d.mean + slope.value * (x - (axis.at)(d)))).to_vec();
         let per = if axis.is_run { "per run" } else { "per K" };
-        let label = format!("{} {per}", slope_text(&slope));
+        let label = minus(&format!("{} {per}", slope_text(&slope)));
         series.push(Series { label, points: line, style: Style::line(2) });
     }
     let held = match other {
@@ -143,6 +137,8 @@ fn chart(parameter: &ParameterHistory, axis: &Axis) -> LineChart {
         x_label: axis.label.into(),
         y_label: parameter.unit.clone(),
         series,
+        whole_x: axis.is_run,
+        room_x: true,
         ..LineChart::default()
     }
 }

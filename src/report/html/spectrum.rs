@@ -30,7 +30,7 @@ pub(super) fn section(models: &[Stage]) -> String {
             let residuals: Vec<(usize, Spectrum)> = residuals.collect();
             let Some(first_hz) = fundamental_hz(sensor).filter(|_| !residuals.is_empty()) else { continue };
             let title = figures::title(last.fit, &run.file, sensor);
-            plates.push((title, chart(models, &residuals, first_hz, sensor.noise_m)));
+            plates.push((title, chart(models, &residuals, first_hz, sensor.white_noise_m)));
         }
     }
     if plates.is_empty() {
@@ -78,13 +78,12 @@ fn chart(models: &[Stage], residuals: &[(usize, Spectrum)], first_hz: f64, noise
         series.push(Series { label: "noise".into(), points: vec![(0.0, level), (end, level)], style });
     }
     LineChart {
-        title: String::new(),
         x_label: "frequency, Hz".into(),
         y_label: "amplitude, m".into(),
         series,
-        log_x: false,
         log_y: true,
         marks: (0..10).map(|k| 2 * k + 1).map(|n| (f64::from(n) * first_hz, n.to_string())).collect(),
+        ..LineChart::default()
     }
 }
 
@@ -115,6 +114,7 @@ mod tests {
             model_m: time_s.iter().map(|&t| wave(t) + 0.2 * (5.0 * TAU * frequency_hz * t).sin()).collect(),
             band_m: Vec::new(),
             noise_m: 0.01,
+            white_noise_m: 0.01,
             rmse_m: 0.1,
             start_rmse_m: 1.0,
             // Found a tenth of a cycle late at the last one, as peaks of changing shape are.

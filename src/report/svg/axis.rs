@@ -61,6 +61,12 @@ impl Ticks {
         Self { at, decimals: None }
     }
 
+    /// The marks at whole numbers only, labelled so.
+    pub(in crate::report) fn whole(mut self) -> Self {
+        self.at.retain(|t| t.fract() == 0.0);
+        Self { decimals: Some(0), ..self }
+    }
+
     pub(in crate::report) fn label(&self, value: f64) -> String {
         match self.decimals {
             Some(decimals) => format!("{value:.decimals$}").replace('-', "−"),
@@ -95,6 +101,8 @@ mod tests {
         assert_eq!(ticks.at, [0.0, 20.0, 40.0, 60.0]);
         assert_eq!(ticks.label(20.0), "20");
         assert_eq!(Ticks::nice((-0.05, 0.05), 4).label(-0.05), "−0.05");
+        let runs = Ticks::nice((0.9, 3.1), 6).whole();
+        assert_eq!((runs.at.as_slice(), runs.label(2.0).as_str()), ([1.0, 2.0, 3.0].as_slice(), "2"));
         assert_eq!(Ticks::log((0.03, 2.0), 6).at, [0.05, 0.1, 0.2, 0.5, 1.0, 2.0]);
         assert_eq!(Ticks::log((1e-4, 1e2), 6).at, [1e-4, 1e-2, 1.0, 1e2]);
         assert_eq!(Ticks::log((1e-4, 1e2), 8).at.len(), 7);

@@ -5,6 +5,8 @@ use crate::log::foreign::{ForeignOptions, Mended, Start};
 
 /// Most that is kept of the comments: a file may be nothing else.
 const KEPT_LINES: usize = 1000;
+/// Kind of the remark on a start in the comments.
+pub(in crate::log::foreign) const START: &str = "start";
 
 /// The comment lines, without their signs.
 pub(super) fn comments(text: &str) -> Vec<String> {
@@ -28,6 +30,6 @@ pub(super) fn start(comments: &[String], options: &ForeignOptions) -> Option<(St
         let ns = u64::try_from(stamp.unix_ns(options.zone_s.unwrap_or(0))).ok()?;
         let zone = if stamp.zone_s.is_some() || options.zone_s.is_some() { "" } else { ", taken as UTC" };
         let text = format!("time 0 is the start that the comments give, {}{zone}", value.trim());
-        Some((Start { unix_ns: ns, digit_s: stamp.digit_s }, Mended::new("start", 1, None, text)))
+        Some((Start { unix_ns: ns, digit_s: stamp.digit_s }, Mended::new(START, 1, None, text)))
     })
 }

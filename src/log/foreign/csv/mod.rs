@@ -10,12 +10,13 @@ mod text;
 
 use clock::Clock;
 pub use clock::time_unit;
+pub(super) use comments::START;
 use decimals::Decimals;
 use mend::Hole;
 pub use mend::even_holes;
 pub use stamp::zone_seconds;
 
-use super::{Foreign, ForeignOptions, Mended, Track};
+use super::{Foreign, ForeignOptions, Mended, Start, Track};
 use crate::log::CsvProblem;
 use crate::log::import::{Fault, split};
 
@@ -64,7 +65,6 @@ impl Row {
 pub(super) fn read(bytes: &[u8], options: &ForeignOptions) -> Result<Foreign, Fault> {
     let mut mended = Vec::new();
     let text = text::decode(bytes, &mut mended)?;
-    let comments = comments::comments(&text);
     let header_line = text.lines().find(|l| is_row(l)).ok_or((None, Box::new(CsvProblem::Empty)))?;
     let separator = separator(header_line);
     if separator != ',' {
@@ -135,11 +135,16 @@ pub(super) fn read(bytes: &[u8], options: &ForeignOptions) -> Result<Foreign, Fa
     let gaps = mend::mend(&mut table, &mut mended)?;
     let tracks = tracks(table, &gaps, &header[first..], units.as_deref().map(|u| &u[first.min(u.len())..]));
     let start = clock.start().or_else(|| {
-        let (start, said) = comments::start(&comments, options)?;
+        let (start, said) = start_in_comments(&text, options)?;
         mended.push(said);
         Some(start)
     });
     Ok(Foreign { tracks, start, notes: comment_notes(&text), mended, spare_tracks: false })
+}
+
+/// The start that the comments give, if they do, and how that is said.
+pub fn start_in_comments(text: &str, options: &ForeignOptions) -> Option<(Start, Mended)> {
+    comments::start(&comments::comments(text), options)
 }
 
 /// The block of comments as a note, if there is one.

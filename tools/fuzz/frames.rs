@@ -1,0 +1,171 @@
+//! The `frames` protocol against a reading of its description that shares no code with the program's.
+
+use surgescope::record::frames::{Decoder, Event, FrameCounts};
+
+use super::wire::{self, crc16};
+
+impl wire::Decoder for Decoder {
+    type Event = Event;
+    type Counts = FrameCounts;
+    fn feed(&mut self, at_ns: i64, bytes: &[u8], events: &mut Vec<Event>) {
+        Decoder::feed(self, at_ns, bytes, events);
+    }
+    fn cut(&mut self) {
+        Decoder::cut(self);
+    }
+    fn counts(&self) -> FrameCounts {
+        Decoder::counts(self)
+    }
+    fn began_ns(event: &mut Event) -> Option<&mut i64> {
+        if let Event::Frame { began_ns, .. } = event { Some(began_ns) } else { None }
+    }
+}
+
+/// The input as it came, and as a recipe: frames that get their check sum and their COBS here (kind 1), bytes between them.
+pub fn frames(input: &[u8]) {
+    check(input);
+    let mut sent = Vec::new();
+    for (kind, piece) in wire::recipe(input) {
+        if kind == 1 {
+            let sealed = [piece, &crc16(piece, 0x1021, false).to_le_bytes()].concat();
+            sent.extend(stuffed(&sealed));
+            sent.push(0);
+        } else {
+            sent.extend(piece);
+        }
+    }
+    check(&sent);
+}
+
+fn check(sent: &[u8]) {
+    against_oracle(sent, &[]);
+    if let Some(cut) = wire::a_cut(sent) {
+        against_oracle(sent, &[cut]);
+    }
+}
+
+/// A frame as its description has it.
+#[derive(Debug)]
+struct Sent {
+    at: usize,
+    sequence: u16,
+    first_us: u64,
+    period_ns: u32,
+    channels: u8,
+    counts: Vec<i16>,
+}
+
+/// What comes out was sent, in order, each frame once and whole; all that was sent is counted.
+fn against_oracle(sent: &[u8], cuts: &[usize]) {
+    let (events, counts) = wire::decoded::<Decoder>(sent, cuts);
+    let (good, bad) = read(sent, cuts);
+    assert_eq!(counts.bad, bad, "pieces that are no frames");
+    assert_eq!(counts.frames + counts.duplicated, good.len() as u64, "frames with the right check sum");
+    let mut left = good.iter().enumerate();
+    let mut before: Option<(usize, &Sent)> = None;
+    for event in &events {
+        let Event::Frame { frame, lost_before, began_ns } = event else {
+            before = None;
+            continue;
+        };
+        let (index, of) =
+            left.find(|(_, of)| of.at as i64 == *began_ns).expect("a frame that was sent, and not before");
+        let head = (frame.sequence(), frame.first_us(), frame.period_ns(), frame.channels());
+        assert_eq!(head, (of.sequence, of.first_us, of.period_ns, of.channels), "the header");
+        let width = usize::from(of.channels);
+        assert_eq!(frame.samples() * width, of.counts.len(), "the length");
+        assert!(!of.counts.is_empty(), "samples");
+        for channel in 0..width + 1 {
+            let column: Vec<i16> =
+                of.counts.iter().enumerate().filter(|(i, _)| i % width == channel).map(|(_, &count)| count).collect();
+            assert!(frame.channel(channel).eq(column), "the counts of channel {channel}");
+        }
+        if let Some((last_index, last)) = before {
+            assert!(of.first_us > last.first_us, "device times increase");
+            if index == last_index + 1 && *lost_before < u32::MAX {
+                let step = of.sequence.wrapping_sub(last.sequence);
+                assert_eq!(step.wrapping_sub(1), *lost_before as u16, "frames missing by the sequence");
+            }
+        }
+        before = Some((index, of));
+    }
+    let lost_of =
+        |event: &Event| if let Event::Frame { lost_before, .. } = event { u64::from(*lost_before) } else { 0 };
+    let lost: u64 = events.iter().map(lost_of).sum();
+    assert!(lost <= counts.lost, "{lost} frames said to be missing, {} counted", counts.lost);
+}
+
+/// The frames in a stream, and how many pieces are none; what a stretch begins with may be the rest of a frame, and is not counted.
+fn read(sent: &[u8], cuts: &[usize]) -> (Vec<Sent>, u64) {
+    let (mut good, mut bad) = (Vec::new(), 0);
+    let stretches = wire::stretches(sent, cuts);
+    for (index, (start, stretch)) in stretches.iter().enumerate() {
+        let (pieces, rest) = wire::ended_pieces(stretch, 0);
+        for (number, (at, piece)) in pieces.iter().enumerate() {
+            match unstuffed(piece).as_deref().map(|raw| frame(raw, start + at)) {
+                Some(Shape::Frame(frame)) => good.push(frame),
+                Some(Shape::Damaged) => bad += 1,
+                _ => bad += u64::from(number > 0 && !piece.is_empty()),
+            }
+        }
+        // A cut in a frame makes it a bad one.
+        bad += u64::from(index + 1 < stretches.len() && !pieces.is_empty() && !rest.is_empty());
+    }
+    (good, bad)
+}
+
+enum Shape {
+    Frame(Sent),
+    /// Version and length are those of a frame.
+    Damaged,
+    None,
+}
+
+fn frame(raw: &[u8], at: usize) -> Shape {
+    let number = |from: usize, to: usize| raw[from..to].iter().rev().fold(0u64, |n, &byte| n << 8 | u64::from(byte));
+    if raw.len() < 20 || raw[0] != 1 || raw.len() as u64 != 20 + 2 * u64::from(raw[1]) * number(16, 18) {
+        return Shape::None;
+    }
+    let end = raw.len() - 2;
+    let right = number(end, raw.len()) == u64::from(crc16(&raw[..end], 0x1021, false));
+    let (period_ns, first_us) = (number(12, 16) as u32, number(4, 12));
+    // no channels, no period, and a time beyond half the range of ns in 64 bits are refused
+    if !right || raw[1] == 0 || period_ns == 0 || first_us > i64::MAX as u64 / 2000 {
+        return Shape::Damaged;
+    }
+    let counts = (18..end).step_by(2).map(|i| number(i, i + 2) as u16 as i16).collect();
+    Shape::Frame(Sent { at, sequence: number(2, 4) as u16, first_us, period_ns, channels: raw[1], counts })
+}
+
+/// Consistent Overhead Byte Stuffing (Cheshire and Baker, 1999): a code says where the next zero is.
+fn stuffed(raw: &[u8]) -> Vec<u8> {
+    let mut out = Vec::new();
+    for run in raw.split(|&byte| byte == 0) {
+        let mut blocks = run.chunks(254).peekable();
+        if run.is_empty() {
+            out.push(1);
+        }
+        while let Some(block) = blocks.next() {
+            out.push(block.len() as u8 + 1);
+            out.extend(block);
+            // a full block has no zero behind it
+            if block.len() == 254 && blocks.peek().is_none() {
+                out.push(1);
+            }
+        }
+    }
+    out
+}
+
+fn unstuffed(mut piece: &[u8]) -> Option<Vec<u8>> {
+    let mut raw = Vec::new();
+    while let Some((&code, rest)) = piece.split_first() {
+        let (block, rest) = rest.split_at_checked(usize::from(code).checked_sub(1)?)?;
+        raw.extend(block);
+        piece = rest;
+        if code < 255 && !piece.is_empty() {
+            raw.push(0);
+        }
+    }
+    Some(raw)
+}

@@ -1,0 +1,115 @@
+//! The `lines` protocol against a reading of its description that shares no code with the program's.
+
+use surgescope::record::lines::{Decoder, Event, LineCounts, MAX_LINE};
+
+use super::wire;
+
+impl wire::Decoder for Decoder {
+    type Event = Event;
+    type Counts = LineCounts;
+    fn feed(&mut self, at_ns: i64, bytes: &[u8], events: &mut Vec<Event>) {
+        Decoder::feed(self, at_ns, bytes, events);
+    }
+    fn cut(&mut self) {
+        Decoder::cut(self);
+    }
+    fn counts(&self) -> LineCounts {
+        Decoder::counts(self)
+    }
+    fn began_ns(event: &mut Event) -> Option<&mut i64> {
+        if let Event::Line(line) = event { Some(&mut line.began_ns) } else { None }
+    }
+}
+
+pub fn lines(input: &[u8]) {
+    against_oracle(input, &[]);
+    if let Some(cut) = wire::a_cut(input) {
+        against_oracle(input, &[cut]);
+    }
+}
+
+/// A line that is no comment; without numbers it is a bad one.
+struct Sent {
+    at: usize,
+    numbers: Option<(u64, Vec<f64>)>,
+}
+
+/// What comes out was sent, in order and each line once; all that was sent is counted; where a bad line stands between two, so is said.
+fn against_oracle(sent: &[u8], cuts: &[usize]) {
+    let (events, counts) = wire::decoded::<Decoder>(sent, cuts);
+    let all = read(sent, cuts);
+    let counted = counts.lines + counts.bad + counts.stale;
+    // a last line whose time jumps is still waiting for the next
+    assert!(counted == all.len() as u64 || counted + 1 == all.len() as u64, "{counted} of {} lines", all.len());
+    let width = all.iter().find_map(|line| line.numbers.as_ref()).map(|(_, values)| values.len());
+    let (mut next, mut last_us, mut taken) = (0, None, 0);
+    for event in &events {
+        let Event::Line(line) = event else {
+            last_us = None;
+            continue;
+        };
+        taken += 1;
+        let skipped = all[next..].iter().take_while(|of| (of.at as i64) < line.began_ns).count();
+        let of = all.get(next + skipped).filter(|of| of.at as i64 == line.began_ns);
+        let (time_us, values) = of.and_then(|of| of.numbers.as_ref()).expect("a line that was sent, and not before");
+        assert_eq!(line.time_us, *time_us);
+        assert!(values.iter().map(|v| v.to_bits()).eq(line.values.iter().map(|v| v.to_bits())), "the values");
+        assert_eq!(Some(values.len()), width, "as many values as in the first line");
+        assert!(last_us.is_none_or(|last_us| last_us < line.time_us), "times increase");
+        // after a restart all before the first line is unknown anyway
+        let bad_between = all[next..next + skipped].iter().any(|of| of.numbers.is_none());
+        assert!(last_us.is_none() || !bad_between || line.hole_before, "a bad line before {time_us} µs is a hole");
+        last_us = Some(line.time_us);
+        next += skipped + 1;
+    }
+    assert_eq!(counts.lines, taken, "lines handed on");
+}
+
+fn read(sent: &[u8], cuts: &[usize]) -> Vec<Sent> {
+    let mut all = Vec::new();
+    let stretches = wire::stretches(sent, cuts);
+    for (index, (start, stretch)) in stretches.iter().enumerate() {
+        let (pieces, rest) = wire::ended_pieces(stretch, b'\n');
+        // The first could be the rest of a line, and is only missed where it is too long for any.
+        let whole = pieces.iter().enumerate().filter(|(number, (_, text))| *number > 0 || text.len() > MAX_LINE);
+        all.extend(whole.filter_map(|(_, &(at, text))| {
+            let numbers = if text.len() > MAX_LINE { None } else { numbers(text)? };
+            Some(Sent { at: start + at, numbers })
+        }));
+        if index + 1 < stretches.len() && !pieces.is_empty() && !rest.is_empty() {
+            all.push(Sent { at: start + stretch.len() - rest.len(), numbers: None });
+        }
+    }
+    all
+}
+
+/// `None` for a comment or nothing, `Some(None)` for what should be numbers and is not.
+#[allow(clippy::option_option)]
+fn numbers(text: &[u8]) -> Option<Option<(u64, Vec<f64>)>> {
+    let says_something = text.iter().find(|byte| !byte.is_ascii_whitespace())?;
+    if *says_something == b'#' {
+        return None;
+    }
+    let Ok(text) = std::str::from_utf8(text) else { return Some(None) };
+    let mut cells = text.split(',').map(str::trim);
+    let time = cells.next().unwrap_or_default();
+    let digits = time.strip_prefix('+').unwrap_or(time);
+    let is_time = !digits.is_empty() && digits.bytes().all(|byte| byte.is_ascii_digit());
+    let time_us = digits.parse().unwrap_or(u64::MAX);
+    let values: Option<Vec<f64>> = cells.map(|cell| is_decimal(cell).then(|| cell.parse().unwrap())).collect();
+    let values = values.filter(|values| !values.is_empty() && values.iter().all(|value| value.is_finite()));
+    Some(values.filter(|_| is_time && time_us <= i64::MAX as u64 / 2000).map(|values| (time_us, values)))
+}
+
+/// Sign, digits with a point or without, exponent.
+fn is_decimal(cell: &str) -> bool {
+    let unsigned = cell.strip_prefix(['+', '-']).unwrap_or(cell);
+    let (mantissa, exponent) = unsigned.split_once(['e', 'E']).map_or((unsigned, None), |(m, e)| (m, Some(e)));
+    let all_digits = |text: &str| text.bytes().all(|byte| byte.is_ascii_digit());
+    let (whole, part) = mantissa.split_once('.').unwrap_or((mantissa, ""));
+    let exponent = exponent.map(|text| text.strip_prefix(['+', '-']).unwrap_or(text));
+    all_digits(whole)
+        && all_digits(part)
+        && whole.len() + part.len() > 0
+        && exponent.is_none_or(|text| !text.is_empty() && all_digits(text))
+}
