@@ -61,6 +61,7 @@ fn sensor_fit(name: &str, position: f64, samples: usize, seed: u64, model: impl 
         position_m: 271.6 * position,
         band_m: Vec::new(),
         noise_m: NOISE_M,
+        white_noise_m: NOISE_M,
         rmse_m: (square / samples as f64).sqrt(),
         start_rmse_m: 2.0,
         extrema: (0..13).filter_map(extremum).collect(),
@@ -199,7 +200,7 @@ fn stages<'a>(fits: &[(&str, &'a Fit)]) -> Vec<Stage<'a>> {
 }
 
 fn page(title: &str, rig: &Rig, stages: Vec<Stage>, overlays: Vec<Overlay>) -> String {
-    html(&Page { title: title.into(), rig, stages, overlays, diagnoses: &[], energy: None })
+    html(&Page { title: title.into(), stages, overlays, ..Page::of(rig) })
 }
 
 /// The data that the page's script reads.

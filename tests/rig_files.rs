@@ -1,6 +1,6 @@
 //! What users rely on in rig files: every key of the interface works, and every fault is named with its line.
 
-use surgescope::rig::{Constraint, Coupling, Encoding, Protocol, Rig, SensorKind, Upstream};
+use surgescope::rig::{Constraint, Coupling, Encoding, Framing, Parity, Protocol, Rig, SensorKind, Upstream};
 
 /// Every key of the interface, once.
 const FULL: &str = r#"
@@ -111,6 +111,9 @@ timeout_s = 0.3
 name = "logger"
 port = "/dev/ttyUSB2"
 baud = 115200
+data_bits = 7
+parity = "even"
+stop_bits = 2
 protocol = "lines"
 "#;
 
@@ -160,6 +163,9 @@ fn every_key_arrives_in_si() {
     assert_eq!(rig.devices[0].protocol, Protocol::Frames);
     assert_eq!(rig.devices[1].protocol, Protocol::ModbusRtu { unit_id: 7, poll_interval_s: 0.5, timeout_s: 0.3 });
     assert_eq!(rig.devices[2].protocol, Protocol::Lines);
+    assert_eq!(rig.devices[2].framing, Framing { data_bits: 7, parity: Parity::Even, stop_bits: 2 });
+    assert_eq!(rig.devices[2].speed(), "115200 baud 7E2");
+    assert!(rig.devices[..2].iter().all(|device| device.framing.to_string() == "8N1"));
 }
 
 /// What a user reads after one change to the full rig file, and the line of the change.
@@ -236,6 +242,12 @@ fn every_fault_is_named_with_its_line() {
         ("accuracy_percent_fs = 0.25", "accuracy_percent_fs = 0", "a percentage above 0"),
         ("scale = 0.030518", "scale = 0", "a number other than 0"),
         ("unit_id = 7", "unit_id = 300", "a whole number from 1 to 247"),
+        ("data_bits = 7", "data_bits = 5", "a whole number from 7 to 8"),
+        ("unit_id = 7", "data_bits = 7", "'data_bits' = 7 is for devices with protocol = \"lines\" only"),
+        ("parity = \"even\"", "parity = \"evn\"", "did you mean \"even\"?"),
+        ("parity = \"even\"", "parity = 2", "parity"),
+        ("stop_bits = 2", "stop_bits = 1.5", "a whole number from 1 to 2"),
+        ("stop_bits = 2", "stopbits = 2", "did you mean 'stop_bits'?"),
         // sensors
         (
             "position_m = 271.0",
@@ -464,6 +476,21 @@ fn check(arguments: &[&str]) -> (Option<i32>, serde_json::Value) {
     let output = command.args(["--json", "rig", "check"]).args(arguments).output().unwrap();
     let document = serde_json::from_slice(&output.stdout).unwrap_or(serde_json::Value::Null);
     (output.status.code(), document)
+}
+
+/// How a pipe is held decides what its creep is worth: the coefficient in use is said with the others.
+#[test]
+fn the_constraint_in_use_is_said() {
+    let (code, document) = check(&["rigs/demo-hdpe.toml"]);
+    assert!(code.is_some_and(|c| c < 2), "{document}");
+    let findings = document["findings"].as_array().unwrap();
+    let found = findings.iter().find(|f| f["subject"] == "constraint of 'main'").unwrap();
+    assert_eq!((found["level"].as_str(), found["numbers"]["c1"].as_f64()), (Some("fine"), Some(1.0)));
+    assert!(found["message"].as_str().unwrap().contains("J go as 1/c1"), "{found}");
+    let rig = Rig::load(std::path::Path::new("rigs/demo-hdpe.toml")).unwrap();
+    let ratio = rig.pipes[0].inner_diameter_m / rig.pipes[0].wall_thickness_m;
+    let free = if ratio < 25.0 { 2.0 / ratio * 1.46 + ratio / (ratio + 1.0) } else { 1.0 };
+    assert!((found["numbers"]["free"].as_f64().unwrap() - free).abs() < 1e-9, "{found}");
 }
 
 fn subjects(document: &serde_json::Value, level: &str) -> Vec<String> {

@@ -6,16 +6,15 @@ use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
+use super::creep_prior::WALL;
 use super::load::{self, Loaded};
 use super::search::Search;
 use super::{CommandResult, Outcome, hold, models, output};
-use crate::diagnose::Diagnosis;
 use crate::fit::calibrate::{FitError, Options, Progress, calibrate};
 use crate::fit::conflict::{at_bounds, conflicts};
 use crate::fit::data::RunData;
 use crate::fit::outcome::Fit;
 use crate::model::effects::{Chosen, parse_list};
-use crate::model::energy::Energy;
 use crate::report::html::{Page, html};
 use crate::report::{Stage, json, table};
 use crate::rig::Rig;
@@ -36,7 +35,7 @@ pub struct Args {
     /// Another model to fit first and to show beside it in tables and report; may be given often.
     #[arg(long, value_name = "A,B", value_parser = parse_list)]
     against: Vec<::std::vec::Vec<Chosen>>,
-    /// Values that the fits do not touch; one that each run has of its own is held in all of them.
+    /// Values that the fits do not touch; one that each run has of its own is held in all of them. Recordings go before it.
     #[arg(long, value_name = "NAME=VALUE", value_parser = super::values::setting, num_args = 1..)]
     hold: Vec<(String, f64)>,
     #[command(flatten)]
@@ -103,6 +102,11 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         super::say!("{}", json::calibration(last)?);
     } else {
         super::say_text!(table::calibration(&stages));
+        if last.effects.iter().any(|c| c.effect.name() == WALL)
+            && let Some(said) = rig.constraint_in_words()
+        {
+            super::say!("\n{said}.");
+        }
     }
     args.output.write(last, args.search.method(), &loaded)?;
     if let (Some(path), Some(file)) = (&args.save, &mut file) {
@@ -166,24 +170,21 @@ pub fn write_report(
     loaded: &[Loaded],
     stages: Vec<Stage>,
 ) -> Result<(), Box<dyn std::error::Error + Send + Sync>> {
-    write_page(path, rig, loaded, stages, &[], None)
+    write_page(path, loaded, Page { stages, ..Page::of(rig) })
 }
 
-/// The same with what a diagnosis knows beside the fits.
+/// The same of a page that knows more than fits; its heading names the recordings.
 ///
 /// # Errors
 /// As [`write_report`].
 pub fn write_page(
     path: &std::path::Path,
-    rig: &Rig,
     loaded: &[Loaded],
-    stages: Vec<Stage>,
-    diagnoses: &[Diagnosis],
-    energy: Option<Energy>,
+    page: Page,
 ) -> Result<(), Box<dyn std::error::Error + Send + Sync>> {
     let files: Vec<&str> = loaded.iter().map(|l| l.file.as_str()).collect();
-    let title = format!("{} on rig {}", files.join(", "), rig.name);
-    let page = html(&Page { title, rig, stages, overlays: Vec::new(), diagnoses, energy });
+    let title = format!("{} on rig {}", files.join(", "), page.rig.name);
+    let page = html(&Page { title, ..page });
     output::check_report(path)?;
     output::write(path, &page)
 }

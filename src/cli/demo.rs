@@ -145,7 +145,8 @@ fn free_names(folder: &Path) -> (PathBuf, PathBuf) {
 /// Plays the shipped recording through the wire protocol and records it as from a real port.
 #[cfg(unix)]
 fn record(rig: &Rig, output: &Path, speed: f64) -> CommandResult {
-    use super::record::{Reporter, record_playbacks};
+    use super::live::Reporter;
+    use super::record::record_playbacks;
     use crate::record::session::{Options, live_devices};
     use crate::record::simulated::Faults;
 
@@ -164,8 +165,8 @@ fn record(rig: &Rig, output: &Path, speed: f64) -> CommandResult {
         shots: None,
     };
     let reporter = Reporter::open();
-    let recorded = record_playbacks(rig, played, speed, Faults::default(), &options, &mut |p| reporter.show(p));
-    reporter.clear();
+    let recorded = record_playbacks(rig, played, speed, Faults::default(), &options, &mut |now| reporter.show(now));
+    reporter.close();
     let recorded = recorded?;
     super::tell!("   {}: {:.1} s from the wire", output.display(), recorded.duration_s);
     Ok(if recorded.data_lost { Outcome::DataLost } else { Outcome::Done })

@@ -10,6 +10,7 @@ use crate::fit::energy::energy_of;
 use crate::fit::outcome::Fit;
 use crate::fit::sensor_choice::is_open;
 use crate::model::effects::{Chosen, parse_list};
+use crate::report::html::Page;
 use crate::report::{Stage, diagnosis};
 
 /// Most effects that are added one after the other.
@@ -31,7 +32,7 @@ pub struct Args {
     /// no such file yet, it is made.
     #[arg(long, value_name = "MODEL.toml")]
     apply: Option<PathBuf>,
-    /// Values of the start model's parameters that no fit touches; one that each run has of its own is held in all of them.
+    /// Values of the start model's parameters that no fit touches; one that each run has of its own is held in all of them. Recordings go before it.
     #[arg(long, value_name = "NAME=VALUE", value_parser = super::values::setting, num_args = 1..)]
     hold: Vec<(String, f64)>,
     #[command(flatten)]
@@ -147,7 +148,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     if let Some(path) = &args.report {
         let stages = models.iter().map(|(title, fit)| Stage { title: title.clone(), fit }).collect();
         let energy = models.last().and_then(|(_, fit)| energy_of(&rig, &runs, fit, 0).ok().flatten());
-        write_page(path, &rig, &loaded, stages, &diagnoses, energy)?;
+        write_page(path, &loaded, Page { stages, diagnoses: &diagnoses, energy, ..Page::of(&rig) })?;
         super::tell!("report: {}", path.display());
     }
     unsaved.map_or(Ok(Outcome::Done), Err)

@@ -208,11 +208,10 @@ fn found(
     let fits: Vec<&Fit> = std::iter::once(&diagnosis.start).chain(missing_fit(&diagnosis)).collect();
     let page = Page {
         title: format!("{} on rig {}", run.file, rig.name),
-        rig: &rig,
         stages: fits.iter().map(|fit| Stage { title: title(&fit.effects), fit }).collect(),
-        overlays: Vec::new(),
         energy: fits.last().and_then(|fit| energy_of(&rig, &data, fit, 0).ok().flatten()),
         diagnoses: std::slice::from_ref(&diagnosis),
+        ..Page::of(&rig)
     };
     write_report(&report_path, &html(&page))?;
     let accepted = accept.then(|| acceptance(&run.file, &file, "automatic")).transpose()?;

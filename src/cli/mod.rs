@@ -38,6 +38,7 @@ mod hold;
 pub mod import;
 mod import_options;
 pub mod inspect;
+mod live;
 pub mod load;
 mod memory;
 mod misfit;

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::calibrate::{progress_bar, write_report};
+use super::calibrate::{progress_bar, write_page};
 use super::load::{self, Loaded};
 use super::{CommandResult, Outcome, models, output};
 use crate::fit::calibrate::{Options, Progress};
@@ -11,7 +11,8 @@ use crate::fit::model_file::ModelFile;
 use crate::fit::predict::{Prediction, predict};
 use crate::model::constraint::Constraint;
 use crate::report::Stage;
-use crate::report::prediction::{document, text};
+use crate::report::html::Page;
+use crate::report::prediction::{ahead, document, text};
 use crate::rig::Rig;
 use crate::rig::compare::differences;
 
@@ -89,10 +90,11 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     }
     if let Some(path) = &args.report {
         let stage = Stage { title: "prediction".into(), fit: &predicted.prediction.fit };
-        write_report(path, &predicted.rig, &predicted.loaded, vec![stage])?;
+        let prediction = Some(&predicted.prediction);
+        write_page(path, &predicted.loaded, Page { stages: vec![stage], prediction, ..Page::of(&predicted.rig) })?;
         super::tell!("report: {}", path.display());
     }
-    Ok(Outcome::Done)
+    Ok(if ahead(&predicted.prediction).error_m.is_finite() { Outcome::Done } else { Outcome::No })
 }
 
 /// What the model in force in a file predicts of recordings.

@@ -2,15 +2,14 @@
 
 use std::error::Error;
 use std::fmt::Write as _;
-use std::io::{IsTerminal, stderr};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use clap::ArgGroup;
-use indicatif::{ProgressBar, ProgressStyle};
 
 use super::evaluate::{Settings, evaluate_new, line};
+use super::live::Reporter;
 #[cfg(unix)]
 use super::playback::{Timing, of_scenario};
 use super::scenario::{Scenario, ValveForm};
@@ -19,11 +18,12 @@ use super::values::{not_negative, pair, positive, setting};
 use super::{CommandResult, Outcome};
 use crate::history::{Run, State};
 use crate::model::effects::{Chosen, parse_list};
-use crate::record::output::{DeviceCount, Progress, Summary, check_path};
+use crate::record::output::{DeviceCount, Summary, check_path};
 use crate::record::replay;
 use crate::record::session::{self, Options, live_devices};
 #[cfg(unix)]
 use crate::record::simulated::{Faults, Playback, Script, SimulatedDevice};
+use crate::record::snapshot::Snapshot;
 use crate::record::source::Sources;
 use crate::report::history::RunDocument;
 use crate::rig::{Device, Rig};
@@ -115,8 +115,8 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         shots: None,
     };
     let reporter = Reporter::open();
-    let summary = record(&args, rig.as_ref(), &options, &mut |progress| reporter.show(progress));
-    reporter.clear();
+    let summary = record(&args, rig.as_ref(), &options, &mut |snapshot| reporter.show(snapshot));
+    reporter.close();
     let summary = summary?;
     super::tell!("{}: {}", summary.file, summary.ended);
     if !json {
@@ -196,7 +196,7 @@ fn record(
     args: &Args,
     rig: Option<&Rig>,
     options: &Options,
-    report: &mut dyn FnMut(&Progress),
+    report: &mut dyn FnMut(Snapshot),
 ) -> Result<Summary, AnyError> {
     if let Some(path) = &args.replay {
         let recording = replay::load(path, rig, &args.without)?;
@@ -223,7 +223,7 @@ fn record_simulated(
     rig: &Rig,
     args: &Args,
     options: &Options,
-    report: &mut dyn FnMut(&Progress),
+    report: &mut dyn FnMut(Snapshot),
 ) -> Result<Summary, AnyError> {
     let scenario = Scenario::new(rig.clone(), &args.effects, ValveForm::Linear, &args.set)?;
     let total_s = args.duration.unwrap_or(LEAD_S + 12.0 * scenario.period_s());
@@ -238,7 +238,7 @@ fn record_simulated(
 }
 
 #[cfg(not(unix))]
-fn record_simulated(_: &Rig, _: &Args, _: &Options, _: &mut dyn FnMut(&Progress)) -> Result<Summary, AnyError> {
+fn record_simulated(_: &Rig, _: &Args, _: &Options, _: &mut dyn FnMut(Snapshot)) -> Result<Summary, AnyError> {
     Err("--simulate needs pseudo-terminals, which this system does not have".into())
 }
 
@@ -257,7 +257,7 @@ pub fn record_playbacks(
     speed: f64,
     faults: Faults,
     options: &Options,
-    report: &mut dyn FnMut(&Progress),
+    report: &mut dyn FnMut(Snapshot),
 ) -> Result<Summary, AnyError> {
     let (mut devices, mut simulated) = (Vec::new(), Vec::new());
     for (mut device, playback) in played {
@@ -283,64 +283,6 @@ pub fn record_playbacks(
     Ok(summary)
 }
 
-/// Progress on standard error: one line that changes on a terminal, a line a second elsewhere.
-pub enum Reporter {
-    /// One line that changes.
-    Bar(ProgressBar),
-    /// A line a second.
-    Lines,
-}
-
-impl Reporter {
-    /// On the terminal, or line by line.
-    pub fn open() -> Reporter {
-        if !stderr().is_terminal() {
-            return Reporter::Lines;
-        }
-        let style =
-            ProgressStyle::with_template("{spinner} {msg}").unwrap_or_else(|_| ProgressStyle::default_spinner());
-        Reporter::Bar(ProgressBar::new_spinner().with_style(style))
-    }
-
-    /// Shows where the recording stands.
-    pub fn show(&self, progress: &Progress) {
-        let Progress { recorded_s, samples, gaps, samples_per_s } = progress;
-        let text = format!("{recorded_s:.1} s  {samples} samples  {gaps} gaps  {samples_per_s:.0} samples/s");
-        match self {
-            Reporter::Bar(bar) => {
-                bar.set_message(text);
-                bar.tick();
-            }
-            // a reader that has stopped reading must not hold up the recording
-            Reporter::Lines if stderr_takes_more() => super::tell!("{text}"),
-            Reporter::Lines => {}
-        }
-    }
-
-    /// Takes the line away.
-    pub fn clear(&self) {
-        if let Reporter::Bar(bar) = self {
-            bar.finish_and_clear();
-        }
-    }
-}
-
-/// A line to standard error would not wait for its reader.
-#[cfg(unix)]
-fn stderr_takes_more() -> bool {
-    use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
-    use std::os::fd::AsFd;
-    let stderr = stderr();
-    let mut ready = [PollFd::new(stderr.as_fd(), PollFlags::POLLOUT)];
-    poll(&mut ready, PollTimeout::ZERO) == Ok(1)
-}
-
-/// Elsewhere the line is written and may wait.
-#[cfg(not(unix))]
-fn stderr_takes_more() -> bool {
-    true
-}
-
 /// What was recorded, for people.
 fn table(summary: &Summary) -> String {
     let names = summary.sensors.iter().map(|s| &s.name).chain(summary.devices.iter().map(|d| &d.name));
@@ -360,6 +302,9 @@ fn table(summary: &Summary) -> String {
             "{:width$}  {:>10}  {:>10}  {:>10}  {:>10}",
             device.name, device.frames, device.bad_frames, device.lost_frames, device.duplicated_frames
         );
+    }
+    for callout in &summary.callouts {
+        let _ = writeln!(text, "{} {}", callout.sensor, callout.told(0));
     }
     for shot in &summary.shots {
         let _ = writeln!(text, "shot: {shot}");

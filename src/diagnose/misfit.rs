@@ -111,6 +111,7 @@ mod tests {
             model_m: time_s.iter().map(|&t| wave(t) + high_m).collect(),
             band_m: Vec::new(),
             noise_m: 0.01,
+            white_noise_m: 0.01,
             rmse_m: high_m,
             start_rmse_m: 1.0,
             extrema: (1..=5)

@@ -124,7 +124,7 @@ impl<'a> Rival<'a> {
 /// Sum over all samples of the residual's square over the noise's.
 pub(super) fn square(fit: &Fit) -> f64 {
     let sensors = fit.runs.iter().flat_map(|r| &r.sensors);
-    sensors.map(|s| s.time_s.len() as f64 * (s.rmse_m / s.noise_m).powi(2)).sum()
+    sensors.map(|s| s.time_s.len() as f64 * (s.rmse_m / s.white_noise_m).powi(2)).sum()
 }
 
 /// What a fit's residuals say evidence is worth.
@@ -133,7 +133,7 @@ pub(super) fn worth(fit: &Fit, features: f64) -> Worth {
         .runs
         .iter()
         .flat_map(|r| &r.sensors)
-        .flat_map(|s| s.measured_m.iter().zip(&s.model_m).map(|(a, b)| (a - b) / s.noise_m))
+        .flat_map(|s| s.measured_m.iter().zip(&s.model_m).map(|(a, b)| (a - b) / s.white_noise_m))
         .collect();
     Worth::of(&residuals, features)
 }

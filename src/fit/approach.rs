@@ -2,6 +2,8 @@
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
+use rayon::prelude::*;
+
 use super::calibrate::{FitError, Options, Progress};
 use super::data::RunData;
 use super::least_squares::{Limits, Problem, Solution, minimise};
@@ -22,6 +24,10 @@ const EARLY_SAMPLES: usize = 2500;
 /// Half the mean square, in units of the noise's, above which a fit is too poor to grow a richer one from.
 const POOR: f64 = 2.0;
 
+/// How many times the best fit's sum of squares a start may leave to be worth a descent.
+const HOPELESS: f64 = 30.0;
+
+const STILL: Limits = Limits { iterations: 0, ..GLANCE };
 const GLANCE: Limits = Limits { iterations: 6, cost_tolerance: 1e-2, step_tolerance: 1e-7, thorough: false };
 const EARLY: Limits = Limits { iterations: 30, cost_tolerance: 3e-4, step_tolerance: 1e-7, thorough: false };
 
@@ -29,6 +35,11 @@ const EARLY: Limits = Limits { iterations: 30, cost_tolerance: 3e-4, step_tolera
 pub(super) struct State {
     pub(super) values: Vec<f64>,
     pub(super) cost: f64,
+}
+
+fn sorted(mut states: Vec<State>) -> Vec<State> {
+    states.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+    states
 }
 
 /// What a fit leaves over.
@@ -44,6 +55,13 @@ pub(super) struct Leftover {
 }
 
 impl Leftover {
+    /// Of weighted residuals that a model with so many shared parameters leaves.
+    pub(super) fn of(samples: &[f64], parameters: usize) -> Self {
+        let n = samples.len().max(1) as f64;
+        let mean_square = samples.iter().map(|r| r * r).sum::<f64>() / n;
+        Leftover { n, mean_square, inflation: correlation_inflation(samples), parameters: parameters as f64 }
+    }
+
     /// Fall of the Bayesian information criterion from `before`, with this (richer) model's effective number of samples.
     pub(super) fn evidence_over(&self, before: &Leftover) -> f64 {
         let effective = self.n / self.inflation;
@@ -109,99 +127,104 @@ impl Fitter<'_> {
 
     /// Fits a model on a coarse grid: from the signals, or from a smaller model that is already fitted.
     pub(super) fn approach(&self, model: &Model, smaller: Option<(&Model, &State)>) -> Result<State, FitError> {
-        let problem = &mut Calibration::new(model, self.runs, self.window(FIRST_REACHES, f64::INFINITY));
+        let problem = Calibration::new(model, self.runs, self.window(FIRST_REACHES, f64::INFINITY));
         let base: Vec<f64> = problem.parameters.iter().map(|p| p.start).collect();
-        let period_s = model.period_s(&base[..model.shared.len()]);
         let mut candidates = Vec::new();
+        // A good smaller model is the best start; a poor one has its parameters in the wrong places.
+        if smaller.is_none_or(|(_, state)| state.cost > POOR * problem.samples() as f64) {
+            // The best by the first cycles see the whole record.
+            let locked = self.locked(model, smaller, &base)?;
+            candidates.extend(locked.into_iter().take(2 + self.options.starts / 4).map(|s| s.values));
+        }
         if let Some((small, state)) = smaller {
             candidates.extend(starts_from(model, small, state, &base));
         }
-        // A good smaller model is the best start; a poor one has its parameters in the wrong places.
-        if smaller.is_none_or(|(_, state)| state.cost > POOR * problem.samples() as f64) {
-            let random = drawn(model, &base, self.options.starts, self.options.seed);
-            let (scanned, few): (Vec<_>, Vec<_>) =
-                starts_of(model, &base).into_iter().chain(random).partition(|s| s.of_many);
-            let scanned = if smaller.is_none() { scanned } else { Vec::new() };
-            let places = differing(&scanned, &base);
-            let mut locked = Vec::new();
-            for mut start in few {
-                // The phase locks without what may be anywhere: in the wrong place it would draw all else with it.
-                let still = match smaller {
-                    Some((small, state)) => {
-                        take_over(&mut start.values, model, small, state);
-                        Vec::new()
-                    }
-                    None => vanish(&mut start.values, &scanned, model),
-                };
-                problem.hold(&still, &start.values);
-                locked.push(self.lock(problem, &start.values, period_s)?);
-            }
-            locked.sort_by(|a, b| a.cost.total_cmp(&b.cost));
-            // An effect that may be anywhere is held in one place after the other, with all else free; then the best are let go.
-            let mut glimpsed = vec![];
-            for start in &scanned {
-                let mut values = locked[0].values.clone();
-                values[start.effect.clone()].copy_from_slice(&start.values[start.effect.clone()]);
-                problem.hold(&places, &values);
-                glimpsed.push(self.attempt(problem, &values, 1.5 * period_s, GLANCE)?);
-            }
-            glimpsed.sort_by(|a, b| a.cost.total_cmp(&b.cost));
-            problem.hold(&[], &base);
-            if !places.is_empty() {
-                glimpsed.truncate(LET_GO);
-                glimpsed.extend(locked.drain(..1));
-                locked.clear();
-            }
-            for glimpse in &glimpsed {
-                locked.push(self.lock(problem, &glimpse.values, period_s)?);
-            }
-            locked.sort_by(|a, b| a.cost.total_cmp(&b.cost));
-            // The best by the first cycles see the whole record.
-            candidates.extend(locked.into_iter().take(2 + self.options.starts / 4).map(|s| s.values));
+        self.best_of(model, &candidates)
+    }
+
+    /// Fits of the first cycles from all that signals, effects and chance propose, the best first.
+    fn locked(&self, model: &Model, smaller: Option<(&Model, &State)>, base: &[f64]) -> Result<Vec<State>, ModelError> {
+        let period_s = model.period_s(&base[..model.shared.len()]);
+        let random = drawn(model, base, self.options.starts, self.options.seed);
+        let (scanned, few): (Vec<_>, Vec<_>) =
+            starts_of(model, base).into_iter().chain(random).partition(|s| s.of_many);
+        let scanned = if smaller.is_none() { scanned } else { Vec::new() };
+        let places = differing(&scanned, base);
+        let from = few.into_par_iter().map(|mut start| {
+            // The phase locks without what may be anywhere: in the wrong place it would draw all else with it.
+            let still = match smaller {
+                Some((small, state)) => {
+                    take_over(&mut start.values, model, small, state);
+                    Vec::new()
+                }
+                None => vanish(&mut start.values, &scanned, model),
+            };
+            self.lock(model, &still, &start.values, period_s)
+        });
+        let mut locked = sorted(from.collect::<Result<_, _>>()?);
+        if places.is_empty() {
+            return Ok(locked);
         }
-        self.best_of(problem, &candidates)
+        // An effect that may be anywhere is held in one place after the other, with all else free; then the best are let go.
+        locked.truncate(1);
+        let glimpsed = scanned.par_iter().map(|start| {
+            let mut values = locked[0].values.clone();
+            values[start.effect.clone()].copy_from_slice(&start.values[start.effect.clone()]);
+            self.attempt(model, &places, &values, 1.5 * period_s, GLANCE)
+        });
+        let mut glimpsed = sorted(glimpsed.collect::<Result<_, _>>()?);
+        glimpsed.truncate(LET_GO);
+        glimpsed.append(&mut locked);
+        let let_go = glimpsed.par_iter().map(|glimpse| self.lock(model, &[], &glimpse.values, period_s));
+        Ok(sorted(let_go.collect::<Result<_, _>>()?))
     }
 
     /// Fits a model on a coarse grid from one with an element less alone.
     pub(super) fn grow(&self, model: &Model, smaller: &Model, state: &State) -> Result<State, FitError> {
-        let mut problem = Calibration::new(model, self.runs, self.window(FIRST_REACHES, f64::INFINITY));
+        let problem = Calibration::new(model, self.runs, self.window(FIRST_REACHES, f64::INFINITY));
         let base: Vec<f64> = problem.parameters.iter().map(|p| p.start).collect();
-        self.best_of(&mut problem, &starts_from(model, smaller, state, &base))
+        self.best_of(model, &starts_from(model, smaller, state, &base))
     }
 
-    /// A few iterations from each start, then the best goes on.
-    fn best_of(&self, problem: &mut Calibration, starts: &[Vec<f64>]) -> Result<State, FitError> {
+    /// A few iterations from each start that is not hopeless, then the best goes on.
+    fn best_of(&self, model: &Model, starts: &[Vec<f64>]) -> Result<State, FitError> {
         let mut best: Option<State> = None;
         for values in starts {
-            let state = self.attempt(problem, values, f64::INFINITY, GLANCE)?;
+            let still = best.as_ref().map(|_| self.attempt(model, &[], values, f64::INFINITY, STILL)).transpose()?;
+            let hopeless = still.zip(best.as_ref()).is_some_and(|(still, best)| still.cost > HOPELESS * best.cost);
+            if hopeless {
+                continue;
+            }
+            let state = self.attempt(model, &[], values, f64::INFINITY, GLANCE)?;
             if best.as_ref().is_none_or(|b| state.cost < b.cost) {
                 best = Some(state);
             }
         }
         let best = best.ok_or(FitError::NoRun)?;
-        Ok(self.attempt(problem, &best.values, f64::INFINITY, EARLY)?)
+        Ok(self.attempt(model, &[], &best.values, f64::INFINITY, EARLY)?)
     }
 
-    /// Fits the first cycle and a half, then more, so that the phase locks.
-    fn lock(&self, problem: &mut Calibration, values: &[f64], period_s: f64) -> Result<State, ModelError> {
-        let first = self.attempt(problem, values, 1.5 * period_s, EARLY)?;
-        self.attempt(problem, &first.values, 5.0 * period_s, EARLY)
+    /// Fits the first cycle and a half, then more, so that the phase locks; `held` stay as they are.
+    fn lock(&self, model: &Model, held: &[usize], values: &[f64], period_s: f64) -> Result<State, ModelError> {
+        let first = self.attempt(model, held, values, 1.5 * period_s, EARLY)?;
+        self.attempt(model, held, &first.values, 5.0 * period_s, EARLY)
     }
 
     fn attempt(
         &self,
-        problem: &mut Calibration,
+        model: &Model,
+        held: &[usize],
         values: &[f64],
         horizon_s: f64,
         limits: Limits,
     ) -> Result<State, ModelError> {
-        let model = problem.model;
         let reaches = if horizon_s.is_finite() { LOCKING_REACHES } else { FIRST_REACHES };
         let reaches = model.fitting_reaches(&values[..model.shared.len()], reaches);
-        problem.set_window(self.window(reaches, horizon_s));
+        let mut problem = Calibration::new(model, self.runs, self.window(reaches, horizon_s));
+        problem.hold(held, values);
         let label = model.effects.iter().map(Chosen::label).collect::<Vec<_>>().join(" + ");
         let label = if label.is_empty() { "base model" } else { &label };
-        let solution = self.minimise(problem, values, limits, label)?;
+        let solution = self.minimise(&problem, values, limits, label)?;
         Ok(State { values: problem.values(&solution.x), cost: solution.cost })
     }
 
@@ -216,13 +239,6 @@ impl Fitter<'_> {
         let reaches = model.fitting_reaches(&state.values[..model.shared.len()], FIRST_REACHES);
         let problem = Calibration::new(model, self.runs, self.window(reaches, f64::INFINITY));
         let residuals = problem.residuals(&problem.variables(&state.values))?;
-        let samples = &residuals[..problem.samples()];
-        let n = samples.len().max(1) as f64;
-        Ok(Leftover {
-            n,
-            mean_square: samples.iter().map(|r| r * r).sum::<f64>() / n,
-            inflation: correlation_inflation(samples),
-            parameters: model.shared.len() as f64,
-        })
+        Ok(Leftover::of(&residuals[..problem.samples()], model.shared.len()))
     }
 }

@@ -67,6 +67,10 @@ pub struct Pooled {
     pub in_fit_m: f64,
     /// Their noise, m.
     pub noise_m: f64,
+    /// Error held out over the noise, each sample in units of its own.
+    pub held_out_over_noise: f64,
+    /// The same of the error in the fit.
+    pub in_fit_over_noise: f64,
 }
 
 impl CrossValidation {
@@ -74,13 +78,15 @@ impl CrossValidation {
     pub fn pooled(&self, by: By) -> Option<Pooled> {
         let folds: Vec<&Fold> = self.folds.iter().filter(|f| f.by == by && f.samples > 0).collect();
         let samples: f64 = folds.iter().map(|f| f.samples as f64).sum();
-        let mean = |of: fn(&Fold) -> f64| {
+        let mean = |of: &dyn Fn(&Fold) -> f64| {
             (folds.iter().map(|f| f.samples as f64 * of(f).powi(2)).sum::<f64>() / samples).sqrt()
         };
         (!folds.is_empty()).then(|| Pooled {
-            held_out_m: mean(|f| f.held_out_m),
-            in_fit_m: mean(|f| f.in_fit_m),
-            noise_m: mean(|f| f.noise_m),
+            held_out_m: mean(&|f| f.held_out_m),
+            in_fit_m: mean(&|f| f.in_fit_m),
+            noise_m: mean(&|f| f.noise_m),
+            held_out_over_noise: mean(&|f| f.held_out_m / f.noise_m),
+            in_fit_over_noise: mean(&|f| f.in_fit_m / f.noise_m),
         })
     }
 

@@ -33,6 +33,20 @@ pub struct Linearised<'a> {
     pub common: &'a [Common],
     /// Variables that are held at a bound.
     pub at_bound: &'a [bool],
+    /// Where records are compared as something else than the samples that the noise is in, the same derivatives and residuals seen from the samples
+    /// (`Bᵀ` of columns that compare `B r`), with the samples' records; otherwise none.
+    pub in_time: Option<InTime<'a>>,
+}
+
+/// See [`Linearised::in_time`].
+#[derive(Debug, Clone, Copy)]
+pub struct InTime<'a> {
+    /// A column a variable.
+    pub columns: &'a [Vec<f64>],
+    /// Residuals of the samples.
+    pub residuals: &'a [f64],
+    /// Records among them.
+    pub records: &'a [Range<usize>],
 }
 
 /// See the module. Rows and columns of variables at a bound are zero; a variable that the data leave open has an infinite variance.
@@ -54,7 +68,13 @@ impl Errors {
             columns.iter().map(|c| Some(dot(c, c).sqrt()).filter(|n| *n > 0.0).unwrap_or(1.0)).collect();
         let (inverse, open) = inverse(&columns, &scale);
         let samples = fit.records.iter().map(|r| r.end).max().unwrap_or(0);
-        let mut scores = score_covariance(&columns, fit.residuals, fit.records);
+        let mut scores = match fit.in_time {
+            None => score_covariance(&columns, fit.residuals, fit.records),
+            Some(time) => {
+                let columns: Vec<&[f64]> = free.iter().map(|&j| time.columns[j].as_slice()).collect();
+                score_covariance(&columns, time.residuals, time.records)
+            }
+        };
         for (a, x) in columns.iter().enumerate() {
             for (b, y) in columns.iter().enumerate() {
                 scores[(a, b)] += dot(&x[samples..], &y[samples..]);
@@ -137,7 +157,14 @@ mod tests {
     }
 
     fn errors(columns: &[Vec<f64>], residuals: &[f64], samples: usize, common: &[Common], at_bound: &[bool]) -> Errors {
-        Errors::of(Linearised { columns, residuals, records: std::slice::from_ref(&(0..samples)), common, at_bound })
+        Errors::of(Linearised {
+            columns,
+            residuals,
+            records: std::slice::from_ref(&(0..samples)),
+            common,
+            at_bound,
+            in_time: None,
+        })
     }
 
     /// y = m + e, σ = 1, n = 400: 1/20; with a gauge that is off by 0.3 in all samples, √(1/400 + 0.09).

@@ -68,6 +68,7 @@ mod tests {
             records: std::slice::from_ref(&(0..200)),
             common: &[],
             at_bound: &[false, true],
+            in_time: None,
         };
         let [down, up] = away_from_bound(fit, 1);
         assert!(down == f64::INFINITY && up > 0.0 && up < 0.1, "{down} {up}");

@@ -33,8 +33,8 @@ pub struct Limits {
     pub cost_tolerance: f64,
     /// Largest change of a variable below which it is settled.
     pub step_tolerance: f64,
-    /// Follow narrow, bent valleys to their ends: steps are bent to second order, and a fall is settled only where a step without damping would
-    /// not gain more either.
+    /// Follow narrow, bent valleys to their ends, from a start that is near: the first step is hardly damped, steps are bent to second order, and
+    /// a fall is settled only where a step without damping would not gain more either.
     pub thorough: bool,
 }
 
@@ -79,6 +79,8 @@ pub struct Solution {
     pub residuals: Vec<f64>,
     /// `JᵀJ` there (or one accepted step before).
     pub normal: DMatrix<f64>,
+    /// The Jacobian's columns, likewise; none where no iteration was made.
+    pub columns: Vec<Vec<f64>>,
     /// Which variables lie at a bound.
     pub at_bound: Vec<bool>,
     /// Half the sum of squares.
@@ -131,6 +133,10 @@ fn bend<P: Problem>(
     (bend.norm() <= MOST_BEND * step.norm()).then_some(bend)
 }
 
+/// Damping of the first step, in units of each column's square norm; and of one from a start that is near, where a damped step would creep along a
+/// flat valley and one that is too long costs a trial, not a Jacobian.
+const FIRST_DAMPING: f64 = 1e-3;
+const FIRST_DAMPING_NEAR: f64 = 1e-7;
 /// Damping that stands for none.
 const UNDAMPED: f64 = 1e-11;
 /// Steps in a row that gain less than the tolerance, though more seems to be there, after which nothing more is expected.
@@ -203,12 +209,14 @@ pub fn minimise<P: Problem>(
     let mut cost = half_square(&residuals);
     let mut evaluations = 1;
     let mut normal = DMatrix::zeros(n, n);
-    let (mut damping, mut growth) = (1e-3, 2.0);
+    let mut columns = Vec::new();
+    let mut damping = if limits.thorough { FIRST_DAMPING_NEAR } else { FIRST_DAMPING };
+    let mut growth = 2.0;
     let mut stop = Stop::IterationsSpent;
     let (mut iterations, mut stalls) = (0, 0);
     'outer: while iterations < limits.iterations {
         iterations += 1;
-        let columns = jacobian(problem, &x, &residuals)?;
+        columns = jacobian(problem, &x, &residuals)?;
         evaluations += n;
         let (jtj, gradient) = normal_equations(&columns, &residuals);
         normal = jtj;
@@ -313,7 +321,7 @@ pub fn minimise<P: Problem>(
         }
     }
     let at_bound = x.iter().zip(lower.iter().zip(upper)).map(|(v, (l, u))| v <= l || v >= u).collect();
-    Ok(Solution { x, residuals, normal, at_bound, cost, evaluations, iterations, stop })
+    Ok(Solution { x, residuals, normal, columns, at_bound, cost, evaluations, iterations, stop })
 }
 
 #[cfg(test)]
@@ -336,19 +344,19 @@ mod tests {
         assert!((s.x[0] - 1.0).abs() < 1e-6 && (s.x[1] - 1.0).abs() < 1e-6, "{:?}", s.x);
     }
 
-    /// Rosenbrock's valley, narrower: straight steps seem settled half way, bent ones reach its end.
+    /// Rosenbrock's valley, narrower: where straight, damped steps creep, bent ones reach its end.
     #[test]
     fn bent_steps_follow_a_bent_valley() {
         let problem = Test {
-            f: |x: &[f64]| vec![1000.0 * (x[1] - x[0] * x[0]), 1.0 - x[0]],
+            f: |x: &[f64]| vec![3000.0 * (x[1] - x[0] * x[0]), 1.0 - x[0]],
             lower: vec![-5.0; 2],
             upper: vec![5.0; 2],
         };
         let [plain, bent] = [false, true].map(|thorough| {
-            let s = minimise(&problem, &[-1.2, 1.0], Limits { thorough, ..LIMITS }, |_, _| {}).unwrap();
+            let s = minimise(&problem, &[0.5, 0.2], Limits { iterations: 20, thorough, ..LIMITS }, |_, _| {}).unwrap();
             (s.x[0] - 1.0).abs()
         });
-        assert!(bent < 1e-6 && plain > 0.01, "{bent} against {plain}");
+        assert!(bent < 1e-6 && plain > 0.1, "{bent} against {plain}");
     }
 
     /// Moré, Garbow & Hillstrom (1981), problem 13: singular Jacobian at the solution (0, 0, 0, 0).

@@ -119,6 +119,28 @@ impl Bins {
         2 + 2 * self.kept.len()
     }
 
+    /// The transpose of [`of_residuals`](Self::of_residuals): what a weight on each residual in frequency is on the residuals in time.
+    pub(super) fn transposed(&self, weights: &[f64]) -> Vec<f64> {
+        let mut out = vec![0.0; self.inside.end];
+        out[..self.before].fill(weights[0] / (self.before as f64).sqrt().max(1.0));
+        let n = self.weights.len();
+        let mut bins = vec![Complex::new(0.0, 0.0); n / 2 + 1];
+        for (&k, part) in self.kept.iter().zip(weights[2..].chunks_exact(2)) {
+            // The inverse sums a bin and its conjugate.
+            bins[k] = Complex::new(part[0], part[1]) * (0.5 * self.scale);
+        }
+        let mut waves = vec![0.0; n];
+        // Lengths are the plan's own and bins at the ends are real, so it cannot refuse them.
+        let _ = RealFftPlanner::<f64>::new().plan_fft_inverse(n).process(&mut bins, &mut waves);
+        let whole: f64 = self.weights.iter().sum();
+        let square: f64 = self.weights.iter().map(|w| w * w).sum();
+        let mean = waves.iter().zip(&self.weights).map(|(v, w)| v * w).sum::<f64>() / whole;
+        for ((x, v), w) in out[self.inside.clone()].iter_mut().zip(&waves).zip(&self.weights) {
+            *x += w * (v - mean + weights[1] / square.sqrt());
+        }
+        out
+    }
+
     /// Residuals in frequency of residuals in time.
     pub(super) fn of_residuals(&self, residuals: &[f64]) -> Vec<f64> {
         let mut out = Vec::with_capacity(self.len());
@@ -135,5 +157,32 @@ impl Bins {
             out.extend(self.kept.iter().flat_map(|&k| [self.scale * bins[k].re, self.scale * bins[k].im]));
         }
         out
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// `gᵀ(B r) = (Bᵀg)ᵀ r` for any `r` and `g`, an even number of samples and an odd one.
+    #[test]
+    fn the_transpose_is_that_of_the_map() {
+        let mut random = fastrand::Rng::with_seed(3);
+        for n in [240, 241] {
+            let bins = Bins {
+                before: 30,
+                inside: 55..55 + n,
+                weights: (0..n).map(|i| (std::f64::consts::PI * (i as f64 + 0.5) / n as f64).sin()).collect(),
+                kept: vec![1, 4, 5, 6, 50],
+                plan: RealFftPlanner::<f64>::new().plan_fft_forward(n),
+                scale: 0.3,
+            };
+            let residuals: Vec<f64> = (0..55 + n).map(|_| random.f64() - 0.5).collect();
+            let weights: Vec<f64> = (0..bins.len()).map(|_| random.f64() - 0.5).collect();
+            let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+            let (there, back) =
+                (dot(&weights, &bins.of_residuals(&residuals)), dot(&bins.transposed(&weights), &residuals));
+            assert!((there - back).abs() < 1e-12, "{n}: {there} {back}");
+        }
     }
 }

@@ -1,5 +1,6 @@
 //! What a calibration gives back: plain data for tables, JSON and pages.
 
+use super::approach::Leftover;
 use super::identify::Unseen;
 use super::profile::Profile;
 use crate::model::effects::Chosen;
@@ -56,8 +57,10 @@ pub struct SensorFit {
     pub model_m: Vec<f64>,
     /// Half the width of the band around the model that holds a sample with 95% probability, m; empty where it is not known.
     pub band_m: Vec<f64>,
-    /// Standard deviation of the sensor's noise, m.
+    /// Standard deviation of all that disturbs the sensor while nothing happens, m.
     pub noise_m: f64,
+    /// The same of its white part: what a sample's weight in the fit is, m.
+    pub white_noise_m: f64,
     /// Root mean square of measured − model over all samples, m.
     pub rmse_m: f64,
     /// The same with the parameters that the fit started from, m.
@@ -155,6 +158,17 @@ impl Fit {
     /// Its effects as on the command line (`viscoelastic-wall:2`).
     pub fn labels(&self) -> Vec<String> {
         self.effects.iter().map(Chosen::label).collect()
+    }
+
+    /// Fall of the Bayesian information criterion from a simpler model's fit to the same recordings; samples that are alike count once.
+    pub fn evidence_over(&self, simpler: &Fit) -> f64 {
+        let leftover = |fit: &Fit| {
+            let sensors = fit.runs.iter().flat_map(|r| &r.sensors);
+            let weighted = sensors.flat_map(|s| s.measured_m.iter().zip(&s.model_m).map(|(h, m)| (h - m) / s.noise_m));
+            let shared = fit.parameters.iter().filter(|p| p.run.is_none()).count();
+            Leftover::of(&weighted.collect::<Vec<_>>(), shared)
+        };
+        leftover(self).evidence_over(&leftover(simpler))
     }
 
     /// RMSE and noise over all runs, m: each weighs as its number of samples; NaN where there are none.

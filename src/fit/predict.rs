@@ -11,6 +11,7 @@ use super::band::{curve_sd_m, half_width_m, posterior};
 use super::calibrate::{FitError, Options, Progress, refine};
 use super::compare::rmse;
 use super::data::RunData;
+use super::interval::Z_95;
 use super::least_squares::{Limits, Problem, jacobian, minimise};
 use super::outcome::{Fit, SensorFit};
 use super::problem::{Calibration, Window};
@@ -91,6 +92,13 @@ impl Prediction {
         let from = sensor.time_s.partition_point(|&t| t <= self.known_until_s);
         if from == sensor.time_s.len() { f64::NAN } else { rmse(&sensor.measured_m[from..], &sensor.model_m[from..]) }
     }
+
+    /// Error over the same samples that a model which lacks nothing would show, m: noise, and what the errors of its values make of it.
+    pub fn expected_m(&self, sensor: &SensorFit) -> f64 {
+        let ahead = sensor.time_s.iter().zip(&sensor.band_m).filter(|(t, _)| **t > self.known_until_s);
+        let (square, n) = ahead.fold((0.0, 0.0), |(square, n), (_, half)| (square + (half / Z_95).powi(2), n + 1.0));
+        if n > 0.0 { (square / n).sqrt() } else { sensor.noise_m }
+    }
 }
 
 /// Predicts `runs` on `rig`; `held` are values of the runs' own parameters that are known better than from the signals.
@@ -158,10 +166,14 @@ pub fn predict(
             sensor.band_m = half_width_m(&whole, r, s, &bands[r][s], from);
         }
     }
-    for (j, parameter) in fit.parameters.iter_mut().enumerate().filter(|(j, _)| !still[*j]) {
-        parameter.held = false;
-        parameter.standard_error = covariance[(j, j)].sqrt() * problem.stretch(j, values[j]);
-        parameter.at_bound = own.at_bound[j];
+    for (j, parameter) in fit.parameters.iter_mut().enumerate() {
+        if !still[j] {
+            parameter.held = false;
+            parameter.at_bound = own.at_bound[j];
+        }
+        let sd = covariance[(j, j)].sqrt();
+        parameter.standard_error = sd * problem.stretch(j, values[j]);
+        parameter.interval_95 = (problem.value(j, own.x[j] - Z_95 * sd), problem.value(j, own.x[j] + Z_95 * sd));
     }
     fit.converged = own.stop.converged();
     own.stop.describe().clone_into(&mut fit.stopped_because);

@@ -5,10 +5,11 @@
 //! heads over each sensor's noise (or their transform, see [`super::misfit`]), then one for each prior,
 //! then one for each run's flow meter.
 
+mod parameters;
 mod rows;
 
 use super::calibrate::FitError;
-use super::data::{RunData, RunStart};
+use super::data::RunData;
 use super::least_squares::Problem;
 use super::misfit::{Bins, Misfit};
 use crate::model::constraint::Constraint;
@@ -84,63 +85,7 @@ fn to_value(parameter: &Parameter, variable: f64) -> f64 {
 impl<'a> Calibration<'a> {
     /// The problem of fitting `model` to `runs`; `window` may be changed later.
     pub fn new(model: &'a Model<'a>, runs: &'a [RunData], window: Window) -> Self {
-        let period_s = model.period_s(&model.shared.iter().map(|p| p.start).collect::<Vec<_>>());
-        let mut parameters = model.shared.clone();
-        let ratios: Vec<f64> = runs.iter().filter_map(|r| r.start.wave_speed_ratio).collect();
-        if !ratios.is_empty() {
-            let ratio = ratios.iter().sum::<f64>() / ratios.len() as f64;
-            for wave_speed in &mut parameters[..model.rig.pipes.len()] {
-                wave_speed.start = (wave_speed.start * ratio).clamp(wave_speed.lower, wave_speed.upper);
-            }
-        }
-        let mut run_offsets = Vec::new();
-        for run in runs {
-            run_offsets.push(parameters.len());
-            let RunStart { closure_s, velocity_m_s, valve_head_m, .. } = run.start;
-            let [velocity, head, closing, friction] = model.per_run.clone();
-            // With a flow meter the model's flow is compared at the meter's place; without, the velocity itself has a prior.
-            let prior = if run.meter.is_some() { None } else { Some(velocity_m_s) };
-            parameters.push(Parameter { start: velocity_m_s.0, prior, ..velocity });
-            parameters.push(Parameter {
-                start: valve_head_m.0,
-                prior: valve_head_m.1.map(|sd| (valve_head_m.0, sd)),
-                ..head
-            });
-            parameters.extend([closing, friction]);
-            let reach = (10.0 * closure_s.1).max(0.25 * period_s);
-            parameters.push(Parameter::linear(
-                "closure_start_s",
-                "s",
-                "start of the closure on the recording's clock",
-                closure_s.0,
-                closure_s.0 - reach,
-                closure_s.0 + reach,
-            ));
-            for sensor in &run.sensors {
-                let sd = sensor.offset_sd_m;
-                parameters.push(
-                    Parameter::linear(
-                        format!("offset_m[{}]", sensor.sensor.name),
-                        "m",
-                        "zero error of the sensor",
-                        0.0,
-                        -20.0 * sd,
-                        20.0 * sd,
-                    )
-                    .with_prior(0.0, sd),
-                );
-            }
-        }
-        for (j, parameter) in parameters.iter_mut().enumerate() {
-            let run = run_offsets.iter().rposition(|&first| j >= first).map(|r| runs[r].file.as_str());
-            if let Some(given) = model.starts.iter().find(|g| g.concerns(&parameter.name, run)) {
-                parameter.start = given.value;
-            }
-            parameter.start = parameter.start.clamp(parameter.lower, parameter.upper);
-            if let Some(settled) = model.constraints.iter().find(|c| c.concerns(&parameter.name, run)) {
-                settled.narrow(parameter);
-            }
-        }
+        let (parameters, run_offsets) = parameters::of(model, runs);
         let lower = parameters.iter().map(|p| to_variable(p, p.lower)).collect();
         let upper = parameters.iter().map(|p| to_variable(p, p.upper)).collect();
         let mut problem = Calibration {

@@ -2,6 +2,7 @@
 
 use super::super::data::{Meter, SensorData};
 use super::*;
+use crate::fit::data::RunStart;
 use crate::model::effects::parse_list;
 use crate::rig::Rig;
 

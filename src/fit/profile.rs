@@ -268,6 +268,7 @@ mod tests {
             x: vec![n],
             residuals: vec![0.0],
             normal: nalgebra::DMatrix::zeros(1, 1),
+            columns: Vec::new(),
             at_bound: vec![false],
             cost: 0.0,
             evaluations: 0,

@@ -29,15 +29,16 @@ impl Trace {
         }
         let last = self.values.len() - 1;
         let i = x as usize;
-        if i >= last {
-            return self.values[last];
-        }
-        let (a, b, c, d) =
-            (self.values[i.saturating_sub(1)], self.values[i], self.values[i + 1], self.values[(i + 2).min(last)]);
+        let (a, b, c, d) = match self.values.get(i.wrapping_sub(1)..i.saturating_add(3)) {
+            Some(&[a, b, c, d]) => (a, b, c, d),
+            _ if i >= last => return self.values[last],
+            _ => (self.values[i.saturating_sub(1)], self.values[i], self.values[i + 1], self.values[(i + 2).min(last)]),
+        };
         let s = x - i as f64;
         // Lagrange through -1, 0, 1, 2.
         let (m, p, q) = (s + 1.0, s - 1.0, s - 2.0);
-        -a * s * p * q / 6.0 + b * m * p * q / 2.0 - c * m * s * q / 2.0 + d * m * s * p / 6.0
+        let (sp, mq) = (s * p, m * q);
+        (1.0 / 6.0) * sp * (m * d - q * a) + 0.5 * mq * (p * b - s * c)
     }
 }
 

@@ -35,20 +35,20 @@ pub enum RecordError {
     PortForbidden { device: String, port: String },
     #[error("port {port} of device '{device}' is in use by another program: close that one first")]
     PortBusy { device: String, port: String },
-    #[error("port {port} of device '{device}' cannot be opened at {baud} baud: {reason}")]
-    PortUnusable { device: String, port: String, baud: u32, reason: String },
+    #[error("port {port} of device '{device}' cannot be opened at {speed}: {reason}")]
+    PortUnusable { device: String, port: String, speed: String, reason: String },
     #[error("the thread that reads device '{device}' cannot be started")]
     Thread { device: String, source: io::Error },
     #[error("device '{device}' sent nothing ({ended}): is it switched on and started, and is {port} its port?")]
     Silent { device: String, port: String, ended: String },
     #[error(
-        "device '{device}' sent {bytes} bytes but nothing valid ({ended}): check the baud rate ({baud} in the rig file) and that it speaks `{speaks}`"
+        "device '{device}' sent {bytes} bytes but nothing valid ({ended}): check baud rate and format ({speed} in the rig file) and that it speaks `{speaks}`"
     )]
-    NoFrame { device: String, bytes: u64, baud: u32, speaks: &'static str, ended: String },
+    NoFrame { device: String, bytes: u64, speed: String, speaks: &'static str, ended: String },
     #[error(
-        "device '{device}' never answered ({ended}): is it switched on, and are its port ({port}), baud rate ({baud}), parity (none) and unit_id right?"
+        "device '{device}' never answered ({ended}): is it switched on, and are its port ({port}), baud rate and format ({speed}) and unit_id right?"
     )]
-    NoAnswer { device: String, port: String, baud: u32, ended: String },
+    NoAnswer { device: String, port: String, speed: String, ended: String },
     #[error("device '{device}' refuses what it is asked for: {why}")]
     Refused { device: String, why: &'static str },
     #[error("sensor '{sensor}' is wired to channel {channel} of device '{device}', which sends {channels} channels (0 to {})", channels.saturating_sub(1))]

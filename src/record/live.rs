@@ -2,8 +2,10 @@
 
 use super::RecordError;
 use super::align;
+use super::monitor::Expected;
+use super::recorder::Recorder;
 use super::session::Options;
-use super::shots::Recorder;
+use super::snapshot::Snapshot;
 use super::source::HostClock;
 use super::stream::Stream;
 use crate::recording::RunInfo;
@@ -17,6 +19,7 @@ pub struct Live<'a> {
     pub end_ns: i64,
     options: &'a Options,
     source: String,
+    expected: Vec<Expected>,
     host: HostClock,
     /// The output, and recording time 0 on the host's clock.
     begun: Option<(Recorder, i64)>,
@@ -24,9 +27,16 @@ pub struct Live<'a> {
 }
 
 impl<'a> Live<'a> {
-    /// Nothing is written yet.
-    pub fn new(rig: &'a Rig, options: &'a Options, source: String, host: HostClock) -> Live<'a> {
-        Live { rig, end_ns: options.end_ns(0), options, source, host, begun: None, clocks_changed: false }
+    /// Nothing is written yet; `source` says where the samples of the `expected` sensors come from.
+    pub fn new(
+        rig: &'a Rig,
+        options: &'a Options,
+        source: String,
+        expected: Vec<Expected>,
+        host: HostClock,
+    ) -> Live<'a> {
+        let end_ns = options.end_ns(0);
+        Live { rig, end_ns, options, source, expected, host, begun: None, clocks_changed: false }
     }
 
     /// True from the first sample on.
@@ -44,7 +54,7 @@ impl<'a> Live<'a> {
                 notes: self.options.notes.clone(),
                 ..RunInfo::default()
             };
-            self.begun = Some((Recorder::create(self.options, self.rig, &run)?, host_ns));
+            self.begun = Some((Recorder::create(self.options, self.rig, &run, &self.expected)?, host_ns));
         }
         Ok(())
     }
@@ -85,6 +95,13 @@ impl<'a> Live<'a> {
             Some((output, _)) => output.clocks(fixes),
             None => Ok(()),
         }
+    }
+
+    /// Where the recording stands, but for the devices; nothing yet where nothing began.
+    pub fn snapshot(&self) -> Snapshot {
+        let place = || self.options.shots.as_ref().map_or(&self.options.file, |plan| &plan.folder).clone();
+        let begun = self.begun.as_ref().map(|(output, _)| output.snapshot());
+        begun.unwrap_or_else(|| Snapshot { place: place(), ..Snapshot::default() })
     }
 
     /// The output, to be finished; `None` where nothing began.

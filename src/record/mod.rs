@@ -17,8 +17,12 @@
 //! | [`output`] | what sessions write to, and count |
 //! | [`trigger`] | when a shot begins and is over, without I/O |
 //! | [`shots`] | a recording a shot, with what came before it |
+//! | [`recorder`] | all into one recording, or a recording a shot; watched either way |
+//! | [`vitals`], [`callout`], [`monitor`] | how a sensor does, what is wrong with it and what to do, all sensors of a session |
+//! | [`snapshot`] | where a session stands, for a view of it |
 
 pub mod align;
+pub mod callout;
 pub mod clock;
 mod error;
 pub mod fit;
@@ -26,19 +30,23 @@ pub mod frames;
 pub mod lines;
 pub mod live;
 pub mod modbus;
+pub mod monitor;
 pub mod output;
 pub mod pace;
 pub mod poll;
 pub mod polling;
 pub mod port;
+pub mod recorder;
 pub mod registers;
 pub mod replay;
 pub mod session;
 pub mod shots;
 #[cfg(unix)]
 pub mod simulated;
+pub mod snapshot;
 pub mod source;
 pub mod stream;
 pub mod trigger;
+pub mod vitals;
 
 pub use error::RecordError;

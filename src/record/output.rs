@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 use serde::Serialize;
 
 use super::RecordError;
+use super::callout::CallOut;
 use super::clock::seconds;
 use super::fit::ClockLine;
 use crate::log::{self, ClockFix, Ending, LogError, Writer};
@@ -15,20 +16,6 @@ use crate::rig::Rig;
 
 /// A crash loses no more than this and what is on its way.
 const FLUSH_EVERY: Duration = crate::log::FLUSH_EVERY;
-const REPORT_EVERY: Duration = Duration::from_secs(1);
-
-/// Where a session stands, about once a second.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Progress {
-    /// Recorded time, s.
-    pub recorded_s: f64,
-    /// Samples of all sensors so far.
-    pub samples: u64,
-    /// Gaps of all sensors so far.
-    pub gaps: u64,
-    /// Samples of all sensors per second of the wall clock since the last report.
-    pub samples_per_s: f64,
-}
 
 /// What was recorded of one sensor.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
@@ -148,6 +135,9 @@ pub struct Summary {
     pub ended: String,
     /// Whether samples were lost on the way.
     pub data_lost: bool,
+    /// What was wrong with sensors while they were recorded.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub callouts: Vec<CallOut>,
     /// The recordings of a triggered session, one a shot; `file` is then their folder.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub shots: Vec<String>,
@@ -163,7 +153,6 @@ pub struct Output {
     flush_at: Instant,
     /// The disk has refused something; what came since is dropped.
     refused: bool,
-    reported: (Instant, u64),
 }
 
 /// Refuses early what the log would refuse at the first sample.
@@ -191,7 +180,6 @@ impl Output {
             end_ns: 0,
             flush_at: now + FLUSH_EVERY,
             refused: false,
-            reported: (now, 0),
         })
     }
 
@@ -250,22 +238,19 @@ impl Output {
         }
     }
 
-    /// To be called often: flushes when it is time, and returns the progress when it is time to report it.
-    pub fn tick(&mut self) -> Result<Option<Progress>, RecordError> {
+    /// The file.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// To be called often: flushes when it is time.
+    pub fn tick(&mut self) -> Result<(), RecordError> {
         let now = Instant::now();
         if now >= self.flush_at {
             self.write(Writer::flush)?;
             self.flush_at = now + FLUSH_EVERY;
         }
-        let (reported_at, reported_samples) = self.reported;
-        let since = now.duration_since(reported_at);
-        if since < REPORT_EVERY {
-            return Ok(None);
-        }
-        let (samples, gaps) = self.counts.iter().fold((0, 0), |sum, count| (sum.0 + count.0, sum.1 + count.1));
-        self.reported = (now, samples);
-        let samples_per_s = (samples - reported_samples) as f64 / since.as_secs_f64();
-        Ok(Some(Progress { recorded_s: seconds(self.end_ns), samples, gaps, samples_per_s }))
+        Ok(())
     }
 
     /// Finishes the file. `first_ns` is the time of the first sample, `listed` says which sensors the summary lists.
@@ -304,6 +289,7 @@ impl Output {
             data_lost,
             devices,
             ended,
+            callouts: Vec::new(),
             shots: Vec::new(),
         })
     }

@@ -9,7 +9,7 @@ use serialport::{SerialPort, SerialPortType};
 
 use super::RecordError;
 use super::poll::Line;
-use crate::rig::Device;
+use crate::rig::{Device, Framing, Parity};
 
 /// How long a read waits before its thread looks whether it is still wanted.
 const READ_TIMEOUT: Duration = Duration::from_millis(100);
@@ -90,7 +90,18 @@ impl Line for SerialLine {
 
 /// Opens the device's port, a serial one or a pseudo-terminal.
 pub fn open_port(device: &Device) -> Result<Box<dyn serialport::SerialPort>, RecordError> {
-    let open = |baud| serialport::new(&device.port, baud).timeout(READ_TIMEOUT).open();
+    let Framing { data_bits, parity, stop_bits } = device.framing;
+    let data_bits = if data_bits == 7 { serialport::DataBits::Seven } else { serialport::DataBits::Eight };
+    let stop_bits = if stop_bits == 2 { serialport::StopBits::Two } else { serialport::StopBits::One };
+    let parity = match parity {
+        Parity::None => serialport::Parity::None,
+        Parity::Even => serialport::Parity::Even,
+        Parity::Odd => serialport::Parity::Odd,
+    };
+    let open = |baud| {
+        let port = serialport::new(&device.port, baud).data_bits(data_bits).parity(parity).stop_bits(stop_bits);
+        port.timeout(READ_TIMEOUT).open()
+    };
     // It may be named by a link.
     let real = std::fs::canonicalize(&device.port);
     let pseudoterminal = real.is_ok_and(|path| path.starts_with("/dev/pts/"));
@@ -122,7 +133,7 @@ fn explain(device: &Device, error: &serialport::Error) -> RecordError {
         }
         Io(ErrorKind::PermissionDenied) => RecordError::PortForbidden { device: name, port },
         NoDevice => RecordError::PortBusy { device: name, port },
-        _ => RecordError::PortUnusable { device: name, port, baud: device.baud, reason: error.description.clone() },
+        _ => RecordError::PortUnusable { device: name, port, speed: device.speed(), reason: error.description.clone() },
     }
 }
 
@@ -132,7 +143,8 @@ mod tests {
     use crate::rig::Protocol;
 
     fn device(port: &str) -> Device {
-        Device { name: "daq".into(), port: port.into(), baud: 921_600, protocol: Protocol::Frames }
+        let framing = Framing::default();
+        Device { name: "daq".into(), port: port.into(), baud: 921_600, framing, protocol: Protocol::Frames }
     }
 
     fn refusal(port: &str) -> String {
@@ -151,6 +163,24 @@ mod tests {
         let file = tempfile::NamedTempFile::new().unwrap();
         let text = refusal(file.path().to_str().unwrap());
         assert!(text.contains("cannot be opened"), "{text}");
+    }
+
+    /// A pseudo-terminal keeps stop bits and the kind of parity, though it has neither.
+    #[cfg(unix)]
+    #[test]
+    fn the_format_of_the_rig_file_reaches_the_port() {
+        use nix::sys::termios::{ControlFlags, InputFlags, tcgetattr};
+        let flags = |framing: Framing| {
+            let line = crate::record::simulated::SimulatedDevice::open().unwrap();
+            let port = open_port(&Device { framing, ..device(line.path().to_str().unwrap()) }).unwrap();
+            let modes = tcgetattr(std::fs::File::open(line.path()).unwrap()).unwrap();
+            drop(port);
+            let has = |flag| modes.control_flags.contains(flag);
+            (has(ControlFlags::CSTOPB), has(ControlFlags::PARODD), modes.input_flags.contains(InputFlags::INPCK))
+        };
+        assert_eq!(flags(Framing::default()), (false, false, false));
+        assert_eq!(flags(Framing { stop_bits: 2, parity: Parity::Odd, data_bits: 8 }), (true, true, true));
+        assert_eq!(flags(Framing { stop_bits: 1, parity: Parity::Even, data_bits: 7 }), (false, false, true));
     }
 
     #[test]

@@ -4,10 +4,12 @@ use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::RecordError;
-use super::output::{Progress, Summary};
+use super::monitor::Expected;
+use super::output::Summary;
 use super::pace::Pace;
+use super::recorder::Recorder;
 use super::session::Options;
-use super::shots::Recorder;
+use super::snapshot::{Reports, Snapshot};
 use crate::log::{self, ImportOptions, import_csv_with};
 use crate::recording::{Gap, Recording, RunInfo, Series};
 use crate::rig::Rig;
@@ -60,7 +62,7 @@ pub fn replay(
     speed: f64,
     options: &Options,
     stop: &AtomicBool,
-    on_progress: &mut dyn FnMut(&Progress),
+    on_report: &mut dyn FnMut(Snapshot),
 ) -> Result<Summary, RecordError> {
     options.check()?;
     let mut tracks: Vec<Track> = recording.series.iter().map(Track::new).collect();
@@ -72,7 +74,12 @@ pub fn replay(
         notes: recording.run.notes.iter().chain(&options.notes).cloned().collect(),
         ..recording.run.clone()
     };
-    let mut output = Recorder::create(options, &recording.rig, &run)?;
+    let listed = |sensor: usize| recording.series.get(sensor).is_some_and(|series| !series.time_s.is_empty());
+    let played = (0..recording.series.len()).filter(|&sensor| listed(sensor));
+    // where the file has no sample there is no device to be looked at
+    let expected: Vec<_> = played.map(|sensor| Expected { sensor, device: None, silent_after: None }).collect();
+    let mut output = Recorder::create(options, &recording.rig, &run, &expected)?;
+    let mut reports = Reports::to(on_report);
     let end_ns = options.end_ns(first_ns);
     let pace = Pace::start(speed);
     let wanted = || !stop.load(Ordering::Relaxed);
@@ -94,14 +101,12 @@ pub fn replay(
         for (sensor, track) in tracks.iter_mut().enumerate() {
             track.play_until(now_ns, sensor, &mut output)?;
         }
-        if let Some(progress) = output.tick()? {
-            on_progress(&progress);
-        }
+        output.tick()?;
+        reports.when_due(|| output.snapshot());
         if output.refused() {
             break "the disk takes no more";
         }
     };
-    let listed = |sensor| recording.series.get(sensor).is_some_and(|series: &Series| !series.time_s.is_empty());
     output.finish(first_ns, listed, Vec::new(), ended.to_owned())
 }
 

@@ -7,8 +7,9 @@ use std::time::{Duration, Instant};
 
 use super::RecordError;
 use super::live::Live;
-use super::output::{DeviceCount, Progress, Summary, check_path};
+use super::output::{DeviceCount, Summary, check_path};
 use super::shots::Plan;
+use super::snapshot::{Reports, SensorView, Snapshot};
 use super::source::Sources;
 use super::stream::{State, Stream};
 use crate::rig::{Device, Protocol, Rig};
@@ -78,17 +79,19 @@ pub fn record(
     sources: &Sources,
     options: &Options,
     stop: &AtomicBool,
-    on_progress: &mut dyn FnMut(&Progress),
+    on_report: &mut dyn FnMut(Snapshot),
 ) -> Result<Summary, RecordError> {
     options.check()?;
     let mut streams: Vec<Stream<'_>> = sources.devices.iter().map(|device| Stream::new(rig, device)).collect();
-    let mut live = Live::new(rig, options, describe(&sources.devices), sources.host);
+    let expected = streams.iter().enumerate().flat_map(|(device, stream)| stream.expected(device)).collect();
+    let mut live = Live::new(rig, options, describe(&sources.devices), expected, sources.host);
+    let mut reports = Reports::to(on_report);
     let mut clocks_written = Instant::now();
     let ended = loop {
         if stop.load(Ordering::Relaxed) {
             break BY_USER.to_owned();
         }
-        match sources.inputs.recv_timeout(WAIT) {
+        match sources.next(WAIT) {
             Ok((device, input)) => {
                 if let Some(stream) = streams.get_mut(device) {
                     stream.take(input, &mut live)?;
@@ -108,9 +111,7 @@ pub fn record(
                 clocks_written = Instant::now();
             }
             let output = live.output()?;
-            if let Some(progress) = output.tick()? {
-                on_progress(&progress);
-            }
+            output.tick()?;
             if output.refused() {
                 break "the disk takes no more".to_owned();
             }
@@ -118,8 +119,20 @@ pub fn record(
                 break "all shots were recorded".to_owned();
             }
         }
+        reports.when_due(|| snapshot(&streams, &live, sources, options));
     };
     finish(&streams, live, sources, options, ended)
+}
+
+/// Where the session stands.
+fn snapshot(streams: &[Stream<'_>], live: &Live<'_>, sources: &Sources, options: &Options) -> Snapshot {
+    let mut snapshot = live.snapshot();
+    let view = |(device, stream): (usize, &Stream<'_>)| {
+        let own: Vec<&SensorView> = snapshot.sensors.iter().filter(|sensor| sensor.device == Some(device)).collect();
+        stream.view(&own, options, sources.waited(device), sources.queued(device))
+    };
+    snapshot.devices = streams.iter().enumerate().map(view).collect();
+    snapshot
 }
 
 fn finish(

@@ -4,15 +4,16 @@
 //! the shot is over; then the trigger settles for the next one.
 
 use std::collections::VecDeque;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use chrono::DateTime;
 
 use super::RecordError;
 use super::clock::seconds;
-use super::output::{DeviceCount, Output, Progress, SensorCount, Summary};
-use super::session::Options;
-use super::trigger::{Event, Settings, Trigger};
+use super::monitor::Monitor;
+use super::output::{DeviceCount, Output, SensorCount, Summary};
+use super::snapshot::{Phase, TriggerView};
+use super::trigger::{Condition, Event, Settings, State, Trigger};
 use crate::log::ClockFix;
 use crate::recording::{Gap, RunInfo};
 use crate::rig::Rig;
@@ -31,94 +32,6 @@ pub struct Plan {
     pub most: Option<usize>,
     /// Where the files go, named by rig, time and number.
     pub folder: PathBuf,
-}
-
-/// Where a session's samples go: all into one file, or each shot into one.
-pub enum Recorder {
-    /// All into one.
-    Whole(Box<Output>),
-    /// Each shot into one.
-    Shots(Box<Shots>),
-}
-
-impl Recorder {
-    /// As the options ask for; `run` is what is known of the session.
-    ///
-    /// # Errors
-    /// A file that cannot be made.
-    pub fn create(options: &Options, rig: &Rig, run: &RunInfo) -> Result<Recorder, RecordError> {
-        Ok(match &options.shots {
-            None => Recorder::Whole(Box::new(Output::create(&options.file, rig, run)?)),
-            Some(plan) => Recorder::Shots(Box::new(Shots::new(plan.clone(), rig, run))),
-        })
-    }
-
-    /// As [`Output::samples`].
-    pub fn samples(&mut self, sensor: usize, first_ns: i64, period_ns: f64, values: &[f64]) -> Result<(), RecordError> {
-        match self {
-            Recorder::Whole(output) => output.samples(sensor, first_ns, period_ns, values),
-            Recorder::Shots(shots) => shots.samples(sensor, first_ns, period_ns, values),
-        }
-    }
-
-    /// As [`Output::gap`].
-    pub fn gap(&mut self, sensor: usize, gap: Gap) -> Result<(), RecordError> {
-        match self {
-            Recorder::Whole(output) => output.gap(sensor, gap),
-            Recorder::Shots(shots) => shots.gap(sensor, gap),
-        }
-    }
-
-    /// As [`Output::note`]; what is said at the end of a session belongs to none of its shots but the one that it cut off.
-    pub fn note(&mut self, key: &str, value: &str) -> Result<(), RecordError> {
-        match self {
-            Recorder::Whole(output) => output.note(key, value),
-            Recorder::Shots(shots) => shots.open.as_mut().map_or(Ok(()), |open| open.output.note(key, value)),
-        }
-    }
-
-    /// As [`Output::tick`]; between shots there is nothing to report.
-    pub fn tick(&mut self) -> Result<Option<Progress>, RecordError> {
-        match self {
-            Recorder::Whole(output) => output.tick(),
-            Recorder::Shots(shots) => shots.open.as_mut().map_or(Ok(None), |open| open.output.tick()),
-        }
-    }
-
-    /// As [`Output::clocks`].
-    pub fn clocks(&mut self, fixes: Vec<ClockFix>) -> Result<(), RecordError> {
-        match self {
-            Recorder::Whole(output) => output.clocks(fixes),
-            Recorder::Shots(shots) => shots.clocks(fixes),
-        }
-    }
-
-    /// As [`Output::refused`].
-    pub fn refused(&self) -> bool {
-        match self {
-            Recorder::Whole(output) => output.refused(),
-            Recorder::Shots(shots) => shots.open.as_ref().is_some_and(|open| open.output.refused()),
-        }
-    }
-
-    /// All shots that were asked for are there.
-    pub fn is_over(&self) -> bool {
-        matches!(self, Recorder::Shots(shots) if shots.open.is_none() && shots.plan.most.is_some_and(|most| shots.done.len() >= most))
-    }
-
-    /// As [`Output::finish`].
-    pub fn finish(
-        self,
-        first_ns: i64,
-        listed: impl Fn(usize) -> bool,
-        devices: Vec<DeviceCount>,
-        ended: String,
-    ) -> Result<Summary, RecordError> {
-        match self {
-            Recorder::Whole(output) => output.finish(first_ns, listed, devices, ended),
-            Recorder::Shots(shots) => shots.finish(devices, ended),
-        }
-    }
 }
 
 /// Evenly spaced samples of a sensor.
@@ -167,7 +80,8 @@ pub struct Shots {
 }
 
 impl Shots {
-    fn new(plan: Plan, rig: &Rig, run: &RunInfo) -> Shots {
+    /// No shot yet; `run` is what is known of the session.
+    pub fn new(plan: Plan, rig: &Rig, run: &RunInfo) -> Shots {
         Shots {
             trigger: Trigger::new(plan.trigger),
             plan,
@@ -183,7 +97,15 @@ impl Shots {
         }
     }
 
-    fn samples(&mut self, sensor: usize, first_ns: i64, period_ns: f64, values: &[f64]) -> Result<(), RecordError> {
+    /// Takes samples; what the monitor has called out during a shot is kept with it.
+    pub fn samples(
+        &mut self,
+        sensor: usize,
+        first_ns: i64,
+        period_ns: f64,
+        values: &[f64],
+        monitor: &Monitor,
+    ) -> Result<(), RecordError> {
         if values.is_empty() || self.is_full() {
             return Ok(());
         }
@@ -197,18 +119,19 @@ impl Shots {
             self.trigger.feed(first_ns, period_ns, values, &mut self.events);
             for event in std::mem::take(&mut self.events) {
                 if let Event::Fired(at) = event {
-                    self.begin(at)?;
+                    self.begin(at, monitor)?;
                 }
             }
         }
         if self.open.as_ref().is_some_and(|open| self.newest_ns > open.to_ns.saturating_add(LATE_NS)) {
-            self.end("the shot was over")?;
+            self.end("the shot was over", monitor)?;
         }
         self.forget();
         Ok(())
     }
 
-    fn gap(&mut self, sensor: usize, gap: Gap) -> Result<(), RecordError> {
+    /// Takes a gap.
+    pub fn gap(&mut self, sensor: usize, gap: Gap) -> Result<(), RecordError> {
         if sensor == self.plan.sensor {
             self.trigger.gap();
         }
@@ -216,20 +139,64 @@ impl Shots {
         self.open.as_mut().map_or(Ok(()), |open| open.gap(sensor, gap))
     }
 
-    fn clocks(&mut self, fixes: Vec<ClockFix>) -> Result<(), RecordError> {
+    /// Takes how the devices' clocks lie to each other.
+    pub fn clocks(&mut self, fixes: Vec<ClockFix>) -> Result<(), RecordError> {
         self.clocks = fixes;
         self.open.as_mut().map_or(Ok(()), |open| open.clocks(&self.clocks))
     }
 
-    /// Whether all shots that were asked for are there or being written.
-    fn is_full(&self) -> bool {
+    /// Writes a note to the shot that is being written.
+    pub fn note(&mut self, key: &str, value: &str) -> Result<(), RecordError> {
+        self.open.as_mut().map_or(Ok(()), |open| open.output.note(key, value))
+    }
+
+    /// Flushes when it is time.
+    pub fn tick(&mut self) -> Result<(), RecordError> {
+        self.open.as_mut().map_or(Ok(()), |open| open.output.tick())
+    }
+
+    /// As [`Output::refused`].
+    pub fn refused(&self) -> bool {
+        self.open.as_ref().is_some_and(|open| open.output.refused())
+    }
+
+    /// The file that is being written, or else the folder.
+    pub fn place(&self) -> &Path {
+        self.open.as_ref().map_or(&self.plan.folder, |open| open.output.path())
+    }
+
+    /// How the trigger stands.
+    pub fn view(&self) -> TriggerView {
+        let wanted_s = seconds(self.plan.trigger.pre_ns);
+        let phase = match self.trigger.state() {
+            _ if self.is_full() => Phase::Over,
+            State::Settling(None) => Phase::Settling { quiet_s: 0.0, wanted_s },
+            State::Settling(Some(since)) => Phase::Settling { quiet_s: seconds(self.newest_ns - since), wanted_s },
+            State::Armed => Phase::Armed,
+            State::Fired(at) => {
+                Phase::Fired { since_s: seconds(self.newest_ns - at), lasts_s: seconds(self.plan.trigger.post_ns) }
+            }
+        };
+        let (name, unit) =
+            self.rig.sensors.get(self.plan.sensor).map_or(("", ""), |s| (s.name.as_str(), s.unit.symbol));
+        let condition = match self.plan.trigger.condition {
+            Condition::Edge => format!("{name} switches"),
+            Condition::Level(level) => format!("{name} reaches {level} {unit}"),
+            Condition::Slope(slope) => format!("{name} rises by {slope} {unit}/s"),
+        };
+        let fired = self.done.len() + usize::from(self.open.is_some());
+        TriggerView { condition, phase, fired, most: self.plan.most }
+    }
+
+    /// Whether all shots that were asked for are there.
+    pub fn is_full(&self) -> bool {
         self.open.is_none() && self.plan.most.is_some_and(|most| self.done.len() >= most)
     }
 
     /// A shot begins: its file takes what was kept.
-    fn begin(&mut self, fired_ns: i64) -> Result<(), RecordError> {
+    fn begin(&mut self, fired_ns: i64, monitor: &Monitor) -> Result<(), RecordError> {
         // the one before may still wait for late samples
-        self.end("the next shot began")?;
+        self.end("the next shot began", monitor)?;
         if self.is_full() {
             return Ok(());
         }
@@ -258,8 +225,11 @@ impl Shots {
         Ok(())
     }
 
-    fn end(&mut self, ended: &str) -> Result<(), RecordError> {
+    fn end(&mut self, ended: &str, monitor: &Monitor) -> Result<(), RecordError> {
         let Some(mut open) = self.open.take() else { return Ok(()) };
+        for (key, text) in monitor.notes(open.from_ns, open.to_ns) {
+            open.output.note(&key, &text)?;
+        }
         open.output.note("ended", ended)?;
         let sensors = open.sensors;
         let summary = open.output.finish(0, |s| sensors.contains(&s), Vec::new(), ended.to_owned())?;
@@ -282,8 +252,14 @@ impl Shots {
         self.gaps.retain(|(_, gap)| gap.to_s >= seconds(oldest_ns));
     }
 
-    fn finish(mut self, devices: Vec<DeviceCount>, ended: String) -> Result<Summary, RecordError> {
-        self.end(&ended)?;
+    /// As [`Output::finish`]: the sums over all shots.
+    pub fn finish(
+        mut self,
+        devices: Vec<DeviceCount>,
+        ended: String,
+        monitor: &Monitor,
+    ) -> Result<Summary, RecordError> {
+        self.end(&ended, monitor)?;
         let mut sensors: Vec<SensorCount> = Vec::new();
         for count in self.done.iter().flat_map(|shot| &shot.sensors) {
             match sensors.iter_mut().find(|s| s.name == count.name) {
@@ -298,6 +274,7 @@ impl Shots {
             data_lost: devices.iter().any(DeviceCount::lost_data) || self.done.iter().any(|shot| shot.data_lost),
             devices,
             ended,
+            callouts: Vec::new(),
             shots: self.done.into_iter().map(|shot| shot.file).collect(),
         })
     }

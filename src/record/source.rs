@@ -7,7 +7,7 @@
 use std::io::{ErrorKind, Read};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync_channel};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
@@ -72,11 +72,13 @@ pub enum Input {
     Ended(String),
 }
 
-/// How often and how long a port's thread had to wait for the session.
+/// How often and how long a port's thread had to wait for the session, and how much of it waits in the queue.
 #[derive(Debug, Default)]
 pub struct Pressure {
     waits: AtomicU64,
     waited_us: AtomicU64,
+    sent: AtomicU64,
+    taken: AtomicU64,
 }
 
 impl Pressure {
@@ -104,6 +106,7 @@ impl Queue {
 
     /// Passes something on, waiting for room; false when nobody takes it any more.
     pub fn send(&self, input: Input) -> bool {
+        self.pressure.sent.fetch_add(1, Ordering::Relaxed);
         match self.sender.try_send((self.device, input)) {
             Ok(()) => true,
             Err(TrySendError::Disconnected(_)) => false,
@@ -181,6 +184,26 @@ impl Sources {
     /// How often and how long the thread of a device had to wait for the session.
     pub fn waited(&self, device: usize) -> (u64, f64) {
         self.pressure.get(device).map_or((0, 0.0), |pressure| pressure.waited())
+    }
+
+    /// The next input and the number of its device.
+    ///
+    /// # Errors
+    /// None came in time, or no thread is left.
+    pub fn next(&self, within: Duration) -> Result<(usize, Input), RecvTimeoutError> {
+        let (device, input) = self.inputs.recv_timeout(within)?;
+        if let Some(pressure) = self.pressure.get(device) {
+            pressure.taken.fetch_add(1, Ordering::Relaxed);
+        }
+        Ok((device, input))
+    }
+
+    /// How much of the queue waits for the session with what a device has sent, 0 to 1.
+    pub fn queued(&self, device: usize) -> f64 {
+        let Some(pressure) = self.pressure.get(device) else { return 0.0 };
+        let taken = pressure.taken.load(Ordering::Relaxed);
+        let waiting = pressure.sent.load(Ordering::Relaxed).saturating_sub(taken);
+        (waiting as f64 / QUEUE as f64).min(1.0)
     }
 
     fn empty() -> Sources {
@@ -281,7 +304,8 @@ mod tests {
     use super::*;
 
     fn device() -> Device {
-        Device { name: "daq".into(), port: "/dev/null".into(), baud: 921_600, protocol: Protocol::Frames }
+        let framing = crate::rig::Framing::default();
+        Device { name: "daq".into(), port: "/dev/null".into(), baud: 921_600, framing, protocol: Protocol::Frames }
     }
 
     #[test]
@@ -320,8 +344,11 @@ mod tests {
             assert!(started.elapsed() < Duration::from_secs(20), "nobody waits");
             thread::sleep(Duration::from_millis(5));
         }
-        let received = sources.inputs.iter().filter(|(_, input)| matches!(input, Input::Bytes { .. })).count();
+        assert_eq!(sources.queued(0), 1.0, "the queue is full");
+        let inputs = std::iter::from_fn(|| sources.next(Duration::from_secs(5)).ok());
+        let received = inputs.filter(|(_, input)| matches!(input, Input::Bytes { .. })).count();
         assert_eq!(received, QUEUE + 100, "not one is lost by waiting");
+        assert_eq!(sources.queued(0), 0.0);
         assert!(sources.waited(0).1 > 0.0);
     }
 }

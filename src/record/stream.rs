@@ -1,5 +1,7 @@
 //! One device of a session: what it sends becomes samples and gaps of the sensors wired to it.
 
+mod count;
+
 use std::time::Instant;
 
 use super::RecordError;
@@ -8,8 +10,6 @@ use super::clock::{DeviceClock, seconds};
 use super::frames::{self, Frame};
 use super::lines::{self, Line};
 use super::live::Live;
-use super::modbus::exception;
-use super::output::{ClockSummary, DeviceCount};
 use super::polling::Polled;
 use super::source::Input;
 use crate::recording::Gap;
@@ -359,59 +359,5 @@ impl<'a> Stream<'a> {
             stretch.arrived(sent_ns, began_ns);
             stretch.last_ns = last_ns;
         }
-    }
-
-    /// True if nothing it sent could be used.
-    pub fn is_empty(&self) -> bool {
-        self.stretches.is_empty()
-    }
-
-    /// Why nothing it sent could be used.
-    pub fn nothing(&self, ended: String) -> RecordError {
-        let (device, port, baud) = (self.device.name.clone(), self.device.port.clone(), self.device.baud);
-        match &self.codec {
-            Codec::Polled(Some(Polled { refused: Some(code), .. })) => {
-                RecordError::Refused { device, why: exception(*code) }
-            }
-            Codec::Polled(_) => RecordError::NoAnswer { device, port, baud, ended },
-            _ if self.bytes == 0 => RecordError::Silent { device, port, ended },
-            Codec::Frames(_) => RecordError::NoFrame { device, bytes: self.bytes, baud, speaks: "frames", ended },
-            Codec::Lines(_) => RecordError::NoFrame { device, bytes: self.bytes, baud, speaks: "lines", ended },
-        }
-    }
-
-    /// What came from it; `waited` is how often and how long its thread waited for the session.
-    pub fn count(&self, waited: (u64, f64)) -> DeviceCount {
-        let mut count = DeviceCount {
-            name: self.device.name.clone(),
-            holes: self.holes,
-            reconnects: self.reconnects,
-            restarts: self.stretches.len().saturating_sub(1) as u64,
-            queue_waits: waited.0,
-            queue_waited_s: waited.1,
-            ..DeviceCount::default()
-        };
-        match &self.codec {
-            Codec::Frames(decoder) => {
-                let counts = decoder.counts();
-                (count.frames, count.bad_frames) = (counts.frames, counts.bad);
-                (count.lost_frames, count.duplicated_frames) = (counts.lost, counts.duplicated);
-            }
-            Codec::Lines(decoder) => {
-                let counts = decoder.counts();
-                (count.frames, count.bad_frames) = (counts.lines, counts.bad);
-                count.duplicated_frames = counts.stale;
-            }
-            Codec::Polled(polled) => {
-                let counts = polled.as_ref().map(|polled| polled.counts).unwrap_or_default();
-                (count.frames, count.bad_frames) = (counts.answers, counts.bad + counts.refused);
-                (count.lost_frames, count.late_answers) = (counts.missed, counts.late);
-                count.skipped_polls = counts.skipped;
-            }
-        }
-        if self.has_clock() {
-            count.clock = self.stretches.last().and_then(Stretch::line).map(|line| ClockSummary::of(&line));
-        }
-        count
     }
 }

@@ -38,10 +38,12 @@ pub enum Event {
     Over(i64),
 }
 
+/// How a trigger stands.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum State {
+pub enum State {
     /// Waits until the condition has not been met since this time for long enough; none before the first sample.
     Settling(Option<i64>),
+    /// It may fire.
     Armed,
     /// Fired at this time.
     Fired(i64),
@@ -62,9 +64,9 @@ impl Trigger {
         Trigger { settings, state: State::Settling(None), last: std::collections::VecDeque::new() }
     }
 
-    /// Whether it may fire.
-    pub fn is_armed(&self) -> bool {
-        self.state == State::Armed
+    /// How it stands.
+    pub fn state(&self) -> State {
+        self.state
     }
 
     /// Takes samples of its sensor, `period_ns` apart, the first at `first_ns`; says what they bring about, in order.
@@ -197,10 +199,10 @@ mod tests {
         let settings = Settings { condition: Condition::Edge, pre_ns: 10 * MS, post_ns: 20 * MS };
         let (mut trigger, mut events) = (Trigger::new(settings), Vec::new());
         trigger.feed(0, 1e6, &[0.0; 20], &mut events);
-        assert!(trigger.is_armed());
+        assert_eq!(trigger.state(), State::Armed);
         trigger.gap();
         trigger.feed(100 * MS, 1e6, &[1.0; 5], &mut events);
-        assert!(!trigger.is_armed());
+        assert_ne!(trigger.state(), State::Armed);
         assert_eq!(events, [Event::Armed]);
     }
 }

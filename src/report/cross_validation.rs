@@ -14,24 +14,26 @@ const AS_WELL: f64 = 1.25;
 
 /// What a kind of data left out says of a model, in a sentence.
 pub fn verdict(by: By, pooled: &Pooled) -> String {
-    let Pooled { held_out_m, in_fit_m, noise_m } = *pooled;
+    let Pooled { held_out_m, in_fit_m, noise_m, held_out_over_noise, in_fit_over_noise } = *pooled;
+    // Runs and sensors of unlike noise count alike.
+    let over_fit = held_out_over_noise / in_fit_over_noise;
     let (what, error) = (word(by), format!("{} m", error_m(held_out_m)));
     let against = format!("in the fit {} m, noise {} m", error_m(in_fit_m), error_m(noise_m));
-    let meaning = match (held_out_m / noise_m, held_out_m / in_fit_m) {
+    let meaning = match (held_out_over_noise, over_fit) {
         (over_noise, _) if over_noise <= NOISE => "it predicts down to the noise".to_owned(),
         (_, over_fit) if over_fit <= AS_WELL => {
             format!(
                 "it predicts as well as it fits, {}× the noise: what it lacks is physics, not data",
-                times(held_out_m, noise_m)
+                times(held_out_over_noise, 1.0)
             )
         }
-        _ if in_fit_m <= NOISE * noise_m => format!(
+        _ if in_fit_over_noise <= NOISE => format!(
             "it fits the noise but errs {}× as much where it was not fitted: its parameters carry what belongs to this data alone",
-            times(held_out_m, in_fit_m)
+            times(over_fit, 1.0)
         ),
         _ => format!(
             "it errs {}× as much where it was not fitted: it lacks physics, and its parameters bend to hide that",
-            times(held_out_m, in_fit_m)
+            times(over_fit, 1.0)
         ),
     };
     format!("{what} left out: {error} ({against}): {meaning}.")
@@ -176,7 +178,13 @@ mod tests {
 
     #[test]
     fn the_verdict_tells_overfitting_from_missing_physics() {
-        let say = |held_out_m, in_fit_m| verdict(By::Sensors, &Pooled { held_out_m, in_fit_m, noise_m: 0.03 });
+        let say = |held_out_m, in_fit_m| {
+            let (held_out_over_noise, in_fit_over_noise) = (held_out_m / 0.03, in_fit_m / 0.03);
+            verdict(
+                By::Sensors,
+                &Pooled { held_out_m, in_fit_m, noise_m: 0.03, held_out_over_noise, in_fit_over_noise },
+            )
+        };
         assert!(say(0.031, 0.029).contains("down to the noise"));
         assert!(say(1.1, 1.0).contains("as well as it fits"));
         assert!(say(0.3, 0.03).contains("belongs to this data alone"));

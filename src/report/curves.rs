@@ -166,6 +166,7 @@ mod tests {
             model_m,
             band_m: Vec::new(),
             noise_m: 0.1,
+            white_noise_m: 0.1,
             rmse_m: 1.0,
             start_rmse_m: 2.0,
             extrema: vec![],

@@ -105,6 +105,7 @@ mod tests {
             model_m: vec![],
             band_m: Vec::new(),
             noise_m: 0.03,
+            white_noise_m: 0.03,
             rmse_m,
             start_rmse_m: 1.0,
             extrema,

@@ -24,9 +24,11 @@ mod stages;
 use std::fmt::Write;
 
 use crate::diagnose::Diagnosis;
+use crate::fit::predict::Prediction;
 use crate::model::energy::Energy;
 use crate::report::curves::{BUCKETS, Curves, find};
 use crate::report::escape::{escape, json_in_script};
+use crate::report::prediction;
 use crate::report::summary::{self, Closeness};
 use crate::report::{Overlay, Stage};
 use crate::rig::Rig;
@@ -44,8 +46,25 @@ pub struct Page<'a> {
     pub overlays: Vec<Overlay>,
     /// The diagnoses that led from stage to stage, the first one first; none on the page of a calibration.
     pub diagnoses: &'a [Diagnosis],
+    /// The last stage predicts: its samples after a time were not seen by any fit.
+    pub prediction: Option<&'a Prediction>,
     /// Where the energy of the last stage's first run went, if that is known.
     pub energy: Option<Energy>,
+}
+
+impl<'a> Page<'a> {
+    /// An empty page about a rig.
+    pub fn of(rig: &'a Rig) -> Self {
+        Page {
+            title: String::new(),
+            rig,
+            stages: Vec::new(),
+            overlays: Vec::new(),
+            diagnoses: &[],
+            prediction: None,
+            energy: None,
+        }
+    }
 }
 
 const CSS: &str = include_str!("assets/page.css");
@@ -59,9 +78,14 @@ const UPLOT_CSS: &str = include_str!("assets/uplot/uPlot.min.css");
 /// Never fails: without stages or sensors the page says so; numbers that are not finite are left out of the curves.
 pub fn html(page: &Page) -> String {
     let panels = panels(page);
-    let kind = if page.diagnoses.is_empty() { "calibration" } else { "diagnosis" };
-    let (mark, class, verdict) =
-        if page.diagnoses.is_empty() { verdict(&page.stages) } else { diagnosis::verdict(page) };
+    let (kind, (mark, class, verdict)) = match page.prediction {
+        _ if !page.diagnoses.is_empty() => ("diagnosis", diagnosis::verdict(page)),
+        Some(ahead) => ("prediction", judged(prediction::judge(ahead), prediction::verdict(ahead))),
+        None => {
+            let judgement = page.stages.last().map_or(Closeness::Unknown, |s| summary::judge(s.fit));
+            ("calibration", judged(judgement, summary::verdict(&page.stages)))
+        }
+    };
     let named = page.diagnoses.last().map_or(String::new(), |d| format!(" data-verdict=\"{}\"", d.verdict.name()));
     let mut out = head(&page.title, kind, &named);
     let _ = write!(
@@ -84,7 +108,7 @@ pub fn html(page: &Page) -> String {
     out.push_str(&body);
     out.push_str(&footer(" Charts: uPlot (MIT licence)."));
     if !panels.is_empty() {
-        let data = json_in_script(&data::json(&page.stages, &panels));
+        let data = json_in_script(&data::json(&page.stages, &panels, page.prediction.map(|p| p.known_until_s)));
         let _ = write!(
             out,
             "<script type=\"application/json\" id=\"data\">{data}</script>\n<script>/*!\n{UPLOT_LICENCE}*/\n{UPLOT_JS}</script>\n<script>{JS}</script>\n"
@@ -175,15 +199,15 @@ fn contents(body: &str) -> String {
     format!("<nav class=\"contents\" aria-label=\"Contents\"><ul>{}</ul></nav>\n", chapters.concat())
 }
 
-/// Mark, class and sentence of what the last stage says.
-fn verdict(stages: &[Stage]) -> (&'static str, &'static str, String) {
-    let (mark, class) = match stages.last().map_or(Closeness::Unknown, |s| summary::judge(s.fit)) {
+/// Mark, class and sentence of a judgement.
+fn judged(closeness: Closeness, sentence: String) -> (&'static str, &'static str, String) {
+    let (mark, class) = match closeness {
         Closeness::Noise => ("✓", "good"),
         Closeness::Near => ("≈", "near"),
         Closeness::Missing => ("✗", "missing"),
         Closeness::Unknown => ("?", "unknown"),
     };
-    (mark, class, summary::verdict(stages))
+    (mark, class, sentence)
 }
 
 /// What one sensor in one run shows.
@@ -239,7 +263,7 @@ fn sensors(out: &mut String, page: &Page, panels: &[Panel]) {
     }
     for (i, panel) in panels.iter().enumerate() {
         // The page of a diagnosis has more to say than numbers of peaks: there they fold away.
-        out.push_str(&sensor::section(i, panel, &page.stages, page.diagnoses.is_empty()));
+        out.push_str(&sensor::section(i, panel, page, page.diagnoses.is_empty()));
     }
     out.push_str("</section>\n");
 }

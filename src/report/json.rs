@@ -79,6 +79,8 @@ pub struct Parameter<'a> {
     pub unit: &'a str,
     /// It ended at one of its bounds.
     pub at_bound: bool,
+    /// It was held at its value.
+    pub held: bool,
 }
 
 impl<'a> From<&'a Fit> for Calibration<'a> {
@@ -131,6 +133,7 @@ impl<'a> From<&'a FittedParameter> for Parameter<'a> {
             profile: p.profile.as_ref().map(|profile| &profile.points[..]),
             unit: p.unit,
             at_bound: p.at_bound,
+            held: p.held,
         }
     }
 }

@@ -4,6 +4,7 @@ use serde::Serialize;
 
 use super::json;
 use super::number::{error_m, fixed, significant, times};
+use super::summary::Closeness;
 use super::table::{Table, parameters};
 use crate::fit::compare::mape_percent;
 use crate::fit::outcome::RunFit;
@@ -14,34 +15,63 @@ const NOISE: f64 = 1.25;
 /// The same up to which it is near.
 const NEAR: f64 = 2.0;
 
-/// Error over the samples that were predicted, and the noise of the same, over all runs, m.
-pub fn ahead(prediction: &Prediction) -> (f64, f64) {
+/// What was predicted, rms over its samples, m.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Ahead {
+    /// Error.
+    pub error_m: f64,
+    /// Noise of the sensors.
+    pub noise_m: f64,
+    /// What a model that lacks nothing would err, its values known no better than they are.
+    pub expected_m: f64,
+}
+
+/// Over all runs; NaN where nothing was predicted.
+pub fn ahead(prediction: &Prediction) -> Ahead {
     pooled(prediction, &prediction.fit.runs)
 }
 
-fn pooled(prediction: &Prediction, runs: &[RunFit]) -> (f64, f64) {
-    let (mut square, mut noise, mut samples) = (0.0, 0.0, 0.0);
+fn pooled(prediction: &Prediction, runs: &[RunFit]) -> Ahead {
+    let (mut square, mut noise, mut expected, mut samples) = (0.0, 0.0, 0.0, 0.0);
     for sensor in runs.iter().flat_map(|r| &r.sensors) {
         let n = sensor.time_s.iter().filter(|t| **t > prediction.known_until_s).count() as f64;
         if n > 0.0 {
             square += n * prediction.ahead_m(sensor).powi(2);
             noise += n * sensor.noise_m.powi(2);
+            expected += n * prediction.expected_m(sensor).powi(2);
             samples += n;
         }
     }
-    ((square / samples).sqrt(), (noise / samples).sqrt())
+    let [error_m, noise_m, expected_m] = [square, noise, expected].map(|sum| (sum / samples).sqrt());
+    Ahead { error_m, noise_m, expected_m }
+}
+
+/// How near a prediction is to what its model can be asked for: noise, and the errors of the model's values.
+pub fn judge(prediction: &Prediction) -> Closeness {
+    let Ahead { error_m, expected_m, noise_m } = ahead(prediction);
+    match (error_m / expected_m, error_m / noise_m) {
+        (ratio, _) if !ratio.is_finite() => Closeness::Unknown,
+        (ratio, _) if ratio <= NOISE => Closeness::Noise,
+        (_, ratio) if ratio <= NEAR => Closeness::Near,
+        _ => Closeness::Missing,
+    }
 }
 
 /// The prediction in a sentence.
 pub fn verdict(prediction: &Prediction) -> String {
-    let (error, noise) = ahead(prediction);
-    if !error.is_finite() {
-        return "No sample lies after those that tell a run's own values: nothing was predicted.".to_owned();
-    }
-    let meaning = match error / noise {
-        ratio if ratio <= NOISE => "the model predicts down to the noise".to_owned(),
-        ratio if ratio <= NEAR => format!("{}× the noise, the model predicts nearly all of it", times(error, noise)),
-        _ => format!("{}× the noise, the model does not hold here", times(error, noise)),
+    let Ahead { error_m: error, noise_m: noise, expected_m: expected } = ahead(prediction);
+    let meaning = match judge(prediction) {
+        Closeness::Unknown => {
+            return "No sample lies after those that tell a run's own values: nothing was predicted.".to_owned();
+        }
+        Closeness::Noise if error <= NOISE * noise => "the model predicts down to the noise".to_owned(),
+        Closeness::Noise => format!(
+            "{}× the noise, as much as the errors of the model's values make ({} m): it holds here as far as it is known",
+            times(error, noise),
+            error_m(expected)
+        ),
+        Closeness::Near => format!("{}× the noise, the model predicts nearly all of it", times(error, noise)),
+        Closeness::Missing => format!("{}× the noise, the model does not hold here", times(error, noise)),
     };
     format!("Predicted to {} m, noise {} m: {meaning}.", error_m(error), error_m(noise))
 }
@@ -96,6 +126,8 @@ pub struct Document<'a> {
     pub known_until_s: f64,
     /// Error over the samples after that, m.
     pub predicted_rmse_m: f64,
+    /// What a model that lacks nothing would err over them, its values known no better than they are, m.
+    pub expected_rmse_m: f64,
     /// Noise of the same, m.
     pub noise_m: f64,
     /// Each run.
@@ -120,10 +152,10 @@ pub struct Run<'a> {
 
 /// A prediction as scripts see it.
 pub fn document<'a>(prediction: &'a Prediction, warnings: &'a [String]) -> Document<'a> {
-    let (predicted_rmse_m, noise_m) = ahead(prediction);
+    let Ahead { error_m: predicted_rmse_m, noise_m, expected_m } = ahead(prediction);
     let run = |run: &'a RunFit| Run {
         all: run.into(),
-        predicted_rmse_m: pooled(prediction, std::slice::from_ref(run)).0,
+        predicted_rmse_m: pooled(prediction, std::slice::from_ref(run)).error_m,
         predicted_rmse_m_by_sensor: run.sensors.iter().map(|s| prediction.ahead_m(s)).collect(),
     };
     Document {
@@ -131,6 +163,7 @@ pub fn document<'a>(prediction: &'a Prediction, warnings: &'a [String]) -> Docum
         verdict: verdict(prediction),
         known_until_s: prediction.known_until_s,
         predicted_rmse_m,
+        expected_rmse_m: expected_m,
         noise_m,
         runs: prediction.fit.runs.iter().map(run).collect(),
         parameters: prediction.fit.parameters.iter().map(Into::into).collect(),

@@ -16,6 +16,8 @@ pub struct Overall {
     pub rmse_m: f64,
     /// Root mean square of the sensors' noise.
     pub noise_m: f64,
+    /// What a model that lacks nothing leaves: the noise, and the error of the grid where that is not small against it.
+    pub floor_m: f64,
     /// Samples.
     pub samples: usize,
 }
@@ -24,7 +26,7 @@ pub struct Overall {
 pub fn overall(fit: &Fit) -> Overall {
     let samples = fit.runs.iter().flat_map(|r| &r.sensors).map(|s| s.time_s.len()).sum();
     let (rmse_m, noise_m) = fit.pooled();
-    Overall { rmse_m, noise_m, samples }
+    Overall { rmse_m, noise_m, floor_m: noise_m.hypot(2.0 * fit.grid_error_m), samples }
 }
 
 /// How near a model is to what the recording can tell.
@@ -54,7 +56,7 @@ pub fn closeness(rmse_m: f64, noise_m: f64) -> Closeness {
 /// Judges a whole fit: its error over all samples, and no sensor may hide well above its noise among good ones.
 pub fn judge(fit: &Fit) -> Closeness {
     let all = overall(fit);
-    match closeness(all.rmse_m, all.noise_m) {
+    match closeness(all.rmse_m, all.floor_m) {
         Closeness::Noise if worst_sensor(fit).is_some() => Closeness::Near,
         closeness => closeness,
     }
@@ -75,7 +77,7 @@ pub fn verdict(stages: &[Stage]) -> String {
     let start = stages.first().map(|s| overall(s.fit)).filter(|_| stages.len() > 1);
     let fall = start.map_or(String::new(), |s| format!("{} m → ", error_m(s.rmse_m)));
     let ratio = times(end.rmse_m, end.noise_m);
-    let meaning = match closeness(end.rmse_m, end.noise_m) {
+    let meaning = match closeness(end.rmse_m, end.floor_m) {
         Closeness::Noise => match worst_sensor(last.fit) {
             None => "the model is down to the noise".into(),
             Some((name, r)) => format!("the model is down to the noise, except at {name} ({r}× its noise)"),
@@ -127,6 +129,7 @@ mod tests {
                 model_m: vec![0.0; n],
                 band_m: Vec::new(),
                 noise_m,
+                white_noise_m: noise_m,
                 rmse_m,
                 start_rmse_m: 2.0,
                 extrema: vec![],

@@ -277,6 +277,7 @@ mod tests {
                     model_m: vec![0.0; 4],
                     band_m: Vec::new(),
                     noise_m: 0.03,
+                    white_noise_m: 0.03,
                     rmse_m,
                     start_rmse_m: 2.0,
                     extrema: vec![extremum(1, true, 0.123), extremum(1, false, -0.2), extremum(2, true, 0.001)],

@@ -4,10 +4,20 @@ use std::collections::HashMap;
 
 use super::table::{FINITE, NOT_ZERO, POSITIVE, Section, nearest};
 use super::unique::Names;
-use super::{Device, Encoding, Protocol, Register, Wiring};
+use super::{Device, Encoding, Framing, Parity, Protocol, Register, Wiring};
 
-pub(super) const DEVICE_KEYS: &[&str] =
-    &["name", "port", "baud", "protocol", "unit_id", "poll_interval_s", "timeout_s"];
+pub(super) const DEVICE_KEYS: &[&str] = &[
+    "name",
+    "port",
+    "baud",
+    "data_bits",
+    "parity",
+    "stop_bits",
+    "protocol",
+    "unit_id",
+    "poll_interval_s",
+    "timeout_s",
+];
 /// Keys of `[[device]]` for `modbus-rtu` only.
 const MODBUS_DEVICE: [&str; 3] = ["unit_id", "poll_interval_s", "timeout_s"];
 /// Keys of `[[sensor]]` for `modbus-rtu` only.
@@ -40,6 +50,7 @@ fn read_device(section: &Section<'_>, names: &mut Names) -> Option<Device> {
     let baud = section.required("baud", "the port's speed, e.g. 115200", section.integer("baud", 50, 20_000_000));
     let speaks = [("frames", Speaks::Frames), ("lines", Speaks::Lines), ("modbus-rtu", Speaks::Modbus)];
     let speaks = section.required_choice("protocol", &speaks).map(|s| s.value);
+    let framing = read_framing(section, speaks);
     let unit_id = section.integer("unit_id", 1, 247).unwrap_or(1) as u8;
     let poll_interval_s = section.number("poll_interval_s", &POSITIVE).unwrap_or(0.1);
     let timeout_s = section.number("timeout_s", &POSITIVE).unwrap_or(0.2);
@@ -51,7 +62,22 @@ fn read_device(section: &Section<'_>, names: &mut Names) -> Option<Device> {
         Speaks::Lines => Protocol::Lines,
         Speaks::Modbus => Protocol::ModbusRtu { unit_id, poll_interval_s, timeout_s },
     };
-    Some(Device { name: name?.value.to_owned(), port: port?.value.to_owned(), baud: baud? as u32, protocol })
+    Some(Device { name: name?.value.to_owned(), port: port?.value.to_owned(), baud: baud? as u32, framing, protocol })
+}
+
+/// What a character looks like. Only text can do with seven bits.
+fn read_framing(section: &Section<'_>, speaks: Option<Speaks>) -> Framing {
+    let standard = Framing::default();
+    let data_bits = section.integer("data_bits", 7, 8).map_or(standard.data_bits, |bits| bits as u8);
+    if let (7, Some(Speaks::Frames | Speaks::Modbus), Some(place)) = (data_bits, speaks, section.place_of("data_bits"))
+    {
+        let message = "'data_bits' = 7 is for devices with protocol = \"lines\" only: the others send bytes of 8 bits; leave it out";
+        section.fault_at(&place, message);
+    }
+    let parities = [("none", Parity::None), ("even", Parity::Even), ("odd", Parity::Odd)];
+    let parity = section.choice("parity", &parities).map_or(standard.parity, |parity| parity.value);
+    let stop_bits = section.integer("stop_bits", 1, 2).map_or(standard.stop_bits, |bits| bits as u8);
+    Framing { data_bits, parity, stop_bits }
 }
 
 fn only_for_modbus(section: &Section<'_>, keys: &[&str]) {

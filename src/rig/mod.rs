@@ -22,6 +22,7 @@ pub mod check;
 pub mod compare;
 mod error;
 pub mod friction;
+pub mod limits;
 mod live;
 pub mod material;
 mod parse;
@@ -235,8 +236,54 @@ pub struct Device {
     pub port: String,
     /// Baud rate.
     pub baud: u32,
+    /// What a character on the line looks like.
+    pub framing: Framing,
     /// What it speaks.
     pub protocol: Protocol,
+}
+
+impl Device {
+    /// Baud rate and format of its line, as in `115200 baud 8N1`.
+    pub fn speed(&self) -> String {
+        format!("{} baud {}", self.baud, self.framing)
+    }
+}
+
+/// What a character on a serial line looks like; 8N1 unless the file says otherwise.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Framing {
+    /// 7 or 8.
+    pub data_bits: u8,
+    /// Whether a bit more makes the number of ones even or odd.
+    pub parity: Parity,
+    /// 1 or 2.
+    pub stop_bits: u8,
+}
+
+impl Default for Framing {
+    fn default() -> Framing {
+        Framing { data_bits: 8, parity: Parity::None, stop_bits: 1 }
+    }
+}
+
+impl std::fmt::Display for Framing {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let parity = match self.parity {
+            Parity::None => 'N',
+            Parity::Even => 'E',
+            Parity::Odd => 'O',
+        };
+        write!(f, "{}{parity}{}", self.data_bits, self.stop_bits)
+    }
+}
+
+/// Parity of a serial line.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[allow(missing_docs)]
+pub enum Parity {
+    None,
+    Even,
+    Odd,
 }
 
 /// Wire protocol of a device.

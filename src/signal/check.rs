@@ -25,7 +25,7 @@ pub fn check_recording(rig: &Rig, recording: &Recording) -> Vec<Finding> {
     let mut findings = vec![compare_rigs(rig, &recording.rig)];
     let tracks = tracks(rig, recording);
     findings.extend(rig.sensors.iter().filter_map(|sensor| check_presence(sensor, &tracks)));
-    findings.extend(tracks.iter().filter_map(check_saturation));
+    findings.extend(tracks.iter().filter_map(|track| check_saturation(rig, track)));
 
     let water = rig.fluid.properties(temperature_degc(rig, &tracks));
     let pressures: Vec<Front> =

@@ -14,7 +14,7 @@ use surgescope::model::trace::Probe;
 use surgescope::model::{Conditions, Model, Resolution, RunValues};
 use surgescope::rig::Rig;
 
-use super::{CREEP, NOISE_M, WAVE_SPEED, creeping, plastic};
+use super::{CREEP, NOISE_M, Noise, WAVE_SPEED, creeping, creeping_in, plastic};
 
 type C = Complex<f64>;
 const G: f64 = 9.81;
@@ -199,7 +199,11 @@ fn the_view_shows_where_a_model_has_its_harmonics() {
         let all = answer["sensors"][0]["harmonics"].as_array().unwrap();
         assert!(all.len() >= 3 && all[0]["number"] == 1);
         let first = &all[0];
-        let ratio = first["model"]["amplitude"].as_f64().unwrap() / first["record"]["amplitude"].as_f64().unwrap();
+        let ratio = first["model"]["amplitude_m"].as_f64().unwrap() / first["record"]["amplitude_m"].as_f64().unwrap();
+        // Units stand in the keys, and the shift is the percent of the table.
+        let hertz = |v: &Value| v.as_f64().unwrap();
+        let shift = 100.0 * (hertz(&first["record"]["frequency_hz"]) / hertz(&first["ideal_hz"]) - 1.0);
+        assert!((first["shift_percent"].as_f64().unwrap() - shift).abs() < 1e-9 && shift.abs() > 0.1, "{first}");
         (ratio - 1.0).abs()
     };
     assert!(off(&view("viscoelastic-wall:2")) < 0.01);
@@ -210,4 +214,21 @@ fn the_view_shows_where_a_model_has_its_harmonics() {
     assert!(alone["sensors"][0]["harmonics"][0]["model"].is_null());
     let refused = surgescope(&["calibrate", own, "--misfit", "frequency", "--method", "global"]);
     assert_eq!(refused.status.code(), Some(2));
+}
+
+/// In coloured noise the errors of a fit of frequencies are those that it makes: over eight draws, true values are as far off as errors say.
+#[test]
+fn a_fit_of_frequencies_knows_the_colour_of_the_noise() {
+    let rig = plastic();
+    let options = Options { misfit: Misfit::Frequency, most_reaches: 64, ..Options::default() };
+    let effects = parse_list("viscoelastic-wall:1").unwrap();
+    let mut squares = Vec::new();
+    for seed in 1..=8 {
+        let noise = Noise { white_m: 0.02, carried: 0.95, seed };
+        let fit = calibrate(&rig, &[creeping_in(noise, &rig, "run", 0.4, 0.1)], &effects, &options, &|_| {}).unwrap();
+        let truth = [WAVE_SPEED, CREEP.0, CREEP.1];
+        squares.extend(fit.parameters.iter().zip(truth).map(|(p, t)| ((p.value - t) / p.standard_error).powi(2)));
+    }
+    let rms = (squares.iter().sum::<f64>() / squares.len() as f64).sqrt();
+    assert!((0.5..1.5).contains(&rms), "{rms}");
 }

@@ -45,8 +45,22 @@ unit = "kPa"
     Rig::from_toml(text, "plastic.toml").unwrap()
 }
 
+/// Noise of the first order: white, of a standard deviation in m, that carries a share of the sample before along.
+#[derive(Clone, Copy)]
+pub(crate) struct Noise {
+    pub white_m: f64,
+    pub carried: f64,
+    pub seed: u64,
+}
+
 /// A run of a creeping wall at a flow, made on a finer grid than fits take, with white noise.
 pub(crate) fn creeping(rig: &Rig, file: &str, velocity: f64, closing_time_s: f64) -> RunData {
+    let noise = Noise { white_m: NOISE_M, carried: 0.0, seed: (1e3 * velocity) as u64 };
+    creeping_in(noise, rig, file, velocity, closing_time_s)
+}
+
+/// The same in any noise.
+pub(crate) fn creeping_in(of: Noise, rig: &Rig, file: &str, velocity: f64, closing_time_s: f64) -> RunData {
     let water = rig.fluid.properties(20.0);
     let model = Model::new(rig, &water, &parse_list("viscoelastic-wall:1").unwrap());
     let conditions = Conditions { water, supply_deviation: None };
@@ -56,15 +70,21 @@ pub(crate) fn creeping(rig: &Rig, file: &str, velocity: f64, closing_time_s: f64
     let shared = [WAVE_SPEED, CREEP.0, CREEP.1];
     let simulated = model.simulate(&conditions, &shared, &run, resolution, &probes).unwrap();
     let meter = Meter { position_m: 0.0, flow_m3_s: simulated.steady_flow_m3_s(0.0), relative_sd: 0.005 };
-    let mut rng = fastrand::Rng::with_seed((1e3 * velocity) as u64);
+    let mut rng = fastrand::Rng::with_seed(of.seed);
+    let total_m = of.white_m / (1.0 - of.carried * of.carried).sqrt();
     let time_s: Vec<f64> = (0..4600).map(|i| f64::from(i) * 2e-3).collect();
-    let mut noise = || NOISE_M * ((0..12).map(|_| rng.f64()).sum::<f64>() - 6.0);
+    let mut normal = || (0..12).map(|_| rng.f64()).sum::<f64>() - 6.0;
+    let mut last = total_m * normal();
+    let mut noise = || {
+        last = of.carried * last + of.white_m * normal();
+        last
+    };
     let sensors = rig.pressure_sensors().zip(&simulated.traces).map(|((_, sensor), trace)| SensorData {
         sensor: sensor.clone(),
         head_m: time_s.iter().map(|t| trace.at(t - 0.4) + noise()).collect(),
         time_s: time_s.clone(),
-        noise_m: NOISE_M,
-        total_noise_m: NOISE_M,
+        noise_m: of.white_m,
+        total_noise_m: total_m,
         offset_sd_m: 0.1,
     });
     RunData {

@@ -53,7 +53,7 @@ pub fn run(hours: f64, rate_hz: f64) -> Measured {
     let sources = Sources::reading(&device, day)?;
     let mut memory = Vec::new();
     let summary = record(&rig, &sources, &options, &AtomicBool::new(false), &mut |progress| {
-        memory.push((progress.recorded_s / 3600.0, usage::memory_mib()));
+        memory.push((progress.recorded_s.unwrap_or(0.0) / 3600.0, usage::memory_mib()));
     })?;
     let finished_mib = usage::memory_mib();
     println!(

@@ -2,6 +2,7 @@
 //!
 //! ```sh
 //! cargo run --release --example recorder -- wire 20000 60 target/release/surgescope   # over a pseudo-terminal, in a process of its own
+//! cargo run --release --example recorder -- wire 20000 60 target/release/surgescope view   # with its live view on a terminal
 //! cargo run --release --example recorder -- memory 500000 30                          # frames made in this process
 //! cargo run --release --example recorder -- kills 200 target/release/surgescope       # kill -9 at random moments
 //! cargo run --release --example recorder -- day 24 100                                # a day at 100 Hz, as fast as it goes
@@ -25,11 +26,10 @@ fn main() -> ExitCode {
     let words: Vec<&str> = words.iter().map(String::as_str).collect();
     let number = |text: &str| text.parse::<f64>().map_err(|_| format!("'{text}' is no number"));
     let measured = match words[..] {
-        ["wire", rate, seconds, program] => {
-            number(rate).and_then(|rate| Ok((rate, number(seconds)?))).map_err(Into::into).and_then(|(rate, seconds)| {
-                wire::over_a_pseudoterminal(rate, seconds, program)
-            })
-        }
+        ["wire", rate, seconds, program, ref view @ ..] if view.is_empty() || view == ["view"] => number(rate)
+            .and_then(|rate| Ok((rate, number(seconds)?)))
+            .map_err(Into::into)
+            .and_then(|(rate, seconds)| wire::over_a_pseudoterminal(rate, seconds, program, !view.is_empty())),
         ["memory", rate, seconds] => number(rate)
             .and_then(|rate| Ok((rate, number(seconds)?)))
             .map_err(Into::into)
@@ -41,7 +41,7 @@ fn main() -> ExitCode {
             .and_then(|hours| Ok((hours, number(rate)?)))
             .map_err(Into::into)
             .and_then(|(hours, rate)| day::run(hours, rate)),
-        _ => Err("usage: recorder wire RATE_HZ SECONDS PROGRAM | memory RATE_HZ SECONDS | kills COUNT PROGRAM | day HOURS RATE_HZ".into()),
+        _ => Err("usage: recorder wire RATE_HZ SECONDS PROGRAM [view] | memory RATE_HZ SECONDS | kills COUNT PROGRAM | day HOURS RATE_HZ".into()),
     };
     match measured {
         Ok(()) => ExitCode::SUCCESS,

@@ -12,8 +12,8 @@ use surgescope::record::source::Sources;
 
 use crate::{Measured, ramp, usage};
 
-/// A simulated device in this process, the recorder in another.
-pub fn over_a_pseudoterminal(rate_hz: f64, seconds: f64, program: &str) -> Measured {
+/// A simulated device in this process, the recorder in another; with its live view on a terminal, where it is to be viewed.
+pub fn over_a_pseudoterminal(rate_hz: f64, seconds: f64, program: &str, viewed: bool) -> Measured {
     let folder = tempfile::tempdir()?;
     let (rig_file, file) = (folder.path().join("rig.toml"), folder.path().join("run.mcap"));
     std::fs::write(&rig_file, ramp::rig_text())?;
@@ -24,12 +24,20 @@ pub fn over_a_pseudoterminal(rate_hz: f64, seconds: f64, program: &str) -> Measu
     let port = format!("daq={}", line.path().display());
     let mut recorder = Command::new(program);
     recorder.args(["record", "--json", "--wait", "0", "--port", &port, "--rig"]).arg(&rig_file).arg("-o").arg(&file);
-    let recorder = recorder.stdout(Stdio::piped()).stderr(Stdio::null()).spawn()?;
+    recorder.stdout(Stdio::piped()).stderr(Stdio::null());
+    let screen = viewed.then(|| terminal(&mut recorder)).transpose()?;
+    let child = recorder.spawn()?;
+    // its copy of the terminal keeps the screen's reader waiting
+    drop(recorder);
+    let recorder = child;
     std::thread::sleep(Duration::from_millis(500));
     line.start(script, 1.0, Faults::default())?;
     let output = recorder.wait_with_output()?;
     let cpu_s = usage::children_cpu_s();
     line.stop()?;
+    if let Some(screen) = screen {
+        println!("{} bytes drawn", screen.join().unwrap_or(0));
+    }
     let length = std::fs::metadata(&file)?.len();
     let samples = ramp::check_file(&file, playback.sample_period_ns)?;
     let sent = playback.sensors[0].1.len();
@@ -43,6 +51,18 @@ pub fn over_a_pseudoterminal(rate_hz: f64, seconds: f64, program: &str) -> Measu
     );
     println!("{}", String::from_utf8_lossy(&output.stdout).trim());
     if samples == sent { Ok(()) } else { Err("samples are missing".into()) }
+}
+
+/// Gives a program a terminal of 100 columns and 30 lines, which somebody reads; returns how much.
+fn terminal(program: &mut Command) -> io::Result<std::thread::JoinHandle<usize>> {
+    let size = nix::pty::Winsize { ws_row: 30, ws_col: 100, ws_xpixel: 0, ws_ypixel: 0 };
+    let pty = nix::pty::openpty(&size, None)?;
+    program.stderr(pty.slave).env("TERM", "xterm-256color");
+    let mut master = std::fs::File::from(pty.master);
+    Ok(std::thread::spawn(move || {
+        let mut buffer = [0; 4096];
+        std::iter::from_fn(|| master.read(&mut buffer).ok().filter(|length| *length > 0)).sum()
+    }))
 }
 
 /// Frames made as they are read, at their pace.

@@ -316,6 +316,7 @@ pub(super) fn together(
         records: &joint.records(),
         common: &joint.gain_errors(),
         at_bound: &solution.at_bound,
+        in_time: None,
     })
     .and(&left);
     let errors: Vec<f64> = (0..columns.len()).map(|j| widening * errors.of_variable(j)).collect();

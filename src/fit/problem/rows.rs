@@ -31,6 +31,19 @@ impl<'a> Calibration<'a> {
         }
     }
 
+    /// Columns over the residuals seen from the samples: the transpose of what makes bins of samples, applied to the rows of each record.
+    pub(in crate::fit) fn seen_in_time(&self, columns: &[Vec<f64>]) -> Vec<Vec<f64>> {
+        let records = self.records();
+        let one = |column: &Vec<f64>| {
+            let seen = records.iter().flat_map(|(r, s, range)| match self.bins_at(*r, *s) {
+                Some(bins) => bins.transposed(&column[range.clone()]),
+                None => column[range.clone()].to_vec(),
+            });
+            seen.collect()
+        };
+        columns.iter().map(one).collect()
+    }
+
     pub(super) fn bins_at(&self, r: usize, sensor: usize) -> Option<&Bins> {
         self.bins.get(r)?.get(sensor)?.as_ref()
     }

@@ -123,6 +123,24 @@
     u.ctx.restore();
   };
 
+  // Where a model begins to predict.
+  const ahead = (u) => {
+    if (data.ahead_from == null) return;
+    const { left, width, top, height } = u.bbox, x = u.valToPos(data.ahead_from, "x", true);
+    if (x < left || x > left + width) return;
+    u.ctx.save();
+    u.ctx.strokeStyle = u.ctx.fillStyle = css("--text");
+    u.ctx.lineWidth = 1.25 * uPlot.pxRatio;
+    u.ctx.beginPath();
+    u.ctx.moveTo(x, top);
+    u.ctx.lineTo(x, top + height);
+    u.ctx.stroke();
+    u.ctx.font = `${12 * uPlot.pxRatio}px system-ui, sans-serif`;
+    u.ctx.textBaseline = "top";
+    u.ctx.fillText("predicted from here", x + 6 * uPlot.pxRatio, top + 4 * uPlot.pxRatio);
+    u.ctx.restore();
+  };
+
   function build(live) {
     const index = live.dataset.panel, p = data.panels[index];
     live.hidden = false;
@@ -161,9 +179,9 @@
     const clear = Number.isFinite(p.noise) && p.noise > 0 ? Math.min(6, digits(p.noise) + 1) : 3;
     const element = (name) => live.querySelector(name);
     pair.push(plot(element(".plot.head"), element('.legend[data-of="head"]'), headPoints, head,
-      { ...shared, high: 320, low: 250, decimals: Math.max(0, clear - 1), range: (u, min, max) => padded(min, max) }));
+      { ...shared, high: 320, low: 250, decimals: Math.max(0, clear - 1), over: ahead, range: (u, min, max) => padded(min, max) }));
     pair.push(plot(element(".plot.residual"), element('.legend[data-of="residual"]'), restPoints, rest,
-      { ...shared, high: 220, low: 190, decimals: clear, over: limits(p.noise), xLabel: "time after the start of the closure, s",
+      { ...shared, high: 220, low: 190, decimals: clear, over: (u) => { limits(p.noise)(u); ahead(u); }, xLabel: "time after the start of the closure, s",
         range: (u, min, max) => padded(Math.min(min ?? 0, -2.5 * (p.noise || 0)), Math.max(max ?? 0, 2.5 * (p.noise || 0))) }));
     show(full);
 

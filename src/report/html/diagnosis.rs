@@ -134,6 +134,7 @@ mod tests {
             model_m: time_s.iter().map(|t| t.sin() + off_m).collect(),
             band_m: Vec::new(),
             noise_m: 0.03,
+            white_noise_m: 0.03,
             rmse_m: off_m,
             start_rmse_m: 1.0,
             extrema: vec![],
@@ -196,7 +197,7 @@ mod tests {
             stages.push(Stage { title: "+ it".into(), fit: diagnosis.candidates[0].fit.as_ref().unwrap() });
         }
         let diagnoses = std::slice::from_ref(&diagnosis);
-        html(&Page { title: "t".into(), rig: &rig, stages, overlays: vec![], diagnoses, energy: None })
+        html(&Page { title: "t".into(), stages, diagnoses, ..Page::of(&rig) })
     }
 
     #[test]

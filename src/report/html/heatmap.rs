@@ -111,6 +111,7 @@ mod tests {
             model_m: time_s.iter().map(|&t| 5.0 - off(t)).collect(),
             band_m: Vec::new(),
             noise_m: 0.03,
+            white_noise_m: 0.03,
             rmse_m: 0.2,
             start_rmse_m: 1.0,
             extrema: vec![peak(1), peak(2)],

@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use super::{Panel, colour, minus, table};
+use super::{Page, Panel, colour, minus, table};
 use crate::fit::outcome::ExtremumError;
 use crate::report::Stage;
 use crate::report::curves::{BUCKETS, Curves, find};
@@ -16,7 +16,8 @@ const RESIDUAL_LABEL: &str = "model − measured, m";
 /// Stretches of a still picture: about one a pixel.
 const STILL_BUCKETS: usize = 420;
 
-pub(super) fn section(index: usize, panel: &Panel, stages: &[Stage], open: bool) -> String {
+pub(super) fn section(index: usize, panel: &Panel, page: &Page, open: bool) -> String {
+    let stages = &page.stages;
     let fit = panel.fit;
     let name = escape(&fit.name);
     let mut out = format!(
@@ -33,7 +34,7 @@ pub(super) fn section(index: usize, panel: &Panel, stages: &[Stage], open: bool)
         escape(panel.file),
         facts(panel, stages),
     );
-    out.push_str(&still(panel, stages));
+    out.push_str(&still(panel, stages, page.prediction.map(|p| p.known_until_s)));
     out.push_str("</div>\n");
     let c = &panel.curves;
     if !c.band_m.is_empty() {
@@ -68,7 +69,7 @@ fn facts(panel: &Panel, stages: &[Stage]) -> String {
 }
 
 /// Head and residual as still pictures.
-fn still(panel: &Panel, stages: &[Stage]) -> String {
+fn still(panel: &Panel, stages: &[Stage], ahead_from_s: Option<f64>) -> String {
     let c = &panel.curves;
     let style = |i: usize| Style::line(colour(i, stages.len()));
     let mut head = vec![line("measured", c, &c.measured_m, Style::measured())];
@@ -101,6 +102,7 @@ fn still(panel: &Panel, stages: &[Stage]) -> String {
         x_label: X_LABEL.into(),
         y_label: y_label.into(),
         series,
+        marks: ahead_from_s.map(|from| (from, "predicted from here".to_owned())).into_iter().collect(),
         ..LineChart::default()
     };
     chart(HEAD_LABEL, head).to_svg(900.0, 330.0) + &chart(RESIDUAL_LABEL, residual).to_svg(900.0, 220.0)

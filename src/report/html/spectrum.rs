@@ -30,7 +30,7 @@ pub(super) fn section(models: &[Stage]) -> String {
             let residuals: Vec<(usize, Spectrum)> = residuals.collect();
             let Some(first_hz) = fundamental_hz(sensor).filter(|_| !residuals.is_empty()) else { continue };
             let title = figures::title(last.fit, &run.file, sensor);
-            plates.push((title, chart(models, &residuals, first_hz, sensor.noise_m)));
+            plates.push((title, chart(models, &residuals, first_hz, sensor.white_noise_m)));
         }
     }
     if plates.is_empty() {
@@ -114,6 +114,7 @@ mod tests {
             model_m: time_s.iter().map(|&t| wave(t) + 0.2 * (5.0 * TAU * frequency_hz * t).sin()).collect(),
             band_m: Vec::new(),
             noise_m: 0.01,
+            white_noise_m: 0.01,
             rmse_m: 0.1,
             start_rmse_m: 1.0,
             // Found a tenth of a cycle late at the last one, as peaks of changing shape are.

@@ -19,22 +19,20 @@ pub(super) fn check_presence(sensor: &Sensor, tracks: &[Track<'_>]) -> Option<Fi
 }
 
 /// Samples at the end of the range, or of the 16-bit counts, are where a sensor stopped following.
-pub(super) fn check_saturation(track: &Track<'_>) -> Option<Finding> {
+pub(super) fn check_saturation(rig: &Rig, track: &Track<'_>) -> Option<Finding> {
     let sensor = track.sensor;
-    let [lo, hi] = sensor.range?;
-    let edge = 0.001 * (hi - lo);
+    let ends = rig.ends(sensor);
     let value = &track.series.value;
-    // a flow or a valve at rest at its zero is no saturation
-    let low_counts = sensor.kind == SensorKind::Pressure || sensor.kind == SensorKind::Temperature;
-    let at_end = value.iter().filter(|v| **v >= hi - edge || (low_counts && **v <= lo + edge)).count();
+    let at_end = value.iter().filter(|v| ends.reached_by(**v)).count();
     if at_end == 0 {
         return None;
     }
     let share = 100.0 * at_end as f64 / value.len() as f64;
-    let message = format!(
-        "{at_end} samples ({share:.2} %) at the end of the range of {lo} to {hi} {}: the true value went beyond",
-        sensor.unit
-    );
+    let shown = match sensor.range {
+        Some([lo, hi]) => format!("the range of {lo} to {hi} {}", sensor.unit),
+        None => "what its counts can hold".to_owned(),
+    };
+    let message = format!("{at_end} samples ({share:.2} %) at the end of {shown}: the true value went beyond");
     let numbers = [("samples", at_end as f64), ("percent", share)];
     Some(Finding::new(Level::Warning, format!("saturation of '{}'", sensor.name), message, &numbers))
 }
@@ -85,7 +83,7 @@ pub(super) fn check_vapour(track: &Track<'_>, water: &WaterProperties) -> Option
     }
     let lowest = track.series.value.iter().copied().fold(f64::INFINITY, f64::min);
     let absolute = sensor.unit.to_si(lowest, water.density_kg_m3) + ATMOSPHERE_PA;
-    let slack = sensor.unit.to_si(track.accuracy(lowest), water.density_kg_m3).abs() + 3e3;
+    let slack = sensor.unit.to_si(sensor.accuracy(lowest), water.density_kg_m3).abs() + 3e3;
     let below = water.vapour_pressure_pa - absolute;
     let (kpa, vapour) = (absolute * 1e-3, water.vapour_pressure_pa * 1e-3);
     let lowest_is = format!("{kpa:.1} kPa absolute at the lowest, vapour pressure is {vapour:.1} kPa");

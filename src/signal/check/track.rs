@@ -10,9 +10,6 @@ const ARRIVAL: f64 = 0.05;
 /// A recording shows a closure when the pressure leaves its steady value by this many times its noise.
 const SIGNAL_TO_NOISE: f64 = 10.0;
 
-/// What a sensor may be off where its accuracy is not given: percent of its steady reading.
-const DEFAULT_ACCURACY_PERCENT: f64 = 0.5;
-
 /// A sensor with the samples that it recorded (at least one).
 pub(super) struct Track<'a> {
     pub(super) sensor: &'a Sensor,
@@ -37,14 +34,6 @@ impl Track<'_> {
     pub(super) fn interval_s(&self) -> Option<f64> {
         let mut steps: Vec<f64> = self.series.time_s.windows(2).map(|w| w[1] - w[0]).collect();
         median(&mut steps)
-    }
-
-    /// What the sensor may be off, in its unit.
-    pub(super) fn accuracy(&self, reading: f64) -> f64 {
-        match (self.sensor.accuracy_percent_fs, self.sensor.range) {
-            (Some(percent), Some([lo, hi])) => percent / 100.0 * (hi - lo),
-            _ => DEFAULT_ACCURACY_PERCENT / 100.0 * reading.abs(),
-        }
     }
 }
 
@@ -102,6 +91,6 @@ impl<'a> Front<'a> {
         let metres = |shown: f64| sensor.unit.to_si(shown, water.density_kg_m3) / (water.density_kg_m3 * GRAVITY_M_S2);
         let elevation = rig.sensor_elevation_m(sensor);
         let random = 3.0 * self.noise / (self.steady_samples as f64).sqrt();
-        Some((metres(self.steady) + elevation, metres(self.track.accuracy(self.steady) + random)))
+        Some((metres(self.steady) + elevation, metres(sensor.accuracy(self.steady) + random)))
     }
 }

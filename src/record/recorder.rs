@@ -1,0 +1,125 @@
+//! Where a session's samples go: all into one recording, or each shot into one; watched either way.
+
+use super::RecordError;
+use super::monitor::{Expected, Monitor};
+use super::output::{DeviceCount, Output, Summary};
+use super::session::Options;
+use super::shots::Shots;
+use super::snapshot::Snapshot;
+use crate::log::ClockFix;
+use crate::recording::{Gap, RunInfo};
+use crate::rig::Rig;
+
+/// See the module.
+pub struct Recorder {
+    to: Destination,
+    /// How the sensors do.
+    pub monitor: Monitor,
+}
+
+enum Destination {
+    Whole(Box<Output>),
+    Shots(Box<Shots>),
+}
+
+impl Recorder {
+    /// As the options ask for; `run` is what is known of the session, `expected` the sensors that will come.
+    ///
+    /// # Errors
+    /// A file that cannot be made.
+    pub fn create(options: &Options, rig: &Rig, run: &RunInfo, expected: &[Expected]) -> Result<Recorder, RecordError> {
+        let to = match &options.shots {
+            None => Destination::Whole(Box::new(Output::create(&options.file, rig, run)?)),
+            Some(plan) => Destination::Shots(Box::new(Shots::new(plan.clone(), rig, run))),
+        };
+        Ok(Recorder { to, monitor: Monitor::new(rig, expected) })
+    }
+
+    /// As [`Output::samples`].
+    pub fn samples(&mut self, sensor: usize, first_ns: i64, period_ns: f64, values: &[f64]) -> Result<(), RecordError> {
+        self.monitor.samples(sensor, first_ns, period_ns, values);
+        match &mut self.to {
+            Destination::Whole(output) => output.samples(sensor, first_ns, period_ns, values),
+            Destination::Shots(shots) => shots.samples(sensor, first_ns, period_ns, values, &self.monitor),
+        }
+    }
+
+    /// As [`Output::gap`].
+    pub fn gap(&mut self, sensor: usize, gap: Gap) -> Result<(), RecordError> {
+        self.monitor.gap(sensor);
+        match &mut self.to {
+            Destination::Whole(output) => output.gap(sensor, gap),
+            Destination::Shots(shots) => shots.gap(sensor, gap),
+        }
+    }
+
+    /// As [`Output::note`]; what is said at the end of a session belongs to none of its shots but the one that it cut off.
+    pub fn note(&mut self, key: &str, value: &str) -> Result<(), RecordError> {
+        match &mut self.to {
+            Destination::Whole(output) => output.note(key, value),
+            Destination::Shots(shots) => shots.note(key, value),
+        }
+    }
+
+    /// To be called often: flushes, and judges the sensors, when it is time.
+    pub fn tick(&mut self) -> Result<(), RecordError> {
+        self.monitor.tick();
+        match &mut self.to {
+            Destination::Whole(output) => output.tick(),
+            Destination::Shots(shots) => shots.tick(),
+        }
+    }
+
+    /// As [`Output::clocks`].
+    pub fn clocks(&mut self, fixes: Vec<ClockFix>) -> Result<(), RecordError> {
+        match &mut self.to {
+            Destination::Whole(output) => output.clocks(fixes),
+            Destination::Shots(shots) => shots.clocks(fixes),
+        }
+    }
+
+    /// As [`Output::refused`].
+    pub fn refused(&self) -> bool {
+        match &self.to {
+            Destination::Whole(output) => output.refused(),
+            Destination::Shots(shots) => shots.refused(),
+        }
+    }
+
+    /// All shots that were asked for are there.
+    pub fn is_over(&self) -> bool {
+        matches!(&self.to, Destination::Shots(shots) if shots.is_full())
+    }
+
+    /// Where the recording stands, but for the devices.
+    pub fn snapshot(&self) -> Snapshot {
+        let (samples, gaps) = self.monitor.totals();
+        let (trigger, place) = match &self.to {
+            Destination::Whole(output) => (None, output.path().to_owned()),
+            Destination::Shots(shots) => (Some(shots.view()), shots.place().to_owned()),
+        };
+        let (recorded_s, sensors) = (self.monitor.newest_s(), self.monitor.views());
+        Snapshot { recorded_s, samples, gaps, sensors, trigger, place, ..Snapshot::default() }
+    }
+
+    /// As [`Output::finish`]; what was wrong with sensors is kept in the recording's notes.
+    pub fn finish(
+        self,
+        first_ns: i64,
+        listed: impl Fn(usize) -> bool,
+        devices: Vec<DeviceCount>,
+        ended: String,
+    ) -> Result<Summary, RecordError> {
+        let mut summary = match self.to {
+            Destination::Whole(mut output) => {
+                for (key, text) in self.monitor.notes(0, i64::MAX) {
+                    output.note(&key, &text)?;
+                }
+                output.finish(first_ns, listed, devices, ended)?
+            }
+            Destination::Shots(shots) => shots.finish(devices, ended, &self.monitor)?,
+        };
+        summary.callouts = self.monitor.callouts().to_vec();
+        Ok(summary)
+    }
+}

@@ -1,0 +1,127 @@
+//! What came from a device, and why nothing did.
+
+use std::time::Duration;
+
+use super::{Codec, State, Stream};
+use crate::record::RecordError;
+use crate::record::align::Stretch;
+use crate::record::callout::Ailment;
+use crate::record::modbus::exception;
+use crate::record::monitor::Expected;
+use crate::record::output::{ClockSummary, DeviceCount};
+use crate::record::polling::Polled;
+use crate::record::session::Options;
+use crate::record::snapshot::{DeviceView, SensorView};
+use crate::rig::Protocol;
+
+/// A device that says nothing for so long is silent; one that is polled, for so many polls.
+const SILENT_AFTER: Duration = Duration::from_secs(2);
+const SILENT_POLLS: f64 = 4.0;
+
+impl Stream<'_> {
+    /// True if nothing it sent could be used.
+    pub fn is_empty(&self) -> bool {
+        self.stretches.is_empty()
+    }
+
+    /// Why nothing it sent could be used.
+    pub fn nothing(&self, ended: String) -> RecordError {
+        let (device, port, speed) = (self.device.name.clone(), self.device.port.clone(), self.device.speed());
+        match &self.codec {
+            Codec::Polled(Some(Polled { refused: Some(code), .. })) => {
+                RecordError::Refused { device, why: exception(*code) }
+            }
+            Codec::Polled(_) => RecordError::NoAnswer { device, port, speed, ended },
+            _ if self.bytes == 0 => RecordError::Silent { device, port, ended },
+            Codec::Frames(_) => RecordError::NoFrame { device, bytes: self.bytes, speed, speaks: "frames", ended },
+            Codec::Lines(_) => RecordError::NoFrame { device, bytes: self.bytes, speed, speaks: "lines", ended },
+        }
+    }
+
+    /// What came from it; `waited` is how often and how long its thread waited for the session.
+    pub fn count(&self, waited: (u64, f64)) -> DeviceCount {
+        let mut count = self.tally(waited);
+        if self.has_clock() {
+            count.clock = self.stretches.last().and_then(Stretch::line).map(|line| ClockSummary::of(&line));
+        }
+        count
+    }
+
+    /// As [`Stream::count`], but for its clock, which takes a fit.
+    fn tally(&self, waited: (u64, f64)) -> DeviceCount {
+        let mut count = DeviceCount {
+            name: self.device.name.clone(),
+            holes: self.holes,
+            reconnects: self.reconnects,
+            restarts: self.stretches.len().saturating_sub(1) as u64,
+            queue_waits: waited.0,
+            queue_waited_s: waited.1,
+            ..DeviceCount::default()
+        };
+        match &self.codec {
+            Codec::Frames(decoder) => {
+                let counts = decoder.counts();
+                (count.frames, count.bad_frames) = (counts.frames, counts.bad);
+                (count.lost_frames, count.duplicated_frames) = (counts.lost, counts.duplicated);
+            }
+            Codec::Lines(decoder) => {
+                let counts = decoder.counts();
+                (count.frames, count.bad_frames) = (counts.lines, counts.bad);
+                count.duplicated_frames = counts.stale;
+            }
+            Codec::Polled(polled) => {
+                let counts = polled.as_ref().map(|polled| polled.counts).unwrap_or_default();
+                (count.frames, count.bad_frames) = (counts.answers, counts.bad + counts.refused);
+                (count.lost_frames, count.late_answers) = (counts.missed, counts.late);
+                count.skipped_polls = counts.skipped;
+            }
+        }
+        count
+    }
+
+    /// The sensors that will come from it, as the `device`-th of the session.
+    pub fn expected(&self, device: usize) -> impl Iterator<Item = Expected> + '_ {
+        let silent_after = Some(self.silent_after());
+        self.sensors().map(move |sensor| Expected { sensor, device: Some(device), silent_after })
+    }
+
+    fn silent_after(&self) -> Duration {
+        let polls_s = match self.device.protocol {
+            Protocol::Frames | Protocol::Lines => 0.0,
+            Protocol::ModbusRtu { poll_interval_s, .. } => SILENT_POLLS * poll_interval_s,
+        };
+        SILENT_AFTER.max(Duration::try_from_secs_f64(polls_s).unwrap_or(Duration::MAX))
+    }
+
+    /// How it stands; `own` are its sensors, `waited` and `queue` as in [`DeviceView`].
+    pub fn view(&self, own: &[&SensorView], options: &Options, waited: (u64, f64), queue: f64) -> DeviceView {
+        let silent = match own {
+            [] => self.heard.elapsed() >= self.silent_after(),
+            sensors => sensors.iter().all(|sensor| sensor.ailment == Some(Ailment::Silent)),
+        };
+        let trouble = match &self.state {
+            State::Vanished(_, why) if options.wait > Duration::ZERO => Some(format!(
+                "{why}: plug {} in again, it is waited for {} s",
+                self.device.port,
+                options.wait.as_secs_f64()
+            )),
+            State::Vanished(_, why) | State::Ended(why) => Some(why.clone()),
+            State::Open if silent => Some(self.silence()),
+            State::Open | State::Reached => None,
+        };
+        let samples = own.iter().map(|sensor| sensor.samples).sum();
+        DeviceView { count: self.tally(waited), samples, samples_per_s: 0.0, queue, trouble }
+    }
+
+    /// What to do about a device that sends nothing that can be used.
+    fn silence(&self) -> String {
+        let (port, speed) = (&self.device.port, self.device.speed());
+        match &self.codec {
+            Codec::Polled(_) => {
+                format!("no answer on {port}: is it powered, at {speed}, and its unit_id and wiring (A, B) right?")
+            }
+            _ if self.bytes == 0 => format!("not one byte comes on {port}: is it powered, started and on this port?"),
+            _ => format!("nothing valid comes on {port}: has it stopped, or is its line not {speed}?"),
+        }
+    }
+}

@@ -1,0 +1,94 @@
+//! The live view on a real terminal: it stays within it, leaves it clean, and never holds up the recording.
+#![cfg(target_os = "linux")]
+
+use std::fs::File;
+use std::io::Read;
+use std::os::fd::OwnedFd;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+use nix::pty::{Winsize, openpty};
+use nix::sys::termios::{FlowArg, tcflow};
+use surgescope::log;
+use tempfile::TempDir;
+
+const COLUMNS: u16 = 44;
+
+/// `record` of a simulated test, with its standard error on a terminal of 44 columns and 18 lines.
+fn recording(folder: &TempDir, no_color: bool, more: &[&str]) -> (Child, OwnedFd, OwnedFd, PathBuf) {
+    let size = Winsize { ws_row: 18, ws_col: COLUMNS, ws_xpixel: 0, ws_ypixel: 0 };
+    let pty = openpty(&size, None).unwrap();
+    let file = folder.path().join("run.mcap");
+    let rig = Path::new(env!("CARGO_MANIFEST_DIR")).join("rigs/demo-hdpe.toml");
+    let mut command = Command::new(env!("CARGO_BIN_EXE_surgescope"));
+    command.args(["record", "--simulate", "--rig"]).arg(rig).arg("-o").arg(&file).args(more);
+    command.env_remove("NO_COLOR").env("TERM", "xterm-256color");
+    if no_color {
+        command.env("NO_COLOR", "1");
+    }
+    command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(pty.slave.try_clone().unwrap());
+    (command.spawn().unwrap(), pty.master, pty.slave, file)
+}
+
+/// Everything that was drawn.
+fn drawn(master: OwnedFd, slave: OwnedFd) -> String {
+    // the last other end: when the program is gone, reading ends
+    drop(slave);
+    let mut bytes = Vec::new();
+    let mut master = File::from(master);
+    let mut buffer = [0; 4096];
+    while let Ok(length) = master.read(&mut buffer) {
+        if length == 0 {
+            break;
+        }
+        bytes.extend_from_slice(&buffer[..length]);
+    }
+    String::from_utf8(bytes).unwrap()
+}
+
+#[test]
+fn it_is_drawn_within_the_terminal_and_taken_away_by_ctrl_c() {
+    let folder = TempDir::new().unwrap();
+    let faults = ["--duration", "30", "--faults", "drop=0.03,seed=2"];
+    let (mut program, master, slave, file) = recording(&folder, true, &faults);
+    std::thread::sleep(Duration::from_secs(4));
+    assert!(Command::new("kill").args(["-INT", &program.id().to_string()]).status().unwrap().success());
+    let text = drawn(master, slave);
+    assert_eq!(program.wait().unwrap().code(), Some(3), "{text}");
+    assert!(log::read(&file).unwrap().series[0].value.len() > 1000);
+    let frames: Vec<&str> = text.split("\x1b[0J").collect();
+    assert!(frames.len() > 8, "drawn a few times a second: {text:?}");
+    for line in frames[..frames.len() - 1].iter().flat_map(|frame| frame.split("\r\n")) {
+        let plain = console::strip_ansi_codes(line);
+        assert!(console::measure_text_width(&plain) < usize::from(COLUMNS), "{plain:?}");
+    }
+    let busy = frames[frames.len() - 3];
+    assert!(busy.contains("last 10 s") && busy.contains("P3") && busy.contains("lost"), "{busy}");
+    assert!(busy.contains('▁'), "{busy}");
+    // no colour and no hidden cursor, and the block is gone before the last word
+    assert!(!text.contains("\x1b[3") && !text.contains("\x1b[2m") && !text.contains("\x1b[?25l"), "{text:?}");
+    let last = frames[frames.len() - 1];
+    assert!(last.contains("stopped by the user") && !last.contains("last 10 s"), "{last}");
+}
+
+#[test]
+fn a_terminal_that_has_stopped_does_not_hold_up_the_recording() {
+    let folder = TempDir::new().unwrap();
+    let (mut program, master, slave, file) = recording(&folder, false, &["--duration", "3"]);
+    // as Ctrl-S does
+    tcflow(&slave, FlowArg::TCOOFF).unwrap();
+    let started = Instant::now();
+    let recorded = loop {
+        match log::read(&file) {
+            Ok(recording) => break recording,
+            Err(error) => assert!(started.elapsed() < Duration::from_secs(30), "{error}"),
+        }
+        std::thread::sleep(Duration::from_millis(100));
+    };
+    assert_eq!(recorded.series[0].value.len(), 3000, "every sample, in a finished file");
+    tcflow(&slave, FlowArg::TCOON).unwrap();
+    let text = drawn(master, slave);
+    assert!(text.contains("the duration was reached"), "{text}");
+    assert_eq!(program.wait().unwrap().code(), Some(0), "{text}");
+}
