@@ -82,6 +82,8 @@ pub struct Options {
     pub budget: usize,
     /// Steps after which a stepwise calibration stops.
     pub most_steps: usize,
+    /// Of a stepwise calibration that goes on from values as they are: names of the features that it has still to use, each once.
+    pub features_left: Option<Vec<String>>,
     /// Where parameters start, instead of where signals, rig and effects say.
     pub starts_at: Vec<Given>,
     /// Seed of all that is drawn at random.
@@ -102,6 +104,7 @@ impl Default for Options {
             starts: 0,
             budget: 20_000,
             most_steps: usize::MAX,
+            features_left: None,
             starts_at: Vec::new(),
             seed: 1,
             priors: Vec::new(),
@@ -154,8 +157,8 @@ pub fn calibrate(
         Method::LeastSquares => fitter.approach(model, smaller),
         Method::Global | Method::MicroGa | Method::GlobalLocal => Ok(fitter.searched(model)?),
         Method::Stepwise => {
-            let (state, taken) = fitter.stepped(model)?;
-            steps.lock().unwrap_or_else(PoisonError::into_inner).push((model.effects.clone(), taken));
+            let (state, walked) = fitter.stepped(model)?;
+            steps.lock().unwrap_or_else(PoisonError::into_inner).push((model.effects.clone(), walked));
             Ok(state)
         }
     };
@@ -177,8 +180,10 @@ pub fn calibrate(
     }
     // Of the models that were tried with more and more elements, the steps of the one that was kept.
     let tried = steps.into_inner().unwrap_or_else(PoisonError::into_inner);
-    let steps = tried.into_iter().find(|(effects, _)| *effects == model.effects).map_or(Vec::new(), |(_, taken)| taken);
-    Ok(Fit { steps, ..fitter.as_found(&model, state)? })
+    match tried.into_iter().find(|(effects, _)| *effects == model.effects) {
+        Some((_, walked)) => fitter.ended(&model, state, walked),
+        None => fitter.as_found(&model, state),
+    }
 }
 
 /// A coarse fit from the signals.
