@@ -41,7 +41,7 @@ pub fn reaches(text: &str) -> Result<usize, String> {
 pub fn pair(text: &str) -> Result<(String, String), String> {
     match text.split_once('=') {
         Some((name, value)) if !name.trim().is_empty() => Ok((name.trim().to_owned(), value.to_owned())),
-        _ => Err("write it as NAME=VALUE; files go before an option that takes several of them".to_owned()),
+        _ => Err("write it as NAME=VALUE".to_owned()),
     }
 }
 
@@ -50,7 +50,8 @@ pub fn pair(text: &str) -> Result<(String, String), String> {
 /// # Errors
 /// See [`pair`] and [`number`].
 pub fn setting(text: &str) -> Result<(String, f64), String> {
-    let (name, value) = pair(text)?;
+    // An option that takes several of these takes a file behind them for one more.
+    let (name, value) = pair(text).map_err(|e| format!("{e}, and files before such options"))?;
     Ok((name, number(&value)?))
 }
 
@@ -66,7 +67,7 @@ mod tests {
     #[test]
     fn settings_are_read_and_slips_are_explained() {
         assert_eq!(setting("wave_speed_m_s = 395").unwrap(), ("wave_speed_m_s".to_owned(), 395.0));
-        assert!(setting("wave_speed_m_s").unwrap_err().contains("NAME=VALUE"));
+        assert!(setting("run.mcap").unwrap_err().contains("NAME=VALUE, and files before such options"));
         assert!(setting("a=b").unwrap_err().contains("'b' is not a number"));
         assert!(setting("a=NaN").is_err() && positive("0").is_err() && not_negative("-1").is_err());
         assert_eq!(not_negative("0"), Ok(0.0));
