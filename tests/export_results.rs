@@ -53,7 +53,7 @@ fn a_fit_is_read_back_as_it_was_written() {
     let folder = tempfile::tempdir().unwrap();
     let (toml, json) = (folder.path().join("fit.toml"), folder.path().join("fit.json"));
     let fit = ["calibrate", NOTHING, "--effects", "viscoelastic-wall:2", "--hold", "friction_scale=1"];
-    let told = done(&[&fit[..], &["-o", text(&toml)]].concat());
+    let told = done(&[&fit[..], &["--profile", "tau1_s", "-o", text(&toml)]].concat());
     done(&[&fit[..], &["-o", text(&json)]].concat());
     let (from_toml, from_json) = (FitFile::read(&toml).unwrap(), FitFile::read(&json).unwrap());
 
@@ -76,6 +76,25 @@ fn a_fit_is_read_back_as_it_was_written() {
     assert_eq!(of("wave_speed_m_s").correlation[0], 1.0);
     assert!(of("wave_speed_m_s").correlation[8].is_nan(), "the error of what is held has no correlation");
     assert_eq!((of("tau1_s").scale.as_str(), of("valve_head_m").scale.as_str()), ("log", "linear"));
+    // Intervals, and what a profile has computed: as the command said it, and in the table of fits.
+    let both = |p: &Value| [0, 1].map(|end| p["interval_95"][end].as_f64());
+    for (p, told) in from_toml.parameters.iter().zip(told["parameters"].as_array().unwrap()).filter(|(p, _)| !p.held) {
+        let ends = p.interval_95.unwrap().map(|end| Some(end).filter(|e| e.is_finite()));
+        let near =
+            |(a, b): (&Option<f64>, &Option<f64>)| a.zip(*b).map_or(a == b, |(a, b)| (a / b - 1.0).abs() < 1e-12);
+        assert!(ends.iter().zip(&both(told)).all(near), "{p:?} {told}");
+        assert_eq!(p.profile.is_some(), p.name == "tau1_s");
+    }
+    assert!(held.interval_95.is_none() && of("tau1_s").profile.as_ref().unwrap().len() > 2);
+    let (long, wide) = (folder.path().join("long.csv"), folder.path().join("wide.csv"));
+    done(&["results", text(&toml), "--long", "-o", text(&long)]);
+    done(&["results", text(&toml), "-o", text(&wide)]);
+    let [low, high] = of("tau1_s").interval_95.unwrap();
+    let row = rows(&long).into_iter().find(|r| r["parameter"] == "tau1_s").unwrap();
+    assert_eq!((row["lower_95"].parse(), row["upper_95"].parse()), (Ok(low), Ok(high)));
+    assert_eq!(row["interval_by"], "profile");
+    assert_eq!(rows(&wide)[0]["tau1_s_upper_95"].parse(), Ok(high));
+    refused(&["results", text(&toml), text(&toml), "-o", text(&folder.path().join("t.csv"))], "a fit counts once");
     let zero = of("offset_m[P1]").prior.unwrap();
     assert!(zero.mean == 0.0 && zero.sd > 0.0);
     let run = &from_toml.runs[0];
@@ -101,6 +120,9 @@ fn a_fit_replaces_nothing_unasked() {
     refused(&["calibrate", NOTHING, "-o", "fit.yaml"], "end the name in .toml or .json");
     refused(&["calibrate", NOTHING, "-o", text(&notes)], "say --overwrite to replace it");
     refused(&["calibrate", NOTHING, "-o", text(&copy), "--overwrite"], "recordings are never overwritten");
+    let new = folder.path().join("new.toml");
+    refused(&["calibrate", NOTHING, "-o", text(&new), "--save", text(&new)], "-o and --save both write to");
+    assert!(!new.exists());
     assert_eq!(std::fs::read_to_string(&notes).unwrap(), "mine");
     done(&["calibrate", NOTHING, "-o", text(&notes), "--overwrite"]);
     assert_eq!(FitFile::read(&notes).unwrap().effects, [""; 0]);

@@ -53,6 +53,15 @@ fn what_no_model_has_cannot_be_held() {
     assert!(said.contains("no parameter 'leak_position_m'") && said.contains("valve_head_m"), "{said}");
 }
 
+/// A retardation time in milliseconds where seconds are asked for: a fit would not take it, and says so.
+#[test]
+fn a_value_beyond_what_a_fit_may_take_is_warned_of() {
+    let output = calibrated(&["--hold", "closing_time_s=9000", "wave_speed_m_s=1319"]);
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(said.contains("warning: --hold closing_time_s=9000 lies beyond what a fit may take"), "{said}");
+    assert!(!said.contains("--hold wave_speed_m_s"), "{said}");
+}
+
 /// The measured column separation again, four values known: the diagnosis leaves them as they are.
 #[test]
 fn a_diagnosis_holds_what_it_is_told_to() {

@@ -111,6 +111,9 @@ fn fit(effects: &[&str], sensors: Vec<SensorFit>, parameters: Vec<FittedParamete
         steps: vec![],
         stopped_because: "the error no longer falls by more than a millionth".into(),
         converged: true,
+        promised_fall: 0.0,
+        features_left: vec![],
+        method: surgescope::fit::method::Method::default(),
     }
 }
 
@@ -299,6 +302,7 @@ fn several_runs_and_stages_stay_apart() {
     let mut almost = wall.clone();
     almost.converged = false;
     almost.stopped_because = "the budget of 5000 simulations ran out".into();
+    almost.method = surgescope::fit::method::Method::MicroGa;
     let models = [("base model", &base), ("+ unsteady-friction", &half), ("+ viscoelastic-wall:1", &almost)];
     let mut models = stages(&models);
     models.push(Stage { title: "+ viscoelastic-wall:2".into(), fit: &wall });
@@ -315,6 +319,10 @@ fn several_runs_and_stages_stay_apart() {
     assert!(text.contains("P1 · hdpe-50-run-03.mcap</a>") && text.contains("P1 · hdpe-50-run-04.mcap</a>"));
     assert!(text.contains("except at P1"), "a bad sensor among good ones is named");
     assert!(text.contains("stopped early"));
+    assert!(
+        text.contains("calibrated by least squares; a micro-genetic algorithm; least squares; program"),
+        "methods are named"
+    );
     let gap = data["panels"][3]["measured"].as_array().expect("a column").iter().filter(|v| v.is_null()).count();
     assert_eq!(gap, 1, "lost samples leave a gap in the line");
 }

@@ -90,7 +90,15 @@ fn creep_slower_than_the_record_is_known_by_its_rate_alone() {
     // as far as the linear interval believes, so it is the narrower one.
     let which: Vec<usize> =
         ["wave_speed_m_s", "tau2_s"].map(|name| fit.parameters.iter().position(|p| p.name == name).unwrap()).to_vec();
-    let found = profiles(&rig, &runs, &fit, &which, &options, &|_| {}).unwrap();
+    let profiles = profiles(&rig, &runs, &fit, &which, &options, &|_| {}).unwrap();
+    // The fit has ended at its optimum; each profile descends at eight points or so.
+    assert!(
+        profiles.below_fit.abs() < 0.5 && profiles.evaluations > 50,
+        "{} {}",
+        profiles.below_fit,
+        profiles.evaluations
+    );
+    let found = profiles.of_each;
     let (low, high) = found[0].interval_95;
     assert!(low < 360.0 && 360.0 < high, "{:?}", found[0]);
     let (linear_low, linear_high) = found[0].linear_95;

@@ -13,6 +13,8 @@ use super::{CommandResult, Outcome, hold, models, output};
 use crate::fit::calibrate::{FitError, Options, Progress, calibrate};
 use crate::fit::conflict::{at_bounds, conflicts};
 use crate::fit::data::RunData;
+use crate::fit::method::Method;
+use crate::fit::model_file::Entry;
 use crate::fit::outcome::Fit;
 use crate::model::effects::{Chosen, parse_list};
 use crate::report::html::{Page, html};
@@ -26,8 +28,8 @@ pub struct Args {
     #[arg(required = true, value_name = "MCAP")]
     recordings: Vec<PathBuf>,
     /// Effects added to the base model, such as viscoelastic-wall:2; `none` is the base model alone.
-    #[arg(long, value_name = "A,B", default_value = "none", value_parser = parse_list)]
-    effects: ::std::vec::Vec<Chosen>,
+    #[arg(long, value_name = "A,B", value_parser = parse_list)]
+    effects: Option<::std::vec::Vec<Chosen>>,
     #[command(flatten)]
     search: Search,
     #[command(flatten)]
@@ -64,26 +66,40 @@ pub struct Args {
 /// # Errors
 /// Recordings that cannot be read or show no closure, effects that do not exist, a report that cannot be written.
 pub fn run(args: Args, json: bool) -> CommandResult {
-    let searched = args.compare.options(args.search.options()?)?;
+    let from = args.search.from()?;
+    let searched = args.compare.options(args.search.options(from.as_ref())?)?;
+    output::check_apart(&[
+        ("-o", args.output.path()),
+        ("--save", args.save.as_deref()),
+        ("--report", args.report.as_deref()),
+    ])?;
     if let Some(path) = &args.report {
         output::check_report(path)?;
     }
     args.output.check()?;
     hold::check(&args.hold)?;
+    let fixed = from.iter().flat_map(|model| &model.parameters).filter(|p| p.fixed).map(|p| p.name.as_str());
+    args.profiles.check(args.hold.iter().map(|(name, _)| name.as_str()).chain(fixed))?;
     let mut file =
         args.save.as_ref().map(|path| models::about(path, &args.recordings, args.rig.as_deref())).transpose()?;
     let rig_file = models::rig_of(args.rig.as_deref(), args.save.as_deref().zip(file.as_ref()));
     let loaded = load::load(&args.recordings, rig_file.as_deref())?;
     let rig = loaded[0].recording.rig.clone();
     let runs = load::runs(&loaded);
-    let mut effects = args.effects.clone();
+    let mut effects = continued(args.effects.clone(), from.as_ref());
     // What is known is for the model asked for: those that it is compared with show what the recordings alone say.
-    let priors = args.creep.priors(&loaded, &runs, &mut effects)?;
+    let mut priors = args.creep.priors(&loaded, &runs, &mut effects)?;
+    if let Some(from) = from.as_ref().filter(|_| !args.creep.given()) {
+        priors = from.priors();
+    }
     let mut models = args.against.clone();
     models.push(effects);
     let mut fits: Vec<(String, Fit)> = Vec::new();
     let held = hold::constraints(&rig, &runs, &models, &args.hold);
-    for (i, (effects, constraints)) in models.iter().zip(held).enumerate() {
+    for (i, (effects, mut constraints)) in models.iter().zip(held).enumerate() {
+        if let Some(from) = &from {
+            hold::and_settled(&mut constraints, from, &rig, &runs, (effects, i + 1 == models.len()));
+        }
         let priors = if i + 1 == models.len() { priors.clone() } else { Vec::new() };
         let options = Options { most_reaches: args.most_reaches, constraints, priors, ..searched.clone() };
         let mut fit = timed(&rig, &runs, effects, &options)?;
@@ -95,7 +111,8 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     args.search.check(fits.iter().flat_map(|(_, fit)| &fit.parameters).map(|p| p.name.as_str()))?;
     let stages: Vec<Stage> = fits.iter().map(|(title, fit)| Stage { title: title.clone(), fit }).collect();
     let Some((_, last)) = fits.last() else { return Ok(Outcome::Done) };
-    for conflict in conflicts(last, &runs).into_iter().chain(at_bounds(last)) {
+    // Values that are none of an optimum contradict nothing.
+    for conflict in conflicts(last, &runs).into_iter().chain(at_bounds(last)).filter(|_| last.converged) {
         super::tell!("warning: {conflict}");
     }
     if json {
@@ -108,9 +125,9 @@ pub fn run(args: Args, json: bool) -> CommandResult {
             super::say!("\n{said}.");
         }
     }
-    args.output.write(last, args.search.method(), &loaded)?;
+    args.output.write(last, &loaded)?;
     if let (Some(path), Some(file)) = (&args.save, &mut file) {
-        file.append(last, "calibrated", None, models::now());
+        file.append(last, &why(last), None, models::now());
         models::save(file, path)?;
         super::tell!("model {} in {}", file.in_force, path.display());
     }
@@ -120,6 +137,29 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         super::tell!("report: {}", path.display());
     }
     Ok(Outcome::Done)
+}
+
+/// The effects that were asked for; of those without a number of elements, as many as in the model that is gone on from. Where none were asked for,
+/// that model's.
+fn continued(asked: Option<Vec<Chosen>>, from: Option<&Entry>) -> Vec<Chosen> {
+    let known = from.map_or(Vec::new(), Entry::chosen);
+    let Some(mut asked) = asked else { return known };
+    for c in asked.iter_mut().filter(|c| c.elements.is_none()) {
+        let own = known.iter().find(|k| k.effect.name() == c.effect.name()).and_then(|k| k.elements);
+        if let Some(n) = own {
+            *c = c.with_elements(n);
+        }
+    }
+    asked
+}
+
+/// Why a fit is kept in a file of models.
+fn why(fit: &Fit) -> String {
+    let how = match fit.method {
+        Method::LeastSquares => "calibrated".to_owned(),
+        method => format!("calibrated, {}", method.name()),
+    };
+    if fit.converged { how } else { how + ", at no optimum" }
 }
 
 /// How a report calls a model.

@@ -203,7 +203,7 @@ fn found(
     let (model_path, report_path) = (path.with_extension("model.toml"), path.with_extension("html"));
     (finding.model_file, finding.report_file) = (name(&model_path), name(&report_path));
     let file = write_model(&model_path, path, &diagnosis)?;
-    let fit = FitFile::new(&diagnosis.start, start.options.method, &rig, &[(&recording, &features)], models::now());
+    let fit = FitFile::new(&diagnosis.start, &rig, &[(&recording, &features)], models::now());
     write_fit(&path.with_extension("fit.toml"), &fit)?;
     let fits: Vec<&Fit> = std::iter::once(&diagnosis.start).chain(missing_fit(&diagnosis)).collect();
     let page = Page {

@@ -1,11 +1,10 @@
 //! `calibrate -o FIT.toml`: a fit as a file of its own.
 
 use std::error::Error;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use super::load::Loaded;
 use super::{models, output};
-use crate::fit::method::Method;
 use crate::fit::outcome::Fit;
 use crate::recording::Recording;
 use crate::report::fit_file::{FitFile, Form};
@@ -24,6 +23,11 @@ pub struct FitOutput {
 }
 
 impl FitOutput {
+    /// Where it is written, if anywhere.
+    pub fn path(&self) -> Option<&Path> {
+        self.output.as_deref()
+    }
+
     /// Refuses a place that cannot take the fit, before it is made.
     ///
     /// # Errors
@@ -38,10 +42,10 @@ impl FitOutput {
     ///
     /// # Errors
     /// As [`FitOutput::check`]; a file that cannot be written.
-    pub fn write(&self, fit: &Fit, method: Method, loaded: &[Loaded]) -> Result<(), Box<dyn Error + Send + Sync>> {
+    pub fn write(&self, fit: &Fit, loaded: &[Loaded]) -> Result<(), Box<dyn Error + Send + Sync>> {
         let (Some(path), Some(first)) = (&self.output, loaded.first()) else { return Ok(()) };
         let recordings: Vec<(&Recording, &Features)> = loaded.iter().map(|l| (&l.recording, &l.features)).collect();
-        let file = FitFile::new(fit, method, &first.recording.rig, &recordings, models::now());
+        let file = FitFile::new(fit, &first.recording.rig, &recordings, models::now());
         let text = file.text(Form::of(path)?)?;
         output::write_new(path, &text, self.overwrite)?;
         super::tell!("fit: {}", path.display());

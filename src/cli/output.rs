@@ -137,6 +137,26 @@ pub fn same_file(a: &Path, b: &Path) -> bool {
     matches!((a.canonicalize(), b.canonicalize()), (Ok(a), Ok(b)) if a == b)
 }
 
+/// Refuses one place for two of a command's outputs; `outputs` are options and where they write.
+///
+/// # Errors
+/// The first two that would write to one file.
+pub fn check_apart(outputs: &[(&str, Option<&Path>)]) -> Result<(), String> {
+    // What does not exist yet is known by its folder and name.
+    let place = |path: &Path| {
+        let folder = path.parent().filter(|f| !f.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        let named = || Some(folder.canonicalize().ok()?.join(path.file_name()?));
+        path.canonicalize().ok().or_else(named).unwrap_or_else(|| path.to_owned())
+    };
+    let all: Vec<_> = outputs.iter().filter_map(|(option, path)| Some((option, (*path)?))).collect();
+    for (i, (option, path)) in all.iter().enumerate() {
+        if let Some((other, _)) = all[..i].iter().find(|(_, p)| place(p) == place(path)) {
+            return Err(format!("{other} and {option} both write to {}: name two files", path.display()));
+        }
+    }
+    Ok(())
+}
+
 /// Do two files hold the same bytes? False where one of them cannot be read.
 pub fn same_content(a: &Path, b: &Path) -> bool {
     let size = |p: &Path| p.metadata().ok().map(|m| m.len());
@@ -205,6 +225,15 @@ mod tests {
         // a title cannot pass for the generator: it comes later
         let (_folder, path) = place(format!("<!doctype html>{}{page}", " ".repeat(2000)).as_bytes());
         assert!(check_report(&path).is_err());
+    }
+
+    #[test]
+    fn two_outputs_want_two_files() {
+        let folder = tempfile::tempdir().unwrap();
+        let [a, b] = ["a.toml", "./a.toml"].map(|name| folder.path().join(name));
+        let said = check_apart(&[("-o", Some(&a)), ("--report", None), ("--save", Some(&b))]).unwrap_err();
+        assert!(said.starts_with("-o and --save both write to"), "{said}");
+        assert!(check_apart(&[("-o", Some(&a)), ("--save", Some(&folder.path().join("b.toml")))]).is_ok());
     }
 
     #[test]

@@ -67,13 +67,17 @@ const RIG_FILE: &str = "rig.toml";
 pub fn run(args: Args, json: bool) -> CommandResult {
     check_folder(&args.output, args.overwrite)?;
     hold::check(&args.hold)?;
-    let searched = args.search.options()?;
+    let from = args.search.from()?;
+    let searched = args.search.options(from.as_ref())?;
     let loaded = load::load(&args.recordings, args.rig.as_deref())?;
     let rig = &loaded[0].recording.rig;
     let runs = load::runs(&loaded);
     let mut effects = args.effects.clone();
     let priors = args.creep.priors(&loaded, &runs, &mut effects)?;
-    let constraints = hold::constraints(rig, &runs, std::slice::from_ref(&effects), &args.hold).remove(0);
+    let mut constraints = hold::constraints(rig, &runs, std::slice::from_ref(&effects), &args.hold).remove(0);
+    if let Some(from) = &from {
+        hold::and_settled(&mut constraints, from, rig, &runs, (&effects, true));
+    }
     let options = Options { constraints, priors, ..searched };
     let fit = if args.fitted { Some(calibrate::timed(rig, &runs, &effects, &options)?) } else { None };
     let effects = numbered(rig, &runs, &effects, &options)?;

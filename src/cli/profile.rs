@@ -4,6 +4,7 @@ use crate::fit::calibrate::{FitError, Options, Progress};
 use crate::fit::data::RunData;
 use crate::fit::outcome::Fit;
 use crate::fit::profile::profiles;
+use crate::report::number::{interval, significant};
 use crate::rig::Rig;
 
 /// Which parameters to profile.
@@ -15,7 +16,21 @@ pub struct Profiles {
     names: Vec<String>,
 }
 
+/// Fall of the sum of squares, in units of what one sample leaves, from which on a profile's centre is said to lie below the fit.
+const BELOW: f64 = 1.0;
+
 impl Profiles {
+    /// Refuses a parameter that is held: it does not move.
+    ///
+    /// # Errors
+    /// The first such.
+    pub fn check<'a>(&self, mut held: impl Iterator<Item = &'a str>) -> Result<(), String> {
+        match held.find(|held| self.names.iter().any(|n| n == held)) {
+            None => Ok(()),
+            Some(name) => Err(format!("{name} is held, so it has no profile: leave it out of --profile, or let it go")),
+        }
+    }
+
     /// Refuses a name that the fit does not have.
     ///
     /// # Errors
@@ -48,19 +63,38 @@ impl Profiles {
         if which.is_empty() {
             return Ok(());
         }
+        let began = std::time::Instant::now();
         let bar = super::calibrate::progress_bar();
         let shown = |p: &Progress| bar.set_message(p.stage.clone());
-        let found: Result<Vec<_>, FitError> = profiles(rig, runs, fit, &which, options, &shown);
+        let found: Result<_, FitError> = profiles(rig, runs, fit, &which, options, &shown);
         bar.finish_and_clear();
-        for (j, profile) in which.into_iter().zip(found?) {
+        let found = found?;
+        fit.evaluations += found.evaluations;
+        fit.seconds += began.elapsed().as_secs_f64();
+        let below = found.below_fit > BELOW;
+        if below {
+            super::tell!(
+                "warning: the fit is not at its optimum: that of the profiles lies {} lower in χ², and they are centred there",
+                significant(found.below_fit, 3)
+            );
+        }
+        for (j, profile) in which.into_iter().zip(found.of_each) {
             let parameter = &mut fit.parameters[j];
             let run = parameter.run.as_ref().map_or(String::new(), |r| format!(" of {r}"));
-            if profile.disagrees(parameter.value) {
+            if below {
+                super::tell!(
+                    "{}{run}: {} where the fit has {}",
+                    parameter.name,
+                    significant(profile.best, 5),
+                    significant(parameter.value, 5)
+                );
+            }
+            if profile.disagrees() {
                 super::tell!(
                     "warning: {}{run}: the profile's 95% interval, {}, is not the linear one, {}: trust the profile",
                     parameter.name,
-                    crate::report::number::interval(profile.interval_95),
-                    crate::report::number::interval(profile.linear_95)
+                    interval(profile.interval_95),
+                    interval(profile.linear_95)
                 );
             }
             if profile.fell_by > 1.0 {

@@ -44,6 +44,15 @@ pub fn run(args: Args, json: bool) -> CommandResult {
             fits.push((path.display().to_string(), FitFile::read(path)?));
         }
     }
+    for (i, (name, _)) in fits.iter().enumerate() {
+        if let Some((twin, _)) = fits[..i].iter().find(|(n, _)| output::same_file(Path::new(n), Path::new(name))) {
+            return Err(match twin == name {
+                true => format!("{name} is given twice: a fit counts once"),
+                false => format!("{twin} and {name} are one fit: it counts once"),
+            }
+            .into());
+        }
+    }
     if let Some((name, _)) = fits.iter().find(|(name, _)| output::same_file(Path::new(name), &args.output)) {
         return Err(format!("{name} is one of the fits: choose another name for the table").into());
     }

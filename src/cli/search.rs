@@ -8,6 +8,7 @@ use clap::ValueEnum;
 use super::models;
 use crate::fit::calibrate::Options;
 use crate::fit::method;
+use crate::fit::model_file::{Entry, Value};
 use crate::model::constraint::Given;
 
 /// Options of a search.
@@ -17,21 +18,23 @@ pub struct Search {
     #[arg(long, value_enum, default_value_t = Method::LeastSquares)]
     method: Method,
     /// Random starts of least squares, over the whole range of the shared parameters, beside those that it has of its own.
-    #[arg(long, value_name = "N", default_value_t = 0)]
-    starts: usize,
-    /// Simulations that a global search or micro-genetic algorithm may take for one model.
-    #[arg(long, value_name = "N", default_value_t = Options::default().budget)]
-    budget: usize,
+    #[arg(long, value_name = "N")]
+    starts: Option<usize>,
+    /// Simulations that a global search or micro-genetic algorithm may take for one model; 20,000 where nothing is said.
+    #[arg(long, value_name = "N")]
+    budget: Option<usize>,
     /// Seed of all that is drawn at random.
     #[arg(long, value_name = "N", default_value_t = Options::default().seed)]
     seed: u64,
-    /// Stop a stepwise calibration after so many steps.
+    /// Stop a stepwise calibration after so many steps, for --save and --from to go on with.
     #[arg(long, value_name = "N")]
     steps: Option<usize>,
     /// Where parameters start, instead of where signals, rig and effects say; one that each run has of its own starts there in all of them. Recordings go before it.
     #[arg(long, value_name = "NAME=VALUE", value_parser = super::values::setting, num_args = 1..)]
     start: Vec<(String, f64)>,
-    /// Start from the values of the model in force in this file.
+    /// Go on from the model in force in this file: from its values, with what is held (`fixed = true`), bounded and known there, and with its
+    /// effects where none are named. A stepwise calibration uses the features that were left to it when it was stopped (`features_left`), then goes
+    /// on in turn by the whole record.
     #[arg(long, value_name = "MODEL.toml")]
     from: Option<PathBuf>,
 }
@@ -64,11 +67,6 @@ impl From<Method> for method::Method {
 }
 
 impl Search {
-    /// How it searches.
-    pub fn method(&self) -> method::Method {
-        self.method.into()
-    }
-
     /// Refuses a start for what is none of the `known` parameters.
     ///
     /// # Errors
@@ -84,28 +82,50 @@ impl Search {
         }
     }
 
-    /// Options of a fit that searches so.
+    /// The model that it goes on from.
     ///
     /// # Errors
     /// A file of models that cannot be read.
-    pub fn options(&self) -> Result<Options, Box<dyn Error + Send + Sync>> {
+    pub fn from(&self) -> Result<Option<Entry>, Box<dyn Error + Send + Sync>> {
+        self.from.as_ref().map(|path| Ok(models::load(path)?.current().clone())).transpose()
+    }
+
+    /// Refuses what the method does not heed.
+    fn refuse_unheeded(&self) -> Result<(), String> {
+        use Method::{Global, GlobalLocal, LeastSquares, MicroGa, Stepwise};
+        let unheeded = |option: &str, given: bool, of: &[Method]| match given && !of.contains(&self.method) {
+            false => Ok(()),
+            true => {
+                let names: Vec<&str> = of.iter().map(|&m| method::Method::from(m).name()).collect();
+                let own = method::Method::from(self.method).name();
+                Err(format!("{option} is for --method {}; --method {own} has no use for it", names.join(", ")))
+            }
+        };
+        unheeded("--starts", self.starts.is_some(), &[LeastSquares])?;
+        unheeded("--budget", self.budget.is_some(), &[Global, MicroGa, GlobalLocal])?;
+        unheeded("--steps", self.steps.is_some(), &[Stepwise])
+    }
+
+    /// Options of a fit that searches so, going on `from` a model.
+    ///
+    /// # Errors
+    /// What the method does not heed.
+    pub fn options(&self, from: Option<&Entry>) -> Result<Options, String> {
+        self.refuse_unheeded()?;
         let said = self.start.iter().map(|(name, value)| Given { name: name.clone(), run: None, value: *value });
-        let mut starts_at: Vec<Given> = said.collect();
-        if let Some(path) = &self.from {
-            let known = models::load(path)?;
-            let of =
-                |p: &crate::fit::model_file::Value| Given { name: p.name.clone(), run: p.run.clone(), value: p.value };
-            // What is said on the command line goes first.
-            starts_at.extend(known.current().parameters.iter().map(of));
-        }
+        let of = |p: &Value| Given { name: p.name.clone(), run: p.run.clone(), value: p.value };
+        // What is said on the command line goes first.
+        let starts_at = said.chain(from.iter().flat_map(|model| model.parameters.iter().map(of))).collect();
+        let usual = Options::default();
         Ok(Options {
             method: self.method.into(),
-            starts: self.starts,
-            budget: self.budget,
+            starts: self.starts.unwrap_or(usual.starts),
+            budget: self.budget.unwrap_or(usual.budget),
             seed: self.seed,
-            most_steps: self.steps.unwrap_or(usize::MAX),
+            most_steps: self.steps.unwrap_or(usual.most_steps),
+            features_left: from.map(|model| model.features_left.clone()),
             starts_at,
-            ..Options::default()
+            ..usual
         })
     }
 }

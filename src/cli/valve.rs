@@ -55,12 +55,13 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     for run in &runs {
         valve_sensor(&rig, run)?;
     }
-    let Lawful { fit, evidence } =
+    let Lawful { fit, evidence, two_stages } =
         with_its_law(&args.effects, |effects| calibrate::timed(&rig, &runs, effects, &Options::default()))?;
     if let Some(evidence) = evidence {
-        let law = if evidence > EVIDENCE { "two stages" } else { "a straight line" };
         super::tell!(
-            "the model's valve closes by {law}: two stages bring {evidence:.0} of evidence, {EVIDENCE:.0} is strong"
+            "the model's valve closes {}: two stages bring {evidence:.0} of evidence ({EVIDENCE:.0} is strong){}",
+            if two_stages { "in two stages" } else { "linearly" },
+            if !two_stages && evidence > EVIDENCE { ", but leave most of the error, which is the pipe's" } else { "" },
         );
     }
     let closures: Vec<ValveClosure> =

@@ -82,6 +82,8 @@ pub struct Options {
     pub budget: usize,
     /// Steps after which a stepwise calibration stops.
     pub most_steps: usize,
+    /// Of a stepwise calibration that goes on from values as they are: names of the features that it has still to use, each once.
+    pub features_left: Option<Vec<String>>,
     /// Where parameters start, instead of where signals, rig and effects say.
     pub starts_at: Vec<Given>,
     /// Seed of all that is drawn at random.
@@ -102,6 +104,7 @@ impl Default for Options {
             starts: 0,
             budget: 20_000,
             most_steps: usize::MAX,
+            features_left: None,
             starts_at: Vec::new(),
             seed: 1,
             priors: Vec::new(),
@@ -154,14 +157,22 @@ pub fn calibrate(
         Method::LeastSquares => fitter.approach(model, smaller),
         Method::Global | Method::MicroGa | Method::GlobalLocal => Ok(fitter.searched(model)?),
         Method::Stepwise => {
-            let (state, taken) = fitter.stepped(model)?;
-            steps.lock().unwrap_or_else(PoisonError::into_inner).push((model.effects.clone(), taken));
+            let (state, walked) = fitter.stepped(model)?;
+            steps.lock().unwrap_or_else(PoisonError::into_inner).push((model.effects.clone(), walked));
             Ok(state)
         }
     };
     let mut state = found(&model, None)?;
     if let Some(i) = growing {
-        let grown = |bigger: &Model, model: &Model, state: &State| found(bigger, Some((model, state)));
+        // Where an element is missing, those that are known are drawn off to stand in for it: they are begun with anew, too.
+        let grown = |bigger: &Model, model: &Model, state: &State| {
+            let on = found(bigger, Some((model, state)))?;
+            if options.priors.is_empty() {
+                return Ok(on);
+            }
+            let anew = found(bigger, None)?;
+            Ok(if anew.cost < on.cost { anew } else { on })
+        };
         (model, state) = fitter.grown((model, state), i, effects[i].elements, grown)?;
     }
     if options.method.descends() {
@@ -169,8 +180,10 @@ pub fn calibrate(
     }
     // Of the models that were tried with more and more elements, the steps of the one that was kept.
     let tried = steps.into_inner().unwrap_or_else(PoisonError::into_inner);
-    let steps = tried.into_iter().find(|(effects, _)| *effects == model.effects).map_or(Vec::new(), |(_, taken)| taken);
-    Ok(Fit { steps, ..fitter.as_found(&model, state)? })
+    match tried.into_iter().find(|(effects, _)| *effects == model.effects) {
+        Some((_, walked)) => fitter.ended(&model, state, walked),
+        None => fitter.as_found(&model, state),
+    }
 }
 
 /// A coarse fit from the signals.

@@ -26,6 +26,8 @@ pub(super) enum Feature {
     LatePhase,
     /// Heights of the extrema of the second half.
     LatePeaks,
+    /// All samples of the first cycles, as many as the problem takes.
+    FirstCycles,
     /// Everything.
     Record,
 }
@@ -40,6 +42,7 @@ impl Feature {
             Feature::EarlyPhase => "phase of the early cycles",
             Feature::LatePhase => "phase of the late cycles",
             Feature::LatePeaks => "heights of the late peaks",
+            Feature::FirstCycles => "first cycles",
             Feature::Record => "whole record",
         }
     }
@@ -59,13 +62,19 @@ pub(super) struct Aspect<'p> {
 }
 
 impl<'p> Aspect<'p> {
-    pub(super) fn new(problem: &'p Calibration, which: &'p [usize], feature: Feature, values: &[f64]) -> Self {
-        let (lower, upper) = problem.bounds();
-        let of = |all: &[f64]| which.iter().map(|&j| all[j]).collect();
+    /// From `values`, within `bounds` of all variables or where they are.
+    pub(super) fn new(
+        problem: &'p Calibration,
+        which: &'p [usize],
+        feature: Feature,
+        values: &[f64],
+        bounds: &(Vec<f64>, Vec<f64>),
+    ) -> Self {
+        let still = problem.variables(values);
         Aspect {
-            lower: of(lower),
-            upper: of(upper),
-            still: problem.variables(values),
+            lower: which.iter().map(|&j| bounds.0[j].min(still[j])).collect(),
+            upper: which.iter().map(|&j| bounds.1[j].max(still[j])).collect(),
+            still,
             period_s: problem.model.period_s(&values[..problem.model.shared.len()]),
             problem,
             which,
@@ -147,7 +156,7 @@ impl Problem for Aspect<'_> {
 
     fn residuals(&self, x: &[f64]) -> Result<Vec<f64>, ModelError> {
         let all = self.whole(x);
-        if self.feature == Feature::Record {
+        if matches!(self.feature, Feature::FirstCycles | Feature::Record) {
             return self.problem.residuals(&all);
         }
         let values = self.problem.values(&all);

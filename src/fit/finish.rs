@@ -11,8 +11,9 @@ use super::compare::{Pair, mape_percent, rmse};
 use super::errors::{Common, Errors, InTime, Linearised};
 use super::identify::unseen;
 use super::interval::linear;
-use super::least_squares::{Limits, Problem, Solution, jacobian};
+use super::least_squares::{Limits, Problem, Solution, Stop, jacobian};
 use super::misfit::Misfit;
+use super::optimum::{AT_OPTIMUM, promised_fall, short_of_it};
 use super::outcome::{Fit, FittedParameter, RunFit, SensorFit};
 use super::problem::{Calibration, Window};
 use super::uncertainty::{correlation, gauss_newton_step};
@@ -24,6 +25,9 @@ const MIDDLE: Limits = Limits { iterations: 20, cost_tolerance: 1e-4, step_toler
 const LATE: Limits = Limits { iterations: usize::MAX, cost_tolerance: 1e-5, step_tolerance: 1e-9, thorough: true };
 /// Fall of the sum of squares, in units of what one sample leaves, that is worth no iteration more: a seventh of a standard error.
 const SETTLED: f64 = 0.02;
+
+/// How often a descent that has given up is begun anew at the most.
+const ANEW: usize = 3;
 
 /// Pull of the grid on a parameter, in standard errors, that sends the fit to a finer one.
 const MOST_PULL: f64 = 2.0;
@@ -119,7 +123,18 @@ impl Fitter<'_> {
         let problem = self.problem(model, self.whole(fine));
         problem.know(&model.constraints)?;
         let limits = Limits { cost_tolerance: SETTLED / problem.samples().max(1) as f64, ..self.patient(LATE) };
-        let solution = self.minimise(&problem, &values, limits, "all samples")?;
+        let mut solution = self.minimise(&problem, &values, limits, "all samples")?;
+        // A descent may give up in a bent valley, though more is promised: begun anew it often goes on.
+        for _ in 0..ANEW {
+            if solution.stop != Stop::CostSettled || self.promised(&problem, &solution)? <= AT_OPTIMUM {
+                break;
+            }
+            let again = self.minimise(&problem, &problem.values(&solution.x), limits, "all samples, anew")?;
+            if again.cost >= solution.cost {
+                break;
+            }
+            solution = again;
+        }
         self.outcome(&problem, &solution)
     }
 
@@ -131,7 +146,8 @@ impl Fitter<'_> {
         problem.know(&model.constraints)?;
         let solution = self.minimise(&problem, &state.values, still, "as found")?;
         let fit = self.outcome(&problem, &solution)?;
-        Ok(Fit { stopped_because: "the search was over; no descent followed it".to_owned(), converged: true, ..fit })
+        let over = "the search was over, and a descent from its end would gain nothing".to_owned();
+        Ok(if fit.converged { Fit { stopped_because: over, ..fit } } else { fit })
     }
 
     /// The Jacobian's columns at a solution: those of its last step where that no longer mattered.
@@ -142,6 +158,21 @@ impl Fitter<'_> {
         let columns = jacobian(problem, &solution.x, &solution.residuals)?;
         self.count(columns.len());
         Ok(Cow::Owned(columns))
+    }
+
+    /// Fall of the sum of squares that a step of a descent promises at a solution, in units of what one sample leaves.
+    fn promised(&self, problem: &Calibration, solution: &Solution) -> Result<f64, ModelError> {
+        let of_one = (2.0 * solution.cost / problem.samples().max(1) as f64).max(f64::MIN_POSITIVE);
+        let promise =
+            |columns: &[Vec<f64>]| promised_fall(columns, &solution.residuals, &solution.x, problem.bounds()) / of_one;
+        let columns = self.slopes(problem, solution)?;
+        let promised = promise(&columns);
+        if promised <= AT_OPTIMUM || matches!(columns, Cow::Owned(_)) {
+            return Ok(promised);
+        }
+        // The last step mattered, after all.
+        self.count(columns.len());
+        Ok(promise(&jacobian(problem, &solution.x, &solution.residuals)?))
     }
 
     /// What a finer grid would change: at the samples, and by one Gauss-Newton step in the parameters.
@@ -259,7 +290,16 @@ impl Fitter<'_> {
         let runs = (0..self.runs.len())
             .map(|r| self.run_fit(problem, r, &values, &start_values, period_s, &bands[r]))
             .collect::<Result<_, _>>()?;
-        Ok(Fit {
+        // Where every step has been tried it is one, whatever is promised: residuals may have corners. Of any other end it is measured.
+        let promised = self.promised(problem, solution)?;
+        let tried = !matches!(solution.stop, Stop::CostSettled | Stop::IterationsSpent);
+        let converged = tried || promised <= AT_OPTIMUM;
+        let stopped_because = match (converged, solution.stop.describe()) {
+            (true, why) => why.to_owned(),
+            (false, _) => short_of_it(promised, problem.samples(), self.options.method),
+        };
+        let fit = Fit {
+            method: self.options.method,
             effects: model.effects.clone(),
             runs,
             parameters,
@@ -270,9 +310,12 @@ impl Fitter<'_> {
             evaluations: self.evaluations.load(Ordering::Relaxed),
             seconds: f64::NAN,
             steps: Vec::new(),
-            stopped_because: solution.stop.describe().to_owned(),
-            converged: solution.stop.converged(),
-        })
+            features_left: Vec::new(),
+            stopped_because,
+            converged,
+            promised_fall: promised,
+        };
+        Ok(if converged { fit } else { fit.without_errors() })
     }
 
     fn run_fit(

@@ -28,6 +28,28 @@ impl Method {
         }
     }
 
+    /// How a model is calibrated by it, in running text.
+    pub fn in_words(self) -> &'static str {
+        match self {
+            Method::LeastSquares => "least squares",
+            Method::Global => "differential evolution",
+            Method::MicroGa => "a micro-genetic algorithm",
+            Method::GlobalLocal => "differential evolution, then least squares",
+            Method::Stepwise => "steps by features and by the whole record in turn",
+        }
+    }
+
+    /// What to do where it ended short of an optimum.
+    pub fn advice(self) -> &'static str {
+        match self {
+            Method::LeastSquares | Method::GlobalLocal => "start it elsewhere (--start, --starts)",
+            Method::Global | Method::MicroGa => "raise --budget, or take --method global-local",
+            Method::Stepwise => {
+                "go on with it (--save MODEL.toml, then --from MODEL.toml), or take --method least-squares"
+            }
+        }
+    }
+
     /// Whether descent has the last word.
     pub fn descends(self) -> bool {
         matches!(self, Method::LeastSquares | Method::GlobalLocal)

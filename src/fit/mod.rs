@@ -25,6 +25,7 @@ mod micro_ga;
 pub mod misfit;
 pub mod model_file;
 pub mod observed;
+mod optimum;
 pub mod outcome;
 pub mod predict;
 pub mod prepare;

@@ -64,6 +64,9 @@ pub struct Entry {
     /// Evidence for it over the model that it grew out of, natural logarithm of odds.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub evidence: Option<f64>,
+    /// Features that a stepwise calibration had still to use when it was stopped, by name; one that is taken out is not used.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub features_left: Vec<String>,
     /// Correlations of the errors of the parameters that runs share, in their order; 0 where they are not known.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub correlation: Vec<Vec<f64>>,
@@ -224,6 +227,7 @@ impl Entry {
             rmse_m,
             noise_m,
             evidence,
+            features_left: fit.features_left.iter().map(|name| (*name).to_owned()).collect(),
             correlation: known_only(&Known::of(fit).correlation),
             parameters: fit.parameters.iter().map(Value::of).collect(),
         }

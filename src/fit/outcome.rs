@@ -2,6 +2,7 @@
 
 use super::approach::Leftover;
 use super::identify::Unseen;
+use super::method::Method;
 use super::profile::Profile;
 use crate::model::effects::Chosen;
 use crate::model::parameter::Scale;
@@ -17,9 +18,10 @@ pub struct FittedParameter {
     pub run: Option<String>,
     /// Value in `unit`.
     pub value: f64,
-    /// Standard error in `unit`; infinite where the data do not determine it.
+    /// Standard error in `unit`; infinite where the data do not determine it, not a number where the fit ended at no optimum.
     pub standard_error: f64,
-    /// 95% interval in `unit`: linear, or by its profile where there is one; an end that the data leave open is infinite.
+    /// 95% interval in `unit`: linear, or by its profile where there is one; an end that the data leave open is infinite, both are not a
+    /// number where the fit ended at no optimum.
     pub interval_95: (f64, f64),
     /// How the fit gets worse along it, where that was asked for.
     pub profile: Option<Profile>,
@@ -123,6 +125,8 @@ pub struct StepTaken {
 /// A calibrated model of one run or of several.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Fit {
+    /// How it was searched for.
+    pub method: Method,
     /// Effects of the model, their open choices decided.
     pub effects: Vec<Chosen>,
     /// Each run.
@@ -143,13 +147,26 @@ pub struct Fit {
     pub seconds: f64,
     /// The steps of a stepwise calibration; none of any other.
     pub steps: Vec<StepTaken>,
+    /// Names of the features that a stepwise calibration had still to use when it was stopped.
+    pub features_left: Vec<&'static str>,
     /// Why it stopped, in words.
     pub stopped_because: String,
-    /// It stopped because it was done, not because a budget ran out.
+    /// It ended at an optimum, as far as a descent can tell. Where it did not, no error, interval or band is given.
     pub converged: bool,
+    /// Fall of the sum of squares that a step of a descent promises from its end, in units of what one sample leaves.
+    pub promised_fall: f64,
 }
 
 impl Fit {
+    /// Without all that holds at an optimum alone: errors, intervals, correlations, what is unseen, bands.
+    pub(super) fn without_errors(mut self) -> Self {
+        for p in self.parameters.iter_mut().filter(|p| !p.held) {
+            (p.standard_error, p.interval_95) = (f64::NAN, (f64::NAN, f64::NAN));
+        }
+        self.runs.iter_mut().flat_map(|r| &mut r.sensors).for_each(|s| s.band_m.clear());
+        Fit { correlation: Vec::new(), unseen: Vec::new(), ..self }
+    }
+
     /// Values of all parameters: shared ones first, then each run's.
     pub fn values(&self) -> Vec<f64> {
         self.parameters.iter().map(|p| p.value).collect()

@@ -5,6 +5,8 @@
 //! than white noise of the believed size would let it (Kent 1982, Biometrika 69, 19): see [`super::errors`]. Where the problem is linear that
 //! is the linear interval; a side on which the threshold is not reached before the bound is open.
 
+use std::sync::atomic::{AtomicUsize, Ordering};
+
 use rayon::prelude::*;
 
 use super::approach::Fitter;
@@ -14,6 +16,7 @@ use super::finish::{FINAL_REACHES, errors_of};
 use super::interval::Z_95;
 use super::least_squares::{Limits, Problem, Solution, jacobian, minimise};
 use super::outcome::Fit;
+use super::problem::Calibration;
 use crate::rig::Rig;
 
 /// Points on one side of the best value, at most.
@@ -36,11 +39,28 @@ pub struct Profile {
     pub points: Vec<(f64, f64)>,
     /// By how much less than nothing the rise became: the fit was not the best.
     pub fell_by: f64,
+    /// Where it is centred: the optimum that a descent from the fit leads to.
+    pub best: f64,
+}
+
+/// Profiles of a fit.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Profiles {
+    /// Of each parameter that was asked for.
+    pub of_each: Vec<Profile>,
+    /// By how much lower than the fit's the sum of squares is at their centre, in units of what one sample leaves there.
+    pub below_fit: f64,
+    /// Simulations that they took.
+    pub evaluations: usize,
 }
 
 impl Profile {
-    /// Whether it says something else than the linear interval about `value`.
-    pub fn disagrees(&self, value: f64) -> bool {
+    /// Whether it says something else than the linear interval about its centre; where there is no linear one, it does not.
+    pub fn disagrees(&self) -> bool {
+        let value = self.best;
+        if self.linear_95.0.is_nan() || self.linear_95.1.is_nan() {
+            return false;
+        }
         let sides = [(self.interval_95.0, self.linear_95.0), (self.interval_95.1, self.linear_95.1)];
         sides.into_iter().any(|(own, linear)| match (own.is_finite(), linear.is_finite()) {
             (true, true) => {
@@ -58,6 +78,14 @@ struct Walk {
     ends: [Option<f64>; 2],
     /// Variable and rise, ascending.
     points: Vec<(f64, f64)>,
+    evaluations: usize,
+}
+
+/// One side of a profile: its end, where there is one before the bound, and the points that were tried.
+struct Side {
+    end: Option<f64>,
+    points: Vec<(f64, f64)>,
+    evaluations: usize,
 }
 
 /// Where a walk starts.
@@ -97,19 +125,18 @@ impl<P: Problem> Problem for Held<'_, P> {
 
 /// Both sides of a variable.
 fn walk<P: Problem>(problem: &P, start: &Start) -> Walk {
-    let ((low, mut points), (high, above)) = rayon::join(|| side(problem, start, -1.0), || side(problem, start, 1.0));
-    points.push((start.best.x[start.j], 0.0));
-    points.extend(above);
+    let (low, high) = rayon::join(|| side(problem, start, -1.0), || side(problem, start, 1.0));
+    let mut points = [low.points, vec![(start.best.x[start.j], 0.0)], high.points].concat();
     points.sort_by(|a, b| a.0.total_cmp(&b.0));
-    Walk { ends: [low, high], points }
+    Walk { ends: [low.end, high.end], points, evaluations: low.evaluations + high.evaluations }
 }
 
-/// One side: the end, where there is one before the bound, and the points that were tried.
-fn side<P: Problem>(problem: &P, start: &Start, sign: f64) -> (Option<f64>, Vec<(f64, f64)>) {
+/// One side.
+fn side<P: Problem>(problem: &P, start: &Start, sign: f64) -> Side {
     let Start { best, j, unit, first, follow } = *start;
     let (lower, upper) = problem.bounds();
     let room = if sign < 0.0 { best.x[j] - lower[j] } else { upper[j] - best.x[j] };
-    let mut points = Vec::new();
+    let (mut points, mut evaluations) = (Vec::new(), 0);
     let (mut near, mut far) = ((0.0, 0.0, best.x.clone()), None::<(f64, f64)>);
     let mut away = first.min(room);
     while room > 0.0 && points.len() < MOST {
@@ -127,17 +154,19 @@ fn side<P: Problem>(problem: &P, start: &Start, sign: f64) -> (Option<f64>, Vec<
         let along: Vec<f64> = near.2.iter().zip(follow).map(|(x, f)| x + f * sign * (away - near.0)).collect();
         let (along, straight) =
             rayon::join(|| minimise(&held, &along, limits, |_, _| {}), || minimise(&held, &near.2, limits, |_, _| {}));
-        let found = [along, straight].into_iter().flatten().min_by(|a, b| a.cost.total_cmp(&b.cost));
+        let tried: Vec<Solution> = [along, straight].into_iter().flatten().collect();
+        evaluations += tried.iter().map(|s| s.evaluations).sum::<usize>();
+        let found = tried.into_iter().min_by(|a, b| a.cost.total_cmp(&b.cost));
         let rise = found.as_ref().map_or(f64::INFINITY, |s| 2.0 * (s.cost - best.cost) / unit);
         points.push((at, rise));
         let root = rise.max(0.0).sqrt();
         if (root - Z_95).abs() < NEAR {
-            return (Some(at), points);
+            return Side { end: Some(at), points, evaluations };
         }
         match found {
             Some(solution) if root < Z_95 => {
                 if away >= room {
-                    return (None, points);
+                    return Side { end: None, points, evaluations };
                 }
                 near = (away, root, solution.x);
             }
@@ -151,12 +180,13 @@ fn side<P: Problem>(problem: &P, start: &Start, sign: f64) -> (Option<f64>, Vec<
             }
         };
     }
-    (far.map(|_| best.x[j] + sign * away), points)
+    Side { end: far.map(|_| best.x[j] + sign * away), points, evaluations }
 }
 
 /// Profiles of the parameters `which` of a fit, by their index, in that order.
 ///
-/// They are walked on a grid of [`FINAL_REACHES`] reaches or little more, about the best fit there: the grid moves a valley more than it bends it.
+/// Their centre is the optimum that a descent from the fit leads to on its own grid, whether or not the fit ended there. They are walked on a grid of
+/// [`FINAL_REACHES`] reaches or little more, about the best fit there: the grid moves a valley more than it bends it.
 ///
 /// # Errors
 /// As [`super::calibrate::refine`].
@@ -167,22 +197,29 @@ pub fn profiles(
     which: &[usize],
     options: &Options,
     progress: &(dyn Fn(&Progress) + Sync),
-) -> Result<Vec<Profile>, FitError> {
+) -> Result<Profiles, FitError> {
     let values = fit.values();
     let fitter = Fitter::new(rig, runs, options, progress, &fit.effects, Some(&values))?;
     let model = fitter.model(&fit.effects);
-    let reaches = model.fitting_reaches(&values[..model.shared.len()], FINAL_REACHES.max(fitter.least_reaches));
-    let problem = fitter.problem(&model, fitter.whole(reaches));
-    let limits = Limits {
+    let own = fitter.problem(&model, fitter.whole(fit.reaches));
+    let limits = |problem: &Calibration| Limits {
         iterations: options.patience,
         cost_tolerance: SETTLED / problem.samples().max(1) as f64,
         step_tolerance: 1e-10,
         thorough: true,
     };
-    let best = fitter.minimise(&problem, &values, limits, "profiles: the best fit")?;
+    let at_fit = own.residuals(&own.variables(&values))?;
+    let centre = fitter.minimise(&own, &values, limits(&own), "profiles: their centre")?;
+    let fall = at_fit.iter().map(|r| r * r).sum::<f64>() - 2.0 * centre.cost;
+    let below_fit = fall / (2.0 * centre.cost / own.samples().max(1) as f64).max(f64::MIN_POSITIVE);
+    let values = own.values(&centre.x);
+    let reaches = model.fitting_reaches(&values[..model.shared.len()], FINAL_REACHES.max(fitter.least_reaches));
+    let problem = fitter.problem(&model, fitter.whole(reaches));
+    let best = fitter.minimise(&problem, &values, limits(&problem), "profiles: the best fit")?;
     let columns = jacobian(&problem, &best.x, &best.residuals)?;
+    fitter.count(1 + columns.len());
     let fitted = problem.variables(&values);
-    let done = std::sync::atomic::AtomicUsize::new(0);
+    let done = AtomicUsize::new(0);
     let one = |&j: &usize| {
         let parameter = &fit.parameters[j];
         // Held variables do not follow; one at its bound is let go.
@@ -202,9 +239,10 @@ pub fn profiles(
             .map(|f| if f.is_finite() { f } else { 0.0 })
             .collect();
         let walk = walk(&problem, &Start { best: &best, j, unit, first, follow: &follow });
+        fitter.count(walk.evaluations);
         let name = |x: f64| problem.value(j, (fitted[j] + x - best.x[j]).clamp(lower[j], upper[j]));
         let end = |x: Option<f64>, open: f64| x.map_or(open, name);
-        let finished = done.fetch_add(1, std::sync::atomic::Ordering::Relaxed) + 1;
+        let finished = done.fetch_add(1, Ordering::Relaxed) + 1;
         progress(&Progress {
             stage: format!("profile {finished} of {}: {}", which.len(), parameter.name),
             reaches,
@@ -215,10 +253,12 @@ pub fn profiles(
             interval_95: (end(walk.ends[0], f64::NEG_INFINITY), end(walk.ends[1], f64::INFINITY)),
             linear_95: parameter.interval_95,
             fell_by: walk.points.iter().map(|p| -p.1).fold(0.0, f64::max),
+            best: values[j],
             points: walk.points.into_iter().filter(|p| p.1.is_finite()).map(|(x, rise)| (name(x), rise)).collect(),
         }
     };
-    Ok(which.par_iter().map(one).collect())
+    let of_each = which.par_iter().map(one).collect();
+    Ok(Profiles { of_each, below_fit, evaluations: fitter.evaluations.load(Ordering::Relaxed) })
 }
 
 #[cfg(test)]
@@ -301,10 +341,11 @@ mod tests {
 
     #[test]
     fn disagreement_is_said() {
-        let of = |interval_95, linear_95| Profile { interval_95, linear_95, points: vec![], fell_by: 0.0 };
-        assert!(!of((0.8, 1.25), (0.78, 1.22)).disagrees(1.0));
-        assert!(of((0.8, 1.6), (0.78, 1.22)).disagrees(1.0));
-        assert!(of((0.8, f64::INFINITY), (0.78, 1.22)).disagrees(1.0));
-        assert!(!of((0.8, f64::INFINITY), (0.8, f64::INFINITY)).disagrees(1.0));
+        let of = |interval_95, linear_95| Profile { interval_95, linear_95, points: vec![], fell_by: 0.0, best: 1.0 };
+        assert!(!of((0.8, 1.25), (0.78, 1.22)).disagrees());
+        assert!(of((0.8, 1.6), (0.78, 1.22)).disagrees());
+        assert!(of((0.8, f64::INFINITY), (0.78, 1.22)).disagrees());
+        assert!(!of((0.8, f64::INFINITY), (0.8, f64::INFINITY)).disagrees());
+        assert!(!of((0.8, 1.6), (f64::NAN, f64::NAN)).disagrees());
     }
 }

@@ -53,15 +53,7 @@ impl Window {
             let (start_s, sd) = run.start.closure_s;
             window.narrow(closure, start_s, (KNOWN_WITHIN * sd).max(LEAST_SHARE * period_s));
         }
-        let groups = Groups::of(problem);
-        for j in groups.times {
-            let (quickest, slowest) = SEEN_TIMES;
-            window.lower[j] = (quickest * period_s).ln().clamp(window.lower[j], window.upper[j]);
-            window.upper[j] = (slowest * period_s).ln().clamp(window.lower[j], window.upper[j]);
-        }
-        for j in groups.compliances {
-            window.lower[j] = window.lower[j].max(window.upper[j] + SEEN_COMPLIANCE.ln());
-        }
+        keep_seen(&mut window.lower, &mut window.upper, &Groups::of(problem), period_s);
         window
     }
 
@@ -69,6 +61,18 @@ impl Window {
     fn narrow(&mut self, j: usize, known: f64, reach: f64) {
         self.lower[j] = (known - reach).clamp(self.lower[j], self.upper[j]);
         self.upper[j] = (known + reach).clamp(self.lower[j], self.upper[j]);
+    }
+}
+
+/// Keeps elements of creep where a surge of that period can show them.
+pub(super) fn keep_seen(lower: &mut [f64], upper: &mut [f64], groups: &Groups, period_s: f64) {
+    for &j in &groups.times {
+        let (quickest, slowest) = SEEN_TIMES;
+        lower[j] = (quickest * period_s).ln().clamp(lower[j], upper[j]);
+        upper[j] = (slowest * period_s).ln().clamp(lower[j], upper[j]);
+    }
+    for &j in &groups.compliances {
+        lower[j] = (upper[j] + SEEN_COMPLIANCE.ln()).clamp(lower[j], upper[j]);
     }
 }
 

@@ -1,16 +1,23 @@
 //! Stepwise calibration: a few parameters at a time, each from the feature of the record that shows it best.
 //!
 //! The order is that of Tjuatja et al. (2023) as the paper has it: wave speed, closure, creep by the phase and the damping of the late
-//! cycles, then all in turn over the whole record until nothing is gained. How far a step goes follows from the feature's sensitivity (a
-//! Gauss-Newton step). A person can follow it, stop it, change a value and go on.
+//! cycles, then all in turn over the whole record until a round gains little. How far a step goes follows from the feature's sensitivity (a
+//! Gauss-Newton step). In a valley where parameters stand in for each other steps in turn never quite arrive: the last step moves all together,
+//! and is as a descent of least squares from there.
+//!
+//! A person can follow it, stop it, change a value and go on. Who goes on starts from the values as they are: a feature that has been used is not
+//! used again, so that it does not put back what has been changed. Changed values may be out of phase in the late cycles, so the first ones go first.
+
+use std::sync::atomic::Ordering;
 
 use super::approach::{FIRST_REACHES, Fitter, State};
-use super::calibrate::Progress;
+use super::calibrate::{FitError, Progress};
 use super::feature::{Along, Aspect, Feature};
 use super::finish::FINAL_REACHES;
 use super::least_squares::{Limits, Problem, minimise};
-use super::outcome::StepTaken;
+use super::outcome::{Fit, StepTaken};
 use super::problem::Calibration;
+use super::search::keep_seen;
 use super::valve_curve::{TwoStage, read_back, valve_sensor};
 use crate::model::{Model, ModelError};
 
@@ -18,11 +25,11 @@ const LIMITS: Limits = Limits { iterations: 12, cost_tolerance: 1e-3, step_toler
 /// Most rounds over the features, and over the whole record on each grid.
 const FEATURE_ROUNDS: usize = 6;
 const ROUNDS: usize = 40;
+/// First cycles that a calibration looks at where it goes on from values as they are, in periods: as a fit that locks its phase does.
+const FIRST_CYCLES: [f64; 2] = [1.5, 5.0];
 /// Relative fall of the sum of squares below which another round is not worth it, over the features and over the record.
 const GAINED: f64 = 0.1;
 const SETTLED: f64 = 0.003;
-/// How much a step by a feature may raise the sum of squares of the whole record: more, and it is taken back.
-const WORSE: f64 = 1.1;
 
 /// One step: which variables it moves, and by what.
 struct Step {
@@ -99,11 +106,11 @@ impl Groups {
             (slow.to_vec(), Feature::LatePeaks, "the slowest element damps the late peaks most"),
             (self.others.clone(), Feature::Record, "what else the model has"),
         ];
-        steps(plan)
+        steps(problem, plan)
     }
 
-    /// A round over the whole record.
-    fn by_record(&self) -> Vec<Step> {
+    /// A round over all samples of the record, or of its first cycles.
+    fn in_turn(&self, problem: &Calibration, seen: Feature) -> Vec<Step> {
         // An element quicker than the closure is not to be told from a softer pipe: the creep takes the wave speed with it.
         let creep = match self.compliances.is_empty() {
             true => vec![],
@@ -112,26 +119,38 @@ impl Groups {
         let closure = [&self.closure[..], &self.velocities].concat();
         let levels = [&self.levels[..], &self.friction].concat();
         let plan = [
-            (self.wave_speeds.clone(), Feature::Record, "in turn: the wave speed"),
-            (creep, Feature::Record, "in turn: the creep; quick creep and wave speed stand in for each other"),
-            (closure, Feature::Record, "in turn: the valve"),
-            (levels, Feature::Record, "in turn: levels, and the friction near that of the pipe"),
-            (self.others.clone(), Feature::Record, "what else the model has"),
+            (self.wave_speeds.clone(), seen, "in turn: the wave speed"),
+            (creep, seen, "in turn: the creep; quick creep and wave speed stand in for each other"),
+            (closure, seen, "in turn: the valve"),
+            (levels, seen, "in turn: levels, and the friction near that of the pipe"),
+            (self.others.clone(), seen, "what else the model has"),
         ];
-        steps(plan)
+        steps(problem, plan)
     }
 }
 
-/// Those of a plan that would move anything.
-fn steps<const N: usize>(plan: [(Vec<usize>, Feature, &'static str); N]) -> Vec<Step> {
-    plan.into_iter()
-        .filter(|(which, ..)| !which.is_empty())
-        .map(|(which, feature, why)| Step { which, feature, why })
-        .collect()
+/// Those of a plan that would move anything: what is held stays.
+fn steps<const N: usize>(problem: &Calibration, plan: [(Vec<usize>, Feature, &'static str); N]) -> Vec<Step> {
+    let step = |(which, feature, why): (Vec<usize>, _, _)| Step {
+        which: which.into_iter().filter(|&j| is_free(problem, j)).collect(),
+        feature,
+        why,
+    };
+    plan.into_iter().map(step).filter(|step| !step.which.is_empty()).collect()
+}
+
+fn is_free(problem: &Calibration, j: usize) -> bool {
+    problem.parameters[j].lower < problem.parameters[j].upper
 }
 
 fn has_two_stages(model: &Model) -> bool {
     model.effects.iter().any(|c| c.effect.name() == "valve-law")
+}
+
+/// The steps of a stepwise calibration so far, and the features that it had still to use where it was stopped.
+pub(super) struct Walked {
+    taken: Vec<StepTaken>,
+    features_left: Vec<&'static str>,
 }
 
 /// A calibration on its way.
@@ -139,6 +158,8 @@ struct Walk<'f> {
     fitter: &'f Fitter<'f>,
     values: Vec<f64>,
     taken: Vec<StepTaken>,
+    /// Of the variables, where an element of creep is kept to what a surge shows: one that has vanished shows no way back.
+    bounds: (Vec<f64>, Vec<f64>),
 }
 
 impl Walk<'_> {
@@ -161,7 +182,7 @@ impl Walk<'_> {
             let moved = match step.feature {
                 Feature::ValveCurve => self.by_valve_curve(problem)?,
                 _ => {
-                    let aspect = Aspect::new(problem, &step.which, step.feature, &self.values);
+                    let aspect = Aspect::new(problem, &step.which, step.feature, &self.values, &self.bounds);
                     let solution = minimise(&aspect, &aspect.start(), LIMITS, |_, _| {})?;
                     self.fitter.count(solution.evaluations);
                     aspect.whole(&solution.x)
@@ -200,8 +221,7 @@ impl Walk<'_> {
     ) -> Result<(), ModelError> {
         self.fitter.count(1);
         let after = cost(problem, moved).unwrap_or(f64::INFINITY);
-        let allowed = if step.feature == Feature::Record { 1.0 } else { WORSE };
-        let kept = after <= allowed * before;
+        let kept = after <= before;
         let values = problem.values(moved);
         let over_noise = |cost: f64| (2.0 * cost / problem.samples().max(1) as f64).sqrt();
         self.taken.push(StepTaken {
@@ -261,10 +281,19 @@ fn cost(problem: &Calibration, x: &[f64]) -> Result<f64, ModelError> {
 impl Fitter<'_> {
     /// A model from the starts that the signals, its effects and what is known beforehand give, and the steps that were taken: by features on a
     /// coarse grid, then by the whole record there and on a fine one.
-    pub(super) fn stepped(&self, model: &Model) -> Result<(State, Vec<StepTaken>), ModelError> {
+    pub(super) fn stepped(&self, model: &Model) -> Result<(State, Walked), ModelError> {
         let coarse = Calibration::new(model, self.runs, self.window(FIRST_REACHES, f64::INFINITY));
         let groups = Groups::of(&coarse);
-        let mut walk = Walk { fitter: self, values: coarse.values(&coarse.start()), taken: Vec::new() };
+        let mut by_features = groups.by_features(&coarse);
+        if let Some(left) = &self.options.features_left {
+            by_features.retain(|step| left.iter().any(|name| name == step.feature.name()));
+        }
+        let goes_on = self.options.features_left.is_some();
+        let values = coarse.values(&coarse.start());
+        let (mut lower, mut upper) = (coarse.bounds().0.to_vec(), coarse.bounds().1.to_vec());
+        let period_s = model.period_s(&values[..model.shared.len()]);
+        keep_seen(&mut lower, &mut upper, &groups, period_s);
+        let mut walk = Walk { fitter: self, values, taken: Vec::new(), bounds: (lower, upper) };
         let mut round = 0;
         let mut rounds = |walk: &mut Walk, problem: &Calibration, plan: &[Step], most: usize, worth: f64, on: bool| {
             for _ in 0..most {
@@ -280,12 +309,48 @@ impl Fitter<'_> {
             }
             Ok::<(), ModelError>(())
         };
-        rounds(&mut walk, &coarse, &groups.by_features(&coarse), FEATURE_ROUNDS, GAINED, false)?;
-        rounds(&mut walk, &coarse, &groups.by_record(), ROUNDS, SETTLED, true)?;
+        if !by_features.is_empty() {
+            rounds(&mut walk, &coarse, &by_features, if goes_on { 1 } else { FEATURE_ROUNDS }, GAINED, false)?;
+        }
+        for periods in FIRST_CYCLES.into_iter().filter(|_| goes_on) {
+            let first = Calibration::new(model, self.runs, self.window(FIRST_REACHES, periods * period_s));
+            rounds(&mut walk, &first, &groups.in_turn(&first, Feature::FirstCycles), FEATURE_ROUNDS, GAINED, false)?;
+        }
+        rounds(&mut walk, &coarse, &groups.in_turn(&coarse, Feature::Record), ROUNDS, SETTLED, true)?;
         let reaches = model.fitting_reaches(&walk.values[..model.shared.len()], 2 * FINAL_REACHES);
         let fine = Calibration::new(model, self.runs, self.window(reaches, f64::INFINITY));
-        rounds(&mut walk, &fine, &groups.by_record(), ROUNDS, SETTLED, true)?;
+        rounds(&mut walk, &fine, &groups.in_turn(&fine, Feature::Record), ROUNDS, SETTLED, true)?;
         let cost = walk.cost(&coarse)?;
-        Ok((State { values: walk.values, cost }, walk.taken))
+        let mut features_left: Vec<&str> = by_features.iter().map(|step| step.feature.name()).collect();
+        features_left
+            .retain(|name| *name != Feature::Record.name() && walk.taken.iter().all(|step| step.feature != *name));
+        Ok((State { values: walk.values, cost }, Walked { taken: walk.taken, features_left }))
+    }
+
+    /// The end of a stepwise calibration: the last step, where there is one left to take, and the fit.
+    pub(super) fn ended(&self, model: &Model, state: State, walked: Walked) -> Result<Fit, FitError> {
+        let Walked { taken: mut steps, features_left } = walked;
+        if steps.len() >= self.options.most_steps {
+            return Ok(Fit { steps, features_left, ..self.as_found(model, state)? });
+        }
+        let start = state.values.clone();
+        let fit = self.finish(model, state)?;
+        let problem = Calibration::new(model, self.runs, self.whole(fit.reaches));
+        let over_noise = |values: &[f64]| {
+            let cost = cost(&problem, &problem.variables(values))?;
+            Ok::<f64, ModelError>((2.0 * cost / problem.samples().max(1) as f64).sqrt())
+        };
+        let free = fit.parameters.iter().filter(|p| !p.held);
+        steps.push(StepTaken {
+            round: steps.last().map_or(1, |step| step.round + 1),
+            parameters: free.map(|p| (p.name.clone(), p.value)).collect(),
+            feature: Feature::Record.name(),
+            why: "all together: what stands in for each other arrives together only; steps in turn come near",
+            before_over_noise: over_noise(&start)?,
+            after_over_noise: over_noise(&fit.values())?,
+            kept: true,
+        });
+        self.count(2);
+        Ok(Fit { steps, evaluations: self.evaluations.load(Ordering::Relaxed), ..fit })
     }
 }

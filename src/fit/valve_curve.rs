@@ -61,9 +61,14 @@ pub struct Lawful {
     pub fit: Fit,
     /// What two stages bring over a straight line, as a fall of BIC; none where the effects asked for settle the law.
     pub evidence: Option<f64>,
+    /// Whether two stages were taken: strong evidence, and most of what a straight line left beyond the noise.
+    pub two_stages: bool,
 }
 
-/// The fit of some effects with a linear valve, or with two stages where the evidence for them is strong; as asked where a law is among the
+/// Part of the square beyond the noise that a law of the valve has to take off to be the valve's.
+const HALF: f64 = 0.5;
+
+/// The fit of some effects with a linear valve, or with two stages where these take off most of what that leaves; as asked where a law is among the
 /// effects, or one that excludes it. `fitted` fits.
 ///
 /// # Errors
@@ -73,12 +78,18 @@ pub fn with_its_law<E>(effects: &[Chosen], fitted: impl Fn(&[Chosen]) -> Result<
     let settles =
         |c: &Chosen| c.effect.name().starts_with(LAW) || c.effect.excludes().iter().any(|(name, _)| *name == LAW);
     if effects.iter().any(settles) {
-        return Ok(Lawful { fit: linear, evidence: None });
+        return Ok(Lawful { fit: linear, evidence: None, two_stages: false });
     }
     let law = parse_list(LAW).unwrap_or_default();
     let staged = fitted(&[&linear.effects[..], &law].concat())?;
     let evidence = staged.evidence_over(&linear);
-    Ok(Lawful { fit: if evidence > EVIDENCE { staged } else { linear }, evidence: Some(evidence) })
+    // A pipe that lacks something is mended a little by any law of the valve.
+    let beyond_noise = |fit: &Fit| {
+        let (rmse_m, noise_m) = fit.pooled();
+        (rmse_m.powi(2) - noise_m.powi(2)).max(0.0)
+    };
+    let two_stages = evidence > EVIDENCE && beyond_noise(&staged) <= HALF * beyond_noise(&linear);
+    Ok(Lawful { fit: if two_stages { staged } else { linear }, evidence: Some(evidence), two_stages })
 }
 
 /// Index of the pressure sensor of a run that shows the head before the valve.

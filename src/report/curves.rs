@@ -186,6 +186,9 @@ mod tests {
             steps: vec![],
             stopped_because: String::new(),
             converged: true,
+            promised_fall: 0.0,
+            features_left: vec![],
+            method: crate::fit::method::Method::default(),
         }
     }
 

@@ -8,7 +8,6 @@ use std::path::Path;
 
 use serde::{Deserialize, Deserializer, Serialize};
 
-use crate::fit::method::Method;
 use crate::fit::outcome::{Fit, FittedParameter, RunFit, SensorFit};
 use crate::recording::Recording;
 use crate::rig::Rig;
@@ -47,7 +46,7 @@ pub struct FitFile {
     pub evaluations: usize,
     /// Wall time of the fit, s.
     pub seconds: f64,
-    /// It stopped because it was done, not because a budget ran out.
+    /// It ended at an optimum. Where it did not, errors and intervals are left out.
     pub converged: bool,
     /// Why it stopped, in words.
     pub stopped_because: String,
@@ -112,6 +111,13 @@ pub struct Parameter {
     /// Standard error in `unit`; left out where the data do not determine it or it was held.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub standard_error: Option<f64>,
+    /// 95% interval in `unit`, by its profile where there is one; an end that the data leave open is infinite (JSON `null`). Left out where it
+    /// was held or the fit ended at no optimum.
+    #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "interval_or_null")]
+    pub interval_95: Option<[f64; 2]>,
+    /// Value and rise of the sum of squares (3.84 is the threshold) along the parameter, others following; left out where it was not asked for.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub profile: Option<Vec<(f64, f64)>>,
     /// Unit.
     pub unit: String,
     /// It ended at one of its bounds.
@@ -181,7 +187,7 @@ impl Form {
 
 impl FitFile {
     /// All about a fit of recordings, in the order of its runs; `now` is RFC 3339.
-    pub fn new(fit: &Fit, method: Method, rig: &Rig, recordings: &[(&Recording, &Features)], now: String) -> FitFile {
+    pub fn new(fit: &Fit, rig: &Rig, recordings: &[(&Recording, &Features)], now: String) -> FitFile {
         let (rmse_m, noise_m) = fit.pooled();
         FitFile {
             format: FORMAT.to_owned(),
@@ -189,7 +195,7 @@ impl FitFile {
             fitted_at: now,
             rig: rig.name.clone(),
             effects: fit.labels(),
-            method: method.name().to_owned(),
+            method: fit.method.name().to_owned(),
             rmse_m,
             noise_m,
             reaches: fit.reaches,
@@ -285,6 +291,9 @@ impl Parameter {
             run: p.run.clone(),
             value: p.value,
             standard_error: Some(p.standard_error).filter(|e| e.is_finite() && !p.held),
+            interval_95: Some([p.interval_95.0, p.interval_95.1])
+                .filter(|ends| !p.held && !ends.iter().any(|e| e.is_nan())),
+            profile: p.profile.as_ref().map(|profile| profile.points.clone()),
             unit: p.unit.to_owned(),
             at_bound: p.at_bound,
             held: p.held,
@@ -306,6 +315,11 @@ fn recorded_at(start_unix_ns: u64) -> Option<String> {
 /// JSON has no word for what is not a number but `null`.
 fn number_or_null<'de, D: Deserializer<'de>>(from: D) -> Result<f64, D::Error> {
     Ok(Option::<f64>::deserialize(from)?.unwrap_or(f64::NAN))
+}
+
+fn interval_or_null<'de, D: Deserializer<'de>>(from: D) -> Result<Option<[f64; 2]>, D::Error> {
+    let ends = Option::<[Option<f64>; 2]>::deserialize(from)?;
+    Ok(ends.map(|[low, high]| [low.unwrap_or(f64::NEG_INFINITY), high.unwrap_or(f64::INFINITY)]))
 }
 
 fn numbers_or_null<'de, D: Deserializer<'de>>(from: D) -> Result<Vec<f64>, D::Error> {

@@ -10,6 +10,8 @@ use crate::fit::outcome::{Fit, FittedParameter, RunFit, SensorFit, StepTaken};
 pub struct Calibration<'a> {
     /// Each run.
     pub runs: Vec<Run<'a>>,
+    /// How the model was searched for: `least-squares`, `global`, `micro-ga`, `global-local` or `stepwise`.
+    pub method: &'a str,
     /// Effects of the model.
     pub effects: Vec<String>,
     /// Fitted parameters.
@@ -20,8 +22,10 @@ pub struct Calibration<'a> {
     pub seconds: f64,
     /// Combinations of parameters that the recordings do not see.
     pub unseen: &'a [Unseen],
-    /// It was done, rather than out of budget.
+    /// It ended at an optimum. Where it did not, `standard_error` and the ends of `interval_95` are `null`, and `unseen` is empty.
     pub converged: bool,
+    /// Fall of the sum of squares that a step of a descent promises from its end, in units of what one sample leaves.
+    pub promised_fall: f64,
     /// The steps of a stepwise calibration; left out of any other.
     #[serde(skip_serializing_if = "<[_]>::is_empty")]
     pub steps: &'a [StepTaken],
@@ -68,9 +72,9 @@ pub struct Parameter<'a> {
     pub run: Option<&'a str>,
     /// Value in `unit`.
     pub value: f64,
-    /// Standard error in `unit`; `null` where the data do not determine it.
+    /// Standard error in `unit`; `null` where the data do not determine it, or the fit ended at no optimum.
     pub standard_error: f64,
-    /// 95% interval in `unit`; `null` for an end that the data leave open. By its profile where there is one.
+    /// 95% interval in `unit`; `null` for an end that the data leave open, and for both where the fit ended at no optimum. By its profile where there is one.
     pub interval_95: [f64; 2],
     /// Value and rise of the sum of squares (3.84 is the threshold) along the parameter, others following; left out where it was not asked for.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -87,12 +91,14 @@ impl<'a> From<&'a Fit> for Calibration<'a> {
     fn from(fit: &'a Fit) -> Self {
         Self {
             runs: fit.runs.iter().map(Run::from).collect(),
+            method: fit.method.name(),
             effects: fit.labels(),
             parameters: fit.parameters.iter().map(Parameter::from).collect(),
             evaluations: fit.evaluations,
             seconds: fit.seconds,
             unseen: &fit.unseen,
             converged: fit.converged,
+            promised_fall: fit.promised_fall,
             steps: &fit.steps,
             stopped_because: &fit.stopped_because,
         }

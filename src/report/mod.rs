@@ -48,6 +48,7 @@ pub mod plot;
 pub mod prediction;
 pub mod results;
 pub mod sensitivity;
+pub mod steps;
 pub mod summary;
 pub mod svg;
 pub mod table;

@@ -35,8 +35,12 @@ fn plain_with_error(value: f64, error: f64) -> String {
     format!("{value:.*}({:.0})", last_place.unsigned_abs() as usize, error / step)
 }
 
-/// An interval, `395.0 to 395.3`, to as many digits as its width needs; an end that is not finite is open, and nothing stands for no width.
+/// An interval, `395.0 to 395.3`, to as many digits as its width needs; an infinite end is open, and nothing stands for no width and for an
+/// interval that is not known.
 pub fn interval((low, high): (f64, f64)) -> String {
+    if low.is_nan() || high.is_nan() {
+        return String::new();
+    }
     match (low.is_finite(), high.is_finite()) {
         (false, false) => "open".into(),
         (true, false) => format!("from {}", significant(low, 3)),
@@ -138,6 +142,7 @@ mod tests {
         assert_eq!(interval((f64::NEG_INFINITY, 0.25)), "up to 0.250");
         assert_eq!(interval((f64::NEG_INFINITY, f64::INFINITY)), "open");
         assert_eq!(interval((1.0, 1.0)), "");
+        assert_eq!(interval((f64::NAN, f64::NAN)), "");
     }
 
     #[test]

@@ -22,11 +22,11 @@ const RUN_COLUMNS: [&str; 13] = [
     "mape_extrema_percent",
 ];
 
-/// What follows a parameter's name in the column of its standard error.
-const ERROR_SUFFIX: &str = "_standard_error";
+/// What follows a parameter's name in the columns of its standard error and of the ends of its 95% interval.
+const SUFFIXES: [&str; 3] = ["_standard_error", "_lower_95", "_upper_95"];
 
 /// Columns of a long table.
-const LONG_COLUMNS: [&str; 16] = [
+const LONG_COLUMNS: [&str; 19] = [
     "fit",
     "file",
     "rig",
@@ -37,6 +37,9 @@ const LONG_COLUMNS: [&str; 16] = [
     "run",
     "value",
     "standard_error",
+    "lower_95",
+    "upper_95",
+    "interval_by",
     "unit",
     "at_bound",
     "held",
@@ -54,7 +57,7 @@ pub struct Table {
     pub rows: Vec<Vec<String>>,
 }
 
-/// A row for each run of each fit, with the parameters that hold for it and their standard errors. `fits` come with the name of
+/// A row for each run of each fit, with the parameters that hold for it, their standard errors and intervals. `fits` come with the name of
 /// their files. A column is empty where a fit has no such parameter.
 pub fn wide(fits: &[(String, FitFile)]) -> Table {
     let mut names: Vec<&str> = Vec::new();
@@ -63,7 +66,8 @@ pub fn wide(fits: &[(String, FitFile)]) -> Table {
             names.push(&parameter.name);
         }
     }
-    let of_parameters = names.iter().flat_map(|n| [(*n).to_owned(), format!("{n}{ERROR_SUFFIX}")]);
+    let of_parameters =
+        names.iter().flat_map(|n| [""].into_iter().chain(SUFFIXES).map(move |suffix| format!("{n}{suffix}")));
     let columns = RUN_COLUMNS.iter().map(|c| (*c).to_owned()).chain(of_parameters).collect();
     let row = |name: &str, fit: &FitFile, run: &Run| {
         let of_run = |p: &&Parameter| p.run.as_ref().is_none_or(|r| *r == run.file);
@@ -88,6 +92,7 @@ pub fn wide(fits: &[(String, FitFile)]) -> Table {
             let parameter = own.get(name);
             cells.push(number(parameter.map(|p| p.value)));
             cells.push(number(parameter.and_then(|p| p.standard_error)));
+            cells.extend([0, 1].map(|end| number(parameter.and_then(|p| p.interval_95).map(|ends| ends[end]))));
         }
         cells
     };
@@ -109,6 +114,9 @@ pub fn long(fits: &[(String, FitFile)]) -> Table {
             p.run.clone().unwrap_or_default(),
             number(Some(p.value)),
             number(p.standard_error),
+            number(p.interval_95.map(|ends| ends[0])),
+            number(p.interval_95.map(|ends| ends[1])),
+            p.interval_95.map_or("", |_| if p.profile.is_some() { "profile" } else { "linear" }).to_owned(),
             p.unit.clone(),
             p.at_bound.to_string(),
             p.held.to_string(),

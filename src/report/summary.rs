@@ -53,8 +53,12 @@ pub fn closeness(rmse_m: f64, noise_m: f64) -> Closeness {
     }
 }
 
-/// Judges a whole fit: its error over all samples, and no sensor may hide well above its noise among good ones.
+/// Judges a whole fit: its error over all samples, and no sensor may hide well above its noise among good ones. One that did not end at an optimum
+/// says nothing.
 pub fn judge(fit: &Fit) -> Closeness {
+    if !fit.converged {
+        return Closeness::Unknown;
+    }
     let all = overall(fit);
     match closeness(all.rmse_m, all.floor_m) {
         Closeness::Noise if worst_sensor(fit).is_some() => Closeness::Near,
@@ -76,6 +80,11 @@ pub fn verdict(stages: &[Stage]) -> String {
     }
     let start = stages.first().map(|s| overall(s.fit)).filter(|_| stages.len() > 1);
     let fall = start.map_or(String::new(), |s| format!("{} m → ", error_m(s.rmse_m)));
+    let error = format!("RMSE {fall}{} m", error_m(end.rmse_m));
+    if !last.fit.converged {
+        let noise = if end.noise_m > 0.0 { format!(", noise {} m", error_m(end.noise_m)) } else { String::new() };
+        return format!("{error}{noise}; no verdict on the model: {}.", last.fit.stopped_because);
+    }
     let ratio = times(end.rmse_m, end.noise_m);
     let meaning = match closeness(end.rmse_m, end.floor_m) {
         Closeness::Noise => match worst_sensor(last.fit) {
@@ -86,14 +95,10 @@ pub fn verdict(stages: &[Stage]) -> String {
         Closeness::Missing if stages.len() > 1 => format!("still {ratio}× the noise, something is missing"),
         Closeness::Missing => format!("{ratio}× the noise, something is missing"),
         Closeness::Unknown => {
-            return format!(
-                "RMSE {fall}{} m; the noise is not known, so the error cannot be judged against it.",
-                error_m(end.rmse_m)
-            );
+            return format!("{error}; the noise is not known, so the error cannot be judged against it.");
         }
     };
-    let caution = if last.fit.converged { "" } else { " The fit was stopped before it was done." };
-    format!("RMSE {fall}{} m, noise {} m: {meaning}.{caution}", error_m(end.rmse_m), error_m(end.noise_m))
+    format!("{error}, noise {} m: {meaning}.", error_m(end.noise_m))
 }
 
 /// The sensor with the largest error in its own noise and that ratio, if something is missing there.
@@ -148,6 +153,9 @@ mod tests {
             steps: vec![],
             stopped_because: String::new(),
             converged: true,
+            promised_fall: 0.0,
+            features_left: vec![],
+            method: crate::fit::method::Method::default(),
         }
     }
 
@@ -192,9 +200,15 @@ mod tests {
     }
 
     #[test]
-    fn an_unfinished_fit_is_not_passed_off_as_done() {
-        let mut one = fit(&[(1.0, 0.1, 5)]);
-        one.converged = false;
-        assert!(say(&[&one]).ends_with("The fit was stopped before it was done."));
+    fn what_ended_at_no_optimum_is_not_judged() {
+        for rmse_m in [0.1, 1.0] {
+            let mut one = fit(&[(rmse_m, 0.1, 5)]);
+            one.converged = false;
+            one.stopped_because = "the budget ran out".into();
+            let said = say(&[&one]);
+            assert!(said.ends_with("no verdict on the model: the budget ran out."), "{said}");
+            assert!(!said.contains("missing") && !said.contains("down to"), "{said}");
+            assert_eq!(judge(&one), Closeness::Unknown);
+        }
     }
 }

@@ -4,6 +4,7 @@ use crate::fit::compare::mape_percent;
 use crate::fit::outcome::{ExtremumError, Fit, RunFit, SensorFit};
 use crate::report::curves::find;
 use crate::report::number::{decimals_for, duration, error_m, fixed, interval, signed, significant, times, with_error};
+use crate::report::steps::steps;
 use crate::report::{Stage, summary};
 
 /// Everything `calibrate` prints: verdict, errors, parameters, extrema, and why the fit stopped.
@@ -15,7 +16,7 @@ pub fn calibration(stages: &[Stage]) -> String {
             parameters(last.fit),
             unseen(last.fit),
             extrema(last.fit),
-            steps(last.fit),
+            steps(&last.fit.steps),
             stop(last.fit),
         ]);
     }
@@ -29,7 +30,7 @@ pub fn parameters(fit: &Fit) -> String {
     for p in &fit.parameters {
         table.row([
             p.name.clone(),
-            with_error(p.value, p.standard_error),
+            if fit.converged { with_error(p.value, p.standard_error) } else { significant(p.value, 5) },
             p.unit.into(),
             interval(p.interval_95) + if p.profile.is_some() { " (profile)" } else { "" },
             p.run.clone().unwrap_or_default(),
@@ -145,35 +146,6 @@ fn cells(extremum: Option<&ExtremumError>, decimals: usize) -> [String; 3] {
     extremum.map_or_else(Default::default, |e| {
         [fixed(e.measured_m, decimals), signed(e.model_m - e.measured_m, decimals), signed(e.phase_s * 1e3, 1)]
     })
-}
-
-/// The steps of a stepwise calibration, one line each; nothing for any other.
-pub fn steps(fit: &Fit) -> String {
-    if fit.steps.is_empty() {
-        return String::new();
-    }
-    let mut table = Table::new(&["<round", "from the", "moved to", "<error/noise before", "<after", "kept"]);
-    let mut reasons: Vec<String> = Vec::new();
-    for step in &fit.steps {
-        // Offsets and starts of closures are many and tell little.
-        let moved = step.parameters.iter().filter(|(name, _)| !name.starts_with("offset"));
-        let moved: Vec<String> = moved.map(|(name, value)| format!("{name} {}", significant(*value, 5))).collect();
-        table.row([
-            step.round.to_string(),
-            step.feature.into(),
-            moved.join(", "),
-            significant(step.before_over_noise, 4),
-            significant(step.after_over_noise, 4),
-            if step.kept { "yes" } else { "taken back" }.into(),
-        ]);
-        let names: Vec<&str> = step.parameters.iter().map(|(name, _)| name.as_str()).collect();
-        let first = names.first().copied().unwrap_or_default();
-        let reason = format!("{first}{}: {}", if names.len() > 1 { ", …" } else { "" }, step.why);
-        if !reasons.contains(&reason) {
-            reasons.push(reason);
-        }
-    }
-    format!("{table}\nWhy:\n  {}\n", reasons.join("\n  "))
 }
 
 /// Effort and reason of the stop, one line.
@@ -314,6 +286,9 @@ mod tests {
             steps: vec![],
             stopped_because: "the error no longer falls".into(),
             converged: true,
+            promised_fall: 0.0,
+            features_left: vec![],
+            method: crate::fit::method::Method::default(),
         }
     }
 

@@ -139,8 +139,8 @@ mod tests {
                 let e = DVector::from_vec(noise(n, phi, seed));
                 let by = &inverse * x.transpose() * &e;
                 let left = &e - &x * &by;
-                let found = Alike::of(&refs, left.as_slice(), &[0..n]);
-                let covariance = found.covariance(&columns, &[false; 2], &[0..n], 0.0);
+                let found = Alike::of(&refs, left.as_slice(), std::slice::from_ref(&(0..n)));
+                let covariance = found.covariance(&columns, &[false; 2], std::slice::from_ref(&(0..n)), 0.0);
                 for j in 0..2 {
                     scatter[j] += by[j] * by[j];
                     said[j] += covariance[(j, j)];
@@ -159,6 +159,6 @@ mod tests {
         assert_eq!(without_memory(&series, 0.5, &[0..2, 2..4])[1..], [1.5, 3.0 * 0.75f64.sqrt(), 2.5]);
         assert_eq!(with_neighbours(&series, 0.5, &[0..2, 2..4]), [2.0, 2.5, 5.0, 5.5]);
         let tiny: Vec<f64> = (0..50).map(|i| 1e-9 * f64::from(i)).collect();
-        assert_eq!(Alike::of(&[&[1.0; 50]], &tiny, &[0..50]).inflation(), 1.0);
+        assert_eq!(Alike::of(&[&[1.0; 50]], &tiny, std::slice::from_ref(&(0..50))).inflation(), 1.0);
     }
 }

@@ -159,6 +159,9 @@ mod tests {
             steps: vec![],
             stopped_because: "done".into(),
             converged: true,
+            promised_fall: 0.0,
+            features_left: vec![],
+            method: crate::fit::method::Method::default(),
         }
     }
 

@@ -154,6 +154,9 @@ mod tests {
             steps: vec![],
             stopped_because: String::new(),
             converged: true,
+            promised_fall: 0.0,
+            features_left: vec![],
+            method: crate::fit::method::Method::default(),
         };
         let map = map(&Stage { title: "base & co".into(), fit: &fit });
         assert_eq!(map.matches("<td class=\"cell").count(), 20 + 2);

@@ -4,14 +4,16 @@ use super::{minus, table};
 use crate::fit::outcome::Fit;
 use crate::report::Stage;
 use crate::report::escape::escape;
-use crate::report::number::{interval, with_error};
+use crate::report::number::{interval, significant, with_error};
+
+/// How to read errors; and why there are none.
+const ERRORS: &str = "<p class=\"note\">395.1(4) stands for 395.1 ± 0.4, one standard error in the last digits. At a bound the standard error means little: the data pull the value beyond what is allowed.</p>\n";
+const NO_ERRORS: &str = "<p class=\"note\">These values are not those of an optimum, so they have no standard errors and no intervals.</p>\n";
 
 pub(super) fn section(stages: &[Stage]) -> String {
     let Some((last, earlier)) = stages.split_last() else { return String::new() };
-    let mut out = format!(
-        "<section id=\"parameters\"><h2>Parameters</h2>\n{}<p class=\"note\">395.1(4) stands for 395.1 ± 0.4, one standard error in the last digits. At a bound the standard error means little: the data pull the value beyond what is allowed.</p>\n",
-        of(last.fit, &last.title)
-    );
+    let mut out = format!("<section id=\"parameters\"><h2>Parameters</h2>\n{}", of(last.fit, &last.title));
+    out.push_str(if last.fit.converged { ERRORS } else { NO_ERRORS });
     if !last.fit.unseen.is_empty() {
         let said: String = last.fit.unseen.iter().map(|u| format!("<li>{}</li>\n", escape(&u.in_words))).collect();
         out.push_str(&format!("<h3>What the recordings do not see</h3>\n<ul>\n{said}</ul>\n"));
@@ -43,7 +45,7 @@ fn of(fit: &Fit, title: &str) -> String {
             format!("<code>{}</code>", escape(&p.name)),
             format!(
                 "<span class=\"nowrap\">{} {}</span>{flag}",
-                minus(&with_error(p.value, p.standard_error)),
+                minus(&if fit.converged { with_error(p.value, p.standard_error) } else { significant(p.value, 5) }),
                 if p.unit == "1" { String::new() } else { escape(p.unit) }
             ),
             format!("<span class=\"nowrap\">{}</span>", minus(&interval(p.interval_95))),

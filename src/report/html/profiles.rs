@@ -48,7 +48,7 @@ fn chart(p: &FittedParameter, profile: &Profile) -> LineChart {
     if p.standard_error > 0.0 && p.standard_error.is_finite() {
         let parabola = (0..=60).map(|i| first + (last - first) * f64::from(i) / 60.0);
         let points =
-            parabola.map(|x| (x, ((x - p.value) / p.standard_error).powi(2))).filter(|p| p.1 <= HIGHEST).collect();
+            parabola.map(|x| (x, ((x - profile.best) / p.standard_error).powi(2))).filter(|p| p.1 <= HIGHEST).collect();
         series.push(Series { label: "linear".into(), points, style: Style::line(1) });
     }
     LineChart {
@@ -70,6 +70,7 @@ mod tests {
             linear_95: (0.9, 1.1),
             points: vec![(0.9, 3.84), (1.0, 0.0), (2.0, 1.5)],
             fell_by: 0.0,
+            best: 1.0,
         };
         let p = FittedParameter {
             name: "tau1_s".into(),

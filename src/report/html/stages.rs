@@ -109,10 +109,18 @@ pub(super) fn computation(stages: &[Stage]) -> String {
     let mut headings = vec!["model", "effects", "why it stopped", "parameters", "reaches", "simulations"];
     headings.extend(timed.then_some("time"));
     format!(
-        "<section id=\"computation\"><h2>How it was computed</h2>\n{}<p class=\"note\">Method of characteristics, calibrated by least squares; program version {}.</p></section>\n",
+        "<section id=\"computation\"><h2>How it was computed</h2>\n{}<p class=\"note\">Method of characteristics, calibrated by {}; program version {}.</p></section>\n",
         table("How each stage was computed", &headings, &[3, 4, 5, 6], rows),
+        methods(stages),
         env!("CARGO_PKG_VERSION")
     )
+}
+
+/// How the stages were searched for, in words.
+fn methods(stages: &[Stage]) -> String {
+    let mut all: Vec<&str> = stages.iter().map(|s| s.fit.method.in_words()).collect();
+    all.dedup();
+    all.join("; ")
 }
 
 /// A logarithmic axis in percent of its width, with room left of the smallest value; `None` without a positive one.

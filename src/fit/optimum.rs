@@ -1,0 +1,111 @@
+//! Whether a search has ended at an optimum: measured by what a Gauss-Newton step without damping promises from there.
+//!
+//! The promise is the square of Newton's decrement (Boyd & Vandenberghe 2004, Convex Optimization, sec. 9.5.1) of the linearised problem. In units of
+//! what one sample leaves it is the square of the distance to the optimum in standard errors of white noise.
+
+use nalgebra::{DMatrix, DVector};
+
+use super::method::Method;
+use super::uncertainty::dot;
+
+/// Promise, in units of what one sample leaves, up to which a search has ended at an optimum: within half a standard error of it.
+pub(super) const AT_OPTIMUM: f64 = 0.25;
+/// Share of the largest eigenvalue of the scaled normal matrix below which a combination of variables goes nowhere.
+const NOTHING: f64 = 1e-13;
+
+/// Fall of the sum of squares that the linearised problem promises from `x` within its `bounds`.
+///
+/// Variables that the step would carry out of the box are left at their bound, the worst first, and the others solved for again.
+pub(super) fn promised_fall(columns: &[Vec<f64>], residuals: &[f64], x: &[f64], bounds: (&[f64], &[f64])) -> f64 {
+    let n = x.len();
+    let (low, high): (Vec<f64>, Vec<f64>) = (0..n).map(|j| (bounds.0[j] - x[j], bounds.1[j] - x[j])).unzip();
+    let gradient = DVector::from_iterator(n, columns.iter().map(|c| dot(c, residuals)));
+    let normal = DMatrix::from_fn(n, n, |i, j| dot(&columns[i], &columns[j]));
+    let outward = |j: usize| (low[j] >= 0.0 && gradient[j] > 0.0) || (high[j] <= 0.0 && gradient[j] < 0.0);
+    let mut free: Vec<usize> = (0..n).filter(|&j| low[j] < high[j] && !outward(j) && normal[(j, j)] > 0.0).collect();
+    let mut step = DVector::zeros(n);
+    while !free.is_empty() {
+        let slope = &gradient + &normal * &step;
+        let moved = undamped(&normal, &slope, &free);
+        let beyond = |a: usize| {
+            let (j, to) = (free[a], step[free[a]] + moved[a]);
+            (low[j] - to).max(to - high[j]) / (high[j] - low[j])
+        };
+        let worst = (0..free.len()).max_by(|&a, &b| beyond(a).total_cmp(&beyond(b))).filter(|&a| beyond(a) > 0.0);
+        match worst {
+            None => {
+                free.iter().zip(moved.iter()).for_each(|(&j, by)| step[j] += by);
+                break;
+            }
+            Some(a) => {
+                let j = free.remove(a);
+                step[j] = if moved[a] < 0.0 { low[j] } else { high[j] };
+            }
+        }
+    }
+    -(2.0 * gradient.dot(&step) + step.dot(&(&normal * &step)))
+}
+
+/// The step of the `free` variables down the `slope`, over what the normal matrix determines.
+fn undamped(normal: &DMatrix<f64>, slope: &DVector<f64>, free: &[usize]) -> DVector<f64> {
+    let scale: Vec<f64> = free.iter().map(|&j| normal[(j, j)].sqrt()).collect();
+    let matrix = DMatrix::from_fn(free.len(), free.len(), |a, b| normal[(free[a], free[b])] / (scale[a] * scale[b]));
+    let right = DVector::from_iterator(free.len(), free.iter().zip(&scale).map(|(&j, s)| -slope[j] / s));
+    let eigen = matrix.symmetric_eigen();
+    let least = NOTHING * eigen.eigenvalues.max();
+    let mut step = DVector::zeros(free.len());
+    for (value, vector) in eigen.eigenvalues.iter().zip(eigen.eigenvectors.column_iter()).filter(|(v, _)| **v > least) {
+        step += vector * (vector.dot(&right) / *value);
+    }
+    step.iter_mut().zip(&scale).for_each(|(step, s)| *step /= s);
+    step
+}
+
+/// Why an end is none that promises a `fall` of the sum of squares, in units of what one of `samples` leaves; and what to do.
+pub(super) fn short_of_it(fall: f64, samples: usize, method: Method) -> String {
+    let share = 100.0 * (fall / samples.max(1) as f64).min(1.0);
+    let digits = if share < 0.1 { 3 } else { usize::from(share < 10.0) };
+    format!(
+        "the search did not reach an optimum (a descent from its end promises to take {share:.digits$}% off the sum of squares, some values \
+         may be off by {:.0} standard errors); {}",
+        fall.sqrt().max(1.0),
+        method.advice()
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A line through noisy points: from any place, what is promised is what solving it gains.
+    #[test]
+    fn of_a_linear_problem_the_promise_is_kept() {
+        let t: Vec<f64> = (0..40).map(|i| f64::from(i) / 20.0).collect();
+        let columns = vec![vec![-1.0; 40], t.iter().map(|t| -t).collect::<Vec<f64>>()];
+        let left = |x: &[f64]| -> Vec<f64> {
+            t.iter().map(|t| 1.0 + 2.0 * t + 0.1 * (40.0 * t).sin() - x[0] - x[1] * t).collect()
+        };
+        let wide = (&[-10.0, -10.0][..], &[10.0, 10.0][..]);
+        let square = |x: &[f64]| left(x).iter().map(|r| r * r).sum::<f64>();
+        // Where the textbook puts the line.
+        let mean =
+            |of: &dyn Fn(f64, f64) -> f64| t.iter().zip(left(&[0.0, 0.0])).map(|(t, y)| of(*t, y)).sum::<f64>() / 40.0;
+        let (mt, my) = (mean(&|t, _| t), mean(&|_, y| y));
+        let slope = (mean(&|t, y| t * y) - mt * my) / (mean(&|t, _| t * t) - mt * mt);
+        let best = [my - slope * mt, slope];
+        for x in [[0.0, 0.0], [3.0, -1.0]] {
+            let promised = promised_fall(&columns, &left(&x), &x, wide);
+            assert!((promised - (square(&x) - square(&best))).abs() < 1e-9, "{promised}");
+        }
+        assert!(promised_fall(&columns, &left(&best), &best, wide).abs() < 1e-12);
+        // With the slope kept to 1 at the most, the intercept alone follows.
+        let x = [0.0, 0.5];
+        let promised = promised_fall(&columns, &left(&x), &x, (&[-10.0, 0.0], &[10.0, 1.0]));
+        let held = [my - mt, 1.0];
+        assert!((promised - (square(&x) - square(&held))).abs() < 1e-9, "{promised}");
+        // At that bound, nothing is left; a held variable and one that nothing shows promise nothing.
+        assert!(promised_fall(&columns, &left(&held), &held, (&[-10.0, 0.0], &[10.0, 1.0])).abs() < 1e-12);
+        assert_eq!(promised_fall(&columns, &left(&x), &x, (&x, &x)), 0.0);
+        assert_eq!(promised_fall(&[vec![0.0; 40]], &left(&x), &[0.0], (&[-1.0], &[1.0])), 0.0);
+    }
+}
