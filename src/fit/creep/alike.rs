@@ -107,7 +107,6 @@ fn with_neighbours(series: &[f64], phi: f64, records: &[Range<usize>]) -> Vec<f6
 }
 
 #[cfg(test)]
-#[allow(clippy::single_range_in_vec_init)] // one record of that range is meant
 mod tests {
     use super::*;
 
