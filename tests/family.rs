@@ -114,8 +114,16 @@ fn the_laws_that_made_four_runs_are_recovered_within_their_intervals() {
             .args(["--effects", "viscoelastic-wall:2", "--report"])
             .arg(&page)
             .arg("--csv")
-            .arg(&table),
+            .arg(&table)
+            .arg("--save")
+            .arg(folder.path().join("models")),
     );
+    // Each run's own model can be gone on from.
+    let model = folder.path().join("models/run1.model.toml");
+    let predicted = json_of(surgescope().arg("predict").arg(&model).arg(&runs[1]));
+    assert!(predicted.to_string().contains("run1.mcap"), "{predicted}");
+    let text = fs::read_to_string(&model).unwrap();
+    assert!(text.contains("in_force = 1") && text.contains("name = \"tau2_s\""), "{text}");
     assert_eq!(document["reference_degC"], 30.0);
     assert_known(&document, "activation_kJ_mol", 60.0);
     assert_known(&document, "E0_GPa", 1.5);
@@ -220,6 +228,7 @@ fn what_is_no_family_is_refused_with_the_reason() {
         .map(|(t, seed)| recording(folder.path(), &format!("blind{seed}"), &blind, &short(t, seed)));
     refused(&[], &[&a, &b], "no run has recorded its temperature, and their rig files all say 24 °C");
     refused(&["--temperature-degC", "20,30,40"], &[&a, &b], "2 recordings and 3 temperatures");
+    refused(&["--temperature-degC", "20,30", "--save", "models"], &[&a, &b], "cannot be used with");
     let told = json_of(surgescope().arg("family").args([&a, &b]).args([
         "--temperature-degC",
         "20,30",

@@ -478,6 +478,21 @@ fn check(arguments: &[&str]) -> (Option<i32>, serde_json::Value) {
     (output.status.code(), document)
 }
 
+/// How a pipe is held decides what its creep is worth: the coefficient in use is said with the others.
+#[test]
+fn the_constraint_in_use_is_said() {
+    let (code, document) = check(&["rigs/demo-hdpe.toml"]);
+    assert!(code.is_some_and(|c| c < 2), "{document}");
+    let findings = document["findings"].as_array().unwrap();
+    let found = findings.iter().find(|f| f["subject"] == "constraint of 'main'").unwrap();
+    assert_eq!((found["level"].as_str(), found["numbers"]["c1"].as_f64()), (Some("fine"), Some(1.0)));
+    assert!(found["message"].as_str().unwrap().contains("J go as 1/c1"), "{found}");
+    let rig = Rig::load(std::path::Path::new("rigs/demo-hdpe.toml")).unwrap();
+    let ratio = rig.pipes[0].inner_diameter_m / rig.pipes[0].wall_thickness_m;
+    let free = if ratio < 25.0 { 2.0 / ratio * 1.46 + ratio / (ratio + 1.0) } else { 1.0 };
+    assert!((found["numbers"]["free"].as_f64().unwrap() - free).abs() < 1e-9, "{found}");
+}
+
 fn subjects(document: &serde_json::Value, level: &str) -> Vec<String> {
     let findings = document["findings"].as_array().unwrap();
     let of_level = findings.iter().filter(|f| f["level"] == level);

@@ -219,6 +219,21 @@ fn maps_and_page_are_written() {
     assert!(html.contains("id=\"morris\"") && !html.contains("id=\"sobol\""));
 }
 
+/// No estimate stands in a table without its interval: that of the JSON, halved.
+#[test]
+fn tables_carry_intervals() {
+    let few = [&PAPER[..], &["--method", "morris,sobol", "--rows", "32", "--trajectories", "4"]].concat();
+    let output = sensitivity(&few);
+    let text = String::from_utf8(output.stdout).unwrap();
+    let study = json(&few);
+    let total = &study["sobol"]["outputs"][0]["parameters"][0]["total"];
+    let number = |key: &str| total[key].as_f64().unwrap();
+    let cell = format!("{:.2}±{:.2}", number("value"), 0.5 * (number("high") - number("low")));
+    assert!(text.contains(&cell), "{cell}: {text}");
+    assert_eq!(text.matches("half its 95% interval").count(), 2, "{text}");
+    assert!(text.split("\nSobol").next().unwrap().matches('±').count() > 10, "{text}");
+}
+
 #[test]
 fn slips_are_explained() {
     let with = |more: &[&str]| refused(&[&PAPER[..], more].concat());

@@ -20,7 +20,9 @@ fn a_linear_closure_is_read_back_as_one() {
     let output = valve(&["recordings/hdpe-creep.mcap", "--effects", "viscoelastic-wall", "--json"]);
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let answer: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(answer["effects"].as_array().unwrap().len(), 1, "no law of two stages: {}", answer["effects"]);
     let run = &answer["runs"][0];
+    assert_eq!(run["two_stage"]["straight"], true, "{}", run["two_stage"]);
     let fitted_s = run["fitted_closing_time_s"].as_f64().unwrap();
     assert!((run["effective_closing_time_s"].as_f64().unwrap() / fitted_s - 1.0).abs() < 0.02, "{run}");
     // The curve and the linear law tell the same first rise, and the pipe's own parameters move the curve.
@@ -51,11 +53,44 @@ fn the_curve_is_drawn_and_its_worth_is_told() {
     let output = valve(&[&["recordings/hdpe-creep.mcap"], &effects[..]].concat());
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let said = String::from_utf8_lossy(&output.stdout).into_owned();
-    assert!(said.contains("creep left out") && said.contains("nearest two stages"), "{said}");
+    assert!(said.contains("creep left out") && said.contains("as good as straight"), "{said}");
     let drawn = std::fs::read_to_string(svg).unwrap();
     assert!(drawn.ends_with("</svg>") && drawn.contains("wave speed +2%"), "{drawn}");
     let two = valve(&["recordings/hdpe-creep.mcap", "recordings/hdpe-creep.mcap", "--svg", "x.svg"]);
     assert_eq!(two.status.code(), Some(2));
+}
+
+/// A picture takes the place of a picture, never of a recording or any other file.
+#[test]
+fn pictures_replace_nothing_else() {
+    let folder = tempfile::tempdir().unwrap();
+    let victim = folder.path().join("run.mcap");
+    std::fs::copy("recordings/hdpe-creep.mcap", &victim).unwrap();
+    let before = std::fs::read(&victim).unwrap();
+    let at = victim.to_str().unwrap();
+    let refused = [valve(&["recordings/hdpe-creep.mcap", "--svg", at]), drawn_effect(at)];
+    for output in refused {
+        assert_eq!(output.status.code(), Some(2));
+        assert!(String::from_utf8_lossy(&output.stderr).contains("is left alone"));
+    }
+    assert_eq!(std::fs::read(&victim).unwrap(), before);
+    let picture = folder.path().join("leak.svg");
+    for _ in 0..2 {
+        assert!(drawn_effect(picture.to_str().unwrap()).status.success(), "over itself, too");
+    }
+}
+
+fn drawn_effect(place: &str) -> std::process::Output {
+    Command::cargo_bin("surgescope").unwrap().args(["effects", "leak", "--svg", place]).output().unwrap()
+}
+
+/// The elastic model of a pipe that creeps makes the valve open below nothing: that is said, with what to do.
+#[test]
+fn a_curve_that_is_no_valves_is_called_so() {
+    let output = valve(&["recordings/hdpe-creep.mcap"]);
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.success(), "{said}");
+    assert!(said.contains("are no valve's") && said.contains("add --effects viscoelastic-wall"), "{said}");
 }
 
 #[test]

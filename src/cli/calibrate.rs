@@ -6,6 +6,7 @@ use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
+use super::creep_prior::WALL;
 use super::load::{self, Loaded};
 use super::search::Search;
 use super::{CommandResult, Outcome, hold, models, output};
@@ -36,7 +37,7 @@ pub struct Args {
     /// Another model to fit first and to show beside it in tables and report; may be given often.
     #[arg(long, value_name = "A,B", value_parser = parse_list)]
     against: Vec<::std::vec::Vec<Chosen>>,
-    /// Values that the fits do not touch; one that each run has of its own is held in all of them.
+    /// Values that the fits do not touch; one that each run has of its own is held in all of them. Recordings go before it.
     #[arg(long, value_name = "NAME=VALUE", value_parser = super::values::setting, num_args = 1..)]
     hold: Vec<(String, f64)>,
     #[command(flatten)]
@@ -118,6 +119,11 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         super::say!("{}", json::calibration(last)?);
     } else {
         super::say_text!(table::calibration(&stages));
+        if last.effects.iter().any(|c| c.effect.name() == WALL)
+            && let Some(said) = rig.constraint_in_words()
+        {
+            super::say!("\n{said}.");
+        }
     }
     args.output.write(last, &loaded)?;
     if let (Some(path), Some(file)) = (&args.save, &mut file) {

@@ -12,12 +12,12 @@ use crate::model::effects::Chosen;
 use crate::model::prior::Prior;
 
 /// The effect that a creep test tells of.
-const WALL: &str = "viscoelastic-wall";
+pub(super) const WALL: &str = "viscoelastic-wall";
 
 /// Options of commands that fit.
 #[derive(Debug, clap::Args)]
 pub struct CreepPrior {
-    /// What `surgescope creep -o` wrote: its elements that a surge can show are the known start of viscoelastic-wall, and their number.
+    /// What `surgescope creep -o` wrote: its elements that a surge can show are the known start of viscoelastic-wall; such as are faster than its first reading are added while the record asks for them.
     #[arg(long, value_name = "CREEP.toml")]
     creep: Option<PathBuf>,
     /// Least standard deviation with which a value of the creep test is known: a slow test at larger strains is no surge.
@@ -32,10 +32,11 @@ impl CreepPrior {
         self.creep.is_some()
     }
 
-    /// What the test knows of a model's parameters, nothing where there is none; gives the model's wall its number of elements.
+    /// What the test knows of a model's parameters, nothing where there is none; gives the model's wall its number of elements, unless the
+    /// surge may show faster ones than the test.
     ///
     /// # Errors
-    /// A file that cannot be read, a model without a wall that creeps or with another number of elements.
+    /// A file that cannot be read, a model without a wall that creeps or with fewer elements than the test shows.
     pub fn priors(
         &self,
         loaded: &[Loaded],
@@ -55,11 +56,14 @@ impl CreepPrior {
         let most = wall.effect.elements().map_or(1, |range| *range.end());
         let water_degc = loaded.iter().map(|l| l.features.temperature_degc).sum::<f64>() / loaded.len() as f64;
         let known = wall_prior(&file, base.period_s(&starts), water_degc, 0.01 * self.creep_sd, most)?;
-        if let Some(asked) = wall.elements.filter(|&n| n != known.elements) {
-            return Err(CreepError::OtherNumber { asked, found: known.elements }.into());
+        if let Some(asked) = wall.elements.filter(|&n| n < known.elements) {
+            return Err(CreepError::TooFew { asked, found: known.elements }.into());
         }
-        *wall = wall.with_elements(known.elements);
-        for sentence in &known.sentences {
+        // Where the test shows all that the surge does, its number is the model's.
+        if !known.faster && wall.elements.is_none() {
+            *wall = wall.with_elements(known.elements);
+        }
+        for sentence in known.sentences.iter().chain(&first.recording.rig.constraint_in_words()) {
             super::tell!("{sentence}");
         }
         Ok(known.priors)

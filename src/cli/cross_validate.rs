@@ -26,7 +26,7 @@ pub struct Args {
     /// What to leave out; left out itself, all that the recordings allow.
     #[arg(long, value_enum, value_name = "KIND,KIND", value_delimiter = ',')]
     by: Vec<Kind>,
-    /// Values that the fits do not touch; one that each run has of its own is held in all of them.
+    /// Values that the fits do not touch; one that each run has of its own is held in all of them. Recordings go before it.
     #[arg(long, value_name = "NAME=VALUE", value_parser = super::values::setting, num_args = 1..)]
     hold: Vec<(String, f64)>,
     /// A rig to read them with, instead of the one that is stored in them.

@@ -32,7 +32,7 @@ pub struct Args {
     /// no such file yet, it is made.
     #[arg(long, value_name = "MODEL.toml")]
     apply: Option<PathBuf>,
-    /// Values of the start model's parameters that no fit touches; one that each run has of its own is held in all of them.
+    /// Values of the start model's parameters that no fit touches; one that each run has of its own is held in all of them. Recordings go before it.
     #[arg(long, value_name = "NAME=VALUE", value_parser = super::values::setting, num_args = 1..)]
     hold: Vec<(String, f64)>,
     #[command(flatten)]

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use serde_json::{Value, json};
 
 use super::scenario::{Scenario, ValveForm};
-use super::{CommandResult, Outcome};
+use super::{CommandResult, Outcome, output};
 use crate::model::effects::{CATALOGUE, Chosen, Effect, Site, parse_list};
 use crate::model::parameter::{Parameter, Scale};
 use crate::model::trace::Trace;
@@ -22,7 +22,7 @@ pub struct Args {
     /// The effect to explain, such as valve-law or viscoelastic-wall:2 [default: list them all].
     #[arg(value_name = "NAME", value_parser = one_effect)]
     effect: Option<Chosen>,
-    /// Write what it does to a record as a chart; an older file of that name is replaced.
+    /// Write what it does to a record as a chart; an older picture of that name is replaced, no other file.
     #[arg(long, value_name = "SVG", requires = "effect")]
     svg: Option<PathBuf>,
 }
@@ -59,8 +59,8 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     };
     let example = Example::of(&chosen)?;
     if let Some(path) = &args.svg {
-        std::fs::write(path, example.chart().to_svg(900.0, 420.0))
-            .map_err(|e| format!("cannot write the chart {}: {e}", path.display()))?;
+        output::check_picture(path)?;
+        output::write(path, &example.chart().to_svg(900.0, 420.0))?;
     }
     if json {
         let mut document = about(chosen.effect);

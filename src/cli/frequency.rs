@@ -36,12 +36,11 @@ pub struct Args {
 /// # Errors
 /// A recording or a model that cannot be read, or too short a recording; a page or a picture that cannot be written.
 pub fn run(args: Args, json: bool) -> CommandResult {
-    const PICTURE: &str = "<svg ";
     if let Some(path) = &args.report {
         output::check_report(path)?;
     }
     if let Some(path) = &args.svg {
-        output::check_result(path, PICTURE)?;
+        output::check_picture(path)?;
     }
     let (file, effects, sensors) = match &args.model {
         Some(model) => {
@@ -69,7 +68,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         super::say_text!(text(&sensors));
     }
     if let (Some(path), Some(last)) = (&args.svg, sensors.first()) {
-        output::check_result(path, PICTURE)?;
+        output::check_picture(path)?;
         output::write(path, &svg(last))?;
         super::tell!("picture: {}", path.display());
     }

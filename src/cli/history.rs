@@ -57,7 +57,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         output::write(path, &csv(&history)?)?;
     }
     if let Some(path) = &args.svg {
-        output::check_result(path, "<svg ")?;
+        output::check_picture(path)?;
         output::write(path, &svg(&history))?;
     }
     if let Some(path) = &args.report {

@@ -35,6 +35,17 @@ pub fn check_report(path: &Path) -> Result<(), AnyError> {
     .into())
 }
 
+/// How a picture that this program draws begins.
+const PICTURE: &str = "<svg ";
+
+/// Refuses a place for a picture that holds anything but an empty file or an older picture.
+///
+/// # Errors
+/// As [`check_result`].
+pub fn check_picture(path: &Path) -> Result<(), AnyError> {
+    check_result(path, PICTURE)
+}
+
 /// Refuses a place for a result that holds anything but an empty file or an older result, one that begins with `heading`.
 ///
 /// # Errors

@@ -8,7 +8,7 @@ use serde_json::json;
 use super::load::{self, Loaded};
 use super::search::Search;
 use super::{CommandResult, Outcome, calibrate, hold, output};
-use crate::fit::calibrate::Options;
+use crate::fit::calibrate::{Options, numbered};
 use crate::fit::least_squares::Problem as _;
 use crate::fit::problem::{Calibration, Window};
 use crate::model::Model;
@@ -37,7 +37,7 @@ pub struct Args {
     fitted: bool,
     #[command(flatten)]
     search: Search,
-    /// Values that PEST is not to touch; one that each run has of its own is fixed in all of them.
+    /// Values that PEST is not to touch; one that each run has of its own is fixed in all of them. Recordings go before it.
     #[arg(long, value_name = "NAME=VALUE", value_parser = super::values::setting, num_args = 1..)]
     hold: Vec<(String, f64)>,
     #[command(flatten)]
@@ -80,6 +80,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     }
     let options = Options { constraints, priors, ..searched };
     let fit = if args.fitted { Some(calibrate::timed(rig, &runs, &effects, &options)?) } else { None };
+    let effects = numbered(rig, &runs, &effects, &options)?;
     let model = Model::new(rig, &runs[0].conditions.water, fit.as_ref().map_or(&effects, |f| &f.effects))
         .constrained(&options.constraints)
         .starting_at(&options.starts_at)

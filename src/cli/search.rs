@@ -29,7 +29,7 @@ pub struct Search {
     /// Stop a stepwise calibration after so many steps, for --save and --from to go on with.
     #[arg(long, value_name = "N")]
     steps: Option<usize>,
-    /// Where parameters start, instead of where signals, rig and effects say; one that each run has of its own starts there in all of them.
+    /// Where parameters start, instead of where signals, rig and effects say; one that each run has of its own starts there in all of them. Recordings go before it.
     #[arg(long, value_name = "NAME=VALUE", value_parser = super::values::setting, num_args = 1..)]
     start: Vec<(String, f64)>,
     /// Go on from the model in force in this file: from its values, with what is held (`fixed = true`), bounded and known there, and with its

@@ -41,7 +41,7 @@ pub fn reaches(text: &str) -> Result<usize, String> {
 pub fn pair(text: &str) -> Result<(String, String), String> {
     match text.split_once('=') {
         Some((name, value)) if !name.trim().is_empty() => Ok((name.trim().to_owned(), value.to_owned())),
-        _ => Err("write it as NAME=VALUE".to_owned()),
+        _ => Err("write it as NAME=VALUE; files go before an option that takes several of them".to_owned()),
     }
 }
 

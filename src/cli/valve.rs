@@ -5,9 +5,10 @@ use std::path::PathBuf;
 
 use serde_json::json;
 
-use super::{CommandResult, Outcome, calibrate, load};
-use crate::fit::calibrate::Options;
-use crate::fit::valve_curve::{TwoStage, ValveClosure, closure_of, valve_sensor};
+use super::creep_prior::WALL;
+use super::{CommandResult, Outcome, calibrate, load, output};
+use crate::fit::calibrate::{EVIDENCE, Options};
+use crate::fit::valve_curve::{Lawful, TwoStage, ValveClosure, closure_of, valve_sensor, with_its_law};
 use crate::fit::valve_shift::{LawError, Shift};
 use crate::model::effects::{Chosen, parse_list};
 use crate::report::number::{fixed, significant};
@@ -16,13 +17,14 @@ use crate::report::table::Table;
 
 /// How the valve closed, read back from the head measured before it: opening against time, and the laws nearest to it.
 ///
-/// A model is calibrated first; then the measured head takes the place of its valve, and what arrives there tells the flow.
+/// A model is calibrated first, with a valve that closes linearly and with one of two stages (`valve-law`), and the latter is taken where the
+/// record asks for it; then the measured head takes the place of its valve, and what arrives there tells the flow.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// The recordings, all of one rig.
     #[arg(required = true, value_name = "MCAP")]
     recordings: Vec<PathBuf>,
-    /// Effects of the model.
+    /// Effects of the pipe; one that names a valve-law settles the valve's, too.
     #[arg(long, value_name = "A,B", default_value = "none", value_parser = parse_list)]
     effects: ::std::vec::Vec<Chosen>,
     /// A rig to read them with, instead of the one that is stored in them.
@@ -44,15 +46,32 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     if args.svg.is_some() && args.recordings.len() > 1 {
         return Err("--svg draws the valve of one recording; name one".into());
     }
+    if let Some(path) = &args.svg {
+        output::check_picture(path)?;
+    }
     let loaded = load::load(&args.recordings, args.rig.as_deref())?;
     let rig = loaded[0].recording.rig.clone();
     let runs = load::runs(&loaded);
     for run in &runs {
         valve_sensor(&rig, run)?;
     }
-    let fit = calibrate::timed(&rig, &runs, &args.effects, &Options::default())?;
+    let Lawful { fit, evidence, two_stages } =
+        with_its_law(&args.effects, |effects| calibrate::timed(&rig, &runs, effects, &Options::default()))?;
+    if let Some(evidence) = evidence {
+        super::tell!(
+            "the model's valve closes {}: two stages bring {evidence:.0} of evidence ({EVIDENCE:.0} is strong){}",
+            if two_stages { "in two stages" } else { "linearly" },
+            if !two_stages && evidence > EVIDENCE { ", but leave most of the error, which is the pipe's" } else { "" },
+        );
+    }
     let closures: Vec<ValveClosure> =
         (0..runs.len()).map(|r| closure_of(&rig, &runs, &fit, r)).collect::<Result<_, _>>()?;
+    let creep_missing = rig.constraint_in_words().is_some() && !fit.effects.iter().any(|c| c.effect.name() == WALL);
+    for closure in &closures {
+        if let Some(warning) = no_valve(closure, creep_missing) {
+            super::tell!("warning: {warning}");
+        }
+    }
     if json {
         let document = json!({ "effects": fit.labels(), "runs": closures.iter().map(document).collect::<Vec<_>>() });
         super::say!("{document:#}");
@@ -60,11 +79,29 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         super::say_text!(closures.iter().map(text).collect::<Vec<_>>().join("\n"));
     }
     if let (Some(path), Some(closure)) = (&args.svg, closures.first()) {
-        std::fs::write(path, chart(closure).to_svg(900.0, 480.0))
-            .map_err(|e| format!("cannot write the chart to {}: {e}", path.display()))?;
+        output::check_picture(path)?;
+        output::write(path, &chart(closure).to_svg(900.0, 480.0))?;
         super::tell!("chart: {}", path.display());
     }
     Ok(Outcome::Done)
+}
+
+/// Openings that no valve has, beyond what noise does.
+const OPENINGS: std::ops::RangeInclusive<f64> = -0.05..=1.05;
+
+/// What to do about a curve that is no valve's.
+fn no_valve(closure: &ValveClosure, creep_missing: bool) -> Option<String> {
+    let known = closure.curve.opening.iter().copied().filter(|o| o.is_finite());
+    let (least, most) = known.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, m), o| (l.min(o), m.max(o)));
+    (!(OPENINGS.contains(&least) && OPENINGS.contains(&most))).then(|| {
+        let what = if creep_missing { "add --effects viscoelastic-wall" } else { "`surgescope diagnose` finds what" };
+        format!(
+            "{}: openings from {} to {} are no valve's: the model of the pipe lacks something that the curve stands in for; {what}",
+            closure.file,
+            fixed(least, 2),
+            fixed(most, 2)
+        )
+    })
 }
 
 fn document(closure: &ValveClosure) -> serde_json::Value {
@@ -93,7 +130,7 @@ fn document(closure: &ValveClosure) -> serde_json::Value {
 
 fn two_stage(law: TwoStage) -> serde_json::Value {
     json!({ "inflection_s": law.inflection_s, "inflection_opening": law.inflection_opening,
-            "closing_time_s": law.closing_s, "rms_of_opening": law.rms })
+            "closing_time_s": law.closing_s, "rms_of_opening": law.rms, "straight": law.straight() })
 }
 
 /// What the laws leave of the head, and how the curve moves with the pipe's own parameters.
@@ -119,8 +156,8 @@ fn worth(closure: &ValveClosure) -> String {
             largest,
             rms,
             effective,
-            seconds(law.inflection_s),
-            fixed(law.inflection_opening, 3),
+            if law.straight() { "–".into() } else { seconds(law.inflection_s) },
+            if law.straight() { "–".into() } else { fixed(law.inflection_opening, 3) },
             seconds(law.closing_s),
         ]
     };
@@ -162,11 +199,19 @@ fn text(closure: &ValveClosure) -> String {
     if let Some(effective_s) = closure.effective_closing_s {
         let _ = writeln!(out, "  effective (from 0.9 to 0.1, times 1/0.8)  {effective_s:.4} s");
     }
-    let _ = writeln!(
-        out,
-        "  nearest two stages   to {:.3} of the opening in {:.4} s, closed at {:.4} s; {:.3} of the opening off, rms",
-        law.inflection_opening, law.inflection_s, law.closing_s, law.rms
-    );
+    let _ = if law.straight() {
+        writeln!(
+            out,
+            "  nearest two stages   as good as straight, closed at {:.4} s: where they meet is undetermined; {:.3} of the opening off, rms",
+            law.closing_s, law.rms
+        )
+    } else {
+        writeln!(
+            out,
+            "  nearest two stages   to {:.3} of the opening in {:.4} s, closed at {:.4} s; {:.3} of the opening off, rms",
+            law.inflection_opening, law.inflection_s, law.closing_s, law.rms
+        )
+    };
     let _ = writeln!(out, "\n   time, s  velocity, m/s  opening  two stages");
     let points = closure.curve.time_s.len();
     for i in (0..points).step_by(points.div_ceil(ROWS).max(1)) {

@@ -55,6 +55,13 @@ pub(super) struct Leftover {
 }
 
 impl Leftover {
+    /// Of weighted residuals that a model with so many shared parameters leaves.
+    pub(super) fn of(samples: &[f64], parameters: usize) -> Self {
+        let n = samples.len().max(1) as f64;
+        let mean_square = samples.iter().map(|r| r * r).sum::<f64>() / n;
+        Leftover { n, mean_square, inflation: correlation_inflation(samples), parameters: parameters as f64 }
+    }
+
     /// Fall of the Bayesian information criterion from `before`, with this (richer) model's effective number of samples.
     pub(super) fn evidence_over(&self, before: &Leftover) -> f64 {
         let effective = self.n / self.inflation;
@@ -232,13 +239,6 @@ impl Fitter<'_> {
         let reaches = model.fitting_reaches(&state.values[..model.shared.len()], FIRST_REACHES);
         let problem = Calibration::new(model, self.runs, self.window(reaches, f64::INFINITY));
         let residuals = problem.residuals(&problem.variables(&state.values))?;
-        let samples = &residuals[..problem.samples()];
-        let n = samples.len().max(1) as f64;
-        Ok(Leftover {
-            n,
-            mean_square: samples.iter().map(|r| r * r).sum::<f64>() / n,
-            inflation: correlation_inflation(samples),
-            parameters: model.shared.len() as f64,
-        })
+        Ok(Leftover::of(&residuals[..problem.samples()], model.shared.len()))
     }
 }

@@ -88,7 +88,7 @@ pub struct Options {
     pub starts_at: Vec<Given>,
     /// Seed of all that is drawn at random.
     pub seed: u64,
-    /// What is known of shared parameters from elsewhere, such as a creep test; elements that it tells of are not added one by one.
+    /// What is known of shared parameters from elsewhere, such as a creep test; a fit begins with the elements that it tells all of.
     pub priors: Vec<Prior>,
 }
 
@@ -113,7 +113,7 @@ impl Default for Options {
 }
 
 /// Evidence (difference of BIC) that one more element must bring: "strong" on the scale of Kass & Raftery (1995).
-const EVIDENCE: f64 = 6.0;
+pub const EVIDENCE: f64 = 6.0;
 
 /// Fits the base model with `effects` to all `runs` at once.
 ///
@@ -146,10 +146,10 @@ pub fn calibrate(
     let fitter = Fitter::new(rig, runs, options, progress, effects, None)?;
     let mut chosen = fitter.placed(effects)?;
     // An effect with elements grows from one: descent from scratch with many ends in poorer places, unless it is told where to start.
-    let told = !options.priors.is_empty() || !options.starts_at.is_empty() || options.method != Method::LeastSquares;
+    let told = !options.starts_at.is_empty() || options.method != Method::LeastSquares;
     let growing = growing(effects).filter(|&i| effects[i].elements.is_none() || !told);
     if let Some(i) = growing {
-        chosen[i] = chosen[i].with_elements(1);
+        chosen[i] = chosen[i].with_elements(fitter.known_elements(&chosen, i));
     }
     let mut model = fitter.model(&chosen);
     let steps = Mutex::new(Vec::new());
@@ -164,7 +164,15 @@ pub fn calibrate(
     };
     let mut state = found(&model, None)?;
     if let Some(i) = growing {
-        let grown = |bigger: &Model, model: &Model, state: &State| found(bigger, Some((model, state)));
+        // Where an element is missing, those that are known are drawn off to stand in for it: they are begun with anew, too.
+        let grown = |bigger: &Model, model: &Model, state: &State| {
+            let on = found(bigger, Some((model, state)))?;
+            if options.priors.is_empty() {
+                return Ok(on);
+            }
+            let anew = found(bigger, None)?;
+            Ok(if anew.cost < on.cost { anew } else { on })
+        };
         (model, state) = fitter.grown((model, state), i, effects[i].elements, grown)?;
     }
     if options.method.descends() {
@@ -242,6 +250,19 @@ pub fn with_more_elements(
     fitter.finish(&model, state).map(Some)
 }
 
+/// Effects whose number of elements is left open with as many as are known beforehand, else with one: as a fit begins with them.
+///
+/// # Errors
+/// No run.
+pub fn numbered(rig: &Rig, runs: &[RunData], effects: &[Chosen], options: &Options) -> Result<Vec<Chosen>, FitError> {
+    let mut chosen = effects.to_vec();
+    if let Some(i) = growing(effects).filter(|&i| effects[i].elements.is_none()) {
+        let fitter = Fitter::new(rig, runs, options, &|_| {}, effects, None)?;
+        chosen[i] = chosen[i].with_elements(fitter.known_elements(effects, i));
+    }
+    Ok(chosen)
+}
+
 /// The effect of a list whose elements are added one by one.
 fn growing(effects: &[Chosen]) -> Option<usize> {
     effects.iter().position(|c| c.effect.elements().is_some_and(|r| r.contains(&2)))
@@ -271,6 +292,19 @@ impl<'a> Fitter<'a> {
             .constrained(&self.options.constraints)
             .starting_at(&self.options.starts_at)
             .informed(&self.options.priors)
+    }
+
+    /// Elements of effect `i` of which all is known beforehand, as by a creep test: with these a fit begins; with one where there are none.
+    fn known_elements(&self, effects: &[Chosen], i: usize) -> usize {
+        let most = effects[i].elements.or(effects[i].effect.elements().map(|r| *r.end())).unwrap_or(1);
+        let known = |n: &usize| {
+            let mut with = effects.to_vec();
+            with[i] = with[i].with_elements(*n);
+            let model = self.model(&with);
+            let from = model.effects_from() + model.effect_sizes()[..i].iter().sum::<usize>();
+            model.shared[from..][..model.effect_sizes()[i]].iter().all(|p| p.prior.is_some())
+        };
+        (1..=most).rev().find(known).unwrap_or(1)
     }
 
     /// Effects that concern a sensor, each at the one where a coarse fit is best.

@@ -36,8 +36,6 @@ const MOST_PULL: f64 = 2.0;
 struct Pull {
     /// At the samples, in units of their noise, rms.
     error_over_noise: f64,
-    /// The same in m.
-    error_m: f64,
     /// In the variables.
     shifts: Vec<f64>,
     /// Half the sum of squares that the unmoved variables leave on the finer grid.
@@ -88,7 +86,7 @@ impl Fitter<'_> {
     pub(super) fn finish(&self, model: &Model, state: State) -> Result<Fit, FitError> {
         let mut values = state.values;
         let mut reaches = FINAL_REACHES.max(self.least_reaches);
-        let (fine, pull) = loop {
+        let fine = loop {
             let fitting = |n: usize| model.fitting_reaches(&values[..model.shared.len()], n);
             let (coarse, fine) = (fitting(reaches), fitting(2 * reaches));
             let problem = self.problem(model, self.compared(coarse));
@@ -114,7 +112,7 @@ impl Fitter<'_> {
             let settled = pull.error_over_noise <= self.options.grid_error_over_noise * left.max(1.0)
                 && pull.over_errors <= MOST_PULL;
             if settled || 4 * reaches > self.options.most_reaches {
-                break (fine, pull);
+                break fine;
             }
             reaches *= 2;
         };
@@ -137,21 +135,17 @@ impl Fitter<'_> {
             }
             solution = again;
         }
-        self.outcome(&problem, &solution, &pull)
+        self.outcome(&problem, &solution)
     }
 
     /// What a search found, on a grid as fine as a fit ends on at the least, without any further descent.
     pub(super) fn as_found(&self, model: &Model, state: State) -> Result<Fit, FitError> {
         let fitting = |n: usize| model.fitting_reaches(&state.values[..model.shared.len()], n);
-        let (coarse, fine) = (fitting(FINAL_REACHES), fitting(2 * FINAL_REACHES));
         let still = Limits { iterations: 0, ..LATE };
-        let problem = Calibration::new(model, self.runs, self.window(coarse, f64::INFINITY));
-        let solution = self.minimise(&problem, &state.values, still, "as found")?;
-        let pull = self.grid_pull(&problem, &solution, fine)?;
-        let problem = Calibration::new(model, self.runs, self.whole(fine));
+        let problem = Calibration::new(model, self.runs, self.whole(fitting(2 * FINAL_REACHES)));
         problem.know(&model.constraints)?;
         let solution = self.minimise(&problem, &state.values, still, "as found")?;
-        let fit = self.outcome(&problem, &solution, &pull)?;
+        let fit = self.outcome(&problem, &solution)?;
         let over = "the search was over, and a descent from its end would gain nothing".to_owned();
         Ok(if fit.converged { Fit { stopped_because: over, ..fit } } else { fit })
     }
@@ -195,13 +189,29 @@ impl Fitter<'_> {
             .map(|j| shifts[j].abs() / errors.of_variable(j))
             .filter(|r| r.is_finite())
             .fold(0.0, f64::max);
-        let square = |weights: &dyn Fn(usize) -> f64| {
-            (change[..n].iter().enumerate().map(|(i, c)| (c * weights(i)).powi(2)).sum::<f64>() / n as f64).sqrt()
-        };
-        let noise = problem.sample_noise();
         let finer_cost = 0.5 * residuals.iter().map(|r| r * r).sum::<f64>();
-        let (error_over_noise, error_m) = (square(&|_| 1.0), square(&|i| noise[i]));
-        Ok(Pull { error_over_noise, error_m, shifts, finer_cost, over_errors })
+        let error_over_noise = (change[..n].iter().map(|c| c * c).sum::<f64>() / n as f64).sqrt();
+        Ok(Pull { error_over_noise, shifts, finer_cost, over_errors })
+    }
+
+    /// What the last halving of the step has changed where the fit ended: in the variables, and at the samples, rms, m. It belongs to grid
+    /// and values, whichever way led there.
+    fn last_halving(
+        &self,
+        problem: &Calibration,
+        solution: &Solution,
+        columns: &[Vec<f64>],
+    ) -> Result<(Vec<f64>, f64), ModelError> {
+        let values = problem.values(&solution.x);
+        let halved = problem.window().reaches.div_ceil(2);
+        let reaches = problem.model.fitting_reaches(&values[..problem.model.shared.len()], halved);
+        let coarser = self.problem(problem.model, Window { reaches, ..problem.window() }).residuals(&solution.x)?;
+        self.count(1);
+        let change: Vec<f64> = solution.residuals.iter().zip(&coarser).map(|(f, c)| f - c).collect();
+        let noise = problem.sample_noise();
+        let square: f64 = change.iter().zip(&noise).map(|(c, n)| (c * n).powi(2)).sum();
+        let error_m = (square / noise.len().max(1) as f64).sqrt();
+        Ok((gauss_newton_step(columns, &change, &solution.at_bound), error_m))
     }
 
     /// A fit of frequencies seen from the samples, whose noise is stationary.
@@ -219,12 +229,13 @@ impl Fitter<'_> {
         Ok(Sampled { problem: in_time, columns: own, seen: problem.seen_in_time(columns), residuals, records })
     }
 
-    fn outcome(&self, problem: &Calibration, solution: &Solution, pull: &Pull) -> Result<Fit, FitError> {
+    fn outcome(&self, problem: &Calibration, solution: &Solution) -> Result<Fit, FitError> {
         let values = problem.values(&solution.x);
         let start_values: Vec<f64> = problem.parameters.iter().map(|p| p.start).collect();
         let columns = self.slopes(problem, solution)?;
-        // A quarter of the pull is left on the last grid; half of it allows for schemes of first order.
-        let left: Vec<f64> = pull.shifts.iter().map(|s| 0.5 * s).collect();
+        let (shifts, halving_m) = self.last_halving(problem, solution, &columns)?;
+        // A third of it is left to come; half of it allows for kinks, which are of first order.
+        let left: Vec<f64> = shifts.iter().map(|s| 0.5 * s).collect();
         let records: Vec<_> = problem.records().into_iter().map(|(_, _, range)| range).collect();
         let common: Vec<_> = problem.gain_errors().into_values().collect();
         let covariance = posterior(&columns, &solution.at_bound);
@@ -295,7 +306,7 @@ impl Fitter<'_> {
             correlation: correlation(&columns, &solution.at_bound),
             unseen: unseen(problem, linearised, &errors),
             reaches: problem.window().reaches,
-            grid_error_m: 0.25 * pull.error_m,
+            grid_error_m: 0.25 * halving_m,
             evaluations: self.evaluations.load(Ordering::Relaxed),
             seconds: f64::NAN,
             steps: Vec::new(),
@@ -367,4 +378,31 @@ pub(super) fn errors_of(problem: &Calibration, solution: &Solution, columns: &[V
     let records: Vec<_> = problem.records().into_iter().map(|(_, _, range)| range).collect();
     let (residuals, at_bound) = (&solution.residuals, &solution.at_bound);
     Errors::of(Linearised { columns, residuals, records: &records, common, at_bound, in_time: None })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::calibrate::{Options, calibrate, refine};
+    use super::super::test_record::{HDPE, record};
+    use crate::model::RunValues;
+    use crate::model::effects::parse_list;
+    use crate::rig::Rig;
+
+    /// A fit begun anew where one has ended comes to the same place, and to the same errors: what the grid adds to them is no matter of the way.
+    #[test]
+    fn errors_belong_to_the_place_and_not_to_the_way_there() {
+        let rig = Rig::from_toml(HDPE, "rig.toml").unwrap();
+        let effects = parse_list("viscoelastic-wall:2").unwrap();
+        let run =
+            RunValues { initial_velocity_m_s: 0.5, valve_head_m: 20.0, closing_time_s: 0.05, friction_scale: 1.0 };
+        let runs = [record(&rig, &effects, &[380.0, 0.12, 0.03, 0.35, 0.6], run, 0.05, 6.0)];
+        let first = calibrate(&rig, &runs, &effects, &Options::default(), &|_| {}).unwrap();
+        let again = refine(&rig, &runs, &effects, &first.values(), &Options::default(), &|_| {}).unwrap();
+        assert_eq!(first.reaches, again.reaches);
+        for (a, b) in first.parameters.iter().zip(&again.parameters) {
+            assert!((a.value - b.value).abs() < 0.1 * a.standard_error, "{}: {} {}", a.name, a.value, b.value);
+            let ratio = a.standard_error / b.standard_error;
+            assert!((0.98..1.02).contains(&ratio), "{}: {} {}", a.name, a.standard_error, b.standard_error);
+        }
+    }
 }

@@ -29,6 +29,7 @@ pub struct Harmonic {
     /// `number · a/4L`: where a frictionless elastic pipe has it, Hz.
     pub ideal_hz: f64,
     /// Where the record has it, over `ideal_hz`, less 1.
+    #[serde(rename = "shift_percent", serialize_with = "percent")]
     pub shift: f64,
     /// The record's peak.
     pub record: Tone,
@@ -36,6 +37,11 @@ pub struct Harmonic {
     pub model: Option<Tone>,
     /// The model's own peak near it.
     pub model_peak: Option<Tone>,
+}
+
+/// A share as it is shown.
+fn percent<S: serde::Serializer>(share: &f64, to: S) -> Result<S::Ok, S::Error> {
+    to.serialize_f64(100.0 * share)
 }
 
 /// The response at one sensor.

@@ -1,5 +1,6 @@
 //! What a calibration gives back: plain data for tables, JSON and pages.
 
+use super::approach::Leftover;
 use super::identify::Unseen;
 use super::method::Method;
 use super::profile::Profile;
@@ -174,6 +175,17 @@ impl Fit {
     /// Its effects as on the command line (`viscoelastic-wall:2`).
     pub fn labels(&self) -> Vec<String> {
         self.effects.iter().map(Chosen::label).collect()
+    }
+
+    /// Fall of the Bayesian information criterion from a simpler model's fit to the same recordings; samples that are alike count once.
+    pub fn evidence_over(&self, simpler: &Fit) -> f64 {
+        let leftover = |fit: &Fit| {
+            let sensors = fit.runs.iter().flat_map(|r| &r.sensors);
+            let weighted = sensors.flat_map(|s| s.measured_m.iter().zip(&s.model_m).map(|(h, m)| (h - m) / s.noise_m));
+            let shared = fit.parameters.iter().filter(|p| p.run.is_none()).count();
+            Leftover::of(&weighted.collect::<Vec<_>>(), shared)
+        };
+        leftover(self).evidence_over(&leftover(simpler))
     }
 
     /// RMSE and noise over all runs, m: each weighs as its number of samples; NaN where there are none.

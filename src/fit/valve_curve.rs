@@ -1,11 +1,12 @@
 //! How the valve of a fitted run closed, by the head measured before it, and what simple laws say of the same curve.
 
-use super::calibrate::FitError;
+use super::calibrate::{EVIDENCE, FitError};
 use super::data::RunData;
 use super::least_squares::{Limits, Problem, minimise};
 use super::outcome::Fit;
 use super::problem::{Calibration, Window};
 use super::valve_shift::{LawErrors, Shift, errors_of, shifts_of};
+use crate::model::effects::{Chosen, parse_list};
 use crate::model::valve_from_head::{ValveCurve, valve_from_head};
 use crate::model::{Model, ModelError, Resolution};
 use crate::rig::Rig;
@@ -48,6 +49,47 @@ pub struct TwoStage {
     pub closing_s: f64,
     /// What the curve differs from it by, rms, of the opening.
     pub rms: f64,
+}
+
+/// The effect whose law a valve may follow instead of the linear one.
+const LAW: &str = "valve-law";
+
+/// A fit whose valve closes by the law that the records ask for.
+#[derive(Debug, Clone)]
+pub struct Lawful {
+    /// The fit.
+    pub fit: Fit,
+    /// What two stages bring over a straight line, as a fall of BIC; none where the effects asked for settle the law.
+    pub evidence: Option<f64>,
+    /// Whether two stages were taken: strong evidence, and most of what a straight line left beyond the noise.
+    pub two_stages: bool,
+}
+
+/// Part of the square beyond the noise that a law of the valve has to take off to be the valve's.
+const HALF: f64 = 0.5;
+
+/// The fit of some effects with a linear valve, or with two stages where these take off most of what that leaves; as asked where a law is among the
+/// effects, or one that excludes it. `fitted` fits.
+///
+/// # Errors
+/// As `fitted`.
+pub fn with_its_law<E>(effects: &[Chosen], fitted: impl Fn(&[Chosen]) -> Result<Fit, E>) -> Result<Lawful, E> {
+    let linear = fitted(effects)?;
+    let settles =
+        |c: &Chosen| c.effect.name().starts_with(LAW) || c.effect.excludes().iter().any(|(name, _)| *name == LAW);
+    if effects.iter().any(settles) {
+        return Ok(Lawful { fit: linear, evidence: None, two_stages: false });
+    }
+    let law = parse_list(LAW).unwrap_or_default();
+    let staged = fitted(&[&linear.effects[..], &law].concat())?;
+    let evidence = staged.evidence_over(&linear);
+    // A pipe that lacks something is mended a little by any law of the valve.
+    let beyond_noise = |fit: &Fit| {
+        let (rmse_m, noise_m) = fit.pooled();
+        (rmse_m.powi(2) - noise_m.powi(2)).max(0.0)
+    };
+    let two_stages = evidence > EVIDENCE && beyond_noise(&staged) <= HALF * beyond_noise(&linear);
+    Ok(Lawful { fit: if two_stages { staged } else { linear }, evidence: Some(evidence), two_stages })
 }
 
 /// Index of the pressure sensor of a run that shows the head before the valve.
@@ -116,7 +158,20 @@ pub(super) fn effective_closing_s(curve: &ValveCurve) -> Option<f64> {
     Some((below(0.1)? - below(0.9)?) / 0.8)
 }
 
+/// A bend less than this of the opening off the straight line is none, nor one less than twice what the law leaves of the curve.
+const NO_BEND: (f64, f64) = (0.02, 2.0);
+
 impl TwoStage {
+    /// How far the inflection lies off the straight line from open to closed, of the opening.
+    pub fn bend(&self) -> f64 {
+        self.inflection_opening - (1.0 - self.inflection_s / self.closing_s)
+    }
+
+    /// Whether a straight line does as well: then the inflection may lie anywhere on it.
+    pub fn straight(&self) -> bool {
+        self.bend().abs() < NO_BEND.0.max(NO_BEND.1 * self.rms)
+    }
+
     /// The opening at a time after the start of the closure.
     pub fn opening(&self, time_s: f64) -> f64 {
         let (inflection_s, opening) = (self.inflection_s, self.inflection_opening);
@@ -188,7 +243,8 @@ mod tests {
         let found = TwoStage::nearest(&curve(|t| truth.opening(t)), 0.1);
         assert!((found.inflection_s - 0.03).abs() < 1e-4, "{found:?}");
         assert!((found.inflection_opening - 0.35).abs() < 1e-3 && (found.closing_s - 0.11).abs() < 1e-4, "{found:?}");
-        assert!(found.rms < 1e-4);
+        assert!(found.rms < 1e-4 && !found.straight() && (found.bend() - (0.35 - 8.0 / 11.0)).abs() < 0.01);
+        assert!(TwoStage::nearest(&curve(|t| (1.0 - t / 0.1).max(0.0)), 0.1).straight());
     }
 
     #[test]

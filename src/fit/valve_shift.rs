@@ -179,9 +179,10 @@ fn opening_at(curve: &ValveCurve, time_s: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::super::calibrate::{Options, calibrate};
+    use super::super::data::RunData;
     use super::super::method::Method;
     use super::super::test_record::{HDPE, record};
-    use super::super::valve_curve::closure_of;
+    use super::super::valve_curve::{closure_of, with_its_law};
     use crate::model::RunValues;
     use crate::model::effects::parse_list;
     use crate::rig::Rig;
@@ -228,6 +229,25 @@ mod tests {
         let errors = closure_of(&rig, &runs, &fit, 0).unwrap().errors;
         assert!(errors.fitted.first_rise_m > 0.1, "{errors:?}");
         assert!(errors.curve.first_rise_m < 0.5 * errors.fitted.first_rise_m, "{errors:?}");
+    }
+
+    /// Without a word about the valve: a closure in two stages gets their law, a linear one does not.
+    #[test]
+    fn the_record_says_by_which_law_the_valve_closes() {
+        let rig = Rig::from_toml(HDPE, "rig.toml").unwrap();
+        let pipe = parse_list("viscoelastic-wall:1").unwrap();
+        let lawful = |runs: &[RunData]| {
+            with_its_law(&pipe, |effects| calibrate(&rig, runs, effects, &Options::default(), &|_| {})).unwrap()
+        };
+        let staged = [record(&rig, &parse_list("viscoelastic-wall:1,valve-law").unwrap(), &TRUTH, RUN, 0.01, 6.0)];
+        let found = lawful(&staged);
+        assert!(found.evidence.unwrap() > 100.0, "{:?}", found.evidence);
+        let law = closure_of(&rig, &staged, &found.fit, 0).unwrap().two_stage;
+        assert!(!law.straight() && (law.inflection_s / (0.4 * 0.12) - 1.0).abs() < 0.03, "{law:?}");
+        let linear = [record(&rig, &pipe, &TRUTH[..3], RUN, 0.01, 6.0)];
+        let found = lawful(&linear);
+        assert!(found.evidence.unwrap() < 6.0 && found.fit.effects.len() == 1, "{:?}", found.evidence);
+        assert!(closure_of(&rig, &linear, &found.fit, 0).unwrap().two_stage.straight());
     }
 
     /// A stepwise calibration takes the law of two stages from the curve, before any descent.

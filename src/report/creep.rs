@@ -79,13 +79,21 @@ pub(super) fn elements(fit: &CreepFit) -> Vec<[String; 5]> {
     };
     let mut rows = Vec::new();
     let [value, interval] = cell(fit.creep.instantaneous_per_pa * PER_GPA, 0);
-    rows.push(["0 (at once)".into(), value, interval, String::new(), String::new()]);
+    rows.push([format!("0 ({})", first(fit)), value, interval, String::new(), String::new()]);
     for (k, e) in fit.creep.elements.iter().enumerate() {
         let [j, j_interval] = cell(e.compliance_per_pa * PER_GPA, 1 + 2 * k);
         let [tau, tau_interval] = cell(e.tau_s, 2 + 2 * k);
         rows.push([(k + 1).to_string(), j, j_interval, tau, tau_interval]);
     }
     rows
+}
+
+/// What J0 includes, in words: all that the wall does before the first reading.
+pub(super) fn first(fit: &CreepFit) -> String {
+    match fit.first_reading_s() {
+        0.0 => "at once".to_owned(),
+        first_s => format!("within {} s", significant(first_s, 3)),
+    }
 }
 
 /// Numbers of elements tried, what they leave over the noise, and their evidence.
@@ -145,7 +153,7 @@ pub(super) fn curve(fit: &CreepFit) -> Vec<(f64, f64, f64, f64)> {
 /// The document of `creep --json`. Compliances in 1/GPa, times in s, all at `reference_degC`; standard errors are `null` where the test does
 /// not determine a value; `interval` is the 95% one.
 ///
-/// `J0_per_GPa`, `J0_standard_error`, `J0_interval`; `elements`: list of `J_per_GPa`, `J_standard_error`, `J_interval`, `tau_s`,
+/// `J0_per_GPa`, `J0_standard_error`, `J0_interval`: with all elements faster than `J0_within_s`, the time of the first reading; `elements`: list of `J_per_GPa`, `J_standard_error`, `J_interval`, `tau_s`,
 /// `tau_standard_error`, `tau_interval`, `at_bound`; `curve`: `time_s`, `compliance_per_GPa`, `lower_per_GPa`, `upper_per_GPa`; `shift`:
 /// `factors` (list of `temperature_degC`, `factor`, `standard_error`), `arrhenius` and `wlf`, or `null`; `rms_per_GPa`, `noise_per_GPa`,
 /// `noise_kind`, `variance_inflation`; `tests`: list of `file`, `temperature_degC`, `samples`, `rms_per_GPa`, `noise_per_GPa`,
@@ -197,6 +205,7 @@ pub fn json(fit: &CreepFit) -> serde_json::Result<String> {
     );
     let document: Value = json!({
         "J0_per_GPa": j0, "J0_standard_error": error(j0, 0), "J0_interval": interval(j0, 0),
+        "J0_within_s": fit.first_reading_s(),
         "elements": elements.collect::<Vec<_>>(),
         "reference_degC": fit.reference_degc,
         "curve": {

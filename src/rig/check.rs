@@ -1,7 +1,7 @@
 //! Does a rig agree with itself? Each number of the file is held against what the others say it must be.
 
 use super::darcy_friction_factor;
-use super::{LAMINAR_REYNOLDS, Pipe, Protocol, Rig, Sensor, SensorKind, SteadyState, WaterProperties};
+use super::{Constraint, LAMINAR_REYNOLDS, Pipe, Protocol, Rig, Sensor, SensorKind, SteadyState, WaterProperties};
 use crate::units::GRAVITY_M_S2;
 
 /// Reynolds numbers that differ by less are one: 1 °C makes 2 %, a flow meter adds its percent.
@@ -62,6 +62,7 @@ pub fn check(rig: &Rig) -> Vec<Finding> {
     let water = rig.fluid.properties(rig.fluid.temperature_degc);
     let mut findings = Vec::new();
     findings.extend(rig.pipes.iter().map(|pipe| check_wave_speed(pipe, &water)));
+    findings.extend(rig.pipes.iter().filter(|p| p.material().viscoelastic).map(check_constraint));
     findings.push(check_closing_time(rig, &water));
     findings.extend(rig.sensors.iter().filter_map(|sensor| check_counts(rig, sensor)));
     for state in &rig.steady {
@@ -119,6 +120,19 @@ fn check_wave_speed(pipe: &Pipe, water: &WaterProperties) -> Finding {
         "not given; it will start at {start:.0} m/s, within the {lo:.0}-{hi:.0} m/s of Korteweg's law for {material}"
     );
     Finding::new(Level::Fine, subject, message, &[("start_m_s", start), ("lo_m_s", lo), ("hi_m_s", hi)])
+}
+
+/// How the pipe is held decides what a fit's creep and modulus are worth, and no record shows it.
+fn check_constraint(pipe: &Pipe) -> Finding {
+    let c1 = pipe.constraint_coefficient();
+    let [free, upstream, anchored] =
+        [Constraint::Free, Constraint::AnchoredUpstream, Constraint::Anchored].map(|held| pipe.coefficient_if(held));
+    let message = format!(
+        "c1 = {c1:.3}, 1 where the file says nothing; this wall has {free:.3} held \"free\", {upstream:.3} \"anchored-upstream\", \
+         {anchored:.3} \"anchored\". Fitted J go as 1/c1, moduli as c1, and no record tells how the pipe is held"
+    );
+    let numbers = [("c1", c1), ("free", free), ("anchored_upstream", upstream), ("anchored", anchored)];
+    Finding::new(Level::Fine, format!("constraint of '{}'", pipe.name), message, &numbers)
 }
 
 /// A wave speed more uncertain than this share of itself tells nothing of the wall.

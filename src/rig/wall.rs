@@ -1,7 +1,7 @@
 //! The pipe wall: how it is held, and the wave speed that its stiffness gives.
 
 use super::material::Material;
-use super::{Constraint, Pipe, WaterProperties};
+use super::{Constraint, Pipe, Rig, WaterProperties};
 
 /// Wall counts as thick below this ratio of inner diameter to thickness (Wylie & Streeter 1993).
 const THICK_WALL_RATIO: f64 = 25.0;
@@ -10,6 +10,21 @@ const THICK_WALL_RATIO: f64 = 25.0;
 /// down, an overestimated diameter or supports at the wall make it look faster.
 const SLOWER: f64 = 0.65;
 const FASTER: f64 = 1.15;
+
+impl Rig {
+    /// Which constraint coefficient the creep of the walls is taken with, in a sentence; none where no wall creeps.
+    pub fn constraint_in_words(&self) -> Option<String> {
+        let creeps = self.pipes.iter().filter(|p| p.material().viscoelastic);
+        let each: Vec<String> = creeps.map(|p| format!("{:.4} in '{}'", p.constraint_coefficient(), p.name)).collect();
+        (!each.is_empty()).then(|| {
+            format!(
+                "J is with c1 = {} (`constraint` in the rig file, 1 without it) and goes as 1/c1: a pipe held otherwise has J and modulus by \
+                 as much wrong",
+                each.join(", ")
+            )
+        })
+    }
+}
 
 impl Pipe {
     /// Cross-section, m².
@@ -32,8 +47,13 @@ impl Pipe {
     /// Thin wall: 1 with expansion joints, 1 − ν/2 anchored upstream only, 1 − ν² anchored throughout. Thick wall (D/e < 25):
     /// `2e/D (1 + ν) + D/(D + e) · c₁(thin)`. A coefficient given in the file is used as it stands.
     pub fn constraint_coefficient(&self) -> f64 {
+        self.coefficient_if(self.constraint)
+    }
+
+    /// The same were the pipe held in another way.
+    pub fn coefficient_if(&self, held: Constraint) -> f64 {
         let nu = self.poisson_ratio();
-        let thin = match self.constraint {
+        let thin = match held {
             Constraint::Coefficient(c1) => return c1,
             Constraint::Free => 1.0,
             Constraint::AnchoredUpstream => 1.0 - nu / 2.0,

@@ -39,6 +39,7 @@ pub struct Tone {
     /// Frequency, Hz.
     pub frequency_hz: f64,
     /// Amplitude, in the trace's unit.
+    #[serde(rename = "amplitude_m")]
     pub amplitude: f64,
     /// Phase of the cosine at the window's beginning, rad, from -π to π.
     pub phase_rad: f64,

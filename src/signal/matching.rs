@@ -34,6 +34,9 @@ pub(crate) enum Sense {
 const WINDOWS: [(f64, bool); 5] = [(0.5, false), (0.75, false), (1.0, false), (1.3, true), (1.7, true)];
 /// Part of the rise before the onset that belongs to the window.
 const BEFORE: f64 = 0.3;
+/// Noise that is let stand, of the rise over the points that are averaged; these are no more than that part of the whole rise.
+const NOISE_OF_RISE: f64 = 0.05;
+const MOST_OF_RISE: f64 = 0.25;
 /// Error of a bend's place between grid points, in grid steps: a front of few points is not a smooth curve.
 const GRID: f64 = 0.15;
 
@@ -48,9 +51,11 @@ pub(crate) fn delay(
     reach: f64,
     white_sd_m: f64,
 ) -> Option<Delay> {
+    let quiet = Quiet::of(front, white_sd_m);
+    let (source, target) = (source.averaged(quiet.half), target.averaged(quiet.half));
     let mut found: Vec<(f64, f64)> = WINDOWS
         .iter()
-        .filter_map(|&(part, long)| window_delay(source, front, target, lags, sense, (part * reach, long), white_sd_m))
+        .filter_map(|&(part, long)| window_delay(&source, front, &target, lags, sense, (part * reach, long), quiet))
         .collect();
     if found.is_empty() {
         return None;
@@ -65,6 +70,35 @@ pub(crate) fn delay(
     Some(Delay { value, standard_error: noise.hypot(spread), windows: found.into_iter().map(|f| f.0).collect() })
 }
 
+/// How far both records are averaged, alike, so that a front's delay stays where it is: where its slope drowns in noise from one point to the next,
+/// the sum of squares over the delays is as ragged as the noise, and its lowest point is anywhere.
+#[derive(Debug, Clone, Copy)]
+struct Quiet {
+    /// Points on either side that are averaged.
+    half: usize,
+    /// Standard deviation of the white noise that is left, m.
+    sd_m: f64,
+}
+
+impl Quiet {
+    /// Over as many points as bring the noise to a small part of what the front rises over them.
+    fn of(front: &Front, white_sd_m: f64) -> Self {
+        let over_slope = white_sd_m * front.rise / front.height_m();
+        let points = (over_slope / NOISE_OF_RISE).powf(2.0 / 3.0).min(MOST_OF_RISE * front.rise);
+        let half = (0.5 * points) as usize;
+        Quiet { half, sd_m: white_sd_m / Quiet::points(half).sqrt() }
+    }
+
+    fn points(half: usize) -> f64 {
+        (2 * half + 1) as f64
+    }
+
+    /// What the sum of squares rises by at one standard error of the delay: neighbours that share their noise count once.
+    fn rise(self, mean_square: f64) -> f64 {
+        mean_square.max(self.sd_m * self.sd_m) * Quiet::points(self.half)
+    }
+}
+
 fn window_delay(
     source: &Trace,
     front: &Front,
@@ -72,7 +106,7 @@ fn window_delay(
     (shortest, longest): (f64, f64),
     sense: Sense,
     (part, long): (f64, bool),
-    white_sd_m: f64,
+    quiet: Quiet,
 ) -> Option<(f64, f64)> {
     let before = (BEFORE * front.rise).max(3.0).ceil() as usize;
     let onset = front.onset as usize;
@@ -123,9 +157,9 @@ fn window_delay(
             Sense::Falls => residual.gain < -0.1,
             Sense::Rises => residual.gain > 0.1,
         };
-        sums.push(residual.all);
+        sums.push(residual.both);
         // share left unexplained: plateaus, where everything fits, do not win
-        shares.push(if right_way { residual.all / residual.background } else { f64::INFINITY });
+        shares.push(if right_way { residual.both / residual.background } else { f64::INFINITY });
     }
     let lowest = (0..shares.len()).min_by(|&a, &b| shares[a].total_cmp(&shares[b]))?;
     if shares[lowest] > 0.2 {
@@ -135,8 +169,7 @@ fn window_delay(
         return None; // still falling at the edge of the search: not a match
     }
     let freedom = (n - unknowns) as f64;
-    // both fronts are noisy
-    let variance = 2.0 * (sums[lowest] / freedom).max(white_sd_m * white_sd_m);
+    let variance = quiet.rise(sums[lowest] / freedom);
     let scale = sums[lowest] / shares[lowest].max(f64::MIN_POSITIVE);
     let scaled: Vec<f64> = shares.iter().map(|s| s * scale).collect();
     let (at, width) = profile_minimum(&scaled, lowest, variance);

@@ -16,6 +16,8 @@ pub(crate) struct Residual {
     pub all: f64,
     /// Weight of the last column.
     pub gain: f64,
+    /// As `all`, over both where the last column is as noisy as the signal (total least squares; Golub & Van Loan 1980, SIAM J. Numer. Anal. 17, 883).
+    pub both: f64,
 }
 
 impl Projector {
@@ -48,16 +50,19 @@ impl Projector {
         let signal: Vec<f64> = signal.iter().map(|y| y - origin).collect();
         let total = dot(&signal, &signal);
         let mut left = total;
-        let (mut after_background, mut gain) = (total, 0.0);
+        let (mut after_background, mut last_part) = (total, 0.0);
         for (i, q) in self.basis.iter().enumerate() {
             let part = dot(&signal, q);
             left = (left - part * part).max(1e-15 * total);
             if i + 1 == background {
                 after_background = left;
             }
-            gain = part / self.last_norm;
+            last_part = part;
         }
-        Residual { background: after_background, all: left, gain }
+        // The lesser eigenvalue of [[tt, ty], [ty, yy]], t and y being what the other columns leave of the last one and of the signal.
+        let (tt, yy, ty) = (self.last_norm.powi(2), left + last_part * last_part, last_part * self.last_norm);
+        let both = 2.0 * tt * left / (tt + yy + ((tt - yy).powi(2) + 4.0 * ty * ty).sqrt());
+        Residual { background: after_background, all: left, gain: last_part / self.last_norm, both }
     }
 }
 

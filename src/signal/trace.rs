@@ -98,6 +98,11 @@ impl Trace {
         }
     }
 
+    /// The same with every head a centred moving mean of its neighbours.
+    pub fn averaged(&self, half: usize) -> Trace {
+        Trace { head_m: self.smoothed(half), ..self.clone() }
+    }
+
     /// Centred moving mean over `2 × half + 1` samples, narrower towards the ends.
     pub fn smoothed(&self, half: usize) -> Vec<f64> {
         moving_mean(&self.head_m, half)

@@ -199,7 +199,11 @@ fn the_view_shows_where_a_model_has_its_harmonics() {
         let all = answer["sensors"][0]["harmonics"].as_array().unwrap();
         assert!(all.len() >= 3 && all[0]["number"] == 1);
         let first = &all[0];
-        let ratio = first["model"]["amplitude"].as_f64().unwrap() / first["record"]["amplitude"].as_f64().unwrap();
+        let ratio = first["model"]["amplitude_m"].as_f64().unwrap() / first["record"]["amplitude_m"].as_f64().unwrap();
+        // Units stand in the keys, and the shift is the percent of the table.
+        let hertz = |v: &Value| v.as_f64().unwrap();
+        let shift = 100.0 * (hertz(&first["record"]["frequency_hz"]) / hertz(&first["ideal_hz"]) - 1.0);
+        assert!((first["shift_percent"].as_f64().unwrap() - shift).abs() < 1e-9 && shift.abs() > 0.1, "{first}");
         (ratio - 1.0).abs()
     };
     assert!(off(&view("viscoelastic-wall:2")) < 0.01);

@@ -112,7 +112,13 @@ fn run(target: &Target, input: &[u8], folder: &Path, found: &mut HashSet<String>
     coverage::reset();
     let started = Instant::now();
     let outcome = panic::catch_unwind(|| (target.run)(input));
-    let took = started.elapsed();
+    let mut took = started.elapsed();
+    if took > TOO_SLOW && outcome.is_ok() {
+        // On a busy machine others may have had its time: an input that is slow is so again.
+        let again = Instant::now();
+        (target.run)(input);
+        took = took.min(again.elapsed());
+    }
     *slowest = took.max(*slowest);
     let wrong = match outcome {
         Err(cause) => {

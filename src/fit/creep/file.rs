@@ -18,7 +18,7 @@ pub struct CreepFile {
     /// Temperature that elements and J0 belong to, °C.
     #[serde(rename = "reference_degC", skip_serializing_if = "Option::is_none")]
     pub reference_degc: Option<f64>,
-    /// J0, 1/GPa.
+    /// J0, 1/GPa, with all that is faster than the first reading.
     #[serde(rename = "J0_per_GPa")]
     pub j0_per_gpa: f64,
     /// Its standard error.
@@ -130,8 +130,8 @@ impl CreepFile {
     pub fn text(&self) -> Result<String, toml::ser::Error> {
         let body = toml::to_string(self)?;
         Ok(format!(
-            "{HEADING}: J(t) = J0 + sum of J_k (1 - exp(-t/tau_k)), times in s, compliances in 1/GPa;\n# at another temperature tau is \
-             tau_s times its shift factor. calibrate --creep and diagnose --creep take it as what is known of the wall.\n\n{body}"
+            "{HEADING}: J(t) = J0 + sum of J_k (1 - exp(-t/tau_k)), times in s, compliances in 1/GPa;\n# J0 includes what is faster than \
+             the first reading, seen_s[0]; at another temperature tau is tau_s times its shift factor. calibrate --creep and diagnose --creep take it as what is known of the wall.\n\n{body}"
         ))
     }
 

@@ -2,6 +2,7 @@
 
 use nalgebra::DMatrix;
 
+use super::alike::Alike;
 use super::ladder::{Ladder, Step};
 use super::problem::{Shifted, gradient};
 use super::remarks::remark;
@@ -9,12 +10,14 @@ use super::shift::{Arrhenius, ShiftFactor, Wlf, laws};
 use super::spectrum::{Samples, spectrum};
 use super::{Creep, CreepError, CreepTest};
 use crate::fit::least_squares::jacobian;
-use crate::fit::uncertainty::{correlation_inflation, covariance, student_95};
+use crate::fit::uncertainty::student_95;
 
 /// Most elements that are tried where their number is left open.
 pub(super) const MOST: usize = 6;
 /// Noise below which no strain is measured, relative.
 const LEAST_NOISE: f64 = 1e-6;
+/// Least variance of the residuals, in units of the noise's: readings without noise are still read to so many digits.
+const LEAST_VARIANCE: f64 = 0.25;
 /// Fall of the Bayesian information criterion that is not worth more than a bare mention (Kass & Raftery 1995).
 const BARE: f64 = 2.0;
 /// Relative standard error from which a value is open.
@@ -137,6 +140,11 @@ impl CreepFit {
         (self.tests.iter().map(|t| samples(t) * of(t).powi(2)).sum::<f64>() / total).sqrt()
     }
 
+    /// Time of the first reading, reduced to the reference, s: J0 holds all that the wall does within it. 0 where one was taken at once.
+    pub fn first_reading_s(&self) -> f64 {
+        self.tests.iter().filter_map(|t| t.test.time_s.first().map(|s| s / t.factor)).fold(f64::INFINITY, f64::min)
+    }
+
     /// Shortest time after 0 and longest, reduced to the reference, s.
     pub fn span_s(&self) -> (f64, f64) {
         let reduced = self.tests.iter().flat_map(|t| t.test.time_s.iter().map(|s| s / t.factor));
@@ -200,11 +208,12 @@ fn judged(
     let problem = ladder.problem(elements);
     let Ok(columns) = jacobian(&problem, &step.solution.x, &step.solution.residuals);
     let freedom = (ladder.samples() - ladder.variables(elements)) as f64;
-    let inflation = correlation_inflation(&step.solution.residuals);
-    // Readings without noise are still read to so many digits.
-    let scale = (2.0 * step.solution.cost / freedom).max(0.25) * inflation;
-    let covariance = covariance(&columns, &step.solution.at_bound) * scale;
-    let error = |j: usize| if step.solution.at_bound[j] { f64::NAN } else { covariance[(j, j)].max(0.0).sqrt() };
+    let at_bound = &step.solution.at_bound;
+    let moved: Vec<&[f64]> = columns.iter().zip(at_bound).filter(|(_, held)| !**held).map(|(c, _)| &c[..]).collect();
+    let alike = Alike::of(&moved, &step.solution.residuals, &ladder.records());
+    let inflation = alike.inflation();
+    let covariance = alike.covariance(&columns, at_bound, &ladder.records(), LEAST_VARIANCE);
+    let error = |j: usize| if at_bound[j] { f64::NAN } else { covariance[(j, j)].max(0.0).sqrt() };
     let log_shifts = problem.log_shifts(&step.solution.x);
     let shifts = others.iter().zip(log_shifts).enumerate().map(|(m, (&temperature_degc, log))| ShiftFactor {
         temperature_degc,

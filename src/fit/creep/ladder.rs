@@ -1,5 +1,7 @@
 //! Fits with one element more after the other, and the evidence for each.
 
+use std::ops::Range;
+
 use super::problem::{CreepProblem, Shifted};
 use super::spectrum::{Samples, merged, spectrum, with_times};
 use super::{Creep, Element};
@@ -11,6 +13,8 @@ const GLANCE: Limits = Limits { iterations: 60, cost_tolerance: 1e-6, step_toler
 const LIMITS: Limits = Limits { iterations: 200, cost_tolerance: 1e-10, step_tolerance: 1e-9, thorough: false };
 /// Elements in vain, one after the other, after which no more are tried.
 const IN_VAIN: usize = 2;
+/// Mean square, in units of the noise's, below which there is nothing left to explain.
+const LEAST_SQUARE: f64 = 0.1;
 /// Trial shifts of times: to this many decades either way, in steps of this many.
 const SCAN_DECADES: f64 = 6.0;
 const SCAN_STEP: f64 = 0.1;
@@ -77,6 +81,17 @@ impl Ladder {
 
     pub(super) fn samples(&self) -> usize {
         self.tests.iter().map(|t| t.samples.time_s.len()).sum()
+    }
+
+    /// Each test's readings among the residuals.
+    pub(super) fn records(&self) -> Vec<Range<usize>> {
+        let mut end = 0;
+        let next = |test: &Shifted| {
+            let start = end;
+            end += test.samples.time_s.len();
+            start..end
+        };
+        self.tests.iter().map(next).collect()
     }
 
     /// Variables of a fit with `elements` elements.
@@ -147,10 +162,12 @@ impl Ladder {
     fn weigh(&self, steps: &mut [Step]) {
         let Some(richest) = steps.last() else { return };
         let n = self.samples() as f64;
-        let effective = n / correlation_inflation(&richest.solution.residuals);
+        // Where even that leaves no more than rounding there is nothing to be alike.
+        let rounding = 2.0 * richest.solution.cost < LEAST_SQUARE * n;
+        let alike = if rounding { 1.0 } else { correlation_inflation(&richest.solution.residuals) };
+        let effective = n / alike;
         for step in steps {
-            // Far below the noise there is nothing left to explain.
-            let mean_square = (2.0 * step.solution.cost / n).max(0.1);
+            let mean_square = (2.0 * step.solution.cost / n).max(LEAST_SQUARE);
             let variables = self.variables(step.creep.elements.len()) as f64;
             step.bic = effective * mean_square.ln() + variables * effective.ln();
         }

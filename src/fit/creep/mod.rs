@@ -9,6 +9,7 @@
 //! | [`nnls`] | non-negative least squares |
 //! | `spectrum` | from samples to a few retardation times, where a fit starts |
 //! | `problem` | the fit as bounded least squares |
+//! | `alike` | errors where neighbouring readings err alike |
 //! | `ladder` | fits of one element after the other, and the evidence for each |
 //! | [`fit`](mod@fit) | the fit: number of elements, noise, intervals |
 //! | `remarks` | what its numbers alone do not say |
@@ -16,6 +17,7 @@
 //! | [`file`](mod@file) | the result on disk, `CREEP.toml` |
 //! | [`prior`] | what of it a surge can show, as knowledge before a calibration |
 
+mod alike;
 pub mod file;
 pub mod fit;
 mod ladder;
@@ -52,7 +54,7 @@ pub struct Element {
 /// The creep compliance of a material at one temperature.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Creep {
-    /// J0, 1/Pa: the compliance at once.
+    /// J0, 1/Pa: the compliance at once; from a test that of its first reading, all that is faster among it.
     pub instantaneous_per_pa: f64,
     /// By retardation time.
     pub elements: Vec<Element>,
@@ -90,10 +92,10 @@ pub enum CreepError {
     )]
     TooManyInReach { found: usize, most: usize },
     #[error(
-        "viscoelastic-wall:{asked} asks for another number of elements than the {found} of the creep test that a surge can show: say \
-         viscoelastic-wall:{found}, or leave the number out"
+        "viscoelastic-wall:{asked} asks for fewer elements than the {found} of the creep test that a surge can show: say \
+         viscoelastic-wall:{found} or more, or leave the number out"
     )]
-    OtherNumber { asked: usize, found: usize },
+    TooFew { asked: usize, found: usize },
     #[error("a creep test tells about viscoelastic-wall, which is not in the model: add it to --effects")]
     NoWall,
 }

@@ -2,6 +2,10 @@
 //!
 //! An element much slower than the surge does not move during it, and one much faster cannot be told from the instantaneous modulus, which
 //! the wave speed already holds: neither is a parameter of the surge. What remains gets a lognormal prior for J and for τ.
+//!
+//! A laboratory reads first a tenth of a second or more after the load, later than much that a surge shows. Elements that are faster lie in the test's J0,
+//! which is that of a wall not quite rigid: nothing of it is taken for the wave speed, and elements within the first reading stay free to be added,
+//! known to be no slower.
 
 use super::CreepError;
 use super::file::{CreepFile, ElementTable};
@@ -17,9 +21,11 @@ const SAME_TEMPERATURE_K: f64 = 1.0;
 /// What is known of the wall before the fit.
 #[derive(Debug, Clone, PartialEq)]
 pub struct WallPrior {
-    /// Number of elements.
+    /// Number of elements that the test shows; they are the model's first.
     pub elements: usize,
-    /// Of `J1_per_GPa`, `tau1_s`, …
+    /// Whether the surge may show faster ones, which the test has in its J0.
+    pub faster: bool,
+    /// Of `J1_per_GPa`, `tau1_s`, … of these, and of the retardation times of any faster ones.
     pub priors: Vec<Prior>,
     /// What was used, what was left out and why, in sentences.
     pub sentences: Vec<String>,
@@ -94,7 +100,7 @@ pub fn wall_prior(
             Prior { name: format!("tau{n}_s"), mean: e.tau_s, sd: sd(e.tau_s, e.tau_standard_error) },
         ]
     });
-    let priors: Vec<Prior> = priors.collect();
+    let mut priors: Vec<Prior> = priors.collect();
     for pair in priors.chunks_exact(2) {
         sentences.push(format!(
             "known from the creep test: {} = {:.4} to {:.0}%, {} = {:.4} to {:.0}%",
@@ -106,7 +112,19 @@ pub fn wall_prior(
             100.0 * pair[1].sd
         ));
     }
-    Ok(WallPrior { elements: own.len(), priors, sentences })
+    let first_s = file.seen_s[0] * factor;
+    let faster = shortest_s < first_s && own.len() < most;
+    if faster {
+        sentences.push(format!(
+            "the creep test's first reading is at {first_s:.3} s: what is faster lies in its J0, and the surge may show it; faster elements are \
+             added after the test's own (tau{} to {first_s:.3} s) while the record asks for them",
+            own.len() + 1
+        ));
+        // Two standard deviations either way.
+        let (mean, sd) = ((shortest_s * first_s).sqrt(), (0.25 * (first_s / shortest_s).ln()).max(least_sd));
+        priors.extend((own.len() + 1..=most).map(|n| Prior { name: format!("tau{n}_s"), mean, sd }));
+    }
+    Ok(WallPrior { elements: own.len(), faster, priors, sentences })
 }
 
 #[cfg(test)]
@@ -143,10 +161,27 @@ mod tests {
         let said = known.sentences.join("\n");
         assert!(said.contains("element 1 of") && said.contains("instantaneous modulus"), "{said}");
         assert!(said.contains("element 4 of") && said.contains("does not move during a surge"), "{said}");
+        assert!(!known.faster, "the first reading is at a hundredth of the period");
         let none = wall_prior(&file(&[500.0]), 1.0, 20.0, 0.1, 5).unwrap_err().to_string();
         assert!(none.contains("none of the elements") && none.contains("5.0000e2 s"), "{none}");
         let many = wall_prior(&file(&[0.05, 0.1, 0.2]), 1.0, 20.0, 0.1, 2).unwrap_err();
         assert_eq!(many, CreepError::TooManyInReach { found: 3, most: 2 });
+    }
+
+    /// Read from 0.3 s on in a surge of 1 s: from 0.01 s to there elements are free, those of the test are not.
+    #[test]
+    fn what_is_faster_than_the_first_reading_stays_free() {
+        let late = CreepFile { seen_s: [0.3, 3600.0], ..file(&[2.0, 500.0]) };
+        let known = wall_prior(&late, 1.0, 20.0, 0.1, 3).unwrap();
+        assert!(known.faster && known.elements == 1);
+        let names: Vec<&str> = known.priors.iter().map(|p| p.name.as_str()).collect();
+        assert_eq!(names, ["J1_per_GPa", "tau1_s", "tau2_s", "tau3_s"]);
+        let free = &known.priors[2];
+        assert!(
+            (free.mean * (-2.0 * free.sd).exp() - 0.01).abs() < 1e-9
+                && (free.mean * (2.0 * free.sd).exp() - 0.3).abs() < 1e-9
+        );
+        assert!(known.sentences.join("\n").contains("first reading is at 0.300 s"), "{:?}", known.sentences);
     }
 
     #[test]

@@ -1,11 +1,17 @@
 //! What the numbers of a creep test alone do not say.
 
+use super::Creep;
 use super::fit::{CreepFit, MOST, OPEN, TestFit};
 use super::ladder::{Ladder, Step};
 use super::problem::Shifted;
+use crate::rig::material::MATERIALS;
 
 /// Fall of the Bayesian information criterion that is strong evidence (Kass & Raftery 1995).
 const STRONG: f64 = 6.0;
+/// Retarded compliance, as a share of J0, from which a wall creeps.
+const CREEPS: f64 = 0.05;
+/// How far compliances may lie beyond those of the library: other grades, and J0 of a test that begins late.
+const BEYOND: f64 = 1.5;
 /// Variance of correlated residuals over that of independent ones from which a reader is told.
 const ALIKE: f64 = 3.0;
 
@@ -14,6 +20,7 @@ pub(super) fn remark(fit: &mut CreepFit, ladder: &Ladder, step: &Step, (room, mo
     let chosen = fit.creep.elements.len();
     let (shortest_s, longest_s) = fit.span_s();
     let none = fit.creep.elements.is_empty();
+    fit.remarks.extend(implausible(&fit.creep));
     if most_taken && chosen < MOST {
         fit.remarks
             .push(format!("there are too few samples to try more than {chosen} elements: read more often, or longer"));
@@ -59,6 +66,33 @@ pub(super) fn remark(fit: &mut CreepFit, ladder: &Ladder, step: &Step, (room, mo
     if ladder.shifts > 0 {
         apart(fit, ladder, step, room);
     }
+}
+
+/// A compliance that no wall of the library has, by its sentence. What creeps is none of the metals.
+fn implausible(creep: &Creep) -> Option<String> {
+    let of = |viscoelastic: bool| {
+        let known = MATERIALS.iter().filter(move |m| m.viscoelastic == viscoelastic);
+        let per_gpa = known.flat_map(|m| m.youngs_modulus_range_pa).map(|pa| 1e9 / pa);
+        per_gpa.fold((f64::INFINITY, 0.0), |(l, u): (f64, f64), j| (l.min(j), u.max(j)))
+    };
+    let (plastics, metals) = (of(true), of(false));
+    let retarded: f64 = creep.elements.iter().map(|e| e.compliance_per_pa).sum();
+    let creeps = retarded > CREEPS * creep.instantaneous_per_pa;
+    let least = if creeps { plastics.0 } else { metals.0 };
+    let j0_per_gpa = 1e9 * creep.instantaneous_per_pa;
+    let plausible = least / BEYOND..=plastics.1 * BEYOND;
+    (!plausible.contains(&j0_per_gpa)).then(|| {
+        format!(
+            "J0 = {j0_per_gpa:.3} 1/GPa would be a modulus of {:.3} GPa{}; walls that creep have {:.2} to {:.0} 1/GPa (glass fibre to soft \
+             polyethylene), metals {:.4} to {:.3}: check the unit that the column's name says, and the stress",
+            1.0 / j0_per_gpa,
+            if creeps { " of a wall that creeps" } else { "" },
+            plastics.0,
+            plastics.1,
+            metals.0,
+            metals.1
+        )
+    })
 }
 
 /// Says where tests fitted apart, one temperature at a time, are described better than by shifted times.

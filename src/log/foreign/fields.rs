@@ -1,6 +1,8 @@
 //! The numbers in a message: JSON by its own structure, protobuf by the descriptors that the file carries.
 
+use prost::Message as _;
 use prost_reflect::{DescriptorPool, DynamicMessage, Kind, MessageDescriptor, ReflectMessage, Value};
+use prost_types::FileDescriptorSet;
 use serde_json::Value as Json;
 
 /// Most fields of one message that are looked at: an image in JSON is none of ours.
@@ -23,9 +25,7 @@ impl Format {
         match (encoding, schema) {
             ("json", _) => Ok(Format::Json),
             ("protobuf", Some((name, _, data))) => {
-                let pool =
-                    DescriptorPool::decode(data).map_err(|e| format!("its protobuf schema does not decode: {e}"))?;
-                let message = pool.get_message_by_name(name);
+                let message = pool(data)?.get_message_by_name(name);
                 message.map(Format::Protobuf).ok_or_else(|| format!("its protobuf schema lacks the message {name}"))
             }
             ("protobuf", None) => Err("it has protobuf messages without a schema".into()),
@@ -52,6 +52,22 @@ impl Format {
         }
         Ok(found)
     }
+}
+
+/// The types of a schema.
+fn pool(data: &[u8]) -> Result<DescriptorPool, String> {
+    let says = |e: &dyn std::fmt::Display| format!("its protobuf schema does not decode: {e}");
+    let set = FileDescriptorSet::decode(data).map_err(|e| says(&e))?;
+    // The library panics where it does not know the syntax, as of the editions that newer compilers write.
+    for file in &set.file {
+        if let Some(other) = file.syntax.as_deref().filter(|s| !["proto2", "proto3"].contains(s)) {
+            let name = file.name();
+            return Err(format!(
+                "its protobuf schema {name} has the syntax '{other}'; only proto2 and proto3 are read here"
+            ));
+        }
+    }
+    DescriptorPool::decode(data).map_err(|e| says(&e))
 }
 
 fn joined(path: &str, name: &str) -> String {
@@ -111,4 +127,24 @@ fn value_numbers(value: &Value, path: &str, depth: usize, found: &mut Vec<Field>
         _ => return,
     };
     found.push((path.to_string(), number));
+}
+
+#[cfg(test)]
+mod tests {
+    use prost_types::FileDescriptorProto;
+
+    use super::*;
+
+    #[test]
+    fn a_schema_of_an_unknown_syntax_is_refused_in_words() {
+        for syntax in ["editions", "proto4", ""] {
+            let syntax_of = Some(syntax.to_string());
+            let file = FileDescriptorProto { name: Some("a.proto".into()), syntax: syntax_of, ..Default::default() };
+            let data = FileDescriptorSet { file: vec![file] }.encode_to_vec();
+            let Err(why) = Format::of("protobuf", Some(("a.M", "protobuf", &data))) else {
+                panic!("{syntax} was taken")
+            };
+            assert!(why.contains(&format!("a.proto has the syntax '{syntax}'")), "{why}");
+        }
+    }
 }

@@ -32,7 +32,7 @@ pub fn html(fit: &CreepFit) -> String {
     let headings = ["element", "J, 1/GPa", "95%", "τ, s", "95%"];
     out.push_str(&table("Elements", &headings, &[1, 2, 3, 4], rows));
     out.push_str(
-        "<p class=\"note\">0.1034(21) stands for 0.1034 ± 0.0021, one standard error in the last digits.</p>\n",
+        "<p class=\"note\">0.1034(21) stands for 0.1034 ± 0.0021, one standard error in the last digits. Element 0 is J0: all that the wall yields before the first reading, elements that are faster among it.</p>\n",
     );
     if !fit.creep.elements.is_empty() {
         let _ = writeln!(out, "<h4>What each element adds</h4><figure>{}</figure>", parts(fit).to_svg(900.0, 280.0));

@@ -9,7 +9,7 @@ use crate::sensitivity::factor::Factor;
 use crate::sensitivity::levels;
 use crate::sensitivity::map::Map;
 use crate::sensitivity::morris::Effects;
-use crate::sensitivity::sobol::Indices;
+use crate::sensitivity::sobol::{Index, Indices};
 use crate::sensitivity::study::{Column, Study, Table as Of};
 
 /// Everything that was asked for.
@@ -27,15 +27,17 @@ pub fn text(study: &Study) -> String {
         let _ = write!(out, "\n{}", of_anova(anova));
     }
     if let Some(morris) = &study.morris {
-        let cell = |e: &Effects| format!("{} {}", significant(e.mu_star, 2), significant(e.sigma, 2));
-        out +=
-            "\nMorris: mean absolute effect of a step over the whole range, and standard deviation of the effect\n\n";
+        let cell = |e: &Effects| {
+            let half = significant(1.96 * e.mu_star_error, 1);
+            format!("{}±{half} {}", significant(e.mu_star, 2), significant(e.sigma, 2))
+        };
+        out += "\nMorris: mean absolute effect of a step over the whole range ± half its 95% interval, and standard deviation of the effect\n\n";
         out += &columns(&morris.factors, &morris.outputs, cell);
         out += &after(morris);
     }
     if let Some(sobol) = &study.sobol {
-        let cell = |i: &Indices| format!("{} {}", share(i.first.value), share(i.total.value));
-        out += "\nSobol: share of the variance, first-order and total\n\n";
+        let cell = |i: &Indices| format!("{} {}", with_half(i.first), with_half(i.total));
+        out += "\nSobol: share of the variance, first-order and total, each ± half its 95% interval\n\n";
         out += &columns(&sobol.factors, &sobol.outputs, cell);
         out += &after(sobol);
     }
@@ -116,6 +118,11 @@ pub fn range(factor: &Factor) -> String {
 /// A share of the variance, to hundredths: an estimate has no more digits.
 pub fn share(value: f64) -> String {
     if value.is_finite() { format!("{:.2}", value + 0.0).replace("-0.00", "0.00") } else { "–".into() }
+}
+
+/// A share and half of its interval, which is nearly even on both sides; the page and the JSON have both ends.
+fn with_half(index: Index) -> String {
+    format!("{}±{}", share(index.value), share(0.5 * (index.high - index.low)))
 }
 
 fn after<T>(table: &Of<T>) -> String {

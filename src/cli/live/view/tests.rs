@@ -40,14 +40,14 @@ logger      60.0k     124    0     0
     /dev/ttyUSB1 in again, it is waited
     for 60 s
 sensor       level  gaps  last 10 s
-P1       245.3 kPa     0  ▁▁▁▁▁▁▁█▁▁▁▁
+P1       245.3 kPa     0  ▁▁▁▁▁▁█▁▁▁▁▁
   ! saturated: it stands at the upper
     end of what it can show, 998.9 kPa;
     look at its wiring and supply, or
     take a larger range (or another
     'scale'), before you close the
     valve
-P2       251.0 kPa     3  ▁▁▁▁▁▁▁█▁▁▁▁
+P2       251.0 kPa     3  ▁▁▁▁▁▁█▁▁▁▁▁
   ! noisy: standard deviation 14.2 kPa,
     where its accuracy leaves room for
     5.5; look for a loose plug, mains
