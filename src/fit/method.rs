@@ -42,7 +42,9 @@ impl Method {
     /// What to do where it ended short of an optimum.
     pub fn advice(self) -> &'static str {
         match self {
-            Method::LeastSquares => "start it elsewhere (--start, --starts), or take --method stepwise or a smaller model",
+            Method::LeastSquares => {
+                "start it elsewhere (--start, --starts), or take --method stepwise or a smaller model"
+            }
             Method::GlobalLocal => "raise --budget, or draw anew with another --seed",
             Method::Global | Method::MicroGa => "raise --budget, or take --method global-local",
             Method::Stepwise => {
