@@ -264,7 +264,7 @@ fn two_devices_on_one_port_and_a_slave_without_the_register_are_told() {
     let device = Device { port: line.path().display().to_string(), ..plc(&rig) };
     let sources = Sources::open(&rig, &[device], false).unwrap();
     line.start(script, 1.0, Faults::default()).unwrap();
-    let options = Options { silence: Duration::from_secs(1), ..options(&file) };
+    let options = Options { silence: Duration::from_secs(4), ..options(&file) };
     let error = record(&rig, &sources, &options, &AtomicBool::new(false), &mut |_| {}).unwrap_err();
     assert!(matches!(error, RecordError::Refused { .. }), "{error}");
     assert!(error.to_string().contains("no register at that address"), "{error}");

@@ -404,6 +404,14 @@ impl Problem for Calibration<'_> {
         (&self.lower, &self.upper)
     }
 
+    /// A factor of e: an element that a step makes vanish has no slope any more by which it would come back.
+    fn reach(&self, j: usize) -> f64 {
+        match self.parameters[j].scale {
+            Scale::Log => 1.0,
+            Scale::Linear => f64::INFINITY,
+        }
+    }
+
     fn difference_step(&self, j: usize) -> f64 {
         match self.parameters[j].scale {
             Scale::Log => 1e-5,

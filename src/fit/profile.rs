@@ -118,6 +118,9 @@ impl<P: Problem> Problem for Held<'_, P> {
     fn bounds(&self) -> (&[f64], &[f64]) {
         (&self.lower, &self.upper)
     }
+    fn reach(&self, j: usize) -> f64 {
+        self.inner.reach(j)
+    }
     fn difference_step(&self, j: usize) -> f64 {
         self.inner.difference_step(j)
     }
@@ -282,6 +285,7 @@ mod tests {
             f: |x: &[f64]| t.iter().map(|t| (1.0 + 2.0 * t + 0.1 * (40.0 * t).sin()) - x[0] - x[1] * t).collect(),
             lower: vec![-10.0; 2],
             upper: vec![10.0; 2],
+            reach: f64::INFINITY,
         };
         // Variance of the slope: 1/Σ(t - 1)² = 1/7.7 with unit noise; four times that is worth two standard errors.
         let error = (1.0f64 / 7.7).sqrt();
@@ -303,6 +307,7 @@ mod tests {
             },
             lower: vec![0.5],
             upper: vec![100.0],
+            reach: f64::INFINITY,
         };
         let best = Solution {
             x: vec![n],
@@ -332,6 +337,7 @@ mod tests {
             },
             lower: vec![-5.0; 2],
             upper: vec![7.0; 2],
+            reach: f64::INFINITY,
         };
         let found = profile(&problem, &[50f64.ln(), 50f64.ln()], 1, 1.0);
         assert!(found.ends[1].is_none(), "{:?}", found.points);

@@ -9,6 +9,8 @@ pub(super) struct Test<F> {
     pub f: F,
     pub lower: Vec<f64>,
     pub upper: Vec<f64>,
+    /// Of every variable in a step.
+    pub reach: f64,
 }
 
 impl<F: Fn(&[f64]) -> Vec<f64> + Sync> Problem for Test<F> {
@@ -21,6 +23,9 @@ impl<F: Fn(&[f64]) -> Vec<f64> + Sync> Problem for Test<F> {
     }
     fn difference_step(&self, _j: usize) -> f64 {
         1e-7
+    }
+    fn reach(&self, _j: usize) -> f64 {
+        self.reach
     }
 }
 
