@@ -83,6 +83,8 @@ pub struct Stream<'a> {
     reconnects: u64,
     /// Samples or polls are known to be missing.
     holes: u64,
+    /// Polls without an answer before the recording began.
+    unheard: u64,
     values: Vec<f64>,
 }
 
@@ -113,6 +115,7 @@ impl<'a> Stream<'a> {
             returned: false,
             reconnects: 0,
             holes: 0,
+            unheard: 0,
             values: Vec::new(),
         }
     }
@@ -326,6 +329,11 @@ impl<'a> Stream<'a> {
         if polled.values.iter().any(|(_, value)| value.is_some()) {
             self.heard = Instant::now();
             live.begin(polled.at_ns)?;
+        } else if !live.has_begun() {
+            // Nothing is recorded yet, so nothing is lost.
+            self.unheard = polled.counts.missed;
+            self.codec = Codec::Polled(Some(polled));
+            return Ok(());
         }
         for &(index, number) in &polled.values {
             let Some(tap) = self.taps.get_mut(index) else { continue };
