@@ -57,22 +57,33 @@ fn index(folder: &Path) {
     }
 }
 
-/// A run that the program never survives is begun so often and no more; a failed one waits only when it is asked for.
+/// A run that the program does not survive is begun so often, then once more after each of ever longer pauses; a failed one waits only
+/// when it is asked for.
 #[test]
-fn a_run_that_ends_the_program_is_given_up() {
+fn a_run_that_ends_the_program_is_given_up_for_longer_and_longer() {
     let folder = tempfile::tempdir().unwrap();
     let mut index = Index::open(folder.path()).unwrap();
     let name = Name { file: "run.mcap".into(), size: 1, modified_ns: 1 };
     index.enter(&name, "content", ("lab", 1), None, |_| true).unwrap();
+    let mut now_s = 1000;
     for tries in 1..=3 {
         assert_eq!(index.claim(None).unwrap().map(|run| run.tries), Some(tries));
-        assert_eq!(index.resume(3).unwrap().len(), 1, "it was cut off");
+        assert_eq!(index.resume(3, now_s).unwrap().len(), 1, "it was cut off");
     }
-    assert_eq!(index.claim(None).unwrap(), None);
-    let run = index.named("run.mcap").unwrap().unwrap();
-    assert!(run.error.unwrap().contains("ended 3 times"));
+    for (pause_s, ended) in [(60, "ended 3 times"), (120, "ended 4 times"), (240, "ended 5 times")] {
+        let given_up = index.given_up().unwrap();
+        assert!(given_up[0].error.as_ref().unwrap().contains(ended), "{given_up:?}");
+        assert!(index.resume(3, now_s + pause_s - 1).unwrap().is_empty());
+        assert_eq!(index.claim(None).unwrap(), None);
+        now_s += pause_s;
+        assert_eq!(index.resume(3, now_s).unwrap().len(), 1);
+        assert!(index.given_up().unwrap().is_empty());
+        assert!(index.claim(None).unwrap().is_some());
+        index.resume(3, now_s).unwrap();
+    }
     assert_eq!(index.retry().unwrap(), 1);
     assert_eq!(index.claim(None).unwrap().map(|run| run.tries), Some(1));
+    assert!(index.given_up().unwrap().is_empty());
 }
 
 fn history(folder: &Path, more: &[&str]) -> (i32, String, String) {

@@ -303,6 +303,42 @@ fn record_simulate_plays_every_device_of_the_rig() {
     assert!(recording.series[3..].iter().all(|series| series.value.len() >= 30), "{summary}");
 }
 
+/// A slave that is powered up after the program: nothing is recorded yet, so nothing is lost.
+#[test]
+fn polls_before_the_first_answer_are_no_loss() {
+    let folder = TempDir::new().unwrap();
+    let rig = rig();
+    let mut line = SimulatedDevice::open().unwrap();
+    let plc = live_devices(&rig, &[]).unwrap().remove(2);
+    let device = Device { port: line.path().display().to_string(), ..plc };
+    let script = Script::new(&playback(&rig, &device, 0.5), &rig, &device).unwrap();
+    let sources = Sources::open(&rig, &[device], false).unwrap();
+    let options = options(&folder.path().join("run.mcap"));
+    let summary = thread::scope(|scope| {
+        scope.spawn(|| {
+            thread::sleep(Duration::from_secs(2));
+            line.start(script, 1.0, Faults::default()).unwrap();
+        });
+        record(&rig, &sources, &options, &AtomicBool::new(false), &mut |_| {}).unwrap()
+    });
+    let device = &summary.devices[0];
+    assert!(device.frames > 5 && device.lost_frames < 10 && device.holes < 10, "{device:?}");
+}
+
+/// Played as fast as possible, the devices' clocks say nothing about each other.
+#[test]
+fn clocks_that_do_not_fit_are_told() {
+    let folder = TempDir::new().unwrap();
+    let (rig, file) = (write_rig(&folder), folder.path().join("run.mcap"));
+    let mut command = program();
+    command.args(["record", "--json", "--simulate", "--speed", "0", "--duration", "5", "--rig"]).arg(rig).arg("-o");
+    let output = command.arg(&file).output().unwrap();
+    let summary: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    let warning = summary["devices"][0]["clock_warning"].as_str().unwrap();
+    assert!(warning.contains("does not run evenly"), "{warning}");
+    assert_eq!(log::read(&file).unwrap().run.notes.iter().filter(|(key, _)| key == "daq.clock_warning").count(), 1);
+}
+
 /// A limit on the size of files is as near to a full disk as a test can come without one.
 #[test]
 fn a_full_disk_ends_the_recording_with_a_whole_file_and_a_clear_word() {

@@ -10,6 +10,7 @@ use std::time::Duration;
 
 use surgescope::log;
 use surgescope::record::RecordError;
+use surgescope::record::frames::Frame;
 use surgescope::record::output::Summary;
 use surgescope::record::replay::{load, replay};
 use surgescope::record::session::{Options, live_devices, record};
@@ -446,4 +447,91 @@ fn a_restart_is_a_gap_and_what_follows_is_recorded() {
         assert!((value - quantised(&playback, 0, index)).abs() < 1e-9, "sample {index} at {} s", times[at]);
         index += 1;
     }
+}
+
+/// Says its pieces, each at its time, s.
+struct Told(std::vec::IntoIter<(f64, Vec<u8>)>, std::time::Instant);
+
+impl std::io::Read for Told {
+    fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
+        let Some((at_s, bytes)) = self.0.next() else { return Ok(0) };
+        thread::sleep(Duration::from_secs_f64(at_s).saturating_sub(self.1.elapsed()));
+        buffer[..bytes.len()].copy_from_slice(&bytes);
+        Ok(bytes.len())
+    }
+}
+
+/// Records what a device says; pieces with their times, s.
+fn told(protocol: &str, pieces: Vec<(f64, Vec<u8>)>, file: &Path) -> (Summary, Recording) {
+    let rig = Rig::from_toml(&rig_text(protocol), "bench.toml").unwrap();
+    let device = live_devices(&rig, &[]).unwrap().remove(0);
+    let reader = Told(pieces.into_iter(), std::time::Instant::now());
+    let sources = Sources::reading(&device, reader).unwrap();
+    let options = Options { duration_s: Some(30.0), ..options(file) };
+    let summary = record(&rig, &sources, &options, &AtomicBool::new(false), &mut |_| {}).unwrap();
+    (summary, log::read(file).unwrap())
+}
+
+/// Frame `index` of a device at 1 kHz, ten samples that count on.
+fn counting(sequence: u16, first_us: u64, index: i16) -> Vec<u8> {
+    let counts = (0..10).flat_map(|i| [10 * index + i; 3]).collect();
+    Frame::new(sequence, first_us, 1_000_000, 3, counts).unwrap().encode()
+}
+
+/// A 64-bit clock read in halves: one time stamp is 2^32 µs ahead, far behind the duration's end.
+#[test]
+fn one_wrong_time_stamp_costs_one_frame() {
+    let folder = TempDir::new().unwrap();
+    let torn = |index: u64| if index == 40 { 1 << 32 } else { 0 };
+    let frame = |index: u64| counting(index as u16, index * 10_000 + torn(index), index as i16);
+    let pieces = (0..100).map(|index| (index as f64 * 0.01, frame(index))).collect();
+    let (summary, recording) = told("frames", pieces, &folder.path().join("run.mcap"));
+    let series = &recording.series[0];
+    assert_eq!(series.value.len(), 990);
+    assert!((series.time_s[989] - 0.999).abs() < 1e-9, "{} s", series.time_s[989]);
+    assert_eq!(series.gaps.len(), 1);
+    assert!((series.gaps[0].from_s - 0.399).abs() < 1e-9 && (series.gaps[0].to_s - 0.410).abs() < 1e-9);
+    let device = &summary.devices[0];
+    assert_eq!((device.frames, device.bad_frames, device.lost_frames), (99, 1, 1), "{device:?}");
+}
+
+/// The new clock reads later than the last sample: the arrivals tell, and with frames the sequence.
+#[test]
+fn a_restart_with_a_clock_that_reads_later_is_noticed() {
+    let folder = TempDir::new().unwrap();
+    // 1 s of it, then a hole of 1.5 s, of which the device's clock shows 0.5 s
+    let time_us = |index: u64| 10_000 * index + if index < 100 { 200_000 } else { 700_000 };
+    let at_s = |index: u64| index as f64 * 0.01 + if index < 100 { 0.0 } else { 1.5 };
+    let frame =
+        |index: u64| counting(if index < 100 { index } else { index - 100 } as u16, time_us(index), index as i16);
+    let line = |index: u64| format!("{},{index},0,0\n", time_us(index)).into_bytes();
+    let frames = (0..200).map(|index| (at_s(index), frame(index))).collect();
+    let lines = (0..200).map(|index| (at_s(index), line(index))).collect();
+    for (protocol, pieces) in [("frames", frames), ("lines", lines)] {
+        let (summary, recording) = told(protocol, pieces, &folder.path().join(protocol));
+        let series = &recording.series[0];
+        let device = &summary.devices[0];
+        assert_eq!((device.restarts, device.lost_frames), (1, 0), "{device:?}");
+        assert_eq!(series.gaps.len(), 1);
+        let hole_s = series.gaps[0].to_s - series.gaps[0].from_s;
+        assert!((hole_s - 1.5).abs() < 0.1, "{protocol}: {hole_s} s");
+    }
+}
+
+/// A converter that prints nan for one sensor still measures with the others.
+#[test]
+fn a_line_with_a_nan_keeps_the_other_sensors() {
+    let folder = TempDir::new().unwrap();
+    let line = |index: u64| match index {
+        10..15 => format!("{},nan,{index},{index}\n", 10_000 * index).into_bytes(),
+        _ => format!("{},{index},{index},{index}\n", 10_000 * index).into_bytes(),
+    };
+    let pieces = (0..30).map(|index| (index as f64 * 0.01, line(index))).collect();
+    let (summary, recording) = told("lines", pieces, &folder.path().join("run.mcap"));
+    // the first line may be the rest of one
+    let counts: Vec<_> = recording.series.iter().map(|series| (series.value.len(), series.gaps.len())).collect();
+    assert_eq!(counts, [(24, 1), (29, 0), (29, 0)]);
+    let gap = recording.series[0].gaps[0];
+    assert!((gap.to_s - gap.from_s - 0.06).abs() < 1e-9, "{gap:?}");
+    assert!(summary.data_lost);
 }

@@ -195,6 +195,26 @@ fn a_killed_watch_does_nothing_twice_and_leaves_nothing_out() {
     assert_eq!(out, "", "something was done again");
 }
 
+/// Five kills in a row are no verdict: the run is named, the exit code says that it is not done, and it is tried again later.
+#[test]
+fn a_run_killed_too_often_is_named_until_its_pause_is_over() {
+    let folder = tempfile::tempdir().unwrap();
+    recorded(&folder.path().join("run.mcap"), "5", "run=1");
+    assert_eq!(once(folder.path(), &[]).0, 0);
+    let index = folder.path().join("surgescope.sqlite");
+    let change = |sql: &str| rusqlite::Connection::open(&index).unwrap().execute(sql, []).unwrap();
+    change("UPDATE run SET state = 'running', tries = 5");
+    for _ in 0..2 {
+        let (code, out, err) = once(folder.path(), &[]);
+        assert_eq!(code, 1, "{err}");
+        assert!(out.starts_with("run.mcap: failed: the program ended 5 times"), "{out}");
+    }
+    change("UPDATE given_up SET again_unix_s = again_unix_s - 61");
+    let (code, _, err) = once(folder.path(), &[]);
+    assert_eq!(code, 0, "{err}");
+    assert_done(folder.path(), &runs(folder.path())["run.mcap"]);
+}
+
 #[test]
 fn a_second_watch_is_refused_and_a_killed_one_leaves_no_lock() {
     let folder = tempfile::tempdir().unwrap();

@@ -313,7 +313,11 @@ fn table(summary: &Summary) -> String {
         let _ = describe(&mut text, device);
     }
     if summary.data_lost {
-        text.push_str("Samples were lost on the way; each hole is kept as a gap.\n");
+        let gaps: u64 = summary.sensors.iter().map(|sensor| sensor.gaps).sum();
+        text.push_str(match gaps {
+            0 => "Samples were lost before the first or after the last of their sensors: no gap stands for them.\n",
+            _ => "Samples were lost on the way; each hole between samples is kept as a gap.\n",
+        });
     }
     text
 }
@@ -323,6 +327,9 @@ fn describe(text: &mut String, device: &DeviceCount) -> std::fmt::Result {
     let name = &device.name;
     if let Some(clock) = &device.clock {
         writeln!(text, "clock of {name}: {clock}")?;
+    }
+    if let Some(warning) = &device.clock_warning {
+        writeln!(text, "{name}: {warning}")?;
     }
     for (count, what) in [
         (device.late_answers, "answers came after their time-out and were dropped"),

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
-use std::time::Duration;
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use super::evaluate::{Ended, Settings, evaluate, line, sentence};
 use super::record::{STOP, stop_on_signals};
@@ -16,7 +16,7 @@ use crate::report::history::{RunDocument, WatchDocument};
 use crate::rig::Rig;
 use crate::watch::folder::{Content, Listed, list, look_into};
 
-/// How often a run is begun that the program does not survive.
+/// How often a run is begun that the program does not survive, before it has to wait.
 const MOST_TRIES: u32 = 5;
 
 /// Watch a folder: each finished recording in it is inspected, calibrated with the rig's last accepted model and diagnosed against it.
@@ -34,7 +34,7 @@ pub struct Args {
     /// A rig to read the recordings with, instead of the one that is stored in each.
     #[arg(long, value_name = "RIG")]
     rig: Option<PathBuf>,
-    /// Do what is there and end: 1 where a run failed, 3 where a recording has no end. Needed for --json: one document needs an end.
+    /// Do what is there and end: 1 where a run failed or has to wait because the program ended too often during it, 3 where a recording has no end. Needed for --json: one document needs an end.
     #[arg(long)]
     once: bool,
     /// Print each verdict as a JSON document on a line of its own.
@@ -124,16 +124,20 @@ impl Watch {
 
     /// Takes up what an earlier watch left.
     fn begin(&mut self) -> Result<(), AnyError> {
-        for run in self.index.resume(MOST_TRIES)? {
-            let now = self.index.run(run.id)?;
-            match now.error {
-                Some(error) => super::tell!("{}: failed: {error}", run.file),
-                None => super::tell!("{}: was cut off and is done again", run.file),
+        let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+        for run in self.index.resume(MOST_TRIES, now.as_secs() as i64)? {
+            if self.index.run(run.id)?.error.is_none() {
+                super::tell!("{}: was cut off and is done again", run.file);
             }
         }
         if self.args.retry {
             let again = self.index.retry()?;
             super::tell!("{again} failed run{} tried again", if again == 1 { " is" } else { "s are" });
+        }
+        for run in self.index.given_up()? {
+            if self.folder().join(&run.file).exists() {
+                self.tell_end(run.id)?;
+            }
         }
         let all = self.index.all()?;
         let count = |state| all.iter().filter(|r| r.state == state).count();

@@ -8,13 +8,16 @@ use std::time::Duration;
 
 use rusqlite::{Connection, OpenFlags, OptionalExtension, Row, Transaction, TransactionBehavior, params};
 
-use super::schema::{APPLICATION, TABLES, VERSION};
+use super::schema::{APPLICATION, LATER_TABLES, TABLES, VERSION};
 use super::{Accepted, Finding, HistoryError, Run, State, Value};
 
 /// Name of the index in its folder.
 pub const FILE: &str = "surgescope.sqlite";
 /// How long a statement waits for another process to finish its own.
 const PATIENCE: Duration = Duration::from_secs(10);
+
+/// How long a run that was given up for the first time waits, s; each further time twice as long, up to 2^10 times.
+const FIRST_PAUSE_S: i64 = 60;
 
 type Result<T> = std::result::Result<T, HistoryError>;
 
@@ -73,6 +76,7 @@ impl Index {
         }
         made.commit()?;
         check(&connection, &path)?;
+        connection.execute_batch(LATER_TABLES)?;
         Ok(Index(connection))
     }
 
@@ -174,20 +178,36 @@ impl Index {
         Ok(change.commit()?)
     }
 
-    /// Runs that were cut off wait again; those begun `most` times already have failed. To be called with the folder locked.
-    pub fn resume(&mut self, most: u32) -> Result<Vec<Run>> {
-        let cut: Vec<Run> = self.select("WHERE state = 'running'", [])?;
+    /// Runs that were cut off wait again. Those begun `most` times already are given up for a while: a crash is not to be met for ever, but
+    /// who kills the program has only to come back later. Returns both, and those whose time has come. To be called with the folder locked.
+    pub fn resume(&mut self, most: u32, now_unix_s: i64) -> Result<Vec<Run>> {
+        let due = "(SELECT run FROM given_up WHERE again_unix_s <= ?1)";
+        let which = format!("WHERE state = 'running' OR (state = 'failed' AND id IN {due})");
+        let back = self.select(&which, [now_unix_s])?;
         let change = self.change()?;
-        let error = format!(
-            "the program ended {most} times while it worked on this recording; `surgescope watch --retry` tries again"
-        );
-        change.execute(
-            "UPDATE run SET state = 'failed', error = ?1 WHERE state = 'running' AND tries >= ?2",
-            params![error, most],
-        )?;
-        change.execute("UPDATE run SET state = 'waiting' WHERE state = 'running'", [])?;
+        change.execute("DELETE FROM given_up WHERE again_unix_s <= ?", [now_unix_s])?;
+        for run in &back {
+            if run.state == State::Running && run.tries >= most {
+                let pause_s = FIRST_PAUSE_S << (run.tries - most).min(10);
+                let error = format!(
+                    "the program ended {} times while it worked on this recording; it is tried once more by a watch that starts \
+                     {} min or more from now, or at once with `surgescope watch --retry`",
+                    run.tries,
+                    pause_s / 60
+                );
+                change.execute("UPDATE run SET state = 'failed', error = ? WHERE id = ?", params![error, run.id])?;
+                change.execute("INSERT OR REPLACE INTO given_up VALUES (?, ?)", [run.id, now_unix_s + pause_s])?;
+            } else {
+                change.execute("UPDATE run SET state = 'waiting', error = NULL WHERE id = ?", [run.id])?;
+            }
+        }
         change.commit()?;
-        Ok(cut)
+        Ok(back)
+    }
+
+    /// The runs that are given up for now.
+    pub fn given_up(&self) -> Result<Vec<Run>> {
+        self.select("WHERE state = 'failed' AND id IN (SELECT run FROM given_up) ORDER BY recorded_unix_ns, id", [])
     }
 
     /// Lets failed runs wait again; says how many.
@@ -195,6 +215,7 @@ impl Index {
         let change = self.change()?;
         let again =
             change.execute("UPDATE run SET state = 'waiting', tries = 0, error = NULL WHERE state = 'failed'", [])?;
+        change.execute("DELETE FROM given_up", [])?;
         change.commit()?;
         Ok(again)
     }

@@ -57,3 +57,13 @@ CREATE TABLE accepted (
 ) STRICT;
 CREATE INDEX run_of_rig ON run (rig, recorded_unix_ns);
 ";
+
+/// Made where it is missing: an index of an earlier program has none.
+///
+/// `given_up` holds the runs during which the program ended too often, and from when on each is tried once more.
+pub(super) const LATER_TABLES: &str = "
+CREATE TABLE IF NOT EXISTS given_up (
+    run INTEGER PRIMARY KEY REFERENCES run (id),
+    again_unix_s INTEGER NOT NULL
+) STRICT;
+";

@@ -11,6 +11,12 @@ const MOST_POINTS: usize = 1024;
 const FIRST_WIDTH_NS: i64 = 10_000_000;
 /// Below this span of device time the drift is not known well enough to use.
 const SPAN_FOR_DRIFT_NS: i64 = 5_000_000_000;
+/// A drift is known where it is this many times its standard error, or where that is below [`SURE_DRIFT`].
+const DRIFT_ERRORS: f64 = 3.0;
+/// Better than crystals keep among themselves.
+const SURE_DRIFT: f64 = 2e-6;
+/// The span is cut into so many pieces, and the least delay of each looked at, to know how well the drift is known.
+const PIECES: usize = 16;
 /// No device clock is this far off: what shows more is no stream in real time.
 const MOST_DRIFT: f64 = 0.05;
 
@@ -33,7 +39,8 @@ pub struct ClockLine {
     pub host_ns: f64,
     /// Host seconds a device second.
     pub rate: f64,
-    /// Whether the drift is the fit's; else the span was too short, or the stream ran not in real time, and the rate is 1.
+    /// Whether the drift is the fit's; else the span was too short for the scatter of the arrivals, or the stream ran not in real time,
+    /// and the rate is 1.
     pub drift_known: bool,
     /// How far the arrivals lie above the line, ns: their median, and the value that 95% do not exceed.
     pub residual_ns: (f64, f64),
@@ -86,7 +93,9 @@ impl ClockFit {
         let mean = self.points.iter().map(|p| p.0 as f64).sum::<f64>() / self.points.len() as f64;
         let edge = hull.windows(2).find(|edge| edge[1].0 as f64 >= mean);
         let drift = edge.map_or(0.0, |e| (e[1].1 - e[0].1) as f64 / (e[1].0 - e[0].0) as f64);
-        let drift_known = last.0 - first.0 >= SPAN_FOR_DRIFT_NS && drift.abs() <= MOST_DRIFT;
+        let span_ns = last.0 - first.0;
+        let sure = || drift_error(&self.points, drift) <= SURE_DRIFT.max(drift.abs() / DRIFT_ERRORS);
+        let drift_known = span_ns >= SPAN_FOR_DRIFT_NS && drift.abs() <= MOST_DRIFT && sure();
         let drift = if drift_known { drift } else { 0.0 };
         let above = |p: &(i64, i64)| p.1 as f64 - drift * p.0 as f64;
         let offset = self.points.iter().map(above).fold(f64::INFINITY, f64::min);
@@ -106,6 +115,29 @@ impl ClockFit {
     pub fn seen(&self) -> u64 {
         self.seen
     }
+}
+
+/// Standard error of a drift: that of a straight line through the least delays of as many pieces of the span, whose scatter is taken
+/// from their median distance to their median, so that a piece in which everything was late says nothing.
+fn drift_error(points: &[(i64, i64)], drift: f64) -> f64 {
+    let (Some(first), Some(last)) = (points.first(), points.last()) else { return f64::INFINITY };
+    let mut least = [f64::INFINITY; PIECES];
+    for point in points {
+        let piece = ((point.0 - first.0) as i128 * PIECES as i128 / (last.0 - first.0 + 1) as i128) as usize;
+        least[piece] = least[piece].min(point.1 as f64 - drift * point.0 as f64);
+    }
+    let mut least: Vec<f64> = least.into_iter().filter(|delay| delay.is_finite()).collect();
+    let middle = median(&mut least);
+    let mut distances: Vec<f64> = least.iter().map(|delay| (delay - middle).abs()).collect();
+    // 1.4826: from the median distance to the standard deviation of a normal distribution
+    let scatter = 1.4826 * median(&mut distances);
+    // evenly spaced points: the variance of their places is span²/12
+    scatter * (12.0 / distances.len() as f64).sqrt() / (last.0 - first.0) as f64
+}
+
+fn median(values: &mut [f64]) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or(f64::INFINITY)
 }
 
 /// The earlier of two arrivals stands for both.
@@ -164,6 +196,32 @@ mod tests {
                 assert!(error_us.abs() < 50.0, "seed {seed}, {at_s} s: {error_us} µs");
             }
             assert!(line.residual_ns.0 > 0.0 && line.residual_ns.0 < line.residual_ns.1);
+        }
+    }
+
+    /// Frames every 10 ms that come late by 4 ms on average, as over a busy USB hub: a few seconds cannot tell tens of millionths.
+    fn late(seconds: i64, drift: f64, seed: u64) -> ClockLine {
+        let mut dice = fastrand::Rng::with_seed(seed);
+        let mut fit = ClockFit::default();
+        let mut before = 0;
+        for index in 0..100 * seconds {
+            let delay = -4e6 * (1.0 - dice.f64()).ln() + 0.2e6 * dice.f64();
+            // one frame after the other
+            before = before.max((index as f64 * 1e7 * (1.0 + drift) + delay) as i64);
+            fit.add(index * 10_000_000, before);
+        }
+        fit.line().unwrap()
+    }
+
+    #[test]
+    fn a_drift_within_its_own_error_is_not_known() {
+        let taken = (0..200).filter(|&seed| late(6, 0.0, seed).rate != 1.0 && late(6, 0.0, seed).drift_known).count();
+        assert!(taken <= 20, "{taken} of 200 perfect clocks were said to drift");
+        for seed in 0..50 {
+            let line = late(6, 2e-3, seed);
+            assert!(line.drift_known && (line.rate - 1.002).abs() < 2e-4, "seed {seed}: {line:?}");
+            let line = late(600, 50e-6, seed);
+            assert!(line.drift_known && (line.rate - 1.00005).abs() < 5e-6, "seed {seed}: {line:?}");
         }
     }
 

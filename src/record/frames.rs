@@ -17,6 +17,9 @@ pub const MAX_ENCODED: usize = 1 << 20;
 /// Device times beyond this, µs (146 000 years), would not fit the recording's i64 nanoseconds.
 const MAX_DEVICE_US: u64 = (i64::MAX / 2000) as u64;
 
+/// A time further ahead than the sequence and the host's clock allow, by this share and this much, is doubted: µs.
+const DOUBT: (u64, u64) = (2, 50_000);
+
 /// So many consecutive frames from the past, in sequence among themselves, are a device that restarted.
 const RESTART_FRAMES: usize = 3;
 
@@ -158,6 +161,9 @@ pub enum Event {
         lost_before: u32,
         /// When its first byte arrived, ns on the clock of [`Decoder::feed`].
         began_ns: i64,
+        /// Its sequence went back while its time went on too little for so many frames to be missing: none is counted as lost, and
+        /// the device may have restarted.
+        anew: bool,
     },
     /// The device started again: its clock and its sequence began anew with the next frame.
     Restarted,
@@ -168,7 +174,7 @@ pub enum Event {
 pub struct FrameCounts {
     /// Frames taken.
     pub frames: u64,
-    /// Pieces between zeros that were no valid frame (COBS, version, length, CRC).
+    /// Pieces between zeros that were no valid frame (COBS, version, length, CRC), and frames with a time that the next one refuted.
     pub bad: u64,
     /// Frames missing by the jumps of the sequence; a bad frame is missing too.
     pub lost: u64,
@@ -185,12 +191,15 @@ pub struct Decoder {
     /// The first zero was seen; what stood before it may be the rest of a frame that began before we listened.
     aligned: bool,
     last: Option<Last>,
+    /// A frame whose time jumps further than its sequence and its arrival say, until the next one confirms it; with its arrival.
+    doubtful: Option<(Frame, i64)>,
     /// Frames from the past, in sequence among themselves: late ones, or a device that restarted. Each with its arrival.
     stale: Vec<(Frame, i64)>,
     /// When the first byte of the pending piece arrived.
     began_ns: i64,
-    /// Frames missing since the last one handed on.
+    /// Frames missing since the last one handed on, and whether the sequence began anew since.
     lost_before: u32,
+    anew: bool,
     counts: FrameCounts,
 }
 
@@ -200,6 +209,30 @@ struct Last {
     first_us: u64,
     /// Length of a frame, µs.
     length_us: u64,
+    /// When the frame that `first_us` is of began to arrive, ns.
+    began_ns: i64,
+}
+
+impl Last {
+    fn of(frame: &Frame, began_ns: i64) -> Last {
+        let length_us = u64::from(frame.period_ns) * frame.samples() as u64 / 1000;
+        Last { sequence: frame.sequence, first_us: frame.first_us, length_us, began_ns }
+    }
+
+    /// True for a later frame whose time is ahead of both what the sequence and what the host's clock say.
+    fn jumps_to(&self, next: &Frame, began_ns: i64) -> bool {
+        let step = u64::from(next.sequence.wrapping_sub(self.sequence));
+        let elapsed_us = u64::try_from(began_ns.saturating_sub(self.began_ns)).unwrap_or(0) / 1000;
+        let allowed_us = elapsed_us.max(step.saturating_mul(self.length_us));
+        next.first_us - self.first_us > DOUBT.0.saturating_mul(allowed_us) + DOUBT.1
+    }
+
+    /// True where the sequence went back, and more frames would be missing by it than fit into the hole.
+    fn begins_anew_with(&self, next: &Frame) -> bool {
+        let missing = u64::from(next.sequence.wrapping_sub(self.sequence)) - 1;
+        let hole_us = next.first_us.saturating_sub(self.first_us + self.length_us);
+        next.sequence < self.sequence && missing.saturating_mul(self.length_us) > DOUBT.0 * hole_us + DOUBT.1
+    }
 }
 
 impl Decoder {
@@ -208,9 +241,14 @@ impl Decoder {
         Decoder::default()
     }
 
-    /// What was seen so far.
+    /// What was seen so far; a frame in doubt is a bad one until it is confirmed.
     pub fn counts(&self) -> FrameCounts {
-        self.counts
+        FrameCounts { bad: self.counts.bad + u64::from(self.doubtful.is_some()), ..self.counts }
+    }
+
+    /// Frames that were counted as lost were none: the device has restarted.
+    pub fn not_lost(&mut self, frames: u32) {
+        self.counts.lost = self.counts.lost.saturating_sub(u64::from(frames));
     }
 
     /// Takes the next bytes of the stream, which arrived at `at_ns` on any clock, and appends what they complete to `events`.
@@ -263,31 +301,71 @@ impl Decoder {
         self.pending.clear();
     }
 
-    /// Puts a valid frame in its place behind the last one, or keeps it aside as one from the past.
+    /// Puts a valid frame in its place behind the last one, or keeps it aside as one from the past or with a doubtful time.
     fn accept(&mut self, frame: Frame, events: &mut Vec<Event>) {
-        let mut lost_before = 0;
+        if self.settle(&frame, events) {
+            self.counts.duplicated += 1;
+            return;
+        }
+        let Some(last) = self.last else {
+            self.take(frame, self.began_ns, events);
+            return;
+        };
+        let repeated = frame.sequence == last.sequence;
+        if repeated || frame.first_us <= last.first_us {
+            self.stale(frame, repeated, events);
+        } else if last.jumps_to(&frame, self.began_ns) {
+            self.doubtful = Some((frame, self.began_ns));
+        } else {
+            self.take(frame, self.began_ns, events);
+        }
+    }
+
+    /// The frame behind one with a doubtful time goes on from there, or from before it: then the doubtful one is dropped. One from the
+    /// past says nothing. True for the doubtful one come again.
+    fn settle(&mut self, next: &Frame, events: &mut Vec<Event>) -> bool {
+        let Some((doubtful, began_ns)) = self.doubtful.take() else { return false };
+        let last_us = self.last.map_or(0, |last| last.first_us);
+        let again = next.sequence == doubtful.sequence && next.first_us == doubtful.first_us;
+        if again || next.first_us <= last_us {
+            self.doubtful = Some((doubtful, began_ns));
+            return again;
+        }
+        // A device that samples now and then jumps again and again.
+        let (jumped, jump_us) = (Last::of(&doubtful, began_ns), doubtful.first_us - last_us);
+        let goes_on = next.first_us > doubtful.first_us
+            && (!jumped.jumps_to(next, self.began_ns) || next.first_us - doubtful.first_us <= jump_us + jump_us / 2);
+        if goes_on {
+            self.take(doubtful, began_ns, events);
+        } else {
+            self.counts.bad += 1;
+        }
+        false
+    }
+
+    /// Hands on a frame that is later than the last one.
+    fn take(&mut self, frame: Frame, began_ns: i64, events: &mut Vec<Event>) {
         if let Some(last) = self.last {
-            let step = frame.sequence.wrapping_sub(last.sequence);
-            if step == 0 || frame.first_us <= last.first_us {
-                self.stale(frame, step == 0, events);
-                return;
+            if last.begins_anew_with(&frame) {
+                self.anew = true;
+            } else {
+                let lost = missing(&last, &frame, frame.sequence.wrapping_sub(last.sequence));
+                self.counts.lost += u64::from(lost);
+                self.lost_before = self.lost_before.saturating_add(lost);
             }
-            lost_before = missing(&last, &frame, step);
         }
         self.stale.clear();
         self.counts.frames += 1;
-        self.counts.lost += u64::from(lost_before);
-        self.lost_before = self.lost_before.saturating_add(lost_before);
-        let length_us = u64::from(frame.period_ns) * frame.samples() as u64 / 1000;
+        let here = Last::of(&frame, began_ns);
         if frame.samples() == 0 {
             // A sign of life: it has a sequence number, but no sample that its time would be of.
-            let first_us = self.last.map_or(frame.first_us.saturating_sub(1), |last| last.first_us);
-            self.last = Some(Last { sequence: frame.sequence, first_us, length_us });
+            let before = self.last.unwrap_or(Last { first_us: frame.first_us.saturating_sub(1), ..here });
+            self.last = Some(Last { sequence: frame.sequence, length_us: 0, ..before });
             return;
         }
-        self.last = Some(Last { sequence: frame.sequence, first_us: frame.first_us, length_us });
+        self.last = Some(here);
         let lost_before = std::mem::take(&mut self.lost_before);
-        events.push(Event::Frame { frame, lost_before, began_ns: self.began_ns });
+        events.push(Event::Frame { frame, lost_before, began_ns, anew: std::mem::take(&mut self.anew) });
     }
 
     /// A frame from the past: late, or sent again; enough of them in sequence are a device that restarted, and none of them is lost.
@@ -307,12 +385,12 @@ impl Decoder {
             return;
         }
         events.push(Event::Restarted);
+        self.counts.bad += u64::from(self.doubtful.take().is_some());
         self.last = None;
-        self.lost_before = 0;
+        (self.lost_before, self.anew) = (0, false);
         self.counts.duplicated -= RESTART_FRAMES as u64;
         for (frame, began_ns) in std::mem::take(&mut self.stale) {
-            self.began_ns = began_ns;
-            self.accept(frame, events);
+            self.take(frame, began_ns, events);
         }
     }
 }

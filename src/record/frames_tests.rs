@@ -247,11 +247,59 @@ fn a_frame_begins_when_its_first_byte_arrives() {
     assert_eq!(events.iter().map(began).collect::<Vec<_>>(), [10, 10, 30]);
 }
 
+/// A frame of 10 ms.
+fn at(sequence: u16, first_us: u64) -> Frame {
+    Frame::new(sequence, first_us, 1_000_000, 1, vec![0; 10]).unwrap()
+}
+
+/// Feeds frames with their arrivals, ms, and returns the sequence numbers of those handed on.
+fn fed(decoder: &mut Decoder, frames: &[(i64, Frame)]) -> Vec<u16> {
+    let mut events = Vec::new();
+    frames.iter().for_each(|(at_ms, frame)| decoder.feed(at_ms * 1_000_000, &frame.encode(), &mut events));
+    self::frames(events).iter().map(Frame::sequence).collect()
+}
+
 #[test]
 fn a_hole_longer_than_the_sequence_is_counted_by_the_devices_time() {
-    let at = |index: u64| Frame::new(index as u16, index * 10_000, 1_000_000, 1, vec![0; 10]).unwrap();
+    for arrival_ms in [700_000, 0] {
+        let mut decoder = Decoder::new();
+        let frames =
+            [0, 70_000, 70_001].map(|index| (arrival_ms.min(index as i64 * 10), at(index as u16, index * 10_000)));
+        assert_eq!(fed(&mut decoder, &frames).len(), 3);
+        assert_eq!(decoder.counts(), FrameCounts { frames: 3, lost: 69_999, ..FrameCounts::default() });
+    }
+}
+
+/// A 64-bit clock that is read in halves while it wraps.
+#[test]
+fn a_false_time_is_dropped_and_a_true_jump_is_not() {
     let mut decoder = Decoder::new();
-    let bytes: Vec<u8> = [0, 70_000].iter().flat_map(|&index| at(index).encode()).collect();
-    assert_eq!(decode(&mut decoder, &bytes).len(), 2);
-    assert_eq!(decoder.counts().lost, 69_999);
+    let torn = |index: u64| if index == 5 { 1 << 32 } else { 0 };
+    let frames: Vec<_> =
+        (0..10).map(|index| (index as i64 * 10, at(index as u16, torn(index) + index * 10_000))).collect();
+    assert_eq!(fed(&mut decoder, &frames), [0, 1, 2, 3, 4, 6, 7, 8, 9]);
+    assert_eq!(decoder.counts(), FrameCounts { frames: 9, bad: 1, lost: 1, duplicated: 0 });
+
+    // the clock jumps for good, with one frame that comes late and one that comes twice meanwhile
+    let mut decoder = Decoder::new();
+    let jump = [(0, 0), (1, 10_000), (2, 3_000_000), (0, 0), (2, 3_000_000), (3, 3_010_000), (4, 3_020_000)];
+    let frames = jump.map(|(sequence, first_us)| (i64::from(sequence) * 10, at(sequence, first_us)));
+    assert_eq!(fed(&mut decoder, &frames), [0, 1, 2, 3, 4]);
+    assert_eq!(decoder.counts(), FrameCounts { frames: 5, bad: 0, lost: 0, duplicated: 2 });
+
+    // samples now and then, played faster than in real time: each frame jumps
+    let mut decoder = Decoder::new();
+    let frames: Vec<_> = (0..9).map(|index| (0, at(index, u64::from(index) * 1_000_000))).collect();
+    assert_eq!(fed(&mut decoder, &frames).len(), 8, "the last one is in doubt");
+    assert_eq!(decoder.counts().bad, 1);
+}
+
+#[test]
+fn a_sequence_that_begins_anew_invents_no_lost_frames() {
+    let (mut decoder, mut events) = (Decoder::new(), Vec::new());
+    let sent = [(100, 1_000_000), (101, 1_010_000), (0, 1_600_000), (1, 1_610_000)];
+    sent.iter().for_each(|&(sequence, first_us)| decoder.feed(0, &at(sequence, first_us).encode(), &mut events));
+    let anew = |event: &Event| matches!(event, Event::Frame { anew: true, lost_before: 0, .. });
+    assert_eq!(events.iter().map(anew).collect::<Vec<_>>(), [false, false, true, false]);
+    assert_eq!(decoder.counts().lost, 0);
 }

@@ -19,8 +19,8 @@ const MAX_DEVICE_US: u64 = (i64::MAX / 2000) as u64;
 pub struct Line {
     /// Device time, µs.
     pub time_us: u64,
-    /// The values printed.
-    pub values: Vec<f64>,
+    /// The values printed; `None` for one that is no finite number, such as `nan`.
+    pub values: Vec<Option<f64>>,
     /// Whether lines are known to be missing before it: bad ones, or a jump of the time.
     pub hole_before: bool,
     /// When its first byte arrived, ns on the clock of [`Decoder::feed`].
@@ -138,7 +138,7 @@ impl Decoder {
         self.hole = true;
     }
 
-    fn line(&mut self, time_us: u64, values: Vec<f64>, events: &mut Vec<Event>) {
+    fn line(&mut self, time_us: u64, values: Vec<Option<f64>>, events: &mut Vec<Event>) {
         if *self.width.get_or_insert(values.len()) != values.len() {
             self.bad();
             return;
@@ -230,13 +230,13 @@ fn is_comment(line: &[u8]) -> bool {
     text.is_empty() || text.starts_with(b"#")
 }
 
-fn parse(line: &[u8]) -> Option<(u64, Vec<f64>)> {
+fn parse(line: &[u8]) -> Option<(u64, Vec<Option<f64>>)> {
     let text = std::str::from_utf8(line).ok()?;
     let mut cells = text.split(',').map(str::trim);
     let time_us = cells.next()?.parse().ok().filter(|time| *time <= MAX_DEVICE_US)?;
-    // `parse` would take words such as inf and nan too.
-    let number = |cell: &str| cell.parse().ok().filter(|value: &f64| value.is_finite());
-    let values: Vec<f64> = cells.map(number).collect::<Option<_>>()?;
+    // Words such as inf and nan parse: one sensor has no value then, and the others have theirs.
+    let number = |cell: &str| cell.parse().ok().map(|value: f64| Some(value).filter(|value| value.is_finite()));
+    let values: Vec<Option<f64>> = cells.map(number).collect::<Option<_>>()?;
     (!values.is_empty()).then_some((time_us, values))
 }
 
@@ -262,17 +262,26 @@ mod tests {
     #[test]
     fn lines_comments_and_bad_lines() {
         let mut decoder = Decoder::new();
-        let text =
-            "34,0.5\n# a comment\n\n1000,1.5,-2e3\r\n 2000 , 3 , 4 \n3000,x,1\n4000,1\n5000,inf,1\n6000,7,8\n-1,2,3\n";
+        let text = "34,0.5\n# a comment\n\n1000,1.5,-2e3\r\n 2000 , 3 , 4 \n3000,x,1\n4000,1\n6000,7,8\n-1,2,3\n";
         let events = decode(&mut decoder, text);
         let line = |time_us, values: &[f64], hole_before| {
-            Event::Line(Line { time_us, values: values.to_vec(), hole_before, began_ns: 0 })
+            Event::Line(Line { time_us, values: values.iter().copied().map(Some).collect(), hole_before, began_ns: 0 })
         };
         assert_eq!(
             events,
             [line(1000, &[1.5, -2000.0], false), line(2000, &[3.0, 4.0], false), line(6000, &[7.0, 8.0], true)]
         );
-        assert_eq!(decoder.counts(), LineCounts { lines: 3, bad: 4, stale: 0 });
+        assert_eq!(decoder.counts(), LineCounts { lines: 3, bad: 3, stale: 0 });
+    }
+
+    #[test]
+    fn a_cell_without_a_finite_number_costs_its_own_value_only() {
+        let mut decoder = Decoder::new();
+        let events = decode(&mut decoder, "\n1000,nan,2\n2000,1,-inf\n3000,,2\n4000,1,2\n");
+        let values = |event: &Event| if let Event::Line(line) = event { line.values.clone() } else { vec![] };
+        let values: Vec<_> = events.iter().map(values).collect();
+        assert_eq!(values, [[None, Some(2.0)], [Some(1.0), None], [Some(1.0), Some(2.0)]]);
+        assert_eq!(decoder.counts(), LineCounts { lines: 3, bad: 1, stale: 0 }, "an empty cell does not parse");
     }
 
     #[test]
@@ -338,7 +347,7 @@ mod tests {
                 match event {
                     Event::Restarted => last = 0,
                     Event::Line(line) => {
-                        prop_assert!(line.time_us >= last && line.values.iter().all(|v| v.is_finite()));
+                        prop_assert!(line.time_us >= last && line.values.iter().flatten().all(|v| v.is_finite()));
                         last = line.time_us;
                     }
                 }

@@ -17,6 +17,9 @@ use crate::rig::Rig;
 /// A crash loses no more than this and what is on its way.
 const FLUSH_EVERY: Duration = crate::log::FLUSH_EVERY;
 
+/// Where half of the arrivals are later than this after the line, the line is none, ms.
+const MOST_RESIDUAL_MS: f64 = 50.0;
+
 /// What was recorded of one sensor.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct SensorCount {
@@ -59,6 +62,9 @@ pub struct DeviceCount {
     pub incomplete: bool,
     /// Its clock against this computer's.
     pub clock: Option<ClockSummary>,
+    /// Why its times cannot be trusted against those of other devices, or across a restart.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub clock_warning: Option<String>,
 }
 
 impl DeviceCount {
@@ -86,6 +92,7 @@ impl DeviceCount {
         if let Some(clock) = &self.clock {
             notes.push(("clock", clock.to_string()));
         }
+        notes.extend(self.clock_warning.iter().map(|warning| ("clock_warning", warning.clone())));
         notes
     }
 }
@@ -93,7 +100,7 @@ impl DeviceCount {
 /// A device's clock against this computer's: the line below all arrivals.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct ClockSummary {
-    /// How much faster the device's clock runs, millionths; `None` where the stream was too short to tell, or not in real time.
+    /// How much faster the device's clock runs, millionths; `None` where the stream was too short for the scatter of its arrivals, or not in real time.
     pub drift_ppm: Option<f64>,
     /// How late after the line half of the arrivals came at most, ms.
     pub residual_median_ms: f64,
@@ -102,6 +109,18 @@ pub struct ClockSummary {
 }
 
 impl ClockSummary {
+    /// What to tell the user where the arrivals do not lie on one line: a clock that stepped, or a line that stalls.
+    pub(super) fn warning(&self) -> Option<String> {
+        // a stall makes some arrivals late and does the fit no harm; where most are, there is no line
+        (self.residual_median_ms > MOST_RESIDUAL_MS).then(|| {
+            format!(
+                "its clock does not run evenly against this computer's (half of the frames came over {:.0} ms late): its times may be \
+                 off by as much against other devices; did it restart, or does its line stall?",
+                self.residual_median_ms
+            )
+        })
+    }
+
     pub(super) fn of(line: &ClockLine) -> ClockSummary {
         let (median_ns, most_ns) = line.residual_ns;
         let drift_ppm = line.drift_known.then_some((1.0 / line.rate - 1.0) * 1e6);

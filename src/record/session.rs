@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use super::RecordError;
 use super::live::Live;
-use super::output::{DeviceCount, Summary, check_path};
+use super::output::{ClockSummary, DeviceCount, Summary, check_path};
 use super::shots::Plan;
 use super::snapshot::{Reports, SensorView, Snapshot};
 use super::source::Sources;
@@ -161,6 +161,9 @@ fn finish(
                 State::Ended(_) => streams.len() > 1,
                 State::Open | State::Reached => false,
             };
+            if streams.len() > 1 || count.restarts > 0 {
+                count.clock_warning = count.clock.as_ref().and_then(ClockSummary::warning);
+            }
             count.incomplete = early || stream.is_empty() || left;
             count
         })

@@ -18,6 +18,18 @@ use crate::rig::{Device, Protocol, Rig};
 /// After a port came back, a device whose time is further off than this from where its clock should be has restarted: s, and
 /// share of the time since.
 const RESTART_S: (f64, f64) = (0.5, 1e-3);
+/// Where its sequence began anew, too: s, and times what 95% of the arrivals were off.
+const ANEW_S: (f64, f64) = (0.1, 4.0);
+
+/// What speaks for a restart, so that the device's time is looked at.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Sign {
+    None,
+    /// Its sequence began anew.
+    Sequence,
+    /// Lines are missing: here late arrivals alone say something, for a jump of the time comes early.
+    Hole,
+}
 
 /// A sensor fed by the device.
 struct Tap {
@@ -25,7 +37,7 @@ struct Tap {
     column: usize,
     scale: f64,
     offset: f64,
-    /// Time of the last sample, ns, and whether a poll since brought none; for polled sensors.
+    /// Time of the last sample, ns, and whether a poll or a line since brought none; not for frames.
     last_ns: Option<i64>,
     missed: bool,
 }
@@ -71,6 +83,8 @@ pub struct Stream<'a> {
     reconnects: u64,
     /// Samples or polls are known to be missing.
     holes: u64,
+    /// Polls without an answer before the recording began.
+    unheard: u64,
     values: Vec<f64>,
 }
 
@@ -101,6 +115,7 @@ impl<'a> Stream<'a> {
             returned: false,
             reconnects: 0,
             holes: 0,
+            unheard: 0,
             values: Vec::new(),
         }
     }
@@ -173,8 +188,13 @@ impl<'a> Stream<'a> {
                 for event in events {
                     match event {
                         frames::Event::Restarted => self.restarted = true,
-                        frames::Event::Frame { frame, lost_before, began_ns } => {
-                            self.frame(&frame, lost_before, began_ns, live)?;
+                        frames::Event::Frame { frame, lost_before, began_ns, anew } => {
+                            let sign = if anew { Sign::Sequence } else { Sign::None };
+                            let restarts = self.stretches.len();
+                            self.frame(&frame, (lost_before, sign), began_ns, live)?;
+                            if restarts > 0 && self.stretches.len() > restarts {
+                                self.not_lost(lost_before);
+                            }
                         }
                     }
                 }
@@ -192,6 +212,13 @@ impl<'a> Stream<'a> {
             Codec::Polled(_) => {}
         }
         Ok(())
+    }
+
+    /// What the sequence says is missing before a restart is another sequence's.
+    fn not_lost(&mut self, frames: u32) {
+        if let Codec::Frames(decoder) = &mut self.codec {
+            decoder.not_lost(frames);
+        }
     }
 
     /// Looks whether the columns are those that the rig file counts on; false where the device can no longer be recorded.
@@ -221,7 +248,13 @@ impl<'a> Stream<'a> {
         Ok(false)
     }
 
-    fn frame(&mut self, frame: &Frame, lost: u32, began_ns: i64, live: &mut Live<'_>) -> Result<(), RecordError> {
+    fn frame(
+        &mut self,
+        frame: &Frame,
+        (lost, sign): (u32, Sign),
+        began_ns: i64,
+        live: &mut Live<'_>,
+    ) -> Result<(), RecordError> {
         self.heard = Instant::now();
         if !self.check_columns(usize::from(frame.channels()), live)? {
             return Ok(());
@@ -231,10 +264,11 @@ impl<'a> Stream<'a> {
         let span_ns = i64::from(period_ns).saturating_mul(rows as i64);
         // A frame is sent when its last sample was taken; its first is that much older.
         let end_before_ns = self.clock.map_or(0, |clock| clock.end_ns());
-        let clock = self.begin(device_ns, device_ns.saturating_add(span_ns), began_ns, live)?;
+        let sent_ns = device_ns.saturating_add(span_ns);
+        let clock = self.begin((device_ns, sent_ns), began_ns, sign, live)?;
         let placed = clock.place(device_ns, period_ns, rows, lost > 0);
         let (last_ns, now_ns) = (clock.last_ns().unwrap_or_default(), clock.end_ns());
-        self.arrived(device_ns.saturating_add(span_ns), began_ns, last_ns);
+        self.arrived(sent_ns, began_ns, last_ns);
         let left_ns = live.end_ns.saturating_sub(placed.first_ns).max(0) as u64;
         let wanted = left_ns.div_ceil(u64::from(period_ns)).min(rows as u64) as usize;
         let gap = placed.gap.filter(|_| end_before_ns < live.end_ns);
@@ -263,7 +297,8 @@ impl<'a> Stream<'a> {
             return Ok(());
         }
         let device_ns = (line.time_us * 1000) as i64;
-        let clock = self.begin(device_ns, device_ns, line.began_ns, live)?;
+        let sign = if line.hole_before { Sign::Hole } else { Sign::None };
+        let clock = self.begin((device_ns, device_ns), line.began_ns, sign, live)?;
         let Some(placed) = clock.place_row(device_ns, line.hole_before) else { return Ok(()) };
         self.arrived(device_ns, line.began_ns, placed.first_ns);
         self.holes += u64::from(placed.gap.is_some());
@@ -272,14 +307,20 @@ impl<'a> Stream<'a> {
             return Ok(());
         }
         let output = live.output()?;
-        for tap in &self.taps {
-            if let Some(gap) = placed.gap {
-                output.gap(tap.sensor, gap)?;
+        let now_ns = placed.first_ns;
+        for tap in &mut self.taps {
+            let value = line.values.get(tap.column).copied().flatten().map(|value| tap.scale * value + tap.offset);
+            let Some(value) = value.filter(|value| value.is_finite()) else {
+                tap.missed = true;
+                self.holes += 1;
+                continue;
+            };
+            let missed = std::mem::take(&mut tap.missed);
+            if let Some(last_ns) = tap.last_ns.filter(|_| missed || placed.gap.is_some()) {
+                output.gap(tap.sensor, Gap { from_s: seconds(last_ns), to_s: seconds(now_ns), samples: None })?;
             }
-            let value = line.values.get(tap.column).map(|value| tap.scale * value + tap.offset);
-            if let Some(value) = value.filter(|value| value.is_finite()) {
-                output.samples(tap.sensor, placed.first_ns, 0.0, &[value])?;
-            }
+            output.samples(tap.sensor, now_ns, 0.0, &[value])?;
+            tap.last_ns = Some(now_ns);
         }
         Ok(())
     }
@@ -288,6 +329,11 @@ impl<'a> Stream<'a> {
         if polled.values.iter().any(|(_, value)| value.is_some()) {
             self.heard = Instant::now();
             live.begin(polled.at_ns)?;
+        } else if !live.has_begun() {
+            // Nothing is recorded yet, so nothing is lost.
+            self.unheard = polled.counts.missed;
+            self.codec = Codec::Polled(Some(polled));
+            return Ok(());
         }
         for &(index, number) in &polled.values {
             let Some(tap) = self.taps.get_mut(index) else { continue };
@@ -321,14 +367,15 @@ impl<'a> Stream<'a> {
     /// restart.
     fn begin(
         &mut self,
-        device_ns: i64,
-        sent_ns: i64,
+        (device_ns, sent_ns): (i64, i64),
         began_ns: i64,
+        sign: Sign,
         live: &mut Live<'_>,
     ) -> Result<&mut DeviceClock, RecordError> {
         let host_ns = began_ns.saturating_sub(sent_ns - device_ns);
         live.begin(host_ns)?;
-        let elsewhere = std::mem::take(&mut self.returned) && self.is_elsewhere(sent_ns, began_ns);
+        let returned = std::mem::take(&mut self.returned);
+        let elsewhere = (returned || sign != Sign::None) && self.is_elsewhere(sent_ns, began_ns, returned, sign);
         let restarted = std::mem::take(&mut self.restarted) || elsewhere;
         let recording_ns = live.recording_ns(host_ns);
         let from_ns = match &mut self.clock {
@@ -346,12 +393,14 @@ impl<'a> Stream<'a> {
         Ok(self.clock.get_or_insert_with(|| DeviceClock::starting_at(device_ns, recording_ns)))
     }
 
-    /// True for a device that is back with a clock that cannot have run on meanwhile.
-    fn is_elsewhere(&self, sent_ns: i64, began_ns: i64) -> bool {
+    /// True for a device whose clock cannot have run on until here.
+    fn is_elsewhere(&self, sent_ns: i64, began_ns: i64, returned: bool, sign: Sign) -> bool {
         let Some((stretch, line)) = self.stretches.last().and_then(|s| Some((s, s.line()?))) else { return false };
         let away_s = (sent_ns - stretch.device_ns) as f64 / 1e9;
-        let off_s = (began_ns as f64 - line.host_at(sent_ns)).abs() / 1e9;
-        off_s > RESTART_S.0 + RESTART_S.1 * away_s.abs()
+        let late_s = (began_ns as f64 - line.host_at(sent_ns)) / 1e9;
+        let off_s = if sign == Sign::Hole && !returned { late_s } else { late_s.abs() };
+        let least_s = if sign == Sign::Sequence { ANEW_S.0 + ANEW_S.1 * line.residual_ns.1 / 1e9 } else { RESTART_S.0 };
+        off_s > least_s + RESTART_S.1 * away_s.abs()
     }
 
     fn arrived(&mut self, sent_ns: i64, began_ns: i64, last_ns: i64) {

@@ -72,7 +72,7 @@ impl Stream<'_> {
             Codec::Polled(polled) => {
                 let counts = polled.as_ref().map(|polled| polled.counts).unwrap_or_default();
                 (count.frames, count.bad_frames) = (counts.answers, counts.bad + counts.refused);
-                (count.lost_frames, count.late_answers) = (counts.missed, counts.late);
+                (count.lost_frames, count.late_answers) = (counts.missed.saturating_sub(self.unheard), counts.late);
                 count.skipped_polls = counts.skipped;
             }
         }
