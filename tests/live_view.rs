@@ -92,3 +92,42 @@ fn a_terminal_that_has_stopped_does_not_hold_up_the_recording() {
     assert!(text.contains("the duration was reached"), "{text}");
     assert_eq!(program.wait().unwrap().code(), Some(0), "{text}");
 }
+
+#[test]
+fn a_stopped_terminal_does_not_keep_the_program_from_ending() {
+    let folder = TempDir::new().unwrap();
+    let (mut program, master, slave, file) = recording(&folder, true, &["--duration", "60"]);
+    std::thread::sleep(Duration::from_secs(2));
+    tcflow(&slave, FlowArg::TCOOFF).unwrap();
+    std::thread::sleep(Duration::from_millis(500));
+    assert!(Command::new("kill").args(["-TERM", &program.id().to_string()]).status().unwrap().success());
+    let asked = Instant::now();
+    let status = loop {
+        if let Some(status) = program.try_wait().unwrap() {
+            break status;
+        }
+        if asked.elapsed() > Duration::from_secs(15) {
+            program.kill().unwrap();
+            panic!("it does not end");
+        }
+        std::thread::sleep(Duration::from_millis(50));
+    };
+    assert_eq!(status.code(), Some(0));
+    assert!(log::read(&file).unwrap().series[0].value.len() > 1000);
+    drop((master, slave));
+}
+
+#[test]
+fn a_terminal_that_has_hung_up_does_not_spoil_a_whole_recording() {
+    let folder = TempDir::new().unwrap();
+    let pty = openpty(None, None).unwrap();
+    let file = folder.path().join("run.mcap");
+    let rig = Path::new(env!("CARGO_MANIFEST_DIR")).join("rigs/demo-hdpe.toml");
+    let mut command = Command::new(env!("CARGO_BIN_EXE_surgescope"));
+    command.args(["record", "--simulate", "--duration", "2", "--rig"]).arg(rig).arg("-o").arg(&file);
+    let (out, err) = (pty.slave.try_clone().unwrap(), pty.slave);
+    let mut program = command.stdin(Stdio::null()).stdout(out).stderr(err).spawn().unwrap();
+    drop((command, pty.master));
+    assert_eq!(program.wait().unwrap().code(), Some(0));
+    assert!(log::read(&file).unwrap().series[0].value.len() > 1000);
+}

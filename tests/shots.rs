@@ -3,11 +3,17 @@
 use std::fmt::Write as _;
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use assert_cmd::Command;
 use serde_json::Value;
 use surgescope::log;
-use surgescope::recording::Recording;
+use surgescope::record::monitor::Monitor;
+use surgescope::record::output::Summary;
+use surgescope::record::shots::{Plan, Shots};
+use surgescope::record::trigger::{Condition, Settings};
+use surgescope::recording::{Gap, Recording, RunInfo};
+use surgescope::rig::Rig;
 
 const RIG: &str = r#"
 name = "bench 3"
@@ -132,4 +138,140 @@ fn a_trigger_that_cannot_work_is_refused() {
     let (code, _, err) = record(folder.path(), &["--trigger", "rise"]);
     assert!(code == 2 && err.contains("edge, level=V or slope=V"), "{err}");
     assert!(!folder.path().join("shots").exists());
+}
+
+#[test]
+fn a_shot_that_the_end_cuts_short_says_so() {
+    let folder = tempfile::tempdir().unwrap();
+    let arguments = [&["--trigger", "edge", "--pre", "0.5", "--post", "3", "--duration", "4"][..], &NOTES].concat();
+    let (code, out, err) = record(folder.path(), &arguments);
+    assert_eq!(code, 3, "{err}");
+    let document: Value = serde_json::from_str(&out).unwrap();
+    let cut = &document["cut_short"][0];
+    assert!((cut["kept_s"].as_f64().unwrap() - 1.0).abs() < 0.005 && cut["asked_s"] == 3.0, "{out}");
+    assert!(cut["file"] == document["shots"][0] && document["data_lost"] == true, "{out}");
+    let notes = &shots(&out)[0].1.run.notes;
+    assert!(notes.iter().any(|(key, text)| key == "cut_short" && text.contains(" of 3 s after it fired")), "{notes:?}");
+}
+
+#[test]
+fn a_name_that_is_taken_is_not_overwritten_and_loses_no_shot() {
+    let folder = tempfile::tempdir().unwrap();
+    let arguments = [&["--trigger", "edge", "--pre", "0.5", "--post", "3", "--shots", "1"][..], &NOTES].concat();
+    let endings = ["-001.mcap", "-001-2.mcap", "-001-3.mcap"];
+    for ending in endings {
+        let (code, out, err) = record(folder.path(), &arguments);
+        assert_eq!(code, 0, "{err}");
+        assert!(shots(&out)[0].0.ends_with(ending), "{out}");
+    }
+    assert_eq!(fs::read_dir(folder.path().join("shots")).unwrap().count(), 3);
+}
+
+#[test]
+fn a_folder_that_takes_no_file_is_refused_before_the_valve_closes() {
+    let folder = tempfile::tempdir().unwrap();
+    let (rig, csv) = series(folder.path());
+    for to in [&["--trigger", "edge", "--out-dir", "/proc"][..], &["-o", "/proc/x.mcap"]] {
+        let mut command = Command::cargo_bin("surgescope").unwrap();
+        command.arg("record").arg("--replay").arg(&csv).arg("--rig").arg(&rig).args(["--speed", "0"]).args(to);
+        let output = command.output().unwrap();
+        let err = String::from_utf8(output.stderr).unwrap();
+        assert!(output.status.code() == Some(2) && err.contains("/proc"), "{err}");
+        assert!(!err.contains("shots of 2 s") && !err.contains("armed"), "{err}");
+    }
+}
+
+/// Feeds P1 and V1 in batches of 10 ms: the valve closes at 3 s, opens at 8 s and so on; a shot holds 0.5 s before and 1 s after.
+struct Bench {
+    shots: Shots,
+    monitor: Monitor,
+    folder: tempfile::TempDir,
+}
+
+impl Bench {
+    fn new() -> Bench {
+        let folder = tempfile::tempdir().unwrap();
+        let rig = Rig::from_toml(RIG, "rig.toml").unwrap();
+        let trigger = Settings { condition: Condition::Edge, pre_ns: 500_000_000, post_ns: 1_000_000_000 };
+        let plan = Plan { trigger, sensor: 1, most: None, folder: folder.path().join("shots") };
+        let shots = Shots::new(plan, &rig, &RunInfo::default(), Duration::from_secs(5));
+        Bench { shots, monitor: Monitor::new(&rig, &[]), folder }
+    }
+
+    /// The frame `k` of a sensor: 10 samples, 1 ms apart.
+    fn frame(&mut self, sensor: usize, k: i64) {
+        let value = |i: i64| if sensor == 0 { i as f64 } else { ((i + 2000) / 5000 % 2) as f64 };
+        let values: Vec<f64> = (10 * k..10 * k + 10).map(value).collect();
+        self.shots.samples(sensor, k * 10_000_000, 1e6, &values, &self.monitor).unwrap();
+    }
+
+    /// Both sensors from one frame to another, those of `late` between two frames held back until the second.
+    fn run(&mut self, frames: std::ops::Range<i64>, late: usize, held: std::ops::Range<i64>) {
+        for k in frames {
+            for sensor in [0, 1] {
+                if sensor != late || !held.contains(&k) {
+                    if sensor == late && k == held.end {
+                        held.clone().for_each(|k| self.frame(sensor, k));
+                    }
+                    self.frame(sensor, k);
+                }
+            }
+        }
+    }
+
+    fn finish(self) -> (Summary, Vec<Recording>) {
+        let summary = self.shots.finish(Vec::new(), "the test ended".to_owned(), &self.monitor).unwrap();
+        let shots = summary.shots.iter().map(|file| log::read(Path::new(file)).unwrap()).collect();
+        (summary, shots)
+    }
+}
+
+#[test]
+fn a_device_that_is_held_back_loses_nothing_whichever_it_is() {
+    for (late, held) in [(1, 290..410), (0, 350..520), (0, 350..700)] {
+        let mut bench = Bench::new();
+        bench.run(0..790, late, held.clone());
+        let (summary, shots) = bench.finish();
+        assert!(!summary.data_lost && shots.len() == 1, "{late} {held:?}: {summary:?}");
+        for series in &shots[0].series[..2] {
+            assert!(series.value.len() == 1501 && series.gaps.is_empty(), "{late} {held:?}: {}", series.value.len());
+        }
+        assert_eq!((shots[0].series[0].value[0], shots[0].series[0].time_s[0]), (2500.0, 0.0));
+    }
+}
+
+#[test]
+fn a_device_that_stays_away_does_not_hold_a_shot_open_for_ever_and_leaves_a_gap() {
+    let mut bench = Bench::new();
+    bench.run(0..795, 0, 350..10_000);
+    assert_eq!(bench.shots.view().fired, 1);
+    // held for 5 s after the shot's end at 4 s, while the opening at 8 s is a shot of its own
+    bench.run(795..910, 0, 350..10_000);
+    let file = fs::read_dir(bench.folder.path().join("shots")).unwrap().map(|f| f.unwrap().path()).min().unwrap();
+    let first = log::read(&file).expect("closed by now");
+    let gap = Gap { from_s: 3.499 - 2.5, to_s: 1.5, samples: None };
+    let [found] = first.series[0].gaps[..] else { panic!("{:?}", first.series[0].gaps) };
+    assert!((found.from_s - gap.from_s).abs() < 1e-9 && (found.to_s - gap.to_s).abs() < 1e-9, "{found:?}");
+    assert_eq!((first.series[0].value.len(), first.series[1].value.len()), (1000, 1501));
+    assert!(bench.finish().0.data_lost);
+}
+
+#[test]
+fn a_folder_that_is_gone_is_made_anew_and_one_that_cannot_be_loses_only_its_shot() {
+    let mut bench = Bench::new();
+    let (folder, away) = (bench.folder.path().join("shots"), bench.folder.path().join("away"));
+    bench.run(0..450, 9, 0..0);
+    fs::rename(&folder, &away).unwrap();
+    bench.run(450..950, 9, 0..0);
+    fs::remove_dir_all(&folder).unwrap();
+    fs::write(&folder, "in the way").unwrap();
+    bench.run(950..1450, 9, 0..0);
+    let lost = bench.shots.view().lost;
+    assert!(lost.len() == 1 && lost[0].starts_with("shot 3 could not be written and is lost: "), "{lost:?}");
+    fs::remove_file(&folder).unwrap();
+    bench.run(1450..1950, 9, 0..0);
+    let summary = bench.shots.finish(Vec::new(), "the test ended".to_owned(), &bench.monitor).unwrap();
+    assert!(summary.data_lost && summary.shots.len() == 3 && summary.lost_shots == lost, "{summary:?}");
+    assert!(summary.shots[2].ends_with("-004.mcap") && Path::new(&summary.shots[2]).is_file(), "{summary:?}");
+    assert_eq!(fs::read_dir(&away).unwrap().count(), 1);
 }

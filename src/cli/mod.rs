@@ -38,6 +38,7 @@ mod hold;
 pub mod import;
 mod import_options;
 pub mod inspect;
+mod last_words;
 mod live;
 pub mod load;
 mod memory;
@@ -193,11 +194,13 @@ pub fn main() -> ExitCode {
     }
 }
 
-/// Writes to standard output; a closed pipe is not an error.
+/// Writes to standard output; a closed pipe is not an error, nor is a terminal that has hung up.
 fn write_out(text: std::fmt::Arguments) -> std::io::Result<()> {
     let mut out = std::io::stdout().lock();
     match out.write_fmt(text).and_then(|()| out.flush()) {
         Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => Ok(()),
+        #[cfg(unix)]
+        Err(error) if error.raw_os_error() == Some(nix::errno::Errno::EIO as i32) => Ok(()),
         other => other,
     }
 }

@@ -9,6 +9,7 @@ use std::time::Duration;
 use clap::ArgGroup;
 
 use super::evaluate::{Settings, evaluate_new, line};
+use super::last_words::LastWords;
 use super::live::Reporter;
 #[cfg(unix)]
 use super::playback::{Timing, of_scenario};
@@ -118,11 +119,16 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     let summary = record(&args, rig.as_ref(), &options, &mut |snapshot| reporter.show(snapshot));
     reporter.close();
     let summary = summary?;
+    let code = if summary.data_lost { 3 } else { 0 };
+    let words = LastWords::before(code, &STOP);
     super::tell!("{}: {}", summary.file, summary.ended);
     if !json {
         super::say_text!(table(&summary));
     }
+    drop(words);
     let runs = if args.calibrate { calibrated(&summary, json)? } else { Vec::new() };
+    let failed = runs.iter().any(|run| run.state == State::Failed);
+    let _words = LastWords::before(if failed && code == 0 { 1 } else { code }, &STOP);
     if json {
         let documents: Vec<RunDocument> = runs.iter().map(RunDocument::from).collect();
         let head = match &documents[..] {
@@ -132,7 +138,6 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         };
         super::say!("{}", super::document(head, &summary)?);
     }
-    let failed = runs.iter().any(|run| run.state == State::Failed);
     Ok(match (summary.data_lost, failed) {
         (true, _) => Outcome::DataLost,
         (false, true) => Outcome::No,
@@ -308,6 +313,13 @@ fn table(summary: &Summary) -> String {
     }
     for shot in &summary.shots {
         let _ = writeln!(text, "shot: {shot}");
+    }
+    for cut in &summary.cut_short {
+        let (file, kept_s, asked_s) = (&cut.file, cut.kept_s, cut.asked_s);
+        let _ = writeln!(text, "cut short: {file} has {kept_s:.3} of {asked_s} s after the trigger fired");
+    }
+    for lost in &summary.lost_shots {
+        let _ = writeln!(text, "{lost}");
     }
     for device in &summary.devices {
         let _ = describe(&mut text, device);

@@ -1,8 +1,10 @@
 //! `record --trigger`: shots around the valve's closure instead of one long recording.
 
+use std::error::Error;
 use std::path::PathBuf;
 
 use super::values::{number, positive};
+use crate::record::output::check_folder;
 use crate::record::session::Options;
 use crate::record::shots::Plan;
 use crate::record::trigger::{Condition, Settings};
@@ -47,11 +49,11 @@ impl Triggers {
     /// The options of a session on `rig`, with the shots in them where they are asked for; makes their folder.
     ///
     /// # Errors
-    /// A rig without a sensor to fire, a folder that cannot be made.
-    pub fn applied(&self, options: &Options, rig: &Rig) -> Result<Options, String> {
+    /// A rig without a sensor to fire, a folder that cannot be made or written to.
+    pub fn applied(&self, options: &Options, rig: &Rig) -> Result<Options, Box<dyn Error + Send + Sync>> {
         let (Some(condition), Some(folder)) = (self.trigger, &self.out_dir) else { return Ok(options.clone()) };
         let sensor = self.sensor(condition, rig)?;
-        std::fs::create_dir_all(folder).map_err(|e| format!("cannot make the folder {}: {e}", folder.display()))?;
+        check_folder(folder)?;
         let nanoseconds = |s: f64| (s * 1e9).round() as i64;
         let trigger = Settings { condition, pre_ns: nanoseconds(self.pre), post_ns: nanoseconds(self.post) };
         super::tell!(

@@ -13,6 +13,8 @@ pub enum RecordError {
     Exists(PathBuf),
     #[error("the folder {} does not exist: create it, or write the recording elsewhere", .0.display())]
     NoFolder(PathBuf),
+    #[error("the folder {} of the shots cannot be made", .folder.display())]
+    Folder { folder: PathBuf, source: io::Error },
     #[error(
         "no sensor of rig '{rig}' is wired to a device: give its sensors `device` and `channel`, and describe the device in [[device]]"
     )]

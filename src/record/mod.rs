@@ -40,6 +40,7 @@ pub mod recorder;
 pub mod registers;
 pub mod replay;
 pub mod session;
+mod shot;
 pub mod shots;
 #[cfg(unix)]
 pub mod simulated;

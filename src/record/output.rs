@@ -10,6 +10,7 @@ use super::RecordError;
 use super::callout::CallOut;
 use super::clock::seconds;
 use super::fit::ClockLine;
+use crate::log::disk::temporary_beside;
 use crate::log::{self, ClockFix, Ending, LogError, Writer};
 use crate::recording::{Gap, RunInfo};
 use crate::rig::Rig;
@@ -160,6 +161,23 @@ pub struct Summary {
     /// The recordings of a triggered session, one a shot; `file` is then their folder.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub shots: Vec<String>,
+    /// Those of them that the session's end cut short.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub cut_short: Vec<CutShort>,
+    /// Why shots could not be written.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub lost_shots: Vec<String>,
+}
+
+/// A shot that ended before its time.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct CutShort {
+    /// Its recording.
+    pub file: String,
+    /// Recorded after the trigger fired, s.
+    pub kept_s: f64,
+    /// What was asked for, s.
+    pub asked_s: f64,
 }
 
 /// The log of a running session. Dropped without [`Output::finish`], the file stays as a crash would leave it.
@@ -183,8 +201,19 @@ pub fn check_path(path: &Path) -> Result<(), RecordError> {
         Some(folder) if !folder.as_os_str().is_empty() && !folder.is_dir() => {
             Err(RecordError::NoFolder(folder.to_owned()))
         }
-        _ => Ok(()),
+        _ => probe(path),
     }
+}
+
+/// Makes the folder of shots and refuses early what would be refused when the valve has closed.
+pub fn check_folder(folder: &Path) -> Result<(), RecordError> {
+    std::fs::create_dir_all(folder).map_err(|source| RecordError::Folder { folder: folder.to_owned(), source })?;
+    probe(&folder.join("shot"))
+}
+
+/// A file can be made beside `path`; it goes again at once.
+fn probe(path: &Path) -> Result<(), RecordError> {
+    temporary_beside(path).map(drop).map_err(RecordError::Start)
 }
 
 impl Output {
@@ -310,6 +339,8 @@ impl Output {
             ended,
             callouts: Vec::new(),
             shots: Vec::new(),
+            cut_short: Vec::new(),
+            lost_shots: Vec::new(),
         })
     }
 }

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use super::RecordError;
 use super::live::Live;
-use super::output::{ClockSummary, DeviceCount, Summary, check_path};
+use super::output::{ClockSummary, DeviceCount, Summary, check_folder, check_path};
 use super::shots::Plan;
 use super::snapshot::{Reports, SensorView, Snapshot};
 use super::source::Sources;
@@ -39,7 +39,7 @@ pub struct Options {
 impl Options {
     /// Refuses early what the log would refuse at the first sample.
     pub(super) fn check(&self) -> Result<(), RecordError> {
-        self.shots.as_ref().map_or_else(|| check_path(&self.file), |_| Ok(()))
+        self.shots.as_ref().map_or_else(|| check_path(&self.file), |plan| check_folder(&plan.folder))
     }
 
     /// End of the recording on its own clock, ns, for one that starts at `first_ns`.

@@ -99,6 +99,8 @@ pub struct TriggerView {
     pub fired: usize,
     /// Shots wanted.
     pub most: Option<usize>,
+    /// Why shots could not be written.
+    pub lost: Vec<String>,
 }
 
 /// What a trigger does.

@@ -41,8 +41,8 @@ pub enum Event {
 /// How a trigger stands.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum State {
-    /// Waits until the condition has not been met since this time for long enough; none before the first sample.
-    Settling(Option<i64>),
+    /// Waits until the condition has not been met for long enough: seen quiet for so long by now, ns. Gaps count for nothing.
+    Settling(i64),
     /// It may fire.
     Armed,
     /// Fired at this time.
@@ -56,12 +56,14 @@ pub struct Trigger {
     state: State,
     /// The last samples, time in ns and value, as far back as a slope looks.
     last: std::collections::VecDeque<(i64, f64)>,
+    /// Time of the sample before, ns, where nothing is missing since.
+    heard_ns: Option<i64>,
 }
 
 impl Trigger {
     /// One that has seen nothing yet.
     pub fn new(settings: Settings) -> Trigger {
-        Trigger { settings, state: State::Settling(None), last: std::collections::VecDeque::new() }
+        Trigger { settings, state: State::Settling(0), last: std::collections::VecDeque::new(), heard_ns: None }
     }
 
     /// How it stands.
@@ -75,12 +77,13 @@ impl Trigger {
             let at = first_ns.saturating_add((i as f64 * period_ns).round() as i64);
             let met = self.is_met(at, value);
             self.remember(at, value);
+            let seen_ns = self.heard_ns.replace(at).map_or(0, |before| at.saturating_sub(before).max(0));
             let next = match self.state {
-                State::Settling(_) if met => Some(State::Settling(None)),
-                State::Settling(None) => Some(State::Settling(Some(at))),
-                State::Settling(Some(since)) => (at - since >= self.settings.pre_ns).then_some(State::Armed),
+                State::Settling(_) if met => Some(State::Settling(0)),
+                State::Settling(quiet) if quiet + seen_ns >= self.settings.pre_ns => Some(State::Armed),
+                State::Settling(quiet) => Some(State::Settling(quiet + seen_ns)),
                 State::Armed => met.then_some(State::Fired(at)),
-                State::Fired(fired) => (at - fired > self.settings.post_ns).then_some(State::Settling(None)),
+                State::Fired(fired) => (at - fired > self.settings.post_ns).then_some(State::Settling(0)),
             };
             let Some(next) = next else { continue };
             match (self.state, next) {
@@ -93,12 +96,12 @@ impl Trigger {
         }
     }
 
-    /// Samples are missing: what comes after a gap is not held against what was before it.
+    /// Samples are missing. What was armed stays so, and what the valve or a level did meanwhile shows in the next sample; a slope is not
+    /// taken across.
     pub fn gap(&mut self) {
-        self.last.clear();
-        // a shot goes on; what was quiet may not have been
-        if !matches!(self.state, State::Fired(_)) {
-            self.state = State::Settling(None);
+        self.heard_ns = None;
+        if matches!(self.settings.condition, Condition::Slope(_)) {
+            self.last.clear();
         }
     }
 
@@ -195,14 +198,31 @@ mod tests {
     }
 
     #[test]
-    fn a_gap_is_no_edge_and_has_to_be_waited_out() {
+    fn gaps_do_not_disarm_and_an_edge_within_one_fires() {
         let settings = Settings { condition: Condition::Edge, pre_ns: 10 * MS, post_ns: 20 * MS };
         let (mut trigger, mut events) = (Trigger::new(settings), Vec::new());
-        trigger.feed(0, 1e6, &[0.0; 20], &mut events);
-        assert_eq!(trigger.state(), State::Armed);
-        trigger.gap();
-        trigger.feed(100 * MS, 1e6, &[1.0; 5], &mut events);
-        assert_ne!(trigger.state(), State::Armed);
+        // never more than 5 samples, 4 ms, in a row: armed after three such stretches
+        for stretch in 0..3 {
+            assert_eq!(trigger.state(), State::Settling(stretch * 4 * MS));
+            trigger.feed(stretch * 20 * MS, 1e6, &[0.0; 5], &mut events);
+            trigger.gap();
+        }
         assert_eq!(events, [Event::Armed]);
+        trigger.feed(100 * MS, 1e6, &[1.0; 5], &mut events);
+        assert_eq!(events, [Event::Armed, Event::Fired(100 * MS)]);
+    }
+
+    #[test]
+    fn a_level_is_compared_across_a_gap_and_a_slope_is_not() {
+        let found = |condition| {
+            let (mut trigger, mut events) =
+                (Trigger::new(Settings { condition, pre_ns: 10 * MS, post_ns: 20 * MS }), Vec::new());
+            trigger.feed(0, 1e6, &[1.0; 20], &mut events);
+            trigger.gap();
+            trigger.feed(30 * MS, 1e6, &[9.0; 5], &mut events);
+            events
+        };
+        assert_eq!(found(Condition::Level(5.0)), [Event::Armed, Event::Fired(30 * MS)]);
+        assert_eq!(found(Condition::Slope(100.0)), [Event::Armed]);
     }
 }

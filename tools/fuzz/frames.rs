@@ -59,12 +59,14 @@ struct Sent {
 fn against_oracle(sent: &[u8], cuts: &[usize]) {
     let (events, counts) = wire::decoded::<Decoder>(sent, cuts);
     let (good, bad) = read(sent, cuts);
-    assert_eq!(counts.bad, bad, "pieces that are no frames");
-    assert_eq!(counts.frames + counts.duplicated, good.len() as u64, "frames with the right check sum");
+    // A frame whose time jumps is one of the bad when the next one refutes it, and waits for that at the end.
+    let refuted = counts.bad.checked_sub(bad).expect("pieces that are no frames");
+    let counted = counts.frames + counts.duplicated + refuted;
+    assert!(counted == good.len() as u64 || counted + 1 == good.len() as u64, "{counted} of {} frames", good.len());
     let mut left = good.iter().enumerate();
     let mut before: Option<(usize, &Sent)> = None;
     for event in &events {
-        let Event::Frame { frame, lost_before, began_ns } = event else {
+        let Event::Frame { frame, lost_before, began_ns, anew } = event else {
             before = None;
             continue;
         };
@@ -82,7 +84,7 @@ fn against_oracle(sent: &[u8], cuts: &[usize]) {
         }
         if let Some((last_index, last)) = before {
             assert!(of.first_us > last.first_us, "device times increase");
-            if index == last_index + 1 && *lost_before < u32::MAX {
+            if index == last_index + 1 && *lost_before < u32::MAX && !anew {
                 let step = of.sequence.wrapping_sub(last.sequence);
                 assert_eq!(step.wrapping_sub(1), *lost_before as u16, "frames missing by the sequence");
             }

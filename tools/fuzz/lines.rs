@@ -31,7 +31,7 @@ pub fn lines(input: &[u8]) {
 /// A line that is no comment; without numbers it is a bad one.
 struct Sent {
     at: usize,
-    numbers: Option<(u64, Vec<f64>)>,
+    numbers: Option<(u64, Vec<Option<f64>>)>,
 }
 
 /// What comes out was sent, in order and each line once; all that was sent is counted; where a bad line stands between two, so is said.
@@ -53,7 +53,10 @@ fn against_oracle(sent: &[u8], cuts: &[usize]) {
         let of = all.get(next + skipped).filter(|of| of.at as i64 == line.began_ns);
         let (time_us, values) = of.and_then(|of| of.numbers.as_ref()).expect("a line that was sent, and not before");
         assert_eq!(line.time_us, *time_us);
-        assert!(values.iter().map(|v| v.to_bits()).eq(line.values.iter().map(|v| v.to_bits())), "the values");
+        assert!(
+            values.iter().map(|v| v.map(f64::to_bits)).eq(line.values.iter().map(|v| v.map(f64::to_bits))),
+            "the values"
+        );
         assert_eq!(Some(values.len()), width, "as many values as in the first line");
         assert!(last_us.is_none_or(|last_us| last_us < line.time_us), "times increase");
         // after a restart all before the first line is unknown anyway
@@ -85,7 +88,7 @@ fn read(sent: &[u8], cuts: &[usize]) -> Vec<Sent> {
 
 /// `None` for a comment or nothing, `Some(None)` for what should be numbers and is not.
 #[allow(clippy::option_option)]
-fn numbers(text: &[u8]) -> Option<Option<(u64, Vec<f64>)>> {
+fn numbers(text: &[u8]) -> Option<Option<(u64, Vec<Option<f64>>)>> {
     let says_something = text.iter().find(|byte| !byte.is_ascii_whitespace())?;
     if *says_something == b'#' {
         return None;
@@ -96,9 +99,19 @@ fn numbers(text: &[u8]) -> Option<Option<(u64, Vec<f64>)>> {
     let digits = time.strip_prefix('+').unwrap_or(time);
     let is_time = !digits.is_empty() && digits.bytes().all(|byte| byte.is_ascii_digit());
     let time_us = digits.parse().unwrap_or(u64::MAX);
-    let values: Option<Vec<f64>> = cells.map(|cell| is_decimal(cell).then(|| cell.parse().unwrap())).collect();
-    let values = values.filter(|values| !values.is_empty() && values.iter().all(|value| value.is_finite()));
+    let value = |cell: &str| {
+        let number = is_decimal(cell).then(|| cell.parse().unwrap()).filter(|value: &f64| value.is_finite());
+        (is_decimal(cell) || is_no_number(cell)).then_some(number)
+    };
+    let values: Option<Vec<Option<f64>>> = cells.map(value).collect();
+    let values = values.filter(|values| !values.is_empty());
     Some(values.filter(|_| is_time && time_us <= i64::MAX as u64 / 2000).map(|values| (time_us, values)))
+}
+
+/// What a logger writes where a sensor has no value.
+fn is_no_number(cell: &str) -> bool {
+    let unsigned = cell.strip_prefix(['+', '-']).unwrap_or(cell);
+    ["nan", "inf", "infinity"].iter().any(|word| unsigned.eq_ignore_ascii_case(word))
 }
 
 /// Sign, digits with a point or without, exponent.

@@ -63,6 +63,8 @@ fn fired(before: Option<&TriggerView>, now: &TriggerView) -> Vec<(Tone, String)>
     for shot in shots + 1..=now.fired {
         news.push((Tone::Good, format!("shot {shot} has fired")));
     }
+    let told = before.map_or(0, |trigger| trigger.lost.len());
+    news.extend(now.lost.iter().skip(told).map(|text| (Tone::Alarm, text.clone())));
     let again = if now.fired > 0 { " again" } else { "" };
     match (old, now.phase) {
         (Some(Phase::Settling { .. }), Phase::Settling { .. }) if now.fired == shots => {}
@@ -84,7 +86,7 @@ pub(super) fn progress(now: &Snapshot) -> String {
     let trigger = match &now.trigger {
         None => String::new(),
         Some(trigger) => match trigger.phase {
-            Phase::Settling { .. } => "  not armed".to_owned(),
+            Phase::Settling { quiet_s, wanted_s } => format!("  not armed: quiet for {quiet_s:.1} of {wanted_s} s"),
             Phase::Armed => "  armed".to_owned(),
             Phase::Fired { .. } => format!("  shot {}", trigger.fired),
             Phase::Over => "  all shots are recorded".to_owned(),
@@ -142,6 +144,12 @@ mod tests {
             missed,
             ["shot 2 has fired", "shot 3 has fired", "all shots are recorded"].map(|t| format!("12.4 s  {t}"))
         );
+        let mut lost = armed(fired, 2);
+        lost.trigger.as_mut().unwrap().lost.push("shot 2 is lost".to_owned());
+        assert_eq!(texts(Some(&armed(fired, 2)), &lost), ["12.4 s  shot 2 is lost"]);
+        assert_eq!(texts(Some(&lost), &lost), [""; 0]);
+        let waiting = progress(&armed(settling, 0));
+        assert!(waiting.ends_with("60000 samples/s  not armed: quiet for 0.5 of 2 s"), "{waiting}");
         assert_eq!(progress(&armed(fired, 2)), "12.4 s  744000 samples  3 gaps  60000 samples/s  shot 2");
     }
 }

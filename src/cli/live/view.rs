@@ -145,7 +145,7 @@ fn sensors(snapshot: &Snapshot, columns: usize, rows: usize) -> Vec<Line> {
     let sensors = &snapshot.sensors;
     let mut texts = sensor_rows(snapshot, columns).into_iter();
     let Some(heading) = texts.next().filter(|_| !sensors.is_empty()) else { return Vec::new() };
-    let blocks: Vec<Vec<Line>> =
+    let mut blocks: Vec<Vec<Line>> =
         texts.zip(sensors).map(|(text, sensor)| block(text, sensor, snapshot, columns)).collect();
     let mut room = rows.saturating_sub(1);
     let all_fit = blocks.iter().map(Vec::len).sum::<usize>() <= room;
@@ -153,8 +153,15 @@ fn sensors(snapshot: &Snapshot, columns: usize, rows: usize) -> Vec<Line> {
         room = room.saturating_sub(1);
     }
     let mut kept = vec![false; blocks.len()];
-    for ill in [true, false] {
-        for (i, block) in blocks.iter().enumerate().filter(|(i, _)| sensors[*i].ailment.is_some() == ill) {
+    // those that something is wrong with come first, if need be without the advice; the others may have what is left
+    for (ill, whole) in [(true, true), (true, false), (false, true)] {
+        for (i, block) in blocks.iter_mut().enumerate() {
+            if kept[i] || sensors[i].ailment.is_some() != ill || room == 0 {
+                continue;
+            }
+            if !whole {
+                block.truncate(1);
+            }
             if block.len() <= room {
                 room -= block.len();
                 kept[i] = true;

@@ -61,5 +61,5 @@ pub fn ailing() -> Snapshot {
 /// With a trigger.
 pub fn armed(phase: Phase, fired: usize) -> Snapshot {
     let condition = "P1 reaches 500 kPa".to_owned();
-    Snapshot { trigger: Some(TriggerView { condition, phase, fired, most: Some(3) }), ..healthy() }
+    Snapshot { trigger: Some(TriggerView { condition, phase, fired, most: Some(3), lost: Vec::new() }), ..healthy() }
 }

@@ -99,6 +99,17 @@ fn more_sensors_than_rows_keep_those_that_something_is_wrong_with() {
 }
 
 #[test]
+fn where_no_advice_has_room_the_called_out_sensors_stand_before_the_healthy_ones() {
+    let mut snapshot = healthy();
+    snapshot.devices.truncate(1);
+    snapshot.sensors = (0..4).map(|i| sensor(&format!("P{i}"), "kPa", 250.0, 0)).collect();
+    snapshot.sensors[1..].iter_mut().for_each(|sensor| sensor.ailment = Some(Ailment::Flat { at: 250.0 }));
+    let text = drawn(&snapshot, 40, 10);
+    assert!(["P1 ", "P2 ", "P3 "].iter().all(|name| text.contains(name)), "{text}");
+    assert!(text.contains("… 1 more sensors, nothing wrong") && !text.contains("P0"), "{text}");
+}
+
+#[test]
 fn any_size_is_drawn_within_its_bounds() {
     for snapshot in [healthy(), ailing(), armed(Phase::Armed, 1), Snapshot::default()] {
         for columns in 1..120 {
