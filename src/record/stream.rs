@@ -332,7 +332,9 @@ impl<'a> Stream<'a> {
         } else if !live.has_begun() {
             // Nothing is recorded yet, so nothing is lost.
             self.unheard = polled.counts.missed;
-            self.codec = Codec::Polled(Some(polled));
+            // A refusal says more of why nothing comes than the silence after it.
+            let before = if let Codec::Polled(Some(before)) = &self.codec { before.refused } else { None };
+            self.codec = Codec::Polled(Some(Polled { refused: polled.refused.or(before), ..polled }));
             return Ok(());
         }
         for &(index, number) in &polled.values {
