@@ -6,6 +6,8 @@
 
 use crc::{CRC_16_IBM_3740, Crc};
 
+use super::pieces::Pieces;
+
 const VERSION: u8 = 1;
 const HEADER: usize = 18;
 const CRC_BYTES: usize = 2;
@@ -114,9 +116,14 @@ enum Parsed {
     Damaged,
     /// Not even the length of a frame: damaged, or joined in its middle.
     Fragment,
+    /// Zeros may stand one behind the other.
+    Nothing,
 }
 
 fn parse(encoded: &[u8]) -> Parsed {
+    if encoded.is_empty() {
+        return Parsed::Nothing;
+    }
     let Ok(raw) = cobs::decode_vec(encoded) else { return Parsed::Fragment };
     match parse_raw(&raw) {
         None => Parsed::Fragment,
@@ -185,18 +192,12 @@ pub struct FrameCounts {
 /// Incremental decoder: takes bytes in any split, finds the frames. Memory stays below [`MAX_ENCODED`].
 #[derive(Debug, Default)]
 pub struct Decoder {
-    pending: Vec<u8>,
-    /// The rest of an overlong piece is thrown away up to the next zero.
-    skipping: bool,
-    /// The first zero was seen; what stood before it may be the rest of a frame that began before we listened.
-    aligned: bool,
+    pieces: Pieces<0, MAX_ENCODED>,
     last: Option<Last>,
     /// A frame whose time jumps further than its sequence and its arrival say, until the next one confirms it; with its arrival.
     doubtful: Option<(Frame, i64)>,
     /// Frames from the past, in sequence among themselves: late ones, or a device that restarted. Each with its arrival.
     stale: Vec<(Frame, i64)>,
-    /// When the first byte of the pending piece arrived.
-    began_ns: i64,
     /// Frames missing since the last one handed on, and whether the sequence began anew since.
     lost_before: u32,
     anew: bool,
@@ -252,78 +253,46 @@ impl Decoder {
     }
 
     /// Takes the next bytes of the stream, which arrived at `at_ns` on any clock, and appends what they complete to `events`.
-    pub fn feed(&mut self, at_ns: i64, bytes: &[u8], events: &mut Vec<Event>) {
-        let mut pieces = bytes.split(|&byte| byte == 0);
-        let tail = pieces.next_back().unwrap_or_default();
-        for piece in pieces {
-            self.keep(at_ns, piece);
-            self.end_of_piece(events);
+    pub fn feed(&mut self, at_ns: i64, mut bytes: &[u8], events: &mut Vec<Event>) {
+        while let Some(piece) = self.pieces.next(at_ns, &mut bytes) {
+            let began_ns = piece.began_ns;
+            match piece.bytes.map(parse) {
+                Some(Parsed::Good(frame)) => self.accept(frame, began_ns, events),
+                Some(Parsed::Nothing) => {}
+                Some(Parsed::Fragment) if piece.maybe_rest => {}
+                Some(Parsed::Damaged | Parsed::Fragment) | None => self.counts.bad += 1,
+            }
         }
-        self.keep(at_ns, tail);
     }
 
     /// The stream was cut off: a frame cut with it is a bad one, and what comes next may begin within a frame.
     pub fn cut(&mut self) {
-        if self.aligned && (self.skipping || !self.pending.is_empty()) {
-            self.counts.bad += 1;
-        }
-        self.pending.clear();
-        self.skipping = false;
-        self.aligned = false;
-    }
-
-    fn keep(&mut self, at_ns: i64, piece: &[u8]) {
-        if self.skipping {
-            return;
-        }
-        if self.pending.is_empty() {
-            self.began_ns = at_ns;
-        }
-        if self.pending.len() + piece.len() > MAX_ENCODED {
-            self.skipping = true;
-            self.pending.clear();
-            return;
-        }
-        self.pending.extend_from_slice(piece);
-    }
-
-    fn end_of_piece(&mut self, events: &mut Vec<Event>) {
-        let first = !std::mem::replace(&mut self.aligned, true);
-        if std::mem::take(&mut self.skipping) {
-            self.counts.bad += 1;
-        } else if !self.pending.is_empty() {
-            match parse(&self.pending) {
-                Parsed::Good(frame) => self.accept(frame, events),
-                Parsed::Fragment if first => {}
-                Parsed::Damaged | Parsed::Fragment => self.counts.bad += 1,
-            }
-        }
-        self.pending.clear();
+        self.counts.bad += u64::from(self.pieces.cut());
     }
 
     /// Puts a valid frame in its place behind the last one, or keeps it aside as one from the past or with a doubtful time.
-    fn accept(&mut self, frame: Frame, events: &mut Vec<Event>) {
-        if self.settle(&frame, events) {
+    fn accept(&mut self, frame: Frame, began_ns: i64, events: &mut Vec<Event>) {
+        if self.settle(&frame, began_ns, events) {
             self.counts.duplicated += 1;
             return;
         }
         let Some(last) = self.last else {
-            self.take(frame, self.began_ns, events);
+            self.take(frame, began_ns, events);
             return;
         };
         let repeated = frame.sequence == last.sequence;
         if repeated || frame.first_us <= last.first_us {
-            self.stale(frame, repeated, events);
-        } else if last.jumps_to(&frame, self.began_ns) {
-            self.doubtful = Some((frame, self.began_ns));
+            self.stale(frame, began_ns, repeated, events);
+        } else if last.jumps_to(&frame, began_ns) {
+            self.doubtful = Some((frame, began_ns));
         } else {
-            self.take(frame, self.began_ns, events);
+            self.take(frame, began_ns, events);
         }
     }
 
     /// The frame behind one with a doubtful time goes on from there, or from before it: then the doubtful one is dropped. One from the
     /// past says nothing. True for the doubtful one come again.
-    fn settle(&mut self, next: &Frame, events: &mut Vec<Event>) -> bool {
+    fn settle(&mut self, next: &Frame, next_began_ns: i64, events: &mut Vec<Event>) -> bool {
         let Some((doubtful, began_ns)) = self.doubtful.take() else { return false };
         let last_us = self.last.map_or(0, |last| last.first_us);
         let again = next.sequence == doubtful.sequence && next.first_us == doubtful.first_us;
@@ -334,7 +303,7 @@ impl Decoder {
         // A device that samples now and then jumps again and again.
         let (jumped, jump_us) = (Last::of(&doubtful, began_ns), doubtful.first_us - last_us);
         let goes_on = next.first_us > doubtful.first_us
-            && (!jumped.jumps_to(next, self.began_ns) || next.first_us - doubtful.first_us <= jump_us + jump_us / 2);
+            && (!jumped.jumps_to(next, next_began_ns) || next.first_us - doubtful.first_us <= jump_us + jump_us / 2);
         if goes_on {
             self.take(doubtful, began_ns, events);
         } else {
@@ -369,7 +338,7 @@ impl Decoder {
     }
 
     /// A frame from the past: late, or sent again; enough of them in sequence are a device that restarted, and none of them is lost.
-    fn stale(&mut self, frame: Frame, repeated: bool, events: &mut Vec<Event>) {
+    fn stale(&mut self, frame: Frame, began_ns: i64, repeated: bool, events: &mut Vec<Event>) {
         self.counts.duplicated += 1;
         if repeated {
             return;
@@ -380,7 +349,7 @@ impl Decoder {
         if !self.stale.last().is_some_and(follows) {
             self.stale.clear();
         }
-        self.stale.push((frame, self.began_ns));
+        self.stale.push((frame, began_ns));
         if self.stale.len() < RESTART_FRAMES {
             return;
         }

@@ -3,6 +3,8 @@
 //! Lines carry neither a check sum nor a number. A line that does not parse, or has another number of values than those before,
 //! is counted and kept out; a missing one shows in the times only. A time that jumps is believed when the next line confirms it.
 
+use super::pieces::Pieces;
+
 /// Longest line taken, bytes.
 pub const MAX_LINE: usize = 4096;
 /// So many lines in a row from the past, in order among themselves, are a device that restarted.
@@ -50,11 +52,7 @@ pub struct LineCounts {
 /// Incremental decoder: takes bytes in any split, finds the lines.
 #[derive(Debug, Default)]
 pub struct Decoder {
-    pending: Vec<u8>,
-    skipping: bool,
-    /// The first line end was seen; what stood before it may be the rest of a line.
-    aligned: bool,
-    began_ns: i64,
+    pieces: Pieces<b'\n', MAX_LINE>,
     width: Option<usize>,
     last_us: Option<u64>,
     steps: std::collections::VecDeque<u64>,
@@ -82,55 +80,26 @@ impl Decoder {
     }
 
     /// Takes the next bytes of the stream, which arrived at `at_ns` on any clock, and appends what they complete to `events`.
-    pub fn feed(&mut self, at_ns: i64, bytes: &[u8], events: &mut Vec<Event>) {
-        let mut pieces = bytes.split(|&byte| byte == b'\n');
-        let tail = pieces.next_back().unwrap_or_default();
-        for piece in pieces {
-            self.keep(at_ns, piece);
-            self.end_of_line(events);
+    pub fn feed(&mut self, at_ns: i64, mut bytes: &[u8], events: &mut Vec<Event>) {
+        while let Some(piece) = self.pieces.next(at_ns, &mut bytes) {
+            let began_ns = piece.began_ns;
+            match piece.bytes {
+                // A first line could be the rest of one and parse all the same: it is never taken.
+                Some(text) if piece.maybe_rest || is_comment(text) => {}
+                Some(text) => match parse(text) {
+                    Some((time_us, values)) => self.line(time_us, values, began_ns, events),
+                    None => self.bad(),
+                },
+                None => self.bad(),
+            }
         }
-        self.keep(at_ns, tail);
     }
 
     /// The stream was cut off: a line cut with it is a bad one, and what comes next may begin within a line.
     pub fn cut(&mut self) {
-        if self.aligned && (self.skipping || !self.pending.is_empty()) {
+        if self.pieces.cut() {
             self.bad();
         }
-        self.pending.clear();
-        self.skipping = false;
-        self.aligned = false;
-    }
-
-    fn keep(&mut self, at_ns: i64, piece: &[u8]) {
-        if self.skipping {
-            return;
-        }
-        if self.pending.is_empty() {
-            self.began_ns = at_ns;
-        }
-        if self.pending.len() + piece.len() > MAX_LINE {
-            self.skipping = true;
-            self.pending.clear();
-        } else {
-            self.pending.extend_from_slice(piece);
-        }
-    }
-
-    fn end_of_line(&mut self, events: &mut Vec<Event>) {
-        let first = !std::mem::replace(&mut self.aligned, true);
-        let pending = std::mem::take(&mut self.pending);
-        if std::mem::take(&mut self.skipping) {
-            self.bad();
-        } else if !first && !is_comment(&pending) {
-            // A first line could be the rest of one and parse all the same: it is never taken.
-            match parse(&pending) {
-                Some((time_us, values)) => self.line(time_us, values, events),
-                None => self.bad(),
-            }
-        }
-        self.pending = pending;
-        self.pending.clear();
     }
 
     fn bad(&mut self) {
@@ -138,13 +107,13 @@ impl Decoder {
         self.hole = true;
     }
 
-    fn line(&mut self, time_us: u64, values: Vec<Option<f64>>, events: &mut Vec<Event>) {
+    fn line(&mut self, time_us: u64, values: Vec<Option<f64>>, began_ns: i64, events: &mut Vec<Event>) {
         if *self.width.get_or_insert(values.len()) != values.len() {
             self.bad();
             return;
         }
         let hole_before = std::mem::take(&mut self.hole);
-        let mut line = Line { time_us, values, hole_before, began_ns: self.began_ns };
+        let mut line = Line { time_us, values, hole_before, began_ns };
         if let Some(doubtful) = self.doubtful.take() {
             // The line after a jump goes on either from the jump or from before it.
             if line.time_us > doubtful.time_us && self.goes_on(&doubtful, &line) {
@@ -321,16 +290,6 @@ mod tests {
             [(500, false), (510, false), (520, false), restart, (0, false), (10, false), (20, false), (30, false)];
         assert_eq!(times(&events), expected);
         assert_eq!(decoder.counts(), LineCounts { lines: 7, bad: 0, stale: 1 });
-    }
-
-    #[test]
-    fn a_stream_without_line_ends_does_not_fill_the_memory() {
-        let mut decoder = Decoder::new();
-        for _ in 0..100 {
-            assert!(decode(&mut decoder, &"5".repeat(1000)).is_empty());
-        }
-        assert!(decoder.pending.capacity() <= 2 * MAX_LINE);
-        assert_eq!(times(&decode(&mut decoder, "\n7,1\n")), [(7, true)]);
     }
 
     proptest! {

@@ -33,6 +33,7 @@ pub mod modbus;
 pub mod monitor;
 pub mod output;
 pub mod pace;
+mod pieces;
 pub mod poll;
 pub mod polling;
 pub mod port;

@@ -23,7 +23,7 @@ impl wire::Decoder for Decoder {
 
 /// The input as it came, and as a recipe: frames that get their check sum and their COBS here (kind 1), bytes between them.
 pub fn frames(input: &[u8]) {
-    check(input);
+    wire::whole_and_cut(input, against_oracle);
     let mut sent = Vec::new();
     for (kind, piece) in wire::recipe(input) {
         if kind == 1 {
@@ -34,14 +34,7 @@ pub fn frames(input: &[u8]) {
             sent.extend(piece);
         }
     }
-    check(&sent);
-}
-
-fn check(sent: &[u8]) {
-    against_oracle(sent, &[]);
-    if let Some(cut) = wire::a_cut(sent) {
-        against_oracle(sent, &[cut]);
-    }
+    wire::whole_and_cut(&sent, against_oracle);
 }
 
 /// A frame as its description has it.

@@ -22,10 +22,7 @@ impl wire::Decoder for Decoder {
 }
 
 pub fn lines(input: &[u8]) {
-    against_oracle(input, &[]);
-    if let Some(cut) = wire::a_cut(input) {
-        against_oracle(input, &[cut]);
-    }
+    wire::whole_and_cut(input, against_oracle);
 }
 
 /// A line that is no comment; without numbers it is a bad one.

@@ -59,10 +59,13 @@ pub fn stretches<'a>(wire: &'a [u8], cuts: &[usize]) -> Vec<(usize, &'a [u8])> {
     starts.zip(ends).map(|(start, end)| (start, &wire[start..end])).collect()
 }
 
-/// One place inside the stream to cut it at, anywhere; none in one that is too short.
-pub fn a_cut(wire: &[u8]) -> Option<usize> {
-    let sum = wire.iter().fold(0usize, |sum, &byte| sum.wrapping_mul(31).wrapping_add(byte.into()));
-    (wire.len() > 1).then(|| 1 + sum % (wire.len() - 1))
+/// Checks a stream whole, and cut off at one place anywhere inside where it is long enough.
+pub fn whole_and_cut(wire: &[u8], check: impl Fn(&[u8], &[usize])) {
+    check(wire, &[]);
+    if wire.len() > 1 {
+        let sum = wire.iter().fold(0usize, |sum, &byte| sum.wrapping_mul(31).wrapping_add(byte.into()));
+        check(wire, &[1 + sum % (wire.len() - 1)]);
+    }
 }
 
 /// What stands between `end` bytes in one stretch, each with its place; the last of them has not ended.
