@@ -3,33 +3,22 @@
 //! Linear in the parameters around the fit (Seber & Wild 2003, *Nonlinear Regression*, sec. 5.1). What the samples leave open does not move
 //! the curve at them, so those directions are left out rather than counted as infinite.
 
-use nalgebra::{DMatrix, SymmetricEigen};
+use nalgebra::DMatrix;
 
 use super::interval::Z_95;
 use super::outcome::SensorFit;
 use super::problem::Calibration;
-use super::uncertainty::Normal;
-
-/// Share of the largest eigenvalue of the scaled `JᵀJ` below which a direction counts as left open.
-const OPEN: f64 = 1e-12;
+use super::uncertainty::{Normal, determined_inverse};
 
 /// Covariance of the variables as the noise alone makes it, `(JᵀJ)⁻¹`: zero in the rows and columns of variables at a bound and in directions
 /// that the data leave open. What a model fails to explain does not widen it: the failure is to show outside the band.
 pub fn posterior(columns: &[Vec<f64>], at_bound: &[bool]) -> DMatrix<f64> {
-    let n = columns.len();
-    let Normal { free, scale, matrix: normal } = Normal::of(columns, at_bound);
-    let mut all = DMatrix::zeros(n, n);
-    if free.is_empty() || normal.iter().any(|v| !v.is_finite()) {
-        return all;
-    }
-    let SymmetricEigen { eigenvectors, eigenvalues } = SymmetricEigen::new(normal);
-    let largest = eigenvalues.max();
-    for (k, &eigenvalue) in eigenvalues.iter().enumerate().filter(|(_, v)| **v > OPEN * largest) {
-        for (a, &i) in free.iter().enumerate() {
-            for (b, &j) in free.iter().enumerate() {
-                let product = eigenvectors[(a, k)] * eigenvectors[(b, k)];
-                all[(i, j)] += product / (eigenvalue * scale[a] * scale[b]);
-            }
+    let Normal { free, scale, matrix } = Normal::of(columns, at_bound);
+    let (inverse, _) = determined_inverse(matrix);
+    let mut all = DMatrix::zeros(columns.len(), columns.len());
+    for (a, &i) in free.iter().enumerate() {
+        for (b, &j) in free.iter().enumerate() {
+            all[(i, j)] = inverse[(a, b)] / (scale[a] * scale[b]);
         }
     }
     all

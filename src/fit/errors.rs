@@ -10,12 +10,7 @@ use std::ops::Range;
 use nalgebra::DMatrix;
 
 use super::colour::score_covariance;
-use super::uncertainty::dot;
-
-/// Share of the largest eigenvalue of the scaled normal matrix below which a combination of variables is not determined: finite differences know no more.
-const NOTHING: f64 = 1e-13;
-/// Part of such a combination from which on a variable shares its fate.
-const PART: f64 = 1e-4;
+use super::uncertainty::{Normal, determined_inverse, dot};
 
 /// What one standard deviation of an instrument's error does to residuals: where they start, and by how much they change.
 pub type Common = Vec<(usize, Vec<f64>)>;
@@ -62,11 +57,9 @@ impl Errors {
     /// Of a linearised fit.
     pub fn of(fit: Linearised) -> Self {
         let all = fit.columns.len();
-        let free: Vec<usize> = (0..all).filter(|&j| !fit.at_bound[j]).collect();
+        let Normal { free, scale, matrix } = Normal::of(fit.columns, fit.at_bound);
         let columns: Vec<&[f64]> = free.iter().map(|&j| fit.columns[j].as_slice()).collect();
-        let scale: Vec<f64> =
-            columns.iter().map(|c| Some(dot(c, c).sqrt()).filter(|n| *n > 0.0).unwrap_or(1.0)).collect();
-        let (inverse, open) = inverse(&columns, &scale);
+        let (inverse, open) = determined_inverse(matrix);
         let samples = fit.records.iter().map(|r| r.end).max().unwrap_or(0);
         let mut scores = match fit.in_time {
             None => score_covariance(&columns, fit.residuals, fit.records),
@@ -122,27 +115,6 @@ impl Errors {
         let ratio = self.covariance[(j, j)] / self.believed[(j, j)];
         if ratio.is_finite() { ratio.max(1.0) } else { 1.0 }
     }
-}
-
-/// Inverse of the scaled normal matrix over what it determines, and which variables it leaves open.
-fn inverse(columns: &[&[f64]], scale: &[f64]) -> (DMatrix<f64>, Vec<bool>) {
-    let p = columns.len();
-    let normal = DMatrix::from_fn(p, p, |a, b| dot(columns[a], columns[b]) / scale[a] / scale[b]);
-    let mut open = vec![false; p];
-    if p == 0 {
-        return (normal, open);
-    }
-    let eigen = normal.symmetric_eigen();
-    let most = eigen.eigenvalues.max();
-    let mut inverse = DMatrix::zeros(p, p);
-    for (value, vector) in eigen.eigenvalues.iter().zip(eigen.eigenvectors.column_iter()) {
-        if *value > NOTHING * most {
-            inverse += vector * vector.transpose() / *value;
-        } else {
-            vector.iter().zip(&mut open).for_each(|(v, o)| *o |= v.abs() > PART);
-        }
-    }
-    (inverse, open)
 }
 
 #[cfg(test)]

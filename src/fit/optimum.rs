@@ -6,13 +6,10 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::method::Method;
-use super::uncertainty::dot;
+use super::uncertainty::{determined_inverse, dot};
 
 /// Promise, in units of what one sample leaves, up to which a search has ended at an optimum: within half a standard error of it.
 pub(super) const AT_OPTIMUM: f64 = 0.25;
-/// Share of the largest eigenvalue of the scaled normal matrix below which a combination of variables goes nowhere.
-const NOTHING: f64 = 1e-13;
-
 /// Fall of the sum of squares that the linearised problem promises from `x` within its `bounds`.
 ///
 /// Variables that the step would carry out of the box are left at their bound, the worst first, and the others solved for again.
@@ -51,12 +48,8 @@ fn undamped(normal: &DMatrix<f64>, slope: &DVector<f64>, free: &[usize]) -> DVec
     let scale: Vec<f64> = free.iter().map(|&j| normal[(j, j)].sqrt()).collect();
     let matrix = DMatrix::from_fn(free.len(), free.len(), |a, b| normal[(free[a], free[b])] / (scale[a] * scale[b]));
     let right = DVector::from_iterator(free.len(), free.iter().zip(&scale).map(|(&j, s)| -slope[j] / s));
-    let eigen = matrix.symmetric_eigen();
-    let least = NOTHING * eigen.eigenvalues.max();
-    let mut step = DVector::zeros(free.len());
-    for (value, vector) in eigen.eigenvalues.iter().zip(eigen.eigenvectors.column_iter()).filter(|(v, _)| **v > least) {
-        step += vector * (vector.dot(&right) / *value);
-    }
+    let (inverse, _) = determined_inverse(matrix);
+    let mut step = inverse * right;
     step.iter_mut().zip(&scale).for_each(|(step, s)| *step /= s);
     step
 }

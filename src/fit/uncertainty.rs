@@ -25,7 +25,7 @@ pub fn correlation_inflation(residuals: &[f64]) -> f64 {
 pub(super) struct Normal {
     /// Which variables these are.
     pub free: Vec<usize>,
-    /// Norm of each one's column; the least positive number where the column is zero.
+    /// Norm of each one's column; 1 where the column is zero.
     pub scale: Vec<f64>,
     pub matrix: DMatrix<f64>,
 }
@@ -33,13 +33,43 @@ pub(super) struct Normal {
 impl Normal {
     pub fn of(columns: &[Vec<f64>], at_bound: &[bool]) -> Self {
         let free: Vec<usize> = (0..columns.len()).filter(|&j| !at_bound[j]).collect();
-        let scale: Vec<f64> =
-            free.iter().map(|&j| dot(&columns[j], &columns[j]).sqrt().max(f64::MIN_POSITIVE)).collect();
+        let norm = |c: &[f64]| Some(dot(c, c).sqrt()).filter(|n| *n > 0.0).unwrap_or(1.0);
+        let scale: Vec<f64> = free.iter().map(|&j| norm(&columns[j])).collect();
         let matrix = DMatrix::from_fn(free.len(), free.len(), |a, b| {
-            dot(&columns[free[a]], &columns[free[b]]) / (scale[a] * scale[b]).max(f64::MIN_POSITIVE)
+            dot(&columns[free[a]], &columns[free[b]]) / scale[a] / scale[b]
         });
         Normal { free, scale, matrix }
     }
+}
+
+/// Share of the largest eigenvalue of a scaled normal matrix below which a combination of variables is not determined: finite differences
+/// know no more.
+const NOTHING: f64 = 1e-13;
+/// Part of such a combination from which on a variable shares its fate.
+const PART: f64 = 1e-4;
+
+/// Inverse of a scaled normal matrix over the combinations of variables that it determines (Moore and Penrose's), and which variables it leaves
+/// open. All of them where it is not finite.
+pub(super) fn determined_inverse(matrix: DMatrix<f64>) -> (DMatrix<f64>, Vec<bool>) {
+    let p = matrix.nrows();
+    let (mut inverse, mut open) = (DMatrix::zeros(p, p), vec![false; p]);
+    // The decomposition does not end on numbers that are none.
+    if matrix.iter().any(|v| !v.is_finite()) {
+        return (inverse, vec![true; p]);
+    }
+    if p == 0 {
+        return (inverse, open);
+    }
+    let eigen = matrix.symmetric_eigen();
+    let least = NOTHING * eigen.eigenvalues.max();
+    for (value, vector) in eigen.eigenvalues.iter().zip(eigen.eigenvectors.column_iter()) {
+        if *value > least {
+            inverse += vector * vector.transpose() / *value;
+        } else {
+            vector.iter().zip(&mut open).for_each(|(v, o)| *o |= v.abs() > PART);
+        }
+    }
+    (inverse, open)
 }
 
 pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
