@@ -23,9 +23,7 @@ pub fn check(hold: &[(String, f64)]) -> Result<(), String> {
 fn warn_beyond(rig: &Rig, runs: &[RunData], effects: &[Chosen], hold: &[(String, f64)]) {
     let Some(run) = runs.first() else { return };
     // With as many elements as there may be, so that each parameter is known.
-    let most = |c: &Chosen| {
-        c.elements.or(c.effect.elements().map(|range| *range.end())).map_or_else(|| c.clone(), |n| c.with_elements(n))
-    };
+    let most = |c: &Chosen| c.most_elements().map_or_else(|| c.clone(), |n| c.with_elements(n));
     let effects: Vec<Chosen> = effects.iter().map(most).collect();
     let model = Model::new(rig, &run.conditions.water, &effects);
     let window = Window { reaches: 1, horizon_s: f64::INFINITY, stride: 1 };

@@ -7,12 +7,14 @@ use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
 use std::thread;
 use std::time::Duration;
 
+use super::Outcome;
+
 /// How long words wait for their reader once the program was asked to end.
 const PATIENCE: Duration = Duration::from_secs(2);
 /// How often it is looked whether it was.
 const LOOK_EVERY: Duration = Duration::from_millis(100);
 
-/// While this is held, the program ends with `code` when `stop` is set and what is being written does not go on.
+/// While this is held, the program ends as `outcome` says when `stop` is set and what is being written does not go on.
 pub(super) struct LastWords {
     /// Dropped with this: the words are said.
     _said: Sender<()>,
@@ -20,7 +22,7 @@ pub(super) struct LastWords {
 
 impl LastWords {
     /// From now on.
-    pub(super) fn before(code: u8, stop: &'static AtomicBool) -> LastWords {
+    pub(super) fn before(outcome: Outcome, stop: &'static AtomicBool) -> LastWords {
         let (said, wait) = channel::<()>();
         let look = move || {
             let mut waited = Duration::ZERO;
@@ -29,7 +31,7 @@ impl LastWords {
                     waited += LOOK_EVERY;
                 }
                 if waited >= PATIENCE {
-                    exit(code.into());
+                    exit(outcome.code().into());
                 }
             }
         };

@@ -86,6 +86,17 @@ pub enum Outcome {
     DataLost,
 }
 
+impl Outcome {
+    /// The exit code.
+    fn code(self) -> u8 {
+        match self {
+            Outcome::Done => 0,
+            Outcome::No => 1,
+            Outcome::DataLost => 3,
+        }
+    }
+}
+
 /// What a command returns; an error is bad input or usage: exit 2.
 pub type CommandResult = Result<Outcome, Box<dyn Error + Send + Sync>>;
 
@@ -179,9 +190,7 @@ pub fn main() -> ExitCode {
         Command::History(args) => history::run(args, cli.json),
     };
     match result {
-        Ok(Outcome::Done) => ExitCode::SUCCESS,
-        Ok(Outcome::No) => ExitCode::from(1),
-        Ok(Outcome::DataLost) => ExitCode::from(3),
+        Ok(outcome) => ExitCode::from(outcome.code()),
         Err(error) => {
             tell!("error: {error}");
             let mut cause = error.source();

@@ -119,8 +119,12 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     let summary = record(&args, rig.as_ref(), &options, &mut |snapshot| reporter.show(snapshot));
     reporter.close();
     let summary = summary?;
-    let code = if summary.data_lost { 3 } else { 0 };
-    let words = LastWords::before(code, &STOP);
+    let outcome = |failed: bool| match (summary.data_lost, failed) {
+        (true, _) => Outcome::DataLost,
+        (false, true) => Outcome::No,
+        (false, false) => Outcome::Done,
+    };
+    let words = LastWords::before(outcome(false), &STOP);
     super::tell!("{}: {}", summary.file, summary.ended);
     if !json {
         super::say_text!(table(&summary));
@@ -128,7 +132,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     drop(words);
     let runs = if args.calibrate { calibrated(&summary, json)? } else { Vec::new() };
     let failed = runs.iter().any(|run| run.state == State::Failed);
-    let _words = LastWords::before(if failed && code == 0 { 1 } else { code }, &STOP);
+    let _words = LastWords::before(outcome(failed), &STOP);
     if json {
         let documents: Vec<RunDocument> = runs.iter().map(RunDocument::from).collect();
         let head = match &documents[..] {
@@ -138,11 +142,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         };
         super::say!("{}", super::document(head, &summary)?);
     }
-    Ok(match (summary.data_lost, failed) {
-        (true, _) => Outcome::DataLost,
-        (false, true) => Outcome::No,
-        _ => Outcome::Done,
-    })
+    Ok(outcome(failed))
 }
 
 /// The runs of the recordings that a session left, calibrated and diagnosed; each is told as it is done.

@@ -296,7 +296,7 @@ impl<'a> Fitter<'a> {
 
     /// Elements of effect `i` of which all is known beforehand, as by a creep test: with these a fit begins; with one where there are none.
     fn known_elements(&self, effects: &[Chosen], i: usize) -> usize {
-        let most = effects[i].elements.or(effects[i].effect.elements().map(|r| *r.end())).unwrap_or(1);
+        let most = effects[i].most_elements().unwrap_or(1);
         let known = |n: &usize| {
             let mut with = effects.to_vec();
             with[i] = with[i].with_elements(*n);

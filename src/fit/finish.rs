@@ -225,7 +225,7 @@ impl Fitter<'_> {
         let residuals = in_time.residuals(&solution.x)?;
         let own = jacobian(&in_time, &solution.x, &residuals)?;
         self.count(own.len() + 1);
-        let records = in_time.records().into_iter().map(|(_, _, range)| range).collect();
+        let records = in_time.record_rows();
         Ok(Sampled { problem: in_time, columns: own, seen: problem.seen_in_time(columns), residuals, records })
     }
 
@@ -236,7 +236,7 @@ impl Fitter<'_> {
         let (shifts, halving_m) = self.last_halving(problem, solution, &columns)?;
         // A third of it is left to come; half of it allows for kinks, which are of first order.
         let left: Vec<f64> = shifts.iter().map(|s| 0.5 * s).collect();
-        let records: Vec<_> = problem.records().into_iter().map(|(_, _, range)| range).collect();
+        let records = problem.record_rows();
         let common: Vec<_> = problem.gain_errors().into_values().collect();
         let covariance = posterior(&columns, &solution.at_bound);
         let sampled = match self.options.misfit {
@@ -375,7 +375,7 @@ impl Fitter<'_> {
 
 /// Errors of a solution's variables.
 pub(super) fn errors_of(problem: &Calibration, solution: &Solution, columns: &[Vec<f64>], common: &[Common]) -> Errors {
-    let records: Vec<_> = problem.records().into_iter().map(|(_, _, range)| range).collect();
+    let records = problem.record_rows();
     let (residuals, at_bound) = (&solution.residuals, &solution.at_bound);
     Errors::of(Linearised { columns, residuals, records: &records, common, at_bound, in_time: None })
 }

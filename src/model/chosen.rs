@@ -27,6 +27,11 @@ impl Chosen {
         label
     }
 
+    /// As many elements as it may come to have; `None` where it has none.
+    pub fn most_elements(&self) -> Option<usize> {
+        self.elements.or_else(|| self.effect.elements().map(|range| *range.end()))
+    }
+
     /// The same with a number of elements.
     pub fn with_elements(&self, elements: usize) -> Self {
         Chosen { elements: Some(elements), ..self.clone() }

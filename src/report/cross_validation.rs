@@ -3,12 +3,11 @@
 use serde::Serialize;
 
 use super::number::{error_m, times};
+use super::summary::DOWN_TO_NOISE;
 use super::table::Table;
 use crate::fit::cross_validate::{By, CrossValidation, Fold, Pooled};
 use crate::model::effects::name_of;
 
-/// Error over the noise up to which a model is down to the noise.
-const NOISE: f64 = 1.25;
 /// Error held out, over that in the fit, up to which a model predicts as well as it fits.
 const AS_WELL: f64 = 1.25;
 
@@ -20,14 +19,14 @@ pub fn verdict(by: By, pooled: &Pooled) -> String {
     let (what, error) = (word(by), format!("{} m", error_m(held_out_m)));
     let against = format!("in the fit {} m, noise {} m", error_m(in_fit_m), error_m(noise_m));
     let meaning = match (held_out_over_noise, over_fit) {
-        (over_noise, _) if over_noise <= NOISE => "it predicts down to the noise".to_owned(),
+        (over_noise, _) if over_noise <= DOWN_TO_NOISE => "it predicts down to the noise".to_owned(),
         (_, over_fit) if over_fit <= AS_WELL => {
             format!(
                 "it predicts as well as it fits, {}× the noise: what it lacks is physics, not data",
                 times(held_out_over_noise, 1.0)
             )
         }
-        _ if in_fit_over_noise <= NOISE => format!(
+        _ if in_fit_over_noise <= DOWN_TO_NOISE => format!(
             "it fits the noise but errs {}× as much where it was not fitted: its parameters carry what belongs to this data alone",
             times(over_fit, 1.0)
         ),

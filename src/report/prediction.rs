@@ -4,16 +4,11 @@ use serde::Serialize;
 
 use super::json;
 use super::number::{error_m, fixed, significant, times};
-use super::summary::Closeness;
+use super::summary::{Closeness, DOWN_TO_NOISE, closeness};
 use super::table::{Table, parameters};
 use crate::fit::compare::mape_percent;
 use crate::fit::outcome::RunFit;
 use crate::fit::predict::Prediction;
-
-/// Error over the noise up to which a prediction is down to the noise.
-const NOISE: f64 = 1.25;
-/// The same up to which it is near.
-const NEAR: f64 = 2.0;
 
 /// What was predicted, rms over its samples, m.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -49,11 +44,9 @@ fn pooled(prediction: &Prediction, runs: &[RunFit]) -> Ahead {
 /// How near a prediction is to what its model can be asked for: noise, and the errors of the model's values.
 pub fn judge(prediction: &Prediction) -> Closeness {
     let Ahead { error_m, expected_m, noise_m } = ahead(prediction);
-    match (error_m / expected_m, error_m / noise_m) {
-        (ratio, _) if !ratio.is_finite() => Closeness::Unknown,
-        (ratio, _) if ratio <= NOISE => Closeness::Noise,
-        (_, ratio) if ratio <= NEAR => Closeness::Near,
-        _ => Closeness::Missing,
+    match closeness(error_m, expected_m) {
+        Closeness::Near | Closeness::Missing => closeness(error_m, noise_m),
+        known => known,
     }
 }
 
@@ -61,10 +54,16 @@ pub fn judge(prediction: &Prediction) -> Closeness {
 pub fn verdict(prediction: &Prediction) -> String {
     let Ahead { error_m: error, noise_m: noise, expected_m: expected } = ahead(prediction);
     let meaning = match judge(prediction) {
+        Closeness::Unknown if error.is_finite() => {
+            return format!(
+                "Predicted to {} m; the noise is not known, so the error cannot be judged against it.",
+                error_m(error)
+            );
+        }
         Closeness::Unknown => {
             return "No sample lies after those that tell a run's own values: nothing was predicted.".to_owned();
         }
-        Closeness::Noise if error <= NOISE * noise => "the model predicts down to the noise".to_owned(),
+        Closeness::Noise if error <= DOWN_TO_NOISE * noise => "the model predicts down to the noise".to_owned(),
         Closeness::Noise => format!(
             "{}× the noise, as much as the errors of the model's values make ({} m): it holds here as far as it is known",
             times(error, noise),

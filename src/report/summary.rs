@@ -5,7 +5,7 @@ use crate::report::Stage;
 use crate::report::number::{error_m, times};
 
 /// RMSE within this factor of the noise counts as noise: the estimate of the noise is no better.
-const DOWN_TO_NOISE: f64 = 1.25;
+pub(super) const DOWN_TO_NOISE: f64 = 1.25;
 /// RMSE beyond this factor of the noise means that something is missing.
 const SOMETHING_MISSING: f64 = 2.0;
 

@@ -1,5 +1,7 @@
 //! The last seconds of a sensor in one line of text.
 
+use crate::signal::median;
+
 const LEVELS: [char; 8] = ['▁', '▂', '▃', '▄', '▅', '▆', '▇', '█'];
 
 /// A cell whose values reach so many times as far as those of most cells holds a spike or a front.
@@ -23,8 +25,9 @@ pub(super) fn sparkline(trace: &[Option<[f64; 2]>], newest: i64, cells: usize, l
     } else {
         (0.5 * (least + most) - 0.5 * least_span, least_span)
     };
-    let middle = median(ranges.iter().flatten().map(|[a, b]| 0.5 * (a + b)));
-    let usual = median(ranges.iter().flatten().map(|[a, b]| b - a));
+    let of_all = |what: &dyn Fn(&[f64; 2]) -> f64| median(&mut ranges.iter().flatten().map(what).collect::<Vec<_>>());
+    let middle = of_all(&|[a, b]| 0.5 * (a + b));
+    let usual = of_all(&|[a, b]| b - a);
     let cell = |(number, range): (i64, &Option<[f64; 2]>)| {
         let Some([least, most]) = range else { return ' ' };
         let upper = if most - least > SPIKE * usual { most - middle >= middle - least } else { number % 2 == 0 };
@@ -32,12 +35,6 @@ pub(super) fn sparkline(trace: &[Option<[f64; 2]>], newest: i64, cells: usize, l
         LEVELS[((share * (LEVELS.len() - 1) as f64).round() as usize).min(LEVELS.len() - 1)]
     };
     (first_cell..).zip(&ranges).map(cell).collect()
-}
-
-fn median(values: impl Iterator<Item = f64>) -> f64 {
-    let mut values: Vec<f64> = values.collect();
-    let half = values.len() / 2;
-    *values.select_nth_unstable_by(half, f64::total_cmp).1
 }
 
 fn range(parts: &[Option<[f64; 2]>]) -> Option<[f64; 2]> {

@@ -202,7 +202,7 @@ impl<'a> Joint<'a> {
     fn records(&self) -> Vec<Range<usize>> {
         let of_run = |(r, c): (usize, &Calibration)| {
             let first = self.places(r)[0].start;
-            c.records().into_iter().map(move |(_, _, own)| first + own.start..first + own.end).collect::<Vec<_>>()
+            c.record_rows().into_iter().map(move |own| first + own.start..first + own.end).collect::<Vec<_>>()
         };
         self.calibrations.iter().enumerate().flat_map(of_run).collect()
     }

@@ -79,6 +79,11 @@ impl<'a> Calibration<'a> {
         (0..self.runs.len()).flat_map(sensors).map(|(r, s)| (r, s, self.rows(r, s))).collect()
     }
 
+    /// Where the records are, in that order.
+    pub fn record_rows(&self) -> Vec<Range<usize>> {
+        self.records().into_iter().map(|(_, _, rows)| rows).collect()
+    }
+
     /// What one standard deviation of each sensor's gain does to the residuals, by its name; a sensor is the same instrument in all runs.
     pub fn gain_errors(&self) -> BTreeMap<&str, Common> {
         let mut by_sensor: BTreeMap<&str, Common> = BTreeMap::new();
