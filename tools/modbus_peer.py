@@ -5,15 +5,16 @@
     venv/bin/python tools/modbus_peer.py target/release/surgescope 10000
 
 A pymodbus server answers on one pseudo-terminal, `surgescope record` asks on another, bytes are carried between the two. Six sensors lie in
-requests of the same shape (two registers of one kind each, not neighbours), so that a late answer to one would fit the next. Register
-`a` always holds `a`: a value names the register that it is of. Each answer is held back at random for 0 to 1.5 time-outs. Four such pairs run
-side by side.
+requests of the same shape (two registers of one kind each, not neighbours), so that a late answer to one would fit the next; three of them in
+each of two slaves that share the line. Register `a` of slave `u` always holds `1000 u + a`: a value names the register that it is of. Each answer is held
+back at random for 0 to 1.5 time-outs. Four such pairs run side by side.
 Exit code 0 when every recorded value stands under its own sensor's name.
 """
 
 import asyncio
 import concurrent.futures
 import csv
+import itertools
 import json
 import os
 import random
@@ -31,7 +32,8 @@ from pymodbus.simulator import DataType, SimData, SimDevice
 PAIRS = 4
 TIMEOUT_S = 0.03
 INTERVAL_S = 0.001
-ADDRESSES = [10, 20, 30, 40, 50, 60]
+UNITS = (7, 8)
+ADDRESSES = (10, 20, 30)
 RIG = """name = "peer"
 [fluid]
 name = "water"
@@ -47,21 +49,22 @@ kind = "reservoir"
 [downstream]
 kind = "valve"
 closing_time_s = 0.1
-[[device]]
-name = "plc"
+"""
+SLAVE = """[[device]]
+name = "plc{unit}"
 port = "{port}"
 baud = 115200
 protocol = "modbus-rtu"
-unit_id = 7
+unit_id = {unit}
 poll_interval_s = {interval}
 timeout_s = {timeout}
 """
 SENSOR = """[[sensor]]
-name = "P{address}"
+name = "P{unit}_{address}"
 kind = "pressure"
 position_m = 10.0
 unit = "kPa"
-device = "plc"
+device = "plc{unit}"
 channel = {address}
 register_kind = "holding"
 encoding = "u32"
@@ -96,9 +99,12 @@ def serve(port, delays):
         return data
 
     async def run():
-        registers = SimData(0, values=list(range(100)), datatype=DataType.REGISTERS)
-        device = SimDevice(7, simdata=[registers])
-        server = ModbusSerialServer(device, framer=FramerType.RTU, port=port, baudrate=115200, trace_packet=hold_back)
+        def slave(unit):
+            registers = [1000 * unit + address for address in range(100)]
+            return SimDevice(unit, simdata=[SimData(0, values=registers, datatype=DataType.REGISTERS)])
+
+        slaves = [slave(unit) for unit in UNITS]
+        server = ModbusSerialServer(slaves, framer=FramerType.RTU, port=port, baudrate=115200, trace_packet=hold_back)
         await server.serve_forever()
 
     threading.Thread(target=lambda: asyncio.run(run()), daemon=True).start()
@@ -111,8 +117,10 @@ def record(program, polls, seed):
     with tempfile.TemporaryDirectory() as folder:
         rig, log, table = (os.path.join(folder, name) for name in ("rig.toml", "run.mcap", "run.csv"))
         with open(rig, "w", encoding="utf-8") as file:
-            file.write(RIG.format(port=recorder_port, interval=INTERVAL_S, timeout=TIMEOUT_S))
-            file.write("".join(SENSOR.format(address=address) for address in ADDRESSES))
+            file.write(RIG)
+            for unit in UNITS:
+                file.write(SLAVE.format(unit=unit, port=recorder_port, interval=INTERVAL_S, timeout=TIMEOUT_S))
+                file.write("".join(SENSOR.format(unit=unit, address=address) for address in ADDRESSES))
         recorder = subprocess.Popen(
             [program, "record", "--json", "--silence", "60", "--rig", rig, "-o", log],
             stdout=subprocess.PIPE,
@@ -126,22 +134,23 @@ def record(program, polls, seed):
         wrong = right = 0
         with open(table, newline="", encoding="utf-8") as file:
             for row in csv.DictReader(line for line in file if not line.startswith("#")):
-                for address in ADDRESSES:
-                    text = row[f"P{address}"]
+                for unit, address in itertools.product(UNITS, ADDRESSES):
+                    text = row[f"P{unit}_{address}"]
                     # The registers a and a + 1, most significant word first.
-                    expected = address << 16 | address + 1
+                    first = 1000 * unit + address
+                    expected = first << 16 | first + 1
                     right += bool(text) and float(text) == expected
                     if text and float(text) != expected:
                         wrong += 1
-                        print(f"P{address} at {row['time_s']} s: {text} for {expected}", file=sys.stderr)
-    return summary["devices"][0], right, wrong
+                        print(f"P{unit}_{address} at {row['time_s']} s: {text} for {expected}", file=sys.stderr)
+    return summary["devices"], right, wrong
 
 
 def main(program, polls):
     with concurrent.futures.ThreadPoolExecutor(PAIRS) as pool:
         results = list(pool.map(lambda seed: record(program, polls / PAIRS, seed), range(PAIRS)))
     answered, missed, bad, late = (
-        sum(device[key] for device, _, _ in results) for key in ("frames", "lost_frames", "bad_frames", "late_answers")
+        sum(device[key] for devices, _, _ in results for device in devices) for key in ("frames", "lost_frames", "bad_frames", "late_answers")
     )
     right, wrong = (sum(result[place] for result in results) for place in (1, 2))
     polled = answered + missed

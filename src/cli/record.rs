@@ -264,25 +264,34 @@ pub fn record_playbacks(
     options: &Options,
     report: &mut dyn FnMut(Snapshot),
 ) -> Result<Summary, AnyError> {
-    let (mut devices, mut simulated) = (Vec::new(), Vec::new());
+    let mut devices = Vec::new();
+    // Lines by the port that stands in the rig file: Modbus slaves may share one.
+    let mut simulated: Vec<(String, SimulatedDevice, Vec<Script>)> = Vec::new();
     for (mut device, playback) in played {
         let script = Script::new(&playback, rig, &device)?;
         if script.clipped > 0 {
             let (clipped, name) = (script.clipped, &device.name);
             super::tell!("{clipped} samples are outside the range of the counts of '{name}': see scale and offset");
         }
-        let line = SimulatedDevice::open()?;
+        let at = match simulated.iter().position(|(port, ..)| *port == device.port) {
+            Some(at) => at,
+            None => {
+                simulated.push((device.port.clone(), SimulatedDevice::open()?, Vec::new()));
+                simulated.len() - 1
+            }
+        };
+        let (_, line, scripts) = &mut simulated[at];
         device.port = line.path().display().to_string();
+        scripts.push(script);
         devices.push(device);
-        simulated.push((line, script));
     }
     // A simulated device that hangs up has played everything.
     let sources = Sources::open(rig, &devices, false)?;
-    for (line, script) in &mut simulated {
-        line.start(script.clone(), speed, faults)?;
+    for (_, line, scripts) in &mut simulated {
+        line.start_line(std::mem::take(scripts), speed, faults)?;
     }
     let summary = session::record(rig, &sources, options, &STOP, report)?;
-    for (line, _) in simulated {
+    for (_, line, _) in simulated {
         line.stop()?;
     }
     Ok(summary)

@@ -22,9 +22,17 @@ pub enum RecordError {
     #[error("--port names '{name}', but the devices that sensors are wired to are: {known}")]
     UnknownPort { name: String, known: String },
     #[error(
-        "devices '{first}' and '{second}' are both on port {port}: give one of them its own with --port {second}=PATH"
+        "devices '{first}' and '{second}' are both on port {port}, which only Modbus slaves can share: give one of them its own with --port {second}=PATH"
     )]
     SamePort { first: String, second: String, port: String },
+    #[error(
+        "devices '{first}' and '{second}' are both on port {port} and have the same unit_id, {unit}: set another at one of them and in the rig file"
+    )]
+    SameUnit { first: String, second: String, port: String, unit: u8 },
+    #[error(
+        "devices '{first}' and '{second}' are both on port {port}, but one speaks at {one} and the other at {other}: a line has one speed and format"
+    )]
+    UnlikeLine { first: String, second: String, port: String, one: String, other: String },
     #[error("no sample came, so there is nothing to write")]
     NotBegun,
     #[error(

@@ -22,6 +22,7 @@
 //! | [`snapshot`] | where a session stands, for a view of it |
 
 pub mod align;
+mod bus;
 pub mod callout;
 pub mod clock;
 mod error;

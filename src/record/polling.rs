@@ -1,19 +1,22 @@
-//! The thread of a Modbus device: asks for its registers at an even pace and passes on what they say.
+//! The thread of a line of Modbus devices: asks each for its registers at an even pace and passes on what they say.
 
 use std::io;
 use std::thread;
 use std::time::{Duration, Instant};
 
-use serialport::SerialPort;
-
+use super::bus::{Tap, taps};
 use super::poll::{Outcome, PollCounts, Poller};
-use super::port::{SerialLine, open_port};
+use super::port::SerialLine;
 use super::registers::{Group, Place, group, value};
 use super::source::{Input, Queue, why};
 use crate::rig::{Device, Protocol, Rig};
 
 /// How long the thread sleeps before it looks whether it is still wanted.
 const NAP: Duration = Duration::from_millis(50);
+
+/// A slave that has missed so many polls in a row takes no more of a line that it shares than a poll in so many time-outs.
+const SILENT: u32 = 5;
+const SILENT_TIMEOUTS: u32 = 10;
 
 /// What became of a request for a group of registers.
 #[derive(Debug, Clone, PartialEq)]
@@ -57,46 +60,99 @@ impl Polling {
     }
 }
 
-/// Asks until nothing is wanted any more, or the port is gone for good.
-pub fn run(port: Box<dyn SerialPort>, polling: &Polling, again: Option<&Device>, queue: &Queue) {
-    let mut poller = Poller::new(SerialLine(port), polling.unit, polling.timeout);
+/// One of the slaves on a line: what it is asked for, and where its answers go.
+pub struct Asked {
+    /// What it is asked for.
+    pub polling: Polling,
+    /// Where its answers go.
+    pub queue: Queue,
+}
+
+/// Asks the slaves of a line in turn until nothing is wanted any more, or the port is gone for good.
+pub fn run(line: SerialLine, asked: Vec<Asked>, again: Option<&Device>) {
+    let units: Vec<u8> = asked.iter().map(|asked| asked.polling.unit).collect();
+    let turn = |(asked, line): (Asked, Tap<SerialLine>)| {
+        let poller = Poller::new(line, asked.polling.unit, asked.polling.timeout);
+        Turn { asked, poller, due: Instant::now(), missed: 0 }
+    };
+    let mut turns: Vec<Turn> = asked.into_iter().zip(taps(line, &units)).map(turn).collect();
     loop {
-        let reason = match poll(&mut poller, polling, queue) {
+        let reason = match poll(&mut turns) {
             Ok(()) => return,
             Err(error) => why(&error),
         };
+        let Some((first, others)) = turns.split_first() else { return };
+        let tell = |input: fn(String) -> Input| {
+            for other in others {
+                other.asked.queue.send(input(reason.clone()));
+            }
+        };
         let Some(device) = again else {
-            queue.send(Input::Ended(reason));
+            tell(Input::Ended);
+            first.asked.queue.send(Input::Ended(reason));
             return;
         };
-        let Some(port) = queue.reopen(reason, || open_port(device).ok()) else { return };
-        poller = poller.reopened(SerialLine(port));
+        tell(Input::Vanished);
+        let Some(line) = first.asked.queue.reopen(reason.clone(), || SerialLine::open(device).ok()) else { return };
+        tell(|_| Input::Back);
+        let anew = |(turn, line): (Turn, _)| Turn { poller: turn.poller.reopened(line), ..turn };
+        turns = turns.into_iter().zip(taps(line, &units)).map(anew).collect();
     }
 }
 
-/// Asks until nothing is wanted any more; an error when the port is gone.
-fn poll(poller: &mut Poller<SerialLine>, polling: &Polling, queue: &Queue) -> io::Result<()> {
-    let mut due = Instant::now();
-    loop {
-        while let Some(left) = due.checked_duration_since(Instant::now()).filter(|left| !left.is_zero()) {
-            if !queue.wanted() {
+/// A slave, and when it is its turn.
+struct Turn {
+    asked: Asked,
+    poller: Poller<Tap<SerialLine>>,
+    due: Instant,
+    /// Polls since it last answered.
+    missed: u32,
+}
+
+/// Asks whoever is due until nothing is wanted any more; an error when the port is gone.
+fn poll(turns: &mut [Turn]) -> io::Result<()> {
+    let shared = turns.len() > 1;
+    while let Some(turn) = turns.iter_mut().min_by_key(|turn| turn.due) {
+        while let Some(left) = turn.due.checked_duration_since(Instant::now()).filter(|left| !left.is_zero()) {
+            if !turn.asked.queue.wanted() {
                 return Ok(());
             }
             thread::sleep(left.min(NAP));
         }
+        if !turn.ask()? {
+            return Ok(());
+        }
+        turn.again(shared);
+    }
+    Ok(())
+}
+
+impl Turn {
+    /// Asks for all groups; false when nothing is wanted any more.
+    fn ask(&mut self) -> io::Result<bool> {
+        let Asked { polling, queue } = &self.asked;
         for group in &polling.groups {
-            let outcome = poller.read(group)?;
-            let polled = polled(&outcome, group, polling, poller.counts(), queue);
+            let outcome = self.poller.read(group)?;
+            self.missed = if outcome == Outcome::Missed { self.missed.saturating_add(1) } else { 0 };
+            let polled = polled(&outcome, group, polling, self.poller.counts(), queue);
             if !queue.wanted() || !queue.send(Input::Polled(polled)) {
-                return Ok(());
+                return Ok(false);
             }
         }
-        due += polling.interval;
+        Ok(true)
+    }
+
+    /// Says when it is asked again.
+    fn again(&mut self, shared: bool) {
+        let Polling { interval, timeout, .. } = self.asked.polling;
+        // Who does not answer keeps the line from the others.
+        let interval = if shared && self.missed >= SILENT { interval.max(SILENT_TIMEOUTS * timeout) } else { interval };
+        self.due += interval;
         // A poll that took too long costs those that fell into it, not the rhythm.
-        let behind = Instant::now().saturating_duration_since(due).as_nanos() / polling.interval.as_nanos().max(1);
+        let behind = Instant::now().saturating_duration_since(self.due).as_nanos() / interval.as_nanos().max(1);
         let behind = u32::try_from(behind).unwrap_or(u32::MAX);
-        due += polling.interval.saturating_mul(behind);
-        poller.skipped(u64::from(behind));
+        self.due += interval.saturating_mul(behind);
+        self.poller.skipped(u64::from(behind));
     }
 }
 

@@ -2,7 +2,8 @@
 
 use std::io::{self, ErrorKind, Read, Write};
 use std::path::Path;
-use std::time::Duration;
+use std::thread;
+use std::time::{Duration, Instant};
 
 use serde::Serialize;
 use serialport::{SerialPort, SerialPortType};
@@ -67,23 +68,46 @@ fn stable_path(port: &str) -> Option<String> {
     links.find(|link| std::fs::canonicalize(link).is_ok_and(|to| to == port)).map(|link| link.display().to_string())
 }
 
-/// A serial port as the line to a Modbus slave.
-pub struct SerialLine(pub Box<dyn SerialPort>);
+/// A serial port as the line to Modbus slaves.
+pub struct SerialLine {
+    port: Box<dyn SerialPort>,
+    /// Slaves know a request by the silence before it.
+    silence: Duration,
+    heard: Option<Instant>,
+}
+
+impl SerialLine {
+    /// The port that the device is on.
+    pub fn open(device: &Device) -> Result<SerialLine, RecordError> {
+        Ok(SerialLine { port: open_port(device)?, silence: silence(device.baud), heard: None })
+    }
+}
+
+/// Three and a half characters, of 11 bits each; above 19200 Bd the same for all speeds (Modbus over Serial Line V1.02, sec. 2.5.1.1).
+fn silence(baud: u32) -> Duration {
+    Duration::from_secs_f64(if baud > 19_200 { 1.75e-3 } else { 3.5 * 11.0 / f64::from(baud.max(1)) })
+}
 
 impl Line for SerialLine {
     fn send(&mut self, bytes: &[u8]) -> io::Result<()> {
-        self.0.set_timeout(READ_TIMEOUT.max(Duration::from_secs(1)))?;
-        self.0.write_all(bytes)?;
-        self.0.flush()
+        let since = self.heard.map_or(self.silence, |heard| heard.elapsed());
+        thread::sleep(self.silence.saturating_sub(since));
+        self.port.set_timeout(READ_TIMEOUT.max(Duration::from_secs(1)))?;
+        self.port.write_all(bytes)?;
+        self.port.flush()
     }
 
     fn receive(&mut self, buffer: &mut [u8], within: Duration) -> io::Result<usize> {
-        self.0.set_timeout(within)?;
-        match self.0.read(buffer) {
+        self.port.set_timeout(within)?;
+        match self.port.read(buffer) {
             Ok(0) => Err(ErrorKind::UnexpectedEof.into()),
+            Ok(length) => {
+                self.heard = Some(Instant::now());
+                Ok(length)
+            }
             Err(error) if matches!(error.kind(), ErrorKind::TimedOut | ErrorKind::WouldBlock) => Ok(0),
             Err(error) if error.kind() == ErrorKind::Interrupted => Ok(0),
-            other => other,
+            Err(error) => Err(error),
         }
     }
 }

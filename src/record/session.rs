@@ -64,12 +64,27 @@ pub fn live_devices(rig: &Rig, ports: &[(String, String)]) -> Result<Vec<Device>
         devices.iter_mut().find(|device| device.name == *name).ok_or(unknown)?.port.clone_from(path);
     }
     for (index, device) in devices.iter().enumerate() {
-        if let Some(other) = devices[..index].iter().find(|other| other.port == device.port) {
-            let (first, second) = (other.name.clone(), device.name.clone());
-            return Err(RecordError::SamePort { first, second, port: device.port.clone() });
+        for other in devices[..index].iter().filter(|other| other.port == device.port) {
+            check_shared(other, device)?;
         }
     }
     Ok(devices)
+}
+
+/// Modbus slaves share a line where each has a number of its own.
+fn check_shared(first: &Device, second: &Device) -> Result<(), RecordError> {
+    let (one, other) = (first.speed(), second.speed());
+    let (first_name, second_name, port) = (first.name.clone(), second.name.clone(), second.port.clone());
+    match (&first.protocol, &second.protocol) {
+        (Protocol::ModbusRtu { unit_id: unit, .. }, Protocol::ModbusRtu { unit_id, .. }) if unit == unit_id => {
+            Err(RecordError::SameUnit { first: first_name, second: second_name, port, unit: *unit })
+        }
+        (Protocol::ModbusRtu { .. }, Protocol::ModbusRtu { .. }) if one == other => Ok(()),
+        (Protocol::ModbusRtu { .. }, Protocol::ModbusRtu { .. }) => {
+            Err(RecordError::UnlikeLine { first: first_name, second: second_name, port, one, other })
+        }
+        _ => Err(RecordError::SamePort { first: first_name, second: second_name, port }),
+    }
 }
 
 /// Records what `sources` send until the duration is reached, `stop` is set or the streams end. The file is created with the

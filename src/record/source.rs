@@ -1,4 +1,4 @@
-//! What comes from the devices: one thread a port, all into one bounded queue.
+//! What comes from the devices: one thread a port (Modbus slaves may share one), all into one bounded queue.
 //!
 //! A blocking thread hands bytes on in 0.1 ms where an async serial port on a busy runtime needs 8 ms. Where the queue is full (the disk
 //! stalls) a thread waits, and how often and how long is counted; then the kernel's buffer may overflow, and
@@ -12,8 +12,8 @@ use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use super::RecordError;
-use super::polling::{self, Polling};
-use super::port::open_port;
+use super::polling::{self, Asked, Polling};
+use super::port::{SerialLine, open_port};
 use crate::rig::{Device, Protocol, Rig};
 
 const READ_BYTES: usize = 16 * 1024;
@@ -147,37 +147,41 @@ pub struct Sources {
     pressure: Vec<Arc<Pressure>>,
     wanted: Arc<AtomicBool>,
     threads: Vec<JoinHandle<()>>,
-    /// The threads' end of the queue, until all of them have started.
-    sender: Option<SyncSender<(usize, Input)>>,
 }
 
 impl Sources {
-    /// Opens the port of each device and starts to listen, or to ask. A port that vanishes later is tried again where `reopen` says so.
+    /// Opens the ports of the devices and starts to listen, or to ask; slaves on one line come one after the other. A port that vanishes later is tried again where `reopen` says so.
     pub fn open(rig: &Rig, devices: &[Device], reopen: bool) -> Result<Sources, RecordError> {
-        let mut sources = Sources::empty();
-        for device in devices {
-            let port = open_port(device)?;
+        let (mut sources, sender) = Sources::empty();
+        for (index, device) in devices.iter().enumerate() {
+            if devices[..index].iter().any(|other| other.port == device.port) {
+                continue; // asked together with the first on its line
+            }
+            let again = reopen.then(|| device.clone());
             match device.protocol {
                 Protocol::ModbusRtu { .. } => {
-                    let polling = Polling::of(rig, device);
-                    let again = reopen.then(|| device.clone());
-                    sources.start(device, move |queue| polling::run(port, &polling, again.as_ref(), &queue))?;
+                    let line = SerialLine::open(device)?;
+                    let slaves = devices.iter().filter(|other| other.port == device.port);
+                    let asked =
+                        |slave| Asked { polling: Polling::of(rig, slave), queue: sources.queue(&sender, slave) };
+                    let asked: Vec<Asked> = slaves.map(asked).collect();
+                    sources.spawn(device, move || polling::run(line, asked, again.as_ref()))?;
                 }
                 Protocol::Frames | Protocol::Lines => {
-                    let again = reopen.then(|| device.clone());
-                    sources.start(device, move |queue| pump(port, again.as_ref(), &queue))?;
+                    let port = open_port(device)?;
+                    let queue = sources.queue(&sender, device);
+                    sources.spawn(device, move || pump(port, again.as_ref(), &queue))?;
                 }
             }
         }
-        sources.sender = None;
         Ok(sources)
     }
 
     /// One device read from anything whose reads return within a moment: a timeout is no end of the stream.
     pub fn reading(device: &Device, reader: impl Read + Send + 'static) -> Result<Sources, RecordError> {
-        let mut sources = Sources::empty();
-        sources.start(device, move |queue| pump(reader, None, &queue))?;
-        sources.sender = None;
+        let (mut sources, sender) = Sources::empty();
+        let queue = sources.queue(&sender, device);
+        sources.spawn(device, move || pump(reader, None, &queue))?;
         Ok(sources)
     }
 
@@ -206,35 +210,40 @@ impl Sources {
         (waiting as f64 / QUEUE as f64).min(1.0)
     }
 
-    fn empty() -> Sources {
+    /// None yet, and the devices' end of the queue.
+    fn empty() -> (Sources, SyncSender<(usize, Input)>) {
         let (sender, inputs) = sync_channel(QUEUE);
-        Sources {
+        let sources = Sources {
             devices: Vec::new(),
             inputs,
             host: HostClock::start(),
             pressure: Vec::new(),
             wanted: Arc::new(AtomicBool::new(true)),
             threads: Vec::new(),
-            sender: Some(sender),
+        };
+        (sources, sender)
+    }
+
+    /// A device's end of the queue.
+    fn queue(&mut self, sender: &SyncSender<(usize, Input)>, device: &Device) -> Queue {
+        let pressure = Arc::<Pressure>::default();
+        self.devices.push(device.clone());
+        self.pressure.push(Arc::clone(&pressure));
+        Queue {
+            device: self.devices.len() - 1,
+            sender: sender.clone(),
+            pressure,
+            wanted: Arc::clone(&self.wanted),
+            host: self.host,
         }
     }
 
-    fn start(&mut self, device: &Device, run: impl FnOnce(Queue) + Send + 'static) -> Result<(), RecordError> {
-        let Some(sender) = self.sender.clone() else { return Ok(()) };
-        let pressure = Arc::<Pressure>::default();
-        let queue = Queue {
-            device: self.devices.len(),
-            sender,
-            pressure: Arc::clone(&pressure),
-            wanted: Arc::clone(&self.wanted),
-            host: self.host,
-        };
+    /// The thread of the port that the device is on.
+    fn spawn(&mut self, device: &Device, run: impl FnOnce() + Send + 'static) -> Result<(), RecordError> {
         let thread = thread::Builder::new()
             .name(format!("port {}", device.name))
-            .spawn(move || run(queue))
+            .spawn(run)
             .map_err(|source| RecordError::Thread { device: device.name.clone(), source })?;
-        self.devices.push(device.clone());
-        self.pressure.push(pressure);
         self.threads.push(thread);
         Ok(())
     }

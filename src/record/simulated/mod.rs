@@ -43,14 +43,21 @@ impl SimulatedDevice {
 
     /// Starts to play, `speed` times as fast as real time (0: as fast as the line takes it), then hangs up.
     pub fn start(&mut self, script: Script, speed: f64, faults: Faults) -> Result<(), RecordError> {
+        self.start_line(vec![script], speed, faults)
+    }
+
+    /// The same of Modbus slaves that share a line; of other devices there is one on it.
+    pub fn start_line(&mut self, scripts: Vec<Script>, speed: f64, faults: Faults) -> Result<(), RecordError> {
         let Some((master, slave)) = self.line.take() else { return Ok(()) };
         let wanted = Arc::clone(&self.wanted);
         let line = pty::Wire { master, slave, wanted };
         let thread = thread::Builder::new()
             .name("simulated device".into())
-            .spawn(move || match &script.form {
-                script::Form::Registers { .. } => slave::run(line, &script, speed, faults),
-                _ => sender::run(line, &script, speed, faults),
+            .spawn(move || match &scripts[..] {
+                [script] if !matches!(script.form, script::Form::Registers { .. }) => {
+                    sender::run(line, script, speed, faults)
+                }
+                slaves => slave::run(line, slaves, speed, faults),
             })
             .map_err(RecordError::Pseudoterminal)?;
         self.thread = Some(thread);

@@ -1,4 +1,4 @@
-//! A device that is asked: a Modbus slave whose registers hold what the script says at that time.
+//! Devices that are asked: Modbus slaves on one line, whose registers hold what the scripts say at that time.
 
 use std::io;
 use std::thread;
@@ -13,8 +13,8 @@ use crate::record::registers::words;
 /// A request that stops in its middle is forgotten after so long.
 const QUIET: Duration = Duration::from_millis(20);
 
-/// Answers until the script is over, then hangs up.
-pub fn run(mut line: Wire, script: &Script, speed: f64, faults: Faults) -> io::Result<Sent> {
+/// Answers until a script is over, then hangs up.
+pub fn run(mut line: Wire, scripts: &[Script], speed: f64, faults: Faults) -> io::Result<Sent> {
     let mut dice = fastrand::Rng::with_seed(faults.seed);
     let mut sent = Sent::default();
     let started = Instant::now();
@@ -23,8 +23,8 @@ pub fn run(mut line: Wire, script: &Script, speed: f64, faults: Faults) -> io::R
     let mut pending = Vec::new();
     let mut buffer = [0; 256];
     while line.wanted() {
-        let row = || (started.elapsed().as_nanos() as f64 * speed / f64::from(script.period_ns)) as usize;
-        if row() >= script.rows {
+        let played_ns = || started.elapsed().as_nanos() as f64 * speed;
+        if scripts.iter().any(|script| row(script, played_ns()) >= script.rows) {
             line.drain();
             break;
         }
@@ -40,10 +40,15 @@ pub fn run(mut line: Wire, script: &Script, speed: f64, faults: Faults) -> io::R
                 continue;
             };
             pending.drain(..8);
-            let Some(bytes) = answer(script, asked, &request, row().min(script.rows - 1)) else { continue };
+            let Some((script, timeout_s)) = scripts.iter().find_map(|script| match script.form {
+                Form::Registers { unit, timeout_s, .. } if unit == asked => Some((script, timeout_s)),
+                _ => None,
+            }) else {
+                continue; // nobody has that number
+            };
+            let Some(bytes) = answer(script, &request, row(script, played_ns()).min(script.rows - 1)) else { continue };
             sent.frames += 1;
             let fault = if sent.frames > 1 { faults.throw(&mut dice) } else { None };
-            let timeout_s = if let Form::Registers { timeout_s, .. } = script.form { timeout_s } else { 0.2 };
             let bytes = match fault {
                 Some(fault) => harm(fault, bytes, timeout_s, &mut dice, &mut sent),
                 None => bytes,
@@ -56,12 +61,14 @@ pub fn run(mut line: Wire, script: &Script, speed: f64, faults: Faults) -> io::R
     Ok(sent)
 }
 
-/// What the slave says; nothing to a request for another unit.
-fn answer(script: &Script, asked: u8, request: &Request, row: usize) -> Option<Vec<u8>> {
+/// The row that a script has come to.
+fn row(script: &Script, played_ns: f64) -> usize {
+    (played_ns / f64::from(script.period_ns)) as usize
+}
+
+/// What the slave says.
+fn answer(script: &Script, request: &Request, row: usize) -> Option<Vec<u8>> {
     let Form::Registers { unit, values, .. } = &script.form else { return None };
-    if asked != *unit {
-        return None;
-    }
     let answer = match *request {
         Request::Echo(number) => Answer::Echo(number),
         Request::Read { input, start, count } => {
