@@ -202,7 +202,8 @@ impl Bench {
     fn frame(&mut self, sensor: usize, k: i64) {
         let value = |i: i64| if sensor == 0 { i as f64 } else { ((i + 2000) / 5000 % 2) as f64 };
         let values: Vec<f64> = (10 * k..10 * k + 10).map(value).collect();
-        self.shots.samples(sensor, k * 10_000_000, 1e6, &values, &self.monitor).unwrap();
+        self.shots.samples(sensor, k * 10_000_000, 1e6, &values).unwrap();
+        self.shots.tick(&self.monitor).unwrap();
     }
 
     /// Both sensors from one frame to another, those of `late` between two frames held back until the second.

@@ -357,6 +357,8 @@ fn describe(text: &mut String, device: &DeviceCount) -> std::fmt::Result {
         (device.skipped_polls, "polls fell out because the one before took too long"),
         (device.reconnects, "times its port vanished and came back"),
         (device.restarts, "times it restarted"),
+        (device.clock_steps, "times its clock was set; its samples follow each other all the same"),
+        (device.squeezed_frames, "frames began before the one before them ended; their samples stand closer"),
         (device.queue_waits, "times it waited because the disk did not keep up"),
     ] {
         if count > 0 {

@@ -55,6 +55,13 @@ pub struct DeviceCount {
     pub reconnects: u64,
     /// How often its clock began anew.
     pub restarts: u64,
+    /// How often its clock was set while its sequence went on; its times are as if it had not been.
+    pub clock_steps: u64,
+    /// Frames that by their stamps began before the one before them ended; their samples stand closer.
+    pub squeezed_frames: u64,
+    /// How much longer than its frames say the time between its samples is by its stamps, s, and over how many s; zeros where they agree.
+    #[serde(skip)]
+    pub period_off_s: (f64, f64),
     /// How often its thread waited because the session did not keep up.
     pub queue_waits: u64,
     /// How long it waited in all, s.
@@ -74,6 +81,22 @@ impl DeviceCount {
         self.incomplete || self.bad_frames > 0 || self.lost_frames > 0 || self.holes > 0
     }
 
+    /// Says where its times cannot be trusted; `several` devices have theirs compared.
+    pub(super) fn warn(&mut self, several: bool) {
+        let (off_s, over_s) = self.period_off_s;
+        let period = (off_s != 0.0).then(|| {
+            format!(
+                "the sample period that it states is wrong by {:.2}% against its own time stamps, which are kept to: correct the period \
+                 that it sends, or its clock",
+                100.0 * off_s / over_s
+            )
+        });
+        let compared = several || self.restarts > 0 || self.clock_steps > 0;
+        let clock = self.clock.as_ref().filter(|_| compared).and_then(ClockSummary::warning);
+        let all: Vec<String> = clock.into_iter().chain(period).collect();
+        self.clock_warning = (!all.is_empty()).then(|| all.join("; "));
+    }
+
     /// What is kept of it with the recording.
     pub(super) fn notes(&self) -> Vec<(&'static str, String)> {
         let mut notes = vec![
@@ -87,6 +110,8 @@ impl DeviceCount {
             ("skipped_polls", self.skipped_polls),
             ("reconnects", self.reconnects),
             ("restarts", self.restarts),
+            ("clock_steps", self.clock_steps),
+            ("squeezed_frames", self.squeezed_frames),
             ("queue_waits", self.queue_waits),
         ];
         notes.extend(seldom.into_iter().filter(|(_, count)| *count > 0).map(|(what, count)| (what, count.to_string())));
@@ -113,13 +138,17 @@ impl ClockSummary {
     /// What to tell the user where the arrivals do not lie on one line: a clock that stepped, or a line that stalls.
     pub(super) fn warning(&self) -> Option<String> {
         // a stall makes some arrivals late and does the fit no harm; where most are, there is no line
-        (self.residual_median_ms > MOST_RESIDUAL_MS).then(|| {
-            format!(
-                "its clock does not run evenly against this computer's (half of the frames came over {:.0} ms late): its times may be \
-                 off by as much against other devices; did it restart, or does its line stall?",
-                self.residual_median_ms
-            )
-        })
+        let (share, late_ms, line) = match self {
+            ClockSummary { residual_median_ms: half, .. } if *half > MOST_RESIDUAL_MS => ("half", half, "does its line stall?"),
+            ClockSummary { residual_95_ms: most, .. } if *most > MOST_RESIDUAL_MS => {
+                ("a twentieth", most, "did its line only stall? Then its times are right")
+            }
+            _ => return None,
+        };
+        Some(format!(
+            "its clock does not run evenly against this computer's ({share} of the frames came over {late_ms:.0} ms late): its times may \
+             be off by as much against other devices; did it restart, or was it set; or {line}"
+        ))
     }
 
     pub(super) fn of(line: &ClockLine) -> ClockSummary {
@@ -187,6 +216,8 @@ pub struct Output {
     names: Vec<String>,
     counts: Vec<(u64, u64)>,
     end_ns: i64,
+    /// Nothing is kept from this time on, ns.
+    until_ns: i64,
     flush_at: Instant,
     /// The disk has refused something; what came since is dropped.
     refused: bool,
@@ -226,6 +257,7 @@ impl Output {
             names: rig.sensors.iter().map(|sensor| sensor.name.clone()).collect(),
             counts: vec![(0, 0); rig.sensors.len()],
             end_ns: 0,
+            until_ns: i64::MAX,
             flush_at: now + FLUSH_EVERY,
             refused: false,
         })
@@ -260,6 +292,13 @@ impl Output {
     /// Writes how the devices' clocks lie to each other.
     pub fn clocks(&mut self, fixes: Vec<ClockFix>) -> Result<(), RecordError> {
         self.write(|writer| writer.clocks(fixes)).map(drop)
+    }
+
+    /// Of a sensor, only what lies from one time to another on the recording's clock is kept, ns; the recording as a whole ends at
+    /// `until_ns`.
+    pub fn keep(&mut self, sensor: usize, from_ns: i64, to_ns: i64, until_ns: i64) {
+        self.writer.keep(sensor, from_ns, to_ns);
+        self.until_ns = until_ns;
     }
 
     /// True once the disk has refused something: the recording is over.
@@ -316,7 +355,13 @@ impl Output {
             .map_err(|source| RecordError::Write { file: file.clone(), source: Box::new(source) })?;
         let mut data_lost = devices.iter().any(DeviceCount::lost_data);
         match ending {
-            Ending::Finished => {}
+            Ending::Finished(left_out) => {
+                for (name, count) in self.names.iter().zip(&mut self.counts) {
+                    let (samples, gaps) = left_out.get(name).copied().unwrap_or_default();
+                    *count = (count.0.saturating_sub(samples), count.1.saturating_sub(gaps));
+                }
+                self.end_ns = self.end_ns.min(self.until_ns);
+            }
             Ending::Plain(error) => {
                 ended += &format!(". Every sample is in the file, but it could not be compressed: {}", cause(&error));
             }

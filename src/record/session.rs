@@ -7,17 +7,22 @@ use std::time::{Duration, Instant};
 
 use super::RecordError;
 use super::live::Live;
-use super::output::{ClockSummary, DeviceCount, Summary, check_folder, check_path};
+use super::clock::seconds;
+use super::output::{DeviceCount, Summary, check_folder, check_path};
 use super::shots::Plan;
 use super::snapshot::{Reports, SensorView, Snapshot};
 use super::source::Sources;
-use super::stream::{State, Stream};
+use super::stream::{ON_ITS_WAY, State, Stream};
+use crate::recording::Gap;
 use crate::rig::{Device, Protocol, Rig};
 
 /// How long the session waits for input before it looks at the clock and the stop flag, and flushes.
 const WAIT: Duration = Duration::from_millis(10);
 /// How often the log is told how the clocks lie to each other.
 const CLOCKS_EVERY: Duration = Duration::from_secs(5);
+
+/// Clocks are known to so much: a device that ended so shortly before the duration has sent all of it, ns.
+const END_NS: i64 = 10_000_000;
 
 /// What a session is asked for.
 #[derive(Debug, Clone)]
@@ -110,6 +115,9 @@ pub fn record(
             Ok((device, input)) => {
                 if let Some(stream) = streams.get_mut(device) {
                     stream.take(input, &mut live)?;
+                    if stream.state == State::Open && stream.has_come_to(live.end_ns) {
+                        settle(device, &mut streams, &mut live)?;
+                    }
                 }
             }
             Err(RecvTimeoutError::Timeout) => {}
@@ -117,12 +125,17 @@ pub fn record(
             Err(RecvTimeoutError::Disconnected) => break "the reading threads ended".to_owned(),
         }
         if let Some(ended) = all_over(&streams, options) {
-            break ended;
+            live.write_clocks(&mut streams)?;
+            reopen(&mut streams, live.end_ns);
+            if all_over(&streams, options).is_some() {
+                break ended;
+            }
         }
         if live.has_begun() {
             let several = streams.len() > 1 || streams.iter().any(|stream| stream.stretches.len() > 1);
-            if several && (live.take_clocks_changed() || clocks_written.elapsed() >= CLOCKS_EVERY) {
-                live.write_clocks(&streams)?;
+            let due = live.output()?.wants_clocks() || clocks_written.elapsed() >= CLOCKS_EVERY;
+            if several && (live.take_clocks_changed() || due) {
+                live.write_clocks(&mut streams)?;
                 clocks_written = Instant::now();
             }
             let output = live.output()?;
@@ -136,7 +149,25 @@ pub fn record(
         }
         reports.when_due(|| snapshot(&streams, &live, sources, options));
     };
-    finish(&streams, live, sources, options, ended)
+    finish(&mut streams, live, sources, options, ended)
+}
+
+/// A device seems to have come to the end of the recording: by its clock as it is known now it has, or has not yet.
+fn settle(device: usize, streams: &mut [Stream<'_>], live: &mut Live<'_>) -> Result<(), RecordError> {
+    live.write_clocks(streams)?;
+    if let Some(stream) = streams.get_mut(device).filter(|stream| stream.has_come_to(live.end_ns)) {
+        stream.state = State::Reached;
+    }
+    Ok(())
+}
+
+/// By the clocks as they are known now, a device that had come to the end may have not.
+fn reopen(streams: &mut [Stream<'_>], end_ns: i64) {
+    let short = |stream: &&mut Stream<'_>| stream.state == State::Reached && !stream.has_come_to(end_ns);
+    // what is no longer there can send no more
+    for stream in streams.iter_mut().filter(short).filter(|stream| stream.heard.elapsed() < ON_ITS_WAY) {
+        stream.state = State::Open;
+    }
 }
 
 /// Where the session stands.
@@ -151,7 +182,7 @@ fn snapshot(streams: &[Stream<'_>], live: &Live<'_>, sources: &Sources, options:
 }
 
 fn finish(
-    streams: &[Stream<'_>],
+    streams: &mut [Stream<'_>],
     mut live: Live<'_>,
     sources: &Sources,
     options: &Options,
@@ -163,6 +194,10 @@ fn finish(
     live.write_clocks(streams)?;
     let all_shots = live.output()?.is_over();
     let by_user = ended == BY_USER;
+    // Where nothing more comes at all the session ends by itself, and the last to fall silent is no later than it should be.
+    let last_heard = streams.iter().map(|stream| stream.heard).max().unwrap_or_else(Instant::now);
+    let moment = if all_over(streams, options).is_some() { last_heard } else { Instant::now() };
+    let limit_s = seconds(live.end_ns);
     let devices: Vec<DeviceCount> = streams
         .iter()
         .enumerate()
@@ -170,19 +205,34 @@ fn finish(
             let mut count = stream.count(sources.waited(index));
             // What ended before the duration, vanished for good or never spoke owes what it did not send; a device that ends by
             // itself, or that the user stops, does not.
-            let early = options.duration_s.is_some() && stream.state != State::Reached && !by_user && !all_shots;
+            let came = stream.state == State::Reached || stream.has_come_to(live.end_ns.saturating_sub(END_NS));
+            let early = options.duration_s.is_some() && !came && !by_user && !all_shots;
             let left = match stream.state {
                 State::Vanished(..) => true,
                 State::Ended(_) => streams.len() > 1,
                 State::Open | State::Reached => false,
             };
-            if streams.len() > 1 || count.restarts > 0 {
-                count.clock_warning = count.clock.as_ref().and_then(ClockSummary::warning);
-            }
-            count.incomplete = early || stream.is_empty() || left;
+            count.warn(streams.len() > 1);
+            let silent = stream.silent_since(moment, options.silence).is_some();
+            count.incomplete = early || stream.is_empty() || left || silent;
             count
         })
         .collect();
+    for stream in streams.iter() {
+        let Some((since_ns, silent)) = stream.silent_since(moment, options.silence) else { continue };
+        let (from_s, to_s) = (seconds(since_ns), (seconds(since_ns) + silent.as_secs_f64()).min(limit_s));
+        for sensor in stream.sensors() {
+            live.output()?.never_came(sensor, Gap { from_s, to_s, samples: None })?;
+        }
+    }
+    if options.duration_s.is_some() {
+        for stream in streams.iter().filter(|stream| stream.is_moved()) {
+            for sensor in stream.sensors() {
+                let end_ns = live.end_ns;
+                live.output()?.keep_until(sensor, end_ns);
+            }
+        }
+    }
     let listed: Vec<usize> = streams.iter().flat_map(|stream| stream.sensors().collect::<Vec<_>>()).collect();
     let Some(mut output) = live.into_output() else { return Err(RecordError::NotBegun) };
     for device in &devices {
