@@ -4,10 +4,12 @@
 //! (wraps), u64 device time of the first sample (µs), u32 sample period (ns), u16 samples m, m × n i16 interleaved by
 //! channel, u16 CRC-16/IBM-3740 over all before it.
 
+mod last;
+
 use crc::{CRC_16_IBM_3740, Crc};
 
-use super::clock::most_jitter_ns;
 use super::pieces::Pieces;
+use last::{Last, missing};
 
 const VERSION: u8 = 1;
 const HEADER: usize = 18;
@@ -19,10 +21,6 @@ pub const MAX_ENCODED: usize = 1 << 20;
 
 /// Device times beyond this, µs (146 000 years), would not fit the recording's i64 nanoseconds.
 const MAX_DEVICE_US: u64 = (i64::MAX / 2000) as u64;
-
-/// Where frames are missing by the sequence, a time further ahead than it and the host's clock allow, by this share and this much, is
-/// doubted: µs.
-const DOUBT: (u64, u64) = (2, 50_000);
 
 /// So many consecutive frames from the past, in sequence among themselves, are a device that restarted.
 const RESTART_FRAMES: usize = 3;
@@ -208,51 +206,6 @@ pub struct Decoder {
     counts: FrameCounts,
 }
 
-#[derive(Debug, Clone, Copy)]
-struct Last {
-    sequence: u16,
-    first_us: u64,
-    /// Length of a frame, µs.
-    length_us: u64,
-    /// How far the next stamp may be off from its end, µs.
-    jitter_us: u64,
-    /// When the frame that `first_us` is of began to arrive, ns.
-    began_ns: i64,
-}
-
-impl Last {
-    fn of(frame: &Frame, began_ns: i64) -> Last {
-        let length_us = u64::from(frame.period_ns) * frame.samples() as u64 / 1000;
-        let jitter_us = most_jitter_ns(i64::from(frame.period_ns), frame.samples()) as u64 / 1000;
-        Last { sequence: frame.sequence, first_us: frame.first_us, length_us, jitter_us, began_ns }
-    }
-
-    /// True for the frame that comes behind this one by the sequence.
-    fn goes_on_with(&self, next: &Frame) -> bool {
-        self.length_us > 0 && next.sequence == self.sequence.wrapping_add(1)
-    }
-
-    /// True for a later frame whose time is ahead of both what the sequence and what the host's clock say, or that begins within this one.
-    fn jumps_to(&self, next: &Frame, began_ns: i64) -> bool {
-        let step_us = next.first_us - self.first_us;
-        let elapsed_us = u64::try_from(began_ns.saturating_sub(self.began_ns)).unwrap_or(0) / 1000;
-        if self.goes_on_with(next) {
-            let most_us = elapsed_us.max(self.length_us).saturating_add(self.jitter_us);
-            return step_us > most_us || step_us < self.length_us.saturating_sub(self.jitter_us);
-        }
-        let step = u64::from(next.sequence.wrapping_sub(self.sequence));
-        let allowed_us = elapsed_us.max(step.saturating_mul(self.length_us));
-        step_us > DOUBT.0.saturating_mul(allowed_us) + DOUBT.1
-    }
-
-    /// True where the sequence went back, and more frames would be missing by it than fit into the hole.
-    fn begins_anew_with(&self, next: &Frame) -> bool {
-        let missing = u64::from(next.sequence.wrapping_sub(self.sequence)) - 1;
-        let hole_us = next.first_us.saturating_sub(self.first_us + self.length_us);
-        next.sequence < self.sequence && missing.saturating_mul(self.length_us) > DOUBT.0 * hole_us + DOUBT.1
-    }
-}
-
 impl Decoder {
     /// A decoder at the start of a stream.
     pub fn new() -> Decoder {
@@ -361,7 +314,7 @@ impl Decoder {
             if last.begins_anew_with(&frame) {
                 self.anew = true;
             } else {
-                let lost = missing(&last, &frame, frame.sequence.wrapping_sub(last.sequence));
+                let lost = missing(&last, &frame, began_ns);
                 self.counts.lost += u64::from(lost);
                 self.lost_before = self.lost_before.saturating_add(lost);
             }
@@ -407,15 +360,6 @@ impl Decoder {
             self.take(frame, began_ns, events);
         }
     }
-}
-
-/// Frames missing between two, by the sequence; where it wrapped unseen in a long hole, the device's time tells how often.
-fn missing(last: &Last, next: &Frame, step: u16) -> u32 {
-    let by_sequence = u64::from(step - 1);
-    let hole_us = next.first_us.saturating_sub(last.first_us + last.length_us);
-    let by_time = hole_us.checked_div(last.length_us).unwrap_or(0);
-    let wraps = (by_time.saturating_sub(by_sequence) + (1 << 15)) >> 16;
-    u32::try_from(by_sequence + (wraps << 16)).unwrap_or(u32::MAX)
 }
 
 #[cfg(test)]

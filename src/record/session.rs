@@ -6,12 +6,12 @@ use std::sync::mpsc::RecvTimeoutError;
 use std::time::{Duration, Instant};
 
 use super::RecordError;
-use super::live::Live;
 use super::clock::seconds;
+use super::live::Live;
 use super::output::{DeviceCount, Summary, check_folder, check_path};
 use super::shots::Plan;
 use super::snapshot::{Reports, SensorView, Snapshot};
-use super::source::Sources;
+use super::source::{Input, Sources};
 use super::stream::{ON_ITS_WAY, State, Stream};
 use crate::recording::Gap;
 use crate::rig::{Device, Protocol, Rig};
@@ -113,12 +113,7 @@ pub fn record(
         }
         match sources.next(WAIT) {
             Ok((device, input)) => {
-                if let Some(stream) = streams.get_mut(device) {
-                    stream.take(input, &mut live)?;
-                    if stream.state == State::Open && stream.has_come_to(live.end_ns) {
-                        settle(device, &mut streams, &mut live)?;
-                    }
-                }
+                take(device, input, &mut streams, &mut live)?;
             }
             Err(RecvTimeoutError::Timeout) => {}
             Err(RecvTimeoutError::Disconnected) if streams.iter().all(|s| over(s, options).is_some()) => {}
@@ -132,19 +127,12 @@ pub fn record(
             }
         }
         if live.has_begun() {
-            let several = streams.len() > 1 || streams.iter().any(|stream| stream.stretches.len() > 1);
-            let due = live.output()?.wants_clocks() || clocks_written.elapsed() >= CLOCKS_EVERY;
-            if several && (live.take_clocks_changed() || due) {
-                live.write_clocks(&mut streams)?;
+            let due = clocks_written.elapsed() >= CLOCKS_EVERY;
+            if due {
                 clocks_written = Instant::now();
             }
-            let output = live.output()?;
-            output.tick()?;
-            if output.refused() {
-                break "the disk takes no more".to_owned();
-            }
-            if output.is_over() {
-                break "all shots were recorded".to_owned();
+            if let Some(ended) = keep_up(due, &mut streams, &mut live)? {
+                break ended.to_owned();
             }
         }
         reports.when_due(|| snapshot(&streams, &live, sources, options));
@@ -152,13 +140,33 @@ pub fn record(
     finish(&mut streams, live, sources, options, ended)
 }
 
-/// A device seems to have come to the end of the recording: by its clock as it is known now it has, or has not yet.
-fn settle(device: usize, streams: &mut [Stream<'_>], live: &mut Live<'_>) -> Result<(), RecordError> {
-    live.write_clocks(streams)?;
-    if let Some(stream) = streams.get_mut(device).filter(|stream| stream.has_come_to(live.end_ns)) {
+/// Records what came from a device. Where it seems to have come to the end of the recording, its clock as it is known now decides.
+fn take(device: usize, input: Input, streams: &mut [Stream<'_>], live: &mut Live<'_>) -> Result<(), RecordError> {
+    let has_come = |stream: &Stream<'_>, end_ns: i64| stream.state == State::Open && stream.has_come_to(end_ns);
+    let Some(stream) = streams.get_mut(device) else { return Ok(()) };
+    stream.take(input, live)?;
+    if has_come(stream, live.end_ns) {
+        live.write_clocks(streams)?;
+    }
+    if let Some(stream) = streams.get_mut(device).filter(|stream| has_come(stream, live.end_ns)) {
         stream.state = State::Reached;
     }
     Ok(())
+}
+
+/// Tells the log how the clocks lie to each other, when it is `due` or wanted, and flushes. Says why no more is to be recorded.
+fn keep_up(due: bool, streams: &mut [Stream<'_>], live: &mut Live<'_>) -> Result<Option<&'static str>, RecordError> {
+    let several = streams.len() > 1 || streams.iter().any(|stream| stream.stretches.len() > 1);
+    if several && (live.take_clocks_changed() || due || live.output()?.wants_clocks()) {
+        live.write_clocks(streams)?;
+    }
+    let output = live.output()?;
+    output.tick()?;
+    Ok(match () {
+        () if output.refused() => Some("the disk takes no more"),
+        () if output.is_over() => Some("all shots were recorded"),
+        () => None,
+    })
 }
 
 /// By the clocks as they are known now, a device that had come to the end may have not.
@@ -292,3 +300,7 @@ fn describe(devices: &[Device]) -> String {
     };
     devices.iter().map(one).collect::<Vec<_>>().join("; ")
 }
+
+#[cfg(test)]
+#[path = "session_tests.rs"]
+mod tests;

@@ -85,10 +85,7 @@ impl Open {
     /// Its bounds as logged, ns, with the margin.
     fn bounds(&self, clock: &SensorClock) -> (i64, i64) {
         let margin_ns = if clock.is_empty() { 0 } else { MARGIN_NS };
-        (
-            clock.logged_ns(self.from_ns.saturating_sub(margin_ns)),
-            clock.logged_ns(self.to_ns.saturating_add(margin_ns)),
-        )
+        (clock.logged_ns(self.from_ns.saturating_sub(margin_ns)), clock.logged_ns(self.to_ns.saturating_add(margin_ns)))
     }
 
     /// Writes what was kept of a sensor, whose last sample no longer kept is `dropped_ns`.

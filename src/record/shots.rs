@@ -100,13 +100,7 @@ impl Shots {
     }
 
     /// Takes samples.
-    pub fn samples(
-        &mut self,
-        sensor: usize,
-        first_ns: i64,
-        period_ns: f64,
-        values: &[f64],
-    ) -> Result<(), RecordError> {
+    pub fn samples(&mut self, sensor: usize, first_ns: i64, period_ns: f64, values: &[f64]) -> Result<(), RecordError> {
         if values.is_empty() || self.is_full() {
             return Ok(());
         }
