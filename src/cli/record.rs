@@ -325,7 +325,10 @@ fn table(summary: &Summary) -> String {
     }
     for cut in &summary.cut_short {
         let (file, kept_s, asked_s) = (&cut.file, cut.kept_s, cut.asked_s);
-        let _ = writeln!(text, "cut short: {file} has {kept_s:.3} of {asked_s} s after the trigger fired");
+        let _ = match kept_s {
+            0.0 => writeln!(text, "cut short: {file} ends before the trigger fired"),
+            kept_s => writeln!(text, "cut short: {file} has {kept_s:.3} of {asked_s} s after the trigger fired"),
+        };
     }
     for lost in &summary.lost_shots {
         let _ = writeln!(text, "{lost}");

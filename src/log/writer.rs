@@ -67,8 +67,10 @@ impl Writer {
         let file = OpenOptions::new().read(true).write(true).create_new(true).open(path).map_err(io)?;
         let stream = BufWriter::with_capacity(4 * LIVE_CHUNK_BYTES as usize, file.try_clone().map_err(io)?);
         let stream = Muted::new(stream);
-        let mut sink = Sink::start(stream, sink::live(), path, rig, run, run.start_unix_ns)?;
-        sink.flush()?;
+        let begun = Sink::start(stream, sink::live(), path, rig, run, run.start_unix_ns);
+        let begun = begun.and_then(|mut sink| sink.flush().map(|()| sink));
+        // of a file that a full disk did not let begin nothing stays
+        let sink = begun.inspect_err(|_| drop(std::fs::remove_file(path)))?;
         // On a busy disk this takes longer than the first samples may wait; an error shows again at the end.
         let head = file.try_clone().map_err(io)?;
         std::thread::spawn(move || drop(head.sync_all()));

@@ -153,7 +153,7 @@ pub struct Summary {
 pub struct CutShort {
     /// Its recording.
     pub file: String,
-    /// Recorded after the trigger fired, s.
+    /// Recorded after the trigger fired, s; 0 where the disk refused even what came before.
     pub kept_s: f64,
     /// What was asked for, s.
     pub asked_s: f64,

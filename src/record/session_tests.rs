@@ -229,3 +229,33 @@ fn a_device_is_silent_when_more_is_due_than_its_rhythm_allows() {
     streams[0].state = State::Reached;
     assert_eq!(after(&streams[0], 3500), None, "it owes nothing more");
 }
+
+/// The port is gone for 2 s, and the clock of the device that comes back reads 0.3 s later than it should: too early for it to have run on.
+#[test]
+fn a_device_that_comes_back_with_a_clock_a_little_ahead_has_restarted() {
+    for (ahead_us, late_ms, restarts) in [(300_000, 0, 1), (0, 0, 0), (0, 250, 0), (-5_000_000, 0, 1)] {
+        let folder = tempfile::tempdir().unwrap();
+        let (rig, options) = (rig("lines"), options(&folder.path().join("run.mcap")));
+        let devices = live_devices(&rig, &[]).unwrap();
+        let sources = Sources::reading(&devices[0], std::io::empty()).unwrap();
+        let mut live = Live::new(&rig, &options, "a test".to_owned(), Vec::new(), sources.host);
+        let mut streams = [Stream::new(&rig, &devices[0])];
+        for index in (0..300).chain(500..900) {
+            if index == 500 {
+                take(0, Input::Vanished("pulled".to_owned()), &mut streams, &mut live).unwrap();
+                take(0, Input::Back, &mut streams, &mut live).unwrap();
+            }
+            // what waited for the port comes at once
+            let (ahead_us, late_ms) =
+                if index < 500 { (0, 0) } else { (ahead_us, (late_ms - 10 * (index - 500)).max(0)) };
+            let bytes = format!("{},{}\n", 6_000_000 + 10_000 * index + ahead_us, index).into_bytes();
+            take(0, Input::Bytes { at_ns: (10 * index + late_ms) * MS, bytes }, &mut streams, &mut live).unwrap();
+        }
+        let summary = finish(&mut streams, live, &sources, &options, BY_USER.to_owned()).unwrap();
+        assert_eq!(summary.devices[0].restarts, restarts, "{ahead_us} {late_ms}: {:?}", summary.devices[0]);
+        let series = &log::read(&options.file).unwrap().series[0];
+        let last = (series.time_s[series.time_s.len() - 1], series.value[series.value.len() - 1]);
+        // the first line may be the rest of one, and is never taken
+        assert!((last.0 - 8.98).abs() < 1e-3 && last.1 == 899.0, "{ahead_us}: {last:?}");
+    }
+}

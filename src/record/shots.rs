@@ -3,11 +3,11 @@
 //! The last seconds of every sensor are kept in memory. When the trigger fires they go into a new file, what comes after them follows until
 //! the shot is over; then the trigger settles for the next one.
 
+mod name;
+
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
-
-use chrono::DateTime;
 
 use super::RecordError;
 use super::clock::seconds;
@@ -16,9 +16,10 @@ use super::output::{CutShort, DeviceCount, Output, SensorCount, Summary};
 use super::shot::{Batch, Heard, MARGIN_NS, Open, Share};
 use super::snapshot::{Phase, TriggerView};
 use super::trigger::{Condition, Event, Settings, State, Trigger};
-use crate::log::{ClockFix, LogError, Retimer, SensorClock};
+use crate::log::{ClockFix, Retimer, SensorClock};
 use crate::recording::{Gap, RunInfo};
 use crate::rig::Rig;
+use name::{MOST_COPIES, is_taken, stem, told};
 
 /// How much more is kept than a shot needs, ns.
 const LATE_NS: i64 = 2 * MARGIN_NS;
@@ -371,31 +372,4 @@ impl Shots {
             lost_shots: self.lost,
         })
     }
-}
-
-/// Names that are tried for a shot.
-const MOST_COPIES: u32 = 1000;
-
-/// Another file has the name.
-fn is_taken(error: &LogError) -> bool {
-    match error {
-        LogError::Exists(_) => true,
-        LogError::Io { source, .. } => source.kind() == std::io::ErrorKind::AlreadyExists,
-        _ => false,
-    }
-}
-
-/// An error with its causes.
-fn told(error: &dyn std::error::Error) -> String {
-    let causes = std::iter::successors(Some(error), |error| error.source());
-    causes.map(ToString::to_string).collect::<Vec<_>>().join(": ")
-}
-
-/// The file name of a shot, but for its ending: rig, start (UTC), number.
-fn stem(rig: &str, start_unix_ns: u64, number: usize) -> String {
-    let plain = |c: char| if c.is_alphanumeric() || "-_.".contains(c) { c } else { '-' };
-    let rig: String = rig.chars().map(plain).collect();
-    let when =
-        DateTime::from_timestamp_nanos(i64::try_from(start_unix_ns).unwrap_or(i64::MAX)).format("%Y%m%dT%H%M%SZ");
-    format!("{}-{when}-{number:03}", rig.trim_start_matches('.'))
 }
