@@ -21,6 +21,11 @@ pub struct ClockSummary {
 }
 
 impl ClockSummary {
+    /// False where most of the arrivals do not lie on one line.
+    pub(super) fn fits(&self) -> bool {
+        self.residual_median_ms <= MOST_RESIDUAL_MS
+    }
+
     /// What to tell the user where the arrivals do not lie on one line: a clock that stepped, or a line that stalls.
     pub(super) fn warning(&self) -> Option<String> {
         // a stall makes some arrivals late and does the fit no harm; where most are, there is no line
@@ -54,5 +59,30 @@ impl fmt::Display for ClockSummary {
         }
         let ClockSummary { residual_median_ms: half, residual_95_ms: most, .. } = self;
         write!(f, "; half of the frames came within {half:.3} ms of the fit, 95% within {most:.3} ms")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::record::fit::ClockFit;
+
+    /// A minute of frames every 10 ms; the clock is set forward by 0.2 s after a part of it, and nobody has noticed.
+    fn stepped(after: f64) -> ClockSummary {
+        let mut fit = ClockFit::default();
+        for index in 0..6000 {
+            let step_ns = if f64::from(index) < 6000.0 * after { 0 } else { 200_000_000 };
+            fit.add(i64::from(index) * 10_000_000 + step_ns, i64::from(index) * 10_000_000);
+        }
+        ClockSummary::of(&fit.line().unwrap())
+    }
+
+    #[test]
+    fn a_step_is_told_wherever_it_was() {
+        assert_eq!(stepped(0.0).warning(), None);
+        for (after, share) in [(0.9, "half"), (0.3, "a twentieth")] {
+            let warning = stepped(after).warning().unwrap_or_default();
+            assert!(warning.contains(&format!("({share} of the frames came over 200 ms late)")), "{after}: {warning}");
+        }
     }
 }

@@ -94,7 +94,8 @@ impl<'a> Live<'a> {
         let fixes = align::fixes(&devices, &own);
         let retimer = Retimer::new(fixes.clone());
         for (stream, (sensors, _)) in streams.iter_mut().zip(&devices) {
-            stream.set_moves(sensors.first().map(|sensor| retimer.of(sensor)).unwrap_or_default());
+            let moves = sensors.first().map(|sensor| retimer.of(sensor)).unwrap_or_default();
+            stream.set_moves(moves);
         }
         match &mut self.begun {
             Some((output, _)) => output.clocks(fixes),

@@ -259,3 +259,24 @@ fn a_device_that_comes_back_with_a_clock_a_little_ahead_has_restarted() {
         assert!((last.0 - 8.98).abs() < 1e-3 && last.1 == 899.0, "{ahead_us}: {last:?}");
     }
 }
+
+/// Its port stays open and the user stops: what it did not send is missing.
+#[test]
+fn a_device_that_fell_silent_before_the_end_is_incomplete_and_leaves_a_gap() {
+    let folder = tempfile::tempdir().unwrap();
+    let (rig, options) = (rig("frames"), options(&folder.path().join("run.mcap")));
+    let devices = live_devices(&rig, &[]).unwrap();
+    let sources = Sources::reading(&devices[0], std::io::empty()).unwrap();
+    let mut live = Live::new(&rig, &options, "a test".to_owned(), Vec::new(), sources.host);
+    let mut streams = [Stream::new(&rig, &devices[0]), Stream::new(&rig, &devices[1])];
+    let mut messages: Vec<_> = sent(0, 6, 0, on_time).chain(sent(1, 2, 0, on_time)).collect();
+    messages.sort_by_key(|(at_ns, ..)| *at_ns);
+    for (at_ns, device, bytes) in messages {
+        take(device, Input::Bytes { at_ns, bytes }, &mut streams, &mut live).unwrap();
+    }
+    streams[1].heard -= Duration::from_secs(4);
+    let summary = finish(&mut streams, live, &sources, &options, BY_USER.to_owned()).unwrap();
+    assert!(!summary.devices[0].incomplete && summary.devices[1].incomplete && summary.data_lost, "{summary:?}");
+    let gap = log::read(&options.file).unwrap().series[1].gaps[0];
+    assert!((gap.from_s - 1.999).abs() < 0.002 && (gap.to_s - 6.0).abs() < 0.5, "{gap:?}");
+}

@@ -83,6 +83,8 @@ pub struct Stream<'a> {
     come_ns: Option<i64>,
     /// The longest time between two messages, nothing missing between.
     pause: Option<Duration>,
+    /// How long its last message was.
+    span: Duration,
     /// How often its clock was set while it ran.
     steps: u64,
     columns: Option<usize>,
@@ -121,6 +123,7 @@ impl<'a> Stream<'a> {
             moves: SensorClock::default(),
             come_ns: None,
             pause: None,
+            span: Duration::ZERO,
             steps: 0,
             columns: None,
             restarted: false,

@@ -7,6 +7,7 @@ use crate::log::SensorClock;
 use crate::record::RecordError;
 use crate::record::align::Stretch;
 use crate::record::clock::{DeviceClock, most_jitter_ns};
+use crate::record::clock_summary::ClockSummary;
 use crate::record::live::Live;
 use crate::rig::Protocol;
 
@@ -106,6 +107,7 @@ impl Stream<'_> {
     pub(super) fn arrived(&mut self, stamp: &Stamp, last_ns: i64, come_ns: i64) {
         let Some(clock) = self.clock else { return };
         self.come_ns = Some(come_ns);
+        self.span = Duration::from_nanos(stamp.sent_ns.saturating_sub(stamp.device_ns).unsigned_abs());
         if let Some(stretch) = self.stretches.last_mut() {
             stretch.arrived(clock.at_ns(stamp.sent_ns), stamp.began_ns);
             stretch.last_ns = last_ns;
@@ -121,9 +123,12 @@ impl Stream<'_> {
         self.heard = Instant::now();
     }
 
-    /// Takes what puts its logged times on the recording's clock.
+    /// Takes what puts its logged times on the recording's clock. Of a clock that does not fit, as of a device that is played faster than in
+    /// real time, nothing is known: what it sends is taken by its own time.
     pub fn set_moves(&mut self, moves: SensorClock) {
-        self.moves = moves;
+        let line = self.stretches.last().and_then(Stretch::line);
+        let fits = line.is_some_and(|line| ClockSummary::of(&line).fits());
+        self.moves = if fits { moves } else { SensorClock::default() };
     }
 
     /// True where its times move when clocks are fitted anew.
@@ -150,7 +155,7 @@ impl Stream<'_> {
         };
         let since = moment.saturating_duration_since(self.heard);
         // of one that spoke only once no rhythm is known
-        let allowed = poll.max(self.pause).map_or(silence, |pause| ON_ITS_WAY.max(2 * pause));
+        let allowed = poll.max(self.pause).map_or(silence, |pause| ON_ITS_WAY.max(2 * pause)).max(2 * self.span);
         (self.state == State::Open && since > allowed).then_some((self.stretches.last()?.last_ns, since))
     }
 }
