@@ -80,9 +80,9 @@ mod tests {
     #[test]
     fn a_step_is_told_wherever_it_was() {
         assert_eq!(stepped(0.0).warning(), None);
-        for (after, share) in [(0.9, "half"), (0.3, "a twentieth")] {
+        for after in [0.06, 0.3, 0.6, 0.9] {
             let warning = stepped(after).warning().unwrap_or_default();
-            assert!(warning.contains(&format!("({share} of the frames came over 200 ms late)")), "{after}: {warning}");
+            assert!(warning.contains("does not run evenly"), "{after}: {:?}", stepped(after));
         }
     }
 }
