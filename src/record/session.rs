@@ -18,6 +18,10 @@ use crate::rig::{Device, Protocol, Rig};
 
 /// How long the session waits for input before it looks at the clock and the stop flag, and flushes.
 const WAIT: Duration = Duration::from_millis(10);
+/// When the user stops, what came until so much later is recorded, ns, but for no longer than this: a disk that stands still does not keep
+/// the program from its end.
+const ON_ITS_WAY_NS: i64 = 10_000_000;
+const MOST_WAITING: Duration = Duration::from_secs(2);
 /// How often the log is told how the clocks lie to each other.
 const CLOCKS_EVERY: Duration = Duration::from_secs(5);
 
@@ -109,6 +113,7 @@ pub fn record(
     let mut clocks_written = Instant::now();
     let ended = loop {
         if stop.load(Ordering::Relaxed) {
+            take_waiting(sources, &mut streams, &mut live)?;
             break BY_USER.to_owned();
         }
         match sources.next(WAIT) {
@@ -150,6 +155,25 @@ fn take(device: usize, input: Input, streams: &mut [Stream<'_>], live: &mut Live
     }
     if let Some(stream) = streams.get_mut(device).filter(|stream| has_come(stream, live.end_ns)) {
         stream.state = State::Reached;
+    }
+    Ok(())
+}
+
+/// Records what had come when the user stopped, and what is in the queue of it: that the disk was slow loses nothing.
+fn take_waiting(sources: &Sources, streams: &mut [Stream<'_>], live: &mut Live<'_>) -> Result<(), RecordError> {
+    let (stopped_ns, deadline) = (sources.host.now_ns(), Instant::now() + MOST_WAITING);
+    while Instant::now() < deadline
+        && let Ok((device, input)) = sources.next(WAIT)
+    {
+        let at_ns = match &input {
+            Input::Bytes { at_ns, .. } => *at_ns,
+            Input::Polled(polled) => polled.at_ns,
+            Input::Vanished(_) | Input::Back | Input::Ended(_) => stopped_ns,
+        };
+        if at_ns > stopped_ns + ON_ITS_WAY_NS {
+            break;
+        }
+        take(device, input, streams, live)?;
     }
     Ok(())
 }

@@ -280,3 +280,22 @@ fn a_device_that_fell_silent_before_the_end_is_incomplete_and_leaves_a_gap() {
     let gap = log::read(&options.file).unwrap().series[1].gaps[0];
     assert!((gap.from_s - 1.999).abs() < 0.002 && (gap.to_s - 6.0).abs() < 0.5, "{gap:?}");
 }
+
+/// As when the disk stands still while the user stops: what has come by then is not thrown away.
+#[test]
+fn what_waits_in_the_queue_when_the_user_stops_is_recorded() {
+    let folder = tempfile::tempdir().unwrap();
+    let (rig, options) = (rig("frames"), options(&folder.path().join("run.mcap")));
+    let devices = live_devices(&rig, &[]).unwrap();
+    let bytes: Vec<u8> = sent(0, 1, 0, on_time).flat_map(|(.., bytes)| bytes).collect();
+    let sources = Sources::reading(&devices[0], std::io::Cursor::new(bytes)).unwrap();
+    let started = Instant::now();
+    // the bytes, and that no more come
+    while sources.queued(0) * 4096.0 < 1.5 {
+        assert!(started.elapsed() < Duration::from_secs(20), "nothing comes");
+        std::thread::yield_now();
+    }
+    let stop = AtomicBool::new(true);
+    let summary = record(&rig, &sources, &options, &stop, &mut |_| {}).unwrap();
+    assert_eq!((summary.ended.as_str(), summary.sensors[0].samples), (BY_USER, 1000));
+}
