@@ -205,7 +205,12 @@ impl<L: Line> Poller<L> {
         }
         self.fall_out();
         if self.knows_echoes {
-            return self.echo();
+            let back = self.echo()?;
+            if !back {
+                // As after any answer that did not come, another is asked for at once.
+                self.echo_asked = None;
+            }
+            return Ok(back);
         }
         let silent = self.drain(SILENCE)? && self.counts.late == strays;
         Ok(silent && self.stepped())
