@@ -56,6 +56,21 @@ fn starts_in_traps_are_left_again() {
     }
 }
 
+/// Without any descent. What is left is what the coarse grid of the search errs by.
+#[test]
+fn a_global_search_leaves_the_same_traps() {
+    for start in ["wave_speed_m_s=171", "wave_speed_m_s=513"] {
+        let fit = calibrated(&["--method", "global", "--start", start]);
+        assert!(over_noise(&fit) < 1.05, "{start}: {}", over_noise(&fit));
+        assert!((value(&fit, "wave_speed_m_s") - 342.5).abs() < 2.0, "{start}: {}", value(&fit, "wave_speed_m_s"));
+        let [one, other] = ["tau1_s", "tau2_s"].map(|name| value(&fit, name));
+        assert!(
+            (one.min(other) / 0.0342 - 1.0).abs() < 0.1 && (one.max(other) / 0.429 - 1.0).abs() < 0.1,
+            "{start}: {one} {other}"
+        );
+    }
+}
+
 #[test]
 fn a_global_search_with_descent_after_it_ends_at_the_noise() {
     let fit = calibrated(&["--method", "global-local", "--budget", "3000", "--start", "wave_speed_m_s=171"]);

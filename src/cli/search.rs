@@ -44,7 +44,7 @@ pub struct Search {
 enum Method {
     /// Bounded Levenberg-Marquardt from several starts.
     LeastSquares,
-    /// Differential evolution over the whole box.
+    /// Differential evolution over the whole box, then a covariance-adapting evolution strategy (CMA-ES) in the valley that it found.
     Global,
     /// A micro-genetic algorithm over the whole box.
     MicroGa,

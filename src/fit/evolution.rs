@@ -1,9 +1,13 @@
-//! Differential evolution over the unit cube, with parameters that adapt to what succeeds and a population that shrinks: L-SHADE.
+//! Differential evolution over the unit cube, with parameters that adapt to what succeeds and a population that shrinks, L-SHADE; and from half of
+//! the budget on a cloud of points that bends along the valley that was found (see [`super::cma`]).
 //!
 //! Storn & Price (1997, J. Glob. Optim. 11, 341); mutation `current-to-pbest/1` with an archive after Zhang & Sanderson (2009, IEEE Trans.
-//! Evol. Comput. 13, 945); memory of successful `F` and `CR`, and linear shrinking, after Tanabe & Fukunaga (2014, IEEE CEC, 1658).
+//! Evol. Comput. 13, 945); memory of successful `F` and `CR`, and linear shrinking, after Tanabe & Fukunaga (2014, IEEE CEC, 1658). The two in one search:
+//! Mohamed, Hadi, Fattouh & Jambi (2017, IEEE CEC, 145).
 
 use rayon::prelude::*;
+
+use super::cma;
 
 /// Members of the first population for each variable.
 const MEMBERS_A_VARIABLE: usize = 10;
@@ -16,11 +20,13 @@ const BEST_SHARE: f64 = 0.11;
 const ARCHIVE: f64 = 2.6;
 /// Relative difference between the worst member and the best at which the population has settled.
 const SETTLED: f64 = 1e-6;
+/// Share of the budget after which the cloud takes over.
+const EXPLORED: f64 = 0.5;
 
 #[derive(Clone)]
-struct Member {
-    x: Vec<f64>,
-    cost: f64,
+pub(super) struct Member {
+    pub x: Vec<f64>,
+    pub cost: f64,
 }
 
 /// What a child was made with.
@@ -57,7 +63,8 @@ pub(super) fn minimise(
     let mut archive: Vec<Vec<f64>> = Vec::new();
     let mut memory = Memory { f: [0.5; MEMORY], cr: [Some(0.5); MEMORY], next: 0 };
     sort(&mut members);
-    while members.len() >= LEAST_MEMBERS && spent < budget {
+    let explored = (EXPLORED * budget as f64) as usize;
+    while members.len() >= LEAST_MEMBERS && spent < explored {
         let (least, worst) = (members[0].cost, members[members.len() - 1].cost);
         heard(spent, least);
         if worst - least <= SETTLED * least {
@@ -87,15 +94,17 @@ pub(super) fn minimise(
             archive.swap_remove(random.usize(..archive.len()));
         }
     }
-    let best = members.swap_remove(0);
+    let best = cma::minimise(cost, &members, budget.saturating_sub(spent), &mut random, &|more, least| {
+        heard(spent + more, least)
+    });
     (best.x, best.cost)
 }
 
-fn sort(members: &mut [Member]) {
+pub(super) fn sort(members: &mut [Member]) {
     members.sort_by(|a, b| a.cost.total_cmp(&b.cost));
 }
 
-fn evaluated(cost: &(impl Fn(&[f64]) -> f64 + Sync), points: Vec<Vec<f64>>) -> Vec<Member> {
+pub(super) fn evaluated(cost: &(impl Fn(&[f64]) -> f64 + Sync), points: Vec<Vec<f64>>) -> Vec<Member> {
     points.into_par_iter().map(|x| Member { cost: cost(&x), x }).collect()
 }
 
@@ -179,7 +188,7 @@ impl Memory {
 }
 
 /// Box & Muller (1958).
-fn normal(random: &mut fastrand::Rng) -> f64 {
+pub(super) fn normal(random: &mut fastrand::Rng) -> f64 {
     (-2.0 * (1.0 - random.f64()).ln()).sqrt() * (std::f64::consts::TAU * random.f64()).cos()
 }
 

@@ -6,7 +6,7 @@ pub enum Method {
     /// Bounded Levenberg-Marquardt from several starts.
     #[default]
     LeastSquares,
-    /// Differential evolution over the whole box; nothing is refined by descent.
+    /// Differential evolution over the whole box, then an evolution strategy that follows the valley found; nothing is refined by descent.
     Global,
     /// A micro-genetic algorithm over the whole box; nothing is refined by descent.
     MicroGa,
@@ -32,9 +32,9 @@ impl Method {
     pub fn in_words(self) -> &'static str {
         match self {
             Method::LeastSquares => "least squares",
-            Method::Global => "differential evolution",
+            Method::Global => "differential evolution and CMA-ES",
             Method::MicroGa => "a micro-genetic algorithm",
-            Method::GlobalLocal => "differential evolution, then least squares",
+            Method::GlobalLocal => "differential evolution and CMA-ES, then least squares",
             Method::Stepwise => "steps by features and by the whole record in turn",
         }
     }

@@ -3,6 +3,7 @@
 mod approach;
 pub mod band;
 pub mod calibrate;
+mod cma;
 pub mod colour;
 pub mod compare;
 pub mod conflict;
