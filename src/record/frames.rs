@@ -187,7 +187,7 @@ pub struct FrameCounts {
     /// Frames taken.
     pub frames: u64,
     /// Pieces between zeros that were no valid frame (COBS, version, length, CRC), frames with a time that the next one refuted, and
-    /// frames from the past at the end that were none of the last ones come again: the device may have restarted.
+    /// frames from the past, none of the last ones come again, behind which neither the stream nor a restart went on.
     pub bad: u64,
     /// Frames missing by the jumps of the sequence; a bad frame is missing too.
     pub lost: u64,
@@ -252,10 +252,15 @@ impl Decoder {
 
     /// What was seen so far; a frame in doubt is a bad one until it is confirmed, and so is one of a restart.
     pub fn counts(&self) -> FrameCounts {
-        let is_new = |(frame, _): &&(Frame, i64)| !self.recent.contains(&(frame.sequence, frame.first_us));
-        let held = self.stale.iter().filter(is_new).count() as u64;
+        let held = self.unrepeated();
         let bad = self.counts.bad + u64::from(self.doubtful.is_some()) + held;
         FrameCounts { bad, duplicated: self.counts.duplicated - held, ..self.counts }
+    }
+
+    /// Frames from the past that are none of the last ones come again.
+    fn unrepeated(&self) -> u64 {
+        let is_new = |(frame, _): &&(Frame, i64)| !self.recent.contains(&(frame.sequence, frame.first_us));
+        self.stale.iter().filter(is_new).count() as u64
     }
 
     /// Frames that were counted as lost were none: the device has restarted.
@@ -362,6 +367,8 @@ impl Decoder {
             frame.sequence == last.sequence.wrapping_add(1) && frame.first_us > last.first_us
         };
         if !self.stale.last().is_some_and(follows) {
+            let lost = self.unrepeated();
+            (self.counts.bad, self.counts.duplicated) = (self.counts.bad + lost, self.counts.duplicated - lost);
             self.stale.clear();
         }
         self.stale.push((frame, began_ns));

@@ -243,6 +243,11 @@ fn the_first_frames_of_a_restart_at_the_end_are_lost() {
         assert_eq!(frames(decode(&mut decoder, &bytes)).len(), 3);
         assert_eq!(decoder.counts(), FrameCounts { frames: 3, bad, lost: 0, duplicated }, "{last:?}");
     }
+    // two frames of a restart, then others of it behind a hole that nobody saw, as when the cable was pulled
+    let mut decoder = Decoder::new();
+    let bytes: Vec<u8> = [500, 501, 502, 0, 1, 7, 8, 9].iter().flat_map(|&i| nth(i).encode()).collect();
+    assert_eq!(frames(decode(&mut decoder, &bytes).into_iter().filter(|e| *e != Event::Restarted).collect()).len(), 6);
+    assert_eq!(decoder.counts(), FrameCounts { frames: 6, bad: 2, lost: 0, duplicated: 0 });
 }
 
 #[test]
