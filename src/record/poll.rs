@@ -10,7 +10,7 @@
 //! Of the same registers asked for again a second answer is only older; there an echo once a second keeps it from staying so.
 //!
 //! With a slave that has never said anything to an echo there is only silence to go by: ten time-outs of it, and two seconds at least,
-//! when out of step, and [`SILENCE`] between requests of equal length. A second answer later than that puts one value under a wrong name.
+//! when out of step, and 20 ms between requests of equal length. A second answer later than that puts one value under a wrong name.
 
 use std::io;
 use std::time::{Duration, Instant};
