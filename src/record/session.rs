@@ -220,6 +220,7 @@ fn finish(
     options: &Options,
     ended: String,
 ) -> Result<Summary, RecordError> {
+    streams.iter_mut().try_for_each(|stream| stream.finish(&mut live))?;
     if !live.has_begun() {
         return Err(streams.first().map_or(RecordError::NotBegun, |stream| stream.nothing(ended)));
     }
