@@ -106,7 +106,7 @@ pub fn record(
     on_report: &mut dyn FnMut(Snapshot),
 ) -> Result<Summary, RecordError> {
     options.check()?;
-    let mut streams: Vec<Stream<'_>> = sources.devices.iter().map(|device| Stream::new(rig, device)).collect();
+    let mut streams = streams_of(rig, &sources.devices);
     let expected = streams.iter().enumerate().flat_map(|(device, stream)| stream.expected(device)).collect();
     let mut live = Live::new(rig, options, describe(&sources.devices), expected, sources.host);
     let mut reports = Reports::to(on_report);
@@ -143,6 +143,12 @@ pub fn record(
         reports.when_due(|| snapshot(&streams, &live, sources, options));
     };
     finish(&mut streams, live, sources, options, ended)
+}
+
+fn streams_of<'a>(rig: &Rig, devices: &'a [Device]) -> Vec<Stream<'a>> {
+    let mut streams: Vec<Stream<'_>> = devices.iter().map(|device| Stream::new(rig, device)).collect();
+    streams.iter_mut().for_each(|stream| stream.shared = devices.len() > 1);
+    streams
 }
 
 /// Records what came from a device. Where it seems to have come to the end of the recording, its clock as it is known now decides.

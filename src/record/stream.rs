@@ -72,6 +72,8 @@ pub struct Stream<'a> {
     pub heard: Instant,
     /// Bytes that came from it.
     pub bytes: u64,
+    /// Others are recorded with it, on one clock.
+    pub shared: bool,
     /// What it recorded, from restart to restart.
     pub stretches: Vec<Stretch>,
     taps: Vec<Tap>,
@@ -116,6 +118,7 @@ impl<'a> Stream<'a> {
             state: State::Open,
             heard: Instant::now(),
             bytes: 0,
+            shared: false,
             stretches: Vec::new(),
             taps: wired.collect(),
             codec,
@@ -314,7 +317,7 @@ impl<'a> Stream<'a> {
         let limit_ns = self.limit_ns(live);
         let left_ns = limit_ns.saturating_sub(placed.first_ns).max(0) as f64;
         let wanted = ((left_ns / placed.period_ns).ceil() as usize).min(rows);
-        let gap = placed.gap.filter(|_| end_before_ns < limit_ns);
+        let gap = placed.gap.filter(|_| self.is_wanted(end_before_ns, live));
         self.holes += u64::from(gap.is_some());
         let output = live.output()?;
         for tap in &self.taps {
@@ -346,7 +349,7 @@ impl<'a> Stream<'a> {
         if placed.first_ns >= self.limit_ns(live) {
             return Ok(());
         }
-        self.holes += u64::from(placed.gap.is_some());
+        self.holes += u64::from(placed.gap.is_some() && self.is_wanted(placed.first_ns, live));
         let output = live.output()?;
         let now_ns = placed.first_ns;
         for tap in &mut self.taps {

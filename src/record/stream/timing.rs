@@ -16,8 +16,6 @@ use crate::rig::Protocol;
 const RESTART_S: (f64, f64) = (0.5, 1e-3);
 /// Where its sequence began anew, or where they come too early, which no delay explains: s, and times what 95% of the arrivals were off.
 const ANEW_S: (f64, f64) = (0.1, 4.0);
-/// How far beyond the end of the recording is written, ns: clocks that are fitted anew move a little.
-const BEYOND_NS: i64 = 500_000_000;
 /// What is on its way when a session ends is not missed, nor what is not due for twice the longest pause.
 pub const ON_ITS_WAY: Duration = Duration::from_millis(500);
 
@@ -131,14 +129,20 @@ impl Stream<'_> {
         self.moves = if fits { moves } else { SensorClock::default() };
     }
 
-    /// True where its times move when clocks are fitted anew.
+    /// True where its times move when clocks are fitted anew: all is written then that comes before the session ends, and what is kept is cut
+    /// in the finished file.
     pub fn is_moved(&self) -> bool {
-        !self.moves.is_empty()
+        self.shared || self.stretches.len() > 1
     }
 
     /// The logged time up to which it is written, ns.
     pub(super) fn limit_ns(&self, live: &Live<'_>) -> i64 {
-        if self.is_moved() { self.moves.logged_ns(live.end_ns.saturating_add(BEYOND_NS)) } else { live.end_ns }
+        if self.is_moved() { i64::MAX } else { live.end_ns }
+    }
+
+    /// True for a logged time before the end of the recording.
+    pub(super) fn is_wanted(&self, logged_ns: i64, live: &Live<'_>) -> bool {
+        self.moves.time_ns(logged_ns) < live.end_ns
     }
 
     /// True where it has come to a time on the recording's clock.
