@@ -65,7 +65,8 @@ mod tests {
         let fit = Linearised {
             columns: &columns,
             residuals: &residuals,
-            records: std::slice::from_ref(&(0..200)),
+            records: &[vec![0..200]],
+            elsewhere: None,
             common: &[],
             at_bound: &[false, true],
             in_time: None,

@@ -198,11 +198,12 @@ impl<'a> Joint<'a> {
         [first..first + own.samples(), last..last + rest(own)]
     }
 
-    /// Where each sensor's samples of each run stand among the residuals.
-    fn records(&self) -> Vec<Range<usize>> {
+    /// Where each sensor's samples of each run stand among the residuals, those together that were sampled together.
+    fn records(&self) -> Vec<Vec<Range<usize>>> {
         let of_run = |(r, c): (usize, &Calibration)| {
             let first = self.places(r)[0].start;
-            c.record_rows().into_iter().map(move |own| first + own.start..first + own.end).collect::<Vec<_>>()
+            let moved = |own: Range<usize>| first + own.start..first + own.end;
+            c.record_rows().into_iter().map(|group| group.into_iter().map(moved).collect()).collect::<Vec<Vec<_>>>()
         };
         self.calibrations.iter().enumerate().flat_map(of_run).collect()
     }
@@ -317,6 +318,7 @@ pub(super) fn together(
         common: &joint.gain_errors(),
         at_bound: &solution.at_bound,
         in_time: None,
+        elsewhere: None,
     })
     .and(&left);
     let errors: Vec<f64> = (0..columns.len()).map(|j| widening * errors.of_variable(j)).collect();
