@@ -68,6 +68,8 @@ pub struct Errors {
     pub believed: DMatrix<f64>,
     /// The part of `C` that noise and priors make, over the combinations that the data determine: what is open moves nothing at the samples.
     pub by_noise: DMatrix<f64>,
+    /// Sum of squares that noise and priors lose to the fit, `tr(A M)`: one a variable where all is as believed.
+    pub taken: f64,
 }
 
 impl Errors {
@@ -105,6 +107,8 @@ impl Errors {
             }
             out
         };
+        let taken = (0..free.len()).flat_map(|a| (0..free.len()).map(move |b| (a, b)));
+        let taken = taken.map(|(a, b)| inverse[(a, b)] * scores[(b, a)] / (scale[a] * scale[b])).sum();
         let by_noise = spread(&sandwich(&scores), 0.0);
         for common in fit.common {
             let moved =
@@ -113,7 +117,7 @@ impl Errors {
             scores += DMatrix::from_fn(by.len(), by.len(), |a, b| by[a] * by[b]);
         }
         let (covariance, believed) = (spread(&sandwich(&scores), f64::INFINITY), spread(&inverse, f64::INFINITY));
-        Errors { covariance, believed, by_noise }
+        Errors { covariance, believed, by_noise, taken }
     }
 
     /// With an error besides whose size in each variable is known.
@@ -193,6 +197,7 @@ mod tests {
         assert!(((c[(0, 0)] + 2.0 * c[(0, 1)] + c[(1, 1)]) * f64::from(n) - 1.0).abs() < 1e-6, "{c}");
         assert!(of(&twice, false).covariance[(0, 0)].is_infinite());
         assert_eq!(of(&twice, true).by_noise.norm(), 0.0);
+        assert!((line.taken - 2.0).abs() < 1e-9 && of(&twice, true).taken == 0.0);
     }
 
     /// A prior of standard deviation 0.1 on what 400 samples of noise 100 hardly see.

@@ -17,7 +17,7 @@ use crate::fit::interval::Z_95;
 use crate::fit::least_squares::{Limits, Problem, Solution, jacobian, minimise};
 use crate::fit::outcome::Fit;
 use crate::fit::problem::{Calibration, Window};
-use crate::fit::uncertainty::{correlation, correlation_inflation, gauss_newton_step};
+use crate::fit::uncertainty::{correlation, gauss_newton_step};
 use crate::model::parameter::Parameter;
 use crate::model::{Model, ModelError};
 use crate::rig::Rig;
@@ -305,9 +305,10 @@ pub(super) fn together(
     };
     let solution = minimise(&joint, &start, LIMITS, shown)?;
 
-    let comparison = compare(&sums(&joint, fits, &apart, &solution));
-    let widening = comparison.filter(|c| c.verdict != Verdict::Describe).map_or(1.0, |c| c.f.max(1.0).sqrt());
     let columns = jacobian(&joint, &solution.x, &solution.residuals)?;
+    let of_noise = noise_a_parameter(&joint, fits, (&apart_values, &apart), (&solution, &columns))?;
+    let comparison = compare(&Sums { noise_a_parameter: of_noise, ..sums(&joint, fits, &apart, &solution) });
+    let widening = comparison.filter(|c| c.verdict != Verdict::Describe).map_or(1.0, |c| c.f.max(1.0).sqrt());
     let pull = grid_pull(&joint, &models, &solution, &columns)?;
     // As in a fit of one run: half of what the last halving of the grid's step moved.
     let left: Vec<f64> = pull.iter().map(|p| 0.5 * p).collect();
@@ -345,10 +346,53 @@ fn sums(joint: &Joint, fits: &[Fit], apart: &[f64], solution: &Solution) -> Sums
         apart: square(apart),
         together: square(&solution.residuals),
         samples,
-        inflation: correlation_inflation(&apart[..samples]),
+        noise_a_parameter: 1.0,
         apart_parameters: fits.iter().map(|f| f.parameters.len()).sum(),
         saved: shared.saturating_sub(of_laws),
     }
+}
+
+/// What noise makes the laws leave more than the fits apart, a parameter that they save: 1 where it is as white as believed. Noise that is not gives a parameter what
+/// it holds at the frequencies at which that speaks: the mean of the weights of the sum of χ² that the difference is (Rao & Scott 1981, J. Am. Stat.
+/// Assoc. 76, 221; Rotnitzky & Jewell 1990, Biometrika 77, 485).
+fn noise_a_parameter(
+    joint: &Joint,
+    fits: &[Fit],
+    (values, residuals): (&[Vec<f64>], &[f64]),
+    (together, columns): (&Solution, &[Vec<f64>]),
+) -> Result<f64, ModelError> {
+    // Noise as the fits apart leave it: what the laws leave is on trial.
+    let taken = Errors::of(Linearised {
+        columns,
+        residuals,
+        records: &joint.records(),
+        elsewhere: None,
+        common: &[],
+        at_bound: &together.at_bound,
+        in_time: None,
+    });
+    let (mut apart, mut variables) = (0.0, 0);
+    for ((calibration, fit), x) in joint.calibrations.iter().zip(fits).zip(values) {
+        let residuals = calibration.residuals(x)?;
+        let columns = jacobian(calibration, x, &residuals)?;
+        let at_bound: Vec<bool> = fit.parameters.iter().map(|p| p.at_bound || p.held).collect();
+        let errors = Errors::of(Linearised {
+            columns: &columns,
+            residuals: &residuals,
+            records: &calibration.record_rows(),
+            elsewhere: None,
+            common: &[],
+            at_bound: &at_bound,
+            in_time: None,
+        });
+        apart += errors.taken;
+        variables += at_bound.iter().filter(|held| !**held).count();
+    }
+    // Each thermometer's error is a square that the fits apart do not have, and a variable of the fit together.
+    let runs = joint.own.len();
+    let saved = (variables + runs) as f64 - together.at_bound.iter().filter(|held| !**held).count() as f64;
+    let more = apart + runs as f64 - taken.taken;
+    Ok(if saved >= 1.0 { (more / saved).max(1.0) } else { 1.0 })
 }
 
 /// What a grid of half the step moved the variables by, by one Gauss-Newton step.
