@@ -303,8 +303,8 @@ mod tests {
     fn a_descent_that_fails_is_no_end() {
         let problem = Test {
             f: |x: &[f64]| vec![0.3 * x[0], if x[0] > 1.0 { 1e4 - 1e-3 * (1e6 * x[1]).rem_euclid(1.0) } else { x[1] }],
-            lower: vec![-20.0; 2],
-            upper: vec![20.0; 2],
+            lower: vec![-20.0, -1e6],
+            upper: vec![20.0, 1e6],
             reach: f64::INFINITY,
         };
         let found = profile(&problem, &[0.0, 0.0], 0, 1.0);
