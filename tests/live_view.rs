@@ -2,14 +2,16 @@
 #![cfg(target_os = "linux")]
 
 use std::fs::File;
-use std::io::Read;
+use std::io::{Read, Write as _};
 use std::os::fd::OwnedFd;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
+use nix::fcntl::{FcntlArg, OFlag, fcntl};
 use nix::pty::{Winsize, openpty};
-use nix::sys::termios::{FlowArg, tcflow};
+use nix::sys::termios::{FlowArg, SetArg, cfmakeraw, tcflow, tcgetattr, tcsetattr};
+use nix::unistd::ttyname;
 use surgescope::log;
 use tempfile::TempDir;
 
@@ -115,6 +117,46 @@ fn a_stopped_terminal_does_not_keep_the_program_from_ending() {
     assert_eq!(status.code(), Some(0));
     assert!(log::read(&file).unwrap().series[0].value.len() > 1000);
     drop((master, slave));
+}
+
+/// A log collector that hangs is no reason to miss the test: "listening to …" is told before anything is recorded.
+#[test]
+fn a_reader_that_reads_nothing_from_the_beginning_does_not_hold_up_the_recording() {
+    let folder = TempDir::new().unwrap();
+    let (rig, file) = (folder.path().join("rig.toml"), folder.path().join("run.mcap"));
+    let text = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("rigs/demo-hdpe.toml")).unwrap();
+    let head = text.split("[[sensor]]").next().unwrap();
+    let sensor = "name = \"P1\"\nkind = \"pressure\"\nposition_m = 1.0\nunit = \"kPa\"\ndevice = \"log\"\nchannel = 0\nscale = 1.0\noffset = 0.0\n";
+    let device = "name = \"log\"\nport = \"/dev/null\"\nbaud = 115200\nprotocol = \"lines\"\n";
+    std::fs::write(&rig, format!("{head}[[sensor]]\n{sensor}[[device]]\n{device}")).unwrap();
+    let pty = openpty(None, None).unwrap();
+    let mut raw = tcgetattr(&pty.slave).unwrap();
+    cfmakeraw(&mut raw);
+    tcsetattr(&pty.slave, SetArg::TCSANOW, &raw).unwrap();
+    let (reader, mut writer) = std::io::pipe().unwrap();
+    fcntl(&writer, FcntlArg::F_SETFL(OFlag::O_NONBLOCK)).unwrap();
+    while writer.write(&[b'x'; 512]).is_ok() {}
+    while writer.write(b"x").is_ok() {}
+    fcntl(&writer, FcntlArg::F_SETFL(OFlag::empty())).unwrap();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_surgescope"));
+    command.args(["record", "--duration", "0.2", "--rig"]).arg(&rig).arg("-o").arg(&file);
+    command.arg("--port").arg(format!("log={}", ttyname(&pty.slave).unwrap().display()));
+    let mut program = command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(writer).spawn().unwrap();
+    let (started, mut master) = (Instant::now(), File::from(pty.master));
+    let recorded = (0..).find_map(|index| {
+        std::thread::sleep(Duration::from_millis(1));
+        if index < 1000 || index % 100 == 0 {
+            // after the duration nobody takes them any more
+            let _ = master.write_all(format!("{},{index}\n", 1000 * index).as_bytes());
+        }
+        let late = started.elapsed() > Duration::from_secs(30);
+        if index % 50 == 0 || late { log::read(&file).map(Some).ok().or(late.then_some(None)) } else { None }
+    });
+    program.kill().unwrap();
+    program.wait().unwrap();
+    let series = &recorded.flatten().expect("nothing was recorded within 30 s").series;
+    assert!((199..=201).contains(&series[0].value.len()), "{} samples", series[0].value.len());
+    drop((reader, pty.slave));
 }
 
 #[test]

@@ -55,6 +55,7 @@ fn record(rig: &Rig) -> RunData {
             noise_m: 0.05,
             total_noise_m: 0.05,
             offset_sd_m: 0.1,
+            saturated: 0,
         }],
         conditions,
         start: RunStart {
@@ -62,6 +63,7 @@ fn record(rig: &Rig) -> RunData {
             velocity_m_s: (0.5, 0.01),
             valve_head_m: (40.0, None),
             wave_speed_ratio: None,
+            closing_time_s: None,
         },
         meter: Some(meter),
         extrema: vec![Vec::new()],

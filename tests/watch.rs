@@ -120,6 +120,7 @@ fn a_recording_is_waited_for_until_it_has_its_end() {
     assert!(code == 3 && err.contains("surgescope recover"), "{err}");
     let (code, _, err) = once(folder.path(), &["--torn-after", "0.1"]);
     assert!(code == 3 && !err.contains("surgescope recover"), "{err}");
+    assert!(err.contains("growing.mcap: still has no end"), "the exit code is 3 for this file: {err}");
     file.write_all(&bytes[bytes.len() / 2..]).unwrap();
     let (code, out, err) = once(folder.path(), &["--json-lines"]);
     assert_eq!(code, 0, "{err}");
@@ -213,6 +214,61 @@ fn a_run_killed_too_often_is_named_until_its_pause_is_over() {
     let (code, _, err) = once(folder.path(), &[]);
     assert_eq!(code, 0, "{err}");
     assert_done(folder.path(), &runs(folder.path())["run.mcap"]);
+}
+
+/// A copy that sets its place aside first is no damaged recording, and a failure is forgotten when another recording has its name.
+#[test]
+fn a_copy_under_way_is_waited_for_and_what_stood_under_a_name_before_is_gone() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("run.mcap");
+    recorded(&file, "5", "run=1");
+    let whole = fs::read(&file).unwrap();
+    for copied in [0, 4, 1000] {
+        fs::write(&file, [&whole[..copied], &vec![0; whole.len() - copied]].concat()).unwrap();
+        let (code, out, err) = once(folder.path(), &[]);
+        assert!(code == 3 && out.is_empty() && err.contains("run.mcap: is still being written"), "{out}{err}");
+    }
+    fs::write(&file, "no recording").unwrap();
+    let (code, out, _) = once(folder.path(), &[]);
+    assert!(code == 1 && out.starts_with("run.mcap: failed"), "{out}");
+    fs::write(&file, &whole).unwrap();
+    let (code, _, err) = once(folder.path(), &[]);
+    assert_eq!(code, 0, "{err}");
+    assert_done(folder.path(), &runs(folder.path())["run.mcap"]);
+    let (_, _, err) = once(folder.path(), &[]);
+    assert!(err.contains("1 runs done, 0 failed"), "{err}");
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_name_that_cannot_be_kept_is_told() {
+    use std::os::unix::ffi::OsStrExt;
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join(std::ffi::OsStr::from_bytes(b"run\xff.mcap")), "x").unwrap();
+    let (code, _, err) = once(folder.path(), &[]);
+    assert!(code == 0 && err.contains(".mcap: its name is no UTF-8"), "{err}");
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_watch_ends_when_asked_to_although_nobody_reads_what_it_says() {
+    use nix::fcntl::{FcntlArg, OFlag, fcntl};
+    let folder = tempfile::tempdir().unwrap();
+    recorded(&folder.path().join("still.mcap"), "0.5", "run=1");
+    let (reader, mut writer) = std::io::pipe().unwrap();
+    fcntl(&writer, FcntlArg::F_SETFL(OFlag::O_NONBLOCK)).unwrap();
+    while writer.write(&[b'x'; 512]).is_ok() {}
+    while writer.write(b"x").is_ok() {}
+    fcntl(&writer, FcntlArg::F_SETFL(OFlag::empty())).unwrap();
+    let mut program = surgescope(&["watch", path(folder.path())]).stdout(writer).stderr(Stdio::null()).spawn().unwrap();
+    wait_for("the failed run", || {
+        let all = Index::read(folder.path()).and_then(|index| index.all());
+        all.is_ok_and(|all| all.iter().any(|run| run.state == State::Failed))
+    });
+    assert!(Command::new("kill").args(["-TERM", &program.id().to_string()]).status().unwrap().success());
+    wait_for("its end", || program.try_wait().unwrap().is_some());
+    assert_eq!(program.wait().unwrap().code(), Some(0));
+    drop(reader);
 }
 
 #[test]

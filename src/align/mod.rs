@@ -75,6 +75,8 @@ pub struct Clock {
     pub residual_s: Option<f64>,
     /// In words, what was found and what contradicts it.
     pub remarks: Vec<String>,
+    /// Why it may be wrong, and what to do.
+    pub warnings: Vec<String>,
 }
 
 impl Clock {
@@ -89,6 +91,7 @@ impl Clock {
             events: 0,
             residual_s: None,
             remarks: Vec::new(),
+            warnings: Vec::new(),
         }
     }
 
@@ -163,6 +166,9 @@ pub enum AlignError {
     },
 }
 
+/// Methods that lie further apart than so many of their standard errors contradict each other.
+const SURE: f64 = 4.0;
+
 /// Date-times written more coarsely than this are no match for a front, s.
 const FINE_TIME_S: f64 = 2e-3;
 
@@ -187,6 +193,9 @@ pub fn align(parts: &[Part], wanted: Option<Method>) -> Result<Vec<Clock>, Align
             why,
         })?;
         contradict(&mut clock, first, other);
+        if chosen == Method::Time {
+            check_overlap(&mut clock, first, other, wanted.is_some())?;
+        }
         clocks.push(clock);
     }
     Ok(clocks)
@@ -233,13 +242,49 @@ fn contradict(clock: &mut Clock, first: &Part, other: &Part) {
         let Ok(check) = by(method, first, other) else { continue };
         let difference = check.offset_s - clock.offset_s;
         let error = check.uncertainty_s.hypot(clock.uncertainty_s);
-        let verdict = if difference.abs() > 4.0 * error { "which contradicts it" } else { "which agrees" };
+        let contradicts = difference.abs() > SURE * error;
+        let verdict = if contradicts { "which contradicts it" } else { "which agrees" };
+        if contradicts {
+            clock.warnings.push(format!(
+                "by {method} it would be {} later than by {}: --align {method} takes that instead",
+                short(difference),
+                clock.method
+            ));
+        }
         clock.remarks.push(format!(
             "by {method} it would be {} later ± {}, {verdict}",
             short(difference),
             short(check.uncertainty_s)
         ));
     }
+}
+
+/// Files of one closure have some of their time in common. Absolute times by which they have none are refused where the front says
+/// otherwise, unless they were asked for.
+fn check_overlap(clock: &mut Clock, first: &Part, other: &Part, asked_for: bool) -> Result<(), AlignError> {
+    let (Some((from_s, to_s)), Some((own_from_s, own_to_s))) = (span(first), span(other)) else { return Ok(()) };
+    let apart_s = (clock.time_s(own_from_s) - to_s).max(from_s - clock.time_s(own_to_s));
+    if apart_s <= 0.0 {
+        return Ok(());
+    }
+    let apart = format!("by their times the two have not one moment in common, but lie {} apart", short(apart_s));
+    let remedy = "is the zone of one of them missing (--zone +01:00, or in its times)";
+    if !asked_for && front::by_front(first, other).is_ok() {
+        let why = format!(
+            "{apart}, and both show the front: {remedy}? --align front takes the front instead, --align time these times all the same"
+        );
+        let (file, first) = (other.file.clone(), first.file.clone());
+        return Err(AlignError::Method { file, first, method: Method::Time, why });
+    }
+    clock.warnings.push(format!("{apart}: {remedy}?"));
+    Ok(())
+}
+
+/// From its first sample to its last, s on its own clock.
+fn span(part: &Part) -> Option<(f64, f64)> {
+    let ends = |series: &Series| Some((*series.time_s.first()?, *series.time_s.last()?));
+    let all = part.recording.series.iter().filter_map(ends);
+    all.reduce(|(from, to), (own_from, own_to)| (from.min(own_from), to.max(own_to)))
 }
 
 /// Each trigger of the part that has samples.

@@ -96,6 +96,9 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     models.push(effects);
     let mut fits: Vec<(String, Fit)> = Vec::new();
     let held = hold::constraints(&rig, &runs, &models, &args.hold);
+    if let Some(last) = models.last() {
+        hold::warn_beyond("--start", &rig, &runs, last, args.search.started());
+    }
     for (i, (effects, mut constraints)) in models.iter().zip(held).enumerate() {
         if let Some(from) = &from {
             hold::and_settled(&mut constraints, from, &rig, &runs, (effects, i + 1 == models.len()));
@@ -112,7 +115,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     let stages: Vec<Stage> = fits.iter().map(|(title, fit)| Stage { title: title.clone(), fit }).collect();
     let Some((_, last)) = fits.last() else { return Ok(Outcome::Done) };
     // Values that are none of an optimum contradict nothing.
-    for conflict in conflicts(last, &runs).into_iter().chain(at_bounds(last)).filter(|_| last.converged) {
+    for conflict in conflicts(last, &runs).into_iter().chain(at_bounds(last).into_iter().filter(|_| last.converged)) {
         super::tell!("warning: {conflict}");
     }
     if json {

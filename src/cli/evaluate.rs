@@ -120,7 +120,7 @@ pub fn evaluate_new(path: &Path, settings: &Settings) -> Result<Option<Run>, Any
     };
     let mut index = Index::open(&folder)?;
     // entered under its name and content as the folder lists it, so that a later watch knows it
-    let listed = list(&folder)?.into_iter().find(|l| l.name.file == file);
+    let listed = list(&folder)?.0.into_iter().find(|l| l.name.file == file);
     let (Some(listed), Content::Recording { identity, rig, recorded_unix_ns }) = (listed, look_into(path)?) else {
         return Err(format!(
             "{} cannot be read back: name it NAME.mcap, and look at it with `surgescope inspect`",

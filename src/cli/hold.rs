@@ -19,8 +19,8 @@ pub fn check(hold: &[(String, f64)]) -> Result<(), String> {
     twice.map_or(Ok(()), |(_, (name, _))| Err(format!("--hold names {name} twice: give it one value")))
 }
 
-/// Says what is held beyond what a fit may take.
-fn warn_beyond(rig: &Rig, runs: &[RunData], effects: &[Chosen], hold: &[(String, f64)]) {
+/// Says which values of an `option` lie beyond what a fit may take.
+pub fn warn_beyond(option: &str, rig: &Rig, runs: &[RunData], effects: &[Chosen], values: &[(String, f64)]) {
     let Some(run) = runs.first() else { return };
     // With as many elements as there may be, so that each parameter is known.
     let most = |c: &Chosen| c.most_elements().map_or_else(|| c.clone(), |n| c.with_elements(n));
@@ -28,12 +28,12 @@ fn warn_beyond(rig: &Rig, runs: &[RunData], effects: &[Chosen], hold: &[(String,
     let model = Model::new(rig, &run.conditions.water, &effects);
     let window = Window { reaches: 1, horizon_s: f64::INFINITY, stride: 1 };
     let parameters = Calibration::new(&model, runs, window).parameters;
-    for (name, value) in hold {
+    for (name, value) in values {
         let beyond = |p: &&Parameter| p.name == *name && !(p.lower..=p.upper).contains(value);
         if let Some(p) = parameters.iter().find(beyond) {
             let [lower, upper] = [p.lower, p.upper].map(|bound| significant(bound, 3));
             super::tell!(
-                "warning: --hold {name}={value} lies beyond what a fit may take, {lower} to {upper}: check its unit"
+                "warning: {option} {name}={value:?} lies beyond what a fit may take, {lower} to {upper}: check its unit"
             );
         }
     }
@@ -79,7 +79,7 @@ pub fn constraints(
     hold: &[(String, f64)],
 ) -> Vec<Vec<Constraint>> {
     if let Some(last) = models.last() {
-        warn_beyond(rig, runs, last, hold);
+        warn_beyond("--hold", rig, runs, last, hold);
     }
     let shared = |effects: &Vec<Chosen>| -> Vec<String> {
         let Some(run) = runs.first() else { return Vec::new() };

@@ -84,6 +84,9 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         super::tell!("{}{line}: {}", report.file.display(), report.mended.text);
     }
     clocks.iter().skip(1).for_each(|clock| super::tell!("{clock}"));
+    for clock in &clocks {
+        clock.warnings.iter().for_each(|text| super::tell!("warning: {}: {text}", clock.file));
+    }
     left_out.iter().for_each(|text| super::tell!("{text}"));
     warnings.iter().for_each(|w| super::tell!("warning: {}", w.text));
     let summary = Summary::of(&recording);

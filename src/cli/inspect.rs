@@ -102,6 +102,9 @@ fn sensor(recording: &Recording, s: &SensorFeatures) -> Value {
             "lag1_autocorrelation": s.noise.lag1_autocorrelation,
             "effective_fraction": s.noise.effective_fraction,
             "quantum_m": s.noise.quantum_m,
+            "line": s.noise.line.map(|line| json!({
+                "frequency_hz": line.cycles_per_sample / s.interval_s, "amplitude_m": line.amplitude_m,
+            })),
         },
         "steady_before_m": estimate(s.steady_before_m),
         "steady_after_m": s.steady_after_m.map(estimate),

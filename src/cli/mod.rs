@@ -97,6 +97,9 @@ impl Outcome {
     }
 }
 
+/// Exit code of an error.
+const FAILED: u8 = 2;
+
 /// What a command returns; an error is bad input or usage: exit 2.
 pub type CommandResult = Result<Outcome, Box<dyn Error + Send + Sync>>;
 
@@ -192,13 +195,14 @@ pub fn main() -> ExitCode {
     match result {
         Ok(outcome) => ExitCode::from(outcome.code()),
         Err(error) => {
+            let _words = last_words::LastWords::before(FAILED, &record::STOP);
             tell!("error: {error}");
             let mut cause = error.source();
             while let Some(inner) = cause {
                 tell!("  because: {inner}");
                 cause = inner.source();
             }
-            ExitCode::from(2)
+            ExitCode::from(FAILED)
         }
     }
 }

@@ -9,7 +9,7 @@ use std::time::Duration;
 use clap::ArgGroup;
 
 use super::evaluate::{Settings, evaluate_new, line};
-use super::last_words::LastWords;
+use super::last_words::{LastWords, tell_first};
 use super::live::Reporter;
 #[cfg(unix)]
 use super::playback::{Timing, of_scenario};
@@ -124,7 +124,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         (false, true) => Outcome::No,
         (false, false) => Outcome::Done,
     };
-    let words = LastWords::before(outcome(false), &STOP);
+    let words = LastWords::before(outcome(false).code(), &STOP);
     super::tell!("{}: {}", summary.file, summary.ended);
     if !json {
         super::say_text!(table(&summary));
@@ -132,7 +132,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     drop(words);
     let runs = if args.calibrate { calibrated(&summary, json)? } else { Vec::new() };
     let failed = runs.iter().any(|run| run.state == State::Failed);
-    let _words = LastWords::before(outcome(failed), &STOP);
+    let _words = LastWords::before(outcome(failed).code(), &STOP);
     if json {
         let documents: Vec<RunDocument> = runs.iter().map(RunDocument::from).collect();
         let head = match &documents[..] {
@@ -216,10 +216,8 @@ fn record(
     }
     let devices = live_devices(rig, &args.port)?;
     let sources = Sources::open(rig, &devices, args.wait > 0.0)?;
-    for device in &devices {
-        super::tell!("listening to device '{}' on {}", device.name, device.port);
-    }
-    super::tell!("Ctrl-C ends the recording");
+    let listening = devices.iter().map(|device| format!("listening to device '{}' on {}", device.name, device.port));
+    tell_first(listening.chain(["Ctrl-C ends the recording".to_owned()]).collect());
     Ok(session::record(rig, &sources, options, &STOP, report)?)
 }
 

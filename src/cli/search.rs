@@ -11,6 +11,9 @@ use crate::fit::method;
 use crate::fit::model_file::{Entry, Value};
 use crate::model::constraint::Given;
 
+/// More would take hours of any model.
+const MOST_STARTS: i64 = 10_000;
+
 /// Options of a search.
 #[derive(Debug, clap::Args)]
 pub struct Search {
@@ -18,8 +21,8 @@ pub struct Search {
     #[arg(long, value_enum, default_value_t = Method::LeastSquares)]
     method: Method,
     /// Random starts of least squares, over the whole range of the shared parameters, beside those that it has of its own.
-    #[arg(long, value_name = "N")]
-    starts: Option<usize>,
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(..=MOST_STARTS))]
+    starts: Option<u32>,
     /// Simulations that a global search or micro-genetic algorithm may take for one model; 20,000 where nothing is said.
     #[arg(long, value_name = "N")]
     budget: Option<usize>,
@@ -48,7 +51,7 @@ enum Method {
     Global,
     /// A micro-genetic algorithm over the whole box.
     MicroGa,
-    /// Differential evolution, then least squares from where it ended.
+    /// The same, then least squares from where it ended.
     GlobalLocal,
     /// One parameter after the other, each from the feature that it moves most.
     Stepwise,
@@ -67,6 +70,11 @@ impl From<Method> for method::Method {
 }
 
 impl Search {
+    /// Where parameters are to start.
+    pub fn started(&self) -> &[(String, f64)] {
+        &self.start
+    }
+
     /// Refuses a start for what is none of the `known` parameters.
     ///
     /// # Errors
@@ -119,7 +127,7 @@ impl Search {
         let usual = Options::default();
         Ok(Options {
             method: self.method.into(),
-            starts: self.starts.unwrap_or(usual.starts),
+            starts: self.starts.map_or(usual.starts, |n| n as usize),
             budget: self.budget.unwrap_or(usual.budget),
             seed: self.seed,
             most_steps: self.steps.unwrap_or(usual.most_steps),

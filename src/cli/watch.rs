@@ -6,6 +6,7 @@ use std::sync::atomic::Ordering;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use super::evaluate::{Ended, Settings, evaluate, line, sentence};
+use super::last_words::LastWords;
 use super::record::{STOP, stop_on_signals};
 use super::values::positive;
 use super::{CommandResult, Outcome};
@@ -77,9 +78,10 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         json,
         ended: Vec::new(),
         torn: BTreeSet::new(),
+        unnamed: BTreeSet::new(),
     };
     stop_on_signals()?;
-    watch.begin()?;
+    aloud(|| watch.begin())?;
     loop {
         watch.look()?;
         watch.work()?;
@@ -103,6 +105,12 @@ fn wait(time: Duration) -> bool {
     true
 }
 
+/// Says something that must not keep the watch from ending.
+fn aloud<T>(say: impl FnOnce() -> T) -> T {
+    let _words = LastWords::before(Outcome::Done.code(), &STOP);
+    say()
+}
+
 type AnyError = Box<dyn std::error::Error + Send + Sync>;
 
 struct Watch {
@@ -115,6 +123,8 @@ struct Watch {
     ended: Vec<Run>,
     /// Files seen without an end.
     torn: BTreeSet<String>,
+    /// Files whose names cannot stand in the index.
+    unnamed: BTreeSet<PathBuf>,
 }
 
 impl Watch {
@@ -149,8 +159,14 @@ impl Watch {
 
     /// Looks for recordings that are new.
     fn look(&mut self) -> Result<(), AnyError> {
-        let listed =
+        let (listed, unnamed) =
             list(self.folder()).map_err(|e| format!("cannot list the folder {}: {e}", self.folder().display()))?;
+        for path in unnamed {
+            if !self.unnamed.contains(&path) {
+                aloud(|| super::tell!("{}: its name is no UTF-8, so it is left alone: rename it", path.display()));
+                self.unnamed.insert(path);
+            }
+        }
         for file in listed {
             if STOP.load(Ordering::Relaxed) {
                 break;
@@ -158,6 +174,7 @@ impl Watch {
             match self.index.seen(&file.name)? {
                 Some(Seen::Run(_)) => {}
                 Some(Seen::Torn) if self.args.once => {
+                    aloud(|| super::tell!("{}: still has no end", file.name.file));
                     self.torn.insert(file.name.file);
                 }
                 Some(Seen::Torn) => {}
@@ -182,14 +199,15 @@ impl Watch {
             Entered::New(id) if error.is_some() => self.tell_end(id)?,
             Entered::New(_) => {}
             Entered::Copy(other) if other == *file => {}
-            Entered::Copy(other) => super::tell!("{file} is a copy of {other}: a recording counts once"),
-            Entered::Moved(other) => super::tell!("{file} is {other} under another name: it is known"),
+            Entered::Copy(other) => aloud(|| super::tell!("{file} is a copy of {other}: a recording counts once")),
+            Entered::Moved(other) => aloud(|| super::tell!("{file} is {other} under another name: it is known")),
         }
         Ok(())
     }
 
     fn unfinished(&mut self, listed: Listed) -> Result<(), AnyError> {
         let Listed { name, path, quiet } = listed;
+        let _words = LastWords::before(Outcome::Done.code(), &STOP);
         if quiet >= self.torn_after {
             super::tell!(
                 "{}: has no end and has not grown for {:.0} s: cut off? `surgescope recover {} -o NEW.mcap` saves what is in it",
@@ -213,7 +231,7 @@ impl Watch {
             let folder = self.args.folder.clone();
             match evaluate(&mut self.index, &folder, &run, self.rig.as_ref(), &self.args.settings)? {
                 Ended::Done(run) | Ended::Failed(run) => self.tell_end(run.id)?,
-                Ended::Changed => super::tell!("{}: has changed since it was seen", run.file),
+                Ended::Changed => aloud(|| super::tell!("{}: has changed since it was seen", run.file)),
             }
             // what has come meanwhile may have been recorded earlier than what waits
             self.look()?;
@@ -223,6 +241,7 @@ impl Watch {
 
     fn tell_end(&mut self, id: i64) -> Result<(), AnyError> {
         let run = self.index.run(id)?;
+        let _words = LastWords::before(Outcome::Done.code(), &STOP);
         if self.args.json_lines {
             super::say!("{}", serde_json::to_string(&RunDocument::from(&run))?);
         } else if self.json {
@@ -235,6 +254,7 @@ impl Watch {
     }
 
     fn end(self) -> CommandResult {
+        let _words = LastWords::before(Outcome::Done.code(), &STOP);
         let failed = self.ended.iter().any(|r| r.state == State::Failed);
         if self.json {
             let document = WatchDocument {

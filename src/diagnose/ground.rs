@@ -269,6 +269,7 @@ fn binned(
                     total_noise_m: sensor.total_noise_m,
                     sensor: sensor.sensor.clone(),
                     offset_sd_m: sensor.offset_sd_m,
+                    saturated: 0,
                 }
             });
             Ok(RunData { sensors: sensors.collect(), ..run.clone() })

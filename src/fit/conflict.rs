@@ -9,9 +9,12 @@ const CONFLICT: f64 = 5.0;
 /// The same for what a test of the material told.
 const PRIOR_CONFLICT: f64 = 3.0;
 
-/// One sentence a conflict.
+/// One sentence a conflict; of a fit that did not end at an optimum, those of the recordings alone.
 pub fn conflicts(fit: &Fit, runs: &[RunData]) -> Vec<String> {
-    let mut sentences = Vec::new();
+    let mut sentences: Vec<String> = runs.iter().flat_map(of_record).collect();
+    if !fit.converged {
+        return sentences;
+    }
     for run in runs {
         let own = |name: &str| {
             fit.parameters
@@ -84,6 +87,24 @@ pub fn conflicts(fit: &Fit, runs: &[RunData]) -> Vec<String> {
         }
     }
     sentences
+}
+
+/// What of a run's own record contradicts the rig file.
+fn of_record(run: &RunData) -> Vec<String> {
+    let saturated = run.sensors.iter().filter(|sensor| sensor.saturated > 0).map(|sensor| {
+        format!(
+            "{}: {} samples of {} stand at the end of what it can show and are left out: the true pressure went beyond",
+            run.file, sensor.saturated, sensor.sensor.name
+        )
+    });
+    let closing = run.start.closing_time_s.map(|seen_s| {
+        format!(
+            "{}: the first rise says that the valve closes in about {seen_s:.3} s, and the fit started there: closing_time_s of the rig file is \
+             far from it",
+            run.file
+        )
+    });
+    saturated.chain(closing).collect()
 }
 
 /// One sentence for each parameter that ended at a bound.

@@ -19,6 +19,8 @@ pub struct SensorData {
     pub total_noise_m: f64,
     /// Standard deviation of what its zero may be off by, m.
     pub offset_sd_m: f64,
+    /// Samples that stood at the end of what it can show, and are left out: the true pressure went beyond.
+    pub saturated: usize,
 }
 
 /// Accuracy class of a pressure sensor that states none, percent of its span: that of common industrial transmitters.
@@ -70,4 +72,6 @@ pub struct RunStart {
     pub valve_head_m: (f64, Option<f64>),
     /// Wave speed relative to the rig's start value, where the signals show it.
     pub wave_speed_ratio: Option<f64>,
+    /// How long the closure takes, s, where the pressures contradict what the rig file says.
+    pub closing_time_s: Option<f64>,
 }

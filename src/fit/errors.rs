@@ -158,7 +158,7 @@ mod tests {
         Errors::of(Linearised {
             columns,
             residuals,
-            records: &[vec![0..samples]],
+            records: &[Vec::from([0..samples])],
             elsewhere: None,
             common,
             at_bound,

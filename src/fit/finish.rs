@@ -1,6 +1,5 @@
 //! The end of a fit: the grid is refined until halving its step changes less than the noise does, then all samples enter.
 
-use std::borrow::Cow;
 use std::ops::Range;
 use std::sync::atomic::Ordering;
 
@@ -13,7 +12,7 @@ use super::identify::unseen;
 use super::interval::linear;
 use super::least_squares::{Limits, Problem, Solution, Stop, jacobian};
 use super::misfit::Misfit;
-use super::optimum::{AT_OPTIMUM, promised_fall, short_of_it};
+use super::optimum::{AT_OPTIMUM, short_of_it};
 use super::outcome::{Fit, FittedParameter, RunFit, SensorFit};
 use super::problem::{Calibration, Window};
 use super::uncertainty::{correlation, gauss_newton_step};
@@ -25,9 +24,6 @@ const MIDDLE: Limits = Limits { iterations: 20, cost_tolerance: 1e-4, step_toler
 const LATE: Limits = Limits { iterations: usize::MAX, cost_tolerance: 1e-5, step_tolerance: 1e-9, thorough: true };
 /// Fall of the sum of squares, in units of what one sample leaves, that is worth no iteration more: a seventh of a standard error.
 const SETTLED: f64 = 0.02;
-
-/// How often a descent that has given up is begun anew at the most.
-const ANEW: usize = 3;
 
 /// Pull of the grid on a parameter, in standard errors, that sends the fit to a finer one.
 const MOST_PULL: f64 = 2.0;
@@ -123,18 +119,7 @@ impl Fitter<'_> {
         let problem = self.problem(model, self.whole(fine));
         problem.know(&model.constraints)?;
         let limits = Limits { cost_tolerance: SETTLED / problem.samples().max(1) as f64, ..self.patient(LATE) };
-        let mut solution = self.minimise(&problem, &values, limits, "all samples")?;
-        // A descent may give up in a bent valley, though more is promised: begun anew it often goes on.
-        for _ in 0..ANEW {
-            if solution.stop != Stop::CostSettled || self.promised(&problem, &solution)? <= AT_OPTIMUM {
-                break;
-            }
-            let again = self.minimise(&problem, &problem.values(&solution.x), limits, "all samples, anew")?;
-            if again.cost >= solution.cost {
-                break;
-            }
-            solution = again;
-        }
+        let solution = self.last_descent(&problem, &values, limits)?;
         self.outcome(&problem, &solution)
     }
 
@@ -148,31 +133,6 @@ impl Fitter<'_> {
         let fit = self.outcome(&problem, &solution)?;
         let over = "the search was over, and a descent from its end would gain nothing".to_owned();
         Ok(if fit.converged { Fit { stopped_because: over, ..fit } } else { fit })
-    }
-
-    /// The Jacobian's columns at a solution: those of its last step where that no longer mattered.
-    fn slopes<'a>(&self, problem: &Calibration, solution: &'a Solution) -> Result<Cow<'a, [Vec<f64>]>, ModelError> {
-        if solution.stop.converged() {
-            return Ok(Cow::Borrowed(&solution.columns));
-        }
-        let columns = jacobian(problem, &solution.x, &solution.residuals)?;
-        self.count(columns.len());
-        Ok(Cow::Owned(columns))
-    }
-
-    /// Fall of the sum of squares that a step of a descent promises at a solution, in units of what one sample leaves.
-    fn promised(&self, problem: &Calibration, solution: &Solution) -> Result<f64, ModelError> {
-        let of_one = (2.0 * solution.cost / problem.samples().max(1) as f64).max(f64::MIN_POSITIVE);
-        let promise =
-            |columns: &[Vec<f64>]| promised_fall(columns, &solution.residuals, &solution.x, problem.bounds()) / of_one;
-        let columns = self.slopes(problem, solution)?;
-        let promised = promise(&columns);
-        if promised <= AT_OPTIMUM || matches!(columns, Cow::Owned(_)) {
-            return Ok(promised);
-        }
-        // The last step mattered, after all.
-        self.count(columns.len());
-        Ok(promise(&jacobian(problem, &solution.x, &solution.residuals)?))
     }
 
     /// What a finer grid would change: at the samples, and by one Gauss-Newton step in the parameters.
@@ -230,6 +190,10 @@ impl Fitter<'_> {
     }
 
     fn outcome(&self, problem: &Calibration, solution: &Solution) -> Result<Fit, FitError> {
+        if problem.samples() == 0 {
+            // The start of the closure is held behind the last of them.
+            return Err(FitError::NoSample { file: self.runs.first().map_or(String::new(), |run| run.file.clone()) });
+        }
         let values = problem.values(&solution.x);
         let start_values: Vec<f64> = problem.parameters.iter().map(|p| p.start).collect();
         let columns = self.slopes(problem, solution)?;

@@ -65,7 +65,7 @@ mod tests {
         let fit = Linearised {
             columns: &columns,
             residuals: &residuals,
-            records: &[vec![0..200]],
+            records: &[Vec::from([0..200])],
             elsewhere: None,
             common: &[],
             at_bound: &[false, true],

@@ -10,7 +10,7 @@ pub enum Method {
     Global,
     /// A micro-genetic algorithm over the whole box; nothing is refined by descent.
     MicroGa,
-    /// Differential evolution, then least squares from where it ended.
+    /// The same, then least squares from where it ended.
     GlobalLocal,
     /// One parameter after the other, each from the feature that it moves most.
     Stepwise,
@@ -43,7 +43,7 @@ impl Method {
     pub fn advice(self) -> &'static str {
         match self {
             Method::LeastSquares => {
-                "start it elsewhere (--start, --starts), or take --method stepwise or a smaller model"
+                "take --method stepwise, or a smaller model, or start it elsewhere (--start, --starts)"
             }
             Method::GlobalLocal => "raise --budget, or draw anew with another --seed",
             Method::Global | Method::MicroGa => "raise --budget, or take --method global-local",

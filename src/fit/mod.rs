@@ -20,6 +20,7 @@ pub mod frequency;
 pub mod held_out;
 pub mod identify;
 pub mod interval;
+mod last_descent;
 pub mod least_squares;
 pub mod method;
 mod micro_ga;

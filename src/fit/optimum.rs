@@ -18,6 +18,19 @@ const MOST_SETS: usize = 5;
 /// Least squares in a box by active sets (Stark & Parker 1995, Comput. Stat. 10, 129): each step lowers the sum, and what a bound has stopped is let go where
 /// that lowers it further.
 pub(super) fn promised_fall(columns: &[Vec<f64>], residuals: &[f64], x: &[f64], bounds: (&[f64], &[f64])) -> f64 {
+    let step = promising_step(columns, residuals, x, bounds);
+    let moved = (0..residuals.len()).map(|i| columns.iter().zip(step.iter()).map(|(c, by)| c[i] * by).sum::<f64>());
+    // `-(2 rᵀJd + |Jd|²)`
+    residuals.iter().zip(moved).map(|(r, by)| -by * (2.0 * r + by)).sum::<f64>().max(0.0)
+}
+
+/// The step that promises that.
+pub(super) fn promising_step(
+    columns: &[Vec<f64>],
+    residuals: &[f64],
+    x: &[f64],
+    bounds: (&[f64], &[f64]),
+) -> DVector<f64> {
     let n = x.len();
     let (low, high): (Vec<f64>, Vec<f64>) = (0..n).map(|j| (bounds.0[j] - x[j], bounds.1[j] - x[j])).unzip();
     let gradient = DVector::from_iterator(n, columns.iter().map(|c| dot(c, residuals)));
@@ -51,7 +64,7 @@ pub(super) fn promised_fall(columns: &[Vec<f64>], residuals: &[f64], x: &[f64], 
             Some(j) => free.push(j),
         }
     }
-    (-(2.0 * gradient.dot(&step) + step.dot(&(&normal * &step)))).max(0.0)
+    step
 }
 
 /// The step of the `free` variables down the `slope`, over what the normal matrix determines.

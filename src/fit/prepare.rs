@@ -2,6 +2,7 @@
 
 use super::data::{Meter, RunData, RunStart, SensorData};
 use crate::model::Conditions;
+use crate::model::effects::ATMOSPHERE_PA;
 use crate::model::friction::WallFriction;
 use crate::recording::Recording;
 use crate::rig::{Coupling, Rig, Sensor, Upstream, WaterProperties};
@@ -12,6 +13,10 @@ use crate::units::GRAVITY_M_S2;
 const FLOW_UNCERTAINTY: f64 = 0.01;
 /// Relative uncertainty of a velocity taken from the pressure rise, there being no flow meter.
 const JOUKOWSKY_UNCERTAINTY: f64 = 0.2;
+/// Factor by which the closing time of the rig file may differ from that of the first rise before the rise is believed.
+const NOMINAL_WITHIN: f64 = 3.0;
+/// A lower end of a sensor within so much of the vapour pressure is no end of it, Pa.
+const CLOSE_PA: f64 = 5e3;
 /// Zero error of a pressure sensor that states none, as a share of the first rise.
 const OFFSET_SHARE: f64 = 0.01;
 
@@ -25,7 +30,8 @@ pub fn prepare(file: &str, rig: &Rig, recording: &Recording, features: &Features
     let mut extrema = Vec::new();
     for seen in features.sensors.iter().filter(|s| !drives(rig, s)) {
         let sensor = rig.sensors[seen.sensor].clone();
-        let (time_s, mut head_m) = heads(recording, seen.sensor, features.temperature_degc);
+        let (mut time_s, mut head_m) = heads(recording, seen.sensor, features.temperature_degc);
+        let saturated = leave_saturated_out(rig, recording, seen.sensor, &water, (&mut time_s, &mut head_m));
         if sensor.coupling == Coupling::Ac {
             // It sees no steady pressure: neither an elevation.
             let elevation_m = rig.sensor_elevation_m(&sensor);
@@ -35,8 +41,8 @@ pub fn prepare(file: &str, rig: &Rig, recording: &Recording, features: &Features
             full_scale_error_m(&sensor, density).unwrap_or(OFFSET_SHARE * rise_m).max(seen.noise.white_sd_m);
         // A noiseless record still has errors of its own; without a floor its weights would be infinite.
         let noise_m = seen.noise.white_sd_m.max(1e-5 * rise_m);
-        let total_noise_m = if seen.noise.line { noise_m } else { seen.noise.total_sd_m.max(noise_m) };
-        sensors.push(SensorData { sensor, time_s, head_m, noise_m, total_noise_m, offset_sd_m });
+        let total_noise_m = if seen.noise.line.is_some() { noise_m } else { seen.noise.total_sd_m.max(noise_m) };
+        sensors.push(SensorData { sensor, time_s, head_m, noise_m, total_noise_m, offset_sd_m, saturated });
         extrema.push(seen.extrema.iter().map(|e| (e.time_s, e.cycle, e.peak)).collect());
     }
     let nominal: Vec<f64> = rig.pipes.iter().map(|p| p.wave_speed_start(&water).0).collect();
@@ -56,10 +62,47 @@ pub fn prepare(file: &str, rig: &Rig, recording: &Recording, features: &Features
             velocity_m_s,
             valve_head_m: valve_head(rig, features, &water, velocity_m_s.0, rise_m),
             wave_speed_ratio: measured_speed.map(|a| a / mean_speed),
+            closing_time_s: contradicted_closing_time(rig, features, 2.0 * rig.length_m() / speed),
         },
         meter: flow_meter(rig, features, velocity_m_s),
         extrema,
     }
+}
+
+/// How long the closure takes by the first rise where the rig file is far from it; a rise that goes on until the supply answers, after `echo_s`,
+/// takes that long at the least.
+fn contradicted_closing_time(rig: &Rig, features: &Features, echo_s: f64) -> Option<f64> {
+    let (nominal_s, closure) = (rig.valve.closing_time_s, &features.closure);
+    match closure.end_s.map(|end_s| end_s - closure.pressure_onset_s) {
+        Some(seen_s) => {
+            let agree = (seen_s / NOMINAL_WITHIN..=seen_s * NOMINAL_WITHIN).contains(&nominal_s);
+            (seen_s > 0.0 && !agree).then_some(seen_s)
+        }
+        None => (nominal_s < echo_s / NOMINAL_WITHIN).then_some(echo_s),
+    }
+}
+
+/// Leaves out the samples at which a pressure sensor stands at the end of what it can show, and counts them. An end below the vapour pressure is none: the
+/// water boils before.
+fn leave_saturated_out(
+    rig: &Rig,
+    recording: &Recording,
+    sensor: usize,
+    water: &WaterProperties,
+    (time_s, head_m): (&mut Vec<f64>, &mut Vec<f64>),
+) -> usize {
+    let shown = &rig.sensors[sensor];
+    let ends = rig.ends(shown);
+    let boils = shown.unit.from_si(water.vapour_pressure_pa - ATMOSPHERE_PA + CLOSE_PA, water.density_kg_m3);
+    let beyond = |value: f64| value >= ends.high || (value <= ends.low && ends.low > boils);
+    let kept: Vec<bool> =
+        recording.series[sensor].value.iter().filter(|v| v.is_finite()).map(|v| !beyond(*v)).collect();
+    let before = time_s.len();
+    for values in [time_s, head_m] {
+        let mut keep = kept.iter();
+        values.retain(|_| keep.next().is_none_or(|keep| *keep));
+    }
+    before - kept.iter().filter(|keep| **keep).count()
 }
 
 /// The measured wave speed, of the ways to measure it the first that the pipes allow: a joint or a branch can send a front back that

@@ -45,6 +45,7 @@ fn run(rig: &Rig, file: &str) -> RunData {
             noise_m: 0.05,
             total_noise_m: 0.05,
             offset_sd_m: 0.2,
+            saturated: 0,
         })
         .collect();
     RunData {
@@ -56,6 +57,7 @@ fn run(rig: &Rig, file: &str) -> RunData {
             velocity_m_s: (0.4, 0.01),
             valve_head_m: (20.0, None),
             wave_speed_ratio: None,
+            closing_time_s: None,
         },
         extrema: vec![Vec::new(); 2],
         meter: (file == "a").then_some(Meter { position_m: 0.0, flow_m3_s: 8e-4, relative_sd: 0.01 }),

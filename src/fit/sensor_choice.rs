@@ -132,6 +132,7 @@ mod tests {
                     noise_m: 0.05,
                     total_noise_m: 0.05,
                     offset_sd_m: 0.3,
+                    saturated: 0,
                 }
             });
             let runs = [RunData {
@@ -143,6 +144,7 @@ mod tests {
                     velocity_m_s: (0.31, 0.05),
                     valve_head_m: (40.1, None),
                     wave_speed_ratio: None,
+                    closing_time_s: None,
                 },
                 meter: None,
                 extrema: vec![Vec::new(); 3],

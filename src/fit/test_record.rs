@@ -65,13 +65,22 @@ pub(super) fn record(
         .collect();
     RunData {
         file: "run".into(),
-        sensors: vec![SensorData { sensor, time_s, head_m, noise_m, total_noise_m: noise_m, offset_sd_m: 0.2 }],
+        sensors: vec![SensorData {
+            sensor,
+            time_s,
+            head_m,
+            noise_m,
+            total_noise_m: noise_m,
+            offset_sd_m: 0.2,
+            saturated: 0,
+        }],
         conditions,
         start: RunStart {
             closure_s: (CLOSURE_S, 1e-3),
             velocity_m_s: (velocity, 0.01),
             valve_head_m: (run.valve_head_m, None),
             wave_speed_ratio: None,
+            closing_time_s: None,
         },
         meter: Some(meter),
         extrema: vec![extrema],

@@ -148,6 +148,20 @@ impl Index {
             }
         };
         note(&change, name, Some(run))?;
+        // what stood under this name before and could not be done is gone
+        let gone: Vec<i64> = change
+            .prepare_cached(
+                "SELECT id FROM run WHERE file = ? AND id <> ? AND state = 'failed'
+                 AND NOT EXISTS (SELECT 1 FROM file WHERE file.run = run.id)
+                 AND NOT EXISTS (SELECT 1 FROM accepted WHERE accepted.run = run.id)",
+            )?
+            .query_map(params![name.file, run], |r| r.get(0))?
+            .collect::<rusqlite::Result<_>>()?;
+        for id in gone {
+            change.execute("DELETE FROM given_up WHERE run = ?", [id])?;
+            change.execute("DELETE FROM parameter WHERE run = ?", [id])?;
+            change.execute("DELETE FROM run WHERE id = ?", [id])?;
+        }
         change.commit()?;
         Ok(entered)
     }

@@ -188,6 +188,9 @@ pub enum CsvProblem {
         /// What is wrong.
         why: String,
     },
+    /// A last line without its end.
+    #[error("the file ends within this line: its last number is written shorter than all above it. Remove the line")]
+    CutOff,
     /// A line with too many or too few cells.
     #[error("{found} cells where the header has {expected}: a decimal comma, or a separator too many or too few?")]
     Ragged {

@@ -1,12 +1,14 @@
 //! A time series becomes a recording.
 
 mod columns;
+mod cut;
 mod numbers;
 
 use std::borrow::Cow;
 use std::path::Path;
 
 pub(super) use columns::hint_on_time;
+pub(super) use cut::is_cut_off;
 
 use columns::columns;
 use numbers::Numbers;
@@ -118,8 +120,11 @@ fn parse(text: &str, rig: &Rig, without: &[String]) -> Result<(Vec<Series>, CsvF
             }
         }
     }
-    if previous.is_none() {
+    let Some((last_line, ..)) = previous else {
         return Err((Some(header_line), CsvProblem::HeaderOnly.into()));
+    };
+    if is_cut_off(text, ',') {
+        return Err((Some(last_line), CsvProblem::CutOff.into()));
     }
 
     let holes = foreign::even_holes(&rows_s);

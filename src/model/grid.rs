@@ -11,6 +11,9 @@ use super::ModelError;
 use super::friction::WallFriction;
 use crate::units::GRAVITY_M_S2;
 
+/// Wave speeds that can be reckoned with; what a pipe may have is narrower by far.
+const WAVE_SPEEDS_M_S: std::ops::RangeInclusive<f64> = 1e-6..=1e9;
+
 /// A length of pipe with constant properties, as the layout of the model gives it.
 #[derive(Debug, Clone)]
 pub struct Stretch {
@@ -97,10 +100,14 @@ impl Grid {
     /// its inertance and capacitance. [`least_reaches`](super::reaches::least_reaches) is what it takes for none to be so.
     ///
     /// # Errors
-    /// If there are fewer than two reaches.
+    /// If there are fewer than two reaches, or a wave speed that cannot be reckoned with.
     pub fn new(stretches: &[Stretch], reaches: usize) -> Result<Grid, ModelError> {
         if reaches < 2 {
             return Err(ModelError::TooFewReaches { reaches, needed: 2 });
+        }
+        if let Some(odd) = stretches.iter().find(|s| !WAVE_SPEEDS_M_S.contains(&s.wave_speed_m_s)) {
+            let (name, value) = ("wave_speed_m_s".to_owned(), odd.wave_speed_m_s);
+            return Err(ModelError::Value { name, value, allowed: "1e-6 to 1e9 m/s" });
         }
         let total_s: f64 = stretches.iter().map(|s| s.length_m / s.wave_speed_m_s).sum();
         let joints = stretches.len() - 1;

@@ -4,6 +4,8 @@
 //! (wraps), u64 device time of the first sample (µs), u32 sample period (ns), u16 samples m, m × n i16 interleaved by
 //! channel, u16 CRC-16/IBM-3740 over all before it.
 
+use std::collections::VecDeque;
+
 use crc::{CRC_16_IBM_3740, Crc};
 
 use super::pieces::Pieces;
@@ -24,6 +26,9 @@ const DOUBT: (u64, u64) = (2, 50_000);
 
 /// So many consecutive frames from the past, in sequence among themselves, are a device that restarted.
 const RESTART_FRAMES: usize = 3;
+
+/// So many of the last frames are remembered, to know them when they come again.
+const RECENT: usize = 64;
 
 /// One frame: `samples()` samples of each of `channels()` channels, `period_ns()` apart.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -181,7 +186,8 @@ pub enum Event {
 pub struct FrameCounts {
     /// Frames taken.
     pub frames: u64,
-    /// Pieces between zeros that were no valid frame (COBS, version, length, CRC), and frames with a time that the next one refuted.
+    /// Pieces between zeros that were no valid frame (COBS, version, length, CRC), frames with a time that the next one refuted, and
+    /// frames from the past, none of the last ones come again, behind which neither the stream nor a restart went on.
     pub bad: u64,
     /// Frames missing by the jumps of the sequence; a bad frame is missing too.
     pub lost: u64,
@@ -198,6 +204,8 @@ pub struct Decoder {
     doubtful: Option<(Frame, i64)>,
     /// Frames from the past, in sequence among themselves: late ones, or a device that restarted. Each with its arrival.
     stale: Vec<(Frame, i64)>,
+    /// Sequence and time of the last frames taken.
+    recent: VecDeque<(u16, u64)>,
     /// Frames missing since the last one handed on, and whether the sequence began anew since.
     lost_before: u32,
     anew: bool,
@@ -242,9 +250,17 @@ impl Decoder {
         Decoder::default()
     }
 
-    /// What was seen so far; a frame in doubt is a bad one until it is confirmed.
+    /// What was seen so far; a frame in doubt is a bad one until it is confirmed, and so is one of a restart.
     pub fn counts(&self) -> FrameCounts {
-        FrameCounts { bad: self.counts.bad + u64::from(self.doubtful.is_some()), ..self.counts }
+        let held = self.unrepeated();
+        let bad = self.counts.bad + u64::from(self.doubtful.is_some()) + held;
+        FrameCounts { bad, duplicated: self.counts.duplicated - held, ..self.counts }
+    }
+
+    /// Frames from the past that are none of the last ones come again.
+    fn unrepeated(&self) -> u64 {
+        let is_new = |(frame, _): &&(Frame, i64)| !self.recent.contains(&(frame.sequence, frame.first_us));
+        self.stale.iter().filter(is_new).count() as u64
     }
 
     /// Frames that were counted as lost were none: the device has restarted.
@@ -324,6 +340,10 @@ impl Decoder {
             }
         }
         self.stale.clear();
+        self.recent.push_back((frame.sequence, frame.first_us));
+        if self.recent.len() > RECENT {
+            self.recent.pop_front();
+        }
         self.counts.frames += 1;
         let here = Last::of(&frame, began_ns);
         if frame.samples() == 0 {
@@ -347,6 +367,8 @@ impl Decoder {
             frame.sequence == last.sequence.wrapping_add(1) && frame.first_us > last.first_us
         };
         if !self.stale.last().is_some_and(follows) {
+            let lost = self.unrepeated();
+            (self.counts.bad, self.counts.duplicated) = (self.counts.bad + lost, self.counts.duplicated - lost);
             self.stale.clear();
         }
         self.stale.push((frame, began_ns));
@@ -356,6 +378,7 @@ impl Decoder {
         events.push(Event::Restarted);
         self.counts.bad += u64::from(self.doubtful.take().is_some());
         self.last = None;
+        self.recent.clear();
         (self.lost_before, self.anew) = (0, false);
         self.counts.duplicated -= RESTART_FRAMES as u64;
         for (frame, began_ns) in std::mem::take(&mut self.stale) {

@@ -234,6 +234,22 @@ fn a_restarted_device_is_noticed_and_a_late_frame_is_not_taken_for_one() {
     assert_eq!((counts.frames, counts.duplicated), (before.frames + 5, before.duplicated));
 }
 
+/// Two frames of a restart that nothing comes behind are as lost as any; frames that came again are not.
+#[test]
+fn the_first_frames_of_a_restart_at_the_end_are_lost() {
+    for (last, bad, duplicated) in [([0, 1], 2, 0), ([501, 502], 0, 2), ([500, 3], 1, 1)] {
+        let mut decoder = Decoder::new();
+        let bytes: Vec<u8> = [500, 501, 502].iter().chain(&last).flat_map(|&i| nth(i).encode()).collect();
+        assert_eq!(frames(decode(&mut decoder, &bytes)).len(), 3);
+        assert_eq!(decoder.counts(), FrameCounts { frames: 3, bad, lost: 0, duplicated }, "{last:?}");
+    }
+    // two frames of a restart, then others of it behind a hole that nobody saw, as when the cable was pulled
+    let mut decoder = Decoder::new();
+    let bytes: Vec<u8> = [500, 501, 502, 0, 1, 7, 8, 9].iter().flat_map(|&i| nth(i).encode()).collect();
+    assert_eq!(frames(decode(&mut decoder, &bytes).into_iter().filter(|e| *e != Event::Restarted).collect()).len(), 6);
+    assert_eq!(decoder.counts(), FrameCounts { frames: 6, bad: 2, lost: 0, duplicated: 0 });
+}
+
 #[test]
 fn a_frame_begins_when_its_first_byte_arrives() {
     let (mut decoder, mut events) = (Decoder::new(), Vec::new());

@@ -1,7 +1,10 @@
 //! The `lines` wire protocol: text lines `t_us,v0,v1,…` to rows of values, without any I/O.
 //!
-//! Lines carry neither a check sum nor a number. A line that does not parse, or has another number of values than those before,
-//! is counted and kept out; a missing one shows in the times only. A time that jumps is believed when the next line confirms it.
+//! Lines carry neither a check sum nor a number. How many values a line has is what the first few of one width agree on; until then
+//! they are held back. One that does not parse, or has another width, is counted and kept out; a missing one shows in the times only. A
+//! time that jumps is believed when the next line confirms it. A line from the past is dropped: it came again, or else it is lost.
+
+use std::collections::VecDeque;
 
 use super::pieces::Pieces;
 
@@ -9,6 +12,12 @@ use super::pieces::Pieces;
 pub const MAX_LINE: usize = 4096;
 /// So many lines in a row from the past, in order among themselves, are a device that restarted.
 const RESTART_LINES: usize = 3;
+/// So many lines of one number of values say how many there are.
+const AGREEING: usize = 3;
+/// No more lines are held back until so many agree.
+const MOST_HELD: usize = 16;
+/// So many of the last lines are remembered, to know them when they come again.
+const RECENT: usize = 64;
 /// Steps between lines that are remembered: one half longer than the longest of them is a jump.
 const STEPS: usize = 16;
 /// Steps needed before a jump can be told from the device's own rhythm.
@@ -43,9 +52,9 @@ pub enum Event {
 pub struct LineCounts {
     /// Lines taken.
     pub lines: u64,
-    /// Lines that did not parse, were too long, had another number of values or an unconfirmed time.
+    /// Lines that did not parse, were too long, had another number of values, an unconfirmed time, or one from the past for other values.
     pub bad: u64,
-    /// Lines from the past, dropped.
+    /// Lines that came again, dropped.
     pub stale: u64,
 }
 
@@ -54,8 +63,10 @@ pub struct LineCounts {
 pub struct Decoder {
     pieces: Pieces<b'\n', MAX_LINE>,
     width: Option<usize>,
+    /// The first lines, until enough of them agree.
+    held: Vec<Line>,
     last_us: Option<u64>,
-    steps: std::collections::VecDeque<u64>,
+    steps: VecDeque<u64>,
     /// Jumps of about one length that came one after the other.
     jumps: Vec<u64>,
     /// Bad lines came since the last that parsed.
@@ -64,7 +75,9 @@ pub struct Decoder {
     hole_before_stale: bool,
     /// A line whose time jumps, until the next one confirms it.
     doubtful: Option<Line>,
+    /// Lines from the past, in order among themselves: a device that restarted, or nothing of worth.
     stale: Vec<Line>,
+    recent: VecDeque<Line>,
     counts: LineCounts,
 }
 
@@ -102,18 +115,59 @@ impl Decoder {
         }
     }
 
+    /// How many lines are held back.
+    pub fn held(&self) -> usize {
+        self.held.len()
+    }
+
+    /// No more will come: appends what was held back where nothing speaks against it; the rest is lost.
+    pub fn finish(&mut self, events: &mut Vec<Event>) {
+        let held = std::mem::take(&mut self.held);
+        let width = |line: &Line| line.values.len();
+        match held.first().map(width).filter(|first| held.iter().all(|line| width(line) == *first)) {
+            Some(_) => held.into_iter().for_each(|line| self.place(line, events)),
+            None => held.iter().for_each(|_| self.bad()),
+        }
+        if self.doubtful.take().is_some() {
+            self.bad();
+        }
+        self.drop_stale();
+    }
+
     fn bad(&mut self) {
         self.counts.bad += 1;
         self.hole = true;
     }
 
     fn line(&mut self, time_us: u64, values: Vec<Option<f64>>, began_ns: i64, events: &mut Vec<Event>) {
-        if *self.width.get_or_insert(values.len()) != values.len() {
+        let line = Line { time_us, values, hole_before: std::mem::take(&mut self.hole), began_ns };
+        if self.width.is_some() {
+            self.of_width(line, events);
+            return;
+        }
+        let width = line.values.len();
+        self.held.push(line);
+        if self.held.iter().filter(|held| held.values.len() == width).count() == AGREEING {
+            self.width = Some(width);
+            std::mem::take(&mut self.held).into_iter().for_each(|line| self.of_width(line, events));
+        } else if self.held.len() > MOST_HELD {
+            self.held.remove(0);
+            self.counts.bad += 1;
+            self.held[0].hole_before = true;
+        }
+    }
+
+    fn of_width(&mut self, mut line: Line, events: &mut Vec<Event>) {
+        if self.width != Some(line.values.len()) {
             self.bad();
             return;
         }
-        let hole_before = std::mem::take(&mut self.hole);
-        let mut line = Line { time_us, values, hole_before, began_ns };
+        line.hole_before |= std::mem::take(&mut self.hole);
+        self.place(line, events);
+    }
+
+    /// Puts a line in its place behind the last one, or keeps it aside as one from the past or with a doubtful time.
+    fn place(&mut self, mut line: Line, events: &mut Vec<Event>) {
         if let Some(doubtful) = self.doubtful.take() {
             // The line after a jump goes on either from the jump or from before it.
             if line.time_us > doubtful.time_us && self.goes_on(&doubtful, &line) {
@@ -158,6 +212,7 @@ impl Decoder {
     }
 
     fn take(&mut self, mut line: Line, events: &mut Vec<Event>) {
+        self.drop_stale();
         line.hole_before |= std::mem::take(&mut self.hole_before_stale);
         if let Some(last_us) = self.last_us
             && !line.hole_before
@@ -168,16 +223,18 @@ impl Decoder {
             self.steps.push_back(line.time_us - last_us);
         }
         self.last_us = Some(line.time_us);
-        self.stale.clear();
+        self.recent.push_back(line.clone());
+        if self.recent.len() > RECENT {
+            self.recent.pop_front();
+        }
         self.counts.lines += 1;
         events.push(Event::Line(line));
     }
 
     fn stale(&mut self, line: Line, events: &mut Vec<Event>) {
-        self.counts.stale += 1;
         self.hole_before_stale |= line.hole_before;
         if self.stale.last().is_none_or(|last| last.time_us >= line.time_us) {
-            self.stale.clear();
+            self.drop_stale();
         }
         self.stale.push(line);
         if self.stale.len() == RESTART_LINES {
@@ -185,10 +242,20 @@ impl Decoder {
             self.last_us = None;
             self.hole_before_stale = false;
             self.steps.clear();
-            self.counts.stale -= RESTART_LINES as u64;
+            self.recent.clear();
             for line in std::mem::take(&mut self.stale) {
                 self.take(line, events);
             }
+        }
+    }
+
+    /// The lines from the past were no restart: they came again, or else they are lost, as where two have one time.
+    fn drop_stale(&mut self) {
+        for line in std::mem::take(&mut self.stale) {
+            let again = self.recent.iter().any(|taken| taken.time_us == line.time_us && taken.values == line.values);
+            self.counts.stale += u64::from(again);
+            self.counts.bad += u64::from(!again);
+            self.hole_before_stale |= !again;
         }
     }
 }
@@ -217,6 +284,7 @@ mod tests {
     fn decode(decoder: &mut Decoder, text: &str) -> Vec<Event> {
         let mut events = Vec::new();
         decoder.feed(0, text.as_bytes(), &mut events);
+        decoder.finish(&mut events);
         events
     }
 
@@ -282,14 +350,53 @@ mod tests {
     }
 
     #[test]
-    fn a_restart_loses_no_line() {
+    fn a_restart_loses_no_line_and_a_late_line_is_lost() {
         let mut decoder = Decoder::new();
         let events = decode(&mut decoder, "\n500,1\n510,1\n505,1\n520,1\n0,1\n10,1\n20,1\n30,1\n");
         let restart = (u64::MAX, false);
         let expected =
-            [(500, false), (510, false), (520, false), restart, (0, false), (10, false), (20, false), (30, false)];
+            [(500, false), (510, false), (520, true), restart, (0, false), (10, false), (20, false), (30, false)];
         assert_eq!(times(&events), expected);
-        assert_eq!(decoder.counts(), LineCounts { lines: 7, bad: 0, stale: 1 });
+        assert_eq!(decoder.counts(), LineCounts { lines: 7, bad: 1, stale: 0 });
+    }
+
+    /// A logger whose clock is too coarse: what cannot be placed is lost, and not taken for a line that came again.
+    #[test]
+    fn lines_with_one_time_and_other_values_are_lost() {
+        let mut decoder = Decoder::new();
+        let events = decode(&mut decoder, "\n0,1\n0,2\n1000,3\n1000,4\n2000,5\n2000,5\n3000,6\n");
+        assert_eq!(times(&events), [(0, false), (1000, true), (2000, true), (3000, false)]);
+        assert_eq!(decoder.counts(), LineCounts { lines: 4, bad: 2, stale: 1 });
+    }
+
+    #[test]
+    fn the_first_lines_of_a_restart_at_the_end_are_lost() {
+        for (end, bad, stale) in [("0,1\n10,1\n", 2, 0), ("510,2\n520,3\n", 0, 2), ("9520,9\n", 1, 0)] {
+            let mut decoder = Decoder::new();
+            let events = decode(&mut decoder, &["\n490,0\n500,1\n510,2\n520,3\n", end].concat());
+            assert_eq!(times(&events), [(490, false), (500, false), (510, false), (520, false)]);
+            assert_eq!(decoder.counts(), LineCounts { lines: 4, bad, stale }, "{end:?}");
+        }
+    }
+
+    /// No line is evidence of its own width: a first one that is damaged must not make all others bad.
+    #[test]
+    fn a_damaged_first_line_costs_itself_only() {
+        for damaged in ["10,5", "10,5,6,7", "10,5\n11,1,2,3,4\n12,9"] {
+            let mut decoder = Decoder::new();
+            let events = decode(&mut decoder, &format!("\n{damaged}\n20,1,2\n30,3,4\n40,5,6\n50,7,8\n"));
+            assert_eq!(times(&events), [(20, true), (30, false), (40, false), (50, false)]);
+            assert_eq!(decoder.counts().bad, damaged.lines().count() as u64);
+        }
+        let mut decoder = Decoder::new();
+        assert_eq!(
+            times(&decode(&mut decoder, "\n10,5,1\n20,1,2\n")),
+            [(10, false), (20, false)],
+            "few, but all alike"
+        );
+        let mut decoder = Decoder::new();
+        assert_eq!(decode(&mut decoder, "\n10,5\n20,1,2\n"), [], "nobody knows which");
+        assert_eq!(decoder.counts().bad, 2);
     }
 
     proptest! {
@@ -300,6 +407,8 @@ mod tests {
             let (mut expected, mut events) = (Vec::new(), Vec::new());
             whole.feed(0, &bytes, &mut expected);
             bytes.chunks(size).for_each(|piece| split.feed(0, piece, &mut events));
+            whole.finish(&mut expected);
+            split.finish(&mut events);
             prop_assert_eq!(&events, &expected);
             let mut last = 0;
             for event in events {

@@ -1,10 +1,16 @@
 //! Asking a Modbus slave, so that no answer is ever taken for another's.
 //!
-//! An answer does not say which registers it is of. One that comes after its time-out would fit the next request for as many
-//! registers, and pressures would stand under a flow's name. So after anything but the answer asked for the line is *out of step*: it is
-//! drained to silence, then an echo with a number of its own is asked for, and only when that comes back (or its refusal) are
-//! registers read again. A slave answers in order, so nothing older can then be on its way. With a slave that has never said anything to an
-//! echo there is only silence to go by: ten time-outs of it, and two seconds at least.
+//! An answer does not say which registers it is of. One that comes after its time-out, or twice as from a gateway that asks again, would
+//! fit the next request for as many registers, and pressures would stand under a flow's name. So after anything but the answer asked for
+//! the line is *out of step*: it is drained to silence, then an echo with a number of its own is asked for, and only when that comes back
+//! (or its refusal) are registers read again. A slave answers in order, so nothing older can then be on its way.
+//!
+//! A second answer can still be on its way when all seems well. Where it would fit the next request, an echo is asked for between the two:
+//! one round trip more for requests of equal length next to each other, which [`super::registers::alternate`] makes as few as it can.
+//! Of the same registers asked for again a second answer is only older; there an echo once a second keeps it from staying so.
+//!
+//! With a slave that has never said anything to an echo there is only silence to go by: ten time-outs of it, and two seconds at least,
+//! when out of step, and 20 ms between requests of equal length. A second answer later than that puts one value under a wrong name.
 
 use std::io;
 use std::time::{Duration, Instant};
@@ -14,11 +20,15 @@ use super::registers::Group;
 
 /// A line without bytes for so long is silent: longer than the 16 ms that USB adapters hold bytes back.
 const SILENCE: Duration = Duration::from_millis(20);
+/// The same registers are read for so long without an echo.
+const UNPROVEN: Duration = Duration::from_secs(1);
 /// A slave that does not know echoes and has said nothing for so many time-outs, and for so long, will not answer what it was asked before.
 const FORGOTTEN_TIMEOUTS: u32 = 10;
 const FORGOTTEN: Duration = Duration::from_millis(if cfg!(test) { 200 } else { 2000 });
 /// Another echo is asked for after so many time-outs: a slave that is slow already is not to be flooded.
 const ECHO_TIMEOUTS: u32 = 4;
+/// An answer comes so often at most.
+const MOST_COPIES: u32 = 2;
 /// Longest answer, bytes, and some.
 const MOST_BYTES: usize = 512;
 
@@ -45,7 +55,7 @@ pub struct PollCounts {
     pub missed: u64,
     /// Answers that were none: noise, wrong check sums.
     pub bad: u64,
-    /// Answers that came after their time-out; dropped.
+    /// Answers that came after their time-out, or twice; dropped.
     pub late: u64,
     /// Requests refused by the slave.
     pub refused: u64,
@@ -64,6 +74,32 @@ pub enum Outcome {
     Missed,
 }
 
+/// What came last, and may come again.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Before {
+    /// The echo that brought the line into step.
+    Echo,
+    /// The answer to this request.
+    Words(Request),
+    /// A refusal, which fits any request for its kind of registers.
+    Refusal,
+}
+
+impl Before {
+    /// Whether it could be taken for the answer to `next`.
+    fn fits(self, next: Request, unproven: Duration) -> bool {
+        match (self, next) {
+            (Before::Words(last), next) if last == next => unproven >= UNPROVEN,
+            (
+                Before::Words(Request::Read { input: last_input, count: last, .. }),
+                Request::Read { input, count, .. },
+            ) => (last_input, last) == (input, count),
+            (Before::Refusal, _) => true,
+            _ => false,
+        }
+    }
+}
+
 /// Asks one slave.
 pub struct Poller<L> {
     line: L,
@@ -73,12 +109,14 @@ pub struct Poller<L> {
     in_step: bool,
     /// Numbers of the echoes asked for since the line fell out of step.
     echoes: Vec<u16>,
-    /// Echoes neither returned nor refused yet, now and when the line fell out of step; a refusal does not say which it refuses.
+    /// Echoes and refusals of them that may be on their way, now and when the line fell out of step; a refusal does not say which it
+    /// refuses.
     owed_echoes: u32,
     owed_before: u32,
     /// Refusals since then.
     refusals: u32,
     stepped: Instant,
+    before: Before,
     next_echo: u16,
     echo_asked: Option<Instant>,
     /// It has returned or refused an echo before.
@@ -101,6 +139,7 @@ impl<L: Line> Poller<L> {
             owed_before: 0,
             refusals: 0,
             stepped: Instant::now(),
+            before: Before::Echo,
             next_echo,
             echo_asked: None,
             knows_echoes: false,
@@ -128,33 +167,62 @@ impl<L: Line> Poller<L> {
     /// # Errors
     /// When the line is gone.
     pub fn read(&mut self, group: &Group) -> io::Result<Outcome> {
-        if !self.in_step && !self.step()? {
+        let request = Request::Read { input: group.input, start: group.start, count: group.count };
+        if !self.is_ready(request)? {
             self.counts.missed += 1;
             return Ok(Outcome::Missed);
         }
-        let request = Request::Read { input: group.input, start: group.start, count: group.count };
         let outcome = self.ask(&request)?;
         match &outcome {
             Outcome::Words(..) => {
                 self.counts.answers += 1;
-                if self.stepped.elapsed() > self.forgotten_after() {
-                    // What has not come by now was lost on the wire.
-                    self.owed_echoes = 0;
-                }
+                self.before = Before::Words(request);
+                // What was asked for earlier has been answered earlier, or was lost on the wire.
+                self.owed_echoes = 0;
             }
-            Outcome::Refused(_) => self.counts.refused += 1,
+            Outcome::Refused(_) => {
+                self.counts.refused += 1;
+                self.before = Before::Refusal;
+            }
             Outcome::Missed => {
                 self.counts.missed += 1;
-                self.in_step = false;
-                (self.owed_before, self.refusals) = (self.owed_echoes, 0);
-                self.heard = Instant::now();
+                self.fall_out();
             }
         }
         Ok(outcome)
     }
 
+    /// True where no answer can be on its way that would be taken for the one to `next`.
+    fn is_ready(&mut self, next: Request) -> io::Result<bool> {
+        if !self.in_step {
+            return self.step();
+        }
+        let strays = self.counts.late;
+        let quiet = self.drain(Duration::ZERO)?;
+        let strayed = self.counts.late > strays;
+        if quiet && !strayed && !self.before.fits(next, self.stepped.elapsed()) {
+            return Ok(true);
+        }
+        self.fall_out();
+        if self.knows_echoes {
+            let back = self.echo()?;
+            if !back {
+                // As after any answer that did not come, another is asked for at once.
+                self.echo_asked = None;
+            }
+            return Ok(back);
+        }
+        let silent = self.drain(SILENCE)? && self.counts.late == strays;
+        Ok(silent && self.stepped())
+    }
+
+    fn fall_out(&mut self) {
+        self.in_step = false;
+        (self.owed_before, self.refusals) = (self.owed_echoes, 0);
+        self.heard = Instant::now();
+    }
+
     fn ask(&mut self, request: &Request) -> io::Result<Outcome> {
-        self.drain()?;
         self.line.send(&request.encode(self.unit))?;
         let asked = Instant::now();
         let mut answered = None;
@@ -195,19 +263,25 @@ impl<L: Line> Poller<L> {
 
     /// Tries once to bring the line into step.
     fn step(&mut self) -> io::Result<bool> {
-        if !self.drain()? {
+        if !self.drain(SILENCE)? {
             return Ok(false);
         }
-        if self.in_step {
+        if self.in_step || self.echo()? {
             return Ok(true);
         }
+        let forgotten = self.heard.elapsed() >= self.forgotten_after();
+        Ok(forgotten && !self.knows_echoes && self.stepped())
+    }
+
+    /// Asks for an echo, where none has been asked for lately, and waits for one.
+    fn echo(&mut self) -> io::Result<bool> {
         let asked = Instant::now();
         if self.echo_asked.is_none_or(|before| before.elapsed() >= self.timeout * ECHO_TIMEOUTS) {
             self.echo_asked = Some(asked);
             let number = self.next_echo;
             self.next_echo = number.wrapping_add(1);
             self.echoes.push(number);
-            self.owed_echoes += 1;
+            self.owed_echoes += MOST_COPIES;
             self.line.send(&Request::Echo(number).encode(self.unit))?;
         }
         let mut bytes = Vec::new();
@@ -216,8 +290,7 @@ impl<L: Line> Poller<L> {
                 return Ok(self.stepped());
             }
         }
-        let forgotten = self.heard.elapsed() >= self.forgotten_after();
-        Ok(forgotten && !self.knows_echoes && self.stepped())
+        Ok(false)
     }
 
     fn forgotten_after(&self) -> Duration {
@@ -227,6 +300,7 @@ impl<L: Line> Poller<L> {
     fn stepped(&mut self) -> bool {
         self.in_step = true;
         self.stepped = Instant::now();
+        self.before = Before::Echo;
         self.echoes.clear();
         self.echo_asked = None;
         true
@@ -241,11 +315,15 @@ impl<L: Line> Poller<L> {
                 Parsed::Whole(answer, length) => {
                     bytes.drain(..length);
                     let old_echo = self.is_old_echo(&answer);
-                    self.refusals += u32::from(matches!(answer, Answer::Refused { function: DIAGNOSTICS, .. }));
                     match answer {
                         Answer::Echo(number) if self.echoes.contains(&number) => return true,
-                        Answer::Refused { function: DIAGNOSTICS, .. } if self.refusals > self.owed_before => {
-                            return true;
+                        Answer::Refused { function: DIAGNOSTICS, .. } => {
+                            self.refusals += 1;
+                            if self.refusals > self.owed_before {
+                                return true;
+                            }
+                            // Perhaps of an earlier echo; the slave is there, so it can be asked at once.
+                            self.echo_asked = None;
                         }
                         _ => self.counts.late += u64::from(!old_echo),
                     }
@@ -270,9 +348,8 @@ impl<L: Line> Poller<L> {
         Ok(Some(self.heard))
     }
 
-    /// Takes what is on the line until it is silent; false where it does not become so.
-    fn drain(&mut self) -> io::Result<bool> {
-        let quiet = if self.in_step { Duration::ZERO } else { SILENCE };
+    /// Takes what is on the line until nothing comes for so long; false where it goes on and on.
+    fn drain(&mut self, quiet: Duration) -> io::Result<bool> {
         let started = Instant::now();
         let (mut bytes, mut buffer) = (Vec::new(), [0; MOST_BYTES]);
         loop {

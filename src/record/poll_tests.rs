@@ -8,7 +8,7 @@ use super::*;
 const UNIT: u8 = 5;
 const TIMEOUT: Duration = Duration::from_millis(20);
 
-/// A slave in a thread of its own that answers in order, each after a delay of its choice; register `a` holds `a`.
+/// A slave in a thread of its own that answers in order, each answer as often as it chooses, after a delay each time; register `a` holds `a`.
 struct Slave {
     requests: Sender<Vec<u8>>,
     answers: Receiver<Vec<u8>>,
@@ -16,7 +16,7 @@ struct Slave {
 }
 
 impl Slave {
-    fn new(echoes: bool, mut reply: impl FnMut(Vec<u8>) -> (Duration, Option<Vec<u8>>) + Send + 'static) -> Slave {
+    fn new(echoes: bool, mut reply: impl FnMut(Vec<u8>) -> (Duration, Vec<Vec<u8>>) + Send + 'static) -> Slave {
         let (requests, asked) = channel::<Vec<u8>>();
         let (answer, answers) = channel();
         std::thread::spawn(move || {
@@ -30,10 +30,12 @@ impl Slave {
                     Request::Echo(number) if echoes => Answer::Echo(number),
                     Request::Echo(_) => request.refused(1),
                 };
-                let (delay, bytes) = reply(honest.encode(UNIT));
-                std::thread::sleep(delay);
-                if bytes.is_some_and(|bytes| answer.send(bytes).is_err()) {
-                    return;
+                let (delay, answers) = reply(honest.encode(UNIT));
+                for bytes in answers {
+                    std::thread::sleep(delay);
+                    if answer.send(bytes).is_err() {
+                        return;
+                    }
                 }
             }
         });
@@ -61,7 +63,7 @@ fn group(start: u16) -> Group {
     Group { input: true, start, count: 2, members: vec![0, 1] }
 }
 
-/// Polls two groups of the same shape in turn; every value must be its own. Returns what was answered.
+/// Polls two groups of the same form in turn; every value must be its own. Returns what was answered.
 fn poll(mut poller: Poller<Slave>, polls: u16) -> (u64, PollCounts) {
     let mut answers = 0;
     for index in 0..polls {
@@ -78,11 +80,45 @@ fn poll(mut poller: Poller<Slave>, polls: u16) -> (u64, PollCounts) {
 fn delays_around_the_timeout_put_no_value_under_anothers_name() {
     for echoes in [true, false] {
         let mut dice = fastrand::Rng::with_seed(3);
-        let slave = Slave::new(echoes, move |bytes| (Duration::from_micros(dice.u64(100..26_000)), Some(bytes)));
+        let slave = Slave::new(echoes, move |bytes| (Duration::from_micros(dice.u64(100..26_000)), vec![bytes]));
         let (answers, counts) = poll(Poller::new(slave, UNIT, TIMEOUT), 250);
         assert_eq!(answers, counts.answers);
         assert!(counts.late > 10 && answers > 60, "echoes {echoes}: {counts:?}");
     }
+}
+
+/// The second answer comes before that to the next request, as with a gateway that asks again.
+#[test]
+fn answers_that_come_twice_put_no_value_under_anothers_name() {
+    for (echoes, slowest_us) in [(true, 2000), (false, 2000), (true, 26_000), (false, 26_000)] {
+        let mut dice = fastrand::Rng::with_seed(7);
+        let slave = Slave::new(echoes, move |bytes| {
+            let copies = if dice.f64() < 0.2 { 2 } else { 1 };
+            (Duration::from_micros(dice.u64(100..slowest_us)), vec![bytes; copies])
+        });
+        let (answers, counts) = poll(Poller::new(slave, UNIT, TIMEOUT), 250);
+        assert!(counts.late > 10 && answers > 30, "echoes {echoes}, {slowest_us} µs: {counts:?}");
+    }
+}
+
+/// Nothing that comes again would fit the next request: no echo is needed between the two.
+#[test]
+fn requests_of_unlike_length_are_asked_for_one_behind_the_other() {
+    let (seen, echoes) = channel();
+    let slave = Slave::new(true, move |bytes| {
+        seen.send(bytes[1] == 8).unwrap();
+        (Duration::ZERO, vec![bytes])
+    });
+    let mut poller = Poller::new(slave, UNIT, Duration::from_secs(5));
+    for index in 0..20 {
+        let group = Group { count: 1 + index % 2, ..group(100 * (index % 2)) };
+        assert!(matches!(poller.read(&group).unwrap(), Outcome::Words(..)));
+    }
+    assert_eq!(echoes.try_iter().filter(|&echo| echo).count(), 1, "the one that brought the line into step");
+    for index in 0..20 {
+        assert!(matches!(poller.read(&group(100 * (index % 2))).unwrap(), Outcome::Words(..)));
+    }
+    assert_eq!(echoes.try_iter().filter(|&echo| echo).count(), 20, "one before each: the last above was as long");
 }
 
 #[test]
@@ -95,7 +131,7 @@ fn noise_and_wrong_check_sums_are_counted_and_give_no_value() {
         } else if dice.f64() < 0.1 {
             bytes.truncate(dice.usize(..bytes.len()));
         }
-        (Duration::ZERO, Some(bytes))
+        (Duration::ZERO, vec![bytes])
     });
     let (answers, counts) = poll(Poller::new(slave, UNIT, TIMEOUT), 200);
     assert!(counts.bad > 10 && answers > 80, "{counts:?}");
@@ -107,7 +143,7 @@ fn a_slave_that_was_away_is_read_again() {
     let mut asked = 0;
     let slave = Slave::new(true, move |bytes| {
         asked += 1;
-        (Duration::ZERO, (!(20..30).contains(&asked)).then_some(bytes))
+        (Duration::ZERO, if (20..30).contains(&asked) { vec![] } else { vec![bytes] })
     });
     let (answers, counts) = poll(Poller::new(slave, UNIT, TIMEOUT), 60);
     assert!(answers >= 35 && counts.missed >= 9, "{counts:?}");
@@ -116,14 +152,14 @@ fn a_slave_that_was_away_is_read_again() {
 /// A slave that ignores what it does not know is read again when it has been silent for long.
 #[test]
 fn a_slave_that_does_not_even_refuse_an_echo_is_read_all_the_same() {
-    let slave = Slave::new(true, |bytes| (Duration::ZERO, (bytes[1] != 8).then_some(bytes)));
+    let slave = Slave::new(true, |bytes| (Duration::ZERO, if bytes[1] == 8 { vec![] } else { vec![bytes] }));
     let (answers, counts) = poll(Poller::new(slave, UNIT, TIMEOUT), 40);
     assert!(answers >= 25, "{counts:?}");
 }
 
 #[test]
 fn a_time_is_the_middle_between_request_and_answer() {
-    let slave = Slave::new(true, |bytes| (Duration::from_millis(8), Some(bytes)));
+    let slave = Slave::new(true, |bytes| (Duration::from_millis(8), vec![bytes]));
     let mut poller = Poller::new(slave, UNIT, Duration::from_secs(5));
     while !poller.in_step {
         poller.read(&group(0)).unwrap();

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use super::bus::{Tap, taps};
 use super::poll::{Outcome, PollCounts, Poller};
 use super::port::SerialLine;
-use super::registers::{Group, Place, group, value};
+use super::registers::{Group, Place, alternate, group, value};
 use super::source::{Input, Queue, why};
 use crate::rig::{Device, Protocol, Rig};
 
@@ -56,7 +56,13 @@ impl Polling {
         };
         let seconds =
             |s: f64| Duration::try_from_secs_f64(s).unwrap_or(Duration::MAX / 4).max(Duration::from_micros(100));
-        Polling { unit, interval: seconds(interval_s), timeout: seconds(timeout_s), groups: group(&places), places }
+        Polling {
+            unit,
+            interval: seconds(interval_s),
+            timeout: seconds(timeout_s),
+            groups: alternate(group(&places)),
+            places,
+        }
     }
 }
 

@@ -57,6 +57,20 @@ pub fn group(places: &[Place]) -> Vec<Group> {
     groups
 }
 
+/// Orders groups that are read in turn so that the answers of as few neighbours as possible have the same form (function and length), for
+/// between two such an echo is needed (see [`super::poll`]).
+pub fn alternate(groups: Vec<Group>) -> Vec<Group> {
+    let form = |group: &Group| (group.input, group.count);
+    let like = |group: &Group| groups.iter().filter(|other| form(other) == form(group)).count();
+    let mut order: Vec<&Group> = groups.iter().collect();
+    order.sort_by_key(|group| (std::cmp::Reverse(like(group)), form(group)));
+    // The most frequent form takes every other place first.
+    let places = (0..groups.len()).step_by(2).chain((1..groups.len()).step_by(2));
+    let mut placed: Vec<(usize, &Group)> = places.zip(order).collect();
+    placed.sort_by_key(|(place, _)| *place);
+    placed.into_iter().map(|(_, group)| group.clone()).collect()
+}
+
 /// The number in `words`, the registers from `start` on; `None` where they do not reach it, or where it is no finite number.
 pub fn value(place: &Place, start: u16, words: &[u16]) -> Option<f64> {
     let at = usize::from(place.address.checked_sub(start)?);
@@ -114,6 +128,24 @@ mod tests {
         assert_eq!(group(&many).iter().map(|g| g.count).collect::<Vec<_>>(), [125, 5]);
         let top = [place(65_534, true, Encoding::U16, true), place(65_535, true, Encoding::U16, true)];
         assert_eq!(group(&top).len(), 1);
+    }
+
+    #[test]
+    fn requests_for_as_many_registers_are_kept_apart() {
+        let order = |counts: &[u16]| {
+            let group =
+                |(start, &count): (usize, &u16)| Group { input: true, start: start as u16, count, members: vec![] };
+            let ordered = alternate(counts.iter().enumerate().map(group).collect());
+            let mut starts: Vec<u16> = ordered.iter().map(|group| group.start).collect();
+            starts.sort_unstable();
+            assert!(starts.into_iter().eq(0..counts.len() as u16), "each of them once");
+            ordered.iter().map(|group| group.count).collect::<Vec<_>>()
+        };
+        assert_eq!(order(&[1, 1, 2, 2]), [1, 2, 1, 2]);
+        assert_eq!(order(&[2, 1, 1]), [1, 2, 1]);
+        assert_eq!(order(&[3, 1, 2, 1, 1, 2]), [1, 2, 1, 2, 1, 3]);
+        assert_eq!(order(&[4, 4, 4]), [4, 4, 4]);
+        assert!(order(&[]).is_empty());
     }
 
     /// Words written down by hand: 123456.789 is 0x47F12065 as a 32-bit float, -2 in 32 bits is 0xFFFFFFFE.

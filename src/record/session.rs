@@ -136,6 +136,9 @@ pub fn record(
         }
         reports.when_due(|| snapshot(&streams, &live, sources, options));
     };
+    for stream in &mut streams {
+        stream.finish(&mut live)?;
+    }
     finish(&streams, live, sources, options, ended)
 }
 

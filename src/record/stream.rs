@@ -162,10 +162,33 @@ impl<'a> Stream<'a> {
                 }
             }
             Input::Ended(why) => {
+                self.finish(live)?;
                 self.cut();
                 if self.state != State::Reached {
                     self.state = State::Ended(why);
                 }
+            }
+        }
+        Ok(())
+    }
+
+    /// No more will come: records what was held back until more would have come.
+    ///
+    /// # Errors
+    /// As [`Stream::take`].
+    pub fn finish(&mut self, live: &mut Live<'_>) -> Result<(), RecordError> {
+        let mut events = Vec::new();
+        if let Codec::Lines(decoder) = &mut self.codec {
+            decoder.finish(&mut events);
+        }
+        self.lines(events, live)
+    }
+
+    fn lines(&mut self, events: Vec<lines::Event>, live: &mut Live<'_>) -> Result<(), RecordError> {
+        for event in events {
+            match event {
+                lines::Event::Restarted => self.restarted = true,
+                lines::Event::Line(line) => self.line(&line, live)?,
             }
         }
         Ok(())
@@ -201,13 +224,12 @@ impl<'a> Stream<'a> {
             }
             Codec::Lines(decoder) => {
                 let mut events = Vec::new();
+                let held = decoder.held();
                 decoder.feed(at_ns, bytes, &mut events);
-                for event in events {
-                    match event {
-                        lines::Event::Restarted => self.restarted = true,
-                        lines::Event::Line(line) => self.line(&line, live)?,
-                    }
+                if decoder.held() > held {
+                    self.heard = Instant::now();
                 }
+                self.lines(events, live)?;
             }
             Codec::Polled(_) => {}
         }

@@ -6,6 +6,8 @@ use crate::report::number::{error_m, times};
 
 /// RMSE within this factor of the noise counts as noise: the estimate of the noise is no better.
 pub(super) const DOWN_TO_NOISE: f64 = 1.25;
+/// RMSE within this factor of the noise is not told from noise; between the two factors it may be, or something small is missing.
+const AT_NOISE: f64 = 1.1;
 /// RMSE beyond this factor of the noise means that something is missing.
 const SOMETHING_MISSING: f64 = 2.0;
 
@@ -68,7 +70,7 @@ pub fn judge(fit: &Fit) -> Closeness {
     }
 }
 
-/// One sentence: `RMSE 1.92 m → 0.034 m, noise 0.030 m: the model is down to the noise.`
+/// One sentence: `RMSE 1.92 m → 0.032 m, noise 0.030 m: the model is down to the noise.`
 pub fn verdict(stages: &[Stage]) -> String {
     let Some(last) = stages.last() else {
         return "Nothing has been calibrated yet.".into();
@@ -90,6 +92,9 @@ pub fn verdict(stages: &[Stage]) -> String {
     let ratio = times(end.rmse_m, end.noise_m);
     let meaning = match closeness(end.rmse_m, end.floor_m) {
         Closeness::Noise => match worst_sensor(last.fit) {
+            None if end.rmse_m > AT_NOISE * end.floor_m => {
+                format!("{ratio}× the noise; `surgescope diagnose` tells whether something small is missing")
+            }
             None => "the model is down to the noise".into(),
             Some((name, r)) => format!("the model is down to the noise, except at {name} ({r}× its noise)"),
         },
@@ -175,8 +180,13 @@ mod tests {
 
     #[test]
     fn the_verdict_says_what_is_left() {
-        let (bad, good, mid) = (fit(&[(1.92, 0.03, 9)]), fit(&[(0.034, 0.03, 9)]), fit(&[(0.045, 0.03, 9)]));
-        assert_eq!(say(&[&bad, &good]), "RMSE 1.92 m → 0.034 m, noise 0.030 m: the model is down to the noise.");
+        let (bad, good, mid) = (fit(&[(1.92, 0.03, 9)]), fit(&[(0.032, 0.03, 9)]), fit(&[(0.045, 0.03, 9)]));
+        assert_eq!(say(&[&bad, &good]), "RMSE 1.92 m → 0.032 m, noise 0.030 m: the model is down to the noise.");
+        let open = say(&[&bad, &fit(&[(0.036, 0.03, 9)])]);
+        assert!(
+            open.ends_with("1.2× the noise; `surgescope diagnose` tells whether something small is missing."),
+            "{open}"
+        );
         assert_eq!(say(&[&bad]), "RMSE 1.92 m, noise 0.030 m: 64× the noise, something is missing.");
         assert_eq!(
             say(&[&bad, &mid]),

@@ -45,6 +45,17 @@ pub fn doubts(rig: &Rig, features: &Features) -> Vec<String> {
             ));
         }
     }
+    for sensor in &features.sensors {
+        if let Some(line) = sensor.noise.line {
+            found.push(format!(
+                "{} oscillates at {:.3} Hz by {:.3} m before the closure already (a pump, mains hum, or what sampling makes of them): no model of a \
+                 closure has that, so it counts as missing; stop its source, or filter it before the converter",
+                sensor.name,
+                line.cycles_per_sample / sensor.interval_s,
+                line.amplitude_m
+            ));
+        }
+    }
     found
 }
 

@@ -2,6 +2,7 @@
 
 use std::borrow::Cow;
 
+use super::spectrum::Spectrum;
 use super::trace::median;
 
 /// What disturbs a pressure sensor while nothing happens; heads in m.
@@ -19,8 +20,17 @@ pub struct Noise {
     pub quantum_m: Option<f64>,
     /// The colour is more than chance would give in as many white samples (three standard deviations).
     pub coloured: bool,
-    /// What is not white of it is one lasting oscillation: no sensor's noise, but something that happens in the pipe or its wiring.
-    pub line: bool,
+    /// What is not white of it, where that is one lasting oscillation: no sensor's noise, but something that happens in the pipe or its wiring.
+    pub line: Option<Line>,
+}
+
+/// A lasting oscillation.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Line {
+    /// Its frequency, or what sampling makes of it.
+    pub cycles_per_sample: f64,
+    /// Its amplitude, m.
+    pub amplitude_m: f64,
 }
 
 /// Share of the disturbance's variance that is not white from which on it is asked whether it is an oscillation; the correlation
@@ -53,7 +63,7 @@ pub(crate) fn noise(lead: &[f64], whole: &[f64]) -> Noise {
             effective_fraction: 1.0,
             quantum_m,
             coloured: false,
-            line: false,
+            line: None,
         };
     }
     let lead = &lead[lead.len().saturating_sub(LONGEST_LEAD)..];
@@ -79,10 +89,11 @@ pub(crate) fn noise(lead: &[f64], whole: &[f64]) -> Noise {
     // The white part has no correlation but at lag zero.
     let slow = (1.0 - (white_sd_m / total_sd_m).powi(2)).max(0.0);
     let longest = (residual.len() / 2).min(LONGEST_LINE_LAG);
-    let line = slow > LEAST_SLOW && {
+    let lasts = slow > LEAST_SLOW && {
         let first_zero = (1..longest).find(|&lag| correlation(lag) < 0.0).unwrap_or(longest);
         (first_zero..longest).any(|lag| correlation(lag) > LINE * slow * (1.0 - lag as f64 / n))
     };
+    let line = if lasts { line(&residual, total_sd_m * (2.0 * slow).sqrt()) } else { None };
     Noise {
         line,
         white_sd_m,
@@ -92,6 +103,13 @@ pub(crate) fn noise(lead: &[f64], whole: &[f64]) -> Noise {
         quantum_m,
         coloured,
     }
+}
+
+/// The strongest frequency of a disturbance.
+fn line(residual: &[f64], amplitude_m: f64) -> Option<Line> {
+    let number: Vec<f64> = (0..residual.len()).map(|i| i as f64).collect();
+    let cycles_per_sample = Spectrum::of(&number, residual)?.peak_hz(0.0, 0.5)?;
+    Some(Line { cycles_per_sample, amplitude_m })
 }
 
 /// A root mean square, or what the median of the values says where they have spikes; and whether they have.
@@ -247,7 +265,9 @@ mod tests {
             lead.push(slow + 0.3 * white);
             ripple.push(3.0 * (f64::from(i) * 0.06).sin() + white);
         }
-        assert!(!noise(&lead, &lead).line && noise(&lead, &lead).coloured);
-        assert!(noise(&ripple, &ripple).line);
+        assert!(noise(&lead, &lead).line.is_none() && noise(&lead, &lead).coloured);
+        let line = noise(&ripple, &ripple).line.unwrap();
+        assert!((line.cycles_per_sample * std::f64::consts::TAU - 0.06).abs() < 1e-4, "{line:?}");
+        assert!((line.amplitude_m - 3.0).abs() < 0.05, "{line:?}");
     }
 }

@@ -46,18 +46,18 @@ pub enum Content {
     Unfinished,
 }
 
-/// The files in a folder that end with `.mcap`, by name. Hidden ones are left out, and folders.
+/// The files in a folder that end with `.mcap`, by name; and those whose name is no UTF-8. Hidden ones are left out, and folders.
 ///
 /// # Errors
 /// A folder that cannot be listed; a file that vanishes meanwhile is none.
-pub fn list(folder: &Path) -> io::Result<Vec<Listed>> {
+pub fn list(folder: &Path) -> io::Result<(Vec<Listed>, Vec<PathBuf>)> {
     let now = SystemTime::now();
-    let mut all = Vec::new();
+    let (mut all, mut unnamed) = (Vec::new(), Vec::new());
     for entry in fs::read_dir(folder)? {
         let path = entry?.path();
-        let Some(file) = path.file_name().and_then(|n| n.to_str()).map(str::to_owned) else { continue };
         let mcap = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("mcap"));
-        if !mcap || file.starts_with('.') {
+        let hidden = path.file_name().is_none_or(|name| name.as_encoded_bytes().starts_with(b"."));
+        if !mcap || hidden {
             continue;
         }
         // through links, as a reader would
@@ -65,13 +65,17 @@ pub fn list(folder: &Path) -> io::Result<Vec<Listed>> {
         if !meta.is_file() {
             continue;
         }
+        let Some(file) = path.file_name().and_then(|name| name.to_str()).map(str::to_owned) else {
+            unnamed.push(path);
+            continue;
+        };
         let modified = meta.modified().unwrap_or(UNIX_EPOCH);
         let modified_ns = modified.duration_since(UNIX_EPOCH).map_or(0, |d| d.as_nanos() as i64);
         let quiet = now.duration_since(modified).unwrap_or_default();
         all.push(Listed { name: Name { file, size: meta.len() as i64, modified_ns }, path, quiet });
     }
     all.sort_by(|a, b| a.name.file.cmp(&b.name.file));
-    Ok(all)
+    Ok((all, unnamed))
 }
 
 /// Reads a file.
@@ -80,8 +84,10 @@ pub fn list(folder: &Path) -> io::Result<Vec<Listed>> {
 /// Only if it cannot be read at all.
 pub fn look_into(path: &Path) -> io::Result<Content> {
     let bytes = fs::read(path)?;
-    // An empty file is one that somebody has just begun.
-    if bytes.is_empty() || (bytes.starts_with(&mcap::MAGIC[..bytes.len().min(mcap::MAGIC.len())]) && !has_end(&bytes)) {
+    let head = &bytes[..bytes.len().min(mcap::MAGIC.len())];
+    // Nothing is in a file that somebody has just begun, and zeros where who copies it has set its place aside.
+    let written = head.iter().rposition(|byte| *byte != 0).map_or(0, |last| last + 1);
+    if mcap::MAGIC.starts_with(&head[..written]) && !has_end(&bytes) {
         return Ok(Content::Unfinished);
     }
     let identity = identity(&bytes);
@@ -114,6 +120,12 @@ mod tests {
         damaged[whole.len() / 2] ^= 1;
         fs::write(&path, &damaged).unwrap();
         assert!(matches!(look_into(&path).unwrap(), Content::Unreadable { .. }));
+        // what a copy that sets its place aside first leaves when it is looked at in its midst
+        let zeros = vec![0; whole.len()];
+        for copied in [0, 4, 1000] {
+            fs::write(&path, [&whole[..copied], &zeros[copied..]].concat()).unwrap();
+            assert!(matches!(look_into(&path).unwrap(), Content::Unfinished), "{copied} bytes, then zeros");
+        }
         fs::write(&path, "no MCAP at all").unwrap();
         assert!(matches!(look_into(&path).unwrap(), Content::Unreadable { .. }));
     }
@@ -125,7 +137,7 @@ mod tests {
             fs::write(folder.path().join(name), "x").unwrap();
         }
         fs::create_dir(folder.path().join("folder.mcap")).unwrap();
-        let names: Vec<String> = list(folder.path()).unwrap().into_iter().map(|l| l.name.file).collect();
+        let names: Vec<String> = list(folder.path()).unwrap().0.into_iter().map(|l| l.name.file).collect();
         assert_eq!(names, ["a.MCAP", "b.mcap"]);
     }
 }

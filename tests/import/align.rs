@@ -205,6 +205,14 @@ fn absolute_times_align_and_what_contradicts_them_is_said() {
     let args = ["slow.csv", "fast.csv", "--align", "time", "--start", "fast.csv=2026-03-14T09:26:53.350Z"];
     let (_, err) = bench.import(0, &args);
     assert!(err.contains("by front it would be -0.25") && err.contains("which contradicts it"), "{err}");
+    assert!(err.contains("warning: fast.csv: by front it would be -0.25"), "{err}");
+    // an hour without its zone: the two would share not one second, though both show the closure
+    let hour = ["slow.csv", "fast.csv", "--start", "fast.csv=2026-03-14T10:26:53.101Z"];
+    bench.refuses(&hour, &["not one moment in common", "--zone", "--align front"]);
+    let (_, err) = bench.import(0, &[&hour[..], &["--align", "time"]].concat());
+    assert!(err.contains("warning: fast.csv: by their times the two have not one moment in common"), "{err}");
+    let (document, _) = bench.import(0, &[&hour[..], &["--align", "front"]].concat());
+    assert!((number(clock(&document), "offset_s") - offset_s).abs() < 0.01);
     // starts written to the second are no match for a front
     bench.put("slow.csv", slow(&truth, "# start: 2026-03-14T09:26:53Z\n", None));
     bench.put("fast.csv", fast(&truth, "# start: 2026-03-14T09:26:53Z\n", None, offset_s, 0.0));

@@ -131,6 +131,56 @@ fn a_file_that_ends_within_a_line_costs_that_line_and_is_said_by_the_exit_code()
     let (document, _) = bench.import(3, &["run.csv"]);
     assert_eq!(mended(&document, "cut-off")["line"], 4);
     assert_eq!(bench.recording().series[0].value, [100.0, 101.0]);
+    // the last number is cut, and reads as one all the same
+    for (separator, cut) in [(",", "5"), (",", "501.0"), (";", "5"), (",", ""), (",", "-")] {
+        let row = |time: &str, last: &str| [time, "100.000", last].join(separator);
+        let rows = [
+            row("time_s", "P2").replace("100.000", "P1"),
+            row("0.0", "501.000"),
+            row("0.1", "502.000"),
+            row("0.2", "501.500"),
+            row("0.3", cut),
+        ];
+        bench.put("run.csv", rows.join("\n"));
+        let (document, _) = bench.import(3, &["run.csv"]);
+        assert_eq!(mended(&document, "cut-off")["line"], 5);
+        assert_eq!(bench.recording().series[1].value, [501.0, 502.0, 501.5]);
+    }
+    bench.put("run.csv", "time_s,P1,P2\n0.0,100.0,1.0\n0.1,100.0,1.0\n0.2,100.0,1.0\n0.3,100.0,2.0");
+    bench.import(0, &["run.csv"]);
+    assert_eq!(bench.recording().series[1].value, [1.0, 1.0, 1.0, 2.0], "whole, but for the end of its line");
+}
+
+#[test]
+fn what_old_programs_and_excel_put_at_the_ends_and_the_beginning_of_lines_is_understood() {
+    let bench = Bench::plain();
+    bench.put("run.csv", "time_s,P1,P2\r0.0,100,1\r0.1,101,1\r");
+    let (document, _) = bench.import(0, &["run.csv"]);
+    assert_eq!(mended(&document, "line-ends")["count"], 1);
+    assert_eq!(bench.recording().series[0].value, [100.0, 101.0]);
+    for start in ["sep=;\r\n", "\u{feff}sep=;\n"] {
+        bench.put("run.csv", format!("{start}time_s;P1;P2\n0,0;100;1\n0,1;101,5;1\n"));
+        bench.import(0, &["run.csv"]);
+        assert_eq!(bench.recording().series[0].value, [100.0, 101.5]);
+    }
+}
+
+#[test]
+fn an_hour_missing_from_a_wall_clock_may_be_daylight_saving_time() {
+    let bench = Bench::plain();
+    let rows = |zone: &str| {
+        let times = ["01:59:57", "01:59:58", "01:59:59", "03:00:00", "03:00:01", "03:00:02"];
+        let rows: String = times.iter().map(|time| format!("2026-03-29T{time}{zone},100,1\n")).collect();
+        format!("time,P1,P2\n{rows}")
+    };
+    bench.put("run.csv", rows(""));
+    let (document, _) = bench.import(0, &["run.csv"]);
+    let text = mended(&document, "missing-times")["text"].as_str().unwrap();
+    assert!(text.contains("before line 5") && text.contains("daylight saving time"), "{text}");
+    bench.put("run.csv", rows("Z"));
+    let (document, _) = bench.import(0, &["run.csv"]);
+    let text = mended(&document, "missing-times")["text"].as_str().unwrap();
+    assert!(!text.contains("daylight"), "{text}");
 }
 
 #[test]

@@ -86,6 +86,7 @@ pub(crate) fn creeping_in(of: Noise, rig: &Rig, file: &str, velocity: f64, closi
         noise_m: of.white_m,
         total_noise_m: total_m,
         offset_sd_m: 0.1,
+        saturated: 0,
     });
     RunData {
         file: file.into(),
@@ -96,6 +97,7 @@ pub(crate) fn creeping_in(of: Noise, rig: &Rig, file: &str, velocity: f64, closi
             velocity_m_s: (meter.flow_m3_s / rig.pipes[0].area_m2(), 0.005),
             valve_head_m: (25.01, None),
             wave_speed_ratio: None,
+            closing_time_s: None,
         },
         meter: Some(meter),
         extrema: vec![Vec::new(); 2],

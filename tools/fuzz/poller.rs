@@ -1,4 +1,4 @@
-//! The poller of a Modbus slave that answers in order, late or not at all, on a line that flips bits or says anything.
+//! The poller of a Modbus slave that answers in order, late, twice or not at all, on a line that flips bits or says anything.
 
 use std::cell::RefCell;
 use std::collections::VecDeque;
@@ -69,7 +69,8 @@ struct Scripted<'a> {
 
 struct State<'a> {
     recipe: Box<dyn Iterator<Item = (u8, &'a [u8])> + 'a>,
-    on_its_way: VecDeque<Vec<u8>>,
+    /// Answers, each with whether it comes twice.
+    on_its_way: VecDeque<(Vec<u8>, bool)>,
     /// The first of them has begun to arrive.
     has_begun: bool,
     since_request: Vec<u8>,
@@ -109,7 +110,7 @@ impl Line for &Scripted<'_> {
             Request::Read { start, .. } => start >= REFUSED_FROM,
         };
         let answer = if refuses { refusal(self.unit, &request, 2) } else { honest(self.unit, &request) };
-        state.on_its_way.push_back(answer);
+        state.on_its_way.push_back((answer, false));
         state.since_request.clear();
         Ok(())
     }
@@ -128,7 +129,7 @@ impl State<'_> {
     /// What the recipe has come next: nothing for a while, bytes of the answers on their way, or others.
     fn next(&mut self, within: Duration) -> Vec<u8> {
         while let Some((kind, piece)) = self.recipe.next() {
-            match kind % 8 {
+            match kind % 9 {
                 0 => return Vec::new(),
                 1 => return self.arriving(usize::MAX),
                 2 if !piece.is_empty() => return self.arriving(piece.len()),
@@ -143,6 +144,7 @@ impl State<'_> {
                 // a bit of a whole answer flips: no check sum of 16 bits overlooks one
                 5 if !self.has_begun => self.flip(piece),
                 6 if !self.has_begun => drop(self.on_its_way.pop_front()),
+                8 if !self.has_begun => self.copy(),
                 7 if self.waits < MOST_WAITS => {
                     self.waits += 1;
                     let since = Instant::now();
@@ -160,7 +162,7 @@ impl State<'_> {
 
     fn arriving(&mut self, most: usize) -> Vec<u8> {
         let mut bytes = Vec::new();
-        while let Some(answer) = self.on_its_way.front_mut() {
+        while let Some((answer, _)) = self.on_its_way.front_mut() {
             let taken = answer.len().min(most - bytes.len());
             bytes.extend(answer.drain(..taken));
             self.has_begun = !answer.is_empty();
@@ -172,9 +174,20 @@ impl State<'_> {
         bytes
     }
 
+    /// Once an answer: it comes again before any other does.
+    fn copy(&mut self) {
+        if let Some((answer, is_copied)) = self.on_its_way.front_mut()
+            && !*is_copied
+        {
+            *is_copied = true;
+            let copy = (answer.clone(), true);
+            self.on_its_way.insert(1, copy);
+        }
+    }
+
     /// Once an answer: two flips could make a right one of it.
     fn flip(&mut self, piece: &[u8]) {
-        let Some(answer) = self.on_its_way.front_mut() else { return };
+        let Some((answer, _)) = self.on_its_way.front_mut() else { return };
         let &[at, bit, ..] = piece else { return };
         let at = usize::from(at) % answer.len();
         answer[at] ^= 1 << (bit % 8);

@@ -8,6 +8,8 @@ pub trait Decoder: Default {
     type Counts: Debug + PartialEq;
     fn feed(&mut self, at_ns: i64, bytes: &[u8], events: &mut Vec<Self::Event>);
     fn cut(&mut self);
+    /// No more will come.
+    fn finish(&mut self, _events: &mut Vec<Self::Event>) {}
     fn counts(&self) -> Self::Counts;
     /// When the event's first byte arrived.
     fn began_ns(event: &mut Self::Event) -> Option<&mut i64>;
@@ -48,6 +50,7 @@ fn in_pieces<D: Decoder>(wire: &[u8], cuts: &[usize], size: usize) -> (Vec<D::Ev
             decoder.feed((start + index * size) as i64, piece, &mut events);
         }
     }
+    decoder.finish(&mut events);
     let counts = decoder.counts();
     (events, counts)
 }

@@ -57,6 +57,7 @@ def modbus():
     keep("modbus", "late", bench + piece(0) + piece(1) + b"".join([piece(0), piece(7), piece(0), piece(0), piece(1)] * 6))
     keep("modbus", "in-bits", bench + piece(0) + piece(1) + b"".join([piece(0), piece(2, b"123"), piece(2, b"12345"), piece(1)] * 5))
     keep("modbus", "flipped-and-lost", bench + piece(0) + piece(1) + b"".join([piece(0), piece(5, b"\4\1"), piece(1), piece(0), piece(6)] * 5))
+    keep("modbus", "twice", bench + piece(0) + piece(1) + b"".join([piece(8), piece(2, b"123456789"), piece(0)] * 12))
     keep("modbus", "noise", bench + piece(0) + piece(1) + piece(0) + piece(4, b"\x11\4\4\0\1\0\2") + piece(3, b"\x11\x84") + piece(1))
     # The example of the specification, section 6.3, and its refusal.
     keep("modbus", "specification", bytes([0x11, 0, 0x6B, 2]) + bytes.fromhex("1103 06AE 4156 5243 4049 AD"))

@@ -189,7 +189,7 @@ pub fn fit(tests: &[CreepTest], reference_degc: Option<f64>, elements: Option<us
         (fit.arrhenius, fit.wlf) = laws(at, &fit.shifts, &covariance, &mut fit.remarks);
     }
     let most_taken = elements.is_none() && chosen == most;
-    remark(&mut fit, &ladder, step, (room, most_taken));
+    remark(&mut fit, &ladder, step, (room, most_taken), elements.is_some());
     Ok(fit)
 }
 

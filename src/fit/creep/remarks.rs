@@ -15,8 +15,9 @@ const BEYOND: f64 = 1.5;
 /// Variance of correlated residuals over that of independent ones from which a reader is told.
 const ALIKE: f64 = 3.0;
 
-/// Adds sentences: `room` elements could be tried at the most; `most_taken` if evidence would have had that many or more.
-pub(super) fn remark(fit: &mut CreepFit, ladder: &Ladder, step: &Step, (room, most_taken): (usize, bool)) {
+/// Adds sentences: `room` elements could be tried at the most; `most_taken` if evidence would have had that many or more; `asked` if their number
+/// was said.
+pub(super) fn remark(fit: &mut CreepFit, ladder: &Ladder, step: &Step, (room, most_taken): (usize, bool), asked: bool) {
     let chosen = fit.creep.elements.len();
     let (shortest_s, longest_s) = fit.span_s();
     let none = fit.creep.elements.is_empty();
@@ -28,11 +29,11 @@ pub(super) fn remark(fit: &mut CreepFit, ladder: &Ladder, step: &Step, (room, mo
         fit.remarks.push(format!(
             "more than {MOST} elements are not tried: the spectrum is broad, and these elements stand for it within the test's times alone"
         ));
-    } else if none && fit.inflation > ALIKE {
+    } else if none && !asked && fit.inflation > ALIKE {
         fit.remarks.push(
             "no creep describes these readings, which fall, jump or start long after the load: check them against the file's description".into(),
         );
-    } else if none {
+    } else if none && !asked {
         fit.remarks.push("no creep shows above the noise: the material is elastic as far as this test tells".into());
     }
     for (k, e) in fit.creep.elements.iter().enumerate() {

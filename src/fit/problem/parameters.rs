@@ -28,7 +28,7 @@ pub(super) fn of(model: &Model, runs: &[RunData]) -> (Vec<Parameter>, Vec<usize>
             prior: valve_head_m.1.map(|sd| (valve_head_m.0, sd)),
             ..head
         });
-        parameters.extend([closing, friction]);
+        parameters.extend([started_at(closing, run.start.closing_time_s), friction]);
         let reach = (10.0 * closure_s.1).max(0.25 * period_s);
         parameters.push(Parameter::linear(
             "closure_start_s",
@@ -64,4 +64,11 @@ pub(super) fn of(model: &Model, runs: &[RunData]) -> (Vec<Parameter>, Vec<usize>
         }
     }
     (parameters, run_offsets)
+}
+
+/// A closing time that starts where the pressures say, with bounds about that, too.
+fn started_at(closing: Parameter, seen_s: Option<f64>) -> Parameter {
+    let Some(seen_s) = seen_s else { return closing };
+    let (lower, upper) = (closing.lower.min(seen_s / 5.0), closing.upper.max(seen_s * 5.0));
+    Parameter { start: seen_s, lower, upper, ..closing }
 }

@@ -144,6 +144,11 @@ impl Clock {
         to_ns(to_s(since)).map(|_| to_s(since)).ok_or_else(|| CsvProblem::TimeOutOfRange(cell.into()))
     }
 
+    /// Whether its times are those of a wall clock that gives no zone, and may jump with daylight saving time.
+    pub(super) fn is_local(&self) -> bool {
+        self.zone_assumed && !matches!(self.kind, Kind::Numbers(_))
+    }
+
     /// Wall-clock time of time 0, where the column gives dates.
     pub(super) fn start(&self) -> Option<Start> {
         let dated = matches!(self.kind, Kind::Stamps(_) | Kind::TwoColumns(_));

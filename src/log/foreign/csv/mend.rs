@@ -20,8 +20,11 @@ pub struct Hole {
     pub gap: Gap,
 }
 
-/// Brings the table into order.
-pub(super) fn mend(table: &mut Table, mended: &mut Vec<Mended>) -> Result<Vec<Hole>, Fault> {
+/// A wall clock jumps by so much when daylight saving time begins, s.
+const SAVED_S: f64 = 3600.0;
+
+/// Brings the table into order; `local` times are those of a wall clock without a zone.
+pub(super) fn mend(table: &mut Table, mended: &mut Vec<Mended>, local: bool) -> Result<Vec<Hole>, Fault> {
     let displaced = displaced(table)?;
     let in_order = displaced.and_then(|_| even_step(&in_order(&table.time_s)));
     if let Some((count, line)) = displaced {
@@ -45,10 +48,21 @@ pub(super) fn mend(table: &mut Table, mended: &mut Vec<Mended>) -> Result<Vec<Ho
     let holes = even_holes(&table.time_s);
     if let Some(first) = holes.first() {
         let missing: u64 = holes.iter().filter_map(|h| h.gap.samples).sum();
-        let text = match holes.len() {
+        let mut text = match holes.len() {
             1 => format!("{missing} times are missing in one place: recorded as a gap"),
             n => format!("{missing} times are missing in {n} places: recorded as gaps"),
         };
+        let saved = |hole: &Hole| {
+            let (length_s, missing) = (hole.gap.to_s - hole.gap.from_s, hole.gap.samples.unwrap_or(0));
+            (length_s - SAVED_S).abs() <= 1.5 * length_s / (missing + 1) as f64
+        };
+        if let Some(jump) = holes.iter().find(|hole| local && saved(hole)) {
+            text += &format!(
+                "; that before line {} is an hour long: if daylight saving time began there, nothing is missing: write the times with \
+                 their zone, or in UTC",
+                table.line[jump.before + 1]
+            );
+        }
         mended.push(Mended::new("missing-times", missing as usize, Some(table.line[first.before]), text));
     }
     Ok(holes)

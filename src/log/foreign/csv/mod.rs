@@ -18,7 +18,7 @@ pub use stamp::zone_seconds;
 
 use super::{Foreign, ForeignOptions, Mended, Start, Track};
 use crate::log::CsvProblem;
-use crate::log::import::{Fault, split};
+use crate::log::import::{Fault, is_cut_off, split};
 
 /// A table on its way: times, lines and columns of one length; NaN where a cell is empty.
 #[derive(Default)]
@@ -71,6 +71,15 @@ pub(super) fn read(bytes: &[u8], options: &ForeignOptions) -> Result<Foreign, Fa
         let name = if separator == ';' { "semicolons" } else { "tabs" };
         mended.push(Mended::new("separator", 1, None, format!("columns are separated by {name}")));
     }
+    let mut cut = None;
+    let whole_lines = text.rfind('\n').filter(|_| is_cut_off(&text, separator));
+    let text = match whole_lines {
+        Some(end) => {
+            cut = Some(text.lines().count());
+            &text[..=end]
+        }
+        None => &text[..],
+    };
     let mut lines = (1..).zip(text.lines()).filter(|(_, l)| is_row(l));
     let mut row = Row::default();
     let mut next = |row: &mut Row| {
@@ -94,11 +103,10 @@ pub(super) fn read(bytes: &[u8], options: &ForeignOptions) -> Result<Foreign, Fa
     }
 
     let mut decimals = Decimals::new(separator);
-    let mut clock = Clock::find(&header, units.as_deref(), &row, &text, separator, options)
+    let mut clock = Clock::find(&header, units.as_deref(), &row, text, separator, options)
         .map_err(|p| (Some(if matches!(p, CsvProblem::NotANumber { .. }) { line } else { header_at }), Box::new(p)))?;
     let first = clock.columns();
     let mut table = Table { columns: vec![Vec::new(); header.len().saturating_sub(first)], ..Table::default() };
-    let mut cut = None;
     loop {
         let fault = |problem: CsvProblem| (Some(line), Box::new(problem));
         if let Some(found) = ragged(&row, header.len(), widest) {
@@ -132,14 +140,14 @@ pub(super) fn read(bytes: &[u8], options: &ForeignOptions) -> Result<Foreign, Fa
     }
     mended.extend(decimals.said());
     mended.extend(clock.said());
-    let gaps = mend::mend(&mut table, &mut mended)?;
+    let gaps = mend::mend(&mut table, &mut mended, clock.is_local())?;
     let tracks = tracks(table, &gaps, &header[first..], units.as_deref().map(|u| &u[first.min(u.len())..]));
     let start = clock.start().or_else(|| {
-        let (start, said) = start_in_comments(&text, options)?;
+        let (start, said) = start_in_comments(text, options)?;
         mended.push(said);
         Some(start)
     });
-    Ok(Foreign { tracks, start, notes: comment_notes(&text), mended, spare_tracks: false })
+    Ok(Foreign { tracks, start, notes: comment_notes(text), mended, spare_tracks: false })
 }
 
 /// The start that the comments give, if they do, and how that is said.
@@ -154,7 +162,9 @@ pub fn comment_notes(text: &str) -> Vec<(String, String)> {
 }
 
 fn is_row(line: &str) -> bool {
-    !line.starts_with('#') && line.chars().any(|c| !c.is_whitespace() && !matches!(c, ',' | ';'))
+    // Excel's word on what stands between the columns, which the headings show anyway
+    let separator = line.trim_end_matches(['\r', '\n']).strip_prefix("sep=").is_some_and(|s| s.chars().count() <= 1);
+    !separator && !line.starts_with('#') && line.chars().any(|c| !c.is_whitespace() && !matches!(c, ',' | ';'))
 }
 
 /// What stands between the headings, outside of quotes.

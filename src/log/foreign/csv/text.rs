@@ -7,8 +7,17 @@ use crate::log::CsvProblem;
 use crate::log::foreign::Mended;
 use crate::log::import::{Fault, text_of};
 
-/// The text of a file, without a byte-order mark.
+/// The text of a file, without a byte-order mark, its lines ended by line feeds.
 pub(super) fn decode<'b>(bytes: &'b [u8], mended: &mut Vec<Mended>) -> Result<Cow<'b, str>, Fault> {
+    let text = characters(bytes, mended)?;
+    if text.contains('\n') || !text.contains('\r') {
+        return Ok(text);
+    }
+    mended.push(Mended::new("line-ends", 1, None, "lines are ended by carriage returns alone, as on old Macintoshes"));
+    Ok(Cow::Owned(text.replace('\r', "\n")))
+}
+
+fn characters<'b>(bytes: &'b [u8], mended: &mut Vec<Mended>) -> Result<Cow<'b, str>, Fault> {
     if let Some(text) = utf16(bytes) {
         let text =
             text.ok_or((None, Box::new(CsvProblem::NotUtf8 { hint: " (nor UTF-16, as its first bytes say)" })))?;

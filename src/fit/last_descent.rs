@@ -1,0 +1,97 @@
+//! The last descent of a fit, begun anew until it ends at an optimum.
+//!
+//! Variables are logarithms where values are positive. A compliance that has shrunk to next to nothing hardly moves then: a step by a factor
+//! changes nothing, and a descent believes itself at its end though the value itself would gain much. So where more is promised than was found, the
+//! linearised problem is solved once in the values, and the descent goes on from there.
+
+use std::borrow::Cow;
+
+use super::approach::Fitter;
+use super::least_squares::{Limits, Problem, Solution, Stop, jacobian};
+use super::optimum::{AT_OPTIMUM, promised_fall, promising_step};
+use super::problem::Calibration;
+use crate::model::ModelError;
+
+/// How often a descent that has given up is begun anew at the most.
+const ANEW: usize = 3;
+/// Shares of the step in the values that are tried.
+const SHARES: [f64; 4] = [1.0, 0.5, 0.2, 0.05];
+
+impl Fitter<'_> {
+    /// Goes down from `values` as far as it goes.
+    pub(super) fn last_descent(
+        &self,
+        problem: &Calibration,
+        values: &[f64],
+        limits: Limits,
+    ) -> Result<Solution, ModelError> {
+        let mut solution = self.minimise(problem, values, limits, "all samples")?;
+        // A descent may give up in a bent valley, though more is promised: begun anew it often goes on.
+        for _ in 0..ANEW {
+            if solution.stop != Stop::CostSettled || self.promised(problem, &solution)? <= AT_OPTIMUM {
+                break;
+            }
+            let from = self.leap(problem, &solution)?.unwrap_or_else(|| problem.values(&solution.x));
+            let again = self.minimise(problem, &from, limits, "all samples, anew")?;
+            if again.cost >= solution.cost {
+                break;
+            }
+            solution = again;
+        }
+        Ok(solution)
+    }
+
+    /// Values that a step in the values themselves leads to; none where it does not lead down.
+    fn leap(&self, problem: &Calibration, solution: &Solution) -> Result<Option<Vec<f64>>, ModelError> {
+        let values = problem.values(&solution.x);
+        let columns = jacobian(problem, &solution.x, &solution.residuals)?;
+        let by_value = columns.iter().enumerate().map(|(j, column)| {
+            let stretch = problem.stretch(j, values[j]);
+            column.iter().map(|c| c / stretch).collect::<Vec<f64>>()
+        });
+        let by_value: Vec<Vec<f64>> = by_value.collect();
+        let (lower, upper) = problem.bounds();
+        let (lower, upper) = (problem.values(lower), problem.values(upper));
+        let step = promising_step(&by_value, &solution.residuals, &values, (&lower, &upper));
+        self.count(columns.len());
+        for share in SHARES {
+            let there: Vec<f64> =
+                (0..values.len()).map(|j| (values[j] + share * step[j]).clamp(lower[j], upper[j])).collect();
+            self.count(1);
+            let residuals = problem.residuals(&problem.variables(&there))?;
+            if 0.5 * residuals.iter().map(|r| r * r).sum::<f64>() < solution.cost {
+                return Ok(Some(there));
+            }
+        }
+        Ok(None)
+    }
+
+    /// The Jacobian's columns at a solution: those of its last step where that no longer mattered.
+    pub(super) fn slopes<'a>(
+        &self,
+        problem: &Calibration,
+        solution: &'a Solution,
+    ) -> Result<Cow<'a, [Vec<f64>]>, ModelError> {
+        if solution.stop.converged() {
+            return Ok(Cow::Borrowed(&solution.columns));
+        }
+        let columns = jacobian(problem, &solution.x, &solution.residuals)?;
+        self.count(columns.len());
+        Ok(Cow::Owned(columns))
+    }
+
+    /// Fall of the sum of squares that a step of a descent promises at a solution, in units of what one sample leaves.
+    pub(super) fn promised(&self, problem: &Calibration, solution: &Solution) -> Result<f64, ModelError> {
+        let of_one = (2.0 * solution.cost / problem.samples().max(1) as f64).max(f64::MIN_POSITIVE);
+        let promise =
+            |columns: &[Vec<f64>]| promised_fall(columns, &solution.residuals, &solution.x, problem.bounds()) / of_one;
+        let columns = self.slopes(problem, solution)?;
+        let promised = promise(&columns);
+        if promised <= AT_OPTIMUM || matches!(columns, Cow::Owned(_)) {
+            return Ok(promised);
+        }
+        // The last step mattered, after all.
+        self.count(columns.len());
+        Ok(promise(&jacobian(problem, &solution.x, &solution.residuals)?))
+    }
+}
