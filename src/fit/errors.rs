@@ -155,10 +155,11 @@ mod tests {
     }
 
     fn errors(columns: &[Vec<f64>], residuals: &[f64], samples: usize, common: &[Common], at_bound: &[bool]) -> Errors {
+        let record = 0..samples;
         Errors::of(Linearised {
             columns,
             residuals,
-            records: &[Vec::from([0..samples])],
+            records: &[vec![record]],
             elsewhere: None,
             common,
             at_bound,
