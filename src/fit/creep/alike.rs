@@ -19,8 +19,8 @@ const NOTHING: f64 = 0.1;
 /// Correlations that are tried: beyond the last one noise cannot be told from creep.
 const TRIED: usize = 49;
 const STEP: f64 = 0.02;
-/// Shares of white noise that are tried beside none.
-const WHITE: [f64; 12] = [0.005, 0.01, 0.02, 0.04, 0.08, 0.15, 0.25, 0.4, 0.55, 0.7, 0.82, 0.92];
+/// Shares of white noise that are tried.
+const WHITE: [f64; 13] = [0.0, 0.005, 0.01, 0.02, 0.04, 0.08, 0.15, 0.25, 0.4, 0.55, 0.7, 0.82, 0.92];
 /// By how much twice the logarithm of the likelihood must rise for it (Akaike 1974).
 const WORTH: f64 = 2.0;
 
@@ -45,17 +45,27 @@ impl Alike {
         if mean_square < NOTHING {
             return white;
         }
-        let whites = |phi: f64| std::iter::once(0.0).chain(WHITE.into_iter().filter(move |_| phi > 0.0));
-        let correlations = (0..=TRIED).map(|i| STEP * i as f64);
-        let shapes: Vec<(f64, f64)> = correlations.flat_map(|phi| whites(phi).map(move |white| (phi, white))).collect();
-        let tried = shapes.into_par_iter().filter_map(|(phi, white)| {
-            let shape = Alike { phi, white, variance: 1.0 };
+        let likelihood = |(i, k): (usize, usize)| {
+            let shape = Alike { phi: STEP * i as f64, white: if i > 0 { WHITE[k] } else { 0.0 }, variance: 1.0 };
             let Generalised { square, log_normal, log_noise } = shape.generalised(columns, residuals, records)?;
-            let worth = if white > 0.0 { WORTH } else { 0.0 };
+            let worth = if shape.white > 0.0 { WORTH } else { 0.0 };
             let likelihood = -log_noise - freedom * square.ln() - log_normal - worth;
-            Some((likelihood, Alike { variance: square / freedom, ..shape }))
-        });
-        tried.max_by(|a, b| a.0.total_cmp(&b.0)).map_or(white, |(_, best)| best)
+            Some((likelihood, (i, k), Alike { variance: square / freedom, ..shape }))
+        };
+        let likeliest = |of: Vec<(usize, usize)>| {
+            of.into_par_iter().filter_map(likelihood).max_by(|a, b| a.0.total_cmp(&b.0)).map(|best| (best.1, best.2))
+        };
+        // Over a coarse grid, and then along each of its sides in turn.
+        let coarse = |most: usize, by: usize| (0..=most).step_by(by);
+        let grid = coarse(TRIED, 7).flat_map(|i| coarse(WHITE.len() - 1, 3).map(move |k| (i, k))).collect();
+        let Some((mut at, mut best)) = likeliest(grid) else { return white };
+        for reach in [0, 6, 0, 2] {
+            let ((i, k), last) = (at, WHITE.len() - 1);
+            let near = i.saturating_sub(reach)..=(i + reach).min(TRIED);
+            let line = if reach == 0 { (0..=last).map(|k| (i, k)).collect() } else { near.map(|i| (i, k)).collect() };
+            (at, best) = likeliest(line).unwrap_or((at, best));
+        }
+        best
     }
 
     /// What generalised least squares leaves with this noise; none where the columns are alike.
