@@ -89,12 +89,28 @@ impl Profiles {
                     significant(parameter.value, 5)
                 );
             }
-            if profile.disagrees() {
+            for (side, last) in ["below", "above"].into_iter().zip(profile.unknown_beyond) {
+                if let Some(last) = last {
+                    super::tell!(
+                        "warning: {}{run}: the end of its profile {side} is not known: beyond {} no descent of the other parameters reached an optimum",
+                        parameter.name,
+                        significant(last, 4)
+                    );
+                }
+            }
+            let known = profile.unknown_beyond == [None; 2];
+            if known && profile.disagrees() {
                 super::tell!(
-                    "warning: {}{run}: the profile's 95% interval, {}, is not the linear one, {}: trust the profile",
+                    "warning: {}{run}: the profile's 95% interval, {}, is not the linear one, {}: {}",
                     parameter.name,
                     interval(profile.interval_95),
-                    interval(profile.linear_95)
+                    interval(profile.linear_95),
+                    match profile.unresolved {
+                        0 => "trust the profile".to_owned(),
+                        n => format!(
+                            "{n} of its points are no optima, and were left out; look at it with --method global-local"
+                        ),
+                    }
                 );
             }
             if profile.fell_by > 1.0 {

@@ -1,28 +1,15 @@
 //! Where a fitted model expects the samples: the posterior predictive band, `J C Jᵀ` of the parameters and the noise on top.
 //!
 //! Linear in the parameters around the fit (Seber & Wild 2003, *Nonlinear Regression*, sec. 5.1). What the samples leave open does not move
-//! the curve at them, so those directions are left out rather than counted as infinite.
+//! the curve at them, so those directions are left out rather than counted as infinite. The covariance is
+//! [`Errors::by_noise`](super::errors::Errors::by_noise), by the noise before the closure where the record shows any: what a model fails to explain does not
+//! widen the band, the failure is to show outside it. Nor do errors of gains: a sensor shows what it predicts with the gain that it was read with.
 
 use nalgebra::DMatrix;
 
 use super::interval::Z_95;
 use super::outcome::SensorFit;
 use super::problem::Calibration;
-use super::uncertainty::{Normal, determined_inverse};
-
-/// Covariance of the variables as the noise alone makes it, `(JᵀJ)⁻¹`: zero in the rows and columns of variables at a bound and in directions
-/// that the data leave open. What a model fails to explain does not widen it: the failure is to show outside the band.
-pub fn posterior(columns: &[Vec<f64>], at_bound: &[bool]) -> DMatrix<f64> {
-    let Normal { free, scale, matrix } = Normal::of(columns, at_bound);
-    let (inverse, _) = determined_inverse(matrix);
-    let mut all = DMatrix::zeros(columns.len(), columns.len());
-    for (a, &i) in free.iter().enumerate() {
-        for (b, &j) in free.iter().enumerate() {
-            all[(i, j)] = inverse[(a, b)] / (scale[a] * scale[b]);
-        }
-    }
-    all
-}
 
 /// Standard deviation that the uncertainty of the variables gives the curve, m: of each run and sensor, at each of its samples that enter.
 /// `columns` is the Jacobian of the residuals in time.
@@ -68,28 +55,5 @@ impl SensorFit {
         let all = self.measured_m.iter().zip(&self.model_m).zip(&self.band_m);
         let inside = all.filter(|((y, m), half)| (*y - *m).abs() <= **half).count();
         (!self.band_m.is_empty()).then(|| inside as f64 / self.band_m.len() as f64)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// A line through n points known to σ: at the mean of the abscissas the curve is known to σ/√n, at an end to twice that.
-    #[test]
-    fn the_covariance_of_a_line_is_the_textbooks() {
-        let n = 1001;
-        let x: Vec<f64> = (0..n).map(|i| f64::from(i) / 500.0 - 1.0).collect();
-        let columns = [vec![1.0; n as usize], x.clone()];
-        let c = posterior(&columns, &[false, false]);
-        let square: f64 = x.iter().map(|x| x * x).sum();
-        assert!((c[(0, 0)] * f64::from(n) - 1.0).abs() < 1e-9 && (c[(1, 1)] * square - 1.0).abs() < 1e-9, "{c}");
-        assert!(c[(0, 1)].abs() < 1e-12);
-        // The same column twice: open between the two, known in their sum.
-        let twice = [vec![1.0; n as usize], vec![1.0; n as usize]];
-        let c = posterior(&twice, &[false, false]);
-        let sum = c[(0, 0)] + 2.0 * c[(0, 1)] + c[(1, 1)];
-        assert!((sum * f64::from(n) - 1.0).abs() < 1e-6, "{c}");
-        assert_eq!(posterior(&twice, &[true, true]).norm(), 0.0);
     }
 }

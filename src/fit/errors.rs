@@ -9,7 +9,7 @@ use std::ops::Range;
 
 use nalgebra::DMatrix;
 
-use super::colour::score_covariance;
+use super::colour::{Together, score_covariance};
 use super::uncertainty::{Normal, determined_inverse, dot};
 
 /// What one standard deviation of an instrument's error does to residuals: where they start, and by how much they change.
@@ -22,8 +22,10 @@ pub struct Linearised<'a> {
     pub columns: &'a [Vec<f64>],
     /// Residuals: those of each record, then those of priors and meters.
     pub residuals: &'a [f64],
-    /// Records, each an instrument's samples one after the other.
-    pub records: &'a [Range<usize>],
+    /// Records, each an instrument's samples one after the other, those together that were sampled together.
+    pub records: &'a [Vec<Range<usize>>],
+    /// Noise of the records' samples where it is seen elsewhere than in the residuals, a series each.
+    pub elsewhere: Option<&'a [Vec<Vec<f64>>]>,
     /// Errors of instruments that all their samples have alike.
     pub common: &'a [Common],
     /// Variables that are held at a bound.
@@ -41,7 +43,20 @@ pub struct InTime<'a> {
     /// Residuals of the samples.
     pub residuals: &'a [f64],
     /// Records among them.
-    pub records: &'a [Range<usize>],
+    pub records: &'a [Vec<Range<usize>>],
+}
+
+impl<'a> Linearised<'a> {
+    /// Records among `residuals` with their noise: what is left there, or what is seen elsewhere.
+    fn noisy(&self, residuals: &'a [f64], records: &[Vec<Range<usize>>]) -> Vec<Together<'a>> {
+        let noise = |group: usize, of: usize, rows: &Range<usize>| {
+            self.elsewhere.map_or(&residuals[rows.clone()], |all| &all[group][of][..])
+        };
+        let group = |(g, rows): (usize, &Vec<Range<usize>>)| {
+            rows.iter().enumerate().map(|(i, rows)| (rows.clone(), noise(g, i, rows))).collect()
+        };
+        records.iter().enumerate().map(group).collect()
+    }
 }
 
 /// See the module. Rows and columns of variables at a bound are zero; a variable that the data leave open has an infinite variance.
@@ -51,6 +66,10 @@ pub struct Errors {
     pub covariance: DMatrix<f64>,
     /// `A`: what `C` would be with the noise that was believed in, white, and nothing else.
     pub believed: DMatrix<f64>,
+    /// The part of `C` that noise and priors make, over the combinations that the data determine: what is open moves nothing at the samples.
+    pub by_noise: DMatrix<f64>,
+    /// Sum of squares that noise and priors lose to the fit, `tr(A M)`: one a variable where all is as believed.
+    pub taken: f64,
 }
 
 impl Errors {
@@ -60,12 +79,12 @@ impl Errors {
         let Normal { free, scale, matrix } = Normal::of(fit.columns, fit.at_bound);
         let columns: Vec<&[f64]> = free.iter().map(|&j| fit.columns[j].as_slice()).collect();
         let (inverse, open) = determined_inverse(matrix);
-        let samples = fit.records.iter().map(|r| r.end).max().unwrap_or(0);
+        let samples = fit.records.iter().flatten().map(|r| r.end).max().unwrap_or(0);
         let mut scores = match fit.in_time {
-            None => score_covariance(&columns, fit.residuals, fit.records),
+            None => score_covariance(&columns, &fit.noisy(fit.residuals, fit.records)),
             Some(time) => {
                 let columns: Vec<&[f64]> = free.iter().map(|&j| time.columns[j].as_slice()).collect();
-                score_covariance(&columns, time.residuals, time.records)
+                score_covariance(&columns, &fit.noisy(time.residuals, time.records))
             }
         };
         for (a, x) in columns.iter().enumerate() {
@@ -73,25 +92,32 @@ impl Errors {
                 scores[(a, b)] += dot(&x[samples..], &y[samples..]);
             }
         }
+        let sandwich = |scores: &DMatrix<f64>| {
+            let scaled = DMatrix::from_fn(free.len(), free.len(), |a, b| scores[(a, b)] / (scale[a] * scale[b]));
+            &inverse * scaled * &inverse
+        };
+        let spread = |m: &DMatrix<f64>, unknown: f64| {
+            let mut out = DMatrix::zeros(all, all);
+            for (a, &i) in free.iter().enumerate() {
+                for (b, &j) in free.iter().enumerate() {
+                    let unknown = if a == b { unknown } else { 0.0 };
+                    let known = m[(a, b)] / (scale[a] * scale[b]);
+                    out[(i, j)] = if (open[a] || open[b]) && unknown > 0.0 { unknown } else { known };
+                }
+            }
+            out
+        };
+        let taken = (0..free.len()).flat_map(|a| (0..free.len()).map(move |b| (a, b)));
+        let taken = taken.map(|(a, b)| inverse[(a, b)] * scores[(b, a)] / (scale[a] * scale[b])).sum();
+        let by_noise = spread(&sandwich(&scores), 0.0);
         for common in fit.common {
             let moved =
                 |c: &&[f64]| common.iter().map(|(first, by)| dot(&c[*first..first + by.len()], by)).sum::<f64>();
             let by: Vec<f64> = columns.iter().map(moved).collect();
             scores += DMatrix::from_fn(by.len(), by.len(), |a, b| by[a] * by[b]);
         }
-        let scaled = DMatrix::from_fn(free.len(), free.len(), |a, b| scores[(a, b)] / (scale[a] * scale[b]));
-        let sandwich = &inverse * scaled * &inverse;
-        let spread = |m: &DMatrix<f64>| {
-            let mut out = DMatrix::zeros(all, all);
-            for (a, &i) in free.iter().enumerate() {
-                for (b, &j) in free.iter().enumerate() {
-                    let unknown = if a == b { f64::INFINITY } else { 0.0 };
-                    out[(i, j)] = if open[a] || open[b] { unknown } else { m[(a, b)] / (scale[a] * scale[b]) };
-                }
-            }
-            out
-        };
-        Errors { covariance: spread(&sandwich), believed: spread(&inverse) }
+        let (covariance, believed) = (spread(&sandwich(&scores), f64::INFINITY), spread(&inverse, f64::INFINITY));
+        Errors { covariance, believed, by_noise, taken }
     }
 
     /// With an error besides whose size in each variable is known.
@@ -129,10 +155,12 @@ mod tests {
     }
 
     fn errors(columns: &[Vec<f64>], residuals: &[f64], samples: usize, common: &[Common], at_bound: &[bool]) -> Errors {
+        let record = 0..samples;
         Errors::of(Linearised {
             columns,
             residuals,
-            records: std::slice::from_ref(&(0..samples)),
+            records: &[vec![record]],
+            elsewhere: None,
             common,
             at_bound,
             in_time: None,
@@ -149,6 +177,28 @@ mod tests {
         let gauge = errors(&ones, &noise, 400, &[vec![(0, vec![0.3; 400])]], &[false]);
         let expected = (alone.covariance[(0, 0)] + 0.09).sqrt();
         assert!((gauge.of_variable(0) - expected).abs() < 1e-12, "{}", gauge.of_variable(0));
+    }
+
+    /// A line through n points known to σ: at the mean of the abscissas the curve is known to σ/√n, at an end to twice that. Where the same column
+    /// stands twice the data say nothing between the two, and know their sum.
+    #[test]
+    fn the_covariance_of_a_line_is_the_textbooks_and_leaves_out_what_is_open() {
+        let n = 1001;
+        let x: Vec<f64> = (0..n).map(|i| f64::from(i) / 500.0 - 1.0).collect();
+        let nothing = vec![0.0; n as usize];
+        let of = |columns: &[Vec<f64>], held: bool| errors(columns, &nothing, n as usize, &[], &[held; 2]);
+        let line = of(&[vec![1.0; n as usize], x.clone()], false);
+        let square: f64 = x.iter().map(|x| x * x).sum();
+        for c in [&line.by_noise, &line.covariance] {
+            assert!((c[(0, 0)] * f64::from(n) - 1.0).abs() < 1e-9 && (c[(1, 1)] * square - 1.0).abs() < 1e-9, "{c}");
+            assert!(c[(0, 1)].abs() < 1e-12);
+        }
+        let twice = [vec![1.0; n as usize], vec![1.0; n as usize]];
+        let c = of(&twice, false).by_noise;
+        assert!(((c[(0, 0)] + 2.0 * c[(0, 1)] + c[(1, 1)]) * f64::from(n) - 1.0).abs() < 1e-6, "{c}");
+        assert!(of(&twice, false).covariance[(0, 0)].is_infinite());
+        assert_eq!(of(&twice, true).by_noise.norm(), 0.0);
+        assert!((line.taken - 2.0).abs() < 1e-9 && of(&twice, true).taken == 0.0);
     }
 
     /// A prior of standard deviation 0.1 on what 400 samples of noise 100 hardly see.

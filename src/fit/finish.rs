@@ -4,7 +4,7 @@ use std::ops::Range;
 use std::sync::atomic::Ordering;
 
 use super::approach::{Fitter, State};
-use super::band::{curve_sd_m, half_width_m, posterior};
+use super::band::{curve_sd_m, half_width_m};
 use super::calibrate::FitError;
 use super::compare::{Pair, mape_percent, rmse};
 use super::errors::{Common, Errors, InTime, Linearised};
@@ -50,7 +50,7 @@ struct Sampled<'a> {
     seen: Vec<Vec<f64>>,
     /// Residuals of the samples, and where each record's are.
     residuals: Vec<f64>,
-    records: Vec<Range<usize>>,
+    records: Vec<Vec<Range<usize>>>,
 }
 
 impl Sampled<'_> {
@@ -202,14 +202,9 @@ impl Fitter<'_> {
         let left: Vec<f64> = shifts.iter().map(|s| 0.5 * s).collect();
         let records = problem.record_rows();
         let common: Vec<_> = problem.gain_errors().into_values().collect();
-        let covariance = posterior(&columns, &solution.at_bound);
         let sampled = match self.options.misfit {
             Misfit::Time => None,
             Misfit::Frequency => Some(self.sampled(problem, solution, &columns)?),
-        };
-        let bands = match &sampled {
-            None => curve_sd_m(problem, &columns, &covariance),
-            Some(sampled) => curve_sd_m(&sampled.problem, &sampled.columns, &covariance),
         };
         let linearised = Linearised {
             columns: &columns,
@@ -218,8 +213,17 @@ impl Fitter<'_> {
             common: &common,
             at_bound: &solution.at_bound,
             in_time: sampled.as_ref().map(Sampled::in_time),
+            elsewhere: None,
         };
         let errors = Errors::of(linearised).and(&left);
+        // What a model fails to explain is to show outside the band: the noise is that of before.
+        let before = problem.noise_before();
+        let undisturbed = Errors::of(Linearised { elsewhere: before.as_deref(), common: &[], ..linearised });
+        let covariance = undisturbed.by_noise;
+        let bands = match &sampled {
+            None => curve_sd_m(problem, &columns, &covariance),
+            Some(sampled) => curve_sd_m(&sampled.problem, &sampled.columns, &covariance),
+        };
         let model = problem.model;
         // What is held keeps the bounds that it will have when it is let go.
         let unheld = Model::new(self.rig, self.water, &model.effects);
@@ -341,7 +345,7 @@ impl Fitter<'_> {
 pub(super) fn errors_of(problem: &Calibration, solution: &Solution, columns: &[Vec<f64>], common: &[Common]) -> Errors {
     let records = problem.record_rows();
     let (residuals, at_bound) = (&solution.residuals, &solution.at_bound);
-    Errors::of(Linearised { columns, residuals, records: &records, common, at_bound, in_time: None })
+    Errors::of(Linearised { columns, residuals, records: &records, common, at_bound, in_time: None, elsewhere: None })
 }
 
 #[cfg(test)]

@@ -62,10 +62,12 @@ mod tests {
         let t: Vec<f64> = (0..200).map(|i| f64::from(i) / 100.0 - 1.0).collect();
         let columns = vec![t.iter().map(|t| -t).collect::<Vec<f64>>(), vec![-1.0; 200]];
         let residuals: Vec<f64> = (0..200).map(|i| -0.2 + if i % 2 == 0 { 0.5 } else { -0.5 }).collect();
+        let record = 0..200;
         let fit = Linearised {
             columns: &columns,
             residuals: &residuals,
-            records: std::slice::from_ref(&(0..200)),
+            records: &[vec![record]],
+            elsewhere: None,
             common: &[],
             at_bound: &[false, true],
             in_time: None,

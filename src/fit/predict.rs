@@ -7,14 +7,16 @@
 
 use nalgebra::DMatrix;
 
-use super::band::{curve_sd_m, half_width_m, posterior};
+use super::band::{curve_sd_m, half_width_m};
 use super::calibrate::{FitError, Options, Progress, refine};
 use super::compare::rmse;
 use super::data::RunData;
+use super::errors::{Errors, Linearised};
 use super::interval::Z_95;
 use super::least_squares::{Limits, Problem, jacobian, minimise};
 use super::outcome::{Fit, SensorFit};
 use super::problem::{Calibration, Window};
+use super::uncertainty::dot;
 use crate::model::Model;
 use crate::model::constraint::Constraint;
 use crate::model::effects::Chosen;
@@ -147,9 +149,22 @@ pub fn predict(
     })?;
     let columns = jacobian(&problem, &own.x, &own.residuals)?;
     let still: Vec<bool> = problem.parameters.iter().map(|p| p.lower == p.upper).collect();
-    let mut covariance = posterior(&columns, &still);
+    // The window is too short to show how its noise is coloured; what was before it does.
+    let (records, before) = (problem.record_rows(), problem.noise_before());
+    let errors = Errors::of(Linearised {
+        columns: &columns,
+        residuals: &own.residuals,
+        records: &records,
+        elsewhere: before.as_deref(),
+        common: &problem.gain_errors().into_values().collect::<Vec<_>>(),
+        at_bound: &still,
+        in_time: None,
+    });
     let values = problem.values(&own.x);
-    take_shared(&mut covariance, &problem, known, &values);
+    let shared = of_shared(&problem, known, &values);
+    let follow = followed(&columns, &errors.believed, &still);
+    let with_shared = |own: &DMatrix<f64>| own + &follow * &shared * follow.transpose();
+    let (covariance, by_noise) = (with_shared(&errors.covariance), with_shared(&errors.by_noise));
     // All is settled now: what is left is to find the grid that it takes.
     let all: Vec<Constraint> = (problem.parameters.iter().enumerate())
         .map(|(j, p)| settled(&p.name, problem.run_of(j).map(|r| runs[r].file.as_str()), values[j]))
@@ -159,7 +174,7 @@ pub fn predict(
     let whole = Calibration::new(&model, runs, Window { reaches: fit.reaches, horizon_s: f64::INFINITY, stride: 1 });
     let x = whole.variables(&values);
     let columns = jacobian(&whole, &x, &whole.residuals(&x)?)?;
-    let bands = curve_sd_m(&whole, &columns, &covariance);
+    let bands = curve_sd_m(&whole, &columns, &by_noise);
     for (r, run) in fit.runs.iter_mut().enumerate() {
         for (s, sensor) in run.sensors.iter_mut().enumerate() {
             let from = runs[r].sensors[s].time_s.len() - sensor.time_s.len();
@@ -180,8 +195,21 @@ pub fn predict(
     Ok(Prediction { fit, known_until_s })
 }
 
-/// Puts what the model knows of its shared parameters into a covariance of the variables.
-fn take_shared(covariance: &mut DMatrix<f64>, problem: &Calibration, known: &Known, values: &[f64]) {
+/// How the variables follow a change of each, to first order: what is held takes none but its own, what is free makes the best of it
+/// (Jazwinski 1970, Stochastic Processes and Filtering Theory, sec. 8.4; "consider" parameters).
+fn followed(columns: &[Vec<f64>], inverse: &DMatrix<f64>, held: &[bool]) -> DMatrix<f64> {
+    let n = columns.len();
+    let free: Vec<usize> = (0..n).filter(|&j| !held[j] && inverse[(j, j)].is_finite()).collect();
+    DMatrix::from_fn(n, n, |i, j| match (held[j], free.contains(&i)) {
+        (true, true) => -free.iter().map(|&k| inverse[(i, k)] * dot(&columns[k], &columns[j])).sum::<f64>(),
+        (true, false) if i == j => 1.0,
+        _ => 0.0,
+    })
+}
+
+/// What the model knows of its shared parameters, as a covariance of all variables.
+fn of_shared(problem: &Calibration, known: &Known, values: &[f64]) -> DMatrix<f64> {
+    let mut covariance = DMatrix::zeros(values.len(), values.len());
     let place = |name: &str| problem.parameters[..problem.model.shared.len()].iter().position(|p| p.name == name);
     let spread = |p: &Shared| Some((place(&p.name)?, p.standard_error?));
     for (a, (i, sd_i)) in known.shared.iter().enumerate().filter_map(|(a, p)| Some((a, spread(p)?))) {
@@ -192,5 +220,30 @@ fn take_shared(covariance: &mut DMatrix<f64>, problem: &Calibration, known: &Kno
             covariance[(i, j)] =
                 together * sd_i * sd_j / (problem.stretch(i, values[i]) * problem.stretch(j, values[j]));
         }
+    }
+    covariance
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fit::uncertainty::covariance;
+
+    /// y = v + a t + o with a held at a value that is known to 0.1, over samples about t = 2: v makes up for what a is off by, twice as much; an offset that is held and known
+    /// to 0.3 is taken by v whole. At t = 2 nothing of either is left, at t = 5 three times what a is off by.
+    #[test]
+    fn what_is_free_makes_up_for_what_is_held() {
+        let t: Vec<f64> = (0..101).map(|i| 1.0 + f64::from(i) / 50.0).collect();
+        let columns = vec![vec![-1.0; 101], t.iter().map(|t| -t).collect::<Vec<f64>>(), vec![-1.0; 101]];
+        let held = [false, true, true];
+        let follow = followed(&columns, &covariance(&columns, &held), &held);
+        assert!((follow[(0, 1)] + 2.0).abs() < 1e-9 && (follow[(0, 2)] + 1.0).abs() < 1e-9, "{follow}");
+        let known = DMatrix::from_diagonal(&nalgebra::DVector::from_row_slice(&[0.0, 0.01, 0.09]));
+        let all = &follow * known * follow.transpose();
+        let curve = |t: f64| {
+            let slope = nalgebra::DVector::from_row_slice(&[1.0, t, 1.0]);
+            slope.dot(&(&all * &slope)).max(0.0).sqrt()
+        };
+        assert!(curve(2.0) < 1e-6 && (curve(5.0) - 0.3).abs() < 1e-6, "{} {}", curve(2.0), curve(5.0));
     }
 }

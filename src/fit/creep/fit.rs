@@ -2,14 +2,12 @@
 
 use nalgebra::DMatrix;
 
-use super::alike::Alike;
 use super::ladder::{Ladder, Step};
 use super::problem::{Shifted, gradient};
 use super::remarks::remark;
 use super::shift::{Arrhenius, ShiftFactor, Wlf, laws};
 use super::spectrum::{Samples, spectrum};
 use super::{Creep, CreepError, CreepTest};
-use crate::fit::least_squares::jacobian;
 use crate::fit::uncertainty::student_95;
 
 /// Most elements that are tried where their number is left open.
@@ -206,11 +204,10 @@ fn judged(
     let elements = step.creep.elements.len();
     let first_shift = 1 + 2 * elements;
     let problem = ladder.problem(elements);
-    let Ok(columns) = jacobian(&problem, &step.solution.x, &step.solution.residuals);
+    let columns = ladder.columns(step);
     let freedom = (ladder.samples() - ladder.variables(elements)) as f64;
     let at_bound = &step.solution.at_bound;
-    let moved: Vec<&[f64]> = columns.iter().zip(at_bound).filter(|(_, held)| !**held).map(|(c, _)| &c[..]).collect();
-    let alike = Alike::of(&moved, &step.solution.residuals, &ladder.records());
+    let alike = ladder.alike(step);
     let inflation = alike.inflation();
     let covariance = alike.covariance(&columns, at_bound, &ladder.records(), LEAST_VARIANCE);
     let error = |j: usize| if at_bound[j] { f64::NAN } else { covariance[(j, j)].max(0.0).sqrt() };

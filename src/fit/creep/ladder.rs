@@ -2,11 +2,11 @@
 
 use std::ops::Range;
 
+use super::alike::Alike;
 use super::problem::{CreepProblem, Shifted};
 use super::spectrum::{Samples, merged, spectrum, with_times};
 use super::{Creep, Element};
-use crate::fit::least_squares::{Limits, Solution, minimise};
-use crate::fit::uncertainty::correlation_inflation;
+use crate::fit::least_squares::{Limits, Solution, jacobian, minimise};
 
 /// To see which start is best, on thinned samples; and to the end.
 const GLANCE: Limits = Limits { iterations: 60, cost_tolerance: 1e-6, step_tolerance: 1e-6, thorough: false };
@@ -158,20 +158,36 @@ impl Ladder {
         Step { creep, solution, bic: f64::NAN }
     }
 
-    /// `n ln χ² + k ln n`, with samples that are correlated under the richest model counted as the fewer that they are worth.
+    /// `n ln χ² + k ln n`, `χ²` that of generalised least squares with the noise as the richest model has it.
     fn weigh(&self, steps: &mut [Step]) {
         let Some(richest) = steps.last() else { return };
-        let n = self.samples() as f64;
-        // Where even that leaves no more than rounding there is nothing to be alike.
-        let rounding = 2.0 * richest.solution.cost < LEAST_SQUARE * n;
-        let alike = if rounding { 1.0 } else { correlation_inflation(&richest.solution.residuals) };
-        let effective = n / alike;
+        let (n, records) = (self.samples() as f64, self.records());
+        let alike = self.alike(richest);
         for step in steps {
-            let mean_square = (2.0 * step.solution.cost / n).max(LEAST_SQUARE);
+            let columns = self.columns(step);
+            let square = alike.square(&free(&columns, step), &step.solution.residuals, &records);
+            let mean_square = (square / n).max(LEAST_SQUARE);
             let variables = self.variables(step.creep.elements.len()) as f64;
-            step.bic = effective * mean_square.ln() + variables * effective.ln();
+            step.bic = n * mean_square.ln() + variables * n.ln();
         }
     }
+
+    /// Slopes of the residuals of a step.
+    pub(super) fn columns(&self, step: &Step) -> Vec<Vec<f64>> {
+        let Ok(columns) =
+            jacobian(&self.problem(step.creep.elements.len()), &step.solution.x, &step.solution.residuals);
+        columns
+    }
+
+    /// The noise as a step leaves it.
+    pub(super) fn alike(&self, step: &Step) -> Alike {
+        Alike::of(&free(&self.columns(step), step), &step.solution.residuals, &self.records())
+    }
+}
+
+/// Columns of the variables that are not at a bound.
+fn free<'c>(columns: &'c [Vec<f64>], step: &Step) -> Vec<&'c [f64]> {
+    columns.iter().zip(&step.solution.at_bound).filter(|(_, held)| !**held).map(|(c, _)| &c[..]).collect()
 }
 
 /// Retardation times in equal ratios within a span.

@@ -98,7 +98,7 @@ fn implausible(creep: &Creep) -> Option<String> {
 
 /// Says where tests fitted apart, one temperature at a time, are described better than by shifted times.
 fn apart(fit: &mut CreepFit, ladder: &Ladder, step: &Step, room: usize) {
-    let (mut square, mut variables, mut worst) = (0.0, 0, (0.0, String::new()));
+    let (mut square, mut variables, mut effective, mut worst) = (0.0, 0, 0.0, (0.0, String::new()));
     for group in std::iter::once(None).chain((0..ladder.shifts).map(Some)) {
         let of_group = |(t, _): &(&Shifted, &TestFit)| t.shift == group;
         let own: Vec<_> = ladder.tests.iter().zip(&fit.tests).filter(of_group).collect();
@@ -115,13 +115,14 @@ fn apart(fit: &mut CreepFit, ladder: &Ladder, step: &Step, room: usize) {
             .sum();
         square += 2.0 * best.solution.cost;
         variables += alone.variables(best.creep.elements.len());
+        // Noise is what the fits apart leave: what a shift does not describe is on trial.
+        effective += alone.samples() as f64 / alone.alike(best).inflation().clamp(1.0, 20.0);
         let ratio = (together / (2.0 * best.solution.cost).max(f64::MIN_POSITIVE)).sqrt();
         if ratio > worst.0 {
             worst = (ratio, own.first().map_or(String::new(), |(_, f)| f.test.file.clone()));
         }
     }
     let n = ladder.samples() as f64;
-    let effective = n / fit.inflation.clamp(1.0, 20.0);
     let together = ladder.variables(step.creep.elements.len()) as f64;
     let gain = effective * (2.0 * step.solution.cost / n).max(0.1).ln() - effective * (square / n).max(0.1).ln();
     if gain - (variables as f64 - together) * effective.ln() > STRONG {

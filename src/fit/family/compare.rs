@@ -27,7 +27,7 @@ impl Verdict {
     }
 }
 
-/// F-test (Draper & Smith 1998, ch. 6) and Bayesian information criterion, both with correlated samples counted once.
+/// F-test (Draper & Smith 1998, ch. 6) and Bayesian information criterion, both with as many samples as would say as much in white noise.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Comparison {
     /// Mean square a parameter saved, over that of the fits apart.
@@ -50,8 +50,8 @@ pub(super) struct Sums {
     pub together: f64,
     /// Samples.
     pub samples: usize,
-    /// Correlation of neighbours makes this many samples one.
-    pub inflation: f64,
+    /// What noise makes the laws leave more, a parameter that they save: 1 where it is white and as large as believed.
+    pub noise_a_parameter: f64,
     /// Parameters of the fits apart.
     pub apart_parameters: usize,
     /// Parameters that the laws save.
@@ -60,13 +60,16 @@ pub(super) struct Sums {
 
 /// None where the laws save no parameter.
 pub(super) fn compare(sums: &Sums) -> Option<Comparison> {
-    let effective = sums.samples as f64 / sums.inflation;
+    // Samples that would say as much of the parameters if their noise were white.
+    // Less noise than believed is none known.
+    let square = sums.apart.max(sums.samples as f64);
+    let effective = square / sums.noise_a_parameter;
     let (q, left) = (sums.saved as f64, effective - sums.apart_parameters as f64);
     let more = (sums.together - sums.apart).max(0.0);
     let law = FisherSnedecor::new(q, left).ok()?;
-    let f = more / sums.inflation / q / (sums.apart / sums.inflation / left);
+    let f = more / q / (square / left);
     let chance = law.sf(f);
-    let bic_difference = effective * (more / sums.apart).ln_1p() - q * effective.ln();
+    let bic_difference = effective * (more / square).ln_1p() - q * effective.ln();
     let verdict = match (chance < SIGNIFICANT, bic_difference < 0.0) {
         (false, _) => Verdict::Describe,
         (true, true) => Verdict::Nearly,
@@ -79,22 +82,26 @@ pub(super) fn compare(sums: &Sums) -> Option<Comparison> {
 mod tests {
     use super::*;
 
-    fn sums(together: f64, inflation: f64, saved: usize) -> Sums {
-        Sums { apart: 1000.0, together, samples: 1020, inflation, apart_parameters: 20, saved }
+    fn sums(more: f64, noise_a_parameter: f64, saved: usize) -> Sums {
+        Sums { apart: 1020.0, together: 1020.0 + more, samples: 1020, noise_a_parameter, apart_parameters: 20, saved }
     }
 
     /// F0.01(4, 1000) is 3.338 (scipy 1.17, `f.isf(0.01, 4, 1000)` = 3.3380): more squares than 4 · 3.338 are more than noise.
     #[test]
     fn the_test_is_fishers() {
-        let just = compare(&sums(1000.0 + 4.0 * 3.33, 1.0, 4)).unwrap();
+        let just = compare(&sums(1.02 * 4.0 * 3.33, 1.0, 4)).unwrap();
         assert!((just.f - 3.33).abs() < 1e-9 && just.verdict == Verdict::Describe && (just.chance - 0.01).abs() < 3e-4);
-        let over = compare(&sums(1000.0 + 4.0 * 3.35, 1.0, 4)).unwrap();
+        let over = compare(&sums(1.02 * 4.0 * 3.35, 1.0, 4)).unwrap();
         assert!(over.verdict == Verdict::Nearly && over.bic_difference < 0.0, "{over:?}");
         // 1020 ln(1.04) = 40 is more than 4 ln 1020 = 27.7.
-        assert_eq!(compare(&sums(1040.0, 1.0, 4)).unwrap().verdict, Verdict::Fail);
-        // Of ten samples that are one the same squares say a tenth.
-        assert_eq!(compare(&sums(1040.0, 10.0, 4)).unwrap().verdict, Verdict::Describe);
-        assert_eq!(compare(&sums(990.0, 1.0, 4)).unwrap().f, 0.0);
-        assert!(compare(&sums(1040.0, 1.0, 0)).is_none());
+        assert_eq!(compare(&sums(1.02 * 40.0, 1.0, 4)).unwrap().verdict, Verdict::Fail);
+        // Where noise alone makes ten a parameter the same squares say a tenth.
+        let tenth = compare(&sums(1.02 * 40.0, 10.0, 4)).unwrap();
+        assert!(tenth.verdict == Verdict::Describe && (tenth.f - 1.0).abs() < 0.25, "{tenth:?}");
+        assert_eq!(compare(&sums(-10.0, 1.0, 4)).unwrap().f, 0.0);
+        assert!(compare(&sums(1.02 * 40.0, 1.0, 0)).is_none());
+        // A record quieter than believed is as noisy as that.
+        let quiet = compare(&Sums { apart: 1e-3, together: 3.0, ..sums(0.0, 1.0, 4) }).unwrap();
+        assert!(quiet.verdict == Verdict::Describe && quiet.f < 1.0, "{quiet:?}");
     }
 }

@@ -3,24 +3,28 @@
 //! Variables are the laws', then each run's own as in [`Calibration`], the last of them what its thermometer is off by: a wave speed told to a
 //! hundred-thousandth knows temperature better than any thermometer. Residuals are the samples of all runs, then each run's priors and meter.
 
+mod said;
+mod squares;
+
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-use super::apart::{Banded, Quantity};
+use super::apart::Quantity;
 use super::compare::{Comparison, Sums, Verdict, compare};
-use super::law::{LawModel, Laws, is_log};
+use super::law::{LawModel, Laws};
 use super::start::{bounds_of, from_apart, step_of, to_value, to_variable};
 use super::{FamilyError, Member};
 use crate::fit::calibrate::Progress;
 use crate::fit::errors::{Common, Errors, Linearised};
-use crate::fit::interval::Z_95;
 use crate::fit::least_squares::{Limits, Problem, Solution, jacobian, minimise};
 use crate::fit::outcome::Fit;
 use crate::fit::problem::{Calibration, Window};
-use crate::fit::uncertainty::{correlation, correlation_inflation, gauss_newton_step};
+use crate::fit::uncertainty::{correlation, gauss_newton_step};
 use crate::model::parameter::Parameter;
 use crate::model::{Model, ModelError};
 use crate::rig::Rig;
+use said::{lines, parameter, run_errors};
+use squares::{noise_a_parameter, sums};
 
 const LIMITS: Limits = Limits { iterations: 60, cost_tolerance: 1e-6, step_tolerance: 1e-9, thorough: true };
 /// Points of a law's line.
@@ -198,11 +202,12 @@ impl<'a> Joint<'a> {
         [first..first + own.samples(), last..last + rest(own)]
     }
 
-    /// Where each sensor's samples of each run stand among the residuals.
-    fn records(&self) -> Vec<Range<usize>> {
+    /// Where each sensor's samples of each run stand among the residuals, those together that were sampled together.
+    fn records(&self) -> Vec<Vec<Range<usize>>> {
         let of_run = |(r, c): (usize, &Calibration)| {
             let first = self.places(r)[0].start;
-            c.record_rows().into_iter().map(move |own| first + own.start..first + own.end).collect::<Vec<_>>()
+            let moved = |own: Range<usize>| first + own.start..first + own.end;
+            c.record_rows().into_iter().map(|group| group.into_iter().map(moved).collect()).collect::<Vec<Vec<_>>>()
         };
         self.calibrations.iter().enumerate().flat_map(of_run).collect()
     }
@@ -304,9 +309,10 @@ pub(super) fn together(
     };
     let solution = minimise(&joint, &start, LIMITS, shown)?;
 
-    let comparison = compare(&sums(&joint, fits, &apart, &solution));
-    let widening = comparison.filter(|c| c.verdict != Verdict::Describe).map_or(1.0, |c| c.f.max(1.0).sqrt());
     let columns = jacobian(&joint, &solution.x, &solution.residuals)?;
+    let of_noise = noise_a_parameter(&joint, fits, (&apart_values, &apart), (&solution, &columns))?;
+    let comparison = compare(&Sums { noise_a_parameter: of_noise, ..sums(&joint, fits, &apart, &solution) });
+    let widening = comparison.filter(|c| c.verdict != Verdict::Describe).map_or(1.0, |c| c.f.max(1.0).sqrt());
     let pull = grid_pull(&joint, &models, &solution, &columns)?;
     // As in a fit of one run: half of what the last halving of the grid's step moved.
     let left: Vec<f64> = pull.iter().map(|p| 0.5 * p).collect();
@@ -317,6 +323,7 @@ pub(super) fn together(
         common: &joint.gain_errors(),
         at_bound: &solution.at_bound,
         in_time: None,
+        elsewhere: None,
     })
     .and(&left);
     let errors: Vec<f64> = (0..columns.len()).map(|j| widening * errors.of_variable(j)).collect();
@@ -331,22 +338,6 @@ pub(super) fn together(
         stopped_because: solution.stop.describe(),
         converged: solution.stop.converged(),
     })
-}
-
-fn sums(joint: &Joint, fits: &[Fit], apart: &[f64], solution: &Solution) -> Sums {
-    let square = |r: &[f64]| r.iter().map(|r| r * r).sum::<f64>();
-    let free = |f: &Fit| f.parameters.iter().filter(|p| p.run.is_none() && !p.at_bound && !p.held).count();
-    let shared: usize = fits.iter().map(free).sum();
-    let of_laws = solution.at_bound[..joint.law.parameters.len()].iter().filter(|b| !**b).count();
-    let samples = joint.samples();
-    Sums {
-        apart: square(apart),
-        together: square(&solution.residuals),
-        samples,
-        inflation: correlation_inflation(&apart[..samples]),
-        apart_parameters: fits.iter().map(|f| f.parameters.len()).sum(),
-        saved: shared.saturating_sub(of_laws),
-    }
 }
 
 /// What a grid of half the step moved the variables by, by one Gauss-Newton step.
@@ -367,85 +358,4 @@ fn grid_pull(
         Joint::new(joint.law, joint.members, models, &coarse, joint.temperature_sd_k).residuals(&solution.x)?;
     let change: Vec<f64> = solution.residuals.iter().zip(&coarser).map(|(f, c)| f - c).collect();
     Ok(gauss_newton_step(columns, &change, &solution.at_bound))
-}
-
-fn parameter(p: &Parameter, solution: &Solution, errors: &[f64], j: usize) -> LawParameter {
-    let (x, half) = (solution.x[j], Z_95 * errors[j]);
-    let value = to_value(p, x);
-    LawParameter {
-        name: p.name.clone(),
-        unit: p.unit,
-        about: p.about,
-        value,
-        standard_error: errors[j] * if is_log(p) { value } else { 1.0 },
-        interval: (to_value(p, x - half), to_value(p, x + half)),
-        at_bound: solution.at_bound[j],
-    }
-}
-
-fn run_errors(joint: &Joint, apart: &[f64], together: &Solution) -> Vec<RunError> {
-    let of = |(r, c): (usize, &Calibration)| {
-        let [place, _] = joint.places(r);
-        let noise = c.sample_noise();
-        let rms = |of: &dyn Fn(usize) -> f64| {
-            let square: f64 = noise.iter().enumerate().map(|(i, n)| (n * of(i)).powi(2)).sum();
-            (square / noise.len().max(1) as f64).sqrt()
-        };
-        RunError {
-            file: joint.members[r].data.file.clone(),
-            apart_m: rms(&|i| apart[place.start + i]),
-            together_m: rms(&|i| together.residuals[place.start + i]),
-            temperature_degc: joint.members[r].temperature_degc + together.x[joint.thermometer(r)],
-            noise_m: rms(&|_| 1.0),
-        }
-    };
-    joint.calibrations.iter().enumerate().map(of).collect()
-}
-
-/// What the laws say of each quantity, with the interval that their parameters' errors leave.
-fn lines(joint: &Joint, x: &[f64], errors: &[f64], alike: &[Vec<f64>], quantities: &mut [Quantity]) {
-    let law = joint.law;
-    let count = law.parameters.len();
-    let said = |x: &[f64], degc: f64, run: Option<usize>| -> Vec<f64> {
-        let water = run.map_or_else(
-            || joint.calibrations[0].model.rig.fluid.properties(degc),
-            |r| joint.members[r].data.conditions.water,
-        );
-        let (shared, moduli) = law.shared(&joint.law_values(x), degc, &water, run);
-        // Each modulus stands behind its wave speed.
-        let pipes = moduli.len();
-        shared[..pipes].iter().zip(&moduli).flat_map(|(a, e)| [*a, *e]).chain(shared[pipes..].iter().copied()).collect()
-    };
-    let degrees: Vec<f64> = joint.members.iter().map(|m| m.temperature_degc).collect();
-    let places: Vec<(f64, Option<usize>)> = if law.is_a_law() {
-        let low = degrees.iter().copied().fold(f64::INFINITY, f64::min);
-        let high = degrees.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-        (0..POINTS).map(|i| (low + (high - low) * i as f64 / (POINTS - 1) as f64, None)).collect()
-    } else {
-        degrees.iter().enumerate().map(|(r, &t)| (t, Some(r))).collect()
-    };
-    for (degc, run) in places {
-        let mid = said(x, degc, run);
-        let columns: Vec<Vec<f64>> = (0..count)
-            .map(|j| {
-                let (mut moved, step) = (x.to_vec(), step_of(&law.parameters[j]));
-                moved[j] += step;
-                said(&moved, degc, run).iter().zip(&mid).map(|(a, b)| (a - b) / step).collect()
-            })
-            .collect();
-        for (q, quantity) in quantities.iter_mut().enumerate() {
-            let mut variance = 0.0;
-            for (i, j) in (0..count).flat_map(|i| (0..count).map(move |j| (i, j))) {
-                let both = columns[i][q] * columns[j][q] * errors[i] * errors[j] * alike[i][j];
-                variance += if both.is_finite() { both } else { 0.0 };
-            }
-            let (value, half) = (mid[q], Z_95 * variance.max(0.0).sqrt());
-            let interval = if value > 0.0 {
-                (value * (-half / value).exp(), value * (half / value).exp())
-            } else {
-                (value - half, value + half)
-            };
-            quantity.law.push(Banded { temperature_degc: degc, value, interval });
-        }
-    }
 }

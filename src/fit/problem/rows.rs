@@ -7,6 +7,9 @@ use super::Calibration;
 use crate::fit::errors::Common;
 use crate::fit::misfit::Bins;
 
+/// Samples that show how noise is coloured: six times as many as the frequencies that are averaged at the least.
+const LEAST_BEFORE: usize = 200;
+
 impl<'a> Calibration<'a> {
     /// Number of residuals that are samples rather than priors.
     pub fn samples(&self) -> usize {
@@ -79,9 +82,46 @@ impl<'a> Calibration<'a> {
         (0..self.runs.len()).flat_map(sensors).map(|(r, s)| (r, s, self.rows(r, s))).collect()
     }
 
-    /// Where the records are, in that order.
-    pub fn record_rows(&self) -> Vec<Range<usize>> {
-        self.records().into_iter().map(|(_, _, rows)| rows).collect()
+    /// Where the records are, in that order; those together that were sampled together.
+    pub fn record_rows(&self) -> Vec<Vec<Range<usize>>> {
+        let rows = |group: Vec<(usize, usize)>| group.into_iter().map(|(r, s)| self.rows(r, s)).collect();
+        self.sampled_together().into_iter().map(rows).collect()
+    }
+
+    /// Runs and sensors, those together whose samples belong together one by one: of a run, as many, and none further from the other than the
+    /// next, as instruments that share a clock take them at once or in turns.
+    fn sampled_together(&self) -> Vec<Vec<(usize, usize)>> {
+        let times = |r: usize, s: usize| {
+            let (first, last) = self.spans[r][s];
+            &self.runs[r].sensors[s].time_s[first..last]
+        };
+        let mut groups: Vec<Vec<(usize, usize)>> = Vec::new();
+        for (r, s, _) in self.records() {
+            let own = times(r, s);
+            let step_s = own.last().zip(own.first()).map_or(0.0, |(b, a)| (b - a) / (own.len().max(2) - 1) as f64);
+            let alike = |group: &&mut Vec<(usize, usize)>| {
+                let (other, first) = (times(group[0].0, group[0].1), group[0].0 == r);
+                first && other.len() == own.len() && other.iter().zip(own).all(|(a, b)| (a - b).abs() < step_s)
+            };
+            match groups.iter_mut().find(alike) {
+                Some(group) => group.push((r, s)),
+                None => groups.push(vec![(r, s)]),
+            }
+        }
+        groups
+    }
+
+    /// What each record of [`record_rows`](Self::record_rows) shows before its samples enter, in units of its noise, less its mean. None where that
+    /// is too little of any to show how it is coloured.
+    pub fn noise_before(&self) -> Option<Vec<Vec<Vec<f64>>>> {
+        let before = |(r, s): (usize, usize)| {
+            let (sensor, (first, _)) = (&self.runs[r].sensors[s], self.spans[r][s]);
+            let head_m: Vec<f64> = sensor.head_m[..first].iter().step_by(self.window.stride).copied().collect();
+            let mean = head_m.iter().sum::<f64>() / head_m.len().max(1) as f64;
+            let noise = head_m.iter().map(|h| (h - mean) / sensor.noise_m).collect();
+            (head_m.len() >= LEAST_BEFORE).then_some(noise)
+        };
+        self.sampled_together().into_iter().map(|group| group.into_iter().map(before).collect()).collect()
     }
 
     /// What one standard deviation of each sensor's gain does to the residuals, by its name; a sensor is the same instrument in all runs.

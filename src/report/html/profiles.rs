@@ -67,6 +67,8 @@ mod tests {
     fn a_profile_is_drawn_with_threshold_and_parabola() {
         let profile = Profile {
             interval_95: (0.9, f64::INFINITY),
+            unknown_beyond: [None; 2],
+            unresolved: 0,
             linear_95: (0.9, 1.1),
             points: vec![(0.9, 3.84), (1.0, 0.0), (2.0, 1.5)],
             fell_by: 0.0,
