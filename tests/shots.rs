@@ -202,7 +202,8 @@ impl Bench {
     fn frame(&mut self, sensor: usize, k: i64) {
         let value = |i: i64| if sensor == 0 { i as f64 } else { ((i + 2000) / 5000 % 2) as f64 };
         let values: Vec<f64> = (10 * k..10 * k + 10).map(value).collect();
-        self.shots.samples(sensor, k * 10_000_000, 1e6, &values, &self.monitor).unwrap();
+        self.shots.samples(sensor, k * 10_000_000, 1e6, &values).unwrap();
+        self.shots.tick(&self.monitor).unwrap();
     }
 
     /// Both sensors from one frame to another, those of `late` between two frames held back until the second.
@@ -274,4 +275,29 @@ fn a_folder_that_is_gone_is_made_anew_and_one_that_cannot_be_loses_only_its_shot
     assert!(summary.data_lost && summary.shots.len() == 3 && summary.lost_shots == lost, "{summary:?}");
     assert!(summary.shots[2].ends_with("-004.mcap") && Path::new(&summary.shots[2]).is_file(), "{summary:?}");
     assert_eq!(fs::read_dir(&away).unwrap().count(), 1);
+}
+
+/// A limit on the size of files is as near to a full disk as a test can come without one: it is full before the trigger's moment.
+#[cfg(unix)]
+#[test]
+fn a_shot_on_a_full_disk_says_why_and_how_much_of_it_there_is() {
+    let folder = tempfile::tempdir().unwrap();
+    let (rig, csv) = series(folder.path());
+    let command = format!(
+        "trap '' XFSZ; ulimit -f 24; exec '{}' record --json --replay '{}' --rig '{}' --speed 0 --trigger edge --pre 2 --post 3 --out-dir '{}'",
+        env!("CARGO_BIN_EXE_surgescope"),
+        csv.display(),
+        rig.display(),
+        folder.path().join("shots").display()
+    );
+    let output = std::process::Command::new("bash").args(["-c", &command]).output().unwrap();
+    let out = String::from_utf8(output.stdout).unwrap();
+    assert_eq!(output.status.code(), Some(3), "{out}");
+    let document: Value = serde_json::from_str(&out).unwrap();
+    let ended = document["ended"].as_str().unwrap();
+    assert!(ended.starts_with("the disk takes no more. ") && ended.contains("File too large"), "{ended}");
+    let shot = &shots(&out)[0].1.series[0];
+    assert!(*shot.time_s.last().unwrap() < 2.0, "the file ends before the trigger fired");
+    assert_eq!(document["cut_short"][0]["kept_s"], 0.0, "{out}");
+    assert_eq!(document["sensors"][0]["samples"], shot.value.len());
 }

@@ -323,7 +323,10 @@ fn table(summary: &Summary) -> String {
     }
     for cut in &summary.cut_short {
         let (file, kept_s, asked_s) = (&cut.file, cut.kept_s, cut.asked_s);
-        let _ = writeln!(text, "cut short: {file} has {kept_s:.3} of {asked_s} s after the trigger fired");
+        let _ = match kept_s {
+            0.0 => writeln!(text, "cut short: {file} ends before the trigger fired"),
+            kept_s => writeln!(text, "cut short: {file} has {kept_s:.3} of {asked_s} s after the trigger fired"),
+        };
     }
     for lost in &summary.lost_shots {
         let _ = writeln!(text, "{lost}");
@@ -355,6 +358,8 @@ fn describe(text: &mut String, device: &DeviceCount) -> std::fmt::Result {
         (device.skipped_polls, "polls fell out because the one before took too long"),
         (device.reconnects, "times its port vanished and came back"),
         (device.restarts, "times it restarted"),
+        (device.clock_steps, "times its clock was set; its samples follow each other all the same"),
+        (device.squeezed_frames, "frames began before the one before them ended; their samples stand closer"),
         (device.queue_waits, "times it waited because the disk did not keep up"),
     ] {
         if count > 0 {

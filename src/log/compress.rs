@@ -10,14 +10,27 @@ use mcap::sans_io::{LinearReadEvent, LinearReader};
 use mcap::{Attachment, McapError};
 use prost::Message;
 
-use super::layout::{key, to_ns};
+use super::layout::{key, offset_ns, to_ns as nanoseconds};
 use super::read::{checked_options, parse};
 use super::retime::{CLOCKS_METADATA, Retimer, SensorClock};
 use super::schema::{Block, Gap, Kind};
 use super::{LogError, sink};
 
-/// Copies a live file, record by record, into a finished one; `zero_ns` is the log time of recording time 0.
-pub fn compress(live: &mut File, out: &File, path: &Path, retimer: &Retimer, zero_ns: u64) -> Result<(), LogError> {
+/// What becomes of the samples of a live file.
+pub struct Moves<'a> {
+    /// What puts them on the recording's clock.
+    pub retimer: &'a Retimer,
+    /// Log time of recording time 0.
+    pub zero_ns: u64,
+    /// First and last time on the recording's clock, ns, of the sensors of which not everything is kept.
+    pub windows: &'a HashMap<String, (i64, i64)>,
+}
+
+/// Samples and gaps of each sensor that were left out.
+pub type LeftOut = HashMap<String, (u64, u64)>;
+
+/// Copies a live file, record by record, into a finished one.
+pub fn compress(live: &mut File, out: &File, path: &Path, moves: &Moves<'_>) -> Result<LeftOut, LogError> {
     let read = |e| LogError::io("read", path, e);
     let write = |e| LogError::write(path, e);
     let length = live.seek(SeekFrom::End(0)).map_err(read)?;
@@ -25,7 +38,7 @@ pub fn compress(live: &mut File, out: &File, path: &Path, retimer: &Retimer, zer
     let mut input = BufReader::with_capacity(1 << 16, live);
     let mut reader = LinearReader::new_with_options(checked_options(length).with_skip_end_magic(true));
     let mut mcap = mcap::Writer::with_options(BufWriter::new(out), sink::finished()).map_err(write)?;
-    let mut retimed = Retimed { retimer, zero_ns, kinds: HashMap::new(), channels: HashMap::new() };
+    let mut retimed = Retimed { moves, kinds: HashMap::new(), channels: HashMap::new(), left_out: LeftOut::new() };
     while let Some(event) = reader.next_event() {
         match event.map_err(write)? {
             LinearReadEvent::ReadRequest(need) => {
@@ -43,8 +56,12 @@ pub fn compress(live: &mut File, out: &File, path: &Path, retimer: &Retimer, zer
                         .map_err(write)?;
                 }
                 Record::Message { mut header, data } => {
-                    let moved = retimed.message(&mut header, &data);
-                    mcap.write_to_known_channel(&header, moved.as_deref().unwrap_or(&data)).map_err(write)?;
+                    let data = match retimed.message(&mut header, &data) {
+                        Moved::NotAtAll | Moved::InTime => data,
+                        Moved::To(data) => data.into(),
+                        Moved::Out => continue,
+                    };
+                    mcap.write_to_known_channel(&header, &data).map_err(write)?;
                 }
                 // What it says is done.
                 Record::Metadata(metadata) if metadata.name == CLOCKS_METADATA => {}
@@ -60,54 +77,106 @@ pub fn compress(live: &mut File, out: &File, path: &Path, retimer: &Retimer, zer
         }
     }
     mcap.finish().map_err(write)?;
-    mcap.into_inner().flush().map_err(|e| write(McapError::Io(e)))
+    mcap.into_inner().flush().map_err(|e| write(McapError::Io(e)))?;
+    Ok(retimed.left_out)
+}
+
+/// What became of a message.
+enum Moved {
+    /// Its sensor's stays as it is.
+    NotAtAll,
+    /// Its header alone says when it was.
+    InTime,
+    /// It has new data.
+    To(Vec<u8>),
+    /// Nothing of it is kept.
+    Out,
 }
 
 /// Moves messages to the recording's clock.
 struct Retimed<'a> {
-    retimer: &'a Retimer,
-    zero_ns: u64,
+    moves: &'a Moves<'a>,
     kinds: HashMap<u16, Option<Kind>>,
-    /// Channels whose times move.
-    channels: HashMap<u16, (SensorClock, Kind)>,
+    /// Channels whose times move, or of which not everything is kept.
+    channels: HashMap<u16, Moving>,
+    left_out: LeftOut,
+}
+
+struct Moving {
+    sensor: String,
+    clock: SensorClock,
+    kind: Kind,
+    window_ns: (i64, i64),
 }
 
 impl Retimed<'_> {
     fn channel(&mut self, id: u16, schema: u16, sensor: Option<&String>) {
         let kind = self.kinds.get(&schema).copied().flatten();
         if let (Some(sensor), Some(kind)) = (sensor, kind) {
-            let clock = self.retimer.of(sensor);
-            if !clock.is_empty() {
-                self.channels.insert(id, (clock, kind));
+            let (clock, window) = (self.moves.retimer.of(sensor), self.moves.windows.get(sensor));
+            if !clock.is_empty() || window.is_some() {
+                let window_ns = window.copied().unwrap_or((i64::MIN, i64::MAX));
+                self.channels.insert(id, Moving { sensor: sensor.clone(), clock, kind, window_ns });
             }
         }
     }
 
-    /// Moves a message's time; returns its new data where they name times themselves.
-    fn message(&self, header: &mut MessageHeader, data: &[u8]) -> Option<Vec<u8>> {
-        let (clock, kind) = self.channels.get(&header.channel_id)?;
-        let time_ns = i64::try_from(i128::from(header.log_time) - i128::from(self.zero_ns)).ok()?;
-        let at = |time_ns: i64| self.zero_ns.saturating_add_signed(clock.time_ns(time_ns));
-        let moved = match kind {
-            Kind::Sample => None,
+    /// Moves a message's time, and cuts off what is not kept of it.
+    fn message(&mut self, header: &mut MessageHeader, data: &[u8]) -> Moved {
+        let Some(moving) = self.channels.get(&header.channel_id) else { return Moved::NotAtAll };
+        let zero_ns = self.moves.zero_ns;
+        let Ok(logged_ns) = i64::try_from(i128::from(header.log_time) - i128::from(zero_ns)) else {
+            return Moved::NotAtAll;
+        };
+        let Some((moved, time_ns, left_out)) = moving.message(logged_ns, data) else { return Moved::NotAtAll };
+        if left_out != (0, 0) {
+            let sum = self.left_out.entry(moving.sensor.clone()).or_default();
+            *sum = (sum.0 + left_out.0, sum.1 + left_out.1);
+        }
+        header.log_time = zero_ns.saturating_add_signed(time_ns);
+        header.publish_time = header.log_time;
+        moved
+    }
+}
+
+impl Moving {
+    /// What becomes of a message logged at a time, when it is then, ns, and how many samples and gaps are left out of it; `None` where it
+    /// cannot be understood.
+    fn message(&self, logged_ns: i64, data: &[u8]) -> Option<(Moved, i64, (u64, u64))> {
+        let (from_ns, to_ns) = self.window_ns;
+        let time_ns = self.clock.time_ns(logged_ns);
+        Some(match self.kind {
+            Kind::Sample if (from_ns..=to_ns).contains(&time_ns) => (Moved::InTime, time_ns, (0, 0)),
+            Kind::Sample => (Moved::Out, time_ns, (1, 0)),
             Kind::Block => {
-                let block = Block::decode(data).ok()?;
-                let period_ns = block.period_ns.map(|period| period * clock.rate(time_ns));
-                Some(Block { period_ns, ..block }.encode_to_vec())
+                let mut block = Block::decode(data).ok()?;
+                let period_ns = block.period_ns? * self.clock.rate(logged_ns);
+                let at = |i: usize| time_ns.saturating_add(offset_ns(i, period_ns));
+                let all = block.values.len();
+                let first = (0..all).find(|&i| at(i) >= from_ns).unwrap_or(all);
+                let last = (first..all).find(|&i| at(i) > to_ns).unwrap_or(all);
+                let kept = block.values.get(first..last)?.to_vec();
+                let left_out = ((all - kept.len()) as u64, 0);
+                if kept.is_empty() && all > 0 {
+                    return Some((Moved::Out, time_ns, left_out));
+                }
+                // blocks of a live file say no times of their own
+                block.values = kept;
+                block.period_ns = Some(period_ns);
+                (Moved::To(block.encode_to_vec()), at(first), left_out)
             }
             Kind::Gap => {
                 let gap = Gap::decode(data).ok()?;
                 let (from_s, to_s) = (gap.from_s?, gap.to_s?);
-                let moved = clock.gap(crate::recording::Gap { from_s, to_s, samples: gap.samples });
+                let moved = self.clock.gap(crate::recording::Gap { from_s, to_s, samples: gap.samples });
                 // A gap stands at its end, which may lie between two nanoseconds of the log.
-                header.log_time = self.zero_ns.saturating_add_signed(to_ns(moved.to_s)?);
-                header.publish_time = header.log_time;
+                let end_ns = nanoseconds(moved.to_s)?;
+                if end_ns <= from_ns || nanoseconds(moved.from_s)? >= to_ns {
+                    return Some((Moved::Out, end_ns, (0, 1)));
+                }
                 let gap = Gap { from_s: Some(moved.from_s), to_s: Some(moved.to_s), samples: gap.samples };
-                return Some(gap.encode_to_vec());
+                (Moved::To(gap.encode_to_vec()), end_ns, (0, 0))
             }
-        };
-        header.log_time = at(time_ns);
-        header.publish_time = header.log_time;
-        moved
+        })
     }
 }

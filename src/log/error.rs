@@ -113,6 +113,14 @@ pub enum LogError {
         /// Why.
         source: Box<LogError>,
     },
+    /// The live file no longer stands at its name, and a finished one could not be put there either.
+    #[error("{file} was moved or deleted while it was written, and could not be written anew: if it was moved, `surgescope recover` of it at its new place makes it whole; if it was deleted, its samples are lost", file = path.display())]
+    Gone {
+        /// Where it was.
+        path: PathBuf,
+        /// Why it could not be written anew.
+        source: Box<LogError>,
+    },
     /// The live file was written whole, but could not be turned into a finished one.
     #[error("every sample is safe in {file}, but it could not be finished; once the cause is gone, `surgescope recover {file} -o NEW.mcap` does it", file = path.display())]
     Unfinished {

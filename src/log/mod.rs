@@ -31,7 +31,7 @@ pub use export::{export_csv, export_csv_file};
 pub use import::{ImportOptions, import_csv, import_csv_with};
 pub use read::{decode, has_end, read};
 pub use recover::{Loss, Recovery, recover, salvaged};
-pub use retime::ClockFix;
+pub use retime::{ClockFix, Retimer, SensorClock};
 pub use summary::{SensorSummary, Summary};
 pub use write::write;
 pub use writer::{Ending, FLUSH_EVERY, Writer};

@@ -91,6 +91,14 @@ impl SensorClock {
         }
     }
 
+    /// The logged time of a time on the recording's clock, ns; in a hole between two stretches that of its begin.
+    pub fn logged_ns(&self, time_ns: i64) -> i64 {
+        let at = self.0.partition_point(|fix| fix.1 <= time_ns).max(1) - 1;
+        let Some((from_ns, to_ns, rate)) = self.0.get(at).copied() else { return time_ns };
+        let logged_ns = from_ns.saturating_add((time_ns.saturating_sub(to_ns) as f64 / rate).round() as i64);
+        self.0.get(at + 1).map_or(logged_ns, |next| logged_ns.min(next.0 - 1))
+    }
+
     /// Seconds of the recording's clock a second of the device's, at a logged time.
     pub fn rate(&self, time_ns: i64) -> f64 {
         self.fix(time_ns).map_or(1.0, |fix| fix.2)
@@ -124,6 +132,11 @@ mod tests {
             [-5, 1000, 11_001, 2_500_000_000, 4_000_000_000]
         );
         assert_eq!((clock.rate(1), clock.rate(2_000_000_000)), (1.000_1, 1.5));
+        assert_eq!(
+            [1000, 11_001, 2_200_000_000, 2_500_000_000, 4_000_000_000].map(|t| clock.logged_ns(t)),
+            [0, 10_000, 1_999_999_999, 2_000_000_000, 3_000_000_000]
+        );
+        assert_eq!(SensorClock::default().logged_ns(7), 7);
         let gap = clock.gap(Gap { from_s: 0.0, to_s: 3.0, samples: Some(4) });
         assert_eq!(gap, Gap { from_s: 1e-6, to_s: 4.0, samples: Some(4) });
         assert!(retimer().of("Q1").is_empty());

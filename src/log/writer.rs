@@ -1,11 +1,12 @@
 //! The live, crash-safe writer.
 
+use std::collections::HashMap;
 use std::fs::{File, OpenOptions};
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use super::compress::compress;
+use super::compress::{LeftOut, Moves, compress};
 use super::end::end_in_place;
 use super::layout::{BLOCK_ABOVE_HZ, offset_ns, to_ns, to_s};
 use super::retime::{ClockFix, Retimer};
@@ -23,8 +24,9 @@ const CHUNKS_BEFORE_RENEWAL: u32 = if cfg!(test) { 3 } else { 10_000 };
 /// How a recording ended.
 #[derive(Debug)]
 pub enum Ending {
-    /// A finished file, compressed and indexed, with every sample.
-    Finished,
+    /// A finished file, compressed and indexed, with every sample but those that [`Writer::keep`] left out, counted by sensor: samples
+    /// and gaps.
+    Finished(HashMap<String, (u64, u64)>),
     /// Every sample is there, but the file could not be compressed, and why.
     Plain(LogError),
     /// A whole file, but its last samples are missing, and why.
@@ -48,6 +50,7 @@ pub struct Writer {
     chunks: u32,
     zero_ns: u64,
     retimer: Retimer,
+    windows: HashMap<String, (i64, i64)>,
     /// The disk refused something: what came since is not in the file.
     failed: Option<LogError>,
 }
@@ -64,8 +67,10 @@ impl Writer {
         let file = OpenOptions::new().read(true).write(true).create_new(true).open(path).map_err(io)?;
         let stream = BufWriter::with_capacity(4 * LIVE_CHUNK_BYTES as usize, file.try_clone().map_err(io)?);
         let stream = Muted::new(stream);
-        let mut sink = Sink::start(stream, sink::live(), path, rig, run, run.start_unix_ns)?;
-        sink.flush()?;
+        let begun = Sink::start(stream, sink::live(), path, rig, run, run.start_unix_ns);
+        let begun = begun.and_then(|mut sink| sink.flush().map(|()| sink));
+        // of a file that a full disk did not let begin nothing stays
+        let sink = begun.inspect_err(|_| drop(std::fs::remove_file(path)))?;
         // On a busy disk this takes longer than the first samples may wait; an error shows again at the end.
         let head = file.try_clone().map_err(io)?;
         std::thread::spawn(move || drop(head.sync_all()));
@@ -80,6 +85,7 @@ impl Writer {
             chunks: 0,
             zero_ns: run.start_unix_ns,
             retimer: Retimer::default(),
+            windows: HashMap::new(),
             failed: None,
         })
     }
@@ -163,6 +169,14 @@ impl Writer {
         self.written(MESSAGE_BYTES)
     }
 
+    /// Of a sensor, the finished file has only samples from one time to another, ns on the recording's clock as [`clocks`](Writer::clocks)
+    /// says it last, and the gaps that reach between them. Where no finished file can be made, the live one keeps what it has.
+    pub fn keep(&mut self, sensor: usize, from_ns: i64, to_ns: i64) {
+        if let Some(name) = self.names.get(sensor) {
+            self.windows.insert(name.clone(), (from_ns, to_ns));
+        }
+    }
+
     /// Hands everything to the system, so that a kill of this program loses none of it. Happens by itself while
     /// samples arrive; call it when they pause.
     ///
@@ -186,6 +200,7 @@ impl Writer {
     ///
     /// # Errors
     /// [`LogError::Unfinished`] when neither can be done: the live file stays, with all samples in it that were written.
+    /// [`LogError::Gone`] when it no longer stands at its name.
     pub fn finish(mut self) -> Result<Ending, LogError> {
         let flushed = self.flush();
         drop(self.sink.take().map(Sink::abandon));
@@ -197,9 +212,15 @@ impl Writer {
             (None, Err(error)) => Err(Some(error)),
             (None, Ok(())) => self.replace().map_err(Some),
         };
-        let Err(why) = replaced else { return Ok(Ending::Finished) };
-        let ended =
-            if disk::is_same_file(&self.path, &self.file) { end_in_place(&mut self.file).is_ok() } else { false };
+        let why = match replaced {
+            Ok(left_out) => return Ok(Ending::Finished(left_out)),
+            Err(why) => why,
+        };
+        if !disk::is_same_file(&self.path, &self.file) {
+            let source = Box::new(failed.or(why).unwrap_or_else(|| closed(&self.path)));
+            return Err(LogError::Gone { path: self.path.clone(), source });
+        }
+        let ended = end_in_place(&mut self.file).is_ok();
         match (failed, why) {
             (Some(error), _) if ended => Ok(Ending::CutShort(error)),
             (None, Some(error)) if ended => Ok(Ending::Plain(error)),
@@ -216,14 +237,17 @@ impl Writer {
         self.failed.get_or_insert(error);
     }
 
-    fn replace(&mut self) -> Result<(), LogError> {
+    fn replace(&mut self) -> Result<LeftOut, LogError> {
         let temporary = disk::temporary_beside(&self.path)?;
-        compress(&mut self.file, temporary.as_file(), &self.path, &self.retimer, self.zero_ns)?;
+        let moves = Moves { retimer: &self.retimer, zero_ns: self.zero_ns, windows: &self.windows };
+        let left_out = compress(&mut self.file, temporary.as_file(), &self.path, &moves)?;
         if !disk::is_same_file(&self.path, &self.file) {
             // Someone moved our file away: what stands at its name now, if anything, is not ours to replace.
-            return disk::publish_new(temporary, &self.path);
+            disk::publish_new(temporary, &self.path)?;
+        } else {
+            disk::publish_over(temporary, &self.path)?;
         }
-        disk::publish_over(temporary, &self.path)
+        Ok(left_out)
     }
 
     fn advance(&mut self, sensor: usize, first_ns: i64, end_ns: i64) -> Result<(), LogError> {

@@ -77,7 +77,7 @@ fn on_two_clocks(path: &Path) -> Writer {
 #[test]
 fn samples_end_on_the_recordings_clock_whether_finished_recovered_or_closed_in_place() {
     let (_folder, path) = place("run.mcap");
-    assert!(matches!(on_two_clocks(&path).finish().unwrap(), Ending::Finished));
+    assert!(matches!(on_two_clocks(&path).finish().unwrap(), Ending::Finished(left_out) if left_out.is_empty()));
     let finished = read(&path).unwrap();
     let series = &finished.series[0];
     assert_eq!(series.time_s[..3], [0.000_001, 0.010_002, 3.5]);
@@ -130,7 +130,42 @@ fn neither_start_nor_end_touches_a_file_of_someone_else() {
     std::fs::rename(&path, &moved).unwrap();
     std::fs::write(&path, "mine").unwrap();
     let error = writer.finish().unwrap_err();
-    assert!(matches!(error, LogError::Unfinished { .. }), "{error}");
+    assert!(matches!(error, LogError::Gone { .. }) && error.to_string().contains("moved or deleted"), "{error}");
     assert_eq!(std::fs::read(&path).unwrap(), b"mine");
     assert_eq!(recover(&moved, &path.with_file_name("saved.mcap")).unwrap().kept.sensors[0].samples, 1);
+}
+
+#[test]
+fn of_a_file_that_is_gone_with_its_folder_nothing_is_called_safe() {
+    let (folder, _) = place("run.mcap");
+    let inner = folder.path().join("inner");
+    std::fs::create_dir(&inner).unwrap();
+    let mut writer = Writer::create(&inner.join("run.mcap"), &rig(), &RunInfo::default()).unwrap();
+    writer.sample(0, 0, 1.0).unwrap();
+    std::fs::remove_dir_all(&inner).unwrap();
+    let error = writer.finish().unwrap_err().to_string();
+    assert!(error.contains("moved or deleted") && !error.contains("safe"), "{error}");
+}
+
+#[test]
+fn a_finished_file_keeps_what_its_windows_say_on_the_recordings_clock() {
+    let (_folder, path) = place("run.mcap");
+    let mut writer = Writer::create(&path, &rig(), &RunInfo { start_unix_ns: 1 << 60, ..RunInfo::default() }).unwrap();
+    let values: Vec<f64> = (0..500).map(f64::from).collect();
+    // 0 s to 1 s of a fast and a slow sensor, both logged 0.25 s early
+    writer.samples(0, 0, 2e6, &values).unwrap();
+    writer.samples(1, 0, 2e7, &values[..50]).unwrap();
+    let gap = |from_s: f64, to_s: f64| Gap { from_s, to_s, samples: None };
+    [gap(0.0, 0.002), gap(0.1, 0.2), gap(0.9, 0.95)].into_iter().for_each(|gap| writer.gap(0, gap).unwrap());
+    writer.samples(2, 0, 2e6, &values).unwrap();
+    let sensors = vec!["P1".to_owned(), "P2".to_owned()];
+    writer.clocks(vec![ClockFix { sensors, from_ns: 0, to_ns: 250_000_000, rate: 1.0 }]).unwrap();
+    [0, 1].into_iter().for_each(|sensor| writer.keep(sensor, 300_000_000, 700_000_000));
+    let Ending::Finished(left_out) = writer.finish().unwrap() else { panic!() };
+    assert_eq!((left_out.len(), left_out["P1"], left_out["P2"]), (2, (500 - 201, 2), (50 - 20, 0)));
+    let series = read(&path).unwrap().series;
+    let ends = |i: usize| (series[i].time_s[0], series[i].time_s[series[i].time_s.len() - 1]);
+    assert_eq!([ends(0), ends(1), ends(2)], [(0.3, 0.7), (0.31, 0.69), (0.0, 0.998)]);
+    assert_eq!((series[0].value[0], series[1].value[0]), (25.0, 3.0));
+    assert_eq!(series[0].gaps, [gap(0.35, 0.45)]);
 }

@@ -2,11 +2,21 @@
 
 use crate::recording::Gap;
 
+/// How far a stamp may lie from where the samples before it end, without a hole and without a step of the clock: three periods, half a
+/// frame up to 20 ms, a twentieth of a frame (of whose period the device may be wrong), and never less than 2 ms, as clocks that tick are
+/// off. ns.
+pub fn most_jitter_ns(period_ns: i64, rows: usize) -> i64 {
+    let length_ns = period_ns.saturating_mul(rows as i64);
+    (3 * period_ns).max((length_ns / 2).min(20_000_000)).max(length_ns / 20).max(2_000_000)
+}
+
 /// Where rows of samples stand in the recording.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Placed {
     /// Time of the first, ns on the recording's clock.
     pub first_ns: i64,
+    /// From one to the next, ns.
+    pub period_ns: f64,
     /// What is missing before it.
     pub gap: Option<Gap>,
 }
@@ -20,21 +30,48 @@ pub struct DeviceClock {
     last: Option<(i64, i64)>,
     /// The clock began anew: how much is missing before the next sample is unknown.
     anew: bool,
+    /// Frames that began before the one before them ended.
+    squeezed: u64,
+    stamped: Option<Stamped>,
+    /// Sums of the steps between stamps and of the lengths stated for them, where nothing was lost between, ns.
+    sums: (i64, i64),
 }
+
+/// The last frame's stamp, the length that it said, and how far off a stamp may be, ns.
+#[derive(Debug, Clone, Copy)]
+struct Stamped {
+    time_ns: i64,
+    stated_ns: i64,
+    jitter_ns: i64,
+}
+
+/// A stated period is told to be wrong from one part in so many on.
+const SURE_PERIOD: i64 = 2000;
 
 impl DeviceClock {
     /// A clock that shows `recording_ns` at the device time `device_ns`.
     pub fn starting_at(device_ns: i64, recording_ns: i64) -> DeviceClock {
-        DeviceClock { device_ns, recording_ns, last: None, anew: false }
+        DeviceClock { device_ns, recording_ns, last: None, anew: false, squeezed: 0, stamped: None, sums: (0, 0) }
     }
 
     /// The device's clock began anew: `device_ns` is now `recording_ns`, or just after the last sample where that is later.
     /// Returns the recording time.
     pub fn restart(&mut self, device_ns: i64, recording_ns: i64) -> i64 {
-        self.device_ns = device_ns;
         self.recording_ns = recording_ns.max(self.end_ns());
-        self.anew = true;
+        self.device_ns = device_ns;
+        (self.anew, self.stamped) = (true, None);
         self.recording_ns
+    }
+
+    /// The device's clock was set forward by so much, ns; nothing is missing.
+    pub fn step(&mut self, by_ns: i64) {
+        self.recording_ns = self.recording_ns.saturating_sub(by_ns);
+        self.stamped = None;
+    }
+
+    /// Recording time of a device time, ns.
+    pub fn at_ns(&self, device_ns: i64) -> i64 {
+        device_ns.saturating_sub(self.device_ns).saturating_add(self.recording_ns)
     }
 
     /// Time just after the last sample, ns: one period behind it; the start before the first.
@@ -47,35 +84,64 @@ impl DeviceClock {
         self.last.map(|(last_ns, _)| last_ns)
     }
 
+    /// Frames that began before the one before them ended.
+    pub fn squeezed(&self) -> u64 {
+        self.squeezed
+    }
+
+    /// How much longer its frames are by its stamps than they say, and the time over which that was seen, ns; 0 where jitter may be all.
+    pub fn disagreement(&self) -> (i64, i64) {
+        let ((stamped_ns, stated_ns), jitter_ns) = (self.sums, self.stamped.map_or(i64::MAX, |last| last.jitter_ns));
+        let off_ns = stamped_ns - stated_ns;
+        let doubtful = off_ns.saturating_abs() <= jitter_ns.saturating_add(stated_ns / SURE_PERIOD);
+        if doubtful { (0, stated_ns) } else { (off_ns, stated_ns) }
+    }
+
     /// Places rows, `period_ns` apart, behind those before them. `lost` rows or frames are known to be missing; a jump of the
     /// device time by a whole sample or more is a gap even where nothing is known to be.
+    ///
+    /// The stamp holds. Where a frame begins before the last one ends its samples share the time that is left until its own end, so that
+    /// neither a stated period that is too long nor a stamp that was late once moves what comes later.
     pub fn place(&mut self, device_ns: i64, period_ns: u32, rows: usize, lost: bool) -> Placed {
         let period_ns = i64::from(period_ns);
-        let time_ns = device_ns.saturating_sub(self.device_ns).saturating_add(self.recording_ns);
-        let mut placed = Placed { first_ns: time_ns, gap: None };
+        let stated_ns = period_ns.saturating_mul(rows as i64);
+        let time_ns = self.at_ns(device_ns);
+        let mut placed = Placed { first_ns: time_ns, period_ns: period_ns as f64, gap: None };
         if let Some((last_ns, _)) = self.last {
-            let expected_ns = last_ns + period_ns;
-            // A device whose µs clock jitters by more than a period: its samples stay in order, a period apart.
             if time_ns <= last_ns {
-                placed.first_ns = expected_ns;
+                self.squeezed += 1;
+                let left_ns = (time_ns + stated_ns - period_ns - last_ns) as f64 / rows.max(1) as f64;
+                placed.period_ns = left_ns.clamp(period_ns as f64 / 2.0, period_ns as f64).max(1.0);
+                placed.first_ns = last_ns + placed.period_ns.round() as i64;
             }
-            let missing = (placed.first_ns - expected_ns + period_ns / 2).div_euclid(period_ns);
+            let missing = (placed.first_ns - last_ns - period_ns + period_ns / 2).div_euclid(period_ns);
             if missing > 0 || lost || self.anew {
                 let known = u64::try_from(missing).ok().filter(|&n| n > 0 && !self.anew);
                 placed.gap = Some(Gap { from_s: seconds(last_ns), to_s: seconds(placed.first_ns), samples: known });
             }
         }
+        self.compare(Stamped { time_ns, stated_ns, jitter_ns: most_jitter_ns(period_ns, rows) }, lost);
         self.anew = false;
-        let steps = rows.saturating_sub(1) as i64;
-        self.last = Some((placed.first_ns + steps * period_ns, period_ns));
+        let steps = rows.saturating_sub(1) as f64;
+        self.last = Some((placed.first_ns + (steps * placed.period_ns).round() as i64, period_ns));
         placed
+    }
+
+    fn compare(&mut self, here: Stamped, lost: bool) {
+        if let Some(last) = self.stamped.filter(|_| !lost && !self.anew) {
+            let step_ns = here.time_ns - last.time_ns;
+            if (step_ns - last.stated_ns).saturating_abs() <= here.jitter_ns.saturating_mul(2) {
+                self.sums = (self.sums.0 + step_ns, self.sums.1 + last.stated_ns);
+            }
+        }
+        self.stamped = Some(here);
     }
 
     /// Places one row of a device without a fixed period: only a known hole is a gap. `None` for a time that is not after the
     /// last one.
     pub fn place_row(&mut self, device_ns: i64, hole: bool) -> Option<Placed> {
-        let first_ns = device_ns.saturating_sub(self.device_ns).saturating_add(self.recording_ns);
-        let mut placed = Placed { first_ns, gap: None };
+        let first_ns = self.at_ns(device_ns);
+        let mut placed = Placed { first_ns, period_ns: 0.0, gap: None };
         let mut step_ns = 1;
         if let Some((last_ns, _)) = self.last {
             if first_ns <= last_ns {
@@ -108,13 +174,17 @@ mod tests {
         clock.place(first_us * 1000, PERIOD_NS, 4, lost)
     }
 
+    fn placed(first_ns: i64, gap: Option<Gap>) -> Placed {
+        Placed { first_ns, period_ns: f64::from(PERIOD_NS), gap }
+    }
+
     #[test]
     fn times_are_the_devices_from_its_first_sample() {
         let mut clock = DeviceClock::starting_at(7_000_000_000, 0);
         assert_eq!(clock.end_ns(), 0);
-        assert_eq!(place(&mut clock, 7_000_000, false), Placed { first_ns: 0, gap: None });
+        assert_eq!(place(&mut clock, 7_000_000, false), placed(0, None));
         // 1 µs of rounding in the device's time is no gap and is not smoothed away.
-        assert_eq!(place(&mut clock, 7_002_001, false), Placed { first_ns: 2_001_000, gap: None });
+        assert_eq!(place(&mut clock, 7_002_001, false), placed(2_001_000, None));
         assert_eq!(clock.end_ns(), 4_001_000);
     }
 
@@ -133,10 +203,53 @@ mod tests {
     }
 
     #[test]
-    fn a_jittering_clock_keeps_the_samples_in_order() {
+    fn a_jittering_clock_keeps_the_samples_in_order_and_the_stamps_hold() {
         let mut clock = DeviceClock::starting_at(0, 0);
         place(&mut clock, 0, false);
-        assert_eq!(place(&mut clock, 1_400, false), Placed { first_ns: 2_000_000, gap: None });
+        // the stamp is 0.6 ms early: four samples share the time from 1.5 ms to 2.9 ms
+        assert_eq!(place(&mut clock, 1_400, false), Placed { first_ns: 1_850_000, period_ns: 350_000.0, gap: None });
+        assert_eq!(clock.last_ns(), Some(2_900_000));
+        assert_eq!(place(&mut clock, 4_000, false).first_ns, 4_000_000, "the next stamp holds again");
+        assert_eq!(clock.squeezed(), 1);
+    }
+
+    /// Frames of 500 samples that say 1 ms, and are 0.997 ms by their stamps.
+    #[test]
+    fn a_wrong_period_does_not_run_away_from_the_stamps_and_is_told() {
+        for (stated_ns, off_ns) in [(1_000_000, -1_500_000), (997_000, 0), (996_999, 500)] {
+            let mut clock = DeviceClock::starting_at(0, 0);
+            for frame in 0..40 {
+                let placed = clock.place(frame * 498_500_000, stated_ns, 500, false);
+                let ahead_ns = placed.first_ns - frame * 498_500_000;
+                assert!((0..2_000_000).contains(&ahead_ns) && placed.gap.is_none(), "frame {frame}: {placed:?}");
+            }
+            let (off_all_ns, over_ns) = clock.disagreement();
+            let told = if stated_ns == 1_000_000 { 39 * off_ns } else { 0 };
+            assert_eq!((off_all_ns, over_ns), (told, 39 * 500 * i64::from(stated_ns)));
+        }
+    }
+
+    /// One stamp in a hundred is 4 ms late, and the next true again.
+    #[test]
+    fn a_stamp_that_was_late_once_does_not_move_what_comes_later() {
+        let mut clock = DeviceClock::starting_at(0, 0);
+        for frame in 0..100 {
+            let late_ns = if frame == 50 { 4_000_000 } else { 0 };
+            let placed = clock.place(frame * 10_000_000 + late_ns, 1_000_000, 10, false);
+            let ahead_ns = placed.first_ns - frame * 10_000_000;
+            let most_ns = if (50..52).contains(&frame) { 5_000_000 } else { 0 };
+            assert!((0..=most_ns).contains(&ahead_ns), "frame {frame}: {ahead_ns}");
+        }
+        assert_eq!((clock.squeezed(), clock.disagreement().0), (1, 0));
+    }
+
+    #[test]
+    fn a_step_of_the_clock_is_taken_out() {
+        let mut clock = DeviceClock::starting_at(9_000_000_000, 0);
+        place(&mut clock, 9_000_000, false);
+        clock.step(3_000_000_000);
+        assert_eq!(place(&mut clock, 12_002_000, false), placed(2_000_000, None));
+        assert_eq!(clock.at_ns(12_002_000_000), 2_000_000);
     }
 
     #[test]
@@ -145,18 +258,19 @@ mod tests {
         place(&mut clock, 9_000_000, false);
         assert_eq!(clock.restart(5_000, 300_000_000), 300_000_000);
         let gap = Gap { from_s: 0.0015, to_s: 0.3, samples: None };
-        assert_eq!(place(&mut clock, 5, false), Placed { first_ns: 300_000_000, gap: Some(gap) });
+        assert_eq!(place(&mut clock, 5, false), placed(300_000_000, Some(gap)));
         assert_eq!(clock.restart(0, 1), 302_000_000, "no time comes twice");
     }
 
     #[test]
     fn rows_stand_at_their_own_times() {
+        let row = |first_ns, gap| Placed { first_ns, period_ns: 0.0, gap };
         let mut clock = DeviceClock::starting_at(1_000, 0);
-        assert_eq!(clock.place_row(1_000, false), Some(Placed { first_ns: 0, gap: None }));
+        assert_eq!(clock.place_row(1_000, false), Some(row(0, None)));
         assert_eq!(clock.place_row(1_000, false), None);
-        assert_eq!(clock.place_row(9_000, false), Some(Placed { first_ns: 8_000, gap: None }));
+        assert_eq!(clock.place_row(9_000, false), Some(row(8_000, None)));
         assert_eq!(clock.end_ns(), 16_000);
         let gap = Gap { from_s: 8e-6, to_s: 29e-6, samples: None };
-        assert_eq!(clock.place_row(30_000, true), Some(Placed { first_ns: 29_000, gap: Some(gap) }));
+        assert_eq!(clock.place_row(30_000, true), Some(row(29_000, Some(gap))));
     }
 }

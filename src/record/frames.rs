@@ -4,11 +4,14 @@
 //! (wraps), u64 device time of the first sample (µs), u32 sample period (ns), u16 samples m, m × n i16 interleaved by
 //! channel, u16 CRC-16/IBM-3740 over all before it.
 
+mod last;
+
 use std::collections::VecDeque;
 
 use crc::{CRC_16_IBM_3740, Crc};
 
 use super::pieces::Pieces;
+use last::{Last, missing};
 
 const VERSION: u8 = 1;
 const HEADER: usize = 18;
@@ -20,9 +23,6 @@ pub const MAX_ENCODED: usize = 1 << 20;
 
 /// Device times beyond this, µs (146 000 years), would not fit the recording's i64 nanoseconds.
 const MAX_DEVICE_US: u64 = (i64::MAX / 2000) as u64;
-
-/// A time further ahead than the sequence and the host's clock allow, by this share and this much, is doubted: µs.
-const DOUBT: (u64, u64) = (2, 50_000);
 
 /// So many consecutive frames from the past, in sequence among themselves, are a device that restarted.
 const RESTART_FRAMES: usize = 3;
@@ -200,7 +200,9 @@ pub struct FrameCounts {
 pub struct Decoder {
     pieces: Pieces<0, MAX_ENCODED>,
     last: Option<Last>,
-    /// A frame whose time jumps further than its sequence and its arrival say, until the next one confirms it; with its arrival.
+    /// Where the last frame would have stood by the one before it, or the one that refuted its time.
+    line: Option<Last>,
+    /// A frame whose time is off from what its sequence and its arrival say, until the next one confirms it; with its arrival.
     doubtful: Option<(Frame, i64)>,
     /// Frames from the past, in sequence among themselves: late ones, or a device that restarted. Each with its arrival.
     stale: Vec<(Frame, i64)>,
@@ -210,38 +212,6 @@ pub struct Decoder {
     lost_before: u32,
     anew: bool,
     counts: FrameCounts,
-}
-
-#[derive(Debug, Clone, Copy)]
-struct Last {
-    sequence: u16,
-    first_us: u64,
-    /// Length of a frame, µs.
-    length_us: u64,
-    /// When the frame that `first_us` is of began to arrive, ns.
-    began_ns: i64,
-}
-
-impl Last {
-    fn of(frame: &Frame, began_ns: i64) -> Last {
-        let length_us = u64::from(frame.period_ns) * frame.samples() as u64 / 1000;
-        Last { sequence: frame.sequence, first_us: frame.first_us, length_us, began_ns }
-    }
-
-    /// True for a later frame whose time is ahead of both what the sequence and what the host's clock say.
-    fn jumps_to(&self, next: &Frame, began_ns: i64) -> bool {
-        let step = u64::from(next.sequence.wrapping_sub(self.sequence));
-        let elapsed_us = u64::try_from(began_ns.saturating_sub(self.began_ns)).unwrap_or(0) / 1000;
-        let allowed_us = elapsed_us.max(step.saturating_mul(self.length_us));
-        next.first_us - self.first_us > DOUBT.0.saturating_mul(allowed_us) + DOUBT.1
-    }
-
-    /// True where the sequence went back, and more frames would be missing by it than fit into the hole.
-    fn begins_anew_with(&self, next: &Frame) -> bool {
-        let missing = u64::from(next.sequence.wrapping_sub(self.sequence)) - 1;
-        let hole_us = next.first_us.saturating_sub(self.first_us + self.length_us);
-        next.sequence < self.sequence && missing.saturating_mul(self.length_us) > DOUBT.0 * hole_us + DOUBT.1
-    }
 }
 
 impl Decoder {
@@ -296,6 +266,10 @@ impl Decoder {
             self.take(frame, began_ns, events);
             return;
         };
+        if frame.first_us <= last.first_us && self.refutes(&frame, began_ns) {
+            self.counts.bad += 1;
+            return;
+        }
         let repeated = frame.sequence == last.sequence;
         if repeated || frame.first_us <= last.first_us {
             self.stale(frame, began_ns, repeated, events);
@@ -306,20 +280,42 @@ impl Decoder {
         }
     }
 
+    /// True for a frame from before the last one that goes on where that one should have ended: its time was false, though it came late
+    /// enough for it to be true. Nothing behind it can be taken until that time has passed.
+    fn refutes(&mut self, next: &Frame, began_ns: i64) -> bool {
+        let refutes = self.line.is_some_and(|line| {
+            let ends_us = line.first_us + line.length_us;
+            line.goes_on_with(next) && next.first_us.abs_diff(ends_us) <= line.jitter_us
+        });
+        if refutes {
+            self.line = Some(Last::of(next, began_ns));
+        }
+        refutes
+    }
+
     /// The frame behind one with a doubtful time goes on from there, or from before it: then the doubtful one is dropped. One from the
     /// past says nothing. True for the doubtful one come again.
     fn settle(&mut self, next: &Frame, next_began_ns: i64, events: &mut Vec<Event>) -> bool {
         let Some((doubtful, began_ns)) = self.doubtful.take() else { return false };
-        let last_us = self.last.map_or(0, |last| last.first_us);
+        let Some(last) = self.last else { return false };
+        let last_us = last.first_us;
         let again = next.sequence == doubtful.sequence && next.first_us == doubtful.first_us;
         if again || next.first_us <= last_us {
             self.doubtful = Some((doubtful, began_ns));
             return again;
         }
-        // A device that samples now and then jumps again and again.
         let (jumped, jump_us) = (Last::of(&doubtful, began_ns), doubtful.first_us - last_us);
-        let goes_on = next.first_us > doubtful.first_us
-            && (!jumped.jumps_to(next, next_began_ns) || next.first_us - doubtful.first_us <= jump_us + jump_us / 2);
+        let goes_on = if last.goes_on_with(&doubtful) && jumped.goes_on_with(next) {
+            // Nothing is missing: it stands where the doubtful one ends, or where it would end had its time not jumped.
+            let true_us = last_us + last.length_us + jumped.length_us;
+            let (jumped_us, true_us) =
+                (next.first_us.abs_diff(doubtful.first_us + jumped.length_us), next.first_us.abs_diff(true_us));
+            next.first_us > doubtful.first_us && jumped_us <= true_us
+        } else {
+            // A device that samples now and then jumps again and again.
+            next.first_us > doubtful.first_us
+                && (!jumped.jumps_to(next, next_began_ns) || next.first_us - doubtful.first_us <= jump_us + jump_us / 2)
+        };
         if goes_on {
             self.take(doubtful, began_ns, events);
         } else {
@@ -334,7 +330,7 @@ impl Decoder {
             if last.begins_anew_with(&frame) {
                 self.anew = true;
             } else {
-                let lost = missing(&last, &frame, frame.sequence.wrapping_sub(last.sequence));
+                let lost = missing(&last, &frame, began_ns);
                 self.counts.lost += u64::from(lost);
                 self.lost_before = self.lost_before.saturating_add(lost);
             }
@@ -352,6 +348,8 @@ impl Decoder {
             self.last = Some(Last { sequence: frame.sequence, length_us: 0, ..before });
             return;
         }
+        let before = self.last.filter(|last| last.goes_on_with(&frame));
+        self.line = before.map(|last| Last { first_us: last.first_us + last.length_us, ..here });
         self.last = Some(here);
         let lost_before = std::mem::take(&mut self.lost_before);
         events.push(Event::Frame { frame, lost_before, began_ns, anew: std::mem::take(&mut self.anew) });
@@ -377,7 +375,7 @@ impl Decoder {
         }
         events.push(Event::Restarted);
         self.counts.bad += u64::from(self.doubtful.take().is_some());
-        self.last = None;
+        (self.last, self.line) = (None, None);
         self.recent.clear();
         (self.lost_before, self.anew) = (0, false);
         self.counts.duplicated -= RESTART_FRAMES as u64;
@@ -385,15 +383,6 @@ impl Decoder {
             self.take(frame, began_ns, events);
         }
     }
-}
-
-/// Frames missing between two, by the sequence; where it wrapped unseen in a long hole, the device's time tells how often.
-fn missing(last: &Last, next: &Frame, step: u16) -> u32 {
-    let by_sequence = u64::from(step - 1);
-    let hole_us = next.first_us.saturating_sub(last.first_us + last.length_us);
-    let by_time = hole_us.checked_div(last.length_us).unwrap_or(0);
-    let wraps = (by_time.saturating_sub(by_sequence) + (1 << 15)) >> 16;
-    u32::try_from(by_sequence + (wraps << 16)).unwrap_or(u32::MAX)
 }
 
 #[cfg(test)]

@@ -309,6 +309,48 @@ fn a_false_time_is_dropped_and_a_true_jump_is_not() {
     assert_eq!(decoder.counts().bad, 1);
 }
 
+/// One stamp in an unbroken sequence is off; in the second half of the cases its frame arrives late enough for it to be true.
+#[test]
+fn a_stamp_that_is_off_by_less_than_a_stall_costs_one_frame_and_no_restart() {
+    for (off_us, late_ms, dropped, bad) in [
+        (8_000, 0, 1, 1),
+        (25_000, 0, 1, 1),
+        (40_000, 0, 1, 1),
+        (-6_000, 0, 1, 1),
+        (40_000, 60, 4, 4),
+        (25_000, 60, 2, 2),
+    ] {
+        let mut decoder = Decoder::new();
+        let frames: Vec<_> = (0..20u16)
+            .map(|index| {
+                let (off_us, late_ms) = if index == 10 { (off_us, late_ms) } else { (0, 0) };
+                let first_us = (1_000_000 + i64::from(index) * 10_000 + off_us) as u64;
+                (i64::from(index) * 10 + late_ms, at(index, first_us))
+            })
+            .collect();
+        let taken = fed(&mut decoder, &frames);
+        let counts = FrameCounts { frames: 20 - dropped, bad, lost: dropped, duplicated: 0 };
+        assert_eq!(decoder.counts(), counts, "{off_us} µs off, {late_ms} ms late");
+        assert_eq!(taken.len() as u64, 20 - dropped);
+    }
+}
+
+/// A clock that is set, forward or back, while the sequence goes on: the next frame confirms it, and nothing is lost.
+#[test]
+fn a_step_of_the_clock_loses_no_frame() {
+    for step_us in [30_000_i64, 3_000_000, 7_200_000_000, -6_000, -40_000] {
+        let mut decoder = Decoder::new();
+        let long = |index: u16| {
+            let stepped_us = if index < 10 { 0 } else { step_us };
+            let first_us = (1_000_000 + i64::from(index) * 100_000 + stepped_us) as u64;
+            (i64::from(index) * 100, Frame::new(index, first_us, 1_000_000, 1, vec![0; 100]).unwrap())
+        };
+        let frames: Vec<_> = (0..20).map(long).collect();
+        assert_eq!(fed(&mut decoder, &frames).len(), 20, "{step_us} µs");
+        assert_eq!(decoder.counts(), FrameCounts { frames: 20, ..FrameCounts::default() });
+    }
+}
+
 #[test]
 fn a_sequence_that_begins_anew_invents_no_lost_frames() {
     let (mut decoder, mut events) = (Decoder::new(), Vec::new());

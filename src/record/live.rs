@@ -8,6 +8,7 @@ use super::session::Options;
 use super::snapshot::Snapshot;
 use super::source::HostClock;
 use super::stream::Stream;
+use crate::log::Retimer;
 use crate::recording::RunInfo;
 use crate::rig::Rig;
 
@@ -84,13 +85,18 @@ impl<'a> Live<'a> {
         std::mem::take(&mut self.clocks_changed)
     }
 
-    /// Writes how the clocks lie to each other, as well as it is known by now.
-    pub fn write_clocks(&mut self, streams: &[Stream<'_>]) -> Result<(), RecordError> {
+    /// Writes how the clocks lie to each other, as well as it is known by now, and tells the devices.
+    pub fn write_clocks(&mut self, streams: &mut [Stream<'_>]) -> Result<(), RecordError> {
         let name = |sensor: usize| self.rig.sensors[sensor].name.clone();
         let devices: Vec<_> =
             streams.iter().map(|stream| (stream.sensors().map(name).collect(), stream.stretches.clone())).collect();
         let own: Vec<bool> = streams.iter().map(Stream::has_clock).collect();
         let fixes = align::fixes(&devices, &own);
+        let retimer = Retimer::new(fixes.clone());
+        for (stream, (sensors, _)) in streams.iter_mut().zip(&devices) {
+            let moves = sensors.first().map(|sensor| retimer.of(sensor)).unwrap_or_default();
+            stream.set_moves(moves);
+        }
         match &mut self.begun {
             Some((output, _)) => output.clocks(fixes),
             None => Ok(()),

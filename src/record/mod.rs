@@ -25,6 +25,7 @@ pub mod align;
 mod bus;
 pub mod callout;
 pub mod clock;
+mod clock_summary;
 mod error;
 pub mod fit;
 pub mod frames;

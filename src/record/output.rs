@@ -1,6 +1,5 @@
 //! What a session writes to: the log, with what went into it counted, flushed and reported on time.
 
-use std::fmt;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -9,7 +8,7 @@ use serde::Serialize;
 use super::RecordError;
 use super::callout::CallOut;
 use super::clock::seconds;
-use super::fit::ClockLine;
+pub use super::clock_summary::ClockSummary;
 use crate::log::disk::temporary_beside;
 use crate::log::{self, ClockFix, Ending, LogError, Writer};
 use crate::recording::{Gap, RunInfo};
@@ -17,9 +16,6 @@ use crate::rig::Rig;
 
 /// A crash loses no more than this and what is on its way.
 const FLUSH_EVERY: Duration = crate::log::FLUSH_EVERY;
-
-/// Where half of the arrivals are later than this after the line, the line is none, ms.
-const MOST_RESIDUAL_MS: f64 = 50.0;
 
 /// What was recorded of one sensor.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
@@ -55,6 +51,13 @@ pub struct DeviceCount {
     pub reconnects: u64,
     /// How often its clock began anew.
     pub restarts: u64,
+    /// How often its clock was set while its sequence went on; its times are as if it had not been.
+    pub clock_steps: u64,
+    /// Frames that by their stamps began before the one before them ended; their samples stand closer.
+    pub squeezed_frames: u64,
+    /// How much longer than its frames say the time between its samples is by its stamps, s, and over how many s; zeros where they agree.
+    #[serde(skip)]
+    pub period_off_s: (f64, f64),
     /// How often its thread waited because the session did not keep up.
     pub queue_waits: u64,
     /// How long it waited in all, s.
@@ -74,6 +77,22 @@ impl DeviceCount {
         self.incomplete || self.bad_frames > 0 || self.lost_frames > 0 || self.holes > 0
     }
 
+    /// Says where its times cannot be trusted; `several` devices have theirs compared.
+    pub(super) fn warn(&mut self, several: bool) {
+        let (off_s, over_s) = self.period_off_s;
+        let period = (off_s != 0.0).then(|| {
+            format!(
+                "the sample period that it states is wrong by {:.2}% against its own time stamps, which are kept to: correct the period \
+                 that it sends, or its clock",
+                100.0 * off_s / over_s
+            )
+        });
+        let compared = several || self.restarts > 0 || self.clock_steps > 0;
+        let clock = self.clock.as_ref().filter(|_| compared).and_then(ClockSummary::warning);
+        let all: Vec<String> = clock.into_iter().chain(period).collect();
+        self.clock_warning = (!all.is_empty()).then(|| all.join("; "));
+    }
+
     /// What is kept of it with the recording.
     pub(super) fn notes(&self) -> Vec<(&'static str, String)> {
         let mut notes = vec![
@@ -87,6 +106,8 @@ impl DeviceCount {
             ("skipped_polls", self.skipped_polls),
             ("reconnects", self.reconnects),
             ("restarts", self.restarts),
+            ("clock_steps", self.clock_steps),
+            ("squeezed_frames", self.squeezed_frames),
             ("queue_waits", self.queue_waits),
         ];
         notes.extend(seldom.into_iter().filter(|(_, count)| *count > 0).map(|(what, count)| (what, count.to_string())));
@@ -95,48 +116,6 @@ impl DeviceCount {
         }
         notes.extend(self.clock_warning.iter().map(|warning| ("clock_warning", warning.clone())));
         notes
-    }
-}
-
-/// A device's clock against this computer's: the line below all arrivals.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct ClockSummary {
-    /// How much faster the device's clock runs, millionths; `None` where the stream was too short for the scatter of its arrivals, or not in real time.
-    pub drift_ppm: Option<f64>,
-    /// How late after the line half of the arrivals came at most, ms.
-    pub residual_median_ms: f64,
-    /// How late 95% of them came at most, ms.
-    pub residual_95_ms: f64,
-}
-
-impl ClockSummary {
-    /// What to tell the user where the arrivals do not lie on one line: a clock that stepped, or a line that stalls.
-    pub(super) fn warning(&self) -> Option<String> {
-        // a stall makes some arrivals late and does the fit no harm; where most are, there is no line
-        (self.residual_median_ms > MOST_RESIDUAL_MS).then(|| {
-            format!(
-                "its clock does not run evenly against this computer's (half of the frames came over {:.0} ms late): its times may be \
-                 off by as much against other devices; did it restart, or does its line stall?",
-                self.residual_median_ms
-            )
-        })
-    }
-
-    pub(super) fn of(line: &ClockLine) -> ClockSummary {
-        let (median_ns, most_ns) = line.residual_ns;
-        let drift_ppm = line.drift_known.then_some((1.0 / line.rate - 1.0) * 1e6);
-        ClockSummary { drift_ppm, residual_median_ms: median_ns / 1e6, residual_95_ms: most_ns / 1e6 }
-    }
-}
-
-impl fmt::Display for ClockSummary {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self.drift_ppm {
-            Some(drift) => write!(f, "{drift:+.1} ppm against this computer's")?,
-            None => f.write_str("drift not known")?,
-        }
-        let ClockSummary { residual_median_ms: half, residual_95_ms: most, .. } = self;
-        write!(f, "; half of the frames came within {half:.3} ms of the fit, 95% within {most:.3} ms")
     }
 }
 
@@ -174,7 +153,7 @@ pub struct Summary {
 pub struct CutShort {
     /// Its recording.
     pub file: String,
-    /// Recorded after the trigger fired, s.
+    /// Recorded after the trigger fired, s; 0 where the disk refused even what came before.
     pub kept_s: f64,
     /// What was asked for, s.
     pub asked_s: f64,
@@ -187,6 +166,8 @@ pub struct Output {
     names: Vec<String>,
     counts: Vec<(u64, u64)>,
     end_ns: i64,
+    /// Nothing is kept from this time on, ns.
+    until_ns: i64,
     flush_at: Instant,
     /// The disk has refused something; what came since is dropped.
     refused: bool,
@@ -226,6 +207,7 @@ impl Output {
             names: rig.sensors.iter().map(|sensor| sensor.name.clone()).collect(),
             counts: vec![(0, 0); rig.sensors.len()],
             end_ns: 0,
+            until_ns: i64::MAX,
             flush_at: now + FLUSH_EVERY,
             refused: false,
         })
@@ -260,6 +242,13 @@ impl Output {
     /// Writes how the devices' clocks lie to each other.
     pub fn clocks(&mut self, fixes: Vec<ClockFix>) -> Result<(), RecordError> {
         self.write(|writer| writer.clocks(fixes)).map(drop)
+    }
+
+    /// Of a sensor, only what lies from one time to another on the recording's clock is kept, ns; the recording as a whole ends at
+    /// `until_ns`.
+    pub fn keep(&mut self, sensor: usize, from_ns: i64, to_ns: i64, until_ns: i64) {
+        self.writer.keep(sensor, from_ns, to_ns);
+        self.until_ns = until_ns;
     }
 
     /// True once the disk has refused something: the recording is over.
@@ -316,7 +305,13 @@ impl Output {
             .map_err(|source| RecordError::Write { file: file.clone(), source: Box::new(source) })?;
         let mut data_lost = devices.iter().any(DeviceCount::lost_data);
         match ending {
-            Ending::Finished => {}
+            Ending::Finished(left_out) => {
+                for (name, count) in self.names.iter().zip(&mut self.counts) {
+                    let (samples, gaps) = left_out.get(name).copied().unwrap_or_default();
+                    *count = (count.0.saturating_sub(samples), count.1.saturating_sub(gaps));
+                }
+                self.end_ns = self.end_ns.min(self.until_ns);
+            }
             Ending::Plain(error) => {
                 ended += &format!(". Every sample is in the file, but it could not be compressed: {}", cause(&error));
             }

@@ -40,7 +40,7 @@ impl Recorder {
         self.monitor.samples(sensor, first_ns, period_ns, values);
         match &mut self.to {
             Destination::Whole(output) => output.samples(sensor, first_ns, period_ns, values),
-            Destination::Shots(shots) => shots.samples(sensor, first_ns, period_ns, values, &self.monitor),
+            Destination::Shots(shots) => shots.samples(sensor, first_ns, period_ns, values),
         }
     }
 
@@ -53,6 +53,26 @@ impl Recorder {
         }
     }
 
+    /// Takes a gap at the end of a sensor, of whose device nothing came any more; a shot looks for itself what it lacks.
+    pub fn never_came(&mut self, sensor: usize, gap: Gap) -> Result<(), RecordError> {
+        match &mut self.to {
+            Destination::Whole(output) => output.gap(sensor, gap),
+            Destination::Shots(_) => Ok(()),
+        }
+    }
+
+    /// Of a sensor, only what lies before a time on the recording's clock is kept, ns; a shot has an end of its own.
+    pub fn keep_until(&mut self, sensor: usize, end_ns: i64) {
+        if let Destination::Whole(output) = &mut self.to {
+            output.keep(sensor, i64::MIN, end_ns - 1, end_ns);
+        }
+    }
+
+    /// True where what comes next hangs on how the clocks lie to each other now.
+    pub fn wants_clocks(&self) -> bool {
+        matches!(&self.to, Destination::Shots(shots) if shots.wants_clocks())
+    }
+
     /// As [`Output::note`]; what is said at the end of a session belongs to none of its shots but the one that it cut off.
     pub fn note(&mut self, key: &str, value: &str) -> Result<(), RecordError> {
         match &mut self.to {
@@ -61,12 +81,12 @@ impl Recorder {
         }
     }
 
-    /// To be called often: flushes, and judges the sensors, when it is time.
+    /// To be called often: begins and ends shots, flushes, and judges the sensors, when it is time.
     pub fn tick(&mut self) -> Result<(), RecordError> {
         self.monitor.tick();
         match &mut self.to {
             Destination::Whole(output) => output.tick(),
-            Destination::Shots(shots) => shots.tick(),
+            Destination::Shots(shots) => shots.tick(&self.monitor),
         }
     }
 

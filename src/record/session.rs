@@ -6,18 +6,27 @@ use std::sync::mpsc::RecvTimeoutError;
 use std::time::{Duration, Instant};
 
 use super::RecordError;
+use super::clock::seconds;
 use super::live::Live;
-use super::output::{ClockSummary, DeviceCount, Summary, check_folder, check_path};
+use super::output::{DeviceCount, Summary, check_folder, check_path};
 use super::shots::Plan;
 use super::snapshot::{Reports, SensorView, Snapshot};
-use super::source::Sources;
-use super::stream::{State, Stream};
+use super::source::{Input, Sources};
+use super::stream::{ON_ITS_WAY, State, Stream};
+use crate::recording::Gap;
 use crate::rig::{Device, Protocol, Rig};
 
 /// How long the session waits for input before it looks at the clock and the stop flag, and flushes.
 const WAIT: Duration = Duration::from_millis(10);
+/// When the user stops, what came until so much later is recorded, ns, but for no longer than this: a disk that stands still does not keep
+/// the program from its end.
+const ON_ITS_WAY_NS: i64 = 10_000_000;
+const MOST_WAITING: Duration = Duration::from_secs(2);
 /// How often the log is told how the clocks lie to each other.
 const CLOCKS_EVERY: Duration = Duration::from_secs(5);
+
+/// Clocks are known to so much: a device that ended so shortly before the duration has sent all of it, ns.
+const END_NS: i64 = 10_000_000;
 
 /// What a session is asked for.
 #[derive(Debug, Clone)]
@@ -97,49 +106,106 @@ pub fn record(
     on_report: &mut dyn FnMut(Snapshot),
 ) -> Result<Summary, RecordError> {
     options.check()?;
-    let mut streams: Vec<Stream<'_>> = sources.devices.iter().map(|device| Stream::new(rig, device)).collect();
+    let mut streams = streams_of(rig, &sources.devices);
     let expected = streams.iter().enumerate().flat_map(|(device, stream)| stream.expected(device)).collect();
     let mut live = Live::new(rig, options, describe(&sources.devices), expected, sources.host);
     let mut reports = Reports::to(on_report);
     let mut clocks_written = Instant::now();
     let ended = loop {
         if stop.load(Ordering::Relaxed) {
+            take_waiting(sources, &mut streams, &mut live)?;
             break BY_USER.to_owned();
         }
         match sources.next(WAIT) {
             Ok((device, input)) => {
-                if let Some(stream) = streams.get_mut(device) {
-                    stream.take(input, &mut live)?;
-                }
+                take(device, input, &mut streams, &mut live)?;
             }
             Err(RecvTimeoutError::Timeout) => {}
             Err(RecvTimeoutError::Disconnected) if streams.iter().all(|s| over(s, options).is_some()) => {}
             Err(RecvTimeoutError::Disconnected) => break "the reading threads ended".to_owned(),
         }
         if let Some(ended) = all_over(&streams, options) {
-            break ended;
+            live.write_clocks(&mut streams)?;
+            reopen(&mut streams, live.end_ns);
+            if all_over(&streams, options).is_some() {
+                break ended;
+            }
         }
         if live.has_begun() {
-            let several = streams.len() > 1 || streams.iter().any(|stream| stream.stretches.len() > 1);
-            if several && (live.take_clocks_changed() || clocks_written.elapsed() >= CLOCKS_EVERY) {
-                live.write_clocks(&streams)?;
+            let due = clocks_written.elapsed() >= CLOCKS_EVERY;
+            if due {
                 clocks_written = Instant::now();
             }
-            let output = live.output()?;
-            output.tick()?;
-            if output.refused() {
-                break "the disk takes no more".to_owned();
-            }
-            if output.is_over() {
-                break "all shots were recorded".to_owned();
+            if let Some(ended) = keep_up(due, &mut streams, &mut live)? {
+                break ended.to_owned();
             }
         }
         reports.when_due(|| snapshot(&streams, &live, sources, options));
     };
-    for stream in &mut streams {
-        stream.finish(&mut live)?;
+    finish(&mut streams, live, sources, options, ended)
+}
+
+fn streams_of<'a>(rig: &Rig, devices: &'a [Device]) -> Vec<Stream<'a>> {
+    let mut streams: Vec<Stream<'_>> = devices.iter().map(|device| Stream::new(rig, device)).collect();
+    streams.iter_mut().for_each(|stream| stream.shared = devices.len() > 1);
+    streams
+}
+
+/// Records what came from a device. Where it seems to have come to the end of the recording, its clock as it is known now decides.
+fn take(device: usize, input: Input, streams: &mut [Stream<'_>], live: &mut Live<'_>) -> Result<(), RecordError> {
+    let has_come = |stream: &Stream<'_>, end_ns: i64| stream.state == State::Open && stream.has_come_to(end_ns);
+    let Some(stream) = streams.get_mut(device) else { return Ok(()) };
+    stream.take(input, live)?;
+    if has_come(stream, live.end_ns) {
+        live.write_clocks(streams)?;
     }
-    finish(&streams, live, sources, options, ended)
+    if let Some(stream) = streams.get_mut(device).filter(|stream| has_come(stream, live.end_ns)) {
+        stream.state = State::Reached;
+    }
+    Ok(())
+}
+
+/// Records what had come when the user stopped, and what is in the queue of it: that the disk was slow loses nothing.
+fn take_waiting(sources: &Sources, streams: &mut [Stream<'_>], live: &mut Live<'_>) -> Result<(), RecordError> {
+    let (stopped_ns, deadline) = (sources.host.now_ns(), Instant::now() + MOST_WAITING);
+    while Instant::now() < deadline
+        && let Ok((device, input)) = sources.next(WAIT)
+    {
+        let at_ns = match &input {
+            Input::Bytes { at_ns, .. } => *at_ns,
+            Input::Polled(polled) => polled.at_ns,
+            Input::Vanished(_) | Input::Back | Input::Ended(_) => stopped_ns,
+        };
+        if at_ns > stopped_ns + ON_ITS_WAY_NS {
+            break;
+        }
+        take(device, input, streams, live)?;
+    }
+    Ok(())
+}
+
+/// Tells the log how the clocks lie to each other, when it is `due` or wanted, and flushes. Says why no more is to be recorded.
+fn keep_up(due: bool, streams: &mut [Stream<'_>], live: &mut Live<'_>) -> Result<Option<&'static str>, RecordError> {
+    let several = streams.len() > 1 || streams.iter().any(|stream| stream.stretches.len() > 1);
+    if several && (live.take_clocks_changed() || due || live.output()?.wants_clocks()) {
+        live.write_clocks(streams)?;
+    }
+    let output = live.output()?;
+    output.tick()?;
+    Ok(match () {
+        () if output.refused() => Some("the disk takes no more"),
+        () if output.is_over() => Some("all shots were recorded"),
+        () => None,
+    })
+}
+
+/// By the clocks as they are known now, a device that had come to the end may have not.
+fn reopen(streams: &mut [Stream<'_>], end_ns: i64) {
+    let short = |stream: &&mut Stream<'_>| stream.state == State::Reached && !stream.has_come_to(end_ns);
+    // what is no longer there can send no more
+    for stream in streams.iter_mut().filter(short).filter(|stream| stream.heard.elapsed() < ON_ITS_WAY) {
+        stream.state = State::Open;
+    }
 }
 
 /// Where the session stands.
@@ -154,18 +220,23 @@ fn snapshot(streams: &[Stream<'_>], live: &Live<'_>, sources: &Sources, options:
 }
 
 fn finish(
-    streams: &[Stream<'_>],
+    streams: &mut [Stream<'_>],
     mut live: Live<'_>,
     sources: &Sources,
     options: &Options,
     ended: String,
 ) -> Result<Summary, RecordError> {
+    streams.iter_mut().try_for_each(|stream| stream.finish(&mut live))?;
     if !live.has_begun() {
         return Err(streams.first().map_or(RecordError::NotBegun, |stream| stream.nothing(ended)));
     }
     live.write_clocks(streams)?;
     let all_shots = live.output()?.is_over();
     let by_user = ended == BY_USER;
+    // Where nothing more comes at all the session ends by itself, and the last to fall silent is no later than it should be.
+    let last_heard = streams.iter().map(|stream| stream.heard).max().unwrap_or_else(Instant::now);
+    let moment = if all_over(streams, options).is_some() { last_heard } else { Instant::now() };
+    let limit_s = seconds(live.end_ns);
     let devices: Vec<DeviceCount> = streams
         .iter()
         .enumerate()
@@ -173,19 +244,34 @@ fn finish(
             let mut count = stream.count(sources.waited(index));
             // What ended before the duration, vanished for good or never spoke owes what it did not send; a device that ends by
             // itself, or that the user stops, does not.
-            let early = options.duration_s.is_some() && stream.state != State::Reached && !by_user && !all_shots;
+            let came = stream.state == State::Reached || stream.has_come_to(live.end_ns.saturating_sub(END_NS));
+            let early = options.duration_s.is_some() && !came && !by_user && !all_shots;
             let left = match stream.state {
                 State::Vanished(..) => true,
                 State::Ended(_) => streams.len() > 1,
                 State::Open | State::Reached => false,
             };
-            if streams.len() > 1 || count.restarts > 0 {
-                count.clock_warning = count.clock.as_ref().and_then(ClockSummary::warning);
-            }
-            count.incomplete = early || stream.is_empty() || left;
+            count.warn(streams.len() > 1);
+            let silent = stream.silent_since(moment, options.silence).is_some();
+            count.incomplete = early || stream.is_empty() || left || silent;
             count
         })
         .collect();
+    for stream in streams.iter() {
+        let Some((since_ns, silent)) = stream.silent_since(moment, options.silence) else { continue };
+        let (from_s, to_s) = (seconds(since_ns), (seconds(since_ns) + silent.as_secs_f64()).min(limit_s));
+        for sensor in stream.sensors() {
+            live.output()?.never_came(sensor, Gap { from_s, to_s, samples: None })?;
+        }
+    }
+    if options.duration_s.is_some() {
+        for stream in streams.iter().filter(|stream| stream.is_moved()) {
+            for sensor in stream.sensors() {
+                let end_ns = live.end_ns;
+                live.output()?.keep_until(sensor, end_ns);
+            }
+        }
+    }
     let listed: Vec<usize> = streams.iter().flat_map(|stream| stream.sensors().collect::<Vec<_>>()).collect();
     let Some(mut output) = live.into_output() else { return Err(RecordError::NotBegun) };
     for device in &devices {
@@ -245,3 +331,7 @@ fn describe(devices: &[Device]) -> String {
     };
     devices.iter().map(one).collect::<Vec<_>>().join("; ")
 }
+
+#[cfg(test)]
+#[path = "session_tests.rs"]
+mod tests;

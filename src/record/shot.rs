@@ -3,7 +3,7 @@
 use super::RecordError;
 use super::clock::seconds;
 use super::output::Output;
-use crate::log::ClockFix;
+use crate::log::{ClockFix, SensorClock};
 use crate::recording::Gap;
 
 /// Evenly spaced samples of a sensor.
@@ -19,21 +19,34 @@ impl Batch {
         self.first_ns.saturating_add((i as f64 * self.period_ns).round() as i64)
     }
 
+    /// Time of its last sample, as logged, ns.
     pub(super) fn last_ns(&self) -> i64 {
         self.at(self.values.len().saturating_sub(1))
     }
 }
 
-/// A shot that is being written.
+/// How a sensor's samples lie to a shot. Times are as logged, ns.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Share {
+    /// The last sample that was left out before it, the first and the last that were written, and the first left out behind it.
+    before: Option<i64>,
+    written: Option<(i64, i64)>,
+    behind: Option<i64>,
+    /// It had no sample in the time before the shot: its last one stands for it.
+    carried: bool,
+}
+
+/// A shot that is being written. Samples are cut by the clocks as they were known when they came, with a margin where these may still move;
+/// what the finished file keeps is cut by the clocks as they are known in the end.
 pub(super) struct Open {
     pub(super) output: Output,
-    /// Its bounds on the session's clock, ns.
+    /// Its bounds on the recording's clock, ns.
     pub(super) from_ns: i64,
     pub(super) to_ns: i64,
     /// When the trigger fired, likewise.
     pub(super) fired_ns: i64,
-    /// The sensors that have samples in it.
-    pub(super) sensors: Vec<usize>,
+    /// Each sensor of the rig.
+    pub(super) shares: Vec<Share>,
     /// Samples that belong into it are missing.
     pub(super) lost: bool,
 }
@@ -41,7 +54,7 @@ pub(super) struct Open {
 /// How far a sensor has come.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Heard {
-    /// Time of its last sample, ns.
+    /// Time of its last sample as logged, ns.
     pub(super) last_ns: i64,
     /// From the one before to it, ns; none of a sensor's first.
     pub(super) spacing_ns: Option<i64>,
@@ -58,27 +71,62 @@ impl Heard {
         Heard { last_ns: batch.last_ns(), spacing_ns }
     }
 
-    /// Whether samples before `until_ns` are missing: one would have been due.
-    fn lags(self, until_ns: i64) -> bool {
-        self.spacing_ns.is_some_and(|spacing| until_ns.saturating_sub(self.last_ns) > spacing.saturating_mul(3) / 2)
+    /// Whether samples before `until_ns` on the recording's clock are missing: one would have been due.
+    fn lags(self, clock: &SensorClock, until_ns: i64) -> bool {
+        let behind_ns = until_ns.saturating_sub(clock.time_ns(self.last_ns));
+        self.spacing_ns.is_some_and(|spacing| behind_ns > spacing.saturating_mul(3) / 2)
     }
 }
 
+/// How much more than a shot needs is kept and written of sensors whose clock may still move, ns.
+pub(super) const MARGIN_NS: i64 = 500_000_000;
+
 impl Open {
-    /// Writes what of a batch lies in the shot.
-    pub(super) fn write(&mut self, batch: &Batch) -> Result<(), RecordError> {
-        let inside = |i: &usize| (self.from_ns..=self.to_ns).contains(&batch.at(*i));
-        let Some(first) = (0..batch.values.len()).find(inside) else { return Ok(()) };
-        let count = (first..batch.values.len()).take_while(inside).count();
-        self.put(batch, first, count)
+    /// Its bounds as logged, ns, with the margin.
+    fn bounds(&self, clock: &SensorClock) -> (i64, i64) {
+        let margin_ns = if clock.is_empty() { 0 } else { MARGIN_NS };
+        (clock.logged_ns(self.from_ns.saturating_sub(margin_ns)), clock.logged_ns(self.to_ns.saturating_add(margin_ns)))
     }
 
-    /// Writes a gap that reaches into the shot.
-    pub(super) fn gap(&mut self, sensor: usize, gap: Gap) -> Result<(), RecordError> {
-        let zero_s = seconds(self.from_ns);
-        if gap.to_s <= zero_s || gap.from_s >= seconds(self.to_ns) {
+    /// Writes what was kept of a sensor, whose last sample no longer kept is `dropped_ns`.
+    pub(super) fn write_kept<'a>(
+        &mut self,
+        clock: &SensorClock,
+        dropped_ns: Option<i64>,
+        kept: impl DoubleEndedIterator<Item = &'a Batch> + Clone,
+    ) -> Result<(), RecordError> {
+        let Some(last) = kept.clone().next_back() else { return Ok(()) };
+        // A slow sensor may have had no sample in the time before the shot: then its last one says how it stood.
+        if clock.time_ns(last.last_ns()) < self.from_ns {
+            self.shares[last.sensor].carried = true;
+            return self.put(last, last.values.len() - 1, 1);
+        }
+        self.shares[last.sensor].before = dropped_ns;
+        kept.into_iter().try_for_each(|batch| self.write(clock, batch))
+    }
+
+    /// Writes what of a batch lies in the shot.
+    pub(super) fn write(&mut self, clock: &SensorClock, batch: &Batch) -> Result<(), RecordError> {
+        let ((from_ns, to_ns), all) = (self.bounds(clock), batch.values.len());
+        let first = (0..all).find(|&i| batch.at(i) >= from_ns).unwrap_or(all);
+        let end = (first..all).find(|&i| batch.at(i) > to_ns).unwrap_or(all);
+        let share = &mut self.shares[batch.sensor];
+        if first > 0 {
+            share.before = Some(batch.at(first - 1));
+        }
+        if end < all {
+            share.behind.get_or_insert(batch.at(end));
+        }
+        if end > first { self.put(batch, first, end - first) } else { Ok(()) }
+    }
+
+    /// Writes a gap that reaches into the shot; it is as logged.
+    pub(super) fn gap(&mut self, clock: &SensorClock, sensor: usize, gap: Gap) -> Result<(), RecordError> {
+        let (from_ns, to_ns) = self.bounds(clock);
+        if gap.to_s <= seconds(from_ns) || gap.from_s >= seconds(to_ns) {
             return Ok(());
         }
+        let zero_s = seconds(self.from_ns);
         self.output.gap(sensor, Gap { from_s: gap.from_s - zero_s, to_s: gap.to_s - zero_s, ..gap })
     }
 
@@ -92,31 +140,48 @@ impl Open {
         self.output.clocks(fixes.iter().map(on_shot).collect())
     }
 
-    /// Writes the last sample of a batch that lies before the shot.
-    pub(super) fn write_last(&mut self, batch: &Batch) -> Result<(), RecordError> {
-        self.put(batch, batch.values.len() - 1, 1)
-    }
-
     fn put(&mut self, batch: &Batch, first: usize, count: usize) -> Result<(), RecordError> {
-        if !self.sensors.contains(&batch.sensor) {
-            self.sensors.push(batch.sensor);
-        }
+        let written = &mut self.shares[batch.sensor].written;
+        *written = Some((written.map_or(batch.at(first), |(began, _)| began), batch.at(first + count - 1)));
         let values = &batch.values[first..first + count];
         self.output.samples(batch.sensor, batch.at(first) - self.from_ns, batch.period_ns, values)
     }
 
-    /// Notes what is missing where the shot ends with what has come by now: a gap for each sensor that is behind the others, and, where all
-    /// are, that it is cut short. Says in that case how much of the time after it fired is kept, s.
-    pub(super) fn close(&mut self, heard: &[Option<Heard>]) -> Result<Option<f64>, RecordError> {
-        let newest = heard.iter().flatten().max_by_key(|h| h.last_ns).copied();
-        let Some(newest) = newest else { return Ok(None) };
-        let reached_ns = newest.last_ns.min(self.to_ns);
-        for (sensor, heard) in heard.iter().enumerate() {
-            if let Some(heard) = heard.filter(|heard| heard.lags(reached_ns)) {
-                self.missing(sensor, heard.last_ns, reached_ns)?;
+    /// Sensors that have samples in it.
+    pub(super) fn has(&self, sensor: usize) -> bool {
+        self.shares.get(sensor).is_some_and(|share| share.written.is_some())
+    }
+
+    /// Notes what is missing where the shot ends with what has come by now, of the sensors `heard`, which have `clocks`: a gap for each that
+    /// is behind the trigger's, or was cut where by the clocks as they are known now it should not have been; and, where the trigger's is
+    /// behind too, that it is cut short. Says in that case how much of the time after it fired is kept, s.
+    pub(super) fn close(
+        &mut self,
+        heard: &[Option<Heard>],
+        clocks: &[SensorClock],
+        trigger: usize,
+    ) -> Result<Option<f64>, RecordError> {
+        let Some(fired_by) = heard.get(trigger).copied().flatten() else { return Ok(None) };
+        let reached_ns = clocks[trigger].time_ns(fired_by.last_ns).min(self.to_ns);
+        for (sensor, (heard, clock)) in heard.iter().zip(clocks).enumerate() {
+            let Some(heard) = heard else { continue };
+            let share = self.shares[sensor];
+            let (from_ns, to_ns) = (clock.logged_ns(self.from_ns), clock.logged_ns(reached_ns));
+            if share.before.is_some_and(|before| before >= from_ns) && !share.carried {
+                self.missing(clock, sensor, from_ns, share.written.map_or(to_ns, |(first, _)| first))?;
+            }
+            if heard.lags(clock, reached_ns) {
+                self.missing(clock, sensor, heard.last_ns.max(from_ns), to_ns)?;
+            } else if share.behind.is_some_and(|behind| behind <= to_ns) {
+                self.missing(clock, sensor, share.written.map_or(from_ns, |(_, last)| last), to_ns)?;
+            }
+            if !clock.is_empty() {
+                let from_ns = if share.carried { i64::MIN } else { 0 };
+                let length_ns = self.to_ns - self.from_ns;
+                self.output.keep(sensor, from_ns, length_ns, length_ns);
             }
         }
-        if !newest.lags(self.to_ns) {
+        if !fired_by.lags(&clocks[trigger], self.to_ns) {
             return Ok(None);
         }
         self.lost = true;
@@ -125,10 +190,9 @@ impl Open {
         Ok(Some(kept_s))
     }
 
-    /// Samples of a sensor between two times of the session are not in the shot, though they belong there.
-    pub(super) fn missing(&mut self, sensor: usize, from_ns: i64, to_ns: i64) -> Result<(), RecordError> {
+    /// Samples of a sensor between two logged times are not in the shot, though they belong there.
+    fn missing(&mut self, clock: &SensorClock, sensor: usize, from_ns: i64, to_ns: i64) -> Result<(), RecordError> {
         self.lost = true;
-        let from_ns = from_ns.max(self.from_ns);
-        self.gap(sensor, Gap { from_s: seconds(from_ns), to_s: seconds(to_ns), samples: None })
+        self.gap(clock, sensor, Gap { from_s: seconds(from_ns), to_s: seconds(to_ns), samples: None })
     }
 }

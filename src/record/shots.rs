@@ -3,25 +3,28 @@
 //! The last seconds of every sensor are kept in memory. When the trigger fires they go into a new file, what comes after them follows until
 //! the shot is over; then the trigger settles for the next one.
 
+mod name;
+
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
-
-use chrono::DateTime;
 
 use super::RecordError;
 use super::clock::seconds;
 use super::monitor::Monitor;
 use super::output::{CutShort, DeviceCount, Output, SensorCount, Summary};
-use super::shot::{Batch, Heard, Open};
+use super::shot::{Batch, Heard, MARGIN_NS, Open, Share};
 use super::snapshot::{Phase, TriggerView};
 use super::trigger::{Condition, Event, Settings, State, Trigger};
-use crate::log::{ClockFix, LogError};
+use crate::log::{ClockFix, Retimer, SensorClock};
 use crate::recording::{Gap, RunInfo};
 use crate::rig::Rig;
+use name::{MOST_COPIES, is_taken, stem, told};
 
-/// How much more is kept than a shot needs, ns: clocks that are fitted anew move a little.
-const LATE_NS: i64 = 500_000_000;
+/// How much more is kept than a shot needs, ns.
+const LATE_NS: i64 = 2 * MARGIN_NS;
+/// So many batches come between two looks at what is no longer needed.
+const FORGET_EVERY: usize = 100;
 /// The longest that samples are kept, and a shot is held open, for a device that is behind the others, ns.
 const MOST_HELD_NS: i64 = 60_000_000_000;
 
@@ -48,27 +51,29 @@ pub struct Shots {
     /// What may belong to the next shot, in the order in which it came.
     kept: VecDeque<Batch>,
     gaps: Vec<(usize, Gap)>,
-    /// The newest sample of any sensor, ns.
-    newest_ns: i64,
-    /// How far each sensor has come, and the last sample of it that was dropped, ns.
+    /// How far each sensor has come, and the last sample of it that was dropped, ns as logged.
     heard: Vec<Option<Heard>>,
-    dropped_ns: Vec<i64>,
-    /// What is older was looked through for what is no longer needed, ns.
-    forgot_ns: i64,
-    /// A device that is behind the others is waited for so long, ns of recorded time.
+    dropped_ns: Vec<Option<i64>>,
+    /// Batches since it was last looked for what is no longer needed.
+    unsifted: usize,
+    /// A device that is behind the trigger's is waited for so long, ns of recorded time.
     held_ns: i64,
+    /// The trigger has fired at these times, ns as logged, and no shot has begun yet.
+    fired: Vec<i64>,
     /// Shots that are being written: the last, and those before that still wait for late samples.
     open: Vec<Open>,
     done: Vec<Summary>,
     cut_short: Vec<CutShort>,
-    /// Why shots could not be written.
+    /// Why shots could not be written, and why the last one was not written to its end.
     lost: Vec<String>,
-    /// How the devices' clocks lie to each other, as well as it is known by now.
+    refused: Option<String>,
+    /// How the devices' clocks lie to each other, as well as it is known by now, and what that makes of each sensor's times.
     clocks: Vec<ClockFix>,
+    moves: Vec<SensorClock>,
 }
 
 impl Shots {
-    /// No shot yet; `run` is what is known of the session. A device that is behind the others by more than `silence` is not waited for.
+    /// No shot yet; `run` is what is known of the session. A device that is behind the trigger's by more than `silence` is not waited for.
     pub fn new(plan: Plan, rig: &Rig, run: &RunInfo, silence: Duration) -> Shots {
         let sensors = rig.sensors.len();
         let silence_ns = i64::try_from(silence.as_nanos()).unwrap_or(i64::MAX);
@@ -80,61 +85,60 @@ impl Shots {
             events: Vec::new(),
             kept: VecDeque::new(),
             gaps: Vec::new(),
-            newest_ns: i64::MIN,
             heard: vec![None; sensors],
-            dropped_ns: vec![i64::MIN; sensors],
-            forgot_ns: i64::MIN,
+            dropped_ns: vec![None; sensors],
+            unsifted: 0,
+            fired: Vec::new(),
             held_ns: silence_ns.clamp(LATE_NS, MOST_HELD_NS),
             open: Vec::new(),
             done: Vec::new(),
             cut_short: Vec::new(),
             lost: Vec::new(),
+            refused: None,
             clocks: Vec::new(),
+            moves: vec![SensorClock::default(); sensors],
         }
     }
 
-    /// Takes samples; what the monitor has called out during a shot is kept with it.
-    pub fn samples(
-        &mut self,
-        sensor: usize,
-        first_ns: i64,
-        period_ns: f64,
-        values: &[f64],
-        monitor: &Monitor,
-    ) -> Result<(), RecordError> {
+    /// Takes samples.
+    pub fn samples(&mut self, sensor: usize, first_ns: i64, period_ns: f64, values: &[f64]) -> Result<(), RecordError> {
         if values.is_empty() || self.is_full() {
             return Ok(());
         }
         let batch = Batch { sensor, first_ns, period_ns, values: values.to_vec() };
-        self.newest_ns = self.newest_ns.max(batch.last_ns());
         if let Some(heard) = self.heard.get_mut(sensor) {
             *heard = Some(Heard::after(*heard, &batch));
         }
-        self.open.iter_mut().try_for_each(|open| open.write(&batch))?;
+        let clock = &self.moves[sensor];
+        self.open.iter_mut().try_for_each(|open| open.write(clock, &batch))?;
         self.kept.push_back(batch);
+        self.unsifted += 1;
         if sensor == self.plan.sensor {
             self.trigger.feed(first_ns, period_ns, values, &mut self.events);
-            for event in std::mem::take(&mut self.events) {
-                if let Event::Fired(at) = event {
-                    self.begin(at)?;
-                }
-            }
-        }
-        while let Some(i) = self.open.iter().position(|open| self.is_complete(open)) {
-            let open = self.open.remove(i);
-            self.end(open, "the shot was over", monitor)?;
-        }
-        if self.newest_ns.saturating_sub(self.forgot_ns) >= LATE_NS / 5 {
-            self.forgot_ns = self.newest_ns;
-            self.forget();
+            let fired = |event: Event| if let Event::Fired(at) = event { Some(at) } else { None };
+            self.fired.extend(self.events.drain(..).filter_map(fired));
         }
         Ok(())
     }
 
-    /// Every sensor has come past the shot's end, or is no longer waited for.
+    /// The trigger's sensor has come past the shot's end, and every other one too, or it is no longer waited for.
     fn is_complete(&self, open: &Open) -> bool {
-        self.heard.iter().flatten().all(|heard| heard.last_ns >= open.to_ns)
-            || self.newest_ns > open.to_ns.saturating_add(self.held_ns)
+        let Some(trigger_ns) = self.come_ns(self.plan.sensor).filter(|come_ns| *come_ns >= open.to_ns) else {
+            return false;
+        };
+        trigger_ns > open.to_ns.saturating_add(self.held_ns)
+            || (0..self.heard.len()).filter_map(|sensor| self.come_ns(sensor)).all(|come_ns| come_ns >= open.to_ns)
+    }
+
+    /// A sensor's time on the recording's clock, ns, by when it was logged.
+    fn at_ns(&self, sensor: usize, logged_ns: i64) -> i64 {
+        self.moves.get(sensor).map_or(logged_ns, |clock| clock.time_ns(logged_ns))
+    }
+
+    /// How far a sensor has come on the recording's clock, ns.
+    fn come_ns(&self, sensor: usize) -> Option<i64> {
+        let heard = self.heard.get(sensor).copied().flatten()?;
+        Some(self.at_ns(sensor, heard.last_ns))
     }
 
     /// Takes a gap.
@@ -143,11 +147,14 @@ impl Shots {
             self.trigger.gap();
         }
         self.gaps.push((sensor, gap));
-        self.open.iter_mut().try_for_each(|open| open.gap(sensor, gap))
+        let clock = &self.moves[sensor];
+        self.open.iter_mut().try_for_each(|open| open.gap(clock, sensor, gap))
     }
 
     /// Takes how the devices' clocks lie to each other.
     pub fn clocks(&mut self, fixes: Vec<ClockFix>) -> Result<(), RecordError> {
+        let retimer = Retimer::new(fixes.clone());
+        self.moves = self.rig.sensors.iter().map(|sensor| retimer.of(&sensor.name)).collect();
         self.clocks = fixes;
         self.open.iter_mut().try_for_each(|open| open.clocks(&self.clocks))
     }
@@ -157,8 +164,22 @@ impl Shots {
         self.open.iter_mut().try_for_each(|open| open.output.note(key, value))
     }
 
-    /// Flushes when it is time.
-    pub fn tick(&mut self) -> Result<(), RecordError> {
+    /// True where a shot is about to begin or to end, by how the clocks lie to each other now.
+    pub fn wants_clocks(&self) -> bool {
+        !self.fired.is_empty() || self.open.iter().any(|open| self.is_complete(open))
+    }
+
+    /// Begins and ends shots, and flushes, when it is time; what the monitor has called out during a shot is kept with it.
+    pub fn tick(&mut self, monitor: &Monitor) -> Result<(), RecordError> {
+        self.begin_fired()?;
+        while let Some(i) = self.open.iter().position(|open| self.is_complete(open)) {
+            let open = self.open.remove(i);
+            self.end(open, "the shot was over", monitor)?;
+        }
+        if self.unsifted >= FORGET_EVERY {
+            self.unsifted = 0;
+            self.forget();
+        }
         self.open.iter_mut().try_for_each(|open| open.output.tick())
     }
 
@@ -180,7 +201,8 @@ impl Shots {
             State::Settling(quiet_ns) => Phase::Settling { quiet_s: seconds(quiet_ns), wanted_s },
             State::Armed => Phase::Armed,
             State::Fired(at) => {
-                Phase::Fired { since_s: seconds(self.newest_ns - at), lasts_s: seconds(self.plan.trigger.post_ns) }
+                let heard_ns = self.heard.get(self.plan.sensor).copied().flatten().map_or(at, |heard| heard.last_ns);
+                Phase::Fired { since_s: seconds(heard_ns - at), lasts_s: seconds(self.plan.trigger.post_ns) }
             }
         };
         let (name, unit) =
@@ -202,6 +224,11 @@ impl Shots {
         self.open.is_empty() && self.plan.most.is_some_and(|most| self.done.len() >= most)
     }
 
+    fn begin_fired(&mut self) -> Result<(), RecordError> {
+        let fired = std::mem::take(&mut self.fired);
+        fired.into_iter().try_for_each(|logged_ns| self.begin(self.at_ns(self.plan.sensor, logged_ns)))
+    }
+
     /// A shot begins: its file takes what was kept. Where none can be made, the shot is lost and the session goes on.
     fn begin(&mut self, fired_ns: i64) -> Result<(), RecordError> {
         if self.plan.most.is_some_and(|most| self.done.len() + self.open.len() >= most) {
@@ -219,22 +246,12 @@ impl Shots {
         output.note("shot", &number.to_string())?;
         output.note("fired_s", &format!("{}", seconds(fired_ns - from_ns)))?;
         let to_ns = fired_ns.saturating_add(self.plan.trigger.post_ns);
-        let mut open = Open { output, from_ns, to_ns, fired_ns, sensors: Vec::new(), lost: false };
-        for sensor in 0..self.rig.sensors.len() {
-            // A slow sensor may have had no sample in the time before the shot: then its last one says how it stood.
-            let own = || self.kept.iter().filter(|b| b.sensor == sensor);
-            let within = own().any(|b| b.last_ns() >= from_ns);
-            match own().next_back() {
-                Some(last) if !within => open.write_last(last)?,
-                _ => own().try_for_each(|batch| open.write(batch))?,
-            }
-            // so long behind the others came the trigger
-            if self.dropped_ns.get(sensor).is_some_and(|dropped| *dropped >= from_ns) {
-                let kept_ns = own().map(|batch| batch.first_ns).min().unwrap_or(self.newest_ns);
-                open.missing(sensor, from_ns, kept_ns)?;
-            }
+        let shares = vec![Share::default(); self.rig.sensors.len()];
+        let mut open = Open { output, from_ns, to_ns, fired_ns, shares, lost: false };
+        for (sensor, clock) in self.moves.iter().enumerate() {
+            open.write_kept(clock, self.dropped_ns[sensor], self.kept.iter().filter(|b| b.sensor == sensor))?;
         }
-        self.gaps.iter().try_for_each(|(sensor, gap)| open.gap(*sensor, *gap))?;
+        self.gaps.iter().try_for_each(|(sensor, gap)| open.gap(&self.moves[*sensor], *sensor, *gap))?;
         open.clocks(&self.clocks)?;
         self.open.push(open);
         Ok(())
@@ -263,25 +280,46 @@ impl Shots {
         for (key, text) in monitor.notes(open.from_ns, open.to_ns) {
             open.output.note(&key, &text)?;
         }
-        let kept_s = open.close(&self.heard)?;
+        let mut kept_s = open.close(&self.heard, &self.moves, self.plan.sensor)?;
         open.output.note("ended", ended)?;
-        let (file, sensors, lost) = (open.output.path().display().to_string(), open.sensors, open.lost);
-        if let Some(kept_s) = kept_s {
-            self.cut_short.push(CutShort { file: file.clone(), kept_s, asked_s: seconds(self.plan.trigger.post_ns) });
+        // a folder that was moved away or deleted takes the file anew
+        let _ = std::fs::create_dir_all(&self.plan.folder);
+        let listed: Vec<bool> = (0..open.shares.len()).map(|sensor| open.has(sensor)).collect();
+        let file = open.output.path().display().to_string();
+        match open.output.finish(0, |sensor| listed[sensor], Vec::new(), ended.to_owned()) {
+            Ok(mut summary) => {
+                if summary.data_lost {
+                    // The disk refused what came later: what the file has counts, and why is said with the session's end.
+                    kept_s = Some((summary.duration_s - seconds(open.fired_ns - open.from_ns)).max(0.0));
+                    let why = summary.ended.strip_prefix(ended).unwrap_or_default().trim_start_matches(['.', ' ']);
+                    self.refused = Some(format!("{file}: {why}"));
+                }
+                summary.data_lost |= open.lost;
+                self.done.push(summary);
+            }
+            Err(error) => {
+                self.lost.push(format!("{file} could not be finished: {}", told(&error)));
+                return Ok(());
+            }
         }
-        match open.output.finish(0, |s| sensors.contains(&s), Vec::new(), ended.to_owned()) {
-            Ok(summary) => self.done.push(Summary { data_lost: summary.data_lost || lost, ..summary }),
-            Err(error) => self.lost.push(format!("{file} could not be finished: {}", told(&error))),
+        if let Some(kept_s) = kept_s {
+            self.cut_short.push(CutShort { file, kept_s, asked_s: seconds(self.plan.trigger.post_ns) });
         }
         Ok(())
     }
 
-    /// Drops what is too old for any shot to come, by how far the trigger's own sensor has come; of each sensor its last batch stays.
+    /// Drops what is too old for any shot to come, by how far the trigger's own sensor has come, or where that stays away by how far its own
+    /// has; of each sensor its last batch stays.
     fn forget(&mut self) {
-        let trigger_ns = self.heard.get(self.plan.sensor).copied().flatten().map_or(i64::MIN, |heard| heard.last_ns);
-        let behind_ns = trigger_ns.max(self.newest_ns.saturating_sub(self.held_ns));
-        let oldest_ns = behind_ns.saturating_sub(self.plan.trigger.pre_ns).saturating_sub(LATE_NS);
-        let mut last = vec![0; self.rig.sensors.len()];
+        let trigger_ns = self.come_ns(self.plan.sensor).unwrap_or(i64::MIN);
+        let needed_ns = self.plan.trigger.pre_ns.saturating_add(LATE_NS);
+        let oldest = |sensor: usize| {
+            let own_ns = self.come_ns(sensor).unwrap_or(i64::MIN).saturating_sub(self.held_ns);
+            let oldest_ns = trigger_ns.max(own_ns).saturating_sub(needed_ns);
+            self.moves[sensor].logged_ns(oldest_ns)
+        };
+        let oldest_ns: Vec<i64> = (0..self.moves.len()).map(oldest).collect();
+        let mut last = vec![0; oldest_ns.len()];
         for (i, batch) in self.kept.iter().enumerate() {
             last[batch.sensor] = i;
         }
@@ -289,24 +327,28 @@ impl Shots {
         let dropped_ns = &mut self.dropped_ns;
         self.kept.retain(|batch| {
             i += 1;
-            let stays = batch.last_ns() >= oldest_ns || last[batch.sensor] + 1 == i;
+            let stays = batch.last_ns() >= oldest_ns[batch.sensor] || last[batch.sensor] + 1 == i;
             if !stays {
-                dropped_ns[batch.sensor] = dropped_ns[batch.sensor].max(batch.last_ns());
+                dropped_ns[batch.sensor] = dropped_ns[batch.sensor].max(Some(batch.last_ns()));
             }
             stays
         });
-        self.gaps.retain(|(_, gap)| gap.to_s >= seconds(oldest_ns));
+        self.gaps.retain(|(sensor, gap)| gap.to_s >= seconds(oldest_ns[*sensor]));
     }
 
     /// As [`Output::finish`]: the sums over all shots.
     pub fn finish(
         mut self,
         devices: Vec<DeviceCount>,
-        ended: String,
+        mut ended: String,
         monitor: &Monitor,
     ) -> Result<Summary, RecordError> {
+        self.begin_fired()?;
         for open in std::mem::take(&mut self.open) {
             self.end(open, &ended, monitor)?;
+        }
+        if let Some(refused) = &self.refused {
+            ended = format!("{ended}. {refused}");
         }
         let mut sensors: Vec<SensorCount> = Vec::new();
         for count in self.done.iter().flat_map(|shot| &shot.sensors) {
@@ -330,31 +372,4 @@ impl Shots {
             lost_shots: self.lost,
         })
     }
-}
-
-/// Names that are tried for a shot.
-const MOST_COPIES: u32 = 1000;
-
-/// Another file has the name.
-fn is_taken(error: &LogError) -> bool {
-    match error {
-        LogError::Exists(_) => true,
-        LogError::Io { source, .. } => source.kind() == std::io::ErrorKind::AlreadyExists,
-        _ => false,
-    }
-}
-
-/// An error with its causes.
-fn told(error: &dyn std::error::Error) -> String {
-    let causes = std::iter::successors(Some(error), |error| error.source());
-    causes.map(ToString::to_string).collect::<Vec<_>>().join(": ")
-}
-
-/// The file name of a shot, but for its ending: rig, start (UTC), number.
-fn stem(rig: &str, start_unix_ns: u64, number: usize) -> String {
-    let plain = |c: char| if c.is_alphanumeric() || "-_.".contains(c) { c } else { '-' };
-    let rig: String = rig.chars().map(plain).collect();
-    let when =
-        DateTime::from_timestamp_nanos(i64::try_from(start_unix_ns).unwrap_or(i64::MAX)).format("%Y%m%dT%H%M%SZ");
-    format!("{}-{when}-{number:03}", rig.trim_start_matches('.'))
 }

@@ -1,8 +1,10 @@
 //! One device of a session: what it sends becomes samples and gaps of the sensors wired to it.
 
 mod count;
+mod polled;
+mod timing;
 
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use super::RecordError;
 use super::align::Stretch;
@@ -12,14 +14,12 @@ use super::lines::{self, Line};
 use super::live::Live;
 use super::polling::Polled;
 use super::source::Input;
+use crate::log::SensorClock;
 use crate::recording::Gap;
 use crate::rig::{Device, Protocol, Rig};
 
-/// After a port came back, a device whose time is further off than this from where its clock should be has restarted: s, and
-/// share of the time since.
-const RESTART_S: (f64, f64) = (0.5, 1e-3);
-/// Where its sequence began anew, too: s, and times what 95% of the arrivals were off.
-const ANEW_S: (f64, f64) = (0.1, 4.0);
+pub use timing::ON_ITS_WAY;
+use timing::Stamp;
 
 /// What speaks for a restart, so that the device's time is looked at.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -27,7 +27,7 @@ enum Sign {
     None,
     /// Its sequence began anew.
     Sequence,
-    /// Lines are missing: here late arrivals alone say something, for a jump of the time comes early.
+    /// Lines are missing.
     Hole,
 }
 
@@ -72,11 +72,23 @@ pub struct Stream<'a> {
     pub heard: Instant,
     /// Bytes that came from it.
     pub bytes: u64,
+    /// Others are recorded with it, on one clock.
+    pub shared: bool,
     /// What it recorded, from restart to restart.
     pub stretches: Vec<Stretch>,
     taps: Vec<Tap>,
     codec: Codec,
     clock: Option<DeviceClock>,
+    /// What puts its logged times on the recording's clock, as well as it is known by now.
+    moves: SensorClock,
+    /// The logged time up to which it has come, ns.
+    come_ns: Option<i64>,
+    /// The longest time between two messages, nothing missing between.
+    pause: Option<Duration>,
+    /// How long its last message was.
+    span: Duration,
+    /// How often its clock was set while it ran.
+    steps: u64,
     columns: Option<usize>,
     restarted: bool,
     returned: bool,
@@ -106,10 +118,16 @@ impl<'a> Stream<'a> {
             state: State::Open,
             heard: Instant::now(),
             bytes: 0,
+            shared: false,
             stretches: Vec::new(),
             taps: wired.collect(),
             codec,
             clock: None,
+            moves: SensorClock::default(),
+            come_ns: None,
+            pause: None,
+            span: Duration::ZERO,
+            steps: 0,
             columns: None,
             restarted: false,
             returned: false,
@@ -138,12 +156,12 @@ impl<'a> Stream<'a> {
         match input {
             Input::Bytes { at_ns, bytes } => {
                 self.bytes += bytes.len() as u64;
-                if matches!(self.state, State::Open) {
+                if self.is_heard() {
                     self.decode(at_ns, &bytes, live)?;
                 }
             }
             Input::Polled(polled) => {
-                if matches!(self.state, State::Open) {
+                if self.is_heard() {
                     self.polled(polled, live)?;
                 }
             }
@@ -170,6 +188,11 @@ impl<'a> Stream<'a> {
             }
         }
         Ok(())
+    }
+
+    /// True while what it sends is recorded: with the duration over, until the others are there, for clocks move when they are fitted anew.
+    fn is_heard(&self) -> bool {
+        matches!(self.state, State::Open | State::Reached)
     }
 
     /// No more will come: records what was held back until more would have come.
@@ -245,7 +268,7 @@ impl<'a> Stream<'a> {
 
     /// Looks whether the columns are those that the rig file counts on; false where the device can no longer be recorded.
     fn check_columns(&mut self, columns: usize, live: &Live<'_>) -> Result<bool, RecordError> {
-        if !matches!(self.state, State::Open) {
+        if !self.is_heard() {
             return Ok(false);
         }
         let expected = *self.columns.get_or_insert(columns);
@@ -277,23 +300,24 @@ impl<'a> Stream<'a> {
         began_ns: i64,
         live: &mut Live<'_>,
     ) -> Result<(), RecordError> {
-        self.heard = Instant::now();
+        self.sent_something(lost == 0);
         if !self.check_columns(usize::from(frame.channels()), live)? {
             return Ok(());
         }
         let (period_ns, rows) = (frame.period_ns(), frame.samples());
         let device_ns = (frame.first_us() * 1000) as i64;
-        let span_ns = i64::from(period_ns).saturating_mul(rows as i64);
         // A frame is sent when its last sample was taken; its first is that much older.
+        let sent_ns = device_ns.saturating_add(i64::from(period_ns).saturating_mul(rows as i64));
         let end_before_ns = self.clock.map_or(0, |clock| clock.end_ns());
-        let sent_ns = device_ns.saturating_add(span_ns);
-        let clock = self.begin((device_ns, sent_ns), began_ns, sign, live)?;
+        let stamp = Stamp { device_ns, sent_ns, began_ns, period_ns: i64::from(period_ns), rows, lost };
+        let clock = self.begin(&stamp, sign, live)?;
         let placed = clock.place(device_ns, period_ns, rows, lost > 0);
         let (last_ns, now_ns) = (clock.last_ns().unwrap_or_default(), clock.end_ns());
-        self.arrived(sent_ns, began_ns, last_ns);
-        let left_ns = live.end_ns.saturating_sub(placed.first_ns).max(0) as u64;
-        let wanted = left_ns.div_ceil(u64::from(period_ns)).min(rows as u64) as usize;
-        let gap = placed.gap.filter(|_| end_before_ns < live.end_ns);
+        self.arrived(&stamp, last_ns, now_ns);
+        let limit_ns = self.limit_ns(live);
+        let left_ns = limit_ns.saturating_sub(placed.first_ns).max(0) as f64;
+        let wanted = ((left_ns / placed.period_ns).ceil() as usize).min(rows);
+        let gap = placed.gap.filter(|_| self.is_wanted(end_before_ns, live));
         self.holes += u64::from(gap.is_some());
         let output = live.output()?;
         for tap in &self.taps {
@@ -304,30 +328,28 @@ impl<'a> Stream<'a> {
             let counts = frame.channel(tap.column).take(wanted);
             self.values.extend(counts.map(|count| tap.scale * f64::from(count) + tap.offset));
             if wanted > 0 {
-                output.samples(tap.sensor, placed.first_ns, f64::from(period_ns), &self.values)?;
+                output.samples(tap.sensor, placed.first_ns, placed.period_ns, &self.values)?;
             }
-        }
-        if now_ns >= live.end_ns {
-            self.state = State::Reached;
         }
         Ok(())
     }
 
     fn line(&mut self, line: &Line, live: &mut Live<'_>) -> Result<(), RecordError> {
-        self.heard = Instant::now();
+        self.sent_something(!line.hole_before);
         if !self.check_columns(line.values.len(), live)? {
             return Ok(());
         }
         let device_ns = (line.time_us * 1000) as i64;
         let sign = if line.hole_before { Sign::Hole } else { Sign::None };
-        let clock = self.begin((device_ns, device_ns), line.began_ns, sign, live)?;
+        let (sent_ns, began_ns) = (device_ns, line.began_ns);
+        let stamp = Stamp { device_ns, sent_ns, began_ns, period_ns: 0, rows: 1, lost: 0 };
+        let clock = self.begin(&stamp, sign, live)?;
         let Some(placed) = clock.place_row(device_ns, line.hole_before) else { return Ok(()) };
-        self.arrived(device_ns, line.began_ns, placed.first_ns);
-        self.holes += u64::from(placed.gap.is_some());
-        if placed.first_ns >= live.end_ns {
-            self.state = State::Reached;
+        self.arrived(&stamp, placed.first_ns, placed.first_ns);
+        if placed.first_ns >= self.limit_ns(live) {
             return Ok(());
         }
+        self.holes += u64::from(placed.gap.is_some() && self.is_wanted(placed.first_ns, live));
         let output = live.output()?;
         let now_ns = placed.first_ns;
         for tap in &mut self.taps {
@@ -345,92 +367,5 @@ impl<'a> Stream<'a> {
             tap.last_ns = Some(now_ns);
         }
         Ok(())
-    }
-
-    fn polled(&mut self, polled: Polled, live: &mut Live<'_>) -> Result<(), RecordError> {
-        if polled.values.iter().any(|(_, value)| value.is_some()) {
-            self.heard = Instant::now();
-            live.begin(polled.at_ns)?;
-        } else if !live.has_begun() {
-            // Nothing is recorded yet, so nothing is lost.
-            self.unheard = polled.counts.missed;
-            // A refusal says more of why nothing comes than the silence after it.
-            let before = if let Codec::Polled(Some(before)) = &self.codec { before.refused } else { None };
-            self.codec = Codec::Polled(Some(Polled { refused: polled.refused.or(before), ..polled }));
-            return Ok(());
-        }
-        for &(index, number) in &polled.values {
-            let Some(tap) = self.taps.get_mut(index) else { continue };
-            let Some(number) = number else {
-                tap.missed = true;
-                self.holes += 1;
-                continue;
-            };
-            let time_ns = live.recording_ns(polled.at_ns);
-            if time_ns >= live.end_ns {
-                self.state = State::Reached;
-                break;
-            }
-            let output = live.output()?;
-            if let Some(last_ns) = tap.last_ns.filter(|_| tap.missed) {
-                let gap = Gap { from_s: seconds(last_ns), to_s: seconds(time_ns), samples: None };
-                output.gap(tap.sensor, gap)?;
-            }
-            output.samples(tap.sensor, time_ns, 0.0, &[tap.scale * number + tap.offset])?;
-            (tap.last_ns, tap.missed) = (Some(time_ns), false);
-            match self.stretches.last_mut() {
-                Some(stretch) => stretch.last_ns = time_ns,
-                None => self.stretches.push(Stretch::of_host(time_ns, time_ns, live.zero_ns())),
-            }
-        }
-        self.codec = Codec::Polled(Some(polled));
-        Ok(())
-    }
-
-    /// The device's clock for samples from `device_ns` on, sent at `sent_ns` by it: a new one at the beginning, set anew after a
-    /// restart.
-    fn begin(
-        &mut self,
-        (device_ns, sent_ns): (i64, i64),
-        began_ns: i64,
-        sign: Sign,
-        live: &mut Live<'_>,
-    ) -> Result<&mut DeviceClock, RecordError> {
-        let host_ns = began_ns.saturating_sub(sent_ns - device_ns);
-        live.begin(host_ns)?;
-        let returned = std::mem::take(&mut self.returned);
-        let elsewhere = (returned || sign != Sign::None) && self.is_elsewhere(sent_ns, began_ns, returned, sign);
-        let restarted = std::mem::take(&mut self.restarted) || elsewhere;
-        let recording_ns = live.recording_ns(host_ns);
-        let from_ns = match &mut self.clock {
-            None => Some(recording_ns),
-            Some(clock) if restarted => Some(clock.restart(device_ns, recording_ns)),
-            Some(_) => None,
-        };
-        if let Some(from_ns) = from_ns {
-            if let Some(last) = self.stretches.last_mut() {
-                last.close();
-            }
-            self.stretches.push(Stretch::new(from_ns, device_ns));
-            live.clocks_changed();
-        }
-        Ok(self.clock.get_or_insert_with(|| DeviceClock::starting_at(device_ns, recording_ns)))
-    }
-
-    /// True for a device whose clock cannot have run on until here.
-    fn is_elsewhere(&self, sent_ns: i64, began_ns: i64, returned: bool, sign: Sign) -> bool {
-        let Some((stretch, line)) = self.stretches.last().and_then(|s| Some((s, s.line()?))) else { return false };
-        let away_s = (sent_ns - stretch.device_ns) as f64 / 1e9;
-        let late_s = (began_ns as f64 - line.host_at(sent_ns)) / 1e9;
-        let off_s = if sign == Sign::Hole && !returned { late_s } else { late_s.abs() };
-        let least_s = if sign == Sign::Sequence { ANEW_S.0 + ANEW_S.1 * line.residual_ns.1 / 1e9 } else { RESTART_S.0 };
-        off_s > least_s + RESTART_S.1 * away_s.abs()
-    }
-
-    fn arrived(&mut self, sent_ns: i64, began_ns: i64, last_ns: i64) {
-        if let Some(stretch) = self.stretches.last_mut() {
-            stretch.arrived(sent_ns, began_ns);
-            stretch.last_ns = last_ns;
-        }
     }
 }

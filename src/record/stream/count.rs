@@ -6,6 +6,7 @@ use super::{Codec, State, Stream};
 use crate::record::RecordError;
 use crate::record::align::Stretch;
 use crate::record::callout::Ailment;
+use crate::record::clock::seconds;
 use crate::record::modbus::exception;
 use crate::record::monitor::Expected;
 use crate::record::output::{ClockSummary, DeviceCount};
@@ -43,6 +44,8 @@ impl Stream<'_> {
         let mut count = self.tally(waited);
         if self.has_clock() {
             count.clock = self.stretches.last().and_then(Stretch::line).map(|line| ClockSummary::of(&line));
+            let (off_ns, over_ns) = self.clock.map_or((0, 0), |clock| clock.disagreement());
+            count.period_off_s = (seconds(off_ns), seconds(over_ns));
         }
         count
     }
@@ -54,6 +57,8 @@ impl Stream<'_> {
             holes: self.holes,
             reconnects: self.reconnects,
             restarts: self.stretches.len().saturating_sub(1) as u64,
+            clock_steps: self.steps,
+            squeezed_frames: self.clock.map_or(0, |clock| clock.squeezed()),
             queue_waits: waited.0,
             queue_waited_s: waited.1,
             ..DeviceCount::default()

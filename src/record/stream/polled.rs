@@ -1,0 +1,53 @@
+//! What a device says that is asked: each answer is a sample at the time of its request and answer.
+
+use super::{Codec, Stream};
+use crate::record::RecordError;
+use crate::record::align::Stretch;
+use crate::record::clock::seconds;
+use crate::record::live::Live;
+use crate::record::polling::Polled;
+use crate::recording::Gap;
+
+impl Stream<'_> {
+    /// Records what became of a poll.
+    pub(super) fn polled(&mut self, polled: Polled, live: &mut Live<'_>) -> Result<(), RecordError> {
+        if polled.values.iter().any(|(_, value)| value.is_some()) {
+            self.sent_something(true);
+            live.begin(polled.at_ns)?;
+        } else if !live.has_begun() {
+            // Nothing is recorded yet, so nothing is lost.
+            self.unheard = polled.counts.missed;
+            // A refusal says more of why nothing comes than the silence after it.
+            let before = if let Codec::Polled(Some(before)) = &self.codec { before.refused } else { None };
+            self.codec = Codec::Polled(Some(Polled { refused: polled.refused.or(before), ..polled }));
+            return Ok(());
+        }
+        for &(index, number) in &polled.values {
+            let limit_ns = self.limit_ns(live);
+            let Some(tap) = self.taps.get_mut(index) else { continue };
+            let Some(number) = number else {
+                tap.missed = true;
+                self.holes += 1;
+                continue;
+            };
+            let time_ns = live.recording_ns(polled.at_ns);
+            self.come_ns = Some(time_ns);
+            if time_ns >= limit_ns {
+                break;
+            }
+            let output = live.output()?;
+            if let Some(last_ns) = tap.last_ns.filter(|_| tap.missed) {
+                let gap = Gap { from_s: seconds(last_ns), to_s: seconds(time_ns), samples: None };
+                output.gap(tap.sensor, gap)?;
+            }
+            output.samples(tap.sensor, time_ns, 0.0, &[tap.scale * number + tap.offset])?;
+            (tap.last_ns, tap.missed) = (Some(time_ns), false);
+            match self.stretches.last_mut() {
+                Some(stretch) => stretch.last_ns = time_ns,
+                None => self.stretches.push(Stretch::of_host(time_ns, time_ns, live.zero_ns())),
+            }
+        }
+        self.codec = Codec::Polled(Some(polled));
+        Ok(())
+    }
+}

@@ -1,0 +1,165 @@
+//! When what a device sends was measured: its clock through restarts and steps, against its arrivals, and against the other devices'.
+
+use std::time::{Duration, Instant};
+
+use super::{Sign, State, Stream};
+use crate::log::SensorClock;
+use crate::record::RecordError;
+use crate::record::align::Stretch;
+use crate::record::clock::{DeviceClock, most_jitter_ns};
+use crate::record::clock_summary::ClockSummary;
+use crate::record::live::Live;
+use crate::rig::Protocol;
+
+/// A device whose arrivals come later than this after where its clock should be has restarted, where something speaks for it: s, and share
+/// of the time since.
+const RESTART_S: (f64, f64) = (0.5, 1e-3);
+/// Where its sequence began anew, or where they come too early, which no delay explains: s, and times what 95% of the arrivals were off.
+const ANEW_S: (f64, f64) = (0.1, 4.0);
+/// What is on its way when a session ends is not missed, nor what is not due for twice the longest pause.
+pub const ON_ITS_WAY: Duration = Duration::from_millis(500);
+
+/// What a message says of its time.
+pub(super) struct Stamp {
+    /// Device time of its first sample, and that at which it was sent, ns.
+    pub(super) device_ns: i64,
+    pub(super) sent_ns: i64,
+    /// When its first byte arrived, ns on the host's clock.
+    pub(super) began_ns: i64,
+    /// Stated period, ns; 0 where there is none.
+    pub(super) period_ns: i64,
+    pub(super) rows: usize,
+    /// Messages missing before it, by their sequence.
+    pub(super) lost: u32,
+}
+
+impl Stream<'_> {
+    /// The device's clock for samples from a stamp on: a new one at the beginning, set anew after a restart, moved where it was set.
+    pub(super) fn begin(
+        &mut self,
+        stamp: &Stamp,
+        sign: Sign,
+        live: &mut Live<'_>,
+    ) -> Result<&mut DeviceClock, RecordError> {
+        let &Stamp { device_ns, sent_ns, began_ns, .. } = stamp;
+        let host_ns = began_ns.saturating_sub(sent_ns - device_ns);
+        live.begin(host_ns)?;
+        let returned = std::mem::take(&mut self.returned);
+        let elsewhere = (returned || sign != Sign::None) && self.is_elsewhere(sent_ns, began_ns, sign);
+        let restarted = std::mem::take(&mut self.restarted) || elsewhere;
+        let recording_ns = live.recording_ns(host_ns);
+        let from_ns = match &mut self.clock {
+            None => Some(recording_ns),
+            Some(clock) if restarted => Some(clock.restart(device_ns, recording_ns)),
+            Some(_) => None,
+        };
+        if let Some(from_ns) = from_ns {
+            if let Some(last) = self.stretches.last_mut() {
+                last.close();
+            }
+            // By the times that are logged, in which steps of its clock do not show.
+            self.stretches.push(Stretch::new(from_ns, from_ns));
+            live.clocks_changed();
+        } else if let Some(by_ns) = self.step_ns(stamp)
+            && let Some(clock) = &mut self.clock
+        {
+            clock.step(by_ns);
+            self.steps += 1;
+        }
+        Ok(self.clock.get_or_insert_with(|| DeviceClock::starting_at(device_ns, recording_ns)))
+    }
+
+    /// True for a device whose clock cannot have run on until here.
+    fn is_elsewhere(&self, sent_ns: i64, began_ns: i64, sign: Sign) -> bool {
+        let stretch = self.stretches.last().and_then(|stretch| Some((stretch, stretch.line()?)));
+        let (Some((stretch, line)), Some(clock)) = (stretch, self.clock) else { return false };
+        let logged_ns = clock.at_ns(sent_ns);
+        let away_s = (logged_ns - stretch.device_ns) as f64 / 1e9;
+        let late_s = (began_ns as f64 - line.host_at(logged_ns)) / 1e9;
+        let surely = sign == Sign::Sequence || late_s < 0.0;
+        let least_s = if surely { ANEW_S.0 + ANEW_S.1 * line.residual_ns.1 / 1e9 } else { RESTART_S.0 };
+        late_s.abs() > least_s + RESTART_S.1 * away_s.abs()
+    }
+
+    /// By how much the device's clock was set before a frame, ns: its stamp is off from where the samples before it end, and it cannot be a
+    /// hole, for the frame begins before that end, or came earlier than it could have been sent.
+    fn step_ns(&self, stamp: &Stamp) -> Option<i64> {
+        let (clock, period_ns) = (self.clock?, stamp.period_ns);
+        let last_ns = clock.last_ns().filter(|_| period_ns > 0)?;
+        let most_ns = most_jitter_ns(period_ns, stamp.rows);
+        let ahead_ns = clock.at_ns(stamp.device_ns).saturating_sub(last_ns.saturating_add(period_ns));
+        if ahead_ns < -most_ns {
+            return Some(ahead_ns);
+        }
+        let missing_ns = (i64::from(stamp.lost) * stamp.rows as i64).saturating_mul(period_ns);
+        let ahead_ns = ahead_ns.saturating_sub(missing_ns);
+        if ahead_ns <= most_ns {
+            return None;
+        }
+        let line = self.stretches.last()?.line()?;
+        let early_ns = line.host_at(clock.at_ns(stamp.sent_ns)) - stamp.began_ns as f64;
+        (early_ns > (ahead_ns as f64 / 2.0).max(line.residual_ns.1)).then_some(ahead_ns)
+    }
+
+    /// Something has been recorded up to `last_ns`, and has come up to `come_ns`.
+    pub(super) fn arrived(&mut self, stamp: &Stamp, last_ns: i64, come_ns: i64) {
+        let Some(clock) = self.clock else { return };
+        self.come_ns = Some(come_ns);
+        self.span = Duration::from_nanos(stamp.sent_ns.saturating_sub(stamp.device_ns).unsigned_abs());
+        if let Some(stretch) = self.stretches.last_mut() {
+            stretch.arrived(clock.at_ns(stamp.sent_ns), stamp.began_ns);
+            stretch.last_ns = last_ns;
+        }
+    }
+
+    /// It has sent something valid; `whole` where nothing is missing before.
+    pub(super) fn sent_something(&mut self, whole: bool) {
+        let since = self.heard.elapsed();
+        if whole && !self.returned && !self.stretches.is_empty() {
+            self.pause = Some(self.pause.map_or(since, |pause| pause.max(since)));
+        }
+        self.heard = Instant::now();
+    }
+
+    /// Takes what puts its logged times on the recording's clock. Of a clock that does not fit, as of a device that is played faster than in
+    /// real time, nothing is known: what it sends is taken by its own time.
+    pub fn set_moves(&mut self, moves: SensorClock) {
+        let line = self.stretches.last().and_then(Stretch::line);
+        let fits = line.is_some_and(|line| ClockSummary::of(&line).fits());
+        self.moves = if fits { moves } else { SensorClock::default() };
+    }
+
+    /// True where its times move when clocks are fitted anew: all is written then that comes before the session ends, and what is kept is cut
+    /// in the finished file.
+    pub fn is_moved(&self) -> bool {
+        self.shared || self.stretches.len() > 1
+    }
+
+    /// The logged time up to which it is written, ns.
+    pub(super) fn limit_ns(&self, live: &Live<'_>) -> i64 {
+        if self.is_moved() { i64::MAX } else { live.end_ns }
+    }
+
+    /// True for a logged time before the end of the recording.
+    pub(super) fn is_wanted(&self, logged_ns: i64, live: &Live<'_>) -> bool {
+        self.moves.time_ns(logged_ns) < live.end_ns
+    }
+
+    /// True where it has come to a time on the recording's clock.
+    pub fn has_come_to(&self, time_ns: i64) -> bool {
+        self.come_ns.is_some_and(|come_ns| self.moves.time_ns(come_ns) >= time_ns)
+    }
+
+    /// Since when, as a logged time in ns, and for how long it has been silent at a moment, where more than its rhythm allows: its port is
+    /// open, and it owes what it did not send.
+    pub fn silent_since(&self, moment: Instant, silence: Duration) -> Option<(i64, Duration)> {
+        let poll = match self.device.protocol {
+            Protocol::ModbusRtu { poll_interval_s, .. } => Duration::try_from_secs_f64(poll_interval_s).ok(),
+            Protocol::Frames | Protocol::Lines => None,
+        };
+        let since = moment.saturating_duration_since(self.heard);
+        // of one that spoke only once no rhythm is known
+        let allowed = poll.max(self.pause).map_or(silence, |pause| ON_ITS_WAY.max(2 * pause)).max(2 * self.span);
+        (self.state == State::Open && since > allowed).then_some((self.stretches.last()?.last_ns, since))
+    }
+}
