@@ -55,17 +55,14 @@ impl Alike {
         let likeliest = |of: Vec<(usize, usize)>| {
             of.into_par_iter().filter_map(likelihood).max_by(|a, b| a.0.total_cmp(&b.0)).map(|best| (best.1, best.2))
         };
-        // Over a coarse grid, and then along each of its sides in turn.
-        let coarse = |most: usize, by: usize| (0..=most).step_by(by);
-        let grid = coarse(TRIED, 7).flat_map(|i| coarse(WHITE.len() - 1, 3).map(move |k| (i, k))).collect();
-        let Some((mut at, mut best)) = likeliest(grid) else { return white };
-        for reach in [0, 6, 0, 2] {
-            let ((i, k), last) = (at, WHITE.len() - 1);
-            let near = i.saturating_sub(reach)..=(i + reach).min(TRIED);
-            let line = if reach == 0 { (0..=last).map(|k| (i, k)).collect() } else { near.map(|i| (i, k)).collect() };
-            (at, best) = likeliest(line).unwrap_or((at, best));
-        }
-        best
+        // Over a coarse grid, and then over all about its best.
+        let last = WHITE.len() - 1;
+        let coarse = (0..=TRIED).step_by(7).flat_map(|i| (0..=last).step_by(3).map(move |k| (i, k))).collect();
+        let Some(((i, k), _)) = likeliest(coarse) else { return white };
+        let shares = k.saturating_sub(3)..=(k + 3).min(last);
+        let near =
+            (i.saturating_sub(6)..=(i + 6).min(TRIED)).flat_map(|i| shares.clone().map(move |k| (i, k))).collect();
+        likeliest(near).map_or(white, |(_, best)| best)
     }
 
     /// What generalised least squares leaves with this noise; none where the columns are alike.
