@@ -32,8 +32,9 @@ pub fn warn_beyond(option: &str, rig: &Rig, runs: &[RunData], effects: &[Chosen]
         let beyond = |p: &&Parameter| p.name == *name && !(p.lower..=p.upper).contains(value);
         if let Some(p) = parameters.iter().find(beyond) {
             let [lower, upper] = [p.lower, p.upper].map(|bound| significant(bound, 3));
+            let value = if (1e-4..1e9).contains(&value.abs()) { value.to_string() } else { format!("{value:e}") };
             super::tell!(
-                "warning: {option} {name}={value:?} lies beyond what a fit may take, {lower} to {upper}: check its unit"
+                "warning: {option} {name}={value} lies beyond what a fit may take, {lower} to {upper}: check its unit"
             );
         }
     }

@@ -6,7 +6,7 @@
 pub enum ModelError {
     #[error("{reaches} reaches are too few: these pipes, with the sections they are given, need at least {needed}")]
     TooFewReaches { reaches: usize, needed: usize },
-    #[error("{name} = {value:?} is outside its physical range ({allowed})")]
+    #[error("{name} = {value} is outside its physical range ({allowed})")]
     Value { name: String, value: f64, allowed: &'static str },
     #[error("unknown effect '{name}'; did you mean '{nearest}'? Known are: {known}")]
     UnknownEffect { name: String, nearest: String, known: String },

@@ -249,7 +249,12 @@ impl<'a> Stream<'a> {
                 let mut events = Vec::new();
                 let held = decoder.held();
                 decoder.feed(at_ns, bytes, &mut events);
+                // A line that is held back is a sign of life, and shows the device's rhythm as any other.
                 if decoder.held() > held {
+                    let since = self.heard.elapsed();
+                    if held > 0 {
+                        self.pause = self.pause.max(Some(since));
+                    }
                     self.heard = Instant::now();
                 }
                 self.lines(events, live)?;

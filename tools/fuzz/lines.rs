@@ -66,13 +66,13 @@ fn against_oracle(sent: &[u8], cuts: &[usize]) {
     assert_eq!(counts.lines, taken, "lines handed on");
 }
 
-/// What three of the first lines agree on, where no more than 16 had to wait for it; where there are no three, all must.
+/// What two of the first lines agree on, where no more than 16 had to wait for it; where there are no two, all must.
 fn width(all: &[Sent]) -> Option<usize> {
     let widths: Vec<usize> =
         all.iter().filter_map(|line| line.numbers.as_ref()).map(|(_, values)| values.len()).collect();
     let agreed = (1..=widths.len()).find_map(|end| {
         let (width, waiting) = (widths[end - 1], &widths[end.saturating_sub(17)..end]);
-        (waiting.iter().filter(|other| **other == width).count() == 3).then_some(width)
+        (waiting.iter().filter(|other| **other == width).count() == 2).then_some(width)
     });
     agreed.or_else(|| widths.first().copied().filter(|first| widths.iter().all(|width| width == first)))
 }
