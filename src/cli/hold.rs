@@ -21,7 +21,7 @@ pub fn check(hold: &[(String, f64)]) -> Result<(), String> {
 
 /// Says which values of an `option` lie beyond what a fit may take.
 pub fn warn_beyond(option: &str, rig: &Rig, runs: &[RunData], effects: &[Chosen], values: &[(String, f64)]) {
-    let Some(run) = runs.first() else { return };
+    let Some(run) = runs.first().filter(|_| !values.is_empty()) else { return };
     // With as many elements as there may be, so that each parameter is known.
     let most = |c: &Chosen| c.most_elements().map_or_else(|| c.clone(), |n| c.with_elements(n));
     let effects: Vec<Chosen> = effects.iter().map(most).collect();

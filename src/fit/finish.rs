@@ -217,9 +217,10 @@ impl Fitter<'_> {
         };
         let errors = Errors::of(linearised).and(&left);
         // What a model fails to explain is to show outside the band: the noise is that of before.
-        let before = problem.noise_before();
-        let undisturbed = Errors::of(Linearised { elsewhere: before.as_deref(), common: &[], ..linearised });
-        let covariance = undisturbed.by_noise;
+        let covariance = match problem.noise_before() {
+            None => errors.by_noise.clone(),
+            Some(before) => Errors::of(Linearised { elsewhere: Some(&before), ..linearised }).by_noise,
+        };
         let bands = match &sampled {
             None => curve_sd_m(problem, &columns, &covariance),
             Some(sampled) => curve_sd_m(&sampled.problem, &sampled.columns, &covariance),
@@ -259,7 +260,7 @@ impl Fitter<'_> {
             .map(|r| self.run_fit(problem, r, &values, &start_values, period_s, &bands[r]))
             .collect::<Result<_, _>>()?;
         // Where every step has been tried it is one, whatever is promised: residuals may have corners. Of any other end it is measured.
-        let promised = self.promised(problem, solution)?;
+        let promised = self.promised(problem, solution)?.fall;
         let tried = !matches!(solution.stop, Stop::CostSettled | Stop::IterationsSpent);
         let converged = tried || promised <= AT_OPTIMUM;
         let stopped_because = match (converged, solution.stop.describe()) {

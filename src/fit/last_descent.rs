@@ -17,6 +17,14 @@ const ANEW: usize = 3;
 /// Shares of the step in the values that are tried.
 const SHARES: [f64; 4] = [1.0, 0.5, 0.2, 0.05];
 
+/// What a step of a descent promises.
+pub(super) struct Promise<'a> {
+    /// Fall of the sum of squares, in units of what one sample leaves.
+    pub(super) fall: f64,
+    /// The Jacobian's columns that say so: those at the solution itself where more is promised than at an optimum.
+    columns: Cow<'a, [Vec<f64>]>,
+}
+
 impl Fitter<'_> {
     /// Goes down from `values` as far as it goes.
     pub(super) fn last_descent(
@@ -28,10 +36,14 @@ impl Fitter<'_> {
         let mut solution = self.minimise(problem, values, limits, "all samples")?;
         // A descent may give up in a bent valley, though more is promised: begun anew it often goes on.
         for _ in 0..ANEW {
-            if solution.stop != Stop::CostSettled || self.promised(problem, &solution)? <= AT_OPTIMUM {
+            if solution.stop != Stop::CostSettled {
                 break;
             }
-            let from = self.leap(problem, &solution)?.unwrap_or_else(|| problem.values(&solution.x));
+            let promised = self.promised(problem, &solution)?;
+            if promised.fall <= AT_OPTIMUM {
+                break;
+            }
+            let from = self.leap(problem, &solution, &promised.columns)?.unwrap_or_else(|| problem.values(&solution.x));
             let again = self.minimise(problem, &from, limits, "all samples, anew")?;
             if again.cost >= solution.cost {
                 break;
@@ -42,9 +54,13 @@ impl Fitter<'_> {
     }
 
     /// Values that a step in the values themselves leads to; none where it does not lead down.
-    fn leap(&self, problem: &Calibration, solution: &Solution) -> Result<Option<Vec<f64>>, ModelError> {
+    fn leap(
+        &self,
+        problem: &Calibration,
+        solution: &Solution,
+        columns: &[Vec<f64>],
+    ) -> Result<Option<Vec<f64>>, ModelError> {
         let values = problem.values(&solution.x);
-        let columns = jacobian(problem, &solution.x, &solution.residuals)?;
         let by_value = columns.iter().enumerate().map(|(j, column)| {
             let stretch = problem.stretch(j, values[j]);
             column.iter().map(|c| c / stretch).collect::<Vec<f64>>()
@@ -53,7 +69,6 @@ impl Fitter<'_> {
         let (lower, upper) = problem.bounds();
         let (lower, upper) = (problem.values(lower), problem.values(upper));
         let step = promising_step(&by_value, &solution.residuals, &values, (&lower, &upper));
-        self.count(columns.len());
         for share in SHARES {
             let there: Vec<f64> =
                 (0..values.len()).map(|j| (values[j] + share * step[j]).clamp(lower[j], upper[j])).collect();
@@ -80,18 +95,23 @@ impl Fitter<'_> {
         Ok(Cow::Owned(columns))
     }
 
-    /// Fall of the sum of squares that a step of a descent promises at a solution, in units of what one sample leaves.
-    pub(super) fn promised(&self, problem: &Calibration, solution: &Solution) -> Result<f64, ModelError> {
+    /// What a step of a descent promises at a solution.
+    pub(super) fn promised<'a>(
+        &self,
+        problem: &Calibration,
+        solution: &'a Solution,
+    ) -> Result<Promise<'a>, ModelError> {
         let of_one = (2.0 * solution.cost / problem.samples().max(1) as f64).max(f64::MIN_POSITIVE);
-        let promise =
-            |columns: &[Vec<f64>]| promised_fall(columns, &solution.residuals, &solution.x, problem.bounds()) / of_one;
-        let columns = self.slopes(problem, solution)?;
-        let promised = promise(&columns);
-        if promised <= AT_OPTIMUM || matches!(columns, Cow::Owned(_)) {
+        let promise = |columns: Cow<'a, [Vec<f64>]>| {
+            let fall = promised_fall(&columns, &solution.residuals, &solution.x, problem.bounds()) / of_one;
+            Promise { fall, columns }
+        };
+        let promised = promise(self.slopes(problem, solution)?);
+        if promised.fall <= AT_OPTIMUM || matches!(promised.columns, Cow::Owned(_)) {
             return Ok(promised);
         }
         // The last step mattered, after all.
-        self.count(columns.len());
-        Ok(promise(&jacobian(problem, &solution.x, &solution.residuals)?))
+        self.count(promised.columns.len());
+        Ok(promise(Cow::Owned(jacobian(problem, &solution.x, &solution.residuals)?)))
     }
 }

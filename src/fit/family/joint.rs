@@ -10,7 +10,7 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 
 use super::apart::Quantity;
-use super::compare::{Comparison, Sums, Verdict, compare};
+use super::compare::{Comparison, Verdict, compare};
 use super::law::{LawModel, Laws};
 use super::start::{bounds_of, from_apart, step_of, to_value, to_variable};
 use super::{FamilyError, Member};
@@ -311,7 +311,7 @@ pub(super) fn together(
 
     let columns = jacobian(&joint, &solution.x, &solution.residuals)?;
     let of_noise = noise_a_parameter(&joint, fits, (&apart_values, &apart), (&solution, &columns))?;
-    let comparison = compare(&Sums { noise_a_parameter: of_noise, ..sums(&joint, fits, &apart, &solution) });
+    let comparison = compare(&sums(&joint, fits, &apart, &solution, of_noise));
     let widening = comparison.filter(|c| c.verdict != Verdict::Describe).map_or(1.0, |c| c.f.max(1.0).sqrt());
     let pull = grid_pull(&joint, &models, &solution, &columns)?;
     // As in a fit of one run: half of what the last halving of the grid's step moved.

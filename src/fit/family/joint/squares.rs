@@ -7,7 +7,7 @@ use crate::fit::least_squares::{Problem, Solution, jacobian};
 use crate::fit::outcome::Fit;
 use crate::model::ModelError;
 
-pub(super) fn sums(joint: &Joint, fits: &[Fit], apart: &[f64], solution: &Solution) -> Sums {
+pub(super) fn sums(joint: &Joint, fits: &[Fit], apart: &[f64], solution: &Solution, noise_a_parameter: f64) -> Sums {
     let square = |r: &[f64]| r.iter().map(|r| r * r).sum::<f64>();
     let free = |f: &Fit| f.parameters.iter().filter(|p| p.run.is_none() && !p.at_bound && !p.held).count();
     let shared: usize = fits.iter().map(free).sum();
@@ -17,7 +17,7 @@ pub(super) fn sums(joint: &Joint, fits: &[Fit], apart: &[f64], solution: &Soluti
         apart: square(apart),
         together: square(&solution.residuals),
         samples,
-        noise_a_parameter: 1.0,
+        noise_a_parameter,
         apart_parameters: fits.iter().map(|f| f.parameters.len()).sum(),
         saved: shared.saturating_sub(of_laws),
     }
