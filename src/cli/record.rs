@@ -360,6 +360,7 @@ fn describe(text: &mut String, device: &DeviceCount) -> std::fmt::Result {
         (device.restarts, "times it restarted"),
         (device.clock_steps, "times its clock was set; its samples follow each other all the same"),
         (device.squeezed_frames, "frames began before the one before them ended; their samples stand closer"),
+        (device.restamped_frames, "frames had a time that those around them refute; they stand by their number"),
         (device.queue_waits, "times it waited because the disk did not keep up"),
     ] {
         if count > 0 {

@@ -29,7 +29,9 @@ impl Stretch {
     pub fn of_host(from_ns: i64, last_ns: i64, zero_ns: i64) -> Stretch {
         let device_ns = from_ns.saturating_add(zero_ns);
         let host_ns = device_ns as f64;
-        let line = ClockLine { device_ns, host_ns, rate: 1.0, drift_known: true, residual_ns: (0.0, 0.0) };
+        let (residual_ns, late) = ((0.0, 0.0), (0.0, 0.0));
+        let line =
+            ClockLine { device_ns, host_ns, rate: 1.0, drift_known: true, residual_ns, is_real_time: true, late };
         Stretch { from_ns, last_ns, device_ns, fit: ClockFit::default(), line: Some(line) }
     }
 
@@ -65,8 +67,12 @@ pub fn fixes(devices: &[(Vec<String>, Vec<Stretch>)], own_clock: &[bool]) -> Vec
         let mut end_ns = i64::MIN;
         for stretch in stretches {
             let Some(line) = stretch.line() else { continue };
-            let rate = line.rate / reference.rate;
-            let to_ns = recording_ns(line.host_at(stretch.device_ns)).round() as i64;
+            // Of a clock that does not fit, as of a device that is played faster than in real time, nothing is known: its own times hold.
+            let (rate, to_ns) = if line.is_real_time && reference.is_real_time {
+                (line.rate / reference.rate, recording_ns(line.host_at(stretch.device_ns)).round() as i64)
+            } else {
+                (1.0, stretch.from_ns)
+            };
             // The fits' errors must not put a stretch before the end of the last one.
             let to_ns = to_ns.max(end_ns.saturating_add(1));
             end_ns = to_ns.saturating_add(((stretch.last_ns - stretch.from_ns) as f64 * rate).ceil() as i64);

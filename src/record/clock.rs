@@ -10,6 +10,17 @@ pub fn most_jitter_ns(period_ns: i64, rows: usize) -> i64 {
     (3 * period_ns).max((length_ns / 2).min(20_000_000)).max(length_ns / 20).max(2_000_000)
 }
 
+/// Whether samples are missing before some that are placed.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Missing {
+    /// None: how far they stand from those before is the scatter of their stamps.
+    No,
+    /// Where their time jumps by a whole sample or more.
+    Perhaps,
+    /// Rows or frames are known to be.
+    Surely,
+}
+
 /// Where rows of samples stand in the recording.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Placed {
@@ -97,12 +108,11 @@ impl DeviceClock {
         if doubtful { (0, stated_ns) } else { (off_ns, stated_ns) }
     }
 
-    /// Places rows, `period_ns` apart, behind those before them. `lost` rows or frames are known to be missing; a jump of the
-    /// device time by a whole sample or more is a gap even where nothing is known to be.
+    /// Places rows, `period_ns` apart, behind those before them.
     ///
     /// The stamp holds. Where a frame begins before the last one ends its samples share the time that is left until its own end, so that
     /// neither a stated period that is too long nor a stamp that was late once moves what comes later.
-    pub fn place(&mut self, device_ns: i64, period_ns: u32, rows: usize, lost: bool) -> Placed {
+    pub fn place(&mut self, device_ns: i64, period_ns: u32, rows: usize, missing: Missing) -> Placed {
         let period_ns = i64::from(period_ns);
         let stated_ns = period_ns.saturating_mul(rows as i64);
         let time_ns = self.at_ns(device_ns);
@@ -114,13 +124,16 @@ impl DeviceClock {
                 placed.period_ns = left_ns.clamp(period_ns as f64 / 2.0, period_ns as f64).max(1.0);
                 placed.first_ns = last_ns + placed.period_ns.round() as i64;
             }
-            let missing = (placed.first_ns - last_ns - period_ns + period_ns / 2).div_euclid(period_ns);
-            if missing > 0 || lost || self.anew {
-                let known = u64::try_from(missing).ok().filter(|&n| n > 0 && !self.anew);
+            let jumped = (placed.first_ns - last_ns - period_ns + period_ns / 2).div_euclid(period_ns);
+            if (jumped > 0 && missing != Missing::No) || missing == Missing::Surely || self.anew {
+                let known = u64::try_from(jumped).ok().filter(|&n| n > 0 && !self.anew);
                 placed.gap = Some(Gap { from_s: seconds(last_ns), to_s: seconds(placed.first_ns), samples: known });
             }
         }
-        self.compare(Stamped { time_ns, stated_ns, jitter_ns: most_jitter_ns(period_ns, rows) }, lost);
+        self.compare(
+            Stamped { time_ns, stated_ns, jitter_ns: most_jitter_ns(period_ns, rows) },
+            missing == Missing::Surely,
+        );
         self.anew = false;
         let steps = rows.saturating_sub(1) as f64;
         self.last = Some((placed.first_ns + (steps * placed.period_ns).round() as i64, period_ns));
@@ -171,7 +184,7 @@ mod tests {
     const PERIOD_NS: u32 = 500_000;
 
     fn place(clock: &mut DeviceClock, first_us: i64, lost: bool) -> Placed {
-        clock.place(first_us * 1000, PERIOD_NS, 4, lost)
+        clock.place(first_us * 1000, PERIOD_NS, 4, if lost { Missing::Surely } else { Missing::Perhaps })
     }
 
     fn placed(first_ns: i64, gap: Option<Gap>) -> Placed {
@@ -219,7 +232,7 @@ mod tests {
         for (stated_ns, off_ns) in [(1_000_000, -1_500_000), (997_000, 0), (996_999, 500)] {
             let mut clock = DeviceClock::starting_at(0, 0);
             for frame in 0..40 {
-                let placed = clock.place(frame * 498_500_000, stated_ns, 500, false);
+                let placed = clock.place(frame * 498_500_000, stated_ns, 500, Missing::Perhaps);
                 let ahead_ns = placed.first_ns - frame * 498_500_000;
                 assert!((0..2_000_000).contains(&ahead_ns) && placed.gap.is_none(), "frame {frame}: {placed:?}");
             }
@@ -235,7 +248,7 @@ mod tests {
         let mut clock = DeviceClock::starting_at(0, 0);
         for frame in 0..100 {
             let late_ns = if frame == 50 { 4_000_000 } else { 0 };
-            let placed = clock.place(frame * 10_000_000 + late_ns, 1_000_000, 10, false);
+            let placed = clock.place(frame * 10_000_000 + late_ns, 1_000_000, 10, Missing::Perhaps);
             let ahead_ns = placed.first_ns - frame * 10_000_000;
             let most_ns = if (50..52).contains(&frame) { 5_000_000 } else { 0 };
             assert!((0..=most_ns).contains(&ahead_ns), "frame {frame}: {ahead_ns}");

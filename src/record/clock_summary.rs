@@ -6,9 +6,6 @@ use serde::Serialize;
 
 use super::fit::ClockLine;
 
-/// Where half of the arrivals are later than this after the line, the line is none, ms.
-const MOST_RESIDUAL_MS: f64 = 50.0;
-
 /// A device's clock against this computer's: the line below all arrivals.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct ClockSummary {
@@ -18,36 +15,37 @@ pub struct ClockSummary {
     pub residual_median_ms: f64,
     /// How late 95% of them came at most, ms.
     pub residual_95_ms: f64,
+    /// The share of the time, in pieces of a second or more, of which nothing came within 50 ms of the line, and by how much the worst was
+    /// late, ms.
+    pub late_share: f64,
+    /// See [`ClockSummary::late_share`].
+    pub late_most_ms: f64,
 }
 
 impl ClockSummary {
-    /// False where most of the arrivals do not lie on one line.
-    pub(super) fn fits(&self) -> bool {
-        self.residual_median_ms <= MOST_RESIDUAL_MS
-    }
-
-    /// What to tell the user where the arrivals do not lie on one line: a clock that stepped, or a line that stalls.
+    /// What to tell the user where for a second or more nothing came on time: bursts do no harm.
     pub(super) fn warning(&self) -> Option<String> {
-        // a stall makes some arrivals late and does the fit no harm; where most are, there is no line
-        let (share, late_ms, line) = match self {
-            ClockSummary { residual_median_ms: half, .. } if *half > MOST_RESIDUAL_MS => {
-                ("half", half, "does its line stall?")
-            }
-            ClockSummary { residual_95_ms: most, .. } if *most > MOST_RESIDUAL_MS => {
-                ("a twentieth", most, "did its line only stall? Then its times are right")
-            }
-            _ => return None,
-        };
-        Some(format!(
-            "its clock does not run evenly against this computer's ({share} of the frames came over {late_ms:.0} ms late): its times may \
-             be off by as much against other devices; did it restart, or was it set; or {line}"
-        ))
+        let ClockSummary { late_share: share, late_most_ms: most, .. } = self;
+        (*share > 0.0).then(|| {
+            format!(
+                "its clock does not run evenly against this computer's: in {:.0}% of the time all of it came late, by up to {most:.0} ms; if its \
+                 line stalled then, its times are right, but if its clock was set, or it restarted, they may be off by as much against \
+                 other devices",
+                100.0 * share
+            )
+        })
     }
 
     pub(super) fn of(line: &ClockLine) -> ClockSummary {
         let (median_ns, most_ns) = line.residual_ns;
         let drift_ppm = line.drift_known.then_some((1.0 / line.rate - 1.0) * 1e6);
-        ClockSummary { drift_ppm, residual_median_ms: median_ns / 1e6, residual_95_ms: most_ns / 1e6 }
+        ClockSummary {
+            drift_ppm,
+            residual_median_ms: median_ns / 1e6,
+            residual_95_ms: most_ns / 1e6,
+            late_share: line.late.1,
+            late_most_ms: line.late.0 / 1e6,
+        }
     }
 }
 
@@ -75,6 +73,20 @@ mod tests {
             fit.add(i64::from(index) * 10_000_000 + step_ns, i64::from(index) * 10_000_000);
         }
         ClockSummary::of(&fit.line().unwrap())
+    }
+
+    #[test]
+    fn bursts_are_not_told() {
+        for (seconds, burst_ms) in [(3, 800), (20, 800), (60, 200)] {
+            let mut fit = ClockFit::default();
+            for index in 1..=100 * seconds {
+                let came_ms = (10 * index + burst_ms - 1) / burst_ms * burst_ms;
+                fit.add(index * 10_000_000, came_ms * 1_000_000 + (index * 7919) % 97_000);
+            }
+            let summary = ClockSummary::of(&fit.line().unwrap());
+            assert_eq!(summary.warning(), None, "{summary:?}");
+            assert!(summary.residual_95_ms > 50.0, "{summary:?}");
+        }
     }
 
     #[test]

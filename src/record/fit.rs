@@ -13,12 +13,22 @@ const FIRST_WIDTH_NS: i64 = 10_000_000;
 const SPAN_FOR_DRIFT_NS: i64 = 5_000_000_000;
 /// A drift is known where it is this many times its standard error, or where that is below [`SURE_DRIFT`].
 const DRIFT_ERRORS: f64 = 3.0;
+/// No quartz is further off than this: what shows more is more likely a clock that was set, and must be this many times its error, in so many
+/// of the pieces.
+const QUARTZ_DRIFT: f64 = 1e-4;
+const LARGE_DRIFT: (f64, usize) = (10.0, 8);
 /// Better than crystals keep among themselves.
 const SURE_DRIFT: f64 = 2e-6;
 /// The span is cut into so many pieces, and the least delay of each looked at, to know how well the drift is known.
 const PIECES: usize = 16;
+/// A piece of which nothing came sooner after the line is late, ns.
+pub const LATE_NS: f64 = 50e6;
+/// A burst is shorter than this, ns.
+const SHORTEST_PIECE_NS: i64 = 1_000_000_000;
 /// No device clock is this far off: what shows more is no stream in real time.
 const MOST_DRIFT: f64 = 0.05;
+/// Of a stream in real time something in either half comes as soon after the line, ns, or as soon as with the largest drift.
+const NEAR_NS: f64 = 50e6;
 
 /// Arrivals of one device, as few as the fit needs.
 #[derive(Debug, Clone)]
@@ -44,6 +54,12 @@ pub struct ClockLine {
     pub drift_known: bool,
     /// How far the arrivals lie above the line, ns: their median, and the value that 95% do not exceed.
     pub residual_ns: (f64, f64),
+    /// False for a stream that is played faster or slower than in real time, or whose clock was set and nobody noticed: the line says nothing
+    /// of when its samples were taken. Bursts and stalls do no harm.
+    pub is_real_time: bool,
+    /// The least that a sixteenth of the time (a second at least) came late after the line, ns, for the worst of them, and the share of those
+    /// that came more than [`LATE_NS`] late: bursts come on time with their ends, a clock that was set does not.
+    pub late: (f64, f64),
 }
 
 impl ClockLine {
@@ -94,11 +110,17 @@ impl ClockFit {
         let edge = hull.windows(2).find(|edge| edge[1].0 as f64 >= mean);
         let drift = edge.map_or(0.0, |e| (e[1].1 - e[0].1) as f64 / (e[1].0 - e[0].0) as f64);
         let span_ns = last.0 - first.0;
-        let sure = || drift_error(&self.points, drift) <= SURE_DRIFT.max(drift.abs() / DRIFT_ERRORS);
-        let drift_known = span_ns >= SPAN_FOR_DRIFT_NS && drift.abs() <= MOST_DRIFT && sure();
+        let drift_known = span_ns >= SPAN_FOR_DRIFT_NS && drift.abs() <= MOST_DRIFT && is_sure(&self.points, drift);
         let drift = if drift_known { drift } else { 0.0 };
         let above = |p: &(i64, i64)| p.1 as f64 - drift * p.0 as f64;
         let offset = self.points.iter().map(above).fold(f64::INFINITY, f64::min);
+        let nearest = |half: &[(i64, i64)]| half.iter().map(above).fold(f64::INFINITY, f64::min) - offset;
+        let (early, late) = self.points.split_at(self.points.partition_point(|p| p.0 <= first.0 + span_ns / 2));
+        let near_ns = NEAR_NS.max(MOST_DRIFT * span_ns as f64 / 2.0);
+        let is_real_time = [early, late].iter().all(|half| half.is_empty() || nearest(half) <= near_ns);
+        let pieces = (span_ns / SHORTEST_PIECE_NS).clamp(1, PIECES as i64) as usize;
+        let late: Vec<f64> = least_delays(&self.points, drift, pieces).iter().map(|delay| delay - offset).collect();
+        let share_late = late.iter().filter(|late| **late > LATE_NS).count() as f64 / late.len() as f64;
         let mut residuals: Vec<f64> = self.points.iter().map(|p| above(p) - offset).collect();
         residuals.sort_by(f64::total_cmp);
         let share = |q: f64| residuals[((residuals.len() - 1) as f64 * q).round() as usize];
@@ -108,6 +130,8 @@ impl ClockFit {
             rate: 1.0 + drift,
             drift_known,
             residual_ns: (share(0.5), share(0.95)),
+            is_real_time,
+            late: (late.into_iter().fold(0.0, f64::max), share_late),
         })
     }
 
@@ -117,22 +141,31 @@ impl ClockFit {
     }
 }
 
-/// Standard error of a drift: that of a straight line through the least delays of as many pieces of the span, whose scatter is taken
-/// from their median distance to their median, so that a piece in which everything was late says nothing.
-fn drift_error(points: &[(i64, i64)], drift: f64) -> f64 {
-    let (Some(first), Some(last)) = (points.first(), points.last()) else { return f64::INFINITY };
-    let mut least = [f64::INFINITY; PIECES];
-    for point in points {
-        let piece = ((point.0 - first.0) as i128 * PIECES as i128 / (last.0 - first.0 + 1) as i128) as usize;
-        least[piece] = least[piece].min(point.1 as f64 - drift * point.0 as f64);
-    }
-    let mut least: Vec<f64> = least.into_iter().filter(|delay| delay.is_finite()).collect();
+/// Whether a drift is known. Its standard error is that of a straight line through the least delays of as many pieces of the span, whose
+/// scatter is taken from their median distance to their median, so that a piece in which everything was late says nothing.
+fn is_sure(points: &[(i64, i64)], drift: f64) -> bool {
+    let (Some(first), Some(last)) = (points.first(), points.last()) else { return false };
+    let mut least = least_delays(points, drift, PIECES);
     let middle = median(&mut least);
     let mut distances: Vec<f64> = least.iter().map(|delay| (delay - middle).abs()).collect();
     // 1.4826: from the median distance to the standard deviation of a normal distribution
     let scatter = 1.4826 * median(&mut distances);
     // evenly spaced points: the variance of their places is span²/12
-    scatter * (12.0 / distances.len() as f64).sqrt() / (last.0 - first.0) as f64
+    let error = scatter * (12.0 / distances.len() as f64).sqrt() / (last.0 - first.0) as f64;
+    let (times, pieces) = if drift.abs() > QUARTZ_DRIFT { LARGE_DRIFT } else { (DRIFT_ERRORS, 1) };
+    distances.len() >= pieces && error <= SURE_DRIFT.max(drift.abs() / times)
+}
+
+/// The least delay in each of so many equal pieces of the span that something came in.
+fn least_delays(points: &[(i64, i64)], drift: f64, pieces: usize) -> Vec<f64> {
+    let (Some(first), Some(last)) = (points.first(), points.last()) else { return Vec::new() };
+    let mut least = vec![f64::INFINITY; pieces];
+    for point in points {
+        let piece = ((point.0 - first.0) as i128 * pieces as i128 / (last.0 - first.0 + 1) as i128) as usize;
+        least[piece] = least[piece].min(point.1 as f64 - drift * point.0 as f64);
+    }
+    least.retain(|delay| delay.is_finite());
+    least
 }
 
 fn median(values: &mut [f64]) -> f64 {

@@ -4,14 +4,13 @@
 //! (wraps), u64 device time of the first sample (µs), u32 sample period (ns), u16 samples m, m × n i16 interleaved by
 //! channel, u16 CRC-16/IBM-3740 over all before it.
 
-mod last;
-
-use std::collections::VecDeque;
+mod order;
+mod rhythm;
 
 use crc::{CRC_16_IBM_3740, Crc};
 
 use super::pieces::Pieces;
-use last::{Last, missing};
+use order::Order;
 
 const VERSION: u8 = 1;
 const HEADER: usize = 18;
@@ -23,12 +22,6 @@ pub const MAX_ENCODED: usize = 1 << 20;
 
 /// Device times beyond this, µs (146 000 years), would not fit the recording's i64 nanoseconds.
 const MAX_DEVICE_US: u64 = (i64::MAX / 2000) as u64;
-
-/// So many consecutive frames from the past, in sequence among themselves, are a device that restarted.
-const RESTART_FRAMES: usize = 3;
-
-/// So many of the last frames are remembered, to know them when they come again.
-const RECENT: usize = 64;
 
 /// One frame: `samples()` samples of each of `channels()` channels, `period_ns()` apart.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -80,6 +73,11 @@ impl Frame {
     /// Number of samples of each channel.
     pub fn samples(&self) -> usize {
         self.counts.len() / usize::from(self.channels)
+    }
+
+    /// Its length as it says, µs.
+    fn length_us(&self) -> f64 {
+        f64::from(self.period_ns) * self.samples() as f64 / 1e3
     }
 
     /// The counts of one channel, in time order; empty for a channel that the frame does not have.
@@ -166,19 +164,48 @@ fn parse_raw(raw: &[u8]) -> Option<Option<Frame>> {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Event {
     /// A whole frame with at least one sample, later than the one before it.
-    Frame {
-        /// The frame.
-        frame: Frame,
-        /// How many frames are missing before it, by its sequence number.
-        lost_before: u32,
-        /// When its first byte arrived, ns on the clock of [`Decoder::feed`].
-        began_ns: i64,
-        /// Its sequence went back while its time went on too little for so many frames to be missing: none is counted as lost, and
-        /// the device may have restarted.
-        anew: bool,
-    },
+    Frame(Taken),
     /// The device started again: its clock and its sequence began anew with the next frame.
     Restarted,
+}
+
+/// A frame in its place.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Taken {
+    /// The frame.
+    pub frame: Frame,
+    /// How many frames are missing before it, by its sequence number.
+    pub lost_before: u32,
+    /// When its first byte arrived, ns on the clock of [`Decoder::feed`].
+    pub began_ns: i64,
+    /// Its sequence went back while its time went on too little for so many frames to be missing: none is counted as lost, and the device may
+    /// have restarted.
+    pub anew: bool,
+    /// Its stamp is off from the place that its sequence gives it, and those behind it agree: it is behind a hole, or its clock was set. Of
+    /// those that agree, the one that came earliest.
+    pub jump: Option<Sent>,
+    /// It stands behind the one before it by its sequence, and how far from it says nothing: the device's stamps scatter.
+    pub scatters: bool,
+}
+
+/// When a frame was sent, by the device, and when it came.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Sent {
+    /// Device time of its end, ns.
+    pub sent_ns: i64,
+    /// When its first byte arrived, ns on the clock of [`Decoder::feed`].
+    pub began_ns: i64,
+}
+
+impl Sent {
+    fn of(frame: &Frame, began_ns: i64) -> Sent {
+        let length_ns = i64::from(frame.period_ns).saturating_mul(frame.samples() as i64);
+        Sent { sent_ns: ((frame.first_us * 1000) as i64).saturating_add(length_ns), began_ns }
+    }
+
+    fn early_ns(&self) -> i64 {
+        self.sent_ns.saturating_sub(self.began_ns)
+    }
 }
 
 /// What the decoder has seen.
@@ -186,32 +213,22 @@ pub enum Event {
 pub struct FrameCounts {
     /// Frames taken.
     pub frames: u64,
-    /// Pieces between zeros that were no valid frame (COBS, version, length, CRC), frames with a time that the next one refuted, and
-    /// frames from the past, none of the last ones come again, behind which neither the stream nor a restart went on.
+    /// Pieces between zeros that were no valid frame (COBS, version, length, CRC), and frames whose time and place in the sequence the ones
+    /// around them refute.
     pub bad: u64,
     /// Frames missing by the jumps of the sequence; a bad frame is missing too.
     pub lost: u64,
     /// Frames that came again, or late; dropped.
     pub duplicated: u64,
+    /// Frames taken whose time the ones around them refute: they stand where the sequence puts them.
+    pub restamped: u64,
 }
 
 /// Incremental decoder: takes bytes in any split, finds the frames. Memory stays below [`MAX_ENCODED`].
 #[derive(Debug, Default)]
 pub struct Decoder {
     pieces: Pieces<0, MAX_ENCODED>,
-    last: Option<Last>,
-    /// Where the last frame would have stood by the one before it, or the one that refuted its time.
-    line: Option<Last>,
-    /// A frame whose time is off from what its sequence and its arrival say, until the next one confirms it; with its arrival.
-    doubtful: Option<(Frame, i64)>,
-    /// Frames from the past, in sequence among themselves: late ones, or a device that restarted. Each with its arrival.
-    stale: Vec<(Frame, i64)>,
-    /// Sequence and time of the last frames taken.
-    recent: VecDeque<(u16, u64)>,
-    /// Frames missing since the last one handed on, and whether the sequence began anew since.
-    lost_before: u32,
-    anew: bool,
-    counts: FrameCounts,
+    order: Order,
 }
 
 impl Decoder {
@@ -220,22 +237,25 @@ impl Decoder {
         Decoder::default()
     }
 
-    /// What was seen so far; a frame in doubt is a bad one until it is confirmed, and so is one of a restart.
+    /// What was seen so far; a frame in doubt is a bad one until it is believed.
     pub fn counts(&self) -> FrameCounts {
-        let held = self.unrepeated();
-        let bad = self.counts.bad + u64::from(self.doubtful.is_some()) + held;
-        FrameCounts { bad, duplicated: self.counts.duplicated - held, ..self.counts }
+        self.order.counts()
     }
 
-    /// Frames from the past that are none of the last ones come again.
-    fn unrepeated(&self) -> u64 {
-        let is_new = |(frame, _): &&(Frame, i64)| !self.recent.contains(&(frame.sequence, frame.first_us));
-        self.stale.iter().filter(is_new).count() as u64
+    /// Standard deviation of the device's stamps, s; `None` where they hold as they are.
+    pub fn stamps_scatter_s(&self) -> Option<f64> {
+        self.order.stamps_scatter_s()
     }
 
     /// Frames that were counted as lost were none: the device has restarted.
     pub fn not_lost(&mut self, frames: u32) {
-        self.counts.lost = self.counts.lost.saturating_sub(u64::from(frames));
+        let counts = &mut self.order.counts;
+        counts.lost = counts.lost.saturating_sub(u64::from(frames));
+    }
+
+    /// No more will come: hands on what was held until more would have come, and can only be behind a hole.
+    pub fn finish(&mut self, events: &mut Vec<Event>) {
+        self.order.finish(events);
     }
 
     /// Takes the next bytes of the stream, which arrived at `at_ns` on any clock, and appends what they complete to `events`.
@@ -243,145 +263,17 @@ impl Decoder {
         while let Some(piece) = self.pieces.next(at_ns, &mut bytes) {
             let began_ns = piece.began_ns;
             match piece.bytes.map(parse) {
-                Some(Parsed::Good(frame)) => self.accept(frame, began_ns, events),
+                Some(Parsed::Good(frame)) => self.order.accept(frame, began_ns, events),
                 Some(Parsed::Nothing) => {}
                 Some(Parsed::Fragment) if piece.maybe_rest => {}
-                Some(Parsed::Damaged | Parsed::Fragment) | None => self.counts.bad += 1,
+                Some(Parsed::Damaged | Parsed::Fragment) | None => self.order.counts.bad += 1,
             }
         }
     }
 
     /// The stream was cut off: a frame cut with it is a bad one, and what comes next may begin within a frame.
     pub fn cut(&mut self) {
-        self.counts.bad += u64::from(self.pieces.cut());
-    }
-
-    /// Puts a valid frame in its place behind the last one, or keeps it aside as one from the past or with a doubtful time.
-    fn accept(&mut self, frame: Frame, began_ns: i64, events: &mut Vec<Event>) {
-        if self.settle(&frame, began_ns, events) {
-            self.counts.duplicated += 1;
-            return;
-        }
-        let Some(last) = self.last else {
-            self.take(frame, began_ns, events);
-            return;
-        };
-        if frame.first_us <= last.first_us && self.refutes(&frame, began_ns) {
-            self.counts.bad += 1;
-            return;
-        }
-        let repeated = frame.sequence == last.sequence;
-        if repeated || frame.first_us <= last.first_us {
-            self.stale(frame, began_ns, repeated, events);
-        } else if last.jumps_to(&frame, began_ns) {
-            self.doubtful = Some((frame, began_ns));
-        } else {
-            self.take(frame, began_ns, events);
-        }
-    }
-
-    /// True for a frame from before the last one that goes on where that one should have ended: its time was false, though it came late
-    /// enough for it to be true. Nothing behind it can be taken until that time has passed.
-    fn refutes(&mut self, next: &Frame, began_ns: i64) -> bool {
-        let refutes = self.line.is_some_and(|line| {
-            let ends_us = line.first_us + line.length_us;
-            line.goes_on_with(next) && next.first_us.abs_diff(ends_us) <= line.jitter_us
-        });
-        if refutes {
-            self.line = Some(Last::of(next, began_ns));
-        }
-        refutes
-    }
-
-    /// The frame behind one with a doubtful time goes on from there, or from before it: then the doubtful one is dropped. One from the
-    /// past says nothing. True for the doubtful one come again.
-    fn settle(&mut self, next: &Frame, next_began_ns: i64, events: &mut Vec<Event>) -> bool {
-        let Some((doubtful, began_ns)) = self.doubtful.take() else { return false };
-        let Some(last) = self.last else { return false };
-        let last_us = last.first_us;
-        let again = next.sequence == doubtful.sequence && next.first_us == doubtful.first_us;
-        if again || next.first_us <= last_us {
-            self.doubtful = Some((doubtful, began_ns));
-            return again;
-        }
-        let (jumped, jump_us) = (Last::of(&doubtful, began_ns), doubtful.first_us - last_us);
-        let goes_on = if last.goes_on_with(&doubtful) && jumped.goes_on_with(next) {
-            // Nothing is missing: it stands where the doubtful one ends, or where it would end had its time not jumped.
-            let true_us = last_us + last.length_us + jumped.length_us;
-            let (jumped_us, true_us) =
-                (next.first_us.abs_diff(doubtful.first_us + jumped.length_us), next.first_us.abs_diff(true_us));
-            next.first_us > doubtful.first_us && jumped_us <= true_us
-        } else {
-            // A device that samples now and then jumps again and again.
-            next.first_us > doubtful.first_us
-                && (!jumped.jumps_to(next, next_began_ns) || next.first_us - doubtful.first_us <= jump_us + jump_us / 2)
-        };
-        if goes_on {
-            self.take(doubtful, began_ns, events);
-        } else {
-            self.counts.bad += 1;
-        }
-        false
-    }
-
-    /// Hands on a frame that is later than the last one.
-    fn take(&mut self, frame: Frame, began_ns: i64, events: &mut Vec<Event>) {
-        if let Some(last) = self.last {
-            if last.begins_anew_with(&frame) {
-                self.anew = true;
-            } else {
-                let lost = missing(&last, &frame, began_ns);
-                self.counts.lost += u64::from(lost);
-                self.lost_before = self.lost_before.saturating_add(lost);
-            }
-        }
-        self.stale.clear();
-        self.recent.push_back((frame.sequence, frame.first_us));
-        if self.recent.len() > RECENT {
-            self.recent.pop_front();
-        }
-        self.counts.frames += 1;
-        let here = Last::of(&frame, began_ns);
-        if frame.samples() == 0 {
-            // A sign of life: it has a sequence number, but no sample that its time would be of.
-            let before = self.last.unwrap_or(Last { first_us: frame.first_us.saturating_sub(1), ..here });
-            self.last = Some(Last { sequence: frame.sequence, length_us: 0, ..before });
-            return;
-        }
-        let before = self.last.filter(|last| last.goes_on_with(&frame));
-        self.line = before.map(|last| Last { first_us: last.first_us + last.length_us, ..here });
-        self.last = Some(here);
-        let lost_before = std::mem::take(&mut self.lost_before);
-        events.push(Event::Frame { frame, lost_before, began_ns, anew: std::mem::take(&mut self.anew) });
-    }
-
-    /// A frame from the past: late, or sent again; enough of them in sequence are a device that restarted, and none of them is lost.
-    fn stale(&mut self, frame: Frame, began_ns: i64, repeated: bool, events: &mut Vec<Event>) {
-        self.counts.duplicated += 1;
-        if repeated {
-            return;
-        }
-        let follows = |(last, _): &(Frame, i64)| {
-            frame.sequence == last.sequence.wrapping_add(1) && frame.first_us > last.first_us
-        };
-        if !self.stale.last().is_some_and(follows) {
-            let lost = self.unrepeated();
-            (self.counts.bad, self.counts.duplicated) = (self.counts.bad + lost, self.counts.duplicated - lost);
-            self.stale.clear();
-        }
-        self.stale.push((frame, began_ns));
-        if self.stale.len() < RESTART_FRAMES {
-            return;
-        }
-        events.push(Event::Restarted);
-        self.counts.bad += u64::from(self.doubtful.take().is_some());
-        (self.last, self.line) = (None, None);
-        self.recent.clear();
-        (self.lost_before, self.anew) = (0, false);
-        self.counts.duplicated -= RESTART_FRAMES as u64;
-        for (frame, began_ns) in std::mem::take(&mut self.stale) {
-            self.take(frame, began_ns, events);
-        }
+        self.order.counts.bad += u64::from(self.pieces.cut());
     }
 }
 

@@ -55,6 +55,11 @@ pub struct DeviceCount {
     pub clock_steps: u64,
     /// Frames that by their stamps began before the one before them ended; their samples stand closer.
     pub squeezed_frames: u64,
+    /// Frames whose time the ones around them refute: they stand where the sequence puts them.
+    pub restamped_frames: u64,
+    /// Standard deviation of its stamps, s, where they scatter by more than its samples are apart and are smoothed.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub stamps_scatter_s: Option<f64>,
     /// How much longer than its frames say the time between its samples is by its stamps, s, and over how many s; zeros where they agree.
     #[serde(skip)]
     pub period_off_s: (f64, f64),
@@ -89,7 +94,14 @@ impl DeviceCount {
         });
         let compared = several || self.restarts > 0 || self.clock_steps > 0;
         let clock = self.clock.as_ref().filter(|_| compared).and_then(ClockSummary::warning);
-        let all: Vec<String> = clock.into_iter().chain(period).collect();
+        let scatter = self.stamps_scatter_s.map(|scatter_s| {
+            format!(
+                "its time stamps scatter by {:.1} ms, more than its samples are apart, and are smoothed: as a whole its times may be off by \
+                 about as much; let it take the time when it samples, not when it sends",
+                1e3 * scatter_s
+            )
+        });
+        let all: Vec<String> = clock.into_iter().chain(period).chain(scatter).collect();
         self.clock_warning = (!all.is_empty()).then(|| all.join("; "));
     }
 
@@ -108,6 +120,7 @@ impl DeviceCount {
             ("restarts", self.restarts),
             ("clock_steps", self.clock_steps),
             ("squeezed_frames", self.squeezed_frames),
+            ("restamped_frames", self.restamped_frames),
             ("queue_waits", self.queue_waits),
         ];
         notes.extend(seldom.into_iter().filter(|(_, count)| *count > 0).map(|(what, count)| (what, count.to_string())));

@@ -236,7 +236,6 @@ fn finish(
     // Where nothing more comes at all the session ends by itself, and the last to fall silent is no later than it should be.
     let last_heard = streams.iter().map(|stream| stream.heard).max().unwrap_or_else(Instant::now);
     let moment = if all_over(streams, options).is_some() { last_heard } else { Instant::now() };
-    let limit_s = seconds(live.end_ns);
     let devices: Vec<DeviceCount> = streams
         .iter()
         .enumerate()
@@ -244,7 +243,8 @@ fn finish(
             let mut count = stream.count(sources.waited(index));
             // What ended before the duration, vanished for good or never spoke owes what it did not send; a device that ends by
             // itself, or that the user stops, does not.
-            let came = stream.state == State::Reached || stream.has_come_to(live.end_ns.saturating_sub(END_NS));
+            // That it had reached the end was by its clock as it was known then.
+            let came = stream.has_come_to(live.end_ns.saturating_sub(END_NS));
             let early = options.duration_s.is_some() && !came && !by_user && !all_shots;
             let left = match stream.state {
                 State::Vanished(..) => true,
@@ -257,11 +257,18 @@ fn finish(
             count
         })
         .collect();
-    for stream in streams.iter() {
-        let Some((since_ns, silent)) = stream.silent_since(moment, options.silence) else { continue };
-        let (from_s, to_s) = (seconds(since_ns), (seconds(since_ns) + silent.as_secs_f64()).min(limit_s));
+    for (stream, count) in streams.iter().zip(&devices) {
+        let limit_s = stream.kept_until_s(live.end_ns);
+        let gap = match stream.silent_since(moment, options.silence) {
+            Some((since_ns, silent)) => (seconds(since_ns), (seconds(since_ns) + silent.as_secs_f64()).min(limit_s)),
+            None if count.incomplete && stream.state == State::Reached => {
+                let Some(last) = stream.stretches.last() else { continue };
+                (seconds(last.last_ns), limit_s)
+            }
+            None => continue,
+        };
         for sensor in stream.sensors() {
-            live.output()?.never_came(sensor, Gap { from_s, to_s, samples: None })?;
+            live.output()?.never_came(sensor, Gap { from_s: gap.0, to_s: gap.1, samples: None })?;
         }
     }
     if options.duration_s.is_some() {
@@ -335,3 +342,7 @@ fn describe(devices: &[Device]) -> String {
 #[cfg(test)]
 #[path = "session_tests.rs"]
 mod tests;
+
+#[cfg(test)]
+#[path = "session_clock_tests.rs"]
+mod clock_tests;

@@ -8,7 +8,7 @@ use crate::record::frames::Frame;
 use crate::record::trigger::{Condition, Settings};
 use crate::recording::Recording;
 
-const MS: i64 = 1_000_000;
+pub(super) const MS: i64 = 1_000_000;
 
 /// P1 on device A, P2 on device B.
 fn rig(protocol: &str) -> Rig {
@@ -25,7 +25,7 @@ fn rig(protocol: &str) -> Rig {
     Rig::from_toml(&text, "bench.toml").unwrap()
 }
 
-fn options(file: &Path) -> Options {
+pub(super) fn options(file: &Path) -> Options {
     Options {
         file: file.to_owned(),
         duration_s: None,
@@ -43,7 +43,7 @@ fn frame(index: i64, stamp_us: i64, closes_ms: i64) -> Vec<u8> {
 }
 
 /// Records messages of devices A (0) and B (1) in the order of their arrivals, ns; the last is not older than the session's end.
-fn played(options: &Options, mut messages: Vec<(i64, usize, Vec<u8>)>) -> Summary {
+pub(super) fn played(options: &Options, mut messages: Vec<(i64, usize, Vec<u8>)>) -> Summary {
     let rig = rig("frames");
     messages.sort_by_key(|(at_ns, ..)| *at_ns);
     let devices = live_devices(&rig, &[]).unwrap();
@@ -73,7 +73,7 @@ fn played(options: &Options, mut messages: Vec<(i64, usize, Vec<u8>)>) -> Summar
 }
 
 /// Frames of a device that runs for so long: by its index its stamp, µs, and its arrival, ns.
-fn sent(
+pub(super) fn sent(
     device: usize,
     seconds: i64,
     closes_ms: i64,
@@ -89,7 +89,7 @@ fn sent(
 }
 
 /// On time: sent when its last sample was taken.
-fn on_time(index: i64) -> (i64, i64) {
+pub(super) fn on_time(index: i64) -> (i64, i64) {
     (1_000_000 + index * 10_000, (index + 1) * 10 * MS)
 }
 

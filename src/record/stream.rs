@@ -8,8 +8,8 @@ use std::time::{Duration, Instant};
 
 use super::RecordError;
 use super::align::Stretch;
-use super::clock::{DeviceClock, seconds};
-use super::frames::{self, Frame};
+use super::clock::{DeviceClock, Missing, seconds};
+use super::frames::{self, Taken};
 use super::lines::{self, Line};
 use super::live::Live;
 use super::polling::Polled;
@@ -200,11 +200,35 @@ impl<'a> Stream<'a> {
     /// # Errors
     /// As [`Stream::take`].
     pub fn finish(&mut self, live: &mut Live<'_>) -> Result<(), RecordError> {
-        let mut events = Vec::new();
-        if let Codec::Lines(decoder) = &mut self.codec {
-            decoder.finish(&mut events);
+        match &mut self.codec {
+            Codec::Frames(decoder) => {
+                let mut events = Vec::new();
+                decoder.finish(&mut events);
+                self.frames(events, live)
+            }
+            Codec::Lines(decoder) => {
+                let mut events = Vec::new();
+                decoder.finish(&mut events);
+                self.lines(events, live)
+            }
+            Codec::Polled(_) => Ok(()),
         }
-        self.lines(events, live)
+    }
+
+    fn frames(&mut self, events: Vec<frames::Event>, live: &mut Live<'_>) -> Result<(), RecordError> {
+        for event in events {
+            match event {
+                frames::Event::Restarted => self.restarted = true,
+                frames::Event::Frame(taken) => {
+                    let restarts = self.stretches.len();
+                    self.frame(&taken, live)?;
+                    if restarts > 0 && self.stretches.len() > restarts {
+                        self.not_lost(taken.lost_before);
+                    }
+                }
+            }
+        }
+        Ok(())
     }
 
     fn lines(&mut self, events: Vec<lines::Event>, live: &mut Live<'_>) -> Result<(), RecordError> {
@@ -231,19 +255,7 @@ impl<'a> Stream<'a> {
             Codec::Frames(decoder) => {
                 let mut events = Vec::new();
                 decoder.feed(at_ns, bytes, &mut events);
-                for event in events {
-                    match event {
-                        frames::Event::Restarted => self.restarted = true,
-                        frames::Event::Frame { frame, lost_before, began_ns, anew } => {
-                            let sign = if anew { Sign::Sequence } else { Sign::None };
-                            let restarts = self.stretches.len();
-                            self.frame(&frame, (lost_before, sign), began_ns, live)?;
-                            if restarts > 0 && self.stretches.len() > restarts {
-                                self.not_lost(lost_before);
-                            }
-                        }
-                    }
-                }
+                self.frames(events, live)?;
             }
             Codec::Lines(decoder) => {
                 let mut events = Vec::new();
@@ -298,13 +310,9 @@ impl<'a> Stream<'a> {
         Ok(false)
     }
 
-    fn frame(
-        &mut self,
-        frame: &Frame,
-        (lost, sign): (u32, Sign),
-        began_ns: i64,
-        live: &mut Live<'_>,
-    ) -> Result<(), RecordError> {
+    fn frame(&mut self, taken: &Taken, live: &mut Live<'_>) -> Result<(), RecordError> {
+        let &Taken { ref frame, lost_before: lost, began_ns, anew, jump, scatters } = taken;
+        let sign = if anew { Sign::Sequence } else { Sign::None };
         self.sent_something(lost == 0);
         if !self.check_columns(usize::from(frame.channels()), live)? {
             return Ok(());
@@ -314,9 +322,14 @@ impl<'a> Stream<'a> {
         // A frame is sent when its last sample was taken; its first is that much older.
         let sent_ns = device_ns.saturating_add(i64::from(period_ns).saturating_mul(rows as i64));
         let end_before_ns = self.clock.map_or(0, |clock| clock.end_ns());
-        let stamp = Stamp { device_ns, sent_ns, began_ns, period_ns: i64::from(period_ns), rows, lost };
+        let stamp = Stamp { device_ns, sent_ns, began_ns, period_ns: i64::from(period_ns), rows, lost, jump };
         let clock = self.begin(&stamp, sign, live)?;
-        let placed = clock.place(device_ns, period_ns, rows, lost > 0);
+        let missing = match (lost, scatters) {
+            (0, true) => Missing::No,
+            (0, false) => Missing::Perhaps,
+            _ => Missing::Surely,
+        };
+        let placed = clock.place(device_ns, period_ns, rows, missing);
         let (last_ns, now_ns) = (clock.last_ns().unwrap_or_default(), clock.end_ns());
         self.arrived(&stamp, last_ns, now_ns);
         let limit_ns = self.limit_ns(live);
@@ -347,7 +360,7 @@ impl<'a> Stream<'a> {
         let device_ns = (line.time_us * 1000) as i64;
         let sign = if line.hole_before { Sign::Hole } else { Sign::None };
         let (sent_ns, began_ns) = (device_ns, line.began_ns);
-        let stamp = Stamp { device_ns, sent_ns, began_ns, period_ns: 0, rows: 1, lost: 0 };
+        let stamp = Stamp { device_ns, sent_ns, began_ns, period_ns: 0, rows: 1, lost: 0, jump: None };
         let clock = self.begin(&stamp, sign, live)?;
         let Some(placed) = clock.place_row(device_ns, line.hole_before) else { return Ok(()) };
         self.arrived(&stamp, placed.first_ns, placed.first_ns);

@@ -68,6 +68,7 @@ impl Stream<'_> {
                 let counts = decoder.counts();
                 (count.frames, count.bad_frames) = (counts.frames, counts.bad);
                 (count.lost_frames, count.duplicated_frames) = (counts.lost, counts.duplicated);
+                (count.restamped_frames, count.stamps_scatter_s) = (counts.restamped, decoder.stamps_scatter_s());
             }
             Codec::Lines(decoder) => {
                 let counts = decoder.counts();

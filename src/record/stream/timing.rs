@@ -6,8 +6,8 @@ use super::{Sign, State, Stream};
 use crate::log::SensorClock;
 use crate::record::RecordError;
 use crate::record::align::Stretch;
-use crate::record::clock::{DeviceClock, most_jitter_ns};
-use crate::record::clock_summary::ClockSummary;
+use crate::record::clock::{DeviceClock, seconds};
+use crate::record::frames::Sent;
 use crate::record::live::Live;
 use crate::rig::Protocol;
 
@@ -31,6 +31,8 @@ pub(super) struct Stamp {
     pub(super) rows: usize,
     /// Messages missing before it, by their sequence.
     pub(super) lost: u32,
+    /// It is off its place, and so are those behind it: of them, the one that came earliest.
+    pub(super) jump: Option<Sent>,
 }
 
 impl Stream<'_> {
@@ -81,23 +83,17 @@ impl Stream<'_> {
         late_s.abs() > least_s + RESTART_S.1 * away_s.abs()
     }
 
-    /// By how much the device's clock was set before a frame, ns: its stamp is off from where the samples before it end, and it cannot be a
-    /// hole, for the frame begins before that end, or came earlier than it could have been sent.
+    /// By how much the device's clock was set before a frame that is off its place, ns. It cannot be behind a hole where it stands before
+    /// the end of those before it, or before the frames between that are missing, or where it came earlier than it could have been sent.
     fn step_ns(&self, stamp: &Stamp) -> Option<i64> {
-        let (clock, period_ns) = (self.clock?, stamp.period_ns);
-        let last_ns = clock.last_ns().filter(|_| period_ns > 0)?;
-        let most_ns = most_jitter_ns(period_ns, stamp.rows);
-        let ahead_ns = clock.at_ns(stamp.device_ns).saturating_sub(last_ns.saturating_add(period_ns));
-        if ahead_ns < -most_ns {
+        let (clock, earliest) = (self.clock?, stamp.jump?);
+        let missing_ns = (i64::from(stamp.lost) * stamp.rows as i64).saturating_mul(stamp.period_ns);
+        let ahead_ns = clock.at_ns(stamp.device_ns).saturating_sub(clock.end_ns().saturating_add(missing_ns));
+        if ahead_ns <= 0 {
             return Some(ahead_ns);
         }
-        let missing_ns = (i64::from(stamp.lost) * stamp.rows as i64).saturating_mul(period_ns);
-        let ahead_ns = ahead_ns.saturating_sub(missing_ns);
-        if ahead_ns <= most_ns {
-            return None;
-        }
-        let line = self.stretches.last()?.line()?;
-        let early_ns = line.host_at(clock.at_ns(stamp.sent_ns)) - stamp.began_ns as f64;
+        let line = self.stretches.last()?.line().filter(|line| line.is_real_time)?;
+        let early_ns = line.host_at(clock.at_ns(earliest.sent_ns)) - earliest.began_ns as f64;
         (early_ns > (ahead_ns as f64 / 2.0).max(line.residual_ns.1)).then_some(ahead_ns)
     }
 
@@ -121,12 +117,9 @@ impl Stream<'_> {
         self.heard = Instant::now();
     }
 
-    /// Takes what puts its logged times on the recording's clock. Of a clock that does not fit, as of a device that is played faster than in
-    /// real time, nothing is known: what it sends is taken by its own time.
+    /// Takes what puts its logged times on the recording's clock.
     pub fn set_moves(&mut self, moves: SensorClock) {
-        let line = self.stretches.last().and_then(Stretch::line);
-        let fits = line.is_some_and(|line| ClockSummary::of(&line).fits());
-        self.moves = if fits { moves } else { SensorClock::default() };
+        self.moves = moves;
     }
 
     /// True where its times move when clocks are fitted anew: all is written then that comes before the session ends, and what is kept is cut
@@ -138,6 +131,11 @@ impl Stream<'_> {
     /// The logged time up to which it is written, ns.
     pub(super) fn limit_ns(&self, live: &Live<'_>) -> i64 {
         if self.is_moved() { i64::MAX } else { live.end_ns }
+    }
+
+    /// The time up to which it is kept, as logged, s.
+    pub fn kept_until_s(&self, end_ns: i64) -> f64 {
+        seconds(self.moves.logged_ns(end_ns))
     }
 
     /// True for a logged time before the end of the recording.
