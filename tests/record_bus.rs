@@ -3,7 +3,6 @@
 #![cfg(unix)]
 
 use std::sync::atomic::AtomicBool;
-use std::time::Duration;
 
 use surgescope::log;
 use surgescope::record::RecordError;
@@ -54,14 +53,7 @@ fn recorded(on: &[&str], faults: Faults) -> (Summary, Vec<Series>) {
     let sources = Sources::open(&rig, &devices, false).unwrap();
     line.start_line(scripts, 1.0, faults).unwrap();
     let folder = TempDir::new().unwrap();
-    let options = Options {
-        file: folder.path().join("run.mcap"),
-        duration_s: None,
-        silence: Duration::from_secs(5),
-        wait: Duration::ZERO,
-        notes: vec![],
-        shots: None,
-    };
+    let options = Options::new(folder.path().join("run.mcap"));
     let summary = record(&rig, &sources, &options, &AtomicBool::new(false), &mut |_| {}).unwrap();
     line.stop().unwrap();
     let series = log::read(&options.file).unwrap().series;

@@ -67,17 +67,6 @@ fn playback(rig: &Rig, device: &Device, seconds: f64) -> Playback {
     Playback { sample_period_ns: PERIOD_NS, sensors: sensors.map(ramp).collect() }
 }
 
-fn options(file: &Path) -> Options {
-    Options {
-        file: file.to_owned(),
-        duration_s: None,
-        silence: Duration::from_secs(5),
-        wait: Duration::ZERO,
-        notes: vec![],
-        shots: None,
-    }
-}
-
 /// Plays `seconds` on the devices named and records them.
 fn record_devices(names: &[&str], seconds: f64, faults: impl Fn(&str) -> Faults, file: &Path) -> (Summary, Vec<Sent>) {
     let rig = rig();
@@ -93,7 +82,7 @@ fn record_devices(names: &[&str], seconds: f64, faults: impl Fn(&str) -> Faults,
         assert_eq!(script.clipped, 0);
         line.start(script, 1.0, faults(&device.name)).unwrap();
     }
-    let summary = record(&rig, &sources, &options(file), &AtomicBool::new(false), &mut |_| {}).unwrap();
+    let summary = record(&rig, &sources, &Options::new(file), &AtomicBool::new(false), &mut |_| {}).unwrap();
     (summary, simulated.into_iter().map(|line| line.stop().unwrap()).collect())
 }
 
@@ -130,6 +119,7 @@ fn three_protocols_are_recorded_at_once_on_one_clock() {
         assert!(rows.windows(2).all(|pair| pair[1] == pair[0] + 1.0), "every sample, in order");
     }
     assert!(summary.devices[2].frames > 200, "{:?}", summary.devices[2]);
+    assert!(summary.devices.iter().all(|device| !device.incomplete), "all hang up at once: {:?}", summary.devices);
     // P1 stands on its own device's clock, exactly.
     let (least, most) = offsets_s(0, &recording.series[0]);
     assert!(most - least < 1e-9, "{least} to {most} s");
@@ -220,7 +210,7 @@ fn a_device_that_vanishes_is_waited_for_and_the_hole_is_a_gap() {
     };
     let first = plug(0.8);
     let sources = Sources::open(&rig, std::slice::from_ref(&device), true).unwrap();
-    let options = Options { wait: Duration::from_secs(3), ..options(&file) };
+    let options = Options { wait: Duration::from_secs(3), ..Options::new(&file) };
     let stop = AtomicBool::new(false);
     let summary = thread::scope(|scope| {
         scope.spawn(|| {
@@ -264,7 +254,7 @@ fn two_devices_on_one_port_and_a_slave_without_the_register_are_told() {
     let device = Device { port: line.path().display().to_string(), ..plc(&rig) };
     let sources = Sources::open(&rig, &[device], false).unwrap();
     line.start(script, 1.0, Faults::default()).unwrap();
-    let options = Options { silence: Duration::from_secs(4), ..options(&file) };
+    let options = Options { silence: Duration::from_secs(4), ..Options::new(&file) };
     let error = record(&rig, &sources, &options, &AtomicBool::new(false), &mut |_| {}).unwrap_err();
     assert!(matches!(error, RecordError::Refused { .. }), "{error}");
     assert!(error.to_string().contains("no register at that address"), "{error}");
@@ -313,7 +303,7 @@ fn polls_before_the_first_answer_are_no_loss() {
     let device = Device { port: line.path().display().to_string(), ..plc };
     let script = Script::new(&playback(&rig, &device, 0.5), &rig, &device).unwrap();
     let sources = Sources::open(&rig, &[device], false).unwrap();
-    let options = options(&folder.path().join("run.mcap"));
+    let options = Options::new(folder.path().join("run.mcap"));
     let summary = thread::scope(|scope| {
         scope.spawn(|| {
             thread::sleep(Duration::from_secs(2));

@@ -72,17 +72,6 @@ fn quantised(playback: &Playback, channel: usize, index: usize) -> f64 {
     scale * ((playback.sensors[channel].1[index] - offset) / scale).round() + offset
 }
 
-fn options(file: &Path) -> Options {
-    Options {
-        file: file.to_owned(),
-        duration_s: None,
-        silence: Duration::from_secs(5),
-        wait: Duration::ZERO,
-        notes: vec![],
-        shots: None,
-    }
-}
-
 /// Plays through a pseudo-terminal and records it, in this process.
 fn record_playback(playback: &Playback, speed: f64, faults: Faults, options: &Options) -> (Summary, Sent) {
     let rig = rig();
@@ -137,7 +126,7 @@ fn every_sample_arrives_with_its_value_and_its_devices_time() {
     let folder = TempDir::new().unwrap();
     let file = folder.path().join("run.mcap");
     let playback = playback(2.0);
-    let (summary, sent) = record_playback(&playback, 4.0, Faults::default(), &options(&file));
+    let (summary, sent) = record_playback(&playback, 4.0, Faults::default(), &Options::new(&file));
     let recording = log::read(&file).unwrap();
     assert_eq!(check(&recording, &playback), [4000; 3]);
     assert_eq!(summary.duration_s, 2.0);
@@ -168,7 +157,7 @@ fn on_a_bad_line_every_recorded_sample_is_right_and_every_hole_is_a_gap() {
             seed,
             ..Faults::default()
         };
-        let (summary, sent) = record_playback(&playback, 0.0, faults, &options(&file));
+        let (summary, sent) = record_playback(&playback, 0.0, faults, &Options::new(&file));
         assert!(sent.flipped > 5 && sent.dropped > 15 && sent.duplicated > 5, "too few faults to test: {sent:?}");
         assert!(sent.noisy > 5 && sent.cut > 5 && sent.wrong_crc > 5, "too few faults to test: {sent:?}");
         let missing = sent.harmed();
@@ -188,7 +177,7 @@ fn on_a_bad_line_every_recorded_sample_is_right_and_every_hole_is_a_gap() {
 fn the_duration_is_kept_to_the_sample() {
     let folder = TempDir::new().unwrap();
     let file = folder.path().join("run.mcap");
-    let options = Options { duration_s: Some(0.7775), ..options(&file) };
+    let options = Options { duration_s: Some(0.7775), ..Options::new(&file) };
     let (summary, _) = record_playback(&playback(2.0), 0.0, Faults::default(), &options);
     assert_eq!(summary.sensors.iter().map(|s| s.samples).collect::<Vec<_>>(), [1555; 3]);
     assert_eq!(summary.duration_s, 0.7775);
@@ -199,7 +188,7 @@ fn the_duration_is_kept_to_the_sample() {
 fn a_silent_device_and_one_that_speaks_something_else_leave_no_file() {
     let folder = TempDir::new().unwrap();
     let rig = rig();
-    let options = Options { silence: Duration::from_millis(200), ..options(&folder.path().join("run.mcap")) };
+    let options = Options { silence: Duration::from_millis(200), ..Options::new(folder.path().join("run.mcap")) };
     let record = |sources: Sources| record(&rig, &sources, &options, &AtomicBool::new(false), &mut |_| {}).unwrap_err();
     let error = record(Sources::reading(&device(), std::io::empty()).unwrap());
     assert!(matches!(&error, RecordError::Silent { .. }), "{error}");
@@ -214,7 +203,7 @@ fn a_sensor_on_a_channel_that_the_device_lacks_is_an_error() {
     let rig = rig();
     let two = surgescope::record::frames::Frame::new(0, 0, PERIOD_NS, 2, vec![1, 2]).unwrap();
     let sources = Sources::reading(&device(), std::io::Cursor::new(two.encode())).unwrap();
-    let options = options(&folder.path().join("run.mcap"));
+    let options = Options::new(folder.path().join("run.mcap"));
     let error = record(&rig, &sources, &options, &AtomicBool::new(false), &mut |_| {}).unwrap_err().to_string();
     assert!(error.contains("'Q1'") && error.contains("channel 2") && error.contains("2 channels"), "{error}");
     assert!(!options.file.exists());
@@ -225,10 +214,11 @@ fn a_replayed_recording_holds_the_same_samples_and_gaps() {
     let folder = TempDir::new().unwrap();
     let (file, again) = (folder.path().join("run.mcap"), folder.path().join("again.mcap"));
     let faults = Faults { drop: 0.05, seed: 4, ..Faults::default() };
-    record_playback(&playback(4.0), 0.0, faults, &options(&file));
+    record_playback(&playback(4.0), 0.0, faults, &Options::new(&file));
     let original = load(&file, None, &[]).unwrap();
     assert!(!original.series[0].gaps.is_empty());
-    let summary = replay(&original, "run.mcap", 0.0, &options(&again), &AtomicBool::new(false), &mut |_| {}).unwrap();
+    let summary =
+        replay(&original, "run.mcap", 0.0, &Options::new(&again), &AtomicBool::new(false), &mut |_| {}).unwrap();
     let replayed = log::read(&again).unwrap();
     assert_eq!(replayed.series, original.series);
     assert_eq!(replayed.run.start_unix_ns, original.run.start_unix_ns);
@@ -368,7 +358,7 @@ fn a_csv_is_played_at_the_asked_pace() {
 fn a_stop_flag_ends_a_slow_replay_at_once() {
     let folder = TempDir::new().unwrap();
     let (file, again) = (folder.path().join("run.mcap"), folder.path().join("again.mcap"));
-    record_playback(&playback(1.0), 0.0, Faults::default(), &options(&file));
+    record_playback(&playback(1.0), 0.0, Faults::default(), &Options::new(&file));
     let original = load(&file, Some(&rig()), &[]).unwrap();
     let stop = AtomicBool::new(false);
     let started = std::time::Instant::now();
@@ -377,7 +367,7 @@ fn a_stop_flag_ends_a_slow_replay_at_once() {
             thread::sleep(Duration::from_millis(200));
             stop.store(true, Ordering::Relaxed);
         });
-        replay(&original, "run.mcap", 0.001, &options(&again), &stop, &mut |_| {}).unwrap()
+        replay(&original, "run.mcap", 0.001, &Options::new(&again), &stop, &mut |_| {}).unwrap()
     });
     assert_eq!(summary.ended, "stopped by the user");
     assert!(started.elapsed() < Duration::from_secs(5), "{:?}", started.elapsed());
@@ -427,7 +417,7 @@ fn a_restart_is_a_gap_and_what_follows_is_recorded() {
     let file = folder.path().join("run.mcap");
     let playback = playback(6.0);
     let faults = Faults { reset: 0.003, stall: 0.003, seed: 2, ..Faults::default() };
-    let (summary, sent) = record_playback(&playback, 1.0, faults, &options(&file));
+    let (summary, sent) = record_playback(&playback, 1.0, faults, &Options::new(&file));
     assert!(sent.resets >= 1 && sent.stalls >= 1, "{sent:?}");
     assert_eq!(summary.devices[0].restarts, sent.resets);
     let recording = log::read(&file).unwrap();
@@ -467,7 +457,7 @@ fn told(protocol: &str, pieces: Vec<(f64, Vec<u8>)>, file: &Path) -> (Summary, R
     let device = live_devices(&rig, &[]).unwrap().remove(0);
     let reader = Told(pieces.into_iter(), std::time::Instant::now());
     let sources = Sources::reading(&device, reader).unwrap();
-    let options = Options { duration_s: Some(30.0), ..options(file) };
+    let options = Options { duration_s: Some(30.0), ..Options::new(file) };
     let summary = record(&rig, &sources, &options, &AtomicBool::new(false), &mut |_| {}).unwrap();
     (summary, log::read(file).unwrap())
 }

@@ -8,7 +8,7 @@ use std::time::Duration;
 use assert_cmd::Command;
 use serde_json::Value;
 use surgescope::log;
-use surgescope::record::monitor::Monitor;
+use surgescope::record::monitor::{Expected, Monitor};
 use surgescope::record::output::Summary;
 use surgescope::record::shots::{Plan, Shots};
 use surgescope::record::trigger::{Condition, Settings};
@@ -194,7 +194,9 @@ impl Bench {
         let rig = Rig::from_toml(RIG, "rig.toml").unwrap();
         let trigger = Settings { condition: Condition::Edge, pre_ns: 500_000_000, post_ns: 1_000_000_000 };
         let plan = Plan { trigger, sensor: 1, most: None, folder: folder.path().join("shots") };
-        let shots = Shots::new(plan, &rig, &RunInfo::default(), Duration::from_secs(5));
+        // of T1 nothing is expected
+        let expected = [0, 1].map(|sensor| Expected { sensor, device: Some(0), silent_after: None });
+        let shots = Shots::new(plan, &rig, &RunInfo::default(), &expected, Duration::from_secs(5));
         Bench { shots, monitor: Monitor::new(&rig, &[]), folder }
     }
 

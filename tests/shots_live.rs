@@ -8,7 +8,7 @@ use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
 use surgescope::log;
-use surgescope::record::output::Summary;
+use surgescope::record::output::{Absent, Summary};
 use surgescope::record::session::{Options, live_devices, record};
 use surgescope::record::shots::Plan;
 use surgescope::record::simulated::{Faults, Playback, Script, SimulatedDevice};
@@ -27,6 +27,10 @@ const POST_S: f64 = 0.8;
 
 /// P1 and P2 and the valve's command on one device.
 fn rig(protocol: &str) -> Rig {
+    Rig::from_toml(&rig_text(protocol), "bench.toml").unwrap()
+}
+
+fn rig_text(protocol: &str) -> String {
     let sensor = |channel: usize, name: &str, kind: &str, more: &str| {
         format!(
             "[[sensor]]\nname = \"{name}\"\nkind = \"{kind}\"\nposition_m = 30.0\n{more}\ndevice = \"daq\"\nchannel = {channel}\n"
@@ -43,7 +47,7 @@ fn rig(protocol: &str) -> Rig {
         sensor(2, "V1", "trigger", "unit = \"1\""),
         format!("[[device]]\nname = \"daq\"\nport = \"/dev/none\"\nbaud = 921600\nprotocol = \"{protocol}\"\n"),
     ];
-    Rig::from_toml(&text.concat(), "bench.toml").unwrap()
+    text.concat()
 }
 
 fn time_s(row: usize) -> f64 {
@@ -84,12 +88,9 @@ fn played(
     let nanoseconds = |s: f64| (s * 1e9) as i64;
     let trigger = Settings { condition, pre_ns: nanoseconds(PRE_S), post_ns: nanoseconds(POST_S) };
     let options = Options {
-        file: Path::new("").to_owned(),
-        duration_s: None,
-        silence: Duration::from_secs(5),
-        wait: Duration::ZERO,
         notes: vec![("operator".to_owned(), "Ada".to_owned())],
         shots: Some(Plan { trigger, sensor, most, folder: folder.path().to_owned() }),
+        ..Options::new("")
     };
     let sources = Sources::open(&rig, &[device], false).unwrap();
     line.start(script, 1.0, Faults::default()).unwrap();
@@ -174,4 +175,44 @@ fn a_slope_fires_on_each_rise() {
     let (_, shots, snapshots) = played("frames", Condition::Slope(10_000.0), 0, None);
     assert_shots(&shots, &CLOSURES);
     assert_shown(&snapshots, 3);
+}
+
+/// A thermometer's logger says a line every 1.4 s. One line says nothing of how many values a line has, so when the shot's end has waited
+/// for it in vain it is still held back.
+#[test]
+fn a_logger_too_slow_for_the_shot_is_said_to_be_missing() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = rig_text("frames")
+        + "[[sensor]]\nname = \"T1\"\nkind = \"temperature\"\nposition_m = 0.0\nunit = \"degC\"\ndevice = \"logger\"\nchannel = 0\n\
+           [[device]]\nname = \"logger\"\nport = \"/dev/none1\"\nbaud = 9600\nprotocol = \"lines\"\n";
+    let rig = Rig::from_toml(&text, "bench.toml").unwrap();
+    let mut devices = live_devices(&rig, &[]).unwrap();
+    let mut lines = [SimulatedDevice::open().unwrap(), SimulatedDevice::open().unwrap()];
+    for (device, line) in devices.iter_mut().zip(&lines) {
+        device.port = line.path().display().to_string();
+    }
+    let rows = (END_S * 1e3) as usize;
+    let of_daq = |of: fn(usize) -> f64| (0..rows).map(of).collect::<Vec<f64>>();
+    let daq = vec![(0, of_daq(pressure)), (1, of_daq(|_| 300.0)), (2, of_daq(command))];
+    let played = [(PERIOD_NS, daq), (1_400_000_000, vec![(3, vec![20.5; 5])])];
+    let trigger = Settings { condition: Condition::Edge, pre_ns: (PRE_S * 1e9) as i64, post_ns: (POST_S * 1e9) as i64 };
+    let plan = Plan { trigger, sensor: 2, most: Some(1), folder: folder.path().to_owned() };
+    let options = Options { silence: Duration::from_secs(1), shots: Some(plan), ..Options::new("") };
+    let sources = Sources::open(&rig, &devices, false).unwrap();
+    for ((line, device), (sample_period_ns, sensors)) in lines.iter_mut().zip(&devices).zip(played) {
+        let script = Script::new(&Playback { sample_period_ns, sensors }, &rig, device).unwrap();
+        line.start(script, 1.0, Faults::default()).unwrap();
+    }
+    let summary = record(&rig, &sources, &options, &AtomicBool::new(false), &mut |_| {}).unwrap();
+    drop(sources);
+    for line in lines {
+        line.stop().unwrap();
+    }
+    let [file] = &summary.shots[..] else { panic!("{summary:?}") };
+    assert!(summary.data_lost && summary.ended == "all shots were recorded", "{summary:?}");
+    assert_eq!(summary.absent, [Absent { file: file.clone(), sensors: vec!["T1".to_owned()] }]);
+    let shot = log::read(Path::new(file)).unwrap();
+    let [gap] = shot.series[3].gaps[..] else { panic!("{:?}", shot.series[3].gaps) };
+    assert!(gap.from_s.abs() < 1e-3 && (gap.to_s - PRE_S - POST_S).abs() < 1e-3, "{gap:?}");
+    assert!(shot.series[..3].iter().all(|series| series.gaps.is_empty() && series.value.len() > 1300));
 }

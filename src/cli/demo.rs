@@ -1,7 +1,6 @@
 //! `surgescope demo`: the whole story on a recording that ships with the project.
 
 use std::path::{Path, PathBuf};
-use std::time::Duration;
 
 use serde_json::json;
 
@@ -156,14 +155,8 @@ fn record(rig: &Rig, output: &Path, speed: f64) -> CommandResult {
         let playback = super::playback::of_recording(&shipped, rig, &device)?;
         played.push((device, playback));
     }
-    let options = Options {
-        file: output.to_owned(),
-        duration_s: None,
-        silence: Duration::from_secs(5),
-        wait: Duration::ZERO,
-        notes: vec![("demo".to_owned(), "recordings/hdpe-creep.mcap played through a simulated device".to_owned())],
-        shots: None,
-    };
+    let told = "recordings/hdpe-creep.mcap played through a simulated device";
+    let options = Options { notes: vec![("demo".to_owned(), told.to_owned())], ..Options::new(output) };
     let reporter = Reporter::open();
     let recorded = record_playbacks(rig, played, speed, Faults::default(), &options, &mut |now| reporter.show(now));
     reporter.close();

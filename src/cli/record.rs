@@ -21,7 +21,7 @@ use crate::history::{Run, State};
 use crate::model::effects::{Chosen, parse_list};
 use crate::record::output::{DeviceCount, Summary, check_path};
 use crate::record::replay;
-use crate::record::session::{self, Options, live_devices};
+use crate::record::session::{self, Options, SILENCE_S, live_devices};
 #[cfg(unix)]
 use crate::record::simulated::{Faults, Playback, Script, SimulatedDevice};
 use crate::record::snapshot::Snapshot;
@@ -82,7 +82,7 @@ pub struct Args {
     #[arg(long)]
     calibrate: bool,
     /// A stream has ended when no valid frame came for so many seconds.
-    #[arg(long, value_name = "S", default_value_t = 5.0, value_parser = positive, allow_negative_numbers = true)]
+    #[arg(long, value_name = "S", default_value_t = SILENCE_S, value_parser = positive, allow_negative_numbers = true)]
     silence: f64,
     /// Wait so many seconds for a device whose port has vanished.
     #[arg(long, value_name = "S", default_value_t = 60.0, value_parser = not_negative, allow_negative_numbers = true)]
@@ -108,12 +108,11 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     let rig = args.rig.as_deref().map(Rig::load).transpose()?;
     let operator = args.operator.iter().map(|name| ("operator".to_owned(), name.clone()));
     let options = Options {
-        file: args.output.clone().unwrap_or_default(),
         duration_s: args.duration,
         silence: Duration::try_from_secs_f64(args.silence)?,
         wait: Duration::try_from_secs_f64(args.wait)?,
         notes: operator.chain(args.note.iter().cloned()).collect(),
-        shots: None,
+        ..Options::new(args.output.clone().unwrap_or_default())
     };
     let reporter = Reporter::open();
     let summary = record(&args, rig.as_ref(), &options, &mut |snapshot| reporter.show(snapshot));
@@ -328,6 +327,13 @@ fn table(summary: &Summary) -> String {
             kept_s => writeln!(text, "cut short: {file} has {kept_s:.3} of {asked_s} s after the trigger fired"),
         };
     }
+    for absent in &summary.absent {
+        let (file, sensors) = (&absent.file, absent.sensors.join(", "));
+        let _ = writeln!(
+            text,
+            "absent: {file} has nothing of {sensors}, of which nothing had come when it ended: is its device on, and faster than --silence?"
+        );
+    }
     for lost in &summary.lost_shots {
         let _ = writeln!(text, "{lost}");
     }
@@ -350,12 +356,11 @@ fn describe(text: &mut String, device: &DeviceCount) -> std::fmt::Result {
     if let Some(clock) = &device.clock {
         writeln!(text, "clock of {name}: {clock}")?;
     }
-    if let Some(warning) = &device.clock_warning {
+    for warning in device.clock_warning.iter().chain(&device.poll_warning) {
         writeln!(text, "{name}: {warning}")?;
     }
     for (count, what) in [
         (device.late_answers, "answers came after their time-out and were dropped"),
-        (device.skipped_polls, "polls fell out because the one before took too long"),
         (device.reconnects, "times its port vanished and came back"),
         (device.restarts, "times it restarted"),
         (device.clock_steps, "times its clock was set; its samples follow each other all the same"),
@@ -368,7 +373,9 @@ fn describe(text: &mut String, device: &DeviceCount) -> std::fmt::Result {
         }
     }
     if device.incomplete {
-        writeln!(text, "{name}: it did not send to the end")?;
+        let what =
+            if device.frames == 0 { "nothing that can be used came from it" } else { "it did not send to the end" };
+        writeln!(text, "{name}: {what}")?;
     }
     Ok(())
 }

@@ -10,7 +10,7 @@ use mcap::sans_io::{LinearReadEvent, LinearReader};
 use mcap::{Attachment, McapError};
 use prost::Message;
 
-use super::layout::{key, offset_ns, to_ns as nanoseconds};
+use super::layout::{key, offset_ns, to_ns as nanoseconds, within};
 use super::read::{checked_options, parse};
 use super::retime::{CLOCKS_METADATA, Retimer, SensorClock};
 use super::schema::{Block, Gap, Kind};
@@ -151,11 +151,10 @@ impl Moving {
             Kind::Block => {
                 let mut block = Block::decode(data).ok()?;
                 let period_ns = block.period_ns? * self.clock.rate(logged_ns);
-                let at = |i: usize| time_ns.saturating_add(offset_ns(i, period_ns));
                 let all = block.values.len();
-                let first = (0..all).find(|&i| at(i) >= from_ns).unwrap_or(all);
-                let last = (first..all).find(|&i| at(i) > to_ns).unwrap_or(all);
-                let kept = block.values.get(first..last)?.to_vec();
+                let inside = within(time_ns, period_ns, all, from_ns, to_ns);
+                let first_ns = time_ns.saturating_add(offset_ns(inside.start, period_ns));
+                let kept = block.values.get(inside)?.to_vec();
                 let left_out = ((all - kept.len()) as u64, 0);
                 if kept.is_empty() && all > 0 {
                     return Some((Moved::Out, time_ns, left_out));
@@ -163,7 +162,7 @@ impl Moving {
                 // blocks of a live file say no times of their own
                 block.values = kept;
                 block.period_ns = Some(period_ns);
-                (Moved::To(block.encode_to_vec()), at(first), left_out)
+                (Moved::To(block.encode_to_vec()), first_ns, left_out)
             }
             Kind::Gap => {
                 let gap = Gap::decode(data).ok()?;

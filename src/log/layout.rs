@@ -11,6 +11,7 @@
 //!   kept as a number in the message as well.
 
 use std::collections::BTreeMap;
+use std::ops::Range;
 
 use crate::rig::SensorKind;
 
@@ -78,14 +79,33 @@ pub(super) fn to_s(ns: i64) -> f64 {
 }
 
 /// Nanoseconds from the first sample of a regular block to its sample `index`.
-pub(super) fn offset_ns(index: usize, period_ns: f64) -> i64 {
+pub(crate) fn offset_ns(index: usize, period_ns: f64) -> i64 {
     (index as f64 * period_ns).round() as i64
+}
+
+/// Those of the `count` samples of a regular block that lie from one time to another, both included; the block's first is at `first_ns`.
+pub(crate) fn within(first_ns: i64, period_ns: f64, count: usize, from_ns: i64, to_ns: i64) -> Range<usize> {
+    let at = |i: usize| first_ns.saturating_add(offset_ns(i, period_ns));
+    let first = (0..count).find(|&i| at(i) >= from_ns).unwrap_or(count);
+    let end = (first..count).find(|&i| at(i) > to_ns).unwrap_or(count);
+    first..end
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use proptest::prelude::*;
+
+    #[test]
+    fn samples_within_a_window_are_those_at_its_ends_and_between() {
+        assert_eq!(within(100, 10.4, 6, 110, 142), 1..5, "at 100, 110, 121, 131, 142 and 152");
+        assert_eq!(within(100, 10.0, 6, 0, 1000), 0..6);
+        assert_eq!(
+            (within(100, 10.0, 6, 151, 160), within(100, 10.0, 6, 0, 99), within(7, 0.0, 1, 7, 7)),
+            (6..6, 0..0, 0..1)
+        );
+        assert_eq!(within(i64::MAX - 5, 10.0, 3, i64::MAX, i64::MAX), 1..3, "beyond all times is at their end");
+    }
 
     proptest! {
         #[test]

@@ -71,6 +71,9 @@ pub struct DeviceCount {
     pub incomplete: bool,
     /// Its clock against this computer's.
     pub clock: Option<ClockSummary>,
+    /// Why polls of it fell out, and what to do.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub poll_warning: Option<String>,
     /// Why its times cannot be trusted against those of other devices, or across a restart.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub clock_warning: Option<String>,
@@ -127,6 +130,7 @@ impl DeviceCount {
         if let Some(clock) = &self.clock {
             notes.push(("clock", clock.to_string()));
         }
+        notes.extend(self.poll_warning.iter().map(|warning| ("poll_warning", warning.clone())));
         notes.extend(self.clock_warning.iter().map(|warning| ("clock_warning", warning.clone())));
         notes
     }
@@ -156,6 +160,9 @@ pub struct Summary {
     /// Those of them that the session's end cut short.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub cut_short: Vec<CutShort>,
+    /// Those of them that have nothing of a sensor.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub absent: Vec<Absent>,
     /// Why shots could not be written.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub lost_shots: Vec<String>,
@@ -170,6 +177,15 @@ pub struct CutShort {
     pub kept_s: f64,
     /// What was asked for, s.
     pub asked_s: f64,
+}
+
+/// A shot without a sample of sensors that devices were to send.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct Absent {
+    /// Its recording.
+    pub file: String,
+    /// The sensors, in the rig's order.
+    pub sensors: Vec<String>,
 }
 
 /// The log of a running session. Dropped without [`Output::finish`], the file stays as a crash would leave it.
@@ -348,6 +364,7 @@ impl Output {
             callouts: Vec::new(),
             shots: Vec::new(),
             cut_short: Vec::new(),
+            absent: Vec::new(),
             lost_shots: Vec::new(),
         })
     }

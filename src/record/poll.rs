@@ -32,6 +32,11 @@ const MOST_COPIES: u32 = 2;
 /// Longest answer, bytes, and some.
 const MOST_BYTES: usize = 512;
 
+/// How long a slave that says nothing to an echo is left alone when out of step.
+pub fn forgotten_after(timeout: Duration) -> Duration {
+    FORGOTTEN.max(timeout.saturating_mul(FORGOTTEN_TIMEOUTS))
+}
+
 /// A line to a slave.
 pub trait Line {
     /// Sends bytes; returns when they are on their way.
@@ -61,6 +66,8 @@ pub struct PollCounts {
     pub refused: u64,
     /// Polls that fell out because the one before took too long.
     pub skipped: u64,
+    /// Times that nothing but a long silence brought the line into step, for the slave has said nothing to an echo yet.
+    pub unproven: u64,
 }
 
 /// What became of a request.
@@ -257,7 +264,10 @@ impl<L: Line> Poller<L> {
     fn is_old_echo(&mut self, answer: &Answer) -> bool {
         let old = matches!(answer, Answer::Echo(_) | Answer::Refused { function: DIAGNOSTICS, .. });
         self.owed_echoes = self.owed_echoes.saturating_sub(u32::from(old));
-        self.knows_echoes |= old;
+        if old && !self.knows_echoes {
+            self.knows_echoes = true;
+            self.counts.unproven = 0;
+        }
         old
     }
 
@@ -269,8 +279,9 @@ impl<L: Line> Poller<L> {
         if self.in_step || self.echo()? {
             return Ok(true);
         }
-        let forgotten = self.heard.elapsed() >= self.forgotten_after();
-        Ok(forgotten && !self.knows_echoes && self.stepped())
+        let forgotten = self.heard.elapsed() >= forgotten_after(self.timeout) && !self.knows_echoes;
+        self.counts.unproven += u64::from(forgotten);
+        Ok(forgotten && self.stepped())
     }
 
     /// Asks for an echo, where none has been asked for lately, and waits for one.
@@ -291,10 +302,6 @@ impl<L: Line> Poller<L> {
             }
         }
         Ok(false)
-    }
-
-    fn forgotten_after(&self) -> Duration {
-        FORGOTTEN.max(self.timeout * FORGOTTEN_TIMEOUTS)
     }
 
     fn stepped(&mut self) -> bool {

@@ -30,7 +30,7 @@ impl Recorder {
     pub fn create(options: &Options, rig: &Rig, run: &RunInfo, expected: &[Expected]) -> Result<Recorder, RecordError> {
         let to = match &options.shots {
             None => Destination::Whole(Box::new(Output::create(&options.file, rig, run)?)),
-            Some(plan) => Destination::Shots(Box::new(Shots::new(plan.clone(), rig, run, options.silence))),
+            Some(plan) => Destination::Shots(Box::new(Shots::new(plan.clone(), rig, run, expected, options.silence))),
         };
         Ok(Recorder { to, monitor: Monitor::new(rig, expected) })
     }

@@ -28,6 +28,9 @@ const CLOCKS_EVERY: Duration = Duration::from_secs(5);
 /// Clocks are known to so much: a device that ended so shortly before the duration has sent all of it, ns.
 const END_NS: i64 = 10_000_000;
 
+/// A stream that says nothing valid for so long has ended, where nothing else is asked for, s.
+pub const SILENCE_S: f64 = 5.0;
+
 /// What a session is asked for.
 #[derive(Debug, Clone)]
 pub struct Options {
@@ -46,6 +49,18 @@ pub struct Options {
 }
 
 impl Options {
+    /// Until the streams end or are silent for [`SILENCE_S`]; a device that vanishes is not waited for.
+    pub fn new(file: impl Into<PathBuf>) -> Options {
+        Options {
+            file: file.into(),
+            duration_s: None,
+            silence: Duration::from_secs_f64(SILENCE_S),
+            wait: Duration::ZERO,
+            notes: Vec::new(),
+            shots: None,
+        }
+    }
+
     /// Refuses early what the log would refuse at the first sample.
     pub(super) fn check(&self) -> Result<(), RecordError> {
         self.shots.as_ref().map_or_else(|| check_path(&self.file), |plan| check_folder(&plan.folder))
@@ -224,7 +239,7 @@ fn finish(
     mut live: Live<'_>,
     sources: &Sources,
     options: &Options,
-    ended: String,
+    mut ended: String,
 ) -> Result<Summary, RecordError> {
     streams.iter_mut().try_for_each(|stream| stream.finish(&mut live))?;
     if !live.has_begun() {
@@ -233,9 +248,14 @@ fn finish(
     live.write_clocks(streams)?;
     let all_shots = live.output()?.is_over();
     let by_user = ended == BY_USER;
-    // Where nothing more comes at all the session ends by itself, and the last to fall silent is no later than it should be.
-    let last_heard = streams.iter().map(|stream| stream.heard).max().unwrap_or_else(Instant::now);
-    let moment = if all_over(streams, options).is_some() { last_heard } else { Instant::now() };
+    // A device that falls silent while another goes on owes what it did not send. Where nothing comes any more that is the streams' end,
+    // whether the session waited it out or the user was faster; of a duration asked for, what did not come until then is owed.
+    let (now, last) = (Instant::now(), streams.iter().map(|stream| stream.heard).max());
+    let last = last.unwrap_or(now);
+    let moment = if by_user && options.duration_s.is_some() { now } else { last };
+    if by_user && streams.iter().all(|stream| stream.silent_since(now, options.silence).is_some()) {
+        ended += &format!("; nothing had come for {:.1} s", now.saturating_duration_since(last).as_secs_f64());
+    }
     let devices: Vec<DeviceCount> = streams
         .iter()
         .enumerate()
@@ -248,7 +268,7 @@ fn finish(
             let early = options.duration_s.is_some() && !came && !by_user && !all_shots;
             let left = match stream.state {
                 State::Vanished(..) => true,
-                State::Ended(_) => streams.len() > 1,
+                State::Ended(_) => stream.left_before(moment),
                 State::Open | State::Reached => false,
             };
             count.warn(streams.len() > 1);
@@ -342,7 +362,3 @@ fn describe(devices: &[Device]) -> String {
 #[cfg(test)]
 #[path = "session_tests.rs"]
 mod tests;
-
-#[cfg(test)]
-#[path = "session_clock_tests.rs"]
-mod clock_tests;

@@ -5,10 +5,17 @@ use std::path::Path;
 use super::*;
 use crate::log;
 use crate::record::frames::Frame;
+use crate::record::poll::PollCounts;
+use crate::record::polling::Polled;
 use crate::record::trigger::{Condition, Settings};
 use crate::recording::Recording;
 
-pub(super) const MS: i64 = 1_000_000;
+#[path = "session_tests/clocks.rs"]
+mod clocks;
+#[path = "session_tests/missing.rs"]
+mod missing;
+
+const MS: i64 = 1_000_000;
 
 /// P1 on device A, P2 on device B.
 fn rig(protocol: &str) -> Rig {
@@ -25,17 +32,6 @@ fn rig(protocol: &str) -> Rig {
     Rig::from_toml(&text, "bench.toml").unwrap()
 }
 
-pub(super) fn options(file: &Path) -> Options {
-    Options {
-        file: file.to_owned(),
-        duration_s: None,
-        silence: Duration::from_secs(5),
-        wait: Duration::ZERO,
-        notes: Vec::new(),
-        shots: None,
-    }
-}
-
 /// Frame `index` of a device: ten samples at 1 kHz, 600 from the true time `closes_ms` on and 0 before.
 fn frame(index: i64, stamp_us: i64, closes_ms: i64) -> Vec<u8> {
     let counts = (0..10).map(|i| if 10 * index + i >= closes_ms { 600 } else { 0 }).collect();
@@ -43,20 +39,26 @@ fn frame(index: i64, stamp_us: i64, closes_ms: i64) -> Vec<u8> {
 }
 
 /// Records messages of devices A (0) and B (1) in the order of their arrivals, ns; the last is not older than the session's end.
-pub(super) fn played(options: &Options, mut messages: Vec<(i64, usize, Vec<u8>)>) -> Summary {
-    let rig = rig("frames");
+fn played(options: &Options, messages: Vec<(i64, usize, Vec<u8>)>) -> Summary {
+    played_on(&rig("frames"), options, messages)
+}
+
+fn played_on(rig: &Rig, options: &Options, mut messages: Vec<(i64, usize, Vec<u8>)>) -> Summary {
     messages.sort_by_key(|(at_ns, ..)| *at_ns);
-    let devices = live_devices(&rig, &[]).unwrap();
+    let devices = live_devices(rig, &[]).unwrap();
     let sources = Sources::reading(&devices[0], std::io::empty()).unwrap();
-    let mut streams = streams_of(&rig, &devices);
-    let mut live = Live::new(&rig, options, "a test".to_owned(), Vec::new(), sources.host);
+    let mut streams = streams_of(rig, &devices);
+    let expected = streams.iter().enumerate().flat_map(|(device, stream)| stream.expected(device)).collect();
+    let mut live = Live::new(rig, options, "a test".to_owned(), expected, sources.host);
     let mut clocks_ns = 0;
     let mut ended = BY_USER;
     for (at_ns, device, bytes) in messages {
         take(device, Input::Bytes { at_ns, bytes }, &mut streams, &mut live).unwrap();
         let due = at_ns - clocks_ns >= 5000 * MS;
         clocks_ns = if due { at_ns } else { clocks_ns };
-        if let Some(why) = keep_up(due, &mut streams, &mut live).unwrap() {
+        if live.has_begun()
+            && let Some(why) = keep_up(due, &mut streams, &mut live).unwrap()
+        {
             ended = why;
             break;
         }
@@ -73,7 +75,7 @@ pub(super) fn played(options: &Options, mut messages: Vec<(i64, usize, Vec<u8>)>
 }
 
 /// Frames of a device that runs for so long: by its index its stamp, µs, and its arrival, ns.
-pub(super) fn sent(
+fn sent(
     device: usize,
     seconds: i64,
     closes_ms: i64,
@@ -89,7 +91,7 @@ pub(super) fn sent(
 }
 
 /// On time: sent when its last sample was taken.
-pub(super) fn on_time(index: i64) -> (i64, i64) {
+fn on_time(index: i64) -> (i64, i64) {
     (1_000_000 + index * 10_000, (index + 1) * 10 * MS)
 }
 
@@ -109,7 +111,7 @@ fn near(found: (f64, f64, f64), expected: (f64, f64, f64)) {
 fn shots(folder: &Path, most: usize) -> Options {
     let trigger = Settings { condition: Condition::Level(500.0), pre_ns: 1000 * MS, post_ns: 2000 * MS };
     let plan = Plan { trigger, sensor: 0, most: Some(most), folder: folder.join("shots") };
-    Options { shots: Some(plan), ..options(Path::new("")) }
+    Options { shots: Some(plan), ..Options::new("") }
 }
 
 /// The first 0.8 s of B come in one burst: by its first arrival alone its clock is 0.8 s off.
@@ -144,7 +146,7 @@ fn a_shot_is_cut_by_the_clocks_as_they_are_known_and_not_as_they_were_logged() {
 #[test]
 fn a_duration_is_that_of_the_recordings_clock_for_every_device() {
     let folder = tempfile::tempdir().unwrap();
-    let options = Options { duration_s: Some(5.0), ..options(&folder.path().join("run.mcap")) };
+    let options = Options { duration_s: Some(5.0), ..Options::new(folder.path().join("run.mcap")) };
     let (a, b) = (sent(0, 9, 4000, on_time), sent(1, 9, 4000, late_at_first));
     let summary = played(&options, a.chain(b).collect());
     assert!(!summary.data_lost && summary.duration_s == 5.0, "{summary:?}");
@@ -182,7 +184,7 @@ fn a_device_that_pauses_is_no_clock_that_was_set() {
     let folder = tempfile::tempdir().unwrap();
     let pause = |index: i64| if index >= 300 { 3000 } else { 0 };
     let paused = |index: i64| (on_time(index).0 + 1000 * pause(index), on_time(index).1 + pause(index) * MS);
-    let options = options(&folder.path().join("run.mcap"));
+    let options = Options::new(folder.path().join("run.mcap"));
     let summary = played(&options, sent(0, 13, 0, on_time).chain(sent(1, 10, 0, paused)).collect());
     let device = &summary.devices[1];
     assert_eq!((device.clock_steps, device.holes, device.bad_frames), (0, 1, 0), "{device:?}");
@@ -206,7 +208,7 @@ fn a_shot_does_not_end_before_the_triggers_own_sensor() {
 #[test]
 fn a_device_is_silent_when_more_is_due_than_its_rhythm_allows() {
     let folder = tempfile::tempdir().unwrap();
-    let (rig, options) = (rig("frames"), options(&folder.path().join("run.mcap")));
+    let (rig, options) = (rig("frames"), Options::new(folder.path().join("run.mcap")));
     let devices = live_devices(&rig, &[]).unwrap();
     let sources = Sources::reading(&devices[0], std::io::empty()).unwrap();
     let mut live = Live::new(&rig, &options, "a test".to_owned(), Vec::new(), sources.host);
@@ -237,7 +239,7 @@ fn a_device_is_silent_when_more_is_due_than_its_rhythm_allows() {
 fn a_device_that_comes_back_with_a_clock_a_little_ahead_has_restarted() {
     for (ahead_us, late_ms, restarts) in [(300_000, 0, 1), (0, 0, 0), (0, 250, 0), (-5_000_000, 0, 1)] {
         let folder = tempfile::tempdir().unwrap();
-        let (rig, options) = (rig("lines"), options(&folder.path().join("run.mcap")));
+        let (rig, options) = (rig("lines"), Options::new(folder.path().join("run.mcap")));
         let devices = live_devices(&rig, &[]).unwrap();
         let sources = Sources::reading(&devices[0], std::io::empty()).unwrap();
         let mut live = Live::new(&rig, &options, "a test".to_owned(), Vec::new(), sources.host);
@@ -266,7 +268,7 @@ fn a_device_that_comes_back_with_a_clock_a_little_ahead_has_restarted() {
 #[test]
 fn a_device_that_fell_silent_before_the_end_is_incomplete_and_leaves_a_gap() {
     let folder = tempfile::tempdir().unwrap();
-    let (rig, options) = (rig("frames"), options(&folder.path().join("run.mcap")));
+    let (rig, options) = (rig("frames"), Options::new(folder.path().join("run.mcap")));
     let devices = live_devices(&rig, &[]).unwrap();
     let sources = Sources::reading(&devices[0], std::io::empty()).unwrap();
     let mut live = Live::new(&rig, &options, "a test".to_owned(), Vec::new(), sources.host);
@@ -283,11 +285,75 @@ fn a_device_that_fell_silent_before_the_end_is_incomplete_and_leaves_a_gap() {
     assert!((gap.from_s - 1.999).abs() < 0.002 && (gap.to_s - 6.0).abs() < 0.5, "{gap:?}");
 }
 
+/// With nobody left who sends, that is the stream's end, whether the program waits it out or the user is faster: nothing is known to be owed.
+#[test]
+fn where_all_have_fallen_silent_the_stream_has_ended_however_the_session_does() {
+    let folder = tempfile::tempdir().unwrap();
+    let rig = rig("frames");
+    let devices = live_devices(&rig, &[]).unwrap();
+    for (silent_ms, several, duration_s) in
+        [(3000, false, None), (6000, false, None), (3000, true, None), (6000, true, None), (3000, false, Some(60.0))]
+    {
+        let file = folder.path().join(format!("{silent_ms}-{several}-{duration_s:?}.mcap"));
+        let options = Options { duration_s, ..Options::new(file) };
+        let devices = &devices[..if several { 2 } else { 1 }];
+        let sources = Sources::reading(&devices[0], std::io::empty()).unwrap();
+        let mut live = Live::new(&rig, &options, "a test".to_owned(), Vec::new(), sources.host);
+        let mut streams = streams_of(&rig, devices);
+        let mut messages: Vec<_> = sent(0, 2, 0, on_time).chain(sent(1, 2, 0, on_time)).collect();
+        messages.retain(|(_, device, _)| *device < devices.len());
+        messages.sort_by_key(|(at_ns, ..)| *at_ns);
+        for (at_ns, device, bytes) in messages {
+            take(device, Input::Bytes { at_ns, bytes }, &mut streams, &mut live).unwrap();
+        }
+        streams.iter_mut().for_each(|stream| stream.heard -= Duration::from_millis(silent_ms));
+        assert_eq!(all_over(&streams, &options).is_some(), silent_ms == 6000);
+        let ended = all_over(&streams, &options).unwrap_or(BY_USER.to_owned());
+        let summary = finish(&mut streams, live, &sources, &options, ended).unwrap();
+        // of a duration that was asked for more was due
+        let owed = duration_s.is_some();
+        assert!(summary.devices.iter().all(|device| device.incomplete == owed), "{summary:?}");
+        let ended = if silent_ms == 3000 {
+            "stopped by the user; nothing had come for 3.0 s"
+        } else {
+            "no valid frame for 5 s"
+        };
+        assert_eq!(summary.ended, ended);
+        assert_eq!((summary.data_lost, log::read(&options.file).unwrap().series[0].gaps.is_empty()), (owed, !owed));
+    }
+}
+
+/// Both hang up: the first is incomplete only where the other goes on without it.
+#[test]
+fn a_device_that_ends_by_itself_is_incomplete_where_another_goes_on() {
+    for (after_ms, incomplete) in [(300, false), (3000, true)] {
+        let folder = tempfile::tempdir().unwrap();
+        let (rig, options) = (rig("frames"), Options::new(folder.path().join("run.mcap")));
+        let devices = live_devices(&rig, &[]).unwrap();
+        let sources = Sources::reading(&devices[0], std::io::empty()).unwrap();
+        let mut live = Live::new(&rig, &options, "a test".to_owned(), Vec::new(), sources.host);
+        let mut streams = streams_of(&rig, &devices);
+        let mut messages: Vec<_> = sent(0, 2, 0, on_time).chain(sent(1, 2, 0, on_time)).collect();
+        messages.sort_by_key(|(at_ns, ..)| *at_ns);
+        for (at_ns, device, bytes) in messages {
+            take(device, Input::Bytes { at_ns, bytes }, &mut streams, &mut live).unwrap();
+        }
+        for device in [0, 1] {
+            take(device, Input::Ended("the device hung up".to_owned()), &mut streams, &mut live).unwrap();
+        }
+        streams[1].heard -= Duration::from_millis(after_ms);
+        let ended = all_over(&streams, &options).unwrap();
+        let summary = finish(&mut streams, live, &sources, &options, ended).unwrap();
+        let found: Vec<bool> = summary.devices.iter().map(|device| device.incomplete).collect();
+        assert_eq!((found, summary.data_lost), (vec![false, incomplete], incomplete), "{after_ms} ms");
+    }
+}
+
 /// As when the disk stands still while the user stops: what has come by then is not thrown away.
 #[test]
 fn what_waits_in_the_queue_when_the_user_stops_is_recorded() {
     let folder = tempfile::tempdir().unwrap();
-    let (rig, options) = (rig("frames"), options(&folder.path().join("run.mcap")));
+    let (rig, options) = (rig("frames"), Options::new(folder.path().join("run.mcap")));
     let devices = live_devices(&rig, &[]).unwrap();
     let bytes: Vec<u8> = sent(0, 1, 0, on_time).flat_map(|(.., bytes)| bytes).collect();
     let sources = Sources::reading(&devices[0], std::io::Cursor::new(bytes)).unwrap();
@@ -300,4 +366,60 @@ fn what_waits_in_the_queue_when_the_user_stops_is_recorded() {
     let stop = AtomicBool::new(true);
     let summary = record(&rig, &sources, &options, &stop, &mut |_| {}).unwrap();
     assert_eq!((summary.ended.as_str(), summary.sensors[0].samples), (BY_USER, 1000));
+}
+
+/// A slave that ignores echoes, one that knows them, and what either is asked for in vain before the recording begins.
+#[test]
+fn polls_that_fell_out_are_told_with_what_to_do() {
+    let told = |unproven: u64, skipped: u64, missed: u64| {
+        let folder = tempfile::tempdir().unwrap();
+        let (mut rig, options) = (rig("frames"), Options::new(folder.path().join("run.mcap")));
+        rig.devices[0].protocol = Protocol::ModbusRtu { unit_id: 1, poll_interval_s: 0.125, timeout_s: 0.5 };
+        let devices = live_devices(&rig, &[]).unwrap();
+        let sources = Sources::reading(&devices[0], std::io::empty()).unwrap();
+        let mut live = Live::new(&rig, &options, "a test".to_owned(), Vec::new(), sources.host);
+        let mut streams = streams_of(&rig, &devices[..1]);
+        let counts = |answers: u64, skipped: u64, missed: u64| PollCounts {
+            answers,
+            skipped,
+            missed,
+            unproven,
+            ..PollCounts::default()
+        };
+        let begins = (None, counts(0, 20, 7));
+        for (at, (value, counts)) in
+            [begins, (Some(1.0), counts(1, 20, 7)), (Some(2.0), counts(2, 20 + skipped, 7 + missed))]
+                .into_iter()
+                .enumerate()
+        {
+            let polled = Polled { at_ns: at as i64 * 125 * MS, values: vec![(0, value)], refused: None, counts };
+            take(0, Input::Polled(polled), &mut streams, &mut live).unwrap();
+        }
+        let mut summary = finish(&mut streams, live, &sources, &options, BY_USER.to_owned()).unwrap();
+        let device = summary.devices.remove(0);
+        assert_eq!((device.skipped_polls, device.lost_frames), (skipped, missed));
+        let notes = log::read(&options.file).unwrap().run.notes;
+        assert_eq!(
+            device.poll_warning.as_ref(),
+            notes.iter().find(|(key, _)| key == "A.poll_warning").map(|(_, text)| text)
+        );
+        device.poll_warning.unwrap_or_default()
+    };
+    assert_eq!(
+        (told(0, 0, 3), told(2, 0, 0)),
+        (String::new(), String::new()),
+        "lost polls are counted, and nothing fell out"
+    );
+    let slow = told(0, 9, 0);
+    assert!(slow.starts_with("9 polls fell out") && slow.contains("raise poll_interval_s (now 0.125)"), "{slow}");
+    let mute = told(2, 9, 3);
+    for part in [
+        "ignores echoes",
+        "function 8",
+        "left alone for 5 s",
+        "9 polls fell out and 3 had no answer",
+        "timeout_s (now 0.5)",
+    ] {
+        assert!(mute.contains(part), "{part}: {mute}");
+    }
 }

@@ -3,6 +3,7 @@
 use super::RecordError;
 use super::clock::seconds;
 use super::output::Output;
+use crate::log::layout::{offset_ns, within};
 use crate::log::{ClockFix, SensorClock};
 use crate::recording::Gap;
 
@@ -15,8 +16,13 @@ pub(super) struct Batch {
 }
 
 impl Batch {
-    pub(super) fn at(&self, i: usize) -> i64 {
-        self.first_ns.saturating_add((i as f64 * self.period_ns).round() as i64)
+    fn at(&self, i: usize) -> i64 {
+        self.first_ns.saturating_add(offset_ns(i, self.period_ns))
+    }
+
+    /// Memory that it takes, bytes.
+    pub(super) fn bytes(&self) -> usize {
+        size_of::<Batch>() + size_of_val(&self.values[..])
     }
 
     /// Time of its last sample, as logged, ns.
@@ -28,12 +34,23 @@ impl Batch {
 /// How a sensor's samples lie to a shot. Times are as logged, ns.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Share {
+    /// A device was to send them.
+    owed: bool,
+    /// Nothing of them is in the shot.
+    absent: bool,
     /// The last sample that was left out before it, the first and the last that were written, and the first left out behind it.
     before: Option<i64>,
     written: Option<(i64, i64)>,
     behind: Option<i64>,
     /// It had no sample in the time before the shot: its last one stands for it.
     carried: bool,
+}
+
+impl Share {
+    /// Of a sensor from which a device was to send, or not.
+    pub(super) fn of(owed: bool) -> Share {
+        Share { owed, ..Share::default() }
+    }
 }
 
 /// A shot that is being written. Samples are cut by the clocks as they were known when they came, with a margin where these may still move;
@@ -73,8 +90,12 @@ impl Heard {
 
     /// Whether samples before `until_ns` on the recording's clock are missing: one would have been due.
     fn lags(self, clock: &SensorClock, until_ns: i64) -> bool {
-        let behind_ns = until_ns.saturating_sub(clock.time_ns(self.last_ns));
-        self.spacing_ns.is_some_and(|spacing| behind_ns > spacing.saturating_mul(3) / 2)
+        self.lacks(clock.time_ns(self.last_ns), until_ns)
+    }
+
+    /// Whether one would have been due between two times.
+    fn lacks(self, from_ns: i64, to_ns: i64) -> bool {
+        self.spacing_ns.is_some_and(|spacing| to_ns.saturating_sub(from_ns) > spacing.saturating_mul(3) / 2)
     }
 }
 
@@ -108,16 +129,15 @@ impl Open {
     /// Writes what of a batch lies in the shot.
     pub(super) fn write(&mut self, clock: &SensorClock, batch: &Batch) -> Result<(), RecordError> {
         let ((from_ns, to_ns), all) = (self.bounds(clock), batch.values.len());
-        let first = (0..all).find(|&i| batch.at(i) >= from_ns).unwrap_or(all);
-        let end = (first..all).find(|&i| batch.at(i) > to_ns).unwrap_or(all);
+        let inside = within(batch.first_ns, batch.period_ns, all, from_ns, to_ns);
         let share = &mut self.shares[batch.sensor];
-        if first > 0 {
-            share.before = Some(batch.at(first - 1));
+        if inside.start > 0 {
+            share.before = Some(batch.at(inside.start - 1));
         }
-        if end < all {
-            share.behind.get_or_insert(batch.at(end));
+        if inside.end < all {
+            share.behind.get_or_insert(batch.at(inside.end));
         }
-        if end > first { self.put(batch, first, end - first) } else { Ok(()) }
+        if inside.is_empty() { Ok(()) } else { self.put(batch, inside.start, inside.len()) }
     }
 
     /// Writes a gap that reaches into the shot; it is as logged.
@@ -147,14 +167,19 @@ impl Open {
         self.output.samples(batch.sensor, batch.at(first) - self.from_ns, batch.period_ns, values)
     }
 
-    /// Sensors that have samples in it.
-    pub(super) fn has(&self, sensor: usize) -> bool {
-        self.shares.get(sensor).is_some_and(|share| share.written.is_some())
+    /// True of a sensor that has samples in it, or should have.
+    pub(super) fn lists(&self, sensor: usize) -> bool {
+        self.shares.get(sensor).is_some_and(|share| share.written.is_some() || share.absent)
+    }
+
+    /// Sensors of which nothing is in it, though it should, as [`close`](Open::close) found them.
+    pub(super) fn absent(&self) -> impl Iterator<Item = usize> + '_ {
+        (0..self.shares.len()).filter(|&sensor| self.shares[sensor].absent)
     }
 
     /// Notes what is missing where the shot ends with what has come by now, of the sensors `heard`, which have `clocks`: a gap for each that
-    /// is behind the trigger's, or was cut where by the clocks as they are known now it should not have been; and, where the trigger's is
-    /// behind too, that it is cut short. Says in that case how much of the time after it fired is kept, s.
+    /// is behind the trigger's, that began within the shot or has not spoken at all though a device was to send it, or was cut where by the
+    /// clocks as they are known now it should not have been; and, where the trigger's is behind too, that it is cut short. Says in that case how much of the time after it fired is kept, s.
     pub(super) fn close(
         &mut self,
         heard: &[Option<Heard>],
@@ -164,11 +189,22 @@ impl Open {
         let Some(fired_by) = heard.get(trigger).copied().flatten() else { return Ok(None) };
         let reached_ns = clocks[trigger].time_ns(fired_by.last_ns).min(self.to_ns);
         for (sensor, (heard, clock)) in heard.iter().zip(clocks).enumerate() {
-            let Some(heard) = heard else { continue };
             let share = self.shares[sensor];
             let (from_ns, to_ns) = (clock.logged_ns(self.from_ns), clock.logged_ns(reached_ns));
-            if share.before.is_some_and(|before| before >= from_ns) && !share.carried {
-                self.missing(clock, sensor, from_ns, share.written.map_or(to_ns, |(first, _)| first))?;
+            let begins_ns = share.written.map_or(to_ns, |(first, _)| first.min(to_ns));
+            if share.owed && !share.carried && share.written.is_none_or(|(first, _)| first > to_ns) {
+                self.shares[sensor].absent = true;
+                self.missing(clock, sensor, from_ns, to_ns)?;
+                continue;
+            }
+            let Some(heard) = heard else { continue };
+            let (dropped, begun) = match share.before {
+                Some(before) => (before >= from_ns, false),
+                // its very first samples are in the shot: it began later
+                None => (false, share.owed && heard.lacks(from_ns, begins_ns)),
+            };
+            if (dropped || begun) && !share.carried {
+                self.missing(clock, sensor, from_ns, begins_ns)?;
             }
             if heard.lags(clock, reached_ns) {
                 self.missing(clock, sensor, heard.last_ns.max(from_ns), to_ns)?;

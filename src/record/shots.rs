@@ -3,28 +3,27 @@
 //! The last seconds of every sensor are kept in memory. When the trigger fires they go into a new file, what comes after them follows until
 //! the shot is over; then the trigger settles for the next one.
 
+mod kept;
 mod name;
 
-use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use super::RecordError;
 use super::clock::seconds;
-use super::monitor::Monitor;
-use super::output::{CutShort, DeviceCount, Output, SensorCount, Summary};
+use super::monitor::{Expected, Monitor};
+use super::output::{Absent, CutShort, DeviceCount, Output, SensorCount, Summary};
 use super::shot::{Batch, Heard, MARGIN_NS, Open, Share};
 use super::snapshot::{Phase, TriggerView};
 use super::trigger::{Condition, Event, Settings, State, Trigger};
 use crate::log::{ClockFix, Retimer, SensorClock};
 use crate::recording::{Gap, RunInfo};
 use crate::rig::Rig;
+use kept::{Kept, MOST_BYTES, Needed};
 use name::{MOST_COPIES, is_taken, stem, told};
 
 /// How much more is kept than a shot needs, ns.
 const LATE_NS: i64 = 2 * MARGIN_NS;
-/// So many batches come between two looks at what is no longer needed.
-const FORGET_EVERY: usize = 100;
 /// The longest that samples are kept, and a shot is held open, for a device that is behind the others, ns.
 const MOST_HELD_NS: i64 = 60_000_000_000;
 
@@ -48,14 +47,12 @@ pub struct Shots {
     run: RunInfo,
     trigger: Trigger,
     events: Vec<Event>,
-    /// What may belong to the next shot, in the order in which it came.
-    kept: VecDeque<Batch>,
-    gaps: Vec<(usize, Gap)>,
-    /// How far each sensor has come, and the last sample of it that was dropped, ns as logged.
+    /// What may belong to the next shot.
+    kept: Kept,
+    /// Sensors that a device is to send.
+    owed: Vec<bool>,
+    /// How far each sensor has come.
     heard: Vec<Option<Heard>>,
-    dropped_ns: Vec<Option<i64>>,
-    /// Batches since it was last looked for what is no longer needed.
-    unsifted: usize,
     /// A device that is behind the trigger's is waited for so long, ns of recorded time.
     held_ns: i64,
     /// The trigger has fired at these times, ns as logged, and no shot has begun yet.
@@ -64,6 +61,7 @@ pub struct Shots {
     open: Vec<Open>,
     done: Vec<Summary>,
     cut_short: Vec<CutShort>,
+    absent: Vec<Absent>,
     /// Why shots could not be written, and why the last one was not written to its end.
     lost: Vec<String>,
     refused: Option<String>,
@@ -73,8 +71,9 @@ pub struct Shots {
 }
 
 impl Shots {
-    /// No shot yet; `run` is what is known of the session. A device that is behind the trigger's by more than `silence` is not waited for.
-    pub fn new(plan: Plan, rig: &Rig, run: &RunInfo, silence: Duration) -> Shots {
+    /// No shot yet; `run` is what is known of the session, `expected` are the sensors that will come. A device that is behind the trigger's
+    /// by more than `silence` is not waited for.
+    pub fn new(plan: Plan, rig: &Rig, run: &RunInfo, expected: &[Expected], silence: Duration) -> Shots {
         let sensors = rig.sensors.len();
         let silence_ns = i64::try_from(silence.as_nanos()).unwrap_or(i64::MAX);
         Shots {
@@ -83,16 +82,16 @@ impl Shots {
             rig: rig.clone(),
             run: run.clone(),
             events: Vec::new(),
-            kept: VecDeque::new(),
-            gaps: Vec::new(),
+            kept: Kept::new(sensors, MOST_BYTES),
+            // a file that is played owes nothing but what it has
+            owed: (0..sensors).map(|i| expected.iter().any(|e| e.sensor == i && e.device.is_some())).collect(),
             heard: vec![None; sensors],
-            dropped_ns: vec![None; sensors],
-            unsifted: 0,
             fired: Vec::new(),
             held_ns: silence_ns.clamp(LATE_NS, MOST_HELD_NS),
             open: Vec::new(),
             done: Vec::new(),
             cut_short: Vec::new(),
+            absent: Vec::new(),
             lost: Vec::new(),
             refused: None,
             clocks: Vec::new(),
@@ -111,8 +110,7 @@ impl Shots {
         }
         let clock = &self.moves[sensor];
         self.open.iter_mut().try_for_each(|open| open.write(clock, &batch))?;
-        self.kept.push_back(batch);
-        self.unsifted += 1;
+        self.kept.push(batch);
         if sensor == self.plan.sensor {
             self.trigger.feed(first_ns, period_ns, values, &mut self.events);
             let fired = |event: Event| if let Event::Fired(at) = event { Some(at) } else { None };
@@ -121,13 +119,14 @@ impl Shots {
         Ok(())
     }
 
-    /// The trigger's sensor has come past the shot's end, and every other one too, or it is no longer waited for.
+    /// The trigger's sensor has come past the shot's end, and every other one too, or it is no longer waited for: nor is one of which nothing
+    /// has come at all, as where the first line of a slow device is held back until the second.
     fn is_complete(&self, open: &Open) -> bool {
         let Some(trigger_ns) = self.come_ns(self.plan.sensor).filter(|come_ns| *come_ns >= open.to_ns) else {
             return false;
         };
-        trigger_ns > open.to_ns.saturating_add(self.held_ns)
-            || (0..self.heard.len()).filter_map(|sensor| self.come_ns(sensor)).all(|come_ns| come_ns >= open.to_ns)
+        let is_there = |sensor: usize| self.come_ns(sensor).map_or(!self.owed[sensor], |come_ns| come_ns >= open.to_ns);
+        trigger_ns > open.to_ns.saturating_add(self.held_ns) || (0..self.heard.len()).all(is_there)
     }
 
     /// A sensor's time on the recording's clock, ns, by when it was logged.
@@ -146,7 +145,7 @@ impl Shots {
         if sensor == self.plan.sensor {
             self.trigger.gap();
         }
-        self.gaps.push((sensor, gap));
+        self.kept.gap(sensor, gap);
         let clock = &self.moves[sensor];
         self.open.iter_mut().try_for_each(|open| open.gap(clock, sensor, gap))
     }
@@ -176,9 +175,9 @@ impl Shots {
             let open = self.open.remove(i);
             self.end(open, "the shot was over", monitor)?;
         }
-        if self.unsifted >= FORGET_EVERY {
-            self.unsifted = 0;
-            self.forget();
+        if self.kept.is_due() {
+            let needed: Vec<Needed> = (0..self.moves.len()).map(|sensor| self.needed(sensor)).collect();
+            self.kept.forget(&needed);
         }
         self.open.iter_mut().try_for_each(|open| open.output.tick())
     }
@@ -246,12 +245,12 @@ impl Shots {
         output.note("shot", &number.to_string())?;
         output.note("fired_s", &format!("{}", seconds(fired_ns - from_ns)))?;
         let to_ns = fired_ns.saturating_add(self.plan.trigger.post_ns);
-        let shares = vec![Share::default(); self.rig.sensors.len()];
+        let shares = self.owed.iter().map(|owed| Share::of(*owed)).collect();
         let mut open = Open { output, from_ns, to_ns, fired_ns, shares, lost: false };
         for (sensor, clock) in self.moves.iter().enumerate() {
-            open.write_kept(clock, self.dropped_ns[sensor], self.kept.iter().filter(|b| b.sensor == sensor))?;
+            open.write_kept(clock, self.kept.dropped_ns(sensor), self.kept.of(sensor))?;
         }
-        self.gaps.iter().try_for_each(|(sensor, gap)| open.gap(&self.moves[*sensor], *sensor, *gap))?;
+        self.kept.gaps().try_for_each(|(sensor, gap)| open.gap(&self.moves[sensor], sensor, gap))?;
         open.clocks(&self.clocks)?;
         self.open.push(open);
         Ok(())
@@ -281,10 +280,14 @@ impl Shots {
             open.output.note(&key, &text)?;
         }
         let mut kept_s = open.close(&self.heard, &self.moves, self.plan.sensor)?;
+        let absent: Vec<String> = open.absent().map(|sensor| self.rig.sensors[sensor].name.clone()).collect();
+        if !absent.is_empty() {
+            open.output.note("absent", &format!("{}: nothing had come when the shot ended", absent.join(", ")))?;
+        }
         open.output.note("ended", ended)?;
         // a folder that was moved away or deleted takes the file anew
         let _ = std::fs::create_dir_all(&self.plan.folder);
-        let listed: Vec<bool> = (0..open.shares.len()).map(|sensor| open.has(sensor)).collect();
+        let listed: Vec<bool> = (0..open.shares.len()).map(|sensor| open.lists(sensor)).collect();
         let file = open.output.path().display().to_string();
         match open.output.finish(0, |sensor| listed[sensor], Vec::new(), ended.to_owned()) {
             Ok(mut summary) => {
@@ -302,38 +305,23 @@ impl Shots {
                 return Ok(());
             }
         }
+        if !absent.is_empty() {
+            self.absent.push(Absent { file: file.clone(), sensors: absent });
+        }
         if let Some(kept_s) = kept_s {
             self.cut_short.push(CutShort { file, kept_s, asked_s: seconds(self.plan.trigger.post_ns) });
         }
         Ok(())
     }
 
-    /// Drops what is too old for any shot to come, by how far the trigger's own sensor has come, or where that stays away by how far its own
-    /// has; of each sensor its last batch stays.
-    fn forget(&mut self) {
+    /// What of a sensor is needed for shots to come: by how far the trigger's own sensor has come, or where that stays away by how far its
+    /// own has; for lack of memory, that stays away not at all.
+    fn needed(&self, sensor: usize) -> Needed {
+        let before_ns = self.plan.trigger.pre_ns.saturating_add(LATE_NS);
         let trigger_ns = self.come_ns(self.plan.sensor).unwrap_or(i64::MIN);
-        let needed_ns = self.plan.trigger.pre_ns.saturating_add(LATE_NS);
-        let oldest = |sensor: usize| {
-            let own_ns = self.come_ns(sensor).unwrap_or(i64::MIN).saturating_sub(self.held_ns);
-            let oldest_ns = trigger_ns.max(own_ns).saturating_sub(needed_ns);
-            self.moves[sensor].logged_ns(oldest_ns)
-        };
-        let oldest_ns: Vec<i64> = (0..self.moves.len()).map(oldest).collect();
-        let mut last = vec![0; oldest_ns.len()];
-        for (i, batch) in self.kept.iter().enumerate() {
-            last[batch.sensor] = i;
-        }
-        let mut i = 0;
-        let dropped_ns = &mut self.dropped_ns;
-        self.kept.retain(|batch| {
-            i += 1;
-            let stays = batch.last_ns() >= oldest_ns[batch.sensor] || last[batch.sensor] + 1 == i;
-            if !stays {
-                dropped_ns[batch.sensor] = dropped_ns[batch.sensor].max(Some(batch.last_ns()));
-            }
-            stays
-        });
-        self.gaps.retain(|(sensor, gap)| gap.to_s >= seconds(oldest_ns[*sensor]));
+        let own_ns = self.come_ns(sensor).unwrap_or(i64::MIN);
+        let from = |come_ns: i64| self.moves[sensor].logged_ns(trigger_ns.max(come_ns).saturating_sub(before_ns));
+        Needed { from_ns: from(own_ns.saturating_sub(self.held_ns)), surely_ns: from(own_ns) }
     }
 
     /// As [`Output::finish`]: the sums over all shots.
@@ -369,7 +357,11 @@ impl Shots {
             callouts: Vec::new(),
             shots: self.done.into_iter().map(|shot| shot.file).collect(),
             cut_short: self.cut_short,
+            absent: self.absent,
             lost_shots: self.lost,
         })
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -12,6 +12,7 @@ use super::clock::{DeviceClock, Missing, seconds};
 use super::frames::{self, Taken};
 use super::lines::{self, Line};
 use super::live::Live;
+use super::poll::PollCounts;
 use super::polling::Polled;
 use super::source::Input;
 use crate::log::SensorClock;
@@ -95,8 +96,8 @@ pub struct Stream<'a> {
     reconnects: u64,
     /// Samples or polls are known to be missing.
     holes: u64,
-    /// Polls without an answer before the recording began.
-    unheard: u64,
+    /// What was seen of one that is polled before the recording began.
+    before: PollCounts,
     values: Vec<f64>,
 }
 
@@ -133,7 +134,7 @@ impl<'a> Stream<'a> {
             returned: false,
             reconnects: 0,
             holes: 0,
-            unheard: 0,
+            before: PollCounts::default(),
             values: Vec::new(),
         }
     }

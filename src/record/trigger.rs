@@ -1,6 +1,8 @@
 //! When a shot begins and when it is over: by the edge of the valve's command, by a level, or by a slope. No clock and no file in it:
 //! it is fed with the samples of its sensor and says what they mean.
 
+use crate::log::layout::offset_ns;
+
 /// What fires a trigger.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Condition {
@@ -74,7 +76,7 @@ impl Trigger {
     /// Takes samples of its sensor, `period_ns` apart, the first at `first_ns`; says what they bring about, in order.
     pub fn feed(&mut self, first_ns: i64, period_ns: f64, values: &[f64], events: &mut Vec<Event>) {
         for (i, &value) in values.iter().enumerate() {
-            let at = first_ns.saturating_add((i as f64 * period_ns).round() as i64);
+            let at = first_ns.saturating_add(offset_ns(i, period_ns));
             self.forget(at);
             let met = self.is_met(at, value);
             self.last.push_back((at, value));

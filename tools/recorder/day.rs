@@ -41,14 +41,7 @@ pub fn run(hours: f64, rate_hz: f64) -> Measured {
     let (period_ns, samples) = ((1e9 / rate_hz) as u32, (rate_hz / 10.0).max(1.0) as i64);
     let frames = (hours * 3600.0 * rate_hz) as i64 / samples;
     let day = Day { period_ns, samples, frames, index: 0, pending: io::Cursor::default() };
-    let options = Options {
-        file: file.clone(),
-        duration_s: None,
-        silence: Duration::from_secs(60),
-        wait: Duration::ZERO,
-        notes: vec![],
-        shots: None,
-    };
+    let options = Options { silence: Duration::from_secs(60), ..Options::new(&file) };
     let started = Instant::now();
     let sources = Sources::reading(&device, day)?;
     let mut memory = Vec::new();

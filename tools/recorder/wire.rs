@@ -102,14 +102,7 @@ pub fn in_this_process(rate_hz: f64, seconds: f64) -> Measured {
         let frames = (seconds * rate_hz) as i64 / samples;
         let pace = Pace::start(speed);
         let maker = Maker { period_ns, samples, frames, index: 0, pace, pending: io::Cursor::default() };
-        let options = Options {
-            file: file.clone(),
-            duration_s: None,
-            silence: Duration::from_secs(5),
-            wait: Duration::ZERO,
-            notes: vec![],
-            shots: None,
-        };
+        let options = Options::new(&file);
         let (cpu_0, made_0, started) = (usage::own_cpu_s(), usage::threads_cpu_s("port"), Instant::now());
         let sources = Sources::reading(&device, maker)?;
         let mut live_s = 0.0;

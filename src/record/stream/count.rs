@@ -1,8 +1,8 @@
 //! What came from a device, and why nothing did.
 
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
-use super::{Codec, State, Stream};
+use super::{Codec, ON_ITS_WAY, State, Stream};
 use crate::record::RecordError;
 use crate::record::align::Stretch;
 use crate::record::callout::Ailment;
@@ -10,6 +10,7 @@ use crate::record::clock::seconds;
 use crate::record::modbus::exception;
 use crate::record::monitor::Expected;
 use crate::record::output::{ClockSummary, DeviceCount};
+use crate::record::poll::forgotten_after;
 use crate::record::polling::Polled;
 use crate::record::session::Options;
 use crate::record::snapshot::{DeviceView, SensorView};
@@ -78,11 +79,39 @@ impl Stream<'_> {
             Codec::Polled(polled) => {
                 let counts = polled.as_ref().map(|polled| polled.counts).unwrap_or_default();
                 (count.frames, count.bad_frames) = (counts.answers, counts.bad + counts.refused);
-                (count.lost_frames, count.late_answers) = (counts.missed.saturating_sub(self.unheard), counts.late);
-                count.skipped_polls = counts.skipped;
+                (count.lost_frames, count.late_answers) =
+                    (counts.missed.saturating_sub(self.before.missed), counts.late);
+                count.skipped_polls = counts.skipped.saturating_sub(self.before.skipped);
+                count.poll_warning = self.poll_warning(&count, counts.unproven > 0 && counts.answers > 0);
             }
         }
         count
+    }
+
+    /// Why polls fell out, and what to do about it; one that is read though it `ignores` echoes is left alone after each late answer.
+    fn poll_warning(&self, count: &DeviceCount, ignores: bool) -> Option<String> {
+        let Protocol::ModbusRtu { poll_interval_s, timeout_s, .. } = self.device.protocol else { return None };
+        let (lost, skipped) = (count.lost_frames, count.skipped_polls);
+        let left_alone_s =
+            forgotten_after(Duration::try_from_secs_f64(timeout_s).unwrap_or(Duration::MAX)).as_secs_f64();
+        match ignores {
+            true if lost + skipped > 0 => Some(format!(
+                "it ignores echoes (diagnostics, function 8), which tell late answers from new ones, so it is left alone for {left_alone_s} s \
+                 after each answer that does not come in time, and 20 ms between requests of equal length: {skipped} polls fell out and {lost} \
+                 had no answer; let it answer function 8 or refuse it by an exception, or raise timeout_s (now {timeout_s}) above its slowest \
+                 answer and poll_interval_s (now {poll_interval_s})"
+            )),
+            false if skipped > 0 => Some(format!(
+                "{skipped} polls fell out because the one before took too long: raise poll_interval_s (now {poll_interval_s}), or the baud rate"
+            )),
+            _ => None,
+        }
+    }
+
+    /// Others went on at a moment at which more was due from it, so that it ended before them.
+    pub fn left_before(&self, moment: Instant) -> bool {
+        let allowed = ON_ITS_WAY.max(2 * self.pause.unwrap_or_default()).max(2 * self.span);
+        moment.saturating_duration_since(self.heard) > allowed
     }
 
     /// The sensors that will come from it, as the `device`-th of the session.

@@ -16,7 +16,7 @@ impl Stream<'_> {
             live.begin(polled.at_ns)?;
         } else if !live.has_begun() {
             // Nothing is recorded yet, so nothing is lost.
-            self.unheard = polled.counts.missed;
+            self.before = polled.counts;
             // A refusal says more of why nothing comes than the silence after it.
             let before = if let Codec::Polled(Some(before)) = &self.codec { before.refused } else { None };
             self.codec = Codec::Polled(Some(Polled { refused: polled.refused.or(before), ..polled }));

@@ -1,10 +1,6 @@
 //! What becomes of the times of a device whose clock, line or program misbehaves: every sample carries its number, and so its true time.
 
-use super::tests::{MS, on_time, options, played, sent};
 use super::*;
-use crate::log;
-use crate::record::frames::Frame;
-use crate::recording::Recording;
 
 /// What happens once to device B, at a frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -80,7 +76,7 @@ fn worst(recording: &Recording) -> (f64, usize) {
 
 fn run(device: Device, duration_s: Option<f64>, dice: &mut fastrand::Rng) -> (Summary, Recording) {
     let folder = tempfile::tempdir().unwrap();
-    let options = Options { duration_s, ..options(&folder.path().join("run.mcap")) };
+    let options = Options { duration_s, ..Options::new(folder.path().join("run.mcap")) };
     let messages = sent(0, SECONDS, 0, on_time).chain(device.messages(dice)).collect();
     let summary = played(&options, messages);
     let recording = log::read(&options.file).unwrap();
