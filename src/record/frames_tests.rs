@@ -234,6 +234,22 @@ fn a_restarted_device_is_noticed_and_a_late_frame_is_not_taken_for_one() {
     assert_eq!((counts.frames, counts.duplicated), (before.frames + 5, before.duplicated));
 }
 
+/// A device that restarts twice within a few frames, with the same numbers and times; and one that sends a block of frames again.
+#[test]
+fn a_second_restart_is_told_from_frames_that_come_again() {
+    let mut decoder = Decoder::new();
+    let other = |index: u16| Frame { counts: vec![7; 12], ..nth(index) };
+    let bytes: Vec<u8> = (0..7).map(nth).chain((0..7).map(other)).flat_map(|frame| frame.encode()).collect();
+    let events = decode(&mut decoder, &bytes);
+    assert_eq!(events.iter().filter(|event| **event == Event::Restarted).count(), 1);
+    assert_eq!(decoder.counts(), FrameCounts { frames: 14, ..FrameCounts::default() });
+
+    let mut decoder = Decoder::new();
+    let bytes: Vec<u8> = (0..8).chain(4..8).chain(8..12).flat_map(|i| nth(i).encode()).collect();
+    assert_eq!(frames(decode(&mut decoder, &bytes)), (0..12).map(nth).collect::<Vec<_>>());
+    assert_eq!(decoder.counts(), FrameCounts { frames: 12, duplicated: 4, ..FrameCounts::default() });
+}
+
 /// Two frames of a restart that nothing comes behind are as lost as any; frames that came again are not.
 #[test]
 fn the_first_frames_of_a_restart_at_the_end_are_lost() {

@@ -5,6 +5,7 @@
 //! when so many frames agree.
 
 use std::collections::VecDeque;
+use std::hash::{DefaultHasher, Hash, Hasher};
 
 use super::rhythm::Rhythm;
 use super::{Event, Frame, FrameCounts, Sent, Taken};
@@ -30,8 +31,8 @@ pub(super) struct Order {
     floor_us: f64,
     /// Frames off their place, with their arrivals: in sequence among themselves.
     held: Vec<(Frame, i64)>,
-    /// Sequence and stamp of the last frames.
-    recent: VecDeque<(u16, u64)>,
+    /// The last frames: a device that restarts twice may say the same numbers and times again, but not the same samples.
+    recent: VecDeque<Name>,
     /// Frames missing since the last one handed on, and whether the sequence began anew since.
     lost_before: u32,
     anew: bool,
@@ -76,8 +77,8 @@ impl Order {
     }
 
     fn is_repeated(&self, frame: &Frame) -> bool {
-        let same = |other: &Frame| other.sequence == frame.sequence && other.first_us == frame.first_us;
-        self.recent.contains(&(frame.sequence, frame.first_us)) || self.held.iter().any(|(held, _)| same(held))
+        let held = |(held, _): &(Frame, i64)| held == frame;
+        self.recent.contains(&name(frame)) || self.held.iter().any(held)
     }
 
     /// What is held is judged by the next frame. True where that is taken care of, too.
@@ -214,7 +215,7 @@ impl Order {
     }
 
     fn hand_on(&mut self, mut frame: Frame, first_us: u64, began_ns: i64, events: &mut Vec<Event>) {
-        self.recent.push_back((frame.sequence, frame.first_us));
+        self.recent.push_back(name(&frame));
         if self.recent.len() > RECENT {
             self.recent.pop_front();
         }
@@ -232,6 +233,15 @@ impl Order {
         let scatters = jump.is_none() && !anew && self.stamps_scatter_s().is_some();
         events.push(Event::Frame(Taken { frame, lost_before, began_ns, anew, jump, scatters }));
     }
+}
+
+/// What tells a frame from others: its number, its stamp and its samples.
+type Name = (u16, u64, u64);
+
+fn name(frame: &Frame) -> Name {
+    let mut hasher = DefaultHasher::new();
+    frame.counts.hash(&mut hasher);
+    (frame.sequence, frame.first_us, hasher.finish())
 }
 
 /// True for a frame that goes on where another ends.
