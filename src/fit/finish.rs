@@ -10,9 +10,9 @@ use super::compare::{Pair, mape_percent, rmse};
 use super::errors::{Common, Errors, InTime, Linearised};
 use super::identify::unseen;
 use super::interval::linear;
-use super::least_squares::{Limits, Problem, Solution, Stop, jacobian};
+use super::least_squares::{Limits, Problem, Solution, jacobian};
 use super::misfit::Misfit;
-use super::optimum::{AT_OPTIMUM, short_of_it};
+use super::optimum::short_of_it;
 use super::outcome::{Fit, FittedParameter, RunFit, SensorFit};
 use super::problem::{Calibration, Window};
 use super::uncertainty::{correlation, gauss_newton_step};
@@ -259,10 +259,8 @@ impl Fitter<'_> {
         let runs = (0..self.runs.len())
             .map(|r| self.run_fit(problem, r, &values, &start_values, period_s, &bands[r]))
             .collect::<Result<_, _>>()?;
-        // Where every step has been tried it is one, whatever is promised: residuals may have corners. Of any other end it is measured.
-        let promised = self.promised(problem, solution)?.fall;
-        let tried = !matches!(solution.stop, Stop::CostSettled | Stop::IterationsSpent);
-        let converged = tried || promised <= AT_OPTIMUM;
+        let promise = self.promised(problem, solution)?;
+        let (promised, converged) = (promise.fall, promise.at_optimum(solution));
         let stopped_because = match (converged, solution.stop.describe()) {
             (true, why) => why.to_owned(),
             (false, _) => short_of_it(promised, problem.samples(), self.options.method),
@@ -273,7 +271,7 @@ impl Fitter<'_> {
             runs,
             parameters,
             correlation: correlation(&columns, &solution.at_bound),
-            unseen: unseen(problem, linearised, &errors),
+            unseen: unseen(problem, &values, linearised, &errors),
             reaches: problem.window().reaches,
             grid_error_m: 0.25 * halving_m,
             evaluations: self.evaluations.load(Ordering::Relaxed),

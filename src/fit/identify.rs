@@ -9,6 +9,7 @@ use nalgebra::DMatrix;
 
 use super::errors::{Errors, Linearised};
 use super::problem::Calibration;
+use super::surplus::{Element, elements};
 use crate::model::parameter::{Parameter, Scale};
 
 /// Share of a variable in the unseen space from which on it is named, and of two that makes them go together.
@@ -35,8 +36,10 @@ pub struct Unseen {
 }
 
 /// What the recordings leave unseen of a linearised fit.
-pub(super) fn unseen(problem: &Calibration, fit: Linearised, errors: &Errors) -> Vec<Unseen> {
-    let all: Vec<usize> = (0..problem.parameters.len()).filter(|&j| !fit.at_bound[j]).collect();
+pub(super) fn unseen(problem: &Calibration, values: &[f64], fit: Linearised, errors: &Errors) -> Vec<Unseen> {
+    let gone = vanished(problem, values);
+    let times: Vec<usize> = gone.iter().map(|e| e.time).collect();
+    let all: Vec<usize> = (0..problem.parameters.len()).filter(|j| !fit.at_bound[*j] && !times.contains(j)).collect();
     let (zeros, rest): (Vec<usize>, Vec<usize>) =
         all.into_iter().partition(|&j| problem.parameters[j].name.starts_with("offset_m["));
     // A noise that is coloured, or larger than believed, is worth less; half the variables scatter less than this.
@@ -59,7 +62,38 @@ pub(super) fn unseen(problem: &Calibration, fit: Linearised, errors: &Errors) ->
         seen -= &across * inverse * across.transpose();
     }
     let groups = groups(&unseen_space(seen));
-    groups.into_iter().map(|(members, size)| said(problem, errors, &rest, &members, size)).collect()
+    let unsupported = (0..problem.model.effects.len()).filter_map(|effect| without(problem, effect, &gone));
+    unsupported.chain(groups.into_iter().map(|(members, size)| said(problem, errors, &rest, &members, size))).collect()
+}
+
+/// Elements that a fit has let vanish, though it might have kept them.
+fn vanished(problem: &Calibration, values: &[f64]) -> Vec<Element> {
+    let least = |e: &Element| {
+        let strength = &problem.parameters[e.strength];
+        strength.lower < strength.upper && values[e.strength] <= strength.lower
+    };
+    let settled =
+        |e: &Element| problem.model.constraints.iter().any(|c| c.concerns(&problem.parameters[e.strength].name, None));
+    elements(problem).into_iter().filter(|e| least(e) && !settled(e)).collect()
+}
+
+/// What to say of those of one effect.
+fn without(problem: &Calibration, effect: usize, gone: &[Element]) -> Option<Unseen> {
+    let gone: Vec<&Element> = gone.iter().filter(|e| e.effect == effect).collect();
+    let chosen = &problem.model.effects[effect];
+    let kept = chosen.elements?.checked_sub(gone.len()).filter(|_| !gone.is_empty())?;
+    let name = |j: usize| problem.parameters[j].name.clone();
+    let parameters: Vec<String> = gone.iter().flat_map(|e| [name(e.strength), name(e.time)]).collect();
+    let so_many = match kept {
+        0 => format!("without {}", chosen.effect.name()),
+        _ => format!("with {}", chosen.with_elements(kept).label()),
+    };
+    let in_words = format!(
+        "The record does not support {}: {} vanished in the fit, which is as good {so_many}.",
+        listed(&parameters),
+        if gone.len() == 1 { "the element has" } else { "the elements have" },
+    );
+    Some(Unseen { parameters, run: None, seen_combination: None, standard_error_percent: None, in_words })
 }
 
 /// What is known of a variable without the recordings, as a standard deviation: uniform between its bounds at the most.

@@ -6,6 +6,8 @@
 
 use std::borrow::Cow;
 
+use nalgebra::DVector;
+
 use super::approach::Fitter;
 use super::least_squares::{Limits, Problem, Solution, Stop, jacobian};
 use super::optimum::{AT_OPTIMUM, promised_fall, promising_step};
@@ -22,7 +24,30 @@ pub(super) struct Promise<'a> {
     /// Fall of the sum of squares, in units of what one sample leaves.
     pub(super) fall: f64,
     /// The Jacobian's columns that say so: those at the solution itself where more is promised than at an optimum.
-    columns: Cow<'a, [Vec<f64>]>,
+    pub(super) columns: Cow<'a, [Vec<f64>]>,
+}
+
+impl Promise<'_> {
+    /// Whether a solution is an optimum. Where every step has been tried it is one, whatever is promised: residuals may have corners. Of
+    /// any other end it is measured.
+    pub(super) fn at_optimum(&self, solution: &Solution) -> bool {
+        !matches!(solution.stop, Stop::CostSettled | Stop::IterationsSpent) || self.fall <= AT_OPTIMUM
+    }
+}
+
+fn promise<'a>(problem: &Calibration, solution: &Solution, columns: Cow<'a, [Vec<f64>]>) -> Promise<'a> {
+    let of_one = (2.0 * solution.cost / problem.samples().max(1) as f64).max(f64::MIN_POSITIVE);
+    let fall = promised_fall(&columns, &solution.residuals, &solution.x, problem.bounds()) / of_one;
+    Promise { fall, columns }
+}
+
+/// Columns of a Jacobian in the values instead of the variables.
+pub(super) fn by_value(problem: &Calibration, columns: &[Vec<f64>], values: &[f64]) -> Vec<Vec<f64>> {
+    let of = |(j, column): (usize, &Vec<f64>)| {
+        let stretch = problem.stretch(j, values[j]);
+        column.iter().map(|c| c / stretch).collect()
+    };
+    columns.iter().enumerate().map(of).collect()
 }
 
 impl Fitter<'_> {
@@ -50,7 +75,7 @@ impl Fitter<'_> {
             }
             solution = again;
         }
-        Ok(solution)
+        self.without_surplus(problem, solution, limits)
     }
 
     /// Values that a step in the values themselves leads to; none where it does not lead down.
@@ -61,20 +86,29 @@ impl Fitter<'_> {
         columns: &[Vec<f64>],
     ) -> Result<Option<Vec<f64>>, ModelError> {
         let values = problem.values(&solution.x);
-        let by_value = columns.iter().enumerate().map(|(j, column)| {
-            let stretch = problem.stretch(j, values[j]);
-            column.iter().map(|c| c / stretch).collect::<Vec<f64>>()
-        });
-        let by_value: Vec<Vec<f64>> = by_value.collect();
+        let by_value = by_value(problem, columns, &values);
         let (lower, upper) = problem.bounds();
         let (lower, upper) = (problem.values(lower), problem.values(upper));
         let step = promising_step(&by_value, &solution.residuals, &values, (&lower, &upper));
+        self.lower_along(problem, &values, &step, solution.cost)
+    }
+
+    /// Values along a step, or on a share of it, where the cost falls below one that is known; none where it does not.
+    pub(super) fn lower_along(
+        &self,
+        problem: &Calibration,
+        values: &[f64],
+        step: &DVector<f64>,
+        cost: f64,
+    ) -> Result<Option<Vec<f64>>, ModelError> {
+        let (lower, upper) = problem.bounds();
+        let (lower, upper) = (problem.values(lower), problem.values(upper));
         for share in SHARES {
             let there: Vec<f64> =
                 (0..values.len()).map(|j| (values[j] + share * step[j]).clamp(lower[j], upper[j])).collect();
             self.count(1);
             let residuals = problem.residuals(&problem.variables(&there))?;
-            if 0.5 * residuals.iter().map(|r| r * r).sum::<f64>() < solution.cost {
+            if 0.5 * residuals.iter().map(|r| r * r).sum::<f64>() < cost {
                 return Ok(Some(there));
             }
         }
@@ -101,17 +135,13 @@ impl Fitter<'_> {
         problem: &Calibration,
         solution: &'a Solution,
     ) -> Result<Promise<'a>, ModelError> {
-        let of_one = (2.0 * solution.cost / problem.samples().max(1) as f64).max(f64::MIN_POSITIVE);
-        let promise = |columns: Cow<'a, [Vec<f64>]>| {
-            let fall = promised_fall(&columns, &solution.residuals, &solution.x, problem.bounds()) / of_one;
-            Promise { fall, columns }
-        };
-        let promised = promise(self.slopes(problem, solution)?);
+        let promised = promise(problem, solution, self.slopes(problem, solution)?);
         if promised.fall <= AT_OPTIMUM || matches!(promised.columns, Cow::Owned(_)) {
             return Ok(promised);
         }
         // The last step mattered, after all.
-        self.count(promised.columns.len());
-        Ok(promise(Cow::Owned(jacobian(problem, &solution.x, &solution.residuals)?)))
+        let columns = jacobian(problem, &solution.x, &solution.residuals)?;
+        self.count(columns.len());
+        Ok(promise(problem, solution, Cow::Owned(columns)))
     }
 }

@@ -37,6 +37,7 @@ mod search;
 pub mod sensor_choice;
 mod starts;
 mod stepwise;
+mod surplus;
 #[cfg(test)]
 mod test_problem;
 #[cfg(test)]

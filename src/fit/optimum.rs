@@ -18,7 +18,11 @@ const MOST_SETS: usize = 5;
 /// Least squares in a box by active sets (Stark & Parker 1995, Comput. Stat. 10, 129): each step lowers the sum, and what a bound has stopped is let go where
 /// that lowers it further.
 pub(super) fn promised_fall(columns: &[Vec<f64>], residuals: &[f64], x: &[f64], bounds: (&[f64], &[f64])) -> f64 {
-    let step = promising_step(columns, residuals, x, bounds);
+    fall_of(columns, residuals, &promising_step(columns, residuals, x, bounds))
+}
+
+/// Fall of the sum of squares that a step of the linearised problem brings, never negative.
+pub(super) fn fall_of(columns: &[Vec<f64>], residuals: &[f64], step: &DVector<f64>) -> f64 {
     let moved = (0..residuals.len()).map(|i| columns.iter().zip(step.iter()).map(|(c, by)| c[i] * by).sum::<f64>());
     // `-(2 rᵀJd + |Jd|²)`
     residuals.iter().zip(moved).map(|(r, by)| -by * (2.0 * r + by)).sum::<f64>().max(0.0)
