@@ -40,6 +40,11 @@ impl Stretch {
         self.fit.add(device_ns, host_ns);
     }
 
+    /// Arrivals taken.
+    pub fn seen(&self) -> u64 {
+        self.fit.seen()
+    }
+
     /// No more will come: only the line is kept.
     pub fn close(&mut self) {
         self.line = self.line();
@@ -60,8 +65,14 @@ pub fn fixes(devices: &[(Vec<String>, Vec<Stretch>)], own_clock: &[bool]) -> Vec
     let Some((first, reference)) = first.and_then(|stretch| Some((stretch, stretch.line()?))) else {
         return Vec::new();
     };
-    let recording_ns =
-        |host_ns: f64| first.from_ns as f64 + (host_ns - reference.host_at(first.device_ns)) / reference.rate;
+    let since_first = |host_ns: f64| (host_ns - reference.host_at(first.device_ns)) / reference.rate;
+    let begins = devices.iter().filter_map(|(_, stretches)| {
+        let stretch = stretches.first()?;
+        Some(since_first(stretch.line().filter(|line| line.is_real_time)?.host_at(stretch.device_ns)))
+    });
+    // The first device's times stay as they are, unless it is the earliest and what it sent first was late: the recording begins with a sample.
+    let first_ns = (first.from_ns as f64).min(-begins.fold(0.0, f64::min));
+    let recording_ns = |host_ns: f64| first_ns + since_first(host_ns);
     let mut fixes = Vec::new();
     for (sensors, stretches) in devices {
         let mut end_ns = i64::MIN;
@@ -141,6 +152,17 @@ mod tests {
         let fixes = fixes(&[(sensors, vec![first, again])], &[true]);
         assert_eq!((fixes[0].from_ns, fixes[0].to_ns, fixes[0].rate), (0, 0, 1.0));
         assert!((time_s(&fixes[1], 67.0) - 65.0 * 1.001).abs() < 100e-6, "{:?}", fixes[1]);
+    }
+
+    /// The first device begins at 0 and sends its first 2 s at once; the second, that has begun at 0 too, was heard first.
+    #[test]
+    fn a_recording_begins_with_its_earliest_sample() {
+        let (first, second) = (stretch(0.0, 0.0, 1.99, 1), stretch(0.0, 0.0, 0.0, 2));
+        let devices = [(vec!["P1".to_owned()], vec![first]), (vec!["P2".to_owned()], vec![second])];
+        let retimer = crate::log::Retimer::new(fixes(&devices, &[true, true]));
+        for (sensor, logged_ns) in [("P1", 1_990_000_000), ("P2", 0)] {
+            assert!(retimer.of(sensor).time_ns(logged_ns).abs() < 50_000, "{sensor}");
+        }
     }
 
     #[test]

@@ -13,10 +13,8 @@ pub fn most_jitter_ns(period_ns: i64, rows: usize) -> i64 {
 /// Whether samples are missing before some that are placed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Missing {
-    /// None: how far they stand from those before is the scatter of their stamps.
-    No,
-    /// Where their time jumps by a whole sample or more.
-    Perhaps,
+    /// Where their time jumps by at least this, ns, and by half a sample.
+    From(i64),
     /// Rows or frames are known to be.
     Surely,
 }
@@ -124,8 +122,10 @@ impl DeviceClock {
                 placed.period_ns = left_ns.clamp(period_ns as f64 / 2.0, period_ns as f64).max(1.0);
                 placed.first_ns = last_ns + placed.period_ns.round() as i64;
             }
-            let jumped = (placed.first_ns - last_ns - period_ns + period_ns / 2).div_euclid(period_ns);
-            if (jumped > 0 && missing != Missing::No) || missing == Missing::Surely || self.anew {
+            let ahead_ns = placed.first_ns - last_ns - period_ns;
+            let is_hole = matches!(missing, Missing::From(least_ns) if ahead_ns >= least_ns);
+            let jumped = (ahead_ns + period_ns / 2).div_euclid(period_ns);
+            if (jumped > 0 && is_hole) || missing == Missing::Surely || self.anew {
                 let known = u64::try_from(jumped).ok().filter(|&n| n > 0 && !self.anew);
                 placed.gap = Some(Gap { from_s: seconds(last_ns), to_s: seconds(placed.first_ns), samples: known });
             }
@@ -184,7 +184,7 @@ mod tests {
     const PERIOD_NS: u32 = 500_000;
 
     fn place(clock: &mut DeviceClock, first_us: i64, lost: bool) -> Placed {
-        clock.place(first_us * 1000, PERIOD_NS, 4, if lost { Missing::Surely } else { Missing::Perhaps })
+        clock.place(first_us * 1000, PERIOD_NS, 4, if lost { Missing::Surely } else { Missing::From(0) })
     }
 
     fn placed(first_ns: i64, gap: Option<Gap>) -> Placed {
@@ -232,7 +232,7 @@ mod tests {
         for (stated_ns, off_ns) in [(1_000_000, -1_500_000), (997_000, 0), (996_999, 500)] {
             let mut clock = DeviceClock::starting_at(0, 0);
             for frame in 0..40 {
-                let placed = clock.place(frame * 498_500_000, stated_ns, 500, Missing::Perhaps);
+                let placed = clock.place(frame * 498_500_000, stated_ns, 500, Missing::From(0));
                 let ahead_ns = placed.first_ns - frame * 498_500_000;
                 assert!((0..2_000_000).contains(&ahead_ns) && placed.gap.is_none(), "frame {frame}: {placed:?}");
             }
@@ -248,7 +248,7 @@ mod tests {
         let mut clock = DeviceClock::starting_at(0, 0);
         for frame in 0..100 {
             let late_ns = if frame == 50 { 4_000_000 } else { 0 };
-            let placed = clock.place(frame * 10_000_000 + late_ns, 1_000_000, 10, Missing::Perhaps);
+            let placed = clock.place(frame * 10_000_000 + late_ns, 1_000_000, 10, Missing::From(0));
             let ahead_ns = placed.first_ns - frame * 10_000_000;
             let most_ns = if (50..52).contains(&frame) { 5_000_000 } else { 0 };
             assert!((0..=most_ns).contains(&ahead_ns), "frame {frame}: {ahead_ns}");

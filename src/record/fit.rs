@@ -13,10 +13,12 @@ const FIRST_WIDTH_NS: i64 = 10_000_000;
 const SPAN_FOR_DRIFT_NS: i64 = 5_000_000_000;
 /// A drift is known where it is this many times its standard error, or where that is below [`SURE_DRIFT`].
 const DRIFT_ERRORS: f64 = 3.0;
-/// No quartz is further off than this: what shows more is more likely a clock that was set, and must be this many times its error, in so many
-/// of the pieces.
+/// No quartz is further off than this: what shows more must be this many times its error, in so many of the pieces, and make more of a difference
+/// over the span, by this much, than half of the arrivals scatter and than a frame. For where a device's frames and a line that is asked for them
+/// in a rhythm of its own beat, delays slide by up to a frame.
 const QUARTZ_DRIFT: f64 = 1e-4;
 const LARGE_DRIFT: (f64, usize) = (10.0, 8);
+const LARGE_SLIDE: f64 = 2.0;
 /// Better than crystals keep among themselves.
 const SURE_DRIFT: f64 = 2e-6;
 /// The span is cut into so many pieces, and the least delay of each looked at, to know how well the drift is known.
@@ -76,10 +78,13 @@ impl Default for ClockFit {
 }
 
 impl ClockFit {
-    /// Takes an arrival: what was sent at `device_ns` came at `host_ns`. Device times must not run backwards.
+    /// Takes an arrival: what was sent at `device_ns` came at `host_ns`. One from before the last, as a stamp that scatters, says nothing.
     pub fn add(&mut self, device_ns: i64, host_ns: i64) {
         self.seen += 1;
         let (device_0, host_0) = *self.origin.get_or_insert((device_ns, host_ns));
+        if self.points.last().is_some_and(|last| device_ns.saturating_sub(device_0) < last.0) {
+            return;
+        }
         let device = device_ns.saturating_sub(device_0);
         let point = (device, host_ns.saturating_sub(host_0).saturating_sub(device));
         match self.points.last_mut() {
@@ -110,7 +115,12 @@ impl ClockFit {
         let edge = hull.windows(2).find(|edge| edge[1].0 as f64 >= mean);
         let drift = edge.map_or(0.0, |e| (e[1].1 - e[0].1) as f64 / (e[1].0 - e[0].0) as f64);
         let span_ns = last.0 - first.0;
-        let drift_known = span_ns >= SPAN_FOR_DRIFT_NS && drift.abs() <= MOST_DRIFT && is_sure(&self.points, drift);
+        let frame_ns = span_ns as f64 / self.seen as f64;
+        let slides = || drift.abs() * span_ns as f64 > LARGE_SLIDE * frame_ns.max(residuals_ns(&self.points, drift).0);
+        let drift_known = span_ns >= SPAN_FOR_DRIFT_NS
+            && drift.abs() <= MOST_DRIFT
+            && is_sure(&self.points, drift)
+            && (drift.abs() <= QUARTZ_DRIFT || slides());
         let drift = if drift_known { drift } else { 0.0 };
         let above = |p: &(i64, i64)| p.1 as f64 - drift * p.0 as f64;
         let offset = self.points.iter().map(above).fold(f64::INFINITY, f64::min);
@@ -121,15 +131,12 @@ impl ClockFit {
         let pieces = (span_ns / SHORTEST_PIECE_NS).clamp(1, PIECES as i64) as usize;
         let late: Vec<f64> = least_delays(&self.points, drift, pieces).iter().map(|delay| delay - offset).collect();
         let share_late = late.iter().filter(|late| **late > LATE_NS).count() as f64 / late.len() as f64;
-        let mut residuals: Vec<f64> = self.points.iter().map(|p| above(p) - offset).collect();
-        residuals.sort_by(f64::total_cmp);
-        let share = |q: f64| residuals[((residuals.len() - 1) as f64 * q).round() as usize];
         Some(ClockLine {
             device_ns,
             host_ns: host_0 as f64 + offset,
             rate: 1.0 + drift,
             drift_known,
-            residual_ns: (share(0.5), share(0.95)),
+            residual_ns: residuals_ns(&self.points, drift),
             is_real_time,
             late: (late.into_iter().fold(0.0, f64::max), share_late),
         })
@@ -139,6 +146,14 @@ impl ClockFit {
     pub fn seen(&self) -> u64 {
         self.seen
     }
+}
+
+/// How far points lie above the lowest line of a drift, ns: their median, and the value that 95% do not exceed.
+fn residuals_ns(points: &[(i64, i64)], drift: f64) -> (f64, f64) {
+    let mut above: Vec<f64> = points.iter().map(|p| p.1 as f64 - drift * p.0 as f64).collect();
+    above.sort_by(f64::total_cmp);
+    let share = |q: f64| above[((above.len() - 1) as f64 * q).round() as usize] - above[0];
+    (share(0.5), share(0.95))
 }
 
 /// Whether a drift is known. Its standard error is that of a straight line through the least delays of as many pieces of the span, whose
@@ -219,7 +234,7 @@ mod tests {
 
     #[test]
     fn offset_and_drift_are_found_under_delays_and_stalls() {
-        for (seed, drift, burst) in [(1, 80e-6, 50), (2, -120e-6, 3), (3, 5e-3, 10), (4, 0.0, 2)] {
+        for (seed, drift, burst) in [(1, 80e-6, 50), (2, -90e-6, 3), (3, 5e-3, 10), (4, 0.0, 2)] {
             let line = arrivals(60, drift, burst, seed).line().unwrap();
             assert!(line.drift_known);
             assert!((line.rate - 1.0 - drift).abs() < 2e-6, "seed {seed}: drift {} for {drift}", line.rate - 1.0);
@@ -251,8 +266,8 @@ mod tests {
         let taken = (0..200).filter(|&seed| late(6, 0.0, seed).rate != 1.0 && late(6, 0.0, seed).drift_known).count();
         assert!(taken <= 20, "{taken} of 200 perfect clocks were said to drift");
         for seed in 0..50 {
-            let line = late(6, 2e-3, seed);
-            assert!(line.drift_known && (line.rate - 1.002).abs() < 2e-4, "seed {seed}: {line:?}");
+            let line = late(60, 2e-3, seed);
+            assert!(line.drift_known && (line.rate - 1.002).abs() < 2e-5, "seed {seed}: {line:?}");
             let line = late(600, 50e-6, seed);
             assert!(line.drift_known && (line.rate - 1.00005).abs() < 5e-6, "seed {seed}: {line:?}");
         }
@@ -268,6 +283,28 @@ mod tests {
         assert!(fit.points.len() <= MOST_POINTS + 1 && fit.seen() == 86_400 * 20);
         let line = fit.line().unwrap();
         assert!((line.rate - 1.0 - 20e-6).abs() < 1e-8, "{}", line.rate - 1.0);
+    }
+
+    /// Frames of 10 ms fetched every 20.01 ms, and of 16 ms fetched every 16.003 ms: a beat, and no drift.
+    #[test]
+    fn a_line_that_is_asked_in_a_rhythm_of_its_own_is_no_drift() {
+        for (frame_us, fetched_us) in [(10_000, 20_010), (16_000, 16_003), (10_000, 9_993)] {
+            let mut fit = ClockFit::default();
+            for index in 1..=20_000_000 / frame_us {
+                let came_us: i64 = (index * frame_us + fetched_us - 1) / fetched_us * fetched_us;
+                fit.add(index * frame_us * 1000, came_us * 1000 + (index * 7919) % 97_000);
+            }
+            let line = fit.line().unwrap();
+            assert!((line.rate - 1.0).abs() < 1e-4, "{frame_us}, {fetched_us}: {line:?}");
+        }
+    }
+
+    #[test]
+    fn a_stamp_from_before_the_last_says_nothing() {
+        let mut fit = arrivals(20, 0.0, 50, 1);
+        let line = fit.line().unwrap();
+        fit.add(7_000_000_000 + 5_000_000_000, 0);
+        assert_eq!((fit.line().unwrap().host_ns, fit.line().unwrap().rate), (line.host_ns, line.rate));
     }
 
     #[test]

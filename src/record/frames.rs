@@ -184,8 +184,8 @@ pub struct Taken {
     /// Its stamp is off from the place that its sequence gives it, and those behind it agree: it is behind a hole, or its clock was set. Of
     /// those that agree, the one that came earliest.
     pub jump: Option<Sent>,
-    /// It stands behind the one before it by its sequence, and how far from it says nothing: the device's stamps scatter.
-    pub scatters: bool,
+    /// From which jump of its time on samples are missing before it though no frame is, ns: by how much the stamps of late were off.
+    pub hole_from_ns: i64,
 }
 
 /// When a frame was sent, by the device, and when it came.
@@ -245,6 +245,11 @@ impl Decoder {
     /// Standard deviation of the device's stamps, s; `None` where they hold as they are.
     pub fn stamps_scatter_s(&self) -> Option<f64> {
         self.order.stamps_scatter_s()
+    }
+
+    /// How much longer the time between samples is by the device's stamps than it says, as a share, where the stamps are gone by.
+    pub fn period_off(&self) -> Option<f64> {
+        self.order.longer()
     }
 
     /// Frames that were counted as lost were none: the device has restarted.

@@ -252,7 +252,8 @@ fn finish(
     // whether the session waited it out or the user was faster; of a duration asked for, what did not come until then is owed.
     let (now, last) = (Instant::now(), streams.iter().map(|stream| stream.heard).max());
     let last = last.unwrap_or(now);
-    let moment = if by_user && options.duration_s.is_some() { now } else { last };
+    let last_sent = streams.iter().map(Stream::sent_by).max().unwrap_or(now);
+    let moment = if by_user && options.duration_s.is_some() { now } else { last_sent };
     if by_user && streams.iter().all(|stream| stream.silent_since(now, options.silence).is_some()) {
         ended += &format!("; nothing had come for {:.1} s", now.saturating_duration_since(last).as_secs_f64());
     }

@@ -201,6 +201,14 @@ impl<'a> Stream<'a> {
     /// # Errors
     /// As [`Stream::take`].
     pub fn finish(&mut self, live: &mut Live<'_>) -> Result<(), RecordError> {
+        let heard = self.heard;
+        self.hand_on_what_is_held(live)?;
+        // It came when it came.
+        self.heard = heard;
+        Ok(())
+    }
+
+    fn hand_on_what_is_held(&mut self, live: &mut Live<'_>) -> Result<(), RecordError> {
         match &mut self.codec {
             Codec::Frames(decoder) => {
                 let mut events = Vec::new();
@@ -262,12 +270,11 @@ impl<'a> Stream<'a> {
                 let mut events = Vec::new();
                 let held = decoder.held();
                 decoder.feed(at_ns, bytes, &mut events);
-                // A line that is held back is a sign of life, and shows the device's rhythm as any other.
+                // A line that is held back is a sign of life, and with the next one shows the device's rhythm as any other.
+                if held > 0 && (decoder.held() > held || !events.is_empty()) {
+                    self.pause = self.pause.max(Some(self.heard.elapsed()));
+                }
                 if decoder.held() > held {
-                    let since = self.heard.elapsed();
-                    if held > 0 {
-                        self.pause = self.pause.max(Some(since));
-                    }
                     self.heard = Instant::now();
                 }
                 self.lines(events, live)?;
@@ -312,7 +319,7 @@ impl<'a> Stream<'a> {
     }
 
     fn frame(&mut self, taken: &Taken, live: &mut Live<'_>) -> Result<(), RecordError> {
-        let &Taken { ref frame, lost_before: lost, began_ns, anew, jump, scatters } = taken;
+        let &Taken { ref frame, lost_before: lost, began_ns, anew, jump, hole_from_ns } = taken;
         let sign = if anew { Sign::Sequence } else { Sign::None };
         self.sent_something(lost == 0);
         if !self.check_columns(usize::from(frame.channels()), live)? {
@@ -325,11 +332,7 @@ impl<'a> Stream<'a> {
         let end_before_ns = self.clock.map_or(0, |clock| clock.end_ns());
         let stamp = Stamp { device_ns, sent_ns, began_ns, period_ns: i64::from(period_ns), rows, lost, jump };
         let clock = self.begin(&stamp, sign, live)?;
-        let missing = match (lost, scatters) {
-            (0, true) => Missing::No,
-            (0, false) => Missing::Perhaps,
-            _ => Missing::Surely,
-        };
+        let missing = if lost > 0 { Missing::Surely } else { Missing::From(hole_from_ns) };
         let placed = clock.place(device_ns, period_ns, rows, missing);
         let (last_ns, now_ns) = (clock.last_ns().unwrap_or_default(), clock.end_ns());
         self.arrived(&stamp, last_ns, now_ns);

@@ -65,8 +65,11 @@ fn against_oracle(sent: &[u8], cuts: &[usize]) {
         };
         let (index, of) =
             left.find(|(_, of)| of.at as i64 == *began_ns).expect("a frame that was sent, and not before");
-        let head = (frame.sequence(), frame.period_ns(), frame.channels());
-        assert_eq!(head, (of.sequence, of.period_ns, of.channels), "the header");
+        assert_eq!((frame.sequence(), frame.channels()), (of.sequence, of.channels), "the header");
+        assert!(
+            frame.period_ns() == of.period_ns || good.len() > 8,
+            "the period is the stated one, unless eight stamps deny it"
+        );
         moved += u64::from(frame.first_us() != of.first_us);
         let width = usize::from(of.channels);
         assert_eq!(frame.samples() * width, of.counts.len(), "the length");

@@ -44,7 +44,7 @@ pub(super) struct Order {
 impl Order {
     /// What was seen so far; a frame in doubt is a bad one until it is believed.
     pub(super) fn counts(&self) -> FrameCounts {
-        FrameCounts { bad: self.counts.bad + self.held.len() as u64, ..self.counts }
+        FrameCounts { bad: self.counts.bad + self.in_doubt() as u64, ..self.counts }
     }
 
     /// Standard deviation of the device's stamps, s; `None` where they hold as they are.
@@ -52,9 +52,15 @@ impl Order {
         self.rhythm.as_ref()?.smoothed_scatter_us().map(|scatter_us| scatter_us / 1e6)
     }
 
+    /// As [`Rhythm::longer`].
+    pub(super) fn longer(&self) -> Option<f64> {
+        self.rhythm.as_ref().and_then(Rhythm::longer)
+    }
+
     /// Puts a valid frame in its place behind the last one, or keeps it aside.
     pub(super) fn accept(&mut self, frame: Frame, began_ns: i64, events: &mut Vec<Event>) {
         let Some(rhythm) = &self.rhythm else {
+            self.counts.frames += u64::from(frame.samples() == 0);
             self.begin(frame, began_ns, events);
             return;
         };
@@ -63,10 +69,15 @@ impl Order {
         } else if self.is_repeated(&frame) {
             self.counts.duplicated += 1;
         } else if frame.samples() == 0 {
-            self.sign_of_life(&frame, began_ns);
+            self.sign_of_life(frame, began_ns);
         } else if !self.settle(&frame, began_ns, events) {
             self.place(frame, began_ns, events);
         }
+    }
+
+    /// Frames with samples that are held.
+    fn in_doubt(&self) -> usize {
+        self.held.iter().filter(|(frame, _)| frame.samples() > 0).count()
     }
 
     /// No more will come: what can only be behind a hole is handed on.
@@ -83,14 +94,17 @@ impl Order {
 
     /// What is held is judged by the next frame. True where that is taken care of, too.
     fn settle(&mut self, next: &Frame, began_ns: i64, events: &mut Vec<Event>) -> bool {
-        let (Some(rhythm), Some((last, _))) = (&self.rhythm, self.held.last()) else { return false };
+        let last = self.held.iter().rfind(|(frame, _)| frame.samples() > 0);
+        let (Some(rhythm), Some((last, _)), Some((before, _))) = (&self.rhythm, last, self.held.last()) else {
+            return false;
+        };
         if self.stand_by_sequence(next) {
             for (frame, began_ns) in std::mem::take(&mut self.held) {
                 self.take(frame, began_ns, true, events);
             }
-        } else if follows(last, next, rhythm.jitter_us()) {
+        } else if next.sequence == before.sequence.wrapping_add(1) && goes_on_from(last, next, rhythm.jitter_us()) {
             self.held.push((next.clone(), began_ns));
-            if self.held.len() >= AGREEING {
+            if self.in_doubt() >= AGREEING {
                 self.believe(events);
             }
             return true;
@@ -112,7 +126,7 @@ impl Order {
             if !(1..1 << 15).contains(&rhythm.steps_to(frame)) {
                 return false;
             }
-            rhythm.take(frame, *began_ns, true);
+            rhythm.pass(frame, *began_ns);
         }
         rhythm.fits(next)
     }
@@ -136,7 +150,7 @@ impl Order {
         } else if rhythm.is_behind(&frame) && rhythm.paused_until(&frame, began_ns) {
             let mut before = rhythm.clone();
             if (1..1 << 15).contains(&before.steps_to(&frame)) {
-                before.take(&frame, began_ns, true);
+                before.pass(&frame, began_ns);
             }
             self.held.push((frame, began_ns));
             self.believe(events);
@@ -161,7 +175,8 @@ impl Order {
             self.rhythm = rhythm.jump(&held);
             self.anew |= anew;
             self.lost(lost);
-            self.jump = held.iter().map(|(frame, began_ns)| Sent::of(frame, *began_ns)).max_by_key(Sent::early_ns);
+            let sent = held.iter().filter(|(frame, _)| frame.samples() > 0);
+            self.jump = sent.map(|(frame, began_ns)| Sent::of(frame, *began_ns)).max_by_key(Sent::early_ns);
         }
         for (frame, began_ns) in held {
             if self.rhythm.is_none() {
@@ -173,13 +188,12 @@ impl Order {
     }
 
     fn drop_held(&mut self) {
-        self.counts.bad += self.held.len() as u64;
+        self.counts.bad += self.in_doubt() as u64;
         self.held.clear();
     }
 
     fn begin(&mut self, frame: Frame, began_ns: i64, events: &mut Vec<Event>) {
         if frame.samples() == 0 {
-            self.counts.frames += 1;
             return;
         }
         self.rhythm = Some(Rhythm::of(&frame, began_ns));
@@ -187,13 +201,19 @@ impl Order {
         self.hand_on(frame, first_us, began_ns, events);
     }
 
-    /// A frame without samples: it has a number, but no sample that its time would be of.
-    fn sign_of_life(&mut self, frame: &Frame, began_ns: i64) {
+    /// A frame without samples: it has a number, but no sample that its time would be of. Among those that are held it keeps its number.
+    fn sign_of_life(&mut self, frame: Frame, began_ns: i64) {
         self.counts.frames += 1;
-        let Some(rhythm) = self.rhythm.as_mut().filter(|_| self.held.is_empty()) else { return };
-        let steps = rhythm.steps_to(frame);
+        if let Some((last, _)) = self.held.last() {
+            if frame.sequence == last.sequence.wrapping_add(1) {
+                self.held.push((frame, began_ns));
+            }
+            return;
+        }
+        let Some(rhythm) = &mut self.rhythm else { return };
+        let steps = rhythm.steps_to(&frame);
         if (1..1 << 15).contains(&steps) {
-            rhythm.skip(frame, began_ns);
+            rhythm.skip(&frame, began_ns);
             self.lost(u32::from(steps) - 1);
         }
     }
@@ -202,6 +222,11 @@ impl Order {
     fn take(&mut self, frame: Frame, began_ns: i64, refuted: bool, events: &mut Vec<Event>) {
         let Some(rhythm) = &mut self.rhythm else { return };
         let lost = u32::from(rhythm.steps_to(&frame).saturating_sub(1));
+        if frame.samples() == 0 {
+            rhythm.skip(&frame, began_ns);
+            self.lost(lost);
+            return;
+        }
         let first_us = rhythm.take(&frame, began_ns, refuted);
         self.before = None;
         self.lost(lost);
@@ -228,10 +253,14 @@ impl Order {
         self.floor_us = 0.0;
         self.counts.frames += 1;
         frame.first_us = first_us;
+        if let Some(longer) = self.longer() {
+            frame.period_ns = ((f64::from(frame.period_ns) * (1.0 + longer)).round() as u32).max(1);
+        }
         let (lost_before, anew) = (std::mem::take(&mut self.lost_before), std::mem::take(&mut self.anew));
-        let jump = self.jump.take();
-        let scatters = jump.is_none() && !anew && self.stamps_scatter_s().is_some();
-        events.push(Event::Frame(Taken { frame, lost_before, began_ns, anew, jump, scatters }));
+        let (jump, rhythm) = (self.jump.take(), self.rhythm.as_ref());
+        let hole_from_us = if jump.is_some() || anew { 0.0 } else { rhythm.map_or(0.0, Rhythm::hole_from_us) };
+        let hole_from_ns = (hole_from_us * 1e3) as i64;
+        events.push(Event::Frame(Taken { frame, lost_before, began_ns, anew, jump, hole_from_ns }));
     }
 }
 
@@ -244,8 +273,8 @@ fn name(frame: &Frame) -> Name {
     (frame.sequence, frame.first_us, hasher.finish())
 }
 
-/// True for a frame that goes on where another ends.
-fn follows(last: &Frame, next: &Frame, jitter_us: f64) -> bool {
+/// True for a frame that goes on where another ends, by its stamp.
+fn goes_on_from(last: &Frame, next: &Frame, jitter_us: f64) -> bool {
     let step_us = next.first_us as f64 - last.first_us as f64;
-    next.sequence == last.sequence.wrapping_add(1) && step_us > 0.0 && (step_us - last.length_us()).abs() <= jitter_us
+    step_us > 0.0 && (step_us - last.length_us()).abs() <= jitter_us
 }

@@ -12,8 +12,17 @@ use crate::record::clock::most_jitter_ns;
 /// So many stamps are seen before anything is said of their scatter, and so many are remembered.
 const LEARNT: usize = 8;
 const REMEMBERED: usize = 32;
-/// A stamp further off than this many standard deviations of the others is no scatter.
-const FAR: f64 = 6.0;
+/// A stamp further off than this many times what nine in ten of the others stay within is no scatter. Nor is one off by half a sample, or by
+/// this much where samples are closer, µs.
+const FAR: f64 = 3.0;
+const MOST_US: f64 = 1000.0;
+const NINE_IN_TEN: f64 = 0.9;
+/// Before anything is known of them, by this many frames.
+const FAR_AT_FIRST: f64 = 2.0;
+/// Samples stand by the period that their device states, unless it is wrong by this share.
+const WRONG_PERIOD: f64 = 0.03;
+/// Clocks tell whole µs.
+const TICK_US: f64 = 2.0;
 /// From the median distance to the standard deviation of a normal distribution.
 const DEVIATION: f64 = 1.4826;
 /// Where stamps scatter: what a stamp moves the place of its frame by, and the length of the frames; critically damped.
@@ -22,6 +31,8 @@ const GAIN: (f64, f64) = (1.0 / 8.0, 1.0 / 256.0);
 const EXACT_GAIN: f64 = 1.0 / 64.0;
 /// Frames that are missing are as long as those before, to one part in so many.
 const EVEN: f64 = 20.0;
+/// A sequence goes on where fewer frames than this are missing.
+const FEW: u64 = 64;
 /// More frames cannot be missing in a hole than it is long, by this share and this much, µs.
 const FITS_IN: (f64, f64) = (2.0, 50_000.0);
 /// Share of the longest pause that is left after each frame.
@@ -45,9 +56,10 @@ pub(super) struct Rhythm {
     even: bool,
     /// How much longer frames are than they say.
     longer_us: f64,
-    /// How far the last stamps were off, and the standard deviation of one.
+    /// How far the last stamps were off, the standard deviation of one, and what nine in ten of them stay within.
     off_us: VecDeque<f64>,
     scatter_us: f64,
+    within_us: f64,
     smooth: bool,
     /// The longest pause of the arrivals of late, ns.
     pause_ns: f64,
@@ -66,6 +78,7 @@ impl Rhythm {
             longer_us: 0.0,
             off_us: VecDeque::new(),
             scatter_us: 0.0,
+            within_us: 0.0,
             smooth: false,
             pause_ns: 0.0,
         };
@@ -90,12 +103,25 @@ impl Rhythm {
         self.due_us + missing * (self.length_us + self.longer_us)
     }
 
-    /// How far a stamp may be off, where nothing is missing before it. As long as nothing is known of their scatter, by a frame.
+    /// How far a stamp may be off, where nothing is missing before it.
     pub(super) fn jitter_us(&self) -> f64 {
         if self.off_us.len() < LEARNT {
-            return self.jitter_us.max(self.length_us);
+            return self.jitter_us.max(FAR_AT_FIRST * self.length_us);
         }
-        self.jitter_us.max(FAR * self.scatter_us)
+        (FAR * self.within_us).max(self.period_us / 2.0).max(MOST_US)
+    }
+
+    /// From which jump of its time on samples are missing before a frame that fits and has its number in the sequence; infinite where their times
+    /// say nothing.
+    pub(super) fn hole_from_us(&self) -> f64 {
+        let known = self.off_us.len() >= LEARNT && !self.smooth;
+        if known { (FAR * self.within_us + TICK_US).max(self.period_us / 2.0) } else { f64::INFINITY }
+    }
+
+    /// How much longer its frames are by the stamps than they say, as a share, where that is too much for them to stand so.
+    pub(super) fn longer(&self) -> Option<f64> {
+        let share = self.longer_us / self.length_us;
+        (self.off_us.len() >= LEARNT && share.abs() > WRONG_PERIOD).then_some(share)
     }
 
     /// Standard deviation of a stamp, where they are not taken as they are.
@@ -121,10 +147,14 @@ impl Rhythm {
     }
 
     /// True where the arrivals paused as never before, and for as long as a frame is late by its stamp: a device that had nothing to send.
+    /// A line that only stalled does not pause for as long as a false stamp happens to say.
     pub(super) fn paused_until(&self, frame: &Frame, began_ns: i64) -> bool {
         let elapsed_ns = began_ns.saturating_sub(self.began_ns) as f64;
         let step_us = frame.first_us as f64 - self.due_us + self.length_us;
-        elapsed_ns > 2.0 * self.pause_ns && step_us <= elapsed_ns / 1e3 + self.jitter_us()
+        let jitter_us = self.jitter_us();
+        let as_long =
+            step_us >= (elapsed_ns - 2.0 * self.pause_ns) / 1e3 - jitter_us && step_us <= elapsed_ns / 1e3 + jitter_us;
+        elapsed_ns > 2.0 * self.pause_ns && as_long
     }
 
     /// How much later a frame came than one that was sent behind the last would have, beyond what arrivals pause anyway, ns.
@@ -134,12 +164,13 @@ impl Rhythm {
     }
 
     /// Frames missing before one, by the sequence; where it wrapped unseen in a long hole, the device's time tells how often, unless the
-    /// sequence goes on and the arrivals know of no such hole: then its clock was set.
+    /// sequence goes on but for a few and the arrivals know of no such hole: then its clock was set.
     pub(super) fn missing(&self, frame: &Frame, began_ns: i64) -> u32 {
         let by_sequence = u64::from(self.steps_to(frame).saturating_sub(1));
         let mut hole_us = self.hole_us(frame);
-        if by_sequence == 0 {
-            hole_us = hole_us.min(began_ns.saturating_sub(self.began_ns) as f64 / 1e3);
+        if by_sequence < FEW {
+            let elapsed_us = began_ns.saturating_sub(self.began_ns) as f64 / 1e3;
+            hole_us = hole_us.min(elapsed_us + by_sequence as f64 * self.length_us);
         }
         let by_time = if self.length_us > 0.0 { (hole_us / self.length_us) as u64 } else { 0 };
         let wraps = (by_time.saturating_sub(by_sequence) + (1 << 15)) >> 16;
@@ -159,6 +190,7 @@ impl Rhythm {
     /// Takes a frame that fits, or whose stamp those behind it refuted, and says when it begins.
     pub(super) fn take(&mut self, frame: &Frame, began_ns: i64, refuted: bool) -> u64 {
         let (place_us, off_us) = (self.place_us(frame), self.off_us(frame));
+        let learnt = self.off_us.len() >= LEARNT;
         if self.steps_to(frame) == 1 {
             self.learn(off_us);
             let pause_ns = began_ns.saturating_sub(self.began_ns) as f64;
@@ -169,13 +201,22 @@ impl Rhythm {
             (false, true) => GAIN,
             (false, false) => (1.0, EXACT_GAIN),
         };
-        if self.off_us.len() >= LEARNT && self.steps_to(frame) == 1 {
+        if learnt && self.steps_to(frame) == 1 {
             self.longer_us += length_gain * off_us;
         }
         // the stamp itself, without a rounding
         let first_us = if gain == 1.0 { frame.first_us as f64 } else { (place_us + gain * off_us).max(0.0) };
         self.stand(frame, began_ns, first_us);
         first_us.round() as u64
+    }
+
+    /// Goes on as if a frame stood where the sequence puts it; nothing is learnt of its stamp.
+    pub(super) fn pass(&mut self, frame: &Frame, began_ns: i64) {
+        if frame.samples() > 0 {
+            self.stand(frame, began_ns, self.place_us(frame));
+        } else {
+            self.skip(frame, began_ns);
+        }
     }
 
     /// Goes on from frames that agree with each other, and not with those before: says when the first of them begins. Where stamps scatter,
@@ -186,7 +227,7 @@ impl Rhythm {
         on.due_us = first.first_us as f64;
         if self.smooth {
             let mut behind_us = 0.0;
-            let begins = agreed.iter().map(|(frame, _)| {
+            let begins = agreed.iter().filter(|(frame, _)| frame.samples() > 0).map(|(frame, _)| {
                 let begins_us = frame.first_us as f64 - behind_us;
                 behind_us += frame.length_us() + self.longer_us;
                 begins_us
@@ -225,6 +266,7 @@ impl Rhythm {
         if self.off_us.len() >= LEARNT {
             // stamp against stamp, both scatter; against the loop, nearly only one
             let pair = if self.smooth { 1.0 } else { std::f64::consts::SQRT_2 };
+            self.within_us = quantile(self.off_us.iter().map(|off| off.abs()), NINE_IN_TEN);
             self.scatter_us = DEVIATION * median(self.off_us.iter().map(|off| off.abs())) / pair;
             let half = if self.smooth { self.period_us / 4.0 } else { self.period_us / 2.0 };
             self.smooth = self.scatter_us > half;
@@ -232,21 +274,30 @@ impl Rhythm {
     }
 
     /// What the first stamps were all off by is the length of the frames: by their mean where they scatter, for in their sum all but the first
-    /// and the last cancel; by their median where one of them may be a hole.
+    /// and the last cancel; by their median where one of them may be a hole. One far from the others is none of them.
     fn first_lesson(&mut self) {
         let middle = median(self.off_us.iter().copied());
         let scatter = DEVIATION * median(self.off_us.iter().map(|off| (off - middle).abs()));
-        let mean = self.off_us.iter().sum::<f64>() / self.off_us.len() as f64;
-        self.longer_us = if scatter > self.period_us { mean } else { middle };
+        let near: Vec<f64> = self.off_us.iter().copied().filter(|off| (off - middle).abs() <= FAR * scatter).collect();
+        let mean = near.iter().sum::<f64>() / near.len().max(1) as f64;
+        // the ends of the sum scatter, too
+        let surely = mean.abs() > FAR * scatter / near.len().max(1) as f64;
+        self.longer_us = match scatter > self.period_us {
+            true if surely => mean,
+            true => 0.0,
+            false => middle,
+        };
         self.off_us.iter_mut().for_each(|off| *off -= self.longer_us);
     }
 }
 
 fn median(values: impl Iterator<Item = f64>) -> f64 {
+    quantile(values, 0.5)
+}
+
+/// The value that a share of others lies below; 0 where there are none.
+fn quantile(values: impl Iterator<Item = f64>, share: f64) -> f64 {
     let mut values: Vec<f64> = values.collect();
-    if values.is_empty() {
-        return 0.0;
-    }
-    let middle = values.len() / 2;
-    *values.select_nth_unstable_by(middle, f64::total_cmp).1
+    let at = (values.len().saturating_sub(1) as f64 * share) as usize;
+    if values.is_empty() { 0.0 } else { *values.select_nth_unstable_by(at, f64::total_cmp).1 }
 }

@@ -47,6 +47,11 @@ impl Stream<'_> {
             count.clock = self.stretches.last().and_then(Stretch::line).map(|line| ClockSummary::of(&line));
             let (off_ns, over_ns) = self.clock.map_or((0, 0), |clock| clock.disagreement());
             count.period_off_s = (seconds(off_ns), seconds(over_ns));
+            if let Codec::Frames(decoder) = &self.codec
+                && let Some(longer) = decoder.period_off()
+            {
+                count.period_off_s = (longer, 1.0);
+            }
         }
         count
     }

@@ -7,6 +7,7 @@ use crate::log::SensorClock;
 use crate::record::RecordError;
 use crate::record::align::Stretch;
 use crate::record::clock::{DeviceClock, seconds};
+use crate::record::fit::ClockLine;
 use crate::record::frames::Sent;
 use crate::record::live::Live;
 use crate::rig::Protocol;
@@ -16,6 +17,8 @@ use crate::rig::Protocol;
 const RESTART_S: (f64, f64) = (0.5, 1e-3);
 /// Where its sequence began anew, or where they come too early, which no delay explains: s, and times what 95% of the arrivals were off.
 const ANEW_S: (f64, f64) = (0.1, 4.0);
+/// A line below fewer arrivals than this says nothing of when something was sent.
+const LINE_KNOWN: u64 = 50;
 /// What is on its way when a session ends is not missed, nor what is not due for twice the longest pause.
 pub const ON_ITS_WAY: Duration = Duration::from_millis(500);
 
@@ -84,17 +87,25 @@ impl Stream<'_> {
     }
 
     /// By how much the device's clock was set before a frame that is off its place, ns. It cannot be behind a hole where it stands before
-    /// the end of those before it, or before the frames between that are missing, or where it came earlier than it could have been sent.
+    /// the end of those before it, or came earlier than it could have been sent. Where it stands before the end of frames that are missing, these
+    /// may have been shorter than others: it came late by as much, unless they were, where arrivals are told to so much.
     fn step_ns(&self, stamp: &Stamp) -> Option<i64> {
         let (clock, earliest) = (self.clock?, stamp.jump?);
         let missing_ns = (i64::from(stamp.lost) * stamp.rows as i64).saturating_mul(stamp.period_ns);
-        let ahead_ns = clock.at_ns(stamp.device_ns).saturating_sub(clock.end_ns().saturating_add(missing_ns));
-        if ahead_ns <= 0 {
-            return Some(ahead_ns);
-        }
-        let line = self.stretches.last()?.line().filter(|line| line.is_real_time)?;
-        let early_ns = line.host_at(clock.at_ns(earliest.sent_ns)) - earliest.began_ns as f64;
-        (early_ns > (ahead_ns as f64 / 2.0).max(line.residual_ns.1)).then_some(ahead_ns)
+        let behind_ns = clock.at_ns(stamp.device_ns).saturating_sub(clock.end_ns());
+        let ahead_ns = behind_ns.saturating_sub(missing_ns);
+        let stretch = self.stretches.last()?;
+        let line = stretch.line().filter(|line| line.is_real_time && stretch.seen() >= LINE_KNOWN);
+        let early_ns = line.map(|line| line.host_at(clock.at_ns(earliest.sent_ns)) - earliest.began_ns as f64);
+        let told = |line: ClockLine| ahead_ns.unsigned_abs() as f64 / 2.0 > line.residual_ns.1;
+        let is_step = match (ahead_ns, early_ns) {
+            (..=0, _) if behind_ns < 0 => true,
+            (..=0, Some(early_ns)) if line.is_some_and(told) => early_ns < ahead_ns as f64 / 2.0,
+            (..=0, _) => true,
+            (_, Some(early_ns)) => early_ns > line.map_or(0.0, |line| line.residual_ns.1).max(ahead_ns as f64 / 2.0),
+            (_, None) => false,
+        };
+        is_step.then_some(ahead_ns)
     }
 
     /// Something has been recorded up to `last_ns`, and has come up to `come_ns`.
@@ -146,6 +157,11 @@ impl Stream<'_> {
     /// True where it has come to a time on the recording's clock.
     pub fn has_come_to(&self, time_ns: i64) -> bool {
         self.come_ns.is_some_and(|come_ns| self.moves.time_ns(come_ns) >= time_ns)
+    }
+
+    /// When what came from it last was sent at the latest: not before its longest pause, for that may be a burst.
+    pub fn sent_by(&self) -> Instant {
+        self.pause.and_then(|pause| self.heard.checked_sub(pause)).unwrap_or(self.heard)
     }
 
     /// Since when, as a logged time in ns, and for how long it has been silent at a moment, where more than its rhythm allows: its port is
