@@ -483,6 +483,24 @@ fn a_wrong_period_is_taken_from_the_stamps_and_told() {
     }
 }
 
+/// Nothing comes behind one or two frames off their place: they stand by their sequence.
+#[test]
+fn the_last_frames_stand_by_their_sequence() {
+    for (last, off_us) in [(1, -1500), (1, 50_000), (2, 50_000), (2, -50_000)] {
+        let mut decoder = Decoder::new();
+        let mut events = Vec::new();
+        for index in 0..40i64 {
+            let first_us = 1_000_000 + 10_000 * index + if index < 40 - last { 0 } else { off_us };
+            decoder.feed(index * 10_000_000, &at(index as u16, first_us as u64).encode(), &mut events);
+        }
+        decoder.finish(&mut events);
+        let handed_on = frames(events);
+        assert_eq!(handed_on.len(), 40);
+        assert!(handed_on.iter().all(|frame| frame.first_us() == 1_000_000 + 10_000 * u64::from(frame.sequence())));
+        assert_eq!(decoder.counts(), FrameCounts { frames: 40, restamped: last as u64, ..FrameCounts::default() });
+    }
+}
+
 /// A sign of life behind every frame, with a number of its own: one stamp is false, and a clock is set.
 #[test]
 fn signs_of_life_keep_their_numbers_beside_a_false_time() {

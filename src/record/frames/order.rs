@@ -80,9 +80,17 @@ impl Order {
         self.held.iter().filter(|(frame, _)| frame.samples() > 0).count()
     }
 
-    /// No more will come: what can only be behind a hole is handed on.
+    /// No more will come, and none says what those that are held are: behind others in a known rhythm they stand by their sequence, for nothing
+    /// but their own stamps speaks for a hole; else what can only be behind one is handed on.
     pub(super) fn finish(&mut self, events: &mut Vec<Event>) {
-        if self.is_behind_a_hole() {
+        let Some((rhythm, (first, began_ns))) = self.rhythm.as_ref().zip(self.held.first()) else { return };
+        let goes_on = (1..=MOST_LOST_IN_A_STEP).contains(&rhythm.steps_to(first))
+            && rhythm.late_ns(first, *began_ns) <= MOST_PAUSE_IN_A_STEP_NS;
+        if goes_on && rhythm.is_known() && !rhythm.paused_until(first, *began_ns) {
+            for (frame, began_ns) in std::mem::take(&mut self.held) {
+                self.take(frame, began_ns, true, events);
+            }
+        } else if self.is_behind_a_hole() {
             self.believe(events);
         }
     }

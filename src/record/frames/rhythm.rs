@@ -105,23 +105,28 @@ impl Rhythm {
 
     /// How far a stamp may be off, where nothing is missing before it.
     pub(super) fn jitter_us(&self) -> f64 {
-        if self.off_us.len() < LEARNT {
+        if !self.is_known() {
             return self.jitter_us.max(FAR_AT_FIRST * self.length_us);
         }
         (FAR * self.within_us).max(self.period_us / 2.0).max(MOST_US)
     }
 
+    /// True where enough was learnt of its stamps.
+    pub(super) fn is_known(&self) -> bool {
+        self.off_us.len() >= LEARNT
+    }
+
     /// From which jump of its time on samples are missing before a frame that fits and has its number in the sequence; infinite where their times
     /// say nothing.
     pub(super) fn hole_from_us(&self) -> f64 {
-        let known = self.off_us.len() >= LEARNT && !self.smooth;
+        let known = self.is_known() && !self.smooth;
         if known { (FAR * self.within_us + TICK_US).max(self.period_us / 2.0) } else { f64::INFINITY }
     }
 
     /// How much longer its frames are by the stamps than they say, as a share, where that is too much for them to stand so.
     pub(super) fn longer(&self) -> Option<f64> {
         let share = self.longer_us / self.length_us;
-        (self.off_us.len() >= LEARNT && share.abs() > WRONG_PERIOD).then_some(share)
+        (self.is_known() && share.abs() > WRONG_PERIOD).then_some(share)
     }
 
     /// Standard deviation of a stamp, where they are not taken as they are.
@@ -190,7 +195,7 @@ impl Rhythm {
     /// Takes a frame that fits, or whose stamp those behind it refuted, and says when it begins.
     pub(super) fn take(&mut self, frame: &Frame, began_ns: i64, refuted: bool) -> u64 {
         let (place_us, off_us) = (self.place_us(frame), self.off_us(frame));
-        let learnt = self.off_us.len() >= LEARNT;
+        let learnt = self.is_known();
         if self.steps_to(frame) == 1 {
             self.learn(off_us);
             let pause_ns = began_ns.saturating_sub(self.began_ns) as f64;

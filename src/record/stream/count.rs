@@ -47,10 +47,13 @@ impl Stream<'_> {
             count.clock = self.stretches.last().and_then(Stretch::line).map(|line| ClockSummary::of(&line));
             let (off_ns, over_ns) = self.clock.map_or((0, 0), |clock| clock.disagreement());
             count.period_off_s = (seconds(off_ns), seconds(over_ns));
-            if let Codec::Frames(decoder) = &self.codec
-                && let Some(longer) = decoder.period_off()
-            {
-                count.period_off_s = (longer, 1.0);
+            if let Codec::Frames(decoder) = &self.codec {
+                // of stamps that scatter a small disagreement says nothing
+                count.period_off_s = match decoder.period_off() {
+                    Some(longer) => (longer, 1.0),
+                    None if decoder.stamps_scatter_s().is_some() => (0.0, 1.0),
+                    None => count.period_off_s,
+                };
             }
         }
         count
