@@ -159,7 +159,7 @@ impl Rhythm {
         let jitter_us = self.jitter_us();
         let as_long =
             step_us >= (elapsed_ns - 2.0 * self.pause_ns) / 1e3 - jitter_us && step_us <= elapsed_ns / 1e3 + jitter_us;
-        elapsed_ns > 2.0 * self.pause_ns && as_long
+        elapsed_ns > 2.0 * self.pause_ns + 1e3 * jitter_us && as_long
     }
 
     /// How much later a frame came than one that was sent behind the last would have, beyond what arrivals pause anyway, ns.
