@@ -17,12 +17,12 @@ use tempfile::TempDir;
 /// Slaves with a sensor each in the same register: an answer of one would fit a request to the other.
 const SLAVES: [(&str, u8); 3] = [("north", 1), ("south", 2), ("off", 9)];
 
-fn rig_text() -> String {
+fn rig_text(timeout_s: f64) -> String {
     let slave = |(name, unit): (&str, u8)| {
         format!(
             "[[sensor]]\nname = \"P-{name}\"\nkind = \"pressure\"\nposition_m = 10.0\nunit = \"kPa\"\ndevice = \"{name}\"\nchannel = 10\n\
              encoding = \"i32\"\n[[device]]\nname = \"{name}\"\nport = \"/dev/none\"\nbaud = 19200\nprotocol = \"modbus-rtu\"\n\
-             unit_id = {unit}\npoll_interval_s = 0.02\ntimeout_s = 0.03\n"
+             unit_id = {unit}\npoll_interval_s = 0.02\ntimeout_s = {timeout_s}\n"
         )
     };
     let rig = "name = \"bench\"\n[fluid]\nname = \"water\"\ntemperature_degC = 20.0\n[[pipe]]\nname = \"main\"\nlength_m = 40.0\n\
@@ -37,8 +37,8 @@ fn value(index: usize, row: usize) -> f64 {
 }
 
 /// Records ten seconds of the slaves named, the others being switched off.
-fn recorded(on: &[&str], faults: Faults) -> (Summary, Vec<Series>) {
-    let rig = Rig::from_toml(&rig_text(), "bench.toml").unwrap();
+fn recorded(on: &[&str], timeout_s: f64, faults: Faults) -> (Summary, Vec<Series>) {
+    let rig = Rig::from_toml(&rig_text(timeout_s), "bench.toml").unwrap();
     let mut line = SimulatedDevice::open().unwrap();
     let path = line.path().display().to_string();
     let ports: Vec<(String, String)> = SLAVES.iter().map(|(name, _)| ((*name).to_owned(), path.clone())).collect();
@@ -70,10 +70,11 @@ fn recorded(on: &[&str], faults: Faults) -> (Summary, Vec<Series>) {
 
 #[test]
 fn slaves_on_one_line_are_asked_in_turn() {
-    let (summary, series) = recorded(&["north", "south", "off"], Faults::default());
+    // a time-out that a loaded machine keeps, too: without faults nothing is late
+    let (summary, series) = recorded(&["north", "south", "off"], 2.0, Faults::default());
     for (device, series) in summary.devices.iter().zip(&series) {
         assert!(device.frames > 150 && series.value.len() > 150, "{device:?}");
-        assert!(device.bad_frames == 0 && device.late_answers < 5, "{device:?}");
+        assert!(device.bad_frames == 0 && device.late_answers == 0, "{device:?}");
     }
 }
 
@@ -81,7 +82,7 @@ fn slaves_on_one_line_are_asked_in_turn() {
 #[test]
 fn late_answers_and_a_dead_slave_cost_the_others_time_and_no_value() {
     let faults = Faults { late: 0.1, crc: 0.02, noise: 0.02, cut: 0.02, drop: 0.02, seed: 5, ..Faults::default() };
-    let (summary, series) = recorded(&["north", "south"], faults);
+    let (summary, series) = recorded(&["north", "south"], 0.03, faults);
     let (living, dead) = summary.devices.split_at(2);
     for (device, series) in living.iter().zip(&series) {
         assert!(device.frames > 60 && device.late_answers > 0 && device.lost_frames > 5, "{device:?}");
@@ -95,7 +96,7 @@ fn late_answers_and_a_dead_slave_cost_the_others_time_and_no_value() {
 #[test]
 fn what_cannot_share_a_line_is_told() {
     let refusal = |from: &str, to: &str| {
-        let rig = Rig::from_toml(&rig_text().replacen(from, to, 1), "bench.toml").unwrap();
+        let rig = Rig::from_toml(&rig_text(0.03).replacen(from, to, 1), "bench.toml").unwrap();
         live_devices(&rig, &[]).unwrap_err()
     };
     let same = refusal("unit_id = 2", "unit_id = 1");

@@ -102,18 +102,24 @@ impl Monitor {
 
     /// To be called often: judges the sensors when it is time.
     pub fn tick(&mut self) {
+        self.tick_at(Instant::now());
+    }
+
+    fn tick_at(&mut self, moment: Instant) {
         let (judged_ns, judged_at) = self.judged;
-        if self.newest_ns.saturating_sub(judged_ns) >= JUDGE_EVERY_NS || judged_at.elapsed() >= JUDGE_EVERY {
-            self.judged = (self.newest_ns, Instant::now());
-            self.judge();
+        let waited = moment.saturating_duration_since(judged_at);
+        if self.newest_ns.saturating_sub(judged_ns) >= JUDGE_EVERY_NS || waited >= JUDGE_EVERY {
+            self.judged = (self.newest_ns, moment);
+            self.judge(moment);
         }
     }
 
-    fn judge(&mut self) {
+    fn judge(&mut self, moment: Instant) {
         let now_ns = self.now_ns();
         for watched in &mut self.watched {
             let Some(sensor) = self.rig.sensors.get(watched.expected.sensor) else { continue };
-            let found = if watched.is_silent() { Some(Ailment::Silent) } else { Ailment::of(sensor, &watched.vitals) };
+            let found =
+                if watched.is_silent(moment) { Some(Ailment::Silent) } else { Ailment::of(sensor, &watched.vitals) };
             watched.ailment = found.or(watched.ailment.filter(|_| watched.now.is_some()));
             let said =
                 watched.now.and_then(|(index, _)| self.callouts.get(index)).map(|callout| callout.ailment.word());
@@ -194,16 +200,17 @@ impl Monitor {
 impl Watched {
     /// Notes whether something has come, and says whether nothing has for too long. A pause that the sensor has made by itself, without
     /// a gap, is its way.
-    fn is_silent(&mut self) -> bool {
+    fn is_silent(&mut self, moment: Instant) -> bool {
         let (samples, gaps, at) = self.heard;
+        let since = moment.saturating_duration_since(at);
         if self.vitals.samples != samples {
             if samples > 0 && self.vitals.gaps == gaps {
-                self.pause = self.pause.max(at.elapsed());
+                self.pause = self.pause.max(since);
             }
-            self.heard = (self.vitals.samples, self.vitals.gaps, Instant::now());
+            self.heard = (self.vitals.samples, self.vitals.gaps, moment);
             return false;
         }
-        self.expected.silent_after.is_some_and(|after| at.elapsed() >= after.max(2 * self.pause))
+        self.expected.silent_after.is_some_and(|after| since >= after.max(2 * self.pause))
     }
 
     fn close(&mut self, callouts: &mut [CallOut], now_ns: i64) {
@@ -222,37 +229,38 @@ mod tests {
 
     const S: i64 = 1_000_000_000;
 
-    fn monitor(silent_after: Option<Duration>) -> Monitor {
+    fn monitor(silent_after: Option<Duration>) -> (Monitor, Instant) {
         let rig = Rig::from_toml(include_str!("../../rigs/demo-hdpe.toml"), "demo.toml").unwrap();
         let expected = [0, 1].map(|sensor| Expected { sensor, device: Some(0), silent_after });
-        Monitor::new(&rig, &expected)
+        (Monitor::new(&rig, &expected), Instant::now())
     }
 
-    /// A second of both sensors at 100 Hz in frames of ten.
-    fn second(monitor: &mut Monitor, at_s: i64, first: impl Fn(i64) -> f64) {
+    /// A second of both sensors at 100 Hz in frames of ten, that comes from a moment on.
+    fn second(monitor: &mut Monitor, from: Instant, at_s: i64, first: impl Fn(i64) -> f64) {
         for frame in 0..10 {
             let at = |i: i64| at_s * 100 + frame * 10 + i;
             let values = |of: &dyn Fn(i64) -> f64| (0..10).map(|i| of(at(i))).collect::<Vec<_>>();
             let wiggle = |i: i64| 245.0 + [0.3, -0.2, 0.1][i as usize % 3];
             monitor.samples(0, at_s * S + frame * S / 10, 1e7, &values(&first));
             monitor.samples(1, at_s * S + frame * S / 10, 1e7, &values(&wiggle));
-            monitor.tick();
+            monitor.tick_at(from + Duration::from_millis(100 * frame as u64));
         }
     }
 
     #[test]
     fn a_call_out_begins_lasts_through_its_pauses_and_ends() {
-        let mut monitor = monitor(None);
+        let (mut monitor, start) = monitor(None);
         let well = |i: i64| 300.0 + [0.5, -0.5, 0.2][i as usize % 3];
         // saturates in every other second from 2 s to 9 s, as the peaks of a surge do
         let peaks = |i: i64| if (2..9).contains(&(i / 100)) && (i / 100) % 2 == 0 { 1000.0 } else { well(i) };
-        (0..2).for_each(|s| second(&mut monitor, s, peaks));
+        let second = |monitor: &mut Monitor, s| second(monitor, start + Duration::from_secs(s as u64), s, peaks);
+        (0..2).for_each(|s| second(&mut monitor, s));
         assert_eq!((monitor.callouts(), monitor.views()[0].ailment), (&[][..], None));
-        (2..9).for_each(|s| second(&mut monitor, s, peaks));
+        (2..9).for_each(|s| second(&mut monitor, s));
         assert_eq!(monitor.callouts().len(), 1);
         assert_eq!(monitor.views()[0].ailment.unwrap().word(), "saturated");
         assert_eq!(monitor.callouts()[0].to_s, None);
-        (9..14).for_each(|s| second(&mut monitor, s, peaks));
+        (9..14).for_each(|s| second(&mut monitor, s));
         let [callout] = monitor.callouts() else { panic!("{:?}", monitor.callouts()) };
         assert!((2.0..2.4).contains(&callout.from_s) && (11.5..13.5).contains(&callout.to_s.unwrap()), "{callout:?}");
         assert_eq!((monitor.views()[0].ailment, monitor.views()[1].ailment), (None, None));
@@ -267,22 +275,17 @@ mod tests {
 
     #[test]
     fn a_sensor_that_falls_silent_is_called_out_at_once_and_only_while_it_is() {
-        let mut monitor = monitor(Some(Duration::from_millis(300)));
+        let (mut monitor, start) = monitor(Some(Duration::from_millis(300)));
+        let ms = |ms| start + Duration::from_millis(ms);
         let well = |i: i64| 300.0 + [0.5, -0.5, 0.2][i as usize % 3];
-        let pause = |monitor: &mut Monitor| {
-            for pause_ms in [220, 600] {
-                std::thread::sleep(Duration::from_millis(pause_ms));
-                monitor.tick();
-            }
-        };
-        second(&mut monitor, 0, well);
-        pause(&mut monitor);
+        second(&mut monitor, ms(0), 0, well);
+        [1120, 2400].into_iter().for_each(|at_ms| monitor.tick_at(ms(at_ms)));
         assert!(monitor.views().iter().all(|view| view.ailment == Some(Ailment::Silent)));
         monitor.gap(0);
-        second(&mut monitor, 1, well);
+        second(&mut monitor, ms(2400), 1, well);
         assert!(monitor.views().iter().all(|view| view.ailment.is_none()), "{:?}", monitor.callouts());
         // the second sensor came back without a gap: that is its way, and not silence
-        pause(&mut monitor);
+        [3520, 4800].into_iter().for_each(|at_ms| monitor.tick_at(ms(at_ms)));
         let silent: Vec<bool> = monitor.views().iter().map(|view| view.ailment.is_some()).collect();
         assert_eq!(silent, [true, false]);
         assert_eq!(monitor.callouts().iter().map(|c| c.index).collect::<Vec<_>>(), [0, 1, 0]);

@@ -153,9 +153,9 @@ fn a_slave_that_was_away_is_read_again() {
 #[test]
 fn a_slave_that_does_not_even_refuse_an_echo_is_read_all_the_same() {
     let slave = Slave::new(true, |bytes| (Duration::ZERO, if bytes[1] == 8 { vec![] } else { vec![bytes] }));
-    let (answers, counts) = poll(Poller::new(slave, UNIT, TIMEOUT), 40);
-    // once at the start, and again where the machine is too slow for a time-out
-    assert!(answers >= 20 && (1..=4).contains(&counts.unproven), "{counts:?}");
+    // a time-out that a loaded machine keeps, too
+    let (answers, counts) = poll(Poller::new(slave, UNIT, 10 * TIMEOUT), 40);
+    assert!(answers >= 25 && counts.unproven == 1, "{counts:?}");
 }
 
 #[test]
