@@ -54,6 +54,7 @@ pub mod recording;
 pub mod replay;
 pub mod report;
 pub mod rig;
+mod robust;
 pub mod sensitivity;
 pub mod signal;
 pub mod units;

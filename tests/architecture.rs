@@ -4,8 +4,9 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// The rooms from the cellar up. A room may use what stands before it, with the exceptions below.
-const ROOMS: [&str; 16] = [
+const ROOMS: [&str; 17] = [
     "units",
+    "robust",
     "rig",
     "recording",
     "log",

@@ -1,7 +1,8 @@
 //! Edges of trigger channels, and which edge of one file is which of another.
 
 use crate::recording::Series;
-use crate::signal::{Estimate, median};
+use crate::robust::{median, sd_about};
+use crate::signal::Estimate;
 
 /// An edge of a trigger.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -30,8 +31,7 @@ pub(super) fn edges(series: &Series) -> Vec<Edge> {
     // the median deviation: what of a slow flank counts as low is no noise
     let mut lows: Vec<f64> = series.value.iter().map(|v| level(*v)).filter(|l| *l < 0.25).collect();
     let middle = median(&mut lows);
-    lows.iter_mut().for_each(|l| *l = (*l - middle).abs());
-    let noise = 1.4826 * median(&mut lows);
+    let noise = sd_about(middle, &lows);
     let mut edges = Vec::new();
     // the last sample that was clearly low or clearly high
     let mut settled: Option<(usize, bool)> = None;

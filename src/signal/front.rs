@@ -3,7 +3,8 @@
 use std::ops::Range;
 
 use super::project::{Projector, profile_minimum};
-use super::trace::{Trace, mean, median, moving_mean};
+use super::trace::{Trace, mean, moving_mean};
+use crate::robust::median;
 
 /// The first rise at one sensor and the fall after it. Indices count grid points, fractional ones lie between them.
 #[derive(Debug, Clone)]

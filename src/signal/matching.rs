@@ -9,6 +9,7 @@
 use super::front::Front;
 use super::project::{Projector, profile_minimum};
 use super::trace::Trace;
+use crate::robust::median;
 
 /// A delay between two fronts, in grid points.
 #[derive(Debug, Clone)]
@@ -65,7 +66,7 @@ pub(crate) fn delay(
     let value = if found.len() % 2 == 1 { found[middle].0 } else { 0.5 * (found[middle - 1].0 + found[middle].0) };
     // median deviation: one window that caught another front must not spoil the error
     let mut deviations: Vec<f64> = found.iter().map(|f| (f.0 - value).abs()).collect();
-    let spread = super::trace::median(&mut deviations);
+    let spread = median(&mut deviations);
     let noise = found[middle].1;
     Some(Delay { value, standard_error: noise.hypot(spread), windows: found.into_iter().map(|f| f.0).collect() })
 }

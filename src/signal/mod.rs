@@ -44,7 +44,6 @@ use front::NoFront;
 pub use noise::Noise;
 use station::Station;
 use trace::Trace;
-pub(crate) use trace::median;
 
 /// A value with its standard error, in the same unit.
 #[derive(Debug, Clone, Copy, PartialEq)]

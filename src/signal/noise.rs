@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 
 use super::spectrum::Spectrum;
-use super::trace::median;
+use crate::robust::{MEDIAN_TO_SD, median};
 
 /// What disturbs a pressure sensor while nothing happens; heads in m.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -47,8 +47,6 @@ const LONGEST_LEAD: usize = 20_000;
 const SPIKY: f64 = 1.5;
 /// A sample this many standard deviations from the median of its five neighbours is a spike.
 const SPIKE: f64 = 8.0;
-/// Median of the absolute value of a normal variable to its standard deviation.
-const MEDIAN_TO_SD: f64 = 1.4826;
 
 /// Noise from the samples before the closure (`lead`), or from the whole record where they are too few.
 pub(crate) fn noise(lead: &[f64], whole: &[f64]) -> Noise {

@@ -2,6 +2,8 @@
 
 use std::ops::Range;
 
+use crate::robust::median;
+
 /// A sampled head on an even grid. Bridged gaps are marked, so that no feature is read out of them.
 #[derive(Debug, Clone)]
 pub(crate) struct Trace {
@@ -131,15 +133,6 @@ pub(crate) fn moving_mean(values: &[f64], half: usize) -> Vec<f64> {
 /// Arithmetic mean; 0 of nothing.
 pub(crate) fn mean(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len().max(1) as f64
-}
-
-/// Median (upper of the two middle values); reorders its argument, 0 of nothing.
-pub(crate) fn median(values: &mut [f64]) -> f64 {
-    if values.is_empty() {
-        return 0.0;
-    }
-    let middle = values.len() / 2;
-    *values.select_nth_unstable_by(middle, f64::total_cmp).1
 }
 
 #[cfg(test)]

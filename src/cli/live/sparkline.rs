@@ -1,6 +1,6 @@
 //! The last seconds of a sensor in one line of text.
 
-use crate::signal::median;
+use crate::robust::median;
 
 const LEVELS: [char; 8] = ['▁', '▂', '▃', '▄', '▅', '▆', '▇', '█'];
 

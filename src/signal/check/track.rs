@@ -2,6 +2,7 @@
 
 use crate::recording::{Recording, Series};
 use crate::rig::{Coupling, Rig, Sensor, SensorKind, WaterProperties};
+use crate::robust::{MEDIAN_TO_SD, median};
 use crate::units::GRAVITY_M_S2;
 
 /// Share of the largest deviation from the steady pressure at which a front counts as arrived.
@@ -33,13 +34,8 @@ impl Track<'_> {
 
     pub(super) fn interval_s(&self) -> Option<f64> {
         let mut steps: Vec<f64> = self.series.time_s.windows(2).map(|w| w[1] - w[0]).collect();
-        median(&mut steps)
+        (!steps.is_empty()).then(|| median(&mut steps))
     }
-}
-
-fn median(values: &mut [f64]) -> Option<f64> {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied()
 }
 
 pub(super) fn temperature_degc(rig: &Rig, tracks: &[Track<'_>]) -> f64 {
@@ -65,10 +61,10 @@ impl<'a> Front<'a> {
     pub(super) fn find(track: &'a Track<'a>) -> Self {
         let value = &track.series.value;
         let first = value.len().min((value.len() / 50).max(20));
-        let baseline = median(&mut value[..first].to_vec()).unwrap_or_default();
+        let baseline = median(&mut value[..first].to_vec());
         // noise from successive differences: drift and the wave itself hardly enter their median
         let mut steps: Vec<f64> = value.windows(2).map(|w| (w[1] - w[0]).abs()).collect();
-        let noise = median(&mut steps).unwrap_or_default() / (0.6745 * std::f64::consts::SQRT_2);
+        let noise = MEDIAN_TO_SD * median(&mut steps) / std::f64::consts::SQRT_2;
         let swing = value.iter().map(|v| (v - baseline).abs()).fold(0.0, f64::max);
         // a pump's pulsation before the closure is no front
         let unrest = value.iter().take(first).map(|v| (v - baseline).abs()).fold(0.0, f64::max);
