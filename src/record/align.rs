@@ -30,8 +30,8 @@ impl Stretch {
         let device_ns = from_ns.saturating_add(zero_ns);
         let host_ns = device_ns as f64;
         let (residual_ns, late) = ((0.0, 0.0), (0.0, 0.0));
-        let line =
-            ClockLine { device_ns, host_ns, rate: 1.0, drift_known: true, residual_ns, is_real_time: true, late };
+        let rate = 1.0;
+        let line = ClockLine { device_ns, host_ns, rate, drift_known: true, residual_ns, is_real_time: true, late };
         Stretch { from_ns, last_ns, device_ns, fit: ClockFit::default(), line: Some(line) }
     }
 
@@ -60,24 +60,25 @@ impl Stretch {
 /// What moves the times of each device's sensors to the clock of the first device with a clock of its own. Devices come with the names
 /// of their sensors, in the order of the rig.
 pub fn fixes(devices: &[(Vec<String>, Vec<Stretch>)], own_clock: &[bool]) -> Vec<ClockFix> {
-    let first =
-        devices.iter().zip(own_clock).filter(|(_, own)| **own).find_map(|((_, stretches), _)| stretches.first());
-    let Some((first, reference)) = first.and_then(|stretch| Some((stretch, stretch.line()?))) else {
-        return Vec::new();
-    };
+    let fitted = devices.iter().map(|(sensors, stretches)| {
+        let lines = stretches.iter().filter_map(|stretch| Some((stretch, stretch.line()?)));
+        (sensors, lines.collect::<Vec<_>>())
+    });
+    let devices: Vec<_> = fitted.collect();
+    let mut own = devices.iter().zip(own_clock).filter(|(_, own)| **own);
+    let Some(&(first, reference)) = own.find_map(|((_, stretches), _)| stretches.first()) else { return Vec::new() };
     let since_first = |host_ns: f64| (host_ns - reference.host_at(first.device_ns)) / reference.rate;
     let begins = devices.iter().filter_map(|(_, stretches)| {
-        let stretch = stretches.first()?;
-        Some(since_first(stretch.line().filter(|line| line.is_real_time)?.host_at(stretch.device_ns)))
+        let (stretch, line) = stretches.first().filter(|(_, line)| line.is_real_time)?;
+        Some(since_first(line.host_at(stretch.device_ns)))
     });
     // The first device's times stay as they are, unless it is the earliest and what it sent first was late: the recording begins with a sample.
     let first_ns = (first.from_ns as f64).min(-begins.fold(0.0, f64::min));
     let recording_ns = |host_ns: f64| first_ns + since_first(host_ns);
     let mut fixes = Vec::new();
-    for (sensors, stretches) in devices {
+    for (sensors, stretches) in &devices {
         let mut end_ns = i64::MIN;
-        for stretch in stretches {
-            let Some(line) = stretch.line() else { continue };
+        for (stretch, line) in stretches {
             // Of a clock that does not fit, as of a device that is played faster than in real time, nothing is known: its own times hold.
             let (rate, to_ns) = if line.is_real_time && reference.is_real_time {
                 (line.rate / reference.rate, recording_ns(line.host_at(stretch.device_ns)).round() as i64)
@@ -88,7 +89,7 @@ pub fn fixes(devices: &[(Vec<String>, Vec<Stretch>)], own_clock: &[bool]) -> Vec
             let to_ns = to_ns.max(end_ns.saturating_add(1));
             end_ns = to_ns.saturating_add(((stretch.last_ns - stretch.from_ns) as f64 * rate).ceil() as i64);
             if (to_ns, rate) != (stretch.from_ns, 1.0) || stretches.len() > 1 {
-                fixes.push(ClockFix { sensors: sensors.clone(), from_ns: stretch.from_ns, to_ns, rate });
+                fixes.push(ClockFix { sensors: sensors.to_vec(), from_ns: stretch.from_ns, to_ns, rate });
             }
         }
     }

@@ -5,6 +5,8 @@
 //! (Moon, Skelly & Towsley 1999, "Estimation and removal of clock skew from network delay measurements", IEEE INFOCOM). A constant
 //! delay between sample and arrival cannot be seen; bursts of delay, however many and long, do no harm.
 
+use crate::robust::{median, sd_about};
+
 /// Most points kept; when there are more, neighbours become one.
 const MOST_POINTS: usize = 1024;
 /// First width of the stretch that a point stands for, ns.
@@ -23,14 +25,13 @@ const LARGE_SLIDE: f64 = 2.0;
 const SURE_DRIFT: f64 = 2e-6;
 /// The span is cut into so many pieces, and the least delay of each looked at, to know how well the drift is known.
 const PIECES: usize = 16;
-/// A piece of which nothing came sooner after the line is late, ns.
-pub const LATE_NS: f64 = 50e6;
+/// A piece of which nothing came sooner after the line is late, and a half of which nothing did belongs to no stream in real time, unless the
+/// largest drift explains it, ns.
+const LATE_NS: f64 = 50e6;
 /// A burst is shorter than this, ns.
 const SHORTEST_PIECE_NS: i64 = 1_000_000_000;
 /// No device clock is this far off: what shows more is no stream in real time.
 const MOST_DRIFT: f64 = 0.05;
-/// Of a stream in real time something in either half comes as soon after the line, ns, or as soon as with the largest drift.
-const NEAR_NS: f64 = 50e6;
 
 /// Arrivals of one device, as few as the fit needs.
 #[derive(Debug, Clone)]
@@ -60,7 +61,7 @@ pub struct ClockLine {
     /// of when its samples were taken. Bursts and stalls do no harm.
     pub is_real_time: bool,
     /// The least that a sixteenth of the time (a second at least) came late after the line, ns, for the worst of them, and the share of those
-    /// that came more than [`LATE_NS`] late: bursts come on time with their ends, a clock that was set does not.
+    /// that came more than 50 ms late: bursts come on time with their ends, a clock that was set does not.
     pub late: (f64, f64),
 }
 
@@ -117,6 +118,7 @@ impl ClockFit {
         let span_ns = last.0 - first.0;
         let frame_ns = span_ns as f64 / self.seen as f64;
         let slides = || drift.abs() * span_ns as f64 > LARGE_SLIDE * frame_ns.max(residuals_ns(&self.points, drift).0);
+        let pieces = (span_ns / SHORTEST_PIECE_NS).clamp(1, PIECES as i64) as usize;
         let drift_known = span_ns >= SPAN_FOR_DRIFT_NS
             && drift.abs() <= MOST_DRIFT
             && is_sure(&self.points, drift)
@@ -126,10 +128,10 @@ impl ClockFit {
         let offset = self.points.iter().map(above).fold(f64::INFINITY, f64::min);
         let nearest = |half: &[(i64, i64)]| half.iter().map(above).fold(f64::INFINITY, f64::min) - offset;
         let (early, late) = self.points.split_at(self.points.partition_point(|p| p.0 <= first.0 + span_ns / 2));
-        let near_ns = NEAR_NS.max(MOST_DRIFT * span_ns as f64 / 2.0);
+        let near_ns = LATE_NS.max(MOST_DRIFT * span_ns as f64 / 2.0);
         let is_real_time = [early, late].iter().all(|half| half.is_empty() || nearest(half) <= near_ns);
-        let pieces = (span_ns / SHORTEST_PIECE_NS).clamp(1, PIECES as i64) as usize;
-        let late: Vec<f64> = least_delays(&self.points, drift, pieces).iter().map(|delay| delay - offset).collect();
+        let late: Vec<f64> =
+            least_delays(&self.points, drift, pieces).iter().map(|(_, delay)| delay - offset).collect();
         let share_late = late.iter().filter(|late| **late > LATE_NS).count() as f64 / late.len() as f64;
         Some(ClockLine {
             device_ns,
@@ -160,32 +162,28 @@ fn residuals_ns(points: &[(i64, i64)], drift: f64) -> (f64, f64) {
 /// scatter is taken from their median distance to their median, so that a piece in which everything was late says nothing.
 fn is_sure(points: &[(i64, i64)], drift: f64) -> bool {
     let (Some(first), Some(last)) = (points.first(), points.last()) else { return false };
-    let mut least = least_delays(points, drift, PIECES);
+    let mut least: Vec<f64> = least_delays(points, drift, PIECES).into_iter().map(|(_, delay)| delay).collect();
     let middle = median(&mut least);
-    let mut distances: Vec<f64> = least.iter().map(|delay| (delay - middle).abs()).collect();
-    // 1.4826: from the median distance to the standard deviation of a normal distribution
-    let scatter = 1.4826 * median(&mut distances);
+    let scatter = sd_about(middle, &least);
     // evenly spaced points: the variance of their places is span²/12
-    let error = scatter * (12.0 / distances.len() as f64).sqrt() / (last.0 - first.0) as f64;
+    let error = scatter * (12.0 / least.len() as f64).sqrt() / (last.0 - first.0) as f64;
     let (times, pieces) = if drift.abs() > QUARTZ_DRIFT { LARGE_DRIFT } else { (DRIFT_ERRORS, 1) };
-    distances.len() >= pieces && error <= SURE_DRIFT.max(drift.abs() / times)
+    least.len() >= pieces && error <= SURE_DRIFT.max(drift.abs() / times)
 }
 
-/// The least delay in each of so many equal pieces of the span that something came in.
-fn least_delays(points: &[(i64, i64)], drift: f64, pieces: usize) -> Vec<f64> {
+/// The least delay in each of so many equal pieces of the span that something came in, with its time, ns.
+fn least_delays(points: &[(i64, i64)], drift: f64, pieces: usize) -> Vec<(f64, f64)> {
     let (Some(first), Some(last)) = (points.first(), points.last()) else { return Vec::new() };
-    let mut least = vec![f64::INFINITY; pieces];
+    let mut least = vec![(0.0, f64::INFINITY); pieces];
     for point in points {
         let piece = ((point.0 - first.0) as i128 * pieces as i128 / (last.0 - first.0 + 1) as i128) as usize;
-        least[piece] = least[piece].min(point.1 as f64 - drift * point.0 as f64);
+        let delay = point.1 as f64 - drift * point.0 as f64;
+        if delay < least[piece].1 {
+            least[piece] = (point.0 as f64, delay);
+        }
     }
-    least.retain(|delay| delay.is_finite());
+    least.retain(|(_, delay)| delay.is_finite());
     least
-}
-
-fn median(values: &mut [f64]) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(f64::INFINITY)
 }
 
 /// The earlier of two arrivals stands for both.

@@ -5,6 +5,7 @@
 //! channel, u16 CRC-16/IBM-3740 over all before it.
 
 mod order;
+mod period;
 mod rhythm;
 
 use crc::{CRC_16_IBM_3740, Crc};
@@ -78,6 +79,14 @@ impl Frame {
     /// Its length as it says, µs.
     fn length_us(&self) -> f64 {
         f64::from(self.period_ns) * self.samples() as f64 / 1e3
+    }
+
+    /// How far its stamp may lie from where the samples before it end, without a hole and without a step of the clock: three periods, half a
+    /// frame up to 20 ms, a twentieth of a frame (of whose period the device may be wrong), and never less than 2 ms, as clocks that tick
+    /// are off. µs.
+    fn most_jitter_us(&self) -> f64 {
+        let (period_us, length_us) = (f64::from(self.period_ns) / 1e3, self.length_us());
+        (3.0 * period_us).max((length_us / 2.0).min(20_000.0)).max(length_us / 20.0).max(2_000.0)
     }
 
     /// The counts of one channel, in time order; empty for a channel that the frame does not have.
@@ -247,9 +256,9 @@ impl Decoder {
         self.order.stamps_scatter_s()
     }
 
-    /// How much longer the time between samples is by the device's stamps than it says, as a share, where the stamps are gone by.
-    pub fn period_off(&self) -> Option<f64> {
-        self.order.longer()
+    /// How much longer the device's frames are by its stamps than they say, and the time over which that was seen, s; 0 where jitter may be all.
+    pub fn period_off_s(&self) -> (f64, f64) {
+        self.order.period_off_s()
     }
 
     /// Frames that were counted as lost were none: the device has restarted.

@@ -12,6 +12,8 @@ use crate::recording::Recording;
 
 #[path = "session_tests/clocks.rs"]
 mod clocks;
+#[path = "session_tests/end.rs"]
+mod end;
 #[path = "session_tests/missing.rs"]
 mod missing;
 
@@ -72,6 +74,14 @@ fn played_on(rig: &Rig, options: &Options, mut messages: Vec<(i64, usize, Vec<u8
         }
     }
     finish(&mut streams, live, &sources, options, ended.to_owned()).unwrap()
+}
+
+/// Gives messages to the streams of their devices in the order of their arrivals, ns.
+fn feed(mut messages: Vec<(i64, usize, Vec<u8>)>, streams: &mut [Stream<'_>], live: &mut Live<'_>) {
+    messages.sort_by_key(|(at_ns, ..)| *at_ns);
+    for (at_ns, device, bytes) in messages {
+        take(device, Input::Bytes { at_ns, bytes }, streams, live).unwrap();
+    }
 }
 
 /// Frames of a device that runs for so long: by its index its stamp, µs, and its arrival, ns.
@@ -262,110 +272,6 @@ fn a_device_that_comes_back_with_a_clock_a_little_ahead_has_restarted() {
         // the first line may be the rest of one, and is never taken
         assert!((last.0 - 8.98).abs() < 1e-3 && last.1 == 899.0, "{ahead_us}: {last:?}");
     }
-}
-
-/// Its port stays open and the user stops: what it did not send is missing.
-#[test]
-fn a_device_that_fell_silent_before_the_end_is_incomplete_and_leaves_a_gap() {
-    let folder = tempfile::tempdir().unwrap();
-    let (rig, options) = (rig("frames"), Options::new(folder.path().join("run.mcap")));
-    let devices = live_devices(&rig, &[]).unwrap();
-    let sources = Sources::reading(&devices[0], std::io::empty()).unwrap();
-    let mut live = Live::new(&rig, &options, "a test".to_owned(), Vec::new(), sources.host);
-    let mut streams = streams_of(&rig, &devices);
-    let mut messages: Vec<_> = sent(0, 6, 0, on_time).chain(sent(1, 2, 0, on_time)).collect();
-    messages.sort_by_key(|(at_ns, ..)| *at_ns);
-    for (at_ns, device, bytes) in messages {
-        take(device, Input::Bytes { at_ns, bytes }, &mut streams, &mut live).unwrap();
-    }
-    streams[1].heard -= Duration::from_secs(4);
-    let summary = finish(&mut streams, live, &sources, &options, BY_USER.to_owned()).unwrap();
-    assert!(!summary.devices[0].incomplete && summary.devices[1].incomplete && summary.data_lost, "{summary:?}");
-    let gap = log::read(&options.file).unwrap().series[1].gaps[0];
-    assert!((gap.from_s - 1.999).abs() < 0.002 && (gap.to_s - 6.0).abs() < 0.5, "{gap:?}");
-}
-
-/// With nobody left who sends, that is the stream's end, whether the program waits it out or the user is faster: nothing is known to be owed.
-#[test]
-fn where_all_have_fallen_silent_the_stream_has_ended_however_the_session_does() {
-    let folder = tempfile::tempdir().unwrap();
-    let rig = rig("frames");
-    let devices = live_devices(&rig, &[]).unwrap();
-    for (silent_ms, several, duration_s) in
-        [(3000, false, None), (6000, false, None), (3000, true, None), (6000, true, None), (3000, false, Some(60.0))]
-    {
-        let file = folder.path().join(format!("{silent_ms}-{several}-{duration_s:?}.mcap"));
-        let options = Options { duration_s, ..Options::new(file) };
-        let devices = &devices[..if several { 2 } else { 1 }];
-        let sources = Sources::reading(&devices[0], std::io::empty()).unwrap();
-        let mut live = Live::new(&rig, &options, "a test".to_owned(), Vec::new(), sources.host);
-        let mut streams = streams_of(&rig, devices);
-        let mut messages: Vec<_> = sent(0, 2, 0, on_time).chain(sent(1, 2, 0, on_time)).collect();
-        messages.retain(|(_, device, _)| *device < devices.len());
-        messages.sort_by_key(|(at_ns, ..)| *at_ns);
-        for (at_ns, device, bytes) in messages {
-            take(device, Input::Bytes { at_ns, bytes }, &mut streams, &mut live).unwrap();
-        }
-        streams.iter_mut().for_each(|stream| stream.heard -= Duration::from_millis(silent_ms));
-        assert_eq!(all_over(&streams, &options).is_some(), silent_ms == 6000);
-        let ended = all_over(&streams, &options).unwrap_or(BY_USER.to_owned());
-        let summary = finish(&mut streams, live, &sources, &options, ended).unwrap();
-        // of a duration that was asked for more was due
-        let owed = duration_s.is_some();
-        assert!(summary.devices.iter().all(|device| device.incomplete == owed), "{summary:?}");
-        let ended = if silent_ms == 3000 {
-            "stopped by the user; nothing had come for 3.0 s"
-        } else {
-            "no valid frame for 5 s"
-        };
-        assert_eq!(summary.ended, ended);
-        assert_eq!((summary.data_lost, log::read(&options.file).unwrap().series[0].gaps.is_empty()), (owed, !owed));
-    }
-}
-
-/// Both hang up: the first is incomplete only where the other goes on without it.
-#[test]
-fn a_device_that_ends_by_itself_is_incomplete_where_another_goes_on() {
-    for (after_ms, incomplete) in [(300, false), (3000, true)] {
-        let folder = tempfile::tempdir().unwrap();
-        let (rig, options) = (rig("frames"), Options::new(folder.path().join("run.mcap")));
-        let devices = live_devices(&rig, &[]).unwrap();
-        let sources = Sources::reading(&devices[0], std::io::empty()).unwrap();
-        let mut live = Live::new(&rig, &options, "a test".to_owned(), Vec::new(), sources.host);
-        let mut streams = streams_of(&rig, &devices);
-        let mut messages: Vec<_> = sent(0, 2, 0, on_time).chain(sent(1, 2, 0, on_time)).collect();
-        messages.sort_by_key(|(at_ns, ..)| *at_ns);
-        for (at_ns, device, bytes) in messages {
-            take(device, Input::Bytes { at_ns, bytes }, &mut streams, &mut live).unwrap();
-        }
-        for device in [0, 1] {
-            take(device, Input::Ended("the device hung up".to_owned()), &mut streams, &mut live).unwrap();
-        }
-        streams[1].heard -= Duration::from_millis(after_ms);
-        let ended = all_over(&streams, &options).unwrap();
-        let summary = finish(&mut streams, live, &sources, &options, ended).unwrap();
-        let found: Vec<bool> = summary.devices.iter().map(|device| device.incomplete).collect();
-        assert_eq!((found, summary.data_lost), (vec![false, incomplete], incomplete), "{after_ms} ms");
-    }
-}
-
-/// As when the disk stands still while the user stops: what has come by then is not thrown away.
-#[test]
-fn what_waits_in_the_queue_when_the_user_stops_is_recorded() {
-    let folder = tempfile::tempdir().unwrap();
-    let (rig, options) = (rig("frames"), Options::new(folder.path().join("run.mcap")));
-    let devices = live_devices(&rig, &[]).unwrap();
-    let bytes: Vec<u8> = sent(0, 1, 0, on_time).flat_map(|(.., bytes)| bytes).collect();
-    let sources = Sources::reading(&devices[0], std::io::Cursor::new(bytes)).unwrap();
-    let started = Instant::now();
-    // the bytes, and that no more come
-    while sources.queued(0) * 4096.0 < 1.5 {
-        assert!(started.elapsed() < Duration::from_secs(20), "nothing comes");
-        std::thread::yield_now();
-    }
-    let stop = AtomicBool::new(true);
-    let summary = record(&rig, &sources, &options, &stop, &mut |_| {}).unwrap();
-    assert_eq!((summary.ended.as_str(), summary.sensors[0].samples), (BY_USER, 1000));
 }
 
 /// A slave that ignores echoes, one that knows them, and what either is asked for in vain before the recording begins.

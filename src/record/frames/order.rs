@@ -7,6 +7,7 @@
 use std::collections::VecDeque;
 use std::hash::{DefaultHasher, Hash, Hasher};
 
+use super::period::StatedPeriod;
 use super::rhythm::Rhythm;
 use super::{Event, Frame, FrameCounts, Sent, Taken};
 
@@ -16,15 +17,11 @@ const AGREEING: usize = 3;
 /// So many of the last frames are remembered, to know them when they come again.
 const RECENT: usize = 64;
 
-/// A clock that was set back by more than a frame goes on in its sequence, but for so many lost frames; else the device has restarted.
-const MOST_LOST_IN_A_STEP: u16 = 64;
-/// It did not pause for longer than this, ns: that is a restart.
-const MOST_PAUSE_IN_A_STEP_NS: f64 = 500e6;
-
 /// See the module.
 #[derive(Debug, Default)]
 pub(super) struct Order {
     rhythm: Option<Rhythm>,
+    stated: StatedPeriod,
     /// The rhythm before a hop that one stamp alone was believed.
     before: Option<Rhythm>,
     /// The end of what was handed on, where that may be beyond what comes next, µs.
@@ -52,16 +49,26 @@ impl Order {
         self.rhythm.as_ref()?.smoothed_scatter_us().map(|scatter_us| scatter_us / 1e6)
     }
 
-    /// As [`Rhythm::longer`].
-    pub(super) fn longer(&self) -> Option<f64> {
+    /// As [`StatedPeriod::off_s`]; where the stamps are gone by, as a share and 1. Of stamps that scatter a small disagreement says nothing.
+    pub(super) fn period_off_s(&self) -> (f64, f64) {
+        match (self.longer(), self.stamps_scatter_s()) {
+            (Some(share), _) => (share, 1.0),
+            (None, Some(_)) => (0.0, 1.0),
+            (None, None) => self.stated.off_s(),
+        }
+    }
+
+    fn longer(&self) -> Option<f64> {
         self.rhythm.as_ref().and_then(Rhythm::longer)
     }
 
     /// Puts a valid frame in its place behind the last one, or keeps it aside.
     pub(super) fn accept(&mut self, frame: Frame, began_ns: i64, events: &mut Vec<Event>) {
         let Some(rhythm) = &self.rhythm else {
-            self.counts.frames += u64::from(frame.samples() == 0);
-            self.begin(frame, began_ns, events);
+            match frame.samples() {
+                0 => self.counts.frames += 1,
+                _ => self.begin(frame, began_ns, events),
+            }
             return;
         };
         if self.held.is_empty() && frame.samples() > 0 && rhythm.fits(&frame) {
@@ -84,12 +91,9 @@ impl Order {
     /// but their own stamps speaks for a hole; else what can only be behind one is handed on.
     pub(super) fn finish(&mut self, events: &mut Vec<Event>) {
         let Some((rhythm, (first, began_ns))) = self.rhythm.as_ref().zip(self.held.first()) else { return };
-        let goes_on = (1..=MOST_LOST_IN_A_STEP).contains(&rhythm.steps_to(first))
-            && rhythm.late_ns(first, *began_ns) <= MOST_PAUSE_IN_A_STEP_NS;
-        if goes_on && rhythm.is_known() && !rhythm.paused_until(first, *began_ns) {
-            for (frame, began_ns) in std::mem::take(&mut self.held) {
-                self.take(frame, began_ns, true, events);
-            }
+        let goes_on = rhythm.is_known() && rhythm.goes_on_with(first, *began_ns);
+        if goes_on && !rhythm.paused_until(first, *began_ns) {
+            self.refute_held(events);
         } else if self.is_behind_a_hole() {
             self.believe(events);
         }
@@ -107,18 +111,17 @@ impl Order {
             return false;
         };
         if self.stand_by_sequence(next) {
-            for (frame, began_ns) in std::mem::take(&mut self.held) {
-                self.take(frame, began_ns, true, events);
-            }
+            self.refute_held(events);
         } else if next.sequence == before.sequence.wrapping_add(1) && goes_on_from(last, next, rhythm.jitter_us()) {
             self.held.push((next.clone(), began_ns));
             if self.in_doubt() >= AGREEING {
                 self.believe(events);
             }
             return true;
-        } else if rhythm.fits(next) {
-            self.drop_held();
-        } else if self.is_behind_a_hole() && next.first_us >= last.first_us + last.length_us() as u64 {
+        } else if !rhythm.fits(next)
+            && self.is_behind_a_hole()
+            && next.first_us >= last.first_us + last.length_us() as u64
+        {
             // a device that samples now and then
             self.believe(events);
         } else {
@@ -131,7 +134,7 @@ impl Order {
     fn stand_by_sequence(&self, next: &Frame) -> bool {
         let Some(mut rhythm) = self.rhythm.clone() else { return false };
         for (frame, began_ns) in &self.held {
-            if !(1..1 << 15).contains(&rhythm.steps_to(frame)) {
+            if !rhythm.is_next(frame) {
                 return false;
             }
             rhythm.pass(frame, *began_ns);
@@ -157,7 +160,7 @@ impl Order {
             self.take(frame, began_ns, false, events);
         } else if rhythm.is_behind(&frame) && rhythm.paused_until(&frame, began_ns) {
             let mut before = rhythm.clone();
-            if (1..1 << 15).contains(&before.steps_to(&frame)) {
+            if before.is_next(&frame) {
                 before.pass(&frame, began_ns);
             }
             self.held.push((frame, began_ns));
@@ -172,11 +175,11 @@ impl Order {
     fn believe(&mut self, events: &mut Vec<Event>) {
         let held = std::mem::take(&mut self.held);
         let (Some(rhythm), Some((first, began_ns))) = (&self.rhythm, held.first()) else { return };
-        let goes_on = (1..=MOST_LOST_IN_A_STEP).contains(&rhythm.steps_to(first))
-            && rhythm.late_ns(first, *began_ns) <= MOST_PAUSE_IN_A_STEP_NS;
+        let goes_on = rhythm.goes_on_with(first, *began_ns);
+        self.stated.interrupt();
         if !goes_on && !rhythm.is_behind(first) {
             events.push(Event::Restarted);
-            *self = Order { counts: self.counts, ..Order::default() };
+            *self = Order { counts: self.counts, stated: self.stated, ..Order::default() };
         } else {
             let anew = !goes_on && rhythm.begins_anew_with(first);
             let lost = if anew { 0 } else { rhythm.missing(first, *began_ns) };
@@ -195,16 +198,21 @@ impl Order {
         }
     }
 
+    /// What is held stands by the sequence: its stamps were false.
+    fn refute_held(&mut self, events: &mut Vec<Event>) {
+        for (frame, began_ns) in std::mem::take(&mut self.held) {
+            self.take(frame, began_ns, true, events);
+        }
+    }
+
     fn drop_held(&mut self) {
         self.counts.bad += self.in_doubt() as u64;
         self.held.clear();
     }
 
     fn begin(&mut self, frame: Frame, began_ns: i64, events: &mut Vec<Event>) {
-        if frame.samples() == 0 {
-            return;
-        }
         self.rhythm = Some(Rhythm::of(&frame, began_ns));
+        self.stated.add(&frame, false);
         let first_us = frame.first_us;
         self.hand_on(frame, first_us, began_ns, events);
     }
@@ -218,25 +226,32 @@ impl Order {
             }
             return;
         }
-        let Some(rhythm) = &mut self.rhythm else { return };
-        let steps = rhythm.steps_to(&frame);
-        if (1..1 << 15).contains(&steps) {
-            rhythm.skip(&frame, began_ns);
-            self.lost(u32::from(steps) - 1);
+        if self.rhythm.as_ref().is_some_and(|rhythm| rhythm.is_next(&frame)) {
+            self.skip(&frame, began_ns);
         }
+    }
+
+    fn skip(&mut self, frame: &Frame, began_ns: i64) {
+        let Some(rhythm) = &mut self.rhythm else { return };
+        let lost = rhythm.steps_to(frame).saturating_sub(1);
+        rhythm.skip(frame, began_ns);
+        self.lost(u32::from(lost));
     }
 
     /// Takes a frame that stands by its sequence: by its stamp, too, or its stamp is `refuted`.
     fn take(&mut self, frame: Frame, began_ns: i64, refuted: bool, events: &mut Vec<Event>) {
-        let Some(rhythm) = &mut self.rhythm else { return };
-        let lost = u32::from(rhythm.steps_to(&frame).saturating_sub(1));
         if frame.samples() == 0 {
-            rhythm.skip(&frame, began_ns);
-            self.lost(lost);
+            self.skip(&frame, began_ns);
             return;
         }
+        let Some(rhythm) = &mut self.rhythm else { return };
+        let lost = u32::from(rhythm.steps_to(&frame).saturating_sub(1));
         let first_us = rhythm.take(&frame, began_ns, refuted);
         self.before = None;
+        match refuted {
+            true => self.stated.interrupt(),
+            false => self.stated.add(&frame, lost == 0),
+        }
         self.lost(lost);
         self.counts.restamped += u64::from(refuted);
         self.hand_on(frame, first_us, began_ns, events);

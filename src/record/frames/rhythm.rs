@@ -7,7 +7,7 @@
 use std::collections::VecDeque;
 
 use super::Frame;
-use crate::record::clock::most_jitter_ns;
+use crate::robust::{median, quantile, sd_about};
 
 /// So many stamps are seen before anything is said of their scatter, and so many are remembered.
 const LEARNT: usize = 8;
@@ -23,16 +23,14 @@ const FAR_AT_FIRST: f64 = 2.0;
 const WRONG_PERIOD: f64 = 0.03;
 /// Clocks tell whole µs.
 const TICK_US: f64 = 2.0;
-/// From the median distance to the standard deviation of a normal distribution.
-const DEVIATION: f64 = 1.4826;
 /// Where stamps scatter: what a stamp moves the place of its frame by, and the length of the frames; critically damped.
 const GAIN: (f64, f64) = (1.0 / 8.0, 1.0 / 256.0);
 /// Where they do not: what a stamp moves the length of the frames by.
 const EXACT_GAIN: f64 = 1.0 / 64.0;
 /// Frames that are missing are as long as those before, to one part in so many.
 const EVEN: f64 = 20.0;
-/// A sequence goes on where fewer frames than this are missing.
-const FEW: u64 = 64;
+/// A sequence goes on within so many frames, unless it paused for longer than this, ns: that is a restart.
+const GOES_ON: (u16, f64) = (64, 500e6);
 /// More frames cannot be missing in a hole than it is long, by this share and this much, µs.
 const FITS_IN: (f64, f64) = (2.0, 50_000.0);
 /// Share of the longest pause that is left after each frame.
@@ -92,6 +90,16 @@ impl Rhythm {
         frame.sequence.wrapping_sub(self.sequence)
     }
 
+    /// True for a frame that comes behind the last one by its sequence.
+    pub(super) fn is_next(&self, frame: &Frame) -> bool {
+        (1..1 << 15).contains(&self.steps_to(frame))
+    }
+
+    /// True for a frame with which the sequence goes on but for a few, whatever its stamp says.
+    pub(super) fn goes_on_with(&self, frame: &Frame, began_ns: i64) -> bool {
+        (1..=GOES_ON.0).contains(&self.steps_to(frame)) && self.late_ns(frame, began_ns) <= GOES_ON.1
+    }
+
     /// How far a stamp is off from where the sequence puts it.
     pub(super) fn off_us(&self, frame: &Frame) -> f64 {
         frame.first_us as f64 - self.place_us(frame)
@@ -136,10 +144,10 @@ impl Rhythm {
 
     /// True for a frame that comes behind the last one, by its sequence and, as well as they are known, by its stamp.
     pub(super) fn fits(&self, frame: &Frame) -> bool {
-        let steps = self.steps_to(frame);
-        if !(1..1 << 15).contains(&steps) {
+        if !self.is_next(frame) {
             return false;
         }
+        let steps = self.steps_to(frame);
         let (off_us, jitter_us) = (self.off_us(frame), self.jitter_us());
         let within = off_us.abs() <= jitter_us + f64::from(steps - 1) * self.length_us / EVEN;
         // those that are missing may have been shorter than the last one
@@ -163,7 +171,7 @@ impl Rhythm {
     }
 
     /// How much later a frame came than one that was sent behind the last would have, beyond what arrivals pause anyway, ns.
-    pub(super) fn late_ns(&self, frame: &Frame, began_ns: i64) -> f64 {
+    fn late_ns(&self, frame: &Frame, began_ns: i64) -> f64 {
         let sent_us = f64::from(self.steps_to(frame)) * self.length_us;
         began_ns.saturating_sub(self.began_ns) as f64 - 1e3 * sent_us - 2.0 * self.pause_ns
     }
@@ -173,7 +181,7 @@ impl Rhythm {
     pub(super) fn missing(&self, frame: &Frame, began_ns: i64) -> u32 {
         let by_sequence = u64::from(self.steps_to(frame).saturating_sub(1));
         let mut hole_us = self.hole_us(frame);
-        if by_sequence < FEW {
+        if by_sequence < u64::from(GOES_ON.0) {
             let elapsed_us = began_ns.saturating_sub(self.began_ns) as f64 / 1e3;
             hole_us = hole_us.min(elapsed_us + by_sequence as f64 * self.length_us);
         }
@@ -237,7 +245,7 @@ impl Rhythm {
                 behind_us += frame.length_us() + self.longer_us;
                 begins_us
             });
-            on.due_us = median(begins);
+            on.due_us = median(&mut begins.collect::<Vec<_>>());
         }
         on.began_ns = *began_ns;
         Some(on)
@@ -256,7 +264,7 @@ impl Rhythm {
         self.even = length_us == self.length_us;
         self.length_us = length_us;
         self.period_us = f64::from(frame.period_ns) / 1e3;
-        self.jitter_us = most_jitter_ns(i64::from(frame.period_ns), frame.samples()) as f64 / 1e3;
+        self.jitter_us = frame.most_jitter_us();
         self.due_us = first_us + length_us + self.longer_us;
     }
 
@@ -271,8 +279,9 @@ impl Rhythm {
         if self.off_us.len() >= LEARNT {
             // stamp against stamp, both scatter; against the loop, nearly only one
             let pair = if self.smooth { 1.0 } else { std::f64::consts::SQRT_2 };
-            self.within_us = quantile(self.off_us.iter().map(|off| off.abs()), NINE_IN_TEN);
-            self.scatter_us = DEVIATION * median(self.off_us.iter().map(|off| off.abs())) / pair;
+            let off_us = self.off_us.make_contiguous();
+            self.scatter_us = sd_about(0.0, off_us) / pair;
+            self.within_us = quantile(&mut off_us.iter().map(|off| off.abs()).collect::<Vec<_>>(), NINE_IN_TEN);
             let half = if self.smooth { self.period_us / 4.0 } else { self.period_us / 2.0 };
             self.smooth = self.scatter_us > half;
         }
@@ -281,9 +290,10 @@ impl Rhythm {
     /// What the first stamps were all off by is the length of the frames: by their mean where they scatter, for in their sum all but the first
     /// and the last cancel; by their median where one of them may be a hole. One far from the others is none of them.
     fn first_lesson(&mut self) {
-        let middle = median(self.off_us.iter().copied());
-        let scatter = DEVIATION * median(self.off_us.iter().map(|off| (off - middle).abs()));
-        let near: Vec<f64> = self.off_us.iter().copied().filter(|off| (off - middle).abs() <= FAR * scatter).collect();
+        let off_us = self.off_us.make_contiguous();
+        let middle = median(&mut off_us.to_vec());
+        let scatter = sd_about(middle, off_us);
+        let near: Vec<f64> = off_us.iter().copied().filter(|off| (off - middle).abs() <= FAR * scatter).collect();
         let mean = near.iter().sum::<f64>() / near.len().max(1) as f64;
         // the ends of the sum scatter, too
         let surely = mean.abs() > FAR * scatter / near.len().max(1) as f64;
@@ -294,15 +304,4 @@ impl Rhythm {
         };
         self.off_us.iter_mut().for_each(|off| *off -= self.longer_us);
     }
-}
-
-fn median(values: impl Iterator<Item = f64>) -> f64 {
-    quantile(values, 0.5)
-}
-
-/// The value that a share of others lies below; 0 where there are none.
-fn quantile(values: impl Iterator<Item = f64>, share: f64) -> f64 {
-    let mut values: Vec<f64> = values.collect();
-    let at = (values.len().saturating_sub(1) as f64 * share) as usize;
-    if values.is_empty() { 0.0 } else { *values.select_nth_unstable_by(at, f64::total_cmp).1 }
 }

@@ -2,11 +2,10 @@
 
 use std::time::{Duration, Instant};
 
-use super::{Codec, ON_ITS_WAY, State, Stream};
+use super::{Codec, State, Stream};
 use crate::record::RecordError;
 use crate::record::align::Stretch;
 use crate::record::callout::Ailment;
-use crate::record::clock::seconds;
 use crate::record::modbus::exception;
 use crate::record::monitor::Expected;
 use crate::record::output::{ClockSummary, DeviceCount};
@@ -45,16 +44,6 @@ impl Stream<'_> {
         let mut count = self.tally(waited);
         if self.has_clock() {
             count.clock = self.stretches.last().and_then(Stretch::line).map(|line| ClockSummary::of(&line));
-            let (off_ns, over_ns) = self.clock.map_or((0, 0), |clock| clock.disagreement());
-            count.period_off_s = (seconds(off_ns), seconds(over_ns));
-            if let Codec::Frames(decoder) = &self.codec {
-                // of stamps that scatter a small disagreement says nothing
-                count.period_off_s = match decoder.period_off() {
-                    Some(longer) => (longer, 1.0),
-                    None if decoder.stamps_scatter_s().is_some() => (0.0, 1.0),
-                    None => count.period_off_s,
-                };
-            }
         }
         count
     }
@@ -78,6 +67,7 @@ impl Stream<'_> {
                 (count.frames, count.bad_frames) = (counts.frames, counts.bad);
                 (count.lost_frames, count.duplicated_frames) = (counts.lost, counts.duplicated);
                 (count.restamped_frames, count.stamps_scatter_s) = (counts.restamped, decoder.stamps_scatter_s());
+                count.period_off_s = decoder.period_off_s();
             }
             Codec::Lines(decoder) => {
                 let counts = decoder.counts();
@@ -118,8 +108,7 @@ impl Stream<'_> {
 
     /// Others went on at a moment at which more was due from it, so that it ended before them.
     pub fn left_before(&self, moment: Instant) -> bool {
-        let allowed = ON_ITS_WAY.max(2 * self.pause.unwrap_or_default()).max(2 * self.span);
-        moment.saturating_duration_since(self.heard) > allowed
+        moment.saturating_duration_since(self.heard) > self.patience(self.pause.unwrap_or_default())
     }
 
     /// The sensors that will come from it, as the `device`-th of the session.

@@ -7,7 +7,6 @@ use crate::log::SensorClock;
 use crate::record::RecordError;
 use crate::record::align::Stretch;
 use crate::record::clock::{DeviceClock, seconds};
-use crate::record::fit::ClockLine;
 use crate::record::frames::Sent;
 use crate::record::live::Live;
 use crate::rig::Protocol;
@@ -96,14 +95,15 @@ impl Stream<'_> {
         let ahead_ns = behind_ns.saturating_sub(missing_ns);
         let stretch = self.stretches.last()?;
         let line = stretch.line().filter(|line| line.is_real_time && stretch.seen() >= LINE_KNOWN);
-        let early_ns = line.map(|line| line.host_at(clock.at_ns(earliest.sent_ns)) - earliest.began_ns as f64);
-        let told = |line: ClockLine| ahead_ns.unsigned_abs() as f64 / 2.0 > line.residual_ns.1;
-        let is_step = match (ahead_ns, early_ns) {
-            (..=0, _) if behind_ns < 0 => true,
-            (..=0, Some(early_ns)) if line.is_some_and(told) => early_ns < ahead_ns as f64 / 2.0,
-            (..=0, _) => true,
-            (_, Some(early_ns)) => early_ns > line.map_or(0.0, |line| line.residual_ns.1).max(ahead_ns as f64 / 2.0),
-            (_, None) => false,
+        // how much earlier it came than the clock as it was says, and how far arrivals scatter
+        let arrival = line
+            .map(|line| (line.host_at(clock.at_ns(earliest.sent_ns)) - earliest.began_ns as f64, line.residual_ns.1));
+        let half_ns = ahead_ns as f64 / 2.0;
+        let is_step = match arrival {
+            _ if ahead_ns <= 0 && behind_ns < 0 => true,
+            Some((early_ns, scatter_ns)) if ahead_ns > 0 => early_ns > scatter_ns.max(half_ns),
+            Some((early_ns, scatter_ns)) if -half_ns > scatter_ns => early_ns < half_ns,
+            _ => ahead_ns <= 0,
         };
         is_step.then_some(ahead_ns)
     }
@@ -164,6 +164,11 @@ impl Stream<'_> {
         self.pause.and_then(|pause| self.heard.checked_sub(pause)).unwrap_or(self.heard)
     }
 
+    /// For how long a device that pauses for so long between two messages is not missed.
+    pub(super) fn patience(&self, pause: Duration) -> Duration {
+        ON_ITS_WAY.max(2 * pause).max(2 * self.span)
+    }
+
     /// Since when, as a logged time in ns, and for how long it has been silent at a moment, where more than its rhythm allows: its port is
     /// open, and it owes what it did not send.
     pub fn silent_since(&self, moment: Instant, silence: Duration) -> Option<(i64, Duration)> {
@@ -173,7 +178,7 @@ impl Stream<'_> {
         };
         let since = moment.saturating_duration_since(self.heard);
         // of one that spoke only once no rhythm is known
-        let allowed = poll.max(self.pause).map_or(silence, |pause| ON_ITS_WAY.max(2 * pause)).max(2 * self.span);
+        let allowed = poll.max(self.pause).map_or(silence.max(2 * self.span), |pause| self.patience(pause));
         (self.state == State::Open && since > allowed).then_some((self.stretches.last()?.last_ns, since))
     }
 }
