@@ -31,7 +31,8 @@ impl Stretch {
         let host_ns = device_ns as f64;
         let (residual_ns, late) = ((0.0, 0.0), (0.0, 0.0));
         let rate = 1.0;
-        let line = ClockLine { device_ns, host_ns, rate, drift_known: true, residual_ns, is_real_time: true, late };
+        let line =
+            ClockLine { device_ns, host_ns, rate, drift_known: true, residual_ns, is_real_time: true, late, set: None };
         Stretch { from_ns, last_ns, device_ns, fit: ClockFit::default(), line: Some(line) }
     }
 
