@@ -155,6 +155,17 @@ fn what_a_shift_does_not_describe_is_said() {
 }
 
 #[test]
+fn tests_at_several_temperatures_that_nobody_said_contradict_each_other() {
+    let mut tests = at_temperatures(5);
+    tests.iter_mut().for_each(|t| t.temperature_degc = None);
+    let said = |tests: &[CreepTest]| fit(tests, None, None).unwrap().remarks.join("; ");
+    let together = said(&tests);
+    assert!(together.contains("contradict each other") && together.contains("--temperature-degC"), "{together}");
+    assert!(!said(&tests[..1]).contains("contradict each other"));
+    assert!(!said(&at_temperatures(5)).contains("contradict each other"));
+}
+
+#[test]
 fn what_cannot_be_fitted_is_said() {
     let tests = at_temperatures(0);
     let said = fit(&tests, Some(20.0), None).unwrap_err().to_string();
@@ -325,7 +336,7 @@ fn faults_of_the_command_line_and_of_files_are_told() {
     let strain = file("strain.csv", b"time_min,strain_percent\n1,0.1\n2,0.11\n4,0.12\n8,x\n");
     let latin = file("latin.csv", b"time_s,strain\n# 20 \xb0C\n");
     let cases: [(&[&str], &str); 9] = [
-        (&["no-such.csv"], "cannot read the creep test no-such.csv"),
+        (&["no-such.csv"], "no-such.csv does not exist: check the path"),
         (&[SHIPPED[0], SHIPPED[0]], "are one test: it counts once"),
         (&[SHIPPED[0], "--temperature-degC", "15,25"], "1 creep tests and 2 temperatures"),
         (&[SHIPPED[0], "--temperature-degC", "15", "--reference-degC", "20"], "is none of the temperatures tested, 15"),

@@ -399,4 +399,5 @@ fn simulations_beside_recordings_take_values_from_files() {
         "of 'a.mcap' alone: name it with --recording",
     );
     refused(&["simulate"], "--rig");
+    refused(&["results", "no-such-folder", "-o", "table.csv"], "no-such-folder does not exist: check the path");
 }

@@ -263,3 +263,9 @@ fn the_page_of_the_papers_rules_is_what_the_program_writes() {
     assert_eq!(found.len(), 19);
     assert_eq!(found, verdicts(&std::fs::read_to_string(page).unwrap()), "regenerate it: the page says how");
 }
+
+#[test]
+fn a_flow_that_its_supply_cannot_drive_is_refused_with_what_to_set() {
+    let said = refused(&["rigs/paper-ppr.toml", "--effects", "viscoelastic-wall:2"]);
+    assert!(said.contains("nothing would flow; set a smaller initial_velocity_m_s, or valve_head_m"), "{said}");
+}

@@ -11,7 +11,7 @@ use super::load::{self, Loaded};
 use super::search::Search;
 use super::{CommandResult, Outcome, hold, models, output};
 use crate::fit::calibrate::{FitError, Options, Progress, calibrate};
-use crate::fit::conflict::{at_bounds, conflicts};
+use crate::fit::conflict::{at_bounds, conflicts, faded_noise};
 use crate::fit::data::RunData;
 use crate::fit::method::Method;
 use crate::fit::model_file::Entry;
@@ -79,7 +79,9 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     args.output.check()?;
     hold::check(&args.hold)?;
     let fixed = from.iter().flat_map(|model| &model.parameters).filter(|p| p.fixed).map(|p| p.name.as_str());
-    args.profiles.check(args.hold.iter().map(|(name, _)| name.as_str()).chain(fixed))?;
+    let held = args.hold.iter().map(|(name, _)| name.as_str()).chain(fixed);
+    args.search.check_held(held.clone())?;
+    args.profiles.check(held)?;
     let mut file =
         args.save.as_ref().map(|path| models::about(path, &args.recordings, args.rig.as_deref())).transpose()?;
     let rig_file = models::rig_of(args.rig.as_deref(), args.save.as_deref().zip(file.as_ref()));
@@ -115,8 +117,9 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     let stages: Vec<Stage> = fits.iter().map(|(title, fit)| Stage { title: title.clone(), fit }).collect();
     let Some((_, last)) = fits.last() else { return Ok(Outcome::Done) };
     // Values that are none of an optimum contradict nothing.
-    for conflict in conflicts(last, &runs).into_iter().chain(at_bounds(last).into_iter().filter(|_| last.converged)) {
-        super::tell!("warning: {conflict}");
+    let bounds = at_bounds(last).into_iter().filter(|_| last.converged);
+    for warning in conflicts(last, &runs).into_iter().chain(bounds).chain(faded_noise(last)) {
+        super::tell!("warning: {warning}");
     }
     if json {
         super::say!("{}", json::calibration(last)?);

@@ -99,7 +99,7 @@ fn celsius(text: &str) -> Result<f64, String> {
 /// A test, and whether it gives strains.
 fn load(path: &Path, stress_pa: Option<f64>) -> Result<(CreepTest, bool), Box<dyn std::error::Error + Send + Sync>> {
     let file = path.display().to_string();
-    let bytes = std::fs::read(path).map_err(|e| format!("cannot read the creep test {file}: {e}"))?;
+    let bytes = std::fs::read(path).map_err(|e| output::unread("the creep test", path, &e))?;
     let text = String::from_utf8(bytes).map_err(|e| CreepError::Csv {
         file: file.clone(),
         line: Some(1 + e.as_bytes()[..e.utf8_error().valid_up_to()].iter().filter(|b| **b == b'\n').count()),

@@ -46,8 +46,7 @@ impl CreepPrior {
         let (Some(path), Some(run), Some(first)) = (&self.creep, runs.first(), loaded.first()) else {
             return Ok(Vec::new());
         };
-        let text = std::fs::read_to_string(path)
-            .map_err(|e| format!("cannot read the creep test in {}: {e}", path.display()))?;
+        let text = std::fs::read_to_string(path).map_err(|e| super::output::unread("the creep test in", path, &e))?;
         let file = CreepFile::parse(&text, &path.display().to_string())?;
         let wall = effects.iter_mut().find(|c| c.effect.name() == WALL).ok_or(CreepError::NoWall)?;
         let base = Model::new(&first.recording.rig, &run.conditions.water, &[]);

@@ -4,7 +4,7 @@ use std::error::Error;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
-use super::load as recordings_of;
+use super::{load as recordings_of, output};
 use crate::fit::calibrate::Options;
 use crate::fit::data::RunData;
 use crate::fit::model_file::ModelFile;
@@ -48,8 +48,7 @@ pub fn open(path: &Path) -> Result<Opened, Box<dyn Error + Send + Sync>> {
 /// # Errors
 /// One that cannot be read, is none, or contradicts itself.
 pub fn load(path: &Path) -> Result<ModelFile, Box<dyn Error + Send + Sync>> {
-    let text =
-        std::fs::read_to_string(path).map_err(|e| format!("cannot read the models in {}: {e}", path.display()))?;
+    let text = std::fs::read_to_string(path).map_err(|e| output::unread("the models in", path, &e))?;
     let mut file = ModelFile::parse(&text, path)?;
     file.as_read = Some(text);
     Ok(file)

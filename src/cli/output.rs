@@ -193,6 +193,19 @@ pub fn write(path: &Path, content: &str) -> Result<(), AnyError> {
     fs::write(path, content).map_err(|e| format!("cannot write {}: {e}", path.display()).into())
 }
 
+/// What to say of a file that is not there.
+pub fn missing(path: &Path) -> String {
+    format!("{} does not exist: check the path", path.display())
+}
+
+/// What to say where `what` a file should hold cannot be read.
+pub fn unread(what: &str, path: &Path, error: &std::io::Error) -> String {
+    match error.kind() {
+        std::io::ErrorKind::NotFound => missing(path),
+        _ => format!("cannot read {what} {}: {error}", path.display()),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -256,5 +269,14 @@ mod tests {
                 check_series(&path, "time_s,P1,P2", true, &path).unwrap_err().to_string().contains("is the rig file")
             );
         }
+    }
+
+    #[test]
+    fn a_file_that_is_not_there_is_said_so() {
+        use std::io::{Error, ErrorKind};
+        let path = Path::new("x.toml");
+        let said = |kind: ErrorKind| unread("the models in", path, &Error::from(kind));
+        assert_eq!(said(ErrorKind::NotFound), "x.toml does not exist: check the path");
+        assert!(said(ErrorKind::PermissionDenied).starts_with("cannot read the models in x.toml: "));
     }
 }

@@ -40,6 +40,8 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     for path in &args.fits {
         if path.is_dir() {
             fits.extend(fits_in(path)?);
+        } else if !path.exists() {
+            return Err(output::missing(path).into());
         } else {
             fits.push((path.display().to_string(), FitFile::read(path)?));
         }

@@ -21,16 +21,17 @@ pub struct Search {
     #[arg(long, value_enum, default_value_t = Method::LeastSquares)]
     method: Method,
     /// Random starts of least squares, over the whole range of the shared parameters, beside those that it has of its own.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(..=MOST_STARTS))]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(..=MOST_STARTS),
+          allow_negative_numbers = true)]
     starts: Option<u32>,
     /// Simulations that a global search or micro-genetic algorithm may take for one model; 20,000 where nothing is said.
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
     budget: Option<usize>,
     /// Seed of all that is drawn at random.
-    #[arg(long, value_name = "N", default_value_t = Options::default().seed)]
+    #[arg(long, value_name = "N", default_value_t = Options::default().seed, allow_negative_numbers = true)]
     seed: u64,
     /// Stop a stepwise calibration after so many steps, for --save and --from to go on with.
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
     steps: Option<usize>,
     /// Where parameters start, instead of where signals, rig and effects say; one that each run has of its own starts there in all of them. Recordings go before it.
     #[arg(long, value_name = "NAME=VALUE", value_parser = super::values::setting, num_args = 1..)]
@@ -73,6 +74,19 @@ impl Search {
     /// Where parameters are to start.
     pub fn started(&self) -> &[(String, f64)] {
         &self.start
+    }
+
+    /// Refuses a start for what is `held`: it does not move.
+    ///
+    /// # Errors
+    /// The first such.
+    pub fn check_held<'a>(&self, mut held: impl Iterator<Item = &'a str>) -> Result<(), String> {
+        match held.find(|held| self.start.iter().any(|(name, _)| name == held)) {
+            None => Ok(()),
+            Some(name) => {
+                Err(format!("{name} is held, so it starts nowhere else: leave it out of --start, or let it go"))
+            }
+        }
     }
 
     /// Refuses a start for what is none of the `known` parameters.

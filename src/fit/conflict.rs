@@ -1,7 +1,8 @@
 //! Where a fit contradicts what was known before it: a fit may be down to the noise with a velocity that no meter showed.
 
 use super::data::RunData;
-use super::outcome::Fit;
+use super::errors::FADED;
+use super::outcome::{Fit, FittedParameter, RunFit};
 
 /// Deviations, in standard deviations of what was known, that are a conflict.
 const CONFLICT: f64 = 5.0;
@@ -107,8 +108,64 @@ fn of_record(run: &RunData) -> Vec<String> {
     saturated.chain(closing).collect()
 }
 
-/// One sentence for each parameter that ended at a bound.
+/// One sentence for each run in which noise has died away after the closure: nothing contradicts there, but errors are those of the noise before.
+pub fn faded_noise(fit: &Fit) -> Vec<String> {
+    fit.runs.iter().filter(|_| fit.converged).filter_map(faded).collect()
+}
+
+fn faded(run: &RunFit) -> Option<String> {
+    let less = run.rmse_m.powi(2) < FADED * run.noise_m.powi(2);
+    less.then(|| {
+        format!(
+            "{}: the fit leaves {:.2} of the noise before the closure: noise dies away after it. Errors and intervals take it as \
+             it was before, for the first rise is seen in that; they may be too wide",
+            run.file,
+            run.rmse_m / run.noise_m
+        )
+    })
+}
+
+/// One sentence for each parameter that ended at a bound, unless what is [unseen](Fit::unseen) says more of it.
 pub fn at_bounds(fit: &Fit) -> Vec<String> {
-    let at_bound = fit.parameters.iter().filter(|p| p.at_bound);
-    at_bound.map(|p| format!("{} ended at its bound, {:.4e} {}", p.name, p.value, p.unit)).collect()
+    let said = |name: &String| fit.unseen.iter().any(|unseen| unseen.parameters.contains(name));
+    let at_bound = fit.parameters.iter().filter(|p| p.at_bound && !said(&p.name));
+    at_bound.map(|p| ended(p, fit.runs.len())).collect()
+}
+
+fn ended(p: &FittedParameter, runs: usize) -> String {
+    // Five digits, without zeros that say nothing.
+    let value: f64 = format!("{:.4e}", p.value).parse().unwrap_or(p.value);
+    let run = p.run.as_ref().filter(|_| runs > 1).map_or(String::new(), |run| format!(" of {run}"));
+    let unit = if p.unit == "1" { String::new() } else { format!(" {}", p.unit) };
+    format!("{}{run} ended at its bound, {value:?}{unit}", p.name)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn noise_that_dies_away_is_said() {
+        let of = |rmse_m| {
+            let file = "a.mcap".to_owned();
+            faded(&RunFit { file, rmse_m, noise_m: 0.05, mape_extrema_percent: 0.0, sensors: Vec::new() })
+        };
+        assert!(of(0.013).is_some_and(|s| s.contains("a.mcap: the fit leaves 0.26 of the noise")));
+        assert!(of(0.049).is_none() && of(1.0).is_none() && of(f64::NAN).is_none());
+    }
+
+    #[test]
+    fn a_bound_is_said_in_the_values_own_digits_and_of_which_run() {
+        let of = |name: &str, value, unit, run: Option<&str>| FittedParameter {
+            name: name.into(),
+            value,
+            unit,
+            run: run.map(Into::into),
+            ..FittedParameter::default()
+        };
+        assert_eq!(ended(&of("friction_scale", 5.0, "1", Some("a")), 1), "friction_scale ended at its bound, 5.0");
+        let start = ended(&of("closure_start_s", 0.482_267_77, "s", Some("b.mcap")), 2);
+        assert_eq!(start, "closure_start_s of b.mcap ended at its bound, 0.48227 s");
+        assert_eq!(ended(&of("J1", 3.990_71e-7, "1/GPa", None), 2), "J1 ended at its bound, 3.9907e-7 1/GPa");
+    }
 }

@@ -46,7 +46,21 @@ pub struct InTime<'a> {
     pub records: &'a [Vec<Range<usize>>],
 }
 
+/// Share of the mean square of noise before anything happens below which what a fit leaves shows that it has died away.
+pub(super) const FADED: f64 = 0.6;
+
 impl<'a> Linearised<'a> {
+    /// Whether noise that was there `before` anything happened, a series for each record, has died away in what the fit leaves: while the valve closed
+    /// it was still there, and what only the closure shows is known no better than that.
+    pub(super) fn has_faded(&self, before: &[Vec<Vec<f64>>]) -> bool {
+        let (residuals, records) = match self.in_time {
+            None => (self.residuals, self.records),
+            Some(time) => (time.residuals, time.records),
+        };
+        let left = records.iter().flatten().flat_map(|rows| &residuals[rows.clone()]);
+        mean_square(left) < FADED * mean_square(before.iter().flatten().flatten())
+    }
+
     /// Records among `residuals` with their noise: what is left there, or what is seen elsewhere.
     fn noisy(&self, residuals: &'a [f64], records: &[Vec<Range<usize>>]) -> Vec<Together<'a>> {
         let noise = |group: usize, of: usize, rows: &Range<usize>| {
@@ -57,6 +71,10 @@ impl<'a> Linearised<'a> {
         };
         records.iter().enumerate().map(group).collect()
     }
+}
+
+fn mean_square<'a>(values: impl Iterator<Item = &'a f64> + Clone) -> f64 {
+    values.clone().map(|v| v * v).sum::<f64>() / values.count().max(1) as f64
 }
 
 /// See the module. Rows and columns of variables at a bound are zero; a variable that the data leave open has an infinite variance.
@@ -199,6 +217,29 @@ mod tests {
         assert!(of(&twice, false).covariance[(0, 0)].is_infinite());
         assert_eq!(of(&twice, true).by_noise.norm(), 0.0);
         assert!((line.taken - 2.0).abs() < 1e-9 && of(&twice, true).taken == 0.0);
+    }
+
+    #[test]
+    fn noise_that_is_less_than_before_has_faded() {
+        let (ones, before) = ([vec![1.0; 400]], [vec![white(400, 5)]]);
+        let of = |factor: f64| -> bool {
+            let residuals: Vec<f64> = white(400, 6).iter().map(|v| factor * v).collect();
+            let record = 0..400;
+            let (records, at_bound) = ([vec![record]], [false]);
+            let common = [];
+            let (elsewhere, in_time) = (None, None);
+            let fit = Linearised {
+                columns: &ones,
+                residuals: &residuals,
+                records: &records,
+                elsewhere,
+                common: &common,
+                at_bound: &at_bound,
+                in_time,
+            };
+            fit.has_faded(&before)
+        };
+        assert!(of(0.3) && !of(1.0) && !of(3.0));
     }
 
     /// A prior of standard deviation 0.1 on what 400 samples of noise 100 hardly see.

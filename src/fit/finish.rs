@@ -15,6 +15,7 @@ use super::misfit::Misfit;
 use super::optimum::short_of_it;
 use super::outcome::{Fit, FittedParameter, RunFit, SensorFit};
 use super::problem::{Calibration, Window};
+use super::surplus::at_rest;
 use super::uncertainty::{correlation, gauss_newton_step};
 use crate::model::{Model, ModelError};
 
@@ -161,6 +162,7 @@ impl Fitter<'_> {
         problem: &Calibration,
         solution: &Solution,
         columns: &[Vec<f64>],
+        at_rest: &[bool],
     ) -> Result<(Vec<f64>, f64), ModelError> {
         let values = problem.values(&solution.x);
         let halved = problem.window().reaches.div_ceil(2);
@@ -171,7 +173,7 @@ impl Fitter<'_> {
         let noise = problem.sample_noise();
         let square: f64 = change.iter().zip(&noise).map(|(c, n)| (c * n).powi(2)).sum();
         let error_m = (square / noise.len().max(1) as f64).sqrt();
-        Ok((gauss_newton_step(columns, &change, &solution.at_bound), error_m))
+        Ok((gauss_newton_step(columns, &change, at_rest), error_m))
     }
 
     /// A fit of frequencies seen from the samples, whose noise is stationary.
@@ -197,7 +199,8 @@ impl Fitter<'_> {
         let values = problem.values(&solution.x);
         let start_values: Vec<f64> = problem.parameters.iter().map(|p| p.start).collect();
         let columns = self.slopes(problem, solution)?;
-        let (shifts, halving_m) = self.last_halving(problem, solution, &columns)?;
+        let at_rest = at_rest(problem, &values, &solution.at_bound);
+        let (shifts, halving_m) = self.last_halving(problem, solution, &columns, &at_rest)?;
         // A third of it is left to come; half of it allows for kinks, which are of first order.
         let left: Vec<f64> = shifts.iter().map(|s| 0.5 * s).collect();
         let records = problem.record_rows();
@@ -211,16 +214,17 @@ impl Fitter<'_> {
             residuals: &solution.residuals,
             records: &records,
             common: &common,
-            at_bound: &solution.at_bound,
+            at_bound: &at_rest,
             in_time: sampled.as_ref().map(Sampled::in_time),
             elsewhere: None,
         };
-        let errors = Errors::of(linearised).and(&left);
+        let before = problem.noise_before();
+        let of_before = before.as_ref().map(|noise| Errors::of(Linearised { elsewhere: Some(noise), ..linearised }));
+        let of_record = Errors::of(linearised);
         // What a model fails to explain is to show outside the band: the noise is that of before.
-        let covariance = match problem.noise_before() {
-            None => errors.by_noise.clone(),
-            Some(before) => Errors::of(Linearised { elsewhere: Some(&before), ..linearised }).by_noise,
-        };
+        let covariance = of_before.as_ref().unwrap_or(&of_record).by_noise.clone();
+        let faded = before.is_some_and(|noise| linearised.has_faded(&noise));
+        let errors = of_before.filter(|_| faded).unwrap_or(of_record).and(&left);
         let bands = match &sampled {
             None => curve_sd_m(problem, &columns, &covariance),
             Some(sampled) => curve_sd_m(&sampled.problem, &sampled.columns, &covariance),
@@ -270,7 +274,7 @@ impl Fitter<'_> {
             effects: model.effects.clone(),
             runs,
             parameters,
-            correlation: correlation(&columns, &solution.at_bound),
+            correlation: correlation(&columns, &at_rest),
             unseen: unseen(problem, &values, linearised, &errors),
             reaches: problem.window().reaches,
             grid_error_m: 0.25 * halving_m,

@@ -9,7 +9,7 @@ use nalgebra::DMatrix;
 
 use super::errors::{Errors, Linearised};
 use super::problem::Calibration;
-use super::surplus::{Element, elements};
+use super::surplus::{Element, vanished};
 use crate::model::parameter::{Parameter, Scale};
 
 /// Share of a variable in the unseen space from which on it is named, and of two that makes them go together.
@@ -38,8 +38,7 @@ pub struct Unseen {
 /// What the recordings leave unseen of a linearised fit.
 pub(super) fn unseen(problem: &Calibration, values: &[f64], fit: Linearised, errors: &Errors) -> Vec<Unseen> {
     let gone = vanished(problem, values);
-    let times: Vec<usize> = gone.iter().map(|e| e.time).collect();
-    let all: Vec<usize> = (0..problem.parameters.len()).filter(|j| !fit.at_bound[*j] && !times.contains(j)).collect();
+    let all: Vec<usize> = (0..problem.parameters.len()).filter(|j| !fit.at_bound[*j]).collect();
     let (zeros, rest): (Vec<usize>, Vec<usize>) =
         all.into_iter().partition(|&j| problem.parameters[j].name.starts_with("offset_m["));
     // A noise that is coloured, or larger than believed, is worth less; half the variables scatter less than this.
@@ -64,17 +63,6 @@ pub(super) fn unseen(problem: &Calibration, values: &[f64], fit: Linearised, err
     let groups = groups(&unseen_space(seen));
     let unsupported = (0..problem.model.effects.len()).filter_map(|effect| without(problem, effect, &gone));
     unsupported.chain(groups.into_iter().map(|(members, size)| said(problem, errors, &rest, &members, size))).collect()
-}
-
-/// Elements that a fit has let vanish, though it might have kept them.
-fn vanished(problem: &Calibration, values: &[f64]) -> Vec<Element> {
-    let least = |e: &Element| {
-        let strength = &problem.parameters[e.strength];
-        strength.lower < strength.upper && values[e.strength] <= strength.lower
-    };
-    let settled =
-        |e: &Element| problem.model.constraints.iter().any(|c| c.concerns(&problem.parameters[e.strength].name, None));
-    elements(problem).into_iter().filter(|e| least(e) && !settled(e)).collect()
 }
 
 /// What to say of those of one effect.

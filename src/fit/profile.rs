@@ -4,7 +4,7 @@
 //! degree of freedom (Venzon & Moolgavkar 1988, Appl. Statist. 37, 87), times the factor by which the parameter scatters more
 //! than white noise of the believed size would let it (Kent 1982, Biometrika 69, 19): see [`super::errors`]. Where the problem is linear that
 //! is the linear interval; a side on which the threshold is not reached before the bound is open, and one on which no optimum was found before the
-//! threshold is not known: see [`walk`].
+//! threshold is not known: see [`walk`]. An element of creep that has vanished in the fit ([`super::surplus`]) stays so.
 
 mod walk;
 
@@ -20,6 +20,7 @@ use super::interval::Z_95;
 use super::least_squares::{Limits, Problem, Solution, jacobian};
 use super::outcome::Fit;
 use super::problem::Calibration;
+use super::surplus::vanished;
 use crate::rig::Rig;
 use walk::{End, SETTLED, Start, walk};
 
@@ -92,7 +93,10 @@ pub fn profiles(
     let values = fit.values();
     let fitter = Fitter::new(rig, runs, options, progress, &fit.effects, Some(&values))?;
     let model = fitter.model(&fit.effects);
-    let own = fitter.problem(&model, fitter.whole(fit.reaches));
+    let mut own = fitter.problem(&model, fitter.whole(fit.reaches));
+    // An element that has vanished stays so: the profiles are those of the model without it, which is as good.
+    let gone: Vec<usize> = vanished(&own, &values).into_iter().flat_map(|e| [e.strength, e.time]).collect();
+    own.hold(&gone, &values);
     let limits = |problem: &Calibration| Limits {
         iterations: options.patience,
         cost_tolerance: SETTLED / problem.samples().max(1) as f64,
@@ -105,7 +109,8 @@ pub fn profiles(
     let below_fit = fall / (2.0 * centre.cost / own.samples().max(1) as f64).max(f64::MIN_POSITIVE);
     let values = own.values(&centre.x);
     let reaches = model.fitting_reaches(&values[..model.shared.len()], FINAL_REACHES.max(fitter.least_reaches));
-    let problem = fitter.problem(&model, fitter.whole(reaches));
+    let mut problem = fitter.problem(&model, fitter.whole(reaches));
+    problem.hold(&gone, &values);
     let best = fitter.minimise(&problem, &values, limits(&problem), "profiles: the best fit")?;
     let columns = jacobian(&problem, &best.x, &best.residuals)?;
     fitter.count(1 + columns.len());

@@ -5,7 +5,8 @@
 //! quite another time may help. So where a descent ends short of an optimum, the element that the others make up for best is taken out. Then all
 //! retardation times are tried for one more, as the gradient function of a mixture is (Lindsay 1983, Ann. Statist. 11, 86), and the descent
 //! is begun anew where it has its peaks. Where none of them leads to an optimum and the element gains no more than its two parameters gain of noise
-//! alone, the record does not support it: its compliance stays at its lower bound.
+//! alone, the record does not support it: its compliance stays at its lower bound. In coloured noise an element may gain more than that of noise alone: it is
+//! kept then, and its errors, which know the colour, say how little it is known.
 
 use nalgebra::DVector;
 use rayon::prelude::*;
@@ -72,6 +73,27 @@ fn free_elements(problem: &Calibration) -> Vec<Element> {
         p.prior.is_none() && !settled && lower[j] < upper[j]
     };
     elements(problem).into_iter().filter(|e| free(e.strength) && free(e.time)).collect()
+}
+
+/// Elements that a fit has let vanish, though it might have kept them.
+pub(super) fn vanished(problem: &Calibration, values: &[f64]) -> Vec<Element> {
+    let least = |e: &Element| {
+        let strength = &problem.parameters[e.strength];
+        strength.lower < strength.upper && values[e.strength] <= strength.lower
+    };
+    let settled =
+        |e: &Element| problem.model.constraints.iter().any(|c| c.concerns(&problem.parameters[e.strength].name, None));
+    elements(problem).into_iter().filter(|e| least(e) && !settled(e)).collect()
+}
+
+/// Variables that stand still at the end of a fit: those at a bound, and all of an element that has vanished. What little its retardation time
+/// moves looks like what another element's does, and would make that one look undetermined.
+pub(super) fn at_rest(problem: &Calibration, values: &[f64], at_bound: &[bool]) -> Vec<bool> {
+    let mut at_rest = at_bound.to_vec();
+    for element in vanished(problem, values) {
+        (at_rest[element.strength], at_rest[element.time]) = (true, true);
+    }
+    at_rest
 }
 
 impl Fitter<'_> {
@@ -282,6 +304,10 @@ mod tests {
             for gone in fit.parameters.iter().filter(|p| p.name.starts_with('J') && p.value <= p.lower) {
                 let said = fit.unseen.iter().find(|u| u.parameters.contains(&gone.name));
                 assert!(said.is_some_and(|u| u.in_words.contains("viscoelastic-wall:")), "{}", gone.name);
+                for name in said.iter().flat_map(|u| &u.parameters) {
+                    let own = fit.parameters.iter().find(|p| p.name == *name).unwrap();
+                    assert!(own.standard_error.is_nan() && own.interval_95.0 == f64::NEG_INFINITY, "{name}");
+                }
             }
         }
     }

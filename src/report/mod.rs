@@ -52,6 +52,7 @@ pub mod steps;
 pub mod summary;
 pub mod svg;
 pub mod table;
+pub mod value;
 
 use crate::fit::outcome::Fit;
 

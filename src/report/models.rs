@@ -5,6 +5,7 @@ use std::fmt::Write;
 use serde::Serialize;
 
 use crate::fit::model_file::{Entry, ModelFile};
+use crate::report::number::{significant, with_error};
 
 #[derive(Serialize)]
 struct Document<'a> {
@@ -41,8 +42,30 @@ pub fn text(file: &ModelFile) -> String {
     out.push_str("\nin force:\n");
     for p in &file.current().parameters {
         let run = p.run.as_ref().map_or(String::new(), |r| format!(" ({r})"));
-        let error = p.standard_error.map_or(String::new(), |e| format!(" ± {e:.2e}"));
-        let _ = writeln!(out, "  {}{run} = {:.6}{error}   {}", p.name, p.value, p.source);
+        let value = p.standard_error.map_or_else(|| significant(p.value, 6), |error| with_error(p.value, error));
+        let _ = writeln!(out, "  {}{run} = {value}   {}", p.name, p.source);
     }
     out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn small_values_keep_their_digits() {
+        let parameter = |name: &str, value: &str, error: &str| {
+            format!(
+                "[[model.parameter]]\nname = \"{name}\"\nvalue = {value}\n{error}lower = 1e-9\nupper = 1e9\nfixed = false\nsource = \"fitted\"\n"
+            )
+        };
+        let toml = "in_force = 1\nrecordings = [\"a.mcap\"]\n[[model]]\nname = \"m\"\nwhen = \"2026-01-01T00:00:00Z\"\nwhy = \"calibrated\"\n\
+                    effects = [\"viscoelastic-wall:1\"]\nrmse_m = 0.1\nnoise_m = 0.1\n"
+            .to_owned()
+            + &parameter("J1_per_GPa", "3.99e-7", "")
+            + &parameter("tau1_s", "0.000531154", "standard_error = 1.4e-5\n");
+        let said = text(&ModelFile::parse(&toml, std::path::Path::new("m.toml")).unwrap());
+        assert!(said.contains("  J1_per_GPa = 3.99000e-7   fitted\n"), "{said}");
+        assert!(said.contains("  tau1_s = 0.000531(14)   fitted\n"), "{said}");
+    }
 }

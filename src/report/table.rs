@@ -3,8 +3,9 @@
 use crate::fit::compare::mape_percent;
 use crate::fit::outcome::{ExtremumError, Fit, RunFit, SensorFit};
 use crate::report::curves::find;
-use crate::report::number::{decimals_for, duration, error_m, fixed, interval, signed, significant, times, with_error};
+use crate::report::number::{decimals_for, duration, error_m, fixed, interval, signed, significant, times};
 use crate::report::steps::steps;
+use crate::report::value::fitted;
 use crate::report::{Stage, summary};
 
 /// Everything `calibrate` prints: verdict, errors, parameters, extrema, and why the fit stopped.
@@ -30,7 +31,7 @@ pub fn parameters(fit: &Fit) -> String {
     for p in &fit.parameters {
         table.row([
             p.name.clone(),
-            if fit.converged { with_error(p.value, p.standard_error) } else { significant(p.value, 5) },
+            fitted(fit, p),
             p.unit.into(),
             interval(p.interval_95) + if p.profile.is_some() { " (profile)" } else { "" },
             p.run.clone().unwrap_or_default(),

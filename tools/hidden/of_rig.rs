@@ -38,9 +38,7 @@ const DEGREES: f64 = 0.02;
 /// The case that the scheme solves: a rig of one pipe.
 fn case(rig: &Rig, known: &Known) -> Case {
     let pipe = &rig.pipes[0];
-    // The scheme's wall has c₁ = 1 and its water 1000 kg/m³: creep counts by their product with J.
-    let scale = pipe.constraint_coefficient() * rig.fluid.properties(known.temperature_degc).density_kg_m3 / 1000.0;
-    Case {
+    let mut case = Case {
         name: rig.name.clone(),
         material: pipe.material().name,
         length_m: pipe.length_m,
@@ -57,12 +55,17 @@ fn case(rig: &Rig, known: &Known) -> Case {
         sample_s: SAMPLE_S,
         sensors_m: pressures(rig).map(|s| s.position_m).collect(),
         noise_m: known.noise_m,
-        creep: known.creep.iter().map(|(j, tau)| (j * scale, *tau)).collect(),
+        creep: known.creep.clone(),
         friction: pipe.friction_factor,
         unsteady_friction: false,
         start_effects: Vec::new(),
         hidden: Hidden::Creep,
-    }
+    };
+    // The scheme's wall has c₁ = 1 and its water a density of its own: creep counts by their product with J.
+    let density = rig.fluid.properties(known.temperature_degc).density_kg_m3;
+    let scale = pipe.constraint_coefficient() * density / case.density_kg_m3();
+    case.creep.iter_mut().for_each(|(j, _)| *j *= scale);
+    case
 }
 
 fn pressures(rig: &Rig) -> impl Iterator<Item = &Sensor> {
@@ -109,4 +112,31 @@ pub fn csv(rig: &Rig, known: &Known) -> String {
         out.push('\n');
     }
     out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Strain for head is c₁ ρ J: as the program has it, with the rig's wall and water, and as the scheme has it.
+    #[test]
+    fn the_scheme_strains_as_the_rig_does() {
+        let rig = Rig::load(std::path::Path::new("rigs/demo-hdpe.toml")).unwrap();
+        let known = Known {
+            temperature_degc: 22.2,
+            wave_speed_m_s: 342.0,
+            velocity_m_s: 0.4,
+            valve_head_m: 25.0,
+            closing_s: 0.1,
+            creep: vec![(0.13e-9, 0.033)],
+            duration_s: 1.0,
+            noise_m: 0.03,
+            zero_m: 0.0,
+            seed: 1,
+        };
+        let case = case(&rig, &known);
+        let own = case.density_kg_m3() * case.creep[0].0;
+        let rigs = rig.fluid.properties(22.2).density_kg_m3 * rig.pipes[0].constraint_coefficient() * 0.13e-9;
+        assert!((own / rigs - 1.0).abs() < 1e-12, "{own} {rigs}");
+    }
 }

@@ -12,6 +12,8 @@ const STRONG: f64 = 6.0;
 const CREEPS: f64 = 0.05;
 /// How far compliances may lie beyond those of the library: other grades, and J0 of a test that begins late.
 const BEYOND: f64 = 1.5;
+/// How many times its noise a test is left at, from which on it contradicts the others.
+const CONTRADICT: f64 = 2.0;
 /// Variance of correlated residuals over that of independent ones from which a reader is told.
 const ALIKE: f64 = 3.0;
 
@@ -67,6 +69,21 @@ pub(super) fn remark(fit: &mut CreepFit, ladder: &Ladder, step: &Step, (room, mo
     if ladder.shifts > 0 {
         apart(fit, ladder, step, room);
     }
+    fit.remarks.extend(unlike(fit));
+}
+
+/// Where tests that were fitted as of one temperature contradict each other.
+fn unlike(fit: &CreepFit) -> Option<String> {
+    let ratio = |t: &TestFit| t.rms_per_pa / t.noise_per_pa;
+    let worst = fit.tests.iter().max_by(|a, b| ratio(a).total_cmp(&ratio(b)))?;
+    (fit.tests.len() > 1 && fit.shifts.is_empty() && ratio(worst) > CONTRADICT).then(|| {
+        format!(
+            "these tests are taken for ones at the same temperature and contradict each other: {} is left at {:.1} times its noise; where they were made \
+             at several temperatures say --temperature-degC T1,T2,…, one a file",
+            worst.test.file,
+            ratio(worst)
+        )
+    })
 }
 
 /// A compliance that no wall of the library has, by its sentence. What creeps is none of the metals.

@@ -4,7 +4,8 @@ use super::{minus, table};
 use crate::fit::outcome::Fit;
 use crate::report::Stage;
 use crate::report::escape::escape;
-use crate::report::number::{interval, significant, with_error};
+use crate::report::number::interval;
+use crate::report::value::fitted;
 
 /// How to read errors; and why there are none.
 const ERRORS: &str = "<p class=\"note\">395.1(4) stands for 395.1 ± 0.4, one standard error in the last digits. At a bound the standard error means little: the data pull the value beyond what is allowed.</p>\n";
@@ -45,7 +46,7 @@ fn of(fit: &Fit, title: &str) -> String {
             format!("<code>{}</code>", escape(&p.name)),
             format!(
                 "<span class=\"nowrap\">{} {}</span>{flag}",
-                minus(&if fit.converged { with_error(p.value, p.standard_error) } else { significant(p.value, 5) }),
+                minus(&fitted(fit, p)),
                 if p.unit == "1" { String::new() } else { escape(p.unit) }
             ),
             format!("<span class=\"nowrap\">{}</span>", minus(&interval(p.interval_95))),
