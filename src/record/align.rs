@@ -31,8 +31,7 @@ impl Stretch {
         let host_ns = device_ns as f64;
         let (residual_ns, late) = ((0.0, 0.0), (0.0, 0.0));
         let rate = 1.0;
-        let line =
-            ClockLine { device_ns, host_ns, rate, drift_known: true, residual_ns, is_real_time: true, late, set: None };
+        let line = ClockLine { device_ns, host_ns, rate, drift_known: true, residual_ns, is_real_time: true, late };
         Stretch { from_ns, last_ns, device_ns, fit: ClockFit::default(), line: Some(line) }
     }
 

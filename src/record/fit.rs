@@ -5,10 +5,6 @@
 //! (Moon, Skelly & Towsley 1999, "Estimation and removal of clock skew from network delay measurements", IEEE INFOCOM). A constant
 //! delay between sample and arrival cannot be seen; bursts of delay, however many and long, do no harm.
 
-mod set;
-
-pub use set::Set;
-
 use crate::robust::{median, sd_about};
 
 /// Most points kept; when there are more, neighbours become one.
@@ -67,8 +63,6 @@ pub struct ClockLine {
     /// The least that a sixteenth of the time (a second at least) came late after the line, ns, for the worst of them, and the share of those
     /// that came more than 50 ms late: bursts come on time with their ends, a clock that was set does not.
     pub late: (f64, f64),
-    /// Where the clock was set while it ran, by all that the arrivals say; the drift is not known then.
-    pub set: Option<Set>,
 }
 
 impl ClockLine {
@@ -125,9 +119,7 @@ impl ClockFit {
         let frame_ns = span_ns as f64 / self.seen as f64;
         let slides = || drift.abs() * span_ns as f64 > LARGE_SLIDE * frame_ns.max(residuals_ns(&self.points, drift).0);
         let pieces = (span_ns / SHORTEST_PIECE_NS).clamp(1, PIECES as i64) as usize;
-        let set = set::found(&least_delays(&self.points, 0.0, pieces));
-        let drift_known = set.is_none()
-            && span_ns >= SPAN_FOR_DRIFT_NS
+        let drift_known = span_ns >= SPAN_FOR_DRIFT_NS
             && drift.abs() <= MOST_DRIFT
             && is_sure(&self.points, drift)
             && (drift.abs() <= QUARTZ_DRIFT || slides());
@@ -149,7 +141,6 @@ impl ClockFit {
             residual_ns: residuals_ns(&self.points, drift),
             is_real_time,
             late: (late.into_iter().fold(0.0, f64::max), share_late),
-            set,
         })
     }
 

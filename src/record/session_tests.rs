@@ -329,23 +329,3 @@ fn polls_that_fell_out_are_told_with_what_to_do() {
         assert!(mute.contains(part), "{part}: {mute}");
     }
 }
-
-/// Lines every 10 ms, whose clock is set by less than the next line waits for: their stamps cannot tell it, their arrivals do.
-#[test]
-fn a_lines_clock_that_was_set_is_told() {
-    for (by_us, told) in
-        [(0, None), (4_000, Some("set by +4.")), (-5_000, Some("set by -5.")), (-15_000, Some("set by -15."))]
-    {
-        let folder = tempfile::tempdir().unwrap();
-        let options = Options::new(folder.path().join("run.mcap"));
-        let line = |index: i64| {
-            let set_us = if index < 1200 { 0 } else { by_us };
-            let at_ns = index * 10 * MS + (index * 7919) % 97 * 1000;
-            (at_ns, 0, format!("{},{index}\n", 6_000_000 + 10_000 * index + set_us).into_bytes())
-        };
-        let summary = played_on(&rig("lines"), &options, (0..2000).map(line).collect());
-        let warning = summary.devices[0].clock.unwrap().warning();
-        assert_eq!(warning.is_some(), told.is_some(), "{by_us}: {warning:?}");
-        assert!(told.is_none_or(|told| warning.unwrap_or_default().contains(told)), "{by_us}");
-    }
-}
