@@ -36,6 +36,13 @@ impl ClockSummary {
         })
     }
 
+    /// That of the stretch that came after this one; what was late in either is told.
+    pub(super) fn and(self, next: ClockSummary) -> ClockSummary {
+        let (late_share, late_most_ms) =
+            (self.late_share.max(next.late_share), self.late_most_ms.max(next.late_most_ms));
+        ClockSummary { late_share, late_most_ms, ..next }
+    }
+
     pub(super) fn of(line: &ClockLine) -> ClockSummary {
         let (median_ns, most_ns) = line.residual_ns;
         let drift_ppm = line.drift_known.then_some((1.0 / line.rate - 1.0) * 1e6);
@@ -87,6 +94,22 @@ mod tests {
             assert_eq!(summary.warning(), None, "{summary:?}");
             assert!(summary.residual_95_ms > 50.0, "{summary:?}");
         }
+    }
+
+    #[test]
+    fn one_late_line_of_a_slow_logger_is_not_told() {
+        let mut fit = ClockFit::default();
+        for index in 0..20 {
+            let late_ns = if index == 12 { 60_000_000 } else { 0 };
+            fit.add(index * 2_000_000_000, index * 2_000_000_000 + late_ns);
+        }
+        assert_eq!(ClockSummary::of(&fit.line().unwrap()).warning(), None);
+    }
+
+    #[test]
+    fn what_was_late_before_a_restart_is_told_all_the_same() {
+        let both = stepped(0.5).and(stepped(0.0));
+        assert!(both.warning().is_some() && stepped(0.0).and(stepped(0.0)).warning().is_none());
     }
 
     #[test]

@@ -28,8 +28,9 @@ const PIECES: usize = 16;
 /// A piece of which nothing came sooner after the line is late, and a half of which nothing did belongs to no stream in real time, unless the
 /// largest drift explains it, ns.
 const LATE_NS: f64 = 50e6;
-/// A burst is shorter than this, ns.
+/// A burst is shorter than this, ns, and a piece of fewer arrivals says nothing.
 const SHORTEST_PIECE_NS: i64 = 1_000_000_000;
+const IN_A_PIECE: u64 = 8;
 /// No device clock is this far off: what shows more is no stream in real time.
 const MOST_DRIFT: f64 = 0.05;
 
@@ -118,7 +119,8 @@ impl ClockFit {
         let span_ns = last.0 - first.0;
         let frame_ns = span_ns as f64 / self.seen as f64;
         let slides = || drift.abs() * span_ns as f64 > LARGE_SLIDE * frame_ns.max(residuals_ns(&self.points, drift).0);
-        let pieces = (span_ns / SHORTEST_PIECE_NS).clamp(1, PIECES as i64) as usize;
+        let pieces =
+            (span_ns / SHORTEST_PIECE_NS).min((self.seen / IN_A_PIECE) as i64).clamp(1, PIECES as i64) as usize;
         let drift_known = span_ns >= SPAN_FOR_DRIFT_NS
             && drift.abs() <= MOST_DRIFT
             && is_sure(&self.points, drift)
@@ -130,8 +132,7 @@ impl ClockFit {
         let (early, late) = self.points.split_at(self.points.partition_point(|p| p.0 <= first.0 + span_ns / 2));
         let near_ns = LATE_NS.max(MOST_DRIFT * span_ns as f64 / 2.0);
         let is_real_time = [early, late].iter().all(|half| half.is_empty() || nearest(half) <= near_ns);
-        let late: Vec<f64> =
-            least_delays(&self.points, drift, pieces).iter().map(|(_, delay)| delay - offset).collect();
+        let late: Vec<f64> = least_delays(&self.points, drift, pieces).iter().map(|delay| delay - offset).collect();
         let share_late = late.iter().filter(|late| **late > LATE_NS).count() as f64 / late.len() as f64;
         Some(ClockLine {
             device_ns,
@@ -162,7 +163,7 @@ fn residuals_ns(points: &[(i64, i64)], drift: f64) -> (f64, f64) {
 /// scatter is taken from their median distance to their median, so that a piece in which everything was late says nothing.
 fn is_sure(points: &[(i64, i64)], drift: f64) -> bool {
     let (Some(first), Some(last)) = (points.first(), points.last()) else { return false };
-    let mut least: Vec<f64> = least_delays(points, drift, PIECES).into_iter().map(|(_, delay)| delay).collect();
+    let mut least = least_delays(points, drift, PIECES);
     let middle = median(&mut least);
     let scatter = sd_about(middle, &least);
     // evenly spaced points: the variance of their places is span²/12
@@ -171,18 +172,15 @@ fn is_sure(points: &[(i64, i64)], drift: f64) -> bool {
     least.len() >= pieces && error <= SURE_DRIFT.max(drift.abs() / times)
 }
 
-/// The least delay in each of so many equal pieces of the span that something came in, with its time, ns.
-fn least_delays(points: &[(i64, i64)], drift: f64, pieces: usize) -> Vec<(f64, f64)> {
+/// The least delay in each of so many equal pieces of the span that something came in.
+fn least_delays(points: &[(i64, i64)], drift: f64, pieces: usize) -> Vec<f64> {
     let (Some(first), Some(last)) = (points.first(), points.last()) else { return Vec::new() };
-    let mut least = vec![(0.0, f64::INFINITY); pieces];
+    let mut least = vec![f64::INFINITY; pieces];
     for point in points {
         let piece = ((point.0 - first.0) as i128 * pieces as i128 / (last.0 - first.0 + 1) as i128) as usize;
-        let delay = point.1 as f64 - drift * point.0 as f64;
-        if delay < least[piece].1 {
-            least[piece] = (point.0 as f64, delay);
-        }
+        least[piece] = least[piece].min(point.1 as f64 - drift * point.0 as f64);
     }
-    least.retain(|(_, delay)| delay.is_finite());
+    least.retain(|delay| delay.is_finite());
     least
 }
 

@@ -45,6 +45,13 @@ pub enum Event {
     Line(Line),
     /// The device started again: its clock began anew with the next line.
     Restarted,
+    /// Lines are missing between two of the first ones, as those after them show; device times, µs.
+    Hole {
+        /// Of the last line before.
+        from_us: u64,
+        /// Of the first line after.
+        to_us: u64,
+    },
 }
 
 /// What the decoder has seen.
@@ -66,9 +73,12 @@ pub struct Decoder {
     /// The first lines, until enough of them agree.
     held: Vec<Line>,
     last_us: Option<u64>,
-    steps: VecDeque<u64>,
+    /// From line to line, µs.
+    steps: VecDeque<(u64, u64)>,
     /// Jumps of about one length that came one after the other.
-    jumps: Vec<u64>,
+    jumps: Vec<(u64, u64)>,
+    /// What a counter of 32 bits has lost by wrapping, µs.
+    wrapped_us: u64,
     /// Bad lines came since the last that parsed.
     hole: bool,
     /// Bad lines came before the stale ones, since the last line taken.
@@ -113,6 +123,8 @@ impl Decoder {
         if self.pieces.cut() {
             self.bad();
         }
+        // what is missing then shows in the times, but for a rhythm that is not known yet
+        self.hole |= self.steps.len() < ENOUGH_STEPS;
     }
 
     /// How many lines are held back.
@@ -140,6 +152,7 @@ impl Decoder {
     }
 
     fn line(&mut self, time_us: u64, values: Vec<Option<f64>>, began_ns: i64, events: &mut Vec<Event>) {
+        let time_us = self.unwrapped(time_us);
         let line = Line { time_us, values, hole_before: std::mem::take(&mut self.hole), began_ns };
         if self.width.is_some() {
             self.of_width(line, events);
@@ -155,6 +168,20 @@ impl Decoder {
             self.counts.bad += 1;
             self.held[0].hole_before = true;
         }
+    }
+
+    /// A time that goes on where a counter of 32 bits, as a microcontroller's, wraps (every 71.6 min).
+    fn unwrapped(&mut self, time_us: u64) -> u64 {
+        let time_us = time_us + self.wrapped_us;
+        let next_us = time_us + (1 << 32);
+        let goes_on = |last_us| {
+            time_us < last_us && last_us < next_us && self.steps.len() >= ENOUGH_STEPS && !self.jumps(last_us, next_us)
+        };
+        if !self.last_us.is_some_and(goes_on) {
+            return time_us;
+        }
+        self.wrapped_us += 1 << 32;
+        next_us
     }
 
     fn of_width(&mut self, mut line: Line, events: &mut Vec<Event>) {
@@ -187,7 +214,7 @@ impl Decoder {
 
     /// True for a step well beyond those before it.
     fn jumps(&self, from_us: u64, to_us: u64) -> bool {
-        let longest = self.steps.iter().max().copied().unwrap_or_default();
+        let longest = self.steps.iter().map(length).max().unwrap_or_default();
         self.steps.len() >= ENOUGH_STEPS && to_us - from_us > longest + longest / 2
     }
 
@@ -204,7 +231,7 @@ impl Decoder {
             self.jumps.clear();
             return;
         }
-        self.jumps.push(to_us - from_us);
+        self.jumps.push((from_us, to_us));
         if self.jumps.len() == ENOUGH_STEPS {
             self.steps.clear();
             self.steps.extend(self.jumps.drain(..));
@@ -220,7 +247,10 @@ impl Decoder {
             if self.steps.len() == STEPS {
                 self.steps.pop_front();
             }
-            self.steps.push_back(line.time_us - last_us);
+            self.steps.push_back((last_us, line.time_us));
+            if self.steps.len() == ENOUGH_STEPS {
+                self.early_hole(events);
+            }
         }
         self.last_us = Some(line.time_us);
         self.recent.push_back(line.clone());
@@ -229,6 +259,19 @@ impl Decoder {
         }
         self.counts.lines += 1;
         events.push(Event::Line(line));
+    }
+
+    /// One of the first steps is a hole where it is far longer than the others, and they agree.
+    fn early_hole(&mut self, events: &mut Vec<Event>) {
+        let Some(at) = (0..self.steps.len()).max_by_key(|at| length(&self.steps[*at])) else { return };
+        let Some((from_us, to_us)) = self.steps.remove(at) else { return };
+        let (shortest, longest) =
+            self.steps.iter().map(length).fold((u64::MAX, 0), |(low, high), step| (low.min(step), high.max(step)));
+        if longest <= shortest + shortest / 4 && to_us - from_us > longest + longest / 2 {
+            events.push(Event::Hole { from_us, to_us });
+        } else {
+            self.steps.insert(at, (from_us, to_us));
+        }
     }
 
     fn stale(&mut self, line: Line, events: &mut Vec<Event>) {
@@ -258,6 +301,10 @@ impl Decoder {
             self.hole_before_stale |= !again;
         }
     }
+}
+
+fn length((from_us, to_us): &(u64, u64)) -> u64 {
+    to_us - from_us
 }
 
 /// A comment or an empty line says nothing.

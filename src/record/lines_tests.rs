@@ -14,6 +14,7 @@ fn times(events: &[Event]) -> Vec<(u64, bool)> {
     let of = |event: &Event| match event {
         Event::Line(line) => (line.time_us, line.hole_before),
         Event::Restarted => (u64::MAX, false),
+        Event::Hole { from_us, .. } => (*from_us, true),
     };
     events.iter().map(of).collect()
 }
@@ -117,6 +118,59 @@ fn a_damaged_first_line_costs_itself_only() {
     assert_eq!(decoder.counts().bad, 2);
 }
 
+/// Before three steps are known nothing is a jump: the lines that follow show it.
+#[test]
+fn a_hole_between_the_first_lines_is_told_by_those_after_them() {
+    for (lost, hole) in [(2..4, Some((2, 4))), (3..20, Some((3, 20))), (4..9, Some((4, 9))), (0..1, None)] {
+        let sent = (0..30).filter(|index| !lost.contains(index) || lost.start == 0);
+        let text: String = sent.map(|index| format!("{},1\n", 1_000_000 + 100_000 * index)).collect();
+        let mut decoder = Decoder::new();
+        // the first line may be the rest of one
+        let events = decode(&mut decoder, &text);
+        let time_us = |index: u64| 1_000_000 + 100_000 * index;
+        let told: Vec<(u64, u64)> = events
+            .iter()
+            .zip(events.iter().skip(1))
+            .filter_map(|pair| match pair {
+                (Event::Hole { from_us, to_us }, _) => Some((*from_us, *to_us)),
+                (Event::Line(before), Event::Line(line)) if line.hole_before => Some((before.time_us, line.time_us)),
+                _ => None,
+            })
+            .collect();
+        let expected: Vec<_> = hole.into_iter().map(|(from, to)| (time_us(from - 1), time_us(to))).collect();
+        assert_eq!(told, expected, "{lost:?}");
+    }
+    // a device that writes when it has something to say
+    let events = decode(&mut Decoder::new(), "\n1,1\n1000001,1\n6000001,1\n8000001,1\n");
+    assert_eq!(times(&events), [(1, false), (1_000_001, false), (6_000_001, false), (8_000_001, false)]);
+}
+
+#[test]
+fn a_line_that_is_cut_before_its_rhythm_is_known_may_miss_anything() {
+    for (lines, hole) in [(2, true), (10, false)] {
+        let (mut decoder, mut events) = (Decoder::new(), Vec::new());
+        let text: String = (0..=lines).map(|index| format!("{},1\n", 10_000 * index)).collect();
+        decoder.feed(0, text.as_bytes(), &mut events);
+        decoder.cut();
+        // what comes first may be the rest of a line
+        decoder.feed(0, format!("0\n{},1\n", 10_000 * (lines + 1)).as_bytes(), &mut events);
+        assert_eq!(times(&events).last(), Some(&(10_000 * (lines + 1), hole)));
+    }
+}
+
+/// A microcontroller's counter of µs wraps after 71.6 min.
+#[test]
+fn a_counter_that_wraps_goes_on() {
+    let wrap = 1 << 32;
+    let text: String = (0..60).map(|index| format!("{},{index}\n", (wrap - 305_000 + 10_000 * index) % wrap)).collect();
+    let mut decoder = Decoder::new();
+    let expected: Vec<_> = (1..60).map(|index| (wrap - 305_000 + 10_000 * index, false)).collect();
+    assert_eq!(times(&decode(&mut decoder, &text)), expected);
+    // a device that starts again does not go on
+    let text: String = (0..20).map(|index| format!("{},1\n", 10_000 * (index % 10))).collect();
+    assert!(decode(&mut Decoder::new(), &text).contains(&Event::Restarted));
+}
+
 proptest! {
     #[test]
     fn any_bytes_in_any_split_are_survived(bytes in prop::collection::vec(prop_oneof![
@@ -132,6 +186,7 @@ proptest! {
         for event in events {
             match event {
                 Event::Restarted => last = 0,
+                Event::Hole { from_us, to_us } => prop_assert!(from_us < to_us && to_us <= last),
                 Event::Line(line) => {
                     prop_assert!(line.time_us >= last && line.values.iter().flatten().all(|v| v.is_finite()));
                     last = line.time_us;

@@ -98,7 +98,11 @@ impl<'a> Live<'a> {
             stream.set_moves(moves);
         }
         match &mut self.begun {
-            Some((output, _)) => output.clocks(fixes),
+            Some((output, _)) => {
+                let several = streams.len() > 1;
+                let notes = streams.iter().flat_map(|stream| stream.clock_notes(several)).collect();
+                output.clocks(fixes, notes)
+            }
             None => Ok(()),
         }
     }

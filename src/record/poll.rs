@@ -160,8 +160,13 @@ impl<L: Line> Poller<L> {
     }
 
     /// Counts polls that fell out.
-    pub fn skipped(&mut self, polls: u64) {
-        self.counts.skipped += polls;
+    pub fn skipped(&mut self, polls: u32) {
+        self.counts.skipped += u64::from(polls);
+    }
+
+    /// Counts polls that were not asked because the port was gone.
+    pub fn missed(&mut self, polls: u32) {
+        self.counts.missed += u64::from(polls);
     }
 
     /// Goes on counting after the line was opened anew.

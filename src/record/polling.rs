@@ -101,8 +101,7 @@ pub fn run(line: SerialLine, asked: Vec<Asked>, again: Option<&Device>) {
         tell(Input::Vanished);
         let Some(line) = first.asked.queue.reopen(reason.clone(), || SerialLine::open(device).ok()) else { return };
         tell(|_| Input::Back);
-        let anew = |(turn, line): (Turn, _)| Turn { poller: turn.poller.reopened(line), ..turn };
-        turns = turns.into_iter().zip(taps(line, &units)).map(anew).collect();
+        turns = turns.into_iter().zip(taps(line, &units)).map(|(turn, line)| turn.reopened(line)).collect();
     }
 }
 
@@ -148,17 +147,31 @@ impl Turn {
         Ok(true)
     }
 
+    /// The port is back: what was due meanwhile was missed.
+    fn reopened(mut self, line: Tap<SerialLine>) -> Turn {
+        let missed = self.behind(self.asked.polling.interval);
+        let mut poller = self.poller.reopened(line);
+        poller.missed(missed);
+        Turn { poller, due: Instant::now(), ..self }
+    }
+
+    /// Polls that fell out since it was due, which cost no rhythm.
+    fn behind(&mut self, interval: Duration) -> u32 {
+        let behind = Instant::now().saturating_duration_since(self.due).as_nanos() / interval.as_nanos().max(1);
+        let behind = u32::try_from(behind).unwrap_or(u32::MAX);
+        self.due += interval.saturating_mul(behind);
+        behind
+    }
+
     /// Says when it is asked again.
     fn again(&mut self, shared: bool) {
         let Polling { interval, timeout, .. } = self.asked.polling;
         // Who does not answer keeps the line from the others.
         let interval = if shared && self.missed >= SILENT { interval.max(SILENT_TIMEOUTS * timeout) } else { interval };
         self.due += interval;
-        // A poll that took too long costs those that fell into it, not the rhythm.
-        let behind = Instant::now().saturating_duration_since(self.due).as_nanos() / interval.as_nanos().max(1);
-        let behind = u32::try_from(behind).unwrap_or(u32::MAX);
-        self.due += interval.saturating_mul(behind);
-        self.poller.skipped(u64::from(behind));
+        // A poll that took too long costs those that fell into it.
+        let behind = self.behind(interval);
+        self.poller.skipped(behind);
     }
 }
 

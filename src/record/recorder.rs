@@ -90,11 +90,11 @@ impl Recorder {
         }
     }
 
-    /// As [`Output::clocks`].
-    pub fn clocks(&mut self, fixes: Vec<ClockFix>) -> Result<(), RecordError> {
+    /// As [`Output::clocks`]; shots that end before the session keep what is known of the clocks by then as `notes`.
+    pub fn clocks(&mut self, fixes: Vec<ClockFix>, notes: Vec<(String, String)>) -> Result<(), RecordError> {
         match &mut self.to {
             Destination::Whole(output) => output.clocks(fixes),
-            Destination::Shots(shots) => shots.clocks(fixes),
+            Destination::Shots(shots) => shots.clocks(fixes, notes),
         }
     }
 

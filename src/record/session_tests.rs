@@ -147,6 +147,8 @@ fn a_shot_is_cut_by_the_clocks_as_they_are_known_and_not_as_they_were_logged() {
         let shot = log::read(Path::new(&summary.shots[0])).unwrap();
         assert_eq!(ends(&shot, 0), (0.0, 3.0, 1.0));
         near(ends(&shot, 1), (0.0, 3.0, 1.0));
+        let noted = |key: &str| shot.run.notes.iter().filter(|(noted, _)| noted == key).count();
+        assert_eq!((noted("A.clock"), noted("B.clock")), (1, 1), "{:?}", shot.run.notes);
         let counted: Vec<u64> = summary.sensors.iter().map(|sensor| sensor.samples).collect();
         let held: Vec<u64> = shot.series.iter().map(|series| series.value.len() as u64).collect();
         assert_eq!((counted, shot.series[1].gaps.len()), (held, 0));
@@ -272,6 +274,31 @@ fn a_device_that_comes_back_with_a_clock_a_little_ahead_has_restarted() {
         // the first line may be the rest of one, and is never taken
         assert!((last.0 - 8.98).abs() < 1e-3 && last.1 == 899.0, "{ahead_us}: {last:?}");
     }
+}
+
+/// Nobody asks while the port is gone.
+#[test]
+fn a_polled_device_whose_port_was_gone_has_a_hole() {
+    let folder = tempfile::tempdir().unwrap();
+    let (mut rig, options) = (rig("frames"), Options::new(folder.path().join("run.mcap")));
+    rig.devices[0].protocol = Protocol::ModbusRtu { unit_id: 1, poll_interval_s: 0.125, timeout_s: 0.5 };
+    let devices = live_devices(&rig, &[]).unwrap();
+    let sources = Sources::reading(&devices[0], std::io::empty()).unwrap();
+    let mut live = Live::new(&rig, &options, "a test".to_owned(), Vec::new(), sources.host);
+    let mut streams = streams_of(&rig, &devices[..1]);
+    for at in (0..20).chain(40..60) {
+        if at == 40 {
+            take(0, Input::Vanished("pulled".to_owned()), &mut streams, &mut live).unwrap();
+            take(0, Input::Back, &mut streams, &mut live).unwrap();
+        }
+        let counts = PollCounts { answers: at as u64 + 1, ..PollCounts::default() };
+        let polled = Polled { at_ns: at * 125 * MS, values: vec![(0, Some(1.0))], refused: None, counts };
+        take(0, Input::Polled(polled), &mut streams, &mut live).unwrap();
+    }
+    let summary = finish(&mut streams, live, &sources, &options, BY_USER.to_owned()).unwrap();
+    assert!(summary.data_lost && summary.devices[0].holes == 1, "{summary:?}");
+    let gap = log::read(&options.file).unwrap().series[0].gaps[0];
+    assert_eq!((gap.from_s, gap.to_s), (2.375, 5.0));
 }
 
 /// A slave that ignores echoes, one that knows them, and what either is asked for in vain before the recording begins.

@@ -67,6 +67,8 @@ pub struct Shots {
     refused: Option<String>,
     /// How the devices' clocks lie to each other, as well as it is known by now, and what that makes of each sensor's times.
     clocks: Vec<ClockFix>,
+    /// What is known of the devices' clocks by now.
+    clock_notes: Vec<(String, String)>,
     moves: Vec<SensorClock>,
 }
 
@@ -95,6 +97,7 @@ impl Shots {
             lost: Vec::new(),
             refused: None,
             clocks: Vec::new(),
+            clock_notes: Vec::new(),
             moves: vec![SensorClock::default(); sensors],
         }
     }
@@ -150,8 +153,9 @@ impl Shots {
         self.open.iter_mut().try_for_each(|open| open.gap(clock, sensor, gap))
     }
 
-    /// Takes how the devices' clocks lie to each other.
-    pub fn clocks(&mut self, fixes: Vec<ClockFix>) -> Result<(), RecordError> {
+    /// Takes how the devices' clocks lie to each other, and what is to be noted of them.
+    pub fn clocks(&mut self, fixes: Vec<ClockFix>, notes: Vec<(String, String)>) -> Result<(), RecordError> {
+        self.clock_notes = notes;
         let retimer = Retimer::new(fixes.clone());
         self.moves = self.rig.sensors.iter().map(|sensor| retimer.of(&sensor.name)).collect();
         self.clocks = fixes;
@@ -172,7 +176,10 @@ impl Shots {
     pub fn tick(&mut self, monitor: &Monitor) -> Result<(), RecordError> {
         self.begin_fired()?;
         while let Some(i) = self.open.iter().position(|open| self.is_complete(open)) {
-            let open = self.open.remove(i);
+            let mut open = self.open.remove(i);
+            for (key, text) in &self.clock_notes {
+                open.output.note(key, text)?;
+            }
             self.end(open, "the shot was over", monitor)?;
         }
         if self.kept.is_due() {

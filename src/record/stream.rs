@@ -1,6 +1,7 @@
 //! One device of a session: what it sends becomes samples and gaps of the sensors wired to it.
 
 mod count;
+mod line;
 mod polled;
 mod timing;
 
@@ -8,15 +9,14 @@ use std::time::{Duration, Instant};
 
 use super::RecordError;
 use super::align::Stretch;
-use super::clock::{DeviceClock, Missing, seconds};
+use super::clock::{DeviceClock, Missing};
 use super::frames::{self, Taken};
-use super::lines::{self, Line};
+use super::lines;
 use super::live::Live;
 use super::poll::PollCounts;
 use super::polling::Polled;
 use super::source::Input;
 use crate::log::SensorClock;
-use crate::recording::Gap;
 use crate::rig::{Device, Protocol, Rig};
 
 pub use timing::ON_ITS_WAY;
@@ -168,6 +168,8 @@ impl<'a> Stream<'a> {
             }
             Input::Vanished(why) => {
                 self.cut();
+                // nobody asked meanwhile
+                self.holes += u64::from(!self.has_clock() && !self.is_empty());
                 if matches!(self.state, State::Open) {
                     self.state = State::Vanished(Instant::now(), why);
                 }
@@ -235,16 +237,6 @@ impl<'a> Stream<'a> {
                         self.not_lost(taken.lost_before);
                     }
                 }
-            }
-        }
-        Ok(())
-    }
-
-    fn lines(&mut self, events: Vec<lines::Event>, live: &mut Live<'_>) -> Result<(), RecordError> {
-        for event in events {
-            match event {
-                lines::Event::Restarted => self.restarted = true,
-                lines::Event::Line(line) => self.line(&line, live)?,
             }
         }
         Ok(())
@@ -352,41 +344,6 @@ impl<'a> Stream<'a> {
             if wanted > 0 {
                 output.samples(tap.sensor, placed.first_ns, placed.period_ns, &self.values)?;
             }
-        }
-        Ok(())
-    }
-
-    fn line(&mut self, line: &Line, live: &mut Live<'_>) -> Result<(), RecordError> {
-        self.sent_something(!line.hole_before);
-        if !self.check_columns(line.values.len(), live)? {
-            return Ok(());
-        }
-        let device_ns = (line.time_us * 1000) as i64;
-        let sign = if line.hole_before { Sign::Hole } else { Sign::None };
-        let (sent_ns, began_ns) = (device_ns, line.began_ns);
-        let stamp = Stamp { device_ns, sent_ns, began_ns, period_ns: 0, rows: 1, lost: 0, jump: None };
-        let clock = self.begin(&stamp, sign, live)?;
-        let Some(placed) = clock.place_row(device_ns, line.hole_before) else { return Ok(()) };
-        self.arrived(&stamp, placed.first_ns, placed.first_ns);
-        if placed.first_ns >= self.limit_ns(live) {
-            return Ok(());
-        }
-        self.holes += u64::from(placed.gap.is_some() && self.is_wanted(placed.first_ns, live));
-        let output = live.output()?;
-        let now_ns = placed.first_ns;
-        for tap in &mut self.taps {
-            let value = line.values.get(tap.column).copied().flatten().map(|value| tap.scale * value + tap.offset);
-            let Some(value) = value.filter(|value| value.is_finite()) else {
-                tap.missed = true;
-                self.holes += 1;
-                continue;
-            };
-            let missed = std::mem::take(&mut tap.missed);
-            if let Some(last_ns) = tap.last_ns.filter(|_| missed || placed.gap.is_some()) {
-                output.gap(tap.sensor, Gap { from_s: seconds(last_ns), to_s: seconds(now_ns), samples: None })?;
-            }
-            output.samples(tap.sensor, now_ns, 0.0, &[value])?;
-            tap.last_ns = Some(now_ns);
         }
         Ok(())
     }

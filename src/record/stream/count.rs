@@ -43,9 +43,18 @@ impl Stream<'_> {
     pub fn count(&self, waited: (u64, f64)) -> DeviceCount {
         let mut count = self.tally(waited);
         if self.has_clock() {
-            count.clock = self.stretches.last().and_then(Stretch::line).map(|line| ClockSummary::of(&line));
+            let lines = self.stretches.iter().filter_map(Stretch::line);
+            count.clock = lines.map(|line| ClockSummary::of(&line)).reduce(ClockSummary::and);
         }
         count
+    }
+
+    /// What is known of its clock by now, for a recording that ends before the session; `several` devices have theirs compared.
+    pub fn clock_notes(&self, several: bool) -> impl Iterator<Item = (String, String)> + '_ {
+        let mut count = self.count((0, 0.0));
+        count.warn(several);
+        let of_clock = count.notes().into_iter().filter(|(what, _)| what.starts_with("clock"));
+        of_clock.map(|(what, text)| (format!("{}.{what}", self.device.name), text))
     }
 
     /// As [`Stream::count`], but for its clock, which takes a fit.
