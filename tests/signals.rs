@@ -492,3 +492,15 @@ fn loud_noise_neither_shifts_the_wave_speed_nor_passes_unsaid() {
     judge("crossings", 0.005, found.iter().filter_map(|w| w.crossings).map(|c| (c.value, c.standard_error)).collect());
     judge("two sensors", 0.02, found.iter().filter_map(|w| w.arrival).map(|e| (e.value, e.standard_error)).collect());
 }
+
+#[test]
+fn the_samples_that_are_counted_are_those_recorded() {
+    let mut recording = record(Lab { white: 0.02, ..CLEAN }, &[L]);
+    let all = recording.series[0].time_s.len();
+    // a gap is bridged on an even grid, but nothing was recorded in it
+    let series = &mut recording.series[0];
+    series.gaps = vec![Gap { from_s: series.time_s[99], to_s: series.time_s[112], samples: Some(12) }];
+    series.time_s.drain(100..112);
+    series.value.drain(100..112);
+    assert_eq!(inspect(&recording).unwrap().sensors[0].samples, all - 12);
+}

@@ -226,6 +226,16 @@ pub enum CsvProblem {
     /// A line without a time.
     #[error("column 'time_s' is empty: every line needs its time")]
     NoTime,
+    /// Lines without a time, too many to do without.
+    #[error(
+        "{count} of {rows} lines have no time, this one first: few are left out, but so many leave open when the others were; write every line's time"
+    )]
+    TimesMissing {
+        /// Lines whose time is empty or nan.
+        count: usize,
+        /// Lines in all.
+        rows: usize,
+    },
     /// A time beyond what the log's nanoseconds can hold.
     #[error("column 'time_s': {0} s is out of range; times are seconds, within ±290 years of the recording's time 0")]
     TimeOutOfRange(String),

@@ -101,7 +101,7 @@ pub struct SensorFeatures {
     pub name: String,
     /// Distance from the supply, m.
     pub position_m: f64,
-    /// Number of samples.
+    /// Number of samples recorded.
     pub samples: usize,
     /// Median sample interval, s.
     pub interval_s: f64,
@@ -258,7 +258,7 @@ pub fn inspect(recording: &Recording) -> Result<Features, SignalError> {
 
     let sensors: Vec<SensorFeatures> = stations
         .iter()
-        .map(|station| sensor_features(rig, station, &cycles, onset.value, period_s, front.rise * step_s))
+        .map(|station| sensor_features(recording, station, &cycles, onset.value, period_s, front.rise * step_s))
         .collect();
     let reference = stations.iter().position(|s| s.sensor == reference.sensor).unwrap_or(0);
     Ok(Features {
@@ -347,14 +347,14 @@ fn why_none(rig: &Rig, stations: &[Station]) -> SignalError {
 }
 
 fn sensor_features(
-    rig: &Rig,
+    recording: &Recording,
     station: &Station,
     cycles: &extrema::HalfCycles,
     start_s: f64,
     period_s: f64,
     rise_s: f64,
 ) -> SensorFeatures {
-    let place = &rig.sensors[station.sensor];
+    let place = &recording.rig.sensors[station.sensor];
     let Station { trace, noise, .. } = station;
     let front_arrival_s = station.front.as_ref().ok().map(|front| {
         let (at, error) = onset::bend(&station.coarse, front, station.coarse_sd_m)
@@ -373,7 +373,7 @@ fn sensor_features(
         sensor: station.sensor,
         name: place.name.clone(),
         position_m: place.position_m,
-        samples: trace.len(),
+        samples: recording.series[station.sensor].time_s.len(),
         interval_s: trace.step_s,
         end_s: trace.time_s((trace.len() - 1) as f64),
         noise: *noise,

@@ -99,6 +99,10 @@ fn what_nobody_can_mend_is_refused_with_its_line() {
         ("time_s;P1\n0;1\n", ["no column for the pressure sensor 'P2'", "--without P2"]),
         ("time_s;P1;P1 (bar);P2\n0;1;2;3\n", ["are both the sensor 'P1'", "--ignore"]),
         ("t;P1;P2\n2026-03-14T09:26:53;1;2\nlater;1;2\n", ["run.csv:3", "'later' is not a time like those"]),
+        ("time_s,P1,P2\n0,1,2\nlater,1,2\n2,1,2\n", ["run.csv:3", "column 'time_s': 'later' is not a number"]),
+        ("time_s,P1,P2\n0,1,2\n,1,2\n2,1,2\n", ["run.csv:3", "1 of 3 lines have no time, this one first"]),
+        ("time_s,P1,P2\n,1,2\n,1,2\n", ["run.csv:2", "every line needs its time"]),
+        ("time_s,P1,P2\n0,1\n", ["run.csv:2", "2 cells where the header has 3"]),
         // two runs in one file, and a time that is wrong rather than out of place
         ("time_s;P1;P2\n0;1;2\n1;1;2\n2;1;2\n3;1;2\n0;1;2\n1;1;2\n2;1;2\n", ["run.csv:6", "0 does not come after 3"]),
         ("time_s;P1;P2\n0;1;2\n1;1;2\n2;1;2\n3;1;2\n1,4;1;2\n4;1;2\n", ["run.csv:6", "falls between the times"]),
@@ -146,6 +150,11 @@ fn a_file_that_ends_within_a_line_costs_that_line_and_is_said_by_the_exit_code()
         assert_eq!(mended(&document, "cut-off")["line"], 5);
         assert_eq!(bench.recording().series[1].value, [501.0, 502.0, 501.5]);
     }
+    // an editor, or a logger that began anew, gave the cut line its end
+    bench.put("run.csv", "time_s,P1,P2\n0.0,100,1\n0.1,101,1\n0.2,10\n");
+    let (document, _) = bench.import(3, &["run.csv"]);
+    assert_eq!(mended(&document, "cut-off")["line"], 4);
+    assert_eq!(bench.recording().series[0].value, [100.0, 101.0]);
     bench.put("run.csv", "time_s,P1,P2\n0.0,100.0,1.0\n0.1,100.0,1.0\n0.2,100.0,1.0\n0.3,100.0,2.0");
     bench.import(0, &["run.csv"]);
     assert_eq!(bench.recording().series[1].value, [1.0, 1.0, 1.0, 2.0], "whole, but for the end of its line");
@@ -253,4 +262,52 @@ fn a_unit_that_cannot_be_is_doubted_and_the_likely_one_named() {
     bench.put("run.csv", "time_s,P1,PZ\n0.0,240,0.1\n0.1,250,-0.1\n0.2,240,0.1\n");
     let (document, _) = bench.import(0, &["run.csv"]);
     assert_eq!(document["warnings"].as_array().unwrap().len(), 0, "{document}");
+}
+
+/// Twenty lines at `time`, of which some have another first cell.
+fn lines(time: impl Fn(usize) -> String, others: &[(usize, &str)]) -> String {
+    let cell = |i: usize| others.iter().find(|(at, _)| *at == i).map_or_else(|| time(i), |(_, cell)| cell.to_string());
+    (0..20).map(|i| format!("{},{i},1\n", cell(i))).collect()
+}
+
+#[test]
+fn a_line_without_a_time_costs_that_line_and_leaves_a_gap() {
+    let bench = Bench::plain();
+    let even = |i: usize| format!("0.{i:02}");
+    // the squares lie on no even grid: nothing but the line itself tells of what is missing
+    let uneven = |i: usize| format!("{}", i * i);
+    let stamp = |i: usize| format!("2026-03-14T09:26:{:02}Z", i + 10);
+    for (heading, time, cell, gap) in [
+        ("time_s", &even as &dyn Fn(usize) -> String, "", [0.06, 0.08]),
+        ("time_s", &even, "NaN", [0.06, 0.08]),
+        ("time_s", &uneven, "nan", [36.0, 64.0]),
+        ("t", &stamp, "", [6.0, 8.0]),
+    ] {
+        bench.put("run.csv", format!("{heading},P1,P2\n{}", lines(time, &[(7, cell)])));
+        let (document, err) = bench.import(3, &["run.csv"]);
+        let said = mended(&document, "no-time");
+        assert_eq!((&said["count"], &said["line"]), (&1.into(), &9.into()));
+        assert!(err.contains("run.csv:9: 1 line has no time and was left out"), "{err}");
+        for series in bench.recording().series {
+            assert_eq!(series.time_s.len(), 19);
+            let gaps: Vec<_> = series.gaps.iter().map(|g| ([g.from_s, g.to_s], g.samples)).collect();
+            assert_eq!(gaps, [(gap, Some(1))], "{heading} {cell}");
+        }
+    }
+    // before the first time there is nothing to be apart from; two in a row are one gap
+    bench.put("run.csv", format!("time_s,P1,P2\n{}", lines(uneven, &[(0, "")])));
+    bench.import(3, &["run.csv"]);
+    let p1 = &bench.recording().series[0];
+    assert_eq!((p1.value[0], p1.gaps.len()), (1.0, 0));
+    bench.put("run.csv", format!("time_s,P1,P2\n{}", lines(uneven, &[(7, ""), (8, "nan")])));
+    let (document, _) = bench.import(3, &["run.csv"]);
+    assert_eq!(mended(&document, "no-time")["count"], 2);
+    let gap = bench.recording().series[0].gaps[0];
+    assert_eq!((gap.from_s, gap.to_s, gap.samples), (36.0, 81.0, Some(2)));
+
+    bench.put("run.csv", format!("time_s,P1,P2\n{}", lines(even, &[(7, ""), (8, ""), (12, "")])));
+    bench.refuses(&["run.csv"], &["run.csv:9", "3 of 20 lines have no time"]);
+    // a row of units that names none of time is no line of samples
+    bench.put("run.csv", format!("time_s,P1,P2\n,Pa,Pa\n{}", lines(even, &[])));
+    bench.refuses(&["run.csv"], &["run.csv:2"]);
 }

@@ -147,6 +147,59 @@ fn a_flipped_byte_is_found_wherever_it_stands() {
     bench.refuses(&["cut.mcap", "--map", "/lab.t_ms=P1"], &["cut.mcap: it has no end"]);
 }
 
+/// Messages of /daq in JSON, one every 10 ms from `from_ns` on.
+fn put_json(bench: &Bench, from_ns: u64, messages: impl Iterator<Item = String>) {
+    let mut writer = mcap::Writer::new(fs::File::create(bench.path("other.mcap")).unwrap()).unwrap();
+    let channel_id = writer.add_channel(0, "/daq", "json", &BTreeMap::new()).unwrap();
+    for (i, message) in messages.enumerate() {
+        let log_time = from_ns + i as u64 * 10_000_000;
+        let header = MessageHeader { channel_id, sequence: i as u32, log_time, publish_time: i as u64 * 10_000_000 };
+        writer.write_to_known_channel(&header, message.as_bytes()).unwrap();
+    }
+    writer.finish().unwrap();
+}
+
+const MAP: [&str; 5] = ["other.mcap", "--map", "/daq.p=P1", "--without", "P2"];
+
+#[test]
+fn text_or_a_null_in_the_place_of_a_number_is_a_gap_and_said() {
+    let bench = Bench::plain();
+    let p = |i: usize| match i {
+        0 | 10 | 49 => "null".to_string(),
+        11 => "\"300\"".to_string(),
+        _ => i.to_string(),
+    };
+    // another field's text is nobody's loss
+    let message = |i: usize| format!(r#"{{"p": {}, "state": "ok", "note": null}}"#, p(i));
+    put_json(&bench, 1_773_476_813_000_000_000, (0..50).map(message));
+    let (document, err) = bench.import(3, &MAP);
+    assert_eq!(mended(&document, "no-number")["count"], 4);
+    assert!(err.contains("4 messages have no number for /daq.p"), "{err}");
+    let p1 = &bench.recording().series[0];
+    assert_eq!((p1.value[0], p1.value.len()), (1.0, 46));
+    let gaps: Vec<_> = p1.gaps.iter().map(|g| (g.from_s, g.to_s, g.samples)).collect();
+    assert_eq!(gaps, [(0.0, 0.01, Some(1)), (0.09, 0.12, Some(2)), (0.48, 0.49, Some(1))]);
+
+    put_json(&bench, 1_773_476_813_000_000_000, (0..50).map(|i| format!(r#"{{"p": {i}, "state": "ok"}}"#)));
+    bench.import(0, &MAP);
+    put_json(&bench, 0, (0..50).map(|_| r#"{"p": "300", "q": 1}"#.to_string()));
+    bench.refuses(&MAP, &["say which number is which sensor", "/daq.q (50 values)"]);
+}
+
+#[test]
+fn times_that_no_recording_holds_are_said_to_be_so() {
+    let bench = Bench::plain();
+    let numbers = || (0..50).map(|i| format!(r#"{{"p": {i}}}"#));
+    put_json(&bench, 1 << 63, numbers());
+    bench.refuses(&MAP, &["all its messages have times beyond what a recording holds", "--message-time publish"]);
+    bench.import(0, &[&MAP[..], &["--message-time", "publish"]].concat());
+    assert_eq!(bench.recording().series[0].value.len(), 50);
+    // the clock of the last ten runs over
+    put_json(&bench, (1 << 63) - 400_000_000, numbers());
+    let (document, _) = bench.import(3, &MAP);
+    assert_eq!(mended(&document, "beyond-time")["count"], 10);
+}
+
 /// Every byte of a finished recording is under some check sum, or says nothing of the samples: a flip of any of them is
 /// either refused or changes nothing.
 #[test]

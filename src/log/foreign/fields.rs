@@ -16,7 +16,7 @@ pub(super) enum Format {
     Protobuf(MessageDescriptor),
 }
 
-/// A number found in a message.
+/// A number found in a message; NaN where text or a null stands in its place.
 pub(super) type Field = (String, f64);
 
 impl Format {
@@ -36,7 +36,7 @@ impl Format {
         }
     }
 
-    /// Every number in a message, by its path: `pressure.value`, `samples[3]`.
+    /// Every number in a message, by its path: `pressure.value`, `samples[3]`; also what may stand for one, see [`Field`].
     pub(super) fn numbers(&self, data: &[u8]) -> Result<Vec<Field>, String> {
         let mut found = Vec::new();
         match self {
@@ -87,7 +87,7 @@ fn json_numbers(value: &Json, path: &str, depth: usize, found: &mut Vec<Field>) 
             }
         }
         Json::Object(entries) => entries.iter().for_each(|(k, v)| json_numbers(v, &joined(path, k), depth + 1, found)),
-        Json::Null | Json::String(_) => {}
+        Json::Null | Json::String(_) => found.push((path.to_string(), f64::NAN)),
     }
 }
 

@@ -94,6 +94,9 @@ fn says_more(error: &LogError) -> bool {
     let LogError::Csv { problem, .. } = error else { return false };
     matches!(
         **problem,
-        CsvProblem::TimesTooCoarse { .. } | CsvProblem::TwoDecimalMarks { .. } | CsvProblem::WrongUnit { .. }
+        CsvProblem::TimesTooCoarse { .. }
+            | CsvProblem::TimesMissing { .. }
+            | CsvProblem::TwoDecimalMarks { .. }
+            | CsvProblem::WrongUnit { .. }
     )
 }

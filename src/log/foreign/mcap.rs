@@ -11,7 +11,7 @@ use super::{Foreign, ForeignOptions, Mended, MessageTime, Start, Track};
 use crate::log::LogError;
 use crate::log::layout::{RIG_ATTACHMENT, to_s};
 use crate::log::read::{check_start, checked_options, decode, has_end, records};
-use crate::recording::Series;
+use crate::recording::{Gap, Series};
 
 /// A channel that can be read, and the fields of it that are wanted.
 struct Channel {
@@ -24,6 +24,8 @@ struct Channel {
 struct Found {
     time_ns: Vec<i64>,
     value: Vec<f64>,
+    /// Times of the messages in which it is no number.
+    missing_ns: Vec<i64>,
 }
 
 /// Reads a file.
@@ -61,6 +63,10 @@ fn ours(bytes: &[u8], path: &Path) -> Result<Foreign, LogError> {
     })
 }
 
+/// What is said of times of 2^63 ns and more.
+const BEYOND: &str = "have times beyond what a recording holds (2^63 ns: the year 2262, where they count from 1970): look at the clock of what logged them, or \
+     take another time, --message-time publish or --time-field";
+
 struct Reading<'o> {
     options: &'o ForeignOptions,
     ours: bool,
@@ -70,7 +76,8 @@ struct Reading<'o> {
     order: Vec<String>,
     found: HashMap<String, Found>,
     without_time: usize,
-    not_finite: usize,
+    /// Messages at times that no recording holds.
+    beyond: usize,
 }
 
 impl<'o> Reading<'o> {
@@ -84,7 +91,7 @@ impl<'o> Reading<'o> {
             order: Vec::new(),
             found: HashMap::new(),
             without_time: 0,
-            not_finite: 0,
+            beyond: 0,
         }
     }
 
@@ -124,16 +131,20 @@ impl<'o> Reading<'o> {
                     MessageTime::Field(name) => field_ns(&fields, name, self.options.time_unit_s.unwrap_or(1.0)),
                 };
                 let Some(time_ns) = time else {
-                    self.without_time += 1;
+                    match &self.options.message_time {
+                        MessageTime::Field(_) => self.without_time += 1,
+                        MessageTime::Log | MessageTime::Publish => self.beyond += 1,
+                    }
                     return Ok(());
                 };
                 for (field, value) in fields {
+                    let name = format!("{}.{field}", channel.topic);
                     if !value.is_finite() {
-                        self.not_finite += 1;
+                        self.found.entry(name).or_default().missing_ns.push(time_ns);
                         continue;
                     }
-                    let name = format!("{}.{field}", channel.topic);
-                    if !self.found.contains_key(&name) {
+                    // a field that is never a number is none to choose
+                    if self.found.get(&name).is_none_or(|f| f.value.is_empty()) {
                         self.order.push(name.clone());
                     }
                     let found = self.found.entry(name).or_default();
@@ -153,6 +164,9 @@ impl<'o> Reading<'o> {
             {
                 return Err(format!("no message has a number named '{name}' to take its time from"));
             }
+            if self.beyond > 0 {
+                return Err(format!("all its messages {BEYOND}"));
+            }
             let why = match self.unreadable.first() {
                 Some(first) => format!("no numbers can be read from it. {first}"),
                 None => "it holds no messages with numbers".into(),
@@ -165,7 +179,7 @@ impl<'o> Reading<'o> {
             return Err(self.say_fields());
         }
         if let Some((missing, _)) =
-            self.options.map.iter().find(|(from, _)| from.starts_with('/') && !self.found.contains_key(from))
+            self.options.map.iter().find(|(from, _)| from.starts_with('/') && !self.order.contains(from))
         {
             return Err(format!("it has no field '{missing}'. {}", self.say_fields()));
         }
@@ -174,16 +188,24 @@ impl<'o> Reading<'o> {
             let text = format!("{} messages do not say their time and were left out", self.without_time);
             mended.push(Mended { lost: true, ..Mended::new("no-time", self.without_time, None, text) });
         }
-        if self.not_finite > 0 {
-            let text = format!("{} values are no finite numbers and were left out", self.not_finite);
-            mended.push(Mended::new("not-finite", self.not_finite, None, text));
+        if self.beyond > 0 {
+            let text = format!("{} messages were left out: they {BEYOND}", self.beyond);
+            mended.push(Mended { lost: true, ..Mended::new("beyond-time", self.beyond, None, text) });
         }
         let wanted: Vec<String> = wanted.into_iter().cloned().collect();
-        let first = |name: &String| self.found.get(name).and_then(|f| f.time_ns.iter().min().copied());
+        let first =
+            |name: &String| self.found.get(name).and_then(|f| f.time_ns.iter().chain(&f.missing_ns).min().copied());
         let zero_ns = wanted.iter().filter_map(first).min().unwrap_or(0);
         let mut tracks = Vec::new();
         for name in wanted {
             let found = self.found.remove(&name).unwrap_or_default();
+            let missing = found.missing_ns.len();
+            if missing > 0 {
+                let text = format!(
+                    "{missing} messages have no number for {name} (text, a null or nan) and were left out of it: recorded as gaps"
+                );
+                mended.push(Mended { lost: true, ..Mended::new("no-number", missing, None, text) });
+            }
             let (series, repeated) = found.series(zero_ns);
             if repeated > 0 {
                 let text = format!(
@@ -228,8 +250,29 @@ impl Found {
         let repeated = all - samples.len();
         let in_reach = |t: &i64| t.checked_sub(zero_ns).filter(|ns| ns.unsigned_abs() < 9_000_000_000_000_000_000);
         let (time_s, value) = samples.iter().filter_map(|(t, v)| Some((to_s(in_reach(t)?), *v))).unzip();
-        (Series { time_s, value, gaps: Vec::new() }, repeated)
+        let mut series = Series { time_s, value, gaps: Vec::new() };
+        let mut missing_s: Vec<f64> = self.missing_ns.iter().filter_map(in_reach).map(to_s).collect();
+        missing_s.sort_by(f64::total_cmp);
+        series.gaps = gaps(&series.time_s, &missing_s);
+        (series, repeated)
     }
+}
+
+/// Gaps over the times at which a field was no number, from the sample before to the one after; before the first sample and after the last,
+/// from or to the message itself. Both in order, s.
+fn gaps(time_s: &[f64], missing_s: &[f64]) -> Vec<Gap> {
+    let place = |t: f64| time_s.partition_point(|s| *s < t);
+    let runs = missing_s.chunk_by(|a, b| place(*a) == place(*b));
+    runs.map(|run| {
+        let (first_s, last_s, after) = (run[0], run[run.len() - 1], place(run[0]));
+        let before_s = after.checked_sub(1).and_then(|i| time_s.get(i));
+        Gap {
+            from_s: before_s.copied().unwrap_or(first_s),
+            to_s: time_s.get(after).copied().unwrap_or(last_s),
+            samples: Some(run.len() as u64),
+        }
+    })
+    .collect()
 }
 
 /// The time that a field gives, ns: a number in its unit, or a message of seconds and nanoseconds.

@@ -103,9 +103,6 @@ impl Clock {
     /// The time of a row, s: the column's own numbers, or seconds since the first date-time.
     pub(super) fn seconds(&mut self, row: &Row, decimals: &mut Decimals, header: &[String]) -> Result<f64, CsvProblem> {
         let cell = row.get(0).unwrap_or_default();
-        if cell.is_empty() {
-            return Err(CsvProblem::NoTime);
-        }
         let bad = || CsvProblem::NotATime(cell.into());
         let stamp = match self.kind {
             Kind::Numbers(unit_s) => {

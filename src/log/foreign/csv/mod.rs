@@ -7,6 +7,7 @@ mod decimals;
 mod mend;
 mod stamp;
 mod text;
+mod timeless;
 
 use clock::Clock;
 pub use clock::time_unit;
@@ -15,6 +16,7 @@ use decimals::Decimals;
 use mend::Hole;
 pub use mend::even_holes;
 pub use stamp::zone_seconds;
+use timeless::Timeless;
 
 use super::{Foreign, ForeignOptions, Mended, Start, Track};
 use crate::log::CsvProblem;
@@ -103,15 +105,18 @@ pub(super) fn read(bytes: &[u8], options: &ForeignOptions) -> Result<Foreign, Fa
     }
 
     let mut decimals = Decimals::new(separator);
-    let mut clock = Clock::find(&header, units.as_deref(), &row, text, separator, options)
-        .map_err(|p| (Some(if matches!(p, CsvProblem::NotANumber { .. }) { line } else { header_at }), Box::new(p)))?;
+    let (timed_at, timed) = first_timed(text, line, separator).ok_or((Some(line), Box::new(CsvProblem::NoTime)))?;
+    let mut clock = Clock::find(&header, units.as_deref(), &timed, text, separator, options).map_err(|p| {
+        (Some(if matches!(p, CsvProblem::NotANumber { .. }) { timed_at } else { header_at }), Box::new(p))
+    })?;
     let first = clock.columns();
+    let mut timeless = Timeless::default();
     let mut table = Table { columns: vec![Vec::new(); header.len().saturating_sub(first)], ..Table::default() };
     loop {
         let fault = |problem: CsvProblem| (Some(line), Box::new(problem));
         if let Some(found) = ragged(&row, header.len(), widest) {
-            // a logger that was switched off in the middle of a line
-            let whole = text.ends_with('\n') || found > header.len();
+            // a logger that was switched off in the middle of a line, to which an editor may have given an end
+            let whole = found > header.len() || table.time_s.is_empty();
             let last_line = line;
             if whole || next(&mut row).is_some() {
                 return Err((Some(last_line), Box::new(CsvProblem::Ragged { found, expected: header.len() })));
@@ -119,12 +124,20 @@ pub(super) fn read(bytes: &[u8], options: &ForeignOptions) -> Result<Foreign, Fa
             cut = Some(last_line);
             break;
         }
-        let time_s = clock.seconds(&row, &mut decimals, &header).map_err(fault)?;
-        table.time_s.push(time_s);
-        table.line.push(line);
+        let is_timeless = Timeless::is(&row, first);
+        if is_timeless {
+            timeless.take(line, table.time_s.last().copied());
+        } else {
+            table.time_s.push(clock.seconds(&row, &mut decimals, &header).map_err(fault)?);
+            table.line.push(line);
+        }
         for (i, column) in table.columns.iter_mut().enumerate() {
             let cell = row.get(first + i).unwrap_or_default();
-            column.push(decimals.read(cell, &header[first + i]).map_err(fault)?);
+            // what has no time must be numbers all the same: a row of units is no line of samples
+            let value = decimals.read(cell, &header[first + i]).map_err(fault)?;
+            if !is_timeless {
+                column.push(value);
+            }
         }
         match next(&mut row) {
             Some(at) => line = at,
@@ -140,7 +153,9 @@ pub(super) fn read(bytes: &[u8], options: &ForeignOptions) -> Result<Foreign, Fa
     }
     mended.extend(decimals.said());
     mended.extend(clock.said());
-    let gaps = mend::mend(&mut table, &mut mended, clock.is_local())?;
+    mended.extend(timeless.said(table.time_s.len())?);
+    let mut gaps = mend::mend(&mut table, &mut mended, clock.is_local())?;
+    timeless.add_gaps(&table.time_s, &mut gaps);
     let tracks = tracks(table, &gaps, &header[first..], units.as_deref().map(|u| &u[first.min(u.len())..]));
     let start = clock.start().or_else(|| {
         let (start, said) = start_in_comments(text, options)?;
@@ -189,6 +204,17 @@ fn ragged(row: &Row, expected: usize, widest: usize) -> Option<usize> {
     let found = row.len();
     let fits = (expected..=widest).contains(&found) && row.iter().skip(expected).all(str::is_empty);
     (!fits).then_some(found)
+}
+
+/// The first row from a line on that says its time, and its line.
+fn first_timed(text: &str, from_line: usize, separator: char) -> Option<(usize, Row)> {
+    let mut row = Row::default();
+    let mut lines = (1..).zip(text.lines()).skip(from_line - 1).filter(|(_, l)| is_row(l));
+    let (line, _) = lines.find(|(_, text)| {
+        row.read(text, separator);
+        !Timeless::is(&row, 1)
+    })?;
+    Some((line, row))
 }
 
 /// The units, if the row under the header holds them: words everywhere, the first one of time.

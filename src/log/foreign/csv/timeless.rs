@@ -1,0 +1,63 @@
+//! Lines that do not say their time: where they are few they are left out, counted, and gaps stand in their places.
+
+use super::Row;
+use super::mend::Hole;
+use crate::log::CsvProblem;
+use crate::log::foreign::Mended;
+use crate::log::import::Fault;
+use crate::recording::Gap;
+
+/// Part of the lines that may lack their time: above it the file's clock is not to be relied on.
+const MOST_TIMELESS: f64 = 0.1;
+
+/// The lines left out so far.
+#[derive(Default)]
+pub(super) struct Timeless {
+    count: usize,
+    first: Option<usize>,
+    /// Times of the lines above them, s, and how many stand under each.
+    after: Vec<(f64, u64)>,
+}
+
+impl Timeless {
+    /// Is one of the `columns` that hold the time empty, or nan?
+    pub(super) fn is(row: &Row, columns: usize) -> bool {
+        let missing = |cell: &str| cell.is_empty() || cell.parse::<f64>().is_ok_and(f64::is_nan);
+        row.iter().take(columns).any(missing)
+    }
+
+    /// Leaves a line out that stands under one of a time.
+    pub(super) fn take(&mut self, line: usize, above_s: Option<f64>) {
+        self.count += 1;
+        self.first.get_or_insert(line);
+        match (self.after.last_mut(), above_s) {
+            (Some((last_s, count)), Some(time_s)) if *last_s == time_s => *count += 1,
+            (_, Some(time_s)) => self.after.push((time_s, 1)),
+            // nothing was recorded before it
+            (_, None) => {}
+        }
+    }
+
+    /// What is said of them beside so many lines with a time.
+    pub(super) fn said(&self, timed: usize) -> Result<Option<Mended>, Fault> {
+        let (count, rows) = (self.count, self.count + timed);
+        if count as f64 > MOST_TIMELESS * rows as f64 {
+            return Err((self.first, Box::new(CsvProblem::TimesMissing { count, rows })));
+        }
+        let lines = if count == 1 { "line has no time and was" } else { "lines have no time and were" };
+        let text = format!("{count} {lines} left out");
+        Ok((count > 0).then(|| Mended { lost: true, ..Mended::new("no-time", count, self.first, text) }))
+    }
+
+    /// Gaps in their places among the increasing times, where no hole of the grid stands there already.
+    pub(super) fn add_gaps(&self, time_s: &[f64], holes: &mut Vec<Hole>) {
+        for &(above_s, samples) in &self.after {
+            let after = time_s.partition_point(|t| *t <= above_s);
+            let Some((before, &to_s)) = after.checked_sub(1).zip(time_s.get(after)) else { continue };
+            if holes.iter().all(|h| h.before != before) {
+                holes.push(Hole { before, gap: Gap { from_s: time_s[before], to_s, samples: Some(samples) } });
+            }
+        }
+        holes.sort_by_key(|h| h.before);
+    }
+}
