@@ -21,7 +21,7 @@ use tempfile::TempDir;
 const PERIOD_NS: u32 = 1_000_000;
 
 /// P1 and P2 by frames, P3 by lines, Q1 and T1 in registers of the same shape: a late answer for one would fit the other.
-fn rig_text() -> String {
+fn rig_text(timeout_s: f64) -> String {
     let sensor = |name: &str, kind: &str, unit: &str, wiring: &str| {
         format!("[[sensor]]\nname = \"{name}\"\nkind = \"{kind}\"\nposition_m = 10.0\nunit = \"{unit}\"\n{wiring}\n")
     };
@@ -40,14 +40,15 @@ fn rig_text() -> String {
         "[[device]]\nname = \"daq\"\nport = \"/dev/none0\"\nbaud = 921600\nprotocol = \"frames\"\n\
          [[device]]\nname = \"logger\"\nport = \"/dev/none1\"\nbaud = 115200\nprotocol = \"lines\"\n\
          [[device]]\nname = \"plc\"\nport = \"/dev/none2\"\nbaud = 19200\nprotocol = \"modbus-rtu\"\n\
-         poll_interval_s = 0.02\ntimeout_s = 0.03\n"
+         poll_interval_s = 0.02\n"
             .to_owned(),
+        format!("timeout_s = {timeout_s}\n"),
     ]
     .concat()
 }
 
 fn rig() -> Rig {
-    Rig::from_toml(&rig_text(), "bench.toml").unwrap()
+    Rig::from_toml(&rig_text(0.03), "bench.toml").unwrap()
 }
 
 /// What sensor `index` shows at row `row`: its own ramp, so that a value tells whose it is and when it was.
@@ -68,21 +69,26 @@ fn playback(rig: &Rig, device: &Device, seconds: f64) -> Playback {
 }
 
 /// Plays `seconds` on the devices named and records them.
-fn record_devices(names: &[&str], seconds: f64, faults: impl Fn(&str) -> Faults, file: &Path) -> (Summary, Vec<Sent>) {
-    let rig = rig();
-    let mut devices = live_devices(&rig, &[]).unwrap();
+fn record_devices(
+    rig: &Rig,
+    names: &[&str],
+    seconds: f64,
+    faults: impl Fn(&str) -> Faults,
+    file: &Path,
+) -> (Summary, Vec<Sent>) {
+    let mut devices = live_devices(rig, &[]).unwrap();
     devices.retain(|device| names.contains(&device.name.as_str()));
     let mut simulated: Vec<SimulatedDevice> = devices.iter().map(|_| SimulatedDevice::open().unwrap()).collect();
     for (device, line) in devices.iter_mut().zip(&simulated) {
         device.port = line.path().display().to_string();
     }
-    let sources = Sources::open(&rig, &devices, false).unwrap();
+    let sources = Sources::open(rig, &devices, false).unwrap();
     for (device, line) in devices.iter().zip(&mut simulated) {
-        let script = Script::new(&playback(&rig, device, seconds), &rig, device).unwrap();
+        let script = Script::new(&playback(rig, device, seconds), rig, device).unwrap();
         assert_eq!(script.clipped, 0);
         line.start(script, 1.0, faults(&device.name)).unwrap();
     }
-    let summary = record(&rig, &sources, &Options::new(file), &AtomicBool::new(false), &mut |_| {}).unwrap();
+    let summary = record(rig, &sources, &Options::new(file), &AtomicBool::new(false), &mut |_| {}).unwrap();
     (summary, simulated.into_iter().map(|line| line.stop().unwrap()).collect())
 }
 
@@ -108,7 +114,9 @@ fn three_protocols_are_recorded_at_once_on_one_clock() {
     let file = folder.path().join("run.mcap");
     // The logger's clock runs 1% fast, 80 ms in 8 s: more than a loaded machine delays half of the lines.
     let faults = |name: &str| Faults { drift_ppm: if name == "logger" { 10_000.0 } else { 0.0 }, ..Faults::default() };
-    let (summary, sent) = record_devices(&["daq", "logger", "plc"], 8.0, faults, &file);
+    // a time-out that a loaded machine keeps, too
+    let rig = Rig::from_toml(&rig_text(0.5), "bench.toml").unwrap();
+    let (summary, sent) = record_devices(&rig, &["daq", "logger", "plc"], 8.0, faults, &file);
     let recording = log::read(&file).unwrap();
     assert_eq!(summary.devices[0].frames, sent[0].frames);
     for (index, rows) in [(0, 8000), (1, 8000), (2, 7999)] {
@@ -118,8 +126,7 @@ fn three_protocols_are_recorded_at_once_on_one_clock() {
         let rows: Vec<f64> = series.value.iter().map(|value| row(index, *value)).collect();
         assert!(rows.windows(2).all(|pair| pair[1] == pair[0] + 1.0), "every sample, in order");
     }
-    // of 400; a loaded machine answers late
-    assert!(summary.devices[2].frames > 50, "{:?}", summary.devices[2]);
+    assert!(summary.devices[2].frames > 200, "{:?}", summary.devices[2]);
     assert!(summary.devices.iter().all(|device| !device.incomplete), "all hang up at once: {:?}", summary.devices);
     // P1 stands on its own device's clock, exactly.
     let (least, most) = offsets_s(0, &recording.series[0]);
@@ -149,7 +156,7 @@ fn late_answers_put_no_value_under_anothers_name() {
     let folder = TempDir::new().unwrap();
     let file = folder.path().join("run.mcap");
     let faults = Faults { late: 0.2, crc: 0.02, noise: 0.02, cut: 0.02, drop: 0.02, seed: 3, ..Faults::default() };
-    let (summary, sent) = record_devices(&["plc"], 12.0, |_| faults, &file);
+    let (summary, sent) = record_devices(&rig(), &["plc"], 12.0, |_| faults, &file);
     let device = &summary.devices[0];
     assert!(sent[0].late > 10 && device.late_answers > 3, "{sent:?} {device:?}");
     assert!(device.bad_frames > 2 && device.lost_frames > 10 && device.frames > 60, "{device:?}");
@@ -174,7 +181,7 @@ fn lines_in_noise_are_counted_and_kept_out() {
     let folder = TempDir::new().unwrap();
     let file = folder.path().join("run.mcap");
     let faults = Faults { noise: 0.02, drop: 0.02, seed: 5, ..Faults::default() };
-    let (summary, sent) = record_devices(&["logger"], 4.0, |_| faults, &file);
+    let (summary, sent) = record_devices(&rig(), &["logger"], 4.0, |_| faults, &file);
     let device = &summary.devices[0];
     assert!(sent[0].noisy > 20 && sent[0].dropped > 20);
     assert!(device.bad_frames >= sent[0].noisy, "{device:?}");
@@ -247,7 +254,8 @@ fn two_devices_on_one_port_and_a_slave_without_the_register_are_told() {
     // A slave that has other registers than the rig says.
     let folder = TempDir::new().unwrap();
     let file = folder.path().join("run.mcap");
-    let other = rig_text().replace("channel = 10\n", "channel = 110\n").replace("channel = 20\n", "channel = 120\n");
+    let other =
+        rig_text(0.03).replace("channel = 10\n", "channel = 110\n").replace("channel = 20\n", "channel = 120\n");
     let other = Rig::from_toml(&other, "other.toml").unwrap();
     let mut line = SimulatedDevice::open().unwrap();
     let plc = |rig: &Rig| live_devices(rig, &[]).unwrap().remove(2);
@@ -270,7 +278,7 @@ fn program() -> Command {
 
 fn write_rig(folder: &TempDir) -> PathBuf {
     let rig = folder.path().join("rig.toml");
-    std::fs::write(&rig, rig_text()).unwrap();
+    std::fs::write(&rig, rig_text(0.03)).unwrap();
     rig
 }
 
@@ -335,7 +343,7 @@ fn clocks_that_do_not_fit_are_told() {
 fn a_full_disk_ends_the_recording_with_a_whole_file_and_a_clear_word() {
     let folder = TempDir::new().unwrap();
     let (rig, file) = (write_rig(&folder), folder.path().join("run.mcap"));
-    let text = rig_text().replace("device = \"logger\"\nchannel = 0\nscale = 0.5\n", "");
+    let text = rig_text(0.03).replace("device = \"logger\"\nchannel = 0\nscale = 0.5\n", "");
     let text = text.replace("device = \"plc\"\nchannel = 10\nencoding = \"i32\"\nword_order = \"little\"\n", "");
     let text = text.replace("device = \"plc\"\nchannel = 20\nencoding = \"i32\"\nword_order = \"little\"\n", "");
     std::fs::write(&rig, text).unwrap();

@@ -30,8 +30,8 @@ impl Stretch {
         let device_ns = from_ns.saturating_add(zero_ns);
         let host_ns = device_ns as f64;
         let (residual_ns, late) = ((0.0, 0.0), (0.0, 0.0));
-        let rate = 1.0;
-        let line = ClockLine { device_ns, host_ns, rate, drift_known: true, residual_ns, is_real_time: true, late };
+        let line =
+            ClockLine { device_ns, host_ns, rate: 1.0, drift_known: true, residual_ns, is_real_time: true, late };
         Stretch { from_ns, last_ns, device_ns, fit: ClockFit::default(), line: Some(line) }
     }
 

@@ -100,8 +100,8 @@ impl<'a> Live<'a> {
         match &mut self.begun {
             Some((output, _)) => {
                 let several = streams.len() > 1;
-                let notes = streams.iter().flat_map(|stream| stream.clock_notes(several)).collect();
-                output.clocks(fixes, notes)
+                let noted = || streams.iter().flat_map(|stream| stream.clock_notes(several)).collect();
+                output.clocks(fixes, noted)
             }
             None => Ok(()),
         }

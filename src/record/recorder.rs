@@ -90,11 +90,15 @@ impl Recorder {
         }
     }
 
-    /// As [`Output::clocks`]; shots that end before the session keep what is known of the clocks by then as `notes`.
-    pub fn clocks(&mut self, fixes: Vec<ClockFix>, notes: Vec<(String, String)>) -> Result<(), RecordError> {
+    /// As [`Output::clocks`]; shots that end before the session keep what is to be `noted` of the clocks by then.
+    pub fn clocks(
+        &mut self,
+        fixes: Vec<ClockFix>,
+        noted: impl FnOnce() -> Vec<(String, String)>,
+    ) -> Result<(), RecordError> {
         match &mut self.to {
             Destination::Whole(output) => output.clocks(fixes),
-            Destination::Shots(shots) => shots.clocks(fixes, notes),
+            Destination::Shots(shots) => shots.clocks(fixes, noted()),
         }
     }
 

@@ -2,19 +2,32 @@
 
 use super::*;
 
+/// What becomes of devices that send for so many seconds each, on time, where something `happens` then and says why the session ended.
+fn ended(
+    options: &Options,
+    seconds: &[i64],
+    happens: impl FnOnce(&mut [Stream<'_>], &mut Live<'_>) -> String,
+) -> Summary {
+    let rig = rig("frames");
+    let devices = live_devices(&rig, &[]).unwrap();
+    let sources = Sources::reading(&devices[0], std::io::empty()).unwrap();
+    let mut live = Live::new(&rig, options, "a test".to_owned(), Vec::new(), sources.host);
+    let mut streams = streams_of(&rig, &devices[..seconds.len()]);
+    let messages = seconds.iter().enumerate().flat_map(|(device, seconds)| sent(device, *seconds, 0, on_time));
+    feed(messages.collect(), &mut streams, &mut live);
+    let why = happens(&mut streams, &mut live);
+    finish(&mut streams, live, &sources, options, why).unwrap()
+}
+
 /// Its port stays open and the user stops: what it did not send is missing.
 #[test]
 fn a_device_that_fell_silent_before_the_end_is_incomplete_and_leaves_a_gap() {
     let folder = tempfile::tempdir().unwrap();
-    let (rig, options) = (rig("frames"), Options::new(folder.path().join("run.mcap")));
-    let devices = live_devices(&rig, &[]).unwrap();
-    let sources = Sources::reading(&devices[0], std::io::empty()).unwrap();
-    let mut live = Live::new(&rig, &options, "a test".to_owned(), Vec::new(), sources.host);
-    let mut streams = streams_of(&rig, &devices);
-    let messages = sent(0, 6, 0, on_time).chain(sent(1, 2, 0, on_time)).collect();
-    feed(messages, &mut streams, &mut live);
-    streams[1].heard -= Duration::from_secs(4);
-    let summary = finish(&mut streams, live, &sources, &options, BY_USER.to_owned()).unwrap();
+    let options = Options::new(folder.path().join("run.mcap"));
+    let summary = ended(&options, &[6, 2], |streams, _| {
+        streams[1].heard -= Duration::from_secs(4);
+        BY_USER.to_owned()
+    });
     assert!(!summary.devices[0].incomplete && summary.devices[1].incomplete && summary.data_lost, "{summary:?}");
     let gap = log::read(&options.file).unwrap().series[1].gaps[0];
     assert!((gap.from_s - 1.999).abs() < 0.002 && (gap.to_s - 6.0).abs() < 0.5, "{gap:?}");
@@ -24,24 +37,17 @@ fn a_device_that_fell_silent_before_the_end_is_incomplete_and_leaves_a_gap() {
 #[test]
 fn where_all_have_fallen_silent_the_stream_has_ended_however_the_session_does() {
     let folder = tempfile::tempdir().unwrap();
-    let rig = rig("frames");
-    let devices = live_devices(&rig, &[]).unwrap();
     for (silent_ms, several, duration_s) in
         [(3000, false, None), (6000, false, None), (3000, true, None), (6000, true, None), (3000, false, Some(60.0))]
     {
         let file = folder.path().join(format!("{silent_ms}-{several}-{duration_s:?}.mcap"));
         let options = Options { duration_s, ..Options::new(file) };
-        let devices = &devices[..if several { 2 } else { 1 }];
-        let sources = Sources::reading(&devices[0], std::io::empty()).unwrap();
-        let mut live = Live::new(&rig, &options, "a test".to_owned(), Vec::new(), sources.host);
-        let mut streams = streams_of(&rig, devices);
-        let mut messages: Vec<_> = sent(0, 2, 0, on_time).chain(sent(1, 2, 0, on_time)).collect();
-        messages.retain(|(_, device, _)| *device < devices.len());
-        feed(messages, &mut streams, &mut live);
-        streams.iter_mut().for_each(|stream| stream.heard -= Duration::from_millis(silent_ms));
-        assert_eq!(all_over(&streams, &options).is_some(), silent_ms == 6000);
-        let ended = all_over(&streams, &options).unwrap_or(BY_USER.to_owned());
-        let summary = finish(&mut streams, live, &sources, &options, ended).unwrap();
+        let seconds = if several { &[2, 2][..] } else { &[2] };
+        let summary = ended(&options, seconds, |streams, _| {
+            streams.iter_mut().for_each(|stream| stream.heard -= Duration::from_millis(silent_ms));
+            assert_eq!(all_over(streams, &options).is_some(), silent_ms == 6000);
+            all_over(streams, &options).unwrap_or(BY_USER.to_owned())
+        });
         // of a duration that was asked for more was due
         let owed = duration_s.is_some();
         assert!(summary.devices.iter().all(|device| device.incomplete == owed), "{summary:?}");
@@ -60,19 +66,14 @@ fn where_all_have_fallen_silent_the_stream_has_ended_however_the_session_does() 
 fn a_device_that_ends_by_itself_is_incomplete_where_another_goes_on() {
     for (after_ms, incomplete) in [(300, false), (3000, true)] {
         let folder = tempfile::tempdir().unwrap();
-        let (rig, options) = (rig("frames"), Options::new(folder.path().join("run.mcap")));
-        let devices = live_devices(&rig, &[]).unwrap();
-        let sources = Sources::reading(&devices[0], std::io::empty()).unwrap();
-        let mut live = Live::new(&rig, &options, "a test".to_owned(), Vec::new(), sources.host);
-        let mut streams = streams_of(&rig, &devices);
-        let messages = sent(0, 2, 0, on_time).chain(sent(1, 2, 0, on_time)).collect();
-        feed(messages, &mut streams, &mut live);
-        for device in [0, 1] {
-            take(device, Input::Ended("the device hung up".to_owned()), &mut streams, &mut live).unwrap();
-        }
-        streams[1].heard -= Duration::from_millis(after_ms);
-        let ended = all_over(&streams, &options).unwrap();
-        let summary = finish(&mut streams, live, &sources, &options, ended).unwrap();
+        let options = Options::new(folder.path().join("run.mcap"));
+        let summary = ended(&options, &[2, 2], |streams, live| {
+            for device in [0, 1] {
+                take(device, Input::Ended("the device hung up".to_owned()), streams, live).unwrap();
+            }
+            streams[1].heard -= Duration::from_millis(after_ms);
+            all_over(streams, &options).unwrap()
+        });
         let found: Vec<bool> = summary.devices.iter().map(|device| device.incomplete).collect();
         assert_eq!((found, summary.data_lost), (vec![false, incomplete], incomplete), "{after_ms} ms");
     }
