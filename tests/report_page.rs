@@ -106,6 +106,7 @@ fn fit(effects: &[&str], sensors: Vec<SensorFit>, parameters: Vec<FittedParamete
         unseen: vec![],
         reaches: 64,
         grid_error_m: 0.001,
+        faded_noise: None,
         evaluations: 312,
         seconds: 0.41,
         steps: vec![],

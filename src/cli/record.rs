@@ -337,6 +337,13 @@ fn table(summary: &Summary) -> String {
     for lost in &summary.lost_shots {
         let _ = writeln!(text, "{lost}");
     }
+    if summary.unheeded_edges > 0 {
+        let _ = writeln!(
+            text,
+            "The valve's command switched {} times while the trigger waited for --pre seconds of quiet: no shot holds that.",
+            summary.unheeded_edges
+        );
+    }
     for device in &summary.devices {
         let _ = describe(&mut text, device);
     }

@@ -25,8 +25,8 @@ pub struct Search {
           allow_negative_numbers = true)]
     starts: Option<u32>,
     /// Simulations that a global search or micro-genetic algorithm may take for one model; 20,000 where nothing is said.
-    #[arg(long, value_name = "N", allow_negative_numbers = true)]
-    budget: Option<usize>,
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), allow_negative_numbers = true)]
+    budget: Option<u32>,
     /// Seed of all that is drawn at random.
     #[arg(long, value_name = "N", default_value_t = Options::default().seed, allow_negative_numbers = true)]
     seed: u64,
@@ -142,7 +142,7 @@ impl Search {
         Ok(Options {
             method: self.method.into(),
             starts: self.starts.map_or(usual.starts, |n| n as usize),
-            budget: self.budget.unwrap_or(usual.budget),
+            budget: self.budget.map_or(usual.budget, |budget| budget as usize),
             seed: self.seed,
             most_steps: self.steps.unwrap_or(usual.most_steps),
             features_left: from.map(|model| model.features_left.clone()),

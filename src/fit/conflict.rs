@@ -1,8 +1,7 @@
 //! Where a fit contradicts what was known before it: a fit may be down to the noise with a velocity that no meter showed.
 
 use super::data::RunData;
-use super::errors::FADED;
-use super::outcome::{Fit, FittedParameter, RunFit};
+use super::outcome::{Fit, FittedParameter};
 
 /// Deviations, in standard deviations of what was known, that are a conflict.
 const CONFLICT: f64 = 5.0;
@@ -108,19 +107,12 @@ fn of_record(run: &RunData) -> Vec<String> {
     saturated.chain(closing).collect()
 }
 
-/// One sentence for each run in which noise has died away after the closure: nothing contradicts there, but errors are those of the noise before.
-pub fn faded_noise(fit: &Fit) -> Vec<String> {
-    fit.runs.iter().filter(|_| fit.converged).filter_map(faded).collect()
-}
-
-fn faded(run: &RunFit) -> Option<String> {
-    let less = run.rmse_m.powi(2) < FADED * run.noise_m.powi(2);
-    less.then(|| {
+/// That [noise dies away](Fit::faded_noise), in words: nothing contradicts there, but errors are those of the noise before.
+pub fn faded_noise(fit: &Fit) -> Option<String> {
+    fit.faded_noise.map(|share| {
         format!(
-            "{}: the fit leaves {:.2} of the noise before the closure: noise dies away after it. Errors and intervals take it as \
-             it was before, for the first rise is seen in that; they may be too wide",
-            run.file,
-            run.rmse_m / run.noise_m
+            "the fit leaves {share:.2} of the noise before the closure: noise dies away after it. Errors and intervals take it as it was \
+             before, for the first rise is seen in that; they may be too wide"
         )
     })
 }
@@ -143,16 +135,6 @@ fn ended(p: &FittedParameter, runs: usize) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn noise_that_dies_away_is_said() {
-        let of = |rmse_m| {
-            let file = "a.mcap".to_owned();
-            faded(&RunFit { file, rmse_m, noise_m: 0.05, mape_extrema_percent: 0.0, sensors: Vec::new() })
-        };
-        assert!(of(0.013).is_some_and(|s| s.contains("a.mcap: the fit leaves 0.26 of the noise")));
-        assert!(of(0.049).is_none() && of(1.0).is_none() && of(f64::NAN).is_none());
-    }
 
     #[test]
     fn a_bound_is_said_in_the_values_own_digits_and_of_which_run() {

@@ -47,18 +47,19 @@ pub struct InTime<'a> {
 }
 
 /// Share of the mean square of noise before anything happens below which what a fit leaves shows that it has died away.
-pub(super) const FADED: f64 = 0.6;
+const FADED: f64 = 0.6;
 
 impl<'a> Linearised<'a> {
-    /// Whether noise that was there `before` anything happened, a series for each record, has died away in what the fit leaves: while the valve closed
-    /// it was still there, and what only the closure shows is known no better than that.
-    pub(super) fn has_faded(&self, before: &[Vec<Vec<f64>>]) -> bool {
+    /// What share, rms, the fit leaves of the noise that was there `before` anything happened, a series for each record, where that has died away:
+    /// while the valve closed it was still there, and what only the closure shows is known no better than that.
+    pub(super) fn faded(&self, before: &[Vec<Vec<f64>>]) -> Option<f64> {
         let (residuals, records) = match self.in_time {
             None => (self.residuals, self.records),
             Some(time) => (time.residuals, time.records),
         };
         let left = records.iter().flatten().flat_map(|rows| &residuals[rows.clone()]);
-        mean_square(left) < FADED * mean_square(before.iter().flatten().flatten())
+        let share = mean_square(left) / mean_square(before.iter().flatten().flatten());
+        (share < FADED).then(|| share.sqrt())
     }
 
     /// Records among `residuals` with their noise: what is left there, or what is seen elsewhere.
@@ -222,7 +223,7 @@ mod tests {
     #[test]
     fn noise_that_is_less_than_before_has_faded() {
         let (ones, before) = ([vec![1.0; 400]], [vec![white(400, 5)]]);
-        let of = |factor: f64| -> bool {
+        let of = |factor: f64| -> Option<f64> {
             let residuals: Vec<f64> = white(400, 6).iter().map(|v| factor * v).collect();
             let record = 0..400;
             let (records, at_bound) = ([vec![record]], [false]);
@@ -237,9 +238,10 @@ mod tests {
                 at_bound: &at_bound,
                 in_time,
             };
-            fit.has_faded(&before)
+            fit.faded(&before)
         };
-        assert!(of(0.3) && !of(1.0) && !of(3.0));
+        assert!(of(0.3).is_some_and(|share| (share / 0.3 - 1.0).abs() < 0.1), "{:?}", of(0.3));
+        assert_eq!((of(1.0), of(3.0)), (None, None));
     }
 
     /// A prior of standard deviation 0.1 on what 400 samples of noise 100 hardly see.

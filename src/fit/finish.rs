@@ -223,8 +223,8 @@ impl Fitter<'_> {
         let of_record = Errors::of(linearised);
         // What a model fails to explain is to show outside the band: the noise is that of before.
         let covariance = of_before.as_ref().unwrap_or(&of_record).by_noise.clone();
-        let faded = before.is_some_and(|noise| linearised.has_faded(&noise));
-        let errors = of_before.filter(|_| faded).unwrap_or(of_record).and(&left);
+        let faded_noise = before.and_then(|noise| linearised.faded(&noise));
+        let errors = of_before.filter(|_| faded_noise.is_some()).unwrap_or(of_record).and(&left);
         let bands = match &sampled {
             None => curve_sd_m(problem, &columns, &covariance),
             Some(sampled) => curve_sd_m(&sampled.problem, &sampled.columns, &covariance),
@@ -278,6 +278,7 @@ impl Fitter<'_> {
             unseen: unseen(problem, &values, linearised, &errors),
             reaches: problem.window().reaches,
             grid_error_m: 0.25 * halving_m,
+            faded_noise,
             evaluations: self.evaluations.load(Ordering::Relaxed),
             seconds: f64::NAN,
             steps: Vec::new(),

@@ -22,6 +22,10 @@ const RECENT: usize = 64;
 const STEPS: usize = 16;
 /// Steps needed before a jump can be told from the device's own rhythm.
 const ENOUGH_STEPS: usize = 3;
+/// Where a counter of 32 bits, as a microcontroller's, begins again, µs: every 71.6 min.
+const WRAP_US: u64 = 1 << 32;
+/// No step across that is longer, µs: beyond, it is rather a time that was damaged before a rhythm was known.
+const MOST_WRAPPED_US: u64 = WRAP_US / 16;
 /// Device times beyond this, µs, would not fit the recording's i64 nanoseconds.
 const MAX_DEVICE_US: u64 = (i64::MAX / 2000) as u64;
 
@@ -152,7 +156,6 @@ impl Decoder {
     }
 
     fn line(&mut self, time_us: u64, values: Vec<Option<f64>>, began_ns: i64, events: &mut Vec<Event>) {
-        let time_us = self.unwrapped(time_us);
         let line = Line { time_us, values, hole_before: std::mem::take(&mut self.hole), began_ns };
         if self.width.is_some() {
             self.of_width(line, events);
@@ -170,17 +173,20 @@ impl Decoder {
         }
     }
 
-    /// A time that goes on where a counter of 32 bits, as a microcontroller's, wraps (every 71.6 min).
+    /// A time that goes on where a counter of 32 bits wraps.
     fn unwrapped(&mut self, time_us: u64) -> u64 {
         let time_us = time_us + self.wrapped_us;
-        let next_us = time_us + (1 << 32);
+        let next_us = time_us + WRAP_US;
         let goes_on = |last_us| {
-            time_us < last_us && last_us < next_us && self.steps.len() >= ENOUGH_STEPS && !self.jumps(last_us, next_us)
+            time_us < last_us
+                && (last_us + 1..=last_us + MOST_WRAPPED_US).contains(&next_us)
+                && self.steps.len() >= ENOUGH_STEPS
+                && !self.jumps(last_us, next_us)
         };
         if !self.last_us.is_some_and(goes_on) {
             return time_us;
         }
-        self.wrapped_us += 1 << 32;
+        self.wrapped_us += WRAP_US;
         next_us
     }
 
@@ -189,6 +195,7 @@ impl Decoder {
             self.bad();
             return;
         }
+        line.time_us = self.unwrapped(line.time_us);
         line.hole_before |= std::mem::take(&mut self.hole);
         self.place(line, events);
     }

@@ -166,9 +166,18 @@ fn a_counter_that_wraps_goes_on() {
     let mut decoder = Decoder::new();
     let expected: Vec<_> = (1..60).map(|index| (wrap - 305_000 + 10_000 * index, false)).collect();
     assert_eq!(times(&decode(&mut decoder, &text)), expected);
-    // a device that starts again does not go on
-    let text: String = (0..20).map(|index| format!("{},1\n", 10_000 * (index % 10))).collect();
-    assert!(decode(&mut Decoder::new(), &text).contains(&Event::Restarted));
+    // a device that starts again does not go on, nor one whose time was damaged before its rhythm was known
+    let again: String = (0..20).map(|index| format!("{},1\n", 10_000 * (index % 10))).collect();
+    let damaged = [0, 0, 50, 60, 2_147_483_647, 80, 90, 100, 110].map(|time_us| format!("{time_us},1\n")).concat();
+    for sent in [again, damaged] {
+        let events = decode(&mut Decoder::new(), &sent);
+        let goes_on = events.iter().any(|event| matches!(event, Event::Line(line) if line.time_us >= wrap));
+        assert!(events.contains(&Event::Restarted) && !goes_on, "{events:?}");
+    }
+    // nor does a damaged line at the very end of the count begin it anew
+    let damaged = text.replace(",29\n", ",29\n0,5,9\n");
+    let expected: Vec<_> = expected.into_iter().map(|(at, _)| (at, at == wrap - 5_000)).collect();
+    assert_eq!(times(&decode(&mut Decoder::new(), &damaged)), expected);
 }
 
 proptest! {

@@ -166,6 +166,13 @@ pub struct Summary {
     /// Why shots could not be written.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub lost_shots: Vec<String>,
+    /// How often the valve's command switched while the trigger settled: no shot shows it.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub unheeded_edges: usize,
+}
+
+fn is_zero(count: &usize) -> bool {
+    *count == 0
 }
 
 /// A shot that ended before its time.
@@ -366,6 +373,7 @@ impl Output {
             cut_short: Vec::new(),
             absent: Vec::new(),
             lost_shots: Vec::new(),
+            unheeded_edges: 0,
         })
     }
 }

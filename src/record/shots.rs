@@ -366,6 +366,7 @@ impl Shots {
             cut_short: self.cut_short,
             absent: self.absent,
             lost_shots: self.lost,
+            unheeded_edges: self.trigger.unheeded_edges(),
         })
     }
 }

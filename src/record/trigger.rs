@@ -60,17 +60,29 @@ pub struct Trigger {
     last: std::collections::VecDeque<(i64, f64)>,
     /// Time of the sample before, ns, where nothing is missing since.
     heard_ns: Option<i64>,
+    unheeded: usize,
 }
 
 impl Trigger {
     /// One that has seen nothing yet.
     pub fn new(settings: Settings) -> Trigger {
-        Trigger { settings, state: State::Settling(0), last: std::collections::VecDeque::new(), heard_ns: None }
+        Trigger {
+            settings,
+            state: State::Settling(0),
+            last: std::collections::VecDeque::new(),
+            heard_ns: None,
+            unheeded: 0,
+        }
     }
 
     /// How it stands.
     pub fn state(&self) -> State {
         self.state
+    }
+
+    /// How often the valve's command switched while the trigger settled, between shots or before the first: no shot shows it.
+    pub fn unheeded_edges(&self) -> usize {
+        self.unheeded
     }
 
     /// Takes samples of its sensor, `period_ns` apart, the first at `first_ns`; says what they bring about, in order.
@@ -88,6 +100,8 @@ impl Trigger {
                 State::Armed => met.then_some(State::Fired(at)),
                 State::Fired(fired) => (at - fired > self.settings.post_ns).then_some(State::Settling(0)),
             };
+            let is_edge = self.settings.condition == Condition::Edge;
+            self.unheeded += usize::from(met && is_edge && matches!(self.state, State::Settling(_)));
             let Some(next) = next else { continue };
             match (self.state, next) {
                 (_, State::Armed) => events.push(Event::Armed),
@@ -205,6 +219,22 @@ mod tests {
         assert_eq!(events, [Event::Armed]);
         trigger.feed(100 * MS, 1e6, &[1.0; 5], &mut events);
         assert_eq!(events, [Event::Armed, Event::Fired(100 * MS)]);
+        assert_eq!(trigger.unheeded_edges(), 0);
+    }
+
+    /// Within a shot it is on record, where the trigger settles it is not; a level that the ringing reaches again and again is no closure.
+    #[test]
+    fn edges_that_make_no_shot_are_counted() {
+        let count = |condition| {
+            let mut trigger = Trigger::new(Settings { condition, pre_ns: 10 * MS, post_ns: 20 * MS });
+            let mut events = Vec::new();
+            // at 5 while it settles, at 30 it fires, at 40 within the shot, at 55 while it settles again
+            let command = steps(&[(5, 0.0), (25, 1.0), (10, 0.0), (15, 1.0), (60, 0.0)]);
+            trigger.feed(0, 1e6, &command, &mut events);
+            (events.iter().filter(|e| matches!(e, Event::Fired(_))).count(), trigger.unheeded_edges())
+        };
+        assert_eq!(count(Condition::Edge), (1, 2));
+        assert_eq!(count(Condition::Level(0.9)).1, 0);
     }
 
     /// Where the mean slope across what is missing is as steep as asked for, the slope itself was, somewhere in it (mean value theorem): a

@@ -181,6 +181,7 @@ mod tests {
             unseen: vec![],
             reaches: 64,
             grid_error_m: 0.001,
+            faded_noise: None,
             evaluations: 1,
             seconds: 1.0,
             steps: vec![],

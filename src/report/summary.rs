@@ -155,6 +155,7 @@ mod tests {
             unseen: vec![],
             reaches: 64,
             grid_error_m: 0.001,
+            faded_noise: None,
             evaluations: 0,
             seconds: 0.0,
             steps: vec![],

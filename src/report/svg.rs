@@ -10,7 +10,7 @@ pub mod heat;
 use std::fmt::Write;
 
 pub(super) use axis::Scale;
-use axis::{log_range, padded, wide};
+use axis::{Area, Labelled, log_range, padded, wide};
 
 use crate::report::escape::escape;
 
@@ -222,35 +222,11 @@ impl LineChart {
             let _ = write!(out, "M{left:.1} {:.1}H{right:.1}", y.px(*t));
         }
         out.push_str(r#""/></g>"#);
-        let _ = write!(
+        axis::draw(
             out,
-            r##"<path class="axis" d="M{left:.1} {top:.1}V{bottom:.1}H{right:.1}" stroke="#666" fill="none"/><g class="label">"##
-        );
-        for t in &xs.at {
-            let _ = write!(
-                out,
-                r#"<text x="{:.1}" y="{:.1}" text-anchor="middle">{}</text>"#,
-                x.px(*t),
-                bottom + 16.0,
-                xs.label(*t)
-            );
-        }
-        for t in &ys.at {
-            let _ = write!(
-                out,
-                r#"<text x="{:.1}" y="{:.1}" text-anchor="end">{}</text>"#,
-                left - 6.0,
-                y.px(*t) + 4.0,
-                ys.label(*t)
-            );
-        }
-        let (mid_x, mid_y) = ((left + right) / 2.0, (top + bottom) / 2.0);
-        let _ = write!(
-            out,
-            r#"<text x="{mid_x:.1}" y="{:.1}" text-anchor="middle">{}</text><text transform="translate(11 {mid_y:.1}) rotate(-90)" text-anchor="middle">{}</text></g>"#,
-            bottom + 35.0,
-            escape(&self.x_label),
-            escape(&self.y_label)
+            area,
+            &Labelled { scale: x, ticks: &xs, label: &self.x_label },
+            &Labelled { scale: y, ticks: &ys, label: &self.y_label },
         );
     }
 
@@ -309,14 +285,6 @@ fn stroke(s: Style, d: &str) -> String {
         r#"<path class="{}" d="{d}" fill="none" stroke="{}" stroke-width="{}" stroke-linejoin="round"{dash}/>"#,
         s.class, s.colour, s.width
     )
-}
-
-#[derive(Debug, Clone, Copy)]
-struct Area {
-    left: f64,
-    top: f64,
-    right: f64,
-    bottom: f64,
 }
 
 #[cfg(test)]

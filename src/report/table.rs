@@ -282,6 +282,7 @@ mod tests {
             unseen: vec![],
             reaches: 64,
             grid_error_m: 0.001,
+            faded_noise: None,
             evaluations: 312,
             seconds: 0.41,
             steps: vec![],

@@ -28,6 +28,9 @@ pub fn lines(input: &[u8]) {
     wire::whole_and_cut(input, against_oracle);
 }
 
+/// Where a counter of 32 bits begins again, µs.
+const WRAP_US: u64 = 1 << 32;
+
 /// A line that is no comment; without numbers it is a bad one.
 struct Sent {
     at: usize,
@@ -40,7 +43,7 @@ fn against_oracle(sent: &[u8], cuts: &[usize]) {
     let all = read(sent, cuts);
     assert_eq!(counts.lines + counts.bad + counts.stale, all.len() as u64, "lines that were sent");
     let width = width(&all);
-    let (mut next, mut last_us, mut taken) = (0, None, 0);
+    let (mut next, mut last_us, mut taken, mut wrapped_us) = (0, None, 0, 0);
     for event in &events {
         let Event::Line(line) = event else {
             last_us = None;
@@ -50,7 +53,14 @@ fn against_oracle(sent: &[u8], cuts: &[usize]) {
         let skipped = all[next..].iter().take_while(|of| (of.at as i64) < line.began_ns).count();
         let of = all.get(next + skipped).filter(|of| of.at as i64 == line.began_ns);
         let (time_us, values) = of.and_then(|of| of.numbers.as_ref()).expect("a line that was sent, and not before");
-        assert_eq!(line.time_us, *time_us);
+        // A counter of 32 bits goes on where it wraps, within minutes of its end and of its beginning.
+        let before_us = wrapped_us;
+        wrapped_us = line.time_us.checked_sub(*time_us).expect("no time is set back");
+        assert!(wrapped_us == before_us || wrapped_us == before_us + WRAP_US, "{} for {time_us} µs", line.time_us);
+        assert!(
+            wrapped_us == before_us || last_us.is_some_and(|last_us: u64| line.time_us - last_us < WRAP_US / 10),
+            "a counter wraps at its end"
+        );
         assert!(
             values.iter().map(|v| v.map(f64::to_bits)).eq(line.values.iter().map(|v| v.map(f64::to_bits))),
             "the values"

@@ -154,6 +154,7 @@ mod tests {
             unseen: vec![],
             reaches: 64,
             grid_error_m: 0.0,
+            faded_noise: None,
             evaluations: 1,
             seconds: 0.0,
             steps: vec![],

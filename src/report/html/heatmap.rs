@@ -149,6 +149,7 @@ mod tests {
             unseen: vec![],
             reaches: 1,
             grid_error_m: 0.0,
+            faded_noise: None,
             evaluations: 1,
             seconds: 1.0,
             steps: vec![],

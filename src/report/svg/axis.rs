@@ -1,6 +1,49 @@
-//! Axes: where a value lies, and where the marks are.
+//! Axes: where a value lies, where the marks are, and how both are drawn.
 
+use std::fmt::Write;
+
+use crate::report::escape::escape;
 use crate::report::number::significant;
+
+/// Where a chart's marks stand, px.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Area {
+    pub(super) left: f64,
+    pub(super) top: f64,
+    pub(super) right: f64,
+    pub(super) bottom: f64,
+}
+
+/// A scale, the marks along it, and its quantity and unit.
+pub(super) struct Labelled<'a> {
+    pub(super) scale: &'a Scale,
+    pub(super) ticks: &'a Ticks,
+    pub(super) label: &'a str,
+}
+
+/// Draws the lines left of and below an area, their numbers and what they are.
+pub(super) fn draw(out: &mut String, Area { left, top, right, bottom }: Area, x: &Labelled, y: &Labelled) {
+    let _ = write!(
+        out,
+        r##"<path class="axis" d="M{left:.1} {top:.1}V{bottom:.1}H{right:.1}" stroke="#666" fill="none"/><g class="label">"##
+    );
+    for t in &x.ticks.at {
+        let (at, below) = (x.scale.px(*t), bottom + 16.0);
+        let _ = write!(out, r#"<text x="{at:.1}" y="{below:.1}" text-anchor="middle">{}</text>"#, x.ticks.label(*t));
+    }
+    for t in &y.ticks.at {
+        let (beside, at) = (left - 6.0, y.scale.px(*t) + 4.0);
+        let _ = write!(out, r#"<text x="{beside:.1}" y="{at:.1}" text-anchor="end">{}</text>"#, y.ticks.label(*t));
+    }
+    let (mid_x, mid_y) = (0.5 * (left + right), 0.5 * (top + bottom));
+    let _ = write!(
+        out,
+        r#"<text x="{mid_x:.1}" y="{:.1}" text-anchor="middle">{}</text><text transform="translate(11 {mid_y:.1}) rotate(-90)" text-anchor="middle">{}</text></g>"#,
+        bottom + 35.0,
+        escape(x.label),
+        escape(y.label)
+    );
+}
 
 /// Maps a range of values to a range of pixels.
 #[derive(Debug, Clone, Copy)]

@@ -3,6 +3,7 @@
 use std::fmt::Write;
 
 use super::Scale;
+use super::axis::{self, Area, Labelled};
 use crate::report::escape::escape;
 use crate::report::number::significant;
 
@@ -130,36 +131,11 @@ impl HeatMap {
         }
         self.key(out, classes, right);
         let (xs, ys) = (x.ticks(((right - LEFT) / 55.0) as usize), y.ticks(((bottom - TOP) / 30.0) as usize));
-        let _ = write!(
+        axis::draw(
             out,
-            r##"<path class="axis" d="M{LEFT} {TOP}V{bottom:.1}H{right:.1}" stroke="#666" fill="none"/><g class="label">"##
-        );
-        for t in &xs.at {
-            let _ = write!(
-                out,
-                r#"<text x="{:.1}" y="{:.1}" text-anchor="middle">{}</text>"#,
-                x.px(*t),
-                bottom + 16.0,
-                xs.label(*t)
-            );
-        }
-        for t in &ys.at {
-            let _ = write!(
-                out,
-                r#"<text x="{:.1}" y="{:.1}" text-anchor="end">{}</text>"#,
-                LEFT - 5.0,
-                y.px(*t) + 4.0,
-                ys.label(*t)
-            );
-        }
-        let _ = write!(
-            out,
-            r#"<text x="{:.1}" y="{:.1}" text-anchor="middle">{}</text><text transform="translate(12 {:.1}) rotate(-90)" text-anchor="middle">{}</text></g>"#,
-            0.5 * (LEFT + right),
-            bottom + 34.0,
-            escape(&self.x_label),
-            0.5 * (TOP + bottom),
-            escape(&self.y_label)
+            Area { left: LEFT, top: TOP, right, bottom },
+            &Labelled { scale: &x, ticks: &xs, label: &self.x_label },
+            &Labelled { scale: &y, ticks: &ys, label: &self.y_label },
         );
     }
 
