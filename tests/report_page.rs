@@ -99,6 +99,7 @@ fn fit(effects: &[&str], sensors: Vec<SensorFit>, parameters: Vec<FittedParamete
             rmse_m: mean(|s| s.rmse_m),
             noise_m: mean(|s| s.noise_m),
             mape_extrema_percent: 0.41,
+            noise_dies_away: false,
             sensors,
         }],
         parameters,
@@ -106,7 +107,6 @@ fn fit(effects: &[&str], sensors: Vec<SensorFit>, parameters: Vec<FittedParamete
         unseen: vec![],
         reaches: 64,
         grid_error_m: 0.001,
-        faded_noise: None,
         evaluations: 312,
         seconds: 0.41,
         steps: vec![],
@@ -373,7 +373,7 @@ fn numbers_that_are_not_finite_are_left_out() {
     assert_eq!(data(&text)["panels"][0]["models"][0][10], Value::Null);
     assert!(table::calibration(&stages(&[("a", &wall)])).contains("not a number"));
 
-    let document: Value = serde_json::from_str(&json::calibration(&wall).expect("JSON")).expect("valid JSON");
+    let document: Value = serde_json::from_str(&json::calibration(&wall, &[]).expect("JSON")).expect("valid JSON");
     assert_eq!(document["runs"][0]["rmse_m"], Value::Null);
     assert_eq!(document["parameters"][6]["standard_error"], Value::Null);
 }
@@ -397,7 +397,7 @@ fn nothing_to_show_is_said() {
 #[test]
 fn calibrate_json_has_the_keys_that_scripts_rely_on() {
     let (_, wall) = two_stages(50);
-    let document: Value = serde_json::from_str(&json::calibration(&wall).expect("JSON")).expect("valid JSON");
+    let document: Value = serde_json::from_str(&json::calibration(&wall, &[]).expect("JSON")).expect("valid JSON");
     let keys = |value: &Value| value.as_object().expect("an object").keys().cloned().collect::<Vec<_>>();
     let expect_keys = |value: &Value, wanted: &[&str]| {
         for key in wanted {

@@ -11,7 +11,7 @@ use super::load::{self, Loaded};
 use super::search::Search;
 use super::{CommandResult, Outcome, hold, models, output};
 use crate::fit::calibrate::{FitError, Options, Progress, calibrate};
-use crate::fit::conflict::{at_bounds, conflicts, faded_noise};
+use crate::fit::conflict::warnings;
 use crate::fit::data::RunData;
 use crate::fit::method::Method;
 use crate::fit::model_file::Entry;
@@ -116,13 +116,10 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     args.search.check(fits.iter().flat_map(|(_, fit)| &fit.parameters).map(|p| p.name.as_str()))?;
     let stages: Vec<Stage> = fits.iter().map(|(title, fit)| Stage { title: title.clone(), fit }).collect();
     let Some((_, last)) = fits.last() else { return Ok(Outcome::Done) };
-    // Values that are none of an optimum contradict nothing.
-    let bounds = at_bounds(last).into_iter().filter(|_| last.converged);
-    for warning in conflicts(last, &runs).into_iter().chain(bounds).chain(faded_noise(last)) {
-        super::tell!("warning: {warning}");
-    }
+    let warned = warnings(last, &runs);
+    warned.iter().for_each(|warning| super::tell!("warning: {warning}"));
     if json {
-        super::say!("{}", json::calibration(last)?);
+        super::say!("{}", json::calibration(last, &warned)?);
     } else {
         super::say_text!(table::calibration(&stages));
         if last.effects.iter().any(|c| c.effect.name() == WALL)
@@ -139,7 +136,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     }
     // last, so that a page that cannot be written costs no result
     if let Some(path) = &args.report {
-        write_report(path, &rig, &loaded, stages)?;
+        write_page(path, &loaded, Page { stages, warnings: &warned, ..Page::of(&rig) })?;
         super::tell!("report: {}", path.display());
     }
     Ok(Outcome::Done)

@@ -6,7 +6,6 @@ use super::calibrate::{progress_bar, title, write_page};
 use super::{CommandResult, Outcome, hold, load, models, output};
 use crate::diagnose::{Diagnosis, Verdict, diagnose};
 use crate::fit::calibrate::Options;
-use crate::fit::conflict::faded_noise;
 use crate::fit::energy::energy_of;
 use crate::fit::outcome::Fit;
 use crate::fit::sensor_choice::is_open;
@@ -132,9 +131,6 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         effects = grown(&effects, &models[models.len() - 1].1.effects);
     }
     let Some(last) = diagnoses.last() else { return Ok(Outcome::Done) };
-    if let Some(warning) = models.last().and_then(|(_, fit)| faded_noise(fit)) {
-        super::tell!("warning: {warning}");
-    }
     if models.len() > MOST_ADDED {
         super::tell!("{MOST_ADDED} effects were added: here it stops, done or not");
     }

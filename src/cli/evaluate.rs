@@ -10,7 +10,7 @@ use super::calibrate::{progress_bar, title};
 use super::{models, output};
 use crate::diagnose::{Diagnosis, Verdict, diagnose};
 use crate::fit::calibrate::Options;
-use crate::fit::conflict::{at_bounds, conflicts, faded_noise};
+use crate::fit::conflict::{at_bounds, conflicts};
 use crate::fit::energy::energy_of;
 use crate::fit::model_file::ModelFile;
 use crate::fit::outcome::Fit;
@@ -189,7 +189,6 @@ fn found(
     let named = format!("{}: ", run.file);
     let mut told: Vec<String> = doubts(&rig, &features);
     told.extend(diagnosis.doubts.iter().chain(&contradictions).cloned().chain(at_bounds(&diagnosis.start)));
-    told.extend(faded_noise(missing_fit(&diagnosis).unwrap_or(&diagnosis.start)));
     let told: BTreeSet<&str> = told.iter().map(|w| w.strip_prefix(&named).unwrap_or(w)).collect();
     for warning in told {
         super::tell!("warning: {named}{warning}");

@@ -68,6 +68,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     check_folder(&args.output, args.overwrite)?;
     hold::check(&args.hold)?;
     let from = args.search.from()?;
+    args.search.check_held(args.hold.iter().map(|(name, _)| name.as_str()))?;
     let searched = args.search.options(from.as_ref())?;
     let loaded = load::load(&args.recordings, args.rig.as_deref())?;
     let rig = &loaded[0].recording.rig;

@@ -1,7 +1,7 @@
 //! What makes a diagnosis doubtful before it begins: a start model that cannot be this rig's, or was not fitted at all.
 
 use crate::fit::calibrate::{Options, with_more_elements};
-use crate::fit::conflict::conflicts;
+use crate::fit::conflict::{conflicts, faded_noise};
 use crate::fit::data::RunData;
 use crate::fit::outcome::Fit;
 use crate::model::effects::Chosen;
@@ -42,6 +42,7 @@ pub fn doubts(rig: &Rig, runs: &[RunData], start: &Fit, effects: &[Chosen], opti
         ));
     }
     doubts.extend(conflicts(start, runs));
+    doubts.extend(faded_noise(start));
     doubts
 }
 

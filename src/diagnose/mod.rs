@@ -21,6 +21,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use rayon::prelude::*;
 
 use crate::fit::calibrate::{FitError, Options, Progress, calibrate};
+use crate::fit::conflict::faded_noise;
 use crate::fit::data::RunData;
 use crate::fit::held_out::held_out_m;
 use crate::fit::outcome::{Fit, FittedParameter};
@@ -252,6 +253,9 @@ fn explain(finisher: &Finisher, ground: &Ground, rivals: &[Rival], diagnosis: &m
     let Some(first) = diagnosis.candidates.first_mut() else { return };
     first.held_out_m = with;
     let effect = first.effect;
+    if let Some(fit) = first.fit.as_ref().filter(|_| faded_noise(&diagnosis.start).is_empty()) {
+        diagnosis.doubts.extend(faded_noise(fit));
+    }
     if diagnosis.predicts_worse() {
         diagnosis.doubts.push(format!(
             "fitted to the beginning of the records the model with {effect} predicts the rest worse than the start model does: it follows \

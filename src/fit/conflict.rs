@@ -1,7 +1,7 @@
 //! Where a fit contradicts what was known before it: a fit may be down to the noise with a velocity that no meter showed.
 
 use super::data::RunData;
-use super::outcome::{Fit, FittedParameter};
+use super::outcome::{Fit, FittedParameter, RunFit};
 
 /// Deviations, in standard deviations of what was known, that are a conflict.
 const CONFLICT: f64 = 5.0;
@@ -107,14 +107,27 @@ fn of_record(run: &RunData) -> Vec<String> {
     saturated.chain(closing).collect()
 }
 
-/// That [noise dies away](Fit::faded_noise), in words: nothing contradicts there, but errors are those of the noise before.
-pub fn faded_noise(fit: &Fit) -> Option<String> {
-    fit.faded_noise.map(|share| {
-        format!(
-            "the fit leaves {share:.2} of the noise before the closure: noise dies away after it. Errors and intervals take it as it was \
-             before, for the first rise is seen in that; they may be too wide"
-        )
-    })
+/// One sentence for each run whose [noise dies away](RunFit::noise_dies_away): nothing contradicts there, but errors are those of the noise before.
+pub fn faded_noise(fit: &Fit) -> Vec<String> {
+    let shared = if fit.runs.len() > 1 { ", as may those of what it shares with other runs" } else { "" };
+    let faded = fit.runs.iter().filter(|run| run.noise_dies_away);
+    faded.map(|run| dies_away(run, shared)).collect()
+}
+
+fn dies_away(run: &RunFit, shared: &str) -> String {
+    format!(
+        "{}: the fit leaves {:.2} of the noise before the closure: noise dies away after it. Errors and intervals of this run take it as it was \
+         before, for the first rise is seen in that; they may be too wide{shared}",
+        run.file,
+        run.rmse_m / run.noise_m
+    )
+}
+
+/// All that is to be said of a fit: where it contradicts what was known, ended at a bound, or noise dies away.
+pub fn warnings(fit: &Fit, runs: &[RunData]) -> Vec<String> {
+    // Values that are none of an optimum contradict nothing.
+    let bounds = at_bounds(fit).into_iter().filter(|_| fit.converged);
+    conflicts(fit, runs).into_iter().chain(bounds).chain(faded_noise(fit)).collect()
 }
 
 /// One sentence for each parameter that ended at a bound, unless what is [unseen](Fit::unseen) says more of it.

@@ -50,16 +50,27 @@ pub struct InTime<'a> {
 const FADED: f64 = 0.6;
 
 impl<'a> Linearised<'a> {
-    /// What share, rms, the fit leaves of the noise that was there `before` anything happened, a series for each record, where that has died away:
-    /// while the valve closed it was still there, and what only the closure shows is known no better than that.
-    pub(super) fn faded(&self, before: &[Vec<Vec<f64>>]) -> Option<f64> {
+    /// Whether noise that was there `before` anything happened has died away in what the fit leaves, for each group of records: while the valve
+    /// closed it was still there, and what only the closure shows is known no better than that.
+    pub(super) fn faded(&self, before: &[Vec<Vec<f64>>]) -> Vec<bool> {
+        let left = self.left().into_iter().zip(before);
+        left.map(|(left, before)| mean_square(&left) < FADED * mean_square(before)).collect()
+    }
+
+    /// The noise that counts in each group of records: that of `before` where it has `faded`, elsewhere what the fit leaves.
+    pub(super) fn noise_that_counts(&self, before: &[Vec<Vec<f64>>], faded: &[bool]) -> Vec<Vec<Vec<f64>>> {
+        let groups = self.left().into_iter().zip(before).zip(faded);
+        groups.map(|((left, before), faded)| if *faded { before.clone() } else { left }).collect()
+    }
+
+    /// What the fit leaves of the samples of each record.
+    fn left(&self) -> Vec<Vec<Vec<f64>>> {
         let (residuals, records) = match self.in_time {
             None => (self.residuals, self.records),
             Some(time) => (time.residuals, time.records),
         };
-        let left = records.iter().flatten().flat_map(|rows| &residuals[rows.clone()]);
-        let share = mean_square(left) / mean_square(before.iter().flatten().flatten());
-        (share < FADED).then(|| share.sqrt())
+        let of = |group: &Vec<Range<usize>>| group.iter().map(|rows| residuals[rows.clone()].to_vec()).collect();
+        records.iter().map(of).collect()
     }
 
     /// Records among `residuals` with their noise: what is left there, or what is seen elsewhere.
@@ -74,7 +85,8 @@ impl<'a> Linearised<'a> {
     }
 }
 
-fn mean_square<'a>(values: impl Iterator<Item = &'a f64> + Clone) -> f64 {
+fn mean_square(series: &[Vec<f64>]) -> f64 {
+    let values = series.iter().flatten();
     values.clone().map(|v| v * v).sum::<f64>() / values.count().max(1) as f64
 }
 
@@ -220,28 +232,32 @@ mod tests {
         assert!((line.taken - 2.0).abs() < 1e-9 && of(&twice, true).taken == 0.0);
     }
 
+    /// In one group of records it dies away, in the other it does not: each keeps the noise that it has.
     #[test]
     fn noise_that_is_less_than_before_has_faded() {
-        let (ones, before) = ([vec![1.0; 400]], [vec![white(400, 5)]]);
-        let of = |factor: f64| -> Option<f64> {
-            let residuals: Vec<f64> = white(400, 6).iter().map(|v| factor * v).collect();
-            let record = 0..400;
-            let (records, at_bound) = ([vec![record]], [false]);
-            let common = [];
-            let (elsewhere, in_time) = (None, None);
+        let (ones, before) = ([vec![1.0; 800]], [vec![white(400, 5)], vec![white(400, 7)]]);
+        for (factors, expected) in [([0.3, 1.0], [true, false]), ([3.0, 0.3], [false, true]), ([1.0, 3.0], [false; 2])]
+        {
+            let scaled = |factor: f64, seed| white(400, seed).into_iter().map(move |v| factor * v);
+            let residuals: Vec<f64> = scaled(factors[0], 6).chain(scaled(factors[1], 8)).collect();
+            let (first, second) = (0..400, 400..800);
             let fit = Linearised {
                 columns: &ones,
                 residuals: &residuals,
-                records: &records,
-                elsewhere,
-                common: &common,
-                at_bound: &at_bound,
-                in_time,
+                records: &[vec![first], vec![second]],
+                elsewhere: None,
+                common: &[],
+                at_bound: &[false],
+                in_time: None,
             };
-            fit.faded(&before)
-        };
-        assert!(of(0.3).is_some_and(|share| (share / 0.3 - 1.0).abs() < 0.1), "{:?}", of(0.3));
-        assert_eq!((of(1.0), of(3.0)), (None, None));
+            let faded = fit.faded(&before);
+            assert_eq!(faded, expected, "{factors:?}");
+            let counts = fit.noise_that_counts(&before, &faded);
+            for group in 0..2 {
+                let own = vec![residuals[400 * group..400 * (group + 1)].to_vec()];
+                assert_eq!(counts[group], if faded[group] { before[group].clone() } else { own });
+            }
+        }
     }
 
     /// A prior of standard deviation 0.1 on what 400 samples of noise 100 hardly see.

@@ -1,5 +1,6 @@
 //! The end of a fit: the grid is refined until halving its step changes less than the noise does, then all samples enter.
 
+use std::collections::BTreeSet;
 use std::ops::Range;
 use std::sync::atomic::Ordering;
 
@@ -223,8 +224,10 @@ impl Fitter<'_> {
         let of_record = Errors::of(linearised);
         // What a model fails to explain is to show outside the band: the noise is that of before.
         let covariance = of_before.as_ref().unwrap_or(&of_record).by_noise.clone();
-        let faded_noise = before.and_then(|noise| linearised.faded(&noise));
-        let errors = of_before.filter(|_| faded_noise.is_some()).unwrap_or(of_record).and(&left);
+        let faded = before.as_ref().map_or(Vec::new(), |noise| linearised.faded(noise));
+        let counts = before.filter(|_| faded.contains(&true)).map(|noise| linearised.noise_that_counts(&noise, &faded));
+        let of_faded = counts.map(|noise| Errors::of(Linearised { elsewhere: Some(&noise), ..linearised }));
+        let errors = of_faded.unwrap_or(of_record).and(&left);
         let bands = match &sampled {
             None => curve_sd_m(problem, &columns, &covariance),
             Some(sampled) => curve_sd_m(&sampled.problem, &sampled.columns, &covariance),
@@ -260,9 +263,14 @@ impl Fitter<'_> {
             })
             .collect();
         let period_s = model.period_s(&values[..model.shared.len()]);
+        let faded_runs: BTreeSet<usize> =
+            problem.runs_of_records().into_iter().zip(faded).filter_map(|(run, faded)| faded.then_some(run)).collect();
         let runs = (0..self.runs.len())
-            .map(|r| self.run_fit(problem, r, &values, &start_values, period_s, &bands[r]))
-            .collect::<Result<_, _>>()?;
+            .map(|r| {
+                let run = self.run_fit(problem, r, &values, &start_values, period_s, &bands[r])?;
+                Ok(RunFit { noise_dies_away: faded_runs.contains(&r), ..run })
+            })
+            .collect::<Result<_, ModelError>>()?;
         let promise = self.promised(problem, solution)?;
         let (promised, converged) = (promise.fall, promise.at_optimum(solution));
         let stopped_because = match (converged, solution.stop.describe()) {
@@ -278,7 +286,6 @@ impl Fitter<'_> {
             unseen: unseen(problem, &values, linearised, &errors),
             reaches: problem.window().reaches,
             grid_error_m: 0.25 * halving_m,
-            faded_noise,
             evaluations: self.evaluations.load(Ordering::Relaxed),
             seconds: f64::NAN,
             steps: Vec::new(),
@@ -340,6 +347,7 @@ impl Fitter<'_> {
             rmse_m: pooled(&|s| s.rmse_m),
             noise_m: pooled(&|s| s.noise_m),
             mape_extrema_percent: mape_percent(sensors.iter().flat_map(|s| &s.extrema)),
+            noise_dies_away: false,
             sensors,
         })
     }

@@ -99,6 +99,8 @@ pub struct RunFit {
     pub noise_m: f64,
     /// Mean absolute percentage error over the extrema (paper's eq. 19), percent.
     pub mape_extrema_percent: f64,
+    /// Its noise dies away after the closure: errors and intervals take it as it was before, for the first rise is seen in that.
+    pub noise_dies_away: bool,
     /// Each pressure sensor.
     pub sensors: Vec<SensorFit>,
 }
@@ -141,9 +143,6 @@ pub struct Fit {
     pub reaches: usize,
     /// What halving the grid's step would still change, rms over all samples, m.
     pub grid_error_m: f64,
-    /// Where noise dies away after the closure, the share, rms, that the fit leaves of the noise before it: errors and intervals take it as it was
-    /// before, for the first rise is seen in that.
-    pub faded_noise: Option<f64>,
     /// Simulations that the fit took.
     pub evaluations: usize,
     /// Wall time, s.
@@ -161,13 +160,14 @@ pub struct Fit {
 }
 
 impl Fit {
-    /// Without all that holds at an optimum alone: errors, intervals, correlations, what is unseen, bands, what errors made of the noise.
+    /// Without all that holds at an optimum alone: errors, intervals, correlations, what is unseen, bands.
     pub(super) fn without_errors(mut self) -> Self {
         for p in self.parameters.iter_mut().filter(|p| !p.held) {
             (p.standard_error, p.interval_95) = (f64::NAN, (f64::NAN, f64::NAN));
         }
+        self.runs.iter_mut().for_each(|r| r.noise_dies_away = false);
         self.runs.iter_mut().flat_map(|r| &mut r.sensors).for_each(|s| s.band_m.clear());
-        Fit { correlation: Vec::new(), unseen: Vec::new(), faded_noise: None, ..self }
+        Fit { correlation: Vec::new(), unseen: Vec::new(), ..self }
     }
 
     /// Values of all parameters: shared ones first, then each run's.

@@ -153,8 +153,15 @@ pub(super) fn read_back(
     valve_from_head(problem.model, &run.conditions, shared, &own, resolution, (&time_s, &head_m))
 }
 
+/// Between where the opening first falls below 90% and below 10%, over 80%; straight from sample to sample.
 pub(super) fn effective_closing_s(curve: &ValveCurve) -> Option<f64> {
-    let below = |level: f64| curve.time_s.iter().zip(&curve.opening).find(|(_, o)| **o <= level).map(|(t, _)| *t);
+    let points: Vec<(f64, f64)> = curve.time_s.iter().copied().zip(curve.opening.iter().copied()).collect();
+    let below = |level: f64| {
+        let at = points.iter().position(|(_, opening)| *opening <= level)?;
+        let (t, opening) = points[at];
+        let before = at.checked_sub(1).map(|i| points[i]).filter(|(_, before)| before.is_finite() && *before > opening);
+        Some(before.map_or(t, |(from, before)| t - (t - from) * (level - opening) / (before - opening)))
+    };
     Some((below(0.1)? - below(0.9)?) / 0.8)
 }
 
@@ -250,7 +257,7 @@ mod tests {
     #[test]
     fn the_effective_time_of_a_linear_closure_is_its_time() {
         let linear = curve(|t| (1.0 - t / 0.08).max(0.0));
-        assert!((effective_closing_s(&linear).unwrap() - 0.08).abs() < 2e-3);
+        assert!((effective_closing_s(&linear).unwrap() - 0.08).abs() < 1e-9);
         assert_eq!(effective_closing_s(&curve(|_| 1.0)), None);
     }
 }

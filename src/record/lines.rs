@@ -83,6 +83,8 @@ pub struct Decoder {
     jumps: Vec<(u64, u64)>,
     /// What a counter of 32 bits has lost by wrapping, µs.
     wrapped_us: u64,
+    /// It wraps once more with the first line that is taken at this time or later, µs.
+    wrapping_us: Option<u64>,
     /// Bad lines came since the last that parsed.
     hole: bool,
     /// Bad lines came before the stale ones, since the last line taken.
@@ -173,20 +175,25 @@ impl Decoder {
         }
     }
 
-    /// A time that goes on where a counter of 32 bits wraps.
+    /// A time that goes on where a counter of 32 bits wraps: from the last line, or from one behind a jump, which may stand on either side. Few lines
+    /// are lost there: after more it is rather a device that restarted.
     fn unwrapped(&mut self, time_us: u64) -> u64 {
         let time_us = time_us + self.wrapped_us;
+        let again = |before_us| self.recent.iter().any(|line| line.time_us == before_us);
+        if let Some(before_us) =
+            time_us.checked_sub(WRAP_US).filter(|before_us| self.wrapped_us > 0 && again(*before_us))
+        {
+            return before_us;
+        }
         let next_us = time_us + WRAP_US;
-        let goes_on = |last_us| {
-            time_us < last_us
-                && (last_us + 1..=last_us + MOST_WRAPPED_US).contains(&next_us)
-                && self.steps.len() >= ENOUGH_STEPS
-                && !self.jumps(last_us, next_us)
-        };
-        if !self.last_us.is_some_and(goes_on) {
+        let most_us = MOST_WRAPPED_US.min(STEPS as u64 * self.longest_us());
+        let last_us = self.doubtful.as_ref().map(|line| line.time_us).or(self.last_us);
+        let goes_on = |last_us| time_us < last_us && (last_us + 1..=last_us + most_us).contains(&next_us);
+        if self.steps.len() < ENOUGH_STEPS || !last_us.is_some_and(goes_on) {
+            self.wrapping_us = None;
             return time_us;
         }
-        self.wrapped_us += WRAP_US;
+        self.wrapping_us.get_or_insert(next_us);
         next_us
     }
 
@@ -221,8 +228,12 @@ impl Decoder {
 
     /// True for a step well beyond those before it.
     fn jumps(&self, from_us: u64, to_us: u64) -> bool {
-        let longest = self.steps.iter().map(length).max().unwrap_or_default();
+        let longest = self.longest_us();
         self.steps.len() >= ENOUGH_STEPS && to_us - from_us > longest + longest / 2
+    }
+
+    fn longest_us(&self) -> u64 {
+        self.steps.iter().map(length).max().unwrap_or_default()
     }
 
     /// True for a step no longer than the jump, or the device's rhythm: it may have slowed down for good.
@@ -253,11 +264,15 @@ impl Decoder {
         {
             if self.steps.len() == STEPS {
                 self.steps.pop_front();
+                self.steps.push_back((last_us, line.time_us));
+            } else {
+                self.steps.push_back((last_us, line.time_us));
+                self.early_holes(events);
             }
-            self.steps.push_back((last_us, line.time_us));
-            if self.steps.len() == ENOUGH_STEPS {
-                self.early_hole(events);
-            }
+        }
+        if self.wrapping_us.is_some_and(|from_us| line.time_us >= from_us) {
+            self.wrapped_us += WRAP_US;
+            self.wrapping_us = None;
         }
         self.last_us = Some(line.time_us);
         self.recent.push_back(line.clone());
@@ -268,16 +283,16 @@ impl Decoder {
         events.push(Event::Line(line));
     }
 
-    /// One of the first steps is a hole where it is far longer than the others, and they agree.
-    fn early_hole(&mut self, events: &mut Vec<Event>) {
-        let Some(at) = (0..self.steps.len()).max_by_key(|at| length(&self.steps[*at])) else { return };
-        let Some((from_us, to_us)) = self.steps.remove(at) else { return };
-        let (shortest, longest) =
-            self.steps.iter().map(length).fold((u64::MAX, 0), |(low, high), step| (low.min(step), high.max(step)));
-        if longest <= shortest + shortest / 4 && to_us - from_us > longest + longest / 2 {
-            events.push(Event::Hole { from_us, to_us });
-        } else {
-            self.steps.insert(at, (from_us, to_us));
+    /// Of the first steps those are holes that are far longer than the others, where these agree and are more by enough.
+    fn early_holes(&mut self, events: &mut Vec<Event>) {
+        let shortest = self.steps.iter().map(length).min().unwrap_or_default();
+        let agrees = |step: &(u64, u64)| length(step) <= shortest + shortest / 4;
+        let (regular, others): (VecDeque<_>, VecDeque<_>) = self.steps.iter().copied().partition(agrees);
+        let longest = regular.iter().map(length).max().unwrap_or_default();
+        let are_holes = others.iter().all(|step| length(step) > longest + longest / 2);
+        if are_holes && regular.len() >= others.len() + ENOUGH_STEPS {
+            events.extend(others.into_iter().map(|(from_us, to_us)| Event::Hole { from_us, to_us }));
+            self.steps = regular;
         }
     }
 

@@ -354,7 +354,8 @@ impl Shots {
         }
         Ok(Summary {
             file: self.plan.folder.display().to_string(),
-            duration_s: self.done.iter().map(|shot| shot.duration_s).sum(),
+            // the sum over none is -0
+            duration_s: self.done.iter().fold(0.0, |sum, shot| sum + shot.duration_s),
             sensors,
             data_lost: devices.iter().any(DeviceCount::lost_data)
                 || self.done.iter().any(|shot| shot.data_lost)

@@ -101,7 +101,8 @@ impl Trigger {
                 State::Fired(fired) => (at - fired > self.settings.post_ns).then_some(State::Settling(0)),
             };
             let is_edge = self.settings.condition == Condition::Edge;
-            self.unheeded += usize::from(met && is_edge && matches!(self.state, State::Settling(_)));
+            let in_no_shot = matches!((self.state, next), (State::Settling(_), _) | (State::Fired(_), Some(_)));
+            self.unheeded += usize::from(met && is_edge && in_no_shot);
             let Some(next) = next else { continue };
             match (self.state, next) {
                 (_, State::Armed) => events.push(Event::Armed),
@@ -228,12 +229,12 @@ mod tests {
         let count = |condition| {
             let mut trigger = Trigger::new(Settings { condition, pre_ns: 10 * MS, post_ns: 20 * MS });
             let mut events = Vec::new();
-            // at 5 while it settles, at 30 it fires, at 40 within the shot, at 55 while it settles again
-            let command = steps(&[(5, 0.0), (25, 1.0), (10, 0.0), (15, 1.0), (60, 0.0)]);
+            // at 5 while it settles, at 30 it fires, at 40 within the shot, at 51 just behind it, at 55 while it settles again
+            let command = steps(&[(5, 0.0), (25, 1.0), (10, 0.0), (11, 1.0), (4, 0.0), (60, 1.0)]);
             trigger.feed(0, 1e6, &command, &mut events);
             (events.iter().filter(|e| matches!(e, Event::Fired(_))).count(), trigger.unheeded_edges())
         };
-        assert_eq!(count(Condition::Edge), (1, 2));
+        assert_eq!(count(Condition::Edge), (1, 3));
         assert_eq!(count(Condition::Level(0.9)).1, 0);
     }
 

@@ -171,8 +171,14 @@ mod tests {
             start_rmse_m: 2.0,
             extrema: vec![],
         };
-        let run =
-            RunFit { file: "a".into(), rmse_m: 1.0, noise_m: 0.1, mape_extrema_percent: 1.0, sensors: vec![sensor] };
+        let run = RunFit {
+            file: "a".into(),
+            rmse_m: 1.0,
+            noise_m: 0.1,
+            mape_extrema_percent: 1.0,
+            noise_dies_away: false,
+            sensors: vec![sensor],
+        };
         Fit {
             effects: vec![],
             runs: vec![run],
@@ -181,7 +187,6 @@ mod tests {
             unseen: vec![],
             reaches: 64,
             grid_error_m: 0.001,
-            faded_noise: None,
             evaluations: 1,
             seconds: 1.0,
             steps: vec![],

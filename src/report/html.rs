@@ -44,6 +44,8 @@ pub struct Page<'a> {
     pub stages: Vec<Stage<'a>>,
     /// Curves from elsewhere.
     pub overlays: Vec<Overlay>,
+    /// What is to be said of the result beside its numbers.
+    pub warnings: &'a [String],
     /// The diagnoses that led from stage to stage, the first one first; none on the page of a calibration.
     pub diagnoses: &'a [Diagnosis],
     /// The last stage predicts: its samples after a time were not seen by any fit.
@@ -60,6 +62,7 @@ impl<'a> Page<'a> {
             rig,
             stages: Vec::new(),
             overlays: Vec::new(),
+            warnings: &[],
             diagnoses: &[],
             prediction: None,
             energy: None,
@@ -95,6 +98,9 @@ pub fn html(page: &Page) -> String {
 "#,
         escape(&verdict)
     );
+    for warning in page.warnings {
+        let _ = writeln!(out, "<p class=\"note\"><strong>Warning:</strong> {}.</p>", escape(warning));
+    }
     let diagnosed = !page.diagnoses.is_empty();
     let mut body = if diagnosed { diagnosis::before(page) } else { stages::staircase(&page.stages, "") };
     sensors(&mut body, page, &panels);

@@ -31,6 +31,8 @@ pub struct Calibration<'a> {
     pub steps: &'a [StepTaken],
     /// Why it stopped, in words.
     pub stopped_because: &'a str,
+    /// What contradicts what was known before the fit, ended at a bound, or makes errors too wide.
+    pub warnings: &'a [String],
 }
 
 /// One run.
@@ -101,6 +103,7 @@ impl<'a> From<&'a Fit> for Calibration<'a> {
             promised_fall: fit.promised_fall,
             steps: &fit.steps,
             stopped_because: &fit.stopped_because,
+            warnings: &[],
         }
     }
 }
@@ -144,10 +147,10 @@ impl<'a> From<&'a FittedParameter> for Parameter<'a> {
     }
 }
 
-/// The document of `calibrate --json` as text, one line.
+/// The document of `calibrate --json` as text, one line; `warnings` are what else is to be said of the fit.
 ///
 /// # Errors
 /// Only what [`serde_json`] may report; plain data like this gives it no cause.
-pub fn calibration(fit: &Fit) -> serde_json::Result<String> {
-    serde_json::to_string(&Calibration::from(fit))
+pub fn calibration(fit: &Fit, warnings: &[String]) -> serde_json::Result<String> {
+    serde_json::to_string(&Calibration { warnings, ..Calibration::from(fit) })
 }

@@ -133,6 +133,7 @@ mod tests {
             rmse_m,
             noise_m,
             mape_extrema_percent: 0.0,
+            noise_dies_away: false,
             sensors: vec![SensorFit {
                 name: "P1".into(),
                 position_m: 0.0,
@@ -155,7 +156,6 @@ mod tests {
             unseen: vec![],
             reaches: 64,
             grid_error_m: 0.001,
-            faded_noise: None,
             evaluations: 0,
             seconds: 0.0,
             steps: vec![],

@@ -242,6 +242,7 @@ mod tests {
                 rmse_m,
                 noise_m: 0.03,
                 mape_extrema_percent: 0.41,
+                noise_dies_away: false,
                 sensors: vec![SensorFit {
                     name: "P1".into(),
                     position_m: 10.0,
@@ -282,7 +283,6 @@ mod tests {
             unseen: vec![],
             reaches: 64,
             grid_error_m: 0.001,
-            faded_noise: None,
             evaluations: 312,
             seconds: 0.41,
             steps: vec![],

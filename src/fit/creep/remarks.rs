@@ -69,7 +69,8 @@ pub(super) fn remark(fit: &mut CreepFit, ladder: &Ladder, step: &Step, (room, mo
     if ladder.shifts > 0 {
         apart(fit, ladder, step, room);
     }
-    fit.remarks.extend(unlike(fit));
+    // with too few elements each test is left far from its noise, whatever the others say
+    fit.remarks.extend(unlike(fit).filter(|_| !asked));
 }
 
 /// Where tests that were fitted as of one temperature contradict each other.

@@ -88,6 +88,11 @@ impl<'a> Calibration<'a> {
         self.sampled_together().into_iter().map(rows).collect()
     }
 
+    /// The run of each group of records of [`record_rows`](Self::record_rows).
+    pub fn runs_of_records(&self) -> Vec<usize> {
+        self.sampled_together().iter().map(|group| group[0].0).collect()
+    }
+
     /// Runs and sensors, those together whose samples belong together one by one: of a run, as many, and none further from the other than the
     /// next, as instruments that share a clock take them at once or in turns.
     fn sampled_together(&self) -> Vec<Vec<(usize, usize)>> {

@@ -16,7 +16,7 @@ pub(super) enum Format {
     Protobuf(MessageDescriptor),
 }
 
-/// A number found in a message; NaN where text or a null stands in its place.
+/// A number found in a message; NaN where text, a null, or an empty list or object stands in its place.
 pub(super) type Field = (String, f64);
 
 impl Format {
@@ -41,7 +41,15 @@ impl Format {
         let mut found = Vec::new();
         match self {
             Format::Json => {
-                let value = serde_json::from_slice(data).map_err(|e| format!("is no JSON: {e}"))?;
+                let value = serde_json::from_slice(data).map_err(|e| {
+                    let has = |word: &[u8]| data.windows(word.len()).any(|part| part == word);
+                    let hint = if has(b"NaN") || has(b"Infinity") {
+                        ", for NaN and Infinity are none: write null"
+                    } else {
+                        ""
+                    };
+                    format!("is no JSON{hint}: {e}")
+                })?;
                 json_numbers(&value, "", 0, &mut found);
             }
             Format::Protobuf(descriptor) => {
@@ -81,6 +89,9 @@ fn json_numbers(value: &Json, path: &str, depth: usize, found: &mut Vec<Field>) 
     match value {
         Json::Number(number) => found.extend(number.as_f64().map(|n| (path.to_string(), n))),
         Json::Bool(on) => found.push((path.to_string(), f64::from(u8::from(*on)))),
+        // what is empty stands in the place of a number, too
+        Json::Array(items) if items.is_empty() => found.push((path.to_string(), f64::NAN)),
+        Json::Object(entries) if entries.is_empty() => found.push((path.to_string(), f64::NAN)),
         Json::Array(items) => {
             for (i, item) in items.iter().enumerate().take(MOST) {
                 json_numbers(item, &format!("{path}[{i}]"), depth + 1, found);

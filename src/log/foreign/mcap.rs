@@ -26,6 +26,8 @@ struct Found {
     value: Vec<f64>,
     /// Times of the messages in which it is no number.
     missing_ns: Vec<i64>,
+    /// Messages of its topic that do not have it at all.
+    absent: usize,
 }
 
 /// Reads a file.
@@ -137,6 +139,12 @@ impl<'o> Reading<'o> {
                     }
                     return Ok(());
                 };
+                for (wanted, _) in &self.options.map {
+                    let field = wanted.strip_prefix(channel.topic.as_str()).and_then(|rest| rest.strip_prefix('.'));
+                    if field.is_some_and(|field| fields.iter().all(|(name, _)| name != field)) {
+                        self.found.entry(wanted.clone()).or_default().absent += 1;
+                    }
+                }
                 for (field, value) in fields {
                     let name = format!("{}.{field}", channel.topic);
                     if !value.is_finite() {
@@ -205,6 +213,11 @@ impl<'o> Reading<'o> {
                     "{missing} messages have no number for {name} (text, a null or nan) and were left out of it: recorded as gaps"
                 );
                 mended.push(Mended { lost: true, ..Mended::new("no-number", missing, None, text) });
+            }
+            // a topic may have messages of several kinds
+            if found.absent > 0 {
+                let text = format!("{} messages of its topic do not have {name} at all", found.absent);
+                mended.push(Mended::new("absent", found.absent, None, text));
             }
             let (series, repeated) = found.series(zero_ns);
             if repeated > 0 {

@@ -34,14 +34,15 @@ impl Stream<'_> {
         if placed.first_ns >= self.limit_ns(live) {
             return Ok(());
         }
-        self.holes += u64::from(placed.gap.is_some() && self.is_wanted(placed.first_ns, live));
+        let wanted = self.is_wanted(placed.first_ns, live);
+        self.holes += u64::from(placed.gap.is_some() && wanted);
         let output = live.output()?;
         let now_ns = placed.first_ns;
         for tap in &mut self.taps {
             let value = line.values.get(tap.column).copied().flatten().map(|value| tap.scale * value + tap.offset);
             let Some(value) = value.filter(|value| value.is_finite()) else {
                 tap.missed = true;
-                self.holes += 1;
+                self.holes += u64::from(wanted);
                 continue;
             };
             let missed = std::mem::take(&mut tap.missed);

@@ -139,6 +139,7 @@ mod tests {
             rmse_m: 0.2,
             noise_m: 0.03,
             mape_extrema_percent: 0.0,
+            noise_dies_away: false,
             sensors: vec![many, sensor()],
         };
         let fit = Fit {
@@ -149,7 +150,6 @@ mod tests {
             unseen: vec![],
             reaches: 1,
             grid_error_m: 0.0,
-            faded_noise: None,
             evaluations: 1,
             seconds: 1.0,
             steps: vec![],

@@ -27,8 +27,8 @@ pub(super) struct Clock {
 enum Kind {
     /// Numbers of this many seconds.
     Numbers(f64),
-    /// Date-times.
-    Stamps(Order),
+    /// Date-times, or dates alone.
+    Stamps { order: Order, has_time: bool },
     /// A date, and the time of day in the next column.
     TwoColumns(Order),
     /// A time of day alone.
@@ -70,11 +70,11 @@ impl Clock {
         } else {
             let order = order(cell, text, separator, options);
             match Stamp::parse(cell, order) {
-                Some(s) if s.has_date && s.has_time => Kind::Stamps(order),
+                Some(s) if s.has_date && s.has_time => Kind::Stamps { order, has_time: true },
                 Some(s) if s.has_time => Kind::TimeOfDay,
                 Some(_) => match row.get(1).and_then(|c| Stamp::parse(c, order)) {
                     Some(s) if s.has_time && !s.has_date => Kind::TwoColumns(order),
-                    _ => Kind::Stamps(order),
+                    _ => Kind::Stamps { order, has_time: false },
                 },
                 None if stamp::is_ambiguous(cell) => return Err(CsvProblem::WhichDay(cell.into())),
                 None if heading_unit(&name).is_none() => return Err(no_time_column(&name, header)),
@@ -111,7 +111,10 @@ impl Clock {
                 let time_s = if unit_s < 1.0 { value / (1.0 / unit_s).round() } else { value * unit_s };
                 return to_ns(time_s).map(|_| time_s).ok_or_else(|| CsvProblem::TimeOutOfRange(cell.into()));
             }
-            Kind::Stamps(order) => Stamp::parse(cell, order).filter(|s| s.has_date),
+            // a date alone is no time among date-times
+            Kind::Stamps { order, has_time } => {
+                Stamp::parse(cell, order).filter(|s| s.has_date && (s.has_time || !has_time))
+            }
             Kind::TimeOfDay => Stamp::parse(cell, Order::Unknown).filter(|s| !s.has_date),
             Kind::TwoColumns(order) => {
                 let time = Stamp::parse(row.get(1).unwrap_or_default(), Order::Unknown).filter(|s| s.has_time);
@@ -148,7 +151,7 @@ impl Clock {
 
     /// Wall-clock time of time 0, where the column gives dates.
     pub(super) fn start(&self) -> Option<Start> {
-        let dated = matches!(self.kind, Kind::Stamps(_) | Kind::TwoColumns(_));
+        let dated = matches!(self.kind, Kind::Stamps { .. } | Kind::TwoColumns(_));
         let unix_ns = self.first_ns.filter(|_| dated).and_then(|ns| u64::try_from(ns).ok()).filter(|ns| *ns > 0)?;
         Some(Start { unix_ns, digit_s: self.digit_s })
     }
@@ -158,7 +161,7 @@ impl Clock {
         let zone = if self.zone_assumed { ", taken as UTC (--zone says otherwise)" } else { "" };
         let text = match self.kind {
             Kind::Numbers(_) => return said,
-            Kind::Stamps(_) => format!("'{}' holds date-times{zone}; time 0 is the first", self.name),
+            Kind::Stamps { .. } => format!("'{}' holds date-times{zone}; time 0 is the first", self.name),
             Kind::TwoColumns(_) => format!("the first two columns hold dates and times{zone}; time 0 is the first"),
             Kind::TimeOfDay => format!("'{}' holds times of the day; time 0 is the first", self.name),
         };
