@@ -179,12 +179,6 @@ impl Decoder {
     /// are lost there: after more it is rather a device that restarted.
     fn unwrapped(&mut self, time_us: u64) -> u64 {
         let time_us = time_us + self.wrapped_us;
-        let again = |before_us| self.recent.iter().any(|line| line.time_us == before_us);
-        if let Some(before_us) =
-            time_us.checked_sub(WRAP_US).filter(|before_us| self.wrapped_us > 0 && again(*before_us))
-        {
-            return before_us;
-        }
         let next_us = time_us + WRAP_US;
         let most_us = MOST_WRAPPED_US.min(STEPS as u64 * self.longest_us());
         let last_us = self.doubtful.as_ref().map(|line| line.time_us).or(self.last_us);

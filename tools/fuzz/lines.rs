@@ -45,9 +45,14 @@ fn against_oracle(sent: &[u8], cuts: &[usize]) {
     let width = width(&all);
     let (mut next, mut last_us, mut taken, mut wrapped_us) = (0, None, 0, 0);
     for event in &events {
-        let Event::Line(line) = event else {
-            last_us = None;
-            continue;
+        let line = match event {
+            Event::Line(line) => line,
+            // of lines that were told of before
+            Event::Hole { .. } => continue,
+            Event::Restarted => {
+                last_us = None;
+                continue;
+            }
         };
         taken += 1;
         let skipped = all[next..].iter().take_while(|of| (of.at as i64) < line.began_ns).count();
