@@ -150,6 +150,14 @@ mod tests {
     use super::*;
 
     #[test]
+    fn noise_that_dies_away_is_said() {
+        let (file, sensors) = ("a.mcap".to_owned(), Vec::new());
+        let run =
+            RunFit { file, rmse_m: 0.013, noise_m: 0.05, mape_extrema_percent: 0.0, noise_dies_away: true, sensors };
+        assert!(dies_away(&run, "").starts_with("a.mcap: the fit leaves 0.26 of the noise before the closure"));
+    }
+
+    #[test]
     fn a_bound_is_said_in_the_values_own_digits_and_of_which_run() {
         let of = |name: &str, value, unit, run: Option<&str>| FittedParameter {
             name: name.into(),
