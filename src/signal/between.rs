@@ -16,6 +16,8 @@ pub struct FrontPair {
     pub distance_m: f64,
     /// Time of the front at the second sensor on the second clock, less that at the first one on the first, s.
     pub later_s: Estimate,
+    /// How long the front takes to rise where it takes longer, s.
+    pub rise_s: f64,
 }
 
 /// Lays each front of `first` over each of `second`; empty where one of them shows none. Both are of one rig.
@@ -26,11 +28,16 @@ pub fn front_pairs(first: &Recording, second: &Recording, temperature_degc: f64)
         for b in clear_stations(&of_second) {
             if let Some(later_s) = later(a, b) {
                 let distance_m = a.place_m - b.place_m;
-                pairs.push(FrontPair { first: a.sensor, second: b.sensor, distance_m, later_s });
+                let rise_s = rise_s(a).max(rise_s(b));
+                pairs.push(FrontPair { first: a.sensor, second: b.sensor, distance_m, later_s, rise_s });
             }
         }
     }
     pairs
+}
+
+fn rise_s(station: &Station) -> f64 {
+    station.front.as_ref().map_or(0.0, |front| front.rise * station.coarse.step_s)
 }
 
 /// Either front laid over the other, for the lead before one of them may be too short; else the bends where they begin.

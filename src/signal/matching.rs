@@ -142,12 +142,15 @@ fn window_delay(
         return None;
     }
     let projector = Projector::new(columns)?;
-    let first = (shortest.max(0.0) as usize).max(missing);
-    let last = (longest.ceil().max(0.0) as usize).min(target.len().saturating_sub(to));
+    // the later front may stand earlier in its record, as where two clocks differ: as far as the record goes
+    let (from, to) = (to as i64 - n as i64, to as i64);
+    let first = (shortest.floor() as i64).max(-from);
+    let last = (longest.ceil() as i64).min(target.len() as i64 - to);
     let mut shares = Vec::new();
     let mut sums = Vec::new();
     for lag in first..=last.max(first) {
-        let place = (to + lag).saturating_sub(n)..to + lag;
+        let start = (from + lag) as usize;
+        let place = start..start + n;
         if !target.intact(place.clone()) {
             sums.push(f64::INFINITY);
             shares.push(f64::INFINITY);

@@ -264,3 +264,61 @@ fn an_ac_coupled_sensor_of_the_other_system_is_modelled_as_such() {
     let speed = document["parameters"].as_array().unwrap().iter().find(|p| p["name"] == "wave_speed_m_s").unwrap();
     assert!((number(speed, "value") - 400.0).abs() < 0.5, "{speed}");
 }
+
+/// Fronts of a closure at the valve (100 m), at 80 m and 60 m on one system and at 40 m on the other, of which the rig file puts some elsewhere.
+#[test]
+fn pairs_of_sensors_that_contradict_each_other_are_said_and_outvoted() {
+    use surgescope::align::{Method, Part, align};
+    use surgescope::recording::{Recording, RunInfo, Series};
+    const SPEED_M_S: f64 = 400.0;
+    let offset_s = 0.151;
+    // heads of a closure in 10 ms without friction: up when the front comes, down when it comes back from the supply, and so on
+    let kpa = |place_m: f64, t: f64| {
+        let ramp = |at_s: f64| ((t - CLOSURE_S - at_s) / 0.01).clamp(0.0, 1.0);
+        let (out_s, back_s) = ((100.0 - place_m) / SPEED_M_S, (100.0 + place_m) / SPEED_M_S);
+        let periods = (0..6).map(|n| (f64::from(n) * 200.0 / SPEED_M_S, if n % 2 == 0 { 1.0 } else { -1.0 }));
+        200.0
+            + periods
+                .map(|(later_s, sign)| 160.0 * sign * (ramp(later_s + out_s) - ramp(later_s + back_s)))
+                .sum::<f64>()
+    };
+    let aligned = |stated_m: [f64; 4]| {
+        let places: Vec<String> = stated_m.iter().map(|m| format!("position_m = {m:.1}")).collect();
+        let sensors: Vec<_> = ["A", "B", "C", "D"]
+            .iter()
+            .zip(&places)
+            .map(|(name, place)| (*name, "pressure", "kPa", place.as_str()))
+            .collect();
+        let rig = Rig::load(&Bench::new(&sensors).path("rig.toml")).unwrap();
+        let part = |file: &str, own: std::ops::Range<usize>, rate_hz: f64, offset_s: f64| {
+            let mut random = fastrand::Rng::with_seed(3);
+            let time_s: Vec<f64> = (0..(2.0 * rate_hz) as usize).map(|i| i as f64 / rate_hz).collect();
+            let series = (0..4).map(|sensor| {
+                if !own.contains(&sensor) {
+                    return Series::default();
+                }
+                let place_m = [100.0, 80.0, 60.0, 40.0][sensor];
+                let value = time_s.iter().map(|t| kpa(place_m, t + offset_s) + noise(&mut random)).collect();
+                Series { time_s: time_s.clone(), value, gaps: vec![] }
+            });
+            let recording = Recording { rig: rig.clone(), series: series.collect(), run: RunInfo::default() };
+            Part { file: file.into(), recording, start_digit_s: None }
+        };
+        align(&[part("slow", 0..3, 1000.0, 0.0), part("fast", 3..4, 5000.0, offset_s)], Some(Method::Front))
+            .unwrap()
+            .remove(1)
+    };
+    let right = aligned([100.0, 80.0, 60.0, 40.0]);
+    assert!(right.warnings.is_empty() && right.events == 3, "{right:?}");
+    assert!((right.offset_s - offset_s).abs() < 4.0 * right.uncertainty_s && right.uncertainty_s < 2e-3, "{right}");
+    // one of three is elsewhere
+    let outvoted = aligned([100.0, 80.0, 35.0, 40.0]);
+    let [warning] = &outvoted.warnings[..] else { panic!("{outvoted:?}") };
+    assert!(warning.contains("contradict each other") && warning.contains("differ C and D by "), "{warning}");
+    assert!(warning.contains("left out") && outvoted.events == 2, "{outvoted:?}");
+    assert!((outvoted.offset_s - offset_s).abs() < 5e-3, "{outvoted}");
+    // each is elsewhere by another way
+    let none = aligned([100.0, 95.0, 35.0, 40.0]);
+    assert!(none.warnings[0].contains("not to be trusted") && none.events == 3, "{none:?}");
+    assert!((none.offset_s - offset_s).abs() < 3.0 * none.uncertainty_s, "{none:?}");
+}
