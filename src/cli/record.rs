@@ -340,8 +340,8 @@ fn table(summary: &Summary) -> String {
     if summary.unheeded_edges > 0 {
         let _ = writeln!(
             text,
-            "The valve's command switched {} times while the trigger waited for --pre seconds of quiet: no shot holds that.",
-            summary.unheeded_edges
+            "The valve's command switched {} while the trigger waited for --pre seconds of quiet: no shot holds that.",
+            if summary.unheeded_edges == 1 { "once".to_owned() } else { format!("{} times", summary.unheeded_edges) }
         );
     }
     for device in &summary.devices {

@@ -175,7 +175,7 @@ fn take(device: usize, input: Input, streams: &mut [Stream<'_>], live: &mut Live
         live.write_clocks(streams)?;
     }
     if let Some(stream) = streams.get_mut(device).filter(|stream| has_come(stream, live.end_ns)) {
-        stream.state = State::Reached;
+        stream.reached();
     }
     Ok(())
 }

@@ -276,9 +276,19 @@ fn a_device_that_comes_back_with_a_clock_a_little_ahead_has_restarted() {
     }
 }
 
-/// Nobody asks while the port is gone.
+/// Nobody asks while the port is gone: what fell out meanwhile is missing, and nothing is where the next poll comes in time.
 #[test]
 fn a_polled_device_whose_port_was_gone_has_a_hole() {
+    for (back_at, gap_s) in [(40, Some((2.375, 5.0))), (20, None)] {
+        let (summary, gaps) = polled_around_a_pull(back_at);
+        let holes = u64::from(gap_s.is_some());
+        assert_eq!((summary.devices[0].holes, summary.data_lost), (holes, holes > 0), "{summary:?}");
+        assert_eq!(gaps.first().map(|gap| (gap.from_s, gap.to_s)), gap_s);
+    }
+}
+
+/// A device asked every 125 ms, whose port is pulled after 20 polls and back before that of `back_at`.
+fn polled_around_a_pull(back_at: i64) -> (Summary, Vec<Gap>) {
     let folder = tempfile::tempdir().unwrap();
     let (mut rig, options) = (rig("frames"), Options::new(folder.path().join("run.mcap")));
     rig.devices[0].protocol = Protocol::ModbusRtu { unit_id: 1, poll_interval_s: 0.125, timeout_s: 0.5 };
@@ -286,8 +296,8 @@ fn a_polled_device_whose_port_was_gone_has_a_hole() {
     let sources = Sources::reading(&devices[0], std::io::empty()).unwrap();
     let mut live = Live::new(&rig, &options, "a test".to_owned(), Vec::new(), sources.host);
     let mut streams = streams_of(&rig, &devices[..1]);
-    for at in (0..20).chain(40..60) {
-        if at == 40 {
+    for at in (0..20).chain(back_at..60) {
+        if at == back_at {
             take(0, Input::Vanished("pulled".to_owned()), &mut streams, &mut live).unwrap();
             take(0, Input::Back, &mut streams, &mut live).unwrap();
         }
@@ -296,9 +306,7 @@ fn a_polled_device_whose_port_was_gone_has_a_hole() {
         take(0, Input::Polled(polled), &mut streams, &mut live).unwrap();
     }
     let summary = finish(&mut streams, live, &sources, &options, BY_USER.to_owned()).unwrap();
-    assert!(summary.data_lost && summary.devices[0].holes == 1, "{summary:?}");
-    let gap = log::read(&options.file).unwrap().series[0].gaps[0];
-    assert_eq!((gap.from_s, gap.to_s), (2.375, 5.0));
+    (summary, log::read(&options.file).unwrap().series[0].gaps.clone())
 }
 
 /// A slave that ignores echoes, one that knows them, and what either is asked for in vain before the recording begins.

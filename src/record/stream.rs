@@ -41,6 +41,8 @@ struct Tap {
     /// Time of the last sample, ns, and whether a poll or a line since brought none; not for frames.
     last_ns: Option<i64>,
     missed: bool,
+    /// The port was gone since; of one that is polled.
+    away: bool,
 }
 
 /// What turns a device's bytes into samples.
@@ -96,6 +98,8 @@ pub struct Stream<'a> {
     reconnects: u64,
     /// Samples or polls are known to be missing.
     holes: u64,
+    /// Messages that were bad and that were lost by the time at which it had come to the end of the recording.
+    bad_and_lost: Option<(u64, u64)>,
     /// What was seen of one that is polled before the recording began.
     before: PollCounts,
     values: Vec<f64>,
@@ -107,7 +111,15 @@ impl<'a> Stream<'a> {
         let wired = rig.sensors.iter().enumerate().filter_map(|(sensor, described)| {
             let wiring = described.wiring.as_ref().filter(|wiring| wiring.device == device.name)?;
             let column = usize::from(wiring.channel);
-            Some(Tap { sensor, column, scale: wiring.scale, offset: wiring.offset, last_ns: None, missed: false })
+            Some(Tap {
+                sensor,
+                column,
+                scale: wiring.scale,
+                offset: wiring.offset,
+                last_ns: None,
+                missed: false,
+                away: false,
+            })
         });
         let codec = match device.protocol {
             Protocol::Frames => Codec::Frames(frames::Decoder::new()),
@@ -134,6 +146,7 @@ impl<'a> Stream<'a> {
             returned: false,
             reconnects: 0,
             holes: 0,
+            bad_and_lost: None,
             before: PollCounts::default(),
             values: Vec::new(),
         }
@@ -168,8 +181,6 @@ impl<'a> Stream<'a> {
             }
             Input::Vanished(why) => {
                 self.cut();
-                // nobody asked meanwhile
-                self.holes += u64::from(!self.has_clock() && !self.is_empty());
                 if matches!(self.state, State::Open) {
                     self.state = State::Vanished(Instant::now(), why);
                 }
@@ -247,7 +258,7 @@ impl<'a> Stream<'a> {
         match &mut self.codec {
             Codec::Frames(decoder) => decoder.cut(),
             Codec::Lines(decoder) => decoder.cut(),
-            Codec::Polled(_) => self.taps.iter_mut().for_each(|tap| tap.missed = true),
+            Codec::Polled(_) => self.taps.iter_mut().for_each(|tap| tap.away = true),
         }
     }
 

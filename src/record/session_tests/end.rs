@@ -97,3 +97,22 @@ fn what_waits_in_the_queue_when_the_user_stops_is_recorded() {
     let summary = record(&rig, &sources, &options, &stop, &mut |_| {}).unwrap();
     assert_eq!((summary.ended.as_str(), summary.sensors[0].samples), (BY_USER, 1000));
 }
+
+/// What is bad on the wire behind the duration, while another device is awaited, is not the recording's.
+#[test]
+fn what_is_bad_behind_the_duration_is_no_loss() {
+    for (bad_at, lost) in [(250, true), (450, false)] {
+        let folder = tempfile::tempdir().unwrap();
+        let options = Options { duration_s: Some(3.0), ..Options::new(folder.path().join("run.mcap")) };
+        let flipped = |(at_ns, device, mut bytes): (i64, usize, Vec<u8>)| {
+            let last = bytes.len() - 1;
+            bytes[last] ^= u8::from(device == 0 && at_ns / (10 * MS) == bad_at);
+            (at_ns, device, bytes)
+        };
+        // B comes 3 s later: while it is awaited, A goes on
+        let later = |index: i64| (on_time(index).0, on_time(index).1 + 3000 * MS);
+        let summary = played(&options, sent(0, 7, 0, on_time).chain(sent(1, 4, 0, later)).map(flipped).collect());
+        let bad: Vec<u64> = summary.devices.iter().map(|device| device.bad_frames).collect();
+        assert_eq!((bad, summary.data_lost), (vec![u64::from(lost), 0], lost), "{summary:?}");
+    }
+}

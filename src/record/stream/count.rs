@@ -57,6 +57,13 @@ impl Stream<'_> {
         of_clock.map(|(what, text)| (format!("{}.{what}", self.device.name), text))
     }
 
+    /// It has come to the end of the recording: what is bad or lost from here on is not the recording's.
+    pub fn reached(&mut self) {
+        let count = self.tally((0, 0.0));
+        self.bad_and_lost = Some((count.bad_frames, count.lost_frames));
+        self.state = State::Reached;
+    }
+
     /// As [`Stream::count`], but for its clock, which takes a fit.
     fn tally(&self, waited: (u64, f64)) -> DeviceCount {
         let mut count = DeviceCount {
@@ -91,6 +98,9 @@ impl Stream<'_> {
                 count.skipped_polls = counts.skipped.saturating_sub(self.before.skipped);
                 count.poll_warning = self.poll_warning(&count, counts.unproven > 0 && counts.answers > 0);
             }
+        }
+        if let (State::Reached, Some((bad, lost))) = (&self.state, self.bad_and_lost) {
+            (count.bad_frames, count.lost_frames) = (bad, lost);
         }
         count
     }

@@ -1,12 +1,16 @@
 //! What a device says that is asked: each answer is a sample at the time of its request and answer.
 
-use super::{Codec, Stream};
+use super::{Codec, State, Stream};
 use crate::record::RecordError;
 use crate::record::align::Stretch;
 use crate::record::clock::seconds;
 use crate::record::live::Live;
 use crate::record::polling::Polled;
 use crate::recording::Gap;
+use crate::rig::Protocol;
+
+/// A sensor whose port was gone has lost nothing where its next sample comes within so many times the interval of its polls.
+const IN_TIME: f64 = 1.5;
 
 impl Stream<'_> {
     /// Records what became of a poll.
@@ -22,12 +26,17 @@ impl Stream<'_> {
             self.codec = Codec::Polled(Some(Polled { refused: polled.refused.or(before), ..polled }));
             return Ok(());
         }
+        let is_open = self.state != State::Reached;
+        let interval_s = match self.device.protocol {
+            Protocol::ModbusRtu { poll_interval_s, .. } => poll_interval_s,
+            Protocol::Frames | Protocol::Lines => 0.0,
+        };
         for &(index, number) in &polled.values {
             let limit_ns = self.limit_ns(live);
             let Some(tap) = self.taps.get_mut(index) else { continue };
             let Some(number) = number else {
                 tap.missed = true;
-                self.holes += 1;
+                self.holes += u64::from(is_open);
                 continue;
             };
             let time_ns = live.recording_ns(polled.at_ns);
@@ -36,7 +45,10 @@ impl Stream<'_> {
                 break;
             }
             let output = live.output()?;
-            if let Some(last_ns) = tap.last_ns.filter(|_| tap.missed) {
+            let late = |last_ns: i64| seconds(time_ns - last_ns) > IN_TIME * interval_s;
+            let fell_out = std::mem::take(&mut tap.away) && !tap.missed && tap.last_ns.is_some_and(late);
+            self.holes += u64::from(fell_out);
+            if let Some(last_ns) = tap.last_ns.filter(|_| tap.missed || fell_out) {
                 let gap = Gap { from_s: seconds(last_ns), to_s: seconds(time_ns), samples: None };
                 output.gap(tap.sensor, gap)?;
             }
