@@ -188,7 +188,7 @@ fn times_that_run_backwards_are_refused_and_the_mean_of_those_that_repeat_is_sai
     bench.put("twice.csv", CSV.replace("0.0015", "0.0010"));
     let (_, err) = bench.expect(0, "import twice.csv --rig rig.toml -o twice.mcap");
     assert!(
-        err.contains("twice.csv:5: 1 times stand more than once with different values: their mean was taken"),
+        err.contains("twice.csv:5: 1 time stands more than once with different values: their mean was taken"),
         "{err}"
     );
     assert_eq!(log::read(&bench.path("twice.mcap")).unwrap().series[0].value, [431.25, 431.3, 442.875]);

@@ -18,7 +18,7 @@ fn a_german_table_is_read_and_every_mending_is_said() {
     assert_eq!(mended(&document, "duplicate-times")["line"], 6);
     assert_eq!(mended(&document, "order")["line"], 8);
     assert_eq!(mended(&document, "missing-times")["count"], 3);
-    assert!(err.contains("run.csv:6: 1 lines repeat a time"), "{err}");
+    assert!(err.contains("run.csv:6: 1 line repeats a time"), "{err}");
     let recording = bench.recording();
     let [p1, p2] = &recording.series[..] else { panic!() };
     assert_eq!(p1.time_s, [0.0, 0.001, 0.002, 0.004, 0.005, 0.006, 0.01]);
@@ -280,6 +280,7 @@ fn a_line_without_a_time_costs_that_line_and_leaves_a_gap() {
     for (heading, time, cell, gap) in [
         ("time_s", &even as &dyn Fn(usize) -> String, "", [0.06, 0.08]),
         ("time_s", &even, "NaN", [0.06, 0.08]),
+        ("time_s", &even, "n/a", [0.06, 0.08]),
         ("time_s", &uneven, "nan", [36.0, 64.0]),
         ("t", &stamp, "", [6.0, 8.0]),
     ] {

@@ -183,7 +183,10 @@ fn text_or_a_null_in_the_place_of_a_number_is_a_gap_and_said() {
     put_json(&bench, 1_773_476_813_000_000_000, (0..50).map(|i| format!(r#"{{"p": {i}, "state": "ok"}}"#)));
     bench.import(0, &MAP);
     put_json(&bench, 0, (0..50).map(|_| r#"{"p": "300", "q": 1}"#.to_string()));
-    bench.refuses(&MAP, &["say which number is which sensor", "/daq.q (50 values)"]);
+    bench.refuses(
+        &MAP,
+        &["what it has as '/daq.p' is never a number", "say which number is which sensor", "/daq.q (50 values)"],
+    );
 }
 
 #[test]
@@ -225,4 +228,41 @@ fn no_flipped_byte_of_our_own_recording_changes_a_sample() {
         }
     }
     assert!(refused > harmless, "{refused} refused, {harmless} harmless");
+}
+
+#[test]
+fn true_and_false_are_numbers_where_nothing_else_is() {
+    let bench = Bench::plain();
+    let at = 1_773_476_813_000_000_000;
+    put_json(&bench, at, (0..50).map(|i| format!(r#"{{"p": {}}}"#, i >= 20)));
+    bench.import(0, &MAP);
+    let p1 = &bench.recording().series[0];
+    assert_eq!((p1.value[19], p1.value[20], p1.gaps.len()), (0.0, 1.0, 0));
+    // among numbers it says that there is none
+    let mixed = |i: usize| if i == 7 { "false".to_string() } else { format!("{i}") };
+    put_json(&bench, at, (0..50).map(|i| format!(r#"{{"p": {}}}"#, mixed(i))));
+    let (document, _) = bench.import(3, &MAP);
+    assert_eq!(mended(&document, "no-number")["count"], 1);
+    let p1 = &bench.recording().series[0];
+    assert_eq!((p1.value[7], p1.gaps[0].from_s, p1.gaps[0].to_s), (8.0, 0.06, 0.08));
+}
+
+#[test]
+fn what_was_logged_before_the_clock_was_set_is_left_out_and_said() {
+    let bench = Bench::plain();
+    let mut writer = mcap::Writer::new(fs::File::create(bench.path("other.mcap")).unwrap()).unwrap();
+    let channel_id = writer.add_channel(0, "/daq", "json", &BTreeMap::new()).unwrap();
+    for i in 0..50u64 {
+        let log_time = if i < 2 { i } else { 1_773_476_813_000_000_000 + i * 10_000_000 };
+        let header = MessageHeader { channel_id, sequence: i as u32, log_time, publish_time: log_time };
+        writer.write_to_known_channel(&header, format!(r#"{{"p": {i}}}"#).as_bytes()).unwrap();
+    }
+    writer.finish().unwrap();
+    let (document, err) = bench.import(3, &MAP);
+    assert_eq!(mended(&document, "unset-time")["count"], 2);
+    assert!(err.contains("the clock was not set"), "{err}");
+    let recording = bench.recording();
+    assert_eq!(recording.run.start_unix_ns, 1_773_476_813_020_000_000);
+    let p1 = &recording.series[0];
+    assert_eq!((p1.time_s[0], p1.value[0], p1.value.len()), (0.0, 2.0, 48));
 }

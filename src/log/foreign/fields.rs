@@ -16,8 +16,24 @@ pub(super) enum Format {
     Protobuf(MessageDescriptor),
 }
 
-/// A number found in a message; NaN where text, a null, or an empty list or object stands in its place.
-pub(super) type Field = (String, f64);
+/// What was found in a message, by its path in it.
+pub(super) struct Field {
+    pub path: String,
+    /// NaN where text, a null, or an empty list or object stands in the place of a number.
+    pub value: f64,
+    /// It is true or false, as 1 or 0.
+    pub is_switch: bool,
+}
+
+impl Field {
+    fn number(path: &str, value: f64) -> Field {
+        Field { path: path.to_string(), value, is_switch: false }
+    }
+
+    fn switch(path: &str, on: bool) -> Field {
+        Field { path: path.to_string(), value: f64::from(u8::from(on)), is_switch: true }
+    }
+}
 
 impl Format {
     /// The format of a channel: its encoding and its schema's name, encoding and data. `Err` says why it cannot be read.
@@ -36,7 +52,7 @@ impl Format {
         }
     }
 
-    /// Every number in a message, by its path: `pressure.value`, `samples[3]`; also what may stand for one, see [`Field`].
+    /// Every number in a message, by its path: `pressure.value`, `samples[3]`; also what stands in the place of one.
     pub(super) fn numbers(&self, data: &[u8]) -> Result<Vec<Field>, String> {
         let mut found = Vec::new();
         match self {
@@ -87,18 +103,18 @@ fn json_numbers(value: &Json, path: &str, depth: usize, found: &mut Vec<Field>) 
         return;
     }
     match value {
-        Json::Number(number) => found.extend(number.as_f64().map(|n| (path.to_string(), n))),
-        Json::Bool(on) => found.push((path.to_string(), f64::from(u8::from(*on)))),
+        Json::Number(number) => found.extend(number.as_f64().map(|n| Field::number(path, n))),
+        Json::Bool(on) => found.push(Field::switch(path, *on)),
         // what is empty stands in the place of a number, too
-        Json::Array(items) if items.is_empty() => found.push((path.to_string(), f64::NAN)),
-        Json::Object(entries) if entries.is_empty() => found.push((path.to_string(), f64::NAN)),
+        Json::Array(items) if items.is_empty() => found.push(Field::number(path, f64::NAN)),
+        Json::Object(entries) if entries.is_empty() => found.push(Field::number(path, f64::NAN)),
         Json::Array(items) => {
             for (i, item) in items.iter().enumerate().take(MOST) {
                 json_numbers(item, &format!("{path}[{i}]"), depth + 1, found);
             }
         }
         Json::Object(entries) => entries.iter().for_each(|(k, v)| json_numbers(v, &joined(path, k), depth + 1, found)),
-        Json::Null | Json::String(_) => found.push((path.to_string(), f64::NAN)),
+        Json::Null | Json::String(_) => found.push(Field::number(path, f64::NAN)),
     }
 }
 
@@ -121,7 +137,7 @@ fn value_numbers(value: &Value, path: &str, depth: usize, found: &mut Vec<Field>
         return;
     }
     let number = match value {
-        Value::Bool(on) => f64::from(u8::from(*on)),
+        Value::Bool(on) => return found.push(Field::switch(path, *on)),
         Value::I32(n) => f64::from(*n),
         Value::I64(n) => *n as f64,
         Value::U32(n) => f64::from(*n),
@@ -137,7 +153,7 @@ fn value_numbers(value: &Value, path: &str, depth: usize, found: &mut Vec<Field>
         }
         _ => return,
     };
-    found.push((path.to_string(), number));
+    found.push(Field::number(path, number));
 }
 
 #[cfg(test)]

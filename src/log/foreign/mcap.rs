@@ -6,12 +6,13 @@ use std::path::Path;
 
 use mcap::records::Record;
 
-use super::fields::Format;
-use super::{Foreign, ForeignOptions, Mended, MessageTime, Start, Track};
+use super::fields::{Field, Format};
+use super::gaps::gaps;
+use super::{Foreign, ForeignOptions, Mended, MessageTime, Start, Track, counted};
 use crate::log::LogError;
 use crate::log::layout::{RIG_ATTACHMENT, to_s};
 use crate::log::read::{check_start, checked_options, decode, has_end, records};
-use crate::recording::{Gap, Series};
+use crate::recording::Series;
 
 /// A channel that can be read, and the fields of it that are wanted.
 struct Channel {
@@ -24,6 +25,8 @@ struct Channel {
 struct Found {
     time_ns: Vec<i64>,
     value: Vec<f64>,
+    /// What was true or false instead, as 1 or 0, with its time in ns.
+    switches: Vec<(i64, f64)>,
     /// Times of the messages in which it is no number.
     missing_ns: Vec<i64>,
     /// Messages of its topic that do not have it at all.
@@ -64,6 +67,9 @@ fn ours(bytes: &[u8], path: &Path) -> Result<Foreign, LogError> {
         spare_tracks: true,
     })
 }
+
+/// A time above a year is one since 1970; below, the clock counted from its own start, or was not set.
+const YEAR_NS: i64 = 31_536_000_000_000_000;
 
 /// What is said of times of 2^63 ns and more.
 const BEYOND: &str = "have times beyond what a recording holds (2^63 ns: the year 2262, where they count from 1970): look at the clock of what logged them, or \
@@ -141,23 +147,27 @@ impl<'o> Reading<'o> {
                 };
                 for (wanted, _) in &self.options.map {
                     let field = wanted.strip_prefix(channel.topic.as_str()).and_then(|rest| rest.strip_prefix('.'));
-                    if field.is_some_and(|field| fields.iter().all(|(name, _)| name != field)) {
+                    if field.is_some_and(|field| fields.iter().all(|found| found.path != field)) {
                         self.found.entry(wanted.clone()).or_default().absent += 1;
                     }
                 }
-                for (field, value) in fields {
-                    let name = format!("{}.{field}", channel.topic);
+                for Field { path, value, is_switch } in fields {
+                    let name = format!("{}.{path}", channel.topic);
                     if !value.is_finite() {
                         self.found.entry(name).or_default().missing_ns.push(time_ns);
                         continue;
                     }
                     // a field that is never a number is none to choose
-                    if self.found.get(&name).is_none_or(|f| f.value.is_empty()) {
+                    if self.found.get(&name).is_none_or(|f| f.value.is_empty() && f.switches.is_empty()) {
                         self.order.push(name.clone());
                     }
                     let found = self.found.entry(name).or_default();
-                    found.time_ns.push(time_ns);
-                    found.value.push(value);
+                    if is_switch {
+                        found.switches.push((time_ns, value));
+                    } else {
+                        found.time_ns.push(time_ns);
+                        found.value.push(value);
+                    }
                 }
             }
             _ => {}
@@ -181,19 +191,27 @@ impl<'o> Reading<'o> {
             };
             return Err(why);
         }
+        self.found.values_mut().for_each(Found::settle);
         let wanted: Vec<&String> =
             self.order.iter().filter(|name| self.options.map.iter().any(|(from, _)| from == *name)).collect();
+        let absent = |name: &String| !self.order.contains(name);
+        let is_text = |name: &String| self.found.get(name).is_some_and(|found| !found.missing_ns.is_empty());
+        if let Some((name, _)) = self.options.map.iter().find(|(from, _)| absent(from) && is_text(from)) {
+            return Err(format!("what it has as '{name}' is never a number. {}", self.say_fields()));
+        }
         if wanted.is_empty() {
             return Err(self.say_fields());
         }
-        if let Some((missing, _)) =
-            self.options.map.iter().find(|(from, _)| from.starts_with('/') && !self.order.contains(from))
-        {
+        if let Some((missing, _)) = self.options.map.iter().find(|(from, _)| from.starts_with('/') && absent(from)) {
             return Err(format!("it has no field '{missing}'. {}", self.say_fields()));
         }
         let mut mended = Vec::new();
         if self.without_time > 0 {
-            let text = format!("{} messages do not say their time and were left out", self.without_time);
+            let text = counted(
+                self.without_time,
+                "message does not say its time and was left out",
+                "messages do not say their time and were left out",
+            );
             mended.push(Mended { lost: true, ..Mended::new("no-time", self.without_time, None, text) });
         }
         if self.beyond > 0 {
@@ -201,6 +219,15 @@ impl<'o> Reading<'o> {
             mended.push(Mended { lost: true, ..Mended::new("beyond-time", self.beyond, None, text) });
         }
         let wanted: Vec<String> = wanted.into_iter().cloned().collect();
+        let unset = self.leave_out_unset(&wanted);
+        if unset > 0 {
+            let text = format!(
+                "{} of the first year since 1970, where the others are later: the clock was not set; left out (or take another time, \
+                 --message-time publish or --time-field)",
+                counted(unset, "value is", "values are")
+            );
+            mended.push(Mended { lost: true, ..Mended::new("unset-time", unset, None, text) });
+        }
         let first =
             |name: &String| self.found.get(name).and_then(|f| f.time_ns.iter().chain(&f.missing_ns).min().copied());
         let zero_ns = wanted.iter().filter_map(first).min().unwrap_or(0);
@@ -209,29 +236,49 @@ impl<'o> Reading<'o> {
             let found = self.found.remove(&name).unwrap_or_default();
             let missing = found.missing_ns.len();
             if missing > 0 {
-                let text = format!(
-                    "{missing} messages have no number for {name} (text, a null or nan) and were left out of it: recorded as gaps"
-                );
+                let text = counted(missing, "message has", "messages have")
+                    + &format!(
+                        " no number for {name} (text, a null, nan, or true and false among numbers): recorded as gaps"
+                    );
                 mended.push(Mended { lost: true, ..Mended::new("no-number", missing, None, text) });
             }
             // a topic may have messages of several kinds
             if found.absent > 0 {
-                let text = format!("{} messages of its topic do not have {name} at all", found.absent);
+                let text = counted(found.absent, "message of its topic does", "messages of its topic do")
+                    + &format!(" not have {name} at all");
                 mended.push(Mended::new("absent", found.absent, None, text));
             }
             let (series, repeated) = found.series(zero_ns);
             if repeated > 0 {
-                let text = format!(
-                    "{repeated} messages of {name} repeat the time of another and were left out: try --time-field or --message-time publish"
-                );
+                let text = counted(repeated, "message repeats", "messages repeat")
+                    + &format!(" the time of another, of {name}: left out; try --time-field or --message-time publish");
                 mended.push(Mended { lost: true, ..Mended::new("duplicate-times", repeated, None, text) });
             }
             tracks.push(Track { short: name.clone(), name, unit: None, series });
         }
-        // a time above a year is one since 1970; below, the clock counted from its own start
-        let unix_ns = u64::try_from(zero_ns).ok().filter(|ns| *ns > 31_536_000_000_000_000);
+        let unix_ns = u64::try_from(zero_ns).ok().filter(|_| zero_ns > YEAR_NS);
         let start = unix_ns.map(|unix_ns| Start { unix_ns, digit_s: 1e-6 });
         Ok(Foreign { tracks, start, notes: Vec::new(), mended, spare_tracks: true })
+    }
+
+    /// Leaves out what was logged before the clock was set, where most was after; how many values that is.
+    fn leave_out_unset(&mut self, wanted: &[String]) -> usize {
+        let is_set = |time_ns: &i64| *time_ns > YEAR_NS;
+        let found = |name: &String| self.found.get(name).map(|found| &found.time_ns);
+        let (mut set, mut unset) = (0, 0);
+        for time_ns in wanted.iter().filter_map(found).flatten() {
+            if is_set(time_ns) { set += 1 } else { unset += 1 }
+        }
+        if unset >= set {
+            return 0;
+        }
+        for found in self.found.values_mut() {
+            let mut kept = found.time_ns.iter().map(is_set);
+            found.value.retain(|_| kept.next().unwrap_or(true));
+            found.time_ns.retain(is_set);
+            found.missing_ns.retain(is_set);
+        }
+        unset
     }
 
     fn say_fields(&self) -> String {
@@ -254,6 +301,16 @@ impl<'o> Reading<'o> {
 }
 
 impl Found {
+    /// What is true or false is 1 or 0 where it is never anything else; among numbers it is none.
+    fn settle(&mut self) {
+        let (time_ns, value) = std::mem::take(&mut self.switches).into_iter().unzip();
+        if self.value.is_empty() {
+            (self.time_ns, self.value) = (time_ns, value);
+        } else {
+            self.missing_ns.extend(time_ns);
+        }
+    }
+
     /// In the order of time from `zero_ns` on, and how many repeat a time.
     fn series(self, zero_ns: i64) -> (Series, usize) {
         let mut samples: Vec<(i64, f64)> = self.time_ns.into_iter().zip(self.value).collect();
@@ -271,26 +328,9 @@ impl Found {
     }
 }
 
-/// Gaps over the times at which a field was no number, from the sample before to the one after; before the first sample and after the last,
-/// from or to the message itself. Both in order, s.
-fn gaps(time_s: &[f64], missing_s: &[f64]) -> Vec<Gap> {
-    let place = |t: f64| time_s.partition_point(|s| *s < t);
-    let runs = missing_s.chunk_by(|a, b| place(*a) == place(*b));
-    runs.map(|run| {
-        let (first_s, last_s, after) = (run[0], run[run.len() - 1], place(run[0]));
-        let before_s = after.checked_sub(1).and_then(|i| time_s.get(i));
-        Gap {
-            from_s: before_s.copied().unwrap_or(first_s),
-            to_s: time_s.get(after).copied().unwrap_or(last_s),
-            samples: Some(run.len() as u64),
-        }
-    })
-    .collect()
-}
-
 /// The time that a field gives, ns: a number in its unit, or a message of seconds and nanoseconds.
-fn field_ns(fields: &[(String, f64)], name: &str, unit_s: f64) -> Option<i64> {
-    let number = |name: &str| fields.iter().find(|(n, _)| n == name).map(|(_, v)| *v);
+fn field_ns(fields: &[Field], name: &str, unit_s: f64) -> Option<i64> {
+    let number = |name: &str| fields.iter().find(|field| field.path == name).map(|field| field.value);
     let part = |names: [&str; 2]| names.iter().find_map(|part| number(&format!("{name}.{part}")));
     let fits = |ns: f64| (ns.abs() < 9e18).then_some(ns as i64);
     if let Some(value) = number(name) {

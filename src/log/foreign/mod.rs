@@ -6,6 +6,7 @@
 //! | `csv/` | text tables, however they are written, with a report of what was mended |
 //! | `tdms/` | NI TDMS |
 //! | `mcap`, `fields` | MCAP of other programs: JSON and protobuf messages |
+//! | `gaps` | gaps of a track where its file says that there is no number |
 //! | `file` | one file becomes a recording |
 //! | `bind` | tracks → sensors: names, units, what is left out |
 //! | `doubt` | values that look like those of another unit |
@@ -15,6 +16,7 @@ mod csv;
 mod doubt;
 mod fields;
 mod file;
+mod gaps;
 mod mcap;
 mod tdms;
 
@@ -87,6 +89,11 @@ impl Mended {
     fn new(what: &'static str, count: usize, line: Option<usize>, text: impl Into<String>) -> Mended {
         Mended { what, count, line, text: text.into(), lost: false }
     }
+}
+
+/// A count with what is said of one, or of several.
+fn counted(count: usize, one: &str, several: &str) -> String {
+    format!("{count} {}", if count == 1 { one } else { several })
 }
 
 /// What a file does not say of itself.

@@ -2,6 +2,7 @@
 
 use super::{Mended, Table};
 use crate::log::CsvProblem;
+use crate::log::foreign::counted;
 use crate::log::import::Fault;
 use crate::recording::Gap;
 
@@ -33,7 +34,7 @@ pub(super) fn mend(table: &mut Table, mended: &mut Vec<Mended>, local: bool) -> 
             "order",
             count,
             Some(line),
-            format!("{count} lines stood out of order and were sorted in"),
+            counted(count, "line stood out of order and was sorted in", "lines stood out of order and were sorted in"),
         ));
     }
     join_repeats(table, mended)?;
@@ -49,6 +50,7 @@ pub(super) fn mend(table: &mut Table, mended: &mut Vec<Mended>, local: bool) -> 
     if let Some(first) = holes.first() {
         let missing: u64 = holes.iter().filter_map(|h| h.gap.samples).sum();
         let mut text = match holes.len() {
+            1 if missing == 1 => "one time is missing: recorded as a gap".to_string(),
             1 => format!("{missing} times are missing in one place: recorded as a gap"),
             n => format!("{missing} times are missing in {n} places: recorded as gaps"),
         };
@@ -157,12 +159,14 @@ fn join_repeats(table: &mut Table, mended: &mut Vec<Mended>) -> Result<(), Fault
     table.line.truncate(kept);
     table.columns.iter_mut().for_each(|c| c.truncate(kept));
     if same > 0 {
-        let text = format!("{same} lines repeat a time and say nothing else of it: left out");
+        let text = counted(same, "line repeats a time and says", "lines repeat a time and say")
+            + " nothing else of it: left out";
         mended.push(Mended::new("duplicate-times", same, same_line, text));
     }
     if differing > 0 {
         let text = format!(
-            "{differing} times stand more than once with different values: their mean was taken; they differ by up to {most}"
+            "{} more than once with different values: their mean was taken; they differ by up to {most}",
+            counted(differing, "time stands", "times stand")
         );
         mended.push(Mended::new("contradicting-times", differing, differing_line, text));
     }

@@ -3,12 +3,21 @@
 use super::Row;
 use super::mend::Hole;
 use crate::log::CsvProblem;
-use crate::log::foreign::Mended;
+use crate::log::foreign::{Mended, counted};
 use crate::log::import::Fault;
 use crate::recording::Gap;
 
 /// Part of the lines that may lack their time: above it the file's clock is not to be relied on.
 const MOST_TIMELESS: f64 = 0.1;
+
+/// What programs write where there is no time, in any case of letters.
+const NO_TIME: [&str; 6] = ["na", "n/a", "#n/a", "<na>", "null", "none"];
+
+fn says_none(cell: &str) -> bool {
+    cell.is_empty()
+        || NO_TIME.iter().any(|word| cell.eq_ignore_ascii_case(word))
+        || cell.parse::<f64>().is_ok_and(f64::is_nan)
+}
 
 /// The lines left out so far.
 #[derive(Default)]
@@ -20,10 +29,9 @@ pub(super) struct Timeless {
 }
 
 impl Timeless {
-    /// Is one of the `columns` that hold the time empty, or nan?
+    /// Does one of the `columns` that hold the time say none?
     pub(super) fn is(row: &Row, columns: usize) -> bool {
-        let missing = |cell: &str| cell.is_empty() || cell.parse::<f64>().is_ok_and(f64::is_nan);
-        row.iter().take(columns).any(missing)
+        row.iter().take(columns).any(says_none)
     }
 
     /// Leaves a line out that stands under one of a time.
@@ -44,8 +52,7 @@ impl Timeless {
         if count as f64 > MOST_TIMELESS * rows as f64 {
             return Err((self.first, Box::new(CsvProblem::TimesMissing { count, rows })));
         }
-        let lines = if count == 1 { "line has no time and was" } else { "lines have no time and were" };
-        let text = format!("{count} {lines} left out");
+        let text = counted(count, "line has no time and was left out", "lines have no time and were left out");
         Ok((count > 0).then(|| Mended { lost: true, ..Mended::new("no-time", count, self.first, text) }))
     }
 
