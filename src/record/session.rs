@@ -282,12 +282,20 @@ fn finish(
         let limit_s = stream.kept_until_s(live.end_ns);
         let gap = match stream.silent_since(moment, options.silence) {
             Some((since_ns, silent)) => (seconds(since_ns), (seconds(since_ns) + silent.as_secs_f64()).min(limit_s)),
-            None if count.incomplete && stream.state == State::Reached => {
+            None if count.incomplete && stream.state != State::Open => {
                 let Some(last) = stream.stretches.last() else { continue };
-                (seconds(last.last_ns), limit_s)
+                let last_s = seconds(last.last_ns);
+                match stream.state {
+                    State::Reached => (last_s, limit_s),
+                    // others went on without it
+                    _ => (last_s, (last_s + moment.saturating_duration_since(stream.heard).as_secs_f64()).min(limit_s)),
+                }
             }
             None => continue,
         };
+        if gap.1 <= gap.0 {
+            continue;
+        }
         for sensor in stream.sensors() {
             live.output()?.never_came(sensor, Gap { from_s: gap.0, to_s: gap.1, samples: None })?;
         }

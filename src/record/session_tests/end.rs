@@ -74,6 +74,10 @@ fn a_device_that_ends_by_itself_is_incomplete_where_another_goes_on() {
             streams[1].heard -= Duration::from_millis(after_ms);
             all_over(streams, &options).unwrap()
         });
+        let gaps = &log::read(&options.file).unwrap().series[1].gaps;
+        let found: Vec<bool> =
+            gaps.iter().map(|gap| (gap.from_s - 1.999).abs() < 0.002 && (gap.to_s - 4.999).abs() < 0.5).collect();
+        assert_eq!(found, if incomplete { vec![true] } else { vec![] }, "{gaps:?}");
         let found: Vec<bool> = summary.devices.iter().map(|device| device.incomplete).collect();
         assert_eq!((found, summary.data_lost), (vec![false, incomplete], incomplete), "{after_ms} ms");
     }
