@@ -230,6 +230,20 @@ fn a_sensor_that_cannot_tell_says_so() {
 }
 
 #[test]
+fn a_closure_that_outlasts_the_waves_return_is_not_taken_for_it() {
+    for (part, returns) in [(0.2, 2.0), (0.2, 3.0), (0.4, 2.0), (0.4, 2.5)] {
+        // the level holds until the valve is shut, and falls then: the rise takes as long as the wave's way
+        let law = Law::Linear(returns * part * RETURN_S);
+        let f = inspect(&record(Lab { law, white: 0.02, end: 8.0, ..CLEAN }, &[part * L])).unwrap();
+        let c = f.wave_speed.crossings.unwrap();
+        assert!(
+            c.slow_closure && (c.value / A - 1.0).abs() < 0.1 && (c.value - A).abs() < 2.0 * c.standard_error,
+            "{part} {c:?}"
+        );
+    }
+}
+
+#[test]
 fn a_gap_is_never_read_as_a_feature() {
     let lab = Lab { white: 0.02, ..CLEAN };
     let fall = lab.start + RETURN_S;

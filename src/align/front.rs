@@ -13,7 +13,9 @@ pub(super) fn by_front(first: &Part, other: &Part) -> Result<Clock, String> {
     if pairs.is_empty() {
         let shows = |part: &Part| front_pairs(&part.recording, &part.recording, temperature_degc).is_empty();
         let who = if shows(first) { &first.file } else { &other.file };
-        return Err(format!("no pressure sensor of {who} shows a front that rises and falls back"));
+        return Err(format!(
+            "no pressure sensor of {who} shows the first front: the steady level before it, its rise, its fall, and then a trough below that level"
+        ));
     }
     let (speed, measured) = wave_speed(&first.recording, &other.recording, rig);
     let shifts: Vec<Estimate> = pairs
@@ -45,6 +47,7 @@ pub(super) fn by_front(first: &Part, other: &Part) -> Result<Clock, String> {
     Ok(Clock {
         offset_s,
         uncertainty_s: open_s.max(best * excess.sqrt()),
+        at_s: pairs.iter().map(|p| p.at_s).sum::<f64>() / pairs.len() as f64,
         events: agreeing.len(),
         residual_s: (agreeing.len() > 1).then_some(residual_s),
         remarks,

@@ -63,8 +63,10 @@ pub struct Clock {
     pub method: Method,
     /// The first part's time at this one's time 0, s.
     pub offset_s: f64,
-    /// Standard error of the alignment, s; of absolute times only what their last digit leaves open.
+    /// Standard error of the alignment, s, at `at_s`; of absolute times only what their last digit leaves open.
     pub uncertainty_s: f64,
+    /// The time on this clock at which it was aligned, s: the middle of its edges or fronts.
+    pub at_s: f64,
     /// By how many millionths this clock is slow, where several edges show it.
     pub drift_ppm: Option<f64>,
     /// Standard error of the drift, millionths.
@@ -86,6 +88,7 @@ impl Clock {
             method,
             offset_s: 0.0,
             uncertainty_s: 0.0,
+            at_s: 0.0,
             drift_ppm: None,
             drift_error_ppm: None,
             events: 0,
@@ -99,6 +102,11 @@ impl Clock {
     pub fn time_s(&self, own_s: f64) -> f64 {
         own_s + self.offset_s + self.drift_ppm.unwrap_or(0.0) * 1e-6 * own_s
     }
+
+    /// Standard error of that, s: away from where it was aligned it grows by what the drift is open by.
+    fn error_s(&self, own_s: f64) -> f64 {
+        self.uncertainty_s.hypot(self.drift_error_ppm.unwrap_or(0.0) * 1e-6 * (own_s - self.at_s))
+    }
 }
 
 impl fmt::Display for Clock {
@@ -110,13 +118,10 @@ impl fmt::Display for Clock {
             (Method::Front, 1) => "the front at one pair of sensors".into(),
             (Method::Front, n) => format!("the front at {n} pairs of sensors"),
         };
-        write!(
-            f,
-            "{}: aligned by {what}: time 0 is at {:.9} s ± {}",
-            self.file,
-            self.offset_s,
-            short(self.uncertainty_s)
-        )?;
+        // a clock that drifts is known where it was aligned
+        let of_s = self.drift_ppm.map_or(0.0, |_| (1e3 * self.at_s).round() / 1e3);
+        let error = short(self.uncertainty_s);
+        write!(f, "{}: aligned by {what}: time {of_s} is at {:.9} s ± {error}", self.file, self.time_s(of_s))?;
         if let Some(drift) = self.drift_ppm {
             write!(f, ", clock slow by {drift:.3} ppm")?;
             if let Some(error) = self.drift_error_ppm {
@@ -240,8 +245,11 @@ fn by(method: Method, first: &Part, other: &Part) -> Result<Clock, String> {
 fn contradict(clock: &mut Clock, first: &Part, other: &Part) {
     for method in Method::ALL.into_iter().filter(|m| *m != clock.method) {
         let Ok(check) = by(method, first, other) else { continue };
-        let difference = check.offset_s - clock.offset_s;
-        let error = check.uncertainty_s.hypot(clock.uncertainty_s);
+        // where the surest event of the recording is, for clocks that drift lie otherwise elsewhere
+        let at = |wanted| [&check, &*clock].into_iter().find(|c| c.method == wanted).map(|c| c.at_s);
+        let at_s = at(Method::Front).or_else(|| at(Method::Trigger)).unwrap_or(0.0);
+        let difference = check.time_s(at_s) - clock.time_s(at_s);
+        let error = check.error_s(at_s).hypot(clock.error_s(at_s));
         let contradicts = difference.abs() > SURE * error;
         let verdict = if contradicts { "which contradicts it" } else { "which agrees" };
         if contradicts {
@@ -254,7 +262,7 @@ fn contradict(clock: &mut Clock, first: &Part, other: &Part) {
         clock.remarks.push(format!(
             "by {method} it would be {} later ± {}, {verdict}",
             short(difference),
-            short(check.uncertainty_s)
+            short(check.error_s(at_s))
         ));
     }
 }
@@ -330,6 +338,7 @@ fn by_trigger(first: &Part, other: &Part) -> Result<Clock, String> {
     Ok(Clock {
         offset_s: line.offset_s,
         uncertainty_s: line.error_s,
+        at_s: line.middle_s,
         drift_ppm: (line.drift != 0.0).then_some(line.drift * 1e6),
         drift_error_ppm: line.drift_error.map(|e| e * 1e6),
         events: found.pairs.len(),

@@ -163,9 +163,14 @@ pub(super) struct Line {
     pub drift_error: Option<f64>,
     /// Root mean square of the edges about the line, s; none where the line goes through them by construction.
     pub residual_s: Option<f64>,
-    /// Standard error of the first clock's time in the middle of the edges, s.
+    /// The middle of the edges on the second clock, s, and the standard error of the first clock's time there, s.
+    pub middle_s: f64,
     pub error_s: f64,
 }
+
+/// Edges that lie closer about the line than this part of their errors fell between the samples in one way, as pulses at a whole number of
+/// samples do: their error is common, and no less for being many.
+const COMMON: f64 = 0.5;
 
 /// Fits the clocks of matched edges by weighted least squares; a drift that is not three standard errors from 0 is taken for 0.
 pub(super) fn line(first: &[Edge], second: &[Edge], pairs: &[(usize, usize)]) -> Line {
@@ -193,11 +198,13 @@ pub(super) fn line(first: &[Edge], second: &[Edge], pairs: &[(usize, usize)]) ->
     let freedom = count - if drift == 0.0 { 1.0 } else { 2.0 };
     let chi2: f64 = points.iter().map(|p| p.2 * residual(p).powi(2)).sum();
     let excess = if freedom > 0.0 { (chi2 / freedom).max(1.0) } else { 1.0 };
+    let is_common = freedom > 0.0 && chi2 / freedom < COMMON * COMMON;
     Line {
         offset_s: shift - drift * middle,
         drift,
         drift_error: slope_error,
         residual_s: (freedom > 0.0).then(|| (points.iter().map(|p| residual(p).powi(2)).sum::<f64>() / count).sqrt()),
-        error_s: (excess / total).sqrt(),
+        middle_s: middle,
+        error_s: (if is_common { count } else { excess } / total).sqrt(),
     }
 }

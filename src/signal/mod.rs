@@ -224,6 +224,7 @@ pub fn inspect(recording: &Recording) -> Result<Features, SignalError> {
 
     let (crossings, smear) = wavespeed::crossings(&clear, rig.length_m()).unzip();
     let smear = smear.unwrap_or(0.0);
+    let crossings = crossings.map(|found| wavespeed::held_against_period(found, reference, rig.length_m()));
     let slow = crossings.is_none_or(|c| c.slow_closure);
     let arrival = wavespeed::arrival(&clear, smear);
     let step_s = reference.coarse.step_s;

@@ -3,7 +3,7 @@
 use super::front::Front;
 use super::matching::{Delay, Sense, delay};
 use super::station::Station;
-use super::{Crossings, Estimate};
+use super::{Crossings, Estimate, extrema};
 use crate::units::GRAVITY_M_S2;
 
 /// A rise that takes more of the time to the half fall than this may run into the fall: only its beginning is laid over.
@@ -12,6 +12,10 @@ const CROWDED: f64 = 0.6;
 const SLOW: f64 = 0.85;
 /// Relative error where the end of the closure may have been taken for the return of the wave.
 const MISTAKEN: f64 = 0.25;
+/// Part by which creep, gas and unsteady friction may lengthen the period.
+const LENGTHENED: f64 = 0.1;
+/// Factor within which the rise of a closure that outlasts the wave's return agrees with that return.
+const RISE_ALIKE: f64 = 1.5;
 /// Share of the smear that is taken for the error left in a delay of laid-over fronts.
 const TAIL_LEFT: f64 = 0.1;
 
@@ -76,6 +80,26 @@ pub(crate) fn crossings(stations: &[&Station], length_m: f64) -> Option<(Crossin
     let low = alternatives.iter().copied().fold(joint.value - standard_error, f64::min);
     let high = alternatives.iter().copied().fold(joint.value + standard_error, f64::max);
     Some((Crossings { value: joint.value, standard_error, low, high, slow_closure: slow }, tail))
+}
+
+/// Between the valve and the supply the level may be held by a closure that outlasts the wave's return, and fall when it ends: what rises and
+/// falls is then the closure, and the wave that it makes too slow. The period tells, for it is 4L/a wherever it is read, and no shorter; the rise
+/// takes as long then as the wave's way to the supply and back.
+pub(crate) fn held_against_period(found: Crossings, station: &Station, length_m: f64) -> Crossings {
+    let Ok(front) = &station.front else { return found };
+    if station.place_m > 0.9 * length_m {
+        return found;
+    }
+    let start_s = station.coarse.time_s(front.onset);
+    let cycles = extrema::half_cycles(&station.trace, start_s, 4.0 * length_m / found.value, station.noise.white_sd_m);
+    let Some(period) = extrema::period(&cycles) else { return found };
+    let value = 4.0 * length_m / period.value;
+    let of_rise = 2.0 * station.place_m / (front.rise * station.coarse.step_s);
+    if found.value > (1.0 - MISTAKEN) * value || (of_rise / value).max(value / of_rise) > RISE_ALIKE {
+        return found;
+    }
+    let standard_error = LENGTHENED * value;
+    Crossings { value, standard_error, low: value - standard_error, high: value + standard_error, slow_closure: true }
 }
 
 /// Delays between equal levels of the rise and the fall, at a quarter and at half of the front.

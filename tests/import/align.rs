@@ -2,7 +2,9 @@
 
 use assert_cmd::Command;
 use serde_json::Value;
+use surgescope::align::{Method, Part, align};
 use surgescope::model::{Conditions, Model, Resolution, RunValues, trace::Probe, trace::Trace};
+use surgescope::recording::{Recording, RunInfo, Series};
 use surgescope::rig::Rig;
 
 use super::Bench;
@@ -154,12 +156,10 @@ fn repeated_edges_give_the_drift_and_a_better_offset() {
 
 #[test]
 fn drift_is_found_where_the_edges_are_sharp_enough_to_show_it() {
-    use surgescope::align::{Part, align};
-    use surgescope::recording::{Recording, RunInfo, Series};
     let bench = bench(true);
     let rig = Rig::load(&bench.path("rig.toml")).unwrap();
-    let part = |file: &str, rate_hz: f64, offset_s: f64, drift: f64| {
-        let time_s: Vec<f64> = (0..(3.0 * rate_hz) as usize).map(|i| i as f64 / rate_hz).collect();
+    let part = |file: &str, rate_hz: f64, begins_s: f64, offset_s: f64, drift: f64| {
+        let time_s: Vec<f64> = (0..(3.0 * rate_hz) as usize).map(|i| begins_s + i as f64 / rate_hz).collect();
         let edge = |t: f64| f64::from((offset_s + (1.0 + drift) * t).rem_euclid(0.37) < 0.11 && t > 0.1);
         let value = time_s.iter().map(|&t| edge(t)).collect();
         let mut series = vec![Series::default(); 3];
@@ -167,11 +167,36 @@ fn drift_is_found_where_the_edges_are_sharp_enough_to_show_it() {
         let recording = Recording { rig: rig.clone(), series, run: RunInfo::default() };
         Part { file: file.into(), recording, start_digit_s: None }
     };
-    let parts = [part("a", 20_000.0, 0.0, 0.0), part("b", 50_000.0, 0.0004, 120e-6)];
+    let parts = [part("a", 20_000.0, 0.0, 0.0, 0.0), part("b", 50_000.0, 0.0, 0.0004, 120e-6)];
     let clock = &align(&parts, None).unwrap()[1];
     let found = clock.drift_ppm.expect("a drift of 120 ppm over 3 s is seven steps");
     assert!((found - 120.0).abs() < 4.0 * clock.drift_error_ppm.unwrap(), "{clock}");
     assert!((clock.offset_s - 0.0004).abs() < 4.0 * clock.uncertainty_s + 2e-5, "{clock}");
+    // a clock that counts from long before: where it stands is known where the edges are
+    let parts = [part("a", 20_000.0, 0.0, 0.0, 0.0), part("b", 50_000.0, 50_000.0, -50_006.0, 120e-6)];
+    let clock = &align(&parts, None).unwrap()[1];
+    assert!((50_000.5..50_002.5).contains(&clock.at_s), "{clock}");
+    let error_s = clock.time_s(clock.at_s) - (clock.at_s * (1.0 + 120e-6) - 50_006.0);
+    assert!(error_s.abs() < 4.0 * clock.uncertainty_s + 2e-5 && clock.to_string().contains("time 5000"), "{clock}");
+}
+
+/// Pulses a whole number of samples apart fall between the samples in one way: many of them say no more than one.
+#[test]
+fn edges_that_fall_between_the_samples_in_one_way_are_not_averaged() {
+    let rig = Rig::load(&bench(true).path("rig.toml")).unwrap();
+    let part = |file: &str, rate_hz: f64, offset_s: f64| {
+        let time_s: Vec<f64> = (0..(12.0 * rate_hz) as usize).map(|i| i as f64 / rate_hz).collect();
+        let value =
+            time_s.iter().map(|t| f64::from((t + offset_s).rem_euclid(1.0) < 0.1 && t + offset_s > 2.0)).collect();
+        let mut series = vec![Series::default(); 3];
+        series[2] = Series { time_s, value, gaps: vec![] };
+        let recording = Recording { rig: rig.clone(), series, run: RunInfo::default() };
+        Part { file: file.into(), recording, start_digit_s: None }
+    };
+    for phase in [0.001, 0.005, 0.009] {
+        let clock = align(&[part("a", 1000.0, 0.0), part("b", 100.0, phase)], Some(Method::Trigger)).unwrap().remove(1);
+        assert!(clock.events > 10 && (clock.offset_s - phase).abs() < 2.0 * clock.uncertainty_s, "{clock}");
+    }
 }
 
 #[test]
@@ -265,50 +290,65 @@ fn an_ac_coupled_sensor_of_the_other_system_is_modelled_as_such() {
     assert!((number(speed, "value") - 400.0).abs() < 0.5, "{speed}");
 }
 
-/// Fronts of a closure at the valve (100 m), at 80 m and 60 m on one system and at 40 m on the other, of which the rig file puts some elsewhere.
-#[test]
-fn pairs_of_sensors_that_contradict_each_other_are_said_and_outvoted() {
-    use surgescope::align::{Method, Part, align};
-    use surgescope::recording::{Recording, RunInfo, Series};
-    const SPEED_M_S: f64 = 400.0;
-    let offset_s = 0.151;
-    // heads of a closure in 10 ms without friction: up when the front comes, down when it comes back from the supply, and so on
-    let kpa = |place_m: f64, t: f64| {
-        let ramp = |at_s: f64| ((t - CLOSURE_S - at_s) / 0.01).clamp(0.0, 1.0);
+/// One system of several that see a closure without friction, which reaches the valve at [`CLOSURE_S`] of the true time.
+struct System {
+    /// Of the sensors A to D, at 100 m (the valve), 80 m, 60 m and 40 m, those that are its own.
+    own: std::ops::Range<usize>,
+    rate_hz: f64,
+    /// True time at its time 0, s.
+    offset_s: f64,
+    closing_s: f64,
+}
+
+impl System {
+    /// Head of the wave at a place: up when the front comes, down when it comes back from the supply, and so on; kPa.
+    fn kpa(&self, place_m: f64, true_s: f64) -> f64 {
+        const SPEED_M_S: f64 = 400.0;
+        let closed = |at_s: f64| ((true_s - CLOSURE_S - at_s) / self.closing_s).clamp(0.0, 1.0);
         let (out_s, back_s) = ((100.0 - place_m) / SPEED_M_S, (100.0 + place_m) / SPEED_M_S);
         let periods = (0..6).map(|n| (f64::from(n) * 200.0 / SPEED_M_S, if n % 2 == 0 { 1.0 } else { -1.0 }));
         200.0
             + periods
-                .map(|(later_s, sign)| 160.0 * sign * (ramp(later_s + out_s) - ramp(later_s + back_s)))
+                .map(|(later_s, sign)| 160.0 * sign * (closed(later_s + out_s) - closed(later_s + back_s)))
                 .sum::<f64>()
+    }
+
+    fn part(&self, file: &str, rig: &Rig) -> Part {
+        let mut random = fastrand::Rng::with_seed(3);
+        let time_s: Vec<f64> = (0..(2.0 * self.rate_hz) as usize).map(|i| i as f64 / self.rate_hz).collect();
+        let series = (0..4).map(|sensor| {
+            if !self.own.contains(&sensor) {
+                return Series::default();
+            }
+            let place_m = [100.0, 80.0, 60.0, 40.0][sensor];
+            let value = time_s.iter().map(|t| self.kpa(place_m, t + self.offset_s) + noise(&mut random)).collect();
+            Series { time_s: time_s.clone(), value, gaps: vec![] }
+        });
+        let recording = Recording { rig: rig.clone(), series: series.collect(), run: RunInfo::default() };
+        Part { file: file.into(), recording, start_digit_s: None }
+    }
+}
+
+/// The rig of these systems, which says the sensors to be at these places.
+fn stated(places_m: [f64; 4]) -> Rig {
+    let places: Vec<String> = places_m.iter().map(|m| format!("position_m = {m:.1}")).collect();
+    let names = ["A", "B", "C", "D"].into_iter();
+    let sensors: Vec<_> = names.zip(&places).map(|(name, place)| (name, "pressure", "kPa", place.as_str())).collect();
+    Rig::load(&Bench::new(&sensors).path("rig.toml")).unwrap()
+}
+
+const RIGHT: [f64; 4] = [100.0, 80.0, 60.0, 40.0];
+
+#[test]
+fn pairs_of_sensors_that_contradict_each_other_are_said_and_outvoted() {
+    let offset_s = 0.151;
+    let aligned = |places_m: [f64; 4]| {
+        let rig = stated(places_m);
+        let slow = System { own: 0..3, rate_hz: 1000.0, offset_s: 0.0, closing_s: 0.01 };
+        let fast = System { own: 3..4, rate_hz: 5000.0, offset_s, closing_s: 0.01 };
+        align(&[slow.part("slow", &rig), fast.part("fast", &rig)], Some(Method::Front)).unwrap().remove(1)
     };
-    let aligned = |stated_m: [f64; 4]| {
-        let places: Vec<String> = stated_m.iter().map(|m| format!("position_m = {m:.1}")).collect();
-        let sensors: Vec<_> = ["A", "B", "C", "D"]
-            .iter()
-            .zip(&places)
-            .map(|(name, place)| (*name, "pressure", "kPa", place.as_str()))
-            .collect();
-        let rig = Rig::load(&Bench::new(&sensors).path("rig.toml")).unwrap();
-        let part = |file: &str, own: std::ops::Range<usize>, rate_hz: f64, offset_s: f64| {
-            let mut random = fastrand::Rng::with_seed(3);
-            let time_s: Vec<f64> = (0..(2.0 * rate_hz) as usize).map(|i| i as f64 / rate_hz).collect();
-            let series = (0..4).map(|sensor| {
-                if !own.contains(&sensor) {
-                    return Series::default();
-                }
-                let place_m = [100.0, 80.0, 60.0, 40.0][sensor];
-                let value = time_s.iter().map(|t| kpa(place_m, t + offset_s) + noise(&mut random)).collect();
-                Series { time_s: time_s.clone(), value, gaps: vec![] }
-            });
-            let recording = Recording { rig: rig.clone(), series: series.collect(), run: RunInfo::default() };
-            Part { file: file.into(), recording, start_digit_s: None }
-        };
-        align(&[part("slow", 0..3, 1000.0, 0.0), part("fast", 3..4, 5000.0, offset_s)], Some(Method::Front))
-            .unwrap()
-            .remove(1)
-    };
-    let right = aligned([100.0, 80.0, 60.0, 40.0]);
+    let right = aligned(RIGHT);
     assert!(right.warnings.is_empty() && right.events == 3, "{right:?}");
     assert!((right.offset_s - offset_s).abs() < 4.0 * right.uncertainty_s && right.uncertainty_s < 2e-3, "{right}");
     // one of three is elsewhere
@@ -321,4 +361,49 @@ fn pairs_of_sensors_that_contradict_each_other_are_said_and_outvoted() {
     let none = aligned([100.0, 95.0, 35.0, 40.0]);
     assert!(none.warnings[0].contains("not to be trusted") && none.events == 3, "{none:?}");
     assert!((none.offset_s - offset_s).abs() < 3.0 * none.uncertainty_s, "{none:?}");
+}
+
+/// Of a front between two samples of the slower system no more is known than that.
+#[test]
+fn a_sharp_front_is_known_to_a_step_of_the_slower_system() {
+    let rig = stated(RIGHT);
+    for (slow_hz, fast_hz, closing_s) in [(500.0, 5000.0, 0.001), (100.0, 1000.0, 0.001), (100.0, 1000.0, 0.02)] {
+        for phase in 0..8 {
+            let offset_s = 0.15 + f64::from(phase) / 8.0 / slow_hz;
+            let slow = System { own: 0..1, rate_hz: slow_hz, offset_s, closing_s };
+            let fast = System { own: 2..3, rate_hz: fast_hz, offset_s: 0.0, closing_s };
+            for (first, other, sign) in [(&fast, &slow, 1.0), (&slow, &fast, -1.0)] {
+                let clocks =
+                    align(&[first.part("first", &rig), other.part("other", &rig)], Some(Method::Front)).unwrap();
+                let (error_s, said_s) = (clocks[1].offset_s - sign * offset_s, clocks[1].uncertainty_s);
+                assert!(
+                    error_s.abs() < 3.0 * said_s && said_s < 0.5 / slow_hz,
+                    "{slow_hz} {closing_s} {phase}: {error_s} ± {said_s}"
+                );
+            }
+        }
+    }
+}
+
+/// A file that begins within the front, or behind it, shows part of one, or a later one.
+#[test]
+fn a_file_without_the_first_front_is_not_aligned_by_it() {
+    let rig = stated(RIGHT);
+    for (begins_s, is_there) in
+        [(CLOSURE_S - 0.05, true), (CLOSURE_S + 0.03, false), (CLOSURE_S + 0.3, false), (CLOSURE_S + 0.8, false)]
+    {
+        let whole = System { own: 0..1, rate_hz: 1000.0, offset_s: 0.0, closing_s: 0.1 };
+        let late = System { own: 0..1, offset_s: begins_s, ..whole };
+        match align(&[whole.part("whole", &rig), late.part("late", &rig)], Some(Method::Front)) {
+            Ok(clocks) => assert!(
+                is_there && (clocks[1].offset_s - begins_s).abs() < 3.0 * clocks[1].uncertainty_s,
+                "{begins_s} {}",
+                clocks[1]
+            ),
+            Err(error) => assert!(
+                !is_there && error.to_string().contains("no pressure sensor of late shows the first front"),
+                "{error}"
+            ),
+        }
+    }
 }
