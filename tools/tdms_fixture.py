@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Writes tests/fixtures/nptdms.tdms with npTDMS (pip install nptdms numpy), and what npTDMS reads back from it.
+"""Writes tests/fixtures/nptdms.tdms and nptdms-stretches.tdms with npTDMS (pip install nptdms numpy), and what npTDMS reads back from it.
 
 The file has what acquisition programs write: several segments (the later ones without new metadata), raw counts with a linear
 and a polynomial scale, waveform properties, a unit, a channel of timestamps beside a slow one, text, and two groups with
@@ -75,6 +75,17 @@ def fixture(path):
     path.with_suffix(".json").write_text(json.dumps(expected) + "\n")
 
 
+def stretches(path):
+    """Group A: values that are no numbers. Group B: a second stretch that begins later, in a segment of its own."""
+    wave = {"wf_increment": 0.01, "wf_start_time": START, "wf_start_offset": 0.0, "wf_samples": 1}
+    a = np.arange(50.0)
+    a[[0, 7, 8]] = np.nan, np.inf, np.nan
+    later = {**wave, "wf_start_time": START + np.timedelta64(10, "s"), "wf_increment": 0.02}
+    with TdmsWriter(path) as writer:
+        writer.write_segment([ChannelObject("A", "P1", a, wave), ChannelObject("B", "P1", np.arange(50.0), wave)])
+        writer.write_segment([ChannelObject("B", "P1", np.arange(50.0, 60.0), later)])
+
+
 def handmade(folder, big, interleaved, cut):
     """Two segments of two channels, i16 and f64; the second one says 'as before'."""
     e = ">" if big else "<"
@@ -104,6 +115,7 @@ def handmade(folder, big, interleaved, cut):
 
 if __name__ == "__main__":
     fixture(FIXTURES / "nptdms.tdms")
+    stretches(FIXTURES / "nptdms-stretches.tdms")
     for folder in sys.argv[1:]:
         handmade(folder, big=False, interleaved=False, cut=False)
         handmade(folder, big=True, interleaved=True, cut=False)

@@ -266,3 +266,44 @@ fn what_was_logged_before_the_clock_was_set_is_left_out_and_said() {
     let p1 = &recording.series[0];
     assert_eq!((p1.time_s[0], p1.value[0], p1.value.len()), (0.0, 2.0, 48));
 }
+
+#[test]
+fn a_clock_that_is_set_while_it_logs_is_refused_in_words() {
+    let bench = Bench::plain();
+    let put = |log_time: &dyn Fn(u64) -> u64| {
+        let mut writer = mcap::Writer::new(fs::File::create(bench.path("other.mcap")).unwrap()).unwrap();
+        let channel_id = writer.add_channel(0, "/daq", "json", &BTreeMap::new()).unwrap();
+        for i in 0..50u64 {
+            let header =
+                MessageHeader { channel_id, sequence: i as u32, log_time: log_time(i), publish_time: i * 10_000_000 };
+            writer.write_to_known_channel(&header, format!(r#"{{"p": {i}}}"#).as_bytes()).unwrap();
+        }
+        writer.finish().unwrap();
+    };
+    let even = |i: u64| 1_773_476_813_000_000_000 + i * 10_000_000;
+    // back by 45 ms
+    put(&|i| even(i) - if i >= 20 { 45_000_000 } else { 0 });
+    bench.refuses(
+        &MAP,
+        &["4 of 50 messages of /daq.p have times before those that came earlier", "--message-time publish"],
+    );
+    bench.import(0, &[&MAP[..], &["--message-time", "publish"]].concat());
+    assert_eq!(bench.recording().series[0].value.len(), 50);
+    // from the time since the start to that since 1970
+    put(&|i| if i < 30 { i * 10_000_000 } else { even(i) });
+    bench.refuses(&MAP, &["30 values are of the first year since 1970, 20 are later: the clock was set in between"]);
+    // two that were logged by two threads
+    put(&|i| {
+        even(if i == 7 {
+            8
+        } else if i == 8 {
+            7
+        } else {
+            i
+        })
+    });
+    let (document, _) = bench.import(0, &MAP);
+    assert_eq!(mended(&document, "order")["count"], 1);
+    let twice = ["other.mcap", "--map", "/daq.p=P1", "--map", "/daq.p=P2"];
+    bench.refuses(&twice, &["'/daq.p' is said by --map to be two sensors"]);
+}

@@ -92,3 +92,29 @@ fn what_cannot_be_read_is_refused_in_words() {
     strange[at..at + 6].copy_from_slice(b"Teapot");
     assert!(read(&strange).unwrap_err().to_string().contains("scale 'Teapot' is not known"));
 }
+
+#[test]
+fn what_is_no_number_and_what_lies_between_stretches_is_a_gap() {
+    let bench = Bench::new(&[("P1", "pressure", "kPa", "")]);
+    bench.put("run.tdms", fs::read(here("tests/fixtures/nptdms-stretches.tdms")).unwrap());
+    // of the groups' channels of one name, the one that is named
+    let (document, err) = bench.import(3, &["run.tdms", "--map", "/'A'/'P1'=P1"]);
+    assert_eq!(mended(&document, "no-number")["count"], 3);
+    assert!(err.contains("3 values of /'A'/'P1' are no numbers: recorded as gaps"), "{err}");
+    let p1 = bench.recording().series.remove(0);
+    let gaps: Vec<_> = p1.gaps.iter().map(|g| (g.from_s, g.to_s, g.samples)).collect();
+    assert_eq!((p1.value.len(), gaps), (47, vec![(0.0, 0.01, Some(1)), (0.06, 0.09, Some(2))]));
+
+    let (document, _) = bench.import(0, &["run.tdms", "--map", "/'B'/'P1'=P1"]);
+    assert_eq!(mended(&document, "stretches")["count"], 1);
+    let recording = bench.recording();
+    // 2026-03-14T09:26:53.25Z, the first stretch's
+    assert_eq!(recording.run.start_unix_ns, 1_773_480_413_250_000_000);
+    let p1 = &recording.series[0];
+    assert_eq!(
+        (p1.value.len(), p1.value[59], p1.time_s[49], p1.time_s[50], p1.time_s[59]),
+        (60, 59.0, 0.49, 10.0, 10.18)
+    );
+    assert_eq!((p1.gaps.len(), p1.gaps[0].from_s, p1.gaps[0].to_s), (1, 0.49, 10.0));
+    bench.refuses(&["run.tdms"], &["/'A'/'P1'' and '/'B'/'P1'' are both the sensor 'P1'"]);
+}

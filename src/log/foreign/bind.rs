@@ -32,10 +32,16 @@ pub fn bind(
         false => LogError::Foreign { path: path.into(), why: problem.to_string() },
     };
     let density = rig.fluid.properties(rig.fluid.temperature_degc).density_kg_m3;
+    let before = |i: usize, from: &String| options.map[..i].iter().any(|(other, _)| other == from);
+    if let Some((_, (from, _))) = options.map.iter().enumerate().find(|(i, (from, _))| before(*i, from)) {
+        let why = format!("'{from}' is said by --map to be two sensors: say one of them");
+        return Err(LogError::Foreign { path: path.into(), why });
+    }
+    let names: Vec<(String, String)> = foreign.tracks.iter().map(|t| (t.name.clone(), t.short.clone())).collect();
     let mut series = vec![Series::default(); rig.sensors.len()];
     let mut taken: Vec<Option<String>> = vec![None; rig.sensors.len()];
     let mut spare = Vec::new();
-    for track in foreign.tracks {
+    for mut track in foreign.tracks {
         let Some(place) = sensor_of(&track, rig, options).map_err(fault)? else {
             let ignored = options.ignore.iter().any(|i| *i == track.name || *i == track.short || i == "*");
             if table && !ignored {
@@ -44,6 +50,14 @@ pub fn bind(
             spare.push(track.name);
             continue;
         };
+        // of several groups with a channel of one name, the one that --map names
+        let says = |(from, to): &&(String, String)| *to == rig.sensors[place].name && !is_called(&track, from);
+        let is_there = |from: &String| names.iter().any(|(name, short)| name == from || short == from);
+        let is_mapped = options.map.iter().any(|(from, _)| is_called(&track, from));
+        if !table && !is_mapped && options.map.iter().find(says).is_some_and(|(from, _)| is_there(from)) {
+            spare.push(track.name);
+            continue;
+        }
         if let Some(other) = &taken[place] {
             let (a, b, sensor) = (other, &track.name, &rig.sensors[place].name);
             let why = format!("'{a}' and '{b}' are both the sensor '{sensor}': say which with --map or --ignore");
@@ -54,6 +68,7 @@ pub fn bind(
             mended.push(Mended::new("name", 1, None, text));
         }
         taken[place] = Some(track.name.clone());
+        mended.append(&mut track.mended);
         series[place] = converted(track, &rig.sensors[place], density, mended).map_err(fault)?;
     }
     if taken.iter().all(Option::is_none) {
@@ -106,6 +121,10 @@ pub fn require_sensors(parts: &[&Recording], rig: &Rig, without: &[String]) -> R
         return Err(LogError::Sensors(Box::new(CsvProblem::NoPressure)));
     }
     Ok(())
+}
+
+fn is_called(track: &Track, name: &str) -> bool {
+    track.name == name || track.short == name
 }
 
 fn sensor_of(track: &Track, rig: &Rig, options: &ForeignOptions) -> Result<Option<usize>, CsvProblem> {

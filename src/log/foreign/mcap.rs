@@ -56,7 +56,7 @@ fn ours(bytes: &[u8], path: &Path) -> Result<Foreign, LogError> {
     let sensors = recording.rig.sensors.iter().zip(recording.series).filter(|(_, s)| !s.time_s.is_empty());
     let tracks = sensors.map(|(sensor, series)| {
         let unit = Some(sensor.unit.symbol.to_string());
-        Track { name: sensor.name.clone(), short: sensor.name.clone(), unit, series }
+        Track { name: sensor.name.clone(), short: sensor.name.clone(), unit, series, mended: Vec::new() }
     });
     let unix_ns = recording.run.start_unix_ns;
     Ok(Foreign {
@@ -70,6 +70,9 @@ fn ours(bytes: &[u8], path: &Path) -> Result<Foreign, LogError> {
 
 /// A time above a year is one since 1970; below, the clock counted from its own start, or was not set.
 const YEAR_NS: i64 = 31_536_000_000_000_000;
+
+/// Part of a track that may stand out of order: above it, its clock was set back.
+const MOST_DISPLACED: f64 = 0.01;
 
 /// What is said of times of 2^63 ns and more.
 const BEYOND: &str = "have times beyond what a recording holds (2^63 ns: the year 2262, where they count from 1970): look at the clock of what logged them, or \
@@ -219,7 +222,7 @@ impl<'o> Reading<'o> {
             mended.push(Mended { lost: true, ..Mended::new("beyond-time", self.beyond, None, text) });
         }
         let wanted: Vec<String> = wanted.into_iter().cloned().collect();
-        let unset = self.leave_out_unset(&wanted);
+        let unset = self.leave_out_unset(&wanted)?;
         if unset > 0 {
             let text = format!(
                 "{} of the first year since 1970, where the others are later: the clock was not set; left out (or take another time, \
@@ -248,13 +251,26 @@ impl<'o> Reading<'o> {
                     + &format!(" not have {name} at all");
                 mended.push(Mended::new("absent", found.absent, None, text));
             }
+            let displaced = displaced(&found.time_ns);
+            if displaced > 2 && displaced as f64 > MOST_DISPLACED * found.time_ns.len() as f64 {
+                return Err(format!(
+                    "{displaced} of {} messages of {name} have times before those that came earlier: was the clock set back? Take another time, \
+                     --message-time publish or --time-field",
+                    found.time_ns.len()
+                ));
+            }
+            if displaced > 0 {
+                let text = counted(displaced, "message", "messages")
+                    + &format!(" of {name} stood out of order and were sorted in");
+                mended.push(Mended::new("order", displaced, None, text));
+            }
             let (series, repeated) = found.series(zero_ns);
             if repeated > 0 {
                 let text = counted(repeated, "message repeats", "messages repeat")
                     + &format!(" the time of another, of {name}: left out; try --time-field or --message-time publish");
                 mended.push(Mended { lost: true, ..Mended::new("duplicate-times", repeated, None, text) });
             }
-            tracks.push(Track { short: name.clone(), name, unit: None, series });
+            tracks.push(Track { short: name.clone(), name, unit: None, series, mended: Vec::new() });
         }
         let unix_ns = u64::try_from(zero_ns).ok().filter(|_| zero_ns > YEAR_NS);
         let start = unix_ns.map(|unix_ns| Start { unix_ns, digit_s: 1e-6 });
@@ -262,15 +278,25 @@ impl<'o> Reading<'o> {
     }
 
     /// Leaves out what was logged before the clock was set, where most was after; how many values that is.
-    fn leave_out_unset(&mut self, wanted: &[String]) -> usize {
+    fn leave_out_unset(&mut self, wanted: &[String]) -> Result<usize, String> {
         let is_set = |time_ns: &i64| *time_ns > YEAR_NS;
         let found = |name: &String| self.found.get(name).map(|found| &found.time_ns);
         let (mut set, mut unset) = (0, 0);
         for time_ns in wanted.iter().filter_map(found).flatten() {
             if is_set(time_ns) { set += 1 } else { unset += 1 }
         }
-        if unset >= set {
-            return 0;
+        if set == 0 || unset == 0 {
+            return Ok(0);
+        }
+        let nothing_left = |name: &&String| found(name).is_some_and(|time_ns| !time_ns.iter().any(is_set));
+        if unset >= set || wanted.iter().any(|name| nothing_left(&name)) {
+            let of =
+                wanted.iter().find(nothing_left).map_or_else(String::new, |name| format!(", all of {name} among them"));
+            return Err(format!(
+                "{} of the first year since 1970{of}, {set} are later: the clock was set in between; take another time, --message-time publish or \
+                 --time-field",
+                counted(unset, "value is", "values are")
+            ));
         }
         for found in self.found.values_mut() {
             let mut kept = found.time_ns.iter().map(is_set);
@@ -278,7 +304,7 @@ impl<'o> Reading<'o> {
             found.time_ns.retain(is_set);
             found.missing_ns.retain(is_set);
         }
-        unset
+        Ok(unset)
     }
 
     fn say_fields(&self) -> String {
@@ -326,6 +352,16 @@ impl Found {
         series.gaps = gaps(&series.time_s, &missing_s);
         (series, repeated)
     }
+}
+
+/// How many times come before one that stands earlier in the file.
+fn displaced(time_ns: &[i64]) -> usize {
+    let mut latest = i64::MIN;
+    let earlier = |time_ns: &&i64| {
+        latest = latest.max(**time_ns);
+        **time_ns < latest
+    };
+    time_ns.iter().filter(earlier).count()
 }
 
 /// The time that a field gives, ns: a number in its unit, or a message of seconds and nanoseconds.

@@ -68,6 +68,8 @@ pub struct Track {
     pub unit: Option<String>,
     /// Its samples, in that unit.
     pub series: Series,
+    /// What was mended of it, said where it is a sensor.
+    pub mended: Vec<Mended>,
 }
 
 /// Something about a file that was put right, or could not be.

@@ -243,7 +243,7 @@ fn tracks(table: Table, gaps: &[Hole], header: &[String], units: Option<&[String
                 None => (name.clone(), None),
             };
             let unit = unit.or_else(|| units.and_then(|u| u.get(i)).filter(|u| !u.is_empty()).cloned());
-            Track { name: name.clone(), short, unit, series }
+            Track { name: name.clone(), short, unit, series, mended: Vec::new() }
         })
         .collect()
 }

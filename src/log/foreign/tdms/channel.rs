@@ -1,6 +1,7 @@
 //! The values of a channel and how they lie in the raw data of a segment.
 
 use super::bytes::Bytes;
+use super::{Properties, Property};
 
 /// What a channel holds.
 #[derive(Debug, Clone)]
@@ -27,6 +28,32 @@ impl Values {
 pub(super) struct Channel {
     pub path: String,
     pub values: Values,
+    /// Where its start or increment changed from one segment to the next: the first value behind that, and how it was before.
+    pub earlier: Vec<(usize, Timing)>,
+}
+
+/// When the values of a channel were taken, by its `wf_` properties.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Timing {
+    /// Nanoseconds since 1970 UTC.
+    pub start_ns: Option<i64>,
+    pub increment_s: Option<f64>,
+    pub offset_s: f64,
+}
+
+impl Timing {
+    pub(super) fn of(properties: &Properties) -> Timing {
+        let number = |key: &str| match properties.get(key) {
+            Some(Property::Number(n)) if n.is_finite() => Some(*n),
+            _ => None,
+        };
+        let start_ns = match properties.get("wf_start_time") {
+            Some(Property::Time(ns)) => Some(*ns),
+            _ => None,
+        };
+        let increment_s = number("wf_increment").filter(|dt| *dt > 0.0);
+        Timing { start_ns, increment_s, offset_s: number("wf_start_offset").unwrap_or(0.0) }
+    }
 }
 
 /// Raw data index: what a channel has in each chunk of a segment.
@@ -84,7 +111,7 @@ impl Channel {
             code if is_number(code) => Values::Numbers(Vec::new()),
             _ => Values::Other(0),
         };
-        Channel { path: path.to_string(), values }
+        Channel { path: path.to_string(), values, earlier: Vec::new() }
     }
 
     /// Takes in the values that start `offset` bytes into `raw`, `stride` bytes apart, `count` of them or as many as there are.

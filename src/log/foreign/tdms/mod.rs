@@ -10,12 +10,13 @@ mod segment;
 
 use std::collections::BTreeMap;
 
-use channel::{Channel, Values};
+use channel::{Channel, Timing, Values};
 use segment::Reader;
 
-use super::{Foreign, Mended, Start, Track};
+use super::gaps::gaps;
+use super::{Foreign, Mended, Start, Track, counted};
 use crate::log::layout::to_s;
-use crate::recording::Series;
+use crate::recording::{Gap, Series};
 
 /// A property of an object.
 #[derive(Debug, Clone, PartialEq)]
@@ -61,62 +62,70 @@ pub(super) fn read(bytes: &[u8]) -> Result<Foreign, String> {
                 .into(),
         );
     }
-    let start_ns = timed.iter().filter_map(|(_, start)| *start).filter(|ns| *ns > 0).min();
+    let start_ns = timed.iter().filter_map(|timed| timed.start_ns).filter(|ns| *ns > 0).min();
     let mut tracks = Vec::new();
-    for (mut track, start) in timed {
-        if let (Some(own), Some(first)) = (start, start_ns) {
-            let late_s = to_s(own.saturating_sub(first));
-            let Series { time_s, value, .. } = track.series;
-            let late: Vec<f64> = time_s.iter().map(|t| t + late_s).collect();
-            // years after the first channel, steps of microseconds vanish
-            let (time_s, value) = in_order(&track.name, late, value)?;
-            track.series = Series { time_s, value, gaps: Vec::new() };
+    for Timed { mut track, start_ns: own_ns, holes_s } in timed {
+        let late_s = own_ns.zip(start_ns).map_or(0.0, |(own, first)| to_s(own.saturating_sub(first)));
+        // years after the first channel, steps of microseconds vanish
+        let late = track.series.time_s.iter().map(|t| t + late_s).collect();
+        track.series = in_order(&track.name, late, track.series.value, &mut track.mended)?;
+        let stands = |t: f64| track.series.time_s.partition_point(|s| *s <= t);
+        let holes = holes_s.iter().filter_map(|t| stands(t + late_s).checked_sub(1));
+        let holes: Vec<Gap> = holes
+            .filter_map(|i| {
+                Some(Gap { from_s: track.series.time_s[i], to_s: *track.series.time_s.get(i + 1)?, samples: None })
+            })
+            .collect();
+        if !holes.is_empty() {
+            let text = format!(
+                "{} was recorded in several stretches, by its wf_start_time: gaps stand between them",
+                track.name
+            );
+            track.mended.push(Mended::new("stretches", holes.len(), None, text));
         }
+        track.series.gaps.extend(holes);
+        track.series.gaps.sort_by(|a, b| a.from_s.total_cmp(&b.from_s));
         tracks.push(track);
     }
     let start = start_ns.and_then(|ns| u64::try_from(ns).ok()).map(|unix_ns| Start { unix_ns, digit_s: 1e-6 });
     Ok(Foreign { tracks, start, notes, mended, spare_tracks: true })
 }
 
-/// A channel of numbers with its times, s from its own start, and that start; `None` where it is no such channel.
+/// A channel of numbers with its times, s from its own start.
+struct Timed {
+    track: Track,
+    /// Nanoseconds since 1970 UTC.
+    start_ns: Option<i64>,
+    /// The last time before each hole between its stretches, s from its start.
+    holes_s: Vec<f64>,
+}
+
+/// Such a channel; `None` where it is none.
 fn timed_track(
     channel: &Channel,
     all: &[Channel],
     properties: &BTreeMap<String, Properties>,
-) -> Result<Option<(Track, Option<i64>)>, String> {
+) -> Result<Option<Timed>, String> {
     let Values::Numbers(raw) = &channel.values else { return Ok(None) };
     let names = segment::names(&channel.path);
     let (Some(group), Some(short)) = (names.first(), names.get(1)) else { return Ok(None) };
     let own = properties.get(&channel.path);
     let property = |key: &str| own.and_then(|p| p.get(key));
-    let number = |key: &str| match property(key) {
-        Some(Property::Number(n)) if n.is_finite() => Some(*n),
-        _ => None,
-    };
-    let mut start = None;
-    let time_s: Vec<f64> = match number("wf_increment").filter(|dt| *dt > 0.0) {
-        Some(dt) => {
-            if let Some(Property::Time(ns)) = property("wf_start_time") {
-                start = Some(*ns);
-            }
-            let offset = number("wf_start_offset").unwrap_or(0.0);
-            (0..raw.len()).map(|i| offset + i as f64 * dt).collect()
-        }
+    let timing = own.map(Timing::of);
+    let (time_s, start_ns, holes_s) = match timing.filter(|timing| timing.increment_s.is_some()) {
+        Some(last) => evenly(channel, last, raw.len())?,
         None => {
             let beside = |c: &&Channel| {
                 let names = segment::names(&c.path);
                 names.first() == Some(group) && c.path != channel.path && c.values.len() == raw.len()
             };
             match all.iter().filter(beside).find_map(|c| times(c, &segment::names(&c.path), properties)) {
-                Some((times, first)) => {
-                    start = first;
-                    times
-                }
+                Some((times, first)) => (times, first, Vec::new()),
                 None => return Ok(None),
             }
         }
     };
-    if is_time_name(short).is_some() && number("wf_increment").is_none() {
+    if is_time_name(short).is_some() && timing.is_none_or(|timing| timing.increment_s.is_none()) {
         return Ok(None);
     }
     let chain = [channel.path.clone(), format!("/'{}'", group.replace('\'', "''")), "/".into()];
@@ -125,13 +134,38 @@ fn timed_track(
         Some(scaling) => scaling.apply(raw),
         None => raw.clone(),
     };
-    let (time_s, value) = in_order(&channel.path, time_s, values)?;
     let unit = ["unit_string", "NI_UnitDescription", "Unit", "unit"].into_iter().find_map(|key| match property(key) {
         Some(Property::Text(text)) if !text.trim().is_empty() => Some(text.trim().to_string()),
         _ => None,
     });
-    let series = Series { time_s, value, gaps: Vec::new() };
-    Ok(Some((Track { name: channel.path.clone(), short: short.clone(), unit, series }, start)))
+    let series = Series { time_s, value: values, gaps: Vec::new() };
+    let track = Track { name: channel.path.clone(), short: short.clone(), unit, series, mended: Vec::new() };
+    Ok(Some(Timed { track, start_ns, holes_s }))
+}
+
+/// Times of a channel, s from its own start, that start, and the last time before each hole between its stretches.
+type Times = (Vec<f64>, Option<i64>, Vec<f64>);
+
+/// Those of a channel of even steps.
+fn evenly(channel: &Channel, last: Timing, count: usize) -> Result<Times, String> {
+    let stretches: Vec<(usize, Timing)> = channel.earlier.iter().copied().chain([(count, last)]).collect();
+    let start_ns = stretches[0].1.start_ns;
+    let (mut time_s, mut holes_s) = (Vec::with_capacity(count), Vec::new());
+    for (index, (to, timing)) in stretches.into_iter().enumerate() {
+        let from = time_s.len();
+        let step_s = timing.increment_s.filter(|_| index == 0 || (timing.start_ns.is_some() && start_ns.is_some()));
+        let step_s = step_s.ok_or_else(|| {
+            format!(
+                "channel {}: its wf_increment changes at value {from}, and no wf_start_time says when that was taken",
+                channel.path
+            )
+        })?;
+        let late_s = timing.start_ns.zip(start_ns).map_or(0.0, |(own, first)| to_s(own.saturating_sub(first)));
+        let begins_s = late_s + timing.offset_s;
+        holes_s.extend(time_s.last().copied().filter(|before| begins_s - before > 1.5 * step_s));
+        time_s.extend((0..to.saturating_sub(from)).map(|i| begins_s + i as f64 * step_s));
+    }
+    Ok((time_s, start_ns, holes_s))
 }
 
 /// The times that a channel beside gives: timestamps, or numbers under a name such as `time_s` or `Time`.
@@ -168,12 +202,26 @@ fn is_time_name(name: &str) -> Option<f64> {
     }
 }
 
-/// Leaves out samples that are no numbers; times must increase.
-fn in_order(path: &str, time_s: Vec<f64>, value: Vec<f64>) -> Result<(Vec<f64>, Vec<f64>), String> {
-    let fine = |(t, v): &(f64, f64)| v.is_finite() && crate::log::layout::to_ns(*t).is_some();
-    let (time_s, value): (Vec<f64>, Vec<f64>) = time_s.into_iter().zip(value).filter(fine).unzip();
-    match time_s.windows(2).find(|w| w[1] <= w[0]) {
-        Some(w) => Err(format!("channel {path}: its times do not increase: {} s, then {} s", w[0], w[1])),
-        None => Ok((time_s, value)),
+/// The samples that are numbers, with gaps for those that are not, which is said; times must increase.
+fn in_order(path: &str, time_s: Vec<f64>, value: Vec<f64>, mended: &mut Vec<Mended>) -> Result<Series, String> {
+    let all = time_s.len();
+    let timed = |(t, _): &(f64, f64)| crate::log::layout::to_ns(*t).is_some();
+    let timed: Vec<(f64, f64)> = time_s.into_iter().zip(value).filter(timed).collect();
+    if timed.len() < all {
+        let text = counted(all - timed.len(), "value", "values") + &format!(" of {path} without a time left out");
+        mended.push(Mended { lost: true, ..Mended::new("no-time", all - timed.len(), None, text) });
     }
+    if let Some(w) = timed.windows(2).find(|w| w[1].0 <= w[0].0) {
+        return Err(format!("channel {path}: its times do not increase: {} s, then {} s", w[0].0, w[1].0));
+    }
+    let (numbers, others): (Vec<_>, Vec<_>) = timed.into_iter().partition(|(_, v)| v.is_finite());
+    let (time_s, value): (Vec<f64>, Vec<f64>) = numbers.into_iter().unzip();
+    let missing_s: Vec<f64> = others.iter().map(|(t, _)| *t).collect();
+    if !missing_s.is_empty() {
+        let text =
+            counted(missing_s.len(), "value", "values") + &format!(" of {path} are no numbers: recorded as gaps");
+        mended.push(Mended { lost: true, ..Mended::new("no-number", missing_s.len(), None, text) });
+    }
+    let gaps = gaps(&time_s, &missing_s);
+    Ok(Series { time_s, value, gaps })
 }

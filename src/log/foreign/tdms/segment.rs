@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, HashMap};
 
 use super::bytes::Bytes;
-use super::channel::{self, Channel, Index};
+use super::channel::{self, Channel, Index, Timing};
 use super::{Properties, Property};
 
 const LEAD_IN: usize = 28;
@@ -102,10 +102,17 @@ impl Reader {
                     self.list.push((path.clone(), index));
                 }
             }
-            let properties = self.properties.entry(path).or_default();
+            let properties = self.properties.entry(path.clone()).or_default();
+            let before = Timing::of(properties);
             for _ in 0..bytes.u32()? {
                 let key = bytes.text()?;
                 properties.insert(key, read_property(&mut bytes)?);
+            }
+            let channel = self.places.get(&path).map(|place| &mut self.channels[*place]);
+            if let Some(channel) =
+                channel.filter(|channel| channel.values.len() > 0 && before != Timing::of(properties))
+            {
+                channel.earlier.push((channel.values.len(), before));
             }
         }
         Ok(())
