@@ -379,6 +379,9 @@ fn describe(text: &mut String, device: &DeviceCount) -> std::fmt::Result {
             writeln!(text, "{name}: {count} {what}")?;
         }
     }
+    if let Some(late_s) = device.began_late_s {
+        writeln!(text, "{name}: its first sample came {late_s:.1} s after the recording began; a gap stands for that")?;
+    }
     if device.incomplete {
         let what =
             if device.frames == 0 { "nothing that can be used came from it" } else { "it did not send to the end" };

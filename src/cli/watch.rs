@@ -35,7 +35,7 @@ pub struct Args {
     /// A rig to read the recordings with, instead of the one that is stored in each.
     #[arg(long, value_name = "RIG")]
     rig: Option<PathBuf>,
-    /// Do what is there and end: 1 where a run failed or has to wait because the program ended too often during it, 3 where a recording has no end. Needed for --json: one document needs an end.
+    /// Do what is there and end: 1 where a run failed now or has to wait because the program ended too often during it, 3 where a recording has no end. Needed for --json: one document needs an end.
     #[arg(long)]
     once: bool,
     /// Print each verdict as a JSON document on a line of its own.

@@ -69,6 +69,9 @@ pub struct DeviceCount {
     pub queue_waited_s: f64,
     /// It ended before the others, or before the duration, or never spoke.
     pub incomplete: bool,
+    /// It began so much later than the recording, s, where that is more than its rhythm.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub began_late_s: Option<f64>,
     /// Its clock against this computer's.
     pub clock: Option<ClockSummary>,
     /// Why polls of it fell out, and what to do.
@@ -82,7 +85,7 @@ pub struct DeviceCount {
 impl DeviceCount {
     /// Whether samples of it are missing.
     pub(super) fn lost_data(&self) -> bool {
-        self.incomplete || self.bad_frames > 0 || self.lost_frames > 0 || self.holes > 0
+        self.incomplete || self.began_late_s.is_some() || self.bad_frames > 0 || self.lost_frames > 0 || self.holes > 0
     }
 
     /// Says where its times cannot be trusted; `several` devices have theirs compared.
@@ -127,6 +130,7 @@ impl DeviceCount {
             ("queue_waits", self.queue_waits),
         ];
         notes.extend(seldom.into_iter().filter(|(_, count)| *count > 0).map(|(what, count)| (what, count.to_string())));
+        notes.extend(self.began_late_s.map(|late_s| ("began_late_s", format!("{late_s:.3}"))));
         if let Some(clock) = &self.clock {
             notes.push(("clock", clock.to_string()));
         }
@@ -169,6 +173,13 @@ pub struct Summary {
     /// How often the valve's command switched while the trigger settled: no shot shows it.
     #[serde(skip_serializing_if = "is_zero")]
     pub unheeded_edges: usize,
+}
+
+impl Summary {
+    /// True where something is missing between the samples.
+    pub(super) fn has_gaps(&self) -> bool {
+        self.sensors.iter().any(|sensor| sensor.gaps > 0)
+    }
 }
 
 fn is_zero(count: &usize) -> bool {

@@ -275,11 +275,19 @@ fn finish(
             count.warn(streams.len() > 1);
             let silent = stream.silent_since(moment, options.silence).is_some();
             count.incomplete = early || stream.is_empty() || left || silent;
+            count.began_late_s = stream.begins_late().map(|(_, late_s)| late_s);
             count
         })
         .collect();
+    for stream in streams.iter() {
+        let Some((first_ns, _)) = stream.begins_late() else { continue };
+        for sensor in stream.sensors() {
+            let gap = Gap { from_s: stream.logged_s(0), to_s: seconds(first_ns), samples: None };
+            live.output()?.never_came(sensor, gap)?;
+        }
+    }
     for (stream, count) in streams.iter().zip(&devices) {
-        let limit_s = stream.kept_until_s(live.end_ns);
+        let limit_s = stream.logged_s(live.end_ns);
         let gap = match stream.silent_since(moment, options.silence) {
             Some((since_ns, silent)) => (seconds(since_ns), (seconds(since_ns) + silent.as_secs_f64()).min(limit_s)),
             None if count.incomplete && stream.state != State::Open => {

@@ -198,6 +198,8 @@ impl Open {
                 continue;
             }
             let Some(heard) = heard else { continue };
+            // its last sample stands for it, though more were due since
+            self.shares[sensor].absent = share.owed && share.carried && heard.lags(clock, self.from_ns);
             let (dropped, begun) = match share.before {
                 Some(before) => (before >= from_ns, false),
                 // its very first samples are in the shot: it began later

@@ -357,8 +357,9 @@ impl Shots {
             // the sum over none is -0
             duration_s: self.done.iter().fold(0.0, |sum, shot| sum + shot.duration_s),
             sensors,
-            data_lost: devices.iter().any(DeviceCount::lost_data)
-                || self.done.iter().any(|shot| shot.data_lost)
+            // what is missing between shots is nobody's loss; a device that was gone then may have cost one
+            data_lost: devices.iter().any(|device| device.incomplete)
+                || self.done.iter().any(|shot| shot.data_lost || (!devices.is_empty() && shot.has_gaps()))
                 || !self.lost.is_empty(),
             devices,
             ended,

@@ -61,3 +61,55 @@ fn a_device_that_begins_within_a_shot_leaves_a_gap_before_it() {
     let (summary, shot) = beside_a_logger(&slow);
     assert!(!summary.data_lost && shot.series[1].value == [2900.0, 3900.0, 4900.0], "{summary:?}");
 }
+
+/// What is bad between shots is nobody's loss.
+#[test]
+fn a_bad_line_outside_of_every_shot_costs_nothing() {
+    for (bad_ms, lost) in [(200, false), (3100, true)] {
+        let folder = tempfile::tempdir().unwrap();
+        let mut rig = rig("frames");
+        rig.devices[1].protocol = Protocol::Lines;
+        let line = |ms: i64| {
+            let text = if ms == bad_ms { "4x\n".to_owned() } else { format!("{},{ms}\n", 1000 * (ms + 7_000_000)) };
+            (ms * MS, 1, text.into_bytes())
+        };
+        let messages = sent(0, 8, 3000, on_time).chain((0..400).map(|i| line(20 * i))).collect();
+        let summary = played_on(&rig, &shots(folder.path(), 1), messages);
+        assert_eq!((summary.shots.len(), summary.devices[1].bad_frames), (1, 1), "{summary:?}");
+        let gaps = log::read(Path::new(&summary.shots[0])).unwrap().series[1].gaps.len();
+        assert_eq!((summary.data_lost, gaps), (lost, usize::from(lost)), "{bad_ms}: {summary:?}");
+    }
+}
+
+/// Its last sample says how it stood, but it is said that nothing more came.
+#[test]
+fn a_device_that_died_before_a_shot_is_absent_from_it() {
+    let dies: Vec<i64> = (0..40).map(|i| 20 * i).collect();
+    let (summary, shot) = beside_a_logger(&dies);
+    assert!(summary.data_lost && shot.series[1].value == [780.0], "{summary:?}");
+    assert_eq!(summary.absent.iter().map(|absent| &absent.sensors[..]).collect::<Vec<_>>(), [["P2".to_owned()]]);
+}
+
+/// B begins 2 s after A, which is more than its rhythm.
+#[test]
+fn a_device_that_begins_after_the_recording_leaves_a_gap_before_it() {
+    for (begins, late) in [(200, true), (50, false)] {
+        let folder = tempfile::tempdir().unwrap();
+        let options = Options { duration_s: Some(5.0), ..Options::new(folder.path().join("run.mcap")) };
+        let later = |index: i64| (on_time(index).0, on_time(index + begins).1);
+        let summary = played(&options, sent(0, 9, 0, on_time).chain(sent(1, 9, 0, later)).collect());
+        let device = &summary.devices[1];
+        assert_eq!(
+            (device.began_late_s.is_some(), device.incomplete, summary.data_lost),
+            (late, false, late),
+            "{summary:?}"
+        );
+        let recording = log::read(&options.file).unwrap();
+        let gaps: Vec<bool> = recording.series[1]
+            .gaps
+            .iter()
+            .map(|gap| gap.from_s.abs() < 0.002 && (gap.to_s - 2.0).abs() < 0.002)
+            .collect();
+        assert_eq!(gaps, if late { vec![true] } else { vec![] }, "{:?}", recording.series[1].gaps);
+    }
+}

@@ -21,6 +21,9 @@ const LINE_KNOWN: u64 = 50;
 /// What is on its way when a session ends is not missed, nor what is not due for twice the longest pause.
 pub const ON_ITS_WAY: Duration = Duration::from_millis(500);
 
+/// A device that sends its first so much later than the recording begins owes what was before, s; one that is slower, by its rhythm.
+const BEGINS_S: f64 = 1.0;
+
 /// What a message says of its time.
 pub(super) struct Stamp {
     /// Device time of its first sample, and that at which it was sent, ns.
@@ -144,9 +147,9 @@ impl Stream<'_> {
         if self.is_moved() { i64::MAX } else { live.end_ns }
     }
 
-    /// The time up to which it is kept, as logged, s.
-    pub fn kept_until_s(&self, end_ns: i64) -> f64 {
-        seconds(self.moves.logged_ns(end_ns))
+    /// A time on the recording's clock, such as that up to which it is kept, as logged, s.
+    pub fn logged_s(&self, time_ns: i64) -> f64 {
+        seconds(self.moves.logged_ns(time_ns))
     }
 
     /// True for a logged time before the end of the recording.
@@ -157,6 +160,13 @@ impl Stream<'_> {
     /// True where it has come to a time on the recording's clock.
     pub fn has_come_to(&self, time_ns: i64) -> bool {
         self.come_ns.is_some_and(|come_ns| self.moves.time_ns(come_ns) >= time_ns)
+    }
+
+    /// Where it began later than the recording, by more than its rhythm: its first logged time, ns, and how much later that is, s.
+    pub fn begins_late(&self) -> Option<(i64, f64)> {
+        let (first, pause) = (self.stretches.first()?, self.pause?);
+        let late_s = seconds(self.moves.time_ns(first.from_ns));
+        (late_s > self.patience(pause).as_secs_f64().max(BEGINS_S)).then_some((first.from_ns, late_s))
     }
 
     /// When what came from it last was sent at the latest: not before its longest pause, for that may be a burst.
