@@ -43,7 +43,7 @@ pub fn bind(
     let mut spare = Vec::new();
     for mut track in foreign.tracks {
         let Some(place) = sensor_of(&track, rig, options).map_err(fault)? else {
-            let ignored = options.ignore.iter().any(|i| *i == track.name || *i == track.short || i == "*");
+            let ignored = options.ignore.iter().any(|name| is_called(&track, name) || name == "*");
             if table && !ignored {
                 return Err(fault(unknown(&track, rig)));
             }
@@ -129,12 +129,12 @@ fn is_called(track: &Track, name: &str) -> bool {
 
 fn sensor_of(track: &Track, rig: &Rig, options: &ForeignOptions) -> Result<Option<usize>, CsvProblem> {
     let place = |name: &str| rig.sensors.iter().position(|s| s.name == name);
-    if let Some((_, sensor)) = options.map.iter().find(|(from, _)| *from == track.name || *from == track.short) {
+    if let Some((_, sensor)) = options.map.iter().find(|(from, _)| is_called(track, from)) {
         return place(sensor)
             .map(Some)
             .ok_or_else(|| unknown(&Track { name: sensor.clone(), ..Track::default() }, rig));
     }
-    if options.ignore.iter().any(|i| *i == track.name || *i == track.short) {
+    if options.ignore.iter().any(|name| is_called(track, name)) {
         return Ok(None);
     }
     Ok(place(&track.name).or_else(|| place(&track.short)))
