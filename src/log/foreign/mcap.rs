@@ -8,7 +8,7 @@ use mcap::records::Record;
 
 use super::fields::{Field, Format};
 use super::gaps::gaps;
-use super::{Foreign, ForeignOptions, Mended, MessageTime, Start, Track, counted};
+use super::{Foreign, ForeignOptions, Mended, MessageTime, Start, Track, counted, is_no_order};
 use crate::log::LogError;
 use crate::log::layout::{RIG_ATTACHMENT, to_s};
 use crate::log::read::{check_start, checked_options, decode, has_end, records};
@@ -70,9 +70,6 @@ fn ours(bytes: &[u8], path: &Path) -> Result<Foreign, LogError> {
 
 /// A time above a year is one since 1970; below, the clock counted from its own start, or was not set.
 const YEAR_NS: i64 = 31_536_000_000_000_000;
-
-/// Part of a track that may stand out of order: above it, its clock was set back.
-const MOST_DISPLACED: f64 = 0.01;
 
 /// What is said of times of 2^63 ns and more.
 const BEYOND: &str = "have times beyond what a recording holds (2^63 ns: the year 2262, where they count from 1970): look at the clock of what logged them, or \
@@ -252,7 +249,7 @@ impl<'o> Reading<'o> {
                 mended.push(Mended::new("absent", found.absent, None, text));
             }
             let displaced = displaced(&found.time_ns);
-            if displaced > 2 && displaced as f64 > MOST_DISPLACED * found.time_ns.len() as f64 {
+            if is_no_order(displaced, found.time_ns.len()) {
                 return Err(format!(
                     "{displaced} of {} messages of {name} have times before those that came earlier: was the clock set back? Take another time, \
                      --message-time publish or --time-field",

@@ -98,6 +98,14 @@ fn counted(count: usize, one: &str, several: &str) -> String {
     format!("{count} {}", if count == 1 { one } else { several })
 }
 
+/// Part of a file's times that may come before earlier ones.
+const MOST_DISPLACED: f64 = 0.01;
+
+/// True where more stand out of order than can be sorted in: several runs were joined, or a clock was set back.
+fn is_no_order(displaced: usize, all: usize) -> bool {
+    displaced > 2 && displaced as f64 > MOST_DISPLACED * all as f64
+}
+
 /// What a file does not say of itself.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct ForeignOptions {

@@ -2,7 +2,7 @@
 
 use super::{Mended, Table};
 use crate::log::CsvProblem;
-use crate::log::foreign::counted;
+use crate::log::foreign::{counted, is_no_order};
 use crate::log::import::Fault;
 use crate::recording::Gap;
 
@@ -10,8 +10,6 @@ use crate::recording::Gap;
 const SAME_STEP: f64 = 0.1;
 /// Part of the lines that may repeat a time: above it the times are written too coarsely to be of use.
 const MOST_REPEATED: f64 = 0.2;
-/// Part of the lines that may stand out of order: above it several runs were joined.
-const MOST_DISPLACED: f64 = 0.01;
 
 /// Times missing from an even grid.
 pub struct Hole {
@@ -83,7 +81,7 @@ fn displaced(table: &Table) -> Result<Option<(usize, usize)>, Fault> {
         }
     }
     let Some((time_s, line, previous_s, previous_line)) = first else { return Ok(None) };
-    if count > 2 && count as f64 > MOST_DISPLACED * table.time_s.len() as f64 {
+    if is_no_order(count, table.time_s.len()) {
         let (time, previous) = (time_s.to_string(), previous_s.to_string());
         return Err((Some(line), Box::new(CsvProblem::TimeNotIncreasing { time, previous, previous_line })));
     }
