@@ -117,4 +117,12 @@ fn what_is_no_number_and_what_lies_between_stretches_is_a_gap() {
     );
     assert_eq!((p1.gaps.len(), p1.gaps[0].from_s, p1.gaps[0].to_s), (1, 0.49, 10.0));
     bench.refuses(&["run.tdms"], &["/'A'/'P1'' and '/'B'/'P1'' are both the sensor 'P1'"]);
+    // said late, or corrected behind the last value: of all values
+    for (group, last_s) in [("C", 0.08), ("D", 0.16)] {
+        bench.import(0, &["run.tdms", "--map", &format!("/'{group}'/'P1'=P1")]);
+        let p1 = bench.recording().series.remove(0);
+        assert_eq!((p1.value.len(), p1.gaps.len()), (9, 0), "{group}");
+        // up to 10 s behind the other groups, by their starts
+        assert!((p1.time_s[8] - p1.time_s[0] - last_s).abs() < 1e-9, "{group} {:?}", p1.time_s);
+    }
 }

@@ -54,6 +54,13 @@ impl Timing {
         let increment_s = number("wf_increment").filter(|dt| *dt > 0.0);
         Timing { start_ns, increment_s, offset_s: number("wf_start_offset").unwrap_or(0.0) }
     }
+
+    /// True where values behind `after` are a stretch of their own: it differs, and does not merely say what was not said before.
+    pub(super) fn ends_with(self, after: Timing) -> bool {
+        self.increment_s.is_some()
+            && self != after
+            && (self.start_ns.is_some() || self.increment_s != after.increment_s)
+    }
 }
 
 /// Raw data index: what a channel has in each chunk of a segment.

@@ -148,7 +148,10 @@ type Times = (Vec<f64>, Option<i64>, Vec<f64>);
 
 /// Those of a channel of even steps.
 fn evenly(channel: &Channel, last: Timing, count: usize) -> Result<Times, String> {
-    let stretches: Vec<(usize, Timing)> = channel.earlier.iter().copied().chain([(count, last)]).collect();
+    // what is said behind the last value, or twice between two, is of no stretch of its own
+    let mut stretches: Vec<(usize, Timing)> = channel.earlier.iter().copied().filter(|(to, _)| *to < count).collect();
+    stretches.dedup_by_key(|(to, _)| *to);
+    stretches.push((count, last));
     let start_ns = stretches[0].1.start_ns;
     let (mut time_s, mut holes_s) = (Vec::with_capacity(count), Vec::new());
     for (index, (to, timing)) in stretches.into_iter().enumerate() {

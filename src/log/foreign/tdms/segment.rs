@@ -110,7 +110,7 @@ impl Reader {
             }
             let channel = self.places.get(&path).map(|place| &mut self.channels[*place]);
             if let Some(channel) =
-                channel.filter(|channel| channel.values.len() > 0 && before != Timing::of(properties))
+                channel.filter(|channel| channel.values.len() > 0 && before.ends_with(Timing::of(properties)))
             {
                 channel.earlier.push((channel.values.len(), before));
             }
