@@ -165,16 +165,21 @@ fn calibrated(summary: &Summary, json: bool) -> Result<Vec<Run>, AnyError> {
 /// Lets Ctrl-C and the requests to terminate or hang up end the recording, not the program: its file is made whole first.
 #[cfg(unix)]
 pub(super) fn stop_on_signals() -> std::io::Result<()> {
+    use std::task::Poll;
     use tokio::signal::unix::{SignalKind, signal};
 
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
-    let (mut interrupt, mut terminate, mut hang_up) = {
+    let mut requests = {
         // Registered before anything is recorded.
         let _inside = runtime.enter();
-        (signal(SignalKind::interrupt())?, signal(SignalKind::terminate())?, signal(SignalKind::hangup())?)
+        [signal(SignalKind::interrupt())?, signal(SignalKind::terminate())?, signal(SignalKind::hangup())?]
     };
     let wait = async move {
-        tokio::select! { _ = interrupt.recv() => (), _ = terminate.recv() => (), _ = hang_up.recv() => () }
+        std::future::poll_fn(|context| {
+            let any = requests.iter_mut().any(|request| request.poll_recv(context).is_ready());
+            if any { Poll::Ready(()) } else { Poll::Pending }
+        })
+        .await;
         STOP.store(true, Ordering::Relaxed);
     };
     std::thread::Builder::new().name("signals".into()).spawn(move || runtime.block_on(wait))?;
