@@ -42,20 +42,17 @@
 //! ```
 #![warn(missing_docs)]
 
-pub mod align;
 pub mod cli;
-pub mod diagnose;
-pub mod fit;
-pub mod history;
-pub mod log;
-pub mod model;
 pub mod record;
-pub mod recording;
 pub mod replay;
 pub mod report;
-pub mod rig;
-mod robust;
-pub mod sensitivity;
-pub mod signal;
-pub mod units;
+pub mod results;
+pub mod simulate;
+pub mod storage;
+pub mod study;
 pub mod watch;
+
+use surgescope_core::robust;
+pub use surgescope_core::{
+    align, creep, diagnose, fit, model, recording, rig, sensitivity, signal, temperature, units, valve,
+};

@@ -6,10 +6,10 @@
 
 use std::path::Path;
 
-use surgescope::fit::calibrate::{Options, calibrate};
-use surgescope::fit::data::RunData;
-use surgescope::fit::outcome::Fit;
-use surgescope::fit::prepare::prepare;
+use surgescope::fit::data::prepare::prepare;
+use surgescope::fit::data::run_data::RunData;
+use surgescope::fit::outcome::fit::Fit;
+use surgescope::fit::search::calibrate::{Options, calibrate};
 use surgescope::model::effects::parse_list;
 use surgescope::model::trace::Probe;
 use surgescope::model::{Conditions, Model, Resolution, RunValues};
@@ -28,7 +28,7 @@ fn fit(recordings: &[Recording], effects: &str) -> Fit {
 }
 
 fn shipped(name: &str) -> Recording {
-    surgescope::log::read(&Path::new(env!("CARGO_MANIFEST_DIR")).join("recordings").join(name)).unwrap()
+    surgescope::storage::read(&Path::new(env!("CARGO_MANIFEST_DIR")).join("recordings").join(name)).unwrap()
 }
 
 fn over_noise(fit: &Fit) -> f64 {

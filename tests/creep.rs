@@ -2,9 +2,9 @@
 
 use assert_cmd::Command;
 use serde_json::Value;
-use surgescope::fit::creep::fit::{CreepFit, Noise, fit};
-use surgescope::fit::creep::shift::Arrhenius;
-use surgescope::fit::creep::{Creep, CreepTest, Element};
+use surgescope::creep::fit::{CreepFit, Noise, fit};
+use surgescope::creep::shift::Arrhenius;
+use surgescope::creep::{Creep, CreepTest, Element};
 
 /// An HDPE-like wall of three elements.
 fn truth() -> Creep {

@@ -128,7 +128,7 @@ fn the_least_visible_gain_is_where_it_says() {
     let folder = tempfile::tempdir().unwrap();
     let rig = folder.path().join("rig.toml");
     let original = Path::new(env!("CARGO_MANIFEST_DIR")).join("recordings/hdpe-nothing-missing.mcap");
-    std::fs::write(&rig, surgescope::log::read(&original).unwrap().rig.source).unwrap();
+    std::fs::write(&rig, surgescope::storage::read(&original).unwrap().rig.source).unwrap();
     let with_gain = |error: f64| {
         let csv = folder.path().join("gain.csv");
         let mcap = folder.path().join(format!("gain{error}.mcap"));

@@ -6,7 +6,7 @@ use std::process::Output;
 
 use assert_cmd::Command;
 use serde_json::Value;
-use surgescope::report::fit_file::{FitFile, Form};
+use surgescope::results::fit_file::{FitFile, Form};
 
 const HERE: &str = env!("CARGO_MANIFEST_DIR");
 const CREEP: &str = "recordings/hdpe-creep.mcap";
@@ -35,7 +35,7 @@ fn text(path: &Path) -> &str {
 
 /// Two recordings of one rig: a shipped one, and the same cut off after two thirds.
 fn two_runs(folder: &Path) -> [PathBuf; 2] {
-    let recording = surgescope::log::read(&Path::new(HERE).join(NOTHING)).unwrap();
+    let recording = surgescope::storage::read(&Path::new(HERE).join(NOTHING)).unwrap();
     let (rig, csv) = (folder.join("rig.toml"), folder.join("short.csv"));
     std::fs::write(&rig, &recording.rig.source).unwrap();
     done(&["export", NOTHING, "-o", text(&csv)]);
@@ -373,7 +373,7 @@ fn simulations_beside_recordings_take_values_from_files() {
     assert_eq!(shown.len(), 2);
     let value = |i: usize| shown[i]["value"].parse::<f64>().unwrap();
     assert!((value(0) - 18.5).abs() < 1e-6, "{}", value(0));
-    let rig = surgescope::log::read(&Path::new(HERE).join(NOTHING)).unwrap().rig;
+    let rig = surgescope::storage::read(&Path::new(HERE).join(NOTHING)).unwrap().rig;
     assert!((value(1) / (0.3 * rig.pipes[0].area_m2()) - 1.0).abs() < 1e-12, "{}", value(1));
 
     // Without recordings a file of values is so many settings.

@@ -5,8 +5,8 @@ use std::path::Path;
 
 use assert_cmd::Command;
 use serde_json::Value as Json;
-use surgescope::history::index::{Entered, Name};
-use surgescope::history::{Accepted, Finding, Index, NOTHING_MISSING, Value};
+use surgescope::results::history::index::{Entered, Name};
+use surgescope::results::history::{Accepted, Finding, Index, NOTHING_MISSING, Value};
 
 const DEGC: [f64; 8] = [20.0, 24.0, 18.0, 26.0, 21.0, 19.0, 25.0, 20.0];
 /// Standard errors of the wave speeds, and how far off each is, in these.

@@ -12,7 +12,7 @@ use nix::fcntl::{FcntlArg, OFlag, fcntl};
 use nix::pty::{Winsize, openpty};
 use nix::sys::termios::{FlowArg, SetArg, cfmakeraw, tcflow, tcgetattr, tcsetattr};
 use nix::unistd::ttyname;
-use surgescope::log;
+use surgescope::storage as log;
 use tempfile::TempDir;
 
 const COLUMNS: u16 = 44;

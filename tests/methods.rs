@@ -6,7 +6,7 @@ use std::process::Output;
 
 use assert_cmd::Command;
 use serde_json::Value;
-use surgescope::fit::model_file::ModelFile;
+use surgescope::results::model_file::ModelFile;
 
 const RECORDING: &str = "recordings/hdpe-creep.mcap";
 

@@ -8,14 +8,14 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 use std::time::Duration;
 
-use surgescope::log;
 use surgescope::record::RecordError;
-use surgescope::record::output::Summary;
-use surgescope::record::session::{Options, live_devices, record};
-use surgescope::record::simulated::{Faults, Playback, Script, Sent, SimulatedDevice};
-use surgescope::record::source::Sources;
+use surgescope::record::devices::simulated::{Faults, Playback, Script, Sent, SimulatedDevice};
+use surgescope::record::devices::source::Sources;
+use surgescope::record::session::live_test::{Options, live_devices, record};
+use surgescope::record::session::output::Summary;
 use surgescope::recording::Series;
 use surgescope::rig::{Device, Rig};
+use surgescope::storage as log;
 use tempfile::TempDir;
 
 const PERIOD_NS: u32 = 1_000_000;

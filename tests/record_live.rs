@@ -8,16 +8,16 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 use std::time::Duration;
 
-use surgescope::log;
 use surgescope::record::RecordError;
-use surgescope::record::frames::Frame;
-use surgescope::record::output::Summary;
-use surgescope::record::replay::{load, replay};
-use surgescope::record::session::{Options, live_devices, record};
-use surgescope::record::simulated::{Faults, Playback, Script, Sent, SimulatedDevice};
-use surgescope::record::source::Sources;
+use surgescope::record::devices::replay::{load, replay};
+use surgescope::record::devices::simulated::{Faults, Playback, Script, Sent, SimulatedDevice};
+use surgescope::record::devices::source::Sources;
+use surgescope::record::session::live_test::{Options, live_devices, record};
+use surgescope::record::session::output::Summary;
+use surgescope::record::wire::frames::Frame;
 use surgescope::recording::{Recording, Series};
 use surgescope::rig::{Device, Rig};
+use surgescope::storage as log;
 use tempfile::TempDir;
 
 const PERIOD_NS: u32 = 500_000;
@@ -201,7 +201,7 @@ fn a_silent_device_and_one_that_speaks_something_else_leave_no_file() {
 fn a_sensor_on_a_channel_that_the_device_lacks_is_an_error() {
     let folder = TempDir::new().unwrap();
     let rig = rig();
-    let two = surgescope::record::frames::Frame::new(0, 0, PERIOD_NS, 2, vec![1, 2]).unwrap();
+    let two = surgescope::record::wire::frames::Frame::new(0, 0, PERIOD_NS, 2, vec![1, 2]).unwrap();
     let sources = Sources::reading(&device(), std::io::Cursor::new(two.encode())).unwrap();
     let options = Options::new(folder.path().join("run.mcap"));
     let error = record(&rig, &sources, &options, &AtomicBool::new(false), &mut |_| {}).unwrap_err().to_string();

@@ -6,9 +6,10 @@ use std::process::Output;
 
 use assert_cmd::Command;
 use serde_json::Value;
-use surgescope::log::{self, Writer};
 use surgescope::recording::RunInfo;
 use surgescope::rig::Rig;
+use surgescope::storage as log;
+use surgescope::storage::Writer;
 use tempfile::TempDir;
 
 const CSV: &str =

@@ -4,10 +4,12 @@ use std::f64::consts::PI;
 use std::path::Path;
 
 use serde_json::Value;
-use surgescope::fit::outcome::{ExtremumError, Fit, FittedParameter, RunFit, SensorFit};
+use surgescope::fit::outcome::fit::{ExtremumError, Fit, FittedParameter, RunFit, SensorFit};
 use surgescope::model::effects::{Chosen, parse_list};
-use surgescope::report::html::{Page, html};
-use surgescope::report::{Overlay, Stage, json, table};
+use surgescope::report::calibration::json;
+use surgescope::report::html::page::{Page, html};
+use surgescope::report::text::table;
+use surgescope::report::{Overlay, Stage};
 use surgescope::rig::{Constraint, Coupling, Fluid, Pipe, Rig, Sensor, SensorKind, Upstream, Valve};
 
 /// Repeatable noise of standard deviation 1: a sum of uniforms from a small generator.
@@ -114,7 +116,7 @@ fn fit(effects: &[&str], sensors: Vec<SensorFit>, parameters: Vec<FittedParamete
         converged: true,
         promised_fall: 0.0,
         features_left: vec![],
-        method: surgescope::fit::method::Method::default(),
+        method: surgescope::fit::problem::method::Method::default(),
     }
 }
 
@@ -303,7 +305,7 @@ fn several_runs_and_stages_stay_apart() {
     let mut almost = wall.clone();
     almost.converged = false;
     almost.stopped_because = "the budget of 5000 simulations ran out".into();
-    almost.method = surgescope::fit::method::Method::MicroGa;
+    almost.method = surgescope::fit::problem::method::Method::MicroGa;
     let models = [("base model", &base), ("+ unsteady-friction", &half), ("+ viscoelastic-wall:1", &almost)];
     let mut models = stages(&models);
     models.push(Stage { title: "+ viscoelastic-wall:2".into(), fit: &wall });

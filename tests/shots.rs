@@ -7,13 +7,13 @@ use std::time::Duration;
 
 use assert_cmd::Command;
 use serde_json::Value;
-use surgescope::log;
-use surgescope::record::monitor::{Expected, Monitor};
-use surgescope::record::output::Summary;
-use surgescope::record::shots::{Plan, Shots};
-use surgescope::record::trigger::{Condition, Settings};
+use surgescope::record::health::monitor::{Expected, Monitor};
+use surgescope::record::session::output::Summary;
+use surgescope::record::session::shots::{Plan, Shots};
+use surgescope::record::session::trigger::{Condition, Settings};
 use surgescope::recording::{Gap, Recording, RunInfo};
 use surgescope::rig::Rig;
+use surgescope::storage as log;
 
 const RIG: &str = r#"
 name = "bench 3"

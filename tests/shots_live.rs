@@ -7,16 +7,16 @@ use std::path::Path;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
-use surgescope::log;
-use surgescope::record::output::{Absent, Summary};
-use surgescope::record::session::{Options, live_devices, record};
-use surgescope::record::shots::Plan;
-use surgescope::record::simulated::{Faults, Playback, Script, SimulatedDevice};
-use surgescope::record::snapshot::{Phase, Snapshot};
-use surgescope::record::source::Sources;
-use surgescope::record::trigger::{Condition, Settings};
+use surgescope::record::devices::simulated::{Faults, Playback, Script, SimulatedDevice};
+use surgescope::record::devices::source::Sources;
+use surgescope::record::health::snapshot::{Phase, Snapshot};
+use surgescope::record::session::live_test::{Options, live_devices, record};
+use surgescope::record::session::output::{Absent, Summary};
+use surgescope::record::session::shots::Plan;
+use surgescope::record::session::trigger::{Condition, Settings};
 use surgescope::recording::Recording;
 use surgescope::rig::Rig;
+use surgescope::storage as log;
 
 const PERIOD_NS: u32 = 1_000_000;
 /// Closures, s after the device's start, and where the device ends.

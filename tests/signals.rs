@@ -404,7 +404,7 @@ fn surgescope() -> Command {
 fn the_program_prints_a_table_and_json() {
     let dir = tempfile::tempdir().unwrap();
     let mcap = dir.path().join("run.mcap");
-    surgescope::log::write(&mcap, &record(Lab { white: 0.02, ..CLEAN }, &[L, 0.5 * L])).unwrap();
+    surgescope::storage::write(&mcap, &record(Lab { white: 0.02, ..CLEAN }, &[L, 0.5 * L])).unwrap();
 
     let json = run(&["inspect", path(&mcap), "--json"]);
     let f: serde_json::Value = serde_json::from_slice(&json).unwrap();
@@ -425,7 +425,7 @@ fn the_program_prints_a_table_and_json() {
     let mut short = record(Lab { white: 0.02, end: 2.0, ..CLEAN }, &[L]);
     short.series[1] = Series::default();
     let brief = dir.path().join("brief.mcap");
-    surgescope::log::write(&brief, &short).unwrap();
+    surgescope::storage::write(&brief, &short).unwrap();
     let table = String::from_utf8(run(&["inspect", path(&brief)])).unwrap();
     assert!(table.lines().any(|l| l.starts_with("note: only 1.") && l.contains("periods")), "{table}");
     assert!(table.contains("Joukowsky            not to be seen\n"), "no unit where there is no number: {table}");
@@ -454,7 +454,7 @@ fn the_program_prints_a_table_and_json() {
 fn the_program_ends_with_two_where_nothing_closed() {
     let dir = tempfile::tempdir().unwrap();
     let mcap = dir.path().join("quiet.mcap");
-    surgescope::log::write(&mcap, &record(Lab { law: Law::Linear(1e9), white: 0.05, ..CLEAN }, &[L])).unwrap();
+    surgescope::storage::write(&mcap, &record(Lab { law: Law::Linear(1e9), white: 0.05, ..CLEAN }, &[L])).unwrap();
     let out = surgescope().args(["inspect", path(&mcap), "--json"]).output().unwrap();
     assert_eq!(out.status.code(), Some(2));
     assert!(out.stdout.is_empty() && String::from_utf8_lossy(&out.stderr).contains("no closure"));

@@ -1,9 +1,9 @@
 //! How far to trust a number: what a record cannot show is said, and intervals hold the truth.
 
-use surgescope::fit::calibrate::{Options, calibrate};
-use surgescope::fit::data::{Meter, RunData, RunStart, SensorData};
-use surgescope::fit::outcome::{Fit, FittedParameter};
-use surgescope::fit::profile::profiles;
+use surgescope::fit::data::run_data::{Meter, RunData, RunStart, SensorData};
+use surgescope::fit::outcome::fit::{Fit, FittedParameter};
+use surgescope::fit::search::calibrate::{Options, calibrate};
+use surgescope::fit::validate::profile::profiles;
 use surgescope::model::effects::parse_list;
 use surgescope::model::trace::Probe;
 use surgescope::model::{Conditions, Model, Resolution, RunValues};

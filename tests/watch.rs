@@ -8,9 +8,9 @@ use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
 use serde_json::Value;
-use surgescope::fit::model_file::ModelFile;
-use surgescope::history::{Index, Run, State};
-use surgescope::report::fit_file::FitFile;
+use surgescope::results::fit_file::FitFile;
+use surgescope::results::history::{Index, Run, State};
+use surgescope::results::model_file::ModelFile;
 
 const HERE: &str = env!("CARGO_MANIFEST_DIR");
 

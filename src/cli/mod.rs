@@ -1,5 +1,9 @@
 //! The command line: types, dispatch, exit codes. One thin file a command.
 
+pub mod args;
+pub mod commands;
+pub mod console;
+
 /// A line on standard output. Where nobody reads it any more (`| head`) that is no error: `println!` would panic.
 macro_rules! say {
     ($($arg:tt)*) => { $crate::cli::write_out(format_args!("{}\n", format_args!($($arg)*)))? };
@@ -16,58 +20,6 @@ macro_rules! tell {
     ($($arg:tt)*) => { $crate::cli::write_err(format_args!($($arg)*)) };
 }
 pub(crate) use {say, say_text, tell};
-
-pub mod accept;
-pub mod add;
-pub mod as_recorded;
-pub mod calibrate;
-pub mod creep;
-mod creep_prior;
-pub mod cross_validate;
-pub mod demo;
-pub mod diagnose;
-pub mod effects;
-pub mod energy;
-pub mod evaluate;
-pub mod export;
-pub mod family;
-mod fit_output;
-pub mod frequency;
-pub mod history;
-mod hold;
-pub mod import;
-mod import_options;
-pub mod inspect;
-mod last_words;
-mod live;
-pub mod load;
-mod memory;
-mod misfit;
-pub mod model;
-pub mod models;
-pub mod output;
-pub mod pest;
-pub mod playback;
-pub mod ports;
-pub mod predict;
-pub mod profile;
-pub mod record;
-pub mod recover;
-pub mod refit;
-pub mod replay;
-pub mod results;
-pub mod rig;
-mod run_models;
-pub mod scenario;
-mod search;
-pub mod sensitivity;
-pub mod simulate;
-mod triggers;
-pub mod undo;
-pub mod values;
-pub mod values_file;
-pub mod valve;
-pub mod watch;
 
 use std::error::Error;
 use std::io::Write as _;
@@ -117,85 +69,86 @@ struct Cli {
 #[derive(Debug, Subcommand)]
 enum Command {
     /// Turn time series (CSV, TDMS, MCAP of other programs) into a recording.
-    Import(import::Args),
+    Import(crate::cli::commands::import::Args),
     /// The whole story on a recording that ships with the program.
-    Demo(demo::Args),
+    Demo(crate::cli::commands::demo::Args),
     /// List the effects that a model can have.
-    Effects(effects::Args),
+    Effects(crate::cli::commands::effects::Args),
     /// Fit a model to one recording, or to several of one rig at once.
-    Calibrate(calibrate::Args),
-    Diagnose(diagnose::Args),
-    Creep(creep::Args),
-    Family(family::Args),
-    Predict(predict::Args),
-    CrossValidate(cross_validate::Args),
-    Frequency(frequency::Args),
-    Add(add::Args),
-    Refit(refit::Args),
-    Undo(undo::Args),
-    Results(results::Args),
-    Pest(pest::Args),
-    Model(model::Args),
-    Valve(valve::Args),
-    Sensitivity(sensitivity::Args),
+    Calibrate(crate::cli::commands::calibrate::Args),
+    Diagnose(crate::cli::commands::diagnose::Args),
+    Creep(crate::cli::commands::creep::Args),
+    Family(crate::cli::commands::family::Args),
+    Predict(crate::cli::commands::predict::Args),
+    CrossValidate(crate::cli::commands::cross_validate::Args),
+    Frequency(crate::cli::commands::frequency::Args),
+    Add(crate::cli::commands::add::Args),
+    Refit(crate::cli::commands::refit::Args),
+    Undo(crate::cli::commands::undo::Args),
+    Results(crate::cli::commands::results::Args),
+    Pest(crate::cli::commands::pest::Args),
+    Model(crate::cli::commands::model::Args),
+    Valve(crate::cli::commands::valve::Args),
+    Sensitivity(crate::cli::commands::sensitivity::Args),
     /// Turn a recording into a time series (CSV).
-    Export(export::Args),
+    Export(crate::cli::commands::export::Args),
     /// Show what a recording tells without a model: steady heads, extrema, period, wave speed, closure, noise.
-    Inspect(inspect::Args),
+    Inspect(crate::cli::commands::inspect::Args),
     /// Make a whole recording of one that a crash cut off.
-    Recover(recover::Args),
+    Recover(crate::cli::commands::recover::Args),
     /// Say where a rig file contradicts itself, or a recording made on it.
-    Rig(rig::Args),
-    Ports(ports::Args),
+    Rig(crate::cli::commands::rig::Args),
+    Ports(crate::cli::commands::ports::Args),
     /// Record a live, simulated or replayed test.
-    Record(record::Args),
+    Record(crate::cli::commands::record::Args),
     /// Simulate a closure on a rig, no recording needed.
-    Simulate(simulate::Args),
+    Simulate(crate::cli::commands::simulate::Args),
     /// Say whether recordings still give the results kept beside them.
-    Replay(replay::Args),
-    Watch(watch::Args),
-    Accept(accept::Args),
-    History(history::Args),
+    Replay(crate::cli::commands::replay::Args),
+    Watch(crate::cli::commands::watch::Args),
+    Accept(crate::cli::commands::accept::Args),
+    History(crate::cli::commands::history::Args),
 }
 
 /// Parses the arguments, runs the command and turns its outcome into the exit code.
 pub fn main() -> ExitCode {
     let cli = Cli::parse();
     let result: CommandResult = match cli.command {
-        Command::Import(args) => import::run(args, cli.json),
-        Command::Demo(args) => demo::run(args, cli.json),
-        Command::Effects(args) => effects::run(args, cli.json),
-        Command::Calibrate(args) => calibrate::run(args, cli.json),
-        Command::Diagnose(args) => diagnose::run(args, cli.json),
-        Command::Creep(args) => creep::run(args, cli.json),
-        Command::Family(args) => family::run(args, cli.json),
-        Command::Predict(args) => predict::run(args, cli.json),
-        Command::CrossValidate(args) => cross_validate::run(args, cli.json),
-        Command::Frequency(args) => frequency::run(args, cli.json),
-        Command::Add(args) => add::run(args, cli.json),
-        Command::Refit(args) => refit::run(args, cli.json),
-        Command::Results(args) => results::run(args, cli.json),
-        Command::Pest(args) => pest::run(args, cli.json),
-        Command::Undo(args) => undo::run(args, cli.json),
-        Command::Model(args) => model::run(args, cli.json),
-        Command::Valve(args) => valve::run(args, cli.json),
-        Command::Sensitivity(args) => sensitivity::run(args, cli.json),
-        Command::Export(args) => export::run(args, cli.json),
-        Command::Inspect(args) => inspect::run(args, cli.json),
-        Command::Recover(args) => recover::run(args, cli.json),
-        Command::Simulate(args) => simulate::run(args, cli.json),
-        Command::Rig(args) => rig::run(args, cli.json),
-        Command::Ports(args) => ports::run(args, cli.json),
-        Command::Record(args) => record::run(args, cli.json),
-        Command::Replay(args) => replay::run(args, cli.json),
-        Command::Watch(args) => watch::run(args, cli.json),
-        Command::Accept(args) => accept::run(args, cli.json),
-        Command::History(args) => history::run(args, cli.json),
+        Command::Import(args) => crate::cli::commands::import::run(args, cli.json),
+        Command::Demo(args) => crate::cli::commands::demo::run(args, cli.json),
+        Command::Effects(args) => crate::cli::commands::effects::run(args, cli.json),
+        Command::Calibrate(args) => crate::cli::commands::calibrate::run(args, cli.json),
+        Command::Diagnose(args) => crate::cli::commands::diagnose::run(args, cli.json),
+        Command::Creep(args) => crate::cli::commands::creep::run(args, cli.json),
+        Command::Family(args) => crate::cli::commands::family::run(args, cli.json),
+        Command::Predict(args) => crate::cli::commands::predict::run(args, cli.json),
+        Command::CrossValidate(args) => crate::cli::commands::cross_validate::run(args, cli.json),
+        Command::Frequency(args) => crate::cli::commands::frequency::run(args, cli.json),
+        Command::Add(args) => crate::cli::commands::add::run(args, cli.json),
+        Command::Refit(args) => crate::cli::commands::refit::run(args, cli.json),
+        Command::Results(args) => crate::cli::commands::results::run(args, cli.json),
+        Command::Pest(args) => crate::cli::commands::pest::run(args, cli.json),
+        Command::Undo(args) => crate::cli::commands::undo::run(args, cli.json),
+        Command::Model(args) => crate::cli::commands::model::run(args, cli.json),
+        Command::Valve(args) => crate::cli::commands::valve::run(args, cli.json),
+        Command::Sensitivity(args) => crate::cli::commands::sensitivity::run(args, cli.json),
+        Command::Export(args) => crate::cli::commands::export::run(args, cli.json),
+        Command::Inspect(args) => crate::cli::commands::inspect::run(args, cli.json),
+        Command::Recover(args) => crate::cli::commands::recover::run(args, cli.json),
+        Command::Simulate(args) => crate::cli::commands::simulate::run(args, cli.json),
+        Command::Rig(args) => crate::cli::commands::rig::run(args, cli.json),
+        Command::Ports(args) => crate::cli::commands::ports::run(args, cli.json),
+        Command::Record(args) => crate::cli::commands::record::run(args, cli.json),
+        Command::Replay(args) => crate::cli::commands::replay::run(args, cli.json),
+        Command::Watch(args) => crate::cli::commands::watch::run(args, cli.json),
+        Command::Accept(args) => crate::cli::commands::accept::run(args, cli.json),
+        Command::History(args) => crate::cli::commands::history::run(args, cli.json),
     };
     match result {
         Ok(outcome) => ExitCode::from(outcome.code()),
         Err(error) => {
-            let _words = last_words::LastWords::before(FAILED, &record::STOP);
+            let _words =
+                crate::cli::console::last_words::LastWords::before(FAILED, &crate::cli::commands::record::STOP);
             tell!("error: {error}");
             let mut cause = error.source();
             while let Some(inner) = cause {
@@ -219,7 +172,7 @@ fn write_out(text: std::fmt::Arguments) -> std::io::Result<()> {
 }
 
 /// Writes a line to standard error, whatever has become of it.
-fn write_err(line: std::fmt::Arguments) {
+pub(crate) fn write_err(line: std::fmt::Arguments) {
     // in one piece, so that lines of two threads do not mix
     let _ = std::io::stderr().lock().write_all(format!("{line}\n").as_bytes());
 }

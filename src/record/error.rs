@@ -3,7 +3,7 @@
 use std::io;
 use std::path::PathBuf;
 
-use crate::log::LogError;
+use crate::storage::LogError;
 
 /// Why nothing was, or no more could be, recorded.
 #[derive(Debug, thiserror::Error)]

@@ -21,36 +21,11 @@
 //! | [`vitals`], [`callout`], [`monitor`] | how a sensor does, what is wrong with it and what to do, all sensors of a session |
 //! | [`snapshot`] | where a session stands, for a view of it |
 
-pub mod align;
-mod bus;
-pub mod callout;
 pub mod clock;
-mod clock_summary;
-mod error;
-pub mod fit;
-pub mod frames;
-pub mod lines;
-pub mod live;
-pub mod modbus;
-pub mod monitor;
-pub mod output;
-pub mod pace;
-mod pieces;
-pub mod poll;
-pub mod polling;
-pub mod port;
-pub mod recorder;
-pub mod registers;
-pub mod replay;
+pub mod devices;
+pub(crate) mod error;
+pub mod health;
 pub mod session;
-mod shot;
-pub mod shots;
-#[cfg(unix)]
-pub mod simulated;
-pub mod snapshot;
-pub mod source;
-pub mod stream;
-pub mod trigger;
-pub mod vitals;
+pub mod wire;
 
-pub use error::RecordError;
+pub use crate::record::error::RecordError;

@@ -2,9 +2,9 @@
 
 use std::fmt::Write as _;
 
-use super::expected::{Expectation, Expected, rounded};
-use super::found::Found;
-use crate::report::number::significant;
+use crate::replay::expected::{Expectation, Expected, rounded};
+use crate::replay::found::Found;
+use crate::report::text::number::significant;
 
 /// How a quantity stands to what was expected of it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
@@ -84,8 +84,8 @@ fn row(comparison: &Comparison) -> [String; 5] {
 
 #[cfg(test)]
 mod tests {
-    use super::super::quantity::{Quantity, Table};
     use super::*;
+    use crate::replay::quantity::{Quantity, Table};
 
     fn pair(value: f64, tolerance: f64, found: Option<f64>) -> Comparison {
         let quantity = Quantity::new(Table::Inspect, "period_s");

@@ -8,10 +8,10 @@ use std::path::{Path, PathBuf};
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-use super::found::Found;
-use super::quantity::{Quantity, Table, key};
 use crate::model::effects::{Chosen, parse_list};
-use crate::report::number::significant;
+use crate::replay::found::Found;
+use crate::replay::quantity::{Quantity, Table, key};
+use crate::report::text::number::significant;
 
 /// What is expected of one recording.
 #[derive(Debug, Clone, Default)]
@@ -264,7 +264,7 @@ pub fn to_toml(recording: &str, effects: Option<&[Chosen]>, found: &[Found]) -> 
 }
 
 /// A value to a hundredth of its tolerance.
-pub(super) fn rounded(value: f64, tolerance: f64) -> String {
+pub(crate) fn rounded(value: f64, tolerance: f64) -> String {
     let decimals = (2.0 - tolerance.log10().floor()).max(0.0);
     if tolerance > 0.0 && decimals <= 17.0 { format!("{value:.*}", decimals as usize) } else { format!("{value:?}") }
 }

@@ -3,8 +3,9 @@
 //! A run of the same samples through the same code gives the same numbers, so a tolerance is for changed code: a change that
 //! stays within what the recording's own noise would do is none, one beyond it wants a look.
 
-use super::quantity::{self, Quantity, Table};
-use crate::fit::outcome::{Fit, FittedParameter, RunFit};
+use crate::fit::outcome::fit::{Fit, FittedParameter, RunFit};
+use crate::replay::quantity;
+use crate::replay::quantity::{Quantity, Table};
 use crate::signal::{Estimate, Features};
 
 /// Standard errors within which an estimate may move.

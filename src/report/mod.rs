@@ -27,34 +27,22 @@
 //! | [`number`] | digits: `395.1(4)`, `0.034`, `+12.5` |
 //! | [`escape`] | user text in HTML and SVG |
 
+pub mod calibration;
 pub mod creep;
-pub mod cross_validation;
-pub mod curves;
-pub mod decimate;
 pub mod diagnosis;
-pub mod escape;
-pub mod failure;
-pub mod family;
-pub mod fit_file;
 pub mod frequency;
 pub mod history;
 pub mod html;
-pub mod json;
 pub mod models;
-pub mod number;
-pub mod observations;
 pub mod pest;
-pub mod plot;
 pub mod prediction;
-pub mod results;
 pub mod sensitivity;
-pub mod steps;
-pub mod summary;
 pub mod svg;
-pub mod table;
-pub mod value;
+pub mod temperature;
+pub mod text;
+pub mod view;
 
-use crate::fit::outcome::Fit;
+use crate::fit::outcome::fit::Fit;
 
 /// One model in the story of a calibration.
 #[derive(Debug, Clone)]

@@ -4,8 +4,8 @@ use std::fmt::Write;
 
 use serde::Serialize;
 
-use crate::fit::model_file::{Entry, ModelFile};
-use crate::report::number::{significant, with_error};
+use crate::report::text::number::{significant, with_error};
+use crate::results::model_file::{Entry, ModelFile};
 
 #[derive(Serialize)]
 struct Document<'a> {

@@ -8,9 +8,9 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
-use crate::history::content::identity;
-use crate::history::index::Name;
-use crate::log::{LogError, decode, has_end};
+use crate::results::history::content::identity;
+use crate::results::history::index::Name;
+use crate::storage::{LogError, decode, has_end};
 
 /// A recording's file as the folder lists it.
 #[derive(Debug, Clone, PartialEq, Eq)]

@@ -1,12 +1,12 @@
 //! The model that a run is fitted with: the rig's last accepted one, or what its material asks for.
 
-use crate::fit::calibrate::Options;
-use crate::fit::data::RunData;
-use crate::fit::model_file::Entry;
-use crate::history::Accepted;
+use crate::fit::data::run_data::RunData;
+use crate::fit::search::calibrate::Options;
 use crate::model::constraint::Given;
 use crate::model::effects::{Chosen, parse_list};
 use crate::model::{Model, ModelError};
+use crate::results::history::Accepted;
+use crate::results::model_file::Entry;
 use crate::rig::Rig;
 
 /// See the module.

@@ -1,10 +1,10 @@
 //! A diagnosis against the rig's history: what to keep of it, what to say in one line, whether to accept its model.
 
 use crate::diagnose::{Diagnosis, Verdict};
-use crate::fit::outcome::{Fit, FittedParameter};
-use crate::history::drift::{Expected, Point, expected};
-use crate::history::{Finding, Run, Value};
-use crate::report::number::{error_m, significant, with_error};
+use crate::fit::outcome::fit::{Fit, FittedParameter};
+use crate::report::text::number::{error_m, significant, with_error};
+use crate::results::history::drift::{Expected, Point, expected};
+use crate::results::history::{Finding, Run, Value};
 
 /// Probability that all values of a run that is like the earlier ones are within their history.
 const LEVEL: f64 = 0.95;
@@ -150,7 +150,7 @@ fn plus_minus(expected: &Expected) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::history::{NOTHING_MISSING, State};
+    use crate::results::history::{NOTHING_MISSING, State};
 
     fn value(name: &str, value: f64, own: bool) -> Value {
         Value { name: name.into(), value, standard_error: Some(0.1), unit: "m/s".into(), own }

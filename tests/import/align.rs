@@ -3,7 +3,8 @@
 use assert_cmd::Command;
 use serde_json::Value;
 use surgescope::align::{Method, Part, align};
-use surgescope::model::{Conditions, Model, Resolution, RunValues, trace::Probe, trace::Trace};
+use surgescope::model::trace::{Probe, Trace};
+use surgescope::model::{Conditions, Model, Resolution, RunValues};
 use surgescope::recording::{Recording, RunInfo, Series};
 use surgescope::rig::Rig;
 

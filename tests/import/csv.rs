@@ -216,7 +216,7 @@ fn a_plain_file_keeps_its_comments_and_marks_its_holes_and_still_comes_back_byte
     assert_eq!(recording.run.notes, [("comment".to_string(), "run 7".to_string())]);
     assert_eq!((recording.series[0].gaps.len(), recording.series[1].gaps.len()), (1, 0));
     let mut out = Vec::new();
-    surgescope::log::export_csv(&recording, &mut out).unwrap();
+    surgescope::storage::export_csv(&recording, &mut out).unwrap();
     assert_eq!(String::from_utf8(out).unwrap(), body);
 }
 

@@ -10,8 +10,8 @@ use std::path::PathBuf;
 
 use assert_cmd::Command;
 use serde_json::Value;
-use surgescope::log;
 use surgescope::recording::Recording;
+use surgescope::storage as log;
 use tempfile::TempDir;
 
 /// A folder with a rig file, in which `import` runs.

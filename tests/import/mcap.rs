@@ -218,7 +218,7 @@ fn no_flipped_byte_of_our_own_recording_changes_a_sample() {
     for place in 0..whole.len() {
         let mut bytes = whole.clone();
         bytes[place] ^= 1 << (place % 8);
-        match surgescope::log::decode(&bytes, &path) {
+        match surgescope::storage::decode(&bytes, &path) {
             Err(_) => refused += 1,
             Ok(recording) => {
                 harmless += 1;

@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use serde_json::Value;
-use surgescope::log::foreign::{ForeignOptions, decode_foreign, read_foreign};
+use surgescope::storage::foreign::{ForeignOptions, decode_foreign, read_foreign};
 
 use super::{Bench, mended};
 

@@ -3,7 +3,7 @@
 mod frequency;
 mod predict;
 
-use surgescope::fit::data::{Meter, RunData, RunStart, SensorData};
+use surgescope::fit::data::run_data::{Meter, RunData, RunStart, SensorData};
 use surgescope::model::effects::parse_list;
 use surgescope::model::trace::Probe;
 use surgescope::model::{Conditions, Model, Resolution, RunValues};

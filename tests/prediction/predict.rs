@@ -2,14 +2,15 @@
 
 use assert_cmd::Command;
 use serde_json::Value;
-use surgescope::fit::calibrate::{Options, calibrate};
-use surgescope::fit::cross_validate::{By, CrossValidation, Fold, cross_validate};
-use surgescope::fit::outcome::Fit;
-use surgescope::fit::predict::{Known, predict};
+use surgescope::fit::outcome::fit::Fit;
+use surgescope::fit::search::calibrate::{Options, calibrate};
+use surgescope::fit::validate::cross_validate::{By, CrossValidation, Fold, cross_validate};
+use surgescope::fit::validate::predict::{Known, predict};
 use surgescope::model::effects::parse_list;
-use surgescope::report::cross_validation::comparison;
-use surgescope::report::prediction::{Ahead, ahead, verdict};
-use surgescope::report::summary::{self, Closeness};
+use surgescope::report::prediction::cross_validation::comparison;
+use surgescope::report::prediction::text::{Ahead, ahead, verdict};
+use surgescope::report::view::summary;
+use surgescope::report::view::summary::Closeness;
 
 use super::{NOISE_M, Noise, creeping, creeping_in, plastic};
 

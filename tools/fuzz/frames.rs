@@ -1,6 +1,7 @@
 //! The `frames` protocol against a reading of its description that shares no code with the program's.
 
-use surgescope::record::frames::{self, Decoder, Event, FrameCounts, Taken};
+use surgescope::record::wire::frames;
+use surgescope::record::wire::frames::{Decoder, Event, FrameCounts, Taken};
 
 use super::wire::{self, crc16};
 

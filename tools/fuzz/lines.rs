@@ -1,6 +1,6 @@
 //! The `lines` protocol against a reading of its description that shares no code with the program's.
 
-use surgescope::record::lines::{Decoder, Event, LineCounts, MAX_LINE};
+use surgescope::record::wire::lines::{Decoder, Event, LineCounts, MAX_LINE};
 
 use super::wire;
 

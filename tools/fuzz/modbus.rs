@@ -1,6 +1,6 @@
 //! Modbus RTU: what is taken for an answer, against a reading of the specification that shares no code with the program's.
 
-use surgescope::record::modbus::{Parsed, Request, parse};
+use surgescope::record::wire::modbus::{Parsed, Request, parse};
 
 use super::poller;
 use super::wire::crc16;

@@ -5,9 +5,9 @@ use std::collections::VecDeque;
 use std::io;
 use std::time::{Duration, Instant};
 
-use surgescope::record::modbus::Request;
-use surgescope::record::poll::{Line, Outcome, Poller};
-use surgescope::record::registers::Group;
+use surgescope::record::devices::poll::{Line, Outcome, Poller};
+use surgescope::record::wire::modbus::Request;
+use surgescope::record::wire::registers::Group;
 
 use super::modbus::{function, honest, refusal, registers, sealed, word};
 use super::wire::recipe;

@@ -2,9 +2,9 @@
 
 use std::path::Path;
 
-use surgescope::log;
-use surgescope::log::foreign::{ForeignOptions, MessageTime, bind, decode_foreign};
 use surgescope::rig::Rig;
+use surgescope::storage as log;
+use surgescope::storage::foreign::{ForeignOptions, MessageTime, bind, decode_foreign};
 
 /// A parser and the name of its folder in `corpus/`.
 pub struct Target {

@@ -4,8 +4,8 @@ use std::io::{self, Read};
 use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 
-use surgescope::record::session::{Options, live_devices, record};
-use surgescope::record::source::Sources;
+use surgescope::record::devices::source::Sources;
+use surgescope::record::session::live_test::{Options, live_devices, record};
 
 use crate::{Measured, ramp, usage};
 

@@ -4,9 +4,9 @@ use std::process::{Command, Stdio};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use surgescope::log::{read, recover};
-use surgescope::record::session::live_devices;
-use surgescope::record::simulated::{Faults, Script, SimulatedDevice};
+use surgescope::record::devices::simulated::{Faults, Script, SimulatedDevice};
+use surgescope::record::session::live_test::live_devices;
+use surgescope::storage::{read, recover};
 
 use crate::{Measured, ramp};
 

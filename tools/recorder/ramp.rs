@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use surgescope::record::frames::Frame;
-use surgescope::record::simulated::Playback;
+use surgescope::record::devices::simulated::Playback;
+use surgescope::record::wire::frames::Frame;
 use surgescope::recording::Recording;
 use surgescope::rig::Rig;
 
@@ -75,5 +75,5 @@ pub fn check(recording: &Recording, period_ns: u32, torn: usize) -> Result<usize
 
 /// Reads a finished file and checks it; returns how many samples there are of each channel.
 pub fn check_file(path: &Path, period_ns: u32) -> Result<usize, Box<dyn std::error::Error + Send + Sync>> {
-    Ok(check(&surgescope::log::read(path)?, period_ns, 0)?)
+    Ok(check(&surgescope::storage::read(path)?, period_ns, 0)?)
 }

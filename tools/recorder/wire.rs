@@ -5,10 +5,10 @@ use std::process::{Command, Stdio};
 use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 
-use surgescope::record::pace::Pace;
-use surgescope::record::session::{Options, live_devices, record};
-use surgescope::record::simulated::{Faults, Script, SimulatedDevice};
-use surgescope::record::source::Sources;
+use surgescope::record::clock::pace::Pace;
+use surgescope::record::devices::simulated::{Faults, Script, SimulatedDevice};
+use surgescope::record::devices::source::Sources;
+use surgescope::record::session::live_test::{Options, live_devices, record};
 
 use crate::{Measured, ramp, usage};
 

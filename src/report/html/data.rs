@@ -2,12 +2,12 @@
 
 use std::fmt::Write;
 
-use super::{Panel, colour};
 use crate::report::Stage;
-use crate::report::number::decimals_for;
+use crate::report::html::page::{Panel, colour};
+use crate::report::text::number::decimals_for;
 
 /// `{"ahead_from": time after which a model predicts or null, "stages": [{"title", "colour"}], "panels": [{"x", "measured", "models", "band", "noise", "residual_shown", "overlays"}]}`.
-pub(super) fn json(stages: &[Stage], panels: &[Panel], ahead_from_s: Option<f64>) -> String {
+pub(crate) fn json(stages: &[Stage], panels: &[Panel], ahead_from_s: Option<f64>) -> String {
     let mut out = String::from(r#"{"ahead_from":"#);
     number(&mut out, ahead_from_s.unwrap_or(f64::NAN), 6);
     out.push_str(r#","stages":"#);

@@ -2,13 +2,13 @@
 
 use std::fmt::Write;
 
-use crate::report::escape::escape;
+use crate::report::html::escape::escape;
 
 /// A coloured cell: class of its colour, and its text.
-pub(super) type Cell = Option<(&'static str, String)>;
+pub(crate) type Cell = Option<(&'static str, String)>;
 
 /// The table; `corner` stands over the names of the rows. Names are text, cells without a value stay empty.
-pub(super) fn matrix(caption: &str, corner: &str, columns: &[String], rows: &[(String, Vec<Cell>)]) -> String {
+pub(crate) fn matrix(caption: &str, corner: &str, columns: &[String], rows: &[(String, Vec<Cell>)]) -> String {
     let mut out = format!(
         r#"<div class="scroll" tabindex="0" role="region" aria-label="{0}"><table class="matrix"><caption class="hidden">{0}</caption><thead><tr><th scope="col">{1}</th>"#,
         escape(caption),

@@ -1,8 +1,8 @@
 //! The control file, and what the folder says to people.
 
-use super::{Case, file, fixed, number};
-use crate::fit::least_squares::Problem as _;
+use crate::fit::numeric::least_squares::Problem as _;
 use crate::model::parameter::Scale;
+use crate::report::pest::{Case, file, fixed, number};
 
 /// How much more than a step of our own differences PEST takes: what it writes and reads passes through text.
 const STEP_FACTOR: f64 = 10.0;
@@ -55,8 +55,9 @@ impl Case<'_> {
         lines.push(format!("{} {}", file::INSTRUCTIONS, file::MODELLED));
         if size.priors > 0 {
             lines.push("* prior information".to_owned());
-            let equation =
-                |p: &super::PriorInformation| format!("{} {} {} {PRIOR_GROUP}", p.name, p.equation, number(p.weight));
+            let equation = |p: &crate::report::pest::PriorInformation| {
+                format!("{} {} {} {PRIOR_GROUP}", p.name, p.equation, number(p.weight))
+            };
             lines.extend(self.priors.iter().map(equation));
         }
         lines.join("\n") + "\n"
@@ -82,7 +83,7 @@ impl Case<'_> {
     /// All that are moved as logarithms have one step; of the others, those of one name.
     fn parameter_groups(&self) -> Vec<Group> {
         let mut groups: Vec<Group> = Vec::new();
-        let mut names = super::Names::new(super::LONGEST);
+        let mut names = crate::report::pest::Names::new(crate::report::pest::LONGEST);
         names.take(LOG_GROUP, "");
         for (j, p) in self.problem.parameters.iter().enumerate() {
             let stem = p.name.split('[').next().unwrap_or(&p.name);

@@ -6,16 +6,17 @@
 //!
 //! PEST's objective function is then the calibration's: the sum of the squares of its residuals, priors as prior information.
 
-mod control;
-mod names;
+pub(crate) mod control;
+pub(crate) mod names;
+pub mod observations;
 
-use crate::fit::observed::{Observation, observations};
-use crate::fit::problem::Calibration;
+use crate::fit::problem::fit_problem::Calibration;
+use crate::fit::problem::observed::{Observation, observations};
 use crate::model::parameter::{Parameter, Scale};
+use crate::report::pest::names::Names;
 use crate::rig::Rig;
-use names::Names;
 
-use super::observations::Table;
+use crate::report::pest::observations::Table;
 
 /// The files of a problem, and what the model command takes and makes.
 pub mod file {

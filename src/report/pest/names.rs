@@ -3,19 +3,19 @@
 use std::collections::HashSet;
 
 /// Gives names out.
-pub(super) struct Names {
+pub(crate) struct Names {
     longest: usize,
     taken: HashSet<String>,
 }
 
 impl Names {
-    pub(super) fn new(longest: usize) -> Self {
+    pub(crate) fn new(longest: usize) -> Self {
         Names { longest, taken: HashSet::new() }
     }
 
     /// A name like `text` with `suffix` at its end. What stands in brackets (`offset_m[P1]`) tells names apart, so it is kept rather
     /// than what stands before.
-    pub(super) fn take(&mut self, text: &str, suffix: &str) -> String {
+    pub(crate) fn take(&mut self, text: &str, suffix: &str) -> String {
         let (stem, inside) = text.split_once('[').unwrap_or((text, ""));
         let (stem, inside) = (Some(plain(stem)).filter(|s| !s.is_empty()).unwrap_or("x".to_owned()), plain(inside));
         let room = self.longest.saturating_sub(suffix.len());

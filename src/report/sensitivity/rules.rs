@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use crate::report::number::significant;
+use crate::report::text::number::significant;
 use crate::sensitivity::rules::judge::Verdict;
 use crate::sensitivity::rules::{Finding, Rules};
 

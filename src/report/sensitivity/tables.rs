@@ -2,8 +2,8 @@
 
 use std::fmt::Write as _;
 
-use crate::report::number::significant;
-use crate::report::table::Table;
+use crate::report::text::number::significant;
+use crate::report::text::table::Table;
 use crate::sensitivity::anova::OneWay;
 use crate::sensitivity::factor::Factor;
 use crate::sensitivity::levels;

@@ -2,27 +2,27 @@
 
 use std::fmt::Write;
 
-use crate::report::escape::escape;
-use crate::report::number::significant;
+use crate::report::html::escape::escape;
+use crate::report::text::number::significant;
 
 /// Where a chart's marks stand, px.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Area {
-    pub(super) left: f64,
-    pub(super) top: f64,
-    pub(super) right: f64,
-    pub(super) bottom: f64,
+pub(crate) struct Area {
+    pub(crate) left: f64,
+    pub(crate) top: f64,
+    pub(crate) right: f64,
+    pub(crate) bottom: f64,
 }
 
 /// A scale, the marks along it, and its quantity and unit.
-pub(super) struct Labelled<'a> {
-    pub(super) scale: &'a Scale,
-    pub(super) ticks: &'a Ticks,
-    pub(super) label: &'a str,
+pub(crate) struct Labelled<'a> {
+    pub(crate) scale: &'a Scale,
+    pub(crate) ticks: &'a Ticks,
+    pub(crate) label: &'a str,
 }
 
 /// Draws the lines left of and below an area, their numbers and what they are.
-pub(super) fn draw(out: &mut String, Area { left, top, right, bottom }: Area, x: &Labelled, y: &Labelled) {
+pub(crate) fn draw(out: &mut String, Area { left, top, right, bottom }: Area, x: &Labelled, y: &Labelled) {
     let _ = write!(
         out,
         r##"<path class="axis" d="M{left:.1} {top:.1}V{bottom:.1}H{right:.1}" stroke="#666" fill="none"/><g class="label">"##
@@ -47,7 +47,7 @@ pub(super) fn draw(out: &mut String, Area { left, top, right, bottom }: Area, x:
 
 /// Maps a range of values to a range of pixels.
 #[derive(Debug, Clone, Copy)]
-pub(in crate::report) struct Scale {
+pub(crate) struct Scale {
     range: (f64, f64),
     from_px: f64,
     to_px: f64,
@@ -55,25 +55,25 @@ pub(in crate::report) struct Scale {
 }
 
 impl Scale {
-    pub(in crate::report) fn new(range: (f64, f64), from_px: f64, to_px: f64, log: bool) -> Self {
+    pub(crate) fn new(range: (f64, f64), from_px: f64, to_px: f64, log: bool) -> Self {
         Self { range, from_px, to_px, log }
     }
 
-    pub(in crate::report) fn px(&self, value: f64) -> f64 {
+    pub(crate) fn px(&self, value: f64) -> f64 {
         let (lo, hi) = self.range;
         let part = if self.log { (value.ln() - lo.ln()) / (hi.ln() - lo.ln()) } else { (value - lo) / (hi - lo) };
         self.from_px + part * (self.to_px - self.from_px)
     }
 
-    pub(in crate::report) fn ticks(&self, about: usize) -> Ticks {
+    pub(crate) fn ticks(&self, about: usize) -> Ticks {
         if self.log { Ticks::log(self.range, about) } else { Ticks::nice(self.range, about) }
     }
 }
 
 /// Places of the marks along an axis, and the decimals that tell them apart.
 #[derive(Debug, Clone, PartialEq)]
-pub(in crate::report) struct Ticks {
-    pub(in crate::report) at: Vec<f64>,
+pub(crate) struct Ticks {
+    pub(crate) at: Vec<f64>,
     decimals: Option<usize>,
 }
 
@@ -105,12 +105,12 @@ impl Ticks {
     }
 
     /// The marks at whole numbers only, labelled so.
-    pub(in crate::report) fn whole(mut self) -> Self {
+    pub(crate) fn whole(mut self) -> Self {
         self.at.retain(|t| t.fract() == 0.0);
         Self { decimals: Some(0), ..self }
     }
 
-    pub(in crate::report) fn label(&self, value: f64) -> String {
+    pub(crate) fn label(&self, value: f64) -> String {
         match self.decimals {
             Some(decimals) => format!("{value:.decimals$}").replace('-', "−"),
             None => significant(value, 1),
@@ -119,17 +119,17 @@ impl Ticks {
 }
 
 /// A range that is not empty, so that a constant curve can be drawn.
-pub(super) fn wide((lo, hi): (f64, f64)) -> (f64, f64) {
+pub(crate) fn wide((lo, hi): (f64, f64)) -> (f64, f64) {
     let least = 1e-9 * lo.abs().max(hi.abs()).max(1e-3);
     if hi - lo > least { (lo, hi) } else { (lo - 0.5 * lo.abs().max(1.0), hi + 0.5 * hi.abs().max(1.0)) }
 }
 
-pub(super) fn padded(range: (f64, f64)) -> (f64, f64) {
+pub(crate) fn padded(range: (f64, f64)) -> (f64, f64) {
     let (lo, hi) = wide(range);
     (lo - 0.05 * (hi - lo), hi + 0.05 * (hi - lo))
 }
 
-pub(super) fn log_range((lo, hi): (f64, f64)) -> (f64, f64) {
+pub(crate) fn log_range((lo, hi): (f64, f64)) -> (f64, f64) {
     if hi / lo > 1.5 { (lo / 1.2, hi * 1.2) } else { (lo / 2.0, hi * 2.0) }
 }
 

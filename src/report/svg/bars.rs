@@ -2,9 +2,9 @@
 
 use std::fmt::Write;
 
-use super::Scale;
-use super::Style;
-use crate::report::escape::escape;
+use crate::report::html::escape::escape;
+use crate::report::svg::Scale;
+use crate::report::svg::Style;
 
 /// Horizontal bars in groups.
 #[derive(Debug, Clone, Default, PartialEq)]

@@ -2,10 +2,11 @@
 
 use std::fmt::Write;
 
-use super::Scale;
-use super::axis::{self, Area, Labelled};
-use crate::report::escape::escape;
-use crate::report::number::significant;
+use crate::report::html::escape::escape;
+use crate::report::svg::Scale;
+use crate::report::svg::axis;
+use crate::report::svg::axis::{Area, Labelled};
+use crate::report::text::number::significant;
 
 /// A map of values.
 #[derive(Debug, Clone, Default, PartialEq)]

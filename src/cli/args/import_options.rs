@@ -1,0 +1,82 @@
+//! How files of other programs are read: names, units of time, zones. Shared by all of `import`'s formats.
+
+use chrono::DateTime;
+
+use crate::storage::foreign::{ForeignOptions, MessageTime, time_unit, zone_seconds};
+
+/// Options on what a file does not say of itself.
+#[derive(Debug, Clone, clap::Args)]
+pub struct ForeignArgs {
+    /// A column, channel or field and the sensor that it is: 'Druck 1=P1', "/'Group'/'Channel'=P1", /topic.field.sub=P1.
+    #[arg(long, value_name = "NAME=SENSOR", value_parser = mapping)]
+    map: Vec<(String, String)>,
+    /// A column that is no sensor; '*' is every one that no sensor is named after.
+    #[arg(long, value_name = "NAME")]
+    ignore: Vec<String>,
+    /// Zone of date-times that give none, such as +01:00; UTC if not given.
+    #[arg(long, value_name = "ZONE", value_parser = zone, allow_hyphen_values = true)]
+    zone: Option<i32>,
+    /// Whether 03/04/2026 is the third of April (dmy) or the fourth of March (mdy), where no date of the file shows it.
+    #[arg(long, value_name = "ORDER", value_parser = ["dmy", "mdy"])]
+    date_order: Option<String>,
+    /// Unit of times whose heading names none: s, ms, us, ns, min or h; of an MCAP message's --time-field too.
+    #[arg(long, value_name = "UNIT", value_parser = unit)]
+    time_unit: Option<f64>,
+    /// The time of an MCAP message: when it was logged or when it was published.
+    #[arg(long, value_name = "WHICH", value_parser = ["log", "publish"], conflicts_with = "time_field")]
+    message_time: Option<String>,
+    /// The field of an MCAP message that holds its time: a number, or seconds and nanoseconds.
+    #[arg(long, value_name = "FIELD")]
+    time_field: Option<String>,
+}
+
+impl ForeignArgs {
+    /// As the readers want them.
+    pub fn options(self) -> ForeignOptions {
+        let message_time = match (self.time_field, self.message_time.as_deref()) {
+            (Some(field), _) => MessageTime::Field(field),
+            (None, Some("publish")) => MessageTime::Publish,
+            _ => MessageTime::Log,
+        };
+        ForeignOptions {
+            map: self.map,
+            ignore: self.ignore,
+            zone_s: self.zone,
+            day_first: self.date_order.map(|order| order == "dmy"),
+            time_unit_s: self.time_unit,
+            message_time,
+        }
+    }
+}
+
+fn mapping(text: &str) -> Result<(String, String), String> {
+    let (name, sensor) = text.rsplit_once('=').ok_or("write it like 'Column name=P1'")?;
+    match (name.trim(), sensor.trim()) {
+        ("", _) | (_, "") => Err("write it like 'Column name=P1'".into()),
+        (name, sensor) => Ok((name.into(), sensor.into())),
+    }
+}
+
+fn zone(text: &str) -> Result<i32, String> {
+    match text.to_ascii_uppercase().as_str() {
+        "UTC" | "Z" | "GMT" => Ok(0),
+        _ => {
+            zone_seconds(text).ok_or_else(|| "write it like +01:00, -05:00 or UTC; names of zones are not known".into())
+        }
+    }
+}
+
+fn unit(text: &str) -> Result<f64, String> {
+    time_unit(text).ok_or_else(|| "must be s, ms, us, ns, min or h".into())
+}
+
+/// A start, for all files or for one: `2026-03-14T09:26:53Z`, `fast.csv=2026-03-14T09:26:53.25Z`.
+pub fn start(text: &str) -> Result<(Option<String>, u64), String> {
+    let (file, time) = match text.rsplit_once('=') {
+        Some((file, time)) => (Some(file.to_string()), time),
+        None => (None, text),
+    };
+    let time = DateTime::parse_from_rfc3339(time).map_err(|e| format!("{e}; write it like 2026-03-14T09:26:53Z"))?;
+    let ns = time.timestamp_nanos_opt().and_then(|ns| u64::try_from(ns).ok());
+    ns.map(|ns| (file, ns)).ok_or_else(|| "must lie between 1970 and 2262".into())
+}

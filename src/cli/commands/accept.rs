@@ -1,0 +1,81 @@
+//! `surgescope accept`: the model of a run becomes the one that later runs of its rig are fitted with.
+
+use std::path::PathBuf;
+
+use crate::cli::commands::evaluate::{acceptance, place};
+use crate::cli::{CommandResult, Outcome};
+use crate::report::history::text::RunDocument;
+use crate::results::history::{Finding, HistoryError, Index, Value};
+use crate::results::model_file::ModelFile;
+use crate::study::models;
+use crate::watch::start::units;
+
+/// Accept the model of a run as the rig's: later runs are fitted with it, from its values, and diagnosed against it.
+///
+/// It is the model in force in the run's fit, NAME.model.toml: edit it, grow it with `surgescope add`, or take a step back with
+/// `surgescope undo` before, if another is wanted.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// The recording; `surgescope watch` or `record --calibrate` has fitted it.
+    #[arg(value_name = "MCAP")]
+    recording: PathBuf,
+}
+
+/// Runs it.
+///
+/// # Errors
+/// A recording that the index of its folder does not know or that failed, a fit that cannot be read.
+pub fn run(args: Args, json: bool) -> CommandResult {
+    let (folder, file) = place(&args.recording);
+    Index::read(&folder)?;
+    let mut index = Index::open(&folder)?;
+    let run = index.named(&file)?.ok_or_else(|| HistoryError::UnknownRun(args.recording.display().to_string()))?;
+    let Some(finding) = &run.finding else {
+        let why = run.error.clone().unwrap_or_else(|| run.state.name().to_owned());
+        return Err(format!("{} has no model to accept: {why}", run.file).into());
+    };
+    let models = models::load(&folder.join(&finding.model_file))?;
+    let finding = with_model(&folder.join(&run.file), finding, &models)?;
+    let accepted = acceptance(&run.file, &models, "by hand")?;
+    index.done(&run, &run.rig, &finding, Some(&accepted))?;
+    let now = index.run(run.id)?;
+    if json {
+        crate::cli::say!("{}", serde_json::to_string_pretty(&RunDocument::from(&now))?);
+    } else {
+        crate::cli::say!("{}: {} accepted for rig '{}'", now.file, models.current().name, now.rig);
+    }
+    Ok(Outcome::Done)
+}
+
+/// A run's finding with the values of the model in force.
+fn with_model(
+    recording: &std::path::Path,
+    finding: &Finding,
+    models: &ModelFile,
+) -> Result<Finding, Box<dyn std::error::Error + Send + Sync>> {
+    let entry = models.current();
+    if entry.effects == finding.effects && entry.rmse_m == finding.rmse_m {
+        return Ok(finding.clone());
+    }
+    let rig = crate::storage::read(recording)?.rig;
+    let units = units(&rig, &entry.chosen(), finding.temperature_degc);
+    let unit = |name: &str| {
+        let known = finding.parameters.iter().find(|v| v.name == name).map(|v| v.unit.clone());
+        known.or_else(|| units.iter().find(|(n, _)| n == name).map(|(_, u)| (*u).to_owned())).unwrap_or_default()
+    };
+    let value = |p: &crate::results::model_file::Value| Value {
+        name: p.name.clone(),
+        value: p.value,
+        standard_error: p.standard_error,
+        unit: unit(&p.name),
+        own: p.run.is_some(),
+    };
+    Ok(Finding {
+        effects: entry.effects.clone(),
+        rmse_m: entry.rmse_m,
+        noise_m: entry.noise_m,
+        parameters: entry.parameters.iter().map(value).collect(),
+        line: format!("{}; accepted by hand: {}", finding.line.split("; ").next().unwrap_or_default(), entry.name),
+        ..finding.clone()
+    })
+}

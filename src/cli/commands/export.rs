@@ -1,0 +1,40 @@
+//! `surgescope export`: a recording becomes a time series.
+
+use std::path::PathBuf;
+
+use serde_json::json;
+
+use crate::cli::{CommandResult, Outcome};
+use crate::storage::{Summary, export_csv_file, read};
+
+/// Arguments of `export`.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// The recording.
+    mcap: PathBuf,
+    /// The time series to make; must not exist.
+    #[arg(short, long, value_name = "CSV")]
+    output: PathBuf,
+}
+
+/// Runs it.
+///
+/// # Errors
+/// See [`read`] and [`export_csv_file`].
+pub fn run(args: Args, json: bool) -> CommandResult {
+    let recording = read(&args.mcap)?;
+    export_csv_file(&recording, &args.output)?;
+    let summary = Summary::of(&recording);
+    if json {
+        crate::cli::say!("{}", crate::cli::document(json!({ "file": args.output, "source": args.mcap }), &summary)?);
+    } else {
+        crate::cli::say!("{}: {summary}", args.output.display());
+    }
+    let gaps: usize = summary.sensors.iter().map(|s| s.gaps).sum();
+    if gaps > 0 {
+        crate::cli::tell!(
+            "note: a CSV cannot mark gaps; the recording has {gaps}, of which only the missing lines show"
+        );
+    }
+    Ok(Outcome::Done)
+}

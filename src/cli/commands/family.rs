@@ -1,0 +1,222 @@
+//! `surgescope family`: runs of one rig at several temperatures.
+
+use std::path::PathBuf;
+
+use crate::cli::args::recordings::load;
+use crate::cli::commands::calibrate;
+use crate::cli::commands::run_models::RunModels;
+use crate::cli::{CommandResult, Outcome};
+use crate::fit::data::prepare::prepare;
+use crate::fit::data::run_data::RunData;
+use crate::fit::search::calibrate::Options;
+use crate::model::effects::{Chosen, parse_list};
+use crate::report::temperature::html::html;
+use crate::report::temperature::text::{CSV_HEADER, csv, json as family_json, text};
+use crate::rig::SensorKind;
+use crate::signal::inspect;
+use crate::storage::output;
+use crate::study::open::Loaded;
+use crate::temperature::law::{Laws, Shift};
+use crate::temperature::{Member, Plan, Source, family, same_rig};
+
+/// Runs of one rig at several temperatures: how wave speed and creep go with temperature.
+///
+/// Each run is fitted by itself, and a line drawn through its values. Then all are fitted together: creep compliances shared, retardation
+/// times shifted by a law of the temperature, the wall's modulus log-linear in it; and it is said whether that describes them.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// The recordings, all of one rig.
+    #[arg(required = true, value_name = "MCAP")]
+    recordings: Vec<PathBuf>,
+    /// Effects of the model; an open number of elements is decided by the first run.
+    #[arg(long, value_name = "A,B", default_value = "viscoelastic-wall", value_parser = parse_list)]
+    effects: ::std::vec::Vec<Chosen>,
+    #[command(flatten)]
+    laws: LawArgs,
+    /// Temperature of each recording, in their order, where they have no temperature sensor: 15,25,35.
+    #[arg(long = "temperature-degC", value_name = "T,T", value_delimiter = ',', value_parser = celsius,
+          allow_negative_numbers = true)]
+    temperature_degc: Vec<f64>,
+    /// Standard deviation of the runs' temperatures: of the thermometers, and of the wall against the water.
+    #[arg(long = "temperature-sd-K", value_name = "K", default_value_t = 0.1, value_parser = crate::cli::args::values::positive,
+          allow_negative_numbers = true)]
+    temperature_sd_k: f64,
+    /// A rig to read them with, instead of those that are stored in them.
+    #[arg(long, value_name = "RIG")]
+    rig: Option<PathBuf>,
+    /// Write a page with each quantity over temperature; an older page of that name is replaced, no other file.
+    #[arg(long, value_name = "HTML")]
+    report: Option<PathBuf>,
+    /// Write the runs' values and the lines through them as a table; an older one of that name is replaced, no other file.
+    #[arg(long, value_name = "CSV")]
+    csv: Option<PathBuf>,
+    #[command(flatten)]
+    models: RunModels,
+    /// Finest grid that the fits may use.
+    #[arg(long, value_name = "REACHES", default_value_t = Options::default().most_reaches, value_parser = crate::cli::args::values::reaches,
+          allow_negative_numbers = true)]
+    most_reaches: usize,
+}
+
+/// What ties the runs together.
+#[derive(Debug, clap::Args)]
+pub struct LawArgs {
+    /// Fit each run by itself and draw lines; no laws.
+    #[arg(long, conflicts_with_all = ["law", "modulus", "vertical"])]
+    apart: bool,
+    /// How retardation times shift with temperature.
+    #[arg(long, value_enum, default_value = "arrhenius")]
+    law: ShiftLaw,
+    /// How the wall's modulus goes with temperature.
+    #[arg(long, value_enum, default_value = "log-linear")]
+    modulus: ModulusLaw,
+    /// Let compliances change with temperature, too, all by one factor.
+    #[arg(long)]
+    vertical: bool,
+    /// The temperature that the laws' values are given at; the runs' mean, to the degree, unless another is named.
+    #[arg(long = "reference-degC", value_name = "T", value_parser = celsius, allow_negative_numbers = true)]
+    reference_degc: Option<f64>,
+}
+
+#[derive(Debug, Clone, Copy, clap::ValueEnum)]
+enum ShiftLaw {
+    /// ln a_T = (Ea/R)(1/T - 1/T0)
+    Arrhenius,
+    /// log10 a_T = -C1 (T - T0)/(C2 + T - T0)
+    Wlf,
+    /// A factor of its own for each run
+    Free,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, clap::ValueEnum)]
+enum ModulusLaw {
+    /// ln E0 is linear in the temperature
+    LogLinear,
+    /// One of its own for each run
+    Free,
+}
+
+impl LawArgs {
+    fn laws(&self) -> Option<Laws> {
+        let shift = match self.law {
+            ShiftLaw::Arrhenius => Shift::Arrhenius,
+            ShiftLaw::Wlf => Shift::Wlf,
+            ShiftLaw::Free => Shift::Free,
+        };
+        let modulus_free = self.modulus == ModulusLaw::Free;
+        (!self.apart).then_some(Laws { shift, modulus_free, vertical: self.vertical })
+    }
+}
+
+/// Runs it.
+///
+/// # Errors
+/// Recordings that cannot be read, of several rigs, at one temperature, or at none that is known; files that cannot be written.
+pub fn run(args: Args, json: bool) -> CommandResult {
+    if let Some(path) = &args.report {
+        output::check_report(path)?;
+    }
+    if let Some(path) = &args.csv {
+        output::check_result(path, CSV_HEADER)?;
+    }
+    let loaded = loaded(&args)?;
+    let models = args.models.open(&args.recordings, args.rig.as_deref())?;
+    let members: Vec<Member> = loaded.iter().map(|l| member(l, !args.temperature_degc.is_empty())).collect();
+    let rig = loaded[0].recording.rig.clone();
+    let options = Options { most_reaches: args.most_reaches, ..Options::default() };
+    let plan = Plan {
+        laws: args.laws.laws(),
+        reference_degc: args.laws.reference_degc,
+        temperature_sd_k: args.temperature_sd_k,
+        options,
+    };
+    let bar = calibrate::progress_bar();
+    let fitted = family(&rig, members, &args.effects, &plan, &|of, p| {
+        bar.set_message(format!(
+            "{of}: {}, {} reaches, iteration {}, error {:.2} x noise",
+            p.stage, p.reaches, p.iteration, p.error_over_noise
+        ));
+    });
+    bar.finish_and_clear();
+    let fitted = fitted?;
+    if json {
+        crate::cli::say!("{}", family_json(&fitted)?);
+    } else {
+        crate::cli::say_text!(text(&fitted));
+    }
+    models.save(&fitted.fits, "fitted by itself, in a family over temperature")?;
+    if let Some(path) = &args.csv {
+        output::check_result(path, CSV_HEADER)?;
+        output::write(path, &csv(&fitted))?;
+        crate::cli::tell!("table: {}", path.display());
+    }
+    // last, so that a page that cannot be written costs no result
+    if let Some(path) = &args.report {
+        output::check_report(path)?;
+        output::write(path, &html(&fitted, &rig.name))?;
+        crate::cli::tell!("report: {}", path.display());
+    }
+    Ok(Outcome::Done)
+}
+
+/// Reads the recordings, which may have rig files of their own as long as those describe one rig.
+fn loaded(args: &Args) -> Result<Vec<Loaded>, Box<dyn std::error::Error + Send + Sync>> {
+    let paths = &args.recordings;
+    if !args.temperature_degc.is_empty() && args.temperature_degc.len() != paths.len() {
+        let (runs, given) = (paths.len(), args.temperature_degc.len());
+        return Err(
+            format!("{runs} recordings and {given} temperatures: give one for each, in the recordings' order").into()
+        );
+    }
+    let mut all: Vec<Loaded> = Vec::new();
+    for (i, path) in paths.iter().enumerate() {
+        let twin = paths[..i].iter().find(|p| output::same_file(p, path) || output::same_content(p, path));
+        if let Some(twin) = twin {
+            return Err(format!("{} and {} are one recording: it counts once", twin.display(), path.display()).into());
+        }
+        let mut one = load(std::slice::from_ref(path), args.rig.as_deref())?.remove(0);
+        if all.iter().any(|l| l.file == one.file) {
+            one.file = path.display().to_string();
+        }
+        if let Some(&degc) = args.temperature_degc.get(i) {
+            if has_thermometer(&one) {
+                return Err(format!("{} has recorded its temperature: leave --temperature-degC out", one.file).into());
+            }
+            one.recording.rig.fluid.temperature_degc = degc;
+            one.features = inspect(&one.recording).map_err(|e| format!("{}: {e}", path.display()))?;
+        }
+        if let Some(first) = all.first() {
+            same_rig((&first.file, &first.recording.rig), (&one.file, &one.recording.rig))?;
+        }
+        all.push(one);
+    }
+    Ok(all)
+}
+
+fn has_thermometer(loaded: &Loaded) -> bool {
+    let sensors = &loaded.recording.rig.sensors;
+    let recorded = |(i, s): (usize, &crate::rig::Sensor)| {
+        s.kind == SensorKind::Temperature && loaded.recording.series[i].value.iter().any(|v| v.is_finite())
+    };
+    sensors.iter().enumerate().any(recorded)
+}
+
+fn member(loaded: &Loaded, given: bool) -> Member {
+    let source = match (given, has_thermometer(loaded)) {
+        (true, _) => Source::Given,
+        (_, true) => Source::Sensor,
+        _ => Source::Rig,
+    };
+    let data: RunData = prepare(&loaded.file, &loaded.recording.rig, &loaded.recording, &loaded.features);
+    Member { temperature_degc: loaded.features.temperature_degc, source, data }
+}
+
+/// A temperature of liquid water.
+fn celsius(text: &str) -> Result<f64, String> {
+    let number = crate::cli::args::values::number(text)?;
+    if (0.0..=100.0).contains(&number) {
+        Ok(number)
+    } else {
+        Err("must be from 0 to 100, water being liquid there".into())
+    }
+}

@@ -1,0 +1,55 @@
+//! `calibrate -o FIT.toml`: a fit as a file of its own.
+
+use std::error::Error;
+use std::path::{Path, PathBuf};
+
+use crate::fit::outcome::fit::Fit;
+use crate::recording::Recording;
+use crate::results::fit_file::{FitFile, Form};
+use crate::signal::Features;
+use crate::storage::output;
+use crate::study::models;
+use crate::study::open::Loaded;
+
+/// Where a fit is written.
+#[derive(Debug, clap::Args)]
+pub struct FitOutput {
+    /// Write all about the fit to a file, which must not exist: TOML or JSON, as its name ends. It is a result; the model to edit and to
+    /// go on from is that of --save.
+    #[arg(short, long, value_name = "FIT.toml|FIT.json")]
+    output: Option<PathBuf>,
+    /// Replace whatever file stands at the output, unless it is a recording.
+    #[arg(long, requires = "output")]
+    overwrite: bool,
+}
+
+impl FitOutput {
+    /// Where it is written, if anywhere.
+    pub fn path(&self) -> Option<&Path> {
+        self.output.as_deref()
+    }
+
+    /// Refuses a place that cannot take the fit, before it is made.
+    ///
+    /// # Errors
+    /// Another extension, a file that exists, a folder that does not.
+    pub fn check(&self) -> Result<(), Box<dyn Error + Send + Sync>> {
+        let Some(path) = &self.output else { return Ok(()) };
+        Form::of(path)?;
+        output::check_new(path, self.overwrite)
+    }
+
+    /// Writes the fit, if that is asked for.
+    ///
+    /// # Errors
+    /// As [`FitOutput::check`]; a file that cannot be written.
+    pub fn write(&self, fit: &Fit, loaded: &[Loaded]) -> Result<(), Box<dyn Error + Send + Sync>> {
+        let (Some(path), Some(first)) = (&self.output, loaded.first()) else { return Ok(()) };
+        let recordings: Vec<(&Recording, &Features)> = loaded.iter().map(|l| (&l.recording, &l.features)).collect();
+        let file = FitFile::new(fit, &first.recording.rig, &recordings, models::now());
+        let text = file.text(Form::of(path)?)?;
+        output::write_new(path, &text, self.overwrite)?;
+        crate::cli::tell!("fit: {}", path.display());
+        Ok(())
+    }
+}

@@ -1,0 +1,135 @@
+//! `surgescope frequency`: the frequency response of record and model.
+
+use std::path::PathBuf;
+
+use crate::cli::args::recordings;
+use crate::cli::commands::predict::{Own, Predicted, predicted};
+use crate::cli::{CommandResult, Outcome};
+use crate::fit::data::run_data::RunData;
+use crate::fit::validate::frequency::{SensorResponse, Traces, response};
+use crate::model::Model;
+use crate::report::frequency::html::html;
+use crate::report::frequency::text::{document, svg, text};
+use crate::rig::Rig;
+use crate::storage::output;
+use crate::study::open;
+use crate::study::open::Loaded;
+
+/// Amplitude and phase of the head at the odd harmonics of the pipe: of a recording, and of a model of it.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// The recording.
+    #[arg(value_name = "MCAP")]
+    recording: PathBuf,
+    /// A file of models (`calibrate --save`); the one in force is compared with the recording, as `predict` does.
+    #[arg(long, value_name = "MODEL.toml")]
+    model: Option<PathBuf>,
+    #[command(flatten)]
+    own: Own,
+    /// Write a page with amplitude and phase at each sensor; an older page of that name is replaced, no other file.
+    #[arg(long, value_name = "HTML")]
+    report: Option<PathBuf>,
+    /// Write the sensor nearest to the valve as a picture; only an older picture of that name is replaced.
+    #[arg(long, value_name = "SVG")]
+    svg: Option<PathBuf>,
+}
+
+/// Runs it.
+///
+/// # Errors
+/// A recording or a model that cannot be read, or too short a recording; a page or a picture that cannot be written.
+pub fn run(args: Args, json: bool) -> CommandResult {
+    if let Some(path) = &args.report {
+        output::check_report(path)?;
+    }
+    if let Some(path) = &args.svg {
+        output::check_picture(path)?;
+    }
+    let (file, effects, sensors) = match &args.model {
+        Some(model) => {
+            let known = predicted(model, std::slice::from_ref(&args.recording), &args.own)?;
+            for warning in &known.warnings {
+                crate::cli::tell!("warning: {warning}");
+            }
+            (known.loaded[0].file.clone(), Some(known.prediction.fit.labels()), modelled(&known))
+        }
+        None => {
+            let loaded = recordings::load(std::slice::from_ref(&args.recording), args.own.rig.as_deref())?;
+            let runs = open::runs(&loaded);
+            (loaded[0].file.clone(), None, recorded(&loaded[0], &runs[0]))
+        }
+    };
+    if sensors.is_empty() {
+        return Err(format!(
+            "{file}: less than three periods of the pipe are recorded after the closure: too short for frequencies"
+        )
+        .into());
+    }
+    if json {
+        crate::cli::say!("{}", serde_json::to_string(&document(&sensors, effects.clone()))?);
+    } else {
+        crate::cli::say_text!(text(&sensors));
+    }
+    if let (Some(path), Some(last)) = (&args.svg, sensors.first()) {
+        output::check_picture(path)?;
+        output::write(path, &svg(last))?;
+        crate::cli::tell!("picture: {}", path.display());
+    }
+    if let Some(path) = &args.report {
+        let against = effects.map_or("the record alone".to_owned(), |e| match e.as_slice() {
+            [] => "against the base model".to_owned(),
+            some => format!("against the base model + {}", some.join(" + ")),
+        });
+        output::check_report(path)?;
+        output::write(path, &html(&format!("Frequency response of {file}"), &against, &sensors))?;
+        crate::cli::tell!("report: {}", path.display());
+    }
+    Ok(Outcome::Done)
+}
+
+/// Record and model at each sensor, the nearest to the valve first.
+fn modelled(known: &Predicted) -> Vec<SensorResponse> {
+    let fit = &known.prediction.fit;
+    let value = |name: &str| fit.parameters.iter().find(|p| p.name == name).map(|p| p.value);
+    let closing_s = value("closing_time_s").unwrap_or(known.rig.valve.closing_time_s);
+    let model = Model::new(&known.rig, &known.runs[0].conditions.water, &fit.effects);
+    let period_s = model.period_s(&fit.values()[..model.shared.len()]);
+    let run = &fit.runs[0];
+    let mut sensors: Vec<_> = run.sensors.iter().collect();
+    sensors.sort_by(|a, b| b.position_m.total_cmp(&a.position_m));
+    let traces = sensors.into_iter().map(|s| Traces {
+        name: &s.name,
+        file: &run.file,
+        time_s: &s.time_s,
+        measured_m: &s.measured_m,
+        model_m: Some(&s.model_m),
+        noise_m: s.white_noise_m,
+    });
+    traces.filter_map(|t| response(&t, period_s, closing_s)).collect()
+}
+
+/// The record alone; where the wave speed is not to be had from it, the rig's.
+fn recorded(loaded: &Loaded, run: &RunData) -> Vec<SensorResponse> {
+    let rig: &Rig = &loaded.recording.rig;
+    let model = Model::new(rig, &run.conditions.water, &[]);
+    let ratio = run.start.wave_speed_ratio.unwrap_or(1.0);
+    let period_s = model.period_s(&model.shared.iter().map(|p| p.start * ratio).collect::<Vec<_>>());
+    let closure_s = run.start.closure_s.0;
+    let closing_s = loaded.features.closure.end_s.map_or(rig.valve.closing_time_s, |end| end - closure_s).max(0.0);
+    let mut sensors: Vec<_> = run.sensors.iter().collect();
+    sensors.sort_by(|a, b| b.sensor.position_m.total_cmp(&a.sensor.position_m));
+    let found = sensors.into_iter().filter_map(|s| {
+        let from = s.time_s.partition_point(|&t| t < closure_s);
+        let time_s: Vec<f64> = s.time_s[from..].iter().map(|t| t - closure_s).collect();
+        let traces = Traces {
+            name: &s.sensor.name,
+            file: &run.file,
+            time_s: &time_s,
+            measured_m: &s.head_m[from..],
+            model_m: None,
+            noise_m: s.noise_m,
+        };
+        response(&traces, period_s, closing_s)
+    });
+    found.collect()
+}

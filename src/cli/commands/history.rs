@@ -1,0 +1,76 @@
+//! `surgescope history`: how a rig's parameters drift over runs and temperatures.
+
+use std::path::{Path, PathBuf};
+
+use crate::cli::{CommandResult, Outcome};
+use crate::report::history::html::{html, svg};
+use crate::report::history::text::{csv, json as history_json, text};
+use crate::results::history::{History, Index};
+use crate::rig::Rig;
+use crate::storage::output;
+
+/// Show the drift of a rig's wave speed and creep over runs and temperatures, as table and plot.
+///
+/// From the index that `surgescope watch` and `record --calibrate` keep beside the recordings. Drift is a weighted regression over the
+/// runs in which nothing is missing, per run and per kelvin, with 95% intervals.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// The rig's name, or its rig file; may be left out where the index knows one rig only.
+    #[arg(value_name = "RIG")]
+    rig: Option<String>,
+    /// The folder of the recordings.
+    #[arg(long, value_name = "FOLDER", default_value = ".")]
+    folder: PathBuf,
+    /// Write the runs, one a line, to this file; an older one of that kind is replaced.
+    #[arg(long, value_name = "CSV")]
+    csv: Option<PathBuf>,
+    /// Draw each parameter over runs and over temperature.
+    #[arg(long, value_name = "SVG")]
+    svg: Option<PathBuf>,
+    /// Write a page with plots and tables; an older page of that name is replaced, no other file.
+    #[arg(long, value_name = "HTML")]
+    report: Option<PathBuf>,
+}
+
+/// Runs it.
+///
+/// # Errors
+/// A folder without an index, a rig that it does not know, a file that cannot be written.
+pub fn run(args: Args, json: bool) -> CommandResult {
+    let index = Index::read(&args.folder)?;
+    let rig = match args.rig {
+        Some(rig) => name_of(&rig)?,
+        None => match index.rigs()?.as_slice() {
+            [one] => one.clone(),
+            known => {
+                return Err(format!("the index knows {} rigs ({}): name one", known.len(), known.join(", ")).into());
+            }
+        },
+    };
+    let history = History::of(&index, &rig)?;
+    if json {
+        crate::cli::say!("{}", history_json(&history)?);
+    } else {
+        crate::cli::say_text!(text(&history));
+    }
+    if let Some(path) = &args.csv {
+        output::check_result(path, "run,file,recorded_utc")?;
+        output::write(path, &csv(&history)?)?;
+    }
+    if let Some(path) = &args.svg {
+        output::check_picture(path)?;
+        output::write(path, &svg(&history))?;
+    }
+    if let Some(path) = &args.report {
+        output::check_report(path)?;
+        output::write(path, &html(&history))?;
+        crate::cli::tell!("report: {}", path.display());
+    }
+    Ok(Outcome::Done)
+}
+
+/// A rig's name as given, or that in a rig file.
+fn name_of(rig: &str) -> Result<String, crate::rig::RigError> {
+    let path = Path::new(rig);
+    if path.is_file() { Rig::load(path).map(|r| r.name) } else { Ok(rig.to_owned()) }
+}

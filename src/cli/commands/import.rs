@@ -1,0 +1,149 @@
+//! `surgescope import`: time series, be they plain or of other programs, become a recording.
+
+use std::path::{Path, PathBuf};
+
+use serde::Serialize;
+use serde_json::json;
+
+use crate::align::{Clock, Method, Part, align, merge};
+use crate::cli::args::import_options::{ForeignArgs, start};
+use crate::cli::{CommandResult, Outcome};
+use crate::recording::Recording;
+use crate::rig::Rig;
+use crate::storage::foreign::{Imported, Mended, doubts, import_file, require_sensors};
+use crate::storage::{ImportOptions, Summary, write};
+
+/// Arguments of `import`.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// The time series: `time_s`, then one column a sensor, by its name and in its unit. Also tables written in other ways, TDMS,
+    /// and MCAP of other programs. Several files of one closure are aligned and merged; the first one's clock stays.
+    #[arg(required = true, value_name = "FILE")]
+    files: Vec<PathBuf>,
+    /// The rig it was made on; goes into the recording.
+    #[arg(long, value_name = "RIG")]
+    rig: PathBuf,
+    /// The recording to make; must not exist.
+    #[arg(short, long, value_name = "MCAP")]
+    output: PathBuf,
+    /// Wall-clock time of time 0, such as 2026-03-14T09:26:53Z; unknown if not given. Of one file of several: FILE=TIME.
+    #[arg(long, value_name = "RFC3339", value_parser = start)]
+    start: Vec<(Option<String>, u64)>,
+    /// Sensors of the rig that were not recorded, and so have no column.
+    #[arg(long, value_name = "SENSOR", value_delimiter = ',')]
+    without: Vec<String>,
+    /// What several files are aligned by; if not given, the surest that all of them allow, which is said.
+    #[arg(long, value_enum, value_name = "BY")]
+    align: Option<AlignBy>,
+    #[command(flatten)]
+    foreign: ForeignArgs,
+}
+
+/// Names of the methods.
+#[derive(Debug, Clone, Copy, clap::ValueEnum)]
+enum AlignBy {
+    /// Edges of a trigger that is in every file.
+    Trigger,
+    /// Absolute time: date-times, a start in the comments, --start.
+    Time,
+    /// The pressure front, by the sensors' places and the wave speed.
+    Front,
+}
+
+/// What was mended in one file.
+#[derive(Serialize)]
+struct Report {
+    file: PathBuf,
+    #[serde(flatten)]
+    mended: Mended,
+}
+
+/// Runs it.
+///
+/// # Errors
+/// See [`import_file`], [`align`] and [`write`].
+pub fn run(args: Args, json: bool) -> CommandResult {
+    let rig = Rig::load(&args.rig)?;
+    check_starts(&args)?;
+    let foreign = args.foreign.clone().options();
+    let alone = args.files.len() == 1;
+    let mut reports = Vec::new();
+    let mut parts = Vec::new();
+    for path in &args.files {
+        let options = ImportOptions { start_unix_ns: start_of(path, &args.start), without: args.without.clone() };
+        let Imported { recording, mended, start_digit_s } = import_file(path, &rig, &options, &foreign, alone)?;
+        reports.extend(mended.into_iter().map(|mended| Report { file: path.clone(), mended }));
+        parts.push(Part { file: path.display().to_string(), recording, start_digit_s });
+    }
+    let (recording, clocks, left_out) = joined(parts, &rig, &args)?;
+    let warnings = doubts(&recording);
+    write(&args.output, &recording)?;
+
+    for report in &reports {
+        let line = report.mended.line.map(|l| format!(":{l}")).unwrap_or_default();
+        crate::cli::tell!("{}{line}: {}", report.file.display(), report.mended.text);
+    }
+    clocks.iter().skip(1).for_each(|clock| crate::cli::tell!("{clock}"));
+    for clock in &clocks {
+        clock.warnings.iter().for_each(|text| crate::cli::tell!("warning: {}: {text}", clock.file));
+    }
+    left_out.iter().for_each(|text| crate::cli::tell!("{text}"));
+    warnings.iter().for_each(|w| crate::cli::tell!("warning: {}", w.text));
+    let summary = Summary::of(&recording);
+    if json {
+        let sources: Vec<&PathBuf> = args.files.iter().collect();
+        let head = json!({
+            "file": args.output, "source": args.files[0], "sources": sources, "mended": reports, "warnings": warnings,
+            "alignment": if alone { None } else { Some(&clocks) }, "left_out": left_out,
+        });
+        crate::cli::say!("{}", crate::cli::document(head, &summary)?);
+    } else {
+        crate::cli::say!("{}: {summary}", args.output.display());
+    }
+    Ok(if reports.iter().any(|r| r.mended.lost) { Outcome::DataLost } else { Outcome::Done })
+}
+
+/// The recording, how each file's clock was aligned, and what was left out.
+type Joined = (Recording, Vec<Clock>, Vec<String>);
+
+/// One recording of all files.
+fn joined(mut parts: Vec<Part>, rig: &Rig, args: &Args) -> Result<Joined, Box<dyn std::error::Error + Send + Sync>> {
+    if parts.len() == 1 {
+        return Ok((parts.remove(0).recording, Vec::new(), Vec::new()));
+    }
+    let recordings: Vec<&Recording> = parts.iter().map(|p| &p.recording).collect();
+    require_sensors(&recordings, rig, &args.without)?;
+    let wanted = args.align.map(|by| match by {
+        AlignBy::Trigger => Method::Trigger,
+        AlignBy::Time => Method::Time,
+        AlignBy::Front => Method::Front,
+    });
+    let clocks = align(&parts, wanted)?;
+    let (recording, left_out) = merge(parts, &clocks).ok_or("no file to import")?;
+    Ok((recording, clocks, left_out))
+}
+
+/// The start said for a file, by its path or its name.
+fn start_of(path: &Path, starts: &[(Option<String>, u64)]) -> u64 {
+    let own = starts.iter().find(|(file, _)| file.as_ref().is_some_and(|f| is_file(path, f)));
+    own.or_else(|| starts.iter().find(|(file, _)| file.is_none())).map_or(0, |(_, ns)| *ns)
+}
+
+fn is_file(path: &Path, name: &str) -> bool {
+    path == Path::new(name) || path.file_name().is_some_and(|f| f == name)
+}
+
+fn check_starts(args: &Args) -> Result<(), String> {
+    let strange = args
+        .start
+        .iter()
+        .filter_map(|(file, _)| file.as_ref())
+        .find(|name| !args.files.iter().any(|p| is_file(p, name)));
+    match strange {
+        Some(name) => Err(format!("--start {name}=…: no such file is imported")),
+        None if args.files.len() > 1 && args.start.iter().any(|(file, _)| file.is_none()) => {
+            Err("--start does not say of which file: write --start FILE=2026-03-14T09:26:53Z, once a file".into())
+        }
+        None => Ok(()),
+    }
+}

@@ -1,0 +1,29 @@
+//! `surgescope model`: what a file of models holds.
+
+use std::path::PathBuf;
+
+use crate::cli::{CommandResult, Outcome};
+use crate::report::models::{json as models_json, text};
+use crate::study::models;
+
+/// Show the models of a file: errors one after the other, which one is in force, its parameters.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// The file of models.
+    #[arg(value_name = "MODEL.toml")]
+    file: PathBuf,
+}
+
+/// Runs it.
+///
+/// # Errors
+/// A file that cannot be read.
+pub fn run(args: Args, json: bool) -> CommandResult {
+    let file = models::load(&args.file)?;
+    if json {
+        crate::cli::say!("{}", models_json(&file)?);
+    } else {
+        crate::cli::say_text!(text(&file));
+    }
+    Ok(Outcome::Done)
+}

@@ -1,0 +1,67 @@
+//! `surgescope ports`: the serial ports of this machine, and where a rig's devices are.
+
+use std::path::{Path, PathBuf};
+
+use serde_json::json;
+
+use crate::cli::{CommandResult, Outcome};
+use crate::record::devices::port::{PortInfo, list, open_port};
+use crate::record::session::live_test::live_devices;
+use crate::rig::{Device, Rig};
+
+/// List the serial ports, or say whether those of a rig's devices can be opened.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// Try the ports of this rig's devices; the answer is 'no' where one cannot be opened.
+    #[arg(long, value_name = "RIG")]
+    rig: Option<PathBuf>,
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// A rig file that cannot be used.
+pub fn run(args: Args, json: bool) -> CommandResult {
+    let ports = list();
+    let devices = args.rig.as_deref().map(tried).transpose()?.unwrap_or_default();
+    let all_open = devices.iter().all(|(_, problem)| problem.is_none());
+    if json {
+        let entry = |(device, problem): &Tried| json!({"name": device.name, "port": device.port, "problem": problem});
+        let devices: Vec<_> = devices.iter().map(entry).collect();
+        crate::cli::say!("{}", json!({"ports": ports, "devices": devices}));
+    } else {
+        crate::cli::say_text!(table(&ports));
+        for (device, problem) in &devices {
+            let found = problem.as_deref().unwrap_or("can be opened");
+            crate::cli::say!("device '{}' on {}: {found}", device.name, device.port);
+        }
+    }
+    Ok(if all_open { Outcome::Done } else { Outcome::No })
+}
+
+/// A device, and what keeps its port from being opened.
+type Tried = (Device, Option<String>);
+
+/// The devices of a rig.
+fn tried(rig: &Path) -> Result<Vec<Tried>, Box<dyn std::error::Error + Send + Sync>> {
+    let devices = live_devices(&Rig::load(rig)?, &[])?;
+    let with_problem = |device: Device| {
+        let problem = open_port(&device).err().map(|error| error.to_string());
+        (device, problem)
+    };
+    Ok(devices.into_iter().map(with_problem).collect())
+}
+
+fn table(ports: &[PortInfo]) -> String {
+    if ports.is_empty() {
+        return "no serial port is there: plug the device in, and see that its driver is loaded\n".to_owned();
+    }
+    let width = ports.iter().map(|port| port.path.len()).max().unwrap_or(0);
+    let line = |port: &PortInfo| {
+        let product = port.product.as_deref().unwrap_or("");
+        let serial = port.serial_number.as_ref().map(|number| format!(", serial number {number}")).unwrap_or_default();
+        let stable = port.stable_path.as_ref().map(|path| format!("\n{:width$}  = {path}", "")).unwrap_or_default();
+        format!("{:width$}  {:9}  {product}{serial}{stable}\n", port.path, port.kind)
+    };
+    ports.iter().map(line).collect()
+}

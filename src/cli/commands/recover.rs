@@ -1,0 +1,40 @@
+//! `surgescope recover`: a recording cut off by a crash becomes a whole one.
+
+use std::path::PathBuf;
+
+use serde_json::json;
+
+use crate::cli::{CommandResult, Outcome};
+use crate::storage::recover;
+
+/// Arguments of `recover`.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// The recording that was cut off or damaged; it is left as it is.
+    torn: PathBuf,
+    /// The recording to make; must not exist.
+    #[arg(short, long, value_name = "MCAP")]
+    output: PathBuf,
+}
+
+/// Runs it; [`Outcome::DataLost`] if something was lost.
+///
+/// # Errors
+/// See [`recover`](crate::storage::recover).
+pub fn run(args: Args, json: bool) -> CommandResult {
+    let recovery = recover(&args.torn, &args.output)?;
+    if json {
+        crate::cli::say!("{}", crate::cli::document(json!({ "file": args.output, "source": args.torn }), &recovery)?);
+    } else {
+        crate::cli::say!("{}: {}", args.output.display(), recovery.kept);
+        match recovery.last_good_time_s {
+            _ if recovery.whole => crate::cli::say!("nothing was lost"),
+            Some(time) => crate::cli::say!("last good sample: {time} s"),
+            None => crate::cli::say!("no sample was saved"),
+        }
+    }
+    for loss in &recovery.lost {
+        crate::cli::tell!("lost: {loss}");
+    }
+    Ok(if recovery.whole { Outcome::Done } else { Outcome::DataLost })
+}

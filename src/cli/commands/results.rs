@@ -1,0 +1,97 @@
+//! `surgescope results`: many fits as one table.
+
+use std::error::Error;
+use std::path::{Path, PathBuf};
+
+use serde_json::json;
+
+use crate::cli::{CommandResult, Outcome};
+use crate::results::fit_file::{FitFile, Form};
+use crate::results::table::{long, wide};
+use crate::storage::output;
+
+type AnyError = Box<dyn Error + Send + Sync>;
+
+/// Put many fits into one table: a row for each fit and run, with errors, parameters and their standard errors.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// Fits that `calibrate -o` wrote, or folders of them; what in a folder is no fit is passed over.
+    #[arg(required = true, value_name = "FIT|FOLDER")]
+    fits: Vec<PathBuf>,
+    /// The table to write; must not exist.
+    #[arg(short, long, value_name = "CSV")]
+    output: PathBuf,
+    /// A row for each parameter instead, with bounds and scale.
+    #[arg(long)]
+    long: bool,
+    /// Replace whatever file stands at the output, unless it is a recording or one of the fits.
+    #[arg(long)]
+    overwrite: bool,
+}
+
+/// Runs it.
+///
+/// # Errors
+/// A file that is no fit, a folder without any, a table that may not or cannot be written.
+pub fn run(args: Args, json: bool) -> CommandResult {
+    if !args.output.extension().is_some_and(|e| e.eq_ignore_ascii_case("csv")) {
+        return Err(format!("{}: the table is written as CSV: end its name in .csv", args.output.display()).into());
+    }
+    let mut fits: Vec<(String, FitFile)> = Vec::new();
+    for path in &args.fits {
+        if path.is_dir() {
+            fits.extend(fits_in(path)?);
+        } else if !path.exists() {
+            return Err(output::missing(path).into());
+        } else {
+            fits.push((path.display().to_string(), FitFile::read(path)?));
+        }
+    }
+    for (i, (name, _)) in fits.iter().enumerate() {
+        if let Some((twin, _)) = fits[..i].iter().find(|(n, _)| output::same_file(Path::new(n), Path::new(name))) {
+            return Err(match twin == name {
+                true => format!("{name} is given twice: a fit counts once"),
+                false => format!("{twin} and {name} are one fit: it counts once"),
+            }
+            .into());
+        }
+    }
+    if let Some((name, _)) = fits.iter().find(|(name, _)| output::same_file(Path::new(name), &args.output)) {
+        return Err(format!("{name} is one of the fits: choose another name for the table").into());
+    }
+    let table = if args.long { long(&fits) } else { wide(&fits) };
+    let mut text = Vec::new();
+    table.write_csv(&mut text)?;
+    output::write_new(&args.output, &String::from_utf8(text)?, args.overwrite)?;
+    if json {
+        let document =
+            json!({ "file": args.output, "fits": fits.len(), "rows": table.rows.len(), "columns": table.columns });
+        crate::cli::say!("{document}");
+    } else {
+        crate::cli::say!(
+            "{}: {} rows of {} fits, {} columns",
+            args.output.display(),
+            table.rows.len(),
+            fits.len(),
+            table.columns.len()
+        );
+    }
+    Ok(Outcome::Done)
+}
+
+/// The fits of a folder by name; files of models and expected results stand in the same folders.
+fn fits_in(folder: &Path) -> Result<Vec<(String, FitFile)>, AnyError> {
+    let failed = |e| format!("cannot list the folder {}: {e}", folder.display());
+    let entries = std::fs::read_dir(folder).map_err(failed)?.collect::<Result<Vec<_>, _>>().map_err(failed)?;
+    let mut paths: Vec<PathBuf> = entries.into_iter().map(|e| e.path()).filter(|p| Form::of(p).is_ok()).collect();
+    paths.sort();
+    let read = |p: PathBuf| FitFile::read(&p).ok().map(|fit| (p.display().to_string(), fit));
+    let (asked, fits) = (paths.len(), paths.into_iter().filter_map(read).collect::<Vec<_>>());
+    if fits.is_empty() {
+        return Err(format!("the folder {} has no fit (see `calibrate -o`)", folder.display()).into());
+    }
+    if fits.len() < asked {
+        crate::cli::tell!("{}: passed over {} files that are no fits", folder.display(), asked - fits.len());
+    }
+    Ok(fits)
+}

@@ -1,0 +1,102 @@
+//! `surgescope rig`: says where a rig, or a recording made on it, contradicts itself.
+
+use std::path::{Path, PathBuf};
+
+use clap::Subcommand;
+use serde_json::{Map, Value, json};
+
+use crate::cli::args::values::positive;
+use crate::cli::{CommandResult, Outcome};
+use crate::recording::Recording;
+use crate::rig::check::{Finding, Level, check};
+use crate::rig::{Rig, SteadyState};
+use crate::signal::check::check_recording;
+use crate::storage as log;
+
+/// Look at rig files.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    #[command(subcommand)]
+    action: Action,
+}
+
+#[derive(Debug, Subcommand)]
+enum Action {
+    /// Say what in a rig file, and in a recording made on that rig, cannot be right together.
+    Check(CheckArgs),
+}
+
+#[derive(Debug, clap::Args)]
+struct CheckArgs {
+    /// The rig file (TOML).
+    rig: PathBuf,
+    /// A recording (MCAP) or a time series (CSV) made on it.
+    recording: Option<PathBuf>,
+    /// A steady flow to hold against the rig, m3/h (as `[[steady]]` in the rig file does).
+    #[arg(long, value_name = "M3_H", value_parser = positive, allow_negative_numbers = true)]
+    flow: Option<f64>,
+    /// The supply's head at that flow, m.
+    #[arg(long, value_name = "M", value_parser = positive, allow_negative_numbers = true, requires = "flow")]
+    supply_head: Option<f64>,
+    /// The Reynolds number reported for that flow.
+    #[arg(long, value_name = "RE", value_parser = positive, allow_negative_numbers = true, requires = "flow")]
+    reynolds: Option<f64>,
+}
+
+/// Runs the command; the answer is 'no' where there is a contradiction.
+pub fn run(args: Args, json: bool) -> CommandResult {
+    let Action::Check(args) = args.action;
+    let mut rig = Rig::load(&args.rig)?;
+    if let Some(flow_m3_h) = args.flow {
+        rig.steady.push(SteadyState {
+            name: format!("{flow_m3_h} m3/h"),
+            flow_m3_s: flow_m3_h / 3600.0,
+            supply_head_m: args.supply_head,
+            temperature_degc: None,
+            reynolds_number: args.reynolds,
+            wave_speed_m_s: None,
+        });
+    }
+    let mut findings = check(&rig);
+    if let Some(path) = &args.recording {
+        findings.extend(check_recording(&rig, &read(path, &rig)?));
+    }
+    let worst = findings.iter().map(|f| f.level).max().unwrap_or(Level::Fine);
+    if json {
+        crate::cli::say!("{}", document(&args.rig, args.recording.as_deref(), worst, &findings));
+    } else {
+        crate::cli::say_text!(table(&findings));
+    }
+    Ok(if worst == Level::Contradiction { Outcome::No } else { Outcome::Done })
+}
+
+fn read(path: &Path, rig: &Rig) -> Result<Recording, log::LogError> {
+    let csv = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("csv"));
+    if csv { log::import_csv(path, rig) } else { log::read(path) }
+}
+
+fn document(rig: &Path, recording: Option<&Path>, worst: Level, findings: &[Finding]) -> Value {
+    let finding = |f: &Finding| {
+        let numbers: Map<String, Value> = f.numbers.iter().map(|(name, v)| ((*name).to_owned(), json!(v))).collect();
+        json!({ "level": f.level.word(), "subject": f.subject, "message": f.message, "numbers": numbers })
+    };
+    json!({
+        "rig": rig.display().to_string(),
+        "recording": recording.map(|p| p.display().to_string()),
+        "verdict": worst.word(),
+        "findings": findings.iter().map(finding).collect::<Vec<_>>(),
+    })
+}
+
+/// The worst first, each with its level and its numbers; then how many there are of each.
+fn table(findings: &[Finding]) -> String {
+    let mut text = String::new();
+    for level in [Level::Contradiction, Level::Warning, Level::Fine] {
+        for finding in findings.iter().filter(|f| f.level == level) {
+            text += &format!("{:13}  {}: {}\n", level.word(), finding.subject, finding.message);
+        }
+    }
+    let count = |level| findings.iter().filter(|f| f.level == level).count();
+    let (contradictions, warnings, fine) = (count(Level::Contradiction), count(Level::Warning), count(Level::Fine));
+    text + &format!("\ncontradictions: {contradictions}, warnings: {warnings}, fine: {fine}\n")
+}

@@ -1,0 +1,295 @@
+//! `surgescope sensitivity`: which parameter moves what.
+
+use std::path::PathBuf;
+
+use indicatif::{ProgressBar, ProgressStyle};
+
+use crate::cli::args::values::{number, pair, positive, setting};
+use crate::cli::{CommandResult, Outcome};
+use crate::model::Conditions;
+use crate::model::effects::{Chosen, name_of, parse_list};
+use crate::report::sensitivity::html as page;
+use crate::simulate::scenario::{Scenario, ValveForm};
+use crate::storage::output;
+use crate::study::models;
+
+use crate::report::sensitivity as text;
+use crate::rig::Rig;
+use crate::sensitivity::factor::{Factor, Range, Reach};
+use crate::sensitivity::study::{Study, elementary_effects, variance_shares};
+use crate::sensitivity::subject::{Subject, sensor};
+use crate::sensitivity::{SensitivityError, levels, map, rules};
+
+/// Which parameter moves what: peaks, their times, phase and damping of a simulated closure against the parameters of a model.
+///
+/// A parameter varies over its bounds in the catalogue, a run's own (velocity, head, closing time, friction) by 20 % to either side; --within
+/// and --range narrow that.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// The rig.
+    #[arg(value_name = "RIG")]
+    rig: PathBuf,
+    /// Effects of the model.
+    #[arg(long, value_name = "A,B", value_parser = parse_list)]
+    effects: Option<::std::vec::Vec<Chosen>>,
+    /// Values around which it is studied; what is not set has the rig's value or a default.
+    #[arg(long, value_name = "NAME=VALUE", value_parser = setting, num_args = 1..)]
+    set: Vec<(String, f64)>,
+    /// Take effects and values from the model in force of this file (see `calibrate --save`); --set goes before them.
+    #[arg(long, value_name = "MODEL", conflicts_with = "effects")]
+    model: Option<PathBuf>,
+    /// The pressure sensor to read [default: the one nearest to the valve].
+    #[arg(long, value_name = "NAME")]
+    sensor: Option<String>,
+    /// What to compute, one or several.
+    #[arg(long, value_enum, value_name = "METHODS", value_delimiter = ',', default_values_t = [Method::Morris, Method::Sobol])]
+    method: Vec<Method>,
+    /// The range of a parameter.
+    #[arg(long, value_name = "NAME=LOW:HIGH", value_parser = range, num_args = 1..)]
+    range: Vec<Range>,
+    /// All others vary from their value divided by this to their value times it, within their bounds.
+    #[arg(long, value_name = "FACTOR", value_parser = above_one)]
+    within: Option<f64>,
+    /// Vary these parameters only.
+    #[arg(long, value_name = "A,B", value_delimiter = ',')]
+    only: Vec<String>,
+    /// Morris: trajectories, each of one simulation more than there are parameters.
+    #[arg(long, value_name = "N", default_value_t = 50)]
+    trajectories: usize,
+    /// Sobol: rows, each of two simulations more than there are parameters; best a power of two.
+    #[arg(long, value_name = "N", default_value_t = 512)]
+    rows: usize,
+    /// Analysis of variance: levels of each parameter, from half its value to twice it where no range is given.
+    #[arg(long, value_name = "N", default_value_t = 4)]
+    levels: usize,
+    /// Analysis of variance: runs a level, between which all other parameters are drawn anew.
+    #[arg(long, value_name = "N", default_value_t = 3)]
+    repeats: usize,
+    /// Analysis of variance: how far the others are drawn from their values where no range is given, in percent to either side.
+    #[arg(long, value_name = "PERCENT", value_parser = positive, default_value_t = 5.0)]
+    scatter: f64,
+    /// Maps: two parameters, across and upwards [default: of two elements tau1_s:tau2_s, tau1_s:J1_per_GPa and tau2_s:J2_per_GPa].
+    #[arg(long, value_name = "X:Y", value_parser = two_names, num_args = 1..)]
+    map: Vec<(String, String)>,
+    /// Maps: cells a side.
+    #[arg(long, value_name = "N", default_value_t = 25)]
+    cells: usize,
+    /// Maps: write each as X-Y.csv into this folder.
+    #[arg(long, value_name = "FOLDER")]
+    csv: Option<PathBuf>,
+    /// Where the random draws start: the same seed gives the same numbers.
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    seed: u64,
+    /// Write a page with tables and plots.
+    #[arg(long, value_name = "HTML")]
+    report: Option<PathBuf>,
+    /// Test the source paper's rules on this rig one by one, as a page in Markdown, and nothing else.
+    #[arg(long, conflicts_with_all = ["method", "report", "csv", "map", "range", "within", "only"])]
+    rules: bool,
+}
+
+/// What can be computed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+enum Method {
+    /// One-way analysis of variance of each parameter of the effects.
+    Anova,
+    /// Features over two parameters.
+    Map,
+    /// Elementary effects.
+    Morris,
+    /// Shares of the variance.
+    Sobol,
+}
+
+/// Reaches unless `reaches` is set: features are within a percent of those on four times as many (a test says so), and thousands of runs are to be
+/// made.
+const REACHES: f64 = 96.0;
+
+fn range(text: &str) -> Result<Range, String> {
+    let (name, ends) = pair(text)?;
+    let (low, high) = ends.split_once(':').ok_or("write it as NAME=LOW:HIGH")?;
+    Ok(Range { name, low: number(low)?, high: number(high)? })
+}
+
+fn above_one(text: &str) -> Result<f64, String> {
+    number(text).and_then(|v| if v > 1.0 { Ok(v) } else { Err("must be above 1".to_owned()) })
+}
+
+fn two_names(text: &str) -> Result<(String, String), String> {
+    match text.split_once(':') {
+        Some((x, y)) if !x.is_empty() && !y.is_empty() && x != y => Ok((x.to_owned(), y.to_owned())),
+        _ => Err("write it as X:Y, two parameters".to_owned()),
+    }
+}
+
+/// Runs it.
+///
+/// # Errors
+/// A rig that cannot be read, unknown parameters, ranges that are none, a file that cannot be written; if all simulations fail.
+pub fn run(args: Args, json: bool) -> CommandResult {
+    let scenario = scenario(&args)?;
+    if let Some(path) = &args.report {
+        output::check_report(path)?;
+    }
+    if args.csv.as_ref().is_some_and(|folder| !folder.is_dir()) {
+        return Err("--csv names no folder: create it first, the maps go into it".into());
+    }
+    let subject = Subject {
+        model: scenario.model(),
+        conditions: Conditions { water: scenario.water, supply_deviation: None },
+        values: scenario.values().into_iter().map(|(_, value)| value).collect(),
+        reaches: scenario.reaches,
+        sensor: sensor(&scenario.rig, args.sensor.as_deref())?,
+    };
+    // What does not work at the values themselves is told once, before thousands of runs.
+    subject.features(&subject.values)?;
+    if args.rules {
+        let bar = progress(rules::runs() as u64);
+        let found = rules::test(&subject, &|| bar.inc(1))?;
+        bar.finish_and_clear();
+        if json {
+            crate::cli::say!("{:#}", serde_json::to_value(&found)?);
+        } else {
+            crate::cli::say_text!(text::rules_page(&found));
+        }
+        return Ok(Outcome::Done);
+    }
+    let study = study(&args, &subject, &scenario)?;
+    if let Some(folder) = &args.csv {
+        for map in &study.maps {
+            let path = folder.join(format!("{}-{}.csv", map.x.name, map.y.name));
+            let content = map.csv();
+            output::check_series(&path, content.lines().next().unwrap_or_default(), false, &args.rig)?;
+            output::write(&path, &content)?;
+            crate::cli::tell!("wrote {}", path.display());
+        }
+    }
+    if let Some(path) = &args.report {
+        output::write(path, &page::html(&study))?;
+        crate::cli::tell!("wrote {}", path.display());
+    }
+    if json {
+        crate::cli::say!("{:#}", serde_json::to_value(&study)?);
+    } else {
+        crate::cli::say_text!(text::text(&study));
+    }
+    Ok(Outcome::Done)
+}
+
+/// The model around which is studied, and what was used although nobody set it.
+fn scenario(args: &Args) -> Result<Scenario, Box<dyn std::error::Error + Send + Sync>> {
+    let mut effects = args.effects.clone().unwrap_or_default();
+    let mut settings = args.set.clone();
+    let set = |settings: &[(String, f64)], name: &str| settings.iter().any(|(n, _)| n == name);
+    if let Some(path) = &args.model {
+        let file = models::load(path)?;
+        let entry = file.current();
+        effects = parse_list(&entry.effects.join(","))?;
+        // What belongs to a recording (its clock, its sensors' offsets) is none of a simulation's.
+        let of_recording = |name: &str| name == "closure_start_s" || name.starts_with("offset_m");
+        for p in entry.parameters.iter().filter(|p| !of_recording(&p.name)) {
+            if !set(&settings, &p.name) {
+                settings.push((p.name.clone(), p.value));
+            }
+        }
+    }
+    if !set(&settings, "reaches") {
+        settings.push(("reaches".to_owned(), REACHES));
+    }
+    let scenario = Scenario::new(Rig::load(&args.rig)?, &effects, ValveForm::Linear, &settings)?;
+    let used: Vec<String> = scenario.not_set(&settings).iter().map(|(n, v)| format!("{n}={v:.6}")).collect();
+    crate::cli::tell!("not set, so used: {}", used.join(" "));
+    Ok(scenario)
+}
+
+/// Makes the studies that are asked for.
+fn study(args: &Args, subject: &Subject, scenario: &Scenario) -> Result<Study, SensitivityError> {
+    let asked = |method: Method| args.method.contains(&method);
+    let wide = args.within.map_or(Reach::Bounds, Reach::Factor);
+    let factors = subject.factors(wide, &args.range, &args.only)?;
+    let plan = levels::Plan { levels: args.levels, repeats: args.repeats, seed: args.seed };
+    let studied = studied(args, subject)?;
+    let maps = if asked(Method::Map) { maps(args, subject)? } else { Vec::new() };
+
+    let mut runs = 0;
+    if asked(Method::Anova) {
+        runs += levels::runs(plan, studied.len());
+    }
+    if asked(Method::Morris) {
+        runs += args.trajectories * (factors.len() + 1);
+    }
+    if asked(Method::Sobol) {
+        runs += args.rows * (factors.len() + 2);
+    }
+    runs += maps.iter().map(|(_, _, raised)| map::runs(args.cells, raised.len())).sum::<usize>();
+    let bar = progress(runs as u64);
+    let tick = || bar.inc(1);
+    let mut study = Study {
+        rig: scenario.rig.name.clone(),
+        effects: scenario.effects.iter().map(Chosen::label).collect(),
+        sensor: subject.sensor.name.clone(),
+        reaches: subject.reaches,
+        period_s: subject.period_s(),
+        values: scenario.values(),
+        seed: args.seed,
+        ..Study::default()
+    };
+    if asked(Method::Anova) {
+        let drawn = subject.factors(Reach::Share(args.scatter / 100.0), &args.range, &[])?;
+        study.anova = Some(levels::study(subject, &studied, &drawn, plan, &tick)?);
+    }
+    if asked(Method::Morris) {
+        study.morris = Some(elementary_effects(subject, &factors, args.trajectories, args.seed, &tick)?);
+    }
+    if asked(Method::Sobol) {
+        study.sobol = Some(variance_shares(subject, &factors, args.rows, args.seed, &tick)?);
+    }
+    for (x, y, raised) in &maps {
+        study.maps.push(map::draw(subject, x, y, raised, args.cells, &tick)?);
+    }
+    bar.finish_and_clear();
+    Ok(study)
+}
+
+/// What an analysis of variance studies: the parameters of effects, or all where there are none, from half to twice their values.
+fn studied(args: &Args, subject: &Subject) -> Result<Vec<Factor>, SensitivityError> {
+    let all = subject.factors(Reach::Factor(2.0), &args.range, &args.only)?;
+    let of_effects = subject.model.effects_from()..subject.model.shared.len();
+    let any = !of_effects.is_empty() && args.only.is_empty();
+    Ok(all.into_iter().filter(|f| !any || of_effects.contains(&f.slot)).collect())
+}
+
+type MapPlan = (Factor, Factor, Vec<Factor>);
+
+/// The maps that are asked for, each with the compliances that are raised.
+fn maps(args: &Args, subject: &Subject) -> Result<Vec<MapPlan>, SensitivityError> {
+    let factors = subject.factors(args.within.map_or(Reach::Bounds, Reach::Factor), &args.range, &[])?;
+    let find = |name: &str| -> Result<Factor, SensitivityError> {
+        let slot = subject.slot(name)?;
+        Ok(factors[slot].clone())
+    };
+    let usual = [("tau1_s", "tau2_s"), ("tau1_s", "J1_per_GPa"), ("tau2_s", "J2_per_GPa")];
+    let mut names = args.map.clone();
+    if names.is_empty() {
+        if find("tau2_s").is_err() {
+            return Err(SensitivityError::NeedsTwoElements { effects: name_of(&subject.model.effects) });
+        }
+        names = usual.map(|(x, y)| (x.to_owned(), y.to_owned())).to_vec();
+    }
+    let compliance = |f: &&Factor| f.name.starts_with('J') && f.name.ends_with("_per_GPa");
+    let plan = |(x, y): &(String, String)| {
+        // Of a map over one element's values its own compliance is raised, of any other map all.
+        let own: Vec<Factor> = factors.iter().filter(compliance).filter(|f| f.name == *y).cloned().collect();
+        let raised = if own.is_empty() { factors.iter().filter(compliance).cloned().collect() } else { own };
+        Ok((find(x)?, find(y)?, raised))
+    };
+    names.iter().map(plan).collect()
+}
+
+fn progress(runs: u64) -> ProgressBar {
+    let bar = ProgressBar::new(runs);
+    if let Ok(style) = ProgressStyle::with_template("{bar:30} {pos}/{len} simulations, {eta} left") {
+        bar.set_style(style);
+    }
+    bar
+}

@@ -1,0 +1,221 @@
+//! `surgescope simulate`: the model alone, no recording needed.
+
+use std::fs::File;
+use std::io::{BufWriter, Write, stdout};
+use std::path::PathBuf;
+use std::time::Instant;
+
+use serde_json::json;
+
+use crate::cli::args::values::{positive, rounded, setting};
+use crate::cli::args::values_file;
+use crate::cli::commands::as_recorded::{AsRecorded, Asked};
+use crate::cli::commands::energy;
+use crate::cli::{CommandResult, Outcome};
+use crate::model::constraint::Given;
+use crate::model::effects::{ATMOSPHERE_PA, Chosen, parse_list};
+use crate::model::trace::Trace;
+use crate::rig::{Coupling, Rig};
+use crate::simulate::scenario::{Scenario, ValveForm};
+use crate::storage::output;
+
+/// Simulate a closure on a rig.
+///
+/// Settings that are always known: wave_speed_m_s, friction_factor (a constant; left out, it follows from Reynolds number and
+/// roughness), initial_velocity_m_s, valve_head_m, closing_time_s, reaches; each effect adds its own (J1_per_GPa, tau1_s, …).
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// The rig; with --recording, one instead of that stored in them.
+    #[arg(long, value_name = "RIG", required_unless_present = "recording")]
+    rig: Option<PathBuf>,
+    #[command(flatten)]
+    beside: AsRecorded,
+    /// Effects added to the base model; `none` is the base model alone.
+    #[arg(long, value_name = "A,B", default_value = "none", value_parser = parse_list)]
+    effects: ::std::vec::Vec<Chosen>,
+    /// Values of parameters; what is not set has the rig's value or a default.
+    #[arg(long, value_name = "NAME=VALUE", value_parser = setting, num_args = 1..)]
+    set: Vec<(String, f64)>,
+    /// Values from a file, a line NAME = VALUE each; --set goes before them.
+    #[arg(long, value_name = "FILE")]
+    values: Option<PathBuf>,
+    /// How the valve closes.
+    #[arg(long, value_enum, default_value_t = ValveForm::Linear)]
+    valve: ValveForm,
+    /// Simulated time after the start of the closure, s [default: ten periods].
+    #[arg(long, value_name = "S", value_parser = positive, allow_negative_numbers = true)]
+    duration: Option<f64>,
+    /// Write values at 0, DT, 2 DT, … s [default: the simulation's own steps].
+    #[arg(long, value_name = "DT", value_parser = positive, allow_negative_numbers = true)]
+    csv_times: Option<f64>,
+    /// The time series to write, one column a pressure sensor in its unit; an older one with the same columns is replaced
+    /// [default: standard output].
+    #[arg(short, long, value_name = "CSV")]
+    output: Option<PathBuf>,
+    /// Replace whatever file stands at the output, unless it is the rig or a recording.
+    #[arg(long, requires = "output")]
+    overwrite: bool,
+    /// Keep the energy book and write it here, J, at the times of the other file: what the line holds as motion and as
+    /// strain, what the supply gave, what valve, friction and each effect took; an older file of that name is replaced.
+    #[arg(long, value_name = "CSV")]
+    energy: Option<PathBuf>,
+}
+
+/// Most rows that one file may have.
+const MOST_ROWS: f64 = 1e8;
+
+/// Runs it.
+///
+/// # Errors
+/// A rig that cannot be read, settings that do not exist or are out of range, a file that cannot be written.
+pub fn run(mut args: Args, json: bool) -> CommandResult {
+    let given = given(&args)?;
+    let rig = match args.rig.clone() {
+        Some(rig) if !args.beside.asked() => rig,
+        rig => {
+            let asked = Asked {
+                rig: rig.as_deref(),
+                effects: &args.effects,
+                given: &given,
+                output: args.output.as_deref(),
+                overwrite: args.overwrite,
+            };
+            return args.beside.run(&asked, json);
+        }
+    };
+    if let Some(run) = given.iter().find_map(|g| g.run.as_ref()) {
+        return Err(format!("the file of values has some of '{run}' alone: name it with --recording").into());
+    }
+    args.set = given.into_iter().map(|g| (g.name, g.value)).collect();
+    let scenario = Scenario::new(Rig::load(&rig)?, &args.effects, args.valve, &args.set)?;
+    if let Some(path) = &args.output {
+        output::check_series(path, &header(&scenario), args.overwrite, &rig)?;
+    }
+    let duration_s = args.duration.unwrap_or(10.0 * scenario.period_s());
+    let start = Instant::now();
+    let (traces, book) = scenario.simulate_with(duration_s, args.energy.is_some())?;
+    let seconds = start.elapsed().as_secs_f64();
+    let step_s = args.csv_times.unwrap_or(traces.first().map_or(duration_s, |t| t.dt_s));
+    tell_what_was_not_set(&scenario, &args, duration_s, step_s);
+    if duration_s / step_s > MOST_ROWS {
+        return Err(format!(
+            "{duration_s} s in steps of {step_s} s are more than {MOST_ROWS:.0} rows; take a longer step"
+        )
+        .into());
+    }
+    warn_of_cavities(&scenario, &traces);
+    match &args.output {
+        Some(path) => {
+            let file = File::create(path).map_err(|e| format!("cannot write {}: {e}", path.display()))?;
+            write_csv(&scenario, &traces, step_s, duration_s, BufWriter::new(file))
+                .map_err(|e| format!("writing {}: {e}", path.display()))?;
+        }
+        None if json => {}
+        None => match write_csv(&scenario, &traces, step_s, duration_s, BufWriter::new(stdout().lock())) {
+            Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => {}
+            other => other?,
+        },
+    }
+    let kept = args.energy.as_deref().zip(book.as_ref());
+    if let Some((path, book)) = kept {
+        output::check_series(path, &format!("time_s,{}", book.columns().join(",")), args.overwrite, &rig)?;
+        energy::write_csv(book, path, times(step_s, duration_s))?;
+        crate::cli::tell!("{}", energy::sentence(book, duration_s));
+    }
+    if json {
+        let settings: serde_json::Map<_, _> = scenario.values().into_iter().map(|(n, v)| (n, json!(v))).collect();
+        let document = json!({
+            "file": args.output,
+            "effects": scenario.effects.iter().map(Chosen::label).collect::<Vec<_>>(),
+            "settings": settings,
+            "reaches": scenario.reaches,
+            "time_step_s": traces.first().map(|t| t.dt_s),
+            "duration_s": duration_s,
+            "sensors": scenario.rig.pressure_sensors().map(|(_, s)| &s.name).collect::<Vec<_>>(),
+            "energy": kept.map(|(path, book)| energy::json(book, duration_s, path)),
+            "seconds": seconds,
+        });
+        crate::cli::say!("{document:#}");
+    }
+    Ok(Outcome::Done)
+}
+
+/// Values from the command line, then those of the file that it does not set.
+fn given(args: &Args) -> Result<Vec<Given>, String> {
+    let said = args.set.iter().map(|(name, value)| Given { name: name.clone(), run: None, value: *value });
+    let mut given: Vec<Given> = said.collect();
+    if let Some(path) = &args.values {
+        let own = values_file::read(path)?;
+        given.extend(own.into_iter().filter(|g| !args.set.iter().any(|(name, _)| *name == g.name)));
+    }
+    Ok(given)
+}
+
+/// Nothing is made up in silence: each value that nobody set, from the rig, its law or a default.
+fn tell_what_was_not_set(scenario: &Scenario, args: &Args, duration_s: f64, step_s: f64) {
+    let mut used = scenario.not_set(&args.set);
+    used.extend(args.duration.is_none().then(|| ("duration_s".to_owned(), duration_s)));
+    used.extend(args.csv_times.is_none().then(|| ("csv_times_s".to_owned(), step_s)));
+    used.push(("temperature_degC".to_owned(), scenario.rig.fluid.temperature_degc));
+    let list: Vec<String> = used.iter().map(|(name, v)| format!("{name}={}", to_digits(*v, 6))).collect();
+    crate::cli::tell!("not set, so used: {}", list.join(" "));
+}
+
+/// First line of the time series.
+fn header(scenario: &Scenario) -> String {
+    let names = scenario.rig.pressure_sensors().map(|(_, s)| s.name.as_str());
+    std::iter::once("time_s").chain(names).collect::<Vec<_>>().join(",")
+}
+
+/// The times 0, DT, 2 DT, … up to the duration.
+fn times(step_s: f64, duration_s: f64) -> impl Iterator<Item = f64> {
+    // The last time counts although it may be a rounding error beyond the duration.
+    let rows = (duration_s / step_s * (1.0 + 1e-12) + 1e-9).floor() as u64;
+    (0..=rows).map(move |row| row as f64 * step_s)
+}
+
+fn write_csv(
+    scenario: &Scenario,
+    traces: &[Trace],
+    step_s: f64,
+    duration_s: f64,
+    mut out: impl Write,
+) -> std::io::Result<()> {
+    let sensors: Vec<usize> = scenario.rig.pressure_sensors().map(|(i, _)| i).collect();
+    writeln!(out, "{}", header(scenario))?;
+    for time_s in times(step_s, duration_s) {
+        write!(out, "{}", rounded(time_s))?;
+        for (&i, trace) in sensors.iter().zip(traces) {
+            write!(out, ",{}", rounded(scenario.displayed(i, trace.at(time_s))))?;
+        }
+        writeln!(out)?;
+    }
+    out.flush()
+}
+
+fn to_digits(value: f64, digits: usize) -> f64 {
+    format!("{value:.*e}", digits - 1).parse().unwrap_or(value)
+}
+
+/// Without the physics of cavities a head below vapour pressure is a number, not water.
+fn warn_of_cavities(scenario: &Scenario, traces: &[Trace]) {
+    if scenario.effects.iter().any(|c| c.effect.lets_boil()) {
+        return;
+    }
+    let least_pa = scenario.water.vapour_pressure_pa - ATMOSPHERE_PA;
+    // A piezoelectric sensor shows no head to judge by.
+    let steady = scenario.rig.pressure_sensors().zip(traces).filter(|((_, s), _)| s.coupling == Coupling::Dc);
+    for ((_, sensor), trace) in steady {
+        let elevation_m = scenario.rig.sensor_elevation_m(sensor);
+        let least_head_m = elevation_m + least_pa / (scenario.water.density_kg_m3 * crate::units::GRAVITY_M_S2);
+        if let Some(step) = trace.values.iter().position(|&h| h < least_head_m) {
+            crate::cli::tell!(
+                "warning: at {} the pressure falls below vapour pressure {:.4} s after the start of the closure; this model does \
+                 not let the water boil, so what follows is not physical: add vapour-cavity, or take a lower velocity or a higher \
+                 head",
+                sensor.name,
+                step as f64 * trace.dt_s
+            );
+        }
+    }
+}

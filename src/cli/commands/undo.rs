@@ -1,0 +1,38 @@
+//! `surgescope undo`: a step back in a file of models.
+
+use std::path::PathBuf;
+
+use crate::cli::{CommandResult, Outcome};
+use crate::report::models::{json as models_json, text};
+use crate::study::models;
+
+/// Put the model in force that the present one grew out of; nothing is deleted.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// The file of models.
+    #[arg(value_name = "MODEL.toml")]
+    file: PathBuf,
+}
+
+/// Runs it.
+///
+/// # Errors
+/// A file that cannot be read or written, a model in force that grew out of none.
+pub fn run(args: Args, json: bool) -> CommandResult {
+    let mut file = models::load(&args.file)?;
+    if !file.step_back() {
+        return Err(format!(
+            "model {} in {} is where it began: there is no step back from it",
+            file.in_force,
+            args.file.display()
+        )
+        .into());
+    }
+    models::save(&mut file, &args.file)?;
+    if json {
+        crate::cli::say!("{}", models_json(&file)?);
+    } else {
+        crate::cli::say_text!(text(&file));
+    }
+    Ok(Outcome::Done)
+}

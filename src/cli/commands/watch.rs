@@ -1,0 +1,273 @@
+//! `surgescope watch`: each recording that appears in a folder is fitted and diagnosed by itself.
+
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::Ordering;
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
+
+use crate::cli::args::values::positive;
+use crate::cli::commands::evaluate::{Ended, Settings, evaluate, line, sentence};
+use crate::cli::commands::record::{STOP, stop_on_signals};
+use crate::cli::console::last_words::LastWords;
+use crate::cli::{CommandResult, Outcome};
+use crate::report::history::text::{RunDocument, WatchDocument};
+use crate::results::history::index::{Entered, Seen};
+use crate::results::history::lock::Lock;
+use crate::results::history::{Index, Run, State};
+use crate::rig::Rig;
+use crate::watch::folder::{Content, Listed, list, look_into};
+
+/// How often a run is begun that the program does not survive, before it has to wait.
+const MOST_TRIES: u32 = 5;
+
+/// Watch a folder: each finished recording in it is inspected, calibrated with the rig's last accepted model and diagnosed against it.
+///
+/// Fit (NAME.fit.toml, and NAME.model.toml to go on from) and report (NAME.html) land beside the recording, a line says the verdict, and
+/// the folder's index (surgescope.sqlite) keeps the values for `surgescope history`. Ends with Ctrl-C, after the run at work. May be killed at any time:
+/// begun again, it finishes what is missing. A recording counts once, however often it is copied or renamed.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// The folder.
+    #[arg(value_name = "FOLDER")]
+    folder: PathBuf,
+    #[command(flatten)]
+    settings: Settings,
+    /// A rig to read the recordings with, instead of the one that is stored in each.
+    #[arg(long, value_name = "RIG")]
+    rig: Option<PathBuf>,
+    /// Do what is there and end: 1 where a run failed now or has to wait because the program ended too often during it, 3 where a recording has no end. Needed for --json: one document needs an end.
+    #[arg(long)]
+    once: bool,
+    /// Print each verdict as a JSON document on a line of its own.
+    #[arg(long)]
+    json_lines: bool,
+    /// Try again what has failed.
+    #[arg(long)]
+    retry: bool,
+    /// Look at the folder so often, in seconds.
+    #[arg(long, value_name = "S", default_value_t = 1.0, value_parser = positive, allow_negative_numbers = true)]
+    every: f64,
+    /// A recording without an end that has not grown for so many seconds was cut off.
+    #[arg(long, value_name = "S", default_value_t = 10.0, value_parser = positive, allow_negative_numbers = true)]
+    torn_after: f64,
+}
+
+/// Runs it.
+///
+/// # Errors
+/// A folder that cannot be read or is watched already, an index that cannot be written.
+pub fn run(args: Args, json: bool) -> CommandResult {
+    if json && !args.once {
+        return Err(
+            "a watch that goes on prints no single document: say --once with --json, or --json-lines for one a run"
+                .into(),
+        );
+    }
+    let torn_after = Duration::try_from_secs_f64(args.torn_after)?;
+    let every = Duration::try_from_secs_f64(args.every)?;
+    if !args.folder.is_dir() {
+        return Err(format!("{} is no folder: name the one in which recordings appear", args.folder.display()).into());
+    }
+    let rig = args.rig.as_deref().map(Rig::load).transpose()?;
+    let _lock = Lock::take(&args.folder)?;
+    let mut watch = Watch {
+        index: Index::open(&args.folder)?,
+        torn_after,
+        rig,
+        args,
+        json,
+        ended: Vec::new(),
+        torn: BTreeSet::new(),
+        unnamed: BTreeSet::new(),
+    };
+    stop_on_signals()?;
+    aloud(|| watch.begin())?;
+    loop {
+        watch.look()?;
+        watch.work()?;
+        if watch.args.once || wait(every) {
+            break;
+        }
+    }
+    watch.end()
+}
+
+/// Waits; true when the program is asked to end.
+fn wait(time: Duration) -> bool {
+    let until = std::time::Instant::now() + time;
+    while !STOP.load(Ordering::Relaxed) {
+        let left = until.saturating_duration_since(std::time::Instant::now());
+        if left.is_zero() {
+            return false;
+        }
+        std::thread::sleep(left.min(Duration::from_millis(50)));
+    }
+    true
+}
+
+/// Says something that must not keep the watch from ending.
+fn aloud<T>(say: impl FnOnce() -> T) -> T {
+    let _words = LastWords::before(Outcome::Done.code(), &STOP);
+    say()
+}
+
+type AnyError = Box<dyn std::error::Error + Send + Sync>;
+
+struct Watch {
+    args: Args,
+    json: bool,
+    torn_after: Duration,
+    rig: Option<Rig>,
+    index: Index,
+    /// Runs that ended in this watch.
+    ended: Vec<Run>,
+    /// Files seen without an end.
+    torn: BTreeSet<String>,
+    /// Files whose names cannot stand in the index.
+    unnamed: BTreeSet<PathBuf>,
+}
+
+impl Watch {
+    fn folder(&self) -> &Path {
+        &self.args.folder
+    }
+
+    /// Takes up what an earlier watch left.
+    fn begin(&mut self) -> Result<(), AnyError> {
+        let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+        for run in self.index.resume(MOST_TRIES, now.as_secs() as i64)? {
+            if self.index.run(run.id)?.error.is_none() {
+                crate::cli::tell!("{}: was cut off and is done again", run.file);
+            }
+        }
+        if self.args.retry {
+            let again = self.index.retry()?;
+            crate::cli::tell!("{again} failed run{} tried again", if again == 1 { " is" } else { "s are" });
+        }
+        for run in self.index.given_up()? {
+            if self.folder().join(&run.file).exists() {
+                self.tell_end(run.id)?;
+            }
+        }
+        let all = self.index.all()?;
+        let count = |state| all.iter().filter(|r| r.state == state).count();
+        let (done, failed) = (count(State::Done), count(State::Failed));
+        let until = if self.args.once { "" } else { "; Ctrl-C ends" };
+        crate::cli::tell!("watching {}: {done} runs done, {failed} failed{until}", self.folder().display());
+        Ok(())
+    }
+
+    /// Looks for recordings that are new.
+    fn look(&mut self) -> Result<(), AnyError> {
+        let (listed, unnamed) =
+            list(self.folder()).map_err(|e| format!("cannot list the folder {}: {e}", self.folder().display()))?;
+        for path in unnamed {
+            if !self.unnamed.contains(&path) {
+                aloud(|| crate::cli::tell!("{}: its name is no UTF-8, so it is left alone: rename it", path.display()));
+                self.unnamed.insert(path);
+            }
+        }
+        for file in listed {
+            if STOP.load(Ordering::Relaxed) {
+                break;
+            }
+            match self.index.seen(&file.name)? {
+                Some(Seen::Run(_)) => {}
+                Some(Seen::Torn) if self.args.once => {
+                    aloud(|| crate::cli::tell!("{}: still has no end", file.name.file));
+                    self.torn.insert(file.name.file);
+                }
+                Some(Seen::Torn) => {}
+                None => self.enter(file)?,
+            }
+        }
+        Ok(())
+    }
+
+    fn enter(&mut self, listed: Listed) -> Result<(), AnyError> {
+        let file = &listed.name.file;
+        // a file that cannot be read now, or has gone, is looked at again next time
+        let Ok(content) = look_into(&listed.path) else { return Ok(()) };
+        let folder = self.args.folder.clone();
+        let is_there = |name: &str| folder.join(name).exists();
+        let (identity, rig, recorded_unix_ns, error) = match content {
+            Content::Unfinished => return self.unfinished(listed),
+            Content::Recording { identity, rig, recorded_unix_ns } => (identity, rig, recorded_unix_ns, None),
+            Content::Unreadable { identity, error } => (identity, String::new(), 0, Some(sentence(&error))),
+        };
+        match self.index.enter(&listed.name, &identity, (&rig, recorded_unix_ns), error.as_deref(), is_there)? {
+            Entered::New(id) if error.is_some() => self.tell_end(id)?,
+            Entered::New(_) => {}
+            Entered::Copy(other) if other == *file => {}
+            Entered::Copy(other) => aloud(|| crate::cli::tell!("{file} is a copy of {other}: a recording counts once")),
+            Entered::Moved(other) => aloud(|| crate::cli::tell!("{file} is {other} under another name: it is known")),
+        }
+        Ok(())
+    }
+
+    fn unfinished(&mut self, listed: Listed) -> Result<(), AnyError> {
+        let Listed { name, path, quiet } = listed;
+        let _words = LastWords::before(Outcome::Done.code(), &STOP);
+        if quiet >= self.torn_after {
+            crate::cli::tell!(
+                "{}: has no end and has not grown for {:.0} s: cut off? `surgescope recover {} -o NEW.mcap` saves what is in it",
+                name.file,
+                quiet.as_secs_f64(),
+                path.display()
+            );
+            self.index.torn(&name)?;
+            self.torn.insert(name.file);
+        } else if self.args.once {
+            crate::cli::tell!("{}: is still being written: it is left for later", name.file);
+            self.torn.insert(name.file);
+        }
+        Ok(())
+    }
+
+    /// Works on all that waits.
+    fn work(&mut self) -> Result<(), AnyError> {
+        while !STOP.load(Ordering::Relaxed) {
+            let Some(run) = self.index.claim(None)? else { break };
+            let folder = self.args.folder.clone();
+            match evaluate(&mut self.index, &folder, &run, self.rig.as_ref(), &self.args.settings)? {
+                Ended::Done(run) | Ended::Failed(run) => self.tell_end(run.id)?,
+                Ended::Changed => aloud(|| crate::cli::tell!("{}: has changed since it was seen", run.file)),
+            }
+            // what has come meanwhile may have been recorded earlier than what waits
+            self.look()?;
+        }
+        Ok(())
+    }
+
+    fn tell_end(&mut self, id: i64) -> Result<(), AnyError> {
+        let run = self.index.run(id)?;
+        let _words = LastWords::before(Outcome::Done.code(), &STOP);
+        if self.args.json_lines {
+            crate::cli::say!("{}", serde_json::to_string(&RunDocument::from(&run))?);
+        } else if self.json {
+            crate::cli::tell!("{}", line(&run));
+        } else {
+            crate::cli::say!("{}", line(&run));
+        }
+        self.ended.push(run);
+        Ok(())
+    }
+
+    fn end(self) -> CommandResult {
+        let _words = LastWords::before(Outcome::Done.code(), &STOP);
+        let failed = self.ended.iter().any(|r| r.state == State::Failed);
+        if self.json {
+            let document = WatchDocument {
+                folder: self.args.folder.display().to_string(),
+                runs: self.ended.iter().map(RunDocument::from).collect(),
+                unfinished: self.torn.iter().cloned().collect(),
+            };
+            crate::cli::say!("{}", serde_json::to_string_pretty(&document)?);
+        }
+        Ok(match (self.args.once, failed, self.torn.is_empty()) {
+            (true, true, _) => Outcome::No,
+            (true, false, false) => Outcome::DataLost,
+            _ => Outcome::Done,
+        })
+    }
+}

@@ -1,0 +1,76 @@
+//! Aligned parts become one recording.
+
+use crate::align::{Clock, Part};
+use crate::recording::{Gap, Recording, RunInfo, Series};
+
+/// Puts the parts on the first one's clock and together. Of a sensor that several files have, the one with most samples stays.
+/// Notes say how each was aligned and what was left out; comments keep their file's name. The second value says what was left out.
+/// Times are whole nanoseconds afterwards.
+pub fn merge(parts: Vec<Part>, clocks: &[Clock]) -> Option<(Recording, Vec<String>)> {
+    let rig = parts.first()?.recording.rig.clone();
+    let mut left_out = Vec::new();
+    let mut series = vec![Series::default(); rig.sensors.len()];
+    for (sensor, place) in series.iter_mut().enumerate() {
+        let count = |part: &Part| part.recording.series.get(sensor).map_or(0, |s| s.time_s.len());
+        let Some(best) = (0..parts.len()).rev().max_by_key(|&i| count(&parts[i])).filter(|&i| count(&parts[i]) > 0)
+        else {
+            continue;
+        };
+        for (i, part) in parts.iter().enumerate().filter(|(i, p)| *i != best && count(p) > 0) {
+            let name = &rig.sensors[sensor].name;
+            left_out.push(format!(
+                "'{name}' of {} ({} samples) is left out: {} has more",
+                parts[i].file,
+                count(part),
+                parts[best].file
+            ));
+        }
+        *place = on_clock(&parts[best].recording.series[sensor], &clocks[best]);
+    }
+    let mut notes = Vec::new();
+    for (part, clock) in parts.iter().zip(clocks) {
+        notes.extend(
+            part.recording.run.notes.iter().map(|(key, text)| (format!("{key} ({})", part.file), text.clone())),
+        );
+        if parts.len() > 1 && clock.events > 0 {
+            notes.push(("alignment".into(), clock.to_string()));
+        }
+    }
+    notes.extend(left_out.iter().map(|text| ("alignment".into(), text.clone())));
+    // a start known of any file is known of all
+    let start = parts.iter().zip(clocks).find_map(|(part, clock)| {
+        let ns = part.recording.run.start_unix_ns;
+        let own = i128::from(ns) - (clock.offset_s * 1e9).round() as i128;
+        (ns > 0).then(|| u64::try_from(own).ok()).flatten()
+    });
+    let names: Vec<&str> = parts.iter().map(|p| p.file.as_str()).collect();
+    let first = &parts.first()?.recording.run;
+    let run = RunInfo {
+        start_unix_ns: start.unwrap_or_default(),
+        source: format!("import {}", names.join(", ")),
+        program: first.program.clone(),
+        notes,
+        csv: None,
+    };
+    Some((Recording { rig, series, run }, left_out))
+}
+
+fn on_clock(series: &Series, clock: &Clock) -> Series {
+    if clock.offset_s == 0.0 && clock.drift_ppm.is_none() {
+        return series.clone();
+    }
+    // whole nanoseconds: far below any uncertainty, and a log keeps them in an eighth of the space
+    let offset_ns = (clock.offset_s * 1e9).round();
+    let drift = clock.drift_ppm.unwrap_or(0.0) * 1e-6;
+    let moved = |t: f64| ((t * 1e9).round() + offset_ns + (t * drift * 1e9).round()) / 1e9;
+    let mut moved_series = Series {
+        time_s: series.time_s.iter().map(|t| moved(*t)).collect(),
+        value: series.value.clone(),
+        gaps: series.gaps.iter().map(|g| Gap { from_s: moved(g.from_s), to_s: moved(g.to_s), ..*g }).collect(),
+    };
+    if moved_series.time_s.windows(2).any(|w| w[1] <= w[0]) {
+        // samples less than a nanosecond apart
+        moved_series.time_s = series.time_s.iter().map(|t| clock.time_s(*t)).collect();
+    }
+    moved_series
+}

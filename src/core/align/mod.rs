@@ -1,0 +1,375 @@
+//! Several recordings of one closure, each on its own clock, become one: by the edges of a trigger that all of them saw, by
+//! absolute time, or by the pressure front itself.
+//!
+//! Each part holds one file's samples on the sensors of the same rig. The first part's clock is the one that stays.
+
+pub(crate) mod front;
+pub(crate) mod merge;
+pub(crate) mod trigger;
+
+use std::fmt;
+
+use serde::Serialize;
+
+use crate::recording::{Recording, Series};
+use crate::rig::SensorKind;
+
+pub use crate::align::merge::merge;
+
+/// One file's samples.
+#[derive(Debug, Clone)]
+pub struct Part {
+    /// Its name, for messages.
+    pub file: String,
+    /// Its samples; sensors that it lacks are empty.
+    pub recording: Recording,
+    /// Value of the last digit of its start, s; if not known, that of the last digit that is not 0.
+    pub start_digit_s: Option<f64>,
+}
+
+/// What clocks are aligned by.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Method {
+    /// Edges of a trigger recorded in every file.
+    Trigger,
+    /// The wall-clock times that the files give.
+    Time,
+    /// The pressure front.
+    Front,
+}
+
+impl Method {
+    /// Every method, the surest first.
+    pub const ALL: [Method; 3] = [Method::Trigger, Method::Time, Method::Front];
+}
+
+impl fmt::Display for Method {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Method::Trigger => "trigger",
+            Method::Time => "time",
+            Method::Front => "front",
+        })
+    }
+}
+
+/// How one part's clock goes into the first part's: `t = offset + (1 + drift) t_own`.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Clock {
+    /// The part's name.
+    pub file: String,
+    /// What it was aligned by.
+    pub method: Method,
+    /// The first part's time at this one's time 0, s.
+    pub offset_s: f64,
+    /// Standard error of the alignment, s, at `at_s`; of absolute times only what their last digit leaves open.
+    pub uncertainty_s: f64,
+    /// The time on this clock at which it was aligned, s: the middle of its edges or fronts.
+    pub at_s: f64,
+    /// By how many millionths this clock is slow, where several edges show it.
+    pub drift_ppm: Option<f64>,
+    /// Standard error of the drift, millionths.
+    pub drift_error_ppm: Option<f64>,
+    /// Edges or pairs of fronts that it was read from.
+    pub events: usize,
+    /// Root mean square of what is left between them, s; none of a single one.
+    pub residual_s: Option<f64>,
+    /// In words, what was found and what contradicts it.
+    pub remarks: Vec<String>,
+    /// Why it may be wrong, and what to do.
+    pub warnings: Vec<String>,
+}
+
+impl Clock {
+    fn own(file: &str, method: Method) -> Clock {
+        Clock {
+            file: file.into(),
+            method,
+            offset_s: 0.0,
+            uncertainty_s: 0.0,
+            at_s: 0.0,
+            drift_ppm: None,
+            drift_error_ppm: None,
+            events: 0,
+            residual_s: None,
+            remarks: Vec::new(),
+            warnings: Vec::new(),
+        }
+    }
+
+    /// The first part's time at a time of this part's clock, s.
+    pub fn time_s(&self, own_s: f64) -> f64 {
+        own_s + self.offset_s + self.drift_ppm.unwrap_or(0.0) * 1e-6 * own_s
+    }
+
+    /// Standard error of that, s: away from where it was aligned it grows by what the drift is open by.
+    fn error_s(&self, own_s: f64) -> f64 {
+        self.uncertainty_s.hypot(self.drift_error_ppm.unwrap_or(0.0) * 1e-6 * (own_s - self.at_s))
+    }
+}
+
+impl fmt::Display for Clock {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let what = match (self.method, self.events) {
+            (Method::Trigger, 1) => "one edge of the trigger".to_string(),
+            (Method::Trigger, n) => format!("{n} edges of the trigger"),
+            (Method::Time, _) => "absolute time".into(),
+            (Method::Front, 1) => "the front at one pair of sensors".into(),
+            (Method::Front, n) => format!("the front at {n} pairs of sensors"),
+        };
+        // a clock that drifts is known where it was aligned
+        let of_s = self.drift_ppm.map_or(0.0, |_| (1e3 * self.at_s).round() / 1e3);
+        let error = short(self.uncertainty_s);
+        write!(f, "{}: aligned by {what}: time {of_s} is at {:.9} s ± {error}", self.file, self.time_s(of_s))?;
+        if let Some(drift) = self.drift_ppm {
+            write!(f, ", clock slow by {drift:.3} ppm")?;
+            if let Some(error) = self.drift_error_ppm {
+                write!(f, " ± {error:.3}")?;
+            }
+        }
+        if let Some(residual) = self.residual_s {
+            write!(f, ", {} left between them", short(residual))?;
+        }
+        self.remarks.iter().try_for_each(|remark| write!(f, "; {remark}"))
+    }
+}
+
+/// A short time in the unit that suits it.
+fn short(time_s: f64) -> String {
+    match time_s.abs() {
+        t if t >= 0.1 => format!("{time_s:.3} s"),
+        t if t >= 1e-4 => format!("{:.3} ms", time_s * 1e3),
+        _ => format!("{:.3} µs", time_s * 1e6),
+    }
+}
+
+/// Why files cannot be aligned.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum AlignError {
+    /// The method asked for does not work.
+    #[error("{file} cannot be aligned with {first} by {method}: {why}")]
+    Method {
+        /// The file.
+        file: String,
+        /// The file whose clock stays.
+        first: String,
+        /// The method.
+        method: Method,
+        /// Why, and what to do.
+        why: String,
+    },
+    /// None of them does.
+    #[error("{file} cannot be aligned with {first}: {why}")]
+    None {
+        /// The file.
+        file: String,
+        /// The file whose clock stays.
+        first: String,
+        /// Why each of them fails.
+        why: String,
+    },
+}
+
+/// Methods that lie further apart than so many of their standard errors contradict each other.
+const SURE: f64 = 4.0;
+
+/// Date-times written more coarsely than this are no match for a front, s.
+const FINE_TIME_S: f64 = 2e-3;
+
+/// Aligns every part with the first; without a method the surest that every file allows: trigger, absolute time to the
+/// millisecond, front, any absolute time.
+///
+/// # Errors
+/// When a file lacks what the method needs; says what.
+pub fn align(parts: &[Part], wanted: Option<Method>) -> Result<Vec<Clock>, AlignError> {
+    let Some((first, others)) = parts.split_first() else { return Ok(Vec::new()) };
+    let chosen = match wanted {
+        Some(method) => method,
+        None if others.is_empty() => Method::Time,
+        None => choose(first, others)?,
+    };
+    let mut clocks = vec![Clock::own(&first.file, chosen)];
+    for other in others {
+        let mut clock = by(chosen, first, other).map_err(|why| AlignError::Method {
+            file: other.file.clone(),
+            first: first.file.clone(),
+            method: chosen,
+            why,
+        })?;
+        contradict(&mut clock, first, other);
+        if chosen == Method::Time {
+            check_overlap(&mut clock, first, other, wanted.is_some())?;
+        }
+        clocks.push(clock);
+    }
+    Ok(clocks)
+}
+
+fn choose(first: &Part, others: &[Part]) -> Result<Method, AlignError> {
+    let mut refused = (first.file.clone(), String::new());
+    let mut works = |method: Method, fine: fn(&Clock) -> bool| {
+        others.iter().all(|other| match by(method, first, other) {
+            Ok(clock) => fine(&clock),
+            Err(why) => {
+                let separator = if refused.1.is_empty() { "" } else { "; " };
+                refused = (other.file.clone(), format!("{}{separator}by {method}: {why}", refused.1));
+                false
+            }
+        })
+    };
+    if works(Method::Trigger, |_| true) {
+        return Ok(Method::Trigger);
+    }
+    if works(Method::Time, |clock| clock.uncertainty_s < FINE_TIME_S) {
+        return Ok(Method::Time);
+    }
+    if works(Method::Front, |_| true) {
+        return Ok(Method::Front);
+    }
+    if others.iter().all(|other| by(Method::Time, first, other).is_ok()) {
+        return Ok(Method::Time);
+    }
+    Err(AlignError::None { file: refused.0, first: first.file.clone(), why: refused.1 })
+}
+
+fn by(method: Method, first: &Part, other: &Part) -> Result<Clock, String> {
+    match method {
+        Method::Trigger => by_trigger(first, other),
+        Method::Time => by_time(first, other),
+        Method::Front => crate::align::front::by_front(first, other),
+    }
+}
+
+/// Says where the methods that were not taken disagree with the one that was, by more than their errors.
+fn contradict(clock: &mut Clock, first: &Part, other: &Part) {
+    for method in Method::ALL.into_iter().filter(|m| *m != clock.method) {
+        let Ok(check) = by(method, first, other) else { continue };
+        // where the surest event of the recording is, for clocks that drift lie otherwise elsewhere
+        let at = |wanted| [&check, &*clock].into_iter().find(|c| c.method == wanted).map(|c| c.at_s);
+        let at_s = at(Method::Front).or_else(|| at(Method::Trigger)).unwrap_or(0.0);
+        let difference = check.time_s(at_s) - clock.time_s(at_s);
+        let error = check.error_s(at_s).hypot(clock.error_s(at_s));
+        let contradicts = difference.abs() > SURE * error;
+        let verdict = if contradicts { "which contradicts it" } else { "which agrees" };
+        if contradicts {
+            clock.warnings.push(format!(
+                "by {method} it would be {} later than by {}: --align {method} takes that instead",
+                short(difference),
+                clock.method
+            ));
+        }
+        clock.remarks.push(format!(
+            "by {method} it would be {} later ± {}, {verdict}",
+            short(difference),
+            short(check.error_s(at_s))
+        ));
+    }
+}
+
+/// Files of one closure have some of their time in common. Absolute times by which they have none are refused where the front says
+/// otherwise, unless they were asked for.
+fn check_overlap(clock: &mut Clock, first: &Part, other: &Part, asked_for: bool) -> Result<(), AlignError> {
+    let (Some((from_s, to_s)), Some((own_from_s, own_to_s))) = (span(first), span(other)) else { return Ok(()) };
+    let apart_s = (clock.time_s(own_from_s) - to_s).max(from_s - clock.time_s(own_to_s));
+    if apart_s <= 0.0 {
+        return Ok(());
+    }
+    let apart = format!("by their times the two have not one moment in common, but lie {} apart", short(apart_s));
+    let remedy = "is the zone of one of them missing (--zone +01:00, or in its times)";
+    if !asked_for && crate::align::front::by_front(first, other).is_ok() {
+        let why = format!(
+            "{apart}, and both show the front: {remedy}? --align front takes the front instead, --align time these times all the same"
+        );
+        let (file, first) = (other.file.clone(), first.file.clone());
+        return Err(AlignError::Method { file, first, method: Method::Time, why });
+    }
+    clock.warnings.push(format!("{apart}: {remedy}?"));
+    Ok(())
+}
+
+/// From its first sample to its last, s on its own clock.
+fn span(part: &Part) -> Option<(f64, f64)> {
+    let ends = |series: &Series| Some((*series.time_s.first()?, *series.time_s.last()?));
+    let all = part.recording.series.iter().filter_map(ends);
+    all.reduce(|(from, to), (own_from, own_to)| (from.min(own_from), to.max(own_to)))
+}
+
+/// Each trigger of the part that has samples.
+fn triggers(part: &Part) -> impl Iterator<Item = (&str, &Series)> {
+    let sensors = part.recording.rig.sensors.iter().zip(&part.recording.series);
+    sensors
+        .filter(|(s, series)| s.kind == SensorKind::Trigger && !series.time_s.is_empty())
+        .map(|(s, series)| (s.name.as_str(), series))
+}
+
+fn by_trigger(first: &Part, other: &Part) -> Result<Clock, String> {
+    let edges = |part: &Part| {
+        let mut known = triggers(part).peekable();
+        if known.peek().is_none() {
+            let hint =
+                "the rig needs a sensor of kind = \"trigger\", and every file a column of it (--map NAME=SENSOR)";
+            return Err(format!("{} has no trigger: {hint}", part.file));
+        }
+        known
+            .map(|(_, series)| crate::align::trigger::edges(series))
+            .find(|edges| !edges.is_empty())
+            .ok_or_else(|| format!("the trigger of {} has no edge in it", part.file))
+    };
+    let (a, b) = (edges(first)?, edges(other)?);
+    let expected = by_time(first, other).ok().map(|c| c.offset_s);
+    let found = crate::align::trigger::matched(&a, &b, expected).map_err(|no| match no {
+        crate::align::trigger::NoMatch::NoEdge => "no edge of one is an edge of the other".to_string(),
+        crate::align::trigger::NoMatch::Ambiguous => format!(
+            "{} edges against {} match in several ways; give both files their absolute start, or say --align front",
+            a.len(),
+            b.len()
+        ),
+    })?;
+    let line = crate::align::trigger::line(&a, &b, &found.pairs);
+    let mut remarks = Vec::new();
+    let unmatched = a.len().max(b.len()) - found.pairs.len();
+    if unmatched > 0 {
+        remarks.push(format!("{unmatched} edges of the file that has more match none of the other"));
+    }
+    if found.inverted {
+        remarks.push("one of the triggers is active low, the other high".into());
+    }
+    Ok(Clock {
+        offset_s: line.offset_s,
+        uncertainty_s: line.error_s,
+        at_s: line.middle_s,
+        drift_ppm: (line.drift != 0.0).then_some(line.drift * 1e6),
+        drift_error_ppm: line.drift_error.map(|e| e * 1e6),
+        events: found.pairs.len(),
+        residual_s: line.residual_s,
+        remarks,
+        ..Clock::own(&other.file, Method::Trigger)
+    })
+}
+
+fn by_time(first: &Part, other: &Part) -> Result<Clock, String> {
+    let start = |part: &Part| match part.recording.run.start_unix_ns {
+        0 => Err(format!(
+            "{} does not say when its time 0 was: give date-times, a comment '# start: 2026-03-14T09:26:53.5Z', or --start",
+            part.file
+        )),
+        ns => Ok((ns, part.start_digit_s.unwrap_or_else(|| last_digit_s(ns)))),
+    };
+    let ((a, digit_a), (b, digit_b)) = (start(first)?, start(other)?);
+    // what the last digits written leave open is evenly likely
+    let written = short(digit_a.max(digit_b));
+    let remark = format!("the starts are written to {written}, and what the clocks differ by comes on top");
+    Ok(Clock {
+        offset_s: (i128::from(b) - i128::from(a)) as f64 * 1e-9,
+        uncertainty_s: digit_a.hypot(digit_b) / 12f64.sqrt(),
+        events: 1,
+        remarks: vec![remark],
+        ..Clock::own(&other.file, Method::Time)
+    })
+}
+
+/// Value of the last digit of a time that is not 0, from a second down, s.
+fn last_digit_s(ns: u64) -> f64 {
+    (0..10).map(|k| 10u64.pow(9 - k)).find(|unit| ns.is_multiple_of(*unit)).unwrap_or(1) as f64 * 1e-9
+}

@@ -1,0 +1,278 @@
+//! The ground a diagnosis stands on: the start model, fitted, and its residuals on a coarse grid that errs like a fine one.
+//!
+//! Sixteen candidates are refitted from here, so a refit must be cheap. Samples are averaged into a few thousand bins a sensor,
+//! which keeps all that they say of anything slower than a bin, and the model runs on a coarse grid. What both of that changes is
+//! known at the start model's fit, where the fine grid and all samples were used: the binned data are shifted by the difference, so
+//! that coarse residuals there are the bin means of the fine ones (defect correction: Stetter 1978, Numer. Math. 29, 425).
+
+use nalgebra::{DMatrix, DVector};
+
+use crate::fit::data::run_data::{RunData, SensorData};
+use crate::fit::numeric::least_squares::{Problem, jacobian};
+use crate::fit::outcome::fit::Fit;
+use crate::fit::problem::fit_problem::{Calibration, Window};
+use crate::fit::search::calibrate::Options;
+use crate::model::effects::{Chosen, Circumstances, vapour_head_m};
+use crate::model::{Model, ModelError};
+use crate::rig::{Coupling, Rig};
+
+/// Reaches of the coarse grid.
+const COARSE_REACHES: usize = 48;
+/// Bins a sensor.
+const BINS: usize = 3000;
+/// Norm of a column, in units of the noise, below which a parameter is not seen: what its differences show is rounding.
+const UNSEEN: f64 = 0.1;
+/// Singular values of the normal matrix of unit columns below which a combination of parameters counts as not seen.
+const PARALLEL: f64 = 1e-9;
+/// The part of a record, one over this, that must lie on a floor.
+const SHORT: usize = 500;
+/// Features of a half cycle.
+const FEATURES: f64 = 3.0;
+
+/// See the module.
+pub struct Ground<'a> {
+    /// The rig.
+    pub rig: &'a Rig,
+    /// The runs, binned and corrected.
+    pub runs: Vec<RunData>,
+    /// What speaks for or against an effect before any fit.
+    pub known: Circumstances<'a>,
+    /// What has been settled about parameters.
+    options: Options,
+    /// The start model's effects, their open choices decided.
+    pub effects: Vec<Chosen>,
+    /// Values of the start model's variables: shared ones first, then each run's.
+    pub values: Vec<f64>,
+    /// How many of them are shared.
+    pub shared: usize,
+    /// Reaches of the coarse grid.
+    pub reaches: usize,
+    /// Residuals of samples, then of flow meters.
+    pub residuals: Vec<f64>,
+    /// Sum of squares of all residuals, priors included.
+    pub square: f64,
+    /// Number of residuals that are samples.
+    pub samples: usize,
+    /// Recorded samples a bin, on average.
+    bin_size: f64,
+    fitted: Fitted,
+}
+
+/// What the fitted parameters can take up: Jacobian columns (of those not at a bound) and the inverse of their normal matrix.
+struct Fitted {
+    /// Which variables these are.
+    which: Vec<usize>,
+    columns: Vec<Vec<f64>>,
+    inverse: DMatrix<f64>,
+}
+
+impl<'a> Ground<'a> {
+    /// The ground under a fit of the start model to `runs`.
+    ///
+    /// # Errors
+    /// As [`Model::simulate`].
+    pub fn new(rig: &'a Rig, runs: &[RunData], fit: &Fit, options: &Options) -> Result<Self, ModelError> {
+        let effects = fit.effects.clone();
+        let model = Model::new(rig, &runs[0].conditions.water, &effects);
+        let model = model.constrained(&options.constraints).informed(&options.priors);
+        let values = fit.values();
+        let shared = model.shared.len();
+        let reaches =
+            model.fitting_reaches(&values[..shared], COARSE_REACHES.max(model.least_reaches(&values[..shared])));
+        let recorded = runs;
+        let runs = binned(&model, recorded, &values, fit.reaches, reaches)?;
+        let sizes = recorded.iter().zip(&runs).flat_map(|(a, b)| a.sensors.iter().zip(&b.sensors));
+        let sizes: Vec<f64> = sizes.map(|(a, b)| (a.noise_m / b.noise_m).powi(2)).collect();
+        let problem = Calibration::new(&model, &runs, window(reaches));
+        let x = problem.variables(&values);
+        let all = problem.residuals(&x)?;
+        let at_bound: Vec<bool> = fit.parameters.iter().map(|p| p.at_bound || p.held).collect();
+        let (which, columns): (Vec<usize>, Vec<Vec<f64>>) = jacobian(&problem, &x, &all)?
+            .into_iter()
+            .enumerate()
+            .filter(|(j, column)| !at_bound[*j] && dot(column, column) > UNSEEN.powi(2))
+            .unzip();
+        let samples = problem.samples();
+        let meters = runs.iter().filter(|r| r.meter.is_some()).count();
+        // In units of each column's norm, and without the combinations that the data hardly show: elements of a wall's creep that lie
+        // close together are nearly parallel.
+        let norms: Vec<f64> = columns.iter().map(|c| dot(c, c).sqrt()).collect();
+        let n = columns.len();
+        let normal = DMatrix::from_fn(n, n, |a, b| dot(&columns[a], &columns[b]) / (norms[a] * norms[b]));
+        // Where every parameter is held there is nothing to invert, which the library does not bear.
+        let inverse = match columns.len() {
+            0 => normal,
+            n => normal.pseudo_inverse(PARALLEL).unwrap_or_else(|_| DMatrix::zeros(n, n)),
+        };
+        let inverse = DMatrix::from_fn(n, n, |a, b| inverse[(a, b)] / (norms[a] * norms[b]));
+        let columns = columns.iter().map(|c| seen(c, samples, meters)).collect();
+        Ok(Ground {
+            rig,
+            known: Circumstances { rig, above_vapour_m: above_vapour_m(rig, recorded) },
+            options: options.clone(),
+            effects,
+            shared,
+            reaches,
+            square: dot(&all, &all),
+            residuals: seen(&all, samples, meters),
+            samples,
+            bin_size: sizes.iter().sum::<f64>() / sizes.len().max(1) as f64,
+            fitted: Fitted { which, columns, inverse },
+            values,
+            runs,
+        })
+    }
+
+    /// What can be told apart in a record at most, however often it was sampled, where something other than noise is left: a few
+    /// features (front, plateau, way back) a half cycle of each sensor.
+    pub fn features(&self) -> f64 {
+        let halves: usize = self.runs.iter().flat_map(|r| &r.extrema).map(Vec::len).sum();
+        FEATURES * halves.max(1) as f64
+    }
+
+    /// Number of recorded samples behind the bins.
+    pub fn run_samples(&self) -> usize {
+        (self.samples as f64 * self.bin_size).round() as usize
+    }
+
+    /// Noise of one recorded sample, rms over the bins, m.
+    pub fn noise_m(&self) -> f64 {
+        let sensors = self.runs.iter().flat_map(|r| &r.sensors);
+        let (sum, n) = sensors.fold((0.0, 0.0), |(sum, n), s| {
+            let bins = s.time_s.len() as f64;
+            (sum + bins * s.noise_m.powi(2), n + bins)
+        });
+        (sum / f64::max(n, 1.0) * self.bin_size).sqrt()
+    }
+
+    /// Mean square that residuals of bins, in units of the bins' noise, mean for single samples, in units of theirs.
+    pub fn mean_square(&self, residuals: &[f64]) -> f64 {
+        let bins = &residuals[..self.samples];
+        let mean = dot(bins, bins) / self.samples.max(1) as f64;
+        // Noise averages out in a bin, misfit does not.
+        (1.0 + (mean - 1.0) / self.bin_size).max(mean / self.bin_size)
+    }
+
+    /// The start model with other effects.
+    pub fn model(&self, effects: &[Chosen]) -> Model<'a> {
+        let model = Model::new(self.rig, &self.runs[0].conditions.water, effects);
+        model.constrained(&self.options.constraints).informed(&self.options.priors)
+    }
+
+    /// The problem of fitting a model on this ground.
+    pub fn problem<'m>(&'m self, model: &'m Model<'m>) -> Calibration<'m> {
+        Calibration::new(model, &self.runs, window(self.reaches))
+    }
+
+    /// The residuals of samples and flow meters among all, priors left out.
+    pub fn seen(&self, all: &[f64]) -> Vec<f64> {
+        seen(all, self.samples, self.runs.iter().filter(|r| r.meter.is_some()).count())
+    }
+
+    /// All variables of a model that has more effects.
+    pub fn values_with(&self, added: &[f64]) -> Vec<f64> {
+        let (shared, own) = self.values.split_at(self.shared);
+        [shared, added, own].concat()
+    }
+
+    /// What is left of `a·b` once what the fitted parameters can take up of both is gone.
+    pub fn projected_dot(&self, a: &[f64], b: &[f64]) -> f64 {
+        dot(a, b) - self.along(a).dot(&(&self.fitted.inverse * self.along(b)))
+    }
+
+    /// Residuals less what the fitted parameters can take up of them.
+    pub fn projected(&self, residuals: &[f64]) -> Vec<f64> {
+        let step = &self.fitted.inverse * self.along(residuals);
+        let mut left = residuals.to_vec();
+        for (column, by) in self.fitted.columns.iter().zip(&step) {
+            left.iter_mut().zip(column).for_each(|(l, c)| *l -= by * c);
+        }
+        left
+    }
+
+    /// The start model's variables `x` (any more effects' among them, after the shared ones) moved to take residuals up.
+    pub fn moved(&self, x: &[f64], residuals: &[f64]) -> Vec<f64> {
+        let added = x.len() - self.values.len();
+        let step = &self.fitted.inverse * self.along(residuals);
+        let mut moved = x.to_vec();
+        for (&j, by) in self.fitted.which.iter().zip(&step) {
+            moved[if j < self.shared { j } else { j + added }] -= by;
+        }
+        moved
+    }
+
+    fn along(&self, v: &[f64]) -> DVector<f64> {
+        DVector::from_iterator(self.fitted.columns.len(), self.fitted.columns.iter().map(|c| dot(c, v)))
+    }
+}
+
+fn window(reaches: usize) -> Window {
+    Window { reaches, horizon_s: f64::INFINITY, stride: 1 }
+}
+
+/// Samples and flow meters among all residuals, whose middle is priors.
+fn seen(all: &[f64], samples: usize, meters: usize) -> Vec<f64> {
+    [&all[..samples], &all[all.len() - meters..]].concat()
+}
+
+pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(x, y)| x * y).sum()
+}
+
+/// By how much the lowest pressure in any record stays above that of vapour, m.
+fn above_vapour_m(rig: &Rig, runs: &[RunData]) -> f64 {
+    let margin = |run: &RunData, s: &SensorData| {
+        let boiling_m = rig.elevation_m(s.sensor.position_m) + vapour_head_m(&run.conditions.water);
+        // A single sample may be a dead count; a floor is stayed on.
+        let mut heads = s.head_m.clone();
+        let few = (heads.len() / SHORT).clamp(1, heads.len()) - 1;
+        let (_, low_m, _) = heads.select_nth_unstable_by(few, f64::total_cmp);
+        *low_m - boiling_m
+    };
+    // A sensor that sees no steady pressure sees no floor.
+    let dc = |s: &&SensorData| s.sensor.coupling == Coupling::Dc;
+    runs.iter().flat_map(|run| run.sensors.iter().filter(dc).map(move |s| margin(run, s))).fold(f64::INFINITY, f64::min)
+}
+
+/// The runs with their samples averaged, shifted by what the model at `values` changes from `fine` reaches to `coarse` ones.
+fn binned(
+    model: &Model,
+    runs: &[RunData],
+    values: &[f64],
+    fine: usize,
+    coarse: usize,
+) -> Result<Vec<RunData>, ModelError> {
+    let problem = Calibration::new(model, runs, window(fine));
+    runs.iter()
+        .enumerate()
+        .map(|(r, run)| {
+            let fine_traces = problem.modelled(r, values, fine)?.traces;
+            let coarse_traces = problem.modelled(r, values, coarse)?.traces;
+            let start = problem.closure_start_s(r, values);
+            let lead = 0.1 * model.period_s(&values[..model.shared.len()]);
+            let sensors = run.sensors.iter().enumerate().map(|(s, sensor)| {
+                let (fine, coarse) = (&fine_traces[s], &coarse_traces[s]);
+                let from = sensor.time_s.partition_point(|&t| t < start - lead);
+                let (time_s, head_m) = (&sensor.time_s[from..], &sensor.head_m[from..]);
+                let size = time_s.len().div_ceil(BINS).max(1);
+                let mut bins = (Vec::new(), Vec::new());
+                for (times, heads) in time_s.chunks_exact(size).zip(head_m.chunks_exact(size)) {
+                    let centre = times.iter().sum::<f64>() / size as f64;
+                    let excess: f64 = times.iter().zip(heads).map(|(t, h)| h - fine.at(t - start)).sum();
+                    bins.0.push(centre);
+                    bins.1.push(excess / size as f64 + coarse.at(centre - start));
+                }
+                SensorData {
+                    time_s: bins.0,
+                    head_m: bins.1,
+                    noise_m: sensor.noise_m / (size as f64).sqrt(),
+                    total_noise_m: sensor.total_noise_m,
+                    sensor: sensor.sensor.clone(),
+                    offset_sd_m: sensor.offset_sd_m,
+                    saturated: 0,
+                }
+            });
+            Ok(RunData { sensors: sensors.collect(), ..run.clone() })
+        })
+        .collect()
+}

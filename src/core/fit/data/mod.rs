@@ -1,0 +1,4 @@
+//! What a fit sees of a run.
+
+pub mod prepare;
+pub mod run_data;

@@ -1,0 +1,262 @@
+//! From a recording and its signals to what a fit needs.
+
+use crate::fit::data::run_data::{Meter, RunData, RunStart, SensorData};
+use crate::model::Conditions;
+use crate::model::effects::ATMOSPHERE_PA;
+use crate::model::friction::WallFriction;
+use crate::recording::Recording;
+use crate::rig::{Coupling, Rig, Sensor, Upstream, WaterProperties};
+use crate::signal::{Features, SensorFeatures, heads};
+use crate::units::GRAVITY_M_S2;
+
+/// Relative uncertainty of a flow meter that states none.
+const FLOW_UNCERTAINTY: f64 = 0.01;
+/// Relative uncertainty of a velocity taken from the pressure rise, there being no flow meter.
+const JOUKOWSKY_UNCERTAINTY: f64 = 0.2;
+/// Factor by which the closing time of the rig file may differ from that of the first rise before the rise is believed.
+const NOMINAL_WITHIN: f64 = 3.0;
+/// A lower end of a sensor within so much of the vapour pressure is no end of it, Pa.
+const CLOSE_PA: f64 = 5e3;
+/// Zero error of a pressure sensor that states none, as a share of the first rise.
+const OFFSET_SHARE: f64 = 0.01;
+
+/// Makes a run ready for a fit. `rig` describes the sensors (it may override the recording's own).
+pub fn prepare(file: &str, rig: &Rig, recording: &Recording, features: &Features) -> RunData {
+    let water = rig.fluid.properties(features.temperature_degc);
+    let density = water.density_kg_m3;
+    let reference = &features.sensors[features.reference];
+    let rise_m = reference.first_peak.map_or(1.0, |p| (p.head_m - reference.steady_before_m.value).abs()).max(1e-3);
+    let mut sensors = Vec::new();
+    let mut extrema = Vec::new();
+    for seen in features.sensors.iter().filter(|s| !drives(rig, s)) {
+        let sensor = rig.sensors[seen.sensor].clone();
+        let (mut time_s, mut head_m) = heads(recording, seen.sensor, features.temperature_degc);
+        let saturated = leave_saturated_out(rig, recording, seen.sensor, &water, (&mut time_s, &mut head_m));
+        if sensor.coupling == Coupling::Ac {
+            // It sees no steady pressure: neither an elevation.
+            let elevation_m = rig.sensor_elevation_m(&sensor);
+            head_m.iter_mut().for_each(|h| *h -= elevation_m);
+        }
+        let offset_sd_m =
+            full_scale_error_m(&sensor, density).unwrap_or(OFFSET_SHARE * rise_m).max(seen.noise.white_sd_m);
+        // A noiseless record still has errors of its own; without a floor its weights would be infinite.
+        let noise_m = seen.noise.white_sd_m.max(1e-5 * rise_m);
+        let total_noise_m = if seen.noise.line.is_some() { noise_m } else { seen.noise.total_sd_m.max(noise_m) };
+        sensors.push(SensorData { sensor, time_s, head_m, noise_m, total_noise_m, offset_sd_m, saturated });
+        extrema.push(seen.extrema.iter().map(|e| (e.time_s, e.cycle, e.peak)).collect());
+    }
+    let nominal: Vec<f64> = rig.pipes.iter().map(|p| p.wave_speed_start(&water).0).collect();
+    let mean_speed = rig.length_m() / rig.pipes.iter().zip(&nominal).map(|(p, a)| p.length_m / a).sum::<f64>();
+    let measured_speed = plausible_speed(rig, &water, features);
+    let speed = measured_speed.unwrap_or(mean_speed);
+    let velocity_m_s = match features.steady_velocity_m_s {
+        Some(v) if v.value > 0.0 => (v.value, (v.standard_error / v.value).hypot(flow_uncertainty(rig, v.value))),
+        _ => (GRAVITY_M_S2 * rise_m / speed, JOUKOWSKY_UNCERTAINTY),
+    };
+    RunData {
+        file: file.to_owned(),
+        sensors,
+        conditions: Conditions { water, supply_deviation: supply_deviation(rig, recording, features) },
+        start: RunStart {
+            closure_s: (features.closure.start_s, features.closure.start_se_s),
+            velocity_m_s,
+            valve_head_m: valve_head(rig, features, &water, velocity_m_s.0, rise_m),
+            wave_speed_ratio: measured_speed.map(|a| a / mean_speed),
+            closing_time_s: contradicted_closing_time(rig, features, 2.0 * rig.length_m() / speed),
+        },
+        meter: flow_meter(rig, features, velocity_m_s),
+        extrema,
+    }
+}
+
+/// How long the closure takes by the first rise where the rig file is far from it; a rise that goes on until the supply answers, after `echo_s`,
+/// takes that long at the least.
+fn contradicted_closing_time(rig: &Rig, features: &Features, echo_s: f64) -> Option<f64> {
+    let (nominal_s, closure) = (rig.valve.closing_time_s, &features.closure);
+    match closure.end_s.map(|end_s| end_s - closure.pressure_onset_s) {
+        Some(seen_s) => {
+            let agree = (seen_s / NOMINAL_WITHIN..=seen_s * NOMINAL_WITHIN).contains(&nominal_s);
+            (seen_s > 0.0 && !agree).then_some(seen_s)
+        }
+        None => (nominal_s < echo_s / NOMINAL_WITHIN).then_some(echo_s),
+    }
+}
+
+/// Leaves out the samples at which a pressure sensor stands at the end of what it can show, and counts them. An end below the vapour pressure is none: the
+/// water boils before.
+fn leave_saturated_out(
+    rig: &Rig,
+    recording: &Recording,
+    sensor: usize,
+    water: &WaterProperties,
+    (time_s, head_m): (&mut Vec<f64>, &mut Vec<f64>),
+) -> usize {
+    let shown = &rig.sensors[sensor];
+    let ends = rig.ends(shown);
+    let boils = shown.unit.from_si(water.vapour_pressure_pa - ATMOSPHERE_PA + CLOSE_PA, water.density_kg_m3);
+    let beyond = |value: f64| value >= ends.high || (value <= ends.low && ends.low > boils);
+    let kept: Vec<bool> =
+        recording.series[sensor].value.iter().filter(|v| v.is_finite()).map(|v| !beyond(*v)).collect();
+    let before = time_s.len();
+    for values in [time_s, head_m] {
+        let mut keep = kept.iter();
+        values.retain(|_| keep.next().is_none_or(|keep| *keep));
+    }
+    before - kept.iter().filter(|keep| **keep).count()
+}
+
+/// The measured wave speed, of the ways to measure it the first that the pipes allow: a joint or a branch can send a front back that
+/// looks like the supply's, a skewed clock or a wrong velocity fools the others.
+fn plausible_speed(rig: &Rig, water: &WaterProperties, features: &Features) -> Option<f64> {
+    let mean = |of: fn((f64, f64, f64)) -> f64| {
+        rig.length_m() / rig.pipes.iter().map(|p| p.length_m / of(p.wave_speed_start(water))).sum::<f64>()
+    };
+    let (low, high) = (mean(|(_, low, _)| low), mean(|(_, _, high)| high));
+    let speeds = &features.wave_speed;
+    [
+        speeds.crossings.map(|c| c.value),
+        speeds.arrival.map(|a| a.value),
+        features.period.map(|p| 4.0 * rig.length_m() / p.value),
+        speeds.joukowsky.map(|j| j.value),
+    ]
+    .into_iter()
+    .flatten()
+    .find(|a| (0.8 * low..=1.2 * high).contains(a))
+    .or_else(|| speeds.best().map(|e| e.value))
+}
+
+/// The flow meter's reading before the closure, with the uncertainty of `velocity`.
+fn flow_meter(rig: &Rig, features: &Features, velocity: (f64, f64)) -> Option<Meter> {
+    let flow_m3_s = features.flow_m3_s.map(|q| q.value).filter(|q| *q > 0.0)?;
+    let meter = rig.sensors.iter().find(|s| s.kind == crate::rig::SensorKind::Flow)?;
+    Some(Meter { position_m: meter.position_m, flow_m3_s, relative_sd: velocity.1 })
+}
+
+/// A pressure sensor's stated accuracy as a head, m.
+fn full_scale_error_m(sensor: &Sensor, density_kg_m3: f64) -> Option<f64> {
+    let [low, high] = sensor.range?;
+    let share = sensor.accuracy_percent_fs? / 100.0;
+    let span = sensor.unit.to_si(high, density_kg_m3) - sensor.unit.to_si(low, density_kg_m3);
+    Some(share * span / (density_kg_m3 * GRAVITY_M_S2))
+}
+
+/// Relative uncertainty of the velocity from the flow meter's stated accuracy.
+fn flow_uncertainty(rig: &Rig, velocity_m_s: f64) -> f64 {
+    let meter = rig.sensors.iter().find(|s| s.kind == crate::rig::SensorKind::Flow);
+    let stated = meter.and_then(|m| {
+        let [low, high] = m.range?;
+        let error = m.accuracy_percent_fs? / 100.0 * (m.unit.to_si(high, 1.0) - m.unit.to_si(low, 1.0));
+        let area = rig.pipes.last()?.area_m2();
+        Some(error / (area * velocity_m_s))
+    });
+    stated.unwrap_or(FLOW_UNCERTAINTY).clamp(1e-3, 1.0)
+}
+
+/// Head before the valve: of the nearest sensor that sees steady pressure, less the friction between; where there is none, a
+/// guess with its uncertainty.
+fn valve_head(
+    rig: &Rig,
+    features: &Features,
+    water: &WaterProperties,
+    velocity_m_s: f64,
+    rise_m: f64,
+) -> (f64, Option<f64>) {
+    let flow_m3_s = velocity_m_s * rig.pipes.last().map_or(0.0, |p| p.area_m2());
+    let steady = features.sensors.iter().filter(|s| rig.sensors[s.sensor].coupling == Coupling::Dc);
+    if let Some(nearest) = steady.max_by(|a, b| a.position_m.total_cmp(&b.position_m)) {
+        let loss_m = loss_m(rig, water, flow_m3_s, nearest.position_m);
+        return (nearest.steady_before_m.value - loss_m, None);
+    }
+    let stated = rig.steady.iter().find_map(|s| s.supply_head_m).map(|h| h - loss_m(rig, water, flow_m3_s, 0.0));
+    let guess = rig.valve.discharge_head_m + stated.unwrap_or(2.0 * rise_m).max(0.1 * rise_m);
+    (guess, Some(0.5 * guess.abs().max(rise_m)))
+}
+
+/// Steady friction loss from a place to the valve, m.
+fn loss_m(rig: &Rig, water: &WaterProperties, flow_m3_s: f64, from_m: f64) -> f64 {
+    let mut start = 0.0;
+    let mut loss = 0.0;
+    for pipe in &rig.pipes {
+        let end = start + pipe.length_m;
+        let length = (end - from_m.max(start)).max(0.0);
+        loss += WallFriction::of(pipe, water, flow_m3_s).slope(pipe.inner_diameter_m, flow_m3_s) * length;
+        start = end;
+    }
+    loss
+}
+
+/// A sensor at position 0 of a rig whose upstream end is measured drives the model: it is no evidence for it.
+fn drives(rig: &Rig, sensor: &SensorFeatures) -> bool {
+    rig.upstream == Upstream::Measured && sensor.position_m == 0.0
+}
+
+/// The head at position 0 minus its mean before the closure, on the recording's clock, where it drives the model.
+///
+/// A frictionless pipe is a resonator that would answer to the sensor's noise as to a wave, so the noise is smoothed out of it: by
+/// the longest window whose residual is still no more than the noise.
+fn supply_deviation(rig: &Rig, recording: &Recording, features: &Features) -> Option<(Vec<f64>, Vec<f64>)> {
+    let driver = features.sensors.iter().find(|s| drives(rig, s))?;
+    let (time_s, head_m) = heads(recording, driver.sensor, features.temperature_degc);
+    let smooth = smoothed(&head_m, driver.noise.white_sd_m);
+    Some((time_s, smooth.iter().map(|h| h - driver.steady_before_m.value).collect()))
+}
+
+/// Cubic Savitzky-Golay smoothing (Savitzky & Golay 1964) over `2m + 1` samples, the window shrinking towards the ends.
+fn savitzky_golay(values: &[f64], m: usize) -> Vec<f64> {
+    (0..values.len())
+        .map(|i| {
+            let m = m.min(i).min(values.len() - 1 - i) as f64;
+            if m < 1.0 {
+                return values[i];
+            }
+            let norm = (2.0 * m - 1.0) * (2.0 * m + 1.0) * (2.0 * m + 3.0);
+            let window = &values[i - m as usize..=i + m as usize];
+            let weight = |k: usize| {
+                let x = k as f64 - m;
+                (3.0 * (3.0 * m * m + 3.0 * m - 1.0) - 15.0 * x * x) / norm
+            };
+            window.iter().enumerate().map(|(k, v)| weight(k) * v).sum()
+        })
+        .collect()
+}
+
+/// The smoothest version of a series that leaves no more than its noise.
+fn smoothed(values: &[f64], noise: f64) -> Vec<f64> {
+    /// Residual beyond the noise that is taken for signal.
+    const EXCESS: f64 = 1.03;
+    let mut best = values.to_vec();
+    let mut m = 2;
+    while 2 * m + 1 < values.len() / 4 {
+        let trial = savitzky_golay(values, m);
+        let square: f64 = trial.iter().zip(values).map(|(t, v)| (t - v).powi(2)).sum();
+        if (square / values.len() as f64).sqrt() > EXCESS * noise {
+            break;
+        }
+        best = trial;
+        m = m * 3 / 2;
+    }
+    best
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn smoothing_keeps_a_cubic_and_halves_noise_many_times() {
+        let cubic: Vec<f64> =
+            (0..200).map(f64::from).map(|x| 1.0 + 0.1 * x - 1e-3 * x * x + 1e-5 * x.powi(3)).collect();
+        for (a, b) in savitzky_golay(&cubic, 9).iter().zip(&cubic) {
+            assert!((a - b).abs() < 1e-9);
+        }
+        let mut state = 7u64;
+        let mut noise = || {
+            state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+            ((state >> 33) as f64 / (1u64 << 31) as f64 - 0.5) * 12f64.sqrt() * 0.1
+        };
+        let clean: Vec<f64> = (0..4000).map(|i| (f64::from(i) * 0.004).sin()).collect();
+        let noisy: Vec<f64> = clean.iter().map(|c| c + noise()).collect();
+        let rms = |v: &[f64]| (v.iter().zip(&clean).map(|(a, b)| (a - b).powi(2)).sum::<f64>() / 4000.0).sqrt();
+        assert!(rms(&noisy) > 0.09 && rms(&smoothed(&noisy, 0.1)) < 0.02, "{}", rms(&smoothed(&noisy, 0.1)));
+    }
+}

@@ -1,0 +1,168 @@
+//! Whether a search has ended at an optimum: measured by what a Gauss-Newton step without damping promises from there.
+//!
+//! The promise is the square of Newton's decrement (Boyd & Vandenberghe 2004, Convex Optimization, sec. 9.5.1) of the linearised problem. In units of
+//! what one sample leaves it is the square of the distance to the optimum in standard errors of white noise.
+
+use nalgebra::{DMatrix, DVector};
+
+use crate::fit::numeric::uncertainty::{determined_inverse, dot};
+use crate::fit::problem::method::Method;
+
+/// Promise, in units of what one sample leaves, up to which a search has ended at an optimum: within half a standard error of it.
+pub(crate) const AT_OPTIMUM: f64 = 0.25;
+/// Sets of variables at bounds that are tried at most, for each variable.
+const MOST_SETS: usize = 5;
+
+/// Fall of the sum of squares that the linearised problem promises from `x` within its `bounds`, never negative.
+///
+/// Least squares in a box by active sets (Stark & Parker 1995, Comput. Stat. 10, 129): each step lowers the sum, and what a bound has stopped is let go where
+/// that lowers it further.
+pub(crate) fn promised_fall(columns: &[Vec<f64>], residuals: &[f64], x: &[f64], bounds: (&[f64], &[f64])) -> f64 {
+    fall_of(columns, residuals, &promising_step(columns, residuals, x, bounds))
+}
+
+/// Fall of the sum of squares that a step of the linearised problem brings, never negative.
+pub(crate) fn fall_of(columns: &[Vec<f64>], residuals: &[f64], step: &DVector<f64>) -> f64 {
+    let moved = (0..residuals.len()).map(|i| columns.iter().zip(step.iter()).map(|(c, by)| c[i] * by).sum::<f64>());
+    // `-(2 rᵀJd + |Jd|²)`
+    residuals.iter().zip(moved).map(|(r, by)| -by * (2.0 * r + by)).sum::<f64>().max(0.0)
+}
+
+/// The step that promises that.
+pub(crate) fn promising_step(
+    columns: &[Vec<f64>],
+    residuals: &[f64],
+    x: &[f64],
+    bounds: (&[f64], &[f64]),
+) -> DVector<f64> {
+    let n = x.len();
+    let (low, high): (Vec<f64>, Vec<f64>) = (0..n).map(|j| (bounds.0[j] - x[j], bounds.1[j] - x[j])).unzip();
+    let gradient = DVector::from_iterator(n, columns.iter().map(|c| dot(c, residuals)));
+    let normal = DMatrix::from_fn(n, n, |i, j| dot(&columns[i], &columns[j]));
+    let mut step = DVector::zeros(n);
+    let outward = |j: usize, slope: f64, at: f64| (at >= high[j] && slope < 0.0) || (at <= low[j] && slope > 0.0);
+    let movable = |j: usize| low[j] < high[j] && normal[(j, j)] > 0.0;
+    let mut free: Vec<usize> = (0..n).filter(|&j| movable(j) && !outward(j, gradient[j], 0.0)).collect();
+    for _ in 0..MOST_SETS * n {
+        let slope = &gradient + &normal * &step;
+        let moved = undamped(&normal, &slope, &free);
+        // As far as the first bound.
+        let room = |a: usize| {
+            let (j, by) = (free[a], moved[a]);
+            let to = if by < 0.0 { low[j] } else { high[j] };
+            if by == 0.0 { f64::INFINITY } else { (to - step[j]) / by }
+        };
+        let stop = (0..free.len()).min_by(|&a, &b| room(a).total_cmp(&room(b))).filter(|&a| room(a) < 1.0);
+        let share = stop.map_or(1.0, |a| room(a).max(0.0));
+        free.iter().zip(moved.iter()).for_each(|(&j, by)| step[j] += share * by);
+        if let Some(a) = stop {
+            let j = free.remove(a);
+            step[j] = if moved[a] < 0.0 { low[j] } else { high[j] };
+            continue;
+        }
+        let slope = &gradient + &normal * &step;
+        let pull = |j: &usize| slope[*j].abs() / normal[(*j, *j)].sqrt();
+        let held = (0..n).filter(|&j| movable(j) && !free.contains(&j) && !outward(j, slope[j], step[j]));
+        match held.filter(|j| pull(j) > 0.0).max_by(|a, b| pull(a).total_cmp(&pull(b))) {
+            None => break,
+            Some(j) => free.push(j),
+        }
+    }
+    step
+}
+
+/// The step of the `free` variables down the `slope`, over what the normal matrix determines.
+fn undamped(normal: &DMatrix<f64>, slope: &DVector<f64>, free: &[usize]) -> DVector<f64> {
+    let scale: Vec<f64> = free.iter().map(|&j| normal[(j, j)].sqrt()).collect();
+    let matrix = DMatrix::from_fn(free.len(), free.len(), |a, b| normal[(free[a], free[b])] / (scale[a] * scale[b]));
+    let right = DVector::from_iterator(free.len(), free.iter().zip(&scale).map(|(&j, s)| -slope[j] / s));
+    let (inverse, _) = determined_inverse(matrix);
+    let mut step = inverse * right;
+    step.iter_mut().zip(&scale).for_each(|(step, s)| *step /= s);
+    step
+}
+
+/// Why an end is none that promises a `fall` of the sum of squares, in units of what one of `samples` leaves; and what to do.
+pub(crate) fn short_of_it(fall: f64, samples: usize, method: Method) -> String {
+    let share = 100.0 * (fall / samples.max(1) as f64).min(1.0);
+    let digits = if share < 0.1 { 3 } else { usize::from(share < 10.0) };
+    format!(
+        "the search did not reach an optimum (a descent from its end promises to take {share:.digits$}% off the sum of squares, some values \
+         may be off by {:.0} standard errors); {}",
+        fall.sqrt().max(1.0),
+        method.advice()
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A line through noisy points: from any place, what is promised is what solving it gains.
+    #[test]
+    fn of_a_linear_problem_the_promise_is_kept() {
+        let t: Vec<f64> = (0..40).map(|i| f64::from(i) / 20.0).collect();
+        let columns = vec![vec![-1.0; 40], t.iter().map(|t| -t).collect::<Vec<f64>>()];
+        let left = |x: &[f64]| -> Vec<f64> {
+            t.iter().map(|t| 1.0 + 2.0 * t + 0.1 * (40.0 * t).sin() - x[0] - x[1] * t).collect()
+        };
+        let wide = (&[-10.0, -10.0][..], &[10.0, 10.0][..]);
+        let square = |x: &[f64]| left(x).iter().map(|r| r * r).sum::<f64>();
+        // Where the textbook puts the line.
+        let mean =
+            |of: &dyn Fn(f64, f64) -> f64| t.iter().zip(left(&[0.0, 0.0])).map(|(t, y)| of(*t, y)).sum::<f64>() / 40.0;
+        let (mt, my) = (mean(&|t, _| t), mean(&|_, y| y));
+        let slope = (mean(&|t, y| t * y) - mt * my) / (mean(&|t, _| t * t) - mt * mt);
+        let best = [my - slope * mt, slope];
+        for x in [[0.0, 0.0], [3.0, -1.0]] {
+            let promised = promised_fall(&columns, &left(&x), &x, wide);
+            assert!((promised - (square(&x) - square(&best))).abs() < 1e-9, "{promised}");
+        }
+        assert!(promised_fall(&columns, &left(&best), &best, wide).abs() < 1e-12);
+        // With the slope kept to 1 at the most, the intercept alone follows.
+        let x = [0.0, 0.5];
+        let promised = promised_fall(&columns, &left(&x), &x, (&[-10.0, 0.0], &[10.0, 1.0]));
+        let held = [my - mt, 1.0];
+        assert!((promised - (square(&x) - square(&held))).abs() < 1e-9, "{promised}");
+        // At that bound, nothing is left; a held variable and one that nothing shows promise nothing.
+        assert!(promised_fall(&columns, &left(&held), &held, (&[-10.0, 0.0], &[10.0, 1.0])).abs() < 1e-12);
+        assert_eq!(promised_fall(&columns, &left(&x), &x, (&x, &x)), 0.0);
+        assert_eq!(promised_fall(&[vec![0.0; 40]], &left(&x), &[0.0], (&[-1.0], &[1.0])), 0.0);
+    }
+
+    /// Against all ways to put variables at their bounds, for columns that are nearly alike.
+    #[test]
+    fn in_a_box_the_promise_is_the_most_that_any_set_of_bounds_allows() {
+        let mut random = fastrand::Rng::with_seed(4);
+        for _ in 0..200 {
+            let mut draw = || 2.0 * random.f64() - 1.0;
+            let base: Vec<f64> = (0..12).map(|_| draw()).collect();
+            let columns: Vec<Vec<f64>> = (0..4).map(|_| base.iter().map(|b| b + 0.2 * draw()).collect()).collect();
+            let residuals: Vec<f64> = (0..12).map(|_| draw()).collect();
+            let upper: Vec<f64> = (0..4).map(|_| draw().abs()).collect();
+            let lower: Vec<f64> = (0..4).map(|_| -draw().abs()).collect();
+            let fall = |d: &[f64]| -> f64 {
+                let left = (0..12).map(|i| residuals[i] + (0..4).map(|j| columns[j][i] * d[j]).sum::<f64>());
+                residuals.iter().map(|r| r * r).sum::<f64>() - left.map(|r| r * r).sum::<f64>()
+            };
+            let mut most = 0.0f64;
+            for set in 0..3usize.pow(4) {
+                let state: Vec<usize> = (0..4u32).map(|j| set / 3usize.pow(j) % 3).collect();
+                let free: Vec<usize> = (0..4).filter(|&j| state[j] == 2).collect();
+                let mut d: Vec<f64> = (0..4).map(|j| [lower[j], upper[j], 0.0][state[j]]).collect();
+                let normal = DMatrix::from_fn(free.len(), free.len(), |a, b| dot(&columns[free[a]], &columns[free[b]]));
+                let there: Vec<f64> =
+                    (0..12).map(|i| residuals[i] + (0..4).map(|j| columns[j][i] * d[j]).sum::<f64>()).collect();
+                let right = DVector::from_iterator(free.len(), free.iter().map(|&j| -dot(&columns[j], &there)));
+                let solved = if free.is_empty() { Some(right) } else { normal.lu().solve(&right) };
+                let Some(solved) = solved else { continue };
+                free.iter().zip(solved.iter()).for_each(|(&j, v)| d[j] = *v);
+                if (0..4).all(|j| (lower[j] - 1e-12..=upper[j] + 1e-12).contains(&d[j])) {
+                    most = most.max(fall(&d));
+                }
+            }
+            let promised = promised_fall(&columns, &residuals, &[0.0; 4], (&lower, &upper));
+            assert!((promised - most).abs() < 1e-9 * (1.0 + most), "{promised} for {most}");
+        }
+    }
+}

@@ -1,0 +1,436 @@
+//! Bounded nonlinear least squares: Levenberg-Marquardt with Nielsen's damping, projected on a box.
+//!
+//! Marquardt (1963); Nielsen (1999), IMM-REP-1999-05, for the damping; variables held at a bound while the gradient pushes
+//! outwards (Kanzow, Yamashita & Fukushima 2004). The Jacobian's columns are independent simulations and run in parallel.
+
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
+use rayon::prelude::*;
+
+/// A problem: residuals as a function of variables that the solver may move in a box.
+pub trait Problem: Sync {
+    /// Why an evaluation can fail.
+    type Error: Send;
+    /// Residuals, already divided by their standard deviations; always of one length.
+    fn residuals(&self, x: &[f64]) -> Result<Vec<f64>, Self::Error>;
+    /// The same with only variable `j` changed from a point whose residuals are `base`: problems whose residuals fall into
+    /// parts save the parts that `j` does not touch.
+    fn residuals_moved(&self, x: &[f64], j: usize, base: &[f64]) -> Result<Vec<f64>, Self::Error> {
+        let _ = (j, base);
+        self.residuals(x)
+    }
+    /// Lower and upper bound of each variable.
+    fn bounds(&self) -> (&[f64], &[f64]);
+    /// Step of the finite difference for each variable.
+    fn difference_step(&self, j: usize) -> f64;
+    /// How far a variable may go in one step of a thorough descent: beyond, a straight line says nothing of the residuals.
+    fn reach(&self, _j: usize) -> f64 {
+        f64::INFINITY
+    }
+}
+
+/// When to stop.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Limits {
+    /// Most iterations.
+    pub iterations: usize,
+    /// Relative fall of the cost below which it is settled.
+    pub cost_tolerance: f64,
+    /// Largest change of a variable below which it is settled.
+    pub step_tolerance: f64,
+    /// Follow narrow, bent valleys to their ends, from a start that is near: the first step is hardly damped, steps are bent to second order, and
+    /// a fall is settled only where a step without damping would not gain more either.
+    pub thorough: bool,
+}
+
+/// Why the solver stopped.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Stop {
+    /// The cost no longer falls.
+    CostSettled,
+    /// The variables no longer move.
+    VariablesSettled,
+    /// The gradient vanishes.
+    Stationary,
+    /// The budget of iterations ran out.
+    IterationsSpent,
+    /// No damping gives a lower cost.
+    NoDescent,
+}
+
+impl Stop {
+    /// Whether it is done, rather than out of budget.
+    pub fn converged(self) -> bool {
+        !matches!(self, Stop::IterationsSpent)
+    }
+    /// In words.
+    pub fn describe(self) -> &'static str {
+        match self {
+            Stop::CostSettled => "the error no longer falls",
+            Stop::VariablesSettled => "the parameters no longer move",
+            Stop::Stationary => "the gradient vanishes",
+            Stop::IterationsSpent => "the budget of iterations ran out before the error settled",
+            Stop::NoDescent => "no step, however short, lowers the error further",
+        }
+    }
+}
+
+/// Where the solver stopped.
+#[derive(Debug, Clone)]
+pub struct Solution {
+    /// Variables.
+    pub x: Vec<f64>,
+    /// Residuals there.
+    pub residuals: Vec<f64>,
+    /// `JᵀJ` there (or one accepted step before).
+    pub normal: DMatrix<f64>,
+    /// The Jacobian's columns, likewise; none where no iteration was made.
+    pub columns: Vec<Vec<f64>>,
+    /// Which variables lie at a bound.
+    pub at_bound: Vec<bool>,
+    /// Half the sum of squares.
+    pub cost: f64,
+    /// Evaluations of the residuals, those for the Jacobian included.
+    pub evaluations: usize,
+    /// Iterations.
+    pub iterations: usize,
+    /// Why it stopped.
+    pub stop: Stop,
+}
+
+/// Share of a step at which the residuals' curvature along it is measured, and the largest bend, in steps, that is believed
+/// (Transtrum & Sethna 2012).
+const LOOK_AHEAD: f64 = 0.1;
+const MOST_BEND: f64 = 0.375;
+
+/// The second-order part of a step, in scaled variables (geodesic acceleration; Transtrum & Sethna 2012, arXiv:1201.5885): where the
+/// residuals bend along the step, the valley does. None where the bend is too large to be believed.
+#[allow(clippy::too_many_arguments)]
+fn bend<P: Problem>(
+    problem: &P,
+    x: &[f64],
+    residuals: &[f64],
+    columns: &[Vec<f64>],
+    free: &[usize],
+    scale: &[f64],
+    step: &DVector<f64>,
+    factor: &Cholesky<f64, Dyn>,
+) -> Option<DVector<f64>> {
+    let (lower, upper) = problem.bounds();
+    let mut ahead = x.to_vec();
+    for (a, &j) in free.iter().enumerate() {
+        ahead[j] += LOOK_AHEAD * step[a] / scale[j];
+        if ahead[j] < lower[j] || ahead[j] > upper[j] {
+            return None;
+        }
+    }
+    let mut curved = problem.residuals(&ahead).ok()?;
+    for (c, r) in curved.iter_mut().zip(residuals) {
+        *c = (*c - r) / LOOK_AHEAD;
+    }
+    for (a, &j) in free.iter().enumerate() {
+        let by = step[a] / scale[j];
+        curved.iter_mut().zip(&columns[j]).for_each(|(c, d)| *c -= by * d);
+    }
+    let dot = |a: &[f64]| a.iter().zip(&curved).map(|(x, y)| x * y).sum::<f64>();
+    let right = DVector::from_iterator(free.len(), free.iter().map(|&j| -dot(&columns[j]) / (LOOK_AHEAD * scale[j])));
+    let bend = factor.solve(&right);
+    (bend.norm() <= MOST_BEND * step.norm()).then_some(bend)
+}
+
+/// Damping of the first step, in units of each column's square norm; and of one from a start that is near, where a damped step would creep along a
+/// flat valley and one that is too long costs a trial, not a Jacobian.
+const FIRST_DAMPING: f64 = 1e-3;
+const FIRST_DAMPING_NEAR: f64 = 1e-7;
+/// Damping that stands for none.
+const UNDAMPED: f64 = 1e-11;
+/// Steps in a row that gain less than the tolerance, though more seems to be there, after which nothing more is expected.
+const STALLS: usize = 8;
+
+fn half_square(residuals: &[f64]) -> f64 {
+    0.5 * residuals
+        .par_chunks(4096)
+        .map(|c| c.iter().map(|r| r * r).sum::<f64>())
+        .collect::<Vec<_>>()
+        .iter()
+        .sum::<f64>()
+}
+
+/// The Jacobian by forward differences, one column a variable (backward where the upper bound is near), and its residuals.
+///
+/// # Errors
+/// The first evaluation that fails.
+pub fn jacobian<P: Problem>(problem: &P, x: &[f64], base: &[f64]) -> Result<Vec<Vec<f64>>, P::Error> {
+    let (_, upper) = problem.bounds();
+    (0..x.len())
+        .into_par_iter()
+        .map(|j| {
+            let mut step = problem.difference_step(j);
+            if x[j] + step > upper[j] {
+                step = -step;
+            }
+            let mut moved = x.to_vec();
+            moved[j] += step;
+            let mut column = problem.residuals_moved(&moved, j, base)?;
+            for (c, b) in column.iter_mut().zip(base) {
+                *c = (*c - b) / step;
+            }
+            Ok(column)
+        })
+        .collect()
+}
+
+/// `JᵀJ` and `Jᵀr`.
+fn normal_equations(columns: &[Vec<f64>], residuals: &[f64]) -> (DMatrix<f64>, DVector<f64>) {
+    let n = columns.len();
+    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(x, y)| x * y).sum::<f64>();
+    let rows: Vec<Vec<f64>> =
+        (0..n).into_par_iter().map(|i| (0..=i).map(|j| dot(&columns[i], &columns[j])).collect()).collect();
+    let normal = DMatrix::from_fn(n, n, |i, j| rows[i.max(j)][i.min(j)]);
+    let gradient = DVector::from_iterator(n, columns.iter().map(|c| dot(c, residuals)));
+    (normal, gradient)
+}
+
+/// Minimises half the sum of squared residuals from `start`; `progress` sees iteration and cost.
+///
+/// # Errors
+/// Only if the start itself cannot be evaluated, or a Jacobian at an accepted point; a trial step that fails is a bad step.
+pub fn minimise<P: Problem>(
+    problem: &P,
+    start: &[f64],
+    limits: Limits,
+    mut progress: impl FnMut(usize, f64),
+) -> Result<Solution, P::Error> {
+    let (lower, upper) = problem.bounds();
+    let n = start.len();
+    let clamp = |x: &mut [f64]| {
+        for (v, (l, u)) in x.iter_mut().zip(lower.iter().zip(upper)) {
+            *v = v.clamp(*l, *u);
+        }
+    };
+    let mut x = start.to_vec();
+    clamp(&mut x);
+    let mut residuals = problem.residuals(&x)?;
+    let mut cost = half_square(&residuals);
+    let mut evaluations = 1;
+    let mut normal = DMatrix::zeros(n, n);
+    let mut columns = Vec::new();
+    let mut damping = if limits.thorough { FIRST_DAMPING_NEAR } else { FIRST_DAMPING };
+    let mut growth = 2.0;
+    let mut stop = Stop::IterationsSpent;
+    let (mut iterations, mut stalls) = (0, 0);
+    'outer: while iterations < limits.iterations {
+        iterations += 1;
+        columns = jacobian(problem, &x, &residuals)?;
+        evaluations += n;
+        let (jtj, gradient) = normal_equations(&columns, &residuals);
+        normal = jtj;
+        // Held: at a bound, with the descent direction pointing out of the box.
+        let free: Vec<usize> = (0..n)
+            .filter(|&j| !((x[j] <= lower[j] && gradient[j] > 0.0) || (x[j] >= upper[j] && gradient[j] < 0.0)))
+            .collect();
+        let scale: Vec<f64> = (0..n).map(|j| normal[(j, j)].sqrt().max(1e-12)).collect();
+        if free.iter().all(|&j| gradient[j].abs() / scale[j] <= 1e-9 * (2.0 * cost).sqrt().max(1e-12)) {
+            stop = Stop::Stationary;
+            break;
+        }
+        loop {
+            // Marquardt's scaling: the damped system is solved in units of each column's norm.
+            let damped = |damping: f64| {
+                DMatrix::from_fn(free.len(), free.len(), |a, b| {
+                    let (i, j) = (free[a], free[b]);
+                    let unit = normal[(i, j)] / (scale[i] * scale[j]);
+                    if a == b { unit + damping } else { unit }
+                })
+            };
+            let rhs = DVector::from_iterator(free.len(), free.iter().map(|&j| -gradient[j] / scale[j]));
+            let Some(factor) = damped(damping).cholesky() else {
+                damping = (damping * 10.0).max(1e-10);
+                if damping > 1e16 {
+                    stop = Stop::NoDescent;
+                    break 'outer;
+                }
+                continue;
+            };
+            let mut step = factor.solve(&rhs);
+            if limits.thorough {
+                let share = |(a, &j): (usize, &usize)| problem.reach(j) * scale[j] / step[a].abs();
+                step *= free.iter().enumerate().map(share).fold(1.0, f64::min);
+            }
+            let mut trial = x.clone();
+            for (a, &j) in free.iter().enumerate() {
+                trial[j] += step[a] / scale[j];
+            }
+            clamp(&mut trial);
+            let moved: Vec<f64> = trial.iter().zip(&x).map(|(t, x)| t - x).collect();
+            let largest = moved.iter().fold(0.0f64, |m, d| m.max(d.abs()));
+            if largest <= limits.step_tolerance {
+                stop = Stop::VariablesSettled;
+                break 'outer;
+            }
+            evaluations += 1;
+            let moved = DVector::from_vec(moved);
+            let model_fall = |by: &DVector<f64>| -(gradient.dot(by) + 0.5 * by.dot(&(&normal * by)));
+            let predicted = model_fall(&moved);
+            // What a step without damping would gain, as far as the box lets it go.
+            let promised = || {
+                let Some(factor) = damped(UNDAMPED).cholesky() else { return 0.0 };
+                let step = factor.solve(&rhs);
+                let mut end = x.clone();
+                for (a, &j) in free.iter().enumerate() {
+                    end[j] += step[a] / scale[j];
+                }
+                clamp(&mut end);
+                model_fall(&DVector::from_iterator(n, end.iter().zip(&x).map(|(e, x)| e - x)))
+            };
+            if limits.thorough
+                && let Some(bend) = bend(problem, &x, &residuals, &columns, &free, &scale, &step, &factor)
+            {
+                evaluations += 1;
+                for (a, &j) in free.iter().enumerate() {
+                    trial[j] += bend[a] / scale[j];
+                }
+                clamp(&mut trial);
+            }
+            let outcome = problem.residuals(&trial).ok().map(|r| (half_square(&r), r)).filter(|(c, _)| c.is_finite());
+            match outcome {
+                Some((new_cost, new_residuals)) if new_cost < cost => {
+                    let ratio = (cost - new_cost) / predicted.max(f64::MIN_POSITIVE);
+                    let fall = (cost - new_cost) / cost;
+                    let left = promised() - (cost - new_cost);
+                    x = trial;
+                    residuals = new_residuals;
+                    cost = new_cost;
+                    damping *= (1.0 - (2.0 * ratio - 1.0).powi(3)).clamp(1.0 / 3.0, 2.0);
+                    damping = damping.max(1e-12);
+                    growth = 2.0;
+                    progress(iterations, cost);
+                    if fall > limits.cost_tolerance {
+                        stalls = 0;
+                    } else if ratio > 0.1 {
+                        stalls += 1;
+                        if !limits.thorough || left <= limits.cost_tolerance * cost || stalls >= STALLS {
+                            stop = Stop::CostSettled;
+                            break 'outer;
+                        }
+                        // A narrow valley: damping holds the step back, not the lack of a descent.
+                        damping = (damping * 0.1).max(1e-12);
+                    }
+                    break;
+                }
+                _ => {
+                    damping *= growth;
+                    growth *= 2.0;
+                    if damping > 1e16 {
+                        stop = Stop::NoDescent;
+                        break 'outer;
+                    }
+                }
+            }
+        }
+    }
+    let at_bound = x.iter().zip(lower.iter().zip(upper)).map(|(v, (l, u))| v <= l || v >= u).collect();
+    Ok(Solution { x, residuals, normal, columns, at_bound, cost, evaluations, iterations, stop })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fit::numeric::test_problem::Test;
+
+    const LIMITS: Limits = Limits { iterations: 200, cost_tolerance: 1e-14, step_tolerance: 1e-12, thorough: false };
+
+    /// Moré, Garbow & Hillstrom (1981), problem 1.
+    #[test]
+    fn rosenbrock_is_solved() {
+        let problem = Test {
+            f: |x: &[f64]| vec![10.0 * (x[1] - x[0] * x[0]), 1.0 - x[0]],
+            lower: vec![-5.0; 2],
+            upper: vec![5.0; 2],
+            reach: f64::INFINITY,
+        };
+        let s = minimise(&problem, &[-1.2, 1.0], LIMITS, |_, _| {}).unwrap();
+        assert!(s.stop.converged());
+        assert!((s.x[0] - 1.0).abs() < 1e-6 && (s.x[1] - 1.0).abs() < 1e-6, "{:?}", s.x);
+    }
+
+    /// Rosenbrock's valley, narrower: where straight, damped steps creep, bent ones reach its end.
+    #[test]
+    fn bent_steps_follow_a_bent_valley() {
+        let problem = Test {
+            f: |x: &[f64]| vec![3000.0 * (x[1] - x[0] * x[0]), 1.0 - x[0]],
+            lower: vec![-5.0; 2],
+            upper: vec![5.0; 2],
+            reach: f64::INFINITY,
+        };
+        let [plain, bent] = [false, true].map(|thorough| {
+            let s = minimise(&problem, &[0.5, 0.2], Limits { iterations: 20, thorough, ..LIMITS }, |_, _| {}).unwrap();
+            (s.x[0] - 1.0).abs()
+        });
+        assert!(bent < 1e-6 && plain > 0.1, "{bent} against {plain}");
+    }
+
+    /// A thorough descent goes no further at once than the residuals can be trusted, and gets there all the same.
+    #[test]
+    fn a_step_keeps_within_reach() {
+        let problem =
+            Test { f: |x: &[f64]| vec![10.0 * (x[0] - 4.5)], lower: vec![-9.0], upper: vec![9.0], reach: 1.0 };
+        for (iterations, end) in [(1, 1.0), (2, 2.0), (20, 4.5)] {
+            let s = minimise(&problem, &[0.0], Limits { iterations, thorough: true, ..LIMITS }, |_, _| {}).unwrap();
+            assert!((s.x[0] - end).abs() < 1e-6, "{iterations}: {:?}", s.x);
+        }
+    }
+
+    /// Moré, Garbow & Hillstrom (1981), problem 13: singular Jacobian at the solution (0, 0, 0, 0).
+    #[test]
+    fn powells_singular_function_is_solved() {
+        let problem = Test {
+            f: |x: &[f64]| {
+                vec![
+                    x[0] + 10.0 * x[1],
+                    5f64.sqrt() * (x[2] - x[3]),
+                    (x[1] - 2.0 * x[2]).powi(2),
+                    10f64.sqrt() * (x[0] - x[3]).powi(2),
+                ]
+            },
+            lower: vec![-10.0; 4],
+            upper: vec![10.0; 4],
+            reach: f64::INFINITY,
+        };
+        let s = minimise(&problem, &[3.0, -1.0, 0.0, 1.0], LIMITS, |_, _| {}).unwrap();
+        assert!(s.cost < 1e-10, "{}", s.cost);
+    }
+
+    /// Rosenbrock with x₁ ≤ 0.5: the constrained minimum is (0.5, 0.25), on the bound.
+    #[test]
+    fn a_bound_is_held_and_said() {
+        let problem = Test {
+            f: |x: &[f64]| vec![10.0 * (x[1] - x[0] * x[0]), 1.0 - x[0]],
+            lower: vec![-5.0, -5.0],
+            upper: vec![0.5, 5.0],
+            reach: f64::INFINITY,
+        };
+        let s = minimise(&problem, &[-1.2, 1.0], LIMITS, |_, _| {}).unwrap();
+        assert!((s.x[0] - 0.5).abs() < 1e-12 && (s.x[1] - 0.25).abs() < 1e-5, "{:?}", s.x);
+        assert_eq!(s.at_bound, [true, false]);
+    }
+
+    /// NIST StRD, Misra1a (lower difficulty): certified b1 = 238.94212918, b2 = 5.5015643181e-4, s.e. 2.7070075241, 7.2668688436e-6.
+    #[test]
+    fn nist_misra1a_with_its_standard_errors() {
+        let y = [10.07, 14.73, 17.94, 23.93, 29.61, 35.18, 40.02, 44.82, 50.76, 55.05, 61.01, 66.40, 75.47, 81.78];
+        let t = [77.6, 114.9, 141.1, 190.8, 239.9, 289.0, 332.8, 378.4, 434.8, 477.3, 536.8, 593.1, 689.1, 760.0];
+        let problem = Test {
+            f: |x: &[f64]| y.iter().zip(&t).map(|(y, t)| y - x[0] * (1.0 - (-x[1] * 1e-4 * t).exp())).collect(),
+            lower: vec![1.0, 0.01],
+            upper: vec![1000.0, 100.0],
+            reach: f64::INFINITY,
+        };
+        let s = minimise(&problem, &[500.0, 1.0], LIMITS, |_, _| {}).unwrap();
+        assert!((s.x[0] - 238.94212918).abs() < 1e-4, "{:?}", s.x);
+        assert!((s.x[1] - 5.5015643181).abs() < 1e-5, "{:?}", s.x);
+        let variance = 2.0 * s.cost / 12.0;
+        let covariance = s.normal.try_inverse().unwrap() * variance;
+        assert!((covariance[(0, 0)].sqrt() / 2.7070075241 - 1.0).abs() < 1e-3);
+        assert!((covariance[(1, 1)].sqrt() / 7.2668688436e-2 - 1.0).abs() < 1e-3);
+    }
+}

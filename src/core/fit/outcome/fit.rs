@@ -1,0 +1,202 @@
+//! What a calibration gives back: plain data for tables, JSON and pages.
+
+use crate::fit::inference::identify::Unseen;
+use crate::fit::problem::method::Method;
+use crate::fit::search::coarse_fit::Leftover;
+use crate::fit::validate::profile::Profile;
+use crate::model::effects::Chosen;
+use crate::model::parameter::Scale;
+
+/// One fitted parameter.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct FittedParameter {
+    /// Name; a per-run parameter carries its run's file name in `run`.
+    pub name: String,
+    /// What it is, in plain words.
+    pub about: &'static str,
+    /// The run it belongs to where it is not shared by all.
+    pub run: Option<String>,
+    /// Value in `unit`.
+    pub value: f64,
+    /// Standard error in `unit`; infinite where the data do not determine it, not a number where the fit ended at no optimum.
+    pub standard_error: f64,
+    /// 95% interval in `unit`: linear, or by its profile where there is one; an end that the data leave open is infinite, both are not a
+    /// number where the fit ended at no optimum.
+    pub interval_95: (f64, f64),
+    /// How the fit gets worse along it, where that was asked for.
+    pub profile: Option<Profile>,
+    /// Display unit.
+    pub unit: &'static str,
+    /// It ended at one of its bounds.
+    pub at_bound: bool,
+    /// Least value that the fit could take, in `unit`.
+    pub lower: f64,
+    /// Greatest value that the fit could take, in `unit`.
+    pub upper: f64,
+    /// It was held at its value.
+    pub held: bool,
+    /// What was known of it from elsewhere (a creep test): mean in `unit`, and a relative standard deviation.
+    pub prior: Option<(f64, f64)>,
+    /// How the fit moved it.
+    pub scale: Scale,
+    /// All that the fit took for known before it, whatever said so (meter, rig, signals, creep test): mean in `unit`, and a standard
+    /// deviation that is relative on a log scale.
+    pub belief: Option<(f64, f64)>,
+}
+
+/// Measurement and model at one pressure sensor, heads in m, all vectors of one length.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct SensorFit {
+    /// Sensor name.
+    pub name: String,
+    /// Distance from the supply, m.
+    pub position_m: f64,
+    /// Sample times after the start of the closure, s (all ≥ 0).
+    pub time_s: Vec<f64>,
+    /// Measured head, m.
+    pub measured_m: Vec<f64>,
+    /// Fitted head, m.
+    pub model_m: Vec<f64>,
+    /// Half the width of the band around the model that holds a sample with 95% probability, m; empty where it is not known.
+    pub band_m: Vec<f64>,
+    /// Standard deviation of all that disturbs the sensor while nothing happens, m.
+    pub noise_m: f64,
+    /// The same of its white part: what a sample's weight in the fit is, m.
+    pub white_noise_m: f64,
+    /// Root mean square of measured − model over all samples, m.
+    pub rmse_m: f64,
+    /// The same with the parameters that the fit started from, m.
+    pub start_rmse_m: f64,
+    /// Peak by peak and trough by trough.
+    pub extrema: Vec<ExtremumError>,
+}
+
+/// One extremum in measurement and model.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ExtremumError {
+    /// Cycle from 1.
+    pub cycle: usize,
+    /// A peak rather than a trough.
+    pub peak: bool,
+    /// When it is measured, s after the start of the closure.
+    pub time_s: f64,
+    /// Measured head, m.
+    pub measured_m: f64,
+    /// Head of the model's own extremum, m.
+    pub model_m: f64,
+    /// Model's time minus measured time of the crossing of the mean level that leads to it, s.
+    pub phase_s: f64,
+}
+
+/// One run under the fitted model.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RunFit {
+    /// File name.
+    pub file: String,
+    /// RMSE over all samples of all pressure sensors, m.
+    pub rmse_m: f64,
+    /// Noise over the same samples, m.
+    pub noise_m: f64,
+    /// Mean absolute percentage error over the extrema (paper's eq. 19), percent.
+    pub mape_extrema_percent: f64,
+    /// Its noise dies away after the closure: errors and intervals take it as it was before, for the first rise is seen in that.
+    pub noise_dies_away: bool,
+    /// Each pressure sensor.
+    pub sensors: Vec<SensorFit>,
+}
+
+/// One step of a stepwise calibration.
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+pub struct StepTaken {
+    /// The round it belongs to, from 1.
+    pub round: usize,
+    /// What it moved, and to where.
+    pub parameters: Vec<(String, f64)>,
+    /// What of the record it looked at.
+    pub feature: &'static str,
+    /// Why that.
+    pub why: &'static str,
+    /// Error over the noise, over all samples, before it.
+    pub before_over_noise: f64,
+    /// The same after it.
+    pub after_over_noise: f64,
+    /// It was kept, not taken back because the whole record became worse by it.
+    pub kept: bool,
+}
+
+/// A calibrated model of one run or of several.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Fit {
+    /// How it was searched for.
+    pub method: Method,
+    /// Effects of the model, their open choices decided.
+    pub effects: Vec<Chosen>,
+    /// Each run.
+    pub runs: Vec<RunFit>,
+    /// Shared and per-run parameters.
+    pub parameters: Vec<FittedParameter>,
+    /// Correlation between the errors of each two parameters, in the order of `parameters`; NaN for what is at a bound.
+    pub correlation: Vec<Vec<f64>>,
+    /// Combinations of parameters that the recordings do not see.
+    pub unseen: Vec<Unseen>,
+    /// Reaches of the grid of the final fit.
+    pub reaches: usize,
+    /// What halving the grid's step would still change, rms over all samples, m.
+    pub grid_error_m: f64,
+    /// Simulations that the fit took.
+    pub evaluations: usize,
+    /// Wall time, s.
+    pub seconds: f64,
+    /// The steps of a stepwise calibration; none of any other.
+    pub steps: Vec<StepTaken>,
+    /// Names of the features that a stepwise calibration had still to use when it was stopped.
+    pub features_left: Vec<&'static str>,
+    /// Why it stopped, in words.
+    pub stopped_because: String,
+    /// It ended at an optimum, as far as a descent can tell. Where it did not, no error, interval or band is given.
+    pub converged: bool,
+    /// Fall of the sum of squares that a step of a descent promises from its end, in units of what one sample leaves.
+    pub promised_fall: f64,
+}
+
+impl Fit {
+    /// Without all that holds at an optimum alone: errors, intervals, correlations, what is unseen, bands.
+    pub(crate) fn without_errors(mut self) -> Self {
+        for p in self.parameters.iter_mut().filter(|p| !p.held) {
+            (p.standard_error, p.interval_95) = (f64::NAN, (f64::NAN, f64::NAN));
+        }
+        self.runs.iter_mut().for_each(|r| r.noise_dies_away = false);
+        self.runs.iter_mut().flat_map(|r| &mut r.sensors).for_each(|s| s.band_m.clear());
+        Fit { correlation: Vec::new(), unseen: Vec::new(), ..self }
+    }
+
+    /// Values of all parameters: shared ones first, then each run's.
+    pub fn values(&self) -> Vec<f64> {
+        self.parameters.iter().map(|p| p.value).collect()
+    }
+
+    /// Its effects as on the command line (`viscoelastic-wall:2`).
+    pub fn labels(&self) -> Vec<String> {
+        self.effects.iter().map(Chosen::label).collect()
+    }
+
+    /// Fall of the Bayesian information criterion from a simpler model's fit to the same recordings; samples that are alike count once.
+    pub fn evidence_over(&self, simpler: &Fit) -> f64 {
+        let leftover = |fit: &Fit| {
+            let sensors = fit.runs.iter().flat_map(|r| &r.sensors);
+            let weighted = sensors.flat_map(|s| s.measured_m.iter().zip(&s.model_m).map(|(h, m)| (h - m) / s.noise_m));
+            let shared = fit.parameters.iter().filter(|p| p.run.is_none()).count();
+            Leftover::of(&weighted.collect::<Vec<_>>(), shared)
+        };
+        leftover(self).evidence_over(&leftover(simpler))
+    }
+
+    /// RMSE and noise over all runs, m: each weighs as its number of samples; NaN where there are none.
+    pub fn pooled(&self) -> (f64, f64) {
+        let weight = |r: &RunFit| r.sensors.iter().map(|s| s.time_s.len()).sum::<usize>() as f64;
+        let runs = || self.runs.iter().filter(|&r| weight(r) > 0.0);
+        let total: f64 = runs().map(weight).sum();
+        let mean = |f: &dyn Fn(&RunFit) -> f64| (runs().map(|r| weight(r) * f(r).powi(2)).sum::<f64>() / total).sqrt();
+        (mean(&|r| r.rmse_m), mean(&|r| r.noise_m))
+    }
+}

@@ -1,0 +1,422 @@
+//! Calibration as a least-squares problem: which variables the solver moves, and the residuals they leave.
+//!
+//! Variables are the model's shared parameters, then for each run its velocity, head, closing time and friction, the start of its
+//! closure and one offset a sensor. Log-scaled parameters are moved as logarithms. Residuals are measured minus modelled
+//! heads over each sensor's noise (or their transform, see [`crate::fit::problem::objective`]), then one for each prior,
+//! then one for each run's flow meter.
+
+use crate::fit::data::run_data::RunData;
+use crate::fit::numeric::least_squares::Problem;
+use crate::fit::problem::objective::{Bins, Misfit};
+use crate::fit::search::calibrate::FitError;
+use crate::model::constraint::Constraint;
+use crate::model::energy::Energy;
+use crate::model::parameter::{Parameter, Scale};
+use crate::model::trace::{Probe, Trace};
+use crate::model::{Conditions, Model, ModelError, Resolution, RunValues, Simulated};
+
+/// Index of the closure's start among a run's variables; those that the model takes come before it, offsets after it.
+const CLOSURE_START: usize = RunValues::COUNT;
+/// Index of its closing time among them.
+const CLOSING_TIME: usize = 2;
+
+/// Which samples enter, and how finely they are simulated.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Window {
+    /// Reaches of the grid.
+    pub reaches: usize,
+    /// Longest time after the closure that enters, s.
+    pub horizon_s: f64,
+    /// Every how many samples one enters.
+    pub stride: usize,
+}
+
+/// What the model shows of a run.
+pub struct Modelled {
+    /// Traces at the run's pressure sensors, as each shows them, without offsets.
+    pub traces: Vec<Trace>,
+    /// Flow before the closure at the flow meter, m³/s.
+    pub meter_flow_m3_s: Option<f64>,
+}
+
+/// [`Model::simulate`] or [`Model::simulate_with_energy`].
+type Simulate<'a> =
+    fn(&Model<'a>, &Conditions, &[f64], &RunValues, Resolution, &[Probe]) -> Result<Simulated, ModelError>;
+
+/// See the module.
+pub struct Calibration<'a> {
+    /// The model.
+    pub model: &'a Model<'a>,
+    /// The runs.
+    pub runs: &'a [RunData],
+    /// Every variable, described.
+    pub parameters: Vec<Parameter>,
+    /// First variable of each run.
+    run_offsets: Vec<usize>,
+    pub(crate) window: Window,
+    /// Samples of each run and sensor that enter: first index, past the last.
+    pub(crate) spans: Vec<Vec<(usize, usize)>>,
+    misfit: Misfit,
+    /// Of each run and sensor, where frequencies are compared and the record is long enough for it.
+    pub(crate) bins: Vec<Vec<Option<Bins>>>,
+    lower: Vec<f64>,
+    upper: Vec<f64>,
+}
+
+fn to_variable(parameter: &Parameter, value: f64) -> f64 {
+    match parameter.scale {
+        Scale::Linear => value,
+        Scale::Log => value.ln(),
+    }
+}
+
+/// A bound's variable gives the bound itself back, not a rounding beside it.
+fn to_value(parameter: &Parameter, variable: f64) -> f64 {
+    let bounds = [parameter.lower, parameter.upper];
+    match parameter.scale {
+        Scale::Linear => variable,
+        Scale::Log => bounds.into_iter().find(|b| b.ln() == variable).unwrap_or_else(|| variable.exp()),
+    }
+}
+
+impl<'a> Calibration<'a> {
+    /// The problem of fitting `model` to `runs`; `window` may be changed later.
+    pub fn new(model: &'a Model<'a>, runs: &'a [RunData], window: Window) -> Self {
+        let (parameters, run_offsets) = crate::fit::problem::parameters::of(model, runs);
+        let lower = parameters.iter().map(|p| to_variable(p, p.lower)).collect();
+        let upper = parameters.iter().map(|p| to_variable(p, p.upper)).collect();
+        let mut problem = Calibration {
+            model,
+            runs,
+            parameters,
+            run_offsets,
+            window,
+            spans: Vec::new(),
+            misfit: Misfit::Time,
+            bins: Vec::new(),
+            lower,
+            upper,
+        };
+        problem.set_window(window);
+        problem
+    }
+
+    /// Chooses the samples that enter and the grid.
+    pub fn set_window(&mut self, window: Window) {
+        self.window = window;
+        self.spans = self
+            .runs
+            .iter()
+            .map(|run| {
+                let start = run.start.closure_s.0;
+                let lead = 0.1 * self.model.period_s(&self.start_values()[..self.model.shared.len()]);
+                run.sensors
+                    .iter()
+                    .map(|sensor| {
+                        let first = sensor.time_s.partition_point(|&t| t < start - lead);
+                        let last = sensor.time_s.partition_point(|&t| t <= start + window.horizon_s);
+                        (first, last.max(first))
+                    })
+                    .collect()
+            })
+            .collect();
+        let compared = self.misfit == Misfit::Frequency && window.stride == 1;
+        self.bins = if compared { (0..self.runs.len()).map(|r| self.bins_of(r)).collect() } else { Vec::new() };
+    }
+
+    /// The same problem with another misfit; frequencies are compared where every sample enters. A sensor whose record is too short
+    /// for it is compared in time.
+    pub fn comparing(mut self, misfit: Misfit) -> Self {
+        self.misfit = misfit;
+        self.set_window(self.window);
+        self
+    }
+
+    /// The first run and sensor whose frequencies should be compared and cannot be.
+    pub fn too_short(&self) -> Option<(String, String)> {
+        let all = self.bins.iter().enumerate().flat_map(|(r, row)| row.iter().enumerate().map(move |(s, b)| (r, s, b)));
+        let (r, s, _) = all.into_iter().find(|(_, _, bins)| bins.is_none())?;
+        Some((self.runs[r].file.clone(), self.runs[r].sensors[s].sensor.name.clone()))
+    }
+
+    fn bins_of(&self, r: usize) -> Vec<Option<Bins>> {
+        let (run, shared) = (&self.runs[r], self.model.shared.len());
+        let closure = (run.start.closure_s.0, self.model.rig.valve.closing_time_s);
+        let period_s = self.model.period_s(&self.start_values()[..shared]);
+        let of = |(sensor, &(first, last)): (_, &(usize, usize))| Bins::of(sensor, first..last, closure, period_s);
+        run.sensors.iter().zip(&self.spans[r]).map(of).collect()
+    }
+
+    /// Holds some variables at `values`, and no others.
+    pub fn hold(&mut self, held: &[usize], values: &[f64]) {
+        self.lower = self.parameters.iter().map(|p| to_variable(p, p.lower)).collect();
+        self.upper = self.parameters.iter().map(|p| to_variable(p, p.upper)).collect();
+        for &j in held {
+            let x = to_variable(&self.parameters[j], values[j]).clamp(self.lower[j], self.upper[j]);
+            (self.lower[j], self.upper[j]) = (x, x);
+        }
+    }
+
+    /// The window in force.
+    pub fn window(&self) -> Window {
+        self.window
+    }
+
+    fn start_values(&self) -> Vec<f64> {
+        self.parameters.iter().map(|p| p.start).collect()
+    }
+
+    /// The variables of the start values.
+    pub fn start(&self) -> Vec<f64> {
+        self.parameters.iter().map(|p| to_variable(p, p.start)).collect()
+    }
+
+    /// Values, in the parameters' units, of variables.
+    pub fn values(&self, x: &[f64]) -> Vec<f64> {
+        self.parameters.iter().zip(x).map(|(p, &v)| to_value(p, v)).collect()
+    }
+
+    /// Variables of values.
+    pub fn variables(&self, values: &[f64]) -> Vec<f64> {
+        self.parameters.iter().zip(values).map(|(p, &v)| to_variable(p, v)).collect()
+    }
+
+    /// Value, in the parameter's unit, of variable `j`.
+    pub fn value(&self, j: usize, x: f64) -> f64 {
+        to_value(&self.parameters[j], x)
+    }
+
+    /// How a small change of variable `j` at `value` changes the value.
+    pub fn stretch(&self, j: usize, value: f64) -> f64 {
+        match self.parameters[j].scale {
+            Scale::Linear => 1.0,
+            Scale::Log => value,
+        }
+    }
+
+    /// Refuses a constraint on what the model does not have.
+    ///
+    /// # Errors
+    /// The first such.
+    pub fn know(&self, constraints: &[Constraint]) -> Result<(), FitError> {
+        let runs = (0..self.parameters.len()).map(|j| self.run_of(j).map(|r| self.runs[r].file.as_str()));
+        let own: Vec<_> = self.parameters.iter().zip(runs).collect();
+        let unsuited = |c: &&Constraint| own.iter().any(|(p, run)| c.concerns(&p.name, *run) && !c.suits(p));
+        if let Some(c) = constraints.iter().find(unsuited) {
+            return Err(FitError::Bounds { name: c.name.clone(), lower: c.lower, upper: c.upper });
+        }
+        match constraints.iter().find(|c| !own.iter().any(|(p, run)| c.concerns(&p.name, *run))) {
+            None => Ok(()),
+            Some(stranger) => Err(FitError::NoSuchParameter {
+                name: stranger.name.clone(),
+                of: stranger.run.as_ref().map_or(String::new(), |run| format!(" of {run}")),
+                known: own.iter().map(|(p, _)| p.name.as_str()).collect::<Vec<_>>().join(", "),
+            }),
+        }
+    }
+
+    /// The run that variable `j` belongs to, if it is not shared.
+    pub fn run_of(&self, j: usize) -> Option<usize> {
+        self.run_offsets.iter().rposition(|&first| j >= first)
+    }
+
+    /// The variable that is the offset of a run's sensor.
+    pub(crate) fn offset_variable(&self, r: usize, sensor: usize) -> usize {
+        self.run_offsets[r] + CLOSURE_START + 1 + sensor
+    }
+
+    /// The variables of a run beside its offsets: velocity, head, closing time, friction and start of the closure.
+    pub(crate) fn run_variables(&self, r: usize) -> [usize; CLOSURE_START + 1] {
+        std::array::from_fn(|i| self.run_offsets[r] + i)
+    }
+
+    /// The variable that is a run's closing time.
+    pub(crate) fn closing_time_variable(&self, r: usize) -> usize {
+        self.run_offsets[r] + CLOSING_TIME
+    }
+
+    /// What is known beforehand of variable `j`, if anything is: mean and standard deviation, as variables.
+    pub(crate) fn known(&self, j: usize) -> Option<(f64, f64)> {
+        let parameter = &self.parameters[j];
+        parameter.prior.map(|(mean, sd)| (to_variable(parameter, mean), sd))
+    }
+
+    /// The residual of what is known beforehand of variable `j`, if anything is.
+    pub(crate) fn prior_residual(&self, j: usize, x: f64) -> Option<f64> {
+        self.known(j).map(|(mean, sd)| (x - mean) / sd)
+    }
+
+    /// What the model shows of a run: traces at its sensors, as each sensor shows them, without offsets.
+    ///
+    /// # Errors
+    /// As [`Model::simulate`].
+    pub fn modelled(&self, r: usize, values: &[f64], reaches: usize) -> Result<Modelled, ModelError> {
+        let run = &self.runs[r];
+        let simulated = self.simulated(r, values, reaches, Model::simulate)?;
+        let shared = &values[..self.model.shared.len()];
+        let meter_flow_m3_s = run.meter.as_ref().map(|m| simulated.steady_flow_m3_s(m.position_m));
+        let sensed = run.sensors.iter().zip(simulated.traces);
+        let traces = sensed.map(|(s, trace)| self.model.sensed(shared, &s.sensor, trace)).collect::<Result<_, _>>()?;
+        Ok(Modelled { traces, meter_flow_m3_s })
+    }
+
+    /// Where the energy goes in a run, from the start of its closure to its last sample that enters.
+    ///
+    /// # Errors
+    /// As [`Model::simulate`].
+    pub fn energy(&self, r: usize, values: &[f64], reaches: usize) -> Result<Option<Energy>, ModelError> {
+        Ok(self.simulated(r, values, reaches, Model::simulate_with_energy)?.energy)
+    }
+
+    /// What one of the model's ways to simulate makes of a run.
+    fn simulated(
+        &self,
+        r: usize,
+        values: &[f64],
+        reaches: usize,
+        simulate: Simulate<'a>,
+    ) -> Result<Simulated, ModelError> {
+        let run = &self.runs[r];
+        let own = &values[self.run_offsets[r]..];
+        let run_values = self.run_values(r, values);
+        let closure_start = own[CLOSURE_START];
+        let latest = run
+            .sensors
+            .iter()
+            .zip(&self.spans[r])
+            .filter(|(_, span)| span.1 > span.0)
+            .map(|(s, span)| s.time_s[span.1 - 1])
+            .fold(closure_start, f64::max);
+        let probes: Vec<Probe> = run.sensors.iter().map(|s| Probe::Head(s.sensor.position_m)).collect();
+        let conditions =
+            Conditions {
+                supply_deviation: run.conditions.supply_deviation.as_ref().map(|(time_s, deviation_m)| {
+                    (time_s.iter().map(|t| t - closure_start).collect(), deviation_m.clone())
+                }),
+                water: run.conditions.water,
+            };
+        let shared = &values[..self.model.shared.len()];
+        let resolution = Resolution { reaches, duration_s: latest - closure_start };
+        simulate(self.model, &conditions, shared, &run_values, resolution, &probes)
+    }
+
+    /// A run's own values.
+    pub fn run_values(&self, r: usize, values: &[f64]) -> RunValues {
+        let own = &values[self.run_offsets[r]..];
+        RunValues::from_slice(own.first_chunk().unwrap_or(&[f64::NAN; RunValues::COUNT]))
+    }
+
+    /// Start of a run's closure on its clock, s.
+    pub fn closure_start_s(&self, r: usize, values: &[f64]) -> f64 {
+        values[self.run_offsets[r] + CLOSURE_START]
+    }
+
+    /// Offset of a run's sensor, m.
+    pub fn offset_m(&self, r: usize, sensor: usize, values: &[f64]) -> f64 {
+        values[self.offset_variable(r, sensor)]
+    }
+
+    fn append_run(
+        &self,
+        r: usize,
+        values: &[f64],
+        out: &mut Vec<f64>,
+        meters: &mut Vec<f64>,
+    ) -> Result<(), ModelError> {
+        let Modelled { traces, meter_flow_m3_s } = self.modelled(r, values, self.window.reaches)?;
+        if let (Some(meter), Some(flow)) = (&self.runs[r].meter, meter_flow_m3_s) {
+            meters.push((flow / meter.flow_m3_s - 1.0) / meter.relative_sd);
+        }
+        let closure_start = self.closure_start_s(r, values);
+        for (s, (sensor, trace)) in self.runs[r].sensors.iter().zip(&traces).enumerate() {
+            let offset = self.offset_m(r, s, values);
+            let weight = 1.0 / sensor.noise_m;
+            let residuals =
+                self.samples_of(r, s).map(|(t, head)| weight * (head - offset - trace.at(t - closure_start)));
+            match self.bins_at(r, s) {
+                Some(bins) => out.extend(bins.of_residuals(&residuals.collect::<Vec<f64>>())),
+                None => out.extend(residuals),
+            }
+        }
+        Ok(())
+    }
+
+    /// The offset `j` that residuals were computed with, read back from its prior's residual.
+    fn base_offset(&self, base: &[f64], j: usize) -> f64 {
+        let row = self.samples() + self.parameters[..j].iter().filter(|p| p.prior.is_some()).count();
+        self.parameters[j].prior.map_or(0.0, |(mean, sd)| mean + sd * base[row])
+    }
+
+    fn append_priors(&self, x: &[f64], out: &mut Vec<f64>) {
+        out.extend(x.iter().enumerate().filter_map(|(j, &v)| self.prior_residual(j, v)));
+    }
+}
+
+impl Problem for Calibration<'_> {
+    type Error = ModelError;
+
+    fn residuals(&self, x: &[f64]) -> Result<Vec<f64>, ModelError> {
+        let values = self.values(x);
+        let (mut out, mut meters) = (Vec::with_capacity(self.samples() + x.len() + self.runs.len()), Vec::new());
+        for r in 0..self.runs.len() {
+            self.append_run(r, &values, &mut out, &mut meters)?;
+        }
+        self.append_priors(x, &mut out);
+        out.append(&mut meters);
+        Ok(out)
+    }
+
+    fn residuals_moved(&self, x: &[f64], j: usize, base: &[f64]) -> Result<Vec<f64>, ModelError> {
+        let Some(moved) = self.run_of(j) else { return self.residuals(x) };
+        let values = self.values(x);
+        let mut out = Vec::with_capacity(base.len());
+        if let Some(sensor) = (j - self.run_offsets[moved]).checked_sub(CLOSURE_START + 1) {
+            // An offset shifts its sensor's residuals; nothing is simulated.
+            let shift = (self.base_offset(base, j) - values[j]) / self.runs[moved].sensors[sensor].noise_m;
+            out.extend_from_slice(&base[..self.samples()]);
+            let one = self.unit_offset(moved, sensor);
+            out[self.rows(moved, sensor)].iter_mut().zip(one).for_each(|(r, one)| *r += shift * one);
+            self.append_priors(x, &mut out);
+            out.extend_from_slice(&base[out.len()..]);
+            return Ok(out);
+        }
+        let mut meters = Vec::new();
+        let mut base_meters = base[base.len() - self.runs.iter().filter(|r| r.meter.is_some()).count()..].iter();
+        for r in 0..self.runs.len() {
+            let base_meter = self.runs[r].meter.as_ref().and_then(|_| base_meters.next());
+            if r == moved {
+                self.append_run(r, &values, &mut out, &mut meters)?;
+            } else {
+                let from = out.len();
+                out.extend_from_slice(&base[from..from + self.run_row_count(r)]);
+                meters.extend(base_meter);
+            }
+        }
+        self.append_priors(x, &mut out);
+        out.append(&mut meters);
+        Ok(out)
+    }
+
+    fn bounds(&self) -> (&[f64], &[f64]) {
+        (&self.lower, &self.upper)
+    }
+
+    /// A factor of e: an element that a step makes vanish has no slope any more by which it would come back.
+    fn reach(&self, j: usize) -> f64 {
+        match self.parameters[j].scale {
+            Scale::Log => 1.0,
+            Scale::Linear => f64::INFINITY,
+        }
+    }
+
+    fn difference_step(&self, j: usize) -> f64 {
+        match self.parameters[j].scale {
+            Scale::Log => 1e-5,
+            // Heads and offsets in m, times in s: small against noise and fronts, large against rounding.
+            Scale::Linear => 1e-5 * (1.0 + self.parameters[j].start.abs()).min(10.0),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

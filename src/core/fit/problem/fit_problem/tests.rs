@@ -1,0 +1,89 @@
+//! Tests of the calibration's residuals.
+
+use crate::fit::data::run_data::RunStart;
+use crate::fit::data::run_data::{Meter, SensorData};
+use crate::fit::problem::fit_problem::*;
+use crate::model::effects::parse_list;
+use crate::rig::Rig;
+
+const RIG: &str = r#"
+name = "two sensors"
+[fluid]
+name = "water"
+temperature_degC = 20.0
+[[pipe]]
+name = "main"
+length_m = 100.0
+inner_diameter_mm = 50.0
+wall_thickness_mm = 5.0
+material = "HDPE"
+[upstream]
+kind = "reservoir"
+[downstream]
+kind = "valve"
+closing_time_s = 0.1
+[[sensor]]
+name = "P1"
+kind = "pressure"
+position_m = 100.0
+unit = "kPa"
+[[sensor]]
+name = "P2"
+kind = "pressure"
+position_m = 40.0
+unit = "kPa"
+"#;
+
+fn run(rig: &Rig, file: &str) -> RunData {
+    let time_s: Vec<f64> = (0..400).map(|i| i as f64 * 0.01).collect();
+    let sensors = rig
+        .pressure_sensors()
+        .map(|(_, sensor)| SensorData {
+            sensor: sensor.clone(),
+            head_m: time_s.iter().map(|t| 20.0 + (9.0 * t).sin()).collect(),
+            time_s: time_s.clone(),
+            noise_m: 0.05,
+            total_noise_m: 0.05,
+            offset_sd_m: 0.2,
+            saturated: 0,
+        })
+        .collect();
+    RunData {
+        file: file.into(),
+        sensors,
+        conditions: Conditions { water: rig.fluid.properties(20.0), supply_deviation: None },
+        start: RunStart {
+            closure_s: (0.5, 1e-3),
+            velocity_m_s: (0.4, 0.01),
+            valve_head_m: (20.0, None),
+            wave_speed_ratio: None,
+            closing_time_s: None,
+        },
+        extrema: vec![Vec::new(); 2],
+        meter: (file == "a").then_some(Meter { position_m: 0.0, flow_m3_s: 8e-4, relative_sd: 0.01 }),
+    }
+}
+
+/// The shortcuts of `residuals_moved` (other runs copied, offsets added) give what a full evaluation gives.
+#[test]
+fn moving_one_variable_by_a_shortcut_changes_nothing() {
+    let rig = Rig::from_toml(RIG, "rig.toml").unwrap();
+    let runs = [run(&rig, "a"), run(&rig, "b")];
+    let model = Model::new(&rig, &runs[0].conditions.water, &parse_list("viscoelastic-wall:1").unwrap());
+    let window = Window { reaches: 20, horizon_s: 2.0, stride: 3 };
+    let problem = Calibration::new(&model, &runs, window);
+    let mut x = problem.start();
+    let first_offset = problem.parameters.iter().position(|p| p.name.starts_with("offset")).unwrap();
+    x[first_offset] = 0.1;
+    let base = problem.residuals(&x).unwrap();
+    let priors = problem.parameters.iter().filter(|p| p.prior.is_some()).count();
+    assert_eq!(base.len(), problem.samples() + priors + 1, "one run has a meter");
+    for j in 0..x.len() {
+        let mut moved = x.clone();
+        moved[j] += 1e-3;
+        let (short, full) = (problem.residuals_moved(&moved, j, &base).unwrap(), problem.residuals(&moved).unwrap());
+        let worst = short.iter().zip(&full).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        assert!(worst < 1e-9, "{}: {worst}", problem.parameters[j].name);
+        assert!(full.iter().zip(&base).any(|(a, b)| a != b), "{} changes nothing", problem.parameters[j].name);
+    }
+}

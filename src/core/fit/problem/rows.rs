@@ -1,0 +1,161 @@
+//! Which samples enter a calibration, and where each sensor's stand among its residuals.
+
+use std::collections::BTreeMap;
+use std::ops::Range;
+
+use crate::fit::inference::errors::Common;
+use crate::fit::problem::fit_problem::Calibration;
+use crate::fit::problem::objective::Bins;
+
+/// Samples that show how noise is coloured: six times as many as the frequencies that are averaged at the least.
+const LEAST_BEFORE: usize = 200;
+
+impl<'a> Calibration<'a> {
+    /// Number of residuals that are samples rather than priors.
+    pub fn samples(&self) -> usize {
+        (0..self.runs.len()).map(|r| self.run_row_count(r)).sum()
+    }
+
+    /// How many residuals a run's sensor has.
+    pub(crate) fn row_count(&self, r: usize, sensor: usize) -> usize {
+        self.bins_at(r, sensor).map_or(self.taken(self.spans[r][sensor]), Bins::len)
+    }
+
+    pub(crate) fn run_row_count(&self, r: usize) -> usize {
+        (0..self.runs[r].sensors.len()).map(|s| self.row_count(r, s)).sum()
+    }
+
+    /// What an offset of 1 m takes from each residual of a run's sensor, times the noise: 1 a sample, what leaks of it into frequencies.
+    pub(crate) fn unit_offset(&self, r: usize, sensor: usize) -> Vec<f64> {
+        let constant = vec![1.0; self.taken(self.spans[r][sensor])];
+        match self.bins_at(r, sensor) {
+            Some(bins) => bins.of_residuals(&constant),
+            None => constant,
+        }
+    }
+
+    /// Columns over the residuals seen from the samples: the transpose of what makes bins of samples, applied to the rows of each record.
+    pub(crate) fn seen_in_time(&self, columns: &[Vec<f64>]) -> Vec<Vec<f64>> {
+        let records = self.records();
+        let one = |column: &Vec<f64>| {
+            let seen = records.iter().flat_map(|(r, s, range)| match self.bins_at(*r, *s) {
+                Some(bins) => bins.transposed(&column[range.clone()]),
+                None => column[range.clone()].to_vec(),
+            });
+            seen.collect()
+        };
+        columns.iter().map(one).collect()
+    }
+
+    pub(crate) fn bins_at(&self, r: usize, sensor: usize) -> Option<&Bins> {
+        self.bins.get(r)?.get(sensor)?.as_ref()
+    }
+
+    /// Noise of each sample that enters, m, in the order of the residuals; of frequencies, such that a root mean square over them is that
+    /// over the samples.
+    pub fn sample_noise(&self) -> Vec<f64> {
+        let sensors = self.runs.iter().enumerate().flat_map(|(r, run)| (0..run.sensors.len()).map(move |s| (r, s)));
+        let noise = sensors.flat_map(|(r, s)| {
+            let (rows, samples) = (self.row_count(r, s), self.taken(self.spans[r][s]).max(1));
+            std::iter::repeat_n(self.runs[r].sensors[s].noise_m * (rows as f64 / samples as f64).sqrt(), rows)
+        });
+        noise.collect()
+    }
+
+    /// First sample of a run's sensor that enters, and how many do.
+    pub fn entering(&self, r: usize, sensor: usize) -> (usize, usize) {
+        let span = self.spans[r][sensor];
+        (span.0, self.taken(span))
+    }
+
+    /// Samples of a run's sensor that enter: times on the recording's clock, s, and heads, m.
+    pub fn samples_of(&self, r: usize, s: usize) -> impl Iterator<Item = (f64, f64)> + use<'a, '_> {
+        let (first, last) = self.spans[r][s];
+        let sensor = &self.runs[r].sensors[s];
+        let samples = sensor.time_s[first..last].iter().zip(&sensor.head_m[first..last]);
+        samples.step_by(self.window.stride).map(|(&t, &head)| (t, head))
+    }
+
+    /// Where each sensor's residuals lie among all: run, sensor, range; in their order.
+    pub fn records(&self) -> Vec<(usize, usize, Range<usize>)> {
+        let sensors = |r: usize| (0..self.runs[r].sensors.len()).map(move |s| (r, s));
+        (0..self.runs.len()).flat_map(sensors).map(|(r, s)| (r, s, self.rows(r, s))).collect()
+    }
+
+    /// Where the records are, in that order; those together that were sampled together.
+    pub fn record_rows(&self) -> Vec<Vec<Range<usize>>> {
+        let rows = |group: Vec<(usize, usize)>| group.into_iter().map(|(r, s)| self.rows(r, s)).collect();
+        self.sampled_together().into_iter().map(rows).collect()
+    }
+
+    /// The run of each group of records of [`record_rows`](Self::record_rows).
+    pub fn runs_of_records(&self) -> Vec<usize> {
+        self.sampled_together().iter().map(|group| group[0].0).collect()
+    }
+
+    /// Runs and sensors, those together whose samples belong together one by one: of a run, as many, and none further from the other than the
+    /// next, as instruments that share a clock take them at once or in turns.
+    fn sampled_together(&self) -> Vec<Vec<(usize, usize)>> {
+        let times = |r: usize, s: usize| {
+            let (first, last) = self.spans[r][s];
+            &self.runs[r].sensors[s].time_s[first..last]
+        };
+        let mut groups: Vec<Vec<(usize, usize)>> = Vec::new();
+        for (r, s, _) in self.records() {
+            let own = times(r, s);
+            let step_s = own.last().zip(own.first()).map_or(0.0, |(b, a)| (b - a) / (own.len().max(2) - 1) as f64);
+            let alike = |group: &&mut Vec<(usize, usize)>| {
+                let (other, first) = (times(group[0].0, group[0].1), group[0].0 == r);
+                first && other.len() == own.len() && other.iter().zip(own).all(|(a, b)| (a - b).abs() < step_s)
+            };
+            match groups.iter_mut().find(alike) {
+                Some(group) => group.push((r, s)),
+                None => groups.push(vec![(r, s)]),
+            }
+        }
+        groups
+    }
+
+    /// What each record of [`record_rows`](Self::record_rows) shows before its samples enter, in units of its noise, less its mean. None where that
+    /// is too little of any to show how it is coloured.
+    pub fn noise_before(&self) -> Option<Vec<Vec<Vec<f64>>>> {
+        let before = |(r, s): (usize, usize)| {
+            let (sensor, (first, _)) = (&self.runs[r].sensors[s], self.spans[r][s]);
+            let head_m: Vec<f64> = sensor.head_m[..first].iter().step_by(self.window.stride).copied().collect();
+            let mean = head_m.iter().sum::<f64>() / head_m.len().max(1) as f64;
+            let noise = head_m.iter().map(|h| (h - mean) / sensor.noise_m).collect();
+            (head_m.len() >= LEAST_BEFORE).then_some(noise)
+        };
+        self.sampled_together().into_iter().map(|group| group.into_iter().map(before).collect()).collect()
+    }
+
+    /// What one standard deviation of each sensor's gain does to the residuals, by its name; a sensor is the same instrument in all runs.
+    pub fn gain_errors(&self) -> BTreeMap<&str, Common> {
+        let mut by_sensor: BTreeMap<&str, Common> = BTreeMap::new();
+        for (r, s, range) in self.records() {
+            let sensor = &self.runs[r].sensors[s];
+            let weight = sensor.gain_sd() / sensor.noise_m;
+            let moved: Vec<f64> = self.samples_of(r, s).map(|(_, head)| head * weight).collect();
+            let moved = self.bins_at(r, s).map_or_else(|| moved.clone(), |bins| bins.of_residuals(&moved));
+            by_sensor.entry(&sensor.sensor.name).or_default().push((range.start, moved));
+        }
+        by_sensor
+    }
+
+    /// Residuals of priors: where they are among all.
+    pub fn prior_rows(&self) -> Range<usize> {
+        let first = self.samples();
+        first..first + self.parameters.iter().filter(|p| p.prior.is_some()).count()
+    }
+
+    pub(crate) fn taken(&self, (first, last): (usize, usize)) -> usize {
+        (last - first).div_ceil(self.window.stride)
+    }
+
+    /// The residuals of a run's sensor.
+    pub(crate) fn rows(&self, r: usize, sensor: usize) -> Range<usize> {
+        let first: usize = (0..r).map(|r| self.run_row_count(r)).sum::<usize>()
+            + (0..sensor).map(|s| self.row_count(r, s)).sum::<usize>();
+        first..first + self.row_count(r, sensor)
+    }
+}

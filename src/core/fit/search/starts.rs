@@ -1,0 +1,181 @@
+//! Where fits start: from the rig's values, from what each effect proposes beside them, from a smaller model already fitted.
+
+use crate::fit::search::coarse_fit::State;
+use crate::model::Model;
+use crate::model::parameter::Scale;
+
+/// Where a fit may start.
+pub(crate) struct Start {
+    /// Values of all variables.
+    pub(crate) values: Vec<f64>,
+    /// The parameters of the effect that proposes it; none for the model's own start.
+    pub(crate) effect: std::ops::Range<usize>,
+    /// One of the many that an effect proposes that may be anywhere.
+    pub(crate) of_many: bool,
+}
+
+/// Other starts of an effect up to which each is followed on its own.
+const FEW_STARTS: usize = 3;
+
+/// The start values and those that each effect proposes beside them.
+pub(crate) fn starts_of(model: &Model, base: &[f64]) -> Vec<Start> {
+    let mut starts = vec![Start { values: base.to_vec(), effect: 0..0, of_many: false }];
+    let mut at = model.effects_from();
+    for (chosen, &size) in model.effects.iter().zip(model.effect_sizes()) {
+        let others = chosen.effect.other_starts(chosen.elements.unwrap_or(1));
+        let of_many = others.len() > FEW_STARTS;
+        for factors in others {
+            let mut values = base.to_vec();
+            for (value, factor) in values[at..at + size].iter_mut().zip(factors) {
+                *value *= factor;
+            }
+            starts.push(Start { values, effect: at..at + size, of_many });
+        }
+        at += size;
+    }
+    starts
+}
+
+/// `n` starts drawn at random, as a Latin hypercube over the ranges of the shared parameters.
+pub(crate) fn drawn(model: &Model, base: &[f64], n: usize, seed: u64) -> Vec<Start> {
+    let mut random = fastrand::Rng::with_seed(seed);
+    let mut starts: Vec<Start> =
+        (0..n).map(|_| Start { values: base.to_vec(), effect: 0..0, of_many: false }).collect();
+    for (j, parameter) in model.shared.iter().enumerate().filter(|(_, p)| p.lower < p.upper) {
+        let mut strata: Vec<usize> = (0..n).collect();
+        random.shuffle(&mut strata);
+        for (start, stratum) in starts.iter_mut().zip(strata) {
+            let share = (stratum as f64 + random.f64()) / n as f64;
+            start.values[j] = match parameter.scale {
+                Scale::Linear => parameter.lower + share * (parameter.upper - parameter.lower),
+                Scale::Log => parameter.lower * (parameter.upper / parameter.lower).powf(share),
+            };
+        }
+    }
+    starts
+}
+
+/// The parameters in which starts differ from `base`.
+pub(crate) fn differing(starts: &[Start], base: &[f64]) -> Vec<usize> {
+    (0..base.len()).filter(|&j| starts.iter().any(|s| s.values[j] != base[j])).collect()
+}
+
+/// Sets the effects of `starts` to the strength at which they vanish (or nearly: what a fit may take) and gives their parameters.
+pub(crate) fn vanish(values: &mut [f64], starts: &[Start], model: &Model) -> Vec<usize> {
+    let all: std::collections::BTreeSet<usize> = starts.iter().flat_map(|s| s.effect.clone()).collect();
+    for &j in &all {
+        let parameter = &model.shared[j];
+        if let Some(gone) = parameter.vanishes_at {
+            values[j] = gone.clamp(parameter.lower, parameter.upper);
+        }
+    }
+    all.into_iter().collect()
+}
+
+/// Takes from a smaller fitted model the values of the effects that may be anywhere.
+pub(crate) fn take_over(values: &mut [f64], model: &Model, small: &Model, state: &State) {
+    let mut at = model.effects_from();
+    for (chosen, &size) in model.effects.iter().zip(model.effect_sizes()) {
+        if chosen.effect.other_starts(chosen.elements.unwrap_or(1)).len() > FEW_STARTS {
+            for (value, parameter) in values.iter_mut().zip(&model.shared).skip(at).take(size) {
+                if let Some(i) = small.shared.iter().position(|p| p.name == parameter.name) {
+                    *value = state.values[i];
+                }
+            }
+        }
+        at += size;
+    }
+}
+
+/// Starts from a smaller fitted model: what they share by name is taken over, what is new is tried weak, at its own start
+/// and at each other start of its effect, and as good as gone, so that more never fits worse.
+pub(crate) fn starts_from(model: &Model, small: &Model, state: &State, base: &[f64]) -> Vec<Vec<f64>> {
+    let (shared, small_shared) = (model.shared.len(), small.shared.len());
+    let grown = |mut start: Vec<f64>, gone: bool| {
+        for (value, parameter) in start[..shared].iter_mut().zip(&model.shared) {
+            match small.shared.iter().position(|p| p.name == parameter.name) {
+                Some(i) => *value = state.values[i],
+                None if parameter.vanishes_at == Some(0.0) && gone => *value = parameter.lower,
+                None if parameter.vanishes_at == Some(0.0) => *value *= 0.2,
+                None => {}
+            }
+        }
+        start[shared..].copy_from_slice(&state.values[small_shared..]);
+        start
+    };
+    let mut starts: Vec<Vec<f64>> = Vec::new();
+    for start in starts_of(model, base).into_iter().map(|s| grown(s.values, false)).chain([grown(base.to_vec(), true)])
+    {
+        // Other starts of what the smaller model has, too, come to the same.
+        if !starts.contains(&start) {
+            starts.push(start);
+        }
+    }
+    starts
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::fit::problem::test_record::record;
+    use crate::fit::search::calibrate::{Options, calibrate};
+    use crate::model::RunValues;
+    use crate::model::effects::parse_list;
+    use crate::rig::Rig;
+
+    const RIG: &str = r#"
+name = "one pipe"
+[fluid]
+name = "water"
+temperature_degC = 20.0
+[[pipe]]
+name = "main"
+length_m = 80.0
+inner_diameter_mm = 30.0
+wall_thickness_mm = 2.0
+material = "copper"
+[upstream]
+kind = "reservoir"
+[downstream]
+kind = "valve"
+closing_time_s = 0.03
+[[sensor]]
+name = "P1"
+kind = "pressure"
+position_m = 80.0
+unit = "kPa"
+"#;
+
+    const RUN: RunValues =
+        RunValues { initial_velocity_m_s: 0.3, valve_head_m: 40.0, closing_time_s: 0.035, friction_scale: 1.1 };
+
+    /// Effects that may be anywhere are found where they are, near either end and in between.
+    #[test]
+    fn a_place_is_found_wherever_it_is() {
+        let rig = Rig::from_toml(RIG, "rig.toml").unwrap();
+        let cases: [(&str, &[&[f64]]); 4] = [
+            ("leak", &[&[12.3, 0.6], &[67.9, 0.6]]),
+            ("blockage", &[&[9.1, 200.0], &[55.3, 200.0]]),
+            ("section-change", &[&[8.7, 21.7, 1.15, 1.0], &[51.0, 73.0, 0.8, 1.0]]),
+            ("side-branch", &[&[14.9, 3.1, 1.0], &[60.7, 7.7, 0.6]]),
+        ];
+        for (effect, truths) in cases {
+            for truth in truths {
+                let effects = parse_list(effect).unwrap();
+                let runs = [record(&rig, &effects, &[&[1290.0], *truth].concat(), RUN, 0.1, 4.0)];
+                let fit = calibrate(&rig, &runs, &effects, &Options::default(), &|_| {}).unwrap();
+                let run = &fit.runs[0];
+                assert!(run.rmse_m < 1.1 * run.noise_m, "{effect} {truth:?}: {} m", run.rmse_m);
+                for (found, exact) in fit.parameters[1..].iter().zip(*truth) {
+                    let off = (found.value - exact).abs();
+                    let grid = 0.003 * if found.unit == "m" { 80.0 } else { *exact };
+                    assert!(
+                        off < 4.0 * found.standard_error + grid,
+                        "{effect} {truth:?}: {} {}",
+                        found.name,
+                        found.value
+                    );
+                }
+            }
+        }
+    }
+}

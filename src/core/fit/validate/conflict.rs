@@ -1,0 +1,174 @@
+//! Where a fit contradicts what was known before it: a fit may be down to the noise with a velocity that no meter showed.
+
+use crate::fit::data::run_data::RunData;
+use crate::fit::outcome::fit::{Fit, FittedParameter, RunFit};
+
+/// Deviations, in standard deviations of what was known, that are a conflict.
+const CONFLICT: f64 = 5.0;
+
+/// The same for what a test of the material told.
+const PRIOR_CONFLICT: f64 = 3.0;
+
+/// One sentence a conflict; of a fit that did not end at an optimum, those of the recordings alone.
+pub fn conflicts(fit: &Fit, runs: &[RunData]) -> Vec<String> {
+    let mut sentences: Vec<String> = runs.iter().flat_map(of_record).collect();
+    if !fit.converged {
+        return sentences;
+    }
+    for run in runs {
+        let own = |name: &str| {
+            fit.parameters
+                .iter()
+                .find(|p| p.name == name && p.run.as_ref().is_none_or(|r| *r == run.file))
+                .map(|p| p.value)
+        };
+        let (measured, relative) = run.start.velocity_m_s;
+        if let (Some(fitted), Some(_)) = (own("initial_velocity_m_s"), &run.meter)
+            && (fitted / measured - 1.0).abs() > (CONFLICT * relative).max(0.05)
+        {
+            sentences.push(format!(
+                "{}: the fit takes a velocity of {fitted:.4} m/s where the flow meter says {measured:.4}: check the meter's unit and \
+                 range, the diameter, and whether an effect is missing",
+                run.file
+            ));
+        }
+        let (known_head, guessed) = run.start.valve_head_m;
+        let head_sd = run.sensors.iter().map(|s| s.offset_sd_m).fold(0.0, f64::max);
+        if let Some(fitted) = own("valve_head_m")
+            && guessed.is_none()
+            && (fitted - known_head).abs() > CONFLICT * head_sd
+        {
+            sentences.push(format!(
+                "{}: the fit takes {fitted:.2} m of head before the valve where the sensors say {known_head:.2}: the model misses \
+                 something that a shifted mean level stands in for",
+                run.file
+            ));
+        }
+        let (known_start, se) = run.start.closure_s;
+        if let (Some(fitted), Some(closing)) = (own("closure_start_s"), own("closing_time_s"))
+            && (fitted - known_start).abs() > (CONFLICT * se).max(0.25 * closing)
+        {
+            sentences.push(format!(
+                "{}: the fit starts the closure at {fitted:.4} s where the pressure starts to rise at {known_start:.4} s",
+                run.file
+            ));
+        }
+        if let Some(scale) = own("friction_scale")
+            && !(0.5..=2.0).contains(&scale)
+        {
+            sentences.push(format!(
+                "{}: the fit takes {scale:.2} times the friction of the pipe: an effect that takes energy is missing, or one too many \
+                 is there",
+                run.file
+            ));
+        }
+    }
+    let noise = fit.runs.iter().map(|r| r.noise_m).fold(f64::INFINITY, f64::min);
+    if fit.grid_error_m > 0.5 * noise {
+        sentences.push(format!(
+            "the grid's own error, {:.3} m at {} reaches, is not small against the noise of {noise:.3} m: raise --most-reaches before \
+             looking for missing physics",
+            fit.grid_error_m, fit.reaches
+        ));
+    }
+    for parameter in &fit.parameters {
+        let Some((mean, sd)) = parameter.prior else { continue };
+        let away = (parameter.value / mean).ln() / sd;
+        if away.abs() > PRIOR_CONFLICT {
+            sentences.push(format!(
+                "{} = {:.4} {unit} lies {:.1} standard deviations from what was known before, {mean:.4} {unit} to {:.0}%: this record \
+                 contradicts the creep test; look for another temperature or specimen, or for an effect that creep stands in for",
+                parameter.name,
+                parameter.value,
+                away.abs(),
+                100.0 * sd,
+                unit = parameter.unit
+            ));
+        }
+    }
+    sentences
+}
+
+/// What of a run's own record contradicts the rig file.
+fn of_record(run: &RunData) -> Vec<String> {
+    let saturated = run.sensors.iter().filter(|sensor| sensor.saturated > 0).map(|sensor| {
+        format!(
+            "{}: {} samples of {} stand at the end of what it can show and are left out: the true pressure went beyond",
+            run.file, sensor.saturated, sensor.sensor.name
+        )
+    });
+    let closing = run.start.closing_time_s.map(|seen_s| {
+        format!(
+            "{}: the first rise says that the valve closes in about {seen_s:.3} s, and the fit started there: closing_time_s of the rig file is \
+             far from it",
+            run.file
+        )
+    });
+    saturated.chain(closing).collect()
+}
+
+/// One sentence for each run whose [noise dies away](RunFit::noise_dies_away): nothing contradicts there, but errors are those of the noise before.
+pub fn faded_noise(fit: &Fit) -> Vec<String> {
+    let shared = if fit.runs.len() > 1 { ", as may those of what it shares with other runs" } else { "" };
+    let faded = fit.runs.iter().filter(|run| run.noise_dies_away);
+    faded.map(|run| dies_away(run, shared)).collect()
+}
+
+fn dies_away(run: &RunFit, shared: &str) -> String {
+    format!(
+        "{}: the fit leaves {:.2} of the noise before the closure: noise dies away after it. Errors and intervals of this run take it as it was \
+         before, for the first rise is seen in that; they may be too wide{shared}",
+        run.file,
+        run.rmse_m / run.noise_m
+    )
+}
+
+/// All that is to be said of a fit: where it contradicts what was known, ended at a bound, or noise dies away.
+pub fn warnings(fit: &Fit, runs: &[RunData]) -> Vec<String> {
+    // Values that are none of an optimum contradict nothing.
+    let bounds = at_bounds(fit).into_iter().filter(|_| fit.converged);
+    conflicts(fit, runs).into_iter().chain(bounds).chain(faded_noise(fit)).collect()
+}
+
+/// One sentence for each parameter that ended at a bound, unless what is [unseen](Fit::unseen) says more of it.
+pub fn at_bounds(fit: &Fit) -> Vec<String> {
+    let said = |name: &String| fit.unseen.iter().any(|unseen| unseen.parameters.contains(name));
+    let at_bound = fit.parameters.iter().filter(|p| p.at_bound && !said(&p.name));
+    at_bound.map(|p| ended(p, fit.runs.len())).collect()
+}
+
+fn ended(p: &FittedParameter, runs: usize) -> String {
+    // Five digits, without zeros that say nothing.
+    let value: f64 = format!("{:.4e}", p.value).parse().unwrap_or(p.value);
+    let run = p.run.as_ref().filter(|_| runs > 1).map_or(String::new(), |run| format!(" of {run}"));
+    let unit = if p.unit == "1" { String::new() } else { format!(" {}", p.unit) };
+    format!("{}{run} ended at its bound, {value:?}{unit}", p.name)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn noise_that_dies_away_is_said() {
+        let (file, sensors) = ("a.mcap".to_owned(), Vec::new());
+        let run =
+            RunFit { file, rmse_m: 0.013, noise_m: 0.05, mape_extrema_percent: 0.0, noise_dies_away: true, sensors };
+        assert!(dies_away(&run, "").starts_with("a.mcap: the fit leaves 0.26 of the noise before the closure"));
+    }
+
+    #[test]
+    fn a_bound_is_said_in_the_values_own_digits_and_of_which_run() {
+        let of = |name: &str, value, unit, run: Option<&str>| FittedParameter {
+            name: name.into(),
+            value,
+            unit,
+            run: run.map(Into::into),
+            ..FittedParameter::default()
+        };
+        assert_eq!(ended(&of("friction_scale", 5.0, "1", Some("a")), 1), "friction_scale ended at its bound, 5.0");
+        let start = ended(&of("closure_start_s", 0.482_267_77, "s", Some("b.mcap")), 2);
+        assert_eq!(start, "closure_start_s of b.mcap ended at its bound, 0.48227 s");
+        assert_eq!(ended(&of("J1", 3.990_71e-7, "1/GPa", None), 2), "J1 ended at its bound, 3.9907e-7 1/GPa");
+    }
+}

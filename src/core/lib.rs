@@ -1,0 +1,16 @@
+//! The physics of surgescope: it knows no file, clock or wire. The package `surgescope` hands all of it on.
+#![warn(missing_docs)]
+
+pub mod align;
+pub mod creep;
+pub mod diagnose;
+pub mod fit;
+pub mod model;
+pub mod recording;
+pub mod rig;
+pub mod robust;
+pub mod sensitivity;
+pub mod signal;
+pub mod temperature;
+pub mod units;
+pub mod valve;

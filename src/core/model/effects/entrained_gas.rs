@@ -1,0 +1,88 @@
+//! Free gas spread along the pipe: the discrete gas cavity model, a small isothermal gas volume at every node.
+//!
+//! Gas comes to the volume that belongs to its pressure with a lag `θ`: it exchanges heat with the water, goes into solution and
+//! comes out of it. That is the bulk viscosity of gassy water, and what its sharp fronts are rounded by.
+
+use crate::model::ModelError;
+use crate::model::effects::{Effect, Scene, Site, Spot, check};
+use crate::model::gas;
+use crate::model::node::Shunt;
+use crate::model::parameter::Parameter;
+use crate::model::solver::{NodeField, Steady};
+
+/// See the module.
+pub struct EntrainedGas;
+
+impl Effect for EntrainedGas {
+    fn name(&self) -> &'static str {
+        "entrained-gas"
+    }
+    fn summary(&self) -> &'static str {
+        "free gas spread along the pipe"
+    }
+    fn equation(&self) -> &'static str {
+        "at every node V_eq (H - z - H_vapour) = α A dx H_atm,  V + θ dV/dt = V_eq,  dV/dt = -q = Q_out - Q_in; \
+         V⁺ = V - dt [ψ q⁺ + (1-ψ) q]"
+    }
+    fn source(&self) -> &'static str {
+        "Wylie (1984), J. Fluids Eng. 106(3):307-311; Wylie & Streeter (1993), Fluid Transients in Systems, ch. 8: discrete gas cavity \
+         model; lag: Cannizzaro & Pezzinga (2005), J. Hydraul. Eng. 131(8):724-732"
+    }
+    fn trace(&self) -> &'static str {
+        "troughs wider than peaks, a period that grows with the amplitude, rising fronts that steepen and falling ones that spread"
+    }
+    fn excludes(&self) -> &'static [(&'static str, &'static str)] {
+        &[("vapour-cavity", "gas opens cavities at the vapour head by itself")]
+    }
+
+    fn lets_boil(&self) -> bool {
+        true
+    }
+    fn parameters(&self, _site: &Site, _elements: usize) -> Vec<Parameter> {
+        vec![
+            Parameter::log(
+                "gas_fraction",
+                "1",
+                "volume of free gas per volume of pipe, were its pressure one atmosphere",
+                1e-5,
+                1e-8,
+                1e-2,
+            )
+            .vanishing_at(0.0),
+            // Bubbles of 0.1 to 1 mm exchange their heat in 0.1 to 10 ms.
+            Parameter::log(
+                "gas_lag_s",
+                "s",
+                "time that the gas takes to follow the pressure: exchange of heat, release and solution",
+                2e-4,
+                1e-7,
+                0.1,
+            )
+            .with_prior(2e-4, 2.0),
+        ]
+    }
+
+    /// Hardly any gas, and enough to halve the wave speed.
+    fn other_starts(&self, _elements: usize) -> Vec<Vec<f64>> {
+        vec![vec![0.03, 1.0], vec![30.0, 1.0]]
+    }
+
+    /// Its steady head above vapour's, its book.
+    fn kept_per_node(&self, _elements: usize) -> usize {
+        2
+    }
+    fn field(&self, values: &[f64], scene: &Scene, steady: &Steady) -> Result<Option<Box<dyn NodeField>>, ModelError> {
+        let (gas_fraction, lag_s) = (values[0], values[1]);
+        check("gas_fraction", gas_fraction, (0.0..1.0).contains(&gas_fraction), "zero or more, less than 1")?;
+        check("gas_lag_s", lag_s, lag_s >= 0.0, "zero or more")?;
+        if gas_fraction == 0.0 {
+            return Ok(None);
+        }
+        gas::field(scene, steady, gas_fraction * scene.atmosphere_head_m(), lag_s).map(Some)
+    }
+
+    fn node_shunt(&self, values: &[f64], scene: &Scene, spot: &Spot) -> Option<Box<dyn Shunt>> {
+        let (gas_fraction, lag_s) = (values[0], values[1]);
+        (gas_fraction > 0.0).then(|| gas::at_node(scene, spot, gas_fraction * scene.atmosphere_head_m(), lag_s))
+    }
+}

@@ -1,0 +1,48 @@
+//! A sensor that reads a few percent too high or too low.
+
+use crate::model::ModelError;
+use crate::model::effects::{Effect, Site, check};
+use crate::model::parameter::Parameter;
+use crate::model::trace::Trace;
+
+/// See the module.
+///
+/// What is scaled is the pressure, so that the elevation of the sensor does not count; its zero error is a parameter of every run.
+pub struct SensorGain;
+
+/// Gain error that is a fault: an ordinary transducer with its amplifier is good to a percent.
+const LEAST_FAULT: f64 = 0.01;
+
+impl Effect for SensorGain {
+    fn name(&self) -> &'static str {
+        "sensor-gain"
+    }
+    fn summary(&self) -> &'static str {
+        "a sensor that reads a few percent too high or too low"
+    }
+    fn equation(&self) -> &'static str {
+        "y = z + (1 + g)(H - z)"
+    }
+    fn source(&self) -> &'static str {
+        "the definition of a sensitivity (span) error"
+    }
+    fn trace(&self) -> &'static str {
+        "steady and transient pressures too high or too low by one factor, at one sensor"
+    }
+    fn at_sensor(&self) -> bool {
+        true
+    }
+    fn parameters(&self, _site: &Site, _elements: usize) -> Vec<Parameter> {
+        let about = "by which part the sensor reads too high";
+        vec![Parameter::linear("gain_error", "1", about, 0.02, -0.3, 0.3).vanishing_at(0.0)]
+    }
+    fn noteworthy(&self, values: &[f64]) -> bool {
+        values.iter().any(|gain| gain.abs() >= LEAST_FAULT)
+    }
+    fn sense(&self, values: &[f64], elevation_m: f64, mut trace: Trace) -> Result<Trace, ModelError> {
+        let gain = values[0];
+        check("gain_error", gain, gain > -1.0, "more than -1")?;
+        trace.values.iter_mut().for_each(|head| *head += gain * (*head - elevation_m));
+        Ok(trace)
+    }
+}

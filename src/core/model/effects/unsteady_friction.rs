@@ -1,0 +1,264 @@
+//! Wall friction that depends on the flow's history: as a convolution with the flow's past acceleration, or, as a variant, by
+//! the momentary acceleration alone.
+
+use crate::model::ModelError;
+use crate::model::effects::{Effect, Site, check};
+use crate::model::grid::Segment;
+use crate::model::parameter::Parameter;
+use crate::model::solver::{Implicit, LineTerm, Steady};
+use crate::model::unsteady_kernels::Kernel;
+use crate::model::wide::widened;
+use crate::rig::LAMINAR_REYNOLDS;
+use crate::units::GRAVITY_M_S2;
+
+/// Convolution with the flow's history; see the module.
+pub struct UnsteadyFriction;
+
+/// Friction by the momentary acceleration; see the module.
+pub struct Brunone;
+
+const CONVOLUTION: &str = "unsteady-friction";
+const BRUNONE: &str = "unsteady-friction/brunone";
+const ONE_LAW: &str = "both describe the same friction, which would count twice";
+
+/// How well the textbook's strength is known: scatter of published tests about it.
+const SCALE_DEVIATION: f64 = 0.3;
+
+/// A factor on a textbook's friction.
+fn scale(name: &str, about: &'static str) -> Parameter {
+    Parameter::linear(name, "1", about, 1.0, 0.0, 4.0).with_prior(1.0, SCALE_DEVIATION).vanishing_at(0.0)
+}
+
+/// Reynolds number of the flow before the closure.
+fn reynolds(segment: &Segment, flow_m3_s: f64, viscosity_m2_s: f64) -> f64 {
+    segment.mean(|s| s.diameter_m / s.area_m2()) * flow_m3_s.abs() / viscosity_m2_s
+}
+
+impl Effect for UnsteadyFriction {
+    fn name(&self) -> &'static str {
+        CONVOLUTION
+    }
+    fn summary(&self) -> &'static str {
+        "wall shear that depends on the flow's history"
+    }
+    fn equation(&self) -> &'static str {
+        "dV/dt + g dH/dx + f V|V|/(2D) + (16ν/D²) ∫ W(t-s) V'(s) ds = 0;  Re < 2320: W = Σ exp(-j²θ) over the zeros of J₂, θ = 4νt/D²; \
+         above: W = exp(-B*θ)/(2√(πθ)), B* = Re^κ/12.86, κ = log10(15.29/Re^0.0567)"
+    }
+    fn source(&self) -> &'static str {
+        "Zielke (1968), J. Basic Eng. 90:109-115; Vardy & Brown (2003), J. Sound Vib. 259:1011-1036; sums of exponentials by Kagawa et al. \
+         (1983) and Vitkovsky et al. (2004), carried on to short times"
+    }
+    fn trace(&self) -> &'static str {
+        "decay faster than steady friction's, fronts rounded as √t and slightly late; weaker at high Reynolds numbers"
+    }
+    fn variants(&self) -> &'static [&'static dyn Effect] {
+        &[&Brunone]
+    }
+    fn excludes(&self) -> &'static [(&'static str, &'static str)] {
+        &[(BRUNONE, ONE_LAW)]
+    }
+    fn parameters(&self, _site: &Site, _elements: usize) -> Vec<Parameter> {
+        vec![scale("unsteady_friction_scale", "multiplies the unsteady friction; 1 is the textbook's")]
+    }
+
+    fn kept_per_node(&self, _elements: usize) -> usize {
+        MOST_TERMS
+    }
+
+    fn line_terms(&self, values: &[f64], steady: &Steady) -> Result<Vec<Box<dyn LineTerm>>, ModelError> {
+        let [scale] = *values else { return Ok(Vec::new()) };
+        check("unsteady_friction_scale", scale, scale >= 0.0, "zero or more")?;
+        let segments = steady.grid.segments.iter().zip(&steady.flow_m3_s);
+        Ok(vec![Box::new(Convolution {
+            segments: segments.map(|(segment, &flow)| Memory::new(segment, flow, scale, steady)).collect(),
+        })])
+    }
+}
+
+/// Terms of a kernel down to the steps of the finest grids, about a microsecond in pipes of centimetres.
+const MOST_TERMS: usize = 20;
+/// Nodes whose memories lie together, so that one pass over them keeps sums and flows in registers.
+const BLOCK: usize = 8;
+
+/// What the nodes of one segment remember.
+///
+/// With `u` linear over a step, `y⁺ = E y + M (u⁺ - u)` of each exponential is exact; `E`, `M` are its decay and mean. Kept is
+/// `x = M u - E y`, the part of it that the next step knows: `y⁺ = M u⁺ - x`, `x⁺ = E x + M (1 - E) u⁺`. The new flow enters
+/// implicitly: explicitly the error would fall only as the root of the step.
+struct Memory {
+    /// `c Σ M`, where `c Σ y` is the head that the term takes over half a reach.
+    mu: f64,
+    /// The part of `mu` of exponentials that a step forgets.
+    forgotten: f64,
+    /// `E` and `c M (1 - E)` of each exponential.
+    terms: Vec<(f64, f64)>,
+    /// `c x`: blocks of nodes, in each block one exponential after the other.
+    states: Vec<[f64; BLOCK]>,
+    /// `u` before the closure.
+    steady_u: f64,
+}
+
+impl Memory {
+    fn new(segment: &Segment, flow_m3_s: f64, scale: f64, steady: &Steady) -> Self {
+        let viscosity = steady.viscosity_m2_s;
+        let by_diffusion_s = 4.0 * viscosity / segment.mean(|s| s.diameter_m).powi(2);
+        let steps =
+            Kernel::of_reynolds(reynolds(segment, flow_m3_s, viscosity)).steps(by_diffusion_s * steady.grid.dt_s);
+        // ½ dx (16ν/D²)/g of velocity, for u = B Q.
+        let by_area = segment.mean(|s| 1.0 / (s.area_m2() * s.diameter_m * s.diameter_m));
+        let c = scale * 8.0 * viscosity * by_area * segment.reach_m / (GRAVITY_M_S2 * segment.impedance);
+        let steady_u = segment.impedance * flow_m3_s;
+        let blocks = (segment.reaches + 1).div_ceil(BLOCK);
+        let rest: Vec<[f64; BLOCK]> = steps.remembered.iter().map(|term| [c * term.mean * steady_u; BLOCK]).collect();
+        Memory {
+            mu: c * steps.first_mean(),
+            forgotten: c * steps.forgotten,
+            terms: steps.remembered.iter().map(|term| (term.decay, c * term.mean * (1.0 - term.decay))).collect(),
+            states: rest.repeat(blocks),
+            steady_u,
+        }
+    }
+
+    /// One block: takes in its flows and gives what the next step knows.
+    #[inline(always)]
+    fn advance(terms: &[(f64, f64)], forgotten: f64, states: &mut [[f64; BLOCK]], u: &[f64; BLOCK]) -> [f64; BLOCK] {
+        let mut known = u.map(|u| forgotten * u);
+        for (&(decay, gain), state) in terms.iter().zip(states) {
+            for ((x, u), sum) in state.iter_mut().zip(u).zip(&mut known) {
+                *x = decay * *x + gain * u;
+                *sum += *x;
+            }
+        }
+        known
+    }
+}
+
+widened! {
+    fn advance_blocks(terms: &[(f64, f64)], forgotten: f64, states: &mut [[f64; BLOCK]], u: &[f64], momentum: &mut [f64]) {
+        let mut blocks = states.chunks_exact_mut(terms.len());
+        let (whole_u, last_u) = u.as_chunks::<BLOCK>();
+        let (whole_d, last_d) = momentum.as_chunks_mut::<BLOCK>();
+        for ((u, d), states) in whole_u.iter().zip(whole_d).zip(&mut blocks) {
+            let known = Memory::advance(terms, forgotten, states, u);
+            d.iter_mut().zip(known).for_each(|(d, known)| *d += known);
+        }
+        if !last_u.is_empty() {
+            let mut padded = [0.0; BLOCK];
+            padded[..last_u.len()].copy_from_slice(last_u);
+            let known = Memory::advance(terms, forgotten, blocks.next().unwrap_or_default(), &padded);
+            last_d.iter_mut().zip(known).for_each(|(d, known)| *d += known);
+        }
+    }
+}
+
+struct Convolution {
+    segments: Vec<Memory>,
+}
+
+impl LineTerm for Convolution {
+    fn implicit(&self, segment: usize) -> Implicit {
+        Implicit { kappa: 0.0, mu: self.segments[segment].mu }
+    }
+
+    fn known(&self, segment: usize, _storage: &mut [f64], momentum: &mut [f64]) {
+        let memory = &self.segments[segment];
+        momentum.iter_mut().for_each(|d| *d += memory.mu * memory.steady_u);
+    }
+
+    fn advance(&mut self, segment: usize, _h: &[f64], u: &[f64], _storage: &mut [f64], momentum: &mut [f64]) {
+        let Memory { forgotten, terms, states, .. } = &mut self.segments[segment];
+        advance_blocks(terms, *forgotten, states, u, momentum);
+    }
+}
+
+impl Effect for Brunone {
+    fn name(&self) -> &'static str {
+        BRUNONE
+    }
+    fn summary(&self) -> &'static str {
+        "wall shear by the momentary acceleration: cheaper than the history, right for one closure at the end of one pipe"
+    }
+    fn equation(&self) -> &'static str {
+        "dV/dt + g dH/dx + f V|V|/(2D) + k (dV/dt + a sign(V) |dV/dx|) = 0;  k = √C*/2, C* = 0.00476 for Re < 2320, \
+         7.41/Re^log10(14.3/Re^0.05) above"
+    }
+    fn source(&self) -> &'static str {
+        "Brunone et al. (1991, 1995); sign by Vitkovsky (1998), Bergant et al. (2001), J. Hydraul. Res. 39:249-257; C* by Vardy & Brown (1996)"
+    }
+    fn trace(&self) -> &'static str {
+        "decay and a slightly longer period; the first rise stays Joukowsky's, fronts keep their shape"
+    }
+    fn excludes(&self) -> &'static [(&'static str, &'static str)] {
+        &[(CONVOLUTION, ONE_LAW)]
+    }
+    fn parameters(&self, _site: &Site, _elements: usize) -> Vec<Parameter> {
+        vec![scale("brunone_scale", "multiplies Brunone's coefficient k; 1 is that of Vardy's shear decay")]
+    }
+
+    fn line_terms(&self, values: &[f64], steady: &Steady) -> Result<Vec<Box<dyn LineTerm>>, ModelError> {
+        let [scale] = *values else { return Ok(Vec::new()) };
+        check("brunone_scale", scale, (0.0..=MOST_BRUNONE_SCALE).contains(&scale), "from 0 to 20")?;
+        let half = |(segment, flow): (&Segment, &f64)| {
+            let u = segment.impedance * flow;
+            (0.5 * scale * brunone_coefficient(reynolds(segment, *flow, steady.viscosity_m2_s)), u)
+        };
+        let segments = steady.grid.segments.iter().zip(&steady.flow_m3_s).map(half).collect();
+        Ok(vec![Box::new(Acceleration { segments })])
+    }
+}
+
+/// Beyond it `k` is no small part of the inertia any more and the equation means nothing.
+const MOST_BRUNONE_SCALE: f64 = 20.0;
+
+/// Brunone's `k` from Vardy's shear decay coefficient.
+fn brunone_coefficient(reynolds: f64) -> f64 {
+    let shear_decay =
+        if reynolds < LAMINAR_REYNOLDS { 0.00476 } else { 7.41 / reynolds.powf((14.3 / reynolds.powf(0.05)).log10()) };
+    0.5 * shear_decay.sqrt()
+}
+
+/// Brunone's term with Vítkovský's sign.
+///
+/// `dt (dV/dt + a s |dV/dx|)`, `s = sign V`, is the change of `V` along one of the two characteristics that arrive:
+/// `V_P - min(V_A, V_B)` for `s > 0`, `V_P - max(V_A, V_B)` for `s < 0`. So taken it vanishes to rounding for a wave that slows the
+/// flow, however steep, and a front keeps its height over any number of reaches; differences taken
+/// at other places cancel only on paper. At rest it is whatever lies between, as dry friction is: no sign chatters there.
+struct Acceleration {
+    /// `½k` and `u` before the closure of each segment.
+    segments: Vec<(f64, f64)>,
+}
+
+impl Acceleration {
+    /// `d` from the neighbours' `u` and the `u` that the node will have without the term.
+    #[inline(always)]
+    fn known(mu: f64, before: f64, after: f64, next_u: f64) -> f64 {
+        (-next_u).max(mu * before.min(after)).min(mu * before.max(after))
+    }
+}
+
+impl LineTerm for Acceleration {
+    fn implicit(&self, segment: usize) -> Implicit {
+        Implicit { kappa: 0.0, mu: self.segments[segment].0 }
+    }
+
+    fn known(&self, segment: usize, _storage: &mut [f64], momentum: &mut [f64]) {
+        let (mu, steady_u) = self.segments[segment];
+        momentum.iter_mut().for_each(|d| *d += mu * steady_u);
+    }
+
+    fn advance(&mut self, segment: usize, h: &[f64], u: &[f64], _storage: &mut [f64], momentum: &mut [f64]) {
+        let mu = self.segments[segment].0;
+        let (Some(inner), [first, .., last]) = (u.len().checked_sub(2), &mut *momentum) else { return };
+        // Beyond a segment's ends the flow is taken as at them.
+        *first += Self::known(mu, u[0], u[1], u[0]);
+        *last += Self::known(mu, u[inner], u[inner + 1], u[inner + 1]);
+        let (u_before, u_after) = (&u[..inner], &u[2..][..inner]);
+        let (h_before, h_after) = (&h[..inner], &h[2..][..inner]);
+        let out = &mut momentum[1..][..inner];
+        for i in 0..inner {
+            let next_u = 0.5 * (u_before[i] + u_after[i] + h_before[i] - h_after[i]);
+            out[i] += Self::known(mu, u_before[i], u_after[i], next_u);
+        }
+    }
+}

@@ -1,0 +1,77 @@
+//! Column separation: where the pressure falls to that of vapour, a cavity opens and holds it there until it is filled again.
+
+use crate::model::ModelError;
+use crate::model::effects::{CERTAIN, Circumstances, Effect, Scene, Site, Spot, check};
+use crate::model::gas;
+use crate::model::node::Shunt;
+use crate::model::parameter::Parameter;
+use crate::model::solver::{NodeField, Steady};
+
+/// See the module.
+pub struct VapourCavity;
+
+/// Gas that starts the cavities, as a volume fraction at atmospheric pressure.
+///
+/// So little changes wave speeds by less than a thousandth wherever the pressure is above an atmosphere, yet cushions the many small
+/// cavities of a region near vapour pressure, which without any gas collapse one after the other in spikes that no measurement
+/// shows. It is fixed: any other that is as small leaves the same trace (Wylie 1984; Bergant, Simpson & Tijsseling 2006, J. Fluids Struct. 22:135-171, recommend 1e-7 or less).
+const GAS_FRACTION: f64 = 1e-7;
+
+/// How near to vapour pressure a record must come to be on its floor, m: zero errors of sensors and weather are of this size.
+const FLOOR_M: f64 = 1.0;
+
+impl Effect for VapourCavity {
+    fn name(&self) -> &'static str {
+        "vapour-cavity"
+    }
+    fn summary(&self) -> &'static str {
+        "column separation at vapour pressure"
+    }
+    fn equation(&self) -> &'static str {
+        "at every node V_eq (H - z - H_vapour) = 1e-7 A dx H_atm,  V + θ dV/dt = V_eq,  dV/dt = Q_out - Q_in: \
+         H - z stays at H_vapour until the cavity is filled"
+    }
+    fn source(&self) -> &'static str {
+        "Wylie (1984), J. Fluids Eng. 106(3):307-311; Bergant, Simpson & Tijsseling (2006), J. Fluids Struct. 22:135-171: the \
+         discrete gas cavity model with hardly any gas"
+    }
+    fn trace(&self) -> &'static str {
+        "a flat floor at vapour pressure, then spikes above the first rise, and delays in multiples of 2L/a"
+    }
+    fn excludes(&self) -> &'static [(&'static str, &'static str)] {
+        &[("entrained-gas", "gas opens cavities at the vapour head by itself")]
+    }
+
+    fn lets_boil(&self) -> bool {
+        true
+    }
+    /// Where the record lies on the floor of vapour pressure, the water boils: nothing else stops a fall there.
+    fn odds(&self, known: &Circumstances) -> f64 {
+        if known.above_vapour_m < FLOOR_M { CERTAIN } else { 1.0 }
+    }
+    /// Where the water boils follows from its temperature; how fast a cavity fills at the end is all that can be fitted.
+    fn parameters(&self, _site: &Site, _elements: usize) -> Vec<Parameter> {
+        vec![
+            Parameter::log(
+                "cavity_lag_s",
+                "s",
+                "time that a cavity takes to follow the pressure: evaporation and condensation",
+                2e-4,
+                1e-7,
+                0.1,
+            )
+            .with_prior(2e-4, 2.0),
+        ]
+    }
+    /// Its steady head above vapour's, its book.
+    fn kept_per_node(&self, _elements: usize) -> usize {
+        2
+    }
+    fn field(&self, values: &[f64], scene: &Scene, steady: &Steady) -> Result<Option<Box<dyn NodeField>>, ModelError> {
+        check("cavity_lag_s", values[0], values[0] >= 0.0, "zero or more")?;
+        gas::field(scene, steady, GAS_FRACTION * scene.atmosphere_head_m(), values[0]).map(Some)
+    }
+    fn node_shunt(&self, values: &[f64], scene: &Scene, spot: &Spot) -> Option<Box<dyn Shunt>> {
+        Some(gas::at_node(scene, spot, GAS_FRACTION * scene.atmosphere_head_m(), values[0]))
+    }
+}

@@ -1,0 +1,409 @@
+//! The grid: nodes evenly spaced in *travel time*, so that one time step carries a wave over every reach of every pipe
+//! and no wave speed has to be bent to make pipes in series fit.
+//!
+//! A reach inside one pipe is that pipe's own `dx = a dt`. The one reach that straddles a joint becomes a segment of its own
+//! with the inertance `Σ l/(gA)` and the capacitance `Σ gAl/a²` of its two parts, which are chosen so that the reach as a whole,
+//! too, takes one step: `√(inertance capacitance) = dt`. Joint and reflection then move smoothly with wave speeds and lengths,
+//! which a fit needs, and no inertia or storage is lost. Such a joint disperses fronts that are not many steps long, so the number
+//! of reaches is chosen to put joints on nodes, or nearly so: [`fitting_reaches`](crate::model::reaches::fitting_reaches).
+
+use crate::model::ModelError;
+use crate::model::friction::WallFriction;
+use crate::units::GRAVITY_M_S2;
+
+/// Wave speeds that can be reckoned with; what a pipe may have is narrower by far.
+const WAVE_SPEEDS_M_S: std::ops::RangeInclusive<f64> = 1e-6..=1e9;
+
+/// A length of pipe with constant properties, as the layout of the model gives it.
+#[derive(Debug, Clone)]
+pub struct Stretch {
+    /// Length, m.
+    pub length_m: f64,
+    /// Inner diameter, m.
+    pub diameter_m: f64,
+    /// Wall thickness, m.
+    pub wall_m: f64,
+    /// Elastic wave speed, m/s.
+    pub wave_speed_m_s: f64,
+    /// Constraint coefficient c₁ of the hoop strain.
+    pub constraint: f64,
+    /// Steady friction.
+    pub friction: WallFriction,
+    /// Its wall creeps where the model has creep.
+    pub creeps: bool,
+}
+
+impl Stretch {
+    /// Cross-section, m².
+    pub fn area_m2(&self) -> f64 {
+        std::f64::consts::FRAC_PI_4 * self.diameter_m * self.diameter_m
+    }
+
+    /// Inertance of a metre, `1/(gA)`.
+    fn inertance(&self) -> f64 {
+        1.0 / (GRAVITY_M_S2 * self.area_m2())
+    }
+
+    /// Capacitance of a metre, `gA/a²`.
+    fn capacitance(&self) -> f64 {
+        GRAVITY_M_S2 * self.area_m2() / self.wave_speed_m_s.powi(2)
+    }
+}
+
+/// A run of reaches with equal properties; its nodes are numbered from 0 at the supply side to `reaches`.
+#[derive(Debug, Clone)]
+pub struct Segment {
+    /// Index of its first node in the state's slices.
+    pub offset: usize,
+    /// Number of reaches; it has one node more.
+    pub reaches: usize,
+    /// Position of its first node, m from the supply.
+    pub start_m: f64,
+    /// Length of one reach, m.
+    pub reach_m: f64,
+    /// Characteristic impedance `B = a/(gA)`, s/m².
+    pub impedance: f64,
+    /// The parts of one reach: one stretch, or those that a joint's reach is mixed from, with their lengths in m.
+    pub parts: Vec<(Stretch, f64)>,
+}
+
+impl Segment {
+    /// The segment's nodes in the state's slices.
+    pub fn nodes(&self) -> std::ops::Range<usize> {
+        self.offset..self.offset + self.reaches + 1
+    }
+
+    /// Head that wall friction takes from a flow over one reach, m.
+    pub fn reach_loss_m(&self, flow_m3_s: f64) -> f64 {
+        self.parts.iter().map(|(s, length)| s.friction.slope(s.diameter_m, flow_m3_s) * length).sum()
+    }
+
+    /// Mean over one reach of a property of its stretches, weighted by length.
+    pub fn mean(&self, property: impl Fn(&Stretch) -> f64) -> f64 {
+        self.parts.iter().map(|(s, length)| property(s) * length).sum::<f64>() / self.reach_m
+    }
+}
+
+/// The whole line from supply to valve.
+#[derive(Debug, Clone)]
+pub struct Grid {
+    /// Time step, s.
+    pub dt_s: f64,
+    /// Segments from the supply to the valve.
+    pub segments: Vec<Segment>,
+}
+
+impl Grid {
+    /// Divides stretches in series into `reaches` reaches of equal travel time.
+    ///
+    /// A stretch shorter than one reach is lumped with its neighbours in the reach that covers it: less sharp, but with all of
+    /// its inertance and capacitance. [`least_reaches`](crate::model::reaches::least_reaches) is what it takes for none to be so.
+    ///
+    /// # Errors
+    /// If there are fewer than two reaches, or a wave speed that cannot be reckoned with.
+    pub fn new(stretches: &[Stretch], reaches: usize) -> Result<Grid, ModelError> {
+        if reaches < 2 {
+            return Err(ModelError::TooFewReaches { reaches, needed: 2 });
+        }
+        if let Some(odd) = stretches.iter().find(|s| !WAVE_SPEEDS_M_S.contains(&s.wave_speed_m_s)) {
+            let (name, value) = ("wave_speed_m_s".to_owned(), odd.wave_speed_m_s);
+            return Err(ModelError::Value { name, value, allowed: "1e-6 to 1e9 m/s" });
+        }
+        let total_s: f64 = stretches.iter().map(|s| s.length_m / s.wave_speed_m_s).sum();
+        let joints = stretches.len() - 1;
+        // A longer step makes fewer reaches; every joint costs less than one reach more than travel time alone.
+        let (mut low, mut high) = (total_s / reaches as f64, total_s / reaches.saturating_sub(joints).max(1) as f64);
+        while lay(stretches, high, |_, _| {}) > reaches as f64 {
+            high *= 2.0;
+        }
+        while joints > 0 && high - low > 1e-14 * low {
+            let middle = 0.5 * (low + high);
+            if middle <= low || middle >= high {
+                break;
+            }
+            if lay(stretches, middle, |_, _| {}) > reaches as f64 {
+                low = middle;
+            } else {
+                high = middle;
+            }
+        }
+        let dt_s = if joints > 0 { high } else { low };
+        let mut segments: Vec<Segment> = Vec::new();
+        let (mut offset, mut start_m) = (0, 0.0);
+        lay(stretches, dt_s, |parts, reaches| {
+            let parts: Vec<(Stretch, f64)> = parts.iter().map(|&(k, l)| (stretches[k].clone(), l)).collect();
+            let reach_m: f64 = parts.iter().map(|p| p.1).sum();
+            let inertance: f64 = parts.iter().map(|(s, l)| s.inertance() * l).sum();
+            let capacitance: f64 = parts.iter().map(|(s, l)| s.capacitance() * l).sum();
+            let impedance = (inertance / capacitance).sqrt();
+            segments.push(Segment { offset, reaches, start_m, reach_m, impedance, parts });
+            offset += reaches + 1;
+            start_m += reach_m * reaches as f64;
+        });
+        Ok(Grid { dt_s, segments })
+    }
+
+    /// Total number of reaches.
+    pub fn reaches(&self) -> usize {
+        self.segments.iter().map(|s| s.reaches).sum()
+    }
+
+    /// The inner nodes around a position, counted in reaches from the supply, with weights that add up to 1: what sits between
+    /// nodes is shared among them.
+    ///
+    /// The weights are those of a quadratic B-spline: their centre is the position and their spread the same wherever it is.
+    /// Shares of two nodes would be sharp on a node and blurred between, and a fit would stop at nodes. Near an end two nodes
+    /// share, at last the first inner one has it all.
+    pub fn around(&self, position_m: f64) -> [(usize, f64); 3] {
+        let reaches = self.reaches();
+        let mut before = 0;
+        let mut x = 0.0;
+        for segment in &self.segments {
+            x = before as f64 + ((position_m - segment.start_m) / segment.reach_m).clamp(0.0, segment.reaches as f64);
+            before += segment.reaches;
+            if position_m <= segment.start_m + segment.reach_m * segment.reaches as f64 {
+                break;
+            }
+        }
+        let last = reaches.saturating_sub(1).max(1) as f64;
+        let x = x.clamp(1.0, last);
+        if x < 1.5 || x > last - 0.5 {
+            let node = x.floor().min((last - 1.0).max(1.0));
+            let share = x - node;
+            let node = node as usize;
+            return [(node, 1.0 - share), (node + 1, share), (node, 0.0)];
+        }
+        let node = x.round();
+        let (d, node) = (x - node, node as usize);
+        [(node - 1, 0.5 * (0.5 - d).powi(2)), (node, 0.75 - d * d), (node + 1, 0.5 * (0.5 + d).powi(2))]
+    }
+
+    /// The same grid with its segments cut at inner nodes, counted in reaches from the supply.
+    pub fn cut(self, nodes: &[usize]) -> Grid {
+        let mut segments: Vec<Segment> = Vec::new();
+        let (mut before, mut offset) = (0, 0);
+        for segment in self.segments {
+            let mut cuts: Vec<usize> =
+                nodes.iter().filter(|&&n| n > before && n < before + segment.reaches).map(|n| n - before).collect();
+            cuts.sort_unstable();
+            cuts.dedup();
+            cuts.push(segment.reaches);
+            let mut from = 0;
+            for to in cuts {
+                let start_m = segment.start_m + segment.reach_m * from as f64;
+                segments.push(Segment { offset, reaches: to - from, start_m, ..segment.clone() });
+                offset += to - from + 1;
+                from = to;
+            }
+            before += segment.reaches;
+        }
+        Grid { segments, ..self }
+    }
+
+    /// Number of nodes over all segments (a node between two segments counts in both).
+    pub fn nodes(&self) -> usize {
+        self.segments.last().map_or(0, |s| s.offset + s.reaches + 1)
+    }
+
+    /// The segment of a position, and weights of up to four of its nodes around it for cubic interpolation.
+    pub fn stencil(&self, position_m: f64) -> (usize, Vec<(usize, f64)>) {
+        let at = self
+            .segments
+            .iter()
+            .position(|s| position_m <= s.start_m + s.reach_m * s.reaches as f64)
+            .unwrap_or(self.segments.len() - 1);
+        let segment = &self.segments[at];
+        let x = ((position_m - segment.start_m) / segment.reach_m).clamp(0.0, segment.reaches as f64);
+        let nearest = x.round();
+        if (x - nearest).abs() < 1e-9 {
+            return (at, vec![(segment.offset + nearest as usize, 1.0)]);
+        }
+        let points = (segment.reaches + 1).min(4);
+        let first = (x.floor() as isize - (points as isize - 2) / 2).clamp(0, (segment.reaches + 1 - points) as isize);
+        let first = first as usize;
+        let weights = (first..first + points)
+            .map(|i| {
+                let weight = (first..first + points)
+                    .filter(|&j| j != i)
+                    .map(|j| (x - j as f64) / (i as f64 - j as f64))
+                    .product::<f64>();
+                (segment.offset + i, weight)
+            })
+            .collect();
+        (at, weights)
+    }
+}
+
+/// Lays reaches of one step's travel time along the stretches, from the supply on: gives `push` the parts of a reach (stretch and
+/// length, m) and how often it comes. Returns how many reaches that makes, the last one in part.
+///
+/// A reach over one joint or several takes from the last stretch it touches the length `x` that makes it take one step:
+/// `(I + ix)(C + cx) = dt²` with the inertance `I` and capacitance `C` of what it has already.
+fn lay(stretches: &[Stretch], dt_s: f64, mut push: impl FnMut(&[(usize, f64)], usize)) -> f64 {
+    /// A joint that is within so many reaches of a node is on it.
+    const ON_NODE: f64 = 1e-9;
+    let mut laid = 0;
+    let mut open: Vec<(usize, f64)> = Vec::new();
+    let (mut inertance, mut capacitance) = (0.0, 0.0);
+    for (k, stretch) in stretches.iter().enumerate() {
+        let mut left = stretch.length_m;
+        let reach_m = stretch.wave_speed_m_s * dt_s;
+        let (i, c) = (stretch.inertance(), stretch.capacitance());
+        if !open.is_empty() {
+            // i c = 1/a²: x² + b x = room in units of a dt.
+            let b = reach_m / (dt_s * dt_s) * (inertance * c + capacitance * i);
+            let room = (1.0 - inertance * capacitance / (dt_s * dt_s)).max(0.0);
+            let x = 2.0 * room / (b + (b * b + 4.0 * room).sqrt()) * reach_m;
+            let taken = x.min(left);
+            open.push((k, taken));
+            if x > left + ON_NODE * reach_m {
+                inertance += i * taken;
+                capacitance += c * taken;
+                continue;
+            }
+            push(&open, 1);
+            laid += 1;
+            left -= taken;
+            open.clear();
+        }
+        let whole = (left / reach_m + ON_NODE).floor().max(0.0);
+        if whole > 0.0 {
+            push(&[(k, reach_m)], whole as usize);
+            laid += whole as usize;
+            left -= whole * reach_m;
+        }
+        if left > ON_NODE * reach_m {
+            open.push((k, left));
+            (inertance, capacitance) = (i * left, c * left);
+        } else {
+            (inertance, capacitance) = (0.0, 0.0);
+        }
+    }
+    laid as f64 + (inertance * capacitance).sqrt() / dt_s
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn stretch(length_m: f64, wave_speed_m_s: f64) -> Stretch {
+        Stretch {
+            length_m,
+            diameter_m: 0.05,
+            wall_m: 0.005,
+            wave_speed_m_s,
+            constraint: 1.0,
+            friction: WallFriction::constant(0.02),
+            creeps: true,
+        }
+    }
+
+    #[test]
+    fn length_inertance_and_capacitance_are_exact_whatever_the_joint() {
+        for (l1, a1, l2, a2) in [(60.0, 1200.0, 40.0, 400.0), (10.0, 1000.0, 90.3, 350.0), (33.3, 500.0, 66.7, 500.0)] {
+            for reaches in [41, 42, 120] {
+                let grid = Grid::new(&[stretch(l1, a1), stretch(l2, a2)], reaches).unwrap();
+                let sum = |f: &dyn Fn(&Segment) -> f64| grid.segments.iter().map(f).sum::<f64>();
+                assert!((sum(&|s| s.reach_m * s.reaches as f64) - l1 - l2).abs() < 1e-8);
+                assert_eq!(grid.segments.iter().map(|s| s.reaches).sum::<usize>(), reaches);
+                // As the scheme sees them: B dt and dt/B a reach.
+                let inertance = sum(&|s| s.impedance * grid.dt_s * s.reaches as f64);
+                let capacitance = sum(&|s| grid.dt_s / s.impedance * s.reaches as f64);
+                let area = stretch(1.0, 1.0).area_m2();
+                assert!((inertance * GRAVITY_M_S2 * area / (l1 + l2) - 1.0).abs() < 1e-9);
+                let exact = GRAVITY_M_S2 * area * (l1 / (a1 * a1) + l2 / (a2 * a2));
+                assert!((capacitance / exact - 1.0).abs() < 1e-9);
+            }
+        }
+    }
+
+    #[test]
+    fn a_joint_on_a_node_leaves_no_mixed_reach() {
+        let grid = Grid::new(&[stretch(50.0, 500.0), stretch(100.0, 1000.0)], 20).unwrap();
+        assert_eq!(grid.segments.len(), 2);
+        assert!(grid.segments.iter().all(|s| s.parts.len() == 1 && s.reaches == 10));
+    }
+
+    #[test]
+    fn a_place_between_nodes_is_shared_and_cuts_keep_the_line() {
+        let grid = Grid::new(&[stretch(50.0, 500.0), stretch(100.0, 1000.0)], 20).unwrap();
+        for position in [5.0, 6.0, 7.49, 7.51, 12.5, 17.4, 40.0, 49.9, 50.0, 63.0, 137.0, 140.0] {
+            let shares = grid.around(position);
+            let reaches = if position <= 50.0 { position / 5.0 } else { 5.0 + position / 10.0 };
+            assert!((shares.iter().map(|s| s.1).sum::<f64>() - 1.0).abs() < 1e-12, "{position}");
+            let centre: f64 = shares.iter().map(|s| s.0 as f64 * s.1).sum();
+            assert!((centre - reaches).abs() < 1e-9, "{position}: {centre}");
+            let nearby = grid.around(position + 1e-7);
+            let share = |all: &[(usize, f64)], n: usize| all.iter().filter(|s| s.0 == n).map(|s| s.1).sum::<f64>();
+            assert!((0..=20).all(|n| (share(&shares, n) - share(&nearby, n)).abs() < 1e-6), "{position}");
+        }
+        assert_eq!(grid.around(0.0)[0], (1, 1.0));
+        assert_eq!(grid.around(150.0)[1], (19, 1.0));
+        let (length, nodes) = (grid.segments.iter().map(|s| s.reach_m * s.reaches as f64).sum::<f64>(), grid.nodes());
+        let cut = grid.cut(&[3, 2, 12, 3, 10]);
+        assert_eq!(cut.segments.iter().map(|s| s.reaches).collect::<Vec<_>>(), [2, 1, 7, 2, 8]);
+        assert_eq!(cut.nodes(), nodes + 3);
+        assert!((cut.segments.iter().map(|s| s.reach_m * s.reaches as f64).sum::<f64>() - length).abs() < 1e-9);
+        assert!(
+            cut.segments
+                .windows(2)
+                .all(|w| (w[0].start_m + w[0].reach_m * w[0].reaches as f64 - w[1].start_m).abs() < 1e-9)
+        );
+    }
+
+    #[test]
+    fn the_stencil_reproduces_a_cubic() {
+        let grid = Grid::new(&[stretch(100.0, 1000.0)], 25).unwrap();
+        let f = |x: f64| 1.0 + 0.3 * x - 0.02 * x * x + 1e-4 * x.powi(3);
+        for position in [0.0, 1.3, 4.0, 51.7, 98.9, 100.0] {
+            let value: f64 = grid.stencil(position).1.iter().map(|&(i, w)| w * f(4.0 * i as f64)).sum();
+            assert!((value - f(position)).abs() < 1e-9, "{position}: {value}");
+        }
+    }
+
+    /// A stretch that no reach resolves is lumped, and everything moves smoothly with its length and place.
+    #[test]
+    fn a_stretch_shorter_than_a_reach_loses_nothing_and_moves_smoothly() {
+        let grid = |from: f64, length: f64| {
+            let stretches = [stretch(from, 1000.0), stretch(length, 400.0), stretch(100.0 - from - length, 1000.0)];
+            let grid = Grid::new(&stretches, 20).unwrap();
+            let sum = |f: &dyn Fn(&Segment) -> f64| grid.segments.iter().map(f).sum::<f64>();
+            assert_eq!(grid.reaches(), 20);
+            assert!((sum(&|s| s.reach_m * s.reaches as f64) - 100.0).abs() < 1e-6, "{from} {length}");
+            let area = stretches[0].area_m2();
+            let capacitance = sum(&|s| grid.dt_s / s.impedance * s.reaches as f64);
+            let exact =
+                GRAVITY_M_S2 * area * stretches.iter().map(|s| s.length_m / s.wave_speed_m_s.powi(2)).sum::<f64>();
+            assert!((capacitance / exact - 1.0).abs() < 1e-8, "{from} {length}");
+            grid
+        };
+        let node = |g: &Grid, n: usize| {
+            let mut before = 0;
+            for s in &g.segments {
+                if n <= before + s.reaches {
+                    return s.start_m + s.reach_m * (n - before) as f64;
+                }
+                before += s.reaches;
+            }
+            f64::NAN
+        };
+        for length in [1e-9, 0.01, 0.7, 1.99, 2.0, 2.01, 9.0] {
+            for step in 0..400 {
+                let from = 40.0 + 0.05 * f64::from(step);
+                let (a, b) = (grid(from, length), grid(from + 1e-4, length + 1e-4));
+                for n in 0..=20 {
+                    assert!((node(&a, n) - node(&b, n)).abs() < 2e-3, "{from} {length} {n}");
+                }
+            }
+        }
+        // At the line's very ends, too.
+        grid(0.01, 0.5);
+        grid(98.5, 1.49);
+    }
+
+    #[test]
+    fn too_few_reaches_are_refused() {
+        let error = Grid::new(&[stretch(1.0, 1.0), stretch(1.0, 1.0)], 1).unwrap_err();
+        assert!(error.to_string().contains("at least 2"), "{error}");
+    }
+}

@@ -1,0 +1,257 @@
+//! One run of a model: from its values to the line that is stepped, checked before anything is taken.
+
+use crate::model::boundary::{Closure, ConstantHead, GivenEnd, MeasuredHead, Supply, ValveEnd};
+use crate::model::effects::{Chosen, Scene};
+use crate::model::energy::Owners;
+use crate::model::friction::{ReachFriction, WallFriction};
+use crate::model::grid::{Grid, Stretch};
+use crate::model::memory::Need;
+use crate::model::solver::{Line, Steady, settle};
+use crate::model::trace::Probe;
+use crate::model::{Conditions, Model, ModelError, Resolution, RunValues, Simulated, check_sensors, reaches};
+use crate::rig::Upstream;
+
+/// Share of the impedance that friction over one reach may take (see [`friction::NodeFriction`]).
+const MOST_FRICTION_SHARE: f64 = 0.02;
+
+impl Model<'_> {
+    /// Fewest reaches at which no pipe, and no section that an effect makes of one, is shorter than a reach. A simulation goes on with
+    /// fewer for sections, which it then lumps with what lies beside them: a fit moves them about.
+    ///
+    /// # Errors
+    /// Values out of their physical range.
+    pub fn resolving_reaches(
+        &self,
+        conditions: &Conditions,
+        shared: &[f64],
+        run: &RunValues,
+    ) -> Result<usize, ModelError> {
+        self.check(shared, run)?;
+        let mut stretches = self.stretches(conditions, shared, run, 0.0);
+        for (chosen, values) in self.chosen(shared) {
+            chosen.effect.reshape(values, &mut stretches)?;
+        }
+        let travel_s: Vec<f64> = stretches.iter().map(|s| s.length_m / s.wave_speed_m_s).collect();
+        Ok(reaches::least_reaches(&travel_s))
+    }
+
+    /// Simulates one run: what each probe reads, in time after the start of the closure.
+    ///
+    /// # Errors
+    /// Values out of their physical range, a grid too coarse for the pipes, a run too large for memory, a solution that
+    /// stops being finite.
+    pub fn simulate(
+        &self,
+        conditions: &Conditions,
+        shared: &[f64],
+        run: &RunValues,
+        resolution: Resolution,
+        probes: &[Probe],
+    ) -> Result<Simulated, ModelError> {
+        self.run(conditions, shared, run, resolution, probes, GivenEnd::Nothing, false)
+    }
+
+    /// The same with something of the valve's end given.
+    pub(crate) fn driven(
+        &self,
+        conditions: &Conditions,
+        shared: &[f64],
+        run: &RunValues,
+        resolution: Resolution,
+        probes: &[Probe],
+        given: GivenEnd,
+    ) -> Result<Simulated, ModelError> {
+        self.run(conditions, shared, run, resolution, probes, given, false)
+    }
+
+    /// The same, and keeps the energy book ([`Simulated::energy`]).
+    ///
+    /// # Errors
+    /// As [`Model::simulate`].
+    pub fn simulate_with_energy(
+        &self,
+        conditions: &Conditions,
+        shared: &[f64],
+        run: &RunValues,
+        resolution: Resolution,
+        probes: &[Probe],
+    ) -> Result<Simulated, ModelError> {
+        self.run(conditions, shared, run, resolution, probes, GivenEnd::Nothing, true)
+    }
+
+    #[allow(clippy::too_many_arguments)] // what simulate, driven and simulate_with_energy share
+    fn run(
+        &self,
+        conditions: &Conditions,
+        shared: &[f64],
+        run: &RunValues,
+        resolution: Resolution,
+        probes: &[Probe],
+        given: GivenEnd,
+        with_energy: bool,
+    ) -> Result<Simulated, ModelError> {
+        self.check(shared, run)?;
+        let flow_m3_s = run.initial_velocity_m_s * self.rig.pipes[self.rig.pipes.len() - 1].area_m2();
+        let mut stretches = self.stretches(conditions, shared, run, flow_m3_s);
+        let travel_s: Vec<f64> = stretches.iter().map(|s| s.length_m / s.wave_speed_m_s).collect();
+        let needed = reaches::least_reaches(&travel_s);
+        if resolution.reaches < needed {
+            return Err(ModelError::TooFewReaches { reaches: resolution.reaches, needed });
+        }
+        for (chosen, values) in self.chosen(shared) {
+            chosen.effect.reshape(values, &mut stretches)?;
+        }
+        let grid = Grid::new(&stretches, resolution.reaches)?;
+        // Two steps more than asked for: the cubic interpolation in time looks that far ahead.
+        let beyond_s = self.chosen(shared).map(|(chosen, values)| chosen.effect.beyond_s(values)).fold(0.0, f64::max);
+        let steps = ((resolution.duration_s + beyond_s) / grid.dt_s).ceil() + 2.0;
+        let per_step = probes.len().max(1) + if with_energy { self.effects.len() + 6 } else { 0 };
+        let effects_per_node = self.effects.iter().map(|c| c.effect.kept_per_node(c.elements.unwrap_or(1))).sum();
+        Need { steps, per_step, nodes: grid.nodes(), effects_per_node }.check(self.memory_limit_bytes)?;
+        let steps = steps as usize;
+        let scene = Scene {
+            rig: self.rig,
+            water: &conditions.water,
+            dt_s: grid.dt_s,
+            flow_m3_s,
+            valve_head_m: run.valve_head_m,
+        };
+        let (grid, mut joints, mut at_valve, nodes) = self.nodes(grid, shared, &scene)?;
+        let frictions = reach_frictions(&grid, flow_m3_s)?;
+        let (head_m, flows) = settle(&grid, &frictions, &mut joints, &mut at_valve, flow_m3_s, run.valve_head_m);
+        let starts_m = grid.segments.iter().map(|s| s.start_m).collect();
+        let steady = Steady {
+            grid: &grid,
+            frictions: &frictions,
+            head_m,
+            flow_m3_s: flows.clone(),
+            density_kg_m3: conditions.water.density_kg_m3,
+            viscosity_m2_s: conditions.water.kinematic_viscosity_m2_s,
+        };
+        let mut terms = Vec::new();
+        let accounts = self.effects.iter().map(|c| c.effect.name().to_owned()).collect();
+        let mut owners = Owners { accounts, nodes, valve_head_m: run.valve_head_m, ..Owners::default() };
+        let mut field = None;
+        let mut supply = self.base_supply(conditions, steady.head_m[0])?;
+        let discharge_head_m = self.rig.valve.discharge_head_m;
+        let (given_head, given_law) = match given {
+            GivenEnd::Nothing => (None, None),
+            GivenEnd::Head(head) => (Some(head), None),
+            GivenEnd::Law(law) => (None, Some(law)),
+        };
+        let mut valve = ValveEnd {
+            flow_m3_s,
+            drop_m: run.valve_head_m - discharge_head_m,
+            discharge_head_m,
+            closure: (self.closure)(run.closing_time_s),
+            law: None,
+            residual_opening: 0.0,
+            given_head,
+        };
+        for (account, (chosen, values)) in self.chosen(shared).enumerate() {
+            terms.extend(chosen.effect.line_terms(values, &steady)?);
+            owners.terms.resize(terms.len(), account);
+            if let Some(own) = chosen.effect.field(values, &scene, &steady)? {
+                field = Some(own);
+                owners.field = Some(account);
+            }
+            supply = chosen.effect.supply(values, supply)?;
+            chosen.effect.valve(values, &mut valve)?;
+        }
+        if given_law.is_some() {
+            valve.law = given_law;
+        }
+        let line = Line { steady: &steady, terms, field, supply, joints, at_valve, valve };
+        let owners = with_energy.then_some(owners);
+        let (traces, energy) = line.run(steps, probes, owners).map_err(|error| self.named(error))?;
+        Ok(Simulated { traces, energy, starts_m, flows_m3_s: flows })
+    }
+
+    fn stretches(&self, conditions: &Conditions, shared: &[f64], run: &RunValues, flow_m3_s: f64) -> Vec<Stretch> {
+        // Where some pipes are of a material that creeps, only they do.
+        let any_creeps = self.rig.pipes.iter().any(|p| p.material().viscoelastic);
+        self.rig
+            .pipes
+            .iter()
+            .zip(shared)
+            .map(|(pipe, &wave_speed_m_s)| Stretch {
+                creeps: pipe.material().viscoelastic || !any_creeps,
+                length_m: pipe.length_m,
+                diameter_m: pipe.inner_diameter_m,
+                wall_m: pipe.wall_thickness_m,
+                wave_speed_m_s,
+                constraint: pipe.constraint_coefficient(),
+                friction: WallFriction::of(pipe, &conditions.water, flow_m3_s).scaled(run.friction_scale),
+            })
+            .collect()
+    }
+
+    fn base_supply(&self, conditions: &Conditions, steady_head_m: f64) -> Result<Box<dyn Supply>, ModelError> {
+        match (self.rig.upstream, &conditions.supply_deviation) {
+            (Upstream::Measured, Some((time_s, deviation_m))) if !time_s.is_empty() => {
+                let head_m = deviation_m.iter().map(|d| steady_head_m + d).collect();
+                Ok(Box::new(MeasuredHead { time_s: time_s.clone(), head_m, cursor: 0 }))
+            }
+            (Upstream::Measured, _) => Err(ModelError::NoSupplyHead),
+            (Upstream::Reservoir | Upstream::Pump, _) => Ok(Box::new(ConstantHead(steady_head_m))),
+        }
+    }
+
+    /// The error with the model's effects in it.
+    fn named(&self, error: ModelError) -> ModelError {
+        match error {
+            ModelError::NotFinite { time_s, position_m, .. } => {
+                let labels: Vec<String> = self.effects.iter().map(Chosen::label).collect();
+                let effects = if labels.is_empty() { "no effects".to_owned() } else { labels.join(", ") };
+                ModelError::NotFinite { time_s, position_m, effects }
+            }
+            other => other,
+        }
+    }
+
+    fn check(&self, shared: &[f64], run: &RunValues) -> Result<(), ModelError> {
+        check_sensors(self.rig, &self.effects)?;
+        let positive = |name: &str, value: f64| match value > 0.0 && value.is_finite() {
+            true => Ok(()),
+            false => Err(ModelError::Value { name: name.to_owned(), value, allowed: "more than zero" }),
+        };
+        for (parameter, &value) in self.shared.iter().zip(shared).take(self.rig.pipes.len()) {
+            positive(&parameter.name, value)?;
+        }
+        let not_negative = |name: &str, value: f64| match value >= 0.0 && value.is_finite() {
+            true => Ok(()),
+            false => Err(ModelError::Value { name: name.to_owned(), value, allowed: "zero or more" }),
+        };
+        not_negative("friction_scale", run.friction_scale)?;
+        not_negative("initial_velocity_m_s", run.initial_velocity_m_s)?;
+        not_negative("closing_time_s", run.closing_time_s)?;
+        let needs_drop = matches!((self.closure)(run.closing_time_s), Closure::Linear { .. });
+        if !run.valve_head_m.is_finite() || (needs_drop && run.valve_head_m <= self.rig.valve.discharge_head_m) {
+            return Err(ModelError::Value {
+                name: "valve_head_m".to_owned(),
+                value: run.valve_head_m,
+                allowed: "above the discharge head, or nothing would flow",
+            });
+        }
+        Ok(())
+    }
+}
+
+/// The friction of every segment, checked against what the scheme resolves.
+fn reach_frictions(grid: &Grid, flow_m3_s: f64) -> Result<Vec<ReachFriction>, ModelError> {
+    let total: usize = grid.segments.iter().map(|s| s.reaches).sum();
+    grid.segments
+        .iter()
+        .map(|segment| {
+            let largest_u = 2.0 * segment.impedance * flow_m3_s;
+            let laws = segment.parts.iter().map(|(s, _)| &s.friction);
+            let friction = ReachFriction::new(laws, |q| segment.reach_loss_m(q), segment.impedance, largest_u);
+            let share = friction.largest_share(0.5 * largest_u);
+            if share > MOST_FRICTION_SHARE {
+                let needed = (total as f64 * share / MOST_FRICTION_SHARE).ceil() as usize;
+                return Err(ModelError::FrictionTooCoarse { share, needed });
+            }
+            Ok(friction)
+        })
+        .collect()
+}

@@ -1,0 +1,334 @@
+//! One simulation: the steps of the line from the start of the closure on, its ends and joints.
+
+use crate::model::ModelError;
+use crate::model::boundary::{Supply, ValveEnd};
+use crate::model::energy::{Book, Energy, Owners};
+use crate::model::friction::ReachFriction;
+use crate::model::grid::Grid;
+use crate::model::node::{Arriving, Node};
+use crate::model::state::{Reading, State};
+use crate::model::trace::{Probe, Trace};
+
+/// The steady state before the closure.
+pub struct Steady<'a> {
+    /// The grid.
+    pub grid: &'a Grid,
+    /// Friction of each segment's reach.
+    pub frictions: &'a [ReachFriction],
+    /// Head at every node, m.
+    pub head_m: Vec<f64>,
+    /// Flow in each segment, m³/s.
+    pub flow_m3_s: Vec<f64>,
+    /// Density of the water, kg/m³.
+    pub density_kg_m3: f64,
+    /// Kinematic viscosity of the water, m²/s.
+    pub viscosity_m2_s: f64,
+}
+
+/// The implicit parts of a line term: the shares of head and of flow that it adds at the new time.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Implicit {
+    /// Storage: multiplies the head.
+    pub kappa: f64,
+    /// Momentum: multiplies `u = B Q`.
+    pub mu: f64,
+}
+
+/// A term of the equations along the line, computed once a step over all nodes of a segment.
+///
+/// In the notation of [`kernel`]: half of what the term takes over one reach and one step is `κh - b` of head (storage)
+/// and `μu - d` (momentum) at the new time; `κ, μ` are constants of the segment, `b, d` known before the step. Heads are deviations
+/// `h` from the steady state, in which `b` and, with `μ`, `d` must balance.
+pub trait LineTerm: Send {
+    /// `κ` and `μ` of a segment.
+    fn implicit(&self, segment: usize) -> Implicit;
+    /// Adds `b` and `d` of the first step, from the steady state; nothing by default.
+    fn known(&self, segment: usize, storage: &mut [f64], momentum: &mut [f64]) {
+        let _ = (segment, storage, momentum);
+    }
+    /// Takes in the new head deviations and `u` of a segment's nodes and adds `b` and `d` of the step to come.
+    fn advance(&mut self, segment: usize, h: &[f64], u: &[f64], storage: &mut [f64], momentum: &mut [f64]);
+}
+
+/// What takes water out of *every* node: gas spread along the pipe, cavities wherever the pressure falls.
+///
+/// At the inner nodes of a segment it is solved for all of them at once; at joints and at the valve it is a [`Shunt`].
+///
+/// [`Shunt`]: crate::model::node::Shunt
+pub trait NodeField: Send {
+    /// Solves `(1 + κ) h + c q(h) = s` at a segment's inner nodes, whose `s` and deviations `h` (m) are given; `q(h)` is the
+    /// outflow (m³/s), which is left in `q` beside the new `h`.
+    fn inner(&mut self, segment: usize, one_plus_kappa: f64, c: f64, s: &[f64], h: &mut [f64], q: &mut [f64]);
+}
+
+/// Everything that a simulation needs.
+pub struct Line<'a> {
+    /// Steady state, grid and friction.
+    pub steady: &'a Steady<'a>,
+    /// Terms along the line.
+    pub terms: Vec<Box<dyn LineTerm>>,
+    /// What takes water out of every node.
+    pub field: Option<Box<dyn NodeField>>,
+    /// Upstream end.
+    pub supply: Box<dyn Supply>,
+    /// What sits at the joints between segments, one fewer than there are segments.
+    pub joints: Vec<Node>,
+    /// What sits at the pipe's end, before the valve.
+    pub at_valve: Node,
+    /// Downstream end.
+    pub valve: ValveEnd,
+}
+
+/// Steady heads and flows, from the valve back to the supply; settles what sits at the nodes.
+pub fn settle(
+    grid: &Grid,
+    frictions: &[ReachFriction],
+    joints: &mut [Node],
+    at_valve: &mut Node,
+    valve_flow_m3_s: f64,
+    valve_head_m: f64,
+) -> (Vec<f64>, Vec<f64>) {
+    let mut heads = vec![valve_head_m; grid.nodes()];
+    let mut flows = vec![0.0; grid.segments.len()];
+    let (mut head, mut flow) = at_valve.settle(valve_head_m, valve_flow_m3_s);
+    for (s, (segment, friction)) in grid.segments.iter().zip(frictions).enumerate().rev() {
+        if s + 1 < grid.segments.len() {
+            (head, flow) = joints[s].settle(head, flow);
+        }
+        flows[s] = flow;
+        let loss = 2.0 * friction.half_loss_and_slope(segment.impedance * flow).0;
+        for node in segment.nodes().rev() {
+            heads[node] = head;
+            head += loss;
+        }
+        head -= loss;
+    }
+    (heads, flows)
+}
+
+impl Line<'_> {
+    /// Simulates `steps` steps and gives what each probe reads; with `owners` also keeps the energy book.
+    ///
+    /// # Errors
+    /// If the solution stops being finite.
+    pub fn run(
+        mut self,
+        steps: usize,
+        probes: &[Probe],
+        owners: Option<Owners>,
+    ) -> Result<(Vec<Trace>, Option<Energy>), ModelError> {
+        let grid = self.steady.grid;
+        let heads_only = probes.iter().all(|p| matches!(p, Probe::Head(_)));
+        let mut state = self.initial_state(heads_only && owners.is_none());
+        let mut book = owners.map(|owners| Book::new(self.steady, owners, &self.terms, &state, steps));
+        let readings: Vec<Reading> = probes.iter().map(|&probe| Reading::new(probe, self.steady)).collect();
+        let mut traces: Vec<Trace> = readings.iter().map(|_| Trace::with_capacity(grid.dt_s, steps + 1)).collect();
+        state.read(&mut traces, &readings);
+        for step in 1..=steps {
+            let time_s = step as f64 * grid.dt_s;
+            self.step(&mut state, time_s, book.as_mut());
+            state.read(&mut traces, &readings);
+            // At the valve, where all waves come by within L/a; the whole line once, at the end.
+            let seen = if step < steps { state.fwd.len() - 1..state.fwd.len() } else { 0..state.fwd.len() };
+            if !seen.into_iter().all(|i| state.fwd[i].is_finite() && state.bwd[i].is_finite()) {
+                return Err(self.not_finite(&state, time_s));
+            }
+        }
+        Ok((traces, book.map(Book::close)))
+    }
+
+    fn not_finite(&self, state: &State, time_s: f64) -> ModelError {
+        let bad = (0..state.fwd.len()).find(|&i| !(state.fwd[i].is_finite() && state.bwd[i].is_finite())).unwrap_or(0);
+        let segment = self.steady.grid.segments.iter().find(|s| s.nodes().contains(&bad));
+        let position_m = segment.map_or(0.0, |s| s.start_m + s.reach_m * (bad - s.offset) as f64);
+        ModelError::NotFinite { time_s, position_m, effects: String::new() }
+    }
+
+    fn initial_state(&self, heads_only: bool) -> State {
+        let grid = self.steady.grid;
+        let n = grid.nodes();
+        let mut u = vec![0.0; n];
+        let (mut fwd, mut bwd) = (vec![0.0; n], vec![0.0; n]);
+        let (mut storage, mut momentum) = (vec![0.0; n], vec![0.0; n]);
+        let mut steady_half_loss = Vec::new();
+        let mut implicit = Vec::new();
+        let mut inner_frictions = Vec::new();
+        for (s, (segment, friction)) in grid.segments.iter().zip(self.steady.frictions).enumerate() {
+            let nodes = segment.nodes();
+            let steady_u = segment.impedance * self.steady.flow_m3_s[s];
+            u[nodes.clone()].fill(steady_u);
+            // h = 0, and the loss of the steady flow drops out: the waves carry u alone.
+            fwd[nodes.clone()].fill(steady_u);
+            bwd[nodes.clone()].fill(-steady_u);
+            let mut total = Implicit::default();
+            for term in &self.terms {
+                term.known(s, &mut storage[nodes.clone()], &mut momentum[nodes.clone()]);
+                let Implicit { kappa, mu } = term.implicit(s);
+                total = Implicit { kappa: total.kappa + kappa, mu: total.mu + mu };
+            }
+            let inner = friction.of_twice_u(1.0 + total.mu);
+            steady_half_loss.push(0.5 * (1.0 + total.mu) * inner.steady_half_loss(2.0 * steady_u));
+            inner_frictions.push(inner);
+            implicit.push(total);
+        }
+        let elastic = self.terms.is_empty() && self.field.is_none() && heads_only;
+        State {
+            new_fwd: fwd.clone(),
+            new_bwd: bwd.clone(),
+            fwd,
+            bwd,
+            h: vec![0.0; n],
+            u,
+            storage,
+            momentum,
+            outflow: vec![0.0; n],
+            scratch: vec![0.0; n],
+            elastic,
+            steady_half_loss,
+            implicit,
+            frictions: inner_frictions,
+        }
+    }
+
+    fn step(&mut self, state: &mut State, time_s: f64, mut book: Option<&mut Book>) {
+        let grid = self.steady.grid;
+        for (s, segment) in grid.segments.iter().enumerate() {
+            match &mut self.field {
+                None => state.interior(s, segment.nodes()),
+                Some(field) => state.interior_with(field.as_mut(), s, segment),
+            }
+        }
+        // Supply: the first node of the first segment.
+        let first = self.arriving_upstream(state, 0);
+        let head = self.supply.head_m(time_s);
+        let flow = (head - first.e) / first.z;
+        self.leave_first(state, 0, head, flow);
+        if let Some(book) = &mut book {
+            book.supply(state.h[0], flow);
+        }
+        // Joints.
+        for s in 0..grid.segments.len() - 1 {
+            let (left, right) = (self.arriving_downstream(state, s), self.arriving_upstream(state, s + 1));
+            let joint = &mut self.joints[s];
+            if joint.is_plain() {
+                let flow = (left.e - right.e) / (left.z + right.z);
+                let head = left.e - left.z * flow;
+                self.leave_last(state, s, head, flow);
+                self.leave_first(state, s + 1, head, flow);
+                continue;
+            }
+            let node = grid.segments[s + 1].offset;
+            let guess = self.steady.head_m[node] + state.h[node];
+            let solved = joint.find(left, |h| ((h - right.e) / right.z, 1.0 / right.z), guess);
+            if let Some(book) = &mut book {
+                book.node(s, joint, &solved);
+            }
+            joint.advance(&solved);
+            self.leave_last(state, s, solved.left_head_m, solved.left_flow_m3_s);
+            self.leave_first(state, s + 1, solved.right_head_m, solved.right_flow_m3_s);
+        }
+        // Valve: the last node of the last segment.
+        let s = grid.segments.len() - 1;
+        let last = self.arriving_downstream(state, s);
+        if self.at_valve.is_plain() {
+            let flow = self.valve.flow_m3_s(time_s, last.z, last.e);
+            let head = last.e - last.z * flow;
+            self.leave_last(state, s, head, flow);
+            if let Some(book) = &mut book {
+                book.valve(head, flow);
+            }
+        } else {
+            let node = self.steady.head_m.len() - 1;
+            let guess = self.steady.head_m[node] + state.h[node];
+            let valve = &self.valve;
+            let solved = self.at_valve.find(last, |h| valve.flow_at_m3_s(time_s, h), guess);
+            if let Some(book) = &mut book {
+                book.node(s, &self.at_valve, &solved);
+                book.valve(solved.right_head_m, solved.right_flow_m3_s);
+            }
+            self.at_valve.advance(&solved);
+            self.leave_last(state, s, solved.left_head_m, solved.left_flow_m3_s);
+        }
+
+        match book {
+            Some(book) => {
+                book.line(state);
+                book.advance(&mut self.terms, state);
+            }
+            None if self.terms.is_empty() => {}
+            None => self.advance_terms(state),
+        }
+        std::mem::swap(&mut state.fwd, &mut state.new_fwd);
+        std::mem::swap(&mut state.bwd, &mut state.new_bwd);
+    }
+
+    fn advance_terms(&mut self, state: &mut State) {
+        state.storage.fill(0.0);
+        state.momentum.fill(0.0);
+        for (s, segment) in self.steady.grid.segments.iter().enumerate() {
+            let n = segment.nodes();
+            let (h, u) = (&state.h[n.clone()], &state.u[n.clone()]);
+            for term in &mut self.terms {
+                term.advance(s, h, u, &mut state.storage[n.clone()], &mut state.momentum[n.clone()]);
+            }
+        }
+    }
+
+    /// `½R - ½R0` linearised about the last flow at a node: value at `u = 0` and slope.
+    fn half_loss_line(&self, state: &State, segment: usize, u: f64) -> (f64, f64) {
+        let (loss, slope) = self.steady.frictions[segment].half_loss_and_slope(u);
+        (loss - slope * u - state.steady_half_loss[segment], slope)
+    }
+
+    /// The characteristic from inside segment `s` that reaches its first node: `H - z Q = e`.
+    fn arriving_upstream(&self, state: &State, s: usize) -> Arriving {
+        let segment = &self.steady.grid.segments[s];
+        let node = segment.offset;
+        let Implicit { kappa, mu } = state.implicit[s];
+        let (constant, slope) = self.half_loss_line(state, s, state.u[node]);
+        let known = state.bwd[node + 1] + state.storage[node] - state.momentum[node] + constant;
+        Arriving {
+            z: segment.impedance * (1.0 + mu + slope) / (1.0 + kappa),
+            e: self.steady.head_m[node] + known / (1.0 + kappa),
+        }
+    }
+
+    /// The characteristic from inside segment `s` that reaches its last node: `H + z Q = e`.
+    fn arriving_downstream(&self, state: &State, s: usize) -> Arriving {
+        let segment = &self.steady.grid.segments[s];
+        let node = segment.offset + segment.reaches;
+        let Implicit { kappa, mu } = state.implicit[s];
+        let (constant, slope) = self.half_loss_line(state, s, state.u[node]);
+        let known = state.fwd[node - 1] + state.storage[node] + state.momentum[node] - constant;
+        Arriving {
+            z: segment.impedance * (1.0 + mu + slope) / (1.0 + kappa),
+            e: self.steady.head_m[node] + known / (1.0 + kappa),
+        }
+    }
+
+    /// Sets the first node of segment `s` and the wave that leaves it downstream.
+    fn leave_first(&self, state: &mut State, s: usize, head: f64, flow: f64) {
+        let segment = &self.steady.grid.segments[s];
+        let node = segment.offset;
+        let (h, u) = (head - self.steady.head_m[node], segment.impedance * flow);
+        let stored = h * (1.0 + state.implicit[s].kappa) - state.storage[node];
+        let moved = stored - state.bwd[node + 1];
+        state.h[node] = h;
+        state.u[node] = u;
+        state.new_fwd[node] = (2.0 * h - stored) + (2.0 * u - moved);
+        state.new_bwd[node] = 2.0 * h - state.new_fwd[node];
+    }
+
+    /// Sets the last node of segment `s` and the wave that leaves it upstream.
+    fn leave_last(&self, state: &mut State, s: usize, head: f64, flow: f64) {
+        let segment = &self.steady.grid.segments[s];
+        let node = segment.offset + segment.reaches;
+        let (h, u) = (head - self.steady.head_m[node], segment.impedance * flow);
+        let stored = h * (1.0 + state.implicit[s].kappa) - state.storage[node];
+        let moved = state.fwd[node - 1] - stored;
+        state.h[node] = h;
+        state.u[node] = u;
+        state.new_bwd[node] = (2.0 * h - stored) - (2.0 * u - moved);
+        state.new_fwd[node] = 2.0 * h - state.new_bwd[node];
+    }
+}

@@ -1,0 +1,128 @@
+//! The state of the line while it is stepped: its nodes between the ends of a segment, and what probes read of it.
+
+use crate::model::friction::ReachFriction;
+use crate::model::grid::Segment;
+use crate::model::kernel;
+use crate::model::kernel::Terms;
+use crate::model::solver::{Implicit, NodeField, Steady};
+use crate::model::trace::{Probe, Trace};
+
+/// State of the line: waves, head deviations and scaled flows `u = B Q` at all nodes, segment after segment.
+pub(crate) struct State {
+    pub(crate) fwd: Vec<f64>,
+    pub(crate) bwd: Vec<f64>,
+    pub(crate) new_fwd: Vec<f64>,
+    pub(crate) new_bwd: Vec<f64>,
+    pub(crate) h: Vec<f64>,
+    pub(crate) u: Vec<f64>,
+    pub(crate) storage: Vec<f64>,
+    pub(crate) momentum: Vec<f64>,
+    /// Outflow of each node where there is a node field, m³/s.
+    pub(crate) outflow: Vec<f64>,
+    pub(crate) scratch: Vec<f64>,
+    /// No line terms and no flow to read: interior heads are not kept but read from the waves.
+    pub(crate) elastic: bool,
+    /// Half of what the steady flow loses over one reach, `½R0`, of each segment, m.
+    pub(crate) steady_half_loss: Vec<f64>,
+    /// `κ` and `μ` of each segment.
+    pub(crate) implicit: Vec<Implicit>,
+    /// Friction of each segment's reach for `w = 2u`, divided by its `1 + μ`.
+    pub(crate) frictions: Vec<ReachFriction>,
+}
+
+impl State {
+    /// Steps the nodes of a segment between its ends.
+    pub(crate) fn interior(&mut self, segment: usize, nodes: std::ops::Range<usize>) {
+        let friction = &self.frictions[segment];
+        let steady_loss = 2.0 * self.steady_half_loss[segment];
+        let (fwd, bwd) = (&self.fwd[nodes.clone()], &self.bwd[nodes.clone()]);
+        let (new_fwd, new_bwd) = (&mut self.new_fwd[nodes.clone()], &mut self.new_bwd[nodes.clone()]);
+        if self.elastic {
+            match friction {
+                ReachFriction::Quadratic(f) => kernel::elastic(fwd, bwd, new_fwd, new_bwd, f, steady_loss),
+                ReachFriction::Linear(f) => kernel::elastic(fwd, bwd, new_fwd, new_bwd, f, steady_loss),
+                ReachFriction::Tabulated(f) => kernel::elastic(fwd, bwd, new_fwd, new_bwd, f, steady_loss),
+            }
+            return;
+        }
+        let Implicit { kappa, mu } = self.implicit[segment];
+        let terms = Terms {
+            storage: &self.storage[nodes.clone()],
+            kappa,
+            momentum: &self.momentum[nodes.clone()],
+            mu,
+            steady_loss,
+        };
+        let (h, u) = (&mut self.h[nodes.clone()], &mut self.u[nodes]);
+        match friction {
+            ReachFriction::Linear(f) => kernel::with_terms(fwd, bwd, new_fwd, new_bwd, h, u, &terms, f),
+            ReachFriction::Quadratic(f) => kernel::with_terms(fwd, bwd, new_fwd, new_bwd, h, u, &terms, f),
+            ReachFriction::Tabulated(f) => kernel::with_terms(fwd, bwd, new_fwd, new_bwd, h, u, &terms, f),
+        }
+    }
+
+    /// The same with water taken out of every node: flows differ on its two sides by the outflow, half of which the head
+    /// equation sees as `½ (1 + μ) B q`.
+    pub(crate) fn interior_with(&mut self, field: &mut dyn NodeField, s: usize, segment: &Segment) {
+        let friction = &self.frictions[s];
+        let nodes = segment.nodes();
+        let inner = nodes.start + 1..nodes.end - 1;
+        if inner.is_empty() {
+            return;
+        }
+        let Implicit { kappa, mu } = self.implicit[s];
+        let half_b = 0.5 * segment.impedance;
+        for i in inner.clone() {
+            self.scratch[i] = 0.5 * (self.fwd[i - 1] + self.bwd[i + 1]) + self.storage[i];
+        }
+        field.inner(
+            s,
+            1.0 + kappa,
+            (1.0 + mu) * half_b,
+            &self.scratch[inner.clone()],
+            &mut self.h[inner.clone()],
+            &mut self.outflow[inner.clone()],
+        );
+        for i in inner {
+            let d = 0.5 * (self.fwd[i - 1] - self.bwd[i + 1]);
+            let known = d + self.steady_half_loss[s] + self.momentum[i];
+            let u = 0.5 * friction.solve(2.0 * known / (1.0 + mu));
+            let (up, down) = (u + half_b * self.outflow[i], u - half_b * self.outflow[i]);
+            let stored = self.h[i] * (1.0 + kappa) - self.storage[i];
+            let (moved_up, moved_down) = (self.fwd[i - 1] - stored, stored - self.bwd[i + 1]);
+            self.u[i] = u;
+            self.new_bwd[i] = (2.0 * self.h[i] - stored) - (2.0 * up - moved_up);
+            self.new_fwd[i] = (2.0 * self.h[i] - stored) + (2.0 * down - moved_down);
+        }
+    }
+
+    /// Appends what each probe reads now.
+    pub(crate) fn read(&self, traces: &mut [Trace], readings: &[Reading]) {
+        for (trace, reading) in traces.iter_mut().zip(readings) {
+            let weigh = |of: &dyn Fn(usize) -> f64| reading.stencil.iter().map(|&(node, w)| w * of(node)).sum::<f64>();
+            trace.values.push(match reading.flow_by_u {
+                None if self.elastic => reading.base + weigh(&|node| 0.5 * (self.fwd[node] + self.bwd[node])),
+                None => reading.base + weigh(&|node| self.h[node]),
+                Some(by_u) => by_u * weigh(&|node| self.u[node]),
+            });
+        }
+    }
+}
+
+/// A probe on the grid.
+pub(crate) struct Reading {
+    stencil: Vec<(usize, f64)>,
+    /// Steady head, which the state's deviations are counted from.
+    base: f64,
+    /// `1/B` where the flow is read.
+    flow_by_u: Option<f64>,
+}
+
+impl Reading {
+    pub(crate) fn new(probe: Probe, steady: &Steady) -> Reading {
+        let (segment, stencil) = steady.grid.stencil(probe.position_m());
+        let base = stencil.iter().map(|&(node, weight)| weight * steady.head_m[node]).sum();
+        let flow_by_u = matches!(probe, Probe::Flow(_)).then(|| 1.0 / steady.grid.segments[segment].impedance);
+        Reading { stencil, base, flow_by_u }
+    }
+}

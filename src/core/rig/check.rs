@@ -1,0 +1,365 @@
+//! Does a rig agree with itself? Each number of the file is held against what the others say it must be.
+
+use crate::rig::darcy_friction_factor;
+use crate::rig::{Constraint, LAMINAR_REYNOLDS, Pipe, Protocol, Rig, Sensor, SensorKind, SteadyState, WaterProperties};
+use crate::units::GRAVITY_M_S2;
+
+/// Reynolds numbers that differ by less are one: 1 °C makes 2 %, a flow meter adds its percent.
+const REYNOLDS_WARNING: f64 = 0.04;
+const REYNOLDS_CONTRADICTION: f64 = 0.08;
+/// Standard atmosphere, Pa.
+pub const ATMOSPHERE_PA: f64 = 101_325.0;
+
+/// How bad a finding is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Level {
+    /// Looked at, and in order.
+    Fine,
+    /// Possible, but worth a look.
+    Warning,
+    /// Two numbers that cannot both be right.
+    Contradiction,
+}
+
+impl Level {
+    /// As shown to users.
+    pub fn word(self) -> &'static str {
+        match self {
+            Level::Fine => "fine",
+            Level::Warning => "warning",
+            Level::Contradiction => "contradiction",
+        }
+    }
+}
+
+/// What one look at a rig or a recording found.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Finding {
+    /// How bad it is.
+    pub level: Level,
+    /// What was looked at, e.g. `closing time`.
+    pub subject: String,
+    /// The finding with its numbers, as a sentence.
+    pub message: String,
+    /// The numbers alone, each under a name that carries its unit.
+    pub numbers: Vec<(&'static str, f64)>,
+}
+
+impl Finding {
+    /// A finding; `numbers` may stay empty.
+    pub fn new(
+        level: Level,
+        subject: impl Into<String>,
+        message: impl Into<String>,
+        numbers: &[(&'static str, f64)],
+    ) -> Self {
+        Finding { level, subject: subject.into(), message: message.into(), numbers: numbers.to_vec() }
+    }
+}
+
+/// All findings on the rig alone, in the order of the file.
+pub fn check(rig: &Rig) -> Vec<Finding> {
+    let water = rig.fluid.properties(rig.fluid.temperature_degc);
+    let mut findings = Vec::new();
+    findings.extend(rig.pipes.iter().map(|pipe| check_wave_speed(pipe, &water)));
+    findings.extend(rig.pipes.iter().filter(|p| p.material().viscoelastic).map(check_constraint));
+    findings.push(check_closing_time(rig, &water));
+    findings.extend(rig.sensors.iter().filter_map(|sensor| check_counts(rig, sensor)));
+    for state in &rig.steady {
+        let water = rig.fluid.properties(state.temperature_degc.unwrap_or(rig.fluid.temperature_degc));
+        findings.extend(check_steady(rig, state, &water));
+    }
+    findings
+}
+
+/// Time in which a wave goes from the valve to the supply and back, s: 2 Σ L/a.
+pub fn return_time_s(rig: &Rig, water: &WaterProperties) -> f64 {
+    rig.pipes.iter().map(|p| 2.0 * p.length_m / p.wave_speed_start(water).0).sum()
+}
+
+/// Volume flow to Reynolds number: Re = 4Q/(π D ν).
+pub fn reynolds_number(pipe: &Pipe, flow_m3_s: f64, water: &WaterProperties) -> f64 {
+    4.0 * flow_m3_s / (std::f64::consts::PI * pipe.inner_diameter_m * water.kinematic_viscosity_m2_s)
+}
+
+/// Steady wall friction between two positions, m: Darcy–Weisbach with the file's friction factor or Colebrook–White's.
+pub fn friction_loss_m(rig: &Rig, from_m: f64, to_m: f64, flow_m3_s: f64, water: &WaterProperties) -> f64 {
+    let mut start_m = 0.0;
+    let mut loss_m = 0.0;
+    for pipe in &rig.pipes {
+        let end_m = start_m + pipe.length_m;
+        let stretch_m = (to_m.min(end_m) - from_m.max(start_m)).max(0.0);
+        loss_m += stretch_m * friction_slope(pipe, flow_m3_s, water);
+        start_m = end_m;
+    }
+    loss_m
+}
+
+/// Head lost per length, with the sign of the flow.
+fn friction_slope(pipe: &Pipe, flow_m3_s: f64, water: &WaterProperties) -> f64 {
+    let velocity = flow_m3_s / pipe.area_m2();
+    if velocity == 0.0 {
+        return 0.0;
+    }
+    let factor = pipe.friction_factor.unwrap_or_else(|| {
+        let roughness = pipe.roughness_m.unwrap_or(0.0) / pipe.inner_diameter_m;
+        darcy_friction_factor(reynolds_number(pipe, flow_m3_s, water), roughness)
+    });
+    factor * velocity * velocity.abs() / (2.0 * GRAVITY_M_S2 * pipe.inner_diameter_m)
+}
+
+fn check_wave_speed(pipe: &Pipe, water: &WaterProperties) -> Finding {
+    let subject = format!("wave speed of '{}'", pipe.name);
+    if let Some(given) = pipe.wave_speed_m_s {
+        return judge_wave_speed(pipe, subject, given, 0.0, water);
+    }
+    let [lo, hi] = pipe.material_wave_speeds_m_s(water);
+    let (start, ..) = pipe.wave_speed_start(water);
+    let material = &pipe.material;
+    let message = format!(
+        "not given; it will start at {start:.0} m/s, within the {lo:.0}-{hi:.0} m/s of Korteweg's law for {material}"
+    );
+    Finding::new(Level::Fine, subject, message, &[("start_m_s", start), ("lo_m_s", lo), ("hi_m_s", hi)])
+}
+
+/// How the pipe is held decides what a fit's creep and modulus are worth, and no record shows it.
+fn check_constraint(pipe: &Pipe) -> Finding {
+    let c1 = pipe.constraint_coefficient();
+    let [free, upstream, anchored] =
+        [Constraint::Free, Constraint::AnchoredUpstream, Constraint::Anchored].map(|held| pipe.coefficient_if(held));
+    let message = format!(
+        "c1 = {c1:.3}, 1 where the file says nothing; this wall has {free:.3} held \"free\", {upstream:.3} \"anchored-upstream\", \
+         {anchored:.3} \"anchored\". Fitted J go as 1/c1, moduli as c1, and no record tells how the pipe is held"
+    );
+    let numbers = [("c1", c1), ("free", free), ("anchored_upstream", upstream), ("anchored", anchored)];
+    Finding::new(Level::Fine, format!("constraint of '{}'", pipe.name), message, &numbers)
+}
+
+/// A wave speed more uncertain than this share of itself tells nothing of the wall.
+const TELLS_NOTHING: f64 = 0.5;
+
+/// A wave speed against those that the wall allows; `slack` is its relative uncertainty. Only one within them says what the
+/// wall's modulus is.
+pub fn judge_wave_speed(pipe: &Pipe, subject: String, given: f64, slack: f64, water: &WaterProperties) -> Finding {
+    let [lo, hi] = pipe.material_wave_speeds_m_s(water);
+    let sound = water.sound_speed_m_s();
+    let (least, most) = (given * (1.0 - slack), given * (1.0 + slack));
+    let (level, place) = match () {
+        () if least >= sound => (Level::Contradiction, "is faster than sound in the water, and outside"),
+        () if least > 1.15 * hi => (Level::Contradiction, "is far above"),
+        () if most < 0.5 * lo => (Level::Contradiction, "is far below"),
+        () if slack > TELLS_NOTHING => (Level::Warning, "is too uncertain to judge by"),
+        () if least > hi => (Level::Warning, "is above"),
+        () if most < lo => (Level::Warning, "is below"),
+        () if (lo..=hi).contains(&given) => (Level::Fine, "is within"),
+        () => (Level::Fine, "agrees within its error with"),
+    };
+    let inside = slack <= TELLS_NOTHING && (lo..=hi).contains(&given);
+    let modulus = pipe.youngs_modulus_for_wave_speed(water, given).filter(|_| inside);
+    let means = modulus.map(|e| format!("; it means E = {:.2} GPa", e * 1e-9)).unwrap_or_default();
+    let uncertain = if slack > 0.0 { format!(" ± {:.0}", given * slack) } else { String::new() };
+    let material = &pipe.material;
+    let message =
+        format!("{given:.0}{uncertain} m/s {place} the {lo:.0}-{hi:.0} m/s of Korteweg's law for {material}{means}");
+    let mut numbers = vec![("given_m_s", given), ("lo_m_s", lo), ("hi_m_s", hi)];
+    numbers.extend(modulus.map(|e| ("youngs_modulus_pa", e)));
+    Finding::new(level, subject, message, &numbers)
+}
+
+fn check_closing_time(rig: &Rig, water: &WaterProperties) -> Finding {
+    let (closing, back) = (rig.valve.closing_time_s, return_time_s(rig, water));
+    let numbers = [("closing_time_s", closing), ("return_time_s", back)];
+    let compared = format!("{closing} s against 2L/a = {back:.3} s");
+    let (level, message) = if closing > back {
+        let share = 100.0 * back / closing;
+        let words = format!(
+            "{compared}: not a quick closure; the wave is back {share:.0} % of the way, and the surge stays below Joukowsky's"
+        );
+        (Level::Warning, words)
+    } else {
+        (Level::Fine, format!("{compared}: a quick closure"))
+    };
+    Finding::new(level, "closing time", message, &numbers)
+}
+
+/// Frames carry 16-bit counts: they must reach over the sensor's range and resolve its accuracy.
+fn check_counts(rig: &Rig, sensor: &Sensor) -> Option<Finding> {
+    let (wiring, [lo, hi]) = (sensor.wiring.as_ref()?, sensor.range?);
+    let device = rig.devices.iter().find(|d| d.name == wiring.device)?;
+    if device.protocol != Protocol::Frames {
+        return None;
+    }
+    let [from, to] = rig.count_ends(sensor)?;
+    let slack = 0.001 * (hi - lo);
+    let unit = sensor.unit;
+    let reach = format!("16-bit counts reach from {from:.4} to {to:.4} {unit}, the sensor from {lo} to {hi} {unit}");
+    let numbers = [("counts_from", from), ("counts_to", to), ("range_lo", lo), ("range_hi", hi)];
+    let (level, message) = if from > lo + slack || to < hi - slack {
+        (Level::Warning, format!("{reach}: the counts end first; change 'scale' or 'offset'"))
+    } else {
+        (Level::Fine, reach)
+    };
+    Some(Finding::new(level, format!("counts of '{}'", sensor.name), message, &numbers))
+}
+
+fn check_steady(rig: &Rig, state: &SteadyState, water: &WaterProperties) -> Vec<Finding> {
+    let flow = state.flow_m3_s;
+    let on = |subject: &str| format!("{subject}, {}", state.name);
+    let mut findings = Vec::new();
+    if let (Some(reported), Some(pipe)) = (state.reynolds_number, rig.pipes.first()) {
+        findings.push(check_reynolds(pipe, on("Reynolds number"), reported, flow, water));
+    }
+    if let (Some(reported), Some(pipe)) = (state.wave_speed_m_s, rig.pipes.first()) {
+        findings.push(judge_wave_speed(pipe, on("wave speed"), reported, 0.0, water));
+    }
+    for pipe in &rig.pipes {
+        findings.extend(check_friction_factor(pipe, on(&format!("friction factor of '{}'", pipe.name)), flow, water));
+    }
+    if let Some(supply) = state.supply_head_m {
+        findings.push(check_supply(rig, on("friction loss"), supply, flow, water));
+        findings.extend(check_surge(rig, on("surge"), supply, flow, water));
+    }
+    for sensor in rig.sensors.iter().filter(|s| s.kind == SensorKind::Flow) {
+        let shown = sensor.unit.from_si(flow, water.density_kg_m3);
+        findings.extend(check_meter(sensor, on(&format!("range of '{}'", sensor.name)), shown));
+    }
+    findings
+}
+
+fn check_reynolds(pipe: &Pipe, subject: String, reported: f64, flow: f64, water: &WaterProperties) -> Finding {
+    let expected = reynolds_number(pipe, flow, water);
+    let implied_mm = 1e3 * pipe.inner_diameter_m * expected / reported;
+    let off = (reported / expected).ln().abs();
+    let level = match off {
+        off if off > REYNOLDS_CONTRADICTION => Level::Contradiction,
+        off if off > REYNOLDS_WARNING => Level::Warning,
+        _ => Level::Fine,
+    };
+    let message = format!(
+        "{reported:.0} reported; {:.2} m3/h in {:.1} mm give {expected:.0}. The reported one implies a diameter of {implied_mm:.1} mm",
+        flow * 3600.0,
+        pipe.inner_diameter_m * 1e3,
+    );
+    let numbers = [("reported", reported), ("expected", expected), ("implied_diameter_mm", implied_mm)];
+    Finding::new(level, subject, message, &numbers)
+}
+
+/// The file's constant friction factor against that of a smooth pipe at this flow, the least there is.
+fn check_friction_factor(pipe: &Pipe, subject: String, flow: f64, water: &WaterProperties) -> Option<Finding> {
+    let given = pipe.friction_factor?;
+    let reynolds = reynolds_number(pipe, flow, water);
+    let smooth = darcy_friction_factor(reynolds, 0.0);
+    let new = darcy_friction_factor(reynolds, pipe.material().roughness_m / pipe.inner_diameter_m);
+    let numbers = [("given", given), ("smooth", smooth), ("new_pipe", new), ("reynolds_number", reynolds)];
+    let compared = format!(
+        "{given} given; a smooth pipe has {smooth:.4} at Re {reynolds:.0}, a new one of {} {new:.4}",
+        pipe.material
+    );
+    let (level, message) = if given < 0.9 * smooth {
+        (Level::Contradiction, format!("{compared}: no pipe has less than a smooth one"))
+    } else if given > 1.5 * new {
+        (Level::Warning, format!("{compared}: it holds bends and fittings too, or the diameter is wrong"))
+    } else {
+        (Level::Fine, compared)
+    };
+    Some(Finding::new(level, subject, message, &numbers))
+}
+
+fn check_supply(rig: &Rig, subject: String, supply_m: f64, flow: f64, water: &WaterProperties) -> Finding {
+    let available = supply_m - rig.valve.discharge_head_m;
+    let loss = friction_loss_m(rig, 0.0, rig.length_m(), flow, water);
+    let numbers = [("loss_m", loss), ("available_m", available)];
+    let compared =
+        format!("wall friction takes {loss:.1} m at {:.2} m3/h; the supply gives {available:.1} m", flow * 3600.0);
+    let (level, message) = if loss > available {
+        (Level::Contradiction, format!("{compared}: this flow cannot be"))
+    } else if loss > 0.8 * available {
+        (Level::Warning, format!("{compared}: next to nothing is left for the valve"))
+    } else {
+        (Level::Fine, compared)
+    };
+    Finding::new(level, subject, message, &numbers)
+}
+
+/// Would a quick closure drive the pressure at the valve out of the sensors' ranges, or into boiling?
+fn check_surge(rig: &Rig, subject: String, supply_m: f64, flow: f64, water: &WaterProperties) -> Option<Finding> {
+    let pipe = rig.pipes.last()?;
+    let velocity = flow / pipe.area_m2();
+    let joukowsky = pipe.wave_speed_start(water).0 * velocity / GRAVITY_M_S2;
+    // a slow linear closure: the rigid-column share of Joukowsky's head (Michaud), with the same flow
+    let share = (return_time_s(rig, water) / rig.valve.closing_time_s).min(1.0);
+    let elevation = rig.elevation_m(rig.length_m());
+    let weight = water.density_kg_m3 * GRAVITY_M_S2;
+    // after the closure the pressure swings about the head of the supply
+    let gauge_pa = |head_m: f64| (head_m - elevation) * weight;
+    let (peak, trough) = (gauge_pa(supply_m + share * joukowsky), gauge_pa(supply_m - share * joukowsky));
+    let numbers = [("surge_m", share * joukowsky), ("peak_pa", peak), ("trough_pa", trough)];
+    let swing = format!(
+        "closing stops {velocity:.2} m/s: {:.1} m above and below the supply's {supply_m:.1} m",
+        share * joukowsky
+    );
+    let near_valve = |s: &&Sensor| s.kind == SensorKind::Pressure && s.position_m > 0.9 * rig.length_m();
+    let saturated = rig.sensors.iter().filter(near_valve).find_map(|s| {
+        let [_, hi] = s.range?;
+        let shown = s.unit.from_si(peak, water.density_kg_m3);
+        (shown > hi).then(|| format!("; '{}' would need to show {shown:.0} {}, it ends at {hi}", s.name, s.unit))
+    });
+    let boils = trough + ATMOSPHERE_PA < water.vapour_pressure_pa;
+    let boiling = if boils { "; the trough falls below vapour pressure: expect vapour-cavity" } else { "" };
+    let level = if saturated.is_some() || boils { Level::Warning } else { Level::Fine };
+    Some(Finding::new(level, subject, swing + &saturated.unwrap_or_default() + boiling, &numbers))
+}
+
+/// A flow in the sensor's unit against its range.
+pub fn check_meter(sensor: &Sensor, subject: String, shown: f64) -> Option<Finding> {
+    let [lo, hi] = sensor.range?;
+    let unit = sensor.unit;
+    let numbers = [("flow", shown), ("range_lo", lo), ("range_hi", hi)];
+    let (level, message) = if shown > hi || shown < lo {
+        (
+            Level::Contradiction,
+            format!("{shown:.3} {unit} on a meter of {lo} to {hi} {unit}: it cannot have measured that"),
+        )
+    } else {
+        (Level::Fine, format!("{shown:.3} {unit} on a meter of {lo} to {hi} {unit}"))
+    };
+    Some(Finding::new(level, subject, message, &numbers))
+}
+
+/// Laminar, turbulent, or the uncertain stretch between.
+pub fn flow_regime(reynolds: f64) -> &'static str {
+    match reynolds.abs() {
+        re if re <= LAMINAR_REYNOLDS => "laminar",
+        re if re < 4000.0 => "between laminar and turbulent: friction is uncertain",
+        _ => "turbulent",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_wave_speed_is_judged_by_its_error_too() {
+        let rig = Rig::from_toml(include_str!("../../../rigs/adelaide-copper.toml"), "x.toml").unwrap();
+        let water = rig.fluid.properties(20.0);
+        let [lo, hi] = rig.pipes[0].material_wave_speeds_m_s(&water);
+        let middle = 0.5 * (lo + hi);
+        for (speed, slack, level, words, modulus) in [
+            (middle, 0.0, Level::Fine, "is within the", true),
+            (middle, 0.1, Level::Fine, "is within the", true),
+            (1.06 * hi, 0.11, Level::Fine, "agrees within its error with the", false),
+            (1.06 * hi, 0.01, Level::Warning, "is above the", false),
+            (0.8 * lo, 0.01, Level::Warning, "is below the", false),
+            (middle, 0.6, Level::Warning, "is too uncertain to judge by the", false),
+            (0.1 * lo, 0.01, Level::Contradiction, "is far below the", false),
+            (3.0 * hi, 0.01, Level::Contradiction, "faster than sound", false),
+        ] {
+            let found = judge_wave_speed(&rig.pipes[0], "wave".into(), speed, slack, &water);
+            assert_eq!(found.level, level, "{found:?}");
+            assert!(found.message.contains(words), "{found:?}");
+            assert_eq!(found.message.contains("it means E ="), modulus, "{found:?}");
+            assert_eq!(found.numbers.iter().any(|n| n.0 == "youngs_modulus_pa"), modulus, "{found:?}");
+        }
+    }
+}

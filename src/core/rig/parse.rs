@@ -1,0 +1,304 @@
+//! From the text of a rig file to a [`Rig`]: every key, its unit and what it may be.
+
+use std::path::Path;
+
+use toml::de::{DeTable, DeValue};
+
+use crate::rig::table::Limits;
+use crate::rig::table::{FINITE, NOT_NEGATIVE, POSITIVE, Section, Source, nearest};
+use crate::rig::unique::Names;
+use crate::rig::{Constraint, Fluid, Pipe, Rig, RigError, SteadyState, Upstream, Valve, live, material, sensors};
+
+const TOP: &[&str] = &["name", "fluid", "pipe", "upstream", "downstream", "sensor", "device", "steady"];
+const FLUID: &[&str] = &["name", "temperature_degC"];
+const PIPE: &[&str] = &[
+    "name",
+    "length_m",
+    "inner_diameter_mm",
+    "wall_thickness_mm",
+    "material",
+    "wave_speed_m_s",
+    "friction_factor",
+    "roughness_mm",
+    "poisson_ratio",
+    "constraint",
+    "elevation_start_m",
+    "elevation_end_m",
+];
+const UPSTREAM: &[&str] = &["kind"];
+const DOWNSTREAM: &[&str] = &["kind", "closing_time_s", "discharge_head_m"];
+const STEADY: &[&str] =
+    &["name", "flow_m3_h", "supply_head_m", "temperature_degC", "reynolds_number", "wave_speed_m_s"];
+
+/// Which keys belong in which table.
+const HOMES: [(&str, &[&str]); 7] = [
+    ("[[pipe]]", PIPE),
+    ("[[sensor]]", sensors::KEYS),
+    ("[[device]]", live::DEVICE_KEYS),
+    ("[downstream]", DOWNSTREAM),
+    ("[fluid]", FLUID),
+    ("[upstream]", UPSTREAM),
+    ("[[steady]]", STEADY),
+];
+
+const TEMPERATURE: Limits = Limits { holds: |v| (0.0..=100.0).contains(&v), words: "a temperature from 0 to 100 degC" };
+const POISSON: Limits = Limits { holds: |v| v > 0.0 && v < 0.5, words: "a number between 0 and 0.5" };
+const FRICTION: Limits = Limits { holds: |v| (0.0..=1.0).contains(&v), words: "a Darcy friction factor from 0 to 1" };
+const WAVE_SPEED: Limits = Limits {
+    holds: |v| v > 0.0 && v <= 1600.0,
+    words: "a wave speed above 0, at most 1600 m/s (that of water alone is 1400-1560)",
+};
+
+impl Rig {
+    /// Reads a rig file. Errors name the file as `path` is written.
+    pub fn load(path: &Path) -> Result<Rig, RigError> {
+        let text = std::fs::read_to_string(path).map_err(|source| RigError::Read { path: path.into(), source })?;
+        Rig::from_toml(&text, &path.display().to_string())
+    }
+
+    /// Reads the text of a rig file; `file_name` is what errors call it.
+    ///
+    /// # Errors
+    /// [`RigError::Invalid`] with every problem found.
+    pub fn from_toml(text: &str, file_name: &str) -> Result<Rig, RigError> {
+        let source = Source::new(text);
+        let rig = read(&source);
+        match rig {
+            Some(rig) if source.is_clean() => Ok(rig),
+            _ => Err(RigError::Invalid { file: file_name.to_owned(), problems: source.into_problems() }),
+        }
+    }
+}
+
+/// Reads all tables; `None` where one is missing or at fault, which is then reported in `source`.
+fn read(source: &Source<'_>) -> Option<Rig> {
+    if is_time_series(source.text) {
+        source.report(
+            Some(0..0),
+            "this looks like a time series, not a rig file: give the TOML file that describes the rig",
+        );
+        return None;
+    }
+    let (document, errors) = DeTable::parse_recoverable(source.text);
+    if !errors.is_empty() {
+        for error in errors {
+            source.report(error.span(), format!("not valid TOML: {}", error.message().trim_end()));
+        }
+        return None;
+    }
+    let top = document.get_ref();
+    let file = Section::open(source, "the rig file", top, 0..0, TOP, &HOMES);
+    let name = file.required_text("name", "the rig's name");
+
+    let fluid = single(source, top, "fluid", "[fluid]", FLUID).and_then(|section| read_fluid(&section));
+    let pipes = read_pipes(&many(source, top, "pipe", "[[pipe]]", PIPE));
+    if pipes.is_none() && !top.contains_key("pipe") {
+        source.report(None, "missing [[pipe]]: at least one pipe, from the supply to the valve");
+    }
+    let upstream = single(source, top, "upstream", "[upstream]", UPSTREAM).and_then(|section| {
+        let kinds = [("reservoir", Upstream::Reservoir), ("pump", Upstream::Pump), ("measured", Upstream::Measured)];
+        section.required_choice("kind", &kinds)
+    });
+    let valve = single(source, top, "downstream", "[downstream]", DOWNSTREAM).and_then(|section| {
+        let kind = section.required_choice("kind", &[("valve", ())]);
+        let closing_time_s = section.required_number("closing_time_s", &POSITIVE);
+        let discharge_head_m = section.number("discharge_head_m", &FINITE).unwrap_or(0.0);
+        kind?;
+        Some(Valve { closing_time_s: closing_time_s?, discharge_head_m })
+    });
+    let devices = live::read_devices(&many(source, top, "device", "[[device]]", live::DEVICE_KEYS));
+    let total_m = pipes.as_ref().map(|p| p.iter().map(|p| p.length_m).sum());
+    let sensor_sections = many(source, top, "sensor", "[[sensor]]", sensors::KEYS);
+    let sensors = sensors::read_sensors(&sensor_sections, total_m, &devices);
+    // with a sensor at fault nobody knows what it would have been
+    if sensors.len() == sensor_sections.len() {
+        sensors::check_pressure(source, &sensors, upstream.as_ref());
+    }
+    let steady = many(source, top, "steady", "[[steady]]", STEADY).iter().filter_map(read_steady).collect();
+
+    Some(Rig {
+        name: name?.value.to_owned(),
+        fluid: fluid?,
+        pipes: pipes?,
+        upstream: upstream?.value,
+        valve: valve?,
+        sensors,
+        devices: devices.into_iter().filter_map(|(_, device)| device).collect(),
+        steady,
+        source: source.text.to_owned(),
+    })
+}
+
+/// Does the first line that says anything name the columns of a CSV? A line of TOML has a bracket or an equals sign.
+fn is_time_series(text: &str) -> bool {
+    let lines = || text.trim_start_matches('\u{feff}').lines().filter(|l| !l.trim().is_empty() && !l.starts_with('#'));
+    let first = lines().next().unwrap_or_default();
+    let columns = |line: &str| line.split([',', ';', '\t']).count();
+    !first.contains(['=', '[']) && columns(first) > 1 && lines().nth(1).is_none_or(|l| columns(l) == columns(first))
+}
+
+/// The one table of a name, or a report that it is missing.
+fn single<'a>(
+    source: &'a Source<'a>,
+    top: &'a DeTable<'a>,
+    key: &str,
+    heading: &'static str,
+    keys: &'static [&'static str],
+) -> Option<Section<'a>> {
+    let Some(value) = top.get(key) else {
+        source.report(None, format!("missing {heading}"));
+        return None;
+    };
+    let DeValue::Table(table) = value.get_ref() else {
+        source.report(Some(value.span()), format!("'{key}' must be one table: write {heading}"));
+        return None;
+    };
+    Some(Section::open(source, heading, table, value.span(), keys, &HOMES))
+}
+
+/// All tables of a name, in the order of the file.
+fn many<'a>(
+    source: &'a Source<'a>,
+    top: &'a DeTable<'a>,
+    key: &str,
+    heading: &'static str,
+    keys: &'static [&'static str],
+) -> Vec<Section<'a>> {
+    let Some(value) = top.get(key) else { return Vec::new() };
+    let wrong =
+        |place| source.report(Some(place), format!("'{key}' must be a list of tables: write {heading} before each"));
+    let DeValue::Array(items) = value.get_ref() else {
+        wrong(value.span());
+        return Vec::new();
+    };
+    let mut sections = Vec::new();
+    for item in items.iter() {
+        match item.get_ref() {
+            DeValue::Table(table) => sections.push(Section::open(source, heading, table, item.span(), keys, &HOMES)),
+            _ => wrong(item.span()),
+        }
+    }
+    sections
+}
+
+fn read_fluid(section: &Section<'_>) -> Option<Fluid> {
+    let name = section.required_choice("name", &[("water", "water")]);
+    let temperature_degc = section.required_number("temperature_degC", &TEMPERATURE);
+    Some(Fluid { name: name?.value.to_owned(), temperature_degc: temperature_degc? })
+}
+
+fn read_pipes(sections: &[Section<'_>]) -> Option<Vec<Pipe>> {
+    let mut names = Names::new("pipe");
+    let mut end_m = 0.0;
+    let mut pipes = Vec::new();
+    for (i, section) in sections.iter().enumerate() {
+        let pipe = read_pipe(section, &mut names, (i > 0).then_some(end_m));
+        end_m = pipe.as_ref().map_or(end_m, |p| p.elevation_end_m);
+        pipes.push(pipe);
+    }
+    let pipes: Option<Vec<Pipe>> = pipes.into_iter().collect();
+    pipes.filter(|p| !p.is_empty())
+}
+
+/// `joins_at_m` is the elevation at which the pipe before it ends.
+fn read_pipe(section: &Section<'_>, names: &mut Names, joins_at_m: Option<f64>) -> Option<Pipe> {
+    let name = section.required_text("name", "the pipe's name");
+    names.check(section, name.as_ref());
+    let length_m = section.required_number("length_m", &POSITIVE);
+    let diameter_mm = section.required_number("inner_diameter_mm", &POSITIVE);
+    let wall_mm = section.required_number("wall_thickness_mm", &POSITIVE);
+    if let (Some(d), Some(e), Some(place)) = (diameter_mm, wall_mm, section.place_of("wall_thickness_mm"))
+        && e > d / 2.0
+    {
+        let radius = d / 2.0;
+        section.fault_at(
+            &place,
+            format!("the wall ({e} mm) is thicker than the inner radius ({radius} mm); 'wall_thickness_mm' and 'inner_diameter_mm' are both in mm"),
+        );
+    }
+    let material = section.required_text("material", "the name of the wall's material").and_then(|text| {
+        let found = material::Material::by_name(text.value);
+        if found.is_none() {
+            let names = || material::MATERIALS.iter().map(|m| m.name);
+            let near = nearest(text.value, names()).map(|n| format!("; did you mean \"{n}\"?")).unwrap_or(".".into());
+            let known = names().collect::<Vec<_>>().join(", ");
+            let message = format!("unknown material \"{}\"{near} Known are {known}", text.value);
+            section.fault_at(&text.place, message);
+        }
+        found
+    });
+    let roughness_mm = section.number("roughness_mm", &NOT_NEGATIVE);
+    let friction_factor = section.number("friction_factor", &FRICTION);
+    if let (Some(place), Some(_)) = (section.place_of("roughness_mm"), section.place_of("friction_factor")) {
+        section.fault_at(&place, "give 'friction_factor' or 'roughness_mm', not both");
+    }
+    if let (Some(r), Some(d), Some(place)) = (roughness_mm, diameter_mm, section.place_of("roughness_mm"))
+        && r > 0.1 * d
+    {
+        section.fault_at(&place, format!("a roughness of {r} mm is over a tenth of the diameter ({d} mm)"));
+    }
+    let elevation_start_m = section.number("elevation_start_m", &FINITE).or(joins_at_m).unwrap_or(0.0);
+    if let (Some(place), Some(end)) = (section.place_of("elevation_start_m"), joins_at_m)
+        && (elevation_start_m - end).abs() > 1e-3
+    {
+        section.fault_at(
+            &place,
+            format!("the pipe starts at {elevation_start_m} m, but the one before it ends at {end} m"),
+        );
+    }
+    let elevation_end_m = section.number("elevation_end_m", &FINITE).unwrap_or(elevation_start_m);
+    let rise_m = (elevation_end_m - elevation_start_m).abs();
+    if let Some(l) = length_m
+        && rise_m > l
+    {
+        section.fault(format!("a pipe of {l} m cannot rise or fall by {rise_m} m"));
+    }
+    Some(Pipe {
+        name: name?.value.to_owned(),
+        length_m: length_m?,
+        inner_diameter_m: diameter_mm? * 1e-3,
+        wall_thickness_m: wall_mm? * 1e-3,
+        material: material?.name.to_owned(),
+        wave_speed_m_s: section.number("wave_speed_m_s", &WAVE_SPEED),
+        friction_factor,
+        roughness_m: roughness_mm.map(|r| r * 1e-3),
+        poisson_ratio: section.number("poisson_ratio", &POISSON),
+        constraint: read_constraint(section),
+        elevation_start_m,
+        elevation_end_m,
+    })
+}
+
+/// A word or the coefficient c₁ itself; without the key c₁ = 1.
+fn read_constraint(section: &Section<'_>) -> Constraint {
+    let words = [
+        ("free", Constraint::Free),
+        ("anchored-upstream", Constraint::AnchoredUpstream),
+        ("anchored", Constraint::Anchored),
+    ];
+    if section.is_text("constraint") {
+        return section.choice("constraint", &words).map_or(Constraint::Coefficient(1.0), |c| c.value);
+    }
+    let coefficient = Limits {
+        holds: |v| v > 0.0 && v <= 10.0,
+        words: "\"free\", \"anchored-upstream\", \"anchored\" or a number above 0, at most 10",
+    };
+    Constraint::Coefficient(section.number("constraint", &coefficient).unwrap_or(1.0))
+}
+
+fn read_steady(section: &Section<'_>) -> Option<SteadyState> {
+    let name = section.required_text("name", "a name for the steady state");
+    let flow_m3_h = section.required_number("flow_m3_h", &POSITIVE);
+    let supply_head_m = section.number("supply_head_m", &POSITIVE);
+    let temperature_degc = section.number("temperature_degC", &TEMPERATURE);
+    let reynolds_number = section.number("reynolds_number", &POSITIVE);
+    let wave_speed_m_s = section.number("wave_speed_m_s", &WAVE_SPEED);
+    Some(SteadyState {
+        name: name?.value.to_owned(),
+        flow_m3_s: flow_m3_h? / 3600.0,
+        supply_head_m,
+        temperature_degc,
+        reynolds_number,
+        wave_speed_m_s,
+    })
+}

@@ -1,0 +1,217 @@
+//! The sensors of a rig file.
+
+use crate::rig::live::{Channels, read_wiring};
+use crate::rig::table::{At, FINITE, Limits, POSITIVE, Section, Source, nearest};
+use crate::rig::unique::Names;
+use crate::rig::{Coupling, Device, Sensor, SensorKind, Upstream};
+use crate::units::{Quantity, UNITS, Unit};
+
+pub(crate) const KEYS: &[&str] = &[
+    "name",
+    "kind",
+    "position_m",
+    "unit",
+    "range",
+    "accuracy_percent_fs",
+    "time_constant_s",
+    "elevation_m",
+    "coupling",
+    "device",
+    "channel",
+    "scale",
+    "offset",
+    "register_kind",
+    "encoding",
+    "word_order",
+];
+
+/// Positions come rounded: a sensor this little beyond the end stands at the end, m.
+const POSITION_SLACK_M: f64 = 1e-6;
+const PERCENT: Limits = Limits { holds: |v| v > 0.0 && v <= 100.0, words: "a percentage above 0, at most 100" };
+
+/// Reads all sensors; `total_m` is the length of the pipes where that is known.
+pub(crate) fn read_sensors(
+    sections: &[Section<'_>],
+    total_m: Option<f64>,
+    devices: &[(String, Option<Device>)],
+) -> Vec<Sensor> {
+    let mut names = Names::new("sensor");
+    let mut channels = Channels::default();
+    sections.iter().filter_map(|section| read_sensor(section, total_m, devices, &mut names, &mut channels)).collect()
+}
+
+/// Pressure is what the program is about: one sensor of it at least, and one at position 0 where it drives the model.
+pub(crate) fn check_pressure(source: &Source<'_>, sensors: &[Sensor], upstream: Option<&At<Upstream>>) {
+    let pressure = || sensors.iter().filter(|s| s.kind == SensorKind::Pressure);
+    if pressure().next().is_none() {
+        source.report(None, "no sensor has kind = \"pressure\"; there must be at least one [[sensor]] of that kind");
+    }
+    if let Some(upstream) = upstream.filter(|u| u.value == Upstream::Measured) {
+        let drives = |s: &Sensor| s.position_m <= POSITION_SLACK_M && s.coupling == Coupling::Dc;
+        if !pressure().any(drives) {
+            let message = "kind = \"measured\" needs a pressure sensor with position_m = 0 and coupling = \"dc\" to drive the model";
+            source.report(Some(upstream.place.clone()), message);
+        }
+    }
+}
+
+fn read_sensor(
+    section: &Section<'_>,
+    total_m: Option<f64>,
+    devices: &[(String, Option<Device>)],
+    names: &mut Names,
+    channels: &mut Channels,
+) -> Option<Sensor> {
+    let name = section.required_text("name", "the sensor's name, also its column in CSV files");
+    names.check(section, name.as_ref());
+    if let Some(name) = &name {
+        check_column_name(section, name);
+    }
+    let kinds = [
+        ("pressure", SensorKind::Pressure),
+        ("flow", SensorKind::Flow),
+        ("temperature", SensorKind::Temperature),
+        ("valve-position", SensorKind::ValvePosition),
+        ("trigger", SensorKind::Trigger),
+    ];
+    let kind = section.required_choice("kind", &kinds).map(|k| k.value);
+    let position_m = read_position(section, kind, total_m);
+    let unit = read_unit(section, kind);
+    let range = section.interval("range");
+    let accuracy_percent_fs = section.number("accuracy_percent_fs", &PERCENT);
+    let time_constant_s = section.number("time_constant_s", &POSITIVE);
+    let elevation_m = section.number("elevation_m", &FINITE);
+    let coupling = section.choice("coupling", &[("dc", Coupling::Dc), ("ac", Coupling::Ac)]);
+    if let Some(coupling) = &coupling {
+        if kind.is_some_and(|k| k != SensorKind::Pressure) {
+            section.fault_at(&coupling.place, "'coupling' is for sensors with kind = \"pressure\" only; leave it out");
+        } else if coupling.value == Coupling::Ac && section.place_of("time_constant_s").is_none() {
+            section.fault_at(&coupling.place, "coupling = \"ac\" needs 'time_constant_s', that of its high-pass");
+        }
+    }
+    let name = name?;
+    let wiring = read_wiring(section, name.value, devices, channels);
+    Some(Sensor {
+        name: name.value.to_owned(),
+        kind: kind?,
+        position_m: position_m?,
+        unit: unit?,
+        range,
+        accuracy_percent_fs,
+        time_constant_s,
+        elevation_m,
+        coupling: coupling.map_or(Coupling::Dc, |c| c.value),
+        wiring,
+    })
+}
+
+/// A name is the heading of a CSV column: no quoting, no clash with the time column.
+fn check_column_name(section: &Section<'_>, name: &At<&str>) {
+    let text = name.value;
+    let problem = if text == "time_s" {
+        "is the name of the time column"
+    } else if text.contains([',', '"', '\n', '\r']) {
+        "must not hold a comma, a quote or a line break"
+    } else if text.trim() != text {
+        "must not begin or end with a space"
+    } else {
+        return;
+    };
+    section.fault_at(
+        &name.place,
+        format!("the sensor's name heads its column in CSV files: '{}' {problem}", text.escape_debug()),
+    );
+}
+
+/// Where a sensor without a position is: flow and temperature at the supply, trigger and valve position at the valve.
+fn read_position(section: &Section<'_>, kind: Option<SensorKind>, total_m: Option<f64>) -> Option<f64> {
+    let given = section.number("position_m", &FINITE);
+    if section.place_of("position_m").is_none() {
+        return match kind? {
+            SensorKind::Pressure => section.required("position_m", "the distance from the supply along the pipe", None),
+            SensorKind::Flow | SensorKind::Temperature => Some(0.0),
+            SensorKind::Trigger | SensorKind::ValvePosition => total_m,
+        };
+    }
+    let (position, total) = (given?, total_m?);
+    if position < -POSITION_SLACK_M || position > total + POSITION_SLACK_M {
+        let place = section.place_of("position_m")?;
+        let message = format!(
+            "position_m = {position} is not on the pipe, which goes from 0 at the supply to {total} m at the valve"
+        );
+        section.fault_at(&place, message);
+        return None;
+    }
+    Some(position.clamp(0.0, total))
+}
+
+fn read_unit(section: &Section<'_>, kind: Option<SensorKind>) -> Option<Unit> {
+    let text = section.required_text("unit", "the unit of its samples")?;
+    let quantity = kind.map(quantity_of);
+    let fits = |u: &&Unit| quantity.is_none_or(|q| u.quantity == q);
+    let found = UNITS.iter().filter(fits).find(|u| u.symbol == text.value).copied();
+    if found.is_none() {
+        let allowed = UNITS.iter().filter(fits).map(|u| u.symbol).collect::<Vec<_>>().join(", ");
+        let problem = match text.value.parse::<Unit>() {
+            Ok(_) => "does not fit the sensor's kind",
+            Err(_) => "is not a known unit",
+        };
+        let meant = meant_unit(text.value, UNITS.iter().filter(fits).map(|u| u.symbol));
+        let hint = meant.map(|u| format!("; did you mean \"{u}\"?")).unwrap_or_default();
+        section.fault_at(&text.place, format!("unit \"{}\" {problem}; allowed here are {allowed}{hint}", text.value));
+    }
+    found
+}
+
+/// Other ways in which people write units, without case and signs.
+const OTHER_SPELLINGS: [(&str, &str); 15] = [
+    ("c", "degC"),
+    ("celsius", "degC"),
+    ("kelvin", "K"),
+    ("mwc", "m(H2O)"),
+    ("mws", "m(H2O)"),
+    ("mce", "m(H2O)"),
+    ("mh20", "m(H2O)"),
+    ("m", "m(H2O)"),
+    ("lps", "L/s"),
+    ("lpm", "L/min"),
+    ("cmh", "m3/h"),
+    ("m3hr", "m3/h"),
+    ("percent", "%"),
+    ("barg", "bar"),
+    ("psig", "psi"),
+];
+
+/// The unit of a quantity that `text` spells, be it in another way than rig files do: `BAR`, `m³/h`, `°C`, `mWC`, `lpm`.
+pub fn spelled_unit(text: &str, quantity: Quantity) -> Option<Unit> {
+    let allowed = UNITS.iter().filter(|u| u.quantity == quantity);
+    let wanted = bare(text);
+    let other = OTHER_SPELLINGS.iter().find(|(name, _)| *name == wanted).map(|(_, unit)| *unit);
+    let exact = allowed.clone().find(|u| u.symbol == text);
+    exact.or_else(|| allowed.clone().find(|u| bare(u.symbol) == wanted || other == Some(u.symbol))).copied()
+}
+
+/// A unit without its signs and case.
+fn bare(text: &str) -> String {
+    let plain = text.replace('³', "3").replace('₂', "2").replace('°', "");
+    plain.chars().filter(|c| c.is_alphanumeric() || *c == '%').collect::<String>().to_lowercase()
+}
+
+/// The unit among those allowed that another spelling was probably meant to be: another case, without its signs, a common
+/// name, or a slip.
+fn meant_unit<'u>(text: &str, mut allowed: impl Iterator<Item = &'u str> + Clone) -> Option<&'u str> {
+    let wanted = bare(text);
+    let other = OTHER_SPELLINGS.iter().find(|(name, _)| *name == wanted).map(|(_, unit)| *unit);
+    let known = allowed.clone().find(|u| bare(u) == wanted || other == Some(*u));
+    known.or_else(|| nearest(text, allowed.by_ref()))
+}
+
+/// What a sensor of a kind measures.
+pub fn quantity_of(kind: SensorKind) -> Quantity {
+    match kind {
+        SensorKind::Pressure => Quantity::Pressure,
+        SensorKind::Flow => Quantity::Flow,
+        SensorKind::Temperature => Quantity::Temperature,
+        SensorKind::ValvePosition | SensorKind::Trigger => Quantity::Ratio,
+    }
+}

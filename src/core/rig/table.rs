@@ -1,0 +1,249 @@
+//! Reads tables of a rig file key by key: every fault is collected with its line, so that a user sees them all at once.
+
+use std::cell::RefCell;
+use std::ops::Range;
+
+use toml::Spanned;
+use toml::de::{DeTable, DeValue};
+
+use crate::rig::error::Problem;
+
+/// The file's text and the problems found in it so far.
+pub(crate) struct Source<'a> {
+    pub text: &'a str,
+    problems: RefCell<Vec<Problem>>,
+}
+
+impl<'a> Source<'a> {
+    pub fn new(text: &'a str) -> Self {
+        Source { text, problems: RefCell::default() }
+    }
+
+    /// Notes a problem at a place in the text, or in the file as a whole.
+    pub fn report(&self, place: Option<Range<usize>>, message: impl Into<String>) {
+        let before = place.map(|p| self.text.get(..p.start).unwrap_or(self.text));
+        let line = before.map(|b| b.matches('\n').count() + 1);
+        let source_line = line.and_then(|n| self.text.lines().nth(n - 1)).unwrap_or_default().trim_end().to_owned();
+        self.problems.borrow_mut().push(Problem { line, message: message.into(), source_line });
+    }
+
+    /// All problems, in the order of the lines; those of the whole file last.
+    pub fn into_problems(self) -> Vec<Problem> {
+        let mut problems = self.problems.into_inner();
+        problems.sort_by_key(|p| p.line.unwrap_or(usize::MAX));
+        problems.dedup();
+        problems
+    }
+
+    pub fn is_clean(&self) -> bool {
+        self.problems.borrow().is_empty()
+    }
+}
+
+/// Names less alike than this (Jaro-Winkler) are no slips of one another.
+const ALIKE: f64 = 0.75;
+
+/// The name in `known` that looks most like `name`, if one looks like it at all.
+pub(crate) fn nearest<'k>(name: &str, known: impl IntoIterator<Item = &'k str>) -> Option<&'k str> {
+    let lower = name.to_lowercase();
+    let likeness = |k: &str| strsim::jaro_winkler(&lower, &k.to_lowercase());
+    let alike = known.into_iter().map(|k| (likeness(k), k)).filter(|(l, _)| *l >= ALIKE);
+    alike.max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, k)| k)
+}
+
+/// What a number must be.
+pub(crate) struct Limits {
+    pub holds: fn(f64) -> bool,
+    pub words: &'static str,
+}
+
+pub(crate) const FINITE: Limits = Limits { holds: |_| true, words: "a finite number" };
+pub(crate) const POSITIVE: Limits = Limits { holds: |v| v > 0.0, words: "a number above 0" };
+pub(crate) const NOT_NEGATIVE: Limits = Limits { holds: |v| v >= 0.0, words: "a number of at least 0" };
+pub(crate) const NOT_ZERO: Limits = Limits { holds: |v| v != 0.0, words: "a number other than 0" };
+
+/// A value and where it stands.
+#[derive(Debug, Clone)]
+pub(crate) struct At<T> {
+    pub value: T,
+    pub place: Range<usize>,
+}
+
+/// One table of the file. A getter returns `None` where the key is absent or at fault; a fault is reported at once.
+pub(crate) struct Section<'a> {
+    source: &'a Source<'a>,
+    /// As written in the file, e.g. `[[pipe]]`.
+    heading: &'static str,
+    table: &'a DeTable<'a>,
+    place: Range<usize>,
+    keys: &'static [&'static str],
+    /// Keys that an unknown one was probably meant to be: not to be reported as missing on top.
+    misspelt: Vec<&'static str>,
+}
+
+impl<'a> Section<'a> {
+    /// Opens a table and reports every key that is not among `keys`; `others` are the keys of other tables, for hints.
+    pub fn open(
+        source: &'a Source<'a>,
+        heading: &'static str,
+        table: &'a DeTable<'a>,
+        place: Range<usize>,
+        keys: &'static [&'static str],
+        others: &[(&'static str, &'static [&'static str])],
+    ) -> Self {
+        let mut misspelt = Vec::new();
+        for key in table.keys() {
+            let name: &str = key.get_ref();
+            if keys.contains(&name) {
+                continue;
+            }
+            let hint = match others.iter().find(|(_, keys)| keys.contains(&name)) {
+                Some((home, _)) => format!("it belongs in {home}"),
+                None => match nearest(name, keys.iter().copied()) {
+                    Some(near) => {
+                        misspelt.push(near);
+                        format!("did you mean '{near}'?")
+                    }
+                    None => format!("known are {}", keys.join(", ")),
+                },
+            };
+            source.report(Some(key.span()), format!("unknown key '{name}' in {heading}; {hint}"));
+        }
+        Section { source, heading, table, place, keys, misspelt }
+    }
+
+    /// Reports a fault of the table as a whole, at its heading.
+    pub fn fault(&self, message: impl Into<String>) {
+        self.source.report(Some(self.place.clone()), message);
+    }
+
+    /// Reports a fault of one key.
+    pub fn fault_at(&self, place: &Range<usize>, message: impl Into<String>) {
+        self.source.report(Some(place.clone()), message);
+    }
+
+    fn get(&self, key: &str) -> Option<&'a Spanned<DeValue<'a>>> {
+        debug_assert!(self.keys.contains(&key), "'{key}' is not listed among the keys of {}", self.heading);
+        self.table.get(key)
+    }
+
+    /// Reports `key` as missing when nothing was written there; hands `found` on.
+    pub fn required<T>(&self, key: &str, words: &str, found: Option<T>) -> Option<T> {
+        if found.is_none() && self.get(key).is_none() && !self.misspelt.contains(&key) {
+            self.fault(format!("missing key '{key}' in {}; it is {words}", self.heading));
+        }
+        found
+    }
+
+    fn wrong(&self, key: &str, value: &Spanned<DeValue<'_>>, words: &str) {
+        let written = self.source.text.get(value.span()).unwrap_or_default();
+        let written = if written.contains('\n') { value.get_ref().type_str() } else { written };
+        self.fault_at(&value.span(), format!("'{key}' in {} must be {words}, not {written}", self.heading));
+    }
+
+    /// Where the value of a key stands, if it is there.
+    pub fn place_of(&self, key: &str) -> Option<Range<usize>> {
+        self.get(key).map(Spanned::span)
+    }
+
+    /// An optional number within limits.
+    pub fn number(&self, key: &str, limits: &Limits) -> Option<f64> {
+        let value = self.get(key)?;
+        let number = as_f64(value.get_ref()).filter(|v| v.is_finite() && (limits.holds)(*v));
+        if number.is_none() {
+            self.wrong(key, value, limits.words);
+        }
+        number
+    }
+
+    /// A number that must be there.
+    pub fn required_number(&self, key: &str, limits: &Limits) -> Option<f64> {
+        self.required(key, limits.words, self.number(key, limits))
+    }
+
+    /// An optional whole number within `lo..=hi`.
+    pub fn integer(&self, key: &str, lo: u64, hi: u64) -> Option<u64> {
+        let value = self.get(key)?;
+        let number = as_u64(value.get_ref()).filter(|v| (lo..=hi).contains(v));
+        if number.is_none() {
+            self.wrong(key, value, &format!("a whole number from {lo} to {hi}"));
+        }
+        number
+    }
+
+    /// An optional text that is not blank.
+    pub fn text(&self, key: &str) -> Option<At<&'a str>> {
+        let value = self.get(key)?;
+        match value.get_ref().as_str().filter(|t| !t.trim().is_empty()) {
+            Some(text) => Some(At { value: text, place: value.span() }),
+            None => {
+                self.wrong(key, value, "a text in quotes that is not empty");
+                None
+            }
+        }
+    }
+
+    /// A text that must be there.
+    pub fn required_text(&self, key: &str, words: &str) -> Option<At<&'a str>> {
+        self.required(key, words, self.text(key))
+    }
+
+    /// An optional word out of a list.
+    pub fn choice<T: Copy>(&self, key: &str, choices: &[(&str, T)]) -> Option<At<T>> {
+        let text = self.text(key)?;
+        let found = choices.iter().find(|(name, _)| *name == text.value);
+        if found.is_none() {
+            let near = nearest(text.value, choices.iter().map(|c| c.0)).filter(|_| choices.len() > 1);
+            let message = format!("'{key}' in {} must be {}, not \"{}\"", self.heading, one_of(choices), text.value);
+            let hint = near.map(|near| format!("; did you mean \"{near}\"?")).unwrap_or_default();
+            self.fault_at(&text.place, message + &hint);
+        }
+        found.map(|(_, value)| At { value: *value, place: text.place })
+    }
+
+    /// A word out of a list that must be there.
+    pub fn required_choice<T: Copy>(&self, key: &str, choices: &[(&str, T)]) -> Option<At<T>> {
+        self.required(key, &one_of(choices), self.choice(key, choices))
+    }
+
+    /// An optional pair `[lo, hi]` with lo < hi.
+    pub fn interval(&self, key: &str) -> Option<[f64; 2]> {
+        let value = self.get(key)?;
+        let numbers: Option<Vec<f64>> =
+            value.get_ref().as_array().and_then(|a| a.iter().map(|v| as_f64(v.get_ref())).collect());
+        match numbers.as_deref() {
+            Some(&[lo, hi]) if lo.is_finite() && hi.is_finite() && lo < hi => Some([lo, hi]),
+            _ => {
+                self.wrong(key, value, "two finite numbers [lo, hi] with lo below hi");
+                None
+            }
+        }
+    }
+
+    /// The text of a key, whatever it is, without a report.
+    pub fn peek_text(&self, key: &str) -> Option<&'a str> {
+        self.get(key)?.get_ref().as_str()
+    }
+
+    /// Is the value of this key a text? (For keys that take a word or a number.)
+    pub fn is_text(&self, key: &str) -> bool {
+        self.peek_text(key).is_some()
+    }
+}
+
+fn one_of<T>(choices: &[(&str, T)]) -> String {
+    choices.iter().map(|(name, _)| format!("\"{name}\"")).collect::<Vec<_>>().join(" or ")
+}
+
+fn as_f64(value: &DeValue<'_>) -> Option<f64> {
+    match value {
+        DeValue::Float(number) => number.as_str().parse().ok(),
+        DeValue::Integer(number) => i64::from_str_radix(number.as_str(), number.radix()).ok().map(|v| v as f64),
+        _ => None,
+    }
+}
+
+fn as_u64(value: &DeValue<'_>) -> Option<u64> {
+    let number = value.as_integer()?;
+    u64::from_str_radix(number.as_str(), number.radix()).ok()
+}

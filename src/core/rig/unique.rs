@@ -1,0 +1,29 @@
+//! Names that may be given once only.
+
+use std::collections::HashSet;
+
+use crate::rig::table::{At, Section};
+
+/// The names given so far to things of one sort.
+pub(crate) struct Names {
+    sort: &'static str,
+    taken: HashSet<String>,
+}
+
+impl Names {
+    pub fn new(sort: &'static str) -> Self {
+        Names { sort, taken: HashSet::new() }
+    }
+
+    /// Takes a name, and reports it when it is taken already.
+    pub fn check(&mut self, section: &Section<'_>, name: Option<&At<&str>>) {
+        if let Some(name) = name
+            && !self.taken.insert(name.value.to_owned())
+        {
+            section.fault_at(
+                &name.place,
+                format!("a second {} named '{}'; give each its own name", self.sort, name.value),
+            );
+        }
+    }
+}

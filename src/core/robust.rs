@@ -1,0 +1,42 @@
+//! Middle and spread of values that a few wild ones do not move.
+
+/// From the median distance to the middle to the standard deviation, for a normal distribution.
+pub(crate) const MEDIAN_TO_SD: f64 = 1.4826;
+
+/// Median (upper of the two middle values); reorders its argument, 0 of nothing.
+pub fn median(values: &mut [f64]) -> f64 {
+    at(values, values.len() / 2)
+}
+
+/// The value that a share of the others does not exceed; reorders its argument, 0 of nothing.
+pub fn quantile(values: &mut [f64], share: f64) -> f64 {
+    at(values, (values.len().saturating_sub(1) as f64 * share) as usize)
+}
+
+/// Standard deviation about a middle, from the median distance to it; 0 of nothing.
+pub fn sd_about(middle: f64, values: &[f64]) -> f64 {
+    MEDIAN_TO_SD * median(&mut values.iter().map(|value| (value - middle).abs()).collect::<Vec<_>>())
+}
+
+/// The value at a place in the order of size.
+fn at(values: &mut [f64], place: usize) -> f64 {
+    if values.is_empty() { 0.0 } else { *values.select_nth_unstable_by(place, f64::total_cmp).1 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn wild_values_move_neither_middle_nor_spread() {
+        let mut dice = fastrand::Rng::with_seed(1);
+        // the sum of twelve uniform numbers: normal, with a variance of one
+        let mut values: Vec<f64> = (0..10_000).map(|_| 3.0 + (0..12).map(|_| dice.f64() - 0.5).sum::<f64>()).collect();
+        values[..20].fill(1e9);
+        assert!((median(&mut values) - 3.0).abs() < 0.05);
+        assert!((sd_about(3.0, &values) - 1.0).abs() < 0.05);
+        assert!((quantile(&mut values, 0.975) - 4.96).abs() < 0.15);
+        assert_eq!((median(&mut [4.0, 1.0, 3.0, 2.0]), quantile(&mut [4.0, 1.0, 3.0, 2.0], 0.5)), (3.0, 2.0));
+        assert_eq!((median(&mut []), quantile(&mut [], 0.9), sd_about(0.0, &[])), (0.0, 0.0, 0.0));
+    }
+}

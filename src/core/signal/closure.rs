@@ -1,0 +1,49 @@
+//! When the valve closed, as the record shows it.
+
+use crate::recording::Recording;
+use crate::rig::SensorKind;
+use crate::signal::levels::{finite, of_kind};
+use crate::signal::{Closure, Estimate};
+
+/// The closure's start and end: from the pressure's bend, from the trigger for the start, from the valve's position
+/// for the end, where there are such channels.
+pub(crate) fn closure(recording: &Recording, onset: Estimate, end_of_rise_s: Option<f64>) -> Closure {
+    let trigger = trigger_start(recording, onset.value);
+    let start = trigger.unwrap_or(onset);
+    Closure {
+        start_s: start.value,
+        start_se_s: start.standard_error,
+        end_s: position_end_s(recording).filter(|end| *end > start.value).or(end_of_rise_s),
+        from_trigger: trigger.is_some(),
+        pressure_onset_s: onset.value,
+    }
+}
+
+/// The trigger's change nearest to the pressure's bend, halfway between its samples.
+fn trigger_start(recording: &Recording, onset_s: f64) -> Option<Estimate> {
+    let (_, series) = of_kind(recording, SensorKind::Trigger)?;
+    let samples: Vec<(f64, f64)> = finite(series).collect();
+    let (lo, hi) = extremes(&samples)?;
+    let middle = 0.5 * (lo + hi);
+    let changes = samples.windows(2).filter(|w| (w[0].1 > middle) != (w[1].1 > middle));
+    changes
+        .map(|w| Estimate { value: 0.5 * (w[0].0 + w[1].0), standard_error: (w[1].0 - w[0].0) / 12f64.sqrt() })
+        .min_by(|a, b| (a.value - onset_s).abs().total_cmp(&(b.value - onset_s).abs()))
+}
+
+/// When the valve's position has come within 2% of its travel to where it ends.
+fn position_end_s(recording: &Recording) -> Option<f64> {
+    let (_, series) = of_kind(recording, SensorKind::ValvePosition)?;
+    let samples: Vec<(f64, f64)> = finite(series).collect();
+    let (lo, hi) = extremes(&samples)?;
+    let last = samples.last()?.1;
+    let moving = samples.iter().rposition(|(_, v)| (v - last).abs() > 0.02 * (hi - lo))?;
+    samples.get(moving + 1).map(|s| s.0)
+}
+
+/// Lowest and highest value, where they differ.
+fn extremes(samples: &[(f64, f64)]) -> Option<(f64, f64)> {
+    let lo = samples.iter().map(|s| s.1).fold(f64::INFINITY, f64::min);
+    let hi = samples.iter().map(|s| s.1).fold(f64::NEG_INFINITY, f64::max);
+    (lo < hi).then_some((lo, hi))
+}

@@ -1,0 +1,121 @@
+//! What in a recording should make a user look twice before believing a fit of it: numbers that cannot all be right.
+
+use crate::rig::Rig;
+use crate::signal::{Estimate, Features};
+
+/// Wave speeds that differ by less are one: creep and unsteady friction smear the fronts that they are read from.
+const SAME_SPEED: f64 = 0.15;
+/// Joukowsky's speed may lie so far below the others: creep during the closure and a leak lower the first rise.
+const LOW_JOUKOWSKY: f64 = 0.35;
+/// Faster than any wave in a water pipe, m/s.
+const FASTEST_M_S: f64 = 1600.0;
+/// Periods after the closure that a fit wants to see.
+const LEAST_PERIODS: f64 = 2.0;
+
+/// Sentences on what does not fit together, each with its likely causes; none where nothing stands out.
+pub fn doubts(rig: &Rig, features: &Features) -> Vec<String> {
+    let speeds = &features.wave_speed;
+    let crossings = speeds.crossings.map(|c| Estimate { value: c.value, standard_error: c.standard_error });
+    let mut found = Vec::new();
+    if let (Some(c), Some(a)) = (crossings, speeds.arrival)
+        && (a.value / c.value - 1.0).abs() > SAME_SPEED
+        && apart(a, c)
+    {
+        found.push(format!(
+            "the wave takes {} from sensor to sensor, but {} to the supply and back: is a sensor's clock \
+             shifted (clock-skew), or a position or the pipe's length wrong in the rig file?",
+            shown(a),
+            shown(c)
+        ));
+    }
+    if let Some(j) = speeds.joukowsky {
+        found.extend(doubt_joukowsky(j, crossings));
+    }
+    if let Some(best) = speeds.best() {
+        found.extend(doubt_bounds(rig, features.temperature_degc, best));
+    }
+    // a record too short for a period still has 4L/a
+    let period_s = features.period.map(|p| p.value).or(speeds.best().map(|a| 4.0 * rig.length_m() / a.value));
+    if let (Some(period_s), Some(sensor)) = (period_s, features.sensors.get(features.reference)) {
+        let periods = (sensor.end_s - features.closure.start_s) / period_s;
+        if periods < LEAST_PERIODS {
+            found.push(format!(
+                "only {periods:.1} periods were recorded after the closure: damping, creep and friction need {LEAST_PERIODS:.0} or \
+                 more to be told apart; record for longer"
+            ));
+        }
+    }
+    for sensor in &features.sensors {
+        if let Some(line) = sensor.noise.line {
+            found.push(format!(
+                "{} oscillates at {:.3} Hz by {:.3} m before the closure already (a pump, mains hum, or what sampling makes of them): no model of a \
+                 closure has that, so it counts as missing; stop its source, or filter it before the converter",
+                sensor.name,
+                line.cycles_per_sample / sensor.interval_s,
+                line.amplitude_m
+            ));
+        }
+    }
+    found
+}
+
+fn shown(speed: Estimate) -> String {
+    let digits = usize::from(speed.standard_error < 0.95);
+    format!("{:.digits$} ± {:.digits$} m/s", speed.value, speed.standard_error)
+}
+
+/// Different beyond two standard errors.
+fn apart(a: Estimate, b: Estimate) -> bool {
+    (a.value - b.value).abs() > 2.0 * a.standard_error.hypot(b.standard_error)
+}
+
+fn doubt_joukowsky(j: Estimate, crossings: Option<Estimate>) -> Option<String> {
+    if j.value - j.standard_error > FASTEST_M_S {
+        return Some(format!(
+            "the first rise over the velocity asks for a wave of {:.0} m/s, which no water pipe has: is the unit of the flow right, or \
+             the inner diameter, or does the recording start after the closure began?",
+            j.value
+        ));
+    }
+    let c = crossings.filter(|c| apart(j, *c))?;
+    let ratio = j.value / c.value;
+    let values = format!(
+        "the first rise over the velocity (Joukowsky) asks for {}, but the wave runs at {}",
+        shown(j),
+        shown(c)
+    );
+    if ratio > 1.0 + SAME_SPEED {
+        return Some(format!(
+            "{values}: the flow reads too low or the pressure too high; check the unit of the flow, the inner diameter, the gain, and that the times \
+             are in seconds"
+        ));
+    }
+    (ratio < 1.0 - LOW_JOUKOWSKY).then(|| {
+        format!(
+            "{values}: more than creep or a leak takes away; check the unit of the flow, the inner diameter, and whether the valve \
+             closed fully"
+        )
+    })
+}
+
+/// The mean wave speed (length by travel time) against what the walls allow.
+fn doubt_bounds(rig: &Rig, temperature_degc: f64, best: Estimate) -> Option<String> {
+    let water = rig.fluid.properties(temperature_degc);
+    let mean = |of: fn((f64, f64, f64)) -> f64| {
+        let travel_s: f64 = rig.pipes.iter().map(|p| p.length_m / of(p.wave_speed_start(&water))).sum();
+        rig.length_m() / travel_s
+    };
+    let (lo, hi) = (mean(|(_, lo, _)| lo), mean(|(_, _, hi)| hi));
+    let (least, most) = (best.value - 2.0 * best.standard_error, best.value + 2.0 * best.standard_error);
+    let causes = if least > hi {
+        "are the pipe's length, wall and material right in the rig file, and the times in seconds?"
+    } else if most < lo {
+        "is there gas in the water, or is the pipe's length, wall or material wrong in the rig file, or the times not in seconds?"
+    } else {
+        return None;
+    };
+    Some(format!(
+        "the wave runs at {}, but a fit may take {lo:.0} to {hi:.0} m/s for the rig's pipe: {causes}",
+        shown(best)
+    ))
+}

@@ -1,0 +1,271 @@
+//! A sensor's noise: how large, how coloured, and the step of its converter.
+
+use std::borrow::Cow;
+
+use crate::robust::{MEDIAN_TO_SD, median};
+use crate::signal::spectrum::Spectrum;
+
+/// What disturbs a pressure sensor while nothing happens; heads in m.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Noise {
+    /// Standard deviation of the white part, from second differences (slow disturbances cancel out of them), m.
+    pub white_sd_m: f64,
+    /// Standard deviation of everything about a straight line before the closure, m; the white one without a quiet lead-in.
+    pub total_sd_m: f64,
+    /// Autocorrelation at a lag of one sample before the closure; 0 without a quiet lead-in.
+    pub lag1_autocorrelation: f64,
+    /// Independent samples a recorded one (n_eff / n): 1 for white noise, less for coloured.
+    pub effective_fraction: f64,
+    /// Step of the converter, m, where the samples fall on a grid.
+    pub quantum_m: Option<f64>,
+    /// The colour is more than chance would give in as many white samples (three standard deviations).
+    pub coloured: bool,
+    /// What is not white of it, where that is one lasting oscillation: no sensor's noise, but something that happens in the pipe or its wiring.
+    pub line: Option<Line>,
+}
+
+/// A lasting oscillation.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Line {
+    /// Its frequency, or what sampling makes of it.
+    pub cycles_per_sample: f64,
+    /// Its amplitude, m.
+    pub amplitude_m: f64,
+}
+
+/// Share of the disturbance's variance that is not white from which on it is asked whether it is an oscillation; the correlation
+/// that an oscillation keeps after its first swing; the longest swing looked for, samples.
+const LEAST_SLOW: f64 = 0.3;
+const LINE: f64 = 0.5;
+const LONGEST_LINE_LAG: usize = 2000;
+/// Below this a lead-in says nothing about spread or colour.
+const SHORTEST_LEAD: usize = 30;
+/// Colour is judged from the last so many samples: enough for 1% of the variance.
+const LONGEST_LEAD: usize = 20_000;
+
+/// Noise whose second differences are this much larger in the root mean square than by their median has spikes among it.
+const SPIKY: f64 = 1.5;
+/// A sample this many standard deviations from the median of its five neighbours is a spike.
+const SPIKE: f64 = 8.0;
+
+/// Noise from the samples before the closure (`lead`), or from the whole record where they are too few.
+pub(crate) fn noise(lead: &[f64], whole: &[f64]) -> Noise {
+    let quantum_m = quantum(whole);
+    let floor = quantum_m.map_or(0.0, |q| q / 12f64.sqrt());
+    if lead.len() < SHORTEST_LEAD {
+        let white = white_sd_of_whole(whole).max(floor);
+        return Noise {
+            white_sd_m: white,
+            total_sd_m: white,
+            lag1_autocorrelation: 0.0,
+            effective_fraction: 1.0,
+            quantum_m,
+            coloured: false,
+            line: None,
+        };
+    }
+    let lead = &lead[lead.len().saturating_sub(LONGEST_LEAD)..];
+    let white_sd_m = white_sd(lead).0.max(floor);
+    let residual = detrended(&despiked(lead));
+    let n = residual.len() as f64;
+    let energy: f64 = residual.iter().map(|r| r * r).sum();
+    let total_sd_m = robust((energy / (n - 2.0)).sqrt(), &residual, MEDIAN_TO_SD).0.max(floor);
+    let correlation = |lag: usize| {
+        residual.iter().zip(&residual[lag..]).map(|(a, b)| a * b).sum::<f64>() / energy.max(f64::MIN_POSITIVE)
+    };
+    let lag1_autocorrelation = correlation(1);
+    let coloured = lag1_autocorrelation.abs() > 3.0 / n.sqrt();
+    // initial positive sequence: the sum is cut where the correlation drowns in its own scatter
+    let mut sum = 0.0;
+    for lag in 1..residual.len().min(400) {
+        let rho = correlation(lag);
+        if rho < 2.0 / n.sqrt() {
+            break;
+        }
+        sum += rho * (1.0 - lag as f64 / n);
+    }
+    // The white part has no correlation but at lag zero.
+    let slow = (1.0 - (white_sd_m / total_sd_m).powi(2)).max(0.0);
+    let longest = (residual.len() / 2).min(LONGEST_LINE_LAG);
+    let lasts = slow > LEAST_SLOW && {
+        let first_zero = (1..longest).find(|&lag| correlation(lag) < 0.0).unwrap_or(longest);
+        (first_zero..longest).any(|lag| correlation(lag) > LINE * slow * (1.0 - lag as f64 / n))
+    };
+    let line = if lasts { line(&residual, total_sd_m * (2.0 * slow).sqrt()) } else { None };
+    Noise {
+        line,
+        white_sd_m,
+        total_sd_m,
+        lag1_autocorrelation,
+        effective_fraction: 1.0 / (1.0 + 2.0 * sum),
+        quantum_m,
+        coloured,
+    }
+}
+
+/// The strongest frequency of a disturbance.
+fn line(residual: &[f64], amplitude_m: f64) -> Option<Line> {
+    let number: Vec<f64> = (0..residual.len()).map(|i| i as f64).collect();
+    let cycles_per_sample = Spectrum::of(&number, residual)?.peak_hz(0.0, 0.5)?;
+    Some(Line { cycles_per_sample, amplitude_m })
+}
+
+/// A root mean square, or what the median of the values says where they have spikes; and whether they have.
+fn robust(rms: f64, values: &[f64], median_to_sd: f64) -> (f64, bool) {
+    let by_median = median_to_sd * median(&mut values.iter().map(|v| v.abs()).collect::<Vec<_>>());
+    if by_median > 0.0 && rms > SPIKY * by_median { (by_median, true) } else { (rms, false) }
+}
+
+/// Standard deviation of the white noise of a lead-in, and whether it has spikes (which do not count).
+fn white_sd(lead: &[f64]) -> (f64, bool) {
+    let second: Vec<f64> = lead.windows(3).map(|w| w[0] - 2.0 * w[1] + w[2]).collect();
+    let mean_square = second.iter().map(|d| d * d).sum::<f64>() / (6.0 * second.len().max(1) as f64);
+    robust(mean_square.sqrt(), &second, MEDIAN_TO_SD / 6f64.sqrt())
+}
+
+/// A lead-in with the median of its neighbours in the place of each spike; as it is where it has none.
+pub(crate) fn despiked(lead: &[f64]) -> Cow<'_, [f64]> {
+    let (sd, spiky) = white_sd(lead);
+    if !spiky {
+        return Cow::Borrowed(lead);
+    }
+    let clean = |(i, v): (usize, &f64)| {
+        let around = median(&mut lead[i.saturating_sub(2)..(i + 3).min(lead.len())].to_vec());
+        if (v - around).abs() > SPIKE * sd { around } else { *v }
+    };
+    Cow::Owned(lead.iter().enumerate().map(clean).collect())
+}
+
+/// Standard deviation of the white noise of a whole record, m. Fronts are few: the median of the differences does not see them.
+pub(crate) fn white_sd_of_whole(whole: &[f64]) -> f64 {
+    let mut second: Vec<f64> = whole.windows(3).map(|w| (w[0] - 2.0 * w[1] + w[2]).abs()).collect();
+    let mut middle = median(&mut second);
+    if middle == 0.0 {
+        // the converter's step hides most of the noise: what shows of it is that step
+        middle = second.iter().copied().filter(|d| *d > 0.0).fold(f64::INFINITY, f64::min) / MEDIAN_TO_SD;
+    }
+    if middle.is_finite() { MEDIAN_TO_SD * middle / 6f64.sqrt() } else { 0.0 }
+}
+
+/// Residuals of a straight line.
+fn detrended(values: &[f64]) -> Vec<f64> {
+    let n = values.len() as f64;
+    let middle = (n - 1.0) / 2.0;
+    let mean = values.iter().sum::<f64>() / n;
+    let (mut xy, mut xx) = (0.0, 0.0);
+    for (i, v) in values.iter().enumerate() {
+        let x = i as f64 - middle;
+        xy += x * (v - mean);
+        xx += x * x;
+    }
+    let slope = if xx > 0.0 { xy / xx } else { 0.0 };
+    values.iter().enumerate().map(|(i, v)| v - mean - slope * (i as f64 - middle)).collect()
+}
+
+/// The step on whose multiples the samples fall, if they do: most differences of neighbouring levels are whole multiples.
+fn quantum(values: &[f64]) -> Option<f64> {
+    let mut levels: Vec<f64> = values.iter().copied().take(8192).collect();
+    levels.sort_unstable_by(f64::total_cmp);
+    let span = levels.last()? - levels.first()?;
+    // printed decimals scatter equal levels a little
+    let same = (1e-9 * levels.first()?.abs().max(span)).max(1e-7);
+    let mut gaps: Vec<f64> = levels.windows(2).map(|w| w[1] - w[0]).filter(|g| *g > same).collect();
+    if gaps.len() < 3 || levels.len() < 4 * gaps.len() / 3 {
+        return None; // hardly any level comes twice: no grid to be seen
+    }
+    gaps.sort_unstable_by(f64::total_cmp);
+    let smallest = gaps[gaps.len() / 20];
+    let singles: Vec<f64> = gaps.iter().copied().filter(|g| (g / smallest - 1.0).abs() < 0.3).collect();
+    let step = singles.iter().sum::<f64>() / singles.len() as f64;
+    let whole = |g: &&f64| ((*g / step) - (*g / step).round()).abs() < 0.1;
+    let on_grid = gaps.iter().filter(|g| **g < 8.0 * step).filter(whole).count();
+    let near = gaps.iter().filter(|g| **g < 8.0 * step).count();
+    (on_grid as f64 > 0.9 * near as f64).then_some(step)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::signal::testing::Gauss;
+
+    #[test]
+    fn white_noise_is_white_and_of_its_size() {
+        let mut gauss = Gauss::new(1);
+        let lead: Vec<f64> = (0..4000).map(|_| 50.0 + 0.03 * gauss.next()).collect();
+        let noise = noise(&lead, &lead);
+        assert!((noise.white_sd_m / 0.03 - 1.0).abs() < 0.05, "{noise:?}");
+        assert!((noise.total_sd_m / 0.03 - 1.0).abs() < 0.05);
+        assert!(!noise.coloured && noise.effective_fraction > 0.9 && noise.quantum_m.is_none());
+    }
+
+    /// One dropout of a logger that writes -99999 kPa, and two samples of a switching valve.
+    #[test]
+    fn spikes_do_not_count_as_noise() {
+        let mut gauss = Gauss::new(5);
+        let mut lead: Vec<f64> = (0..2000).map(|_| 50.0 + 0.03 * gauss.next()).collect();
+        let clean = noise(&lead, &lead);
+        assert!(matches!(despiked(&lead), Cow::Borrowed(_)));
+        lead[700] = -10_200.0;
+        lead[1500] += 40.0;
+        lead[1501] += 35.0;
+        let found = noise(&lead, &lead);
+        assert!((found.white_sd_m / clean.white_sd_m - 1.0).abs() < 0.1, "{found:?}");
+        assert!((found.total_sd_m / clean.total_sd_m - 1.0).abs() < 0.1, "{found:?}");
+        assert!(!found.coloured && found.effective_fraction > 0.9, "{found:?}");
+        let mean = despiked(&lead).iter().sum::<f64>() / 2000.0;
+        assert!((mean - 50.0).abs() < 0.01, "{mean}");
+    }
+
+    #[test]
+    fn coloured_noise_counts_for_less() {
+        let mut gauss = Gauss::new(2);
+        let mut state = 0.0;
+        let lead: Vec<f64> = (0..8000)
+            .map(|_| {
+                state = 0.9 * state + gauss.next();
+                0.02 * state
+            })
+            .collect();
+        let noise = noise(&lead, &lead);
+        assert!(noise.coloured && (noise.lag1_autocorrelation - 0.9).abs() < 0.03, "{noise:?}");
+        // a first-order process has n_eff/n = (1 - phi)/(1 + phi)
+        assert!((noise.effective_fraction - 0.1 / 1.9).abs() < 0.02, "{noise:?}");
+    }
+
+    #[test]
+    fn the_converter_step_is_found() {
+        let mut gauss = Gauss::new(3);
+        let step = 0.0031;
+        let lead: Vec<f64> = (0..3000).map(|_| ((40.0 + 0.02 * gauss.next()) / step).round() * step).collect();
+        let found = noise(&lead, &lead).quantum_m.unwrap();
+        assert!((found / step - 1.0).abs() < 1e-3, "{found}");
+        let constant = noise(&[7.0; 100], &[7.0; 100]);
+        assert_eq!((constant.white_sd_m, constant.quantum_m), (0.0, None));
+    }
+
+    #[test]
+    fn without_a_lead_in_the_fronts_do_not_count() {
+        let mut gauss = Gauss::new(4);
+        let whole: Vec<f64> =
+            (0..12_000).map(|i| if (i / 100) % 2 == 0 { 30.0 } else { 60.0 } + 0.05 * gauss.next()).collect();
+        let noise = noise(&[], &whole);
+        assert!((noise.white_sd_m / 0.05 - 1.0).abs() < 0.1, "{noise:?}");
+    }
+
+    /// First-order noise forgets itself; a pump's ripple does not.
+    #[test]
+    fn an_oscillation_is_no_coloured_noise() {
+        let mut random = fastrand::Rng::with_seed(3);
+        let (mut slow, mut lead, mut ripple) = (0.0, Vec::new(), Vec::new());
+        for i in 0..2000 {
+            let white = random.f64() - 0.5;
+            slow = 0.95 * slow + white;
+            lead.push(slow + 0.3 * white);
+            ripple.push(3.0 * (f64::from(i) * 0.06).sin() + white);
+        }
+        assert!(noise(&lead, &lead).line.is_none() && noise(&lead, &lead).coloured);
+        let line = noise(&ripple, &ripple).line.unwrap();
+        assert!((line.cycles_per_sample * std::f64::consts::TAU - 0.06).abs() < 1e-4, "{line:?}");
+        assert!((line.amplitude_m - 3.0).abs() < 0.05, "{line:?}");
+    }
+}

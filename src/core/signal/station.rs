@@ -1,0 +1,82 @@
+//! A pressure sensor with its trace, noise and first front: what every feature is read from.
+
+use crate::signal::front;
+use crate::signal::front::{Front, NoFront};
+use crate::signal::noise::{Noise, noise, white_sd_of_whole};
+use crate::signal::trace::Trace;
+
+/// Points that a front needs; more only cost time, so they are averaged.
+const POINTS_A_FRONT: f64 = 40.0;
+
+/// A pressure sensor that recorded something.
+#[derive(Debug, Clone)]
+pub(crate) struct Station {
+    /// Index among the rig's sensors.
+    pub sensor: usize,
+    /// Distance from the supply, m, each pipe counted by its nominal travel time (the real distance in a single pipe).
+    pub place_m: f64,
+    /// The record.
+    pub trace: Trace,
+    /// The record averaged down to what its front needs.
+    pub coarse: Trace,
+    /// The first front in `coarse`.
+    pub front: Result<Front, NoFront>,
+    /// The sensor's noise.
+    pub noise: Noise,
+    /// Standard deviation of the white noise of `coarse`, m.
+    pub coarse_sd_m: f64,
+    /// Samples of `trace` before the front.
+    pub lead: std::ops::Range<usize>,
+}
+
+impl Station {
+    pub fn new(sensor: usize, place_m: f64, trace: Trace) -> Station {
+        let rough_sd_m = white_sd_of_whole(&trace.head_m);
+        let found = |factor: usize| {
+            let coarse = trace.decimated(factor);
+            // averaging leaves more of coloured noise than of white
+            let sd_m = (rough_sd_m / (factor as f64).sqrt()).max(white_sd_of_whole(&coarse.head_m));
+            let front = front::find(&coarse, sd_m);
+            (factor, coarse, front)
+        };
+        // a slow front in loud noise shows once the noise is averaged
+        let whole = found(1);
+        let loud = !matches!(whole.2, Ok(_) | Err(NoFront::NoReturn)) && trace.len() > 64 * 50;
+        let seen = if loud { [8, 64].into_iter().map(found).find(|f| f.2.is_ok()).unwrap_or(whole) } else { whole };
+        let rise = seen.2.as_ref().map_or(0.0, |f| f.rise * seen.0 as f64);
+        let fitting = ((rise / POINTS_A_FRONT) as usize).max(1);
+        let (factor, coarse, front) =
+            if fitting == seen.0 { seen } else { Some(found(fitting)).filter(|f| f.2.is_ok()).unwrap_or(seen) };
+        let lead = front.as_ref().map_or(0..0, |f| f.quiet.start * factor..(f.quiet.end * factor).min(trace.len()));
+        let noise = noise(&trace.head_m[lead.clone()], &trace.head_m);
+        let coarse_sd_m = noise.white_sd_m / (factor as f64).sqrt();
+        Station { sensor, place_m, trace, coarse, front, noise, coarse_sd_m, lead }
+    }
+
+    /// The trace on the grid of another one, for laying one over the other; the index shift is `shift` grid points.
+    pub fn on_grid_of(&self, other: &Trace) -> Option<(Trace, f64)> {
+        let own = &self.coarse;
+        if (own.step_s / other.step_s - 1.0).abs() < 1e-9 {
+            return Some((own.clone(), (own.start_s - other.start_s) / other.step_s));
+        }
+        let time: Vec<f64> = (0..own.len()).map(|i| own.time_s(i as f64)).collect();
+        let count = ((own.len() - 1) as f64 * own.step_s / other.step_s) as usize + 1;
+        let mut left = 0;
+        let (mut times, mut heads) = (Vec::with_capacity(count), Vec::with_capacity(count));
+        for i in 0..count {
+            let t = own.start_s + i as f64 * other.step_s;
+            while left + 2 < time.len() && time[left + 1] <= t {
+                left += 1;
+            }
+            if !own.intact(left..left + 2) {
+                continue;
+            }
+            let part = (t - time[left]) / own.step_s;
+            times.push(t);
+            heads.push(own.head_m[left] + part * (own.head_m[left + 1] - own.head_m[left]));
+        }
+        let trace = Trace::new(&times, &heads)?;
+        let shift = (trace.start_s - other.start_s) / other.step_s;
+        Some((trace, shift))
+    }
+}

@@ -1,0 +1,197 @@
+//! The wave speed in three ways, none of which needs a model of the run.
+
+use crate::signal::front::Front;
+use crate::signal::matching::{Delay, Sense, delay};
+use crate::signal::station::Station;
+use crate::signal::{Crossings, Estimate, extrema};
+use crate::units::GRAVITY_M_S2;
+
+/// A rise that takes more of the time to the half fall than this may run into the fall: only its beginning is laid over.
+const CROWDED: f64 = 0.6;
+/// A rise that takes more of the time to the return of the front than this is a closure slower than 2L/a.
+const SLOW: f64 = 0.85;
+/// Relative error where the end of the closure may have been taken for the return of the wave.
+const MISTAKEN: f64 = 0.25;
+/// Part by which creep, gas and unsteady friction may lengthen the period.
+const LENGTHENED: f64 = 0.1;
+/// Factor within which the rise of a closure that outlasts the wave's return agrees with that return.
+const RISE_ALIKE: f64 = 1.5;
+/// Share of the smear that is taken for the error left in a delay of laid-over fronts.
+const TAIL_LEFT: f64 = 0.1;
+
+/// The rise may run into the fall.
+fn is_crowded(front: &Front) -> bool {
+    front.rise > CROWDED * (front.half_fall - front.onset)
+}
+
+/// From the time that the first front takes to the supply and back: the first peak's rise against its fall.
+///
+/// `stations` are ordered from the valve to the supply; the first one is searched without a prior, the others near what it
+/// gives. The range holds every window of every sensor, and the crossings of equal levels (a quarter and half of the front,
+/// the latter at the valve being the steady level itself, as in Table 2 of the source paper). Comes with the smear: by which
+/// part of itself the half level's delay is longer, which is what creep and unsteady friction do to a front.
+pub(crate) fn crossings(stations: &[&Station], length_m: f64) -> Option<(Crossings, f64)> {
+    let mut estimates: Vec<Estimate> = Vec::new();
+    let mut alternatives: Vec<f64> = Vec::new();
+    let mut tail = 0.0;
+    let mut slow = false;
+    let mut doubt = 0.0;
+    for station in stations {
+        let Ok(front) = &station.front else { continue };
+        if station.place_m <= 0.0 {
+            continue;
+        }
+        let trace = &station.coarse;
+        let speed = |points: f64| 2.0 * station.place_m / (points * trace.step_s);
+        let to_half_fall = front.half_fall - front.onset;
+        let (lags, reach) = match estimates.first() {
+            None if is_crowded(front) => ((0.4 * to_half_fall, to_half_fall), 0.4),
+            None => (((0.55 * to_half_fall).max(0.8 * front.rise), to_half_fall), 1.0),
+            Some(first) => {
+                let expected = 2.0 * station.place_m / first.value / trace.step_s;
+                // where the fall comes into the rise, or too close to the supply, the sensor adds doubt only
+                if slow || front.rise > 0.7 * expected || station.place_m < 0.4 * length_m {
+                    continue;
+                }
+                let margin = 0.06 * expected + 0.05 * front.rise + 2.0;
+                ((expected - margin, expected + margin), 1.0)
+            }
+        };
+        let Some(found) = delay(trace, front, trace, lags, Sense::Falls, reach, station.coarse_sd_m) else { continue };
+        let value = speed(found.value);
+        if estimates.is_empty() {
+            // between the valve and the supply a closure that outlasts the return holds the head level: its end is what falls
+            let doubtful = station.place_m < 0.9 * length_m && front.rise > CROWDED * found.value;
+            slow = doubtful || front.rise > SLOW * found.value;
+            if doubtful {
+                doubt = MISTAKEN;
+            }
+            let levels = if slow { Vec::new() } else { equal_levels(station, front, length_m, &found) };
+            if let Some(half) = levels.last() {
+                tail = (speed(*half) / value - 1.0).abs();
+            }
+            alternatives.extend(levels.into_iter().map(speed));
+        }
+        alternatives.extend(found.windows.iter().map(|w| speed(*w)));
+        estimates.push(Estimate { value, standard_error: value * found.standard_error / found.value });
+    }
+    let joint = weighted_mean(&estimates)?;
+    let standard_error = joint.standard_error.hypot(TAIL_LEFT * tail * joint.value).hypot(doubt * joint.value);
+    let low = alternatives.iter().copied().fold(joint.value - standard_error, f64::min);
+    let high = alternatives.iter().copied().fold(joint.value + standard_error, f64::max);
+    Some((Crossings { value: joint.value, standard_error, low, high, slow_closure: slow }, tail))
+}
+
+/// Between the valve and the supply the level may be held by a closure that outlasts the wave's return, and fall when it ends: what rises and
+/// falls is then the closure, and the wave that it makes too slow. The period tells, for it is 4L/a wherever it is read, and no shorter; the rise
+/// takes as long then as the wave's way to the supply and back.
+pub(crate) fn held_against_period(found: Crossings, station: &Station, length_m: f64) -> Crossings {
+    let Ok(front) = &station.front else { return found };
+    if station.place_m > 0.9 * length_m {
+        return found;
+    }
+    let start_s = station.coarse.time_s(front.onset);
+    let cycles = extrema::half_cycles(&station.trace, start_s, 4.0 * length_m / found.value, station.noise.white_sd_m);
+    let Some(period) = extrema::period(&cycles) else { return found };
+    let value = 4.0 * length_m / period.value;
+    let of_rise = 2.0 * station.place_m / (front.rise * station.coarse.step_s);
+    if found.value > (1.0 - MISTAKEN) * value || (of_rise / value).max(value / of_rise) > RISE_ALIKE {
+        return found;
+    }
+    let standard_error = LENGTHENED * value;
+    Crossings { value, standard_error, low: value - standard_error, high: value + standard_error, slow_closure: true }
+}
+
+/// Delays between equal levels of the rise and the fall, at a quarter and at half of the front.
+fn equal_levels(station: &Station, front: &Front, valve_m: f64, found: &Delay) -> Vec<f64> {
+    // at the valve the front comes back doubled; in between the valve's echo follows too closely to tell
+    let echo = 2.0 * (valve_m - station.place_m) / (2.0 * station.place_m) * found.value;
+    let times = if echo < 0.3 * front.rise { 2.0 } else { 1.0 };
+    let trace = &station.coarse;
+    [0.25, 0.5]
+        .into_iter()
+        .filter_map(|part| {
+            let rise = front.rises_through(trace, front.base_m + part * front.height_m())?;
+            let fall = front.falls_through(trace, front.top_m - times * part * front.height_m())?;
+            (fall > rise).then_some(fall - rise)
+        })
+        .collect()
+}
+
+/// From the front's arrival at two sensors: the one nearest to the valve against each other one.
+pub(crate) fn arrival(stations: &[&Station], smear: f64) -> Option<Estimate> {
+    let (first, others) = stations.split_first()?;
+    let mut estimates = Vec::new();
+    for other in others {
+        let distance = first.place_m - other.place_m;
+        let Some(later) = front_delay(first, other) else { continue };
+        if distance > 0.0 && later.value > 0.5 * first.coarse.step_s {
+            let value = distance / later.value;
+            estimates.push(Estimate { value, standard_error: value * later.standard_error / later.value });
+        }
+    }
+    let joint = weighted_mean(&estimates)?;
+    Some(Estimate { standard_error: joint.standard_error.hypot(TAIL_LEFT * smear * joint.value), ..joint })
+}
+
+/// How much later `other` sees the front than `first`, s, each on its own clock: the one front laid over the other.
+pub(crate) fn front_delay(first: &Station, other: &Station) -> Option<Estimate> {
+    let front = first.front.as_ref().ok()?;
+    let later = other.front.as_ref().ok()?;
+    let (target, shift) = other.on_grid_of(&first.coarse)?;
+    let onset = (other.coarse.time_s(later.onset) - first.coarse.start_s) / first.coarse.step_s;
+    let expected = onset - front.onset;
+    let margin = 0.4 * front.rise + 3.0;
+    let lags = (expected - margin - shift, expected + margin - shift);
+    let sd = first.coarse_sd_m.max(other.coarse_sd_m);
+    let reach = if is_crowded(front) || is_crowded(later) { 0.4 } else { 1.0 };
+    let found = delay(&first.coarse, front, &target, lags, Sense::Rises, reach, sd)?;
+    let step_s = first.coarse.step_s;
+    Some(Estimate { value: (found.value + shift) * step_s, standard_error: found.standard_error * step_s })
+}
+
+/// From the height of the first rise: a = g ΔH / V₀ (Joukowsky 1898). `None` for a closure slower than 2L/a, whose rise
+/// would only give a lower bound. The plateau is drawn back to the middle of the front, which takes friction's slow
+/// rise and the slow part of creep out of it; creep during the closure lowers the rise for good, by about the smear.
+pub(crate) fn joukowsky(station: &Station, wave_speed_m_s: f64, velocity: Estimate, smear: f64) -> Option<Estimate> {
+    let front = station.front.as_ref().ok()?;
+    if velocity.value <= 0.0 {
+        return None;
+    }
+    let trace = &station.coarse;
+    let back = 2.0 * station.place_m / wave_speed_m_s / trace.step_s;
+    let knee = front.knee(trace, back);
+    let from = (knee + 0.15 * (knee - front.onset)).ceil() as usize;
+    let to = (front.onset + back - 0.1 * front.rise).floor().max(0.0) as usize;
+    if to < from + 4 || !trace.intact(from..to) {
+        return None;
+    }
+    let plateau = &trace.head_m[from..to];
+    let n = plateau.len() as f64;
+    let mean = plateau.iter().sum::<f64>() / n;
+    let middle = 0.5 * (n - 1.0);
+    let slope = plateau.iter().enumerate().map(|(i, h)| (i as f64 - middle) * (h - mean)).sum::<f64>()
+        / (n * (n * n - 1.0) / 12.0);
+    let reach = from as f64 + middle - 0.5 * (front.onset + knee);
+    let residual = plateau.iter().enumerate().map(|(i, h)| (h - mean - slope * (i as f64 - middle)).powi(2));
+    let scatter = (residual.sum::<f64>() / (n - 2.0)).sqrt();
+    let rise_m = mean - slope * reach - front.base_m;
+    // a curved plateau (creep) is not a straight line: a fifth of what was drawn back is doubt
+    let rise_error = scatter.hypot(0.2 * slope * reach);
+    let value = GRAVITY_M_S2 * rise_m / velocity.value;
+    let relative = (rise_error / rise_m).hypot(velocity.standard_error / velocity.value).hypot(0.7 * smear);
+    (rise_m > 0.0).then_some(Estimate { value, standard_error: value * relative })
+}
+
+/// Mean weighted by the inverse variances, its error widened where the values disagree by more than theirs.
+pub(crate) fn weighted_mean(estimates: &[Estimate]) -> Option<Estimate> {
+    let weight = |e: &Estimate| 1.0 / (e.standard_error.powi(2) + (1e-9 * e.value).powi(2));
+    let total: f64 = estimates.iter().map(weight).sum();
+    if estimates.is_empty() {
+        return None;
+    }
+    let value = estimates.iter().map(|e| weight(e) * e.value).sum::<f64>() / total;
+    let chi2: f64 = estimates.iter().map(|e| weight(e) * (e.value - value).powi(2)).sum();
+    let excess = (chi2 / (estimates.len() as f64 - 1.0).max(1.0)).max(1.0);
+    Some(Estimate { value, standard_error: (excess / total).sqrt() })
+}

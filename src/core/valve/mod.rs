@@ -1,0 +1,4 @@
+//! How a valve closed, read back from the record.
+
+pub mod curve;
+pub mod shift;

@@ -1,0 +1,7 @@
+//! From the clocks of devices to one clock of the recording.
+
+pub mod align;
+pub mod clock_line;
+pub mod device_clock;
+pub mod pace;
+pub(crate) mod summary;

@@ -1,0 +1,364 @@
+//! What comes from the devices: one thread a port (Modbus slaves may share one), all into one bounded queue.
+//!
+//! A blocking thread hands bytes on in 0.1 ms where an async serial port on a busy runtime needs 8 ms. Where the queue is full (the disk
+//! stalls) a thread waits, and how often and how long is counted; then the kernel's buffer may overflow, and
+//! sequence numbers and times show what was lost. Memory does not grow.
+
+use std::io::{ErrorKind, Read};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync_channel};
+use std::thread::{self, JoinHandle};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+
+use crate::record::RecordError;
+use crate::record::devices::polling;
+use crate::record::devices::polling::{Asked, Polling};
+use crate::record::devices::port::{SerialLine, open_port};
+use crate::rig::{Device, Protocol, Rig};
+
+const READ_BYTES: usize = 16 * 1024;
+/// Messages that may wait for the session: seconds of several fast devices, at most 64 MiB.
+const QUEUE: usize = 4096;
+/// How often a port that has vanished is tried again.
+const RETRY_EVERY: Duration = Duration::from_millis(200);
+
+/// The host's clock: runs evenly whatever happens to the time of day.
+#[derive(Debug, Clone, Copy)]
+pub struct HostClock {
+    started: Instant,
+    started_unix_ns: u64,
+}
+
+impl HostClock {
+    /// A clock that shows 0 now.
+    pub fn start() -> HostClock {
+        let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+        HostClock { started: Instant::now(), started_unix_ns: since.as_nanos() as u64 }
+    }
+
+    /// The time of an instant, ns.
+    pub fn at_ns(&self, instant: Instant) -> i64 {
+        instant.saturating_duration_since(self.started).as_nanos() as i64
+    }
+
+    /// The time now, ns.
+    pub fn now_ns(&self) -> i64 {
+        self.at_ns(Instant::now())
+    }
+
+    /// The time of day of a time of this clock, ns since 1970 UTC.
+    pub fn unix_ns(&self, host_ns: i64) -> u64 {
+        self.started_unix_ns.saturating_add_signed(host_ns)
+    }
+}
+
+/// What a device's thread passes on.
+#[derive(Debug)]
+pub enum Input {
+    /// The next bytes, and when they arrived on the host's clock.
+    Bytes {
+        /// Time of their arrival, ns.
+        at_ns: i64,
+        /// The bytes.
+        bytes: Vec<u8>,
+    },
+    /// What became of a poll.
+    Polled(polling::Polled),
+    /// The port is gone, and why; it is tried again.
+    Vanished(String),
+    /// It is back.
+    Back,
+    /// No more will come, and why.
+    Ended(String),
+}
+
+/// How often and how long a port's thread had to wait for the session, and how much of it waits in the queue.
+#[derive(Debug, Default)]
+pub struct Pressure {
+    waits: AtomicU64,
+    waited_us: AtomicU64,
+    sent: AtomicU64,
+    taken: AtomicU64,
+}
+
+impl Pressure {
+    /// Number of waits, and their sum in seconds.
+    pub fn waited(&self) -> (u64, f64) {
+        (self.waits.load(Ordering::Relaxed), self.waited_us.load(Ordering::Relaxed) as f64 / 1e6)
+    }
+}
+
+/// A thread's end of the queue.
+pub struct Queue {
+    device: usize,
+    sender: SyncSender<(usize, Input)>,
+    pressure: Arc<Pressure>,
+    wanted: Arc<AtomicBool>,
+    /// The clock of arrivals.
+    pub host: HostClock,
+}
+
+impl Queue {
+    /// False when nothing is wanted any more.
+    pub fn wanted(&self) -> bool {
+        self.wanted.load(Ordering::Relaxed)
+    }
+
+    /// Passes something on, waiting for room; false when nobody takes it any more.
+    pub fn send(&self, input: Input) -> bool {
+        self.pressure.sent.fetch_add(1, Ordering::Relaxed);
+        match self.sender.try_send((self.device, input)) {
+            Ok(()) => true,
+            Err(TrySendError::Disconnected(_)) => false,
+            Err(TrySendError::Full(message)) => {
+                self.pressure.waits.fetch_add(1, Ordering::Relaxed);
+                let since = Instant::now();
+                let taken = self.sender.send(message).is_ok();
+                self.pressure.waited_us.fetch_add(since.elapsed().as_micros() as u64, Ordering::Relaxed);
+                taken
+            }
+        }
+    }
+
+    /// Says that the port is gone and tries to open it again until it is back; `None` when nothing is wanted any more.
+    pub fn reopen<T>(&self, why: String, mut open: impl FnMut() -> Option<T>) -> Option<T> {
+        if !self.send(Input::Vanished(why)) {
+            return None;
+        }
+        while self.wanted() {
+            thread::sleep(RETRY_EVERY);
+            if let Some(port) = open() {
+                return self.send(Input::Back).then_some(port);
+            }
+        }
+        None
+    }
+}
+
+/// All devices of a session. Dropped, their threads end.
+#[derive(Debug)]
+pub struct Sources {
+    /// The devices, in the order of the numbers that come with the inputs.
+    pub devices: Vec<Device>,
+    /// What comes from them.
+    pub inputs: Receiver<(usize, Input)>,
+    /// The clock of arrivals.
+    pub host: HostClock,
+    pressure: Vec<Arc<Pressure>>,
+    wanted: Arc<AtomicBool>,
+    threads: Vec<JoinHandle<()>>,
+}
+
+impl Sources {
+    /// Opens the ports of the devices and starts to listen, or to ask; slaves on one line come one after the other. A port that vanishes later is tried again where `reopen` says so.
+    pub fn open(rig: &Rig, devices: &[Device], reopen: bool) -> Result<Sources, RecordError> {
+        let (mut sources, sender) = Sources::empty();
+        for (index, device) in devices.iter().enumerate() {
+            if devices[..index].iter().any(|other| other.port == device.port) {
+                continue; // asked together with the first on its line
+            }
+            let again = reopen.then(|| device.clone());
+            match device.protocol {
+                Protocol::ModbusRtu { .. } => {
+                    let line = SerialLine::open(device)?;
+                    let slaves = devices.iter().filter(|other| other.port == device.port);
+                    let asked =
+                        |slave| Asked { polling: Polling::of(rig, slave), queue: sources.queue(&sender, slave) };
+                    let asked: Vec<Asked> = slaves.map(asked).collect();
+                    sources.spawn(device, move || polling::run(line, asked, again.as_ref()))?;
+                }
+                Protocol::Frames | Protocol::Lines => {
+                    let port = open_port(device)?;
+                    let queue = sources.queue(&sender, device);
+                    sources.spawn(device, move || pump(port, again.as_ref(), &queue))?;
+                }
+            }
+        }
+        Ok(sources)
+    }
+
+    /// One device read from anything whose reads return within a moment: a timeout is no end of the stream.
+    pub fn reading(device: &Device, reader: impl Read + Send + 'static) -> Result<Sources, RecordError> {
+        let (mut sources, sender) = Sources::empty();
+        let queue = sources.queue(&sender, device);
+        sources.spawn(device, move || pump(reader, None, &queue))?;
+        Ok(sources)
+    }
+
+    /// How often and how long the thread of a device had to wait for the session.
+    pub fn waited(&self, device: usize) -> (u64, f64) {
+        self.pressure.get(device).map_or((0, 0.0), |pressure| pressure.waited())
+    }
+
+    /// The next input and the number of its device.
+    ///
+    /// # Errors
+    /// None came in time, or no thread is left.
+    pub fn next(&self, within: Duration) -> Result<(usize, Input), RecvTimeoutError> {
+        let (device, input) = self.inputs.recv_timeout(within)?;
+        if let Some(pressure) = self.pressure.get(device) {
+            pressure.taken.fetch_add(1, Ordering::Relaxed);
+        }
+        Ok((device, input))
+    }
+
+    /// How much of the queue waits for the session with what a device has sent, 0 to 1.
+    pub fn queued(&self, device: usize) -> f64 {
+        let Some(pressure) = self.pressure.get(device) else { return 0.0 };
+        let taken = pressure.taken.load(Ordering::Relaxed);
+        let waiting = pressure.sent.load(Ordering::Relaxed).saturating_sub(taken);
+        (waiting as f64 / QUEUE as f64).min(1.0)
+    }
+
+    /// None yet, and the devices' end of the queue.
+    fn empty() -> (Sources, SyncSender<(usize, Input)>) {
+        let (sender, inputs) = sync_channel(QUEUE);
+        let sources = Sources {
+            devices: Vec::new(),
+            inputs,
+            host: HostClock::start(),
+            pressure: Vec::new(),
+            wanted: Arc::new(AtomicBool::new(true)),
+            threads: Vec::new(),
+        };
+        (sources, sender)
+    }
+
+    /// A device's end of the queue.
+    fn queue(&mut self, sender: &SyncSender<(usize, Input)>, device: &Device) -> Queue {
+        let pressure = Arc::<Pressure>::default();
+        self.devices.push(device.clone());
+        self.pressure.push(Arc::clone(&pressure));
+        Queue {
+            device: self.devices.len() - 1,
+            sender: sender.clone(),
+            pressure,
+            wanted: Arc::clone(&self.wanted),
+            host: self.host,
+        }
+    }
+
+    /// The thread of the port that the device is on.
+    fn spawn(&mut self, device: &Device, run: impl FnOnce() + Send + 'static) -> Result<(), RecordError> {
+        let thread = thread::Builder::new()
+            .name(format!("port {}", device.name))
+            .spawn(run)
+            .map_err(|source| RecordError::Thread { device: device.name.clone(), source })?;
+        self.threads.push(thread);
+        Ok(())
+    }
+}
+
+impl Drop for Sources {
+    fn drop(&mut self) {
+        self.wanted.store(false, Ordering::Relaxed);
+        // A thread may wait for room in the queue: closing our end of it wakes it.
+        let (_, closed) = sync_channel(0);
+        drop(std::mem::replace(&mut self.inputs, closed));
+        for thread in self.threads.drain(..) {
+            let _ = thread.join();
+        }
+    }
+}
+
+/// Reads until the stream ends; a port is opened again where `again` says which.
+fn pump(reader: impl Read + Send + 'static, again: Option<&Device>, queue: &Queue) {
+    let mut reader: Box<dyn Read + Send> = Box::new(reader);
+    loop {
+        let Some(why) = read(&mut *reader, queue) else { return };
+        let Some(device) = again else {
+            // The session may have gone meanwhile; then nobody asks.
+            queue.send(Input::Ended(why));
+            return;
+        };
+        drop(reader);
+        let Some(port) = queue.reopen(why, || open_port(device).ok()) else { return };
+        reader = Box::new(port);
+    }
+}
+
+/// Reads until the stream ends and says why; `None` when nothing is wanted any more.
+fn read(reader: &mut dyn Read, queue: &Queue) -> Option<String> {
+    let mut buffer = vec![0; READ_BYTES];
+    loop {
+        if !queue.wanted() {
+            return None;
+        }
+        match reader.read(&mut buffer) {
+            Ok(0) => return Some("the stream ended".to_owned()),
+            Ok(length) => {
+                let bytes = buffer.get(..length).unwrap_or_default().to_vec();
+                if !queue.send(Input::Bytes { at_ns: queue.host.now_ns(), bytes }) {
+                    return None;
+                }
+            }
+            Err(error) => match error.kind() {
+                ErrorKind::TimedOut | ErrorKind::Interrupted | ErrorKind::WouldBlock => {}
+                _ => return Some(why(&error)),
+            },
+        }
+    }
+}
+
+/// Why a port can no longer be used.
+pub fn why(error: &std::io::Error) -> String {
+    match error.kind() {
+        ErrorKind::BrokenPipe | ErrorKind::UnexpectedEof => "the device hung up".to_owned(),
+        _ => format!("the port vanished: {error}"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn device() -> Device {
+        let framing = crate::rig::Framing::default();
+        Device { name: "daq".into(), port: "/dev/null".into(), baud: 921_600, framing, protocol: Protocol::Frames }
+    }
+
+    #[test]
+    fn bytes_arrive_in_order_and_then_the_end() {
+        let bytes: Vec<u8> = (0..100_000u32).map(|i| i as u8).collect();
+        let sources = Sources::reading(&device(), std::io::Cursor::new(bytes.clone())).unwrap();
+        let mut received = Vec::new();
+        let mut last_ns = 0;
+        loop {
+            match sources.inputs.recv().unwrap() {
+                (0, Input::Bytes { bytes, at_ns }) => {
+                    assert!(at_ns >= last_ns);
+                    last_ns = at_ns;
+                    received.extend(bytes);
+                }
+                (0, Input::Ended(why)) => break assert_eq!(why, "the stream ended"),
+                other => panic!("{other:?}"),
+            }
+        }
+        assert_eq!(received, bytes);
+        assert_eq!(sources.waited(0), (0, 0.0));
+    }
+
+    #[test]
+    fn a_source_nobody_reads_ends_when_dropped() {
+        let sources = Sources::reading(&device(), std::io::repeat(7)).unwrap();
+        drop(sources); // hangs if the thread does not notice
+    }
+
+    #[test]
+    fn waiting_for_a_slow_session_is_counted() {
+        let bytes = vec![7; (QUEUE + 100) * READ_BYTES];
+        let sources = Sources::reading(&device(), std::io::Cursor::new(bytes)).unwrap();
+        let started = Instant::now();
+        while sources.waited(0).0 == 0 {
+            assert!(started.elapsed() < Duration::from_secs(20), "nobody waits");
+            thread::sleep(Duration::from_millis(5));
+        }
+        assert_eq!(sources.queued(0), 1.0, "the queue is full");
+        let inputs = std::iter::from_fn(|| sources.next(Duration::from_secs(5)).ok());
+        let received = inputs.filter(|(_, input)| matches!(input, Input::Bytes { .. })).count();
+        assert_eq!(received, QUEUE + 100, "not one is lost by waiting");
+        assert_eq!(sources.queued(0), 0.0);
+        assert!(sources.waited(0).1 > 0.0);
+    }
+}

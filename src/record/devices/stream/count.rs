@@ -1,0 +1,178 @@
+//! What came from a device, and why nothing did.
+
+use std::time::{Duration, Instant};
+
+use crate::record::RecordError;
+use crate::record::clock::align::Stretch;
+use crate::record::devices::poll::forgotten_after;
+use crate::record::devices::polling::Polled;
+use crate::record::devices::stream::{Codec, State, Stream};
+use crate::record::health::alert::Ailment;
+use crate::record::health::monitor::Expected;
+use crate::record::health::snapshot::{DeviceView, SensorView};
+use crate::record::session::live_test::Options;
+use crate::record::session::output::{ClockSummary, DeviceCount};
+use crate::record::wire::modbus::exception;
+use crate::rig::Protocol;
+
+/// A device that says nothing for so long is silent; one that is polled, for so many polls.
+const SILENT_AFTER: Duration = Duration::from_secs(2);
+const SILENT_POLLS: f64 = 4.0;
+
+impl Stream<'_> {
+    /// True if nothing it sent could be used.
+    pub fn is_empty(&self) -> bool {
+        self.stretches.is_empty()
+    }
+
+    /// Why nothing it sent could be used.
+    pub fn nothing(&self, ended: String) -> RecordError {
+        let (device, port, speed) = (self.device.name.clone(), self.device.port.clone(), self.device.speed());
+        match &self.codec {
+            Codec::Polled(Some(Polled { refused: Some(code), .. })) => {
+                RecordError::Refused { device, why: exception(*code) }
+            }
+            Codec::Polled(_) => RecordError::NoAnswer { device, port, speed, ended },
+            _ if self.bytes == 0 => RecordError::Silent { device, port, ended },
+            Codec::Frames(_) => RecordError::NoFrame { device, bytes: self.bytes, speed, speaks: "frames", ended },
+            Codec::Lines(_) => RecordError::NoFrame { device, bytes: self.bytes, speed, speaks: "lines", ended },
+        }
+    }
+
+    /// What came from it; `waited` is how often and how long its thread waited for the session.
+    pub fn count(&self, waited: (u64, f64)) -> DeviceCount {
+        let mut count = self.tally(waited);
+        if self.has_clock() {
+            let lines = self.stretches.iter().filter_map(Stretch::line);
+            count.clock = lines.map(|line| ClockSummary::of(&line)).reduce(ClockSummary::and);
+        }
+        count
+    }
+
+    /// What is known of its clock by now, for a recording that ends before the session; `several` devices have theirs compared.
+    pub fn clock_notes(&self, several: bool) -> impl Iterator<Item = (String, String)> + '_ {
+        let mut count = self.count((0, 0.0));
+        count.warn(several);
+        let of_clock = count.notes().into_iter().filter(|(what, _)| what.starts_with("clock"));
+        of_clock.map(|(what, text)| (format!("{}.{what}", self.device.name), text))
+    }
+
+    /// It has come to the end of the recording: what is bad or lost from here on is not the recording's.
+    pub fn reached(&mut self) {
+        let count = self.tally((0, 0.0));
+        self.bad_and_lost = Some((count.bad_frames, count.lost_frames));
+        self.state = State::Reached;
+    }
+
+    /// As [`Stream::count`], but for its clock, which takes a fit.
+    fn tally(&self, waited: (u64, f64)) -> DeviceCount {
+        let mut count = DeviceCount {
+            name: self.device.name.clone(),
+            holes: self.holes,
+            reconnects: self.reconnects,
+            restarts: self.stretches.len().saturating_sub(1) as u64,
+            clock_steps: self.steps,
+            squeezed_frames: self.clock.map_or(0, |clock| clock.squeezed()),
+            queue_waits: waited.0,
+            queue_waited_s: waited.1,
+            ..DeviceCount::default()
+        };
+        match &self.codec {
+            Codec::Frames(decoder) => {
+                let counts = decoder.counts();
+                (count.frames, count.bad_frames) = (counts.frames, counts.bad);
+                (count.lost_frames, count.duplicated_frames) = (counts.lost, counts.duplicated);
+                (count.restamped_frames, count.stamps_scatter_s) = (counts.restamped, decoder.stamps_scatter_s());
+                count.period_off_s = decoder.period_off_s();
+            }
+            Codec::Lines(decoder) => {
+                let counts = decoder.counts();
+                (count.frames, count.bad_frames) = (counts.lines, counts.bad);
+                count.duplicated_frames = counts.stale;
+            }
+            Codec::Polled(polled) => {
+                let counts = polled.as_ref().map(|polled| polled.counts).unwrap_or_default();
+                (count.frames, count.bad_frames) = (counts.answers, counts.bad + counts.refused);
+                (count.lost_frames, count.late_answers) =
+                    (counts.missed.saturating_sub(self.before.missed), counts.late);
+                count.skipped_polls = counts.skipped.saturating_sub(self.before.skipped);
+                count.poll_warning = self.poll_warning(&count, counts.unproven > 0 && counts.answers > 0);
+            }
+        }
+        if let (State::Reached, Some((bad, lost))) = (&self.state, self.bad_and_lost) {
+            (count.bad_frames, count.lost_frames) = (bad, lost);
+        }
+        count
+    }
+
+    /// Why polls fell out, and what to do about it; one that is read though it `ignores` echoes is left alone after each late answer.
+    fn poll_warning(&self, count: &DeviceCount, ignores: bool) -> Option<String> {
+        let Protocol::ModbusRtu { poll_interval_s, timeout_s, .. } = self.device.protocol else { return None };
+        let (lost, skipped) = (count.lost_frames, count.skipped_polls);
+        let left_alone_s =
+            forgotten_after(Duration::try_from_secs_f64(timeout_s).unwrap_or(Duration::MAX)).as_secs_f64();
+        match ignores {
+            true if lost + skipped > 0 => Some(format!(
+                "it ignores echoes (diagnostics, function 8), which tell late answers from new ones, so it is left alone for {left_alone_s} s \
+                 after each answer that does not come in time, and 20 ms between requests of equal length: {skipped} polls fell out and {lost} \
+                 had no answer; let it answer function 8 or refuse it by an exception, or raise timeout_s (now {timeout_s}) above its slowest \
+                 answer and poll_interval_s (now {poll_interval_s})"
+            )),
+            false if skipped > 0 => Some(format!(
+                "{skipped} polls fell out because the one before took too long: raise poll_interval_s (now {poll_interval_s}), or the baud rate"
+            )),
+            _ => None,
+        }
+    }
+
+    /// Others went on at a moment at which more was due from it, so that it ended before them.
+    pub fn left_before(&self, moment: Instant) -> bool {
+        moment.saturating_duration_since(self.heard) > self.patience(self.pause.unwrap_or_default())
+    }
+
+    /// The sensors that will come from it, as the `device`-th of the session.
+    pub fn expected(&self, device: usize) -> impl Iterator<Item = Expected> + '_ {
+        let silent_after = Some(self.silent_after());
+        self.sensors().map(move |sensor| Expected { sensor, device: Some(device), silent_after })
+    }
+
+    fn silent_after(&self) -> Duration {
+        let polls_s = match self.device.protocol {
+            Protocol::Frames | Protocol::Lines => 0.0,
+            Protocol::ModbusRtu { poll_interval_s, .. } => SILENT_POLLS * poll_interval_s,
+        };
+        SILENT_AFTER.max(Duration::try_from_secs_f64(polls_s).unwrap_or(Duration::MAX))
+    }
+
+    /// How it stands; `own` are its sensors, `waited` and `queue` as in [`DeviceView`].
+    pub fn view(&self, own: &[&SensorView], options: &Options, waited: (u64, f64), queue: f64) -> DeviceView {
+        let silent = match own {
+            [] => self.heard.elapsed() >= self.silent_after(),
+            sensors => sensors.iter().all(|sensor| sensor.ailment == Some(Ailment::Silent)),
+        };
+        let trouble = match &self.state {
+            State::Vanished(_, why) if options.wait > Duration::ZERO => Some(format!(
+                "{why}: plug {} in again, it is waited for {} s",
+                self.device.port,
+                options.wait.as_secs_f64()
+            )),
+            State::Vanished(_, why) | State::Ended(why) => Some(why.clone()),
+            State::Open if silent => Some(self.silence()),
+            State::Open | State::Reached => None,
+        };
+        let samples = own.iter().map(|sensor| sensor.samples).sum();
+        DeviceView { count: self.tally(waited), samples, samples_per_s: 0.0, queue, trouble }
+    }
+
+    /// What to do about a device that sends nothing that can be used.
+    fn silence(&self) -> String {
+        let (port, speed) = (&self.device.port, self.device.speed());
+        match &self.codec {
+            Codec::Polled(_) => {
+                format!("no answer on {port}: is it powered, at {speed}, and its unit_id and wiring (A, B) right?")
+            }
+            _ if self.bytes == 0 => format!("not one byte comes on {port}: is it powered, started and on this port?"),
+            _ => format!("nothing valid comes on {port}: has it stopped, or is its line not {speed}?"),
+        }
+    }
+}

@@ -1,0 +1,159 @@
+//! Where a recording stands, a few times a second: what a view of it draws.
+
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+
+use crate::record::health::alert::Ailment;
+use crate::record::session::output::DeviceCount;
+
+/// How often a view is given something to draw.
+const EVERY: Duration = Duration::from_millis(200);
+
+/// Where a recording stands.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Snapshot {
+    /// Time of the newest sample, s; `None` as long as no sample has come.
+    pub recorded_s: Option<f64>,
+    /// Samples of all sensors so far.
+    pub samples: u64,
+    /// Gaps of all sensors so far.
+    pub gaps: u64,
+    /// Samples of all sensors per second of the wall clock since the last snapshot.
+    pub samples_per_s: f64,
+    /// The devices; none where a file is played.
+    pub devices: Vec<DeviceView>,
+    /// The sensors that are recorded, in the rig's order.
+    pub sensors: Vec<SensorView>,
+    /// The trigger, where shots are recorded.
+    pub trigger: Option<TriggerView>,
+    /// The file that grows; the folder of the shots between them.
+    pub place: PathBuf,
+    /// The disk, filled in by whoever draws: to ask the system may take long.
+    pub disk: Option<Disk>,
+}
+
+/// Room on the disk.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Disk {
+    /// Bytes left.
+    pub free_bytes: u64,
+    /// How fast the recording takes them.
+    pub bytes_per_s: f64,
+}
+
+impl Disk {
+    /// How long the room lasts at this rate, s; infinite where nothing is written.
+    pub fn lasts_s(&self) -> f64 {
+        if self.bytes_per_s > 0.0 { self.free_bytes as f64 / self.bytes_per_s } else { f64::INFINITY }
+    }
+}
+
+/// How a device stands.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct DeviceView {
+    /// What has come from it; without its clock.
+    pub count: DeviceCount,
+    /// Samples of its sensors so far.
+    pub samples: u64,
+    /// Samples of its sensors per second of the wall clock since the last snapshot.
+    pub samples_per_s: f64,
+    /// How much of the queue to the session it fills, 0 to 1.
+    pub queue: f64,
+    /// Why nothing comes from it, and what to do.
+    pub trouble: Option<String>,
+}
+
+/// How a sensor stands.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct SensorView {
+    /// Its name.
+    pub name: String,
+    /// Unit of its values.
+    pub unit: &'static str,
+    /// Its device, an index into [`Snapshot::devices`].
+    pub device: Option<usize>,
+    /// Samples so far.
+    pub samples: u64,
+    /// Samples per second of its own clock.
+    pub rate_hz: Option<f64>,
+    /// Mean of the last tenth of a second.
+    pub level: Option<f64>,
+    /// What it may be off: less than this is no change.
+    pub accuracy: f64,
+    /// Gaps so far.
+    pub gaps: u64,
+    /// Least and most value of each tenth of a second of the last ten seconds.
+    pub trace: Vec<Option<[f64; 2]>>,
+    /// What is wrong with it.
+    pub ailment: Option<Ailment>,
+}
+
+/// How a trigger stands.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TriggerView {
+    /// What fires it, as in `P1 reaches 500 kPa`.
+    pub condition: String,
+    /// What it does.
+    pub phase: Phase,
+    /// Shots that have fired.
+    pub fired: usize,
+    /// Shots wanted.
+    pub most: Option<usize>,
+    /// Why shots could not be written.
+    pub lost: Vec<String>,
+}
+
+/// What a trigger does.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Phase {
+    /// It waits until its sensor was quiet for as long as a shot holds before it fires.
+    Settling {
+        /// Quiet for so long by now, s.
+        quiet_s: f64,
+        /// So long is wanted, s.
+        wanted_s: f64,
+    },
+    /// It may fire.
+    Armed,
+    /// It has fired.
+    Fired {
+        /// So long ago, s.
+        since_s: f64,
+        /// The shot lasts so long, s.
+        lasts_s: f64,
+    },
+    /// All shots that were wanted are there.
+    Over,
+}
+
+/// Hands on snapshots when it is time.
+pub struct Reports<'a> {
+    on: &'a mut dyn FnMut(Snapshot),
+    at: Instant,
+    /// Samples at the last one: of all sensors, and of each device's.
+    before: (u64, Vec<u64>),
+}
+
+impl<'a> Reports<'a> {
+    /// Snapshots go to `on`.
+    pub fn to(on: &'a mut dyn FnMut(Snapshot)) -> Reports<'a> {
+        Reports { on, at: Instant::now(), before: (0, Vec::new()) }
+    }
+
+    /// Makes a snapshot and hands it on if it is time.
+    pub fn when_due(&mut self, make: impl FnOnce() -> Snapshot) {
+        let since_s = self.at.elapsed().as_secs_f64();
+        if since_s < EVERY.as_secs_f64() {
+            return;
+        }
+        self.at = Instant::now();
+        let mut snapshot = make();
+        let rate = |now: u64, before: u64| now.saturating_sub(before) as f64 / since_s;
+        snapshot.samples_per_s = rate(snapshot.samples, self.before.0);
+        for (i, device) in snapshot.devices.iter_mut().enumerate() {
+            device.samples_per_s = rate(device.samples, self.before.1.get(i).copied().unwrap_or(0));
+        }
+        self.before = (snapshot.samples, snapshot.devices.iter().map(|device| device.samples).collect());
+        (self.on)(snapshot);
+    }
+}

@@ -1,0 +1,121 @@
+//! The log of a session and its clock: both begin with the first valid sample of any device.
+
+use crate::record::RecordError;
+use crate::record::clock::align;
+use crate::record::devices::source::HostClock;
+use crate::record::devices::stream::Stream;
+use crate::record::health::monitor::Expected;
+use crate::record::health::snapshot::Snapshot;
+use crate::record::session::live_test::Options;
+use crate::record::session::recorder::Recorder;
+use crate::recording::RunInfo;
+use crate::rig::Rig;
+use crate::storage::Retimer;
+
+/// What a session writes to, once it has begun: a device that never speaks leaves no file behind.
+pub struct Live<'a> {
+    /// The rig.
+    pub rig: &'a Rig,
+    /// End of the recording on its own clock, ns.
+    pub end_ns: i64,
+    options: &'a Options,
+    source: String,
+    expected: Vec<Expected>,
+    host: HostClock,
+    /// The output, and recording time 0 on the host's clock.
+    begun: Option<(Recorder, i64)>,
+    clocks_changed: bool,
+}
+
+impl<'a> Live<'a> {
+    /// Nothing is written yet; `source` says where the samples of the `expected` sensors come from.
+    pub fn new(
+        rig: &'a Rig,
+        options: &'a Options,
+        source: String,
+        expected: Vec<Expected>,
+        host: HostClock,
+    ) -> Live<'a> {
+        let end_ns = options.end_ns(0);
+        Live { rig, end_ns, options, source, expected, host, begun: None, clocks_changed: false }
+    }
+
+    /// True from the first sample on.
+    pub fn has_begun(&self) -> bool {
+        self.begun.is_some()
+    }
+
+    /// Begins with a sample taken at this time on the host's clock, if it has not begun.
+    pub fn begin(&mut self, host_ns: i64) -> Result<(), RecordError> {
+        if self.begun.is_none() {
+            let run = RunInfo {
+                start_unix_ns: self.host.unix_ns(host_ns),
+                source: self.source.clone(),
+                program: format!("surgescope {}", env!("CARGO_PKG_VERSION")),
+                notes: self.options.notes.clone(),
+                ..RunInfo::default()
+            };
+            self.begun = Some((Recorder::create(self.options, self.rig, &run, &self.expected)?, host_ns));
+        }
+        Ok(())
+    }
+
+    /// Recording time 0 on the host's clock, ns.
+    pub fn zero_ns(&self) -> i64 {
+        self.begun.as_ref().map_or(0, |(_, zero_ns)| *zero_ns)
+    }
+
+    /// Recording time of a time on the host's clock, ns.
+    pub fn recording_ns(&self, host_ns: i64) -> i64 {
+        host_ns.saturating_sub(self.zero_ns())
+    }
+
+    /// What is written to, after [`begin`](Live::begin).
+    pub fn output(&mut self) -> Result<&mut Recorder, RecordError> {
+        self.begun.as_mut().map(|(output, _)| output).ok_or(RecordError::NotBegun)
+    }
+
+    /// A device began a new stretch: the log is to know of it soon.
+    pub fn clocks_changed(&mut self) {
+        self.clocks_changed = true;
+    }
+
+    /// True once after clocks changed.
+    pub fn take_clocks_changed(&mut self) -> bool {
+        std::mem::take(&mut self.clocks_changed)
+    }
+
+    /// Writes how the clocks lie to each other, as well as it is known by now, and tells the devices.
+    pub fn write_clocks(&mut self, streams: &mut [Stream<'_>]) -> Result<(), RecordError> {
+        let name = |sensor: usize| self.rig.sensors[sensor].name.clone();
+        let devices: Vec<_> =
+            streams.iter().map(|stream| (stream.sensors().map(name).collect(), stream.stretches.clone())).collect();
+        let own: Vec<bool> = streams.iter().map(Stream::has_clock).collect();
+        let fixes = align::fixes(&devices, &own);
+        let retimer = Retimer::new(fixes.clone());
+        for (stream, (sensors, _)) in streams.iter_mut().zip(&devices) {
+            let moves = sensors.first().map(|sensor| retimer.of(sensor)).unwrap_or_default();
+            stream.set_moves(moves);
+        }
+        match &mut self.begun {
+            Some((output, _)) => {
+                let several = streams.len() > 1;
+                let noted = || streams.iter().flat_map(|stream| stream.clock_notes(several)).collect();
+                output.clocks(fixes, noted)
+            }
+            None => Ok(()),
+        }
+    }
+
+    /// Where the recording stands, but for the devices; nothing yet where nothing began.
+    pub fn snapshot(&self) -> Snapshot {
+        let place = || self.options.shots.as_ref().map_or(&self.options.file, |plan| &plan.folder).clone();
+        let begun = self.begun.as_ref().map(|(output, _)| output.snapshot());
+        begun.unwrap_or_else(|| Snapshot { place: place(), ..Snapshot::default() })
+    }
+
+    /// The output, to be finished; `None` where nothing began.
+    pub fn into_output(self) -> Option<Recorder> {
+        self.begun.map(|(output, _)| output)
+    }
+}

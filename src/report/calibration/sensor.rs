@@ -1,0 +1,153 @@
+//! One sensor of one run: charts for the script, the same as still pictures, and the table of extrema.
+
+use std::fmt::Write;
+
+use crate::fit::outcome::fit::ExtremumError;
+use crate::report::Stage;
+use crate::report::html::escape::escape;
+use crate::report::html::page::{Page, Panel, colour, minus, table};
+use crate::report::svg::{LineChart, Series, Style};
+use crate::report::text::number::{decimals_for, error_m, fixed, signed, significant, times_noise};
+use crate::report::view::curves::{BUCKETS, Curves, find};
+
+const X_LABEL: &str = "time after the start of the closure, s";
+const HEAD_LABEL: &str = "head, m";
+const RESIDUAL_LABEL: &str = "model − measured, m";
+/// Stretches of a still picture: about one a pixel.
+const STILL_BUCKETS: usize = 420;
+
+pub(crate) fn section(index: usize, panel: &Panel, page: &Page, open: bool) -> String {
+    let stages = &page.stages;
+    let fit = panel.fit;
+    let name = escape(&fit.name);
+    let mut out = format!(
+        r#"<section class="sensor" id="sensor-{index}"><h3>{name} <small>{} m from the supply · {}</small></h3>
+<p class="facts">{}</p>
+<div class="live" data-panel="{index}" hidden>
+<div class="tools"><span class="hint">Drag to zoom, double-click to see all.</span><span class="buttons"></span></div>
+<h4>Head, m</h4><div class="legend" data-of="head"></div><div class="plot head" role="img" aria-label="Measured and modelled head at {name} over time"></div>
+<h4>Model − measured, m</h4><div class="legend" data-of="residual"></div><div class="plot residual" role="img" aria-label="Modelled minus measured head at {name} over time"></div>
+</div>
+<div class="still">
+"#,
+        significant(fit.position_m, 4),
+        escape(panel.file),
+        facts(panel, stages),
+    );
+    out.push_str(&still(panel, stages, page.prediction.map(|p| p.known_until_s)));
+    out.push_str("</div>\n");
+    let c = &panel.curves;
+    if !c.band_m.is_empty() {
+        out.push_str("<p class=\"note\">Band: where the model expects a sample with 95% probability, from the noise and the uncertainty of the parameters. A model that lacks nothing has 95% of the samples inside.</p>\n");
+    }
+    if c.decimated {
+        let _ = writeln!(
+            out,
+            r#"<p class="note">{} of {} samples are drawn: the trace is cut into {BUCKETS} equal stretches, and of each the lowest and the highest point of every curve and residual is kept, so no peak is lost. Errors and tables use all samples.</p>"#,
+            c.time_s.len(),
+            c.samples
+        );
+    }
+    out.push_str(&extrema(&fit.extrema, fit.noise_m, &fit.name, open));
+    out.push_str("</section>\n");
+    out
+}
+
+fn facts(panel: &Panel, stages: &[Stage]) -> String {
+    let fit = panel.fit;
+    let before = stages.first().filter(|_| stages.len() > 1).and_then(|s| find(s.fit, panel.file, &fit.name));
+    let before = before.map_or(String::new(), |s| format!("{} m → ", error_m(s.rmse_m)));
+    let inside = fit
+        .inside_band()
+        .map_or(String::new(), |share| format!(" · {}% of the samples inside the 95% band", fixed(100.0 * share, 1)));
+    format!(
+        "RMSE {before}<strong>{} m</strong> · noise {} m · {}{inside}",
+        error_m(fit.rmse_m),
+        error_m(fit.noise_m),
+        times_noise(fit.rmse_m, fit.noise_m)
+    )
+}
+
+/// Head and residual as still pictures.
+fn still(panel: &Panel, stages: &[Stage], ahead_from_s: Option<f64>) -> String {
+    let c = &panel.curves;
+    let style = |i: usize| Style::line(colour(i, stages.len()));
+    let mut head = vec![line("measured", c, &c.measured_m, Style::measured())];
+    let mut residual = Vec::new();
+    if let Some(model) = c.models_m.last().filter(|_| !c.band_m.is_empty()) {
+        head.push(band(c, model));
+        residual.push(band(c, &vec![0.0; model.len()]));
+    }
+    for (i, (stage, (model, rest))) in stages.iter().zip(c.models_m.iter().zip(&c.residuals_m())).enumerate() {
+        head.push(line(&stage.title, c, model, style(i)));
+        if panel.residual_shown.get(i).copied().unwrap_or(true) {
+            residual.push(line(&stage.title, c, rest, style(i)));
+        }
+    }
+    for overlay in &panel.overlays {
+        let points = overlay.time_s.iter().copied().zip(overlay.head_m.iter().copied()).collect();
+        head.push(Series {
+            label: overlay.label.clone(),
+            points,
+            style: Style { class: "overlay", ..Style::points(3) },
+        });
+    }
+    if let (Some(&from), Some(&to), true) = (c.time_s.first(), c.time_s.last(), panel.fit.noise_m > 0.0) {
+        let (level, gap) = (2.0 * panel.fit.noise_m, f64::NAN);
+        let points = vec![(from, level), (to, level), (gap, gap), (from, -level), (to, -level)];
+        let style = Style { class: "limit", colour: "#222", dash: "5 4", width: 1.5, points: false, area: false };
+        residual.push(Series { label: "±2 × noise".into(), points, style });
+    }
+    let chart = |y_label: &str, series| LineChart {
+        x_label: X_LABEL.into(),
+        y_label: y_label.into(),
+        series,
+        marks: ahead_from_s.map(|from| (from, "predicted from here".to_owned())).into_iter().collect(),
+        ..LineChart::default()
+    };
+    chart(HEAD_LABEL, head).to_svg(900.0, 330.0) + &chart(RESIDUAL_LABEL, residual).to_svg(900.0, 220.0)
+}
+
+/// The 95% band around a curve.
+fn band(curves: &Curves, middle: &[f64]) -> Series {
+    let edge = |sign: f64| {
+        let values: Vec<f64> = middle.iter().zip(&curves.band_m).map(|(m, half)| m + sign * half).collect();
+        let edge = line("", curves, &values, Style::area(0)).points;
+        edge.into_iter().filter(|p| p.1.is_finite()).collect::<Vec<_>>()
+    };
+    let points = edge(1.0).into_iter().chain(edge(-1.0).into_iter().rev()).collect();
+    Series { label: "95% band".into(), points, style: Style::area(0) }
+}
+
+fn line(label: &str, curves: &Curves, values: &[f64], style: Style) -> Series {
+    let kept = crate::report::view::decimate::keep(&[values], values.len(), STILL_BUCKETS);
+    let points = kept.iter().filter_map(|&i| Some((*curves.time_s.get(i)?, *values.get(i)?))).collect();
+    Series { label: label.into(), points, style }
+}
+
+fn extrema(extrema: &[ExtremumError], noise_m: f64, sensor: &str, open: bool) -> String {
+    if extrema.is_empty() {
+        return "<p class=\"note\">No peaks or troughs were found in this trace.</p>\n".into();
+    }
+    let decimals = decimals_for(noise_m);
+    let rows = extrema.iter().map(|e| {
+        let error = e.model_m - e.measured_m;
+        vec![
+            format!("<span class=\"nowrap\">{} {}</span>", e.cycle, if e.peak { "peak" } else { "trough" }),
+            fixed(e.time_s, 3),
+            minus(&fixed(e.measured_m, decimals)),
+            minus(&fixed(e.model_m, decimals)),
+            minus(&signed(error, decimals)),
+            minus(&signed(100.0 * error / e.measured_m.abs(), 2)),
+            minus(&signed(e.phase_s * 1e3, 1)),
+        ]
+    });
+    let headings = ["cycle", "time, s", "measured, m", "model, m", "error, m", "error, %", "phase, ms"];
+    let caption = format!("Peaks and troughs at {sensor}");
+    format!(
+        "<details{}><summary>Peaks and troughs ({})</summary>\n{}<p class=\"note\">Error: model − measured. Phase: how much later the model crosses its mean level on the way to the extremum; positive means that the model is late.</p></details>\n",
+        if open { " open" } else { "" },
+        extrema.len(),
+        table(&caption, &headings, &[1, 2, 3, 4, 5, 6], rows)
+    )
+}

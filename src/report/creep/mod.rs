@@ -1,0 +1,4 @@
+//! A creep test as text, JSON and page.
+
+pub mod html;
+pub mod text;

@@ -1,0 +1,6 @@
+//! A diagnosis as text, JSON and page.
+
+pub(crate) mod html;
+pub(crate) mod ranking;
+pub(crate) mod signature;
+pub mod text;

@@ -1,0 +1,232 @@
+//! A diagnosis as JSON (see the contract) and as text.
+
+use std::fmt::Write;
+
+use serde::Serialize;
+
+use crate::diagnose::visible::Visible;
+use crate::diagnose::{Candidate, Diagnosis, NOT_WORTH, Verdict};
+use crate::model::effects::name_of;
+use crate::report::calibration::json::Parameter;
+
+#[derive(Serialize)]
+struct Document<'a> {
+    verdict: &'static str,
+    probability: f64,
+    start: StartModel<'a>,
+    candidates: Vec<Rival<'a>>,
+    next_test: &'a str,
+    fails: &'a [String],
+    not_tried: Vec<LeftOut<'a>>,
+    least_visible: Vec<Least<'a>>,
+    warnings: &'a [String],
+}
+
+#[derive(Serialize)]
+struct Least<'a> {
+    effect: &'a str,
+    parameter: &'a str,
+    value: f64,
+    unit: &'a str,
+}
+
+#[derive(Serialize)]
+struct LeftOut<'a> {
+    effect: &'a str,
+    reason: &'a str,
+}
+
+#[derive(Serialize)]
+struct StartModel<'a> {
+    runs: Vec<&'a str>,
+    effects: Vec<String>,
+    rmse_m: f64,
+    noise_m: f64,
+    held_out_m: Option<f64>,
+    parameters: Vec<Parameter<'a>>,
+}
+
+#[derive(Serialize)]
+struct Rival<'a> {
+    effect: &'a str,
+    label: &'a str,
+    probability: f64,
+    evidence: f64,
+    rmse_m: f64,
+    held_out_m: Option<f64>,
+    indistinguishable_from: &'a [&'static str],
+    parameters: Vec<Parameter<'a>>,
+}
+
+/// The JSON document of `diagnose --json`: the last diagnosis and, where there were several, `steps`, all of them.
+///
+/// # Errors
+/// None in practice: all values can be written.
+pub fn json(diagnoses: &[Diagnosis]) -> serde_json::Result<String> {
+    let mut last = serde_json::to_value(diagnoses.last().map(document))?;
+    if diagnoses.len() > 1 {
+        last["steps"] = serde_json::to_value(diagnoses.iter().map(document).collect::<Vec<_>>())?;
+    }
+    serde_json::to_string_pretty(&last)
+}
+
+fn document(diagnosis: &Diagnosis) -> Document<'_> {
+    let (rmse_m, noise_m) = diagnosis.start.pooled();
+    Document {
+        verdict: diagnosis.verdict.name(),
+        probability: diagnosis.probability,
+        start: StartModel {
+            runs: diagnosis.start.runs.iter().map(|r| r.file.as_str()).collect(),
+            effects: diagnosis.start.labels(),
+            rmse_m,
+            noise_m,
+            held_out_m: diagnosis.held_out_m,
+            parameters: diagnosis.start.parameters.iter().map(Parameter::from).collect(),
+        },
+        least_visible: diagnosis
+            .visible
+            .iter()
+            .map(|v| Least { effect: &v.effect, parameter: &v.parameter, value: v.value, unit: v.unit })
+            .collect(),
+        candidates: diagnosis.candidates.iter().map(rival).collect(),
+        next_test: diagnosis.next_test.as_deref().unwrap_or(""),
+        fails: &diagnosis.failings,
+        warnings: &diagnosis.doubts,
+        not_tried: diagnosis.left_out.iter().map(|(effect, reason)| LeftOut { effect, reason }).collect(),
+    }
+}
+
+fn rival(candidate: &Candidate) -> Rival<'_> {
+    Rival {
+        effect: candidate.effect,
+        label: &candidate.label,
+        probability: candidate.probability,
+        evidence: candidate.evidence,
+        rmse_m: candidate.rmse_m,
+        held_out_m: candidate.held_out_m,
+        indistinguishable_from: &candidate.indistinguishable_from,
+        parameters: candidate.parameters.iter().map(Parameter::from).collect(),
+    }
+}
+
+/// Candidates that the text shows.
+const SHOWN: usize = 5;
+
+/// The diagnosis for people.
+pub fn text(diagnosis: &Diagnosis) -> String {
+    let (rmse_m, noise_m) = diagnosis.start.pooled();
+    let model = name_of(&diagnosis.start.effects);
+    let mut out = format!("{model}: RMSE {rmse_m:.3} m, noise {noise_m:.3} m\n");
+    for sentence in &diagnosis.failings {
+        let _ = writeln!(out, "  {sentence}");
+    }
+    for doubt in &diagnosis.doubts {
+        let _ = writeln!(out, "\nwarning: {doubt}");
+    }
+    let _ = match (diagnosis.verdict, diagnosis.candidates.first()) {
+        (Verdict::NothingMissing, _) => {
+            writeln!(
+                out,
+                "\nNothing is missing (probability {:.2}): no effect of the catalogue is worth adding.",
+                diagnosis.probability
+            )
+        }
+        (Verdict::UnknownEffect, Some(_)) => {
+            let nearest = diagnosis.candidates.iter().min_by(|a, b| a.rmse_m.total_cmp(&b.rmse_m));
+            let nearest =
+                nearest.map_or(String::new(), |c| format!("; the nearest, {}, leaves {:.3} m", c.effect, c.rmse_m));
+            let p = diagnosis.probability;
+            writeln!(
+                out,
+                "\nSomething is missing that no effect of the catalogue explains (probability {p:.2}){nearest}."
+            )
+        }
+        (Verdict::UnknownEffect, None) => {
+            writeln!(out, "\nSomething is missing that no effect of the catalogue explains.")
+        }
+        (Verdict::MissingEffect, Some(best)) => writeln!(
+            out,
+            "\nMissing: {} (probability {:.2}). With it, RMSE {:.3} m → {:.3} m.",
+            best.label, best.probability, rmse_m, best.rmse_m
+        ),
+        (Verdict::MissingEffect, None) => Ok(()),
+    };
+    if let Some(best) = diagnosis.candidates.first()
+        && let (Some(without), Some(with)) = (diagnosis.held_out_m, best.held_out_m)
+    {
+        let _ = writeln!(
+            out,
+            "Refitted to the first three fifths of the record, the model misses the rest by {with:.3} m with it, {without:.3} m without."
+        );
+    }
+    if !diagnosis.visible.is_empty() {
+        let least: Vec<String> =
+            diagnosis.visible.iter().map(|v| format!("  {}, {} {}", v.effect, v.parameter, least_visible(v))).collect();
+        let _ = writeln!(out, "\nToo small to be seen in this record would be\n{}", least.join("\n"));
+    }
+    if diagnosis.verdict == Verdict::MissingEffect {
+        for p in diagnosis.candidates.first().map_or(&[][..], |c| &c.parameters) {
+            let _ = writeln!(out, "  {} = {:.5} ± {:.2} {}", p.name, Sig(p.value), Sig(p.standard_error), p.unit);
+        }
+    }
+    if diagnosis.verdict != Verdict::NothingMissing {
+        let _ = writeln!(
+            out,
+            "\n{:<20} {:>11} {:>10} {:>9}  cannot be told from",
+            "effect", "probability", "evidence", "RMSE m"
+        );
+        for c in diagnosis.candidates.iter().take(SHOWN) {
+            let _ = writeln!(
+                out,
+                "{:<20} {:>11.3} {:>10} {:>9.3}  {}",
+                c.effect,
+                c.probability,
+                evidence(c),
+                c.rmse_m,
+                c.indistinguishable_from.join(", ")
+            );
+        }
+    }
+    if diagnosis.verdict != Verdict::NothingMissing {
+        let all: f64 = diagnosis.candidates.iter().map(|c| c.probability).sum();
+        let _ = writeln!(out, "{:<20} {:>11.3}", "none of these", (1.0 - all).max(0.0));
+    }
+    for (effect, reason) in &diagnosis.left_out {
+        let _ = writeln!(out, "\nNot tried: {effect}: {reason}.");
+    }
+    if let Some(test) = &diagnosis.next_test {
+        let _ = writeln!(out, "\nNext test: {test}.");
+    }
+    out
+}
+
+/// The evidence in words: what is not worth a model has none.
+fn evidence(candidate: &Candidate) -> String {
+    if candidate.evidence <= NOT_WORTH { "none".to_owned() } else { format!("{:.1}", candidate.evidence) }
+}
+
+/// The range of a parameter in which its effect could not be seen, in words.
+pub(crate) fn least_visible(v: &Visible) -> String {
+    let unit = if v.unit == "1" { String::new() } else { format!(" {}", v.unit) };
+    if v.vanishes_at == 0.0 {
+        return format!("under {:.2}{unit}", Sig(v.value));
+    }
+    format!("within {} ± {:.2}{unit}", v.vanishes_at, Sig((v.value - v.vanishes_at).abs()))
+}
+
+/// A number to a number of significant digits.
+struct Sig(f64);
+
+impl std::fmt::Display for Sig {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let digits = f.precision().unwrap_or(3);
+        if !self.0.is_finite() {
+            return write!(f, "?");
+        }
+        let magnitude = if self.0 == 0.0 { 0 } else { self.0.abs().log10().floor() as i32 };
+        if !(-4..6).contains(&magnitude) {
+            return write!(f, "{:.*e}", digits - 1, self.0);
+        }
+        write!(f, "{:.*}", (digits as i32 - 1 - magnitude).max(0) as usize, self.0)
+    }
+}

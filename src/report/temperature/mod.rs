@@ -1,0 +1,4 @@
+//! Runs at several temperatures as text, JSON, CSV and page.
+
+pub mod html;
+pub mod text;

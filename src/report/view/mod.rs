@@ -1,0 +1,6 @@
+//! What is worth showing of a fit, whatever shows it.
+
+pub mod curves;
+pub mod decimate;
+pub mod failure;
+pub mod summary;

@@ -1,0 +1,32 @@
+//! What can go wrong with an index, in sentences for users.
+
+use std::io;
+use std::path::PathBuf;
+
+/// An index could not be read or written.
+#[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)] // the sentences say it
+pub enum HistoryError {
+    #[error("{} has no index of runs ({}): `surgescope watch {}` makes one", .0.display(), crate::results::history::index::FILE, .0.display())]
+    NoIndex(PathBuf),
+    #[error("{} is no index of runs: move it away, then `surgescope watch` makes a new one", .0.display())]
+    NotOurs(PathBuf),
+    #[error("{} was written by a newer version of the program: update surgescope", .0.display())]
+    Newer(PathBuf),
+    #[error(
+        "another surgescope works on the recordings in {} ({who}): one at a time; end it first, or let it do the work", .folder.display()
+    )]
+    Busy { folder: PathBuf, who: String },
+    #[error("cannot {action} {}", .path.display())]
+    Io { action: &'static str, path: PathBuf, source: io::Error },
+    #[error("the index of rig '{rig}' holds no run; it knows {}", list(.known))]
+    UnknownRig { rig: String, known: Vec<String> },
+    #[error("the index does not know the recording {0}: `surgescope watch` or `record --calibrate` fits it first")]
+    UnknownRun(String),
+    #[error("the index of runs cannot be used")]
+    Sqlite(#[from] rusqlite::Error),
+}
+
+fn list(names: &[String]) -> String {
+    if names.is_empty() { "no rig".into() } else { names.join(", ") }
+}

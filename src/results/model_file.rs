@@ -1,0 +1,326 @@
+//! The models of a rig's runs, one after the other, in a file that people may edit: `MODEL.toml`.
+//!
+//! It is to be worked with. A result that is written once and says all about one fit is another file (`calibrate -o FIT.toml`).
+//!
+//! Every model that was fitted stays in it, with what it was fitted to, how well it did, and why it was made. One of them is in force;
+//! a step back puts the one in force that it grew out of. A value may be held, or its bounds moved, with an editor.
+
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+
+use crate::fit::data::run_data::RunData;
+use crate::fit::outcome::fit::{Fit, FittedParameter};
+use crate::fit::problem::fit_problem::{Calibration, Window};
+use crate::fit::search::calibrate::{FitError, Options, Progress, refine};
+use crate::fit::validate::predict::{Known, Shared, geometric_mean};
+use crate::model::constraint::Constraint;
+use crate::model::effects::{Chosen, name_of, parse_list};
+use crate::model::prior::Prior;
+use crate::model::{Model, ModelError};
+use crate::rig::Rig;
+
+/// First line of such a file.
+pub const HEADING: &str = "# surgescope models";
+
+/// See the module.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ModelFile {
+    /// Number of the model in force, from 1.
+    pub in_force: usize,
+    /// The recordings, as paths from the folder of this file.
+    pub recordings: Vec<PathBuf>,
+    /// The rig file to read them with, where that is not the one stored in them.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rig: Option<PathBuf>,
+    /// All models, oldest first.
+    #[serde(rename = "model")]
+    pub models: Vec<Entry>,
+    /// Its text when it was read, to see whether another has written to it since.
+    #[serde(skip)]
+    pub as_read: Option<String>,
+}
+
+/// One model.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Entry {
+    /// What it is called in tables.
+    pub name: String,
+    /// The model that it grew out of.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub grown_from: Option<usize>,
+    /// When it was fitted, RFC 3339.
+    pub when: String,
+    /// Why it was made.
+    pub why: String,
+    /// Effects beside the base model.
+    pub effects: Vec<String>,
+    /// Error over all samples, m.
+    pub rmse_m: f64,
+    /// Noise of the same, m.
+    pub noise_m: f64,
+    /// Evidence for it over the model that it grew out of, natural logarithm of odds.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub evidence: Option<f64>,
+    /// Features that a stepwise calibration had still to use when it was stopped, by name; one that is taken out is not used.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub features_left: Vec<String>,
+    /// Correlations of the errors of the parameters that runs share, in their order; 0 where they are not known.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub correlation: Vec<Vec<f64>>,
+    /// Its parameters, shared ones first.
+    #[serde(default, rename = "parameter")]
+    pub parameters: Vec<Value>,
+}
+
+/// One parameter.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Value {
+    /// Its name, with the unit.
+    pub name: String,
+    /// The run it belongs to where it is not shared.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub run: Option<String>,
+    /// Its value.
+    pub value: f64,
+    /// Standard error; none where it was held or the data do not determine it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub standard_error: Option<f64>,
+    /// Least value that a fit may take.
+    pub lower: f64,
+    /// Greatest value that a fit may take.
+    pub upper: f64,
+    /// Held at its value.
+    #[serde(default)]
+    pub fixed: bool,
+    /// What is known of it from elsewhere, such as a creep test: mean and relative standard deviation.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub prior: Option<[f64; 2]>,
+    /// Where the value came from.
+    #[serde(default)]
+    pub source: String,
+}
+
+/// A model file that cannot be used.
+#[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)] // the sentences say it
+pub enum ModelFileError {
+    #[error("{} is no file of models: {}", .0.display(), .1)]
+    Parse(PathBuf, String),
+    #[error("{} names no recordings", .0.display())]
+    NoRecording(PathBuf),
+    #[error("{}: model {number} {what}", .file.display())]
+    Contradiction { file: PathBuf, number: usize, what: String },
+    #[error("{}: model {number}", .file.display())]
+    Effects { file: PathBuf, number: usize, source: ModelError },
+}
+
+impl ModelFile {
+    /// From the text of a file; `path` is for messages.
+    ///
+    /// # Errors
+    /// One that is no file of models, or contradicts itself.
+    pub fn parse(text: &str, path: &Path) -> Result<Self, ModelFileError> {
+        let file: ModelFile =
+            toml::from_str(text).map_err(|e| ModelFileError::Parse(path.to_owned(), e.to_string()))?;
+        file.check(path)?;
+        Ok(file)
+    }
+
+    fn check(&self, path: &Path) -> Result<(), ModelFileError> {
+        let wrong = |number: usize, what: String| ModelFileError::Contradiction { file: path.to_owned(), number, what };
+        if self.recordings.is_empty() {
+            return Err(ModelFileError::NoRecording(path.to_owned()));
+        }
+        if self.in_force == 0 || self.in_force > self.models.len() {
+            return Err(wrong(
+                self.in_force,
+                format!("is in force but does not exist: the file has {}", self.models.len()),
+            ));
+        }
+        for (i, model) in self.models.iter().enumerate() {
+            if let Some(parent) = model.grown_from.filter(|&p| p == 0 || p > i) {
+                return Err(wrong(i + 1, format!("says it grew from model {parent}, which does not stand before it")));
+            }
+            parse_list(&model.effects.join(",")).map_err(|source| ModelFileError::Effects {
+                file: path.to_owned(),
+                number: i + 1,
+                source,
+            })?;
+            for (k, p) in model.parameters.iter().enumerate() {
+                if model.parameters[..k].iter().any(|q| q.name == p.name && q.run == p.run) {
+                    return Err(wrong(i + 1, format!("has {} twice: keep one of them", p.name)));
+                }
+                if p.prior.is_some_and(|known| !known.iter().all(|v| *v > 0.0 && v.is_finite())) {
+                    return Err(wrong(i + 1, format!("has a prior of {} that is not above 0", p.name)));
+                }
+                if !(p.lower <= p.value && p.value <= p.upper) {
+                    return Err(wrong(
+                        i + 1,
+                        if p.lower > p.upper {
+                            format!("has a lower bound of {}, {}, above the upper one, {}", p.name, p.lower, p.upper)
+                        } else {
+                            format!(
+                                "has {} = {:.6} outside its bounds, {:.6} to {:.6}: set its value between them, too",
+                                p.name, p.value, p.lower, p.upper
+                            )
+                        },
+                    ));
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// The text of the file.
+    ///
+    /// # Errors
+    /// None in practice: all values can be written.
+    pub fn text(&self) -> Result<String, toml::ser::Error> {
+        let body = toml::to_string(self)?;
+        Ok(format!(
+            "{HEADING}: the one in force may be edited (fixed, lower, upper, value); comments are not kept\n\n{body}"
+        ))
+    }
+
+    /// The model in force.
+    pub fn current(&self) -> &Entry {
+        &self.models[self.in_force - 1]
+    }
+
+    /// Adds a model, grown out of the one in force if there is one, and puts it in force.
+    pub fn append(&mut self, fit: &Fit, why: &str, evidence: Option<f64>, when: String) {
+        let grown_from = (!self.models.is_empty()).then_some(self.in_force);
+        let mut model = Entry::of(fit, why, evidence, when, grown_from);
+        if let Some(parent) = grown_from.map(|n| &self.models[n - 1]) {
+            // What is held keeps the bounds that it will have when it is let go.
+            for value in model.parameters.iter_mut().filter(|v| v.fixed) {
+                if let Some(known) = parent.parameters.iter().find(|p| p.name == value.name && p.run == value.run) {
+                    (value.lower, value.upper) = (known.lower, known.upper);
+                }
+            }
+        }
+        self.models.push(model);
+        self.in_force = self.models.len();
+    }
+
+    /// Puts the model in force that the present one grew out of; false where it is the first.
+    pub fn step_back(&mut self) -> bool {
+        let Some(parent) = self.current().grown_from else { return false };
+        self.in_force = parent;
+        true
+    }
+}
+
+impl Entry {
+    fn of(fit: &Fit, why: &str, evidence: Option<f64>, when: String, grown_from: Option<usize>) -> Self {
+        let (rmse_m, noise_m) = fit.pooled();
+        Entry {
+            name: name_of(&fit.effects),
+            grown_from,
+            when,
+            why: why.to_owned(),
+            effects: fit.labels(),
+            rmse_m,
+            noise_m,
+            evidence,
+            features_left: fit.features_left.iter().map(|name| (*name).to_owned()).collect(),
+            correlation: known_only(&Known::of(fit).correlation),
+            parameters: fit.parameters.iter().map(Value::of).collect(),
+        }
+    }
+
+    /// What it knows of other recordings on its rig.
+    pub fn known(&self) -> Known {
+        let shared: Vec<Shared> = (self.parameters.iter().filter(|p| p.run.is_none()))
+            .map(|p| Shared { name: p.name.clone(), value: p.value, standard_error: p.standard_error })
+            .collect();
+        let scales = self.parameters.iter().filter(|p| p.name == "friction_scale").map(|p| p.value);
+        Known {
+            effects: self.chosen(),
+            correlation: if self.correlation.len() == shared.len() { self.correlation.clone() } else { Vec::new() },
+            shared,
+            friction_scale: geometric_mean(scales),
+        }
+    }
+
+    /// Its effects.
+    pub fn chosen(&self) -> Vec<Chosen> {
+        // checked when it was read
+        parse_list(&self.effects.join(",")).unwrap_or_default()
+    }
+
+    /// What it settles: held values and bounds.
+    pub fn constraints(&self) -> Vec<Constraint> {
+        self.parameters
+            .iter()
+            .map(|p| {
+                let (lower, upper) = if p.fixed { (p.value, p.value) } else { (p.lower, p.upper) };
+                Constraint { name: p.name.clone(), run: p.run.clone(), lower, upper }
+            })
+            .collect()
+    }
+
+    /// What is known of its parameters from elsewhere.
+    pub fn priors(&self) -> Vec<Prior> {
+        let known = self.parameters.iter().filter_map(|p| p.prior.map(|known| (p, known)));
+        known.map(|(p, [mean, sd])| Prior { name: p.name.clone(), mean, sd }).collect()
+    }
+
+    /// Fits it again, from the values in the file, with what is held and bounded there.
+    ///
+    /// # Errors
+    /// As [`refine`]; a parameter in the file that the model does not have.
+    pub fn refit(
+        &self,
+        rig: &Rig,
+        runs: &[RunData],
+        options: &Options,
+        progress: &(dyn Fn(&Progress) + Sync),
+    ) -> Result<Fit, FitError> {
+        let options = Options { constraints: self.constraints(), priors: self.priors(), ..options.clone() };
+        let effects = self.chosen();
+        let water = &runs.first().ok_or(FitError::NoRun)?.conditions.water;
+        let model = Model::new(rig, water, &effects).constrained(&options.constraints).informed(&options.priors);
+        let window = Window { reaches: 1, horizon_s: f64::INFINITY, stride: 1 };
+        let problem = Calibration::new(&model, runs, window);
+        problem.know(&options.constraints)?;
+        let file = |j: usize| problem.run_of(j).map(|r| runs[r].file.as_str());
+        let own = problem.parameters.iter().enumerate().map(|(j, p)| {
+            let known = self.parameters.iter().find(|v| v.name == p.name && v.run.as_deref() == file(j));
+            known.map_or(p.start, |v| v.value)
+        });
+        let values: Vec<f64> = own.collect();
+        refine(rig, runs, &effects, &values, &options, progress)
+    }
+}
+
+/// Correlations with 0 for those that are not known, to eight digits.
+fn known_only(correlation: &[Vec<f64>]) -> Vec<Vec<f64>> {
+    let plain = |r: &f64| if r.is_finite() { (r * 1e8).round() / 1e8 } else { 0.0 };
+    correlation.iter().map(|row| row.iter().map(plain).collect()).collect()
+}
+
+impl Value {
+    fn of(p: &FittedParameter) -> Self {
+        let source = match (p.held, p.at_bound) {
+            (true, _) => "held by hand",
+            (_, true) => "fitted, at its bound",
+            _ => "fitted",
+        };
+        Value {
+            name: p.name.clone(),
+            run: p.run.clone(),
+            value: p.value,
+            standard_error: Some(p.standard_error).filter(|e| e.is_finite() && !p.held),
+            lower: p.lower,
+            upper: p.upper,
+            fixed: p.held,
+            prior: p.prior.map(|(mean, sd)| [mean, sd]),
+            source: source.to_owned(),
+        }
+    }
+}

@@ -1,0 +1,304 @@
+//! A run that is only simulated: a rig, effects and settings by name, as `simulate` and `record --simulate` take them.
+
+use std::error::Error;
+
+use crate::model::boundary::Closure;
+use crate::model::effects::{CATALOGUE, Chosen, Effect, Site};
+use crate::model::energy::Energy;
+use crate::model::friction::WallFriction;
+use crate::model::parameter::Parameter;
+use crate::model::trace::{Probe, Trace};
+use crate::model::{Conditions, Model, ModelError, Resolution, RunValues, Simulated};
+use crate::rig::{Coupling, Rig, Upstream, WaterProperties};
+use crate::units::GRAVITY_M_S2;
+
+type AnyError = Box<dyn Error + Send + Sync>;
+
+/// Reaches unless `reaches` is set.
+const REACHES: usize = 240;
+/// Velocity where neither a setting nor a `[[steady]]` table of the rig gives one, m/s.
+const VELOCITY_M_S: f64 = 1.0;
+/// Head at the supply where nothing gives one, m.
+const SUPPLY_HEAD_M: f64 = 30.0;
+
+/// Names less alike than this (Jaro-Winkler) are no slips of one another.
+const ALIKE: f64 = 0.75;
+
+/// Form of the closure, as on the command line.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub enum ValveForm {
+    /// An orifice whose opening falls linearly.
+    Linear,
+    /// The flow falls along half a period of a raised cosine, whatever the head.
+    FlowRamp,
+    /// The flow falls along a cycloid (no jump of acceleration), whatever the head.
+    FlowCycloid,
+}
+
+impl ValveForm {
+    fn closure(self) -> fn(f64) -> Closure {
+        match self {
+            ValveForm::Linear => |closing_time_s| Closure::Linear { closing_time_s },
+            ValveForm::FlowRamp => |closing_time_s| Closure::FlowRamp { closing_time_s },
+            ValveForm::FlowCycloid => |closing_time_s| Closure::FlowCycloid { closing_time_s },
+        }
+    }
+}
+
+/// See the module.
+pub struct Scenario {
+    /// The rig, with the settings that concern it.
+    pub rig: Rig,
+    /// Its water.
+    pub water: WaterProperties,
+    /// Effects with their numbers of elements decided.
+    pub effects: Vec<Chosen>,
+    /// Closure.
+    pub valve: ValveForm,
+    /// Values of the shared parameters.
+    pub shared: Vec<f64>,
+    /// Values of the run.
+    pub run: RunValues,
+    /// Reaches of the grid.
+    pub reaches: usize,
+}
+
+impl Scenario {
+    /// A scenario from settings by name; what is not set has the rig's value or a default.
+    ///
+    /// # Errors
+    /// A setting that no parameter has (the nearest is named), one given twice, values out of range.
+    pub fn new(
+        mut rig: Rig,
+        effects: &[Chosen],
+        valve: ValveForm,
+        settings: &[(String, f64)],
+    ) -> Result<Scenario, AnyError> {
+        if let Some((twice, _)) =
+            settings.iter().enumerate().find_map(|(i, s)| settings[..i].iter().find(|t| t.0 == s.0))
+        {
+            return Err(format!("'{twice}' is set twice").into());
+        }
+        if rig.upstream == Upstream::Measured {
+            return Err(
+                "the rig's upstream end is 'measured': without a recording there is nothing to drive it; use kind = \
+                        \"reservoir\" to simulate"
+                    .into(),
+            );
+        }
+        let water = rig.fluid.properties(rig.fluid.temperature_degc);
+        let effects: Vec<Chosen> = effects.iter().map(|c| with_elements_set(c, settings)).collect();
+        let get = |name: &str| settings.iter().find(|(n, _)| n == name).map(|(_, v)| *v);
+        if let Some(factor) = get("friction_factor") {
+            if factor < 0.0 {
+                return Err(format!("friction_factor = {factor} must not be negative").into());
+            }
+            rig.pipes.iter_mut().for_each(|p| p.friction_factor = Some(factor));
+        }
+        let model = Model::new(&rig, &water, &effects);
+        check_names(&model, &water, settings)?;
+        let shared: Vec<f64> = model
+            .shared
+            .iter()
+            .map(|p| {
+                let of_all = p.name.starts_with("wave_speed_m_s[").then(|| get("wave_speed_m_s")).flatten();
+                get(&p.name).or(of_all).unwrap_or(p.start)
+            })
+            .collect();
+        let reaches = match get("reaches") {
+            None => REACHES,
+            Some(n) if n >= 2.0 && n.fract() == 0.0 && n <= 1e7 => n as usize,
+            Some(n) => return Err(format!("reaches = {n} must be a whole number from 2 to 10000000").into()),
+        };
+        let steady = rig.steady.first();
+        let area = rig.pipes[rig.pipes.len() - 1].area_m2();
+        let steady_velocity = steady.map(|s| s.flow_m3_s / area);
+        let velocity = get("initial_velocity_m_s").or(steady_velocity).unwrap_or(VELOCITY_M_S);
+        let friction_scale = get("friction_scale").unwrap_or(1.0);
+        let supply_head = steady.and_then(|s| s.supply_head_m).unwrap_or(SUPPLY_HEAD_M);
+        let lost = loss_m(&rig, &water, velocity * area) * friction_scale;
+        let valve_head = match get("valve_head_m") {
+            Some(head) => head,
+            None if valve != ValveForm::Linear || supply_head - lost > rig.valve.discharge_head_m => supply_head - lost,
+            None => {
+                return Err(format!(
+                    "at {velocity:.3} m/s the way to the valve takes {lost:.1} m of the supply's {supply_head:.1} m: nothing would flow; set a \
+                     smaller initial_velocity_m_s, or valve_head_m"
+                )
+                .into());
+            }
+        };
+        let run = RunValues {
+            initial_velocity_m_s: velocity,
+            valve_head_m: valve_head,
+            closing_time_s: get("closing_time_s").unwrap_or(rig.valve.closing_time_s),
+            friction_scale,
+        };
+        let travel: Vec<f64> = rig.pipes.iter().zip(&shared).map(|(p, a)| p.length_m / a).collect();
+        let reaches = crate::model::reaches::fitting_reaches(&travel, reaches);
+        Ok(Scenario { water, effects, valve, shared, run, reaches, rig })
+    }
+
+    /// The model of it.
+    pub fn model(&self) -> Model<'_> {
+        let mut model = Model::new(&self.rig, &self.water, &self.effects);
+        model.closure = self.valve.closure();
+        model.memory_limit_bytes = crate::simulate::memory::limit_bytes();
+        model
+    }
+
+    /// Every setting with its value, for people and JSON.
+    pub fn values(&self) -> Vec<(String, f64)> {
+        let model = self.model();
+        let run =
+            [self.run.initial_velocity_m_s, self.run.valve_head_m, self.run.closing_time_s, self.run.friction_scale];
+        let named = |p: &Parameter, v: f64| (p.name.clone(), v);
+        let shared = model.shared.iter().zip(&self.shared).map(|(p, &v)| named(p, v));
+        shared.chain(model.per_run.iter().zip(run).map(|(p, v)| named(p, v))).collect()
+    }
+
+    /// What was used although nobody set it: parameters, friction factors at the initial flow and the grid.
+    pub fn not_set(&self, settings: &[(String, f64)]) -> Vec<(String, f64)> {
+        let set = |name: &str| {
+            let group = name.split('[').next().unwrap_or(name);
+            settings.iter().any(|(n, _)| n == name || n == group)
+        };
+        let mut used = self.values();
+        let flow_m3_s = self.run.initial_velocity_m_s * self.rig.pipes[self.rig.pipes.len() - 1].area_m2();
+        for pipe in &self.rig.pipes {
+            let velocity = flow_m3_s / pipe.area_m2();
+            let slope = WallFriction::of(pipe, &self.water, flow_m3_s).slope(pipe.inner_diameter_m, flow_m3_s);
+            let factor = slope * 2.0 * GRAVITY_M_S2 * pipe.inner_diameter_m / (velocity * velocity);
+            let several = if self.rig.pipes.len() > 1 { format!("[{}]", pipe.name) } else { String::new() };
+            used.push((format!("friction_factor{several}"), factor));
+        }
+        used.push(("reaches".to_owned(), self.reaches as f64));
+        used.retain(|(name, value)| value.is_finite() && !set(name));
+        used
+    }
+
+    /// Theoretical period `4L/a`, s.
+    pub fn period_s(&self) -> f64 {
+        self.model().period_s(&self.shared)
+    }
+
+    /// The head at each pressure sensor, as the sensor shows it, in time after the start of the closure.
+    ///
+    /// # Errors
+    /// As [`Model::simulate`].
+    pub fn simulate(&self, duration_s: f64) -> Result<Vec<Trace>, ModelError> {
+        Ok(self.simulate_with(duration_s, false)?.0)
+    }
+
+    /// The same and, if asked for, where the energy went.
+    ///
+    /// # Errors
+    /// As [`Model::simulate`].
+    pub fn simulate_with(&self, duration_s: f64, energy: bool) -> Result<(Vec<Trace>, Option<Energy>), ModelError> {
+        let probes: Vec<Probe> = self.rig.pressure_sensors().map(|(_, s)| Probe::Head(s.position_m)).collect();
+        let simulated = self.run_model(&probes, duration_s, energy)?;
+        let model = self.model();
+        let sensors = self.rig.pressure_sensors().zip(simulated.traces);
+        let seen = sensors.map(|((_, sensor), trace)| model.sensed(&self.shared, sensor, trace));
+        Ok((seen.collect::<Result<_, _>>()?, simulated.energy))
+    }
+
+    /// What probes read, in time after the start of the closure.
+    ///
+    /// # Errors
+    /// As [`Model::simulate`].
+    pub fn probe(&self, probes: &[Probe], duration_s: f64) -> Result<Vec<Trace>, ModelError> {
+        Ok(self.run_model(probes, duration_s, false)?.traces)
+    }
+
+    fn run_model(&self, probes: &[Probe], duration_s: f64, energy: bool) -> Result<Simulated, ModelError> {
+        let conditions = Conditions { water: self.water, supply_deviation: None };
+        let resolution = Resolution { reaches: self.reaches, duration_s };
+        let model = self.model();
+        let needed = model.resolving_reaches(&conditions, &self.shared, &self.run)?;
+        if self.reaches < needed {
+            return Err(ModelError::TooFewReaches { reaches: self.reaches, needed });
+        }
+        let simulate = if energy { Model::simulate_with_energy } else { Model::simulate };
+        simulate(&model, &conditions, &self.shared, &self.run, resolution, probes)
+    }
+
+    /// A head at a sensor in the sensor's unit.
+    pub fn displayed(&self, sensor: usize, head_m: f64) -> f64 {
+        let sensor = &self.rig.sensors[sensor];
+        // A sensor that sees no steady pressure sees no elevation.
+        let elevation_m = match sensor.coupling {
+            Coupling::Dc => self.rig.sensor_elevation_m(sensor),
+            Coupling::Ac => 0.0,
+        };
+        let density = self.water.density_kg_m3;
+        sensor.unit.from_si((head_m - elevation_m) * density * GRAVITY_M_S2, density)
+    }
+}
+
+/// The number of elements that settings like `tau3_s` ask for, where the list of effects leaves it open.
+fn with_elements_set(chosen: &Chosen, settings: &[(String, f64)]) -> Chosen {
+    let (None, Some(range)) = (chosen.elements, chosen.effect.elements()) else { return chosen.clone() };
+    let site_free_number = |name: &str| {
+        let digits: String =
+            name.chars().skip_while(|c| !c.is_ascii_digit()).take_while(char::is_ascii_digit).collect();
+        digits.parse::<usize>().ok()
+    };
+    let asked = settings
+        .iter()
+        .filter(|(n, _)| n.starts_with('J') || n.starts_with("tau"))
+        .filter_map(|(n, _)| site_free_number(n));
+    chosen.with_elements(asked.max().unwrap_or(*range.start()).clamp(*range.start(), *range.end()))
+}
+
+/// Refuses a setting that the model does not have, and says where it belongs.
+fn check_names(model: &Model, water: &WaterProperties, settings: &[(String, f64)]) -> Result<(), AnyError> {
+    let mut known: Vec<String> = model.shared.iter().chain(&model.per_run).map(|p| p.name.clone()).collect();
+    known.extend(["friction_factor", "reaches", "wave_speed_m_s"].map(String::from));
+    known.sort();
+    known.dedup();
+    let Some((name, _)) = settings.iter().find(|(name, _)| !known.contains(name)) else { return Ok(()) };
+    let likeness = |k: &String| strsim::jaro_winkler(name, k);
+    let nearest = known.iter().max_by(|a, b| likeness(a).total_cmp(&likeness(b))).filter(|k| likeness(k) >= ALIKE);
+    let hint = if name == "closure_start_s" {
+        "it places the closure on a recording's clock, and here time 0 is the start of the closure: leave it out"
+            .to_owned()
+    } else if name == "offset_m" || name.starts_with("offset_m[") {
+        "it belongs to the sensors of a recording, and simulated sensors have no offset: leave it out".to_owned()
+    } else if let Some((effect, elements)) = owner(name, model, water) {
+        let label =
+            if effect.elements().is_some() { format!("{}:{elements}", effect.name()) } else { effect.name().into() };
+        match model.effects.iter().find(|c| c.effect.name() == effect.name()) {
+            Some(chosen) => format!("it needs the effect '{label}', and this model has '{}'", chosen.label()),
+            None => format!("it belongs to the effect '{}': add --effects {label}", effect.name()),
+        }
+    } else if let Some(nearest) = nearest {
+        format!("did you mean '{nearest}'? This model has {}", known.join(", "))
+    } else {
+        format!("this model has {}", known.join(", "))
+    };
+    Err(format!("unknown setting '{name}'; {hint}").into())
+}
+
+/// The effect of the catalogue that has a parameter of this name, and its least number of elements with it.
+fn owner(name: &str, model: &Model, water: &WaterProperties) -> Option<(&'static dyn Effect, usize)> {
+    let site = Site { rig: model.rig, water, period_s: model.period_s(&starts(model)) };
+    let all = CATALOGUE.iter().flat_map(|e| std::iter::once(*e).chain(e.variants().iter().copied()));
+    all.filter_map(|effect| {
+        let mut elements = effect.elements().unwrap_or(1..=1);
+        let elements = elements.find(|&n| effect.parameters(&site, n).iter().any(|p| p.name == name))?;
+        Some((effect, elements))
+    })
+    .next()
+}
+
+fn starts(model: &Model) -> Vec<f64> {
+    model.shared.iter().map(|p| p.start).collect()
+}
+
+/// Steady loss over all pipes, m.
+fn loss_m(rig: &Rig, water: &WaterProperties, flow_m3_s: f64) -> f64 {
+    let of =
+        |p: &crate::rig::Pipe| WallFriction::of(p, water, flow_m3_s).slope(p.inner_diameter_m, flow_m3_s) * p.length_m;
+    rig.pipes.iter().map(of).sum()
+}

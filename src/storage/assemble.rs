@@ -1,0 +1,270 @@
+//! Puts a recording together from MCAP records, in whatever order they come.
+
+use std::collections::{BTreeMap, HashMap};
+use std::path::Path;
+
+use mcap::records::{self, MessageHeader, Record};
+use prost::Message;
+
+use crate::recording::{CsvFormat, Gap, Recording, RunInfo, Series};
+use crate::rig::Rig;
+use crate::storage::layout;
+use crate::storage::layout::{key, offset_ns, to_s};
+use crate::storage::retime::{CLOCKS_METADATA, Retimer, SensorClock};
+use crate::storage::schema;
+use crate::storage::schema::{Block, Kind, Sample};
+use crate::storage::{LogError, nearest};
+
+/// The parts of a recording seen so far.
+#[derive(Default)]
+pub struct Assembler {
+    rig: Option<String>,
+    run: Option<BTreeMap<String, String>>,
+    notes: Vec<(String, String)>,
+    retimer: Retimer,
+    schemas: HashMap<u16, Option<Kind>>,
+    channels: HashMap<u16, Option<(usize, Kind)>>,
+    columns: Vec<Column>,
+}
+
+/// What came for one sensor.
+struct Column {
+    sensor: String,
+    unit: String,
+    /// Its place in an imported time series, and the decimals there.
+    csv: Option<(usize, Option<u8>)>,
+    points: Vec<Point>,
+    gaps: Vec<Gap>,
+    /// Where records were lost: the number of points before.
+    breaks: Vec<usize>,
+}
+
+#[derive(Clone, Copy)]
+struct Point {
+    log_time: u64,
+    /// The recording time itself, where it is not `log_time`'s; NaN otherwise.
+    time_s: f64,
+    value: f64,
+}
+
+impl Assembler {
+    /// Takes one record; an error says why it cannot be right, and the record is left out as a whole.
+    pub fn take(&mut self, record: Record<'_>) -> Result<(), String> {
+        match record {
+            Record::Attachment { header, data, .. } if header.name == layout::RIG_ATTACHMENT => {
+                self.rig = Some(String::from_utf8(data.into_owned()).map_err(|_| "the rig file is not text")?);
+            }
+            Record::Metadata(record) if record.name == layout::RUN_METADATA => {
+                if record.metadata.get(key::CHECK) != Some(&layout::check_sum(&record.metadata)) {
+                    return Err("the check sum of what is said of the run is wrong".into());
+                }
+                self.run = Some(record.metadata);
+            }
+            Record::Metadata(mut record) if record.name == layout::NOTE_METADATA => {
+                let mut entry = |key: &str| record.metadata.remove(key).unwrap_or_default();
+                self.notes.push((entry(key::NOTE), entry(key::VALUE)));
+            }
+            Record::Metadata(record) if record.name == CLOCKS_METADATA => self.retimer = Retimer::read(&record)?,
+            Record::Schema { header, .. } => {
+                let kind = Kind::ALL.into_iter().find(|k| k.schema_name() == header.name);
+                self.schemas.insert(header.id, kind);
+            }
+            Record::Channel(channel) => self.channel(channel)?,
+            Record::Message { header, data } => self.message(header, &data)?,
+            _ => {}
+        }
+        Ok(())
+    }
+
+    /// Notes that records were lost here.
+    pub fn lost(&mut self) {
+        for column in &mut self.columns {
+            column.breaks.push(column.points.len());
+        }
+    }
+
+    fn channel(&mut self, channel: records::Channel) -> Result<(), String> {
+        let topic = &channel.topic;
+        let kind = self.schemas.get(&channel.schema_id).copied().flatten();
+        // A channel of another program's messages is none of ours and stays out.
+        let Some(kind) = kind else {
+            self.channels.insert(channel.id, None);
+            return Ok(());
+        };
+        let entry = |key: &str| channel.metadata.get(key);
+        let sensor = entry(key::SENSOR).ok_or_else(|| format!("channel {topic} does not say which sensor it is"))?;
+        let number = |key: &str| {
+            let parse = |text: &String| text.parse().map_err(|_| format!("channel {topic} has '{text}' for its {key}"));
+            entry(key).map(parse).transpose()
+        };
+        let csv = match number(key::COLUMN)? {
+            Some(place) => Some((place, number(key::DECIMALS)?.and_then(|d: usize| u8::try_from(d).ok()))),
+            None => None,
+        };
+        let column = self.columns.iter().position(|c| c.sensor == *sensor).unwrap_or_else(|| {
+            let (sensor, unit) = (sensor.clone(), entry(key::UNIT).cloned().unwrap_or_default());
+            self.columns.push(Column { sensor, unit, csv, points: vec![], gaps: vec![], breaks: vec![] });
+            self.columns.len() - 1
+        });
+        self.channels.insert(channel.id, Some((column, kind)));
+        Ok(())
+    }
+
+    fn message(&mut self, header: MessageHeader, data: &[u8]) -> Result<(), String> {
+        let known = self.channels.get(&header.channel_id);
+        let Some((column, kind)) =
+            *known.ok_or_else(|| format!("a message of channel {}, which is not there", header.channel_id))?
+        else {
+            return Ok(());
+        };
+        let column = &mut self.columns[column];
+        let bad = |sensor: &str| format!("a message of '{sensor}' at log time {} ns does not decode", header.log_time);
+        let whole = |sensor: &str, values: &[f64]| match values.iter().find(|v| !v.is_finite()) {
+            Some(value) => Err(format!("'{sensor}' has {value} at log time {} ns", header.log_time)),
+            None => Ok(()),
+        };
+        match kind {
+            Kind::Sample => {
+                let sample = Sample::decode(data).map_err(|_| bad(&column.sensor))?;
+                let value = sample.value.ok_or_else(|| bad(&column.sensor))?;
+                whole(&column.sensor, &[value, sample.time_s.unwrap_or_default()])?;
+                let time_s = sample.time_s.unwrap_or(f64::NAN);
+                column.points.push(Point { log_time: header.log_time, time_s, value });
+            }
+            Kind::Block => {
+                let block = Block::decode(data).map_err(|_| bad(&column.sensor))?;
+                let period_ns =
+                    block.period_ns.filter(|p| p.is_finite() && *p >= 0.0).ok_or_else(|| bad(&column.sensor))?;
+                whole(&column.sensor, &block.values)?;
+                whole(&column.sensor, &block.times_s)?;
+                if !block.times_s.is_empty() && block.times_s.len() != block.values.len() {
+                    return Err(bad(&column.sensor));
+                }
+                column.points.extend(block.values.iter().enumerate().map(|(i, &value)| Point {
+                    log_time: header.log_time.saturating_add_signed(offset_ns(i, period_ns)),
+                    time_s: block.times_s.get(i).copied().unwrap_or(f64::NAN),
+                    value,
+                }));
+            }
+            Kind::Gap => {
+                let gap = schema::Gap::decode(data).map_err(|_| bad(&column.sensor))?;
+                let (Some(from_s), Some(to_s)) = (gap.from_s, gap.to_s) else { return Err(bad(&column.sensor)) };
+                whole(&column.sensor, &[from_s, to_s])?;
+                column.gaps.push(Gap { from_s, to_s, samples: gap.samples });
+            }
+        }
+        Ok(())
+    }
+
+    /// The recording. Two samples of a sensor at one time are an error, unless `repeats` takes what is said of the second,
+    /// which is then left out.
+    pub fn assemble(self, path: &Path, mut repeats: Option<&mut Vec<String>>) -> Result<Recording, LogError> {
+        let damaged = |why| LogError::Damaged { path: path.into(), why };
+        let not_ours = |why: &str| LogError::NotOurs { path: path.into(), why: why.into() };
+        let text = self.rig.ok_or_else(|| not_ours("it holds no rig file (attachment rig.toml)"))?;
+        let entries = self.run.ok_or_else(|| not_ours("it does not say when it was made (metadata surgescope.run)"))?;
+        let number = |key: &str| entries.get(key).and_then(|v| v.parse::<u64>().ok());
+        let format = number(key::FORMAT).ok_or_else(|| damaged("its format is not said".into()))?;
+        if format > u64::from(layout::FORMAT) {
+            return Err(not_ours("a newer version of the program wrote it: update surgescope"));
+        }
+        let zero_ns = number(key::TIME_ZERO).ok_or_else(|| damaged("its time 0 is not said".into()))?;
+        let file_name = format!("rig.toml inside {}", path.display());
+        let rig =
+            Rig::from_toml(&text, &file_name).map_err(|e| LogError::Rig { path: path.into(), source: Box::new(e) })?;
+
+        let mut series = vec![Series::default(); rig.sensors.len()];
+        let mut places = Vec::new();
+        for column in self.columns {
+            let sensor = sensor_of(&rig, &column).map_err(|why| LogError::OtherRig { path: path.into(), why })?;
+            if let Some((place, decimals)) = column.csv {
+                places.push((place, sensor, decimals));
+            }
+            let clock = self.retimer.of(&column.sensor);
+            series[sensor] = column.into_series(zero_ns, &clock, &mut repeats).map_err(damaged)?;
+        }
+        places.sort_unstable();
+        let csv = entries.contains_key(key::CSV).then(|| CsvFormat {
+            time_decimals: number(key::TIME_DECIMALS).and_then(|d| u8::try_from(d).ok()),
+            columns: places.into_iter().map(|(_, sensor, decimals)| (sensor, decimals)).collect(),
+        });
+        let text = |key: &str| entries.get(key).cloned().unwrap_or_default();
+        let run = RunInfo {
+            start_unix_ns: number(key::START).unwrap_or_default(),
+            source: text(key::SOURCE),
+            program: text(key::PROGRAM),
+            notes: self.notes,
+            csv,
+        };
+        Ok(Recording { rig, series, run })
+    }
+}
+
+fn sensor_of(rig: &Rig, column: &Column) -> Result<usize, String> {
+    let name = &column.sensor;
+    let names = || rig.sensors.iter().map(|s| s.name.as_str());
+    let Some(index) = names().position(|n| n == name) else {
+        let hint = nearest(name, names()).map(|n| format!("; did it mean '{n}'?")).unwrap_or_default();
+        let known = names().collect::<Vec<_>>().join(", ");
+        return Err(format!("it has samples of '{name}', which its own rig file lacks (it has {known}){hint}"));
+    };
+    let unit = rig.sensors[index].unit.symbol;
+    if unit != column.unit {
+        return Err(format!("samples of '{name}' are in '{}', but its own rig file says {unit}", column.unit));
+    }
+    Ok(index)
+}
+
+impl Column {
+    fn into_series(
+        self,
+        zero_ns: u64,
+        clock: &SensorClock,
+        repeats: &mut Option<&mut Vec<String>>,
+    ) -> Result<Series, String> {
+        let sensor = self.sensor;
+        let mut samples = Vec::with_capacity(self.points.len());
+        for point in self.points {
+            let ns = i64::try_from(i128::from(point.log_time) - i128::from(zero_ns))
+                .map_err(|_| format!("'{sensor}' has a sample centuries from its start"))?;
+            let time_s = if point.time_s.is_nan() { to_s(clock.time_ns(ns)) } else { point.time_s };
+            samples.push((time_s, point.value));
+        }
+        let period_s = typical_period_s(&samples);
+        let mut gaps: Vec<Gap> = self.gaps.into_iter().map(|gap| clock.gap(gap)).collect();
+        let mut breaks = self.breaks;
+        breaks.dedup();
+        for place in breaks {
+            if let (Some(before), Some(after)) = (place.checked_sub(1).and_then(|i| samples.get(i)), samples.get(place))
+            {
+                // A slow sensor may well have had no sample in the lost stretch.
+                if after.0 - before.0 > 1.5 * period_s {
+                    gaps.push(Gap { from_s: before.0, to_s: after.0, samples: None });
+                }
+            }
+        }
+        gaps.sort_by(|a, b| a.from_s.total_cmp(&b.from_s));
+        samples.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let mut series = Series { gaps, ..Series::default() };
+        for (time_s, value) in samples {
+            if series.time_s.last().is_some_and(|last| *last >= time_s) {
+                let what = format!("two samples of '{sensor}' at {time_s} s");
+                match repeats {
+                    Some(repeats) => repeats.push(what),
+                    None => return Err(what),
+                }
+                continue;
+            }
+            series.time_s.push(time_s);
+            series.value.push(value);
+        }
+        Ok(series)
+    }
+}
+
+/// Median of the steps between samples, s; 0 where there are none.
+fn typical_period_s(samples: &[(f64, f64)]) -> f64 {
+    let mut steps: Vec<f64> = samples.windows(2).map(|w| w[1].0 - w[0].0).collect();
+    let middle = steps.len() / 2;
+    if steps.is_empty() { 0.0 } else { *steps.select_nth_unstable_by(middle, f64::total_cmp).1 }
+}

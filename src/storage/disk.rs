@@ -1,0 +1,98 @@
+//! Files that appear whole or not at all, and never in the place of another.
+
+use std::fs::{self, File};
+use std::path::{Path, PathBuf};
+
+use tempfile::NamedTempFile;
+
+use crate::storage::LogError;
+
+/// The whole content of a file.
+pub fn read_file(path: &Path) -> Result<Vec<u8>, LogError> {
+    if path.is_dir() {
+        return Err(LogError::Folder(path.into()));
+    }
+    fs::read(path).map_err(|e| LogError::io("read", path, e))
+}
+
+/// Fails when something stands at `path` already, a dangling link included.
+pub fn refuse_existing(path: &Path) -> Result<(), LogError> {
+    match path.symlink_metadata() {
+        Ok(meta) if meta.is_dir() => Err(LogError::Folder(path.into())),
+        Ok(_) => Err(LogError::Exists(path.into())),
+        Err(_) => Ok(()),
+    }
+}
+
+/// Fails when the folder of `path` is not there.
+pub fn require_folder(path: &Path) -> Result<(), LogError> {
+    let folder = folder(path);
+    if folder.is_dir() { Ok(()) } else { Err(LogError::NoFolder(folder)) }
+}
+
+/// A temporary file in the folder of `path`, so that a rename puts it there in one step.
+pub fn temporary_beside(path: &Path) -> Result<NamedTempFile, LogError> {
+    require_folder(path)?;
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(".surgescope-").suffix(".tmp");
+    // Temporary files are private by default; a recording gets the permissions of any other file.
+    #[cfg(unix)]
+    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+    // the system's reason alone: the name of a temporary file would only puzzle
+    builder.tempfile_in(folder(path)).map_err(|e| LogError::Io {
+        action: "make a file in",
+        path: folder(path),
+        source: e.kind().into(),
+    })
+}
+
+/// Puts a temporary file at `path` unless something stands there.
+pub fn publish_new(temporary: NamedTempFile, path: &Path) -> Result<(), LogError> {
+    sync(temporary.as_file(), path)?;
+    temporary.persist_noclobber(path).map_err(|e| LogError::io("write", path, e.error))?;
+    sync_folder(path);
+    Ok(())
+}
+
+/// Puts a temporary file in the place of the file at `path`.
+pub fn publish_over(temporary: NamedTempFile, path: &Path) -> Result<(), LogError> {
+    sync(temporary.as_file(), path)?;
+    temporary.persist(path).map_err(|e| LogError::io("write", path, e.error))?;
+    sync_folder(path);
+    Ok(())
+}
+
+/// True if `path` still leads to the open file.
+#[cfg(unix)]
+pub fn is_same_file(path: &Path, open: &File) -> bool {
+    use std::os::unix::fs::MetadataExt;
+    match (fs::metadata(path), open.metadata()) {
+        (Ok(a), Ok(b)) => (a.dev(), a.ino()) == (b.dev(), b.ino()),
+        _ => false,
+    }
+}
+
+/// Elsewhere an open file can be neither replaced nor moved by others.
+#[cfg(not(unix))]
+pub fn is_same_file(path: &Path, _open: &File) -> bool {
+    path.exists()
+}
+
+/// On the disk, not only with the system.
+pub fn sync(file: &File, path: &Path) -> Result<(), LogError> {
+    file.sync_all().map_err(|e| LogError::io("write", path, e))
+}
+
+/// Makes a new name last through a power cut, where the system lets folders be synced; the file itself is safe.
+fn sync_folder(path: &Path) {
+    if let Ok(folder) = File::open(folder(path)) {
+        let _ = folder.sync_all();
+    }
+}
+
+fn folder(path: &Path) -> PathBuf {
+    match path.parent() {
+        Some(parent) if !parent.as_os_str().is_empty() => parent.into(),
+        _ => ".".into(),
+    }
+}

@@ -1,0 +1,335 @@
+//! What can go wrong with recordings on disk, in sentences for users.
+
+use std::io;
+use std::path::{Path, PathBuf};
+
+use thiserror::Error;
+
+use crate::rig::RigError;
+
+/// A recording or a time series could not be read or written.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum LogError {
+    /// The operating system refused.
+    #[error("cannot {action} {}", path.display())]
+    Io {
+        /// `read`, `write`, …
+        action: &'static str,
+        /// The file.
+        path: PathBuf,
+        /// What the system says.
+        source: io::Error,
+    },
+    /// The file to read does not exist.
+    #[error("{} does not exist: check the path", .0.display())]
+    Missing(PathBuf),
+    /// A folder where a file is expected.
+    #[error("{} is a folder: name a file in it", .0.display())]
+    Folder(PathBuf),
+    /// The folder to write in is not there.
+    #[error("the folder {} does not exist: create it, or write elsewhere", .0.display())]
+    NoFolder(PathBuf),
+    /// The file to write exists already.
+    #[error("{} exists already and recordings are never overwritten: choose another name or move it away", .0.display())]
+    Exists(PathBuf),
+    /// Not MCAP at all.
+    #[error("{} is not an MCAP file{hint}", path.display())]
+    NotMcap {
+        /// The file.
+        path: PathBuf,
+        /// What to do, starting with a separator; may be empty.
+        hint: String,
+    },
+    /// MCAP, but not written by this program.
+    #[error("{} is an MCAP file, but not a surgescope recording: {why}", path.display())]
+    NotOurs {
+        /// The file.
+        path: PathBuf,
+        /// What is missing.
+        why: String,
+    },
+    /// The end of the file is missing.
+    #[error("{file} has no end: its recording was cut off, or is still running; `surgescope recover {file} -o NEW.mcap` saves what is in it", file = .0.display())]
+    Torn(PathBuf),
+    /// A check sum or a message is wrong.
+    #[error("{file} is damaged: {why}; `surgescope recover {file} -o NEW.mcap` saves the rest", file = path.display())]
+    Damaged {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong and where.
+        why: String,
+    },
+    /// The rig file inside a recording does not parse.
+    #[error("the rig file inside {} is not valid", path.display())]
+    Rig {
+        /// The recording.
+        path: PathBuf,
+        /// What is wrong with it; boxed, for it is large.
+        source: Box<RigError>,
+    },
+    /// A channel and the rig inside the same file contradict each other.
+    #[error("{}: {why}", path.display())]
+    OtherRig {
+        /// The recording.
+        path: PathBuf,
+        /// Which sensor, and what the rig has.
+        why: String,
+    },
+    /// Samples that no recording may hold were handed to a writer.
+    #[error("cannot record to {}: {why}", path.display())]
+    BadSamples {
+        /// The file being written.
+        path: PathBuf,
+        /// Which sensor, and why.
+        why: String,
+    },
+    /// Something is wrong in a time series.
+    #[error("{}{}: {problem}", path.display(), line.map(|l| format!(":{l}")).unwrap_or_default())]
+    Csv {
+        /// The file.
+        path: PathBuf,
+        /// Its line, from 1.
+        line: Option<usize>,
+        /// What is wrong.
+        problem: Box<CsvProblem>,
+    },
+    /// Something is wrong in a file of another program that has no lines.
+    #[error("{}: {why}", path.display())]
+    Foreign {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong, and what to do.
+        why: String,
+    },
+    /// No file of several has a sensor of the rig.
+    #[error(transparent)]
+    Sensors(Box<CsvProblem>),
+    /// The disk refused the last samples.
+    #[error("{file} lacks its last samples; `surgescope recover {file} -o NEW.mcap` saves those before", file = path.display())]
+    CutShort {
+        /// The live file.
+        path: PathBuf,
+        /// Why.
+        source: Box<LogError>,
+    },
+    /// The live file no longer stands at its name, and a finished one could not be put there either.
+    #[error("{file} was moved or deleted while it was written, and could not be written anew: if it was moved, `surgescope recover` of it at its new place makes it whole; if it was deleted, its samples are lost", file = path.display())]
+    Gone {
+        /// Where it was.
+        path: PathBuf,
+        /// Why it could not be written anew.
+        source: Box<LogError>,
+    },
+    /// The live file was written whole, but could not be turned into a finished one.
+    #[error("every sample is safe in {file}, but it could not be finished; once the cause is gone, `surgescope recover {file} -o NEW.mcap` does it", file = path.display())]
+    Unfinished {
+        /// The live file.
+        path: PathBuf,
+        /// Why.
+        source: Box<LogError>,
+    },
+}
+
+/// What is wrong in a time series.
+#[derive(Debug, Clone, PartialEq, Error)]
+#[non_exhaustive]
+pub enum CsvProblem {
+    /// Nothing in it.
+    #[error("the file is empty: expected a header like time_s,P1,P2 and a line for each time")]
+    Empty,
+    /// A header and no line under it.
+    #[error("there is a header but no line of samples under it")]
+    HeaderOnly,
+    /// Bytes that are not text.
+    #[error("not UTF-8 text{hint}: save it as a CSV in UTF-8")]
+    NotUtf8 {
+        /// What it probably is, starting with a space; may be empty.
+        hint: &'static str,
+    },
+    /// The first column is not `time_s`.
+    #[error("the first column must be time_s (times in seconds), but it is '{found}'{hint}")]
+    NoTimeColumn {
+        /// What stands there.
+        found: String,
+        /// What to do, starting with a separator; may be empty.
+        hint: String,
+    },
+    /// A sensor of the rig has no column.
+    #[error(
+        "no column for the {kind} sensor '{sensor}' of rig '{rig}'; the columns are {found}{hint} Rename the column, take the rig file of this test, or say that the sensor was not recorded with --without {sensor}"
+    )]
+    MissingColumn {
+        /// The sensor.
+        sensor: String,
+        /// What it measures.
+        kind: &'static str,
+        /// The rig's name.
+        rig: String,
+        /// Columns of the file.
+        found: String,
+        /// The nearest column, as a question; a full stop where none is near.
+        hint: String,
+    },
+    /// A column that no sensor has.
+    #[error(
+        "column '{column}' is no sensor of rig '{rig}', which has {known}{hint} Rename or remove the column, or take the rig file of this test"
+    )]
+    UnknownColumn {
+        /// The column.
+        column: String,
+        /// The rig's name.
+        rig: String,
+        /// Sensors of the rig.
+        known: String,
+        /// The nearest sensor, as a question; a full stop where none is near.
+        hint: String,
+    },
+    /// Two columns of one name.
+    #[error("column '{0}' stands in the header twice: keep one of the two")]
+    DuplicateColumn(String),
+    /// A sensor said to be left out that the rig does not have, or that has a column.
+    #[error("--without {sensor}: {why}")]
+    BadWithout {
+        /// The sensor.
+        sensor: String,
+        /// What is wrong.
+        why: String,
+    },
+    /// A last line without its end.
+    #[error("the file ends within this line: its last number is written shorter than all above it. Remove the line")]
+    CutOff,
+    /// A line with too many or too few cells.
+    #[error("{found} cells where the header has {expected}: a decimal comma, or a separator too many or too few?")]
+    Ragged {
+        /// Cells of the line.
+        found: usize,
+        /// Columns of the header.
+        expected: usize,
+    },
+    /// A cell that is not a number.
+    #[error("column '{column}': '{cell}' is not a number; leave the cell empty where there is no sample")]
+    NotANumber {
+        /// The column.
+        column: String,
+        /// What stands there.
+        cell: String,
+    },
+    /// NaN or an infinity.
+    #[error("column '{column}': '{cell}' is not a finite number; leave the cell empty where there is no sample")]
+    NotFinite {
+        /// The column.
+        column: String,
+        /// What stands there.
+        cell: String,
+    },
+    /// A line without a time.
+    #[error("column 'time_s' is empty: every line needs its time")]
+    NoTime,
+    /// Lines without a time, too many to do without.
+    #[error(
+        "{count} of {rows} lines have no time, this one first: few are left out, but so many leave open when the others were; write every line's time"
+    )]
+    TimesMissing {
+        /// Lines whose time is empty or nan.
+        count: usize,
+        /// Lines in all.
+        rows: usize,
+    },
+    /// A time beyond what the log's nanoseconds can hold.
+    #[error("column 'time_s': {0} s is out of range; times are seconds, within ±290 years of the recording's time 0")]
+    TimeOutOfRange(String),
+    /// Times that run backwards or repeat.
+    #[error(
+        "column 'time_s': {time} does not come after {previous} of line {previous_line}; times must increase from line to line: sort the file, or split it where two runs were joined"
+    )]
+    TimeNotIncreasing {
+        /// The time of this line, as written.
+        time: String,
+        /// The time before it, as written.
+        previous: String,
+        /// Where that stands.
+        previous_line: usize,
+    },
+    /// A sensor whose column is empty throughout.
+    #[error(
+        "column '{column}': the pressure sensor has no sample in the whole file; if it was not recorded, remove the column and say --without {column}"
+    )]
+    NoSamples {
+        /// The column.
+        column: String,
+    },
+    /// Decimal points and decimal commas in one file.
+    #[error(
+        "column '{column}': '{cell}' has another decimal mark than the numbers before it, so that nobody can tell what it means: write all with one mark"
+    )]
+    TwoDecimalMarks {
+        /// The column.
+        column: String,
+        /// What stands there.
+        cell: String,
+    },
+    /// A date whose day and month cannot be told apart.
+    #[error("'{0}' may be two dates, and no other line shows which: say --date-order dmy or --date-order mdy")]
+    WhichDay(String),
+    /// A cell that is no date-time where the others are.
+    #[error("'{0}' is not a time like those of the lines above")]
+    NotATime(String),
+    /// A time out of order that is none of the grid's.
+    #[error(
+        "the time of this line, {time_s} s, is out of order and falls between the times of the others, which are {step_s} s apart: a wrong time, or two runs in one file; correct it, or split the file"
+    )]
+    OffTheGrid {
+        /// The time, s.
+        time_s: f64,
+        /// Step of the others, s.
+        step_s: f64,
+    },
+    /// Times with too few digits.
+    #[error(
+        "{repeats} of {rows} lines repeat the time of the line above: the times are written too coarsely for this sample rate; export them with more decimals"
+    )]
+    TimesTooCoarse {
+        /// Lines that repeat a time.
+        repeats: usize,
+        /// All lines.
+        rows: usize,
+    },
+    /// A unit that the sensor's samples cannot have.
+    #[error(
+        "column '{column}' is in '{unit}', which is no {kind} unit known here (known are {known}); convert it, or correct the heading"
+    )]
+    WrongUnit {
+        /// The column.
+        column: String,
+        /// Its unit.
+        unit: String,
+        /// What the sensor measures.
+        kind: &'static str,
+        /// Units that it may have.
+        known: String,
+    },
+    /// Nothing to calibrate with.
+    #[error("no pressure sensor is left: a recording needs at least one")]
+    NoPressure,
+}
+
+impl LogError {
+    /// An I/O failure on `path`, with the plain cases in plain words.
+    pub(crate) fn io(action: &'static str, path: &Path, source: io::Error) -> Self {
+        match source.kind() {
+            io::ErrorKind::NotFound if action == "read" => LogError::Missing(path.into()),
+            io::ErrorKind::IsADirectory => LogError::Folder(path.into()),
+            io::ErrorKind::AlreadyExists => LogError::Exists(path.into()),
+            _ => LogError::Io { action, path: path.into(), source },
+        }
+    }
+
+    /// A failure of the MCAP writer on `path`; nearly always the disk's.
+    pub(crate) fn write(path: &Path, error: mcap::McapError) -> Self {
+        match error {
+            mcap::McapError::Io(source) => LogError::io("write", path, source),
+            other => LogError::Io { action: "write", path: path.into(), source: io::Error::other(other) },
+        }
+    }
+}

@@ -1,0 +1,205 @@
+//! Tracks of a file become series of a rig's sensors: by name, by what a user says, and in the sensor's unit.
+
+use std::path::Path;
+
+use crate::recording::{Recording, RunInfo, Series};
+use crate::rig::{Rig, Sensor, quantity_of, spelled_unit};
+use crate::storage::foreign::{Foreign, ForeignOptions, Mended, Track};
+use crate::storage::layout::kind_name;
+use crate::storage::sink::program;
+use crate::storage::{CsvProblem, LogError, nearest};
+use crate::units::{Quantity, UNITS};
+
+/// Pressure units that rig files do not know, in Pa.
+const MORE_PRESSURES: [(&str, f64); 3] = [("mbar", 100.0), ("hpa", 100.0), ("mmh2o", 9.80665)];
+
+/// Brings a file's tracks to the sensors of a rig. Sensors that it has no track of stay empty; what was converted or left out
+/// is added to `mended`.
+///
+/// # Errors
+/// A track that is no sensor (in a table), two tracks of one sensor, a unit that the sensor cannot have, a name in the options
+/// that is not there.
+pub fn bind(
+    foreign: Foreign,
+    path: &Path,
+    rig: &Rig,
+    options: &ForeignOptions,
+    mended: &mut Vec<Mended>,
+) -> Result<Recording, LogError> {
+    let table = !foreign.spare_tracks;
+    let fault = |problem: CsvProblem| match table {
+        true => LogError::Csv { path: path.into(), line: None, problem: Box::new(problem) },
+        false => LogError::Foreign { path: path.into(), why: problem.to_string() },
+    };
+    let density = rig.fluid.properties(rig.fluid.temperature_degc).density_kg_m3;
+    let before = |i: usize, from: &String| options.map[..i].iter().any(|(other, _)| other == from);
+    if let Some((_, (from, _))) = options.map.iter().enumerate().find(|(i, (from, _))| before(*i, from)) {
+        let why = format!("'{from}' is said by --map to be two sensors: say one of them");
+        return Err(LogError::Foreign { path: path.into(), why });
+    }
+    let names: Vec<(String, String)> = foreign.tracks.iter().map(|t| (t.name.clone(), t.short.clone())).collect();
+    let mut series = vec![Series::default(); rig.sensors.len()];
+    let mut taken: Vec<Option<String>> = vec![None; rig.sensors.len()];
+    let mut spare = Vec::new();
+    for mut track in foreign.tracks {
+        let Some(place) = sensor_of(&track, rig, options).map_err(fault)? else {
+            let ignored = options.ignore.iter().any(|name| is_called(&track, name) || name == "*");
+            if table && !ignored {
+                return Err(fault(unknown(&track, rig)));
+            }
+            spare.push(track.name);
+            continue;
+        };
+        // of several groups with a channel of one name, the one that --map names
+        let says = |(from, to): &&(String, String)| *to == rig.sensors[place].name && !is_called(&track, from);
+        let is_there = |from: &String| names.iter().any(|(name, short)| name == from || short == from);
+        let is_mapped = options.map.iter().any(|(from, _)| is_called(&track, from));
+        if !table && !is_mapped && options.map.iter().find(says).is_some_and(|(from, _)| is_there(from)) {
+            spare.push(track.name);
+            continue;
+        }
+        if let Some(other) = &taken[place] {
+            let (a, b, sensor) = (other, &track.name, &rig.sensors[place].name);
+            let why = format!("'{a}' and '{b}' are both the sensor '{sensor}': say which with --map or --ignore");
+            return Err(LogError::Foreign { path: path.into(), why });
+        }
+        if track.name != rig.sensors[place].name {
+            let text = format!("'{}' is the sensor '{}'", track.name, rig.sensors[place].name);
+            mended.push(Mended::new("name", 1, None, text));
+        }
+        taken[place] = Some(track.name.clone());
+        mended.append(&mut track.mended);
+        series[place] = converted(track, &rig.sensors[place], density, mended).map_err(fault)?;
+    }
+    if taken.iter().all(Option::is_none) {
+        return Err(no_sensor(path, rig, &spare, table));
+    }
+    if !spare.is_empty() {
+        mended.push(Mended::new(
+            "left-out",
+            spare.len(),
+            None,
+            format!("left out, for no sensor is named so: {}", listed(&spare)),
+        ));
+    }
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    let run = RunInfo {
+        start_unix_ns: foreign.start.map_or(0, |s| s.unix_ns),
+        source: format!("import {name}"),
+        program: program(),
+        notes: foreign.notes,
+        csv: None,
+    };
+    Ok(Recording { rig: rig.clone(), series, run })
+}
+
+/// Every sensor of the rig must be in one file, or be said not to be recorded.
+///
+/// # Errors
+/// Names the first that is not.
+pub fn require_sensors(parts: &[&Recording], rig: &Rig, without: &[String]) -> Result<(), LogError> {
+    for name in without {
+        if !rig.sensors.iter().any(|s| s.name == *name) {
+            let why = format!("rig '{}' has no such sensor", rig.name);
+            return Err(LogError::Sensors(Box::new(CsvProblem::BadWithout { sensor: name.clone(), why })));
+        }
+    }
+    let recorded = |i: usize| parts.iter().any(|p| p.series.get(i).is_some_and(|s| !s.time_s.is_empty()));
+    let missing = rig.sensors.iter().enumerate().find(|(i, s)| !recorded(*i) && !without.contains(&s.name));
+    if let Some((_, sensor)) = missing {
+        let found: Vec<&str> =
+            (0..rig.sensors.len()).filter(|&i| recorded(i)).map(|i| rig.sensors[i].name.as_str()).collect();
+        return Err(LogError::Sensors(Box::new(CsvProblem::MissingColumn {
+            sensor: sensor.name.clone(),
+            kind: kind_name(sensor.kind),
+            rig: rig.name.clone(),
+            found: if found.is_empty() { "none".into() } else { found.join(", ") },
+            hint: ".".into(),
+        })));
+    }
+    if !rig.pressure_sensors().any(|(i, _)| recorded(i)) {
+        return Err(LogError::Sensors(Box::new(CsvProblem::NoPressure)));
+    }
+    Ok(())
+}
+
+fn is_called(track: &Track, name: &str) -> bool {
+    track.name == name || track.short == name
+}
+
+fn sensor_of(track: &Track, rig: &Rig, options: &ForeignOptions) -> Result<Option<usize>, CsvProblem> {
+    let place = |name: &str| rig.sensors.iter().position(|s| s.name == name);
+    if let Some((_, sensor)) = options.map.iter().find(|(from, _)| is_called(track, from)) {
+        return place(sensor)
+            .map(Some)
+            .ok_or_else(|| unknown(&Track { name: sensor.clone(), ..Track::default() }, rig));
+    }
+    if options.ignore.iter().any(|name| is_called(track, name)) {
+        return Ok(None);
+    }
+    Ok(place(&track.name).or_else(|| place(&track.short)))
+}
+
+fn unknown(track: &Track, rig: &Rig) -> CsvProblem {
+    let known: Vec<&str> = rig.sensors.iter().map(|s| s.name.as_str()).collect();
+    let meant = nearest(&track.name, known.iter().copied());
+    CsvProblem::UnknownColumn {
+        column: track.name.clone(),
+        rig: rig.name.clone(),
+        hint: meant.map_or(".".into(), |n| format!("; did you mean '{n}'? Say --map '{}={n}'.", track.name)),
+        known: known.join(", "),
+    }
+}
+
+fn no_sensor(path: &Path, rig: &Rig, spare: &[String], table: bool) -> LogError {
+    let sensors: Vec<&str> = rig.sensors.iter().map(|s| s.name.as_str()).collect();
+    let first = spare.first().map_or("NAME", String::as_str);
+    let what = if table { "columns" } else { "channels" };
+    let sensor = sensors.first().copied().unwrap_or("P1");
+    let why = format!(
+        "none of its {what} is a sensor of rig '{}', which has {}. Say which is which, as in --map '{first}={sensor}'; it has {}",
+        rig.name,
+        sensors.join(", "),
+        listed(spare)
+    );
+    LogError::Foreign { path: path.into(), why }
+}
+
+/// Names, not without end.
+fn listed(names: &[String]) -> String {
+    const MOST: usize = 30;
+    let more = if names.len() > MOST { format!(" and {} more", names.len() - MOST) } else { String::new() };
+    if names.is_empty() { "none".into() } else { names[..names.len().min(MOST)].join(", ") + &more }
+}
+
+/// The samples in the sensor's unit.
+fn converted(track: Track, sensor: &Sensor, density: f64, mended: &mut Vec<Mended>) -> Result<Series, CsvProblem> {
+    let mut series = track.series;
+    let Some(text) = track.unit.filter(|u| u != sensor.unit.symbol) else { return Ok(series) };
+    let quantity = quantity_of(sensor.kind);
+    let more = MORE_PRESSURES.iter().find(|(name, _)| quantity == Quantity::Pressure && *name == text.to_lowercase());
+    let from = spelled_unit(&text, quantity);
+    let si = |v: f64| match (from, more) {
+        (Some(unit), _) => Some(unit.to_si(v, density)),
+        (None, Some((_, pascals))) => Some(v * pascals),
+        _ => None,
+    };
+    if si(1.0).is_none() {
+        // a trigger may be a voltage: only its edges count
+        if quantity == Quantity::Ratio {
+            return Ok(series);
+        }
+        let known: Vec<&str> = UNITS.iter().filter(|u| u.quantity == quantity).map(|u| u.symbol).collect();
+        let kind = kind_name(sensor.kind);
+        return Err(CsvProblem::WrongUnit { column: track.name, unit: text, kind, known: known.join(", ") });
+    }
+    if from.is_some_and(|u| u.symbol == sensor.unit.symbol) {
+        return Ok(series);
+    }
+    for value in &mut series.value {
+        *value = si(*value).map_or(*value, |v| sensor.unit.from_si(v, density));
+    }
+    let text = format!("'{}' is converted from {text} to {}, the unit of '{}'", track.name, sensor.unit, sensor.name);
+    mended.push(Mended::new("unit", 1, None, text));
+    Ok(series)
+}

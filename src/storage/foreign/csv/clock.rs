@@ -1,0 +1,219 @@
+//! The first column: seconds, another unit of time, date-times, or a date and a time of day in two columns.
+
+use crate::storage::CsvProblem;
+use crate::storage::foreign::Start;
+use crate::storage::foreign::csv::decimals::Decimals;
+use crate::storage::foreign::csv::stamp;
+use crate::storage::foreign::csv::stamp::{Order, Stamp};
+use crate::storage::foreign::csv::{ForeignOptions, Mended, Row, header_unit};
+use crate::storage::import::hint_on_time;
+use crate::storage::layout::{to_ns, to_s};
+
+/// Reads the times of a table.
+pub(crate) struct Clock {
+    kind: Kind,
+    said: Vec<Mended>,
+    /// Column's heading.
+    name: String,
+    first_ns: Option<i64>,
+    digit_s: f64,
+    last_ns: i64,
+    /// What midnights have added, ns.
+    days_ns: i64,
+    zone_s: i32,
+    zone_assumed: bool,
+}
+
+#[derive(Clone, Copy, PartialEq)]
+enum Kind {
+    /// Numbers of this many seconds.
+    Numbers(f64),
+    /// Date-times, or dates alone.
+    Stamps { order: Order, has_time: bool },
+    /// A date, and the time of day in the next column.
+    TwoColumns(Order),
+    /// A time of day alone.
+    TimeOfDay,
+}
+
+const DAY_NS: i64 = 86_400_000_000_000;
+
+impl Clock {
+    /// Finds out from the headings, the units under them and the first row.
+    pub(crate) fn find(
+        header: &[String],
+        units: Option<&[String]>,
+        row: &Row,
+        text: &str,
+        separator: char,
+        options: &ForeignOptions,
+    ) -> Result<Clock, CsvProblem> {
+        let name = header.first().cloned().unwrap_or_default();
+        let cell = row.get(0).unwrap_or_default();
+        let zone_s = options.zone_s.unwrap_or(0);
+        let mut said = Vec::new();
+        let number = Decimals::new(separator).read(cell, &name).is_ok_and(|v| !v.is_nan());
+        let kind = if number {
+            let unit = units.and_then(|u| u.first()).and_then(|u| time_unit(u));
+            let heading = heading_unit(&name).or(unit).or(options.time_unit_s);
+            let seconds = heading.ok_or_else(|| no_time_column(&name, header))?;
+            if seconds != 1.0 {
+                said.push(Mended::new(
+                    "time-unit",
+                    1,
+                    None,
+                    format!("the times of '{name}' are in units of {seconds} s"),
+                ));
+            } else if name != "time_s" {
+                said.push(Mended::new("time-column", 1, None, format!("the times stand in '{name}', in seconds")));
+            }
+            Kind::Numbers(seconds)
+        } else {
+            let order = order(cell, text, separator, options);
+            match Stamp::parse(cell, order) {
+                Some(s) if s.has_date && s.has_time => Kind::Stamps { order, has_time: true },
+                Some(s) if s.has_time => Kind::TimeOfDay,
+                Some(_) => match row.get(1).and_then(|c| Stamp::parse(c, order)) {
+                    Some(s) if s.has_time && !s.has_date => Kind::TwoColumns(order),
+                    _ => Kind::Stamps { order, has_time: false },
+                },
+                None if stamp::is_ambiguous(cell) => return Err(CsvProblem::WhichDay(cell.into())),
+                None if heading_unit(&name).is_none() => return Err(no_time_column(&name, header)),
+                None => return Err(CsvProblem::NotANumber { column: name, cell: cell.into() }),
+            }
+        };
+        let zone_assumed = options.zone_s.is_none();
+        Ok(Clock {
+            kind,
+            said,
+            name,
+            first_ns: None,
+            digit_s: 1.0,
+            last_ns: i64::MIN,
+            days_ns: 0,
+            zone_s,
+            zone_assumed,
+        })
+    }
+
+    /// Number of columns that hold the time.
+    pub(crate) fn columns(&self) -> usize {
+        if matches!(self.kind, Kind::TwoColumns(_)) { 2 } else { 1 }
+    }
+
+    /// The time of a row, s: the column's own numbers, or seconds since the first date-time.
+    pub(crate) fn seconds(&mut self, row: &Row, decimals: &mut Decimals, header: &[String]) -> Result<f64, CsvProblem> {
+        let cell = row.get(0).unwrap_or_default();
+        let bad = || CsvProblem::NotATime(cell.into());
+        let stamp = match self.kind {
+            Kind::Numbers(unit_s) => {
+                let value = decimals.read(cell, &header[0])?;
+                // a division keeps decimal numbers what they are: 12.5 ms are 12.5/1000 s
+                let time_s = if unit_s < 1.0 { value / (1.0 / unit_s).round() } else { value * unit_s };
+                return to_ns(time_s).map(|_| time_s).ok_or_else(|| CsvProblem::TimeOutOfRange(cell.into()));
+            }
+            // a date alone is no time among date-times
+            Kind::Stamps { order, has_time } => {
+                Stamp::parse(cell, order).filter(|s| s.has_date && (s.has_time || !has_time))
+            }
+            Kind::TimeOfDay => Stamp::parse(cell, Order::Unknown).filter(|s| !s.has_date),
+            Kind::TwoColumns(order) => {
+                let time = Stamp::parse(row.get(1).unwrap_or_default(), Order::Unknown).filter(|s| s.has_time);
+                Stamp::parse(cell, order).zip(time).map(|(date, time)| date.joined(time))
+            }
+        };
+        let stamp = stamp.ok_or_else(bad)?;
+        self.zone_assumed &= stamp.zone_s.is_none();
+        self.digit_s = self.digit_s.min(stamp.digit_s);
+        let mut ns = stamp.unix_ns(self.zone_s);
+        if self.kind == Kind::TimeOfDay {
+            ns = ns.saturating_add(self.days_ns);
+            if ns < self.last_ns.saturating_sub(DAY_NS / 2) {
+                self.days_ns = self.days_ns.saturating_add(DAY_NS);
+                ns = ns.saturating_add(DAY_NS);
+                self.said.push(Mended::new(
+                    "midnight",
+                    1,
+                    None,
+                    format!("the times of '{}' run past midnight", self.name),
+                ));
+            }
+            self.last_ns = ns;
+        }
+        let since = i128::from(ns) - i128::from(*self.first_ns.get_or_insert(ns));
+        let since = i64::try_from(since).map_err(|_| CsvProblem::TimeOutOfRange(cell.into()))?;
+        to_ns(to_s(since)).map(|_| to_s(since)).ok_or_else(|| CsvProblem::TimeOutOfRange(cell.into()))
+    }
+
+    /// Whether its times are those of a wall clock that gives no zone, and may jump with daylight saving time.
+    pub(crate) fn is_local(&self) -> bool {
+        self.zone_assumed && !matches!(self.kind, Kind::Numbers(_))
+    }
+
+    /// Wall-clock time of time 0, where the column gives dates.
+    pub(crate) fn start(&self) -> Option<Start> {
+        let dated = matches!(self.kind, Kind::Stamps { .. } | Kind::TwoColumns(_));
+        let unix_ns = self.first_ns.filter(|_| dated).and_then(|ns| u64::try_from(ns).ok()).filter(|ns| *ns > 0)?;
+        Some(Start { unix_ns, digit_s: self.digit_s })
+    }
+
+    pub(crate) fn said(&mut self) -> Vec<Mended> {
+        let mut said = std::mem::take(&mut self.said);
+        let zone = if self.zone_assumed { ", taken as UTC (--zone says otherwise)" } else { "" };
+        let text = match self.kind {
+            Kind::Numbers(_) => return said,
+            Kind::Stamps { .. } => format!("'{}' holds date-times{zone}; time 0 is the first", self.name),
+            Kind::TwoColumns(_) => format!("the first two columns hold dates and times{zone}; time 0 is the first"),
+            Kind::TimeOfDay => format!("'{}' holds times of the day; time 0 is the first", self.name),
+        };
+        said.push(Mended::new("date-times", 1, None, text));
+        said
+    }
+}
+
+/// The order of day and month: as told, or as the first date shows that has a number above 12.
+fn order(cell: &str, text: &str, separator: char, options: &ForeignOptions) -> Order {
+    match options.day_first {
+        Some(true) => Order::DayFirst,
+        Some(false) => Order::MonthFirst,
+        None if stamp::is_ambiguous(cell) => {
+            let first = |line: &str| line.split(separator).next().map(|c| c.trim().trim_matches('"').to_string());
+            text.lines().filter_map(first).find_map(|c| stamp::order_shown(&c)).unwrap_or(Order::Unknown)
+        }
+        // the first date's own order holds for all
+        None => stamp::order_shown(cell).unwrap_or(Order::Unknown),
+    }
+}
+
+fn no_time_column(name: &str, header: &[String]) -> CsvProblem {
+    let hint = if header.len() > 1 && name.parse::<f64>().is_ok() {
+        ": the header line is missing".to_string()
+    } else {
+        hint_on_time(name)
+    };
+    CsvProblem::NoTimeColumn { found: name.into(), hint }
+}
+
+/// Seconds of the unit in a heading of a time column: `time_s`, `Time (ms)`, `t [us]`; `None` where it names none or is none.
+fn heading_unit(heading: &str) -> Option<f64> {
+    let (name, unit) = match header_unit(heading) {
+        Some(split) => split,
+        None => heading.rsplit_once(['_', ' ']).map(|(name, unit)| (name.to_string(), unit.to_string()))?,
+    };
+    let name = name.to_lowercase();
+    let is_time = ["time", "t", "times", "zeit", "temps", "tempo", "tiempo", "x", "elapsed time", "relative time"];
+    is_time.contains(&name.as_str()).then(|| time_unit(&unit)).flatten()
+}
+
+/// Seconds of a unit of time.
+pub fn time_unit(text: &str) -> Option<f64> {
+    match text.trim_end_matches('.').to_lowercase().as_str() {
+        "s" | "sec" | "secs" | "second" | "seconds" => Some(1.0),
+        "ms" | "msec" | "milliseconds" => Some(1e-3),
+        "us" | "µs" | "μs" | "usec" | "microseconds" => Some(1e-6),
+        "ns" | "nanoseconds" => Some(1e-9),
+        "min" | "minutes" => Some(60.0),
+        "h" | "hours" => Some(3600.0),
+        _ => None,
+    }
+}

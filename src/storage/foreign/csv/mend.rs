@@ -1,0 +1,199 @@
+//! Lines out of order, times that stand twice, times that are missing.
+
+use crate::recording::Gap;
+use crate::storage::CsvProblem;
+use crate::storage::foreign::csv::{Mended, Table};
+use crate::storage::foreign::{counted, is_no_order};
+use crate::storage::import::Fault;
+
+/// Steps within this of the median, as a part of it, are the same step.
+const SAME_STEP: f64 = 0.1;
+/// Part of the lines that may repeat a time: above it the times are written too coarsely to be of use.
+const MOST_REPEATED: f64 = 0.2;
+
+/// Times missing from an even grid.
+pub struct Hole {
+    /// The row before it.
+    pub before: usize,
+    /// From the time of that row to that of the next.
+    pub gap: Gap,
+}
+
+/// A wall clock jumps by so much when daylight saving time begins, s.
+const SAVED_S: f64 = 3600.0;
+
+/// Brings the table into order; `local` times are those of a wall clock without a zone.
+pub(crate) fn mend(table: &mut Table, mended: &mut Vec<Mended>, local: bool) -> Result<Vec<Hole>, Fault> {
+    let displaced = displaced(table)?;
+    let in_order = displaced.and_then(|_| even_step(&in_order(&table.time_s)));
+    if let Some((count, line)) = displaced {
+        sort(table);
+        mended.push(Mended::new(
+            "order",
+            count,
+            Some(line),
+            counted(count, "line stood out of order and was sorted in", "lines stood out of order and were sorted in"),
+        ));
+    }
+    join_repeats(table, mended)?;
+    if let (Some((_, line)), Some(step_s)) = (displaced, in_order)
+        && let Some(i) = table.time_s.windows(2).position(|w| w[1] - w[0] < 0.5 * step_s)
+    {
+        // sorted in, it falls between the times of an even grid: a wrong time rather than a line out of place
+        let at = if table.line[i] > table.line[i + 1] { i } else { i + 1 };
+        let problem = CsvProblem::OffTheGrid { time_s: table.time_s[at], step_s };
+        return Err((Some(table.line[at].max(line)), Box::new(problem)));
+    }
+    let holes = even_holes(&table.time_s);
+    if let Some(first) = holes.first() {
+        let missing: u64 = holes.iter().filter_map(|h| h.gap.samples).sum();
+        let mut text = match holes.len() {
+            1 if missing == 1 => "one time is missing: recorded as a gap".to_string(),
+            1 => format!("{missing} times are missing in one place: recorded as a gap"),
+            n => format!("{missing} times are missing in {n} places: recorded as gaps"),
+        };
+        let saved = |hole: &Hole| {
+            let (length_s, missing) = (hole.gap.to_s - hole.gap.from_s, hole.gap.samples.unwrap_or(0));
+            (length_s - SAVED_S).abs() <= 1.5 * length_s / (missing + 1) as f64
+        };
+        if let Some(jump) = holes.iter().find(|hole| local && saved(hole)) {
+            text += &format!(
+                "; that before line {} is an hour long: if daylight saving time began there, nothing is missing: write the times with \
+                 their zone, or in UTC",
+                table.line[jump.before + 1]
+            );
+        }
+        mended.push(Mended::new("missing-times", missing as usize, Some(table.line[first.before]), text));
+    }
+    Ok(holes)
+}
+
+/// Number of lines whose time comes before that of a line above them, and the first of them.
+fn displaced(table: &Table) -> Result<Option<(usize, usize)>, Fault> {
+    let (mut latest, mut latest_line) = (f64::NEG_INFINITY, 0);
+    let (mut count, mut first) = (0, None);
+    for (&time_s, &line) in table.time_s.iter().zip(&table.line) {
+        if time_s < latest {
+            count += 1;
+            first.get_or_insert((time_s, line, latest, latest_line));
+        } else {
+            (latest, latest_line) = (time_s, line);
+        }
+    }
+    let Some((time_s, line, previous_s, previous_line)) = first else { return Ok(None) };
+    if is_no_order(count, table.time_s.len()) {
+        let (time, previous) = (time_s.to_string(), previous_s.to_string());
+        return Err((Some(line), Box::new(CsvProblem::TimeNotIncreasing { time, previous, previous_line })));
+    }
+    Ok(Some((count, line)))
+}
+
+/// The times that come after all before them.
+fn in_order(time_s: &[f64]) -> Vec<f64> {
+    let mut latest = f64::NEG_INFINITY;
+    let later = |t: &f64| {
+        let is_later = *t > latest;
+        latest = latest.max(*t);
+        is_later
+    };
+    time_s.iter().copied().filter(later).collect()
+}
+
+fn sort(table: &mut Table) {
+    let mut order: Vec<usize> = (0..table.time_s.len()).collect();
+    order.sort_by(|&a, &b| table.time_s[a].total_cmp(&table.time_s[b]));
+    for column in std::iter::once(&mut table.time_s).chain(&mut table.columns) {
+        *column = order.iter().map(|&i| column[i]).collect();
+    }
+    table.line = order.iter().map(|&i| table.line[i]).collect();
+}
+
+/// Makes one line of those of one time: what they agree in stays, of what they differ in the mean is taken.
+fn join_repeats(table: &mut Table, mended: &mut Vec<Mended>) -> Result<(), Fault> {
+    let rows = table.time_s.len();
+    let repeats = table.time_s.windows(2).filter(|w| w[0] == w[1]).count();
+    if repeats == 0 {
+        return Ok(());
+    }
+    let first = table.time_s.windows(2).position(|w| w[0] == w[1]).unwrap_or(0);
+    if repeats > 2 && repeats as f64 > MOST_REPEATED * rows as f64 {
+        return Err((Some(table.line[first + 1]), Box::new(CsvProblem::TimesTooCoarse { repeats, rows })));
+    }
+    let (mut same, mut same_line) = (0, None);
+    let (mut differing, mut differing_line, mut most) = (0, None, 0.0f64);
+    let mut kept = 0;
+    let mut from = 0;
+    while from < rows {
+        let to = from + table.time_s[from..].partition_point(|&t| t == table.time_s[from]);
+        let mut spread = 0.0f64;
+        for column in &mut table.columns {
+            let present = || column[from..to].iter().copied().filter(|v| !v.is_nan());
+            let (low, high) = present().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
+            let mean = match present().count() {
+                0 => f64::NAN,
+                _ if low == high => low,
+                n => present().map(|v| v / n as f64).sum(),
+            };
+            spread = spread.max(if high > low { high - low } else { 0.0 });
+            column[kept] = mean;
+        }
+        if to > from + 1 {
+            let line = table.line[from + 1];
+            if spread > 0.0 {
+                differing += 1;
+                differing_line.get_or_insert(line);
+                most = most.max(spread);
+            } else {
+                same += to - from - 1;
+                same_line.get_or_insert(line);
+            }
+        }
+        table.time_s[kept] = table.time_s[from];
+        table.line[kept] = table.line[from];
+        kept += 1;
+        from = to;
+    }
+    table.time_s.truncate(kept);
+    table.line.truncate(kept);
+    table.columns.iter_mut().for_each(|c| c.truncate(kept));
+    if same > 0 {
+        let text = counted(same, "line repeats a time and says", "lines repeat a time and say")
+            + " nothing else of it: left out";
+        mended.push(Mended::new("duplicate-times", same, same_line, text));
+    }
+    if differing > 0 {
+        let text = format!(
+            "{} more than once with different values: their mean was taken; they differ by up to {most}",
+            counted(differing, "time stands", "times stand")
+        );
+        mended.push(Mended::new("contradicting-times", differing, differing_line, text));
+    }
+    Ok(())
+}
+
+/// The step of an even grid, s; `None` where fewer than four of five steps are it.
+fn even_step(time_s: &[f64]) -> Option<f64> {
+    let mut steps: Vec<f64> = time_s.windows(2).map(|w| w[1] - w[0]).collect();
+    if steps.len() < 2 {
+        return None;
+    }
+    let middle = steps.len() / 2;
+    let step = *steps.select_nth_unstable_by(middle, f64::total_cmp).1;
+    let even = steps.iter().filter(|s| (**s / step - 1.0).abs() < SAME_STEP).count();
+    (step > 0.0 && even as f64 >= 0.8 * steps.len() as f64).then_some(step)
+}
+
+/// The holes of an even grid of increasing times; none where the grid is not even.
+pub fn even_holes(time_s: &[f64]) -> Vec<Hole> {
+    even_step(time_s).map_or(Vec::new(), |step_s| holes(time_s, step_s))
+}
+
+fn holes(time_s: &[f64], step_s: f64) -> Vec<Hole> {
+    let pairs = time_s.windows(2).enumerate();
+    let wide = pairs.filter(|(_, w)| w[1] - w[0] > (2.0 - SAME_STEP) * step_s);
+    wide.map(|(before, w)| {
+        let samples = Some((((w[1] - w[0]) / step_s).round() as u64).saturating_sub(1));
+        Hole { before, gap: Gap { from_s: w[0], to_s: w[1], samples } }
+    })
+    .collect()
+}

@@ -1,0 +1,60 @@
+//! Bytes become text: UTF-8, UTF-16 with its mark, and Latin-1 where only comments and headings need it.
+
+use std::borrow::Cow;
+
+use crate::storage::CsvProblem;
+use crate::storage::foreign::Mended;
+use crate::storage::foreign::csv::is_row;
+use crate::storage::import::{Fault, text_of};
+
+/// The text of a file, without a byte-order mark, its lines ended by line feeds.
+pub(crate) fn decode<'b>(bytes: &'b [u8], mended: &mut Vec<Mended>) -> Result<Cow<'b, str>, Fault> {
+    let text = characters(bytes, mended)?;
+    if text.contains('\n') || !text.contains('\r') {
+        return Ok(text);
+    }
+    mended.push(Mended::new("line-ends", 1, None, "lines are ended by carriage returns alone, as on old Macintoshes"));
+    Ok(Cow::Owned(text.replace('\r', "\n")))
+}
+
+fn characters<'b>(bytes: &'b [u8], mended: &mut Vec<Mended>) -> Result<Cow<'b, str>, Fault> {
+    if let Some(text) = utf16(bytes) {
+        let text =
+            text.ok_or((None, Box::new(CsvProblem::NotUtf8 { hint: " (nor UTF-16, as its first bytes say)" })))?;
+        mended.push(Mended::new("encoding", 1, None, "the text is UTF-16"));
+        return Ok(Cow::Owned(text));
+    }
+    match text_of(bytes) {
+        Ok(text) => {
+            if bytes.starts_with(b"\xef\xbb\xbf") {
+                mended.push(Mended::new("byte-order-mark", 1, Some(1), "a byte-order mark stands at the beginning"));
+            }
+            Ok(Cow::Borrowed(text))
+        }
+        Err(fault) => latin1(bytes, mended).map(Cow::Owned).ok_or(fault),
+    }
+}
+
+/// `None` where it is not UTF-16, by its mark; `Some(None)` where the mark lies.
+fn utf16(bytes: &[u8]) -> Option<Option<String>> {
+    let (little, rest) = match bytes {
+        [0xff, 0xfe, rest @ ..] => (true, rest),
+        [0xfe, 0xff, rest @ ..] => (false, rest),
+        _ => return None,
+    };
+    let unit = |pair: &[u8]| if little { [pair[0], pair[1]] } else { [pair[1], pair[0]] };
+    let units: Vec<u16> = rest.chunks_exact(2).map(|pair| u16::from_le_bytes(unit(pair))).collect();
+    Some(String::from_utf16(&units).ok().filter(|_| rest.len() % 2 == 0))
+}
+
+/// Latin-1 (every byte is its own code point), if what is not ASCII stands in comments and in the header only.
+fn latin1(bytes: &[u8], mended: &mut Vec<Mended>) -> Option<String> {
+    let text: String = bytes.iter().map(|&b| char::from(b)).collect();
+    let header = text.lines().position(is_row)?;
+    let line = text.lines().position(|l| !l.is_ascii())?;
+    if text.lines().skip(header + 1).any(|l| !l.is_ascii() && !l.starts_with('#')) {
+        return None;
+    }
+    mended.push(Mended::new("encoding", 1, Some(line + 1), "the text is not UTF-8 and was read as Latin-1"));
+    Some(text)
+}
