@@ -7,6 +7,9 @@
 
 use nalgebra::{DMatrix, DVector};
 
+use crate::diagnose::limits::{
+    BINS, COARSE_REACHES, FEATURES_PER_HALF_CYCLE, FLOOR_SAMPLES, LEAD_OF_PERIOD, SINGULAR, UNSEEN_COLUMN,
+};
 use crate::fit::data::run_data::{RunData, SensorData};
 use crate::fit::numeric::least_squares::{Problem, jacobian};
 use crate::fit::outcome::fit::Fit;
@@ -16,21 +19,8 @@ use crate::model::effects::{Chosen, Circumstances, vapour_head_m};
 use crate::model::{Model, ModelError};
 use crate::rig::{Coupling, Rig};
 
-/// Reaches of the coarse grid.
-const COARSE_REACHES: usize = 48;
-/// Bins a sensor.
-const BINS: usize = 3000;
-/// Norm of a column, in units of the noise, below which a parameter is not seen: what its differences show is rounding.
-const UNSEEN: f64 = 0.1;
-/// Singular values of the normal matrix of unit columns below which a combination of parameters counts as not seen.
-const PARALLEL: f64 = 1e-9;
-/// The part of a record, one over this, that must lie on a floor.
-const SHORT: usize = 500;
-/// Features of a half cycle.
-const FEATURES: f64 = 3.0;
-
 /// See the module.
-pub struct Ground<'a> {
+pub struct Baseline<'a> {
     /// The rig.
     pub rig: &'a Rig,
     /// The runs, binned and corrected.
@@ -66,7 +56,7 @@ struct Fitted {
     inverse: DMatrix<f64>,
 }
 
-impl<'a> Ground<'a> {
+impl<'a> Baseline<'a> {
     /// The ground under a fit of the start model to `runs`.
     ///
     /// # Errors
@@ -90,7 +80,7 @@ impl<'a> Ground<'a> {
         let (which, columns): (Vec<usize>, Vec<Vec<f64>>) = jacobian(&problem, &x, &all)?
             .into_iter()
             .enumerate()
-            .filter(|(j, column)| !at_bound[*j] && dot(column, column) > UNSEEN.powi(2))
+            .filter(|(j, column)| !at_bound[*j] && dot(column, column) > UNSEEN_COLUMN.powi(2))
             .unzip();
         let samples = problem.samples();
         let meters = runs.iter().filter(|r| r.meter.is_some()).count();
@@ -102,11 +92,11 @@ impl<'a> Ground<'a> {
         // Where every parameter is held there is nothing to invert, which the library does not bear.
         let inverse = match columns.len() {
             0 => normal,
-            n => normal.pseudo_inverse(PARALLEL).unwrap_or_else(|_| DMatrix::zeros(n, n)),
+            n => normal.pseudo_inverse(SINGULAR).unwrap_or_else(|_| DMatrix::zeros(n, n)),
         };
         let inverse = DMatrix::from_fn(n, n, |a, b| inverse[(a, b)] / (norms[a] * norms[b]));
         let columns = columns.iter().map(|c| seen(c, samples, meters)).collect();
-        Ok(Ground {
+        Ok(Baseline {
             rig,
             known: Circumstances { rig, above_vapour_m: above_vapour_m(rig, recorded) },
             options: options.clone(),
@@ -127,7 +117,7 @@ impl<'a> Ground<'a> {
     /// features (front, plateau, way back) a half cycle of each sensor.
     pub fn features(&self) -> f64 {
         let halves: usize = self.runs.iter().flat_map(|r| &r.extrema).map(Vec::len).sum();
-        FEATURES * halves.max(1) as f64
+        FEATURES_PER_HALF_CYCLE * halves.max(1) as f64
     }
 
     /// Number of recorded samples behind the bins.
@@ -225,7 +215,7 @@ fn above_vapour_m(rig: &Rig, runs: &[RunData]) -> f64 {
         let boiling_m = rig.elevation_m(s.sensor.position_m) + vapour_head_m(&run.conditions.water);
         // A single sample may be a dead count; a floor is stayed on.
         let mut heads = s.head_m.clone();
-        let few = (heads.len() / SHORT).clamp(1, heads.len()) - 1;
+        let few = (heads.len() / FLOOR_SAMPLES).clamp(1, heads.len()) - 1;
         let (_, low_m, _) = heads.select_nth_unstable_by(few, f64::total_cmp);
         *low_m - boiling_m
     };
@@ -249,7 +239,7 @@ fn binned(
             let fine_traces = problem.modelled(r, values, fine)?.traces;
             let coarse_traces = problem.modelled(r, values, coarse)?.traces;
             let start = problem.closure_start_s(r, values);
-            let lead = 0.1 * model.period_s(&values[..model.shared.len()]);
+            let lead = LEAD_OF_PERIOD * model.period_s(&values[..model.shared.len()]);
             let sensors = run.sensors.iter().enumerate().map(|(s, sensor)| {
                 let (fine, coarse) = (&fine_traces[s], &coarse_traces[s]);
                 let from = sensor.time_s.partition_point(|&t| t < start - lead);

@@ -1,5 +1,6 @@
 //! The candidates: every effect of the catalogue that the start model has not, in each of its forms.
 
+use crate::diagnose::limits::MOST_ELEMENTS;
 use crate::model::effects::{CATALOGUE, Chosen, Effect};
 use crate::rig::Rig;
 
@@ -11,9 +12,6 @@ pub struct Form {
     /// What is added to the model.
     pub chosen: Chosen,
 }
-
-/// Most elements with which an effect that has some is tried.
-const MOST_ELEMENTS: usize = 3;
 
 /// Every form of the effects of the catalogue that may be added to `start`, in their order, and that so many runs can tell from others.
 pub fn candidates(rig: &Rig, start: &[Chosen], runs: usize) -> Vec<Form> {
