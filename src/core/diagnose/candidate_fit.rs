@@ -1,4 +1,4 @@
-//! Effects in competition: the best form of each, what it leaves, and its fit to all samples.
+//! Candidates in competition: the best form of each effect, what it leaves, and its fit to all samples.
 
 use crate::diagnose::baseline::Baseline;
 use crate::diagnose::evidence::{EvidenceScale, tempered};
@@ -12,26 +12,26 @@ use crate::fit::search::calibrate::{
 use crate::model::effects::{CERTAIN, Chosen, Circumstances};
 use crate::rig::Rig;
 
-/// An effect in its best form.
+/// An effect in its best form, with its refit and, later, its full fit.
 pub(crate) struct CandidateFit<'a> {
     pub(crate) refit: &'a Refit,
     pub(crate) evidence: f64,
-    /// Sum over all samples of the residual's square over the noise's, of the fit or as forecast.
+    /// Sum over all samples of (residual / noise)², of the full fit or as the refit forecasts it.
     pub(crate) square: f64,
     pub(crate) fit: Option<Fit>,
 }
 
 impl<'a> CandidateFit<'a> {
-    /// As the refit forecasts it from what it leaves of the start model's square.
+    /// Forecasts the square of the full fit from the share of the start model's square that the refit leaves.
     pub(crate) fn forecast(baseline: &Baseline, start: &Fit, refit: &'a Refit, evidence: f64) -> Self {
         let left = baseline.mean_square(&refit.residuals) / baseline.mean_square(&baseline.residuals);
         CandidateFit { refit, evidence, square: square(start) * left, fit: None }
     }
 
     pub(crate) fn odds(&self, known: &Circumstances) -> f64 {
-        // What speaks for an effect beforehand does not make up for a fit that has nothing of it.
+        // Prior odds in favour of an effect do not make up for a fit without evidence.
         let odds = self.refit.form.chosen.effect.odds(known);
-        // What a record shows by itself needs a model that is better with it, no more.
+        // If a record shows the effect by itself, any improvement will do.
         let least = if odds >= CERTAIN { 0.0 } else { LEAST_EVIDENCE };
         if self.evidence < least { odds.min(1.0) } else { odds }
     }
@@ -40,7 +40,7 @@ impl<'a> CandidateFit<'a> {
         tempered(self.evidence) + self.odds(known).ln()
     }
 
-    /// Its effects and the values of all variables, of its fit where there is one.
+    /// Its effects and the values of all variables: of the full fit if there is one, else of the refit.
     pub(crate) fn model(&self) -> (&[Chosen], Vec<f64>) {
         match &self.fit {
             Some(fit) => (&fit.effects, fit.values()),
@@ -48,31 +48,31 @@ impl<'a> CandidateFit<'a> {
         }
     }
 
-    /// The form of its fit, where there is one.
+    /// The form that was fitted.
     pub(crate) fn label(&self) -> String {
         let fitted = self.fit.as_ref().and_then(|f| f.effects.last());
         fitted.unwrap_or(&self.refit.form.chosen).label()
     }
 
-    /// Free parameters that it has more than the start model, more elements of an effect of that among them.
+    /// Free parameters in addition to the start model's, including further elements of the start model's effects.
     pub(crate) fn added(&self, baseline: &Baseline, start: &Fit) -> usize {
         let own = self.refit.values.len() - baseline.values.len();
         let more = self.fit.as_ref().map_or(0, |f| f.parameters.len().saturating_sub(start.parameters.len() + own));
         self.refit.added + more
     }
 
-    /// Its error as a part of the start model's.
+    /// Its error as a share of the start model's.
     pub(crate) fn left_of(&self, start: &Fit) -> f64 {
         (self.square / square(start)).sqrt()
     }
 
-    /// Whether there is more of it than every rig has.
+    /// Whether it is stronger than what every rig has of it.
     pub(crate) fn is_noteworthy(&self, baseline: &Baseline) -> bool {
         let values: Vec<f64> = self.own_parameters(baseline).iter().map(|p| p.value).collect();
         self.refit.form.chosen.effect.noteworthy(&values)
     }
 
-    /// Keeps a fit if it is better than the one known.
+    /// Keeps a fit if it is better than the one so far.
     pub(crate) fn take(&mut self, fit: Result<Fit, FitError>) {
         if let Ok(fit) = fit
             && self.fit.as_ref().is_none_or(|known| square(&fit) < square(known))
@@ -117,13 +117,13 @@ impl<'a> CandidateFit<'a> {
     }
 }
 
-/// Sum over all samples of the residual's square over the noise's.
+/// Sum over all samples of (residual / noise)².
 pub(crate) fn square(fit: &Fit) -> f64 {
     let sensors = fit.runs.iter().flat_map(|r| &r.sensors);
     sensors.map(|s| s.time_s.len() as f64 * (s.rmse_m / s.white_noise_m).powi(2)).sum()
 }
 
-/// Error of a fit over what disturbs each sensor while nothing happens, rms over all samples.
+/// Error over noise of a fit: each sensor's error over its total noise before the closure, rms over all samples.
 pub(crate) fn over_noise(fit: &Fit, runs: &[RunData]) -> f64 {
     let (mut square, mut n) = (0.0, 0.0);
     for (fitted, run) in fit.runs.iter().zip(runs) {
@@ -136,7 +136,7 @@ pub(crate) fn over_noise(fit: &Fit, runs: &[RunData]) -> f64 {
     (square / f64::max(n, 1.0)).sqrt()
 }
 
-/// What a fit's residuals say evidence is worth.
+/// The scale of evidence that the residuals of a fit set.
 pub(crate) fn evidence_scale(fit: &Fit, features: f64) -> EvidenceScale {
     let residuals: Vec<f64> = fit
         .runs
@@ -165,21 +165,21 @@ pub(crate) fn best_forms(refits: &[Refit], evidence: impl Fn(&Refit) -> f64) -> 
 pub(crate) struct FullFitter<'a> {
     pub(crate) rig: &'a Rig,
     pub(crate) runs: &'a [RunData],
-    /// The start model's effects as they were asked for.
+    /// The start model's effects as the user asked for them.
     pub(crate) effects: &'a [Chosen],
     pub(crate) options: &'a Options,
     pub(crate) progress: &'a (dyn Fn(&str) + Sync),
 }
 
 impl FullFitter<'_> {
-    /// From where the refit ended.
+    /// Starts where the refit ended.
     pub(crate) fn from_refit(&self, refit: &Refit) -> Result<Fit, FitError> {
         self.from_values(refit, &refit.effects, &refit.values)
     }
 
-    /// From where a coarse fit ended.
+    /// Starts where a coarse fit ended.
     pub(crate) fn from_values(&self, refit: &Refit, effects: &[Chosen], values: &[f64]) -> Result<Fit, FitError> {
-        // Elements had better be added one by one.
+        // The calibration adds elements one by one, which is more reliable.
         if refit.form.chosen.elements.is_some() {
             return self.from_scratch(refit);
         }
@@ -187,7 +187,7 @@ impl FullFitter<'_> {
         refine(self.rig, self.runs, effects, values, &self.options_of(refit), &shown)
     }
 
-    /// From the signals, as if nothing had been fitted before.
+    /// Starts from the signals, without any earlier fit.
     pub(crate) fn from_scratch(&self, refit: &Refit) -> Result<Fit, FitError> {
         let effects: Vec<Chosen> =
             self.effects.iter().cloned().chain([Chosen { elements: None, ..refit.form.chosen.clone() }]).collect();
@@ -195,7 +195,7 @@ impl FullFitter<'_> {
         calibrate(self.rig, self.runs, &effects, &self.options_of(refit), &shown)
     }
 
-    /// A coarse fit from the signals.
+    /// Fits coarsely from the signals.
     pub(crate) fn coarse_fit(&self, refit: &Refit) -> Result<Coarse, FitError> {
         (self.progress)(&format!("{} from the signals", refit.form.effect));
         let mut effects = refit.effects.clone();
@@ -205,7 +205,7 @@ impl FullFitter<'_> {
         approach(self.rig, self.runs, &effects, self.options)
     }
 
-    /// With more elements of what the start model has, if their number was left open and the fit asks for more.
+    /// Adds elements to an effect of the start model if their number was left open and the fit asks for more.
     pub(crate) fn with_more_elements(&self, candidate_fit: &CandidateFit) -> Result<Fit, FitError> {
         let fit = candidate_fit.fit.as_ref().ok_or(FitError::NoRun)?;
         let shown =
@@ -225,7 +225,7 @@ impl FullFitter<'_> {
         }
     }
 
-    /// The fit of a rival, with all patience.
+    /// Fits a candidate until it converges.
     pub(crate) fn converged(&self, candidate_fit: &CandidateFit) -> Result<Fit, FitError> {
         let fit = candidate_fit.fit.as_ref().ok_or(FitError::NoRun)?;
         let shown = |p: &Progress| (self.progress)(&format!("{}, {}", candidate_fit.label(), p.stage));

@@ -1,24 +1,26 @@
-//! How much the data say for one model against another, and what follows for the probabilities.
+//! Evidence for one model against another, and the probabilities that follow.
 //!
-//! The evidence of a candidate is half the fall of the weighted square, in units of what the best model leaves, less half `ln n` for
-//! each parameter that it adds (Schwarz 1978, Ann. Statist. 6, 461), with `n` the effective number of samples: neighbours that err
-//! alike count once. A residual that no model brings down to the noise makes all of them less sure.
+//! The evidence of a candidate is half the fall of the weighted square, in units of what the best model leaves, minus
+//! half `ln n` for each parameter that it adds (Schwarz 1978, Ann. Statist. 6, 461). `n` is the effective number of
+//! samples: neighbours with the same error count once. If no model brings the residual down to the noise, all evidence
+//! shrinks.
 
 use crate::diagnose::limits::{PRIOR_ODDS_OF_NOTHING, TEMPERATURE};
 use crate::fit::numeric::uncertainty::correlation_inflation;
 
-/// What one unit of the square is worth.
+/// Turns squares into evidence.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct EvidenceScale {
     /// Effective number of samples.
     pub effective: f64,
-    /// Sum of squares that counts as one: the variance that the best model leaves, not below the noise's, times the correlation.
+    /// Sum of squares that counts as one unit: the variance that the best model leaves (at least the noise's) times the
+    /// correlation.
     pub unit: f64,
 }
 
 impl EvidenceScale {
-    /// From the residuals of samples, in units of their noise, that the best model leaves. What of them is no noise has its causes,
-    /// which repeat: it counts as `features` at most.
+    /// From the residuals of the best model, in units of the samples' noise. The part that is not noise has causes that
+    /// repeat, so it counts as `features` samples at most.
     pub fn of(samples: &[f64], features: f64) -> Self {
         let n = samples.len().max(1) as f64;
         let variance = samples.iter().map(|r| r * r).sum::<f64>() / n;
@@ -27,14 +29,14 @@ impl EvidenceScale {
         EvidenceScale { effective: n / inflation, unit: variance.max(1.0) * inflation }
     }
 
-    /// Evidence of a model that leaves `other` and has `added` free parameters more over one that leaves `square`.
+    /// Evidence of a model that leaves `other` and has `added` more free parameters, against one that leaves `square`.
     pub fn evidence(&self, square: f64, other: f64, added: usize) -> f64 {
         0.5 * (square - other) / self.unit - 0.5 * added as f64 * self.effective.ln()
     }
 }
 
-/// Probabilities of rivals from their evidence and the odds that they had before, against each other and against none of them, whose
-/// evidence is zero; what is missing to one is the probability of none.
+/// Probabilities of candidates from their evidence and prior odds. "None of them" has evidence zero and odds
+/// [`PRIOR_ODDS_OF_NOTHING`]; its probability is what the others leave of 1.
 pub fn probabilities(candidate_fits: &[(f64, f64)]) -> Vec<f64> {
     let logs: Vec<f64> = candidate_fits.iter().map(|(evidence, odds)| tempered(*evidence) + odds.ln()).collect();
     let top = logs.iter().copied().fold(PRIOR_ODDS_OF_NOTHING.ln(), f64::max);
@@ -42,7 +44,7 @@ pub fn probabilities(candidate_fits: &[(f64, f64)]) -> Vec<f64> {
     logs.iter().map(|l| (l - top).exp() / total).collect()
 }
 
-/// Evidence as the logarithm of odds.
+/// Evidence as a logarithm of odds.
 pub fn tempered(evidence: f64) -> f64 {
     evidence / TEMPERATURE
 }

@@ -1,15 +1,17 @@
-//! What is tried where no effect brings the error down to the noise.
+//! What the diagnosis tries when no effect brings the error down to the noise.
 //!
-//! Without the effect the start model's parameters, or the number of its elements, may have gone where no straight way leads back
-//! from. So the best get the elements that their own fits ask for; then every effect is fitted as if nothing had been before.
+//! Without the missing effect, the start model's parameters or its number of elements may have gone where no descent
+//! leads back from. So the best candidates get the elements that their own fits ask for; then effects are fitted from
+//! the signals, without any earlier fit.
 
 use rayon::prelude::*;
 
 use crate::diagnose::candidate_fit::{CandidateFit, FullFitter, over_noise};
 use crate::diagnose::limits::{FALLBACK_FITS, NO_FULL_FIT_ABOVE};
 
-/// Tries on until an error is below `enough` times the noise, from the signals with the first `most` of the effects and with those
-/// that err by more than the start model, which leaves `start`: they contain it, so their refits have failed.
+/// Searches until a candidate's error is below `enough` times the noise. Fits from the signals the first `most`
+/// candidates and all candidates that leave more than `start`, the start model's square: they contain the start model,
+/// so their refits have failed.
 pub(crate) fn fallback_search(
     fitter: &FullFitter,
     candidate_fits: &mut [CandidateFit],

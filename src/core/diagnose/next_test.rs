@@ -1,4 +1,4 @@
-//! Which test would tell two rivals apart: both are simulated where they have not been fitted.
+//! Which test would tell two candidates apart: both are simulated under conditions to which they have not been fitted.
 
 use rayon::prelude::*;
 
@@ -13,7 +13,7 @@ use crate::model::trace::Probe;
 use crate::model::{Conditions, Model, ModelError, Resolution, RunValues};
 use crate::rig::{Rig, Sensor};
 
-/// A test as it would be made.
+/// The conditions of a test.
 struct Setup {
     rig: Rig,
     conditions: Conditions,
@@ -21,7 +21,7 @@ struct Setup {
     sensors: Vec<Sensor>,
 }
 
-/// A test that could be made: what it changes of the first run, and what to do, given the run as changed.
+/// A test that could be made: how it changes the first run, and the instruction for the lab.
 struct Test {
     change: fn(&mut Setup),
     instruction: fn(&RunValues) -> String,
@@ -66,7 +66,7 @@ fn lengthen(setup: &mut Setup) {
     }
 }
 
-/// The wall's creep changes, too, in a way that neither model knows: what is compared is the water's part.
+/// The wall's creep changes as well, but neither model knows how: only the change in the water is compared.
 fn warm(setup: &mut Setup) {
     let fluid = &setup.rig.fluid;
     setup.conditions.water = fluid.properties(fluid.temperature_degc + 20.0);
@@ -77,7 +77,7 @@ struct Fitted<'a> {
     name: &'static str,
     effects: &'a [Chosen],
     shared: Vec<f64>,
-    /// What each run has of its own.
+    /// The parameters of each run.
     runs: Vec<RunValues>,
 }
 
@@ -90,7 +90,7 @@ impl<'a> Fitted<'a> {
         Fitted { name: candidate_fit.refit.form.effect, effects, shared: values[..model.shared.len()].to_vec(), runs }
     }
 
-    /// The first run, changed.
+    /// The conditions of the first run, changed by the test.
     fn setup(&self, baseline: &Baseline, test: &Test) -> Setup {
         let first = &baseline.runs[0];
         let sensors = first.sensors.iter().map(|s| s.sensor.clone()).collect();
@@ -100,7 +100,7 @@ impl<'a> Fitted<'a> {
         setup
     }
 
-    /// What each sensor would show.
+    /// Predicted heads of each sensor.
     fn predicted(&self, baseline: &Baseline, test: &Test) -> Result<Vec<Vec<f64>>, ModelError> {
         let setup = self.setup(baseline, test);
         let model = Model::new(&setup.rig, &setup.conditions.water, self.effects);
@@ -115,7 +115,7 @@ impl<'a> Fitted<'a> {
         shown.collect()
     }
 
-    /// Whether the recordings hold such a test already.
+    /// Whether the recordings already contain such a test.
     fn has_seen(&self, baseline: &Baseline, test: &Test) -> bool {
         let setup = self.setup(baseline, test);
         let first = &self.runs[0];
@@ -127,33 +127,34 @@ impl<'a> Fitted<'a> {
         setup.sensors[known..].iter().any(|new| setup.sensors[..known].iter().any(|old| near(old, new)))
     }
 
-    /// The sensor that its added effect concerns.
+    /// The sensor that the added effect concerns.
     fn suspect(&self) -> Option<&str> {
         self.effects.last()?.sensor.as_deref()
     }
 
-    /// What the wall creeps by in the end, 1/GPa.
+    /// Final creep compliance of the wall, 1/GPa.
     fn creep_per_gpa(&self, baseline: &Baseline) -> f64 {
         let shared = baseline.model(self.effects).shared;
         shared.iter().zip(&self.shared).filter(|(p, _)| p.unit == "1/GPa").map(|(_, v)| v).sum()
     }
 }
 
-/// Whether a run is like the one that is asked for in what that changes of the first.
+/// Whether a run resembles the one asked for in every value that the test changes in the first run.
 fn alike(run: &RunValues, asked: &RunValues, first: &RunValues) -> bool {
     let near = |of: fn(&RunValues) -> f64| of(asked) == of(first) || (of(run) / of(asked)).ln().abs() < SAME_SHARE;
     let head = asked.valve_head_m == first.valve_head_m || (run.valve_head_m - asked.valve_head_m).abs() < SAME_HEAD_M;
     near(|v| v.initial_velocity_m_s) && near(|v| v.closing_time_s) && head
 }
 
-/// Deviation of two predictions, rms, less their mean: a sensor's zero would take that up.
+/// Deviation of two predictions without their mean, rms: a sensor's zero would absorb the mean.
 fn deviation(a: &[f64], b: &[f64]) -> f64 {
     let n = a.len().max(1) as f64;
     let mean = a.iter().zip(b).map(|(x, y)| x - y).sum::<f64>() / n;
     (a.iter().zip(b).map(|(x, y)| (x - y - mean).powi(2)).sum::<f64>() / n).sqrt()
 }
 
-/// The tests in which two rivals, as fitted, differ most, in words, of those that have not been made; `None` where none would tell.
+/// The tests that have not been made and in which the two models differ most, in words; `None` if no test would tell
+/// them apart.
 pub(crate) fn next_test(baseline: &Baseline, one: &CandidateFit, other: &CandidateFit) -> Option<String> {
     let (one, other) = (Fitted::of(baseline, one), Fitted::of(baseline, other));
     let difference_m = |test: &Test| {
@@ -182,7 +183,7 @@ pub(crate) fn next_test(baseline: &Baseline, one: &CandidateFit, other: &Candida
     })
 }
 
-/// A creep test of the wall, where the two models ask for different walls.
+/// A creep test of the wall, if the two models need different walls.
 fn creep_test(one: f64, other: f64) -> Option<String> {
     let apart = one.max(other) > CREEP_RATIO * one.min(other).max(0.0);
     apart.then(|| {

@@ -1,7 +1,8 @@
-//! A candidate refitted: the start model with one form of an effect added, from the most promising of many starts.
+//! Refits of a candidate: the start model with one form of an effect added, from the most promising of many starts.
 //!
-//! First a glimpse of every form: only what it adds is moved, while the start model's parameters take up what they can in a straight
-//! line (variable projection: Golub & Pereyra 1973, SIAM J. Numer. Anal. 10, 413). Then those worth it are followed to the end.
+//! Screening moves only the added parameters, while the start model's parameters absorb what they can to first order
+//! (variable projection: Golub & Pereyra 1973, SIAM J. Numer. Anal. 10, 413). Refining then moves all parameters of the
+//! forms that are worth it.
 
 use crate::diagnose::baseline::{Baseline, dot};
 use crate::diagnose::candidate::Form;
@@ -14,7 +15,7 @@ use crate::model::effects::Chosen;
 use crate::model::parameter::{Parameter, Scale};
 use crate::model::{Model, ModelError};
 
-/// What a refit came to.
+/// Result of screening or refining a form.
 #[derive(Debug, Clone)]
 pub struct Refit {
     /// The form that was added.
@@ -27,13 +28,13 @@ pub struct Refit {
     pub square: f64,
     /// Residuals of samples and flow meters.
     pub residuals: Vec<f64>,
-    /// Free parameters that it adds: those of which nothing was known.
+    /// Free parameters that it adds, without those that have a prior.
     pub added: usize,
-    /// Variables of the next best glimpses, to be followed too.
+    /// Variables of the next best screened starts, to be refined too.
     others: Vec<Vec<f64>>,
 }
 
-/// The start model with `form` added, fitted in what it adds alone, from each of its most promising starts.
+/// Screens a form: adds it to the start model and fits only what it adds, from each of its most promising starts.
 ///
 /// # Errors
 /// If no start can be simulated.
@@ -67,13 +68,13 @@ pub fn screen(baseline: &Baseline, form: &Form) -> Result<Refit, ModelError> {
     })
 }
 
-/// The problem of fitting only what an effect adds.
+/// The problem of fitting only the added parameters.
 struct Added<'g> {
     baseline: &'g Baseline<'g>,
     problem: &'g Calibration<'g>,
-    /// The start model's variables, with the effect's usual ones among them.
+    /// The start model's variables, with the usual values of the added ones.
     usual: Vec<f64>,
-    /// Mean and deviation of what is known of the added variables.
+    /// Prior mean and standard deviation of the added variables.
     priors: Vec<Option<(f64, f64)>>,
 }
 
@@ -92,7 +93,7 @@ impl<'g> Added<'g> {
         Added { baseline, problem, usual: variables(|p| p.start), priors }
     }
 
-    /// Where the added variables stand among all.
+    /// Range of the added variables among all.
     fn range(&self) -> std::ops::Range<usize> {
         self.baseline.shared..self.baseline.shared + self.priors.len()
     }
@@ -107,7 +108,8 @@ impl<'g> Added<'g> {
         Ok(self.baseline.seen(&self.problem.residuals(&self.with(added))?))
     }
 
-    /// All variables, the start model's moved to where they take up most, or as far on the way there as the straight line holds.
+    /// All variables, with the start model's moved to where they absorb most, or as far towards it as lowers the
+    /// square.
     fn whole(&self, added: &[f64]) -> Result<Vec<f64>, ModelError> {
         let (lower, upper) = self.problem.bounds();
         let still = self.with(added);
@@ -142,14 +144,14 @@ impl Problem for Added<'_> {
     }
 }
 
-/// Follows a glimpse to the end.
+/// Refines a screened form: fits all parameters.
 ///
 /// # Errors
 /// If it cannot be simulated.
 pub fn refine(baseline: &Baseline, screened: &Refit) -> Result<Refit, ModelError> {
     let model = baseline.model(&screened.effects);
     let problem = baseline.problem(&model);
-    // Without cavities the start model is far from anything that has them: they are tried from the signals, too.
+    // A start model without cavities is far from any model with them, so these are also tried from the signals.
     let boils = screened.form.chosen.effect.lets_boil();
     let starts = std::iter::once(problem.variables(&screened.values))
         .chain(screened.others.iter().cloned())
@@ -177,13 +179,13 @@ fn no_start(form: &Form) -> ModelError {
     ModelError::NotFinite { time_s: 0.0, position_m: 0.0, effects: form.chosen.label() }
 }
 
-/// Parameters of which nothing is known beforehand.
+/// Number of added parameters without a prior.
 fn free(baseline: &Baseline, model: &Model) -> usize {
     model.shared[baseline.shared..].iter().filter(|p| p.prior.is_none()).count()
 }
 
-/// Values of the added parameters at which to start, the most promising first: by what their signature, projected off the fitted
-/// parameters, would take away of the residual.
+/// Start values of the added parameters, the most promising first: sorted by how much of the residual their signature,
+/// projected off the fitted parameters, would remove.
 fn promising(baseline: &Baseline, model: &Model, problem: &Calibration, chosen: &Chosen) -> Vec<Vec<f64>> {
     let left = baseline.projected_dot(&baseline.residuals, &baseline.residuals);
     let mut scored: Vec<(f64, Vec<f64>)> = starts(&model.shared[baseline.shared..], chosen)
@@ -202,7 +204,7 @@ fn promising(baseline: &Baseline, model: &Model, problem: &Calibration, chosen: 
     scored.into_iter().map(|(_, start)| start).collect()
 }
 
-/// All starts of an effect: its usual one and its others, in several strengths, of either sign where it has one.
+/// All starts of an effect: its usual one and its others, in several strengths and, where possible, of either sign.
 fn starts(parameters: &[Parameter], chosen: &Chosen) -> Vec<Vec<f64>> {
     let usual: Vec<f64> = parameters.iter().map(|p| p.start).collect();
     let others = chosen.effect.other_starts(chosen.elements.unwrap_or(1));
@@ -228,7 +230,7 @@ fn starts(parameters: &[Parameter], chosen: &Chosen) -> Vec<Vec<f64>> {
     starts
 }
 
-/// A value so many times as far from where it vanishes, to either side where there are two.
+/// A value `strength` times as far from where the effect vanishes, on both sides if there are two.
 fn strengthened(parameter: &Parameter, value: f64, strength: f64) -> Vec<f64> {
     let gone = parameter.vanishes_at.unwrap_or(0.0);
     match parameter.scale {

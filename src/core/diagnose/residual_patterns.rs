@@ -1,9 +1,9 @@
-//! Where a model fails, in words: sensor by sensor, from its peaks, its phase, its mean level and its cycles.
+//! Where a model fails, in words: for each sensor its peaks, phase, mean level and cycles.
 
 use crate::diagnose::limits::{DESCRIBED_EXTREMA, DESCRIBED_OVER_NOISE};
 use crate::fit::outcome::fit::{Fit, SensorFit};
 
-/// One sentence a failing, the sensors in their order; empty where the model is down to the noise.
+/// One sentence for each sensor whose residual is more than noise; empty if there is none.
 pub fn residual_patterns(fit: &Fit) -> Vec<String> {
     let mut sentences = Vec::new();
     for run in &fit.runs {
@@ -60,7 +60,7 @@ fn shape(sensor: &SensorFit) -> String {
     parts.join(", ")
 }
 
-/// Root mean square of the residual in each cycle, m; cycles from the measured peaks.
+/// Root mean square of the residual in each cycle, m. Cycles are counted from the measured peaks.
 pub fn by_cycle(sensor: &SensorFit, residual: &[f64]) -> Vec<(usize, f64)> {
     let peaks: Vec<_> = sensor.extrema.iter().filter(|e| e.peak).collect();
     let mut from = 0;

@@ -1,15 +1,16 @@
-//! What follows from the evidence: the verdict, and how probable it is.
+//! The verdict that follows from the evidence, and how probable it is.
 
 use crate::diagnose::limits::{
     LEAST_EVIDENCE, NOISE_LIKE, STEEPNESS, STEEPNESS_UNEXPLAINED, UNEXPLAINED_OVER_NOISE, UNEXPLAINED_SHARE,
 };
 use crate::diagnose::outcome::{Candidate, Verdict};
 
-/// The verdict over candidates, the most probable first, of a start model that leaves `start` times the noise, and the probability
-/// that something outside the catalogue is missing. One that is at work for `certain` is missing whatever it leaves unexplained.
+/// The verdict, and the probability that something outside the catalogue is missing. `start` is the start model's error
+/// over noise; `candidates` come most probable first. With `certain`, the first one is at work whatever it leaves
+/// unexplained.
 pub(crate) fn verdict(start: f64, candidates: &[Candidate], certain: bool) -> (Verdict, f64) {
     let Some(best) = candidates.first().filter(|c| c.evidence >= LEAST_EVIDENCE) else {
-        // Within what instruments of their class may be off by, it is still noise.
+        // An error that instruments within their class explain still counts as noise.
         let within_class = candidates.iter().filter(|c| c.within_class).map(|c| c.over_noise);
         let left = within_class.fold(start, f64::min);
         let verdict = if left <= NOISE_LIKE { Verdict::NothingMissing } else { Verdict::UnknownEffect };
@@ -24,15 +25,15 @@ pub(crate) fn verdict(start: f64, candidates: &[Candidate], certain: bool) -> (V
     (verdict, something_else(start, Some(best.over_noise)))
 }
 
-/// What an error leaves of another, both over the noise and beyond it, as a share of its square.
+/// Share of an error's square that is left, both counted over the noise and beyond it.
 fn left_share(before: f64, after: f64) -> f64 {
     let excess = |over_noise: f64| (over_noise.powi(2) - 1.0).max(0.0);
     excess(after) / excess(before).max(f64::MIN_POSITIVE)
 }
 
-/// The probability that it is something outside the catalogue that is missing, of a start model that leaves `before` times the noise.
-/// Where an effect is worth having it brings that down to `after`: the more that is left, the more is something else, unless most is
-/// explained and only more is missing besides.
+/// The probability that something outside the catalogue is missing. The start model's error over noise is `before`; an
+/// effect worth having brings it down to `after`. The more is left, the more probable it is that something else is
+/// missing, unless the effect explains most of it.
 fn something_else(before: f64, after: Option<f64>) -> f64 {
     let rises =
         |over_noise: f64, even: f64, steepness: f64| 1.0 / (1.0 + (even / over_noise.max(0.01)).powf(steepness));

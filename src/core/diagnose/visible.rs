@@ -1,7 +1,7 @@
-//! What could not have been seen: the size from which on an effect would have been worth a model on these recordings.
+//! What the recordings could not have shown: the least size at which an effect would have been worth a model.
 //!
-//! An effect's signature, projected off what the fitted parameters can take up, grows with its size; it is seen once the evidence for
-//! it and the error that it takes away are large enough.
+//! The signature of an effect, projected off what the fitted parameters can absorb, grows with its size. The effect is
+//! visible when the evidence for it and the error that it removes are large enough.
 
 use rayon::prelude::*;
 
@@ -17,7 +17,7 @@ use crate::model::parameter::{Parameter, Scale};
 pub struct Visible {
     /// The effect, as on the command line.
     pub effect: String,
-    /// The parameter that says how much there is of it.
+    /// The parameter that measures its strength.
     pub parameter: String,
     /// Its least visible value.
     pub value: f64,
@@ -27,7 +27,8 @@ pub struct Visible {
     pub unit: &'static str,
 }
 
-/// The least visible size of each form that has one: those with a strength, at their usual place, as far as the parameter's range goes.
+/// The least visible size of each form that has a strength, at its usual place, if it lies within the parameter's
+/// bounds.
 pub fn visible(baseline: &Baseline, forms: &[Form], scale: EvidenceScale) -> Vec<Visible> {
     forms.par_iter().filter_map(|form| least(baseline, form, scale)).collect()
 }
@@ -62,7 +63,7 @@ fn least(baseline: &Baseline, form: &Form, scale: EvidenceScale) -> Option<Visib
     })
 }
 
-/// The strength so many times as far from where the effect vanishes as its usual start.
+/// The strength that is `size` times as far from where the effect vanishes as its usual start.
 fn sized(parameter: &Parameter, size: f64) -> f64 {
     let gone = parameter.vanishes_at.unwrap_or(0.0);
     match parameter.scale {

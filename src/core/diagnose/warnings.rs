@@ -1,4 +1,5 @@
-//! What makes a diagnosis doubtful before it begins: a start model that cannot be this rig's, or was not fitted at all.
+//! Reasons to doubt a diagnosis before it begins: a start model that cannot be this rig's, or that was not fitted at
+//! all.
 
 use crate::diagnose::limits::NOT_FITTED;
 use crate::fit::data::run_data::RunData;
@@ -8,7 +9,7 @@ use crate::fit::validate::conflict::{conflicts, faded_noise};
 use crate::model::effects::Chosen;
 use crate::rig::Rig;
 
-/// One sentence a doubt about the start model.
+/// One sentence for each reason to doubt the start model.
 pub fn warnings(rig: &Rig, runs: &[RunData], start: &Fit, effects: &[Chosen], options: &Options) -> Vec<String> {
     let mut warnings = Vec::new();
     let held: Vec<&str> = start.parameters.iter().filter(|p| p.held).map(|p| p.name.as_str()).collect();
@@ -45,7 +46,7 @@ pub fn warnings(rig: &Rig, runs: &[RunData], start: &Fit, effects: &[Chosen], op
     warnings
 }
 
-/// A number of elements that was fixed, where the evidence asks for more.
+/// A fixed number of elements, if the evidence asks for more.
 fn too_few_elements(rig: &Rig, runs: &[RunData], start: &Fit, effects: &[Chosen], options: &Options) -> Option<String> {
     let open: Vec<Chosen> = effects.iter().map(|c| Chosen { elements: None, ..c.clone() }).collect();
     let fixed = effects.iter().find(|c| c.elements.is_some())?;
@@ -60,7 +61,7 @@ fn too_few_elements(rig: &Rig, runs: &[RunData], start: &Fit, effects: &[Chosen]
     ))
 }
 
-/// Deviation of what was measured from its mean, rms over all samples, m.
+/// Deviation of the measured heads from their mean, rms over all samples, m.
 fn signal_m(fit: &Fit) -> f64 {
     let (mut square, mut n) = (0.0, 0usize);
     for sensor in fit.runs.iter().flat_map(|r| &r.sensors) {
