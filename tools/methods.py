@@ -2,7 +2,7 @@
 """The searches that a calibration knows, side by side on ten runs; writes a table in Markdown.
 
     cargo build --release
-    cargo run --release --example hidden_effects -- 11 9 FOLDER nothing
+    cargo run --release -p surgescope-tools --bin hidden_effects -- 11 9 FOLDER nothing
     python3 tools/methods.py target/release/surgescope FOLDER -o tools/methods.md
 
 Ten runs: the three of recordings/ and seven of FOLDER, each with the effects that it was made with. A run's best error is the least that any search found,

@@ -2,7 +2,7 @@
 
 paper_table2.py PROGRAM KNOWN_RUN > tools/paper_table2.md
 
-PROGRAM is target/release/surgescope, KNOWN_RUN target/release/examples/known_run (`cargo build --release --example known_run`), whose
+PROGRAM is target/release/surgescope, KNOWN_RUN target/release/known_run (`cargo build --release --workspace`), whose
 scheme shares nothing with the program. Each rig is that of rigs/ without its nominal wave speed, which would tell the answer."""
 import json
 import math
@@ -93,8 +93,8 @@ wave speed within 3.5% of it. Here the recordings of its six cases come from a s
 (`tools/hidden/scheme.rs`), with the paper's calibrated wave speed as the truth and noise of 0.05 m, so that the calibration can be right or wrong. This page is written by
 
 ```sh
-cargo build --release && cargo build --release --example known_run
-python3 tools/paper_table2.py target/release/surgescope target/release/examples/known_run > tools/paper_table2.md
+cargo build --release --workspace
+python3 tools/paper_table2.py target/release/surgescope target/release/known_run > tools/paper_table2.md
 ```
 
 What had to be decided, since the paper's numbers contradict each other (`surgescope rig check rigs/paper-ppr.toml`):

@@ -6,9 +6,9 @@
 //!
 //! A mutation fuzzer in the manner of AFL and libFuzzer that builds on stable Rust without a system package: the inputs of
 //! `corpus/TARGET` and all that have led to new code are mutated again and again. `run` has the compiler count the branches
-//! of this package; built without it (`cargo run --example fuzz -- csv 60`) the fuzzer mutates blindly. The same seed gives the same
-//! run. What panics, takes more than a second or asks for more than 256 MiB at once is kept in `found/`; the exit code is
-//! then 1. A new target is one line in `targets.rs` and a folder in `corpus/`.
+//! of this workspace; built without it (`cargo run -p surgescope-tools --bin fuzz -- csv 60`) the fuzzer mutates blindly. The
+//! same seed gives the same run. What panics, takes more than a second or asks for more than 256 MiB at once is kept in
+//! `found/`; the exit code is then 1. A new target is one line in `targets.rs` and a folder in `corpus/`.
 
 mod allocation;
 mod coverage;
@@ -56,7 +56,7 @@ fn main() -> ExitCode {
 
 /// Runs one target; the number of its findings.
 fn fuzz(target: &Target, limit: Duration, seed: u64) -> usize {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tools/fuzz");
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("fuzz");
     let mut queue = corpus(&folder.join("corpus").join(target.name));
     let mut rng = fastrand::Rng::with_seed(seed);
     let mut seen = coverage::Seen::default();

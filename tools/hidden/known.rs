@@ -1,10 +1,10 @@
 //! A recording of a given rig with known parameters, from the scheme that shares nothing with the program: what a calibration should find.
 //!
-//! `cargo run --release --example known_run -- RIG OUT.csv NAME=VALUE …`; names are those of `surgescope simulate --set`, with
+//! `cargo run --release -p surgescope-tools --bin known_run -- RIG OUT.csv NAME=VALUE …`; names are those of `surgescope simulate --set`, with
 //! `temperature_degC`, `duration_s`, `noise_m`, `zero_m` (standard deviation of the sensors' zero errors) and `seed`.
 
 mod of_rig;
-#[allow(dead_code)] // of the other example
+#[allow(dead_code)] // of the other program
 mod record;
 #[allow(dead_code)]
 mod rig;

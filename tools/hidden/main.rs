@@ -1,6 +1,6 @@
 //! Recordings with one effect hidden, from a scheme that shares nothing with the program: what `diagnose` is tried on.
 //!
-//! `cargo run --release --example hidden_effects -- SEED COUNT FOLDER [KIND,KIND…] [--coloured] [--wrong-rig]` writes folders with `rig.toml`,
+//! `cargo run --release -p surgescope-tools --bin hidden_effects -- SEED COUNT FOLDER [KIND,KIND…] [--coloured] [--wrong-rig]` writes folders with `rig.toml`,
 //! `run.csv`, sometimes `run2.csv`, and `answers.json` beside them, as `tools/blind.py` reads them. The same seed gives the same files.
 
 mod record;

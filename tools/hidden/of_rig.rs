@@ -4,9 +4,9 @@ use std::fmt::Write;
 
 use surgescope::rig::{Rig, Sensor, SensorKind};
 
-use crate::record::{linear, normal};
-use crate::rig::{Case, Hidden};
-use crate::scheme::solve;
+use super::record::{linear, normal};
+use super::rig::{Case, Hidden};
+use super::scheme::solve;
 
 /// The truth of a run.
 #[derive(Debug, Clone)]

@@ -3,8 +3,8 @@
 use std::fmt::Write;
 use std::path::Path;
 
-use crate::rig::{Case, Hidden};
-use crate::scheme::{Solved, solve};
+use super::rig::{Case, Hidden};
+use super::scheme::{Solved, solve};
 
 pub fn write(
     folder: &Path,

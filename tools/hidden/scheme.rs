@@ -1,7 +1,7 @@
 //! The scheme: heads at nodes, flows at the faces between them, leapfrogging half a step apart (Yee 1966; no characteristics), every
 //! reach as long as a wave travels in a step. Friction, creep and gas enter each update implicitly.
 
-use crate::rig::{Case, Hidden};
+use super::rig::{Case, Hidden};
 
 const G: f64 = 9.81;
 const NODES: usize = 400;

@@ -6,7 +6,7 @@ use std::path::Path;
 use serde_json::{Value, json};
 use surgescope::rig::{Rig, darcy_friction_factor};
 
-use crate::rig::Case;
+use super::rig::Case;
 
 /// `{"shared": {name: value}, "runs": {file: {name: value}}}`; retardation times ascend. Friction is said in units of what the program takes for
 /// a smooth pipe, compliance for the constraint that it takes from the rig file: the case's own are 0.316/Re^0.25 and 1.

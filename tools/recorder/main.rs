@@ -1,11 +1,11 @@
 //! Measures the recorder against what a lab needs of it; the results stand in `tools/recorder.md`.
 //!
 //! ```sh
-//! cargo run --release --example recorder -- wire 20000 60 target/release/surgescope   # over a pseudo-terminal, in a process of its own
-//! cargo run --release --example recorder -- wire 20000 60 target/release/surgescope view   # with its live view on a terminal
-//! cargo run --release --example recorder -- memory 500000 30                          # frames made in this process
-//! cargo run --release --example recorder -- kills 200 target/release/surgescope       # kill -9 at random moments
-//! cargo run --release --example recorder -- day 24 100                                # a day at 100 Hz, as fast as it goes
+//! cargo run --release -p surgescope-tools --bin recorder -- wire 20000 60 target/release/surgescope   # over a pseudo-terminal, in a process of its own
+//! cargo run --release -p surgescope-tools --bin recorder -- wire 20000 60 target/release/surgescope view   # with its live view on a terminal
+//! cargo run --release -p surgescope-tools --bin recorder -- memory 500000 30                          # frames made in this process
+//! cargo run --release -p surgescope-tools --bin recorder -- kills 200 target/release/surgescope       # kill -9 at random moments
+//! cargo run --release -p surgescope-tools --bin recorder -- day 24 100                                # a day at 100 Hz, as fast as it goes
 //! ```
 //!
 //! Every sample recorded is compared with the one that was sent; a wrong or missing one ends the program with an error.

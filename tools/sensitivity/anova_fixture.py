@@ -3,7 +3,7 @@
 
     python3 -m venv venv && venv/bin/pip install scipy && venv/bin/python tools/sensitivity/anova_fixture.py
 
-The same seed gives the same numbers; `cargo test --test sensitivity` reads them.
+The same seed gives the same numbers; `cargo test --test it sensitivity::` reads them.
 """
 import json
 import pathlib

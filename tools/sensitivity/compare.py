@@ -2,8 +2,8 @@
 """Sobol indices of the Ishigami function, by this project and by SALib, against the exact values; writes a table in Markdown.
 
     python3 -m venv venv && venv/bin/pip install SALib
-    cargo build --release --example ishigami
-    venv/bin/python tools/sensitivity/compare.py target/release/examples/ishigami > tools/sensitivity/ishigami.md
+    cargo build --release -p surgescope-tools
+    venv/bin/python tools/sensitivity/compare.py target/release/ishigami > tools/sensitivity/ishigami.md
 
 Both take SEEDS seeds of N rows (N × 5 evaluations). The error is the rms over the seeds; the cover is how often an exact value lies in the 95 %
 interval.

@@ -1,0 +1,125 @@
+//! What a user relies on in a diagnosis: the effect that is missing is found, nothing is invented, the answer is always the same.
+//!
+//! The recordings come from a simulator that shares nothing with this project (recordings/README.md).
+
+use serde_json::Value;
+
+use crate::common::{CREEP, LEAK, NOTHING, diagnosis, done, here, parameter, printed, refused, run, text};
+
+/// Asked for by this test alone.
+fn diagnose(arguments: &[&str]) -> Value {
+    done(&[&["diagnose"], arguments].concat())
+}
+
+fn best(answer: &Value) -> &Value {
+    &answer["candidates"][0]
+}
+
+#[test]
+fn creep_is_found_and_brings_the_error_down_to_the_noise() {
+    let answer = diagnose(&[CREEP]);
+    assert_eq!(answer["verdict"], "missing-effect");
+    assert_eq!(best(&answer)["effect"], "viscoelastic-wall");
+    assert!(best(&answer)["probability"].as_f64().unwrap() > 0.9);
+    let noise_m = answer["start"]["noise_m"].as_f64().unwrap();
+    assert!(answer["start"]["rmse_m"].as_f64().unwrap() > 30.0 * noise_m);
+    assert!(best(&answer)["rmse_m"].as_f64().unwrap() < 1.1 * noise_m);
+    assert!(!answer["fails"].as_array().unwrap().is_empty());
+}
+
+/// The leak lies at 57.43 m.
+#[test]
+fn a_leak_is_found_where_it_is() {
+    let answer = &diagnosis(&[LEAK, "--effects", "unsteady-friction"]).answer;
+    assert_eq!(best(answer)["effect"], "leak");
+    let place = parameter(best(answer), "leak_position_m");
+    assert!((place["value"].as_f64().unwrap() - 57.43).abs() < 0.5, "{place}");
+    assert!(place["standard_error"].as_f64().unwrap() < 1.0, "{place}");
+}
+
+#[test]
+fn where_nothing_is_missing_nothing_is_found() {
+    let answer = &diagnosis(&[NOTHING, "--effects", "viscoelastic-wall"]).answer;
+    assert_eq!(answer["verdict"], "nothing-missing");
+    let most = answer["candidates"].as_array().unwrap().iter().map(|c| c["probability"].as_f64().unwrap());
+    assert!(most.fold(0.0, f64::max) < 0.5);
+}
+
+#[test]
+fn the_same_question_has_the_same_answer_to_the_last_digit() {
+    let question = [LEAK, "--effects", "unsteady-friction"];
+    assert_eq!(diagnosis(&question).answer.to_string(), diagnose(&question).to_string());
+}
+
+/// What is asked to go on until nothing is missing stops by itself, and shows the errors on the way.
+#[test]
+fn effects_are_added_until_nothing_is_missing() {
+    let text = printed(run(&["diagnose", CREEP, "--until-done"]));
+    assert!(text.contains("Refitted to the first three fifths"), "{text}");
+    assert!(text.contains("Too small to be seen"), "{text}");
+    assert!(text.contains("Missing: viscoelastic-wall") && text.contains("Nothing is missing"), "{text}");
+    let stairs = text.split("Models, one after the other:").nth(1).unwrap();
+    assert_eq!(stairs.trim().lines().count(), 2, "{stairs}");
+}
+
+#[test]
+fn bad_questions_are_refused_with_what_to_do() {
+    refused(&["diagnose", "recordings/none.mcap"], &["none.mcap"]);
+    refused(&["diagnose", LEAK, "--effects", "leek"], &["leak"]);
+    refused(&["diagnose"], &["MCAP"]);
+}
+
+/// Copper does not creep: the effect is not tried, and a start model that has it is doubted.
+#[test]
+fn what_a_rig_cannot_have_is_not_tried_and_is_doubted() {
+    let answer = diagnose(&[LEAK, "--effects", "viscoelastic-wall:1"]);
+    let warnings = answer["warnings"].to_string();
+    assert!(warnings.contains("viscoelastic-wall") && warnings.contains("creeps"), "{warnings}");
+    let answer = diagnose(&[LEAK]);
+    let tried = answer["candidates"].as_array().unwrap();
+    assert!(tried.iter().all(|c| c["effect"] != "viscoelastic-wall"));
+    assert_eq!(answer["not_tried"][0]["effect"], "viscoelastic-wall");
+    // Unsteady friction explains most of it; that a leak is missing, too, does not make that less so.
+    assert_eq!(best(&answer)["effect"], "unsteady-friction");
+    assert!(answer["probability"].as_f64().unwrap() > 0.8, "{answer}");
+    assert!(best(&answer)["held_out_m"].as_f64() < answer["start"]["held_out_m"].as_f64());
+}
+
+/// A sensor's gain is arithmetic, so its recordings can be made without any solver: much is found, less than is said to be visible is not.
+#[test]
+fn the_least_visible_gain_is_where_it_says() {
+    let nothing = &diagnosis(&[NOTHING, "--effects", "viscoelastic-wall"]).answer;
+    let seen = nothing["least_visible"].as_array().unwrap();
+    let gain = seen.iter().find(|v| v["effect"].as_str().unwrap().starts_with("sensor-gain@")).unwrap();
+    let sensor = gain["effect"].as_str().unwrap().split('@').nth(1).unwrap();
+    let least = gain["value"].as_f64().unwrap();
+    assert!(least > 0.0 && least < 0.02, "{gain}");
+    let folder = tempfile::tempdir().unwrap();
+    let rig = folder.path().join("rig.toml");
+    std::fs::write(&rig, surgescope::storage::read(&here(NOTHING)).unwrap().rig.source).unwrap();
+    let with_gain = |error: f64| {
+        let csv = folder.path().join("gain.csv");
+        let mcap = folder.path().join(format!("gain{error}.mcap"));
+        let _ = std::fs::remove_file(&csv);
+        printed(run(&["export", NOTHING, "-o", text(&csv)]));
+        let whole = std::fs::read_to_string(&csv).unwrap();
+        let column = whole.lines().next().unwrap().split(',').position(|name| name == sensor).unwrap();
+        let changed: Vec<String> = whole
+            .lines()
+            .enumerate()
+            .map(|(i, line)| {
+                let mut cells: Vec<String> = line.split(',').map(str::to_owned).collect();
+                if i > 0 && !cells[column].is_empty() {
+                    cells[column] = format!("{:.6}", cells[column].parse::<f64>().unwrap() * (1.0 + error));
+                }
+                cells.join(",")
+            })
+            .collect();
+        std::fs::write(&csv, changed.join("\n") + "\n").unwrap();
+        printed(run(&["import", text(&csv), "--rig", text(&rig), "-o", text(&mcap)]));
+        diagnose(&[text(&mcap), "--effects", "viscoelastic-wall"])
+    };
+    let large = with_gain(0.06);
+    assert_eq!(best(&large)["effect"], "sensor-gain", "{large}");
+    assert_eq!(with_gain(0.3 * least)["verdict"], "nothing-missing");
+}

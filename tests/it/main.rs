@@ -1,0 +1,34 @@
+//! What the whole program does, a module a subject. One binary: tests that wait overlap with tests that compute.
+
+mod architecture;
+mod calibrate;
+mod common;
+mod creep;
+mod diagnose;
+mod diagnosis_page;
+mod export_results;
+mod family;
+mod history;
+mod hold;
+mod import;
+mod live_view;
+mod methods;
+mod model;
+mod model_file;
+mod nominal;
+mod prediction;
+mod record_bus;
+mod record_devices;
+mod record_live;
+mod recordings;
+mod replay;
+mod report_page;
+mod rig_files;
+mod sensitivity;
+mod shots;
+mod shots_live;
+mod signals;
+mod simulate;
+mod trust;
+mod valve;
+mod watch;

@@ -1,0 +1,42 @@
+//! What a rig file says wrongly of a test, and the recording tells: a fit does not go astray by it, and says so.
+
+use serde_json::Value;
+use tempfile::TempDir;
+
+use crate::common::{CREEP, ended, here, over_noise, parameter, run, text};
+
+/// Calibrates the shipped creep recording with a changed rig file; the answer and what was said besides.
+fn calibrated(from: &str, to: &str) -> (Value, String) {
+    let folder = TempDir::new().unwrap();
+    let rig = folder.path().join("rig.toml");
+    let whole = std::fs::read_to_string(here("rigs/demo-hdpe.toml")).unwrap();
+    assert!(whole.contains(from), "{from} is not in the rig file");
+    std::fs::write(&rig, whole.replacen(from, to, 1)).unwrap();
+    let effects = ["--effects", "viscoelastic-wall:2", "--most-reaches", "64"];
+    let (code, out, said) = ended(run(&[&["calibrate", CREEP, "--json", "--rig", text(&rig)], &effects[..]].concat()));
+    assert_eq!(code, 0, "{said}");
+    (serde_json::from_str(&out).unwrap(), said)
+}
+
+/// The valve of that recording closes in 0.29 s.
+#[test]
+fn a_closing_time_far_off_is_found_in_the_first_rise() {
+    for nominal in ["0.01", "1.5", "3.0"] {
+        let (fit, said) = calibrated("closing_time_s = 0.30", &format!("closing_time_s = {nominal}"));
+        assert!(over_noise(&fit) < 1.05, "{nominal}: {}", over_noise(&fit));
+        let closing = parameter(&fit, "closing_time_s");
+        assert!((closing["value"].as_f64().unwrap() / 0.29 - 1.0).abs() < 0.03, "{closing}");
+        assert!(said.contains("closing_time_s of the rig file is far from it"), "{said}");
+    }
+    let (_, said) = calibrated("closing_time_s = 0.30", "closing_time_s = 0.20");
+    assert!(!said.contains("far from it"), "{said}");
+}
+
+/// A range that ends below the first peaks, as an amplifier that clips.
+#[test]
+fn samples_at_the_end_of_a_range_are_left_out_and_said() {
+    let (fit, said) = calibrated("range = [-100.0, 1000.0]", "range = [-100.0, 300.0]");
+    assert!(over_noise(&fit) < 1.05, "{}", over_noise(&fit));
+    assert!(said.contains("samples of P1 stand at the end of what it can show and are left out"), "{said}");
+    assert!(!said.contains("of P2 stand"), "{said}");
+}

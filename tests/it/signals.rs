@@ -1,0 +1,499 @@
+//! What `inspect` finds in traces whose truth is known: exact frictionless waves with everything a lab adds to them.
+
+use std::fmt::Write as _;
+
+use surgescope::recording::{Gap, Recording, RunInfo, Series};
+use surgescope::rig::Rig;
+use surgescope::signal::{SignalError, inspect};
+
+use crate::common::{done, printed, refused, run, text};
+
+const A: f64 = 420.0;
+const L: f64 = 84.0;
+const V0: f64 = 0.8;
+const JOUKOWSKY: f64 = A * V0 / 9.81;
+const RETURN_S: f64 = 2.0 * L / A;
+const STEP: f64 = 0.001;
+
+fn rig(sensors: &[(&str, &str, f64, &str)]) -> Rig {
+    let mut text = format!(
+        "name = \"t\"\n[fluid]\nname = \"water\"\ntemperature_degC = 20.0\n[[pipe]]\nname = \"main\"\nlength_m = {L}\n\
+         inner_diameter_mm = 50.0\nwall_thickness_mm = 4.6\nmaterial = \"HDPE\"\n[upstream]\nkind = \"reservoir\"\n\
+         [downstream]\nkind = \"valve\"\nclosing_time_s = 0.1\n"
+    );
+    for (name, kind, position, unit) in sensors {
+        let _ = write!(
+            text,
+            "[[sensor]]\nname = \"{name}\"\nkind = \"{kind}\"\nposition_m = {position}\nunit = \"{unit}\"\n"
+        );
+    }
+    Rig::from_toml(&text, "t.toml").unwrap()
+}
+
+/// How the velocity at the valve falls: part of V0 lost at a time after the start.
+#[derive(Clone, Copy)]
+enum Law {
+    Linear(f64),
+    Cosine(f64),
+}
+
+impl Law {
+    fn lost(self, t: f64) -> f64 {
+        match self {
+            Law::Linear(tc) => (t / tc).clamp(0.0, 1.0),
+            Law::Cosine(tc) => 0.5 - 0.5 * ((t / tc).clamp(0.0, 1.0) * std::f64::consts::PI).cos(),
+        }
+    }
+}
+
+/// Exact head above steady of the frictionless pipe: the valve's wave and all its echoes.
+fn wave(law: Law, x: f64, t: f64) -> f64 {
+    let mut head = 0.0;
+    let mut sign = 1.0;
+    let mut delay = 0.0;
+    while delay <= t {
+        head += sign * (law.lost(t - delay - (L - x) / A) - law.lost(t - delay - (L + x) / A));
+        sign = -sign;
+        delay += RETURN_S;
+    }
+    JOUKOWSKY * head
+}
+
+struct Noise(u64);
+
+impl Noise {
+    fn next(&mut self) -> f64 {
+        (0..12).map(|_| self.uniform()).sum::<f64>() - 6.0
+    }
+    fn uniform(&mut self) -> f64 {
+        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (self.0 >> 11) as f64 / (1u64 << 53) as f64
+    }
+}
+
+#[derive(Clone, Copy)]
+struct Lab {
+    law: Law,
+    start: f64,
+    end: f64,
+    white: f64,
+    coloured: f64,
+    drift_per_s: f64,
+    quantum: f64,
+    decay_per_s: f64,
+}
+
+const CLEAN: Lab = Lab {
+    law: Law::Linear(0.1),
+    start: 1.0003,
+    end: 6.0,
+    white: 0.0,
+    coloured: 0.0,
+    drift_per_s: 0.0,
+    quantum: 0.0,
+    decay_per_s: 0.15,
+};
+
+/// Pressure sensors in m(H2O) at the places, plus a flow meter and a thermometer.
+fn record(lab: Lab, places: &[f64]) -> Recording {
+    record_with(lab, places, 77)
+}
+
+/// The same with noise drawn from a seed.
+fn record_with(lab: Lab, places: &[f64], seed: u64) -> Recording {
+    let names: Vec<String> = (1..=places.len()).map(|i| format!("P{i}")).collect();
+    let mut sensors: Vec<(&str, &str, f64, &str)> =
+        names.iter().zip(places).map(|(n, x)| (n.as_str(), "pressure", *x, "m(H2O)")).collect();
+    sensors.push(("Q1", "flow", 0.0, "m3/h"));
+    sensors.push(("T1", "temperature", 0.0, "degC"));
+    let rig = rig(&sensors);
+    let mut noise = Noise(seed);
+    let count = (lab.end / STEP) as usize;
+    let mut series = Vec::new();
+    for x in places {
+        let (mut red, mut one) = (0.0, Series::default());
+        for i in 0..count {
+            let t = i as f64 * STEP;
+            red = 0.95 * red + lab.coloured * 0.3122 * noise.next();
+            let decay = (-lab.decay_per_s * (t - lab.start).max(0.0)).exp();
+            let mut head = 40.0 + decay * wave(lab.law, *x, t - lab.start) + lab.drift_per_s * t;
+            head += lab.white * noise.next() + red;
+            if lab.quantum > 0.0 {
+                head = (head / lab.quantum).round() * lab.quantum;
+            }
+            one.time_s.push(t);
+            one.value.push(head);
+        }
+        series.push(one);
+    }
+    let flow = V0 * rig.pipes[0].area_m2() * 3600.0;
+    let slow: Vec<f64> = (0..=(lab.end / 0.1) as usize).map(|i| i as f64 * 0.1).collect();
+    let flows = slow.iter().map(|t| if *t <= lab.start { flow } else { 0.0 }).collect();
+    series.push(Series { time_s: slow, value: flows, gaps: vec![] });
+    series.push(Series { time_s: vec![0.0, 1.0], value: vec![20.9, 21.1], gaps: vec![] });
+    Recording { rig, series, run: RunInfo::default() }
+}
+
+/// Asserts that wave speed and start come back: within `percent` and, for the former, three stated standard errors.
+#[track_caller]
+fn comes_back(lab: Lab, places: &[f64], percent: f64, start_s: f64) {
+    let f = inspect(&record(lab, places)).unwrap();
+    let c = f.wave_speed.crossings.expect("crossings");
+    let error = (c.value - A).abs();
+    assert!(error < percent / 100.0 * A && error < 3.0 * c.standard_error + 0.05, "{c:?}");
+    assert!(c.low <= c.value && c.value <= c.high, "{c:?}");
+    let late = f.closure.start_s - lab.start;
+    assert!(late.abs() < start_s && late.abs() < 4.0 * f.closure.start_se_s + 1e-4, "{:?}", f.closure);
+}
+
+#[test]
+fn an_exact_wave_gives_back_its_speed_and_start() {
+    comes_back(CLEAN, &[L], 0.1, STEP);
+    comes_back(Lab { law: Law::Linear(0.004), ..CLEAN }, &[L], 0.2, 2.0 * STEP);
+    comes_back(Lab { law: Law::Linear(0.25), ..CLEAN }, &[L], 0.2, STEP);
+    comes_back(Lab { law: Law::Cosine(0.2), ..CLEAN }, &[L], 0.2, 0.02);
+}
+
+#[test]
+fn three_ways_agree_and_say_what_else_there_is() {
+    let f = inspect(&record(Lab { white: 0.02, ..CLEAN }, &[L, 0.5 * L, 0.0])).unwrap();
+    let near = |value: f64, truth: f64, part: f64| assert!((value / truth - 1.0).abs() < part, "{value} for {truth}");
+    near(f.wave_speed.crossings.unwrap().value, A, 0.002);
+    near(f.wave_speed.arrival.unwrap().value, A, 0.002);
+    near(f.wave_speed.joukowsky.unwrap().value, A, 0.01);
+    near(f.steady_velocity_m_s.unwrap().value, V0, 1e-6);
+    near(f.period.unwrap().value, 4.0 * L / A, 0.005);
+    near(f.closure.end_s.unwrap() - f.closure.start_s, 0.1, 0.05);
+    assert!((f.temperature_degc - 21.0).abs() < 1e-9 && f.reference == 0);
+    // exp(-0.15 t) a period of 0.8 s
+    assert!(f.damping_per_cycle.len() >= 4, "{:?}", f.damping_per_cycle);
+    assert!(f.damping_per_cycle.iter().all(|d| (d - 0.12).abs() < 0.03), "{:?}", f.damping_per_cycle);
+    let valve = &f.sensors[0];
+    near(valve.noise.white_sd_m, 0.02, 0.06);
+    near(valve.steady_before_m.value, 40.0, 1e-3);
+    assert!((valve.steady_after_m.unwrap().value - 40.0).abs() < 2.0);
+    assert!((valve.first_peak.unwrap().head_m - 40.0 - JOUKOWSKY).abs() < 0.05 * JOUKOWSKY);
+    assert!(valve.extrema.len() >= 10 && valve.extrema.windows(2).all(|w| w[0].peak != w[1].peak));
+    let arrival = f.sensors[1].front_arrival_s.unwrap().value - valve.front_arrival_s.unwrap().value;
+    assert!((arrival - 0.5 * L / A).abs() < STEP, "{arrival}");
+    assert!(f.sensors[2].front_arrival_s.is_none(), "nothing moves at the supply");
+}
+
+#[test]
+fn noise_of_every_kind_leaves_the_speed_in_its_error() {
+    comes_back(Lab { white: 0.3, ..CLEAN }, &[L], 1.0, 0.005);
+    comes_back(Lab { coloured: 0.3, ..CLEAN }, &[L], 1.0, 0.006);
+    comes_back(Lab { white: 0.02, quantum: 0.05, ..CLEAN }, &[L], 0.5, 0.003);
+    comes_back(Lab { white: 0.05, drift_per_s: 0.4, ..CLEAN }, &[L], 0.5, 0.003);
+    let coloured = inspect(&record(Lab { coloured: 0.3, ..CLEAN }, &[L])).unwrap().sensors[0].noise;
+    assert!(coloured.coloured && coloured.effective_fraction < 0.1 && coloured.total_sd_m > 2.0 * coloured.white_sd_m);
+    let stepped = inspect(&record(Lab { white: 0.02, quantum: 0.005, ..CLEAN }, &[L])).unwrap().sensors[0].noise;
+    assert!((stepped.quantum_m.unwrap() - 0.005).abs() < 1e-5);
+}
+
+#[test]
+fn the_lead_in_may_have_any_length() {
+    for start in [0.0, 0.0007, 0.01, 0.3, 30.0] {
+        comes_back(Lab { start, end: start + 5.0, white: 0.03, ..CLEAN }, &[L], 0.5, 0.003);
+        comes_back(Lab { start, end: start + 5.0, white: 0.03, ..CLEAN }, &[L, 0.4 * L], 0.5, 0.003);
+    }
+}
+
+#[test]
+fn a_closure_slower_than_the_wave_is_said_to_be_slow() {
+    let lab = Lab { law: Law::Linear(3.0 * RETURN_S), end: 8.0, white: 0.02, ..CLEAN };
+    let f = inspect(&record(lab, &[L])).unwrap();
+    let c = f.wave_speed.crossings.unwrap();
+    assert!(c.slow_closure && f.closure.end_s.is_none() && f.wave_speed.joukowsky.is_none(), "{f:?}");
+    assert!((c.value / A - 1.0).abs() < 0.02 && (c.value - A).abs() < 3.0 * c.standard_error, "{c:?}");
+    assert!((f.closure.start_s - lab.start).abs() < 0.01, "{:?}", f.closure);
+}
+
+#[test]
+fn one_sensor_anywhere_is_enough() {
+    for part in [0.3, 0.5, 0.75] {
+        let f = inspect(&record(Lab { law: Law::Linear(0.05), white: 0.02, ..CLEAN }, &[part * L])).unwrap();
+        let c = f.wave_speed.crossings.unwrap();
+        assert!((c.value / A - 1.0).abs() < 0.01 && (c.value - A).abs() < 3.0 * c.standard_error + 0.4, "{part} {c:?}");
+        assert!((f.closure.start_s - CLEAN.start).abs() < 0.005, "{part} {:?}", f.closure);
+        assert!(f.wave_speed.arrival.is_none());
+    }
+}
+
+#[test]
+fn a_sensor_that_cannot_tell_says_so() {
+    // a quarter up from the supply the closure outlasts the wave's return: its end looks like the return
+    let f = inspect(&record(Lab { law: Law::Linear(0.14), white: 0.02, ..CLEAN }, &[0.25 * L])).unwrap();
+    let c = f.wave_speed.crossings.unwrap();
+    assert!(c.slow_closure && (c.value - A).abs() < 2.0 * c.standard_error, "{c:?}");
+    assert!((f.closure.start_s - CLEAN.start).abs() < 2.0 * f.closure.start_se_s, "{:?}", f.closure);
+}
+
+#[test]
+fn a_closure_that_outlasts_the_waves_return_is_not_taken_for_it() {
+    for (part, returns) in [(0.2, 2.0), (0.2, 3.0), (0.4, 2.0), (0.4, 2.5)] {
+        // the level holds until the valve is shut, and falls then: the rise takes as long as the wave's way
+        let law = Law::Linear(returns * part * RETURN_S);
+        let f = inspect(&record(Lab { law, white: 0.02, end: 8.0, ..CLEAN }, &[part * L])).unwrap();
+        let c = f.wave_speed.crossings.unwrap();
+        assert!(
+            c.slow_closure && (c.value / A - 1.0).abs() < 0.1 && (c.value - A).abs() < 2.0 * c.standard_error,
+            "{part} {c:?}"
+        );
+    }
+}
+
+#[test]
+fn a_gap_is_never_read_as_a_feature() {
+    let lab = Lab { white: 0.02, ..CLEAN };
+    let fall = lab.start + RETURN_S;
+    let mut recording = record(lab, &[L, 0.6 * L]);
+    // the fall at the valve is lost: the other sensor still has its own
+    cut(&mut recording.series[0], fall - 0.01, fall + 0.2);
+    let f = inspect(&recording).unwrap();
+    let c = f.wave_speed.crossings.unwrap();
+    assert!((c.value / A - 1.0).abs() < 0.005, "{c:?}");
+    assert!((f.wave_speed.arrival.unwrap().value / A - 1.0).abs() < 0.005);
+    // gaps in the lead-in and the decay do no harm
+    let mut recording = record(lab, &[L]);
+    cut(&mut recording.series[0], 0.2, 0.4);
+    cut(&mut recording.series[0], 3.0, 3.3);
+    let f = inspect(&recording).unwrap();
+    assert!((f.wave_speed.crossings.unwrap().value / A - 1.0).abs() < 0.005);
+    assert!(f.sensors[0].extrema.iter().all(|e| !(3.0..3.3).contains(&e.time_s)));
+}
+
+fn cut(series: &mut Series, from: f64, to: f64) {
+    let keep: Vec<bool> = series.time_s.iter().map(|t| !(from..to).contains(t)).collect();
+    let mut k = keep.iter();
+    series.value.retain(|_| *k.next().unwrap());
+    series.time_s.retain(|t| !(from..to).contains(t));
+    series.gaps.push(Gap { from_s: from, to_s: to, samples: None });
+}
+
+#[test]
+fn a_trigger_gives_the_start() {
+    let mut recording = record(CLEAN, &[L]);
+    let mut sensors = vec![("P1", "pressure", L, "m(H2O)"), ("G", "trigger", L, "1")];
+    sensors.push(("V", "valve-position", L, "%"));
+    recording.rig = rig(&sensors);
+    let time_s: Vec<f64> = (0..6000).map(|i| i as f64 * 0.001).collect();
+    let command = time_s.iter().map(|t| f64::from(u8::from(*t > 0.9805))).collect();
+    let position = time_s.iter().map(|t| 100.0 * (1.0 - ((t - 1.0) / 0.12).clamp(0.0, 1.0))).collect();
+    let other = |value| Series { time_s: time_s.clone(), value, gaps: vec![] };
+    recording.series = vec![recording.series[0].clone(), other(command), other(position)];
+    let closure = inspect(&recording).unwrap().closure;
+    assert!(closure.from_trigger && (closure.start_s - 0.9805).abs() < 1e-3, "{closure:?}");
+    assert!((closure.pressure_onset_s - CLEAN.start).abs() < 1e-3, "{closure:?}");
+    assert!((closure.end_s.unwrap() - 1.12).abs() < 0.005, "{closure:?}");
+}
+
+#[test]
+fn a_recording_that_shows_nothing_says_so() {
+    let quiet = |lab: Lab| inspect(&record(Lab { law: Law::Linear(1e9), ..lab }, &[L, 0.5 * L])).unwrap_err();
+    for lab in
+        [CLEAN, Lab { white: 0.1, ..CLEAN }, Lab { coloured: 0.3, ..CLEAN }, Lab { white: 0.1, quantum: 0.5, ..CLEAN }]
+    {
+        let error = quiet(lab);
+        assert!(matches!(error, SignalError::NoClosure { .. }), "{error}");
+        assert!(error.to_string().contains("no closure"));
+    }
+    // a drift rises but does not come back
+    let drift = quiet(Lab { drift_per_s: 0.5, white: 0.05, ..CLEAN });
+    assert!(matches!(drift, SignalError::TooShort { .. } | SignalError::NoClosure { .. }), "{drift}");
+
+    let short = inspect(&record(Lab { end: 1.2, white: 0.02, ..CLEAN }, &[L])).unwrap_err();
+    assert!(matches!(short, SignalError::TooShort { .. }), "{short}");
+
+    let mut empty = record(CLEAN, &[L]);
+    empty.series[0] = Series::default();
+    assert!(matches!(inspect(&empty).unwrap_err(), SignalError::NoPressure { sensors: 1 }));
+    let mut nan = record(CLEAN, &[L]);
+    nan.series[0].value.fill(f64::NAN);
+    assert!(matches!(inspect(&nan).unwrap_err(), SignalError::NoPressure { .. }));
+    let mut few = record(CLEAN, &[L]);
+    few.series[0] = Series { time_s: vec![0.0, 1.0, 2.0], value: vec![1.0, 9.0, 1.0], gaps: vec![] };
+    assert!(inspect(&few).is_err());
+}
+
+#[test]
+fn single_bad_numbers_do_not_spread() {
+    let mut recording = record(Lab { white: 0.02, ..CLEAN }, &[L]);
+    for i in (5..recording.series[0].value.len()).step_by(997) {
+        recording.series[0].value[i] = if i % 2 == 0 { f64::NAN } else { f64::INFINITY };
+    }
+    let c = inspect(&recording).unwrap().wave_speed.crossings.unwrap();
+    assert!((c.value / A - 1.0).abs() < 0.01, "{c:?}");
+}
+
+#[test]
+fn spikes_of_a_switching_valve_are_no_fronts() {
+    let mut recording = record(Lab { white: 0.02, ..CLEAN }, &[L]);
+    for i in [100, 500, 870, 2500, 2501] {
+        recording.series[0].value[i] += 60.0;
+    }
+    let f = inspect(&recording).unwrap();
+    assert!((f.wave_speed.crossings.unwrap().value / A - 1.0).abs() < 0.005);
+    assert!((f.closure.start_s - CLEAN.start).abs() < 0.002, "{:?}", f.closure);
+}
+
+#[test]
+fn a_dropout_before_the_closure_changes_neither_noise_nor_steady_head() {
+    let clean = record(Lab { white: 0.02, ..CLEAN }, &[L]);
+    let mut spiky = clean.clone();
+    spiky.series[0].value[400] = -10_200.0;
+    let (clean, spiky) = (inspect(&clean).unwrap(), inspect(&spiky).unwrap());
+    let (a, b) = (&clean.sensors[0], &spiky.sensors[0]);
+    assert!((b.noise.white_sd_m / a.noise.white_sd_m - 1.0).abs() < 0.1, "{:?}", b.noise);
+    assert!((b.noise.total_sd_m / a.noise.total_sd_m - 1.0).abs() < 0.1, "{:?}", b.noise);
+    assert!((b.steady_before_m.value - a.steady_before_m.value).abs() < 0.01, "{:?}", b.steady_before_m);
+    assert!((spiky.wave_speed.crossings.unwrap().value / A - 1.0).abs() < 0.005);
+}
+
+#[test]
+fn numbers_that_cannot_all_be_right_are_doubted_and_others_are_not() {
+    use surgescope::signal::doubts::doubts;
+    let said = |recording: &Recording| doubts(&recording.rig, &inspect(recording).unwrap());
+    let good = record(Lab { white: 0.02, ..CLEAN }, &[L, 0.5 * L]);
+    assert_eq!(said(&good), Vec::<String>::new());
+    let one = |recording: &Recording, words: &[&str]| {
+        let said = said(recording);
+        assert!(said.iter().any(|s| words.iter().all(|w| s.contains(w))), "{words:?} is not in {said:#?}");
+    };
+    // m3/h read as if it were less: the rise is too high for the flow; then so much that no water does it
+    let flow = |factor: f64| {
+        let mut recording = good.clone();
+        recording.series[2].value.iter_mut().for_each(|v| *v *= factor);
+        recording
+    };
+    one(&flow(0.7), &["Joukowsky", "the flow reads too low"]);
+    one(&flow(1.0 / 3.6), &["Joukowsky", "the unit of the flow"]);
+    one(&flow(0.1), &["which no water pipe has"]);
+    one(&flow(2.0), &["Joukowsky", "whether the valve closed fully"]);
+    assert_eq!(said(&flow(1.3)), Vec::<String>::new(), "creep and leaks lower the first rise");
+    let mut late = good.clone();
+    late.series[1].time_s.iter_mut().for_each(|t| *t += 0.05);
+    one(&late, &["from sensor to sensor", "clock"]);
+    let mut slow = good.clone();
+    slow.series.iter_mut().flat_map(|s| &mut s.time_s).for_each(|t| *t *= 6.0);
+    one(&slow, &["a fit may take", "gas in the water"]);
+    one(&record(Lab { white: 0.02, end: 2.0, ..CLEAN }, &[L]), &["periods were recorded after the closure"]);
+}
+
+#[test]
+fn a_record_cut_anywhere_gives_an_answer_or_an_error_but_no_nan() {
+    let whole = record(Lab { white: 0.05, ..CLEAN }, &[L, 0.5 * L]);
+    for end in (0..6000).step_by(97) {
+        let mut part = whole.clone();
+        for series in &mut part.series[..2] {
+            series.time_s.truncate(end);
+            series.value.truncate(end);
+        }
+        if let Ok(f) = inspect(&part) {
+            let text = format!("{f:?}");
+            assert!(!text.contains("NaN") && !text.contains("inf,"), "cut at {end}: {text}");
+        }
+    }
+}
+
+#[test]
+fn the_program_prints_a_table_and_json() {
+    let dir = tempfile::tempdir().unwrap();
+    let mcap = dir.path().join("run.mcap");
+    surgescope::storage::write(&mcap, &record(Lab { white: 0.02, ..CLEAN }, &[L, 0.5 * L])).unwrap();
+
+    let f = done(&["inspect", text(&mcap)]);
+    assert_eq!(f["file"], text(&mcap));
+    assert!((f["wave_speed_m_s"]["crossings"]["value"].as_f64().unwrap() / A - 1.0).abs() < 0.002, "{f}");
+    for key in ["low", "high", "standard_error"] {
+        assert!(f["wave_speed_m_s"]["crossings"][key].is_f64(), "{key}");
+    }
+    for key in
+        ["/wave_speed_m_s/joukowsky/value", "/wave_speed_m_s/arrival/value", "/period_s/value", "/closure/start_s"]
+    {
+        assert!(f.pointer(key).is_some_and(serde_json::Value::is_f64), "{key} in {f}");
+    }
+    assert_eq!(f["sensors"].as_array().unwrap().len(), 2);
+    assert!(f["sensors"][0]["extrema"].as_array().unwrap().len() > 8);
+
+    assert_eq!(f["doubts"], serde_json::json!([]));
+    let mut short = record(Lab { white: 0.02, end: 2.0, ..CLEAN }, &[L]);
+    short.series[1] = Series::default();
+    let brief = dir.path().join("brief.mcap");
+    surgescope::storage::write(&brief, &short).unwrap();
+    let table = printed(run(&["inspect", text(&brief)]));
+    assert!(table.lines().any(|l| l.starts_with("note: only 1.") && l.contains("periods")), "{table}");
+    assert!(table.contains("Joukowsky            not to be seen\n"), "no unit where there is no number: {table}");
+    let brief = done(&["inspect", text(&brief)]);
+    assert_eq!(brief["doubts"].as_array().unwrap().len(), 1, "{brief}");
+
+    let table = printed(run(&["inspect", text(&mcap)]));
+    assert!(table.contains("wave speed, crossings  4") && table.contains("P2"), "{table}");
+
+    // another rig: the sensors are found by name, and a longer pipe makes a faster wave
+    let long = dir.path().join("long.toml");
+    std::fs::write(&long, long_rig()).unwrap();
+    let f = done(&["inspect", text(&mcap), "--rig", text(&long)]);
+    assert!((f["wave_speed_m_s"]["crossings"]["value"].as_f64().unwrap() / (2.0 * A) - 1.0).abs() < 0.002, "{f}");
+
+    let strange = dir.path().join("strange.toml");
+    std::fs::write(&strange, rig(&[("X", "pressure", L, "kPa")]).source).unwrap();
+    refused(&["inspect", text(&mcap), "--rig", text(&strange)], &["no sensor named 'P1'"]);
+}
+
+#[test]
+fn the_program_ends_with_two_where_nothing_closed() {
+    let dir = tempfile::tempdir().unwrap();
+    let mcap = dir.path().join("quiet.mcap");
+    surgescope::storage::write(&mcap, &record(Lab { law: Law::Linear(1e9), white: 0.05, ..CLEAN }, &[L])).unwrap();
+    refused(&["inspect", text(&mcap), "--json"], &["no closure"]);
+}
+
+fn long_rig() -> String {
+    let sensors = [
+        ("T1", "temperature", 0.0, "degC"),
+        ("P2", "pressure", L, "m(H2O)"),
+        ("Q1", "flow", 0.0, "m3/h"),
+        ("P1", "pressure", 2.0 * L, "m(H2O)"),
+    ];
+    let mut text = rig(&[("X", "pressure", L, "kPa")])
+        .source
+        .replace(&format!("length_m = {L}"), &format!("length_m = {}", 2.0 * L));
+    for (name, kind, position, unit) in sensors {
+        let _ = write!(
+            text,
+            "[[sensor]]\nname = \"{name}\"\nkind = \"{kind}\"\nposition_m = {position}\nunit = \"{unit}\"\n"
+        );
+    }
+    text
+}
+
+/// A thirtieth of the front as noise: laid over each other, noisy fronts give the speed without bias, and with as much error as they say.
+#[test]
+fn loud_noise_neither_shifts_the_wave_speed_nor_passes_unsaid() {
+    let loud = Lab { white: JOUKOWSKY / 30.0, ..CLEAN };
+    let found: Vec<_> =
+        (1..=40u64).map(|seed| inspect(&record_with(loud, &[L, 0.5 * L], seed * 7919)).unwrap().wave_speed).collect();
+    let judge = |name: &str, bias: f64, mut estimates: Vec<(f64, f64)>| {
+        let covered = estimates.iter().filter(|(v, se)| (v - A).abs() < 2.0 * se).count();
+        estimates.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let median = estimates[estimates.len() / 2].0;
+        assert!(estimates.len() >= 38, "{name}: {}", estimates.len());
+        assert!((median / A - 1.0).abs() < bias, "{name}: {median}");
+        assert!(covered as f64 > 0.92 * estimates.len() as f64, "{name}: {covered} of {}", estimates.len());
+    };
+    judge("crossings", 0.005, found.iter().filter_map(|w| w.crossings).map(|c| (c.value, c.standard_error)).collect());
+    judge("two sensors", 0.02, found.iter().filter_map(|w| w.arrival).map(|e| (e.value, e.standard_error)).collect());
+}
+
+#[test]
+fn the_samples_that_are_counted_are_those_recorded() {
+    let mut recording = record(Lab { white: 0.02, ..CLEAN }, &[L]);
+    let all = recording.series[0].time_s.len();
+    // a gap is bridged on an even grid, but nothing was recorded in it
+    let series = &mut recording.series[0];
+    series.gaps = vec![Gap { from_s: series.time_s[99], to_s: series.time_s[112], samples: Some(12) }];
+    series.time_s.drain(100..112);
+    series.value.drain(100..112);
+    assert_eq!(inspect(&recording).unwrap().sensors[0].samples, all - 12);
+}
