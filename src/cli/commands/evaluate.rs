@@ -189,7 +189,7 @@ fn found(
     let contradictions = conflicts(&diagnosis.start, &data);
     let named = format!("{}: ", run.file);
     let mut told: Vec<String> = doubts(&rig, &features);
-    told.extend(diagnosis.doubts.iter().chain(&contradictions).cloned().chain(at_bounds(&diagnosis.start)));
+    told.extend(diagnosis.warnings.iter().chain(&contradictions).cloned().chain(at_bounds(&diagnosis.start)));
     let told: BTreeSet<&str> = told.iter().map(|w| w.strip_prefix(&named).unwrap_or(w)).collect();
     for warning in told {
         crate::cli::tell!("warning: {named}{warning}");

@@ -1,6 +1,6 @@
 //! Alignment by the pressure front: it reaches each sensor when its way from the valve takes it there.
 
-use crate::align::{Clock, Method, Part, SURE, short};
+use crate::align::clock::{Clock, Method, Part, SURE, short};
 use crate::recording::Recording;
 use crate::rig::Rig;
 use crate::signal;

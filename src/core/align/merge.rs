@@ -1,6 +1,6 @@
 //! Aligned parts become one recording.
 
-use crate::align::{Clock, Part};
+use crate::align::clock::{Clock, Part};
 use crate::recording::{Gap, Recording, RunInfo, Series};
 
 /// Puts the parts on the first one's clock and together. Of a sensor that several files have, the one with most samples stays.

@@ -3,146 +3,17 @@
 //!
 //! Each part holds one file's samples on the sensors of the same rig. The first part's clock is the one that stays.
 
+pub(crate) mod clock;
 pub(crate) mod front;
 pub(crate) mod merge;
 pub(crate) mod trigger;
 
-use std::fmt;
-
-use serde::Serialize;
-
-use crate::recording::{Recording, Series};
+use crate::align::clock::{SURE, short};
+use crate::recording::Series;
 use crate::rig::SensorKind;
 
+pub use crate::align::clock::{Clock, Method, Part};
 pub use crate::align::merge::merge;
-
-/// One file's samples.
-#[derive(Debug, Clone)]
-pub struct Part {
-    /// Its name, for messages.
-    pub file: String,
-    /// Its samples; sensors that it lacks are empty.
-    pub recording: Recording,
-    /// Value of the last digit of its start, s; if not known, that of the last digit that is not 0.
-    pub start_digit_s: Option<f64>,
-}
-
-/// What clocks are aligned by.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Method {
-    /// Edges of a trigger recorded in every file.
-    Trigger,
-    /// The wall-clock times that the files give.
-    Time,
-    /// The pressure front.
-    Front,
-}
-
-impl Method {
-    /// Every method, the surest first.
-    pub const ALL: [Method; 3] = [Method::Trigger, Method::Time, Method::Front];
-}
-
-impl fmt::Display for Method {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Method::Trigger => "trigger",
-            Method::Time => "time",
-            Method::Front => "front",
-        })
-    }
-}
-
-/// How one part's clock goes into the first part's: `t = offset + (1 + drift) t_own`.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Clock {
-    /// The part's name.
-    pub file: String,
-    /// What it was aligned by.
-    pub method: Method,
-    /// The first part's time at this one's time 0, s.
-    pub offset_s: f64,
-    /// Standard error of the alignment, s, at `at_s`; of absolute times only what their last digit leaves open.
-    pub uncertainty_s: f64,
-    /// The time on this clock at which it was aligned, s: the middle of its edges or fronts.
-    pub at_s: f64,
-    /// By how many millionths this clock is slow, where several edges show it.
-    pub drift_ppm: Option<f64>,
-    /// Standard error of the drift, millionths.
-    pub drift_error_ppm: Option<f64>,
-    /// Edges or pairs of fronts that it was read from.
-    pub events: usize,
-    /// Root mean square of what is left between them, s; none of a single one.
-    pub residual_s: Option<f64>,
-    /// In words, what was found and what contradicts it.
-    pub remarks: Vec<String>,
-    /// Why it may be wrong, and what to do.
-    pub warnings: Vec<String>,
-}
-
-impl Clock {
-    fn own(file: &str, method: Method) -> Clock {
-        Clock {
-            file: file.into(),
-            method,
-            offset_s: 0.0,
-            uncertainty_s: 0.0,
-            at_s: 0.0,
-            drift_ppm: None,
-            drift_error_ppm: None,
-            events: 0,
-            residual_s: None,
-            remarks: Vec::new(),
-            warnings: Vec::new(),
-        }
-    }
-
-    /// The first part's time at a time of this part's clock, s.
-    pub fn time_s(&self, own_s: f64) -> f64 {
-        own_s + self.offset_s + self.drift_ppm.unwrap_or(0.0) * 1e-6 * own_s
-    }
-
-    /// Standard error of that, s: away from where it was aligned it grows by what the drift is open by.
-    fn error_s(&self, own_s: f64) -> f64 {
-        self.uncertainty_s.hypot(self.drift_error_ppm.unwrap_or(0.0) * 1e-6 * (own_s - self.at_s))
-    }
-}
-
-impl fmt::Display for Clock {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let what = match (self.method, self.events) {
-            (Method::Trigger, 1) => "one edge of the trigger".to_string(),
-            (Method::Trigger, n) => format!("{n} edges of the trigger"),
-            (Method::Time, _) => "absolute time".into(),
-            (Method::Front, 1) => "the front at one pair of sensors".into(),
-            (Method::Front, n) => format!("the front at {n} pairs of sensors"),
-        };
-        // a clock that drifts is known where it was aligned
-        let of_s = self.drift_ppm.map_or(0.0, |_| (1e3 * self.at_s).round() / 1e3);
-        let error = short(self.uncertainty_s);
-        write!(f, "{}: aligned by {what}: time {of_s} is at {:.9} s ± {error}", self.file, self.time_s(of_s))?;
-        if let Some(drift) = self.drift_ppm {
-            write!(f, ", clock slow by {drift:.3} ppm")?;
-            if let Some(error) = self.drift_error_ppm {
-                write!(f, " ± {error:.3}")?;
-            }
-        }
-        if let Some(residual) = self.residual_s {
-            write!(f, ", {} left between them", short(residual))?;
-        }
-        self.remarks.iter().try_for_each(|remark| write!(f, "; {remark}"))
-    }
-}
-
-/// A short time in the unit that suits it.
-fn short(time_s: f64) -> String {
-    match time_s.abs() {
-        t if t >= 0.1 => format!("{time_s:.3} s"),
-        t if t >= 1e-4 => format!("{:.3} ms", time_s * 1e3),
-        _ => format!("{:.3} µs", time_s * 1e6),
-    }
-}
 
 /// Why files cannot be aligned.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -170,9 +41,6 @@ pub enum AlignError {
         why: String,
     },
 }
-
-/// Methods that lie further apart than so many of their standard errors contradict each other.
-const SURE: f64 = 4.0;
 
 /// Date-times written more coarsely than this are no match for a front, s.
 const FINE_TIME_S: f64 = 2e-3;

@@ -1,12 +1,16 @@
-//! The ground a diagnosis stands on: the start model, fitted, and its residuals on a coarse grid that errs like a fine one.
+//! The baseline of a diagnosis: the fitted start model, and its residuals on a coarse grid that errs like a fine one.
 //!
-//! Sixteen candidates are refitted from here, so a refit must be cheap. Samples are averaged into a few thousand bins a sensor,
-//! which keeps all that they say of anything slower than a bin, and the model runs on a coarse grid. What both of that changes is
-//! known at the start model's fit, where the fine grid and all samples were used: the binned data are shifted by the difference, so
-//! that coarse residuals there are the bin means of the fine ones (defect correction: Stetter 1978, Numer. Math. 29, 425).
+//! All candidates are refitted from here, so a refit must be cheap. Samples are averaged into a few thousand bins per
+//! sensor, which loses nothing that is slower than a bin, and the model runs on a coarse grid. The start model's fit
+//! used the fine grid and all samples, so the difference that the bins and the coarse grid make is known there. The
+//! binned data are shifted by that difference: at the start model's fit, coarse residuals are the bin means of the fine
+//! ones (defect correction: Stetter 1978, Numer. Math. 29, 425).
 
 use nalgebra::{DMatrix, DVector};
 
+use crate::diagnose::limits::{
+    BINS, COARSE_REACHES, FEATURES_PER_HALF_CYCLE, FLOOR_SAMPLES, LEAD_OF_PERIOD, SINGULAR, UNSEEN_COLUMN,
+};
 use crate::fit::data::run_data::{RunData, SensorData};
 use crate::fit::numeric::least_squares::{Problem, jacobian};
 use crate::fit::outcome::fit::Fit;
@@ -16,28 +20,15 @@ use crate::model::effects::{Chosen, Circumstances, vapour_head_m};
 use crate::model::{Model, ModelError};
 use crate::rig::{Coupling, Rig};
 
-/// Reaches of the coarse grid.
-const COARSE_REACHES: usize = 48;
-/// Bins a sensor.
-const BINS: usize = 3000;
-/// Norm of a column, in units of the noise, below which a parameter is not seen: what its differences show is rounding.
-const UNSEEN: f64 = 0.1;
-/// Singular values of the normal matrix of unit columns below which a combination of parameters counts as not seen.
-const PARALLEL: f64 = 1e-9;
-/// The part of a record, one over this, that must lie on a floor.
-const SHORT: usize = 500;
-/// Features of a half cycle.
-const FEATURES: f64 = 3.0;
-
 /// See the module.
-pub struct Ground<'a> {
+pub struct Baseline<'a> {
     /// The rig.
     pub rig: &'a Rig,
     /// The runs, binned and corrected.
     pub runs: Vec<RunData>,
     /// What speaks for or against an effect before any fit.
     pub known: Circumstances<'a>,
-    /// What has been settled about parameters.
+    /// Options of the fit: constraints and priors.
     options: Options,
     /// The start model's effects, their open choices decided.
     pub effects: Vec<Chosen>,
@@ -53,12 +44,13 @@ pub struct Ground<'a> {
     pub square: f64,
     /// Number of residuals that are samples.
     pub samples: usize,
-    /// Recorded samples a bin, on average.
+    /// Mean number of recorded samples in a bin.
     bin_size: f64,
     fitted: Fitted,
 }
 
-/// What the fitted parameters can take up: Jacobian columns (of those not at a bound) and the inverse of their normal matrix.
+/// What the fitted parameters can absorb: Jacobian columns (of parameters not at a bound) and the inverse of their
+/// normal matrix.
 struct Fitted {
     /// Which variables these are.
     which: Vec<usize>,
@@ -66,8 +58,8 @@ struct Fitted {
     inverse: DMatrix<f64>,
 }
 
-impl<'a> Ground<'a> {
-    /// The ground under a fit of the start model to `runs`.
+impl<'a> Baseline<'a> {
+    /// Builds the baseline from a fit of the start model to `runs`.
     ///
     /// # Errors
     /// As [`Model::simulate`].
@@ -90,23 +82,23 @@ impl<'a> Ground<'a> {
         let (which, columns): (Vec<usize>, Vec<Vec<f64>>) = jacobian(&problem, &x, &all)?
             .into_iter()
             .enumerate()
-            .filter(|(j, column)| !at_bound[*j] && dot(column, column) > UNSEEN.powi(2))
+            .filter(|(j, column)| !at_bound[*j] && dot(column, column) > UNSEEN_COLUMN.powi(2))
             .unzip();
         let samples = problem.samples();
         let meters = runs.iter().filter(|r| r.meter.is_some()).count();
-        // In units of each column's norm, and without the combinations that the data hardly show: elements of a wall's creep that lie
-        // close together are nearly parallel.
+        // In units of each column's norm, and without the combinations that the data hardly show: neighbouring elements
+        // of a wall's creep are nearly parallel.
         let norms: Vec<f64> = columns.iter().map(|c| dot(c, c).sqrt()).collect();
         let n = columns.len();
         let normal = DMatrix::from_fn(n, n, |a, b| dot(&columns[a], &columns[b]) / (norms[a] * norms[b]));
-        // Where every parameter is held there is nothing to invert, which the library does not bear.
+        // If every parameter is held there is nothing to invert, and the library cannot take an empty matrix.
         let inverse = match columns.len() {
             0 => normal,
-            n => normal.pseudo_inverse(PARALLEL).unwrap_or_else(|_| DMatrix::zeros(n, n)),
+            n => normal.pseudo_inverse(SINGULAR).unwrap_or_else(|_| DMatrix::zeros(n, n)),
         };
         let inverse = DMatrix::from_fn(n, n, |a, b| inverse[(a, b)] / (norms[a] * norms[b]));
         let columns = columns.iter().map(|c| seen(c, samples, meters)).collect();
-        Ok(Ground {
+        Ok(Baseline {
             rig,
             known: Circumstances { rig, above_vapour_m: above_vapour_m(rig, recorded) },
             options: options.clone(),
@@ -123,11 +115,11 @@ impl<'a> Ground<'a> {
         })
     }
 
-    /// What can be told apart in a record at most, however often it was sampled, where something other than noise is left: a few
-    /// features (front, plateau, way back) a half cycle of each sensor.
+    /// Number of independent features of the records if something other than noise is left. However densely it was
+    /// sampled, a half cycle of a sensor has only a few (front, plateau, return).
     pub fn features(&self) -> f64 {
         let halves: usize = self.runs.iter().flat_map(|r| &r.extrema).map(Vec::len).sum();
-        FEATURES * halves.max(1) as f64
+        FEATURES_PER_HALF_CYCLE * halves.max(1) as f64
     }
 
     /// Number of recorded samples behind the bins.
@@ -145,11 +137,11 @@ impl<'a> Ground<'a> {
         (sum / f64::max(n, 1.0) * self.bin_size).sqrt()
     }
 
-    /// Mean square that residuals of bins, in units of the bins' noise, mean for single samples, in units of theirs.
+    /// Mean square of single samples, in units of their noise, from residuals of bins, in units of the bins' noise.
     pub fn mean_square(&self, residuals: &[f64]) -> f64 {
         let bins = &residuals[..self.samples];
         let mean = dot(bins, bins) / self.samples.max(1) as f64;
-        // Noise averages out in a bin, misfit does not.
+        // Noise averages out in a bin; model error does not.
         (1.0 + (mean - 1.0) / self.bin_size).max(mean / self.bin_size)
     }
 
@@ -159,28 +151,28 @@ impl<'a> Ground<'a> {
         model.constrained(&self.options.constraints).informed(&self.options.priors)
     }
 
-    /// The problem of fitting a model on this ground.
+    /// The problem of fitting a model to the binned data.
     pub fn problem<'m>(&'m self, model: &'m Model<'m>) -> Calibration<'m> {
         Calibration::new(model, &self.runs, window(self.reaches))
     }
 
-    /// The residuals of samples and flow meters among all, priors left out.
+    /// The residuals of samples and flow meters, without those of priors.
     pub fn seen(&self, all: &[f64]) -> Vec<f64> {
         seen(all, self.samples, self.runs.iter().filter(|r| r.meter.is_some()).count())
     }
 
-    /// All variables of a model that has more effects.
+    /// All variables of a model with `added` values of further effects.
     pub fn values_with(&self, added: &[f64]) -> Vec<f64> {
         let (shared, own) = self.values.split_at(self.shared);
         [shared, added, own].concat()
     }
 
-    /// What is left of `a·b` once what the fitted parameters can take up of both is gone.
+    /// `a·b` after removing from both what the fitted parameters can absorb.
     pub fn projected_dot(&self, a: &[f64], b: &[f64]) -> f64 {
         dot(a, b) - self.along(a).dot(&(&self.fitted.inverse * self.along(b)))
     }
 
-    /// Residuals less what the fitted parameters can take up of them.
+    /// Residuals minus what the fitted parameters can absorb of them.
     pub fn projected(&self, residuals: &[f64]) -> Vec<f64> {
         let step = &self.fitted.inverse * self.along(residuals);
         let mut left = residuals.to_vec();
@@ -190,7 +182,8 @@ impl<'a> Ground<'a> {
         left
     }
 
-    /// The start model's variables `x` (any more effects' among them, after the shared ones) moved to take residuals up.
+    /// Moves the start model's variables in `x` so that they absorb `residuals`. `x` may hold variables of further
+    /// effects, after the shared ones; these stay.
     pub fn moved(&self, x: &[f64], residuals: &[f64]) -> Vec<f64> {
         let added = x.len() - self.values.len();
         let step = &self.fitted.inverse * self.along(residuals);
@@ -210,7 +203,7 @@ fn window(reaches: usize) -> Window {
     Window { reaches, horizon_s: f64::INFINITY, stride: 1 }
 }
 
-/// Samples and flow meters among all residuals, whose middle is priors.
+/// Samples and flow meters among all residuals; the priors stand between them.
 fn seen(all: &[f64], samples: usize, meters: usize) -> Vec<f64> {
     [&all[..samples], &all[all.len() - meters..]].concat()
 }
@@ -219,22 +212,23 @@ pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(x, y)| x * y).sum()
 }
 
-/// By how much the lowest pressure in any record stays above that of vapour, m.
+/// How far the lowest pressure in any record stays above vapour pressure, m.
 fn above_vapour_m(rig: &Rig, runs: &[RunData]) -> f64 {
     let margin = |run: &RunData, s: &SensorData| {
         let boiling_m = rig.elevation_m(s.sensor.position_m) + vapour_head_m(&run.conditions.water);
-        // A single sample may be a dead count; a floor is stayed on.
+        // A single sample may be a dead count; a record that reaches the floor stays there.
         let mut heads = s.head_m.clone();
-        let few = (heads.len() / SHORT).clamp(1, heads.len()) - 1;
+        let few = (heads.len() / FLOOR_SAMPLES).clamp(1, heads.len()) - 1;
         let (_, low_m, _) = heads.select_nth_unstable_by(few, f64::total_cmp);
         *low_m - boiling_m
     };
-    // A sensor that sees no steady pressure sees no floor.
+    // An AC-coupled sensor does not see the steady pressure, so it cannot show the floor.
     let dc = |s: &&SensorData| s.sensor.coupling == Coupling::Dc;
     runs.iter().flat_map(|run| run.sensors.iter().filter(dc).map(move |s| margin(run, s))).fold(f64::INFINITY, f64::min)
 }
 
-/// The runs with their samples averaged, shifted by what the model at `values` changes from `fine` reaches to `coarse` ones.
+/// Averages the samples of the runs and shifts them by the change in the model at `values` from `fine` to `coarse`
+/// reaches.
 fn binned(
     model: &Model,
     runs: &[RunData],
@@ -249,7 +243,7 @@ fn binned(
             let fine_traces = problem.modelled(r, values, fine)?.traces;
             let coarse_traces = problem.modelled(r, values, coarse)?.traces;
             let start = problem.closure_start_s(r, values);
-            let lead = 0.1 * model.period_s(&values[..model.shared.len()]);
+            let lead = LEAD_OF_PERIOD * model.period_s(&values[..model.shared.len()]);
             let sensors = run.sensors.iter().enumerate().map(|(s, sensor)| {
                 let (fine, coarse) = (&fine_traces[s], &coarse_traces[s]);
                 let from = sensor.time_s.partition_point(|&t| t < start - lead);

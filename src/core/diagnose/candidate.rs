@@ -1,21 +1,20 @@
-//! The candidates: every effect of the catalogue that the start model has not, in each of its forms.
+//! The candidates: every effect of the catalogue that the start model lacks, in each of its forms.
 
+use crate::diagnose::limits::MOST_ELEMENTS;
 use crate::model::effects::{CATALOGUE, Chosen, Effect};
 use crate::rig::Rig;
 
 /// One form of an effect: a variant, at a sensor, with a number of elements.
 #[derive(Debug, Clone)]
 pub struct Form {
-    /// The effect's name in the catalogue, whatever the variant.
+    /// The effect's name in the catalogue, without the variant.
     pub effect: &'static str,
     /// What is added to the model.
     pub chosen: Chosen,
 }
 
-/// Most elements with which an effect that has some is tried.
-const MOST_ELEMENTS: usize = 3;
-
-/// Every form of the effects of the catalogue that may be added to `start`, in their order, and that so many runs can tell from others.
+/// All forms of the effects that may be added to `start`, in the order of the catalogue. Forms that need more than
+/// `runs` runs to be identified are left out.
 pub fn candidates(rig: &Rig, start: &[Chosen], runs: usize) -> Vec<Form> {
     CATALOGUE
         .iter()
@@ -25,7 +24,7 @@ pub fn candidates(rig: &Rig, start: &[Chosen], runs: usize) -> Vec<Form> {
         .collect()
 }
 
-/// Effects that `start` has not and cannot be given, each with the reason.
+/// Effects that `start` lacks but cannot be given, each with the reason.
 pub fn left_out(rig: &Rig, start: &[Chosen]) -> Vec<(&'static str, String)> {
     let others = CATALOGUE.iter().filter(|effect| !is_in(**effect, start));
     others.filter_map(|effect| Some((effect.name(), reason_against(*effect, rig, start)?))).collect()
@@ -50,7 +49,7 @@ fn forms(rig: &Rig, effect: &'static dyn Effect) -> Vec<Form> {
         .collect()
 }
 
-/// The forms of one effect as it was asked for: where sensor or number of elements are left open, each of them.
+/// All forms of one effect that match what was asked for: an open sensor or number of elements gives one form each.
 pub fn forms_of(rig: &Rig, asked: &Chosen) -> Vec<Form> {
     let own = |form: &Form| {
         form.chosen.effect.name() == asked.effect.name()

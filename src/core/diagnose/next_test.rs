@@ -1,32 +1,19 @@
-//! Which test would tell two rivals apart: both are simulated where they have not been fitted.
+//! Which test would tell two candidates apart: both are simulated under conditions to which they have not been fitted.
 
 use rayon::prelude::*;
 
-use crate::diagnose::baseline::Ground;
-use crate::diagnose::candidate_fit::Rival;
+use crate::diagnose::baseline::Baseline;
+use crate::diagnose::candidate_fit::CandidateFit;
+use crate::diagnose::limits::{
+    AT_THE_VALVE, COMPARED_PERIODS, COMPARED_POINTS, CREEP_RATIO, NAMED_TESTS, SAME_HEAD_M, SAME_PLACE, SAME_SHARE,
+    TELLING_OVER_NOISE,
+};
 use crate::model::effects::Chosen;
 use crate::model::trace::Probe;
 use crate::model::{Conditions, Model, ModelError, Resolution, RunValues};
 use crate::rig::{Rig, Sensor};
 
-/// Times the noise that two rivals must differ by for a test to be worth making.
-const TELLING: f64 = 3.0;
-/// How many tests are named.
-const NAMED: usize = 2;
-/// Periods that are compared.
-const PERIODS: f64 = 8.0;
-/// How many times the other's creep one rival's must be at least for a creep test to tell them.
-const CREEP_APART: f64 = 1.2;
-/// What is as good as the same test: velocities and closing times within a fifth, heads within 5 m, sensors within a tenth of the length.
-const SAME_SHARE: f64 = 0.2;
-const SAME_HEAD_M: f64 = 5.0;
-const SAME_PLACE: f64 = 0.1;
-/// Share of the length within which a sensor stands at the valve.
-const AT_THE_VALVE: f64 = 0.01;
-/// Points a sensor at which two predictions are compared.
-const POINTS: usize = 2000;
-
-/// A test as it would be made.
+/// The conditions of a test.
 struct Setup {
     rig: Rig,
     conditions: Conditions,
@@ -34,7 +21,7 @@ struct Setup {
     sensors: Vec<Sensor>,
 }
 
-/// A test that could be made: what it changes of the first run, and what to do, given the run as changed.
+/// A test that could be made: how it changes the first run, and the instruction for the lab.
 struct Test {
     change: fn(&mut Setup),
     instruction: fn(&RunValues) -> String,
@@ -79,7 +66,7 @@ fn lengthen(setup: &mut Setup) {
     }
 }
 
-/// The wall's creep changes, too, in a way that neither model knows: what is compared is the water's part.
+/// The wall's creep changes as well, but neither model knows how: only the change in the water is compared.
 fn warm(setup: &mut Setup) {
     let fluid = &setup.rig.fluid;
     setup.conditions.water = fluid.properties(fluid.temperature_degc + 20.0);
@@ -90,114 +77,115 @@ struct Fitted<'a> {
     name: &'static str,
     effects: &'a [Chosen],
     shared: Vec<f64>,
-    /// What each run has of its own.
+    /// The parameters of each run.
     runs: Vec<RunValues>,
 }
 
 impl<'a> Fitted<'a> {
-    fn of(ground: &Ground, rival: &'a Rival) -> Self {
-        let (effects, values) = rival.model();
-        let model = ground.model(effects);
-        let problem = ground.problem(&model);
-        let runs = (0..ground.runs.len()).map(|r| problem.run_values(r, &values)).collect();
-        Fitted { name: rival.refit.form.effect, effects, shared: values[..model.shared.len()].to_vec(), runs }
+    fn of(baseline: &Baseline, candidate_fit: &'a CandidateFit) -> Self {
+        let (effects, values) = candidate_fit.model();
+        let model = baseline.model(effects);
+        let problem = baseline.problem(&model);
+        let runs = (0..baseline.runs.len()).map(|r| problem.run_values(r, &values)).collect();
+        Fitted { name: candidate_fit.refit.form.effect, effects, shared: values[..model.shared.len()].to_vec(), runs }
     }
 
-    /// The first run, changed.
-    fn setup(&self, ground: &Ground, test: &Test) -> Setup {
-        let first = &ground.runs[0];
+    /// The conditions of the first run, changed by the test.
+    fn setup(&self, baseline: &Baseline, test: &Test) -> Setup {
+        let first = &baseline.runs[0];
         let sensors = first.sensors.iter().map(|s| s.sensor.clone()).collect();
-        let (rig, conditions) = (ground.rig.clone(), first.conditions.clone());
+        let (rig, conditions) = (baseline.rig.clone(), first.conditions.clone());
         let mut setup = Setup { rig, conditions, run: self.runs[0], sensors };
         (test.change)(&mut setup);
         setup
     }
 
-    /// What each sensor would show.
-    fn predicted(&self, ground: &Ground, test: &Test) -> Result<Vec<Vec<f64>>, ModelError> {
-        let setup = self.setup(ground, test);
+    /// Predicted heads of each sensor.
+    fn predicted(&self, baseline: &Baseline, test: &Test) -> Result<Vec<Vec<f64>>, ModelError> {
+        let setup = self.setup(baseline, test);
         let model = Model::new(&setup.rig, &setup.conditions.water, self.effects);
-        let duration_s = PERIODS * model.period_s(&self.shared);
+        let duration_s = COMPARED_PERIODS * model.period_s(&self.shared);
         let probes: Vec<Probe> = setup.sensors.iter().map(|s| Probe::Head(s.position_m)).collect();
-        let resolution = Resolution { reaches: ground.reaches, duration_s };
+        let resolution = Resolution { reaches: baseline.reaches, duration_s };
         let simulated = model.simulate(&setup.conditions, &self.shared, &setup.run, resolution, &probes)?;
         let shown = setup.sensors.iter().zip(simulated.traces).map(|(sensor, trace)| {
             let trace = model.sensed(&self.shared, sensor, trace)?;
-            Ok((0..POINTS).map(|i| trace.at(i as f64 / POINTS as f64 * duration_s)).collect())
+            Ok((0..COMPARED_POINTS).map(|i| trace.at(i as f64 / COMPARED_POINTS as f64 * duration_s)).collect())
         });
         shown.collect()
     }
 
-    /// Whether the recordings hold such a test already.
-    fn has_seen(&self, ground: &Ground, test: &Test) -> bool {
-        let setup = self.setup(ground, test);
+    /// Whether the recordings already contain such a test.
+    fn has_seen(&self, baseline: &Baseline, test: &Test) -> bool {
+        let setup = self.setup(baseline, test);
         let first = &self.runs[0];
         if setup.run != *first {
             return self.runs.iter().any(|run| alike(run, &setup.run, first));
         }
-        let near = |a: &Sensor, b: &Sensor| (a.position_m - b.position_m).abs() < SAME_PLACE * ground.rig.length_m();
-        let known = ground.runs[0].sensors.len();
+        let near = |a: &Sensor, b: &Sensor| (a.position_m - b.position_m).abs() < SAME_PLACE * baseline.rig.length_m();
+        let known = baseline.runs[0].sensors.len();
         setup.sensors[known..].iter().any(|new| setup.sensors[..known].iter().any(|old| near(old, new)))
     }
 
-    /// The sensor that its added effect concerns.
+    /// The sensor that the added effect concerns.
     fn suspect(&self) -> Option<&str> {
         self.effects.last()?.sensor.as_deref()
     }
 
-    /// What the wall creeps by in the end, 1/GPa.
-    fn creep_per_gpa(&self, ground: &Ground) -> f64 {
-        let shared = ground.model(self.effects).shared;
+    /// Final creep compliance of the wall, 1/GPa.
+    fn creep_per_gpa(&self, baseline: &Baseline) -> f64 {
+        let shared = baseline.model(self.effects).shared;
         shared.iter().zip(&self.shared).filter(|(p, _)| p.unit == "1/GPa").map(|(_, v)| v).sum()
     }
 }
 
-/// Whether a run is like the one that is asked for in what that changes of the first.
+/// Whether a run resembles the one asked for in every value that the test changes in the first run.
 fn alike(run: &RunValues, asked: &RunValues, first: &RunValues) -> bool {
     let near = |of: fn(&RunValues) -> f64| of(asked) == of(first) || (of(run) / of(asked)).ln().abs() < SAME_SHARE;
     let head = asked.valve_head_m == first.valve_head_m || (run.valve_head_m - asked.valve_head_m).abs() < SAME_HEAD_M;
     near(|v| v.initial_velocity_m_s) && near(|v| v.closing_time_s) && head
 }
 
-/// Deviation of two predictions, rms, less their mean: a sensor's zero would take that up.
+/// Deviation of two predictions without their mean, rms: a sensor's zero would absorb the mean.
 fn deviation(a: &[f64], b: &[f64]) -> f64 {
     let n = a.len().max(1) as f64;
     let mean = a.iter().zip(b).map(|(x, y)| x - y).sum::<f64>() / n;
     (a.iter().zip(b).map(|(x, y)| (x - y - mean).powi(2)).sum::<f64>() / n).sqrt()
 }
 
-/// The tests in which two rivals, as fitted, differ most, in words, of those that have not been made; `None` where none would tell.
-pub(crate) fn next_test(ground: &Ground, one: &Rival, other: &Rival) -> Option<String> {
-    let (one, other) = (Fitted::of(ground, one), Fitted::of(ground, other));
+/// The tests that have not been made and in which the two models differ most, in words; `None` if no test would tell
+/// them apart.
+pub(crate) fn next_test(baseline: &Baseline, one: &CandidateFit, other: &CandidateFit) -> Option<String> {
+    let (one, other) = (Fitted::of(baseline, one), Fitted::of(baseline, other));
     let difference_m = |test: &Test| {
-        let (a, b) = (one.predicted(ground, test).ok()?, other.predicted(ground, test).ok()?);
+        let (a, b) = (one.predicted(baseline, test).ok()?, other.predicted(baseline, test).ok()?);
         a.iter().zip(&b).map(|(a, b)| deviation(a, b)).max_by(f64::total_cmp)
     };
-    let noise_m = ground.noise_m();
+    let noise_m = baseline.noise_m();
     let mut telling: Vec<(&Test, f64)> = TESTS
         .par_iter()
-        .filter(|test| !one.has_seen(ground, test))
-        .filter_map(|test| Some((test, difference_m(test).filter(|d| *d >= TELLING * noise_m)?)))
+        .filter(|test| !one.has_seen(baseline, test))
+        .filter_map(|test| Some((test, difference_m(test).filter(|d| *d >= TELLING_OVER_NOISE * noise_m)?)))
         .collect();
     telling.sort_by(|a, b| b.1.total_cmp(&a.1));
-    let simulated = telling.iter().take(NAMED).map(|(test, d)| {
-        let instruction = (test.instruction)(&one.setup(ground, test).run);
+    let simulated = telling.iter().take(NAMED_TESTS).map(|(test, d)| {
+        let instruction = (test.instruction)(&one.setup(baseline, test).run);
         format!("{instruction} (the two models differ by {d:.3} m rms there, {:.1} times the noise)", d / noise_m)
     });
-    let exchange = (one.suspect() != other.suspect() && ground.runs[0].sensors.len() > 1)
+    let exchange = (one.suspect() != other.suspect() && baseline.runs[0].sensors.len() > 1)
         .then(|| one.suspect().or(other.suspect()))
         .flatten()
         .map(|sensor| format!("exchange {sensor} with another sensor (a fault of the sensor goes with it)"));
-    let creep = creep_test(one.creep_per_gpa(ground), other.creep_per_gpa(ground));
+    let creep = creep_test(one.creep_per_gpa(baseline), other.creep_per_gpa(baseline));
     let tests: Vec<String> = exchange.into_iter().chain(simulated).chain(creep).collect();
     (!tests.is_empty()).then(|| {
         format!("{} and {} cannot be told apart by these recordings: {}", one.name, other.name, tests.join("; or "))
     })
 }
 
-/// A creep test of the wall, where the two models ask for different walls.
+/// A creep test of the wall, if the two models need different walls.
 fn creep_test(one: f64, other: f64) -> Option<String> {
-    let apart = one.max(other) > CREEP_APART * one.min(other).max(0.0);
+    let apart = one.max(other) > CREEP_RATIO * one.min(other).max(0.0);
     apart.then(|| {
         format!("make a creep test of the wall, which creeps by {one:.3} 1/GPa for the one, {other:.3} for the other")
     })

@@ -1,32 +1,21 @@
-//! A candidate refitted: the start model with one form of an effect added, from the most promising of many starts.
+//! Refits of a candidate: the start model with one form of an effect added, from the most promising of many starts.
 //!
-//! First a glimpse of every form: only what it adds is moved, while the start model's parameters take up what they can in a straight
-//! line (variable projection: Golub & Pereyra 1973, SIAM J. Numer. Anal. 10, 413). Then those worth it are followed to the end.
+//! Screening moves only the added parameters, while the start model's parameters absorb what they can to first order
+//! (variable projection: Golub & Pereyra 1973, SIAM J. Numer. Anal. 10, 413). Refining then moves all parameters of the
+//! forms that are worth it.
 
-use crate::diagnose::baseline::{Ground, dot};
+use crate::diagnose::baseline::{Baseline, dot};
 use crate::diagnose::candidate::Form;
-use crate::fit::numeric::least_squares::{Limits, Problem, Solution, minimise};
+use crate::diagnose::limits::{
+    FEW_PLACES, FORECAST_RANGE, REFINE, REFINED_STARTS, SCREEN, SCREENED_STARTS, STEP_PARTS, STRENGTHS,
+};
+use crate::fit::numeric::least_squares::{Problem, Solution, minimise};
 use crate::fit::problem::fit_problem::Calibration;
 use crate::model::effects::Chosen;
 use crate::model::parameter::{Parameter, Scale};
 use crate::model::{Model, ModelError};
 
-const GLANCE: Limits = Limits { iterations: 10, cost_tolerance: 3e-3, step_tolerance: 1e-7, thorough: false };
-const FULL: Limits = Limits { iterations: 25, cost_tolerance: 1e-3, step_tolerance: 1e-7, thorough: false };
-
-/// Strengths at which an effect's signature is taken, as multiples of its usual start's.
-const STRENGTHS: [f64; 5] = [1.0, 0.1, 0.3, 3.0, 10.0];
-/// Places up to which an effect is tried at all strengths: with more, one has to do.
-const FEW_PLACES: usize = 12;
-/// How many starts are looked at by a few iterations, and how many of these are followed.
-const GLANCED: usize = 4;
-const FOLLOWED: usize = 2;
-/// Parts of a straight line's step that are tried.
-const PARTS: [f64; 4] = [1.0, 0.3, 0.1, 0.0];
-/// Strengths that a linear forecast from one of them can speak for.
-const FORECAST: (f64, f64) = (0.3, 2.0);
-
-/// What a refit came to.
+/// Result of screening or refining a form.
 #[derive(Debug, Clone)]
 pub struct Refit {
     /// The form that was added.
@@ -39,74 +28,74 @@ pub struct Refit {
     pub square: f64,
     /// Residuals of samples and flow meters.
     pub residuals: Vec<f64>,
-    /// Free parameters that it adds: those of which nothing was known.
+    /// Free parameters that it adds, without those that have a prior.
     pub added: usize,
-    /// Variables of the next best glimpses, to be followed too.
+    /// Variables of the next best screened starts, to be refined too.
     others: Vec<Vec<f64>>,
 }
 
-/// The start model with `form` added, fitted in what it adds alone, from each of its most promising starts.
+/// Screens a form: adds it to the start model and fits only what it adds, from each of its most promising starts.
 ///
 /// # Errors
 /// If no start can be simulated.
-pub fn glimpse(ground: &Ground, form: &Form) -> Result<Refit, ModelError> {
-    let effects: Vec<Chosen> = ground.effects.iter().cloned().chain([form.chosen.clone()]).collect();
-    let model = ground.model(&effects);
-    let problem = ground.problem(&model);
-    let added = Added::new(ground, &problem, &model);
+pub fn screen(baseline: &Baseline, form: &Form) -> Result<Refit, ModelError> {
+    let effects: Vec<Chosen> = baseline.effects.iter().cloned().chain([form.chosen.clone()]).collect();
+    let model = baseline.model(&effects);
+    let problem = baseline.problem(&model);
+    let added = Added::new(baseline, &problem, &model);
     let mut failure = None;
-    let mut glimpses: Vec<Solution> = Vec::new();
-    for start in promising(ground, &model, &problem, &form.chosen).iter().take(GLANCED) {
-        match minimise(&added, &problem.variables(&ground.values_with(start))[added.range()], GLANCE, |_, _| {}) {
-            Ok(solution) => glimpses.push(solution),
+    let mut screened: Vec<Solution> = Vec::new();
+    for start in promising(baseline, &model, &problem, &form.chosen).iter().take(SCREENED_STARTS) {
+        match minimise(&added, &problem.variables(&baseline.values_with(start))[added.range()], SCREEN, |_, _| {}) {
+            Ok(solution) => screened.push(solution),
             Err(error) => failure = Some(error),
         }
     }
-    glimpses.sort_by(|a, b| a.cost.total_cmp(&b.cost));
-    let Some(best) = glimpses.first() else { return Err(failure.unwrap_or_else(|| no_start(form))) };
+    screened.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+    let Some(best) = screened.first() else { return Err(failure.unwrap_or_else(|| no_start(form))) };
     let mut all = Vec::new();
-    for glimpse in glimpses.iter().take(FOLLOWED) {
-        all.push(added.whole(&glimpse.x)?);
+    for solution in screened.iter().take(REFINED_STARTS) {
+        all.push(added.whole(&solution.x)?);
     }
     Ok(Refit {
         form: form.clone(),
         square: 2.0 * best.cost,
-        residuals: best.residuals[..ground.residuals.len()].to_vec(),
-        added: free(ground, &model),
+        residuals: best.residuals[..baseline.residuals.len()].to_vec(),
+        added: free(baseline, &model),
         values: problem.values(&all.remove(0)),
         others: all,
         effects: model.effects.clone(),
     })
 }
 
-/// The problem of fitting only what an effect adds.
+/// The problem of fitting only the added parameters.
 struct Added<'g> {
-    ground: &'g Ground<'g>,
+    baseline: &'g Baseline<'g>,
     problem: &'g Calibration<'g>,
-    /// The start model's variables, with the effect's usual ones among them.
+    /// The start model's variables, with the usual values of the added ones.
     usual: Vec<f64>,
-    /// Mean and deviation of what is known of the added variables.
+    /// Prior mean and standard deviation of the added variables.
     priors: Vec<Option<(f64, f64)>>,
 }
 
 impl<'g> Added<'g> {
-    fn new(ground: &'g Ground, problem: &'g Calibration, model: &Model) -> Self {
-        let parameters = &model.shared[ground.shared..];
+    fn new(baseline: &'g Baseline, problem: &'g Calibration, model: &Model) -> Self {
+        let parameters = &model.shared[baseline.shared..];
         let variables = |of: fn(&Parameter) -> f64| {
-            problem.variables(&ground.values_with(&parameters.iter().map(of).collect::<Vec<_>>()))
+            problem.variables(&baseline.values_with(&parameters.iter().map(of).collect::<Vec<_>>()))
         };
         let means = variables(|p| p.prior.map_or(p.start, |(mean, _)| mean));
         let priors = parameters
             .iter()
-            .zip(&means[ground.shared..])
+            .zip(&means[baseline.shared..])
             .map(|(p, &mean)| p.prior.map(|(_, sd)| (mean, sd)))
             .collect();
-        Added { ground, problem, usual: variables(|p| p.start), priors }
+        Added { baseline, problem, usual: variables(|p| p.start), priors }
     }
 
-    /// Where the added variables stand among all.
+    /// Range of the added variables among all.
     fn range(&self) -> std::ops::Range<usize> {
-        self.ground.shared..self.ground.shared + self.priors.len()
+        self.baseline.shared..self.baseline.shared + self.priors.len()
     }
 
     fn with(&self, added: &[f64]) -> Vec<f64> {
@@ -116,15 +105,16 @@ impl<'g> Added<'g> {
     }
 
     fn seen(&self, added: &[f64]) -> Result<Vec<f64>, ModelError> {
-        Ok(self.ground.seen(&self.problem.residuals(&self.with(added))?))
+        Ok(self.baseline.seen(&self.problem.residuals(&self.with(added))?))
     }
 
-    /// All variables, the start model's moved to where they take up most, or as far on the way there as the straight line holds.
+    /// All variables, with the start model's moved to where they absorb most, or as far towards it as lowers the
+    /// square.
     fn whole(&self, added: &[f64]) -> Result<Vec<f64>, ModelError> {
         let (lower, upper) = self.problem.bounds();
         let still = self.with(added);
-        let moved = self.ground.moved(&still, &self.seen(added)?);
-        let on_the_way = PARTS.map(|part| {
+        let moved = self.baseline.moved(&still, &self.seen(added)?);
+        let on_the_way = STEP_PARTS.map(|part| {
             let between = still.iter().zip(&moved).zip(lower.iter().zip(upper));
             between.map(|((s, m), (l, u))| (s + part * (m - s)).clamp(*l, *u)).collect::<Vec<f64>>()
         });
@@ -138,7 +128,7 @@ impl Problem for Added<'_> {
     type Error = ModelError;
 
     fn residuals(&self, x: &[f64]) -> Result<Vec<f64>, ModelError> {
-        let mut residuals = self.ground.projected(&self.seen(x)?);
+        let mut residuals = self.baseline.projected(&self.seen(x)?);
         let known = self.priors.iter().zip(x).filter_map(|(prior, v)| prior.map(|(mean, sd)| (v - mean) / sd));
         residuals.extend(known);
         Ok(residuals)
@@ -150,38 +140,38 @@ impl Problem for Added<'_> {
     }
 
     fn difference_step(&self, j: usize) -> f64 {
-        self.problem.difference_step(self.ground.shared + j)
+        self.problem.difference_step(self.baseline.shared + j)
     }
 }
 
-/// Follows a glimpse to the end.
+/// Refines a screened form: fits all parameters.
 ///
 /// # Errors
 /// If it cannot be simulated.
-pub fn follow(ground: &Ground, glimpse: &Refit) -> Result<Refit, ModelError> {
-    let model = ground.model(&glimpse.effects);
-    let problem = ground.problem(&model);
-    // Without cavities the start model is far from anything that has them: they are tried from the signals, too.
-    let boils = glimpse.form.chosen.effect.lets_boil();
-    let starts = std::iter::once(problem.variables(&glimpse.values))
-        .chain(glimpse.others.iter().cloned())
+pub fn refine(baseline: &Baseline, screened: &Refit) -> Result<Refit, ModelError> {
+    let model = baseline.model(&screened.effects);
+    let problem = baseline.problem(&model);
+    // A start model without cavities is far from any model with them, so these are also tried from the signals.
+    let boils = screened.form.chosen.effect.lets_boil();
+    let starts = std::iter::once(problem.variables(&screened.values))
+        .chain(screened.others.iter().cloned())
         .chain(boils.then(|| problem.start()));
     let mut best: Option<Solution> = None;
     for start in starts {
-        let solution = minimise(&problem, &start, FULL, |_, _| {})?;
+        let solution = minimise(&problem, &start, REFINE, |_, _| {})?;
         if best.as_ref().is_none_or(|b| solution.cost < b.cost) {
             best = Some(solution);
         }
     }
-    let best = best.ok_or_else(|| no_start(&glimpse.form))?;
+    let best = best.ok_or_else(|| no_start(&screened.form))?;
     Ok(Refit {
-        form: glimpse.form.clone(),
+        form: screened.form.clone(),
         square: 2.0 * best.cost,
-        residuals: ground.seen(&best.residuals),
-        added: glimpse.added,
+        residuals: baseline.seen(&best.residuals),
+        added: screened.added,
         values: problem.values(&best.x),
         others: Vec::new(),
-        effects: glimpse.effects.clone(),
+        effects: screened.effects.clone(),
     })
 }
 
@@ -189,23 +179,23 @@ fn no_start(form: &Form) -> ModelError {
     ModelError::NotFinite { time_s: 0.0, position_m: 0.0, effects: form.chosen.label() }
 }
 
-/// Parameters of which nothing is known beforehand.
-fn free(ground: &Ground, model: &Model) -> usize {
-    model.shared[ground.shared..].iter().filter(|p| p.prior.is_none()).count()
+/// Number of added parameters without a prior.
+fn free(baseline: &Baseline, model: &Model) -> usize {
+    model.shared[baseline.shared..].iter().filter(|p| p.prior.is_none()).count()
 }
 
-/// Values of the added parameters at which to start, the most promising first: by what their signature, projected off the fitted
-/// parameters, would take away of the residual.
-fn promising(ground: &Ground, model: &Model, problem: &Calibration, chosen: &Chosen) -> Vec<Vec<f64>> {
-    let left = ground.projected_dot(&ground.residuals, &ground.residuals);
-    let mut scored: Vec<(f64, Vec<f64>)> = starts(&model.shared[ground.shared..], chosen)
+/// Start values of the added parameters, the most promising first: sorted by how much of the residual their signature,
+/// projected off the fitted parameters, would remove.
+fn promising(baseline: &Baseline, model: &Model, problem: &Calibration, chosen: &Chosen) -> Vec<Vec<f64>> {
+    let left = baseline.projected_dot(&baseline.residuals, &baseline.residuals);
+    let mut scored: Vec<(f64, Vec<f64>)> = starts(&model.shared[baseline.shared..], chosen)
         .into_iter()
         .filter_map(|start| {
-            let all = problem.residuals(&problem.variables(&ground.values_with(&start))).ok()?;
-            let change: Vec<f64> = ground.seen(&all).iter().zip(&ground.residuals).map(|(w, r)| w - r).collect();
-            let size = ground.projected_dot(&change, &change);
-            let along = ground.projected_dot(&change, &ground.residuals);
-            let by = if size > 0.0 { (-along / size).clamp(FORECAST.0, FORECAST.1) } else { 0.0 };
+            let all = problem.residuals(&problem.variables(&baseline.values_with(&start))).ok()?;
+            let change: Vec<f64> = baseline.seen(&all).iter().zip(&baseline.residuals).map(|(w, r)| w - r).collect();
+            let size = baseline.projected_dot(&change, &change);
+            let along = baseline.projected_dot(&change, &baseline.residuals);
+            let by = if size > 0.0 { (-along / size).clamp(FORECAST_RANGE.0, FORECAST_RANGE.1) } else { 0.0 };
             Some((left + by * (2.0 * along + by * size), start))
         })
         .filter(|(cost, _)| cost.is_finite())
@@ -214,7 +204,7 @@ fn promising(ground: &Ground, model: &Model, problem: &Calibration, chosen: &Cho
     scored.into_iter().map(|(_, start)| start).collect()
 }
 
-/// All starts of an effect: its usual one and its others, in several strengths, of either sign where it has one.
+/// All starts of an effect: its usual one and its others, in several strengths and, where possible, of either sign.
 fn starts(parameters: &[Parameter], chosen: &Chosen) -> Vec<Vec<f64>> {
     let usual: Vec<f64> = parameters.iter().map(|p| p.start).collect();
     let others = chosen.effect.other_starts(chosen.elements.unwrap_or(1));
@@ -240,7 +230,7 @@ fn starts(parameters: &[Parameter], chosen: &Chosen) -> Vec<Vec<f64>> {
     starts
 }
 
-/// A value so many times as far from where it vanishes, to either side where there are two.
+/// A value `strength` times as far from where the effect vanishes, on both sides if there are two.
 fn strengthened(parameter: &Parameter, value: f64, strength: f64) -> Vec<f64> {
     let gone = parameter.vanishes_at.unwrap_or(0.0);
     match parameter.scale {

@@ -1,17 +1,15 @@
-//! Where a model fails, in words: sensor by sensor, from its peaks, its phase, its mean level and its cycles.
+//! Where a model fails, in words: for each sensor its peaks, phase, mean level and cycles.
 
+use crate::diagnose::limits::{DESCRIBED_EXTREMA, DESCRIBED_OVER_NOISE};
 use crate::fit::outcome::fit::{Fit, SensorFit};
 
-/// A mean over a few extrema this many noises off is worth a sentence.
-const NOTABLE: f64 = 2.0;
-
-/// One sentence a failing, the sensors in their order; empty where the model is down to the noise.
-pub fn failings(fit: &Fit) -> Vec<String> {
+/// One sentence for each sensor whose residual is more than noise; empty if there is none.
+pub fn residual_patterns(fit: &Fit) -> Vec<String> {
     let mut sentences = Vec::new();
     for run in &fit.runs {
         let prefix = if fit.runs.len() > 1 { format!("{}, ", run.file) } else { String::new() };
         for sensor in &run.sensors {
-            if sensor.rmse_m > 1.2 * sensor.noise_m {
+            if sensor.rmse_m > DESCRIBED_OVER_NOISE * sensor.noise_m {
                 sentences.push(format!(
                     "{prefix}{}: {:.3} m rms, {:.1} times the noise; {}",
                     sensor.name,
@@ -31,7 +29,7 @@ fn shape(sensor: &SensorFit) -> String {
         let errors: Vec<f64> =
             sensor.extrema.iter().filter(|e| e.peak == peak).map(|e| e.model_m - e.measured_m).collect();
         if let Some(mean) = mean(&errors)
-            && mean.abs() > NOTABLE * sensor.noise_m
+            && mean.abs() > DESCRIBED_EXTREMA * sensor.noise_m
         {
             parts.push(format!("modelled {name} {:.3} m too {}", mean.abs(), if mean > 0.0 { "high" } else { "low" }));
         }
@@ -62,7 +60,7 @@ fn shape(sensor: &SensorFit) -> String {
     parts.join(", ")
 }
 
-/// Root mean square of the residual in each cycle, m; cycles from the measured peaks.
+/// Root mean square of the residual in each cycle, m. Cycles are counted from the measured peaks.
 pub fn by_cycle(sensor: &SensorFit, residual: &[f64]) -> Vec<(usize, f64)> {
     let peaks: Vec<_> = sensor.extrema.iter().filter(|e| e.peak).collect();
     let mut from = 0;

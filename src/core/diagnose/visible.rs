@@ -1,13 +1,14 @@
-//! What could not have been seen: the size from which on an effect would have been worth a model on these recordings.
+//! What the recordings could not have shown: the least size at which an effect would have been worth a model.
 //!
-//! An effect's signature, projected off what the fitted parameters can take up, grows with its size; it is seen once the evidence for
-//! it and the error that it takes away are large enough.
+//! The signature of an effect, projected off what the fitted parameters can absorb, grows with its size. The effect is
+//! visible when the evidence for it and the error that it removes are large enough.
 
 use rayon::prelude::*;
 
-use crate::diagnose::baseline::Ground;
+use crate::diagnose::baseline::Baseline;
 use crate::diagnose::candidate::Form;
-use crate::diagnose::evidence::Worth;
+use crate::diagnose::evidence::EvidenceScale;
+use crate::diagnose::limits::{LEAST_EVIDENCE, LEAST_FALL};
 use crate::fit::numeric::least_squares::Problem;
 use crate::model::parameter::{Parameter, Scale};
 
@@ -16,7 +17,7 @@ use crate::model::parameter::{Parameter, Scale};
 pub struct Visible {
     /// The effect, as on the command line.
     pub effect: String,
-    /// The parameter that says how much there is of it.
+    /// The parameter that measures its strength.
     pub parameter: String,
     /// Its least visible value.
     pub value: f64,
@@ -26,30 +27,31 @@ pub struct Visible {
     pub unit: &'static str,
 }
 
-/// The least visible size of each form that has one: those with a strength, at their usual place, as far as the parameter's range goes.
-pub fn visible(ground: &Ground, forms: &[Form], worth: Worth, least_evidence: f64, least_fall: f64) -> Vec<Visible> {
-    forms.par_iter().filter_map(|form| least(ground, form, worth, least_evidence, least_fall)).collect()
+/// The least visible size of each form that has a strength, at its usual place, if it lies within the parameter's
+/// bounds.
+pub fn visible(baseline: &Baseline, forms: &[Form], scale: EvidenceScale) -> Vec<Visible> {
+    forms.par_iter().filter_map(|form| least(baseline, form, scale)).collect()
 }
 
-fn least(ground: &Ground, form: &Form, worth: Worth, least_evidence: f64, least_fall: f64) -> Option<Visible> {
-    let effects: Vec<_> = ground.effects.iter().cloned().chain([form.chosen.clone()]).collect();
-    let model = ground.model(&effects);
-    let own = &model.shared[ground.shared..];
+fn least(baseline: &Baseline, form: &Form, scale: EvidenceScale) -> Option<Visible> {
+    let effects: Vec<_> = baseline.effects.iter().cloned().chain([form.chosen.clone()]).collect();
+    let model = baseline.model(&effects);
+    let own = &model.shared[baseline.shared..];
     let strength = own.iter().position(|p| p.vanishes_at.is_some())?;
     let parameter = &own[strength];
-    let problem = ground.problem(&model);
+    let problem = baseline.problem(&model);
     let starts: Vec<f64> = own.iter().map(|p| p.start).collect();
     let seen = |size: f64| {
         let mut values = starts.clone();
         values[strength] = sized(parameter, size);
-        problem.residuals(&problem.variables(&ground.values_with(&values))).ok().map(|all| ground.seen(&all))
+        problem.residuals(&problem.variables(&baseline.values_with(&values))).ok().map(|all| baseline.seen(&all))
     };
-    let (with, without) = (seen(1.0)?, &ground.residuals);
+    let (with, without) = (seen(1.0)?, &baseline.residuals);
     let change: Vec<f64> = with.iter().zip(without).map(|(w, r)| w - r).collect();
-    let square = ground.projected_dot(&change, &change);
+    let square = baseline.projected_dot(&change, &change);
     let free = own.iter().filter(|p| p.prior.is_none()).count() as f64;
-    let for_evidence = 2.0 * worth.unit * (least_evidence + 0.5 * free * worth.effective.ln());
-    let for_fall = least_fall.powi(2) * ground.run_samples() as f64;
+    let for_evidence = 2.0 * scale.unit * (LEAST_EVIDENCE + 0.5 * free * scale.effective.ln());
+    let for_fall = LEAST_FALL.powi(2) * baseline.run_samples() as f64;
     let size = (for_evidence.max(for_fall) / square).sqrt();
     let value = sized(parameter, size);
     (size.is_finite() && (parameter.lower..=parameter.upper).contains(&value)).then(|| Visible {
@@ -61,7 +63,7 @@ fn least(ground: &Ground, form: &Form, worth: Worth, least_evidence: f64, least_
     })
 }
 
-/// The strength so many times as far from where the effect vanishes as its usual start.
+/// The strength that is `size` times as far from where the effect vanishes as its usual start.
 fn sized(parameter: &Parameter, size: f64) -> f64 {
     let gone = parameter.vanishes_at.unwrap_or(0.0);
     match parameter.scale {

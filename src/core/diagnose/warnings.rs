@@ -1,5 +1,7 @@
-//! What makes a diagnosis doubtful before it begins: a start model that cannot be this rig's, or was not fitted at all.
+//! Reasons to doubt a diagnosis before it begins: a start model that cannot be this rig's, or that was not fitted at
+//! all.
 
+use crate::diagnose::limits::NOT_FITTED;
 use crate::fit::data::run_data::RunData;
 use crate::fit::outcome::fit::Fit;
 use crate::fit::search::calibrate::{Options, with_more_elements};
@@ -7,20 +9,18 @@ use crate::fit::validate::conflict::{conflicts, faded_noise};
 use crate::model::effects::Chosen;
 use crate::rig::Rig;
 
-/// Share of the signal's own deviation, rms, that a fitted model cannot leave.
-const NOT_FITTED: f64 = 0.5;
-
-/// One sentence a doubt about the start model.
-pub fn doubts(rig: &Rig, runs: &[RunData], start: &Fit, effects: &[Chosen], options: &Options) -> Vec<String> {
-    let mut doubts = Vec::new();
+/// One sentence for each reason to doubt the start model.
+pub fn warnings(rig: &Rig, runs: &[RunData], start: &Fit, effects: &[Chosen], options: &Options) -> Vec<String> {
+    let mut warnings = Vec::new();
     let held: Vec<&str> = start.parameters.iter().filter(|p| p.held).map(|p| p.name.as_str()).collect();
     if !held.is_empty() {
-        doubts.push(format!("held: {}; an effect that is found may make up for a value that is off", held.join(", ")));
+        warnings
+            .push(format!("held: {}; an effect that is found may make up for a value that is off", held.join(", ")));
     }
-    doubts.extend(too_few_elements(rig, runs, start, effects, options));
+    warnings.extend(too_few_elements(rig, runs, start, effects, options));
     for chosen in effects {
         if let Some(why) = chosen.effect.impossible(rig) {
-            doubts.push(format!(
+            warnings.push(format!(
                 "{} is in the start model, but {why}: what it takes up belongs to another effect; leave it out of --effects",
                 chosen.effect.name()
             ));
@@ -28,7 +28,7 @@ pub fn doubts(rig: &Rig, runs: &[RunData], start: &Fit, effects: &[Chosen], opti
     }
     let at_bound: Vec<&str> = start.parameters.iter().filter(|p| p.at_bound).map(|p| p.name.as_str()).collect();
     if !at_bound.is_empty() {
-        doubts.push(format!(
+        warnings.push(format!(
             "the start model has {} at a bound: check material, length and wall of the pipe, and the effects it starts with, before \
              believing what follows",
             at_bound.join(", ")
@@ -36,17 +36,17 @@ pub fn doubts(rig: &Rig, runs: &[RunData], start: &Fit, effects: &[Chosen], opti
     }
     let (rmse_m, signal_m) = (start.pooled().0, signal_m(start));
     if rmse_m > NOT_FITTED * signal_m {
-        doubts.push(format!(
+        warnings.push(format!(
             "the start model leaves {rmse_m:.3} m of a signal that moves by {signal_m:.3} m, rms: it follows nothing, and where it fails \
              says little; start with the effects that are known to be there"
         ));
     }
-    doubts.extend(conflicts(start, runs));
-    doubts.extend(faded_noise(start));
-    doubts
+    warnings.extend(conflicts(start, runs));
+    warnings.extend(faded_noise(start));
+    warnings
 }
 
-/// A number of elements that was fixed, where the evidence asks for more.
+/// A fixed number of elements, if the evidence asks for more.
 fn too_few_elements(rig: &Rig, runs: &[RunData], start: &Fit, effects: &[Chosen], options: &Options) -> Option<String> {
     let open: Vec<Chosen> = effects.iter().map(|c| Chosen { elements: None, ..c.clone() }).collect();
     let fixed = effects.iter().find(|c| c.elements.is_some())?;
@@ -61,7 +61,7 @@ fn too_few_elements(rig: &Rig, runs: &[RunData], start: &Fit, effects: &[Chosen]
     ))
 }
 
-/// Deviation of what was measured from its mean, rms over all samples, m.
+/// Deviation of the measured heads from their mean, rms over all samples, m.
 fn signal_m(fit: &Fit) -> f64 {
     let (mut square, mut n) = (0.0, 0usize);
     for sensor in fit.runs.iter().flat_map(|r| &r.sensors) {

@@ -18,9 +18,10 @@
 //! its law, each term from its own `κh - b` and `μu - d`, each outflow from the law of what lets it out: none is the remainder of
 //! the others, so that the balance checks the step.
 
+use crate::model::contribution::{Implicit, LineTerm};
 use crate::model::node::{Node, Solved};
-use crate::model::solver::{Implicit, LineTerm, Steady};
 use crate::model::state::State;
+use crate::model::steady::Steady;
 use crate::units::GRAVITY_M_S2;
 
 /// Whose each part of the line is: the index of an account for every term, field, shunt and loss.

@@ -18,10 +18,11 @@
 //!
 //! Both conditions make `q⁺` an increasing, concave function of the head: `q⁺ = min((K - V_eq)/(ψ dt + θ), (K - V_eq/2)/dt)`.
 
-use crate::model::ModelError;
-use crate::model::effects::{Scene, Spot};
+use crate::model::contribution::NodeField;
+use crate::model::error::ModelError;
 use crate::model::node::Shunt;
-use crate::model::solver::{NodeField, Steady};
+use crate::model::scene::{Scene, Spot};
+use crate::model::steady::Steady;
 
 /// Least `K` as a part of the volume.
 const LEAST: f64 = 0.5;

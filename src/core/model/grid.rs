@@ -7,7 +7,7 @@
 //! which a fit needs, and no inertia or storage is lost. Such a joint disperses fronts that are not many steps long, so the number
 //! of reaches is chosen to put joints on nodes, or nearly so: [`fitting_reaches`](crate::model::reaches::fitting_reaches).
 
-use crate::model::ModelError;
+use crate::model::error::ModelError;
 use crate::model::friction::WallFriction;
 use crate::units::GRAVITY_M_S2;
 

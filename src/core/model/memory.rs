@@ -1,6 +1,6 @@
 //! What a simulation will take of the machine's memory, known before it takes any.
 
-use crate::model::ModelError;
+use crate::model::error::ModelError;
 
 /// The most that a simulation may take where nobody says what there is.
 pub const USUAL_LIMIT_BYTES: f64 = 4.0 * (1u64 << 30) as f64;

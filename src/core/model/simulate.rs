@@ -1,17 +1,23 @@
 //! One run of a model: from its values to the line that is stepped, checked before anything is taken.
 
+use crate::model::attach::attach;
 use crate::model::boundary::{Closure, ConstantHead, GivenEnd, MeasuredHead, Supply, ValveEnd};
-use crate::model::effects::{Chosen, Scene};
+use crate::model::chosen::Chosen;
+use crate::model::definition::{Model, check_sensors};
 use crate::model::energy::Owners;
+use crate::model::error::ModelError;
 use crate::model::friction::{ReachFriction, WallFriction};
 use crate::model::grid::{Grid, Stretch};
 use crate::model::memory::Need;
-use crate::model::solver::{Line, Steady, settle};
+use crate::model::reaches;
+use crate::model::run::{Conditions, Resolution, RunValues, Simulated};
+use crate::model::scene::Scene;
+use crate::model::solver::Line;
+use crate::model::steady::{Steady, settle};
 use crate::model::trace::Probe;
-use crate::model::{Conditions, Model, ModelError, Resolution, RunValues, Simulated, check_sensors, reaches};
 use crate::rig::Upstream;
 
-/// Share of the impedance that friction over one reach may take (see [`friction::NodeFriction`]).
+/// Share of the impedance that friction over one reach may take (see [`NodeFriction`](crate::model::friction::NodeFriction)).
 const MOST_FRICTION_SHARE: f64 = 0.02;
 
 impl Model<'_> {
@@ -116,7 +122,7 @@ impl Model<'_> {
             flow_m3_s,
             valve_head_m: run.valve_head_m,
         };
-        let (grid, mut joints, mut at_valve, nodes) = self.nodes(grid, shared, &scene)?;
+        let (grid, mut joints, mut at_valve, nodes) = attach(self, grid, shared, &scene)?;
         let frictions = reach_frictions(&grid, flow_m3_s)?;
         let (head_m, flows) = settle(&grid, &frictions, &mut joints, &mut at_valve, flow_m3_s, run.valve_head_m);
         let starts_m = grid.segments.iter().map(|s| s.start_m).collect();

@@ -1,65 +1,13 @@
 //! One simulation: the steps of the line from the start of the closure on, its ends and joints.
 
-use crate::model::ModelError;
 use crate::model::boundary::{Supply, ValveEnd};
+use crate::model::contribution::{Implicit, LineTerm, NodeField};
 use crate::model::energy::{Book, Energy, Owners};
-use crate::model::friction::ReachFriction;
-use crate::model::grid::Grid;
+use crate::model::error::ModelError;
 use crate::model::node::{Arriving, Node};
 use crate::model::state::{Reading, State};
+use crate::model::steady::Steady;
 use crate::model::trace::{Probe, Trace};
-
-/// The steady state before the closure.
-pub struct Steady<'a> {
-    /// The grid.
-    pub grid: &'a Grid,
-    /// Friction of each segment's reach.
-    pub frictions: &'a [ReachFriction],
-    /// Head at every node, m.
-    pub head_m: Vec<f64>,
-    /// Flow in each segment, m³/s.
-    pub flow_m3_s: Vec<f64>,
-    /// Density of the water, kg/m³.
-    pub density_kg_m3: f64,
-    /// Kinematic viscosity of the water, m²/s.
-    pub viscosity_m2_s: f64,
-}
-
-/// The implicit parts of a line term: the shares of head and of flow that it adds at the new time.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct Implicit {
-    /// Storage: multiplies the head.
-    pub kappa: f64,
-    /// Momentum: multiplies `u = B Q`.
-    pub mu: f64,
-}
-
-/// A term of the equations along the line, computed once a step over all nodes of a segment.
-///
-/// In the notation of [`kernel`]: half of what the term takes over one reach and one step is `κh - b` of head (storage)
-/// and `μu - d` (momentum) at the new time; `κ, μ` are constants of the segment, `b, d` known before the step. Heads are deviations
-/// `h` from the steady state, in which `b` and, with `μ`, `d` must balance.
-pub trait LineTerm: Send {
-    /// `κ` and `μ` of a segment.
-    fn implicit(&self, segment: usize) -> Implicit;
-    /// Adds `b` and `d` of the first step, from the steady state; nothing by default.
-    fn known(&self, segment: usize, storage: &mut [f64], momentum: &mut [f64]) {
-        let _ = (segment, storage, momentum);
-    }
-    /// Takes in the new head deviations and `u` of a segment's nodes and adds `b` and `d` of the step to come.
-    fn advance(&mut self, segment: usize, h: &[f64], u: &[f64], storage: &mut [f64], momentum: &mut [f64]);
-}
-
-/// What takes water out of *every* node: gas spread along the pipe, cavities wherever the pressure falls.
-///
-/// At the inner nodes of a segment it is solved for all of them at once; at joints and at the valve it is a [`Shunt`].
-///
-/// [`Shunt`]: crate::model::node::Shunt
-pub trait NodeField: Send {
-    /// Solves `(1 + κ) h + c q(h) = s` at a segment's inner nodes, whose `s` and deviations `h` (m) are given; `q(h)` is the
-    /// outflow (m³/s), which is left in `q` beside the new `h`.
-    fn inner(&mut self, segment: usize, one_plus_kappa: f64, c: f64, s: &[f64], h: &mut [f64], q: &mut [f64]);
-}
 
 /// Everything that a simulation needs.
 pub struct Line<'a> {
@@ -77,33 +25,6 @@ pub struct Line<'a> {
     pub at_valve: Node,
     /// Downstream end.
     pub valve: ValveEnd,
-}
-
-/// Steady heads and flows, from the valve back to the supply; settles what sits at the nodes.
-pub fn settle(
-    grid: &Grid,
-    frictions: &[ReachFriction],
-    joints: &mut [Node],
-    at_valve: &mut Node,
-    valve_flow_m3_s: f64,
-    valve_head_m: f64,
-) -> (Vec<f64>, Vec<f64>) {
-    let mut heads = vec![valve_head_m; grid.nodes()];
-    let mut flows = vec![0.0; grid.segments.len()];
-    let (mut head, mut flow) = at_valve.settle(valve_head_m, valve_flow_m3_s);
-    for (s, (segment, friction)) in grid.segments.iter().zip(frictions).enumerate().rev() {
-        if s + 1 < grid.segments.len() {
-            (head, flow) = joints[s].settle(head, flow);
-        }
-        flows[s] = flow;
-        let loss = 2.0 * friction.half_loss_and_slope(segment.impedance * flow).0;
-        for node in segment.nodes().rev() {
-            heads[node] = head;
-            head += loss;
-        }
-        head -= loss;
-    }
-    (heads, flows)
 }
 
 impl Line<'_> {

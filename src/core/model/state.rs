@@ -1,10 +1,11 @@
 //! The state of the line while it is stepped: its nodes between the ends of a segment, and what probes read of it.
 
+use crate::model::contribution::{Implicit, NodeField};
 use crate::model::friction::ReachFriction;
 use crate::model::grid::Segment;
 use crate::model::kernel;
 use crate::model::kernel::Terms;
-use crate::model::solver::{Implicit, NodeField, Steady};
+use crate::model::steady::Steady;
 use crate::model::trace::{Probe, Trace};
 
 /// State of the line: waves, head deviations and scaled flows `u = B Q` at all nodes, segment after segment.

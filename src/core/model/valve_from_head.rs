@@ -4,8 +4,10 @@
 //! the orifice's law the relative opening, `τ = (V/V₀) √(ΔH₀/ΔH)`.
 
 use crate::model::boundary::{GivenEnd, OpeningLaw};
+use crate::model::definition::Model;
+use crate::model::error::ModelError;
+use crate::model::run::{Conditions, Resolution, RunValues};
 use crate::model::trace::{Probe, Trace};
-use crate::model::{Conditions, Model, ModelError, Resolution, RunValues};
 
 /// Velocity at the valve and relative opening, step by step.
 #[derive(Debug, Clone, PartialEq)]

@@ -1,7 +1,10 @@
 //! Does a rig agree with itself? Each number of the file is held against what the others say it must be.
 
-use crate::rig::darcy_friction_factor;
-use crate::rig::{Constraint, LAMINAR_REYNOLDS, Pipe, Protocol, Rig, Sensor, SensorKind, SteadyState, WaterProperties};
+use crate::rig::device::Protocol;
+use crate::rig::friction::LAMINAR_REYNOLDS;
+use crate::rig::friction::darcy_friction_factor;
+use crate::rig::types::{Constraint, Pipe, Rig, Sensor, SensorKind, SteadyState};
+use crate::rig::water::WaterProperties;
 use crate::units::GRAVITY_M_S2;
 
 /// Reynolds numbers that differ by less are one: 1 °C makes 2 %, a flow meter adds its percent.

@@ -1,6 +1,6 @@
 //! In what two rigs differ: the line itself, or only what measures it.
 
-use crate::rig::Rig;
+use crate::rig::types::Rig;
 
 /// What a model of one rig has to know about another, in words; empty where there is none.
 #[derive(Debug, Clone, Default, PartialEq)]

@@ -1,7 +1,8 @@
 //! What a sensor can show, and how well: the ends of its range and of its counts, its accuracy, the noise that it may have.
 //! `rig check` judges recordings by them, `record` the sensors while it records.
 
-use crate::rig::{Coupling, Encoding, Protocol, Rig, Sensor, SensorKind};
+use crate::rig::device::{Encoding, Protocol};
+use crate::rig::types::{Coupling, Rig, Sensor, SensorKind};
 
 /// Share of its range that counts as its end.
 const END_SHARE: f64 = 0.001;

@@ -2,9 +2,9 @@
 
 use std::collections::HashMap;
 
+use crate::rig::device::{Device, Encoding, Framing, Parity, Protocol, Register, Wiring};
 use crate::rig::table::{FINITE, NOT_ZERO, POSITIVE, Section, nearest};
 use crate::rig::unique::Names;
-use crate::rig::{Device, Encoding, Framing, Parity, Protocol, Register, Wiring};
 
 pub(crate) const DEVICE_KEYS: &[&str] = &[
     "name",

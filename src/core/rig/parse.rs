@@ -4,10 +4,12 @@ use std::path::Path;
 
 use toml::de::{DeTable, DeValue};
 
+use crate::rig::error::RigError;
 use crate::rig::table::Limits;
 use crate::rig::table::{FINITE, NOT_NEGATIVE, POSITIVE, Section, Source, nearest};
+use crate::rig::types::{Constraint, Fluid, Pipe, Rig, SteadyState, Upstream, Valve};
 use crate::rig::unique::Names;
-use crate::rig::{Constraint, Fluid, Pipe, Rig, RigError, SteadyState, Upstream, Valve, live, material, sensors};
+use crate::rig::{live, material, sensors};
 
 const TOP: &[&str] = &["name", "fluid", "pipe", "upstream", "downstream", "sensor", "device", "steady"];
 const FLUID: &[&str] = &["name", "temperature_degC"];

@@ -1,9 +1,10 @@
 //! The sensors of a rig file.
 
+use crate::rig::device::Device;
 use crate::rig::live::{Channels, read_wiring};
 use crate::rig::table::{At, FINITE, Limits, POSITIVE, Section, Source, nearest};
+use crate::rig::types::{Coupling, Sensor, SensorKind, Upstream};
 use crate::rig::unique::Names;
-use crate::rig::{Coupling, Device, Sensor, SensorKind, Upstream};
 use crate::units::{Quantity, UNITS, Unit};
 
 pub(crate) const KEYS: &[&str] = &[

@@ -1,7 +1,8 @@
 //! The pipe wall: how it is held, and the wave speed that its stiffness gives.
 
 use crate::rig::material::Material;
-use crate::rig::{Constraint, Pipe, Rig, WaterProperties};
+use crate::rig::types::{Constraint, Pipe, Rig};
+use crate::rig::water::WaterProperties;
 
 /// Wall counts as thick below this ratio of inner diameter to thickness (Wylie & Streeter 1993).
 const THICK_WALL_RATIO: f64 = 25.0;

@@ -9,7 +9,7 @@
 //!
 //! The bulk modulus is the isentropic one, ρ·(sound speed)²: a water hammer is over before heat flows.
 
-use crate::rig::Fluid;
+use crate::rig::types::Fluid;
 
 /// Properties of the liquid at one temperature.
 #[derive(Debug, Clone, Copy, PartialEq)]

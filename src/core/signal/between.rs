@@ -1,9 +1,11 @@
 //! The same front in two recordings of one closure whose clocks differ.
 
 use crate::recording::Recording;
+use crate::signal::features::Estimate;
+use crate::signal::onset;
 use crate::signal::station::Station;
+use crate::signal::station::{clear_stations, stations};
 use crate::signal::wavespeed::front_delay;
-use crate::signal::{Estimate, clear_stations, onset, stations};
 
 /// The front at a sensor of one recording and at one of another.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -2,8 +2,8 @@
 
 use crate::recording::Recording;
 use crate::rig::SensorKind;
+use crate::signal::features::{Closure, Estimate};
 use crate::signal::levels::{finite, of_kind};
-use crate::signal::{Closure, Estimate};
 
 /// The closure's start and end: from the pressure's bend, from the trigger for the start, from the valve's position
 /// for the end, where there are such channels.

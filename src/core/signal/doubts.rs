@@ -1,7 +1,7 @@
 //! What in a recording should make a user look twice before believing a fit of it: numbers that cannot all be right.
 
 use crate::rig::Rig;
-use crate::signal::{Estimate, Features};
+use crate::signal::features::{Estimate, Features};
 
 /// Wave speeds that differ by less are one: creep and unsteady friction smear the fronts that they are read from.
 const SAME_SPEED: f64 = 0.15;

@@ -1,7 +1,7 @@
 //! Half cycles, their extrema, the period and the damping.
 
+use crate::signal::features::{Estimate, Extremum};
 use crate::signal::trace::{Trace, moving_mean};
-use crate::signal::{Estimate, Extremum};
 
 /// The alternation of the head about its own mean.
 #[derive(Debug, Clone, Default)]

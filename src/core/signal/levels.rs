@@ -2,7 +2,7 @@
 
 use crate::recording::{Recording, Series};
 use crate::rig::SensorKind;
-use crate::signal::Estimate;
+use crate::signal::features::Estimate;
 use crate::signal::noise::{Noise, despiked};
 use crate::signal::trace::{Trace, mean};
 

@@ -3,8 +3,8 @@
 
 use crate::signal::extrema;
 use crate::signal::extrema::half_cycles;
+use crate::signal::features::{Estimate, Extremum};
 use crate::signal::trace::Trace;
-use crate::signal::{Estimate, Extremum};
 
 /// What an alternating head shows.
 #[derive(Debug, Clone, Default, PartialEq)]

@@ -1,9 +1,13 @@
 //! A pressure sensor with its trace, noise and first front: what every feature is read from.
 
+use crate::recording::Recording;
+use crate::rig::{Rig, SensorKind};
 use crate::signal::front;
 use crate::signal::front::{Front, NoFront};
+use crate::signal::levels::finite;
 use crate::signal::noise::{Noise, noise, white_sd_of_whole};
 use crate::signal::trace::Trace;
+use crate::units::GRAVITY_M_S2;
 
 /// Points that a front needs; more only cost time, so they are averaged.
 const POINTS_A_FRONT: f64 = 40.0;
@@ -79,4 +83,58 @@ impl Station {
         let shift = (trace.start_s - other.start_s) / other.step_s;
         Some((trace, shift))
     }
+}
+
+/// Times (s, the recording's clock) and piezometric heads (m: gauge pressure over ρg at the run's temperature, plus the
+/// sensor's elevation) of a pressure sensor, without samples that are no numbers. Empty for any other sensor.
+pub fn heads(recording: &Recording, sensor: usize, temperature_degc: f64) -> (Vec<f64>, Vec<f64>) {
+    let rig = &recording.rig;
+    let (Some(place), Some(series)) = (rig.sensors.get(sensor), recording.series.get(sensor)) else {
+        return (Vec::new(), Vec::new());
+    };
+    if place.kind != SensorKind::Pressure {
+        return (Vec::new(), Vec::new());
+    }
+    let density = rig.fluid.properties(temperature_degc).density_kg_m3;
+    let elevation_m = rig.sensor_elevation_m(place);
+    finite(series).map(|(t, v)| (t, place.unit.to_si(v, density) / (density * GRAVITY_M_S2) + elevation_m)).unzip()
+}
+
+/// Every pressure sensor that recorded something, in the rig's order.
+pub(crate) fn stations(recording: &Recording, temperature_degc: f64) -> Vec<Station> {
+    let pressure = recording.rig.pressure_sensors();
+    pressure
+        .filter_map(|(sensor, place)| {
+            let (time_s, head_m) = heads(recording, sensor, temperature_degc);
+            let trace = Trace::new(&time_s, &head_m)?;
+            Some(Station::new(sensor, travel_place_m(&recording.rig, place.position_m, temperature_degc), trace))
+        })
+        .collect()
+}
+
+/// Distance from the supply in a pipe of one wave speed and the same length that takes the wave as long: of several
+/// pipes the nominal wave speeds say how the time is shared out.
+fn travel_place_m(rig: &Rig, position_m: f64, temperature_degc: f64) -> f64 {
+    if rig.pipes.len() < 2 {
+        return position_m;
+    }
+    let water = rig.fluid.properties(temperature_degc);
+    let (mut start, mut to_place, mut whole) = (0.0, 0.0, 0.0);
+    for pipe in &rig.pipes {
+        let speed = pipe.wave_speed_start(&water).0;
+        to_place += (position_m - start).clamp(0.0, pipe.length_m) / speed;
+        whole += pipe.length_m / speed;
+        start += pipe.length_m;
+    }
+    rig.length_m() * to_place / whole
+}
+
+/// The stations with a clear front, from the valve to the supply.
+pub(crate) fn clear_stations(stations: &[Station]) -> Vec<&Station> {
+    let height = |s: &Station| s.front.as_ref().map_or(0.0, |f| f.height_m());
+    let highest = stations.iter().map(height).fold(0.0, f64::max);
+    let mut clear: Vec<&Station> =
+        stations.iter().filter(|s| s.place_m > 0.0 && s.front.is_ok() && height(s) > 0.1 * highest).collect();
+    clear.sort_by(|a, b| b.place_m.total_cmp(&a.place_m));
+    clear
 }

@@ -1,9 +1,10 @@
 //! The wave speed in three ways, none of which needs a model of the run.
 
+use crate::signal::extrema;
+use crate::signal::features::{Crossings, Estimate};
 use crate::signal::front::Front;
 use crate::signal::matching::{Delay, Sense, delay};
 use crate::signal::station::Station;
-use crate::signal::{Crossings, Estimate, extrema};
 use crate::units::GRAVITY_M_S2;
 
 /// A rise that takes more of the time to the half fall than this may run into the fall: only its beginning is laid over.

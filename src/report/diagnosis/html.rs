@@ -104,13 +104,13 @@ fn failings(diagnoses: &[Diagnosis]) -> String {
     let mut out = String::from("<section class=\"failings\" id=\"failings\"><h2>Where the models fail</h2>\n");
     for diagnosis in diagnoses {
         out.push_str(&format!("<h3>The {}</h3>\n", escape(&start_model(diagnosis))));
-        if diagnosis.failings.is_empty() {
+        if diagnosis.residual_patterns.is_empty() {
             out.push_str("<p>It fails nowhere: what it leaves is noise.</p>\n");
         } else {
-            let items: Vec<String> = diagnosis.failings.iter().map(|f| format!("<li>{}</li>\n", escape(f))).collect();
+            let items: Vec<String> = diagnosis.residual_patterns.iter().map(|f| format!("<li>{}</li>\n", escape(f))).collect();
             out.push_str(&format!("<ul>\n{}</ul>\n", items.concat()));
         }
-        for doubt in &diagnosis.doubts {
+        for doubt in &diagnosis.warnings {
             out.push_str(&format!("<p class=\"note\"><strong>Doubtful:</strong> {}.</p>\n", escape(doubt)));
         }
     }
@@ -187,14 +187,14 @@ mod tests {
 
     fn page_of(verdict: Verdict, candidates: Vec<Candidate>, next_test: Option<&str>) -> String {
         let diagnosis = Diagnosis {
-            doubts: Vec::new(),
+            warnings: Vec::new(),
             held_out_m: None,
             probability: 0.9,
             visible: Vec::new(),
             verdict,
             start: fit(&[], 0.3),
             left_out: vec![("moving-valve", "for a <reason>".into())],
-            failings: vec!["P1: <much> too high".into()],
+            residual_patterns: vec!["P1: <much> too high".into()],
             next_test: next_test.map(str::to_owned),
             candidates,
         };

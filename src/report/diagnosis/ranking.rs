@@ -1,6 +1,6 @@
 //! The ranking: every effect that could be missing, with its probability.
 
-use crate::diagnose::{Candidate, Diagnosis, NOT_WORTH, Verdict};
+use crate::diagnose::{Candidate, Diagnosis, NEGLIGIBLE_EVIDENCE, Verdict};
 use crate::report::diagnosis::html::{probability, start_model};
 use crate::report::html::escape::escape;
 use crate::report::html::page::{minus, table};
@@ -108,7 +108,7 @@ fn rows(diagnosis: &Diagnosis, candidates: &[Candidate], with_none: bool) -> Str
         row(
             name(c),
             c.probability,
-            if c.evidence <= NOT_WORTH { "none".into() } else { minus(&evidence(c.evidence)) },
+            if c.evidence <= NEGLIGIBLE_EVIDENCE { "none".into() } else { minus(&evidence(c.evidence)) },
             c.rmse_m,
             parameters(c),
         )

@@ -5,7 +5,7 @@ use std::fmt::Write;
 use serde::Serialize;
 
 use crate::diagnose::visible::Visible;
-use crate::diagnose::{Candidate, Diagnosis, NOT_WORTH, Verdict};
+use crate::diagnose::{Candidate, Diagnosis, NEGLIGIBLE_EVIDENCE, Verdict};
 use crate::model::effects::name_of;
 use crate::report::calibration::json::Parameter;
 
@@ -90,8 +90,8 @@ fn document(diagnosis: &Diagnosis) -> Document<'_> {
             .collect(),
         candidates: diagnosis.candidates.iter().map(rival).collect(),
         next_test: diagnosis.next_test.as_deref().unwrap_or(""),
-        fails: &diagnosis.failings,
-        warnings: &diagnosis.doubts,
+        fails: &diagnosis.residual_patterns,
+        warnings: &diagnosis.warnings,
         not_tried: diagnosis.left_out.iter().map(|(effect, reason)| LeftOut { effect, reason }).collect(),
     }
 }
@@ -117,10 +117,10 @@ pub fn text(diagnosis: &Diagnosis) -> String {
     let (rmse_m, noise_m) = diagnosis.start.pooled();
     let model = name_of(&diagnosis.start.effects);
     let mut out = format!("{model}: RMSE {rmse_m:.3} m, noise {noise_m:.3} m\n");
-    for sentence in &diagnosis.failings {
+    for sentence in &diagnosis.residual_patterns {
         let _ = writeln!(out, "  {sentence}");
     }
-    for doubt in &diagnosis.doubts {
+    for doubt in &diagnosis.warnings {
         let _ = writeln!(out, "\nwarning: {doubt}");
     }
     let _ = match (diagnosis.verdict, diagnosis.candidates.first()) {
@@ -202,7 +202,7 @@ pub fn text(diagnosis: &Diagnosis) -> String {
 
 /// The evidence in words: what is not worth a model has none.
 fn evidence(candidate: &Candidate) -> String {
-    if candidate.evidence <= NOT_WORTH { "none".to_owned() } else { format!("{:.1}", candidate.evidence) }
+    if candidate.evidence <= NEGLIGIBLE_EVIDENCE { "none".to_owned() } else { format!("{:.1}", candidate.evidence) }
 }
 
 /// The range of a parameter in which its effect could not be seen, in words.

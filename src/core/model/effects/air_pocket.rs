@@ -1,9 +1,10 @@
 //! Air trapped at the pipe's end, before the valve: a spring.
 
-use crate::model::ModelError;
-use crate::model::effects::{Attachment, Effect, Element, Place, Scene, Site, Spot, check};
+use crate::model::effect::{Attachment, Effect, Element, Place, check};
+use crate::model::error::ModelError;
 use crate::model::gas::{Law, Stepping, Volume};
 use crate::model::parameter::Parameter;
+use crate::model::scene::{Scene, Site, Spot};
 use crate::units::GRAVITY_M_S2;
 
 /// See the module.

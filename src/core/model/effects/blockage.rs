@@ -1,8 +1,9 @@
 //! A partial blockage: a local head loss that grows with the square of the flow.
 
-use crate::model::ModelError;
-use crate::model::effects::{Attachment, Effect, Element, Place, Scene, Site, check};
+use crate::model::effect::{Attachment, Effect, Element, Place, check};
+use crate::model::error::ModelError;
 use crate::model::parameter::Parameter;
+use crate::model::scene::{Scene, Site};
 use crate::units::GRAVITY_M_S2;
 
 /// See the module.
@@ -49,7 +50,7 @@ impl Effect for Blockage {
     }
 
     fn other_starts(&self, _elements: usize) -> Vec<Vec<f64>> {
-        crate::model::effects::other_places().map(|by| vec![by, 1.0]).collect()
+        crate::model::effect::other_places().map(|by| vec![by, 1.0]).collect()
     }
 
     fn attachments<'a>(&self, values: &'a [f64], scene: &'a Scene) -> Result<Vec<Attachment<'a>>, ModelError> {

@@ -1,8 +1,9 @@
 //! A sensor whose clock is shifted against the others'.
 
-use crate::model::ModelError;
-use crate::model::effects::{Effect, Site, check};
+use crate::model::effect::{Effect, check};
+use crate::model::error::ModelError;
 use crate::model::parameter::Parameter;
+use crate::model::scene::Site;
 use crate::model::trace::Trace;
 
 /// See the module.

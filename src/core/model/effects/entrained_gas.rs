@@ -3,12 +3,14 @@
 //! Gas comes to the volume that belongs to its pressure with a lag `θ`: it exchanges heat with the water, goes into solution and
 //! comes out of it. That is the bulk viscosity of gassy water, and what its sharp fronts are rounded by.
 
-use crate::model::ModelError;
-use crate::model::effects::{Effect, Scene, Site, Spot, check};
+use crate::model::contribution::NodeField;
+use crate::model::effect::{Effect, check};
+use crate::model::error::ModelError;
 use crate::model::gas;
 use crate::model::node::Shunt;
 use crate::model::parameter::Parameter;
-use crate::model::solver::{NodeField, Steady};
+use crate::model::scene::{Scene, Site, Spot};
+use crate::model::steady::Steady;
 
 /// See the module.
 pub struct EntrainedGas;

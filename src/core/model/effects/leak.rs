@@ -5,10 +5,11 @@
 //! before the closure follows from the steady head at its place, `Q = leak_cda_mm2·1e-6 √(2g (H(x) - z(x)))`: 1 mm² at 20 m
 //! of pressure loses 0.0198 L/s.
 
-use crate::model::ModelError;
-use crate::model::effects::{Attachment, Effect, Element, Place, Scene, Site, check};
+use crate::model::effect::{Attachment, Effect, Element, Place, check};
+use crate::model::error::ModelError;
 use crate::model::node::Shunt;
 use crate::model::parameter::Parameter;
+use crate::model::scene::{Scene, Site};
 use crate::units::GRAVITY_M_S2;
 
 /// See the module.
@@ -56,7 +57,7 @@ impl Effect for Leak {
     }
 
     fn other_starts(&self, _elements: usize) -> Vec<Vec<f64>> {
-        crate::model::effects::other_places().map(|by| vec![by, 1.0]).collect()
+        crate::model::effect::other_places().map(|by| vec![by, 1.0]).collect()
     }
 
     fn attachments<'a>(&self, values: &'a [f64], scene: &'a Scene) -> Result<Vec<Attachment<'a>>, ModelError> {

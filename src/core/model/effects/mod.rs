@@ -29,15 +29,10 @@ pub(crate) mod valve_seat_leak;
 pub(crate) mod vapour_cavity;
 pub(crate) mod viscoelastic_wall;
 
-use crate::model::ModelError;
-use crate::model::boundary::{Supply, ValveEnd};
-pub use crate::model::chosen::{Chosen, excluded, name_of, parse_list};
-use crate::model::grid::Stretch;
-use crate::model::node::Shunt;
-use crate::model::parameter::Parameter;
-use crate::model::solver::{LineTerm, NodeField, Steady};
-use crate::model::trace::Trace;
-use crate::rig::{Rig, WaterProperties};
+pub use crate::model::chosen::{Chosen, excluded, name_of};
+pub use crate::model::effect::{Attachment, CERTAIN, Circumstances, Effect, Element, Place, check};
+use crate::model::error::ModelError;
+pub use crate::model::scene::{ATMOSPHERE_PA, Scene, Site, Spot, vapour_head_m};
 
 /// Every effect that a model can have.
 pub static CATALOGUE: &[&dyn Effect] = &[
@@ -59,253 +54,57 @@ pub static CATALOGUE: &[&dyn Effect] = &[
     &crate::model::effects::sensor_gain::SensorGain,
 ];
 
-/// What an effect needs to know of the rig to give its parameters sensible starts and bounds.
-pub struct Site<'a> {
-    /// The rig.
-    pub rig: &'a Rig,
-    /// Its water.
-    pub water: &'a WaterProperties,
-    /// Theoretical period `4L/a`, s.
-    pub period_s: f64,
-}
-
-/// What an effect needs to know of a run to take part in it.
-pub struct Scene<'a> {
-    /// The rig.
-    pub rig: &'a Rig,
-    /// The water at the run's temperature.
-    pub water: &'a WaterProperties,
-    /// Time step, s.
-    pub dt_s: f64,
-    /// Flow through the valve before the closure, m³/s.
-    pub flow_m3_s: f64,
-    /// Head upstream of the valve before the closure, m.
-    pub valve_head_m: f64,
-}
-
-/// Odds of an effect that is at work for certain, whatever a fit says of others.
-pub const CERTAIN: f64 = 1e300;
-
-/// What is known, before any fit, that speaks for or against an effect.
-#[derive(Debug, Clone, Copy)]
-pub struct Circumstances<'a> {
-    /// The rig.
-    pub rig: &'a Rig,
-    /// By how much the lowest pressure that any sensor saw stays above that of vapour, m.
-    pub above_vapour_m: f64,
-}
-
-/// Gauge pressure head of vapour, m: below this above the pipe's axis the water boils.
-pub fn vapour_head_m(water: &WaterProperties) -> f64 {
-    (water.vapour_pressure_pa - ATMOSPHERE_PA) / (water.density_kg_m3 * crate::units::GRAVITY_M_S2)
-}
-
-impl Scene<'_> {
-    /// [`vapour_head_m`] of its water.
-    pub fn vapour_head_m(&self) -> f64 {
-        vapour_head_m(self.water)
-    }
-
-    /// Head of the atmosphere, m.
-    pub fn atmosphere_head_m(&self) -> f64 {
-        ATMOSPHERE_PA / (self.water.density_kg_m3 * crate::units::GRAVITY_M_S2)
-    }
-}
-
-/// Standard atmosphere, Pa: what gauge pressures are counted from.
-pub const ATMOSPHERE_PA: f64 = 101_325.0;
-
-/// One node of the grid as seen by what is put there.
-#[derive(Debug, Clone, Copy)]
-pub struct Spot {
-    /// Share of the effect that this node has, 0 to 1: a place between two nodes is shared.
-    pub share: f64,
-    /// Position, m from the supply.
-    pub position_m: f64,
-    /// Elevation of the pipe's axis, m.
-    pub elevation_m: f64,
-    /// Cross-section of the pipe, m².
-    pub area_m2: f64,
-    /// Wave speed, m/s.
-    pub wave_speed_m_s: f64,
-    /// Volume of pipe that belongs to the node, m³.
-    pub volume_m3: f64,
-}
-
-/// Where something is attached.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Place {
-    /// At a distance from the supply, m.
-    At(f64),
-    /// At the pipe's end, before the valve.
-    Valve,
-}
-
-/// What is attached to a node.
-pub enum Element {
-    /// A head loss `k Q|Q|` with `k = K/(2gA²)`, s²/m⁵.
-    Loss(f64),
-    /// What takes water out.
-    Shunt(Box<dyn Shunt>),
-}
-
-/// Something at one place: made once for each node that shares it.
-pub struct Attachment<'a> {
-    /// Where.
-    pub place: Place,
-    /// Makes a node's share of it.
-    pub make: Box<dyn Fn(&Spot) -> Element + 'a>,
-}
-
-/// A physical effect that can be added to the base model.
-pub trait Effect: Sync {
-    /// Its name in the contract.
-    fn name(&self) -> &'static str;
-    /// The physics added, in a few words.
-    fn summary(&self) -> &'static str;
-    /// The equation, as text.
-    fn equation(&self) -> &'static str;
-    /// Where the equation comes from.
-    fn source(&self) -> &'static str;
-    /// The trace it leaves in a pressure record.
-    fn trace(&self) -> &'static str;
-    /// How many elements it may have (`name:2`), where it has elements at all.
-    fn elements(&self) -> Option<std::ops::RangeInclusive<usize>> {
-        None
-    }
-    /// Other forms of the same effect, chosen as `name/variant`: each an effect of its own of that name.
-    fn variants(&self) -> &'static [&'static dyn Effect] {
-        &[]
-    }
-    /// It concerns one pressure sensor, which may be named (`name@P2`).
-    fn at_sensor(&self) -> bool {
-        false
-    }
-    /// Effects that it cannot be together with, and why.
-    fn excludes(&self) -> &'static [(&'static str, &'static str)] {
-        &[]
-    }
-    /// Why a rig cannot have it, where it cannot: a diagnosis leaves it out then, a person may still add it.
-    fn impossible(&self, rig: &Rig) -> Option<&'static str> {
-        let _ = rig;
-        None
-    }
-    /// Runs that it takes to tell it from the effect that it is a variant of.
-    fn least_runs(&self) -> usize {
-        1
-    }
-    /// Odds that it is at work, against other effects, before any fit.
-    fn odds(&self, known: &Circumstances) -> f64 {
-        let _ = known;
-        1.0
-    }
-    /// These values of it are more than what every rig has of it: instruments within their class are no fault.
-    fn noteworthy(&self, values: &[f64]) -> bool {
-        let _ = values;
-        true
-    }
-    /// Its parameters, for a number of elements (1 where it has none).
-    fn parameters(&self, site: &Site, elements: usize) -> Vec<Parameter>;
-    /// Other places than `start` from which a fit of this effect should be tried, as factors on the start values.
-    fn other_starts(&self, elements: usize) -> Vec<Vec<f64>> {
-        let _ = elements;
-        Vec::new()
-    }
-    /// Puts values that could stand in another order and mean the same (elements) in their customary one.
-    fn put_in_order(&self, values: &mut [f64]) {
-        let _ = values;
-    }
-    /// Changes the pipes before the grid is laid. Values are in the order of [`Effect::parameters`], here and below.
-    ///
-    /// # Errors
-    /// If a value is outside its physical range; likewise below.
-    fn reshape(&self, values: &[f64], stretches: &mut Vec<Stretch>) -> Result<(), ModelError> {
-        let _ = (values, stretches);
-        Ok(())
-    }
-    /// Terms along the line.
-    ///
-    /// # Errors
-    /// See [`Effect::reshape`].
-    fn line_terms(&self, values: &[f64], steady: &Steady) -> Result<Vec<Box<dyn LineTerm>>, ModelError> {
-        let _ = (values, steady);
-        Ok(Vec::new())
-    }
-    /// How many numbers it keeps of every node.
-    fn kept_per_node(&self, elements: usize) -> usize {
-        let _ = elements;
-        0
-    }
-    /// What it puts at places of the line.
-    ///
-    /// # Errors
-    /// See [`Effect::reshape`].
-    fn attachments<'a>(&self, values: &'a [f64], scene: &'a Scene) -> Result<Vec<Attachment<'a>>, ModelError> {
-        let _ = (values, scene);
-        Ok(Vec::new())
-    }
-    /// What takes water out of all inner nodes of segments.
-    ///
-    /// # Errors
-    /// See [`Effect::reshape`].
-    fn field(&self, values: &[f64], scene: &Scene, steady: &Steady) -> Result<Option<Box<dyn NodeField>>, ModelError> {
-        let _ = (values, scene, steady);
-        Ok(None)
-    }
-    /// The same at a joint of segments or at the pipe's end, for effects that have a field.
-    fn node_shunt(&self, values: &[f64], scene: &Scene, spot: &Spot) -> Option<Box<dyn Shunt>> {
-        let _ = (values, scene, spot);
-        None
-    }
-    /// The supply, given the one without this effect.
-    ///
-    /// # Errors
-    /// See [`Effect::reshape`].
-    fn supply(&self, values: &[f64], supply: Box<dyn Supply>) -> Result<Box<dyn Supply>, ModelError> {
-        let _ = values;
-        Ok(supply)
-    }
-    /// It lets the water boil or gas grow where the pressure falls: without such an effect a head below vapour's is no head.
-    fn lets_boil(&self) -> bool {
-        false
-    }
-    /// Changes the valve.
-    ///
-    /// # Errors
-    /// See [`Effect::reshape`].
-    fn valve(&self, values: &[f64], valve: &mut ValveEnd) -> Result<(), ModelError> {
-        let _ = (values, valve);
-        Ok(())
-    }
-    /// How much longer than it is looked at a run must be simulated, s: a sensor's clock may show what is still to come.
-    fn beyond_s(&self, values: &[f64]) -> f64 {
-        let _ = values;
-        0.0
-    }
-    /// What the sensor that it concerns makes of the head; the sensor's elevation is `elevation_m`.
-    ///
-    /// # Errors
-    /// See [`Effect::reshape`].
-    fn sense(&self, values: &[f64], elevation_m: f64, trace: Trace) -> Result<Trace, ModelError> {
-        let _ = (values, elevation_m);
-        Ok(trace)
-    }
-}
-
-/// Factors on a start in the middle of the pipe: places over its whole length where a fit of something local should start, too.
-fn other_places() -> impl Iterator<Item = f64> {
-    [0.1, 0.2, 0.3, 0.4, 0.6, 0.7, 0.8, 0.9].into_iter().map(|place| place / 0.5)
-}
-
-/// Refuses a value outside its physical range.
+/// Reads a comma-separated list of effects; `none` or nothing is the base model.
 ///
 /// # Errors
-/// A sentence with name, value and what is allowed.
-pub fn check(name: &str, value: f64, holds: bool, allowed: &'static str) -> Result<(), ModelError> {
-    if holds && value.is_finite() {
-        return Ok(());
+/// A name that is not in the catalogue (the nearest is named), a number of elements where there are none or out of
+/// range, an effect named twice.
+pub fn parse_list(text: &str) -> Result<Vec<Chosen>, ModelError> {
+    let mut chosen: Vec<Chosen> = Vec::new();
+    for item in text.split(',').map(str::trim).filter(|s| !s.is_empty() && *s != "none") {
+        let (item, sensor) = match item.split_once('@') {
+            Some((item, sensor)) => (item, Some(sensor.to_owned())),
+            None => (item, None),
+        };
+        let (name, number) = match item.split_once(':') {
+            Some((name, number)) => (name, Some(number)),
+            None => (item, None),
+        };
+        let all: Vec<&'static dyn Effect> =
+            CATALOGUE.iter().flat_map(|e| std::iter::once(*e).chain(e.variants().iter().copied())).collect();
+        let effect = all.iter().copied().find(|e| e.name() == name).ok_or_else(|| {
+            let known: Vec<_> = all.iter().map(|e| e.name()).collect();
+            let nearest =
+                known.iter().max_by(|a, b| strsim::jaro_winkler(name, a).total_cmp(&strsim::jaro_winkler(name, b)));
+            ModelError::UnknownEffect {
+                name: name.to_owned(),
+                nearest: nearest.map_or(String::new(), |n| (*n).to_owned()),
+                known: known.join(", "),
+            }
+        })?;
+        let elements = match (number, effect.elements()) {
+            (None, _) => None,
+            (Some(number), Some(range)) => {
+                Some(number.parse().ok().filter(|n| range.contains(n)).ok_or_else(|| ModelError::Elements {
+                    item: item.to_owned(),
+                    low: *range.start(),
+                    high: *range.end(),
+                })?)
+            }
+            (Some(_), None) => return Err(ModelError::NoElements { item: item.to_owned() }),
+        };
+        if sensor.is_some() && !effect.at_sensor() {
+            return Err(ModelError::NoSensor { item: item.to_owned() });
+        }
+        for other in &chosen {
+            if other.effect.name() == name {
+                return Err(ModelError::EffectTwice { name: name.to_owned() });
+            }
+            excluded(effect, other.effect)?;
+        }
+        chosen.push(Chosen { effect, elements, sensor });
     }
-    Err(ModelError::Value { name: name.to_owned(), value, allowed })
+    Ok(chosen)
 }
 
 #[cfg(test)]
@@ -325,5 +124,15 @@ mod tests {
         let mut names: Vec<String> = CATALOGUE.iter().map(|e| e.name().to_owned()).collect();
         names.sort();
         assert_eq!(files, names);
+    }
+
+    #[test]
+    fn lists_are_read_and_slips_are_explained() {
+        assert!(parse_list("none").unwrap().is_empty());
+        assert_eq!(parse_list("viscoelastic-wall:3").unwrap()[0].label(), "viscoelastic-wall:3");
+        let slip = parse_list("viscoelastic_wall").unwrap_err().to_string();
+        assert!(slip.contains("did you mean 'viscoelastic-wall'"), "{slip}");
+        assert!(parse_list("viscoelastic-wall:0").unwrap_err().to_string().contains("from 1 to"));
+        assert!(parse_list("viscoelastic-wall,viscoelastic-wall:2").unwrap_err().to_string().contains("twice"));
     }
 }

@@ -1,10 +1,11 @@
 //! The valve, and with it the pipe's end, on elastic supports: rising pressure pushes it outward, and the pipe takes in water.
 
-use crate::model::ModelError;
-use crate::model::effects::{Attachment, Effect, Element, Place, Scene, Site, check};
+use crate::model::effect::{Attachment, Effect, Element, Place, check};
+use crate::model::error::ModelError;
 use crate::model::node::Shunt;
 use crate::model::oscillator::Oscillator;
 use crate::model::parameter::Parameter;
+use crate::model::scene::{Scene, Site};
 use crate::units::GRAVITY_M_S2;
 
 /// See the module.

@@ -7,10 +7,11 @@
 //! metal pipe half a percent higher. Over some tens of periods that is more than the noise, so the pipe beyond the stretch has
 //! a ratio of its own, held near 1 by a prior of that size.
 
-use crate::model::ModelError;
-use crate::model::effects::{Effect, Site, check};
+use crate::model::effect::{Effect, check};
+use crate::model::error::ModelError;
 use crate::model::grid::Stretch;
 use crate::model::parameter::Parameter;
+use crate::model::scene::Site;
 
 /// Ratio from which a fit starts: so weak that the period, to which the wave speed is locked, hardly moves.
 const WEAK: f64 = 1.04;

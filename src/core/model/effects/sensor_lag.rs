@@ -1,9 +1,10 @@
 //! A pressure sensor, or its tapping line, with dynamics of its own: a low-pass of second order on one sensor.
 
-use crate::model::ModelError;
-use crate::model::effects::{Effect, Site, check};
+use crate::model::effect::{Effect, check};
+use crate::model::error::ModelError;
 use crate::model::oscillator::Oscillator;
 use crate::model::parameter::Parameter;
+use crate::model::scene::Site;
 use crate::model::trace::Trace;
 
 /// See the module.

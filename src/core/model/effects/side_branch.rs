@@ -4,10 +4,11 @@
 //! from the dead end whole, after `2l/a`: `h = f + r`, `r(t) = f(t - 2l/a)`, `Q = (f - r)/B`. Between the times at which it is known, `f`
 //! is interpolated (cubic; linear where it takes less than one step to return), which makes the trace smooth in the length.
 
-use crate::model::ModelError;
-use crate::model::effects::{Attachment, Effect, Element, Place, Scene, Site, check};
+use crate::model::effect::{Attachment, Effect, Element, Place, check};
+use crate::model::error::ModelError;
 use crate::model::node::Shunt;
 use crate::model::parameter::Parameter;
+use crate::model::scene::{Scene, Site};
 use crate::units::GRAVITY_M_S2;
 
 /// See the module.
@@ -63,7 +64,7 @@ impl Effect for SideBranch {
     }
 
     fn other_starts(&self, _elements: usize) -> Vec<Vec<f64>> {
-        crate::model::effects::other_places().flat_map(|by| [0.6, 2.0].map(|length| vec![by, length, 1.0])).collect()
+        crate::model::effect::other_places().flat_map(|by| [0.6, 2.0].map(|length| vec![by, length, 1.0])).collect()
     }
 
     fn attachments<'a>(&self, values: &'a [f64], scene: &'a Scene) -> Result<Vec<Attachment<'a>>, ModelError> {

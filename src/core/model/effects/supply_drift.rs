@@ -1,9 +1,10 @@
 //! A supply head that changes after the closure: a pump running up its curve, a small tank, an air vessel.
 
-use crate::model::ModelError;
 use crate::model::boundary::Supply;
-use crate::model::effects::{Effect, Site, check};
+use crate::model::effect::{Effect, check};
+use crate::model::error::ModelError;
 use crate::model::parameter::Parameter;
+use crate::model::scene::Site;
 
 /// See the module.
 pub struct SupplyDrift;

@@ -1,11 +1,13 @@
 //! Wall friction that depends on the flow's history: as a convolution with the flow's past acceleration, or, as a variant, by
 //! the momentary acceleration alone.
 
-use crate::model::ModelError;
-use crate::model::effects::{Effect, Site, check};
+use crate::model::contribution::{Implicit, LineTerm};
+use crate::model::effect::{Effect, check};
+use crate::model::error::ModelError;
 use crate::model::grid::Segment;
 use crate::model::parameter::Parameter;
-use crate::model::solver::{Implicit, LineTerm, Steady};
+use crate::model::scene::Site;
+use crate::model::steady::Steady;
 use crate::model::unsteady_kernels::Kernel;
 use crate::model::wide::widened;
 use crate::rig::LAMINAR_REYNOLDS;

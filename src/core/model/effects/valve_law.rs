@@ -1,9 +1,10 @@
 //! A valve that closes by another law than a linear one: in two stages, or by a power of the time left.
 
-use crate::model::ModelError;
 use crate::model::boundary::ValveEnd;
-use crate::model::effects::{Effect, Site, check};
+use crate::model::effect::{Effect, check};
+use crate::model::error::ModelError;
 use crate::model::parameter::Parameter;
+use crate::model::scene::Site;
 
 /// Why the forms of the law exclude each other.
 const ONE_LAW: &str = "a valve closes by one law";

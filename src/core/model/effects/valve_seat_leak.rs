@@ -4,10 +4,11 @@
 //! Its strength is `Cd A`, as a leak's; relative to the opening that lets `Q0` through at `ΔH0` it is `r = CdA √(2g ΔH0)/Q0`. The other,
 //! `/stroke`, is the drive's: the closure ends the same part of the opening short of the seat in every run. In one run they are one.
 
-use crate::model::ModelError;
 use crate::model::boundary::ValveEnd;
-use crate::model::effects::{Effect, Site, check};
+use crate::model::effect::{Effect, check};
+use crate::model::error::ModelError;
 use crate::model::parameter::Parameter;
+use crate::model::scene::Site;
 use crate::units::GRAVITY_M_S2;
 
 /// Why the two forms exclude each other.

@@ -1,11 +1,13 @@
 //! Column separation: where the pressure falls to that of vapour, a cavity opens and holds it there until it is filled again.
 
-use crate::model::ModelError;
-use crate::model::effects::{CERTAIN, Circumstances, Effect, Scene, Site, Spot, check};
+use crate::model::contribution::NodeField;
+use crate::model::effect::{CERTAIN, Circumstances, Effect, check};
+use crate::model::error::ModelError;
 use crate::model::gas;
 use crate::model::node::Shunt;
 use crate::model::parameter::Parameter;
-use crate::model::solver::{NodeField, Steady};
+use crate::model::scene::{Scene, Site, Spot};
+use crate::model::steady::Steady;
 
 /// See the module.
 pub struct VapourCavity;

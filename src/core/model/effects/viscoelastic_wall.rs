@@ -1,9 +1,11 @@
 //! Creep of the pipe wall: generalised Kelvin-Voigt elements whose retarded hoop strain stores water.
 
-use crate::model::ModelError;
-use crate::model::effects::{Effect, Site, check};
+use crate::model::contribution::{Implicit, LineTerm};
+use crate::model::effect::{Effect, check};
+use crate::model::error::ModelError;
 use crate::model::parameter::Parameter;
-use crate::model::solver::{Implicit, LineTerm, Steady};
+use crate::model::scene::Site;
+use crate::model::steady::Steady;
 use crate::model::wide::widened;
 use crate::rig::Rig;
 use crate::units::GRAVITY_M_S2;

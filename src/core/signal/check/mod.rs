@@ -16,9 +16,6 @@ use crate::recording::Recording;
 use crate::rig::check::{Finding, Level};
 use crate::rig::{Rig, SensorKind};
 
-/// Samples that a closure and a travel from sensor to sensor should be seen in.
-const SAMPLES_OF_A_FRONT: f64 = 10.0;
-
 /// All findings on a recording under a rig, that of its own or another one. The findings on the rig alone come from
 /// [`crate::rig::check::check`].
 pub fn check_recording(rig: &Rig, recording: &Recording) -> Vec<Finding> {

@@ -2,8 +2,7 @@
 
 use crate::rig::check::{ATMOSPHERE_PA, Finding, Level};
 use crate::rig::{Coupling, Rig, Sensor, SensorKind, WaterProperties};
-use crate::signal::check::SAMPLES_OF_A_FRONT;
-use crate::signal::check::track::{Front, Track};
+use crate::signal::check::track::{Front, SAMPLES_OF_A_FRONT, Track};
 
 pub(crate) fn check_presence(sensor: &Sensor, tracks: &[Track<'_>]) -> Option<Finding> {
     let subject = format!("samples of '{}'", sensor.name);

@@ -11,6 +11,9 @@ const ARRIVAL: f64 = 0.05;
 /// A recording shows a closure when the pressure leaves its steady value by this many times its noise.
 const SIGNAL_TO_NOISE: f64 = 10.0;
 
+/// Samples that a closure and a travel from sensor to sensor should be seen in.
+pub(crate) const SAMPLES_OF_A_FRONT: f64 = 10.0;
+
 /// A sensor with the samples that it recorded (at least one).
 pub(crate) struct Track<'a> {
     pub(crate) sensor: &'a Sensor,

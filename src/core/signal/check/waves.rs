@@ -3,9 +3,8 @@
 use crate::recording::Recording;
 use crate::rig::check::{Finding, Level, judge_wave_speed};
 use crate::rig::{Pipe, Rig, WaterProperties};
-use crate::signal::check::SAMPLES_OF_A_FRONT;
-use crate::signal::check::track::Front;
-use crate::signal::inspect;
+use crate::signal::check::track::{Front, SAMPLES_OF_A_FRONT};
+use crate::signal::inspect::inspect;
 
 /// A wave speed beyond those of the walls by this factor is no matter of their modulus.
 const FAR_OFF: f64 = 1.3;

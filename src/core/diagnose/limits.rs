@@ -1,0 +1,155 @@
+//! Every threshold of the diagnosis: what it means and where it comes from.
+//!
+//! The last words of each comment name the source:
+//!
+//! - *derived*: it follows from the definition or from numbers named there;
+//! - *literature*: a published value;
+//! - *cost*: it bounds work and changes no answer where it is large enough;
+//! - *tuned*: chosen by trial. The data are named where they are known; "data unknown" means that no record of them is left.
+//!
+//! "Error over noise" is the residual of each sensor in units of its own noise, rms over all samples. A "square" is the sum
+//! of these over all samples, squared. "Evidence" is a natural logarithm of odds over the start model, before tempering.
+
+use crate::fit::numeric::least_squares::Limits;
+
+// ---- The baseline: binned samples on a coarse grid -----------------------------------------------------------------
+
+/// Reaches of the coarse grid, at least. Cost, and tuned: data unknown.
+pub(crate) const COARSE_REACHES: usize = 48;
+/// Bins per sensor into which samples are averaged. Cost, and tuned: data unknown.
+pub(crate) const BINS: usize = 3000;
+/// Binned records begin this share of the period 4L/a before the closure. Tuned: data unknown.
+pub(crate) const LEAD_OF_PERIOD: f64 = 0.1;
+/// Norm of a Jacobian column, in units of the noise, below which the data do not see a parameter: its differences are
+/// rounding. Tuned: data unknown.
+pub(crate) const UNSEEN_COLUMN: f64 = 0.1;
+/// Singular value of the normal matrix of unit columns below which a combination of parameters counts as not seen. Tuned:
+/// data unknown.
+pub(crate) const SINGULAR: f64 = 1e-9;
+/// A record lies on the floor of vapour pressure if one sample in this many does: a single sample may be a dead count.
+/// Tuned: data unknown.
+pub(crate) const FLOOR_SAMPLES: usize = 500;
+/// Independent features of a half cycle: front, plateau, return. Derived from the shape of a half cycle.
+pub(crate) const FEATURES_PER_HALF_CYCLE: f64 = 3.0;
+
+// ---- Candidates and their refits -----------------------------------------------------------------------------------
+
+/// Most elements with which an effect that has elements is tried. Cost.
+pub(crate) const MOST_ELEMENTS: usize = 3;
+/// Stopping rules while a form is screened: only the added parameters move. Cost, and tuned: data unknown.
+pub(crate) const SCREEN: Limits =
+    Limits { iterations: 10, cost_tolerance: 3e-3, step_tolerance: 1e-7, thorough: false };
+/// Stopping rules while a form is refined: all parameters move. Cost, and tuned: data unknown.
+pub(crate) const REFINE: Limits =
+    Limits { iterations: 25, cost_tolerance: 1e-3, step_tolerance: 1e-7, thorough: false };
+/// Strengths at which an effect's signature is taken, as multiples of its usual start. Tuned: data unknown.
+pub(crate) const STRENGTHS: [f64; 5] = [1.0, 0.1, 0.3, 3.0, 10.0];
+/// Most places at which an effect is tried in all strengths; with more places, one strength has to do. Cost.
+pub(crate) const FEW_PLACES: usize = 12;
+/// Starts of a form that are screened. Cost, and tuned: data unknown.
+pub(crate) const SCREENED_STARTS: usize = 4;
+/// Screened starts of a form that are refined. Cost, and tuned: data unknown.
+pub(crate) const REFINED_STARTS: usize = 2;
+/// Parts of a linear step that are tried when the start model's parameters take up a change. Tuned: data unknown.
+pub(crate) const STEP_PARTS: [f64; 4] = [1.0, 0.3, 0.1, 0.0];
+/// Range of strengths, as multiples of the one that was simulated, over which a linear forecast is trusted. Tuned: data
+/// unknown.
+pub(crate) const FORECAST_RANGE: (f64, f64) = (0.3, 2.0);
+/// Effects that are refined; the others are only screened. Cost, and tuned: data unknown.
+pub(crate) const REFINED_EFFECTS: usize = 6;
+/// Error over noise of the coarse start model below which it is near the noise: an effect that screening does not promise
+/// is not refined then. Tuned: data unknown.
+pub(crate) const START_NEAR_NOISE: f64 = 1.3;
+
+// ---- Full fits -----------------------------------------------------------------------------------------------------
+
+/// Most candidates that are fitted to all samples on the fine grid. Cost, and tuned: data unknown.
+pub(crate) const FULL_FITS: usize = 3;
+/// Most candidates that each stage of the fallback search fits. Cost, and tuned: data unknown.
+pub(crate) const FALLBACK_FITS: usize = 3;
+/// Finest grid of a fit with cavities, in reaches: the spikes of their collapse belong to the grid. Literature: Bergant,
+/// Simpson & Tijsseling (2006) for the fact; the number is tuned: data unknown.
+pub(crate) const MOST_REACHES_WITH_CAVITIES: usize = 128;
+/// Iterations on each finer grid until it is known which candidate wins. Cost, and tuned: data unknown.
+pub(crate) const CONTEST_ITERATIONS: usize = 6;
+/// A candidate that leaves this many times the best candidate's square gets no full fit. Cost, and tuned: data unknown.
+pub(crate) const NO_FULL_FIT_ABOVE: f64 = 4.0;
+/// A candidate that leaves less than this many times the best candidate's square is fitted until it converges. Cost, and
+/// tuned: data unknown.
+pub(crate) const CONVERGE_BELOW: f64 = 1.2;
+/// Error over noise of the best candidate above which it does not explain the records: the fallback search goes on until a
+/// candidate is below. Tuned: data unknown.
+pub(crate) const EXPLAINED_OVER_NOISE: f64 = 1.2;
+/// Error over noise of the start model above which its parameters may be wrong: the fallback search tries the first
+/// [`REFINED_EFFECTS`]. Tuned: data unknown.
+pub(crate) const START_DOUBTFUL: f64 = 3.0;
+/// Error over noise of the start model above which its parameters do not help to rank effects: the fallback search tries
+/// all of them. Tuned: data unknown.
+pub(crate) const START_USELESS: f64 = 10.0;
+
+// ---- Evidence ------------------------------------------------------------------------------------------------------
+
+/// Divides the evidence before it becomes odds, as models err in ways that the noise does not know of. Tuned: data unknown.
+pub(crate) const TEMPERATURE: f64 = 4.0;
+/// Odds, before any data, that nothing is missing against any one effect. Derived: nothing is as probable as that one of
+/// the sixteen effects of the catalogue is missing.
+pub(crate) const PRIOR_ODDS_OF_NOTHING: f64 = 16.0;
+/// Least evidence for an effect to be worth having: the largest of sixteen searches by chance stays below. Derived in
+/// principle; no calculation of the number is left.
+pub(crate) const LEAST_EVIDENCE: f64 = 12.0;
+/// Least that an effect must take away of the error over noise, in quadrature: less is not worth a model. Tuned: data
+/// unknown.
+pub(crate) const LEAST_FALL: f64 = 0.25;
+/// Evidence that an effect has at most if it is not worth a model. Tuned: data unknown.
+pub const NEGLIGIBLE_EVIDENCE: f64 = -10.0;
+/// Difference of tempered evidence within which two effects cannot be told apart: a Bayes factor of twenty. Literature:
+/// Kass & Raftery (1995).
+pub(crate) const INDISTINGUISHABLE: f64 = 3.0;
+
+// ---- Verdict -------------------------------------------------------------------------------------------------------
+
+/// Error over noise up to which a residual may be noise. Tuned: data unknown.
+pub(crate) const NOISE_LIKE: f64 = 1.3;
+/// An effect that leaves more than this share of the start model's square beyond the noise, and more than
+/// [`UNEXPLAINED_OVER_NOISE`], does not explain it. Tuned: data unknown.
+pub(crate) const UNEXPLAINED_SHARE: f64 = 0.35;
+/// See [`UNEXPLAINED_SHARE`]: error over noise. Tuned: data unknown.
+pub(crate) const UNEXPLAINED_OVER_NOISE: f64 = 2.5;
+/// How fast the probability of something outside the catalogue rises with the logarithm of the error around [`NOISE_LIKE`],
+/// if no effect explains any of it. Tuned on recordings of `tools/hidden` of one seed; `tools/reliability.py` counts it on
+/// other seeds.
+pub(crate) const STEEPNESS_UNEXPLAINED: f64 = 12.0;
+/// The same around [`UNEXPLAINED_OVER_NOISE`], if an effect explains some of it. Tuned on the same recordings.
+pub(crate) const STEEPNESS: f64 = 4.0;
+/// A model whose error of prediction is this many times the start model's has learned nothing of use. Tuned: data unknown.
+pub(crate) const WORSE_PREDICTION: f64 = 1.05;
+
+// ---- Residual patterns and warnings --------------------------------------------------------------------------------
+
+/// Error over noise of a sensor above which its residual is described. Tuned: data unknown.
+pub(crate) const DESCRIBED_OVER_NOISE: f64 = 1.2;
+/// Mean error of a sensor's peaks or troughs, over its noise, above which it is described. Tuned: data unknown.
+pub(crate) const DESCRIBED_EXTREMA: f64 = 2.0;
+/// A start model that leaves more than this share of the signal's deviation, rms, was not fitted. Tuned: data unknown.
+pub(crate) const NOT_FITTED: f64 = 0.5;
+
+// ---- The next test -------------------------------------------------------------------------------------------------
+
+/// Least difference of two models' predictions, over the noise, for a test to be worth making. Tuned: data unknown.
+pub(crate) const TELLING_OVER_NOISE: f64 = 3.0;
+/// Most tests that are named. A choice of presentation.
+pub(crate) const NAMED_TESTS: usize = 2;
+/// Periods over which predictions are compared. Tuned: data unknown.
+pub(crate) const COMPARED_PERIODS: f64 = 8.0;
+/// Points per sensor at which predictions are compared. Cost.
+pub(crate) const COMPARED_POINTS: usize = 2000;
+/// Least ratio of the two models' creep for a creep test of the wall to tell them apart. Tuned: data unknown.
+pub(crate) const CREEP_RATIO: f64 = 1.2;
+/// Velocities and closing times within this share are the same test. A choice.
+pub(crate) const SAME_SHARE: f64 = 0.2;
+/// Heads within this are the same test, m. A choice.
+pub(crate) const SAME_HEAD_M: f64 = 5.0;
+/// Sensors within this share of the length stand at the same place. A choice.
+pub(crate) const SAME_PLACE: f64 = 0.1;
+/// A sensor within this share of the length stands at the valve. A choice.
+pub(crate) const AT_THE_VALVE: f64 = 0.01;

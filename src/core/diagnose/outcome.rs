@@ -1,0 +1,87 @@
+//! The outcome of a diagnosis, as plain data.
+
+use crate::diagnose::limits::WORSE_PREDICTION;
+use crate::diagnose::visible::Visible;
+use crate::fit::outcome::fit::{Fit, FittedParameter};
+
+/// The verdict of a diagnosis.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Verdict {
+    /// An effect of the catalogue is missing.
+    MissingEffect,
+    /// The residual is noise.
+    NothingMissing,
+    /// Something is missing that no effect of the catalogue explains.
+    UnknownEffect,
+}
+
+impl Verdict {
+    /// Its name in JSON.
+    pub fn name(self) -> &'static str {
+        match self {
+            Verdict::MissingEffect => "missing-effect",
+            Verdict::NothingMissing => "nothing-missing",
+            Verdict::UnknownEffect => "unknown-effect",
+        }
+    }
+}
+
+/// An effect that may be missing.
+#[derive(Debug, Clone)]
+pub struct Candidate {
+    /// Its name in the catalogue.
+    pub effect: &'static str,
+    /// The form that fits best, as on the command line.
+    pub label: String,
+    /// The probability that it is the one that is missing.
+    pub probability: f64,
+    /// Evidence for it over the start model, natural logarithm of odds before tempering.
+    pub evidence: f64,
+    /// RMSE over the last two fifths of the records after a fit to what comes before, m; of the best candidate only.
+    pub held_out_m: Option<f64>,
+    /// Error over noise: each sensor's error in units of its own noise, rms.
+    pub over_noise: f64,
+    /// Its values are within what every rig has of it (see [`crate::model::effects::Effect::noteworthy`]).
+    pub within_class: bool,
+    /// RMSE with it, m: of the full fit if there is one, else as the coarse refit forecasts it.
+    pub rmse_m: f64,
+    /// Its own parameters.
+    pub parameters: Vec<FittedParameter>,
+    /// Other effects that these data cannot tell apart from it.
+    pub indistinguishable_from: Vec<&'static str>,
+    /// The full fit, if there is one.
+    pub fit: Option<Fit>,
+}
+
+/// The outcome of a diagnosis.
+#[derive(Debug, Clone)]
+pub struct Diagnosis {
+    /// The verdict.
+    pub verdict: Verdict,
+    /// The probability that it is right.
+    pub probability: f64,
+    /// The start model, fitted.
+    pub start: Fit,
+    /// Reasons to doubt the rest, one sentence each.
+    pub warnings: Vec<String>,
+    /// Where the start model fails, one sentence each.
+    pub residual_patterns: Vec<String>,
+    /// Effects that could be missing, best first.
+    pub candidates: Vec<Candidate>,
+    /// Effects that were not tried, each with the reason.
+    pub left_out: Vec<(&'static str, String)>,
+    /// RMSE of the start model over the last two fifths of the records after a fit to what comes before, m.
+    pub held_out_m: Option<f64>,
+    /// The least of each effect that these recordings would show, if nothing is missing.
+    pub visible: Vec<Visible>,
+    /// The test that would tell the best candidates apart, if these data cannot.
+    pub next_test: Option<String>,
+}
+
+impl Diagnosis {
+    /// Whether the most probable effect makes the model predict the end of the records worse.
+    pub fn predicts_worse(&self) -> bool {
+        let with = self.candidates.first().and_then(|c| c.held_out_m);
+        matches!((with, self.held_out_m), (Some(with), Some(without)) if with > WORSE_PREDICTION * without)
+    }
+}

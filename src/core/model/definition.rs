@@ -1,0 +1,217 @@
+//! The model of a rig: base model and effects, and their parameters with starts, bounds and priors.
+
+use crate::model::boundary::Closure;
+use crate::model::chosen::Chosen;
+use crate::model::constraint::{Constraint, Given};
+use crate::model::error::ModelError;
+use crate::model::parameter::Parameter;
+use crate::model::prior::Prior;
+use crate::model::run::{LEAST_DROP_M, RunValues};
+use crate::model::scene::Site;
+use crate::model::sensor::seen_by;
+use crate::model::trace::Trace;
+use crate::rig::{Rig, Sensor, WaterProperties};
+
+/// A model: a rig, the effects added to the base model, and its parameters.
+#[derive(Debug, Clone)]
+pub struct Model<'a> {
+    /// The rig.
+    pub rig: &'a Rig,
+    /// Effects, each with its number of elements decided.
+    pub effects: Vec<Chosen>,
+    /// How many of the shared parameters belong to each effect.
+    effect_sizes: Vec<usize>,
+    /// Parameters shared by all runs on the rig: wave speeds, effects.
+    pub shared: Vec<Parameter>,
+    /// Parameters of one run: velocity, head, closing time, friction.
+    pub per_run: [Parameter; RunValues::COUNT],
+    /// Form of the closure, its time taken from the run's parameters.
+    pub closure: fn(f64) -> Closure,
+    /// What has been settled about parameters, those of runs and sensors included.
+    pub constraints: Vec<Constraint>,
+    /// Where a person lets parameters start.
+    pub starts: Vec<Given>,
+    /// What is known of shared parameters from elsewhere.
+    pub priors: Vec<Prior>,
+    /// The most memory that a simulation may take, bytes.
+    pub memory_limit_bytes: f64,
+}
+
+impl<'a> Model<'a> {
+    /// The base model of a rig with effects added; `water` and the rig give parameters their starts and bounds.
+    pub fn new(rig: &'a Rig, water: &WaterProperties, effects: &[Chosen]) -> Model<'a> {
+        let mut shared = Vec::new();
+        let mut travel_s = 0.0;
+        for pipe in &rig.pipes {
+            let (start, lower, upper) = pipe.wave_speed_start(water);
+            travel_s += pipe.length_m / start;
+            let name = match rig.pipes.len() {
+                1 => "wave_speed_m_s".to_owned(),
+                _ => format!("wave_speed_m_s[{}]", pipe.name),
+            };
+            shared.push(Parameter::log(
+                name,
+                "m/s",
+                "speed of pressure waves in the pipe: sets the period, 4L/a, and the height of the first rise",
+                start,
+                lower,
+                upper,
+            ));
+        }
+        let site = Site { rig, water, period_s: 4.0 * travel_s };
+        let effects: Vec<Chosen> = effects
+            .iter()
+            .map(|c| Chosen {
+                elements: c.elements.or(c.effect.elements().map(|r| *r.start())),
+                sensor: c.sensor.clone().or_else(|| first_sensor(rig).filter(|_| c.effect.at_sensor())),
+                ..c.clone()
+            })
+            .collect();
+        let mut effect_sizes = Vec::new();
+        for chosen in &effects {
+            let parameters = chosen.effect.parameters(&site, chosen.elements.unwrap_or(1));
+            effect_sizes.push(parameters.len());
+            shared.extend(parameters);
+        }
+        let nominal_s = rig.valve.closing_time_s;
+        let per_run = [
+            Parameter::log(
+                "initial_velocity_m_s",
+                "m/s",
+                "mean velocity before the valve closes: sets the height of the first rise",
+                1.0,
+                1e-4,
+                50.0,
+            ),
+            Parameter::linear(
+                "valve_head_m",
+                "m",
+                "head upstream of the valve before it closes",
+                rig.valve.discharge_head_m + 20.0,
+                rig.valve.discharge_head_m + LEAST_DROP_M,
+                rig.valve.discharge_head_m + 5000.0,
+            ),
+            Parameter::log(
+                "closing_time_s",
+                "s",
+                "how long the valve takes to close",
+                nominal_s,
+                nominal_s / 20.0,
+                nominal_s * 20.0,
+            )
+            .with_prior(nominal_s, 0.5),
+            // A run's own: the factor belongs to its flow and temperature.
+            Parameter::log("friction_scale", "1", "multiplies the steady friction factor", 1.0, 0.2, 5.0)
+                .with_prior(1.0, 0.2),
+        ];
+        Model {
+            rig,
+            effects,
+            effect_sizes,
+            shared,
+            per_run,
+            closure: |closing_time_s| Closure::Linear { closing_time_s },
+            constraints: Vec::new(),
+            starts: Vec::new(),
+            priors: Vec::new(),
+            memory_limit_bytes: crate::model::memory::USUAL_LIMIT_BYTES,
+        }
+    }
+
+    /// With parameters held, or between other bounds.
+    pub fn constrained(self, constraints: &[Constraint]) -> Self {
+        Model { constraints: constraints.to_vec(), ..self }
+    }
+
+    /// The same model whose parameters start where a person says.
+    pub fn starting_at(self, starts: &[Given]) -> Self {
+        Model { starts: starts.to_vec(), ..self }
+    }
+
+    /// With what is known of shared parameters; what the model does not have is passed over.
+    pub fn informed(mut self, priors: &[Prior]) -> Self {
+        for prior in priors {
+            self.shared.iter_mut().filter(|p| p.name == prior.name).for_each(|p| prior.inform(p));
+        }
+        Model { priors: priors.to_vec(), ..self }
+    }
+
+    /// Index of the first effect's first parameter among the shared ones.
+    pub fn effects_from(&self) -> usize {
+        self.rig.pipes.len()
+    }
+
+    /// How many shared parameters each effect has.
+    pub fn effect_sizes(&self) -> &[usize] {
+        &self.effect_sizes
+    }
+
+    /// Puts the effects' values in their customary order.
+    pub fn put_in_order(&self, values: &mut [f64]) {
+        let mut at = self.effects_from();
+        for (chosen, &size) in self.effects.iter().zip(&self.effect_sizes) {
+            chosen.effect.put_in_order(&mut values[at..at + size]);
+            at += size;
+        }
+    }
+
+    /// Theoretical period `4L/a` for shared parameter values, s.
+    pub fn period_s(&self, shared: &[f64]) -> f64 {
+        4.0 * self.rig.pipes.iter().zip(shared).map(|(p, a)| p.length_m / a).sum::<f64>()
+    }
+
+    /// Fewest reaches that the pipes can be divided into, with wave speeds a fifth off.
+    pub fn least_reaches(&self, shared: &[f64]) -> usize {
+        let travel_s: Vec<f64> = self.rig.pipes.iter().zip(shared).map(|(p, a)| p.length_m / a).collect();
+        let margin = if travel_s.len() > 1 { 1.2 } else { 1.0 };
+        (margin * crate::model::reaches::least_reaches(&travel_s) as f64).ceil() as usize
+    }
+
+    /// Reaches, at least `reaches`, that fit the pipes' joints best.
+    pub fn fitting_reaches(&self, shared: &[f64], reaches: usize) -> usize {
+        let travel_s: Vec<f64> = self.rig.pipes.iter().zip(shared).map(|(p, a)| p.length_m / a).collect();
+        crate::model::reaches::fitting_reaches(&travel_s, reaches)
+    }
+
+    /// What a pressure sensor makes of the head at its place: its own dynamics, then the effects that concern it.
+    ///
+    /// # Errors
+    /// If an effect's value is outside its physical range.
+    pub fn sensed(&self, shared: &[f64], sensor: &Sensor, trace: Trace) -> Result<Trace, ModelError> {
+        let mut trace = seen_by(sensor, trace);
+        let elevation_m = self.rig.sensor_elevation_m(sensor);
+        for (chosen, values) in self.chosen(shared) {
+            if chosen.sensor.as_ref() == Some(&sensor.name) {
+                trace = chosen.effect.sense(values, elevation_m, trace)?;
+            }
+        }
+        Ok(trace)
+    }
+
+    /// The effects with their values.
+    pub(crate) fn chosen<'s>(&'s self, shared: &'s [f64]) -> impl Iterator<Item = (&'s Chosen, &'s [f64])> {
+        let mut at = self.effects_from();
+        self.effects.iter().zip(&self.effect_sizes).map(move |(chosen, &size)| {
+            let values = &shared[at..at + size];
+            at += size;
+            (chosen, values)
+        })
+    }
+}
+
+/// Name of the first pressure sensor.
+fn first_sensor(rig: &Rig) -> Option<String> {
+    rig.pressure_sensors().next().map(|(_, s)| s.name.clone())
+}
+
+/// Refuses effects at sensors that a rig does not have.
+///
+/// # Errors
+/// [`ModelError::UnknownSensor`] for the first of them.
+pub fn check_sensors(rig: &Rig, effects: &[Chosen]) -> Result<(), ModelError> {
+    let known: Vec<&str> = rig.pressure_sensors().map(|(_, s)| s.name.as_str()).collect();
+    match effects.iter().filter_map(|c| c.sensor.as_ref()).find(|name| !known.contains(&name.as_str())) {
+        None => Ok(()),
+        Some(name) => Err(ModelError::UnknownSensor { name: name.clone(), known: known.join(", ") }),
+    }
+}

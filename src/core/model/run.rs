@@ -1,0 +1,72 @@
+//! What a simulation of one run takes and gives.
+
+use crate::model::energy::Energy;
+use crate::model::trace::Trace;
+use crate::rig::WaterProperties;
+
+/// The per-run parameters, in their order.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RunValues {
+    /// Velocity in the last pipe before the closure, m/s.
+    pub initial_velocity_m_s: f64,
+    /// Head upstream of the valve before the closure, m.
+    pub valve_head_m: f64,
+    /// Closing time, s.
+    pub closing_time_s: f64,
+    /// Multiplies the steady friction factor.
+    pub friction_scale: f64,
+}
+
+/// What a run has beside its parameters.
+#[derive(Debug, Clone)]
+pub struct Conditions {
+    /// The water at the run's temperature.
+    pub water: WaterProperties,
+    /// Head measured at position 0 minus its mean before the closure, against time after the start of the closure: drives an
+    /// upstream end of kind `measured`.
+    pub supply_deviation: Option<(Vec<f64>, Vec<f64>)>,
+}
+
+/// How finely and how long to simulate.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Resolution {
+    /// Number of reaches of the whole line.
+    pub reaches: usize,
+    /// Simulated time after the start of the closure, s.
+    pub duration_s: f64,
+}
+
+/// What a simulation gives.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Simulated {
+    /// What each probe reads.
+    pub traces: Vec<Trace>,
+    /// Where the energy went, if that was asked for.
+    pub energy: Option<Energy>,
+    /// Where each segment starts, m from the supply.
+    pub(crate) starts_m: Vec<f64>,
+    /// Flow in each segment before the closure, m³/s.
+    pub(crate) flows_m3_s: Vec<f64>,
+}
+
+impl Simulated {
+    /// Flow before the closure at a place, m³/s: a leak makes it differ along the pipe.
+    pub fn steady_flow_m3_s(&self, position_m: f64) -> f64 {
+        let segment = self.starts_m.iter().rposition(|&start| position_m >= start).unwrap_or(0);
+        self.flows_m3_s[segment]
+    }
+}
+
+/// Least head over the open valve, m: without any nothing would flow.
+pub const LEAST_DROP_M: f64 = 1e-3;
+
+impl RunValues {
+    /// Number of per-run parameters.
+    pub const COUNT: usize = 4;
+
+    /// From values in the parameters' order.
+    pub fn from_slice(values: &[f64; RunValues::COUNT]) -> RunValues {
+        let [initial_velocity_m_s, valve_head_m, closing_time_s, friction_scale] = *values;
+        RunValues { initial_velocity_m_s, valve_head_m, closing_time_s, friction_scale }
+    }
+}

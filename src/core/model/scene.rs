@@ -1,0 +1,65 @@
+//! What effects know of the rig, of a run and of a node.
+
+use crate::rig::{Rig, WaterProperties};
+use crate::units::GRAVITY_M_S2;
+
+/// What an effect needs to know of the rig to give its parameters sensible starts and bounds.
+pub struct Site<'a> {
+    /// The rig.
+    pub rig: &'a Rig,
+    /// Its water.
+    pub water: &'a WaterProperties,
+    /// Theoretical period `4L/a`, s.
+    pub period_s: f64,
+}
+
+/// What an effect needs to know of a run to take part in it.
+pub struct Scene<'a> {
+    /// The rig.
+    pub rig: &'a Rig,
+    /// The water at the run's temperature.
+    pub water: &'a WaterProperties,
+    /// Time step, s.
+    pub dt_s: f64,
+    /// Flow through the valve before the closure, m³/s.
+    pub flow_m3_s: f64,
+    /// Head upstream of the valve before the closure, m.
+    pub valve_head_m: f64,
+}
+
+/// Gauge pressure head of vapour, m: below this above the pipe's axis the water boils.
+pub fn vapour_head_m(water: &WaterProperties) -> f64 {
+    (water.vapour_pressure_pa - ATMOSPHERE_PA) / (water.density_kg_m3 * GRAVITY_M_S2)
+}
+
+impl Scene<'_> {
+    /// [`vapour_head_m`] of its water.
+    pub fn vapour_head_m(&self) -> f64 {
+        vapour_head_m(self.water)
+    }
+
+    /// Head of the atmosphere, m.
+    pub fn atmosphere_head_m(&self) -> f64 {
+        ATMOSPHERE_PA / (self.water.density_kg_m3 * GRAVITY_M_S2)
+    }
+}
+
+/// Standard atmosphere, Pa: what gauge pressures are counted from.
+pub const ATMOSPHERE_PA: f64 = 101_325.0;
+
+/// One node of the grid as seen by what is put there.
+#[derive(Debug, Clone, Copy)]
+pub struct Spot {
+    /// Share of the effect that this node has, 0 to 1: a place between two nodes is shared.
+    pub share: f64,
+    /// Position, m from the supply.
+    pub position_m: f64,
+    /// Elevation of the pipe's axis, m.
+    pub elevation_m: f64,
+    /// Cross-section of the pipe, m².
+    pub area_m2: f64,
+    /// Wave speed, m/s.
+    pub wave_speed_m_s: f64,
+    /// Volume of pipe that belongs to the node, m³.
+    pub volume_m3: f64,
+}

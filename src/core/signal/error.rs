@@ -1,0 +1,40 @@
+//! Why a recording has no features, in sentences.
+
+/// Why a recording has no features.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum SignalError {
+    /// No pressure sensor recorded anything.
+    #[error(
+        "no pressure sensor recorded at least eight samples in a row of times (the rig has {sensors} pressure sensors); \
+         check the sensors' names and wiring in the rig file"
+    )]
+    NoPressure {
+        /// Pressure sensors of the rig.
+        sensors: usize,
+    },
+    /// Nothing happens.
+    #[error(
+        "no closure in this recording: over {duration_s:.3} s the head at {sensor} moves by {swing_m:.3} m only, within its \
+         noise; record again with the valve closing while the recording runs"
+    )]
+    NoClosure {
+        /// The sensor nearest to the valve.
+        sensor: String,
+        /// Duration, s.
+        duration_s: f64,
+        /// Highest minus lowest head, m.
+        swing_m: f64,
+    },
+    /// The record ends before the wave comes back.
+    #[error(
+        "the recording is too short: after the head at {sensor} rises, {left_s:.3} s are left, in which it does not fall back; \
+         record at least two periods (8L/a) after the closure"
+    )]
+    TooShort {
+        /// The sensor nearest to the valve.
+        sensor: String,
+        /// Time from the rise to the end, s.
+        left_s: f64,
+    },
+}

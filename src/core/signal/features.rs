@@ -1,0 +1,129 @@
+//! What a recording shows, as plain data.
+
+use crate::signal::noise::Noise;
+
+/// A value with its standard error, in the same unit.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Estimate {
+    /// The value.
+    pub value: f64,
+    /// Its standard error.
+    pub standard_error: f64,
+}
+
+/// What a recording shows.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Features {
+    /// When the valve closed.
+    pub closure: Closure,
+    /// Temperature of the run, °C: its sensor's, or the rig file's.
+    pub temperature_degc: f64,
+    /// Flow before the closure, m³/s, where a flow sensor recorded it.
+    pub flow_m3_s: Option<Estimate>,
+    /// The same as velocity in the pipe at the valve, m/s.
+    pub steady_velocity_m_s: Option<Estimate>,
+    /// Each pressure sensor that recorded something, in the rig's order.
+    pub sensors: Vec<SensorFeatures>,
+    /// Index in `sensors` of the one nearest to the valve with a clear front: the closure, period and damping are read there.
+    pub reference: usize,
+    /// Period of the oscillation, s (4L/a, lengthened by creep, gas and unsteady friction).
+    pub period: Option<Estimate>,
+    /// Natural logarithm of how much the swing shrinks each cycle, at the reference sensor.
+    pub damping_per_cycle: Vec<f64>,
+    /// The wave speed in three ways.
+    pub wave_speed: WaveSpeeds,
+}
+
+/// The valve's closure. Times are on the recording's clock.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Closure {
+    /// Its start, s.
+    pub start_s: f64,
+    /// Standard error of the start, s.
+    pub start_se_s: f64,
+    /// Its end as seen, s: the valve position's, or the end of the first rise; none where the closure is slower than 2L/a.
+    pub end_s: Option<f64>,
+    /// The start comes from a trigger channel.
+    pub from_trigger: bool,
+    /// Where the pressure starts to rise at the valve, s.
+    pub pressure_onset_s: f64,
+}
+
+/// What one pressure sensor shows.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SensorFeatures {
+    /// Index among the rig's sensors.
+    pub sensor: usize,
+    /// Its name.
+    pub name: String,
+    /// Distance from the supply, m.
+    pub position_m: f64,
+    /// Number of samples recorded.
+    pub samples: usize,
+    /// Median sample interval, s.
+    pub interval_s: f64,
+    /// Time of its last sample, s.
+    pub end_s: f64,
+    /// Its noise, in m.
+    pub noise: Noise,
+    /// Head before the closure, m.
+    pub steady_before_m: Estimate,
+    /// Head over the last whole period of the record, m; none before two periods.
+    pub steady_after_m: Option<Estimate>,
+    /// When the front arrives, s; none where there is none (a sensor at the supply).
+    pub front_arrival_s: Option<Estimate>,
+    /// The first peak.
+    pub first_peak: Option<Extremum>,
+    /// All peaks and troughs in turn, until they drown in noise.
+    pub extrema: Vec<Extremum>,
+    /// Natural logarithm of how much the swing shrinks each cycle.
+    pub damping_per_cycle: Vec<f64>,
+}
+
+/// A peak or a trough.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Extremum {
+    /// When, s on the recording's clock.
+    pub time_s: f64,
+    /// Head, m, lightly smoothed.
+    pub head_m: f64,
+    /// A peak rather than a trough.
+    pub peak: bool,
+    /// Cycle from 1.
+    pub cycle: usize,
+}
+
+/// The wave speed in three ways, m/s; of several pipes, the mean one (length by travel time).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct WaveSpeeds {
+    /// From the first rise over the velocity before; needs a flow sensor and a closure faster than 2L/a.
+    pub joukowsky: Option<Estimate>,
+    /// From the times before and after the first peak.
+    pub crossings: Option<Crossings>,
+    /// From the front's arrival at two sensors.
+    pub arrival: Option<Estimate>,
+}
+
+/// The wave speed from the times before and after the first peak, m/s.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Crossings {
+    /// Best value: the falling front laid over the rising one.
+    pub value: f64,
+    /// Its standard error.
+    pub standard_error: f64,
+    /// Lowest value that another level or window gives.
+    pub low: f64,
+    /// Highest value that another level or window gives.
+    pub high: f64,
+    /// The closure takes longer than the wave's return to the sensor (2L/a at the valve), or nearly: the fall starts within the
+    /// rise.
+    pub slow_closure: bool,
+}
+
+impl WaveSpeeds {
+    /// The best of them for a start: crossings, else arrival, else Joukowsky.
+    pub fn best(&self) -> Option<Estimate> {
+        let crossings = self.crossings.map(|c| Estimate { value: c.value, standard_error: c.standard_error });
+        crossings.or(self.arrival).or(self.joukowsky)
+    }
+}

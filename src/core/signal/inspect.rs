@@ -1,0 +1,130 @@
+//! From a recording to its features.
+
+use crate::recording::Recording;
+use crate::rig::Rig;
+use crate::signal::error::SignalError;
+use crate::signal::features::{Estimate, Features, SensorFeatures, WaveSpeeds};
+use crate::signal::front::NoFront;
+use crate::signal::station::{Station, clear_stations, stations};
+use crate::signal::{closure, extrema, levels, onset, wavespeed};
+
+/// Finds everything that a recording shows without a model.
+pub fn inspect(recording: &Recording) -> Result<Features, SignalError> {
+    let rig = &recording.rig;
+    let temperature_degc = levels::temperature_degc(recording);
+    let stations = stations(recording, temperature_degc);
+    if stations.is_empty() {
+        return Err(SignalError::NoPressure { sensors: rig.pressure_sensors().count() });
+    }
+    let clear = clear_stations(&stations);
+    let Some(&reference) = clear.first() else { return Err(why_none(rig, &stations)) };
+    let Ok(front) = &reference.front else { return Err(why_none(rig, &stations)) };
+
+    let (crossings, smear) = wavespeed::crossings(&clear, rig.length_m()).unzip();
+    let smear = smear.unwrap_or(0.0);
+    let crossings = crossings.map(|found| wavespeed::held_against_period(found, reference, rig.length_m()));
+    let slow = crossings.is_none_or(|c| c.slow_closure);
+    let arrival = wavespeed::arrival(&clear, smear);
+    let step_s = reference.coarse.step_s;
+    // without a match the half fall is the next best measure of 2L/a
+    let rough = 2.0 * reference.place_m / ((front.half_fall - front.onset) * step_s).max(step_s);
+    let speed = crossings.map(|c| c.value).or(arrival.map(|a| a.value)).unwrap_or(rough);
+    let speed_error = crossings.map_or(0.3, |c| c.standard_error / c.value).max(0.005);
+    let from_valve_s = (rig.length_m() - reference.place_m).max(0.0) / speed;
+
+    let (bend, bend_error) = onset::bend(&reference.coarse, front, reference.coarse_sd_m)
+        .unwrap_or((front.onset, (0.1 * front.rise).max(1.0)));
+    let onset = Estimate {
+        value: reference.coarse.time_s(bend) - from_valve_s,
+        standard_error: (bend_error * step_s).hypot(speed_error * from_valve_s),
+    };
+    let back = 2.0 * reference.place_m / speed / step_s;
+    let end_s = reference.coarse.time_s(front.knee(&reference.coarse, back)) - from_valve_s;
+    let closure = closure::closure(recording, onset, (!slow).then_some(end_s));
+
+    let guess_s = 4.0 * rig.length_m() / speed;
+    let cycles = extrema::half_cycles(&reference.trace, onset.value, guess_s, reference.noise.white_sd_m);
+    let period = extrema::period(&cycles);
+    let period_s = period.map_or(guess_s, |p| p.value);
+
+    let flow_m3_s = levels::flow_m3_s(recording, closure.start_s.min(onset.value));
+    let area = rig.pipes.last().map_or(f64::NAN, |p| p.area_m2());
+    let steady_velocity_m_s = flow_m3_s
+        .map(|q| Estimate { value: q.value / area, standard_error: q.standard_error / area })
+        .filter(|v| v.value.is_finite());
+    let joukowsky =
+        steady_velocity_m_s.filter(|_| !slow).and_then(|v| wavespeed::joukowsky(reference, speed, v, smear));
+
+    let sensors: Vec<SensorFeatures> = stations
+        .iter()
+        .map(|station| sensor_features(recording, station, &cycles, onset.value, period_s, front.rise * step_s))
+        .collect();
+    let reference = stations.iter().position(|s| s.sensor == reference.sensor).unwrap_or(0);
+    Ok(Features {
+        closure,
+        temperature_degc,
+        flow_m3_s,
+        steady_velocity_m_s,
+        damping_per_cycle: sensors[reference].damping_per_cycle.clone(),
+        sensors,
+        reference,
+        period,
+        wave_speed: WaveSpeeds { joukowsky, crossings, arrival },
+    })
+}
+
+fn why_none(rig: &Rig, stations: &[Station]) -> SignalError {
+    let short = stations.iter().find(|s| matches!(s.front, Err(NoFront::NoReturn)));
+    let station = short.or_else(|| stations.iter().max_by(|a, b| a.place_m.total_cmp(&b.place_m)));
+    let Some(station) = station else { return SignalError::NoPressure { sensors: 0 } };
+    let head = &station.trace.head_m;
+    let lowest = head.iter().copied().fold(f64::INFINITY, f64::min);
+    let highest = head.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    let sensor = rig.sensors[station.sensor].name.clone();
+    if short.is_some() {
+        let risen = head.iter().position(|h| *h > 0.5 * (lowest + highest)).unwrap_or(0);
+        return SignalError::TooShort { sensor, left_s: (head.len() - risen) as f64 * station.trace.step_s };
+    }
+    let duration_s = station.trace.len() as f64 * station.trace.step_s;
+    SignalError::NoClosure { sensor, duration_s, swing_m: highest - lowest }
+}
+
+fn sensor_features(
+    recording: &Recording,
+    station: &Station,
+    cycles: &extrema::HalfCycles,
+    start_s: f64,
+    period_s: f64,
+    rise_s: f64,
+) -> SensorFeatures {
+    let place = &recording.rig.sensors[station.sensor];
+    let Station { trace, noise, .. } = station;
+    let front_arrival_s = station.front.as_ref().ok().map(|front| {
+        let (at, error) = onset::bend(&station.coarse, front, station.coarse_sd_m)
+            .unwrap_or((front.onset, (0.1 * front.rise).max(1.0)));
+        Estimate { value: station.coarse.time_s(at), standard_error: error * station.coarse.step_s }
+    });
+    let lead = match &station.front {
+        Ok(_) => station.lead.clone(),
+        Err(_) => 0..trace.index(start_s),
+    };
+    let base_m = station.front.as_ref().map_or(trace.head_m[0], |f| f.base_m);
+    let newest = (5.0f64.max(2.0 * period_s) / trace.step_s) as usize;
+    let half_width = ((0.1 * rise_s / trace.step_s) as usize).min(200);
+    let extrema = extrema::extrema(trace, cycles, start_s, half_width, noise.white_sd_m);
+    SensorFeatures {
+        sensor: station.sensor,
+        name: place.name.clone(),
+        position_m: place.position_m,
+        samples: recording.series[station.sensor].time_s.len(),
+        interval_s: trace.step_s,
+        end_s: trace.time_s((trace.len() - 1) as f64),
+        noise: *noise,
+        steady_before_m: levels::before(&trace.head_m[lead], base_m, newest, noise),
+        steady_after_m: levels::after(trace, start_s, period_s, noise),
+        front_arrival_s,
+        first_peak: extrema.first().copied().filter(|e| e.peak),
+        damping_per_cycle: extrema::damping(&extrema),
+        extrema,
+    }
+}
