@@ -8,12 +8,13 @@ use prost::Message;
 
 use crate::recording::{CsvFormat, Gap, Recording, RunInfo, Series};
 use crate::rig::Rig;
+use crate::storage::error::LogError;
 use crate::storage::layout;
 use crate::storage::layout::{key, offset_ns, to_s};
+use crate::storage::nearest::nearest;
 use crate::storage::retime::{CLOCKS_METADATA, Retimer, SensorClock};
 use crate::storage::schema;
 use crate::storage::schema::{Block, Kind, Sample};
-use crate::storage::{LogError, nearest};
 
 /// The parts of a recording seen so far.
 #[derive(Default)]

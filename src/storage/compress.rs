@@ -10,11 +10,12 @@ use mcap::sans_io::{LinearReadEvent, LinearReader};
 use mcap::{Attachment, McapError};
 use prost::Message;
 
+use crate::storage::error::LogError;
 use crate::storage::layout::{key, offset_ns, to_ns as nanoseconds, within};
 use crate::storage::read::{checked_options, parse};
 use crate::storage::retime::{CLOCKS_METADATA, Retimer, SensorClock};
 use crate::storage::schema::{Block, Gap, Kind};
-use crate::storage::{LogError, sink};
+use crate::storage::sink;
 
 /// What becomes of the samples of a live file.
 pub struct Moves<'a> {

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use tempfile::NamedTempFile;
 
-use crate::storage::LogError;
+use crate::storage::error::LogError;
 
 /// The whole content of a file.
 pub fn read_file(path: &Path) -> Result<Vec<u8>, LogError> {

@@ -96,7 +96,7 @@ pub enum LogError {
     },
     /// Something is wrong in a file of another program that has no lines.
     #[error("{}: {why}", path.display())]
-    Foreign {
+    SourceFile {
         /// The file.
         path: PathBuf,
         /// What is wrong, and what to do.
@@ -313,6 +313,9 @@ pub enum CsvProblem {
     #[error("no pressure sensor is left: a recording needs at least one")]
     NoPressure,
 }
+
+/// A line of a time series, from 1, where there is one, and what is wrong there.
+pub(crate) type CsvFault = (Option<usize>, Box<CsvProblem>);
 
 impl LogError {
     /// An I/O failure on `path`, with the plain cases in plain words.

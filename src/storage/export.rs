@@ -6,7 +6,8 @@ use std::io::{self, BufWriter, Write};
 use std::path::Path;
 
 use crate::recording::{CsvFormat, Recording};
-use crate::storage::{LogError, disk};
+use crate::storage::disk;
+use crate::storage::error::LogError;
 
 /// Writes a recording as CSV: `time_s`, then a column a sensor in its unit; a line for each time at which any sensor has
 /// a sample. Numbers keep every digit; those of an imported series are written as they were. Gaps leave no mark in a

@@ -6,7 +6,8 @@ use tempfile::TempDir;
 
 use crate::recording::{Gap, Recording, RunInfo, Series};
 use crate::rig::Rig;
-use crate::storage::{LogError, Writer};
+use crate::storage::error::LogError;
+use crate::storage::writer::Writer;
 
 /// Two pressure sensors, a flow meter and a thermometer.
 pub fn rig() -> Rig {

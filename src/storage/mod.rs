@@ -13,10 +13,10 @@ pub(crate) mod error;
 pub(crate) mod export;
 #[cfg(test)]
 pub(crate) mod fixtures;
-pub mod foreign;
-pub(crate) mod import;
+pub mod import;
 pub mod layout;
 pub(crate) mod lengths;
+pub(crate) mod nearest;
 pub mod output;
 pub(crate) mod read;
 pub(crate) mod recover;
@@ -29,21 +29,11 @@ pub(crate) mod writer;
 
 pub use crate::storage::error::{CsvProblem, LogError};
 pub use crate::storage::export::{export_csv, export_csv_file};
-pub use crate::storage::import::{ImportOptions, import_csv, import_csv_with};
+pub use crate::storage::import::file::{import_csv, import_csv_with};
+pub use crate::storage::import::source::ImportOptions;
 pub use crate::storage::read::{decode, has_end, read};
 pub use crate::storage::recover::{Loss, Recovery, recover, salvaged};
 pub use crate::storage::retime::{ClockFix, Retimer, SensorClock};
 pub use crate::storage::summary::{SensorSummary, Summary};
 pub use crate::storage::write::write;
 pub use crate::storage::writer::{Ending, FLUSH_EVERY, Writer};
-
-/// The name among `known` that `name` was probably meant to be.
-fn nearest<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
-    let lower = name.to_lowercase();
-    known
-        .into_iter()
-        .map(|k| (strsim::damerau_levenshtein(&lower, &k.to_lowercase()), k))
-        .filter(|(distance, k)| *distance <= 1.max(name.len().max(k.len()) / 3))
-        .min_by_key(|(distance, _)| *distance)
-        .map(|(_, k)| k)
-}

@@ -5,8 +5,8 @@ use std::fs::{self, File};
 use std::io::{Read, Write as _};
 use std::path::Path;
 
-use crate::storage::LogError;
 use crate::storage::disk::{publish_new, publish_over, temporary_beside};
+use crate::storage::error::LogError;
 
 type AnyError = Box<dyn Error + Send + Sync>;
 

@@ -8,8 +8,9 @@ use mcap::{MAGIC, McapError, McapResult};
 
 use crate::recording::Recording;
 use crate::storage::assemble::Assembler;
+use crate::storage::disk;
+use crate::storage::error::LogError;
 use crate::storage::lengths::texts_fit;
-use crate::storage::{LogError, disk};
 
 /// Reads a recording, with the rig from inside it.
 ///

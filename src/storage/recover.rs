@@ -8,8 +8,11 @@ use serde::Serialize;
 
 use crate::recording::Recording;
 use crate::storage::assemble::Assembler;
+use crate::storage::disk;
+use crate::storage::error::LogError;
 use crate::storage::read::{check_start, checked_options, describe, parse, records};
-use crate::storage::{LogError, Summary, disk, write};
+use crate::storage::summary::Summary;
+use crate::storage::write::write;
 
 /// What a recovery saved and what it could not.
 #[derive(Debug, Clone, PartialEq, Serialize)]

@@ -13,7 +13,7 @@ use prost::Message;
 
 use crate::recording::{CsvFormat, Gap, RunInfo};
 use crate::rig::{Rig, Sensor};
-use crate::storage::LogError;
+use crate::storage::error::LogError;
 use crate::storage::layout;
 use crate::storage::layout::{key, kind_name};
 use crate::storage::schema;

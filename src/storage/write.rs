@@ -4,11 +4,12 @@ use std::io::BufWriter;
 use std::path::Path;
 
 use crate::recording::{Recording, Series};
+use crate::storage::disk;
+use crate::storage::error::LogError;
 use crate::storage::layout::{BLOCK_ABOVE_HZ, offset_ns, to_ns, to_s};
 use crate::storage::schema::{Block, Kind};
 use crate::storage::sink;
 use crate::storage::sink::Sink;
-use crate::storage::{LogError, disk};
 
 /// Writes a recording as a finished file: indexed, zstd-compressed, with CRCs. Its samples, gaps, notes and rig text
 /// come back from [`read`](crate::storage::read) bit by bit.

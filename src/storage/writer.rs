@@ -9,13 +9,14 @@ use std::time::{Duration, Instant};
 use crate::recording::{Gap, RunInfo};
 use crate::rig::Rig;
 use crate::storage::compress::{LeftOut, Moves, compress};
+use crate::storage::disk;
 use crate::storage::end::end_in_place;
+use crate::storage::error::LogError;
 use crate::storage::layout::{BLOCK_ABOVE_HZ, offset_ns, to_ns, to_s};
 use crate::storage::retime::{ClockFix, Retimer};
 use crate::storage::schema::Block;
 use crate::storage::sink;
 use crate::storage::sink::{LIVE_CHUNK_BYTES, Muted, Sink};
-use crate::storage::{LogError, disk};
 
 /// While samples arrive, none waits longer than this before it is handed to the system.
 pub const FLUSH_EVERY: Duration = Duration::from_millis(20);

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use surgescope::rig::Rig;
 use surgescope::storage as log;
-use surgescope::storage::foreign::{ForeignOptions, MessageTime, bind, decode_foreign};
+use surgescope::storage::import::{SourceOptions, MessageTime, bind, decode_source};
 
 /// A parser and the name of its folder in `corpus/`.
 pub struct Target {
@@ -66,11 +66,11 @@ unit = "bar"
 "#;
 
 /// Reads a file of another program, and brings it to the sensors of a rig: what comes out can be written as a recording.
-fn foreign(input: &[u8], name: &str, options: &ForeignOptions) {
+fn foreign(input: &[u8], name: &str, options: &SourceOptions) {
     static RIG: std::sync::LazyLock<Rig> =
         std::sync::LazyLock::new(|| Rig::from_toml(BENCH, "bench.toml").expect("a rig"));
     let path = Path::new(name);
-    let file = match decode_foreign(input, path, options) {
+    let file = match decode_source(input, path, options) {
         Ok(file) => file,
         Err(error) => return drop(error.to_string()),
     };
@@ -80,17 +80,17 @@ fn foreign(input: &[u8], name: &str, options: &ForeignOptions) {
         assert!(time_s.windows(2).all(|t| t[0] < t[1]), "times increase");
         assert!(time_s.iter().chain(value).all(|n| n.is_finite()), "numbers are finite");
     }
-    let mut mended = Vec::new();
-    match bind(file, path, &RIG, options, &mut mended) {
-        Ok(recording) => log::foreign::doubts(&recording).iter().for_each(|d| assert!(!d.text.is_empty())),
+    let mut repairs = Vec::new();
+    match bind(file, path, &RIG, options, &mut repairs) {
+        Ok(recording) => log::import::unit_warnings(&recording).iter().for_each(|d| assert!(!d.text.is_empty())),
         Err(error) => drop(error.to_string()),
     }
 }
 
 /// Tables in text.
 fn csv(input: &[u8]) {
-    foreign(input, "run.csv", &ForeignOptions::default());
-    let told = ForeignOptions {
+    foreign(input, "run.csv", &SourceOptions::default());
+    let told = SourceOptions {
         day_first: Some(false),
         time_unit_s: Some(1e-3),
         ignore: vec!["*".into()],
@@ -102,13 +102,13 @@ fn csv(input: &[u8]) {
 /// NI TDMS; what does not begin like one goes to the other readers.
 fn tdms(input: &[u8]) {
     let map = vec![("/'Group'/'Channel'".to_string(), "P1".to_string())];
-    foreign(input, "run.tdms", &ForeignOptions { map, ..ForeignOptions::default() });
+    foreign(input, "run.tdms", &SourceOptions { map, ..SourceOptions::default() });
 }
 
 /// MCAP of other programs, its messages timed in three ways.
 fn mcap(input: &[u8]) {
     let map = vec![("/a.p".to_string(), "P1".to_string()), ("/b.value".to_string(), "P2".to_string())];
     for message_time in [MessageTime::Log, MessageTime::Publish, MessageTime::Field("t".into())] {
-        foreign(input, "run.mcap", &ForeignOptions { map: map.clone(), message_time, ..ForeignOptions::default() });
+        foreign(input, "run.mcap", &SourceOptions { map: map.clone(), message_time, ..SourceOptions::default() });
     }
 }

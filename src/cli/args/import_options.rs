@@ -2,7 +2,7 @@
 
 use chrono::DateTime;
 
-use crate::storage::foreign::{ForeignOptions, MessageTime, time_unit, zone_seconds};
+use crate::storage::import::{MessageTime, SourceOptions, time_unit, zone_seconds};
 
 /// Options on what a file does not say of itself.
 #[derive(Debug, Clone, clap::Args)]
@@ -32,13 +32,13 @@ pub struct ForeignArgs {
 
 impl ForeignArgs {
     /// As the readers want them.
-    pub fn options(self) -> ForeignOptions {
+    pub fn options(self) -> SourceOptions {
         let message_time = match (self.time_field, self.message_time.as_deref()) {
             (Some(field), _) => MessageTime::Field(field),
             (None, Some("publish")) => MessageTime::Publish,
             _ => MessageTime::Log,
         };
-        ForeignOptions {
+        SourceOptions {
             map: self.map,
             ignore: self.ignore,
             zone_s: self.zone,

@@ -10,7 +10,7 @@ use crate::cli::args::import_options::{ForeignArgs, start};
 use crate::cli::{CommandResult, Outcome};
 use crate::recording::Recording;
 use crate::rig::Rig;
-use crate::storage::foreign::{Imported, Mended, doubts, import_file, require_sensors};
+use crate::storage::import::{Imported, Repair, import_file, require_sensors, unit_warnings};
 use crate::storage::{ImportOptions, Summary, write};
 
 /// Arguments of `import`.
@@ -50,12 +50,12 @@ enum AlignBy {
     Front,
 }
 
-/// What was mended in one file.
+/// What was repaired in one file.
 #[derive(Serialize)]
 struct Report {
     file: PathBuf,
     #[serde(flatten)]
-    mended: Mended,
+    repair: Repair,
 }
 
 /// Runs it.
@@ -71,17 +71,17 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     let mut parts = Vec::new();
     for path in &args.files {
         let options = ImportOptions { start_unix_ns: start_of(path, &args.start), without: args.without.clone() };
-        let Imported { recording, mended, start_digit_s } = import_file(path, &rig, &options, &foreign, alone)?;
-        reports.extend(mended.into_iter().map(|mended| Report { file: path.clone(), mended }));
+        let Imported { recording, repairs, start_digit_s } = import_file(path, &rig, &options, &foreign, alone)?;
+        reports.extend(repairs.into_iter().map(|repair| Report { file: path.clone(), repair }));
         parts.push(Part { file: path.display().to_string(), recording, start_digit_s });
     }
     let (recording, clocks, left_out) = joined(parts, &rig, &args)?;
-    let warnings = doubts(&recording);
+    let warnings = unit_warnings(&recording);
     write(&args.output, &recording)?;
 
     for report in &reports {
-        let line = report.mended.line.map(|l| format!(":{l}")).unwrap_or_default();
-        crate::cli::tell!("{}{line}: {}", report.file.display(), report.mended.text);
+        let line = report.repair.line.map(|l| format!(":{l}")).unwrap_or_default();
+        crate::cli::tell!("{}{line}: {}", report.file.display(), report.repair.text);
     }
     clocks.iter().skip(1).for_each(|clock| crate::cli::tell!("{clock}"));
     for clock in &clocks {
@@ -100,7 +100,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     } else {
         crate::cli::say!("{}: {summary}", args.output.display());
     }
-    Ok(if reports.iter().any(|r| r.mended.lost) { Outcome::DataLost } else { Outcome::Done })
+    Ok(if reports.iter().any(|r| r.repair.lost) { Outcome::DataLost } else { Outcome::Done })
 }
 
 /// The recording, how each file's clock was aligned, and what was left out.

@@ -4,7 +4,7 @@ use std::fs;
 use std::path::Path;
 
 use serde_json::Value;
-use surgescope::storage::foreign::{ForeignOptions, decode_foreign, read_foreign};
+use surgescope::storage::import::{SourceOptions, decode_source, read_source};
 
 use super::{Bench, mended};
 use crate::common::here;
@@ -15,7 +15,7 @@ fn numbers(value: &Value) -> Vec<f64> {
 
 #[test]
 fn every_channel_has_the_times_and_scaled_values_that_nptdms_reads() {
-    let file = read_foreign(&here("tests/fixtures/nptdms.tdms"), &ForeignOptions::default()).unwrap();
+    let file = read_source(&here("tests/fixtures/nptdms.tdms"), &SourceOptions::default()).unwrap();
     let expected: Value = serde_json::from_slice(&fs::read(here("tests/fixtures/nptdms.json")).unwrap()).unwrap();
     assert_eq!(file.tracks.len(), 4, "{:?}", file.tracks.iter().map(|t| &t.name).collect::<Vec<_>>());
     for track in &file.tracks {
@@ -63,19 +63,19 @@ fn interleaved_big_endian_and_cut_off_segments_are_read() {
         ("big-contiguous-cut", 6, 5, true),
     ] {
         let path = here(&format!("tools/fuzz/corpus/tdms/{name}.tdms"));
-        let file = read_foreign(&path, &ForeignOptions::default()).unwrap();
+        let file = read_source(&path, &SourceOptions::default()).unwrap();
         let ramp = |n: usize, step: f64| (0..n).map(|i| i as f64 * step).collect::<Vec<_>>();
         let values: Vec<&Vec<f64>> = file.tracks.iter().map(|t| &t.series.value).collect();
         assert_eq!(values, [&ramp(p1, 1.0), &ramp(p2, 0.5)], "{name}");
         assert_eq!(file.tracks[0].series.time_s[2], 0.002, "{name}");
-        assert_eq!(file.mended.iter().any(|m| m.what == "cut-off" && m.lost), cut, "{name}");
+        assert_eq!(file.repairs.iter().any(|m| m.what == "cut-off" && m.lost), cut, "{name}");
     }
 }
 
 #[test]
 fn what_cannot_be_read_is_refused_in_words() {
     let whole = fs::read(here("tests/fixtures/nptdms.tdms")).unwrap();
-    let read = |bytes: &[u8]| decode_foreign(bytes, Path::new("run.tdms"), &ForeignOptions::default());
+    let read = |bytes: &[u8]| decode_source(bytes, Path::new("run.tdms"), &SourceOptions::default());
     let mut daqmx = whole.clone();
     daqmx[4] |= 0x80;
     assert!(read(&daqmx).unwrap_err().to_string().contains("run.tdms: it holds raw DAQmx data"));

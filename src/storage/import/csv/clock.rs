@@ -1,18 +1,18 @@
 //! The first column: seconds, another unit of time, date-times, or a date and a time of day in two columns.
 
-use crate::storage::CsvProblem;
-use crate::storage::foreign::Start;
-use crate::storage::foreign::csv::decimals::Decimals;
-use crate::storage::foreign::csv::stamp;
-use crate::storage::foreign::csv::stamp::{Order, Stamp};
-use crate::storage::foreign::csv::{ForeignOptions, Mended, Row, header_unit};
-use crate::storage::import::hint_on_time;
+use crate::storage::error::CsvProblem;
+use crate::storage::import::csv::heading::{heading_unit, hint_on_time, time_unit};
+use crate::storage::import::csv::numbers::Numbers;
+use crate::storage::import::csv::row::Row;
+use crate::storage::import::csv::stamp;
+use crate::storage::import::csv::stamp::{Order, Stamp};
+use crate::storage::import::source::{Repair, SourceOptions, Start};
 use crate::storage::layout::{to_ns, to_s};
 
 /// Reads the times of a table.
 pub(crate) struct Clock {
     kind: Kind,
-    said: Vec<Mended>,
+    repairs: Vec<Repair>,
     /// Column's heading.
     name: String,
     first_ns: Option<i64>,
@@ -39,33 +39,51 @@ enum Kind {
 const DAY_NS: i64 = 86_400_000_000_000;
 
 impl Clock {
+    /// The clock of a column of plain seconds.
+    pub(crate) fn of_seconds(name: &str) -> Clock {
+        Clock::of(Kind::Numbers(1.0), name, Vec::new(), &SourceOptions::default())
+    }
+
+    fn of(kind: Kind, name: &str, repairs: Vec<Repair>, options: &SourceOptions) -> Clock {
+        Clock {
+            kind,
+            repairs,
+            name: name.to_owned(),
+            first_ns: None,
+            digit_s: 1.0,
+            last_ns: i64::MIN,
+            days_ns: 0,
+            zone_s: options.zone_s.unwrap_or(0),
+            zone_assumed: options.zone_s.is_none(),
+        }
+    }
+
     /// Finds out from the headings, the units under them and the first row.
     pub(crate) fn find(
         header: &[String],
         units: Option<&[String]>,
-        row: &Row,
+        row: &Row<'_>,
         text: &str,
         separator: char,
-        options: &ForeignOptions,
+        options: &SourceOptions,
     ) -> Result<Clock, CsvProblem> {
         let name = header.first().cloned().unwrap_or_default();
         let cell = row.get(0).unwrap_or_default();
-        let zone_s = options.zone_s.unwrap_or(0);
-        let mut said = Vec::new();
-        let number = Decimals::new(separator).read(cell, &name).is_ok_and(|v| !v.is_nan());
+        let mut repairs = Vec::new();
+        let number = Numbers::new(separator, false).read(cell, &name).is_ok_and(|v| !v.is_nan());
         let kind = if number {
             let unit = units.and_then(|u| u.first()).and_then(|u| time_unit(u));
             let heading = heading_unit(&name).or(unit).or(options.time_unit_s);
             let seconds = heading.ok_or_else(|| no_time_column(&name, header))?;
             if seconds != 1.0 {
-                said.push(Mended::new(
+                repairs.push(Repair::new(
                     "time-unit",
                     1,
                     None,
                     format!("the times of '{name}' are in units of {seconds} s"),
                 ));
             } else if name != "time_s" {
-                said.push(Mended::new("time-column", 1, None, format!("the times stand in '{name}', in seconds")));
+                repairs.push(Repair::new("time-column", 1, None, format!("the times stand in '{name}', in seconds")));
             }
             Kind::Numbers(seconds)
         } else {
@@ -82,18 +100,7 @@ impl Clock {
                 None => return Err(CsvProblem::NotANumber { column: name, cell: cell.into() }),
             }
         };
-        let zone_assumed = options.zone_s.is_none();
-        Ok(Clock {
-            kind,
-            said,
-            name,
-            first_ns: None,
-            digit_s: 1.0,
-            last_ns: i64::MIN,
-            days_ns: 0,
-            zone_s,
-            zone_assumed,
-        })
+        Ok(Clock::of(kind, &name, repairs, options))
     }
 
     /// Number of columns that hold the time.
@@ -102,12 +109,20 @@ impl Clock {
     }
 
     /// The time of a row, s: the column's own numbers, or seconds since the first date-time.
-    pub(crate) fn seconds(&mut self, row: &Row, decimals: &mut Decimals, header: &[String]) -> Result<f64, CsvProblem> {
+    pub(crate) fn seconds(
+        &mut self,
+        row: &Row<'_>,
+        numbers: &mut Numbers,
+        header: &[String],
+    ) -> Result<f64, CsvProblem> {
         let cell = row.get(0).unwrap_or_default();
         let bad = || CsvProblem::NotATime(cell.into());
         let stamp = match self.kind {
             Kind::Numbers(unit_s) => {
-                let value = decimals.read(cell, &header[0])?;
+                let value = numbers.read(cell, &header[0])?;
+                if value.is_nan() {
+                    return Err(CsvProblem::NoTime);
+                }
                 // a division keeps decimal numbers what they are: 12.5 ms are 12.5/1000 s
                 let time_s = if unit_s < 1.0 { value / (1.0 / unit_s).round() } else { value * unit_s };
                 return to_ns(time_s).map(|_| time_s).ok_or_else(|| CsvProblem::TimeOutOfRange(cell.into()));
@@ -131,7 +146,7 @@ impl Clock {
             if ns < self.last_ns.saturating_sub(DAY_NS / 2) {
                 self.days_ns = self.days_ns.saturating_add(DAY_NS);
                 ns = ns.saturating_add(DAY_NS);
-                self.said.push(Mended::new(
+                self.repairs.push(Repair::new(
                     "midnight",
                     1,
                     None,
@@ -157,22 +172,23 @@ impl Clock {
         Some(Start { unix_ns, digit_s: self.digit_s })
     }
 
-    pub(crate) fn said(&mut self) -> Vec<Mended> {
-        let mut said = std::mem::take(&mut self.said);
+    /// How the times are written, where they are not plain seconds.
+    pub(crate) fn repairs(&mut self) -> Vec<Repair> {
+        let mut repairs = std::mem::take(&mut self.repairs);
         let zone = if self.zone_assumed { ", taken as UTC (--zone says otherwise)" } else { "" };
         let text = match self.kind {
-            Kind::Numbers(_) => return said,
+            Kind::Numbers(_) => return repairs,
             Kind::Stamps { .. } => format!("'{}' holds date-times{zone}; time 0 is the first", self.name),
             Kind::TwoColumns(_) => format!("the first two columns hold dates and times{zone}; time 0 is the first"),
             Kind::TimeOfDay => format!("'{}' holds times of the day; time 0 is the first", self.name),
         };
-        said.push(Mended::new("date-times", 1, None, text));
-        said
+        repairs.push(Repair::new("date-times", 1, None, text));
+        repairs
     }
 }
 
 /// The order of day and month: as told, or as the first date shows that has a number above 12.
-fn order(cell: &str, text: &str, separator: char, options: &ForeignOptions) -> Order {
+fn order(cell: &str, text: &str, separator: char, options: &SourceOptions) -> Order {
     match options.day_first {
         Some(true) => Order::DayFirst,
         Some(false) => Order::MonthFirst,
@@ -192,28 +208,4 @@ fn no_time_column(name: &str, header: &[String]) -> CsvProblem {
         hint_on_time(name)
     };
     CsvProblem::NoTimeColumn { found: name.into(), hint }
-}
-
-/// Seconds of the unit in a heading of a time column: `time_s`, `Time (ms)`, `t [us]`; `None` where it names none or is none.
-fn heading_unit(heading: &str) -> Option<f64> {
-    let (name, unit) = match header_unit(heading) {
-        Some(split) => split,
-        None => heading.rsplit_once(['_', ' ']).map(|(name, unit)| (name.to_string(), unit.to_string()))?,
-    };
-    let name = name.to_lowercase();
-    let is_time = ["time", "t", "times", "zeit", "temps", "tempo", "tiempo", "x", "elapsed time", "relative time"];
-    is_time.contains(&name.as_str()).then(|| time_unit(&unit)).flatten()
-}
-
-/// Seconds of a unit of time.
-pub fn time_unit(text: &str) -> Option<f64> {
-    match text.trim_end_matches('.').to_lowercase().as_str() {
-        "s" | "sec" | "secs" | "second" | "seconds" => Some(1.0),
-        "ms" | "msec" | "milliseconds" => Some(1e-3),
-        "us" | "µs" | "μs" | "usec" | "microseconds" => Some(1e-6),
-        "ns" | "nanoseconds" => Some(1e-9),
-        "min" | "minutes" => Some(60.0),
-        "h" | "hours" => Some(3600.0),
-        _ => None,
-    }
 }

@@ -5,46 +5,37 @@
 
 pub(crate) mod bytes;
 pub(crate) mod channel;
+pub(crate) mod property;
 pub(crate) mod scale;
 pub(crate) mod segment;
 
 use std::collections::BTreeMap;
 
-use crate::storage::foreign::tdms::channel::{Channel, Timing, Values};
-use crate::storage::foreign::tdms::segment::Reader;
+use crate::storage::import::tdms::channel::{Channel, Timing, Values};
+use crate::storage::import::tdms::property::{Properties, Property};
+use crate::storage::import::tdms::scale::scaling;
+use crate::storage::import::tdms::segment::{Reader, names as names_of};
 
 use crate::recording::{Gap, Series};
-use crate::storage::foreign::gaps::gaps;
-use crate::storage::foreign::{Foreign, Mended, Start, Track, counted};
-use crate::storage::layout::to_s;
-
-/// A property of an object.
-#[derive(Debug, Clone, PartialEq)]
-pub(crate) enum Property {
-    Text(String),
-    Number(f64),
-    /// Nanoseconds since 1970 UTC.
-    Time(i64),
-}
-
-type Properties = BTreeMap<String, Property>;
+use crate::storage::import::csv::heading::time_unit;
+use crate::storage::import::gaps::gaps;
+use crate::storage::import::source::{Repair, SourceFile, Start, Track, counted};
+use crate::storage::layout::{to_ns, to_s};
 
 /// Reads a file. `Err` says what is wrong and what to do.
-pub(crate) fn read(bytes: &[u8]) -> Result<Foreign, String> {
+pub(crate) fn read(bytes: &[u8]) -> Result<SourceFile, String> {
     let mut reader = Reader::default();
     let incomplete = reader.read(bytes)?;
-    let mut mended = Vec::new();
+    let mut repairs = Vec::new();
     if incomplete {
         let text = "the file was not closed: the last segment is cut off, and what is whole in it was read";
-        mended.push(Mended { lost: true, ..Mended::new("cut-off", 1, None, text) });
+        repairs.push(Repair { lost: true, ..Repair::new("cut-off", 1, None, text) });
     }
     let mut notes = Vec::new();
-    for (path, properties) in
-        reader.properties.iter().filter(|(path, _)| crate::storage::foreign::tdms::segment::names(path).len() < 2)
-    {
+    for (path, properties) in reader.properties.iter().filter(|(path, _)| names_of(path).len() < 2) {
         notes.extend(properties.iter().filter_map(|(key, value)| match value {
             Property::Text(text) if !key.starts_with("NI_") && !text.is_empty() => {
-                let whose = crate::storage::foreign::tdms::segment::names(path).join("/");
+                let whose = names_of(path).join("/");
                 Some((if whose.is_empty() { key.clone() } else { format!("{whose}: {key}") }, text.clone()))
             }
             _ => None,
@@ -70,7 +61,7 @@ pub(crate) fn read(bytes: &[u8]) -> Result<Foreign, String> {
         let late_s = own_ns.zip(start_ns).map_or(0.0, |(own, first)| to_s(own.saturating_sub(first)));
         // years after the first channel, steps of microseconds vanish
         let late = track.series.time_s.iter().map(|t| t + late_s).collect();
-        track.series = in_order(&track.name, late, track.series.value, &mut track.mended)?;
+        track.series = in_order(&track.name, late, track.series.value, &mut track.repairs)?;
         let stands = |t: f64| track.series.time_s.partition_point(|s| *s <= t);
         let holes = holes_s.iter().filter_map(|t| stands(t + late_s).checked_sub(1));
         let holes: Vec<Gap> = holes
@@ -83,14 +74,14 @@ pub(crate) fn read(bytes: &[u8]) -> Result<Foreign, String> {
                 "{} was recorded in several stretches, by its wf_start_time: gaps stand between them",
                 track.name
             );
-            track.mended.push(Mended::new("stretches", holes.len(), None, text));
+            track.repairs.push(Repair::new("stretches", holes.len(), None, text));
         }
         track.series.gaps.extend(holes);
         track.series.gaps.sort_by(|a, b| a.from_s.total_cmp(&b.from_s));
         tracks.push(track);
     }
     let start = start_ns.and_then(|ns| u64::try_from(ns).ok()).map(|unix_ns| Start { unix_ns, digit_s: 1e-6 });
-    Ok(Foreign { tracks, start, notes, mended, spare_tracks: true })
+    Ok(SourceFile { tracks, start, notes, repairs, spare_tracks: true })
 }
 
 /// A channel of numbers with its times, s from its own start.
@@ -109,7 +100,7 @@ fn timed_track(
     properties: &BTreeMap<String, Properties>,
 ) -> Result<Option<Timed>, String> {
     let Values::Numbers(raw) = &channel.values else { return Ok(None) };
-    let names = crate::storage::foreign::tdms::segment::names(&channel.path);
+    let names = names_of(&channel.path);
     let (Some(group), Some(short)) = (names.first(), names.get(1)) else { return Ok(None) };
     let own = properties.get(&channel.path);
     let property = |key: &str| own.and_then(|p| p.get(key));
@@ -118,14 +109,10 @@ fn timed_track(
         Some(last) => evenly(channel, last, raw.len())?,
         None => {
             let beside = |c: &&Channel| {
-                let names = crate::storage::foreign::tdms::segment::names(&c.path);
+                let names = names_of(&c.path);
                 names.first() == Some(group) && c.path != channel.path && c.values.len() == raw.len()
             };
-            match all
-                .iter()
-                .filter(beside)
-                .find_map(|c| times(c, &crate::storage::foreign::tdms::segment::names(&c.path), properties))
-            {
+            match all.iter().filter(beside).find_map(|c| times(c, &names_of(&c.path), properties)) {
                 Some((times, first)) => (times, first, Vec::new()),
                 None => return Ok(None),
             }
@@ -135,10 +122,7 @@ fn timed_track(
         return Ok(None);
     }
     let chain = [channel.path.clone(), format!("/'{}'", group.replace('\'', "''")), "/".into()];
-    let scaled = chain
-        .iter()
-        .filter_map(|path| properties.get(path))
-        .find_map(|p| crate::storage::foreign::tdms::scale::scaling(p).transpose());
+    let scaled = chain.iter().filter_map(|path| properties.get(path)).find_map(|p| scaling(p).transpose());
     let values = match scaled.transpose().map_err(|why| format!("channel {}: {why}", channel.path))? {
         Some(scaling) => scaling.apply(raw),
         None => raw.clone(),
@@ -148,7 +132,7 @@ fn timed_track(
         _ => None,
     });
     let series = Series { time_s, value: values, gaps: Vec::new() };
-    let track = Track { name: channel.path.clone(), short: short.clone(), unit, series, mended: Vec::new() };
+    let track = Track { name: channel.path.clone(), short: short.clone(), unit, series, repairs: Vec::new() };
     Ok(Some(Timed { track, start_ns, holes_s }))
 }
 
@@ -195,7 +179,7 @@ fn times(
             let unit_s = is_time_name(names.get(1)?)?;
             let said = properties.get(&channel.path).and_then(|p| p.get("unit_string"));
             let unit_s = match said {
-                Some(Property::Text(unit)) => crate::storage::foreign::csv::time_unit(unit).unwrap_or(unit_s),
+                Some(Property::Text(unit)) => time_unit(unit).unwrap_or(unit_s),
                 _ => unit_s,
             };
             Some((values.iter().map(|t| t * unit_s).collect(), None))
@@ -215,13 +199,13 @@ fn is_time_name(name: &str) -> Option<f64> {
 }
 
 /// The samples that are numbers, with gaps for those that are not, which is said; times must increase.
-fn in_order(path: &str, time_s: Vec<f64>, value: Vec<f64>, mended: &mut Vec<Mended>) -> Result<Series, String> {
+fn in_order(path: &str, time_s: Vec<f64>, value: Vec<f64>, repairs: &mut Vec<Repair>) -> Result<Series, String> {
     let all = time_s.len();
-    let timed = |(t, _): &(f64, f64)| crate::storage::layout::to_ns(*t).is_some();
+    let timed = |(t, _): &(f64, f64)| to_ns(*t).is_some();
     let timed: Vec<(f64, f64)> = time_s.into_iter().zip(value).filter(timed).collect();
     if timed.len() < all {
         let text = counted(all - timed.len(), "value", "values") + &format!(" of {path} without a time left out");
-        mended.push(Mended { lost: true, ..Mended::new("no-time", all - timed.len(), None, text) });
+        repairs.push(Repair { lost: true, ..Repair::new("no-time", all - timed.len(), None, text) });
     }
     if let Some(w) = timed.windows(2).find(|w| w[1].0 <= w[0].0) {
         return Err(format!("channel {path}: its times do not increase: {} s, then {} s", w[0].0, w[1].0));
@@ -232,7 +216,7 @@ fn in_order(path: &str, time_s: Vec<f64>, value: Vec<f64>, mended: &mut Vec<Mend
     if !missing_s.is_empty() {
         let text =
             counted(missing_s.len(), "value", "values") + &format!(" of {path} are no numbers: recorded as gaps");
-        mended.push(Mended { lost: true, ..Mended::new("no-number", missing_s.len(), None, text) });
+        repairs.push(Repair { lost: true, ..Repair::new("no-number", missing_s.len(), None, text) });
     }
     let gaps = gaps(&time_s, &missing_s);
     Ok(Series { time_s, value, gaps })

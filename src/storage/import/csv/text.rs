@@ -2,36 +2,35 @@
 
 use std::borrow::Cow;
 
-use crate::storage::CsvProblem;
-use crate::storage::foreign::Mended;
-use crate::storage::foreign::csv::is_row;
-use crate::storage::import::{Fault, text_of};
+use crate::storage::error::{CsvFault, CsvProblem};
+use crate::storage::import::csv::row::is_row;
+use crate::storage::import::source::Repair;
 
 /// The text of a file, without a byte-order mark, its lines ended by line feeds.
-pub(crate) fn decode<'b>(bytes: &'b [u8], mended: &mut Vec<Mended>) -> Result<Cow<'b, str>, Fault> {
-    let text = characters(bytes, mended)?;
+pub(crate) fn decode<'b>(bytes: &'b [u8], repairs: &mut Vec<Repair>) -> Result<Cow<'b, str>, CsvFault> {
+    let text = characters(bytes, repairs)?;
     if text.contains('\n') || !text.contains('\r') {
         return Ok(text);
     }
-    mended.push(Mended::new("line-ends", 1, None, "lines are ended by carriage returns alone, as on old Macintoshes"));
+    repairs.push(Repair::new("line-ends", 1, None, "lines are ended by carriage returns alone, as on old Macintoshes"));
     Ok(Cow::Owned(text.replace('\r', "\n")))
 }
 
-fn characters<'b>(bytes: &'b [u8], mended: &mut Vec<Mended>) -> Result<Cow<'b, str>, Fault> {
+fn characters<'b>(bytes: &'b [u8], repairs: &mut Vec<Repair>) -> Result<Cow<'b, str>, CsvFault> {
     if let Some(text) = utf16(bytes) {
         let text =
             text.ok_or((None, Box::new(CsvProblem::NotUtf8 { hint: " (nor UTF-16, as its first bytes say)" })))?;
-        mended.push(Mended::new("encoding", 1, None, "the text is UTF-16"));
+        repairs.push(Repair::new("encoding", 1, None, "the text is UTF-16"));
         return Ok(Cow::Owned(text));
     }
     match text_of(bytes) {
         Ok(text) => {
             if bytes.starts_with(b"\xef\xbb\xbf") {
-                mended.push(Mended::new("byte-order-mark", 1, Some(1), "a byte-order mark stands at the beginning"));
+                repairs.push(Repair::new("byte-order-mark", 1, Some(1), "a byte-order mark stands at the beginning"));
             }
             Ok(Cow::Borrowed(text))
         }
-        Err(fault) => latin1(bytes, mended).map(Cow::Owned).ok_or(fault),
+        Err(fault) => latin1(bytes, repairs).map(Cow::Owned).ok_or(fault),
     }
 }
 
@@ -48,13 +47,24 @@ fn utf16(bytes: &[u8]) -> Option<Option<String>> {
 }
 
 /// Latin-1 (every byte is its own code point), if what is not ASCII stands in comments and in the header only.
-fn latin1(bytes: &[u8], mended: &mut Vec<Mended>) -> Option<String> {
+fn latin1(bytes: &[u8], repairs: &mut Vec<Repair>) -> Option<String> {
     let text: String = bytes.iter().map(|&b| char::from(b)).collect();
     let header = text.lines().position(is_row)?;
     let line = text.lines().position(|l| !l.is_ascii())?;
     if text.lines().skip(header + 1).any(|l| !l.is_ascii() && !l.starts_with('#')) {
         return None;
     }
-    mended.push(Mended::new("encoding", 1, Some(line + 1), "the text is not UTF-8 and was read as Latin-1"));
+    repairs.push(Repair::new("encoding", 1, Some(line + 1), "the text is not UTF-8 and was read as Latin-1"));
     Some(text)
+}
+
+/// UTF-8 text without its byte-order mark.
+pub(crate) fn text_of(bytes: &[u8]) -> Result<&str, CsvFault> {
+    let text = std::str::from_utf8(bytes).map_err(|e| {
+        let utf16 = bytes.starts_with(&[0xff, 0xfe]) || bytes.starts_with(&[0xfe, 0xff]);
+        let line = 1 + bytes[..e.valid_up_to()].iter().filter(|b| **b == b'\n').count();
+        let hint = if utf16 { " (UTF-16, by its first bytes)" } else { "" };
+        (Some(line), CsvProblem::NotUtf8 { hint }.into())
+    })?;
+    Ok(text.strip_prefix('\u{feff}').unwrap_or(text))
 }

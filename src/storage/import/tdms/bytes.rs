@@ -45,7 +45,7 @@ impl<'b> Bytes<'b> {
         Ok(String::from_utf8_lossy(self.take(length)?).into_owned())
     }
 
-    /// A number of a type that [`crate::storage::foreign::tdms::channel::Type::size`] gives a size for.
+    /// A number of a type that [`crate::storage::import::tdms::channel::Type::size`] gives a size for.
     pub(crate) fn number(&mut self, code: u32) -> Result<f64, String> {
         Ok(match code {
             1 => f64::from(i8::from_le_bytes(self.array()?)),

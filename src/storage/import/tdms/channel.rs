@@ -1,7 +1,7 @@
 //! The values of a channel and how they lie in the raw data of a segment.
 
-use crate::storage::foreign::tdms::bytes::Bytes;
-use crate::storage::foreign::tdms::{Properties, Property};
+use crate::storage::import::tdms::bytes::Bytes;
+use crate::storage::import::tdms::property::{Properties, Property};
 
 /// What a channel holds.
 #[derive(Debug, Clone)]

@@ -1,6 +1,6 @@
 //! Scales that NI's programs keep in properties: raw values become those of the channel's unit.
 
-use crate::storage::foreign::tdms::{Properties, Property};
+use crate::storage::import::tdms::property::{Properties, Property};
 
 /// The scales of a channel, each fed by the raw values or by another one; the last one counts.
 #[derive(Debug, Clone, PartialEq)]

@@ -4,44 +4,45 @@ use std::path::Path;
 
 use crate::recording::{Recording, RunInfo, Series};
 use crate::rig::{Rig, Sensor, quantity_of, spelled_unit};
-use crate::storage::foreign::{Foreign, ForeignOptions, Mended, Track};
+use crate::storage::error::{CsvProblem, LogError};
+use crate::storage::import::source::{Repair, SourceFile, SourceOptions, Track};
 use crate::storage::layout::kind_name;
+use crate::storage::nearest::nearest;
 use crate::storage::sink::program;
-use crate::storage::{CsvProblem, LogError, nearest};
 use crate::units::{Quantity, UNITS};
 
 /// Pressure units that rig files do not know, in Pa.
 const MORE_PRESSURES: [(&str, f64); 3] = [("mbar", 100.0), ("hpa", 100.0), ("mmh2o", 9.80665)];
 
 /// Brings a file's tracks to the sensors of a rig. Sensors that it has no track of stay empty; what was converted or left out
-/// is added to `mended`.
+/// is added to `repairs`.
 ///
 /// # Errors
 /// A track that is no sensor (in a table), two tracks of one sensor, a unit that the sensor cannot have, a name in the options
 /// that is not there.
 pub fn bind(
-    foreign: Foreign,
+    file: SourceFile,
     path: &Path,
     rig: &Rig,
-    options: &ForeignOptions,
-    mended: &mut Vec<Mended>,
+    options: &SourceOptions,
+    repairs: &mut Vec<Repair>,
 ) -> Result<Recording, LogError> {
-    let table = !foreign.spare_tracks;
+    let table = !file.spare_tracks;
     let fault = |problem: CsvProblem| match table {
         true => LogError::Csv { path: path.into(), line: None, problem: Box::new(problem) },
-        false => LogError::Foreign { path: path.into(), why: problem.to_string() },
+        false => LogError::SourceFile { path: path.into(), why: problem.to_string() },
     };
     let density = rig.fluid.properties(rig.fluid.temperature_degc).density_kg_m3;
     let before = |i: usize, from: &String| options.map[..i].iter().any(|(other, _)| other == from);
     if let Some((_, (from, _))) = options.map.iter().enumerate().find(|(i, (from, _))| before(*i, from)) {
         let why = format!("'{from}' is said by --map to be two sensors: say one of them");
-        return Err(LogError::Foreign { path: path.into(), why });
+        return Err(LogError::SourceFile { path: path.into(), why });
     }
-    let names: Vec<(String, String)> = foreign.tracks.iter().map(|t| (t.name.clone(), t.short.clone())).collect();
+    let names: Vec<(String, String)> = file.tracks.iter().map(|t| (t.name.clone(), t.short.clone())).collect();
     let mut series = vec![Series::default(); rig.sensors.len()];
     let mut taken: Vec<Option<String>> = vec![None; rig.sensors.len()];
     let mut spare = Vec::new();
-    for mut track in foreign.tracks {
+    for mut track in file.tracks {
         let Some(place) = sensor_of(&track, rig, options).map_err(fault)? else {
             let ignored = options.ignore.iter().any(|name| is_called(&track, name) || name == "*");
             if table && !ignored {
@@ -61,21 +62,21 @@ pub fn bind(
         if let Some(other) = &taken[place] {
             let (a, b, sensor) = (other, &track.name, &rig.sensors[place].name);
             let why = format!("'{a}' and '{b}' are both the sensor '{sensor}': say which with --map or --ignore");
-            return Err(LogError::Foreign { path: path.into(), why });
+            return Err(LogError::SourceFile { path: path.into(), why });
         }
         if track.name != rig.sensors[place].name {
             let text = format!("'{}' is the sensor '{}'", track.name, rig.sensors[place].name);
-            mended.push(Mended::new("name", 1, None, text));
+            repairs.push(Repair::new("name", 1, None, text));
         }
         taken[place] = Some(track.name.clone());
-        mended.append(&mut track.mended);
-        series[place] = converted(track, &rig.sensors[place], density, mended).map_err(fault)?;
+        repairs.append(&mut track.repairs);
+        series[place] = converted(track, &rig.sensors[place], density, repairs).map_err(fault)?;
     }
     if taken.iter().all(Option::is_none) {
         return Err(no_sensor(path, rig, &spare, table));
     }
     if !spare.is_empty() {
-        mended.push(Mended::new(
+        repairs.push(Repair::new(
             "left-out",
             spare.len(),
             None,
@@ -84,10 +85,10 @@ pub fn bind(
     }
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     let run = RunInfo {
-        start_unix_ns: foreign.start.map_or(0, |s| s.unix_ns),
+        start_unix_ns: file.start.map_or(0, |s| s.unix_ns),
         source: format!("import {name}"),
         program: program(),
-        notes: foreign.notes,
+        notes: file.notes,
         csv: None,
     };
     Ok(Recording { rig: rig.clone(), series, run })
@@ -127,7 +128,7 @@ fn is_called(track: &Track, name: &str) -> bool {
     track.name == name || track.short == name
 }
 
-fn sensor_of(track: &Track, rig: &Rig, options: &ForeignOptions) -> Result<Option<usize>, CsvProblem> {
+fn sensor_of(track: &Track, rig: &Rig, options: &SourceOptions) -> Result<Option<usize>, CsvProblem> {
     let place = |name: &str| rig.sensors.iter().position(|s| s.name == name);
     if let Some((_, sensor)) = options.map.iter().find(|(from, _)| is_called(track, from)) {
         return place(sensor)
@@ -162,7 +163,7 @@ fn no_sensor(path: &Path, rig: &Rig, spare: &[String], table: bool) -> LogError 
         sensors.join(", "),
         listed(spare)
     );
-    LogError::Foreign { path: path.into(), why }
+    LogError::SourceFile { path: path.into(), why }
 }
 
 /// Names, not without end.
@@ -173,7 +174,7 @@ fn listed(names: &[String]) -> String {
 }
 
 /// The samples in the sensor's unit.
-fn converted(track: Track, sensor: &Sensor, density: f64, mended: &mut Vec<Mended>) -> Result<Series, CsvProblem> {
+fn converted(track: Track, sensor: &Sensor, density: f64, repairs: &mut Vec<Repair>) -> Result<Series, CsvProblem> {
     let mut series = track.series;
     let Some(text) = track.unit.filter(|u| u != sensor.unit.symbol) else { return Ok(series) };
     let quantity = quantity_of(sensor.kind);
@@ -200,6 +201,6 @@ fn converted(track: Track, sensor: &Sensor, density: f64, mended: &mut Vec<Mende
         *value = si(*value).map_or(*value, |v| sensor.unit.from_si(v, density));
     }
     let text = format!("'{}' is converted from {text} to {}, the unit of '{}'", track.name, sensor.unit, sensor.name);
-    mended.push(Mended::new("unit", 1, None, text));
+    repairs.push(Repair::new("unit", 1, None, text));
     Ok(series)
 }

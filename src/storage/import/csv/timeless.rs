@@ -1,11 +1,10 @@
 //! Lines that do not say their time: where they are few they are left out, counted, and gaps stand in their places.
 
 use crate::recording::Gap;
-use crate::storage::CsvProblem;
-use crate::storage::foreign::csv::Row;
-use crate::storage::foreign::csv::mend::Hole;
-use crate::storage::foreign::{Mended, counted};
-use crate::storage::import::Fault;
+use crate::storage::error::{CsvFault, CsvProblem};
+use crate::storage::import::csv::grid::Hole;
+use crate::storage::import::csv::row::Row;
+use crate::storage::import::source::{Repair, counted};
 
 /// Part of the lines that may lack their time: above it the file's clock is not to be relied on.
 const MOST_TIMELESS: f64 = 0.1;
@@ -13,7 +12,7 @@ const MOST_TIMELESS: f64 = 0.1;
 /// What programs write where there is no time, in any case of letters.
 const NO_TIME: [&str; 6] = ["na", "n/a", "#n/a", "<na>", "null", "none"];
 
-fn says_none(cell: &str) -> bool {
+fn is_no_time(cell: &str) -> bool {
     cell.is_empty()
         || NO_TIME.iter().any(|word| cell.eq_ignore_ascii_case(word))
         || cell.parse::<f64>().is_ok_and(f64::is_nan)
@@ -29,9 +28,9 @@ pub(crate) struct Timeless {
 }
 
 impl Timeless {
-    /// Does one of the `columns` that hold the time say none?
-    pub(crate) fn is(row: &Row, columns: usize) -> bool {
-        row.iter().take(columns).any(says_none)
+    /// True where one of the `columns` that hold the time has none.
+    pub(crate) fn is(row: &Row<'_>, columns: usize) -> bool {
+        row.iter().take(columns).any(is_no_time)
     }
 
     /// Leaves a line out that stands under one of a time.
@@ -46,14 +45,14 @@ impl Timeless {
         }
     }
 
-    /// What is said of them beside so many lines with a time.
-    pub(crate) fn said(&self, timed: usize) -> Result<Option<Mended>, Fault> {
+    /// Reports them, beside so many lines with a time; too many are refused.
+    pub(crate) fn repair(&self, timed: usize) -> Result<Option<Repair>, CsvFault> {
         let (count, rows) = (self.count, self.count + timed);
         if count as f64 > MOST_TIMELESS * rows as f64 {
             return Err((self.first, Box::new(CsvProblem::TimesMissing { count, rows })));
         }
         let text = counted(count, "line has no time and was left out", "lines have no time and were left out");
-        Ok((count > 0).then(|| Mended { lost: true, ..Mended::new("no-time", count, self.first, text) }))
+        Ok((count > 0).then(|| Repair { lost: true, ..Repair::new("no-time", count, self.first, text) }))
     }
 
     /// Gaps in their places among the increasing times, where no hole of the grid stands there already.

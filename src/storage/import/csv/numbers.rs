@@ -1,19 +1,23 @@
-//! Numbers with a decimal point or a decimal comma, the same throughout a file.
+//! The numbers of a table, and how they are written.
 
-use crate::storage::CsvProblem;
-use crate::storage::foreign::Mended;
+use std::fmt::Write as _;
+
+use crate::storage::error::CsvProblem;
+use crate::storage::import::source::Repair;
 
 /// Reads cells, and holds the file to one decimal mark.
-pub(crate) struct Decimals {
+pub(crate) struct Numbers {
     separator: char,
+    /// Decimal points only, and nothing between the thousands.
+    strict: bool,
     mark: Option<char>,
     grouped: usize,
     scratch: String,
 }
 
-impl Decimals {
-    pub(crate) fn new(separator: char) -> Decimals {
-        Decimals { separator, mark: None, grouped: 0, scratch: String::new() }
+impl Numbers {
+    pub(crate) fn new(separator: char, strict: bool) -> Numbers {
+        Numbers { separator, strict, mark: None, grouped: 0, scratch: String::new() }
     }
 
     /// The number of a cell; NaN where it is empty.
@@ -30,7 +34,8 @@ impl Decimals {
 
     fn number(&mut self, cell: &str, column: &str) -> Result<f64, CsvProblem> {
         let no_number = || CsvProblem::NotANumber { column: column.into(), cell: cell.into() };
-        let Some(last) = cell.rfind(['.', ',']) else { return cell.parse().map_err(|_| no_number()) };
+        let last = cell.rfind(['.', ',']).filter(|_| !self.strict);
+        let Some(last) = last else { return cell.parse().map_err(|_| no_number()) };
         let mark = if cell.as_bytes()[last] == b',' { ',' } else { '.' };
         let other = if mark == ',' { '.' } else { ',' };
         let both = cell[..last].contains(other);
@@ -52,21 +57,18 @@ impl Decimals {
         self.scratch.parse().map_err(|_| no_number())
     }
 
-    pub(crate) fn said(&self) -> Vec<Mended> {
-        let mut said = Vec::new();
+    /// How the numbers are written, where that is not the plain way.
+    pub(crate) fn repairs(&self) -> Vec<Repair> {
+        let mut repairs = Vec::new();
         if self.mark == Some(',') {
             let quoted = if self.separator == ',' { " in quotes" } else { "" };
-            said.push(Mended::new("decimal-comma", 1, None, format!("numbers have decimal commas{quoted}")));
+            repairs.push(Repair::new("decimal-comma", 1, None, format!("numbers have decimal commas{quoted}")));
         }
         if self.grouped > 0 {
-            said.push(Mended::new(
-                "thousands",
-                self.grouped,
-                None,
-                format!("{} numbers have their thousands set apart", self.grouped),
-            ));
+            let text = format!("{} numbers have separators between their thousands", self.grouped);
+            repairs.push(Repair::new("thousands", self.grouped, None, text));
         }
-        said
+        repairs
     }
 }
 
@@ -76,4 +78,37 @@ fn is_grouped(whole: &str, mark: char) -> bool {
     let mut groups = whole.split(mark);
     let digits = |g: &str| g.bytes().all(|b| b.is_ascii_digit());
     groups.next().is_some_and(|g| (1..=3).contains(&g.len()) && digits(g)) && groups.all(|g| g.len() == 3 && digits(g))
+}
+
+/// How the numbers of a column are written: with how many decimals.
+#[derive(Default, Clone, Copy, PartialEq)]
+pub(crate) enum Written {
+    #[default]
+    Nothing,
+    Decimals(u8),
+    Mixed,
+}
+
+impl Written {
+    /// Takes one more cell. The number of decimals holds as long as writing each value with it gives the cell's text again.
+    pub(crate) fn watch(&mut self, cell: &str, value: f64, scratch: &mut String) {
+        if cell.is_empty() || *self == Written::Mixed {
+            return;
+        }
+        let decimals = cell.split_once('.').map_or(0, |(_, fraction)| fraction.len());
+        scratch.clear();
+        let again = write!(scratch, "{value:.decimals$}").is_ok() && *scratch == cell;
+        *self = match (*self, u8::try_from(decimals)) {
+            (Written::Nothing, Ok(d)) if again => Written::Decimals(d),
+            (Written::Decimals(same), Ok(d)) if again && d == same => Written::Decimals(d),
+            _ => Written::Mixed,
+        };
+    }
+
+    pub(crate) fn decimals(self) -> Option<u8> {
+        match self {
+            Written::Decimals(d) => Some(d),
+            Written::Nothing | Written::Mixed => None,
+        }
+    }
 }

@@ -2,7 +2,7 @@
 
 use crate::recording::Recording;
 use crate::rig::{Coupling, Rig, Sensor};
-use crate::storage::foreign::Mended;
+use crate::storage::import::source::Repair;
 use crate::units::{Quantity, UNITS};
 
 /// Steady gauge pressures of a laboratory lie between a hand of water and two hundred bar, Pa.
@@ -14,7 +14,7 @@ const NEAR: f64 = 1.5;
 
 /// What to look at again in a recording: pressure sensors whose unit may be another one. AC-coupled sensors show no steady
 /// pressure and are not judged.
-pub fn doubts(recording: &Recording) -> Vec<Mended> {
+pub fn unit_warnings(recording: &Recording) -> Vec<Repair> {
     let rig = &recording.rig;
     let density = rig.fluid.properties(rig.fluid.temperature_degc).density_kg_m3;
     let levels: Vec<(&Sensor, f64, f64)> = rig
@@ -33,7 +33,7 @@ pub fn doubts(recording: &Recording) -> Vec<Mended> {
     levels.iter().filter_map(|l| doubt(l, &levels, rig, density)).collect()
 }
 
-fn doubt(own: &(&Sensor, f64, f64), all: &[(&Sensor, f64, f64)], rig: &Rig, density: f64) -> Option<Mended> {
+fn doubt(own: &(&Sensor, f64, f64), all: &[(&Sensor, f64, f64)], rig: &Rig, density: f64) -> Option<Repair> {
     let &(sensor, level, pa) = own;
     let others: Vec<f64> =
         all.iter().filter(|o| o.0.name != sensor.name).map(|o| o.2).filter(|p| *p > PLAUSIBLE_PA[0]).collect();
@@ -73,5 +73,5 @@ fn doubt(own: &(&Sensor, f64, f64), all: &[(&Sensor, f64, f64)], rig: &Rig, dens
     };
     let text =
         format!("the median of '{}', {level} {}, {strange} (rig '{}'): {hint}", sensor.name, sensor.unit, rig.name);
-    Some(Mended::new("doubtful-unit", 1, None, text))
+    Some(Repair::new("doubtful-unit", 1, None, text))
 }

@@ -1,41 +1,30 @@
 //! Lines out of order, times that stand twice, times that are missing.
 
-use crate::recording::Gap;
-use crate::storage::CsvProblem;
-use crate::storage::foreign::csv::{Mended, Table};
-use crate::storage::foreign::{counted, is_no_order};
-use crate::storage::import::Fault;
+use crate::storage::error::{CsvFault, CsvProblem};
+use crate::storage::import::csv::grid::{Hole, even_holes, even_step};
+use crate::storage::import::csv::table::Table;
+use crate::storage::import::source::{Repair, counted, is_no_order};
 
-/// Steps within this of the median, as a part of it, are the same step.
-const SAME_STEP: f64 = 0.1;
 /// Part of the lines that may repeat a time: above it the times are written too coarsely to be of use.
 const MOST_REPEATED: f64 = 0.2;
-
-/// Times missing from an even grid.
-pub struct Hole {
-    /// The row before it.
-    pub before: usize,
-    /// From the time of that row to that of the next.
-    pub gap: Gap,
-}
 
 /// A wall clock jumps by so much when daylight saving time begins, s.
 const SAVED_S: f64 = 3600.0;
 
 /// Brings the table into order; `local` times are those of a wall clock without a zone.
-pub(crate) fn mend(table: &mut Table, mended: &mut Vec<Mended>, local: bool) -> Result<Vec<Hole>, Fault> {
+pub(crate) fn put_in_order(table: &mut Table, repairs: &mut Vec<Repair>, local: bool) -> Result<Vec<Hole>, CsvFault> {
     let displaced = displaced(table)?;
     let in_order = displaced.and_then(|_| even_step(&in_order(&table.time_s)));
     if let Some((count, line)) = displaced {
         sort(table);
-        mended.push(Mended::new(
+        repairs.push(Repair::new(
             "order",
             count,
             Some(line),
             counted(count, "line stood out of order and was sorted in", "lines stood out of order and were sorted in"),
         ));
     }
-    join_repeats(table, mended)?;
+    join_repeats(table, repairs)?;
     if let (Some((_, line)), Some(step_s)) = (displaced, in_order)
         && let Some(i) = table.time_s.windows(2).position(|w| w[1] - w[0] < 0.5 * step_s)
     {
@@ -63,13 +52,13 @@ pub(crate) fn mend(table: &mut Table, mended: &mut Vec<Mended>, local: bool) -> 
                 table.line[jump.before + 1]
             );
         }
-        mended.push(Mended::new("missing-times", missing as usize, Some(table.line[first.before]), text));
+        repairs.push(Repair::new("missing-times", missing as usize, Some(table.line[first.before]), text));
     }
     Ok(holes)
 }
 
 /// Number of lines whose time comes before that of a line above them, and the first of them.
-fn displaced(table: &Table) -> Result<Option<(usize, usize)>, Fault> {
+fn displaced(table: &Table) -> Result<Option<(usize, usize)>, CsvFault> {
     let (mut latest, mut latest_line) = (f64::NEG_INFINITY, 0);
     let (mut count, mut first) = (0, None);
     for (&time_s, &line) in table.time_s.iter().zip(&table.line) {
@@ -109,7 +98,7 @@ fn sort(table: &mut Table) {
 }
 
 /// Makes one line of those of one time: what they agree in stays, of what they differ in the mean is taken.
-fn join_repeats(table: &mut Table, mended: &mut Vec<Mended>) -> Result<(), Fault> {
+fn join_repeats(table: &mut Table, repairs: &mut Vec<Repair>) -> Result<(), CsvFault> {
     let rows = table.time_s.len();
     let repeats = table.time_s.windows(2).filter(|w| w[0] == w[1]).count();
     if repeats == 0 {
@@ -159,41 +148,14 @@ fn join_repeats(table: &mut Table, mended: &mut Vec<Mended>) -> Result<(), Fault
     if same > 0 {
         let text = counted(same, "line repeats a time and says", "lines repeat a time and say")
             + " nothing else of it: left out";
-        mended.push(Mended::new("duplicate-times", same, same_line, text));
+        repairs.push(Repair::new("duplicate-times", same, same_line, text));
     }
     if differing > 0 {
         let text = format!(
             "{} more than once with different values: their mean was taken; they differ by up to {most}",
             counted(differing, "time stands", "times stand")
         );
-        mended.push(Mended::new("contradicting-times", differing, differing_line, text));
+        repairs.push(Repair::new("contradicting-times", differing, differing_line, text));
     }
     Ok(())
-}
-
-/// The step of an even grid, s; `None` where fewer than four of five steps are it.
-fn even_step(time_s: &[f64]) -> Option<f64> {
-    let mut steps: Vec<f64> = time_s.windows(2).map(|w| w[1] - w[0]).collect();
-    if steps.len() < 2 {
-        return None;
-    }
-    let middle = steps.len() / 2;
-    let step = *steps.select_nth_unstable_by(middle, f64::total_cmp).1;
-    let even = steps.iter().filter(|s| (**s / step - 1.0).abs() < SAME_STEP).count();
-    (step > 0.0 && even as f64 >= 0.8 * steps.len() as f64).then_some(step)
-}
-
-/// The holes of an even grid of increasing times; none where the grid is not even.
-pub fn even_holes(time_s: &[f64]) -> Vec<Hole> {
-    even_step(time_s).map_or(Vec::new(), |step_s| holes(time_s, step_s))
-}
-
-fn holes(time_s: &[f64], step_s: f64) -> Vec<Hole> {
-    let pairs = time_s.windows(2).enumerate();
-    let wide = pairs.filter(|(_, w)| w[1] - w[0] > (2.0 - SAME_STEP) * step_s);
-    wide.map(|(before, w)| {
-        let samples = Some((((w[1] - w[0]) / step_s).round() as u64).saturating_sub(1));
-        Hole { before, gap: Gap { from_s: w[0], to_s: w[1], samples } }
-    })
-    .collect()
 }

@@ -2,10 +2,10 @@
 
 use std::collections::{BTreeMap, HashMap};
 
-use crate::storage::foreign::tdms::bytes::Bytes;
-use crate::storage::foreign::tdms::channel;
-use crate::storage::foreign::tdms::channel::{Channel, Index, Timing};
-use crate::storage::foreign::tdms::{Properties, Property};
+use crate::storage::import::tdms::bytes::Bytes;
+use crate::storage::import::tdms::channel;
+use crate::storage::import::tdms::channel::{Channel, Index, Timing};
+use crate::storage::import::tdms::property::{Properties, Property};
 
 const LEAD_IN: usize = 28;
 const METADATA: u32 = 1 << 1;

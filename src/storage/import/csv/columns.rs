@@ -1,20 +1,14 @@
 //! Which column of a time series belongs to which sensor of the rig.
 
-use crate::recording::Series;
 use crate::rig::Rig;
-use crate::storage::import::numbers::Numbers;
+use crate::storage::error::CsvProblem;
+use crate::storage::import::csv::heading::hint_on_time;
 use crate::storage::layout::kind_name;
-use crate::storage::{CsvProblem, nearest};
+use crate::storage::nearest::nearest;
 
-/// A column on its way into a series.
-pub(crate) struct Column {
-    pub(crate) sensor: usize,
-    pub(crate) series: Series,
-    pub(crate) numbers: Numbers,
-}
-
-/// Finds the sensor of each column after the first.
-pub(crate) fn columns(header: &[String], rig: &Rig, without: &[String]) -> Result<Vec<Column>, CsvProblem> {
+/// The sensor of each column after the first, as an index in the rig. The first must be `time_s`; every other column must be a sensor,
+/// and every sensor must have a column or be among those `without` one.
+pub(crate) fn sensors_of(header: &[String], rig: &Rig, without: &[String]) -> Result<Vec<usize>, CsvProblem> {
     let first = header.first().map(String::as_str).unwrap_or_default();
     if first != "time_s" {
         let separator = first.chars().find(|c| matches!(c, ';' | '\t')).filter(|_| header.len() == 1);
@@ -58,7 +52,7 @@ pub(crate) fn columns(header: &[String], rig: &Rig, without: &[String]) -> Resul
         return Err(CsvProblem::NoPressure);
     }
     let column = |name: &String| match sensors().position(|s| s == name) {
-        Some(sensor) => Ok(Column { sensor, series: Series::default(), numbers: Numbers::default() }),
+        Some(sensor) => Ok(sensor),
         None => Err(CsvProblem::UnknownColumn {
             column: name.clone(),
             rig: rig.name.clone(),
@@ -67,27 +61,4 @@ pub(crate) fn columns(header: &[String], rig: &Rig, without: &[String]) -> Resul
         }),
     };
     names.iter().map(column).collect()
-}
-
-/// What to do about a first column that is the time under another name or in another unit.
-pub(crate) fn hint_on_time(heading: &str) -> String {
-    let lower = heading.to_lowercase();
-    let words: Vec<&str> = lower.split(|c: char| !c.is_alphanumeric() && c != 'µ').filter(|w| !w.is_empty()).collect();
-    let has = |names: &[&str]| words.iter().any(|w| names.contains(w));
-    if !has(&["time", "t", "times", "zeit", "temps", "tempo", "seconds", "s", "sec"]) {
-        return ": it stands first, whatever else the file holds".into();
-    }
-    let other = [
-        (&["ms", "msec", "milliseconds"][..], "milliseconds", "1000"),
-        (&["us", "µs", "μs", "usec", "microseconds"], "microseconds", "1000000"),
-        (&["ns"], "nanoseconds", "1000000000"),
-    ];
-    match other.iter().find(|(names, ..)| has(names)) {
-        Some((_, unit, factor)) => {
-            format!(
-                ": times must be in seconds, these look like {unit}; divide them by {factor} and name the column time_s"
-            )
-        }
-        None => ": if these times are in seconds, name the column time_s".into(),
-    }
 }

@@ -1,16 +1,20 @@
 //! MCAP files of other programs: each number of each message is a track, mapped to a sensor by a user. Recordings of our own
 //! give the samples of their sensors.
 
+pub(crate) mod fields;
+
 use std::collections::HashMap;
 use std::path::Path;
 
 use mcap::records::Record;
 
 use crate::recording::Series;
-use crate::storage::LogError;
-use crate::storage::foreign::fields::{Field, Format};
-use crate::storage::foreign::gaps::gaps;
-use crate::storage::foreign::{Foreign, ForeignOptions, Mended, MessageTime, Start, Track, counted, is_no_order};
+use crate::storage::error::LogError;
+use crate::storage::import::gaps::gaps;
+use crate::storage::import::mcap::fields::{Field, Format};
+use crate::storage::import::source::{
+    MessageTime, Repair, SourceFile, SourceOptions, Start, Track, counted, is_no_order,
+};
 use crate::storage::layout::{RIG_ATTACHMENT, to_s};
 use crate::storage::read::{check_start, checked_options, decode, has_end, records};
 
@@ -34,36 +38,36 @@ struct Found {
 }
 
 /// Reads a file.
-pub(crate) fn read(bytes: &[u8], path: &Path, options: &ForeignOptions) -> Result<Foreign, LogError> {
+pub(crate) fn read(bytes: &[u8], path: &Path, options: &SourceOptions) -> Result<SourceFile, LogError> {
     check_start(bytes, path)?;
     if !has_end(bytes) {
         let why = "it has no end: its recording was cut off, or is still running; `mcap recover` of its makers saves what is in it";
-        return Err(LogError::Foreign { path: path.into(), why: why.into() });
+        return Err(LogError::SourceFile { path: path.into(), why: why.into() });
     }
-    let damaged = |why| LogError::Foreign { path: path.into(), why: format!("it is damaged: {why}") };
+    let damaged = |why| LogError::SourceFile { path: path.into(), why: format!("it is damaged: {why}") };
     let mut reading = Reading::new(options);
     let checked = checked_options(bytes.len() as u64).with_check_finishes_after_end_magic(true);
     records(bytes, checked, |record| reading.take(record)).map_err(damaged)?;
     if reading.ours {
         return ours(bytes, path);
     }
-    reading.finish().map_err(|why| LogError::Foreign { path: path.into(), why })
+    reading.finish().map_err(|why| LogError::SourceFile { path: path.into(), why })
 }
 
 /// A recording of our own: its sensors are the tracks.
-fn ours(bytes: &[u8], path: &Path) -> Result<Foreign, LogError> {
+fn ours(bytes: &[u8], path: &Path) -> Result<SourceFile, LogError> {
     let recording = decode(bytes, path)?;
     let sensors = recording.rig.sensors.iter().zip(recording.series).filter(|(_, s)| !s.time_s.is_empty());
     let tracks = sensors.map(|(sensor, series)| {
         let unit = Some(sensor.unit.symbol.to_string());
-        Track { name: sensor.name.clone(), short: sensor.name.clone(), unit, series, mended: Vec::new() }
+        Track { name: sensor.name.clone(), short: sensor.name.clone(), unit, series, repairs: Vec::new() }
     });
     let unix_ns = recording.run.start_unix_ns;
-    Ok(Foreign {
+    Ok(SourceFile {
         tracks: tracks.collect(),
         start: (unix_ns > 0).then_some(Start { unix_ns, digit_s: 1e-6 }),
         notes: recording.run.notes,
-        mended: Vec::new(),
+        repairs: Vec::new(),
         spare_tracks: true,
     })
 }
@@ -76,7 +80,7 @@ const BEYOND: &str = "have times beyond what a recording holds (2^63 ns: the yea
      take another time, --message-time publish or --time-field";
 
 struct Reading<'o> {
-    options: &'o ForeignOptions,
+    options: &'o SourceOptions,
     ours: bool,
     schemas: HashMap<u16, (String, String, Vec<u8>)>,
     channels: HashMap<u16, Option<Channel>>,
@@ -89,7 +93,7 @@ struct Reading<'o> {
 }
 
 impl<'o> Reading<'o> {
-    fn new(options: &'o ForeignOptions) -> Reading<'o> {
+    fn new(options: &'o SourceOptions) -> Reading<'o> {
         Reading {
             options,
             ours: false,
@@ -175,7 +179,7 @@ impl<'o> Reading<'o> {
         Ok(())
     }
 
-    fn finish(mut self) -> Result<Foreign, String> {
+    fn finish(mut self) -> Result<SourceFile, String> {
         if self.order.is_empty() {
             if let MessageTime::Field(name) = &self.options.message_time
                 && self.without_time > 0
@@ -205,18 +209,18 @@ impl<'o> Reading<'o> {
         if let Some((missing, _)) = self.options.map.iter().find(|(from, _)| from.starts_with('/') && absent(from)) {
             return Err(format!("it has no field '{missing}'. {}", self.say_fields()));
         }
-        let mut mended = Vec::new();
+        let mut repairs = Vec::new();
         if self.without_time > 0 {
             let text = counted(
                 self.without_time,
                 "message does not say its time and was left out",
                 "messages do not say their time and were left out",
             );
-            mended.push(Mended { lost: true, ..Mended::new("no-time", self.without_time, None, text) });
+            repairs.push(Repair { lost: true, ..Repair::new("no-time", self.without_time, None, text) });
         }
         if self.beyond > 0 {
             let text = format!("{} messages were left out: they {BEYOND}", self.beyond);
-            mended.push(Mended { lost: true, ..Mended::new("beyond-time", self.beyond, None, text) });
+            repairs.push(Repair { lost: true, ..Repair::new("beyond-time", self.beyond, None, text) });
         }
         let wanted: Vec<String> = wanted.into_iter().cloned().collect();
         let unset = self.leave_out_unset(&wanted)?;
@@ -226,7 +230,7 @@ impl<'o> Reading<'o> {
                  --message-time publish or --time-field)",
                 counted(unset, "value is", "values are")
             );
-            mended.push(Mended { lost: true, ..Mended::new("unset-time", unset, None, text) });
+            repairs.push(Repair { lost: true, ..Repair::new("unset-time", unset, None, text) });
         }
         let first =
             |name: &String| self.found.get(name).and_then(|f| f.time_ns.iter().chain(&f.missing_ns).min().copied());
@@ -240,13 +244,13 @@ impl<'o> Reading<'o> {
                     + &format!(
                         " no number for {name} (text, a null, nan, or true and false among numbers): recorded as gaps"
                     );
-                mended.push(Mended { lost: true, ..Mended::new("no-number", missing, None, text) });
+                repairs.push(Repair { lost: true, ..Repair::new("no-number", missing, None, text) });
             }
             // a topic may have messages of several kinds
             if found.absent > 0 {
                 let text = counted(found.absent, "message of its topic does", "messages of its topic do")
                     + &format!(" not have {name} at all");
-                mended.push(Mended::new("absent", found.absent, None, text));
+                repairs.push(Repair::new("absent", found.absent, None, text));
             }
             let displaced = displaced(&found.time_ns);
             if is_no_order(displaced, found.time_ns.len()) {
@@ -259,19 +263,19 @@ impl<'o> Reading<'o> {
             if displaced > 0 {
                 let text = counted(displaced, "message", "messages")
                     + &format!(" of {name} stood out of order and were sorted in");
-                mended.push(Mended::new("order", displaced, None, text));
+                repairs.push(Repair::new("order", displaced, None, text));
             }
             let (series, repeated) = found.series(zero_ns);
             if repeated > 0 {
                 let text = counted(repeated, "message repeats", "messages repeat")
                     + &format!(" the time of another, of {name}: left out; try --time-field or --message-time publish");
-                mended.push(Mended { lost: true, ..Mended::new("duplicate-times", repeated, None, text) });
+                repairs.push(Repair { lost: true, ..Repair::new("duplicate-times", repeated, None, text) });
             }
-            tracks.push(Track { short: name.clone(), name, unit: None, series, mended: Vec::new() });
+            tracks.push(Track { short: name.clone(), name, unit: None, series, repairs: Vec::new() });
         }
         let unix_ns = u64::try_from(zero_ns).ok().filter(|_| zero_ns > YEAR_NS);
         let start = unix_ns.map(|unix_ns| Start { unix_ns, digit_s: 1e-6 });
-        Ok(Foreign { tracks, start, notes: Vec::new(), mended, spare_tracks: true })
+        Ok(SourceFile { tracks, start, notes: Vec::new(), repairs, spare_tracks: true })
     }
 
     /// Leaves out what was logged before the clock was set, where most was after; how many values that is.

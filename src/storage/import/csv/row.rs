@@ -1,0 +1,72 @@
+//! Lines of a table and their cells.
+
+use std::borrow::Cow;
+
+/// The cells of a line.
+#[derive(Default)]
+pub(crate) struct Row<'t> {
+    cells: Vec<Cow<'t, str>>,
+}
+
+impl<'t> Row<'t> {
+    /// Takes the cells of a line in the place of those it has.
+    pub(crate) fn read(&mut self, line: &'t str, separator: char) {
+        self.cells.clear();
+        if !line.contains('"') {
+            self.cells.extend(line.split(separator).map(|cell| Cow::Borrowed(cell.trim())));
+            return;
+        }
+        let delimiter = u8::try_from(separator).unwrap_or(b',');
+        let mut quoted = csv::ReaderBuilder::new().has_headers(false).delimiter(delimiter).from_reader(line.as_bytes());
+        let record = quoted.records().next().and_then(Result::ok).unwrap_or_default();
+        self.cells.extend(record.iter().map(|cell| Cow::Owned(cell.trim().to_string())));
+    }
+
+    /// Number of cells.
+    pub(crate) fn len(&self) -> usize {
+        self.cells.len()
+    }
+
+    pub(crate) fn iter(&self) -> impl Iterator<Item = &str> {
+        self.cells.iter().map(|cell| &**cell)
+    }
+
+    pub(crate) fn get(&self, place: usize) -> Option<&str> {
+        self.cells.get(place).map(|cell| &**cell)
+    }
+
+    /// Number of cells of a line that has too few or too many; empty ones at its end do not count as far as the header has them too.
+    /// Elsewhere a surplus cell is a decimal comma.
+    pub(crate) fn ragged(&self, expected: usize, widest: usize) -> Option<usize> {
+        let found = self.len();
+        let fits = (expected..=widest).contains(&found) && self.iter().skip(expected).all(str::is_empty);
+        (!fits).then_some(found)
+    }
+}
+
+/// Neither blank nor a comment.
+pub(crate) fn is_line(line: &str) -> bool {
+    !line.trim().is_empty() && !line.starts_with('#')
+}
+
+/// A line that holds more than separators, and is not Excel's word on what they are, which the headings show anyway.
+pub(crate) fn is_row(line: &str) -> bool {
+    let separator = line.trim_end_matches(['\r', '\n']).strip_prefix("sep=").is_some_and(|s| s.chars().count() <= 1);
+    !separator && !line.starts_with('#') && line.chars().any(|c| !c.is_whitespace() && !matches!(c, ',' | ';'))
+}
+
+/// The separator between the headings, outside of quotes.
+pub(crate) fn separator(header: &str) -> char {
+    let mut quoted = false;
+    let mut seen = [false; 2];
+    for c in header.chars() {
+        quoted ^= c == '"';
+        seen[0] |= c == ';' && !quoted;
+        seen[1] |= c == '\t' && !quoted;
+    }
+    match seen {
+        [true, _] => ';',
+        [_, true] => '\t',
+        _ => ',',
+    }
+}

@@ -1,0 +1,33 @@
+//! Picks the reader of a file by its first bytes.
+
+use std::path::Path;
+
+use crate::storage::disk;
+use crate::storage::error::LogError;
+use crate::storage::import::source::{SourceFile, SourceOptions};
+use crate::storage::import::{csv, mcap, tdms};
+
+/// Reads a file of another program, whichever of the known kinds it is.
+///
+/// # Errors
+/// Says what is wrong, where, and what to do.
+pub fn read_source(path: &Path, options: &SourceOptions) -> Result<SourceFile, LogError> {
+    decode_source(&disk::read_file(path)?, path, options)
+}
+
+/// [`read_source`] of the bytes of a file.
+///
+/// # Errors
+/// As there.
+pub fn decode_source(bytes: &[u8], path: &Path, options: &SourceOptions) -> Result<SourceFile, LogError> {
+    if bytes.starts_with(::mcap::MAGIC) {
+        mcap::read(bytes, path, options)
+    } else if bytes.starts_with(b"TDSm") {
+        tdms::read(bytes).map_err(|why| LogError::SourceFile { path: path.into(), why })
+    } else if bytes.starts_with(b"TDSh") {
+        let why = "this is the index of a TDMS file: name the .tdms file that stands beside it".into();
+        Err(LogError::SourceFile { path: path.into(), why })
+    } else {
+        csv::read(bytes, options).map_err(|(line, problem)| LogError::Csv { path: path.into(), line, problem })
+    }
+}

@@ -1,0 +1,32 @@
+//! Files of other programs become recordings: a reader gives named tracks of numbers with times, which are then bound to the
+//! sensors of a rig.
+//!
+//! | file | what it does |
+//! | --- | --- |
+//! | `source` | what a file holds, what was repaired in it, what the user says about it |
+//! | `csv/` | the one parser of text tables: strict for a plain time series, or repairing what can be repaired safely |
+//! | `tdms/` | NI TDMS |
+//! | `mcap/` | MCAP of other programs: JSON and protobuf messages |
+//! | `gaps` | gaps of a track where its file says that there is no number |
+//! | `decode` | picks the reader |
+//! | `bind` | tracks → sensors: names, units, what is left out |
+//! | `file` | one file becomes a recording |
+//! | `unit_warnings` | values that look like those of another unit |
+
+pub(crate) mod bind;
+pub(crate) mod csv;
+pub(crate) mod decode;
+pub(crate) mod file;
+pub(crate) mod gaps;
+pub(crate) mod mcap;
+pub(crate) mod source;
+pub(crate) mod tdms;
+pub(crate) mod unit_warnings;
+
+pub use crate::storage::import::bind::{bind, require_sensors};
+pub use crate::storage::import::csv::heading::time_unit;
+pub use crate::storage::import::csv::stamp::zone_seconds;
+pub use crate::storage::import::decode::{decode_source, read_source};
+pub use crate::storage::import::file::{Imported, import_file};
+pub use crate::storage::import::source::{MessageTime, Repair, SourceFile, SourceOptions, Start, Track};
+pub use crate::storage::import::unit_warnings::unit_warnings;
