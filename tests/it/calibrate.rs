@@ -4,10 +4,10 @@
 //! The others are made by the project's own model on a grid many times finer than the fit's, with noise: they hold the fit to
 //! its standard errors.
 
-use surgescope::fit::search::calibrate::{Options, calibrate};
+use surgescope::fit::data::prepare::prepare;
 use surgescope::fit::data::run_data::RunData;
 use surgescope::fit::outcome::fit::Fit;
-use surgescope::fit::data::prepare::prepare;
+use surgescope::fit::search::calibrate::{Options, calibrate};
 use surgescope::model::effects::parse_list;
 use surgescope::model::trace::Probe;
 use surgescope::model::{Conditions, Model, Resolution, RunValues};

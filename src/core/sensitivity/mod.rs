@@ -11,7 +11,6 @@
 //! | [`sobol`] | shares of the variance, first-order and total |
 //! | [`map`] | features over two parameters, and what raising a third changes there |
 //! | [`study`] | all of it for one model, as one document |
-//! | [`rules`] | the source paper's rules, tested one by one |
 //!
 //! A simulation of a point may fail (a grid too coarse for so much friction), and a feature may not exist there (a head that creeps to its
 //! end without a second peak has none): such values are not numbers, are left out of every statistic, and are counted.
@@ -23,7 +22,6 @@ pub mod features;
 pub mod levels;
 pub mod map;
 pub mod morris;
-pub mod rules;
 pub mod sobol;
 pub mod study;
 pub mod subject;

@@ -1,8 +1,8 @@
 //! Bands, predictions of other runs, cross-validation.
 
+use surgescope::fit::outcome::fit::Fit;
 use surgescope::fit::search::calibrate::{Options, calibrate};
 use surgescope::fit::validate::cross_validate::{By, CrossValidation, Fold, cross_validate};
-use surgescope::fit::outcome::fit::Fit;
 use surgescope::fit::validate::predict::{Known, predict};
 use surgescope::model::effects::parse_list;
 use surgescope::report::prediction::cross_validation::comparison;
