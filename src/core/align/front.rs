@@ -76,9 +76,9 @@ fn agreeing(pairs: &[FrontPair], shifts: &[Estimate], rig: &Rig) -> (Vec<Estimat
         return (shifts.to_vec(), None);
     }
     let is_most = 2 * with(centre).count() > shifts.len();
-    let taken = if is_most { "they are left out" } else { "their mean was taken, and is not to be trusted" };
+    let taken = if is_most { "they are left out" } else { "their mean is used, but is not reliable" };
     let warning = format!(
-        "pairs of sensors contradict each other: from {} differ {}; {taken}. Check the sensors' places in the rig file, or align by something else",
+        "pairs of sensors contradict each other: compared with {}, these differ: {}; {taken}. Check the sensors' positions in the rig file, or align by another method",
         of(centre),
         others.join(", ")
     );

@@ -122,7 +122,7 @@ fn contradict(clock: &mut Clock, first: &Part, other: &Part) {
         let verdict = if contradicts { "which contradicts it" } else { "which agrees" };
         if contradicts {
             clock.warnings.push(format!(
-                "by {method} it would be {} later than by {}: --align {method} takes that instead",
+                "by {method} it would be {} later than by {}; --align {method} uses that instead",
                 short(difference),
                 clock.method
             ));
@@ -143,11 +143,11 @@ fn check_overlap(clock: &mut Clock, first: &Part, other: &Part, asked_for: bool)
     if apart_s <= 0.0 {
         return Ok(());
     }
-    let apart = format!("by their times the two have not one moment in common, but lie {} apart", short(apart_s));
-    let remedy = "is the zone of one of them missing (--zone +01:00, or in its times)";
+    let apart = format!("by their times the two recordings do not overlap but lie {} apart", short(apart_s));
+    let remedy = "does one of them lack its time zone (--zone +01:00, or in its times)";
     if !asked_for && crate::align::front::by_front(first, other).is_ok() {
         let why = format!(
-            "{apart}, and both show the front: {remedy}? --align front takes the front instead, --align time these times all the same"
+            "{apart}, and both show the front: {remedy}? --align front uses the front instead, --align time uses these times anyway"
         );
         let (file, first) = (other.file.clone(), first.file.clone());
         return Err(AlignError::Method { file, first, method: Method::Time, why });
@@ -182,14 +182,14 @@ fn by_trigger(first: &Part, other: &Part) -> Result<Clock, String> {
         known
             .map(|(_, series)| crate::align::trigger::edges(series))
             .find(|edges| !edges.is_empty())
-            .ok_or_else(|| format!("the trigger of {} has no edge in it", part.file))
+            .ok_or_else(|| format!("the trigger of {} has no edge", part.file))
     };
     let (a, b) = (edges(first)?, edges(other)?);
     let expected = by_time(first, other).ok().map(|c| c.offset_s);
     let found = crate::align::trigger::matched(&a, &b, expected).map_err(|no| match no {
-        crate::align::trigger::NoMatch::NoEdge => "no edge of one is an edge of the other".to_string(),
+        crate::align::trigger::NoMatch::NoEdge => "no edge of one matches an edge of the other".to_string(),
         crate::align::trigger::NoMatch::Ambiguous => format!(
-            "{} edges against {} match in several ways; give both files their absolute start, or say --align front",
+            "{} edges against {} match in several ways; give both files their absolute start, or use --align front",
             a.len(),
             b.len()
         ),
@@ -227,7 +227,7 @@ fn by_time(first: &Part, other: &Part) -> Result<Clock, String> {
     let ((a, digit_a), (b, digit_b)) = (start(first)?, start(other)?);
     // what the last digits written leave open is evenly likely
     let written = short(digit_a.max(digit_b));
-    let remark = format!("the starts are written to {written}, and what the clocks differ by comes on top");
+    let remark = format!("the starts are given to {written}; any difference between the clocks adds to that");
     Ok(Clock {
         offset_s: (i128::from(b) - i128::from(a)) as f64 * 1e-9,
         uncertainty_s: digit_a.hypot(digit_b) / 12f64.sqrt(),

@@ -131,8 +131,8 @@ fn check_constraint(pipe: &Pipe) -> Finding {
     let [free, upstream, anchored] =
         [Constraint::Free, Constraint::AnchoredUpstream, Constraint::Anchored].map(|held| pipe.coefficient_if(held));
     let message = format!(
-        "c1 = {c1:.3}, 1 where the file says nothing; this wall has {free:.3} held \"free\", {upstream:.3} \"anchored-upstream\", \
-         {anchored:.3} \"anchored\". Fitted J go as 1/c1, moduli as c1, and no record tells how the pipe is held"
+        "c1 = {c1:.3}, 1 if the file gives no constraint; for this wall c1 is {free:.3} held \"free\", {upstream:.3} \"anchored-upstream\", \
+         {anchored:.3} \"anchored\". Fitted J scale with 1/c1 and moduli with c1, and no record shows how the pipe is held"
     );
     let numbers = [("c1", c1), ("free", free), ("anchored_upstream", upstream), ("anchored", anchored)];
     Finding::new(Level::Fine, format!("constraint of '{}'", pipe.name), message, &numbers)
@@ -151,7 +151,7 @@ pub fn judge_wave_speed(pipe: &Pipe, subject: String, given: f64, slack: f64, wa
         () if least >= sound => (Level::Contradiction, "is faster than sound in the water, and outside"),
         () if least > 1.15 * hi => (Level::Contradiction, "is far above"),
         () if most < 0.5 * lo => (Level::Contradiction, "is far below"),
-        () if slack > TELLS_NOTHING => (Level::Warning, "is too uncertain to judge by"),
+        () if slack > TELLS_NOTHING => (Level::Warning, "is too uncertain to compare with"),
         () if least > hi => (Level::Warning, "is above"),
         () if most < lo => (Level::Warning, "is below"),
         () if (lo..=hi).contains(&given) => (Level::Fine, "is within"),
@@ -259,9 +259,9 @@ fn check_friction_factor(pipe: &Pipe, subject: String, flow: f64, water: &WaterP
         pipe.material
     );
     let (level, message) = if given < 0.9 * smooth {
-        (Level::Contradiction, format!("{compared}: no pipe has less than a smooth one"))
+        (Level::Contradiction, format!("{compared}: no pipe has less friction than a smooth one"))
     } else if given > 1.5 * new {
-        (Level::Warning, format!("{compared}: it holds bends and fittings too, or the diameter is wrong"))
+        (Level::Warning, format!("{compared}: it includes bends and fittings, or the diameter is wrong"))
     } else {
         (Level::Fine, compared)
     };
@@ -275,7 +275,7 @@ fn check_supply(rig: &Rig, subject: String, supply_m: f64, flow: f64, water: &Wa
     let compared =
         format!("wall friction takes {loss:.1} m at {:.2} m3/h; the supply gives {available:.1} m", flow * 3600.0);
     let (level, message) = if loss > available {
-        (Level::Contradiction, format!("{compared}: this flow cannot be"))
+        (Level::Contradiction, format!("{compared}: this flow is impossible"))
     } else if loss > 0.8 * available {
         (Level::Warning, format!("{compared}: next to nothing is left for the valve"))
     } else {
@@ -354,7 +354,7 @@ mod tests {
             (1.06 * hi, 0.11, Level::Fine, "agrees within its error with the", false),
             (1.06 * hi, 0.01, Level::Warning, "is above the", false),
             (0.8 * lo, 0.01, Level::Warning, "is below the", false),
-            (middle, 0.6, Level::Warning, "is too uncertain to judge by the", false),
+            (middle, 0.6, Level::Warning, "is too uncertain to compare with the", false),
             (0.1 * lo, 0.01, Level::Contradiction, "is far below the", false),
             (3.0 * hi, 0.01, Level::Contradiction, "faster than sound", false),
         ] {

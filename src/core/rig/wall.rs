@@ -19,8 +19,8 @@ impl Rig {
         let each: Vec<String> = creeps.map(|p| format!("{:.4} in '{}'", p.constraint_coefficient(), p.name)).collect();
         (!each.is_empty()).then(|| {
             format!(
-                "J is with c1 = {} (`constraint` in the rig file, 1 without it) and goes as 1/c1: a pipe held otherwise has J and modulus by \
-                 as much wrong",
+                "J assumes c1 = {} (`constraint` in the rig file, 1 without it) and scales with 1/c1: if the pipe is held otherwise, J and modulus are wrong by \
+                 as much",
                 each.join(", ")
             )
         })

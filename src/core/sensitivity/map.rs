@@ -19,8 +19,8 @@ pub const CHANGES: [Output; PEAKS + 3] = [
     change("peak2_percent", "%", "contribution to pressure damping at peak 2"),
     change("peak3_percent", "%", "contribution to pressure damping at peak 3"),
     change("peak4_percent", "%", "contribution to pressure damping at peak 4"),
-    change("time2_percent", "%", "how much later the second peak comes, as a part of 4L/a"),
-    change("phase_percent", "%", "how much later the fourth crossing comes, as a part of 4L/a"),
+    change("time2_percent", "%", "delay of the second peak, as a share of 4L/a"),
+    change("phase_percent", "%", "delay of the fourth crossing, as a share of 4L/a"),
     change("damping_change", "1", "change of the logarithmic decrement"),
 ];
 

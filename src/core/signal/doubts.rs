@@ -48,8 +48,7 @@ pub fn doubts(rig: &Rig, features: &Features) -> Vec<String> {
     for sensor in &features.sensors {
         if let Some(line) = sensor.noise.line {
             found.push(format!(
-                "{} oscillates at {:.3} Hz by {:.3} m before the closure already (a pump, mains hum, or what sampling makes of them): no model of a \
-                 closure has that, so it counts as missing; stop its source, or filter it before the converter",
+                "{} oscillates at {:.3} Hz by {:.3} m even before the closure (a pump, mains hum, or an alias of them): no model of a closure reproduces that, so it counts as missing physics; stop its source, or filter it before the converter",
                 sensor.name,
                 line.cycles_per_sample / sensor.interval_s,
                 line.amplitude_m
@@ -72,15 +71,14 @@ fn apart(a: Estimate, b: Estimate) -> bool {
 fn doubt_joukowsky(j: Estimate, crossings: Option<Estimate>) -> Option<String> {
     if j.value - j.standard_error > FASTEST_M_S {
         return Some(format!(
-            "the first rise over the velocity asks for a wave of {:.0} m/s, which no water pipe has: is the unit of the flow right, or \
-             the inner diameter, or does the recording start after the closure began?",
+            "the first rise over the velocity implies a wave speed of {:.0} m/s, which no water pipe has: is the unit of the flow wrong, or the inner diameter, or does the recording start after the closure began?",
             j.value
         ));
     }
     let c = crossings.filter(|c| apart(j, *c))?;
     let ratio = j.value / c.value;
     let values = format!(
-        "the first rise over the velocity (Joukowsky) asks for {}, but the wave runs at {}",
+        "the first rise over the velocity (Joukowsky) implies {}, but the wave travels at {}",
         shown(j),
         shown(c)
     );
@@ -92,7 +90,7 @@ fn doubt_joukowsky(j: Estimate, crossings: Option<Estimate>) -> Option<String> {
     }
     (ratio < 1.0 - LOW_JOUKOWSKY).then(|| {
         format!(
-            "{values}: more than creep or a leak takes away; check the unit of the flow, the inner diameter, and whether the valve \
+            "{values}: more than creep or a leak can explain; check the unit of the flow, the inner diameter, and whether the valve \
              closed fully"
         )
     })
@@ -115,7 +113,7 @@ fn doubt_bounds(rig: &Rig, temperature_degc: f64, best: Estimate) -> Option<Stri
         return None;
     };
     Some(format!(
-        "the wave runs at {}, but a fit may take {lo:.0} to {hi:.0} m/s for the rig's pipe: {causes}",
+        "the wave travels at {}, but a fit allows {lo:.0} to {hi:.0} m/s for the rig's pipe: {causes}",
         shown(best)
     ))
 }

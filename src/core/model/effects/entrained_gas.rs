@@ -45,7 +45,7 @@ impl Effect for EntrainedGas {
             Parameter::log(
                 "gas_fraction",
                 "1",
-                "volume of free gas per volume of pipe, were its pressure one atmosphere",
+                "volume of free gas per volume of pipe, at a pressure of one atmosphere",
                 1e-5,
                 1e-8,
                 1e-2,

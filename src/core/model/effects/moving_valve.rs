@@ -41,7 +41,7 @@ impl Effect for MovingValve {
             Parameter::log(
                 "valve_frequency_Hz",
                 "Hz",
-                "frequency at which the valve swings on its supports by itself",
+                "natural frequency of the valve on its supports",
                 4.0 / site.period_s,
                 (0.2 / site.period_s).min(1.0),
                 (400.0 / site.period_s).max(500.0),

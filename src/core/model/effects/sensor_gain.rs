@@ -34,7 +34,7 @@ impl Effect for SensorGain {
         true
     }
     fn parameters(&self, _site: &Site, _elements: usize) -> Vec<Parameter> {
-        let about = "by which part the sensor reads too high";
+        let about = "share by which the sensor reads too high";
         vec![Parameter::linear("gain_error", "1", about, 0.02, -0.3, 0.3).vanishing_at(0.0)]
     }
     fn noteworthy(&self, values: &[f64]) -> bool {

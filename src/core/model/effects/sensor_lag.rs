@@ -42,7 +42,7 @@ impl Effect for SensorLag {
             Parameter::log(
                 "lag_time_s",
                 "s",
-                "how far the sensor shows a steady rise behind",
+                "delay with which the sensor shows a steady rise",
                 lag_s,
                 1e-4 * lag_s,
                 100.0 * lag_s,
@@ -51,7 +51,7 @@ impl Effect for SensorLag {
             Parameter::log(
                 "lag_damping_ratio",
                 "1",
-                "damping of the sensor: below 0.7 it rings, 1 is critical, a large one is a lag of first order",
+                "damping of the sensor: below 0.7 it rings, 1 is critical, large values are a lag of first order",
                 1.0,
                 0.02,
                 20.0,

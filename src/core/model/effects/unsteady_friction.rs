@@ -61,7 +61,7 @@ impl Effect for UnsteadyFriction {
         &[(BRUNONE, ONE_LAW)]
     }
     fn parameters(&self, _site: &Site, _elements: usize) -> Vec<Parameter> {
-        vec![scale("unsteady_friction_scale", "multiplies the unsteady friction; 1 is the textbook's")]
+        vec![scale("unsteady_friction_scale", "multiplies the unsteady friction; 1 is the textbook value")]
     }
 
     fn kept_per_node(&self, _elements: usize) -> usize {

@@ -46,7 +46,7 @@ impl Effect for ValveLaw {
             Parameter::linear(
                 "inflection_time_fraction",
                 "1",
-                "part of the closing time after which the valve changes its speed",
+                "share of the closing time after which the valve changes its speed",
                 0.5,
                 0.01,
                 0.99,
@@ -54,7 +54,7 @@ impl Effect for ValveLaw {
             Parameter::linear(
                 "inflection_opening",
                 "1",
-                "relative opening at which it does; the closure is linear where this is 1 less the time's part",
+                "relative opening at that time; the closure is linear if it is 1 minus that share",
                 0.35,
                 0.0,
                 1.0,

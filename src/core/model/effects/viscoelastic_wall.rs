@@ -36,7 +36,7 @@ impl Effect for ViscoelasticWall {
     fn impossible(&self, rig: &Rig) -> Option<&'static str> {
         // A wrong material in the rig file stays possible, but that is the file's fault.
         let creeps = rig.pipes.iter().any(|p| p.material().viscoelastic);
-        (!creeps).then_some("no pipe of the rig is of a material that creeps at room temperature")
+        (!creeps).then_some("no pipe of the rig is made of a material that creeps at room temperature")
     }
     /// `J1_per_GPa, tau1_s, J2_per_GPa, tau2_s, …`, spread evenly (in ratio) around the period.
     fn parameters(&self, site: &Site, elements: usize) -> Vec<Parameter> {

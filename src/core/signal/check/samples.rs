@@ -50,11 +50,11 @@ pub(crate) fn check_sample_rate(
     let nearest = all.iter().map(apart).filter(|t| *t > 0.0).min_by(f64::total_cmp);
     let shortest = nearest.map_or(closing, |t| t.min(closing));
     let samples = shortest / interval;
-    let what = if shortest < closing { "the way to the next sensor" } else { "the closure" };
+    let what = if shortest < closing { "the travel time to the next sensor" } else { "the closure" };
     let message = format!(
         "{:.4} kHz: {samples:.0} samples over {what} ({shortest:.4} s){}",
         1e-3 / interval,
-        if samples < SAMPLES_OF_A_FRONT { "; 10 or more are wanted to place a front" } else { "" }
+        if samples < SAMPLES_OF_A_FRONT { "; 10 or more are needed to locate a front" } else { "" }
     );
     let level = if samples < SAMPLES_OF_A_FRONT { Level::Warning } else { Level::Fine };
     let numbers = [("interval_s", interval), ("closing_time_s", closing), ("samples", samples)];
