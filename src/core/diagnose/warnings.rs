@@ -14,8 +14,10 @@ pub fn warnings(rig: &Rig, runs: &[RunData], start: &Fit, effects: &[Chosen], op
     let mut warnings = Vec::new();
     let held: Vec<&str> = start.parameters.iter().filter(|p| p.held).map(|p| p.name.as_str()).collect();
     if !held.is_empty() {
-        warnings
-            .push(format!("held: {}; an effect may be found only because it makes up for a wrong value", held.join(", ")));
+        warnings.push(format!(
+            "held: {}; an effect may be found only because it makes up for a wrong value",
+            held.join(", ")
+        ));
     }
     warnings.extend(too_few_elements(rig, runs, start, effects, options));
     for chosen in effects {

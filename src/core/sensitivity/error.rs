@@ -2,7 +2,7 @@
 
 use crate::model::ModelError;
 
-/// What can be wrong with what is asked for.
+/// Errors of a sensitivity study.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[allow(missing_docs)] // the sentences say it
 pub enum SensitivityError {

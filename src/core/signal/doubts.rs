@@ -1,18 +1,18 @@
-//! What in a recording should make a user look twice before believing a fit of it: numbers that cannot all be right.
+//! Warnings about a recording before any fit: numbers that cannot all be right.
 
 use crate::rig::Rig;
 use crate::signal::features::{Estimate, Features};
 
-/// Wave speeds that differ by less are one: creep and unsteady friction smear the fronts that they are read from.
+/// Wave speeds that differ by less agree: creep and unsteady friction smear the fronts from which they are read.
 const SAME_SPEED: f64 = 0.15;
-/// Joukowsky's speed may lie so far below the others: creep during the closure and a leak lower the first rise.
+/// Joukowsky's speed may lie this far below the others: creep during the closure and a leak lower the first rise.
 const LOW_JOUKOWSKY: f64 = 0.35;
 /// Faster than any wave in a water pipe, m/s.
 const FASTEST_M_S: f64 = 1600.0;
-/// Periods after the closure that a fit wants to see.
+/// Least number of periods after the closure that a fit needs.
 const LEAST_PERIODS: f64 = 2.0;
 
-/// Sentences on what does not fit together, each with its likely causes; none where nothing stands out.
+/// One sentence for each contradiction, with its likely causes; empty if there is none.
 pub fn doubts(rig: &Rig, features: &Features) -> Vec<String> {
     let speeds = &features.wave_speed;
     let crossings = speeds.crossings.map(|c| Estimate { value: c.value, standard_error: c.standard_error });
@@ -63,7 +63,7 @@ fn shown(speed: Estimate) -> String {
     format!("{:.digits$} ± {:.digits$} m/s", speed.value, speed.standard_error)
 }
 
-/// Different beyond two standard errors.
+/// Whether two values differ by more than two standard errors.
 fn apart(a: Estimate, b: Estimate) -> bool {
     (a.value - b.value).abs() > 2.0 * a.standard_error.hypot(b.standard_error)
 }
@@ -96,7 +96,7 @@ fn doubt_joukowsky(j: Estimate, crossings: Option<Estimate>) -> Option<String> {
     })
 }
 
-/// The mean wave speed (length by travel time) against what the walls allow.
+/// Compares the mean wave speed (length by travel time) with what the walls allow.
 fn doubt_bounds(rig: &Rig, temperature_degc: f64, best: Estimate) -> Option<String> {
     let water = rig.fluid.properties(temperature_degc);
     let mean = |of: fn((f64, f64, f64)) -> f64| {

@@ -13,7 +13,7 @@ pub enum SignalError {
         /// Pressure sensors of the rig.
         sensors: usize,
     },
-    /// Nothing happens.
+    /// The head does not change.
     #[error(
         "no closure in this recording: over {duration_s:.3} s the head at {sensor} moves by only {swing_m:.3} m, within its \
          noise; record again with the valve closing while the recording runs"

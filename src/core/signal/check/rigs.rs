@@ -1,4 +1,4 @@
-//! Is the rig given the one that was recorded?
+//! Compares the given rig with the recorded one.
 
 use crate::rig::Rig;
 use crate::rig::check::{Finding, Level};
@@ -30,6 +30,7 @@ pub(crate) fn compare_rigs(given: &Rig, recorded: &Rig) -> Finding {
     if differing.is_empty() {
         return Finding::new(Level::Fine, subject, "equivalent to the rig file given, but worded differently", &[]);
     }
-    let message = format!("differs from the rig file given in: {}; the rig file given is used here", differing.join(", "));
+    let message =
+        format!("differs from the rig file given in: {}; the rig file given is used here", differing.join(", "));
     Finding::new(Level::Warning, subject, message, &[])
 }
