@@ -12,7 +12,7 @@
 //! | [`signal`] | noise, steady pressures, extrema, period, wave speed |
 //! | [`align`] | several recordings of one closure, each on its own clock, become one |
 //! | [`model`] | the method of characteristics, its boundaries and effects |
-//! | [`sensitivity`] | which parameter moves what: analysis of variance, maps, Morris, Sobol, the source paper's rules |
+//! | [`sensitivity`] | which parameter moves what: analysis of variance, maps, Morris, Sobol |
 //! | [`fit`] | calibration: bounded least squares, comparison, uncertainty |
 //! | [`diagnose`] | where a model fails, and which effect it lacks |
 //! | [`history`] | every run of a folder in an index, and the drift of a rig's parameters |

@@ -1,4 +1,4 @@
-//! A test in memory: the samples of each sensor with their times, the gaps, and what is known of the run.
+//! A test in memory: the samples of each sensor with their times, the gaps, and information on the run.
 
 use crate::rig::Rig;
 
@@ -7,27 +7,27 @@ use crate::rig::Rig;
 pub struct Recording {
     /// The rig it was made on.
     pub rig: Rig,
-    /// One series for each sensor of the rig, in the rig's order; empty where nothing was recorded.
+    /// One series for each sensor of the rig, in the rig's order; empty if nothing was recorded.
     pub series: Vec<Series>,
-    /// What is known of the run.
+    /// Information on the run.
     pub run: RunInfo,
 }
 
-/// A rig that cannot be put in the place of the one in the recording.
+/// A rig that cannot replace the recording's own.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[error("the rig '{rig}' has no sensor named '{sensor}', which the recording has samples of; its sensors are {known}")]
 pub struct RigMismatch {
     /// The rig's name.
     pub rig: String,
-    /// The sensor that it lacks.
+    /// The sensor that the rig lacks.
     pub sensor: String,
-    /// The sensors that it has.
+    /// The sensors that the rig has.
     pub known: String,
 }
 
 impl Recording {
-    /// The same samples on another rig (`--rig`): each series goes to the sensor of its name. Sensors that the recording does
-    /// not know stay empty; one with samples that the rig lacks is an error.
+    /// The same samples on another rig (`--rig`): each series goes to the sensor of its name. Sensors that the
+    /// recording lacks stay empty; samples of a sensor that the rig lacks are an error.
     pub fn on_rig(mut self, rig: Rig) -> Result<Recording, RigMismatch> {
         let mut series = vec![Series::default(); rig.sensors.len()];
         for (sensor, recorded) in self.rig.sensors.iter().zip(&mut self.series) {
@@ -63,14 +63,14 @@ pub struct Gap {
     pub from_s: f64,
     /// Time of the first sample after it, s.
     pub to_s: f64,
-    /// Number of samples lost, where it is known.
+    /// Number of samples lost, if known.
     pub samples: Option<u64>,
 }
 
-/// What is known of a run.
+/// Information on a run.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct RunInfo {
-    /// Wall-clock time that the recording's time 0 stands for, ns since 1970 UTC; 0 if unknown.
+    /// Wall-clock time of the recording's time 0, ns since 1970 UTC; 0 if unknown.
     pub start_unix_ns: u64,
     /// Where the samples come from (`serial`, `import run.csv`, …).
     pub source: String,
@@ -78,14 +78,14 @@ pub struct RunInfo {
     pub program: String,
     /// Free notes, key and value.
     pub notes: Vec<(String, String)>,
-    /// How the time series that it was imported from was written.
+    /// Format of the imported time series.
     pub csv: Option<CsvFormat>,
 }
 
-/// How the numbers of an imported time series were written, so that its export gives the same text again.
+/// Number format of an imported time series, so that an export gives the same text again.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct CsvFormat {
-    /// Decimals of the times, where all have the same number.
+    /// Decimals of the times, if all have the same number.
     pub time_decimals: Option<u8>,
     /// Columns in the order of the file: index of the sensor in the rig, and decimals where all its cells have the
     /// same number.

@@ -1,24 +1,24 @@
-//! Middle and spread of values that a few wild ones do not move.
+//! Robust location and spread: a few wild values do not move them.
 
-/// From the median distance to the middle to the standard deviation, for a normal distribution.
+/// Factor from the median absolute deviation to the standard deviation of a normal distribution.
 pub(crate) const MEDIAN_TO_SD: f64 = 1.4826;
 
-/// Median (upper of the two middle values); reorders its argument, 0 of nothing.
+/// Median (the upper of the two middle values); reorders its argument; 0 for an empty slice.
 pub fn median(values: &mut [f64]) -> f64 {
     at(values, values.len() / 2)
 }
 
-/// The value that a share of the others does not exceed; reorders its argument, 0 of nothing.
+/// Quantile: the value that a share of the others does not exceed; reorders its argument; 0 for an empty slice.
 pub fn quantile(values: &mut [f64], share: f64) -> f64 {
     at(values, (values.len().saturating_sub(1) as f64 * share) as usize)
 }
 
-/// Standard deviation about a middle, from the median distance to it; 0 of nothing.
+/// Standard deviation about `middle` from the median distance to it; 0 for an empty slice.
 pub fn sd_about(middle: f64, values: &[f64]) -> f64 {
     MEDIAN_TO_SD * median(&mut values.iter().map(|value| (value - middle).abs()).collect::<Vec<_>>())
 }
 
-/// The value at a place in the order of size.
+/// The value at an index in ascending order.
 fn at(values: &mut [f64], place: usize) -> f64 {
     if values.is_empty() { 0.0 } else { *values.select_nth_unstable_by(place, f64::total_cmp).1 }
 }

@@ -17,7 +17,7 @@
 //! | [`creep`] | a creep test as text and JSON |
 //! | [`family`] | a family of runs at several temperatures as text, JSON and CSV |
 //! | [`history`] | a rig's runs and drifts as text, JSON and CSV |
-//! | [`sensitivity`] | a sensitivity study as text, and the page of the source paper's rules |
+//! | [`sensitivity`] | a sensitivity study as text and as a page |
 //! | [`svg`] | static charts, for the page in print and for any other plot |
 //! | [`plot`] | a small plot of two curves in text |
 //! | [`failure`] | where a model fails, in words |

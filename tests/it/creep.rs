@@ -257,7 +257,7 @@ fn the_shipped_tests_lead_to_a_calibration() {
     assert!(err.contains("element 4 of the creep test") && err.contains("does not move during a surge"), "{err}");
     assert!(err.contains("by Arrhenius' law"), "{err}");
     assert!(!err.contains("contradicts the creep test"), "{err}");
-    assert!(err.contains("J is with c1 = 1.0000 in 'main'"), "{err}");
+    assert!(err.contains("J assumes c1 = 1.0000 in 'main'"), "{err}");
     // One of another material: the record contradicts it, and that is said.
     let text = std::fs::read_to_string(&result).unwrap();
     let other: String = text

@@ -454,11 +454,11 @@ fn what_cannot_be_right_together_is_told_before_the_fit() {
     bench.put("slow.csv", format!("time_s,P1\n{lead}{rows}"));
     bench.expect(0, "import slow.csv --rig slow.toml -o slow.mcap");
     let (out, _) = bench.expect(0, "inspect slow.mcap");
-    let note = out.lines().find_map(|l| l.strip_prefix("note: the wave runs at")).expect("a doubt").to_owned();
+    let note = out.lines().find_map(|l| l.strip_prefix("note: the wave travels at")).expect("a doubt").to_owned();
     assert!(note.contains("are the pipe's length"), "{note}");
     // an unknown setting ends nothing else: the warning comes with the loading
     let (_, err) = bench.expect(2, "calibrate slow.mcap slow.mcap");
-    assert!(err.contains("warning: slow.mcap: the wave runs at"), "{err}");
+    assert!(err.contains("warning: slow.mcap: the wave travels at"), "{err}");
 }
 
 #[test]

@@ -43,7 +43,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     // The list as a whole says what stands against the newcomer.
     parse_list(&before.effects.iter().cloned().chain([label.clone()]).collect::<Vec<_>>().join(","))?;
     if let Some(why) = args.effect.effect.impossible(&at.rig) {
-        crate::cli::tell!("warning: {label}: {why}; what it takes up belongs to another effect");
+        crate::cli::tell!("warning: {label}: {why}; whatever it absorbs belongs to another effect");
     }
     let began = Instant::now();
     let bar = progress_bar();

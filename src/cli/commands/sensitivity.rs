@@ -18,7 +18,7 @@ use crate::rig::Rig;
 use crate::sensitivity::factor::{Factor, Range, Reach};
 use crate::sensitivity::study::{Study, elementary_effects, variance_shares};
 use crate::sensitivity::subject::{Subject, sensor};
-use crate::sensitivity::{SensitivityError, levels, map, rules};
+use crate::sensitivity::{SensitivityError, levels, map};
 
 /// Which parameter moves what: peaks, their times, phase and damping of a simulated closure against the parameters of a model.
 ///
@@ -83,9 +83,6 @@ pub struct Args {
     /// Write a page with tables and plots.
     #[arg(long, value_name = "HTML")]
     report: Option<PathBuf>,
-    /// Test the source paper's rules on this rig one by one, as a page in Markdown, and nothing else.
-    #[arg(long, conflicts_with_all = ["method", "report", "csv", "map", "range", "within", "only"])]
-    rules: bool,
 }
 
 /// What can be computed.
@@ -143,17 +140,6 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     };
     // What does not work at the values themselves is told once, before thousands of runs.
     subject.features(&subject.values)?;
-    if args.rules {
-        let bar = progress(rules::runs() as u64);
-        let found = rules::test(&subject, &|| bar.inc(1))?;
-        bar.finish_and_clear();
-        if json {
-            crate::cli::say!("{:#}", serde_json::to_value(&found)?);
-        } else {
-            crate::cli::say_text!(text::rules_page(&found));
-        }
-        return Ok(Outcome::Done);
-    }
     let study = study(&args, &subject, &scenario)?;
     if let Some(folder) = &args.csv {
         for map in &study.maps {

@@ -1,4 +1,4 @@
-//! One file's samples, and how its clock goes into the first file's.
+//! One file's samples, and the relation of its clock to the first file's.
 
 use std::fmt;
 
@@ -13,11 +13,11 @@ pub struct Part {
     pub file: String,
     /// Its samples; sensors that it lacks are empty.
     pub recording: Recording,
-    /// Value of the last digit of its start, s; if not known, that of the last digit that is not 0.
+    /// Resolution of its start time, s; if unknown, the value of the last digit that is not 0.
     pub start_digit_s: Option<f64>,
 }
 
-/// What clocks are aligned by.
+/// What the alignment of a clock rests on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Method {
@@ -30,7 +30,7 @@ pub enum Method {
 }
 
 impl Method {
-    /// Every method, the surest first.
+    /// Every method, the most reliable first.
     pub const ALL: [Method; 3] = [Method::Trigger, Method::Time, Method::Front];
 }
 
@@ -44,7 +44,7 @@ impl fmt::Display for Method {
     }
 }
 
-/// How one part's clock goes into the first part's: `t = offset + (1 + drift) t_own`.
+/// Relation of one part's clock to the first part's: `t = offset + (1 + drift) t_own`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Clock {
     /// The part's name.
@@ -53,19 +53,19 @@ pub struct Clock {
     pub method: Method,
     /// The first part's time at this one's time 0, s.
     pub offset_s: f64,
-    /// Standard error of the alignment, s, at `at_s`; of absolute times only what their last digit leaves open.
+    /// Standard error of the alignment at `at_s`, s. For absolute times it covers only their resolution.
     pub uncertainty_s: f64,
     /// The time on this clock at which it was aligned, s: the middle of its edges or fronts.
     pub at_s: f64,
-    /// By how many millionths this clock is slow, where several edges show it.
+    /// Drift in parts per million: how much this clock is slow. Known only from several edges.
     pub drift_ppm: Option<f64>,
-    /// Standard error of the drift, millionths.
+    /// Standard error of the drift, ppm.
     pub drift_error_ppm: Option<f64>,
-    /// Edges or pairs of fronts that it was read from.
+    /// Number of edges, or of pairs of fronts, that it rests on.
     pub events: usize,
-    /// Root mean square of what is left between them, s; none of a single one.
+    /// Root mean square of the residuals, s; none of a single event.
     pub residual_s: Option<f64>,
-    /// In words, what was found and what contradicts it.
+    /// What was found and what contradicts it, in words.
     pub remarks: Vec<String>,
     /// Why it may be wrong, and what to do.
     pub warnings: Vec<String>,
@@ -94,7 +94,7 @@ impl Clock {
         own_s + self.offset_s + self.drift_ppm.unwrap_or(0.0) * 1e-6 * own_s
     }
 
-    /// Standard error of that, s: away from where it was aligned it grows by what the drift is open by.
+    /// Standard error of that, s. It grows away from `at_s` with the error of the drift.
     pub(crate) fn error_s(&self, own_s: f64) -> f64 {
         self.uncertainty_s.hypot(self.drift_error_ppm.unwrap_or(0.0) * 1e-6 * (own_s - self.at_s))
     }
@@ -109,7 +109,7 @@ impl fmt::Display for Clock {
             (Method::Front, 1) => "the front at one pair of sensors".into(),
             (Method::Front, n) => format!("the front at {n} pairs of sensors"),
         };
-        // a clock that drifts is known where it was aligned
+        // with a drift, state the offset where it is known best
         let of_s = self.drift_ppm.map_or(0.0, |_| (1e3 * self.at_s).round() / 1e3);
         let error = short(self.uncertainty_s);
         write!(f, "{}: aligned by {what}: time {of_s} is at {:.9} s ± {error}", self.file, self.time_s(of_s))?;
@@ -126,7 +126,7 @@ impl fmt::Display for Clock {
     }
 }
 
-/// A short time in the unit that suits it.
+/// A short time in a suitable unit.
 pub(crate) fn short(time_s: f64) -> String {
     match time_s.abs() {
         t if t >= 0.1 => format!("{time_s:.3} s"),
@@ -135,5 +135,5 @@ pub(crate) fn short(time_s: f64) -> String {
     }
 }
 
-/// Methods that lie further apart than so many of their standard errors contradict each other.
+/// Methods that differ by more than this many of their standard errors contradict each other.
 pub(crate) const SURE: f64 = 4.0;

@@ -1,4 +1,4 @@
-//! Alignment by the pressure front: it reaches each sensor when its way from the valve takes it there.
+//! Alignment by the pressure front, which reaches each sensor after its travel time from the valve.
 
 use crate::align::clock::{Clock, Method, Part, SURE, short};
 use crate::recording::Recording;
@@ -6,7 +6,7 @@ use crate::rig::Rig;
 use crate::signal;
 use crate::signal::{Estimate, FrontPair, front_pairs};
 
-/// The clock of `other` from every pair of fronts: each gives a shift, less the time that the wave takes between the sensors.
+/// The clock of `other` from every pair of fronts: each pair gives a shift, minus the travel time between its sensors.
 pub(crate) fn by_front(first: &Part, other: &Part) -> Result<Clock, String> {
     let rig = &first.recording.rig;
     let temperature_degc = rig.fluid.temperature_degc;
@@ -22,7 +22,7 @@ pub(crate) fn by_front(first: &Part, other: &Part) -> Result<Clock, String> {
     let shifts: Vec<Estimate> = pairs
         .iter()
         .map(|pair| {
-            // nearer to the supply, the front comes later
+            // a sensor nearer to the supply sees the front later
             let way_s = pair.distance_m / speed.value;
             let way_error = way_s.abs() * speed.standard_error / speed.value;
             Estimate { value: way_s - pair.later_s.value, standard_error: way_error.hypot(pair.later_s.standard_error) }
@@ -35,10 +35,10 @@ pub(crate) fn by_front(first: &Part, other: &Part) -> Result<Clock, String> {
     let chi2: f64 = agreeing.iter().map(|e| weight(e) * (e.value - offset_s).powi(2)).sum();
     let count = agreeing.len() as f64;
     let excess = (chi2 / (count - 1.0).max(1.0)).max(1.0);
-    // pairs share sensors and the wave speed: together they are no better than the best of them
+    // pairs share sensors and the wave speed, so together they are no better than the best of them
     let best = agreeing.iter().map(|e| e.standard_error).fold(f64::INFINITY, f64::min);
     let residual_s = (agreeing.iter().map(|e| (e.value - offset_s).powi(2)).sum::<f64>() / count).sqrt();
-    // half of them against the other half: any may be right
+    // half of the pairs contradict the other half, and either may be right
     let open_s = if warning.is_some() && agreeing.len() == shifts.len() { residual_s } else { 0.0 };
     let mut remarks = Vec::new();
     if pairs.iter().any(|p| p.distance_m != 0.0) {
@@ -57,9 +57,11 @@ pub(crate) fn by_front(first: &Part, other: &Part) -> Result<Clock, String> {
     })
 }
 
-/// The shifts that more than half of all agree in; all of them where none are so many. Also what is to be said of the others.
+/// The shifts on which more than half of all pairs agree; all shifts if no such majority exists. Also returns a warning
+/// about the other pairs.
 ///
-/// Pairs disagree where the shifts are further apart than their errors allow, and than half a rise: a front changes its shape on its way.
+/// Pairs disagree if their shifts differ by more than their errors allow and by more than half a rise: a front changes
+/// its shape on its way.
 fn agreeing(pairs: &[FrontPair], shifts: &[Estimate], rig: &Rig) -> (Vec<Estimate>, Option<String>) {
     let agree = |i: usize, j: usize| {
         let error = shifts[i].standard_error.hypot(shifts[j].standard_error);
@@ -76,16 +78,16 @@ fn agreeing(pairs: &[FrontPair], shifts: &[Estimate], rig: &Rig) -> (Vec<Estimat
         return (shifts.to_vec(), None);
     }
     let is_most = 2 * with(centre).count() > shifts.len();
-    let taken = if is_most { "they are left out" } else { "their mean was taken, and is not to be trusted" };
+    let taken = if is_most { "they are left out" } else { "their mean is used, but is not reliable" };
     let warning = format!(
-        "pairs of sensors contradict each other: from {} differ {}; {taken}. Check the sensors' places in the rig file, or align by something else",
+        "pairs of sensors contradict each other: compared with {}, these differ: {}; {taken}. Check the sensors' positions in the rig file, or align by another method",
         of(centre),
         others.join(", ")
     );
     (if is_most { with(centre).map(|i| shifts[i]).collect() } else { shifts.to_vec() }, Some(warning))
 }
 
-/// The wave speed that the recordings show, else the rig's nominal one; and whether it was measured.
+/// The wave speed that the recordings show, else the rig's nominal one; the second value says whether it was measured.
 fn wave_speed(first: &Recording, other: &Recording, rig: &Rig) -> (Estimate, bool) {
     let water = rig.fluid.properties(rig.fluid.temperature_degc);
     let mean = |of: fn((f64, f64, f64)) -> f64| {

@@ -1,11 +1,11 @@
-//! Aligned parts become one recording.
+//! Merges aligned parts into one recording.
 
 use crate::align::clock::{Clock, Part};
 use crate::recording::{Gap, Recording, RunInfo, Series};
 
-/// Puts the parts on the first one's clock and together. Of a sensor that several files have, the one with most samples stays.
-/// Notes say how each was aligned and what was left out; comments keep their file's name. The second value says what was left out.
-/// Times are whole nanoseconds afterwards.
+/// Puts all parts on the first one's clock and merges them. If several files have a sensor, the one with most samples
+/// stays. Notes state how each part was aligned and what was left out; comments keep their file's name. The second
+/// value lists what was left out. Times are whole nanoseconds afterwards.
 pub fn merge(parts: Vec<Part>, clocks: &[Clock]) -> Option<(Recording, Vec<String>)> {
     let rig = parts.first()?.recording.rig.clone();
     let mut left_out = Vec::new();
@@ -37,7 +37,7 @@ pub fn merge(parts: Vec<Part>, clocks: &[Clock]) -> Option<(Recording, Vec<Strin
         }
     }
     notes.extend(left_out.iter().map(|text| ("alignment".into(), text.clone())));
-    // a start known of any file is known of all
+    // the first known start holds for all
     let start = parts.iter().zip(clocks).find_map(|(part, clock)| {
         let ns = part.recording.run.start_unix_ns;
         let own = i128::from(ns) - (clock.offset_s * 1e9).round() as i128;
@@ -59,7 +59,7 @@ fn on_clock(series: &Series, clock: &Clock) -> Series {
     if clock.offset_s == 0.0 && clock.drift_ppm.is_none() {
         return series.clone();
     }
-    // whole nanoseconds: far below any uncertainty, and a log keeps them in an eighth of the space
+    // whole nanoseconds are far below any uncertainty and take an eighth of the space in a log
     let offset_ns = (clock.offset_s * 1e9).round();
     let drift = clock.drift_ppm.unwrap_or(0.0) * 1e-6;
     let moved = |t: f64| ((t * 1e9).round() + offset_ns + (t * drift * 1e9).round()) / 1e9;
@@ -69,7 +69,7 @@ fn on_clock(series: &Series, clock: &Clock) -> Series {
         gaps: series.gaps.iter().map(|g| Gap { from_s: moved(g.from_s), to_s: moved(g.to_s), ..*g }).collect(),
     };
     if moved_series.time_s.windows(2).any(|w| w[1] <= w[0]) {
-        // samples less than a nanosecond apart
+        // samples were less than a nanosecond apart
         moved_series.time_s = series.time_s.iter().map(|t| clock.time_s(*t)).collect();
     }
     moved_series

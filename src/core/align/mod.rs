@@ -1,7 +1,7 @@
-//! Several recordings of one closure, each on its own clock, become one: by the edges of a trigger that all of them saw, by
-//! absolute time, or by the pressure front itself.
+//! Merges several recordings of one closure, each on its own clock: by the edges of a trigger that all of them
+//! recorded, by absolute time, or by the pressure front itself.
 //!
-//! Each part holds one file's samples on the sensors of the same rig. The first part's clock is the one that stays.
+//! Each part holds one file's samples on the sensors of the same rig. The first part's clock is kept.
 
 pub(crate) mod clock;
 pub(crate) mod front;
@@ -18,7 +18,7 @@ pub use crate::align::merge::merge;
 /// Why files cannot be aligned.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum AlignError {
-    /// The method asked for does not work.
+    /// The requested method does not work.
     #[error("{file} cannot be aligned with {first} by {method}: {why}")]
     Method {
         /// The file.
@@ -30,7 +30,7 @@ pub enum AlignError {
         /// Why, and what to do.
         why: String,
     },
-    /// None of them does.
+    /// No method works.
     #[error("{file} cannot be aligned with {first}: {why}")]
     None {
         /// The file.
@@ -42,14 +42,14 @@ pub enum AlignError {
     },
 }
 
-/// Date-times written more coarsely than this are no match for a front, s.
+/// Start times with a coarser resolution than this are less reliable than a front, s.
 const FINE_TIME_S: f64 = 2e-3;
 
-/// Aligns every part with the first; without a method the surest that every file allows: trigger, absolute time to the
-/// millisecond, front, any absolute time.
+/// Aligns every part with the first. Without a method it takes the most reliable one that every file allows: trigger,
+/// absolute time to the millisecond, front, any absolute time.
 ///
 /// # Errors
-/// When a file lacks what the method needs; says what.
+/// If a file lacks what the method needs; the error says what.
 pub fn align(parts: &[Part], wanted: Option<Method>) -> Result<Vec<Clock>, AlignError> {
     let Some((first, others)) = parts.split_first() else { return Ok(Vec::new()) };
     let chosen = match wanted {
@@ -109,11 +109,11 @@ fn by(method: Method, first: &Part, other: &Part) -> Result<Clock, String> {
     }
 }
 
-/// Says where the methods that were not taken disagree with the one that was, by more than their errors.
+/// Adds what the other methods give, and a warning where they differ by more than their errors.
 fn contradict(clock: &mut Clock, first: &Part, other: &Part) {
     for method in Method::ALL.into_iter().filter(|m| *m != clock.method) {
         let Ok(check) = by(method, first, other) else { continue };
-        // where the surest event of the recording is, for clocks that drift lie otherwise elsewhere
+        // compare at the best known event of the recording: clocks that drift differ elsewhere
         let at = |wanted| [&check, &*clock].into_iter().find(|c| c.method == wanted).map(|c| c.at_s);
         let at_s = at(Method::Front).or_else(|| at(Method::Trigger)).unwrap_or(0.0);
         let difference = check.time_s(at_s) - clock.time_s(at_s);
@@ -122,7 +122,7 @@ fn contradict(clock: &mut Clock, first: &Part, other: &Part) {
         let verdict = if contradicts { "which contradicts it" } else { "which agrees" };
         if contradicts {
             clock.warnings.push(format!(
-                "by {method} it would be {} later than by {}: --align {method} takes that instead",
+                "by {method} it would be {} later than by {}; --align {method} uses that instead",
                 short(difference),
                 clock.method
             ));
@@ -135,19 +135,19 @@ fn contradict(clock: &mut Clock, first: &Part, other: &Part) {
     }
 }
 
-/// Files of one closure have some of their time in common. Absolute times by which they have none are refused where the front says
-/// otherwise, unless they were asked for.
+/// Files of one closure overlap in time. Absolute times without any overlap are refused if the front contradicts them,
+/// unless the user asked for them.
 fn check_overlap(clock: &mut Clock, first: &Part, other: &Part, asked_for: bool) -> Result<(), AlignError> {
     let (Some((from_s, to_s)), Some((own_from_s, own_to_s))) = (span(first), span(other)) else { return Ok(()) };
     let apart_s = (clock.time_s(own_from_s) - to_s).max(from_s - clock.time_s(own_to_s));
     if apart_s <= 0.0 {
         return Ok(());
     }
-    let apart = format!("by their times the two have not one moment in common, but lie {} apart", short(apart_s));
-    let remedy = "is the zone of one of them missing (--zone +01:00, or in its times)";
+    let apart = format!("by their times the two recordings do not overlap but lie {} apart", short(apart_s));
+    let remedy = "does one of them lack its time zone (--zone +01:00, or in its times)";
     if !asked_for && crate::align::front::by_front(first, other).is_ok() {
         let why = format!(
-            "{apart}, and both show the front: {remedy}? --align front takes the front instead, --align time these times all the same"
+            "{apart}, and both show the front: {remedy}? --align front uses the front instead, --align time uses these times anyway"
         );
         let (file, first) = (other.file.clone(), first.file.clone());
         return Err(AlignError::Method { file, first, method: Method::Time, why });
@@ -156,14 +156,14 @@ fn check_overlap(clock: &mut Clock, first: &Part, other: &Part, asked_for: bool)
     Ok(())
 }
 
-/// From its first sample to its last, s on its own clock.
+/// Times of the first and the last sample, s on the part's own clock.
 fn span(part: &Part) -> Option<(f64, f64)> {
     let ends = |series: &Series| Some((*series.time_s.first()?, *series.time_s.last()?));
     let all = part.recording.series.iter().filter_map(ends);
     all.reduce(|(from, to), (own_from, own_to)| (from.min(own_from), to.max(own_to)))
 }
 
-/// Each trigger of the part that has samples.
+/// Every trigger of the part that has samples.
 fn triggers(part: &Part) -> impl Iterator<Item = (&str, &Series)> {
     let sensors = part.recording.rig.sensors.iter().zip(&part.recording.series);
     sensors
@@ -182,14 +182,14 @@ fn by_trigger(first: &Part, other: &Part) -> Result<Clock, String> {
         known
             .map(|(_, series)| crate::align::trigger::edges(series))
             .find(|edges| !edges.is_empty())
-            .ok_or_else(|| format!("the trigger of {} has no edge in it", part.file))
+            .ok_or_else(|| format!("the trigger of {} has no edge", part.file))
     };
     let (a, b) = (edges(first)?, edges(other)?);
     let expected = by_time(first, other).ok().map(|c| c.offset_s);
     let found = crate::align::trigger::matched(&a, &b, expected).map_err(|no| match no {
-        crate::align::trigger::NoMatch::NoEdge => "no edge of one is an edge of the other".to_string(),
+        crate::align::trigger::NoMatch::NoEdge => "no edge of one matches an edge of the other".to_string(),
         crate::align::trigger::NoMatch::Ambiguous => format!(
-            "{} edges against {} match in several ways; give both files their absolute start, or say --align front",
+            "{} edges against {} match in several ways; give both files their absolute start, or use --align front",
             a.len(),
             b.len()
         ),
@@ -225,9 +225,9 @@ fn by_time(first: &Part, other: &Part) -> Result<Clock, String> {
         ns => Ok((ns, part.start_digit_s.unwrap_or_else(|| last_digit_s(ns)))),
     };
     let ((a, digit_a), (b, digit_b)) = (start(first)?, start(other)?);
-    // what the last digits written leave open is evenly likely
+    // within the resolution, every value is equally likely
     let written = short(digit_a.max(digit_b));
-    let remark = format!("the starts are written to {written}, and what the clocks differ by comes on top");
+    let remark = format!("the starts are given to {written}; any difference between the clocks adds to that");
     Ok(Clock {
         offset_s: (i128::from(b) - i128::from(a)) as f64 * 1e-9,
         uncertainty_s: digit_a.hypot(digit_b) / 12f64.sqrt(),
@@ -237,7 +237,7 @@ fn by_time(first: &Part, other: &Part) -> Result<Clock, String> {
     })
 }
 
-/// Value of the last digit of a time that is not 0, from a second down, s.
+/// Value of the last digit of a time that is not 0, at most a second, s.
 fn last_digit_s(ns: u64) -> f64 {
     (0..10).map(|k| 10u64.pow(9 - k)).find(|unit| ns.is_multiple_of(*unit)).unwrap_or(1) as f64 * 1e-9
 }

@@ -1,4 +1,4 @@
-//! Edges of trigger channels, and which edge of one file is which of another.
+//! Edges of trigger channels, and the matching of the edges of two files.
 
 use crate::recording::Series;
 use crate::robust::{median, sd_about};
@@ -7,20 +7,20 @@ use crate::signal::Estimate;
 /// An edge of a trigger.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Edge {
-    /// When it passes half of the swing, s on the file's clock, with its standard error.
+    /// Time at which it passes half of the swing, s on the file's clock, with its standard error.
     pub time_s: Estimate,
     pub rising: bool,
 }
 
-/// Edges beyond this many are not looked at: the first ones say enough.
+/// Most edges that are used: more add nothing.
 const MOST_EDGES: usize = 200;
-/// Clocks of acquisition systems run apart by less than this.
+/// Clocks of acquisition systems drift apart by less than this.
 const MOST_DRIFT: f64 = 2e-4;
 /// Error of a time interpolated on a flank with samples in it, in sample steps.
 const INTERPOLATED: f64 = 0.05;
 
-/// The edges of a trigger, be it 0 and 1 or a voltage: between samples by linear interpolation at half of the swing. A flank
-/// without a sample in it happened somewhere in its step, evenly likely: step/√12.
+/// The edges of a trigger, whether it is 0 and 1 or a voltage: by linear interpolation at half of the swing. A flank
+/// without a sample lies anywhere in its step: its error is step/√12.
 pub(crate) fn edges(series: &Series) -> Vec<Edge> {
     let (low, high) = series.value.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(*v), h.max(*v)));
     let swing = high - low;
@@ -28,7 +28,7 @@ pub(crate) fn edges(series: &Series) -> Vec<Edge> {
         return Vec::new();
     }
     let level = |v: f64| (v - low) / swing;
-    // the median deviation: what of a slow flank counts as low is no noise
+    // the median deviation, because the low part of a slow flank is not noise
     let mut lows: Vec<f64> = series.value.iter().map(|v| level(*v)).filter(|l| *l < 0.25).collect();
     let middle = median(&mut lows);
     let noise = sd_about(middle, &lows);
@@ -70,26 +70,26 @@ fn edge(series: &Series, from: usize, to: usize, rising: bool, level: impl Fn(f6
     Edge { time_s: Estimate { value: at, standard_error }, rising }
 }
 
-/// How the edges of two files belong together.
+/// The matched edges of two files.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Matched {
-    /// Edge of the first file and of the second.
+    /// Indices of the edge in the first file and in the second.
     pub pairs: Vec<(usize, usize)>,
     /// One of the two triggers is active low.
     pub inverted: bool,
 }
 
-/// Why no match.
+/// Why edges do not match.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum NoMatch {
     /// One file has no edge.
     NoEdge,
-    /// Several matches are as good as each other.
+    /// Several matches are equally good.
     Ambiguous,
 }
 
-/// Finds the shift of the second clock at which most edges fall on edges. `shift_s`, from other knowledge, decides between
-/// matches that are as good.
+/// Finds the shift of the second clock at which most edges coincide. `shift_s`, if known from elsewhere, decides
+/// between equally good matches.
 pub(crate) fn matched(first: &[Edge], second: &[Edge], shift_s: Option<f64>) -> Result<Matched, NoMatch> {
     if first.is_empty() || second.is_empty() {
         return Err(NoMatch::NoEdge);
@@ -103,7 +103,7 @@ pub(crate) fn matched(first: &[Edge], second: &[Edge], shift_s: Option<f64>) -> 
     if found.ambiguous { Err(NoMatch::Ambiguous) } else { Ok(Matched { pairs: found.pairs, inverted: turn }) }
 }
 
-/// An edge of the first file and one of the second, each by its place.
+/// An edge of the first file and one of the second, by their indices.
 type Pairs = Vec<(usize, usize)>;
 
 struct Found {
@@ -126,13 +126,13 @@ fn best(first: &[Edge], second: &[Edge], shift_s: Option<f64>) -> Option<Found> 
         Some(expected) => all.sort_by(|x, y| (x.2 - expected).abs().total_cmp(&(y.2 - expected).abs())),
         None => all.sort_by(|x, y| x.1.total_cmp(&y.1)),
     }
-    // the same pairs come back once for each of them; other pairs of the same number are another answer
+    // the same pairs come back once for each of them; other pairs of the same number are another solution
     let ambiguous = shift_s.is_none() && all.iter().any(|(pairs, ..)| *pairs != all[0].0);
     let (pairs, ..) = all.swap_remove(0);
     Some(Found { pairs, ambiguous })
 }
 
-/// Pairs of edges that fall together once the second clock is shifted, and their mean square misfit in standard errors.
+/// Pairs of edges that coincide after the second clock is shifted, and their mean square residual in standard errors.
 fn pairs_at(first: &[Edge], second: &[Edge], shift: f64, anchor_s: f64) -> (Vec<(usize, usize)>, f64) {
     let mut pairs: Vec<(usize, usize)> = Vec::new();
     let mut misfit = 0.0;
@@ -157,22 +157,22 @@ fn pairs_at(first: &[Edge], second: &[Edge], shift: f64, anchor_s: f64) -> (Vec<
 pub(crate) struct Line {
     /// First clock at the second's zero, s.
     pub offset_s: f64,
-    /// The second clock is slow by this part.
+    /// Fraction by which the second clock is slow.
     pub drift: f64,
     /// Standard error of the drift; none from one edge.
     pub drift_error: Option<f64>,
-    /// Root mean square of the edges about the line, s; none where the line goes through them by construction.
+    /// Root mean square of the residuals about the line, s; none if the line passes through all edges by construction.
     pub residual_s: Option<f64>,
     /// The middle of the edges on the second clock, s, and the standard error of the first clock's time there, s.
     pub middle_s: f64,
     pub error_s: f64,
 }
 
-/// Edges that lie closer about the line than this part of their errors fell between the samples in one way, as pulses at a whole number of
-/// samples do: their error is common, and no less for being many.
+/// If the edges lie closer to the line than this fraction of their errors, they all fell between samples in the same
+/// way (pulses at a whole number of samples). Their error is then common and does not average out.
 const COMMON: f64 = 0.5;
 
-/// Fits the clocks of matched edges by weighted least squares; a drift that is not three standard errors from 0 is taken for 0.
+/// Fits the clocks of matched edges by weighted least squares. A drift within three standard errors of 0 counts as 0.
 pub(crate) fn line(first: &[Edge], second: &[Edge], pairs: &[(usize, usize)]) -> Line {
     let points: Vec<(f64, f64, f64)> = pairs
         .iter()

@@ -69,7 +69,7 @@ fn reason_against(effect: &dyn Effect, rig: &Rig, start: &[Chosen]) -> Option<St
     let excluded = |a: &dyn Effect, b: &str| a.excludes().iter().find(|(name, _)| *name == b).map(|(_, why)| *why);
     let beside = start.iter().find_map(|c| {
         let why = excluded(effect, c.effect.name()).or_else(|| excluded(c.effect, effect.name()))?;
-        Some(format!("not beside {}: {why}", c.effect.name()))
+        Some(format!("cannot be combined with {}: {why}", c.effect.name()))
     });
     effect.impossible(rig).map(str::to_owned).or(beside)
 }

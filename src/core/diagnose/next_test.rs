@@ -39,7 +39,7 @@ const TESTS: [Test; 7] = [
         instruction: |run| format!("raise the static head by 20 m, to {:.1} m before the valve", run.valve_head_m),
     },
     Test { change: add_sensor, instruction: |_| "add a pressure sensor at mid-length".to_owned() },
-    Test { change: lengthen, instruction: |_| "put half as much pipe again before the valve".to_owned() },
+    Test { change: lengthen, instruction: |_| "lengthen the pipe before the valve by half".to_owned() },
     Test { change: warm, instruction: |_| "repeat the test with water 20 K warmer".to_owned() },
 ];
 
@@ -187,7 +187,7 @@ pub(crate) fn next_test(baseline: &Baseline, one: &CandidateFit, other: &Candida
 fn creep_test(one: f64, other: f64) -> Option<String> {
     let apart = one.max(other) > CREEP_RATIO * one.min(other).max(0.0);
     apart.then(|| {
-        format!("make a creep test of the wall, which creeps by {one:.3} 1/GPa for the one, {other:.3} for the other")
+        format!("make a creep test of the wall, which creeps by {one:.3} 1/GPa in the first model and by {other:.3} in the second")
     })
 }
 

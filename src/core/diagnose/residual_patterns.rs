@@ -50,7 +50,7 @@ fn shape(sensor: &SensorFit) -> String {
     if let (Some(first), Some(last)) = (mean(&residual[..third]), mean(&residual[residual.len() - third..]))
         && (last - first).abs() > sensor.noise_m
     {
-        let word = if last > first { "rises" } else { "sinks" };
+        let word = if last > first { "rises" } else { "falls" };
         parts.push(format!("the measured mean level {word} by {:.3} m against the model", (last - first).abs()));
     }
     let cycles = by_cycle(sensor, &residual);

@@ -14,14 +14,16 @@ pub fn warnings(rig: &Rig, runs: &[RunData], start: &Fit, effects: &[Chosen], op
     let mut warnings = Vec::new();
     let held: Vec<&str> = start.parameters.iter().filter(|p| p.held).map(|p| p.name.as_str()).collect();
     if !held.is_empty() {
-        warnings
-            .push(format!("held: {}; an effect that is found may make up for a value that is off", held.join(", ")));
+        warnings.push(format!(
+            "held: {}; an effect may be found only because it makes up for a wrong value",
+            held.join(", ")
+        ));
     }
     warnings.extend(too_few_elements(rig, runs, start, effects, options));
     for chosen in effects {
         if let Some(why) = chosen.effect.impossible(rig) {
             warnings.push(format!(
-                "{} is in the start model, but {why}: what it takes up belongs to another effect; leave it out of --effects",
+                "{} is in the start model, but {why}: whatever it absorbs belongs to another effect; leave it out of --effects",
                 chosen.effect.name()
             ));
         }
@@ -29,7 +31,7 @@ pub fn warnings(rig: &Rig, runs: &[RunData], start: &Fit, effects: &[Chosen], op
     let at_bound: Vec<&str> = start.parameters.iter().filter(|p| p.at_bound).map(|p| p.name.as_str()).collect();
     if !at_bound.is_empty() {
         warnings.push(format!(
-            "the start model has {} at a bound: check material, length and wall of the pipe, and the effects it starts with, before \
+            "the start model has {} at a bound: check material, length and wall of the pipe, and its effects, before \
              believing what follows",
             at_bound.join(", ")
         ));
@@ -37,8 +39,8 @@ pub fn warnings(rig: &Rig, runs: &[RunData], start: &Fit, effects: &[Chosen], op
     let (rmse_m, signal_m) = (start.pooled().0, signal_m(start));
     if rmse_m > NOT_FITTED * signal_m {
         warnings.push(format!(
-            "the start model leaves {rmse_m:.3} m of a signal that moves by {signal_m:.3} m, rms: it follows nothing, and where it fails \
-             says little; start with the effects that are known to be there"
+            "the start model leaves {rmse_m:.3} m of a signal that moves by {signal_m:.3} m, rms: it does not follow the signal, so its residual \
+             says little; start with the effects that are known to be present"
         ));
     }
     warnings.extend(conflicts(start, runs));
@@ -53,8 +55,8 @@ fn too_few_elements(rig: &Rig, runs: &[RunData], start: &Fit, effects: &[Chosen]
     let more = with_more_elements(rig, runs, start, &open, options, &|_| {}).ok()??;
     let name = more.effects.iter().find(|c| c.effect.name() == fixed.effect.name())?.label();
     Some(format!(
-        "{} has too few elements: with {name} the error falls from {:.4} to {:.4} m, and what is found here may only make up for them; \
-         leave their number out",
+        "{} has too few elements: with {name} the error falls from {:.4} to {:.4} m, so an effect found here may only make up for the missing elements; \
+         leave their number open",
         fixed.label(),
         start.pooled().0,
         more.pooled().0

@@ -1,4 +1,4 @@
-//! Putting what effects attach onto the grid's nodes.
+//! Attaches the elements of effects to the grid's nodes.
 
 use crate::model::definition::Model;
 use crate::model::effect::{Element, Place};

@@ -1,4 +1,4 @@
-//! The two ends of the line: what feeds it and what closes it. Each is solved with the one characteristic that reaches it.
+//! The two ends of the line: supply and valve. Each is solved with the one characteristic that reaches it.
 
 /// Head at the supply.
 pub trait Supply: Send {
@@ -21,7 +21,7 @@ pub struct MeasuredHead {
     pub time_s: Vec<f64>,
     /// Heads, m.
     pub head_m: Vec<f64>,
-    /// Sample before the last time asked for.
+    /// Sample before the last requested time.
     pub cursor: usize,
 }
 
@@ -60,19 +60,19 @@ pub enum Closure {
     },
 }
 
-/// Relative opening of a valve as a function of the part of its closing time that has passed (0 to 1).
+/// Relative opening of a valve as a function of the elapsed share of its closing time (0 to 1).
 pub type OpeningLaw = Box<dyn Fn(f64) -> f64 + Send>;
 
 /// A head as a function of the time after the start of the closure.
 pub type HeadInTime = Box<dyn Fn(f64) -> f64 + Send>;
 
-/// What is given of the valve's end, in the stead of what the model says of it.
+/// What is prescribed at the valve's end, in place of the model's valve.
 pub(crate) enum GivenEnd {
     /// Nothing.
     Nothing,
-    /// The head before it, which then drives the line.
+    /// The head before the valve, which then drives the line.
     Head(HeadInTime),
-    /// Its law over the run's closing time.
+    /// The valve's law over the run's closing time.
     Law(OpeningLaw),
 }
 
@@ -86,17 +86,19 @@ pub struct ValveEnd {
     pub discharge_head_m: f64,
     /// How it closes.
     pub closure: Closure,
-    /// Another law than a linear one for a closure by opening.
+    /// A nonlinear law, for a closure by opening.
     pub law: Option<OpeningLaw>,
-    /// Relative opening that stays when it is closed.
+    /// Relative opening that remains when it is closed.
     pub residual_opening: f64,
-    /// The head before it, where that is given and drives the line in the valve's stead.
+    /// A prescribed head before the valve, which drives the line in place of the valve.
     pub given_head: Option<HeadInTime>,
 }
 
-/// Heads this close to the discharge head, m, make an orifice's flow linear: its root has no slope at rest.
+/// Within this distance of the discharge head, m, the flow of an orifice is linear: a square root has no finite slope
+/// at rest.
 const SMALL_DROP_M: f64 = 1e-9;
-/// Flow per head with which a given head is held where something else sits before the valve, m²/s: a micrometre at a litre a second.
+/// Flow per head that enforces a prescribed head if another element sits before the valve, m²/s: a micrometre at a
+/// litre a second.
 const HOLDING_M2_S: f64 = 1e3;
 
 impl ValveEnd {
@@ -137,7 +139,7 @@ impl ValveEnd {
         (flow, 0.5 * flow / drop)
     }
 
-    /// The flow where it is given whatever the head.
+    /// The flow, if it is prescribed whatever the head.
     fn given_flow(&self, time_s: f64) -> Option<f64> {
         match self.closure {
             Closure::Linear { .. } => None,
@@ -165,7 +167,7 @@ impl ValveEnd {
     }
 }
 
-/// The part of the closing time that has passed, 0 to 1.
+/// The elapsed share of the closing time, 0 to 1.
 fn part(time_s: f64, closing_time_s: f64) -> f64 {
     if closing_time_s > 0.0 { (time_s / closing_time_s).clamp(0.0, 1.0) } else { f64::from(time_s > 0.0) }
 }

@@ -1,4 +1,4 @@
-//! Effects chosen for a model, as they are written on a command line: `viscoelastic-wall:2,leak`.
+//! Effects chosen for a model, with their text form: `viscoelastic-wall:2,leak`.
 
 use crate::model::effect::Effect;
 use crate::model::error::ModelError;
@@ -8,9 +8,9 @@ use crate::model::error::ModelError;
 pub struct Chosen {
     /// The effect.
     pub effect: &'static dyn Effect,
-    /// Number of elements where the user fixed it.
+    /// Number of elements, if the user fixed it.
     pub elements: Option<usize>,
-    /// The sensor it concerns where the user named it.
+    /// The sensor it concerns, if the user named one.
     pub sensor: Option<String>,
 }
 
@@ -27,7 +27,7 @@ impl Chosen {
         label
     }
 
-    /// As many elements as it may come to have; `None` where it has none.
+    /// Greatest number of elements that it may have; `None` if it has none.
     pub fn most_elements(&self) -> Option<usize> {
         self.elements.or_else(|| self.effect.elements().map(|range| *range.end()))
     }
@@ -55,12 +55,12 @@ impl PartialEq for Chosen {
     }
 }
 
-/// What people call a model with `effects`.
+/// Name of a model with `effects`, for users.
 pub fn name_of(effects: &[Chosen]) -> String {
     std::iter::once("base model".to_owned()).chain(effects.iter().map(Chosen::label)).collect::<Vec<_>>().join(" + ")
 }
 
-/// Whether two effects can be together.
+/// Whether two effects can be combined.
 ///
 /// # Errors
 /// If one excludes the other, with the reason.

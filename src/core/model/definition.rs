@@ -25,13 +25,13 @@ pub struct Model<'a> {
     pub shared: Vec<Parameter>,
     /// Parameters of one run: velocity, head, closing time, friction.
     pub per_run: [Parameter; RunValues::COUNT],
-    /// Form of the closure, its time taken from the run's parameters.
+    /// Form of the closure, as a function of the run's closing time.
     pub closure: fn(f64) -> Closure,
-    /// What has been settled about parameters, those of runs and sensors included.
+    /// Constraints on parameters, those of runs and sensors included.
     pub constraints: Vec<Constraint>,
-    /// Where a person lets parameters start.
+    /// Start values that the user gave.
     pub starts: Vec<Given>,
-    /// What is known of shared parameters from elsewhere.
+    /// Priors of shared parameters, from other sources.
     pub priors: Vec<Prior>,
     /// The most memory that a simulation may take, bytes.
     pub memory_limit_bytes: f64,
@@ -100,7 +100,7 @@ impl<'a> Model<'a> {
                 nominal_s * 20.0,
             )
             .with_prior(nominal_s, 0.5),
-            // A run's own: the factor belongs to its flow and temperature.
+            // A run's own parameter: the factor depends on its flow and temperature.
             Parameter::log("friction_scale", "1", "multiplies the steady friction factor", 1.0, 0.2, 5.0)
                 .with_prior(1.0, 0.2),
         ];
@@ -118,17 +118,17 @@ impl<'a> Model<'a> {
         }
     }
 
-    /// With parameters held, or between other bounds.
+    /// Holds parameters or gives them other bounds.
     pub fn constrained(self, constraints: &[Constraint]) -> Self {
         Model { constraints: constraints.to_vec(), ..self }
     }
 
-    /// The same model whose parameters start where a person says.
+    /// Sets start values.
     pub fn starting_at(self, starts: &[Given]) -> Self {
         Model { starts: starts.to_vec(), ..self }
     }
 
-    /// With what is known of shared parameters; what the model does not have is passed over.
+    /// Sets priors of shared parameters; those of parameters that the model lacks are ignored.
     pub fn informed(mut self, priors: &[Prior]) -> Self {
         for prior in priors {
             self.shared.iter_mut().filter(|p| p.name == prior.name).for_each(|p| prior.inform(p));
@@ -146,7 +146,7 @@ impl<'a> Model<'a> {
         &self.effect_sizes
     }
 
-    /// Puts the effects' values in their customary order.
+    /// Puts the values of each effect in their conventional order.
     pub fn put_in_order(&self, values: &mut [f64]) {
         let mut at = self.effects_from();
         for (chosen, &size) in self.effects.iter().zip(&self.effect_sizes) {
@@ -160,20 +160,20 @@ impl<'a> Model<'a> {
         4.0 * self.rig.pipes.iter().zip(shared).map(|(p, a)| p.length_m / a).sum::<f64>()
     }
 
-    /// Fewest reaches that the pipes can be divided into, with wave speeds a fifth off.
+    /// Fewest reaches for the pipes, with a margin of a fifth for their wave speeds.
     pub fn least_reaches(&self, shared: &[f64]) -> usize {
         let travel_s: Vec<f64> = self.rig.pipes.iter().zip(shared).map(|(p, a)| p.length_m / a).collect();
         let margin = if travel_s.len() > 1 { 1.2 } else { 1.0 };
         (margin * crate::model::reaches::least_reaches(&travel_s) as f64).ceil() as usize
     }
 
-    /// Reaches, at least `reaches`, that fit the pipes' joints best.
+    /// Number of reaches, at least `reaches`, that fits the pipes' joints best.
     pub fn fitting_reaches(&self, shared: &[f64], reaches: usize) -> usize {
         let travel_s: Vec<f64> = self.rig.pipes.iter().zip(shared).map(|(p, a)| p.length_m / a).collect();
         crate::model::reaches::fitting_reaches(&travel_s, reaches)
     }
 
-    /// What a pressure sensor makes of the head at its place: its own dynamics, then the effects that concern it.
+    /// The reading of a pressure sensor from the head at its place: its own dynamics, then the effects that concern it.
     ///
     /// # Errors
     /// If an effect's value is outside its physical range.

@@ -1,4 +1,4 @@
-//! What an effect is: what it says about itself and how it changes the scheme. The effects themselves are in
+//! What an effect is: its description and its contributions to the scheme. The effects themselves are in
 //! [`effects`](crate::model::effects), one file each.
 
 use crate::model::boundary::{Supply, ValveEnd};
@@ -12,19 +12,19 @@ use crate::model::steady::Steady;
 use crate::model::trace::Trace;
 use crate::rig::Rig;
 
-/// Odds of an effect that is at work for certain, whatever a fit says of others.
+/// Prior odds of an effect that is at work for certain, whatever a fit says of others.
 pub const CERTAIN: f64 = 1e300;
 
-/// What is known, before any fit, that speaks for or against an effect.
+/// Evidence for or against an effect that is known before any fit.
 #[derive(Debug, Clone, Copy)]
 pub struct Circumstances<'a> {
     /// The rig.
     pub rig: &'a Rig,
-    /// By how much the lowest pressure that any sensor saw stays above that of vapour, m.
+    /// How far the lowest pressure in any record stays above vapour pressure, m.
     pub above_vapour_m: f64,
 }
 
-/// Where something is attached.
+/// Place of an attachment.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Place {
     /// At a distance from the supply, m.
@@ -33,15 +33,15 @@ pub enum Place {
     Valve,
 }
 
-/// What is attached to a node.
+/// An element at a node.
 pub enum Element {
     /// A head loss `k Q|Q|` with `k = K/(2gA²)`, s²/m⁵.
     Loss(f64),
-    /// What takes water out.
+    /// Takes water out.
     Shunt(Box<dyn Shunt>),
 }
 
-/// Something at one place: made once for each node that shares it.
+/// An element at one place; it is made once for each node that shares it.
 pub struct Attachment<'a> {
     /// Where.
     pub place: Place,
@@ -51,7 +51,7 @@ pub struct Attachment<'a> {
 
 /// A physical effect that can be added to the base model.
 pub trait Effect: Sync {
-    /// Its name in the contract.
+    /// Its name, as on the command line.
     fn name(&self) -> &'static str;
     /// The physics added, in a few words.
     fn summary(&self) -> &'static str;
@@ -61,49 +61,49 @@ pub trait Effect: Sync {
     fn source(&self) -> &'static str;
     /// The trace it leaves in a pressure record.
     fn trace(&self) -> &'static str;
-    /// How many elements it may have (`name:2`), where it has elements at all.
+    /// Range of the number of elements (`name:2`), if it has elements.
     fn elements(&self) -> Option<std::ops::RangeInclusive<usize>> {
         None
     }
-    /// Other forms of the same effect, chosen as `name/variant`: each an effect of its own of that name.
+    /// Other forms of the same effect, chosen as `name/variant`; each is an effect of that name.
     fn variants(&self) -> &'static [&'static dyn Effect] {
         &[]
     }
-    /// It concerns one pressure sensor, which may be named (`name@P2`).
+    /// Whether it concerns one pressure sensor, which may be named (`name@P2`).
     fn at_sensor(&self) -> bool {
         false
     }
-    /// Effects that it cannot be together with, and why.
+    /// Effects with which it cannot be combined, and why.
     fn excludes(&self) -> &'static [(&'static str, &'static str)] {
         &[]
     }
-    /// Why a rig cannot have it, where it cannot: a diagnosis leaves it out then, a person may still add it.
+    /// Why it is impossible on a rig, if it is. A diagnosis then leaves it out; a user may still add it.
     fn impossible(&self, rig: &Rig) -> Option<&'static str> {
         let _ = rig;
         None
     }
-    /// Runs that it takes to tell it from the effect that it is a variant of.
+    /// Number of runs needed to tell it from the effect of which it is a variant.
     fn least_runs(&self) -> usize {
         1
     }
-    /// Odds that it is at work, against other effects, before any fit.
+    /// Prior odds that it is at work, relative to other effects.
     fn odds(&self, known: &Circumstances) -> f64 {
         let _ = known;
         1.0
     }
-    /// These values of it are more than what every rig has of it: instruments within their class are no fault.
+    /// Whether these values exceed what every rig has of it: instruments within their class are not faulty.
     fn noteworthy(&self, values: &[f64]) -> bool {
         let _ = values;
         true
     }
-    /// Its parameters, for a number of elements (1 where it has none).
+    /// Its parameters, for a number of elements (1 if it has none).
     fn parameters(&self, site: &Site, elements: usize) -> Vec<Parameter>;
-    /// Other places than `start` from which a fit of this effect should be tried, as factors on the start values.
+    /// Further starts for a fit of this effect, as factors on the start values.
     fn other_starts(&self, elements: usize) -> Vec<Vec<f64>> {
         let _ = elements;
         Vec::new()
     }
-    /// Puts values that could stand in another order and mean the same (elements) in their customary one.
+    /// Puts values whose order is arbitrary (elements) in their conventional order.
     fn put_in_order(&self, values: &mut [f64]) {
         let _ = values;
     }
@@ -123,12 +123,12 @@ pub trait Effect: Sync {
         let _ = (values, steady);
         Ok(Vec::new())
     }
-    /// How many numbers it keeps of every node.
+    /// How many numbers it keeps per node.
     fn kept_per_node(&self, elements: usize) -> usize {
         let _ = elements;
         0
     }
-    /// What it puts at places of the line.
+    /// Its elements at places of the line.
     ///
     /// # Errors
     /// See [`Effect::reshape`].
@@ -136,7 +136,7 @@ pub trait Effect: Sync {
         let _ = (values, scene);
         Ok(Vec::new())
     }
-    /// What takes water out of all inner nodes of segments.
+    /// The outflow from all inner nodes of segments.
     ///
     /// # Errors
     /// See [`Effect::reshape`].
@@ -144,7 +144,7 @@ pub trait Effect: Sync {
         let _ = (values, scene, steady);
         Ok(None)
     }
-    /// The same at a joint of segments or at the pipe's end, for effects that have a field.
+    /// The same outflow at a joint of segments or at the pipe's end, for effects that have a field.
     fn node_shunt(&self, values: &[f64], scene: &Scene, spot: &Spot) -> Option<Box<dyn Shunt>> {
         let _ = (values, scene, spot);
         None
@@ -157,7 +157,8 @@ pub trait Effect: Sync {
         let _ = values;
         Ok(supply)
     }
-    /// It lets the water boil or gas grow where the pressure falls: without such an effect a head below vapour's is no head.
+    /// Whether it lets water boil or gas grow where the pressure falls. Without such an effect, a head below vapour
+    /// pressure is unphysical.
     fn lets_boil(&self) -> bool {
         false
     }
@@ -169,12 +170,12 @@ pub trait Effect: Sync {
         let _ = (values, valve);
         Ok(())
     }
-    /// How much longer than it is looked at a run must be simulated, s: a sensor's clock may show what is still to come.
+    /// Additional time to simulate, s: a sensor's clock may show later events.
     fn beyond_s(&self, values: &[f64]) -> f64 {
         let _ = values;
         0.0
     }
-    /// What the sensor that it concerns makes of the head; the sensor's elevation is `elevation_m`.
+    /// The reading of the sensor that it concerns; `elevation_m` is the sensor's elevation.
     ///
     /// # Errors
     /// See [`Effect::reshape`].
@@ -184,7 +185,7 @@ pub trait Effect: Sync {
     }
 }
 
-/// Factors on a start in the middle of the pipe: places over its whole length where a fit of something local should start, too.
+/// Factors on a start in the middle of the pipe, which give starts over its whole length for a fit of something local.
 pub(crate) fn other_places() -> impl Iterator<Item = f64> {
     [0.1, 0.2, 0.3, 0.4, 0.6, 0.7, 0.8, 0.9].into_iter().map(|place| place / 0.5)
 }
@@ -192,7 +193,7 @@ pub(crate) fn other_places() -> impl Iterator<Item = f64> {
 /// Refuses a value outside its physical range.
 ///
 /// # Errors
-/// A sentence with name, value and what is allowed.
+/// [`ModelError::Value`] with the name, the value and what is allowed.
 pub fn check(name: &str, value: f64, holds: bool, allowed: &'static str) -> Result<(), ModelError> {
     if holds && value.is_finite() {
         return Ok(());

@@ -1,9 +1,9 @@
-//! The energy book: where the energy of the moving water goes, step by step (Karney 1990, J. Hydraul. Eng. 116(10):1180-1196; Duan
-//! et al. 2010, J. Hydraul. Eng. 136(9):702-712).
+//! The energy balance: where the energy of the moving water goes, step by step (Karney 1990, J. Hydraul. Eng.
+//! 116(10):1180-1196; Duan et al. 2010, J. Hydraul. Eng. 136(9):702-712).
 //!
-//! Energies are counted about the steady state `H0(x)`: with `h = H - H0`, elastic energy is `ρg²A/(2a²) ∫h² dx`, and a flow `q` out
-//! of the line takes `ρg h q` with it. What the slope of `H0` itself does on the flow is the supply's work: before the closure it is
-//! just what friction takes, and all else is zero.
+//! Energies are relative to the steady state `H0(x)`: with `h = H - H0`, elastic energy is `ρg²A/(2a²) ∫h² dx`, and an
+//! outflow `q` takes `ρg h q` with it. The work of the slope of `H0` on the flow counts as the supply's: before the
+//! closure it is just what friction takes, and everything else is zero.
 //!
 //! The scheme has an exact balance. A wave `F` carries the power `ρg F²/(4B)`, so the reach from node `i` to `i+1` holds
 //! `ρg dt/(4B) (fwdᵢ² + bwdᵢ₊₁²)`: its kinetic and elastic energy when the two waves meet in its middle, half a step after the
@@ -14,9 +14,9 @@
 //! Cp² - bwd² = 4 (h u + u f + s (h + f))      from upstream; from downstream with -u, -f
 //! ```
 //!
-//! `h u` goes to the other side or out of the node, `u f` is friction's, `s (h + f)` the storage's. Friction is reckoned here from
-//! its law, each term from its own `κh - b` and `μu - d`, each outflow from the law of what lets it out: none is the remainder of
-//! the others, so that the balance checks the step.
+//! `h u` goes to the other side or out of the node, `u f` to friction, `s (h + f)` to storage. Friction is computed
+//! from its law, each term from its own `κh - b` and `μu - d`, each outflow from its own law. None is the remainder of
+//! the others, so the balance checks the step.
 
 use crate::model::contribution::{Implicit, LineTerm};
 use crate::model::node::{Node, Solved};
@@ -24,7 +24,7 @@ use crate::model::state::State;
 use crate::model::steady::Steady;
 use crate::units::GRAVITY_M_S2;
 
-/// Whose each part of the line is: the index of an account for every term, field, shunt and loss.
+/// Owners of the parts of the line: the index of an account for every term, field, shunt and loss.
 #[derive(Debug, Clone, Default)]
 pub struct Owners {
     /// Names of the accounts: the effects.
@@ -33,29 +33,30 @@ pub struct Owners {
     pub terms: Vec<usize>,
     /// Of the node field.
     pub field: Option<usize>,
-    /// Of what sits at the joints and, last, at the valve's end.
+    /// Of the elements at the joints and, last, at the valve's end.
     pub nodes: Vec<NodeOwners>,
-    /// Head at the valve before the closure, behind what sits before it, m.
+    /// Head at the valve before the closure, behind the elements before it, m.
     pub valve_head_m: f64,
 }
 
-/// Whose the parts of one node are.
+/// Owners of the elements of one node.
 #[derive(Debug, Clone, Default)]
 pub struct NodeOwners {
     /// Of each shunt.
     pub shunts: Vec<usize>,
-    /// Of each loss, with its `K/(2gA²)`, by which losses at one node share what they take.
+    /// Of each loss, with its `K/(2gA²)`, by which losses at one node share the drop.
     pub losses: Vec<(usize, f64)>,
 }
 
-/// Where the energy was after each step. All but what the line holds are sums since the start of the closure.
+/// The energy balance after each step. All values except the contents of the line are sums since the start of the
+/// closure.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Energy {
     /// Time step, s.
     pub dt_s: f64,
     /// Names of the effects that have an account.
     pub accounts: Vec<String>,
-    /// [`Energy::width`] values a step, J, in the order of [`Energy::columns`].
+    /// [`Energy::width`] values per step, J, in the order of [`Energy::columns`].
     values: Vec<f64>,
 }
 
@@ -68,13 +69,13 @@ const FRICTION: usize = 4;
 const EFFECTS: usize = 5;
 
 impl Energy {
-    /// Values a step: five, one an effect, and the remainder.
+    /// Values per step: five, one per effect, and the remainder.
     pub fn width(&self) -> usize {
         EFFECTS + self.accounts.len() + 1
     }
 
-    /// Names of the values, in J: what the line holds (`kinetic`, `elastic`), what the supply gave, what went out at the valve,
-    /// what steady friction and each effect took, and what the balance leaves over.
+    /// Names of the values, in J: contents of the line (`kinetic`, `elastic`), energy from the supply, energy out at
+    /// the valve, losses to steady friction and to each effect, and the remainder of the balance.
     pub fn columns(&self) -> Vec<String> {
         let fixed = ["kinetic", "elastic", "supply", "valve", "friction"].map(String::from);
         let names = fixed.into_iter().chain(self.accounts.iter().cloned()).chain(["unbalanced".to_owned()]);
@@ -105,7 +106,8 @@ impl Energy {
         self.steps().filter_map(|row| row.last()).fold(0.0, |most, e| most.max(e.abs()))
     }
 
-    /// Who had taken how much at a time, J: the valve, friction, each effect, and what the line still holds; largest first.
+    /// Energy taken up to a time, J, by the valve, friction and each effect, and the contents of the line; largest
+    /// first.
     pub fn takers(&self, time_s: f64) -> Vec<(String, f64)> {
         let row = self.at(time_s);
         let mut takers = vec![
@@ -118,21 +120,21 @@ impl Energy {
         takers
     }
 
-    /// The same as shares of all that was taken: they add up to 1; what is below zero has given and has none.
+    /// The same as shares that add up to 1; a negative value (energy given) counts as zero.
     pub fn shares(&self, time_s: f64) -> Vec<(String, f64)> {
         let takers = self.takers(time_s);
         let whole = takers.iter().map(|t| t.1.max(0.0)).sum::<f64>().max(f64::MIN_POSITIVE);
         takers.into_iter().map(|(name, joules)| (name, joules.max(0.0) / whole)).collect()
     }
 
-    /// What the supply had given at a time, J.
+    /// Energy from the supply up to a time, J.
     pub fn supplied_j(&self, time_s: f64) -> f64 {
         self.at(time_s)[SUPPLY]
     }
 }
 
-/// The book while it is kept.
-pub(crate) struct Book<'a> {
+/// The energy balance during a simulation.
+pub(crate) struct Balance<'a> {
     steady: &'a Steady<'a>,
     owners: Owners,
     /// `ρg dt`: a head times a flow becomes an energy.
@@ -141,15 +143,15 @@ pub(crate) struct Book<'a> {
     implicit: Vec<Vec<Implicit>>,
     /// Known storage and momentum of each term at all nodes.
     known: Vec<(Vec<f64>, Vec<f64>)>,
-    /// `u` one step before at the two ends of each segment, about which their friction is linear.
+    /// `u` one step before at the two ends of each segment, about which their friction is linearised.
     ends: Vec<[f64; 2]>,
-    /// The row of the present step.
+    /// Values of the current step.
     row: Vec<f64>,
     energy: Energy,
 }
 
-impl<'a> Book<'a> {
-    /// Opens the book at the steady state.
+impl<'a> Balance<'a> {
+    /// Starts at the steady state.
     pub fn new(
         steady: &'a Steady<'a>,
         owners: Owners,
@@ -165,7 +167,7 @@ impl<'a> Book<'a> {
             }
         }
         let energy = Energy { dt_s: grid.dt_s, accounts: owners.accounts.clone(), values: Vec::new() };
-        let mut book = Book {
+        let mut balance = Balance {
             weight: steady.density_kg_m3 * GRAVITY_M_S2 * grid.dt_s,
             implicit: terms.iter().map(|t| (0..grid.segments.len()).map(|s| t.implicit(s)).collect()).collect(),
             known,
@@ -175,18 +177,18 @@ impl<'a> Book<'a> {
             steady,
             owners,
         };
-        book.energy.values.reserve_exact((steps + 1) * book.row.len());
-        book.close_step(state);
-        book
+        balance.energy.values.reserve_exact((steps + 1) * balance.row.len());
+        balance.close_step(state);
+        balance
     }
 
-    /// The book as it stands.
+    /// The balance so far.
     pub fn close(self) -> Energy {
         self.energy
     }
 
-    /// Enters what a joint takes, or what sits before the valve; `index` counts the joints. To be called before the node takes
-    /// in the new head.
+    /// Adds what the elements of a joint, or those before the valve, take; `index` counts the joints. Call it before
+    /// the node advances.
     pub fn node(&mut self, index: usize, node: &Node, solved: &Solved) {
         let (heads, segments) = (&self.steady.head_m, &self.steady.grid.segments);
         let before_m = heads[segments[index].nodes().end - 1];
@@ -205,17 +207,17 @@ impl<'a> Book<'a> {
         }
     }
 
-    /// Enters what leaves through the valve.
+    /// Adds the outflow through the valve.
     pub fn valve(&mut self, head_m: f64, flow_m3_s: f64) {
         self.row[VALVE] += self.weight * (head_m - self.owners.valve_head_m) * flow_m3_s;
     }
 
-    /// Enters what the supply gives at a head deviation `h`.
+    /// Adds the inflow from the supply at a head deviation `h`.
     pub fn supply(&mut self, h: f64, flow_m3_s: f64) {
         self.row[SUPPLY] += self.weight * h * flow_m3_s;
     }
 
-    /// Enters what is taken along the line in a step whose heads, flows and leaving waves are known, and closes the step.
+    /// Adds the losses along the line in a step whose heads, flows and leaving waves are known, and closes the step.
     pub fn line(&mut self, state: &State) {
         let steady = self.steady;
         for (s, segment) in steady.grid.segments.iter().enumerate() {
@@ -236,7 +238,7 @@ impl<'a> Book<'a> {
                 if let Some(owner) = self.owners.field {
                     self.row[EFFECTS + owner] += self.weight * h * outflow;
                 }
-                // The side towards the supply, then that towards the valve.
+                // The side towards the supply, then the side towards the valve.
                 for (side, u) in [(1.0, u + half_b * outflow), (-1.0, u - half_b * outflow)] {
                     if (side > 0.0 && i == first) || (side < 0.0 && i == last) {
                         continue;
@@ -257,7 +259,7 @@ impl<'a> Book<'a> {
         self.close_step(state);
     }
 
-    /// Lets the terms take in the new state as the solver would, but keeps what each adds apart.
+    /// Advances the terms as the solver would, but keeps their contributions apart.
     pub fn advance(&mut self, terms: &mut [Box<dyn LineTerm>], state: &mut State) {
         for (term, (storage, momentum)) in terms.iter_mut().zip(&mut self.known) {
             storage.fill(0.0);
@@ -277,7 +279,8 @@ impl<'a> Book<'a> {
         }
     }
 
-    /// Weighs what the line holds in the waves that now leave the nodes, strikes the balance and writes the row.
+    /// Computes the contents of the line from the waves that now leave the nodes, completes the balance and stores the
+    /// row.
     fn close_step(&mut self, state: &State) {
         let (mut kinetic, mut elastic) = (0.0, 0.0);
         for (s, segment) in self.steady.grid.segments.iter().enumerate() {

@@ -3,7 +3,7 @@
 use crate::rig::{LAMINAR_REYNOLDS, Pipe, WaterProperties, darcy_friction_factor};
 use crate::units::GRAVITY_M_S2;
 
-/// How the wall's friction depends on the flow.
+/// Law of the wall's friction.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum WallFriction {
     /// A constant Darcy factor.
@@ -15,7 +15,7 @@ pub enum WallFriction {
     Laminar {
         /// Kinematic viscosity, m²/s.
         viscosity_m2_s: f64,
-        /// Multiplies the loss; 1 is the textbook.
+        /// Multiplies the loss; 1 is the textbook value.
         scale: f64,
     },
     /// The factor of the momentary flow: laminar below Re 2320, Colebrook-White above, times a scale.
@@ -24,7 +24,7 @@ pub enum WallFriction {
         viscosity_m2_s: f64,
         /// Roughness, m (0: smooth).
         roughness_m: f64,
-        /// Multiplies the factor; 1 is the textbook.
+        /// Multiplies the factor; 1 is the textbook value.
         scale: f64,
     },
 }
@@ -37,9 +37,9 @@ impl WallFriction {
 
     /// The law of a pipe that carries `flow_m3_s` before the closure.
     ///
-    /// A given factor is constant. A given roughness makes the factor follow the momentary Reynolds number. With neither the
-    /// pipe is smooth, and its factor that of the flow before the closure (quasi-steady friction as it is commonly
-    /// simulated): laminar and linear below Re 2320, constant above.
+    /// A given factor is constant. A given roughness makes the factor follow the momentary Reynolds number. With
+    /// neither, the pipe is smooth and its factor that of the flow before the closure (the common quasi-steady
+    /// friction): laminar and linear below Re 2320, constant above.
     pub fn of(pipe: &Pipe, water: &WaterProperties, flow_m3_s: f64) -> Self {
         let viscosity_m2_s = water.kinematic_viscosity_m2_s;
         if let Some(factor) = pipe.friction_factor {
@@ -55,7 +55,7 @@ impl WallFriction {
         WallFriction::Constant { factor: darcy_friction_factor(reynolds, 0.0) }
     }
 
-    /// The same law with its loss multiplied.
+    /// The same law with its loss multiplied by a scale.
     pub fn scaled(self, by: f64) -> Self {
         match self {
             WallFriction::Constant { factor } => WallFriction::Constant { factor: factor * by },
@@ -141,7 +141,7 @@ impl NodeFriction for Linear {
     }
 }
 
-/// A factor that follows the Reynolds number: `φ` tabulated at even steps of `|u|`, linear between, constant beyond.
+/// A factor that follows the Reynolds number: `φ` tabulated at even steps of `|u|`, linear in between, constant beyond.
 #[derive(Debug, Clone)]
 pub struct Tabulated {
     per_m: f64,
@@ -149,7 +149,7 @@ pub struct Tabulated {
     steps: Vec<(f64, f64)>,
 }
 
-/// Steps of a friction table. Colebrook's `φ ~ |u|^0.8` is then interpolated to 1e-4 of itself over all but the slowest
+/// Steps of a friction table. They interpolate Colebrook's `φ ~ |u|^0.8` to 1e-4 of itself, except over the slowest
 /// twentieth of the flows, where friction itself is small.
 const TABLE_STEPS: usize = 256;
 
@@ -200,8 +200,8 @@ pub enum ReachFriction {
 }
 
 impl ReachFriction {
-    /// From the laws of the reach's parts, the loss over it, `loss_m(Q)`, and the impedance `B`; `largest_u_m` bounds the
-    /// table of a law that has no simple form.
+    /// From the laws of the reach's parts, its loss `loss_m(Q)` and the impedance `B`; `largest_u_m` bounds the table
+    /// of a law without a simple form.
     pub fn new<'a>(
         mut laws: impl Iterator<Item = &'a WallFriction> + Clone,
         loss_m: impl Fn(f64) -> f64,
@@ -255,8 +255,8 @@ impl ReachFriction {
         }
     }
 
-    /// `½R0` of a steady `u`, as [`NodeFriction::solve`] sees it: `solve(u + ½R0) = u` to rounding, so that the series' own error
-    /// moves no steady state.
+    /// `½R0` of a steady `u` as [`NodeFriction::solve`] sees it: `solve(u + ½R0) = u` to rounding, so the error of the
+    /// series does not disturb the steady state.
     pub fn steady_half_loss(&self, u: f64) -> f64 {
         let mut loss = self.half_loss_and_slope(u).0;
         for _ in 0..4 {

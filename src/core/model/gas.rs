@@ -1,20 +1,22 @@
-//! Volumes of gas and vapour that take water out of the line as the pressure rises: the law of one volume and its step in time.
+//! Volumes of gas and vapour that take water out of the line as the pressure rises: the law of one volume and its time
+//! step.
 //!
-//! A volume `V` shrinks by the water that flows into its place, `dV/dt = -q`. `K` books every step's flow in full, and the volume
-//! that belongs to the new head lies between the old book and the new:
+//! A volume `V` shrinks by the water that flows into its place, `dV/dt = -q`. `K` sums up every step's flow in full,
+//! and the volume that belongs to the new head lies between the old `K` and the new:
 //!
 //! ```text
 //! K⁺ = K - dt q⁺,   V⁺ = ψ K⁺ + (1 - ψ) K   that is   V⁺ = V - dt [ψ q⁺ + (1 - ψ) q],   ψ = ½ + 4 dx/L
 //! ```
 //!
-//! - The trapezoidal rule (`ψ = ½`) is of second order but lets `q` alternate from step to step for ever; `ψ = 1` forbids that and
-//!   is of first order. With `ψ - ½` in proportion to the step it stays second order, and the alternation dies by `(1 - ψ)/ψ` a
-//!   step: by about `e^-16` over `L/a` on *every* grid.
-//! - `K` is held to half of the volume at least, `K⁺ ≥ V⁺/2`. A cavity that closes within a step would else be filled beyond its end
-//!   and throw the water back, step after step. Since `K` itself is never changed, no water is lost or made by that: a limiter
-//!   that clips the volume instead feeds on alternating flows, and its spikes grow with finer grids.
+//! - The trapezoidal rule (`ψ = ½`) is of second order but lets `q` alternate from step to step for ever; `ψ = 1`
+//!   prevents that but is of first order. With `ψ - ½` proportional to the step it stays second order, and the
+//!   alternation decays by `(1 - ψ)/ψ` per step: by about `e^-16` over `L/a` on *every* grid.
+//! - `K` is at least half of the volume, `K⁺ ≥ V⁺/2`. Otherwise a cavity that closes within a step would be filled
+//!   beyond its end and throw the water back, step after step. As `K` itself is never changed, this loses or makes no
+//!   water. A limiter that clips the volume instead would feed on alternating flows, and its spikes would grow with
+//!   finer grids.
 //!
-//! Gas that follows the pressure with a lag `θ`, `V + θ dV/dt = V_eq(H)`, takes `ψ dt + θ` in place of `ψ dt`, no more.
+//! Gas that follows the pressure with a lag `θ`, `V + θ dV/dt = V_eq(H)`, takes `ψ dt + θ` in place of `ψ dt`.
 //!
 //! Both conditions make `q⁺` an increasing, concave function of the head: `q⁺ = min((K - V_eq)/(ψ dt + θ), (K - V_eq/2)/dt)`.
 
@@ -24,10 +26,10 @@ use crate::model::node::Shunt;
 use crate::model::scene::{Scene, Spot};
 use crate::model::steady::Steady;
 
-/// Least `K` as a part of the volume.
+/// Least `K` as a share of the volume.
 const LEAST: f64 = 0.5;
 
-/// How a volume goes from one step to the next.
+/// Time step of a volume.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Stepping {
     /// `dt`, s.
@@ -37,7 +39,7 @@ pub struct Stepping {
 }
 
 impl Stepping {
-    /// For reaches of `reach_m` of a line of `length_m` and gas with a lag.
+    /// For reaches of `reach_m` of a line of `length_m`, and gas with a lag.
     pub fn new(dt_s: f64, reach_m: f64, length_m: f64, lag_s: f64) -> Self {
         let psi = (0.5 + 4.0 * reach_m / length_m).min(1.0);
         Stepping { dt_s, follow_s: psi * dt_s + lag_s }
@@ -49,8 +51,8 @@ impl Stepping {
     }
 }
 
-/// A volume under a pressure head `y = H - floor`: `y Vⁿ` is constant down to a low head, below which the volume goes on growing
-/// in a straight line, so that every head has a volume.
+/// A volume under a pressure head `y = H - floor`: `y Vⁿ` is constant down to a low head, below which the volume grows
+/// linearly, so that every head has a volume.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Law {
     floor_m: f64,
@@ -60,8 +62,8 @@ pub struct Law {
     low_slope_m2: f64,
 }
 
-/// How far a node's head must fall for its cavity to grow by as much as its piece of pipe holds, m, where the law is a straight
-/// line: far less than any sensor sees, and enough for a head's last digits to tell volumes apart.
+/// Fall of a node's head, m, over which its cavity grows by the volume of its piece of pipe in the linear part of the
+/// law: far less than any sensor sees, yet enough for a head's last digits to distinguish volumes.
 const CAVITY_DEPTH_M: f64 = 1e-4;
 
 impl Law {
@@ -86,39 +88,39 @@ impl Law {
             return (self.low_volume_m3 + self.low_slope_m2 * (self.low_m - y), self.low_slope_m2);
         }
         let ratio = self.low_m / y;
-        // Isothermal nodes are many: spare them the power.
+        // Isothermal nodes are many: spare them the power function.
         let volume = self.low_volume_m3 * if self.by_exponent == 1.0 { ratio } else { ratio.powf(self.by_exponent) };
         (volume, volume * self.by_exponent / y)
     }
 }
 
-/// One volume at a joint or at the pipe's end.
+/// One volume at a joint or at the pipe's end, as a shunt.
 pub struct Volume {
     law: Law,
     stepping: Stepping,
-    book_m3: f64,
+    sum_m3: f64,
 }
 
 impl Volume {
-    /// A volume that has yet to settle.
+    /// A volume before [`Shunt::settle`].
     pub fn new(law: Law, stepping: Stepping) -> Self {
-        Volume { law, stepping, book_m3: 0.0 }
+        Volume { law, stepping, sum_m3: 0.0 }
     }
 }
 
 impl Shunt for Volume {
     fn settle(&mut self, head_m: f64) -> f64 {
-        self.book_m3 = self.law.volume(head_m).0;
+        self.sum_m3 = self.law.volume(head_m).0;
         0.0
     }
     fn outflow(&self, head_m: f64) -> (f64, f64) {
         let (volume, fall) = self.law.volume(head_m);
         let Stepping { dt_s, follow_s } = self.stepping;
-        let (free, held) = ((self.book_m3 - volume) / follow_s, (self.book_m3 - LEAST * volume) / dt_s);
+        let (free, held) = ((self.sum_m3 - volume) / follow_s, (self.sum_m3 - LEAST * volume) / dt_s);
         if free <= held { (free, fall / follow_s) } else { (held, LEAST * fall / dt_s) }
     }
     fn advance(&mut self, head_m: f64) {
-        self.book_m3 -= self.stepping.dt_s * self.outflow(head_m).0;
+        self.sum_m3 -= self.stepping.dt_s * self.outflow(head_m).0;
     }
 }
 
@@ -128,10 +130,10 @@ struct Field {
     /// Steady head above the vapour head at each node, m.
     steady_m: Vec<f64>,
     /// `K` of each node, m³.
-    book_m3: Vec<f64>,
+    sum_m3: Vec<f64>,
 }
 
-/// What the nodes of one segment have in common.
+/// Common data of the nodes of one segment.
 struct Piece {
     offset: usize,
     content_m4: f64,
@@ -139,27 +141,27 @@ struct Piece {
 }
 
 impl NodeField for Field {
-    /// With `y = h + y0` the node is `k y + c q = k y0 + s` with `q = min((K - C/y)/(ψ dt + θ), (K - C/2y)/dt)`: two quadratics, of
-    /// which the lesser outflow leaves the greater `y`.
+    /// With `y = h + y0` the node is `k y + c q = k y0 + s` with `q = min((K - C/y)/(ψ dt + θ), (K - C/2y)/dt)`: two
+    /// quadratics. The lesser outflow leaves the greater `y`.
     fn inner(&mut self, segment: usize, one_plus_kappa: f64, c: f64, s: &[f64], h: &mut [f64], q: &mut [f64]) {
         let Piece { offset, content_m4, stepping: Stepping { dt_s, follow_s } } = self.segments[segment];
         let inner = offset + 1..offset + 1 + s.len();
-        let (steady, book) = (&self.steady_m[inner.clone()], &mut self.book_m3[inner]);
+        let (steady, sum) = (&self.steady_m[inner.clone()], &mut self.sum_m3[inner]);
         let (k, by_2k, by_c) = (one_plus_kappa, 0.5 / one_plus_kappa, 1.0 / c);
         let (free, held) = (c / follow_s, c / dt_s);
         let (free_product, held_product) = (4.0 * k * free * content_m4, 4.0 * k * held * LEAST * content_m4);
-        for ((((y0, book), s), h), q) in steady.iter().zip(book).zip(s).zip(h).zip(q) {
+        for ((((y0, sum), s), h), q) in steady.iter().zip(sum).zip(s).zip(h).zip(q) {
             let known = k * y0 + s;
-            let freely = positive_root(known - free * *book, free_product);
-            let y = by_2k * freely.max(positive_root(known - held * *book, held_product));
+            let freely = positive_root(known - free * *sum, free_product);
+            let y = by_2k * freely.max(positive_root(known - held * *sum, held_product));
             *h = y - y0;
             *q = by_c * (s - k * *h);
-            *book -= dt_s * *q;
+            *sum -= dt_s * *q;
         }
     }
 }
 
-/// The root `x ≥ 0` of `x² - 2 b x - p = 0`, `p ≥ 0`, without the difference of two nearly equal numbers.
+/// The root `x ≥ 0` of `x² - 2 b x - p = 0`, `p ≥ 0`, without cancellation.
 #[inline]
 fn positive_root(b: f64, p: f64) -> f64 {
     let root = (b * b + p).sqrt();
@@ -171,22 +173,22 @@ fn boiling_head_m(scene: &Scene, elevation_m: f64) -> f64 {
     elevation_m + scene.vapour_head_m()
 }
 
-/// Isothermal gas over vapour at all inner nodes: `V (H - z - H_vapour)` is `content_m` times the node's piece of pipe, which
-/// the gas comes to with a lag.
+/// Isothermal gas over vapour at all inner nodes: `V (H - z - H_vapour)` is `content_m` times the volume of the node's
+/// piece of pipe; the gas follows it with a lag.
 ///
 /// # Errors
 /// If the water boils somewhere before the closure.
 pub fn field(scene: &Scene, steady: &Steady, content_m: f64, lag_s: f64) -> Result<Box<dyn NodeField>, ModelError> {
     let length_m = scene.rig.length_m();
     let mut steady_m = vec![0.0; steady.head_m.len()];
-    let mut book_m3 = steady_m.clone();
+    let mut sum_m3 = steady_m.clone();
     let mut segments = Vec::new();
     for segment in &steady.grid.segments {
         let content_m4 = content_m * segment.mean(|s| s.area_m2()) * segment.reach_m;
         for node in segment.nodes() {
             let position_m = segment.start_m + segment.reach_m * (node - segment.offset) as f64;
             steady_m[node] = steady.head_m[node] - boiling_head_m(scene, scene.rig.elevation_m(position_m));
-            book_m3[node] = content_m4 / steady_m[node];
+            sum_m3[node] = content_m4 / steady_m[node];
         }
         let stepping = Stepping::new(scene.dt_s, segment.reach_m, length_m, lag_s);
         segments.push(Piece { offset: segment.offset, content_m4, stepping });
@@ -198,7 +200,7 @@ pub fn field(scene: &Scene, steady: &Steady, content_m: f64, lag_s: f64) -> Resu
             allowed: "so high that the water boils nowhere before the closure",
         });
     }
-    Ok(Box::new(Field { segments, steady_m, book_m3 }))
+    Ok(Box::new(Field { segments, steady_m, sum_m3 }))
 }
 
 /// The same at a joint or at the pipe's end.
@@ -253,7 +255,7 @@ mod tests {
             let psi = stepping.follow_s / stepping.dt_s;
             let mut node = Node { losses: Vec::new(), shunts: vec![Box::new(Volume::new(law, stepping))] };
             node.settle(30.0, 0.0);
-            let (mut book, mut head, mut seed) = (law.volume(30.0).0, 30.0, 1u64);
+            let (mut sum, mut head, mut seed) = (law.volume(30.0).0, 30.0, 1u64);
             for step in 0..3000 {
                 seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
                 let e = (seed >> 33) as f64 / f64::from(1u32 << 31) * 250.0 - 120.0;
@@ -262,14 +264,14 @@ mod tests {
                 let q = solved.left_flow_m3_s;
                 head = solved.left_head_m;
                 assert!((head + left.z * q - e).abs() < 1e-3, "{law:?} step {step}: {head} {e}");
-                let old = book;
-                book -= stepping.dt_s * q;
+                let old = sum;
+                sum -= stepping.dt_s * q;
                 let volume = law.volume(head).0;
-                assert!(book >= 0.5 * volume * (1.0 - 1e-9) - 1e-18, "step {step}: {book} {volume}");
-                let even = psi * book + (1.0 - psi) * old;
+                assert!(sum >= 0.5 * volume * (1.0 - 1e-9) - 1e-18, "step {step}: {sum} {volume}");
+                let even = psi * sum + (1.0 - psi) * old;
                 let lag = even - volume;
                 assert!(lag >= -1e-6 * volume - 1e-15, "step {step}: {even} {volume}");
-                assert!(lag <= 1e-6 * volume + 1e-15 || book <= 0.5 * volume * (1.0 + 1e-6) + 1e-18, "step {step}");
+                assert!(lag <= 1e-6 * volume + 1e-15 || sum <= 0.5 * volume * (1.0 + 1e-6) + 1e-18, "step {step}");
                 if law.by_exponent == 1.0 {
                     assert!(head > law.floor_m - 0.1, "step {step}: {head}");
                 }

@@ -1,20 +1,21 @@
-//! The grid: nodes evenly spaced in *travel time*, so that one time step carries a wave over every reach of every pipe
-//! and no wave speed has to be bent to make pipes in series fit.
+//! The grid: nodes evenly spaced in *travel time*. One time step carries a wave over every reach of every pipe, and no
+//! wave speed has to be adjusted to make pipes in series fit.
 //!
-//! A reach inside one pipe is that pipe's own `dx = a dt`. The one reach that straddles a joint becomes a segment of its own
-//! with the inertance `Σ l/(gA)` and the capacitance `Σ gAl/a²` of its two parts, which are chosen so that the reach as a whole,
-//! too, takes one step: `√(inertance capacitance) = dt`. Joint and reflection then move smoothly with wave speeds and lengths,
-//! which a fit needs, and no inertia or storage is lost. Such a joint disperses fronts that are not many steps long, so the number
-//! of reaches is chosen to put joints on nodes, or nearly so: [`fitting_reaches`](crate::model::reaches::fitting_reaches).
+//! A reach inside one pipe has `dx = a dt`. The one reach that straddles a joint becomes a segment of its own with the
+//! inertance `Σ l/(gA)` and the capacitance `Σ gAl/a²` of its two parts. Their lengths are chosen so that this reach,
+//! too, takes one step: `√(inertance capacitance) = dt`. Joint and reflection then move smoothly with wave speeds and
+//! lengths, which a fit needs, and no inertia or storage is lost. Such a joint disperses fronts of a few steps, so the
+//! number of reaches is chosen to put joints on nodes, or nearly so:
+//! [`fitting_reaches`](crate::model::reaches::fitting_reaches).
 
 use crate::model::error::ModelError;
 use crate::model::friction::WallFriction;
 use crate::units::GRAVITY_M_S2;
 
-/// Wave speeds that can be reckoned with; what a pipe may have is narrower by far.
+/// Wave speeds with which the grid can be computed; those of real pipes are far inside.
 const WAVE_SPEEDS_M_S: std::ops::RangeInclusive<f64> = 1e-6..=1e9;
 
-/// A length of pipe with constant properties, as the layout of the model gives it.
+/// A length of pipe with constant properties.
 #[derive(Debug, Clone)]
 pub struct Stretch {
     /// Length, m.
@@ -29,7 +30,7 @@ pub struct Stretch {
     pub constraint: f64,
     /// Steady friction.
     pub friction: WallFriction,
-    /// Its wall creeps where the model has creep.
+    /// Whether its wall creeps, in a model with creep.
     pub creeps: bool,
 }
 
@@ -39,23 +40,23 @@ impl Stretch {
         std::f64::consts::FRAC_PI_4 * self.diameter_m * self.diameter_m
     }
 
-    /// Inertance of a metre, `1/(gA)`.
+    /// Inertance per metre, `1/(gA)`.
     fn inertance(&self) -> f64 {
         1.0 / (GRAVITY_M_S2 * self.area_m2())
     }
 
-    /// Capacitance of a metre, `gA/a²`.
+    /// Capacitance per metre, `gA/a²`.
     fn capacitance(&self) -> f64 {
         GRAVITY_M_S2 * self.area_m2() / self.wave_speed_m_s.powi(2)
     }
 }
 
-/// A run of reaches with equal properties; its nodes are numbered from 0 at the supply side to `reaches`.
+/// Consecutive reaches with equal properties; the nodes are numbered from 0 at the supply side to `reaches`.
 #[derive(Debug, Clone)]
 pub struct Segment {
     /// Index of its first node in the state's slices.
     pub offset: usize,
-    /// Number of reaches; it has one node more.
+    /// Number of reaches; it has one more node.
     pub reaches: usize,
     /// Position of its first node, m from the supply.
     pub start_m: f64,
@@ -63,7 +64,7 @@ pub struct Segment {
     pub reach_m: f64,
     /// Characteristic impedance `B = a/(gA)`, s/m².
     pub impedance: f64,
-    /// The parts of one reach: one stretch, or those that a joint's reach is mixed from, with their lengths in m.
+    /// The parts of one reach, with their lengths in m: one stretch, or those of a reach over a joint.
     pub parts: Vec<(Stretch, f64)>,
 }
 
@@ -73,7 +74,7 @@ impl Segment {
         self.offset..self.offset + self.reaches + 1
     }
 
-    /// Head that wall friction takes from a flow over one reach, m.
+    /// Head that wall friction takes over one reach, m.
     pub fn reach_loss_m(&self, flow_m3_s: f64) -> f64 {
         self.parts.iter().map(|(s, length)| s.friction.slope(s.diameter_m, flow_m3_s) * length).sum()
     }
@@ -96,11 +97,12 @@ pub struct Grid {
 impl Grid {
     /// Divides stretches in series into `reaches` reaches of equal travel time.
     ///
-    /// A stretch shorter than one reach is lumped with its neighbours in the reach that covers it: less sharp, but with all of
-    /// its inertance and capacitance. [`least_reaches`](crate::model::reaches::least_reaches) is what it takes for none to be so.
+    /// A stretch shorter than one reach is lumped with its neighbours in the reach that covers it: less sharp, but with
+    /// all its inertance and capacitance. With [`least_reaches`](crate::model::reaches::least_reaches) or more, no
+    /// stretch is lumped.
     ///
     /// # Errors
-    /// If there are fewer than two reaches, or a wave speed that cannot be reckoned with.
+    /// If there are fewer than two reaches, or a wave speed is out of range.
     pub fn new(stretches: &[Stretch], reaches: usize) -> Result<Grid, ModelError> {
         if reaches < 2 {
             return Err(ModelError::TooFewReaches { reaches, needed: 2 });
@@ -148,12 +150,12 @@ impl Grid {
         self.segments.iter().map(|s| s.reaches).sum()
     }
 
-    /// The inner nodes around a position, counted in reaches from the supply, with weights that add up to 1: what sits between
-    /// nodes is shared among them.
+    /// The inner nodes around a position, counted in reaches from the supply, with weights that add up to 1: an element
+    /// between nodes is shared among them.
     ///
-    /// The weights are those of a quadratic B-spline: their centre is the position and their spread the same wherever it is.
-    /// Shares of two nodes would be sharp on a node and blurred between, and a fit would stop at nodes. Near an end two nodes
-    /// share, at last the first inner one has it all.
+    /// The weights are those of a quadratic B-spline: their centre is the position, and their spread is the same
+    /// everywhere. Shares of two nodes would be sharp on a node and blurred in between, and a fit would get stuck at
+    /// nodes. Near an end two nodes share, and at the end the first inner node has it all.
     pub fn around(&self, position_m: f64) -> [(usize, f64); 3] {
         let reaches = self.reaches();
         let mut before = 0;
@@ -234,13 +236,14 @@ impl Grid {
     }
 }
 
-/// Lays reaches of one step's travel time along the stretches, from the supply on: gives `push` the parts of a reach (stretch and
-/// length, m) and how often it comes. Returns how many reaches that makes, the last one in part.
+/// Lays reaches of one step's travel time along the stretches from the supply: passes `push` the parts of a reach
+/// (stretch and length, m) and its number of repetitions. Returns the number of reaches, the last one as a fraction.
 ///
-/// A reach over one joint or several takes from the last stretch it touches the length `x` that makes it take one step:
+/// A reach over one or several joints takes from the last stretch it touches the length `x` that makes it take one
+/// step:
 /// `(I + ix)(C + cx) = dt²` with the inertance `I` and capacitance `C` of what it has already.
 fn lay(stretches: &[Stretch], dt_s: f64, mut push: impl FnMut(&[(usize, f64)], usize)) -> f64 {
-    /// A joint that is within so many reaches of a node is on it.
+    /// A joint within this many reaches of a node counts as on it.
     const ON_NODE: f64 = 1e-9;
     let mut laid = 0;
     let mut open: Vec<(usize, f64)> = Vec::new();

@@ -1,37 +1,37 @@
-//! What a simulation will take of the machine's memory, known before it takes any.
+//! Memory that a simulation needs, computed before it starts.
 
 use crate::model::error::ModelError;
 
-/// The most that a simulation may take where nobody says what there is.
+/// Default limit of a simulation's memory.
 pub const USUAL_LIMIT_BYTES: f64 = 4.0 * (1u64 << 30) as f64;
 
-/// Numbers that the base model keeps of every node: waves, heads, flows, what terms add.
+/// Numbers that the base model keeps per node: waves, heads, flows, contributions of terms.
 const PER_NODE: usize = 12;
 
-/// A simulation's numbers, all of 8 bytes. In floating point: what is asked for may be beyond counting.
+/// Counts of a simulation's numbers, all of 8 bytes; floating point, because a request may exceed any integer.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Need {
     /// Time steps.
     pub steps: f64,
-    /// What is kept of every step: probes, entries of an energy book.
+    /// Numbers kept per step: probes, entries of the energy balance.
     pub per_step: usize,
     /// Nodes of the grid.
     pub nodes: usize,
-    /// What effects keep of every node.
+    /// Numbers that effects keep per node.
     pub effects_per_node: usize,
 }
 
 impl Need {
-    /// In all.
+    /// Bytes in all.
     pub fn bytes(&self) -> f64 {
         let grid = self.nodes as f64 * (PER_NODE + self.effects_per_node) as f64;
         8.0 * (grid + self.steps * self.per_step as f64)
     }
 
-    /// Refuses what is more than `limit_bytes`.
+    /// Refuses a simulation that needs more than `limit_bytes`.
     ///
     /// # Errors
-    /// See above.
+    /// [`ModelError::TooLarge`].
     pub fn check(&self, limit_bytes: f64) -> Result<(), ModelError> {
         let bytes = self.bytes();
         if bytes <= limit_bytes {

@@ -1,30 +1,31 @@
-//! Nodes where something sits: joints of pipes, leaks, blockages, branches, gas, and the valve's end.
+//! Nodes with elements: joints of pipes, leaks, blockages, branches, gas, and the valve's end.
 //!
-//! Each side sends one characteristic, linear in head and flow. What sits there is either a *shunt*, which takes a flow out of
-//! the node that does not fall with the head, or a *loss*, across which the head drops by `K Q|Q|`. Any number of both at one
-//! node leave one scalar equation in the head behind the losses, increasing, solved by a safeguarded Newton iteration.
+//! Each side sends one characteristic, linear in head and flow. An element is either a *shunt*, which takes out of the
+//! node a flow that does not fall with the head, or a *loss*, across which the head drops by `K Q|Q|`. Any number of
+//! both at one node leave one scalar equation in the head behind the losses; it is increasing, and a safeguarded Newton
+//! iteration solves it.
 //!
-//! What lies between nodes is shared among the nodes around it. Shares meet what the others sent out one or two steps before: waves that run
-//! to and fro between them, an inertance (losses: a capacitance) that one thing at one place does not have and an error of
-//! first order. [`Overlap`] takes it out.
+//! An element between nodes is shared among the nodes around it. Each share meets what the others sent out one or two
+//! steps before: waves that run to and fro between them. They amount to an inertance (for losses a capacitance) that a
+//! single element does not have, an error of first order. [`Overlap`] removes it.
 
-/// What takes water out of a node: a leak, a branch, a gas volume, a moving wall. Heads are total heads, m.
+/// An element that takes water out of a node: a leak, a branch, a gas volume, a moving wall. Heads are total heads, m.
 pub trait Shunt: Send {
-    /// Outflow before the closure, m³/s; sets the inner state for it.
+    /// Outflow before the closure, m³/s; initialises the inner state.
     fn settle(&mut self, head_m: f64) -> f64;
     /// Outflow at the new time if the head is `head_m`, m³/s, and its derivative by the head (zero or more).
     fn outflow(&self, head_m: f64) -> (f64, f64);
-    /// Takes the new head for good.
+    /// Advances the inner state with the new head.
     fn advance(&mut self, head_m: f64);
 }
 
-/// How the shares of one thing at neighbouring nodes overlap: `Σ w_i w_j` over neighbours, and over nodes two reaches apart,
-/// divided by the share's own weight.
+/// Overlap of the shares of one element at neighbouring nodes: `Σ w_i w_j` over neighbours, and over nodes two reaches
+/// apart, divided by the share's own weight.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Overlap([f64; 2]);
 
 impl Overlap {
-    /// Of the share `own` among `shares`, nodes and weights.
+    /// Overlap of the share `own` among `shares`, nodes and weights.
     pub fn of(shares: &[(usize, f64)], own: f64) -> Overlap {
         let apart = |distance: usize| {
             let pairs = shares.iter().flat_map(|a| shares.iter().map(move |b| (a, b)));
@@ -38,7 +39,7 @@ impl Overlap {
     }
 }
 
-/// A share of a shunt: its flow `q` sees the head less `Z Σ c_n (q - q_n)`, `q_n` the flow `n` steps before.
+/// A share of a shunt: its flow `q` sees the head minus `Z Σ c_n (q - q_n)`, where `q_n` is the flow `n` steps before.
 pub struct SharedShunt {
     inner: Box<dyn Shunt>,
     by: [f64; 2],
@@ -47,7 +48,7 @@ pub struct SharedShunt {
 }
 
 impl SharedShunt {
-    /// Of a share on a line of impedance `z`.
+    /// A share on a line of impedance `z`.
     pub fn new(inner: Box<dyn Shunt>, overlap: Overlap, z: f64) -> SharedShunt {
         SharedShunt { inner, by: overlap.times(z), flows_m3_s: [0.0; 2], inner_head_m: 0.0 }
     }
@@ -141,41 +142,42 @@ pub struct Solved {
     pub right_flow_m3_s: f64,
 }
 
-/// What sits at one node.
+/// The elements of one node.
 #[derive(Default)]
 pub struct Node {
     /// Head losses.
     pub losses: Vec<Loss>,
-    /// Everything that takes water out, behind the losses.
+    /// Shunts, behind the losses.
     pub shunts: Vec<Box<dyn Shunt>>,
 }
 
 impl Node {
-    /// Steady state: from head and flow behind the node to those before it.
+    /// Steady state: returns head and flow before the node from those behind it.
     pub fn settle(&mut self, head_m: f64, flow_m3_s: f64) -> (f64, f64) {
         let flow = flow_m3_s + self.shunts.iter_mut().map(|s| s.settle(head_m)).sum::<f64>();
         (head_m + self.losses.iter_mut().map(|l| l.settle(flow)).sum::<f64>(), flow)
     }
 
-    /// A plain joint: nothing sits there.
+    /// Whether it is a plain joint without elements.
     pub fn is_plain(&self) -> bool {
         self.losses.is_empty() && self.shunts.is_empty()
     }
 
-    /// Head that the losses take from a flow, and its derivative.
+    /// Head that the losses take at a flow, and its derivative.
     fn drop_m(&self, flow_m3_s: f64) -> (f64, f64) {
         self.losses.iter().map(|l| l.drop_m(flow_m3_s)).fold((0.0, 0.0), |sum, d| (sum.0 + d.0, sum.1 + d.1))
     }
 
-    /// Solves the node, and what sits there takes the new head in. `onward` is the flow that goes on at a head behind the
-    /// losses, and its derivative; `guess_m` a head near the solution.
+    /// Solves the node and advances its elements. `onward` is the flow that goes on at a head behind the losses, and
+    /// its derivative; `guess_m` is a head near the solution.
     pub fn solve(&mut self, left: Arriving, onward: impl Fn(f64) -> (f64, f64), guess_m: f64) -> Solved {
         let solved = self.find(left, onward, guess_m);
         self.advance(&solved);
         solved
     }
 
-    /// The solution alone, as [`Node::solve`]: until [`Node::advance`] what sits there is still that of the step before.
+    /// The solution alone, as [`Node::solve`]. The elements keep the state of the previous step until
+    /// [`Node::advance`].
     pub fn find(&self, left: Arriving, onward: impl Fn(f64) -> (f64, f64), guess_m: f64) -> Solved {
         // F(H) = H + K Ql|Ql| + z Ql - e with Ql = onward(H) + Σ outflow(H): increasing in H.
         let balance = |head: f64| {
@@ -195,7 +197,7 @@ impl Node {
         Solved { left_head_m: head + drop, left_flow_m3_s: left_flow, right_head_m: head, right_flow_m3_s: right_flow }
     }
 
-    /// Takes a solution for good.
+    /// Advances the elements with a solution.
     pub fn advance(&mut self, solved: &Solved) {
         for shunt in &mut self.shunts {
             shunt.advance(solved.right_head_m);
@@ -224,7 +226,7 @@ pub fn root(f: impl Fn(f64) -> (f64, f64), guess: f64) -> f64 {
         }
         let newton = x - value / slope;
         let tolerance = 1e-13 * (1.0 + x.abs());
-        // At the root itself rounding may put Newton's step on the bracket's edge or beyond.
+        // At the root itself, rounding may put Newton's step on the bracket's edge or beyond.
         let arrived = (newton - x).abs() <= tolerance;
         let inside = newton > low && newton < high && newton.is_finite();
         let next = if inside || arrived {
@@ -232,7 +234,7 @@ pub fn root(f: impl Fn(f64) -> (f64, f64), guess: f64) -> f64 {
         } else if low.is_finite() && high.is_finite() {
             0.5 * (low + high)
         } else {
-            // No bracket yet: further and further in the direction of the root.
+            // No bracket yet: go further and further towards the root.
             width *= 2.0;
             if value > 0.0 { x - width } else { x + width }
         };

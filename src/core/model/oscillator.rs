@@ -2,12 +2,12 @@
 
 /// `y'' + 2ζω y' + ω² y = ω² x`, solved exactly for an `x` that is linear over each step of one fixed length.
 ///
-/// Under a ramp `x` of slope `g` the oscillator ends up following `x - g T`, `T = 2ζ/ω`; what differs from that moves freely,
-/// by the transition matrix. This stays exact and bounded however stiff the oscillator is against the step.
+/// Under a ramp `x` of slope `g` the oscillator tends to `x - g T`, `T = 2ζ/ω`; the deviation from that moves freely,
+/// by the transition matrix. This stays exact and bounded however stiff the oscillator is compared with the step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Oscillator {
     dt_s: f64,
-    /// How far it follows a ramp behind, `T`, s.
+    /// Its delay behind a ramp, `T`, s.
     lag_s: f64,
     /// From `(y, y')` to the new `y'`, and likewise to the new `y`.
     to_rate: [f64; 2],
@@ -54,7 +54,7 @@ impl Oscillator {
         (by_position * (self.position - before) + by_rate * self.rate + slope * (after - before), slope)
     }
 
-    /// Takes that step.
+    /// Advances over that step.
     pub fn advance(&mut self, before: f64, after: f64) {
         let slope = (after - before) / self.dt_s;
         let (off, off_rate) = (self.position - before + slope * self.lag_s, self.rate - slope);

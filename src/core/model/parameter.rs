@@ -1,6 +1,6 @@
-//! A parameter: its name with the unit, where it may lie, and how the fit moves it.
+//! A parameter: its name with the unit, its bounds, and its scale in a fit.
 
-/// How a fit moves a parameter.
+/// Scale on which a fit moves a parameter.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Scale {
     /// In equal steps.
@@ -11,7 +11,7 @@ pub enum Scale {
 }
 
 impl Scale {
-    /// What files call it.
+    /// Its name in files.
     pub fn name(self) -> &'static str {
         match self {
             Scale::Linear => "linear",
@@ -27,7 +27,7 @@ pub struct Parameter {
     pub name: String,
     /// Unit as displayed.
     pub unit: &'static str,
-    /// What it is, for people.
+    /// What it is, in words.
     pub about: &'static str,
     /// Where a fit starts.
     pub start: f64,
@@ -37,9 +37,9 @@ pub struct Parameter {
     pub upper: f64,
     /// How a fit moves it.
     pub scale: Scale,
-    /// The value at which what it describes is gone, where there is one.
+    /// The value at which the effect vanishes, if there is one.
     pub vanishes_at: Option<f64>,
-    /// What is known before the fit: mean, and a standard deviation that is relative on a log scale.
+    /// Prior: mean, and a standard deviation that is relative on a log scale.
     pub prior: Option<(f64, f64)>,
 }
 
@@ -78,12 +78,12 @@ impl Parameter {
         Parameter { scale: Scale::Linear, ..Parameter::log(name, unit, about, start, lower, upper) }
     }
 
-    /// With what is known before the fit.
+    /// Sets the prior.
     pub fn with_prior(self, mean: f64, deviation: f64) -> Self {
         Parameter { prior: Some((mean, deviation)), ..self }
     }
 
-    /// With the value at which what it describes is gone.
+    /// Sets the value at which the effect vanishes.
     pub fn vanishing_at(self, value: f64) -> Self {
         Parameter { vanishes_at: Some(value), ..self }
     }

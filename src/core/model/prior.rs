@@ -1,20 +1,20 @@
-//! What is known of a parameter before the fit, from elsewhere than the recordings.
+//! Prior knowledge of a parameter, from sources other than the recordings.
 
 use crate::model::parameter::Parameter;
 
-/// Knowledge of a shared parameter.
+/// Prior of a shared parameter.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Prior {
     /// The parameter's name.
     pub name: String,
-    /// Where it is most likely, in the parameter's unit.
+    /// Most likely value, in the parameter's unit.
     pub mean: f64,
-    /// Standard deviation: relative where the parameter is moved as a logarithm, otherwise in its unit.
+    /// Standard deviation: relative if the fit moves the parameter on a log scale, else in its unit.
     pub sd: f64,
 }
 
 impl Prior {
-    /// Tells a parameter, which then starts there.
+    /// Gives a parameter this prior and starts it there.
     pub fn inform(&self, parameter: &mut Parameter) {
         parameter.start = self.mean.clamp(parameter.lower, parameter.upper);
         parameter.prior = Some((self.mean, self.sd));

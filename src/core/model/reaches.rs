@@ -1,6 +1,6 @@
-//! How many reaches pipes in series want.
+//! Number of reaches for pipes in series.
 
-/// Fewest reaches at which no pipe in series of these travel times is shorter than a reach: one each, two in all.
+/// Fewest reaches at which none of the pipes with these travel times is shorter than a reach: one each, two in all.
 pub fn least_reaches(travel_s: &[f64]) -> usize {
     let total_s: f64 = travel_s.iter().sum();
     let shortest = travel_s.iter().copied().fold(f64::INFINITY, f64::min);
@@ -8,8 +8,8 @@ pub fn least_reaches(travel_s: &[f64]) -> usize {
     ((total_s / shortest * (1.0 - 1e-9)).ceil() as usize + joints).max(2)
 }
 
-/// The number of reaches, from `reaches` to a quarter more, whose nodes come nearest to all joints of pipes in series: a joint on
-/// a node is exact, one between nodes disperses steep fronts a little each time they pass.
+/// The number of reaches, from `reaches` to a quarter more, whose nodes come nearest to all joints of pipes in series.
+/// A joint on a node is exact; one between nodes disperses steep fronts a little each time they pass.
 pub fn fitting_reaches(travel_s: &[f64], reaches: usize) -> usize {
     let total_s: f64 = travel_s.iter().sum();
     let misfit = |n: usize| {

@@ -1,4 +1,4 @@
-//! What a simulation of one run takes and gives.
+//! Input and output of the simulation of one run.
 
 use crate::model::energy::Energy;
 use crate::model::trace::Trace;
@@ -17,17 +17,17 @@ pub struct RunValues {
     pub friction_scale: f64,
 }
 
-/// What a run has beside its parameters.
+/// Conditions of a run besides its parameters.
 #[derive(Debug, Clone)]
 pub struct Conditions {
     /// The water at the run's temperature.
     pub water: WaterProperties,
-    /// Head measured at position 0 minus its mean before the closure, against time after the start of the closure: drives an
-    /// upstream end of kind `measured`.
+    /// Head measured at position 0 minus its mean before the closure, and its times after the start of the closure. It
+    /// drives an upstream end of kind `measured`.
     pub supply_deviation: Option<(Vec<f64>, Vec<f64>)>,
 }
 
-/// How finely and how long to simulate.
+/// Resolution in space, and duration.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Resolution {
     /// Number of reaches of the whole line.
@@ -36,28 +36,28 @@ pub struct Resolution {
     pub duration_s: f64,
 }
 
-/// What a simulation gives.
+/// Result of a simulation.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Simulated {
-    /// What each probe reads.
+    /// Reading of each probe.
     pub traces: Vec<Trace>,
-    /// Where the energy went, if that was asked for.
+    /// The energy balance, if requested.
     pub energy: Option<Energy>,
-    /// Where each segment starts, m from the supply.
+    /// Start of each segment, m from the supply.
     pub(crate) starts_m: Vec<f64>,
     /// Flow in each segment before the closure, m³/s.
     pub(crate) flows_m3_s: Vec<f64>,
 }
 
 impl Simulated {
-    /// Flow before the closure at a place, m³/s: a leak makes it differ along the pipe.
+    /// Flow before the closure at a position, m³/s: it changes along the pipe at a leak.
     pub fn steady_flow_m3_s(&self, position_m: f64) -> f64 {
         let segment = self.starts_m.iter().rposition(|&start| position_m >= start).unwrap_or(0);
         self.flows_m3_s[segment]
     }
 }
 
-/// Least head over the open valve, m: without any nothing would flow.
+/// Least head over the open valve, m: without it nothing would flow.
 pub const LEAST_DROP_M: f64 = 1e-3;
 
 impl RunValues {

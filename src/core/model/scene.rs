@@ -3,7 +3,7 @@
 use crate::rig::{Rig, WaterProperties};
 use crate::units::GRAVITY_M_S2;
 
-/// What an effect needs to know of the rig to give its parameters sensible starts and bounds.
+/// The data from which an effect derives starts and bounds of its parameters.
 pub struct Site<'a> {
     /// The rig.
     pub rig: &'a Rig,
@@ -13,7 +13,7 @@ pub struct Site<'a> {
     pub period_s: f64,
 }
 
-/// What an effect needs to know of a run to take part in it.
+/// The data of a run that an effect needs.
 pub struct Scene<'a> {
     /// The rig.
     pub rig: &'a Rig,
@@ -27,7 +27,7 @@ pub struct Scene<'a> {
     pub valve_head_m: f64,
 }
 
-/// Gauge pressure head of vapour, m: below this above the pipe's axis the water boils.
+/// Gauge pressure head of vapour, m: below this head above the pipe's axis, the water boils.
 pub fn vapour_head_m(water: &WaterProperties) -> f64 {
     (water.vapour_pressure_pa - ATMOSPHERE_PA) / (water.density_kg_m3 * GRAVITY_M_S2)
 }
@@ -44,13 +44,13 @@ impl Scene<'_> {
     }
 }
 
-/// Standard atmosphere, Pa: what gauge pressures are counted from.
+/// Standard atmosphere, Pa: the zero of gauge pressure.
 pub const ATMOSPHERE_PA: f64 = 101_325.0;
 
-/// One node of the grid as seen by what is put there.
+/// One node of the grid, as an element at it sees it.
 #[derive(Debug, Clone, Copy)]
 pub struct Spot {
-    /// Share of the effect that this node has, 0 to 1: a place between two nodes is shared.
+    /// Share of the element at this node, 0 to 1: an element between nodes is shared.
     pub share: f64,
     /// Position, m from the supply.
     pub position_m: f64,

@@ -1,4 +1,4 @@
-//! One run of a model: from its values to the line that is stepped, checked before anything is taken.
+//! Simulation of one run: checks the values, builds the line and steps it.
 
 use crate::model::attach::attach;
 use crate::model::boundary::{Closure, ConstantHead, GivenEnd, MeasuredHead, Supply, ValveEnd};
@@ -21,11 +21,11 @@ use crate::rig::Upstream;
 const MOST_FRICTION_SHARE: f64 = 0.02;
 
 impl Model<'_> {
-    /// Fewest reaches at which no pipe, and no section that an effect makes of one, is shorter than a reach. A simulation goes on with
-    /// fewer for sections, which it then lumps with what lies beside them: a fit moves them about.
+    /// Fewest reaches at which no pipe, and no section that an effect makes of one, is shorter than a reach. With
+    /// fewer, a simulation still runs and lumps short sections with their neighbours, because a fit moves them about.
     ///
     /// # Errors
-    /// Values out of their physical range.
+    /// If a value is outside its physical range.
     pub fn resolving_reaches(
         &self,
         conditions: &Conditions,
@@ -41,7 +41,7 @@ impl Model<'_> {
         Ok(reaches::least_reaches(&travel_s))
     }
 
-    /// Simulates one run: what each probe reads, in time after the start of the closure.
+    /// Simulates one run: the reading of each probe, in time after the start of the closure.
     ///
     /// # Errors
     /// Values out of their physical range, a grid too coarse for the pipes, a run too large for memory, a solution that
@@ -57,7 +57,7 @@ impl Model<'_> {
         self.run(conditions, shared, run, resolution, probes, GivenEnd::Nothing, false)
     }
 
-    /// The same with something of the valve's end given.
+    /// The same with part of the valve's end prescribed.
     pub(crate) fn driven(
         &self,
         conditions: &Conditions,
@@ -70,7 +70,7 @@ impl Model<'_> {
         self.run(conditions, shared, run, resolution, probes, given, false)
     }
 
-    /// The same, and keeps the energy book ([`Simulated::energy`]).
+    /// The same, and computes the energy balance ([`Simulated::energy`]).
     ///
     /// # Errors
     /// As [`Model::simulate`].
@@ -108,7 +108,7 @@ impl Model<'_> {
             chosen.effect.reshape(values, &mut stretches)?;
         }
         let grid = Grid::new(&stretches, resolution.reaches)?;
-        // Two steps more than asked for: the cubic interpolation in time looks that far ahead.
+        // Two more steps: the cubic interpolation in time looks that far ahead.
         let beyond_s = self.chosen(shared).map(|(chosen, values)| chosen.effect.beyond_s(values)).fold(0.0, f64::max);
         let steps = ((resolution.duration_s + beyond_s) / grid.dt_s).ceil() + 2.0;
         let per_step = probes.len().max(1) + if with_energy { self.effects.len() + 6 } else { 0 };
@@ -174,7 +174,7 @@ impl Model<'_> {
     }
 
     fn stretches(&self, conditions: &Conditions, shared: &[f64], run: &RunValues, flow_m3_s: f64) -> Vec<Stretch> {
-        // Where some pipes are of a material that creeps, only they do.
+        // If some pipes are of a material that creeps, only they do.
         let any_creeps = self.rig.pipes.iter().any(|p| p.material().viscoelastic);
         self.rig
             .pipes
@@ -203,7 +203,7 @@ impl Model<'_> {
         }
     }
 
-    /// The error with the model's effects in it.
+    /// Adds the model's effects to an error.
     fn named(&self, error: ModelError) -> ModelError {
         match error {
             ModelError::NotFinite { time_s, position_m, .. } => {
@@ -243,7 +243,7 @@ impl Model<'_> {
     }
 }
 
-/// The friction of every segment, checked against what the scheme resolves.
+/// The friction of every segment, checked against the resolution of the scheme.
 fn reach_frictions(grid: &Grid, flow_m3_s: f64) -> Result<Vec<ReachFriction>, ModelError> {
     let total: usize = grid.segments.iter().map(|s| s.reaches).sum();
     grid.segments

@@ -1,34 +1,34 @@
-//! One simulation: the steps of the line from the start of the closure on, its ends and joints.
+//! One simulation: steps the line with its ends and joints from the start of the closure.
 
 use crate::model::boundary::{Supply, ValveEnd};
 use crate::model::contribution::{Implicit, LineTerm, NodeField};
-use crate::model::energy::{Book, Energy, Owners};
+use crate::model::energy::{Balance, Energy, Owners};
 use crate::model::error::ModelError;
 use crate::model::node::{Arriving, Node};
 use crate::model::state::{Reading, State};
 use crate::model::steady::Steady;
 use crate::model::trace::{Probe, Trace};
 
-/// Everything that a simulation needs.
+/// The line with everything on it.
 pub struct Line<'a> {
     /// Steady state, grid and friction.
     pub steady: &'a Steady<'a>,
     /// Terms along the line.
     pub terms: Vec<Box<dyn LineTerm>>,
-    /// What takes water out of every node.
+    /// Takes water out of every node.
     pub field: Option<Box<dyn NodeField>>,
     /// Upstream end.
     pub supply: Box<dyn Supply>,
-    /// What sits at the joints between segments, one fewer than there are segments.
+    /// The joints between segments, one fewer than there are segments.
     pub joints: Vec<Node>,
-    /// What sits at the pipe's end, before the valve.
+    /// The node at the pipe's end, before the valve.
     pub at_valve: Node,
     /// Downstream end.
     pub valve: ValveEnd,
 }
 
 impl Line<'_> {
-    /// Simulates `steps` steps and gives what each probe reads; with `owners` also keeps the energy book.
+    /// Simulates `steps` steps and returns the reading of each probe; with `owners` also the energy balance.
     ///
     /// # Errors
     /// If the solution stops being finite.
@@ -41,21 +41,21 @@ impl Line<'_> {
         let grid = self.steady.grid;
         let heads_only = probes.iter().all(|p| matches!(p, Probe::Head(_)));
         let mut state = self.initial_state(heads_only && owners.is_none());
-        let mut book = owners.map(|owners| Book::new(self.steady, owners, &self.terms, &state, steps));
+        let mut balance = owners.map(|owners| Balance::new(self.steady, owners, &self.terms, &state, steps));
         let readings: Vec<Reading> = probes.iter().map(|&probe| Reading::new(probe, self.steady)).collect();
         let mut traces: Vec<Trace> = readings.iter().map(|_| Trace::with_capacity(grid.dt_s, steps + 1)).collect();
         state.read(&mut traces, &readings);
         for step in 1..=steps {
             let time_s = step as f64 * grid.dt_s;
-            self.step(&mut state, time_s, book.as_mut());
+            self.step(&mut state, time_s, balance.as_mut());
             state.read(&mut traces, &readings);
-            // At the valve, where all waves come by within L/a; the whole line once, at the end.
+            // At the valve, which all waves reach within L/a; the whole line once, at the end.
             let seen = if step < steps { state.fwd.len() - 1..state.fwd.len() } else { 0..state.fwd.len() };
             if !seen.into_iter().all(|i| state.fwd[i].is_finite() && state.bwd[i].is_finite()) {
                 return Err(self.not_finite(&state, time_s));
             }
         }
-        Ok((traces, book.map(Book::close)))
+        Ok((traces, balance.map(Balance::close)))
     }
 
     fn not_finite(&self, state: &State, time_s: f64) -> ModelError {
@@ -78,7 +78,7 @@ impl Line<'_> {
             let nodes = segment.nodes();
             let steady_u = segment.impedance * self.steady.flow_m3_s[s];
             u[nodes.clone()].fill(steady_u);
-            // h = 0, and the loss of the steady flow drops out: the waves carry u alone.
+            // h = 0, and the loss of the steady flow cancels: the waves carry u alone.
             fwd[nodes.clone()].fill(steady_u);
             bwd[nodes.clone()].fill(-steady_u);
             let mut total = Implicit::default();
@@ -111,7 +111,7 @@ impl Line<'_> {
         }
     }
 
-    fn step(&mut self, state: &mut State, time_s: f64, mut book: Option<&mut Book>) {
+    fn step(&mut self, state: &mut State, time_s: f64, mut balance: Option<&mut Balance>) {
         let grid = self.steady.grid;
         for (s, segment) in grid.segments.iter().enumerate() {
             match &mut self.field {
@@ -124,8 +124,8 @@ impl Line<'_> {
         let head = self.supply.head_m(time_s);
         let flow = (head - first.e) / first.z;
         self.leave_first(state, 0, head, flow);
-        if let Some(book) = &mut book {
-            book.supply(state.h[0], flow);
+        if let Some(balance) = &mut balance {
+            balance.supply(state.h[0], flow);
         }
         // Joints.
         for s in 0..grid.segments.len() - 1 {
@@ -141,8 +141,8 @@ impl Line<'_> {
             let node = grid.segments[s + 1].offset;
             let guess = self.steady.head_m[node] + state.h[node];
             let solved = joint.find(left, |h| ((h - right.e) / right.z, 1.0 / right.z), guess);
-            if let Some(book) = &mut book {
-                book.node(s, joint, &solved);
+            if let Some(balance) = &mut balance {
+                balance.node(s, joint, &solved);
             }
             joint.advance(&solved);
             self.leave_last(state, s, solved.left_head_m, solved.left_flow_m3_s);
@@ -155,26 +155,26 @@ impl Line<'_> {
             let flow = self.valve.flow_m3_s(time_s, last.z, last.e);
             let head = last.e - last.z * flow;
             self.leave_last(state, s, head, flow);
-            if let Some(book) = &mut book {
-                book.valve(head, flow);
+            if let Some(balance) = &mut balance {
+                balance.valve(head, flow);
             }
         } else {
             let node = self.steady.head_m.len() - 1;
             let guess = self.steady.head_m[node] + state.h[node];
             let valve = &self.valve;
             let solved = self.at_valve.find(last, |h| valve.flow_at_m3_s(time_s, h), guess);
-            if let Some(book) = &mut book {
-                book.node(s, &self.at_valve, &solved);
-                book.valve(solved.right_head_m, solved.right_flow_m3_s);
+            if let Some(balance) = &mut balance {
+                balance.node(s, &self.at_valve, &solved);
+                balance.valve(solved.right_head_m, solved.right_flow_m3_s);
             }
             self.at_valve.advance(&solved);
             self.leave_last(state, s, solved.left_head_m, solved.left_flow_m3_s);
         }
 
-        match book {
-            Some(book) => {
-                book.line(state);
-                book.advance(&mut self.terms, state);
+        match balance {
+            Some(balance) => {
+                balance.line(state);
+                balance.advance(&mut self.terms, state);
             }
             None if self.terms.is_empty() => {}
             None => self.advance_terms(state),

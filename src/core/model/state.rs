@@ -1,4 +1,4 @@
-//! The state of the line while it is stepped: its nodes between the ends of a segment, and what probes read of it.
+//! The state of the line: the step of the nodes between the ends of a segment, and the readings of probes.
 
 use crate::model::contribution::{Implicit, NodeField};
 use crate::model::friction::ReachFriction;
@@ -21,9 +21,9 @@ pub(crate) struct State {
     /// Outflow of each node where there is a node field, m³/s.
     pub(crate) outflow: Vec<f64>,
     pub(crate) scratch: Vec<f64>,
-    /// No line terms and no flow to read: interior heads are not kept but read from the waves.
+    /// No line terms and no flow to read: heads of interior nodes are not stored but read from the waves.
     pub(crate) elastic: bool,
-    /// Half of what the steady flow loses over one reach, `½R0`, of each segment, m.
+    /// Half of the steady flow's loss over one reach, `½R0`, of each segment, m.
     pub(crate) steady_half_loss: Vec<f64>,
     /// `κ` and `μ` of each segment.
     pub(crate) implicit: Vec<Implicit>,
@@ -62,8 +62,8 @@ impl State {
         }
     }
 
-    /// The same with water taken out of every node: flows differ on its two sides by the outflow, half of which the head
-    /// equation sees as `½ (1 + μ) B q`.
+    /// The same with water taken out of every node. The flows on its two sides differ by the outflow; the head equation
+    /// sees half of it as `½ (1 + μ) B q`.
     pub(crate) fn interior_with(&mut self, field: &mut dyn NodeField, s: usize, segment: &Segment) {
         let friction = &self.frictions[s];
         let nodes = segment.nodes();

@@ -20,7 +20,7 @@ pub struct Steady<'a> {
     pub viscosity_m2_s: f64,
 }
 
-/// Steady heads and flows, from the valve back to the supply; settles what sits at the nodes.
+/// Steady heads and flows, from the valve back to the supply; also settles the elements of the nodes.
 pub fn settle(
     grid: &Grid,
     frictions: &[ReachFriction],

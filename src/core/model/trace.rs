@@ -1,4 +1,4 @@
-//! What a simulation leaves: head or flow at each probe, step by step, and its value at any time.
+//! Result of a simulation at a probe: head or flow step by step, and its value at any time.
 
 /// Head or flow at one place.
 #[derive(Debug, Clone, PartialEq)]
@@ -8,18 +8,18 @@ pub struct Trace {
     /// Head (m) or flow (m³/s) at `0, dt, 2dt, …` after the start of the closure; the first is the steady value, which also
     /// holds before.
     pub values: Vec<f64>,
-    /// How much later than it happens the trace shows it, s: the skew of a sensor's clock.
+    /// Delay of the trace against the true time, s: the skew of a sensor's clock.
     pub late_s: f64,
 }
 
 impl Trace {
-    /// An empty trace with room for so many values.
+    /// An empty trace with room for `values` values.
     pub fn with_capacity(dt_s: f64, values: usize) -> Trace {
         Trace { dt_s, values: Vec::with_capacity(values), late_s: 0.0 }
     }
 
-    /// Value at a time after the start of the closure, cubic between steps; the steady one before it, the last one after
-    /// the end.
+    /// Value at a time after the start of the closure, cubic between steps; the steady value before the closure, the
+    /// last value after the end.
     ///
     /// Linear interpolation would leave `dt² H''/8` at a front, more than the scheme's own error.
     pub fn at(&self, time_s: f64) -> f64 {
@@ -42,7 +42,7 @@ impl Trace {
     }
 }
 
-/// What to read where, in m from the supply.
+/// A quantity and its place, m from the supply.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Probe {
     /// Head, m.
@@ -52,7 +52,7 @@ pub enum Probe {
 }
 
 impl Probe {
-    /// Its place, m from the supply.
+    /// Its position, m from the supply.
     pub fn position_m(self) -> f64 {
         let (Probe::Head(x) | Probe::Flow(x)) = self;
         x

@@ -1,7 +1,7 @@
-//! How the wall's shear remembers the flow: weighting functions of unsteady friction as sums of exponentials, and the steps
-//! of their convolution with the flow.
+//! Memory of the wall shear: weighting functions of unsteady friction as sums of exponentials, and the steps of their
+//! convolution with the flow.
 //!
-//! Time is counted in diffusion times, `θ = 4νt/D²`. Laminar (Zielke 1968, J. Basic Eng. 90:109-115):
+//! Time is in units of the diffusion time, `θ = 4νt/D²`. Laminar (Zielke 1968, J. Basic Eng. 90:109-115):
 //! `W = Σ exp(-j²θ)` over the zeros `j` of the Bessel function J₂. Turbulent (Vardy & Brown 2003, J. Sound Vib. 259:1011-1036, smooth
 //! pipes): `W = A* exp(-B*θ)/√θ`, `A* = 1/(2√π)`, `B* = Re^κ/12.86`, `κ = log10(15.29/Re^0.0567)`. Both start as `1/(2√(πθ))`.
 
@@ -22,11 +22,11 @@ const ZIELKE: [(f64, f64); 10] = [
     (348316.0, 101.590),
 ];
 
-/// From one of the last terms of [`ZIELKE`] to the next `n`.
+/// Ratio of `n` between the last terms of [`ZIELKE`], by which it is continued.
 const ZIELKE_RATIO: f64 = 2.948;
 
 /// Terms of `1/√θ ≈ Σ m exp(-nθ)` (Vítkovský et al. 2004, Proc. 9th Int. Conf. Pressure Surges) without the last two of
-/// ten: those are bent to end the sum, which [`Kernel::steps`] goes on with.
+/// ten, which were adjusted to end the sum. [`Kernel::steps`] continues it.
 const INVERSE_ROOT: [(f64, f64); 8] = [
     (4.78793, 5.03362),
     (51.0897, 6.48760),
@@ -38,10 +38,10 @@ const INVERSE_ROOT: [(f64, f64); 8] = [
     (123511.0, 251.933),
 ];
 
-/// From one of the last terms of [`INVERSE_ROOT`] to the next `n`.
+/// Ratio of `n` between the last terms of [`INVERSE_ROOT`], by which it is continued.
 const INVERSE_ROOT_RATIO: f64 = 3.5625;
 
-/// `n` times the step beyond which a term is forgotten within one step: `exp(-20) = 2e-9`.
+/// A term with `n` times the step beyond this is forgotten within one step: `exp(-20) = 2e-9`.
 const FORGOTTEN: f64 = 20.0;
 
 /// A weighting function.
@@ -58,7 +58,7 @@ pub struct Kernel {
 /// One exponential over one step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Remembered {
-    /// What is left of it after the step, `exp(-r)`, `r = n Δθ`.
+    /// Its remaining part after the step, `exp(-r)`, `r = n Δθ`.
     pub decay: f64,
     /// Its mean over the step, `m (1 - exp(-r))/r`.
     pub mean: f64,
@@ -67,9 +67,9 @@ pub struct Remembered {
 /// A weighting function over one step.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Steps {
-    /// What is remembered longer than one step.
+    /// The exponentials that outlast one step.
     pub remembered: Vec<Remembered>,
-    /// Sum of the means of all that is not.
+    /// Sum of the means of all others.
     pub forgotten: f64,
 }
 
@@ -97,16 +97,17 @@ impl Kernel {
 
     /// The weighting function over steps `Δθ`.
     ///
-    /// Ten terms forget what happens below θ = 1e-6, and steps of long thin pipes are shorter: the front then comes out too
-    /// high, at any grid. As `W ~ 1/√θ` there, terms go on with `n` times the ratio and `m` times its root, as far as a step
-    /// tells them from zero; the means of all the others, a geometric series, are summed in closed form.
+    /// Ten terms miss what happens below θ = 1e-6, and steps of long thin pipes are shorter: the front would come out
+    /// too high on any grid. As `W ~ 1/√θ` there, terms continue with `n` times the ratio and `m` times its root, as
+    /// far as a step distinguishes them from zero. The means of all further terms, a geometric series, are summed in
+    /// closed form.
     pub fn steps(&self, step: f64) -> Steps {
         let mut steps = Steps { remembered: Vec::new(), forgotten: 0.0 };
         let mut add = |(n, m): (f64, f64)| {
             let r = (n + self.faster) * step;
-            // (1 - exp(-r))/r, by its series where the difference would lose digits.
+            // (1 - exp(-r))/r, by its series if the difference would lose digits.
             let mean = self.amplitude * m * if r < 1e-5 { 1.0 - 0.5 * r } else { -(-r).exp_m1() / r };
-            // The slowest stays, whatever the step: there is always something to remember.
+            // The slowest term always stays, whatever the step.
             if r < FORGOTTEN || steps.remembered.is_empty() {
                 steps.remembered.push(Remembered { decay: (-r).exp(), mean });
             } else {
@@ -116,7 +117,8 @@ impl Kernel {
         self.terms.iter().copied().for_each(&mut add);
         let root = self.ratio.sqrt();
         let (mut n, mut m) = self.terms[self.terms.len() - 1];
-        // Far enough for the shear's decay not to matter in what is left. A step of zero would go on for ever; 1e30 is beyond any rig.
+        // Far enough that the decay of the shear no longer matters in the rest. A step of zero would continue for ever;
+        // 1e30 is beyond any rig.
         while (n * step < FORGOTTEN || n < 1e4 * self.faster) && n < 1e30 {
             (n, m) = (n * self.ratio, m * root);
             add((n, m));

@@ -1,4 +1,4 @@
-//! Does a rig agree with itself? Each number of the file is held against what the others say it must be.
+//! Checks whether a rig file is consistent: each number is compared with what the others imply.
 
 use crate::rig::device::Protocol;
 use crate::rig::friction::LAMINAR_REYNOLDS;
@@ -7,7 +7,7 @@ use crate::rig::types::{Constraint, Pipe, Rig, Sensor, SensorKind, SteadyState};
 use crate::rig::water::WaterProperties;
 use crate::units::GRAVITY_M_S2;
 
-/// Reynolds numbers that differ by less are one: 1 °C makes 2 %, a flow meter adds its percent.
+/// Reynolds numbers that differ by less count as equal: 1 °C changes them by 2 %, a flow meter by its percent.
 const REYNOLDS_WARNING: f64 = 0.04;
 const REYNOLDS_CONTRADICTION: f64 = 0.08;
 /// Standard atmosphere, Pa.
@@ -16,7 +16,7 @@ pub const ATMOSPHERE_PA: f64 = 101_325.0;
 /// How bad a finding is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Level {
-    /// Looked at, and in order.
+    /// Checked, and in order.
     Fine,
     /// Possible, but worth a look.
     Warning,
@@ -35,12 +35,12 @@ impl Level {
     }
 }
 
-/// What one look at a rig or a recording found.
+/// One finding on a rig or a recording.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Finding {
     /// How bad it is.
     pub level: Level,
-    /// What was looked at, e.g. `closing time`.
+    /// What was checked, e.g. `closing time`.
     pub subject: String,
     /// The finding with its numbers, as a sentence.
     pub message: String,
@@ -75,7 +75,7 @@ pub fn check(rig: &Rig) -> Vec<Finding> {
     findings
 }
 
-/// Time in which a wave goes from the valve to the supply and back, s: 2 Σ L/a.
+/// Travel time of a wave from the valve to the supply and back, s: 2 Σ L/a.
 pub fn return_time_s(rig: &Rig, water: &WaterProperties) -> f64 {
     rig.pipes.iter().map(|p| 2.0 * p.length_m / p.wave_speed_start(water).0).sum()
 }
@@ -125,24 +125,24 @@ fn check_wave_speed(pipe: &Pipe, water: &WaterProperties) -> Finding {
     Finding::new(Level::Fine, subject, message, &[("start_m_s", start), ("lo_m_s", lo), ("hi_m_s", hi)])
 }
 
-/// How the pipe is held decides what a fit's creep and modulus are worth, and no record shows it.
+/// A fit's creep and modulus depend on how the pipe is held, and no record shows that.
 fn check_constraint(pipe: &Pipe) -> Finding {
     let c1 = pipe.constraint_coefficient();
     let [free, upstream, anchored] =
         [Constraint::Free, Constraint::AnchoredUpstream, Constraint::Anchored].map(|held| pipe.coefficient_if(held));
     let message = format!(
-        "c1 = {c1:.3}, 1 where the file says nothing; this wall has {free:.3} held \"free\", {upstream:.3} \"anchored-upstream\", \
-         {anchored:.3} \"anchored\". Fitted J go as 1/c1, moduli as c1, and no record tells how the pipe is held"
+        "c1 = {c1:.3}, 1 if the file gives no constraint; for this wall c1 is {free:.3} held \"free\", {upstream:.3} \"anchored-upstream\", \
+         {anchored:.3} \"anchored\". Fitted J scale with 1/c1 and moduli with c1, and no record shows how the pipe is held"
     );
     let numbers = [("c1", c1), ("free", free), ("anchored_upstream", upstream), ("anchored", anchored)];
     Finding::new(Level::Fine, format!("constraint of '{}'", pipe.name), message, &numbers)
 }
 
-/// A wave speed more uncertain than this share of itself tells nothing of the wall.
+/// A wave speed with a larger relative uncertainty tells nothing about the wall.
 const TELLS_NOTHING: f64 = 0.5;
 
-/// A wave speed against those that the wall allows; `slack` is its relative uncertainty. Only one within them says what the
-/// wall's modulus is.
+/// Compares a wave speed with those that the wall allows; `slack` is its relative uncertainty. Only a speed within them
+/// gives the wall's modulus.
 pub fn judge_wave_speed(pipe: &Pipe, subject: String, given: f64, slack: f64, water: &WaterProperties) -> Finding {
     let [lo, hi] = pipe.material_wave_speeds_m_s(water);
     let sound = water.sound_speed_m_s();
@@ -151,7 +151,7 @@ pub fn judge_wave_speed(pipe: &Pipe, subject: String, given: f64, slack: f64, wa
         () if least >= sound => (Level::Contradiction, "is faster than sound in the water, and outside"),
         () if least > 1.15 * hi => (Level::Contradiction, "is far above"),
         () if most < 0.5 * lo => (Level::Contradiction, "is far below"),
-        () if slack > TELLS_NOTHING => (Level::Warning, "is too uncertain to judge by"),
+        () if slack > TELLS_NOTHING => (Level::Warning, "is too uncertain to compare with"),
         () if least > hi => (Level::Warning, "is above"),
         () if most < lo => (Level::Warning, "is below"),
         () if (lo..=hi).contains(&given) => (Level::Fine, "is within"),
@@ -185,7 +185,7 @@ fn check_closing_time(rig: &Rig, water: &WaterProperties) -> Finding {
     Finding::new(level, "closing time", message, &numbers)
 }
 
-/// Frames carry 16-bit counts: they must reach over the sensor's range and resolve its accuracy.
+/// Frames carry 16-bit counts: these must cover the sensor's range and resolve its accuracy.
 fn check_counts(rig: &Rig, sensor: &Sensor) -> Option<Finding> {
     let (wiring, [lo, hi]) = (sensor.wiring.as_ref()?, sensor.range?);
     let device = rig.devices.iter().find(|d| d.name == wiring.device)?;
@@ -247,7 +247,7 @@ fn check_reynolds(pipe: &Pipe, subject: String, reported: f64, flow: f64, water:
     Finding::new(level, subject, message, &numbers)
 }
 
-/// The file's constant friction factor against that of a smooth pipe at this flow, the least there is.
+/// Compares the file's constant friction factor with that of a smooth pipe at this flow, the least possible.
 fn check_friction_factor(pipe: &Pipe, subject: String, flow: f64, water: &WaterProperties) -> Option<Finding> {
     let given = pipe.friction_factor?;
     let reynolds = reynolds_number(pipe, flow, water);
@@ -259,9 +259,9 @@ fn check_friction_factor(pipe: &Pipe, subject: String, flow: f64, water: &WaterP
         pipe.material
     );
     let (level, message) = if given < 0.9 * smooth {
-        (Level::Contradiction, format!("{compared}: no pipe has less than a smooth one"))
+        (Level::Contradiction, format!("{compared}: no pipe has less friction than a smooth one"))
     } else if given > 1.5 * new {
-        (Level::Warning, format!("{compared}: it holds bends and fittings too, or the diameter is wrong"))
+        (Level::Warning, format!("{compared}: it includes bends and fittings, or the diameter is wrong"))
     } else {
         (Level::Fine, compared)
     };
@@ -275,7 +275,7 @@ fn check_supply(rig: &Rig, subject: String, supply_m: f64, flow: f64, water: &Wa
     let compared =
         format!("wall friction takes {loss:.1} m at {:.2} m3/h; the supply gives {available:.1} m", flow * 3600.0);
     let (level, message) = if loss > available {
-        (Level::Contradiction, format!("{compared}: this flow cannot be"))
+        (Level::Contradiction, format!("{compared}: this flow is impossible"))
     } else if loss > 0.8 * available {
         (Level::Warning, format!("{compared}: next to nothing is left for the valve"))
     } else {
@@ -284,7 +284,7 @@ fn check_supply(rig: &Rig, subject: String, supply_m: f64, flow: f64, water: &Wa
     Finding::new(level, subject, message, &numbers)
 }
 
-/// Would a quick closure drive the pressure at the valve out of the sensors' ranges, or into boiling?
+/// Would a quick closure drive the pressure at the valve out of the sensors' ranges, or make the water boil?
 fn check_surge(rig: &Rig, subject: String, supply_m: f64, flow: f64, water: &WaterProperties) -> Option<Finding> {
     let pipe = rig.pipes.last()?;
     let velocity = flow / pipe.area_m2();
@@ -313,7 +313,7 @@ fn check_surge(rig: &Rig, subject: String, supply_m: f64, flow: f64, water: &Wat
     Some(Finding::new(level, subject, swing + &saturated.unwrap_or_default() + boiling, &numbers))
 }
 
-/// A flow in the sensor's unit against its range.
+/// Compares a flow, in the sensor's unit, with the meter's range.
 pub fn check_meter(sensor: &Sensor, subject: String, shown: f64) -> Option<Finding> {
     let [lo, hi] = sensor.range?;
     let unit = sensor.unit;
@@ -329,7 +329,7 @@ pub fn check_meter(sensor: &Sensor, subject: String, shown: f64) -> Option<Findi
     Some(Finding::new(level, subject, message, &numbers))
 }
 
-/// Laminar, turbulent, or the uncertain stretch between.
+/// Flow regime: laminar, turbulent, or the uncertain range between.
 pub fn flow_regime(reynolds: f64) -> &'static str {
     match reynolds.abs() {
         re if re <= LAMINAR_REYNOLDS => "laminar",
@@ -354,7 +354,7 @@ mod tests {
             (1.06 * hi, 0.11, Level::Fine, "agrees within its error with the", false),
             (1.06 * hi, 0.01, Level::Warning, "is above the", false),
             (0.8 * lo, 0.01, Level::Warning, "is below the", false),
-            (middle, 0.6, Level::Warning, "is too uncertain to judge by the", false),
+            (middle, 0.6, Level::Warning, "is too uncertain to compare with the", false),
             (0.1 * lo, 0.01, Level::Contradiction, "is far below the", false),
             (3.0 * hi, 0.01, Level::Contradiction, "faster than sound", false),
         ] {

@@ -1,17 +1,17 @@
-//! In what two rigs differ: the line itself, or only what measures it.
+//! How two rigs differ: in the line itself, or only in what measures it.
 
 use crate::rig::types::Rig;
 
-/// What a model of one rig has to know about another, in words; empty where there is none.
+/// Differences that matter to a model, in words; empty if there are none.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Differences {
-    /// Of pipes, supply, valve and fluid: another line, of which a model knows nothing.
+    /// Of pipes, supply, valve and fluid: a different line, so a model does not apply.
     pub line: Vec<String>,
-    /// Of sensors: the same line, measured in another way.
+    /// Of sensors: the same line, measured differently.
     pub sensors: Vec<String>,
 }
 
-/// How `other` differs from `rig`. Names of rigs and pipes, devices, wiring and reported steady states do not count.
+/// Differences of `other` from `rig`. Names of rigs and pipes, devices, wiring and reported steady states do not count.
 pub fn differences(rig: &Rig, other: &Rig) -> Differences {
     let mut found = Differences::default();
     if rig.pipes.len() != other.pipes.len() {

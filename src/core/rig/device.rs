@@ -56,9 +56,9 @@ pub struct Device {
     pub port: String,
     /// Baud rate.
     pub baud: u32,
-    /// What a character on the line looks like.
+    /// Format of a character on the line.
     pub framing: Framing,
-    /// What it speaks.
+    /// Its wire protocol.
     pub protocol: Protocol,
 }
 
@@ -69,12 +69,12 @@ impl Device {
     }
 }
 
-/// What a character on a serial line looks like; 8N1 unless the file says otherwise.
+/// Format of a character on a serial line; 8N1 unless the file says otherwise.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Framing {
     /// 7 or 8.
     pub data_bits: u8,
-    /// Whether a bit more makes the number of ones even or odd.
+    /// Parity bit, if any.
     pub parity: Parity,
     /// 1 or 2.
     pub stop_bits: u8,

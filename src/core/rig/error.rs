@@ -13,11 +13,11 @@ pub enum RigError {
     Read {
         /// The file.
         path: PathBuf,
-        /// What the system says.
+        /// The system's error.
         #[source]
         source: std::io::Error,
     },
-    /// The file says something that it must not.
+    /// The file has errors.
     #[error("{}", list(file, problems))]
     Invalid {
         /// Name of the file, as the user gave it.
@@ -27,10 +27,10 @@ pub enum RigError {
     },
 }
 
-/// One thing wrong in a rig file.
+/// One error in a rig file.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Problem {
-    /// Line from 1; `None` where something is missing from the whole file.
+    /// Line from 1; `None` if something is missing from the whole file.
     pub line: Option<usize>,
     /// What is wrong and what is allowed, as a sentence.
     pub message: String,
@@ -54,7 +54,7 @@ impl fmt::Display for Problem {
     }
 }
 
-/// More problems than this tell a reader nothing new.
+/// Most problems that are shown: more tell a reader nothing new.
 const MOST_SHOWN: usize = 10;
 
 fn list(file: &str, problems: &[Problem]) -> String {

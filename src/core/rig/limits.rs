@@ -1,17 +1,17 @@
-//! What a sensor can show, and how well: the ends of its range and of its counts, its accuracy, the noise that it may have.
-//! `rig check` judges recordings by them, `record` the sensors while it records.
+//! Limits of a sensor: the ends of its range and of its counts, its accuracy, and its permissible noise. `rig check`
+//! judges recordings by them, `record` the sensors while it records.
 
 use crate::rig::device::{Encoding, Protocol};
 use crate::rig::types::{Coupling, Rig, Sensor, SensorKind};
 
-/// Share of its range that counts as its end.
+/// Share of the range that counts as its end.
 const END_SHARE: f64 = 0.001;
-/// What a sensor may be off where its accuracy is not given: percent of its reading.
+/// Assumed accuracy where none is given, percent of the reading.
 const DEFAULT_ACCURACY_PERCENT: f64 = 0.5;
-/// Noise of a standard deviation beyond so many times the accuracy is no good sensor's.
+/// A good sensor's noise has a standard deviation below this many times its accuracy.
 const NOISE_OVER_ACCURACY: f64 = 2.0;
 
-/// The values from which on a sensor no longer follows, in its unit; infinite where there is no such value.
+/// Values beyond which a sensor no longer follows, in its unit; infinite if there is no such value.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Ends {
     /// At or below this.
@@ -30,8 +30,8 @@ impl Ends {
 }
 
 impl Rig {
-    /// Where a sensor of the rig saturates: at the ends of its range, or of the counts that carry it, whichever come first. A valve or a
-    /// trigger may rest at its ends, a flow at its zero.
+    /// Where a sensor of the rig saturates: at the ends of its range or of the counts that carry it, whichever come
+    /// first. A valve or a trigger may rest at its ends, a flow at its zero.
     pub fn ends(&self, sensor: &Sensor) -> Ends {
         let low_counts = match sensor.kind {
             SensorKind::Pressure | SensorKind::Temperature => true,
@@ -50,7 +50,7 @@ impl Rig {
         if low_counts { ends } else { Ends { low: Ends::NONE.low, ..ends } }
     }
 
-    /// What 16-bit counts reach from and to, in the sensor's unit; `None` where numbers are printed or wider.
+    /// Range of 16-bit counts, in the sensor's unit; `None` if numbers are printed or wider.
     pub(crate) fn count_ends(&self, sensor: &Sensor) -> Option<[f64; 2]> {
         let wiring = sensor.wiring.as_ref()?;
         let device = self.devices.iter().find(|device| device.name == wiring.device)?;
@@ -65,7 +65,7 @@ impl Rig {
 }
 
 impl Sensor {
-    /// What the sensor may be off at a reading, both in its unit.
+    /// Accuracy at a reading, both in the sensor's unit.
     pub fn accuracy(&self, reading: f64) -> f64 {
         match (self.accuracy_percent_fs, self.range) {
             (Some(percent), Some([low, high])) => percent / 100.0 * (high - low),
@@ -73,8 +73,8 @@ impl Sensor {
         }
     }
 
-    /// Standard deviation of noise from which on a pressure sensor near a reading is a noisy one, in its unit. `None` where nothing
-    /// is known to hold it against, and for sensors of which only the mean is used.
+    /// Standard deviation above which a pressure sensor counts as noisy near a reading, in its unit. `None` if nothing
+    /// is known to compare with, and for sensors of which only the mean is used.
     pub fn noise_limit(&self, reading: f64) -> Option<f64> {
         let stated = self.range.is_some();
         if self.kind != SensorKind::Pressure || (self.coupling == Coupling::Ac && !stated) {

@@ -32,8 +32,8 @@ enum Speaks {
     Modbus,
 }
 
-/// The devices of a file by name (empty where it is at fault); `None` for one at fault, so that its sensors are not blamed
-/// on top.
+/// The devices of a file by name (empty if the name is faulty); `None` for a faulty device, so that its sensors are not
+/// reported as well.
 pub(crate) fn read_devices(sections: &[Section<'_>]) -> Vec<(String, Option<Device>)> {
     let mut names = Names::new("device");
     let named = |section: &Section<'_>| {
@@ -65,7 +65,7 @@ fn read_device(section: &Section<'_>, names: &mut Names) -> Option<Device> {
     Some(Device { name: name?.value.to_owned(), port: port?.value.to_owned(), baud: baud? as u32, framing, protocol })
 }
 
-/// What a character looks like. Only text can do with seven bits.
+/// Format of a character. Only text can be sent with seven bits.
 fn read_framing(section: &Section<'_>, speaks: Option<Speaks>) -> Framing {
     let standard = Framing::default();
     let data_bits = section.integer("data_bits", 7, 8).map_or(standard.data_bits, |bits| bits as u8);
@@ -89,7 +89,7 @@ fn only_for_modbus(section: &Section<'_>, keys: &[&str]) {
     }
 }
 
-/// The channels taken so far: device, register space and address, to the sensor that took it.
+/// The channels in use: device, register space and address, with the sensor that uses them.
 #[derive(Default)]
 pub(crate) struct Channels(HashMap<(String, bool, u64), String>);
 

@@ -1,9 +1,9 @@
-//! The rig: what stands in the lab, as the rig file describes it; SI inside.
+//! The rig: what stands in the lab, as the rig file describes it. All values are SI.
 //!
-//! A rig file is TOML; [`Rig::load`] reads it and reports everything that is wrong in it at once, each with its line.
+//! A rig file is TOML; [`Rig::load`] reads it and reports all its errors at once, each with its line.
 //!
-//! Beside the tables that describe the rig, a file may hold steady states that a paper or a log book reports of it. Only
-//! `surgescope rig check` looks at them, and says which cannot be:
+//! A file may also hold steady states that a paper or a log book reports of the rig. Only `surgescope rig check` uses
+//! them, and reports which are impossible:
 //!
 //! ```toml
 //! [[steady]]

@@ -1,4 +1,4 @@
-//! From the text of a rig file to a [`Rig`]: every key, its unit and what it may be.
+//! From the text of a rig file to a [`Rig`]: every key, its unit and its permissible values.
 
 use std::path::Path;
 
@@ -52,13 +52,13 @@ const WAVE_SPEED: Limits = Limits {
 };
 
 impl Rig {
-    /// Reads a rig file. Errors name the file as `path` is written.
+    /// Reads a rig file. Errors give the path as the caller wrote it.
     pub fn load(path: &Path) -> Result<Rig, RigError> {
         let text = std::fs::read_to_string(path).map_err(|source| RigError::Read { path: path.into(), source })?;
         Rig::from_toml(&text, &path.display().to_string())
     }
 
-    /// Reads the text of a rig file; `file_name` is what errors call it.
+    /// Reads the text of a rig file; errors name the file `file_name`.
     ///
     /// # Errors
     /// [`RigError::Invalid`] with every problem found.
@@ -72,7 +72,7 @@ impl Rig {
     }
 }
 
-/// Reads all tables; `None` where one is missing or at fault, which is then reported in `source`.
+/// Reads all tables; `None` if one is missing or faulty, which `source` then reports.
 fn read(source: &Source<'_>) -> Option<Rig> {
     if is_time_series(source.text) {
         source.report(
@@ -112,7 +112,7 @@ fn read(source: &Source<'_>) -> Option<Rig> {
     let total_m = pipes.as_ref().map(|p| p.iter().map(|p| p.length_m).sum());
     let sensor_sections = many(source, top, "sensor", "[[sensor]]", sensors::KEYS);
     let sensors = sensors::read_sensors(&sensor_sections, total_m, &devices);
-    // with a sensor at fault nobody knows what it would have been
+    // a faulty sensor might have been the pressure sensor
     if sensors.len() == sensor_sections.len() {
         sensors::check_pressure(source, &sensors, upstream.as_ref());
     }
@@ -131,7 +131,7 @@ fn read(source: &Source<'_>) -> Option<Rig> {
     })
 }
 
-/// Does the first line that says anything name the columns of a CSV? A line of TOML has a bracket or an equals sign.
+/// Whether the first line with content names the columns of a CSV file. A line of TOML has a bracket or an equals sign.
 fn is_time_series(text: &str) -> bool {
     let lines = || text.trim_start_matches('\u{feff}').lines().filter(|l| !l.trim().is_empty() && !l.starts_with('#'));
     let first = lines().next().unwrap_or_default();
@@ -139,7 +139,7 @@ fn is_time_series(text: &str) -> bool {
     !first.contains(['=', '[']) && columns(first) > 1 && lines().nth(1).is_none_or(|l| columns(l) == columns(first))
 }
 
-/// The one table of a name, or a report that it is missing.
+/// The only table of a name; reports it if it is missing.
 fn single<'a>(
     source: &'a Source<'a>,
     top: &'a DeTable<'a>,
@@ -202,7 +202,7 @@ fn read_pipes(sections: &[Section<'_>]) -> Option<Vec<Pipe>> {
     pipes.filter(|p| !p.is_empty())
 }
 
-/// `joins_at_m` is the elevation at which the pipe before it ends.
+/// `joins_at_m` is the elevation at which the previous pipe ends.
 fn read_pipe(section: &Section<'_>, names: &mut Names, joins_at_m: Option<f64>) -> Option<Pipe> {
     let name = section.required_text("name", "the pipe's name");
     names.check(section, name.as_ref());

@@ -26,11 +26,11 @@ pub(crate) const KEYS: &[&str] = &[
     "word_order",
 ];
 
-/// Positions come rounded: a sensor this little beyond the end stands at the end, m.
+/// Positions may be rounded: a sensor this little beyond the end stands at the end, m.
 const POSITION_SLACK_M: f64 = 1e-6;
 const PERCENT: Limits = Limits { holds: |v| v > 0.0 && v <= 100.0, words: "a percentage above 0, at most 100" };
 
-/// Reads all sensors; `total_m` is the length of the pipes where that is known.
+/// Reads all sensors; `total_m` is the length of the pipes if it is known.
 pub(crate) fn read_sensors(
     sections: &[Section<'_>],
     total_m: Option<f64>,
@@ -41,7 +41,7 @@ pub(crate) fn read_sensors(
     sections.iter().filter_map(|section| read_sensor(section, total_m, devices, &mut names, &mut channels)).collect()
 }
 
-/// Pressure is what the program is about: one sensor of it at least, and one at position 0 where it drives the model.
+/// The rig must have a pressure sensor, and one at position 0 if it drives the model.
 pub(crate) fn check_pressure(source: &Source<'_>, sensors: &[Sensor], upstream: Option<&At<Upstream>>) {
     let pressure = || sensors.iter().filter(|s| s.kind == SensorKind::Pressure);
     if pressure().next().is_none() {
@@ -124,7 +124,7 @@ fn check_column_name(section: &Section<'_>, name: &At<&str>) {
     );
 }
 
-/// Where a sensor without a position is: flow and temperature at the supply, trigger and valve position at the valve.
+/// Default position of a sensor: flow and temperature at the supply, trigger and valve position at the valve.
 fn read_position(section: &Section<'_>, kind: Option<SensorKind>, total_m: Option<f64>) -> Option<f64> {
     let given = section.number("position_m", &FINITE);
     if section.place_of("position_m").is_none() {
@@ -164,7 +164,7 @@ fn read_unit(section: &Section<'_>, kind: Option<SensorKind>) -> Option<Unit> {
     found
 }
 
-/// Other ways in which people write units, without case and signs.
+/// Other spellings of units, in lower case and without signs.
 const OTHER_SPELLINGS: [(&str, &str); 15] = [
     ("c", "degC"),
     ("celsius", "degC"),
@@ -183,7 +183,7 @@ const OTHER_SPELLINGS: [(&str, &str); 15] = [
     ("psig", "psi"),
 ];
 
-/// The unit of a quantity that `text` spells, be it in another way than rig files do: `BAR`, `m³/h`, `°C`, `mWC`, `lpm`.
+/// The unit of a quantity in any common spelling: `BAR`, `m³/h`, `°C`, `mWC`, `lpm`.
 pub fn spelled_unit(text: &str, quantity: Quantity) -> Option<Unit> {
     let allowed = UNITS.iter().filter(|u| u.quantity == quantity);
     let wanted = bare(text);
@@ -198,8 +198,7 @@ fn bare(text: &str) -> String {
     plain.chars().filter(|c| c.is_alphanumeric() || *c == '%').collect::<String>().to_lowercase()
 }
 
-/// The unit among those allowed that another spelling was probably meant to be: another case, without its signs, a common
-/// name, or a slip.
+/// The permitted unit that a misspelt one probably means: another case, without its signs, a common name, or a slip.
 fn meant_unit<'u>(text: &str, mut allowed: impl Iterator<Item = &'u str> + Clone) -> Option<&'u str> {
     let wanted = bare(text);
     let other = OTHER_SPELLINGS.iter().find(|(name, _)| *name == wanted).map(|(_, unit)| *unit);
@@ -207,7 +206,7 @@ fn meant_unit<'u>(text: &str, mut allowed: impl Iterator<Item = &'u str> + Clone
     known.or_else(|| nearest(text, allowed.by_ref()))
 }
 
-/// What a sensor of a kind measures.
+/// The quantity that a kind of sensor measures.
 pub fn quantity_of(kind: SensorKind) -> Quantity {
     match kind {
         SensorKind::Pressure => Quantity::Pressure,

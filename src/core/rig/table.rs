@@ -1,4 +1,5 @@
-//! Reads tables of a rig file key by key: every fault is collected with its line, so that a user sees them all at once.
+//! Reads tables of a rig file key by key. All faults are collected, each with its line, so that a user sees them at
+//! once.
 
 use std::cell::RefCell;
 use std::ops::Range;
@@ -19,7 +20,7 @@ impl<'a> Source<'a> {
         Source { text, problems: RefCell::default() }
     }
 
-    /// Notes a problem at a place in the text, or in the file as a whole.
+    /// Reports a problem at a place in the text, or in the file as a whole.
     pub fn report(&self, place: Option<Range<usize>>, message: impl Into<String>) {
         let before = place.map(|p| self.text.get(..p.start).unwrap_or(self.text));
         let line = before.map(|b| b.matches('\n').count() + 1);
@@ -40,10 +41,10 @@ impl<'a> Source<'a> {
     }
 }
 
-/// Names less alike than this (Jaro-Winkler) are no slips of one another.
+/// Names less similar than this (Jaro-Winkler) are not slips of one another.
 const ALIKE: f64 = 0.75;
 
-/// The name in `known` that looks most like `name`, if one looks like it at all.
+/// The name in `known` that is most similar to `name`, if one is similar enough.
 pub(crate) fn nearest<'k>(name: &str, known: impl IntoIterator<Item = &'k str>) -> Option<&'k str> {
     let lower = name.to_lowercase();
     let likeness = |k: &str| strsim::jaro_winkler(&lower, &k.to_lowercase());
@@ -51,7 +52,7 @@ pub(crate) fn nearest<'k>(name: &str, known: impl IntoIterator<Item = &'k str>) 
     alike.max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, k)| k)
 }
 
-/// What a number must be.
+/// Permissible values of a number.
 pub(crate) struct Limits {
     pub holds: fn(f64) -> bool,
     pub words: &'static str,
@@ -62,14 +63,14 @@ pub(crate) const POSITIVE: Limits = Limits { holds: |v| v > 0.0, words: "a numbe
 pub(crate) const NOT_NEGATIVE: Limits = Limits { holds: |v| v >= 0.0, words: "a number of at least 0" };
 pub(crate) const NOT_ZERO: Limits = Limits { holds: |v| v != 0.0, words: "a number other than 0" };
 
-/// A value and where it stands.
+/// A value and its place in the file.
 #[derive(Debug, Clone)]
 pub(crate) struct At<T> {
     pub value: T,
     pub place: Range<usize>,
 }
 
-/// One table of the file. A getter returns `None` where the key is absent or at fault; a fault is reported at once.
+/// One table of the file. A getter returns `None` if the key is absent or faulty, and reports a fault at once.
 pub(crate) struct Section<'a> {
     source: &'a Source<'a>,
     /// As written in the file, e.g. `[[pipe]]`.
@@ -77,7 +78,7 @@ pub(crate) struct Section<'a> {
     table: &'a DeTable<'a>,
     place: Range<usize>,
     keys: &'static [&'static str],
-    /// Keys that an unknown one was probably meant to be: not to be reported as missing on top.
+    /// Known keys that an unknown one probably means; these are not reported as missing as well.
     misspelt: Vec<&'static str>,
 }
 
@@ -127,7 +128,7 @@ impl<'a> Section<'a> {
         self.table.get(key)
     }
 
-    /// Reports `key` as missing when nothing was written there; hands `found` on.
+    /// Reports `key` as missing if the file does not have it; returns `found`.
     pub fn required<T>(&self, key: &str, words: &str, found: Option<T>) -> Option<T> {
         if found.is_none() && self.get(key).is_none() && !self.misspelt.contains(&key) {
             self.fault(format!("missing key '{key}' in {}; it is {words}", self.heading));
@@ -141,7 +142,7 @@ impl<'a> Section<'a> {
         self.fault_at(&value.span(), format!("'{key}' in {} must be {words}, not {written}", self.heading));
     }
 
-    /// Where the value of a key stands, if it is there.
+    /// The place of a key's value, if it is there.
     pub fn place_of(&self, key: &str) -> Option<Range<usize>> {
         self.get(key).map(Spanned::span)
     }
@@ -156,7 +157,7 @@ impl<'a> Section<'a> {
         number
     }
 
-    /// A number that must be there.
+    /// A number that is required.
     pub fn required_number(&self, key: &str, limits: &Limits) -> Option<f64> {
         self.required(key, limits.words, self.number(key, limits))
     }
@@ -183,12 +184,12 @@ impl<'a> Section<'a> {
         }
     }
 
-    /// A text that must be there.
+    /// A text that is required.
     pub fn required_text(&self, key: &str, words: &str) -> Option<At<&'a str>> {
         self.required(key, words, self.text(key))
     }
 
-    /// An optional word out of a list.
+    /// An optional word from a list.
     pub fn choice<T: Copy>(&self, key: &str, choices: &[(&str, T)]) -> Option<At<T>> {
         let text = self.text(key)?;
         let found = choices.iter().find(|(name, _)| *name == text.value);
@@ -201,7 +202,7 @@ impl<'a> Section<'a> {
         found.map(|(_, value)| At { value: *value, place: text.place })
     }
 
-    /// A word out of a list that must be there.
+    /// A word from a list that is required.
     pub fn required_choice<T: Copy>(&self, key: &str, choices: &[(&str, T)]) -> Option<At<T>> {
         self.required(key, &one_of(choices), self.choice(key, choices))
     }
@@ -220,12 +221,12 @@ impl<'a> Section<'a> {
         }
     }
 
-    /// The text of a key, whatever it is, without a report.
+    /// The text of a key, whatever it is; reports nothing.
     pub fn peek_text(&self, key: &str) -> Option<&'a str> {
         self.get(key)?.get_ref().as_str()
     }
 
-    /// Is the value of this key a text? (For keys that take a word or a number.)
+    /// Whether the value of this key is a text (for keys that take a word or a number).
     pub fn is_text(&self, key: &str) -> bool {
         self.peek_text(key).is_some()
     }

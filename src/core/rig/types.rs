@@ -20,7 +20,7 @@ pub struct Rig {
     pub sensors: Vec<Sensor>,
     /// Acquisition devices for live recording.
     pub devices: Vec<Device>,
-    /// Steady states known of the rig, from a paper or a log book; only `rig check` looks at them.
+    /// Steady states reported of the rig, by a paper or a log book; only `rig check` uses them.
     pub steady: Vec<SteadyState>,
     /// The file's text, kept to be attached to recordings unchanged.
     pub source: String,
@@ -31,7 +31,7 @@ pub struct Rig {
 pub struct Fluid {
     /// Its name (`water`).
     pub name: String,
-    /// Temperature where a recording has no sensor for it, °C.
+    /// Temperature if a recording has no sensor for it, °C.
     pub temperature_degc: f64,
 }
 
@@ -64,7 +64,7 @@ pub struct Pipe {
     pub elevation_end_m: f64,
 }
 
-/// How a pipe is held along its axis; decides the constraint coefficient c₁ of the hoop strain.
+/// How a pipe is held along its axis. It decides the constraint coefficient c₁ of the hoop strain.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Constraint {
     /// Expansion joints throughout.
@@ -146,7 +146,7 @@ pub struct Sensor {
     pub wiring: Option<Wiring>,
 }
 
-/// A steady state that somebody reported of the rig (`[[steady]]`): what `rig check` holds against the rest.
+/// A steady state that was reported of the rig (`[[steady]]`). `rig check` compares it with the rest of the file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SteadyState {
     /// Its name, e.g. that of a case in a paper.

@@ -1,10 +1,10 @@
-//! Names that may be given once only.
+//! Names that must be unique.
 
 use std::collections::HashSet;
 
 use crate::rig::table::{At, Section};
 
-/// The names given so far to things of one sort.
+/// The names of one kind of thing so far.
 pub(crate) struct Names {
     sort: &'static str,
     taken: HashSet<String>,
@@ -15,7 +15,7 @@ impl Names {
         Names { sort, taken: HashSet::new() }
     }
 
-    /// Takes a name, and reports it when it is taken already.
+    /// Takes a name; reports it if it is already taken.
     pub fn check(&mut self, section: &Section<'_>, name: Option<&At<&str>>) {
         if let Some(name) = name
             && !self.taken.insert(name.value.to_owned())

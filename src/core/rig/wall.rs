@@ -7,20 +7,20 @@ use crate::rig::water::WaterProperties;
 /// Wall counts as thick below this ratio of inner diameter to thickness (Wylie & Streeter 1993).
 const THICK_WALL_RATIO: f64 = 25.0;
 
-/// How far the search for the wave speed may leave what the material's modulus allows: free gas and soft joints slow a wave
-/// down, an overestimated diameter or supports at the wall make it look faster.
+/// How far the search for the wave speed may go beyond what the material's modulus allows: free gas and soft joints
+/// slow a wave down; an overestimated diameter or wall supports make it look faster.
 const SLOWER: f64 = 0.65;
 const FASTER: f64 = 1.15;
 
 impl Rig {
-    /// Which constraint coefficient the creep of the walls is taken with, in a sentence; none where no wall creeps.
+    /// The constraint coefficient that the creep of the walls assumes, in a sentence; none if no wall creeps.
     pub fn constraint_in_words(&self) -> Option<String> {
         let creeps = self.pipes.iter().filter(|p| p.material().viscoelastic);
         let each: Vec<String> = creeps.map(|p| format!("{:.4} in '{}'", p.constraint_coefficient(), p.name)).collect();
         (!each.is_empty()).then(|| {
             format!(
-                "J is with c1 = {} (`constraint` in the rig file, 1 without it) and goes as 1/c1: a pipe held otherwise has J and modulus by \
-                 as much wrong",
+                "J assumes c1 = {} (`constraint` in the rig file, 1 without it) and scales with 1/c1: if the pipe is held otherwise, J and modulus are wrong by \
+                 as much",
                 each.join(", ")
             )
         })
@@ -51,7 +51,7 @@ impl Pipe {
         self.coefficient_if(self.constraint)
     }
 
-    /// The same were the pipe held in another way.
+    /// The same if the pipe were held differently.
     pub fn coefficient_if(&self, held: Constraint) -> f64 {
         let nu = self.poisson_ratio();
         let thin = match held {
@@ -70,8 +70,8 @@ impl Pipe {
         water.sound_speed_m_s() / (1.0 + softness).sqrt()
     }
 
-    /// Young's modulus that gives a wave speed, Pa: Korteweg's law solved for E. `None` where no elastic wall does, at or
-    /// above the speed of sound in the water.
+    /// Young's modulus that gives a wave speed, Pa: Korteweg's law solved for E. `None` at or above the speed of sound
+    /// in the water, where no elastic wall gives it.
     pub fn youngs_modulus_for_wave_speed(&self, water: &WaterProperties, wave_speed_m_s: f64) -> Option<f64> {
         let softness = (water.sound_speed_m_s() / wave_speed_m_s).powi(2) - 1.0;
         (wave_speed_m_s > 0.0 && softness > 0.0).then(|| self.wall_ratio() * water.bulk_modulus_pa / softness)

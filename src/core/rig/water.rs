@@ -32,7 +32,8 @@ impl WaterProperties {
 }
 
 impl Fluid {
-    /// Properties at a temperature in °C. The correlations hold from 0 to 100 °C; beyond, those of the nearer end come back.
+    /// Properties at a temperature in °C. The correlations hold from 0 to 100 °C; temperatures beyond get the values of
+    /// the nearer end.
     pub fn properties(&self, temperature_degc: f64) -> WaterProperties {
         let t = temperature_degc.clamp(0.0, 100.0);
         let density_kg_m3 = density(t);

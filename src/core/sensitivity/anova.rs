@@ -1,14 +1,14 @@
-//! One-way analysis of variance: do groups of numbers have one mean?
+//! One-way analysis of variance: do groups of numbers share one mean?
 
 use serde::Serialize;
 use statrs::distribution::{ContinuousCDF, FisherSnedecor};
 
-/// What an analysis of variance gives.
+/// Result of an analysis of variance.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct OneWay {
     /// Mean square between groups over mean square within them; infinite where nothing varies within.
     pub f: f64,
-    /// Probability of at least this F where all groups have one mean, normal and of one variance.
+    /// Probability of at least this F if all groups are normal with one mean and one variance.
     pub p: f64,
     /// Degrees of freedom between groups.
     pub df_between: usize,
@@ -20,10 +20,11 @@ pub struct OneWay {
     pub ss_within: f64,
 }
 
-/// Compares groups of values; those that are not finite are left out. `None` where fewer than two groups have a value, or none has two.
+/// Compares groups of values; values that are not finite are left out. `None` if fewer than two groups have a value, or
+/// none has two.
 ///
-/// F is infinite and p is 0 where values differ between groups and never within, as those of a deterministic model do that is run again with
-/// the same parameters; both are not numbers where no value differs at all.
+/// F is infinite and p is 0 if values differ between groups but never within, as in repeated runs of a deterministic
+/// model. Both are NaN if no value differs at all.
 pub fn one_way(groups: &[Vec<f64>]) -> Option<OneWay> {
     let finite = |g: &Vec<f64>| g.iter().copied().filter(|v| v.is_finite()).collect::<Vec<f64>>();
     let groups: Vec<Vec<f64>> = groups.iter().map(finite).filter(|g| !g.is_empty()).collect();
@@ -31,14 +32,14 @@ pub fn one_way(groups: &[Vec<f64>]) -> Option<OneWay> {
     if groups.len() < 2 || count <= groups.len() {
         return None;
     }
-    // About the mean of all, twice: no digits are lost to a large common value.
+    // About the overall mean, applied twice: a large common value costs no digits.
     let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
     let rough = mean(&groups.concat());
     let grand = rough + groups.iter().flatten().map(|v| v - rough).sum::<f64>() / count as f64;
     let (mut ss_between, mut ss_within) = (0.0, 0.0);
     for group in &groups {
         let shifted: Vec<f64> = group.iter().map(|v| v - grand).collect();
-        // Equal values have their own mean exactly, whatever a sum of them rounds to.
+        // Equal values have exactly their own mean, whatever their sum rounds to.
         let alike = shifted.iter().all(|v| *v == shifted[0]);
         let own = if alike { shifted[0] } else { mean(&shifted) };
         ss_between += group.len() as f64 * own * own;
@@ -62,7 +63,7 @@ fn exceedance(f: f64, df_between: usize, df_within: usize) -> f64 {
     FisherSnedecor::new(df_between as f64, df_within as f64).map_or(f64::NAN, |d| d.sf(f))
 }
 
-/// The F that is exceeded with a probability where all groups have one mean.
+/// The F that is exceeded with a probability if all groups have one mean.
 pub fn critical(p: f64, df_between: usize, df_within: usize) -> f64 {
     FisherSnedecor::new(df_between as f64, df_within as f64).map_or(f64::NAN, |d| d.inverse_cdf(1.0 - p))
 }

@@ -2,7 +2,7 @@
 
 use crate::model::ModelError;
 
-/// What can be wrong with what is asked for.
+/// Errors of a sensitivity study.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[allow(missing_docs)] // the sentences say it
 pub enum SensitivityError {
@@ -10,14 +10,14 @@ pub enum SensitivityError {
     UnknownParameter { name: String, nearest: String, known: String },
     #[error("the range of '{name}' is given twice")]
     RangeTwice { name: String },
-    #[error("{name} = {low}:{high} is no range: the first number must be less than the second")]
+    #[error("{name} = {low}:{high} is not a range: the first number must be less than the second")]
     Order { name: String, low: f64, high: f64 },
     #[error(
         "the range of {name}, {low} to {high}, reaches beyond what the parameter can be, {lower} to {upper} {unit}; narrow it"
     )]
     Beyond { name: String, low: f64, high: f64, lower: f64, upper: f64, unit: &'static str },
     #[error(
-        "{name} = {value} lies outside the bounds of its catalogue entry, {lower} to {upper} {unit}, so no range lies around it; \
+        "{name} = {value} is outside the bounds of its catalogue entry, {lower} to {upper} {unit}, so no range lies around it; \
          give it one with --range {name}=LOW:HIGH"
     )]
     NoRange { name: String, value: f64, lower: f64, upper: f64, unit: &'static str },

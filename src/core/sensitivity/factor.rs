@@ -12,21 +12,21 @@ pub struct Factor {
     pub name: String,
     /// The unit.
     pub unit: &'static str,
-    /// Its value where it does not vary.
+    /// Its value while it does not vary.
     pub value: f64,
-    /// Least value that it takes.
+    /// Lower end of the range.
     pub lower: f64,
-    /// Greatest value that it takes.
+    /// Upper end of the range.
     pub upper: f64,
-    /// It varies evenly in ratio rather than in difference.
+    /// Whether it varies evenly in ratio rather than in difference.
     pub even_in_ratio: bool,
-    /// Its place among the model's values: shared ones first, then the run's.
+    /// Its index among the model's values: shared ones first, then the run's.
     #[serde(skip)]
     pub slot: usize,
 }
 
 impl Factor {
-    /// The value at a place from 0 to 1 of the range.
+    /// The value at a place in the range, from 0 to 1.
     pub fn at(&self, place: f64) -> f64 {
         if self.even_in_ratio {
             self.lower * (self.upper / self.lower).powf(place)
@@ -35,7 +35,7 @@ impl Factor {
         }
     }
 
-    /// `count` values over the range, ends included; its middle where only one is asked for.
+    /// `count` values over the range, ends included; the middle if `count` is one.
     pub fn levels(&self, count: usize) -> Vec<f64> {
         if count == 1 {
             return vec![self.at(0.5)];
@@ -44,7 +44,7 @@ impl Factor {
     }
 }
 
-/// A range that a person gave.
+/// A range that the user gave.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Range {
     /// Name of the parameter.
@@ -55,19 +55,21 @@ pub struct Range {
     pub high: f64,
 }
 
-/// How far parameters vary where no range is given for them.
+/// How far parameters vary if no range is given.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Reach {
-    /// Over their bounds in the catalogue; those of a run (velocity, head, closing time, friction), whose bounds are no more than what numbers can
-    /// be, over ±[`RUN_SHARE`] of their values.
+    /// Over their bounds in the catalogue. A run's own parameters (velocity, head, closing time, friction) have only
+    /// formal bounds, so they vary by ±[`RUN_SHARE`] of their values.
     Bounds,
-    /// From the value divided by this factor to the value times it, within the bounds; over the bounds where the value is not above 0.
+    /// From the value divided by this factor to the value times it, within the bounds; over the bounds if the value is
+    /// not above 0.
     Factor(f64),
-    /// Over plus and minus this share of their values, wherever those lie: doubt about a value that is set; likewise.
+    /// By plus and minus this share of their values, regardless of bounds: uncertainty of a set value; by bounds as
+    /// above if the value is not above 0.
     Share(f64),
 }
 
-/// How far a run's own values vary where nothing says how far: what is measured before each closure is known at least as well.
+/// Default share of a run's own values: what is measured before each closure is known at least as well.
 pub const RUN_SHARE: f64 = 0.2;
 
 impl Reach {
@@ -87,7 +89,7 @@ impl Reach {
     }
 }
 
-/// The parameters with their ranges. `own` says how many of the last parameters belong to the run.
+/// The parameters with their ranges. `own` is how many of the last parameters belong to the run.
 ///
 /// # Errors
 /// A range for a parameter that does not exist, that runs backwards or beyond the parameter's bounds; a value with no range around it.
@@ -128,7 +130,7 @@ pub fn factors(
 
 fn checked(range: &Range, p: &Parameter) -> Result<(f64, f64), SensitivityError> {
     let Range { ref name, low, high } = *range;
-    // What is not a number is no range either.
+    // The comparison also refuses NaN.
     if low >= high || low.is_nan() || high.is_nan() {
         return Err(SensitivityError::Order { name: name.clone(), low, high });
     }
@@ -139,7 +141,7 @@ fn checked(range: &Range, p: &Parameter) -> Result<(f64, f64), SensitivityError>
     Ok((low, high))
 }
 
-/// The place of a parameter by its name.
+/// The index of a parameter by its name.
 ///
 /// # Errors
 /// If there is none; the nearest is named.

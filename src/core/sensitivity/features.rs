@@ -1,25 +1,25 @@
-//! What is read out of a simulated head: peaks, their times, phase and damping.
+//! Features of a simulated head: peaks, their times, phase and damping.
 
 use serde::Serialize;
 
 use crate::model::trace::Trace;
 use crate::signal::oscillation::{Oscillation, oscillation};
 
-/// Peaks that are looked at.
+/// Number of peaks that are read.
 pub const PEAKS: usize = 4;
-/// Cycles whose decrements are averaged.
+/// Number of cycles over which the decrement is averaged.
 pub const CYCLES: usize = 3;
-/// The crossing of the mean level that tells the phase: the end of the second cycle.
+/// Index of the crossing of the mean level that gives the phase: the end of the second cycle.
 pub const CROSSING: usize = 4;
 
-/// One number read out of a head.
+/// A number that is read from a head.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 pub struct Output {
     /// Its name, with the unit.
     pub name: &'static str,
     /// The unit.
     pub unit: &'static str,
-    /// What it is, for people.
+    /// What it is, in words.
     pub about: &'static str,
 }
 
@@ -27,7 +27,7 @@ const fn output(name: &'static str, unit: &'static str, about: &'static str) -> 
     Output { name, unit, about }
 }
 
-/// Everything that is read, in the order of [`Features::values`].
+/// All outputs, in the order of [`Features::values`].
 pub const OUTPUTS: [Output; 16] = [
     output("peak1_m", "m", "height of the first peak above the head before the closure"),
     output("peak2_m", "m", "height of the second peak"),
@@ -47,22 +47,22 @@ pub const OUTPUTS: [Output; 16] = [
     output("damping_per_cycle", "1", "logarithmic decrement of the swing from peak to trough, mean over three cycles"),
 ];
 
-/// Place of an output in [`OUTPUTS`].
+/// Index of an output in [`OUTPUTS`].
 ///
 /// # Panics
-/// Never for the names of [`OUTPUTS`], which are the only ones that this crate asks for.
+/// If `name` is not in [`OUTPUTS`].
 pub fn index(name: &str) -> usize {
     OUTPUTS.iter().position(|o| o.name == name).expect("a name of OUTPUTS")
 }
 
-/// What a head shows.
+/// Features of one head.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Features {
     /// Head before the closure, m.
     pub before_m: f64,
     /// Theoretical period `4L/a`, s.
     pub period_s: f64,
-    /// The alternation.
+    /// The oscillation.
     pub seen: Oscillation,
 }
 
@@ -72,7 +72,7 @@ impl Features {
         Features { before_m: trace.values[0], period_s, seen: oscillation(trace.dt_s, &trace.values, period_s) }
     }
 
-    /// Enough cycles have been seen for every output.
+    /// Whether there are enough cycles for every output.
     pub fn complete(&self) -> bool {
         self.seen.damping_per_cycle.len() >= CYCLES && self.peak(PEAKS).is_some()
     }
@@ -83,7 +83,7 @@ impl Features {
         Some((found.time_s, found.head_m - self.before_m))
     }
 
-    /// When the mean level is crossed for the `number`-th time, s.
+    /// Time of the `number`-th crossing of the mean level, s.
     pub fn crossing_s(&self, number: usize) -> Option<f64> {
         self.seen.crossings_s.get(number - 1).copied()
     }
@@ -94,7 +94,7 @@ impl Features {
         (!seen.is_empty()).then(|| seen.iter().sum::<f64>() / seen.len() as f64)
     }
 
-    /// The outputs in the order of [`OUTPUTS`]; what does not exist is not a number.
+    /// The outputs in the order of [`OUTPUTS`]; NaN for those that do not exist.
     pub fn values(&self) -> Vec<f64> {
         let peaks: Vec<(f64, f64)> = (1..=PEAKS).map(|k| self.peak(k).unwrap_or((f64::NAN, f64::NAN))).collect();
         let phase = self.crossing_s(CROSSING).map(|t| t / self.period_s - 0.5 * CROSSING as f64);

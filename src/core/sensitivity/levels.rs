@@ -1,9 +1,10 @@
-//! The design that an analysis of variance is made of: each parameter at some levels, several runs a level.
+//! The design behind the analysis of variance: each parameter at some levels, several runs per level.
 //!
-//! A simulation is deterministic: the same values give the same head, so that runs which repeat them have no variance within a level, F is
-//! infinite and p is 0 for whatever matters at all. Repeats mean something only where something else varies between them. Here they are the other
-//! parameters: each run draws them anew, evenly over their ranges. F then asks whether a parameter is seen through the doubt about the others, and
-//! grows with the inverse square of how wide those ranges are.
+//! A simulation is deterministic: runs that repeat the same values have no variance within a level, so F is infinite
+//! and p is 0 for everything that matters at all. Repeats mean something only if something else varies between them.
+//! Here the other parameters do: each run draws them anew, evenly over their ranges. F then tells whether the effect of
+//! a parameter stands out from the uncertainty of the others, and grows with the inverse square of the width of those
+//! ranges.
 
 use serde::Serialize;
 
@@ -14,57 +15,58 @@ use crate::sensitivity::features::{OUTPUTS, Output};
 use crate::sensitivity::subject::Subject;
 use crate::sensitivity::{SensitivityError, Tick};
 
-/// What to run.
+/// Size of the study.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Plan {
     /// Levels of each parameter.
     pub levels: usize,
-    /// Runs a level.
+    /// Runs per level.
     pub repeats: usize,
-    /// Where the random draws start.
+    /// Seed of the random draws.
     pub seed: u64,
 }
 
-/// One parameter's analysis.
+/// Analysis of one parameter.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Analysis {
     /// The parameter.
     pub parameter: String,
     /// Its levels, in its unit.
     pub levels: Vec<f64>,
-    /// Each output's, in the order of [`Study::outputs`]; none where too few runs have the output.
+    /// Result for each output, in the order of [`Study::outputs`]; none if too few runs have the output.
     pub outputs: Vec<Option<OneWay>>,
 }
 
-/// All of them.
+/// Analyses of all parameters.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Study {
-    /// What was run.
+    /// Size of the study.
     pub plan: Plan,
-    /// What varied between repeats, and how far.
+    /// Parameters that varied between repeats, with their ranges.
     pub drawn: Vec<Factor>,
-    /// What was looked at.
+    /// The outputs.
     pub outputs: Vec<Output>,
-    /// One a parameter.
+    /// One analysis per parameter.
     pub analyses: Vec<Analysis>,
-    /// Simulations.
+    /// Number of simulations.
     pub runs: usize,
-    /// Those that failed.
+    /// Number of simulations that failed.
     pub failed: usize,
 }
 
-/// The outputs that the source paper looks at (differences of peaks and of their times), and phase and damping.
+/// The outputs of the source paper (differences of peaks and of their times), and phase and damping.
 pub fn outputs() -> Vec<usize> {
     let names = ["drop", "lag", "phase", "damping"];
     (0..OUTPUTS.len()).filter(|&i| names.iter().any(|n| OUTPUTS[i].name.starts_with(n))).collect()
 }
 
-/// Simulations that a study of so many parameters takes.
+/// Number of simulations that a study of `parameters` parameters takes.
 pub fn runs(plan: Plan, parameters: usize) -> usize {
     plan.levels * plan.repeats * parameters
 }
 
-/// Analyses each of the `studied` parameters over its range; at each level the `drawn` parameters but itself are drawn anew for each run.
+/// Analyses each of the `studied` parameters over its range. At each level every run draws the other `drawn` parameters
+/// anew.
 ///
 /// # Errors
 /// Fewer than two levels or repeats, nothing to study; if all simulations fail.

@@ -10,17 +10,17 @@ use crate::sensitivity::features::{Features, OUTPUTS, Output, PEAKS};
 use crate::sensitivity::subject::Subject;
 use crate::sensitivity::{SensitivityError, Tick};
 
-/// How far the third parameter is raised.
+/// Factor by which the third parameter is raised.
 pub const RAISED_BY: f64 = 2.0;
 
-/// What raising a parameter changes, in the order of [`Response::values`].
+/// Changes when a parameter is raised, in the order of [`Response::values`].
 pub const CHANGES: [Output; PEAKS + 3] = [
     change("peak1_percent", "%", "contribution to pressure damping at peak 1"),
     change("peak2_percent", "%", "contribution to pressure damping at peak 2"),
     change("peak3_percent", "%", "contribution to pressure damping at peak 3"),
     change("peak4_percent", "%", "contribution to pressure damping at peak 4"),
-    change("time2_percent", "%", "how much later the second peak comes, as a part of 4L/a"),
-    change("phase_percent", "%", "how much later the fourth crossing comes, as a part of 4L/a"),
+    change("time2_percent", "%", "delay of the second peak, as a share of 4L/a"),
+    change("phase_percent", "%", "delay of the fourth crossing, as a share of 4L/a"),
     change("damping_change", "1", "change of the logarithmic decrement"),
 ];
 
@@ -28,7 +28,7 @@ const fn change(name: &'static str, unit: &'static str, about: &'static str) -> 
     Output { name, unit, about }
 }
 
-/// What happens where one parameter is raised.
+/// Effect of raising one parameter.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Response {
     /// `(P − P′)/P` of each peak, equation 21 of the paper, in percent; P above the head before the closure.
@@ -65,7 +65,7 @@ impl Response {
     }
 }
 
-/// What one closure showed.
+/// Features of one closure.
 type Seen = Result<Features, ModelError>;
 
 /// One axis.
@@ -77,46 +77,46 @@ pub struct Axis {
     pub unit: &'static str,
     /// Its values.
     pub values: Vec<f64>,
-    /// They are evenly spaced in ratio.
+    /// Whether they are evenly spaced in ratio.
     pub even_in_ratio: bool,
 }
 
 /// A map.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Map {
-    /// Across.
+    /// Horizontal axis.
     pub x: Axis,
-    /// Upwards.
+    /// Vertical axis.
     pub y: Axis,
     /// Theoretical period `4L/a` at the values under study, s.
     pub period_s: f64,
     /// The parameters that were raised to [`RAISED_BY`] times their value.
     pub raised: Vec<String>,
-    /// What is shown of each cell.
+    /// Quantities of each cell.
     pub layers: Vec<Layer>,
-    /// Simulations.
+    /// Number of simulations.
     pub runs: usize,
-    /// Those that failed.
+    /// Number of simulations that failed.
     pub failed: usize,
 }
 
 /// One quantity over the map.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Layer {
-    /// What it is.
+    /// The quantity.
     pub output: Output,
-    /// The parameter whose raising changes it; none for the quantity itself.
+    /// The parameter that is raised; none for the quantity itself.
     pub raised: Option<String>,
-    /// Row by row, from the least y: a value for each x. Not a number where the quantity does not exist.
+    /// Row by row, from the least y: a value for each x. NaN if the quantity does not exist.
     pub values: Vec<Vec<f64>>,
 }
 
-/// Simulations that a map takes.
+/// Number of simulations that a map takes.
 pub fn runs(cells: usize, raised: usize) -> usize {
     cells * cells * (1 + raised)
 }
 
-/// Draws a map of `cells` × `cells` values of two parameters.
+/// Computes a map of `cells` × `cells` values of two parameters.
 ///
 /// # Errors
 /// Too few or too many cells; if all simulations fail.
@@ -199,7 +199,7 @@ pub fn draw(
 }
 
 impl Map {
-    /// The map as a table, a row a cell; times are also given in periods `4L/a`.
+    /// The map as a table, one row per cell; times are also given in periods `4L/a`.
     pub fn csv(&self) -> String {
         let in_periods = |axis: &Axis| axis.unit == "s";
         let mut header = Vec::new();
@@ -224,7 +224,7 @@ impl Map {
                     }
                 }
                 cells.extend(self.layers.iter().map(|l| l.values[j][i]));
-                // An empty cell for what does not exist.
+                // An empty cell for NaN.
                 let text = |v: f64| if v.is_finite() { format!("{v}") } else { String::new() };
                 out += &cells.into_iter().map(text).collect::<Vec<_>>().join(",");
                 out.push('\n');

@@ -11,10 +11,9 @@
 //! | [`sobol`] | shares of the variance, first-order and total |
 //! | [`map`] | features over two parameters, and what raising a third changes there |
 //! | [`study`] | all of it for one model, as one document |
-//! | [`rules`] | the source paper's rules, tested one by one |
 //!
-//! A simulation of a point may fail (a grid too coarse for so much friction), and a feature may not exist there (a head that creeps to its
-//! end without a second peak has none): such values are not numbers, are left out of every statistic, and are counted.
+//! A simulation may fail (a grid too coarse for so much friction), and a feature may not exist (a head that creeps to
+//! its end has no second peak). Such values are NaN, are left out of every statistic, and are counted.
 
 pub mod anova;
 pub mod error;
@@ -23,7 +22,6 @@ pub mod features;
 pub mod levels;
 pub mod map;
 pub mod morris;
-pub mod rules;
 pub mod sobol;
 pub mod study;
 pub mod subject;

@@ -1,4 +1,4 @@
-//! Elementary effects: how much each parameter moves an output when it alone takes a long step, from many places.
+//! Elementary effects: how much an output changes when one parameter alone takes a long step, from many places.
 //!
 //! M. D. Morris (1991), Technometrics 33(2):161-174: trajectories on a grid of four levels over the unit cube, each parameter one step of 2/3 in
 //! random order and direction. The mean absolute effect is that of Campolongo, Cariboni and Saltelli (2007), Environ. Model. Softw.
@@ -14,28 +14,28 @@ const STEP: f64 = LEVELS as f64 / (2.0 * (LEVELS - 1) as f64);
 /// Trajectories through the unit cube.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Design {
-    /// The points: one more than there are parameters a trajectory.
+    /// The points: each trajectory has one more than there are parameters.
     pub points: Vec<Vec<f64>>,
-    /// The parameter that moves from each point to the next, by trajectory.
+    /// The parameter that moves from each point to the next, for each trajectory.
     orders: Vec<Vec<usize>>,
 }
 
 /// Effects of one parameter on one output, in the output's unit.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Effects {
-    /// Mean: with its sign.
+    /// Mean, with sign.
     pub mu: f64,
     /// Mean of the absolute effects: how much it matters.
     pub mu_star: f64,
     /// Standard error of the mean of absolute effects.
     pub mu_star_error: f64,
-    /// Standard deviation: how much the effect depends on where it is taken, by curvature or by interaction.
+    /// Standard deviation: how much the effect depends on its place, by curvature or interaction.
     pub sigma: f64,
-    /// Trajectories that had the output at both ends of the step.
+    /// Trajectories that have the output at both ends of the step.
     pub used: usize,
 }
 
-/// Random trajectories over so many parameters.
+/// Random trajectories over `parameters` parameters.
 pub fn design(parameters: usize, trajectories: usize, seed: u64) -> Design {
     let mut rng = fastrand::Rng::with_seed(seed);
     let mut points = Vec::with_capacity(trajectories * (parameters + 1));
@@ -61,10 +61,10 @@ pub fn design(parameters: usize, trajectories: usize, seed: u64) -> Design {
 }
 
 impl Design {
-    /// Effects of each parameter on the output whose value at each point is given; values that are not finite are left out.
+    /// Effects of each parameter on an output, from its value at each point; values that are not finite are left out.
     ///
     /// # Panics
-    /// If there is not one value a point.
+    /// If there is not one value per point.
     pub fn effects(&self, values: &[f64]) -> Vec<Effects> {
         assert_eq!(values.len(), self.points.len(), "one value a point");
         let parameters = self.orders.first().map_or(0, Vec::len);

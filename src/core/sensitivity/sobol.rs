@@ -1,4 +1,5 @@
-//! Shares of an output's variance: what each parameter explains alone (first order) and with all its interactions (total).
+//! Sobol indices: the share of an output's variance that each parameter explains alone (first order) and with all its
+//! interactions (total).
 //!
 //! Two samples A and B of the unit cube, and A with one column of B for each parameter (Saltelli 2002). First order by Saltelli et al. (2010),
 //! Comput. Phys. Commun. 181:259-270, table 2 (b); total by Jansen (1999), table 2 (f) there. The points are an Owen-scrambled Sobol
@@ -11,19 +12,19 @@ use serde::Serialize;
 use crate::sensitivity::SensitivityError;
 use crate::sensitivity::error::check_count;
 
-/// The sequence is no longer than this.
+/// Greatest length of the sequence.
 const MOST_ROWS: usize = 1 << 16;
-/// Dimensions of the sequence.
+/// Greatest number of dimensions of the sequence.
 const MOST_DIMENSIONS: usize = 256;
-/// Bootstrap samples.
+/// Number of bootstrap samples.
 const RESAMPLES: usize = 500;
-/// Fewest rows from which indices are worth computing.
+/// Least number of rows for which indices are computed.
 const LEAST_ROWS: usize = 16;
 
-/// The points at which a model is to be run.
+/// The points at which to run the model.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Design {
-    /// In rows: the point of A, that of B, then A with each column of B.
+    /// Row by row: the point of A, that of B, then A with each column of B.
     pub points: Vec<Vec<f64>>,
     parameters: usize,
     seed: u64,
@@ -43,29 +44,29 @@ pub struct Index {
 /// The indices of one parameter for one output.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Indices {
-    /// What it explains alone.
+    /// First-order index.
     pub first: Index,
-    /// What it explains with all its interactions.
+    /// Total index.
     pub total: Index,
 }
 
 /// The indices of all parameters for one output.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Shares {
-    /// Each parameter's; not numbers where the output does not vary or too few rows have it.
+    /// Indices of each parameter; NaN if the output does not vary or too few rows have it.
     pub parameters: Vec<Indices>,
     /// Mean of the output.
     pub mean: f64,
     /// Its variance.
     pub variance: f64,
-    /// Rows that had the output at all their points.
+    /// Rows that have the output at all their points.
     pub used: usize,
 }
 
 /// First-order and total index of each parameter.
 type Pairs = Vec<(f64, f64)>;
 
-/// `rows` rows, best a power of two, of a design over so many parameters.
+/// A design of `rows` rows (best a power of two) over `parameters` parameters.
 ///
 /// # Errors
 /// Too few or too many rows, or parameters.
@@ -78,7 +79,7 @@ pub fn design(parameters: usize, rows: usize, seed: u64) -> Result<Design, Sensi
         return Err(SensitivityError::TooManyParameters { parameters, most: MOST_DIMENSIONS / 2 });
     }
     let scramble = (seed ^ (seed >> 32)) as u32;
-    // The middle of the float's own cell: a coordinate is neither 0 nor 1.
+    // The middle of the float's own cell, so that no coordinate is 0 or 1.
     let half_cell = 0.5 / f64::from(1 << 24);
     let place = |row: usize, dimension: usize| {
         f64::from(sobol_burley::sample(row as u32, dimension as u32, scramble)) + half_cell
@@ -100,10 +101,11 @@ pub fn design(parameters: usize, rows: usize, seed: u64) -> Result<Design, Sensi
 }
 
 impl Design {
-    /// Indices of each parameter for the output whose value at each point is given. Rows in which one is not finite are left out.
+    /// Indices of each parameter for an output, from its value at each point. Rows with a value that is not finite are
+    /// left out.
     ///
     /// # Panics
-    /// If there is not one value a point.
+    /// If there is not one value per point.
     pub fn shares(&self, values: &[f64]) -> Shares {
         assert_eq!(values.len(), self.points.len(), "one value a point");
         let rows: Vec<&[f64]> =
@@ -160,7 +162,7 @@ fn indices(rows: &[&[f64]], parameters: usize) -> Pairs {
             let (mut first, mut total) = (0.0, 0.0);
             for row in rows {
                 let (a, b, mixed) = (row[0], row[1], row[2 + i]);
-                // About the mean: the estimator is unbiased with any constant, and far less noisy with this one.
+                // About the mean: the estimator is unbiased with any constant, but least noisy with this one.
                 first += (b - mean) * (mixed - a);
                 total += (a - mixed).powi(2);
             }

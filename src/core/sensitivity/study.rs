@@ -1,4 +1,4 @@
-//! A whole study of one model: what was asked for, method by method, as one document.
+//! A whole study of one model as one document, method by method.
 
 use serde::Serialize;
 
@@ -8,14 +8,14 @@ use crate::sensitivity::features::{OUTPUTS, Output};
 use crate::sensitivity::subject::Subject;
 use crate::sensitivity::{SensitivityError, Tick, levels, map, morris, sobol};
 
-/// Everything that was found.
+/// Results of all methods.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct Study {
     /// Name of the rig.
     pub rig: String,
     /// Effects of the model.
     pub effects: Vec<String>,
-    /// The sensor that was read.
+    /// The sensor.
     pub sensor: String,
     /// Reaches of the grid.
     pub reaches: usize,
@@ -23,7 +23,7 @@ pub struct Study {
     pub period_s: f64,
     /// The values under study, by name.
     pub values: Vec<(String, f64)>,
-    /// Where the random draws start.
+    /// Seed of the random draws.
     pub seed: u64,
     /// One-way analysis of variance.
     pub anova: Option<levels::Study>,
@@ -40,24 +40,24 @@ pub struct Study {
 pub struct Table<T> {
     /// The parameters with the ranges over which they varied.
     pub factors: Vec<Factor>,
-    /// One an output.
+    /// One row per output.
     pub outputs: Vec<Column<T>>,
-    /// Simulations.
+    /// Number of simulations.
     pub runs: usize,
-    /// Those that failed.
+    /// Number of simulations that failed.
     pub failed: usize,
-    /// Why the first of them did.
+    /// Reason of the first failure.
     pub why: Option<String>,
 }
 
-/// What a table says of one output.
+/// One output's row of a table.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Column<T> {
     /// The output.
     pub output: Output,
-    /// One a parameter, in the order of [`Table::factors`].
+    /// One entry per parameter, in the order of [`Table::factors`].
     pub parameters: Vec<T>,
-    /// Share of the simulations that had the output.
+    /// Share of the simulations that have the output.
     pub defined: f64,
 }
 

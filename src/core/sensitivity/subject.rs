@@ -10,9 +10,9 @@ use crate::sensitivity::factor::{Factor, Range, Reach, factors, known};
 use crate::sensitivity::features::Features;
 use crate::sensitivity::{SensitivityError, Tick};
 
-/// Periods that are simulated: five for four peaks and their troughs, one for the mean level behind them.
+/// Simulated periods: five for four peaks and their troughs, one for the mean level behind them.
 const PERIODS: f64 = 6.0;
-/// How much longer than `4L/a` a period may be before its head is given up.
+/// A period may be this many times `4L/a` before the head is given up.
 const MOST_STRETCH: f64 = 4.0;
 
 /// A model with the values around which it is studied.
@@ -26,22 +26,22 @@ pub struct Subject<'a> {
     pub values: Vec<f64>,
     /// Reaches of the grid.
     pub reaches: usize,
-    /// The sensor that is read.
+    /// The sensor whose head is read.
     pub sensor: &'a Sensor,
 }
 
-/// What many simulations gave.
+/// Results of many simulations.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Runs {
-    /// The outputs of each point, in the points' order; of one that failed none is a number.
+    /// The outputs of each point, in the order of the points; NaN if the simulation failed.
     pub outputs: Vec<Vec<f64>>,
-    /// How many failed.
+    /// Number of failures.
     pub failed: usize,
-    /// Why the first of them did.
+    /// Reason of the first failure.
     pub why: Option<ModelError>,
 }
 
-/// The pressure sensor of a name, or the one nearest to the valve.
+/// The pressure sensor with a name, or the one nearest to the valve.
 ///
 /// # Errors
 /// If there is none.
@@ -62,7 +62,7 @@ impl Subject<'_> {
         self.model.shared.iter().chain(&self.model.per_run).cloned().collect()
     }
 
-    /// The parameters with their ranges: those named by `only`, or all.
+    /// The parameters named by `only`, or all, with their ranges.
     ///
     /// # Errors
     /// As [`factors`]; a name that no parameter has.
@@ -75,7 +75,7 @@ impl Subject<'_> {
         Ok(all.into_iter().filter(|f| only.is_empty() || only.contains(&f.name)).collect())
     }
 
-    /// Place of a parameter's value.
+    /// Index of a parameter's value.
     ///
     /// # Errors
     /// If there is no such parameter.
@@ -88,7 +88,7 @@ impl Subject<'_> {
         self.model.period_s(&self.values)
     }
 
-    /// Simulates one closure, long enough for four peaks if it has so many, and reads it.
+    /// Simulates one closure, long enough for four peaks if it has so many, and reads its features.
     ///
     /// # Errors
     /// As [`Model::simulate`].
@@ -117,7 +117,7 @@ impl Subject<'_> {
         }
     }
 
-    /// The values under study with those of factors in their places.
+    /// The values under study with those of some factors replaced.
     pub fn with(&self, factors: &[Factor], values: impl IntoIterator<Item = f64>) -> Vec<f64> {
         let mut all = self.values.clone();
         for (factor, value) in factors.iter().zip(values) {

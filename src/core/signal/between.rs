@@ -1,4 +1,4 @@
-//! The same front in two recordings of one closure whose clocks differ.
+//! The same front in two recordings of one closure with different clocks.
 
 use crate::recording::Recording;
 use crate::signal::features::Estimate;
@@ -14,29 +14,31 @@ pub struct FrontPair {
     pub first: usize,
     /// Index of the second recording's sensor.
     pub second: usize,
-    /// How far the first sensor is beyond the second one, seen from the supply, m (several pipes: by travel time).
+    /// Distance from the second sensor to the first, positive away from the supply, m (several pipes: by travel time).
     pub distance_m: f64,
-    /// Time of the front at the second sensor on the second clock, less that at the first one on the first, s.
+    /// Time of the front at the second sensor on the second clock, minus that at the first sensor on the first clock,
+    /// s.
     pub later_s: Estimate,
-    /// The time of the front on the second clock, s.
+    /// Time of the front on the second clock, s.
     pub at_s: f64,
-    /// How long the front takes to rise where it takes longer, s.
+    /// Rise time of the slower of the two fronts, s.
     pub rise_s: f64,
 }
 
-/// A record shows the level before the front where it begins so much of the rise earlier, and so many points.
+/// A record shows the level before the front if it begins this share of the rise earlier, and this many points.
 const LEAD_OF_RISE: f64 = 0.1;
 const LEAD_POINTS: f64 = 3.0;
-/// After the first front, the head falls below the level before it by more than this part of its rise; after a later one, which comes from a trough, it
-/// does not.
+/// After the first front the head falls below the level before it by more than this share of its rise. After a later
+/// front, which comes from a trough, it does not.
 const TROUGH: f64 = 0.03;
-/// A front of fewer samples than this has no shape that could be laid over another: it is known where it passes its middle.
+/// A front of fewer samples than this has no shape to match: only the time of its middle is known.
 const SHARP: f64 = 4.0;
-/// Where it has fewer than this, it may be anywhere between two of them; else its middle is known to this part of a step.
+/// A front of fewer samples than this may be anywhere between two of them; else its middle is known to this share of a
+/// step.
 const JUMP: f64 = 1.5;
 const MIDDLE: f64 = 0.15;
 
-/// Lays each first front of `first` over each of `second`; empty where one of them shows none. Both are of one rig.
+/// Matches each first front of `first` with each of `second`; empty if one recording has none. Both are of one rig.
 pub fn front_pairs(first: &Recording, second: &Recording, temperature_degc: f64) -> Vec<FrontPair> {
     let (of_first, of_second) = (stations(first, temperature_degc), stations(second, temperature_degc));
     let mut pairs = Vec::new();
@@ -58,19 +60,19 @@ fn rise_s(station: &Station) -> f64 {
     station.front.as_ref().map_or(0.0, |front| front.rise * station.coarse.step_s)
 }
 
-/// True where the record has the steady level before its front, and the front is the first one: a record that begins within a front, or
-/// behind it, shows part of one, or a later one.
+/// Whether the record has the steady level before its front and the front is the first one: a record that begins within
+/// or after a front shows only a part of it, or a later one.
 fn shows_first(station: &Station) -> bool {
     let (Ok(front), head) = (&station.front, &station.coarse.head_m) else { return false };
     let after = head.get(front.half_fall as usize..).unwrap_or_default();
     let lowest = after.iter().copied().fold(f64::INFINITY, f64::min);
-    // a record that ends before the trough does not say
+    // a record that ends before the trough cannot tell
     let says = after.len() as f64 > front.half_fall - front.onset;
     let is_first = !says || lowest < front.base_m - TROUGH * front.height_m();
     is_first && front.onset >= (LEAD_OF_RISE * front.rise).max(LEAD_POINTS)
 }
 
-/// When a front of few samples passes its middle.
+/// Time at which a front of few samples passes its middle.
 fn middle_s(station: &Station, true_rise_s: f64) -> Option<Estimate> {
     let (front, trace) = (station.front.as_ref().ok()?, &station.coarse);
     let at = front.rises_through(trace, front.base_m + 0.5 * front.height_m())?;
@@ -82,8 +84,8 @@ fn difference(a: Estimate, b: Estimate) -> Estimate {
     Estimate { value: b.value - a.value, standard_error: a.standard_error.hypot(b.standard_error) }
 }
 
-/// Either front laid over the other, for the lead before one of them may be too short; else the bends where they begin. Fronts
-/// of few samples by their middles.
+/// Delay between two fronts: matches either front with the other, because the lead of one of them may be too short;
+/// else compares the bends where they begin. Fronts of few samples are compared by their middles.
 fn later(a: &Station, b: &Station) -> Option<Estimate> {
     let backwards = || front_delay(b, a).map(|e| Estimate { value: -e.value, ..e });
     let bends = || {
@@ -100,6 +102,6 @@ fn later(a: &Station, b: &Station) -> Option<Estimate> {
         return Some(difference(a, b));
     }
     let laid = front_delay(a, b).or_else(backwards).or_else(bends)?;
-    // the coarser record says no more than it has points
+    // the coarser record limits the resolution
     Some(Estimate { standard_error: laid.standard_error.max(MIDDLE * step_s), ..laid })
 }

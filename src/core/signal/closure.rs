@@ -5,8 +5,8 @@ use crate::rig::SensorKind;
 use crate::signal::features::{Closure, Estimate};
 use crate::signal::levels::{finite, of_kind};
 
-/// The closure's start and end: from the pressure's bend, from the trigger for the start, from the valve's position
-/// for the end, where there are such channels.
+/// Start and end of the closure: the start from the trigger if there is one, else from the bend of the pressure; the
+/// end from the valve position if it is recorded.
 pub(crate) fn closure(recording: &Recording, onset: Estimate, end_of_rise_s: Option<f64>) -> Closure {
     let trigger = trigger_start(recording, onset.value);
     let start = trigger.unwrap_or(onset);
@@ -19,7 +19,7 @@ pub(crate) fn closure(recording: &Recording, onset: Estimate, end_of_rise_s: Opt
     }
 }
 
-/// The trigger's change nearest to the pressure's bend, halfway between its samples.
+/// The change of the trigger nearest to the pressure's bend, halfway between its samples.
 fn trigger_start(recording: &Recording, onset_s: f64) -> Option<Estimate> {
     let (_, series) = of_kind(recording, SensorKind::Trigger)?;
     let samples: Vec<(f64, f64)> = finite(series).collect();
@@ -31,7 +31,7 @@ fn trigger_start(recording: &Recording, onset_s: f64) -> Option<Estimate> {
         .min_by(|a, b| (a.value - onset_s).abs().total_cmp(&(b.value - onset_s).abs()))
 }
 
-/// When the valve's position has come within 2% of its travel to where it ends.
+/// Time at which the valve position comes within 2 % of its travel of its final value.
 fn position_end_s(recording: &Recording) -> Option<f64> {
     let (_, series) = of_kind(recording, SensorKind::ValvePosition)?;
     let samples: Vec<(f64, f64)> = finite(series).collect();
@@ -41,7 +41,7 @@ fn position_end_s(recording: &Recording) -> Option<f64> {
     samples.get(moving + 1).map(|s| s.0)
 }
 
-/// Lowest and highest value, where they differ.
+/// Lowest and highest value, if they differ.
 fn extremes(samples: &[(f64, f64)]) -> Option<(f64, f64)> {
     let lo = samples.iter().map(|s| s.1).fold(f64::INFINITY, f64::min);
     let hi = samples.iter().map(|s| s.1).fold(f64::NEG_INFINITY, f64::max);

@@ -1,18 +1,18 @@
-//! What in a recording should make a user look twice before believing a fit of it: numbers that cannot all be right.
+//! Warnings about a recording before any fit: numbers that cannot all be right.
 
 use crate::rig::Rig;
 use crate::signal::features::{Estimate, Features};
 
-/// Wave speeds that differ by less are one: creep and unsteady friction smear the fronts that they are read from.
+/// Wave speeds that differ by less agree: creep and unsteady friction smear the fronts from which they are read.
 const SAME_SPEED: f64 = 0.15;
-/// Joukowsky's speed may lie so far below the others: creep during the closure and a leak lower the first rise.
+/// Joukowsky's speed may lie this far below the others: creep during the closure and a leak lower the first rise.
 const LOW_JOUKOWSKY: f64 = 0.35;
 /// Faster than any wave in a water pipe, m/s.
 const FASTEST_M_S: f64 = 1600.0;
-/// Periods after the closure that a fit wants to see.
+/// Least number of periods after the closure that a fit needs.
 const LEAST_PERIODS: f64 = 2.0;
 
-/// Sentences on what does not fit together, each with its likely causes; none where nothing stands out.
+/// One sentence for each contradiction, with its likely causes; empty if there is none.
 pub fn doubts(rig: &Rig, features: &Features) -> Vec<String> {
     let speeds = &features.wave_speed;
     let crossings = speeds.crossings.map(|c| Estimate { value: c.value, standard_error: c.standard_error });
@@ -48,8 +48,7 @@ pub fn doubts(rig: &Rig, features: &Features) -> Vec<String> {
     for sensor in &features.sensors {
         if let Some(line) = sensor.noise.line {
             found.push(format!(
-                "{} oscillates at {:.3} Hz by {:.3} m before the closure already (a pump, mains hum, or what sampling makes of them): no model of a \
-                 closure has that, so it counts as missing; stop its source, or filter it before the converter",
+                "{} oscillates at {:.3} Hz by {:.3} m even before the closure (a pump, mains hum, or an alias of them): no model of a closure reproduces that, so it counts as missing physics; stop its source, or filter it before the converter",
                 sensor.name,
                 line.cycles_per_sample / sensor.interval_s,
                 line.amplitude_m
@@ -64,7 +63,7 @@ fn shown(speed: Estimate) -> String {
     format!("{:.digits$} ± {:.digits$} m/s", speed.value, speed.standard_error)
 }
 
-/// Different beyond two standard errors.
+/// Whether two values differ by more than two standard errors.
 fn apart(a: Estimate, b: Estimate) -> bool {
     (a.value - b.value).abs() > 2.0 * a.standard_error.hypot(b.standard_error)
 }
@@ -72,15 +71,14 @@ fn apart(a: Estimate, b: Estimate) -> bool {
 fn doubt_joukowsky(j: Estimate, crossings: Option<Estimate>) -> Option<String> {
     if j.value - j.standard_error > FASTEST_M_S {
         return Some(format!(
-            "the first rise over the velocity asks for a wave of {:.0} m/s, which no water pipe has: is the unit of the flow right, or \
-             the inner diameter, or does the recording start after the closure began?",
+            "the first rise over the velocity implies a wave speed of {:.0} m/s, which no water pipe has: is the unit of the flow wrong, or the inner diameter, or does the recording start after the closure began?",
             j.value
         ));
     }
     let c = crossings.filter(|c| apart(j, *c))?;
     let ratio = j.value / c.value;
     let values = format!(
-        "the first rise over the velocity (Joukowsky) asks for {}, but the wave runs at {}",
+        "the first rise over the velocity (Joukowsky) implies {}, but the wave travels at {}",
         shown(j),
         shown(c)
     );
@@ -92,13 +90,13 @@ fn doubt_joukowsky(j: Estimate, crossings: Option<Estimate>) -> Option<String> {
     }
     (ratio < 1.0 - LOW_JOUKOWSKY).then(|| {
         format!(
-            "{values}: more than creep or a leak takes away; check the unit of the flow, the inner diameter, and whether the valve \
+            "{values}: more than creep or a leak can explain; check the unit of the flow, the inner diameter, and whether the valve \
              closed fully"
         )
     })
 }
 
-/// The mean wave speed (length by travel time) against what the walls allow.
+/// Compares the mean wave speed (length by travel time) with what the walls allow.
 fn doubt_bounds(rig: &Rig, temperature_degc: f64, best: Estimate) -> Option<String> {
     let water = rig.fluid.properties(temperature_degc);
     let mean = |of: fn((f64, f64, f64)) -> f64| {
@@ -115,7 +113,7 @@ fn doubt_bounds(rig: &Rig, temperature_degc: f64, best: Estimate) -> Option<Stri
         return None;
     };
     Some(format!(
-        "the wave runs at {}, but a fit may take {lo:.0} to {hi:.0} m/s for the rig's pipe: {causes}",
+        "the wave travels at {}, but a fit allows {lo:.0} to {hi:.0} m/s for the rig's pipe: {causes}",
         shown(best)
     ))
 }

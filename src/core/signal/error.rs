@@ -6,16 +6,16 @@
 pub enum SignalError {
     /// No pressure sensor recorded anything.
     #[error(
-        "no pressure sensor recorded at least eight samples in a row of times (the rig has {sensors} pressure sensors); \
+        "no pressure sensor recorded at least eight samples in a row (the rig has {sensors} pressure sensors); \
          check the sensors' names and wiring in the rig file"
     )]
     NoPressure {
         /// Pressure sensors of the rig.
         sensors: usize,
     },
-    /// Nothing happens.
+    /// The head does not change.
     #[error(
-        "no closure in this recording: over {duration_s:.3} s the head at {sensor} moves by {swing_m:.3} m only, within its \
+        "no closure in this recording: over {duration_s:.3} s the head at {sensor} moves by only {swing_m:.3} m, within its \
          noise; record again with the valve closing while the recording runs"
     )]
     NoClosure {
@@ -28,7 +28,7 @@ pub enum SignalError {
     },
     /// The record ends before the wave comes back.
     #[error(
-        "the recording is too short: after the head at {sensor} rises, {left_s:.3} s are left, in which it does not fall back; \
+        "the recording is too short: the head at {sensor} rises but does not fall back in the {left_s:.3} s that are left; \
          record at least two periods (8L/a) after the closure"
     )]
     TooShort {

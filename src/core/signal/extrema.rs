@@ -6,13 +6,13 @@ use crate::signal::trace::{Trace, moving_mean};
 /// The alternation of the head about its own mean.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct HalfCycles {
-    /// Times of the crossings of the mean level that end each half cycle, s; the first half cycle is a peak.
+    /// Times of the crossings of the mean level that end the half cycles, s. The first half cycle is a peak.
     pub ends_s: Vec<f64>,
 }
 
 /// Splits a trace into half cycles from the start of the closure, by its crossings of the mean over a whole period
-/// (which follows a drift and the decay). A crossing counts once the head has gone through a tenth of the swing
-/// on both sides, so that neither noise nor a plateau at the mean makes one.
+/// (which follows drift and decay). A crossing counts once the head has gone through a tenth of the swing on both
+/// sides, so neither noise nor a plateau at the mean makes one.
 pub(crate) fn half_cycles(trace: &Trace, start_s: f64, period_s: f64, sd_m: f64) -> HalfCycles {
     let start = trace.index(start_s);
     let period = (period_s / trace.step_s).round() as usize;
@@ -22,7 +22,7 @@ pub(crate) fn half_cycles(trace: &Trace, start_s: f64, period_s: f64, sd_m: f64)
     let after = &trace.head_m[start..];
     let half = period / 2;
     let mut middle = moving_mean(after, half);
-    // where a whole period does not fit on both sides, the nearest place where it does
+    // where a whole period does not fit on both sides, take the nearest place where it does
     let last = after.len() - 1 - half;
     let (first_full, last_full) = (middle[half.min(last)], middle[last.max(half.min(last))]);
     middle[..half.min(last)].fill(first_full);
@@ -66,7 +66,7 @@ pub(crate) fn half_cycles(trace: &Trace, start_s: f64, period_s: f64, sd_m: f64)
     cycles
 }
 
-/// Period from crossings in the same sense, over at most six cycles, and how much it varies among them.
+/// Period from crossings in the same direction, over at most six cycles, with its scatter among them.
 pub(crate) fn period(cycles: &HalfCycles) -> Option<Estimate> {
     let spans: Vec<f64> = cycles.ends_s.windows(3).take(11).map(|w| w[2] - w[0]).collect();
     if spans.is_empty() {
@@ -79,7 +79,7 @@ pub(crate) fn period(cycles: &HalfCycles) -> Option<Estimate> {
     Some(Estimate { value, standard_error })
 }
 
-/// The highest or lowest head of each half cycle, lightly smoothed over `half_width` samples to either side.
+/// The highest or lowest head of each half cycle, smoothed over `half_width` samples on either side.
 pub(crate) fn extrema(trace: &Trace, cycles: &HalfCycles, start_s: f64, half_width: usize, sd_m: f64) -> Vec<Extremum> {
     let smooth = trace.smoothed(half_width);
     let resolution = 4.0 * sd_m / ((2 * half_width + 1) as f64).sqrt();
@@ -109,7 +109,7 @@ pub(crate) fn extrema(trace: &Trace, cycles: &HalfCycles, start_s: f64, half_wid
     found
 }
 
-/// Natural logarithm of how much the swing from peak to trough shrinks from each cycle to the next.
+/// Logarithmic decrement of the swing from peak to trough, cycle by cycle.
 pub(crate) fn damping(extrema: &[Extremum]) -> Vec<f64> {
     let swing = |cycle: usize| {
         let head = |peak| extrema.iter().find(|e| e.cycle == cycle && e.peak == peak).map(|e| e.head_m);

@@ -16,7 +16,7 @@ pub struct Estimate {
 pub struct Features {
     /// When the valve closed.
     pub closure: Closure,
-    /// Temperature of the run, °C: its sensor's, or the rig file's.
+    /// Temperature of the run, °C: from its sensor, or from the rig file.
     pub temperature_degc: f64,
     /// Flow before the closure, m³/s, where a flow sensor recorded it.
     pub flow_m3_s: Option<Estimate>,
@@ -24,11 +24,12 @@ pub struct Features {
     pub steady_velocity_m_s: Option<Estimate>,
     /// Each pressure sensor that recorded something, in the rig's order.
     pub sensors: Vec<SensorFeatures>,
-    /// Index in `sensors` of the one nearest to the valve with a clear front: the closure, period and damping are read there.
+    /// Index in `sensors` of the one nearest to the valve with a clear front; closure, period and damping are read
+    /// there.
     pub reference: usize,
     /// Period of the oscillation, s (4L/a, lengthened by creep, gas and unsteady friction).
     pub period: Option<Estimate>,
-    /// Natural logarithm of how much the swing shrinks each cycle, at the reference sensor.
+    /// Logarithmic decrement of each cycle at the reference sensor.
     pub damping_per_cycle: Vec<f64>,
     /// The wave speed in three ways.
     pub wave_speed: WaveSpeeds,
@@ -41,11 +42,12 @@ pub struct Closure {
     pub start_s: f64,
     /// Standard error of the start, s.
     pub start_se_s: f64,
-    /// Its end as seen, s: the valve position's, or the end of the first rise; none where the closure is slower than 2L/a.
+    /// Its observed end, s: from the valve position or the end of the first rise; none if the closure is slower than
+    /// 2L/a.
     pub end_s: Option<f64>,
-    /// The start comes from a trigger channel.
+    /// Whether the start comes from a trigger channel.
     pub from_trigger: bool,
-    /// Where the pressure starts to rise at the valve, s.
+    /// Time at which the pressure starts to rise at the valve, s.
     pub pressure_onset_s: f64,
 }
 
@@ -68,35 +70,35 @@ pub struct SensorFeatures {
     pub noise: Noise,
     /// Head before the closure, m.
     pub steady_before_m: Estimate,
-    /// Head over the last whole period of the record, m; none before two periods.
+    /// Head over the last whole period of the record, m; none if the record is shorter than two periods.
     pub steady_after_m: Option<Estimate>,
-    /// When the front arrives, s; none where there is none (a sensor at the supply).
+    /// Arrival of the front, s; none if the sensor shows none (at the supply).
     pub front_arrival_s: Option<Estimate>,
     /// The first peak.
     pub first_peak: Option<Extremum>,
-    /// All peaks and troughs in turn, until they drown in noise.
+    /// All peaks and troughs in turn, as long as they stand out from the noise.
     pub extrema: Vec<Extremum>,
-    /// Natural logarithm of how much the swing shrinks each cycle.
+    /// Logarithmic decrement of each cycle.
     pub damping_per_cycle: Vec<f64>,
 }
 
 /// A peak or a trough.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Extremum {
-    /// When, s on the recording's clock.
+    /// Time, s on the recording's clock.
     pub time_s: f64,
     /// Head, m, lightly smoothed.
     pub head_m: f64,
-    /// A peak rather than a trough.
+    /// Whether it is a peak.
     pub peak: bool,
     /// Cycle from 1.
     pub cycle: usize,
 }
 
-/// The wave speed in three ways, m/s; of several pipes, the mean one (length by travel time).
+/// The wave speed in three ways, m/s; of several pipes the mean (length by travel time).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct WaveSpeeds {
-    /// From the first rise over the velocity before; needs a flow sensor and a closure faster than 2L/a.
+    /// From the first rise and the velocity before the closure; needs a flow sensor and a closure faster than 2L/a.
     pub joukowsky: Option<Estimate>,
     /// From the times before and after the first peak.
     pub crossings: Option<Crossings>,
@@ -107,7 +109,7 @@ pub struct WaveSpeeds {
 /// The wave speed from the times before and after the first peak, m/s.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Crossings {
-    /// Best value: the falling front laid over the rising one.
+    /// Best value, from matching the falling front with the rising one.
     pub value: f64,
     /// Its standard error.
     pub standard_error: f64,
@@ -115,13 +117,13 @@ pub struct Crossings {
     pub low: f64,
     /// Highest value that another level or window gives.
     pub high: f64,
-    /// The closure takes longer than the wave's return to the sensor (2L/a at the valve), or nearly: the fall starts within the
-    /// rise.
+    /// Whether the closure takes longer, or nearly longer, than the wave's return to the sensor (2L/a at the valve), so
+    /// that the fall starts within the rise.
     pub slow_closure: bool,
 }
 
 impl WaveSpeeds {
-    /// The best of them for a start: crossings, else arrival, else Joukowsky.
+    /// The most reliable of them as a start value: crossings, else arrival, else Joukowsky.
     pub fn best(&self) -> Option<Estimate> {
         let crossings = self.crossings.map(|c| Estimate { value: c.value, standard_error: c.standard_error });
         crossings.or(self.arrival).or(self.joukowsky)

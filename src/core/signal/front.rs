@@ -1,4 +1,5 @@
-//! The first pressure front: where the head leaves its steady level, how long it rises, and when it has fallen back half way.
+//! The first pressure front: where the head leaves its steady level, how long it rises, and when it has fallen back
+//! half way.
 
 use std::ops::Range;
 
@@ -6,29 +7,29 @@ use crate::robust::median;
 use crate::signal::project::{Projector, profile_minimum};
 use crate::signal::trace::{Trace, mean, moving_mean};
 
-/// The first rise at one sensor and the fall after it. Indices count grid points, fractional ones lie between them.
+/// The first rise at one sensor and the fall after it. Indices count grid points and may be fractional.
 #[derive(Debug, Clone)]
 pub(crate) struct Front {
-    /// The flank, drawn straight, meets the level before it.
+    /// Index at which the extrapolated flank meets the level before it.
     pub onset: f64,
-    /// Grid points that the flank, drawn straight, takes from the level before to the top.
+    /// Rise time of the extrapolated flank from the level before it to the top, in grid points.
     pub rise: f64,
     /// Head just before the front, m.
     pub base_m: f64,
     /// Highest head of the first peak, m.
     pub top_m: f64,
-    /// The head has fallen half way from the top to the base.
+    /// Index at which the head has fallen half way from the top to the base.
     pub half_fall: f64,
-    /// Grid points before the front in which nothing happens.
+    /// Range of grid points before the front in which nothing happens.
     pub quiet: Range<usize>,
 }
 
 /// Why a sensor shows no front.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum NoFront {
-    /// The head never leaves its noise.
+    /// The head stays within its noise.
     Quiet,
-    /// The head rises but the record ends before it falls back.
+    /// The head rises, but the record ends before it falls back.
     NoReturn,
 }
 
@@ -38,9 +39,9 @@ impl Front {
         self.top_m - self.base_m
     }
 
-    /// Where the rise goes over into the plateau: the bend of two straight lines laid over the upper part of the flank and
-    /// the plateau that `back` grid points later, when the front has returned, is over. The drawn-straight flank would end
-    /// elsewhere where the valve closes in two stages.
+    /// End of the rise: the bend of two straight lines fitted to the upper part of the flank and to the plateau, which
+    /// ends `back` grid points later when the front returns. The extrapolated flank would end elsewhere if the valve
+    /// closes in two stages.
     pub fn knee(&self, trace: &Trace, back: f64) -> f64 {
         self.upper_bend(trace, self.onset + (0.97 * back).min(2.5 * self.rise)).unwrap_or(self.onset + self.rise)
     }
@@ -79,10 +80,10 @@ impl Front {
     }
 }
 
-/// A swing below a millimetre of head is no closure, however quiet the sensor.
+/// A swing below a millimetre of head is not a closure, however quiet the sensor.
 const SMALLEST_M: f64 = 1e-3;
 
-/// First crossing of a level from index `from` on, between grid points by linear interpolation.
+/// First crossing of a level from index `from` on, by linear interpolation between grid points.
 pub(crate) fn crossing(head_m: &[f64], from: usize, level_m: f64, upwards: bool) -> Option<f64> {
     let sign = if upwards { 1.0 } else { -1.0 };
     let start = from.min(head_m.len());
@@ -92,7 +93,7 @@ pub(crate) fn crossing(head_m: &[f64], from: usize, level_m: f64, upwards: bool)
     })
 }
 
-/// Median of five: the switching of a solenoid valve leaves spikes of a sample or two, which are no fronts.
+/// Median of five: a solenoid valve leaves spikes of a sample or two when it switches, which are not fronts.
 fn despiked(head_m: &[f64]) -> Vec<f64> {
     let mut out = head_m.to_vec();
     for (i, five) in head_m.windows(5).enumerate() {
@@ -103,8 +104,9 @@ fn despiked(head_m: &[f64]) -> Vec<f64> {
     out
 }
 
-/// Finds the first front. Works from the swing of the whole record, so that neither the length of the lead-in nor a drift in it
-/// matters: the first place where the head has risen a fifth of the swing above its lowest value so far belongs to the front.
+/// Finds the first front. It starts from the swing of the whole record, so neither the length of the lead-in nor its
+/// drift matters: the first place where the head has risen a fifth of the swing above its lowest value so far belongs
+/// to the front.
 pub(crate) fn find(trace: &Trace, white_sd_m: f64) -> Result<Front, NoFront> {
     let clean = despiked(&trace.head_m);
     let swing = {
@@ -116,7 +118,7 @@ pub(crate) fn find(trace: &Trace, white_sd_m: f64) -> Result<Front, NoFront> {
     if swing.is_nan() || swing <= (8.0 * white_sd_m).max(SMALLEST_M) {
         return Err(NoFront::Quiet);
     }
-    // smooth enough that noise is a sixtieth of the swing, or it would end a slow rise before it is over
+    // smooth until noise is a sixtieth of the swing, or noise would end a slow rise early
     let half = (0.5 * (60.0 * white_sd_m / swing).powi(2)).clamp(1.0, 50.0) as usize;
     let head = moving_mean(&clean, half);
     let mut lowest = f64::INFINITY;
@@ -126,7 +128,7 @@ pub(crate) fn find(trace: &Trace, white_sd_m: f64) -> Result<Front, NoFront> {
     });
     let high = high.ok_or(NoFront::Quiet)?;
 
-    // the level before it, from ever closer in front of it
+    // the level before the front, from samples ever closer to it
     let mut base = head[..high].iter().copied().fold(f64::INFINITY, f64::min);
     let mut start = 0;
     for _ in 0..4 {
@@ -134,7 +136,7 @@ pub(crate) fn find(trace: &Trace, white_sd_m: f64) -> Result<Front, NoFront> {
         start = head[..high].iter().rposition(|&h| h <= limit).unwrap_or(0);
         let reach = 2 * (high - start) + 10;
         let from = start.saturating_sub(reach).max(trace.unbroken_from(start));
-        // clear of the bend; a record that begins with the closure has its first sample only
+        // clear of the bend; a record that begins with the closure has only its first sample
         let end = start.saturating_sub((high - start) / 3);
         base = if end < from + 3 { head[from] } else { median(&mut head[from..end].to_vec()) };
     }
@@ -149,7 +151,7 @@ pub(crate) fn find(trace: &Trace, white_sd_m: f64) -> Result<Front, NoFront> {
         return Err(NoFront::Quiet); // a drift: the level before it follows right behind
     }
 
-    // 10% to 60%: above that, friction's slow rise of the plateau would count as front
+    // 10 % to 60 %: above that, the slow rise of the plateau by friction would count as part of the front
     let level = |part: f64| crossing(&head, start, base + part * height, true);
     let (Some(low), Some(upper)) = (level(0.1), level(0.6)) else { return Err(NoFront::Quiet) };
     let rise = ((upper - low) / 0.5).max(1.0);

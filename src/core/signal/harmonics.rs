@@ -1,11 +1,11 @@
 //! Frequency response of a closed pipe from a decaying record: amplitude and phase at its odd harmonics.
 //!
-//! A record after a closure is a sum of decaying oscillations that begins at full strength and stops where the record does. Cut out as it is,
-//! each would leak over all others. The window used here rises over one period T of the pipe, and falls over a whole number of periods, along the
-//! integral of a Hann pulse, `x - sin(2πx)/2π`: the transform of such an edge of length T vanishes at 2/T, 3/T, …, so that between odd
-//! harmonics, which lie 2/T apart, undamped oscillations do not leak at all, and damped ones little. The mean under the window is taken off first.
-//! Amplitudes are those of steady sines under the window; a decaying oscillation shows its mean strength. What is compared has to be seen through
-//! the same window.
+//! A record after a closure is a sum of decaying oscillations that begins at full strength and stops abruptly. Without
+//! a window each would leak over all others. The window here rises over one period T of the pipe and falls over a whole
+//! number of periods, along the integral of a Hann pulse, `x - sin(2πx)/2π`. The transform of such an edge of length T
+//! vanishes at 2/T, 3/T, …; odd harmonics lie 2/T apart, so undamped oscillations do not leak between them at all, and
+//! damped ones little. The mean under the window is removed first. Amplitudes are those of steady sines under the
+//! window; a decaying oscillation shows its mean strength. Compare only what was seen through the same window.
 //!
 //! For transforms of windowed records see Harris (1978, Proc. IEEE 66, 51); for the odd harmonics as a pipe's response, Lee, Lambert, Simpson, Vítkovský
 //! & Liggett (2006, J. Hydraul. Res. 44, 633).
@@ -17,7 +17,7 @@ use realfft::num_complex::Complex;
 
 use crate::signal::spectrum::on_even_steps;
 
-/// Fewest periods of the pipe that a record has to last after the closure.
+/// Least number of periods of the pipe that a record must last after the closure.
 pub const LEAST_PERIODS: f64 = 3.0;
 
 /// A stretch of a record and the weights of its samples.
@@ -49,24 +49,25 @@ pub struct Tone {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Response {
     step_s: f64,
-    /// How much later than the window the first sample lies, s.
+    /// Time from the window's beginning to the first sample, s.
     late_s: f64,
     /// Samples without their mean, times their weights.
     weighted: Vec<f64>,
     /// Sum of the weights.
     whole: f64,
-    /// Distance between the frequencies of `amplitudes`, Hz.
+    /// Spacing of the frequencies of `amplitudes`, Hz.
     pub step_hz: f64,
     /// Amplitude at 0, `step_hz`, … up to half the sample rate.
     pub amplitudes: Vec<f64>,
-    /// Phase at the same, rad, as of [`Tone`].
+    /// Phase at the same frequencies, rad, as in [`Tone`].
     pub phases: Vec<f64>,
     /// Root mean square amplitude of white noise of standard deviation 1.
     pub white: f64,
 }
 
 impl Window {
-    /// From the end of the closure to the end of the record, for a pipe of some period; none where that is too short.
+    /// The window from the end of the closure to the end of the record, for a pipe of period `period_s`; none if the
+    /// record is too short.
     pub fn new(from_s: f64, to_s: f64, period_s: f64) -> Option<Window> {
         let periods = (to_s - from_s) / period_s;
         (period_s > 0.0 && periods >= LEAST_PERIODS && periods.is_finite()).then(|| Window {
@@ -90,8 +91,8 @@ fn edge(x: f64) -> f64 {
 }
 
 impl Response {
-    /// A trace at ascending times, s, under a window; samples that are not finite are bridged by straight lines. None where fewer than 16 samples
-    /// lie in the window.
+    /// Applies a window to a trace at ascending times, s. Straight lines bridge samples that are not finite. None if
+    /// fewer than 16 samples lie in the window.
     pub fn of(window: &Window, time_s: &[f64], values: &[f64]) -> Option<Response> {
         let inside =
             time_s.iter().zip(values).filter(|(t, v)| (window.from_s..=window.to_s).contains(*t) && v.is_finite());
@@ -121,13 +122,13 @@ impl Response {
         })
     }
 
-    /// Amplitude and phase at any frequency, by the sum itself.
+    /// Amplitude and phase at any frequency, by direct summation.
     pub fn at(&self, frequency_hz: f64) -> Tone {
         let turn = Complex::from_polar(1.0, -TAU * frequency_hz * self.step_s);
         let (mut phase, mut sum) = (Complex::new(1.0, 0.0), Complex::new(0.0, 0.0));
         for (i, value) in self.weighted.iter().enumerate() {
             if i % 512 == 0 {
-                // Renewed now and then: a running product drifts.
+                // Recomputed now and then, because a running product drifts.
                 phase = Complex::from_polar(1.0, -TAU * frequency_hz * (self.late_s + self.step_s * i as f64));
             }
             sum += phase * *value;
@@ -136,7 +137,7 @@ impl Response {
         Tone { frequency_hz, amplitude: 2.0 * sum.norm() / self.whole, phase_rad: sum.arg() }
     }
 
-    /// The highest point between two frequencies, located to a millionth of itself; none where it lies at an edge.
+    /// The highest point between two frequencies, located to a millionth of itself; none if it lies at an edge.
     pub fn peak(&self, from_hz: f64, to_hz: f64) -> Option<Tone> {
         let first = (from_hz / self.step_hz).ceil().max(1.0) as usize;
         let last = ((to_hz / self.step_hz).floor() as usize).min(self.amplitudes.len().checked_sub(2)?);

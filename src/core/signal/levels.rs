@@ -6,8 +6,8 @@ use crate::signal::features::Estimate;
 use crate::signal::noise::{Noise, despiked};
 use crate::signal::trace::{Trace, mean};
 
-/// Level of the last stretch before the front: the newest part of the lead-in, as a supply may drift over a longer one.
-/// With fewer than three quiet samples it is the head that the front was found to start from.
+/// Level just before the front: from the newest part of the lead-in, as a supply may drift over a longer one. With
+/// fewer than three quiet samples it is the head from which the front starts.
 pub(crate) fn before(lead: &[f64], base_m: f64, longest: usize, noise: &Noise) -> Estimate {
     let lead = &despiked(&lead[lead.len().saturating_sub(longest)..]);
     if lead.len() < 3 {
@@ -17,8 +17,8 @@ pub(crate) fn before(lead: &[f64], base_m: f64, longest: usize, noise: &Noise) -
     Estimate { value: mean(lead), standard_error: noise.total_sd_m / independent.sqrt() }
 }
 
-/// Mean over the last whole period of the record; its error holds the change since the period before. `None` where fewer than
-/// two periods were recorded after the closure.
+/// Mean over the last whole period of the record; its error includes the change since the period before. `None` if the
+/// record has fewer than two periods after the closure.
 pub(crate) fn after(trace: &Trace, start_s: f64, period_s: f64, noise: &Noise) -> Option<Estimate> {
     let period = (period_s / trace.step_s).round() as usize;
     let (start, end) = (trace.index(start_s), trace.len());
@@ -31,7 +31,7 @@ pub(crate) fn after(trace: &Trace, start_s: f64, period_s: f64, noise: &Noise) -
     Some(Estimate { value: last, standard_error: scatter.hypot(last - previous) })
 }
 
-/// Mean temperature of the run, °C: of its first sensor that recorded any, or the rig file's.
+/// Mean temperature of the run, °C: from the first temperature sensor with samples, or from the rig file.
 pub(crate) fn temperature_degc(recording: &Recording) -> f64 {
     of_kind(recording, SensorKind::Temperature)
         .map(|(sensor, series)| {
@@ -42,7 +42,7 @@ pub(crate) fn temperature_degc(recording: &Recording) -> f64 {
         .unwrap_or(recording.rig.fluid.temperature_degc)
 }
 
-/// Flow before the closure, m³/s, from the first flow sensor that recorded any: the mean of its last five seconds at most.
+/// Flow before the closure, m³/s, from the first flow sensor with samples: the mean of at most its last five seconds.
 pub(crate) fn flow_m3_s(recording: &Recording, start_s: f64) -> Option<Estimate> {
     let (sensor, series) = of_kind(recording, SensorKind::Flow)?;
     let sensor = &recording.rig.sensors[sensor];
@@ -56,7 +56,7 @@ pub(crate) fn flow_m3_s(recording: &Recording, start_s: f64) -> Option<Estimate>
     let value = mean(&flows);
     let n = flows.len() as f64;
     let variance = flows.iter().map(|q| (q - value).powi(2)).sum::<f64>() / (n - 1.0).max(1.0);
-    // the data sheet's accuracy is a bound: a third of its span makes a standard deviation of a uniform error
+    // the data sheet's accuracy is a bound: divided by √3 it is the standard deviation of a uniform error
     let sheet = match (sensor.accuracy_percent_fs, sensor.range) {
         (Some(percent), Some([lo, hi])) => {
             let full = sensor.unit.to_si(hi, 1000.0) - sensor.unit.to_si(lo, 1000.0);
@@ -68,12 +68,12 @@ pub(crate) fn flow_m3_s(recording: &Recording, start_s: f64) -> Option<Estimate>
     Some(Estimate { value, standard_error: scatter.hypot(sheet) })
 }
 
-/// The samples that are numbers.
+/// The finite samples.
 pub(crate) fn finite(series: &Series) -> impl Iterator<Item = (f64, f64)> + '_ {
     series.time_s.iter().copied().zip(series.value.iter().copied()).filter(|(t, v)| t.is_finite() && v.is_finite())
 }
 
-/// The first sensor of a kind that recorded something.
+/// The first sensor of a kind that has samples.
 pub(crate) fn of_kind(recording: &Recording, kind: SensorKind) -> Option<(usize, &Series)> {
     let sensors = recording.rig.sensors.iter().zip(&recording.series).enumerate();
     sensors

@@ -1,10 +1,10 @@
-//! How much later a front comes back, or comes by another sensor, by laying the first rise over the later one.
+//! The delay with which a front comes back or reaches another sensor, by matching the first rise with the later one.
 //!
-//! A front returns with another height, on a level that drifts (friction), and followed by a slow tail (creep of the wall,
-//! unsteady friction). Over the short time of a front all of these are a level, a slope, the front times a gain, and the
-//! front's integral times another (the first terms of the tail's kernel); a longer window needs the second integral too. What
-//! cannot be had that way is the delay, which is found by trying all. Equal levels of the two fronts, the simpler way, come
-//! late by the tail: a tenth of the wave speed where the wall creeps.
+//! A front returns with another height, on a level that drifts (friction), and followed by a slow tail (creep of the
+//! wall, unsteady friction). Over the short time of a front all of these amount to a level, a slope, the front times a
+//! gain, and the integral of the front times another gain (the first terms of the tail's kernel); a longer window also
+//! needs the second integral. These enter linearly; the delay does not, so all delays are tried. The simpler way, equal
+//! levels of the two fronts, is late because of the tail: by a tenth of the wave speed if the wall creeps.
 
 use crate::robust::median;
 use crate::signal::front::Front;
@@ -16,33 +16,34 @@ use crate::signal::trace::Trace;
 pub(crate) struct Delay {
     /// Median over the windows.
     pub value: f64,
-    /// Noise and disagreement of the windows.
+    /// From noise and the disagreement of the windows.
     pub standard_error: f64,
-    /// The delay of each window that gave one, ascending.
+    /// The delay from each window that gave one, ascending.
     pub windows: Vec<f64>,
 }
 
-/// A later front as against the first.
+/// Direction of the later front relative to the first.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Sense {
-    /// It falls: come back from the supply.
+    /// It falls: it has come back from the supply.
     Falls,
     /// It rises: the same front at another sensor.
     Rises,
 }
 
-/// Parts of the rise that a window reaches beyond the onset, and whether it needs the second integral.
+/// Length of a window beyond the onset, in rises, and whether it needs the second integral.
 const WINDOWS: [(f64, bool); 5] = [(0.5, false), (0.75, false), (1.0, false), (1.3, true), (1.7, true)];
-/// Part of the rise before the onset that belongs to the window.
+/// Length of the window before the onset, in rises.
 const BEFORE: f64 = 0.3;
-/// Noise that is let stand, of the rise over the points that are averaged; these are no more than that part of the whole rise.
+/// Noise that averaging may leave, as a share of the rise over the averaged points; these are at most that share of the
+/// whole rise.
 const NOISE_OF_RISE: f64 = 0.05;
 const MOST_OF_RISE: f64 = 0.25;
 /// Error of a bend's place between grid points, in grid steps: a front of few points is not a smooth curve.
 const GRID: f64 = 0.15;
 
-/// Lays the first rise of `source` over `target` (on the same grid) at every delay from `lags.0` to `lags.1`.
-/// `reach` scales the windows: 1 where the front stands free, less where the next one comes before it is over.
+/// Matches the first rise of `source` with `target` (on the same grid) at every delay from `lags.0` to `lags.1`.
+/// `reach` scales the windows: 1 if the front stands alone, less if the next one follows before it is over.
 pub(crate) fn delay(
     source: &Trace,
     front: &Front,
@@ -64,25 +65,26 @@ pub(crate) fn delay(
     found.sort_by(|a, b| a.0.total_cmp(&b.0));
     let middle = found.len() / 2;
     let value = if found.len() % 2 == 1 { found[middle].0 } else { 0.5 * (found[middle - 1].0 + found[middle].0) };
-    // median deviation: one window that caught another front must not spoil the error
+    // median deviation, so one window that caught another front does not spoil the error
     let mut deviations: Vec<f64> = found.iter().map(|f| (f.0 - value).abs()).collect();
     let spread = median(&mut deviations);
     let noise = found[middle].1;
     Some(Delay { value, standard_error: noise.hypot(spread), windows: found.into_iter().map(|f| f.0).collect() })
 }
 
-/// How far both records are averaged, alike, so that a front's delay stays where it is: where its slope drowns in noise from one point to the next,
-/// the sum of squares over the delays is as ragged as the noise, and its lowest point is anywhere.
+/// How far both records are averaged. Both are averaged alike, so the delay stays the same. Without averaging, if the
+/// slope drowns in noise from point to point, the sum of squares over the delays is as ragged as the noise and its
+/// minimum is arbitrary.
 #[derive(Debug, Clone, Copy)]
 struct Quiet {
     /// Points on either side that are averaged.
     half: usize,
-    /// Standard deviation of the white noise that is left, m.
+    /// Standard deviation of the remaining white noise, m.
     sd_m: f64,
 }
 
 impl Quiet {
-    /// Over as many points as bring the noise to a small part of what the front rises over them.
+    /// Averages over enough points to bring the noise down to a small share of the front's rise over them.
     fn of(front: &Front, white_sd_m: f64) -> Self {
         let over_slope = white_sd_m * front.rise / front.height_m();
         let points = (over_slope / NOISE_OF_RISE).powf(2.0 / 3.0).min(MOST_OF_RISE * front.rise);
@@ -94,7 +96,7 @@ impl Quiet {
         (2 * half + 1) as f64
     }
 
-    /// What the sum of squares rises by at one standard error of the delay: neighbours that share their noise count once.
+    /// Increase of the sum of squares at one standard error of the delay: neighbours that share their noise count once.
     fn rise(self, mean_square: f64) -> f64 {
         mean_square.max(self.sd_m * self.sd_m) * Quiet::points(self.half)
     }
@@ -115,7 +117,7 @@ fn window_delay(
     if to > source.len() || !source.intact(onset.saturating_sub(before)..to) {
         return None;
     }
-    // a record that begins with the closure lacks the level before it: that one is known
+    // a record that begins with the closure lacks the level before it, but that level is known
     let missing = before.saturating_sub(onset);
     let recorded = source.head_m[onset.saturating_sub(before)..to].iter().map(|h| h - front.base_m);
     let template: Vec<f64> = std::iter::repeat_n(0.0, missing).chain(recorded).collect();
@@ -142,7 +144,7 @@ fn window_delay(
         return None;
     }
     let projector = Projector::new(columns)?;
-    // the later front may stand earlier in its record, as where two clocks differ: as far as the record goes
+    // with different clocks the later front may stand earlier in its record: search the whole record
     let (from, to) = (to as i64 - n as i64, to as i64);
     let first = (shortest.floor() as i64).max(-from);
     let last = (longest.ceil() as i64).min(target.len() as i64 - to);
@@ -162,7 +164,7 @@ fn window_delay(
             Sense::Rises => residual.gain > 0.1,
         };
         sums.push(residual.both);
-        // share left unexplained: plateaus, where everything fits, do not win
+        // share left unexplained, so that plateaus, where everything fits, do not win
         shares.push(if right_way { residual.both / residual.background } else { f64::INFINITY });
     }
     let lowest = (0..shares.len()).min_by(|&a, &b| shares[a].total_cmp(&shares[b]))?;

@@ -1,54 +1,56 @@
-//! A sensor's noise: how large, how coloured, and the step of its converter.
+//! Noise of a sensor: its size, its colour, and the resolution of its converter.
 
 use std::borrow::Cow;
 
 use crate::robust::{MEDIAN_TO_SD, median};
 use crate::signal::spectrum::Spectrum;
 
-/// What disturbs a pressure sensor while nothing happens; heads in m.
+/// Disturbance of a pressure sensor before the closure; heads in m.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Noise {
-    /// Standard deviation of the white part, from second differences (slow disturbances cancel out of them), m.
+    /// Standard deviation of the white part, from second differences (slow disturbances cancel), m.
     pub white_sd_m: f64,
-    /// Standard deviation of everything about a straight line before the closure, m; the white one without a quiet lead-in.
+    /// Standard deviation about a straight line before the closure, m; that of the white part if there is no quiet
+    /// lead-in.
     pub total_sd_m: f64,
     /// Autocorrelation at a lag of one sample before the closure; 0 without a quiet lead-in.
     pub lag1_autocorrelation: f64,
-    /// Independent samples a recorded one (n_eff / n): 1 for white noise, less for coloured.
+    /// Independent samples per recorded one (n_eff / n): 1 for white noise, less for coloured noise.
     pub effective_fraction: f64,
-    /// Step of the converter, m, where the samples fall on a grid.
+    /// Resolution of the converter, m, if the samples fall on a grid.
     pub quantum_m: Option<f64>,
-    /// The colour is more than chance would give in as many white samples (three standard deviations).
+    /// The noise is significantly coloured (three standard deviations beyond white noise).
     pub coloured: bool,
-    /// What is not white of it, where that is one lasting oscillation: no sensor's noise, but something that happens in the pipe or its wiring.
+    /// The part that is not white, if it is one lasting oscillation: not sensor noise, but something in the pipe or its
+    /// wiring.
     pub line: Option<Line>,
 }
 
 /// A lasting oscillation.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Line {
-    /// Its frequency, or what sampling makes of it.
+    /// Its frequency, or an alias of it.
     pub cycles_per_sample: f64,
     /// Its amplitude, m.
     pub amplitude_m: f64,
 }
 
-/// Share of the disturbance's variance that is not white from which on it is asked whether it is an oscillation; the correlation
-/// that an oscillation keeps after its first swing; the longest swing looked for, samples.
+/// Three limits of an oscillation: the share of the variance that is not white from which it is looked for; the
+/// correlation that it keeps after its first swing; the longest swing, samples.
 const LEAST_SLOW: f64 = 0.3;
 const LINE: f64 = 0.5;
 const LONGEST_LINE_LAG: usize = 2000;
-/// Below this a lead-in says nothing about spread or colour.
+/// A shorter lead-in tells nothing about spread or colour.
 const SHORTEST_LEAD: usize = 30;
-/// Colour is judged from the last so many samples: enough for 1% of the variance.
+/// The colour is estimated from at most this many samples: enough for 1 % of the variance.
 const LONGEST_LEAD: usize = 20_000;
 
-/// Noise whose second differences are this much larger in the root mean square than by their median has spikes among it.
+/// If the rms of the second differences exceeds their median estimate by this factor, the noise has spikes.
 const SPIKY: f64 = 1.5;
 /// A sample this many standard deviations from the median of its five neighbours is a spike.
 const SPIKE: f64 = 8.0;
 
-/// Noise from the samples before the closure (`lead`), or from the whole record where they are too few.
+/// Noise from the samples before the closure (`lead`), or from the whole record if they are too few.
 pub(crate) fn noise(lead: &[f64], whole: &[f64]) -> Noise {
     let quantum_m = quantum(whole);
     let floor = quantum_m.map_or(0.0, |q| q / 12f64.sqrt());
@@ -75,7 +77,7 @@ pub(crate) fn noise(lead: &[f64], whole: &[f64]) -> Noise {
     };
     let lag1_autocorrelation = correlation(1);
     let coloured = lag1_autocorrelation.abs() > 3.0 / n.sqrt();
-    // initial positive sequence: the sum is cut where the correlation drowns in its own scatter
+    // initial positive sequence: stop the sum where the correlation drowns in its own scatter
     let mut sum = 0.0;
     for lag in 1..residual.len().min(400) {
         let rho = correlation(lag);
@@ -84,7 +86,7 @@ pub(crate) fn noise(lead: &[f64], whole: &[f64]) -> Noise {
         }
         sum += rho * (1.0 - lag as f64 / n);
     }
-    // The white part has no correlation but at lag zero.
+    // The white part is correlated at lag zero only.
     let slow = (1.0 - (white_sd_m / total_sd_m).powi(2)).max(0.0);
     let longest = (residual.len() / 2).min(LONGEST_LINE_LAG);
     let lasts = slow > LEAST_SLOW && {
@@ -103,27 +105,27 @@ pub(crate) fn noise(lead: &[f64], whole: &[f64]) -> Noise {
     }
 }
 
-/// The strongest frequency of a disturbance.
+/// The strongest oscillation of a disturbance.
 fn line(residual: &[f64], amplitude_m: f64) -> Option<Line> {
     let number: Vec<f64> = (0..residual.len()).map(|i| i as f64).collect();
     let cycles_per_sample = Spectrum::of(&number, residual)?.peak_hz(0.0, 0.5)?;
     Some(Line { cycles_per_sample, amplitude_m })
 }
 
-/// A root mean square, or what the median of the values says where they have spikes; and whether they have.
+/// Root mean square, or the median estimate if the values have spikes; the second value says whether they have.
 fn robust(rms: f64, values: &[f64], median_to_sd: f64) -> (f64, bool) {
     let by_median = median_to_sd * median(&mut values.iter().map(|v| v.abs()).collect::<Vec<_>>());
     if by_median > 0.0 && rms > SPIKY * by_median { (by_median, true) } else { (rms, false) }
 }
 
-/// Standard deviation of the white noise of a lead-in, and whether it has spikes (which do not count).
+/// Standard deviation of the white noise of a lead-in without its spikes, and whether it has spikes.
 fn white_sd(lead: &[f64]) -> (f64, bool) {
     let second: Vec<f64> = lead.windows(3).map(|w| w[0] - 2.0 * w[1] + w[2]).collect();
     let mean_square = second.iter().map(|d| d * d).sum::<f64>() / (6.0 * second.len().max(1) as f64);
     robust(mean_square.sqrt(), &second, MEDIAN_TO_SD / 6f64.sqrt())
 }
 
-/// A lead-in with the median of its neighbours in the place of each spike; as it is where it has none.
+/// A lead-in with each spike replaced by the median of its neighbours.
 pub(crate) fn despiked(lead: &[f64]) -> Cow<'_, [f64]> {
     let (sd, spiky) = white_sd(lead);
     if !spiky {
@@ -136,12 +138,13 @@ pub(crate) fn despiked(lead: &[f64]) -> Cow<'_, [f64]> {
     Cow::Owned(lead.iter().enumerate().map(clean).collect())
 }
 
-/// Standard deviation of the white noise of a whole record, m. Fronts are few: the median of the differences does not see them.
+/// Standard deviation of the white noise of a whole record, m. Fronts are few, so the median of the differences ignores
+/// them.
 pub(crate) fn white_sd_of_whole(whole: &[f64]) -> f64 {
     let mut second: Vec<f64> = whole.windows(3).map(|w| (w[0] - 2.0 * w[1] + w[2]).abs()).collect();
     let mut middle = median(&mut second);
     if middle == 0.0 {
-        // the converter's step hides most of the noise: what shows of it is that step
+        // the converter's resolution hides most of the noise; what is left to see is one step
         middle = second.iter().copied().filter(|d| *d > 0.0).fold(f64::INFINITY, f64::min) / MEDIAN_TO_SD;
     }
     if middle.is_finite() { MEDIAN_TO_SD * middle / 6f64.sqrt() } else { 0.0 }
@@ -162,7 +165,8 @@ fn detrended(values: &[f64]) -> Vec<f64> {
     values.iter().enumerate().map(|(i, v)| v - mean - slope * (i as f64 - middle)).collect()
 }
 
-/// The step on whose multiples the samples fall, if they do: most differences of neighbouring levels are whole multiples.
+/// The step of the grid on which the samples lie, if they do: most differences of neighbouring levels are whole
+/// multiples of it.
 fn quantum(values: &[f64]) -> Option<f64> {
     let mut levels: Vec<f64> = values.iter().copied().take(8192).collect();
     levels.sort_unstable_by(f64::total_cmp);

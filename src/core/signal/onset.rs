@@ -1,4 +1,4 @@
-//! The closure's start: the bend where the head leaves its steady level, between samples.
+//! Start of the closure: the bend where the head leaves its steady level, between samples.
 
 use crate::signal::front::Front;
 use crate::signal::project::{Projector, profile_minimum};
@@ -6,8 +6,8 @@ use crate::signal::trace::Trace;
 
 /// Where the head starts to rise, in (fractional) grid points, and its standard error.
 ///
-/// Fits a level that goes over into a parabola, over the lower part of the flank, for every place of the bend; the error holds
-/// the noise (profile likelihood) and how far the place moves with the part of the flank that is looked at.
+/// Fits a level that turns into a parabola to the lower part of the flank, for every place of the bend. The error
+/// includes noise (profile likelihood) and how far the place moves with the part of the flank that is fitted.
 pub(crate) fn bend(trace: &Trace, front: &Front, white_sd_m: f64) -> Option<(f64, f64)> {
     let places: Vec<(f64, f64)> =
         [0.3, 0.45, 0.6].into_iter().filter_map(|part| bend_over(trace, front, white_sd_m, part)).collect();
@@ -45,7 +45,7 @@ fn bend_over(trace: &Trace, front: &Front, white_sd_m: f64, part: f64) -> Option
     let lowest = (0..sums.len()).min_by(|&a, &b| sums[a].total_cmp(&sums[b]))?;
     let freedom = (head.len() as f64 - 4.0).max(1.0);
     let variance = (sums[lowest] / freedom).max(white_sd_m * white_sd_m);
-    // a record that starts with the closure has no level before it: the first sample is as good a bend as the best
+    // a record that starts with the closure has no level before it: the first sample is the best estimate
     let lowest = if front.quiet.len() < 3 && sums[0] < sums[lowest] + 4.0 * variance { 0 } else { lowest };
     let (at, width) = profile_minimum(&sums, lowest, variance);
     Some((first + at * step, (width * step).max(0.1)))

@@ -1,33 +1,34 @@
-//! The alternation of a head that is known without noise, such as a simulated one: the same crossings, extrema and damping that are read
-//! out of a recording.
+//! Oscillation of a head that is known without noise, such as a simulated one: the same crossings, extrema and damping
+//! as of a recording.
 
 use crate::signal::extrema;
 use crate::signal::extrema::half_cycles;
 use crate::signal::features::{Estimate, Extremum};
 use crate::signal::trace::Trace;
 
-/// What an alternating head shows.
+/// Features of an oscillating head.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Oscillation {
-    /// When the head crosses its mean over a period, s after the first sample: the end of each half cycle, the first of which is a peak.
+    /// Times at which the head crosses its mean over a period, s after the first sample. Each ends a half cycle; the
+    /// first half cycle is a peak.
     pub crossings_s: Vec<f64>,
-    /// Peaks and troughs in turn, one a half cycle; times between samples by a parabola.
+    /// Peaks and troughs in turn, one per half cycle; a parabola gives times between samples.
     pub extrema: Vec<Extremum>,
     /// Period, s.
     pub period: Option<Estimate>,
-    /// Natural logarithm of how much the swing from peak to trough shrinks each cycle.
+    /// Logarithmic decrement of the swing from peak to trough, cycle by cycle.
     pub damping_per_cycle: Vec<f64>,
 }
 
-/// Reads a head (m) sampled every `step_s` from the start of the closure on; `period_s` is a guess of its period, by a factor of two or
-/// so. A head that does not alternate has no crossings.
+/// Analyses a head (m) sampled every `step_s` from the start of the closure. `period_s` is a guess of its period,
+/// within a factor of about two. A head that does not oscillate has no crossings.
 pub fn oscillation(step_s: f64, head_m: &[f64], period_s: f64) -> Oscillation {
     let time_s: Vec<f64> = (0..head_m.len()).map(|i| i as f64 * step_s).collect();
     let Some(trace) = Trace::new(&time_s, head_m) else { return Oscillation::default() };
     let mut cycles = half_cycles(&trace, 0.0, period_s, 0.0);
     let mut period = extrema::period(&cycles);
     if let Some(found) = period {
-        // The mean to cross is one over a whole period, whose length is known now.
+        // The mean to cross is one over a whole period, whose length is now known.
         cycles = half_cycles(&trace, 0.0, found.value, 0.0);
         period = extrema::period(&cycles).or(period);
     }
@@ -49,7 +50,7 @@ fn refine(extremum: &mut Extremum, trace: &Trace) {
     let bend = a - 2.0 * b + c;
     let towards = 0.5 * (a - c);
     let aside = towards / bend;
-    // Beyond half a step the sample was no extremum of its neighbours: one at the end of its half cycle.
+    // Beyond half a step the sample was not an extremum of its neighbours but lay at the end of its half cycle.
     if bend != 0.0 && aside.abs() <= 0.5 {
         extremum.time_s += aside * trace.step_s;
         extremum.head_m = b - 0.25 * (a - c) * aside;

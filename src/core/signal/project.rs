@@ -1,27 +1,28 @@
 //! Small linear least squares: how much of a signal a few columns explain, and with which weight the last of them.
 
-/// Orthonormal basis of some columns, made once and applied to many signals of the same length.
+/// Orthonormal basis of some columns, computed once and applied to many signals of the same length.
 pub(crate) struct Projector {
     basis: Vec<Vec<f64>>,
-    /// Length of what is left of the last column once the others are taken out.
+    /// Norm of the last column after removing the others from it.
     last_norm: f64,
 }
 
 /// What a projection leaves.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Residual {
-    /// Sum of squares once the first `background` columns are taken out.
+    /// Sum of squares after removing the first `background` columns.
     pub background: f64,
-    /// Sum of squares once all columns are taken out.
+    /// Sum of squares after removing all columns.
     pub all: f64,
     /// Weight of the last column.
     pub gain: f64,
-    /// As `all`, over both where the last column is as noisy as the signal (total least squares; Golub & Van Loan 1980, SIAM J. Numer. Anal. 17, 883).
+    /// As `all`, over both, if the last column is as noisy as the signal (total least squares; Golub & Van Loan 1980,
+    /// SIAM J. Numer. Anal. 17, 883).
     pub both: f64,
 }
 
 impl Projector {
-    /// `None` where the columns depend on each other (a constant template, too few samples).
+    /// `None` if the columns are linearly dependent (a constant template, too few samples).
     pub fn new(columns: Vec<Vec<f64>>) -> Option<Projector> {
         let mut basis: Vec<Vec<f64>> = Vec::with_capacity(columns.len());
         let mut last_norm = 0.0;
@@ -59,7 +60,8 @@ impl Projector {
             }
             last_part = part;
         }
-        // The lesser eigenvalue of [[tt, ty], [ty, yy]], t and y being what the other columns leave of the last one and of the signal.
+        // The lesser eigenvalue of [[tt, ty], [ty, yy]], where t and y are what the other columns leave of the last
+        // column and of the signal.
         let (tt, yy, ty) = (self.last_norm.powi(2), left + last_part * last_part, last_part * self.last_norm);
         let both = 2.0 * tt * left / (tt + yy + ((tt - yy).powi(2) + 4.0 * ty * ty).sqrt());
         Residual { background: after_background, all: left, gain: last_part / self.last_norm, both }
@@ -67,7 +69,7 @@ impl Projector {
 }
 
 fn dot(a: &[f64], b: &[f64]) -> f64 {
-    // eight sums at once: one would wait for each addition
+    // eight sums at once: a single one would wait for each addition
     let mut lanes = [0.0; 8];
     let (a8, b8) = (a.chunks_exact(8), b.chunks_exact(8));
     let rest: f64 = a8.remainder().iter().zip(b8.remainder()).map(|(a, b)| a * b).sum();

@@ -1,14 +1,14 @@
-//! Amplitude over frequency of a trace: which harmonics a residual lives in.
+//! Amplitude over frequency of a trace, e.g. to see in which harmonics a residual lies.
 //!
-//! The trace is put on even steps, freed of its mean, tapered by a cosine over its first and last tenth (Harris 1978, Proc. IEEE 66, 51)
-//! and padded with zeros to at least twice its length. Amplitudes are those of sines that last as long as the trace: a sine of
-//! amplitude 1 has a peak of 1.
+//! The trace is interpolated to even steps. Its mean is removed, a cosine tapers its first and last tenth (Harris 1978,
+//! Proc. IEEE 66, 51), and zeros pad it to at least twice its length. Amplitudes are those of sines as long as the
+//! trace: a sine of amplitude 1 has a peak of 1.
 
 use realfft::RealFftPlanner;
 
 /// Share of the trace over which the taper rises, and falls.
 const TAPER: f64 = 0.1;
-/// Samples that are worth a spectrum.
+/// Least number of samples for a spectrum.
 const LEAST_SAMPLES: usize = 16;
 
 /// See the module.
@@ -23,8 +23,8 @@ pub struct Spectrum {
 }
 
 impl Spectrum {
-    /// The spectrum of values at ascending times, s; samples that are not finite are left out and bridged by straight lines. `None` for
-    /// fewer than 16 samples.
+    /// The spectrum of values at ascending times, s. Samples that are not finite are bridged by straight lines. `None`
+    /// for fewer than 16 samples.
     pub fn of(time_s: &[f64], values: &[f64]) -> Option<Spectrum> {
         let samples: Vec<(f64, f64)> = time_s
             .iter()
@@ -63,12 +63,12 @@ impl Spectrum {
         let log = |i: usize| self.amplitude.get(i).map(|a| a.ln());
         let around = i.checked_sub(1).and_then(|before| Some((log(before)?, log(i)?, log(i + 1)?)));
         let shift = around.map_or(0.0, |(a, b, c)| 0.5 * (a - c) / (a - 2.0 * b + c));
-        // At an edge of the band the highest point is no peak, and the parabola's top is anywhere.
+        // At an edge of the band the highest point is not a peak, and the parabola's vertex is arbitrary.
         Some(if shift.abs() <= 1.0 { peak_hz + shift * self.step_hz } else { peak_hz })
     }
 }
 
-/// Linear between samples, on steps of their median distance.
+/// Linear interpolation on steps of the median sample distance.
 pub(crate) fn on_even_steps(samples: &[(f64, f64)]) -> Option<(f64, Vec<f64>)> {
     if samples.len() < LEAST_SAMPLES {
         return None;
@@ -76,7 +76,7 @@ pub(crate) fn on_even_steps(samples: &[(f64, f64)]) -> Option<(f64, Vec<f64>)> {
     let (first, last) = (samples[0].0, samples[samples.len() - 1].0);
     let mut steps: Vec<f64> = samples.windows(2).map(|w| w[1].0 - w[0].0).filter(|s| *s > 0.0).collect();
     steps.sort_unstable_by(f64::total_cmp);
-    // Not more points than twice the samples, however unevenly these lie.
+    // At most twice as many points as samples, however unevenly these lie.
     let step_s = steps.get(steps.len() / 2)?.max((last - first) / (2 * samples.len()) as f64);
     let n = ((last - first) / step_s + 1e-6) as usize + 1;
     let mut next = 1;

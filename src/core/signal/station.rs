@@ -1,4 +1,4 @@
-//! A pressure sensor with its trace, noise and first front: what every feature is read from.
+//! A pressure sensor with its trace, noise and first front, from which all features are read.
 
 use crate::recording::Recording;
 use crate::rig::{Rig, SensorKind};
@@ -21,7 +21,7 @@ pub(crate) struct Station {
     pub place_m: f64,
     /// The record.
     pub trace: Trace,
-    /// The record averaged down to what its front needs.
+    /// The trace averaged down to the points that its front needs.
     pub coarse: Trace,
     /// The first front in `coarse`.
     pub front: Result<Front, NoFront>,
@@ -29,7 +29,7 @@ pub(crate) struct Station {
     pub noise: Noise,
     /// Standard deviation of the white noise of `coarse`, m.
     pub coarse_sd_m: f64,
-    /// Samples of `trace` before the front.
+    /// Range of samples of `trace` before the front.
     pub lead: std::ops::Range<usize>,
 }
 
@@ -38,12 +38,12 @@ impl Station {
         let rough_sd_m = white_sd_of_whole(&trace.head_m);
         let found = |factor: usize| {
             let coarse = trace.decimated(factor);
-            // averaging leaves more of coloured noise than of white
+            // averaging leaves more of coloured noise than of white noise
             let sd_m = (rough_sd_m / (factor as f64).sqrt()).max(white_sd_of_whole(&coarse.head_m));
             let front = front::find(&coarse, sd_m);
             (factor, coarse, front)
         };
-        // a slow front in loud noise shows once the noise is averaged
+        // averaging the noise reveals a slow front in loud noise
         let whole = found(1);
         let loud = !matches!(whole.2, Ok(_) | Err(NoFront::NoReturn)) && trace.len() > 64 * 50;
         let seen = if loud { [8, 64].into_iter().map(found).find(|f| f.2.is_ok()).unwrap_or(whole) } else { whole };
@@ -57,7 +57,7 @@ impl Station {
         Station { sensor, place_m, trace, coarse, front, noise, coarse_sd_m, lead }
     }
 
-    /// The trace on the grid of another one, for laying one over the other; the index shift is `shift` grid points.
+    /// The trace on the grid of another one, for matching; the index shift is `shift` grid points.
     pub fn on_grid_of(&self, other: &Trace) -> Option<(Trace, f64)> {
         let own = &self.coarse;
         if (own.step_s / other.step_s - 1.0).abs() < 1e-9 {
@@ -86,7 +86,7 @@ impl Station {
 }
 
 /// Times (s, the recording's clock) and piezometric heads (m: gauge pressure over ρg at the run's temperature, plus the
-/// sensor's elevation) of a pressure sensor, without samples that are no numbers. Empty for any other sensor.
+/// sensor's elevation) of a pressure sensor, finite samples only. Empty for any other sensor.
 pub fn heads(recording: &Recording, sensor: usize, temperature_degc: f64) -> (Vec<f64>, Vec<f64>) {
     let rig = &recording.rig;
     let (Some(place), Some(series)) = (rig.sensors.get(sensor), recording.series.get(sensor)) else {
@@ -112,8 +112,8 @@ pub(crate) fn stations(recording: &Recording, temperature_degc: f64) -> Vec<Stat
         .collect()
 }
 
-/// Distance from the supply in a pipe of one wave speed and the same length that takes the wave as long: of several
-/// pipes the nominal wave speeds say how the time is shared out.
+/// Distance from the supply in a pipe of uniform wave speed and equal length with the same travel time. In several
+/// pipes the nominal wave speeds share out the time.
 fn travel_place_m(rig: &Rig, position_m: f64, temperature_degc: f64) -> f64 {
     if rig.pipes.len() < 2 {
         return position_m;

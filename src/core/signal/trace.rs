@@ -1,4 +1,4 @@
-//! A sensor's record as a head on an even time grid, with the stretches marked where nothing was measured.
+//! A sensor's record as a head on an even time grid. Gaps are marked.
 
 use std::ops::Range;
 
@@ -18,8 +18,8 @@ pub(crate) struct Trace {
 }
 
 impl Trace {
-    /// Puts samples (times strictly increasing, s; heads, m) on an even grid of the median interval by linear interpolation.
-    /// One missing sample is bridged; more are a gap (declared ones show in the times, too). `None` below eight samples.
+    /// Interpolates samples (times strictly increasing, s; heads, m) to an even grid of the median interval. One
+    /// missing sample is bridged; more are a gap (declared gaps show in the times as well). `None` below eight samples.
     pub fn new(time_s: &[f64], head_m: &[f64]) -> Option<Trace> {
         if time_s.len() < 8 {
             return None;
@@ -27,7 +27,7 @@ impl Trace {
         let mut intervals: Vec<f64> = time_s.windows(2).map(|w| w[1] - w[0]).collect();
         let step_s = median(&mut intervals);
         let (start_s, end_s) = (time_s[0], time_s[time_s.len() - 1]);
-        // a record that is nearly all gap would ask for memory without bound
+        // a record that is nearly all gap would need unbounded memory
         let count = ((end_s - start_s) / step_s + 1e-6).floor();
         if !(step_s > 0.0 && count < 64.0 * time_s.len() as f64 + 1e6) {
             return None;
@@ -68,7 +68,7 @@ impl Trace {
         (((time_s - self.start_s) / self.step_s + 1e-6).max(0.0) as usize).min(self.len() - 1)
     }
 
-    /// Nothing in the range was bridged; false where it leaves the record.
+    /// Whether nothing in the range was bridged; false if the range leaves the record.
     pub fn intact(&self, range: Range<usize>) -> bool {
         range.start <= range.end
             && range.end <= self.len()
@@ -80,7 +80,7 @@ impl Trace {
         self.bridged_before.partition_point(|&b| b < self.bridged_before[end.min(self.len())])
     }
 
-    /// The mean of blocks of `factor` samples: fewer points, less noise, the same fronts.
+    /// The means of blocks of `factor` samples: fewer points, less noise, the same fronts.
     pub fn decimated(&self, factor: usize) -> Trace {
         if factor < 2 {
             return self.clone();
@@ -100,7 +100,7 @@ impl Trace {
         }
     }
 
-    /// The same with every head a centred moving mean of its neighbours.
+    /// Replaces every head by a centred moving mean.
     pub fn averaged(&self, half: usize) -> Trace {
         Trace { head_m: self.smoothed(half), ..self.clone() }
     }
@@ -116,7 +116,7 @@ pub(crate) fn moving_mean(values: &[f64], half: usize) -> Vec<f64> {
     let mut sums = Vec::with_capacity(values.len() + 1);
     let mut sum = 0.0;
     sums.push(sum);
-    // sums about the first value: no digits are lost to a large constant head
+    // sums about the first value: a large constant head costs no digits
     let origin = values.first().copied().unwrap_or(0.0);
     for v in values {
         sum += v - origin;
@@ -130,7 +130,7 @@ pub(crate) fn moving_mean(values: &[f64], half: usize) -> Vec<f64> {
         .collect()
 }
 
-/// Arithmetic mean; 0 of nothing.
+/// Arithmetic mean; 0 for an empty slice.
 pub(crate) fn mean(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len().max(1) as f64
 }

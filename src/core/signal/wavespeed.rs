@@ -7,30 +7,32 @@ use crate::signal::matching::{Delay, Sense, delay};
 use crate::signal::station::Station;
 use crate::units::GRAVITY_M_S2;
 
-/// A rise that takes more of the time to the half fall than this may run into the fall: only its beginning is laid over.
+/// If a rise takes more than this share of the time to the half fall, it may run into the fall: only its beginning is
+/// matched.
 const CROWDED: f64 = 0.6;
-/// A rise that takes more of the time to the return of the front than this is a closure slower than 2L/a.
+/// If a rise takes more than this share of the time to the return of the front, the closure is slower than 2L/a.
 const SLOW: f64 = 0.85;
-/// Relative error where the end of the closure may have been taken for the return of the wave.
+/// Relative error if the end of the closure may have been mistaken for the return of the wave.
 const MISTAKEN: f64 = 0.25;
-/// Part by which creep, gas and unsteady friction may lengthen the period.
+/// Share by which creep, gas and unsteady friction may lengthen the period.
 const LENGTHENED: f64 = 0.1;
 /// Factor within which the rise of a closure that outlasts the wave's return agrees with that return.
 const RISE_ALIKE: f64 = 1.5;
-/// Share of the smear that is taken for the error left in a delay of laid-over fronts.
+/// Share of the smear that counts as the error left in a delay of matched fronts.
 const TAIL_LEFT: f64 = 0.1;
 
-/// The rise may run into the fall.
+/// Whether the rise may run into the fall.
 fn is_crowded(front: &Front) -> bool {
     front.rise > CROWDED * (front.half_fall - front.onset)
 }
 
-/// From the time that the first front takes to the supply and back: the first peak's rise against its fall.
+/// The wave speed from the first front's travel time to the supply and back: matches the first peak's rise with its
+/// fall.
 ///
-/// `stations` are ordered from the valve to the supply; the first one is searched without a prior, the others near what it
-/// gives. The range holds every window of every sensor, and the crossings of equal levels (a quarter and half of the front,
-/// the latter at the valve being the steady level itself, as in Table 2 of the source paper). Comes with the smear: by which
-/// part of itself the half level's delay is longer, which is what creep and unsteady friction do to a front.
+/// `stations` are ordered from the valve to the supply. The first one is searched without a prior, the others near the
+/// first result. The range covers every window of every sensor and the crossings of equal levels (a quarter and half of
+/// the front; at the valve, half is the steady level itself, as in Table 2 of the source paper). Also returns the
+/// smear: the relative excess of the half level's delay, which creep and unsteady friction cause.
 pub(crate) fn crossings(stations: &[&Station], length_m: f64) -> Option<(Crossings, f64)> {
     let mut estimates: Vec<Estimate> = Vec::new();
     let mut alternatives: Vec<f64> = Vec::new();
@@ -50,7 +52,7 @@ pub(crate) fn crossings(stations: &[&Station], length_m: f64) -> Option<(Crossin
             None => (((0.55 * to_half_fall).max(0.8 * front.rise), to_half_fall), 1.0),
             Some(first) => {
                 let expected = 2.0 * station.place_m / first.value / trace.step_s;
-                // where the fall comes into the rise, or too close to the supply, the sensor adds doubt only
+                // where the fall runs into the rise, or close to the supply, a sensor adds doubt only
                 if slow || front.rise > 0.7 * expected || station.place_m < 0.4 * length_m {
                     continue;
                 }
@@ -61,7 +63,7 @@ pub(crate) fn crossings(stations: &[&Station], length_m: f64) -> Option<(Crossin
         let Some(found) = delay(trace, front, trace, lags, Sense::Falls, reach, station.coarse_sd_m) else { continue };
         let value = speed(found.value);
         if estimates.is_empty() {
-            // between the valve and the supply a closure that outlasts the return holds the head level: its end is what falls
+            // between valve and supply, a closure that outlasts the return holds the level, and the fall marks its end
             let doubtful = station.place_m < 0.9 * length_m && front.rise > CROWDED * found.value;
             slow = doubtful || front.rise > SLOW * found.value;
             if doubtful {
@@ -83,9 +85,9 @@ pub(crate) fn crossings(stations: &[&Station], length_m: f64) -> Option<(Crossin
     Some((Crossings { value: joint.value, standard_error, low, high, slow_closure: slow }, tail))
 }
 
-/// Between the valve and the supply the level may be held by a closure that outlasts the wave's return, and fall when it ends: what rises and
-/// falls is then the closure, and the wave that it makes too slow. The period tells, for it is 4L/a wherever it is read, and no shorter; the rise
-/// takes as long then as the wave's way to the supply and back.
+/// Between the valve and the supply, a closure that outlasts the wave's return may hold the level and let it fall when
+/// it ends. Rise and fall then show the closure, and the wave seems too slow. The period exposes this: it is 4L/a at
+/// every sensor, and no shorter. The rise then takes as long as the wave's way to the supply and back.
 pub(crate) fn held_against_period(found: Crossings, station: &Station, length_m: f64) -> Crossings {
     let Ok(front) = &station.front else { return found };
     if station.place_m > 0.9 * length_m {
@@ -105,7 +107,7 @@ pub(crate) fn held_against_period(found: Crossings, station: &Station, length_m:
 
 /// Delays between equal levels of the rise and the fall, at a quarter and at half of the front.
 fn equal_levels(station: &Station, front: &Front, valve_m: f64, found: &Delay) -> Vec<f64> {
-    // at the valve the front comes back doubled; in between the valve's echo follows too closely to tell
+    // at the valve the front comes back doubled; between valve and supply the valve's echo follows too closely to tell
     let echo = 2.0 * (valve_m - station.place_m) / (2.0 * station.place_m) * found.value;
     let times = if echo < 0.3 * front.rise { 2.0 } else { 1.0 };
     let trace = &station.coarse;
@@ -119,7 +121,7 @@ fn equal_levels(station: &Station, front: &Front, valve_m: f64, found: &Delay) -
         .collect()
 }
 
-/// From the front's arrival at two sensors: the one nearest to the valve against each other one.
+/// From the front's arrival at two sensors: the one nearest to the valve paired with each other one.
 pub(crate) fn arrival(stations: &[&Station], smear: f64) -> Option<Estimate> {
     let (first, others) = stations.split_first()?;
     let mut estimates = Vec::new();
@@ -135,7 +137,7 @@ pub(crate) fn arrival(stations: &[&Station], smear: f64) -> Option<Estimate> {
     Some(Estimate { standard_error: joint.standard_error.hypot(TAIL_LEFT * smear * joint.value), ..joint })
 }
 
-/// How much later `other` sees the front than `first`, s, each on its own clock: the one front laid over the other.
+/// Delay of the front at `other` relative to `first`, s, each on its own clock, by matching the two fronts.
 pub(crate) fn front_delay(first: &Station, other: &Station) -> Option<Estimate> {
     let front = first.front.as_ref().ok()?;
     let later = other.front.as_ref().ok()?;
@@ -152,8 +154,8 @@ pub(crate) fn front_delay(first: &Station, other: &Station) -> Option<Estimate> 
 }
 
 /// From the height of the first rise: a = g ΔH / V₀ (Joukowsky 1898). `None` for a closure slower than 2L/a, whose rise
-/// would only give a lower bound. The plateau is drawn back to the middle of the front, which takes friction's slow
-/// rise and the slow part of creep out of it; creep during the closure lowers the rise for good, by about the smear.
+/// would only give a lower bound. Extrapolating the plateau to the middle of the front removes friction's slow rise and
+/// the slow part of creep; creep during the closure lowers the rise permanently, by about the smear.
 pub(crate) fn joukowsky(station: &Station, wave_speed_m_s: f64, velocity: Estimate, smear: f64) -> Option<Estimate> {
     let front = station.front.as_ref().ok()?;
     if velocity.value <= 0.0 {
@@ -177,14 +179,14 @@ pub(crate) fn joukowsky(station: &Station, wave_speed_m_s: f64, velocity: Estima
     let residual = plateau.iter().enumerate().map(|(i, h)| (h - mean - slope * (i as f64 - middle)).powi(2));
     let scatter = (residual.sum::<f64>() / (n - 2.0)).sqrt();
     let rise_m = mean - slope * reach - front.base_m;
-    // a curved plateau (creep) is not a straight line: a fifth of what was drawn back is doubt
+    // a plateau curved by creep is not a straight line: a fifth of the extrapolation counts as error
     let rise_error = scatter.hypot(0.2 * slope * reach);
     let value = GRAVITY_M_S2 * rise_m / velocity.value;
     let relative = (rise_error / rise_m).hypot(velocity.standard_error / velocity.value).hypot(0.7 * smear);
     (rise_m > 0.0).then_some(Estimate { value, standard_error: value * relative })
 }
 
-/// Mean weighted by the inverse variances, its error widened where the values disagree by more than theirs.
+/// Mean weighted by inverse variances; its error is widened if the values scatter more than their errors allow.
 pub(crate) fn weighted_mean(estimates: &[Estimate]) -> Option<Estimate> {
     let weight = |e: &Estimate| 1.0 / (e.standard_error.powi(2) + (1e-9 * e.value).powi(2));
     let total: f64 = estimates.iter().map(weight).sum();

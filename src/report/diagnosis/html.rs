@@ -107,7 +107,8 @@ fn failings(diagnoses: &[Diagnosis]) -> String {
         if diagnosis.residual_patterns.is_empty() {
             out.push_str("<p>It fails nowhere: what it leaves is noise.</p>\n");
         } else {
-            let items: Vec<String> = diagnosis.residual_patterns.iter().map(|f| format!("<li>{}</li>\n", escape(f))).collect();
+            let items: Vec<String> =
+                diagnosis.residual_patterns.iter().map(|f| format!("<li>{}</li>\n", escape(f))).collect();
             out.push_str(&format!("<ul>\n{}</ul>\n", items.concat()));
         }
         for doubt in &diagnosis.warnings {

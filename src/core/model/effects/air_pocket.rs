@@ -37,7 +37,7 @@ impl Effect for AirPocket {
             .sum();
         let start_ml = (0.1 * line_m2 * 30.0 * 1e6).clamp(0.1, 1e3);
         vec![
-            // At the pressure before the closure: what a look into the pipe would show.
+            // At the pressure before the closure.
             Parameter::log("air_volume_mL", "mL", "volume of the trapped air before the closure", start_ml, 1e-3, 1e4)
                 .vanishing_at(0.0),
             Parameter::linear(
@@ -63,7 +63,7 @@ impl Effect for AirPocket {
         if volume_ml == 0.0 {
             return Ok(Vec::new());
         }
-        // Below vapour pressure the air goes on growing in a straight line.
+        // Below vapour pressure the air continues to expand linearly.
         let low_m = scene.vapour_head_m() + scene.atmosphere_head_m();
         let floor_m = scene.rig.elevation_m(scene.rig.length_m()) - scene.atmosphere_head_m();
         let reference_m = scene.valve_head_m - floor_m;

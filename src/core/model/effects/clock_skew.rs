@@ -1,4 +1,4 @@
-//! A sensor whose clock is shifted against the others'.
+//! A sensor whose clock is shifted against those of the others.
 
 use crate::model::effect::{Effect, check};
 use crate::model::error::ModelError;
@@ -8,8 +8,8 @@ use crate::model::trace::Trace;
 
 /// See the module.
 ///
-/// A positive skew is a clock that is ahead: everything bears a later time at this sensor than it happened, `y(t) = H(t - s)`. Fronts
-/// seem to arrive late by `s`.
+/// A positive skew is a clock that is ahead: `y(t) = H(t - s)`. Everything at this sensor carries a later time than it
+/// happened, and fronts seem to arrive late by `s`.
 pub struct ClockSkew;
 
 impl Effect for ClockSkew {
@@ -36,7 +36,7 @@ impl Effect for ClockSkew {
         let t = site.period_s;
         vec![Parameter::linear("clock_skew_s", "s", about, 0.01 * t, -t, t).vanishing_at(0.0)]
     }
-    /// Both ways, up to where fronts of other reflections lie.
+    /// Both directions, as far as fronts of other reflections.
     fn other_starts(&self, _elements: usize) -> Vec<Vec<f64>> {
         [-1.0, 10.0, -10.0].iter().map(|&by| vec![by]).collect()
     }

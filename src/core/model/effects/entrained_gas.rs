@@ -1,7 +1,7 @@
 //! Free gas spread along the pipe: the discrete gas cavity model, a small isothermal gas volume at every node.
 //!
-//! Gas comes to the volume that belongs to its pressure with a lag `θ`: it exchanges heat with the water, goes into solution and
-//! comes out of it. That is the bulk viscosity of gassy water, and what its sharp fronts are rounded by.
+//! The volume of gas follows its pressure with a lag `θ`: gas exchanges heat with the water, dissolves and comes out of
+//! solution. This is the bulk viscosity of gassy water, which rounds its sharp fronts.
 
 use crate::model::contribution::NodeField;
 use crate::model::effect::{Effect, check};
@@ -45,7 +45,7 @@ impl Effect for EntrainedGas {
             Parameter::log(
                 "gas_fraction",
                 "1",
-                "volume of free gas per volume of pipe, were its pressure one atmosphere",
+                "volume of free gas per volume of pipe, at a pressure of one atmosphere",
                 1e-5,
                 1e-8,
                 1e-2,
@@ -69,7 +69,7 @@ impl Effect for EntrainedGas {
         vec![vec![0.03, 1.0], vec![30.0, 1.0]]
     }
 
-    /// Its steady head above vapour's, its book.
+    /// Steady head above vapour pressure, and `K` of each node.
     fn kept_per_node(&self, _elements: usize) -> usize {
         2
     }

@@ -1,9 +1,9 @@
 //! A leak: an orifice in the wall that lets water out to the atmosphere.
 //!
-//! `Q = Cd A √(2g (H - z))` where the pressure is above atmospheric; below it the orifice draws air, which this model does not
-//! follow: nothing flows. The strength is `Cd A`, a property of the hole that is the same in every run. The flow it means
-//! before the closure follows from the steady head at its place, `Q = leak_cda_mm2·1e-6 √(2g (H(x) - z(x)))`: 1 mm² at 20 m
-//! of pressure loses 0.0198 L/s.
+//! `Q = Cd A √(2g (H - z))` above atmospheric pressure. Below it the orifice would draw air, which this model does not
+//! follow: nothing flows. The strength `Cd A` is a property of the hole and the same in every run. The flow before the
+//! closure follows from the steady head at the leak, `Q = leak_cda_mm2·1e-6 √(2g (H(x) - z(x)))`: 1 mm² at 20 m of
+//! pressure loses 0.0198 L/s.
 
 use crate::model::effect::{Attachment, Effect, Element, Place, check};
 use crate::model::error::ModelError;
@@ -78,7 +78,7 @@ impl Effect for Leak {
     }
 }
 
-/// Pressure heads below this, m, make the flow linear: its root has no slope at zero.
+/// Below this pressure head, m, the flow is linear: a square root has no finite slope at zero.
 const SMALL_HEAD_M: f64 = 1e-9;
 
 /// `Q = root_c √(H - z)`.

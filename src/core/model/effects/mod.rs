@@ -1,7 +1,7 @@
-//! The catalogue: one file an effect, and the list of them.
+//! The catalogue: the list of all effects, one file each.
 //!
-//! An effect says everything about itself. Whatever needs to know of effects (help, calibration, reports) iterates over
-//! [`CATALOGUE`]. It contributes to the scheme in a few ways, each a method of [`Effect`] that defaults to nothing:
+//! An effect describes itself completely. Help, calibration, diagnosis and reports iterate over [`CATALOGUE`]. An
+//! effect contributes to the scheme in a few ways, each a method of [`Effect`] that does nothing by default:
 //!
 //! | method | what the effect changes |
 //! | --- | --- |
@@ -54,7 +54,7 @@ pub static CATALOGUE: &[&dyn Effect] = &[
     &crate::model::effects::sensor_gain::SensorGain,
 ];
 
-/// Reads a comma-separated list of effects; `none` or nothing is the base model.
+/// Parses a comma-separated list of effects; `none` or an empty list is the base model.
 ///
 /// # Errors
 /// A name that is not in the catalogue (the nearest is named), a number of elements where there are none or out of

@@ -10,8 +10,9 @@ use crate::units::GRAVITY_M_S2;
 
 /// See the module.
 ///
-/// `u` is how far the end has moved outward since the closure, driven by the head's deviation `h`. The stiffness is told by
-/// the static travel per head, `C = A ρ g/k`, and the mass by the frequency of free oscillation without water.
+/// `u` is the outward travel of the end since the closure, driven by the head's deviation `h`. The parameters are the
+/// static travel per head, `C = A ρ g/k`, which gives the stiffness, and the natural frequency without water, which
+/// gives the mass.
 pub struct MovingValve;
 
 impl Effect for MovingValve {
@@ -32,7 +33,7 @@ impl Effect for MovingValve {
         "a ripple of one frequency on plateaus, at all sensors; a later, rounded first rise"
     }
 
-    /// Travel that takes up as much water as a hundredth of the pipe does, one oscillation in a quarter of the period.
+    /// Travel that takes in as much water as a hundredth of the pipe, one oscillation in a quarter of the period.
     fn parameters(&self, site: &Site, _elements: usize) -> Vec<Parameter> {
         let pipe = &site.rig.pipes[site.rig.pipes.len() - 1];
         let wave_speed = pipe.wave_speed_start(site.water).0;
@@ -41,7 +42,7 @@ impl Effect for MovingValve {
             Parameter::log(
                 "valve_frequency_Hz",
                 "Hz",
-                "frequency at which the valve swings on its supports by itself",
+                "natural frequency of the valve on its supports",
                 4.0 / site.period_s,
                 (0.2 / site.period_s).min(1.0),
                 (400.0 / site.period_s).max(500.0),
@@ -59,7 +60,7 @@ impl Effect for MovingValve {
         ]
     }
 
-    /// Slower and faster swings: between them a fit sees no way.
+    /// Slower and faster oscillations, because a fit finds no path between them.
     fn other_starts(&self, _elements: usize) -> Vec<Vec<f64>> {
         [0.4, 2.5, 6.0].iter().map(|&by| vec![by, 1.0, 1.0]).collect()
     }
@@ -80,7 +81,7 @@ impl Effect for MovingValve {
     }
 }
 
-/// The moving end as what takes water out: its oscillator moves in units of the head, `u/C`.
+/// The moving end as a shunt: its oscillator moves in units of the head, `u/C`.
 struct MovingEnd {
     swing: Oscillator,
     /// Water taken in per head, `A C`, m².

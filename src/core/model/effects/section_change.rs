@@ -1,11 +1,11 @@
 //! A stretch of pipe with another wave speed: another wall, material or support, but the same bore.
 //!
-//! Only the elastic wave speed differs; creep of the wall, where the model has it, is the pipe's. A stretch that no reach
-//! resolves is lumped by the grid with all its inertance and capacitance, so a fit may move it anywhere.
+//! Only the elastic wave speed differs; the creep of the wall, if the model has it, is the pipe's. The grid lumps a
+//! stretch that no reach resolves with all its inertance and capacitance, so a fit may move it anywhere.
 //!
-//! A stretch of its own parts the pipe in two, which need not be one piece of pipe: a wall 5% thicker makes the wave speed of a
-//! metal pipe half a percent higher. Over some tens of periods that is more than the noise, so the pipe beyond the stretch has
-//! a ratio of its own, held near 1 by a prior of that size.
+//! The stretch parts the pipe in two, which need not be one piece of pipe: a wall that is 5 % thicker raises the wave
+//! speed of a metal pipe by half a percent. Over some tens of periods that exceeds the noise, so the pipe beyond the
+//! stretch has a ratio of its own, held near 1 by a prior of that size.
 
 use crate::model::effect::{Effect, check};
 use crate::model::error::ModelError;
@@ -13,7 +13,7 @@ use crate::model::grid::Stretch;
 use crate::model::parameter::Parameter;
 use crate::model::scene::Site;
 
-/// Ratio from which a fit starts: so weak that the period, to which the wave speed is locked, hardly moves.
+/// Ratio from which a fit starts: so weak that the period, to which the wave speed is locked, hardly changes.
 const WEAK: f64 = 1.04;
 
 /// See the module.
@@ -36,8 +36,8 @@ impl Effect for SectionChange {
         "a pair of steps from its two ends, in proportion to the pressure; modes shift unevenly"
     }
 
-    /// The two ends: each is a front of its own in the record. In either order, so that a fit in which they pass each other meets
-    /// no wall.
+    /// The two ends, each a front of its own in the record. Either order is allowed, so that they may pass each other
+    /// in a fit.
     fn parameters(&self, site: &Site, _elements: usize) -> Vec<Parameter> {
         let length_m = site.rig.length_m();
         vec![

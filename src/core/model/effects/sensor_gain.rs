@@ -8,10 +8,10 @@ use crate::model::trace::Trace;
 
 /// See the module.
 ///
-/// What is scaled is the pressure, so that the elevation of the sensor does not count; its zero error is a parameter of every run.
+/// The gain scales the pressure, so the sensor's elevation does not matter. Its zero error is a parameter of every run.
 pub struct SensorGain;
 
-/// Gain error that is a fault: an ordinary transducer with its amplifier is good to a percent.
+/// Least gain error that counts as a fault: an ordinary transducer with its amplifier is good to a percent.
 const LEAST_FAULT: f64 = 0.01;
 
 impl Effect for SensorGain {
@@ -34,7 +34,7 @@ impl Effect for SensorGain {
         true
     }
     fn parameters(&self, _site: &Site, _elements: usize) -> Vec<Parameter> {
-        let about = "by which part the sensor reads too high";
+        let about = "share by which the sensor reads too high";
         vec![Parameter::linear("gain_error", "1", about, 0.02, -0.3, 0.3).vanishing_at(0.0)]
     }
     fn noteworthy(&self, values: &[f64]) -> bool {

@@ -9,11 +9,12 @@ use crate::model::trace::Trace;
 
 /// See the module.
 ///
-/// Told by its lag `T = 2ζ/ω`, which shifts and smooths, and its damping ratio, which shapes: the two hardly trade against each other,
-/// where frequency and damping would. With `ζ` large it is the first-order lag `T y' + y = x`. The natural frequency is `ζ/(πT)`.
+/// The parameters are the lag `T = 2ζ/ω`, which shifts and smooths, and the damping ratio, which shapes. They are
+/// nearly independent, as frequency and damping would not be. A large `ζ` gives the first-order lag `T y' + y = x`. The
+/// natural frequency is `ζ/(πT)`.
 pub struct SensorLag;
 
-/// A lag below this part of a time step leaves nothing.
+/// A lag below this share of a time step has no effect.
 const NO_LAG_STEPS: f64 = 1e-9;
 
 impl Effect for SensorLag {
@@ -42,7 +43,7 @@ impl Effect for SensorLag {
             Parameter::log(
                 "lag_time_s",
                 "s",
-                "how far the sensor shows a steady rise behind",
+                "delay with which the sensor shows a steady rise",
                 lag_s,
                 1e-4 * lag_s,
                 100.0 * lag_s,
@@ -51,7 +52,7 @@ impl Effect for SensorLag {
             Parameter::log(
                 "lag_damping_ratio",
                 "1",
-                "damping of the sensor: below 0.7 it rings, 1 is critical, a large one is a lag of first order",
+                "damping of the sensor: below 0.7 it rings, 1 is critical, large values are a lag of first order",
                 1.0,
                 0.02,
                 20.0,

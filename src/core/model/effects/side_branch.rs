@@ -1,8 +1,8 @@
 //! A dead-end branch: a pipe that leaves the line at one place, leads nowhere and stores what pressure pushes into it.
 //!
-//! The branch is elastic and frictionless, with the wave speed of the line at its place. The wave `f` that enters it comes back
-//! from the dead end whole, after `2l/a`: `h = f + r`, `r(t) = f(t - 2l/a)`, `Q = (f - r)/B`. Between the times at which it is known, `f`
-//! is interpolated (cubic; linear where it takes less than one step to return), which makes the trace smooth in the length.
+//! The branch is elastic and frictionless, with the wave speed of the line at its place. The wave `f` that enters it
+//! returns from the dead end unchanged after `2l/a`: `h = f + r`, `r(t) = f(t - 2l/a)`, `Q = (f - r)/B`. Interpolating
+//! `f` between time steps (cubic; linear if it returns within one step) makes the trace smooth in the length.
 
 use crate::model::effect::{Attachment, Effect, Element, Place, check};
 use crate::model::error::ModelError;
@@ -87,28 +87,28 @@ impl Effect for SideBranch {
     }
 }
 
-/// The branch as its mouth sees it.
+/// The branch as seen from the line.
 struct DeadEnd {
     /// `g A_b/a`, m²/s.
     admittance: f64,
     steady_head_m: f64,
-    /// Waves that entered, one a step, in a ring; the last at `last`.
+    /// Waves that entered, one per step, in a ring buffer; `last` is the index of the last.
     entered: Vec<f64>,
     last: usize,
-    /// Weights of the waves entered `first, first + 1, …` steps before the new time in the one that returns.
+    /// Weights in the returning wave of the waves that entered `first, first + 1, …` steps before the new time.
     weights: [f64; 4],
     first: usize,
-    /// The part of the returning wave that is known before the step, and the share of the entering one in it.
+    /// The part of the returning wave that is known before the step, and the share of the entering wave in it.
     known: f64,
     implicit: f64,
 }
 
 impl DeadEnd {
-    /// `delay` is the time to the dead end and back, in steps.
+    /// `delay` is the travel time to the dead end and back, in steps.
     fn new(admittance: f64, delay: f64) -> DeadEnd {
         let whole = delay.floor();
         let s = delay - whole;
-        // Lagrange through -1, 0, 1, 2; all of its gains are at most one, so no interpolation feeds the branch energy.
+        // Lagrange through -1, 0, 1, 2. All its gains are at most one, so interpolation feeds no energy to the branch.
         let (first, weights) = if whole < 1.0 {
             (0, [1.0 - s, s, 0.0, 0.0])
         } else {
@@ -128,7 +128,7 @@ impl DeadEnd {
         }
     }
 
-    /// The wave that returns if the head is `h` above the steady one, from `r = w f + known`, `f = h - r`.
+    /// The returning wave if the head is `h` above the steady one, from `r = w f + known`, `f = h - r`.
     fn returning(&self, h: f64) -> f64 {
         (self.implicit * h + self.known) / (1.0 + self.implicit)
     }
@@ -153,7 +153,7 @@ impl Shunt for DeadEnd {
         let size = self.entered.len();
         self.last = (self.last + 1) % size;
         self.entered[self.last] = h - self.returning(h);
-        // What entered `back` steps before the next time is `back - 1` steps behind the last.
+        // What entered `back` steps before the next time is `back - 1` steps before the last.
         self.known = (0..4)
             .map(|j| (self.first + j, self.weights[j]))
             .filter(|&(back, _)| back > 0)

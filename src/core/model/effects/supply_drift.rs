@@ -57,7 +57,7 @@ impl Effect for SupplyDrift {
     }
 }
 
-/// A supply that drifts on top of what it does otherwise.
+/// Adds a drift to another supply.
 struct Drifting {
     supply: Box<dyn Supply>,
     change_m: f64,

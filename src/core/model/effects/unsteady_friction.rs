@@ -1,5 +1,5 @@
-//! Wall friction that depends on the flow's history: as a convolution with the flow's past acceleration, or, as a variant, by
-//! the momentary acceleration alone.
+//! Wall friction that depends on the history of the flow: as a convolution with its past acceleration, or, as a
+//! variant, from its momentary acceleration alone.
 
 use crate::model::contribution::{Implicit, LineTerm};
 use crate::model::effect::{Effect, check};
@@ -13,20 +13,20 @@ use crate::model::wide::widened;
 use crate::rig::LAMINAR_REYNOLDS;
 use crate::units::GRAVITY_M_S2;
 
-/// Convolution with the flow's history; see the module.
+/// Convolution with the history of the flow; see the module.
 pub struct UnsteadyFriction;
 
-/// Friction by the momentary acceleration; see the module.
+/// Friction from the momentary acceleration; see the module.
 pub struct Brunone;
 
 const CONVOLUTION: &str = "unsteady-friction";
 const BRUNONE: &str = "unsteady-friction/brunone";
 const ONE_LAW: &str = "both describe the same friction, which would count twice";
 
-/// How well the textbook's strength is known: scatter of published tests about it.
+/// Uncertainty of the textbook's strength: the scatter of published tests.
 const SCALE_DEVIATION: f64 = 0.3;
 
-/// A factor on a textbook's friction.
+/// A factor on the textbook's friction.
 fn scale(name: &str, about: &'static str) -> Parameter {
     Parameter::linear(name, "1", about, 1.0, 0.0, 4.0).with_prior(1.0, SCALE_DEVIATION).vanishing_at(0.0)
 }
@@ -61,7 +61,7 @@ impl Effect for UnsteadyFriction {
         &[(BRUNONE, ONE_LAW)]
     }
     fn parameters(&self, _site: &Site, _elements: usize) -> Vec<Parameter> {
-        vec![scale("unsteady_friction_scale", "multiplies the unsteady friction; 1 is the textbook's")]
+        vec![scale("unsteady_friction_scale", "multiplies the unsteady friction; 1 is the textbook value")]
     }
 
     fn kept_per_node(&self, _elements: usize) -> usize {
@@ -78,20 +78,20 @@ impl Effect for UnsteadyFriction {
     }
 }
 
-/// Terms of a kernel down to the steps of the finest grids, about a microsecond in pipes of centimetres.
+/// Number of terms that reaches down to the steps of the finest grids, about a microsecond in pipes of centimetres.
 const MOST_TERMS: usize = 20;
-/// Nodes whose memories lie together, so that one pass over them keeps sums and flows in registers.
+/// Nodes per block: one pass over a block keeps its sums and flows in registers.
 const BLOCK: usize = 8;
 
-/// What the nodes of one segment remember.
+/// Memory of the nodes of one segment.
 ///
-/// With `u` linear over a step, `y⁺ = E y + M (u⁺ - u)` of each exponential is exact; `E`, `M` are its decay and mean. Kept is
-/// `x = M u - E y`, the part of it that the next step knows: `y⁺ = M u⁺ - x`, `x⁺ = E x + M (1 - E) u⁺`. The new flow enters
-/// implicitly: explicitly the error would fall only as the root of the step.
+/// With `u` linear over a step, `y⁺ = E y + M (u⁺ - u)` is exact for each exponential; `E` and `M` are its decay and
+/// mean. The state is `x = M u - E y`, the part that is known before the next step: `y⁺ = M u⁺ - x`, `x⁺ = E x + M (1 -
+/// E) u⁺`. The new flow enters implicitly; explicitly, the error would fall only as the root of the step.
 struct Memory {
     /// `c Σ M`, where `c Σ y` is the head that the term takes over half a reach.
     mu: f64,
-    /// The part of `mu` of exponentials that a step forgets.
+    /// The part of `mu` from exponentials that do not outlast a step.
     forgotten: f64,
     /// `E` and `c M (1 - E)` of each exponential.
     terms: Vec<(f64, f64)>,
@@ -122,7 +122,7 @@ impl Memory {
         }
     }
 
-    /// One block: takes in its flows and gives what the next step knows.
+    /// One block: takes its new flows and adds the known part of the next step.
     #[inline(always)]
     fn advance(terms: &[(f64, f64)], forgotten: f64, states: &mut [[f64; BLOCK]], u: &[f64; BLOCK]) -> [f64; BLOCK] {
         let mut known = u.map(|u| forgotten * u);
@@ -210,7 +210,7 @@ impl Effect for Brunone {
     }
 }
 
-/// Beyond it `k` is no small part of the inertia any more and the equation means nothing.
+/// Beyond this, `k` is no longer a small share of the inertia and the equation is meaningless.
 const MOST_BRUNONE_SCALE: f64 = 20.0;
 
 /// Brunone's `k` from Vardy's shear decay coefficient.
@@ -222,10 +222,10 @@ fn brunone_coefficient(reynolds: f64) -> f64 {
 
 /// Brunone's term with Vítkovský's sign.
 ///
-/// `dt (dV/dt + a s |dV/dx|)`, `s = sign V`, is the change of `V` along one of the two characteristics that arrive:
-/// `V_P - min(V_A, V_B)` for `s > 0`, `V_P - max(V_A, V_B)` for `s < 0`. So taken it vanishes to rounding for a wave that slows the
-/// flow, however steep, and a front keeps its height over any number of reaches; differences taken
-/// at other places cancel only on paper. At rest it is whatever lies between, as dry friction is: no sign chatters there.
+/// `dt (dV/dt + a s |dV/dx|)`, `s = sign V`, is the change of `V` along one of the two arriving characteristics: `V_P -
+/// min(V_A, V_B)` for `s > 0`, `V_P - max(V_A, V_B)` for `s < 0`. In this form it vanishes to rounding for a wave that
+/// slows the flow, however steep, and a front keeps its height over any number of reaches; differences taken at other
+/// places cancel only in theory. At rest it is any value in between, like dry friction, so no sign chatters there.
 struct Acceleration {
     /// `½k` and `u` before the closure of each segment.
     segments: Vec<(f64, f64)>,
@@ -252,7 +252,7 @@ impl LineTerm for Acceleration {
     fn advance(&mut self, segment: usize, h: &[f64], u: &[f64], _storage: &mut [f64], momentum: &mut [f64]) {
         let mu = self.segments[segment].0;
         let (Some(inner), [first, .., last]) = (u.len().checked_sub(2), &mut *momentum) else { return };
-        // Beyond a segment's ends the flow is taken as at them.
+        // Beyond a segment's ends the flow is that at the ends.
         *first += Self::known(mu, u[0], u[1], u[0]);
         *last += Self::known(mu, u[inner], u[inner + 1], u[inner + 1]);
         let (u_before, u_after) = (&u[..inner], &u[2..][..inner]);

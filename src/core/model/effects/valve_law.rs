@@ -1,4 +1,4 @@
-//! A valve that closes by another law than a linear one: in two stages, or by a power of the time left.
+//! A valve that does not close linearly in time: in two stages, or as a power of the time left.
 
 use crate::model::boundary::ValveEnd;
 use crate::model::effect::{Effect, check};
@@ -11,9 +11,10 @@ const ONE_LAW: &str = "a valve closes by one law";
 
 /// Two stages. See the module.
 ///
-/// The opening is linear in time between `(0, 1)`, the inflection `(t_i/T_c, τ_i)` and `(1, 0)`. The closing time stays the run's own
-/// parameter. The corners of the law may lie anywhere between time steps: the solver asks for the opening at its steps only, so that
-/// a corner inside a step is seen a fraction of the step late, as the end of the linear law is.
+/// The opening is linear in time between `(0, 1)`, the inflection `(t_i/T_c, τ_i)` and `(1, 0)`. The closing time stays
+/// the run's own parameter. The corners of the law may lie anywhere between time steps: the solver evaluates the
+/// opening only at its steps, so it sees a corner inside a step a fraction of the step late, as it does the end of the
+/// linear law.
 pub struct ValveLaw;
 
 impl Effect for ValveLaw {
@@ -40,13 +41,13 @@ impl Effect for ValveLaw {
         &[("valve-law/power", ONE_LAW)]
     }
 
-    /// The law is the linear one wherever `τ_i = 1 - t_i/T_c`: at half the time, at half the opening.
+    /// The law is linear wherever `τ_i = 1 - t_i/T_c`: at half the time, at half the opening.
     fn parameters(&self, _site: &Site, _elements: usize) -> Vec<Parameter> {
         vec![
             Parameter::linear(
                 "inflection_time_fraction",
                 "1",
-                "part of the closing time after which the valve changes its speed",
+                "share of the closing time after which the valve changes its speed",
                 0.5,
                 0.01,
                 0.99,
@@ -54,7 +55,7 @@ impl Effect for ValveLaw {
             Parameter::linear(
                 "inflection_opening",
                 "1",
-                "relative opening at which it does; the closure is linear where this is 1 less the time's part",
+                "relative opening at that time; the closure is linear if it is 1 minus that share",
                 0.35,
                 0.0,
                 1.0,
@@ -63,7 +64,7 @@ impl Effect for ValveLaw {
         ]
     }
 
-    /// Slow then fast, and early and late turns of both kinds.
+    /// Slow then fast and fast then slow, each with an early and a late turn.
     fn other_starts(&self, _elements: usize) -> Vec<Vec<f64>> {
         vec![vec![1.0, 1.9], vec![0.4, 1.4], vec![1.6, 0.3]]
     }
@@ -77,12 +78,13 @@ impl Effect for ValveLaw {
     }
 }
 
-/// The opening after the part `s` of the closing time.
+/// The opening after a share `s` of the closing time.
 fn two_stage(at: f64, opening: f64, s: f64) -> f64 {
     if s < at { 1.0 - (1.0 - opening) * s / at } else { opening * (1.0 - s) / (1.0 - at) }
 }
 
-/// `τ = (1 - t/T_c)^m`: a ball or butterfly valve turned evenly has `m` above 1, a gate worn round its seat below.
+/// `τ = (1 - t/T_c)^m`: a ball or butterfly valve turned at constant speed has `m` above 1, a gate worn around its seat
+/// below.
 struct Power;
 
 impl Effect for Power {

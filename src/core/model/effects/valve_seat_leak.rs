@@ -1,8 +1,9 @@
 //! A valve that does not close fully: worn seat, grit, a stop set too early.
 //!
-//! Of the two forms that there are, the first is the seat's: a gap that is the same in every run, however far the valve was open before.
-//! Its strength is `Cd A`, as a leak's; relative to the opening that lets `Q0` through at `ΔH0` it is `r = CdA √(2g ΔH0)/Q0`. The other,
-//! `/stroke`, is the drive's: the closure ends the same part of the opening short of the seat in every run. In one run they are one.
+//! It has two forms. The first is the seat's: a gap that is the same in every run, however far the valve was open
+//! before. Its strength is `Cd A`, as a leak's; relative to the opening that passes `Q0` at `ΔH0` it is `r = CdA √(2g
+//! ΔH0)/Q0`. The second, `/stroke`, is the drive's: the closure stops short of the seat by the same share of the
+//! opening in every run. In a single run the two are the same.
 
 use crate::model::boundary::ValveEnd;
 use crate::model::effect::{Effect, check};
@@ -49,7 +50,7 @@ impl Effect for ValveSeatLeak {
         check("seat_cda_mm2", values[0], values[0] >= 0.0, "zero or more")?;
         if values[0] > 0.0 {
             let seat_m3_s = values[0] * 1e-6 * (2.0 * GRAVITY_M_S2 * valve.drop_m.max(0.0)).sqrt();
-            // A gap as wide as the valve was open before leaves it nothing to close.
+            // A gap as wide as the former opening would leave nothing to close.
             valve.residual_opening = (seat_m3_s / valve.flow_m3_s).clamp(0.0, 1.0);
         }
         Ok(())

@@ -1,4 +1,5 @@
-//! Column separation: where the pressure falls to that of vapour, a cavity opens and holds it there until it is filled again.
+//! Column separation: where the pressure falls to vapour pressure, a cavity opens and holds it there until water fills
+//! the cavity again.
 
 use crate::model::contribution::NodeField;
 use crate::model::effect::{CERTAIN, Circumstances, Effect, check};
@@ -14,12 +15,14 @@ pub struct VapourCavity;
 
 /// Gas that starts the cavities, as a volume fraction at atmospheric pressure.
 ///
-/// So little changes wave speeds by less than a thousandth wherever the pressure is above an atmosphere, yet cushions the many small
-/// cavities of a region near vapour pressure, which without any gas collapse one after the other in spikes that no measurement
-/// shows. It is fixed: any other that is as small leaves the same trace (Wylie 1984; Bergant, Simpson & Tijsseling 2006, J. Fluids Struct. 22:135-171, recommend 1e-7 or less).
+/// It changes wave speeds by less than a thousandth wherever the pressure is above an atmosphere, yet cushions the many
+/// small cavities of a region near vapour pressure, which without any gas collapse one after the other in spikes that
+/// no measurement shows. It is fixed, because any other value as small leaves the same trace (Wylie 1984; Bergant,
+/// Simpson & Tijsseling 2006, J. Fluids Struct. 22:135-171, recommend 1e-7 or less).
 const GAS_FRACTION: f64 = 1e-7;
 
-/// How near to vapour pressure a record must come to be on its floor, m: zero errors of sensors and weather are of this size.
+/// A record lies on the floor if it comes this near to vapour pressure, m: zero errors of sensors and weather are of
+/// this size.
 const FLOOR_M: f64 = 1.0;
 
 impl Effect for VapourCavity {
@@ -47,11 +50,12 @@ impl Effect for VapourCavity {
     fn lets_boil(&self) -> bool {
         true
     }
-    /// Where the record lies on the floor of vapour pressure, the water boils: nothing else stops a fall there.
+    /// If the record lies on the floor of vapour pressure, the water boils: nothing else stops a fall there.
     fn odds(&self, known: &Circumstances) -> f64 {
         if known.above_vapour_m < FLOOR_M { CERTAIN } else { 1.0 }
     }
-    /// Where the water boils follows from its temperature; how fast a cavity fills at the end is all that can be fitted.
+    /// The head at which the water boils follows from its temperature. Only the speed at which a cavity finally fills
+    /// can be fitted.
     fn parameters(&self, _site: &Site, _elements: usize) -> Vec<Parameter> {
         vec![
             Parameter::log(
@@ -65,7 +69,7 @@ impl Effect for VapourCavity {
             .with_prior(2e-4, 2.0),
         ]
     }
-    /// Its steady head above vapour's, its book.
+    /// Steady head above vapour pressure, and `K` of each node.
     fn kept_per_node(&self, _elements: usize) -> usize {
         2
     }

@@ -34,9 +34,9 @@ impl Effect for ViscoelasticWall {
     }
 
     fn impossible(&self, rig: &Rig) -> Option<&'static str> {
-        // A wrong material in the rig file stays possible, but that is the file's fault.
+        // A wrong material in the rig file is the file's fault.
         let creeps = rig.pipes.iter().any(|p| p.material().viscoelastic);
-        (!creeps).then_some("no pipe of the rig is of a material that creeps at room temperature")
+        (!creeps).then_some("no pipe of the rig is made of a material that creeps at room temperature")
     }
     /// `J1_per_GPa, tau1_s, J2_per_GPa, tau2_s, …`, spread evenly (in ratio) around the period.
     fn parameters(&self, site: &Site, elements: usize) -> Vec<Parameter> {
@@ -127,9 +127,9 @@ impl Effect for ViscoelasticWall {
 
 /// One Kelvin-Voigt element on the grid.
 ///
-/// The exact update for `h` linear over the step is `ε⁺ = E ε + C J (p1 h⁺ + p0 h)` with `r = dt/τ`, `E = exp(-r)`,
-/// `p1 = 1 - (1-E)/r`, `p0 = (1-E)/r - E`. What the next step knows of it, `w = E ε + C J p0 h`, has the recursion
-/// `w⁺ = E w + C J (E p1 + p0) h⁺`; `strain` keeps `w/τ` as a head.
+/// The exact update for `h` linear over the step is `ε⁺ = E ε + C J (p1 h⁺ + p0 h)` with `r = dt/τ`, `E = exp(-r)`, `p1
+/// = 1 - (1-E)/r`, `p0 = (1-E)/r - E`. The part that is known before the next step, `w = E ε + C J p0 h`, follows `w⁺ =
+/// E w + C J (E p1 + p0) h⁺`; `strain` holds `w/τ` as a head.
 struct Element {
     decay: f64,
     p1: f64,
@@ -143,7 +143,7 @@ impl Element {
     fn new(tau_s: f64, dt_s: f64) -> Self {
         let r = dt_s / tau_s;
         let decay = (-r).exp();
-        // (1 - E)/r, by its series where the difference would lose digits.
+        // (1 - E)/r, by its series if the difference would lose digits.
         let mean = if r < 1e-4 { 1.0 - r / 2.0 + r * r / 6.0 } else { -(-r).exp_m1() / r };
         Element { decay, p1: 1.0 - mean, p0: mean - decay, gain: Vec::new(), strain: Vec::new() }
     }

@@ -1,10 +1,10 @@
-//! Does the steady flow fit the meter, and the friction between the pressure sensors?
+//! Checks the steady flow against the meter's range and against the friction between pressure sensors.
 
 use crate::rig::check::{Finding, Level, check_meter, flow_regime, friction_loss_m, reynolds_number};
 use crate::rig::{Rig, Sensor, WaterProperties};
 use crate::signal::check::track::{Front, Track};
 
-/// The steady flow: its regime, the meter's range, and the friction between pressure sensors that it asks for.
+/// The steady flow: its regime, the meter's range, and the friction between pressure sensors that it implies.
 pub(crate) fn check_flow(
     rig: &Rig,
     track: &Track<'_>,
@@ -43,7 +43,7 @@ fn check_loss(
 ) -> Finding {
     let measured = up_m - down_m;
     let expected = friction_loss_m(rig, up.position_m, down.position_m, flow, water);
-    // a percent of the diameter is five of the loss, bends and joints add theirs
+    // a percent of the diameter makes five percent of the loss; bends and joints add to it
     let slack = up_off + down_off + 0.15 * expected.abs();
     let off = measured - expected;
     let subject = format!("steady loss from '{}' to '{}'", up.name, down.name);

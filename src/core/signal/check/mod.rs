@@ -1,4 +1,4 @@
-//! Does a recording agree with its rig? What was measured is held against what the rig file says.
+//! Checks whether a recording agrees with its rig file.
 
 pub(crate) mod flow;
 pub(crate) mod rigs;
@@ -16,8 +16,8 @@ use crate::recording::Recording;
 use crate::rig::check::{Finding, Level};
 use crate::rig::{Rig, SensorKind};
 
-/// All findings on a recording under a rig, that of its own or another one. The findings on the rig alone come from
-/// [`crate::rig::check::check`].
+/// All findings on a recording with a rig, its own or another one. [`crate::rig::check::check`] gives the findings on
+/// the rig alone.
 pub fn check_recording(rig: &Rig, recording: &Recording) -> Vec<Finding> {
     let mut findings = vec![compare_rigs(rig, &recording.rig)];
     let tracks = tracks(rig, recording);

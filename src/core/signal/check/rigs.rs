@@ -1,4 +1,4 @@
-//! Is the rig given the one that was recorded?
+//! Compares the given rig with the recorded one.
 
 use crate::rig::Rig;
 use crate::rig::check::{Finding, Level};
@@ -6,7 +6,7 @@ use crate::rig::check::{Finding, Level};
 pub(crate) fn compare_rigs(given: &Rig, recorded: &Rig) -> Finding {
     let subject = "rig of the recording";
     if given.source == recorded.source {
-        return Finding::new(Level::Fine, subject, "the same as the one given, to the letter", &[]);
+        return Finding::new(Level::Fine, subject, "identical to the rig file given", &[]);
     }
     let units = |rig: &Rig| rig.sensors.iter().map(|s| (s.name.clone(), s.unit.symbol)).collect::<Vec<_>>();
     let recorded_units = units(recorded);
@@ -28,8 +28,9 @@ pub(crate) fn compare_rigs(given: &Rig, recorded: &Rig) -> Finding {
     .filter_map(|(table, differs)| differs.then_some(table))
     .collect();
     if differing.is_empty() {
-        return Finding::new(Level::Fine, subject, "says the same as the one given, in other words", &[]);
+        return Finding::new(Level::Fine, subject, "equivalent to the rig file given, but worded differently", &[]);
     }
-    let message = format!("differs from the one given in: {}; the one given is used here", differing.join(", "));
+    let message =
+        format!("differs from the rig file given in: {}; the rig file given is used here", differing.join(", "));
     Finding::new(Level::Warning, subject, message, &[])
 }

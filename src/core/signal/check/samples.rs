@@ -1,4 +1,4 @@
-//! Are the samples of one sensor all there, in range, dense enough, and possible?
+//! Checks the samples of each sensor: complete, in range, dense enough, and physically possible.
 
 use crate::rig::check::{ATMOSPHERE_PA, Finding, Level};
 use crate::rig::{Coupling, Rig, Sensor, SensorKind, WaterProperties};
@@ -17,7 +17,7 @@ pub(crate) fn check_presence(sensor: &Sensor, tracks: &[Track<'_>]) -> Option<Fi
     (!gaps.is_empty()).then(|| Finding::new(Level::Warning, subject, message, &numbers))
 }
 
-/// Samples at the end of the range, or of the 16-bit counts, are where a sensor stopped following.
+/// Samples at the end of the range, or of the 16-bit counts: the sensor stopped following there.
 pub(crate) fn check_saturation(rig: &Rig, track: &Track<'_>) -> Option<Finding> {
     let sensor = track.sensor;
     let ends = rig.ends(sensor);
@@ -36,7 +36,7 @@ pub(crate) fn check_saturation(rig: &Rig, track: &Track<'_>) -> Option<Finding> 
     Some(Finding::new(Level::Warning, format!("saturation of '{}'", sensor.name), message, &numbers))
 }
 
-/// The closure, and the way to the nearest other pressure sensor, must each take several samples.
+/// The closure, and the travel time to the nearest other pressure sensor, must each take several samples.
 pub(crate) fn check_sample_rate(
     rig: &Rig,
     front: &Front<'_>,
@@ -50,18 +50,18 @@ pub(crate) fn check_sample_rate(
     let nearest = all.iter().map(apart).filter(|t| *t > 0.0).min_by(f64::total_cmp);
     let shortest = nearest.map_or(closing, |t| t.min(closing));
     let samples = shortest / interval;
-    let what = if shortest < closing { "the way to the next sensor" } else { "the closure" };
+    let what = if shortest < closing { "the travel time to the next sensor" } else { "the closure" };
     let message = format!(
         "{:.4} kHz: {samples:.0} samples over {what} ({shortest:.4} s){}",
         1e-3 / interval,
-        if samples < SAMPLES_OF_A_FRONT { "; 10 or more are wanted to place a front" } else { "" }
+        if samples < SAMPLES_OF_A_FRONT { "; 10 or more are needed to locate a front" } else { "" }
     );
     let level = if samples < SAMPLES_OF_A_FRONT { Level::Warning } else { Level::Fine };
     let numbers = [("interval_s", interval), ("closing_time_s", closing), ("samples", samples)];
     Some(Finding::new(level, format!("sample rate of '{}'", sensor.name), message, &numbers))
 }
 
-/// Time of a wave between two positions, s, at the rig's wave speeds.
+/// Travel time of a wave between two positions, s, at the rig's wave speeds.
 fn travel_s(rig: &Rig, a_m: f64, b_m: f64, water: &WaterProperties) -> f64 {
     let (from, to) = (a_m.min(b_m), a_m.max(b_m));
     let mut start = 0.0;
@@ -74,7 +74,7 @@ fn travel_s(rig: &Rig, a_m: f64, b_m: f64, water: &WaterProperties) -> f64 {
     time
 }
 
-/// Water boils before its pressure falls below that of its vapour.
+/// Water boils before its pressure falls below vapour pressure.
 pub(crate) fn check_vapour(track: &Track<'_>, water: &WaterProperties) -> Option<Finding> {
     let sensor = track.sensor;
     if sensor.kind != SensorKind::Pressure || sensor.coupling == Coupling::Ac {

@@ -1,4 +1,4 @@
-//! What a sensor recorded: its samples, its steady value and the first wave that reaches it.
+//! The record of one sensor: its samples, its steady value and the first wave.
 
 use crate::recording::{Recording, Series};
 use crate::rig::{Coupling, Rig, Sensor, SensorKind, WaterProperties};
@@ -11,10 +11,10 @@ const ARRIVAL: f64 = 0.05;
 /// A recording shows a closure when the pressure leaves its steady value by this many times its noise.
 const SIGNAL_TO_NOISE: f64 = 10.0;
 
-/// Samples that a closure and a travel from sensor to sensor should be seen in.
+/// Least number of samples in a closure, and in the travel time from sensor to sensor.
 pub(crate) const SAMPLES_OF_A_FRONT: f64 = 10.0;
 
-/// A sensor with the samples that it recorded (at least one).
+/// A sensor with its samples (at least one).
 pub(crate) struct Track<'a> {
     pub(crate) sensor: &'a Sensor,
     pub(crate) series: &'a Series,
@@ -27,10 +27,10 @@ pub(crate) fn tracks<'a>(rig: &'a Rig, recording: &'a Recording) -> Vec<Track<'a
 }
 
 impl Track<'_> {
-    /// Mean of the samples up to a time, or of all; `None` where there are none.
+    /// Mean of the samples up to a time, or of all; `None` if there are none.
     pub(crate) fn mean_until(&self, end_s: Option<f64>) -> Option<f64> {
         let end = end_s.map_or(self.series.value.len(), |end| self.series.time_s.partition_point(|t| *t < end));
-        // a sensor slower than the steady stretch is long: its first sample stands for it
+        // the interval of a slow sensor may exceed the steady stretch: its first sample stands for it
         let values = self.series.value.get(..end.max(1))?;
         Some(values.iter().sum::<f64>() / values.len() as f64)
     }
@@ -54,9 +54,9 @@ pub(crate) struct Front<'a> {
     pub(crate) steady: f64,
     /// Standard deviation of the noise, in the sensor's unit.
     pub(crate) noise: f64,
-    /// Samples that the steady value rests on.
+    /// Number of samples behind the steady value.
     pub(crate) steady_samples: usize,
-    /// When the wave arrives; `None` without one.
+    /// Arrival of the wave; `None` if there is none.
     pub(crate) arrival_s: Option<f64>,
 }
 
@@ -65,11 +65,11 @@ impl<'a> Front<'a> {
         let value = &track.series.value;
         let first = value.len().min((value.len() / 50).max(20));
         let baseline = median(&mut value[..first].to_vec());
-        // noise from successive differences: drift and the wave itself hardly enter their median
+        // noise from successive differences, whose median drift and wave hardly change
         let mut steps: Vec<f64> = value.windows(2).map(|w| (w[1] - w[0]).abs()).collect();
         let noise = MEDIAN_TO_SD * median(&mut steps) / std::f64::consts::SQRT_2;
         let swing = value.iter().map(|v| (v - baseline).abs()).fold(0.0, f64::max);
-        // a pump's pulsation before the closure is no front
+        // a pump's pulsation before the closure is not a front
         let unrest = value.iter().take(first).map(|v| (v - baseline).abs()).fold(0.0, f64::max);
         let threshold = (ARRIVAL * swing).max(5.0 * noise).max(2.0 * unrest);
         let arrival = (swing > SIGNAL_TO_NOISE * noise && swing > threshold)
@@ -81,7 +81,7 @@ impl<'a> Front<'a> {
         Front { track, steady, noise, steady_samples: before, arrival_s }
     }
 
-    /// Steady head above the datum and what it may be off, m; `None` for a sensor that sees no steady pressure.
+    /// Steady head above the datum and its uncertainty, m; `None` for a sensor that does not see the steady pressure.
     pub(crate) fn steady_head_m(&self, rig: &Rig, water: &WaterProperties) -> Option<(f64, f64)> {
         let sensor = self.track.sensor;
         if sensor.coupling == Coupling::Ac {

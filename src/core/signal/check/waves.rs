@@ -1,4 +1,4 @@
-//! Do the waves run as fast as the walls allow?
+//! Checks whether the waves travel as fast as the walls allow.
 
 use crate::recording::Recording;
 use crate::rig::check::{Finding, Level, judge_wave_speed};
@@ -6,10 +6,10 @@ use crate::rig::{Pipe, Rig, WaterProperties};
 use crate::signal::check::track::{Front, SAMPLES_OF_A_FRONT};
 use crate::signal::inspect::inspect;
 
-/// A wave speed beyond those of the walls by this factor is no matter of their modulus.
+/// A wave speed beyond those of the walls by this factor cannot be explained by their modulus.
 const FAR_OFF: f64 = 1.3;
 
-/// The speed of the first wave between neighbouring sensors of one pipe against that of its material.
+/// Compares the speed of the first wave between neighbouring sensors of one pipe with that of its material.
 pub(crate) fn check_travel(rig: &Rig, fronts: &[Front<'_>], water: &WaterProperties) -> Vec<Finding> {
     let mut arrived: Vec<(f64, f64, &Front<'_>)> =
         fronts.iter().filter_map(|f| Some((f.track.sensor.position_m, f.arrival_s?, f))).collect();
@@ -30,20 +30,20 @@ pub(crate) fn check_travel(rig: &Rig, fronts: &[Front<'_>], water: &WaterPropert
             );
             return Some(Finding::new(Level::Contradiction, names, message, &[("delay_s", later_s)]));
         }
-        // each arrival is a sample uncertain, and the front has changed its shape on the way
+        // each arrival is uncertain by a sample, and the front changes its shape on the way
         let slack = (2.0 * interval + 0.05 * rig.valve.closing_time_s) / later_s;
         Some(judge_wave_speed(pipe, names, apart_m / later_s, slack, water))
     };
     arrived.windows(2).filter_map(pair).collect()
 }
 
-/// The wave speed of the recording's features, mean over all pipes, against what their walls allow. Only what no gas, support or
-/// slip of a diameter explains is a contradiction.
+/// Compares the recording's wave speed, mean over all pipes, with what their walls allow. Only what no gas, support or
+/// wrong diameter explains is a contradiction.
 pub(crate) fn check_speeds(rig: &Rig, recording: &Recording, water: &WaterProperties) -> Vec<Finding> {
     let Some(features) = recording.clone().on_rig(rig.clone()).ok().and_then(|r| inspect(&r).ok()) else {
         return Vec::new();
     };
-    // a wave speed that the rig file gives is known better than the material
+    // a wave speed that the rig file gives is more reliable than the material's
     let mean = |end: usize, pick: fn(f64, f64) -> f64| {
         let speed = |p: &Pipe| p.material_wave_speeds_m_s(water)[end];
         let travel = |p: &Pipe| p.length_m / p.wave_speed_m_s.map_or(speed(p), |given| pick(speed(p), given));

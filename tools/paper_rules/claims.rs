@@ -2,10 +2,10 @@
 
 use std::f64::consts::TAU;
 
-use crate::sensitivity::rules::designs::{EQUAL_STEP, PLAN, SCATTERS, Significance};
-use crate::sensitivity::rules::judge::{Verdict, judge, two_digits};
-use crate::sensitivity::rules::sweep::{OTHER_TAUS_S, Point, STEPS};
-use crate::sensitivity::rules::{Claim, Evidence, Finding};
+use crate::claim::{Claim, Evidence, Finding};
+use crate::designs::{EQUAL_STEP, PLAN, SCATTERS, Significance};
+use crate::judge::{Verdict, judge, two_digits};
+use crate::sweep::{OTHER_TAUS_S, Point, STEPS};
 
 /// A shift of less than this is none, percent of `4L/a`.
 const NO_SHIFT_PERCENT: f64 = 1.0;
@@ -21,7 +21,7 @@ const HALF_AN_ORDER: f64 = 3.162_277_660_168_379_5;
 type Measure = fn(&Point) -> f64;
 
 /// Every rule, in the order of the page.
-pub(crate) const CLAIMS: &[Claim] = &[
+pub const CLAIMS: &[Claim] = &[
     Claim {
         says: "above τ1 = 10⁻¹ s, J1 does not affect the phase",
         place: "abstract; text to Fig. 11(b), 12(a); conclusions",
@@ -363,7 +363,7 @@ fn less_phase(e: &Evidence, parameter: &str) -> Finding {
 
 fn highly(e: &Evidence, parameter: &str) -> Finding {
     // Of F with 3 and 96 degrees of freedom.
-    let critical = crate::sensitivity::anova::critical(0.01, PLAN.levels - 1, PLAN.levels * (PLAN.repeats - 1));
+    let critical = surgescope::sensitivity::anova::critical(0.01, PLAN.levels - 1, PLAN.levels * (PLAN.repeats - 1));
     let mut verdicts = Vec::new();
     for (s, scatter) in of(e, parameter).zip(SCATTERS) {
         for (kind, f) in [("damping", s.damping), ("phase", s.phase)] {

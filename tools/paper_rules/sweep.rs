@@ -2,12 +2,12 @@
 
 use rayon::prelude::*;
 
-use crate::model::ModelError;
-use crate::sensitivity::Tick;
-use crate::sensitivity::features::{Features, index};
-use crate::sensitivity::map::Response;
-use crate::sensitivity::rules::PAPER;
-use crate::sensitivity::subject::Subject;
+use crate::wall::{PAPER, Wall};
+use surgescope::model::ModelError;
+use surgescope::sensitivity::Tick;
+use surgescope::sensitivity::features::{Features, index};
+use surgescope::sensitivity::map::Response;
+use surgescope::sensitivity::subject::Subject;
 
 /// Decades of retardation times below and above the paper's 0.1 s.
 const DECADES: (i32, i32) = (3, 3);
@@ -19,30 +19,6 @@ pub const STEPS: [(f64, f64); 2] = [(0.1, 0.2), (1.0, 2.0)];
 const SECOND: Wall = Wall { values: [2.0, 0.0011, 1.5, 1.1] };
 /// The other element's retardation time, s, where a rule is about what that changes.
 pub const OTHER_TAUS_S: [f64; 3] = [0.11, 1.1, 11.0];
-
-/// A two-element wall.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Wall {
-    /// J1 (1/GPa), τ1 (s), J2, τ2.
-    pub values: [f64; 4],
-}
-
-impl Wall {
-    /// The same with other values of one element, 0 or 1.
-    pub fn with(mut self, element: usize, compliance_per_gpa: f64, tau_s: f64) -> Wall {
-        self.values[2 * element] = compliance_per_gpa;
-        self.values[2 * element + 1] = tau_s;
-        self
-    }
-
-    /// All values under study with this wall in them.
-    pub fn within(self, subject: &Subject) -> Vec<f64> {
-        let mut values = subject.values.clone();
-        let at = subject.model.effects_from();
-        values[at..at + 4].copy_from_slice(&self.values);
-        values
-    }
-}
 
 /// What raising the compliance does at one retardation time.
 #[derive(Debug, Clone, PartialEq)]

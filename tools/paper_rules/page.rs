@@ -2,9 +2,10 @@
 
 use std::fmt::Write as _;
 
-use crate::report::text::number::significant;
-use crate::sensitivity::rules::judge::Verdict;
-use crate::sensitivity::rules::{Finding, Rules};
+use crate::claim::Finding;
+use crate::judge::Verdict;
+use crate::study::Rules;
+use surgescope::report::text::number::significant;
 
 /// What a reader must know of the closures and the measures.
 const NOTES: &str = "
@@ -38,7 +39,7 @@ pub fn rules_page(rules: &Rules) -> String {
     let first = &rules.cases[0];
     let _ = writeln!(
         out,
-        "```sh\nsurgescope sensitivity rigs/{}.toml --effects viscoelastic-wall:2 --set initial_velocity_m_s={} closing_time_s={} --rules\n```\n",
+        "```sh\ncargo run --release -p surgescope-tools --bin paper_rules -- rigs/{}.toml initial_velocity_m_s={} closing_time_s={}\n```\n",
         rules.rig, first.velocity_m_s, first.closing_time_s
     );
     out.push_str("| closure | T, s | velocity, m/s | closing time, s |\n| --- | --- | --- | --- |\n");

@@ -4,26 +4,20 @@
 //! an eighth, the walls as they are), which tells a rule about τ in seconds from one about τ/T; and with the rig's nominal closing time where that is
 //! another one. Where the paper says two things, both are tested.
 
-pub(crate) mod claims;
-pub(crate) mod designs;
-pub mod judge;
-pub mod sweep;
-
-use serde::Serialize;
-
-use crate::model::effects::name_of;
-use crate::model::{Model, RunValues};
-use crate::sensitivity::rules::designs::Designs;
-use crate::sensitivity::rules::judge::Verdict;
-use crate::sensitivity::rules::sweep::{Sweeps, Wall};
-use crate::sensitivity::subject::{Subject, sensor};
-use crate::sensitivity::{SensitivityError, Tick};
+use crate::claim::{Evidence, Finding};
+use crate::claims::CLAIMS;
+use crate::designs::Designs;
+use crate::sweep::Sweeps;
+use surgescope::model::effects::name_of;
+use surgescope::model::{Model, RunValues};
+use surgescope::sensitivity::subject::{Subject, sensor};
+use surgescope::sensitivity::{SensitivityError, Tick};
 
 /// How much longer the second rig is.
 const LONGER: f64 = 8.0;
 
 /// All rules on all closures.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Rules {
     /// Name of the rig.
     pub rig: String,
@@ -38,7 +32,7 @@ pub struct Rules {
 }
 
 /// One closure.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Case {
     /// What it is called.
     pub name: String,
@@ -51,7 +45,7 @@ pub struct Case {
 }
 
 /// One rule.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Rule {
     /// What the paper says, shortened.
     pub says: &'static str,
@@ -61,29 +55,6 @@ pub struct Rule {
     pub test: &'static str,
     /// What was found, one a case.
     pub findings: Vec<Finding>,
-}
-
-/// What one closure says of a rule.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Finding {
-    /// By what measure, and whether the rule holds by it.
-    pub verdicts: Vec<(String, Verdict)>,
-    /// The numbers.
-    pub numbers: String,
-}
-
-/// A rule as a question to one closure.
-pub(crate) struct Claim {
-    says: &'static str,
-    place: &'static str,
-    test: &'static str,
-    ask: fn(&Evidence) -> Finding,
-}
-
-/// All that is simulated of one closure.
-struct Evidence {
-    sweeps: Sweeps,
-    designs: Designs,
 }
 
 /// Simulations that a test takes, at most.
@@ -134,7 +105,7 @@ pub fn test(subject: &Subject, tick: Tick) -> Result<Rules, SensitivityError> {
         values[closing] = nominal_s;
         add(format!("closing in {nominal_s} s"), &Subject { values, ..subject.clone() })?;
     }
-    let rules = crate::sensitivity::rules::claims::CLAIMS
+    let rules = CLAIMS
         .iter()
         .map(|c| Rule {
             says: c.says,
@@ -146,6 +117,3 @@ pub fn test(subject: &Subject, tick: Tick) -> Result<Rules, SensitivityError> {
     let runs = cases.len() * (Sweeps::runs() + Designs::runs());
     Ok(Rules { rig: subject.model.rig.name.clone(), cases, rules, reaches: subject.reaches, runs })
 }
-
-/// The paper's two-element wall (its multi-parameter analysis): J in 1/GPa, τ in s.
-const PAPER: Wall = Wall { values: [0.1, 0.0225, 1.5, 1.1] };

@@ -1,12 +1,12 @@
 //! What the paper's other rules are about: analyses of variance, compliance in equal steps, elements that change places, runs repeated.
 
-use crate::sensitivity::anova::{OneWay, one_way};
-use crate::sensitivity::factor::Reach;
-use crate::sensitivity::features::{OUTPUTS, index};
-use crate::sensitivity::levels::{Plan, study};
-use crate::sensitivity::rules::sweep::Wall;
-use crate::sensitivity::subject::Subject;
-use crate::sensitivity::{SensitivityError, Tick};
+use crate::wall::{PAPER, Wall};
+use surgescope::sensitivity::anova::{OneWay, one_way};
+use surgescope::sensitivity::factor::Reach;
+use surgescope::sensitivity::features::{OUTPUTS, index};
+use surgescope::sensitivity::levels::{Plan, study};
+use surgescope::sensitivity::subject::Subject;
+use surgescope::sensitivity::{SensitivityError, Tick};
 
 /// How far the other parameters are drawn in the analyses of variance, each way.
 pub const SCATTERS: [f64; 2] = [0.01, 0.05];
@@ -74,7 +74,7 @@ impl Designs {
                 }
             }
         }
-        let wall = crate::sensitivity::rules::PAPER;
+        let wall = PAPER;
         let read = |walls: Vec<Wall>| -> Result<Vec<Vec<f64>>, SensitivityError> {
             Ok(subject.run(&walls.iter().map(|w| w.within(subject)).collect::<Vec<_>>(), tick)?.outputs)
         };

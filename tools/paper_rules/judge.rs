@@ -1,10 +1,7 @@
 //! From a claim about a range of retardation times to a verdict.
 
-use serde::Serialize;
-
 /// Does a rule hold?
-#[derive(Debug, Clone, PartialEq, Serialize)]
-#[serde(rename_all = "kebab-case", tag = "verdict", content = "where")]
+#[derive(Debug, Clone, PartialEq)]
 pub enum Verdict {
     /// Everywhere that the paper says.
     Holds,
