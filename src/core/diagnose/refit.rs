@@ -6,7 +6,7 @@
 use crate::diagnose::baseline::{Ground, dot};
 use crate::diagnose::candidate::Form;
 use crate::fit::numeric::least_squares::{Limits, Problem, Solution, minimise};
-use crate::fit::problem::fit_problem::Calibration;
+use crate::fit::problem::fit_problem::FitProblem;
 use crate::model::effects::Chosen;
 use crate::model::parameter::{Parameter, Scale};
 use crate::model::{Model, ModelError};
@@ -82,7 +82,7 @@ pub fn glimpse(ground: &Ground, form: &Form) -> Result<Refit, ModelError> {
 /// The problem of fitting only what an effect adds.
 struct Added<'g> {
     ground: &'g Ground<'g>,
-    problem: &'g Calibration<'g>,
+    problem: &'g FitProblem<'g>,
     /// The start model's variables, with the effect's usual ones among them.
     usual: Vec<f64>,
     /// Mean and deviation of what is known of the added variables.
@@ -90,7 +90,7 @@ struct Added<'g> {
 }
 
 impl<'g> Added<'g> {
-    fn new(ground: &'g Ground, problem: &'g Calibration, model: &Model) -> Self {
+    fn new(ground: &'g Ground, problem: &'g FitProblem, model: &Model) -> Self {
         let parameters = &model.shared[ground.shared..];
         let variables = |of: fn(&Parameter) -> f64| {
             problem.variables(&ground.values_with(&parameters.iter().map(of).collect::<Vec<_>>()))
@@ -196,7 +196,7 @@ fn free(ground: &Ground, model: &Model) -> usize {
 
 /// Values of the added parameters at which to start, the most promising first: by what their signature, projected off the fitted
 /// parameters, would take away of the residual.
-fn promising(ground: &Ground, model: &Model, problem: &Calibration, chosen: &Chosen) -> Vec<Vec<f64>> {
+fn promising(ground: &Ground, model: &Model, problem: &FitProblem, chosen: &Chosen) -> Vec<Vec<f64>> {
     let left = ground.projected_dot(&ground.residuals, &ground.residuals);
     let mut scored: Vec<(f64, Vec<f64>)> = starts(&model.shared[ground.shared..], chosen)
         .into_iter()
