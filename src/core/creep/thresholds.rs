@@ -9,7 +9,7 @@ pub(crate) const LONGEST_TEST_S: f64 = 3.2e10;
 /// Fewest samples of a test. Chosen.
 pub(crate) const LEAST_SAMPLES: usize = 5;
 
-/// Gradient of a unit column, relative to the length of the right-hand side, below which nothing is gained. Derived: rounding.
+/// Gradient of a unit column, relative to the length of the right-hand side, below which nothing is gained. Chosen: near rounding.
 pub(crate) const NNLS_TOLERANCE: f64 = 1e-10;
 /// Retardation times of the spectrum's grid for each decade. Chosen.
 pub(crate) const GRID_PER_DECADE: f64 = 8.0;
@@ -18,7 +18,7 @@ pub(crate) const THINNED_PER_DECADE: f64 = 24.0;
 /// Spikes of the spectrum nearer to each other than this ratio are one element. Tuned; data unknown.
 pub(crate) const NEIGHBOUR_RATIO: f64 = 1.8;
 
-/// Step of the finite difference of a logarithm. Derived: the root of rounding, with a margin.
+/// Step of the finite difference of a logarithm. Chosen.
 pub(crate) const LOG_DIFFERENCE: f64 = 1e-6;
 /// Least compliance that a fit may take, as a share of the largest measured. Chosen.
 pub(crate) const LEAST_COMPLIANCE: f64 = 1e-5;
@@ -56,7 +56,7 @@ pub(crate) const WHITE_NOISE_PENALTY: f64 = 2.0;
 
 /// Most elements that are tried where their number is left open. Chosen.
 pub(crate) const MAX_ELEMENTS: usize = 6;
-/// Least noise of a strain, relative. Chosen: below what any gauge resolves.
+/// Least noise of a strain, relative. Chosen.
 pub(crate) const LEAST_NOISE: f64 = 1e-6;
 /// Least variance of the residuals, in units of the noise's: readings without noise still have so many digits only. Chosen.
 pub(crate) const LEAST_VARIANCE: f64 = 0.25;
@@ -71,7 +71,7 @@ pub(crate) const MAX_C2_K: f64 = 1e4;
 pub(crate) const WLF_LIMITS: Limits =
     Limits { iterations: 200, cost_tolerance: 1e-14, step_tolerance: 1e-10, thorough: false };
 
-/// Retarded compliance, as a share of J0, from which on a wall creeps. Chosen: metals stay below.
+/// Retarded compliance, as a share of J0, from which on a wall creeps. Chosen.
 pub(crate) const CREEPING_SHARE: f64 = 0.05;
 /// Factor by which compliances may lie beyond those of the library: other grades, and J0 of a test that begins late. Chosen.
 pub(crate) const MATERIAL_MARGIN: f64 = 1.5;

@@ -2,7 +2,7 @@
 
 use crate::fit::numeric::least_squares::Limits;
 
-/// Least distance between the coldest and the warmest run, K, that shows a law of the temperature. Chosen: twice what thermometers err.
+/// Least distance between the coldest and the warmest run, K, that shows a law of the temperature. Chosen.
 pub(crate) const LEAST_SPREAD_K: f64 = 2.0;
 /// Relative standard error from which on a value is open. Chosen.
 pub(crate) const OPEN_RELATIVE_ERROR: f64 = 1.0;
@@ -23,7 +23,7 @@ pub(crate) const KEPT_CORRELATION: f64 = 0.9999;
 /// Of the fit of all runs together. Tuned; data unknown.
 pub(crate) const JOINT_LIMITS: Limits =
     Limits { iterations: 60, cost_tolerance: 1e-6, step_tolerance: 1e-9, thorough: true };
-/// Largest error of a thermometer, in its standard deviations. Chosen: no bound in practice.
+/// Largest error of a thermometer, in its standard deviations. Chosen.
 pub(crate) const MAX_THERMOMETER_ERROR: f64 = 20.0;
 /// Points of a law's line. Chosen.
 pub(crate) const LINE_POINTS: usize = 41;

@@ -13,7 +13,7 @@ pub(crate) const UNIT_EXPONENT_WITHIN: f64 = 0.15;
 pub(crate) const MIN_SMOOTHING_NEIGHBOURS: f64 = 16.0;
 /// The same as a share of the frequency, where that is more. Tuned; data unknown.
 pub(crate) const SMOOTHING_SHARE: f64 = 0.25;
-/// Slowest autoregression that is tried: the decade of `1 - φ`. Chosen: slower than records last.
+/// Slowest autoregression that is tried: the decade of `1 - φ`. Chosen.
 pub(crate) const SLOWEST_DECADE: i32 = -4;
 /// White noise that is tried beside an autoregression: decades of its share in the top of the spectrum, over `1 - φ`. Chosen.
 pub(crate) const WHITE_DECADES: (i32, i32) = (-4, 2);

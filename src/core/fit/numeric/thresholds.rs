@@ -38,7 +38,7 @@ pub(crate) const FIRST_DAMPING: f64 = 1e-3;
 /// The same from a start that is near: there a damped step creeps along a flat valley, and a step that is too long costs a trial but no
 /// Jacobian. Tuned; data unknown.
 pub(crate) const FIRST_DAMPING_NEAR: f64 = 1e-7;
-/// Damping that stands for none: above rounding, so that the matrix stays positive definite. Chosen.
+/// Damping that stands for none. Chosen.
 pub(crate) const NO_DAMPING: f64 = 1e-11;
 /// Steps in a row that gain less than the tolerance, though more seems to be left, after which the descent stops. Tuned; data unknown.
 pub(crate) const MAX_STALLS: usize = 8;

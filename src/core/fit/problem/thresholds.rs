@@ -9,9 +9,10 @@ pub(crate) const FIRST_RISE_LEAD: f64 = 0.05;
 /// How far a step along one direction may go back and on, in lengths of the direction. Chosen.
 pub(crate) const DIRECTION_SHARES: (&[f64], &[f64]) = (&[-1.0], &[30.0]);
 
-/// Share of the fundamental on each side of a harmonic whose bins count. Derived: half way to the neighbours, which are two apart.
+/// Share of the fundamental on each side of a harmonic whose bins count. Chosen.
 pub(crate) const HARMONIC_HALF_WIDTH: f64 = 0.5;
-/// A harmonic must exceed the level of the noise by this factor. Chosen: noise reaches it in one bin of ten million.
+/// A harmonic must exceed the level of the noise by this factor. Derived: white noise
+/// reaches it in one bin of ten million, `exp(-4²)`.
 pub(crate) const HARMONIC_OVER_NOISE: f64 = 4.0;
 /// No harmonic beyond this number is looked for. Chosen.
 pub(crate) const MAX_HARMONICS: usize = 40;
@@ -22,12 +23,12 @@ pub(crate) const MAX_MISSING_HARMONICS: usize = 3;
 pub(crate) const MIN_NOISE_SAMPLES: usize = 200;
 
 /// Retardation times that a surge can show, in its periods: a slower element does not move during the surge, a faster one belongs to the
-/// wave speed. Chosen: a decade beyond the record's usual ten periods at one end, a hundredth of a period at the other.
+/// wave speed. Chosen.
 pub(crate) const VISIBLE_TIMES_PERIODS: (f64, f64) = (0.01, 10.0);
 /// Least compliance that a surge can show, as a share of the largest that its bounds allow. Tuned; data unknown.
 pub(crate) const VISIBLE_COMPLIANCE_SHARE: f64 = 1e-3;
 
-/// How far from the valve a sensor may be to show the head before it, as a share of the pipe's length. Chosen: 1% of a half period.
+/// How far from the valve a sensor may be to show the head before it, as a share of the pipe's length. Chosen.
 pub(crate) const VALVE_SENSOR_SHARE: f64 = 0.01;
 /// How far the curve of the valve is read back, in fitted closing times: the valve may have taken longer than fitted. Chosen.
 pub(crate) const READ_BACK_SPAN: f64 = 2.0;
