@@ -4,7 +4,7 @@ use std::path::Path;
 
 use surgescope::rig::Rig;
 use surgescope::storage as log;
-use surgescope::storage::import::{SourceOptions, MessageTime, bind, decode_source};
+use surgescope::storage::import::{MessageTime, SourceOptions, bind, decode_source};
 
 /// A parser and the name of its folder in `corpus/`.
 pub struct Target {
