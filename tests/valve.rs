@@ -71,7 +71,7 @@ fn pictures_replace_nothing_else() {
     let refused = [valve(&["recordings/hdpe-creep.mcap", "--svg", at]), drawn_effect(at)];
     for output in refused {
         assert_eq!(output.status.code(), Some(2));
-        assert!(String::from_utf8_lossy(&output.stderr).contains("is left alone"));
+        assert!(String::from_utf8_lossy(&output.stderr).contains("is not overwritten"));
     }
     assert_eq!(std::fs::read(&victim).unwrap(), before);
     let picture = folder.path().join("leak.svg");

@@ -28,8 +28,8 @@ impl ClockSummary {
         let ClockSummary { late_share: share, late_most_ms: most, .. } = self;
         (*share > 0.0).then(|| {
             format!(
-                "its clock does not run evenly against this computer's: in {:.0}% of the time all of it came late, by up to {most:.0} ms; if its \
-                 line stalled then, its times are right, but if its clock was set, or it restarted, they may be off by as much against \
+                "its clock does not run evenly against this computer's: in {:.0}% of the time everything came late, by up to {most:.0} ms; if its \
+                 line stalled, its times are right, but if its clock was set, or it restarted, they may be off by as much from \
                  other devices",
                 100.0 * share
             )

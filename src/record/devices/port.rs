@@ -8,8 +8,8 @@ use std::time::{Duration, Instant};
 use serde::Serialize;
 use serialport::{SerialPort, SerialPortType};
 
-use crate::record::RecordError;
 use crate::record::devices::poll::Line;
+use crate::record::error::RecordError;
 use crate::rig::{Device, Framing, Parity};
 
 /// How long a read waits before its thread looks whether it is still wanted.

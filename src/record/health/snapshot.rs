@@ -3,8 +3,8 @@
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-use crate::record::health::alert::Ailment;
-use crate::record::session::output::DeviceCount;
+use crate::record::devices::device_count::DeviceCount;
+use crate::record::health::alert::SensorFault;
 
 /// How often a view is given something to draw.
 const EVERY: Duration = Duration::from_millis(200);
@@ -85,7 +85,7 @@ pub struct SensorView {
     /// Least and most value of each tenth of a second of the last ten seconds.
     pub trace: Vec<Option<[f64; 2]>>,
     /// What is wrong with it.
-    pub ailment: Option<Ailment>,
+    pub fault: Option<SensorFault>,
 }
 
 /// How a trigger stands.

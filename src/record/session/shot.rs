@@ -1,7 +1,7 @@
 //! One shot of a triggered recording: its file, and what of the stream belongs into it.
 
-use crate::record::RecordError;
 use crate::record::clock::device_clock::seconds;
+use crate::record::error::RecordError;
 use crate::record::session::output::Output;
 use crate::recording::Gap;
 use crate::storage::layout::{offset_ns, within};

@@ -9,8 +9,8 @@ pub(crate) mod name;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use crate::record::RecordError;
 use crate::record::clock::device_clock::seconds;
+use crate::record::error::RecordError;
 use crate::record::health::monitor::{Expected, Monitor};
 use crate::record::health::snapshot::{Phase, TriggerView};
 use crate::record::session::output::{Absent, CutShort, DeviceCount, Output, SensorCount, Summary};
@@ -363,7 +363,7 @@ impl Shots {
                 || !self.lost.is_empty(),
             devices,
             ended,
-            callouts: Vec::new(),
+            alerts: Vec::new(),
             shots: self.done.into_iter().map(|shot| shot.file).collect(),
             cut_short: self.cut_short,
             absent: self.absent,

@@ -7,8 +7,9 @@ pub(crate) mod missing;
 use std::path::Path;
 
 use crate::record::devices::poll::PollCounts;
-use crate::record::devices::polling::Polled;
+use crate::record::devices::queue::Polled;
 use crate::record::session::live_test::*;
+use crate::record::session::shots::Plan;
 use crate::record::session::trigger::{Condition, Settings};
 use crate::record::wire::frames::Frame;
 use crate::recording::Recording;
@@ -62,7 +63,7 @@ fn played_on(rig: &Rig, options: &Options, mut messages: Vec<(i64, usize, Vec<u8
             break;
         }
         if all_over(&streams, options).is_some() {
-            live.write_clocks(&mut streams).unwrap();
+            write_clocks(&mut live, &mut streams).unwrap();
             reopen(&mut streams, live.end_ns);
             if all_over(&streams, options).is_some() {
                 ended = "the duration was reached";

@@ -2,12 +2,12 @@
 
 use std::time::{Duration, Instant};
 
-use crate::record::RecordError;
 use crate::record::clock::align::Stretch;
 use crate::record::clock::device_clock::{DeviceClock, seconds};
-use crate::record::devices::stream::{Sign, State, Stream};
+use crate::record::error::RecordError;
 use crate::record::session::session_log::Live;
-use crate::record::wire::frames::Sent;
+use crate::record::session::stream::stamp::Stamp;
+use crate::record::session::stream::state::{ON_ITS_WAY, Sign, State, Stream};
 use crate::rig::Protocol;
 use crate::storage::SensorClock;
 
@@ -18,27 +18,8 @@ const RESTART_S: (f64, f64) = (0.5, 1e-3);
 const ANEW_S: (f64, f64) = (0.1, 4.0);
 /// A line below fewer arrivals than this says nothing of when something was sent.
 const LINE_KNOWN: u64 = 50;
-/// What is on its way when a session ends is not missed, nor what is not due for twice the longest pause.
-pub const ON_ITS_WAY: Duration = Duration::from_millis(500);
-
 /// A device that sends its first so much later than the recording begins owes what was before, s; one that is slower, by its rhythm.
 const BEGINS_S: f64 = 1.0;
-
-/// What a message says of its time.
-pub(crate) struct Stamp {
-    /// Device time of its first sample, and that at which it was sent, ns.
-    pub(crate) device_ns: i64,
-    pub(crate) sent_ns: i64,
-    /// When its first byte arrived, ns on the host's clock.
-    pub(crate) began_ns: i64,
-    /// Stated period, ns; 0 where there is none.
-    pub(crate) period_ns: i64,
-    pub(crate) rows: usize,
-    /// Messages missing before it, by their sequence.
-    pub(crate) lost: u32,
-    /// It is off its place, and so are those behind it: of them, the one that came earliest.
-    pub(crate) jump: Option<Sent>,
-}
 
 impl Stream<'_> {
     /// The device's clock for samples from a stamp on: a new one at the beginning, set anew after a restart, moved where it was set.
