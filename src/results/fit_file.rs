@@ -61,7 +61,7 @@ pub struct FitFile {
 pub struct Run {
     /// File name.
     pub file: String,
-    /// When its clock showed 0, RFC 3339, UTC; left out where nobody knows.
+    /// When its clock showed 0, RFC 3339, UTC; left out where it is unknown.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub recorded_at: Option<String>,
     /// From the first sample to the last, s.

@@ -157,7 +157,7 @@ impl Assembler {
         Ok(())
     }
 
-    /// The recording. Two samples of a sensor at one time are an error, unless `repeats` takes what is said of the second,
+    /// The recording. Two samples of a sensor at one time are an error, unless `repeats` takes the message about the second,
     /// which is then left out.
     pub fn assemble(self, path: &Path, mut repeats: Option<&mut Vec<String>>) -> Result<Recording, LogError> {
         let damaged = |why| LogError::Damaged { path: path.into(), why };

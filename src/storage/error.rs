@@ -188,7 +188,7 @@ pub enum CsvProblem {
     /// Two columns of one name.
     #[error("column '{0}' appears twice in the header: keep one")]
     DuplicateColumn(String),
-    /// A sensor said to be left out that the rig does not have, or that has a column.
+    /// A sensor to leave out that the rig does not have, or that has a column.
     #[error("--without {sensor}: {why}")]
     BadWithout {
         /// The sensor.
@@ -269,7 +269,7 @@ pub enum CsvProblem {
         /// What stands there.
         cell: String,
     },
-    /// A date whose day and month cannot be told apart.
+    /// A date whose day and month are ambiguous.
     #[error("'{0}' may be two dates, and no other line shows which: add --date-order dmy or --date-order mdy")]
     WhichDay(String),
     /// A cell that is no date-time where the others are.

@@ -36,7 +36,7 @@ impl ClockSummary {
         })
     }
 
-    /// That of the stretch that came after this one; what was late in either is told.
+    /// That of the next stretch; keeps the worse lateness of the two.
     pub(crate) fn and(self, next: ClockSummary) -> ClockSummary {
         let (late_share, late_most_ms) =
             (self.late_share.max(next.late_share), self.late_most_ms.max(next.late_most_ms));

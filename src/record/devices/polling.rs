@@ -1,4 +1,4 @@
-//! The thread of a line of Modbus devices: asks each for its registers at an even pace and passes on what they say.
+//! The thread of a line of Modbus devices: polls each at an even pace and passes the answers on.
 
 use std::io;
 use std::thread;
@@ -100,7 +100,7 @@ struct Turn {
     missed: u32,
 }
 
-/// Asks whoever is due until nothing is wanted any more; an error when the port is gone.
+/// Asks the slave that is due, until nothing is wanted any more; an error when the port is gone.
 fn poll(turns: &mut [Turn]) -> io::Result<()> {
     let shared = turns.len() > 1;
     while let Some(turn) = turns.iter_mut().min_by_key(|turn| turn.due) {

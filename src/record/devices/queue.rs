@@ -67,7 +67,7 @@ impl Queue {
         self.wanted.load(Ordering::Relaxed)
     }
 
-    /// Passes something on, waiting for room; false when nobody takes it any more.
+    /// Passes something on, waiting for room; false when the session has ended.
     pub fn send(&self, input: Input) -> bool {
         self.pressure.sent.fetch_add(1, Ordering::Relaxed);
         match self.sender.try_send((self.device, input)) {
@@ -83,7 +83,7 @@ impl Queue {
         }
     }
 
-    /// Says that the port is gone and tries to open it again until it is back; `None` when nothing is wanted any more.
+    /// Reports the lost port and tries to open it again until it is back; `None` when nothing is wanted any more.
     pub fn reopen<T>(&self, why: String, mut open: impl FnMut() -> Option<T>) -> Option<T> {
         if !self.send(Input::Vanished(why)) {
             return None;

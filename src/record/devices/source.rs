@@ -1,4 +1,4 @@
-//! What comes from the devices: one thread a port (Modbus slaves may share one), all into one bounded queue.
+//! Reads the devices: one thread per port (Modbus slaves may share one), all into one bounded queue.
 //!
 //! A blocking thread hands bytes on in 0.1 ms where an async serial port on a busy runtime needs 8 ms. Where the queue is full (the disk
 //! stalls) a thread waits, and how often and how long is counted; then the kernel's buffer may overflow, and
@@ -153,7 +153,7 @@ fn pump(reader: impl Read + Send + 'static, again: Option<&Device>, queue: &Queu
     loop {
         let Some(why) = read(&mut *reader, queue) else { return };
         let Some(device) = again else {
-            // The session may have gone meanwhile; then nobody asks.
+            // The session may have ended meanwhile.
             queue.send(Input::Ended(why));
             return;
         };

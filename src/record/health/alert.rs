@@ -1,4 +1,4 @@
-//! What is wrong with a sensor while it records, in words that say what to do about it.
+//! Faults of a sensor while it records, and what to do about them.
 
 use serde::Serialize;
 
@@ -40,7 +40,7 @@ pub enum SensorFault {
 }
 
 impl SensorFault {
-    /// What the last seconds of a sensor show, the worst first; whether it is silent is known to whoever has a clock.
+    /// The worst fault that the last seconds of a sensor show. Only a caller with a clock knows whether it is silent.
     pub fn of(sensor: &Sensor, health: &SensorHealth) -> Option<SensorFault> {
         let (at_low, at_high, samples) = health.at_ends();
         // of a slow sensor every sample counts
@@ -122,7 +122,7 @@ fn short(value: f64, digits: i32) -> String {
     if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
 }
 
-/// An fault with the time that it lasted.
+/// A fault and how long it lasted.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Alert {
     /// The sensor.

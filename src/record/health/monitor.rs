@@ -1,4 +1,4 @@
-//! All sensors of a session at a glance: how each does, what is wrong with it, and what was.
+//! The health of all sensors of a session: present and past faults.
 
 use std::time::{Duration, Instant};
 
@@ -12,9 +12,9 @@ use crate::rig::check::return_time_s;
 /// How often the sensors are judged, ns of recorded time; of the wall clock where no time passes.
 const JUDGE_EVERY_NS: i64 = 200_000_000;
 const JUDGE_EVERY: Duration = Duration::from_millis(200);
-/// A call-out is over when it was not seen for so long, ns: what saturates at each peak of a surge is said once.
+/// An alert is over when it was not seen for so long, ns: a sensor that saturates at each peak of a surge gives one alert.
 const OVER_AFTER_NS: i64 = 3_000_000_000;
-/// Call-outs that are remembered; more are a contact that chatters.
+/// Alerts that are kept; more than these come from a chattering contact.
 const MOST: usize = 200;
 
 /// A sensor that is recorded.
@@ -24,7 +24,7 @@ pub struct Expected {
     pub sensor: usize,
     /// Its device, in the order of the session's.
     pub device: Option<usize>,
-    /// Without a sample for so long it is silent; none where that cannot be said.
+    /// It is silent after so long without a sample; `None` where that cannot be judged.
     pub silent_after: Option<Duration>,
 }
 
@@ -32,10 +32,10 @@ struct Watched {
     expected: Expected,
     health: SensorHealth,
     /// Samples and gaps when it was last seen to send, and when that was.
-    heard: (u64, u64, Instant),
+    last_seen: (u64, u64, Instant),
     /// The longest pause that it has made by itself.
     pause: Duration,
-    /// Its call-out, an index into those of the monitor, and when it was last seen, ns.
+    /// Its alert, an index into those of the monitor, and when it was last seen, ns.
     now: Option<(usize, i64)>,
     fault: Option<SensorFault>,
 }
@@ -65,7 +65,7 @@ impl Monitor {
             watched.push(Watched {
                 expected: *expected,
                 health: SensorHealth::new(rig.ends(sensor), period_s),
-                heard: (0, 0, now),
+                last_seen: (0, 0, now),
                 pause: Duration::ZERO,
                 now: None,
                 fault: None,
@@ -117,9 +117,9 @@ impl Monitor {
                 SensorFault::of(sensor, &watched.health)
             };
             watched.fault = found.or(watched.fault.filter(|_| watched.now.is_some()));
-            let said = watched.now.and_then(|(index, _)| self.alerts.get(index)).map(|alert| alert.fault.word());
-            match (found, said) {
-                (Some(found), Some(said)) if found.word() == said => {
+            let before = watched.now.and_then(|(index, _)| self.alerts.get(index)).map(|alert| alert.fault.word());
+            match (found, before) {
+                (Some(found), Some(before)) if found.word() == before => {
                     watched.now = watched.now.map(|(i, _)| (i, now_ns))
                 }
                 (None, Some(_)) => {
@@ -149,7 +149,7 @@ impl Monitor {
         &self.alerts
     }
 
-    /// Notes on what was wrong within a stretch of the session, told on a clock that begins with it.
+    /// Notes on what was wrong within a stretch of the session, with times from its beginning.
     pub fn notes(&self, from_ns: i64, to_ns: i64) -> Vec<(String, String)> {
         let within = |c: &&Alert| c.from_s < seconds(to_ns) && c.to_s.is_none_or(|to_s| to_s > seconds(from_ns));
         let note = |c: &Alert| (format!("{}.{}", c.sensor, c.fault.word()), c.message(from_ns));
@@ -196,13 +196,13 @@ impl Watched {
     /// Notes whether something has come, and says whether nothing has for too long. A pause that the sensor has made by itself, without
     /// a gap, is its way.
     fn is_silent(&mut self, moment: Instant) -> bool {
-        let (samples, gaps, at) = self.heard;
+        let (samples, gaps, at) = self.last_seen;
         let since = moment.saturating_duration_since(at);
         if self.health.samples != samples {
             if samples > 0 && self.health.gaps == gaps {
                 self.pause = self.pause.max(since);
             }
-            self.heard = (self.health.samples, self.health.gaps, moment);
+            self.last_seen = (self.health.samples, self.health.gaps, moment);
             return false;
         }
         self.expected.silent_after.is_some_and(|after| since >= after.max(2 * self.pause))

@@ -28,7 +28,7 @@ pub struct Snapshot {
     pub trigger: Option<TriggerView>,
     /// The file that grows; the folder of the shots between them.
     pub place: PathBuf,
-    /// The disk, filled in by whoever draws: to ask the system may take long.
+    /// The disk; the view fills it in, because asking the system may take long.
     pub disk: Option<Disk>,
 }
 

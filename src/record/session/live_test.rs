@@ -24,7 +24,7 @@ const WAIT: Duration = Duration::from_millis(10);
 /// the program from its end.
 const ON_ITS_WAY_NS: i64 = 10_000_000;
 const MOST_WAITING: Duration = Duration::from_secs(2);
-/// How often the log is told how the clocks lie to each other.
+/// How often the relation of the clocks is written to the log.
 const CLOCKS_EVERY: Duration = Duration::from_secs(5);
 
 /// Clocks are known to so much: a device that ended so shortly before the duration has sent all of it, ns.
@@ -157,7 +157,7 @@ fn take_waiting(sources: &Sources, streams: &mut [Stream<'_>], live: &mut Live<'
     Ok(())
 }
 
-/// Writes how the clocks lie to each other, as well as it is known by now, and tells the devices.
+/// Writes the relation of the clocks, as well as it is known by now, to the log and to the devices.
 fn write_clocks(live: &mut Live<'_>, streams: &mut [Stream<'_>]) -> Result<(), RecordError> {
     let name = |sensor: usize| live.rig.sensors[sensor].name.clone();
     let devices: Vec<_> =
@@ -173,7 +173,7 @@ fn write_clocks(live: &mut Live<'_>, streams: &mut [Stream<'_>]) -> Result<(), R
     live.write_clocks(fixes, || streams.iter().flat_map(|stream| stream.clock_notes(several)).collect())
 }
 
-/// Tells the log how the clocks lie to each other, when it is `due` or wanted, and flushes. Says why no more is to be recorded.
+/// Writes the relation of the clocks to the log, when it is `due` or wanted, and flushes. Returns why the recording ends, if it does.
 fn keep_up(due: bool, streams: &mut [Stream<'_>], live: &mut Live<'_>) -> Result<Option<&'static str>, RecordError> {
     let several = streams.len() > 1 || streams.iter().any(|stream| stream.stretches.len() > 1);
     if several && (live.take_clocks_changed() || due || live.output()?.wants_clocks()) {
@@ -192,7 +192,7 @@ fn keep_up(due: bool, streams: &mut [Stream<'_>], live: &mut Live<'_>) -> Result
 fn reopen(streams: &mut [Stream<'_>], end_ns: i64) {
     let short = |stream: &&mut Stream<'_>| stream.state == State::Reached && !stream.has_come_to(end_ns);
     // what is no longer there can send no more
-    for stream in streams.iter_mut().filter(short).filter(|stream| stream.heard.elapsed() < ON_ITS_WAY) {
+    for stream in streams.iter_mut().filter(short).filter(|stream| stream.last_message.elapsed() < ON_ITS_WAY) {
         stream.state = State::Open;
     }
 }
@@ -224,7 +224,7 @@ fn finish(
     let by_user = ended == BY_USER;
     // A device that falls silent while another goes on owes what it did not send. Where nothing comes any more that is the streams' end,
     // whether the session waited it out or the user was faster; of a duration asked for, what did not come until then is owed.
-    let (now, last) = (Instant::now(), streams.iter().map(|stream| stream.heard).max());
+    let (now, last) = (Instant::now(), streams.iter().map(|stream| stream.last_message).max());
     let last = last.unwrap_or(now);
     let last_sent = streams.iter().map(Stream::sent_by).max().unwrap_or(now);
     let moment = if by_user && options.duration_s.is_some() { now } else { last_sent };
@@ -270,7 +270,10 @@ fn finish(
                 match stream.state {
                     State::Reached => (last_s, limit_s),
                     // others went on without it
-                    _ => (last_s, (last_s + moment.saturating_duration_since(stream.heard).as_secs_f64()).min(limit_s)),
+                    _ => (
+                        last_s,
+                        (last_s + moment.saturating_duration_since(stream.last_message).as_secs_f64()).min(limit_s),
+                    ),
                 }
             }
             None => continue,
@@ -312,7 +315,7 @@ fn over(stream: &Stream<'_>, options: &Options) -> Option<String> {
             Some(format!("{why} and did not come back within {} s", options.wait.as_secs_f64()))
         }
         State::Vanished(..) => None,
-        State::Open if stream.heard.elapsed() >= options.silence => {
+        State::Open if stream.last_message.elapsed() >= options.silence => {
             let what = match stream.device.protocol {
                 Protocol::Frames => "valid frame",
                 Protocol::Lines => "valid line",

@@ -175,7 +175,7 @@ impl Output {
         self.write(|writer| writer.note(key, value)).map(drop)
     }
 
-    /// Writes how the devices' clocks lie to each other.
+    /// Writes the relation of the devices' clocks.
     pub fn clocks(&mut self, fixes: Vec<ClockFix>) -> Result<(), RecordError> {
         self.write(|writer| writer.clocks(fixes)).map(drop)
     }

@@ -73,7 +73,7 @@ impl Recorder {
         matches!(&self.to, Destination::Shots(shots) if shots.wants_clocks())
     }
 
-    /// As [`Output::note`]; what is said at the end of a session belongs to none of its shots but the one that it cut off.
+    /// As [`Output::note`]; notes at the end of a session belong only to the shot that it cut off.
     pub fn note(&mut self, key: &str, value: &str) -> Result<(), RecordError> {
         match &mut self.to {
             Destination::Whole(output) => output.note(key, value),

@@ -83,7 +83,7 @@ impl<'a> Live<'a> {
         std::mem::take(&mut self.clocks_changed)
     }
 
-    /// Writes how the clocks lie to each other; see [`Recorder::clocks`].
+    /// Writes the relation of the clocks; see [`Recorder::clocks`].
     pub fn write_clocks(
         &mut self,
         fixes: Vec<ClockFix>,

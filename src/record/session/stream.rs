@@ -39,12 +39,12 @@ impl Stream<'_> {
         match input {
             Input::Bytes { at_ns, bytes } => {
                 self.bytes += bytes.len() as u64;
-                if self.is_heard() {
+                if self.is_recorded() {
                     self.decode(at_ns, &bytes, live)?;
                 }
             }
             Input::Polled(polled) => {
-                if self.is_heard() {
+                if self.is_recorded() {
                     self.polled(polled, live)?;
                 }
             }
@@ -59,7 +59,7 @@ impl Stream<'_> {
                 self.returned = true;
                 if matches!(self.state, State::Vanished(..)) {
                     self.state = State::Open;
-                    self.heard = Instant::now();
+                    self.last_message = Instant::now();
                 }
             }
             Input::Ended(why) => {
@@ -74,7 +74,7 @@ impl Stream<'_> {
     }
 
     /// True while what it sends is recorded: with the duration over, until the others are there, for clocks move when they are fitted anew.
-    fn is_heard(&self) -> bool {
+    fn is_recorded(&self) -> bool {
         matches!(self.state, State::Open | State::Reached)
     }
 
@@ -83,10 +83,10 @@ impl Stream<'_> {
     /// # Errors
     /// As [`Stream::take`].
     pub fn finish(&mut self, live: &mut Live<'_>) -> Result<(), RecordError> {
-        let heard = self.heard;
+        let last_message = self.last_message;
         self.hand_on_what_is_held(live)?;
         // It came when it came.
-        self.heard = heard;
+        self.last_message = last_message;
         Ok(())
     }
 
@@ -144,10 +144,10 @@ impl Stream<'_> {
                 decoder.feed(at_ns, bytes, &mut events);
                 // A line that is held back is a sign of life, and with the next one shows the device's rhythm as any other.
                 if held > 0 && (decoder.held() > held || !events.is_empty()) {
-                    self.pause = self.pause.max(Some(self.heard.elapsed()));
+                    self.pause = self.pause.max(Some(self.last_message.elapsed()));
                 }
                 if decoder.held() > held {
-                    self.heard = Instant::now();
+                    self.last_message = Instant::now();
                 }
                 self.lines(events, live)?;
             }
@@ -165,7 +165,7 @@ impl Stream<'_> {
 
     /// Looks whether the columns are those that the rig file counts on; false where the device can no longer be recorded.
     fn check_columns(&mut self, columns: usize, live: &Live<'_>) -> Result<bool, RecordError> {
-        if !self.is_heard() {
+        if !self.is_recorded() {
             return Ok(false);
         }
         let expected = *self.columns.get_or_insert(columns);

@@ -31,7 +31,7 @@ pub struct Index(Connection);
 pub enum Seen {
     /// This run.
     Run(i64),
-    /// A file without an end, told to the user.
+    /// A file without an end; the user knows of it.
     Torn,
 }
 

@@ -104,7 +104,7 @@ pub struct Run {
 }
 
 impl Run {
-    /// Its values may stand for the rig: nothing is missing in it, or a person said so.
+    /// Its values may stand for the rig: nothing is missing in it, or a person accepted it.
     pub fn is_sound(&self) -> bool {
         self.accepted || self.finding.as_ref().is_some_and(|f| f.verdict == NOTHING_MISSING)
     }

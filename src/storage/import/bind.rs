@@ -94,7 +94,7 @@ pub fn bind(
     Ok(Recording { rig: rig.clone(), series, run })
 }
 
-/// Every sensor of the rig must be in one file, or be said not to be recorded.
+/// Every sensor of the rig must be in one of the files or among those `without` samples.
 ///
 /// # Errors
 /// Names the first that is not.

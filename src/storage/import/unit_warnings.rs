@@ -1,4 +1,4 @@
-//! Values that look like those of another unit: nothing is changed, but it is said.
+//! Values that look like those of another unit: a warning, no change.
 
 use crate::recording::Recording;
 use crate::rig::{Coupling, Rig, Sensor};

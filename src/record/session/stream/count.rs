@@ -128,7 +128,7 @@ impl Stream<'_> {
 
     /// Others went on at a moment at which more was due from it, so that it ended before them.
     pub fn left_before(&self, moment: Instant) -> bool {
-        moment.saturating_duration_since(self.heard) > self.patience(self.pause.unwrap_or_default())
+        moment.saturating_duration_since(self.last_message) > self.patience(self.pause.unwrap_or_default())
     }
 
     /// The sensors that will come from it, as the `device`-th of the session.
@@ -148,7 +148,7 @@ impl Stream<'_> {
     /// How it stands; `own` are its sensors, `waited` and `queue` as in [`DeviceView`].
     pub fn view(&self, own: &[&SensorView], options: &Options, waited: (u64, f64), queue: f64) -> DeviceView {
         let silent = match own {
-            [] => self.heard.elapsed() >= self.silent_after(),
+            [] => self.last_message.elapsed() >= self.silent_after(),
             sensors => sensors.iter().all(|sensor| sensor.fault == Some(SensorFault::Silent)),
         };
         let trouble = match &self.state {

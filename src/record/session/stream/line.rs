@@ -1,4 +1,4 @@
-//! What a device says in lines: each a row of values at a time of its own.
+//! Devices that send lines: each a row of values with its own time.
 
 use crate::record::clock::device_clock::seconds;
 use crate::record::error::RecordError;

@@ -1,4 +1,4 @@
-//! What a device says that is asked: each answer is a sample at the time of its request and answer.
+//! Devices that are polled: each answer is a sample, at the middle of request and answer.
 
 use crate::record::clock::align::Stretch;
 use crate::record::clock::device_clock::seconds;

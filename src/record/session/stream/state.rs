@@ -64,7 +64,7 @@ pub struct Stream<'a> {
     /// How it stands.
     pub state: State,
     /// When it last sent something valid, or the session began.
-    pub heard: Instant,
+    pub last_message: Instant,
     /// Bytes that came from it.
     pub bytes: u64,
     /// Others are recorded with it, on one clock.
@@ -98,7 +98,7 @@ pub struct Stream<'a> {
 }
 
 impl<'a> Stream<'a> {
-    /// A device of the rig, before it has said anything.
+    /// A device of the rig, before its first message.
     pub fn new(rig: &Rig, device: &'a Device) -> Stream<'a> {
         let wired = rig.sensors.iter().enumerate().filter_map(|(sensor, described)| {
             let wiring = described.wiring.as_ref().filter(|wiring| wiring.device == device.name)?;
@@ -121,7 +121,7 @@ impl<'a> Stream<'a> {
         Stream {
             device,
             state: State::Open,
-            heard: Instant::now(),
+            last_message: Instant::now(),
             bytes: 0,
             shared: false,
             stretches: Vec::new(),

@@ -1,4 +1,4 @@
-//! When what a device sends was measured: its clock through restarts and steps, against its arrivals, and against the other devices'.
+//! Measurement times of a device: its clock through restarts and steps, against the arrivals, and against the other devices' clocks.
 
 use std::time::{Duration, Instant};
 
@@ -71,7 +71,7 @@ impl Stream<'_> {
 
     /// By how much the device's clock was set before a frame that is off its place, ns. It cannot be behind a hole where it stands before
     /// the end of those before it, or came earlier than it could have been sent. Where it stands before the end of frames that are missing, these
-    /// may have been shorter than others: it came late by as much, unless they were, where arrivals are told to so much.
+    /// may have been shorter than others: it came late by as much, unless they were, where arrivals are known so well.
     fn step_ns(&self, stamp: &Stamp) -> Option<i64> {
         let (clock, earliest) = (self.clock?, stamp.jump?);
         let missing_ns = (i64::from(stamp.lost) * stamp.rows as i64).saturating_mul(stamp.period_ns);
@@ -105,11 +105,11 @@ impl Stream<'_> {
 
     /// It has sent something valid; `whole` where nothing is missing before.
     pub(crate) fn sent_something(&mut self, whole: bool) {
-        let since = self.heard.elapsed();
+        let since = self.last_message.elapsed();
         if whole && !self.returned && !self.stretches.is_empty() {
             self.pause = Some(self.pause.map_or(since, |pause| pause.max(since)));
         }
-        self.heard = Instant::now();
+        self.last_message = Instant::now();
     }
 
     /// Takes what puts its logged times on the recording's clock.
@@ -152,7 +152,7 @@ impl Stream<'_> {
 
     /// When what came from it last was sent at the latest: not before its longest pause, for that may be a burst.
     pub fn sent_by(&self) -> Instant {
-        self.pause.and_then(|pause| self.heard.checked_sub(pause)).unwrap_or(self.heard)
+        self.pause.and_then(|pause| self.last_message.checked_sub(pause)).unwrap_or(self.last_message)
     }
 
     /// For how long a device that pauses for so long between two messages is not missed.
@@ -167,7 +167,7 @@ impl Stream<'_> {
             Protocol::ModbusRtu { poll_interval_s, .. } => Duration::try_from_secs_f64(poll_interval_s).ok(),
             Protocol::Frames | Protocol::Lines => None,
         };
-        let since = moment.saturating_duration_since(self.heard);
+        let since = moment.saturating_duration_since(self.last_message);
         // of one that spoke only once no rhythm is known
         let allowed = poll.max(self.pause).map_or(silence.max(2 * self.span), |pause| self.patience(pause));
         (self.state == State::Open && since > allowed).then_some((self.stretches.last()?.last_ns, since))

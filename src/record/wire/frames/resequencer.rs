@@ -1,8 +1,20 @@
-//! Valid frames in their order: which come again, which are missing, and whose time is false.
+//! Puts valid frames in order: finds repeated and missing ones, and stamps that are false.
 //!
-//! A frame that stands where the sequence and the stamps before it put it is handed on at once. Any other is held until those that come
-//! behind say what it is: one false stamp is refuted by the next frame; a hole, a clock that was set and a device that restarted are believed
-//! when so many frames agree.
+//! A frame whose sequence number and stamp follow those before it is handed on at once. Any other is held until the next ones decide: the
+//! next frame refutes a single false stamp; a hole, a clock that was set and a restart are believed once [`AGREEING`] frames agree.
+//!
+//! A sequence number, a restart rule and a line through the arrivals would do less. These cases need the stamps to be judged; the tests
+//! named are in `tests/resequencer.rs`, and `session/live_test/tests/clocks.rs` repeats the first four with samples that carry their own
+//! true time.
+//!
+//! | case | why the simple rule fails | test |
+//! | --- | --- | --- |
+//! | one false stamp (a 64-bit clock read in halves) | the CRC is right and the sequence unbroken; alone, the stamp looks like a hole | `a_false_time_is_dropped_and_a_true_jump_is_not` |
+//! | the clock is set, also beside lost frames | the sequence does not show it; the restart rule would begin a new clock | `a_step_of_the_clock_loses_no_frame`, `a_clock_that_is_set_back_where_frames_are_missing_is_told_by_the_sequence` |
+//! | the device pauses without skipping a number | the sequence shows no hole | `a_false_time_is_dropped_and_a_true_jump_is_not` |
+//! | stamps that scatter by several sample periods, or tick | arrivals scatter as much, and bursts delay them more | `stamps_that_scatter_are_smoothed`, `bursts_do_not_speak_for_a_false_stamp` |
+//! | a hole longer than the sequence | 65 536 frames look like none | `a_hole_longer_than_the_sequence_is_counted_by_the_devices_time` |
+//! | a stated period that is wrong | samples within a frame would be spread wrongly | `a_wrong_period_is_taken_from_the_stamps_and_told` |
 
 use std::collections::VecDeque;
 use std::hash::{DefaultHasher, Hash, Hasher};
@@ -12,10 +24,10 @@ use crate::record::wire::frames::frame::Frame;
 use crate::record::wire::frames::period::StatedPeriod;
 use crate::record::wire::frames::timestamp_filter::TimestampFilter;
 
-/// So many frames in sequence that agree with each other are believed.
+/// Held frames are believed when so many in sequence agree with each other.
 const AGREEING: usize = 3;
 
-/// So many of the last frames are remembered, to know them when they come again.
+/// So many of the last frames are remembered, to recognise repeated ones.
 const RECENT: usize = 64;
 
 /// See the module.

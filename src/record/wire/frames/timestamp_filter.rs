@@ -1,4 +1,4 @@
-//! Where a device's next frame should stand, by those before it: its stamps, and how far off they usually are.
+//! Predicts the stamp of a device's next frame from those before it, and how far off stamps usually are.
 //!
 //! Stamps that are nearer to their place than half a sample hold as they are. Where they scatter by more, as those that a device's
 //! program takes or a clock that ticks, the samples of an unbroken sequence are known better from each other than from their stamps: then a
@@ -9,7 +9,7 @@ use std::collections::VecDeque;
 use crate::record::wire::frames::frame::Frame;
 use crate::robust::{median, quantile, sd_about};
 
-/// So many stamps are seen before anything is said of their scatter, and so many are remembered.
+/// Stamps seen before their scatter is judged, and stamps remembered.
 const LEARNT: usize = 8;
 const REMEMBERED: usize = 32;
 /// A stamp further off than this many times what nine in ten of the others stay within is no scatter. Nor is one off by half a sample, or by

@@ -187,7 +187,7 @@ impl Clock {
     }
 }
 
-/// The order of day and month: as told, or as the first date shows that has a number above 12.
+/// The order of day and month: from the options, or from the first date that has a number above 12.
 fn order(cell: &str, text: &str, separator: char, options: &SourceOptions) -> Order {
     match options.day_first {
         Some(true) => Order::DayFirst,

@@ -75,7 +75,7 @@ fn ours(bytes: &[u8], path: &Path) -> Result<SourceFile, LogError> {
 /// A time above a year is one since 1970; below, the clock counted from its own start, or was not set.
 const YEAR_NS: i64 = 31_536_000_000_000_000;
 
-/// What is said of times of 2^63 ns and more.
+/// The message about times of 2^63 ns and more.
 const BEYOND: &str = "have times beyond what a recording holds (2^63 ns, which is the year 2262 where they count from 1970): check the clock of the logger, or \
      use another time with --message-time publish or --time-field";
 

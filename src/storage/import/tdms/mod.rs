@@ -141,7 +141,7 @@ type Times = (Vec<f64>, Option<i64>, Vec<f64>);
 
 /// Those of a channel of even steps.
 fn evenly(channel: &Channel, last: Timing, count: usize) -> Result<Times, String> {
-    // what is said behind the last value, or twice between two, is of no stretch of its own
+    // properties behind the last value, or twice between two values, begin no stretch
     let mut stretches: Vec<(usize, Timing)> = channel.earlier.iter().copied().filter(|(to, _)| *to < count).collect();
     stretches.dedup_by_key(|(to, _)| *to);
     stretches.push((count, last));
@@ -198,7 +198,7 @@ fn is_time_name(name: &str) -> Option<f64> {
     }
 }
 
-/// The samples that are numbers, with gaps for those that are not, which is said; times must increase.
+/// The samples that are numbers, with reported gaps for those that are not; times must increase.
 fn in_order(path: &str, time_s: Vec<f64>, value: Vec<f64>, repairs: &mut Vec<Repair>) -> Result<Series, String> {
     let all = time_s.len();
     let timed = |(t, _): &(f64, f64)| to_ns(*t).is_some();
