@@ -26,17 +26,17 @@ pub enum RecordError {
     )]
     SamePort { first: String, second: String, port: String },
     #[error(
-        "devices '{first}' and '{second}' are both on port {port} and have the same unit_id, {unit}: set another at one of them and in the rig file"
+        "devices '{first}' and '{second}' are both on port {port} and have the same unit_id, {unit}: change one of them, on the device and in the rig file"
     )]
     SameUnit { first: String, second: String, port: String, unit: u8 },
     #[error(
         "devices '{first}' and '{second}' are both on port {port}, but one speaks at {one} and the other at {other}: a line has one speed and format"
     )]
     UnlikeLine { first: String, second: String, port: String, one: String, other: String },
-    #[error("no sample came, so there is nothing to write")]
+    #[error("no sample arrived, so there is nothing to write")]
     NotBegun,
     #[error(
-        "port {port} of device '{device}' does not exist: is it plugged in? Another one is given with --port {device}=PATH ({known})"
+        "port {port} of device '{device}' does not exist: is it plugged in? Choose another one with --port {device}=PATH ({known})"
     )]
     PortMissing { device: String, port: String, known: String },
     #[error(
@@ -59,13 +59,13 @@ pub enum RecordError {
         "device '{device}' never answered ({ended}): is it switched on, and are its port ({port}), baud rate and format ({speed}) and unit_id right?"
     )]
     NoAnswer { device: String, port: String, speed: String, ended: String },
-    #[error("device '{device}' refuses what it is asked for: {why}")]
+    #[error("device '{device}' refuses the request: {why}")]
     Refused { device: String, why: &'static str },
     #[error("sensor '{sensor}' is wired to channel {channel} of device '{device}', which sends {channels} channels (0 to {})", channels.saturating_sub(1))]
     NoChannel { sensor: String, channel: usize, device: String, channels: usize },
     #[error("{0} has no samples to play")]
     NothingToPlay(String),
-    #[error("{0} does not say what its columns are: give the rig with --rig")]
+    #[error("{0} does not describe its columns: name the rig with --rig")]
     CsvWithoutRig(String),
     #[error("{recording} cannot be played on rig '{rig}': {reason}")]
     OtherRig { recording: String, rig: String, reason: String },
@@ -75,7 +75,7 @@ pub enum RecordError {
     Pseudoterminal(#[source] io::Error),
     #[error("the recording cannot be started")]
     Start(#[source] LogError),
-    #[error("the recording could not be written on; what was recorded until then is in {}: make it whole with `surgescope recover {} -o WHOLE.mcap`", .file.display(), .file.display())]
+    #[error("writing the recording failed; what was recorded until then is in {}: repair it with `surgescope recover {} -o WHOLE.mcap`", .file.display(), .file.display())]
     Write { file: PathBuf, source: Box<LogError> },
     #[error(transparent)]
     Read(LogError),

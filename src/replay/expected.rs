@@ -310,7 +310,7 @@ mod tests {
     fn what_is_written_reads_back() {
         let found = [
             (Table::Inspect, "period_s", 1.755_712_3, Ok(0.0066)),
-            (Table::Inspect, "wave_speed_crossings_m_s", 338.5, Err("the recording hardly tells it")),
+            (Table::Inspect, "wave_speed_crossings_m_s", 338.5, Err("the recording hardly determines it")),
             (Table::Sensor("P 1".into()), "noise_m", 3.2e-9, Ok(1.5e-10)),
             (Table::Calibrate, "rmse_m", 0.0, Ok(0.0)),
             (Table::Parameter, "offset_m[P 1]", -12_345.6, Ok(678.0)),
@@ -325,7 +325,7 @@ mod tests {
         let read = Expected::from_toml(&text, Path::new("a.expected.toml")).unwrap();
         assert_eq!(read.effects.unwrap()[0].label(), "viscoelastic-wall:2");
         assert_eq!(read.quantities.len(), 4, "{text}");
-        assert!(text.contains("# wave_speed_crossings_m_s is left out: the recording hardly tells it"));
+        assert!(text.contains("# wave_speed_crossings_m_s is left out: the recording hardly determines it"));
         for found in found.iter().filter(|f| f.tolerance.is_ok()) {
             let back = read.quantities.iter().find(|e| e.quantity == found.quantity).expect("written and read");
             let tolerance = found.tolerance.unwrap();

@@ -102,7 +102,7 @@ fn parameter(p: &FittedParameter, sample_s: f64) -> Found {
 /// Of something that cannot be zero or below.
 fn positive(e: Estimate) -> Result<f64, &'static str> {
     let tolerance = finite((STANDARD_ERRORS * e.standard_error).max(SHARE * e.value.abs()))?;
-    if tolerance < 0.5 * e.value { Ok(tolerance) } else { Err("the recording hardly tells it") }
+    if tolerance < 0.5 * e.value { Ok(tolerance) } else { Err("the recording hardly determines it") }
 }
 
 fn finite(tolerance: f64) -> Result<f64, &'static str> {

@@ -61,7 +61,7 @@ pub struct FitFile {
 pub struct Run {
     /// File name.
     pub file: String,
-    /// When its clock showed 0, RFC 3339, UTC; left out where nobody knows.
+    /// When its clock showed 0, RFC 3339, UTC; left out where it is unknown.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub recorded_at: Option<String>,
     /// From the first sample to the last, s.
@@ -161,13 +161,13 @@ pub enum Form {
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs)] // the sentences say it
 pub enum FitFileError {
-    #[error("{0}: a fit is written as TOML or JSON: end the name in .toml or .json")]
+    #[error("{0}: a fit is written as TOML or JSON: use a name that ends in .toml or .json")]
     Form(String),
     #[error("cannot read the fit in {0}: {1}")]
     Read(String, std::io::Error),
-    #[error("{0} is no fit of surgescope (see `calibrate -o`): {1}")]
+    #[error("{0} is not a surgescope fit (see `calibrate -o`): {1}")]
     Parse(String, String),
-    #[error("{0} is a fit in the form '{1}', and this program reads '{FORMAT}'")]
+    #[error("{0} is a fit in the format '{1}', and this program reads '{FORMAT}'")]
     Format(String, String),
 }
 

@@ -4,3 +4,6 @@ pub mod fit_file;
 pub mod history;
 pub mod model_file;
 pub mod table;
+
+#[cfg(test)]
+mod old_files;

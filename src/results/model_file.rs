@@ -145,7 +145,7 @@ impl ModelFile {
         }
         for (i, model) in self.models.iter().enumerate() {
             if let Some(parent) = model.grown_from.filter(|&p| p == 0 || p > i) {
-                return Err(wrong(i + 1, format!("says it grew from model {parent}, which does not stand before it")));
+                return Err(wrong(i + 1, format!("claims to grow from model {parent}, which does not come before it")));
             }
             parse_list(&model.effects.join(",")).map_err(|source| ModelFileError::Effects {
                 file: path.to_owned(),

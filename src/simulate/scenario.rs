@@ -157,7 +157,7 @@ impl Scenario {
         shared.chain(model.per_run.iter().zip(run).map(|(p, v)| named(p, v))).collect()
     }
 
-    /// What was used although nobody set it: parameters, friction factors at the initial flow and the grid.
+    /// Values that were used without being set: parameters, friction factors at the initial flow and the grid.
     pub fn not_set(&self, settings: &[(String, f64)]) -> Vec<(String, f64)> {
         let set = |name: &str| {
             let group = name.split('[').next().unwrap_or(name);

@@ -57,7 +57,7 @@ impl Assembler {
             }
             Record::Metadata(record) if record.name == layout::RUN_METADATA => {
                 if record.metadata.get(key::CHECK) != Some(&layout::check_sum(&record.metadata)) {
-                    return Err("the check sum of what is said of the run is wrong".into());
+                    return Err("the check sum of the run's metadata is wrong".into());
                 }
                 self.run = Some(record.metadata);
             }
@@ -93,7 +93,7 @@ impl Assembler {
             return Ok(());
         };
         let entry = |key: &str| channel.metadata.get(key);
-        let sensor = entry(key::SENSOR).ok_or_else(|| format!("channel {topic} does not say which sensor it is"))?;
+        let sensor = entry(key::SENSOR).ok_or_else(|| format!("channel {topic} does not name its sensor"))?;
         let number = |key: &str| {
             let parse = |text: &String| text.parse().map_err(|_| format!("channel {topic} has '{text}' for its {key}"));
             entry(key).map(parse).transpose()
@@ -157,19 +157,19 @@ impl Assembler {
         Ok(())
     }
 
-    /// The recording. Two samples of a sensor at one time are an error, unless `repeats` takes what is said of the second,
+    /// The recording. Two samples of a sensor at one time are an error, unless `repeats` takes the message about the second,
     /// which is then left out.
     pub fn assemble(self, path: &Path, mut repeats: Option<&mut Vec<String>>) -> Result<Recording, LogError> {
         let damaged = |why| LogError::Damaged { path: path.into(), why };
         let not_ours = |why: &str| LogError::NotOurs { path: path.into(), why: why.into() };
         let text = self.rig.ok_or_else(|| not_ours("it holds no rig file (attachment rig.toml)"))?;
-        let entries = self.run.ok_or_else(|| not_ours("it does not say when it was made (metadata surgescope.run)"))?;
+        let entries = self.run.ok_or_else(|| not_ours("it has no time of recording (metadata surgescope.run)"))?;
         let number = |key: &str| entries.get(key).and_then(|v| v.parse::<u64>().ok());
-        let format = number(key::FORMAT).ok_or_else(|| damaged("its format is not said".into()))?;
+        let format = number(key::FORMAT).ok_or_else(|| damaged("its format is missing".into()))?;
         if format > u64::from(layout::FORMAT) {
             return Err(not_ours("a newer version of the program wrote it: update surgescope"));
         }
-        let zero_ns = number(key::TIME_ZERO).ok_or_else(|| damaged("its time 0 is not said".into()))?;
+        let zero_ns = number(key::TIME_ZERO).ok_or_else(|| damaged("its time 0 is missing".into()))?;
         let file_name = format!("rig.toml inside {}", path.display());
         let rig =
             Rig::from_toml(&text, &file_name).map_err(|e| LogError::Rig { path: path.into(), source: Box::new(e) })?;

@@ -114,7 +114,7 @@ pub enum LogError {
         source: Box<LogError>,
     },
     /// The live file no longer stands at its name, and a finished one could not be put there either.
-    #[error("{file} was moved or deleted while it was written, and could not be written anew: if it was moved, `surgescope recover` of it at its new place makes it whole; if it was deleted, its samples are lost", file = path.display())]
+    #[error("{file} was moved or deleted while it was written, and could not be rewritten: if it was moved, run `surgescope recover` on it at its new place; if it was deleted, its samples are lost", file = path.display())]
     Gone {
         /// Where it was.
         path: PathBuf,
@@ -157,7 +157,7 @@ pub enum CsvProblem {
     },
     /// A sensor of the rig has no column.
     #[error(
-        "no column for the {kind} sensor '{sensor}' of rig '{rig}'; the columns are {found}{hint} Rename the column, take the rig file of this test, or say that the sensor was not recorded with --without {sensor}"
+        "no column for the {kind} sensor '{sensor}' of rig '{rig}'; the columns are {found}{hint} Rename the column, use the rig file of this test, or leave the sensor out with --without {sensor}"
     )]
     MissingColumn {
         /// The sensor.
@@ -173,7 +173,7 @@ pub enum CsvProblem {
     },
     /// A column that no sensor has.
     #[error(
-        "column '{column}' is no sensor of rig '{rig}', which has {known}{hint} Rename or remove the column, or take the rig file of this test"
+        "column '{column}' is no sensor of rig '{rig}', which has {known}{hint} Rename or remove the column, or use the rig file of this test"
     )]
     UnknownColumn {
         /// The column.
@@ -186,9 +186,9 @@ pub enum CsvProblem {
         hint: String,
     },
     /// Two columns of one name.
-    #[error("column '{0}' stands in the header twice: keep one of the two")]
+    #[error("column '{0}' appears twice in the header: keep one")]
     DuplicateColumn(String),
-    /// A sensor said to be left out that the rig does not have, or that has a column.
+    /// A sensor to leave out that the rig does not have, or that has a column.
     #[error("--without {sensor}: {why}")]
     BadWithout {
         /// The sensor.
@@ -197,7 +197,7 @@ pub enum CsvProblem {
         why: String,
     },
     /// A last line without its end.
-    #[error("the file ends within this line: its last number is written shorter than all above it. Remove the line")]
+    #[error("the file ends within this line: its last number is shorter than all those above it. Remove the line")]
     CutOff,
     /// A line with too many or too few cells.
     #[error("{found} cells where the header has {expected}: a decimal comma, or a separator too many or too few?")]
@@ -228,7 +228,7 @@ pub enum CsvProblem {
     NoTime,
     /// Lines without a time, too many to do without.
     #[error(
-        "{count} of {rows} lines have no time, this one first: few are left out, but so many leave open when the others were; write every line's time"
+        "{count} of {rows} lines have no time, this one first: that is too many to leave out; write the time of every line"
     )]
     TimesMissing {
         /// Lines whose time is empty or nan.
@@ -253,7 +253,7 @@ pub enum CsvProblem {
     },
     /// A sensor whose column is empty throughout.
     #[error(
-        "column '{column}': the pressure sensor has no sample in the whole file; if it was not recorded, remove the column and say --without {column}"
+        "column '{column}': the pressure sensor has no sample in the whole file; if it was not recorded, remove the column and add --without {column}"
     )]
     NoSamples {
         /// The column.
@@ -261,7 +261,7 @@ pub enum CsvProblem {
     },
     /// Decimal points and decimal commas in one file.
     #[error(
-        "column '{column}': '{cell}' has another decimal mark than the numbers before it, so that nobody can tell what it means: write all with one mark"
+        "column '{column}': '{cell}' has another decimal mark than the numbers before it, so its value is ambiguous: use one mark throughout"
     )]
     TwoDecimalMarks {
         /// The column.
@@ -269,15 +269,15 @@ pub enum CsvProblem {
         /// What stands there.
         cell: String,
     },
-    /// A date whose day and month cannot be told apart.
-    #[error("'{0}' may be two dates, and no other line shows which: say --date-order dmy or --date-order mdy")]
+    /// A date whose day and month are ambiguous.
+    #[error("'{0}' may be two dates, and no other line shows which: add --date-order dmy or --date-order mdy")]
     WhichDay(String),
     /// A cell that is no date-time where the others are.
     #[error("'{0}' is not a time like those of the lines above")]
     NotATime(String),
     /// A time out of order that is none of the grid's.
     #[error(
-        "the time of this line, {time_s} s, is out of order and falls between the times of the others, which are {step_s} s apart: a wrong time, or two runs in one file; correct it, or split the file"
+        "the time of this line, {time_s} s, is out of order and falls between the other times, which are {step_s} s apart: it is wrong, or the file holds two runs; correct it, or split the file"
     )]
     OffTheGrid {
         /// The time, s.

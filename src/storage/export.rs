@@ -61,7 +61,7 @@ fn columns(recording: &Recording) -> Vec<(usize, Option<u8>)> {
     let sensors = recording.series.len().min(recording.rig.sensors.len());
     let mut columns: Vec<_> = recording.run.csv.iter().flat_map(|c| c.columns.iter().copied()).collect();
     columns.retain(|(sensor, _)| *sensor < sensors);
-    // A sensor that an import was told to do without, and that has no sample, had no column.
+    // A sensor that the import left out (`--without`) has no sample and had no column.
     let imported = recording.run.csv.is_some();
     for (sensor, series) in recording.series.iter().enumerate().take(sensors) {
         let left_out = imported && series.time_s.is_empty();

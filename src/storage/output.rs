@@ -29,7 +29,7 @@ pub fn check_report(path: &Path) -> Result<(), AnyError> {
         return Ok(());
     }
     Err(format!(
-        "{} exists and is no report of surgescope, so it is left alone: choose another name for the report",
+        "{} exists and is not a surgescope report, so it is not overwritten: choose another name for the report",
         path.display()
     )
     .into())
@@ -59,7 +59,7 @@ pub fn check_result(path: &Path, heading: &str) -> Result<(), AnyError> {
         return Ok(());
     }
     Err(format!(
-        "{} exists and does not begin with '{heading}', so it is left alone: choose another name",
+        "{} exists and does not begin with '{heading}', so it is not overwritten: choose another name",
         path.display()
     )
     .into())
@@ -88,8 +88,7 @@ pub fn check_series(path: &Path, header: &str, overwrite: bool, rig: &Path) -> R
         return Ok(());
     }
     Err(format!(
-        "{name} exists and does not begin with '{header}', as this time series will: choose another name, or say --overwrite to \
-         replace it"
+        "{name} exists and does not begin with '{header}', as this time series will: choose another name, or replace it with --overwrite"
     )
     .into())
 }
@@ -109,7 +108,7 @@ pub fn check_new(path: &Path, overwrite: bool) -> Result<(), AnyError> {
     if overwrite {
         return Ok(());
     }
-    Err(format!("{name} exists: choose another name, or say --overwrite to replace it").into())
+    Err(format!("{name} exists: choose another name, or replace it with --overwrite").into())
 }
 
 /// Writes a whole file where none stands, or in the place of one with `overwrite`; at once or not at all.
@@ -181,7 +180,7 @@ fn holds_a_file(path: &Path) -> Result<bool, AnyError> {
 fn beginning(path: &Path, bytes: usize) -> Result<Vec<u8>, AnyError> {
     let mut start = Vec::new();
     let read = File::open(path).and_then(|file| file.take(bytes as u64).read_to_end(&mut start));
-    read.map_err(|e| format!("{} exists and cannot be read, so it is left alone: {e}", path.display()))?;
+    read.map_err(|e| format!("{} exists and cannot be read, so it is not overwritten: {e}", path.display()))?;
     Ok(start)
 }
 

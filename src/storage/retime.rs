@@ -62,7 +62,7 @@ impl Retimer {
         }
         let text = entries.get(FIXES).map_or("", String::as_str);
         let fixes: Vec<(Vec<String>, i64, i64, u64)> =
-            serde_json::from_str(text).map_err(|_| "what is said of the clocks cannot be read")?;
+            serde_json::from_str(text).map_err(|_| "the record of the clocks cannot be read")?;
         let fix = |(sensors, from_ns, to_ns, rate)| ClockFix { sensors, from_ns, to_ns, rate: f64::from_bits(rate) };
         Ok(Retimer { fixes: fixes.into_iter().map(fix).collect() })
     }

@@ -249,7 +249,7 @@ fn the_shipped_tests_lead_to_a_calibration() {
     // Once more over its own files, and never over another's.
     assert_eq!(program(&[&arguments[..], &["-o", &result]].concat()).0, 0);
     let (code, _, said) = program(&[&arguments[..], &["-o", "README.md"]].concat());
-    assert!(code == 2 && said.contains("is left alone"), "{said}");
+    assert!(code == 2 && said.contains("is not overwritten"), "{said}");
 
     let calibrate = |wall: &str, creep: &str| {
         program(&["calibrate", "../hdpe-creep.mcap", "--json", "--effects", wall, "--creep", creep])

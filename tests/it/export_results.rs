@@ -96,8 +96,8 @@ fn a_fit_replaces_nothing_unasked() {
     let (notes, copy) = (folder.path().join("notes.toml"), folder.path().join("copy.json"));
     std::fs::write(&notes, "mine").unwrap();
     std::fs::copy(here(NOTHING), &copy).unwrap();
-    refused(&["calibrate", NOTHING, "-o", "fit.yaml"], "end the name in .toml or .json");
-    refused(&["calibrate", NOTHING, "-o", text(&notes)], "say --overwrite to replace it");
+    refused(&["calibrate", NOTHING, "-o", "fit.yaml"], "use a name that ends in .toml or .json");
+    refused(&["calibrate", NOTHING, "-o", text(&notes)], "replace it with --overwrite");
     refused(&["calibrate", NOTHING, "-o", text(&copy), "--overwrite"], "recordings are never overwritten");
     let new = folder.path().join("new.toml");
     refused(&["calibrate", NOTHING, "-o", text(&new), "--save", text(&new)], "-o and --save both write to");
@@ -130,9 +130,9 @@ fn many_fits_are_one_table() {
     let told = done(&["results", text(&fits), "-o", text(&wide)]);
     assert_eq!((told["fits"].as_u64(), told["rows"].as_u64()), (Some(2), Some(3)), "the file of models is no fit");
     done(&["results", text(&fits), "--long", "-o", text(&long)]);
-    refused(&["results", text(&fits), "-o", text(&wide)], "say --overwrite");
+    refused(&["results", text(&fits), "-o", text(&wide)], "replace it with --overwrite");
     refused(&["results", text(&of_two), "-o", text(&at("t.parquet"))], "end its name in .csv");
-    refused(&["results", text(&at("fits/models.toml")), "-o", text(&at("t.csv"))], "is no fit of surgescope");
+    refused(&["results", text(&at("fits/models.toml")), "-o", text(&at("t.csv"))], "is not a surgescope fit");
 
     let fit = FitFile::read(&of_two).unwrap();
     let wide = rows(&wide);

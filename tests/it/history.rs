@@ -164,5 +164,5 @@ fn what_is_not_there_is_said() {
     )
     .unwrap();
     let (code, _, err) = history(folder.path(), &["lab"]);
-    assert!(code == 2 && err.contains("is no index of runs"), "{err}");
+    assert!(code == 2 && err.contains("is not an index of runs"), "{err}");
 }

@@ -9,11 +9,11 @@ use std::thread;
 use std::time::Duration;
 
 use surgescope::record::RecordError;
-use surgescope::record::devices::replay::{load, replay};
 use surgescope::record::devices::simulated::{Faults, Playback, Script, Sent, SimulatedDevice};
 use surgescope::record::devices::source::Sources;
 use surgescope::record::session::live_test::{Options, live_devices, record};
 use surgescope::record::session::output::Summary;
+use surgescope::record::session::replay::{load, replay};
 use surgescope::record::wire::frames::Frame;
 use surgescope::recording::{Recording, Series};
 use surgescope::rig::{Device, Rig};

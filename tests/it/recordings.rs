@@ -189,7 +189,7 @@ fn times_that_run_backwards_are_refused_and_the_mean_of_those_that_repeat_is_sai
     bench.put("twice.csv", CSV.replace("0.0015", "0.0010"));
     let (_, err) = bench.expect(0, "import twice.csv --rig rig.toml -o twice.mcap");
     assert!(
-        err.contains("twice.csv:5: 1 time stands more than once with different values: their mean was taken"),
+        err.contains("twice.csv:5: 1 time occurs more than once with different values: the mean was taken"),
         "{err}"
     );
     assert_eq!(log::read(&bench.path("twice.mcap")).unwrap().series[0].value, [431.25, 431.3, 442.875]);
@@ -407,9 +407,11 @@ fn a_report_replaces_only_a_report_and_costs_no_result() {
     let bench = Bench::new();
     let calibrate = format!("calibrate {} --report", shipped("hdpe-nothing-missing.mcap"));
     bench.imported();
-    for (name, says) in
-        [("run.mcap", "is no report"), ("rig.toml", "is no report"), ("no/x.html", "the folder no does not exist")]
-    {
+    for (name, says) in [
+        ("run.mcap", "is not a surgescope report"),
+        ("rig.toml", "is not a surgescope report"),
+        ("no/x.html", "the folder no does not exist"),
+    ] {
         let before = bench.path(name).exists().then(|| bench.get(name));
         let (out, err) = bench.expect(2, &format!("{calibrate} {name}"));
         assert!(out.is_empty() && err.contains(says), "{err}");

@@ -143,8 +143,8 @@ fn assert_shown(snapshots: &[Snapshot], shots: usize) {
         };
         seen.insert((phase, trigger.fired));
         if phase == "armed" {
-            assert_eq!(snapshot.sensors[1].ailment.unwrap().word(), "saturated");
-            assert_eq!(snapshot.sensors[0].ailment, None);
+            assert_eq!(snapshot.sensors[1].fault.unwrap().word(), "saturated");
+            assert_eq!(snapshot.sensors[0].fault, None);
         }
     }
     assert!(seen.contains(&("settling", 0)), "{seen:?}");
@@ -158,7 +158,7 @@ fn the_edge_of_a_channel_of_text_lines_cuts_out_each_closure() {
     let (summary, shots, snapshots) = played("lines", Condition::Edge, 2, None);
     assert_shots(&shots, &CLOSURES);
     assert_shown(&snapshots, 3);
-    assert_eq!(summary.callouts.iter().map(|c| c.sensor.as_str()).collect::<Vec<_>>(), ["P2"]);
+    assert_eq!(summary.alerts.iter().map(|c| c.sensor.as_str()).collect::<Vec<_>>(), ["P2"]);
     assert!(!summary.data_lost, "{summary:?}");
 }
 

@@ -58,8 +58,8 @@ fn pictures_replace_nothing_else() {
     let victim = folder.path().join("run.mcap");
     std::fs::copy(here(CREEP), &victim).unwrap();
     let before = std::fs::read(&victim).unwrap();
-    refused(&["valve", CREEP, "--svg", text(&victim)], &["is left alone"]);
-    refused(&["effects", "leak", "--svg", text(&victim)], &["is left alone"]);
+    refused(&["valve", CREEP, "--svg", text(&victim)], &["is not overwritten"]);
+    refused(&["effects", "leak", "--svg", text(&victim)], &["is not overwritten"]);
     assert_eq!(std::fs::read(&victim).unwrap(), before);
     let picture = folder.path().join("leak.svg");
     for _ in 0..2 {

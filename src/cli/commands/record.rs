@@ -15,7 +15,6 @@ use crate::cli::console::last_words::{LastWords, tell_first};
 use crate::cli::console::live::Reporter;
 use crate::cli::{CommandResult, Outcome};
 use crate::model::effects::{Chosen, parse_list};
-use crate::record::devices::replay;
 #[cfg(unix)]
 use crate::record::devices::simulated::{Faults, Playback, Script, SimulatedDevice};
 use crate::record::devices::source::Sources;
@@ -23,6 +22,7 @@ use crate::record::health::snapshot::Snapshot;
 use crate::record::session::live_test as session;
 use crate::record::session::live_test::{Options, SILENCE_S, live_devices};
 use crate::record::session::output::{DeviceCount, Summary, check_path};
+use crate::record::session::replay;
 use crate::report::history::text::RunDocument;
 use crate::results::history::{Run, State};
 use crate::rig::{Device, Rig};
@@ -322,8 +322,8 @@ fn table(summary: &Summary) -> String {
             device.name, device.frames, device.bad_frames, device.lost_frames, device.duplicated_frames
         );
     }
-    for callout in &summary.callouts {
-        let _ = writeln!(text, "{} {}", callout.sensor, callout.told(0));
+    for alert in &summary.alerts {
+        let _ = writeln!(text, "{} {}", alert.sensor, alert.message(0));
     }
     for shot in &summary.shots {
         let _ = writeln!(text, "shot: {shot}");

@@ -155,7 +155,7 @@ mod tests {
         assert!((time_s(&fixes[1], 67.0) - 65.0 * 1.001).abs() < 100e-6, "{:?}", fixes[1]);
     }
 
-    /// The first device begins at 0 and sends its first 2 s at once; the second, that has begun at 0 too, was heard first.
+    /// The first device begins at 0 and sends its first 2 s at once; the second, which also began at 0, arrived first.
     #[test]
     fn a_recording_begins_with_its_earliest_sample() {
         let (first, second) = (stretch(0.0, 0.0, 1.99, 1), stretch(0.0, 0.0, 0.0, 2));

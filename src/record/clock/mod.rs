@@ -3,5 +3,6 @@
 pub mod align;
 pub mod clock_line;
 pub mod device_clock;
+pub(crate) mod host_clock;
 pub mod pace;
 pub(crate) mod summary;

@@ -28,15 +28,15 @@ impl ClockSummary {
         let ClockSummary { late_share: share, late_most_ms: most, .. } = self;
         (*share > 0.0).then(|| {
             format!(
-                "its clock does not run evenly against this computer's: in {:.0}% of the time all of it came late, by up to {most:.0} ms; if its \
-                 line stalled then, its times are right, but if its clock was set, or it restarted, they may be off by as much against \
+                "its clock does not run evenly against this computer's: in {:.0}% of the time everything came late, by up to {most:.0} ms; if its \
+                 line stalled, its times are right, but if its clock was set, or it restarted, they may be off by as much from \
                  other devices",
                 100.0 * share
             )
         })
     }
 
-    /// That of the stretch that came after this one; what was late in either is told.
+    /// That of the next stretch; keeps the worse lateness of the two.
     pub(crate) fn and(self, next: ClockSummary) -> ClockSummary {
         let (late_share, late_most_ms) =
             (self.late_share.max(next.late_share), self.late_most_ms.max(next.late_most_ms));

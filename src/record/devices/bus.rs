@@ -77,7 +77,7 @@ impl<L: Line> Bus<L> {
             }
             let length = self.line.receive(&mut buffer, until.saturating_duration_since(Instant::now()))?;
             if length == 0 {
-                // What did not become whole is noise to whoever listens.
+                // Incomplete answers are noise to every listener.
                 self.pass(slave, self.pending.len());
                 self.forget();
                 return Ok(());

@@ -1,11 +1,11 @@
-//! What sends: ports, buses, polled slaves, simulated devices, files played as if live.
+//! What sends: ports, buses, polled slaves, simulated devices.
 
 pub(crate) mod bus;
+pub(crate) mod device_count;
 pub mod poll;
 pub mod polling;
 pub mod port;
-pub mod replay;
+pub(crate) mod queue;
 #[cfg(unix)]
 pub mod simulated;
 pub mod source;
-pub mod stream;

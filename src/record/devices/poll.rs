@@ -9,7 +9,7 @@
 //! one round trip more for requests of equal length next to each other, which [`crate::record::wire::registers::alternate`] makes as few as it can.
 //! Of the same registers asked for again a second answer is only older; there an echo once a second keeps it from staying so.
 //!
-//! With a slave that has never said anything to an echo there is only silence to go by: ten time-outs of it, and two seconds at least,
+//! A slave that has never answered an echo leaves only silence to go by: ten time-outs of it, and two seconds at least,
 //! when out of step, and 20 ms between requests of equal length. A second answer later than that puts one value under a wrong name.
 
 use std::io;
@@ -22,7 +22,7 @@ use crate::record::wire::registers::Group;
 const SILENCE: Duration = Duration::from_millis(20);
 /// The same registers are read for so long without an echo.
 const UNPROVEN: Duration = Duration::from_secs(1);
-/// A slave that does not know echoes and has said nothing for so many time-outs, and for so long, will not answer what it was asked before.
+/// A slave that does not know echoes and was silent for so many time-outs, and for so long, will not answer earlier requests any more.
 const FORGOTTEN_TIMEOUTS: u32 = 10;
 const FORGOTTEN: Duration = Duration::from_millis(if cfg!(test) { 200 } else { 2000 });
 /// Another echo is asked for after so many time-outs: a slave that is slow already is not to be flooded.
@@ -66,7 +66,7 @@ pub struct PollCounts {
     pub refused: u64,
     /// Polls that fell out because the one before took too long.
     pub skipped: u64,
-    /// Times that nothing but a long silence brought the line into step, for the slave has said nothing to an echo yet.
+    /// Times that nothing but a long silence brought the line into step, because the slave has not answered an echo yet.
     pub unproven: u64,
 }
 
@@ -128,11 +128,11 @@ pub struct Poller<L> {
     echo_asked: Option<Instant>,
     /// It has returned or refused an echo before.
     knows_echoes: bool,
-    heard: Instant,
+    last_byte: Instant,
 }
 
 impl<L: Line> Poller<L> {
-    /// A poller that first brings the line into step: something may be on its way to whoever asked before.
+    /// A poller that first brings the line into step: an answer to an earlier request may still be on its way.
     pub fn new(line: L, unit: u8, timeout: Duration) -> Poller<L> {
         let next_echo = fastrand::u16(..);
         Poller {
@@ -150,7 +150,7 @@ impl<L: Line> Poller<L> {
             next_echo,
             echo_asked: None,
             knows_echoes: false,
-            heard: Instant::now(),
+            last_byte: Instant::now(),
         }
     }
 
@@ -231,7 +231,7 @@ impl<L: Line> Poller<L> {
     fn fall_out(&mut self) {
         self.in_step = false;
         (self.owed_before, self.refusals) = (self.owed_echoes, 0);
-        self.heard = Instant::now();
+        self.last_byte = Instant::now();
     }
 
     fn ask(&mut self, request: &Request) -> io::Result<Outcome> {
@@ -284,7 +284,7 @@ impl<L: Line> Poller<L> {
         if self.in_step || self.echo()? {
             return Ok(true);
         }
-        let forgotten = self.heard.elapsed() >= forgotten_after(self.timeout) && !self.knows_echoes;
+        let forgotten = self.last_byte.elapsed() >= forgotten_after(self.timeout) && !self.knows_echoes;
         self.counts.unproven += u64::from(forgotten);
         Ok(forgotten && self.stepped())
     }
@@ -356,8 +356,8 @@ impl<L: Line> Poller<L> {
             return Ok(None);
         }
         bytes.extend(buffer.iter().take(length));
-        self.heard = Instant::now();
-        Ok(Some(self.heard))
+        self.last_byte = Instant::now();
+        Ok(Some(self.last_byte))
     }
 
     /// Takes what is on the line until nothing comes for so long; false where it goes on and on.
@@ -369,7 +369,7 @@ impl<L: Line> Poller<L> {
                 0 => break,
                 length => bytes.extend(buffer.iter().take(length)),
             }
-            self.heard = Instant::now();
+            self.last_byte = Instant::now();
             if started.elapsed() > self.timeout + SILENCE {
                 self.counts.bad += 1;
                 return Ok(false);

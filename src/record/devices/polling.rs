@@ -1,4 +1,4 @@
-//! The thread of a line of Modbus devices: asks each for its registers at an even pace and passes on what they say.
+//! The thread of a line of Modbus devices: polls each at an even pace and passes the answers on.
 
 use std::io;
 use std::thread;
@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use crate::record::devices::bus::{Tap, taps};
 use crate::record::devices::poll::{Outcome, PollCounts, Poller};
 use crate::record::devices::port::SerialLine;
-use crate::record::devices::source::{Input, Queue, why};
+use crate::record::devices::queue::{Input, Polled, Queue, why};
 use crate::record::wire::registers::{Group, Place, alternate, group, value};
 use crate::rig::{Device, Protocol, Rig};
 
@@ -17,20 +17,6 @@ const NAP: Duration = Duration::from_millis(50);
 /// A slave that has missed so many polls in a row takes no more of a line that it shares than a poll in so many time-outs.
 const SILENT: u32 = 5;
 const SILENT_TIMEOUTS: u32 = 10;
-
-/// What became of a request for a group of registers.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Polled {
-    /// The middle between request and answer on the host's clock, ns.
-    pub at_ns: i64,
-    /// Sensors by their place among those wired to the device, each with the number in its registers; without one where
-    /// there was no answer, or no finite number in it.
-    pub values: Vec<(usize, Option<f64>)>,
-    /// Modbus exception code, where the device refused.
-    pub refused: Option<u8>,
-    /// What was seen of the device so far.
-    pub counts: PollCounts,
-}
 
 /// What a device is asked for, and how often.
 #[derive(Debug, Clone, PartialEq)]
@@ -114,7 +100,7 @@ struct Turn {
     missed: u32,
 }
 
-/// Asks whoever is due until nothing is wanted any more; an error when the port is gone.
+/// Asks the slave that is due, until nothing is wanted any more; an error when the port is gone.
 fn poll(turns: &mut [Turn]) -> io::Result<()> {
     let shared = turns.len() > 1;
     while let Some(turn) = turns.iter_mut().min_by_key(|turn| turn.due) {

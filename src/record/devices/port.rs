@@ -8,8 +8,8 @@ use std::time::{Duration, Instant};
 use serde::Serialize;
 use serialport::{SerialPort, SerialPortType};
 
-use crate::record::RecordError;
 use crate::record::devices::poll::Line;
+use crate::record::error::RecordError;
 use crate::rig::{Device, Framing, Parity};
 
 /// How long a read waits before its thread looks whether it is still wanted.
@@ -73,13 +73,13 @@ pub struct SerialLine {
     port: Box<dyn SerialPort>,
     /// Slaves know a request by the silence before it.
     silence: Duration,
-    heard: Option<Instant>,
+    last_byte: Option<Instant>,
 }
 
 impl SerialLine {
     /// The port that the device is on.
     pub fn open(device: &Device) -> Result<SerialLine, RecordError> {
-        Ok(SerialLine { port: open_port(device)?, silence: silence(device.baud), heard: None })
+        Ok(SerialLine { port: open_port(device)?, silence: silence(device.baud), last_byte: None })
     }
 }
 
@@ -90,7 +90,7 @@ fn silence(baud: u32) -> Duration {
 
 impl Line for SerialLine {
     fn send(&mut self, bytes: &[u8]) -> io::Result<()> {
-        let since = self.heard.map_or(self.silence, |heard| heard.elapsed());
+        let since = self.last_byte.map_or(self.silence, |at| at.elapsed());
         thread::sleep(self.silence.saturating_sub(since));
         self.port.set_timeout(READ_TIMEOUT.max(Duration::from_secs(1)))?;
         self.port.write_all(bytes)?;
@@ -102,7 +102,7 @@ impl Line for SerialLine {
         match self.port.read(buffer) {
             Ok(0) => Err(ErrorKind::UnexpectedEof.into()),
             Ok(length) => {
-                self.heard = Some(Instant::now());
+                self.last_byte = Some(Instant::now());
                 Ok(length)
             }
             Err(error) if matches!(error.kind(), ErrorKind::TimedOut | ErrorKind::WouldBlock) => Ok(0),

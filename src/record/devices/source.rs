@@ -1,4 +1,4 @@
-//! What comes from the devices: one thread a port (Modbus slaves may share one), all into one bounded queue.
+//! Reads the devices: one thread per port (Modbus slaves may share one), all into one bounded queue.
 //!
 //! A blocking thread hands bytes on in 0.1 ms where an async serial port on a busy runtime needs 8 ms. Where the queue is full (the disk
 //! stalls) a thread waits, and how often and how long is counted; then the kernel's buffer may overflow, and
@@ -6,135 +6,20 @@
 
 use std::io::{ErrorKind, Read};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync_channel};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::thread::{self, JoinHandle};
-use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+use std::time::Duration;
 
-use crate::record::RecordError;
+use crate::record::clock::host_clock::HostClock;
 use crate::record::devices::polling;
 use crate::record::devices::polling::{Asked, Polling};
 use crate::record::devices::port::{SerialLine, open_port};
+use crate::record::devices::queue::{Input, Pressure, QUEUE, Queue, why};
+use crate::record::error::RecordError;
 use crate::rig::{Device, Protocol, Rig};
 
 const READ_BYTES: usize = 16 * 1024;
-/// Messages that may wait for the session: seconds of several fast devices, at most 64 MiB.
-const QUEUE: usize = 4096;
-/// How often a port that has vanished is tried again.
-const RETRY_EVERY: Duration = Duration::from_millis(200);
-
-/// The host's clock: runs evenly whatever happens to the time of day.
-#[derive(Debug, Clone, Copy)]
-pub struct HostClock {
-    started: Instant,
-    started_unix_ns: u64,
-}
-
-impl HostClock {
-    /// A clock that shows 0 now.
-    pub fn start() -> HostClock {
-        let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
-        HostClock { started: Instant::now(), started_unix_ns: since.as_nanos() as u64 }
-    }
-
-    /// The time of an instant, ns.
-    pub fn at_ns(&self, instant: Instant) -> i64 {
-        instant.saturating_duration_since(self.started).as_nanos() as i64
-    }
-
-    /// The time now, ns.
-    pub fn now_ns(&self) -> i64 {
-        self.at_ns(Instant::now())
-    }
-
-    /// The time of day of a time of this clock, ns since 1970 UTC.
-    pub fn unix_ns(&self, host_ns: i64) -> u64 {
-        self.started_unix_ns.saturating_add_signed(host_ns)
-    }
-}
-
-/// What a device's thread passes on.
-#[derive(Debug)]
-pub enum Input {
-    /// The next bytes, and when they arrived on the host's clock.
-    Bytes {
-        /// Time of their arrival, ns.
-        at_ns: i64,
-        /// The bytes.
-        bytes: Vec<u8>,
-    },
-    /// What became of a poll.
-    Polled(polling::Polled),
-    /// The port is gone, and why; it is tried again.
-    Vanished(String),
-    /// It is back.
-    Back,
-    /// No more will come, and why.
-    Ended(String),
-}
-
-/// How often and how long a port's thread had to wait for the session, and how much of it waits in the queue.
-#[derive(Debug, Default)]
-pub struct Pressure {
-    waits: AtomicU64,
-    waited_us: AtomicU64,
-    sent: AtomicU64,
-    taken: AtomicU64,
-}
-
-impl Pressure {
-    /// Number of waits, and their sum in seconds.
-    pub fn waited(&self) -> (u64, f64) {
-        (self.waits.load(Ordering::Relaxed), self.waited_us.load(Ordering::Relaxed) as f64 / 1e6)
-    }
-}
-
-/// A thread's end of the queue.
-pub struct Queue {
-    device: usize,
-    sender: SyncSender<(usize, Input)>,
-    pressure: Arc<Pressure>,
-    wanted: Arc<AtomicBool>,
-    /// The clock of arrivals.
-    pub host: HostClock,
-}
-
-impl Queue {
-    /// False when nothing is wanted any more.
-    pub fn wanted(&self) -> bool {
-        self.wanted.load(Ordering::Relaxed)
-    }
-
-    /// Passes something on, waiting for room; false when nobody takes it any more.
-    pub fn send(&self, input: Input) -> bool {
-        self.pressure.sent.fetch_add(1, Ordering::Relaxed);
-        match self.sender.try_send((self.device, input)) {
-            Ok(()) => true,
-            Err(TrySendError::Disconnected(_)) => false,
-            Err(TrySendError::Full(message)) => {
-                self.pressure.waits.fetch_add(1, Ordering::Relaxed);
-                let since = Instant::now();
-                let taken = self.sender.send(message).is_ok();
-                self.pressure.waited_us.fetch_add(since.elapsed().as_micros() as u64, Ordering::Relaxed);
-                taken
-            }
-        }
-    }
-
-    /// Says that the port is gone and tries to open it again until it is back; `None` when nothing is wanted any more.
-    pub fn reopen<T>(&self, why: String, mut open: impl FnMut() -> Option<T>) -> Option<T> {
-        if !self.send(Input::Vanished(why)) {
-            return None;
-        }
-        while self.wanted() {
-            thread::sleep(RETRY_EVERY);
-            if let Some(port) = open() {
-                return self.send(Input::Back).then_some(port);
-            }
-        }
-        None
-    }
-}
 
 /// All devices of a session. Dropped, their threads end.
 #[derive(Debug)]
@@ -268,7 +153,7 @@ fn pump(reader: impl Read + Send + 'static, again: Option<&Device>, queue: &Queu
     loop {
         let Some(why) = read(&mut *reader, queue) else { return };
         let Some(device) = again else {
-            // The session may have gone meanwhile; then nobody asks.
+            // The session may have ended meanwhile.
             queue.send(Input::Ended(why));
             return;
         };
@@ -301,17 +186,10 @@ fn read(reader: &mut dyn Read, queue: &Queue) -> Option<String> {
     }
 }
 
-/// Why a port can no longer be used.
-pub fn why(error: &std::io::Error) -> String {
-    match error.kind() {
-        ErrorKind::BrokenPipe | ErrorKind::UnexpectedEof => "the device hung up".to_owned(),
-        _ => format!("the port vanished: {error}"),
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::time::Instant;
 
     fn device() -> Device {
         let framing = crate::rig::Framing::default();

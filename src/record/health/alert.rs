@@ -1,9 +1,9 @@
-//! What is wrong with a sensor while it records, in words that say what to do about it.
+//! Faults of a sensor while it records, and what to do about them.
 
 use serde::Serialize;
 
 use crate::record::clock::device_clock::seconds;
-use crate::record::health::sensor_health::Vitals;
+use crate::record::health::sensor_health::SensorHealth;
 use crate::rig::{Sensor, SensorKind};
 
 /// A sensor that has not moved at all for so long, ns, and so many samples, is flat.
@@ -15,7 +15,7 @@ const REPEATED: u32 = 3;
 /// What is wrong with a sensor.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 #[serde(tag = "what", rename_all = "kebab-case")]
-pub enum Ailment {
+pub enum SensorFault {
     /// No sample comes.
     Silent,
     /// It stands again and again at the end of what it can show.
@@ -39,57 +39,57 @@ pub enum Ailment {
     },
 }
 
-impl Ailment {
-    /// What the last seconds of a sensor show, the worst first; whether it is silent is known to whoever has a clock.
-    pub fn of(sensor: &Sensor, vitals: &Vitals) -> Option<Ailment> {
-        let (at_low, at_high, samples) = vitals.at_ends();
+impl SensorFault {
+    /// The worst fault that the last seconds of a sensor show. Only a caller with a clock knows whether it is silent.
+    pub fn of(sensor: &Sensor, health: &SensorHealth) -> Option<SensorFault> {
+        let (at_low, at_high, samples) = health.at_ends();
         // of a slow sensor every sample counts
         if at_low.max(at_high) >= REPEATED.min(samples.max(1)) {
             let upper = at_high >= at_low;
-            return Some(Ailment::Saturated { end: if upper { vitals.ends.high } else { vitals.ends.low }, upper });
+            return Some(SensorFault::Saturated { end: if upper { health.ends.high } else { health.ends.low }, upper });
         }
         // other quantities may well stand still for a while
         if sensor.kind != SensorKind::Pressure {
             return None;
         }
-        let magnitude = vitals.magnitude();
+        let magnitude = health.magnitude();
         // a converter coarser than the sensor hides its noise
         let coarse = sensor
             .wiring
             .as_ref()
             .is_some_and(|wiring| sensor.noise_limit(magnitude).is_some_and(|limit| wiring.scale.abs() > limit));
-        let (still_ns, still) = vitals.still();
+        let (still_ns, still) = health.still();
         if still_ns >= FLAT_NS && still >= FLAT_SAMPLES && !coarse {
-            return Some(Ailment::Flat { at: vitals.level().unwrap_or_default() });
+            return Some(SensorFault::Flat { at: health.level().unwrap_or_default() });
         }
-        let (sd, limit) = (vitals.noise()?, sensor.noise_limit(magnitude)?);
-        (sd > limit).then_some(Ailment::Noisy { sd, limit })
+        let (sd, limit) = (health.noise()?, sensor.noise_limit(magnitude)?);
+        (sd > limit).then_some(SensorFault::Noisy { sd, limit })
     }
 
     /// One word for it.
     pub fn word(&self) -> &'static str {
         match self {
-            Ailment::Silent => "silent",
-            Ailment::Saturated { .. } => "saturated",
-            Ailment::Flat { .. } => "flat",
-            Ailment::Noisy { .. } => "noisy",
+            SensorFault::Silent => "silent",
+            SensorFault::Saturated { .. } => "saturated",
+            SensorFault::Flat { .. } => "flat",
+            SensorFault::Noisy { .. } => "noisy",
         }
     }
 
     /// What is seen, with the numbers.
     pub fn seen(&self, unit: &str) -> String {
         match self {
-            Ailment::Silent => "silent: no sample comes".to_owned(),
-            Ailment::Saturated { end, upper } => {
+            SensorFault::Silent => "silent: no sample comes".to_owned(),
+            SensorFault::Saturated { end, upper } => {
                 let which = if *upper { "upper" } else { "lower" };
-                format!("saturated: it stands at the {which} end of what it can show, {} {unit}", short(*end, 4))
+                format!("saturated: at the {which} end of its range, {} {unit}", short(*end, 4))
             }
-            Ailment::Flat { at } => {
-                format!("flat: it has stood at {} {unit} without the least change for 3 s", short(*at, 4))
+            SensorFault::Flat { at } => {
+                format!("flat: constant at {} {unit} for 3 s", short(*at, 4))
             }
-            Ailment::Noisy { sd, limit } => {
+            SensorFault::Noisy { sd, limit } => {
                 format!(
-                    "noisy: standard deviation {} {unit}, where its accuracy leaves room for {}",
+                    "noisy: standard deviation {} {unit}, where its accuracy allows {}",
                     short(*sd, 3),
                     short(*limit, 3)
                 )
@@ -100,14 +100,14 @@ impl Ailment {
     /// What to do about it.
     pub fn advice(&self) -> &'static str {
         match self {
-            Ailment::Silent => "look at its cable and whether its device runs and sends this channel",
-            Ailment::Saturated { .. } => {
-                "look at its wiring and supply, or take a larger range (or another 'scale'), before you close the valve"
+            SensorFault::Silent => "check its cable, and that its device runs and sends this channel",
+            SensorFault::Saturated { .. } => {
+                "check its wiring and supply, or use a larger range (or another 'scale'), before you close the valve"
             }
-            Ailment::Flat { .. } => {
-                "see that it is plugged in and powered, its tapping open and its channel the right one"
+            SensorFault::Flat { .. } => {
+                "check that it is plugged in and powered, that its tapping is open, and that its channel is the right one"
             }
-            Ailment::Noisy { .. } => {
+            SensorFault::Noisy { .. } => {
                 "look for a loose plug, mains hum, trapped air or a pulsating pump before you close the valve"
             }
         }
@@ -122,9 +122,9 @@ fn short(value: f64, digits: i32) -> String {
     if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
 }
 
-/// An ailment with the time that it lasted.
+/// A fault and how long it lasted.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct CallOut {
+pub struct Alert {
     /// The sensor.
     pub sensor: String,
     /// Its index in the rig.
@@ -132,7 +132,7 @@ pub struct CallOut {
     pub index: usize,
     /// What was wrong.
     #[serde(flatten)]
-    pub ailment: Ailment,
+    pub fault: SensorFault,
     /// From when on, s of the recording.
     pub from_s: f64,
     /// Until when; none where it lasted to the end.
@@ -141,11 +141,11 @@ pub struct CallOut {
     pub unit: &'static str,
 }
 
-impl CallOut {
+impl Alert {
     /// When it was, on a clock that began at `zero_ns` of the session's, and what.
-    pub fn told(&self, zero_ns: i64) -> String {
+    pub fn message(&self, zero_ns: i64) -> String {
         let from_s = (self.from_s - seconds(zero_ns)).max(0.0);
-        let seen = self.ailment.seen(self.unit);
+        let seen = self.fault.seen(self.unit);
         match self.to_s {
             Some(to_s) => format!("from {from_s:.1} s to {:.1} s {seen}", to_s - seconds(zero_ns)),
             None => format!("from {from_s:.1} s on {seen}"),
@@ -158,13 +158,13 @@ mod tests {
     use super::*;
     use crate::rig::Rig;
 
-    fn judged(change: impl Fn(&mut Sensor), value: impl Fn(usize) -> f64) -> Option<Ailment> {
+    fn judged(change: impl Fn(&mut Sensor), value: impl Fn(usize) -> f64) -> Option<SensorFault> {
         let mut rig = Rig::from_toml(include_str!("../../../rigs/demo-hdpe.toml"), "demo.toml").unwrap();
         change(&mut rig.sensors[0]);
-        let mut vitals = Vitals::new(rig.ends(&rig.sensors[0]), 1.4);
+        let mut health = SensorHealth::new(rig.ends(&rig.sensors[0]), 1.4);
         let values: Vec<f64> = (0..5000).map(value).collect();
-        vitals.take(0, 1e6, &values);
-        Ailment::of(&rig.sensors[0], &vitals)
+        health.take(0, 1e6, &values);
+        SensorFault::of(&rig.sensors[0], &health)
     }
 
     fn wiggle(i: usize) -> f64 {
@@ -181,18 +181,18 @@ mod tests {
     #[test]
     fn saturated_flat_and_noisy_are_told_apart() {
         let at_end = judged(|_| {}, |_| 1000.0).unwrap();
-        assert_eq!(at_end, Ailment::Saturated { end: 998.9, upper: true });
-        assert_eq!(at_end.seen("kPa"), "saturated: it stands at the upper end of what it can show, 998.9 kPa");
+        assert_eq!(at_end, SensorFault::Saturated { end: 998.9, upper: true });
+        assert_eq!(at_end.seen("kPa"), "saturated: at the upper end of its range, 998.9 kPa");
         assert_eq!(judged(|_| {}, |i| -99.0 - wiggle(i).abs()).unwrap().word(), "saturated");
         assert_eq!(judged(|s| s.range = None, |i| 1105.34 + wiggle(i).abs()).unwrap().word(), "saturated");
-        assert_eq!(judged(|_| {}, |_| 245.0), Some(Ailment::Flat { at: 245.0 }));
+        assert_eq!(judged(|_| {}, |_| 245.0), Some(SensorFault::Flat { at: 245.0 }));
         assert_eq!(judged(|s| s.kind = SensorKind::Temperature, |_| 24.0), None, "a temperature may stand still");
         assert_eq!(
             judged(|s| s.wiring.as_mut().unwrap().scale = 20.0, |_| 245.0),
             None,
             "a coarse converter hides noise"
         );
-        let Some(Ailment::Noisy { sd, limit }) = judged(|_| {}, |i| 245.0 + 100.0 * wiggle(i)) else { panic!() };
+        let Some(SensorFault::Noisy { sd, limit }) = judged(|_| {}, |i| 245.0 + 100.0 * wiggle(i)) else { panic!() };
         assert!((20.0..32.0).contains(&sd) && (limit - 2.75).abs() < 1e-9, "{sd} {limit}");
     }
 

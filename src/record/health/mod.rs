@@ -1,4 +1,4 @@
-//! How the sensors of a session do, and what is wrong with them.
+//! The health of the sensors of a session, and their faults.
 
 pub mod alert;
 pub mod monitor;

@@ -1,10 +1,10 @@
-//! All sensors of a session at a glance: how each does, what is wrong with it, and what was.
+//! The health of all sensors of a session: present and past faults.
 
 use std::time::{Duration, Instant};
 
 use crate::record::clock::device_clock::seconds;
-use crate::record::health::alert::{Ailment, CallOut};
-use crate::record::health::sensor_health::Vitals;
+use crate::record::health::alert::{Alert, SensorFault};
+use crate::record::health::sensor_health::SensorHealth;
 use crate::record::health::snapshot::SensorView;
 use crate::rig::Rig;
 use crate::rig::check::return_time_s;
@@ -12,9 +12,9 @@ use crate::rig::check::return_time_s;
 /// How often the sensors are judged, ns of recorded time; of the wall clock where no time passes.
 const JUDGE_EVERY_NS: i64 = 200_000_000;
 const JUDGE_EVERY: Duration = Duration::from_millis(200);
-/// A call-out is over when it was not seen for so long, ns: what saturates at each peak of a surge is said once.
+/// An alert is over when it was not seen for so long, ns: a sensor that saturates at each peak of a surge gives one alert.
 const OVER_AFTER_NS: i64 = 3_000_000_000;
-/// Call-outs that are remembered; more are a contact that chatters.
+/// Alerts that are kept; more than these come from a chattering contact.
 const MOST: usize = 200;
 
 /// A sensor that is recorded.
@@ -24,20 +24,20 @@ pub struct Expected {
     pub sensor: usize,
     /// Its device, in the order of the session's.
     pub device: Option<usize>,
-    /// Without a sample for so long it is silent; none where that cannot be said.
+    /// It is silent after so long without a sample; `None` where that cannot be judged.
     pub silent_after: Option<Duration>,
 }
 
 struct Watched {
     expected: Expected,
-    vitals: Vitals,
+    health: SensorHealth,
     /// Samples and gaps when it was last seen to send, and when that was.
-    heard: (u64, u64, Instant),
+    last_seen: (u64, u64, Instant),
     /// The longest pause that it has made by itself.
     pause: Duration,
-    /// Its call-out, an index into those of the monitor, and when it was last seen, ns.
+    /// Its alert, an index into those of the monitor, and when it was last seen, ns.
     now: Option<(usize, i64)>,
-    ailment: Option<Ailment>,
+    fault: Option<SensorFault>,
 }
 
 /// See the module.
@@ -48,7 +48,7 @@ pub struct Monitor {
     rig: Rig,
     newest_ns: i64,
     judged: (i64, Instant),
-    callouts: Vec<CallOut>,
+    alerts: Vec<Alert>,
 }
 
 impl Monitor {
@@ -64,27 +64,20 @@ impl Monitor {
             places[expected.sensor] = Some(watched.len());
             watched.push(Watched {
                 expected: *expected,
-                vitals: Vitals::new(rig.ends(sensor), period_s),
-                heard: (0, 0, now),
+                health: SensorHealth::new(rig.ends(sensor), period_s),
+                last_seen: (0, 0, now),
                 pause: Duration::ZERO,
                 now: None,
-                ailment: None,
+                fault: None,
             });
         }
-        Monitor {
-            watched,
-            places,
-            rig: rig.clone(),
-            newest_ns: i64::MIN,
-            judged: (i64::MIN, now),
-            callouts: Vec::new(),
-        }
+        Monitor { watched, places, rig: rig.clone(), newest_ns: i64::MIN, judged: (i64::MIN, now), alerts: Vec::new() }
     }
 
     /// Samples of a sensor have come.
     pub fn samples(&mut self, sensor: usize, first_ns: i64, period_ns: f64, values: &[f64]) {
         let Some(watched) = self.place(sensor) else { return };
-        watched.vitals.take(first_ns, period_ns, values);
+        watched.health.take(first_ns, period_ns, values);
         let last_ns = first_ns.saturating_add((values.len().saturating_sub(1) as f64 * period_ns) as i64);
         self.newest_ns = self.newest_ns.max(last_ns);
     }
@@ -92,7 +85,7 @@ impl Monitor {
     /// Samples of a sensor are missing.
     pub fn gap(&mut self, sensor: usize) {
         if let Some(watched) = self.place(sensor) {
-            watched.vitals.gap();
+            watched.health.gap();
         }
     }
 
@@ -118,47 +111,49 @@ impl Monitor {
         let now_ns = self.now_ns();
         for watched in &mut self.watched {
             let Some(sensor) = self.rig.sensors.get(watched.expected.sensor) else { continue };
-            let found =
-                if watched.is_silent(moment) { Some(Ailment::Silent) } else { Ailment::of(sensor, &watched.vitals) };
-            watched.ailment = found.or(watched.ailment.filter(|_| watched.now.is_some()));
-            let said =
-                watched.now.and_then(|(index, _)| self.callouts.get(index)).map(|callout| callout.ailment.word());
-            match (found, said) {
-                (Some(found), Some(said)) if found.word() == said => {
+            let found = if watched.is_silent(moment) {
+                Some(SensorFault::Silent)
+            } else {
+                SensorFault::of(sensor, &watched.health)
+            };
+            watched.fault = found.or(watched.fault.filter(|_| watched.now.is_some()));
+            let before = watched.now.and_then(|(index, _)| self.alerts.get(index)).map(|alert| alert.fault.word());
+            match (found, before) {
+                (Some(found), Some(before)) if found.word() == before => {
                     watched.now = watched.now.map(|(i, _)| (i, now_ns))
                 }
                 (None, Some(_)) => {
                     let seen_ns = watched.now.map_or(0, |(_, seen_ns)| seen_ns);
-                    let silent = matches!(watched.ailment, Some(Ailment::Silent));
+                    let silent = matches!(watched.fault, Some(SensorFault::Silent));
                     if silent || now_ns - seen_ns >= OVER_AFTER_NS {
-                        watched.close(&mut self.callouts, now_ns);
+                        watched.close(&mut self.alerts, now_ns);
                     }
                 }
-                (Some(ailment), _) => {
-                    watched.close(&mut self.callouts, now_ns);
-                    watched.ailment = Some(ailment);
-                    if self.callouts.len() < MOST {
-                        watched.now = Some((self.callouts.len(), now_ns));
+                (Some(fault), _) => {
+                    watched.close(&mut self.alerts, now_ns);
+                    watched.fault = Some(fault);
+                    if self.alerts.len() < MOST {
+                        watched.now = Some((self.alerts.len(), now_ns));
                         let (sensor, unit) = (sensor.name.clone(), sensor.unit.symbol);
                         let (index, from_s) = (watched.expected.sensor, seconds(now_ns));
-                        self.callouts.push(CallOut { sensor, index, ailment, from_s, to_s: None, unit });
+                        self.alerts.push(Alert { sensor, index, fault, from_s, to_s: None, unit });
                     }
                 }
-                (None, None) => watched.ailment = None,
+                (None, None) => watched.fault = None,
             }
         }
     }
 
     /// What was wrong, in the order in which it was seen.
-    pub fn callouts(&self) -> &[CallOut] {
-        &self.callouts
+    pub fn alerts(&self) -> &[Alert] {
+        &self.alerts
     }
 
-    /// Notes on what was wrong within a stretch of the session, told on a clock that begins with it.
+    /// Notes on what was wrong within a stretch of the session, with times from its beginning.
     pub fn notes(&self, from_ns: i64, to_ns: i64) -> Vec<(String, String)> {
-        let within = |c: &&CallOut| c.from_s < seconds(to_ns) && c.to_s.is_none_or(|to_s| to_s > seconds(from_ns));
-        let note = |c: &CallOut| (format!("{}.{}", c.sensor, c.ailment.word()), c.told(from_ns));
-        self.callouts.iter().filter(within).map(note).collect()
+        let within = |c: &&Alert| c.from_s < seconds(to_ns) && c.to_s.is_none_or(|to_s| to_s > seconds(from_ns));
+        let note = |c: &Alert| (format!("{}.{}", c.sensor, c.fault.word()), c.message(from_ns));
+        self.alerts.iter().filter(within).map(note).collect()
     }
 
     fn now_ns(&self) -> i64 {
@@ -172,25 +167,25 @@ impl Monitor {
 
     /// Samples and gaps of all sensors so far.
     pub fn totals(&self) -> (u64, u64) {
-        self.watched.iter().fold((0, 0), |sum, w| (sum.0 + w.vitals.samples, sum.1 + w.vitals.gaps))
+        self.watched.iter().fold((0, 0), |sum, w| (sum.0 + w.health.samples, sum.1 + w.health.gaps))
     }
 
     /// How each sensor stands.
     pub fn views(&self) -> Vec<SensorView> {
         let view = |watched: &Watched| {
             let sensor = self.rig.sensors.get(watched.expected.sensor)?;
-            let vitals = &watched.vitals;
+            let health = &watched.health;
             Some(SensorView {
                 name: sensor.name.clone(),
                 unit: sensor.unit.symbol,
                 device: watched.expected.device,
-                samples: vitals.samples,
-                rate_hz: vitals.rate_hz(),
-                level: vitals.level(),
-                accuracy: sensor.accuracy(vitals.magnitude()),
-                gaps: vitals.gaps,
-                trace: vitals.trace(self.now_ns()),
-                ailment: watched.ailment,
+                samples: health.samples,
+                rate_hz: health.rate_hz(),
+                level: health.level(),
+                accuracy: sensor.accuracy(health.magnitude()),
+                gaps: health.gaps,
+                trace: health.trace(self.now_ns()),
+                fault: watched.fault,
             })
         };
         self.watched.iter().filter_map(view).collect()
@@ -201,25 +196,25 @@ impl Watched {
     /// Notes whether something has come, and says whether nothing has for too long. A pause that the sensor has made by itself, without
     /// a gap, is its way.
     fn is_silent(&mut self, moment: Instant) -> bool {
-        let (samples, gaps, at) = self.heard;
+        let (samples, gaps, at) = self.last_seen;
         let since = moment.saturating_duration_since(at);
-        if self.vitals.samples != samples {
-            if samples > 0 && self.vitals.gaps == gaps {
+        if self.health.samples != samples {
+            if samples > 0 && self.health.gaps == gaps {
                 self.pause = self.pause.max(since);
             }
-            self.heard = (self.vitals.samples, self.vitals.gaps, moment);
+            self.last_seen = (self.health.samples, self.health.gaps, moment);
             return false;
         }
         self.expected.silent_after.is_some_and(|after| since >= after.max(2 * self.pause))
     }
 
-    fn close(&mut self, callouts: &mut [CallOut], now_ns: i64) {
+    fn close(&mut self, alerts: &mut [Alert], now_ns: i64) {
         if let Some((index, _)) = self.now.take()
-            && let Some(callout) = callouts.get_mut(index)
+            && let Some(alert) = alerts.get_mut(index)
         {
-            callout.to_s = Some(seconds(now_ns));
+            alert.to_s = Some(seconds(now_ns));
         }
-        self.ailment = None;
+        self.fault = None;
     }
 }
 
@@ -255,15 +250,15 @@ mod tests {
         let peaks = |i: i64| if (2..9).contains(&(i / 100)) && (i / 100) % 2 == 0 { 1000.0 } else { well(i) };
         let second = |monitor: &mut Monitor, s| second(monitor, start + Duration::from_secs(s as u64), s, peaks);
         (0..2).for_each(|s| second(&mut monitor, s));
-        assert_eq!((monitor.callouts(), monitor.views()[0].ailment), (&[][..], None));
+        assert_eq!((monitor.alerts(), monitor.views()[0].fault), (&[][..], None));
         (2..9).for_each(|s| second(&mut monitor, s));
-        assert_eq!(monitor.callouts().len(), 1);
-        assert_eq!(monitor.views()[0].ailment.unwrap().word(), "saturated");
-        assert_eq!(monitor.callouts()[0].to_s, None);
+        assert_eq!(monitor.alerts().len(), 1);
+        assert_eq!(monitor.views()[0].fault.unwrap().word(), "saturated");
+        assert_eq!(monitor.alerts()[0].to_s, None);
         (9..14).for_each(|s| second(&mut monitor, s));
-        let [callout] = monitor.callouts() else { panic!("{:?}", monitor.callouts()) };
-        assert!((2.0..2.4).contains(&callout.from_s) && (11.5..13.5).contains(&callout.to_s.unwrap()), "{callout:?}");
-        assert_eq!((monitor.views()[0].ailment, monitor.views()[1].ailment), (None, None));
+        let [alert] = monitor.alerts() else { panic!("{:?}", monitor.alerts()) };
+        assert!((2.0..2.4).contains(&alert.from_s) && (11.5..13.5).contains(&alert.to_s.unwrap()), "{alert:?}");
+        assert_eq!((monitor.views()[0].fault, monitor.views()[1].fault), (None, None));
         assert_eq!((monitor.totals(), monitor.views()[1].rate_hz), ((2800, 0), Some(100.0)));
         // a shot from 1.2 s on tells it on its own clock; one before it does not know of it
         let [(key, text)] = &monitor.notes(12 * S / 10, 5 * S)[..] else { panic!() };
@@ -280,14 +275,14 @@ mod tests {
         let well = |i: i64| 300.0 + [0.5, -0.5, 0.2][i as usize % 3];
         second(&mut monitor, ms(0), 0, well);
         [1120, 2400].into_iter().for_each(|at_ms| monitor.tick_at(ms(at_ms)));
-        assert!(monitor.views().iter().all(|view| view.ailment == Some(Ailment::Silent)));
+        assert!(monitor.views().iter().all(|view| view.fault == Some(SensorFault::Silent)));
         monitor.gap(0);
         second(&mut monitor, ms(2400), 1, well);
-        assert!(monitor.views().iter().all(|view| view.ailment.is_none()), "{:?}", monitor.callouts());
+        assert!(monitor.views().iter().all(|view| view.fault.is_none()), "{:?}", monitor.alerts());
         // the second sensor came back without a gap: that is its way, and not silence
         [3520, 4800].into_iter().for_each(|at_ms| monitor.tick_at(ms(at_ms)));
-        let silent: Vec<bool> = monitor.views().iter().map(|view| view.ailment.is_some()).collect();
+        let silent: Vec<bool> = monitor.views().iter().map(|view| view.fault.is_some()).collect();
         assert_eq!(silent, [true, false]);
-        assert_eq!(monitor.callouts().iter().map(|c| c.index).collect::<Vec<_>>(), [0, 1, 0]);
+        assert_eq!(monitor.alerts().iter().map(|c| c.index).collect::<Vec<_>>(), [0, 1, 0]);
     }
 }

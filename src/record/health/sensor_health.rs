@@ -70,7 +70,7 @@ impl Stretch {
 
 /// The last seconds of one sensor.
 #[derive(Debug, Clone)]
-pub struct Vitals {
+pub struct SensorHealth {
     /// Where it saturates.
     pub ends: Ends,
     /// Samples so far.
@@ -86,13 +86,13 @@ pub struct Vitals {
     still: (i64, u64),
 }
 
-impl Vitals {
+impl SensorHealth {
     /// A sensor in a pipe of this period (4L/a).
-    pub fn new(ends: Ends, period_s: f64) -> Vitals {
+    pub fn new(ends: Ends, period_s: f64) -> SensorHealth {
         // a sixteenth of a sine is a straight line but for 1% of its amplitude
         let wanted_ns = period_s * 1e9 / 16.0;
         let parts = (BIN_NS as f64 / wanted_ns).ceil().clamp(1.0, FINEST as f64) as u64;
-        Vitals {
+        SensorHealth {
             ends,
             samples: 0,
             gaps: 0,
@@ -236,13 +236,13 @@ mod tests {
     const S: i64 = 1_000_000_000;
 
     /// Samples at 1 kHz for `seconds`, in frames of 7.
-    fn played(period_s: f64, seconds: f64, value: impl Fn(f64) -> f64) -> Vitals {
-        let mut vitals = Vitals::new(NONE, period_s);
+    fn played(period_s: f64, seconds: f64, value: impl Fn(f64) -> f64) -> SensorHealth {
+        let mut health = SensorHealth::new(NONE, period_s);
         let values: Vec<f64> = (0..(seconds * 1e3) as usize).map(|i| value(i as f64 * 1e-3)).collect();
         for (i, frame) in values.chunks(7).enumerate() {
-            vitals.take(i as i64 * 7_000_000, 1e6, frame);
+            health.take(i as i64 * 7_000_000, 1e6, frame);
         }
-        vitals
+        health
     }
 
     fn gauss(dice: &std::cell::RefCell<fastrand::Rng>) -> f64 {
@@ -270,30 +270,30 @@ mod tests {
 
     #[test]
     fn a_spike_of_one_sample_stays_in_the_trace() {
-        let vitals = played(1.0, 20.0, |t| if (t - 13.0).abs() < 1e-6 { 9.0 } else { 1.0 });
-        let trace = vitals.trace(20 * S - 1);
+        let health = played(1.0, 20.0, |t| if (t - 13.0).abs() < 1e-6 { 9.0 } else { 1.0 });
+        let trace = health.trace(20 * S - 1);
         assert_eq!(trace.len(), BINS);
         let spikes: Vec<usize> = (0..BINS).filter(|&i| trace[i] == Some([1.0, 9.0])).collect();
         assert_eq!(spikes, [30], "the trace begins at 10 s");
         assert!(trace.iter().all(Option::is_some));
-        assert_eq!(vitals.rate_hz(), Some(1000.0));
-        assert_eq!((vitals.samples, vitals.level()), (20_000, Some(1.0)));
+        assert_eq!(health.rate_hz(), Some(1000.0));
+        assert_eq!((health.samples, health.level()), (20_000, Some(1.0)));
     }
 
     #[test]
     fn samples_at_the_ends_are_counted_for_a_second_and_what_does_not_move_is_timed() {
-        let mut vitals = played(1.0, 5.0, |t| if t < 4.5 { 100.0 } else { 1.0 });
-        assert_eq!(vitals.at_ends(), (0, 0, 1000));
-        assert_eq!(vitals.still(), (499_000_000, 500));
-        vitals.ends = Ends { low: 1.0, high: 99.0 };
-        vitals.take(5 * S, 1e6, &[100.0, 1.0, 50.0]);
-        assert_eq!((vitals.at_ends().0, vitals.at_ends().1), (1, 1));
-        assert_eq!(vitals.still().1, 1);
-        vitals.gap();
-        vitals.take(9 * S, 0.0, &[50.0]);
-        assert_eq!((vitals.still(), vitals.gaps), ((0, 1), 1), "nothing is known of the time of a gap");
+        let mut health = played(1.0, 5.0, |t| if t < 4.5 { 100.0 } else { 1.0 });
+        assert_eq!(health.at_ends(), (0, 0, 1000));
+        assert_eq!(health.still(), (499_000_000, 500));
+        health.ends = Ends { low: 1.0, high: 99.0 };
+        health.take(5 * S, 1e6, &[100.0, 1.0, 50.0]);
+        assert_eq!((health.at_ends().0, health.at_ends().1), (1, 1));
+        assert_eq!(health.still().1, 1);
+        health.gap();
+        health.take(9 * S, 0.0, &[50.0]);
+        assert_eq!((health.still(), health.gaps), ((0, 1), 1), "nothing is known of the time of a gap");
         // a sample every two seconds has a rate, too
-        (5..9).for_each(|i| vitals.take(2 * i * S, 0.0, &[50.0]));
-        assert!((vitals.rate_hz().unwrap() / 0.5 - 1.0).abs() < 0.3, "{:?}", vitals.rate_hz());
+        (5..9).for_each(|i| health.take(2 * i * S, 0.0, &[50.0]));
+        assert!((health.rate_hz().unwrap() / 0.5 - 1.0).abs() < 0.3, "{:?}", health.rate_hz());
     }
 }

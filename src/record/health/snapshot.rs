@@ -3,8 +3,8 @@
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-use crate::record::health::alert::Ailment;
-use crate::record::session::output::DeviceCount;
+use crate::record::devices::device_count::DeviceCount;
+use crate::record::health::alert::SensorFault;
 
 /// How often a view is given something to draw.
 const EVERY: Duration = Duration::from_millis(200);
@@ -28,7 +28,7 @@ pub struct Snapshot {
     pub trigger: Option<TriggerView>,
     /// The file that grows; the folder of the shots between them.
     pub place: PathBuf,
-    /// The disk, filled in by whoever draws: to ask the system may take long.
+    /// The disk; the view fills it in, because asking the system may take long.
     pub disk: Option<Disk>,
 }
 
@@ -85,7 +85,7 @@ pub struct SensorView {
     /// Least and most value of each tenth of a second of the last ten seconds.
     pub trace: Vec<Option<[f64; 2]>>,
     /// What is wrong with it.
-    pub ailment: Option<Ailment>,
+    pub fault: Option<SensorFault>,
 }
 
 /// How a trigger stands.

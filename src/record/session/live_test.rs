@@ -1,20 +1,22 @@
 //! One live test: from what devices send to a finished recording.
 
-use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::RecvTimeoutError;
 use std::time::{Duration, Instant};
 
-use crate::record::RecordError;
+use crate::record::clock::align;
 use crate::record::clock::device_clock::seconds;
-use crate::record::devices::source::{Input, Sources};
-use crate::record::devices::stream::{ON_ITS_WAY, State, Stream};
+use crate::record::devices::queue::Input;
+use crate::record::devices::source::Sources;
+use crate::record::error::RecordError;
 use crate::record::health::snapshot::{Reports, SensorView, Snapshot};
-use crate::record::session::output::{DeviceCount, Summary, check_folder, check_path};
+pub use crate::record::session::options::{Options, SILENCE_S};
+use crate::record::session::output::{DeviceCount, Summary};
 use crate::record::session::session_log::Live;
-use crate::record::session::shots::Plan;
+use crate::record::session::stream::{ON_ITS_WAY, State, Stream};
 use crate::recording::Gap;
 use crate::rig::{Device, Protocol, Rig};
+use crate::storage::Retimer;
 
 /// How long the session waits for input before it looks at the clock and the stop flag, and flushes.
 const WAIT: Duration = Duration::from_millis(10);
@@ -22,55 +24,11 @@ const WAIT: Duration = Duration::from_millis(10);
 /// the program from its end.
 const ON_ITS_WAY_NS: i64 = 10_000_000;
 const MOST_WAITING: Duration = Duration::from_secs(2);
-/// How often the log is told how the clocks lie to each other.
+/// How often the relation of the clocks is written to the log.
 const CLOCKS_EVERY: Duration = Duration::from_secs(5);
 
 /// Clocks are known to so much: a device that ended so shortly before the duration has sent all of it, ns.
 const END_NS: i64 = 10_000_000;
-
-/// A stream that says nothing valid for so long has ended, where nothing else is asked for, s.
-pub const SILENCE_S: f64 = 5.0;
-
-/// What a session is asked for.
-#[derive(Debug, Clone)]
-pub struct Options {
-    /// The recording to write; must not exist.
-    pub file: PathBuf,
-    /// Stop after so much recorded time, s.
-    pub duration_s: Option<f64>,
-    /// A stream has ended when nothing valid came for so long.
-    pub silence: Duration,
-    /// A device whose port has vanished is waited for so long.
-    pub wait: Duration,
-    /// Free notes to keep with the run.
-    pub notes: Vec<(String, String)>,
-    /// Record shots around what a trigger sees, each in a file of its own, instead of everything in `file`.
-    pub shots: Option<Plan>,
-}
-
-impl Options {
-    /// Until the streams end or are silent for [`SILENCE_S`]; a device that vanishes is not waited for.
-    pub fn new(file: impl Into<PathBuf>) -> Options {
-        Options {
-            file: file.into(),
-            duration_s: None,
-            silence: Duration::from_secs_f64(SILENCE_S),
-            wait: Duration::ZERO,
-            notes: Vec::new(),
-            shots: None,
-        }
-    }
-
-    /// Refuses early what the log would refuse at the first sample.
-    pub(crate) fn check(&self) -> Result<(), RecordError> {
-        self.shots.as_ref().map_or_else(|| check_path(&self.file), |plan| check_folder(&plan.folder))
-    }
-
-    /// End of the recording on its own clock, ns, for one that starts at `first_ns`.
-    pub(crate) fn end_ns(&self, first_ns: i64) -> i64 {
-        self.duration_s.map_or(i64::MAX, |s| first_ns.saturating_add((s * 1e9).round() as i64))
-    }
-}
 
 /// The devices that the rig's sensors are wired to, in the order of the file, on the ports that `ports` names instead.
 pub fn live_devices(rig: &Rig, ports: &[(String, String)]) -> Result<Vec<Device>, RecordError> {
@@ -140,7 +98,7 @@ pub fn record(
             Err(RecvTimeoutError::Disconnected) => break "the reading threads ended".to_owned(),
         }
         if let Some(ended) = all_over(&streams, options) {
-            live.write_clocks(&mut streams)?;
+            write_clocks(&mut live, &mut streams)?;
             reopen(&mut streams, live.end_ns);
             if all_over(&streams, options).is_some() {
                 break ended;
@@ -172,7 +130,7 @@ fn take(device: usize, input: Input, streams: &mut [Stream<'_>], live: &mut Live
     let Some(stream) = streams.get_mut(device) else { return Ok(()) };
     stream.take(input, live)?;
     if has_come(stream, live.end_ns) {
-        live.write_clocks(streams)?;
+        write_clocks(live, streams)?;
     }
     if let Some(stream) = streams.get_mut(device).filter(|stream| has_come(stream, live.end_ns)) {
         stream.reached();
@@ -199,11 +157,27 @@ fn take_waiting(sources: &Sources, streams: &mut [Stream<'_>], live: &mut Live<'
     Ok(())
 }
 
-/// Tells the log how the clocks lie to each other, when it is `due` or wanted, and flushes. Says why no more is to be recorded.
+/// Writes the relation of the clocks, as well as it is known by now, to the log and to the devices.
+fn write_clocks(live: &mut Live<'_>, streams: &mut [Stream<'_>]) -> Result<(), RecordError> {
+    let name = |sensor: usize| live.rig.sensors[sensor].name.clone();
+    let devices: Vec<_> =
+        streams.iter().map(|stream| (stream.sensors().map(name).collect(), stream.stretches.clone())).collect();
+    let own: Vec<bool> = streams.iter().map(Stream::has_clock).collect();
+    let fixes = align::fixes(&devices, &own);
+    let retimer = Retimer::new(fixes.clone());
+    for (stream, (sensors, _)) in streams.iter_mut().zip(&devices) {
+        let moves = sensors.first().map(|sensor| retimer.of(sensor)).unwrap_or_default();
+        stream.set_moves(moves);
+    }
+    let several = streams.len() > 1;
+    live.write_clocks(fixes, || streams.iter().flat_map(|stream| stream.clock_notes(several)).collect())
+}
+
+/// Writes the relation of the clocks to the log, when it is `due` or wanted, and flushes. Returns why the recording ends, if it does.
 fn keep_up(due: bool, streams: &mut [Stream<'_>], live: &mut Live<'_>) -> Result<Option<&'static str>, RecordError> {
     let several = streams.len() > 1 || streams.iter().any(|stream| stream.stretches.len() > 1);
     if several && (live.take_clocks_changed() || due || live.output()?.wants_clocks()) {
-        live.write_clocks(streams)?;
+        write_clocks(live, streams)?;
     }
     let output = live.output()?;
     output.tick()?;
@@ -218,7 +192,7 @@ fn keep_up(due: bool, streams: &mut [Stream<'_>], live: &mut Live<'_>) -> Result
 fn reopen(streams: &mut [Stream<'_>], end_ns: i64) {
     let short = |stream: &&mut Stream<'_>| stream.state == State::Reached && !stream.has_come_to(end_ns);
     // what is no longer there can send no more
-    for stream in streams.iter_mut().filter(short).filter(|stream| stream.heard.elapsed() < ON_ITS_WAY) {
+    for stream in streams.iter_mut().filter(short).filter(|stream| stream.last_message.elapsed() < ON_ITS_WAY) {
         stream.state = State::Open;
     }
 }
@@ -245,12 +219,12 @@ fn finish(
     if !live.has_begun() {
         return Err(streams.first().map_or(RecordError::NotBegun, |stream| stream.nothing(ended)));
     }
-    live.write_clocks(streams)?;
+    write_clocks(&mut live, streams)?;
     let all_shots = live.output()?.is_over();
     let by_user = ended == BY_USER;
     // A device that falls silent while another goes on owes what it did not send. Where nothing comes any more that is the streams' end,
     // whether the session waited it out or the user was faster; of a duration asked for, what did not come until then is owed.
-    let (now, last) = (Instant::now(), streams.iter().map(|stream| stream.heard).max());
+    let (now, last) = (Instant::now(), streams.iter().map(|stream| stream.last_message).max());
     let last = last.unwrap_or(now);
     let last_sent = streams.iter().map(Stream::sent_by).max().unwrap_or(now);
     let moment = if by_user && options.duration_s.is_some() { now } else { last_sent };
@@ -296,7 +270,10 @@ fn finish(
                 match stream.state {
                     State::Reached => (last_s, limit_s),
                     // others went on without it
-                    _ => (last_s, (last_s + moment.saturating_duration_since(stream.heard).as_secs_f64()).min(limit_s)),
+                    _ => (
+                        last_s,
+                        (last_s + moment.saturating_duration_since(stream.last_message).as_secs_f64()).min(limit_s),
+                    ),
                 }
             }
             None => continue,
@@ -338,7 +315,7 @@ fn over(stream: &Stream<'_>, options: &Options) -> Option<String> {
             Some(format!("{why} and did not come back within {} s", options.wait.as_secs_f64()))
         }
         State::Vanished(..) => None,
-        State::Open if stream.heard.elapsed() >= options.silence => {
+        State::Open if stream.last_message.elapsed() >= options.silence => {
             let what = match stream.device.protocol {
                 Protocol::Frames => "valid frame",
                 Protocol::Lines => "valid line",

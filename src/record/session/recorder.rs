@@ -1,9 +1,9 @@
 //! Where a session's samples go: all into one recording, or each shot into one; watched either way.
 
-use crate::record::RecordError;
+use crate::record::error::RecordError;
 use crate::record::health::monitor::{Expected, Monitor};
 use crate::record::health::snapshot::Snapshot;
-use crate::record::session::live_test::Options;
+use crate::record::session::options::Options;
 use crate::record::session::output::{DeviceCount, Output, Summary};
 use crate::record::session::shots::Shots;
 use crate::recording::{Gap, RunInfo};
@@ -73,7 +73,7 @@ impl Recorder {
         matches!(&self.to, Destination::Shots(shots) if shots.wants_clocks())
     }
 
-    /// As [`Output::note`]; what is said at the end of a session belongs to none of its shots but the one that it cut off.
+    /// As [`Output::note`]; notes at the end of a session belong only to the shot that it cut off.
     pub fn note(&mut self, key: &str, value: &str) -> Result<(), RecordError> {
         match &mut self.to {
             Destination::Whole(output) => output.note(key, value),
@@ -143,7 +143,7 @@ impl Recorder {
             }
             Destination::Shots(shots) => shots.finish(devices, ended, &self.monitor)?,
         };
-        summary.callouts = self.monitor.callouts().to_vec();
+        summary.alerts = self.monitor.alerts().to_vec();
         Ok(summary)
     }
 }

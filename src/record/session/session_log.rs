@@ -1,16 +1,14 @@
 //! The log of a session and its clock: both begin with the first valid sample of any device.
 
-use crate::record::RecordError;
-use crate::record::clock::align;
-use crate::record::devices::source::HostClock;
-use crate::record::devices::stream::Stream;
+use crate::record::clock::host_clock::HostClock;
+use crate::record::error::RecordError;
 use crate::record::health::monitor::Expected;
 use crate::record::health::snapshot::Snapshot;
-use crate::record::session::live_test::Options;
+use crate::record::session::options::Options;
 use crate::record::session::recorder::Recorder;
 use crate::recording::RunInfo;
 use crate::rig::Rig;
-use crate::storage::Retimer;
+use crate::storage::ClockFix;
 
 /// What a session writes to, once it has begun: a device that never speaks leaves no file behind.
 pub struct Live<'a> {
@@ -85,24 +83,14 @@ impl<'a> Live<'a> {
         std::mem::take(&mut self.clocks_changed)
     }
 
-    /// Writes how the clocks lie to each other, as well as it is known by now, and tells the devices.
-    pub fn write_clocks(&mut self, streams: &mut [Stream<'_>]) -> Result<(), RecordError> {
-        let name = |sensor: usize| self.rig.sensors[sensor].name.clone();
-        let devices: Vec<_> =
-            streams.iter().map(|stream| (stream.sensors().map(name).collect(), stream.stretches.clone())).collect();
-        let own: Vec<bool> = streams.iter().map(Stream::has_clock).collect();
-        let fixes = align::fixes(&devices, &own);
-        let retimer = Retimer::new(fixes.clone());
-        for (stream, (sensors, _)) in streams.iter_mut().zip(&devices) {
-            let moves = sensors.first().map(|sensor| retimer.of(sensor)).unwrap_or_default();
-            stream.set_moves(moves);
-        }
+    /// Writes the relation of the clocks; see [`Recorder::clocks`].
+    pub fn write_clocks(
+        &mut self,
+        fixes: Vec<ClockFix>,
+        noted: impl FnOnce() -> Vec<(String, String)>,
+    ) -> Result<(), RecordError> {
         match &mut self.begun {
-            Some((output, _)) => {
-                let several = streams.len() > 1;
-                let noted = || streams.iter().flat_map(|stream| stream.clock_notes(several)).collect();
-                output.clocks(fixes, noted)
-            }
+            Some((output, _)) => output.clocks(fixes, noted),
             None => Ok(()),
         }
     }

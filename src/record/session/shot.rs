@@ -1,7 +1,7 @@
 //! One shot of a triggered recording: its file, and what of the stream belongs into it.
 
-use crate::record::RecordError;
 use crate::record::clock::device_clock::seconds;
+use crate::record::error::RecordError;
 use crate::record::session::output::Output;
 use crate::recording::Gap;
 use crate::storage::layout::{offset_ns, within};
@@ -70,22 +70,22 @@ pub(crate) struct Open {
 
 /// How far a sensor has come.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Heard {
+pub(crate) struct Progress {
     /// Time of its last sample as logged, ns.
     pub(crate) last_ns: i64,
     /// From the one before to it, ns; none of a sensor's first.
     pub(crate) spacing_ns: Option<i64>,
 }
 
-impl Heard {
+impl Progress {
     /// With a batch more.
-    pub(crate) fn after(before: Option<Heard>, batch: &Batch) -> Heard {
+    pub(crate) fn after(before: Option<Progress>, batch: &Batch) -> Progress {
         let spacing_ns = match before {
             _ if batch.values.len() > 1 => Some(batch.period_ns as i64),
             Some(before) => Some(batch.last_ns().saturating_sub(before.last_ns).max(0)),
             None => None,
         };
-        Heard { last_ns: batch.last_ns(), spacing_ns }
+        Progress { last_ns: batch.last_ns(), spacing_ns }
     }
 
     /// Whether samples before `until_ns` on the recording's clock are missing: one would have been due.
@@ -177,18 +177,18 @@ impl Open {
         (0..self.shares.len()).filter(|&sensor| self.shares[sensor].absent)
     }
 
-    /// Notes what is missing where the shot ends with what has come by now, of the sensors `heard`, which have `clocks`: a gap for each that
+    /// Notes what is missing where the shot ends with what has come by now, of the sensors `progress`, which have `clocks`: a gap for each that
     /// is behind the trigger's, that began within the shot or has not spoken at all though a device was to send it, or was cut where by the
     /// clocks as they are known now it should not have been; and, where the trigger's is behind too, that it is cut short. Says in that case how much of the time after it fired is kept, s.
     pub(crate) fn close(
         &mut self,
-        heard: &[Option<Heard>],
+        progress: &[Option<Progress>],
         clocks: &[SensorClock],
         trigger: usize,
     ) -> Result<Option<f64>, RecordError> {
-        let Some(fired_by) = heard.get(trigger).copied().flatten() else { return Ok(None) };
+        let Some(fired_by) = progress.get(trigger).copied().flatten() else { return Ok(None) };
         let reached_ns = clocks[trigger].time_ns(fired_by.last_ns).min(self.to_ns);
-        for (sensor, (heard, clock)) in heard.iter().zip(clocks).enumerate() {
+        for (sensor, (progress, clock)) in progress.iter().zip(clocks).enumerate() {
             let share = self.shares[sensor];
             let (from_ns, to_ns) = (clock.logged_ns(self.from_ns), clock.logged_ns(reached_ns));
             let begins_ns = share.written.map_or(to_ns, |(first, _)| first.min(to_ns));
@@ -197,19 +197,19 @@ impl Open {
                 self.missing(clock, sensor, from_ns, to_ns)?;
                 continue;
             }
-            let Some(heard) = heard else { continue };
+            let Some(progress) = progress else { continue };
             // its last sample stands for it, though more were due since
-            self.shares[sensor].absent = share.owed && share.carried && heard.lags(clock, self.from_ns);
+            self.shares[sensor].absent = share.owed && share.carried && progress.lags(clock, self.from_ns);
             let (dropped, begun) = match share.before {
                 Some(before) => (before >= from_ns, false),
                 // its very first samples are in the shot: it began later
-                None => (false, share.owed && heard.lacks(from_ns, begins_ns)),
+                None => (false, share.owed && progress.lacks(from_ns, begins_ns)),
             };
             if (dropped || begun) && !share.carried {
                 self.missing(clock, sensor, from_ns, begins_ns)?;
             }
-            if heard.lags(clock, reached_ns) {
-                self.missing(clock, sensor, heard.last_ns.max(from_ns), to_ns)?;
+            if progress.lags(clock, reached_ns) {
+                self.missing(clock, sensor, progress.last_ns.max(from_ns), to_ns)?;
             } else if share.behind.is_some_and(|behind| behind <= to_ns) {
                 self.missing(clock, sensor, share.written.map_or(from_ns, |(_, last)| last), to_ns)?;
             }

@@ -9,14 +9,14 @@ pub(crate) mod name;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use crate::record::RecordError;
 use crate::record::clock::device_clock::seconds;
+use crate::record::error::RecordError;
 use crate::record::health::monitor::{Expected, Monitor};
 use crate::record::health::snapshot::{Phase, TriggerView};
 use crate::record::session::output::{Absent, CutShort, DeviceCount, Output, SensorCount, Summary};
-use crate::record::session::shot::{Batch, Heard, MARGIN_NS, Open, Share};
+use crate::record::session::shot::{Batch, MARGIN_NS, Open, Progress, Share};
 use crate::record::session::shots::kept::{Kept, MOST_BYTES, Needed};
-use crate::record::session::shots::name::{MOST_COPIES, is_taken, stem, told};
+use crate::record::session::shots::name::{MOST_COPIES, is_taken, stem, with_causes};
 use crate::record::session::trigger::{Condition, Event, Settings, State, Trigger};
 use crate::recording::{Gap, RunInfo};
 use crate::rig::Rig;
@@ -52,7 +52,7 @@ pub struct Shots {
     /// Sensors that a device is to send.
     owed: Vec<bool>,
     /// How far each sensor has come.
-    heard: Vec<Option<Heard>>,
+    progress: Vec<Option<Progress>>,
     /// A device that is behind the trigger's is waited for so long, ns of recorded time.
     held_ns: i64,
     /// The trigger has fired at these times, ns as logged, and no shot has begun yet.
@@ -87,7 +87,7 @@ impl Shots {
             kept: Kept::new(sensors, MOST_BYTES),
             // a file that is played owes nothing but what it has
             owed: (0..sensors).map(|i| expected.iter().any(|e| e.sensor == i && e.device.is_some())).collect(),
-            heard: vec![None; sensors],
+            progress: vec![None; sensors],
             fired: Vec::new(),
             held_ns: silence_ns.clamp(LATE_NS, MOST_HELD_NS),
             open: Vec::new(),
@@ -108,8 +108,8 @@ impl Shots {
             return Ok(());
         }
         let batch = Batch { sensor, first_ns, period_ns, values: values.to_vec() };
-        if let Some(heard) = self.heard.get_mut(sensor) {
-            *heard = Some(Heard::after(*heard, &batch));
+        if let Some(progress) = self.progress.get_mut(sensor) {
+            *progress = Some(Progress::after(*progress, &batch));
         }
         let clock = &self.moves[sensor];
         self.open.iter_mut().try_for_each(|open| open.write(clock, &batch))?;
@@ -129,7 +129,7 @@ impl Shots {
             return false;
         };
         let is_there = |sensor: usize| self.come_ns(sensor).map_or(!self.owed[sensor], |come_ns| come_ns >= open.to_ns);
-        trigger_ns > open.to_ns.saturating_add(self.held_ns) || (0..self.heard.len()).all(is_there)
+        trigger_ns > open.to_ns.saturating_add(self.held_ns) || (0..self.progress.len()).all(is_there)
     }
 
     /// A sensor's time on the recording's clock, ns, by when it was logged.
@@ -139,8 +139,8 @@ impl Shots {
 
     /// How far a sensor has come on the recording's clock, ns.
     fn come_ns(&self, sensor: usize) -> Option<i64> {
-        let heard = self.heard.get(sensor).copied().flatten()?;
-        Some(self.at_ns(sensor, heard.last_ns))
+        let progress = self.progress.get(sensor).copied().flatten()?;
+        Some(self.at_ns(sensor, progress.last_ns))
     }
 
     /// Takes a gap.
@@ -172,7 +172,7 @@ impl Shots {
         !self.fired.is_empty() || self.open.iter().any(|open| self.is_complete(open))
     }
 
-    /// Begins and ends shots, and flushes, when it is time; what the monitor has called out during a shot is kept with it.
+    /// Begins and ends shots, and flushes, when it is time; alerts during a shot are kept with it.
     pub fn tick(&mut self, monitor: &Monitor) -> Result<(), RecordError> {
         self.begin_fired()?;
         while let Some(i) = self.open.iter().position(|open| self.is_complete(open)) {
@@ -207,8 +207,9 @@ impl Shots {
             State::Settling(quiet_ns) => Phase::Settling { quiet_s: seconds(quiet_ns), wanted_s },
             State::Armed => Phase::Armed,
             State::Fired(at) => {
-                let heard_ns = self.heard.get(self.plan.sensor).copied().flatten().map_or(at, |heard| heard.last_ns);
-                Phase::Fired { since_s: seconds(heard_ns - at), lasts_s: seconds(self.plan.trigger.post_ns) }
+                let newest_ns =
+                    self.progress.get(self.plan.sensor).copied().flatten().map_or(at, |progress| progress.last_ns);
+                Phase::Fired { since_s: seconds(newest_ns - at), lasts_s: seconds(self.plan.trigger.post_ns) }
             }
         };
         let (name, unit) =
@@ -245,7 +246,7 @@ impl Shots {
         let mut output = match self.create(from_ns, number) {
             Ok(output) => output,
             Err(error) => {
-                self.lost.push(format!("shot {number} could not be written and is lost: {}", told(&error)));
+                self.lost.push(format!("shot {number} could not be written and is lost: {}", with_causes(&error)));
                 return Ok(());
             }
         };
@@ -286,7 +287,7 @@ impl Shots {
         for (key, text) in monitor.notes(open.from_ns, open.to_ns) {
             open.output.note(&key, &text)?;
         }
-        let mut kept_s = open.close(&self.heard, &self.moves, self.plan.sensor)?;
+        let mut kept_s = open.close(&self.progress, &self.moves, self.plan.sensor)?;
         let absent: Vec<String> = open.absent().map(|sensor| self.rig.sensors[sensor].name.clone()).collect();
         if !absent.is_empty() {
             open.output.note("absent", &format!("{}: nothing had come when the shot ended", absent.join(", ")))?;
@@ -299,7 +300,7 @@ impl Shots {
         match open.output.finish(0, |sensor| listed[sensor], Vec::new(), ended.to_owned()) {
             Ok(mut summary) => {
                 if summary.data_lost {
-                    // The disk refused what came later: what the file has counts, and why is said with the session's end.
+                    // The disk refused what came later: what is in the file counts; the reason comes with the end of the session.
                     kept_s = Some((summary.duration_s - seconds(open.fired_ns - open.from_ns)).max(0.0));
                     let why = summary.ended.strip_prefix(ended).unwrap_or_default().trim_start_matches(['.', ' ']);
                     self.refused = Some(format!("{file}: {why}"));
@@ -308,7 +309,7 @@ impl Shots {
                 self.done.push(summary);
             }
             Err(error) => {
-                self.lost.push(format!("{file} could not be finished: {}", told(&error)));
+                self.lost.push(format!("{file} could not be finished: {}", with_causes(&error)));
                 return Ok(());
             }
         }
@@ -363,7 +364,7 @@ impl Shots {
                 || !self.lost.is_empty(),
             devices,
             ended,
-            callouts: Vec::new(),
+            alerts: Vec::new(),
             shots: self.done.into_iter().map(|shot| shot.file).collect(),
             cut_short: self.cut_short,
             absent: self.absent,

@@ -59,7 +59,7 @@ pub struct Trigger {
     /// The last samples, time in ns and value, as far back as a slope looks.
     last: std::collections::VecDeque<(i64, f64)>,
     /// Time of the sample before, ns, where nothing is missing since.
-    heard_ns: Option<i64>,
+    newest_ns: Option<i64>,
     unheeded: usize,
 }
 
@@ -70,7 +70,7 @@ impl Trigger {
             settings,
             state: State::Settling(0),
             last: std::collections::VecDeque::new(),
-            heard_ns: None,
+            newest_ns: None,
             unheeded: 0,
         }
     }
@@ -92,7 +92,7 @@ impl Trigger {
             self.forget(at);
             let met = self.is_met(at, value);
             self.last.push_back((at, value));
-            let seen_ns = self.heard_ns.replace(at).map_or(0, |before| at.saturating_sub(before).max(0));
+            let seen_ns = self.newest_ns.replace(at).map_or(0, |before| at.saturating_sub(before).max(0));
             let next = match self.state {
                 State::Settling(_) if met => Some(State::Settling(0)),
                 State::Settling(quiet) if quiet + seen_ns >= self.settings.pre_ns => Some(State::Armed),
@@ -116,7 +116,7 @@ impl Trigger {
 
     /// Samples are missing. What was armed stays so, and what the valve, a level or a slope did meanwhile shows in the next sample.
     pub fn gap(&mut self) {
-        self.heard_ns = None;
+        self.newest_ns = None;
     }
 
     fn is_met(&self, at: i64, value: f64) -> bool {

@@ -20,7 +20,7 @@ const MOST_HELD: usize = 16;
 const RECENT: usize = 64;
 /// Steps between lines that are remembered: one half longer than the longest of them is a jump.
 const STEPS: usize = 16;
-/// Steps needed before a jump can be told from the device's own rhythm.
+/// Steps needed before a jump differs from the device's own rhythm.
 const ENOUGH_STEPS: usize = 3;
 /// Where a counter of 32 bits, as a microcontroller's, begins again, µs: every 71.6 min.
 const WRAP_US: u64 = 1 << 32;

@@ -58,7 +58,7 @@ const FEWEST: usize = 3;
 const FEWEST_TOGETHER: usize = 5;
 /// Standard deviation of the temperature from which on its influence can be had, K.
 const LEAST_SPREAD_K: f64 = 0.3;
-/// Correlation of run number and temperature from which on their influences cannot be told apart.
+/// Correlation of run number and temperature from which on their influences cannot be separated.
 const COLLINEAR: f64 = 0.95;
 /// Confidence of intervals.
 const LEVEL: f64 = 0.95;

@@ -7,14 +7,14 @@ use std::path::PathBuf;
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs)] // the sentences say it
 pub enum HistoryError {
-    #[error("{} has no index of runs ({}): `surgescope watch {}` makes one", .0.display(), crate::results::history::index::FILE, .0.display())]
+    #[error("{} has no index of runs ({}): `surgescope watch {}` makes one", .0.display(), crate::results::history::schema::FILE, .0.display())]
     NoIndex(PathBuf),
-    #[error("{} is no index of runs: move it away, then `surgescope watch` makes a new one", .0.display())]
+    #[error("{} is not an index of runs: move it away, then `surgescope watch` makes a new one", .0.display())]
     NotOurs(PathBuf),
     #[error("{} was written by a newer version of the program: update surgescope", .0.display())]
     Newer(PathBuf),
     #[error(
-        "another surgescope works on the recordings in {} ({who}): one at a time; end it first, or let it do the work", .folder.display()
+        "another surgescope is working on the recordings in {} ({who}): stop it first, or let it do the work", .folder.display()
     )]
     Busy { folder: PathBuf, who: String },
     #[error("cannot {action} {}", .path.display())]

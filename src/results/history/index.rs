@@ -8,11 +8,12 @@ use std::time::Duration;
 
 use rusqlite::{Connection, OpenFlags, OptionalExtension, Row, Transaction, TransactionBehavior, params};
 
+use crate::results::history::error::HistoryError;
+use crate::results::history::run::{Accepted, Finding, Run, State, Value};
 use crate::results::history::schema::{APPLICATION, LATER_TABLES, TABLES, VERSION};
-use crate::results::history::{Accepted, Finding, HistoryError, Run, State, Value};
 
-/// Name of the index in its folder.
-pub const FILE: &str = "surgescope.sqlite";
+pub use crate::results::history::schema::FILE;
+
 /// How long a statement waits for another process to finish its own.
 const PATIENCE: Duration = Duration::from_secs(10);
 
@@ -30,7 +31,7 @@ pub struct Index(Connection);
 pub enum Seen {
     /// This run.
     Run(i64),
-    /// A file without an end, told to the user.
+    /// A file without an end; the user knows of it.
     Torn,
 }
 
@@ -204,8 +205,8 @@ impl Index {
             if run.state == State::Running && run.tries >= most {
                 let pause_s = FIRST_PAUSE_S << (run.tries - most).min(10);
                 let error = format!(
-                    "the program ended {} times while it worked on this recording; it is tried once more by a watch that starts \
-                     {} min or more from now, or at once with `surgescope watch --retry`",
+                    "the program ended {} times while it worked on this recording; a watch that starts {} min or more from now tries \
+                     once more, `surgescope watch --retry` at once",
                     run.tries,
                     pause_s / 60
                 );

@@ -4,7 +4,7 @@ use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
-use crate::results::history::HistoryError;
+use crate::results::history::error::HistoryError;
 
 /// Name of the lock file in the folder.
 pub const FILE: &str = ".surgescope.lock";

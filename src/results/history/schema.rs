@@ -1,5 +1,7 @@
 //! The tables of an index.
 
+/// Name of the index in its folder.
+pub const FILE: &str = "surgescope.sqlite";
 /// Marks a SQLite file as ours (`PRAGMA application_id`): "surg".
 pub(crate) const APPLICATION: i64 = 0x7375_7267;
 /// Version of the tables (`PRAGMA user_version`); a reader refuses a higher one.

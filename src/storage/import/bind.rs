@@ -35,7 +35,7 @@ pub fn bind(
     let density = rig.fluid.properties(rig.fluid.temperature_degc).density_kg_m3;
     let before = |i: usize, from: &String| options.map[..i].iter().any(|(other, _)| other == from);
     if let Some((_, (from, _))) = options.map.iter().enumerate().find(|(i, (from, _))| before(*i, from)) {
-        let why = format!("'{from}' is said by --map to be two sensors: say one of them");
+        let why = format!("--map assigns '{from}' to two sensors; keep one");
         return Err(LogError::SourceFile { path: path.into(), why });
     }
     let names: Vec<(String, String)> = file.tracks.iter().map(|t| (t.name.clone(), t.short.clone())).collect();
@@ -61,7 +61,7 @@ pub fn bind(
         }
         if let Some(other) = &taken[place] {
             let (a, b, sensor) = (other, &track.name, &rig.sensors[place].name);
-            let why = format!("'{a}' and '{b}' are both the sensor '{sensor}': say which with --map or --ignore");
+            let why = format!("'{a}' and '{b}' are both the sensor '{sensor}': choose one with --map or --ignore");
             return Err(LogError::SourceFile { path: path.into(), why });
         }
         if track.name != rig.sensors[place].name {
@@ -80,7 +80,7 @@ pub fn bind(
             "left-out",
             spare.len(),
             None,
-            format!("left out, for no sensor is named so: {}", listed(&spare)),
+            format!("left out, because no sensor has this name: {}", listed(&spare)),
         ));
     }
     let name = path.file_name().unwrap_or_default().to_string_lossy();
@@ -94,7 +94,7 @@ pub fn bind(
     Ok(Recording { rig: rig.clone(), series, run })
 }
 
-/// Every sensor of the rig must be in one file, or be said not to be recorded.
+/// Every sensor of the rig must be in one of the files or among those `without` samples.
 ///
 /// # Errors
 /// Names the first that is not.
@@ -147,7 +147,7 @@ fn unknown(track: &Track, rig: &Rig) -> CsvProblem {
     CsvProblem::UnknownColumn {
         column: track.name.clone(),
         rig: rig.name.clone(),
-        hint: meant.map_or(".".into(), |n| format!("; did you mean '{n}'? Say --map '{}={n}'.", track.name)),
+        hint: meant.map_or(".".into(), |n| format!("; did you mean '{n}'? Then add --map '{}={n}'.", track.name)),
         known: known.join(", "),
     }
 }
@@ -158,7 +158,7 @@ fn no_sensor(path: &Path, rig: &Rig, spare: &[String], table: bool) -> LogError 
     let what = if table { "columns" } else { "channels" };
     let sensor = sensors.first().copied().unwrap_or("P1");
     let why = format!(
-        "none of its {what} is a sensor of rig '{}', which has {}. Say which is which, as in --map '{first}={sensor}'; it has {}",
+        "none of its {what} is a sensor of rig '{}', which has {}. Assign them, as in --map '{first}={sensor}'; the file has {}",
         rig.name,
         sensors.join(", "),
         listed(spare)

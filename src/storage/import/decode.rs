@@ -25,7 +25,7 @@ pub fn decode_source(bytes: &[u8], path: &Path, options: &SourceOptions) -> Resu
     } else if bytes.starts_with(b"TDSm") {
         tdms::read(bytes).map_err(|why| LogError::SourceFile { path: path.into(), why })
     } else if bytes.starts_with(b"TDSh") {
-        let why = "this is the index of a TDMS file: name the .tdms file that stands beside it".into();
+        let why = "this is the index of a TDMS file: name the .tdms file beside it".into();
         Err(LogError::SourceFile { path: path.into(), why })
     } else {
         csv::read(bytes, options).map_err(|(line, problem)| LogError::Csv { path: path.into(), line, problem })

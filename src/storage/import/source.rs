@@ -39,7 +39,7 @@ pub struct Track {
     pub unit: Option<String>,
     /// Its samples, in that unit.
     pub series: Series,
-    /// What was repaired of it, said where it is a sensor.
+    /// Its repairs, reported if it becomes a sensor.
     pub repairs: Vec<Repair>,
 }
 
@@ -64,7 +64,7 @@ impl Repair {
     }
 }
 
-/// A count with what is said of one, or of several.
+/// A count with the words for one, or for several.
 pub(crate) fn counted(count: usize, one: &str, several: &str) -> String {
     format!("{count} {}", if count == 1 { one } else { several })
 }

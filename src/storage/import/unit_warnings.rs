@@ -1,4 +1,4 @@
-//! Values that look like those of another unit: nothing is changed, but it is said.
+//! Values that look like those of another unit: a warning, no change.
 
 use crate::recording::Recording;
 use crate::rig::{Coupling, Rig, Sensor};
@@ -43,14 +43,14 @@ fn doubt(own: &(&Sensor, f64, f64), all: &[(&Sensor, f64, f64)], rig: &Rig, dens
             Some(format!("is outside of its range, {low} to {high} {}", sensor.unit))
         }
         _ if level != 0.0 && pa.abs() > PLAUSIBLE_PA[1] => {
-            Some("is more than a pipe of a laboratory holds".to_string())
+            Some("is more than a laboratory pipe withstands".to_string())
         }
         _ if pa <= 0.0 => None,
         _ if !others.is_empty() && others.iter().all(|&o| apart(pa, o) > FAR_APART) => {
             Some("is far from that of the other sensors".to_string())
         }
         _ if others.is_empty() && pa < PLAUSIBLE_PA[0] && sensor.range.is_none() => {
-            Some("is next to nothing".to_string())
+            Some("is close to zero".to_string())
         }
         _ => None,
     }?;
@@ -65,7 +65,7 @@ fn doubt(own: &(&Sensor, f64, f64), all: &[(&Sensor, f64, f64)], rig: &Rig, dens
     let hint = match meant[..] {
         [] => "check the sensor's unit, zero and scale".to_string(),
         _ => format!(
-            "would it be in {}? Then say so in the heading, as in '{} ({})', or in the rig file",
+            "is it in {}? Then put the unit in the heading, as in '{} ({})', or in the rig file",
             meant.join(" or "),
             sensor.name,
             meant[0]

@@ -94,7 +94,7 @@ fn what_nobody_can_mend_is_refused_with_its_line() {
         ("time_s;P1;P2\n0;1,5;2\n1;x;2\n", ["run.csv:3", "column 'P1': 'x' is not a number"]),
         ("time_s;P1;P2\n0;1;2\n1;2\n2;1;2\n", ["run.csv:3", "2 cells where the header has 3"]),
         ("time_s,P1,P2\n0,1,2\n1,1,5,\n2,1,2\n", ["run.csv:3", "4 cells where the header has 3"]),
-        ("time_s;P1 (V);P2\n0;1;2\n", ["is in 'V', which is no pressure unit", "known are Pa, kPa"]),
+        ("time_s;P1 (V);P2\n0;1;2\n", ["is in 'V', which is no known pressure unit", "known are Pa, kPa"]),
         ("time_s;P1;P2;Q\n0;1;2;3\n", ["column 'Q' is no sensor of rig 'bench'", "Rename or remove"]),
         ("time_s;P1\n0;1\n", ["no column for the pressure sensor 'P2'", "--without P2"]),
         ("time_s;P1;P1 (bar);P2\n0;1;2;3\n", ["are both the sensor 'P1'", "--ignore"]),
@@ -105,7 +105,7 @@ fn what_nobody_can_mend_is_refused_with_its_line() {
         ("time_s,P1,P2\n0,1\n", ["run.csv:2", "2 cells where the header has 3"]),
         // two runs in one file, and a time that is wrong rather than out of place
         ("time_s;P1;P2\n0;1;2\n1;1;2\n2;1;2\n3;1;2\n0;1;2\n1;1;2\n2;1;2\n", ["run.csv:6", "0 does not come after 3"]),
-        ("time_s;P1;P2\n0;1;2\n1;1;2\n2;1;2\n3;1;2\n1,4;1;2\n4;1;2\n", ["run.csv:6", "falls between the times"]),
+        ("time_s;P1;P2\n0;1;2\n1;1;2\n2;1;2\n3;1;2\n1,4;1;2\n4;1;2\n", ["run.csv:6", "falls between the other times"]),
         ("time_s;P1;P2\n0;1;2\n0;1;3\n0;1;4\n1;1;2\n1;1;3\n1;1;4\n", ["run.csv:3", "written too coarsely"]),
     ] {
         bench.put("run.csv", text);

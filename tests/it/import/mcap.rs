@@ -185,7 +185,7 @@ fn text_or_a_null_in_the_place_of_a_number_is_a_gap_and_said() {
     put_json(&bench, 0, (0..50).map(|_| r#"{"p": "300", "q": 1}"#.to_string()));
     bench.refuses(
         &MAP,
-        &["what it has as '/daq.p' is never a number", "say which number is which sensor", "/daq.q (50 values)"],
+        &["what it has as '/daq.p' is never a number", "assign numbers to sensors", "/daq.q (50 values)"],
     );
 }
 
@@ -305,5 +305,5 @@ fn a_clock_that_is_set_while_it_logs_is_refused_in_words() {
     let (document, _) = bench.import(0, &MAP);
     assert_eq!(mended(&document, "order")["count"], 1);
     let twice = ["other.mcap", "--map", "/daq.p=P1", "--map", "/daq.p=P2"];
-    bench.refuses(&twice, &["'/daq.p' is said by --map to be two sensors"]);
+    bench.refuses(&twice, &["--map assigns '/daq.p' to two sensors"]);
 }

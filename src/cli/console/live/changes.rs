@@ -2,7 +2,7 @@
 
 use crate::cli::console::live::numbers::{bytes, lasting};
 use crate::cli::console::live::view::Tone;
-use crate::record::health::alert::Ailment;
+use crate::record::health::alert::SensorFault;
 use crate::record::health::snapshot::{Disk, Phase, Snapshot, TriggerView};
 
 /// A disk that is full sooner than this is called out, s.
@@ -22,16 +22,16 @@ pub(crate) fn changes(before: Option<&Snapshot>, now: &Snapshot, advised: bool) 
         }
     }
     for sensor in &now.sensors {
-        let old = before.sensors.iter().find(|old| old.name == sensor.name).and_then(|old| old.ailment);
+        let old = before.sensors.iter().find(|old| old.name == sensor.name).and_then(|old| old.fault);
         let of_device = sensor.device.and_then(|i| now.devices.get(i)).is_some_and(|device| device.trouble.is_some());
         let name = &sensor.name;
-        match (old, sensor.ailment) {
-            (_, Some(Ailment::Silent)) if of_device => {}
-            (old, Some(ailment)) if old.is_none_or(|old| old.word() != ailment.word()) => {
-                let advice = if advised { format!("; {}", ailment.advice()) } else { String::new() };
-                news.push((Tone::Alarm, format!("{name} {}{advice}", ailment.seen(sensor.unit))));
+        match (old, sensor.fault) {
+            (_, Some(SensorFault::Silent)) if of_device => {}
+            (old, Some(fault)) if old.is_none_or(|old| old.word() != fault.word()) => {
+                let advice = if advised { format!("; {}", fault.advice()) } else { String::new() };
+                news.push((Tone::Alarm, format!("{name} {}{advice}", fault.seen(sensor.unit))));
             }
-            (Some(Ailment::Silent), None) => {}
+            (Some(SensorFault::Silent), None) => {}
             (Some(old), None) => news.push((Tone::Plain, format!("{name} is no longer {}", old.word()))),
             _ => {}
         }
@@ -98,7 +98,7 @@ pub(crate) fn progress(now: &Snapshot) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cli::console::live::view::fixtures::{ailing, armed, healthy};
+    use crate::cli::console::live::view::fixtures::{armed, faulty, healthy};
 
     fn texts(before: Option<&Snapshot>, now: &Snapshot) -> Vec<String> {
         changes(before, now, true).into_iter().map(|(_, text)| text).collect()
@@ -107,16 +107,14 @@ mod tests {
     #[test]
     fn what_is_wrong_is_said_once_and_so_is_that_it_is_over() {
         assert_eq!(texts(None, &healthy()), [""; 0]);
-        let said = texts(Some(&healthy()), &ailing());
+        let said = texts(Some(&healthy()), &faulty());
         assert_eq!(said.len(), 4, "{said:#?}");
         assert!(said[0].starts_with("12.4 s  logger: the port vanished: plug /dev/ttyUSB1 in again"), "{said:#?}");
-        assert!(said[1].contains("P1 saturated: it stands at the upper end of what it can show, 998.9 kPa; look at"));
-        assert!(
-            said[2].contains("P2 noisy: standard deviation 14.2 kPa, where its accuracy leaves room for 5.5; look for")
-        );
+        assert!(said[1].contains("P1 saturated: at the upper end of its range, 998.9 kPa; check"));
+        assert!(said[2].contains("P2 noisy: standard deviation 14.2 kPa, where its accuracy allows 5.5; look for"));
         assert!(said[3].contains("room for 8 min only, 400 MB: free some"), "{said:#?}");
-        assert_eq!(texts(Some(&ailing()), &ailing()), [""; 0]);
-        let over = texts(Some(&ailing()), &healthy());
+        assert_eq!(texts(Some(&faulty()), &faulty()), [""; 0]);
+        let over = texts(Some(&faulty()), &healthy());
         assert_eq!(
             over,
             ["12.4 s  logger sends", "12.4 s  P1 is no longer saturated", "12.4 s  P2 is no longer noisy"]

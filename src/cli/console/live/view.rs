@@ -10,7 +10,7 @@ use crate::cli::console::live::numbers::{bytes, count, lasting, rate, value};
 use crate::cli::console::live::sparkline::sparkline;
 use crate::cli::console::live::table;
 use crate::cli::console::live::table::Column;
-use crate::record::health::alert::Ailment;
+use crate::record::health::alert::SensorFault;
 use crate::record::health::sensor_health::BIN_NS;
 use crate::record::health::snapshot::{DeviceView, Disk, Phase, SensorView, Snapshot, TriggerView};
 
@@ -101,7 +101,7 @@ fn trigger_lines(trigger: &TriggerView, sensors: &[SensorView], columns: usize) 
         Phase::Settling { quiet_s, wanted_s } => {
             (Tone::Plain, format!("NOT ARMED{again}: quiet for {quiet_s:.1} of {wanted_s} s"))
         }
-        Phase::Armed => match sensors.iter().find(|sensor| sensor.ailment.is_some()) {
+        Phase::Armed => match sensors.iter().find(|sensor| sensor.fault.is_some()) {
             None => (Tone::Good, format!("ARMED{again}: close the valve")),
             Some(sensor) => (Tone::Alarm, format!("ARMED{again}, but look at {} first", sensor.name)),
         },
@@ -160,7 +160,7 @@ fn sensors(snapshot: &Snapshot, columns: usize, rows: usize) -> Vec<Line> {
     // those that something is wrong with come first, if need be without the advice; the others may have what is left
     for (ill, whole) in [(true, true), (true, false), (false, true)] {
         for (i, block) in blocks.iter_mut().enumerate() {
-            if kept[i] || sensors[i].ailment.is_some() != ill || room == 0 {
+            if kept[i] || sensors[i].fault.is_some() != ill || room == 0 {
                 continue;
             }
             if !whole {
@@ -172,7 +172,7 @@ fn sensors(snapshot: &Snapshot, columns: usize, rows: usize) -> Vec<Line> {
             }
         }
     }
-    let ill_left_out = (0..blocks.len()).filter(|&i| !kept[i] && sensors[i].ailment.is_some()).count();
+    let ill_left_out = (0..blocks.len()).filter(|&i| !kept[i] && sensors[i].fault.is_some()).count();
     let left_out = kept.iter().filter(|kept| !**kept).count();
     let mut lines = vec![Line { tone: Tone::Heading, text: heading }];
     lines.extend(blocks.into_iter().zip(&kept).filter(|(_, kept)| **kept).flat_map(|(block, _)| block));
@@ -216,11 +216,11 @@ fn sensor_rows(snapshot: &Snapshot, columns: usize) -> Vec<String> {
 }
 
 fn block(text: String, sensor: &SensorView, snapshot: &Snapshot, columns: usize) -> Vec<Line> {
-    let Some(ailment) = sensor.ailment else { return vec![Line { tone: Tone::Plain, text }] };
+    let Some(fault) = sensor.fault else { return vec![Line { tone: Tone::Plain, text }] };
     let mut lines = vec![Line { tone: Tone::Alarm, text }];
     let of_device = sensor.device.and_then(|i| snapshot.devices.get(i)).is_some_and(|device| device.trouble.is_some());
-    if ailment != Ailment::Silent || !of_device {
-        lines.extend(called_out(&format!("{}; {}", ailment.seen(sensor.unit), ailment.advice()), columns));
+    if fault != SensorFault::Silent || !of_device {
+        lines.extend(called_out(&format!("{}; {}", fault.seen(sensor.unit), fault.advice()), columns));
     }
     lines
 }

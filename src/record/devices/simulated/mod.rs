@@ -18,7 +18,7 @@ use nix::pty::PtyMaster;
 pub use crate::record::devices::simulated::faults::{Faults, Sent};
 pub use crate::record::devices::simulated::script::{Playback, Script};
 
-use crate::record::RecordError;
+use crate::record::error::RecordError;
 
 /// A device on a pseudo-terminal. Dropped, it stops and hangs up.
 #[derive(Debug)]

@@ -1,6 +1,6 @@
 //! What a simulated device plays, as its converter sees it.
 
-use crate::record::RecordError;
+use crate::record::error::RecordError;
 use crate::record::wire::registers::{Place, value, words};
 use crate::rig::{Device, Protocol, Rig, Wiring};
 

@@ -7,8 +7,9 @@ pub(crate) mod missing;
 use std::path::Path;
 
 use crate::record::devices::poll::PollCounts;
-use crate::record::devices::polling::Polled;
+use crate::record::devices::queue::Polled;
 use crate::record::session::live_test::*;
+use crate::record::session::shots::Plan;
 use crate::record::session::trigger::{Condition, Settings};
 use crate::record::wire::frames::Frame;
 use crate::recording::Recording;
@@ -62,7 +63,7 @@ fn played_on(rig: &Rig, options: &Options, mut messages: Vec<(i64, usize, Vec<u8
             break;
         }
         if all_over(&streams, options).is_some() {
-            live.write_clocks(&mut streams).unwrap();
+            write_clocks(&mut live, &mut streams).unwrap();
             reopen(&mut streams, live.end_ns);
             if all_over(&streams, options).is_some() {
                 ended = "the duration was reached";
@@ -223,7 +224,9 @@ fn a_device_is_silent_when_more_is_due_than_its_rhythm_allows() {
     let mut live = Live::new(&rig, &options, "a test".to_owned(), Vec::new(), sources.host);
     let mut streams = [Stream::new(&rig, &devices[0])];
     let after = |stream: &Stream<'_>, ms: u64| {
-        stream.silent_since(stream.heard + Duration::from_millis(ms), options.silence).map(|(since_ns, _)| since_ns)
+        stream
+            .silent_since(stream.last_message + Duration::from_millis(ms), options.silence)
+            .map(|(since_ns, _)| since_ns)
     };
     for (at_ns, _, bytes) in sent(0, 1, 0, on_time) {
         take(0, Input::Bytes { at_ns, bytes }, &mut streams, &mut live).unwrap();
@@ -235,7 +238,7 @@ fn a_device_is_silent_when_more_is_due_than_its_rhythm_allows() {
     let stream = &mut streams[0];
     assert_eq!((after(stream, 400), after(stream, 3000)), (None, Some(999 * MS)));
     // one second without a message is its rhythm from here on
-    stream.heard -= Duration::from_secs(1);
+    stream.last_message -= Duration::from_secs(1);
     take(0, Input::Bytes { at_ns: 2000 * MS, bytes: frame(100, 2_000_000, 0) }, &mut streams, &mut live).unwrap();
     assert_eq!(after(&streams[0], 1900), None);
     assert!(after(&streams[0], 3500).is_some());

@@ -1,4 +1,4 @@
-//! What a shot's file is called, and why it could not be made.
+//! File names of shots, and errors when one cannot be made.
 
 use chrono::DateTime;
 
@@ -17,7 +17,7 @@ pub(crate) fn is_taken(error: &LogError) -> bool {
 }
 
 /// An error with its causes.
-pub(crate) fn told(error: &dyn std::error::Error) -> String {
+pub(crate) fn with_causes(error: &dyn std::error::Error) -> String {
     let causes = std::iter::successors(Some(error), |error| error.source());
     causes.map(ToString::to_string).collect::<Vec<_>>().join(": ")
 }

@@ -1,8 +1,8 @@
 //! Whether the period that a device states is that of its stamps.
 
-use crate::record::wire::frames::Frame;
+use crate::record::wire::frames::frame::Frame;
 
-/// A stated period is told to be wrong from one part in so many on.
+/// A stated period is reported as wrong from one part in so many on.
 const SURE: f64 = 2000.0;
 
 /// The steps between stamps beside the lengths that frames say to have.

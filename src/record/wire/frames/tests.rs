@@ -1,9 +1,10 @@
 //! What the `frames` codec promises: what goes in comes out, and noise on the wire never becomes a sample.
 
-pub(crate) mod order;
+pub(crate) mod resequencer;
 
 use proptest::prelude::*;
 
+use crate::record::wire::frames::frame::MAX_DEVICE_US;
 use crate::record::wire::frames::*;
 
 fn decode(decoder: &mut Decoder, bytes: &[u8]) -> Vec<Event> {

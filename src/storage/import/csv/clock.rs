@@ -83,7 +83,7 @@ impl Clock {
                     format!("the times of '{name}' are in units of {seconds} s"),
                 ));
             } else if name != "time_s" {
-                repairs.push(Repair::new("time-column", 1, None, format!("the times stand in '{name}', in seconds")));
+                repairs.push(Repair::new("time-column", 1, None, format!("the times are in '{name}', in seconds")));
             }
             Kind::Numbers(seconds)
         } else {
@@ -175,7 +175,7 @@ impl Clock {
     /// How the times are written, where they are not plain seconds.
     pub(crate) fn repairs(&mut self) -> Vec<Repair> {
         let mut repairs = std::mem::take(&mut self.repairs);
-        let zone = if self.zone_assumed { ", taken as UTC (--zone says otherwise)" } else { "" };
+        let zone = if self.zone_assumed { ", taken as UTC (change that with --zone)" } else { "" };
         let text = match self.kind {
             Kind::Numbers(_) => return repairs,
             Kind::Stamps { .. } => format!("'{}' holds date-times{zone}; time 0 is the first", self.name),
@@ -187,7 +187,7 @@ impl Clock {
     }
 }
 
-/// The order of day and month: as told, or as the first date shows that has a number above 12.
+/// The order of day and month: from the options, or from the first date that has a number above 12.
 fn order(cell: &str, text: &str, separator: char, options: &SourceOptions) -> Order {
     match options.day_first {
         Some(true) => Order::DayFirst,

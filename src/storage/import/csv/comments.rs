@@ -36,7 +36,7 @@ pub(crate) fn start_in_comments(text: &str, options: &SourceOptions) -> Option<(
         let stamp = Stamp::parse(value.trim(), order).filter(|s| names_it && s.has_date)?;
         let ns = u64::try_from(stamp.unix_ns(options.zone_s.unwrap_or(0))).ok()?;
         let zone = if stamp.zone_s.is_some() || options.zone_s.is_some() { "" } else { ", taken as UTC" };
-        let text = format!("time 0 is the start that the comments give, {}{zone}", value.trim());
+        let text = format!("time 0 is the start given in the comments, {}{zone}", value.trim());
         Some((Start { unix_ns: ns, digit_s: stamp.digit_s }, Repair::new(START, 1, None, text)))
     })
 }

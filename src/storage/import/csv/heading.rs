@@ -46,7 +46,7 @@ pub(crate) fn hint_on_time(heading: &str) -> String {
     let words: Vec<&str> = lower.split(|c: char| !c.is_alphanumeric() && c != 'µ').filter(|w| !w.is_empty()).collect();
     let has = |names: &[&str]| words.iter().any(|w| names.contains(w));
     if !has(&["time", "t", "times", "zeit", "temps", "tempo", "seconds", "s", "sec"]) {
-        return ": it stands first, whatever else the file holds".into();
+        return ": times come first, whatever else the file holds".into();
     }
     let other = [
         (&["ms", "msec", "milliseconds"][..], "milliseconds", "1000"),

@@ -386,7 +386,7 @@ mod tests {
                 Some(1),
                 "column 'P3' is no sensor of rig 'bench', which has P1, P2, Q1, T1; did you mean 'P1'?",
             ),
-            ("time_s,P1,P2,P1,Q1,T1\n0,1,1,1,,\n".into(), Some(1), "column 'P1' stands in the header twice"),
+            ("time_s,P1,P2,P1,Q1,T1\n0,1,1,1,,\n".into(), Some(1), "column 'P1' appears twice in the header"),
             (
                 "time_ms,P1,P2,Q1,T1\n0,1,1,,\n".into(),
                 Some(1),
@@ -399,7 +399,7 @@ mod tests {
             ),
             ("Time (s),P1,P2,Q1,T1\n0,1,1,,\n".into(), Some(1), "name the column time_s"),
             ("Time [ms],P1,P2,Q1,T1\n0,1,1,,\n".into(), Some(1), "divide them by 1000"),
-            ("P1,time_s,P2,Q1,T1\n0,1,1,,\n".into(), Some(1), "it stands first"),
+            ("P1,time_s,P2,Q1,T1\n0,1,1,,\n".into(), Some(1), "times come first"),
             ("time_s;P1;P2;Q1;T1\n0;1;1;;\n".into(), Some(1), "separate the columns by commas"),
             ("0.0,1,1,1,1\n0.1,1,1,,\n".into(), Some(1), "the header line is missing"),
         ];

@@ -21,7 +21,7 @@ pub(crate) fn put_in_order(table: &mut Table, repairs: &mut Vec<Repair>, local: 
             "order",
             count,
             Some(line),
-            counted(count, "line stood out of order and was sorted in", "lines stood out of order and were sorted in"),
+            counted(count, "line was out of order and was sorted in", "lines were out of order and were sorted in"),
         ));
     }
     join_repeats(table, repairs)?;
@@ -47,7 +47,7 @@ pub(crate) fn put_in_order(table: &mut Table, repairs: &mut Vec<Repair>, local: 
         };
         if let Some(jump) = holes.iter().find(|hole| local && saved(hole)) {
             text += &format!(
-                "; that before line {} is an hour long: if daylight saving time began there, nothing is missing: write the times with \
+                "; the gap before line {} is an hour long: if daylight saving time began there, nothing is missing; write the times with \
                  their zone, or in UTC",
                 table.line[jump.before + 1]
             );
@@ -146,14 +146,13 @@ fn join_repeats(table: &mut Table, repairs: &mut Vec<Repair>) -> Result<(), CsvF
     table.line.truncate(kept);
     table.columns.iter_mut().for_each(|c| c.truncate(kept));
     if same > 0 {
-        let text = counted(same, "line repeats a time and says", "lines repeat a time and say")
-            + " nothing else of it: left out";
+        let text = counted(same, "line repeats a time and adds", "lines repeat a time and add") + " nothing: left out";
         repairs.push(Repair::new("duplicate-times", same, same_line, text));
     }
     if differing > 0 {
         let text = format!(
-            "{} more than once with different values: their mean was taken; they differ by up to {most}",
-            counted(differing, "time stands", "times stand")
+            "{} more than once with different values: the mean was taken; they differ by up to {most}",
+            counted(differing, "time occurs", "times occur")
         );
         repairs.push(Repair::new("contradicting-times", differing, differing_line, text));
     }

@@ -12,21 +12,21 @@ pub(crate) fn decode<'b>(bytes: &'b [u8], repairs: &mut Vec<Repair>) -> Result<C
     if text.contains('\n') || !text.contains('\r') {
         return Ok(text);
     }
-    repairs.push(Repair::new("line-ends", 1, None, "lines are ended by carriage returns alone, as on old Macintoshes"));
+    repairs.push(Repair::new("line-ends", 1, None, "lines end in carriage returns alone, as on old Macintoshes"));
     Ok(Cow::Owned(text.replace('\r', "\n")))
 }
 
 fn characters<'b>(bytes: &'b [u8], repairs: &mut Vec<Repair>) -> Result<Cow<'b, str>, CsvFault> {
     if let Some(text) = utf16(bytes) {
         let text =
-            text.ok_or((None, Box::new(CsvProblem::NotUtf8 { hint: " (nor UTF-16, as its first bytes say)" })))?;
+            text.ok_or((None, Box::new(CsvProblem::NotUtf8 { hint: " (nor UTF-16, which its first bytes promise)" })))?;
         repairs.push(Repair::new("encoding", 1, None, "the text is UTF-16"));
         return Ok(Cow::Owned(text));
     }
     match text_of(bytes) {
         Ok(text) => {
             if bytes.starts_with(b"\xef\xbb\xbf") {
-                repairs.push(Repair::new("byte-order-mark", 1, Some(1), "a byte-order mark stands at the beginning"));
+                repairs.push(Repair::new("byte-order-mark", 1, Some(1), "the file begins with a byte-order mark"));
             }
             Ok(Cow::Borrowed(text))
         }

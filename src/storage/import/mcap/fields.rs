@@ -60,11 +60,11 @@ impl Format {
                 let value = serde_json::from_slice(data).map_err(|e| {
                     let has = |word: &[u8]| data.windows(word.len()).any(|part| part == word);
                     let hint = if has(b"NaN") || has(b"Infinity") {
-                        ", for NaN and Infinity are none: write null"
+                        ", because NaN and Infinity are not JSON: write null"
                     } else {
                         ""
                     };
-                    format!("is no JSON{hint}: {e}")
+                    format!("is not JSON{hint}: {e}")
                 })?;
                 json_numbers(&value, "", 0, &mut found);
             }

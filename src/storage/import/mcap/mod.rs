@@ -41,7 +41,7 @@ struct Found {
 pub(crate) fn read(bytes: &[u8], path: &Path, options: &SourceOptions) -> Result<SourceFile, LogError> {
     check_start(bytes, path)?;
     if !has_end(bytes) {
-        let why = "it has no end: its recording was cut off, or is still running; `mcap recover` of its makers saves what is in it";
+        let why = "it has no end: its recording was cut off, or is still running; the `mcap recover` tool saves what is in it";
         return Err(LogError::SourceFile { path: path.into(), why: why.into() });
     }
     let damaged = |why| LogError::SourceFile { path: path.into(), why: format!("it is damaged: {why}") };
@@ -75,9 +75,9 @@ fn ours(bytes: &[u8], path: &Path) -> Result<SourceFile, LogError> {
 /// A time above a year is one since 1970; below, the clock counted from its own start, or was not set.
 const YEAR_NS: i64 = 31_536_000_000_000_000;
 
-/// What is said of times of 2^63 ns and more.
-const BEYOND: &str = "have times beyond what a recording holds (2^63 ns: the year 2262, where they count from 1970): look at the clock of what logged them, or \
-     take another time, --message-time publish or --time-field";
+/// The message about times of 2^63 ns and more.
+const BEYOND: &str = "have times beyond what a recording holds (2^63 ns, which is the year 2262 where they count from 1970): check the clock of the logger, or \
+     use another time with --message-time publish or --time-field";
 
 struct Reading<'o> {
     options: &'o SourceOptions,
@@ -201,7 +201,7 @@ impl<'o> Reading<'o> {
         let absent = |name: &String| !self.order.contains(name);
         let is_text = |name: &String| self.found.get(name).is_some_and(|found| !found.missing_ns.is_empty());
         if let Some((name, _)) = self.options.map.iter().find(|(from, _)| absent(from) && is_text(from)) {
-            return Err(format!("what it has as '{name}' is never a number. {}", self.say_fields()));
+            return Err(format!("its field '{name}' is never a number. {}", self.say_fields()));
         }
         if wanted.is_empty() {
             return Err(self.say_fields());
@@ -213,8 +213,8 @@ impl<'o> Reading<'o> {
         if self.without_time > 0 {
             let text = counted(
                 self.without_time,
-                "message does not say its time and was left out",
-                "messages do not say their time and were left out",
+                "message has no time and was left out",
+                "messages have no time and were left out",
             );
             repairs.push(Repair { lost: true, ..Repair::new("no-time", self.without_time, None, text) });
         }
@@ -226,7 +226,7 @@ impl<'o> Reading<'o> {
         let unset = self.leave_out_unset(&wanted)?;
         if unset > 0 {
             let text = format!(
-                "{} of the first year since 1970, where the others are later: the clock was not set; left out (or take another time, \
+                "{} of the first year since 1970, where the others are later: the clock was not set; left out (or use another time with \
                  --message-time publish or --time-field)",
                 counted(unset, "value is", "values are")
             );
@@ -255,14 +255,13 @@ impl<'o> Reading<'o> {
             let displaced = displaced(&found.time_ns);
             if is_no_order(displaced, found.time_ns.len()) {
                 return Err(format!(
-                    "{displaced} of {} messages of {name} have times before those that came earlier: was the clock set back? Take another time, \
+                    "{displaced} of {} messages of {name} have times before those that came earlier: was the clock set back? Use another time with \
                      --message-time publish or --time-field",
                     found.time_ns.len()
                 ));
             }
             if displaced > 0 {
-                let text = counted(displaced, "message", "messages")
-                    + &format!(" of {name} stood out of order and were sorted in");
+                let text = counted(displaced, "message", "messages") + &format!(" of {name} out of order, sorted in");
                 repairs.push(Repair::new("order", displaced, None, text));
             }
             let (series, repeated) = found.series(zero_ns);
@@ -294,7 +293,7 @@ impl<'o> Reading<'o> {
             let of =
                 wanted.iter().find(nothing_left).map_or_else(String::new, |name| format!(", all of {name} among them"));
             return Err(format!(
-                "{} of the first year since 1970{of}, {set} are later: the clock was set in between; take another time, --message-time publish or \
+                "{} of the first year since 1970{of}, {set} are later: the clock was set in between; use another time with --message-time publish or \
                  --time-field",
                 counted(unset, "value is", "values are")
             ));
@@ -320,7 +319,7 @@ impl<'o> Reading<'o> {
             if self.order.len() > MOST { format!("\n  and {} more", self.order.len() - MOST) } else { String::new() };
         let unreadable: String = self.unreadable.iter().map(|u| format!("\n  {u}")).collect();
         format!(
-            "say which number is which sensor, as in --map '{}=P1'. It has{}{more}{unreadable}",
+            "assign numbers to sensors, as in --map '{}=P1'. It has{}{more}{unreadable}",
             self.order.first().map_or("", String::as_str),
             fields.concat()
         )

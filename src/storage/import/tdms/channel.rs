@@ -55,7 +55,7 @@ impl Timing {
         Timing { start_ns, increment_s, offset_s: number("wf_start_offset").unwrap_or(0.0) }
     }
 
-    /// True where values behind `after` are a stretch of their own: it differs, and does not merely say what was not said before.
+    /// True where values behind `after` are a stretch of their own: it differs, and does not merely add what was missing before.
     pub(crate) fn ends_with(self, after: Timing) -> bool {
         self.increment_s.is_some()
             && self != after

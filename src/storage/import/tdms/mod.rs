@@ -28,7 +28,7 @@ pub(crate) fn read(bytes: &[u8]) -> Result<SourceFile, String> {
     let incomplete = reader.read(bytes)?;
     let mut repairs = Vec::new();
     if incomplete {
-        let text = "the file was not closed: the last segment is cut off, and what is whole in it was read";
+        let text = "the file was not closed: the last segment is cut off; its complete part was read";
         repairs.push(Repair { lost: true, ..Repair::new("cut-off", 1, None, text) });
     }
     let mut notes = Vec::new();
@@ -51,7 +51,7 @@ pub(crate) fn read(bytes: &[u8]) -> Result<SourceFile, String> {
     }
     if timed.is_empty() {
         return Err(
-            "it holds no channel of numbers that has times: neither wf_increment nor a channel of times beside it"
+            "it holds no channel of numbers with times: neither wf_increment nor a time channel in the same group"
                 .into(),
         );
     }
@@ -141,7 +141,7 @@ type Times = (Vec<f64>, Option<i64>, Vec<f64>);
 
 /// Those of a channel of even steps.
 fn evenly(channel: &Channel, last: Timing, count: usize) -> Result<Times, String> {
-    // what is said behind the last value, or twice between two, is of no stretch of its own
+    // properties behind the last value, or twice between two values, begin no stretch
     let mut stretches: Vec<(usize, Timing)> = channel.earlier.iter().copied().filter(|(to, _)| *to < count).collect();
     stretches.dedup_by_key(|(to, _)| *to);
     stretches.push((count, last));
@@ -152,7 +152,7 @@ fn evenly(channel: &Channel, last: Timing, count: usize) -> Result<Times, String
         let step_s = timing.increment_s.filter(|_| index == 0 || (timing.start_ns.is_some() && start_ns.is_some()));
         let step_s = step_s.ok_or_else(|| {
             format!(
-                "channel {}: its wf_increment changes at value {from}, and no wf_start_time says when that was taken",
+                "channel {}: its wf_increment changes at value {from}, and no wf_start_time gives the time of that value",
                 channel.path
             )
         })?;
@@ -198,7 +198,7 @@ fn is_time_name(name: &str) -> Option<f64> {
     }
 }
 
-/// The samples that are numbers, with gaps for those that are not, which is said; times must increase.
+/// The samples that are numbers, with reported gaps for those that are not; times must increase.
 fn in_order(path: &str, time_s: Vec<f64>, value: Vec<f64>, repairs: &mut Vec<Repair>) -> Result<Series, String> {
     let all = time_s.len();
     let timed = |(t, _): &(f64, f64)| to_ns(*t).is_some();

@@ -41,8 +41,7 @@ pub(crate) fn scaling(properties: &Properties) -> Result<Option<Scaling>, String
     }
     let mut scales = Vec::new();
     for i in 0..count as usize {
-        let kind =
-            text(&format!("NI_Scale[{i}]_Scale_Type")).ok_or_else(|| format!("scale {i} does not say its type"))?;
+        let kind = text(&format!("NI_Scale[{i}]_Scale_Type")).ok_or_else(|| format!("scale {i} has no type"))?;
         let of = |key: &str| number(format!("NI_Scale[{i}]_{key}"));
         let need = |key: &str| of(key).ok_or_else(|| format!("scale {i} ({kind}) lacks {key}"));
         let input = |key: &str| match of(key).unwrap_or(RAW) {

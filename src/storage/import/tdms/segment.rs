@@ -88,7 +88,7 @@ impl Reader {
                 u32::MAX => None,
                 0 => {
                     let before = self.indices.get(&path).copied();
-                    Some(before.ok_or_else(|| format!("{path} is said to be as before, but was not there before"))?)
+                    Some(before.ok_or_else(|| format!("{path} refers to an earlier index, but there is none"))?)
                 }
                 0x69120000 | 0x69130000 | 0x6912 | 0x6913 | 0x1269 | 0x1369 => return Err(daqmx()),
                 _ => Some(Index::read(&mut bytes)?),

@@ -1,6 +1,6 @@
 //! Snapshots to draw.
 
-use crate::record::health::alert::Ailment;
+use crate::record::health::alert::SensorFault;
 use crate::record::health::snapshot::{DeviceView, Disk, Phase, SensorView, Snapshot, TriggerView};
 use crate::record::session::output::DeviceCount;
 
@@ -23,7 +23,7 @@ pub fn sensor(name: &str, unit: &'static str, level: f64, device: usize) -> Sens
         accuracy: 2.75,
         gaps: 0,
         trace,
-        ailment: None,
+        fault: None,
     }
 }
 
@@ -45,14 +45,14 @@ pub fn healthy() -> Snapshot {
 }
 
 /// A device gone, a sensor saturated and one noisy, the disk nearly full.
-pub fn ailing() -> Snapshot {
+pub fn faulty() -> Snapshot {
     let mut snapshot = healthy();
     snapshot.devices[0].count.bad_frames = 17;
     snapshot.devices[1].trouble =
         Some("the port vanished: plug /dev/ttyUSB1 in again, it is waited for 60 s".to_owned());
-    snapshot.sensors[0].ailment = Some(Ailment::Saturated { end: 998.9, upper: true });
-    snapshot.sensors[1].ailment = Some(Ailment::Noisy { sd: 14.2, limit: 5.5 });
-    snapshot.sensors[2].ailment = Some(Ailment::Silent);
+    snapshot.sensors[0].fault = Some(SensorFault::Saturated { end: 998.9, upper: true });
+    snapshot.sensors[1].fault = Some(SensorFault::Noisy { sd: 14.2, limit: 5.5 });
+    snapshot.sensors[2].fault = Some(SensorFault::Silent);
     snapshot.sensors[2].trace[40..].fill(None);
     snapshot.disk = Some(Disk { free_bytes: 400_000_000, bytes_per_s: 833_000.0 });
     snapshot

@@ -1,4 +1,4 @@
-use crate::cli::console::live::view::fixtures::{ailing, armed, healthy, sensor};
+use crate::cli::console::live::view::fixtures::{armed, faulty, healthy, sensor};
 use crate::cli::console::live::view::*;
 
 fn drawn(snapshot: &Snapshot, columns: usize, rows: usize) -> String {
@@ -55,7 +55,7 @@ P2       251.0 kPa     3  ▁▁▁▁▁▁█▁▁▁▁▁
     pump before you close the valve
 T1      22.20 degC     0  ▄▄▄▄▄
 ";
-    assert_eq!(drawn(&ailing(), 40, 40), expected);
+    assert_eq!(drawn(&faulty(), 40, 40), expected);
 }
 
 #[test]
@@ -75,7 +75,7 @@ fn the_trigger_says_what_it_waits_for() {
     let lines = view(&armed(Phase::Armed, 0), Size { columns: 80, rows: 24 });
     assert_eq!(lines[1].tone, Tone::Good);
     let mut noisy = armed(Phase::Armed, 0);
-    noisy.sensors[1].ailment = ailing().sensors[1].ailment;
+    noisy.sensors[1].fault = faulty().sensors[1].fault;
     let lines = view(&noisy, Size { columns: 80, rows: 24 });
     assert!(lines[1].text.starts_with("ARMED, but look at P2 first") && lines[1].tone == Tone::Alarm, "{lines:?}");
 }
@@ -87,13 +87,13 @@ fn more_sensors_than_rows_keep_those_that_something_is_wrong_with() {
     snapshot.sensors = (0..60).map(|i| sensor(&format!("P{i}"), "kPa", 250.0, 0)).collect();
     let fits = drawn(&snapshot, 80, 65);
     assert!(fits.contains("P59") && !fits.contains("more sensors"), "{fits}");
-    snapshot.sensors[57].ailment = Some(Ailment::Flat { at: 250.0 });
+    snapshot.sensors[57].fault = Some(SensorFault::Flat { at: 250.0 });
     let text = drawn(&snapshot, 80, 12);
-    assert!(text.contains("P57") && text.contains("! flat: it has stood at 250 kPa"), "{text}");
+    assert!(text.contains("P57") && text.contains("! flat: constant at 250 kPa"), "{text}");
     assert!(text.contains("P0 ") && text.contains("more sensors, nothing wrong with them"), "{text}");
     assert_eq!(text.lines().count(), 11);
     // where not even those have room, it is said
-    snapshot.sensors.iter_mut().for_each(|sensor| sensor.ailment = Some(Ailment::Flat { at: 250.0 }));
+    snapshot.sensors.iter_mut().for_each(|sensor| sensor.fault = Some(SensorFault::Flat { at: 250.0 }));
     let text = drawn(&snapshot, 80, 12);
     assert!(text.contains("… 58 more sensors, 58 of them called out"), "{text}");
 }
@@ -103,7 +103,7 @@ fn where_no_advice_has_room_the_called_out_sensors_stand_before_the_healthy_ones
     let mut snapshot = healthy();
     snapshot.devices.truncate(1);
     snapshot.sensors = (0..4).map(|i| sensor(&format!("P{i}"), "kPa", 250.0, 0)).collect();
-    snapshot.sensors[1..].iter_mut().for_each(|sensor| sensor.ailment = Some(Ailment::Flat { at: 250.0 }));
+    snapshot.sensors[1..].iter_mut().for_each(|sensor| sensor.fault = Some(SensorFault::Flat { at: 250.0 }));
     let text = drawn(&snapshot, 40, 10);
     assert!(["P1 ", "P2 ", "P3 "].iter().all(|name| text.contains(name)), "{text}");
     assert!(text.contains("… 1 more sensors, nothing wrong") && !text.contains("P0"), "{text}");
@@ -111,7 +111,7 @@ fn where_no_advice_has_room_the_called_out_sensors_stand_before_the_healthy_ones
 
 #[test]
 fn any_size_is_drawn_within_its_bounds() {
-    for snapshot in [healthy(), ailing(), armed(Phase::Armed, 1), Snapshot::default()] {
+    for snapshot in [healthy(), faulty(), armed(Phase::Armed, 1), Snapshot::default()] {
         for columns in 1..120 {
             for rows in [1, 2, 3, 5, 8, 13, 24, 50] {
                 let lines = view(&snapshot, Size { columns, rows });

@@ -1,4 +1,4 @@
-//! Where a device's next frame should stand, by those before it: its stamps, and how far off they usually are.
+//! Predicts the stamp of a device's next frame from those before it, and how far off stamps usually are.
 //!
 //! Stamps that are nearer to their place than half a sample hold as they are. Where they scatter by more, as those that a device's
 //! program takes or a clock that ticks, the samples of an unbroken sequence are known better from each other than from their stamps: then a
@@ -6,10 +6,10 @@
 
 use std::collections::VecDeque;
 
-use crate::record::wire::frames::Frame;
+use crate::record::wire::frames::frame::Frame;
 use crate::robust::{median, quantile, sd_about};
 
-/// So many stamps are seen before anything is said of their scatter, and so many are remembered.
+/// Stamps seen before their scatter is judged, and stamps remembered.
 const LEARNT: usize = 8;
 const REMEMBERED: usize = 32;
 /// A stamp further off than this many times what nine in ten of the others stay within is no scatter. Nor is one off by half a sample, or by
@@ -38,7 +38,7 @@ const FORGET_PAUSE: f64 = 0.98;
 
 /// See the module. Times in µs of the device, as placed.
 #[derive(Debug, Clone)]
-pub(crate) struct Rhythm {
+pub(crate) struct TimestampFilter {
     /// Sequence number of the last frame.
     sequence: u16,
     /// When it began to arrive, ns.
@@ -63,9 +63,9 @@ pub(crate) struct Rhythm {
     pause_ns: f64,
 }
 
-impl Rhythm {
-    pub(crate) fn of(first: &Frame, began_ns: i64) -> Rhythm {
-        let mut rhythm = Rhythm {
+impl TimestampFilter {
+    pub(crate) fn of(first: &Frame, began_ns: i64) -> TimestampFilter {
+        let mut filter = TimestampFilter {
             sequence: first.sequence.wrapping_sub(1),
             began_ns,
             due_us: first.first_us as f64,
@@ -80,9 +80,9 @@ impl Rhythm {
             smooth: false,
             pause_ns: 0.0,
         };
-        rhythm.stand(first, began_ns, rhythm.due_us);
-        rhythm.even = true;
-        rhythm
+        filter.stand(first, began_ns, filter.due_us);
+        filter.even = true;
+        filter
     }
 
     /// Frames from the last one on; 0 for its own number again, more than half of the sequence for one from before.
@@ -234,9 +234,9 @@ impl Rhythm {
 
     /// Goes on from frames that agree with each other, and not with those before: says when the first of them begins. Where stamps scatter,
     /// all of them say it.
-    pub(crate) fn jump(&self, agreed: &[(Frame, i64)]) -> Option<Rhythm> {
+    pub(crate) fn jump(&self, agreed: &[(Frame, i64)]) -> Option<TimestampFilter> {
         let (first, began_ns) = agreed.first()?;
-        let mut on = Rhythm { sequence: first.sequence.wrapping_sub(1), ..self.clone() };
+        let mut on = TimestampFilter { sequence: first.sequence.wrapping_sub(1), ..self.clone() };
         on.due_us = first.first_us as f64;
         if self.smooth {
             let mut behind_us = 0.0;

@@ -1,9 +1,10 @@
-//! What a device says in lines: each a row of values at a time of its own.
+//! Devices that send lines: each a row of values with its own time.
 
-use crate::record::RecordError;
 use crate::record::clock::device_clock::seconds;
-use crate::record::devices::stream::{Sign, Stamp, Stream};
+use crate::record::error::RecordError;
 use crate::record::session::session_log::Live;
+use crate::record::session::stream::stamp::Stamp;
+use crate::record::session::stream::state::{Sign, Stream};
 use crate::record::wire::lines::{Event, Line};
 use crate::recording::Gap;
 

@@ -3,11 +3,11 @@
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use crate::record::RecordError;
 use crate::record::clock::pace::Pace;
+use crate::record::error::RecordError;
 use crate::record::health::monitor::Expected;
 use crate::record::health::snapshot::{Reports, Snapshot};
-use crate::record::session::live_test::Options;
+use crate::record::session::options::Options;
 use crate::record::session::output::Summary;
 use crate::record::session::recorder::Recorder;
 use crate::recording::{Gap, Recording, RunInfo, Series};

@@ -1,13 +1,13 @@
-//! When what a device sends was measured: its clock through restarts and steps, against its arrivals, and against the other devices'.
+//! Measurement times of a device: its clock through restarts and steps, against the arrivals, and against the other devices' clocks.
 
 use std::time::{Duration, Instant};
 
-use crate::record::RecordError;
 use crate::record::clock::align::Stretch;
 use crate::record::clock::device_clock::{DeviceClock, seconds};
-use crate::record::devices::stream::{Sign, State, Stream};
+use crate::record::error::RecordError;
 use crate::record::session::session_log::Live;
-use crate::record::wire::frames::Sent;
+use crate::record::session::stream::stamp::Stamp;
+use crate::record::session::stream::state::{ON_ITS_WAY, Sign, State, Stream};
 use crate::rig::Protocol;
 use crate::storage::SensorClock;
 
@@ -18,27 +18,8 @@ const RESTART_S: (f64, f64) = (0.5, 1e-3);
 const ANEW_S: (f64, f64) = (0.1, 4.0);
 /// A line below fewer arrivals than this says nothing of when something was sent.
 const LINE_KNOWN: u64 = 50;
-/// What is on its way when a session ends is not missed, nor what is not due for twice the longest pause.
-pub const ON_ITS_WAY: Duration = Duration::from_millis(500);
-
 /// A device that sends its first so much later than the recording begins owes what was before, s; one that is slower, by its rhythm.
 const BEGINS_S: f64 = 1.0;
-
-/// What a message says of its time.
-pub(crate) struct Stamp {
-    /// Device time of its first sample, and that at which it was sent, ns.
-    pub(crate) device_ns: i64,
-    pub(crate) sent_ns: i64,
-    /// When its first byte arrived, ns on the host's clock.
-    pub(crate) began_ns: i64,
-    /// Stated period, ns; 0 where there is none.
-    pub(crate) period_ns: i64,
-    pub(crate) rows: usize,
-    /// Messages missing before it, by their sequence.
-    pub(crate) lost: u32,
-    /// It is off its place, and so are those behind it: of them, the one that came earliest.
-    pub(crate) jump: Option<Sent>,
-}
 
 impl Stream<'_> {
     /// The device's clock for samples from a stamp on: a new one at the beginning, set anew after a restart, moved where it was set.
@@ -90,7 +71,7 @@ impl Stream<'_> {
 
     /// By how much the device's clock was set before a frame that is off its place, ns. It cannot be behind a hole where it stands before
     /// the end of those before it, or came earlier than it could have been sent. Where it stands before the end of frames that are missing, these
-    /// may have been shorter than others: it came late by as much, unless they were, where arrivals are told to so much.
+    /// may have been shorter than others: it came late by as much, unless they were, where arrivals are known so well.
     fn step_ns(&self, stamp: &Stamp) -> Option<i64> {
         let (clock, earliest) = (self.clock?, stamp.jump?);
         let missing_ns = (i64::from(stamp.lost) * stamp.rows as i64).saturating_mul(stamp.period_ns);
@@ -124,11 +105,11 @@ impl Stream<'_> {
 
     /// It has sent something valid; `whole` where nothing is missing before.
     pub(crate) fn sent_something(&mut self, whole: bool) {
-        let since = self.heard.elapsed();
+        let since = self.last_message.elapsed();
         if whole && !self.returned && !self.stretches.is_empty() {
             self.pause = Some(self.pause.map_or(since, |pause| pause.max(since)));
         }
-        self.heard = Instant::now();
+        self.last_message = Instant::now();
     }
 
     /// Takes what puts its logged times on the recording's clock.
@@ -171,7 +152,7 @@ impl Stream<'_> {
 
     /// When what came from it last was sent at the latest: not before its longest pause, for that may be a burst.
     pub fn sent_by(&self) -> Instant {
-        self.pause.and_then(|pause| self.heard.checked_sub(pause)).unwrap_or(self.heard)
+        self.pause.and_then(|pause| self.last_message.checked_sub(pause)).unwrap_or(self.last_message)
     }
 
     /// For how long a device that pauses for so long between two messages is not missed.
@@ -186,7 +167,7 @@ impl Stream<'_> {
             Protocol::ModbusRtu { poll_interval_s, .. } => Duration::try_from_secs_f64(poll_interval_s).ok(),
             Protocol::Frames | Protocol::Lines => None,
         };
-        let since = moment.saturating_duration_since(self.heard);
+        let since = moment.saturating_duration_since(self.last_message);
         // of one that spoke only once no rhythm is known
         let allowed = poll.max(self.pause).map_or(silence.max(2 * self.span), |pause| self.patience(pause));
         (self.state == State::Open && since > allowed).then_some((self.stretches.last()?.last_ns, since))

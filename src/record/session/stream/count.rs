@@ -2,16 +2,17 @@
 
 use std::time::{Duration, Instant};
 
-use crate::record::RecordError;
 use crate::record::clock::align::Stretch;
+use crate::record::clock::summary::ClockSummary;
+use crate::record::devices::device_count::DeviceCount;
 use crate::record::devices::poll::forgotten_after;
-use crate::record::devices::polling::Polled;
-use crate::record::devices::stream::{Codec, State, Stream};
-use crate::record::health::alert::Ailment;
+use crate::record::devices::queue::Polled;
+use crate::record::error::RecordError;
+use crate::record::health::alert::SensorFault;
 use crate::record::health::monitor::Expected;
 use crate::record::health::snapshot::{DeviceView, SensorView};
-use crate::record::session::live_test::Options;
-use crate::record::session::output::{ClockSummary, DeviceCount};
+use crate::record::session::options::Options;
+use crate::record::session::stream::state::{Codec, State, Stream};
 use crate::record::wire::modbus::exception;
 use crate::rig::Protocol;
 
@@ -127,7 +128,7 @@ impl Stream<'_> {
 
     /// Others went on at a moment at which more was due from it, so that it ended before them.
     pub fn left_before(&self, moment: Instant) -> bool {
-        moment.saturating_duration_since(self.heard) > self.patience(self.pause.unwrap_or_default())
+        moment.saturating_duration_since(self.last_message) > self.patience(self.pause.unwrap_or_default())
     }
 
     /// The sensors that will come from it, as the `device`-th of the session.
@@ -147,8 +148,8 @@ impl Stream<'_> {
     /// How it stands; `own` are its sensors, `waited` and `queue` as in [`DeviceView`].
     pub fn view(&self, own: &[&SensorView], options: &Options, waited: (u64, f64), queue: f64) -> DeviceView {
         let silent = match own {
-            [] => self.heard.elapsed() >= self.silent_after(),
-            sensors => sensors.iter().all(|sensor| sensor.ailment == Some(Ailment::Silent)),
+            [] => self.last_message.elapsed() >= self.silent_after(),
+            sensors => sensors.iter().all(|sensor| sensor.fault == Some(SensorFault::Silent)),
         };
         let trouble = match &self.state {
             State::Vanished(_, why) if options.wait > Duration::ZERO => Some(format!(

@@ -3,156 +3,24 @@
 pub(crate) mod count;
 pub(crate) mod line;
 pub(crate) mod polled;
+pub(crate) mod stamp;
+pub(crate) mod state;
 pub(crate) mod timing;
 
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
-use crate::record::RecordError;
-use crate::record::clock::align::Stretch;
-use crate::record::clock::device_clock::{DeviceClock, Missing};
-use crate::record::devices::poll::PollCounts;
-use crate::record::devices::polling::Polled;
-use crate::record::devices::source::Input;
+use crate::record::clock::device_clock::Missing;
+use crate::record::devices::queue::Input;
+use crate::record::error::RecordError;
 use crate::record::session::session_log::Live;
+use crate::record::session::stream::stamp::Stamp;
+use crate::record::session::stream::state::{Codec, Sign};
 use crate::record::wire::frames;
 use crate::record::wire::frames::Taken;
-use crate::record::wire::lines;
-use crate::rig::{Device, Protocol, Rig};
-use crate::storage::SensorClock;
 
-pub use crate::record::devices::stream::timing::ON_ITS_WAY;
-use crate::record::devices::stream::timing::Stamp;
+pub use crate::record::session::stream::state::{ON_ITS_WAY, State, Stream};
 
-/// What speaks for a restart, so that the device's time is looked at.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) enum Sign {
-    None,
-    /// Its sequence began anew.
-    Sequence,
-    /// Lines are missing.
-    Hole,
-}
-
-/// A sensor fed by the device.
-struct Tap {
-    sensor: usize,
-    column: usize,
-    scale: f64,
-    offset: f64,
-    /// Time of the last sample, ns, and whether a poll or a line since brought none; not for frames.
-    last_ns: Option<i64>,
-    missed: bool,
-    /// The port was gone since; of one that is polled.
-    away: bool,
-}
-
-/// What turns a device's bytes into samples.
-enum Codec {
-    Frames(frames::Decoder),
-    Lines(lines::Decoder),
-    Polled(Option<Polled>),
-}
-
-/// How a device stands.
-#[derive(Debug, Clone, PartialEq)]
-pub enum State {
-    /// Its port is open.
-    Open,
-    /// Its port is gone since then, and why.
-    Vanished(Instant, String),
-    /// It has recorded for the duration asked for.
-    Reached,
-    /// No more will come, and why.
-    Ended(String),
-}
-
-/// One device of a session.
-pub struct Stream<'a> {
-    /// The device.
-    pub device: &'a Device,
-    /// How it stands.
-    pub state: State,
-    /// When it last sent something valid, or the session began.
-    pub heard: Instant,
-    /// Bytes that came from it.
-    pub bytes: u64,
-    /// Others are recorded with it, on one clock.
-    pub shared: bool,
-    /// What it recorded, from restart to restart.
-    pub stretches: Vec<Stretch>,
-    taps: Vec<Tap>,
-    codec: Codec,
-    clock: Option<DeviceClock>,
-    /// What puts its logged times on the recording's clock, as well as it is known by now.
-    moves: SensorClock,
-    /// The logged time up to which it has come, ns.
-    come_ns: Option<i64>,
-    /// The longest time between two messages, nothing missing between.
-    pause: Option<Duration>,
-    /// How long its last message was.
-    span: Duration,
-    /// How often its clock was set while it ran.
-    steps: u64,
-    columns: Option<usize>,
-    restarted: bool,
-    returned: bool,
-    reconnects: u64,
-    /// Samples or polls are known to be missing.
-    holes: u64,
-    /// Messages that were bad and that were lost by the time at which it had come to the end of the recording.
-    bad_and_lost: Option<(u64, u64)>,
-    /// What was seen of one that is polled before the recording began.
-    before: PollCounts,
-    values: Vec<f64>,
-}
-
-impl<'a> Stream<'a> {
-    /// A device of the rig, before it has said anything.
-    pub fn new(rig: &Rig, device: &'a Device) -> Stream<'a> {
-        let wired = rig.sensors.iter().enumerate().filter_map(|(sensor, described)| {
-            let wiring = described.wiring.as_ref().filter(|wiring| wiring.device == device.name)?;
-            let column = usize::from(wiring.channel);
-            Some(Tap {
-                sensor,
-                column,
-                scale: wiring.scale,
-                offset: wiring.offset,
-                last_ns: None,
-                missed: false,
-                away: false,
-            })
-        });
-        let codec = match device.protocol {
-            Protocol::Frames => Codec::Frames(frames::Decoder::new()),
-            Protocol::Lines => Codec::Lines(lines::Decoder::new()),
-            Protocol::ModbusRtu { .. } => Codec::Polled(None),
-        };
-        Stream {
-            device,
-            state: State::Open,
-            heard: Instant::now(),
-            bytes: 0,
-            shared: false,
-            stretches: Vec::new(),
-            taps: wired.collect(),
-            codec,
-            clock: None,
-            moves: SensorClock::default(),
-            come_ns: None,
-            pause: None,
-            span: Duration::ZERO,
-            steps: 0,
-            columns: None,
-            restarted: false,
-            returned: false,
-            reconnects: 0,
-            holes: 0,
-            bad_and_lost: None,
-            before: PollCounts::default(),
-            values: Vec::new(),
-        }
-    }
-
+impl Stream<'_> {
     /// True for a device that says its samples' times; one that is asked has none of its own.
     pub fn has_clock(&self) -> bool {
         !matches!(self.codec, Codec::Polled(_))
@@ -171,12 +39,12 @@ impl<'a> Stream<'a> {
         match input {
             Input::Bytes { at_ns, bytes } => {
                 self.bytes += bytes.len() as u64;
-                if self.is_heard() {
+                if self.is_recorded() {
                     self.decode(at_ns, &bytes, live)?;
                 }
             }
             Input::Polled(polled) => {
-                if self.is_heard() {
+                if self.is_recorded() {
                     self.polled(polled, live)?;
                 }
             }
@@ -191,7 +59,7 @@ impl<'a> Stream<'a> {
                 self.returned = true;
                 if matches!(self.state, State::Vanished(..)) {
                     self.state = State::Open;
-                    self.heard = Instant::now();
+                    self.last_message = Instant::now();
                 }
             }
             Input::Ended(why) => {
@@ -206,7 +74,7 @@ impl<'a> Stream<'a> {
     }
 
     /// True while what it sends is recorded: with the duration over, until the others are there, for clocks move when they are fitted anew.
-    fn is_heard(&self) -> bool {
+    fn is_recorded(&self) -> bool {
         matches!(self.state, State::Open | State::Reached)
     }
 
@@ -215,10 +83,10 @@ impl<'a> Stream<'a> {
     /// # Errors
     /// As [`Stream::take`].
     pub fn finish(&mut self, live: &mut Live<'_>) -> Result<(), RecordError> {
-        let heard = self.heard;
+        let last_message = self.last_message;
         self.hand_on_what_is_held(live)?;
         // It came when it came.
-        self.heard = heard;
+        self.last_message = last_message;
         Ok(())
     }
 
@@ -276,10 +144,10 @@ impl<'a> Stream<'a> {
                 decoder.feed(at_ns, bytes, &mut events);
                 // A line that is held back is a sign of life, and with the next one shows the device's rhythm as any other.
                 if held > 0 && (decoder.held() > held || !events.is_empty()) {
-                    self.pause = self.pause.max(Some(self.heard.elapsed()));
+                    self.pause = self.pause.max(Some(self.last_message.elapsed()));
                 }
                 if decoder.held() > held {
-                    self.heard = Instant::now();
+                    self.last_message = Instant::now();
                 }
                 self.lines(events, live)?;
             }
@@ -297,7 +165,7 @@ impl<'a> Stream<'a> {
 
     /// Looks whether the columns are those that the rig file counts on; false where the device can no longer be recorded.
     fn check_columns(&mut self, columns: usize, live: &Live<'_>) -> Result<bool, RecordError> {
-        if !self.is_heard() {
+        if !self.is_recorded() {
             return Ok(false);
         }
         let expected = *self.columns.get_or_insert(columns);

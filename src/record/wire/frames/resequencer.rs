@@ -1,29 +1,42 @@
-//! Valid frames in their order: which come again, which are missing, and whose time is false.
+//! Puts valid frames in order: finds repeated and missing ones, and stamps that are false.
 //!
-//! A frame that stands where the sequence and the stamps before it put it is handed on at once. Any other is held until those that come
-//! behind say what it is: one false stamp is refuted by the next frame; a hole, a clock that was set and a device that restarted are believed
-//! when so many frames agree.
+//! A frame whose sequence number and stamp follow those before it is handed on at once. Any other is held until the next ones decide: the
+//! next frame refutes a single false stamp; a hole, a clock that was set and a restart are believed once [`AGREEING`] frames agree.
+//!
+//! A sequence number, a restart rule and a line through the arrivals would do less. These cases need the stamps to be judged; the tests
+//! named are in `tests/resequencer.rs`, and `session/live_test/tests/clocks.rs` repeats the first four with samples that carry their own
+//! true time.
+//!
+//! | case | why the simple rule fails | test |
+//! | --- | --- | --- |
+//! | one false stamp (a 64-bit clock read in halves) | the CRC is right and the sequence unbroken; alone, the stamp looks like a hole | `a_false_time_is_dropped_and_a_true_jump_is_not` |
+//! | the clock is set, also beside lost frames | the sequence does not show it; the restart rule would begin a new clock | `a_step_of_the_clock_loses_no_frame`, `a_clock_that_is_set_back_where_frames_are_missing_is_told_by_the_sequence` |
+//! | the device pauses without skipping a number | the sequence shows no hole | `a_false_time_is_dropped_and_a_true_jump_is_not` |
+//! | stamps that scatter by several sample periods, or tick | arrivals scatter as much, and bursts delay them more | `stamps_that_scatter_are_smoothed`, `bursts_do_not_speak_for_a_false_stamp` |
+//! | a hole longer than the sequence | 65 536 frames look like none | `a_hole_longer_than_the_sequence_is_counted_by_the_devices_time` |
+//! | a stated period that is wrong | samples within a frame would be spread wrongly | `a_wrong_period_is_taken_from_the_stamps_and_told` |
 
 use std::collections::VecDeque;
 use std::hash::{DefaultHasher, Hash, Hasher};
 
+use crate::record::wire::frames::event::{Event, FrameCounts, Sent, Taken};
+use crate::record::wire::frames::frame::Frame;
 use crate::record::wire::frames::period::StatedPeriod;
-use crate::record::wire::frames::rhythm::Rhythm;
-use crate::record::wire::frames::{Event, Frame, FrameCounts, Sent, Taken};
+use crate::record::wire::frames::timestamp_filter::TimestampFilter;
 
-/// So many frames in sequence that agree with each other are believed.
+/// Held frames are believed when so many in sequence agree with each other.
 const AGREEING: usize = 3;
 
-/// So many of the last frames are remembered, to know them when they come again.
+/// So many of the last frames are remembered, to recognise repeated ones.
 const RECENT: usize = 64;
 
 /// See the module.
 #[derive(Debug, Default)]
-pub(crate) struct Order {
-    rhythm: Option<Rhythm>,
+pub(crate) struct Resequencer {
+    filter: Option<TimestampFilter>,
     stated: StatedPeriod,
-    /// The rhythm before a hop that one stamp alone was believed.
-    before: Option<Rhythm>,
+    /// The filter before a hop that one stamp alone was believed.
+    before: Option<TimestampFilter>,
     /// The end of what was handed on, where that may be beyond what comes next, µs.
     floor_us: f64,
     /// Frames off their place, with their arrivals: in sequence among themselves.
@@ -38,7 +51,7 @@ pub(crate) struct Order {
     pub(crate) counts: FrameCounts,
 }
 
-impl Order {
+impl Resequencer {
     /// What was seen so far; a frame in doubt is a bad one until it is believed.
     pub(crate) fn counts(&self) -> FrameCounts {
         FrameCounts { bad: self.counts.bad + self.in_doubt() as u64, ..self.counts }
@@ -46,7 +59,7 @@ impl Order {
 
     /// Standard deviation of the device's stamps, s; `None` where they hold as they are.
     pub(crate) fn stamps_scatter_s(&self) -> Option<f64> {
-        self.rhythm.as_ref()?.smoothed_scatter_us().map(|scatter_us| scatter_us / 1e6)
+        self.filter.as_ref()?.smoothed_scatter_us().map(|scatter_us| scatter_us / 1e6)
     }
 
     /// As [`StatedPeriod::off_s`]; where the stamps are gone by, as a share and 1. Of stamps that scatter a small disagreement says nothing.
@@ -59,19 +72,19 @@ impl Order {
     }
 
     fn longer(&self) -> Option<f64> {
-        self.rhythm.as_ref().and_then(Rhythm::longer)
+        self.filter.as_ref().and_then(TimestampFilter::longer)
     }
 
     /// Puts a valid frame in its place behind the last one, or keeps it aside.
     pub(crate) fn accept(&mut self, frame: Frame, began_ns: i64, events: &mut Vec<Event>) {
-        let Some(rhythm) = &self.rhythm else {
+        let Some(filter) = &self.filter else {
             match frame.samples() {
                 0 => self.counts.frames += 1,
                 _ => self.begin(frame, began_ns, events),
             }
             return;
         };
-        if self.held.is_empty() && frame.samples() > 0 && rhythm.fits(&frame) {
+        if self.held.is_empty() && frame.samples() > 0 && filter.fits(&frame) {
             self.take(frame, began_ns, false, events);
         } else if self.is_repeated(&frame) {
             self.counts.duplicated += 1;
@@ -87,12 +100,12 @@ impl Order {
         self.held.iter().filter(|(frame, _)| frame.samples() > 0).count()
     }
 
-    /// No more will come, and none says what those that are held are: behind others in a known rhythm they stand by their sequence, for nothing
+    /// No more will come, and none says what those that are held are: behind others in a known filter they stand by their sequence, for nothing
     /// but their own stamps speaks for a hole; else what can only be behind one is handed on.
     pub(crate) fn finish(&mut self, events: &mut Vec<Event>) {
-        let Some((rhythm, (first, began_ns))) = self.rhythm.as_ref().zip(self.held.first()) else { return };
-        let goes_on = rhythm.is_known() && rhythm.goes_on_with(first, *began_ns);
-        if goes_on && !rhythm.paused_until(first, *began_ns) {
+        let Some((filter, (first, began_ns))) = self.filter.as_ref().zip(self.held.first()) else { return };
+        let goes_on = filter.is_known() && filter.goes_on_with(first, *began_ns);
+        if goes_on && !filter.paused_until(first, *began_ns) {
             self.refute_held(events);
         } else if self.is_behind_a_hole() {
             self.believe(events);
@@ -107,18 +120,18 @@ impl Order {
     /// What is held is judged by the next frame. True where that is taken care of, too.
     fn settle(&mut self, next: &Frame, began_ns: i64, events: &mut Vec<Event>) -> bool {
         let last = self.held.iter().rfind(|(frame, _)| frame.samples() > 0);
-        let (Some(rhythm), Some((last, _)), Some((before, _))) = (&self.rhythm, last, self.held.last()) else {
+        let (Some(filter), Some((last, _)), Some((before, _))) = (&self.filter, last, self.held.last()) else {
             return false;
         };
         if self.stand_by_sequence(next) {
             self.refute_held(events);
-        } else if next.sequence == before.sequence.wrapping_add(1) && goes_on_from(last, next, rhythm.jitter_us()) {
+        } else if next.sequence == before.sequence.wrapping_add(1) && goes_on_from(last, next, filter.jitter_us()) {
             self.held.push((next.clone(), began_ns));
             if self.in_doubt() >= AGREEING {
                 self.believe(events);
             }
             return true;
-        } else if !rhythm.fits(next)
+        } else if !filter.fits(next)
             && self.is_behind_a_hole()
             && next.first_us >= last.first_us + last.length_us() as u64
         {
@@ -132,34 +145,34 @@ impl Order {
 
     /// True where a frame stands as if those that are held stood where the sequence puts them: only their stamps were false.
     fn stand_by_sequence(&self, next: &Frame) -> bool {
-        let Some(mut rhythm) = self.rhythm.clone() else { return false };
+        let Some(mut filter) = self.filter.clone() else { return false };
         for (frame, began_ns) in &self.held {
-            if !rhythm.is_next(frame) {
+            if !filter.is_next(frame) {
                 return false;
             }
-            rhythm.pass(frame, *began_ns);
+            filter.pass(frame, *began_ns);
         }
-        rhythm.fits(next)
+        filter.fits(next)
     }
 
     /// True where what is held begins behind the end of the last frame.
     fn is_behind_a_hole(&self) -> bool {
         let first = self.held.first();
-        self.rhythm.as_ref().zip(first).is_some_and(|(rhythm, (first, _))| rhythm.is_behind(first))
+        self.filter.as_ref().zip(first).is_some_and(|(filter, (first, _))| filter.is_behind(first))
     }
 
     /// A frame with nothing held before it.
     fn place(&mut self, frame: Frame, began_ns: i64, events: &mut Vec<Event>) {
-        let Some(rhythm) = &self.rhythm else { return };
-        if rhythm.fits(&frame) {
+        let Some(filter) = &self.filter else { return };
+        if filter.fits(&frame) {
             self.take(frame, began_ns, false, events);
         } else if self.before.as_ref().is_some_and(|before| before.fits(&frame)) {
             // The hop was none. Nothing can be handed on until its time has passed.
-            self.floor_us = rhythm.due_us;
-            self.rhythm = self.before.take();
+            self.floor_us = filter.due_us;
+            self.filter = self.before.take();
             self.take(frame, began_ns, false, events);
-        } else if rhythm.is_behind(&frame) && rhythm.paused_until(&frame, began_ns) {
-            let mut before = rhythm.clone();
+        } else if filter.is_behind(&frame) && filter.paused_until(&frame, began_ns) {
+            let mut before = filter.clone();
             if before.is_next(&frame) {
                 before.pass(&frame, began_ns);
             }
@@ -174,23 +187,23 @@ impl Order {
     /// What is held is true: behind a hole, after a step of the clock, or of a device that has restarted; of that, none is lost.
     fn believe(&mut self, events: &mut Vec<Event>) {
         let held = std::mem::take(&mut self.held);
-        let (Some(rhythm), Some((first, began_ns))) = (&self.rhythm, held.first()) else { return };
-        let goes_on = rhythm.goes_on_with(first, *began_ns);
+        let (Some(filter), Some((first, began_ns))) = (&self.filter, held.first()) else { return };
+        let goes_on = filter.goes_on_with(first, *began_ns);
         self.stated.interrupt();
-        if !goes_on && !rhythm.is_behind(first) {
+        if !goes_on && !filter.is_behind(first) {
             events.push(Event::Restarted);
-            *self = Order { counts: self.counts, stated: self.stated, ..Order::default() };
+            *self = Resequencer { counts: self.counts, stated: self.stated, ..Resequencer::default() };
         } else {
-            let anew = !goes_on && rhythm.begins_anew_with(first);
-            let lost = if anew { 0 } else { rhythm.missing(first, *began_ns) };
-            self.rhythm = rhythm.jump(&held);
+            let anew = !goes_on && filter.begins_anew_with(first);
+            let lost = if anew { 0 } else { filter.missing(first, *began_ns) };
+            self.filter = filter.jump(&held);
             self.anew |= anew;
             self.lost(lost);
             let sent = held.iter().filter(|(frame, _)| frame.samples() > 0);
             self.jump = sent.map(|(frame, began_ns)| Sent::of(frame, *began_ns)).max_by_key(Sent::early_ns);
         }
         for (frame, began_ns) in held {
-            if self.rhythm.is_none() {
+            if self.filter.is_none() {
                 self.begin(frame, began_ns, events);
             } else {
                 self.take(frame, began_ns, false, events);
@@ -211,7 +224,7 @@ impl Order {
     }
 
     fn begin(&mut self, frame: Frame, began_ns: i64, events: &mut Vec<Event>) {
-        self.rhythm = Some(Rhythm::of(&frame, began_ns));
+        self.filter = Some(TimestampFilter::of(&frame, began_ns));
         self.stated.add(&frame, false);
         let first_us = frame.first_us;
         self.hand_on(frame, first_us, began_ns, events);
@@ -226,15 +239,15 @@ impl Order {
             }
             return;
         }
-        if self.rhythm.as_ref().is_some_and(|rhythm| rhythm.is_next(&frame)) {
+        if self.filter.as_ref().is_some_and(|filter| filter.is_next(&frame)) {
             self.skip(&frame, began_ns);
         }
     }
 
     fn skip(&mut self, frame: &Frame, began_ns: i64) {
-        let Some(rhythm) = &mut self.rhythm else { return };
-        let lost = rhythm.steps_to(frame).saturating_sub(1);
-        rhythm.skip(frame, began_ns);
+        let Some(filter) = &mut self.filter else { return };
+        let lost = filter.steps_to(frame).saturating_sub(1);
+        filter.skip(frame, began_ns);
         self.lost(u32::from(lost));
     }
 
@@ -244,9 +257,9 @@ impl Order {
             self.skip(&frame, began_ns);
             return;
         }
-        let Some(rhythm) = &mut self.rhythm else { return };
-        let lost = u32::from(rhythm.steps_to(&frame).saturating_sub(1));
-        let first_us = rhythm.take(&frame, began_ns, refuted);
+        let Some(filter) = &mut self.filter else { return };
+        let lost = u32::from(filter.steps_to(&frame).saturating_sub(1));
+        let first_us = filter.take(&frame, began_ns, refuted);
         self.before = None;
         match refuted {
             true => self.stated.interrupt(),
@@ -267,7 +280,7 @@ impl Order {
         if self.recent.len() > RECENT {
             self.recent.pop_front();
         }
-        let jitter_us = self.rhythm.as_ref().map_or(0.0, Rhythm::jitter_us);
+        let jitter_us = self.filter.as_ref().map_or(0.0, TimestampFilter::jitter_us);
         if first_us as f64 + jitter_us < self.floor_us {
             self.counts.bad += 1;
             self.lost(1);
@@ -280,8 +293,8 @@ impl Order {
             frame.period_ns = ((f64::from(frame.period_ns) * (1.0 + longer)).round() as u32).max(1);
         }
         let (lost_before, anew) = (std::mem::take(&mut self.lost_before), std::mem::take(&mut self.anew));
-        let (jump, rhythm) = (self.jump.take(), self.rhythm.as_ref());
-        let hole_from_us = if jump.is_some() || anew { 0.0 } else { rhythm.map_or(0.0, Rhythm::hole_from_us) };
+        let (jump, filter) = (self.jump.take(), self.filter.as_ref());
+        let hole_from_us = if jump.is_some() || anew { 0.0 } else { filter.map_or(0.0, TimestampFilter::hole_from_us) };
         let hole_from_ns = (hole_from_us * 1e3) as i64;
         events.push(Event::Frame(Taken { frame, lost_before, began_ns, anew, jump, hole_from_ns }));
     }

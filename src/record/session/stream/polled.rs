@@ -1,11 +1,11 @@
-//! What a device says that is asked: each answer is a sample at the time of its request and answer.
+//! Devices that are polled: each answer is a sample, at the middle of request and answer.
 
-use crate::record::RecordError;
 use crate::record::clock::align::Stretch;
 use crate::record::clock::device_clock::seconds;
-use crate::record::devices::polling::Polled;
-use crate::record::devices::stream::{Codec, State, Stream};
+use crate::record::devices::queue::Polled;
+use crate::record::error::RecordError;
 use crate::record::session::session_log::Live;
+use crate::record::session::stream::state::{Codec, State, Stream};
 use crate::recording::Gap;
 use crate::rig::Protocol;
 
