@@ -1,4 +1,4 @@
-//! Fits with one element more after the other, and the evidence for each.
+//! Fits with more and more elements, and the evidence for each number.
 
 use std::ops::Range;
 
@@ -27,7 +27,7 @@ pub(crate) struct Ladder {
 pub(crate) struct Step {
     pub(crate) creep: Creep,
     pub(crate) solution: Solution,
-    /// Bayesian information criterion, of which differences count.
+    /// Bayesian information criterion; only differences count.
     pub(crate) bic: f64,
 }
 
@@ -150,7 +150,7 @@ impl Ladder {
         Step { creep, solution, bic: f64::NAN }
     }
 
-    /// `n ln χ² + k ln n`, `χ²` that of generalised least squares with the noise as the richest model has it.
+    /// `n ln χ² + k ln n`, with `χ²` of generalised least squares under the noise of the richest model.
     fn weigh(&self, steps: &mut [Step]) {
         let Some(richest) = steps.last() else { return };
         let (n, records) = (self.samples() as f64, self.records());
@@ -171,7 +171,7 @@ impl Ladder {
         columns
     }
 
-    /// The noise as a step leaves it.
+    /// The noise in the residuals of a step.
     pub(crate) fn reading_noise(&self, step: &Step) -> ReadingNoise {
         ReadingNoise::of(&free(&self.columns(step), step), &step.solution.residuals, &self.records())
     }

@@ -1,11 +1,11 @@
 //! The prior that a creep test gives a calibration: of the elements that a surge can show.
 //!
-//! An element much slower than the surge does not move during it, and one much faster cannot be told from the instantaneous modulus, which
-//! the wave speed already holds: neither is a parameter of the surge. What remains gets a lognormal prior for J and for τ.
+//! An element much slower than the surge does not move during it, and one much faster looks like the instantaneous modulus, which
+//! the wave speed already includes: neither is a parameter of the surge. The others get a lognormal prior for J and for τ.
 //!
-//! A laboratory reads first a tenth of a second or more after the load, later than much that a surge shows. Elements that are faster lie in the test's J0,
-//! which is that of a wall not quite rigid: nothing of it is taken for the wave speed, and elements within the first reading stay free to be added,
-//! known to be no slower.
+//! A laboratory's first reading is a tenth of a second or more after the load, later than much that a surge shows. Faster elements are part of the test's J0,
+//! which says little about the wave speed and is not used for it. Elements faster than the first reading may still be added,
+//! with a prior that they are no slower.
 
 use crate::creep::CreepError;
 use crate::creep::file::{CreepFile, ElementTable};

@@ -13,7 +13,7 @@ pub(crate) struct Shifted {
     pub(crate) shift: Option<usize>,
 }
 
-/// See the module.
+/// The problem of fitting elements to tests.
 pub(crate) struct CreepProblem<'a> {
     tests: &'a [Shifted],
     elements: usize,
@@ -89,7 +89,7 @@ impl Problem for CreepProblem<'_> {
     }
 }
 
-/// How J(t) moves with each of the logarithms `ln J0, ln J_1, ln τ_1, …`, 1/Pa.
+/// Derivatives of J(t) by the logarithms `ln J0, ln J_1, ln τ_1, …`, 1/Pa.
 pub(crate) fn gradient(creep: &Creep, time_s: f64) -> Vec<f64> {
     let pairs = creep.elements.iter().flat_map(|e| {
         let ratio = time_s / e.tau_s;

@@ -11,8 +11,8 @@ const COMPLIANCES: [(&str, f64); 3] =
 /// Columns of strain, and 1 in their unit.
 const STRAINS: [(&str, f64); 3] = [("strain", 1.0), ("strain_percent", 1e-2), ("strain_microstrain", 1e-6)];
 
-/// Reads a test; `stress_pa` is the constant stress of one that gives strains. `#` begins a comment line; columns that are none of these are
-/// left alone.
+/// Reads a test; `stress_pa` is the constant stress of one that gives strains. `#` begins a comment line; other columns are
+/// ignored.
 ///
 /// # Errors
 /// [`CreepError::Csv`] with the line and what to do: columns that are missing or there twice, a strain without stress, lines of another
@@ -72,7 +72,7 @@ pub fn has_strain(text: &str) -> bool {
     header.is_some_and(|h| cells(h).iter().any(|c| STRAINS.iter().any(|(name, _)| *name == c)))
 }
 
-/// Where time and compliance stand, with what they are multiplied by.
+/// The columns of time and compliance, with the factors of their units.
 struct Columns {
     time: (usize, f64, &'static str),
     value: (usize, f64, &'static str),

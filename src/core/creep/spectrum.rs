@@ -1,4 +1,4 @@
-//! From samples to a few retardation times: a non-negative spectrum on a fine grid of τ, whose spikes are drawn together.
+//! From samples to a few retardation times: a non-negative spectrum on a fine grid of τ, whose spikes are merged.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -7,7 +7,7 @@ use crate::creep::thresholds::NEIGHBOUR_RATIO;
 use crate::creep::thresholds::{GRID_PER_DECADE, THINNED_PER_DECADE};
 use crate::creep::{Creep, Element};
 
-/// Samples as a fit takes them, of one temperature or reduced to one; all vectors of one length.
+/// Samples for a fit, of one temperature or reduced to one; all vectors of one length.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Samples {
     /// Times, s.
@@ -70,7 +70,7 @@ pub(crate) fn with_times(samples: &Samples, tau_s: &[f64]) -> (Creep, f64) {
     (Creep { instantaneous_per_pa: x[0], elements: elements.collect() }, square)
 }
 
-/// The spectrum of some samples on a grid over their times and somewhat beyond, and the square that it leaves.
+/// The spectrum of some samples on a grid over their times and somewhat beyond, and the sum of squares that it leaves.
 pub(crate) fn spectrum(samples: &Samples) -> (Creep, f64) {
     let (shortest_s, longest_s) = samples.span_s();
     let (from, to) = ((0.5 * shortest_s).ln(), (5.0 * longest_s).ln());
@@ -81,7 +81,7 @@ pub(crate) fn spectrum(samples: &Samples) -> (Creep, f64) {
     (creep, square)
 }
 
-/// Draws neighbouring elements together, each pair at the mean of its log τ weighted by compliance, until `most` are left and none are
+/// Merges neighbouring elements, each pair at the mean of its log τ weighted by compliance, until `most` are left and none are
 /// neighbours.
 pub(crate) fn merged(mut elements: Vec<Element>, most: usize) -> Vec<Element> {
     elements.sort_by(|a, b| a.tau_s.total_cmp(&b.tau_s));

@@ -11,7 +11,7 @@ use crate::temperature::member::{FamilyError, Member};
 use crate::temperature::thresholds::OPEN_RELATIVE_ERROR;
 use crate::temperature::trend::Line;
 
-/// Something of the model that may go with temperature: a shared parameter, or the modulus behind a wave speed.
+/// A quantity of the model that may depend on temperature: a shared parameter, or the modulus behind a wave speed.
 #[derive(Debug, Clone)]
 pub struct Quantity {
     /// Name with its unit.
@@ -37,7 +37,7 @@ pub struct Point {
     pub value: f64,
     /// Standard error.
     pub standard_error: f64,
-    /// 95% interval; of a logarithm for what is moved as one.
+    /// 95% interval; that of the logarithm for a logarithmic variable.
     pub interval: (f64, f64),
 }
 
@@ -52,10 +52,10 @@ pub struct Banded {
     pub interval: (f64, f64),
 }
 
-/// In which form a quantity is a straight line.
+/// The form in which a quantity is a straight line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Form {
-    /// The value over the temperature; the slope in its unit a K.
+    /// The value over the temperature; the slope in its unit per kelvin.
     Plain,
     /// Its logarithm over the temperature; the slope in 1/K.
     Exponential,
@@ -77,7 +77,7 @@ impl Form {
 /// How a quantity depends on temperature, from the separate fits.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Trend {
-    /// In which form it is a line.
+    /// The form in which it is a line.
     pub form: Form,
     /// The line, from the reference temperature.
     pub line: Line,
@@ -86,7 +86,7 @@ pub struct Trend {
 }
 
 impl Trend {
-    /// Through points whose temperatures are known to `temperature_sd_k`: what that makes of a value by the line's slope adds to its error
+    /// Through points whose temperatures are known to `temperature_sd_k`: by the line's slope that adds to the error of a value
     /// (effective variance, Orear 1982, Am. J. Phys. 50:912).
     fn of(form: Form, points: &[Point], reference_degc: f64, temperature_sd_k: f64) -> Option<Trend> {
         let place = |p: &Point| abscissa(form, reference_degc, p.temperature_degc);
@@ -151,7 +151,7 @@ pub(crate) fn apart(
 /// The quantities that may depend on temperature, from fits of one model.
 ///
 /// # Errors
-/// A wave speed that no wall gives.
+/// A wave speed that no wall allows.
 pub(crate) fn quantities(
     rig: &Rig,
     members: &[Member],

@@ -1,4 +1,4 @@
-//! Laws of the temperature: from what all runs share to what each run's model takes.
+//! Laws of the temperature: from the parameters that all runs share to those of each run's model.
 
 use crate::creep::shift::{Arrhenius, GAS_CONSTANT, ZERO_DEGC_K};
 use crate::model::parameter::{Parameter, Scale};
@@ -27,7 +27,7 @@ impl Shift {
     }
 }
 
-/// What ties the runs of a family together.
+/// The laws that connect the runs of a family.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Laws {
     /// Of the retardation times.
@@ -45,7 +45,7 @@ pub(crate) enum Role {
     WaveSpeed(usize),
     Compliance,
     Retardation,
-    /// Nothing known: the same in all runs.
+    /// No law: the same in all runs.
     Other,
 }
 
@@ -64,7 +64,7 @@ pub(crate) fn roles(pipes: usize, names: &[&str]) -> Vec<Role> {
     names.iter().enumerate().map(role).collect()
 }
 
-/// `(1/T - 1/T_ref)/R`, mol/J: what an activation energy multiplies.
+/// `(1/T - 1/T_ref)/R`, mol/J: the factor of an activation energy.
 pub(crate) fn inverse_kelvin(reference_degc: f64, degc: f64) -> f64 {
     (1.0 / (degc + ZERO_DEGC_K) - 1.0 / (reference_degc + ZERO_DEGC_K)) / GAS_CONSTANT
 }
@@ -117,7 +117,7 @@ impl<'a> LawModel<'a> {
             model.add_own(j, parameter, laws.modulus_free, runs);
         }
         if laws.vertical && model.roles.contains(&Role::Compliance) {
-            let about = "relative change of all creep compliances a kelvin";
+            let about = "relative change of all creep compliances per kelvin";
             model.rate("J_rate_per_K".into(), about, Kind::ComplianceRate);
         }
         if model.roles.contains(&Role::Retardation) {
@@ -145,7 +145,7 @@ impl<'a> LawModel<'a> {
         };
         let typical_gpa = 1e-9 * self.rig.pipes[i].material().youngs_modulus_pa;
         let modulus = |name: String| {
-            let about = "Young's modulus of the wall at once, by Korteweg's law";
+            let about = "instantaneous Young's modulus of the wall, by Korteweg's law";
             Parameter::log(name, "GPa", about, typical_gpa, 1e-3 * typical_gpa, 1e3 * typical_gpa)
         };
         let name = modulus_name(&parameter.name);
@@ -156,7 +156,7 @@ impl<'a> LawModel<'a> {
         } else {
             let rate = name.replace("E0_GPa", "E0_rate_per_K");
             self.add(Kind::Modulus(j, None), modulus(name));
-            self.rate(rate, "relative change of the modulus a kelvin", Kind::ModulusRate(j));
+            self.rate(rate, "relative change of the modulus per kelvin", Kind::ModulusRate(j));
         }
     }
 

@@ -24,7 +24,7 @@ pub struct ValveClosure {
     pub curve: ValveCurve,
     /// The fitted model's closing time, s.
     pub fitted_closing_s: f64,
-    /// From nine tenths of the opening to one tenth, stretched to the whole, s; none where the curve does not pass them.
+    /// The time from nine tenths of the opening to one tenth, extended to the whole, s; none where the curve does not pass both.
     pub effective_closing_s: Option<f64>,
     /// Opening in two linear stages nearest to the curve.
     pub two_stage: TwoStage,

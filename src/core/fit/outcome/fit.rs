@@ -76,7 +76,7 @@ pub struct SensorFit {
     pub rmse_m: f64,
     /// The same with the parameters that the fit started from, m.
     pub start_rmse_m: f64,
-    /// Peak by peak and trough by trough.
+    /// Each peak and trough.
     pub extrema: Vec<ExtremumError>,
 }
 
@@ -115,7 +115,7 @@ pub struct StepTaken {
     pub parameters: Vec<(String, f64)>,
     /// The feature of the record that it looked at.
     pub feature: &'static str,
-    /// Why that.
+    /// The reason.
     pub why: &'static str,
     /// Error over the noise, over all samples, before it.
     pub before_over_noise: f64,
@@ -128,7 +128,7 @@ pub struct StepTaken {
 /// A calibrated model of one run or of several.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Fit {
-    /// How it was searched for.
+    /// The method of search.
     pub method: Method,
     /// Effects of the model, their open choices decided.
     pub effects: Vec<Chosen>,
@@ -192,7 +192,7 @@ impl Fit {
         summary(self).evidence_over(&summary(simpler))
     }
 
-    /// RMSE and noise over all runs, m: each weighs as its number of samples; NaN where there are none.
+    /// RMSE and noise over all runs, m: weighted by their numbers of samples; NaN where there are none.
     pub fn pooled(&self) -> (f64, f64) {
         let weight = |r: &RunFit| r.sensors.iter().map(|s| s.time_s.len()).sum::<usize>() as f64;
         let runs = || self.runs.iter().filter(|&r| weight(r) > 0.0);

@@ -1,7 +1,7 @@
 //! Calibration as a least-squares problem: which variables the solver moves, and the residuals they leave.
 //!
 //! Variables are the model's shared parameters, then for each run its velocity, head, closing time and friction, the start of its
-//! closure and one offset a sensor. Log-scaled parameters are moved as logarithms. Residuals are measured minus modelled
+//! closure and one offset for each sensor. Log-scaled parameters are moved as logarithms. Residuals are measured minus modelled
 //! heads over each sensor's noise (or their transform, see [`crate::fit::problem::objective`]), then one for each prior,
 //! then one for each run's flow meter.
 
@@ -227,7 +227,7 @@ impl<'a> FitProblem<'a> {
         first..first + self.parameters.iter().filter(|p| p.prior.is_some()).count()
     }
 
-    /// The run that variable `j` belongs to, if it is not shared.
+    /// The run that variable `j` belongs to; none if it is shared.
     pub fn run_of(&self, j: usize) -> Option<usize> {
         self.run_offsets.iter().rposition(|&first| j >= first)
     }
@@ -407,7 +407,7 @@ impl Problem for FitProblem<'_> {
         (&self.lower, &self.upper)
     }
 
-    /// A factor of e: an element that a step makes vanish has no slope any more by which it would come back.
+    /// A factor of e: an element that a step makes vanish has no slope left to bring it back.
     fn reach(&self, j: usize) -> f64 {
         match self.parameters[j].scale {
             Scale::Log => 1.0,
