@@ -155,6 +155,9 @@ pub fn main() -> ExitCode {
                 tell!("  because: {inner}");
                 cause = inner.source();
             }
+            if let Some(hint) = crate::cli::console::hints::hint(error.as_ref()) {
+                tell!("  try: {hint}");
+            }
             ExitCode::from(FAILED)
         }
     }

@@ -88,10 +88,10 @@ fn closeness(run: &RunFit) -> [Found; 3] {
 }
 
 fn parameter(p: &FittedParameter, sample_s: f64) -> Found {
-    let error = STANDARD_ERRORS * p.standard_error;
+    let error = STANDARD_ERRORS * p.standard_error();
     let tolerance = match p {
         _ if p.at_bound => Err("it ended at its bound"),
-        _ if !p.standard_error.is_finite() => Err("the recording does not determine it"),
+        _ if !p.standard_error().is_finite() => Err("the recording does not determine it"),
         // a time on the recording's clock, whose zero means nothing
         _ if p.name == quantity::CLOSURE_START => finite(error.max(sample_s)),
         _ => finite(error.max(SHARE * p.value.abs())),
@@ -112,6 +112,7 @@ fn finite(tolerance: f64) -> Result<f64, &'static str> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::fit::outcome::uncertainty::Uncertainty;
 
     fn fitted(name: &str, value: f64, standard_error: f64, at_bound: bool) -> Found {
         let p = FittedParameter {
@@ -119,7 +120,7 @@ mod tests {
             about: "",
             run: None,
             value,
-            standard_error,
+            uncertainty: Uncertainty::of(standard_error),
             unit: "",
             at_bound,
             ..FittedParameter::default()

@@ -290,7 +290,7 @@ impl Parameter {
             name: p.name.clone(),
             run: p.run.clone(),
             value: p.value,
-            standard_error: Some(p.standard_error).filter(|e| e.is_finite() && !p.held),
+            standard_error: Some(p.standard_error()).filter(|e| e.is_finite() && !p.held),
             interval_95: Some([p.interval_95.0, p.interval_95.1])
                 .filter(|ends| !p.held && !ends.iter().any(|e| e.is_nan())),
             profile: p.profile.as_ref().map(|profile| profile.points.clone()),

@@ -11,8 +11,10 @@ use serde::{Deserialize, Serialize};
 
 use crate::fit::data::run_data::RunData;
 use crate::fit::outcome::fit::{Fit, FittedParameter};
-use crate::fit::problem::fit_problem::{Calibration, Window};
-use crate::fit::search::calibrate::{FitError, Options, Progress, refine};
+use crate::fit::problem::error::FitError;
+use crate::fit::problem::fit_problem::{FitProblem, Window};
+use crate::fit::search::calibrate::refine;
+use crate::fit::search::options::{Options, Progress};
 use crate::fit::validate::predict::{Known, Shared, geometric_mean};
 use crate::model::constraint::Constraint;
 use crate::model::effects::{Chosen, name_of, parse_list};
@@ -286,8 +288,8 @@ impl Entry {
         let water = &runs.first().ok_or(FitError::NoRun)?.conditions.water;
         let model = Model::new(rig, water, &effects).constrained(&options.constraints).informed(&options.priors);
         let window = Window { reaches: 1, horizon_s: f64::INFINITY, stride: 1 };
-        let problem = Calibration::new(&model, runs, window);
-        problem.know(&options.constraints)?;
+        let problem = FitProblem::new(&model, runs, window);
+        problem.validate_constraints(&options.constraints)?;
         let file = |j: usize| problem.run_of(j).map(|r| runs[r].file.as_str());
         let own = problem.parameters.iter().enumerate().map(|(j, p)| {
             let known = self.parameters.iter().find(|v| v.name == p.name && v.run.as_deref() == file(j));
@@ -315,7 +317,7 @@ impl Value {
             name: p.name.clone(),
             run: p.run.clone(),
             value: p.value,
-            standard_error: Some(p.standard_error).filter(|e| e.is_finite() && !p.held),
+            standard_error: Some(p.standard_error()).filter(|e| e.is_finite() && !p.held),
             lower: p.lower,
             upper: p.upper,
             fixed: p.held,

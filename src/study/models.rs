@@ -5,7 +5,7 @@ use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use crate::fit::data::run_data::RunData;
-use crate::fit::search::calibrate::Options;
+use crate::fit::search::options::Options;
 use crate::results::model_file::ModelFile;
 use crate::rig::Rig;
 use crate::storage::LogError;

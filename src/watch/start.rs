@@ -1,7 +1,7 @@
 //! The model that a run is fitted with: the rig's last accepted one, or what its material asks for.
 
 use crate::fit::data::run_data::RunData;
-use crate::fit::search::calibrate::Options;
+use crate::fit::search::options::Options;
 use crate::model::constraint::Given;
 use crate::model::effects::{Chosen, parse_list};
 use crate::model::{Model, ModelError};

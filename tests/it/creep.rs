@@ -1,7 +1,8 @@
 //! The creep test: elements, band and shift from synthetic tests of known truth; the program's answers and its complaints.
 
 use serde_json::Value;
-use surgescope::creep::fit::{CreepFit, Noise, fit};
+use surgescope::creep::fit::fit;
+use surgescope::creep::outcome::{CreepFit, Noise};
 use surgescope::creep::shift::Arrhenius;
 use surgescope::creep::{Creep, CreepTest, Element};
 
@@ -94,7 +95,11 @@ fn coloured_residuals_widen_the_band() {
     let [white, coloured] = [white, coloured].map(|t| fit(&[t], None, Some(3)).unwrap());
     let width = |fit: &CreepFit| fit.band_per_pa(60.0).2 - fit.band_per_pa(60.0).1;
     assert!(width(&coloured) > 2.0 * width(&white), "{} {}", width(&coloured), width(&white));
-    assert!(coloured.remarks.iter().any(|r| r.contains("neighbouring residuals are alike")), "{:?}", coloured.remarks);
+    assert!(
+        coloured.remarks.iter().any(|r| r.contains("neighbouring residuals are correlated")),
+        "{:?}",
+        coloured.remarks
+    );
 }
 
 #[test]
@@ -194,7 +199,7 @@ fn odd_readings_are_called_odd() {
         (&|_| 1.0, all, "the material is elastic"),
         // strain in percent for strain, MPa for GPa
         (&|t| 0.009 + 0.0002 * t.ln(), all, "walls that creep have 0.02 to 10 1/GPa"),
-        (&|t| 900.0 + 20.0 * t.ln(), all, "check the unit that the column's name says"),
+        (&|t| 900.0 + 20.0 * t.ln(), all, "check the unit in the column's name"),
         (&|t| 0.8 + t / 1e4, all, "is slower"),
         (&|t| 0.5 + 0.1 * t.powf(0.3), all, "the spectrum is broad"),
         (&|t| 0.5 + 0.1 * t.powf(0.3), 5, "too few samples"),
@@ -272,7 +277,7 @@ fn the_shipped_tests_lead_to_a_calibration() {
     assert_eq!(code, 0, "{err}");
     assert!(err.contains("contradicts the creep test"), "{err}");
     let (code, _, err) = calibrate("viscoelastic-wall:2", &result);
-    assert!(code == 2 && err.contains("say viscoelastic-wall:3 or more"), "{err}");
+    assert!(code == 2 && err.contains("use viscoelastic-wall:3 or more"), "{err}");
     let (code, _, err) = calibrate("none", &result);
     assert!(code == 2 && err.contains("add it to --effects"), "{err}");
     let (code, _, err) = calibrate("viscoelastic-wall", "README.md");

@@ -185,7 +185,7 @@ fn a_family_that_breaks_the_law_is_flagged_and_a_freer_law_describes_it() {
     let apart = family().arg("--apart").output().unwrap();
     let text = String::from_utf8(apart.stdout).unwrap();
     assert!(apart.status.success() && text.contains("each fitted by itself") && text.contains("kJ/mol"), "{text}");
-    assert!(text.contains("farther from its line than their own errors allow"), "{text}");
+    assert!(text.contains("scatter about its line by more than their errors"), "{text}");
 }
 
 /// Runs that are no family: exit 2, and a sentence that says what to do.
@@ -204,7 +204,7 @@ fn what_is_no_family_is_refused_with_the_reason() {
     refused(&[], &[&cold, &also_cold], "all runs lie between 20");
     refused(&[], &[&cold, &cold], "are one recording");
     let warm = recording(folder.path(), "warm", &rig, &short(30.0, 3));
-    refused(&["--law", "wlf"], &[&cold, &warm], "three temperatures or more, and these are 2");
+    refused(&["--law", "wlf"], &[&cold, &warm], "three temperatures or more, and there are 2");
     refused(&["--temperature-degC", "20,30"], &[&cold, &warm], "has recorded its temperature");
     refused(&["--apart", "--law", "wlf"], &[&cold, &warm], "cannot be used with");
     let longer = rig.replace("length_m = 37.8\n", "length_m = 40.0\n");

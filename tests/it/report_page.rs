@@ -2,9 +2,11 @@
 
 use std::f64::consts::PI;
 use std::path::Path;
+use surgescope::fit::outcome::uncertainty::Uncertainty;
 
 use serde_json::Value;
-use surgescope::fit::outcome::fit::{ExtremumError, Fit, FittedParameter, RunFit, SensorFit};
+use surgescope::fit::outcome::fit::{Fit, FittedParameter, RunFit, SensorFit};
+use surgescope::fit::problem::compare::ExtremumError;
 use surgescope::model::effects::{Chosen, parse_list};
 use surgescope::report::calibration::json;
 use surgescope::report::html::page::{Page, html};
@@ -79,7 +81,7 @@ fn parameter(name: &str, value: f64, standard_error: f64, unit: &'static str) ->
         name: name.into(),
         run: None,
         value,
-        standard_error,
+        uncertainty: Uncertainty::of(standard_error),
         unit,
         at_bound: false,
         ..FittedParameter::default()
@@ -106,7 +108,7 @@ fn fit(effects: &[&str], sensors: Vec<SensorFit>, parameters: Vec<FittedParamete
         }],
         parameters,
         correlation: vec![],
-        unseen: vec![],
+        unidentifiable: vec![],
         reaches: 64,
         grid_error_m: 0.001,
         evaluations: 312,
@@ -114,7 +116,7 @@ fn fit(effects: &[&str], sensors: Vec<SensorFit>, parameters: Vec<FittedParamete
         steps: vec![],
         stopped_because: "the error no longer falls by more than a millionth".into(),
         converged: true,
-        promised_fall: 0.0,
+        predicted_reduction: 0.0,
         features_left: vec![],
         method: surgescope::fit::problem::method::Method::default(),
     }

@@ -2,7 +2,8 @@
 
 use surgescope::fit::data::run_data::{Meter, RunData, RunStart, SensorData};
 use surgescope::fit::outcome::fit::{Fit, FittedParameter};
-use surgescope::fit::search::calibrate::{Options, calibrate};
+use surgescope::fit::search::calibrate::calibrate;
+use surgescope::fit::search::options::Options;
 use surgescope::fit::validate::profile::profiles;
 use surgescope::model::effects::parse_list;
 use surgescope::model::trace::Probe;
@@ -81,13 +82,13 @@ fn creep_slower_than_the_record_is_known_by_its_rate_alone() {
     let runs = [record(&rig)];
     let options = Options::default();
     let fit = calibrate(&rig, &runs, &parse_list("viscoelastic-wall:2").unwrap(), &options, &|_| {}).unwrap();
-    let slow = fit.unseen.iter().find(|u| u.parameters == ["J2_per_GPa", "tau2_s"]);
-    let slow = slow.unwrap_or_else(|| panic!("{:?}\n{:?}", fit.unseen, fit.parameters));
+    let slow = fit.unidentifiable.iter().find(|u| u.parameters == ["J2_per_GPa", "tau2_s"]);
+    let slow = slow.unwrap_or_else(|| panic!("{:?}\n{:?}", fit.unidentifiable, fit.parameters));
     assert!(slow.in_words.contains("apart"), "{slow:?}");
     let rate = parameter(&fit, "J2_per_GPa").value / parameter(&fit, "tau2_s").value;
     assert!((rate / (0.6 / 40.0) - 1.0).abs() < 0.2, "{rate}: {slow:?}");
     for name in ["wave_speed_m_s", "J1_per_GPa", "tau1_s"] {
-        assert!(fit.unseen.iter().all(|u| !u.parameters.iter().any(|p| p == name)), "{:?}", fit.unseen);
+        assert!(fit.unidentifiable.iter().all(|u| !u.parameters.iter().any(|p| p == name)), "{:?}", fit.unidentifiable);
     }
     // Its profile does not end before the longest time that a fit may take. That of the wave speed ends where the slow element cannot follow
     // as far as the linear interval believes, so it is the narrower one.

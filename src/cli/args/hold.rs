@@ -1,7 +1,7 @@
 //! `--hold NAME=VALUE`: parameters that a fit does not touch.
 
 use crate::fit::data::run_data::RunData;
-use crate::fit::problem::fit_problem::{Calibration, Window};
+use crate::fit::problem::fit_problem::{FitProblem, Window};
 use crate::model::Model;
 use crate::model::constraint::Constraint;
 use crate::model::effects::Chosen;
@@ -27,7 +27,7 @@ pub fn warn_beyond(option: &str, rig: &Rig, runs: &[RunData], effects: &[Chosen]
     let effects: Vec<Chosen> = effects.iter().map(most).collect();
     let model = Model::new(rig, &run.conditions.water, &effects);
     let window = Window { reaches: 1, horizon_s: f64::INFINITY, stride: 1 };
-    let parameters = Calibration::new(&model, runs, window).parameters;
+    let parameters = FitProblem::new(&model, runs, window).parameters;
     for (name, value) in values {
         let beyond = |p: &&Parameter| p.name == *name && !(p.lower..=p.upper).contains(value);
         if let Some(p) = parameters.iter().find(beyond) {

@@ -3,7 +3,7 @@
 use clap::ValueEnum;
 
 use crate::fit::problem::objective as misfit;
-use crate::fit::search::calibrate::Options;
+use crate::fit::search::options::Options;
 
 /// Option of commands that fit.
 #[derive(Debug, Clone, Copy, clap::Args)]
@@ -33,7 +33,7 @@ impl CompareBy {
                 Err("--misfit frequency needs a search that descends: --method least-squares or global-local"
                     .to_owned())
             }
-            Misfit::Frequency => Ok(Options { misfit: misfit::Misfit::Frequency, ..options }),
+            Misfit::Frequency => Ok(Options { objective: misfit::Objective::Frequency, ..options }),
         }
     }
 }

@@ -2,7 +2,8 @@
 
 use crate::fit::data::run_data::RunData;
 use crate::fit::outcome::fit::Fit;
-use crate::fit::search::calibrate::{FitError, Options, Progress};
+use crate::fit::problem::error::FitError;
+use crate::fit::search::options::{Options, Progress};
 use crate::fit::validate::profile::profiles;
 use crate::report::text::number::{interval, significant};
 use crate::rig::Rig;

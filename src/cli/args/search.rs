@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use clap::ValueEnum;
 
 use crate::fit::problem::method;
-use crate::fit::search::calibrate::Options;
+use crate::fit::search::options::Options;
 use crate::model::constraint::Given;
 use crate::results::model_file::{Entry, Value};
 use crate::study::models;

@@ -8,7 +8,7 @@ use serde_json::json;
 
 use crate::cli::args::recordings;
 use crate::cli::{CommandResult, Outcome};
-use crate::fit::problem::fit_problem::{Calibration, Window};
+use crate::fit::problem::fit_problem::{FitProblem, Window};
 use crate::fit::problem::observed::{Place, modelled, observations};
 use crate::model::Model;
 use crate::model::constraint::Given;
@@ -68,7 +68,7 @@ impl AsRecorded {
         model.memory_limit_bytes = memory::limit_bytes();
         let reaches = reaches(asked.given)?;
         let window = Window { reaches: reaches.unwrap_or(REACHES), horizon_s: f64::INFINITY, stride: 1 };
-        let mut problem = Calibration::new(&model, &runs, window);
+        let mut problem = FitProblem::new(&model, &runs, window);
         let values = values(&problem, asked.given, &files)?;
         if reaches.is_none() {
             let shared = &values[..model.shared.len()];
@@ -123,7 +123,7 @@ fn reaches(given: &[Given]) -> Result<Option<usize>, String> {
 }
 
 /// A value for each of the problem's parameters: as given, or where a fit would start; what was not given is told.
-fn values(problem: &Calibration, given: &[Given], files: &[String]) -> Result<Vec<f64>, String> {
+fn values(problem: &FitProblem, given: &[Given], files: &[String]) -> Result<Vec<f64>, String> {
     let run = |j: usize| problem.run_of(j).map(|r| files[r].as_str());
     let own = || problem.parameters.iter().enumerate();
     let strange = |g: &&Given| g.name != "reaches" && !own().any(|(j, p)| g.concerns(&p.name, run(j)));

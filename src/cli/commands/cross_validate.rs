@@ -8,7 +8,7 @@ use crate::cli::args::hold;
 use crate::cli::args::recordings;
 use crate::cli::commands::calibrate::progress_bar;
 use crate::cli::{CommandResult, Outcome};
-use crate::fit::search::calibrate::Options;
+use crate::fit::search::options::Options;
 use crate::fit::validate::cross_validate::{By, CrossValidation, cross_validate};
 use crate::model::effects::{Chosen, parse_list};
 use crate::report::prediction::cross_validation::{document, text};

@@ -8,7 +8,7 @@ use crate::cli::args::recordings;
 use crate::cli::commands::calibrate::{timed, title, write_report};
 use crate::cli::{CommandResult, Outcome};
 use crate::fit::outcome::fit::Fit;
-use crate::fit::search::calibrate::Options as FitOptions;
+use crate::fit::search::options::Options as FitOptions;
 use crate::model::effects::parse_list;
 use crate::report::Stage;
 use crate::report::text::table;

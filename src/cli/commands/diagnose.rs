@@ -8,7 +8,7 @@ use crate::cli::commands::calibrate::{progress_bar, title, write_page};
 use crate::cli::{CommandResult, Outcome};
 use crate::diagnose::{Diagnosis, Verdict, diagnose};
 use crate::fit::outcome::fit::Fit;
-use crate::fit::search::calibrate::Options;
+use crate::fit::search::options::Options;
 use crate::fit::search::sensor_choice::is_open;
 use crate::fit::validate::energy::energy_of;
 use crate::model::effects::{Chosen, parse_list};

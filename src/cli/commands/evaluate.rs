@@ -10,7 +10,7 @@ use crate::cli::commands::calibrate::{progress_bar, title};
 use crate::diagnose::{Diagnosis, Verdict, diagnose};
 use crate::fit::data::prepare::prepare;
 use crate::fit::outcome::fit::Fit;
-use crate::fit::search::calibrate::Options;
+use crate::fit::search::options::Options;
 use crate::fit::validate::conflict::{at_bounds, conflicts};
 use crate::fit::validate::energy::energy_of;
 use crate::model::effects::{Chosen, parse_list};

@@ -8,7 +8,7 @@ use crate::cli::commands::run_models::RunModels;
 use crate::cli::{CommandResult, Outcome};
 use crate::fit::data::prepare::prepare;
 use crate::fit::data::run_data::RunData;
-use crate::fit::search::calibrate::Options;
+use crate::fit::search::options::Options;
 use crate::model::effects::{Chosen, parse_list};
 use crate::report::temperature::html::html;
 use crate::report::temperature::text::{CSV_HEADER, csv, json as family_json, text};

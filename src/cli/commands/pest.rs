@@ -11,8 +11,9 @@ use crate::cli::args::search::Search;
 use crate::cli::commands::calibrate;
 use crate::cli::{CommandResult, Outcome};
 use crate::fit::numeric::least_squares::Problem as _;
-use crate::fit::problem::fit_problem::{Calibration, Window};
-use crate::fit::search::calibrate::{Options, numbered};
+use crate::fit::problem::fit_problem::{FitProblem, Window};
+use crate::fit::search::calibrate::numbered;
+use crate::fit::search::options::Options;
 use crate::model::Model;
 use crate::model::effects::{Chosen, parse_list};
 use crate::report::pest::{Case, file};
@@ -92,8 +93,8 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         .starting_at(&options.starts_at)
         .informed(&options.priors);
     let mut window = Window { reaches: REACHES, horizon_s: f64::INFINITY, stride: 1 };
-    let mut problem = Calibration::new(&model, &runs, window);
-    problem.know(&options.constraints)?;
+    let mut problem = FitProblem::new(&model, &runs, window);
+    problem.validate_constraints(&options.constraints)?;
     args.search.check(problem.parameters.iter().map(|p| p.name.as_str()))?;
     let values = fit.as_ref().map_or_else(|| problem.values(&problem.start()), |f| f.values());
     let shared = &values[..model.shared.len()];
@@ -134,7 +135,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
 }
 
 /// The objective function of PEST: without what is known of parameters that it does not move.
-fn phi(problem: &Calibration, values: &[f64]) -> Result<f64, AnyError> {
+fn phi(problem: &FitProblem, values: &[f64]) -> Result<f64, AnyError> {
     let residuals = problem.residuals(&problem.variables(values))?;
     let (samples, rest) = residuals.split_at(problem.samples());
     let known: Vec<bool> = problem.parameters.iter().filter(|p| p.prior.is_some()).map(|p| p.lower < p.upper).collect();

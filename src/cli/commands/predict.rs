@@ -6,7 +6,7 @@ use crate::cli::args::recordings;
 use crate::cli::commands::calibrate::{progress_bar, write_page};
 use crate::cli::{CommandResult, Outcome};
 use crate::fit::data::run_data::RunData;
-use crate::fit::search::calibrate::{Options, Progress};
+use crate::fit::search::options::{Options, Progress};
 use crate::fit::validate::predict::{Prediction, predict};
 use crate::model::constraint::Constraint;
 use crate::report::Stage;

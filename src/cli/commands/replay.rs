@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 use crate::cli::args::recordings::load;
 use crate::cli::commands::calibrate::timed;
 use crate::cli::{CommandResult, Outcome};
-use crate::fit::search::calibrate::Options;
+use crate::fit::search::options::Options;
 use crate::model::effects::{Chosen, parse_list};
 use crate::replay::compare::{Comparison, compare, moved, table};
 use crate::replay::expected::{Expected, ExpectedError, path_beside, to_toml, write_beside};

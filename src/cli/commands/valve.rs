@@ -9,14 +9,16 @@ use crate::cli::args::creep_prior::WALL;
 use crate::cli::args::recordings;
 use crate::cli::commands::calibrate;
 use crate::cli::{CommandResult, Outcome};
-use crate::fit::search::calibrate::{EVIDENCE, Options};
+use crate::fit::outcome::thresholds::STRONG_EVIDENCE;
+use crate::fit::problem::valve_curve::{TwoStage, valve_sensor};
+use crate::fit::search::options::Options;
 use crate::model::effects::{Chosen, parse_list};
 use crate::report::svg::{LineChart, Series, Style};
 use crate::report::text::number::{fixed, significant};
 use crate::report::text::table::Table;
 use crate::storage::output;
 use crate::study::open;
-use crate::valve::curve::{Lawful, TwoStage, ValveClosure, closure_of, valve_sensor, with_its_law};
+use crate::valve::curve::{ValveClosure, ValveLawChoice, choose_valve_law, closure_of};
 use crate::valve::shift::{LawError, Shift};
 
 /// How the valve closed, read back from the head measured before it: opening against time, and the laws nearest to it.
@@ -59,13 +61,17 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     for run in &runs {
         valve_sensor(&rig, run)?;
     }
-    let Lawful { fit, evidence, two_stages } =
-        with_its_law(&args.effects, |effects| calibrate::timed(&rig, &runs, effects, &Options::default()))?;
+    let ValveLawChoice { fit, evidence, two_stages } =
+        choose_valve_law(&args.effects, |effects| calibrate::timed(&rig, &runs, effects, &Options::default()))?;
     if let Some(evidence) = evidence {
         crate::cli::tell!(
-            "the model's valve closes {}: two stages bring {evidence:.0} of evidence ({EVIDENCE:.0} is strong){}",
+            "the model's valve closes {}: two stages bring {evidence:.0} of evidence ({STRONG_EVIDENCE:.0} is strong){}",
             if two_stages { "in two stages" } else { "linearly" },
-            if !two_stages && evidence > EVIDENCE { ", but leave most of the error, which is the pipe's" } else { "" },
+            if !two_stages && evidence > STRONG_EVIDENCE {
+                ", but leave most of the error, which is the pipe's"
+            } else {
+                ""
+            },
         );
     }
     let closures: Vec<ValveClosure> =

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::creep::CreepError;
-use crate::creep::fit::CreepFit;
+use crate::creep::outcome::CreepFit;
 use crate::creep::shift::Arrhenius;
 
 /// First line of such a file.

@@ -2,27 +2,19 @@
 
 use std::ops::Range;
 
-use crate::creep::alike::Alike;
 use crate::creep::problem::{CreepProblem, Shifted};
+use crate::creep::reading_noise::ReadingNoise;
 use crate::creep::spectrum::{Samples, merged, spectrum, with_times};
+use crate::creep::thresholds::{
+    FIT_LIMITS, LEAST_MEAN_SQUARE, MAX_VAIN_ELEMENTS, SCAN_DECADES, SCAN_STEP, START_LIMITS,
+};
 use crate::creep::{Creep, Element};
 use crate::fit::numeric::least_squares::{Limits, Solution, jacobian, minimise};
-
-/// To see which start is best, on thinned samples; and to the end.
-const GLANCE: Limits = Limits { iterations: 60, cost_tolerance: 1e-6, step_tolerance: 1e-6, thorough: false };
-const LIMITS: Limits = Limits { iterations: 200, cost_tolerance: 1e-10, step_tolerance: 1e-9, thorough: false };
-/// Elements in vain, one after the other, after which no more are tried.
-const IN_VAIN: usize = 2;
-/// Mean square, in units of the noise's, below which there is nothing left to explain.
-const LEAST_SQUARE: f64 = 0.1;
-/// Trial shifts of times: to this many decades either way, in steps of this many.
-const SCAN_DECADES: f64 = 6.0;
-const SCAN_STEP: f64 = 0.1;
 
 /// Tests that are fitted together.
 pub(crate) struct Ladder {
     pub(crate) tests: Vec<Shifted>,
-    /// The same with fewer samples that say nearly as much.
+    /// The same with fewer samples that show nearly as much.
     thin: Vec<Shifted>,
     /// How many shift factors there are.
     pub(crate) shifts: usize,
@@ -40,7 +32,7 @@ pub(crate) struct Step {
 }
 
 impl Ladder {
-    /// Of some tests; `order` says which shifts are found first, those nearest to the reference.
+    /// Of some tests; `order` lists the shifts from the one nearest to the reference on, as they are found.
     pub(crate) fn new(tests: Vec<Shifted>, order: &[usize]) -> Self {
         let shifts = order.len();
         let thin = tests.iter().map(|t| Shifted { samples: t.samples.thinned(), shift: t.shift }).collect();
@@ -55,7 +47,7 @@ impl Ladder {
         own.fold(Samples::default(), |all, t| all.with(&t.samples, 1.0))
     }
 
-    /// Finds each shift as the one under which a spectrum describes the tests so far and this one best.
+    /// Finds each shift: the one under which one spectrum describes this test and the previous ones best.
     fn scan(&mut self, order: &[usize]) {
         let mut pooled = self.of(None);
         for &m in order {
@@ -64,7 +56,7 @@ impl Ladder {
             let trials = (-steps..=steps).map(|i| f64::from(i) * SCAN_STEP * 10f64.ln());
             let squared = trials.map(|log| {
                 let square = spectrum(&pooled.with(&own, log.exp())).1;
-                // Of shifts that are as good the smallest: tests that do not overlap allow many.
+                // Among equally good shifts the smallest: tests that do not overlap allow many.
                 (log, square * (1.0 + 1e-3 * log.abs()))
             });
             let best = squared.min_by(|a, b| a.1.total_cmp(&b.1)).map_or(0.0, |b| b.0);
@@ -125,15 +117,15 @@ impl Ladder {
             let best = starts
                 .iter()
                 .map(|tau_s| with_times(&reduced, tau_s))
-                .map(|(creep, _)| self.fitted(&self.thin, &creep, &log_shifts, GLANCE))
+                .map(|(creep, _)| self.fitted(&self.thin, &creep, &log_shifts, START_LIMITS))
                 .min_by(|a, b| a.solution.cost.total_cmp(&b.solution.cost));
             let Some(best) = best else { break };
-            let step = self.fitted(&self.tests, &best.creep, &best.solution.x[1 + 2 * n..], LIMITS);
+            let step = self.fitted(&self.tests, &best.creep, &best.solution.x[1 + 2 * n..], FIT_LIMITS);
             log_shifts = step.solution.x[1 + 2 * n..].to_vec();
             steps.push(step);
             self.weigh(&mut steps);
             let best = steps.iter().enumerate().min_by(|a, b| a.1.bic.total_cmp(&b.1.bic)).map_or(0, |b| b.0);
-            if n >= least && n >= best + IN_VAIN {
+            if n >= least && n >= best + MAX_VAIN_ELEMENTS {
                 break;
             }
         }
@@ -162,11 +154,11 @@ impl Ladder {
     fn weigh(&self, steps: &mut [Step]) {
         let Some(richest) = steps.last() else { return };
         let (n, records) = (self.samples() as f64, self.records());
-        let alike = self.alike(richest);
+        let reading_noise = self.reading_noise(richest);
         for step in steps {
             let columns = self.columns(step);
-            let square = alike.square(&free(&columns, step), &step.solution.residuals, &records);
-            let mean_square = (square / n).max(LEAST_SQUARE);
+            let square = reading_noise.square(&free(&columns, step), &step.solution.residuals, &records);
+            let mean_square = (square / n).max(LEAST_MEAN_SQUARE);
             let variables = self.variables(step.creep.elements.len()) as f64;
             step.bic = n * mean_square.ln() + variables * n.ln();
         }
@@ -180,8 +172,8 @@ impl Ladder {
     }
 
     /// The noise as a step leaves it.
-    pub(crate) fn alike(&self, step: &Step) -> Alike {
-        Alike::of(&free(&self.columns(step), step), &step.solution.residuals, &self.records())
+    pub(crate) fn reading_noise(&self, step: &Step) -> ReadingNoise {
+        ReadingNoise::of(&free(&self.columns(step), step), &step.solution.residuals, &self.records())
     }
 }
 

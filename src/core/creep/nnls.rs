@@ -3,10 +3,8 @@
 //! Each trial set of columns is solved by QR of the columns themselves, not by normal equations: exponentials of neighbouring
 //! retardation times are nearly parallel.
 
+use crate::creep::thresholds::NNLS_TOLERANCE;
 use nalgebra::{DMatrix, DVector};
-
-/// Gradient of a unit column below which nothing is to be gained, relative to the right-hand side's length.
-const TOLERANCE: f64 = 1e-10;
 
 /// The `x ≥ 0` that minimises `|a x - b|`; what is not needed is exactly 0. `a` has as many rows as `b`.
 pub fn nnls(a: &DMatrix<f64>, b: &DVector<f64>) -> DVector<f64> {
@@ -20,13 +18,13 @@ pub fn nnls(a: &DMatrix<f64>, b: &DVector<f64>) -> DVector<f64> {
     }
     let mut x = DVector::zeros(n);
     let mut passive: Vec<usize> = Vec::new();
-    // Columns that rounding made promise what they do not hold; they may come again once anything else has entered.
+    // Columns whose gain was only rounding; they may be tried again once another column has entered.
     let mut refused: Vec<usize> = Vec::new();
     for _ in 0..10 * n.max(1) {
         let gradient = unit.tr_mul(&(b - &unit * &x));
         let candidates = (0..n).filter(|j| !passive.contains(j) && !refused.contains(j) && norms[*j] > 0.0);
         let best = candidates.max_by(|&i, &j| gradient[i].total_cmp(&gradient[j]));
-        let Some(entering) = best.filter(|&j| gradient[j] > TOLERANCE * b.norm()) else { break };
+        let Some(entering) = best.filter(|&j| gradient[j] > NNLS_TOLERANCE * b.norm()) else { break };
         passive.push(entering);
         let mut solution = least_squares(&unit, b, &passive);
         if solution.as_ref().is_none_or(|s| s[passive.len() - 1] <= 0.0) {

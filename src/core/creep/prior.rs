@@ -1,4 +1,4 @@
-//! What of a creep test a surge can show, as knowledge before a calibration.
+//! The prior that a creep test gives a calibration: of the elements that a surge can show.
 //!
 //! An element much slower than the surge does not move during it, and one much faster cannot be told from the instantaneous modulus, which
 //! the wave speed already holds: neither is a parameter of the surge. What remains gets a lognormal prior for J and for τ.
@@ -9,16 +9,11 @@
 
 use crate::creep::CreepError;
 use crate::creep::file::{CreepFile, ElementTable};
+use crate::creep::thresholds::{SAME_TEMPERATURE_K, WIDEST_PRIOR};
+use crate::fit::problem::thresholds::VISIBLE_TIMES_PERIODS;
 use crate::model::prior::Prior;
 
-/// Retardation times that a surge can show, in its periods.
-pub const REACH: (f64, f64) = (0.01, 10.0);
-/// A prior wider than this, relative, says nothing more; also where the test has no standard error.
-const WIDEST: f64 = 2.3;
-/// Temperatures further apart than this differ, K.
-const SAME_TEMPERATURE_K: f64 = 1.0;
-
-/// What is known of the wall before the fit.
+/// The prior of the wall.
 #[derive(Debug, Clone, PartialEq)]
 pub struct WallPrior {
     /// Number of elements that the test shows; they are the model's first.
@@ -27,11 +22,11 @@ pub struct WallPrior {
     pub faster: bool,
     /// Of `J1_per_GPa`, `tau1_s`, … of these, and of the retardation times of any faster ones.
     pub priors: Vec<Prior>,
-    /// What was used, what was left out and why, in sentences.
+    /// Sentences on what was used, what was left out, and why.
     pub sentences: Vec<String>,
 }
 
-/// The prior of a wall in a surge of `period_s` at a water temperature; no standard deviation is less than `least_sd`, relative: a slow test
+/// The prior of a wall in a surge of `period_s` at a water temperature. No standard deviation is less than `least_sd`, relative: a slow test
 /// at larger strain is no surge. At most `most` elements.
 ///
 /// # Errors
@@ -47,21 +42,21 @@ pub fn wall_prior(
     let factor = match (file.factor_at(water_degc), file.reference_degc) {
         (Some(factor), Some(reference)) if (reference - water_degc).abs() > SAME_TEMPERATURE_K => {
             sentences.push(format!(
-                "the retardation times of the creep test at {reference} °C are taken {factor:.3} times at the water's {water_degc:.1} °C, by \
+                "the retardation times of the creep test at {reference} °C are multiplied by {factor:.3} for the water's {water_degc:.1} °C, by \
                  Arrhenius' law"
             ));
             factor
         }
         (None, Some(reference)) if (reference - water_degc).abs() > SAME_TEMPERATURE_K => {
             sentences.push(format!(
-                "the creep test was made at {reference} °C, the water has {water_degc:.1} °C, and no shift with temperature is known: its times \
-                 are taken as they are"
+                "the creep test was made at {reference} °C, the water has {water_degc:.1} °C, and the shift with temperature is not known: its times \
+                 are used as they are"
             ));
             1.0
         }
         _ => 1.0,
     };
-    let (shortest_s, longest_s) = (REACH.0 * period_s, REACH.1 * period_s);
+    let (shortest_s, longest_s) = (VISIBLE_TIMES_PERIODS.0 * period_s, VISIBLE_TIMES_PERIODS.1 * period_s);
     let mut own: Vec<(usize, ElementTable)> = file.elements.iter().cloned().enumerate().collect();
     for (_, e) in &mut own {
         e.tau_s *= factor;
@@ -91,8 +86,9 @@ pub fn wall_prior(
     if own.len() > most {
         return Err(CreepError::TooManyInReach { found: own.len(), most });
     }
-    let sd =
-        |value: f64, error: Option<f64>| error.map_or(WIDEST, |e| (e / value).max(least_sd).min(WIDEST.max(least_sd)));
+    let sd = |value: f64, error: Option<f64>| {
+        error.map_or(WIDEST_PRIOR, |e| (e / value).max(least_sd).min(WIDEST_PRIOR.max(least_sd)))
+    };
     let priors = own.iter().enumerate().flat_map(|(i, (_, e))| {
         let n = i + 1;
         [
@@ -116,8 +112,8 @@ pub fn wall_prior(
     let faster = shortest_s < first_s && own.len() < most;
     if faster {
         sentences.push(format!(
-            "the creep test's first reading is at {first_s:.3} s: what is faster lies in its J0, and the surge may show it; faster elements are \
-             added after the test's own (tau{} to {first_s:.3} s) while the record asks for them",
+            "the creep test's first reading is at {first_s:.3} s: faster creep is part of its J0, and the surge may show it; faster elements are \
+             added after the test's own (tau{} to {first_s:.3} s) while the record supports them",
             own.len() + 1
         ));
         // Two standard deviations either way.
@@ -158,9 +154,12 @@ mod tests {
         assert_eq!(names, ["J1_per_GPa", "tau1_s", "J2_per_GPa", "tau2_s"]);
         // 1% of the test is widened, 50% is kept.
         assert_eq!((known.priors[0].sd, known.priors[1].sd, known.priors[3].mean), (0.1, 0.5, 2.0));
-        let said = known.sentences.join("\n");
-        assert!(said.contains("element 1 of") && said.contains("instantaneous modulus"), "{said}");
-        assert!(said.contains("element 4 of") && said.contains("does not move during a surge"), "{said}");
+        let sentences = known.sentences.join("\n");
+        assert!(sentences.contains("element 1 of") && sentences.contains("instantaneous modulus"), "{sentences}");
+        assert!(
+            sentences.contains("element 4 of") && sentences.contains("does not move during a surge"),
+            "{sentences}"
+        );
         assert!(!known.faster, "the first reading is at a hundredth of the period");
         let none = wall_prior(&file(&[500.0]), 1.0, 20.0, 0.1, 5).unwrap_err().to_string();
         assert!(none.contains("none of the elements") && none.contains("5.0000e2 s"), "{none}");
@@ -187,8 +186,8 @@ mod tests {
     #[test]
     fn times_follow_the_temperature_where_a_law_is_known() {
         let mut known = file(&[2.0]);
-        let said = wall_prior(&known, 1.0, 30.0, 0.1, 5).unwrap().sentences.join("\n");
-        assert!(said.contains("no shift with temperature is known"), "{said}");
+        let sentences = wall_prior(&known, 1.0, 30.0, 0.1, 5).unwrap().sentences.join("\n");
+        assert!(sentences.contains("shift with temperature is not known"), "{sentences}");
         known.shift = Some(crate::creep::file::ShiftTable {
             activation_kj_mol: Some(100.0),
             activation_standard_error: None,

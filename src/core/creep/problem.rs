@@ -3,19 +3,9 @@
 //! `[ln J0, ln J_1, ln τ_1, …, ln a_1, …]`: a shift factor for each temperature but the reference.
 
 use crate::creep::spectrum::Samples;
+use crate::creep::thresholds::{LARGEST_COMPLIANCE, LARGEST_LOG_SHIFT, LEAST_COMPLIANCE, LOG_DIFFERENCE, TAU_RANGE};
 use crate::creep::{Creep, Element};
 use crate::fit::numeric::least_squares::Problem;
-
-/// Finite difference of a logarithm.
-const DIFFERENCE: f64 = 1e-6;
-/// Least compliance that a fit may take, of the largest measured.
-const LEAST: f64 = 1e-5;
-/// Largest: an element far slower than the test is seen by its slope alone.
-const LARGEST: f64 = 1e2;
-/// Retardation times that a fit may take: from the first sample's time times this, to the last one's times that.
-const TAU_RANGE: (f64, f64) = (0.2, 20.0);
-/// Largest logarithm of a shift factor: seven decades.
-const SHIFT: f64 = 16.0;
 
 /// One test with the number of its shift; none at the reference.
 pub(crate) struct Shifted {
@@ -36,7 +26,7 @@ impl<'a> CreepProblem<'a> {
     pub(crate) fn new(tests: &'a [Shifted], elements: usize, shifts: usize, span_s: (f64, f64)) -> Self {
         let all = tests.iter().flat_map(|t| &t.samples.compliance_per_pa);
         let largest = all.copied().fold(0.0, f64::max);
-        let (least, most) = ((LEAST * largest).ln(), (LARGEST * largest).ln());
+        let (least, most) = ((LEAST_COMPLIANCE * largest).ln(), (LARGEST_COMPLIANCE * largest).ln());
         let (short, long) = ((TAU_RANGE.0 * span_s.0).ln(), (TAU_RANGE.1 * span_s.1).ln());
         let bounds = |compliance: f64, tau: f64, shift: f64| {
             let mut all = vec![compliance];
@@ -44,7 +34,12 @@ impl<'a> CreepProblem<'a> {
             all.extend(vec![shift; shifts]);
             all
         };
-        CreepProblem { tests, elements, lower: bounds(least, short, -SHIFT), upper: bounds(most, long, SHIFT) }
+        CreepProblem {
+            tests,
+            elements,
+            lower: bounds(least, short, -LARGEST_LOG_SHIFT),
+            upper: bounds(most, long, LARGEST_LOG_SHIFT),
+        }
     }
 
     /// The variables of a creep and of logarithms of shifts, within the bounds.
@@ -90,7 +85,7 @@ impl Problem for CreepProblem<'_> {
         (&self.lower, &self.upper)
     }
     fn difference_step(&self, _j: usize) -> f64 {
-        DIFFERENCE
+        LOG_DIFFERENCE
     }
 }
 

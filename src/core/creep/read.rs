@@ -1,5 +1,6 @@
 //! A creep test from the text of a CSV file: a header line, a column of times, and one of compliance or of strain.
 
+use crate::creep::thresholds::{LEAST_SAMPLES, LONGEST_TEST_S, SOLIDS_PER_PA};
 use crate::creep::{CreepError, CreepTest};
 
 /// Columns of times, and seconds in their unit.
@@ -9,12 +10,6 @@ const COMPLIANCES: [(&str, f64); 3] =
     [("compliance_per_GPa", 1e-9), ("compliance_per_MPa", 1e-6), ("compliance_per_Pa", 1.0)];
 /// Columns of strain, and 1 in their unit.
 const STRAINS: [(&str, f64); 3] = [("strain", 1.0), ("strain_percent", 1e-2), ("strain_microstrain", 1e-6)];
-/// Compliances of solids, 1/Pa: from below diamond's to above a gel's.
-const SOLIDS: (f64, f64) = (1e-13, 1e-2);
-/// Longest test, s: a thousand years.
-const LONGEST_S: f64 = 3.2e10;
-/// Fewer samples tell nothing.
-const LEAST_SAMPLES: usize = 5;
 
 /// Reads a test; `stress_pa` is the constant stress of one that gives strains. `#` begins a comment line; columns that are none of these are
 /// left alone.
@@ -149,13 +144,13 @@ impl Columns {
                 self.value.2, &record[self.value.0]
             ));
         }
-        if !(SOLIDS.0..=SOLIDS.1).contains(&value) {
+        if !(SOLIDS_PER_PA.0..=SOLIDS_PER_PA.1).contains(&value) {
             return Err(format!(
                 "column '{}': {} gives {value:.1e} 1/Pa, which no solid has: check the column's unit and the stress",
                 self.value.2, &record[self.value.0]
             ));
         }
-        if time_s > LONGEST_S {
+        if time_s > LONGEST_TEST_S {
             return Err(format!("column '{}': {} is more than a thousand years", self.time.2, &record[self.time.0]));
         }
         Ok((time_s, value))

@@ -1,48 +1,40 @@
-//! What the numbers of a creep test alone do not say.
+//! Warnings about the fit of creep tests.
 
 use crate::creep::Creep;
-use crate::creep::fit::{CreepFit, MOST, OPEN, TestFit};
 use crate::creep::ladder::{Ladder, Step};
+use crate::creep::outcome::{CreepFit, TestFit};
 use crate::creep::problem::Shifted;
+use crate::creep::thresholds::{ALIKE_INFLATION, CONTRADICTING_NOISE, CREEPING_SHARE, MATERIAL_MARGIN};
+use crate::creep::thresholds::{MAX_ELEMENTS, OPEN_ERROR};
+use crate::fit::outcome::thresholds::STRONG_EVIDENCE;
 use crate::rig::material::MATERIALS;
 
-/// Fall of the Bayesian information criterion that is strong evidence (Kass & Raftery 1995).
-const STRONG: f64 = 6.0;
-/// Retarded compliance, as a share of J0, from which a wall creeps.
-const CREEPS: f64 = 0.05;
-/// How far compliances may lie beyond those of the library: other grades, and J0 of a test that begins late.
-const BEYOND: f64 = 1.5;
-/// How many times its noise a test is left at, from which on it contradicts the others.
-const CONTRADICT: f64 = 2.0;
-/// Variance of correlated residuals over that of independent ones from which a reader is told.
-const ALIKE: f64 = 3.0;
-
-/// Adds sentences: `room` elements could be tried at the most; `most_taken` if evidence would have had that many or more; `asked` if their number
-/// was said.
+/// Adds sentences: `room` elements could be tried at the most; `most_taken` if evidence chose as many as were tried; `asked` if their number
+/// was given.
 pub(crate) fn remark(fit: &mut CreepFit, ladder: &Ladder, step: &Step, (room, most_taken): (usize, bool), asked: bool) {
     let chosen = fit.creep.elements.len();
     let (shortest_s, longest_s) = fit.span_s();
     let none = fit.creep.elements.is_empty();
     fit.remarks.extend(implausible(&fit.creep));
-    if most_taken && chosen < MOST {
+    if most_taken && chosen < MAX_ELEMENTS {
         fit.remarks
             .push(format!("there are too few samples to try more than {chosen} elements: read more often, or longer"));
     } else if most_taken {
         fit.remarks.push(format!(
-            "more than {MOST} elements are not tried: the spectrum is broad, and these elements stand for it within the test's times alone"
+            "more than {MAX_ELEMENTS} elements are not tried: the spectrum is broad, and these elements stand for it within the test's times alone"
         ));
-    } else if none && !asked && fit.inflation > ALIKE {
+    } else if none && !asked && fit.inflation > ALIKE_INFLATION {
         fit.remarks.push(
             "no creep describes these readings, which fall, jump or start long after the load: check them against the file's description".into(),
         );
     } else if none && !asked {
-        fit.remarks.push("no creep shows above the noise: the material is elastic as far as this test tells".into());
+        fit.remarks.push("no creep shows above the noise: the material is elastic as far as this test shows".into());
     }
     for (k, e) in fit.creep.elements.iter().enumerate() {
         let at_bound = fit.at_bound[1 + 2 * k] || fit.at_bound[2 + 2 * k];
         if e.tau_s > longest_s {
             fit.remarks.push(format!(
-                "element {} is slower ({:.3e} s) than the test lasted ({longest_s:.3e} s): the test sees its rate, J/tau, and not the two \
+                "element {} is slower ({:.3e} s) than the test lasted ({longest_s:.3e} s): the test shows its rate, J/tau, but not the two \
                  apart; test longer",
                 k + 1,
                 e.tau_s
@@ -53,23 +45,23 @@ pub(crate) fn remark(fit: &mut CreepFit, ladder: &Ladder, step: &Step, (room, mo
                 k + 1,
                 e.tau_s
             ));
-        } else if !at_bound && fit.relative_errors[1 + 2 * k..=2 + 2 * k].iter().any(|e| *e > OPEN) {
+        } else if !at_bound && fit.relative_errors[1 + 2 * k..=2 + 2 * k].iter().any(|e| *e > OPEN_ERROR) {
             fit.remarks.push(format!("element {} is not determined by these readings: ask for fewer elements", k + 1));
         } else if at_bound {
             fit.remarks.push(format!("element {} ended at a bound of the fit: ask for fewer elements", k + 1));
         }
     }
-    if fit.inflation > ALIKE {
+    if fit.inflation > ALIKE_INFLATION {
         fit.remarks.push(format!(
-            "neighbouring residuals are alike, so that {:.0} samples count as one: errors and band are widened for it; a drift of gauge or \
-             temperature, or a load that changed, does that",
+            "neighbouring residuals are correlated, so {:.0} samples count as one: errors and band are widened for it; a drift of gauge or \
+             temperature, or a load that changed, causes it",
             fit.inflation
         ));
     }
     if ladder.shifts > 0 {
         apart(fit, ladder, step, room);
     }
-    // with too few elements each test is left far from its noise, whatever the others say
+    // with too few elements each test is left far from its noise, whatever the others show
     fit.remarks.extend(unlike(fit).filter(|_| !asked));
 }
 
@@ -77,9 +69,9 @@ pub(crate) fn remark(fit: &mut CreepFit, ladder: &Ladder, step: &Step, (room, mo
 fn unlike(fit: &CreepFit) -> Option<String> {
     let ratio = |t: &TestFit| t.rms_per_pa / t.noise_per_pa;
     let worst = fit.tests.iter().max_by(|a, b| ratio(a).total_cmp(&ratio(b)))?;
-    (fit.tests.len() > 1 && fit.shifts.is_empty() && ratio(worst) > CONTRADICT).then(|| {
+    (fit.tests.len() > 1 && fit.shifts.is_empty() && ratio(worst) > CONTRADICTING_NOISE).then(|| {
         format!(
-            "these tests are taken for ones at the same temperature and contradict each other: {} is left at {:.1} times its noise; where they were made \
+            "these tests are fitted as tests at one temperature and contradict each other: {} is left at {:.1} times its noise; where they were made \
              at several temperatures say --temperature-degC T1,T2,…, one a file",
             worst.test.file,
             ratio(worst)
@@ -87,7 +79,7 @@ fn unlike(fit: &CreepFit) -> Option<String> {
     })
 }
 
-/// A compliance that no wall of the library has, by its sentence. What creeps is none of the metals.
+/// A warning about a compliance that no wall of the library has. Metals do not creep.
 fn implausible(creep: &Creep) -> Option<String> {
     let of = |viscoelastic: bool| {
         let known = MATERIALS.iter().filter(move |m| m.viscoelastic == viscoelastic);
@@ -96,14 +88,14 @@ fn implausible(creep: &Creep) -> Option<String> {
     };
     let (plastics, metals) = (of(true), of(false));
     let retarded: f64 = creep.elements.iter().map(|e| e.compliance_per_pa).sum();
-    let creeps = retarded > CREEPS * creep.instantaneous_per_pa;
+    let creeps = retarded > CREEPING_SHARE * creep.instantaneous_per_pa;
     let least = if creeps { plastics.0 } else { metals.0 };
     let j0_per_gpa = 1e9 * creep.instantaneous_per_pa;
-    let plausible = least / BEYOND..=plastics.1 * BEYOND;
+    let plausible = least / MATERIAL_MARGIN..=plastics.1 * MATERIAL_MARGIN;
     (!plausible.contains(&j0_per_gpa)).then(|| {
         format!(
             "J0 = {j0_per_gpa:.3} 1/GPa would be a modulus of {:.3} GPa{}; walls that creep have {:.2} to {:.0} 1/GPa (glass fibre to soft \
-             polyethylene), metals {:.4} to {:.3}: check the unit that the column's name says, and the stress",
+             polyethylene), metals {:.4} to {:.3}: check the unit in the column's name, and the stress",
             1.0 / j0_per_gpa,
             if creeps { " of a wall that creeps" } else { "" },
             plastics.0,
@@ -114,7 +106,7 @@ fn implausible(creep: &Creep) -> Option<String> {
     })
 }
 
-/// Says where tests fitted apart, one temperature at a time, are described better than by shifted times.
+/// Warns where separate fits, one for each temperature, describe the tests better than shifted times.
 fn apart(fit: &mut CreepFit, ladder: &Ladder, step: &Step, room: usize) {
     let (mut square, mut variables, mut effective, mut worst) = (0.0, 0, 0.0, (0.0, String::new()));
     for group in std::iter::once(None).chain((0..ladder.shifts).map(Some)) {
@@ -133,8 +125,8 @@ fn apart(fit: &mut CreepFit, ladder: &Ladder, step: &Step, room: usize) {
             .sum();
         square += 2.0 * best.solution.cost;
         variables += alone.variables(best.creep.elements.len());
-        // Noise is what the fits apart leave: what a shift does not describe is on trial.
-        effective += alone.samples() as f64 / alone.alike(best).inflation().clamp(1.0, 20.0);
+        // The separate fits give the noise, for the shift is on trial.
+        effective += alone.samples() as f64 / alone.reading_noise(best).inflation().clamp(1.0, 20.0);
         let ratio = (together / (2.0 * best.solution.cost).max(f64::MIN_POSITIVE)).sqrt();
         if ratio > worst.0 {
             worst = (ratio, own.first().map_or(String::new(), |(_, f)| f.test.file.clone()));
@@ -143,7 +135,7 @@ fn apart(fit: &mut CreepFit, ladder: &Ladder, step: &Step, room: usize) {
     let n = ladder.samples() as f64;
     let together = ladder.variables(step.creep.elements.len()) as f64;
     let gain = effective * (2.0 * step.solution.cost / n).max(0.1).ln() - effective * (square / n).max(0.1).ln();
-    if gain - (variables as f64 - together) * effective.ln() > STRONG {
+    if gain - (variables as f64 - together) * effective.ln() > STRONG_EVIDENCE {
         fit.remarks.push(format!(
             "a shift of times does not describe these tests: fitted apart they leave less, {} by {:.2} times; compliances change with \
              temperature too, or loads and specimens differ",

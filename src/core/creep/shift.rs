@@ -1,17 +1,16 @@
-//! How retardation times go with temperature: Arrhenius' law, and that of Williams, Landel and Ferry.
+//! How retardation times depend on temperature: Arrhenius' law, and that of Williams, Landel and Ferry.
 //!
 //! `ln a_T = (E/R)(1/T - 1/T_ref)`; `log10 a_T = -C1 (T - T_ref)/(C2 + T - T_ref)` (Ferry 1980, ch. 11; J. Am. Chem. Soc. 77:3701, 1955).
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::fit::numeric::least_squares::{Limits, Problem, minimise};
+use crate::creep::thresholds::{MAX_C2_K, WLF_LIMITS};
+use crate::fit::numeric::least_squares::{Problem, minimise};
 
 /// Gas constant, J/(mol K).
-const GAS_CONSTANT: f64 = 8.314_462_618;
-const ZERO_DEGC_K: f64 = 273.15;
-/// `C2` from which its law cannot be told from one linear in the temperature, K.
-const MOST_C2_K: f64 = 1e4;
-const LIMITS: Limits = Limits { iterations: 200, cost_tolerance: 1e-14, step_tolerance: 1e-10, thorough: false };
+pub(crate) const GAS_CONSTANT: f64 = 8.314_462_618;
+/// 0 °C, K.
+pub(crate) const ZERO_DEGC_K: f64 = 273.15;
 
 /// The shift factor of one temperature: `τ_k(T) = a_T τ_k(T_ref)`.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -62,7 +61,7 @@ fn inverse_difference(reference_degc: f64, degc: f64) -> f64 {
     1.0 / (degc + ZERO_DEGC_K) - 1.0 / (reference_degc + ZERO_DEGC_K)
 }
 
-/// The laws of some shift factors, whose logarithms have this covariance; what is odd about them goes into `remarks`.
+/// The laws of some shift factors, whose logarithms have this covariance; warnings go into `remarks`.
 pub(crate) fn laws(
     reference_degc: f64,
     shifts: &[ShiftFactor],
@@ -88,12 +87,14 @@ pub(crate) fn laws(
         ));
     }
     if arrhenius.activation_j_mol < 0.0 {
-        remarks.push("the warmer the slower, say these factors: check which temperature belongs to which file".into());
+        remarks.push(
+            "by these factors a warmer wall creeps more slowly: check which temperature belongs to which file".into(),
+        );
     }
     let wlf = (shifts.len() >= 2).then(|| wlf(reference_degc, shifts, &whiten, &logs)).flatten();
     if shifts.len() >= 2 && wlf.is_none() {
         remarks.push(
-            "log a_T is as good as linear in temperature, or bends the other way: C1 and C2 of the law of Williams, Landel and Ferry stay \
+            "log a_T is nearly linear in temperature, or bends the other way: C1 and C2 of the law of Williams, Landel and Ferry stay \
              open"
                 .into(),
         );
@@ -162,10 +163,10 @@ fn wlf(reference_degc: f64, shifts: &[ShiftFactor], whiten: &DMatrix<f64>, logs:
     let differences_k: Vec<f64> = shifts.iter().map(|s| s.temperature_degc - reference_degc).collect();
     // The pole lies below the coldest test.
     let least_c2_k = 1.0 - differences_k.iter().copied().fold(0.0, f64::min);
-    let bounds = [(1e-3, 1e6), (least_c2_k, MOST_C2_K)].map(|(l, u): (f64, f64)| (l.ln(), u.ln()));
+    let bounds = [(1e-3, 1e6), (least_c2_k, MAX_C2_K)].map(|(l, u): (f64, f64)| (l.ln(), u.ln()));
     let problem = WlfProblem { differences_k, whiten, logs, lower: bounds.map(|b| b.0), upper: bounds.map(|b| b.1) };
     let starts = [20.0f64, 60.0, 200.0, 600.0].map(|c2| [(0.05 * c2).ln(), (c2 + least_c2_k).ln()]);
-    let solved = starts.iter().map(|start| match minimise(&problem, start, LIMITS, |_, _| {}) {
+    let solved = starts.iter().map(|start| match minimise(&problem, start, WLF_LIMITS, |_, _| {}) {
         Ok(solution) => solution,
         Err(never) => match never {},
     });
@@ -229,6 +230,6 @@ mod tests {
         let mut remarks = Vec::new();
         let (found, wlf) = laws(20.0, &factors(|t| Arrhenius::factor(-50e3, 20.0, t)), &covariance(), &mut remarks);
         assert!(found.unwrap().activation_j_mol < 0.0 && wlf.is_none());
-        assert!(remarks.iter().any(|r| r.contains("the warmer the slower")), "{remarks:?}");
+        assert!(remarks.iter().any(|r| r.contains("a warmer wall creeps more slowly")), "{remarks:?}");
     }
 }

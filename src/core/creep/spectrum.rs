@@ -3,12 +3,9 @@
 use nalgebra::{DMatrix, DVector};
 
 use crate::creep::nnls::nnls;
+use crate::creep::thresholds::NEIGHBOUR_RATIO;
+use crate::creep::thresholds::{GRID_PER_DECADE, THINNED_PER_DECADE};
 use crate::creep::{Creep, Element};
-
-/// Retardation times a decade of the grid.
-const PER_DECADE: f64 = 8.0;
-/// Spikes nearer than this ratio are one element.
-const NEIGHBOURS: f64 = 1.8;
 
 /// Samples as a fit takes them, of one temperature or reduced to one; all vectors of one length.
 #[derive(Debug, Clone, Default)]
@@ -22,11 +19,10 @@ pub(crate) struct Samples {
 }
 
 impl Samples {
-    /// Means over short stretches of log time, with their standard deviations: many samples a second late in a test say little more than a few.
+    /// Means over short stretches of log time, with their standard deviations: many samples a second late in a test show little more than a few.
     pub(crate) fn thinned(&self) -> Samples {
-        const PER_DECADE: f64 = 24.0;
         let mut thin = Samples::default();
-        let bin = |t: f64| if t > 0.0 { (t.log10() * PER_DECADE).floor() } else { f64::NEG_INFINITY };
+        let bin = |t: f64| if t > 0.0 { (t.log10() * THINNED_PER_DECADE).floor() } else { f64::NEG_INFINITY };
         let mut first = 0;
         for last in 1..=self.time_s.len() {
             if last < self.time_s.len() && bin(self.time_s[last]) == bin(self.time_s[first]) {
@@ -78,7 +74,7 @@ pub(crate) fn with_times(samples: &Samples, tau_s: &[f64]) -> (Creep, f64) {
 pub(crate) fn spectrum(samples: &Samples) -> (Creep, f64) {
     let (shortest_s, longest_s) = samples.span_s();
     let (from, to) = ((0.5 * shortest_s).ln(), (5.0 * longest_s).ln());
-    let steps = ((to - from) / 10f64.ln() * PER_DECADE).ceil().clamp(1.0, 200.0) as usize;
+    let steps = ((to - from) / 10f64.ln() * GRID_PER_DECADE).ceil().clamp(1.0, 200.0) as usize;
     let grid: Vec<f64> = (0..=steps).map(|i| (from + (to - from) * i as f64 / steps as f64).exp()).collect();
     let (mut creep, square) = with_times(samples, &grid);
     creep.elements.retain(|e| e.compliance_per_pa > 0.0);
@@ -92,7 +88,7 @@ pub(crate) fn merged(mut elements: Vec<Element>, most: usize) -> Vec<Element> {
     while elements.len() > 1 {
         let ratio = |k: &usize| elements[k + 1].tau_s / elements[*k].tau_s;
         let Some(k) = (0..elements.len() - 1).min_by(|a, b| ratio(a).total_cmp(&ratio(b))) else { break };
-        if elements.len() <= most && ratio(&k) > NEIGHBOURS {
+        if elements.len() <= most && ratio(&k) > NEIGHBOUR_RATIO {
             break;
         }
         let (a, b) = (elements[k], elements[k + 1]);

@@ -14,8 +14,8 @@ use crate::diagnose::limits::{
 use crate::fit::data::run_data::{RunData, SensorData};
 use crate::fit::numeric::least_squares::{Problem, jacobian};
 use crate::fit::outcome::fit::Fit;
-use crate::fit::problem::fit_problem::{Calibration, Window};
-use crate::fit::search::calibrate::Options;
+use crate::fit::problem::fit_problem::{FitProblem, Window};
+use crate::fit::search::options::Options;
 use crate::model::effects::{Chosen, Circumstances, vapour_head_m};
 use crate::model::{Model, ModelError};
 use crate::rig::{Coupling, Rig};
@@ -75,7 +75,7 @@ impl<'a> Baseline<'a> {
         let runs = binned(&model, recorded, &values, fit.reaches, reaches)?;
         let sizes = recorded.iter().zip(&runs).flat_map(|(a, b)| a.sensors.iter().zip(&b.sensors));
         let sizes: Vec<f64> = sizes.map(|(a, b)| (a.noise_m / b.noise_m).powi(2)).collect();
-        let problem = Calibration::new(&model, &runs, window(reaches));
+        let problem = FitProblem::new(&model, &runs, window(reaches));
         let x = problem.variables(&values);
         let all = problem.residuals(&x)?;
         let at_bound: Vec<bool> = fit.parameters.iter().map(|p| p.at_bound || p.held).collect();
@@ -152,8 +152,8 @@ impl<'a> Baseline<'a> {
     }
 
     /// The problem of fitting a model to the binned data.
-    pub fn problem<'m>(&'m self, model: &'m Model<'m>) -> Calibration<'m> {
-        Calibration::new(model, &self.runs, window(self.reaches))
+    pub fn problem<'m>(&'m self, model: &'m Model<'m>) -> FitProblem<'m> {
+        FitProblem::new(model, &self.runs, window(self.reaches))
     }
 
     /// The residuals of samples and flow meters, without those of priors.
@@ -236,7 +236,7 @@ fn binned(
     fine: usize,
     coarse: usize,
 ) -> Result<Vec<RunData>, ModelError> {
-    let problem = Calibration::new(model, runs, window(fine));
+    let problem = FitProblem::new(model, runs, window(fine));
     runs.iter()
         .enumerate()
         .map(|(r, run)| {

@@ -6,9 +6,10 @@ use crate::diagnose::limits::{CONTEST_ITERATIONS, LEAST_EVIDENCE, MOST_REACHES_W
 use crate::diagnose::refit::Refit;
 use crate::fit::data::run_data::RunData;
 use crate::fit::outcome::fit::{Fit, FittedParameter};
-use crate::fit::search::calibrate::{
-    Coarse, FitError, Options, Progress, approach, calibrate, refine, with_more_elements,
-};
+use crate::fit::outcome::uncertainty::Uncertainty;
+use crate::fit::problem::error::FitError;
+use crate::fit::search::calibrate::{CoarseFit, calibrate, fit_coarsely, refine, with_more_elements};
+use crate::fit::search::options::{Options, Progress};
 use crate::model::effects::{CERTAIN, Chosen, Circumstances};
 use crate::rig::Rig;
 
@@ -101,7 +102,7 @@ impl<'a> CandidateFit<'a> {
                 about: p.about,
                 run: None,
                 value,
-                standard_error: f64::NAN,
+                uncertainty: Uncertainty::NotAtOptimum,
                 interval_95: (f64::NEG_INFINITY, f64::INFINITY),
                 profile: None,
                 unit: p.unit,
@@ -196,13 +197,13 @@ impl FullFitter<'_> {
     }
 
     /// Fits coarsely from the signals.
-    pub(crate) fn coarse_fit(&self, refit: &Refit) -> Result<Coarse, FitError> {
+    pub(crate) fn coarse_fit(&self, refit: &Refit) -> Result<CoarseFit, FitError> {
         (self.progress)(&format!("{} from the signals", refit.form.effect));
         let mut effects = refit.effects.clone();
         if let Some(added) = effects.last_mut() {
             added.sensor = None;
         }
-        approach(self.rig, self.runs, &effects, self.options)
+        fit_coarsely(self.rig, self.runs, &effects, self.options)
     }
 
     /// Adds elements to an effect of the start model if their number was left open and the fit asks for more.

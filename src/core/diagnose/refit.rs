@@ -10,7 +10,7 @@ use crate::diagnose::limits::{
     FEW_PLACES, FORECAST_RANGE, REFINE, REFINED_STARTS, SCREEN, SCREENED_STARTS, STEP_PARTS, STRENGTHS,
 };
 use crate::fit::numeric::least_squares::{Problem, Solution, minimise};
-use crate::fit::problem::fit_problem::Calibration;
+use crate::fit::problem::fit_problem::FitProblem;
 use crate::model::effects::Chosen;
 use crate::model::parameter::{Parameter, Scale};
 use crate::model::{Model, ModelError};
@@ -71,7 +71,7 @@ pub fn screen(baseline: &Baseline, form: &Form) -> Result<Refit, ModelError> {
 /// The problem of fitting only the added parameters.
 struct Added<'g> {
     baseline: &'g Baseline<'g>,
-    problem: &'g Calibration<'g>,
+    problem: &'g FitProblem<'g>,
     /// The start model's variables, with the usual values of the added ones.
     usual: Vec<f64>,
     /// Prior mean and standard deviation of the added variables.
@@ -79,7 +79,7 @@ struct Added<'g> {
 }
 
 impl<'g> Added<'g> {
-    fn new(baseline: &'g Baseline, problem: &'g Calibration, model: &Model) -> Self {
+    fn new(baseline: &'g Baseline, problem: &'g FitProblem, model: &Model) -> Self {
         let parameters = &model.shared[baseline.shared..];
         let variables = |of: fn(&Parameter) -> f64| {
             problem.variables(&baseline.values_with(&parameters.iter().map(of).collect::<Vec<_>>()))
@@ -186,7 +186,7 @@ fn free(baseline: &Baseline, model: &Model) -> usize {
 
 /// Start values of the added parameters, the most promising first: sorted by how much of the residual their signature,
 /// projected off the fitted parameters, would remove.
-fn promising(baseline: &Baseline, model: &Model, problem: &Calibration, chosen: &Chosen) -> Vec<Vec<f64>> {
+fn promising(baseline: &Baseline, model: &Model, problem: &FitProblem, chosen: &Chosen) -> Vec<Vec<f64>> {
     let left = baseline.projected_dot(&baseline.residuals, &baseline.residuals);
     let mut scored: Vec<(f64, Vec<f64>)> = starts(&model.shared[baseline.shared..], chosen)
         .into_iter()

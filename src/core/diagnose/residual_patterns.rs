@@ -97,7 +97,7 @@ fn line(points: &[(f64, f64)]) -> Option<(f64, f64)> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fit::outcome::fit::ExtremumError;
+    use crate::fit::problem::compare::ExtremumError;
 
     fn sensor(late_s: f64, high_m: f64) -> SensorFit {
         let time_s: Vec<f64> = (0..5000).map(|i| f64::from(i) * 1e-3).collect();

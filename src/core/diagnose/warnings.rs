@@ -4,7 +4,8 @@
 use crate::diagnose::limits::NOT_FITTED;
 use crate::fit::data::run_data::RunData;
 use crate::fit::outcome::fit::Fit;
-use crate::fit::search::calibrate::{Options, with_more_elements};
+use crate::fit::search::calibrate::with_more_elements;
+use crate::fit::search::options::Options;
 use crate::fit::validate::conflict::{conflicts, faded_noise};
 use crate::model::effects::Chosen;
 use crate::rig::Rig;

@@ -1,16 +1,15 @@
-//! Each run by itself, and how its values go with temperature.
+//! Each run by itself, and how its values depend on temperature.
 
-use crate::fit::inference::interval::Z_95;
+use crate::fit::numeric::quantiles::Z_95;
 use crate::fit::outcome::fit::{Fit, FittedParameter};
-use crate::fit::search::calibrate::{Options, Progress, calibrate};
+use crate::fit::search::calibrate::calibrate;
+use crate::fit::search::options::{Options, Progress};
 use crate::model::effects::Chosen;
 use crate::rig::{Pipe, Rig, WaterProperties};
-use crate::temperature::law::{Role, inverse_kelvin, roles};
+use crate::temperature::law::{Role, inverse_kelvin, modulus_name, roles};
+use crate::temperature::member::{FamilyError, Member};
+use crate::temperature::thresholds::OPEN_RELATIVE_ERROR;
 use crate::temperature::trend::Line;
-use crate::temperature::{FamilyError, Member};
-
-/// Relative standard error from which a value counts as open.
-const OPEN: f64 = 1.0;
 
 /// Something of the model that may go with temperature: a shared parameter, or the modulus behind a wave speed.
 #[derive(Debug, Clone)]
@@ -23,7 +22,7 @@ pub struct Quantity {
     pub points: Vec<Point>,
     /// The line through them.
     pub trend: Option<Trend>,
-    /// What the laws of the joint fit say of it, over temperature; by run where a law is free.
+    /// Its values by the laws of the joint fit, over temperature; by run where a law is free.
     pub law: Vec<Banded>,
 }
 
@@ -75,7 +74,7 @@ impl Form {
     }
 }
 
-/// How a quantity goes with temperature, from the runs fitted apart.
+/// How a quantity depends on temperature, from the separate fits.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Trend {
     /// In which form it is a line.
@@ -149,7 +148,7 @@ pub(crate) fn apart(
     Ok(fits)
 }
 
-/// What may go with temperature, from fits of one model.
+/// The quantities that may depend on temperature, from fits of one model.
 ///
 /// # Errors
 /// A wave speed that no wall gives.
@@ -169,9 +168,9 @@ pub(crate) fn quantities(
         let mut points = Vec::new();
         for (r, member) in members.iter().enumerate() {
             let p = own(r);
-            let relative = p.standard_error / p.value.abs();
-            if p.at_bound || p.held || relative.is_nan() || relative > OPEN {
-                remarks.push(format!("{}: {} is not determined, so no line counts it", member.data.file, p.name));
+            let relative = p.standard_error() / p.value.abs();
+            if p.at_bound || p.held || relative.is_nan() || relative > OPEN_RELATIVE_ERROR {
+                remarks.push(format!("{}: {} is not determined, so the line leaves it out", member.data.file, p.name));
                 continue;
             }
             points.push(point(r, member.temperature_degc, p.value, relative, role != Role::Other));
@@ -197,18 +196,13 @@ pub(crate) fn quantities(
     for q in &found {
         if let Some(Trend { line, .. }) = q.trend.filter(|t| t.line.is_contradicted()) {
             remarks.push(format!(
-                "{}: the runs lie farther from its line than their own errors allow (chance {:.1e}); its interval is that of the scatter",
+                "{}: the runs scatter about its line by more than their errors (chance {:.1e}); its interval is that of the scatter",
                 q.name,
                 line.chance.unwrap_or(f64::NAN)
             ));
         }
     }
     Ok(found)
-}
-
-/// What a pipe's modulus is called.
-pub(crate) fn modulus_name(wave_speed: &str) -> String {
-    wave_speed.replace("wave_speed_m_s", "E0_GPa")
 }
 
 fn point(run: usize, temperature_degc: f64, value: f64, relative: f64, log: bool) -> Point {
@@ -232,7 +226,7 @@ fn moduli(pipe: &Pipe, members: &[Member], speeds: &[Point]) -> Result<Vec<Point
     speeds.iter().map(of).collect()
 }
 
-/// Young's modulus behind a wave speed, GPa, and how its logarithm goes with that of the wave speed: `2/(1 - (a/c)²)` by Korteweg's law.
+/// Young's modulus behind a wave speed, GPa, and how its logarithm depends on that of the wave speed: `2/(1 - (a/c)²)` by Korteweg's law.
 fn modulus(pipe: &Pipe, water: &WaterProperties, wave_speed_m_s: f64) -> Option<(f64, f64)> {
     let modulus_pa = pipe.youngs_modulus_for_wave_speed(water, wave_speed_m_s)?;
     Some((modulus_pa * 1e-9, 2.0 / (1.0 - (wave_speed_m_s / water.sound_speed_m_s()).powi(2))))

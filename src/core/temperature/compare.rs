@@ -1,18 +1,16 @@
 //! Do the laws describe the runs? The fit under them against the fits apart, of which it is a special case.
 
+use crate::temperature::thresholds::LAWS_SIGNIFICANCE;
 use statrs::distribution::{ContinuousCDF, FisherSnedecor};
 
-/// Chance below which what the laws leave is more than noise.
-const SIGNIFICANT: f64 = 0.01;
-
-/// What the comparison says.
+/// The verdict of the comparison.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Verdict {
-    /// What the laws leave more than the fits apart is noise.
+    /// The laws leave no more than the separate fits but noise.
     Describe,
-    /// It is more than noise, but not so much more that each run's own parameters would be worth their number.
+    /// They leave more than noise, but too little to justify parameters of each run's own.
     Nearly,
-    /// The runs ask for parameters of their own.
+    /// The runs need parameters of their own.
     Fail,
 }
 
@@ -27,7 +25,7 @@ impl Verdict {
     }
 }
 
-/// F-test (Draper & Smith 1998, ch. 6) and Bayesian information criterion, both with as many samples as would say as much in white noise.
+/// F-test (Draper & Smith 1998, ch. 6) and Bayesian information criterion, both with the number of samples that would be as informative in white noise.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Comparison {
     /// Mean square a parameter saved, over that of the fits apart.
@@ -38,7 +36,7 @@ pub struct Comparison {
     pub chance: f64,
     /// Criterion of the fit together minus that of the fits apart: below zero the laws are preferred.
     pub bic_difference: f64,
-    /// What follows.
+    /// The verdict.
     pub verdict: Verdict,
 }
 
@@ -51,7 +49,7 @@ pub(crate) struct Sums {
     /// Samples.
     pub samples: usize,
     /// What noise makes the laws leave more, a parameter that they save: 1 where it is white and as large as believed.
-    pub noise_a_parameter: f64,
+    pub noise_per_parameter: f64,
     /// Parameters of the fits apart.
     pub apart_parameters: usize,
     /// Parameters that the laws save.
@@ -60,17 +58,17 @@ pub(crate) struct Sums {
 
 /// None where the laws save no parameter.
 pub(crate) fn compare(sums: &Sums) -> Option<Comparison> {
-    // Samples that would say as much of the parameters if their noise were white.
-    // Less noise than believed is none known.
+    // The number of samples that would be as informative if their noise were white.
+    // The believed noise is a lower limit.
     let square = sums.apart.max(sums.samples as f64);
-    let effective = square / sums.noise_a_parameter;
+    let effective = square / sums.noise_per_parameter;
     let (q, left) = (sums.saved as f64, effective - sums.apart_parameters as f64);
     let more = (sums.together - sums.apart).max(0.0);
     let law = FisherSnedecor::new(q, left).ok()?;
     let f = more / q / (square / left);
     let chance = law.sf(f);
     let bic_difference = effective * (more / square).ln_1p() - q * effective.ln();
-    let verdict = match (chance < SIGNIFICANT, bic_difference < 0.0) {
+    let verdict = match (chance < LAWS_SIGNIFICANCE, bic_difference < 0.0) {
         (false, _) => Verdict::Describe,
         (true, true) => Verdict::Nearly,
         (true, false) => Verdict::Fail,
@@ -82,8 +80,8 @@ pub(crate) fn compare(sums: &Sums) -> Option<Comparison> {
 mod tests {
     use super::*;
 
-    fn sums(more: f64, noise_a_parameter: f64, saved: usize) -> Sums {
-        Sums { apart: 1020.0, together: 1020.0 + more, samples: 1020, noise_a_parameter, apart_parameters: 20, saved }
+    fn sums(more: f64, noise_per_parameter: f64, saved: usize) -> Sums {
+        Sums { apart: 1020.0, together: 1020.0 + more, samples: 1020, noise_per_parameter, apart_parameters: 20, saved }
     }
 
     /// F0.01(4, 1000) is 3.338 (scipy 1.17, `f.isf(0.01, 4, 1000)` = 3.3380): more squares than 4 · 3.338 are more than noise.
@@ -95,7 +93,7 @@ mod tests {
         assert!(over.verdict == Verdict::Nearly && over.bic_difference < 0.0, "{over:?}");
         // 1020 ln(1.04) = 40 is more than 4 ln 1020 = 27.7.
         assert_eq!(compare(&sums(1.02 * 40.0, 1.0, 4)).unwrap().verdict, Verdict::Fail);
-        // Where noise alone makes ten a parameter the same squares say a tenth.
+        // Where noise alone makes ten a parameter the same squares are a tenth of the evidence.
         let tenth = compare(&sums(1.02 * 40.0, 10.0, 4)).unwrap();
         assert!(tenth.verdict == Verdict::Describe && (tenth.f - 1.0).abs() < 0.25, "{tenth:?}");
         assert_eq!(compare(&sums(-10.0, 1.0, 4)).unwrap().f, 0.0);

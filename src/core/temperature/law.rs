@@ -1,15 +1,9 @@
 //! Laws of the temperature: from what all runs share to what each run's model takes.
 
-use crate::creep::shift::Arrhenius;
+use crate::creep::shift::{Arrhenius, GAS_CONSTANT, ZERO_DEGC_K};
 use crate::model::parameter::{Parameter, Scale};
 use crate::rig::{Rig, WaterProperties};
-use crate::temperature::apart::modulus_name;
-
-/// Gas constant, J/(mol K).
-const GAS_CONSTANT: f64 = 8.314_462_618;
-const ZERO_DEGC_K: f64 = 273.15;
-/// Most that a modulus or a compliance may change a K.
-const MOST_RATE_PER_K: f64 = 0.3;
+use crate::temperature::thresholds::MAX_RATE_PER_K;
 
 /// How retardation times shift with temperature, all by one factor: `tau_k(T) = a_T tau_k(T0)`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -44,7 +38,7 @@ pub struct Laws {
     pub vertical: bool,
 }
 
-/// What a shared parameter of the model is to temperature.
+/// The role of a shared parameter in the laws.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Role {
     /// Of a pipe: its modulus and the water's give it.
@@ -73,6 +67,11 @@ pub(crate) fn roles(pipes: usize, names: &[&str]) -> Vec<Role> {
 /// `(1/T - 1/T_ref)/R`, mol/J: what an activation energy multiplies.
 pub(crate) fn inverse_kelvin(reference_degc: f64, degc: f64) -> f64 {
     (1.0 / (degc + ZERO_DEGC_K) - 1.0 / (reference_degc + ZERO_DEGC_K)) / GAS_CONSTANT
+}
+
+/// The name of a pipe's modulus, from that of its wave speed.
+pub(crate) fn modulus_name(wave_speed: &str) -> String {
+    wave_speed.replace("wave_speed_m_s", "E0_GPa")
 }
 
 /// What a parameter of the laws does.
@@ -133,7 +132,7 @@ impl<'a> LawModel<'a> {
     }
 
     fn rate(&mut self, name: String, about: &'static str, kind: Kind) {
-        self.add(kind, Parameter::linear(name, "1/K", about, 0.0, -MOST_RATE_PER_K, MOST_RATE_PER_K));
+        self.add(kind, Parameter::linear(name, "1/K", about, 0.0, -MAX_RATE_PER_K, MAX_RATE_PER_K));
     }
 
     fn add_own(&mut self, j: usize, parameter: &Parameter, modulus_free: bool, runs: &[(f64, String)]) {
@@ -188,7 +187,7 @@ impl<'a> LawModel<'a> {
         }
     }
 
-    /// Whether what it says holds between the runs' temperatures, too.
+    /// Whether it also holds between the runs' temperatures.
     pub fn is_a_law(&self) -> bool {
         !self.kinds.iter().any(|k| matches!(k, Kind::Factor(_) | Kind::Modulus(_, Some(_))))
     }

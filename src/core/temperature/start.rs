@@ -1,19 +1,14 @@
-//! Where a fit together starts: the laws' values by generalised least squares over the runs' own values with their covariances.
+//! Where a joint fit starts: the laws' values by generalised least squares over the runs' own values with their covariances.
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::fit::numeric::least_squares::{Limits, Problem, minimise};
+use crate::fit::numeric::least_squares::{Problem, minimise};
 use crate::fit::outcome::fit::Fit;
 use crate::model::parameter::Parameter;
 use crate::rig::WaterProperties;
-use crate::temperature::Member;
 use crate::temperature::law::{LawModel, is_log};
-
-const LIMITS: Limits = Limits { iterations: 300, cost_tolerance: 1e-10, step_tolerance: 1e-10, thorough: false };
-/// Least standard error of a variable: a run without noise must not weigh infinitely.
-const LEAST_ERROR: f64 = 1e-6;
-/// Correlations are taken for this part of themselves, so that what two parameters share entirely leaves their matrix regular.
-const KEPT: f64 = 0.9999;
+use crate::temperature::member::Member;
+use crate::temperature::thresholds::{KEPT_CORRELATION, LEAST_ERROR, START_LIMITS};
 
 /// A variable of a law or of the model.
 pub(crate) fn to_variable(parameter: &Parameter, value: f64) -> f64 {
@@ -25,7 +20,7 @@ pub(crate) fn to_value(parameter: &Parameter, variable: f64) -> f64 {
     if is_log(parameter) { variable.exp() } else { variable }
 }
 
-/// What one run says of the shared parameters.
+/// The shared parameters of one run's own fit.
 struct Own {
     run: usize,
     degc: f64,
@@ -49,14 +44,14 @@ impl Own {
     fn of(run: usize, member: &Member, fit: &Fit, shared: &[Parameter]) -> Own {
         let error = |j: usize| {
             let p = &fit.parameters[j];
-            p.standard_error / if is_log(&shared[j]) { p.value } else { 1.0 }
+            p.standard_error() / if is_log(&shared[j]) { p.value } else { 1.0 }
         };
         let open = |j: usize| fit.parameters[j].at_bound || fit.parameters[j].held || !error(j).is_finite();
         let determined: Vec<usize> = (0..shared.len()).filter(|&j| !open(j)).collect();
         let n = determined.len();
         let covariance = DMatrix::from_fn(n, n, |a, b| {
             let (i, j) = (determined[a], determined[b]);
-            let alike = if a == b { 1.0 } else { KEPT * fit.correlation[i][j] };
+            let alike = if a == b { 1.0 } else { KEPT_CORRELATION * fit.correlation[i][j] };
             let both = error(i).max(LEAST_ERROR) * error(j).max(LEAST_ERROR);
             if alike.is_finite() { alike * both } else { 0.0 }
         });
@@ -75,9 +70,9 @@ impl Problem for Summary<'_> {
         let values: Vec<f64> = self.law.parameters.iter().zip(x).map(|(p, &v)| to_value(p, v)).collect();
         let mut out = Vec::new();
         for own in &self.runs {
-            let (said, _) = self.law.shared(&values, own.degc, &own.water, Some(own.run));
-            let said = own.determined.iter().map(|&j| to_variable(&self.shared[j], said[j]));
-            let left = &own.variables - DVector::from_iterator(own.determined.len(), said);
+            let (by_law, _) = self.law.shared(&values, own.degc, &own.water, Some(own.run));
+            let by_law = own.determined.iter().map(|&j| to_variable(&self.shared[j], by_law[j]));
+            let left = &own.variables - DVector::from_iterator(own.determined.len(), by_law);
             out.extend((&own.whiten * left).iter());
         }
         Ok(out)
@@ -108,7 +103,7 @@ pub(crate) fn from_apart(law: &LawModel, shared: &[Parameter], members: &[Member
     let (lower, upper) = bounds_of(&law.parameters);
     let start: Vec<f64> = law.parameters.iter().map(|p| to_variable(p, p.start)).collect();
     let problem = Summary { law, shared, runs, lower, upper };
-    match minimise(&problem, &start, LIMITS, |_, _| {}) {
+    match minimise(&problem, &start, START_LIMITS, |_, _| {}) {
         Ok(solution) => solution.x,
         Err(never) => match never {},
     }

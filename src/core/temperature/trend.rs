@@ -1,13 +1,11 @@
 //! A straight line through values of known errors, with 95% intervals (Draper & Smith, *Applied Regression Analysis*, 1998, ch. 1-2, 9).
 
+use crate::temperature::thresholds::SCATTER_SIGNIFICANCE;
 use statrs::distribution::{ChiSquared, ContinuousCDF, Normal, StudentsT};
-
-/// Chance below which the values' scatter about the line is more than their errors.
-const SIGNIFICANT: f64 = 0.05;
 
 /// `y = at_zero + slope x`.
 ///
-/// Where the values lie about the line as their errors say, the errors decide its intervals. Where they scatter more, which χ² at 5% tells,
+/// Where the values scatter about the line as their errors predict, the errors decide its intervals. Where they scatter more, by χ² at 5%,
 /// the scatter does, with Student's t of two degrees of freedom fewer than values.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Line {
@@ -46,7 +44,7 @@ impl Line {
             weights.iter().zip(x.iter().zip(y)).map(|(w, (x, y))| w * (y - at_zero - slope * x).powi(2)).sum();
         let freedom = x.len() - 2;
         let chance = ChiSquared::new(freedom as f64).ok().filter(|_| freedom > 0).map(|law| law.sf(square));
-        let scattered = chance.is_some_and(|p| p < SIGNIFICANT);
+        let scattered = chance.is_some_and(|p| p < SCATTER_SIGNIFICANCE);
         let (widening, quantile) = if scattered {
             (
                 square / freedom as f64,
@@ -81,7 +79,7 @@ impl Line {
 
     /// The values scatter about it by more than their errors.
     pub fn is_contradicted(&self) -> bool {
-        self.chance.is_some_and(|p| p < SIGNIFICANT)
+        self.chance.is_some_and(|p| p < SCATTER_SIGNIFICANCE)
     }
 }
 

@@ -1,21 +1,17 @@
-//! How the valve of a fitted run closed, by the head measured before it, and what simple laws say of the same curve.
+//! How the valve of a fitted run closed, from the head measured before it, and how well simple laws describe that curve.
 
 use crate::fit::data::run_data::RunData;
-use crate::fit::numeric::least_squares::{Limits, Problem, minimise};
 use crate::fit::outcome::fit::Fit;
-use crate::fit::problem::fit_problem::{Calibration, Window};
-use crate::fit::search::calibrate::{EVIDENCE, FitError};
+use crate::fit::outcome::thresholds::STRONG_EVIDENCE;
+use crate::fit::problem::error::FitError;
+use crate::fit::problem::fit_problem::{FitProblem, Window};
+use crate::fit::problem::valve_curve::{TwoStage, effective_closing_s, read_back, valve_sensor};
+use crate::model::Model;
 use crate::model::effects::{Chosen, parse_list};
-use crate::model::valve_from_head::{ValveCurve, valve_from_head};
-use crate::model::{Model, ModelError, Resolution};
+use crate::model::valve_from_head::ValveCurve;
 use crate::rig::Rig;
 use crate::valve::shift::{LawErrors, Shift, errors_of, shifts_of};
-
-/// How far from the valve a sensor may be to stand for the head before it, as a share of the pipe's length.
-const AT_THE_VALVE: f64 = 0.01;
-/// What is read beyond the fitted closing time, as a multiple of it: the valve may have taken longer.
-const BEYOND: f64 = 2.0;
-const LIMITS: Limits = Limits { iterations: 100, cost_tolerance: 1e-10, step_tolerance: 1e-10, thorough: false };
+use crate::valve::thresholds::LAW_SHARE;
 
 /// The valve of one run.
 #[derive(Debug, Clone)]
@@ -32,86 +28,63 @@ pub struct ValveClosure {
     pub effective_closing_s: Option<f64>,
     /// Opening in two linear stages nearest to the curve.
     pub two_stage: TwoStage,
-    /// What the laws leave of the measured head.
+    /// The error of each law against the measured head.
     pub errors: LawErrors,
     /// The curve again with other wave speeds and creep.
     pub shifts: Vec<Shift>,
 }
 
-/// Linear from `(0, 1)` to `(inflection_s, inflection_opening)`, then to `(closing_s, 0)`.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct TwoStage {
-    /// When the valve changes its speed, s.
-    pub inflection_s: f64,
-    /// Its opening then.
-    pub inflection_opening: f64,
-    /// When it is closed, s.
-    pub closing_s: f64,
-    /// What the curve differs from it by, rms, of the opening.
-    pub rms: f64,
-}
-
 /// The effect whose law a valve may follow instead of the linear one.
 const LAW: &str = "valve-law";
 
-/// A fit whose valve closes by the law that the records ask for.
+/// A fit whose valve closes by the law that the records support.
 #[derive(Debug, Clone)]
-pub struct Lawful {
+pub struct ValveLawChoice {
     /// The fit.
     pub fit: Fit,
-    /// What two stages bring over a straight line, as a fall of BIC; none where the effects asked for settle the law.
+    /// Evidence for two stages over a straight line, as a fall of BIC; none where the given effects decide the law.
     pub evidence: Option<f64>,
     /// Whether two stages were taken: strong evidence, and most of what a straight line left beyond the noise.
     pub two_stages: bool,
 }
 
-/// Part of the square beyond the noise that a law of the valve has to take off to be the valve's.
-const HALF: f64 = 0.5;
-
-/// The fit of some effects with a linear valve, or with two stages where these take off most of what that leaves; as asked where a law is among the
+/// The fit of some effects with a linear valve, or with two stages where these remove most of its error; as given where a law is among the
 /// effects, or one that excludes it. `fitted` fits.
 ///
 /// # Errors
 /// As `fitted`.
-pub fn with_its_law<E>(effects: &[Chosen], fitted: impl Fn(&[Chosen]) -> Result<Fit, E>) -> Result<Lawful, E> {
+pub fn choose_valve_law<E>(
+    effects: &[Chosen],
+    fitted: impl Fn(&[Chosen]) -> Result<Fit, E>,
+) -> Result<ValveLawChoice, E> {
     let linear = fitted(effects)?;
     let settles =
         |c: &Chosen| c.effect.name().starts_with(LAW) || c.effect.excludes().iter().any(|(name, _)| *name == LAW);
     if effects.iter().any(settles) {
-        return Ok(Lawful { fit: linear, evidence: None, two_stages: false });
+        return Ok(ValveLawChoice { fit: linear, evidence: None, two_stages: false });
     }
     let law = parse_list(LAW).unwrap_or_default();
     let staged = fitted(&[&linear.effects[..], &law].concat())?;
     let evidence = staged.evidence_over(&linear);
-    // A pipe that lacks something is mended a little by any law of the valve.
+    // Any law of the valve improves the fit of a pipe that lacks something a little.
     let beyond_noise = |fit: &Fit| {
         let (rmse_m, noise_m) = fit.pooled();
         (rmse_m.powi(2) - noise_m.powi(2)).max(0.0)
     };
-    let two_stages = evidence > EVIDENCE && beyond_noise(&staged) <= HALF * beyond_noise(&linear);
-    Ok(Lawful { fit: if two_stages { staged } else { linear }, evidence: Some(evidence), two_stages })
-}
-
-/// Index of the pressure sensor of a run that shows the head before the valve.
-///
-/// # Errors
-/// If none stands there.
-pub fn valve_sensor(rig: &Rig, run: &RunData) -> Result<usize, FitError> {
-    let within_m = AT_THE_VALVE * rig.length_m();
-    let found = run.sensors.iter().position(|s| rig.length_m() - s.sensor.position_m <= within_m);
-    found.ok_or_else(|| FitError::NoValveSensor { file: run.file.clone(), within_m })
+    let two_stages = evidence > STRONG_EVIDENCE && beyond_noise(&staged) <= LAW_SHARE * beyond_noise(&linear);
+    Ok(ValveLawChoice { fit: if two_stages { staged } else { linear }, evidence: Some(evidence), two_stages })
 }
 
 /// The closure of run `r` of a fit, simulated up to the valve by the fit's model with the measured head at its end.
 ///
 /// # Errors
-/// No run `r`, no sensor at the valve, or what [`valve_from_head`] refuses.
+/// No run `r`, no sensor at the valve, or what [`crate::model::valve_from_head::valve_from_head`] refuses.
 pub fn closure_of(rig: &Rig, runs: &[RunData], fit: &Fit, r: usize) -> Result<ValveClosure, FitError> {
     let run = runs.get(r).ok_or(FitError::NoRun)?;
     let at_valve = valve_sensor(rig, run)?;
     let model = Model::new(rig, &run.conditions.water, &fit.effects);
     let window = Window { reaches: fit.reaches, horizon_s: f64::INFINITY, stride: 1 };
-    let problem = Calibration::new(&model, runs, window);
+    let problem = FitProblem::new(&model, runs, window);
     let values = fit.values();
     let own = problem.run_values(r, &values);
     let sensor = &run.sensors[at_valve];
@@ -127,137 +100,4 @@ pub fn closure_of(rig: &Rig, runs: &[RunData], fit: &Fit, r: usize) -> Result<Va
         two_stage,
         curve,
     })
-}
-
-/// The valve's curve of run `r` by its head at `sensor`, to twice the closing time that is among the `values`.
-///
-/// # Errors
-/// As [`valve_from_head`].
-pub(crate) fn read_back(
-    problem: &Calibration,
-    r: usize,
-    values: &[f64],
-    sensor: usize,
-    reaches: usize,
-) -> Result<ValveCurve, ModelError> {
-    let run = &problem.runs[r];
-    let (start, offset) = (problem.closure_start_s(r, values), problem.offset_m(r, sensor, values));
-    let own = problem.run_values(r, values);
-    let seen = &run.sensors[sensor];
-    let from = seen.time_s.partition_point(|&t| t < start);
-    let time_s: Vec<f64> = seen.time_s[from..].iter().map(|t| t - start).collect();
-    let head_m: Vec<f64> = seen.head_m[from..].iter().map(|h| h - offset).collect();
-    let duration_s = (BEYOND * own.closing_time_s).min(time_s.last().copied().unwrap_or(0.0));
-    let resolution = Resolution { reaches, duration_s };
-    let shared = &values[..problem.model.shared.len()];
-    valve_from_head(problem.model, &run.conditions, shared, &own, resolution, (&time_s, &head_m))
-}
-
-/// Between where the opening first falls below 90% and below 10%, over 80%; straight from sample to sample.
-pub(crate) fn effective_closing_s(curve: &ValveCurve) -> Option<f64> {
-    let points: Vec<(f64, f64)> = curve.time_s.iter().copied().zip(curve.opening.iter().copied()).collect();
-    let below = |level: f64| {
-        let at = points.iter().position(|(_, opening)| *opening <= level)?;
-        let (t, opening) = points[at];
-        let before = at.checked_sub(1).map(|i| points[i]).filter(|(_, before)| before.is_finite() && *before > opening);
-        Some(before.map_or(t, |(from, before)| t - (t - from) * (level - opening) / (before - opening)))
-    };
-    Some((below(0.1)? - below(0.9)?) / 0.8)
-}
-
-/// A bend less than this of the opening off the straight line is none, nor one less than twice what the law leaves of the curve.
-const NO_BEND: (f64, f64) = (0.02, 2.0);
-
-impl TwoStage {
-    /// How far the inflection lies off the straight line from open to closed, of the opening.
-    pub fn bend(&self) -> f64 {
-        self.inflection_opening - (1.0 - self.inflection_s / self.closing_s)
-    }
-
-    /// Whether a straight line does as well: then the inflection may lie anywhere on it.
-    pub fn straight(&self) -> bool {
-        self.bend().abs() < NO_BEND.0.max(NO_BEND.1 * self.rms)
-    }
-
-    /// The opening at a time after the start of the closure.
-    pub fn opening(&self, time_s: f64) -> f64 {
-        let (inflection_s, opening) = (self.inflection_s, self.inflection_opening);
-        if time_s < inflection_s {
-            1.0 - (1.0 - opening) * time_s / inflection_s
-        } else {
-            opening * ((self.closing_s - time_s) / (self.closing_s - inflection_s)).max(0.0)
-        }
-    }
-
-    /// Least squares from the linear closure with its kink in nine places.
-    pub(crate) fn nearest(curve: &ValveCurve, closing_s: f64) -> Self {
-        let points: Vec<(f64, f64)> =
-            curve.time_s.iter().copied().zip(curve.opening.iter().copied()).filter(|(_, o)| o.is_finite()).collect();
-        let law = Law { points, lower: [0.3 * closing_s, 0.02, 0.0], upper: [BEYOND * closing_s, 0.98, 1.0] };
-        let starts = [0.25, 0.5, 0.75].iter().flat_map(|t| [-0.2, 0.0, 0.2].map(|off| [closing_s, *t, 1.0 - t + off]));
-        let found = starts.filter_map(|start| minimise(&law, &start, LIMITS, |_, _| {}).ok());
-        let best = found.min_by(|a, b| a.cost.total_cmp(&b.cost));
-        let n = law.points.len().max(1) as f64;
-        best.map_or(
-            TwoStage { inflection_s: f64::NAN, inflection_opening: f64::NAN, closing_s: f64::NAN, rms: f64::NAN },
-            |s| TwoStage { rms: (2.0 * s.cost / n).sqrt(), ..TwoStage::of(&s.x) },
-        )
-    }
-
-    /// Of the variables closing time, kink as a part of it, opening at the kink.
-    fn of(x: &[f64]) -> Self {
-        TwoStage { inflection_s: x[1] * x[0], inflection_opening: x[2], closing_s: x[0], rms: f64::NAN }
-    }
-}
-
-/// The law as a least-squares problem.
-struct Law {
-    points: Vec<(f64, f64)>,
-    lower: [f64; 3],
-    upper: [f64; 3],
-}
-
-impl Problem for Law {
-    type Error = std::convert::Infallible;
-
-    fn residuals(&self, x: &[f64]) -> Result<Vec<f64>, Self::Error> {
-        let law = TwoStage::of(x);
-        Ok(self.points.iter().map(|(t, opening)| opening - law.opening(*t)).collect())
-    }
-
-    fn bounds(&self) -> (&[f64], &[f64]) {
-        (&self.lower, &self.upper)
-    }
-
-    fn difference_step(&self, j: usize) -> f64 {
-        1e-6 * self.upper[j]
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn curve(law: impl Fn(f64) -> f64) -> ValveCurve {
-        let time_s: Vec<f64> = (0..400).map(|i| f64::from(i) * 0.5e-3).collect();
-        let opening = time_s.iter().map(|t| law(*t)).collect();
-        ValveCurve { velocity_m_s: vec![0.0; time_s.len()], time_s, opening }
-    }
-
-    #[test]
-    fn two_stages_are_found_again() {
-        let truth = TwoStage { inflection_s: 0.03, inflection_opening: 0.35, closing_s: 0.11, rms: 0.0 };
-        let found = TwoStage::nearest(&curve(|t| truth.opening(t)), 0.1);
-        assert!((found.inflection_s - 0.03).abs() < 1e-4, "{found:?}");
-        assert!((found.inflection_opening - 0.35).abs() < 1e-3 && (found.closing_s - 0.11).abs() < 1e-4, "{found:?}");
-        assert!(found.rms < 1e-4 && !found.straight() && (found.bend() - (0.35 - 8.0 / 11.0)).abs() < 0.01);
-        assert!(TwoStage::nearest(&curve(|t| (1.0 - t / 0.1).max(0.0)), 0.1).straight());
-    }
-
-    #[test]
-    fn the_effective_time_of_a_linear_closure_is_its_time() {
-        let linear = curve(|t| (1.0 - t / 0.08).max(0.0));
-        assert!((effective_closing_s(&linear).unwrap() - 0.08).abs() < 1e-9);
-        assert_eq!(effective_closing_s(&curve(|_| 1.0)), None);
-    }
 }

@@ -2,3 +2,4 @@
 
 pub mod curve;
 pub mod shift;
+pub(crate) mod thresholds;

@@ -1,17 +1,18 @@
-//! How much a valve's curve, read back from the head before it, owes to what the model says of the pipe, and what it is worth.
+//! How much a valve's curve, read back from the head before it, depends on the model of the pipe, and how well it describes the head.
 //!
 //! The curve follows from the measured head by the characteristics of the fitted pipe: another wave speed or creep gives another curve from the same
-//! record. A law of two stages has three numbers to follow such errors with, the curve has one a time step.
+//! record. A law of two stages can follow such errors with three numbers, the curve with one for each time step.
 
 use crate::fit::outcome::fit::Fit;
-use crate::fit::problem::fit_problem::Calibration;
-use crate::fit::search::calibrate::FitError;
-use crate::fit::search::stepwise::Groups;
+use crate::fit::problem::error::FitError;
+use crate::fit::problem::fit_problem::FitProblem;
+use crate::fit::problem::groups::Groups;
+use crate::fit::problem::valve_curve::{TwoStage, effective_closing_s, read_back};
 use crate::model::valve_from_head::{ValveCurve, head_from_valve};
 use crate::model::{Resolution, RunValues};
-use crate::valve::curve::{TwoStage, effective_closing_s, read_back};
+use crate::valve::thresholds::{CREEP_CHANGE, WAVE_SPEED_CHANGE};
 
-/// What a law of the valve leaves of the measured head before it, rms, m.
+/// The error of a law of the valve against the measured head before it, rms, m.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LawError {
     /// From the start of the closure until the first reflection is back (half a period).
@@ -20,7 +21,7 @@ pub struct LawError {
     pub record_m: f64,
 }
 
-/// The same for the laws that a closure may be told by, the rest of the model as fitted.
+/// The errors of several laws, with the rest of the model as fitted.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LawErrors {
     /// The fitted model's own.
@@ -34,7 +35,7 @@ pub struct LawErrors {
 /// The curve with something of the pipe changed.
 #[derive(Debug, Clone)]
 pub struct Shift {
-    /// What was changed, as `wave speed +2%`.
+    /// The change, as `wave speed +2%`.
     pub what: String,
     /// The curve then.
     pub curve: ValveCurve,
@@ -48,17 +49,13 @@ pub struct Shift {
     pub two_stage: TwoStage,
 }
 
-/// Wave speeds and compliances are changed by these shares.
-const WAVE_SPEED_SHARE: f64 = 0.02;
-const CREEP_SHARE: f64 = 0.2;
-
 /// Reads the curve back again with wave speeds changed by 2% and by their standard errors, and with the creep changed by 20% and left out, where
 /// the model has any.
 ///
 /// # Errors
 /// As [`read_back`]: the changed model cannot be simulated.
 pub(crate) fn shifts_of(
-    problem: &Calibration,
+    problem: &FitProblem,
     r: usize,
     fit: &Fit,
     sensor: usize,
@@ -70,17 +67,17 @@ pub(crate) fn shifts_of(
     let creep = Groups::of(problem).compliances;
     let percent = |share: f64| format!("{:+.0}%", 100.0 * share);
     let mut changes: Vec<(String, Vec<f64>)> = Vec::new();
-    for share in [-WAVE_SPEED_SHARE, WAVE_SPEED_SHARE] {
+    for share in [-WAVE_SPEED_CHANGE, WAVE_SPEED_CHANGE] {
         let changed = values.iter().enumerate().map(|(j, v)| if j < pipes { v * (1.0 + share) } else { *v });
         changes.push((format!("wave speed {}", percent(share)), changed.collect()));
     }
     for sign in [-1.0, 1.0] {
-        let error = |j: usize| Some(fit.parameters[j].standard_error).filter(|e| e.is_finite() && j < pipes);
+        let error = |j: usize| Some(fit.parameters[j].standard_error()).filter(|e| e.is_finite() && j < pipes);
         let changed = values.iter().enumerate().map(|(j, v)| v + sign * error(j).unwrap_or(0.0));
         changes
             .push((format!("wave speed {} standard error", if sign < 0.0 { "-1" } else { "+1" }), changed.collect()));
     }
-    // As good as none: the least compliance that a fit may take.
+    // Almost none: the least compliance that a fit may take.
     let least = |j: usize| problem.parameters[j].lower.min(1e-3 * values[j]);
     let scaled = |share: Option<f64>| -> Vec<f64> {
         let of = |j: usize| share.map_or_else(|| least(j), |share| values[j] * (1.0 + share));
@@ -88,7 +85,7 @@ pub(crate) fn shifts_of(
     };
     if !creep.is_empty() {
         changes.extend(
-            [-CREEP_SHARE, CREEP_SHARE].map(|share| (format!("creep {}", percent(share)), scaled(Some(share)))),
+            [-CREEP_CHANGE, CREEP_CHANGE].map(|share| (format!("creep {}", percent(share)), scaled(Some(share)))),
         );
         changes.push(("creep left out".to_owned(), scaled(None)));
     }
@@ -115,12 +112,12 @@ pub(crate) fn shifts_of(
     changes.into_iter().map(shift).collect()
 }
 
-/// What the laws leave of the head that the sensor at the valve shows in run `r`.
+/// The errors of the laws against the head of the sensor at the valve in run `r`.
 ///
 /// # Errors
 /// As [`crate::model::Model::simulate`].
 pub(crate) fn errors_of(
-    problem: &Calibration,
+    problem: &FitProblem,
     r: usize,
     values: &[f64],
     sensor: usize,
@@ -162,7 +159,7 @@ pub(crate) fn errors_of(
     })
 }
 
-/// The curve's opening, linear between its points; where it tells none, that of the point before.
+/// The curve's opening, linear between its points; where it is not known, that of the point before.
 fn opening_at(curve: &ValveCurve, time_s: f64) -> f64 {
     let next = curve.time_s.partition_point(|t| *t <= time_s);
     let known = |i: usize| curve.opening[..=i].iter().rev().find(|o| o.is_finite()).copied().unwrap_or(1.0);
@@ -181,11 +178,12 @@ mod tests {
     use crate::fit::data::run_data::RunData;
     use crate::fit::problem::method::Method;
     use crate::fit::problem::test_record::{HDPE, record};
-    use crate::fit::search::calibrate::{Options, calibrate};
+    use crate::fit::search::calibrate::calibrate;
+    use crate::fit::search::options::Options;
     use crate::model::RunValues;
     use crate::model::effects::parse_list;
     use crate::rig::Rig;
-    use crate::valve::curve::{closure_of, with_its_law};
+    use crate::valve::curve::{choose_valve_law, closure_of};
 
     const RUN: RunValues =
         RunValues { initial_velocity_m_s: 0.5, valve_head_m: 30.0, closing_time_s: 0.12, friction_scale: 1.0 };
@@ -219,7 +217,7 @@ mod tests {
         assert!(errors.curve.first_rise_m < 0.05 && errors.curve.record_m < 0.1, "{errors:?}");
     }
 
-    /// The linear model's misfit of the first rise is what the curve and its two stages mend.
+    /// The curve and its two stages remove the linear model's error in the first rise.
     #[test]
     fn where_the_fitted_law_is_wrong_the_curve_and_its_stages_are_better() {
         let rig = Rig::from_toml(HDPE, "rig.toml").unwrap();
@@ -237,7 +235,7 @@ mod tests {
         let rig = Rig::from_toml(HDPE, "rig.toml").unwrap();
         let pipe = parse_list("viscoelastic-wall:1").unwrap();
         let lawful = |runs: &[RunData]| {
-            with_its_law(&pipe, |effects| calibrate(&rig, runs, effects, &Options::default(), &|_| {})).unwrap()
+            choose_valve_law(&pipe, |effects| calibrate(&rig, runs, effects, &Options::default(), &|_| {})).unwrap()
         };
         let staged = [record(&rig, &parse_list("viscoelastic-wall:1,valve-law").unwrap(), &TRUTH, RUN, 0.01, 6.0)];
         let found = lawful(&staged);

@@ -90,7 +90,7 @@ fn cell(times: f64) -> (&'static str, String) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fit::outcome::fit::ExtremumError;
+    use crate::fit::problem::compare::ExtremumError;
 
     /// Two cycles of 1 s: in the first the model is 0.3 m off, in the second 0.03 m, with a noise of 0.03 m.
     fn sensor() -> SensorFit {
@@ -147,7 +147,7 @@ mod tests {
             runs: vec![run],
             parameters: vec![],
             correlation: vec![],
-            unseen: vec![],
+            unidentifiable: vec![],
             reaches: 1,
             grid_error_m: 0.0,
             evaluations: 1,
@@ -155,7 +155,7 @@ mod tests {
             steps: vec![],
             stopped_because: String::new(),
             converged: true,
-            promised_fall: 0.0,
+            predicted_reduction: 0.0,
             features_left: vec![],
             method: crate::fit::problem::method::Method::default(),
         };

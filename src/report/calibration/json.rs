@@ -2,8 +2,8 @@
 
 use serde::Serialize;
 
-use crate::fit::inference::identify::Unseen;
 use crate::fit::outcome::fit::{Fit, FittedParameter, RunFit, SensorFit, StepTaken};
+use crate::fit::outcome::unidentifiable::Unidentifiable;
 
 /// A calibration as scripts see it. Numbers that are not finite become `null`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -21,7 +21,7 @@ pub struct Calibration<'a> {
     /// Wall time, s.
     pub seconds: f64,
     /// Combinations of parameters that the recordings do not see.
-    pub unseen: &'a [Unseen],
+    pub unseen: &'a [Unidentifiable],
     /// It ended at an optimum. Where it did not, `standard_error` and the ends of `interval_95` are `null`, and `unseen` is empty.
     pub converged: bool,
     /// Fall of the sum of squares that a step of a descent promises from its end, in units of what one sample leaves.
@@ -98,9 +98,9 @@ impl<'a> From<&'a Fit> for Calibration<'a> {
             parameters: fit.parameters.iter().map(Parameter::from).collect(),
             evaluations: fit.evaluations,
             seconds: fit.seconds,
-            unseen: &fit.unseen,
+            unseen: &fit.unidentifiable,
             converged: fit.converged,
-            promised_fall: fit.promised_fall,
+            promised_fall: fit.predicted_reduction,
             steps: &fit.steps,
             stopped_because: &fit.stopped_because,
             warnings: &[],
@@ -137,7 +137,7 @@ impl<'a> From<&'a FittedParameter> for Parameter<'a> {
             name: &p.name,
             run: p.run.as_deref(),
             value: p.value,
-            standard_error: p.standard_error,
+            standard_error: p.standard_error(),
             interval_95: [p.interval_95.0, p.interval_95.1],
             profile: p.profile.as_ref().map(|profile| &profile.points[..]),
             unit: p.unit,

@@ -15,8 +15,9 @@ pub(crate) fn section(stages: &[Stage]) -> String {
     let Some((last, earlier)) = stages.split_last() else { return String::new() };
     let mut out = format!("<section id=\"parameters\"><h2>Parameters</h2>\n{}", of(last.fit, &last.title));
     out.push_str(if last.fit.converged { ERRORS } else { NO_ERRORS });
-    if !last.fit.unseen.is_empty() {
-        let said: String = last.fit.unseen.iter().map(|u| format!("<li>{}</li>\n", escape(&u.in_words))).collect();
+    if !last.fit.unidentifiable.is_empty() {
+        let said: String =
+            last.fit.unidentifiable.iter().map(|u| format!("<li>{}</li>\n", escape(&u.in_words))).collect();
         out.push_str(&format!("<h3>What the recordings do not see</h3>\n<ul>\n{said}</ul>\n"));
     }
     out.push_str(&crate::report::calibration::profiles::section(last.fit));

@@ -1,8 +1,8 @@
 //! How the fit gets worse along each profiled parameter, beside the parabola that its linear interval stands for.
 
-use crate::fit::inference::interval::Z_95;
+use crate::fit::numeric::quantiles::Z_95;
 use crate::fit::outcome::fit::{Fit, FittedParameter};
-use crate::fit::validate::profile::Profile;
+use crate::fit::outcome::profile::Profile;
 use crate::report::html::escape::escape;
 use crate::report::svg::{LineChart, Series, Style};
 use crate::report::text::number::interval;
@@ -45,10 +45,12 @@ fn chart(p: &FittedParameter, profile: &Profile) -> LineChart {
         Series { label: String::new(), points: profile.points.clone(), style: Style::points(0) },
         Series { label: "95%".into(), points: vec![(first, Z_95 * Z_95), (last, Z_95 * Z_95)], style: Style::line(3) },
     ];
-    if p.standard_error > 0.0 && p.standard_error.is_finite() {
+    if p.standard_error() > 0.0 && p.standard_error().is_finite() {
         let parabola = (0..=60).map(|i| first + (last - first) * f64::from(i) / 60.0);
-        let points =
-            parabola.map(|x| (x, ((x - profile.best) / p.standard_error).powi(2))).filter(|p| p.1 <= HIGHEST).collect();
+        let points = parabola
+            .map(|x| (x, ((x - profile.best) / p.standard_error()).powi(2)))
+            .filter(|p| p.1 <= HIGHEST)
+            .collect();
         series.push(Series { label: "linear".into(), points, style: Style::line(1) });
     }
     LineChart {
@@ -62,6 +64,7 @@ fn chart(p: &FittedParameter, profile: &Profile) -> LineChart {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::fit::outcome::uncertainty::Uncertainty;
 
     #[test]
     fn a_profile_is_drawn_with_threshold_and_parabola() {
@@ -77,7 +80,7 @@ mod tests {
         let p = FittedParameter {
             name: "tau1_s".into(),
             value: 1.0,
-            standard_error: 0.05,
+            uncertainty: Uncertainty::Known(0.05),
             unit: "s",
             ..Default::default()
         };

@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use crate::fit::outcome::fit::ExtremumError;
+use crate::fit::problem::compare::ExtremumError;
 use crate::report::Stage;
 use crate::report::html::escape::escape;
 use crate::report::html::page::{Page, Panel, colour, minus, table};

@@ -100,7 +100,7 @@ fn highest(spectrum: &Spectrum, most_hz: f64) -> impl Iterator<Item = (f64, f64)
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fit::outcome::fit::ExtremumError;
+    use crate::fit::problem::compare::ExtremumError;
     use std::f64::consts::TAU;
 
     fn ringing(frequency_hz: f64) -> SensorFit {

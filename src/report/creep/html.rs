@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use crate::creep::fit::{CreepFit, Noise, TestFit};
+use crate::creep::outcome::{CreepFit, Noise, TestFit};
 use crate::report::creep::text::{COMPLIANCE_UNIT, curve, elements, headline, shift_lines, temperature, tried};
 use crate::report::html::escape::escape;
 use crate::report::html::page::{footer, minus, remarks, still_head, table};

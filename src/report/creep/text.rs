@@ -2,7 +2,8 @@
 
 use serde_json::{Value, json};
 
-use crate::creep::fit::{CreepFit, OPEN, TestFit};
+use crate::creep::outcome::{CreepFit, TestFit};
+use crate::creep::thresholds::OPEN_ERROR;
 use crate::report::text::number::{significant, with_error};
 use crate::report::text::table::Table;
 
@@ -59,8 +60,8 @@ pub(crate) fn headline(fit: &CreepFit) -> String {
         significant(fit.rms_per_pa() * PER_GPA, 2),
         significant(fit.noise_per_pa() * PER_GPA, 2),
         match fit.noise {
-            crate::creep::fit::Noise::Constant => "the same at all times",
-            crate::creep::fit::Noise::Proportional => "in proportion to the reading",
+            crate::creep::outcome::Noise::Constant => "the same at all times",
+            crate::creep::outcome::Noise::Proportional => "in proportion to the reading",
         }
     )
 }
@@ -70,12 +71,12 @@ pub(crate) fn elements(fit: &CreepFit) -> Vec<[String; 5]> {
     let cell = |value: f64, j: usize| {
         let error = fit.relative_errors[j];
         let (low, high) = fit.interval(value, error);
-        let interval = match (fit.at_bound[j], error <= OPEN) {
+        let interval = match (fit.at_bound[j], error <= OPEN_ERROR) {
             (true, _) => "at its bound".to_owned(),
             (_, true) => format!("{} to {}", significant(low, 4), significant(high, 4)),
             _ => "open".to_owned(),
         };
-        [with_error(value, if error <= OPEN { value * error } else { f64::INFINITY }), interval]
+        [with_error(value, if error <= OPEN_ERROR { value * error } else { f64::INFINITY }), interval]
     };
     let mut rows = Vec::new();
     let [value, interval] = cell(fit.creep.instantaneous_per_pa * PER_GPA, 0);
@@ -98,7 +99,7 @@ pub(crate) fn first(fit: &CreepFit) -> String {
 
 /// Numbers of elements tried, what they leave over the noise, and their evidence.
 pub(crate) fn tried(fit: &CreepFit) -> Vec<[String; 3]> {
-    let row = |t: &crate::creep::fit::Tried| {
+    let row = |t: &crate::creep::outcome::Tried| {
         let mark = if t.elements == fit.creep.elements.len() { "*" } else { "" };
         [format!("{mark}{}", t.elements), significant(t.rms_over_noise, 3), format!("{:.1}", t.bic_above_best)]
     };

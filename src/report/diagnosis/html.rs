@@ -156,7 +156,7 @@ mod tests {
             }],
             parameters: vec![],
             correlation: vec![],
-            unseen: vec![],
+            unidentifiable: vec![],
             reaches: 64,
             grid_error_m: 0.0,
             evaluations: 1,
@@ -164,7 +164,7 @@ mod tests {
             steps: vec![],
             stopped_because: "done".into(),
             converged: true,
-            promised_fall: 0.0,
+            predicted_reduction: 0.0,
             features_left: vec![],
             method: crate::fit::problem::method::Method::default(),
         }

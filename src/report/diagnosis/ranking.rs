@@ -150,7 +150,7 @@ fn evidence(value: f64) -> String {
 fn parameters(candidate: &Candidate) -> String {
     let each = candidate.parameters.iter().map(|p| {
         let value =
-            if p.standard_error.is_nan() { significant(p.value, 3) } else { with_error(p.value, p.standard_error) };
+            if p.standard_error().is_nan() { significant(p.value, 3) } else { with_error(p.value, p.standard_error()) };
         let flag = if p.at_bound { r#" <span class="flag">at its bound</span>"# } else { "" };
         let unit = if p.unit == "1" { String::new() } else { format!(" {}", escape(p.unit)) };
         format!("<span class=\"nowrap\">{} = {}{unit}{flag}</span>", escape(&p.name), minus(&value))

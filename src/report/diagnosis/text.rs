@@ -166,7 +166,7 @@ pub fn text(diagnosis: &Diagnosis) -> String {
     }
     if diagnosis.verdict == Verdict::MissingEffect {
         for p in diagnosis.candidates.first().map_or(&[][..], |c| &c.parameters) {
-            let _ = writeln!(out, "  {} = {:.5} ± {:.2} {}", p.name, Sig(p.value), Sig(p.standard_error), p.unit);
+            let _ = writeln!(out, "  {} = {:.5} ± {:.2} {}", p.name, Sig(p.value), Sig(p.standard_error()), p.unit);
         }
     }
     if diagnosis.verdict != Verdict::NothingMissing {

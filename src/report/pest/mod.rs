@@ -10,7 +10,7 @@ pub(crate) mod control;
 pub(crate) mod names;
 pub mod observations;
 
-use crate::fit::problem::fit_problem::Calibration;
+use crate::fit::problem::fit_problem::FitProblem;
 use crate::fit::problem::observed::{Observation, observations};
 use crate::model::parameter::{Parameter, Scale};
 use crate::report::pest::names::Names;
@@ -42,7 +42,7 @@ const LONGEST_OBSERVATION: usize = 20;
 
 /// See the module.
 pub struct Case<'a> {
-    problem: &'a Calibration<'a>,
+    problem: &'a FitProblem<'a>,
     rig: &'a Rig,
     /// Value of each parameter.
     values: &'a [f64],
@@ -95,7 +95,7 @@ fn number(value: f64) -> String {
 impl<'a> Case<'a> {
     /// `problem` at `values`, whose runs' recordings are `files`, simulated by `command`.
     pub fn new(
-        problem: &'a Calibration<'a>,
+        problem: &'a FitProblem<'a>,
         rig: &'a Rig,
         values: &'a [f64],
         files: &'a [String],
@@ -185,7 +185,7 @@ impl<'a> Case<'a> {
 }
 
 /// What is known of parameters that are not fixed. PEST's logarithms are to the base of ten.
-fn priors(problem: &Calibration, names: &[String]) -> Vec<PriorInformation> {
+fn priors(problem: &FitProblem, names: &[String]) -> Vec<PriorInformation> {
     let known = problem.parameters.iter().zip(names).filter(|(p, _)| !fixed(p));
     known
         .filter_map(|(p, name)| {

@@ -2,8 +2,8 @@
 
 use serde::Serialize;
 
-use crate::fit::outcome::compare::mape_percent;
 use crate::fit::outcome::fit::RunFit;
+use crate::fit::problem::compare::mape_percent;
 use crate::fit::validate::predict::Prediction;
 use crate::report::calibration::json;
 use crate::report::text::number::{error_m, fixed, significant, times};

@@ -217,7 +217,7 @@ pub fn json(family: &Family) -> serde_json::Result<String> {
         let (together, moved) =
             family.together.as_ref().map(|t| (t.runs[r].together_m, t.runs[r].temperature_degc)).unzip();
         let own = fit.parameters.iter().map(|p| {
-            json!({ "name": p.name, "value": p.value, "standard_error": p.standard_error, "unit": p.unit, "at_bound": p.at_bound })
+            json!({ "name": p.name, "value": p.value, "standard_error": p.standard_error(), "unit": p.unit, "at_bound": p.at_bound })
         });
         json!({
             "file": m.data.file, "temperature_degC": m.temperature_degc, "temperature_from": m.source.name(),

@@ -1,7 +1,8 @@
 //! Tables of a calibration for the terminal: plain text, aligned, no colour.
 
-use crate::fit::outcome::compare::mape_percent;
-use crate::fit::outcome::fit::{ExtremumError, Fit, RunFit, SensorFit};
+use crate::fit::outcome::fit::{Fit, RunFit, SensorFit};
+use crate::fit::problem::compare::ExtremumError;
+use crate::fit::problem::compare::mape_percent;
 use crate::report::Stage;
 use crate::report::calibration::steps::steps;
 use crate::report::text::number::{decimals_for, duration, error_m, fixed, interval, signed, significant, times};
@@ -50,7 +51,7 @@ pub fn parameters(fit: &Fit) -> String {
 
 /// What the recordings do not see, a line each.
 pub fn unseen(fit: &Fit) -> String {
-    fit.unseen.iter().map(|u| format!("{}\n", u.in_words)).collect()
+    fit.unidentifiable.iter().map(|u| format!("{}\n", u.in_words)).collect()
 }
 
 /// RMSE of what came before (`before`: the first stage; `start`: the unfitted start values, where there is one stage only), RMSE,
@@ -225,6 +226,7 @@ impl std::fmt::Display for Table {
 mod tests {
     use super::*;
     use crate::fit::outcome::fit::{FittedParameter, SensorFit};
+    use crate::fit::outcome::uncertainty::Uncertainty;
     use crate::model::effects::parse_list;
 
     fn fit(rmse_m: f64) -> Fit {
@@ -264,7 +266,7 @@ mod tests {
                     name: "wave_speed_m_s".into(),
                     run: None,
                     value: 395.12,
-                    standard_error: 0.4,
+                    uncertainty: Uncertainty::Known(0.4),
                     unit: "m/s",
                     at_bound: false,
                     ..FittedParameter::default()
@@ -274,14 +276,14 @@ mod tests {
                     name: "tau1_s".into(),
                     run: None,
                     value: 0.5,
-                    standard_error: f64::INFINITY,
+                    uncertainty: Uncertainty::Open,
                     unit: "s",
                     at_bound: true,
                     ..FittedParameter::default()
                 },
             ],
             correlation: vec![],
-            unseen: vec![],
+            unidentifiable: vec![],
             reaches: 64,
             grid_error_m: 0.001,
             evaluations: 312,
@@ -289,7 +291,7 @@ mod tests {
             steps: vec![],
             stopped_because: "the error no longer falls".into(),
             converged: true,
-            promised_fall: 0.0,
+            predicted_reduction: 0.0,
             features_left: vec![],
             method: crate::fit::problem::method::Method::default(),
         }

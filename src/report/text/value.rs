@@ -13,7 +13,7 @@ pub fn fitted(fit: &Fit, p: &FittedParameter) -> String {
 fn of_an_optimum(p: &FittedParameter) -> String {
     let (low, high) = p.interval_95;
     let open = low == f64::NEG_INFINITY && high == f64::INFINITY;
-    match (p.scale, p.standard_error) {
+    match (p.scale, p.standard_error()) {
         (Scale::Log, _) if open && !p.held => with_error(p.value, f64::INFINITY),
         (Scale::Log, error) if error.is_finite() && error > p.value => {
             format!("{} (±{}%)", significant(p.value, 3), significant(100.0 * error / p.value, 2))
@@ -25,11 +25,18 @@ fn of_an_optimum(p: &FittedParameter) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::fit::outcome::uncertainty::Uncertainty;
 
     #[test]
     fn errors_that_drown_a_positive_value_are_said_otherwise() {
         let of = |value, standard_error, interval_95, scale| {
-            of_an_optimum(&FittedParameter { value, standard_error, interval_95, scale, ..FittedParameter::default() })
+            of_an_optimum(&FittedParameter {
+                value,
+                uncertainty: Uncertainty::of(standard_error),
+                interval_95,
+                scale,
+                ..FittedParameter::default()
+            })
         };
         let open = (f64::NEG_INFINITY, f64::INFINITY);
         assert_eq!(of(0.113_62, 10017.0, open, Scale::Log), "0.1136 (undetermined)");

@@ -185,7 +185,7 @@ mod tests {
             runs: vec![run],
             parameters: vec![],
             correlation: vec![],
-            unseen: vec![],
+            unidentifiable: vec![],
             reaches: 64,
             grid_error_m: 0.001,
             evaluations: 1,
@@ -193,7 +193,7 @@ mod tests {
             steps: vec![],
             stopped_because: String::new(),
             converged: true,
-            promised_fall: 0.0,
+            predicted_reduction: 0.0,
             features_left: vec![],
             method: crate::fit::problem::method::Method::default(),
         }

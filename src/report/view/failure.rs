@@ -2,7 +2,8 @@
 
 use std::fmt::Write as _;
 
-use crate::fit::outcome::fit::{ExtremumError, Fit, SensorFit};
+use crate::fit::outcome::fit::{Fit, SensorFit};
+use crate::fit::problem::compare::ExtremumError;
 
 /// A sensor whose error is within this factor of its noise has nothing to say.
 const WITHIN_NOISE: f64 = 1.5;

@@ -153,7 +153,7 @@ mod tests {
             runs: runs.iter().map(run).collect(),
             parameters: vec![],
             correlation: vec![],
-            unseen: vec![],
+            unidentifiable: vec![],
             reaches: 64,
             grid_error_m: 0.001,
             evaluations: 0,
@@ -161,7 +161,7 @@ mod tests {
             steps: vec![],
             stopped_because: String::new(),
             converged: true,
-            promised_fall: 0.0,
+            predicted_reduction: 0.0,
             features_left: vec![],
             method: crate::fit::problem::method::Method::default(),
         }

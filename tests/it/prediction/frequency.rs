@@ -4,8 +4,9 @@ use std::f64::consts::{PI, TAU};
 
 use nalgebra::Complex;
 use serde_json::Value;
-use surgescope::fit::problem::objective::Misfit;
-use surgescope::fit::search::calibrate::{Options, calibrate};
+use surgescope::fit::problem::objective::Objective;
+use surgescope::fit::search::calibrate::calibrate;
+use surgescope::fit::search::options::Options;
 use surgescope::fit::validate::frequency::{SensorResponse, Traces, response, turned};
 use surgescope::model::boundary::Closure;
 use surgescope::model::effects::parse_list;
@@ -155,20 +156,20 @@ fn calibration_by_frequency_finds_what_calibration_in_time_finds() {
     let rig = plastic();
     let runs = [creeping(&rig, "run", 0.4, 0.1)];
     let effects = parse_list("viscoelastic-wall:1").unwrap();
-    for misfit in [Misfit::Time, Misfit::Frequency] {
-        let options = Options { misfit, most_reaches: 128, ..Options::default() };
+    for misfit in [Objective::Time, Objective::Frequency] {
+        let options = Options { objective: misfit, most_reaches: 128, ..Options::default() };
         let fit = calibrate(&rig, &runs, &effects, &options, &|_| {}).unwrap();
         assert!(fit.runs[0].rmse_m < 1.1 * NOISE_M, "{misfit:?}: {}", fit.runs[0].rmse_m);
         for (p, exact) in fit.parameters.iter().zip([WAVE_SPEED, CREEP.0, CREEP.1]) {
             let off = (p.value - exact).abs();
             assert!(
-                off < 4.0 * p.standard_error + 2e-3 * exact,
+                off < 4.0 * p.standard_error() + 2e-3 * exact,
                 "{misfit:?} {}: {}({})",
                 p.name,
                 p.value,
-                p.standard_error
+                p.standard_error()
             );
-            assert!(p.standard_error < 0.05 * exact, "{misfit:?} {}: {}", p.name, p.standard_error);
+            assert!(p.standard_error() < 0.05 * exact, "{misfit:?} {}: {}", p.name, p.standard_error());
         }
     }
 }
@@ -212,14 +213,14 @@ fn the_view_shows_where_a_model_has_its_harmonics() {
 #[test]
 fn a_fit_of_frequencies_knows_the_colour_of_the_noise() {
     let rig = plastic();
-    let options = Options { misfit: Misfit::Frequency, most_reaches: 64, ..Options::default() };
+    let options = Options { objective: Objective::Frequency, most_reaches: 64, ..Options::default() };
     let effects = parse_list("viscoelastic-wall:1").unwrap();
     let mut squares = Vec::new();
     for seed in 1..=8 {
         let noise = Noise { white_m: 0.02, carried: 0.95, seed };
         let fit = calibrate(&rig, &[creeping_in(noise, &rig, "run", 0.4, 0.1)], &effects, &options, &|_| {}).unwrap();
         let truth = [WAVE_SPEED, CREEP.0, CREEP.1];
-        squares.extend(fit.parameters.iter().zip(truth).map(|(p, t)| ((p.value - t) / p.standard_error).powi(2)));
+        squares.extend(fit.parameters.iter().zip(truth).map(|(p, t)| ((p.value - t) / p.standard_error()).powi(2)));
     }
     let rms = (squares.iter().sum::<f64>() / squares.len() as f64).sqrt();
     assert!((0.5..1.5).contains(&rms), "{rms}");

@@ -1,7 +1,8 @@
 //! Bands, predictions of other runs, cross-validation.
 
 use surgescope::fit::outcome::fit::Fit;
-use surgescope::fit::search::calibrate::{Options, calibrate};
+use surgescope::fit::search::calibrate::calibrate;
+use surgescope::fit::search::options::Options;
 use surgescope::fit::validate::cross_validate::{By, CrossValidation, Fold, cross_validate};
 use surgescope::fit::validate::predict::{Known, predict};
 use surgescope::model::effects::parse_list;
@@ -64,7 +65,7 @@ fn a_true_model_that_is_poorly_known_is_not_called_wrong() {
         assert!(!verdict(&predicted).contains("does not hold"), "{}", verdict(&predicted));
         let speed = predicted.fit.parameters.iter().find(|p| p.name == "wave_speed_m_s").unwrap();
         let half = 0.5 * (speed.interval_95.1 - speed.interval_95.0);
-        assert!(speed.held && (half / (1.96 * fit.parameters[0].standard_error) - 1.0).abs() < 1e-3, "{speed:?}");
+        assert!(speed.held && (half / (1.96 * fit.parameters[0].standard_error()) - 1.0).abs() < 1e-3, "{speed:?}");
     }
 }
 

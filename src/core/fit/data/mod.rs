@@ -2,3 +2,4 @@
 
 pub mod prepare;
 pub mod run_data;
+pub(crate) mod thresholds;

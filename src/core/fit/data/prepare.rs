@@ -1,6 +1,10 @@
 //! From a recording and its signals to what a fit needs.
 
 use crate::fit::data::run_data::{Meter, RunData, RunStart, SensorData};
+use crate::fit::data::thresholds::{
+    CLOSING_TIME_FACTOR, DEFAULT_FLOW_UNCERTAINTY, DEFAULT_OFFSET_SHARE, JOUKOWSKY_UNCERTAINTY, SMOOTHING_EXCESS,
+    VAPOUR_MARGIN_PA,
+};
 use crate::model::Conditions;
 use crate::model::effects::ATMOSPHERE_PA;
 use crate::model::friction::WallFriction;
@@ -8,17 +12,6 @@ use crate::recording::Recording;
 use crate::rig::{Coupling, Rig, Sensor, Upstream, WaterProperties};
 use crate::signal::{Features, SensorFeatures, heads};
 use crate::units::GRAVITY_M_S2;
-
-/// Relative uncertainty of a flow meter that states none.
-const FLOW_UNCERTAINTY: f64 = 0.01;
-/// Relative uncertainty of a velocity taken from the pressure rise, there being no flow meter.
-const JOUKOWSKY_UNCERTAINTY: f64 = 0.2;
-/// Factor by which the closing time of the rig file may differ from that of the first rise before the rise is believed.
-const NOMINAL_WITHIN: f64 = 3.0;
-/// A lower end of a sensor within so much of the vapour pressure is no end of it, Pa.
-const CLOSE_PA: f64 = 5e3;
-/// Zero error of a pressure sensor that states none, as a share of the first rise.
-const OFFSET_SHARE: f64 = 0.01;
 
 /// Makes a run ready for a fit. `rig` describes the sensors (it may override the recording's own).
 pub fn prepare(file: &str, rig: &Rig, recording: &Recording, features: &Features) -> RunData {
@@ -33,12 +26,12 @@ pub fn prepare(file: &str, rig: &Rig, recording: &Recording, features: &Features
         let (mut time_s, mut head_m) = heads(recording, seen.sensor, features.temperature_degc);
         let saturated = leave_saturated_out(rig, recording, seen.sensor, &water, (&mut time_s, &mut head_m));
         if sensor.coupling == Coupling::Ac {
-            // It sees no steady pressure: neither an elevation.
+            // It shows no steady pressure, and so no elevation.
             let elevation_m = rig.sensor_elevation_m(&sensor);
             head_m.iter_mut().for_each(|h| *h -= elevation_m);
         }
         let offset_sd_m =
-            full_scale_error_m(&sensor, density).unwrap_or(OFFSET_SHARE * rise_m).max(seen.noise.white_sd_m);
+            full_scale_error_m(&sensor, density).unwrap_or(DEFAULT_OFFSET_SHARE * rise_m).max(seen.noise.white_sd_m);
         // A noiseless record still has errors of its own; without a floor its weights would be infinite.
         let noise_m = seen.noise.white_sd_m.max(1e-5 * rise_m);
         let total_noise_m = if seen.noise.line.is_some() { noise_m } else { seen.noise.total_sd_m.max(noise_m) };
@@ -69,20 +62,20 @@ pub fn prepare(file: &str, rig: &Rig, recording: &Recording, features: &Features
     }
 }
 
-/// How long the closure takes by the first rise where the rig file is far from it; a rise that goes on until the supply answers, after `echo_s`,
-/// takes that long at the least.
+/// The closing time that the first rise shows, where the rig file's is far from it; a rise that lasts until the supply's echo, after `echo_s`,
+/// takes at least that long.
 fn contradicted_closing_time(rig: &Rig, features: &Features, echo_s: f64) -> Option<f64> {
     let (nominal_s, closure) = (rig.valve.closing_time_s, &features.closure);
     match closure.end_s.map(|end_s| end_s - closure.pressure_onset_s) {
         Some(seen_s) => {
-            let agree = (seen_s / NOMINAL_WITHIN..=seen_s * NOMINAL_WITHIN).contains(&nominal_s);
+            let agree = (seen_s / CLOSING_TIME_FACTOR..=seen_s * CLOSING_TIME_FACTOR).contains(&nominal_s);
             (seen_s > 0.0 && !agree).then_some(seen_s)
         }
-        None => (nominal_s < echo_s / NOMINAL_WITHIN).then_some(echo_s),
+        None => (nominal_s < echo_s / CLOSING_TIME_FACTOR).then_some(echo_s),
     }
 }
 
-/// Leaves out the samples at which a pressure sensor stands at the end of what it can show, and counts them. An end below the vapour pressure is none: the
+/// Leaves out and counts the samples at which a pressure sensor is at the end of its range. An end below the vapour pressure does not count: the
 /// water boils before.
 fn leave_saturated_out(
     rig: &Rig,
@@ -93,7 +86,7 @@ fn leave_saturated_out(
 ) -> usize {
     let shown = &rig.sensors[sensor];
     let ends = rig.ends(shown);
-    let boils = shown.unit.from_si(water.vapour_pressure_pa - ATMOSPHERE_PA + CLOSE_PA, water.density_kg_m3);
+    let boils = shown.unit.from_si(water.vapour_pressure_pa - ATMOSPHERE_PA + VAPOUR_MARGIN_PA, water.density_kg_m3);
     let beyond = |value: f64| value >= ends.high || (value <= ends.low && ends.low > boils);
     let kept: Vec<bool> =
         recording.series[sensor].value.iter().filter(|v| v.is_finite()).map(|v| !beyond(*v)).collect();
@@ -105,8 +98,8 @@ fn leave_saturated_out(
     before - kept.iter().filter(|keep| **keep).count()
 }
 
-/// The measured wave speed, of the ways to measure it the first that the pipes allow: a joint or a branch can send a front back that
-/// looks like the supply's, a skewed clock or a wrong velocity fools the others.
+/// The measured wave speed, by the first method whose result the pipes allow: a joint or a branch can reflect a front that
+/// looks like the supply's, and a skewed clock or a wrong velocity misleads the others.
 fn plausible_speed(rig: &Rig, water: &WaterProperties, features: &Features) -> Option<f64> {
     let mean = |of: fn((f64, f64, f64)) -> f64| {
         rig.length_m() / rig.pipes.iter().map(|p| p.length_m / of(p.wave_speed_start(water))).sum::<f64>()
@@ -149,10 +142,10 @@ fn flow_uncertainty(rig: &Rig, velocity_m_s: f64) -> f64 {
         let area = rig.pipes.last()?.area_m2();
         Some(error / (area * velocity_m_s))
     });
-    stated.unwrap_or(FLOW_UNCERTAINTY).clamp(1e-3, 1.0)
+    stated.unwrap_or(DEFAULT_FLOW_UNCERTAINTY).clamp(1e-3, 1.0)
 }
 
-/// Head before the valve: of the nearest sensor that sees steady pressure, less the friction between; where there is none, a
+/// Head before the valve: of the nearest sensor that shows steady pressure, less the friction between; where there is none, a
 /// guess with its uncertainty.
 fn valve_head(
     rig: &Rig,
@@ -192,8 +185,8 @@ fn drives(rig: &Rig, sensor: &SensorFeatures) -> bool {
 
 /// The head at position 0 minus its mean before the closure, on the recording's clock, where it drives the model.
 ///
-/// A frictionless pipe is a resonator that would answer to the sensor's noise as to a wave, so the noise is smoothed out of it: by
-/// the longest window whose residual is still no more than the noise.
+/// A frictionless pipe is a resonator that would respond to the sensor's noise as to a wave. So the noise is smoothed out, by
+/// the longest window whose residual does not exceed the noise.
 fn supply_deviation(rig: &Rig, recording: &Recording, features: &Features) -> Option<(Vec<f64>, Vec<f64>)> {
     let driver = features.sensors.iter().find(|s| drives(rig, s))?;
     let (time_s, head_m) = heads(recording, driver.sensor, features.temperature_degc);
@@ -222,14 +215,12 @@ fn savitzky_golay(values: &[f64], m: usize) -> Vec<f64> {
 
 /// The smoothest version of a series that leaves no more than its noise.
 fn smoothed(values: &[f64], noise: f64) -> Vec<f64> {
-    /// Residual beyond the noise that is taken for signal.
-    const EXCESS: f64 = 1.03;
     let mut best = values.to_vec();
     let mut m = 2;
     while 2 * m + 1 < values.len() / 4 {
         let trial = savitzky_golay(values, m);
         let square: f64 = trial.iter().zip(values).map(|(t, v)| (t - v).powi(2)).sum();
-        if (square / values.len() as f64).sqrt() > EXCESS * noise {
+        if (square / values.len() as f64).sqrt() > SMOOTHING_EXCESS * noise {
             break;
         }
         best = trial;

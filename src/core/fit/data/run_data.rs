@@ -1,5 +1,6 @@
-//! What a fit sees of a run: heads, noise, and what is known beforehand of its velocity, head, closure and offsets.
+//! The data of a run that a fit uses: heads, noise, and what is known beforehand of its velocity, head, closure and offsets.
 
+use crate::fit::data::thresholds::DEFAULT_ACCURACY_PERCENT;
 use crate::model::Conditions;
 use crate::rig::Sensor;
 
@@ -14,22 +15,19 @@ pub struct SensorData {
     pub head_m: Vec<f64>,
     /// Standard deviation of the noise, m; more than zero.
     pub noise_m: f64,
-    /// Standard deviation of all that disturbs it while nothing happens, slow disturbances too but no lasting
+    /// Standard deviation of all disturbances while the flow is steady, slow ones included but no lasting
     /// oscillation, m; not below the noise.
     pub total_noise_m: f64,
-    /// Standard deviation of what its zero may be off by, m.
+    /// Standard deviation of its zero error, m.
     pub offset_sd_m: f64,
-    /// Samples that stood at the end of what it can show, and are left out: the true pressure went beyond.
+    /// Number of samples at the end of its range, which are left out: the true pressure went beyond.
     pub saturated: usize,
 }
 
-/// Accuracy class of a pressure sensor that states none, percent of its span: that of common industrial transmitters.
-const ACCURACY_PERCENT: f64 = 0.25;
-
 impl SensorData {
-    /// Standard deviation of what its gain may be off by: an accuracy is a limit, and all below it equally likely (JCGM 100:2008, 4.3.7).
+    /// Standard deviation of its gain error: an accuracy is a limit, below which all errors are equally likely (JCGM 100:2008, 4.3.7).
     pub fn gain_sd(&self) -> f64 {
-        self.sensor.accuracy_percent_fs.unwrap_or(ACCURACY_PERCENT) / 100.0 / 3f64.sqrt()
+        self.sensor.accuracy_percent_fs.unwrap_or(DEFAULT_ACCURACY_PERCENT) / 100.0 / 3f64.sqrt()
     }
 }
 
@@ -50,7 +48,7 @@ pub struct RunData {
     pub extrema: Vec<Vec<(f64, usize, bool)>>,
 }
 
-/// What a flow meter says of the flow before the closure.
+/// A flow meter's reading before the closure.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Meter {
     /// Its place, m from the supply.
@@ -61,17 +59,17 @@ pub struct Meter {
     pub relative_sd: f64,
 }
 
-/// What the signals say of a run before the fit.
+/// Start values of a run from its signals.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RunStart {
     /// Start of the closure on the recording's clock, s, and its uncertainty.
     pub closure_s: (f64, f64),
     /// Velocity in the last pipe, m/s, and its relative uncertainty.
     pub velocity_m_s: (f64, f64),
-    /// Head upstream of the valve, m, and its uncertainty where no sensor that sees steady pressure shows it.
+    /// Head upstream of the valve, m, and its uncertainty where no sensor shows steady pressure.
     pub valve_head_m: (f64, Option<f64>),
     /// Wave speed relative to the rig's start value, where the signals show it.
     pub wave_speed_ratio: Option<f64>,
-    /// How long the closure takes, s, where the pressures contradict what the rig file says.
+    /// Closing time that the pressures show, s, where it contradicts the rig file's.
     pub closing_time_s: Option<f64>,
 }

@@ -1,8 +1,8 @@
-//! The covariance of fitted variables, from everything that is known to disturb them.
+//! The covariance of fitted variables, from all known disturbances.
 //!
-//! `C = A M A` with `A = (JᵀJ)⁻¹` and `M` the covariance of `Jᵀr`: that of coloured noise (see [`crate::fit::inference::noise_autocorrelation`]), of priors, and of what an
-//! instrument does to all its samples alike, whose size is known but whose value is not fitted (Jazwinski 1970, Stochastic
-//! Processes and Filtering Theory, sec. 8.4; "consider" covariance). Where noise is white, of the size it is believed to have, and nothing
+//! `C = A M A` with `A = (JᵀJ)⁻¹` and `M` the covariance of `Jᵀr`: that of autocorrelated noise (see [`crate::fit::inference::noise_autocorrelation`]), of priors, and of the errors that an
+//! instrument makes in all its samples alike, whose size is known but whose value is not fitted (Jazwinski 1970, Stochastic
+//! Processes and Filtering Theory, sec. 8.4; "consider" covariance). Where the noise is white and as large as believed, and nothing
 //! else disturbs, `C = A`.
 
 use std::ops::Range;
@@ -10,10 +10,9 @@ use std::ops::Range;
 use nalgebra::DMatrix;
 
 use crate::fit::inference::noise_autocorrelation::{Together, score_covariance};
+use crate::fit::inference::thresholds::DECAYED_NOISE_SHARE;
 use crate::fit::numeric::uncertainty::{Normal, determined_inverse, dot};
-
-/// What one standard deviation of an instrument's error does to residuals: where they start, and by how much they change.
-pub type Common = Vec<(usize, Vec<f64>)>;
+use crate::fit::problem::rows::CommonError;
 
 /// A linearised fit.
 #[derive(Debug, Clone, Copy)]
@@ -22,15 +21,15 @@ pub struct Linearised<'a> {
     pub columns: &'a [Vec<f64>],
     /// Residuals: those of each record, then those of priors and meters.
     pub residuals: &'a [f64],
-    /// Records, each an instrument's samples one after the other, those together that were sampled together.
+    /// Records, each an instrument's samples one after the other, grouped by what was sampled together.
     pub records: &'a [Vec<Range<usize>>],
-    /// Noise of the records' samples where it is seen elsewhere than in the residuals, a series each.
+    /// Noise of the records' samples where another series than the residuals shows it, one for each.
     pub elsewhere: Option<&'a [Vec<Vec<f64>>]>,
-    /// Errors of instruments that all their samples have alike.
-    pub common: &'a [Common],
+    /// Errors of instruments that all their samples share.
+    pub common: &'a [CommonError],
     /// Variables that are held at a bound.
     pub at_bound: &'a [bool],
-    /// Where records are compared as something else than the samples that the noise is in, the same derivatives and residuals seen from the samples
+    /// Where records are compared as something else than the samples that contain the noise, the same derivatives and residuals seen from the samples
     /// (`Bᵀ` of columns that compare `B r`), with the samples' records; otherwise none.
     pub in_time: Option<InTime<'a>>,
 }
@@ -46,24 +45,21 @@ pub struct InTime<'a> {
     pub records: &'a [Vec<Range<usize>>],
 }
 
-/// Share of the mean square of noise before anything happens below which what a fit leaves shows that it has died away.
-const FADED: f64 = 0.6;
-
 impl<'a> Linearised<'a> {
-    /// Whether noise that was there `before` anything happened has died away in what the fit leaves, for each group of records: while the valve
-    /// closed it was still there, and what only the closure shows is known no better than that.
-    pub(crate) fn faded(&self, before: &[Vec<Vec<f64>>]) -> Vec<bool> {
+    /// Whether the noise from `before` the closure has died away in the residuals, for each group of records. While the valve
+    /// closed it was still there, and limits what only the closure shows.
+    pub(crate) fn decayed(&self, before: &[Vec<Vec<f64>>]) -> Vec<bool> {
         let left = self.left().into_iter().zip(before);
-        left.map(|(left, before)| mean_square(&left) < FADED * mean_square(before)).collect()
+        left.map(|(left, before)| mean_square(&left) < DECAYED_NOISE_SHARE * mean_square(before)).collect()
     }
 
-    /// The noise that counts in each group of records: that of `before` where it has `faded`, elsewhere what the fit leaves.
-    pub(crate) fn noise_that_counts(&self, before: &[Vec<Vec<f64>>], faded: &[bool]) -> Vec<Vec<Vec<f64>>> {
-        let groups = self.left().into_iter().zip(before).zip(faded);
-        groups.map(|((left, before), faded)| if *faded { before.clone() } else { left }).collect()
+    /// The noise that counts in each group of records: that of `before` where it has `decayed`, the residuals elsewhere.
+    pub(crate) fn noise_that_counts(&self, before: &[Vec<Vec<f64>>], decayed: &[bool]) -> Vec<Vec<Vec<f64>>> {
+        let groups = self.left().into_iter().zip(before).zip(decayed);
+        groups.map(|((left, before), decayed)| if *decayed { before.clone() } else { left }).collect()
     }
 
-    /// What the fit leaves of the samples of each record.
+    /// The residuals of the samples of each record.
     fn left(&self) -> Vec<Vec<Vec<f64>>> {
         let (residuals, records) = match self.in_time {
             None => (self.residuals, self.records),
@@ -73,7 +69,7 @@ impl<'a> Linearised<'a> {
         records.iter().map(of).collect()
     }
 
-    /// Records among `residuals` with their noise: what is left there, or what is seen elsewhere.
+    /// Records among `residuals` with their noise: the residuals themselves, or the series that shows it.
     fn noisy(&self, residuals: &'a [f64], records: &[Vec<Range<usize>>]) -> Vec<Together<'a>> {
         let noise = |group: usize, of: usize, rows: &Range<usize>| {
             self.elsewhere.map_or(&residuals[rows.clone()], |all| &all[group][of][..])
@@ -90,16 +86,16 @@ fn mean_square(series: &[Vec<f64>]) -> f64 {
     values.clone().map(|v| v * v).sum::<f64>() / values.count().max(1) as f64
 }
 
-/// See the module. Rows and columns of variables at a bound are zero; a variable that the data leave open has an infinite variance.
+/// Covariances of the variables. Rows and columns of variables at a bound are zero; a variable that the data leave open has an infinite variance.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Errors {
     /// `C`.
     pub covariance: DMatrix<f64>,
-    /// `A`: what `C` would be with the noise that was believed in, white, and nothing else.
+    /// `A`: what `C` would be with white noise as large as believed, and nothing else.
     pub believed: DMatrix<f64>,
-    /// The part of `C` that noise and priors make, over the combinations that the data determine: what is open moves nothing at the samples.
+    /// The part of `C` from noise and priors, over the combinations that the data determine: the others move nothing at the samples.
     pub by_noise: DMatrix<f64>,
-    /// Sum of squares that noise and priors lose to the fit, `tr(A M)`: one a variable where all is as believed.
+    /// Sum of squares that the fit takes from noise and priors, `tr(A M)`: one for each variable where all is as believed.
     pub taken: f64,
 }
 
@@ -151,7 +147,7 @@ impl Errors {
         Errors { covariance, believed, by_noise, taken }
     }
 
-    /// With an error besides whose size in each variable is known.
+    /// Adds an error whose size in each variable is known.
     pub fn and(mut self, of_each: &[f64]) -> Self {
         let n = of_each.len();
         // A variable at a bound does not move, and what is infinite stays so.
@@ -166,8 +162,8 @@ impl Errors {
         if variance == 0.0 { f64::NAN } else { variance.sqrt() }
     }
 
-    /// How much more a variable scatters than with the noise that was believed in: the factor by which a rise of the sum of squares along it
-    /// is worth less (Kent 1982, Biometrika 69, 19). Not below 1.
+    /// How much more a variable scatters than with the noise as believed: the factor by which a rise of the sum of squares along it
+    /// counts less (Kent 1982, Biometrika 69, 19). Not below 1.
     pub fn inflation(&self, j: usize) -> f64 {
         let ratio = self.covariance[(j, j)] / self.believed[(j, j)];
         if ratio.is_finite() { ratio.max(1.0) } else { 1.0 }
@@ -185,7 +181,13 @@ mod tests {
             .collect()
     }
 
-    fn errors(columns: &[Vec<f64>], residuals: &[f64], samples: usize, common: &[Common], at_bound: &[bool]) -> Errors {
+    fn errors(
+        columns: &[Vec<f64>],
+        residuals: &[f64],
+        samples: usize,
+        common: &[CommonError],
+        at_bound: &[bool],
+    ) -> Errors {
         let record = 0..samples;
         Errors::of(Linearised {
             columns,
@@ -211,7 +213,7 @@ mod tests {
     }
 
     /// A line through n points known to σ: at the mean of the abscissas the curve is known to σ/√n, at an end to twice that. Where the same column
-    /// stands twice the data say nothing between the two, and know their sum.
+    /// stands twice the data do not separate the two, but determine their sum.
     #[test]
     fn the_covariance_of_a_line_is_the_textbooks_and_leaves_out_what_is_open() {
         let n = 1001;
@@ -250,12 +252,12 @@ mod tests {
                 at_bound: &[false],
                 in_time: None,
             };
-            let faded = fit.faded(&before);
-            assert_eq!(faded, expected, "{factors:?}");
-            let counts = fit.noise_that_counts(&before, &faded);
+            let decayed = fit.decayed(&before);
+            assert_eq!(decayed, expected, "{factors:?}");
+            let counts = fit.noise_that_counts(&before, &decayed);
             for group in 0..2 {
                 let own = vec![residuals[400 * group..400 * (group + 1)].to_vec()];
-                assert_eq!(counts[group], if faded[group] { before[group].clone() } else { own });
+                assert_eq!(counts[group], if decayed[group] { before[group].clone() } else { own });
             }
         }
     }

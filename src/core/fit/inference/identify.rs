@@ -1,47 +1,31 @@
-//! Which combinations of parameters the recordings do not see.
+//! Which combinations of parameters the recordings do not determine.
 //!
-//! Each variable is measured in what is known of it without the recordings: its prior, its bounds, or a factor of two, whichever is least. Along an
-//! eigenvector of the normal matrix in these units whose eigenvalue is below 1, the recordings say less than that (Vajda et al. 1989, Chem. Eng.
-//! Sci. 44, 49; Cui et al. 2014, Inverse Problems 30, 114015). Zero errors of sensors are given the accuracy that they have and
-//! left out. What counts is the space of all such directions: variables that share one are not seen apart.
+//! The unit of each variable is its uncertainty without the recordings: its prior, its bounds, or a factor of two, whichever is least. Along an
+//! eigenvector of the normal matrix in these units whose eigenvalue is below 1, the recordings add less than that (Vajda et al. 1989, Chem. Eng.
+//! Sci. 44, 49; Cui et al. 2014, Inverse Problems 30, 114015). Zero errors of sensors take the accuracy that they have and are
+//! left out. The space of all such directions counts: variables that share one cannot be told apart.
 
 use nalgebra::DMatrix;
 
 use crate::fit::inference::errors::{Errors, Linearised};
-use crate::fit::problem::fit_problem::Calibration;
-use crate::fit::search::prune_elements::{Element, vanished};
+use crate::fit::inference::thresholds::{UNIDENTIFIED_SHARE, UNIT_EXPONENT_WITHIN};
+use crate::fit::outcome::unidentifiable::Unidentifiable;
+use crate::fit::problem::elements::{Element, vanished};
+use crate::fit::problem::fit_problem::FitProblem;
 use crate::model::parameter::{Parameter, Scale};
 
-/// Share of a variable in the unseen space from which on it is named, and of two that makes them go together.
-const PART: f64 = 0.2;
-/// Exponents of a combination this close to one are called one.
-const ALIKE: f64 = 0.15;
-
-/// Parameters that the recordings do not see, or not apart from each other.
-#[derive(Debug, Clone, PartialEq, serde::Serialize)]
-pub struct Unseen {
-    /// Their names.
-    pub parameters: Vec<String>,
-    /// The run they belong to, where that is one.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub run: Option<String>,
-    /// What the recordings see of two: their ratio, product, or a product of powers.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub seen_combination: Option<String>,
-    /// Standard error of that, percent.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub standard_error_percent: Option<f64>,
-    /// All this in words.
-    pub in_words: String,
-}
-
-/// What the recordings leave unseen of a linearised fit.
-pub(crate) fn unseen(problem: &Calibration, values: &[f64], fit: Linearised, errors: &Errors) -> Vec<Unseen> {
+/// The parameters and combinations of a linearised fit that the recordings do not determine.
+pub(crate) fn unidentifiable(
+    problem: &FitProblem,
+    values: &[f64],
+    fit: Linearised,
+    errors: &Errors,
+) -> Vec<Unidentifiable> {
     let gone = vanished(problem, values);
     let all: Vec<usize> = (0..problem.parameters.len()).filter(|j| !fit.at_bound[*j]).collect();
     let (zeros, rest): (Vec<usize>, Vec<usize>) =
         all.into_iter().partition(|&j| problem.parameters[j].name.starts_with("offset_m["));
-    // A noise that is coloured, or larger than believed, is worth less; half the variables scatter less than this.
+    // Autocorrelated noise, or more of it than believed, weakens the data: by the median over the variables.
     let mut inflations: Vec<f64> = rest.iter().map(|&j| errors.inflation(j)).collect();
     inflations.sort_by(f64::total_cmp);
     let worth = 1.0 / inflations.get(inflations.len() / 2).copied().unwrap_or(1.0);
@@ -54,19 +38,22 @@ pub(crate) fn unseen(problem: &Calibration, values: &[f64], fit: Linearised, err
     };
     let matrix = |a: &[usize], b: &[usize]| DMatrix::from_fn(a.len(), b.len(), |i, j| cell(a[i], b[j]));
     let mut seen = matrix(&rest, &rest);
-    // In units of its prior the prior of a zero error has the weight 1.
+    // In units of itself the prior of a zero error has the weight 1.
     let own = matrix(&zeros, &zeros) + DMatrix::identity(zeros.len(), zeros.len());
     if let Some(inverse) = own.try_inverse() {
         let across = matrix(&rest, &zeros);
         seen -= &across * inverse * across.transpose();
     }
-    let groups = groups(&unseen_space(seen));
-    let unsupported = (0..problem.model.effects.len()).filter_map(|effect| without(problem, effect, &gone));
-    unsupported.chain(groups.into_iter().map(|(members, size)| said(problem, errors, &rest, &members, size))).collect()
+    let groups = groups(&undetermined_space(seen));
+    let unsupported =
+        (0..problem.model.effects.len()).filter_map(|effect| unsupported_elements(problem, effect, &gone));
+    unsupported
+        .chain(groups.into_iter().map(|(members, size)| describe(problem, errors, &rest, &members, size)))
+        .collect()
 }
 
-/// What to say of those of one effect.
-fn without(problem: &Calibration, effect: usize, gone: &[Element]) -> Option<Unseen> {
+/// The elements of one effect that the record does not support.
+fn unsupported_elements(problem: &FitProblem, effect: usize, gone: &[Element]) -> Option<Unidentifiable> {
     let gone: Vec<&Element> = gone.iter().filter(|e| e.effect == effect).collect();
     let chosen = &problem.model.effects[effect];
     let kept = chosen.elements?.checked_sub(gone.len()).filter(|_| !gone.is_empty())?;
@@ -77,14 +64,14 @@ fn without(problem: &Calibration, effect: usize, gone: &[Element]) -> Option<Uns
         _ => format!("with {}", chosen.with_elements(kept).label()),
     };
     let in_words = format!(
-        "The record does not support {}: {} vanished in the fit, which is as good {so_many}.",
+        "The record does not support {}: {} vanished in the fit, and the fit is as good {so_many}.",
         listed(&parameters),
         if gone.len() == 1 { "the element has" } else { "the elements have" },
     );
-    Some(Unseen { parameters, run: None, seen_combination: None, standard_error_percent: None, in_words })
+    Some(Unidentifiable { parameters, run: None, seen_combination: None, standard_error_percent: None, in_words })
 }
 
-/// What is known of a variable without the recordings, as a standard deviation: uniform between its bounds at the most.
+/// Standard deviation of a variable without the recordings: at most that of a uniform distribution between its bounds.
 fn known(parameter: &Parameter) -> f64 {
     let (width, most) = match parameter.scale {
         Scale::Linear => (parameter.upper - parameter.lower, f64::INFINITY),
@@ -94,7 +81,7 @@ fn known(parameter: &Parameter) -> f64 {
 }
 
 /// The projection on the eigenvectors whose eigenvalue is below 1.
-fn unseen_space(matrix: DMatrix<f64>) -> DMatrix<f64> {
+fn undetermined_space(matrix: DMatrix<f64>) -> DMatrix<f64> {
     let n = matrix.nrows();
     let mut space = DMatrix::zeros(n, n);
     if n == 0 {
@@ -109,9 +96,9 @@ fn unseen_space(matrix: DMatrix<f64>) -> DMatrix<f64> {
     space
 }
 
-/// Variables that share unseen directions, and how many directions they share.
+/// Groups of variables that share undetermined directions, and the number of these directions.
 fn groups(space: &DMatrix<f64>) -> Vec<(Vec<usize>, usize)> {
-    let mut left: Vec<usize> = (0..space.nrows()).filter(|&j| space[(j, j)] > PART).collect();
+    let mut left: Vec<usize> = (0..space.nrows()).filter(|&j| space[(j, j)] > UNIDENTIFIED_SHARE).collect();
     let mut groups = Vec::new();
     while let Some(first) = left.first().copied() {
         let mut members = vec![first];
@@ -119,7 +106,8 @@ fn groups(space: &DMatrix<f64>) -> Vec<(Vec<usize>, usize)> {
         let mut at = 0;
         while at < members.len() {
             let i = members[at];
-            let (with, without): (Vec<usize>, Vec<usize>) = left.iter().partition(|&&j| space[(i, j)].abs() > PART);
+            let (with, without): (Vec<usize>, Vec<usize>) =
+                left.iter().partition(|&&j| space[(i, j)].abs() > UNIDENTIFIED_SHARE);
             members.extend(with);
             left = without;
             at += 1;
@@ -131,7 +119,7 @@ fn groups(space: &DMatrix<f64>) -> Vec<(Vec<usize>, usize)> {
     groups
 }
 
-fn said(problem: &Calibration, errors: &Errors, rest: &[usize], members: &[usize], size: usize) -> Unseen {
+fn describe(problem: &FitProblem, errors: &Errors, rest: &[usize], members: &[usize], size: usize) -> Unidentifiable {
     let which: Vec<usize> = members.iter().map(|&m| rest[m]).collect();
     let parameters: Vec<String> = which.iter().map(|&j| problem.parameters[j].name.clone()).collect();
     let run_of = |j: usize| problem.run_of(j).map(|r| problem.runs[r].file.clone());
@@ -142,26 +130,26 @@ fn said(problem: &Calibration, errors: &Errors, rest: &[usize], members: &[usize
     if size >= which.len() {
         let known_before = which.iter().all(|&j| problem.parameters[j].prior.is_some());
         let rest = if known_before {
-            "it says no more than was known before it"
+            "it adds nothing to what was known before"
         } else {
-            "between a half and twice the value, or more, nothing tells one from the other"
+            "values between half and twice this one, or more, fit as well"
         };
-        let in_words = format!("The record does not see {list}{of}: {rest}.");
-        return Unseen { parameters, run, seen_combination: None, standard_error_percent: None, in_words };
+        let in_words = format!("The record does not determine {list}{of}: {rest}.");
+        return Unidentifiable { parameters, run, seen_combination: None, standard_error_percent: None, in_words };
     }
     let pair = (which.len() == 2).then(|| combination(problem, errors, [which[0], which[1]])).flatten();
     let in_words = match &pair {
         Some((name, percent)) => {
-            format!("The record does not see {list}{of} apart: only {name} is known, to {}%.", rounded(*percent))
+            format!("The record does not separate {list}{of}: it determines only {name}, to {}%.", rounded(*percent))
         }
-        None => format!("The record does not see {list}{of} apart: each can change if the others make up for it."),
+        None => format!("The record does not separate {list}{of}: each can change if the others compensate."),
     };
     let (seen_combination, standard_error_percent) = pair.unzip();
-    Unseen { parameters, run, seen_combination, standard_error_percent, in_words }
+    Unidentifiable { parameters, run, seen_combination, standard_error_percent, in_words }
 }
 
-/// The product of powers of two logarithmic variables that is known best, and its standard error, percent.
-fn combination(problem: &Calibration, errors: &Errors, [i, j]: [usize; 2]) -> Option<(String, f64)> {
+/// The best known product of powers of two logarithmic variables, and its standard error, percent.
+fn combination(problem: &FitProblem, errors: &Errors, [i, j]: [usize; 2]) -> Option<(String, f64)> {
     let parameters = [&problem.parameters[i], &problem.parameters[j]];
     if parameters.iter().any(|p| p.scale != Scale::Log) {
         return None;
@@ -175,7 +163,7 @@ fn combination(problem: &Calibration, errors: &Errors, [i, j]: [usize; 2]) -> Op
 /// The power `q` with which `x + q y` has least variance, of variances `a`, `c` and covariance `b`, rounded to ±1 where it is near; with that variance.
 fn best_power(a: f64, b: f64, c: f64) -> Option<(f64, f64)> {
     let q = -b / c;
-    let q = if (q.abs() - 1.0).abs() < ALIKE { q.signum() } else { (100.0 * q).round() / 100.0 };
+    let q = if (q.abs() - 1.0).abs() < UNIT_EXPONENT_WITHIN { q.signum() } else { (100.0 * q).round() / 100.0 };
     let variance = a + 2.0 * q * b + q * q * c;
     (variance.is_finite() && variance >= 0.0).then_some((q, variance))
 }
@@ -208,14 +196,14 @@ mod tests {
         for (i, j, v) in [(0, 0, 1e4), (0, 1, -1e4), (1, 0, -1e4), (1, 1, 1e4 + 0.1), (2, 2, 1e6), (3, 3, 1e-3)] {
             matrix[(i, j)] = v;
         }
-        let found = groups(&unseen_space(matrix));
+        let found = groups(&undetermined_space(matrix));
         assert_eq!(found, [(vec![0, 1], 1), (vec![3], 1)]);
     }
 
     #[test]
     fn all_that_is_seen_is_left_out() {
-        assert!(groups(&unseen_space(DMatrix::from_diagonal_element(3, 3, 25.0))).is_empty());
-        assert!(groups(&unseen_space(DMatrix::zeros(0, 0))).is_empty());
+        assert!(groups(&undetermined_space(DMatrix::from_diagonal_element(3, 3, 25.0))).is_empty());
+        assert!(groups(&undetermined_space(DMatrix::zeros(0, 0))).is_empty());
     }
 
     /// Variance 1 each, of the difference 0.0009: the ratio is known to 3%.

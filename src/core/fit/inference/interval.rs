@@ -1,14 +1,12 @@
-//! 95% intervals from standard errors: symmetric in the variable that the fit moves (a logarithm, for most), open where a bound cuts them off.
+//! 95% intervals from standard errors: symmetric in the variable that the fit moves (mostly a logarithm), open where a bound cuts them off.
 
 use crate::fit::inference::errors::{Errors, Linearised};
-use crate::fit::problem::fit_problem::Calibration;
-
-/// Half a 95% interval of the normal distribution, in standard deviations.
-pub const Z_95: f64 = 1.959_964;
+use crate::fit::numeric::quantiles::Z_95;
+use crate::fit::problem::fit_problem::FitProblem;
 
 /// The linear interval of variable `j`, in the parameter's unit; an open end is infinite. A variable at a bound has the rise of the sum of squares
 /// away from it: `d²/σ² + 2 g d`, `g` the slope that presses it against the bound.
-pub(crate) fn linear(problem: &Calibration, fit: Linearised, errors: &Errors, x: &[f64], j: usize) -> (f64, f64) {
+pub(crate) fn linear(problem: &FitProblem, fit: Linearised, errors: &Errors, x: &[f64], j: usize) -> (f64, f64) {
     use crate::fit::numeric::least_squares::Problem;
     let (lower, upper) = problem.bounds();
     if lower[j] >= upper[j] {
@@ -17,7 +15,7 @@ pub(crate) fn linear(problem: &Calibration, fit: Linearised, errors: &Errors, x:
     }
     let half = if fit.at_bound[j] { away_from_bound(fit, j) } else { [Z_95 * errors.of_variable(j); 2] };
     let (low, high) = (x[j] - half[0], x[j] + half[1]);
-    // What is not known is open; so is what ends at or beyond a bound.
+    // An unknown end is open, and so is one at or beyond a bound.
     let low = if low > lower[j] { problem.value(j, low) } else { f64::NEG_INFINITY };
     let high = if high < upper[j] { problem.value(j, high) } else { f64::INFINITY };
     (low, high)

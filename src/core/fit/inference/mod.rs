@@ -1,7 +1,8 @@
-//! How well a fit knows its values: errors, intervals, noise that is not white, combinations nobody sees.
+//! How well a fit knows its values: errors, intervals, noise that is not white, combinations that no record shows.
 
 pub mod errors;
 pub mod identify;
 pub mod interval;
 pub mod noise_autocorrelation;
 pub(crate) mod optimum;
+pub(crate) mod thresholds;

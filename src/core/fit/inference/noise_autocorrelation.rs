@@ -1,14 +1,15 @@
-//! What the colour of noise does to the errors of a fit: the covariance of the scores `Jᵀe`.
+//! The effect of autocorrelated noise on the errors of a fit: the covariance of the scores `Jᵀe`.
 //!
-//! Least squares with noise that is stationary but not white has `Cov(Jᵀe) = Jᵀ R J`, `R` the noise's autocovariance (Grenander 1954, Ann.
-//! Math. Statist. 25, 252). Over frequency that is each column's spectrum weighed by the noise's (Grenander & Rosenblatt 1957, Statistical
-//! Analysis of Stationary Time Series, ch. 7): noise counts at the frequencies at which a parameter speaks. The noise's spectrum is the periodogram of
-//! the residuals, or of samples before anything happens, over its broad shape (see [`shape`]), averaged over neighbours (Daniell 1946), over more of them
+//! Least squares with stationary noise that is not white has `Cov(Jᵀe) = Jᵀ R J`, `R` the noise's autocovariance (Grenander 1954, Ann.
+//! Math. Statist. 25, 252). Over frequency that is each column's spectrum weighted by the noise's (Grenander & Rosenblatt 1957, Statistical
+//! Analysis of Stationary Time Series, ch. 7): noise counts at the frequencies that a parameter moves. The noise's spectrum is the periodogram of
+//! the residuals, or of samples before the closure, over its broad shape (see [`shape`]), averaged over neighbours (Daniell 1946), over more of them
 //! at higher frequencies.
 //!
 //! Instruments that are sampled together may err together (mains, a pump, the supply's level): their spectrum is the matrix of their
-//! cross-spectra (Hannan 1970, Multiple Time Series, ch. VII), averaged alike. What is coherent adds up over them; what is not averages out.
+//! cross-spectra (Hannan 1970, Multiple Time Series, ch. VII), averaged alike. Coherent noise adds up over them; incoherent noise averages out.
 
+use crate::fit::inference::thresholds::{MIN_SMOOTHING_NEIGHBOURS, SMOOTHING_SHARE};
 pub(crate) mod shape;
 
 use std::ops::Range;
@@ -18,16 +19,12 @@ use rayon::prelude::*;
 use realfft::num_complex::Complex;
 use realfft::{RealFftPlanner, RealToComplex};
 
-/// Independent frequencies on either side that are averaged at the least, and the share of the frequency where that is more.
-const LEAST_NEIGHBOURS: f64 = 16.0;
-const SHARE: f64 = 0.25;
-
-/// Records that were sampled together, as many samples each: where each one's samples stand among the residuals, and its noise, seen there or
+/// Records that were sampled together, equally many samples each: the range of each one's samples among the residuals, and its noise, from there or
 /// elsewhere at the same rate.
 pub type Together<'a> = Vec<(Range<usize>, &'a [f64])>;
 
-/// `Jᵀ R J` over records, each of what one instrument took one sample after the other. Noise is in units of what it is believed to be: a
-/// spectrum below that counts as that.
+/// `Jᵀ R J` over records, each the samples of one instrument in their order. Noise is in units of its believed size: a
+/// lower spectrum counts as 1.
 pub fn score_covariance(columns: &[&[f64]], records: &[Together]) -> DMatrix<f64> {
     let p = columns.len();
     let of = |records: &Together| {
@@ -58,14 +55,14 @@ fn real_product(a: &[Complex<f64>], b: &[Complex<f64>]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a.re * b.re + a.im * b.im).sum()
 }
 
-/// Spectral density of noise that several instruments take together.
+/// Spectral density of the noise of several instruments.
 struct Density {
-    /// That of instruments `a` and `b ≤ a`, weighed so that a sum over its frequencies is one over all.
+    /// The cross-spectrum of instruments `a` and `b ≤ a`, weighted so that a sum over its frequencies is one over all.
     cross: Vec<Vec<Vec<Complex<f64>>>>,
 }
 
 impl Density {
-    /// Its product with a column's spectra, one an instrument.
+    /// Its product with a column's spectra, one for each instrument.
     fn times(&self, spectra: &[Vec<Complex<f64>>]) -> Vec<Vec<Complex<f64>>> {
         let row = |a: usize| {
             let mut sum: Vec<Complex<f64>> = Vec::new();
@@ -111,7 +108,7 @@ impl Transform {
         out
     }
 
-    /// Of noise of as many samples each; each instrument's own not below 1.
+    /// The density of series of noise; each instrument's own is not below 1.
     fn density(&self, noise: &[&[f64]]) -> Density {
         let samples = noise.iter().map(|n| n.len()).min().unwrap_or(1).max(1);
         let last = self.padded / 2;
@@ -120,7 +117,7 @@ impl Transform {
         let spectra: Vec<Vec<Complex<f64>>> =
             noise.iter().map(|n| spectrum(n).unwrap_or_else(|| none.clone())).collect();
         let oversampled = self.padded as f64 / samples as f64;
-        let least = LEAST_NEIGHBOURS * oversampled;
+        let least = MIN_SMOOTHING_NEIGHBOURS * oversampled;
         let broad = |s: &Vec<Complex<f64>>| {
             let periodogram: Vec<f64> = s.iter().map(|v| v.norm_sqr() / samples as f64).collect();
             crate::fit::inference::noise_autocorrelation::shape::shape(&periodogram, oversampled)
@@ -137,7 +134,7 @@ impl Transform {
             let (re, im): (Vec<f64>, Vec<f64>) = product.map(|v| (v.re, v.im)).unzip();
             let (re, im) = (averaged(&re, least, 1.0), averaged(&im, least, -1.0));
             let whole = (0..=last).map(|k| Complex::new(re[k], im[k]) * (broad[a][k] * broad[b][k]));
-            // What an instrument is believed to err, it errs.
+            // No instrument errs less than it is believed to.
             let whole = whole.map(|s| if a == b { Complex::from(s.re.max(1.0)) } else { s });
             whole.enumerate().map(|(k, s)| s * weight(k)).collect()
         };
@@ -153,14 +150,14 @@ fn averaged(values: &[f64], least: f64, sign: f64) -> Vec<f64> {
         let k = k.unsigned_abs() % (2 * last).max(1);
         values[if k > last { 2 * last - k } else { k }] * if beyond { sign } else { 1.0 }
     };
-    let reach = ((SHARE * last as f64).max(least) as isize).min(last as isize).max(1);
+    let reach = ((SMOOTHING_SHARE * last as f64).max(least) as isize).min(last as isize).max(1);
     let mut sums = vec![0.0];
     for k in -reach..=last as isize + reach {
         sums.push(sums[sums.len() - 1] + mirrored(k));
     }
     (0..=last)
         .map(|k| {
-            let half = ((SHARE * k as f64).max(least) as isize).min(reach);
+            let half = ((SMOOTHING_SHARE * k as f64).max(least) as isize).min(reach);
             let at = k as isize + reach;
             (sums[(at + half + 1) as usize] - sums[(at - half) as usize]) / (2 * half + 1) as f64
         })
@@ -204,29 +201,34 @@ mod tests {
             for period in [f64::INFINITY, 300.0, 7.0, 3.0] {
                 let column: Vec<f64> =
                     (0..n).map(|i| (std::f64::consts::TAU * i as f64 / period + 0.7).cos()).collect();
-                let said = |seed| score_covariance(&[&column], &[vec![(0..n, &first_order(n, phi, seed)[..])]])[(0, 0)];
-                let found = (1..=10).map(said).sum::<f64>() / 10.0;
+                let expected =
+                    |seed| score_covariance(&[&column], &[vec![(0..n, &first_order(n, phi, seed)[..])]])[(0, 0)];
+                let found = (1..=10).map(expected).sum::<f64>() / 10.0;
                 let ratio = found / exact(&column, phi).max(column.iter().map(|c| c * c).sum());
                 assert!((0.8..1.25).contains(&ratio), "φ {phi}, period {period}: {ratio}");
             }
         }
     }
 
-    /// Over many draws the estimates of a slope in red noise scatter as the covariance says.
+    /// Over many draws the estimates of a slope in red noise scatter as the covariance predicts.
     #[test]
     fn estimates_scatter_as_they_are_said_to() {
         let n = 2000;
         let column: Vec<f64> = (0..n).map(|i| (i as f64 / 40.0).sin()).collect();
         let square: f64 = column.iter().map(|c| c * c).sum();
-        let (mut scatter, mut said, draws) = (0.0, 0.0, 200);
+        let (mut scatter, mut expected, draws) = (0.0, 0.0, 200);
         for seed in 0..draws {
             let noise = first_order(n, 0.8, seed);
             let estimate = column.iter().zip(&noise).map(|(c, e)| c * e).sum::<f64>() / square;
             let residuals: Vec<f64> = column.iter().zip(&noise).map(|(c, e)| e - estimate * c).collect();
             scatter += estimate * estimate;
-            said += score_covariance(&[&column], &[vec![(0..n, &residuals[..])]])[(0, 0)] / (square * square);
+            expected += score_covariance(&[&column], &[vec![(0..n, &residuals[..])]])[(0, 0)] / (square * square);
         }
-        assert!((scatter / said).sqrt() < 1.15 && (scatter / said).sqrt() > 0.87, "{}", (scatter / said).sqrt());
+        assert!(
+            (scatter / expected).sqrt() < 1.15 && (scatter / expected).sqrt() > 0.87,
+            "{}",
+            (scatter / expected).sqrt()
+        );
     }
 
     /// Records that were not sampled together do not correlate with each other.
@@ -250,7 +252,7 @@ mod tests {
         for column in [[(0.0, 1.0); 3], [(0.0, 1.0), (0.1, 1.0), (0.0, 1.0)], [(0.0, 1.0), (0.0, 1.0), (0.0, -1.0)]] {
             let column: Vec<f64> = column.into_iter().flat_map(|(late, sign)| wave(late, sign)).collect();
             for share in [0.0, 0.5, 1.0f64] {
-                let (mut scatter, mut said) = (0.0, 0.0);
+                let (mut scatter, mut expected) = (0.0, 0.0);
                 for seed in 0..draws {
                     let all = first_order(n, 0.95, 1000 + seed);
                     let noise: Vec<Vec<f64>> = (0..3)
@@ -262,28 +264,28 @@ mod tests {
                     let score: f64 = column.iter().zip(noise.iter().flatten()).map(|(c, e)| c * e).sum();
                     let together = (0..3).map(|s| (s * n..(s + 1) * n, &noise[s][..])).collect();
                     scatter += score * score;
-                    said += score_covariance(&[&column], &[together])[(0, 0)];
+                    expected += score_covariance(&[&column], &[together])[(0, 0)];
                 }
                 // Sixty draws know a standard deviation to 9%.
-                let ratio = (scatter / said).sqrt();
+                let ratio = (scatter / expected).sqrt();
                 assert!((0.75..1.25).contains(&ratio), "share {share}: {ratio}");
             }
         }
     }
 
-    /// A short record in noise that a longer one before it shows: the sum scatters as is said.
+    /// A short record in noise that a longer one before it shows: the sum scatters as predicted.
     #[test]
     fn noise_may_be_seen_elsewhere() {
         let (short, long) = (300, 3000);
         let column: Vec<f64> = (0..short).map(|i| 1.0 + (i as f64 / 40.0).sin()).collect();
-        let (mut scatter, mut said) = (0.0, 0.0);
+        let (mut scatter, mut expected) = (0.0, 0.0);
         for seed in 0..200 {
             let noise = first_order(long + short, 0.95, seed);
             let score: f64 = column.iter().zip(&noise[long..]).map(|(c, e)| c * e).sum();
             scatter += score * score;
-            said += score_covariance(&[&column], &[vec![(0..short, &noise[..long])]])[(0, 0)];
+            expected += score_covariance(&[&column], &[vec![(0..short, &noise[..long])]])[(0, 0)];
         }
-        let ratio = (scatter / said).sqrt();
+        let ratio = (scatter / expected).sqrt();
         assert!((0.85..1.18).contains(&ratio), "{ratio}");
     }
 }

@@ -1,35 +1,31 @@
-//! Whether a search has ended at an optimum: measured by what a Gauss-Newton step without damping promises from there.
+//! Whether a search has ended at an optimum: by the reduction that an undamped Gauss-Newton step predicts from there.
 //!
-//! The promise is the square of Newton's decrement (Boyd & Vandenberghe 2004, Convex Optimization, sec. 9.5.1) of the linearised problem. In units of
+//! The prediction is the square of Newton's decrement (Boyd & Vandenberghe 2004, Convex Optimization, sec. 9.5.1) of the linearised problem. In units of
 //! what one sample leaves it is the square of the distance to the optimum in standard errors of white noise.
 
 use nalgebra::{DMatrix, DVector};
 
+use crate::fit::inference::thresholds::ACTIVE_SETS_PER_VARIABLE;
 use crate::fit::numeric::uncertainty::{determined_inverse, dot};
 use crate::fit::problem::method::Method;
 
-/// Promise, in units of what one sample leaves, up to which a search has ended at an optimum: within half a standard error of it.
-pub(crate) const AT_OPTIMUM: f64 = 0.25;
-/// Sets of variables at bounds that are tried at most, for each variable.
-const MOST_SETS: usize = 5;
-
-/// Fall of the sum of squares that the linearised problem promises from `x` within its `bounds`, never negative.
+/// Reduction of the sum of squares that the linearised problem predicts from `x` within its `bounds`, never negative.
 ///
-/// Least squares in a box by active sets (Stark & Parker 1995, Comput. Stat. 10, 129): each step lowers the sum, and what a bound has stopped is let go where
+/// Least squares in a box by active sets (Stark & Parker 1995, Comput. Stat. 10, 129): each step lowers the sum, and a variable that a bound has stopped is released where
 /// that lowers it further.
-pub(crate) fn promised_fall(columns: &[Vec<f64>], residuals: &[f64], x: &[f64], bounds: (&[f64], &[f64])) -> f64 {
-    fall_of(columns, residuals, &promising_step(columns, residuals, x, bounds))
+pub(crate) fn predicted_reduction(columns: &[Vec<f64>], residuals: &[f64], x: &[f64], bounds: (&[f64], &[f64])) -> f64 {
+    reduction_of(columns, residuals, &bounded_step(columns, residuals, x, bounds))
 }
 
-/// Fall of the sum of squares that a step of the linearised problem brings, never negative.
-pub(crate) fn fall_of(columns: &[Vec<f64>], residuals: &[f64], step: &DVector<f64>) -> f64 {
+/// Reduction of the sum of squares that a step of the linearised problem brings, never negative.
+pub(crate) fn reduction_of(columns: &[Vec<f64>], residuals: &[f64], step: &DVector<f64>) -> f64 {
     let moved = (0..residuals.len()).map(|i| columns.iter().zip(step.iter()).map(|(c, by)| c[i] * by).sum::<f64>());
     // `-(2 rᵀJd + |Jd|²)`
     residuals.iter().zip(moved).map(|(r, by)| -by * (2.0 * r + by)).sum::<f64>().max(0.0)
 }
 
-/// The step that promises that.
-pub(crate) fn promising_step(
+/// The step that brings the predicted reduction.
+pub(crate) fn bounded_step(
     columns: &[Vec<f64>],
     residuals: &[f64],
     x: &[f64],
@@ -43,7 +39,7 @@ pub(crate) fn promising_step(
     let outward = |j: usize, slope: f64, at: f64| (at >= high[j] && slope < 0.0) || (at <= low[j] && slope > 0.0);
     let movable = |j: usize| low[j] < high[j] && normal[(j, j)] > 0.0;
     let mut free: Vec<usize> = (0..n).filter(|&j| movable(j) && !outward(j, gradient[j], 0.0)).collect();
-    for _ in 0..MOST_SETS * n {
+    for _ in 0..ACTIVE_SETS_PER_VARIABLE * n {
         let slope = &gradient + &normal * &step;
         let moved = undamped(&normal, &slope, &free);
         // As far as the first bound.
@@ -82,14 +78,14 @@ fn undamped(normal: &DMatrix<f64>, slope: &DVector<f64>, free: &[usize]) -> DVec
     step
 }
 
-/// Why an end is none that promises a `fall` of the sum of squares, in units of what one of `samples` leaves; and what to do.
-pub(crate) fn short_of_it(fall: f64, samples: usize, method: Method) -> String {
-    let share = 100.0 * (fall / samples.max(1) as f64).min(1.0);
+/// Why an end is no optimum, from where a step predicts a `reduction` in units of what one of the `samples` leaves; and what to do.
+pub(crate) fn not_at_optimum(reduction: f64, samples: usize, method: Method) -> String {
+    let share = 100.0 * (reduction / samples.max(1) as f64).min(1.0);
     let digits = if share < 0.1 { 3 } else { usize::from(share < 10.0) };
     format!(
-        "the search did not reach an optimum (a descent from its end promises to take {share:.digits$}% off the sum of squares, some values \
+        "the search did not reach an optimum (a descent from its end would take {share:.digits$}% off the sum of squares, and some values \
          may be off by {:.0} standard errors); {}",
-        fall.sqrt().max(1.0),
+        reduction.sqrt().max(1.0),
         method.advice()
     )
 }
@@ -98,7 +94,7 @@ pub(crate) fn short_of_it(fall: f64, samples: usize, method: Method) -> String {
 mod tests {
     use super::*;
 
-    /// A line through noisy points: from any place, what is promised is what solving it gains.
+    /// A line through noisy points: from any place, the prediction is what solving it gains.
     #[test]
     fn of_a_linear_problem_the_promise_is_kept() {
         let t: Vec<f64> = (0..40).map(|i| f64::from(i) / 20.0).collect();
@@ -115,19 +111,19 @@ mod tests {
         let slope = (mean(&|t, y| t * y) - mt * my) / (mean(&|t, _| t * t) - mt * mt);
         let best = [my - slope * mt, slope];
         for x in [[0.0, 0.0], [3.0, -1.0]] {
-            let promised = promised_fall(&columns, &left(&x), &x, wide);
-            assert!((promised - (square(&x) - square(&best))).abs() < 1e-9, "{promised}");
+            let predicted = predicted_reduction(&columns, &left(&x), &x, wide);
+            assert!((predicted - (square(&x) - square(&best))).abs() < 1e-9, "{predicted}");
         }
-        assert!(promised_fall(&columns, &left(&best), &best, wide).abs() < 1e-12);
+        assert!(predicted_reduction(&columns, &left(&best), &best, wide).abs() < 1e-12);
         // With the slope kept to 1 at the most, the intercept alone follows.
         let x = [0.0, 0.5];
-        let promised = promised_fall(&columns, &left(&x), &x, (&[-10.0, 0.0], &[10.0, 1.0]));
+        let predicted = predicted_reduction(&columns, &left(&x), &x, (&[-10.0, 0.0], &[10.0, 1.0]));
         let held = [my - mt, 1.0];
-        assert!((promised - (square(&x) - square(&held))).abs() < 1e-9, "{promised}");
-        // At that bound, nothing is left; a held variable and one that nothing shows promise nothing.
-        assert!(promised_fall(&columns, &left(&held), &held, (&[-10.0, 0.0], &[10.0, 1.0])).abs() < 1e-12);
-        assert_eq!(promised_fall(&columns, &left(&x), &x, (&x, &x)), 0.0);
-        assert_eq!(promised_fall(&[vec![0.0; 40]], &left(&x), &[0.0], (&[-1.0], &[1.0])), 0.0);
+        assert!((predicted - (square(&x) - square(&held))).abs() < 1e-9, "{predicted}");
+        // At that bound, nothing is left; a held variable and one that nothing shows predict nothing.
+        assert!(predicted_reduction(&columns, &left(&held), &held, (&[-10.0, 0.0], &[10.0, 1.0])).abs() < 1e-12);
+        assert_eq!(predicted_reduction(&columns, &left(&x), &x, (&x, &x)), 0.0);
+        assert_eq!(predicted_reduction(&[vec![0.0; 40]], &left(&x), &[0.0], (&[-1.0], &[1.0])), 0.0);
     }
 
     /// Against all ways to put variables at their bounds, for columns that are nearly alike.
@@ -161,8 +157,8 @@ mod tests {
                     most = most.max(fall(&d));
                 }
             }
-            let promised = promised_fall(&columns, &residuals, &[0.0; 4], (&lower, &upper));
-            assert!((promised - most).abs() < 1e-9 * (1.0 + most), "{promised} for {most}");
+            let predicted = predicted_reduction(&columns, &residuals, &[0.0; 4], (&lower, &upper));
+            assert!((predicted - most).abs() < 1e-9 * (1.0 + most), "{predicted} for {most}");
         }
     }
 }

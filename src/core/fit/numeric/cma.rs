@@ -5,12 +5,8 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::fit::numeric::evolution::{Member, evaluated, normal, sort};
-
-/// Relative difference between the best and the worst point of a generation at which the search has settled.
-const SETTLED: f64 = 1e-10;
-/// Least standard deviation of a variable of the first points, as a share of its range.
-const LEAST_SPREAD: f64 = 1e-4;
+use crate::fit::numeric::population::{Member, evaluated, normal, sort};
+use crate::fit::numeric::thresholds::{CMA_LEAST_SPREAD, CMA_SPREAD_TOLERANCE};
 
 /// The points of a generation are drawn from here.
 struct Cloud {
@@ -23,7 +19,7 @@ struct Cloud {
     shape_path: DVector<f64>,
 }
 
-/// What does not change: weights of the best points, and rates of learning.
+/// Constants of a search: weights of the best points, and rates of learning.
 struct Rates {
     weights: Vec<f64>,
     /// Variance-effective number of the points with weight.
@@ -60,14 +56,14 @@ impl Rates {
     }
 }
 
-/// Goes on from `members`, sorted, the best first: least `cost` seen within `budget` evaluations, and where. `heard` is told evaluations and least
-/// cost of each generation.
+/// Goes on from `members`, sorted, the best first: least `cost` seen within `budget` evaluations, and where. `on_generation` receives the
+/// evaluations so far and the least cost of each generation.
 pub(crate) fn minimise(
     cost: &(impl Fn(&[f64]) -> f64 + Sync),
     members: &[Member],
     budget: usize,
     random: &mut fastrand::Rng,
-    heard: &dyn Fn(usize, f64),
+    on_generation: &dyn Fn(usize, f64),
 ) -> Member {
     let mut best = members[0].clone();
     let n = best.x.len();
@@ -84,8 +80,8 @@ pub(crate) fn minimise(
         if least < best.cost {
             best = generation[0].clone();
         }
-        heard(spent, best.cost);
-        if worst - least <= SETTLED * least || !cloud.learn(&rates, &generation) {
+        on_generation(spent, best.cost);
+        if worst - least <= CMA_SPREAD_TOLERANCE * least || !cloud.learn(&rates, &generation) {
             break;
         }
     }
@@ -98,7 +94,7 @@ impl Cloud {
         let mean = DVector::from_column_slice(&members[0].x);
         let n = mean.len();
         let half = &members[..members.len().div_ceil(2)];
-        let mut shape = DMatrix::from_diagonal_element(n, n, LEAST_SPREAD * LEAST_SPREAD);
+        let mut shape = DMatrix::from_diagonal_element(n, n, CMA_LEAST_SPREAD * CMA_LEAST_SPREAD);
         for member in half {
             let off = DVector::from_column_slice(&member.x) - &mean;
             shape += &off * off.transpose() / half.len() as f64;
@@ -138,7 +134,7 @@ impl Cloud {
         let c = rates.sigma_path;
         self.sigma_path = &self.sigma_path * (1.0 - c) + whitened * (c * (2.0 - c) * rates.effective).sqrt();
         let length = self.sigma_path.norm() / rates.usual_length;
-        // A path that is long already would make the shape too long in its direction.
+        // A long path would stretch the shape too far in its direction.
         let calm = if length < 1.4 + 2.0 / (self.mean.len() as f64 + 1.0) { 1.0 } else { 0.0 };
         let c = rates.shape_path;
         self.shape_path = &self.shape_path * (1.0 - c) + step * (calm * (c * (2.0 - c) * rates.effective).sqrt());

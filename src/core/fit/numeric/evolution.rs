@@ -1,35 +1,18 @@
 //! Differential evolution over the unit cube, with parameters that adapt to what succeeds and a population that shrinks, L-SHADE; and from half of
-//! the budget on a cloud of points that bends along the valley that was found (see [`crate::fit::numeric::cma`]).
+//! the budget on, CMA-ES in the valley that was found (see [`crate::fit::numeric::cma`]).
 //!
 //! Storn & Price (1997, J. Glob. Optim. 11, 341); mutation `current-to-pbest/1` with an archive after Zhang & Sanderson (2009, IEEE Trans.
 //! Evol. Comput. 13, 945); memory of successful `F` and `CR`, and linear shrinking, after Tanabe & Fukunaga (2014, IEEE CEC, 1658). The two in one search:
 //! Mohamed, Hadi, Fattouh & Jambi (2017, IEEE CEC, 145).
 
-use rayon::prelude::*;
-
 use crate::fit::numeric::cma;
+use crate::fit::numeric::population::{Member, evaluated, normal, sort};
+use crate::fit::numeric::thresholds::{
+    ARCHIVE_SIZE, BEST_SHARE, EVOLUTION_SPREAD_TOLERANCE, EXPLORATION_SHARE, LEAST_MEMBERS, MEMBERS_PER_VARIABLE,
+    MEMORY_SIZE,
+};
 
-/// Members of the first population for each variable.
-const MEMBERS_A_VARIABLE: usize = 10;
-const LEAST_MEMBERS: usize = 4;
-/// Places of the memory of `F` and `CR`.
-const MEMORY: usize = 6;
-/// Share of the population that counts as the best.
-const BEST_SHARE: f64 = 0.11;
-/// Size of the archive of replaced members, in populations.
-const ARCHIVE: f64 = 2.6;
-/// Relative difference between the worst member and the best at which the population has settled.
-const SETTLED: f64 = 1e-6;
-/// Share of the budget after which the cloud takes over.
-const EXPLORED: f64 = 0.5;
-
-#[derive(Clone)]
-pub(crate) struct Member {
-    pub x: Vec<f64>,
-    pub cost: f64,
-}
-
-/// What a child was made with.
+/// A child and the settings that made it.
 struct Trial {
     x: Vec<f64>,
     f: f64,
@@ -38,36 +21,36 @@ struct Trial {
 
 /// Means of `F` and `CR` that made better children lately; a `CR` of none has died out.
 struct Memory {
-    f: [f64; MEMORY],
-    cr: [Option<f64>; MEMORY],
+    f: [f64; MEMORY_SIZE],
+    cr: [Option<f64>; MEMORY_SIZE],
     next: usize,
 }
 
 /// Least `cost` over the unit cube of `start.len()` dimensions, seen within `budget` evaluations, and where; `start` is among the first members.
-/// `heard` is told evaluations and least cost of each generation.
+/// `on_generation` receives the evaluations so far and the least cost of each generation.
 pub(crate) fn minimise(
     cost: &(impl Fn(&[f64]) -> f64 + Sync),
     start: &[f64],
     budget: usize,
     seed: u64,
-    heard: &dyn Fn(usize, f64),
+    on_generation: &dyn Fn(usize, f64),
 ) -> (Vec<f64>, f64) {
     let mut random = fastrand::Rng::with_seed(seed);
     let dimensions = start.len();
-    let most = (MEMBERS_A_VARIABLE * dimensions).clamp(LEAST_MEMBERS, (budget / 4).max(LEAST_MEMBERS));
+    let most = (MEMBERS_PER_VARIABLE * dimensions).clamp(LEAST_MEMBERS, (budget / 4).max(LEAST_MEMBERS));
     let mut first = latin_hypercube(most, dimensions, &mut random);
     first[0] = start.to_vec();
     first.truncate(budget.max(1));
     let mut members = evaluated(cost, first);
     let mut spent = members.len();
     let mut archive: Vec<Vec<f64>> = Vec::new();
-    let mut memory = Memory { f: [0.5; MEMORY], cr: [Some(0.5); MEMORY], next: 0 };
+    let mut memory = Memory { f: [0.5; MEMORY_SIZE], cr: [Some(0.5); MEMORY_SIZE], next: 0 };
     sort(&mut members);
-    let explored = (EXPLORED * budget as f64) as usize;
+    let explored = (EXPLORATION_SHARE * budget as f64) as usize;
     while members.len() >= LEAST_MEMBERS && spent < explored {
         let (least, worst) = (members[0].cost, members[members.len() - 1].cost);
-        heard(spent, least);
-        if worst - least <= SETTLED * least {
+        on_generation(spent, least);
+        if worst - least <= EVOLUTION_SPREAD_TOLERANCE * least {
             break;
         }
         let trials: Vec<Trial> = (0..members.len().min(budget - spent))
@@ -90,22 +73,14 @@ pub(crate) fn minimise(
         let left = 1.0 - spent as f64 / budget as f64;
         let wanted = LEAST_MEMBERS + ((most - LEAST_MEMBERS) as f64 * left).round() as usize;
         members.truncate(wanted.max(LEAST_MEMBERS));
-        while archive.len() > (ARCHIVE * members.len() as f64) as usize {
+        while archive.len() > (ARCHIVE_SIZE * members.len() as f64) as usize {
             archive.swap_remove(random.usize(..archive.len()));
         }
     }
     let best = cma::minimise(cost, &members, budget.saturating_sub(spent), &mut random, &|more, least| {
-        heard(spent + more, least)
+        on_generation(spent + more, least)
     });
     (best.x, best.cost)
-}
-
-pub(crate) fn sort(members: &mut [Member]) {
-    members.sort_by(|a, b| a.cost.total_cmp(&b.cost));
-}
-
-pub(crate) fn evaluated(cost: &(impl Fn(&[f64]) -> f64 + Sync), points: Vec<Vec<f64>>) -> Vec<Member> {
-    points.into_par_iter().map(|x| Member { cost: cost(&x), x }).collect()
 }
 
 /// As many points as strata of each variable, one in each.
@@ -158,7 +133,7 @@ fn trial(i: usize, members: &[Member], archive: &[Vec<f64>], memory: &Memory, ra
 
 impl Memory {
     fn draw(&self, random: &mut fastrand::Rng) -> (f64, f64) {
-        let place = random.usize(..MEMORY);
+        let place = random.usize(..MEMORY_SIZE);
         let cr = self.cr[place].map_or(0.0, |mean| (mean + 0.1 * normal(random)).clamp(0.0, 1.0));
         loop {
             let f = self.f[place] + 0.1 * (std::f64::consts::PI * (random.f64() - 0.5)).tan();
@@ -168,9 +143,9 @@ impl Memory {
         }
     }
 
-    /// Takes in what made children better than their parents: fall of the cost, `F`, `CR`.
+    /// Learns from the settings that made children better than their parents: fall of the cost, `F`, `CR`.
     fn learn(&mut self, successes: &[(f64, f64, f64)]) {
-        // A parent that could not be simulated says nothing about its child's fall but that it is large.
+        // The fall from a parent that could not be simulated is only known to be large.
         let weight = |fall: f64| fall.min(1e100);
         // Lehmer means, each weighed by the fall.
         let lehmer = |of: fn(&(f64, f64, f64)) -> f64| {
@@ -183,13 +158,8 @@ impl Memory {
         self.f[self.next] = lehmer(|s| s.1);
         let gone = self.cr[self.next].is_none() || successes.iter().all(|s| s.2 == 0.0);
         self.cr[self.next] = if gone { None } else { Some(lehmer(|s| s.2)) };
-        self.next = (self.next + 1) % MEMORY;
+        self.next = (self.next + 1) % MEMORY_SIZE;
     }
-}
-
-/// Box & Muller (1958).
-pub(crate) fn normal(random: &mut fastrand::Rng) -> f64 {
-    (-2.0 * (1.0 - random.f64()).ln()).sqrt() * (std::f64::consts::TAU * random.f64()).cos()
 }
 
 #[cfg(test)]

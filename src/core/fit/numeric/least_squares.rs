@@ -3,6 +3,9 @@
 //! Marquardt (1963); Nielsen (1999), IMM-REP-1999-05, for the damping; variables held at a bound while the gradient pushes
 //! outwards (Kanzow, Yamashita & Fukushima 2004). The Jacobian's columns are independent simulations and run in parallel.
 
+use crate::fit::numeric::thresholds::{
+    ACCELERATION_PROBE, FIRST_DAMPING, FIRST_DAMPING_NEAR, MAX_ACCELERATION, MAX_STALLS, NO_DAMPING,
+};
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use rayon::prelude::*;
 
@@ -22,7 +25,7 @@ pub trait Problem: Sync {
     fn bounds(&self) -> (&[f64], &[f64]);
     /// Step of the finite difference for each variable.
     fn difference_step(&self, j: usize) -> f64;
-    /// How far a variable may go in one step of a thorough descent: beyond, a straight line says nothing of the residuals.
+    /// How far a variable may go in one step of a thorough descent: beyond, the linearised residuals mean nothing.
     fn reach(&self, _j: usize) -> f64 {
         f64::INFINITY
     }
@@ -37,8 +40,8 @@ pub struct Limits {
     pub cost_tolerance: f64,
     /// Largest change of a variable below which it is settled.
     pub step_tolerance: f64,
-    /// Follow narrow, bent valleys to their ends, from a start that is near: the first step is hardly damped, steps are bent to second order, and
-    /// a fall is settled only where a step without damping would not gain more either.
+    /// Follow narrow, bent valleys to their ends from a near start: the first step is hardly damped, steps have a second-order part, and
+    /// the descent ends only where an undamped step would not gain more either.
     pub thorough: bool,
 }
 
@@ -58,7 +61,7 @@ pub enum Stop {
 }
 
 impl Stop {
-    /// Whether it is done, rather than out of budget.
+    /// Whether it has finished, rather than run out of iterations.
     pub fn converged(self) -> bool {
         !matches!(self, Stop::IterationsSpent)
     }
@@ -97,15 +100,10 @@ pub struct Solution {
     pub stop: Stop,
 }
 
-/// Share of a step at which the residuals' curvature along it is measured, and the largest bend, in steps, that is believed
-/// (Transtrum & Sethna 2012).
-const LOOK_AHEAD: f64 = 0.1;
-const MOST_BEND: f64 = 0.375;
-
-/// The second-order part of a step, in scaled variables (geodesic acceleration; Transtrum & Sethna 2012, arXiv:1201.5885): where the
-/// residuals bend along the step, the valley does. None where the bend is too large to be believed.
+/// The second-order part of a step, in scaled variables (Transtrum & Sethna 2012, arXiv:1201.5885): the valley bends where the residuals
+/// bend along the step. None where the acceleration is too large to be trusted.
 #[allow(clippy::too_many_arguments)]
-fn bend<P: Problem>(
+fn geodesic_acceleration<P: Problem>(
     problem: &P,
     x: &[f64],
     residuals: &[f64],
@@ -118,33 +116,25 @@ fn bend<P: Problem>(
     let (lower, upper) = problem.bounds();
     let mut ahead = x.to_vec();
     for (a, &j) in free.iter().enumerate() {
-        ahead[j] += LOOK_AHEAD * step[a] / scale[j];
+        ahead[j] += ACCELERATION_PROBE * step[a] / scale[j];
         if ahead[j] < lower[j] || ahead[j] > upper[j] {
             return None;
         }
     }
     let mut curved = problem.residuals(&ahead).ok()?;
     for (c, r) in curved.iter_mut().zip(residuals) {
-        *c = (*c - r) / LOOK_AHEAD;
+        *c = (*c - r) / ACCELERATION_PROBE;
     }
     for (a, &j) in free.iter().enumerate() {
         let by = step[a] / scale[j];
         curved.iter_mut().zip(&columns[j]).for_each(|(c, d)| *c -= by * d);
     }
     let dot = |a: &[f64]| a.iter().zip(&curved).map(|(x, y)| x * y).sum::<f64>();
-    let right = DVector::from_iterator(free.len(), free.iter().map(|&j| -dot(&columns[j]) / (LOOK_AHEAD * scale[j])));
-    let bend = factor.solve(&right);
-    (bend.norm() <= MOST_BEND * step.norm()).then_some(bend)
+    let right =
+        DVector::from_iterator(free.len(), free.iter().map(|&j| -dot(&columns[j]) / (ACCELERATION_PROBE * scale[j])));
+    let acceleration = factor.solve(&right);
+    (acceleration.norm() <= MAX_ACCELERATION * step.norm()).then_some(acceleration)
 }
-
-/// Damping of the first step, in units of each column's square norm; and of one from a start that is near, where a damped step would creep along a
-/// flat valley and one that is too long costs a trial, not a Jacobian.
-const FIRST_DAMPING: f64 = 1e-3;
-const FIRST_DAMPING_NEAR: f64 = 1e-7;
-/// Damping that stands for none.
-const UNDAMPED: f64 = 1e-11;
-/// Steps in a row that gain less than the tolerance, though more seems to be there, after which nothing more is expected.
-const STALLS: usize = 8;
 
 fn half_square(residuals: &[f64]) -> f64 {
     0.5 * residuals
@@ -271,9 +261,9 @@ pub fn minimise<P: Problem>(
             let moved = DVector::from_vec(moved);
             let model_fall = |by: &DVector<f64>| -(gradient.dot(by) + 0.5 * by.dot(&(&normal * by)));
             let predicted = model_fall(&moved);
-            // What a step without damping would gain, as far as the box lets it go.
-            let promised = || {
-                let Some(factor) = damped(UNDAMPED).cholesky() else { return 0.0 };
+            // The fall that a step without damping predicts, as far as the box lets it go.
+            let undamped_fall = || {
+                let Some(factor) = damped(NO_DAMPING).cholesky() else { return 0.0 };
                 let step = factor.solve(&rhs);
                 let mut end = x.clone();
                 for (a, &j) in free.iter().enumerate() {
@@ -283,11 +273,12 @@ pub fn minimise<P: Problem>(
                 model_fall(&DVector::from_iterator(n, end.iter().zip(&x).map(|(e, x)| e - x)))
             };
             if limits.thorough
-                && let Some(bend) = bend(problem, &x, &residuals, &columns, &free, &scale, &step, &factor)
+                && let Some(acceleration) =
+                    geodesic_acceleration(problem, &x, &residuals, &columns, &free, &scale, &step, &factor)
             {
                 evaluations += 1;
                 for (a, &j) in free.iter().enumerate() {
-                    trial[j] += bend[a] / scale[j];
+                    trial[j] += acceleration[a] / scale[j];
                 }
                 clamp(&mut trial);
             }
@@ -296,7 +287,7 @@ pub fn minimise<P: Problem>(
                 Some((new_cost, new_residuals)) if new_cost < cost => {
                     let ratio = (cost - new_cost) / predicted.max(f64::MIN_POSITIVE);
                     let fall = (cost - new_cost) / cost;
-                    let left = promised() - (cost - new_cost);
+                    let left = undamped_fall() - (cost - new_cost);
                     x = trial;
                     residuals = new_residuals;
                     cost = new_cost;
@@ -308,7 +299,7 @@ pub fn minimise<P: Problem>(
                         stalls = 0;
                     } else if ratio > 0.1 {
                         stalls += 1;
-                        if !limits.thorough || left <= limits.cost_tolerance * cost || stalls >= STALLS {
+                        if !limits.thorough || left <= limits.cost_tolerance * cost || stalls >= MAX_STALLS {
                             stop = Stop::CostSettled;
                             break 'outer;
                         }

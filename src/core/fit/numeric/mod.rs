@@ -4,6 +4,9 @@ pub(crate) mod cma;
 pub(crate) mod evolution;
 pub mod least_squares;
 pub(crate) mod micro_ga;
+pub(crate) mod population;
+pub mod quantiles;
 #[cfg(test)]
 pub(crate) mod test_problem;
+pub(crate) mod thresholds;
 pub mod uncertainty;

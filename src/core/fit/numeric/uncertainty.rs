@@ -1,8 +1,8 @@
-//! What a Jacobian says of a fit whose noise is white: covariance, correlation, Gauss-Newton steps; and what colour takes from it.
+//! Linear algebra of a Jacobian for white noise: covariance, correlation, Gauss-Newton steps; and the inflation by autocorrelation.
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::fit::inference::interval::Z_95;
+use crate::fit::numeric::thresholds::{UNDETERMINED_EIGENVALUE, UNDETERMINED_PART};
 
 /// Factor by which correlation between neighbours reduces the effective number of residuals: `(1 + ρ)/(1 - ρ)` for the
 /// lag-one autocorrelation `ρ` of a first-order process, not below 1.
@@ -42,18 +42,12 @@ impl Normal {
     }
 }
 
-/// Share of the largest eigenvalue of a scaled normal matrix below which a combination of variables is not determined: finite differences
-/// know no more.
-const NOTHING: f64 = 1e-13;
-/// Part of such a combination from which on a variable shares its fate.
-const PART: f64 = 1e-4;
-
 /// Inverse of a scaled normal matrix over the combinations of variables that it determines (Moore and Penrose's), and which variables it leaves
 /// open. All of them where it is not finite.
 pub(crate) fn determined_inverse(matrix: DMatrix<f64>) -> (DMatrix<f64>, Vec<bool>) {
     let p = matrix.nrows();
     let (mut inverse, mut open) = (DMatrix::zeros(p, p), vec![false; p]);
-    // The decomposition does not end on numbers that are none.
+    // The decomposition does not end on values that are not numbers.
     if matrix.iter().any(|v| !v.is_finite()) {
         return (inverse, vec![true; p]);
     }
@@ -61,12 +55,12 @@ pub(crate) fn determined_inverse(matrix: DMatrix<f64>) -> (DMatrix<f64>, Vec<boo
         return (inverse, open);
     }
     let eigen = matrix.symmetric_eigen();
-    let least = NOTHING * eigen.eigenvalues.max();
+    let least = UNDETERMINED_EIGENVALUE * eigen.eigenvalues.max();
     for (value, vector) in eigen.eigenvalues.iter().zip(eigen.eigenvectors.column_iter()) {
         if *value > least {
             inverse += vector * vector.transpose() / *value;
         } else {
-            vector.iter().zip(&mut open).for_each(|(v, o)| *o |= v.abs() > PART);
+            vector.iter().zip(&mut open).for_each(|(v, o)| *o |= v.abs() > UNDETERMINED_PART);
         }
     }
     (inverse, open)
@@ -107,17 +101,7 @@ pub fn covariance(columns: &[Vec<f64>], at_bound: &[bool]) -> DMatrix<f64> {
     all
 }
 
-/// Half a 95% interval of Student's distribution in standard errors, by Cornish and Fisher's expansion in the inverse of its degrees of
-/// freedom (Abramowitz & Stegun 26.7.5); those below 1 count as 1.
-pub fn student_95(freedom: f64) -> f64 {
-    let (z, v) = (Z_95, freedom.max(1.0));
-    let [z3, z5, z7] = [3, 5, 7].map(|n| z.powi(n));
-    z + (z3 + z) / (4.0 * v)
-        + (5.0 * z5 + 16.0 * z3 + 3.0 * z) / (96.0 * v.powi(2))
-        + (3.0 * z7 + 19.0 * z5 + 17.0 * z3 - 15.0 * z) / (384.0 * v.powi(3))
-}
-
-/// The step that takes up a change of the residuals, `-(JᵀJ)⁻¹ Jᵀ change`, in the variables that are not at a bound; zero in those
+/// The step that compensates a change of the residuals, `-(JᵀJ)⁻¹ Jᵀ change`, in the variables that are not at a bound; zero in those
 /// that are, and in all where the data determine none.
 pub fn gauss_newton_step(columns: &[Vec<f64>], change: &[f64], at_bound: &[bool]) -> Vec<f64> {
     let Normal { free, scale, matrix } = Normal::of(columns, at_bound);
@@ -135,13 +119,6 @@ pub fn gauss_newton_step(columns: &[Vec<f64>], change: &[f64], at_bound: &[bool]
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn students_interval_is_that_of_the_tables() {
-        for (freedom, table) in [(5.0, 2.5706), (10.0, 2.2281), (30.0, 2.0423), (1e9, 1.9600)] {
-            assert!((student_95(freedom) - table).abs() < 5e-3, "{freedom}: {}", student_95(freedom));
-        }
-    }
 
     #[test]
     fn the_covariance_leaves_out_what_is_at_a_bound() {

@@ -1,28 +1,27 @@
-//! Where a fitted model expects the samples: the posterior predictive band, `J C Jᵀ` of the parameters and the noise on top.
+//! The band in which a fitted model expects the samples: posterior predictive, `J C Jᵀ` of the parameters plus the noise.
 //!
-//! Linear in the parameters around the fit (Seber & Wild 2003, *Nonlinear Regression*, sec. 5.1). What the samples leave open does not move
-//! the curve at them, so those directions are left out rather than counted as infinite. The covariance is
-//! [`Errors::by_noise`](crate::fit::inference::errors::Errors::by_noise), by the noise before the closure where the record shows any: what a model fails to explain does not
-//! widen the band, the failure is to show outside it. Nor do errors of gains: a sensor shows what it predicts with the gain that it was read with.
+//! Linear in the parameters around the fit (Seber & Wild 2003, *Nonlinear Regression*, sec. 5.1). Combinations that the samples leave open do not move
+//! the curve there, so they are left out rather than counted as infinite. The covariance is
+//! [`Errors::by_noise`](crate::fit::inference::errors::Errors::by_noise), by the noise before the closure where the record shows any: what a model fails to explain must not
+//! widen the band but show outside it. Nor do errors of gains widen it: a sensor reads its prediction with its own gain.
 
 use nalgebra::DMatrix;
 
-use crate::fit::inference::interval::Z_95;
-use crate::fit::outcome::fit::SensorFit;
-use crate::fit::problem::fit_problem::Calibration;
+use crate::fit::numeric::quantiles::Z_95;
+use crate::fit::problem::fit_problem::FitProblem;
 
-/// Standard deviation that the uncertainty of the variables gives the curve, m: of each run and sensor, at each of its samples that enter.
+/// Standard deviation of the curve from the uncertainty of the variables, m: for each run and sensor, at each of its samples that enter.
 /// `columns` is the Jacobian of the residuals in time.
-pub fn curve_sd_m(problem: &Calibration, columns: &[Vec<f64>], covariance: &DMatrix<f64>) -> Vec<Vec<Vec<f64>>> {
+pub fn curve_sd_m(problem: &FitProblem, columns: &[Vec<f64>], covariance: &DMatrix<f64>) -> Vec<Vec<Vec<f64>>> {
     let mut row = 0;
     let mut runs = Vec::new();
     for (r, run) in problem.runs.iter().enumerate() {
-        // What belongs to other runs does not move this one.
+        // Variables of other runs do not move this one.
         let own: Vec<usize> =
             (0..columns.len()).filter(|&j| problem.run_of(j).is_none_or(|other| other == r)).collect();
         let mut sensors = Vec::new();
         for (s, sensor) in run.sensors.iter().enumerate() {
-            let rows = row..row + problem.entering(r, s).1;
+            let rows = row..row + problem.rows.entering(r, s).1;
             row = rows.end;
             let mut variance = vec![0.0; rows.len()];
             for &i in &own {
@@ -41,19 +40,10 @@ pub fn curve_sd_m(problem: &Calibration, columns: &[Vec<f64>], covariance: &DMat
 }
 
 /// Half the width of the band around the curve of a run's sensor, m, from its sample `from` on; `sd_m` is that of [`curve_sd_m`].
-pub fn half_width_m(problem: &Calibration, r: usize, s: usize, sd_m: &[f64], from: usize) -> Vec<f64> {
+pub fn half_width_m(problem: &FitProblem, r: usize, s: usize, sd_m: &[f64], from: usize) -> Vec<f64> {
     let sensor = &problem.runs[r].sensors[s];
-    let (first, count) = problem.entering(r, s);
+    let (first, count) = problem.rows.entering(r, s);
     let last = count.saturating_sub(1);
     let at = |i: usize| sd_m.get(i.saturating_sub(first).min(last)).copied().unwrap_or(0.0);
     (from..sensor.time_s.len()).map(|i| Z_95 * at(i).hypot(sensor.total_noise_m)).collect()
-}
-
-impl SensorFit {
-    /// Share of the samples inside the band; none where there is no band.
-    pub fn inside_band(&self) -> Option<f64> {
-        let all = self.measured_m.iter().zip(&self.model_m).zip(&self.band_m);
-        let inside = all.filter(|((y, m), half)| (*y - *m).abs() <= **half).count();
-        (!self.band_m.is_empty()).then(|| inside as f64 / self.band_m.len() as f64)
-    }
 }

@@ -1,9 +1,11 @@
-//! What a calibration gives back: plain data for tables, JSON and pages.
+//! The result of a calibration: plain data for tables, JSON and pages.
 
-use crate::fit::inference::identify::Unseen;
+use crate::fit::outcome::profile::Profile;
+use crate::fit::outcome::residual_summary::ResidualSummary;
+use crate::fit::outcome::uncertainty::Uncertainty;
+use crate::fit::outcome::unidentifiable::Unidentifiable;
+use crate::fit::problem::compare::ExtremumError;
 use crate::fit::problem::method::Method;
-use crate::fit::search::coarse_fit::Leftover;
-use crate::fit::validate::profile::Profile;
 use crate::model::effects::Chosen;
 use crate::model::parameter::Scale;
 
@@ -18,12 +20,12 @@ pub struct FittedParameter {
     pub run: Option<String>,
     /// Value in `unit`.
     pub value: f64,
-    /// Standard error in `unit`; infinite where the data do not determine it, not a number where the fit ended at no optimum.
-    pub standard_error: f64,
-    /// 95% interval in `unit`: linear, or by its profile where there is one; an end that the data leave open is infinite, both are not a
+    /// How well it is known, in `unit`.
+    pub uncertainty: Uncertainty,
+    /// 95% interval in `unit`: linear, or by its profile where there is one. An end that the data leave open is infinite; both are not a
     /// number where the fit ended at no optimum.
     pub interval_95: (f64, f64),
-    /// How the fit gets worse along it, where that was asked for.
+    /// How the fit gets worse along it, where a profile was asked for.
     pub profile: Option<Profile>,
     /// Display unit.
     pub unit: &'static str,
@@ -39,9 +41,16 @@ pub struct FittedParameter {
     pub prior: Option<(f64, f64)>,
     /// How the fit moved it.
     pub scale: Scale,
-    /// All that the fit took for known before it, whatever said so (meter, rig, signals, creep test): mean in `unit`, and a standard
+    /// All that was known of it before the fit, from whatever source (meter, rig, signals, creep test): mean in `unit`, and a standard
     /// deviation that is relative on a log scale.
     pub belief: Option<(f64, f64)>,
+}
+
+impl FittedParameter {
+    /// See [`Uncertainty::standard_error`].
+    pub fn standard_error(&self) -> f64 {
+        self.uncertainty.standard_error()
+    }
 }
 
 /// Measurement and model at one pressure sensor, heads in m, all vectors of one length.
@@ -59,9 +68,9 @@ pub struct SensorFit {
     pub model_m: Vec<f64>,
     /// Half the width of the band around the model that holds a sample with 95% probability, m; empty where it is not known.
     pub band_m: Vec<f64>,
-    /// Standard deviation of all that disturbs the sensor while nothing happens, m.
+    /// Standard deviation of all disturbances of the sensor while the flow is steady, m.
     pub noise_m: f64,
-    /// The same of its white part: what a sample's weight in the fit is, m.
+    /// The same of its white part, which sets a sample's weight in the fit, m.
     pub white_noise_m: f64,
     /// Root mean square of measured − model over all samples, m.
     pub rmse_m: f64,
@@ -71,21 +80,13 @@ pub struct SensorFit {
     pub extrema: Vec<ExtremumError>,
 }
 
-/// One extremum in measurement and model.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ExtremumError {
-    /// Cycle from 1.
-    pub cycle: usize,
-    /// A peak rather than a trough.
-    pub peak: bool,
-    /// When it is measured, s after the start of the closure.
-    pub time_s: f64,
-    /// Measured head, m.
-    pub measured_m: f64,
-    /// Head of the model's own extremum, m.
-    pub model_m: f64,
-    /// Model's time minus measured time of the crossing of the mean level that leads to it, s.
-    pub phase_s: f64,
+impl SensorFit {
+    /// Share of the samples inside the band; none where there is no band.
+    pub fn inside_band(&self) -> Option<f64> {
+        let all = self.measured_m.iter().zip(&self.model_m).zip(&self.band_m);
+        let inside = all.filter(|((y, m), half)| (*y - *m).abs() <= **half).count();
+        (!self.band_m.is_empty()).then(|| inside as f64 / self.band_m.len() as f64)
+    }
 }
 
 /// One run under the fitted model.
@@ -99,7 +100,7 @@ pub struct RunFit {
     pub noise_m: f64,
     /// Mean absolute percentage error over the extrema (paper's eq. 19), percent.
     pub mape_extrema_percent: f64,
-    /// Its noise dies away after the closure: errors and intervals take it as it was before, for the first rise is seen in that.
+    /// Its noise dies away after the closure: errors and intervals take it as it was before, for it disturbs the first rise.
     pub noise_dies_away: bool,
     /// Each pressure sensor.
     pub sensors: Vec<SensorFit>,
@@ -112,7 +113,7 @@ pub struct StepTaken {
     pub round: usize,
     /// What it moved, and to where.
     pub parameters: Vec<(String, f64)>,
-    /// What of the record it looked at.
+    /// The feature of the record that it looked at.
     pub feature: &'static str,
     /// Why that.
     pub why: &'static str,
@@ -137,11 +138,11 @@ pub struct Fit {
     pub parameters: Vec<FittedParameter>,
     /// Correlation between the errors of each two parameters, in the order of `parameters`; NaN for what is at a bound.
     pub correlation: Vec<Vec<f64>>,
-    /// Combinations of parameters that the recordings do not see.
-    pub unseen: Vec<Unseen>,
+    /// Combinations of parameters that the recordings do not determine.
+    pub unidentifiable: Vec<Unidentifiable>,
     /// Reaches of the grid of the final fit.
     pub reaches: usize,
-    /// What halving the grid's step would still change, rms over all samples, m.
+    /// Change that halving the grid's step would still make, rms over all samples, m.
     pub grid_error_m: f64,
     /// Simulations that the fit took.
     pub evaluations: usize,
@@ -149,25 +150,25 @@ pub struct Fit {
     pub seconds: f64,
     /// The steps of a stepwise calibration; none of any other.
     pub steps: Vec<StepTaken>,
-    /// Names of the features that a stepwise calibration had still to use when it was stopped.
+    /// Names of the features that were still to be used when a stepwise calibration stopped.
     pub features_left: Vec<&'static str>,
     /// Why it stopped, in words.
     pub stopped_because: String,
-    /// It ended at an optimum, as far as a descent can tell. Where it did not, no error, interval or band is given.
+    /// It ended at an optimum, as far as a descent can tell. Otherwise no error, interval or band is given.
     pub converged: bool,
-    /// Fall of the sum of squares that a step of a descent promises from its end, in units of what one sample leaves.
-    pub promised_fall: f64,
+    /// Reduction of the sum of squares that an undamped step predicts from its end, in units of what one sample leaves.
+    pub predicted_reduction: f64,
 }
 
 impl Fit {
-    /// Without all that holds at an optimum alone: errors, intervals, correlations, what is unseen, bands.
+    /// Without all that holds only at an optimum: errors, intervals, correlations, unidentifiable combinations, bands.
     pub(crate) fn without_errors(mut self) -> Self {
         for p in self.parameters.iter_mut().filter(|p| !p.held) {
-            (p.standard_error, p.interval_95) = (f64::NAN, (f64::NAN, f64::NAN));
+            (p.uncertainty, p.interval_95) = (Uncertainty::NotAtOptimum, (f64::NAN, f64::NAN));
         }
         self.runs.iter_mut().for_each(|r| r.noise_dies_away = false);
         self.runs.iter_mut().flat_map(|r| &mut r.sensors).for_each(|s| s.band_m.clear());
-        Fit { correlation: Vec::new(), unseen: Vec::new(), ..self }
+        Fit { correlation: Vec::new(), unidentifiable: Vec::new(), ..self }
     }
 
     /// Values of all parameters: shared ones first, then each run's.
@@ -180,15 +181,15 @@ impl Fit {
         self.effects.iter().map(Chosen::label).collect()
     }
 
-    /// Fall of the Bayesian information criterion from a simpler model's fit to the same recordings; samples that are alike count once.
+    /// Fall of the Bayesian information criterion from a simpler model's fit to the same recordings; samples that repeat each other count once.
     pub fn evidence_over(&self, simpler: &Fit) -> f64 {
-        let leftover = |fit: &Fit| {
+        let summary = |fit: &Fit| {
             let sensors = fit.runs.iter().flat_map(|r| &r.sensors);
             let weighted = sensors.flat_map(|s| s.measured_m.iter().zip(&s.model_m).map(|(h, m)| (h - m) / s.noise_m));
             let shared = fit.parameters.iter().filter(|p| p.run.is_none()).count();
-            Leftover::of(&weighted.collect::<Vec<_>>(), shared)
+            ResidualSummary::of(&weighted.collect::<Vec<_>>(), shared)
         };
-        leftover(self).evidence_over(&leftover(simpler))
+        summary(self).evidence_over(&summary(simpler))
     }
 
     /// RMSE and noise over all runs, m: each weighs as its number of samples; NaN where there are none.

@@ -1,5 +1,9 @@
 //! What a calibration gives back.
 
 pub mod band;
-pub mod compare;
 pub mod fit;
+pub mod profile;
+pub(crate) mod residual_summary;
+pub mod thresholds;
+pub mod uncertainty;
+pub mod unidentifiable;

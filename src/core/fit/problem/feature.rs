@@ -1,17 +1,13 @@
-//! What of a record a step of a stepwise calibration looks at, as a least-squares problem of the few variables that the step moves.
+//! The features of a record that a stepwise calibration looks at, as least-squares problems of the few variables that a step moves.
 
 use crate::fit::numeric::least_squares::Problem;
-use crate::fit::outcome::compare::Pair;
-use crate::fit::problem::fit_problem::Calibration;
+use crate::fit::problem::compare::Pair;
+use crate::fit::problem::fit_problem::FitProblem;
+use crate::fit::problem::thresholds::{DIRECTION_SHARES, FIRST_RISE_LEAD, PHASE_SHARE};
 use crate::model::ModelError;
 use crate::model::trace::Trace;
 
-/// What a crossing's time is known to, as a share of the period.
-const PHASE_SHARE: f64 = 1e-3;
-/// Share of a period before the closure that still counts as the first rise: its start is not known to the sample.
-const LEAD: f64 = 0.05;
-
-/// What of the record a step looks at.
+/// A feature of the record that a step looks at.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Feature {
     /// Mean heads before the closure.
@@ -20,13 +16,13 @@ pub(crate) enum Feature {
     ValveCurve,
     /// All samples before the first reflection is back.
     FirstRise,
-    /// When the level between extrema is crossed, in the first half of the cycles.
+    /// The times at which the level between extrema is crossed, in the first half of the cycles.
     EarlyPhase,
     /// The same in the second half.
     LatePhase,
     /// Heights of the extrema of the second half.
     LatePeaks,
-    /// All samples of the first cycles, as many as the problem takes.
+    /// All samples of the first cycles within the problem's window.
     FirstCycles,
     /// Everything.
     Record,
@@ -48,33 +44,33 @@ impl Feature {
     }
 }
 
-/// A feature as a problem of a few variables, the others at rest.
-pub(crate) struct Aspect<'p> {
-    pub(crate) problem: &'p Calibration<'p>,
+/// A feature as a problem of a few variables, with the others fixed.
+pub(crate) struct FeatureProblem<'p> {
+    pub(crate) problem: &'p FitProblem<'p>,
     pub(crate) which: &'p [usize],
     pub(crate) feature: Feature,
     /// All variables.
-    still: Vec<f64>,
+    values: Vec<f64>,
     lower: Vec<f64>,
     upper: Vec<f64>,
-    /// Period with which the step began, s: what is compared stays the same while it moves.
+    /// Period at the start of the step, s: the comparison stays the same while it moves.
     period_s: f64,
 }
 
-impl<'p> Aspect<'p> {
+impl<'p> FeatureProblem<'p> {
     /// From `values`, within `bounds` of all variables or where they are.
     pub(crate) fn new(
-        problem: &'p Calibration,
+        problem: &'p FitProblem,
         which: &'p [usize],
         feature: Feature,
         values: &[f64],
         bounds: &(Vec<f64>, Vec<f64>),
     ) -> Self {
-        let still = problem.variables(values);
-        Aspect {
-            lower: which.iter().map(|&j| bounds.0[j].min(still[j])).collect(),
-            upper: which.iter().map(|&j| bounds.1[j].max(still[j])).collect(),
-            still,
+        let at = problem.variables(values);
+        FeatureProblem {
+            lower: which.iter().map(|&j| bounds.0[j].min(at[j])).collect(),
+            upper: which.iter().map(|&j| bounds.1[j].max(at[j])).collect(),
+            values: at,
             period_s: problem.model.period_s(&values[..problem.model.shared.len()]),
             problem,
             which,
@@ -84,17 +80,17 @@ impl<'p> Aspect<'p> {
 
     /// Where it starts.
     pub(crate) fn start(&self) -> Vec<f64> {
-        self.which.iter().map(|&j| self.still[j]).collect()
+        self.which.iter().map(|&j| self.values[j]).collect()
     }
 
     /// All variables.
     pub(crate) fn whole(&self, x: &[f64]) -> Vec<f64> {
-        let mut all = self.still.clone();
+        let mut all = self.values.clone();
         self.which.iter().zip(x).for_each(|(&j, &v)| all[j] = v);
         all
     }
 
-    /// What measurement and model run `r` differ by in the feature, in units of what it is known to.
+    /// Differences between measurement and model of run `r` in the feature, in units of their uncertainty.
     fn of_run(&self, r: usize, values: &[f64]) -> Result<Vec<f64>, ModelError> {
         let traces = self.problem.modelled(r, values, self.problem.window().reaches)?.traces;
         Ok((0..traces.len()).flat_map(|s| self.of_sensor(r, s, values, &traces[s])).collect())
@@ -107,8 +103,10 @@ impl<'p> Aspect<'p> {
         let known_start = run.start.closure_s.0;
         let index = |t: f64| sensor.time_s.partition_point(|&time| time < t);
         let (from, to) = match self.feature {
-            Feature::Steady => (0, index(known_start - LEAD * self.period_s)),
-            Feature::FirstRise => (index(known_start - LEAD * self.period_s), index(known_start + 0.5 * self.period_s)),
+            Feature::Steady => (0, index(known_start - FIRST_RISE_LEAD * self.period_s)),
+            Feature::FirstRise => {
+                (index(known_start - FIRST_RISE_LEAD * self.period_s), index(known_start + 0.5 * self.period_s))
+            }
             _ => (index(known_start), sensor.time_s.len()),
         };
         let measured_m = &sensor.head_m[from..to];
@@ -151,7 +149,7 @@ impl<'p> Aspect<'p> {
     }
 }
 
-impl Problem for Aspect<'_> {
+impl Problem for FeatureProblem<'_> {
     type Error = ModelError;
 
     fn residuals(&self, x: &[f64]) -> Result<Vec<f64>, ModelError> {
@@ -164,7 +162,7 @@ impl Problem for Aspect<'_> {
         for r in 0..self.problem.runs.len() {
             residuals.extend(self.of_run(r, &values)?);
         }
-        // What is known of the moved variables beforehand, from meters or a creep test, holds for each feature, too.
+        // Priors of the moved variables, from meters or a creep test, hold for each feature, too.
         residuals.extend(self.which.iter().filter_map(|&j| self.problem.prior_residual(j, all[j])));
         Ok(residuals)
     }
@@ -179,16 +177,13 @@ impl Problem for Aspect<'_> {
 }
 
 /// The whole record along one direction of the variables.
-pub(crate) struct Along<'p> {
-    pub(crate) problem: &'p Calibration<'p>,
+pub(crate) struct DirectionProblem<'p> {
+    pub(crate) problem: &'p FitProblem<'p>,
     pub(crate) from: &'p [f64],
     pub(crate) direction: &'p [f64],
 }
 
-impl Along<'_> {
-    /// Bounds of the share of the direction.
-    const REACH: (&'static [f64], &'static [f64]) = (&[-1.0], &[30.0]);
-
+impl DirectionProblem<'_> {
     /// All variables after a share of the direction.
     pub(crate) fn whole(&self, share: f64) -> Vec<f64> {
         let (lower, upper) = self.problem.bounds();
@@ -197,7 +192,7 @@ impl Along<'_> {
     }
 }
 
-impl Problem for Along<'_> {
+impl Problem for DirectionProblem<'_> {
     type Error = ModelError;
 
     fn residuals(&self, x: &[f64]) -> Result<Vec<f64>, ModelError> {
@@ -205,7 +200,7 @@ impl Problem for Along<'_> {
     }
 
     fn bounds(&self) -> (&[f64], &[f64]) {
-        Along::REACH
+        DIRECTION_SHARES
     }
 
     fn difference_step(&self, _j: usize) -> f64 {

@@ -5,10 +5,13 @@
 //! heads over each sensor's noise (or their transform, see [`crate::fit::problem::objective`]), then one for each prior,
 //! then one for each run's flow meter.
 
+use std::ops::Range;
+
 use crate::fit::data::run_data::RunData;
 use crate::fit::numeric::least_squares::Problem;
-use crate::fit::problem::objective::{Bins, Misfit};
-use crate::fit::search::calibrate::FitError;
+use crate::fit::problem::error::FitError;
+use crate::fit::problem::objective::{Bins, Objective};
+use crate::fit::problem::rows::SampleRows;
 use crate::model::constraint::Constraint;
 use crate::model::energy::Energy;
 use crate::model::parameter::{Parameter, Scale};
@@ -27,11 +30,11 @@ pub struct Window {
     pub reaches: usize,
     /// Longest time after the closure that enters, s.
     pub horizon_s: f64,
-    /// Every how many samples one enters.
+    /// One of how many samples enters.
     pub stride: usize,
 }
 
-/// What the model shows of a run.
+/// The model's simulation of a run.
 pub struct Modelled {
     /// Traces at the run's pressure sensors, as each shows them, without offsets.
     pub traces: Vec<Trace>,
@@ -43,8 +46,8 @@ pub struct Modelled {
 type Simulate<'a> =
     fn(&Model<'a>, &Conditions, &[f64], &RunValues, Resolution, &[Probe]) -> Result<Simulated, ModelError>;
 
-/// See the module.
-pub struct Calibration<'a> {
+/// The least-squares problem of fitting one model to runs.
+pub struct FitProblem<'a> {
     /// The model.
     pub model: &'a Model<'a>,
     /// The runs.
@@ -53,12 +56,10 @@ pub struct Calibration<'a> {
     pub parameters: Vec<Parameter>,
     /// First variable of each run.
     run_offsets: Vec<usize>,
-    pub(crate) window: Window,
-    /// Samples of each run and sensor that enter: first index, past the last.
-    pub(crate) spans: Vec<Vec<(usize, usize)>>,
-    misfit: Misfit,
-    /// Of each run and sensor, where frequencies are compared and the record is long enough for it.
-    pub(crate) bins: Vec<Vec<Option<Bins>>>,
+    window: Window,
+    objective: Objective,
+    /// The samples that enter, and their residuals.
+    pub rows: SampleRows<'a>,
     lower: Vec<f64>,
     upper: Vec<f64>,
 }
@@ -70,7 +71,7 @@ fn to_variable(parameter: &Parameter, value: f64) -> f64 {
     }
 }
 
-/// A bound's variable gives the bound itself back, not a rounding beside it.
+/// The variable of a bound maps back to the bound exactly, without rounding.
 fn to_value(parameter: &Parameter, variable: f64) -> f64 {
     let bounds = [parameter.lower, parameter.upper];
     match parameter.scale {
@@ -79,21 +80,20 @@ fn to_value(parameter: &Parameter, variable: f64) -> f64 {
     }
 }
 
-impl<'a> Calibration<'a> {
+impl<'a> FitProblem<'a> {
     /// The problem of fitting `model` to `runs`; `window` may be changed later.
     pub fn new(model: &'a Model<'a>, runs: &'a [RunData], window: Window) -> Self {
         let (parameters, run_offsets) = crate::fit::problem::parameters::of(model, runs);
         let lower = parameters.iter().map(|p| to_variable(p, p.lower)).collect();
         let upper = parameters.iter().map(|p| to_variable(p, p.upper)).collect();
-        let mut problem = Calibration {
+        let mut problem = FitProblem {
             model,
             runs,
             parameters,
             run_offsets,
             window,
-            spans: Vec::new(),
-            misfit: Misfit::Time,
-            bins: Vec::new(),
+            objective: Objective::Time,
+            rows: SampleRows::new(runs, window.stride, Vec::new(), Vec::new()),
             lower,
             upper,
         };
@@ -104,7 +104,7 @@ impl<'a> Calibration<'a> {
     /// Chooses the samples that enter and the grid.
     pub fn set_window(&mut self, window: Window) {
         self.window = window;
-        self.spans = self
+        let spans: Vec<Vec<(usize, usize)>> = self
             .runs
             .iter()
             .map(|run| {
@@ -120,34 +120,35 @@ impl<'a> Calibration<'a> {
                     .collect()
             })
             .collect();
-        let compared = self.misfit == Misfit::Frequency && window.stride == 1;
-        self.bins = if compared { (0..self.runs.len()).map(|r| self.bins_of(r)).collect() } else { Vec::new() };
+        let compared = self.objective == Objective::Frequency && window.stride == 1;
+        let bins =
+            if compared { spans.iter().enumerate().map(|(r, s)| self.bins_of(r, s)).collect() } else { Vec::new() };
+        self.rows = SampleRows::new(self.runs, window.stride, spans, bins);
     }
 
-    /// The same problem with another misfit; frequencies are compared where every sample enters. A sensor whose record is too short
+    /// The same problem with another objective; frequencies are compared where every sample enters. A sensor whose record is too short
     /// for it is compared in time.
-    pub fn comparing(mut self, misfit: Misfit) -> Self {
-        self.misfit = misfit;
+    pub fn comparing(mut self, objective: Objective) -> Self {
+        self.objective = objective;
         self.set_window(self.window);
         self
     }
 
     /// The first run and sensor whose frequencies should be compared and cannot be.
     pub fn too_short(&self) -> Option<(String, String)> {
-        let all = self.bins.iter().enumerate().flat_map(|(r, row)| row.iter().enumerate().map(move |(s, b)| (r, s, b)));
-        let (r, s, _) = all.into_iter().find(|(_, _, bins)| bins.is_none())?;
+        let (r, s) = self.rows.too_short()?;
         Some((self.runs[r].file.clone(), self.runs[r].sensors[s].sensor.name.clone()))
     }
 
-    fn bins_of(&self, r: usize) -> Vec<Option<Bins>> {
+    fn bins_of(&self, r: usize, spans: &[(usize, usize)]) -> Vec<Option<Bins>> {
         let (run, shared) = (&self.runs[r], self.model.shared.len());
         let closure = (run.start.closure_s.0, self.model.rig.valve.closing_time_s);
         let period_s = self.model.period_s(&self.start_values()[..shared]);
         let of = |(sensor, &(first, last)): (_, &(usize, usize))| Bins::of(sensor, first..last, closure, period_s);
-        run.sensors.iter().zip(&self.spans[r]).map(of).collect()
+        run.sensors.iter().zip(spans).map(of).collect()
     }
 
-    /// Holds some variables at `values`, and no others.
+    /// Holds these variables at `values`, and releases all others.
     pub fn hold(&mut self, held: &[usize], values: &[f64]) {
         self.lower = self.parameters.iter().map(|p| to_variable(p, p.lower)).collect();
         self.upper = self.parameters.iter().map(|p| to_variable(p, p.upper)).collect();
@@ -194,11 +195,11 @@ impl<'a> Calibration<'a> {
         }
     }
 
-    /// Refuses a constraint on what the model does not have.
+    /// Refuses a constraint on a parameter that the model does not have, or with bounds that do not suit it.
     ///
     /// # Errors
-    /// The first such.
-    pub fn know(&self, constraints: &[Constraint]) -> Result<(), FitError> {
+    /// The first such constraint.
+    pub fn validate_constraints(&self, constraints: &[Constraint]) -> Result<(), FitError> {
         let runs = (0..self.parameters.len()).map(|j| self.run_of(j).map(|r| self.runs[r].file.as_str()));
         let own: Vec<_> = self.parameters.iter().zip(runs).collect();
         let unsuited = |c: &&Constraint| own.iter().any(|(p, run)| c.concerns(&p.name, *run) && !c.suits(p));
@@ -207,12 +208,23 @@ impl<'a> Calibration<'a> {
         }
         match constraints.iter().find(|c| !own.iter().any(|(p, run)| c.concerns(&p.name, *run))) {
             None => Ok(()),
-            Some(stranger) => Err(FitError::NoSuchParameter {
-                name: stranger.name.clone(),
-                of: stranger.run.as_ref().map_or(String::new(), |run| format!(" of {run}")),
+            Some(unknown) => Err(FitError::NoSuchParameter {
+                name: unknown.name.clone(),
+                of: unknown.run.as_ref().map_or(String::new(), |run| format!(" of {run}")),
                 known: own.iter().map(|(p, _)| p.name.as_str()).collect::<Vec<_>>().join(", "),
             }),
         }
+    }
+
+    /// Number of residuals that are samples rather than priors.
+    pub fn samples(&self) -> usize {
+        self.rows.count()
+    }
+
+    /// Where the residuals of priors are among all.
+    pub fn prior_rows(&self) -> Range<usize> {
+        let first = self.samples();
+        first..first + self.parameters.iter().filter(|p| p.prior.is_some()).count()
     }
 
     /// The run that variable `j` belongs to, if it is not shared.
@@ -235,18 +247,18 @@ impl<'a> Calibration<'a> {
         self.run_offsets[r] + CLOSING_TIME
     }
 
-    /// What is known beforehand of variable `j`, if anything is: mean and standard deviation, as variables.
+    /// The prior of variable `j`, if it has one: mean and standard deviation, as variables.
     pub(crate) fn known(&self, j: usize) -> Option<(f64, f64)> {
         let parameter = &self.parameters[j];
         parameter.prior.map(|(mean, sd)| (to_variable(parameter, mean), sd))
     }
 
-    /// The residual of what is known beforehand of variable `j`, if anything is.
+    /// The residual of the prior of variable `j`, if it has one.
     pub(crate) fn prior_residual(&self, j: usize, x: f64) -> Option<f64> {
         self.known(j).map(|(mean, sd)| (x - mean) / sd)
     }
 
-    /// What the model shows of a run: traces at its sensors, as each sensor shows them, without offsets.
+    /// Simulates a run: traces at its sensors, as each sensor shows them, without offsets.
     ///
     /// # Errors
     /// As [`Model::simulate`].
@@ -268,7 +280,7 @@ impl<'a> Calibration<'a> {
         Ok(self.simulated(r, values, reaches, Model::simulate_with_energy)?.energy)
     }
 
-    /// What one of the model's ways to simulate makes of a run.
+    /// Simulates a run by one of the model's methods.
     fn simulated(
         &self,
         r: usize,
@@ -280,13 +292,7 @@ impl<'a> Calibration<'a> {
         let own = &values[self.run_offsets[r]..];
         let run_values = self.run_values(r, values);
         let closure_start = own[CLOSURE_START];
-        let latest = run
-            .sensors
-            .iter()
-            .zip(&self.spans[r])
-            .filter(|(_, span)| span.1 > span.0)
-            .map(|(s, span)| s.time_s[span.1 - 1])
-            .fold(closure_start, f64::max);
+        let latest = self.rows.last_s(r, closure_start);
         let probes: Vec<Probe> = run.sensors.iter().map(|s| Probe::Head(s.sensor.position_m)).collect();
         let conditions =
             Conditions {
@@ -332,8 +338,8 @@ impl<'a> Calibration<'a> {
             let offset = self.offset_m(r, s, values);
             let weight = 1.0 / sensor.noise_m;
             let residuals =
-                self.samples_of(r, s).map(|(t, head)| weight * (head - offset - trace.at(t - closure_start)));
-            match self.bins_at(r, s) {
+                self.rows.samples_of(r, s).map(|(t, head)| weight * (head - offset - trace.at(t - closure_start)));
+            match self.rows.bins_at(r, s) {
                 Some(bins) => out.extend(bins.of_residuals(&residuals.collect::<Vec<f64>>())),
                 None => out.extend(residuals),
             }
@@ -352,7 +358,7 @@ impl<'a> Calibration<'a> {
     }
 }
 
-impl Problem for Calibration<'_> {
+impl Problem for FitProblem<'_> {
     type Error = ModelError;
 
     fn residuals(&self, x: &[f64]) -> Result<Vec<f64>, ModelError> {
@@ -374,8 +380,8 @@ impl Problem for Calibration<'_> {
             // An offset shifts its sensor's residuals; nothing is simulated.
             let shift = (self.base_offset(base, j) - values[j]) / self.runs[moved].sensors[sensor].noise_m;
             out.extend_from_slice(&base[..self.samples()]);
-            let one = self.unit_offset(moved, sensor);
-            out[self.rows(moved, sensor)].iter_mut().zip(one).for_each(|(r, one)| *r += shift * one);
+            let one = self.rows.unit_offset(moved, sensor);
+            out[self.rows.rows(moved, sensor)].iter_mut().zip(one).for_each(|(r, one)| *r += shift * one);
             self.append_priors(x, &mut out);
             out.extend_from_slice(&base[out.len()..]);
             return Ok(out);
@@ -388,7 +394,7 @@ impl Problem for Calibration<'_> {
                 self.append_run(r, &values, &mut out, &mut meters)?;
             } else {
                 let from = out.len();
-                out.extend_from_slice(&base[from..from + self.run_row_count(r)]);
+                out.extend_from_slice(&base[from..from + self.rows.run_row_count(r)]);
                 meters.extend(base_meter);
             }
         }

@@ -1,6 +1,6 @@
-//! How a fit searches.
+//! The method of search.
 
-/// The ways there are.
+/// The methods of search.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Method {
     /// Bounded Levenberg-Marquardt from several starts.
@@ -12,7 +12,7 @@ pub enum Method {
     MicroGa,
     /// The same, then least squares from where it ended.
     GlobalLocal,
-    /// One parameter after the other, each from the feature that it moves most.
+    /// A few parameters at a time, each from the feature that it moves most.
     Stepwise,
 }
 
@@ -28,7 +28,7 @@ impl Method {
         }
     }
 
-    /// How a model is calibrated by it, in running text.
+    /// Its description in running text.
     pub fn in_words(self) -> &'static str {
         match self {
             Method::LeastSquares => "least squares",
@@ -39,21 +39,19 @@ impl Method {
         }
     }
 
-    /// What to do where it ended short of an optimum.
+    /// Advice where it ended short of an optimum.
     pub fn advice(self) -> &'static str {
         match self {
-            Method::LeastSquares => {
-                "take --method stepwise, or a smaller model, or start it elsewhere (--start, --starts)"
-            }
-            Method::GlobalLocal => "raise --budget, or draw anew with another --seed",
-            Method::Global | Method::MicroGa => "raise --budget, or take --method global-local",
+            Method::LeastSquares => "use --method stepwise, a smaller model, or other starts (--start, --starts)",
+            Method::GlobalLocal => "raise --budget, or use another --seed",
+            Method::Global | Method::MicroGa => "raise --budget, or use --method global-local",
             Method::Stepwise => {
-                "go on with it (--save MODEL.toml, then --from MODEL.toml), or take --method least-squares"
+                "continue it (--save MODEL.toml, then --from MODEL.toml), or use --method least-squares"
             }
         }
     }
 
-    /// Whether descent has the last word.
+    /// Whether it ends with a descent.
     pub fn descends(self) -> bool {
         matches!(self, Method::LeastSquares | Method::GlobalLocal)
     }

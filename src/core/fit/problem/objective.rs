@@ -1,9 +1,9 @@
-//! What of a record a fit compares: its samples in time, or its oscillation in frequency.
+//! The objective of a fit: it compares samples in time, or the oscillation in frequency.
 //!
 //! In frequency the residuals of a sensor become the real and imaginary parts of their transform, at the bins around the odd harmonics that the
-//! record shows above its noise, through the window of [`crate::signal::harmonics`]; and the two levels that a transform of the oscillation does
-//! not see, before the closure and after it. Each is divided by what the noise makes of it. Neighbouring bins of a window share some
-//! of the samples: all are weighted down so that together they count as many as are independent.
+//! record shows above its noise, through the window of [`crate::signal::harmonics`]; and the two levels that a transform of the oscillation cannot
+//! show, before the closure and after it. Each is divided by its noise. Neighbouring bins of a window share some
+//! of the samples: all weights are reduced so that together they count as many as are independent.
 
 use std::sync::Arc;
 
@@ -11,11 +11,12 @@ use realfft::num_complex::Complex;
 use realfft::{RealFftPlanner, RealToComplex};
 
 use crate::fit::data::run_data::SensorData;
+use crate::fit::problem::thresholds::{HARMONIC_HALF_WIDTH, HARMONIC_OVER_NOISE, MAX_HARMONICS, MAX_MISSING_HARMONICS};
 use crate::signal::harmonics::{Response, Tone, Window};
 
-/// The ways there are.
+/// What a fit compares.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Misfit {
+pub enum Objective {
     /// Every sample.
     #[default]
     Time,
@@ -23,33 +24,24 @@ pub enum Misfit {
     Frequency,
 }
 
-/// Share of the fundamental on each side of a harmonic whose bins count.
-const AROUND: f64 = 0.5;
-/// A harmonic this many times the noise's level stands out of it.
-pub const OUT_OF_NOISE: f64 = 4.0;
-/// Harmonics after which no other is looked for.
-pub const MOST_HARMONICS: usize = 40;
-/// Harmonics in a row that do not stand out, after which no other is looked for.
-const QUIET: usize = 3;
-
-/// The odd harmonics of a trace that stand out of its noise: `(1, 3, 5 …, tone)`, located near where those before let expect them.
+/// The odd harmonics of a trace above its noise: `(1, 3, 5 …, tone)`, each located near where the previous ones suggest.
 pub fn odd_harmonics(response: &Response, about_hz: f64, noise: f64) -> Vec<(usize, Tone)> {
-    let level = OUT_OF_NOISE * response.white * noise;
+    let level = HARMONIC_OVER_NOISE * response.white * noise;
     let out = |tone: &Tone| tone.amplitude > level;
     let Some(first) = response.peak(0.75 * about_hz, 1.25 * about_hz).filter(out) else { return Vec::new() };
     let half = first.frequency_hz;
     let (mut found, mut quiet) = (vec![(1, first)], 0);
     let most_hz = 0.8 * response.step_hz * response.amplitudes.len() as f64;
-    for k in 2..=MOST_HARMONICS {
+    for k in 2..=MAX_HARMONICS {
         let number = 2 * k - 1;
-        // From the one before, as far apart as those before.
+        // At the spacing of the previous two.
         let expected_hz = match found.as_slice() {
             [.., (m, a), (n, b)] => {
                 b.frequency_hz + (number - n) as f64 * (b.frequency_hz - a.frequency_hz) / (n - m) as f64
             }
             _ => number as f64 * half,
         };
-        if expected_hz > most_hz || quiet == QUIET {
+        if expected_hz > most_hz || quiet == MAX_MISSING_HARMONICS {
             break;
         }
         match response.peak(expected_hz - 0.6 * half, expected_hz + 0.6 * half).filter(out) {
@@ -92,7 +84,7 @@ impl Bins {
         let window = Window::new(from_s, *time_s.last()?, period_s)?;
         let response = Response::of(&window, time_s, head_m)?;
         let harmonics = odd_harmonics(&response, 1.0 / period_s, sensor.noise_m);
-        // The pipe's own period, as this record has it, makes the edges.
+        // The period that this record shows sets the edges.
         let measured_s = harmonics.first().map_or(period_s, |(_, tone)| 1.0 / tone.frequency_hz);
         let window = Window::new(from_s, window.to_s, measured_s)?;
         let inside = time_s.partition_point(|&t| t < from_s)..time_s.len();
@@ -100,7 +92,9 @@ impl Bins {
         let n = weights.len();
         let step_hz = (n - 1) as f64 / (n as f64 * (time_s[inside.end - 1] - time_s[inside.start]));
         let around = |k: &usize| {
-            harmonics.iter().any(|(_, tone)| (*k as f64 * step_hz - tone.frequency_hz).abs() <= AROUND / measured_s)
+            harmonics
+                .iter()
+                .any(|(_, tone)| (*k as f64 * step_hz - tone.frequency_hz).abs() <= HARMONIC_HALF_WIDTH / measured_s)
         };
         let (square, fourth) = weights.iter().fold((0.0, 0.0), |(s, f), w| (s + w * w, f + w.powi(4)));
         let independent = square * square / fourth / n as f64;

@@ -1,9 +1,9 @@
-//! What a calibration compares, one number at a time: heads at sample times, and flows before the closure.
+//! The observations of a calibration, one number at a time: heads at sample times, and flows before the closure.
 
-use crate::fit::problem::fit_problem::{Calibration, Modelled};
+use crate::fit::problem::fit_problem::{FitProblem, Modelled};
 use crate::model::ModelError;
 
-/// What reads an observation.
+/// The instrument of an observation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Gauge {
     /// A pressure sensor, by its index in the run's sensors: a head, m.
@@ -12,12 +12,12 @@ pub enum Gauge {
     Meter,
 }
 
-/// Where and when something is observed.
+/// Place and time of an observation.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Place {
     /// Index of the run.
     pub run: usize,
-    /// What reads it.
+    /// The instrument.
     pub gauge: Gauge,
     /// When, on the recording's clock, s; not a number for the meter, which is read before the closure.
     pub time_s: f64,
@@ -34,12 +34,12 @@ pub struct Observation {
     pub sd: f64,
 }
 
-/// All that enter a calibration, run by run, a run's meter last.
-pub fn observations(problem: &Calibration) -> Vec<Observation> {
+/// All observations that enter a calibration, run by run, with the run's meter last.
+pub fn observations(problem: &FitProblem) -> Vec<Observation> {
     let mut all = Vec::new();
     for (r, run) in problem.runs.iter().enumerate() {
         for (s, sensor) in run.sensors.iter().enumerate() {
-            all.extend(problem.samples_of(r, s).map(|(time_s, measured)| Observation {
+            all.extend(problem.rows.samples_of(r, s).map(|(time_s, measured)| Observation {
                 place: Place { run: r, gauge: Gauge::Sensor(s), time_s },
                 measured,
                 sd: sensor.noise_m,
@@ -54,11 +54,11 @@ pub fn observations(problem: &Calibration) -> Vec<Observation> {
     all
 }
 
-/// What the model shows at places, with `values` of all parameters, on the problem's grid.
+/// The model's values at places, with `values` of all parameters, on the problem's grid.
 ///
 /// # Errors
 /// If one of the runs cannot be simulated.
-pub fn modelled(problem: &Calibration, values: &[f64], places: &[Place]) -> Result<Vec<f64>, ModelError> {
+pub fn modelled(problem: &FitProblem, values: &[f64], places: &[Place]) -> Result<Vec<f64>, ModelError> {
     let runs: Vec<Modelled> = (0..problem.runs.len())
         .map(|r| problem.modelled(r, values, problem.window().reaches))
         .collect::<Result<_, _>>()?;

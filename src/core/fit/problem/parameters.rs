@@ -4,7 +4,7 @@ use crate::fit::data::run_data::{RunData, RunStart};
 use crate::model::Model;
 use crate::model::parameter::Parameter;
 
-/// All of them, and the first of each run.
+/// All variables, and the index of each run's first.
 pub(crate) fn of(model: &Model, runs: &[RunData]) -> (Vec<Parameter>, Vec<usize>) {
     let period_s = model.period_s(&model.shared.iter().map(|p| p.start).collect::<Vec<_>>());
     let mut parameters = model.shared.clone();
@@ -66,7 +66,7 @@ pub(crate) fn of(model: &Model, runs: &[RunData]) -> (Vec<Parameter>, Vec<usize>
     (parameters, run_offsets)
 }
 
-/// A closing time that starts where the pressures say, with bounds about that, too.
+/// A closing time that starts at the one that the pressures show, with bounds that include it amply.
 fn started_at(closing: Parameter, seen_s: Option<f64>) -> Parameter {
     let Some(seen_s) = seen_s else { return closing };
     let (lower, upper) = (closing.lower.min(seen_s / 5.0), closing.upper.max(seen_s * 5.0));

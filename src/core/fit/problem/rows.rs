@@ -1,18 +1,53 @@
-//! Which samples enter a calibration, and where each sensor's stand among its residuals.
+//! Which samples enter a calibration, and where those of each sensor are among its residuals.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-use crate::fit::inference::errors::Common;
-use crate::fit::problem::fit_problem::Calibration;
+use crate::fit::data::run_data::RunData;
 use crate::fit::problem::objective::Bins;
+use crate::fit::problem::thresholds::MIN_NOISE_SAMPLES;
 
-/// Samples that show how noise is coloured: six times as many as the frequencies that are averaged at the least.
-const LEAST_BEFORE: usize = 200;
+/// What one standard deviation of an error that all samples of an instrument share does to residuals: where they start, and by how much
+/// they change.
+pub type CommonError = Vec<(usize, Vec<f64>)>;
 
-impl<'a> Calibration<'a> {
+/// The samples of all runs that enter a calibration, and their residuals: run by run, sensor by sensor.
+pub struct SampleRows<'a> {
+    runs: &'a [RunData],
+    /// Every how many samples one enters.
+    stride: usize,
+    /// Samples of each run and sensor that enter: first index, past the last.
+    spans: Vec<Vec<(usize, usize)>>,
+    /// The bins of each run and sensor whose frequencies are compared and whose record is long enough.
+    bins: Vec<Vec<Option<Bins>>>,
+}
+
+impl<'a> SampleRows<'a> {
+    /// The rows of every `stride`th sample within the `spans`; `bins` is empty where the samples themselves are compared.
+    pub(crate) fn new(
+        runs: &'a [RunData],
+        stride: usize,
+        spans: Vec<Vec<(usize, usize)>>,
+        bins: Vec<Vec<Option<Bins>>>,
+    ) -> Self {
+        SampleRows { runs, stride, spans, bins }
+    }
+
+    /// The first run and sensor whose frequencies should be compared and cannot be.
+    pub(crate) fn too_short(&self) -> Option<(usize, usize)> {
+        let mut all =
+            self.bins.iter().enumerate().flat_map(|(r, row)| row.iter().enumerate().map(move |(s, b)| (r, s, b)));
+        all.find(|(_, _, bins)| bins.is_none()).map(|(r, s, _)| (r, s))
+    }
+
+    /// Time of the last sample of a run that enters, on its clock, s; `from_s` where none is later.
+    pub(crate) fn last_s(&self, r: usize, from_s: f64) -> f64 {
+        let entering = self.runs[r].sensors.iter().zip(&self.spans[r]).filter(|(_, span)| span.1 > span.0);
+        entering.map(|(s, span)| s.time_s[span.1 - 1]).fold(from_s, f64::max)
+    }
+
     /// Number of residuals that are samples rather than priors.
-    pub fn samples(&self) -> usize {
+    pub fn count(&self) -> usize {
         (0..self.runs.len()).map(|r| self.run_row_count(r)).sum()
     }
 
@@ -25,7 +60,7 @@ impl<'a> Calibration<'a> {
         (0..self.runs[r].sensors.len()).map(|s| self.row_count(r, s)).sum()
     }
 
-    /// What an offset of 1 m takes from each residual of a run's sensor, times the noise: 1 a sample, what leaks of it into frequencies.
+    /// What an offset of 1 m takes from each residual of a run's sensor, times the noise: 1 for a sample, its leakage for a frequency.
     pub(crate) fn unit_offset(&self, r: usize, sensor: usize) -> Vec<f64> {
         let constant = vec![1.0; self.taken(self.spans[r][sensor])];
         match self.bins_at(r, sensor) {
@@ -34,7 +69,7 @@ impl<'a> Calibration<'a> {
         }
     }
 
-    /// Columns over the residuals seen from the samples: the transpose of what makes bins of samples, applied to the rows of each record.
+    /// Columns over the residuals, seen from the samples: the transpose of the map from samples to bins, applied to each record.
     pub(crate) fn seen_in_time(&self, columns: &[Vec<f64>]) -> Vec<Vec<f64>> {
         let records = self.records();
         let one = |column: &Vec<f64>| {
@@ -51,7 +86,7 @@ impl<'a> Calibration<'a> {
         self.bins.get(r)?.get(sensor)?.as_ref()
     }
 
-    /// Noise of each sample that enters, m, in the order of the residuals; of frequencies, such that a root mean square over them is that
+    /// Noise of each sample that enters, m, in the order of the residuals; for frequencies, such that the root mean square over them equals that
     /// over the samples.
     pub fn sample_noise(&self) -> Vec<f64> {
         let sensors = self.runs.iter().enumerate().flat_map(|(r, run)| (0..run.sensors.len()).map(move |s| (r, s)));
@@ -73,16 +108,16 @@ impl<'a> Calibration<'a> {
         let (first, last) = self.spans[r][s];
         let sensor = &self.runs[r].sensors[s];
         let samples = sensor.time_s[first..last].iter().zip(&sensor.head_m[first..last]);
-        samples.step_by(self.window.stride).map(|(&t, &head)| (t, head))
+        samples.step_by(self.stride).map(|(&t, &head)| (t, head))
     }
 
-    /// Where each sensor's residuals lie among all: run, sensor, range; in their order.
+    /// Run, sensor and range among all residuals of each sensor, in their order.
     pub fn records(&self) -> Vec<(usize, usize, Range<usize>)> {
         let sensors = |r: usize| (0..self.runs[r].sensors.len()).map(move |s| (r, s));
         (0..self.runs.len()).flat_map(sensors).map(|(r, s)| (r, s, self.rows(r, s))).collect()
     }
 
-    /// Where the records are, in that order; those together that were sampled together.
+    /// The ranges of the records, grouped by what was sampled together.
     pub fn record_rows(&self) -> Vec<Vec<Range<usize>>> {
         let rows = |group: Vec<(usize, usize)>| group.into_iter().map(|(r, s)| self.rows(r, s)).collect();
         self.sampled_together().into_iter().map(rows).collect()
@@ -93,8 +128,8 @@ impl<'a> Calibration<'a> {
         self.sampled_together().iter().map(|group| group[0].0).collect()
     }
 
-    /// Runs and sensors, those together whose samples belong together one by one: of a run, as many, and none further from the other than the
-    /// next, as instruments that share a clock take them at once or in turns.
+    /// Runs and sensors, grouped where their samples belong together one by one: equally many of one run, each nearer to its partner than to the
+    /// next sample, as instruments that share a clock take them at once or in turns.
     fn sampled_together(&self) -> Vec<Vec<(usize, usize)>> {
         let times = |r: usize, s: usize| {
             let (first, last) = self.spans[r][s];
@@ -116,22 +151,22 @@ impl<'a> Calibration<'a> {
         groups
     }
 
-    /// What each record of [`record_rows`](Self::record_rows) shows before its samples enter, in units of its noise, less its mean. None where that
-    /// is too little of any to show how it is coloured.
+    /// The noise of each record of [`record_rows`](Self::record_rows) before its samples enter, in units of its noise, less its mean. None where one
+    /// of them is too short to show its autocorrelation.
     pub fn noise_before(&self) -> Option<Vec<Vec<Vec<f64>>>> {
         let before = |(r, s): (usize, usize)| {
             let (sensor, (first, _)) = (&self.runs[r].sensors[s], self.spans[r][s]);
-            let head_m: Vec<f64> = sensor.head_m[..first].iter().step_by(self.window.stride).copied().collect();
+            let head_m: Vec<f64> = sensor.head_m[..first].iter().step_by(self.stride).copied().collect();
             let mean = head_m.iter().sum::<f64>() / head_m.len().max(1) as f64;
             let noise = head_m.iter().map(|h| (h - mean) / sensor.noise_m).collect();
-            (head_m.len() >= LEAST_BEFORE).then_some(noise)
+            (head_m.len() >= MIN_NOISE_SAMPLES).then_some(noise)
         };
         self.sampled_together().into_iter().map(|group| group.into_iter().map(before).collect()).collect()
     }
 
-    /// What one standard deviation of each sensor's gain does to the residuals, by its name; a sensor is the same instrument in all runs.
-    pub fn gain_errors(&self) -> BTreeMap<&str, Common> {
-        let mut by_sensor: BTreeMap<&str, Common> = BTreeMap::new();
+    /// The effect of one standard deviation of each sensor's gain on the residuals, by its name; a sensor is the same instrument in all runs.
+    pub fn gain_errors(&self) -> BTreeMap<&str, CommonError> {
+        let mut by_sensor: BTreeMap<&str, CommonError> = BTreeMap::new();
         for (r, s, range) in self.records() {
             let sensor = &self.runs[r].sensors[s];
             let weight = sensor.gain_sd() / sensor.noise_m;
@@ -142,14 +177,8 @@ impl<'a> Calibration<'a> {
         by_sensor
     }
 
-    /// Residuals of priors: where they are among all.
-    pub fn prior_rows(&self) -> Range<usize> {
-        let first = self.samples();
-        first..first + self.parameters.iter().filter(|p| p.prior.is_some()).count()
-    }
-
     pub(crate) fn taken(&self, (first, last): (usize, usize)) -> usize {
-        (last - first).div_ceil(self.window.stride)
+        (last - first).div_ceil(self.stride)
     }
 
     /// The residuals of a run's sensor.

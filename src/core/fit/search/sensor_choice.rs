@@ -1,13 +1,10 @@
 //! Which pressure sensor an effect concerns, where its user names none.
 
+use crate::fit::search::thresholds::SENSOR_TIE;
 use crate::model::effects::Chosen;
 use crate::rig::Rig;
 
-/// Half the difference of two fits' weighted sums of squares below which the data cannot tell two sensors: half of "strong"
-/// evidence on the scale of Kass & Raftery (1995).
-const TIE: f64 = 3.0;
-
-/// Its number of elements is left to the fit.
+/// Whether the fit chooses its number of elements.
 pub fn is_open(chosen: &Chosen) -> bool {
     chosen.elements.is_none() && chosen.effect.elements().is_some()
 }
@@ -15,8 +12,8 @@ pub fn is_open(chosen: &Chosen) -> bool {
 /// Names the sensor of each effect that concerns one and has none: the one with which `cost` (half the weighted sum of squares
 /// that a coarse fit leaves) is least.
 ///
-/// Where the data cannot tell, it is the sensor farther from the valve: the one nearest the valve is what others are
-/// compared with. Of two clocks that differ, nobody can say which is right.
+/// Where the data cannot decide, it takes the sensor farther from the valve: the one nearest the valve is what others are
+/// compared with. Of two clocks that differ, none is known to be right.
 ///
 /// # Errors
 /// What `cost` returns.
@@ -44,7 +41,7 @@ pub fn with_sensors<E>(
                 chosen.iter().map(|c| if is_open(c) { with_two(c) } else { c.clone() }).collect();
             trial[i] = here.clone();
             let cost = cost(&trial)?;
-            if best.as_ref().is_none_or(|b| cost < b.0 - TIE) {
+            if best.as_ref().is_none_or(|b| cost < b.0 - SENSOR_TIE) {
                 best = Some((cost, here));
             }
         }
@@ -63,7 +60,8 @@ fn with_two(chosen: &Chosen) -> Chosen {
 mod tests {
     use super::*;
     use crate::fit::data::run_data::{RunData, RunStart, SensorData};
-    use crate::fit::search::calibrate::{Options, calibrate};
+    use crate::fit::search::calibrate::calibrate;
+    use crate::fit::search::options::Options;
     use crate::model::effects::parse_list;
     use crate::model::trace::Probe;
     use crate::model::{Conditions, Model, Resolution, RunValues};
@@ -105,7 +103,7 @@ mod tests {
         assert_eq!(labels(&cost_of([90.0, 100.0, 101.0]))[1], "sensor-gain@P1");
     }
 
-    /// A run made with a fault at one sensor, fitted without being told which.
+    /// A run made with a fault at one sensor, fitted without its name.
     #[test]
     fn a_fit_finds_the_sensor_with_the_fault() {
         let rig = rig();
@@ -153,7 +151,7 @@ mod tests {
             let fit = calibrate(&rig, &runs, &unnamed, &Options::default(), &|_| {}).unwrap();
             assert_eq!(fit.labels(), [fault]);
             let found = &fit.parameters[1];
-            assert!((found.value - value).abs() < 5.0 * found.standard_error + 2e-2 * value, "{fault}: {found:?}");
+            assert!((found.value - value).abs() < 5.0 * found.standard_error() + 2e-2 * value, "{fault}: {found:?}");
             assert!(fit.runs[0].rmse_m < 0.055, "{}", fit.runs[0].rmse_m);
         }
     }

@@ -1,6 +1,7 @@
 //! Where fits start: from the rig's values, from what each effect proposes beside them, from a smaller model already fitted.
 
-use crate::fit::search::coarse_fit::State;
+use crate::fit::search::calibrator::Estimate;
+use crate::fit::search::thresholds::FEW_STARTS;
 use crate::model::Model;
 use crate::model::parameter::Scale;
 
@@ -10,12 +11,9 @@ pub(crate) struct Start {
     pub(crate) values: Vec<f64>,
     /// The parameters of the effect that proposes it; none for the model's own start.
     pub(crate) effect: std::ops::Range<usize>,
-    /// One of the many that an effect proposes that may be anywhere.
+    /// One of the many starts of an effect that may be anywhere.
     pub(crate) of_many: bool,
 }
-
-/// Other starts of an effect up to which each is followed on its own.
-const FEW_STARTS: usize = 3;
 
 /// The start values and those that each effect proposes beside them.
 pub(crate) fn starts_of(model: &Model, base: &[f64]) -> Vec<Start> {
@@ -60,7 +58,7 @@ pub(crate) fn differing(starts: &[Start], base: &[f64]) -> Vec<usize> {
     (0..base.len()).filter(|&j| starts.iter().any(|s| s.values[j] != base[j])).collect()
 }
 
-/// Sets the effects of `starts` to the strength at which they vanish (or nearly: what a fit may take) and gives their parameters.
+/// Sets the effects of `starts` to the strength at which they vanish, as nearly as their bounds allow; returns their parameters.
 pub(crate) fn vanish(values: &mut [f64], starts: &[Start], model: &Model) -> Vec<usize> {
     let all: std::collections::BTreeSet<usize> = starts.iter().flat_map(|s| s.effect.clone()).collect();
     for &j in &all {
@@ -72,8 +70,8 @@ pub(crate) fn vanish(values: &mut [f64], starts: &[Start], model: &Model) -> Vec
     all.into_iter().collect()
 }
 
-/// Takes from a smaller fitted model the values of the effects that may be anywhere.
-pub(crate) fn take_over(values: &mut [f64], model: &Model, small: &Model, state: &State) {
+/// Takes over the values of effects that may be anywhere from a smaller fitted model.
+pub(crate) fn take_over(values: &mut [f64], model: &Model, small: &Model, state: &Estimate) {
     let mut at = model.effects_from();
     for (chosen, &size) in model.effects.iter().zip(model.effect_sizes()) {
         if chosen.effect.other_starts(chosen.elements.unwrap_or(1)).len() > FEW_STARTS {
@@ -87,9 +85,9 @@ pub(crate) fn take_over(values: &mut [f64], model: &Model, small: &Model, state:
     }
 }
 
-/// Starts from a smaller fitted model: what they share by name is taken over, what is new is tried weak, at its own start
-/// and at each other start of its effect, and as good as gone, so that more never fits worse.
-pub(crate) fn starts_from(model: &Model, small: &Model, state: &State, base: &[f64]) -> Vec<Vec<f64>> {
+/// Starts from a smaller fitted model. Shared parameters keep their values. A new effect is tried weak, at its own start
+/// and at each of its other starts, and almost absent, so that a richer model never fits worse.
+pub(crate) fn starts_from(model: &Model, small: &Model, state: &Estimate, base: &[f64]) -> Vec<Vec<f64>> {
     let (shared, small_shared) = (model.shared.len(), small.shared.len());
     let grown = |mut start: Vec<f64>, gone: bool| {
         for (value, parameter) in start[..shared].iter_mut().zip(&model.shared) {
@@ -106,7 +104,7 @@ pub(crate) fn starts_from(model: &Model, small: &Model, state: &State, base: &[f
     let mut starts: Vec<Vec<f64>> = Vec::new();
     for start in starts_of(model, base).into_iter().map(|s| grown(s.values, false)).chain([grown(base.to_vec(), true)])
     {
-        // Other starts of what the smaller model has, too, come to the same.
+        // Other starts of an effect that the smaller model has, too, lead to the same values.
         if !starts.contains(&start) {
             starts.push(start);
         }
@@ -117,7 +115,8 @@ pub(crate) fn starts_from(model: &Model, small: &Model, state: &State, base: &[f
 #[cfg(test)]
 mod tests {
     use crate::fit::problem::test_record::record;
-    use crate::fit::search::calibrate::{Options, calibrate};
+    use crate::fit::search::calibrate::calibrate;
+    use crate::fit::search::options::Options;
     use crate::model::RunValues;
     use crate::model::effects::parse_list;
     use crate::rig::Rig;
@@ -169,7 +168,7 @@ unit = "kPa"
                     let off = (found.value - exact).abs();
                     let grid = 0.003 * if found.unit == "m" { 80.0 } else { *exact };
                     assert!(
-                        off < 4.0 * found.standard_error + grid,
+                        off < 4.0 * found.standard_error() + grid,
                         "{effect} {truth:?}: {} {}",
                         found.name,
                         found.value

@@ -1,15 +1,10 @@
-//! Where a fit contradicts what was known before it: a fit may be down to the noise with a velocity that no meter showed.
+//! Where a fit contradicts what was known before it: a fit may reach the noise with a velocity that contradicts the meter.
 
 use crate::fit::data::run_data::RunData;
 use crate::fit::outcome::fit::{Fit, FittedParameter, RunFit};
+use crate::fit::validate::thresholds::{CONFLICT_SD, PRIOR_CONFLICT_SD};
 
-/// Deviations, in standard deviations of what was known, that are a conflict.
-const CONFLICT: f64 = 5.0;
-
-/// The same for what a test of the material told.
-const PRIOR_CONFLICT: f64 = 3.0;
-
-/// One sentence a conflict; of a fit that did not end at an optimum, those of the recordings alone.
+/// One sentence for each conflict; for a fit that did not end at an optimum, only those of the recordings.
 pub fn conflicts(fit: &Fit, runs: &[RunData]) -> Vec<String> {
     let mut sentences: Vec<String> = runs.iter().flat_map(of_record).collect();
     if !fit.converged {
@@ -24,10 +19,10 @@ pub fn conflicts(fit: &Fit, runs: &[RunData]) -> Vec<String> {
         };
         let (measured, relative) = run.start.velocity_m_s;
         if let (Some(fitted), Some(_)) = (own("initial_velocity_m_s"), &run.meter)
-            && (fitted / measured - 1.0).abs() > (CONFLICT * relative).max(0.05)
+            && (fitted / measured - 1.0).abs() > (CONFLICT_SD * relative).max(0.05)
         {
             sentences.push(format!(
-                "{}: the fit takes a velocity of {fitted:.4} m/s where the flow meter says {measured:.4}: check the meter's unit and \
+                "{}: the fitted velocity of {fitted:.4} m/s contradicts the flow meter's {measured:.4}: check the meter's unit and \
                  range, the diameter, and whether an effect is missing",
                 run.file
             ));
@@ -36,20 +31,20 @@ pub fn conflicts(fit: &Fit, runs: &[RunData]) -> Vec<String> {
         let head_sd = run.sensors.iter().map(|s| s.offset_sd_m).fold(0.0, f64::max);
         if let Some(fitted) = own("valve_head_m")
             && guessed.is_none()
-            && (fitted - known_head).abs() > CONFLICT * head_sd
+            && (fitted - known_head).abs() > CONFLICT_SD * head_sd
         {
             sentences.push(format!(
-                "{}: the fit takes {fitted:.2} m of head before the valve where the sensors say {known_head:.2}: the model misses \
+                "{}: the fitted head before the valve of {fitted:.2} m contradicts the sensors' {known_head:.2}: the model lacks \
                  something that a shifted mean level stands in for",
                 run.file
             ));
         }
         let (known_start, se) = run.start.closure_s;
         if let (Some(fitted), Some(closing)) = (own("closure_start_s"), own("closing_time_s"))
-            && (fitted - known_start).abs() > (CONFLICT * se).max(0.25 * closing)
+            && (fitted - known_start).abs() > (CONFLICT_SD * se).max(0.25 * closing)
         {
             sentences.push(format!(
-                "{}: the fit starts the closure at {fitted:.4} s where the pressure starts to rise at {known_start:.4} s",
+                "{}: the fitted closure starts at {fitted:.4} s, but the pressure starts to rise at {known_start:.4} s",
                 run.file
             ));
         }
@@ -57,8 +52,8 @@ pub fn conflicts(fit: &Fit, runs: &[RunData]) -> Vec<String> {
             && !(0.5..=2.0).contains(&scale)
         {
             sentences.push(format!(
-                "{}: the fit takes {scale:.2} times the friction of the pipe: an effect that takes energy is missing, or one too many \
-                 is there",
+                "{}: the fitted friction is {scale:.2} times that of the pipe: an effect that dissipates energy is missing, or there is one too \
+                 many",
                 run.file
             ));
         }
@@ -74,9 +69,9 @@ pub fn conflicts(fit: &Fit, runs: &[RunData]) -> Vec<String> {
     for parameter in &fit.parameters {
         let Some((mean, sd)) = parameter.prior else { continue };
         let away = (parameter.value / mean).ln() / sd;
-        if away.abs() > PRIOR_CONFLICT {
+        if away.abs() > PRIOR_CONFLICT_SD {
             sentences.push(format!(
-                "{} = {:.4} {unit} lies {:.1} standard deviations from what was known before, {mean:.4} {unit} to {:.0}%: this record \
+                "{} = {:.4} {unit} lies {:.1} standard deviations from the prior, {mean:.4} {unit} to {:.0}%: this record \
                  contradicts the creep test; look for another temperature or specimen, or for an effect that creep stands in for",
                 parameter.name,
                 parameter.value,
@@ -89,7 +84,7 @@ pub fn conflicts(fit: &Fit, runs: &[RunData]) -> Vec<String> {
     sentences
 }
 
-/// What of a run's own record contradicts the rig file.
+/// Where a run's record contradicts the rig file.
 fn of_record(run: &RunData) -> Vec<String> {
     let saturated = run.sensors.iter().filter(|sensor| sensor.saturated > 0).map(|sensor| {
         format!(
@@ -99,7 +94,7 @@ fn of_record(run: &RunData) -> Vec<String> {
     });
     let closing = run.start.closing_time_s.map(|seen_s| {
         format!(
-            "{}: the first rise says that the valve closes in about {seen_s:.3} s, and the fit started there: closing_time_s of the rig file is \
+            "{}: the first rise shows that the valve closes in about {seen_s:.3} s, where the fit started: closing_time_s of the rig file is \
              far from it",
             run.file
         )
@@ -107,7 +102,7 @@ fn of_record(run: &RunData) -> Vec<String> {
     saturated.chain(closing).collect()
 }
 
-/// One sentence for each run whose [noise dies away](RunFit::noise_dies_away): nothing contradicts there, but errors are those of the noise before.
+/// One sentence for each run whose [noise dies away](RunFit::noise_dies_away): no conflict, but its errors are those of the noise before the closure.
 pub fn faded_noise(fit: &Fit) -> Vec<String> {
     let shared = if fit.runs.len() > 1 { ", as may those of what it shares with other runs" } else { "" };
     let faded = fit.runs.iter().filter(|run| run.noise_dies_away);
@@ -123,22 +118,22 @@ fn dies_away(run: &RunFit, shared: &str) -> String {
     )
 }
 
-/// All that is to be said of a fit: where it contradicts what was known, ended at a bound, or noise dies away.
+/// All warnings of a fit: conflicts with what was known, parameters at their bounds, noise that dies away.
 pub fn warnings(fit: &Fit, runs: &[RunData]) -> Vec<String> {
-    // Values that are none of an optimum contradict nothing.
+    // Values away from an optimum contradict nothing.
     let bounds = at_bounds(fit).into_iter().filter(|_| fit.converged);
     conflicts(fit, runs).into_iter().chain(bounds).chain(faded_noise(fit)).collect()
 }
 
-/// One sentence for each parameter that ended at a bound, unless what is [unseen](Fit::unseen) says more of it.
+/// One sentence for each parameter that ended at a bound, unless it is [unidentifiable](Fit::unidentifiable).
 pub fn at_bounds(fit: &Fit) -> Vec<String> {
-    let said = |name: &String| fit.unseen.iter().any(|unseen| unseen.parameters.contains(name));
-    let at_bound = fit.parameters.iter().filter(|p| p.at_bound && !said(&p.name));
+    let explained = |name: &String| fit.unidentifiable.iter().any(|u| u.parameters.contains(name));
+    let at_bound = fit.parameters.iter().filter(|p| p.at_bound && !explained(&p.name));
     at_bound.map(|p| ended(p, fit.runs.len())).collect()
 }
 
 fn ended(p: &FittedParameter, runs: usize) -> String {
-    // Five digits, without zeros that say nothing.
+    // Five digits, without trailing zeros.
     let value: f64 = format!("{:.4e}", p.value).parse().unwrap_or(p.value);
     let run = p.run.as_ref().filter(|_| runs > 1).map_or(String::new(), |run| format!(" of {run}"));
     let unit = if p.unit == "1" { String::new() } else { format!(" {}", p.unit) };

@@ -1,7 +1,7 @@
 //! Cross-validation: a model is fitted without one sensor, one run, or the last part of the time, and predicts what was left out.
 //!
-//! Stone (1974), *J. R. Stat. Soc. B* 36, 111. Of a sensor left out only its zero is known, from the samples before the closure; of a run left
-//! out what [`crate::fit::validate::predict`] takes from its signals.
+//! Stone (1974), *J. R. Stat. Soc. B* 36, 111. The zero of a sensor left out comes from its samples before the closure; the values of a run left
+//! out come from its signals, as in [`crate::fit::validate::predict`].
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -9,8 +9,10 @@ use rayon::prelude::*;
 
 use crate::fit::data::run_data::RunData;
 use crate::fit::outcome::fit::{Fit, SensorFit};
-use crate::fit::problem::fit_problem::Calibration;
-use crate::fit::search::calibrate::{FitError, Options, calibrate, refine};
+use crate::fit::problem::error::FitError;
+use crate::fit::problem::fit_problem::FitProblem;
+use crate::fit::search::calibrate::{calibrate, refine};
+use crate::fit::search::options::Options;
 use crate::fit::validate::held_out::{Tally, carried, end_of_first_part_s, errors, problem_of, until, without};
 use crate::fit::validate::predict::{Known, predict};
 use crate::model::Model;
@@ -18,7 +20,7 @@ use crate::model::constraint::Constraint;
 use crate::model::effects::Chosen;
 use crate::rig::Rig;
 
-/// What is left out at a time.
+/// The kind of data that is left out.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, serde::Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum By {
@@ -54,7 +56,7 @@ pub struct CrossValidation {
     pub fit: Fit,
     /// Each fold.
     pub folds: Vec<Fold>,
-    /// What could not be left out, and why, in words.
+    /// What could not be left out, and why.
     pub skipped: Vec<String>,
 }
 
@@ -96,7 +98,7 @@ impl CrossValidation {
     }
 }
 
-/// Fits a model to all, then without each part of the data in turn; `progress` hears how many of how many folds are done.
+/// Fits a model to all, then without each part of the data in turn; `progress` receives how many of the folds are done.
 ///
 /// # Errors
 /// As [`calibrate`].
@@ -129,7 +131,7 @@ enum Plan {
     Time,
 }
 
-/// What can be left out, and why the rest cannot.
+/// The folds that are possible, and why others are not.
 fn plans(runs: &[RunData], fit: &Fit, by: &[By]) -> (Vec<Plan>, Vec<String>) {
     let (mut plans, mut skipped) = (Vec::new(), Vec::new());
     for kind in by {
@@ -146,7 +148,9 @@ fn plans(runs: &[RunData], fit: &Fit, by: &[By]) -> (Vec<Plan>, Vec<String>) {
                 }
                 for name in names {
                     match fit.effects.iter().find(|c| c.sensor.as_deref() == Some(name)) {
-                        Some(effect) => skipped.push(format!("{name} is not left out: {} lives there", effect.label())),
+                        Some(effect) => {
+                            skipped.push(format!("{name} is not left out: {} is at this sensor", effect.label()))
+                        }
                         None => plans.push(Plan::Sensor(name.to_owned())),
                     }
                 }
@@ -179,7 +183,7 @@ fn model_of<'a>(rig: &'a Rig, runs: &[RunData], effects: &[Chosen], options: &Op
 
 /// Fits again without some of the data, from the values that fitted all.
 fn refitted(rig: &Rig, runs: &[RunData], fit: &Fit, options: &Options) -> Result<Fit, FitError> {
-    // What was settled of a sensor or a run that is left out concerns nobody.
+    // Constraints on a sensor or a run that is left out do not apply.
     let model = model_of(rig, runs, &fit.effects, &Options::default())?;
     let problem = problem_of(&model, runs, fit.reaches);
     let has = |c: &&Constraint| {
@@ -230,7 +234,7 @@ fn without_sensor(name: &str, rig: &Rig, runs: &[RunData], fit: &Fit, options: &
 }
 
 /// Zero error of a sensor from the samples before the closure, m.
-fn zero_before(problem: &Calibration, r: usize, s: usize, values: &[f64]) -> Result<f64, FitError> {
+fn zero_before(problem: &FitProblem, r: usize, s: usize, values: &[f64]) -> Result<f64, FitError> {
     let steady_m = problem.modelled(r, values, problem.window().reaches)?.traces[s].values[0];
     let (sensor, start) = (&problem.runs[r].sensors[s], problem.closure_start_s(r, values));
     let n = sensor.time_s.partition_point(|&t| t < start);
@@ -240,7 +244,7 @@ fn zero_before(problem: &Calibration, r: usize, s: usize, values: &[f64]) -> Res
 fn without_run(r: usize, rig: &Rig, runs: &[RunData], fit: &Fit, options: &Options) -> Result<Fold, FitError> {
     let others: Vec<RunData> = runs.iter().enumerate().filter(|(i, _)| *i != r).map(|(_, run)| run.clone()).collect();
     let fitted = refitted(rig, &others, fit, options)?;
-    // What was settled of the run itself is known of it.
+    // Constraints on the run itself still hold.
     let own: Vec<Constraint> =
         options.constraints.iter().filter(|c| c.holds() && c.run.as_ref() == Some(&runs[r].file)).cloned().collect();
     let predicted = predict(rig, &runs[r..=r], &Known::of(&fitted), &own, options, &|_| {})?;

@@ -2,7 +2,7 @@
 
 use crate::fit::data::run_data::RunData;
 use crate::fit::outcome::fit::Fit;
-use crate::fit::problem::fit_problem::{Calibration, Window};
+use crate::fit::problem::fit_problem::{FitProblem, Window};
 use crate::model::energy::Energy;
 use crate::model::{Model, ModelError};
 use crate::rig::Rig;
@@ -14,6 +14,6 @@ use crate::rig::Rig;
 pub fn energy_of(rig: &Rig, runs: &[RunData], fit: &Fit, r: usize) -> Result<Option<Energy>, ModelError> {
     let Some(first) = runs.first().filter(|_| r < runs.len()) else { return Ok(None) };
     let model = Model::new(rig, &first.conditions.water, &fit.effects);
-    let problem = Calibration::new(&model, runs, Window { reaches: fit.reaches, horizon_s: f64::INFINITY, stride: 1 });
+    let problem = FitProblem::new(&model, runs, Window { reaches: fit.reaches, horizon_s: f64::INFINITY, stride: 1 });
     problem.energy(r, &fit.values(), fit.reaches)
 }

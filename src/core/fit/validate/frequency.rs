@@ -4,7 +4,7 @@
 use crate::fit::problem::objective::odd_harmonics;
 use crate::signal::harmonics::{Response, Tone, Window};
 
-/// What there is of one sensor.
+/// Measured and modelled series of one sensor.
 #[derive(Debug, Clone, Copy)]
 pub struct Traces<'a> {
     /// Its name.
@@ -26,9 +26,9 @@ pub struct Traces<'a> {
 pub struct Harmonic {
     /// 1, 3, 5, …
     pub number: usize,
-    /// `number · a/4L`: where a frictionless elastic pipe has it, Hz.
+    /// `number · a/4L`: its frequency in a frictionless elastic pipe, Hz.
     pub ideal_hz: f64,
-    /// Where the record has it, over `ideal_hz`, less 1.
+    /// Its frequency in the record over `ideal_hz`, less 1.
     #[serde(rename = "shift_percent", serialize_with = "percent")]
     pub shift: f64,
     /// The record's peak.
@@ -59,7 +59,7 @@ pub struct SensorResponse {
     pub model: Option<Response>,
     /// Amplitude that the noise has at any frequency, rms, m.
     pub noise_floor_m: f64,
-    /// The harmonics that stand out of the noise; those that do not are left out.
+    /// The harmonics above the noise.
     pub harmonics: Vec<Harmonic>,
 }
 
@@ -74,7 +74,7 @@ pub fn response(traces: &Traces, period_s: f64, closing_s: f64) -> Option<Sensor
         Some((window, record, harmonics))
     };
     let first = seen(period_s)?;
-    // The record's own period makes the better edges.
+    // The period that the record shows sets better edges.
     let measured_s = first.2.first().map(|(_, tone)| 1.0 / tone.frequency_hz);
     let (window, record, found) = measured_s.and_then(seen).unwrap_or(first);
     let model = traces.model_m.and_then(|model| Response::of(&window, traces.time_s, model));

@@ -1,28 +1,26 @@
-//! How well a model does on what it was not fitted to; and whether it predicts the last part of each record from the first.
+//! How well a model describes samples that it was not fitted to, and whether it predicts the last part of each record from the first.
 
 use crate::fit::data::run_data::RunData;
 use crate::fit::outcome::fit::Fit;
-use crate::fit::problem::fit_problem::{Calibration, Window};
-use crate::fit::search::calibrate::{FitError, Options, refine};
+use crate::fit::problem::error::FitError;
+use crate::fit::problem::fit_problem::{FitProblem, Window};
+use crate::fit::search::calibrate::refine;
+use crate::fit::search::options::Options;
+use crate::fit::validate::thresholds::{FITTED_SHARE, HELD_OUT_ITERATIONS};
 use crate::model::{Model, ModelError};
 use crate::rig::Rig;
-
-/// Share of each record that is fitted.
-const FITTED_SHARE: f64 = 0.6;
-/// Iterations: the model has been fitted to the whole before.
-const PATIENCE: usize = 8;
 
 /// Squared errors of some samples.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Tally {
     /// Their sum, m².
     pub square: f64,
-    /// How many they are.
+    /// Their number.
     pub n: usize,
 }
 
 impl Tally {
-    /// Root mean square, m; infinite of none.
+    /// Root mean square, m; infinite where there are none.
     pub fn rms_m(self) -> f64 {
         if self.n == 0 { f64::INFINITY } else { (self.square / self.n as f64).sqrt() }
     }
@@ -40,12 +38,12 @@ impl Tally {
 }
 
 /// The problem of all samples of `runs` on a fit's own grid.
-pub fn problem_of<'a>(model: &'a Model<'a>, runs: &'a [RunData], reaches: usize) -> Calibration<'a> {
-    Calibration::new(model, runs, Window { reaches, horizon_s: f64::INFINITY, stride: 1 })
+pub fn problem_of<'a>(model: &'a Model<'a>, runs: &'a [RunData], reaches: usize) -> FitProblem<'a> {
+    FitProblem::new(model, runs, Window { reaches, horizon_s: f64::INFINITY, stride: 1 })
 }
 
 /// Values of a problem's variables: those of `fit` where it has a parameter of that name and run, the start elsewhere.
-pub fn carried(problem: &Calibration, fit: &Fit) -> Vec<f64> {
+pub fn carried(problem: &FitProblem, fit: &Fit) -> Vec<f64> {
     let file = |j: usize| problem.run_of(j).map(|r| problem.runs[r].file.as_str());
     let known = |j: usize, name: &str| fit.parameters.iter().find(|p| p.name == name && p.run.as_deref() == file(j));
     problem.parameters.iter().enumerate().map(|(j, p)| known(j, &p.name).map_or(p.start, |p| p.value)).collect()
@@ -55,7 +53,7 @@ pub fn carried(problem: &Calibration, fit: &Fit) -> Vec<f64> {
 ///
 /// # Errors
 /// As [`Model::simulate`].
-pub fn errors(problem: &Calibration, r: usize, values: &[f64], after_s: f64) -> Result<Vec<Tally>, ModelError> {
+pub fn errors(problem: &FitProblem, r: usize, values: &[f64], after_s: f64) -> Result<Vec<Tally>, ModelError> {
     let traces = problem.modelled(r, values, problem.window().reaches)?.traces;
     let start = problem.closure_start_s(r, values);
     let sensors = problem.runs[r].sensors.iter().zip(&traces).enumerate();
@@ -78,7 +76,7 @@ pub fn errors(problem: &Calibration, r: usize, values: &[f64], after_s: f64) -> 
 pub fn held_out_m(rig: &Rig, runs: &[RunData], fit: &Fit, options: &Options) -> Result<f64, FitError> {
     let ends: Vec<f64> = runs.iter().map(end_of_first_part_s).collect();
     let first: Vec<RunData> = runs.iter().zip(&ends).map(|(run, &end)| until(run, end)).collect();
-    let options = Options { patience: PATIENCE, most_reaches: fit.reaches, ..options.clone() };
+    let options = Options { patience: HELD_OUT_ITERATIONS, most_reaches: fit.reaches, ..options.clone() };
     let fitted = refine(rig, &first, &fit.effects, &fit.values(), &options, &|_| {})?;
     let water = &runs.first().ok_or(FitError::NoRun)?.conditions.water;
     let model = Model::new(rig, water, &fit.effects).constrained(&options.constraints).informed(&options.priors);
@@ -98,7 +96,7 @@ pub fn end_of_first_part_s(run: &RunData) -> f64 {
     start + FITTED_SHARE * (last - start)
 }
 
-/// A run without what comes after a time on its clock.
+/// A run up to a time on its clock.
 pub fn until(run: &RunData, end_s: f64) -> RunData {
     let mut first = run.clone();
     for sensor in &mut first.sensors {

@@ -7,3 +7,4 @@ pub mod frequency;
 pub mod held_out;
 pub mod predict;
 pub mod profile;
+pub(crate) mod thresholds;

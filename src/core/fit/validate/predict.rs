@@ -1,32 +1,30 @@
 //! A model predicts recordings that it was not fitted to.
 //!
-//! What runs share (wave speed, creep, gas …) is taken from the model as it is. What is a run's own is read from its signals: the head before the
-//! valve from the steady sensors, the friction from the model's own runs; velocity (within what the flow meter allows), start and duration of
-//! the closure and the sensors' zeros from the samples up to the first return of the wave, 2L/a after the closure starts. All after that
+//! Shared parameters (wave speed, creep, gas …) come from the model as they are. A run's own values come from its signals: the head before the
+//! valve from the steady sensors, the friction from the model's own runs; velocity (within the flow meter's uncertainty), start and duration of
+//! the closure and the sensors' zeros from the samples up to the first return of the wave, 2L/a after the closure starts. Everything after that
 //! is prediction.
 
 use nalgebra::DMatrix;
 
 use crate::fit::data::run_data::RunData;
 use crate::fit::inference::errors::{Errors, Linearised};
-use crate::fit::inference::interval::Z_95;
-use crate::fit::numeric::least_squares::{Limits, Problem, jacobian, minimise};
+use crate::fit::numeric::least_squares::{Problem, jacobian, minimise};
+use crate::fit::numeric::quantiles::Z_95;
 use crate::fit::numeric::uncertainty::dot;
 use crate::fit::outcome::band::{curve_sd_m, half_width_m};
-use crate::fit::outcome::compare::rmse;
 use crate::fit::outcome::fit::{Fit, SensorFit};
-use crate::fit::problem::fit_problem::{Calibration, Window};
-use crate::fit::search::calibrate::{FitError, Options, Progress, refine};
+use crate::fit::outcome::uncertainty::Uncertainty;
+use crate::fit::problem::compare::rmse;
+use crate::fit::problem::error::FitError;
+use crate::fit::problem::fit_problem::{FitProblem, Window};
+use crate::fit::search::calibrate::refine;
+use crate::fit::search::options::{Options, Progress};
+use crate::fit::validate::thresholds::{CLOSURE_MARGIN, OWN_REACHES, OWN_VALUES};
 use crate::model::Model;
 use crate::model::constraint::Constraint;
 use crate::model::effects::Chosen;
 use crate::rig::Rig;
-
-/// Reaches of the grid on which a run's own values are found.
-const OWN_REACHES: usize = 128;
-const OWN: Limits = Limits { iterations: 60, cost_tolerance: 1e-6, step_tolerance: 1e-9, thorough: false };
-/// A closure slower than 2L/a is followed this many of its durations.
-const CLOSED_BY: f64 = 1.25;
 
 /// A shared parameter as a model knows it.
 #[derive(Debug, Clone, PartialEq)]
@@ -39,14 +37,14 @@ pub struct Shared {
     pub standard_error: Option<f64>,
 }
 
-/// A model that is to predict.
+/// What is known of a model that predicts.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Known {
     /// Its effects.
     pub effects: Vec<Chosen>,
-    /// What its runs share.
+    /// Its shared parameters.
     pub shared: Vec<Shared>,
-    /// Correlations of the errors of these, in their order; none where they are not known.
+    /// Correlations of their errors, in their order; empty where they are not known.
     pub correlation: Vec<Vec<f64>>,
     /// Friction of its runs over that of the rig, geometric mean.
     pub friction_scale: f64,
@@ -62,12 +60,12 @@ pub struct Prediction {
 }
 
 impl Known {
-    /// What a fit knows.
+    /// What is known from a fit.
     pub fn of(fit: &Fit) -> Self {
         let shared: Vec<usize> = (0..fit.parameters.len()).filter(|&j| fit.parameters[j].run.is_none()).collect();
         let of = |j: &usize| {
             let p = &fit.parameters[*j];
-            let standard_error = Some(p.standard_error).filter(|e| e.is_finite() && !p.held && !p.at_bound);
+            let standard_error = Some(p.standard_error()).filter(|e| e.is_finite() && !p.held && !p.at_bound);
             Shared { name: p.name.clone(), value: p.value, standard_error }
         };
         let row = |i: &usize| shared.iter().map(|j| fit.correlation[*i][*j]).collect();
@@ -82,7 +80,7 @@ impl Known {
     }
 }
 
-/// 1 of none.
+/// The geometric mean; 1 where there are no values.
 pub fn geometric_mean(values: impl Iterator<Item = f64>) -> f64 {
     let logs: Vec<f64> = values.map(f64::ln).collect();
     if logs.is_empty() { 1.0 } else { (logs.iter().sum::<f64>() / logs.len() as f64).exp() }
@@ -95,7 +93,7 @@ impl Prediction {
         if from == sensor.time_s.len() { f64::NAN } else { rmse(&sensor.measured_m[from..], &sensor.model_m[from..]) }
     }
 
-    /// Error over the same samples that a model which lacks nothing would show, m: noise, and what the errors of its values make of it.
+    /// Error over the same samples of a model that lacks nothing, m: from noise and from the errors of its values.
     pub fn expected_m(&self, sensor: &SensorFit) -> f64 {
         let ahead = sensor.time_s.iter().zip(&sensor.band_m).filter(|(t, _)| **t > self.known_until_s);
         let (square, n) = ahead.fold((0.0, 0.0), |(square, n), (_, half)| (square + (half / Z_95).powi(2), n + 1.0));
@@ -103,7 +101,7 @@ impl Prediction {
     }
 }
 
-/// Predicts `runs` on `rig`; `held` are values of the runs' own parameters that are known better than from the signals.
+/// Predicts `runs` on `rig`; `held` gives values of the runs' own parameters that are better known than from the signals.
 ///
 /// # Errors
 /// As [`refine`]; a held value that the model does not have, or that is outside its bounds.
@@ -139,24 +137,24 @@ pub fn predict(
     let period_s = model.period_s(&known.shared.iter().map(|p| p.value).collect::<Vec<_>>());
     let closing_s = held.iter().filter(|c| c.name == "closing_time_s").map(|c| c.upper);
     let closing_s = closing_s.fold(rig.valve.closing_time_s, f64::max);
-    let known_until_s = (0.5 * period_s).max(CLOSED_BY * closing_s);
+    let known_until_s = (0.5 * period_s).max(CLOSURE_MARGIN * closing_s);
     let reaches = OWN_REACHES.max(model.least_reaches(&known.shared.iter().map(|p| p.value).collect::<Vec<_>>()));
-    let problem = Calibration::new(&model, runs, Window { reaches, horizon_s: known_until_s, stride: 1 });
-    problem.know(&constraints)?;
-    let own = minimise(&problem, &problem.start(), OWN, |iteration, cost| {
+    let problem = FitProblem::new(&model, runs, Window { reaches, horizon_s: known_until_s, stride: 1 });
+    problem.validate_constraints(&constraints)?;
+    let own = minimise(&problem, &problem.start(), OWN_VALUES, |iteration, cost| {
         let error_over_noise = (2.0 * cost / problem.samples().max(1) as f64).sqrt();
         progress(&Progress { stage: "the runs' own values".into(), reaches, iteration, error_over_noise });
     })?;
     let columns = jacobian(&problem, &own.x, &own.residuals)?;
     let still: Vec<bool> = problem.parameters.iter().map(|p| p.lower == p.upper).collect();
-    // The window is too short to show how its noise is coloured; what was before it does.
-    let (records, before) = (problem.record_rows(), problem.noise_before());
+    // The window is too short to show the autocorrelation of its noise; the samples before it show it.
+    let (records, before) = (problem.rows.record_rows(), problem.rows.noise_before());
     let errors = Errors::of(Linearised {
         columns: &columns,
         residuals: &own.residuals,
         records: &records,
         elsewhere: before.as_deref(),
-        common: &problem.gain_errors().into_values().collect::<Vec<_>>(),
+        common: &problem.rows.gain_errors().into_values().collect::<Vec<_>>(),
         at_bound: &still,
         in_time: None,
     });
@@ -165,13 +163,13 @@ pub fn predict(
     let follow = followed(&columns, &errors.believed, &still);
     let with_shared = |own: &DMatrix<f64>| own + &follow * &shared * follow.transpose();
     let (covariance, by_noise) = (with_shared(&errors.covariance), with_shared(&errors.by_noise));
-    // All is settled now: what is left is to find the grid that it takes.
+    // All values are known now; only the grid remains to be refined.
     let all: Vec<Constraint> = (problem.parameters.iter().enumerate())
         .map(|(j, p)| settled(&p.name, problem.run_of(j).map(|r| runs[r].file.as_str()), values[j]))
         .collect();
     let options = Options { constraints: all, priors: Vec::new(), starts_at: Vec::new(), ..options.clone() };
     let mut fit = refine(rig, runs, &known.effects, &values, &options, progress)?;
-    let whole = Calibration::new(&model, runs, Window { reaches: fit.reaches, horizon_s: f64::INFINITY, stride: 1 });
+    let whole = FitProblem::new(&model, runs, Window { reaches: fit.reaches, horizon_s: f64::INFINITY, stride: 1 });
     let x = whole.variables(&values);
     let columns = jacobian(&whole, &x, &whole.residuals(&x)?)?;
     let bands = curve_sd_m(&whole, &columns, &by_noise);
@@ -187,7 +185,7 @@ pub fn predict(
             parameter.at_bound = own.at_bound[j];
         }
         let sd = covariance[(j, j)].sqrt();
-        parameter.standard_error = sd * problem.stretch(j, values[j]);
+        parameter.uncertainty = Uncertainty::of(sd * problem.stretch(j, values[j]));
         parameter.interval_95 = (problem.value(j, own.x[j] - Z_95 * sd), problem.value(j, own.x[j] + Z_95 * sd));
     }
     fit.converged = own.stop.converged();
@@ -195,7 +193,7 @@ pub fn predict(
     Ok(Prediction { fit, known_until_s })
 }
 
-/// How the variables follow a change of each, to first order: what is held takes none but its own, what is free makes the best of it
+/// How the variables follow a change of each, to first order: held ones take only their own, free ones adjust to it
 /// (Jazwinski 1970, Stochastic Processes and Filtering Theory, sec. 8.4; "consider" parameters).
 fn followed(columns: &[Vec<f64>], inverse: &DMatrix<f64>, held: &[bool]) -> DMatrix<f64> {
     let n = columns.len();
@@ -207,8 +205,8 @@ fn followed(columns: &[Vec<f64>], inverse: &DMatrix<f64>, held: &[bool]) -> DMat
     })
 }
 
-/// What the model knows of its shared parameters, as a covariance of all variables.
-fn of_shared(problem: &Calibration, known: &Known, values: &[f64]) -> DMatrix<f64> {
+/// The covariance of the model's shared parameters, as one of all variables.
+fn of_shared(problem: &FitProblem, known: &Known, values: &[f64]) -> DMatrix<f64> {
     let mut covariance = DMatrix::zeros(values.len(), values.len());
     let place = |name: &str| problem.parameters[..problem.model.shared.len()].iter().position(|p| p.name == name);
     let spread = |p: &Shared| Some((place(&p.name)?, p.standard_error?));

@@ -1,10 +1,10 @@
-//! Profile likelihood: how far one parameter can move while all others follow, before the fit is worse than noise can explain.
+//! Profile likelihood: how far one parameter can move, with all others following, before the fit is worse than noise explains.
 //!
 //! Along the parameter the sum of squares is minimised over all others; the interval ends where it has risen by the 95% point of χ² with one
 //! degree of freedom (Venzon & Moolgavkar 1988, Appl. Statist. 37, 87), times the factor by which the parameter scatters more
 //! than white noise of the believed size would let it (Kent 1982, Biometrika 69, 19): see [`crate::fit::inference::errors`]. Where the problem is linear that
-//! is the linear interval; a side on which the threshold is not reached before the bound is open, and one on which no optimum was found before the
-//! threshold is not known: see [`walk`]. An element of creep that has vanished in the fit ([`crate::fit::search::prune_elements`]) stays so.
+//! is the linear interval; a side is open where the bound comes before the threshold, and unknown where no optimum was found before the
+//! threshold: see [`walk`]. An element of creep that has vanished in the fit ([`crate::fit::problem::elements`]) stays so.
 
 pub(crate) mod walk;
 
@@ -13,38 +13,20 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use rayon::prelude::*;
 
 use crate::fit::data::run_data::RunData;
-use crate::fit::inference::interval::Z_95;
 use crate::fit::numeric::least_squares::{Limits, Problem, Solution, jacobian};
+use crate::fit::numeric::quantiles::Z_95;
 use crate::fit::outcome::fit::Fit;
-use crate::fit::problem::fit_problem::Calibration;
-use crate::fit::search::calibrate::{FitError, Options, Progress};
-use crate::fit::search::coarse_fit::Fitter;
-use crate::fit::search::finish::{FINAL_REACHES, errors_of};
-use crate::fit::search::prune_elements::vanished;
-use crate::fit::validate::profile::walk::{End, SETTLED, Start, walk};
+use crate::fit::outcome::profile::Profile;
+use crate::fit::problem::elements::vanished;
+use crate::fit::problem::error::FitError;
+use crate::fit::problem::fit_problem::FitProblem;
+use crate::fit::search::assemble::errors_of;
+use crate::fit::search::calibrator::Calibrator;
+use crate::fit::search::options::{Options, Progress};
+use crate::fit::search::thresholds::FINAL_REACHES;
+use crate::fit::validate::profile::walk::{End, Start, walk};
+use crate::fit::validate::thresholds::PROFILE_COST_TOLERANCE;
 use crate::rig::Rig;
-
-/// Share of the interval on one side by which profile and linear interval may differ before it is said.
-const DIFFERENT: f64 = 0.3;
-
-/// The profile of one parameter, in its own unit.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Profile {
-    /// The 95% interval; an end that is open or not known is infinite.
-    pub interval_95: (f64, f64),
-    /// Where an end is not known: the last value at which an optimum was found, below and above.
-    pub unknown_beyond: [Option<f64>; 2],
-    /// Points at which no optimum was found; they are not among the others.
-    pub unresolved: usize,
-    /// The linear one.
-    pub linear_95: (f64, f64),
-    /// Value and rise of the sum of squares, ascending by value; 3.84 is the threshold.
-    pub points: Vec<(f64, f64)>,
-    /// By how much less than nothing the rise became: the fit was not the best.
-    pub fell_by: f64,
-    /// Where it is centred: the optimum that a descent from the fit leads to.
-    pub best: f64,
-}
 
 /// Profiles of a fit.
 #[derive(Debug, Clone, PartialEq)]
@@ -55,24 +37,6 @@ pub struct Profiles {
     pub below_fit: f64,
     /// Simulations that they took.
     pub evaluations: usize,
-}
-
-impl Profile {
-    /// Whether it says something else than the linear interval about its centre; where there is no linear one, it does not.
-    pub fn disagrees(&self) -> bool {
-        let value = self.best;
-        if self.linear_95.0.is_nan() || self.linear_95.1.is_nan() {
-            return false;
-        }
-        let sides = [(self.interval_95.0, self.linear_95.0), (self.interval_95.1, self.linear_95.1)];
-        sides.into_iter().any(|(own, linear)| match (own.is_finite(), linear.is_finite()) {
-            (true, true) => {
-                let ratio = (own - value) / (linear - value);
-                ratio.is_finite() && !(1.0 / (1.0 + DIFFERENT)..=1.0 + DIFFERENT).contains(&ratio)
-            }
-            (own, linear) => own != linear,
-        })
-    }
 }
 
 /// Profiles of the parameters `which` of a fit, by their index, in that order.
@@ -91,29 +55,29 @@ pub fn profiles(
     progress: &(dyn Fn(&Progress) + Sync),
 ) -> Result<Profiles, FitError> {
     let values = fit.values();
-    let fitter = Fitter::new(rig, runs, options, progress, &fit.effects, Some(&values))?;
-    let model = fitter.model(&fit.effects);
-    let mut own = fitter.problem(&model, fitter.whole(fit.reaches));
+    let ctx = Calibrator::new(rig, runs, options, progress, &fit.effects, Some(&values))?;
+    let model = ctx.model(&fit.effects);
+    let mut own = ctx.problem(&model, ctx.whole(fit.reaches));
     // An element that has vanished stays so: the profiles are those of the model without it, which is as good.
     let gone: Vec<usize> = vanished(&own, &values).into_iter().flat_map(|e| [e.strength, e.time]).collect();
     own.hold(&gone, &values);
-    let limits = |problem: &Calibration| Limits {
+    let limits = |problem: &FitProblem| Limits {
         iterations: options.patience,
-        cost_tolerance: SETTLED / problem.samples().max(1) as f64,
+        cost_tolerance: PROFILE_COST_TOLERANCE / problem.samples().max(1) as f64,
         step_tolerance: 1e-10,
         thorough: true,
     };
     let at_fit = own.residuals(&own.variables(&values))?;
-    let centre = fitter.minimise(&own, &values, limits(&own), "profiles: their centre")?;
+    let centre = ctx.minimise(&own, &values, limits(&own), "profiles: their centre")?;
     let fall = at_fit.iter().map(|r| r * r).sum::<f64>() - 2.0 * centre.cost;
     let below_fit = fall / (2.0 * centre.cost / own.samples().max(1) as f64).max(f64::MIN_POSITIVE);
     let values = own.values(&centre.x);
-    let reaches = model.fitting_reaches(&values[..model.shared.len()], FINAL_REACHES.max(fitter.least_reaches));
-    let mut problem = fitter.problem(&model, fitter.whole(reaches));
+    let reaches = model.fitting_reaches(&values[..model.shared.len()], FINAL_REACHES.max(ctx.least_reaches));
+    let mut problem = ctx.problem(&model, ctx.whole(reaches));
     problem.hold(&gone, &values);
-    let best = fitter.minimise(&problem, &values, limits(&problem), "profiles: the best fit")?;
+    let best = ctx.minimise(&problem, &values, limits(&problem), "profiles: the best fit")?;
     let columns = jacobian(&problem, &best.x, &best.residuals)?;
-    fitter.count(1 + columns.len());
+    ctx.count(1 + columns.len());
     let fitted = problem.variables(&values);
     let done = AtomicUsize::new(0);
     let one = |&j: &usize| {
@@ -123,9 +87,10 @@ pub fn profiles(
             at_bound: best.at_bound.iter().enumerate().map(|(i, held)| *held && i != j).collect(),
             ..best.clone()
         };
-        let errors = errors_of(&problem, &solution, &columns, &problem.gain_errors().into_values().collect::<Vec<_>>());
+        let errors =
+            errors_of(&problem, &solution, &columns, &problem.rows.gain_errors().into_values().collect::<Vec<_>>());
         let believed = errors.believed[(j, j)];
-        let error = parameter.standard_error / problem.stretch(j, values[j]);
+        let error = parameter.standard_error() / problem.stretch(j, values[j]);
         let unit = if error.is_finite() { (error * error / believed).max(1.0) } else { errors.inflation(j) };
         let (lower, upper) = problem.bounds();
         let half = Z_95 * if error.is_finite() { error } else { errors.covariance[(j, j)].sqrt() };
@@ -135,7 +100,7 @@ pub fn profiles(
             .map(|f| if f.is_finite() { f } else { 0.0 })
             .collect();
         let walk = walk(&problem, &Start { best: &best, j, unit, first, follow: &follow });
-        fitter.count(walk.evaluations);
+        ctx.count(walk.evaluations);
         let name = |x: f64| problem.value(j, (fitted[j] + x - best.x[j]).clamp(lower[j], upper[j]));
         let end = |end: End, open: f64| if let End::At(x) = end { name(x) } else { open };
         let unknown = |end: End| if let End::Unknown(x) = end { Some(name(x)) } else { None };
@@ -157,28 +122,5 @@ pub fn profiles(
         }
     };
     let of_each = which.par_iter().map(one).collect();
-    Ok(Profiles { of_each, below_fit, evaluations: fitter.evaluations.load(Ordering::Relaxed) })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn disagreement_is_said() {
-        let of = |interval_95, linear_95| Profile {
-            interval_95,
-            unknown_beyond: [None; 2],
-            unresolved: 0,
-            linear_95,
-            points: vec![],
-            fell_by: 0.0,
-            best: 1.0,
-        };
-        assert!(!of((0.8, 1.25), (0.78, 1.22)).disagrees());
-        assert!(of((0.8, 1.6), (0.78, 1.22)).disagrees());
-        assert!(of((0.8, f64::INFINITY), (0.78, 1.22)).disagrees());
-        assert!(!of((0.8, f64::INFINITY), (0.8, f64::INFINITY)).disagrees());
-        assert!(!of((0.8, 1.6), (f64::NAN, f64::NAN)).disagrees());
-    }
+    Ok(Profiles { of_each, below_fit, evaluations: ctx.evaluations.load(Ordering::Relaxed) })
 }

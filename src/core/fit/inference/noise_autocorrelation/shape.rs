@@ -1,16 +1,11 @@
 //! The broad shape of a noise's spectrum: a first-order autoregression and white noise, `S(ω) ∝ d²/(d² + 2φ(1 - cos ω)) + g`, `d = 1 - φ`.
 //!
-//! Averages over frequencies flatten a spectrum that is steep within them. Of its ratio to a shape near to it they do not, and the shape
-//! multiplied back makes an estimate whose bias is that of the ratio (multiplicative bias correction: Hjort & Glad 1995, Ann. Statist. 23, 882;
+//! Averages over frequencies flatten a spectrum that is steep within them. They do not flatten its ratio to a similar shape, and the shape
+//! multiplied back gives an estimate with the bias of that ratio (multiplicative bias correction: Hjort & Glad 1995, Ann. Statist. 23, 882;
 //! of spectra, Xiao & Linton 2002, J. Time Ser. Anal. 23, 215). The shape is the likeliest by Whittle (1953, Ark. Mat. 2, 423) of a
-//! grid, less one for each of its parameters (Akaike 1974, IEEE Trans. Autom. Control 19, 716): what looks a little slower than white stays white.
+//! grid, less one for each of its parameters (Akaike 1974, IEEE Trans. Autom. Control 19, 716): noise that is hardly slower than white stays white.
 
-/// `1 - φ`, and white noise over the top of the autoregression's spectrum, over `1 - φ`: decades that are tried, in quarters of a decade.
-const SLOWEST: i32 = -4;
-const WHITE: (i32, i32) = (-4, 2);
-const PER_DECADE: i32 = 4;
-/// Width of the bands over which a periodogram is summed first, as a share of their frequency.
-const BAND: f64 = 0.15;
+use crate::fit::inference::thresholds::{BAND_SHARE, SHAPES_PER_DECADE, SLOWEST_DECADE, WHITE_DECADES};
 
 /// A part of a periodogram.
 struct Band {
@@ -27,14 +22,15 @@ pub(crate) fn shape(periodogram: &[f64], oversampled: f64) -> Vec<f64> {
     let chord = |k: f64| 2.0 * (1.0 - (std::f64::consts::PI * k / last as f64).cos());
     let bands = bands(periodogram, oversampled, &chord);
     let decades = |from: i32, to: i32| {
-        (from * PER_DECADE..=to * PER_DECADE).map(|i| 10f64.powf(f64::from(i) / f64::from(PER_DECADE)))
+        (from * SHAPES_PER_DECADE..=to * SHAPES_PER_DECADE)
+            .map(|i| 10f64.powf(f64::from(i) / f64::from(SHAPES_PER_DECADE)))
     };
-    // What remembers longer than a record lasts moves none of its frequencies.
+    // A correlation that outlasts the record moves none of its frequencies.
     let slowest = 0.5 * std::f64::consts::PI * oversampled / last as f64;
     let flat = (1.0, 0.0);
     let mut best = (minus_log_likelihood(&bands, flat), flat);
-    for d in decades(SLOWEST, 0).filter(|d| (slowest..1.0).contains(d)) {
-        for white in std::iter::once(0.0).chain(decades(WHITE.0, WHITE.1)).map(|w| w * d) {
+    for d in decades(SLOWEST_DECADE, 0).filter(|d| (slowest..1.0).contains(d)) {
+        for white in std::iter::once(0.0).chain(decades(WHITE_DECADES.0, WHITE_DECADES.1)).map(|w| w * d) {
             let parameters = if white > 0.0 { 2.0 } else { 1.0 };
             let unlikely = minus_log_likelihood(&bands, (d, white)) + parameters;
             if unlikely < best.0 {
@@ -66,7 +62,7 @@ fn bands(periodogram: &[f64], oversampled: f64, chord: &dyn Fn(f64) -> f64) -> V
     let (last, mut from, mut bands) =
         (periodogram.len() - 1, (0.5 * oversampled).round().max(1.0) as usize, Vec::new());
     while from < last {
-        let width = (BAND * from as f64).max(oversampled).round().max(1.0) as usize;
+        let width = (BAND_SHARE * from as f64).max(oversampled).round().max(1.0) as usize;
         let to = (from + width).min(last);
         let (count, n) = ((to - from) as f64 / oversampled, (to - from) as f64);
         let mean = periodogram[from..to].iter().sum::<f64>() / n;

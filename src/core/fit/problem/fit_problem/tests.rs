@@ -71,7 +71,7 @@ fn moving_one_variable_by_a_shortcut_changes_nothing() {
     let runs = [run(&rig, "a"), run(&rig, "b")];
     let model = Model::new(&rig, &runs[0].conditions.water, &parse_list("viscoelastic-wall:1").unwrap());
     let window = Window { reaches: 20, horizon_s: 2.0, stride: 3 };
-    let problem = Calibration::new(&model, &runs, window);
+    let problem = FitProblem::new(&model, &runs, window);
     let mut x = problem.start();
     let first_offset = problem.parameters.iter().position(|p| p.name.starts_with("offset")).unwrap();
     x[first_offset] = 0.1;

@@ -1,34 +1,27 @@
 //! The walk along one variable of a profile: where all others are at their optimum, and where it ends.
 //!
-//! A point counts where the descent of all other variables has reached an optimum ([`crate::fit::inference::optimum`]): of any other the sum of squares says nothing,
-//! neither that the threshold is passed nor that it is not. Such a point is tried again from other starts, and nearer by where that does not help.
+//! A point counts where the descent of all other variables has reached an optimum ([`crate::fit::inference::optimum`]): elsewhere the sum of squares shows
+//! neither that the threshold is passed nor that it is not. Such a point is tried again from other starts, then replaced by a nearer one.
 
 use rayon::prelude::*;
 
-use crate::fit::inference::interval::Z_95;
-use crate::fit::inference::optimum::{AT_OPTIMUM, promised_fall};
+use crate::fit::inference::optimum::predicted_reduction;
+use crate::fit::inference::thresholds::OPTIMUM_REDUCTION;
 use crate::fit::numeric::least_squares::{Limits, Problem, Solution, jacobian, minimise};
-
-/// Points on one side of the best value, at most.
-const MOST: usize = 11;
-/// How near to the threshold is near enough, in standard errors; and where points are spent.
-pub(crate) const NEAR: f64 = 0.03;
-const NEAR_AT_LAST: f64 = 0.25;
-/// Share of its distance to which an end that is steep is known, where points are spent.
-const NARROW: f64 = 0.05;
-/// Fall of the sum of squares, in units of the threshold's, that is worth no iteration more.
-pub(crate) const SETTLED: f64 = 0.01;
-/// Share of a rise up to which a descent may promise to take it back.
-const PROMISED: f64 = 0.1;
+use crate::fit::numeric::quantiles::Z_95;
+use crate::fit::validate::thresholds::MAX_PROFILE_POINTS;
+use crate::fit::validate::thresholds::{
+    NARROW_BRACKET, PROFILE_COST_TOLERANCE, THRESHOLD_WITHIN, THRESHOLD_WITHIN_AT_LAST, UNRESOLVED_SHARE,
+};
 
 /// Where a side of a profile ends, in the variable.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum End {
     /// At the threshold, or between it and the last place before.
     At(f64),
-    /// At the bound the threshold is not reached.
+    /// The bound comes before the threshold.
     Open,
-    /// Further out than this no optimum was found.
+    /// No optimum was found beyond this.
     Unknown(f64),
 }
 
@@ -38,9 +31,9 @@ pub(crate) struct Walk {
     pub ends: [End; 2],
     /// Variable and rise, ascending, of the points that are optima.
     pub points: Vec<(f64, f64)>,
-    /// Points that are none.
+    /// Points that are no optima.
     pub unresolved: usize,
-    /// By how much less than nothing the rise became, of any point.
+    /// By how much the sum of squares fell below that of the centre at any point.
     pub fell_by: f64,
     pub evaluations: usize,
 }
@@ -66,8 +59,8 @@ pub(crate) struct Start<'a> {
     pub follow: &'a [f64],
 }
 
-/// What a descent with the variable held came to.
-struct Found {
+/// The end of a descent with the variable held.
+struct HeldDescent {
     x: Vec<f64>,
     /// Root of the rise: standard errors from the best; infinite where nothing could be simulated.
     root: f64,
@@ -121,17 +114,17 @@ fn side<P: Problem>(problem: &P, start: &Start, sign: f64) -> (Side, End) {
     let (lower, upper) = problem.bounds();
     let room = if sign < 0.0 { best.x[j] - lower[j] } else { upper[j] - best.x[j] };
     let mut side = Side::default();
-    // The last place inside, the first outside, and the first of which nothing is known: how far, and how many standard errors.
+    // The last place inside, the first outside, and the first unresolved one: their distances, and how many standard errors.
     let (mut near, mut far, mut unknown) = ((0.0, 0.0, best.x.clone()), None::<(f64, f64)>, None::<f64>);
     let mut away = first.min(room);
     if room <= 0.0 {
         return (side, End::Open);
     }
-    for _ in 0..MOST {
+    for _ in 0..MAX_PROFILE_POINTS {
         let at = best.x[j] + sign * away;
         let moved =
             |from: &[f64], by: f64| from.iter().zip(follow).map(|(x, f)| x + f * sign * by).collect::<Vec<f64>>();
-        // Along the valley as the best fit sees it, and straight on in case that leads astray; then from the centre.
+        // Along the valley as linearised at the best fit, and straight on in case that leads astray; then from the centre.
         let mut found = descend(problem, start, at, &[moved(&near.2, away - near.0), near.2.clone()], &mut side);
         if !found.resolved {
             let again = [found.x.clone(), moved(&best.x, away), best.x.clone()];
@@ -145,7 +138,7 @@ fn side<P: Problem>(problem: &P, start: &Start, sign: f64) -> (Side, End) {
         }
         if found.resolved {
             side.points.push((at, found.rise));
-            if (found.root - Z_95).abs() < NEAR {
+            if (found.root - Z_95).abs() < THRESHOLD_WITHIN {
                 return (side, End::At(at));
             }
             if found.root < Z_95 {
@@ -170,43 +163,45 @@ fn side<P: Problem>(problem: &P, start: &Start, sign: f64) -> (Side, End) {
             }
         };
     }
-    // Of the places that were tried the one that is nearest to the threshold, where it is near.
+    // The place nearest to the threshold among those tried, where it is near.
     let end = match far {
-        Some((d, z)) if z - Z_95 < NEAR_AT_LAST || d - near.0 < NARROW * d => End::At(best.x[j] + sign * d),
-        _ if near.0 > 0.0 && Z_95 - near.1 < NEAR_AT_LAST => End::At(best.x[j] + sign * near.0),
+        Some((d, z)) if z - Z_95 < THRESHOLD_WITHIN_AT_LAST || d - near.0 < NARROW_BRACKET * d => {
+            End::At(best.x[j] + sign * d)
+        }
+        _ if near.0 > 0.0 && Z_95 - near.1 < THRESHOLD_WITHIN_AT_LAST => End::At(best.x[j] + sign * near.0),
         _ => End::Unknown(best.x[j] + sign * near.0),
     };
     (side, end)
 }
 
-/// The best that descents from some places come to with the variable held `at` one. What cannot be simulated does not fit.
-fn descend<P: Problem>(problem: &P, start: &Start, at: f64, from: &[Vec<f64>], side: &mut Side) -> Found {
+/// The best of the descents `from` some places with the variable held `at` one. What cannot be simulated does not fit.
+fn descend<P: Problem>(problem: &P, start: &Start, at: f64, from: &[Vec<f64>], side: &mut Side) -> HeldDescent {
     let Start { best, j, unit, .. } = *start;
     let (lower, upper) = problem.bounds();
     let mut held = Held { inner: problem, lower: lower.to_vec(), upper: upper.to_vec() };
     (held.lower[j], held.upper[j]) = (at, at);
     let limits = Limits {
         iterations: 40,
-        // Of the cost at the interval's end, so that it is worth the same in a fit without any error left.
-        cost_tolerance: SETTLED * unit / (best.cost + 0.5 * Z_95 * Z_95 * unit),
+        // Relative to the cost at the interval's end, so that it means the same in a fit that leaves no error.
+        cost_tolerance: PROFILE_COST_TOLERANCE * unit / (best.cost + 0.5 * Z_95 * Z_95 * unit),
         step_tolerance: 1e-10,
         thorough: true,
     };
     let tried: Vec<Solution> = from.par_iter().filter_map(|x| minimise(&held, x, limits, |_, _| {}).ok()).collect();
     side.evaluations += tried.iter().map(|s| s.evaluations).sum::<usize>();
     let Some(found) = tried.into_iter().min_by(|a, b| a.cost.total_cmp(&b.cost)) else {
-        return Found { x: best.x.clone(), root: f64::INFINITY, rise: f64::INFINITY, resolved: true };
+        return HeldDescent { x: best.x.clone(), root: f64::INFINITY, rise: f64::INFINITY, resolved: true };
     };
     let rise = 2.0 * (found.cost - best.cost) / unit;
-    let enough = AT_OPTIMUM.max(PROMISED * rise);
-    let promised =
-        |columns: &[Vec<f64>]| promised_fall(columns, &found.residuals, &found.x, held.bounds()) / unit <= enough;
-    let resolved = promised(&found.columns) || {
-        // The last step mattered, after all.
+    let enough = OPTIMUM_REDUCTION.max(UNRESOLVED_SHARE * rise);
+    let at_optimum =
+        |columns: &[Vec<f64>]| predicted_reduction(columns, &found.residuals, &found.x, held.bounds()) / unit <= enough;
+    let resolved = at_optimum(&found.columns) || {
+        // The columns of the last step may be out of date.
         side.evaluations += found.x.len();
-        jacobian(&held, &found.x, &found.residuals).is_ok_and(|columns| promised(&columns))
+        jacobian(&held, &found.x, &found.residuals).is_ok_and(|columns| at_optimum(&columns))
     };
-    Found { x: found.x, root: rise.max(0.0).sqrt(), rise, resolved }
+    HeldDescent { x: found.x, root: rise.max(0.0).sqrt(), rise, resolved }
 }
 
 #[cfg(test)]
@@ -245,7 +240,7 @@ mod tests {
             let found = profile(&problem, &[0.0, 0.0], 1, unit);
             let [low, high] = found.ends.map(at);
             let half = 0.5 * (high - low);
-            assert!((half / (Z_95 * error * unit.sqrt()) - 1.0).abs() < NEAR, "{half}");
+            assert!((half / (Z_95 * error * unit.sqrt()) - 1.0).abs() < THRESHOLD_WITHIN, "{half}");
         }
     }
 
@@ -297,7 +292,7 @@ mod tests {
         assert!(low > 2.0 && low < 50.0, "{low}");
     }
 
-    /// Beyond x₀ = 1 the other variable's residual is 10⁴ and a staircase, so that every difference promises a way down that no step finds. Such
+    /// Beyond x₀ = 1 the other variable's residual is 10⁴ and a staircase, so that every difference predicts a way down that no step finds. Such
     /// points are no optima, and the end is not before them.
     #[test]
     fn a_descent_that_fails_is_no_end() {

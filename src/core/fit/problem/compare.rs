@@ -1,6 +1,21 @@
 //! Model against measurement: error, extrema, phase.
 
-use crate::fit::outcome::fit::ExtremumError;
+/// One extremum in measurement and model.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ExtremumError {
+    /// Cycle from 1.
+    pub cycle: usize,
+    /// A peak rather than a trough.
+    pub peak: bool,
+    /// When it is measured, s after the start of the closure.
+    pub time_s: f64,
+    /// Measured head, m.
+    pub measured_m: f64,
+    /// Head of the model's own extremum, m.
+    pub model_m: f64,
+    /// Model's time minus measured time of the crossing of the mean level that leads to it, s.
+    pub phase_s: f64,
+}
 
 /// Root mean square of the difference of two series.
 pub fn rmse(a: &[f64], b: &[f64]) -> f64 {
@@ -71,7 +86,7 @@ impl Pair<'_> {
         sign * best
     }
 
-    /// Time at which a series crosses a level between two extrema, rising towards a peak; NaN where it does not.
+    /// Time at which a series crosses a level between two extrema, rising towards a peak; NaN where it does not cross.
     fn crossing(&self, series: &[f64], from_s: f64, to_s: f64, level: f64, rising: bool) -> f64 {
         let margin = 0.1 * (to_s - from_s);
         let (first, last) = self.span(from_s - margin, to_s + margin);

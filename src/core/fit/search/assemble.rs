@@ -1,0 +1,256 @@
+//! From the end of a search to its result: errors, intervals, bands, and each run under the fitted model.
+
+use std::collections::BTreeSet;
+use std::ops::Range;
+use std::sync::atomic::Ordering;
+
+use crate::fit::inference::errors::{Errors, InTime, Linearised};
+use crate::fit::inference::identify::unidentifiable;
+use crate::fit::inference::interval::linear;
+use crate::fit::inference::optimum::not_at_optimum;
+use crate::fit::numeric::least_squares::{Problem, Solution, jacobian};
+use crate::fit::numeric::uncertainty::{correlation, gauss_newton_step};
+use crate::fit::outcome::band::{curve_sd_m, half_width_m};
+use crate::fit::outcome::fit::{Fit, FittedParameter, RunFit, SensorFit};
+use crate::fit::outcome::uncertainty::Uncertainty;
+use crate::fit::problem::compare::{Pair, mape_percent, rmse};
+use crate::fit::problem::elements::fixed_variables;
+use crate::fit::problem::error::FitError;
+use crate::fit::problem::fit_problem::{FitProblem, Window};
+use crate::fit::problem::objective::Objective;
+use crate::fit::problem::rows::CommonError;
+use crate::fit::search::calibrator::Calibrator;
+use crate::fit::search::descent::{predict_reduction, slopes};
+use crate::model::{Model, ModelError};
+
+/// A fit of frequencies, seen from the samples.
+struct Sampled<'a> {
+    /// The same fit with every sample compared.
+    problem: FitProblem<'a>,
+    /// Its Jacobian's columns.
+    columns: Vec<Vec<f64>>,
+    /// The columns over frequencies, seen from the samples.
+    seen: Vec<Vec<f64>>,
+    /// Residuals of the samples, and where each record's are.
+    residuals: Vec<f64>,
+    records: Vec<Vec<Range<usize>>>,
+}
+
+impl Sampled<'_> {
+    fn in_time(&self) -> InTime<'_> {
+        InTime { columns: &self.seen, residuals: &self.residuals, records: &self.records }
+    }
+}
+
+pub(crate) fn assemble(ctx: &Calibrator, problem: &FitProblem, solution: &Solution) -> Result<Fit, FitError> {
+    if problem.samples() == 0 {
+        // A constraint holds the start of the closure behind the last of them.
+        return Err(FitError::NoSample { file: ctx.runs.first().map_or(String::new(), |run| run.file.clone()) });
+    }
+    let values = problem.values(&solution.x);
+    let start_values: Vec<f64> = problem.parameters.iter().map(|p| p.start).collect();
+    let columns = slopes(ctx, problem, solution)?;
+    let fixed = fixed_variables(problem, &values, &solution.at_bound);
+    let (shifts, halving_m) = last_halving(ctx, problem, solution, &columns, &fixed)?;
+    // A second-order scheme has a third of it still to come; half of it allows for kinks, which are of first order.
+    let left: Vec<f64> = shifts.iter().map(|s| 0.5 * s).collect();
+    let records = problem.rows.record_rows();
+    let common: Vec<_> = problem.rows.gain_errors().into_values().collect();
+    let sampled = match ctx.options.objective {
+        Objective::Time => None,
+        Objective::Frequency => Some(sampled(ctx, problem, solution, &columns)?),
+    };
+    let linearised = Linearised {
+        columns: &columns,
+        residuals: &solution.residuals,
+        records: &records,
+        common: &common,
+        at_bound: &fixed,
+        in_time: sampled.as_ref().map(Sampled::in_time),
+        elsewhere: None,
+    };
+    let before = problem.rows.noise_before();
+    let of_before = before.as_ref().map(|noise| Errors::of(Linearised { elsewhere: Some(noise), ..linearised }));
+    let of_record = Errors::of(linearised);
+    // The band takes the noise before the closure, so that what a model fails to explain shows outside it.
+    let covariance = of_before.as_ref().unwrap_or(&of_record).by_noise.clone();
+    let decayed = before.as_ref().map_or(Vec::new(), |noise| linearised.decayed(noise));
+    let counts = before.filter(|_| decayed.contains(&true)).map(|noise| linearised.noise_that_counts(&noise, &decayed));
+    let of_decayed = counts.map(|noise| Errors::of(Linearised { elsewhere: Some(&noise), ..linearised }));
+    let errors = of_decayed.unwrap_or(of_record).and(&left);
+    let bands = match &sampled {
+        None => curve_sd_m(problem, &columns, &covariance),
+        Some(sampled) => curve_sd_m(&sampled.problem, &sampled.columns, &covariance),
+    };
+    let model = problem.model;
+    // A held parameter keeps the bounds that it will have when it is released.
+    let unheld = Model::new(ctx.rig, ctx.water, &model.effects);
+    let usual = FitProblem::new(&unheld, ctx.runs, problem.window()).parameters;
+    let parameters = problem
+        .parameters
+        .iter()
+        .enumerate()
+        .map(|(j, p)| FittedParameter {
+            name: p.name.clone(),
+            about: p.about,
+            run: problem.run_of(j).map(|r| ctx.runs[r].file.clone()),
+            value: values[j],
+            uncertainty: if p.lower < p.upper {
+                Uncertainty::of(errors.of_variable(j) * problem.stretch(j, values[j]))
+            } else {
+                Uncertainty::Held
+            },
+            interval_95: linear(problem, linearised, &errors, &solution.x, j),
+            profile: None,
+            unit: p.unit,
+            at_bound: solution.at_bound[j] && p.lower < p.upper,
+            lower: if p.lower < p.upper { p.lower } else { usual[j].lower.min(p.lower) },
+            upper: if p.lower < p.upper { p.upper } else { usual[j].upper.max(p.upper) },
+            held: p.lower == p.upper,
+            prior: model.priors.iter().find(|known| known.name == p.name).map(|known| (known.mean, known.sd)),
+            scale: p.scale,
+            belief: p.prior,
+        })
+        .collect();
+    let period_s = model.period_s(&values[..model.shared.len()]);
+    let decayed_runs: BTreeSet<usize> = problem
+        .rows
+        .runs_of_records()
+        .into_iter()
+        .zip(decayed)
+        .filter_map(|(run, decayed)| decayed.then_some(run))
+        .collect();
+    let runs = (0..ctx.runs.len())
+        .map(|r| {
+            let run = run_fit(ctx, problem, r, &values, &start_values, period_s, &bands[r])?;
+            Ok(RunFit { noise_dies_away: decayed_runs.contains(&r), ..run })
+        })
+        .collect::<Result<_, ModelError>>()?;
+    let prediction = predict_reduction(ctx, problem, solution)?;
+    let (reduction, converged) = (prediction.reduction, prediction.at_optimum(solution));
+    let stopped_because = match (converged, solution.stop.describe()) {
+        (true, why) => why.to_owned(),
+        (false, _) => not_at_optimum(reduction, problem.samples(), ctx.options.method),
+    };
+    let fit = Fit {
+        method: ctx.options.method,
+        effects: model.effects.clone(),
+        runs,
+        parameters,
+        correlation: correlation(&columns, &fixed),
+        unidentifiable: unidentifiable(problem, &values, linearised, &errors),
+        reaches: problem.window().reaches,
+        grid_error_m: 0.25 * halving_m,
+        evaluations: ctx.evaluations.load(Ordering::Relaxed),
+        seconds: f64::NAN,
+        steps: Vec::new(),
+        features_left: Vec::new(),
+        stopped_because,
+        converged,
+        predicted_reduction: reduction,
+    };
+    Ok(if converged { fit } else { fit.without_errors() })
+}
+
+/// The change that the last halving of the step made where the fit ended: in the variables, and at the samples, rms, m. It depends on grid
+/// and values, not on the way there.
+fn last_halving(
+    ctx: &Calibrator,
+    problem: &FitProblem,
+    solution: &Solution,
+    columns: &[Vec<f64>],
+    fixed: &[bool],
+) -> Result<(Vec<f64>, f64), ModelError> {
+    let values = problem.values(&solution.x);
+    let halved = problem.window().reaches.div_ceil(2);
+    let reaches = problem.model.fitting_reaches(&values[..problem.model.shared.len()], halved);
+    let coarser = ctx.problem(problem.model, Window { reaches, ..problem.window() }).residuals(&solution.x)?;
+    ctx.count(1);
+    let change: Vec<f64> = solution.residuals.iter().zip(&coarser).map(|(f, c)| f - c).collect();
+    let noise = problem.rows.sample_noise();
+    let square: f64 = change.iter().zip(&noise).map(|(c, n)| (c * n).powi(2)).sum();
+    let error_m = (square / noise.len().max(1) as f64).sqrt();
+    Ok((gauss_newton_step(columns, &change, fixed), error_m))
+}
+
+/// A fit of frequencies, seen from the samples: their noise is stationary.
+fn sampled<'a>(
+    ctx: &'a Calibrator,
+    problem: &FitProblem<'a>,
+    solution: &Solution,
+    columns: &[Vec<f64>],
+) -> Result<Sampled<'a>, ModelError> {
+    let in_time = FitProblem::new(problem.model, ctx.runs, problem.window());
+    let residuals = in_time.residuals(&solution.x)?;
+    let own = jacobian(&in_time, &solution.x, &residuals)?;
+    ctx.count(own.len() + 1);
+    let records = in_time.rows.record_rows();
+    Ok(Sampled { problem: in_time, columns: own, seen: problem.rows.seen_in_time(columns), residuals, records })
+}
+
+fn run_fit(
+    ctx: &Calibrator,
+    problem: &FitProblem,
+    r: usize,
+    values: &[f64],
+    start_values: &[f64],
+    period_s: f64,
+    curve_sd_m: &[Vec<f64>],
+) -> Result<RunFit, ModelError> {
+    let (run, reaches) = (&ctx.runs[r], problem.window().reaches);
+    let traces = problem.modelled(r, values, reaches)?.traces;
+    let first_traces = problem.modelled(r, start_values, reaches)?.traces;
+    let start = problem.closure_start_s(r, values);
+    let first_start = problem.closure_start_s(r, start_values);
+    let mut sensors = Vec::new();
+    for (s, sensor) in run.sensors.iter().enumerate() {
+        let offset = problem.offset_m(r, s, values);
+        let from = sensor.time_s.partition_point(|&t| t < start);
+        let time_s: Vec<f64> = sensor.time_s[from..].iter().map(|t| t - start).collect();
+        let measured_m = sensor.head_m[from..].to_vec();
+        let model_m: Vec<f64> = time_s.iter().map(|&t| offset + traces[s].at(t)).collect();
+        let before: Vec<f64> = time_s.iter().map(|&t| first_traces[s].at(t + start - first_start)).collect();
+        let found: Vec<_> = run.extrema[s].iter().map(|&(t, cycle, peak)| (t - start, cycle, peak)).collect();
+        let pair =
+            Pair { time_s: &time_s, measured_m: &measured_m, model_m: &model_m, noise_m: sensor.noise_m, period_s };
+        let extrema = pair.extrema(&found);
+        sensors.push(SensorFit {
+            name: sensor.sensor.name.clone(),
+            position_m: sensor.sensor.position_m,
+            band_m: half_width_m(problem, r, s, &curve_sd_m[s], from),
+            noise_m: sensor.total_noise_m,
+            white_noise_m: sensor.noise_m,
+            rmse_m: rmse(&measured_m, &model_m),
+            start_rmse_m: rmse(&measured_m, &before),
+            extrema,
+            time_s,
+            measured_m,
+            model_m,
+        });
+    }
+    // Over all samples of all sensors: the weight of a sensor's mean square is its number of samples.
+    let total = sensors.iter().map(|s| s.time_s.len()).sum::<usize>().max(1) as f64;
+    let pooled = |f: &dyn Fn(&SensorFit) -> f64| {
+        (sensors.iter().map(|s| f(s).powi(2) * s.time_s.len() as f64).sum::<f64>() / total).sqrt()
+    };
+    Ok(RunFit {
+        file: run.file.clone(),
+        rmse_m: pooled(&|s| s.rmse_m),
+        noise_m: pooled(&|s| s.noise_m),
+        mape_extrema_percent: mape_percent(sensors.iter().flat_map(|s| &s.extrema)),
+        noise_dies_away: false,
+        sensors,
+    })
+}
+
+/// Errors of a solution's variables.
+pub(crate) fn errors_of(
+    problem: &FitProblem,
+    solution: &Solution,
+    columns: &[Vec<f64>],
+    common: &[CommonError],
+) -> Errors {
+    let records = problem.rows.record_rows();
+    let (residuals, at_bound) = (&solution.residuals, &solution.at_bound);
+    Errors::of(Linearised { columns, residuals, records: &records, common, at_bound, in_time: None, elsewhere: None })
+}

@@ -1,0 +1,111 @@
+//! What every stage of a fit works with: the runs, the options, and a count of simulations.
+
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use crate::fit::data::run_data::RunData;
+use crate::fit::numeric::least_squares::{Limits, Solution, minimise};
+use crate::fit::problem::error::FitError;
+use crate::fit::problem::fit_problem::{FitProblem, Window};
+use crate::fit::search::options::{Options, Progress};
+use crate::fit::search::thresholds::COARSE_SAMPLES;
+use crate::model::effects::Chosen;
+use crate::model::{Model, ModelError};
+use crate::rig::{Rig, WaterProperties};
+
+/// Where a fit of one model stands.
+pub(crate) struct Estimate {
+    /// Values of all variables: shared ones first, then each run's.
+    pub(crate) values: Vec<f64>,
+    /// Half the sum of squares that they leave.
+    pub(crate) cost: f64,
+}
+
+/// The context of a fit; the stages are functions of it.
+pub(crate) struct Calibrator<'a> {
+    pub(crate) rig: &'a Rig,
+    pub(crate) water: &'a WaterProperties,
+    pub(crate) runs: &'a [RunData],
+    pub(crate) options: &'a Options,
+    pub(crate) progress: &'a (dyn Fn(&Progress) + Sync),
+    /// Simulations so far.
+    pub(crate) evaluations: AtomicUsize,
+    /// Reaches that the pipes need at least.
+    pub(crate) least_reaches: usize,
+}
+
+impl<'a> Calibrator<'a> {
+    /// For models with `effects` or more; the least number of reaches follows from the model's `values`, or from its start values.
+    pub(crate) fn new(
+        rig: &'a Rig,
+        runs: &'a [RunData],
+        options: &'a Options,
+        progress: &'a (dyn Fn(&Progress) + Sync),
+        effects: &[Chosen],
+        values: Option<&[f64]>,
+    ) -> Result<Self, FitError> {
+        let water = &runs.first().ok_or(FitError::NoRun)?.conditions.water;
+        let mut calibrator =
+            Calibrator { rig, water, runs, options, progress, evaluations: AtomicUsize::new(0), least_reaches: 0 };
+        let model = calibrator.model(effects);
+        let starts: Vec<f64> = model.shared.iter().map(|p| p.start).collect();
+        calibrator.least_reaches = model.least_reaches(values.map_or(&starts[..], |v| &v[..model.shared.len()]));
+        Ok(calibrator)
+    }
+
+    /// The model with `effects`, under the options' constraints, starts and priors.
+    pub(crate) fn model(&self, effects: &[Chosen]) -> Model<'a> {
+        Model::new(self.rig, self.water, effects)
+            .constrained(&self.options.constraints)
+            .starting_at(&self.options.starts_at)
+            .informed(&self.options.priors)
+    }
+
+    /// Samples up to `horizon_s` after the closure, thinned to the number that coarse fits look at.
+    pub(crate) fn window(&self, reaches: usize, horizon_s: f64) -> Window {
+        let reaches = reaches.max(self.least_reaches);
+        let samples = self.runs.iter().flat_map(|r| &r.sensors).map(|s| {
+            let (a, b) = (s.time_s.first().copied().unwrap_or(0.0), s.time_s.last().copied().unwrap_or(0.0));
+            let share = (horizon_s / (b - a).max(1e-9)).min(1.0);
+            (s.time_s.len() as f64 * share) as usize
+        });
+        let stride = (samples.max().unwrap_or(0) / COARSE_SAMPLES).max(1);
+        Window { reaches, horizon_s, stride }
+    }
+
+    /// Counts evaluations of all runs.
+    pub(crate) fn count(&self, evaluations: usize) {
+        self.evaluations.fetch_add(evaluations * self.runs.len(), Ordering::Relaxed);
+    }
+
+    /// All samples.
+    pub(crate) fn whole(&self, reaches: usize) -> Window {
+        Window { stride: 1, ..self.window(reaches, f64::INFINITY) }
+    }
+
+    /// Least squares from `values`, with progress under the name of the `stage`.
+    pub(crate) fn minimise(
+        &self,
+        problem: &FitProblem,
+        values: &[f64],
+        limits: Limits,
+        stage: &str,
+    ) -> Result<Solution, ModelError> {
+        let n = problem.samples().max(1) as f64;
+        let reaches = problem.window().reaches;
+        let solution = minimise(problem, &problem.variables(values), limits, |iteration, cost| {
+            (self.progress)(&Progress {
+                stage: stage.to_owned(),
+                reaches,
+                iteration,
+                error_over_noise: (2.0 * cost / n).sqrt(),
+            });
+        })?;
+        self.count(solution.evaluations);
+        Ok(solution)
+    }
+
+    /// The problem with the objective of the options.
+    pub(crate) fn problem<'m>(&'m self, model: &'m Model<'m>, window: Window) -> FitProblem<'m> {
+        FitProblem::new(model, self.runs, window).comparing(self.options.objective)
+    }
+}

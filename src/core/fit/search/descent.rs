@@ -1,0 +1,100 @@
+//! What a descent could still gain where it ended, and values along a step that lower the cost.
+
+use std::borrow::Cow;
+
+use nalgebra::DVector;
+
+use crate::fit::inference::optimum::predicted_reduction;
+use crate::fit::inference::thresholds::OPTIMUM_REDUCTION;
+use crate::fit::numeric::least_squares::{Problem, Solution, Stop, jacobian};
+use crate::fit::problem::fit_problem::FitProblem;
+use crate::fit::search::calibrator::Calibrator;
+use crate::fit::search::thresholds::STEP_SHARES;
+use crate::model::ModelError;
+
+/// The reduction that an undamped step predicts.
+pub(crate) struct PredictedReduction<'a> {
+    /// Of the sum of squares, in units of what one sample leaves.
+    pub(crate) reduction: f64,
+    /// The Jacobian's columns that predict it: those at the solution itself where the prediction exceeds that of an optimum.
+    pub(crate) columns: Cow<'a, [Vec<f64>]>,
+}
+
+impl PredictedReduction<'_> {
+    /// Whether a solution is an optimum. Where no step lowers the cost it is one, whatever the prediction: residuals may have corners.
+    /// Elsewhere the prediction decides.
+    pub(crate) fn at_optimum(&self, solution: &Solution) -> bool {
+        !matches!(solution.stop, Stop::CostSettled | Stop::IterationsSpent) || self.reduction <= OPTIMUM_REDUCTION
+    }
+}
+
+fn over_one_sample<'a>(
+    problem: &FitProblem,
+    solution: &Solution,
+    columns: Cow<'a, [Vec<f64>]>,
+) -> PredictedReduction<'a> {
+    let of_one = (2.0 * solution.cost / problem.samples().max(1) as f64).max(f64::MIN_POSITIVE);
+    let reduction = predicted_reduction(&columns, &solution.residuals, &solution.x, problem.bounds()) / of_one;
+    PredictedReduction { reduction, columns }
+}
+
+/// The columns of a Jacobian by the values instead of the variables.
+pub(crate) fn by_value(problem: &FitProblem, columns: &[Vec<f64>], values: &[f64]) -> Vec<Vec<f64>> {
+    let of = |(j, column): (usize, &Vec<f64>)| {
+        let stretch = problem.stretch(j, values[j]);
+        column.iter().map(|c| c / stretch).collect()
+    };
+    columns.iter().enumerate().map(of).collect()
+}
+
+/// Values after a step, or after a share of it, that cost less than `cost`; none where no share does.
+pub(crate) fn lower_along(
+    ctx: &Calibrator,
+    problem: &FitProblem,
+    values: &[f64],
+    step: &DVector<f64>,
+    cost: f64,
+) -> Result<Option<Vec<f64>>, ModelError> {
+    let (lower, upper) = problem.bounds();
+    let (lower, upper) = (problem.values(lower), problem.values(upper));
+    for share in STEP_SHARES {
+        let there: Vec<f64> =
+            (0..values.len()).map(|j| (values[j] + share * step[j]).clamp(lower[j], upper[j])).collect();
+        ctx.count(1);
+        let residuals = problem.residuals(&problem.variables(&there))?;
+        if 0.5 * residuals.iter().map(|r| r * r).sum::<f64>() < cost {
+            return Ok(Some(there));
+        }
+    }
+    Ok(None)
+}
+
+/// The Jacobian's columns at a solution; those of the last step where the descent converged.
+pub(crate) fn slopes<'a>(
+    ctx: &Calibrator,
+    problem: &FitProblem,
+    solution: &'a Solution,
+) -> Result<Cow<'a, [Vec<f64>]>, ModelError> {
+    if solution.stop.converged() {
+        return Ok(Cow::Borrowed(&solution.columns));
+    }
+    let columns = jacobian(problem, &solution.x, &solution.residuals)?;
+    ctx.count(columns.len());
+    Ok(Cow::Owned(columns))
+}
+
+/// The reduction that an undamped step predicts at a solution.
+pub(crate) fn predict_reduction<'a>(
+    ctx: &Calibrator,
+    problem: &FitProblem,
+    solution: &'a Solution,
+) -> Result<PredictedReduction<'a>, ModelError> {
+    let predicted = over_one_sample(problem, solution, slopes(ctx, problem, solution)?);
+    if predicted.reduction <= OPTIMUM_REDUCTION || matches!(predicted.columns, Cow::Owned(_)) {
+        return Ok(predicted);
+    }
+    // The columns of the last step may be out of date.
+    let columns = jacobian(problem, &solution.x, &solution.residuals)?;
+    ctx.count(columns.len());
+    Ok(over_one_sample(problem, solution, Cow::Owned(columns)))
+}

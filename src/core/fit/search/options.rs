@@ -1,0 +1,70 @@
+//! What a caller chooses about a fit, and how the fit reports on its way.
+
+use crate::fit::problem::method::Method;
+use crate::fit::problem::objective::Objective;
+use crate::model::constraint::{Constraint, Given};
+use crate::model::prior::Prior;
+
+/// What a fit is doing.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Progress {
+    /// The stage, in words.
+    pub stage: String,
+    /// Simulated reaches.
+    pub reaches: usize,
+    /// Iteration within the stage.
+    pub iteration: usize,
+    /// Root mean square of the weighted residuals: 1 is the noise.
+    pub error_over_noise: f64,
+}
+
+/// How far a fit may go.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Options {
+    /// Most reaches of the grid.
+    pub most_reaches: usize,
+    /// Share of the noise that the grid's own error may have.
+    pub grid_error_over_noise: f64,
+    /// Most iterations on each of the finer grids.
+    pub patience: usize,
+    /// Parameters that are held, or kept within bounds of their own.
+    pub constraints: Vec<Constraint>,
+    /// How to search.
+    pub method: Method,
+    /// What is compared of the records once the phase is locked.
+    pub objective: Objective,
+    /// Random starts of least squares, in addition to those that the signals and the effects propose.
+    pub starts: usize,
+    /// Simulations that a global search may take.
+    pub budget: usize,
+    /// Steps after which a stepwise calibration stops.
+    pub most_steps: usize,
+    /// For a stepwise calibration that goes on from given values: names of the features that are still to be used, each once.
+    pub features_left: Option<Vec<String>>,
+    /// Start values that replace those of signals, rig and effects.
+    pub starts_at: Vec<Given>,
+    /// Seed of all random numbers.
+    pub seed: u64,
+    /// What is known of shared parameters from elsewhere, such as a creep test; a fit begins with the elements that it fully describes.
+    pub priors: Vec<Prior>,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Options {
+            most_reaches: 512,
+            grid_error_over_noise: 0.3,
+            patience: 40,
+            constraints: Vec::new(),
+            method: Method::LeastSquares,
+            objective: Objective::Time,
+            starts: 0,
+            budget: 20_000,
+            most_steps: usize::MAX,
+            features_left: None,
+            starts_at: Vec::new(),
+            seed: 1,
+            priors: Vec::new(),
+        }
+    }
+}

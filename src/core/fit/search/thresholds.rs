@@ -1,0 +1,82 @@
+//! Thresholds of the search: what each means, and where it comes from.
+//!
+//! Costs are half sums of squares of residuals in units of the noise: a model that leaves nothing but noise costs half the number of samples.
+
+use crate::fit::numeric::least_squares::Limits;
+use crate::fit::outcome::thresholds::STRONG_EVIDENCE;
+
+/// Reaches of the grid while the phase locks. Tuned; data unknown.
+pub(crate) const LOCKING_REACHES: usize = 32;
+/// Reaches of the grid while models are chosen. Tuned; data unknown.
+pub(crate) const COARSE_REACHES: usize = 48;
+/// Reaches from which the grid is refined. Tuned; data unknown.
+pub(crate) const FINAL_REACHES: usize = 64;
+/// Samples of each sensor that coarse fits look at. Tuned; data unknown.
+pub(crate) const COARSE_SAMPLES: usize = 2500;
+/// First cycles, in periods, that a fit looks at one after the other so that the phase locks. Tuned; data unknown.
+pub(crate) const LOCKING_PERIODS: [f64; 2] = [1.5, 5.0];
+
+/// Other starts of an effect up to which each is followed on its own; an effect with more may be anywhere. Chosen.
+pub(crate) const FEW_STARTS: usize = 3;
+/// How many of the places where an effect was screened are followed further. Tuned; data unknown.
+pub(crate) const MAX_RELEASED: usize = 4;
+/// Cost for each sample above which a fit is too poor to grow a richer one from: four times the variance of noise. Tuned; data unknown.
+pub(crate) const POOR_FIT_COST: f64 = 2.0;
+/// A start that costs this many times the best fit so far is not descended from. Tuned; data unknown.
+pub(crate) const HOPELESS_START_RATIO: f64 = 30.0;
+/// A few iterations, to see which start is worth more. Tuned; data unknown.
+pub(crate) const SCREENING: Limits =
+    Limits { iterations: 6, cost_tolerance: 1e-2, step_tolerance: 1e-7, thorough: false };
+/// The cost of a start, without any iteration.
+pub(crate) const EVALUATE_ONLY: Limits = Limits { iterations: 0, ..SCREENING };
+/// Of a coarse fit: what it leaves undone the finer grids do. Tuned; data unknown.
+pub(crate) const COARSE: Limits =
+    Limits { iterations: 30, cost_tolerance: 3e-4, step_tolerance: 1e-7, thorough: false };
+/// Half the difference of two fits' sums of squares below which the data cannot tell two sensors apart. Derived: half of strong evidence.
+pub(crate) const SENSOR_TIE: f64 = 0.5 * STRONG_EVIDENCE;
+
+/// Of the fits while the grid is refined. Tuned; data unknown.
+pub(crate) const GRID_REFINEMENT: Limits =
+    Limits { iterations: 20, cost_tolerance: 1e-4, step_tolerance: 1e-8, thorough: true };
+/// Of the last fit; its tolerance of the cost follows from [`POLISH_REDUCTION`]. Tuned; data unknown.
+pub(crate) const FINAL: Limits =
+    Limits { iterations: usize::MAX, cost_tolerance: 1e-5, step_tolerance: 1e-9, thorough: true };
+/// Pull of the grid on a parameter, in its standard errors, that asks for a finer grid. Chosen.
+pub(crate) const MAX_GRID_PULL: f64 = 2.0;
+/// Fall of the sum of squares, in units of what one sample leaves, that is not worth another iteration. Derived: a seventh of a standard
+/// error.
+pub(crate) const POLISH_REDUCTION: f64 = 0.02;
+/// How often a descent that has given up starts anew at most. Tuned; data unknown.
+pub(crate) const MAX_RESTARTS: usize = 3;
+/// Shares of a step in the values that are tried. Chosen.
+pub(crate) const STEP_SHARES: [f64; 4] = [1.0, 0.5, 0.2, 0.05];
+
+/// Retardation times at which an element is tried, evenly in ratio between their bounds. Chosen.
+pub(crate) const PROBED_TIMES: usize = 32;
+/// At how many of these a descent starts at most. Tuned; data unknown.
+pub(crate) const MAX_PLACEMENTS: usize = 3;
+/// Fall of the sum of squares that an element's two parameters bring of noise alone, in units of what one sample leaves. Derived: the mean of
+/// χ² with two degrees of freedom.
+pub(crate) const ELEMENT_NOISE_REDUCTION: f64 = 2.0;
+/// Compliance that stands for none, in units of the least. Chosen.
+pub(crate) const NO_COMPLIANCE: f64 = 1e-12;
+
+/// How far a global search goes from what is known beforehand, in standard deviations. Chosen.
+pub(crate) const PRIOR_HALF_WIDTH: f64 = 4.0;
+/// How far it goes at least from a measured velocity, as a share of it, and from the start of the closure that the signals show, as a share
+/// of the period. Tuned; data unknown.
+pub(crate) const MIN_WINDOW_SHARE: f64 = 0.05;
+/// Cost of what cannot be simulated: more than of anything that can. Chosen.
+pub(crate) const IMPOSSIBLE_COST: f64 = 1e300;
+
+/// Of one step of a stepwise calibration. Tuned; data unknown.
+pub(crate) const STEP_LIMITS: Limits =
+    Limits { iterations: 12, cost_tolerance: 1e-3, step_tolerance: 1e-6, thorough: false };
+/// Most rounds over the features. Tuned; data unknown.
+pub(crate) const FEATURE_ROUNDS: usize = 6;
+/// Most rounds over the whole record on each grid. Tuned; data unknown.
+pub(crate) const RECORD_ROUNDS: usize = 40;
+/// Relative fall of the sum of squares below which no other round over the features follows. Tuned; data unknown.
+pub(crate) const FEATURE_ROUND_GAIN: f64 = 0.1;
+/// The same for rounds over the whole record. Tuned; data unknown.
+pub(crate) const RECORD_ROUND_GAIN: f64 = 0.003;

@@ -1,0 +1,34 @@
+//! Thresholds of how a fitted model is checked: what each means, and where it comes from.
+
+use crate::fit::numeric::least_squares::Limits;
+
+/// Distance of a fitted value from what a meter or the signals show, in standard deviations, that contradicts them. Chosen.
+pub(crate) const CONFLICT_SD: f64 = 5.0;
+/// The same for what a test of the material shows. Chosen.
+pub(crate) const PRIOR_CONFLICT_SD: f64 = 3.0;
+
+/// Share of each record that is fitted, the rest being predicted. Chosen.
+pub(crate) const FITTED_SHARE: f64 = 0.6;
+/// Most iterations of the fit to that share: it starts from the fit to the whole. Tuned; data unknown.
+pub(crate) const HELD_OUT_ITERATIONS: usize = 8;
+
+/// Reaches of the grid on which a predicted run's own values are fitted. Tuned; data unknown.
+pub(crate) const OWN_REACHES: usize = 128;
+/// Of that fit. Tuned; data unknown.
+pub(crate) const OWN_VALUES: Limits =
+    Limits { iterations: 60, cost_tolerance: 1e-6, step_tolerance: 1e-9, thorough: false };
+/// A closure slower than 2L/a is followed for this many of its durations. Chosen.
+pub(crate) const CLOSURE_MARGIN: f64 = 1.25;
+
+/// Most points of a profile on one side of the best value. Tuned; data unknown.
+pub(crate) const MAX_PROFILE_POINTS: usize = 11;
+/// How near to the threshold an end must be, in standard errors. Chosen.
+pub(crate) const THRESHOLD_WITHIN: f64 = 0.03;
+/// The same where all points are spent. Chosen.
+pub(crate) const THRESHOLD_WITHIN_AT_LAST: f64 = 0.25;
+/// Share of its distance to which a steep end must be known where all points are spent. Chosen.
+pub(crate) const NARROW_BRACKET: f64 = 0.05;
+/// Fall of the sum of squares, in units of the threshold's, that is not worth another iteration. Derived: a tenth of a standard error.
+pub(crate) const PROFILE_COST_TOLERANCE: f64 = 0.01;
+/// Share of a rise that a descent may predict to take back before the point counts as unresolved. Chosen.
+pub(crate) const UNRESOLVED_SHARE: f64 = 0.1;
