@@ -52,6 +52,13 @@ pub mod storage;
 pub mod study;
 pub mod watch;
 
+pub use crate::diagnose::Diagnosis;
+pub use crate::fit::outcome::fit::Fit;
+pub use crate::recording::Recording;
+pub use crate::rig::Rig;
+pub use crate::study::Study;
+pub use crate::study::error::Error;
+
 use surgescope_core::robust;
 pub use surgescope_core::{
     align, creep, diagnose, fit, model, recording, rig, sensitivity, signal, temperature, units, valve,

@@ -30,10 +30,13 @@
 pub mod calibration;
 pub mod creep;
 pub mod diagnosis;
+pub mod energy;
 pub mod frequency;
 pub mod history;
 pub mod html;
+pub mod inspection;
 pub mod models;
+pub mod page;
 pub mod pest;
 pub mod prediction;
 pub mod sensitivity;
@@ -42,7 +45,12 @@ pub mod temperature;
 pub mod text;
 pub mod view;
 
+use crate::diagnose::Diagnosis;
 use crate::fit::outcome::fit::Fit;
+use crate::fit::validate::predict::Prediction;
+use crate::model::effects::Chosen;
+use crate::model::energy::Energy;
+use crate::rig::Rig;
 
 /// One model in the story of a calibration.
 #[derive(Debug, Clone)]
@@ -51,6 +59,21 @@ pub struct Stage<'a> {
     pub title: String,
     /// The calibrated model.
     pub fit: &'a Fit,
+}
+
+impl<'a> Stage<'a> {
+    /// A fit under the name of its effects.
+    pub fn of(fit: &'a Fit) -> Self {
+        Stage { title: title(&fit.effects), fit }
+    }
+}
+
+/// What a report calls the model with these effects: `base model`, `+ leak + unsteady-friction`.
+pub fn title(effects: &[Chosen]) -> String {
+    match effects {
+        [] => "base model".to_owned(),
+        _ => format!("+ {}", effects.iter().map(Chosen::label).collect::<Vec<_>>().join(" + ")),
+    }
 }
 
 /// A curve from elsewhere, drawn over the measurement of one sensor: a digitised figure, another program's result.
@@ -64,4 +87,41 @@ pub struct Overlay {
     pub time_s: Vec<f64>,
     /// Heads, m.
     pub head_m: Vec<f64>,
+}
+
+/// What a page is about.
+#[derive(Debug, Clone)]
+pub struct Page<'a> {
+    /// Heading of the page.
+    pub title: String,
+    /// The rig the runs were made on.
+    pub rig: &'a Rig,
+    /// The models in the order in which they were tried; the last one is the result.
+    pub stages: Vec<Stage<'a>>,
+    /// Curves from elsewhere.
+    pub overlays: Vec<Overlay>,
+    /// What is to be said of the result beside its numbers.
+    pub warnings: &'a [String],
+    /// The diagnoses that led from stage to stage, the first one first; none on the page of a calibration.
+    pub diagnoses: &'a [Diagnosis],
+    /// The last stage predicts: its samples after a time were not seen by any fit.
+    pub prediction: Option<&'a Prediction>,
+    /// Where the energy of the last stage's first run went, if that is known.
+    pub energy: Option<Energy>,
+}
+
+impl<'a> Page<'a> {
+    /// An empty page about a rig.
+    pub fn of(rig: &'a Rig) -> Self {
+        Page {
+            title: String::new(),
+            rig,
+            stages: Vec::new(),
+            overlays: Vec::new(),
+            warnings: &[],
+            diagnoses: &[],
+            prediction: None,
+            energy: None,
+        }
+    }
 }

@@ -96,6 +96,15 @@ pub fn finding(diagnosis: &Diagnosis, temperature_degc: f64, flow_m3_s: Option<f
     }
 }
 
+/// A run's file and verdict in one line.
+pub fn line_of(run: &Run) -> String {
+    match (&run.finding, &run.error) {
+        (Some(finding), _) => format!("{}: {}", run.file, finding.line),
+        (None, Some(error)) => format!("{}: failed: {error}", run.file),
+        (None, None) => format!("{}: {}", run.file, run.state.name()),
+    }
+}
+
 /// All in one line, without the file's name: verdict, error, wave speed, how it compares, what to do.
 pub fn line(diagnosis: &Diagnosis, finding: &Finding, compared: &Compared, accepted: bool, file: &str) -> String {
     let Finding { rmse_m, noise_m, probability, .. } = finding;

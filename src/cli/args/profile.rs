@@ -1,11 +1,12 @@
 //! Profile likelihood intervals, as the command line asks for them.
 
-use crate::fit::data::run_data::RunData;
+use crate::cli::console::print::tell;
+use crate::cli::console::progress::progress_bar;
 use crate::fit::outcome::fit::Fit;
 use crate::fit::search::calibrate::{FitError, Options, Progress};
 use crate::fit::validate::profile::profiles;
 use crate::report::text::number::{interval, significant};
-use crate::rig::Rig;
+use crate::study::Study;
 
 /// Which parameters to profile.
 #[derive(Debug, clap::Args)]
@@ -54,8 +55,7 @@ impl Profiles {
     /// A name that the fit does not have, a model that cannot be simulated.
     pub fn apply(
         &self,
-        rig: &Rig,
-        runs: &[RunData],
+        study: &Study,
         fit: &mut Fit,
         options: &Options,
     ) -> Result<(), Box<dyn std::error::Error + Send + Sync>> {
@@ -64,16 +64,16 @@ impl Profiles {
             return Ok(());
         }
         let began = std::time::Instant::now();
-        let bar = crate::cli::commands::calibrate::progress_bar();
+        let bar = progress_bar();
         let shown = |p: &Progress| bar.set_message(p.stage.clone());
-        let found: Result<_, FitError> = profiles(rig, runs, fit, &which, options, &shown);
+        let found: Result<_, FitError> = profiles(study.rig(), study.runs(), fit, &which, options, &shown);
         bar.finish_and_clear();
         let found = found?;
         fit.evaluations += found.evaluations;
         fit.seconds += began.elapsed().as_secs_f64();
         let below = found.below_fit > BELOW;
         if below {
-            crate::cli::tell!(
+            tell!(
                 "warning: the fit is not at its optimum: that of the profiles lies {} lower in χ², and they are centred there",
                 significant(found.below_fit, 3)
             );
@@ -82,7 +82,7 @@ impl Profiles {
             let parameter = &mut fit.parameters[j];
             let run = parameter.run.as_ref().map_or(String::new(), |r| format!(" of {r}"));
             if below {
-                crate::cli::tell!(
+                tell!(
                     "{}{run}: {} where the fit has {}",
                     parameter.name,
                     significant(profile.best, 5),
@@ -91,7 +91,7 @@ impl Profiles {
             }
             for (side, last) in ["below", "above"].into_iter().zip(profile.unknown_beyond) {
                 if let Some(last) = last {
-                    crate::cli::tell!(
+                    tell!(
                         "warning: {}{run}: the end of its profile {side} is not known: beyond {} no descent of the other parameters reached an optimum",
                         parameter.name,
                         significant(last, 4)
@@ -100,7 +100,7 @@ impl Profiles {
             }
             let known = profile.unknown_beyond == [None; 2];
             if known && profile.disagrees() {
-                crate::cli::tell!(
+                tell!(
                     "warning: {}{run}: the profile's 95% interval, {}, is not the linear one, {}: {}",
                     parameter.name,
                     interval(profile.interval_95),
@@ -114,7 +114,7 @@ impl Profiles {
                 );
             }
             if profile.fell_by > 1.0 {
-                crate::cli::tell!(
+                tell!(
                     "warning: {}{run}: a better fit lies along its profile, by {:.1} in χ²; look at it with --start",
                     parameter.name,
                     profile.fell_by

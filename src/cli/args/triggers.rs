@@ -4,6 +4,7 @@ use std::error::Error;
 use std::path::PathBuf;
 
 use crate::cli::args::values::{number, positive};
+use crate::cli::console::print::tell;
 use crate::record::session::live_test::Options;
 use crate::record::session::output::check_folder;
 use crate::record::session::shots::Plan;
@@ -56,7 +57,7 @@ impl Triggers {
         check_folder(folder)?;
         let nanoseconds = |s: f64| (s * 1e9).round() as i64;
         let trigger = Settings { condition, pre_ns: nanoseconds(self.pre), post_ns: nanoseconds(self.post) };
-        crate::cli::tell!(
+        tell!(
             "shots of {} s before and {} s after {} fires go to {}",
             self.pre,
             self.post,

@@ -55,11 +55,6 @@ pub fn setting(text: &str) -> Result<(String, f64), String> {
     Ok((name, number(&value)?))
 }
 
-/// Twelve significant digits, without the tail of binary fractions.
-pub fn rounded(value: f64) -> f64 {
-    format!("{value:.11e}").parse().unwrap_or(value)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -2,12 +2,13 @@
 
 use std::path::PathBuf;
 
-use crate::cli::commands::evaluate::{acceptance, place};
-use crate::cli::{CommandResult, Outcome};
+use crate::cli::console::outcome::{CommandResult, Outcome};
+use crate::cli::console::print::say;
 use crate::report::history::text::RunDocument;
 use crate::results::history::{Finding, HistoryError, Index, Value};
 use crate::results::model_file::ModelFile;
 use crate::study::models;
+use crate::watch::evaluate::{acceptance, place};
 use crate::watch::start::units;
 
 /// Accept the model of a run as the rig's: later runs are fitted with it, from its values, and diagnosed against it.
@@ -40,9 +41,9 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     index.done(&run, &run.rig, &finding, Some(&accepted))?;
     let now = index.run(run.id)?;
     if json {
-        crate::cli::say!("{}", serde_json::to_string_pretty(&RunDocument::from(&now))?);
+        say!("{}", serde_json::to_string_pretty(&RunDocument::from(&now))?);
     } else {
-        crate::cli::say!("{}: {} accepted for rig '{}'", now.file, models.current().name, now.rig);
+        say!("{}: {} accepted for rig '{}'", now.file, models.current().name, now.rig);
     }
     Ok(Outcome::Done)
 }

@@ -2,7 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::cli::{CommandResult, Outcome};
+use crate::cli::console::outcome::{CommandResult, Outcome};
+use crate::cli::console::print::{say, say_text, tell};
 use crate::creep::file::{CreepFile, HEADING};
 use crate::creep::fit::fit;
 use crate::creep::read::{has_strain, read};
@@ -72,20 +73,20 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     }
     let fitted = fit(&tests, args.reference_degc, args.elements.map(usize::from))?;
     if json {
-        crate::cli::say!("{}", creep_json(&fitted)?);
+        say!("{}", creep_json(&fitted)?);
     } else {
-        crate::cli::say_text!(text(&fitted));
+        say_text!(text(&fitted));
     }
     if let Some(path) = &args.output {
         output::check_result(path, HEADING)?;
         output::write(path, &CreepFile::of(&fitted).text()?)?;
-        crate::cli::tell!("result: {}", path.display());
+        tell!("result: {}", path.display());
     }
     // last, so that a page that cannot be written costs no result
     if let Some(path) = &args.report {
         output::check_report(path)?;
         output::write(path, &html(&fitted))?;
-        crate::cli::tell!("report: {}", path.display());
+        tell!("report: {}", path.display());
     }
     Ok(Outcome::Done)
 }

@@ -6,13 +6,14 @@ use clap::ValueEnum;
 
 use crate::cli::args::hold;
 use crate::cli::args::recordings;
-use crate::cli::commands::calibrate::progress_bar;
-use crate::cli::{CommandResult, Outcome};
+use crate::cli::console::outcome::{CommandResult, Outcome};
+use crate::cli::console::print::{say, say_text};
+use crate::cli::console::progress::progress_bar;
 use crate::fit::search::calibrate::Options;
 use crate::fit::validate::cross_validate::{By, CrossValidation, cross_validate};
 use crate::model::effects::{Chosen, parse_list};
 use crate::report::prediction::cross_validation::{document, text};
-use crate::study::open;
+use crate::report::title;
 
 /// Fit a model without one sensor, one run, or the end of the record in turn, and let it predict what was left out.
 #[derive(Debug, clap::Args)]
@@ -58,23 +59,21 @@ enum Kind {
 /// Recordings that cannot be read or show no closure, effects that do not exist, nothing that could be left out.
 pub fn run(args: Args, json: bool) -> CommandResult {
     hold::check(&args.hold)?;
-    let loaded = recordings::load(&args.recordings, args.rig.as_deref())?;
-    let rig = loaded[0].recording.rig.clone();
-    let runs = open::runs(&loaded);
+    let study = recordings::open(&args.recordings, args.rig.as_deref())?;
     let by: Vec<By> = [(Kind::Sensors, By::Sensors), (Kind::Runs, By::Runs), (Kind::Time, By::Time)]
         .into_iter()
         .filter(|(kind, _)| args.by.is_empty() || args.by.contains(kind))
         .map(|(_, by)| by)
         .collect();
     let asked: Vec<Vec<Chosen>> = std::iter::once(args.effects.clone()).chain(args.against.clone()).collect();
-    let held = hold::constraints(&rig, &runs, &asked, &args.hold);
+    let held = hold::constraints(&study, &asked, &args.hold);
     let bar = progress_bar();
     let mut models: Vec<CrossValidation> = Vec::new();
     for (effects, constraints) in asked.iter().zip(held) {
         let options = Options { constraints, most_reaches: args.most_reaches, ..Options::default() };
-        let title = crate::cli::commands::calibrate::title(effects);
+        let title = title(effects);
         let heard = |what: &str| bar.set_message(format!("{title}: {what}"));
-        models.push(cross_validate(&rig, &runs, effects, &by, &options, &heard)?);
+        models.push(cross_validate(study.rig(), study.runs(), effects, &by, &options, &heard)?);
     }
     bar.finish_and_clear();
     if models.iter().all(|m| m.folds.is_empty()) {
@@ -82,9 +81,9 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         return Err(format!("nothing can be left out of these recordings: {why}; try --by time").into());
     }
     if json {
-        crate::cli::say!("{}", serde_json::to_string(&document(&models))?);
+        say!("{}", serde_json::to_string(&document(&models))?);
     } else {
-        crate::cli::say_text!(text(&models));
+        say_text!(text(&models));
     }
     Ok(Outcome::Done)
 }

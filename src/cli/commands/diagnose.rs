@@ -4,20 +4,21 @@ use std::path::PathBuf;
 
 use crate::cli::args::hold;
 use crate::cli::args::recordings;
-use crate::cli::commands::calibrate::{progress_bar, title, write_page};
-use crate::cli::{CommandResult, Outcome};
-use crate::diagnose::{Diagnosis, Verdict, diagnose};
+use crate::cli::console::outcome::{CommandResult, Outcome};
+use crate::cli::console::page::write_page;
+use crate::cli::console::print::{say, say_text, tell};
+use crate::cli::console::progress::shown;
+use crate::diagnose::{Diagnosis, Verdict};
 use crate::fit::outcome::fit::Fit;
 use crate::fit::search::calibrate::Options;
 use crate::fit::search::sensor_choice::is_open;
 use crate::fit::validate::energy::energy_of;
 use crate::model::effects::{Chosen, parse_list};
-use crate::report::Stage;
+use crate::report::Page;
 use crate::report::diagnosis::text as diagnosis;
-use crate::report::html::page::Page;
+use crate::report::{Stage, title};
 use crate::storage::output;
 use crate::study::models;
-use crate::study::open;
 
 /// Most effects that are added one after the other.
 const MOST_ADDED: usize = 8;
@@ -70,9 +71,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     let mut file =
         args.apply.as_ref().map(|path| models::about(path, &args.recordings, args.rig.as_deref())).transpose()?;
     let rig_file = models::rig_of(args.rig.as_deref(), args.apply.as_deref().zip(file.as_ref()));
-    let loaded = recordings::load(&args.recordings, rig_file.as_deref())?;
-    let rig = loaded[0].recording.rig.clone();
-    let runs = open::runs(&loaded);
+    let mut study = recordings::open(&args.recordings, rig_file.as_deref())?;
     let mut options = Options { most_reaches: args.most_reaches, ..Options::default() };
     let mut effects = args.effects.clone().unwrap_or_default();
     if let Some(file) = file.as_ref().filter(|f| !f.models.is_empty()) {
@@ -89,19 +88,16 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         effects = current.chosen();
     }
     if args.creep.given() {
-        options.priors = args.creep.priors(&loaded, &runs, &mut effects)?;
+        options.priors = args.creep.priors(&study, &mut effects)?;
     }
-    let held = hold::constraints(&rig, &runs, std::slice::from_ref(&effects), &args.hold);
+    let held = hold::constraints(&study, std::slice::from_ref(&effects), &args.hold);
     // The first that concerns a parameter counts: what is said now goes before what the file says.
     options.constraints.splice(0..0, held.into_iter().flatten());
     let mut models: Vec<(String, Fit)> = Vec::new();
     let mut diagnoses: Vec<Diagnosis> = Vec::new();
     let mut unsaved = None;
     for _ in 0..=MOST_ADDED {
-        let bar = progress_bar();
-        let found = diagnose(&rig, &runs, &effects, &options, &|message| bar.set_message(message.to_owned()));
-        bar.finish_and_clear();
-        let found = found?;
+        let found = shown(&mut study, "", |study| study.diagnose_model(&effects, &options))?;
         if models.is_empty() {
             models.push((title(&found.start.effects), found.start.clone()));
         }
@@ -122,10 +118,10 @@ pub fn run(args: Args, json: bool) -> CommandResult {
             unsaved = models::save(file, path).err();
         }
         if args.until_done && !json {
-            crate::cli::say_text!(diagnosis::text(&found));
+            say_text!(diagnosis::text(&found));
         }
         if found.verdict == Verdict::MissingEffect && added.is_none() {
-            crate::cli::tell!("what is missing could not be fitted to the whole record, so nothing was added");
+            tell!("what is missing could not be fitted to the whole record, so nothing was added");
         }
         diagnoses.push(found);
         let Some(fit) = added else { break };
@@ -138,26 +134,26 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     }
     let Some(last) = diagnoses.last() else { return Ok(Outcome::Done) };
     if models.len() > MOST_ADDED {
-        crate::cli::tell!("{MOST_ADDED} effects were added: here it stops, done or not");
+        tell!("{MOST_ADDED} effects were added: here it stops, done or not");
     }
     if json {
-        crate::cli::say!("{}", diagnosis::json(&diagnoses)?);
+        say!("{}", diagnosis::json(&diagnoses)?);
     } else if args.until_done {
-        crate::cli::say_text!(staircase(&models));
+        say_text!(staircase(&models));
     } else {
-        crate::cli::say_text!(diagnosis::text(last));
+        say_text!(diagnosis::text(last));
     }
     if let (Some(path), Some(file), None) = (&args.apply, &file, &unsaved) {
-        crate::cli::tell!("model {} in force in {}", file.in_force, path.display());
+        tell!("model {} in force in {}", file.in_force, path.display());
     }
     // last, so that a page that cannot be written costs no result
     if let Some(path) = &args.report {
         let stages = models.iter().map(|(title, fit)| Stage { title: title.clone(), fit }).collect();
-        let energy = models.last().and_then(|(_, fit)| energy_of(&rig, &runs, fit, 0).ok().flatten());
-        write_page(path, &loaded, Page { stages, diagnoses: &diagnoses, energy, ..Page::of(&rig) })?;
-        crate::cli::tell!("report: {}", path.display());
+        let energy = models.last().and_then(|(_, fit)| energy_of(study.rig(), study.runs(), fit, 0).ok().flatten());
+        write_page(path, &study, Page { stages, diagnoses: &diagnoses, energy, ..Page::of(study.rig()) })?;
+        tell!("report: {}", path.display());
     }
-    unsaved.map_or(Ok(Outcome::Done), Err)
+    unsaved.map_or(Ok(Outcome::Done), |error| Err(error.into()))
 }
 
 /// The effects of the next step: what was found is added, what had its number left open keeps it open.

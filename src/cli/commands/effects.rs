@@ -5,7 +5,8 @@ use std::path::PathBuf;
 
 use serde_json::{Value, json};
 
-use crate::cli::{CommandResult, Outcome};
+use crate::cli::console::outcome::{CommandResult, Outcome};
+use crate::cli::console::print::{say, say_text};
 use crate::model::effects::{CATALOGUE, Chosen, Effect, Site, parse_list};
 use crate::model::parameter::{Parameter, Scale};
 use crate::model::trace::Trace;
@@ -52,9 +53,9 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     let Some(chosen) = args.effect else {
         if json {
             let list: Vec<Value> = CATALOGUE.iter().map(|e| about(*e)).collect();
-            crate::cli::say!("{:#}", json!({ "effects": list }));
+            say!("{:#}", json!({ "effects": list }));
         } else {
-            crate::cli::say_text!(list());
+            say_text!(list());
         }
         return Ok(Outcome::Done);
     };
@@ -67,15 +68,15 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         let mut document = about(chosen.effect);
         document["parameters"] = example.parameters.iter().map(described).collect();
         document["example"] = example.to_json();
-        crate::cli::say!("{document:#}");
+        say!("{document:#}");
     } else {
-        crate::cli::say_text!(explained(chosen.effect));
-        crate::cli::say_text!(format_args!(
+        say_text!(explained(chosen.effect));
+        say_text!(format_args!(
             "\nParameters, with start and bounds of a fit on rig '{}':\n",
             example.scenario.rig.name
         ));
-        crate::cli::say_text!(table(&example.parameters));
-        crate::cli::say_text!(format_args!("\n{example}"));
+        say_text!(table(&example.parameters));
+        say_text!(format_args!("\n{example}"));
     }
     Ok(Outcome::Done)
 }

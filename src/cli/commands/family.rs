@@ -2,10 +2,10 @@
 
 use std::path::PathBuf;
 
-use crate::cli::args::recordings::load;
-use crate::cli::commands::calibrate;
-use crate::cli::commands::run_models::RunModels;
-use crate::cli::{CommandResult, Outcome};
+use crate::cli::args::run_models::RunModels;
+use crate::cli::console::outcome::{CommandResult, Outcome};
+use crate::cli::console::print::{say, say_text, tell};
+use crate::cli::console::progress::progress_bar;
 use crate::fit::data::prepare::prepare;
 use crate::fit::data::run_data::RunData;
 use crate::fit::search::calibrate::Options;
@@ -15,7 +15,7 @@ use crate::report::temperature::text::{CSV_HEADER, csv, json as family_json, tex
 use crate::rig::SensorKind;
 use crate::signal::inspect;
 use crate::storage::output;
-use crate::study::open::Loaded;
+use crate::study::open::{Loaded, load};
 use crate::temperature::law::{Laws, Shift};
 use crate::temperature::{Member, Plan, Source, family, same_rig};
 
@@ -130,7 +130,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         temperature_sd_k: args.temperature_sd_k,
         options,
     };
-    let bar = calibrate::progress_bar();
+    let bar = progress_bar();
     let fitted = family(&rig, members, &args.effects, &plan, &|of, p| {
         bar.set_message(format!(
             "{of}: {}, {} reaches, iteration {}, error {:.2} x noise",
@@ -140,21 +140,21 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     bar.finish_and_clear();
     let fitted = fitted?;
     if json {
-        crate::cli::say!("{}", family_json(&fitted)?);
+        say!("{}", family_json(&fitted)?);
     } else {
-        crate::cli::say_text!(text(&fitted));
+        say_text!(text(&fitted));
     }
     models.save(&fitted.fits, "fitted by itself, in a family over temperature")?;
     if let Some(path) = &args.csv {
         output::check_result(path, CSV_HEADER)?;
         output::write(path, &csv(&fitted))?;
-        crate::cli::tell!("table: {}", path.display());
+        tell!("table: {}", path.display());
     }
     // last, so that a page that cannot be written costs no result
     if let Some(path) = &args.report {
         output::check_report(path)?;
         output::write(path, &html(&fitted, &rig.name))?;
-        crate::cli::tell!("report: {}", path.display());
+        tell!("report: {}", path.display());
     }
     Ok(Outcome::Done)
 }
@@ -175,6 +175,7 @@ fn loaded(args: &Args) -> Result<Vec<Loaded>, Box<dyn std::error::Error + Send +
             return Err(format!("{} and {} are one recording: it counts once", twin.display(), path.display()).into());
         }
         let mut one = load(std::slice::from_ref(path), args.rig.as_deref())?.remove(0);
+        one.doubts.iter().for_each(|doubt| tell!("warning: {}: {doubt}", one.file));
         if all.iter().any(|l| l.file == one.file) {
             one.file = path.display().to_string();
         }

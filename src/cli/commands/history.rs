@@ -2,7 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::cli::{CommandResult, Outcome};
+use crate::cli::console::outcome::{CommandResult, Outcome};
+use crate::cli::console::print::{say, say_text, tell};
 use crate::report::history::html::{html, svg};
 use crate::report::history::text::{csv, json as history_json, text};
 use crate::results::history::{History, Index};
@@ -49,9 +50,9 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     };
     let history = History::of(&index, &rig)?;
     if json {
-        crate::cli::say!("{}", history_json(&history)?);
+        say!("{}", history_json(&history)?);
     } else {
-        crate::cli::say_text!(text(&history));
+        say_text!(text(&history));
     }
     if let Some(path) = &args.csv {
         output::check_result(path, "run,file,recorded_utc")?;
@@ -64,7 +65,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     if let Some(path) = &args.report {
         output::check_report(path)?;
         output::write(path, &html(&history))?;
-        crate::cli::tell!("report: {}", path.display());
+        tell!("report: {}", path.display());
     }
     Ok(Outcome::Done)
 }

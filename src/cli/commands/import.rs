@@ -7,7 +7,9 @@ use serde_json::json;
 
 use crate::align::{Clock, Method, Part, align, merge};
 use crate::cli::args::import_options::{ForeignArgs, start};
-use crate::cli::{CommandResult, Outcome};
+use crate::cli::console::document::document;
+use crate::cli::console::outcome::{CommandResult, Outcome};
+use crate::cli::console::print::{say, tell};
 use crate::recording::Recording;
 use crate::rig::Rig;
 use crate::storage::foreign::{Imported, Mended, doubts, import_file, require_sensors};
@@ -81,14 +83,14 @@ pub fn run(args: Args, json: bool) -> CommandResult {
 
     for report in &reports {
         let line = report.mended.line.map(|l| format!(":{l}")).unwrap_or_default();
-        crate::cli::tell!("{}{line}: {}", report.file.display(), report.mended.text);
+        tell!("{}{line}: {}", report.file.display(), report.mended.text);
     }
-    clocks.iter().skip(1).for_each(|clock| crate::cli::tell!("{clock}"));
+    clocks.iter().skip(1).for_each(|clock| tell!("{clock}"));
     for clock in &clocks {
-        clock.warnings.iter().for_each(|text| crate::cli::tell!("warning: {}: {text}", clock.file));
+        clock.warnings.iter().for_each(|text| tell!("warning: {}: {text}", clock.file));
     }
-    left_out.iter().for_each(|text| crate::cli::tell!("{text}"));
-    warnings.iter().for_each(|w| crate::cli::tell!("warning: {}", w.text));
+    left_out.iter().for_each(|text| tell!("{text}"));
+    warnings.iter().for_each(|w| tell!("warning: {}", w.text));
     let summary = Summary::of(&recording);
     if json {
         let sources: Vec<&PathBuf> = args.files.iter().collect();
@@ -96,9 +98,9 @@ pub fn run(args: Args, json: bool) -> CommandResult {
             "file": args.output, "source": args.files[0], "sources": sources, "mended": reports, "warnings": warnings,
             "alignment": if alone { None } else { Some(&clocks) }, "left_out": left_out,
         });
-        crate::cli::say!("{}", crate::cli::document(head, &summary)?);
+        say!("{}", document(head, &summary)?);
     } else {
-        crate::cli::say!("{}: {summary}", args.output.display());
+        say!("{}: {summary}", args.output.display());
     }
     Ok(if reports.iter().any(|r| r.mended.lost) { Outcome::DataLost } else { Outcome::Done })
 }

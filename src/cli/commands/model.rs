@@ -2,7 +2,8 @@
 
 use std::path::PathBuf;
 
-use crate::cli::{CommandResult, Outcome};
+use crate::cli::console::outcome::{CommandResult, Outcome};
+use crate::cli::console::print::{say, say_text};
 use crate::report::models::{json as models_json, text};
 use crate::study::models;
 
@@ -21,9 +22,9 @@ pub struct Args {
 pub fn run(args: Args, json: bool) -> CommandResult {
     let file = models::load(&args.file)?;
     if json {
-        crate::cli::say!("{}", models_json(&file)?);
+        say!("{}", models_json(&file)?);
     } else {
-        crate::cli::say_text!(text(&file));
+        say_text!(text(&file));
     }
     Ok(Outcome::Done)
 }

@@ -8,17 +8,19 @@ use serde_json::json;
 use crate::cli::args::hold;
 use crate::cli::args::recordings;
 use crate::cli::args::search::Search;
-use crate::cli::commands::calibrate;
-use crate::cli::{CommandResult, Outcome};
+use crate::cli::console::outcome::{CommandResult, Outcome};
+use crate::cli::console::print::{say, tell};
+use crate::cli::console::progress::shown;
 use crate::fit::numeric::least_squares::Problem as _;
 use crate::fit::problem::fit_problem::{Calibration, Window};
 use crate::fit::search::calibrate::{Options, numbered};
 use crate::model::Model;
 use crate::model::effects::{Chosen, parse_list};
-use crate::report::pest::{Case, file};
+use crate::report::pest::case::Case;
+use crate::report::pest::control::{control, readme};
+use crate::report::pest::form::file;
 use crate::storage::output;
-use crate::study::open;
-use crate::study::open::Loaded;
+use crate::study::Study;
 
 type AnyError = Box<dyn Error + Send + Sync>;
 
@@ -75,24 +77,25 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     let from = args.search.from()?;
     args.search.check_held(args.hold.iter().map(|(name, _)| name.as_str()))?;
     let searched = args.search.options(from.as_ref())?;
-    let loaded = recordings::load(&args.recordings, args.rig.as_deref())?;
-    let rig = &loaded[0].recording.rig;
-    let runs = open::runs(&loaded);
+    let mut study = recordings::open(&args.recordings, args.rig.as_deref())?;
     let mut effects = args.effects.clone();
-    let priors = args.creep.priors(&loaded, &runs, &mut effects)?;
-    let mut constraints = hold::constraints(rig, &runs, std::slice::from_ref(&effects), &args.hold).remove(0);
+    let priors = args.creep.priors(&study, &mut effects)?;
+    let mut constraints = hold::constraints(&study, std::slice::from_ref(&effects), &args.hold).remove(0);
     if let Some(from) = &from {
-        hold::and_settled(&mut constraints, from, rig, &runs, (&effects, true));
+        hold::settle(&mut constraints, from, &study, &effects, true);
     }
     let options = Options { constraints, priors, ..searched };
-    let fit = if args.fitted { Some(calibrate::timed(rig, &runs, &effects, &options)?) } else { None };
-    let effects = numbered(rig, &runs, &effects, &options)?;
+    let fit =
+        args.fitted.then(|| shown(&mut study, "", |study| study.calibrate(&effects).options(options.clone()).run()));
+    let fit = fit.transpose()?;
+    let (rig, runs) = (study.rig(), study.runs());
+    let effects = numbered(rig, runs, &effects, &options)?;
     let model = Model::new(rig, &runs[0].conditions.water, fit.as_ref().map_or(&effects, |f| &f.effects))
         .constrained(&options.constraints)
         .starting_at(&options.starts_at)
         .informed(&options.priors);
     let mut window = Window { reaches: REACHES, horizon_s: f64::INFINITY, stride: 1 };
-    let mut problem = Calibration::new(&model, &runs, window);
+    let mut problem = Calibration::new(&model, runs, window);
     problem.know(&options.constraints)?;
     args.search.check(problem.parameters.iter().map(|p| p.name.as_str()))?;
     let values = fit.as_ref().map_or_else(|| problem.values(&problem.start()), |f| f.values());
@@ -105,7 +108,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     let command = command(&files, args.rig.is_some(), &model.effects, window.reaches);
     let case = Case::new(&problem, rig, &values, &files, &command);
     let phi = phi(&problem, &values)?;
-    write(&args, &case, &loaded, &files, window.stride)?;
+    write(&args, &case, &study, &files, window.stride)?;
     let size = case.size();
     if json {
         let document = json!({
@@ -113,9 +116,9 @@ pub fn run(args: Args, json: bool) -> CommandResult {
             "parameters": size.parameters, "observations": size.observations, "priors": size.priors,
             "every": window.stride, "reaches": window.reaches, "phi": phi,
         });
-        crate::cli::say!("{document:#}");
+        say!("{document:#}");
     } else {
-        crate::cli::say!(
+        say!(
             "{}: {} parameters, {} observations, {} priors, objective function {phi:.6}",
             args.output.join(file::CONTROL).display(),
             size.parameters,
@@ -124,7 +127,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         );
     }
     if window.stride > 1 {
-        crate::cli::tell!(
+        tell!(
             "one of {} samples is an observation: standard errors will come out {:.1} times those of all samples",
             window.stride,
             (window.stride as f64).sqrt()
@@ -192,7 +195,7 @@ fn check_folder(folder: &Path, overwrite: bool) -> Result<(), AnyError> {
 }
 
 /// All files of the folder.
-fn write(args: &Args, case: &Case, loaded: &[Loaded], files: &[String], every: usize) -> Result<(), AnyError> {
+fn write(args: &Args, case: &Case, study: &Study, files: &[String], every: usize) -> Result<(), AnyError> {
     let folder = &args.output;
     std::fs::create_dir_all(folder).map_err(|e| format!("cannot make the folder {}: {e}", folder.display()))?;
     let copy = |from: &Path, name: &str| -> Result<(), AnyError> {
@@ -208,17 +211,17 @@ fn write(args: &Args, case: &Case, loaded: &[Loaded], files: &[String], every: u
         copy(from, name)?;
     }
     if args.rig.is_some() {
-        output::write_new(&folder.join(RIG_FILE), &loaded[0].recording.rig.source, args.overwrite)?;
+        output::write_new(&folder.join(RIG_FILE), &study.rig().source, args.overwrite)?;
     }
-    let sources: Vec<String> = loaded.iter().map(|l| l.file.clone()).collect();
+    let sources: Vec<String> = study.recordings().iter().map(|l| l.file.clone()).collect();
     for (name, text) in [
         (file::MEASURED, case.measured()),
         (file::TEMPLATE, case.template()),
         (file::VALUES, case.values()),
         (file::INSTRUCTIONS, case.instructions()),
-        (file::README, case.readme(&sources, every)),
+        (file::README, readme(case, &sources, every)),
         // last, so that a folder with a control file is whole
-        (file::CONTROL, case.control()),
+        (file::CONTROL, control(case)),
     ] {
         output::write_new(&folder.join(name), &text, args.overwrite)?;
     }

@@ -4,7 +4,8 @@ use std::path::{Path, PathBuf};
 
 use serde_json::json;
 
-use crate::cli::{CommandResult, Outcome};
+use crate::cli::console::outcome::{CommandResult, Outcome};
+use crate::cli::console::print::{say, say_text};
 use crate::record::devices::port::{PortInfo, list, open_port};
 use crate::record::session::live_test::live_devices;
 use crate::rig::{Device, Rig};
@@ -28,12 +29,12 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     if json {
         let entry = |(device, problem): &Tried| json!({"name": device.name, "port": device.port, "problem": problem});
         let devices: Vec<_> = devices.iter().map(entry).collect();
-        crate::cli::say!("{}", json!({"ports": ports, "devices": devices}));
+        say!("{}", json!({"ports": ports, "devices": devices}));
     } else {
-        crate::cli::say_text!(table(&ports));
+        say_text!(table(&ports));
         for (device, problem) in &devices {
             let found = problem.as_deref().unwrap_or("can be opened");
-            crate::cli::say!("device '{}' on {}: {found}", device.name, device.port);
+            say!("device '{}' on {}: {found}", device.name, device.port);
         }
     }
     Ok(if all_open { Outcome::Done } else { Outcome::No })

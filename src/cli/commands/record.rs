@@ -1,23 +1,23 @@
 //! `surgescope record`: a live stream, a simulated device or a replayed file becomes a recording.
 
-use std::error::Error;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use clap::ArgGroup;
 
+use crate::cli::args::evaluation;
 use crate::cli::args::triggers::Triggers;
 use crate::cli::args::values::{not_negative, pair, positive, setting};
-use crate::cli::commands::evaluate::{Settings, evaluate_new, line};
+use crate::cli::console::document::document;
 use crate::cli::console::last_words::{LastWords, tell_first};
 use crate::cli::console::live::Reporter;
-use crate::cli::{CommandResult, Outcome};
+use crate::cli::console::outcome::{AnyError, CommandResult, Outcome};
+use crate::cli::console::print::{say, say_text, tell};
+use crate::cli::console::progress::progress_bar;
+use crate::cli::console::stop::{STOP, stop_on_signals};
 use crate::model::effects::{Chosen, parse_list};
 use crate::record::devices::replay;
-#[cfg(unix)]
-use crate::record::devices::simulated::{Faults, Playback, Script, SimulatedDevice};
 use crate::record::devices::source::Sources;
 use crate::record::health::snapshot::Snapshot;
 use crate::record::session::live_test as session;
@@ -25,10 +25,14 @@ use crate::record::session::live_test::{Options, SILENCE_S, live_devices};
 use crate::record::session::output::{DeviceCount, Summary, check_path};
 use crate::report::history::text::RunDocument;
 use crate::results::history::{Run, State};
-use crate::rig::{Device, Rig};
+use crate::rig::Rig;
 #[cfg(unix)]
 use crate::simulate::playback::{Timing, of_scenario};
 use crate::simulate::scenario::{Scenario, ValveForm};
+#[cfg(unix)]
+use crate::simulate::through_ports::{clipped, record_playbacks};
+use crate::watch::evaluate::{Settings, evaluate_new};
+use crate::watch::verdict::line_of;
 
 /// Record a live test: from the rig's devices, from simulated ones, or from a file played as if it were live.
 #[derive(Debug, clap::Args)]
@@ -90,9 +94,6 @@ pub struct Args {
     wait: f64,
 }
 
-/// Set by Ctrl-C and SIGTERM.
-pub(crate) static STOP: AtomicBool = AtomicBool::new(false);
-
 /// Records until the duration, a signal or the stream's end.
 pub fn run(args: Args, json: bool) -> CommandResult {
     if let Some(output) = &args.output {
@@ -125,9 +126,9 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         (false, false) => Outcome::Done,
     };
     let words = LastWords::before(outcome(false).code(), &STOP);
-    crate::cli::tell!("{}: {}", summary.file, summary.ended);
+    tell!("{}: {}", summary.file, summary.ended);
     if !json {
-        crate::cli::say_text!(table(&summary));
+        say_text!(table(&summary));
     }
     drop(words);
     let runs = if args.calibrate { calibrated(&summary, json)? } else { Vec::new() };
@@ -140,9 +141,17 @@ pub fn run(args: Args, json: bool) -> CommandResult {
             [one] if summary.shots.is_empty() => serde_json::json!({ "calibration": one }),
             all => serde_json::json!({ "calibrations": all }),
         };
-        crate::cli::say!("{}", crate::cli::document(head, &summary)?);
+        say!("{}", document(head, &summary)?);
     }
     Ok(outcome(failed))
+}
+
+/// The run of a recording, its progress and warnings shown; none where a watch is at work in its folder, which will do it.
+fn evaluated(path: &Path) -> Result<Option<Run>, AnyError> {
+    let bar = progress_bar();
+    let run = evaluate_new(path, &Settings::default(), &|notice| evaluation::show(&bar, notice));
+    bar.finish_and_clear();
+    run
 }
 
 /// The runs of the recordings that a session left, calibrated and diagnosed; each is told as it is done.
@@ -152,55 +161,16 @@ fn calibrated(summary: &Summary, json: bool) -> Result<Vec<Run>, AnyError> {
     let mut runs = Vec::new();
     // a triggered session that saw no shot names its folder
     for file in files.iter().filter(|file| Path::new(file).is_file()) {
-        let Some(run) = evaluate_new(Path::new(file), &Settings::default())? else { continue };
+        let Some(run) = evaluated(Path::new(file))? else { continue };
         if json {
-            crate::cli::tell!("{}", line(&run));
+            tell!("{}", line_of(&run));
         } else {
-            crate::cli::say!("{}", line(&run));
+            say!("{}", line_of(&run));
         }
         runs.push(run);
     }
     Ok(runs)
 }
-
-/// Lets Ctrl-C and the requests to terminate or hang up end the recording, not the program: its file is made whole first.
-#[cfg(unix)]
-pub(crate) fn stop_on_signals() -> std::io::Result<()> {
-    use std::task::Poll;
-    use tokio::signal::unix::{SignalKind, signal};
-
-    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
-    let mut requests = {
-        // Registered before anything is recorded.
-        let _inside = runtime.enter();
-        [signal(SignalKind::interrupt())?, signal(SignalKind::terminate())?, signal(SignalKind::hangup())?]
-    };
-    let wait = async move {
-        std::future::poll_fn(|context| {
-            let any = requests.iter_mut().any(|request| request.poll_recv(context).is_ready());
-            if any { Poll::Ready(()) } else { Poll::Pending }
-        })
-        .await;
-        STOP.store(true, Ordering::Relaxed);
-    };
-    std::thread::Builder::new().name("signals".into()).spawn(move || runtime.block_on(wait))?;
-    Ok(())
-}
-
-/// Lets Ctrl-C end the recording, not the program: its file is made whole first.
-#[cfg(not(unix))]
-pub(crate) fn stop_on_signals() -> std::io::Result<()> {
-    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
-    let wait = async {
-        if tokio::signal::ctrl_c().await.is_ok() {
-            STOP.store(true, Ordering::Relaxed);
-        }
-    };
-    std::thread::Builder::new().name("signals".into()).spawn(move || runtime.block_on(wait))?;
-    Ok(())
-}
-
-type AnyError = Box<dyn Error + Send + Sync>;
 
 fn record(
     args: &Args,
@@ -242,7 +212,8 @@ fn record_simulated(
         let playback = of_scenario(&scenario, &device, &timing)?;
         played.push((device, playback));
     }
-    record_playbacks(rig, played, args.speed, faults, options, report)
+    clipped(rig, &played).iter().for_each(|warning| tell!("{warning}"));
+    record_playbacks(rig, played, (args.speed, faults), options, &STOP, report)
 }
 
 #[cfg(not(unix))]
@@ -253,54 +224,6 @@ fn record_simulated(_: &Rig, _: &Args, _: &Options, _: &mut dyn FnMut(Snapshot))
 /// Steady time before the closure of a simulated test, s.
 #[cfg(unix)]
 const LEAD_S: f64 = 1.0;
-
-/// Plays data on simulated devices and records it through pseudo-terminals, as from real ports.
-///
-/// # Errors
-/// No pseudo-terminal, data that a device cannot send, or any error of a recording.
-#[cfg(unix)]
-pub fn record_playbacks(
-    rig: &Rig,
-    played: Vec<(Device, Playback)>,
-    speed: f64,
-    faults: Faults,
-    options: &Options,
-    report: &mut dyn FnMut(Snapshot),
-) -> Result<Summary, AnyError> {
-    let mut devices = Vec::new();
-    // Lines by the port that stands in the rig file: Modbus slaves may share one.
-    let mut simulated: Vec<(String, SimulatedDevice, Vec<Script>)> = Vec::new();
-    for (mut device, playback) in played {
-        let script = Script::new(&playback, rig, &device)?;
-        if script.clipped > 0 {
-            let (clipped, name) = (script.clipped, &device.name);
-            crate::cli::tell!(
-                "{clipped} samples are outside the range of the counts of '{name}': see scale and offset"
-            );
-        }
-        let at = match simulated.iter().position(|(port, ..)| *port == device.port) {
-            Some(at) => at,
-            None => {
-                simulated.push((device.port.clone(), SimulatedDevice::open()?, Vec::new()));
-                simulated.len() - 1
-            }
-        };
-        let (_, line, scripts) = &mut simulated[at];
-        device.port = line.path().display().to_string();
-        scripts.push(script);
-        devices.push(device);
-    }
-    // A simulated device that hangs up has played everything.
-    let sources = Sources::open(rig, &devices, false)?;
-    for (_, line, scripts) in &mut simulated {
-        line.start_line(std::mem::take(scripts), speed, faults)?;
-    }
-    let summary = session::record(rig, &sources, options, &STOP, report)?;
-    for (_, line, _) in simulated {
-        line.stop()?;
-    }
-    Ok(summary)
-}
 
 /// What was recorded, for people.
 fn table(summary: &Summary) -> String {

@@ -4,7 +4,9 @@ use std::path::PathBuf;
 
 use serde_json::json;
 
-use crate::cli::{CommandResult, Outcome};
+use crate::cli::console::document::document;
+use crate::cli::console::outcome::{CommandResult, Outcome};
+use crate::cli::console::print::{say, tell};
 use crate::storage::recover;
 
 /// Arguments of `recover`.
@@ -24,17 +26,17 @@ pub struct Args {
 pub fn run(args: Args, json: bool) -> CommandResult {
     let recovery = recover(&args.torn, &args.output)?;
     if json {
-        crate::cli::say!("{}", crate::cli::document(json!({ "file": args.output, "source": args.torn }), &recovery)?);
+        say!("{}", document(json!({ "file": args.output, "source": args.torn }), &recovery)?);
     } else {
-        crate::cli::say!("{}: {}", args.output.display(), recovery.kept);
+        say!("{}: {}", args.output.display(), recovery.kept);
         match recovery.last_good_time_s {
-            _ if recovery.whole => crate::cli::say!("nothing was lost"),
-            Some(time) => crate::cli::say!("last good sample: {time} s"),
-            None => crate::cli::say!("no sample was saved"),
+            _ if recovery.whole => say!("nothing was lost"),
+            Some(time) => say!("last good sample: {time} s"),
+            None => say!("no sample was saved"),
         }
     }
     for loss in &recovery.lost {
-        crate::cli::tell!("lost: {loss}");
+        tell!("lost: {loss}");
     }
     Ok(if recovery.whole { Outcome::Done } else { Outcome::DataLost })
 }

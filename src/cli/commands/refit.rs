@@ -2,8 +2,10 @@
 
 use std::path::PathBuf;
 
-use crate::cli::commands::calibrate::progress_bar;
-use crate::cli::{CommandResult, Outcome};
+use crate::cli::args::recordings;
+use crate::cli::console::outcome::{CommandResult, Outcome};
+use crate::cli::console::print::{say, say_text};
+use crate::cli::console::progress::refit;
 use crate::report::models::{json as models_json, text};
 use crate::study::models;
 
@@ -21,9 +23,7 @@ pub struct Args {
 /// A file or a recording that cannot be read, a parameter that the model does not have, a fit that fails.
 pub fn run(args: Args, json: bool) -> CommandResult {
     let mut at = models::open(&args.file)?;
-    for doubt in &at.doubts {
-        crate::cli::tell!("warning: {doubt}");
-    }
+    recordings::warn_of(&at.study);
     let before = at.file.current().clone();
     let held: Vec<&str> = before.parameters.iter().filter(|p| p.fixed).map(|p| p.name.as_str()).collect();
     let why = match held.as_slice() {
@@ -31,16 +31,13 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         [one] => format!("refitted with {one} held"),
         more => format!("refitted with {} values held", more.len()),
     };
-    let bar = progress_bar();
-    let fit = before.refit(&at.rig, &at.runs, &at.options, &|p| bar.set_message(p.stage.clone()));
-    bar.finish_and_clear();
-    at.file.append(&fit?, &why, None, models::now());
-    models::save(&mut at.file, &at.path)?;
+    let fit = refit(&mut at, "")?;
+    at.append(&fit, &why, None)?;
     if json {
-        crate::cli::say!("{}", models_json(&at.file)?);
+        say!("{}", models_json(&at.file)?);
     } else {
-        crate::cli::say_text!(text(&at.file));
-        crate::cli::say!("\n{why}: RMSE {:.4} m → {:.4} m", before.rmse_m, at.file.current().rmse_m);
+        say_text!(text(&at.file));
+        say!("\n{why}: RMSE {:.4} m → {:.4} m", before.rmse_m, at.file.current().rmse_m);
     }
     Ok(Outcome::Done)
 }

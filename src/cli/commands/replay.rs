@@ -5,15 +5,14 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 
-use crate::cli::args::recordings::load;
-use crate::cli::commands::calibrate::timed;
-use crate::cli::{CommandResult, Outcome};
-use crate::fit::search::calibrate::Options;
+use crate::cli::args::recordings::open;
+use crate::cli::console::outcome::{CommandResult, Outcome};
+use crate::cli::console::print::{say, say_text, tell};
+use crate::cli::console::progress::shown;
 use crate::model::effects::{Chosen, parse_list};
 use crate::replay::compare::{Comparison, compare, moved, table};
 use crate::replay::expected::{Expected, ExpectedError, path_beside, to_toml, write_beside};
 use crate::replay::found::{Found, found};
-use crate::study::open::runs;
 
 /// Arguments of `replay`.
 ///
@@ -57,16 +56,16 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     let recordings = recordings(&args.paths)?;
     let (mut entries, mut compared, mut moved_in_all, mut failed) = (Vec::new(), 0, 0, 0);
     for (i, path) in recordings.iter().enumerate() {
-        crate::cli::tell!("[{}/{}] {}", i + 1, recordings.len(), path.display());
+        tell!("[{}/{}] {}", i + 1, recordings.len(), path.display());
         let outcome = replay(path, &args).and_then(|done| Ok((accept(path, &done, &args)?, done)));
         match outcome {
             Ok((accepted, done)) => {
                 compared += done.comparisons.len();
                 moved_in_all += moved(&done.comparisons);
                 if !json {
-                    crate::cli::say_text!(text(path, &done, args.verbose));
+                    say_text!(text(path, &done, args.verbose));
                     if let Some(file) = &accepted {
-                        crate::cli::say!("  now expected: {}", file.display());
+                        say!("  now expected: {}", file.display());
                     }
                 }
                 entries.push(entry(path, &done, accepted.as_deref()));
@@ -74,20 +73,20 @@ pub fn run(args: Args, json: bool) -> CommandResult {
             Err(error) => {
                 failed += 1;
                 let sentence = with_causes(error.as_ref());
-                crate::cli::tell!("error: {sentence}");
+                tell!("error: {sentence}");
                 entries.push(json!({ "file": path, "error": sentence }));
             }
         }
     }
     if json {
-        crate::cli::say!("{:#}", json!({ "compared": compared, "moved": moved_in_all, "recordings": entries }));
+        say!("{:#}", json!({ "compared": compared, "moved": moved_in_all, "recordings": entries }));
     } else {
         let verdict = match moved_in_all {
             _ if compared == 0 => "nothing to tell".to_owned(),
             0 => "all held".to_owned(),
             n => format!("{n} moved"),
         };
-        crate::cli::say!("{compared} quantities of {} recordings compared: {verdict}", recordings.len() - failed);
+        say!("{compared} quantities of {} recordings compared: {verdict}", recordings.len() - failed);
     }
     match (failed, moved_in_all) {
         (1.., _) => Err(format!("{failed} of {} recordings could not be compared", recordings.len()).into()),
@@ -108,13 +107,12 @@ fn replay(path: &Path, args: &Args) -> Result<Replayed, Failure> {
         );
     }
     let effects = args.effects.clone().or_else(|| old.effects.clone());
-    let loaded = load(&[path.to_owned()], None)?;
-    let [one] = &loaded[..] else { return Err(format!("{}: nothing was read", path.display()).into()) };
+    let mut study = open(&[path.to_owned()], None)?;
     let fit = match &effects {
-        Some(effects) => Some(timed(&one.recording.rig, &runs(&loaded), effects, &Options::default())?),
+        Some(effects) => Some(shown(&mut study, "", |study| study.calibrate(effects).run())?),
         None => None,
     };
-    let found = found(&one.features, fit.as_ref());
+    let found = found(&study.recordings()[0].features, fit.as_ref());
     Ok(Replayed { effects, comparisons: compare(&old, &found), found })
 }
 

@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 
 use serde_json::json;
 
-use crate::cli::{CommandResult, Outcome};
+use crate::cli::console::outcome::{CommandResult, Outcome};
+use crate::cli::console::print::{say, tell};
 use crate::results::fit_file::{FitFile, Form};
 use crate::results::table::{long, wide};
 use crate::storage::output;
@@ -66,9 +67,9 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     if json {
         let document =
             json!({ "file": args.output, "fits": fits.len(), "rows": table.rows.len(), "columns": table.columns });
-        crate::cli::say!("{document}");
+        say!("{document}");
     } else {
-        crate::cli::say!(
+        say!(
             "{}: {} rows of {} fits, {} columns",
             args.output.display(),
             table.rows.len(),
@@ -91,7 +92,7 @@ fn fits_in(folder: &Path) -> Result<Vec<(String, FitFile)>, AnyError> {
         return Err(format!("the folder {} has no fit (see `calibrate -o`)", folder.display()).into());
     }
     if fits.len() < asked {
-        crate::cli::tell!("{}: passed over {} files that are no fits", folder.display(), asked - fits.len());
+        tell!("{}: passed over {} files that are no fits", folder.display(), asked - fits.len());
     }
     Ok(fits)
 }

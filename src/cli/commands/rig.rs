@@ -6,7 +6,8 @@ use clap::Subcommand;
 use serde_json::{Map, Value, json};
 
 use crate::cli::args::values::positive;
-use crate::cli::{CommandResult, Outcome};
+use crate::cli::console::outcome::{CommandResult, Outcome};
+use crate::cli::console::print::{say, say_text};
 use crate::recording::Recording;
 use crate::rig::check::{Finding, Level, check};
 use crate::rig::{Rig, SteadyState};
@@ -63,9 +64,9 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     }
     let worst = findings.iter().map(|f| f.level).max().unwrap_or(Level::Fine);
     if json {
-        crate::cli::say!("{}", document(&args.rig, args.recording.as_deref(), worst, &findings));
+        say!("{}", document(&args.rig, args.recording.as_deref(), worst, &findings));
     } else {
-        crate::cli::say_text!(table(&findings));
+        say_text!(table(&findings));
     }
     Ok(if worst == Level::Contradiction { Outcome::No } else { Outcome::Done })
 }

@@ -5,7 +5,8 @@ use std::path::PathBuf;
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::cli::args::values::{number, pair, positive, setting};
-use crate::cli::{CommandResult, Outcome};
+use crate::cli::console::outcome::{CommandResult, Outcome};
+use crate::cli::console::print::{say, say_text, tell};
 use crate::model::Conditions;
 use crate::model::effects::{Chosen, name_of, parse_list};
 use crate::report::sensitivity::html as page;
@@ -148,9 +149,9 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         let found = rules::test(&subject, &|| bar.inc(1))?;
         bar.finish_and_clear();
         if json {
-            crate::cli::say!("{:#}", serde_json::to_value(&found)?);
+            say!("{:#}", serde_json::to_value(&found)?);
         } else {
-            crate::cli::say_text!(text::rules_page(&found));
+            say_text!(text::rules_page(&found));
         }
         return Ok(Outcome::Done);
     }
@@ -161,17 +162,17 @@ pub fn run(args: Args, json: bool) -> CommandResult {
             let content = map.csv();
             output::check_series(&path, content.lines().next().unwrap_or_default(), false, &args.rig)?;
             output::write(&path, &content)?;
-            crate::cli::tell!("wrote {}", path.display());
+            tell!("wrote {}", path.display());
         }
     }
     if let Some(path) = &args.report {
         output::write(path, &page::html(&study))?;
-        crate::cli::tell!("wrote {}", path.display());
+        tell!("wrote {}", path.display());
     }
     if json {
-        crate::cli::say!("{:#}", serde_json::to_value(&study)?);
+        say!("{:#}", serde_json::to_value(&study)?);
     } else {
-        crate::cli::say_text!(text::text(&study));
+        say_text!(text::text(&study));
     }
     Ok(Outcome::Done)
 }
@@ -198,7 +199,7 @@ fn scenario(args: &Args) -> Result<Scenario, Box<dyn std::error::Error + Send + 
     }
     let scenario = Scenario::new(Rig::load(&args.rig)?, &effects, ValveForm::Linear, &settings)?;
     let used: Vec<String> = scenario.not_set(&settings).iter().map(|(n, v)| format!("{n}={v:.6}")).collect();
-    crate::cli::tell!("not set, so used: {}", used.join(" "));
+    tell!("not set, so used: {}", used.join(" "));
     Ok(scenario)
 }
 

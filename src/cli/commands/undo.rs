@@ -2,7 +2,8 @@
 
 use std::path::PathBuf;
 
-use crate::cli::{CommandResult, Outcome};
+use crate::cli::console::outcome::{CommandResult, Outcome};
+use crate::cli::console::print::{say, say_text};
 use crate::report::models::{json as models_json, text};
 use crate::study::models;
 
@@ -30,9 +31,9 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     }
     models::save(&mut file, &args.file)?;
     if json {
-        crate::cli::say!("{}", models_json(&file)?);
+        say!("{}", models_json(&file)?);
     } else {
-        crate::cli::say_text!(text(&file));
+        say_text!(text(&file));
     }
     Ok(Outcome::Done)
 }

@@ -7,15 +7,15 @@ use serde_json::json;
 
 use crate::cli::args::creep_prior::WALL;
 use crate::cli::args::recordings;
-use crate::cli::commands::calibrate;
-use crate::cli::{CommandResult, Outcome};
-use crate::fit::search::calibrate::{EVIDENCE, Options};
+use crate::cli::console::outcome::{CommandResult, Outcome};
+use crate::cli::console::print::{say, say_text, tell};
+use crate::cli::console::progress::shown;
+use crate::fit::search::calibrate::EVIDENCE;
 use crate::model::effects::{Chosen, parse_list};
 use crate::report::svg::{LineChart, Series, Style};
 use crate::report::text::number::{fixed, significant};
 use crate::report::text::table::Table;
 use crate::storage::output;
-use crate::study::open;
 use crate::valve::curve::{Lawful, TwoStage, ValveClosure, closure_of, valve_sensor, with_its_law};
 use crate::valve::shift::{LawError, Shift};
 
@@ -53,39 +53,38 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     if let Some(path) = &args.svg {
         output::check_picture(path)?;
     }
-    let loaded = recordings::load(&args.recordings, args.rig.as_deref())?;
-    let rig = loaded[0].recording.rig.clone();
-    let runs = open::runs(&loaded);
-    for run in &runs {
-        valve_sensor(&rig, run)?;
+    let mut study = recordings::open(&args.recordings, args.rig.as_deref())?;
+    for run in study.runs() {
+        valve_sensor(study.rig(), run)?;
     }
     let Lawful { fit, evidence, two_stages } =
-        with_its_law(&args.effects, |effects| calibrate::timed(&rig, &runs, effects, &Options::default()))?;
+        shown(&mut study, "", |study| with_its_law(&args.effects, |effects| study.calibrate(effects).run()))?;
+    let (rig, runs) = (study.rig(), study.runs());
     if let Some(evidence) = evidence {
-        crate::cli::tell!(
+        tell!(
             "the model's valve closes {}: two stages bring {evidence:.0} of evidence ({EVIDENCE:.0} is strong){}",
             if two_stages { "in two stages" } else { "linearly" },
             if !two_stages && evidence > EVIDENCE { ", but leave most of the error, which is the pipe's" } else { "" },
         );
     }
     let closures: Vec<ValveClosure> =
-        (0..runs.len()).map(|r| closure_of(&rig, &runs, &fit, r)).collect::<Result<_, _>>()?;
+        (0..runs.len()).map(|r| closure_of(rig, runs, &fit, r)).collect::<Result<_, _>>()?;
     let creep_missing = rig.constraint_in_words().is_some() && !fit.effects.iter().any(|c| c.effect.name() == WALL);
     for closure in &closures {
         if let Some(warning) = no_valve(closure, creep_missing) {
-            crate::cli::tell!("warning: {warning}");
+            tell!("warning: {warning}");
         }
     }
     if json {
         let document = json!({ "effects": fit.labels(), "runs": closures.iter().map(document).collect::<Vec<_>>() });
-        crate::cli::say!("{document:#}");
+        say!("{document:#}");
     } else {
-        crate::cli::say_text!(closures.iter().map(text).collect::<Vec<_>>().join("\n"));
+        say_text!(closures.iter().map(text).collect::<Vec<_>>().join("\n"));
     }
     if let (Some(path), Some(closure)) = (&args.svg, closures.first()) {
         output::check_picture(path)?;
         output::write(path, &chart(closure).to_svg(900.0, 480.0))?;
-        crate::cli::tell!("chart: {}", path.display());
+        tell!("chart: {}", path.display());
     }
     Ok(Outcome::Done)
 }

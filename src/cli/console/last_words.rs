@@ -7,6 +7,8 @@ use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
 use std::thread;
 use std::time::Duration;
 
+use crate::cli::console::print::tell;
+
 /// How long words wait for their reader once the program was asked to end.
 const PATIENCE: Duration = Duration::from_secs(2);
 /// How often it is looked whether it was.
@@ -46,7 +48,7 @@ impl LastWords {
 pub(crate) fn tell_first(lines: Vec<String>) {
     let (said, wait) = channel::<()>();
     let tell = move || {
-        lines.iter().for_each(|line| crate::cli::tell!("{line}"));
+        lines.iter().for_each(|line| tell!("{line}"));
         drop(said);
     };
     if thread::Builder::new().name("first words".into()).spawn(tell).is_ok() {

@@ -1,4 +1,10 @@
 //! What reaches the terminal, and what a command may write.
 
+pub(crate) mod document;
 pub(crate) mod last_words;
 pub(crate) mod live;
+pub mod outcome;
+pub(crate) mod page;
+pub(crate) mod print;
+pub(crate) mod progress;
+pub(crate) mod stop;

@@ -3,12 +3,14 @@
 use std::fmt::Write;
 
 use crate::fit::outcome::fit::ExtremumError;
+use crate::report::Page;
 use crate::report::Stage;
 use crate::report::html::escape::escape;
-use crate::report::html::page::{Page, Panel, colour, minus, table};
+use crate::report::html::page::{colour, minus, table};
 use crate::report::svg::{LineChart, Series, Style};
 use crate::report::text::number::{decimals_for, error_m, fixed, signed, significant, times_noise};
 use crate::report::view::curves::{BUCKETS, Curves, find};
+use crate::report::view::panel::Panel;
 
 const X_LABEL: &str = "time after the start of the closure, s";
 const HEAD_LABEL: &str = "head, m";

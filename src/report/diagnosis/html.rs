@@ -1,12 +1,12 @@
-//! The pieces of a page that only a diagnosis has, and what they share: the models compared, and the verdict.
+//! The pieces of a page that only a diagnosis has: the models compared, and the verdict.
 
 use crate::diagnose::{Candidate, Diagnosis, Verdict};
-use crate::model::effects::name_of;
+use crate::report::Page;
 use crate::report::Stage;
 use crate::report::calibration::{correlation, energy, heatmap, spectrum, stages};
+use crate::report::diagnosis::words::{probability, start_model};
 use crate::report::diagnosis::{ranking, signature};
 use crate::report::html::escape::escape;
-use crate::report::html::page::Page;
 use crate::report::text::number::{error_m, times_noise};
 use crate::report::view::summary;
 use crate::report::view::summary::overall;
@@ -40,20 +40,6 @@ fn compared<'a>(page: &Page<'a>) -> Vec<Stage<'a>> {
         models.push(Stage { title: format!("+ {} (the nearest)", best.label), fit });
     }
     models
-}
-
-/// The model that a diagnosis started from.
-pub(crate) fn start_model(diagnosis: &Diagnosis) -> String {
-    name_of(&diagnosis.start.effects)
-}
-
-/// A probability in words that do not claim more than it can.
-pub(crate) fn probability(p: f64) -> String {
-    match p {
-        p if p > 0.995 => "> 0.99".into(),
-        p if p < 0.005 => "< 0.01".into(),
-        p => format!("{p:.2}"),
-    }
 }
 
 /// Mark, class and sentence of the verdict of all diagnoses together.
@@ -122,7 +108,7 @@ fn failings(diagnoses: &[Diagnosis]) -> String {
 mod tests {
     use super::*;
     use crate::fit::outcome::fit::{Fit, RunFit, SensorFit};
-    use crate::report::html::page::html;
+    use crate::report::page::html;
     use crate::rig::Rig;
 
     const RIG: &str = include_str!("../../../rigs/imperial-pe.toml");

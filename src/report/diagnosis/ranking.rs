@@ -1,7 +1,7 @@
 //! The ranking: every effect that could be missing, with its probability.
 
 use crate::diagnose::{Candidate, Diagnosis, NOT_WORTH, Verdict};
-use crate::report::diagnosis::html::{probability, start_model};
+use crate::report::diagnosis::words::{probability, start_model};
 use crate::report::html::escape::escape;
 use crate::report::html::page::{minus, table};
 use crate::report::text::number::{error_m, significant, times, with_error};

@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use crate::diagnose::{Diagnosis, Verdict};
 use crate::report::Stage;
-use crate::report::diagnosis::html::start_model;
+use crate::report::diagnosis::words::start_model;
 use crate::report::html::escape::escape;
 use crate::report::html::figures;
 use crate::report::svg::{LineChart, Series, Style};

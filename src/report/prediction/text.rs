@@ -6,8 +6,9 @@ use crate::fit::outcome::compare::mape_percent;
 use crate::fit::outcome::fit::RunFit;
 use crate::fit::validate::predict::Prediction;
 use crate::report::calibration::json;
+use crate::report::calibration::text::parameters;
 use crate::report::text::number::{error_m, fixed, significant, times};
-use crate::report::text::table::{Table, parameters};
+use crate::report::text::table::Table;
 use crate::report::view::summary::{Closeness, DOWN_TO_NOISE, closeness};
 
 /// What was predicted, rms over its samples, m.

@@ -1,7 +1,7 @@
 //! What is said once: what was wrong, and is so no longer, and what the trigger does. And the line a second.
 
 use crate::cli::console::live::numbers::{bytes, lasting};
-use crate::cli::console::live::view::Tone;
+use crate::cli::console::live::tone::Tone;
 use crate::record::health::alert::Ailment;
 use crate::record::health::snapshot::{Disk, Phase, Snapshot, TriggerView};
 

@@ -10,6 +10,7 @@ use crate::cli::console::live::numbers::{bytes, count, lasting, rate, value};
 use crate::cli::console::live::sparkline::sparkline;
 use crate::cli::console::live::table;
 use crate::cli::console::live::table::Column;
+use crate::cli::console::live::tone::Tone;
 use crate::record::health::alert::Ailment;
 use crate::record::health::sensor_health::BIN_NS;
 use crate::record::health::snapshot::{DeviceView, Disk, Phase, SensorView, Snapshot, TriggerView};
@@ -25,15 +26,6 @@ const MOST_CELLS: usize = 50;
 pub(crate) struct Size {
     pub(crate) columns: usize,
     pub(crate) rows: usize,
-}
-
-/// What a line is.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) enum Tone {
-    Plain,
-    Heading,
-    Good,
-    Alarm,
 }
 
 /// A line to draw.

@@ -3,6 +3,7 @@
 use std::error::Error;
 use std::path::{Path, PathBuf};
 
+use crate::cli::console::print::tell;
 use crate::fit::outcome::fit::Fit;
 use crate::results::model_file::ModelFile;
 use crate::storage::LogError;
@@ -61,7 +62,7 @@ impl OpenModels {
         for ((path, mut file), fit) in self.0.into_iter().zip(fits) {
             file.append(fit, why, None, models::now());
             models::save(&mut file, &path)?;
-            crate::cli::tell!("model {} in {}", file.in_force, path.display());
+            tell!("model {} in {}", file.in_force, path.display());
         }
         Ok(())
     }
