@@ -428,7 +428,7 @@ fn the_program_prints_a_table_and_json() {
     surgescope::storage::write(&brief, &short).unwrap();
     let table = String::from_utf8(run(&["inspect", path(&brief)])).unwrap();
     assert!(table.lines().any(|l| l.starts_with("note: only 1.") && l.contains("periods")), "{table}");
-    assert!(table.contains("Joukowsky            not to be seen\n"), "no unit where there is no number: {table}");
+    assert!(table.contains("Joukowsky            not visible\n"), "no unit where there is no number: {table}");
     let json = run(&["inspect", path(&brief), "--json"]);
     let brief: serde_json::Value = serde_json::from_slice(&json).unwrap();
     assert_eq!(brief["doubts"].as_array().unwrap().len(), 1, "{brief}");

@@ -3,10 +3,11 @@
 pub mod args;
 pub mod commands;
 pub mod console;
+pub(crate) mod help;
 
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 
 use crate::cli::console::last_words::LastWords;
 use crate::cli::console::outcome::{CommandResult, FAILED};
@@ -15,7 +16,7 @@ use crate::cli::console::stop::STOP;
 
 /// Record, model and calibrate water-hammer tests, and find the physics a model lacks.
 #[derive(Debug, Parser)]
-#[command(version, propagate_version = true)]
+#[command(version, propagate_version = true, disable_help_subcommand = true)]
 struct Cli {
     /// Print one JSON document on standard output and nothing else there.
     #[arg(long, global = true)]
@@ -26,13 +27,9 @@ struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Command {
-    /// Turn time series (CSV, TDMS, MCAP of other programs) into a recording.
     Import(commands::import::Args),
-    /// The whole story on a recording that ships with the program.
     Demo(commands::demo::Args),
-    /// List the effects that a model can have.
     Effects(commands::effects::Args),
-    /// Fit a model to one recording, or to several of one rig at once.
     Calibrate(commands::calibrate::Args),
     Diagnose(commands::diagnose::Args),
     Creep(commands::creep::Args),
@@ -48,29 +45,28 @@ enum Command {
     Model(commands::model::Args),
     Valve(commands::valve::Args),
     Sensitivity(commands::sensitivity::Args),
-    /// Turn a recording into a time series (CSV).
     Export(commands::export::Args),
-    /// Show what a recording tells without a model: steady heads, extrema, period, wave speed, closure, noise.
     Inspect(commands::inspect::Args),
-    /// Make a whole recording of one that a crash cut off.
     Recover(commands::recover::Args),
-    /// Say where a rig file contradicts itself, or a recording made on it.
     Rig(commands::rig::Args),
     Ports(commands::ports::Args),
-    /// Record a live, simulated or replayed test.
     Record(commands::record::Args),
-    /// Simulate a closure on a rig, no recording needed.
     Simulate(commands::simulate::Args),
-    /// Say whether recordings still give the results kept beside them.
     Replay(commands::replay::Args),
     Watch(commands::watch::Args),
     Accept(commands::accept::Args),
     History(commands::history::Args),
+    Help(help::Args),
+}
+
+/// The command line with its commands in groups.
+fn command() -> clap::Command {
+    help::grouped(Cli::command())
 }
 
 /// Parses the arguments, runs the command and turns its outcome into the exit code.
 pub fn main() -> ExitCode {
-    let cli = Cli::parse();
+    let cli = Cli::from_arg_matches(&command().get_matches()).unwrap_or_else(|error| error.exit());
     let result: CommandResult = match cli.command {
         Command::Import(args) => commands::import::run(args, cli.json),
         Command::Demo(args) => commands::demo::run(args, cli.json),
@@ -101,6 +97,7 @@ pub fn main() -> ExitCode {
         Command::Watch(args) => commands::watch::run(args, cli.json),
         Command::Accept(args) => commands::accept::run(args, cli.json),
         Command::History(args) => commands::history::run(args, cli.json),
+        Command::Help(args) => help::run(&args, command()),
     };
     match result {
         Ok(outcome) => ExitCode::from(outcome.code()),
@@ -113,6 +110,50 @@ pub fn main() -> ExitCode {
                 cause = inner.source();
             }
             ExitCode::from(FAILED)
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_command_is_in_exactly_one_group() {
+        let command = Cli::command();
+        let mut listed: Vec<&str> = help::GROUPS.iter().flat_map(|(_, names)| names.iter().copied()).collect();
+        let mut known: Vec<&str> = command.get_subcommands().map(clap::Command::get_name).collect();
+        known.retain(|name| *name != "help");
+        listed.sort_unstable();
+        known.sort_unstable();
+        assert_eq!(listed, known);
+        assert_eq!(help::GROUPS[0].1.len(), 5, "five for a newcomer");
+    }
+
+    #[test]
+    fn the_help_has_each_command_with_its_summary_on_one_line() {
+        let text = command().render_help().to_string();
+        for of in Cli::command().get_subcommands().filter(|c| c.get_name() != "help") {
+            let about = of.get_about().map(ToString::to_string).unwrap_or_default();
+            assert!(!about.is_empty() && about.chars().count() <= 100, "{}: {about}", of.get_name());
+            let line = text.lines().find(|line| line.trim_start().starts_with(&format!("{} ", of.get_name())));
+            assert!(line.is_some_and(|line| line.ends_with(&about)), "{}: {about}\n{text}", of.get_name());
+        }
+        assert!(text.contains("help recording") && text.contains("--json"), "{text}");
+    }
+
+    /// What the topics tell a person to type is what the program takes.
+    #[test]
+    fn topics_show_commands_that_exist() {
+        for topic in help::TOPICS {
+            let shown: Vec<&str> = topic.text.lines().filter_map(|line| line.strip_prefix("  surgescope ")).collect();
+            assert!(shown.len() >= 2, "{}", topic.name);
+            for line in shown {
+                let words = line.split("  #").next().unwrap_or(line).split_whitespace();
+                let parsed = command().try_get_matches_from(std::iter::once("surgescope").chain(words));
+                assert!(parsed.is_ok(), "{line}: {}", parsed.unwrap_err());
+            }
+            assert!(command().find_subcommand(topic.name).is_none(), "{} is a command", topic.name);
         }
     }
 }

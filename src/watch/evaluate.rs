@@ -91,7 +91,7 @@ pub fn evaluate(
     // A defect that one recording brings out must not keep the others from their turn.
     let work = std::panic::AssertUnwindSafe(|| found(index, &path, &bytes, run, rig, settings, notice));
     let result = std::panic::catch_unwind(work)
-        .unwrap_or_else(|_| Err("the program has a defect: please report it with this recording".into()));
+        .unwrap_or_else(|_| Err("this is a bug in the program: please report it with this recording".into()));
     match result {
         Ok((rig, finding, accepted)) => index.done(run, &rig, &finding, accepted.as_ref())?,
         Err(error) => {
@@ -123,7 +123,7 @@ pub fn evaluate_new(path: &Path, settings: &Settings, notice: &OnNotice) -> Resu
     let listed = list(&folder)?.0.into_iter().find(|l| l.name.file == file);
     let (Some(listed), Content::Recording { identity, rig, recorded_unix_ns }) = (listed, look_into(path)?) else {
         return Err(format!(
-            "{} cannot be read back: name it NAME.mcap, and look at it with `surgescope inspect`",
+            "{} cannot be read back: name it NAME.mcap and check it with `surgescope inspect`",
             path.display()
         )
         .into());

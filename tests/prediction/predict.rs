@@ -171,7 +171,10 @@ fn a_file_of_models_predicts_recordings_of_its_line_only() {
     let other = "recordings/hdpe-nothing-missing.mcap";
     let refused = surgescope(&["predict", &model, other, "--json"]);
     let words = String::from_utf8_lossy(&refused.stderr).into_owned();
-    assert!(refused.status.code() == Some(2) && words.contains("another line") && words.contains("length"), "{words}");
+    assert!(
+        refused.status.code() == Some(2) && words.contains("another pipeline") && words.contains("length"),
+        "{words}"
+    );
     let forced = document(&surgescope(&["predict", &model, other, "--json", "--other-rig"]));
     assert!(forced["predicted_rmse_m"].as_f64().unwrap() > 5.0 * forced["noise_m"].as_f64().unwrap());
     let shared = surgescope(&["predict", &model, own, "--hold", "wave_speed_m_s=300"]);

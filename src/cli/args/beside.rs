@@ -9,7 +9,7 @@ pub struct Beside {
     /// sensor, time_s, unit, value (the head in m; of a flow meter, the flow before the closure).
     #[arg(long, value_name = "MCAP", num_args = 1.., conflicts_with_all = ["valve", "duration", "csv_times", "energy"])]
     pub recording: Vec<PathBuf>,
-    /// The rows to write, as an older such table has them; its values do not matter.
+    /// Write the rows of this older table; its values do not matter.
     #[arg(long, value_name = "CSV", requires = "recording")]
     pub times: Option<PathBuf>,
 }

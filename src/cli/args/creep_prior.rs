@@ -17,10 +17,11 @@ pub(crate) const WALL: &str = "viscoelastic-wall";
 /// Options of commands that fit.
 #[derive(Debug, clap::Args)]
 pub struct CreepPrior {
-    /// What `surgescope creep -o` wrote: its elements that a surge can show are the known start of viscoelastic-wall; such as are faster than its first reading are added while the record asks for them.
+    /// Result of `surgescope creep -o`: its elements within the time scale of a surge become priors of viscoelastic-wall. Faster elements are added
+    /// while the record supports them.
     #[arg(long, value_name = "CREEP.toml")]
     creep: Option<PathBuf>,
-    /// Least standard deviation with which a value of the creep test is known: a slow test at larger strains is no surge.
+    /// Least standard deviation of a value from the creep test, which is slower and at larger strains than a surge.
     #[arg(long, value_name = "PERCENT", default_value_t = 10.0, value_parser = crate::cli::args::values::positive, requires = "creep",
           allow_negative_numbers = true)]
     creep_sd: f64,

@@ -15,11 +15,10 @@ use crate::study::models;
 /// Where a fit is written.
 #[derive(Debug, clap::Args)]
 pub struct FitOutput {
-    /// Write all about the fit to a file, which must not exist: TOML or JSON, as its name ends. It is a result; the model to edit and to
-    /// go on from is that of --save.
+    /// Write the full result to a new file, TOML or JSON by its extension. To continue from a model, use --save.
     #[arg(short, long, value_name = "FIT.toml|FIT.json")]
     output: Option<PathBuf>,
-    /// Replace whatever file stands at the output, unless it is a recording.
+    /// Replace an existing output, unless it is a recording.
     #[arg(long, requires = "output")]
     overwrite: bool,
 }

@@ -9,19 +9,19 @@ use crate::study::Study;
 use crate::study::error::Error;
 use crate::study::predict::{Predicted, Question, predicted};
 
-/// What is known of the predicted runs better than from their signals.
+/// Values of the predicted runs that are known better than from their signals.
 #[derive(Debug, Clone, Default, clap::Args)]
 pub struct Own {
-    /// The closing time of the runs, where it is known; otherwise it is read from the first rise.
+    /// Closing time of the runs [default: read from the first rise].
     #[arg(long, value_name = "SECONDS", value_parser = crate::cli::args::values::positive, allow_negative_numbers = true)]
     closing_time: Option<f64>,
-    /// Other values of the runs that are known, such as initial_velocity_m_s=0.4.
+    /// Other known values of the runs, such as initial_velocity_m_s=0.4.
     #[arg(long, value_name = "NAME=VALUE", value_parser = crate::cli::args::values::setting, num_args = 1..)]
     hold: Vec<(String, f64)>,
-    /// A rig to read the recordings with, instead of the one that is stored in them.
+    /// Read the recordings with this rig instead of the stored one.
     #[arg(long, value_name = "RIG")]
     pub rig: Option<PathBuf>,
-    /// Predict although the line (pipes, supply, fluid) is another than the model's.
+    /// Predict although pipes, supply or fluid differ from the model's.
     #[arg(long)]
     other_rig: bool,
 }

@@ -11,8 +11,8 @@ use crate::study::Study;
 /// Which parameters to profile.
 #[derive(Debug, clap::Args)]
 pub struct Profiles {
-    /// Parameters whose 95% intervals come from their profiles: each is moved while all others follow, until the fit is worse than noise
-    /// explains. `all` takes all of them; one that each run has of its own is profiled in all of them.
+    /// Parameters whose 95% intervals come from profile likelihood: each is varied while all others are refitted. `all` takes all of them; a
+    /// parameter of each run is profiled in all runs.
     #[arg(long = "profile", value_name = "NAME,…|all", value_delimiter = ',')]
     names: Vec<String>,
 }
@@ -28,7 +28,9 @@ impl Profiles {
     pub fn check<'a>(&self, mut held: impl Iterator<Item = &'a str>) -> Result<(), String> {
         match held.find(|held| self.names.iter().any(|n| n == held)) {
             None => Ok(()),
-            Some(name) => Err(format!("{name} is held, so it has no profile: leave it out of --profile, or let it go")),
+            Some(name) => {
+                Err(format!("{name} is held, so it has no profile: leave it out of --profile, or do not hold it"))
+            }
         }
     }
 
@@ -74,7 +76,7 @@ impl Profiles {
         let below = found.below_fit > BELOW;
         if below {
             tell!(
-                "warning: the fit is not at its optimum: that of the profiles lies {} lower in χ², and they are centred there",
+                "warning: the fit is not at its optimum: the profiles found one with a χ² lower by {}, and are centred there",
                 significant(found.below_fit, 3)
             );
         }
@@ -83,7 +85,7 @@ impl Profiles {
             let run = parameter.run.as_ref().map_or(String::new(), |r| format!(" of {r}"));
             if below {
                 tell!(
-                    "{}{run}: {} where the fit has {}",
+                    "{}{run}: {}, the fit has {}",
                     parameter.name,
                     significant(profile.best, 5),
                     significant(parameter.value, 5)
@@ -92,7 +94,7 @@ impl Profiles {
             for (side, last) in ["below", "above"].into_iter().zip(profile.unknown_beyond) {
                 if let Some(last) = last {
                     tell!(
-                        "warning: {}{run}: the end of its profile {side} is not known: beyond {} no descent of the other parameters reached an optimum",
+                        "warning: {}{run}: the end of its profile {side} is unknown: beyond {}, no refit of the other parameters reached an optimum",
                         parameter.name,
                         significant(last, 4)
                     );
@@ -101,21 +103,21 @@ impl Profiles {
             let known = profile.unknown_beyond == [None; 2];
             if known && profile.disagrees() {
                 tell!(
-                    "warning: {}{run}: the profile's 95% interval, {}, is not the linear one, {}: {}",
+                    "warning: {}{run}: the profile's 95% interval, {}, differs from the linear one, {}: {}",
                     parameter.name,
                     interval(profile.interval_95),
                     interval(profile.linear_95),
                     match profile.unresolved {
                         0 => "trust the profile".to_owned(),
                         n => format!(
-                            "{n} of its points are no optima, and were left out; look at it with --method global-local"
+                            "{n} of its points are not optima and were left out; check it with --method global-local"
                         ),
                     }
                 );
             }
             if profile.fell_by > 1.0 {
                 tell!(
-                    "warning: {}{run}: a better fit lies along its profile, by {:.1} in χ²; look at it with --start",
+                    "warning: {}{run}: its profile contains a better fit, by {:.1} in χ²; check it with --start",
                     parameter.name,
                     profile.fell_by
                 );

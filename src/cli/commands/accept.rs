@@ -11,13 +11,13 @@ use crate::study::models;
 use crate::watch::evaluate::{acceptance, place};
 use crate::watch::start::units;
 
-/// Accept the model of a run as the rig's: later runs are fitted with it, from its values, and diagnosed against it.
+/// Accept a run's model as the model of its rig.
 ///
-/// It is the model in force in the run's fit, NAME.model.toml: edit it, grow it with `surgescope add`, or take a step back with
-/// `surgescope undo` before, if another is wanted.
+/// Later runs of the rig start from it and are diagnosed against it. It is the current model in the run's NAME.model.toml; to accept another
+/// one, edit that file first, or use `surgescope add` or `surgescope undo`.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// The recording; `surgescope watch` or `record --calibrate` has fitted it.
+    /// The recording, fitted by `surgescope watch` or `record --calibrate`.
     #[arg(value_name = "MCAP")]
     recording: PathBuf,
 }

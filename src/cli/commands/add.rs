@@ -11,13 +11,15 @@ use crate::model::effects::{Chosen, parse_list};
 use crate::report::models::{json as models_json, text};
 use crate::study::{Grown, models};
 
-/// Add an effect to the model in force of a file of models, refit, and keep the result as the model in force.
+/// Add an effect to the current model and refit.
+///
+/// The result becomes the current model of the file; `surgescope undo` takes it back.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// The effect, such as leak or viscoelastic-wall:2.
     #[arg(value_name = "EFFECT", value_parser = one_effect)]
     effect: Chosen,
-    /// The file of models, as `calibrate --save` or `diagnose --apply` writes it.
+    /// The model file that `calibrate --save` or `diagnose --apply` wrote.
     #[arg(value_name = "MODEL.toml")]
     file: PathBuf,
 }
@@ -40,10 +42,10 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     let before = at.file.current().clone();
     let label = args.effect.label();
     if let Some(why) = args.effect.effect.impossible(at.study.rig()) {
-        tell!("warning: {label}: {why}; what it takes up belongs to another effect");
+        tell!("warning: {label}: {why}; whatever it explains belongs to another effect");
     }
     let began = Instant::now();
-    let start = refit(&mut at, "the model in force, ")?;
+    let start = refit(&mut at, "current model, ")?;
     let Grown { fit, evidence, .. } = shown(&mut at.study, "", |study| study.grow(&start, &args.effect))?;
     tell!("{:.1} s", began.elapsed().as_secs_f64());
     at.append(&fit, &format!("{label} added"), Some(evidence))?;
@@ -55,7 +57,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         say!(
             "\n{label} added: RMSE {:.4} m → {rmse_m:.4} m, evidence {evidence:.1}{}",
             before.rmse_m,
-            if evidence > 0.0 { "" } else { "; the data do not ask for it: `surgescope undo` takes it back" }
+            if evidence > 0.0 { "" } else { "; the data do not support it: `surgescope undo` takes it back" }
         );
     }
     Ok(Outcome::Done)

@@ -23,41 +23,41 @@ use crate::results::model_file::Entry;
 use crate::storage::output;
 use crate::study::models;
 
-/// Fit a model to one recording, or to several of one rig at once.
+/// Fit a model to recordings of one rig.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// The recordings, all of one rig.
+    /// Recordings of one rig.
     #[arg(required = true, value_name = "MCAP")]
     recordings: Vec<PathBuf>,
-    /// Effects added to the base model, such as viscoelastic-wall:2; `none` is the base model alone.
+    /// Effects added to the base model, such as viscoelastic-wall:2; `none` for the base model alone.
     #[arg(long, value_name = "A,B", value_parser = parse_list)]
     effects: Option<::std::vec::Vec<Chosen>>,
     #[command(flatten)]
     search: Search,
     #[command(flatten)]
     compare: crate::cli::args::misfit::CompareBy,
-    /// Another model to fit first and to show beside it in tables and report; may be given often.
+    /// Also fit this model, for comparison in tables and report; may be repeated.
     #[arg(long, value_name = "A,B", value_parser = parse_list)]
     against: Vec<::std::vec::Vec<Chosen>>,
-    /// Values that the fits do not touch; one that each run has of its own is held in all of them. Recordings go before it.
+    /// Hold parameters at these values; a parameter of each run is held in all runs. Name the recordings first.
     #[arg(long, value_name = "NAME=VALUE", value_parser = crate::cli::args::values::setting, num_args = 1..)]
     hold: Vec<(String, f64)>,
     #[command(flatten)]
     creep: crate::cli::args::creep_prior::CreepPrior,
     #[command(flatten)]
     profiles: crate::cli::args::profile::Profiles,
-    /// A rig to read them with, instead of the one that is stored in them.
+    /// Read the recordings with this rig instead of the stored one.
     #[arg(long, value_name = "RIG")]
     rig: Option<PathBuf>,
-    /// Write a page with charts of measurement, models and residuals; an older page of that name is replaced, no other file.
+    /// Write a page with charts of measurement, models and residuals; replaces an older page of that name, and no other file.
     #[arg(long, value_name = "HTML")]
     report: Option<PathBuf>,
     #[command(flatten)]
     output: crate::cli::args::fit_output::FitOutput,
-    /// Keep the fitted model in this file of models, as the one in force; older ones stay in it.
+    /// Save the fitted model in this model file as the current one; older models stay in it.
     #[arg(long, value_name = "MODEL.toml")]
     save: Option<PathBuf>,
-    /// Finest grid that the fit may use.
+    /// Finest grid of the fit.
     #[arg(long, value_name = "REACHES", default_value_t = Options::default().most_reaches, value_parser = crate::cli::args::values::reaches,
           allow_negative_numbers = true)]
     most_reaches: usize,
@@ -142,8 +142,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     Ok(Outcome::Done)
 }
 
-/// The effects that were asked for; of those without a number of elements, as many as in the model that is gone on from. Where none were asked for,
-/// that model's.
+/// The effects asked for, with the numbers of elements of the model given with `--from` where none are given; without any, that model's.
 fn continued(asked: Option<Vec<Chosen>>, from: Option<&Entry>) -> Vec<Chosen> {
     let known = from.map_or(Vec::new(), Entry::chosen);
     let Some(mut asked) = asked else { return known };
@@ -162,5 +161,5 @@ fn why(fit: &Fit) -> String {
         Method::LeastSquares => "calibrated".to_owned(),
         method => format!("calibrated, {}", method.name()),
     };
-    if fit.converged { how } else { how + ", at no optimum" }
+    if fit.converged { how } else { how + ", no optimum reached" }
 }

@@ -15,10 +15,10 @@ use crate::model::effects::{Chosen, parse_list};
 use crate::report::prediction::cross_validation::{document, text};
 use crate::report::title;
 
-/// Fit a model without one sensor, one run, or the end of the record in turn, and let it predict what was left out.
+/// Fit without a sensor, a run or the end of the record, and predict what was left out.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// The recordings, all of one rig.
+    /// Recordings of one rig.
     #[arg(required = true, value_name = "MCAP")]
     recordings: Vec<PathBuf>,
     /// Effects of the model.
@@ -27,16 +27,16 @@ pub struct Args {
     /// Another model to compare it with.
     #[arg(long, value_name = "A,B", value_parser = parse_list)]
     against: Option<::std::vec::Vec<Chosen>>,
-    /// What to leave out; left out itself, all that the recordings allow.
+    /// What to leave out [default: all that the recordings allow].
     #[arg(long, value_enum, value_name = "KIND,KIND", value_delimiter = ',')]
     by: Vec<Kind>,
-    /// Values that the fits do not touch; one that each run has of its own is held in all of them. Recordings go before it.
+    /// Hold parameters at these values; a parameter of each run is held in all runs. Name the recordings first.
     #[arg(long, value_name = "NAME=VALUE", value_parser = crate::cli::args::values::setting, num_args = 1..)]
     hold: Vec<(String, f64)>,
-    /// A rig to read them with, instead of the one that is stored in them.
+    /// Read the recordings with this rig instead of the stored one.
     #[arg(long, value_name = "RIG")]
     rig: Option<PathBuf>,
-    /// Finest grid that the fits may use.
+    /// Finest grid of the fits.
     #[arg(long, value_name = "REACHES", default_value_t = Options::default().most_reaches, value_parser = crate::cli::args::values::reaches,
           allow_negative_numbers = true)]
     most_reaches: usize,

@@ -18,13 +18,13 @@ use crate::rig::Rig;
 use crate::storage::output::same_file;
 use crate::study::Study;
 
-/// Record a test, calibrate the base model, see where it fails, add an effect, watch the error fall.
+/// Record a simulated test, calibrate it, see what is missing and add it: the whole loop in a minute.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// Folder for the recording and the report; made if it is not there. Nothing in it is overwritten.
+    /// Folder for the recording and the report; created if missing. Nothing in it is overwritten.
     #[arg(short, long, value_name = "FOLDER", default_value = "surgescope-demo")]
     output: PathBuf,
-    /// Play the test so many times faster than it was recorded.
+    /// Play the test this many times faster than it was recorded.
     #[arg(long, value_name = "FACTOR", default_value_t = 5.0, value_parser = crate::cli::args::values::positive, allow_negative_numbers = true)]
     speed: f64,
 }
@@ -48,7 +48,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     say(
         json,
         &format!(
-            "1. Record. A simulated device plays a test on rig '{}', {} times faster than real.\n",
+            "1. Record. A simulated device plays a test on rig '{}', {} times faster than real time.\n",
             rig.name, args.speed
         ),
     )?;
@@ -58,7 +58,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     say(
         json,
         &format!(
-            "\n2. Inspect. What the recording tells without a model.\n{}",
+            "\n2. Inspect. What the recording shows without a model.\n{}",
             inspection(&study.recordings()[0].recording, &study.recordings()[0].features)
         ),
     )?;
@@ -85,7 +85,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         let (program, recording) = (program(), quoted(&recording));
         say!(
             "\n5. Look. Open {} in a browser: measurement, both models, residuals, parameters.\n   Next:\n     {program} inspect \
-             {recording}\n     {program} calibrate {recording} --effects {EFFECT}:2\n   and your own test by `import` or `record` (see \
+             {recording}\n     {program} calibrate {recording} --effects {EFFECT}:2\n   and your own test with `import` or `record` (see \
              `{program} help`).",
             report.display(),
         );

@@ -23,34 +23,34 @@ use crate::study::models;
 /// Most effects that are added one after the other.
 const MOST_ADDED: usize = 8;
 
-/// Find out where the model fails and which effect it lacks, from one recording or from several of one rig at once.
+/// Find out where a model fails and which effect it lacks.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// The recordings, all of one rig.
+    /// Recordings of one rig.
     #[arg(required = true, value_name = "MCAP")]
     recordings: Vec<PathBuf>,
-    /// Effects of the model to start from, such as viscoelastic-wall:2; `none` is the base model alone.
+    /// Effects of the start model, such as viscoelastic-wall:2; `none` for the base model alone.
     #[arg(long, value_name = "A,B", value_parser = parse_list)]
     effects: Option<::std::vec::Vec<Chosen>>,
-    /// Add the effect that is missing and diagnose again, until nothing is missing or nothing explains the rest.
+    /// Add the missing effect and diagnose again, until nothing is missing or no effect explains the rest.
     #[arg(long)]
     until_done: bool,
-    /// Grow the model in force of this file by the effect that is missing; without --effects it is the model to start from. Where there is
-    /// no such file yet, it is made.
+    /// Add the missing effect to the current model of this model file. Without --effects, that model is the start model. A missing file is
+    /// created.
     #[arg(long, value_name = "MODEL.toml")]
     apply: Option<PathBuf>,
-    /// Values of the start model's parameters that no fit touches; one that each run has of its own is held in all of them. Recordings go before it.
+    /// Hold parameters of the start model at these values; a parameter of each run is held in all runs. Name the recordings first.
     #[arg(long, value_name = "NAME=VALUE", value_parser = crate::cli::args::values::setting, num_args = 1..)]
     hold: Vec<(String, f64)>,
     #[command(flatten)]
     creep: crate::cli::args::creep_prior::CreepPrior,
-    /// A rig to read them with, instead of the one that is stored in them.
+    /// Read the recordings with this rig instead of the stored one.
     #[arg(long, value_name = "RIG")]
     rig: Option<PathBuf>,
-    /// Write a page with charts of measurement, models and residuals; an older page of that name is replaced, no other file.
+    /// Write a page with charts of measurement, models and residuals; replaces an older page of that name, and no other file.
     #[arg(long, value_name = "HTML")]
     report: Option<PathBuf>,
-    /// Finest grid that a fit may use.
+    /// Finest grid of the fits.
     #[arg(long, value_name = "REACHES", default_value_t = Options::default().most_reaches, value_parser = crate::cli::args::values::reaches,
           allow_negative_numbers = true)]
     most_reaches: usize,
@@ -64,7 +64,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     if let Some(path) = &args.report {
         output::check_report(path)?;
         if args.apply.as_ref() == Some(path) {
-            return Err(format!("{} cannot be both the models and the report", path.display()).into());
+            return Err(format!("{} cannot be both model file and report", path.display()).into());
         }
     }
     hold::check(&args.hold)?;
@@ -80,7 +80,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         options.priors = current.priors();
         if args.effects.as_ref().is_some_and(|asked| title(asked) != title(&current.chosen())) {
             return Err(format!(
-                "the model in force is the {}, not what --effects says: leave --effects out, or name another file",
+                "the current model is the {}, not that of --effects: leave --effects out, or choose another file",
                 current.name
             )
             .into());
@@ -121,7 +121,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
             say_text!(diagnosis::text(&found));
         }
         if found.verdict == Verdict::MissingEffect && added.is_none() {
-            tell!("what is missing could not be fitted to the whole record, so nothing was added");
+            tell!("the missing effect could not be fitted to the whole record, so nothing was added");
         }
         diagnoses.push(found);
         let Some(fit) = added else { break };
@@ -134,7 +134,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     }
     let Some(last) = diagnoses.last() else { return Ok(Outcome::Done) };
     if models.len() > MOST_ADDED {
-        tell!("{MOST_ADDED} effects were added: here it stops, done or not");
+        tell!("stopped after adding {MOST_ADDED} effects");
     }
     if json {
         say!("{}", diagnosis::json(&diagnoses)?);
@@ -144,7 +144,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         say_text!(diagnosis::text(last));
     }
     if let (Some(path), Some(file), None) = (&args.apply, &file, &unsaved) {
-        tell!("model {} in force in {}", file.in_force, path.display());
+        tell!("model {} is now current in {}", file.in_force, path.display());
     }
     // last, so that a page that cannot be written costs no result
     if let Some(path) = &args.report {

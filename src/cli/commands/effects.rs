@@ -21,10 +21,10 @@ use crate::storage::output;
 /// List the effects that a model can have, or explain one.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// The effect to explain, such as valve-law or viscoelastic-wall:2 [default: list them all].
+    /// Effect to explain, such as valve-law or viscoelastic-wall:2 [default: list all].
     #[arg(value_name = "NAME", value_parser = one_effect)]
     effect: Option<Chosen>,
-    /// Write what it does to a record as a chart; an older picture of that name is replaced, no other file.
+    /// Write a chart of its influence on a record; replaces an older picture of that name, and no other file.
     #[arg(long, value_name = "SVG", requires = "effect")]
     svg: Option<PathBuf>,
 }
@@ -41,7 +41,7 @@ const UNSEEN: f64 = 2e-3;
 fn one_effect(text: &str) -> Result<Chosen, String> {
     match parse_list(text).map_err(|e| e.to_string())?.as_slice() {
         [one] => Ok(one.clone()),
-        _ => Err("name one effect; without a name all are listed".into()),
+        _ => Err("name one effect; without a name, all are listed".into()),
     }
 }
 
@@ -72,7 +72,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     } else {
         say_text!(explained(chosen.effect));
         say_text!(format_args!(
-            "\nParameters, with start and bounds of a fit on rig '{}':\n",
+            "\nParameters, with their start values and bounds on rig '{}':\n",
             example.scenario.rig.name
         ));
         say_text!(table(&example.parameters));
@@ -93,7 +93,7 @@ fn list() -> String {
         }
     }
     format!(
-        "{table}\n`surgescope effects NAME` explains one. A number of elements or a sensor that is left out is found by the fit.\n"
+        "{table}\n`surgescope effects NAME` explains one. The fit chooses a number of elements or a sensor that is not given.\n"
     )
 }
 
@@ -186,7 +186,7 @@ impl Example {
         let at = names.iter().position(|n| chosen.sensor.as_ref() == Some(n)).unwrap_or(0);
         let shown = |s: &Scenario| s.simulate(duration_s).map(|traces| traces.into_iter().nth(at));
         let (Some(base), Some(with)) = (shown(&base)?, shown(&scenario)?) else {
-            return Err("the example's rig has no pressure sensor".into());
+            return Err("the example rig has no pressure sensor".into());
         };
         let period_s = scenario.period_s();
         let site = Site { rig: &scenario.rig, water: &scenario.water, period_s };
@@ -256,7 +256,7 @@ impl std::fmt::Display for Example {
         let run = self.scenario.run;
         writeln!(
             f,
-            "Head at {} of that rig, m, from {} m/s and {} m before the valve. {} base model, {} with {}:",
+            "Head at {} of that rig, m, at {} m/s and {} m upstream of the valve. {} base model, {} with {}:",
             self.sensor,
             significant(run.initial_velocity_m_s, 2),
             significant(run.valve_head_m, 3),
@@ -269,11 +269,7 @@ impl std::fmt::Display for Example {
         if difference > UNSEEN * self.range_m() {
             writeln!(f, "They differ by up to {} m.", significant(difference, 2))
         } else {
-            writeln!(
-                f,
-                "They hardly differ ({} m): this rig does not bring the effect out.",
-                significant(difference, 1)
-            )
+            writeln!(f, "They hardly differ ({} m): this rig does not show the effect.", significant(difference, 1))
         }
     }
 }

@@ -9,12 +9,12 @@ use crate::cli::console::outcome::{CommandResult, Outcome};
 use crate::cli::console::print::{say, tell};
 use crate::storage::{Summary, export_csv_file, read};
 
-/// Arguments of `export`.
+/// Turn a recording into a time series (CSV).
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// The recording.
     mcap: PathBuf,
-    /// The time series to make; must not exist.
+    /// Time series to write; must not exist.
     #[arg(short, long, value_name = "CSV")]
     output: PathBuf,
 }
@@ -34,7 +34,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     }
     let gaps: usize = summary.sensors.iter().map(|s| s.gaps).sum();
     if gaps > 0 {
-        tell!("note: a CSV cannot mark gaps; the recording has {gaps}, of which only the missing lines show");
+        tell!("note: a CSV file cannot mark gaps; the {gaps} gaps of the recording show as missing lines only");
     }
     Ok(Outcome::Done)
 }

@@ -17,21 +17,21 @@ use crate::storage::output;
 use crate::study::Study;
 use crate::study::open::Loaded;
 
-/// Amplitude and phase of the head at the odd harmonics of the pipe: of a recording, and of a model of it.
+/// Show amplitude and phase of the head at the pipe's odd harmonics, of a recording and of a model.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// The recording.
     #[arg(value_name = "MCAP")]
     recording: PathBuf,
-    /// A file of models (`calibrate --save`); the one in force is compared with the recording, as `predict` does.
+    /// Compare the recording with the current model of this model file, as `predict` does.
     #[arg(long, value_name = "MODEL.toml")]
     model: Option<PathBuf>,
     #[command(flatten)]
     own: Own,
-    /// Write a page with amplitude and phase at each sensor; an older page of that name is replaced, no other file.
+    /// Write a page with amplitude and phase at each sensor; replaces an older page of that name, and no other file.
     #[arg(long, value_name = "HTML")]
     report: Option<PathBuf>,
-    /// Write the sensor nearest to the valve as a picture; only an older picture of that name is replaced.
+    /// Write a picture of the sensor nearest to the valve; replaces an older picture of that name, and no other file.
     #[arg(long, value_name = "SVG")]
     svg: Option<PathBuf>,
 }
@@ -66,7 +66,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     };
     if sensors.is_empty() {
         return Err(format!(
-            "{file}: less than three periods of the pipe are recorded after the closure: too short for frequencies"
+            "{file} holds less than three periods of the pipe after the closure: too short for a frequency response"
         )
         .into());
     }

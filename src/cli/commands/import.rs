@@ -15,26 +15,26 @@ use crate::rig::Rig;
 use crate::storage::foreign::{Imported, Mended, doubts, import_file, require_sensors};
 use crate::storage::{ImportOptions, Summary, write};
 
-/// Arguments of `import`.
+/// Turn time series (CSV, TDMS, MCAP of other programs) into a recording.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// The time series: `time_s`, then one column a sensor, by its name and in its unit. Also tables written in other ways, TDMS,
-    /// and MCAP of other programs. Several files of one closure are aligned and merged; the first one's clock stays.
+    /// Time series: `time_s`, then one column per sensor, under its name and in its unit. Also tables written in other ways, TDMS, and MCAP of
+    /// other programs. Several files of one closure are aligned to the clock of the first and merged.
     #[arg(required = true, value_name = "FILE")]
     files: Vec<PathBuf>,
-    /// The rig it was made on; goes into the recording.
+    /// The rig of the test; it is stored in the recording.
     #[arg(long, value_name = "RIG")]
     rig: PathBuf,
-    /// The recording to make; must not exist.
+    /// Recording to write; must not exist.
     #[arg(short, long, value_name = "MCAP")]
     output: PathBuf,
-    /// Wall-clock time of time 0, such as 2026-03-14T09:26:53Z; unknown if not given. Of one file of several: FILE=TIME.
+    /// Wall-clock time of time 0, such as 2026-03-14T09:26:53Z [default: unknown]. For one of several files: FILE=TIME.
     #[arg(long, value_name = "RFC3339", value_parser = start)]
     start: Vec<(Option<String>, u64)>,
-    /// Sensors of the rig that were not recorded, and so have no column.
+    /// Sensors of the rig that were not recorded.
     #[arg(long, value_name = "SENSOR", value_delimiter = ',')]
     without: Vec<String>,
-    /// What several files are aligned by; if not given, the surest that all of them allow, which is said.
+    /// How to align several files [default: the most reliable way that all of them allow].
     #[arg(long, value_enum, value_name = "BY")]
     align: Option<AlignBy>,
     #[command(flatten)]
@@ -44,11 +44,11 @@ pub struct Args {
 /// Names of the methods.
 #[derive(Debug, Clone, Copy, clap::ValueEnum)]
 enum AlignBy {
-    /// Edges of a trigger that is in every file.
+    /// Edges of a trigger that every file contains.
     Trigger,
     /// Absolute time: date-times, a start in the comments, --start.
     Time,
-    /// The pressure front, by the sensors' places and the wave speed.
+    /// The pressure front, from the sensors' positions and the wave speed.
     Front,
 }
 
@@ -142,9 +142,9 @@ fn check_starts(args: &Args) -> Result<(), String> {
         .filter_map(|(file, _)| file.as_ref())
         .find(|name| !args.files.iter().any(|p| is_file(p, name)));
     match strange {
-        Some(name) => Err(format!("--start {name}=…: no such file is imported")),
+        Some(name) => Err(format!("--start {name}=…: no imported file has this name")),
         None if args.files.len() > 1 && args.start.iter().any(|(file, _)| file.is_none()) => {
-            Err("--start does not say of which file: write --start FILE=2026-03-14T09:26:53Z, once a file".into())
+            Err("--start must name its file: write --start FILE=2026-03-14T09:26:53Z, once per file".into())
         }
         None => Ok(()),
     }

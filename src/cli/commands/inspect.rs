@@ -11,20 +11,20 @@ use crate::report::inspection::text::table;
 use crate::rig::Rig;
 use crate::signal::inspect;
 
-/// Arguments of `inspect`.
+/// Show what a recording contains without a model: heads, extrema, period, wave speed, closure, noise.
 ///
 /// With `--json`: `file`, `temperature_degC`, `closure` {`start_s`, `start_standard_error_s`, `end_s`, `from_trigger`,
 /// `pressure_onset_s`}, `flow_m3_s`, `steady_velocity_m_s`, `period_s`, `damping_per_cycle`, `wave_speed_m_s` {`joukowsky`,
 /// `crossings` {`value`, `standard_error`, `low`, `high`, `slow_closure`}, `arrival`}, `reference_sensor` and `sensors` [{`name`,
 /// `position_m`, `samples`, `gaps`, `interval_s`, `noise` {`white_sd_m`, `total_sd_m`, `coloured`, `lag1_autocorrelation`,
 /// `effective_fraction`, `quantum_m`}, `steady_before_m`, `steady_after_m`, `front_arrival_s`, `first_peak`, `extrema`
-/// [{`cycle`, `peak`, `time_s`, `head_m`}], `damping_per_cycle`}], `doubts` (sentences on what cannot all be right), `notes` [{`key`, `value`}]. What has an uncertainty is {`value`, `standard_error`}; what the
-/// recording does not show is null.
+/// [{`cycle`, `peak`, `time_s`, `head_m`}], `damping_per_cycle`}], `doubts` (sentences on contradictions), `notes` [{`key`, `value`}]. Values with an uncertainty
+/// are {`value`, `standard_error`}; values that the recording does not show are null.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// The recording.
     recording: PathBuf,
-    /// A rig to read it with, instead of the one that is stored in it; sensors are matched by their names.
+    /// Read the recording with this rig instead of the stored one; sensors are matched by name.
     #[arg(long, value_name = "RIG")]
     rig: Option<PathBuf>,
 }

@@ -7,10 +7,10 @@ use crate::cli::console::print::{say, say_text};
 use crate::report::models::{json as models_json, text};
 use crate::study::models;
 
-/// Show the models of a file: errors one after the other, which one is in force, its parameters.
+/// Show the models in a file: their errors, which one is current, its parameters.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// The file of models.
+    /// The model file.
     #[arg(value_name = "MODEL.toml")]
     file: PathBuf,
 }

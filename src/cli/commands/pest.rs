@@ -24,38 +24,40 @@ use crate::study::Study;
 
 type AnyError = Box<dyn Error + Send + Sync>;
 
-/// Write a calibration as a problem of PEST into a folder that runs as it is, with `surgescope simulate` as the model.
+/// Write a calibration as a problem for PEST, PEST++ or pyEMU.
+///
+/// The folder is ready to run, with `surgescope simulate` as the model.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// The recordings, all of one rig; they are copied into the folder.
+    /// Recordings of one rig; they are copied into the folder.
     #[arg(required = true, value_name = "MCAP")]
     recordings: Vec<PathBuf>,
-    /// Effects added to the base model, such as viscoelastic-wall:2; `none` is the base model alone.
+    /// Effects added to the base model, such as viscoelastic-wall:2; `none` for the base model alone.
     #[arg(long, value_name = "A,B", default_value = "none", value_parser = parse_list)]
     effects: ::std::vec::Vec<Chosen>,
-    /// The folder to write; must not exist, or be empty.
+    /// Folder to write; must be empty or not exist.
     #[arg(short, long, value_name = "FOLDER")]
     output: PathBuf,
-    /// Write into a folder that has files in it, over those of an older problem.
+    /// Write into a folder with files, over those of an older problem.
     #[arg(long)]
     overwrite: bool,
-    /// Fit first, and let PEST start from the fitted values rather than from where the fit starts.
+    /// Fit first, and let PEST start from the fitted values.
     #[arg(long)]
     fitted: bool,
     #[command(flatten)]
     search: Search,
-    /// Values that PEST is not to touch; one that each run has of its own is fixed in all of them. Recordings go before it.
+    /// Fix parameters at these values; a parameter of each run is fixed in all runs. Name the recordings first.
     #[arg(long, value_name = "NAME=VALUE", value_parser = crate::cli::args::values::setting, num_args = 1..)]
     hold: Vec<(String, f64)>,
     #[command(flatten)]
     creep: crate::cli::args::creep_prior::CreepPrior,
-    /// A rig to read the recordings with, instead of the one that is stored in them.
+    /// Read the recordings with this rig instead of the stored one.
     #[arg(long, value_name = "RIG")]
     rig: Option<PathBuf>,
-    /// Take one of N samples as an observation [default: as few as it takes to have no more than 20000].
+    /// Use every Nth sample as an observation [default: chosen for at most 20000 observations].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     every: Option<u32>,
-    /// Reaches of the model's grid [default: those of the fit with --fitted, otherwise 128 or what short pipes need].
+    /// Reaches of the model's grid [default: those of the fit with --fitted, otherwise 128, or more if short pipes need them].
     #[arg(long, value_name = "REACHES", value_parser = crate::cli::args::values::reaches, allow_negative_numbers = true)]
     reaches: Option<usize>,
 }
@@ -128,7 +130,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     }
     if window.stride > 1 {
         tell!(
-            "one of {} samples is an observation: standard errors will come out {:.1} times those of all samples",
+            "one of {} samples is an observation: standard errors will be {:.1} times those of all samples",
             window.stride,
             (window.stride as f64).sqrt()
         );
@@ -185,11 +187,9 @@ fn file_names(paths: &[PathBuf]) -> Vec<String> {
 fn check_folder(folder: &Path, overwrite: bool) -> Result<(), AnyError> {
     let name = folder.display();
     match std::fs::read_dir(folder).map(|mut entries| entries.next().is_some()) {
-        Ok(true) if !overwrite => {
-            Err(format!("{name} has files in it: choose another folder, or say --overwrite").into())
-        }
+        Ok(true) if !overwrite => Err(format!("{name} is not empty: choose another folder, or add --overwrite").into()),
         Ok(_) => Ok(()),
-        Err(_) if folder.exists() => Err(format!("{name} is no folder: choose another name").into()),
+        Err(_) if folder.exists() => Err(format!("{name} is not a folder: choose another name").into()),
         Err(_) => Ok(()),
     }
 }

@@ -10,13 +10,13 @@ use crate::report::prediction::text::{ahead, document, text};
 use crate::report::{Page, Stage};
 use crate::storage::output;
 
-/// Let a fitted model predict recordings that it was not fitted to: another flow, another closure, another sensor.
+/// Predict recordings that a model was not fitted to: another flow, closure or sensor.
 ///
-/// What the runs of a rig share is held as the model has it. A run's own values (velocity, head, closing time, zeros) are read from its
-/// signals up to the first return of the wave; all after that is predicted.
+/// Parameters that all runs share are held at the model's values. A run's own values (velocity, head, closing time, zeros) are read from its
+/// signals up to the first return of the wave; everything after that is predicted.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// The file of models (`calibrate --save`); the one in force predicts.
+    /// The model file; its current model predicts.
     #[arg(value_name = "MODEL.toml")]
     model: PathBuf,
     /// The recordings.
@@ -24,7 +24,7 @@ pub struct Args {
     recordings: Vec<PathBuf>,
     #[command(flatten)]
     own: Own,
-    /// Write a page with charts of measurement and prediction; an older page of that name is replaced, no other file.
+    /// Write a page with charts of measurement and prediction; replaces an older page of that name, and no other file.
     #[arg(long, value_name = "HTML")]
     report: Option<PathBuf>,
 }

@@ -34,11 +34,11 @@ use crate::simulate::through_ports::{clipped, record_playbacks};
 use crate::watch::evaluate::{Settings, evaluate_new};
 use crate::watch::verdict::line_of;
 
-/// Record a live test: from the rig's devices, from simulated ones, or from a file played as if it were live.
+/// Record a test: live, simulated, or replayed from a file.
 #[derive(Debug, clap::Args)]
 #[command(group = ArgGroup::new("paced").args(["replay", "simulate"]))]
 pub struct Args {
-    /// Rig file; a replayed recording brings its own.
+    /// Rig file; a replayed recording contains its own.
     #[arg(long, value_name = "RIG", required_unless_present = "replay")]
     rig: Option<PathBuf>,
     /// Recording to write; must not exist.
@@ -46,22 +46,22 @@ pub struct Args {
     output: Option<PathBuf>,
     #[command(flatten)]
     triggers: Triggers,
-    /// Stop after so much recorded time, in seconds.
+    /// Stop after this recorded time, in seconds.
     #[arg(long, value_name = "S", value_parser = positive, allow_negative_numbers = true)]
     duration: Option<f64>,
-    /// Use another port for a device than the rig file says.
+    /// Use this port for a device instead of the rig file's.
     #[arg(long, value_name = "NAME=PATH", value_parser = pair, conflicts_with = "paced")]
     port: Vec<(String, String)>,
     /// Play a recording or a CSV as if it were live.
     #[arg(long, value_name = "FILE")]
     replay: Option<PathBuf>,
-    /// Sensors of the rig that have no column in the CSV played.
+    /// Sensors of the rig without a column in the replayed CSV.
     #[arg(long, value_name = "SENSOR", value_delimiter = ',', requires = "replay")]
     without: Vec<String>,
     /// Record a simulated test of this rig, each device sending through a pseudo-terminal.
     #[arg(long)]
     simulate: bool,
-    /// Play so many times faster than real time; 0: as fast as possible.
+    /// Play this many times faster than real time; 0: as fast as possible.
     #[arg(long, value_name = "FACTOR", default_value_t = 1.0, value_parser = not_negative, requires = "paced", allow_negative_numbers = true)]
     speed: f64,
     /// Let the simulated devices misbehave, as in flip=0.01,drop=0.02,seed=7: probabilities per frame of flip, drop, duplicate, noise, cut,
@@ -71,25 +71,25 @@ pub struct Args {
     /// Effects of the simulated test.
     #[arg(long, value_name = "A,B", default_value = "none", value_parser = parse_list)]
     effects: ::std::vec::Vec<Chosen>,
-    /// Samples a second and channel of the simulated device.
+    /// Samples per second and channel of the simulated device.
     #[arg(long, value_name = "HZ", default_value_t = 1000.0, value_parser = positive, allow_negative_numbers = true)]
     rate: f64,
     /// Set values of the simulated test, as in `simulate`.
     #[arg(long, value_name = "NAME=VALUE", value_parser = setting, requires = "simulate", num_args = 1..)]
     set: Vec<(String, f64)>,
-    /// Keep a note with the recording, such as ambient=12degC; may be given often. `inspect` shows them.
+    /// Store a note in the recording, such as ambient=12degC; may be repeated. `inspect` shows the notes.
     #[arg(long, value_name = "KEY=VALUE", value_parser = pair)]
     note: Vec<(String, String)>,
-    /// Who records, kept as the note `operator`.
+    /// Name of the operator, stored as the note `operator`.
     #[arg(long, value_name = "NAME")]
     operator: Option<String>,
-    /// Calibrate and diagnose the finished recording, as `surgescope watch` does: fit and report land beside it.
+    /// Calibrate and diagnose the finished recording, as `surgescope watch` does, and write fit and report beside it.
     #[arg(long)]
     calibrate: bool,
-    /// A stream has ended when no valid frame came for so many seconds.
+    /// A stream has ended after this many seconds without a valid frame.
     #[arg(long, value_name = "S", default_value_t = SILENCE_S, value_parser = positive, allow_negative_numbers = true)]
     silence: f64,
-    /// Wait so many seconds for a device whose port has vanished.
+    /// Wait this many seconds for a device whose port has vanished.
     #[arg(long, value_name = "S", default_value_t = 60.0, value_parser = not_negative, allow_negative_numbers = true)]
     wait: f64,
 }
@@ -100,7 +100,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         check_path(output)?;
         if args.calibrate && output.extension().is_none_or(|e| !e.eq_ignore_ascii_case("mcap")) {
             return Err(format!(
-                "{} does not end with .mcap, as --calibrate needs it to: a later watch looks for that",
+                "{} does not end with .mcap, which --calibrate needs: `surgescope watch` looks for that",
                 output.display()
             )
             .into());
@@ -184,7 +184,7 @@ fn record(
         let options = args.triggers.applied(options, &recording.rig)?;
         return Ok(replay::replay(&recording, &name, args.speed, &options, &STOP, report)?);
     }
-    let rig = rig.ok_or("--rig is missing: it says what is recorded")?;
+    let rig = rig.ok_or("--rig is missing: it describes what is recorded")?;
     let options = &args.triggers.applied(options, rig)?;
     if args.simulate {
         return record_simulated(rig, args, options, report);
@@ -262,7 +262,7 @@ fn table(summary: &Summary) -> String {
         let (file, sensors) = (&absent.file, absent.sensors.join(", "));
         let _ = writeln!(
             text,
-            "absent: {file} has nothing of {sensors}, of which nothing had come when it ended: is its device on, and faster than --silence?"
+            "absent: {file} has no samples of {sensors}, which had sent nothing when it ended: check that the device is on, and sends more often than --silence"
         );
     }
     for lost in &summary.lost_shots {
@@ -271,7 +271,7 @@ fn table(summary: &Summary) -> String {
     if summary.unheeded_edges > 0 {
         let _ = writeln!(
             text,
-            "The valve's command switched {} while the trigger waited for --pre seconds of quiet: no shot holds that.",
+            "The valve's command switched {} while the trigger waited for --pre seconds of quiet: no shot contains that.",
             if summary.unheeded_edges == 1 { "once".to_owned() } else { format!("{} times", summary.unheeded_edges) }
         );
     }
@@ -281,8 +281,8 @@ fn table(summary: &Summary) -> String {
     if summary.data_lost {
         let gaps: u64 = summary.sensors.iter().map(|sensor| sensor.gaps).sum();
         text.push_str(match gaps {
-            0 => "Samples were lost before the first or after the last of their sensors: no gap stands for them.\n",
-            _ => "Samples were lost on the way; each hole between samples is kept as a gap.\n",
+            0 => "Samples were lost before the first or after the last sample of their sensors: no gap marks them.\n",
+            _ => "Samples were lost; each hole is recorded as a gap.\n",
         });
     }
     text
@@ -298,12 +298,15 @@ fn describe(text: &mut String, device: &DeviceCount) -> std::fmt::Result {
         writeln!(text, "{name}: {warning}")?;
     }
     for (count, what) in [
-        (device.late_answers, "answers came after their time-out and were dropped"),
+        (device.late_answers, "answers came after their time-out and were discarded"),
         (device.reconnects, "times its port vanished and came back"),
         (device.restarts, "times it restarted"),
-        (device.clock_steps, "times its clock was set; its samples follow each other all the same"),
-        (device.squeezed_frames, "frames began before the one before them ended; their samples stand closer"),
-        (device.restamped_frames, "frames had a time that those around them refute; they stand by their number"),
+        (device.clock_steps, "times its clock was set; its samples stay in sequence"),
+        (device.squeezed_frames, "frames began before the previous one ended; their samples are closer together"),
+        (
+            device.restamped_frames,
+            "frames had a time that contradicts their neighbours; they were placed by their sequence number",
+        ),
         (device.queue_waits, "times it waited because the disk did not keep up"),
     ] {
         if count > 0 {
@@ -311,11 +314,11 @@ fn describe(text: &mut String, device: &DeviceCount) -> std::fmt::Result {
         }
     }
     if let Some(late_s) = device.began_late_s {
-        writeln!(text, "{name}: its first sample came {late_s:.1} s after the recording began; a gap stands for that")?;
+        writeln!(text, "{name}: its first sample came {late_s:.1} s after the recording began; a gap marks that")?;
     }
     if device.incomplete {
         let what =
-            if device.frames == 0 { "nothing that can be used came from it" } else { "it did not send to the end" };
+            if device.frames == 0 { "it sent nothing that can be used" } else { "it stopped sending before the end" };
         writeln!(text, "{name}: {what}")?;
     }
     Ok(())

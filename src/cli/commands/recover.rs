@@ -9,12 +9,12 @@ use crate::cli::console::outcome::{CommandResult, Outcome};
 use crate::cli::console::print::{say, tell};
 use crate::storage::recover;
 
-/// Arguments of `recover`.
+/// Save what is in a recording that was cut off.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// The recording that was cut off or damaged; it is left as it is.
+    /// Recording that was cut off or damaged; it stays as it is.
     torn: PathBuf,
-    /// The recording to make; must not exist.
+    /// Recording to write; must not exist.
     #[arg(short, long, value_name = "MCAP")]
     output: PathBuf,
 }

@@ -9,10 +9,12 @@ use crate::cli::console::progress::refit;
 use crate::report::models::{json as models_json, text};
 use crate::study::models;
 
-/// Fit the model in force again, from the values in its file, with what is held (`fixed = true`) and bounded there.
+/// Fit the current model again after you have edited its file.
+///
+/// The fit starts from the values in the file, holds those with `fixed = true` and keeps to the bounds there.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// The file of models.
+    /// The model file.
     #[arg(value_name = "MODEL.toml")]
     file: PathBuf,
 }

@@ -24,17 +24,17 @@ use crate::replay::found::{Found, found};
 /// that could not be compared.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// Recordings, or folders in which to look for them (*.mcap).
+    /// Recordings, or folders that contain them (*.mcap).
     #[arg(required = true, value_name = "PATH")]
     paths: Vec<PathBuf>,
-    /// Write what is found now as the expected results, with tolerances from the standard errors.
+    /// Save the present results as the expected ones, with tolerances from the standard errors.
     #[arg(long)]
     accept: bool,
-    /// The effects to calibrate with from now on; `none` is the base model alone. Left out, those of the old expected results,
-    /// or no calibration.
+    /// Effects to calibrate with from now on; `none` for the base model alone [default: those of the old expected results, or no
+    /// calibration].
     #[arg(long, value_name = "A,B", value_parser = parse_list, requires = "accept")]
     effects: Option<::std::vec::Vec<Chosen>>,
-    /// Show every quantity, not only those that moved.
+    /// Show all quantities, not only those that moved.
     #[arg(short, long)]
     verbose: bool,
 }
@@ -82,7 +82,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         say!("{:#}", json!({ "compared": compared, "moved": moved_in_all, "recordings": entries }));
     } else {
         let verdict = match moved_in_all {
-            _ if compared == 0 => "nothing to tell".to_owned(),
+            _ if compared == 0 => "nothing to compare".to_owned(),
             0 => "all held".to_owned(),
             n => format!("{n} moved"),
         };
@@ -102,9 +102,11 @@ fn replay(path: &Path, args: &Args) -> Result<Replayed, Failure> {
     };
     if old.quantities.is_empty() && !args.accept {
         let file = path_beside(path);
-        return Err(
-            format!("{} holds no quantity to compare; `surgescope replay --accept` fills it", file.display()).into()
-        );
+        return Err(format!(
+            "{} contains no quantity to compare; `surgescope replay --accept` fills it",
+            file.display()
+        )
+        .into());
     }
     let effects = args.effects.clone().or_else(|| old.effects.clone());
     let mut study = open(&[path.to_owned()], None)?;
@@ -136,7 +138,7 @@ fn recordings(paths: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
         let mut inside = Vec::new();
         search(path, &mut inside).map_err(|e| format!("cannot look for recordings in {}: {e}", path.display()))?;
         if inside.is_empty() {
-            return Err(format!("{} holds no recording (*.mcap), nor does a folder in it", path.display()).into());
+            return Err(format!("{} and its folders contain no recording (*.mcap)", path.display()).into());
         }
         inside.sort();
         all.append(&mut inside);
@@ -165,7 +167,7 @@ fn text(path: &Path, done: &Replayed, all: bool) -> String {
         Some(labels) => labels.join(" + "),
     };
     let verdict = match moved {
-        _ if compared == 0 => "nothing was expected so far".to_owned(),
+        _ if compared == 0 => "nothing expected so far".to_owned(),
         0 => format!("{compared} held"),
         _ => format!("{moved} of {compared} MOVED"),
     };

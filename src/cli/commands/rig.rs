@@ -14,7 +14,7 @@ use crate::rig::{Rig, SteadyState};
 use crate::signal::check::check_recording;
 use crate::storage as log;
 
-/// Look at rig files.
+/// Check a rig file, alone or against a recording.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     #[command(subcommand)]
@@ -23,7 +23,7 @@ pub struct Args {
 
 #[derive(Debug, Subcommand)]
 enum Action {
-    /// Say what in a rig file, and in a recording made on that rig, cannot be right together.
+    /// Find contradictions in a rig file, or between a rig file and a recording.
     Check(CheckArgs),
 }
 
@@ -33,7 +33,7 @@ struct CheckArgs {
     rig: PathBuf,
     /// A recording (MCAP) or a time series (CSV) made on it.
     recording: Option<PathBuf>,
-    /// A steady flow to hold against the rig, m3/h (as `[[steady]]` in the rig file does).
+    /// A steady flow to compare with the rig, m3/h (as `[[steady]]` in the rig file).
     #[arg(long, value_name = "M3_H", value_parser = positive, allow_negative_numbers = true)]
     flow: Option<f64>,
     /// The supply's head at that flow, m.

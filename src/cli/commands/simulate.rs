@@ -25,24 +25,24 @@ use crate::simulate::scenario::{Scenario, ValveForm};
 use crate::simulate::values_file;
 use crate::storage::output;
 
-/// Simulate a closure on a rig.
+/// Simulate a closure on a rig; needs no recording.
 ///
-/// Settings that are always known: wave_speed_m_s, friction_factor (a constant; left out, it follows from Reynolds number and
-/// roughness), initial_velocity_m_s, valve_head_m, closing_time_s, reaches; each effect adds its own (J1_per_GPa, tau1_s, …).
+/// Every model has the settings wave_speed_m_s, friction_factor (a constant; by default it follows from Reynolds number and roughness),
+/// initial_velocity_m_s, valve_head_m, closing_time_s and reaches; each effect adds its own (J1_per_GPa, tau1_s, …).
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// The rig; with --recording, one instead of that stored in them.
+    /// The rig; with --recording, it replaces the stored one.
     #[arg(long, value_name = "RIG", required_unless_present = "recording")]
     rig: Option<PathBuf>,
     #[command(flatten)]
     beside: Beside,
-    /// Effects added to the base model; `none` is the base model alone.
+    /// Effects added to the base model; `none` for the base model alone.
     #[arg(long, value_name = "A,B", default_value = "none", value_parser = parse_list)]
     effects: ::std::vec::Vec<Chosen>,
-    /// Values of parameters; what is not set has the rig's value or a default.
+    /// Parameter values [default: the rig's values].
     #[arg(long, value_name = "NAME=VALUE", value_parser = setting, num_args = 1..)]
     set: Vec<(String, f64)>,
-    /// Values from a file, a line NAME = VALUE each; --set goes before them.
+    /// Read values from a file with one NAME = VALUE per line; --set overrides them.
     #[arg(long, value_name = "FILE")]
     values: Option<PathBuf>,
     /// How the valve closes.
@@ -54,15 +54,15 @@ pub struct Args {
     /// Write values at 0, DT, 2 DT, … s [default: the simulation's own steps].
     #[arg(long, value_name = "DT", value_parser = positive, allow_negative_numbers = true)]
     csv_times: Option<f64>,
-    /// The time series to write, one column a pressure sensor in its unit; an older one with the same columns is replaced
+    /// Time series to write, one column per pressure sensor in its unit; replaces an older one with the same columns
     /// [default: standard output].
     #[arg(short, long, value_name = "CSV")]
     output: Option<PathBuf>,
-    /// Replace whatever file stands at the output, unless it is the rig or a recording.
+    /// Replace an existing output, unless it is the rig or a recording.
     #[arg(long, requires = "output")]
     overwrite: bool,
-    /// Keep the energy book and write it here, J, at the times of the other file: what the line holds as motion and as
-    /// strain, what the supply gave, what valve, friction and each effect took; an older file of that name is replaced.
+    /// Write the energy balance in J at the same times: kinetic and strain energy in the line, energy from the supply, energy taken by valve,
+    /// friction and each effect; replaces an older file of that name.
     #[arg(long, value_name = "CSV")]
     energy: Option<PathBuf>,
 }
@@ -81,7 +81,7 @@ pub fn run(mut args: Args, json: bool) -> CommandResult {
         _ => return run_beside(&args, given, json),
     };
     if let Some(run) = given.iter().find_map(|g| g.run.as_ref()) {
-        return Err(format!("the file of values has some of '{run}' alone: name it with --recording").into());
+        return Err(format!("the file of values has values of '{run}': name this recording with --recording").into());
     }
     args.set = given.into_iter().map(|g| (g.name, g.value)).collect();
     let scenario = Scenario::new(Rig::load(&rig)?, &args.effects, args.valve, &args.set)?;
@@ -96,7 +96,7 @@ pub fn run(mut args: Args, json: bool) -> CommandResult {
     tell_what_was_not_set(&scenario, &args, duration_s, step_s);
     if duration_s / step_s > MOST_ROWS {
         return Err(format!(
-            "{duration_s} s in steps of {step_s} s are more than {MOST_ROWS:.0} rows; take a longer step"
+            "{duration_s} s in steps of {step_s} s are more than {MOST_ROWS:.0} rows; choose a longer step"
         )
         .into());
     }
@@ -155,7 +155,7 @@ fn run_beside(args: &Args, mut given: Vec<Given>, json: bool) -> CommandResult {
     let seconds = start.elapsed().as_secs_f64();
     if !shown.not_set.is_empty() {
         let list: Vec<String> = shown.not_set.iter().map(|(name, v)| format!("{name}={v:.6}")).collect();
-        tell!("not set, so where a fit would start: {}", list.join(" "));
+        tell!("not set, start values of a fit used: {}", list.join(" "));
     }
     let rows = shown.places.len();
     let text = table.text(shown.places.into_iter().zip(shown.values));
@@ -205,7 +205,7 @@ fn tell_what_was_not_set(scenario: &Scenario, args: &Args, duration_s: f64, step
     used.extend(args.csv_times.is_none().then(|| ("csv_times_s".to_owned(), step_s)));
     used.push(("temperature_degC".to_owned(), scenario.rig.fluid.temperature_degc));
     let list: Vec<String> = used.iter().map(|(name, v)| format!("{name}={}", to_digits(*v, 6))).collect();
-    tell!("not set, so used: {}", list.join(" "));
+    tell!("not set, defaults used: {}", list.join(" "));
 }
 
 /// First line of the time series.

@@ -19,22 +19,22 @@ use crate::storage::output;
 use crate::valve::curve::{Lawful, TwoStage, ValveClosure, closure_of, valve_sensor, with_its_law};
 use crate::valve::shift::{LawError, Shift};
 
-/// How the valve closed, read back from the head measured before it: opening against time, and the laws nearest to it.
+/// Reconstruct how the valve closed from the head upstream of it.
 ///
-/// A model is calibrated first, with a valve that closes linearly and with one of two stages (`valve-law`), and the latter is taken where the
-/// record asks for it; then the measured head takes the place of its valve, and what arrives there tells the flow.
+/// First, a model is calibrated with a valve that closes linearly and with one that closes in two stages (`valve-law`), if the record supports
+/// that. Then the measured head replaces the valve, and the waves that arrive there give the flow and the opening.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// The recordings, all of one rig.
+    /// Recordings of one rig.
     #[arg(required = true, value_name = "MCAP")]
     recordings: Vec<PathBuf>,
-    /// Effects of the pipe; one that names a valve-law settles the valve's, too.
+    /// Effects of the pipe; a valve-law among them also decides the valve's law.
     #[arg(long, value_name = "A,B", default_value = "none", value_parser = parse_list)]
     effects: ::std::vec::Vec<Chosen>,
-    /// A rig to read them with, instead of the one that is stored in them.
+    /// Read the recordings with this rig instead of the stored one.
     #[arg(long, value_name = "RIG")]
     rig: Option<PathBuf>,
-    /// Draw the curve, its two stages, and what other wave speeds and creep would make of it; of one recording.
+    /// Draw the curve of one recording, its two stages, and its change with wave speed and creep.
     #[arg(long, value_name = "FILE")]
     svg: Option<PathBuf>,
 }
@@ -48,7 +48,7 @@ const ROWS: usize = 20;
 /// As `calibrate`; a rig without a pressure sensor at the valve.
 pub fn run(args: Args, json: bool) -> CommandResult {
     if args.svg.is_some() && args.recordings.len() > 1 {
-        return Err("--svg draws the valve of one recording; name one".into());
+        return Err("--svg draws the valve of one recording: name one".into());
     }
     if let Some(path) = &args.svg {
         output::check_picture(path)?;
@@ -64,7 +64,11 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         tell!(
             "the model's valve closes {}: two stages bring {evidence:.0} of evidence ({EVIDENCE:.0} is strong){}",
             if two_stages { "in two stages" } else { "linearly" },
-            if !two_stages && evidence > EVIDENCE { ", but leave most of the error, which is the pipe's" } else { "" },
+            if !two_stages && evidence > EVIDENCE {
+                ", but leave most of the error, which comes from the pipe"
+            } else {
+                ""
+            },
         );
     }
     let closures: Vec<ValveClosure> =
@@ -99,7 +103,7 @@ fn no_valve(closure: &ValveClosure, creep_missing: bool) -> Option<String> {
     (!(OPENINGS.contains(&least) && OPENINGS.contains(&most))).then(|| {
         let what = if creep_missing { "add --effects viscoelastic-wall" } else { "`surgescope diagnose` finds what" };
         format!(
-            "{}: openings from {} to {} are no valve's: the model of the pipe lacks something that the curve stands in for; {what}",
+            "{}: openings from {} to {} are impossible: the curve compensates for something that the model of the pipe lacks; {what}",
             closure.file,
             fixed(least, 2),
             fixed(most, 2)
@@ -168,7 +172,7 @@ fn worth(closure: &ValveClosure) -> String {
     for s in &closure.shifts {
         shifts.row(row(&s.what, Some((s.largest, s.rms)), s.effective_closing_s, s.two_stage));
     }
-    format!("\nWhat is left of the head at {}:\n{errors}\nThe curve owes to the pipe:\n{shifts}", closure.sensor)
+    format!("\nResidual head at {}:\n{errors}\nInfluence of the pipe on the curve:\n{shifts}", closure.sensor)
 }
 
 fn chart(closure: &ValveClosure) -> LineChart {
@@ -179,7 +183,7 @@ fn chart(closure: &ValveClosure) -> LineChart {
     };
     let (curve, law) = (&closure.curve, closure.two_stage);
     let mut series = vec![
-        line(0, "read back from the head", &curve.time_s, &|i| curve.opening[i]),
+        line(0, "reconstructed from the head", &curve.time_s, &|i| curve.opening[i]),
         line(1, "nearest two stages", &curve.time_s, &|i| law.opening(curve.time_s[i])),
     ];
     // Five lines can be told apart; a standard error moves the curve by less than a line's width.
@@ -205,13 +209,13 @@ fn text(closure: &ValveClosure) -> String {
     let _ = if law.straight() {
         writeln!(
             out,
-            "  nearest two stages   as good as straight, closed at {:.4} s: where they meet is undetermined; {:.3} of the opening off, rms",
+            "  nearest two stages   nearly a straight line, closed at {:.4} s, inflection undetermined; rms error of the opening {:.3}",
             law.closing_s, law.rms
         )
     } else {
         writeln!(
             out,
-            "  nearest two stages   to {:.3} of the opening in {:.4} s, closed at {:.4} s; {:.3} of the opening off, rms",
+            "  nearest two stages   to {:.3} of the opening in {:.4} s, closed at {:.4} s; rms error of the opening {:.3}",
             law.inflection_opening, law.inflection_s, law.closing_s, law.rms
         )
     };

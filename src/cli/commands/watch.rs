@@ -24,11 +24,12 @@ use crate::watch::verdict::line_of;
 /// How often a run is begun that the program does not survive, before it has to wait.
 const MOST_TRIES: u32 = 5;
 
-/// Watch a folder: each finished recording in it is inspected, calibrated with the rig's last accepted model and diagnosed against it.
+/// Fit and diagnose every recording that appears in a folder.
 ///
-/// Fit (NAME.fit.toml, and NAME.model.toml to go on from) and report (NAME.html) land beside the recording, a line says the verdict, and
-/// the folder's index (surgescope.sqlite) keeps the values for `surgescope history`. Ends with Ctrl-C, after the run at work. May be killed at any time:
-/// begun again, it finishes what is missing. A recording counts once, however often it is copied or renamed.
+/// Each finished recording is calibrated with the rig's last accepted model and diagnosed against it. Fit (NAME.fit.toml, and NAME.model.toml
+/// to continue from) and report (NAME.html) are written beside the recording, one line gives the verdict, and the folder's index
+/// (surgescope.sqlite) keeps the values for `surgescope history`. Ctrl-C ends the watch after the present run. It may be killed at any time: a new
+/// watch finishes what is missing. A recording counts once, however often it is copied or renamed.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// The folder.
@@ -36,22 +37,22 @@ pub struct Args {
     folder: PathBuf,
     #[command(flatten)]
     evaluation: Evaluation,
-    /// A rig to read the recordings with, instead of the one that is stored in each.
+    /// Read the recordings with this rig instead of the stored ones.
     #[arg(long, value_name = "RIG")]
     rig: Option<PathBuf>,
-    /// Do what is there and end: 1 where a run failed now or has to wait because the program ended too often during it, 3 where a recording has no end. Needed for --json: one document needs an end.
+    /// Process what is there and end: exit code 1 if a run failed or was interrupted too often, 3 if a recording has no end. --json needs it.
     #[arg(long)]
     once: bool,
-    /// Print each verdict as a JSON document on a line of its own.
+    /// Print each verdict as one line of JSON.
     #[arg(long)]
     json_lines: bool,
-    /// Try again what has failed.
+    /// Try failed runs again.
     #[arg(long)]
     retry: bool,
-    /// Look at the folder so often, in seconds.
+    /// Interval between looks at the folder, in seconds.
     #[arg(long, value_name = "S", default_value_t = 1.0, value_parser = positive, allow_negative_numbers = true)]
     every: f64,
-    /// A recording without an end that has not grown for so many seconds was cut off.
+    /// A recording without an end that has not grown for this many seconds was cut off.
     #[arg(long, value_name = "S", default_value_t = 10.0, value_parser = positive, allow_negative_numbers = true)]
     torn_after: f64,
 }
@@ -63,14 +64,16 @@ pub struct Args {
 pub fn run(args: Args, json: bool) -> CommandResult {
     if json && !args.once {
         return Err(
-            "a watch that goes on prints no single document: say --once with --json, or --json-lines for one a run"
+            "an endless watch cannot print one document: add --once to --json, or use --json-lines for one per run"
                 .into(),
         );
     }
     let torn_after = Duration::try_from_secs_f64(args.torn_after)?;
     let every = Duration::try_from_secs_f64(args.every)?;
     if !args.folder.is_dir() {
-        return Err(format!("{} is no folder: name the one in which recordings appear", args.folder.display()).into());
+        return Err(
+            format!("{} is not a folder: name the folder in which recordings appear", args.folder.display()).into()
+        );
     }
     let rig = args.rig.as_deref().map(Rig::load).transpose()?;
     let _lock = Lock::take(&args.folder)?;
@@ -139,7 +142,7 @@ impl Watch {
         let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
         for run in self.index.resume(MOST_TRIES, now.as_secs() as i64)? {
             if self.index.run(run.id)?.error.is_none() {
-                tell!("{}: was cut off and is done again", run.file);
+                tell!("{}: was interrupted and is processed again", run.file);
             }
         }
         if self.args.retry {
@@ -165,7 +168,7 @@ impl Watch {
             list(self.folder()).map_err(|e| format!("cannot list the folder {}: {e}", self.folder().display()))?;
         for path in unnamed {
             if !self.unnamed.contains(&path) {
-                aloud(|| tell!("{}: its name is no UTF-8, so it is left alone: rename it", path.display()));
+                aloud(|| tell!("{}: its name is not UTF-8, so it is skipped: rename it", path.display()));
                 self.unnamed.insert(path);
             }
         }
@@ -202,7 +205,7 @@ impl Watch {
             Entered::New(_) => {}
             Entered::Copy(other) if other == *file => {}
             Entered::Copy(other) => aloud(|| tell!("{file} is a copy of {other}: a recording counts once")),
-            Entered::Moved(other) => aloud(|| tell!("{file} is {other} under another name: it is known")),
+            Entered::Moved(other) => aloud(|| tell!("{file} is {other} under another name: it is done already")),
         }
         Ok(())
     }
@@ -220,7 +223,7 @@ impl Watch {
             self.index.torn(&name)?;
             self.torn.insert(name.file);
         } else if self.args.once {
-            tell!("{}: is still being written: it is left for later", name.file);
+            tell!("{}: is still being written: left for later", name.file);
             self.torn.insert(name.file);
         }
         Ok(())

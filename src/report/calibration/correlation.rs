@@ -30,8 +30,7 @@ pub(crate) fn section(stages: &[Stage]) -> String {
         })
         .collect();
     let caption = format!("Correlation between the parameters of {}", last.title);
-    let mut out =
-        String::from("<section class=\"correlation\" id=\"correlation\"><h2>Which parameters go together</h2>\n");
+    let mut out = String::from("<section class=\"correlation\" id=\"correlation\"><h2>Correlated parameters</h2>\n");
     out.push_str(&matrix(&caption, "parameter", &columns, &rows));
     let mut pairs: Vec<(f64, usize, usize)> = Vec::new();
     for (a, &i) in known.iter().enumerate() {
@@ -48,9 +47,9 @@ pub(crate) fn section(stages: &[Stage]) -> String {
         })
         .collect();
     if !said.is_empty() {
-        let _ = writeln!(out, "<p>The data tell these hardly apart: {}.</p>", said.join(", "));
+        let _ = writeln!(out, "<p>Strongly correlated parameters: {}.</p>", said.join(", "));
     }
-    out.push_str("<p class=\"note\">Correlation between the errors of each two parameters of the last model: near ±1 one can stand in for the other, and only what they have in common is well known. Parameters at a bound are left out.</p>\n</section>\n");
+    out.push_str("<p class=\"note\">Correlation between the errors of each pair of parameters of the last model. Near ±1 one can stand in for the other, and only their combination is well determined. Parameters at a bound are left out.</p>\n</section>\n");
     out
 }
 

@@ -43,7 +43,7 @@ pub(crate) fn section(page: &Page) -> String {
     out.push_str(&numbers(energy, &times, &accounts));
     let _ = writeln!(
         out,
-        r#"<p class="note">Run {} in the model {}: {} J of motion before the closure, {} J from the supply since; each share is of all that was taken or is left. What gives more than it takes has no share. The balance closes to {} of the motion (Karney 1990).</p>
+        r#"<p class="note">Run {} in the model {}: {} J of motion before the closure, {} J from the supply since; each share is a part of all energy that was taken or is left. An account that gives more than it takes has no share. The balance closes to {} of the energy of motion (Karney 1990).</p>
 </section>"#,
         escape(&run.file),
         escape(&last.title),

@@ -102,10 +102,9 @@ pub fn errors(stages: &[Stage]) -> String {
     format!("{}{earlier}. {band}{MAPE}\n", table.without_empty_columns())
 }
 
-const INSIDE: &str =
-    "inside 95%: share of the samples inside the band of model and noise, 95% where nothing is missing. ";
+const INSIDE: &str = "inside 95%: share of the samples inside the band of model and noise, 95% if nothing is missing. ";
 
-const MAPE: &str = "MAPE: mean error of the peaks and troughs, without sign, in percent of the measured head.";
+const MAPE: &str = "MAPE: mean absolute error of the peaks and troughs, in percent of the measured head.";
 
 /// Model − measured at the peak and the trough of every cycle: head in m, phase in ms.
 pub fn extrema(fit: &Fit) -> String {

@@ -58,7 +58,7 @@ pub(crate) fn verdict(page: &Page) -> (&'static str, &'static str, String) {
         names => format!("Missing: {}. {} ", names.join(", then "), summary::verdict(&page.stages)),
     };
     let unsure = found.last().filter(|c| !c.indistinguishable_from.is_empty()).map_or(String::new(), |c| {
-        format!("These recordings cannot tell {} from {}. ", c.label, c.indistinguishable_from.join(", "))
+        format!("These recordings cannot distinguish {} from {}. ", c.label, c.indistinguishable_from.join(", "))
     });
     let missing = missing + &unsure;
     let (error, model) = (overall(&last.start), start_model(last));
@@ -67,7 +67,7 @@ pub(crate) fn verdict(page: &Page) -> (&'static str, &'static str, String) {
         Verdict::MissingEffect => ("✗", "missing", missing.trim_end().into()),
         Verdict::NothingMissing if found.is_empty() => {
             let said = format!(
-                "Nothing is missing from the {model}: no effect of the catalogue is worth adding. RMSE {rmse} m, {noise}."
+                "Nothing is missing from the {model}: adding an effect of the catalogue would not pay. RMSE {rmse} m, {noise}."
             );
             ("✓", "good", said)
         }
@@ -91,7 +91,7 @@ fn failings(diagnoses: &[Diagnosis]) -> String {
     for diagnosis in diagnoses {
         out.push_str(&format!("<h3>The {}</h3>\n", escape(&start_model(diagnosis))));
         if diagnosis.failings.is_empty() {
-            out.push_str("<p>It fails nowhere: what it leaves is noise.</p>\n");
+            out.push_str("<p>Nowhere: its residual is noise.</p>\n");
         } else {
             let items: Vec<String> = diagnosis.failings.iter().map(|f| format!("<li>{}</li>\n", escape(f))).collect();
             out.push_str(&format!("<ul>\n{}</ul>\n", items.concat()));

@@ -37,7 +37,7 @@ pub fn html(title: &str, against: &str, sensors: &[SensorResponse]) -> String {
     }
     let _ = writeln!(
         out,
-        "<p class=\"note\">Dotted: n·a/4L, n odd, of the elastic pipe. Shift: where the record has the harmonic against that. {}</p>",
+        "<p class=\"note\">Dotted: n·a/4L, n odd, of the elastic pipe. Shift: where the record has the harmonic, relative to that. {}</p>",
         escape(WINDOW)
     );
     out.push_str(&footer(""));

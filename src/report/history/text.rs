@@ -316,21 +316,21 @@ pub fn slope_text(s: &Slope) -> String {
 pub fn drift_notes(history: &History) -> Vec<String> {
     let drifts: Vec<&Drift> = history.parameters.iter().filter_map(|p| p.drift.as_ref()).collect();
     let Some(first) = drifts.first() else {
-        return vec!["Drift needs three runs in which nothing is missing.".into()];
+        return vec!["Drift needs three runs with a complete model.".into()];
     };
     let mut notes = Vec::new();
     if first.mean_degc.is_finite() {
         notes.push(format!("Means are those at {:.1} °C.", first.mean_degc));
     }
     notes.push(if first.together {
-        "Drift per run and per kelvin are determined together, each with the other held.".into()
+        "Drift per run and per kelvin are fitted together.".into()
     } else if drifts.iter().any(|d| d.per_kelvin.is_some()) {
-        "Drift per run and per kelvin are each determined alone: too few runs, or temperature and run number rise together, so one may stand for the other.".to_owned()
+        "Drift per run and per kelvin are fitted separately: there are too few runs, or temperature and run number rise together, so one may stand for the other.".to_owned()
     } else {
-        "The temperature hardly changed, or is not known: its influence does not show.".into()
+        "The temperature hardly changed or is not known, so its influence does not show.".into()
     });
     notes.push(
-        "*: not zero, with 95% confidence. Scatter: standard deviation from run to run beyond the fits' own errors."
+        "*: differs from zero with 95% confidence. Scatter: standard deviation from run to run beyond the fits' own errors."
             .into(),
     );
     notes

@@ -63,7 +63,7 @@ pub(crate) fn remarks(remarks: &[String]) -> String {
         return String::new();
     }
     let items: String = remarks.iter().map(|remark| format!("<li>{}</li>\n", escape(remark))).collect();
-    format!("<section id=\"remarks\"><h2>What to know</h2>\n<ul class=\"failings\">\n{items}</ul></section>\n")
+    format!("<section id=\"remarks\"><h2>Notes</h2>\n<ul class=\"failings\">\n{items}</ul></section>\n")
 }
 
 /// The end of a page's text.

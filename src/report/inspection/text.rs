@@ -10,7 +10,7 @@ use crate::signal::{Estimate, Features};
 pub fn table(recording: &Recording, f: &Features) -> String {
     let mut out = String::new();
     let shown = |e: Option<Estimate>, unit: &str| {
-        e.map_or("not to be seen".into(), |e| format!("{} {unit}", plus_minus(e.value, e.standard_error)))
+        e.map_or("not visible".into(), |e| format!("{} {unit}", plus_minus(e.value, e.standard_error)))
     };
     let c = &f.closure;
     let source = if c.from_trigger { "trigger" } else { "pressure" };
@@ -24,17 +24,17 @@ pub fn table(recording: &Recording, f: &Features) -> String {
     line("temperature", format!("{:.2} °C", f.temperature_degc));
     line("closure starts", format!("{} s ({source})", plus_minus(c.start_s, c.start_se_s)));
     let ends = c.end_s.map(|end| format!("{end:.4} s, after {:.4} s", end - c.start_s));
-    line("closure ends", ends.unwrap_or("not to be seen: slower than 2L/a".into()));
+    line("closure ends", ends.unwrap_or("not visible: slower than 2L/a".into()));
     line("velocity before", shown(f.steady_velocity_m_s, "m/s"));
     line("period", shown(f.period, "s"));
     let damping: Vec<String> = f.damping_per_cycle.iter().take(5).map(|d| format!("{d:.3}")).collect();
-    line("damping per cycle", if damping.is_empty() { "not to be seen".into() } else { damping.join("  ") });
+    line("damping per cycle", if damping.is_empty() { "not visible".into() } else { damping.join("  ") });
     let w = &f.wave_speed;
     let crossings = w.crossings.map(|c| {
         let note = if c.slow_closure { ", closure slower than 2L/a" } else { "" };
         format!("{} m/s (range {:.1} to {:.1}{note})", plus_minus(c.value, c.standard_error), c.low, c.high)
     });
-    line("wave speed, crossings", crossings.unwrap_or("not to be seen".into()));
+    line("wave speed, crossings", crossings.unwrap_or("not visible".into()));
     line("  two sensors", shown(w.arrival, "m/s"));
     line("  Joukowsky", shown(w.joukowsky, "m/s"));
     let _ = writeln!(
@@ -57,7 +57,11 @@ pub fn table(recording: &Recording, f: &Features) -> String {
             number(s.first_peak.map(|e| e.head_m), 3),
             s.extrema.len(),
             s.noise.white_sd_m,
-            if s.noise.coloured { format!(" (coloured: {:.4} in all)", s.noise.total_sd_m) } else { String::new() },
+            if s.noise.coloured {
+                format!(" (autocorrelated: {:.4} in all)", s.noise.total_sd_m)
+            } else {
+                String::new()
+            },
         );
     }
     for (i, doubt) in doubts(&recording.rig, f).iter().enumerate() {

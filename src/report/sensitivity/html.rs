@@ -25,7 +25,7 @@ const DRAWN: [&str; 6] =
 
 /// The page as one HTML document. What was not asked for is not on it.
 pub fn html(study: &Study) -> String {
-    let mut out = head(&format!("{}: which parameter moves what", study.rig), "sensitivity", "");
+    let mut out = head(&format!("{}: which parameter affects what", study.rig), "sensitivity", "");
     let model = if study.effects.is_empty() { "the base model".to_owned() } else { study.effects.join(", ") };
     let _ = write!(
         out,
@@ -86,7 +86,7 @@ fn of_sobol(sobol: &Table<Indices>) -> String {
     let cell =
         |i: &Indices| format!("{} <small>{}–{}</small>", share(i.total.value), share(i.total.low), share(i.total.high));
     format!(
-        "<section id=\"sobol\"><h2>Shares of the variance (Sobol)</h2>\n<p class=\"note\">First order: what the parameter explains alone; total: with all its interactions. Whiskers: 95 % of bootstrap samples. The shares belong to the ranges below, over which all parameters vary at once.</p>\n{}<details><summary>Total indices as a table</summary>\n{}</details>\n{}</section>\n",
+        "<section id=\"sobol\"><h2>Shares of the variance (Sobol)</h2>\n<p class=\"note\">First order: share explained by the parameter alone; total: with all its interactions. Whiskers: 95 % of bootstrap samples. The shares hold for the ranges below, over which all parameters vary at once.</p>\n{}<details><summary>Total indices as a table</summary>\n{}</details>\n{}</section>\n",
         charts(&sobol.outputs, chart),
         indices("Total indices with 95 % intervals", sobol, cell),
         said(sobol)
@@ -115,7 +115,7 @@ fn of_morris(morris: &Table<Effects>) -> String {
         ))
     };
     format!(
-        "<section id=\"morris\"><h2>Elementary effects (Morris)</h2>\n<p class=\"note\">A parameter alone takes a step, from many places of all ranges: μ* says how much that matters, σ how much it depends on the place (curvature, interaction). Whiskers: 95 % of μ*.</p>\n{}<details><summary>Effects with their sign (μ) as a table</summary>\n{}</details>\n{}</section>\n",
+        "<section id=\"morris\"><h2>Elementary effects (Morris)</h2>\n<p class=\"note\">One parameter at a time takes a step, from many points of the ranges: μ* is the mean absolute effect, σ how much the effect varies between points (curvature, interaction). Whiskers: 95 % of μ*.</p>\n{}<details><summary>Effects with their sign (μ) as a table</summary>\n{}</details>\n{}</section>\n",
         charts(&morris.outputs, chart),
         indices("Mean effects", morris, cell),
         said(morris)
@@ -188,7 +188,7 @@ fn of_map(map: &Map, number: usize) -> String {
     let shown = |l: &&Layer| DRAWN.contains(&l.output.name);
     let figures: Vec<String> = map.layers.iter().filter(shown).map(|layer| layered(map, layer)).collect();
     format!(
-        "<section id=\"map-{number}\"><h2>{} and {}</h2>\n<p class=\"note\">T = 4L/a = {} s. “Raising J”: from its value to {RAISED_BY} times that; contribution to pressure damping (P − P′)/P, equation 21 of the source paper. Empty: there is no such peak.</p>\n<div class=\"plates\">\n{}</div>\n<p class=\"note\">{}</p>\n</section>\n",
+        "<section id=\"map-{number}\"><h2>{} and {}</h2>\n<p class=\"note\">T = 4L/a = {} s. “Raising J”: from its value to {RAISED_BY} times that; contribution to pressure damping (P − P′)/P, equation 21 of the source paper. Empty: no such peak.</p>\n<div class=\"plates\">\n{}</div>\n<p class=\"note\">{}</p>\n</section>\n",
         escape(&map.x.name),
         escape(&map.y.name),
         significant(map.period_s, 4),

@@ -50,7 +50,7 @@ pub(crate) fn changes(before: Option<&Snapshot>, now: &Snapshot, advised: bool) 
 /// A disk that will soon be full.
 pub(crate) fn room(disk: &Disk) -> String {
     format!(
-        "the disk has room for {} only, {}: free some, or end the recording before",
+        "the disk is full in {}, {} left: free some space, or end the recording before",
         lasting(disk.lasts_s()),
         bytes(disk.free_bytes)
     )
@@ -69,7 +69,7 @@ fn fired(before: Option<&TriggerView>, now: &TriggerView) -> Vec<(Tone, String)>
     match (old, now.phase) {
         (Some(Phase::Settling { .. }), Phase::Settling { .. }) if now.fired == shots => {}
         (_, Phase::Settling { wanted_s, .. }) => {
-            news.push((Tone::Plain, format!("not armed{again}: waits for {wanted_s} s of quiet")));
+            news.push((Tone::Plain, format!("not armed{again}: waiting for {wanted_s} s of quiet")));
         }
         (Some(Phase::Armed), Phase::Armed) if now.fired == shots => {}
         (_, Phase::Armed) => news.push((Tone::Good, format!("armed{again}: fires when {}", now.condition))),
@@ -114,7 +114,7 @@ mod tests {
         assert!(
             said[2].contains("P2 noisy: standard deviation 14.2 kPa, where its accuracy leaves room for 5.5; look for")
         );
-        assert!(said[3].contains("room for 8 min only, 400 MB: free some"), "{said:#?}");
+        assert!(said[3].contains("full in 8 min, 400 MB left: free some space"), "{said:#?}");
         assert_eq!(texts(Some(&ailing()), &ailing()), [""; 0]);
         let over = texts(Some(&ailing()), &healthy());
         assert_eq!(
@@ -132,10 +132,10 @@ mod tests {
         let mut said = texts(None, &steps[0]);
         steps.windows(2).for_each(|pair| said.extend(texts(Some(&pair[0]), &pair[1])));
         let expected = [
-            "not armed: waits for 2 s of quiet",
+            "not armed: waiting for 2 s of quiet",
             "armed: fires when P1 reaches 500 kPa",
             "shot 1 has fired",
-            "not armed again: waits for 2 s of quiet",
+            "not armed again: waiting for 2 s of quiet",
             "armed again: fires when P1 reaches 500 kPa",
         ];
         assert_eq!(said, expected.map(|text| format!("12.4 s  {text}")));

@@ -53,7 +53,7 @@ pub(crate) fn view(snapshot: &Snapshot, size: Size) -> Vec<Line> {
 
 fn head(snapshot: &Snapshot, columns: usize) -> Vec<Line> {
     let mut pieces = match snapshot.recorded_s {
-        None => vec!["waits for the first sample".to_owned()],
+        None => vec!["waiting for the first sample".to_owned()],
         Some(recorded_s) => {
             let gaps = if snapshot.gaps == 1 { "gap" } else { "gaps" };
             vec![
@@ -170,8 +170,8 @@ fn sensors(snapshot: &Snapshot, columns: usize, rows: usize) -> Vec<Line> {
     lines.extend(blocks.into_iter().zip(&kept).filter(|(_, kept)| **kept).flat_map(|(block, _)| block));
     if left_out > 0 {
         let (tone, what) = match ill_left_out {
-            0 => (Tone::Plain, "nothing wrong with them".to_owned()),
-            n => (Tone::Alarm, format!("{n} of them called out")),
+            0 => (Tone::Plain, "all fine".to_owned()),
+            n => (Tone::Alarm, format!("{n} of them with alerts")),
         };
         lines.push(Line { tone, text: format!("… {left_out} more sensors, {what}") });
     }
