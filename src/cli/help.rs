@@ -39,19 +39,19 @@ A rig file describes pipes, sensors and devices; `rig check` finds its contradic
   surgescope record --rig rig.toml -o run.mcap
   surgescope record --rig rig.toml --trigger edge --out-dir shots
 
-Recording ends with Ctrl-C, after --duration, or when the stream ends. Lost samples are recorded as gaps; exit code 3 says that data was lost.
-A recording that was cut off can be saved:
+Recording ends with Ctrl-C, after --duration, or when the stream ends. Lost samples are recorded as
+gaps; exit code 3 says that data was lost. A recording that was cut off can be saved:
 
   surgescope recover run.mcap -o whole.mcap
 
-Without hardware, --simulate records a simulated test and --replay plays a file as if it were live.
+Without hardware, --simulate records a simulated test, and --replay plays a file as if it were live.
 ",
     },
     Topic {
         name: "importing",
         about: "turn files of other programs into recordings",
         text: "\
-CSV, other tables, TDMS and MCAP of other programs become recordings; the rig file goes in.
+CSV, other tables, TDMS and MCAP of other programs become recordings, which contain the rig file.
 
   surgescope import run.csv --rig rig.toml -o run.mcap
   surgescope import lab.tdms --rig rig.toml --map Druck1=P1 --ignore * -o run.mcap
@@ -90,7 +90,8 @@ A diagnosis fits the start model, adds each effect of the catalogue in turn, and
   surgescope add leak model.toml                      # or add it yourself
   surgescope undo model.toml
 
-The verdict is `missing-effect`, `nothing-missing` or `unknown-effect`. Where two effects cannot be distinguished, it names a test that would.
+The verdict is `missing-effect`, `nothing-missing` or `unknown-effect`. If the recordings cannot
+distinguish two effects, the diagnosis names a test that can.
 ",
     },
     Topic {
@@ -109,7 +110,8 @@ A model that predicts worse than it fits is overfitted, or lacks physics.
         name: "materials",
         about: "creep tests and temperatures",
         text: "\
-Creep tests of the pipe's material give priors for the wall; runs at several temperatures show how it depends on temperature.
+Creep tests of the pipe's material give priors for the wall. Runs at several temperatures show how
+wave speed and creep depend on temperature.
 
   surgescope creep creep.csv -o creep.toml
   surgescope calibrate run.mcap --effects viscoelastic-wall --creep creep.toml
@@ -126,7 +128,8 @@ Creep tests of the pipe's material give priors for the wall; runs at several tem
   surgescope history --folder folder
   surgescope replay recordings                        # are results still the same?
 
-All commands take --json: one document on standard output. Exit codes: 0 done, 1 the answer is no, 2 bad input, 3 done but data was lost.
+All commands take --json: one document on standard output. Exit codes: 0 done, 1 the answer is no,
+2 bad input, 3 done but data was lost.
 ",
     },
 ];

@@ -135,7 +135,7 @@ mod tests {
         let text = command().render_help().to_string();
         for of in Cli::command().get_subcommands().filter(|c| c.get_name() != "help") {
             let about = of.get_about().map(ToString::to_string).unwrap_or_default();
-            assert!(!about.is_empty() && about.chars().count() <= 100, "{}: {about}", of.get_name());
+            assert!(!about.is_empty() && about.chars().count() <= 80, "{}: {about}", of.get_name());
             let line = text.lines().find(|line| line.trim_start().starts_with(&format!("{} ", of.get_name())));
             assert!(line.is_some_and(|line| line.ends_with(&about)), "{}: {about}\n{text}", of.get_name());
         }

@@ -5,9 +5,9 @@ use std::fmt::Write;
 
 use crate::report::Page;
 use crate::report::html::data;
-use crate::report::html::escape::{escape, json_in_script};
 use crate::report::html::page::{contents, footer, head};
 use crate::report::prediction::text as prediction;
+use crate::report::text::escape::{escape, json_in_script};
 use crate::report::view::panel::{Panel, panels};
 use crate::report::view::summary;
 use crate::report::view::summary::Closeness;

@@ -123,8 +123,8 @@ impl Calibrate<'_> {
         let held = constraints(self.rig, self.runs, &effects, &self.hold);
         options.constraints.splice(0..0, held.into_iter().flatten());
         let [effects] = effects;
-        let heard = |p: &crate::fit::search::calibrate::Progress| (self.on_progress)(&Progress::from(p));
-        let fit = calibrate(self.rig, self.runs, &effects, &options, &heard)?;
+        let watcher = |p: &crate::fit::search::calibrate::Progress| (self.on_progress)(&Progress::from(p));
+        let fit = calibrate(self.rig, self.runs, &effects, &options, &watcher)?;
         Ok(Fit { seconds: began.elapsed().as_secs_f64(), ..fit })
     }
 }

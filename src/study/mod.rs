@@ -113,9 +113,9 @@ impl Study {
         Ok(Study { rig: first.recording.rig.clone(), runs, recordings, on_progress: Box::new(|_| {}) })
     }
 
-    /// Calls `heard` while something is computed, possibly from several threads.
-    pub fn on_progress(&mut self, heard: impl Fn(&Progress) + Send + Sync + 'static) {
-        self.on_progress = Box::new(heard);
+    /// Calls `watcher` while something is computed, possibly from several threads.
+    pub fn on_progress(&mut self, watcher: impl Fn(&Progress) + Send + Sync + 'static) {
+        self.on_progress = Box::new(watcher);
     }
 
     /// The rig.
@@ -172,7 +172,7 @@ impl Study {
     /// A model that cannot be simulated.
     pub fn diagnose(&self, fit: &Fit) -> Result<Diagnosis> {
         let options = options_of(fit);
-        Ok(diagnose_fit(&self.rig, &self.runs, &fit.effects, fit.clone(), &options, &self.told())?)
+        Ok(diagnose_fit(&self.rig, &self.runs, &fit.effects, fit.clone(), &options, &self.messages())?)
     }
 
     /// Fits the model with `effects` and diagnoses it; where a number of elements is left open, it is open for all models compared.
@@ -180,7 +180,7 @@ impl Study {
     /// # Errors
     /// As [`Study::calibrate`] and [`Study::diagnose`].
     pub fn diagnose_model(&self, effects: &[Chosen], options: &Options) -> Result<Diagnosis> {
-        Ok(diagnose(&self.rig, &self.runs, effects, options, &self.told())?)
+        Ok(diagnose(&self.rig, &self.runs, effects, options, &self.messages())?)
     }
 
     /// The model of a fit with one effect more, and the evidence for it.
@@ -201,17 +201,73 @@ impl Study {
         // The list as a whole says what stands against the newcomer.
         let labels: Vec<String> = fit.labels().into_iter().chain([added.label()]).collect();
         parse_list(&labels.join(","))?;
-        let (fit, evidence) = grow(&self.rig, &self.runs, fit, &added, &options_of(fit), &self.told())?;
+        let (fit, evidence) = grow(&self.rig, &self.runs, fit, &added, &options_of(fit), &self.messages())?;
         Ok(Grown { fit, evidence })
     }
 
-    /// What hears the messages of a diagnosis.
-    fn told(&self) -> impl Fn(&str) + Sync + '_ {
+    /// Passes the messages of a diagnosis on.
+    fn messages(&self) -> impl Fn(&str) + Sync + '_ {
         |message| (self.on_progress)(&Progress::from(message))
     }
 
-    /// What hears how far a computation has come.
-    pub(crate) fn heard(&self) -> &OnProgress<'_> {
+    /// The watcher of computations.
+    pub(crate) fn watcher(&self) -> &OnProgress<'_> {
         &*self.on_progress
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::error::Error as _;
+    use std::sync::atomic::{AtomicUsize, Ordering};
+
+    use super::*;
+    use crate::diagnose::Verdict;
+
+    fn file(name: &str) -> PathBuf {
+        Path::new(env!("CARGO_MANIFEST_DIR")).join("recordings").join(name)
+    }
+
+    #[test]
+    fn the_whole_loop_goes_through_the_front_door() {
+        static HEARD: AtomicUsize = AtomicUsize::new(0);
+        let mut study = Study::open([file("hdpe-creep.mcap")]).unwrap();
+        study.on_progress(|_| {
+            HEARD.fetch_add(1, Ordering::Relaxed);
+        });
+        let options = Options { most_reaches: 32, ..Options::default() };
+        let base = study.calibrate("none").options(options).run().unwrap();
+        let of_fit = HEARD.load(Ordering::Relaxed);
+        assert!(of_fit > 0 && base.effects.is_empty());
+
+        let diagnosis = study.diagnose(&base).unwrap();
+        assert!(HEARD.load(Ordering::Relaxed) > of_fit);
+        assert_eq!(diagnosis.start, base, "the fit is the start model, not fitted again");
+        assert_eq!((diagnosis.verdict, diagnosis.candidates[0].effect), (Verdict::MissingEffect, "viscoelastic-wall"));
+
+        let grown = study.grow(&base, "viscoelastic-wall:1").unwrap();
+        assert!(grown.evidence > 0.0 && grown.fit.pooled().0 < 0.5 * base.pooled().0);
+        assert!(grown.fit.parameter("J1_per_GPa").unwrap().value > 0.0);
+        let unknown = grown.fit.parameter("leak_position_m").unwrap_err().to_string();
+        assert!(unknown.contains("leak_position_m") && unknown.contains("tau1_s"), "{unknown}");
+    }
+
+    #[test]
+    fn values_are_held_and_slips_are_errors_with_their_cause() {
+        let study = Study::open([file("hdpe-creep.mcap")]).unwrap();
+        let options = Options { most_reaches: 32, ..Options::default() };
+        let fit = study.calibrate("none").options(options).hold("closing_time_s", 0.1).run().unwrap();
+        let held = fit.parameter("closing_time_s").unwrap();
+        assert!(held.held && held.value == 0.1);
+        assert!(matches!(study.calibrate("none").hold("leak_position_m", 3.0).run(), Err(Error::Fit(_))));
+        assert!(matches!(study.calibrate("no-such-effect").run(), Err(Error::Model(_))));
+        assert!(matches!(study.grow(&fit, "none"), Err(Error::NotOneEffect)));
+        assert!(matches!(Study::open([""; 0]), Err(Error::NoRecording)));
+        let path = file("hdpe-creep.mcap");
+        assert!(matches!(Study::open([&path, &path]), Err(Error::Twice(_))));
+        let mut still = crate::storage::read(&path).unwrap();
+        still.series.iter_mut().for_each(|s| s.value.iter_mut().for_each(|v| *v = 1.0));
+        let error = Study::from_recordings([("still".to_owned(), still)]).err().unwrap();
+        assert!(matches!(error, Error::Unusable { .. }) && error.source().is_some(), "{error}");
     }
 }

@@ -42,9 +42,9 @@ impl Opened {
     /// # Errors
     /// A parameter in the file that the model does not have, a model that cannot be simulated.
     pub fn refit(&self) -> Result<Fit> {
-        let heard = |p: &crate::fit::search::calibrate::Progress| self.study.heard()(&Progress::from(p));
+        let watcher = |p: &crate::fit::search::calibrate::Progress| self.study.watcher()(&Progress::from(p));
         let current = self.file.current();
-        Ok(current.refit(self.study.rig(), self.study.runs(), &Options::default(), &heard)?)
+        Ok(current.refit(self.study.rig(), self.study.runs(), &Options::default(), &watcher)?)
     }
 
     /// Adds a fit as the model in force, and writes the file.

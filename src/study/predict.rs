@@ -53,8 +53,8 @@ pub fn predicted(study: &Study, asked: &Question) -> Result<Predicted> {
         .flat_map(|run| asked.hold.iter().map(|(name, v)| (Some(run.file.clone()), name.clone(), *v)))
         .map(|(run, name, value)| Constraint { name, run, lower: value, upper: value })
         .collect();
-    let heard = |p: &calibrate::Progress| study.heard()(&Progress::from(p));
-    let prediction = predict(study.rig(), study.runs(), &known, &held, &Options::default(), &heard)?;
+    let watcher = |p: &calibrate::Progress| study.watcher()(&Progress::from(p));
+    let prediction = predict(study.rig(), study.runs(), &known, &held, &Options::default(), &watcher)?;
     warnings.extend(conflicts(&prediction.fit, study.runs()));
     Ok(Predicted { prediction, warnings })
 }

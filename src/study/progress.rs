@@ -45,7 +45,7 @@ impl fmt::Display for Progress {
     }
 }
 
-/// What is told how far a computation has come; it may be called from several threads.
+/// Learns how far a computation has come; it may be called from several threads.
 pub type OnProgress<'a> = dyn Fn(&Progress) + Sync + 'a;
 
 #[cfg(test)]

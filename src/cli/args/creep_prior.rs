@@ -11,7 +11,7 @@ use crate::model::effects::Chosen;
 use crate::model::prior::Prior;
 use crate::study::Study;
 
-/// The effect that a creep test tells of.
+/// The effect that a creep test describes.
 pub(crate) const WALL: &str = "viscoelastic-wall";
 
 /// Options of commands that fit.

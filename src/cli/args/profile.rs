@@ -17,7 +17,7 @@ pub struct Profiles {
     names: Vec<String>,
 }
 
-/// Fall of the sum of squares, in units of what one sample leaves, from which on a profile's centre is said to lie below the fit.
+/// Fall of the sum of squares, in units of what one sample leaves, above which a profile's centre counts as below the fit.
 const BELOW: f64 = 1.0;
 
 impl Profiles {
@@ -51,7 +51,7 @@ impl Profiles {
         Ok(asked.map(|(j, _)| j).collect())
     }
 
-    /// Profiles what was asked for; the fit's intervals become the profiles'. Says where a profile tells something else than the linear interval.
+    /// Profiles what was asked for; the fit's intervals become the profiles'. Warns where a profile disagrees with the linear interval.
     ///
     /// # Errors
     /// A name that the fit does not have, a model that cannot be simulated.

@@ -134,10 +134,10 @@ impl Search {
     /// What the method does not heed.
     pub fn options(&self, from: Option<&Entry>) -> Result<Options, String> {
         self.refuse_unheeded()?;
-        let said = self.start.iter().map(|(name, value)| Given { name: name.clone(), run: None, value: *value });
+        let given = self.start.iter().map(|(name, value)| Given { name: name.clone(), run: None, value: *value });
         let of = |p: &Value| Given { name: p.name.clone(), run: p.run.clone(), value: p.value };
-        // What is said on the command line goes first.
-        let starts_at = said.chain(from.iter().flat_map(|model| model.parameters.iter().map(of))).collect();
+        // The command line goes first.
+        let starts_at = given.chain(from.iter().flat_map(|model| model.parameters.iter().map(of))).collect();
         let usual = Options::default();
         Ok(Options {
             method: self.method.into(),

@@ -123,9 +123,9 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     } else {
         say_text!(table::calibration(&stages));
         if last.effects.iter().any(|c| c.effect.name() == WALL)
-            && let Some(said) = study.rig().constraint_in_words()
+            && let Some(constraint) = study.rig().constraint_in_words()
         {
-            say!("\n{said}.");
+            say!("\n{constraint}.");
         }
     }
     args.output.write(last, &study)?;

@@ -15,7 +15,9 @@ use crate::model::effects::{Chosen, parse_list};
 use crate::report::prediction::cross_validation::{document, text};
 use crate::report::title;
 
-/// Fit without a sensor, a run or the end of the record, and predict what was left out.
+/// Leave out a sensor, a run or the end of the record, and predict it.
+///
+/// The model is fitted to the rest each time.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Recordings of one rig.
@@ -72,8 +74,8 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     for (effects, constraints) in asked.iter().zip(held) {
         let options = Options { constraints, most_reaches: args.most_reaches, ..Options::default() };
         let title = title(effects);
-        let heard = |what: &str| bar.set_message(format!("{title}: {what}"));
-        models.push(cross_validate(study.rig(), study.runs(), effects, &by, &options, &heard)?);
+        let watcher = |what: &str| bar.set_message(format!("{title}: {what}"));
+        models.push(cross_validate(study.rig(), study.runs(), effects, &by, &options, &watcher)?);
     }
     bar.finish_and_clear();
     if models.iter().all(|m| m.folds.is_empty()) {

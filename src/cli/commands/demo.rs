@@ -18,7 +18,7 @@ use crate::rig::Rig;
 use crate::storage::output::same_file;
 use crate::study::Study;
 
-/// Record a simulated test, calibrate it, see what is missing and add it: the whole loop in a minute.
+/// Record a simulated test, fit it, and add what is missing: the whole loop.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Folder for the recording and the report; created if missing. Nothing in it is overwritten.
@@ -155,8 +155,8 @@ fn record(rig: &Rig, output: &Path, speed: f64) -> CommandResult {
         let playback = crate::simulate::playback::of_recording(&shipped, rig, &device)?;
         played.push((device, playback));
     }
-    let told = "recordings/hdpe-creep.mcap played through a simulated device";
-    let options = Options { notes: vec![("demo".to_owned(), told.to_owned())], ..Options::new(output) };
+    let note = "recordings/hdpe-creep.mcap played through a simulated device";
+    let options = Options { notes: vec![("demo".to_owned(), note.to_owned())], ..Options::new(output) };
     let reporter = Reporter::open();
     let recorded =
         record_playbacks(rig, played, (speed, Faults::default()), &options, &STOP, &mut |now| reporter.show(now));

@@ -91,7 +91,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         options.priors = args.creep.priors(&study, &mut effects)?;
     }
     let held = hold::constraints(&study, std::slice::from_ref(&effects), &args.hold);
-    // The first that concerns a parameter counts: what is said now goes before what the file says.
+    // The first that concerns a parameter counts: the command line goes before the file.
     options.constraints.splice(0..0, held.into_iter().flatten());
     let mut models: Vec<(String, Fit)> = Vec::new();
     let mut diagnoses: Vec<Diagnosis> = Vec::new();

@@ -19,8 +19,9 @@ use crate::study::open::{Loaded, load};
 use crate::temperature::law::{Laws, Shift};
 use crate::temperature::{Member, Plan, Source, family, same_rig};
 
-/// Fit runs at several temperatures together: how wave speed and creep depend on temperature.
+/// Fit runs at several temperatures together.
 ///
+/// Shows how wave speed and creep depend on temperature.
 /// First, each run is fitted separately, and lines are drawn through the values. Then all runs are fitted together: they share creep
 /// compliances, a temperature law shifts the retardation times, and the wall's modulus is log-linear in temperature. The result tells whether
 /// these laws describe the runs.

@@ -17,7 +17,9 @@ use crate::storage::output;
 use crate::study::Study;
 use crate::study::open::Loaded;
 
-/// Show amplitude and phase of the head at the pipe's odd harmonics, of a recording and of a model.
+/// Show amplitude and phase of the head at the pipe's odd harmonics.
+///
+/// Of a recording, and of a model beside it.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// The recording.

@@ -125,7 +125,7 @@ fn joined(mut parts: Vec<Part>, rig: &Rig, args: &Args) -> Result<Joined, Box<dy
     Ok((recording, clocks, left_out))
 }
 
-/// The start said for a file, by its path or its name.
+/// The start given for a file, by its path or its name.
 fn start_of(path: &Path, starts: &[(Option<String>, u64)]) -> u64 {
     let own = starts.iter().find(|(file, _)| file.as_ref().is_some_and(|f| is_file(path, f)));
     own.or_else(|| starts.iter().find(|(file, _)| file.is_none())).map_or(0, |(_, ns)| *ns)

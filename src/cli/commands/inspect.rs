@@ -1,4 +1,4 @@
-//! `surgescope inspect`: what a recording tells without a model.
+//! `surgescope inspect`: what a recording shows without a model.
 
 use std::path::PathBuf;
 
@@ -11,7 +11,7 @@ use crate::report::inspection::text::table;
 use crate::rig::Rig;
 use crate::signal::inspect;
 
-/// Show what a recording contains without a model: heads, extrema, period, wave speed, closure, noise.
+/// Show what a recording contains: heads, period, wave speed, closure, noise.
 ///
 /// With `--json`: `file`, `temperature_degC`, `closure` {`start_s`, `start_standard_error_s`, `end_s`, `from_trigger`,
 /// `pressure_onset_s`}, `flow_m3_s`, `steady_velocity_m_s`, `period_s`, `damping_per_cycle`, `wave_speed_m_s` {`joukowsky`,

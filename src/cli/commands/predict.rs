@@ -10,9 +10,9 @@ use crate::report::prediction::text::{ahead, document, text};
 use crate::report::{Page, Stage};
 use crate::storage::output;
 
-/// Predict recordings that a model was not fitted to: another flow, closure or sensor.
+/// Predict recordings that a model was not fitted to.
 ///
-/// Parameters that all runs share are held at the model's values. A run's own values (velocity, head, closing time, zeros) are read from its
+/// They may have another flow, closure or sensor. Parameters that all runs share are held at the model's values. A run's own values (velocity, head, closing time, zeros) are read from its
 /// signals up to the first return of the wave; everything after that is predicted.
 #[derive(Debug, clap::Args)]
 pub struct Args {

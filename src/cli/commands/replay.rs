@@ -14,7 +14,7 @@ use crate::replay::compare::{Comparison, compare, moved, table};
 use crate::replay::expected::{Expected, ExpectedError, path_beside, to_toml, write_beside};
 use crate::replay::found::{Found, found};
 
-/// Arguments of `replay`.
+/// Check that recordings still give their expected results.
 ///
 /// Beside `NAME.mcap` stands `NAME.expected.toml` with the quantities to compare, each with a value and a tolerance. Exit 1
 /// where one moved, 2 where a recording or its expected results cannot be read.

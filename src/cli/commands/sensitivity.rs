@@ -21,7 +21,7 @@ use crate::sensitivity::study::{Study, elementary_effects, variance_shares};
 use crate::sensitivity::subject::{Subject, sensor};
 use crate::sensitivity::{SensitivityError, levels, map, rules};
 
-/// Show which parameter affects what: peaks, their times, phase and damping of a simulated closure.
+/// Show which parameter affects peaks, phase and damping of a closure.
 ///
 /// A parameter varies over its bounds in the catalogue; velocity, head, closing time and friction vary by 20 % to either side. --within and
 /// --range narrow that.
@@ -142,7 +142,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         reaches: scenario.reaches,
         sensor: sensor(&scenario.rig, args.sensor.as_deref())?,
     };
-    // What does not work at the values themselves is told once, before thousands of runs.
+    // What does not work at the values themselves is reported once, before thousands of runs.
     subject.features(&subject.values)?;
     if args.rules {
         let bar = progress(rules::runs() as u64);

@@ -189,8 +189,8 @@ fn rows(table: &Table, path: &Path) -> Result<Vec<Place>, AnyError> {
 
 /// Values from the command line, then those of the file that it does not set.
 fn given(args: &Args) -> Result<Vec<Given>, String> {
-    let said = args.set.iter().map(|(name, value)| Given { name: name.clone(), run: None, value: *value });
-    let mut given: Vec<Given> = said.collect();
+    let set = args.set.iter().map(|(name, value)| Given { name: name.clone(), run: None, value: *value });
+    let mut given: Vec<Given> = set.collect();
     if let Some(path) = &args.values {
         let own = values_file::read(path)?;
         given.extend(own.into_iter().filter(|g| !args.set.iter().any(|(name, _)| *name == g.name)));

@@ -1,6 +1,5 @@
 //! `surgescope valve`: how the valve closed, read back from the record.
 
-use std::fmt::Write as _;
 use std::path::PathBuf;
 
 use serde_json::json;
@@ -12,12 +11,12 @@ use crate::cli::console::print::{say, say_text, tell};
 use crate::cli::console::progress::shown;
 use crate::fit::search::calibrate::EVIDENCE;
 use crate::model::effects::{Chosen, parse_list};
-use crate::report::svg::{LineChart, Series, Style};
-use crate::report::text::number::{fixed, significant};
-use crate::report::text::table::Table;
+use crate::report::text::number::fixed;
+use crate::report::valve::json::document;
+use crate::report::valve::svg::chart;
+use crate::report::valve::text::text;
 use crate::storage::output;
-use crate::valve::curve::{Lawful, TwoStage, ValveClosure, closure_of, valve_sensor, with_its_law};
-use crate::valve::shift::{LawError, Shift};
+use crate::valve::curve::{Lawful, ValveClosure, closure_of, valve_sensor, with_its_law};
 
 /// Reconstruct how the valve closed from the head upstream of it.
 ///
@@ -38,9 +37,6 @@ pub struct Args {
     #[arg(long, value_name = "FILE")]
     svg: Option<PathBuf>,
 }
-
-/// Rows of the table of one run.
-const ROWS: usize = 20;
 
 /// Runs it.
 ///
@@ -109,127 +105,4 @@ fn no_valve(closure: &ValveClosure, creep_missing: bool) -> Option<String> {
             fixed(most, 2)
         )
     })
-}
-
-fn document(closure: &ValveClosure) -> serde_json::Value {
-    let error = |e: LawError| json!({ "first_rise_rms_m": e.first_rise_m, "record_rms_m": e.record_m });
-    let shift = |s: &Shift| {
-        json!({
-            "what": s.what, "largest_change_of_opening": s.largest, "rms_change_of_opening": s.rms,
-            "effective_closing_time_s": s.effective_closing_s, "two_stage": two_stage(s.two_stage),
-            "time_s": s.curve.time_s, "opening": s.curve.opening,
-        })
-    };
-    json!({
-        "file": closure.file,
-        "sensor": closure.sensor,
-        "fitted_closing_time_s": closure.fitted_closing_s,
-        "effective_closing_time_s": closure.effective_closing_s,
-        "two_stage": two_stage(closure.two_stage),
-        "errors": { "fitted": error(closure.errors.fitted), "two_stage": error(closure.errors.two_stage),
-                    "curve": error(closure.errors.curve) },
-        "shifts": closure.shifts.iter().map(shift).collect::<Vec<_>>(),
-        "time_s": closure.curve.time_s,
-        "velocity_m_s": closure.curve.velocity_m_s,
-        "opening": closure.curve.opening,
-    })
-}
-
-fn two_stage(law: TwoStage) -> serde_json::Value {
-    json!({ "inflection_s": law.inflection_s, "inflection_opening": law.inflection_opening,
-            "closing_time_s": law.closing_s, "rms_of_opening": law.rms, "straight": law.straight() })
-}
-
-/// What the laws leave of the head, and how the curve moves with the pipe's own parameters.
-fn worth(closure: &ValveClosure) -> String {
-    let mut errors = Table::new(&["valve closes by", "first rise, rms m", "whole record, rms m"]);
-    let laws = [
-        ("the fitted model's law", closure.errors.fitted),
-        ("the nearest two stages", closure.errors.two_stage),
-        ("the curve itself", closure.errors.curve),
-    ];
-    for (law, error) in laws {
-        errors.row([law.into(), significant(error.first_rise_m, 3), significant(error.record_m, 3)]);
-    }
-    let mut shifts =
-        Table::new(&["with", "opening moves by", "rms", "effective, s", "inflection, s", "opening", "closed, s"]);
-    let row = |what: &str, moved: Option<(f64, f64)>, effective: Option<f64>, law: TwoStage| {
-        let moved = moved.map_or(["".into(), "".into()], |(largest, rms)| [fixed(largest, 4), fixed(rms, 4)]);
-        let seconds = |s: f64| fixed(s, 4);
-        let [largest, rms] = moved;
-        let effective = effective.map_or(String::new(), seconds);
-        [
-            what.into(),
-            largest,
-            rms,
-            effective,
-            if law.straight() { "–".into() } else { seconds(law.inflection_s) },
-            if law.straight() { "–".into() } else { fixed(law.inflection_opening, 3) },
-            seconds(law.closing_s),
-        ]
-    };
-    shifts.row(row("as fitted", None, closure.effective_closing_s, closure.two_stage));
-    for s in &closure.shifts {
-        shifts.row(row(&s.what, Some((s.largest, s.rms)), s.effective_closing_s, s.two_stage));
-    }
-    format!("\nResidual head at {}:\n{errors}\nInfluence of the pipe on the curve:\n{shifts}", closure.sensor)
-}
-
-fn chart(closure: &ValveClosure) -> LineChart {
-    let line = |n: usize, label: &str, time_s: &[f64], opening: &dyn Fn(usize) -> f64| Series {
-        label: label.into(),
-        points: time_s.iter().enumerate().map(|(i, t)| (*t, opening(i))).filter(|p| p.1.is_finite()).collect(),
-        style: Style::line(n),
-    };
-    let (curve, law) = (&closure.curve, closure.two_stage);
-    let mut series = vec![
-        line(0, "reconstructed from the head", &curve.time_s, &|i| curve.opening[i]),
-        line(1, "nearest two stages", &curve.time_s, &|i| law.opening(curve.time_s[i])),
-    ];
-    // Five lines can be told apart; a standard error moves the curve by less than a line's width.
-    let drawn = closure.shifts.iter().filter(|s| s.what.starts_with("wave speed") && s.what.ends_with('%'));
-    let drawn = drawn.chain(closure.shifts.iter().filter(|s| s.what == "creep left out"));
-    series.extend(drawn.enumerate().map(|(n, s)| line(n + 2, &s.what, &s.curve.time_s, &|i| s.curve.opening[i])));
-    LineChart {
-        title: format!("{}: how the valve closed, by {}", closure.file, closure.sensor),
-        x_label: "time after the start of the closure, s".into(),
-        y_label: "opening, relative".into(),
-        series,
-        ..LineChart::default()
-    }
-}
-
-fn text(closure: &ValveClosure) -> String {
-    let law = closure.two_stage;
-    let mut out = format!("{}, by {}:\n", closure.file, closure.sensor);
-    let _ = writeln!(out, "  closing time of the fitted model   {:.4} s", closure.fitted_closing_s);
-    if let Some(effective_s) = closure.effective_closing_s {
-        let _ = writeln!(out, "  effective (from 0.9 to 0.1, times 1/0.8)  {effective_s:.4} s");
-    }
-    let _ = if law.straight() {
-        writeln!(
-            out,
-            "  nearest two stages   nearly a straight line, closed at {:.4} s, inflection undetermined; rms error of the opening {:.3}",
-            law.closing_s, law.rms
-        )
-    } else {
-        writeln!(
-            out,
-            "  nearest two stages   to {:.3} of the opening in {:.4} s, closed at {:.4} s; rms error of the opening {:.3}",
-            law.inflection_opening, law.inflection_s, law.closing_s, law.rms
-        )
-    };
-    let _ = writeln!(out, "\n   time, s  velocity, m/s  opening  two stages");
-    let points = closure.curve.time_s.len();
-    for i in (0..points).step_by(points.div_ceil(ROWS).max(1)) {
-        let (time_s, opening) = (closure.curve.time_s[i], closure.curve.opening[i]);
-        let bar = "█".repeat((30.0 * opening.clamp(0.0, 1.2)).round() as usize);
-        let _ = writeln!(
-            out,
-            "{time_s:>10.4} {:>14.4} {opening:>8.3} {:>11.3}  {bar}",
-            closure.curve.velocity_m_s[i],
-            law.opening(time_s)
-        );
-    }
-    out + &worth(closure)
 }

@@ -7,4 +7,5 @@ pub mod outcome;
 pub(crate) mod page;
 pub(crate) mod print;
 pub(crate) mod progress;
+pub(crate) mod recorded;
 pub(crate) mod stop;

@@ -4,9 +4,9 @@ use std::fmt::Write;
 
 use crate::fit::outcome::fit::Fit;
 use crate::report::Stage;
-use crate::report::html::escape::escape;
 use crate::report::html::matrix::{Cell, matrix};
 use crate::report::html::page::minus;
+use crate::report::text::escape::escape;
 
 /// Size of a correlation from which on two parameters are named: half the variance of one and more is the other's.
 const STRONG: f64 = 0.9;
@@ -38,7 +38,7 @@ pub(crate) fn section(stages: &[Stage]) -> String {
     }
     pairs.retain(|(r, _, _)| r.abs() >= STRONG);
     pairs.sort_by(|a, b| b.0.abs().total_cmp(&a.0.abs()));
-    let said: Vec<String> = pairs
+    let strong: Vec<String> = pairs
         .iter()
         .take(5)
         .map(|&(r, j, i)| {
@@ -46,8 +46,8 @@ pub(crate) fn section(stages: &[Stage]) -> String {
             format!("<code>{}</code> and <code>{}</code> ({})", name(j), name(i), minus(&format!("{r:+.2}")))
         })
         .collect();
-    if !said.is_empty() {
-        let _ = writeln!(out, "<p>Strongly correlated parameters: {}.</p>", said.join(", "));
+    if !strong.is_empty() {
+        let _ = writeln!(out, "<p>Strongly correlated parameters: {}.</p>", strong.join(", "));
     }
     out.push_str("<p class=\"note\">Correlation between the errors of each pair of parameters of the last model. Near ±1 one can stand in for the other, and only their combination is well determined. Parameters at a bound are left out.</p>\n</section>\n");
     out

@@ -5,8 +5,8 @@ use std::fmt::Write;
 use crate::fit::outcome::fit::RunFit;
 use crate::model::energy::Energy;
 use crate::report::Page;
-use crate::report::html::escape::escape;
 use crate::report::html::page::{minus, table};
+use crate::report::text::escape::escape;
 use crate::report::text::number::significant;
 
 /// Cycles after which the book is read, besides at the end.

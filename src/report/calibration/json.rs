@@ -147,7 +147,7 @@ impl<'a> From<&'a FittedParameter> for Parameter<'a> {
     }
 }
 
-/// The document of `calibrate --json` as text, one line; `warnings` are what else is to be said of the fit.
+/// The document of `calibrate --json` as text, one line; `warnings` are about the fit.
 ///
 /// # Errors
 /// Only what [`serde_json`] may report; plain data like this gives it no cause.

@@ -2,8 +2,8 @@
 
 use crate::fit::outcome::fit::Fit;
 use crate::report::Stage;
-use crate::report::html::escape::escape;
 use crate::report::html::page::{minus, table};
+use crate::report::text::escape::escape;
 use crate::report::text::number::interval;
 use crate::report::text::value::fitted;
 
@@ -17,8 +17,8 @@ pub(crate) fn section(stages: &[Stage]) -> String {
     let mut out = format!("<section id=\"parameters\"><h2>Parameters</h2>\n{}", of(last.fit, &last.title));
     out.push_str(if last.fit.converged { ERRORS } else { NO_ERRORS });
     if !last.fit.unseen.is_empty() {
-        let said: String = last.fit.unseen.iter().map(|u| format!("<li>{}</li>\n", escape(&u.in_words))).collect();
-        out.push_str(&format!("<h3>What the recordings do not show</h3>\n<ul>\n{said}</ul>\n"));
+        let items: String = last.fit.unseen.iter().map(|u| format!("<li>{}</li>\n", escape(&u.in_words))).collect();
+        out.push_str(&format!("<h3>What the recordings do not show</h3>\n<ul>\n{items}</ul>\n"));
     }
     out.push_str(&crate::report::calibration::profiles::section(last.fit));
     for stage in earlier {

@@ -3,8 +3,8 @@
 use crate::fit::inference::interval::Z_95;
 use crate::fit::outcome::fit::{Fit, FittedParameter};
 use crate::fit::validate::profile::Profile;
-use crate::report::html::escape::escape;
 use crate::report::svg::{LineChart, Series, Style};
+use crate::report::text::escape::escape;
 use crate::report::text::number::interval;
 
 /// Rise of the sum of squares up to which the parabola is drawn.

@@ -3,9 +3,9 @@
 use std::fmt::Write;
 
 use crate::report::Stage;
-use crate::report::html::escape::escape;
 use crate::report::html::page::{colour, table};
 use crate::report::svg::Scale;
+use crate::report::text::escape::escape;
 use crate::report::text::number::{duration, error_m, times, times_noise};
 use crate::report::view::curves::find;
 use crate::report::view::summary::{Overall, overall};

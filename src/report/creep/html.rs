@@ -4,9 +4,9 @@ use std::fmt::Write;
 
 use crate::creep::fit::{CreepFit, Noise, TestFit};
 use crate::report::creep::text::{COMPLIANCE_UNIT, curve, elements, headline, shift_lines, temperature, tried};
-use crate::report::html::escape::escape;
 use crate::report::html::page::{footer, minus, remarks, still_head, table};
 use crate::report::svg::{LineChart, Series, Style};
+use crate::report::text::escape::escape;
 use crate::report::text::number::{significant, with_error};
 
 /// Most points of a measurement that are drawn.

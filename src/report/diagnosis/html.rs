@@ -6,7 +6,7 @@ use crate::report::Stage;
 use crate::report::calibration::{correlation, energy, heatmap, spectrum, stages};
 use crate::report::diagnosis::words::{probability, start_model};
 use crate::report::diagnosis::{ranking, signature};
-use crate::report::html::escape::escape;
+use crate::report::text::escape::escape;
 use crate::report::text::number::{error_m, times_noise};
 use crate::report::view::summary;
 use crate::report::view::summary::overall;
@@ -66,10 +66,10 @@ pub(crate) fn verdict(page: &Page) -> (&'static str, &'static str, String) {
     match last.verdict {
         Verdict::MissingEffect => ("✗", "missing", missing.trim_end().into()),
         Verdict::NothingMissing if found.is_empty() => {
-            let said = format!(
+            let sentence = format!(
                 "Nothing is missing from the {model}: adding an effect of the catalogue would not pay. RMSE {rmse} m, {noise}."
             );
-            ("✓", "good", said)
+            ("✓", "good", sentence)
         }
         Verdict::NothingMissing => ("✓", "good", format!("{missing}Nothing more is missing.")),
         Verdict::UnknownEffect => {
@@ -77,10 +77,10 @@ pub(crate) fn verdict(page: &Page) -> (&'static str, &'static str, String) {
                 format!(" The nearest, {}, leaves {} m.", best.label, error_m(best.rmse_m))
             });
             let more = if found.is_empty() { "Something" } else { "Something more" };
-            let said = format!(
+            let sentence = format!(
                 "{missing}{more} is missing that no effect of the catalogue explains: the {model} has RMSE {rmse} m, {noise}.{nearest}"
             );
-            ("?", "missing", said)
+            ("?", "missing", sentence)
         }
     }
 }
@@ -210,7 +210,7 @@ mod tests {
         assert!(page.contains("Missing: leak (probability 0.60).") && page.contains("cannot tell leak from blockage."));
         assert!(
             page.contains("<strong>Next test:</strong> halve the flow.")
-                && page.contains(">leak</code><small class=\"alike\">cannot be told from blockage</small>")
+                && page.contains(">leak</code><small class=\"alike\">cannot be distinguished from blockage</small>")
         );
     }
 

@@ -2,8 +2,8 @@
 
 use crate::diagnose::{Candidate, Diagnosis, NOT_WORTH, Verdict};
 use crate::report::diagnosis::words::{probability, start_model};
-use crate::report::html::escape::escape;
 use crate::report::html::page::{minus, table};
+use crate::report::text::escape::escape;
 use crate::report::text::number::{error_m, significant, times, with_error};
 use crate::report::view::summary::overall;
 
@@ -79,13 +79,17 @@ fn least_visible(diagnosis: &Diagnosis) -> String {
 /// What was not tried, and why.
 fn left_out(diagnosis: &Diagnosis) -> String {
     let each = diagnosis.left_out.iter().map(|(effect, why)| format!("<code>{effect}</code>: {}", escape(why)));
-    let said: Vec<String> = each.collect();
-    if said.is_empty() { String::new() } else { format!("<p class=\"note\">Not tried: {}.</p>\n", said.join("; ")) }
+    let effects: Vec<String> = each.collect();
+    if effects.is_empty() {
+        String::new()
+    } else {
+        format!("<p class=\"note\">Not tried: {}.</p>\n", effects.join("; "))
+    }
 }
 
 /// The test that would tell the best candidates apart, or why there is none to make.
 fn next_test(diagnosis: &Diagnosis) -> String {
-    let said = match (&diagnosis.next_test, diagnosis.verdict) {
+    let test = match (&diagnosis.next_test, diagnosis.verdict) {
         (Some(test), _) => escape(test),
         (None, Verdict::NothingMissing) => "none is needed: nothing is missing".into(),
         (None, Verdict::UnknownEffect) => "none can be named: no effect of the catalogue explains the residual".into(),
@@ -94,7 +98,7 @@ fn next_test(diagnosis: &Diagnosis) -> String {
             Some(_) => "none was found that would distinguish these candidates".into(),
         },
     };
-    format!("<p class=\"next\"><strong>Next test:</strong> {said}.</p>\n")
+    format!("<p class=\"next\"><strong>Next test:</strong> {test}.</p>\n")
 }
 
 fn rows(diagnosis: &Diagnosis, candidates: &[Candidate], with_none: bool) -> String {

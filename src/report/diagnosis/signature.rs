@@ -5,9 +5,9 @@ use std::fmt::Write;
 use crate::diagnose::{Diagnosis, Verdict};
 use crate::report::Stage;
 use crate::report::diagnosis::words::start_model;
-use crate::report::html::escape::escape;
 use crate::report::html::figures;
 use crate::report::svg::{LineChart, Series, Style};
+use crate::report::text::escape::escape;
 use crate::report::view::curves::Curves;
 use crate::report::view::decimate;
 

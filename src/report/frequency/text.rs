@@ -32,18 +32,18 @@ pub fn verdict(sensors: &[SensorResponse]) -> (String, Option<bool>) {
     };
     let way = if h.shift < 0.0 { "below" } else { "above" };
     let shift = significant(100.0 * h.shift.abs(), 2);
-    let said = format!(
+    let sentence = format!(
         "At {} the fundamental, {} Hz, lies {shift}% {way} a/4L, and {} harmonics stand out of the noise",
         sensor.name,
         fixed(h.record.frequency_hz, 4),
         sensor.harmonics.len()
     );
-    let (Some(model), Some(peak)) = (h.model, h.model_peak) else { return (said + ".", None) };
+    let (Some(model), Some(peak)) = (h.model, h.model_peak) else { return (sentence + ".", None) };
     let (frequency, amplitude) =
         (peak.frequency_hz / h.record.frequency_hz - 1.0, model.amplitude / h.record.amplitude - 1.0);
     let has_it = frequency.abs() < HAS_IT.0 && amplitude.abs() < HAS_IT.1;
     let (frequency, amplitude) = (signed(100.0 * frequency, 2), signed(100.0 * amplitude, 2));
-    (format!("{said}; the model is off by {frequency}% in frequency and {amplitude}% in amplitude."), Some(has_it))
+    (format!("{sentence}; the model is off by {frequency}% in frequency and {amplitude}% in amplitude."), Some(has_it))
 }
 
 /// Verdict, and tables, one a sensor.

@@ -3,10 +3,10 @@
 use std::fmt::Write;
 
 use crate::report::history::text::{DRIFT_HEADINGS, drift_notes, drift_rows, headings, headline, rows, slope_text};
-use crate::report::html::escape::escape;
 use crate::report::html::figures::plates;
 use crate::report::html::page::{CSS, STILL, footer, minus, opening, table};
 use crate::report::svg::{LineChart, Series, Style};
+use crate::report::text::escape::escape;
 use crate::results::history::drift::{Drift, Point, Slope};
 use crate::results::history::{History, ParameterHistory};
 

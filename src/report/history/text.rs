@@ -271,13 +271,13 @@ pub fn rows(history: &History) -> Vec<Vec<String>> {
             value.map_or("–".into(), |v| with_error(v.value, v.standard_error.unwrap_or(f64::INFINITY)))
         }));
         row.push(f.map_or("–".into(), |f| times(f.rmse_m, f.noise_m)));
-        row.push(said(run, own.is_none()));
+        row.push(outcome(run, own.is_none()));
         row
     };
     history.runs.iter().enumerate().map(row).collect()
 }
 
-fn said(run: &Run, other_model: bool) -> String {
+fn outcome(run: &Run, other_model: bool) -> String {
     let Some(f) = &run.finding else {
         let error = run.error.as_ref().map_or(String::new(), |e| format!(": {e}"));
         return format!("{}{error}", run.state.name());

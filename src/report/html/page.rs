@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use crate::report::html::escape::escape;
+use crate::report::text::escape::escape;
 
 pub(crate) const CSS: &str = include_str!("assets/page.css");
 const UPLOT_CSS: &str = include_str!("assets/uplot/uPlot.min.css");

@@ -2,11 +2,11 @@
 
 use std::fmt::Write as _;
 
-use crate::report::html::escape::escape;
 use crate::report::html::page::{contents, footer, head, minus, table};
 use crate::report::sensitivity::{f_value, failures, range, repeats, share, undefined};
 use crate::report::svg::bars::{Bar, BarChart};
 use crate::report::svg::heat::HeatMap;
+use crate::report::text::escape::escape;
 use crate::report::text::number::significant;
 use crate::sensitivity::factor::Factor;
 use crate::sensitivity::features::Output;
@@ -89,7 +89,7 @@ fn of_sobol(sobol: &Table<Indices>) -> String {
         "<section id=\"sobol\"><h2>Shares of the variance (Sobol)</h2>\n<p class=\"note\">First order: share explained by the parameter alone; total: with all its interactions. Whiskers: 95 % of bootstrap samples. The shares hold for the ranges below, over which all parameters vary at once.</p>\n{}<details><summary>Total indices as a table</summary>\n{}</details>\n{}</section>\n",
         charts(&sobol.outputs, chart),
         indices("Total indices with 95 % intervals", sobol, cell),
-        said(sobol)
+        notes(sobol)
     )
 }
 
@@ -118,7 +118,7 @@ fn of_morris(morris: &Table<Effects>) -> String {
         "<section id=\"morris\"><h2>Elementary effects (Morris)</h2>\n<p class=\"note\">One parameter at a time takes a step, from many points of the ranges: μ* is the mean absolute effect, σ how much the effect varies between points (curvature, interaction). Whiskers: 95 % of μ*.</p>\n{}<details><summary>Effects with their sign (μ) as a table</summary>\n{}</details>\n{}</section>\n",
         charts(&morris.outputs, chart),
         indices("Mean effects", morris, cell),
-        said(morris)
+        notes(morris)
     )
 }
 
@@ -155,7 +155,7 @@ fn indices<T>(title: &str, of: &Table<T>, cell: impl Fn(&T) -> String) -> String
     table(title, &headings, &numbers, rows)
 }
 
-fn said<T>(of: &Table<T>) -> String {
+fn notes<T>(of: &Table<T>) -> String {
     let text = failures(of.failed, of.runs, of.why.as_deref()) + &undefined(of);
     format!("<p class=\"note\">{}</p>\n", escape(text.trim_end()))
 }

@@ -2,13 +2,13 @@
 
 use std::fmt::Write;
 
-use crate::report::html::escape::escape;
 use crate::report::html::figures::plates;
 use crate::report::html::page::{footer, minus, remarks, still_head, table};
 use crate::report::svg::{LineChart, Series, Style};
 use crate::report::temperature::text::{
     LAW_HEADINGS, RUN_HEADINGS, TREND_HEADINGS, comparison, degrees, errors, headline, laws, trends, values,
 };
+use crate::report::text::escape::escape;
 use crate::temperature::apart::{Banded, Quantity};
 use crate::temperature::{Family, Verdict};
 

@@ -6,7 +6,7 @@ use crate::report::text::number::{error_m, times};
 
 /// RMSE within this factor of the noise counts as noise: the estimate of the noise is no better.
 pub(crate) const DOWN_TO_NOISE: f64 = 1.25;
-/// RMSE within this factor of the noise is not told from noise; between the two factors it may be, or something small is missing.
+/// RMSE within this factor of the noise cannot be distinguished from noise; between the two factors it may be, or something small is missing.
 const AT_NOISE: f64 = 1.1;
 /// RMSE beyond this factor of the noise means that something is missing.
 const SOMETHING_MISSING: f64 = 2.0;

@@ -1,4 +1,4 @@
-//! What is said once: what was wrong, and is so no longer, and what the trigger does. And the line a second.
+//! Messages about changes: problems that appear or end, and steps of the trigger. And the progress line of every second.
 
 use crate::cli::console::live::numbers::{bytes, lasting};
 use crate::cli::console::live::tone::Tone;
@@ -63,8 +63,8 @@ fn fired(before: Option<&TriggerView>, now: &TriggerView) -> Vec<(Tone, String)>
     for shot in shots + 1..=now.fired {
         news.push((Tone::Good, format!("shot {shot} has fired")));
     }
-    let told = before.map_or(0, |trigger| trigger.lost.len());
-    news.extend(now.lost.iter().skip(told).map(|text| (Tone::Alarm, text.clone())));
+    let known = before.map_or(0, |trigger| trigger.lost.len());
+    news.extend(now.lost.iter().skip(known).map(|text| (Tone::Alarm, text.clone())));
     let again = if now.fired > 0 { " again" } else { "" };
     match (old, now.phase) {
         (Some(Phase::Settling { .. }), Phase::Settling { .. }) if now.fired == shots => {}
