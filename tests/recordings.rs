@@ -361,7 +361,7 @@ fn a_recording_with_gaps_exports_and_says_that_they_do_not_show() {
     writer.samples(1, 500_000, 1e6, &[7.0]).unwrap();
     writer.finish().unwrap();
     let (_, err) = bench.expect(0, "export live.mcap -o live.csv");
-    assert!(err.contains("a CSV cannot mark gaps; the recording has 1"), "{err}");
+    assert!(err.contains("a CSV file cannot mark gaps: the recording has 1"), "{err}");
     let text = String::from_utf8(bench.get("live.csv")).unwrap();
     assert_eq!(text, "time_s,P1,P2,Q1\n0,1,,\n0.0005,,7,\n0.001,2.5,,\n0.01,3,,\n");
 }

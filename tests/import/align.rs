@@ -245,7 +245,7 @@ fn absolute_times_align_and_what_contradicts_them_is_said() {
     let (document, _) = bench.import(0, &["slow.csv", "fast.csv"]);
     assert_eq!(clock(&document)["method"], "front");
     bench
-        .refuses(&["slow.csv", "fast.csv", "--start", "2026-03-14T09:26:53Z"], &["--start does not say of which file"]);
+        .refuses(&["slow.csv", "fast.csv", "--start", "2026-03-14T09:26:53Z"], &["--start must name its file"]);
 }
 
 #[test]

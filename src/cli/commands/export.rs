@@ -34,7 +34,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     }
     let gaps: usize = summary.sensors.iter().map(|s| s.gaps).sum();
     if gaps > 0 {
-        tell!("note: a CSV file cannot mark gaps; the {gaps} gaps of the recording show as missing lines only");
+        tell!("note: a CSV file cannot mark gaps: the recording has {gaps}, which show as missing lines only");
     }
     Ok(Outcome::Done)
 }

@@ -217,7 +217,7 @@ mod tests {
     #[test]
     fn without_a_candidate_the_page_still_stands() {
         let page = page_of(Verdict::UnknownEffect, vec![], None);
-        assert!(page.contains("There was no effect left to try.") && !page.contains("id=\"signature\""));
+        assert!(page.contains("No effect was left to try.") && !page.contains("id=\"signature\""));
         assert!(page.contains("no effect of the catalogue explains") && page.ends_with("</html>\n"));
     }
 }

@@ -186,7 +186,7 @@ mod tests {
         };
         assert!(say(0.031, 0.029).contains("down to the noise"));
         assert!(say(1.1, 1.0).contains("as well as it fits"));
-        assert!(say(0.3, 0.03).contains("belongs to this data alone"));
-        assert!(say(3.0, 1.0).contains("bend to hide"));
+        assert!(say(0.3, 0.03).contains("its parameters are overfitted"));
+        assert!(say(3.0, 1.0).contains("its parameters compensate"));
     }
 }
