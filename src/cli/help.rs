@@ -98,6 +98,8 @@ distinguish two effects, the diagnosis names a test that can.
         name: "trust",
         about: "how far to trust a fitted model",
         text: "\
+A small error is no proof of a good model. What tells more:
+
   surgescope cross-validate run.mcap --effects viscoelastic-wall
   surgescope predict model.toml other.mcap            # another flow or closure
   surgescope calibrate run.mcap --profile all         # intervals by profile likelihood
@@ -122,6 +124,8 @@ wave speed and creep depend on temperature.
         name: "automation",
         about: "let the program fit each recording, and check results in CI",
         text: "\
+The program can fit each recording as it appears, and compare results with those kept beside recordings.
+
   surgescope record --rig rig.toml -o run.mcap --calibrate
   surgescope watch folder
   surgescope accept folder/run.mcap                   # later runs start from its model
