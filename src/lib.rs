@@ -1,27 +1,56 @@
 //! surgescope records valve-closure (water-hammer) tests, models them, calibrates the model and shows which physics it lacks.
 //!
-//! Test data walks through the rooms in one direction:
+//! The front door is [`Study`]: it opens recordings, calibrates models, diagnoses what they lack and grows them.
+//!
+//! ```no_run
+//! use surgescope::Study;
+//! use surgescope::diagnose::Verdict;
+//!
+//! // recordings of one rig: read, inspected, prepared
+//! let study = Study::open(["recordings/hdpe-creep.mcap"])?;
+//! for warning in study.warnings() {
+//!     eprintln!("{warning}");
+//! }
+//! // the base model, with a value that is known
+//! let base = study.calibrate("none").hold("closing_time_s", 0.1).run()?;
+//! // what it lacks
+//! let diagnosis = study.diagnose(&base)?;
+//! if diagnosis.verdict == Verdict::MissingEffect {
+//!     let missing = &diagnosis.candidates[0];
+//!     // the model with that effect
+//!     let grown = study.grow(&base, missing.label.as_str())?;
+//!     println!("{}: evidence {:.0}", missing.label, grown.evidence);
+//!     println!("wave speed {:.1} m/s", grown.fit.parameter("wave_speed_m_s")?.value);
+//! }
+//! # Ok::<(), surgescope::Error>(())
+//! ```
+//!
+//! Test data walks through the rooms in one direction, and each room uses only those above it:
 //!
 //! | module | what happens there |
 //! | --- | --- |
 //! | [`units`] | display units at the edges, SI inside |
 //! | [`rig`] | the rig file: pipes, water, materials, sensors, wiring |
 //! | [`recording`] | a test in memory: samples of each sensor, gaps, metadata |
-//! | [`log`] | recordings on disk: MCAP writer, reader, recovery; CSV import and export |
-//! | [`record`] | live streams: wire protocols, ports, sessions, the simulated rig |
 //! | [`signal`] | noise, steady pressures, extrema, period, wave speed |
 //! | [`align`] | several recordings of one closure, each on its own clock, become one |
 //! | [`model`] | the method of characteristics, its boundaries and effects |
-//! | [`sensitivity`] | which parameter moves what: analysis of variance, maps, Morris, Sobol |
+//! | [`sensitivity`] | which parameter affects what: analysis of variance, maps, Morris, Sobol, the source paper's rules |
 //! | [`fit`] | calibration: bounded least squares, comparison, uncertainty |
+//! | [`valve`] | how the valve closed, from the head upstream of it |
+//! | [`creep`], [`temperature`] | creep tests of the wall's material; runs at several temperatures |
 //! | [`diagnose`] | where a model fails, and which effect it lacks |
-//! | [`history`] | every run of a folder in an index, and the drift of a rig's parameters |
+//! | [`storage`] | recordings on disk: MCAP writer, reader, recovery; import and export |
+//! | [`record`] | live streams: wire protocols, ports, sessions |
+//! | [`simulate`] | simulated runs and devices |
+//! | [`results`] | fits and models as files, and every run of a folder in an index |
+//! | [`study`] | the front door |
 //! | [`report`] | tables, JSON and HTML |
 //! | [`replay`] | results kept beside recordings, and whether they still hold |
-//! | [`watch`] | from a finished recording to its verdict: which files are finished, the model to start from, what to say |
-//! | [`cli`] | one thin file a command |
+//! | [`watch`] | from a finished recording to its verdict, without a person |
+//! | [`cli`] | the program: one thin file per command |
 //!
-//! # Example
+//! # The model alone
 //!
 //! Joukowsky's head on a rig of the project, by simulation:
 //!
@@ -51,6 +80,13 @@ pub mod simulate;
 pub mod storage;
 pub mod study;
 pub mod watch;
+
+pub use crate::diagnose::Diagnosis;
+pub use crate::fit::outcome::fit::Fit;
+pub use crate::recording::Recording;
+pub use crate::rig::Rig;
+pub use crate::study::Study;
+pub use crate::study::error::Error;
 
 use surgescope_core::robust;
 pub use surgescope_core::{

@@ -3,61 +3,20 @@
 pub mod args;
 pub mod commands;
 pub mod console;
+pub(crate) mod help;
 
-/// A line on standard output. Where nobody reads it any more (`| head`) that is no error: `println!` would panic.
-macro_rules! say {
-    ($($arg:tt)*) => { $crate::cli::write_out(format_args!("{}\n", format_args!($($arg)*)))? };
-}
-/// Text on standard output as it stands, likewise.
-macro_rules! say_text {
-    ($text:expr) => {
-        $crate::cli::write_out(format_args!("{}", $text))?
-    };
-}
-/// A line on standard error: progress, notes, warnings. Where nobody reads it any more, or its disk is full, the work goes on
-/// and the exit code stays: `eprintln!` would panic.
-macro_rules! tell {
-    ($($arg:tt)*) => { $crate::cli::write_err(format_args!($($arg)*)) };
-}
-pub(crate) use {say, say_text, tell};
-
-use std::error::Error;
-use std::io::Write as _;
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 
-/// How a command ended, when it did not fail.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Outcome {
-    /// Done: exit 0.
-    Done,
-    /// The answer is 'no' (a check failed): exit 1.
-    No,
-    /// Done, but data was lost on the way: exit 3.
-    DataLost,
-}
-
-impl Outcome {
-    /// The exit code.
-    fn code(self) -> u8 {
-        match self {
-            Outcome::Done => 0,
-            Outcome::No => 1,
-            Outcome::DataLost => 3,
-        }
-    }
-}
-
-/// Exit code of an error.
-const FAILED: u8 = 2;
-
-/// What a command returns; an error is bad input or usage: exit 2.
-pub type CommandResult = Result<Outcome, Box<dyn Error + Send + Sync>>;
+use crate::cli::console::last_words::LastWords;
+use crate::cli::console::outcome::{CommandResult, FAILED};
+use crate::cli::console::print::tell;
+use crate::cli::console::stop::STOP;
 
 /// Record, model and calibrate water-hammer tests, and find the physics a model lacks.
 #[derive(Debug, Parser)]
-#[command(version, propagate_version = true)]
+#[command(version, propagate_version = true, disable_help_subcommand = true)]
 struct Cli {
     /// Print one JSON document on standard output and nothing else there.
     #[arg(long, global = true)]
@@ -68,87 +27,82 @@ struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Command {
-    /// Turn time series (CSV, TDMS, MCAP of other programs) into a recording.
-    Import(crate::cli::commands::import::Args),
-    /// The whole story on a recording that ships with the program.
-    Demo(crate::cli::commands::demo::Args),
-    /// List the effects that a model can have.
-    Effects(crate::cli::commands::effects::Args),
-    /// Fit a model to one recording, or to several of one rig at once.
-    Calibrate(crate::cli::commands::calibrate::Args),
-    Diagnose(crate::cli::commands::diagnose::Args),
-    Creep(crate::cli::commands::creep::Args),
-    Family(crate::cli::commands::family::Args),
-    Predict(crate::cli::commands::predict::Args),
-    CrossValidate(crate::cli::commands::cross_validate::Args),
-    Frequency(crate::cli::commands::frequency::Args),
-    Add(crate::cli::commands::add::Args),
-    Refit(crate::cli::commands::refit::Args),
-    Undo(crate::cli::commands::undo::Args),
-    Results(crate::cli::commands::results::Args),
-    Pest(crate::cli::commands::pest::Args),
-    Model(crate::cli::commands::model::Args),
-    Valve(crate::cli::commands::valve::Args),
-    Sensitivity(crate::cli::commands::sensitivity::Args),
-    /// Turn a recording into a time series (CSV).
-    Export(crate::cli::commands::export::Args),
-    /// Show what a recording tells without a model: steady heads, extrema, period, wave speed, closure, noise.
-    Inspect(crate::cli::commands::inspect::Args),
-    /// Make a whole recording of one that a crash cut off.
-    Recover(crate::cli::commands::recover::Args),
-    /// Say where a rig file contradicts itself, or a recording made on it.
-    Rig(crate::cli::commands::rig::Args),
-    Ports(crate::cli::commands::ports::Args),
-    /// Record a live, simulated or replayed test.
-    Record(crate::cli::commands::record::Args),
-    /// Simulate a closure on a rig, no recording needed.
-    Simulate(crate::cli::commands::simulate::Args),
-    /// Say whether recordings still give the results kept beside them.
-    Replay(crate::cli::commands::replay::Args),
-    Watch(crate::cli::commands::watch::Args),
-    Accept(crate::cli::commands::accept::Args),
-    History(crate::cli::commands::history::Args),
+    Import(commands::import::Args),
+    Demo(commands::demo::Args),
+    Effects(commands::effects::Args),
+    Calibrate(commands::calibrate::Args),
+    Diagnose(commands::diagnose::Args),
+    Creep(commands::creep::Args),
+    Family(commands::family::Args),
+    Predict(commands::predict::Args),
+    CrossValidate(commands::cross_validate::Args),
+    Frequency(commands::frequency::Args),
+    Add(commands::add::Args),
+    Refit(commands::refit::Args),
+    Undo(commands::undo::Args),
+    Results(commands::results::Args),
+    Pest(commands::pest::Args),
+    Model(commands::model::Args),
+    Valve(commands::valve::Args),
+    Sensitivity(commands::sensitivity::Args),
+    Export(commands::export::Args),
+    Inspect(commands::inspect::Args),
+    Recover(commands::recover::Args),
+    Rig(commands::rig::Args),
+    Ports(commands::ports::Args),
+    Record(commands::record::Args),
+    Simulate(commands::simulate::Args),
+    Replay(commands::replay::Args),
+    Watch(commands::watch::Args),
+    Accept(commands::accept::Args),
+    History(commands::history::Args),
+    Help(help::Args),
+}
+
+/// The command line with its commands in groups.
+fn command() -> clap::Command {
+    help::grouped(Cli::command())
 }
 
 /// Parses the arguments, runs the command and turns its outcome into the exit code.
 pub fn main() -> ExitCode {
-    let cli = Cli::parse();
+    let cli = Cli::from_arg_matches(&command().get_matches()).unwrap_or_else(|error| error.exit());
     let result: CommandResult = match cli.command {
-        Command::Import(args) => crate::cli::commands::import::run(args, cli.json),
-        Command::Demo(args) => crate::cli::commands::demo::run(args, cli.json),
-        Command::Effects(args) => crate::cli::commands::effects::run(args, cli.json),
-        Command::Calibrate(args) => crate::cli::commands::calibrate::run(args, cli.json),
-        Command::Diagnose(args) => crate::cli::commands::diagnose::run(args, cli.json),
-        Command::Creep(args) => crate::cli::commands::creep::run(args, cli.json),
-        Command::Family(args) => crate::cli::commands::family::run(args, cli.json),
-        Command::Predict(args) => crate::cli::commands::predict::run(args, cli.json),
-        Command::CrossValidate(args) => crate::cli::commands::cross_validate::run(args, cli.json),
-        Command::Frequency(args) => crate::cli::commands::frequency::run(args, cli.json),
-        Command::Add(args) => crate::cli::commands::add::run(args, cli.json),
-        Command::Refit(args) => crate::cli::commands::refit::run(args, cli.json),
-        Command::Results(args) => crate::cli::commands::results::run(args, cli.json),
-        Command::Pest(args) => crate::cli::commands::pest::run(args, cli.json),
-        Command::Undo(args) => crate::cli::commands::undo::run(args, cli.json),
-        Command::Model(args) => crate::cli::commands::model::run(args, cli.json),
-        Command::Valve(args) => crate::cli::commands::valve::run(args, cli.json),
-        Command::Sensitivity(args) => crate::cli::commands::sensitivity::run(args, cli.json),
-        Command::Export(args) => crate::cli::commands::export::run(args, cli.json),
-        Command::Inspect(args) => crate::cli::commands::inspect::run(args, cli.json),
-        Command::Recover(args) => crate::cli::commands::recover::run(args, cli.json),
-        Command::Simulate(args) => crate::cli::commands::simulate::run(args, cli.json),
-        Command::Rig(args) => crate::cli::commands::rig::run(args, cli.json),
-        Command::Ports(args) => crate::cli::commands::ports::run(args, cli.json),
-        Command::Record(args) => crate::cli::commands::record::run(args, cli.json),
-        Command::Replay(args) => crate::cli::commands::replay::run(args, cli.json),
-        Command::Watch(args) => crate::cli::commands::watch::run(args, cli.json),
-        Command::Accept(args) => crate::cli::commands::accept::run(args, cli.json),
-        Command::History(args) => crate::cli::commands::history::run(args, cli.json),
+        Command::Import(args) => commands::import::run(args, cli.json),
+        Command::Demo(args) => commands::demo::run(args, cli.json),
+        Command::Effects(args) => commands::effects::run(args, cli.json),
+        Command::Calibrate(args) => commands::calibrate::run(args, cli.json),
+        Command::Diagnose(args) => commands::diagnose::run(args, cli.json),
+        Command::Creep(args) => commands::creep::run(args, cli.json),
+        Command::Family(args) => commands::family::run(args, cli.json),
+        Command::Predict(args) => commands::predict::run(args, cli.json),
+        Command::CrossValidate(args) => commands::cross_validate::run(args, cli.json),
+        Command::Frequency(args) => commands::frequency::run(args, cli.json),
+        Command::Add(args) => commands::add::run(args, cli.json),
+        Command::Refit(args) => commands::refit::run(args, cli.json),
+        Command::Results(args) => commands::results::run(args, cli.json),
+        Command::Pest(args) => commands::pest::run(args, cli.json),
+        Command::Undo(args) => commands::undo::run(args, cli.json),
+        Command::Model(args) => commands::model::run(args, cli.json),
+        Command::Valve(args) => commands::valve::run(args, cli.json),
+        Command::Sensitivity(args) => commands::sensitivity::run(args, cli.json),
+        Command::Export(args) => commands::export::run(args, cli.json),
+        Command::Inspect(args) => commands::inspect::run(args, cli.json),
+        Command::Recover(args) => commands::recover::run(args, cli.json),
+        Command::Simulate(args) => commands::simulate::run(args, cli.json),
+        Command::Rig(args) => commands::rig::run(args, cli.json),
+        Command::Ports(args) => commands::ports::run(args, cli.json),
+        Command::Record(args) => commands::record::run(args, cli.json),
+        Command::Replay(args) => commands::replay::run(args, cli.json),
+        Command::Watch(args) => commands::watch::run(args, cli.json),
+        Command::Accept(args) => commands::accept::run(args, cli.json),
+        Command::History(args) => commands::history::run(args, cli.json),
+        Command::Help(args) => help::run(&args, command()),
     };
     match result {
         Ok(outcome) => ExitCode::from(outcome.code()),
         Err(error) => {
-            let _words =
-                crate::cli::console::last_words::LastWords::before(FAILED, &crate::cli::commands::record::STOP);
+            let _words = LastWords::before(FAILED, &STOP);
             tell!("error: {error}");
             let mut cause = error.source();
             while let Some(inner) = cause {
@@ -163,27 +117,46 @@ pub fn main() -> ExitCode {
     }
 }
 
-/// Writes to standard output; a closed pipe is not an error, nor is a terminal that has hung up.
-fn write_out(text: std::fmt::Arguments) -> std::io::Result<()> {
-    let mut out = std::io::stdout().lock();
-    match out.write_fmt(text).and_then(|()| out.flush()) {
-        Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => Ok(()),
-        #[cfg(unix)]
-        Err(error) if error.raw_os_error() == Some(nix::errno::Errno::EIO as i32) => Ok(()),
-        other => other,
-    }
-}
+#[cfg(test)]
+mod tests {
+    use super::*;
 
-/// Writes a line to standard error, whatever has become of it.
-pub(crate) fn write_err(line: std::fmt::Arguments) {
-    // in one piece, so that lines of two threads do not mix
-    let _ = std::io::stderr().lock().write_all(format!("{line}\n").as_bytes());
-}
-
-/// One JSON document of the entries of two objects.
-fn document(mut head: serde_json::Value, body: &impl serde::Serialize) -> Result<serde_json::Value, serde_json::Error> {
-    if let (Some(head), serde_json::Value::Object(body)) = (head.as_object_mut(), serde_json::to_value(body)?) {
-        head.extend(body);
+    #[test]
+    fn every_command_is_in_exactly_one_group() {
+        let command = Cli::command();
+        let mut listed: Vec<&str> = help::GROUPS.iter().flat_map(|(_, names)| names.iter().copied()).collect();
+        let mut known: Vec<&str> = command.get_subcommands().map(clap::Command::get_name).collect();
+        known.retain(|name| *name != "help");
+        listed.sort_unstable();
+        known.sort_unstable();
+        assert_eq!(listed, known);
+        assert_eq!(help::GROUPS[0].1.len(), 5, "five for a newcomer");
     }
-    Ok(head)
+
+    #[test]
+    fn the_help_has_each_command_with_its_summary_on_one_line() {
+        let text = command().render_help().to_string();
+        for of in Cli::command().get_subcommands().filter(|c| c.get_name() != "help") {
+            let about = of.get_about().map(ToString::to_string).unwrap_or_default();
+            assert!(!about.is_empty() && about.chars().count() <= 80, "{}: {about}", of.get_name());
+            let line = text.lines().find(|line| line.trim_start().starts_with(&format!("{} ", of.get_name())));
+            assert!(line.is_some_and(|line| line.ends_with(&about)), "{}: {about}\n{text}", of.get_name());
+        }
+        assert!(text.contains("help recording") && text.contains("--json"), "{text}");
+    }
+
+    /// What the topics tell a person to type is what the program takes.
+    #[test]
+    fn topics_show_commands_that_exist() {
+        for topic in help::TOPICS {
+            let shown: Vec<&str> = topic.text.lines().filter_map(|line| line.strip_prefix("  surgescope ")).collect();
+            assert!(shown.len() >= 2, "{}", topic.name);
+            for line in shown {
+                let words = line.split("  #").next().unwrap_or(line).split_whitespace();
+                let parsed = command().try_get_matches_from(std::iter::once("surgescope").chain(words));
+                assert!(parsed.is_ok(), "{line}: {}", parsed.unwrap_err());
+            }
+            assert!(command().find_subcommand(topic.name).is_none(), "{} is a command", topic.name);
+        }
+    }
 }

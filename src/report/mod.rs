@@ -3,46 +3,41 @@
 //! The loop of the program is to fit a model, see where it fails, add an effect and fit again. A report therefore shows a
 //! list of [`Stage`]s, the start model first, and lets the error of each be compared with the noise of the recording.
 //!
-//! | file | what it makes |
+//! | folder | what it makes |
 //! | --- | --- |
-//! | [`json`] | the document of `calibrate --json` |
-//! | [`table`] | plain-text tables for the terminal |
-//! | [`html`](mod@html) | the page of a calibration or a diagnosis, from the pieces in `html/` and the files in `assets/` |
-//! | [`prediction`], [`cross_validation`] | how a model does on what it was not fitted to, as text and JSON |
-//! | [`frequency`] | a frequency response as text, JSON and pictures |
-//! | [`fit_file`] | one fit as a file, TOML or JSON, and back |
-//! | [`results`] | many fits as one table |
-//! | [`observations`] | what was measured, or modelled in its place, as a table |
-//! | [`pest`] | a calibration as a problem of PEST |
-//! | [`creep`] | a creep test as text and JSON |
-//! | [`family`] | a family of runs at several temperatures as text, JSON and CSV |
-//! | [`history`] | a rig's runs and drifts as text, JSON and CSV |
-//! | [`sensitivity`] | a sensitivity study as text and as a page |
+//! | [`text`] | tables, numbers and small plots in plain text |
+//! | [`view`] | what is worth showing of a fit, whatever shows it: curves, where a model fails, the verdict in a sentence |
 //! | [`svg`] | static charts, for the page in print and for any other plot |
-//! | [`plot`] | a small plot of two curves in text |
-//! | [`failure`] | where a model fails, in words |
-//! | [`summary`] | the error of a whole fit, and the one-sentence verdict |
-//! | [`curves`] | the curves of one sensor under all stages, on one time axis |
-//! | [`decimate`] | fewer points, every peak kept |
-//! | [`number`] | digits: `395.1(4)`, `0.034`, `+12.5` |
-//! | [`escape`] | user text in HTML and SVG |
+//! | [`html`](mod@html) | the frame of a page, tables, escapes |
+//! | [`page`] | the page of a calibration, a prediction or a diagnosis, from the pieces of its subject |
+//! | the others | one subject each: its text, its JSON and its HTML side by side |
 
 pub mod calibration;
 pub mod creep;
 pub mod diagnosis;
+pub mod effects;
+pub mod energy;
 pub mod frequency;
 pub mod history;
 pub mod html;
+pub mod inspection;
 pub mod models;
+pub mod page;
 pub mod pest;
 pub mod prediction;
 pub mod sensitivity;
 pub mod svg;
 pub mod temperature;
 pub mod text;
+pub mod valve;
 pub mod view;
 
+use crate::diagnose::Diagnosis;
 use crate::fit::outcome::fit::Fit;
+use crate::fit::validate::predict::Prediction;
+use crate::model::effects::Chosen;
+use crate::model::energy::Energy;
+use crate::rig::Rig;
 
 /// One model in the story of a calibration.
 #[derive(Debug, Clone)]
@@ -51,6 +46,21 @@ pub struct Stage<'a> {
     pub title: String,
     /// The calibrated model.
     pub fit: &'a Fit,
+}
+
+impl<'a> Stage<'a> {
+    /// A fit under the name of its effects.
+    pub fn of(fit: &'a Fit) -> Self {
+        Stage { title: title(&fit.effects), fit }
+    }
+}
+
+/// What a report calls the model with these effects: `base model`, `+ leak + unsteady-friction`.
+pub fn title(effects: &[Chosen]) -> String {
+    match effects {
+        [] => "base model".to_owned(),
+        _ => format!("+ {}", effects.iter().map(Chosen::label).collect::<Vec<_>>().join(" + ")),
+    }
 }
 
 /// A curve from elsewhere, drawn over the measurement of one sensor: a digitised figure, another program's result.
@@ -64,4 +74,41 @@ pub struct Overlay {
     pub time_s: Vec<f64>,
     /// Heads, m.
     pub head_m: Vec<f64>,
+}
+
+/// What a page is about.
+#[derive(Debug, Clone)]
+pub struct Page<'a> {
+    /// Heading of the page.
+    pub title: String,
+    /// The rig the runs were made on.
+    pub rig: &'a Rig,
+    /// The models in the order in which they were tried; the last one is the result.
+    pub stages: Vec<Stage<'a>>,
+    /// Curves from elsewhere.
+    pub overlays: Vec<Overlay>,
+    /// Warnings about the result.
+    pub warnings: &'a [String],
+    /// The diagnoses that led from stage to stage, the first one first; none on the page of a calibration.
+    pub diagnoses: &'a [Diagnosis],
+    /// The last stage predicts: its samples after a time were not seen by any fit.
+    pub prediction: Option<&'a Prediction>,
+    /// Where the energy of the last stage's first run went, if that is known.
+    pub energy: Option<Energy>,
+}
+
+impl<'a> Page<'a> {
+    /// An empty page about a rig.
+    pub fn of(rig: &'a Rig) -> Self {
+        Page {
+            title: String::new(),
+            rig,
+            stages: Vec::new(),
+            overlays: Vec::new(),
+            warnings: &[],
+            diagnoses: &[],
+            prediction: None,
+            energy: None,
+        }
+    }
 }

@@ -1,5 +1,9 @@
 //! A run that is only simulated: a rig, effects and settings by name.
 
+pub mod as_recorded;
 pub(crate) mod memory;
 pub mod playback;
 pub mod scenario;
+#[cfg(unix)]
+pub mod through_ports;
+pub mod values_file;

@@ -1,4 +1,273 @@
-//! The front door: recordings opened, inspected and prepared, ready to be calibrated and diagnosed.
+//! The front door: recordings opened, inspected and prepared, ready to be calibrated and diagnosed. Nothing in here prints.
 
+pub mod calibrate;
+pub mod error;
+pub mod hold;
 pub mod models;
 pub mod open;
+pub mod predict;
+pub mod progress;
+
+use std::path::{Path, PathBuf};
+
+use crate::diagnose::{Diagnosis, diagnose, diagnose_fit, grow};
+use crate::fit::data::run_data::RunData;
+use crate::fit::outcome::fit::Fit;
+use crate::fit::search::options::Options;
+use crate::model::effects::{Chosen, parse_list};
+use crate::recording::Recording;
+use crate::rig::Rig;
+use crate::study::calibrate::{Calibrate, Effects};
+use crate::study::error::{Error, Result};
+use crate::study::hold::options_of;
+use crate::study::open::{Loaded, load, one_rig};
+use crate::study::progress::{OnProgress, Progress};
+
+/// Recordings of one rig, ready to be calibrated and diagnosed.
+///
+/// The whole loop: fit the base model, ask what it lacks, add that, and look again.
+///
+/// ```no_run
+/// use surgescope::Study;
+/// use surgescope::diagnose::Verdict;
+///
+/// let study = Study::open(["recordings/hdpe-creep.mcap"])?;
+/// let mut fit = study.calibrate("none").run()?;
+/// loop {
+///     let diagnosis = study.diagnose(&fit)?;
+///     let Some(missing) = diagnosis.candidates.first().filter(|_| diagnosis.verdict == Verdict::MissingEffect) else {
+///         break;
+///     };
+///     println!("{} is missing (probability {:.2})", missing.label, missing.probability);
+///     fit = study.grow(&fit, missing.label.as_str())?.fit;
+/// }
+/// let speed = fit.parameter("wave_speed_m_s")?;
+/// println!("wave speed {:.1} ± {:.1} {}", speed.value, speed.standard_error, speed.unit);
+/// # Ok::<(), surgescope::Error>(())
+/// ```
+pub struct Study {
+    rig: Rig,
+    recordings: Vec<Loaded>,
+    runs: Vec<RunData>,
+    on_progress: Box<dyn Fn(&Progress) + Send + Sync>,
+}
+
+/// A model with one effect more.
+#[derive(Debug, Clone)]
+#[non_exhaustive]
+pub struct Grown {
+    /// The fit.
+    pub fit: Fit,
+    /// Evidence for the effect: natural logarithm of the odds. The data do not ask for it where this is not above 0.
+    pub evidence: f64,
+}
+
+impl Study {
+    /// Reads, inspects and prepares recordings, all of the rig that is stored in them.
+    ///
+    /// ```
+    /// use surgescope::Study;
+    ///
+    /// let study = Study::open(["recordings/hdpe-creep.mcap"])?;
+    /// assert_eq!(study.rig().pipes.len(), 1);
+    /// assert!(study.recordings()[0].features.period.is_some());
+    /// for warning in study.warnings() {
+    ///     eprintln!("{warning}");
+    /// }
+    /// # Ok::<(), surgescope::Error>(())
+    /// ```
+    ///
+    /// # Errors
+    /// No file, one that cannot be read or shows no closure, one given twice, recordings of different rigs.
+    pub fn open(files: impl IntoIterator<Item = impl AsRef<Path>>) -> Result<Study> {
+        Study::open_on(None, files)
+    }
+
+    /// The same with the rig of a file instead of the stored one.
+    ///
+    /// # Errors
+    /// As [`Study::open`]; a rig file that cannot be read, or that lacks a sensor of the recordings.
+    pub fn open_on(rig: Option<&Path>, files: impl IntoIterator<Item = impl AsRef<Path>>) -> Result<Study> {
+        let paths: Vec<PathBuf> = files.into_iter().map(|path| path.as_ref().to_owned()).collect();
+        Study::of(load(&paths, rig)?)
+    }
+
+    /// Of recordings at hand, each with its name: simulated, read from elsewhere, or changed.
+    ///
+    /// # Errors
+    /// As [`Study::open`].
+    pub fn from_recordings(recordings: impl IntoIterator<Item = (String, Recording)>) -> Result<Study> {
+        let mut loaded: Vec<Loaded> = Vec::new();
+        for (name, recording) in recordings {
+            if let Some(first) = loaded.first() {
+                one_rig((&first.file, &first.recording.rig), (&name, &recording.rig))?;
+            }
+            loaded.push(Loaded::new(name, recording)?);
+        }
+        Study::of(loaded)
+    }
+
+    fn of(recordings: Vec<Loaded>) -> Result<Study> {
+        let first = recordings.first().ok_or(Error::NoRecording)?;
+        let runs = recordings.iter().map(Loaded::run).collect();
+        Ok(Study { rig: first.recording.rig.clone(), runs, recordings, on_progress: Box::new(|_| {}) })
+    }
+
+    /// Calls `watcher` while something is computed, possibly from several threads.
+    pub fn on_progress(&mut self, watcher: impl Fn(&Progress) + Send + Sync + 'static) {
+        self.on_progress = Box::new(watcher);
+    }
+
+    /// The rig.
+    pub fn rig(&self) -> &Rig {
+        &self.rig
+    }
+
+    /// The recordings with what they show; never empty.
+    pub fn recordings(&self) -> &[Loaded] {
+        &self.recordings
+    }
+
+    /// The recordings as a fit takes them, in the same order.
+    pub fn runs(&self) -> &[RunData] {
+        &self.runs
+    }
+
+    /// What in the recordings should make a user look twice, a sentence each, with the file's name.
+    pub fn warnings(&self) -> Vec<String> {
+        let of = |l: &Loaded| l.doubts.iter().map(|doubt| format!("{}: {doubt}", l.file)).collect::<Vec<_>>();
+        self.recordings.iter().flat_map(of).collect()
+    }
+
+    /// A calibration of the model with these effects: `"none"`, `"viscoelastic-wall:2,leak"`, or a list chosen before.
+    ///
+    /// ```no_run
+    /// let study = surgescope::Study::open(["recordings/hdpe-creep.mcap"])?;
+    /// let fit = study.calibrate("viscoelastic-wall").run()?;
+    /// let (rmse_m, noise_m) = fit.pooled();
+    /// assert!(rmse_m < 2.0 * noise_m);
+    /// # Ok::<(), surgescope::Error>(())
+    /// ```
+    pub fn calibrate(&self, effects: impl Effects) -> Calibrate<'_> {
+        Calibrate {
+            rig: &self.rig,
+            runs: &self.runs,
+            on_progress: &*self.on_progress,
+            effects: effects.chosen(),
+            hold: Vec::new(),
+            options: Options::default(),
+        }
+    }
+
+    /// What a fitted model lacks. Nothing is fitted twice: the fit is the start model as it is, with its bounds and what it held.
+    ///
+    /// ```no_run
+    /// let study = surgescope::Study::open(["recordings/hdpe-creep.mcap"])?;
+    /// let diagnosis = study.diagnose(&study.calibrate("none").run()?)?;
+    /// assert_eq!(diagnosis.candidates[0].effect, "viscoelastic-wall");
+    /// # Ok::<(), surgescope::Error>(())
+    /// ```
+    ///
+    /// # Errors
+    /// A model that cannot be simulated.
+    pub fn diagnose(&self, fit: &Fit) -> Result<Diagnosis> {
+        let options = options_of(fit);
+        Ok(diagnose_fit(&self.rig, &self.runs, &fit.effects, fit.clone(), &options, &self.messages())?)
+    }
+
+    /// Fits the model with `effects` and diagnoses it; where a number of elements is left open, it is open for all models compared.
+    ///
+    /// # Errors
+    /// As [`Study::calibrate`] and [`Study::diagnose`].
+    pub fn diagnose_model(&self, effects: &[Chosen], options: &Options) -> Result<Diagnosis> {
+        Ok(diagnose(&self.rig, &self.runs, effects, options, &self.messages())?)
+    }
+
+    /// The model of a fit with one effect more, and the evidence for it.
+    ///
+    /// ```no_run
+    /// let study = surgescope::Study::open(["recordings/copper-leak.mcap"])?;
+    /// let base = study.calibrate("unsteady-friction").run()?;
+    /// let grown = study.grow(&base, "leak")?;
+    /// println!("leak at {:.1} m", grown.fit.parameter("leak_position_m")?.value);
+    /// # Ok::<(), surgescope::Error>(())
+    /// ```
+    ///
+    /// # Errors
+    /// An effect that does not exist, that the model has already or that excludes another; a model that cannot be simulated.
+    pub fn grow(&self, fit: &Fit, effect: impl Effects) -> Result<Grown> {
+        let mut added = effect.chosen()?;
+        let (Some(added), true) = (added.pop(), added.is_empty()) else { return Err(Error::NotOneEffect) };
+        // The list as a whole says what stands against the newcomer.
+        let labels: Vec<String> = fit.labels().into_iter().chain([added.label()]).collect();
+        parse_list(&labels.join(","))?;
+        let (fit, evidence) = grow(&self.rig, &self.runs, fit, &added, &options_of(fit), &self.messages())?;
+        Ok(Grown { fit, evidence })
+    }
+
+    /// Passes the messages of a diagnosis on.
+    fn messages(&self) -> impl Fn(&str) + Sync + '_ {
+        |message| (self.on_progress)(&Progress::from(message))
+    }
+
+    /// The watcher of computations.
+    pub(crate) fn watcher(&self) -> &OnProgress<'_> {
+        &*self.on_progress
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::error::Error as _;
+    use std::sync::atomic::{AtomicUsize, Ordering};
+
+    use super::*;
+    use crate::diagnose::Verdict;
+
+    fn file(name: &str) -> PathBuf {
+        Path::new(env!("CARGO_MANIFEST_DIR")).join("recordings").join(name)
+    }
+
+    #[test]
+    fn the_whole_loop_goes_through_the_front_door() {
+        static HEARD: AtomicUsize = AtomicUsize::new(0);
+        let mut study = Study::open([file("hdpe-creep.mcap")]).unwrap();
+        study.on_progress(|_| {
+            HEARD.fetch_add(1, Ordering::Relaxed);
+        });
+        let options = Options { most_reaches: 32, ..Options::default() };
+        let base = study.calibrate("none").options(options).run().unwrap();
+        let of_fit = HEARD.load(Ordering::Relaxed);
+        assert!(of_fit > 0 && base.effects.is_empty());
+
+        let diagnosis = study.diagnose(&base).unwrap();
+        assert!(HEARD.load(Ordering::Relaxed) > of_fit);
+        assert_eq!(diagnosis.start, base, "the fit is the start model, not fitted again");
+        assert_eq!((diagnosis.verdict, diagnosis.candidates[0].effect), (Verdict::MissingEffect, "viscoelastic-wall"));
+
+        let grown = study.grow(&base, "viscoelastic-wall:1").unwrap();
+        assert!(grown.evidence > 0.0 && grown.fit.pooled().0 < 0.5 * base.pooled().0);
+        assert!(grown.fit.parameter("J1_per_GPa").unwrap().value > 0.0);
+        let unknown = grown.fit.parameter("leak_position_m").unwrap_err().to_string();
+        assert!(unknown.contains("leak_position_m") && unknown.contains("tau1_s"), "{unknown}");
+    }
+
+    #[test]
+    fn values_are_held_and_slips_are_errors_with_their_cause() {
+        let study = Study::open([file("hdpe-creep.mcap")]).unwrap();
+        let options = Options { most_reaches: 32, ..Options::default() };
+        let fit = study.calibrate("none").options(options).hold("closing_time_s", 0.1).run().unwrap();
+        let held = fit.parameter("closing_time_s").unwrap();
+        assert!(held.held && held.value == 0.1);
+        assert!(matches!(study.calibrate("none").hold("leak_position_m", 3.0).run(), Err(Error::Fit(_))));
+        assert!(matches!(study.calibrate("no-such-effect").run(), Err(Error::Model(_))));
+        assert!(matches!(study.grow(&fit, "none"), Err(Error::NotOneEffect)));
+        assert!(matches!(Study::open([""; 0]), Err(Error::NoRecording)));
+        let path = file("hdpe-creep.mcap");
+        assert!(matches!(Study::open([&path, &path]), Err(Error::Twice(_))));
+        let mut still = crate::storage::read(&path).unwrap();
+        still.series.iter_mut().for_each(|s| s.value.iter_mut().for_each(|v| *v = 1.0));
+        let error = Study::from_recordings([("still".to_owned(), still)]).err().unwrap();
+        assert!(matches!(error, Error::Unusable { .. }) && error.source().is_some(), "{error}");
+    }
+}

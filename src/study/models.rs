@@ -1,58 +1,71 @@
 //! A file of models at hand: read with its recordings, grown, written.
 
-use std::error::Error;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
-use crate::fit::data::run_data::RunData;
+use crate::fit::outcome::fit::Fit;
 use crate::fit::search::options::Options;
 use crate::results::model_file::ModelFile;
-use crate::rig::Rig;
 use crate::storage::LogError;
 use crate::storage::disk::{publish_over, require_folder, temporary_beside};
 use crate::storage::output;
-use crate::study::open as recordings_of;
+use crate::study::Study;
+use crate::study::error::{Error, Result};
+use crate::study::progress::Progress;
 
-/// A file of models with all that a fit needs.
+/// A file of models with the recordings that it names.
 pub struct Opened {
     /// Where it is.
     pub path: PathBuf,
     /// The models.
     pub file: ModelFile,
-    /// The rig of the recordings.
-    pub rig: Rig,
-    /// The recordings as a fit takes them.
-    pub runs: Vec<RunData>,
-    /// What the model in force settles.
-    pub options: Options,
-    /// What of the recordings should make a user look twice, each with its file.
-    pub doubts: Vec<String>,
+    /// Its recordings.
+    pub study: Study,
 }
 
 /// Reads a file of models and the recordings that it names.
 ///
 /// # Errors
 /// If either cannot be read.
-pub fn open(path: &Path) -> Result<Opened, Box<dyn Error + Send + Sync>> {
+pub fn open(path: &Path) -> Result<Opened> {
     let file = load(path)?;
     let folder = path.parent().unwrap_or(Path::new(""));
-    let recordings: Vec<PathBuf> = file.recordings.iter().map(|r| folder.join(r)).collect();
     let rig = rig_of(None, Some((path, &file)));
-    let loaded = recordings_of::load(&recordings, rig.as_deref())
-        .map_err(|e| format!("{}: the recordings that it names: {e}", path.display()))?;
-    let options =
-        Options { constraints: file.current().constraints(), priors: file.current().priors(), ..Options::default() };
-    let rig = loaded[0].recording.rig.clone();
-    let doubts = loaded.iter().flat_map(|l| l.doubts.iter().map(|doubt| format!("{}: {doubt}", l.file))).collect();
-    Ok(Opened { path: path.to_owned(), rig, runs: recordings_of::runs(&loaded), options, file, doubts })
+    let study = Study::open_on(rig.as_deref(), file.recordings.iter().map(|r| folder.join(r)))
+        .map_err(|source| Error::Named { file: path.to_owned(), source: Box::new(source) })?;
+    Ok(Opened { path: path.to_owned(), file, study })
+}
+
+impl Opened {
+    /// Fits the model in force again, from the values in the file, with what is held and bounded there.
+    ///
+    /// # Errors
+    /// A parameter in the file that the model does not have, a model that cannot be simulated.
+    pub fn refit(&self) -> Result<Fit> {
+        let watcher = |p: &crate::fit::search::options::Progress| self.study.watcher()(&Progress::from(p));
+        let current = self.file.current();
+        Ok(current.refit(self.study.rig(), self.study.runs(), &Options::default(), &watcher)?)
+    }
+
+    /// Adds a fit as the model in force, and writes the file.
+    ///
+    /// # Errors
+    /// As [`save`].
+    pub fn append(&mut self, fit: &Fit, why: &str, evidence: Option<f64>) -> Result<()> {
+        self.file.append(fit, why, evidence, now());
+        save(&mut self.file, &self.path)
+    }
 }
 
 /// Reads a file of models.
 ///
 /// # Errors
 /// One that cannot be read, is none, or contradicts itself.
-pub fn load(path: &Path) -> Result<ModelFile, Box<dyn Error + Send + Sync>> {
-    let text = std::fs::read_to_string(path).map_err(|e| output::unread("the models in", path, &e))?;
+pub fn load(path: &Path) -> Result<ModelFile> {
+    let text = std::fs::read_to_string(path).map_err(|source| match source.kind() {
+        std::io::ErrorKind::NotFound => LogError::Missing(path.to_owned()),
+        _ => LogError::io("read the models in", path, source),
+    })?;
     let mut file = ModelFile::parse(&text, path)?;
     file.as_read = Some(text);
     Ok(file)
@@ -62,7 +75,7 @@ pub fn load(path: &Path) -> Result<ModelFile, Box<dyn Error + Send + Sync>> {
 ///
 /// # Errors
 /// If it cannot be written, may not be, or has changed since it was read; what was there is then as it was.
-pub fn save(file: &mut ModelFile, path: &Path) -> Result<(), Box<dyn Error + Send + Sync>> {
+pub fn save(file: &mut ModelFile, path: &Path) -> Result<()> {
     // Through a link to what it names.
     let path = &path.canonicalize().unwrap_or_else(|_| path.to_owned());
     let failed = |e: std::io::Error| LogError::io("write the models to", path, e);
@@ -72,10 +85,10 @@ pub fn save(file: &mut ModelFile, path: &Path) -> Result<(), Box<dyn Error + Sen
         Err(e) => return Err(failed(e).into()),
     };
     if present != file.as_read {
-        return Err(format!("{} has changed while this ran: nothing was written; run it again", path.display()).into());
+        return Err(Error::Changed(path.to_owned()));
     }
     require_writable(path)?;
-    let text = file.text()?;
+    let text = file.text().map_err(|e| Error::Unwritable { file: path.to_owned(), why: e.to_string() })?;
     let mut beside = temporary_beside(path)?;
     beside.write_all(text.as_bytes()).map_err(failed)?;
     if let Ok(old) = std::fs::metadata(path) {
@@ -86,20 +99,16 @@ pub fn save(file: &mut ModelFile, path: &Path) -> Result<(), Box<dyn Error + Sen
     Ok(())
 }
 
-fn require_writable(path: &Path) -> Result<(), String> {
+fn require_writable(path: &Path) -> Result<()> {
     let locked = std::fs::metadata(path).is_ok_and(|m| m.permissions().readonly());
-    if locked { Err(format!("{} may not be written to", path.display())) } else { Ok(()) }
+    if locked { Err(Error::ReadOnly(path.to_owned())) } else { Ok(()) }
 }
 
 /// The models of `path` if it is about these recordings; a new list of none where there is no file yet.
 ///
 /// # Errors
 /// A file that is no file of models, or one about other recordings.
-pub fn about(
-    path: &Path,
-    recordings: &[PathBuf],
-    rig: Option<&Path>,
-) -> Result<ModelFile, Box<dyn Error + Send + Sync>> {
+pub fn about(path: &Path, recordings: &[PathBuf], rig: Option<&Path>) -> Result<ModelFile> {
     let folder = path.parent().unwrap_or(Path::new(""));
     if !path.exists() {
         require_folder(path)?;
@@ -110,22 +119,16 @@ pub fn about(
     let file = load(path)?;
     require_writable(path)?;
     let same = file.recordings.len() == recordings.len()
-        && recordings
-            .iter()
-            .all(|r| file.recordings.iter().any(|own| crate::storage::output::same_file(&folder.join(own), r)));
+        && recordings.iter().all(|r| file.recordings.iter().any(|own| output::same_file(&folder.join(own), r)));
     if !same {
-        return Err(format!(
-            "{} holds the models of {}: name another file for other recordings",
-            path.display(),
-            file.recordings.iter().map(|r| r.display().to_string()).collect::<Vec<_>>().join(", ")
-        )
-        .into());
+        let own = file.recordings.iter().map(|r| r.display().to_string()).collect::<Vec<_>>().join(", ");
+        return Err(Error::OtherRecordings { file: path.to_owned(), recordings: own });
     }
     let own = file.rig.as_ref().map(|r| folder.join(r));
     if let (Some(own), Some(asked)) = (&own, rig)
-        && !crate::storage::output::same_file(own, asked)
+        && !output::same_file(own, asked)
     {
-        return Err(format!("{} holds models of the rig {}: name another file", path.display(), own.display()).into());
+        return Err(Error::OtherRigFile { file: path.to_owned(), rig: own.clone() });
     }
     Ok(file)
 }

@@ -1,6 +1,5 @@
 //! Recordings from disk with their signals, ready for a fit.
 
-use std::error::Error;
 use std::path::{Path, PathBuf};
 
 use crate::fit::data::prepare::prepare;
@@ -10,6 +9,7 @@ use crate::rig::Rig;
 use crate::signal::doubts::doubts;
 use crate::signal::{Features, inspect};
 use crate::storage::output::{same_content, same_file};
+use crate::study::error::{Error, Result};
 
 /// A recording with what it shows.
 pub struct Loaded {
@@ -23,47 +23,70 @@ pub struct Loaded {
     pub doubts: Vec<String>,
 }
 
+impl Loaded {
+    /// Inspects a recording; `file` is its name in tables and messages.
+    ///
+    /// # Errors
+    /// No pressure, or no closure.
+    pub fn new(file: String, recording: Recording) -> Result<Loaded> {
+        let features = inspect(&recording).map_err(|source| Error::Unusable { file: file.clone(), source })?;
+        let doubts = doubts(&recording.rig, &features);
+        Ok(Loaded { file, recording, features, doubts })
+    }
+
+    /// What a fit takes.
+    pub fn run(&self) -> RunData {
+        prepare(&self.file, &self.recording.rig, &self.recording, &self.features)
+    }
+}
+
 /// Reads recordings, all of one rig: that of `rig`, or the one stored in the first of them.
 ///
 /// # Errors
 /// Any that cannot be read or shows no closure (the file is named), one given twice, or recordings of different rigs.
-pub fn load(paths: &[PathBuf], rig: Option<&Path>) -> Result<Vec<Loaded>, Box<dyn Error + Send + Sync>> {
+pub fn load(paths: &[PathBuf], rig: Option<&Path>) -> Result<Vec<Loaded>> {
     let given = rig.map(Rig::load).transpose()?;
     let mut loaded: Vec<Loaded> = Vec::new();
     for (i, path) in paths.iter().enumerate() {
         if let Some(twin) = paths[..i].iter().find(|p| same_file(p, path)) {
             return Err(if twin == path {
-                format!("{} is given twice: a recording counts once", path.display())
+                Error::Twice(path.clone())
             } else {
-                format!("{} and {} are one recording: it counts once", twin.display(), path.display())
-            }
-            .into());
+                Error::SameFile { one: twin.clone(), other: path.clone() }
+            });
         }
         if let Some(twin) = paths[..i].iter().find(|p| same_content(p, path)) {
-            return Err(format!("{} is a copy of {}: a recording counts once", path.display(), twin.display()).into());
+            return Err(Error::Copy { copy: path.clone(), original: twin.clone() });
         }
         let mut recording = crate::storage::read(path)?;
+        let shown = path.display().to_string();
         if let Some(rig) = &given {
-            recording = recording.on_rig(rig.clone()).map_err(|e| format!("{}: {e}", path.display()))?;
-        } else if let Some(first) = loaded.first()
-            && first.recording.rig.source != recording.rig.source
-        {
-            return Err(format!(
-                "{} was made on rig '{}' and {} on rig '{}', or on another state of it; fit them apart, or say with --rig which \
-                 rig file holds for all",
-                loaded[0].file,
-                loaded[0].recording.rig.name,
-                path.display(),
-                recording.rig.name
-            )
-            .into());
+            recording =
+                recording.on_rig(rig.clone()).map_err(|source| Error::Mismatch { file: shown.clone(), source })?;
+        } else if let Some(first) = loaded.first() {
+            one_rig((&first.file, &first.recording.rig), (&shown, &recording.rig))?;
         }
-        let features = inspect(&recording).map_err(|e| format!("{}: {e}", path.display()))?;
-        let file = file_name(path, paths);
-        let doubts = doubts(&recording.rig, &features);
-        loaded.push(Loaded { file, recording, features, doubts });
+        let mut one = Loaded::new(shown, recording)?;
+        one.file = file_name(path, paths);
+        loaded.push(one);
     }
     Ok(loaded)
+}
+
+/// Refuses recordings of two rigs, each given with the file's name.
+///
+/// # Errors
+/// Rigs that were not read from the same text.
+pub(crate) fn one_rig((first, first_rig): (&str, &Rig), (other, other_rig): (&str, &Rig)) -> Result<()> {
+    if first_rig.source == other_rig.source {
+        return Ok(());
+    }
+    Err(Error::SeveralRigs {
+        first: first.to_owned(),
+        first_rig: first_rig.name.clone(),
+        other: other.to_owned(),
+        other_rig: other_rig.name.clone(),
+    })
 }
 
 /// The file's name alone, or its path where another of the paths has the same name.
@@ -71,9 +94,4 @@ fn file_name(path: &Path, paths: &[PathBuf]) -> String {
     let name = path.file_name().unwrap_or(path.as_os_str());
     let unique = paths.iter().filter(|p| p.file_name() == Some(name)).count() == 1;
     if unique { name.to_string_lossy().into_owned() } else { path.display().to_string() }
-}
-
-/// What a fit takes.
-pub fn runs(loaded: &[Loaded]) -> Vec<RunData> {
-    loaded.iter().map(|l| prepare(&l.file, &l.recording.rig, &l.recording, &l.features)).collect()
 }

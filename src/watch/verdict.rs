@@ -96,6 +96,15 @@ pub fn finding(diagnosis: &Diagnosis, temperature_degc: f64, flow_m3_s: Option<f
     }
 }
 
+/// A run's file and verdict in one line.
+pub fn line_of(run: &Run) -> String {
+    match (&run.finding, &run.error) {
+        (Some(finding), _) => format!("{}: {}", run.file, finding.line),
+        (None, Some(error)) => format!("{}: failed: {error}", run.file),
+        (None, None) => format!("{}: {}", run.file, run.state.name()),
+    }
+}
+
 /// All in one line, without the file's name: verdict, error, wave speed, how it compares, what to do.
 pub fn line(diagnosis: &Diagnosis, finding: &Finding, compared: &Compared, accepted: bool, file: &str) -> String {
     let Finding { rmse_m, noise_m, probability, .. } = finding;
@@ -107,7 +116,7 @@ pub fn line(diagnosis: &Diagnosis, finding: &Finding, compared: &Compared, accep
             let with = format!("{error}, {} m with it", error_m(best.rmse_m));
             vec![format!("{} missing (probability {probability:.2})", best.label), with]
         }
-        _ => vec![format!("something missing that no effect explains (probability {probability:.2})"), error],
+        _ => vec![format!("something is missing that no effect explains (probability {probability:.2})"), error],
     };
     let speeds = finding.parameters.iter().filter(|v| v.name.starts_with("wave_speed_m_s"));
     parts.extend(speeds.map(|v| {
@@ -115,23 +124,25 @@ pub fn line(diagnosis: &Diagnosis, finding: &Finding, compared: &Compared, accep
         format!("a{pipe} {} m/s", shown(v))
     }));
     parts.push(match (compared.earlier, compared.compared) {
-        (0, _) => "first of its rig and model".to_owned(),
+        (0, _) => "first run of this rig and model".to_owned(),
         (earlier, 0) => {
-            format!("{earlier} earlier run{} are too few to compare with", if earlier == 1 { "" } else { "s" })
+            format!("{earlier} earlier run{}, too few to compare with", if earlier == 1 { "" } else { "s" })
         }
-        (earlier, _) if compared.outside.is_empty() => format!("all within the history of {earlier} runs"),
+        (earlier, _) if compared.outside.is_empty() => format!("within the range of {earlier} earlier runs"),
         (earlier, _) => {
             let odd = compared.outside.iter().map(|(value, expected)| {
-                format!("{} {} where {} runs say {}", value.name, shown(value), earlier, plus_minus(expected))
+                format!("{} {} where {} runs gave {}", value.name, shown(value), earlier, plus_minus(expected))
             });
-            format!("outside its history: {}", odd.collect::<Vec<_>>().join(", "))
+            format!("outside the range of earlier runs: {}", odd.collect::<Vec<_>>().join(", "))
         }
     });
     let mut line = parts.join(", ");
     match (accepted, diagnosis.verdict) {
         (true, _) => line += "; accepted",
-        (false, Verdict::MissingEffect) => line += &format!("; `surgescope accept {file}` takes it into the model"),
-        (false, Verdict::NothingMissing) => line += &format!("; not accepted by itself: `surgescope accept {file}`"),
+        (false, Verdict::MissingEffect) => line += &format!("; `surgescope accept {file}` adds it to the rig's model"),
+        (false, Verdict::NothingMissing) => {
+            line += &format!("; not accepted automatically: `surgescope accept {file}`")
+        }
         (false, Verdict::UnknownEffect) => {}
     }
     line

@@ -334,7 +334,7 @@ fn faults_of_the_command_line_and_of_files_are_told() {
     let latin = file("latin.csv", b"time_s,strain\n# 20 \xb0C\n");
     let cases: [(&[&str], &str); 9] = [
         (&["no-such.csv"], "no-such.csv does not exist: check the path"),
-        (&[SHIPPED[0], SHIPPED[0]], "are one test: it counts once"),
+        (&[SHIPPED[0], SHIPPED[0]], "are the same test: it counts once"),
         (&[SHIPPED[0], "--temperature-degC", "15,25"], "1 creep tests and 2 temperatures"),
         (&[SHIPPED[0], "--temperature-degC", "15", "--reference-degC", "20"], "is none of the temperatures tested, 15"),
         (&[SHIPPED[0], "--stress-MPa", "2"], "leave it out"),

@@ -143,7 +143,7 @@ fn a_leak_stands_first_with_its_place_and_its_signature() {
         ranking.contains("<strong>Next test:</strong> none is needed, these recordings tell the candidates apart.")
     );
     assert!(between(page, "<p class=\"verdict", "</p>")[0].contains("Missing: leak (probability &gt; 0.99)."));
-    let shares = numbers(&between(section(page, "signature"), "takes up ", " %"));
+    let shares = numbers(&between(section(page, "signature"), "explains ", " %"));
     assert!(shares.len() == 2 && shares.iter().all(|s| (90.0..=100.0).contains(s)), "{shares:?}");
     let titles = between(section(page, "errors"), "<span class=\"name\">", "</span>");
     assert_eq!(titles[..2], ["+ unsteady-friction", "+ unsteady-friction + leak"]);
@@ -166,7 +166,7 @@ fn where_nothing_is_missing_the_page_says_so_and_shows_no_signature() {
     assert!(
         section(page, "ranking").contains(&format!("None of the {tried} effects that were tried is worth adding."))
     );
-    assert!(section(page, "failings").contains("It fails nowhere"));
+    assert!(section(page, "failings").contains("Nowhere: its residual is noise"));
     assert!(!page.contains("id=\"signature\""));
     assert_eq!(section(page, "errors").matches("class=\"bar\"").count(), 1);
 }

@@ -131,7 +131,7 @@ fn many_fits_are_one_table() {
     assert_eq!((told["fits"].as_u64(), told["rows"].as_u64()), (Some(2), Some(3)), "the file of models is no fit");
     done(&["results", text(&fits), "--long", "-o", text(&long)]);
     refused(&["results", text(&fits), "-o", text(&wide)], "replace it with --overwrite");
-    refused(&["results", text(&of_two), "-o", text(&at("t.parquet"))], "end its name in .csv");
+    refused(&["results", text(&of_two), "-o", text(&at("t.parquet"))], "must end with .csv");
     refused(&["results", text(&at("fits/models.toml")), "-o", text(&at("t.csv"))], "is not a surgescope fit");
 
     let fit = FitFile::read(&of_two).unwrap();
@@ -260,7 +260,7 @@ fn a_problem_of_pest_runs_where_it_stands_and_has_our_objective_function() {
         text(&place),
     ];
     let told = done(&asked);
-    refused(&asked, "has files in it");
+    refused(&asked, "is not empty");
     assert!(!place.join("modelled.csv").exists(), "the model has not run yet");
     let problem = Problem::read(&place);
 

@@ -50,7 +50,7 @@ fn what_no_model_has_cannot_be_held() {
 #[test]
 fn a_value_beyond_what_a_fit_may_take_is_warned_of() {
     let (_, said) = calibrated(&["--hold", "closing_time_s=9000", "wave_speed_m_s=1319"]);
-    assert!(said.contains("warning: --hold closing_time_s=9000 lies beyond what a fit may take"), "{said}");
+    assert!(said.contains("warning: --hold closing_time_s=9000 lies outside the bounds of a fit"), "{said}");
     assert!(!said.contains("--hold wave_speed_m_s"), "{said}");
 }
 

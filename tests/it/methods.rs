@@ -106,7 +106,7 @@ fn a_search_short_of_an_optimum_gives_no_verdict_and_its_profile_finds_one() {
             && !warned.contains("friction"),
         "{said}{warned}"
     );
-    assert!(warned.contains("the fit is not at its optimum") && warned.contains("lower in χ²"), "{warned}");
+    assert!(warned.contains("the fit is not at its optimum") && warned.contains("a χ² lower by"), "{warned}");
     let (alone, profiled) = (document(&search), document(&[&search[..], &["--profile", "wave_speed_m_s"]].concat()));
     let interval = &parameter(&profiled, "wave_speed_m_s")["interval_95"];
     let [low, high] = [0, 1].map(|end| interval[end].as_f64().unwrap());

@@ -103,7 +103,7 @@ fn contradictions_are_refused_and_the_file_is_left_as_it_was() {
     refused(&["add", "leek", name], &["leek", "leak"]);
     refused(&["add", "unsteady-friction", name], &["unsteady-friction"]);
     refused(&["calibrate", CREEP, "--save", name], &["copper-leak.mcap", "another file"]);
-    refused(&["diagnose", LEAK, "--effects", "leak", "--apply", name], &["in force"]);
+    refused(&["diagnose", LEAK, "--effects", "leak", "--apply", name], &["current model"]);
     refused(&["model", LEAK], &["copper-leak.mcap"]);
     refused(&["refit", "no-such-file.toml"], &["no-such-file.toml"]);
     assert_eq!(std::fs::read_to_string(&file).unwrap(), good);

@@ -361,7 +361,7 @@ fn a_recording_with_gaps_exports_and_says_that_they_do_not_show() {
     writer.samples(1, 500_000, 1e6, &[7.0]).unwrap();
     writer.finish().unwrap();
     let (_, err) = bench.expect(0, "export live.mcap -o live.csv");
-    assert!(err.contains("a CSV cannot mark gaps; the recording has 1"), "{err}");
+    assert!(err.contains("a CSV file cannot mark gaps: the recording has 1"), "{err}");
     let text = String::from_utf8(bench.get("live.csv")).unwrap();
     assert_eq!(text, "time_s,P1,P2,Q1\n0,1,,\n0.0005,,7,\n0.001,2.5,,\n0.01,3,,\n");
 }
@@ -375,7 +375,7 @@ fn a_time_series_replaces_only_one_like_it_unless_told_to() {
     let bench = Bench::new();
     let simulate = "simulate --rig rig.toml --duration 0.2 --csv-times 0.01 --set reaches=24";
     let (_, err) = bench.expect(0, &format!("{simulate} -o new.csv"));
-    let used = err.lines().find_map(|l| l.strip_prefix("not set, so used: ")).expect("what was not set is told");
+    let used = err.lines().find_map(|l| l.strip_prefix("not set, defaults used: ")).expect("what was not set is told");
     for value in
         ["initial_velocity_m_s=1 ", "closing_time_s=0.1 ", "friction_scale=1 ", "friction_factor=0.0", "valve_head_m="]
     {

@@ -139,7 +139,7 @@ fn a_folder_without_recordings_is_an_error() {
     let folder = tempfile::tempdir().unwrap();
     let (code, _, err) = replay("", folder.path());
     assert_eq!(code, 2, "{err}");
-    assert!(err.contains("holds no recording"), "{err}");
+    assert!(err.contains("contain no recording"), "{err}");
 }
 
 #[test]

@@ -8,9 +8,10 @@ use serde_json::Value;
 use surgescope::fit::outcome::fit::{Fit, FittedParameter, RunFit, SensorFit};
 use surgescope::fit::problem::compare::ExtremumError;
 use surgescope::model::effects::{Chosen, parse_list};
+use surgescope::report::Page;
 use surgescope::report::calibration::json;
-use surgescope::report::html::page::{Page, html};
-use surgescope::report::text::table;
+use surgescope::report::calibration::text as table;
+use surgescope::report::page::html;
 use surgescope::report::{Overlay, Stage};
 use surgescope::rig::{Constraint, Coupling, Fluid, Pipe, Rig, Sensor, SensorKind, Upstream, Valve};
 

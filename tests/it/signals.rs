@@ -423,7 +423,7 @@ fn the_program_prints_a_table_and_json() {
     surgescope::storage::write(&brief, &short).unwrap();
     let table = printed(run(&["inspect", text(&brief)]));
     assert!(table.lines().any(|l| l.starts_with("note: only 1.") && l.contains("periods")), "{table}");
-    assert!(table.contains("Joukowsky            not to be seen\n"), "no unit where there is no number: {table}");
+    assert!(table.contains("Joukowsky            not visible\n"), "no unit where there is no number: {table}");
     let brief = done(&["inspect", text(&brief)]);
     assert_eq!(brief["doubts"].as_array().unwrap().len(), 1, "{brief}");
 

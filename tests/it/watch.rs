@@ -227,7 +227,7 @@ fn a_name_that_cannot_be_kept_is_told() {
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join(std::ffi::OsStr::from_bytes(b"run\xff.mcap")), "x").unwrap();
     let (code, _, err) = once(folder.path(), &[]);
-    assert!(code == 0 && err.contains(".mcap: its name is no UTF-8"), "{err}");
+    assert!(code == 0 && err.contains(".mcap: its name is not UTF-8"), "{err}");
 }
 
 #[cfg(target_os = "linux")]

@@ -2,25 +2,26 @@
 
 use std::path::PathBuf;
 
+use crate::cli::console::print::tell;
 use crate::creep::CreepError;
 use crate::creep::file::CreepFile;
 use crate::creep::prior::wall_prior;
-use crate::fit::data::run_data::RunData;
 use crate::model::Model;
 use crate::model::effects::Chosen;
 use crate::model::prior::Prior;
-use crate::study::open::Loaded;
+use crate::study::Study;
 
-/// The effect that a creep test tells of.
+/// The effect that a creep test describes.
 pub(crate) const WALL: &str = "viscoelastic-wall";
 
 /// Options of commands that fit.
 #[derive(Debug, clap::Args)]
 pub struct CreepPrior {
-    /// What `surgescope creep -o` wrote: its elements that a surge can show are the known start of viscoelastic-wall; such as are faster than its first reading are added while the record asks for them.
+    /// Result of `surgescope creep -o`: its elements within the time scale of a surge become priors of viscoelastic-wall. Faster elements are added
+    /// while the record supports them.
     #[arg(long, value_name = "CREEP.toml")]
     creep: Option<PathBuf>,
-    /// Least standard deviation with which a value of the creep test is known: a slow test at larger strains is no surge.
+    /// Least standard deviation of a value from the creep test, which is slower and at larger strains than a surge.
     #[arg(long, value_name = "PERCENT", default_value_t = 10.0, value_parser = crate::cli::args::values::positive, requires = "creep",
           allow_negative_numbers = true)]
     creep_sd: f64,
@@ -39,18 +40,16 @@ impl CreepPrior {
     /// A file that cannot be read, a model without a wall that creeps or with fewer elements than the test shows.
     pub fn priors(
         &self,
-        loaded: &[Loaded],
-        runs: &[RunData],
+        study: &Study,
         effects: &mut [Chosen],
     ) -> Result<Vec<Prior>, Box<dyn std::error::Error + Send + Sync>> {
-        let (Some(path), Some(run), Some(first)) = (&self.creep, runs.first(), loaded.first()) else {
-            return Ok(Vec::new());
-        };
+        let Some(path) = &self.creep else { return Ok(Vec::new()) };
+        let (rig, run, loaded) = (study.rig(), &study.runs()[0], study.recordings());
         let text =
             std::fs::read_to_string(path).map_err(|e| crate::storage::output::unread("the creep test in", path, &e))?;
         let file = CreepFile::parse(&text, &path.display().to_string())?;
         let wall = effects.iter_mut().find(|c| c.effect.name() == WALL).ok_or(CreepError::NoWall)?;
-        let base = Model::new(&first.recording.rig, &run.conditions.water, &[]);
+        let base = Model::new(rig, &run.conditions.water, &[]);
         let starts: Vec<f64> =
             base.shared.iter().map(|p| p.start * run.start.wave_speed_ratio.unwrap_or(1.0)).collect();
         let most = wall.effect.elements().map_or(1, |range| *range.end());
@@ -63,8 +62,8 @@ impl CreepPrior {
         if !known.faster && wall.elements.is_none() {
             *wall = wall.with_elements(known.elements);
         }
-        for sentence in known.sentences.iter().chain(&first.recording.rig.constraint_in_words()) {
-            crate::cli::tell!("{sentence}");
+        for sentence in known.sentences.iter().chain(&rig.constraint_in_words()) {
+            tell!("{sentence}");
         }
         Ok(known.priors)
     }

@@ -4,28 +4,28 @@ use chrono::DateTime;
 
 use crate::storage::import::{MessageTime, SourceOptions, time_unit, zone_seconds};
 
-/// Options on what a file does not say of itself.
+/// Options for what a file does not state.
 #[derive(Debug, Clone, clap::Args)]
 pub struct ForeignArgs {
-    /// A column, channel or field and the sensor that it is: 'Druck 1=P1', "/'Group'/'Channel'=P1", /topic.field.sub=P1.
+    /// Assign a column, channel or field to a sensor: 'Druck 1=P1', "/'Group'/'Channel'=P1", /topic.field.sub=P1.
     #[arg(long, value_name = "NAME=SENSOR", value_parser = mapping)]
     map: Vec<(String, String)>,
-    /// A column that is no sensor; '*' is every one that no sensor is named after.
+    /// Ignore a column; '*' ignores all columns without a sensor of that name.
     #[arg(long, value_name = "NAME")]
     ignore: Vec<String>,
-    /// Zone of date-times that give none, such as +01:00; UTC if not given.
+    /// Time zone of date-times without one, such as +01:00 [default: UTC].
     #[arg(long, value_name = "ZONE", value_parser = zone, allow_hyphen_values = true)]
     zone: Option<i32>,
-    /// Whether 03/04/2026 is the third of April (dmy) or the fourth of March (mdy), where no date of the file shows it.
+    /// Whether 03/04/2026 is the third of April (dmy) or the fourth of March (mdy), if the dates of the file leave it open.
     #[arg(long, value_name = "ORDER", value_parser = ["dmy", "mdy"])]
     date_order: Option<String>,
-    /// Unit of times whose heading names none: s, ms, us, ns, min or h; of an MCAP message's --time-field too.
+    /// Unit of times without one in their heading: s, ms, us, ns, min or h; also of --time-field.
     #[arg(long, value_name = "UNIT", value_parser = unit)]
     time_unit: Option<f64>,
-    /// The time of an MCAP message: when it was logged or when it was published.
+    /// Time of an MCAP message: when it was logged or published.
     #[arg(long, value_name = "WHICH", value_parser = ["log", "publish"], conflicts_with = "time_field")]
     message_time: Option<String>,
-    /// The field of an MCAP message that holds its time: a number, or seconds and nanoseconds.
+    /// Field of an MCAP message with its time: a number, or seconds and nanoseconds.
     #[arg(long, value_name = "FIELD")]
     time_field: Option<String>,
 }
@@ -61,7 +61,7 @@ fn zone(text: &str) -> Result<i32, String> {
     match text.to_ascii_uppercase().as_str() {
         "UTC" | "Z" | "GMT" => Ok(0),
         _ => {
-            zone_seconds(text).ok_or_else(|| "write it like +01:00, -05:00 or UTC; names of zones are not known".into())
+            zone_seconds(text).ok_or_else(|| "write it like +01:00, -05:00 or UTC; zone names are not supported".into())
         }
     }
 }

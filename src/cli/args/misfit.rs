@@ -8,16 +8,16 @@ use crate::fit::search::options::Options;
 /// Option of commands that fit.
 #[derive(Debug, Clone, Copy, clap::Args)]
 pub struct CompareBy {
-    /// What is compared once the phase is locked: all samples, or the oscillation's real and imaginary parts around the odd harmonics.
+    /// What to compare once the phase fits: all samples, or the spectrum around the odd harmonics.
     #[arg(long, value_enum, default_value_t = Misfit::Time)]
     misfit: Misfit,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum Misfit {
-    /// Every sample, over its noise.
+    /// All samples, weighted by their noise.
     Time,
-    /// The transform around the odd harmonics that stand out of the noise, and the levels before and after.
+    /// The complex spectrum around the odd harmonics above the noise, and the levels before and after.
     Frequency,
 }
 

@@ -1,12 +1,16 @@
 //! Arguments that several commands share.
 
+pub(crate) mod beside;
 pub(crate) mod creep_prior;
+pub(crate) mod evaluation;
+pub(crate) mod fit_output;
 pub(crate) mod hold;
 pub(crate) mod import_options;
 pub(crate) mod misfit;
-pub mod profile;
-pub mod recordings;
+pub(crate) mod own_values;
+pub(crate) mod profile;
+pub(crate) mod recordings;
+pub(crate) mod run_models;
 pub(crate) mod search;
 pub(crate) mod triggers;
 pub mod values;
-pub mod values_file;

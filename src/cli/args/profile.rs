@@ -1,23 +1,24 @@
 //! Profile likelihood intervals, as the command line asks for them.
 
-use crate::fit::data::run_data::RunData;
+use crate::cli::console::print::tell;
+use crate::cli::console::progress::progress_bar;
 use crate::fit::outcome::fit::Fit;
 use crate::fit::problem::error::FitError;
 use crate::fit::search::options::{Options, Progress};
 use crate::fit::validate::profile::profiles;
 use crate::report::text::number::{interval, significant};
-use crate::rig::Rig;
+use crate::study::Study;
 
 /// Which parameters to profile.
 #[derive(Debug, clap::Args)]
 pub struct Profiles {
-    /// Parameters whose 95% intervals come from their profiles: each is moved while all others follow, until the fit is worse than noise
-    /// explains. `all` takes all of them; one that each run has of its own is profiled in all of them.
+    /// Parameters whose 95% intervals come from profile likelihood: each is varied while all others are refitted. `all` takes all of them; a
+    /// parameter of each run is profiled in all runs.
     #[arg(long = "profile", value_name = "NAME,…|all", value_delimiter = ',')]
     names: Vec<String>,
 }
 
-/// Fall of the sum of squares, in units of what one sample leaves, from which on a profile's centre is said to lie below the fit.
+/// Fall of the sum of squares, in units of what one sample leaves, above which a profile's centre counts as below the fit.
 const BELOW: f64 = 1.0;
 
 impl Profiles {
@@ -28,7 +29,9 @@ impl Profiles {
     pub fn check<'a>(&self, mut held: impl Iterator<Item = &'a str>) -> Result<(), String> {
         match held.find(|held| self.names.iter().any(|n| n == held)) {
             None => Ok(()),
-            Some(name) => Err(format!("{name} is held, so it has no profile: leave it out of --profile, or let it go")),
+            Some(name) => {
+                Err(format!("{name} is held, so it has no profile: leave it out of --profile, or do not hold it"))
+            }
         }
     }
 
@@ -49,14 +52,13 @@ impl Profiles {
         Ok(asked.map(|(j, _)| j).collect())
     }
 
-    /// Profiles what was asked for; the fit's intervals become the profiles'. Says where a profile tells something else than the linear interval.
+    /// Profiles what was asked for; the fit's intervals become the profiles'. Warns where a profile disagrees with the linear interval.
     ///
     /// # Errors
     /// A name that the fit does not have, a model that cannot be simulated.
     pub fn apply(
         &self,
-        rig: &Rig,
-        runs: &[RunData],
+        study: &Study,
         fit: &mut Fit,
         options: &Options,
     ) -> Result<(), Box<dyn std::error::Error + Send + Sync>> {
@@ -65,17 +67,17 @@ impl Profiles {
             return Ok(());
         }
         let began = std::time::Instant::now();
-        let bar = crate::cli::commands::calibrate::progress_bar();
+        let bar = progress_bar();
         let shown = |p: &Progress| bar.set_message(p.stage.clone());
-        let found: Result<_, FitError> = profiles(rig, runs, fit, &which, options, &shown);
+        let found: Result<_, FitError> = profiles(study.rig(), study.runs(), fit, &which, options, &shown);
         bar.finish_and_clear();
         let found = found?;
         fit.evaluations += found.evaluations;
         fit.seconds += began.elapsed().as_secs_f64();
         let below = found.below_fit > BELOW;
         if below {
-            crate::cli::tell!(
-                "warning: the fit is not at its optimum: that of the profiles lies {} lower in χ², and they are centred there",
+            tell!(
+                "warning: the fit is not at its optimum: the profiles found one with a χ² lower by {}, and are centred there",
                 significant(found.below_fit, 3)
             );
         }
@@ -83,8 +85,8 @@ impl Profiles {
             let parameter = &mut fit.parameters[j];
             let run = parameter.run.as_ref().map_or(String::new(), |r| format!(" of {r}"));
             if below {
-                crate::cli::tell!(
-                    "{}{run}: {} where the fit has {}",
+                tell!(
+                    "{}{run}: {}, the fit has {}",
                     parameter.name,
                     significant(profile.best, 5),
                     significant(parameter.value, 5)
@@ -92,8 +94,8 @@ impl Profiles {
             }
             for (side, last) in ["below", "above"].into_iter().zip(profile.unknown_beyond) {
                 if let Some(last) = last {
-                    crate::cli::tell!(
-                        "warning: {}{run}: the end of its profile {side} is not known: beyond {} no descent of the other parameters reached an optimum",
+                    tell!(
+                        "warning: {}{run}: the end of its profile {side} is unknown: beyond {}, no refit of the other parameters reached an optimum",
                         parameter.name,
                         significant(last, 4)
                     );
@@ -101,22 +103,22 @@ impl Profiles {
             }
             let known = profile.unknown_beyond == [None; 2];
             if known && profile.disagrees() {
-                crate::cli::tell!(
-                    "warning: {}{run}: the profile's 95% interval, {}, is not the linear one, {}: {}",
+                tell!(
+                    "warning: {}{run}: the profile's 95% interval, {}, differs from the linear one, {}: {}",
                     parameter.name,
                     interval(profile.interval_95),
                     interval(profile.linear_95),
                     match profile.unresolved {
                         0 => "trust the profile".to_owned(),
                         n => format!(
-                            "{n} of its points are no optima, and were left out; look at it with --method global-local"
+                            "{n} of its points are not optima and were left out; check it with --method global-local"
                         ),
                     }
                 );
             }
             if profile.fell_by > 1.0 {
-                crate::cli::tell!(
-                    "warning: {}{run}: a better fit lies along its profile, by {:.1} in χ²; look at it with --start",
+                tell!(
+                    "warning: {}{run}: its profile contains a better fit, by {:.1} in χ²; check it with --start",
                     parameter.name,
                     profile.fell_by
                 );

@@ -1,20 +1,28 @@
-//! Recordings that a command is given: opened, with their doubts on standard error.
+//! Recordings that a command is given: opened, with their warnings on standard error.
 
 use std::path::{Path, PathBuf};
 
-use crate::cli::tell;
-use crate::study::open::{self, Loaded};
+use crate::cli::console::outcome::AnyError;
+use crate::cli::console::print::tell;
+use crate::study::Study;
+use crate::study::error::Error;
 
-/// Opens recordings of one rig and says what in them should make a user look twice.
+/// Opens recordings of one rig and prints what in them should make a user look twice.
 ///
 /// # Errors
-/// As [`open::load`].
-pub fn load(paths: &[PathBuf], rig: Option<&Path>) -> Result<Vec<Loaded>, Box<dyn std::error::Error + Send + Sync>> {
-    let loaded = open::load(paths, rig)?;
-    for Loaded { file, doubts, .. } in &loaded {
-        for doubt in doubts {
-            tell!("warning: {file}: {doubt}");
-        }
+/// As [`Study::open_on`].
+pub fn open(paths: &[PathBuf], rig: Option<&Path>) -> Result<Study, AnyError> {
+    let study = Study::open_on(rig, paths).map_err(|error| match error {
+        Error::SeveralRigs { .. } => format!("{error} with --rig").into(),
+        other => AnyError::from(other),
+    })?;
+    warn_of(&study);
+    Ok(study)
+}
+
+/// Prints what in a study's recordings should make a user look twice.
+pub fn warn_of(study: &Study) {
+    for warning in study.warnings() {
+        tell!("warning: {warning}");
     }
-    Ok(loaded)
 }

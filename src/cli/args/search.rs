@@ -20,25 +20,25 @@ pub struct Search {
     /// How to search.
     #[arg(long, value_enum, default_value_t = Method::LeastSquares)]
     method: Method,
-    /// Random starts of least squares, over the whole range of the shared parameters, beside those that it has of its own.
+    /// Additional random starts of least squares over the whole range of the shared parameters.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(..=MOST_STARTS),
           allow_negative_numbers = true)]
     starts: Option<u32>,
-    /// Simulations that a global search or micro-genetic algorithm may take for one model; 20,000 where nothing is said.
+    /// Most simulations of a global search or micro-genetic algorithm per model [default: 20000].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), allow_negative_numbers = true)]
     budget: Option<u32>,
-    /// Seed of all that is drawn at random.
+    /// Seed of the random draws.
     #[arg(long, value_name = "N", default_value_t = Options::default().seed, allow_negative_numbers = true)]
     seed: u64,
-    /// Stop a stepwise calibration after so many steps, for --save and --from to go on with.
+    /// Stop a stepwise calibration after this many steps; continue it later with --save and --from.
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     steps: Option<usize>,
-    /// Where parameters start, instead of where signals, rig and effects say; one that each run has of its own starts there in all of them. Recordings go before it.
+    /// Start parameters at these values instead of those from signals, rig and effects; a parameter of each run starts there in all runs. Name the
+    /// recordings first.
     #[arg(long, value_name = "NAME=VALUE", value_parser = crate::cli::args::values::setting, num_args = 1..)]
     start: Vec<(String, f64)>,
-    /// Go on from the model in force in this file: from its values, with what is held (`fixed = true`), bounded and known there, and with its
-    /// effects where none are named. A stepwise calibration uses the features that were left to it when it was stopped (`features_left`), then goes
-    /// on in turn by the whole record.
+    /// Continue from the current model of this model file: with its values, held parameters (`fixed = true`), bounds and priors, and its effects
+    /// unless others are given. A stepwise calibration first uses the features left from last time (`features_left`), then the whole record.
     #[arg(long, value_name = "MODEL.toml")]
     from: Option<PathBuf>,
 }
@@ -48,13 +48,13 @@ pub struct Search {
 enum Method {
     /// Bounded Levenberg-Marquardt from several starts.
     LeastSquares,
-    /// Differential evolution over the whole box, then a covariance-adapting evolution strategy (CMA-ES) in the valley that it found.
+    /// Differential evolution over the whole range, then a covariance-adapting evolution strategy (CMA-ES) around the best point.
     Global,
-    /// A micro-genetic algorithm over the whole box.
+    /// A micro-genetic algorithm over the whole range.
     MicroGa,
-    /// The same, then least squares from where it ended.
+    /// The global search, then least squares from its result.
     GlobalLocal,
-    /// One parameter after the other, each from the feature that it moves most.
+    /// One parameter after the other, each from the feature that it affects most.
     Stepwise,
 }
 
@@ -84,7 +84,7 @@ impl Search {
         match held.find(|held| self.start.iter().any(|(name, _)| name == held)) {
             None => Ok(()),
             Some(name) => {
-                Err(format!("{name} is held, so it starts nowhere else: leave it out of --start, or let it go"))
+                Err(format!("{name} is held, so it cannot start elsewhere: leave it out of --start, or do not hold it"))
             }
         }
     }
@@ -120,7 +120,7 @@ impl Search {
             true => {
                 let names: Vec<&str> = of.iter().map(|&m| method::Method::from(m).name()).collect();
                 let own = method::Method::from(self.method).name();
-                Err(format!("{option} is for --method {}; --method {own} has no use for it", names.join(", ")))
+                Err(format!("{option} is for --method {}; --method {own} does not use it", names.join(", ")))
             }
         };
         unheeded("--starts", self.starts.is_some(), &[LeastSquares])?;
@@ -134,10 +134,10 @@ impl Search {
     /// What the method does not heed.
     pub fn options(&self, from: Option<&Entry>) -> Result<Options, String> {
         self.refuse_unheeded()?;
-        let said = self.start.iter().map(|(name, value)| Given { name: name.clone(), run: None, value: *value });
+        let given = self.start.iter().map(|(name, value)| Given { name: name.clone(), run: None, value: *value });
         let of = |p: &Value| Given { name: p.name.clone(), run: p.run.clone(), value: p.value };
-        // What is said on the command line goes first.
-        let starts_at = said.chain(from.iter().flat_map(|model| model.parameters.iter().map(of))).collect();
+        // The command line goes first.
+        let starts_at = given.chain(from.iter().flat_map(|model| model.parameters.iter().map(of))).collect();
         let usual = Options::default();
         Ok(Options {
             method: self.method.into(),

@@ -4,6 +4,7 @@ use std::error::Error;
 use std::path::PathBuf;
 
 use crate::cli::args::values::{number, positive};
+use crate::cli::console::print::tell;
 use crate::record::session::live_test::Options;
 use crate::record::session::output::check_folder;
 use crate::record::session::shots::Plan;
@@ -13,24 +14,24 @@ use crate::rig::{Rig, SensorKind};
 /// Options of a triggered recording.
 #[derive(Debug, clap::Args)]
 pub struct Triggers {
-    /// Record shots, each in a file of its own: `edge` of the valve's command (a sensor of kind trigger), `level=V` reached from below, or
-    /// a rise of `slope=V` a second (over 20 ms), V in the sensor's unit. Armed once the sensor was quiet for the time of --pre.
+    /// Record each shot in its own file. The trigger is an `edge` of the valve's command (a sensor of kind trigger), `level=V` reached from below, or
+    /// a rise of `slope=V` per second (over 20 ms), V in the sensor's unit. It is armed after --pre seconds of quiet.
     #[arg(long, value_name = "edge|level=V|slope=V", value_parser = condition, requires = "out_dir", conflicts_with = "output",
           allow_hyphen_values = true)]
     trigger: Option<Condition>,
-    /// The sensor that fires; else the rig's only trigger channel for an edge, its pressure sensor nearest to the valve for the others.
+    /// Sensor of the trigger [default: for an edge, the rig's only trigger channel; otherwise the pressure sensor nearest to the valve].
     #[arg(long, value_name = "SENSOR", requires = "trigger")]
     trigger_sensor: Option<String>,
-    /// Seconds that a shot holds before it fires.
+    /// Seconds of a shot before the trigger.
     #[arg(long, value_name = "S", default_value_t = 2.0, value_parser = positive, requires = "trigger", allow_negative_numbers = true)]
     pre: f64,
-    /// Seconds that a shot holds after it fired.
+    /// Seconds of a shot after the trigger.
     #[arg(long, value_name = "S", default_value_t = 20.0, value_parser = positive, requires = "trigger", allow_negative_numbers = true)]
     post: f64,
-    /// Stop after so many shots.
+    /// Stop after this many shots.
     #[arg(long, value_name = "N", requires = "trigger", value_parser = clap::value_parser!(u32).range(1..))]
     shots: Option<u32>,
-    /// Folder of the shots, named RIG-START-NUMBER.mcap, the start in UTC; made if it is not there.
+    /// Folder of the shots, named RIG-START-NUMBER.mcap with the start in UTC; created if missing.
     #[arg(long, value_name = "DIR", requires = "trigger")]
     out_dir: Option<PathBuf>,
 }
@@ -56,8 +57,8 @@ impl Triggers {
         check_folder(folder)?;
         let nanoseconds = |s: f64| (s * 1e9).round() as i64;
         let trigger = Settings { condition, pre_ns: nanoseconds(self.pre), post_ns: nanoseconds(self.post) };
-        crate::cli::tell!(
-            "shots of {} s before and {} s after {} fires go to {}",
+        tell!(
+            "shots from {} s before to {} s after the trigger on {} are written to {}",
             self.pre,
             self.post,
             rig.sensors[sensor].name,
@@ -81,7 +82,7 @@ impl Triggers {
             return match channels[..] {
                 [one] => Ok(one),
                 _ => Err(format!(
-                    "rig '{}' has {} sensors of kind trigger: name the one that fires with --trigger-sensor, or take level=V or slope=V",
+                    "rig '{}' has {} sensors of kind trigger: choose one with --trigger-sensor, or use level=V or slope=V",
                     rig.name,
                     channels.len()
                 )),

@@ -51,13 +51,8 @@ pub fn pair(text: &str) -> Result<(String, String), String> {
 /// See [`pair`] and [`number`].
 pub fn setting(text: &str) -> Result<(String, f64), String> {
     // An option that takes several of these takes a file behind them for one more.
-    let (name, value) = pair(text).map_err(|e| format!("{e}, and files before such options"))?;
+    let (name, value) = pair(text).map_err(|e| format!("{e}, and name files before this option"))?;
     Ok((name, number(&value)?))
-}
-
-/// Twelve significant digits, without the tail of binary fractions.
-pub fn rounded(value: f64) -> f64 {
-    format!("{value:.11e}").parse().unwrap_or(value)
 }
 
 #[cfg(test)]
@@ -67,7 +62,7 @@ mod tests {
     #[test]
     fn settings_are_read_and_slips_are_explained() {
         assert_eq!(setting("wave_speed_m_s = 395").unwrap(), ("wave_speed_m_s".to_owned(), 395.0));
-        assert!(setting("run.mcap").unwrap_err().contains("NAME=VALUE, and files before such options"));
+        assert!(setting("run.mcap").unwrap_err().contains("NAME=VALUE, and name files before this option"));
         assert!(setting("a=b").unwrap_err().contains("'b' is not a number"));
         assert!(setting("a=NaN").is_err() && positive("0").is_err() && not_negative("-1").is_err());
         assert_eq!(not_negative("0"), Ok(0.0));

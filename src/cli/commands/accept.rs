@@ -2,21 +2,22 @@
 
 use std::path::PathBuf;
 
-use crate::cli::commands::evaluate::{acceptance, place};
-use crate::cli::{CommandResult, Outcome};
+use crate::cli::console::outcome::{CommandResult, Outcome};
+use crate::cli::console::print::say;
 use crate::report::history::text::RunDocument;
 use crate::results::history::{Finding, HistoryError, Index, Value};
 use crate::results::model_file::ModelFile;
 use crate::study::models;
+use crate::watch::evaluate::{acceptance, place};
 use crate::watch::start::units;
 
-/// Accept the model of a run as the rig's: later runs are fitted with it, from its values, and diagnosed against it.
+/// Accept a run's model as the model of its rig.
 ///
-/// It is the model in force in the run's fit, NAME.model.toml: edit it, grow it with `surgescope add`, or take a step back with
-/// `surgescope undo` before, if another is wanted.
+/// Later runs of the rig start from it and are diagnosed against it. It is the current model in the run's NAME.model.toml; to accept another
+/// one, edit that file first, or use `surgescope add` or `surgescope undo`.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// The recording; `surgescope watch` or `record --calibrate` has fitted it.
+    /// The recording, fitted by `surgescope watch` or `record --calibrate`.
     #[arg(value_name = "MCAP")]
     recording: PathBuf,
 }
@@ -40,9 +41,9 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     index.done(&run, &run.rig, &finding, Some(&accepted))?;
     let now = index.run(run.id)?;
     if json {
-        crate::cli::say!("{}", serde_json::to_string_pretty(&RunDocument::from(&now))?);
+        say!("{}", serde_json::to_string_pretty(&RunDocument::from(&now))?);
     } else {
-        crate::cli::say!("{}: {} accepted for rig '{}'", now.file, models.current().name, now.rig);
+        say!("{}: {} accepted for rig '{}'", now.file, models.current().name, now.rig);
     }
     Ok(Outcome::Done)
 }

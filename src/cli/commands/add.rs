@@ -3,20 +3,23 @@
 use std::path::PathBuf;
 use std::time::Instant;
 
-use crate::cli::commands::calibrate::progress_bar;
-use crate::cli::{CommandResult, Outcome};
-use crate::diagnose::grow;
+use crate::cli::args::recordings;
+use crate::cli::console::outcome::{CommandResult, Outcome};
+use crate::cli::console::print::{say, say_text, tell};
+use crate::cli::console::progress::{refit, shown};
 use crate::model::effects::{Chosen, parse_list};
 use crate::report::models::{json as models_json, text};
-use crate::study::models;
+use crate::study::{Grown, models};
 
-/// Add an effect to the model in force of a file of models, refit, and keep the result as the model in force.
+/// Add an effect to the current model and refit.
+///
+/// The result becomes the current model of the file; `surgescope undo` takes it back.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// The effect, such as leak or viscoelastic-wall:2.
     #[arg(value_name = "EFFECT", value_parser = one_effect)]
     effect: Chosen,
-    /// The file of models, as `calibrate --save` or `diagnose --apply` writes it.
+    /// The model file that `calibrate --save` or `diagnose --apply` wrote.
     #[arg(value_name = "MODEL.toml")]
     file: PathBuf,
 }
@@ -35,36 +38,26 @@ fn one_effect(text: &str) -> Result<Chosen, String> {
 /// A file or a recording that cannot be read, an effect that the model has already or that excludes another, a fit that fails.
 pub fn run(args: Args, json: bool) -> CommandResult {
     let mut at = models::open(&args.file)?;
-    for doubt in &at.doubts {
-        crate::cli::tell!("warning: {doubt}");
-    }
+    recordings::warn_of(&at.study);
     let before = at.file.current().clone();
     let label = args.effect.label();
-    // The list as a whole says what stands against the newcomer.
-    parse_list(&before.effects.iter().cloned().chain([label.clone()]).collect::<Vec<_>>().join(","))?;
-    if let Some(why) = args.effect.effect.impossible(&at.rig) {
-        crate::cli::tell!("warning: {label}: {why}; whatever it absorbs belongs to another effect");
+    if let Some(why) = args.effect.effect.impossible(at.study.rig()) {
+        tell!("warning: {label}: {why}; whatever it explains belongs to another effect");
     }
     let began = Instant::now();
-    let bar = progress_bar();
-    let shown = |message: &str| bar.set_message(message.to_owned());
-    let grown = before
-        .refit(&at.rig, &at.runs, &at.options, &|p| shown(&format!("the model in force, {}", p.stage)))
-        .and_then(|start| grow(&at.rig, &at.runs, &start, &args.effect, &at.options, &shown));
-    bar.finish_and_clear();
-    let (fit, evidence) = grown?;
-    crate::cli::tell!("{:.1} s", began.elapsed().as_secs_f64());
-    at.file.append(&fit, &format!("{label} added"), Some(evidence), models::now());
-    models::save(&mut at.file, &at.path)?;
+    let start = refit(&mut at, "current model, ")?;
+    let Grown { fit, evidence, .. } = shown(&mut at.study, "", |study| study.grow(&start, &args.effect))?;
+    tell!("{:.1} s", began.elapsed().as_secs_f64());
+    at.append(&fit, &format!("{label} added"), Some(evidence))?;
     if json {
-        crate::cli::say!("{}", models_json(&at.file)?);
+        say!("{}", models_json(&at.file)?);
     } else {
-        crate::cli::say_text!(text(&at.file));
+        say_text!(text(&at.file));
         let (rmse_m, _) = fit.pooled();
-        crate::cli::say!(
+        say!(
             "\n{label} added: RMSE {:.4} m → {rmse_m:.4} m, evidence {evidence:.1}{}",
             before.rmse_m,
-            if evidence > 0.0 { "" } else { "; the data do not ask for it: `surgescope undo` takes it back" }
+            if evidence > 0.0 { "" } else { "; the data do not support it: `surgescope undo` takes it back" }
         );
     }
     Ok(Outcome::Done)

@@ -1,70 +1,63 @@
 //! `surgescope calibrate`: the fitted model of one run, or of several at once.
 
-use std::io::{IsTerminal, stderr};
 use std::path::PathBuf;
-use std::time::{Duration, Instant};
-
-use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::cli::args::creep_prior::WALL;
 use crate::cli::args::hold;
 use crate::cli::args::recordings;
 use crate::cli::args::search::Search;
-use crate::cli::{CommandResult, Outcome};
-use crate::fit::data::run_data::RunData;
+use crate::cli::console::outcome::{CommandResult, Outcome};
+use crate::cli::console::page::write_page;
+use crate::cli::console::print::{say, say_text, tell};
+use crate::cli::console::progress::shown;
 use crate::fit::outcome::fit::Fit;
-use crate::fit::problem::error::FitError;
 use crate::fit::problem::method::Method;
-use crate::fit::search::calibrate::calibrate;
-use crate::fit::search::options::{Options, Progress};
+use crate::fit::search::options::Options;
 use crate::fit::validate::conflict::warnings;
 use crate::model::effects::{Chosen, parse_list};
-use crate::report::Stage;
+use crate::report::Page;
 use crate::report::calibration::json;
-use crate::report::html::page::{Page, html};
-use crate::report::text::table;
+use crate::report::calibration::text as table;
+use crate::report::{Stage, title};
 use crate::results::model_file::Entry;
-use crate::rig::Rig;
 use crate::storage::output;
 use crate::study::models;
-use crate::study::open;
-use crate::study::open::Loaded;
 
-/// Fit a model to one recording, or to several of one rig at once.
+/// Fit a model to recordings of one rig.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// The recordings, all of one rig.
+    /// Recordings of one rig.
     #[arg(required = true, value_name = "MCAP")]
     recordings: Vec<PathBuf>,
-    /// Effects added to the base model, such as viscoelastic-wall:2; `none` is the base model alone.
+    /// Effects added to the base model, such as viscoelastic-wall:2; `none` for the base model alone.
     #[arg(long, value_name = "A,B", value_parser = parse_list)]
     effects: Option<::std::vec::Vec<Chosen>>,
     #[command(flatten)]
     search: Search,
     #[command(flatten)]
     compare: crate::cli::args::misfit::CompareBy,
-    /// Another model to fit first and to show beside it in tables and report; may be given often.
+    /// Also fit this model, for comparison in tables and report; may be repeated.
     #[arg(long, value_name = "A,B", value_parser = parse_list)]
     against: Vec<::std::vec::Vec<Chosen>>,
-    /// Values that the fits do not touch; one that each run has of its own is held in all of them. Recordings go before it.
+    /// Hold parameters at these values; a parameter of each run is held in all runs. Name the recordings first.
     #[arg(long, value_name = "NAME=VALUE", value_parser = crate::cli::args::values::setting, num_args = 1..)]
     hold: Vec<(String, f64)>,
     #[command(flatten)]
     creep: crate::cli::args::creep_prior::CreepPrior,
     #[command(flatten)]
     profiles: crate::cli::args::profile::Profiles,
-    /// A rig to read them with, instead of the one that is stored in them.
+    /// Read the recordings with this rig instead of the stored one.
     #[arg(long, value_name = "RIG")]
     rig: Option<PathBuf>,
-    /// Write a page with charts of measurement, models and residuals; an older page of that name is replaced, no other file.
+    /// Write a page with charts of measurement, models and residuals; replaces an older page of that name, and no other file.
     #[arg(long, value_name = "HTML")]
     report: Option<PathBuf>,
     #[command(flatten)]
-    output: crate::cli::commands::fit_output::FitOutput,
-    /// Keep the fitted model in this file of models, as the one in force; older ones stay in it.
+    output: crate::cli::args::fit_output::FitOutput,
+    /// Save the fitted model in this model file as the current one; older models stay in it.
     #[arg(long, value_name = "MODEL.toml")]
     save: Option<PathBuf>,
-    /// Finest grid that the fit may use.
+    /// Finest grid of the fit.
     #[arg(long, value_name = "REACHES", default_value_t = Options::default().most_reaches, value_parser = crate::cli::args::values::reaches,
           allow_negative_numbers = true)]
     most_reaches: usize,
@@ -94,65 +87,62 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     let mut file =
         args.save.as_ref().map(|path| models::about(path, &args.recordings, args.rig.as_deref())).transpose()?;
     let rig_file = models::rig_of(args.rig.as_deref(), args.save.as_deref().zip(file.as_ref()));
-    let loaded = recordings::load(&args.recordings, rig_file.as_deref())?;
-    let rig = loaded[0].recording.rig.clone();
-    let runs = open::runs(&loaded);
+    let mut study = recordings::open(&args.recordings, rig_file.as_deref())?;
     let mut effects = continued(args.effects.clone(), from.as_ref());
     // What is known is for the model asked for: those that it is compared with show what the recordings alone say.
-    let mut priors = args.creep.priors(&loaded, &runs, &mut effects)?;
+    let mut priors = args.creep.priors(&study, &mut effects)?;
     if let Some(from) = from.as_ref().filter(|_| !args.creep.given()) {
         priors = from.priors();
     }
     let mut models = args.against.clone();
     models.push(effects);
     let mut fits: Vec<(String, Fit)> = Vec::new();
-    let held = hold::constraints(&rig, &runs, &models, &args.hold);
+    let held = hold::constraints(&study, &models, &args.hold);
     if let Some(last) = models.last() {
-        hold::warn_beyond("--start", &rig, &runs, last, args.search.started());
+        hold::warn_beyond("--start", &study, last, args.search.started());
     }
     for (i, (effects, mut constraints)) in models.iter().zip(held).enumerate() {
         if let Some(from) = &from {
-            hold::and_settled(&mut constraints, from, &rig, &runs, (effects, i + 1 == models.len()));
+            hold::settle(&mut constraints, from, &study, effects, i + 1 == models.len());
         }
         let priors = if i + 1 == models.len() { priors.clone() } else { Vec::new() };
         let options = Options { most_reaches: args.most_reaches, constraints, priors, ..searched.clone() };
-        let mut fit = timed(&rig, &runs, effects, &options)?;
+        let mut fit = shown(&mut study, "", |study| study.calibrate(effects).options(options.clone()).run())?;
         if i + 1 == models.len() {
-            args.profiles.apply(&rig, &runs, &mut fit, &options)?;
+            args.profiles.apply(&study, &mut fit, &options)?;
         }
         fits.push((title(effects), fit));
     }
     args.search.check(fits.iter().flat_map(|(_, fit)| &fit.parameters).map(|p| p.name.as_str()))?;
     let stages: Vec<Stage> = fits.iter().map(|(title, fit)| Stage { title: title.clone(), fit }).collect();
     let Some((_, last)) = fits.last() else { return Ok(Outcome::Done) };
-    let warned = warnings(last, &runs);
-    warned.iter().for_each(|warning| crate::cli::tell!("warning: {warning}"));
+    let warned = warnings(last, study.runs());
+    warned.iter().for_each(|warning| tell!("warning: {warning}"));
     if json {
-        crate::cli::say!("{}", json::calibration(last, &warned)?);
+        say!("{}", json::calibration(last, &warned)?);
     } else {
-        crate::cli::say_text!(table::calibration(&stages));
+        say_text!(table::calibration(&stages));
         if last.effects.iter().any(|c| c.effect.name() == WALL)
-            && let Some(said) = rig.constraint_in_words()
+            && let Some(constraint) = study.rig().constraint_in_words()
         {
-            crate::cli::say!("\n{said}.");
+            say!("\n{constraint}.");
         }
     }
-    args.output.write(last, &loaded)?;
+    args.output.write(last, &study)?;
     if let (Some(path), Some(file)) = (&args.save, &mut file) {
         file.append(last, &why(last), None, models::now());
         models::save(file, path)?;
-        crate::cli::tell!("model {} in {}", file.in_force, path.display());
+        tell!("model {} in {}", file.in_force, path.display());
     }
     // last, so that a page that cannot be written costs no result
     if let Some(path) = &args.report {
-        write_page(path, &loaded, Page { stages, warnings: &warned, ..Page::of(&rig) })?;
-        crate::cli::tell!("report: {}", path.display());
+        write_page(path, &study, Page { stages, warnings: &warned, ..Page::of(study.rig()) })?;
+        tell!("report: {}", path.display());
     }
     Ok(Outcome::Done)
 }
 
-/// The effects that were asked for; of those without a number of elements, as many as in the model that is gone on from. Where none were asked for,
-/// that model's.
+/// The effects asked for, with the numbers of elements of the model given with `--from` where none are given; without any, that model's.
 fn continued(asked: Option<Vec<Chosen>>, from: Option<&Entry>) -> Vec<Chosen> {
     let known = from.map_or(Vec::new(), Entry::chosen);
     let Some(mut asked) = asked else { return known };
@@ -171,72 +161,5 @@ fn why(fit: &Fit) -> String {
         Method::LeastSquares => "calibrated".to_owned(),
         method => format!("calibrated, {}", method.name()),
     };
-    if fit.converged { how } else { how + ", at no optimum" }
-}
-
-/// How a report calls a model.
-pub fn title(effects: &[Chosen]) -> String {
-    match effects {
-        [] => "base model".to_owned(),
-        _ => format!("+ {}", effects.iter().map(Chosen::label).collect::<Vec<_>>().join(" + ")),
-    }
-}
-
-/// A fit with its progress shown and its time taken.
-///
-/// # Errors
-/// As [`calibrate`].
-pub fn timed(rig: &Rig, runs: &[RunData], effects: &[Chosen], options: &Options) -> Result<Fit, FitError> {
-    let start = Instant::now();
-    let bar = progress_bar();
-    let shown = |p: &Progress| {
-        bar.set_message(format!(
-            "{}: {} reaches, iteration {}, error {:.2} x noise",
-            p.stage, p.reaches, p.iteration, p.error_over_noise
-        ));
-    };
-    let fit = calibrate(rig, runs, effects, options, &shown);
-    bar.finish_and_clear();
-    Ok(Fit { seconds: start.elapsed().as_secs_f64(), ..fit? })
-}
-
-/// A line on the terminal that shows after half a second; nothing where standard error is no terminal.
-pub fn progress_bar() -> ProgressBar {
-    if !stderr().is_terminal() {
-        return ProgressBar::hidden();
-    }
-    let style =
-        ProgressStyle::with_template("{spinner} {elapsed} {msg}").unwrap_or_else(|_| ProgressStyle::default_spinner());
-    let bar = ProgressBar::new_spinner().with_style(style);
-    bar.enable_steady_tick(Duration::from_millis(100));
-    bar
-}
-
-/// Writes the page of a list of fits.
-///
-/// # Errors
-/// If the file cannot be written, or has become something else than a page meanwhile.
-pub fn write_report(
-    path: &std::path::Path,
-    rig: &Rig,
-    loaded: &[Loaded],
-    stages: Vec<Stage>,
-) -> Result<(), Box<dyn std::error::Error + Send + Sync>> {
-    write_page(path, loaded, Page { stages, ..Page::of(rig) })
-}
-
-/// The same of a page that knows more than fits; its heading names the recordings.
-///
-/// # Errors
-/// As [`write_report`].
-pub fn write_page(
-    path: &std::path::Path,
-    loaded: &[Loaded],
-    page: Page,
-) -> Result<(), Box<dyn std::error::Error + Send + Sync>> {
-    let files: Vec<&str> = loaded.iter().map(|l| l.file.as_str()).collect();
-    let title = format!("{} on rig {}", files.join(", "), page.rig.name);
-    let page = html(&Page { title, ..page });
-    output::check_report(path)?;
-    output::write(path, &page)
+    if fit.converged { how } else { how + ", no optimum reached" }
 }

@@ -2,7 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::cli::{CommandResult, Outcome};
+use crate::cli::console::outcome::{CommandResult, Outcome};
+use crate::cli::console::print::{say, say_text, tell};
 use crate::creep::file::{CreepFile, HEADING};
 use crate::creep::fit::fit;
 use crate::creep::read::{has_strain, read};
@@ -11,34 +12,35 @@ use crate::report::creep::html::html;
 use crate::report::creep::text::{json as creep_json, text};
 use crate::storage::output;
 
-/// Kelvin-Voigt elements from creep tests: strain or compliance against time under a constant load.
+/// Fit Kelvin-Voigt elements to creep tests of the pipe's material.
 ///
+/// A creep test is strain or compliance against time under a constant load.
 /// A file has a header line, a column of times after the load was applied (time_s, time_min or time_h) and one of compliance
 /// (compliance_per_GPa, _per_MPa, _per_Pa) or strain (strain, strain_percent, strain_microstrain; with --stress-MPa). Several files at one
-/// temperature are repeats; at several temperatures they are fitted together, times shifted.
+/// temperature are repeats; tests at several temperatures are fitted together with shifted times.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// The tests.
     #[arg(required = true, value_name = "CSV")]
     tests: Vec<PathBuf>,
-    /// The constant stress of tests that give strains.
+    /// Constant stress of tests that give strains.
     #[arg(long = "stress-MPa", value_name = "S", value_parser = crate::cli::args::values::positive, allow_negative_numbers = true)]
     stress_mpa: Option<f64>,
-    /// Temperature of each test, in the files' order: 15,25,35.
+    /// Temperatures of the tests in their order, such as 15,25,35.
     #[arg(long = "temperature-degC", value_name = "T,T", value_delimiter = ',', value_parser = celsius,
           allow_negative_numbers = true)]
     temperature_degc: Vec<f64>,
-    /// The temperature that the elements are given at; the first test's unless another is named.
+    /// Reference temperature of the elements [default: that of the first test].
     #[arg(long = "reference-degC", value_name = "T", value_parser = celsius, requires = "temperature_degc",
           allow_negative_numbers = true)]
     reference_degc: Option<f64>,
-    /// Number of Kelvin-Voigt elements; left out, evidence chooses.
+    /// Number of Kelvin-Voigt elements [default: chosen by evidence].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(0..=12))]
     elements: Option<u8>,
-    /// Write a page with the fit's plots; an older page of that name is replaced, no other file.
+    /// Write a page with plots of the fit; replaces an older page of that name, and no other file.
     #[arg(long, value_name = "HTML")]
     report: Option<PathBuf>,
-    /// Keep the result, for `calibrate --creep` and `diagnose --creep`; an older result of that name is replaced, no other file.
+    /// Save the result for `calibrate --creep` and `diagnose --creep`; replaces an older result of that name, and no other file.
     #[arg(short, long, value_name = "CREEP.toml")]
     output: Option<PathBuf>,
 }
@@ -61,31 +63,31 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     let (mut tests, mut strains) = (Vec::new(), false);
     for (i, path) in args.tests.iter().enumerate() {
         if let Some(twin) = args.tests[..i].iter().find(|p| output::same_file(p, path)) {
-            return Err(format!("{} and {} are one test: it counts once", twin.display(), path.display()).into());
+            return Err(format!("{} and {} are the same test: it counts once", twin.display(), path.display()).into());
         }
         let (test, strain) = load(path, args.stress_mpa.map(|s| s * 1e6))?;
         strains |= strain;
         tests.push(CreepTest { temperature_degc: args.temperature_degc.get(i).copied(), ..test });
     }
     if args.stress_mpa.is_some() && !strains {
-        return Err("--stress-MPa is for columns of strain, and these files give compliances: leave it out".into());
+        return Err("--stress-MPa is for strains, and these files give compliances: leave it out".into());
     }
     let fitted = fit(&tests, args.reference_degc, args.elements.map(usize::from))?;
     if json {
-        crate::cli::say!("{}", creep_json(&fitted)?);
+        say!("{}", creep_json(&fitted)?);
     } else {
-        crate::cli::say_text!(text(&fitted));
+        say_text!(text(&fitted));
     }
     if let Some(path) = &args.output {
         output::check_result(path, HEADING)?;
         output::write(path, &CreepFile::of(&fitted).text()?)?;
-        crate::cli::tell!("result: {}", path.display());
+        tell!("result: {}", path.display());
     }
     // last, so that a page that cannot be written costs no result
     if let Some(path) = &args.report {
         output::check_report(path)?;
         output::write(path, &html(&fitted))?;
-        crate::cli::tell!("report: {}", path.display());
+        tell!("report: {}", path.display());
     }
     Ok(Outcome::Done)
 }

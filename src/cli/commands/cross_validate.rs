@@ -6,18 +6,21 @@ use clap::ValueEnum;
 
 use crate::cli::args::hold;
 use crate::cli::args::recordings;
-use crate::cli::commands::calibrate::progress_bar;
-use crate::cli::{CommandResult, Outcome};
+use crate::cli::console::outcome::{CommandResult, Outcome};
+use crate::cli::console::print::{say, say_text};
+use crate::cli::console::progress::progress_bar;
 use crate::fit::search::options::Options;
 use crate::fit::validate::cross_validate::{By, CrossValidation, cross_validate};
 use crate::model::effects::{Chosen, parse_list};
 use crate::report::prediction::cross_validation::{document, text};
-use crate::study::open;
+use crate::report::title;
 
-/// Fit a model without one sensor, one run, or the end of the record in turn, and let it predict what was left out.
+/// Leave out a sensor, a run or the end of the record, and predict it.
+///
+/// The model is fitted to the rest each time.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// The recordings, all of one rig.
+    /// Recordings of one rig.
     #[arg(required = true, value_name = "MCAP")]
     recordings: Vec<PathBuf>,
     /// Effects of the model.
@@ -26,16 +29,16 @@ pub struct Args {
     /// Another model to compare it with.
     #[arg(long, value_name = "A,B", value_parser = parse_list)]
     against: Option<::std::vec::Vec<Chosen>>,
-    /// What to leave out; left out itself, all that the recordings allow.
+    /// What to leave out [default: all that the recordings allow].
     #[arg(long, value_enum, value_name = "KIND,KIND", value_delimiter = ',')]
     by: Vec<Kind>,
-    /// Values that the fits do not touch; one that each run has of its own is held in all of them. Recordings go before it.
+    /// Hold parameters at these values; a parameter of each run is held in all runs. Name the recordings first.
     #[arg(long, value_name = "NAME=VALUE", value_parser = crate::cli::args::values::setting, num_args = 1..)]
     hold: Vec<(String, f64)>,
-    /// A rig to read them with, instead of the one that is stored in them.
+    /// Read the recordings with this rig instead of the stored one.
     #[arg(long, value_name = "RIG")]
     rig: Option<PathBuf>,
-    /// Finest grid that the fits may use.
+    /// Finest grid of the fits.
     #[arg(long, value_name = "REACHES", default_value_t = Options::default().most_reaches, value_parser = crate::cli::args::values::reaches,
           allow_negative_numbers = true)]
     most_reaches: usize,
@@ -58,23 +61,21 @@ enum Kind {
 /// Recordings that cannot be read or show no closure, effects that do not exist, nothing that could be left out.
 pub fn run(args: Args, json: bool) -> CommandResult {
     hold::check(&args.hold)?;
-    let loaded = recordings::load(&args.recordings, args.rig.as_deref())?;
-    let rig = loaded[0].recording.rig.clone();
-    let runs = open::runs(&loaded);
+    let study = recordings::open(&args.recordings, args.rig.as_deref())?;
     let by: Vec<By> = [(Kind::Sensors, By::Sensors), (Kind::Runs, By::Runs), (Kind::Time, By::Time)]
         .into_iter()
         .filter(|(kind, _)| args.by.is_empty() || args.by.contains(kind))
         .map(|(_, by)| by)
         .collect();
     let asked: Vec<Vec<Chosen>> = std::iter::once(args.effects.clone()).chain(args.against.clone()).collect();
-    let held = hold::constraints(&rig, &runs, &asked, &args.hold);
+    let held = hold::constraints(&study, &asked, &args.hold);
     let bar = progress_bar();
     let mut models: Vec<CrossValidation> = Vec::new();
     for (effects, constraints) in asked.iter().zip(held) {
         let options = Options { constraints, most_reaches: args.most_reaches, ..Options::default() };
-        let title = crate::cli::commands::calibrate::title(effects);
-        let heard = |what: &str| bar.set_message(format!("{title}: {what}"));
-        models.push(cross_validate(&rig, &runs, effects, &by, &options, &heard)?);
+        let title = title(effects);
+        let watcher = |what: &str| bar.set_message(format!("{title}: {what}"));
+        models.push(cross_validate(study.rig(), study.runs(), effects, &by, &options, &watcher)?);
     }
     bar.finish_and_clear();
     if models.iter().all(|m| m.folds.is_empty()) {
@@ -82,9 +83,9 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         return Err(format!("nothing can be left out of these recordings: {why}; try --by time").into());
     }
     if json {
-        crate::cli::say!("{}", serde_json::to_string(&document(&models))?);
+        say!("{}", serde_json::to_string(&document(&models))?);
     } else {
-        crate::cli::say_text!(text(&models));
+        say_text!(text(&models));
     }
     Ok(Outcome::Done)
 }

@@ -5,26 +5,26 @@ use std::path::{Path, PathBuf};
 use serde_json::json;
 
 use crate::cli::args::recordings;
-use crate::cli::commands::calibrate::{timed, title, write_report};
-use crate::cli::{CommandResult, Outcome};
+use crate::cli::console::outcome::{CommandResult, Outcome};
+use crate::cli::console::page::write_page;
+use crate::cli::console::print::{say, say_text, tell};
+use crate::cli::console::progress::shown;
 use crate::fit::outcome::fit::Fit;
-use crate::fit::search::options::Options as FitOptions;
-use crate::model::effects::parse_list;
-use crate::report::Stage;
-use crate::report::text::table;
+use crate::report::calibration::text as table;
+use crate::report::inspection::text::table as inspection;
 use crate::report::view::{failure, summary};
+use crate::report::{Page, Stage};
 use crate::rig::Rig;
 use crate::storage::output::same_file;
-use crate::study::open;
-use crate::study::open::Loaded;
+use crate::study::Study;
 
-/// Record a test, calibrate the base model, see where it fails, add an effect, watch the error fall.
+/// Record a simulated test, fit it, and add what is missing: the whole loop.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// Folder for the recording and the report; made if it is not there. Nothing in it is overwritten.
+    /// Folder for the recording and the report; created if missing. Nothing in it is overwritten.
     #[arg(short, long, value_name = "FOLDER", default_value = "surgescope-demo")]
     output: PathBuf,
-    /// Play the test so many times faster than it was recorded.
+    /// Play the test this many times faster than it was recorded.
     #[arg(long, value_name = "FACTOR", default_value_t = 5.0, value_parser = crate::cli::args::values::positive, allow_negative_numbers = true)]
     speed: f64,
 }
@@ -48,28 +48,23 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     say(
         json,
         &format!(
-            "1. Record. A simulated device plays a test on rig '{}', {} times faster than real.\n",
+            "1. Record. A simulated device plays a test on rig '{}', {} times faster than real time.\n",
             rig.name, args.speed
         ),
     )?;
     let outcome = record(&rig, &recording, args.speed)?;
 
-    let loaded = recordings::load(std::slice::from_ref(&recording), None)?;
+    let mut study = recordings::open(std::slice::from_ref(&recording), None)?;
     say(
         json,
         &format!(
-            "\n2. Inspect. What the recording tells without a model.\n{}",
-            crate::cli::commands::inspect::table(&loaded[0].recording, &loaded[0].features)
+            "\n2. Inspect. What the recording shows without a model.\n{}",
+            inspection(&study.recordings()[0].recording, &study.recordings()[0].features)
         ),
     )?;
 
-    let runs = open::runs(&loaded);
-    let fit = |effects: &str| -> Result<(String, Fit), Box<dyn std::error::Error + Send + Sync>> {
-        let effects = parse_list(effects)?;
-        Ok((title(&effects), timed(&rig, &runs, &effects, &FitOptions::default())?))
-    };
-    let (base_title, base) = fit("none")?;
-    let base_stage = Stage { title: base_title.clone(), fit: &base };
+    let base = shown(&mut study, "", |study| study.calibrate("none").run())?;
+    let base_stage = Stage::of(&base);
     say(
         json,
         &format!(
@@ -79,18 +74,18 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         ),
     )?;
 
-    let (full_title, full) = fit(EFFECT)?;
-    let stages = vec![base_stage, Stage { title: full_title, fit: &full }];
+    let full = shown(&mut study, "", |study| study.calibrate(EFFECT).run())?;
+    let stages = vec![base_stage, Stage { title: format!("+ {EFFECT}"), fit: &full }];
     say(json, &format!("\n4. Add '{EFFECT}' and calibrate again.\n{}", table::calibration(&stages)))?;
 
-    write_report(&report, &rig, &loaded, stages)?;
+    write_page(&report, &study, Page { stages, ..Page::of(&rig) })?;
     if json {
-        crate::cli::say!("{:#}", document(&loaded, &recording, &report, &base, &full));
+        say!("{:#}", document(&study, &recording, &report, &base, &full));
     } else {
         let (program, recording) = (program(), quoted(&recording));
-        crate::cli::say!(
+        say!(
             "\n5. Look. Open {} in a browser: measurement, both models, residuals, parameters.\n   Next:\n     {program} inspect \
-             {recording}\n     {program} calibrate {recording} --effects {EFFECT}:2\n   and your own test by `import` or `record` (see \
+             {recording}\n     {program} calibrate {recording} --effects {EFFECT}:2\n   and your own test with `import` or `record` (see \
              `{program} help`).",
             report.display(),
         );
@@ -125,9 +120,9 @@ fn quoted(path: &Path) -> String {
 /// The story goes to standard output; to standard error where that is kept for JSON.
 fn say(json: bool, text: &str) -> std::io::Result<()> {
     if json {
-        crate::cli::tell!("{text}");
+        tell!("{text}");
     } else {
-        crate::cli::say_text!(format!("{text}\n"));
+        say_text!(format!("{text}\n"));
     }
     Ok(())
 }
@@ -148,10 +143,11 @@ fn free_names(folder: &Path) -> (PathBuf, PathBuf) {
 /// Plays the shipped recording through the wire protocol and records it as from a real port.
 #[cfg(unix)]
 fn record(rig: &Rig, output: &Path, speed: f64) -> CommandResult {
-    use crate::cli::commands::record::record_playbacks;
     use crate::cli::console::live::Reporter;
+    use crate::cli::console::stop::STOP;
     use crate::record::devices::simulated::Faults;
     use crate::record::session::live_test::{Options, live_devices};
+    use crate::simulate::through_ports::record_playbacks;
 
     let shipped = shipped()?;
     let mut played = Vec::new();
@@ -159,13 +155,14 @@ fn record(rig: &Rig, output: &Path, speed: f64) -> CommandResult {
         let playback = crate::simulate::playback::of_recording(&shipped, rig, &device)?;
         played.push((device, playback));
     }
-    let told = "recordings/hdpe-creep.mcap played through a simulated device";
-    let options = Options { notes: vec![("demo".to_owned(), told.to_owned())], ..Options::new(output) };
+    let note = "recordings/hdpe-creep.mcap played through a simulated device";
+    let options = Options { notes: vec![("demo".to_owned(), note.to_owned())], ..Options::new(output) };
     let reporter = Reporter::open();
-    let recorded = record_playbacks(rig, played, speed, Faults::default(), &options, &mut |now| reporter.show(now));
+    let recorded =
+        record_playbacks(rig, played, (speed, Faults::default()), &options, &STOP, &mut |now| reporter.show(now));
     reporter.close();
     let recorded = recorded?;
-    crate::cli::tell!("   {}: {:.1} s from the wire", output.display(), recorded.duration_s);
+    tell!("   {}: {:.1} s from the wire", output.display(), recorded.duration_s);
     Ok(if recorded.data_lost { Outcome::DataLost } else { Outcome::Done })
 }
 
@@ -183,7 +180,7 @@ fn shipped() -> Result<crate::recording::Recording, Box<dyn std::error::Error + 
     Ok(crate::storage::read(&path)?)
 }
 
-fn document(loaded: &[Loaded], recording: &Path, report: &Path, base: &Fit, full: &Fit) -> serde_json::Value {
+fn document(study: &Study, recording: &Path, report: &Path, base: &Fit, full: &Fit) -> serde_json::Value {
     let stage = |fit: &Fit| {
         let all = summary::overall(fit);
         json!({ "effects": fit.labels(), "rmse_m": all.rmse_m, "noise_m": all.noise_m, "seconds": fit.seconds })
@@ -191,7 +188,7 @@ fn document(loaded: &[Loaded], recording: &Path, report: &Path, base: &Fit, full
     json!({
         "recording": recording,
         "report": report,
-        "duration_s": loaded[0].recording.series.iter().filter_map(|s| s.time_s.last()).fold(0.0f64, |a, &b| a.max(b)),
+        "duration_s": study.recordings()[0].recording.series.iter().filter_map(|s| s.time_s.last()).fold(0.0f64, |a, &b| a.max(b)),
         "stages": [stage(base), stage(full)],
     })
 }

@@ -4,52 +4,53 @@ use std::path::PathBuf;
 
 use crate::cli::args::hold;
 use crate::cli::args::recordings;
-use crate::cli::commands::calibrate::{progress_bar, title, write_page};
-use crate::cli::{CommandResult, Outcome};
-use crate::diagnose::{Diagnosis, Verdict, diagnose};
+use crate::cli::console::outcome::{CommandResult, Outcome};
+use crate::cli::console::page::write_page;
+use crate::cli::console::print::{say, say_text, tell};
+use crate::cli::console::progress::shown;
+use crate::diagnose::{Diagnosis, Verdict};
 use crate::fit::outcome::fit::Fit;
 use crate::fit::search::options::Options;
 use crate::fit::search::sensor_choice::is_open;
 use crate::fit::validate::energy::energy_of;
 use crate::model::effects::{Chosen, parse_list};
-use crate::report::Stage;
+use crate::report::Page;
 use crate::report::diagnosis::text as diagnosis;
-use crate::report::html::page::Page;
+use crate::report::{Stage, title};
 use crate::storage::output;
 use crate::study::models;
-use crate::study::open;
 
 /// Most effects that are added one after the other.
 const MOST_ADDED: usize = 8;
 
-/// Find out where the model fails and which effect it lacks, from one recording or from several of one rig at once.
+/// Find out where a model fails and which effect it lacks.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// The recordings, all of one rig.
+    /// Recordings of one rig.
     #[arg(required = true, value_name = "MCAP")]
     recordings: Vec<PathBuf>,
-    /// Effects of the model to start from, such as viscoelastic-wall:2; `none` is the base model alone.
+    /// Effects of the start model, such as viscoelastic-wall:2; `none` for the base model alone.
     #[arg(long, value_name = "A,B", value_parser = parse_list)]
     effects: Option<::std::vec::Vec<Chosen>>,
-    /// Add the effect that is missing and diagnose again, until nothing is missing or nothing explains the rest.
+    /// Add the missing effect and diagnose again, until nothing is missing or no effect explains the rest.
     #[arg(long)]
     until_done: bool,
-    /// Grow the model in force of this file by the effect that is missing; without --effects it is the model to start from. Where there is
-    /// no such file yet, it is made.
+    /// Add the missing effect to the current model of this model file. Without --effects, that model is the start model. A missing file is
+    /// created.
     #[arg(long, value_name = "MODEL.toml")]
     apply: Option<PathBuf>,
-    /// Values of the start model's parameters that no fit touches; one that each run has of its own is held in all of them. Recordings go before it.
+    /// Hold parameters of the start model at these values; a parameter of each run is held in all runs. Name the recordings first.
     #[arg(long, value_name = "NAME=VALUE", value_parser = crate::cli::args::values::setting, num_args = 1..)]
     hold: Vec<(String, f64)>,
     #[command(flatten)]
     creep: crate::cli::args::creep_prior::CreepPrior,
-    /// A rig to read them with, instead of the one that is stored in them.
+    /// Read the recordings with this rig instead of the stored one.
     #[arg(long, value_name = "RIG")]
     rig: Option<PathBuf>,
-    /// Write a page with charts of measurement, models and residuals; an older page of that name is replaced, no other file.
+    /// Write a page with charts of measurement, models and residuals; replaces an older page of that name, and no other file.
     #[arg(long, value_name = "HTML")]
     report: Option<PathBuf>,
-    /// Finest grid that a fit may use.
+    /// Finest grid of the fits.
     #[arg(long, value_name = "REACHES", default_value_t = Options::default().most_reaches, value_parser = crate::cli::args::values::reaches,
           allow_negative_numbers = true)]
     most_reaches: usize,
@@ -63,16 +64,14 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     if let Some(path) = &args.report {
         output::check_report(path)?;
         if args.apply.as_ref() == Some(path) {
-            return Err(format!("{} cannot be both the models and the report", path.display()).into());
+            return Err(format!("{} cannot be both model file and report", path.display()).into());
         }
     }
     hold::check(&args.hold)?;
     let mut file =
         args.apply.as_ref().map(|path| models::about(path, &args.recordings, args.rig.as_deref())).transpose()?;
     let rig_file = models::rig_of(args.rig.as_deref(), args.apply.as_deref().zip(file.as_ref()));
-    let loaded = recordings::load(&args.recordings, rig_file.as_deref())?;
-    let rig = loaded[0].recording.rig.clone();
-    let runs = open::runs(&loaded);
+    let mut study = recordings::open(&args.recordings, rig_file.as_deref())?;
     let mut options = Options { most_reaches: args.most_reaches, ..Options::default() };
     let mut effects = args.effects.clone().unwrap_or_default();
     if let Some(file) = file.as_ref().filter(|f| !f.models.is_empty()) {
@@ -81,7 +80,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         options.priors = current.priors();
         if args.effects.as_ref().is_some_and(|asked| title(asked) != title(&current.chosen())) {
             return Err(format!(
-                "the model in force is the {}, not what --effects says: leave --effects out, or name another file",
+                "the current model is the {}, not that of --effects: leave --effects out, or choose another file",
                 current.name
             )
             .into());
@@ -89,19 +88,16 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         effects = current.chosen();
     }
     if args.creep.given() {
-        options.priors = args.creep.priors(&loaded, &runs, &mut effects)?;
+        options.priors = args.creep.priors(&study, &mut effects)?;
     }
-    let held = hold::constraints(&rig, &runs, std::slice::from_ref(&effects), &args.hold);
-    // The first that concerns a parameter counts: what is said now goes before what the file says.
+    let held = hold::constraints(&study, std::slice::from_ref(&effects), &args.hold);
+    // The first that concerns a parameter counts: the command line goes before the file.
     options.constraints.splice(0..0, held.into_iter().flatten());
     let mut models: Vec<(String, Fit)> = Vec::new();
     let mut diagnoses: Vec<Diagnosis> = Vec::new();
     let mut unsaved = None;
     for _ in 0..=MOST_ADDED {
-        let bar = progress_bar();
-        let found = diagnose(&rig, &runs, &effects, &options, &|message| bar.set_message(message.to_owned()));
-        bar.finish_and_clear();
-        let found = found?;
+        let found = shown(&mut study, "", |study| study.diagnose_model(&effects, &options))?;
         if models.is_empty() {
             models.push((title(&found.start.effects), found.start.clone()));
         }
@@ -122,10 +118,10 @@ pub fn run(args: Args, json: bool) -> CommandResult {
             unsaved = models::save(file, path).err();
         }
         if args.until_done && !json {
-            crate::cli::say_text!(diagnosis::text(&found));
+            say_text!(diagnosis::text(&found));
         }
         if found.verdict == Verdict::MissingEffect && added.is_none() {
-            crate::cli::tell!("what is missing could not be fitted to the whole record, so nothing was added");
+            tell!("the missing effect could not be fitted to the whole record, so nothing was added");
         }
         diagnoses.push(found);
         let Some(fit) = added else { break };
@@ -138,26 +134,26 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     }
     let Some(last) = diagnoses.last() else { return Ok(Outcome::Done) };
     if models.len() > MOST_ADDED {
-        crate::cli::tell!("{MOST_ADDED} effects were added: here it stops, done or not");
+        tell!("stopped after adding {MOST_ADDED} effects");
     }
     if json {
-        crate::cli::say!("{}", diagnosis::json(&diagnoses)?);
+        say!("{}", diagnosis::json(&diagnoses)?);
     } else if args.until_done {
-        crate::cli::say_text!(staircase(&models));
+        say_text!(staircase(&models));
     } else {
-        crate::cli::say_text!(diagnosis::text(last));
+        say_text!(diagnosis::text(last));
     }
     if let (Some(path), Some(file), None) = (&args.apply, &file, &unsaved) {
-        crate::cli::tell!("model {} in force in {}", file.in_force, path.display());
+        tell!("model {} is now current in {}", file.in_force, path.display());
     }
     // last, so that a page that cannot be written costs no result
     if let Some(path) = &args.report {
         let stages = models.iter().map(|(title, fit)| Stage { title: title.clone(), fit }).collect();
-        let energy = models.last().and_then(|(_, fit)| energy_of(&rig, &runs, fit, 0).ok().flatten());
-        write_page(path, &loaded, Page { stages, diagnoses: &diagnoses, energy, ..Page::of(&rig) })?;
-        crate::cli::tell!("report: {}", path.display());
+        let energy = models.last().and_then(|(_, fit)| energy_of(study.rig(), study.runs(), fit, 0).ok().flatten());
+        write_page(path, &study, Page { stages, diagnoses: &diagnoses, energy, ..Page::of(study.rig()) })?;
+        tell!("report: {}", path.display());
     }
-    unsaved.map_or(Ok(Outcome::Done), Err)
+    unsaved.map_or(Ok(Outcome::Done), |error| Err(error.into()))
 }
 
 /// The effects of the next step: what was found is added, what had its number left open keeps it open.

@@ -4,15 +4,17 @@ use std::path::PathBuf;
 
 use serde_json::json;
 
-use crate::cli::{CommandResult, Outcome};
+use crate::cli::console::document::document;
+use crate::cli::console::outcome::{CommandResult, Outcome};
+use crate::cli::console::print::{say, tell};
 use crate::storage::{Summary, export_csv_file, read};
 
-/// Arguments of `export`.
+/// Turn a recording into a time series (CSV).
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// The recording.
     mcap: PathBuf,
-    /// The time series to make; must not exist.
+    /// Time series to write; must not exist.
     #[arg(short, long, value_name = "CSV")]
     output: PathBuf,
 }
@@ -26,15 +28,13 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     export_csv_file(&recording, &args.output)?;
     let summary = Summary::of(&recording);
     if json {
-        crate::cli::say!("{}", crate::cli::document(json!({ "file": args.output, "source": args.mcap }), &summary)?);
+        say!("{}", document(json!({ "file": args.output, "source": args.mcap }), &summary)?);
     } else {
-        crate::cli::say!("{}: {summary}", args.output.display());
+        say!("{}: {summary}", args.output.display());
     }
     let gaps: usize = summary.sensors.iter().map(|s| s.gaps).sum();
     if gaps > 0 {
-        crate::cli::tell!(
-            "note: a CSV cannot mark gaps; the recording has {gaps}, of which only the missing lines show"
-        );
+        tell!("note: a CSV file cannot mark gaps: the recording has {gaps}, which show as missing lines only");
     }
     Ok(Outcome::Done)
 }

@@ -2,10 +2,10 @@
 
 use std::path::PathBuf;
 
-use crate::cli::args::recordings::load;
-use crate::cli::commands::calibrate;
-use crate::cli::commands::run_models::RunModels;
-use crate::cli::{CommandResult, Outcome};
+use crate::cli::args::run_models::RunModels;
+use crate::cli::console::outcome::{CommandResult, Outcome};
+use crate::cli::console::print::{say, say_text, tell};
+use crate::cli::console::progress::progress_bar;
 use crate::fit::data::prepare::prepare;
 use crate::fit::data::run_data::RunData;
 use crate::fit::search::options::Options;
@@ -15,44 +15,46 @@ use crate::report::temperature::text::{CSV_HEADER, csv, json as family_json, tex
 use crate::rig::SensorKind;
 use crate::signal::inspect;
 use crate::storage::output;
-use crate::study::open::Loaded;
+use crate::study::open::{Loaded, load};
 use crate::temperature::law::{Laws, Shift};
 use crate::temperature::{Member, Plan, Source, family, same_rig};
 
-/// Runs of one rig at several temperatures: how wave speed and creep go with temperature.
+/// Fit runs at several temperatures together.
 ///
-/// Each run is fitted by itself, and a line drawn through its values. Then all are fitted together: creep compliances shared, retardation
-/// times shifted by a law of the temperature, the wall's modulus log-linear in it; and it is said whether that describes them.
+/// Shows how wave speed and creep depend on temperature.
+/// First, each run is fitted separately, and lines are drawn through the values. Then all runs are fitted together: they share creep
+/// compliances, a temperature law shifts the retardation times, and the wall's modulus is log-linear in temperature. The result tells whether
+/// these laws describe the runs.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// The recordings, all of one rig.
+    /// Recordings of one rig.
     #[arg(required = true, value_name = "MCAP")]
     recordings: Vec<PathBuf>,
-    /// Effects of the model; an open number of elements is decided by the first run.
+    /// Effects of the model; the first run decides an open number of elements.
     #[arg(long, value_name = "A,B", default_value = "viscoelastic-wall", value_parser = parse_list)]
     effects: ::std::vec::Vec<Chosen>,
     #[command(flatten)]
     laws: LawArgs,
-    /// Temperature of each recording, in their order, where they have no temperature sensor: 15,25,35.
+    /// Temperatures of the recordings in their order, where they have no temperature sensor, such as 15,25,35.
     #[arg(long = "temperature-degC", value_name = "T,T", value_delimiter = ',', value_parser = celsius,
           allow_negative_numbers = true)]
     temperature_degc: Vec<f64>,
-    /// Standard deviation of the runs' temperatures: of the thermometers, and of the wall against the water.
+    /// Standard deviation of the runs' temperatures: thermometers, and wall against water.
     #[arg(long = "temperature-sd-K", value_name = "K", default_value_t = 0.1, value_parser = crate::cli::args::values::positive,
           allow_negative_numbers = true)]
     temperature_sd_k: f64,
-    /// A rig to read them with, instead of those that are stored in them.
+    /// Read the recordings with this rig instead of the stored ones.
     #[arg(long, value_name = "RIG")]
     rig: Option<PathBuf>,
-    /// Write a page with each quantity over temperature; an older page of that name is replaced, no other file.
+    /// Write a page with each quantity over temperature; replaces an older page of that name, and no other file.
     #[arg(long, value_name = "HTML")]
     report: Option<PathBuf>,
-    /// Write the runs' values and the lines through them as a table; an older one of that name is replaced, no other file.
+    /// Write the runs' values and the lines through them as a table; replaces an older table of that name, and no other file.
     #[arg(long, value_name = "CSV")]
     csv: Option<PathBuf>,
     #[command(flatten)]
     models: RunModels,
-    /// Finest grid that the fits may use.
+    /// Finest grid of the fits.
     #[arg(long, value_name = "REACHES", default_value_t = Options::default().most_reaches, value_parser = crate::cli::args::values::reaches,
           allow_negative_numbers = true)]
     most_reaches: usize,
@@ -61,19 +63,19 @@ pub struct Args {
 /// What ties the runs together.
 #[derive(Debug, clap::Args)]
 pub struct LawArgs {
-    /// Fit each run by itself and draw lines; no laws.
+    /// Fit each run separately and draw lines; no laws.
     #[arg(long, conflicts_with_all = ["law", "modulus", "vertical"])]
     apart: bool,
     /// How retardation times shift with temperature.
     #[arg(long, value_enum, default_value = "arrhenius")]
     law: ShiftLaw,
-    /// How the wall's modulus goes with temperature.
+    /// How the wall's modulus depends on temperature.
     #[arg(long, value_enum, default_value = "log-linear")]
     modulus: ModulusLaw,
-    /// Let compliances change with temperature, too, all by one factor.
+    /// Let compliances change with temperature too, all by one factor.
     #[arg(long)]
     vertical: bool,
-    /// The temperature that the laws' values are given at; the runs' mean, to the degree, unless another is named.
+    /// Reference temperature of the laws [default: the runs' mean, rounded to a degree].
     #[arg(long = "reference-degC", value_name = "T", value_parser = celsius, allow_negative_numbers = true)]
     reference_degc: Option<f64>,
 }
@@ -84,7 +86,7 @@ enum ShiftLaw {
     Arrhenius,
     /// log10 a_T = -C1 (T - T0)/(C2 + T - T0)
     Wlf,
-    /// A factor of its own for each run
+    /// One factor for each run
     Free,
 }
 
@@ -92,7 +94,7 @@ enum ShiftLaw {
 enum ModulusLaw {
     /// ln E0 is linear in the temperature
     LogLinear,
-    /// One of its own for each run
+    /// One modulus for each run
     Free,
 }
 
@@ -130,7 +132,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         temperature_sd_k: args.temperature_sd_k,
         options,
     };
-    let bar = calibrate::progress_bar();
+    let bar = progress_bar();
     let fitted = family(&rig, members, &args.effects, &plan, &|of, p| {
         bar.set_message(format!(
             "{of}: {}, {} reaches, iteration {}, error {:.2} x noise",
@@ -140,21 +142,21 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     bar.finish_and_clear();
     let fitted = fitted?;
     if json {
-        crate::cli::say!("{}", family_json(&fitted)?);
+        say!("{}", family_json(&fitted)?);
     } else {
-        crate::cli::say_text!(text(&fitted));
+        say_text!(text(&fitted));
     }
-    models.save(&fitted.fits, "fitted by itself, in a family over temperature")?;
+    models.save(&fitted.fits, "fitted separately, in a family over temperature")?;
     if let Some(path) = &args.csv {
         output::check_result(path, CSV_HEADER)?;
         output::write(path, &csv(&fitted))?;
-        crate::cli::tell!("table: {}", path.display());
+        tell!("table: {}", path.display());
     }
     // last, so that a page that cannot be written costs no result
     if let Some(path) = &args.report {
         output::check_report(path)?;
         output::write(path, &html(&fitted, &rig.name))?;
-        crate::cli::tell!("report: {}", path.display());
+        tell!("report: {}", path.display());
     }
     Ok(Outcome::Done)
 }
@@ -164,9 +166,10 @@ fn loaded(args: &Args) -> Result<Vec<Loaded>, Box<dyn std::error::Error + Send +
     let paths = &args.recordings;
     if !args.temperature_degc.is_empty() && args.temperature_degc.len() != paths.len() {
         let (runs, given) = (paths.len(), args.temperature_degc.len());
-        return Err(
-            format!("{runs} recordings and {given} temperatures: give one for each, in the recordings' order").into()
-        );
+        return Err(format!(
+            "{runs} recordings but {given} temperatures: give one for each, in the order of the recordings"
+        )
+        .into());
     }
     let mut all: Vec<Loaded> = Vec::new();
     for (i, path) in paths.iter().enumerate() {
@@ -175,12 +178,13 @@ fn loaded(args: &Args) -> Result<Vec<Loaded>, Box<dyn std::error::Error + Send +
             return Err(format!("{} and {} are one recording: it counts once", twin.display(), path.display()).into());
         }
         let mut one = load(std::slice::from_ref(path), args.rig.as_deref())?.remove(0);
+        one.doubts.iter().for_each(|doubt| tell!("warning: {}: {doubt}", one.file));
         if all.iter().any(|l| l.file == one.file) {
             one.file = path.display().to_string();
         }
         if let Some(&degc) = args.temperature_degc.get(i) {
             if has_thermometer(&one) {
-                return Err(format!("{} has recorded its temperature: leave --temperature-degC out", one.file).into());
+                return Err(format!("{} contains its temperature: leave --temperature-degC out", one.file).into());
             }
             one.recording.rig.fluid.temperature_degc = degc;
             one.features = inspect(&one.recording).map_err(|e| format!("{}: {e}", path.display()))?;
@@ -217,6 +221,6 @@ fn celsius(text: &str) -> Result<f64, String> {
     if (0.0..=100.0).contains(&number) {
         Ok(number)
     } else {
-        Err("must be from 0 to 100, water being liquid there".into())
+        Err("must be from 0 to 100, where water is liquid".into())
     }
 }

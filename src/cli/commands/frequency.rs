@@ -2,34 +2,38 @@
 
 use std::path::PathBuf;
 
+use crate::cli::args::own_values::Own;
 use crate::cli::args::recordings;
-use crate::cli::commands::predict::{Own, Predicted, predicted};
-use crate::cli::{CommandResult, Outcome};
+use crate::cli::console::outcome::{CommandResult, Outcome};
+use crate::cli::console::print::{say, say_text, tell};
 use crate::fit::data::run_data::RunData;
+use crate::fit::outcome::fit::Fit;
 use crate::fit::validate::frequency::{SensorResponse, Traces, response};
 use crate::model::Model;
 use crate::report::frequency::html::html;
 use crate::report::frequency::text::{document, svg, text};
 use crate::rig::Rig;
 use crate::storage::output;
-use crate::study::open;
+use crate::study::Study;
 use crate::study::open::Loaded;
 
-/// Amplitude and phase of the head at the odd harmonics of the pipe: of a recording, and of a model of it.
+/// Show amplitude and phase of the head at the pipe's odd harmonics.
+///
+/// Of a recording, and of a model beside it.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// The recording.
     #[arg(value_name = "MCAP")]
     recording: PathBuf,
-    /// A file of models (`calibrate --save`); the one in force is compared with the recording, as `predict` does.
+    /// Compare the recording with the current model of this model file, as `predict` does.
     #[arg(long, value_name = "MODEL.toml")]
     model: Option<PathBuf>,
     #[command(flatten)]
     own: Own,
-    /// Write a page with amplitude and phase at each sensor; an older page of that name is replaced, no other file.
+    /// Write a page with amplitude and phase at each sensor; replaces an older page of that name, and no other file.
     #[arg(long, value_name = "HTML")]
     report: Option<PathBuf>,
-    /// Write the sensor nearest to the valve as a picture; only an older picture of that name is replaced.
+    /// Write a picture of the sensor nearest to the valve; replaces an older picture of that name, and no other file.
     #[arg(long, value_name = "SVG")]
     svg: Option<PathBuf>,
 }
@@ -47,33 +51,36 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     }
     let (file, effects, sensors) = match &args.model {
         Some(model) => {
-            let known = predicted(model, std::slice::from_ref(&args.recording), &args.own)?;
+            let (study, known) = args.own.predicted(model, std::slice::from_ref(&args.recording))?;
             for warning in &known.warnings {
-                crate::cli::tell!("warning: {warning}");
+                tell!("warning: {warning}");
             }
-            (known.loaded[0].file.clone(), Some(known.prediction.fit.labels()), modelled(&known))
+            (
+                study.recordings()[0].file.clone(),
+                Some(known.prediction.fit.labels()),
+                modelled(&study, &known.prediction.fit),
+            )
         }
         None => {
-            let loaded = recordings::load(std::slice::from_ref(&args.recording), args.own.rig.as_deref())?;
-            let runs = open::runs(&loaded);
-            (loaded[0].file.clone(), None, recorded(&loaded[0], &runs[0]))
+            let study = recordings::open(std::slice::from_ref(&args.recording), args.own.rig.as_deref())?;
+            (study.recordings()[0].file.clone(), None, recorded(&study.recordings()[0], &study.runs()[0]))
         }
     };
     if sensors.is_empty() {
         return Err(format!(
-            "{file}: less than three periods of the pipe are recorded after the closure: too short for frequencies"
+            "{file} holds less than three periods of the pipe after the closure: too short for a frequency response"
         )
         .into());
     }
     if json {
-        crate::cli::say!("{}", serde_json::to_string(&document(&sensors, effects.clone()))?);
+        say!("{}", serde_json::to_string(&document(&sensors, effects.clone()))?);
     } else {
-        crate::cli::say_text!(text(&sensors));
+        say_text!(text(&sensors));
     }
     if let (Some(path), Some(last)) = (&args.svg, sensors.first()) {
         output::check_picture(path)?;
         output::write(path, &svg(last))?;
-        crate::cli::tell!("picture: {}", path.display());
+        tell!("picture: {}", path.display());
     }
     if let Some(path) = &args.report {
         let against = effects.map_or("the record alone".to_owned(), |e| match e.as_slice() {
@@ -82,17 +89,16 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         });
         output::check_report(path)?;
         output::write(path, &html(&format!("Frequency response of {file}"), &against, &sensors))?;
-        crate::cli::tell!("report: {}", path.display());
+        tell!("report: {}", path.display());
     }
     Ok(Outcome::Done)
 }
 
 /// Record and model at each sensor, the nearest to the valve first.
-fn modelled(known: &Predicted) -> Vec<SensorResponse> {
-    let fit = &known.prediction.fit;
+fn modelled(study: &Study, fit: &Fit) -> Vec<SensorResponse> {
     let value = |name: &str| fit.parameters.iter().find(|p| p.name == name).map(|p| p.value);
-    let closing_s = value("closing_time_s").unwrap_or(known.rig.valve.closing_time_s);
-    let model = Model::new(&known.rig, &known.runs[0].conditions.water, &fit.effects);
+    let closing_s = value("closing_time_s").unwrap_or(study.rig().valve.closing_time_s);
+    let model = Model::new(study.rig(), &study.runs()[0].conditions.water, &fit.effects);
     let period_s = model.period_s(&fit.values()[..model.shared.len()]);
     let run = &fit.runs[0];
     let mut sensors: Vec<_> = run.sensors.iter().collect();

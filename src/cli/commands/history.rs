@@ -2,32 +2,33 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::cli::{CommandResult, Outcome};
+use crate::cli::console::outcome::{CommandResult, Outcome};
+use crate::cli::console::print::{say, say_text, tell};
 use crate::report::history::html::{html, svg};
 use crate::report::history::text::{csv, json as history_json, text};
 use crate::results::history::{History, Index};
 use crate::rig::Rig;
 use crate::storage::output;
 
-/// Show the drift of a rig's wave speed and creep over runs and temperatures, as table and plot.
+/// Show how a rig's wave speed and creep drift over runs and temperatures.
 ///
-/// From the index that `surgescope watch` and `record --calibrate` keep beside the recordings. Drift is a weighted regression over the
-/// runs in which nothing is missing, per run and per kelvin, with 95% intervals.
+/// Reads the index that `surgescope watch` and `record --calibrate` keep beside the recordings. Drift is a weighted regression over the
+/// runs whose model lacks nothing, per run and per kelvin, with 95% intervals.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// The rig's name, or its rig file; may be left out where the index knows one rig only.
+    /// The rig's name or rig file; optional if the index holds one rig only.
     #[arg(value_name = "RIG")]
     rig: Option<String>,
-    /// The folder of the recordings.
+    /// Folder of the recordings.
     #[arg(long, value_name = "FOLDER", default_value = ".")]
     folder: PathBuf,
-    /// Write the runs, one a line, to this file; an older one of that kind is replaced.
+    /// Write the runs, one per line; replaces an older such table, and no other file.
     #[arg(long, value_name = "CSV")]
     csv: Option<PathBuf>,
-    /// Draw each parameter over runs and over temperature.
+    /// Write a picture of each parameter over runs and over temperature.
     #[arg(long, value_name = "SVG")]
     svg: Option<PathBuf>,
-    /// Write a page with plots and tables; an older page of that name is replaced, no other file.
+    /// Write a page with plots and tables; replaces an older page of that name, and no other file.
     #[arg(long, value_name = "HTML")]
     report: Option<PathBuf>,
 }
@@ -43,15 +44,15 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         None => match index.rigs()?.as_slice() {
             [one] => one.clone(),
             known => {
-                return Err(format!("the index knows {} rigs ({}): name one", known.len(), known.join(", ")).into());
+                return Err(format!("the index holds {} rigs ({}): name one", known.len(), known.join(", ")).into());
             }
         },
     };
     let history = History::of(&index, &rig)?;
     if json {
-        crate::cli::say!("{}", history_json(&history)?);
+        say!("{}", history_json(&history)?);
     } else {
-        crate::cli::say_text!(text(&history));
+        say_text!(text(&history));
     }
     if let Some(path) = &args.csv {
         output::check_result(path, "run,file,recorded_utc")?;
@@ -64,7 +65,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     if let Some(path) = &args.report {
         output::check_report(path)?;
         output::write(path, &html(&history))?;
-        crate::cli::tell!("report: {}", path.display());
+        tell!("report: {}", path.display());
     }
     Ok(Outcome::Done)
 }

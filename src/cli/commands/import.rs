@@ -7,32 +7,34 @@ use serde_json::json;
 
 use crate::align::{Clock, Method, Part, align, merge};
 use crate::cli::args::import_options::{ForeignArgs, start};
-use crate::cli::{CommandResult, Outcome};
+use crate::cli::console::document::document;
+use crate::cli::console::outcome::{CommandResult, Outcome};
+use crate::cli::console::print::{say, tell};
 use crate::recording::Recording;
 use crate::rig::Rig;
 use crate::storage::import::{Imported, Repair, import_file, require_sensors, unit_warnings};
 use crate::storage::{ImportOptions, Summary, write};
 
-/// Arguments of `import`.
+/// Turn time series (CSV, TDMS, MCAP of other programs) into a recording.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// The time series: `time_s`, then one column a sensor, by its name and in its unit. Also tables written in other ways, TDMS,
-    /// and MCAP of other programs. Several files of one closure are aligned and merged; the first one's clock stays.
+    /// Time series: `time_s`, then one column per sensor, under its name and in its unit. Also tables written in other ways, TDMS, and MCAP of
+    /// other programs. Several files of one closure are aligned to the clock of the first and merged.
     #[arg(required = true, value_name = "FILE")]
     files: Vec<PathBuf>,
-    /// The rig it was made on; goes into the recording.
+    /// The rig of the test; it is stored in the recording.
     #[arg(long, value_name = "RIG")]
     rig: PathBuf,
-    /// The recording to make; must not exist.
+    /// Recording to write; must not exist.
     #[arg(short, long, value_name = "MCAP")]
     output: PathBuf,
-    /// Wall-clock time of time 0, such as 2026-03-14T09:26:53Z; unknown if not given. Of one file of several: FILE=TIME.
+    /// Wall-clock time of time 0, such as 2026-03-14T09:26:53Z [default: unknown]. For one of several files: FILE=TIME.
     #[arg(long, value_name = "RFC3339", value_parser = start)]
     start: Vec<(Option<String>, u64)>,
-    /// Sensors of the rig that were not recorded, and so have no column.
+    /// Sensors of the rig that were not recorded.
     #[arg(long, value_name = "SENSOR", value_delimiter = ',')]
     without: Vec<String>,
-    /// What several files are aligned by; if not given, the surest that all of them allow, which is said.
+    /// How to align several files [default: the most reliable way that all of them allow].
     #[arg(long, value_enum, value_name = "BY")]
     align: Option<AlignBy>,
     #[command(flatten)]
@@ -42,11 +44,11 @@ pub struct Args {
 /// Names of the methods.
 #[derive(Debug, Clone, Copy, clap::ValueEnum)]
 enum AlignBy {
-    /// Edges of a trigger that is in every file.
+    /// Edges of a trigger that every file contains.
     Trigger,
     /// Absolute time: date-times, a start in the comments, --start.
     Time,
-    /// The pressure front, by the sensors' places and the wave speed.
+    /// The pressure front, from the sensors' positions and the wave speed.
     Front,
 }
 
@@ -81,14 +83,14 @@ pub fn run(args: Args, json: bool) -> CommandResult {
 
     for report in &reports {
         let line = report.repair.line.map(|l| format!(":{l}")).unwrap_or_default();
-        crate::cli::tell!("{}{line}: {}", report.file.display(), report.repair.text);
+        tell!("{}{line}: {}", report.file.display(), report.repair.text);
     }
-    clocks.iter().skip(1).for_each(|clock| crate::cli::tell!("{clock}"));
+    clocks.iter().skip(1).for_each(|clock| tell!("{clock}"));
     for clock in &clocks {
-        clock.warnings.iter().for_each(|text| crate::cli::tell!("warning: {}: {text}", clock.file));
+        clock.warnings.iter().for_each(|text| tell!("warning: {}: {text}", clock.file));
     }
-    left_out.iter().for_each(|text| crate::cli::tell!("{text}"));
-    warnings.iter().for_each(|w| crate::cli::tell!("warning: {}", w.text));
+    left_out.iter().for_each(|text| tell!("{text}"));
+    warnings.iter().for_each(|w| tell!("warning: {}", w.text));
     let summary = Summary::of(&recording);
     if json {
         let sources: Vec<&PathBuf> = args.files.iter().collect();
@@ -96,9 +98,9 @@ pub fn run(args: Args, json: bool) -> CommandResult {
             "file": args.output, "source": args.files[0], "sources": sources, "mended": reports, "warnings": warnings,
             "alignment": if alone { None } else { Some(&clocks) }, "left_out": left_out,
         });
-        crate::cli::say!("{}", crate::cli::document(head, &summary)?);
+        say!("{}", document(head, &summary)?);
     } else {
-        crate::cli::say!("{}: {summary}", args.output.display());
+        say!("{}: {summary}", args.output.display());
     }
     Ok(if reports.iter().any(|r| r.repair.lost) { Outcome::DataLost } else { Outcome::Done })
 }
@@ -123,7 +125,7 @@ fn joined(mut parts: Vec<Part>, rig: &Rig, args: &Args) -> Result<Joined, Box<dy
     Ok((recording, clocks, left_out))
 }
 
-/// The start said for a file, by its path or its name.
+/// The start given for a file, by its path or its name.
 fn start_of(path: &Path, starts: &[(Option<String>, u64)]) -> u64 {
     let own = starts.iter().find(|(file, _)| file.as_ref().is_some_and(|f| is_file(path, f)));
     own.or_else(|| starts.iter().find(|(file, _)| file.is_none())).map_or(0, |(_, ns)| *ns)
@@ -140,9 +142,9 @@ fn check_starts(args: &Args) -> Result<(), String> {
         .filter_map(|(file, _)| file.as_ref())
         .find(|name| !args.files.iter().any(|p| is_file(p, name)));
     match strange {
-        Some(name) => Err(format!("--start {name}=…: no such file is imported")),
+        Some(name) => Err(format!("--start {name}=…: no imported file has this name")),
         None if args.files.len() > 1 && args.start.iter().any(|(file, _)| file.is_none()) => {
-            Err("--start does not say of which file: write --start FILE=2026-03-14T09:26:53Z, once a file".into())
+            Err("--start must name its file: write --start FILE=2026-03-14T09:26:53Z, once per file".into())
         }
         None => Ok(()),
     }

@@ -2,18 +2,14 @@
 
 pub mod accept;
 pub mod add;
-pub mod as_recorded;
 pub mod calibrate;
 pub mod creep;
 pub mod cross_validate;
 pub mod demo;
 pub mod diagnose;
 pub mod effects;
-pub mod energy;
-pub mod evaluate;
 pub mod export;
 pub mod family;
-pub(crate) mod fit_output;
 pub mod frequency;
 pub mod history;
 pub mod import;
@@ -28,7 +24,6 @@ pub mod refit;
 pub mod replay;
 pub mod results;
 pub mod rig;
-pub(crate) mod run_models;
 pub mod sensitivity;
 pub mod simulate;
 pub mod undo;

@@ -2,14 +2,15 @@
 
 use std::path::PathBuf;
 
-use crate::cli::{CommandResult, Outcome};
+use crate::cli::console::outcome::{CommandResult, Outcome};
+use crate::cli::console::print::{say, say_text};
 use crate::report::models::{json as models_json, text};
 use crate::study::models;
 
-/// Show the models of a file: errors one after the other, which one is in force, its parameters.
+/// Show the models in a file: their errors, which one is current, its parameters.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// The file of models.
+    /// The model file.
     #[arg(value_name = "MODEL.toml")]
     file: PathBuf,
 }
@@ -21,9 +22,9 @@ pub struct Args {
 pub fn run(args: Args, json: bool) -> CommandResult {
     let file = models::load(&args.file)?;
     if json {
-        crate::cli::say!("{}", models_json(&file)?);
+        say!("{}", models_json(&file)?);
     } else {
-        crate::cli::say_text!(text(&file));
+        say_text!(text(&file));
     }
     Ok(Outcome::Done)
 }

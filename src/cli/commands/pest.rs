@@ -8,53 +8,57 @@ use serde_json::json;
 use crate::cli::args::hold;
 use crate::cli::args::recordings;
 use crate::cli::args::search::Search;
-use crate::cli::commands::calibrate;
-use crate::cli::{CommandResult, Outcome};
+use crate::cli::console::outcome::{CommandResult, Outcome};
+use crate::cli::console::print::{say, tell};
+use crate::cli::console::progress::shown;
 use crate::fit::numeric::least_squares::Problem as _;
 use crate::fit::problem::fit_problem::{FitProblem, Window};
 use crate::fit::search::calibrate::numbered;
 use crate::fit::search::options::Options;
 use crate::model::Model;
 use crate::model::effects::{Chosen, parse_list};
-use crate::report::pest::{Case, file};
+use crate::report::pest::case::Case;
+use crate::report::pest::control::{control, readme};
+use crate::report::pest::form::file;
 use crate::storage::output;
-use crate::study::open;
-use crate::study::open::Loaded;
+use crate::study::Study;
 
 type AnyError = Box<dyn Error + Send + Sync>;
 
-/// Write a calibration as a problem of PEST into a folder that runs as it is, with `surgescope simulate` as the model.
+/// Write a calibration as a problem for PEST, PEST++ or pyEMU.
+///
+/// The folder is ready to run, with `surgescope simulate` as the model.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// The recordings, all of one rig; they are copied into the folder.
+    /// Recordings of one rig; they are copied into the folder.
     #[arg(required = true, value_name = "MCAP")]
     recordings: Vec<PathBuf>,
-    /// Effects added to the base model, such as viscoelastic-wall:2; `none` is the base model alone.
+    /// Effects added to the base model, such as viscoelastic-wall:2; `none` for the base model alone.
     #[arg(long, value_name = "A,B", default_value = "none", value_parser = parse_list)]
     effects: ::std::vec::Vec<Chosen>,
-    /// The folder to write; must not exist, or be empty.
+    /// Folder to write; must be empty or not exist.
     #[arg(short, long, value_name = "FOLDER")]
     output: PathBuf,
-    /// Write into a folder that has files in it, over those of an older problem.
+    /// Write into a folder with files, over those of an older problem.
     #[arg(long)]
     overwrite: bool,
-    /// Fit first, and let PEST start from the fitted values rather than from where the fit starts.
+    /// Fit first, and let PEST start from the fitted values.
     #[arg(long)]
     fitted: bool,
     #[command(flatten)]
     search: Search,
-    /// Values that PEST is not to touch; one that each run has of its own is fixed in all of them. Recordings go before it.
+    /// Fix parameters at these values; a parameter of each run is fixed in all runs. Name the recordings first.
     #[arg(long, value_name = "NAME=VALUE", value_parser = crate::cli::args::values::setting, num_args = 1..)]
     hold: Vec<(String, f64)>,
     #[command(flatten)]
     creep: crate::cli::args::creep_prior::CreepPrior,
-    /// A rig to read the recordings with, instead of the one that is stored in them.
+    /// Read the recordings with this rig instead of the stored one.
     #[arg(long, value_name = "RIG")]
     rig: Option<PathBuf>,
-    /// Take one of N samples as an observation [default: as few as it takes to have no more than 20000].
+    /// Use every Nth sample as an observation [default: chosen for at most 20000 observations].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     every: Option<u32>,
-    /// Reaches of the model's grid [default: those of the fit with --fitted, otherwise 128 or what short pipes need].
+    /// Reaches of the model's grid [default: those of the fit with --fitted, otherwise 128, or more if short pipes need them].
     #[arg(long, value_name = "REACHES", value_parser = crate::cli::args::values::reaches, allow_negative_numbers = true)]
     reaches: Option<usize>,
 }
@@ -76,24 +80,25 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     let from = args.search.from()?;
     args.search.check_held(args.hold.iter().map(|(name, _)| name.as_str()))?;
     let searched = args.search.options(from.as_ref())?;
-    let loaded = recordings::load(&args.recordings, args.rig.as_deref())?;
-    let rig = &loaded[0].recording.rig;
-    let runs = open::runs(&loaded);
+    let mut study = recordings::open(&args.recordings, args.rig.as_deref())?;
     let mut effects = args.effects.clone();
-    let priors = args.creep.priors(&loaded, &runs, &mut effects)?;
-    let mut constraints = hold::constraints(rig, &runs, std::slice::from_ref(&effects), &args.hold).remove(0);
+    let priors = args.creep.priors(&study, &mut effects)?;
+    let mut constraints = hold::constraints(&study, std::slice::from_ref(&effects), &args.hold).remove(0);
     if let Some(from) = &from {
-        hold::and_settled(&mut constraints, from, rig, &runs, (&effects, true));
+        hold::settle(&mut constraints, from, &study, &effects, true);
     }
     let options = Options { constraints, priors, ..searched };
-    let fit = if args.fitted { Some(calibrate::timed(rig, &runs, &effects, &options)?) } else { None };
-    let effects = numbered(rig, &runs, &effects, &options)?;
+    let fit =
+        args.fitted.then(|| shown(&mut study, "", |study| study.calibrate(&effects).options(options.clone()).run()));
+    let fit = fit.transpose()?;
+    let (rig, runs) = (study.rig(), study.runs());
+    let effects = numbered(rig, runs, &effects, &options)?;
     let model = Model::new(rig, &runs[0].conditions.water, fit.as_ref().map_or(&effects, |f| &f.effects))
         .constrained(&options.constraints)
         .starting_at(&options.starts_at)
         .informed(&options.priors);
     let mut window = Window { reaches: REACHES, horizon_s: f64::INFINITY, stride: 1 };
-    let mut problem = FitProblem::new(&model, &runs, window);
+    let mut problem = FitProblem::new(&model, runs, window);
     problem.validate_constraints(&options.constraints)?;
     args.search.check(problem.parameters.iter().map(|p| p.name.as_str()))?;
     let values = fit.as_ref().map_or_else(|| problem.values(&problem.start()), |f| f.values());
@@ -106,7 +111,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     let command = command(&files, args.rig.is_some(), &model.effects, window.reaches);
     let case = Case::new(&problem, rig, &values, &files, &command);
     let phi = phi(&problem, &values)?;
-    write(&args, &case, &loaded, &files, window.stride)?;
+    write(&args, &case, &study, &files, window.stride)?;
     let size = case.size();
     if json {
         let document = json!({
@@ -114,9 +119,9 @@ pub fn run(args: Args, json: bool) -> CommandResult {
             "parameters": size.parameters, "observations": size.observations, "priors": size.priors,
             "every": window.stride, "reaches": window.reaches, "phi": phi,
         });
-        crate::cli::say!("{document:#}");
+        say!("{document:#}");
     } else {
-        crate::cli::say!(
+        say!(
             "{}: {} parameters, {} observations, {} priors, objective function {phi:.6}",
             args.output.join(file::CONTROL).display(),
             size.parameters,
@@ -125,8 +130,8 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         );
     }
     if window.stride > 1 {
-        crate::cli::tell!(
-            "one of {} samples is an observation: standard errors will come out {:.1} times those of all samples",
+        tell!(
+            "one of {} samples is an observation: standard errors will be {:.1} times those of all samples",
             window.stride,
             (window.stride as f64).sqrt()
         );
@@ -183,17 +188,15 @@ fn file_names(paths: &[PathBuf]) -> Vec<String> {
 fn check_folder(folder: &Path, overwrite: bool) -> Result<(), AnyError> {
     let name = folder.display();
     match std::fs::read_dir(folder).map(|mut entries| entries.next().is_some()) {
-        Ok(true) if !overwrite => {
-            Err(format!("{name} has files in it: choose another folder, or say --overwrite").into())
-        }
+        Ok(true) if !overwrite => Err(format!("{name} is not empty: choose another folder, or add --overwrite").into()),
         Ok(_) => Ok(()),
-        Err(_) if folder.exists() => Err(format!("{name} is no folder: choose another name").into()),
+        Err(_) if folder.exists() => Err(format!("{name} is not a folder: choose another name").into()),
         Err(_) => Ok(()),
     }
 }
 
 /// All files of the folder.
-fn write(args: &Args, case: &Case, loaded: &[Loaded], files: &[String], every: usize) -> Result<(), AnyError> {
+fn write(args: &Args, case: &Case, study: &Study, files: &[String], every: usize) -> Result<(), AnyError> {
     let folder = &args.output;
     std::fs::create_dir_all(folder).map_err(|e| format!("cannot make the folder {}: {e}", folder.display()))?;
     let copy = |from: &Path, name: &str| -> Result<(), AnyError> {
@@ -209,17 +212,17 @@ fn write(args: &Args, case: &Case, loaded: &[Loaded], files: &[String], every: u
         copy(from, name)?;
     }
     if args.rig.is_some() {
-        output::write_new(&folder.join(RIG_FILE), &loaded[0].recording.rig.source, args.overwrite)?;
+        output::write_new(&folder.join(RIG_FILE), &study.rig().source, args.overwrite)?;
     }
-    let sources: Vec<String> = loaded.iter().map(|l| l.file.clone()).collect();
+    let sources: Vec<String> = study.recordings().iter().map(|l| l.file.clone()).collect();
     for (name, text) in [
         (file::MEASURED, case.measured()),
         (file::TEMPLATE, case.template()),
         (file::VALUES, case.values()),
         (file::INSTRUCTIONS, case.instructions()),
-        (file::README, case.readme(&sources, every)),
+        (file::README, readme(case, &sources, every)),
         // last, so that a folder with a control file is whole
-        (file::CONTROL, case.control()),
+        (file::CONTROL, control(case)),
     ] {
         output::write_new(&folder.join(name), &text, args.overwrite)?;
     }

@@ -4,15 +4,16 @@ use std::path::{Path, PathBuf};
 
 use serde_json::json;
 
-use crate::cli::{CommandResult, Outcome};
+use crate::cli::console::outcome::{CommandResult, Outcome};
+use crate::cli::console::print::{say, say_text};
 use crate::record::devices::port::{PortInfo, list, open_port};
 use crate::record::session::live_test::live_devices;
 use crate::rig::{Device, Rig};
 
-/// List the serial ports, or say whether those of a rig's devices can be opened.
+/// List the serial ports, or check those of a rig's devices.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// Try the ports of this rig's devices; the answer is 'no' where one cannot be opened.
+    /// Try to open the ports of this rig's devices; exit code 1 if one cannot be opened.
     #[arg(long, value_name = "RIG")]
     rig: Option<PathBuf>,
 }
@@ -28,12 +29,12 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     if json {
         let entry = |(device, problem): &Tried| json!({"name": device.name, "port": device.port, "problem": problem});
         let devices: Vec<_> = devices.iter().map(entry).collect();
-        crate::cli::say!("{}", json!({"ports": ports, "devices": devices}));
+        say!("{}", json!({"ports": ports, "devices": devices}));
     } else {
-        crate::cli::say_text!(table(&ports));
+        say_text!(table(&ports));
         for (device, problem) in &devices {
             let found = problem.as_deref().unwrap_or("can be opened");
-            crate::cli::say!("device '{}' on {}: {found}", device.name, device.port);
+            say!("device '{}' on {}: {found}", device.name, device.port);
         }
     }
     Ok(if all_open { Outcome::Done } else { Outcome::No })
@@ -54,7 +55,7 @@ fn tried(rig: &Path) -> Result<Vec<Tried>, Box<dyn std::error::Error + Send + Sy
 
 fn table(ports: &[PortInfo]) -> String {
     if ports.is_empty() {
-        return "no serial port is there: plug the device in, and see that its driver is loaded\n".to_owned();
+        return "no serial port found: plug the device in and check that its driver is loaded\n".to_owned();
     }
     let width = ports.iter().map(|port| port.path.len()).max().unwrap_or(0);
     let line = |port: &PortInfo| {

@@ -1,40 +1,44 @@
 //! `surgescope record`: a live stream, a simulated device or a replayed file becomes a recording.
 
-use std::error::Error;
-use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use clap::ArgGroup;
 
+use crate::cli::args::evaluation;
 use crate::cli::args::triggers::Triggers;
 use crate::cli::args::values::{not_negative, pair, positive, setting};
-use crate::cli::commands::evaluate::{Settings, evaluate_new, line};
+use crate::cli::console::document::document;
 use crate::cli::console::last_words::{LastWords, tell_first};
 use crate::cli::console::live::Reporter;
-use crate::cli::{CommandResult, Outcome};
+use crate::cli::console::outcome::{AnyError, CommandResult, Outcome};
+use crate::cli::console::print::{say, say_text, tell};
+use crate::cli::console::progress::progress_bar;
+use crate::cli::console::recorded::table;
+use crate::cli::console::stop::{STOP, stop_on_signals};
 use crate::model::effects::{Chosen, parse_list};
-#[cfg(unix)]
-use crate::record::devices::simulated::{Faults, Playback, Script, SimulatedDevice};
 use crate::record::devices::source::Sources;
 use crate::record::health::snapshot::Snapshot;
 use crate::record::session::live_test as session;
 use crate::record::session::live_test::{Options, SILENCE_S, live_devices};
-use crate::record::session::output::{DeviceCount, Summary, check_path};
+use crate::record::session::output::{Summary, check_path};
 use crate::record::session::replay;
 use crate::report::history::text::RunDocument;
 use crate::results::history::{Run, State};
-use crate::rig::{Device, Rig};
+use crate::rig::Rig;
 #[cfg(unix)]
 use crate::simulate::playback::{Timing, of_scenario};
 use crate::simulate::scenario::{Scenario, ValveForm};
+#[cfg(unix)]
+use crate::simulate::through_ports::{clipped, record_playbacks};
+use crate::watch::evaluate::{Settings, evaluate_new};
+use crate::watch::verdict::line_of;
 
-/// Record a live test: from the rig's devices, from simulated ones, or from a file played as if it were live.
+/// Record a test: live, simulated, or replayed from a file.
 #[derive(Debug, clap::Args)]
 #[command(group = ArgGroup::new("paced").args(["replay", "simulate"]))]
 pub struct Args {
-    /// Rig file; a replayed recording brings its own.
+    /// Rig file; a replayed recording contains its own.
     #[arg(long, value_name = "RIG", required_unless_present = "replay")]
     rig: Option<PathBuf>,
     /// Recording to write; must not exist.
@@ -42,22 +46,22 @@ pub struct Args {
     output: Option<PathBuf>,
     #[command(flatten)]
     triggers: Triggers,
-    /// Stop after so much recorded time, in seconds.
+    /// Stop after this recorded time, in seconds.
     #[arg(long, value_name = "S", value_parser = positive, allow_negative_numbers = true)]
     duration: Option<f64>,
-    /// Use another port for a device than the rig file says.
+    /// Use this port for a device instead of the rig file's.
     #[arg(long, value_name = "NAME=PATH", value_parser = pair, conflicts_with = "paced")]
     port: Vec<(String, String)>,
     /// Play a recording or a CSV as if it were live.
     #[arg(long, value_name = "FILE")]
     replay: Option<PathBuf>,
-    /// Sensors of the rig that have no column in the CSV played.
+    /// Sensors of the rig without a column in the replayed CSV.
     #[arg(long, value_name = "SENSOR", value_delimiter = ',', requires = "replay")]
     without: Vec<String>,
     /// Record a simulated test of this rig, each device sending through a pseudo-terminal.
     #[arg(long)]
     simulate: bool,
-    /// Play so many times faster than real time; 0: as fast as possible.
+    /// Play this many times faster than real time; 0: as fast as possible.
     #[arg(long, value_name = "FACTOR", default_value_t = 1.0, value_parser = not_negative, requires = "paced", allow_negative_numbers = true)]
     speed: f64,
     /// Let the simulated devices misbehave, as in flip=0.01,drop=0.02,seed=7: probabilities per frame of flip, drop, duplicate, noise, cut,
@@ -67,31 +71,28 @@ pub struct Args {
     /// Effects of the simulated test.
     #[arg(long, value_name = "A,B", default_value = "none", value_parser = parse_list)]
     effects: ::std::vec::Vec<Chosen>,
-    /// Samples a second and channel of the simulated device.
+    /// Samples per second and channel of the simulated device.
     #[arg(long, value_name = "HZ", default_value_t = 1000.0, value_parser = positive, allow_negative_numbers = true)]
     rate: f64,
     /// Set values of the simulated test, as in `simulate`.
     #[arg(long, value_name = "NAME=VALUE", value_parser = setting, requires = "simulate", num_args = 1..)]
     set: Vec<(String, f64)>,
-    /// Keep a note with the recording, such as ambient=12degC; may be given often. `inspect` shows them.
+    /// Store a note in the recording, such as ambient=12degC; may be repeated. `inspect` shows the notes.
     #[arg(long, value_name = "KEY=VALUE", value_parser = pair)]
     note: Vec<(String, String)>,
-    /// Who records, kept as the note `operator`.
+    /// Name of the operator, stored as the note `operator`.
     #[arg(long, value_name = "NAME")]
     operator: Option<String>,
-    /// Calibrate and diagnose the finished recording, as `surgescope watch` does: fit and report land beside it.
+    /// Calibrate and diagnose the finished recording, as `surgescope watch` does, and write fit and report beside it.
     #[arg(long)]
     calibrate: bool,
-    /// A stream has ended when no valid frame came for so many seconds.
+    /// A stream has ended after this many seconds without a valid frame.
     #[arg(long, value_name = "S", default_value_t = SILENCE_S, value_parser = positive, allow_negative_numbers = true)]
     silence: f64,
-    /// Wait so many seconds for a device whose port has vanished.
+    /// Wait this many seconds for a device whose port has vanished.
     #[arg(long, value_name = "S", default_value_t = 60.0, value_parser = not_negative, allow_negative_numbers = true)]
     wait: f64,
 }
-
-/// Set by Ctrl-C and SIGTERM.
-pub(crate) static STOP: AtomicBool = AtomicBool::new(false);
 
 /// Records until the duration, a signal or the stream's end.
 pub fn run(args: Args, json: bool) -> CommandResult {
@@ -99,7 +100,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         check_path(output)?;
         if args.calibrate && output.extension().is_none_or(|e| !e.eq_ignore_ascii_case("mcap")) {
             return Err(format!(
-                "{} does not end with .mcap, as --calibrate needs it to: a later watch looks for that",
+                "{} does not end with .mcap, which --calibrate needs: `surgescope watch` looks for that",
                 output.display()
             )
             .into());
@@ -125,9 +126,9 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         (false, false) => Outcome::Done,
     };
     let words = LastWords::before(outcome(false).code(), &STOP);
-    crate::cli::tell!("{}: {}", summary.file, summary.ended);
+    tell!("{}: {}", summary.file, summary.ended);
     if !json {
-        crate::cli::say_text!(table(&summary));
+        say_text!(table(&summary));
     }
     drop(words);
     let runs = if args.calibrate { calibrated(&summary, json)? } else { Vec::new() };
@@ -140,67 +141,36 @@ pub fn run(args: Args, json: bool) -> CommandResult {
             [one] if summary.shots.is_empty() => serde_json::json!({ "calibration": one }),
             all => serde_json::json!({ "calibrations": all }),
         };
-        crate::cli::say!("{}", crate::cli::document(head, &summary)?);
+        say!("{}", document(head, &summary)?);
     }
     Ok(outcome(failed))
 }
 
-/// The runs of the recordings that a session left, calibrated and diagnosed; each is told as it is done.
+/// The run of a recording, its progress and warnings shown; none where a watch is at work in its folder, which will do it.
+fn evaluated(path: &Path) -> Result<Option<Run>, AnyError> {
+    let bar = progress_bar();
+    let run = evaluate_new(path, &Settings::default(), &|notice| evaluation::show(&bar, notice));
+    bar.finish_and_clear();
+    run
+}
+
+/// The runs of the recordings that a session left, calibrated and diagnosed; each is printed when it is done.
 fn calibrated(summary: &Summary, json: bool) -> Result<Vec<Run>, AnyError> {
     let one = [summary.file.clone()];
     let files = if summary.shots.is_empty() { &one } else { &summary.shots[..] };
     let mut runs = Vec::new();
     // a triggered session that saw no shot names its folder
     for file in files.iter().filter(|file| Path::new(file).is_file()) {
-        let Some(run) = evaluate_new(Path::new(file), &Settings::default())? else { continue };
+        let Some(run) = evaluated(Path::new(file))? else { continue };
         if json {
-            crate::cli::tell!("{}", line(&run));
+            tell!("{}", line_of(&run));
         } else {
-            crate::cli::say!("{}", line(&run));
+            say!("{}", line_of(&run));
         }
         runs.push(run);
     }
     Ok(runs)
 }
-
-/// Lets Ctrl-C and the requests to terminate or hang up end the recording, not the program: its file is made whole first.
-#[cfg(unix)]
-pub(crate) fn stop_on_signals() -> std::io::Result<()> {
-    use std::task::Poll;
-    use tokio::signal::unix::{SignalKind, signal};
-
-    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
-    let mut requests = {
-        // Registered before anything is recorded.
-        let _inside = runtime.enter();
-        [signal(SignalKind::interrupt())?, signal(SignalKind::terminate())?, signal(SignalKind::hangup())?]
-    };
-    let wait = async move {
-        std::future::poll_fn(|context| {
-            let any = requests.iter_mut().any(|request| request.poll_recv(context).is_ready());
-            if any { Poll::Ready(()) } else { Poll::Pending }
-        })
-        .await;
-        STOP.store(true, Ordering::Relaxed);
-    };
-    std::thread::Builder::new().name("signals".into()).spawn(move || runtime.block_on(wait))?;
-    Ok(())
-}
-
-/// Lets Ctrl-C end the recording, not the program: its file is made whole first.
-#[cfg(not(unix))]
-pub(crate) fn stop_on_signals() -> std::io::Result<()> {
-    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
-    let wait = async {
-        if tokio::signal::ctrl_c().await.is_ok() {
-            STOP.store(true, Ordering::Relaxed);
-        }
-    };
-    std::thread::Builder::new().name("signals".into()).spawn(move || runtime.block_on(wait))?;
-    Ok(())
-}
-
-type AnyError = Box<dyn Error + Send + Sync>;
 
 fn record(
     args: &Args,
@@ -214,7 +184,7 @@ fn record(
         let options = args.triggers.applied(options, &recording.rig)?;
         return Ok(replay::replay(&recording, &name, args.speed, &options, &STOP, report)?);
     }
-    let rig = rig.ok_or("--rig is missing: it says what is recorded")?;
+    let rig = rig.ok_or("--rig is missing: it describes what is recorded")?;
     let options = &args.triggers.applied(options, rig)?;
     if args.simulate {
         return record_simulated(rig, args, options, report);
@@ -242,7 +212,8 @@ fn record_simulated(
         let playback = of_scenario(&scenario, &device, &timing)?;
         played.push((device, playback));
     }
-    record_playbacks(rig, played, args.speed, faults, options, report)
+    clipped(rig, &played).iter().for_each(|warning| tell!("{warning}"));
+    record_playbacks(rig, played, (args.speed, faults), options, &STOP, report)
 }
 
 #[cfg(not(unix))]
@@ -253,147 +224,3 @@ fn record_simulated(_: &Rig, _: &Args, _: &Options, _: &mut dyn FnMut(Snapshot))
 /// Steady time before the closure of a simulated test, s.
 #[cfg(unix)]
 const LEAD_S: f64 = 1.0;
-
-/// Plays data on simulated devices and records it through pseudo-terminals, as from real ports.
-///
-/// # Errors
-/// No pseudo-terminal, data that a device cannot send, or any error of a recording.
-#[cfg(unix)]
-pub fn record_playbacks(
-    rig: &Rig,
-    played: Vec<(Device, Playback)>,
-    speed: f64,
-    faults: Faults,
-    options: &Options,
-    report: &mut dyn FnMut(Snapshot),
-) -> Result<Summary, AnyError> {
-    let mut devices = Vec::new();
-    // Lines by the port that stands in the rig file: Modbus slaves may share one.
-    let mut simulated: Vec<(String, SimulatedDevice, Vec<Script>)> = Vec::new();
-    for (mut device, playback) in played {
-        let script = Script::new(&playback, rig, &device)?;
-        if script.clipped > 0 {
-            let (clipped, name) = (script.clipped, &device.name);
-            crate::cli::tell!(
-                "{clipped} samples are outside the range of the counts of '{name}': see scale and offset"
-            );
-        }
-        let at = match simulated.iter().position(|(port, ..)| *port == device.port) {
-            Some(at) => at,
-            None => {
-                simulated.push((device.port.clone(), SimulatedDevice::open()?, Vec::new()));
-                simulated.len() - 1
-            }
-        };
-        let (_, line, scripts) = &mut simulated[at];
-        device.port = line.path().display().to_string();
-        scripts.push(script);
-        devices.push(device);
-    }
-    // A simulated device that hangs up has played everything.
-    let sources = Sources::open(rig, &devices, false)?;
-    for (_, line, scripts) in &mut simulated {
-        line.start_line(std::mem::take(scripts), speed, faults)?;
-    }
-    let summary = session::record(rig, &sources, options, &STOP, report)?;
-    for (_, line, _) in simulated {
-        line.stop()?;
-    }
-    Ok(summary)
-}
-
-/// What was recorded, for people.
-fn table(summary: &Summary) -> String {
-    let names = summary.sensors.iter().map(|s| &s.name).chain(summary.devices.iter().map(|d| &d.name));
-    let width = names.map(|name| name.chars().count()).max().unwrap_or(0).max("sensor".len());
-    let mut text = format!("{:.3} s recorded\n", summary.duration_s);
-    let _ = writeln!(text, "{:width$}  {:>10}  {:>10}", "sensor", "samples", "gaps");
-    for sensor in &summary.sensors {
-        let _ = writeln!(text, "{:width$}  {:>10}  {:>10}", sensor.name, sensor.samples, sensor.gaps);
-    }
-    if !summary.devices.is_empty() {
-        let _ =
-            writeln!(text, "{:width$}  {:>10}  {:>10}  {:>10}  {:>10}", "device", "frames", "bad", "lost", "repeated");
-    }
-    for device in &summary.devices {
-        let _ = writeln!(
-            text,
-            "{:width$}  {:>10}  {:>10}  {:>10}  {:>10}",
-            device.name, device.frames, device.bad_frames, device.lost_frames, device.duplicated_frames
-        );
-    }
-    for alert in &summary.alerts {
-        let _ = writeln!(text, "{} {}", alert.sensor, alert.message(0));
-    }
-    for shot in &summary.shots {
-        let _ = writeln!(text, "shot: {shot}");
-    }
-    for cut in &summary.cut_short {
-        let (file, kept_s, asked_s) = (&cut.file, cut.kept_s, cut.asked_s);
-        let _ = match kept_s {
-            0.0 => writeln!(text, "cut short: {file} ends before the trigger fired"),
-            kept_s => writeln!(text, "cut short: {file} has {kept_s:.3} of {asked_s} s after the trigger fired"),
-        };
-    }
-    for absent in &summary.absent {
-        let (file, sensors) = (&absent.file, absent.sensors.join(", "));
-        let _ = writeln!(
-            text,
-            "absent: {file} has nothing of {sensors}, of which nothing had come when it ended: is its device on, and faster than --silence?"
-        );
-    }
-    for lost in &summary.lost_shots {
-        let _ = writeln!(text, "{lost}");
-    }
-    if summary.unheeded_edges > 0 {
-        let _ = writeln!(
-            text,
-            "The valve's command switched {} while the trigger waited for --pre seconds of quiet: no shot holds that.",
-            if summary.unheeded_edges == 1 { "once".to_owned() } else { format!("{} times", summary.unheeded_edges) }
-        );
-    }
-    for device in &summary.devices {
-        let _ = describe(&mut text, device);
-    }
-    if summary.data_lost {
-        let gaps: u64 = summary.sensors.iter().map(|sensor| sensor.gaps).sum();
-        text.push_str(match gaps {
-            0 => "Samples were lost before the first or after the last of their sensors: no gap stands for them.\n",
-            _ => "Samples were lost on the way; each hole between samples is kept as a gap.\n",
-        });
-    }
-    text
-}
-
-/// What is worth a word of a device.
-fn describe(text: &mut String, device: &DeviceCount) -> std::fmt::Result {
-    let name = &device.name;
-    if let Some(clock) = &device.clock {
-        writeln!(text, "clock of {name}: {clock}")?;
-    }
-    for warning in device.clock_warning.iter().chain(&device.poll_warning) {
-        writeln!(text, "{name}: {warning}")?;
-    }
-    for (count, what) in [
-        (device.late_answers, "answers came after their time-out and were dropped"),
-        (device.reconnects, "times its port vanished and came back"),
-        (device.restarts, "times it restarted"),
-        (device.clock_steps, "times its clock was set; its samples follow each other all the same"),
-        (device.squeezed_frames, "frames began before the one before them ended; their samples stand closer"),
-        (device.restamped_frames, "frames had a time that those around them refute; they stand by their number"),
-        (device.queue_waits, "times it waited because the disk did not keep up"),
-    ] {
-        if count > 0 {
-            writeln!(text, "{name}: {count} {what}")?;
-        }
-    }
-    if let Some(late_s) = device.began_late_s {
-        writeln!(text, "{name}: its first sample came {late_s:.1} s after the recording began; a gap stands for that")?;
-    }
-    if device.incomplete {
-        let what =
-            if device.frames == 0 { "nothing that can be used came from it" } else { "it did not send to the end" };
-        writeln!(text, "{name}: {what}")?;
-    }
-    Ok(())
-}

@@ -4,15 +4,17 @@ use std::path::PathBuf;
 
 use serde_json::json;
 
-use crate::cli::{CommandResult, Outcome};
+use crate::cli::console::document::document;
+use crate::cli::console::outcome::{CommandResult, Outcome};
+use crate::cli::console::print::{say, tell};
 use crate::storage::recover;
 
-/// Arguments of `recover`.
+/// Save what is in a recording that was cut off.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// The recording that was cut off or damaged; it is left as it is.
+    /// Recording that was cut off or damaged; it stays as it is.
     torn: PathBuf,
-    /// The recording to make; must not exist.
+    /// Recording to write; must not exist.
     #[arg(short, long, value_name = "MCAP")]
     output: PathBuf,
 }
@@ -24,17 +26,17 @@ pub struct Args {
 pub fn run(args: Args, json: bool) -> CommandResult {
     let recovery = recover(&args.torn, &args.output)?;
     if json {
-        crate::cli::say!("{}", crate::cli::document(json!({ "file": args.output, "source": args.torn }), &recovery)?);
+        say!("{}", document(json!({ "file": args.output, "source": args.torn }), &recovery)?);
     } else {
-        crate::cli::say!("{}: {}", args.output.display(), recovery.kept);
+        say!("{}: {}", args.output.display(), recovery.kept);
         match recovery.last_good_time_s {
-            _ if recovery.whole => crate::cli::say!("nothing was lost"),
-            Some(time) => crate::cli::say!("last good sample: {time} s"),
-            None => crate::cli::say!("no sample was saved"),
+            _ if recovery.whole => say!("nothing was lost"),
+            Some(time) => say!("last good sample: {time} s"),
+            None => say!("no sample was saved"),
         }
     }
     for loss in &recovery.lost {
-        crate::cli::tell!("lost: {loss}");
+        tell!("lost: {loss}");
     }
     Ok(if recovery.whole { Outcome::Done } else { Outcome::DataLost })
 }

@@ -2,15 +2,19 @@
 
 use std::path::PathBuf;
 
-use crate::cli::commands::calibrate::progress_bar;
-use crate::cli::{CommandResult, Outcome};
+use crate::cli::args::recordings;
+use crate::cli::console::outcome::{CommandResult, Outcome};
+use crate::cli::console::print::{say, say_text};
+use crate::cli::console::progress::refit;
 use crate::report::models::{json as models_json, text};
 use crate::study::models;
 
-/// Fit the model in force again, from the values in its file, with what is held (`fixed = true`) and bounded there.
+/// Fit the current model again after you have edited its file.
+///
+/// The fit starts from the values in the file, holds those with `fixed = true` and keeps to the bounds there.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// The file of models.
+    /// The model file.
     #[arg(value_name = "MODEL.toml")]
     file: PathBuf,
 }
@@ -21,9 +25,7 @@ pub struct Args {
 /// A file or a recording that cannot be read, a parameter that the model does not have, a fit that fails.
 pub fn run(args: Args, json: bool) -> CommandResult {
     let mut at = models::open(&args.file)?;
-    for doubt in &at.doubts {
-        crate::cli::tell!("warning: {doubt}");
-    }
+    recordings::warn_of(&at.study);
     let before = at.file.current().clone();
     let held: Vec<&str> = before.parameters.iter().filter(|p| p.fixed).map(|p| p.name.as_str()).collect();
     let why = match held.as_slice() {
@@ -31,16 +33,13 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         [one] => format!("refitted with {one} held"),
         more => format!("refitted with {} values held", more.len()),
     };
-    let bar = progress_bar();
-    let fit = before.refit(&at.rig, &at.runs, &at.options, &|p| bar.set_message(p.stage.clone()));
-    bar.finish_and_clear();
-    at.file.append(&fit?, &why, None, models::now());
-    models::save(&mut at.file, &at.path)?;
+    let fit = refit(&mut at, "")?;
+    at.append(&fit, &why, None)?;
     if json {
-        crate::cli::say!("{}", models_json(&at.file)?);
+        say!("{}", models_json(&at.file)?);
     } else {
-        crate::cli::say_text!(text(&at.file));
-        crate::cli::say!("\n{why}: RMSE {:.4} m → {:.4} m", before.rmse_m, at.file.current().rmse_m);
+        say_text!(text(&at.file));
+        say!("\n{why}: RMSE {:.4} m → {:.4} m", before.rmse_m, at.file.current().rmse_m);
     }
     Ok(Outcome::Done)
 }

@@ -5,17 +5,16 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 
-use crate::cli::args::recordings::load;
-use crate::cli::commands::calibrate::timed;
-use crate::cli::{CommandResult, Outcome};
-use crate::fit::search::options::Options;
+use crate::cli::args::recordings::open;
+use crate::cli::console::outcome::{CommandResult, Outcome};
+use crate::cli::console::print::{say, say_text, tell};
+use crate::cli::console::progress::shown;
 use crate::model::effects::{Chosen, parse_list};
 use crate::replay::compare::{Comparison, compare, moved, table};
 use crate::replay::expected::{Expected, ExpectedError, path_beside, to_toml, write_beside};
 use crate::replay::found::{Found, found};
-use crate::study::open::runs;
 
-/// Arguments of `replay`.
+/// Check that recordings still give their expected results.
 ///
 /// Beside `NAME.mcap` stands `NAME.expected.toml` with the quantities to compare, each with a value and a tolerance. Exit 1
 /// where one moved, 2 where a recording or its expected results cannot be read.
@@ -25,17 +24,17 @@ use crate::study::open::runs;
 /// that could not be compared.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// Recordings, or folders in which to look for them (*.mcap).
+    /// Recordings, or folders that contain them (*.mcap).
     #[arg(required = true, value_name = "PATH")]
     paths: Vec<PathBuf>,
-    /// Write what is found now as the expected results, with tolerances from the standard errors.
+    /// Save the present results as the expected ones, with tolerances from the standard errors.
     #[arg(long)]
     accept: bool,
-    /// The effects to calibrate with from now on; `none` is the base model alone. Left out, those of the old expected results,
-    /// or no calibration.
+    /// Effects to calibrate with from now on; `none` for the base model alone [default: those of the old expected results, or no
+    /// calibration].
     #[arg(long, value_name = "A,B", value_parser = parse_list, requires = "accept")]
     effects: Option<::std::vec::Vec<Chosen>>,
-    /// Show every quantity, not only those that moved.
+    /// Show all quantities, not only those that moved.
     #[arg(short, long)]
     verbose: bool,
 }
@@ -57,16 +56,16 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     let recordings = recordings(&args.paths)?;
     let (mut entries, mut compared, mut moved_in_all, mut failed) = (Vec::new(), 0, 0, 0);
     for (i, path) in recordings.iter().enumerate() {
-        crate::cli::tell!("[{}/{}] {}", i + 1, recordings.len(), path.display());
+        tell!("[{}/{}] {}", i + 1, recordings.len(), path.display());
         let outcome = replay(path, &args).and_then(|done| Ok((accept(path, &done, &args)?, done)));
         match outcome {
             Ok((accepted, done)) => {
                 compared += done.comparisons.len();
                 moved_in_all += moved(&done.comparisons);
                 if !json {
-                    crate::cli::say_text!(text(path, &done, args.verbose));
+                    say_text!(text(path, &done, args.verbose));
                     if let Some(file) = &accepted {
-                        crate::cli::say!("  now expected: {}", file.display());
+                        say!("  now expected: {}", file.display());
                     }
                 }
                 entries.push(entry(path, &done, accepted.as_deref()));
@@ -74,20 +73,20 @@ pub fn run(args: Args, json: bool) -> CommandResult {
             Err(error) => {
                 failed += 1;
                 let sentence = with_causes(error.as_ref());
-                crate::cli::tell!("error: {sentence}");
+                tell!("error: {sentence}");
                 entries.push(json!({ "file": path, "error": sentence }));
             }
         }
     }
     if json {
-        crate::cli::say!("{:#}", json!({ "compared": compared, "moved": moved_in_all, "recordings": entries }));
+        say!("{:#}", json!({ "compared": compared, "moved": moved_in_all, "recordings": entries }));
     } else {
         let verdict = match moved_in_all {
-            _ if compared == 0 => "nothing to tell".to_owned(),
+            _ if compared == 0 => "nothing to compare".to_owned(),
             0 => "all held".to_owned(),
             n => format!("{n} moved"),
         };
-        crate::cli::say!("{compared} quantities of {} recordings compared: {verdict}", recordings.len() - failed);
+        say!("{compared} quantities of {} recordings compared: {verdict}", recordings.len() - failed);
     }
     match (failed, moved_in_all) {
         (1.., _) => Err(format!("{failed} of {} recordings could not be compared", recordings.len()).into()),
@@ -103,18 +102,19 @@ fn replay(path: &Path, args: &Args) -> Result<Replayed, Failure> {
     };
     if old.quantities.is_empty() && !args.accept {
         let file = path_beside(path);
-        return Err(
-            format!("{} holds no quantity to compare; `surgescope replay --accept` fills it", file.display()).into()
-        );
+        return Err(format!(
+            "{} contains no quantity to compare; `surgescope replay --accept` fills it",
+            file.display()
+        )
+        .into());
     }
     let effects = args.effects.clone().or_else(|| old.effects.clone());
-    let loaded = load(&[path.to_owned()], None)?;
-    let [one] = &loaded[..] else { return Err(format!("{}: nothing was read", path.display()).into()) };
+    let mut study = open(&[path.to_owned()], None)?;
     let fit = match &effects {
-        Some(effects) => Some(timed(&one.recording.rig, &runs(&loaded), effects, &Options::default())?),
+        Some(effects) => Some(shown(&mut study, "", |study| study.calibrate(effects).run())?),
         None => None,
     };
-    let found = found(&one.features, fit.as_ref());
+    let found = found(&study.recordings()[0].features, fit.as_ref());
     Ok(Replayed { effects, comparisons: compare(&old, &found), found })
 }
 
@@ -138,7 +138,7 @@ fn recordings(paths: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
         let mut inside = Vec::new();
         search(path, &mut inside).map_err(|e| format!("cannot look for recordings in {}: {e}", path.display()))?;
         if inside.is_empty() {
-            return Err(format!("{} holds no recording (*.mcap), nor does a folder in it", path.display()).into());
+            return Err(format!("{} and its folders contain no recording (*.mcap)", path.display()).into());
         }
         inside.sort();
         all.append(&mut inside);
@@ -167,7 +167,7 @@ fn text(path: &Path, done: &Replayed, all: bool) -> String {
         Some(labels) => labels.join(" + "),
     };
     let verdict = match moved {
-        _ if compared == 0 => "nothing was expected so far".to_owned(),
+        _ if compared == 0 => "nothing expected so far".to_owned(),
         0 => format!("{compared} held"),
         _ => format!("{moved} of {compared} MOVED"),
     };

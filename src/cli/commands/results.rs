@@ -5,26 +5,29 @@ use std::path::{Path, PathBuf};
 
 use serde_json::json;
 
-use crate::cli::{CommandResult, Outcome};
+use crate::cli::console::outcome::{CommandResult, Outcome};
+use crate::cli::console::print::{say, tell};
 use crate::results::fit_file::{FitFile, Form};
 use crate::results::table::{long, wide};
 use crate::storage::output;
 
 type AnyError = Box<dyn Error + Send + Sync>;
 
-/// Put many fits into one table: a row for each fit and run, with errors, parameters and their standard errors.
+/// Put many fits into one table.
+///
+/// It has a row for each fit and run, with errors, parameters and their standard errors.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// Fits that `calibrate -o` wrote, or folders of them; what in a folder is no fit is passed over.
+    /// Fits that `calibrate -o` wrote, or folders of them; other files in a folder are skipped.
     #[arg(required = true, value_name = "FIT|FOLDER")]
     fits: Vec<PathBuf>,
-    /// The table to write; must not exist.
+    /// Table to write; must not exist.
     #[arg(short, long, value_name = "CSV")]
     output: PathBuf,
-    /// A row for each parameter instead, with bounds and scale.
+    /// Write a row for each parameter instead, with bounds and scale.
     #[arg(long)]
     long: bool,
-    /// Replace whatever file stands at the output, unless it is a recording or one of the fits.
+    /// Replace an existing output, unless it is a recording or one of the fits.
     #[arg(long)]
     overwrite: bool,
 }
@@ -35,7 +38,7 @@ pub struct Args {
 /// A file that is no fit, a folder without any, a table that may not or cannot be written.
 pub fn run(args: Args, json: bool) -> CommandResult {
     if !args.output.extension().is_some_and(|e| e.eq_ignore_ascii_case("csv")) {
-        return Err(format!("{}: the table is written as CSV: end its name in .csv", args.output.display()).into());
+        return Err(format!("{}: the table is a CSV file: its name must end with .csv", args.output.display()).into());
     }
     let mut fits: Vec<(String, FitFile)> = Vec::new();
     for path in &args.fits {
@@ -51,7 +54,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         if let Some((twin, _)) = fits[..i].iter().find(|(n, _)| output::same_file(Path::new(n), Path::new(name))) {
             return Err(match twin == name {
                 true => format!("{name} is given twice: a fit counts once"),
-                false => format!("{twin} and {name} are one fit: it counts once"),
+                false => format!("{twin} and {name} are the same fit: it counts once"),
             }
             .into());
         }
@@ -66,9 +69,9 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     if json {
         let document =
             json!({ "file": args.output, "fits": fits.len(), "rows": table.rows.len(), "columns": table.columns });
-        crate::cli::say!("{document}");
+        say!("{document}");
     } else {
-        crate::cli::say!(
+        say!(
             "{}: {} rows of {} fits, {} columns",
             args.output.display(),
             table.rows.len(),
@@ -88,10 +91,10 @@ fn fits_in(folder: &Path) -> Result<Vec<(String, FitFile)>, AnyError> {
     let read = |p: PathBuf| FitFile::read(&p).ok().map(|fit| (p.display().to_string(), fit));
     let (asked, fits) = (paths.len(), paths.into_iter().filter_map(read).collect::<Vec<_>>());
     if fits.is_empty() {
-        return Err(format!("the folder {} has no fit (see `calibrate -o`)", folder.display()).into());
+        return Err(format!("the folder {} contains no fit (see `calibrate -o`)", folder.display()).into());
     }
     if fits.len() < asked {
-        crate::cli::tell!("{}: passed over {} files that are no fits", folder.display(), asked - fits.len());
+        tell!("{}: skipped {} files that are not fits", folder.display(), asked - fits.len());
     }
     Ok(fits)
 }

@@ -6,14 +6,15 @@ use clap::Subcommand;
 use serde_json::{Map, Value, json};
 
 use crate::cli::args::values::positive;
-use crate::cli::{CommandResult, Outcome};
+use crate::cli::console::outcome::{CommandResult, Outcome};
+use crate::cli::console::print::{say, say_text};
 use crate::recording::Recording;
 use crate::rig::check::{Finding, Level, check};
 use crate::rig::{Rig, SteadyState};
 use crate::signal::check::check_recording;
 use crate::storage as log;
 
-/// Look at rig files.
+/// Check a rig file, alone or against a recording.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     #[command(subcommand)]
@@ -22,7 +23,7 @@ pub struct Args {
 
 #[derive(Debug, Subcommand)]
 enum Action {
-    /// Say what in a rig file, and in a recording made on that rig, cannot be right together.
+    /// Find contradictions in a rig file, or between a rig file and a recording.
     Check(CheckArgs),
 }
 
@@ -32,7 +33,7 @@ struct CheckArgs {
     rig: PathBuf,
     /// A recording (MCAP) or a time series (CSV) made on it.
     recording: Option<PathBuf>,
-    /// A steady flow to hold against the rig, m3/h (as `[[steady]]` in the rig file does).
+    /// A steady flow to compare with the rig, m3/h (as `[[steady]]` in the rig file).
     #[arg(long, value_name = "M3_H", value_parser = positive, allow_negative_numbers = true)]
     flow: Option<f64>,
     /// The supply's head at that flow, m.
@@ -63,9 +64,9 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     }
     let worst = findings.iter().map(|f| f.level).max().unwrap_or(Level::Fine);
     if json {
-        crate::cli::say!("{}", document(&args.rig, args.recording.as_deref(), worst, &findings));
+        say!("{}", document(&args.rig, args.recording.as_deref(), worst, &findings));
     } else {
-        crate::cli::say_text!(table(&findings));
+        say_text!(table(&findings));
     }
     Ok(if worst == Level::Contradiction { Outcome::No } else { Outcome::Done })
 }

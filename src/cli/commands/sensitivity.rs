@@ -5,7 +5,8 @@ use std::path::PathBuf;
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::cli::args::values::{number, pair, positive, setting};
-use crate::cli::{CommandResult, Outcome};
+use crate::cli::console::outcome::{CommandResult, Outcome};
+use crate::cli::console::print::{say, say_text, tell};
 use crate::model::Conditions;
 use crate::model::effects::{Chosen, name_of, parse_list};
 use crate::report::sensitivity::html as page;
@@ -20,10 +21,10 @@ use crate::sensitivity::study::{Study, elementary_effects, variance_shares};
 use crate::sensitivity::subject::{Subject, sensor};
 use crate::sensitivity::{SensitivityError, levels, map};
 
-/// Which parameter moves what: peaks, their times, phase and damping of a simulated closure against the parameters of a model.
+/// Show which parameter affects peaks, phase and damping of a closure.
 ///
-/// A parameter varies over its bounds in the catalogue, a run's own (velocity, head, closing time, friction) by 20 % to either side; --within
-/// and --range narrow that.
+/// A parameter varies over its bounds in the catalogue; velocity, head, closing time and friction vary by 20 % to either side. --within and
+/// --range narrow that.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// The rig.
@@ -32,52 +33,52 @@ pub struct Args {
     /// Effects of the model.
     #[arg(long, value_name = "A,B", value_parser = parse_list)]
     effects: Option<::std::vec::Vec<Chosen>>,
-    /// Values around which it is studied; what is not set has the rig's value or a default.
+    /// Parameter values around which to study the model [default: the rig's values].
     #[arg(long, value_name = "NAME=VALUE", value_parser = setting, num_args = 1..)]
     set: Vec<(String, f64)>,
-    /// Take effects and values from the model in force of this file (see `calibrate --save`); --set goes before them.
+    /// Take effects and values from the current model of this model file; --set overrides them.
     #[arg(long, value_name = "MODEL", conflicts_with = "effects")]
     model: Option<PathBuf>,
     /// The pressure sensor to read [default: the one nearest to the valve].
     #[arg(long, value_name = "NAME")]
     sensor: Option<String>,
-    /// What to compute, one or several.
+    /// What to compute.
     #[arg(long, value_enum, value_name = "METHODS", value_delimiter = ',', default_values_t = [Method::Morris, Method::Sobol])]
     method: Vec<Method>,
     /// The range of a parameter.
     #[arg(long, value_name = "NAME=LOW:HIGH", value_parser = range, num_args = 1..)]
     range: Vec<Range>,
-    /// All others vary from their value divided by this to their value times it, within their bounds.
+    /// All other parameters vary from their value divided by this factor to their value times it, within their bounds.
     #[arg(long, value_name = "FACTOR", value_parser = above_one)]
     within: Option<f64>,
     /// Vary these parameters only.
     #[arg(long, value_name = "A,B", value_delimiter = ',')]
     only: Vec<String>,
-    /// Morris: trajectories, each of one simulation more than there are parameters.
+    /// Morris: trajectories; each takes one simulation more than there are parameters.
     #[arg(long, value_name = "N", default_value_t = 50)]
     trajectories: usize,
-    /// Sobol: rows, each of two simulations more than there are parameters; best a power of two.
+    /// Sobol: rows; each takes two simulations more than there are parameters. Use a power of two.
     #[arg(long, value_name = "N", default_value_t = 512)]
     rows: usize,
-    /// Analysis of variance: levels of each parameter, from half its value to twice it where no range is given.
+    /// Analysis of variance: levels of each parameter, from half to twice its value unless a range is given.
     #[arg(long, value_name = "N", default_value_t = 4)]
     levels: usize,
-    /// Analysis of variance: runs a level, between which all other parameters are drawn anew.
+    /// Analysis of variance: runs per level; all other parameters are drawn anew for each.
     #[arg(long, value_name = "N", default_value_t = 3)]
     repeats: usize,
-    /// Analysis of variance: how far the others are drawn from their values where no range is given, in percent to either side.
+    /// Analysis of variance: spread of the other parameters around their values unless a range is given, in percent to either side.
     #[arg(long, value_name = "PERCENT", value_parser = positive, default_value_t = 5.0)]
     scatter: f64,
-    /// Maps: two parameters, across and upwards [default: of two elements tau1_s:tau2_s, tau1_s:J1_per_GPa and tau2_s:J2_per_GPa].
+    /// Maps: two parameters, horizontal and vertical [default for two elements: tau1_s:tau2_s, tau1_s:J1_per_GPa and tau2_s:J2_per_GPa].
     #[arg(long, value_name = "X:Y", value_parser = two_names, num_args = 1..)]
     map: Vec<(String, String)>,
-    /// Maps: cells a side.
+    /// Maps: cells per side.
     #[arg(long, value_name = "N", default_value_t = 25)]
     cells: usize,
     /// Maps: write each as X-Y.csv into this folder.
     #[arg(long, value_name = "FOLDER")]
     csv: Option<PathBuf>,
-    /// Where the random draws start: the same seed gives the same numbers.
+    /// Seed of the random draws.
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
     /// Write a page with tables and plots.
@@ -129,7 +130,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         output::check_report(path)?;
     }
     if args.csv.as_ref().is_some_and(|folder| !folder.is_dir()) {
-        return Err("--csv names no folder: create it first, the maps go into it".into());
+        return Err("--csv must name an existing folder for the maps".into());
     }
     let subject = Subject {
         model: scenario.model(),
@@ -138,7 +139,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         reaches: scenario.reaches,
         sensor: sensor(&scenario.rig, args.sensor.as_deref())?,
     };
-    // What does not work at the values themselves is told once, before thousands of runs.
+    // What does not work at the values themselves is reported once, before thousands of runs.
     subject.features(&subject.values)?;
     let study = study(&args, &subject, &scenario)?;
     if let Some(folder) = &args.csv {
@@ -147,17 +148,17 @@ pub fn run(args: Args, json: bool) -> CommandResult {
             let content = map.csv();
             output::check_series(&path, content.lines().next().unwrap_or_default(), false, &args.rig)?;
             output::write(&path, &content)?;
-            crate::cli::tell!("wrote {}", path.display());
+            tell!("wrote {}", path.display());
         }
     }
     if let Some(path) = &args.report {
         output::write(path, &page::html(&study))?;
-        crate::cli::tell!("wrote {}", path.display());
+        tell!("wrote {}", path.display());
     }
     if json {
-        crate::cli::say!("{:#}", serde_json::to_value(&study)?);
+        say!("{:#}", serde_json::to_value(&study)?);
     } else {
-        crate::cli::say_text!(text::text(&study));
+        say_text!(text::text(&study));
     }
     Ok(Outcome::Done)
 }
@@ -184,7 +185,7 @@ fn scenario(args: &Args) -> Result<Scenario, Box<dyn std::error::Error + Send + 
     }
     let scenario = Scenario::new(Rig::load(&args.rig)?, &effects, ValveForm::Linear, &settings)?;
     let used: Vec<String> = scenario.not_set(&settings).iter().map(|(n, v)| format!("{n}={v:.6}")).collect();
-    crate::cli::tell!("not set, so used: {}", used.join(" "));
+    tell!("not set, defaults used: {}", used.join(" "));
     Ok(scenario)
 }
 

@@ -2,41 +2,47 @@
 
 use std::fs::File;
 use std::io::{BufWriter, Write, stdout};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use serde_json::json;
 
-use crate::cli::args::values::{positive, rounded, setting};
-use crate::cli::args::values_file;
-use crate::cli::commands::as_recorded::{AsRecorded, Asked};
-use crate::cli::commands::energy;
-use crate::cli::{CommandResult, Outcome};
+use crate::cli::args::beside::Beside;
+use crate::cli::args::recordings;
+use crate::cli::args::values::{self, positive, setting};
+use crate::cli::console::outcome::{AnyError, CommandResult, Outcome};
+use crate::cli::console::print::{say, say_text, tell};
+use crate::fit::problem::observed::Place;
 use crate::model::constraint::Given;
 use crate::model::effects::{ATMOSPHERE_PA, Chosen, parse_list};
 use crate::model::trace::Trace;
+use crate::report::energy;
+use crate::report::pest::observations::{HEADER, Table};
+use crate::report::text::number::rounded;
 use crate::rig::{Coupling, Rig};
+use crate::simulate::as_recorded::as_recorded;
 use crate::simulate::scenario::{Scenario, ValveForm};
+use crate::simulate::values_file;
 use crate::storage::output;
 
-/// Simulate a closure on a rig.
+/// Simulate a closure on a rig; needs no recording.
 ///
-/// Settings that are always known: wave_speed_m_s, friction_factor (a constant; left out, it follows from Reynolds number and
-/// roughness), initial_velocity_m_s, valve_head_m, closing_time_s, reaches; each effect adds its own (J1_per_GPa, tau1_s, …).
+/// Every model has the settings wave_speed_m_s, friction_factor (a constant; by default it follows from Reynolds number and roughness),
+/// initial_velocity_m_s, valve_head_m, closing_time_s and reaches; each effect adds its own (J1_per_GPa, tau1_s, …).
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// The rig; with --recording, one instead of that stored in them.
+    /// The rig; with --recording, it replaces the stored one.
     #[arg(long, value_name = "RIG", required_unless_present = "recording")]
     rig: Option<PathBuf>,
     #[command(flatten)]
-    beside: AsRecorded,
-    /// Effects added to the base model; `none` is the base model alone.
+    beside: Beside,
+    /// Effects added to the base model; `none` for the base model alone.
     #[arg(long, value_name = "A,B", default_value = "none", value_parser = parse_list)]
     effects: ::std::vec::Vec<Chosen>,
-    /// Values of parameters; what is not set has the rig's value or a default.
+    /// Parameter values [default: the rig's values].
     #[arg(long, value_name = "NAME=VALUE", value_parser = setting, num_args = 1..)]
     set: Vec<(String, f64)>,
-    /// Values from a file, a line NAME = VALUE each; --set goes before them.
+    /// Read values from a file with one NAME = VALUE per line; --set overrides them.
     #[arg(long, value_name = "FILE")]
     values: Option<PathBuf>,
     /// How the valve closes.
@@ -48,15 +54,15 @@ pub struct Args {
     /// Write values at 0, DT, 2 DT, … s [default: the simulation's own steps].
     #[arg(long, value_name = "DT", value_parser = positive, allow_negative_numbers = true)]
     csv_times: Option<f64>,
-    /// The time series to write, one column a pressure sensor in its unit; an older one with the same columns is replaced
+    /// Time series to write, one column per pressure sensor in its unit; replaces an older one with the same columns
     /// [default: standard output].
     #[arg(short, long, value_name = "CSV")]
     output: Option<PathBuf>,
-    /// Replace whatever file stands at the output, unless it is the rig or a recording.
+    /// Replace an existing output, unless it is the rig or a recording.
     #[arg(long, requires = "output")]
     overwrite: bool,
-    /// Keep the energy book and write it here, J, at the times of the other file: what the line holds as motion and as
-    /// strain, what the supply gave, what valve, friction and each effect took; an older file of that name is replaced.
+    /// Write the energy balance in J at the same times: kinetic and strain energy in the line, energy from the supply, energy taken by valve,
+    /// friction and each effect; replaces an older file of that name.
     #[arg(long, value_name = "CSV")]
     energy: Option<PathBuf>,
 }
@@ -71,20 +77,11 @@ const MOST_ROWS: f64 = 1e8;
 pub fn run(mut args: Args, json: bool) -> CommandResult {
     let given = given(&args)?;
     let rig = match args.rig.clone() {
-        Some(rig) if !args.beside.asked() => rig,
-        rig => {
-            let asked = Asked {
-                rig: rig.as_deref(),
-                effects: &args.effects,
-                given: &given,
-                output: args.output.as_deref(),
-                overwrite: args.overwrite,
-            };
-            return args.beside.run(&asked, json);
-        }
+        Some(rig) if args.beside.recording.is_empty() => rig,
+        _ => return run_beside(&args, given, json),
     };
     if let Some(run) = given.iter().find_map(|g| g.run.as_ref()) {
-        return Err(format!("the file of values has some of '{run}' alone: name it with --recording").into());
+        return Err(format!("the file of values has values of '{run}': name this recording with --recording").into());
     }
     args.set = given.into_iter().map(|g| (g.name, g.value)).collect();
     let scenario = Scenario::new(Rig::load(&rig)?, &args.effects, args.valve, &args.set)?;
@@ -99,7 +96,7 @@ pub fn run(mut args: Args, json: bool) -> CommandResult {
     tell_what_was_not_set(&scenario, &args, duration_s, step_s);
     if duration_s / step_s > MOST_ROWS {
         return Err(format!(
-            "{duration_s} s in steps of {step_s} s are more than {MOST_ROWS:.0} rows; take a longer step"
+            "{duration_s} s in steps of {step_s} s are more than {MOST_ROWS:.0} rows; choose a longer step"
         )
         .into());
     }
@@ -120,7 +117,7 @@ pub fn run(mut args: Args, json: bool) -> CommandResult {
     if let Some((path, book)) = kept {
         output::check_series(path, &format!("time_s,{}", book.columns().join(",")), args.overwrite, &rig)?;
         energy::write_csv(book, path, times(step_s, duration_s))?;
-        crate::cli::tell!("{}", energy::sentence(book, duration_s));
+        tell!("{}", energy::sentence(book, duration_s));
     }
     if json {
         let settings: serde_json::Map<_, _> = scenario.values().into_iter().map(|(n, v)| (n, json!(v))).collect();
@@ -135,15 +132,65 @@ pub fn run(mut args: Args, json: bool) -> CommandResult {
             "energy": kept.map(|(path, book)| energy::json(book, duration_s, path)),
             "seconds": seconds,
         });
-        crate::cli::say!("{document:#}");
+        say!("{document:#}");
     }
     Ok(Outcome::Done)
 }
 
+/// The model beside recordings.
+fn run_beside(args: &Args, mut given: Vec<Given>, json: bool) -> CommandResult {
+    let recordings = &args.beside.recording;
+    if let Some(path) = &args.output {
+        output::check_series(path, HEADER, args.overwrite, args.rig.as_ref().unwrap_or(&recordings[0]))?;
+    }
+    let study = recordings::open(recordings, args.rig.as_deref())?;
+    let files: Vec<String> = study.recordings().iter().map(|l| l.file.clone()).collect();
+    let table = Table { rig: study.rig(), runs: study.runs(), files: &files };
+    let places = args.beside.times.as_ref().map(|path| rows(&table, path)).transpose()?;
+    let set = given.iter().find(|g| g.name == "reaches" && g.run.is_none()).map(|g| g.value.to_string());
+    let reaches = set.map(|n| values::reaches(&n).map_err(|e| format!("reaches: {e}"))).transpose()?;
+    given.retain(|g| g.name != "reaches");
+    let start = Instant::now();
+    let shown = as_recorded(study.rig(), study.runs(), &args.effects, &given, reaches, places)?;
+    let seconds = start.elapsed().as_secs_f64();
+    if !shown.not_set.is_empty() {
+        let list: Vec<String> = shown.not_set.iter().map(|(name, v)| format!("{name}={v:.6}")).collect();
+        tell!("not set, start values of a fit used: {}", list.join(" "));
+    }
+    let rows = shown.places.len();
+    let text = table.text(shown.places.into_iter().zip(shown.values));
+    match &args.output {
+        Some(path) => output::write(path, &text)?,
+        None if json => {}
+        None => say_text!(text),
+    }
+    if json {
+        let settings: serde_json::Map<_, _> = shown.settings.into_iter().map(|(n, v)| (n, json!(v))).collect();
+        let document = json!({
+            "file": args.output,
+            "recordings": files,
+            "effects": shown.effects,
+            "settings": settings,
+            "reaches": shown.reaches,
+            "rows": rows,
+            "seconds": seconds,
+        });
+        say!("{document:#}");
+    }
+    Ok(Outcome::Done)
+}
+
+/// The rows of an older table.
+fn rows(table: &Table, path: &Path) -> Result<Vec<Place>, AnyError> {
+    let name = path.display();
+    let text = std::fs::read_to_string(path).map_err(|e| format!("cannot read the rows in {name}: {e}"))?;
+    Ok(table.places(&text, &name.to_string())?)
+}
+
 /// Values from the command line, then those of the file that it does not set.
 fn given(args: &Args) -> Result<Vec<Given>, String> {
-    let said = args.set.iter().map(|(name, value)| Given { name: name.clone(), run: None, value: *value });
-    let mut given: Vec<Given> = said.collect();
+    let set = args.set.iter().map(|(name, value)| Given { name: name.clone(), run: None, value: *value });
+    let mut given: Vec<Given> = set.collect();
     if let Some(path) = &args.values {
         let own = values_file::read(path)?;
         given.extend(own.into_iter().filter(|g| !args.set.iter().any(|(name, _)| *name == g.name)));
@@ -158,7 +205,7 @@ fn tell_what_was_not_set(scenario: &Scenario, args: &Args, duration_s: f64, step
     used.extend(args.csv_times.is_none().then(|| ("csv_times_s".to_owned(), step_s)));
     used.push(("temperature_degC".to_owned(), scenario.rig.fluid.temperature_degc));
     let list: Vec<String> = used.iter().map(|(name, v)| format!("{name}={}", to_digits(*v, 6))).collect();
-    crate::cli::tell!("not set, so used: {}", list.join(" "));
+    tell!("not set, defaults used: {}", list.join(" "));
 }
 
 /// First line of the time series.
@@ -209,7 +256,7 @@ fn warn_of_cavities(scenario: &Scenario, traces: &[Trace]) {
         let elevation_m = scenario.rig.sensor_elevation_m(sensor);
         let least_head_m = elevation_m + least_pa / (scenario.water.density_kg_m3 * crate::units::GRAVITY_M_S2);
         if let Some(step) = trace.values.iter().position(|&h| h < least_head_m) {
-            crate::cli::tell!(
+            tell!(
                 "warning: at {} the pressure falls below vapour pressure {:.4} s after the start of the closure; this model does \
                  not let the water boil, so what follows is not physical: add vapour-cavity, or take a lower velocity or a higher \
                  head",

@@ -2,14 +2,15 @@
 
 use std::path::PathBuf;
 
-use crate::cli::{CommandResult, Outcome};
+use crate::cli::console::outcome::{CommandResult, Outcome};
+use crate::cli::console::print::{say, say_text};
 use crate::report::models::{json as models_json, text};
 use crate::study::models;
 
-/// Put the model in force that the present one grew out of; nothing is deleted.
+/// Go back to the previous model; nothing is deleted.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// The file of models.
+    /// The model file.
     #[arg(value_name = "MODEL.toml")]
     file: PathBuf,
 }
@@ -22,7 +23,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     let mut file = models::load(&args.file)?;
     if !file.step_back() {
         return Err(format!(
-            "model {} in {} is where it began: there is no step back from it",
+            "model {} in {} is the first one: there is no step back from it",
             file.in_force,
             args.file.display()
         )
@@ -30,9 +31,9 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     }
     models::save(&mut file, &args.file)?;
     if json {
-        crate::cli::say!("{}", models_json(&file)?);
+        say!("{}", models_json(&file)?);
     } else {
-        crate::cli::say_text!(text(&file));
+        say_text!(text(&file));
     }
     Ok(Outcome::Done)
 }

@@ -1,48 +1,43 @@
 //! `surgescope valve`: how the valve closed, read back from the record.
 
-use std::fmt::Write as _;
 use std::path::PathBuf;
 
 use serde_json::json;
 
 use crate::cli::args::creep_prior::WALL;
 use crate::cli::args::recordings;
-use crate::cli::commands::calibrate;
-use crate::cli::{CommandResult, Outcome};
+use crate::cli::console::outcome::{CommandResult, Outcome};
+use crate::cli::console::print::{say, say_text, tell};
+use crate::cli::console::progress::shown;
 use crate::fit::outcome::thresholds::STRONG_EVIDENCE;
-use crate::fit::problem::valve_curve::{TwoStage, valve_sensor};
-use crate::fit::search::options::Options;
+use crate::fit::problem::valve_curve::valve_sensor;
 use crate::model::effects::{Chosen, parse_list};
-use crate::report::svg::{LineChart, Series, Style};
-use crate::report::text::number::{fixed, significant};
-use crate::report::text::table::Table;
+use crate::report::text::number::fixed;
+use crate::report::valve::json::document;
+use crate::report::valve::svg::chart;
+use crate::report::valve::text::text;
 use crate::storage::output;
-use crate::study::open;
 use crate::valve::curve::{ValveClosure, ValveLawChoice, choose_valve_law, closure_of};
-use crate::valve::shift::{LawError, Shift};
 
-/// How the valve closed, read back from the head measured before it: opening against time, and the laws nearest to it.
+/// Reconstruct how the valve closed from the head upstream of it.
 ///
-/// A model is calibrated first, with a valve that closes linearly and with one of two stages (`valve-law`), and the latter is taken where the
-/// record asks for it; then the measured head takes the place of its valve, and what arrives there tells the flow.
+/// First, a model is calibrated with a valve that closes linearly and with one that closes in two stages (`valve-law`), if the record supports
+/// that. Then the measured head replaces the valve, and the waves that arrive there give the flow and the opening.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// The recordings, all of one rig.
+    /// Recordings of one rig.
     #[arg(required = true, value_name = "MCAP")]
     recordings: Vec<PathBuf>,
-    /// Effects of the pipe; one that names a valve-law settles the valve's, too.
+    /// Effects of the pipe; a valve-law among them also decides the valve's law.
     #[arg(long, value_name = "A,B", default_value = "none", value_parser = parse_list)]
     effects: ::std::vec::Vec<Chosen>,
-    /// A rig to read them with, instead of the one that is stored in them.
+    /// Read the recordings with this rig instead of the stored one.
     #[arg(long, value_name = "RIG")]
     rig: Option<PathBuf>,
-    /// Draw the curve, its two stages, and what other wave speeds and creep would make of it; of one recording.
+    /// Draw the curve of one recording, its two stages, and its change with wave speed and creep.
     #[arg(long, value_name = "FILE")]
     svg: Option<PathBuf>,
 }
-
-/// Rows of the table of one run.
-const ROWS: usize = 20;
 
 /// Runs it.
 ///
@@ -50,48 +45,47 @@ const ROWS: usize = 20;
 /// As `calibrate`; a rig without a pressure sensor at the valve.
 pub fn run(args: Args, json: bool) -> CommandResult {
     if args.svg.is_some() && args.recordings.len() > 1 {
-        return Err("--svg draws the valve of one recording; name one".into());
+        return Err("--svg draws the valve of one recording: name one".into());
     }
     if let Some(path) = &args.svg {
         output::check_picture(path)?;
     }
-    let loaded = recordings::load(&args.recordings, args.rig.as_deref())?;
-    let rig = loaded[0].recording.rig.clone();
-    let runs = open::runs(&loaded);
-    for run in &runs {
-        valve_sensor(&rig, run)?;
+    let mut study = recordings::open(&args.recordings, args.rig.as_deref())?;
+    for run in study.runs() {
+        valve_sensor(study.rig(), run)?;
     }
     let ValveLawChoice { fit, evidence, two_stages } =
-        choose_valve_law(&args.effects, |effects| calibrate::timed(&rig, &runs, effects, &Options::default()))?;
+        shown(&mut study, "", |study| choose_valve_law(&args.effects, |effects| study.calibrate(effects).run()))?;
+    let (rig, runs) = (study.rig(), study.runs());
     if let Some(evidence) = evidence {
-        crate::cli::tell!(
+        tell!(
             "the model's valve closes {}: two stages bring {evidence:.0} of evidence ({STRONG_EVIDENCE:.0} is strong){}",
             if two_stages { "in two stages" } else { "linearly" },
             if !two_stages && evidence > STRONG_EVIDENCE {
-                ", but leave most of the error, which is the pipe's"
+                ", but leave most of the error, which comes from the pipe"
             } else {
                 ""
             },
         );
     }
     let closures: Vec<ValveClosure> =
-        (0..runs.len()).map(|r| closure_of(&rig, &runs, &fit, r)).collect::<Result<_, _>>()?;
+        (0..runs.len()).map(|r| closure_of(rig, runs, &fit, r)).collect::<Result<_, _>>()?;
     let creep_missing = rig.constraint_in_words().is_some() && !fit.effects.iter().any(|c| c.effect.name() == WALL);
     for closure in &closures {
         if let Some(warning) = no_valve(closure, creep_missing) {
-            crate::cli::tell!("warning: {warning}");
+            tell!("warning: {warning}");
         }
     }
     if json {
         let document = json!({ "effects": fit.labels(), "runs": closures.iter().map(document).collect::<Vec<_>>() });
-        crate::cli::say!("{document:#}");
+        say!("{document:#}");
     } else {
-        crate::cli::say_text!(closures.iter().map(text).collect::<Vec<_>>().join("\n"));
+        say_text!(closures.iter().map(text).collect::<Vec<_>>().join("\n"));
     }
     if let (Some(path), Some(closure)) = (&args.svg, closures.first()) {
         output::check_picture(path)?;
         output::write(path, &chart(closure).to_svg(900.0, 480.0))?;
-        crate::cli::tell!("chart: {}", path.display());
+        tell!("chart: {}", path.display());
     }
     Ok(Outcome::Done)
 }
@@ -106,133 +100,10 @@ fn no_valve(closure: &ValveClosure, creep_missing: bool) -> Option<String> {
     (!(OPENINGS.contains(&least) && OPENINGS.contains(&most))).then(|| {
         let what = if creep_missing { "add --effects viscoelastic-wall" } else { "`surgescope diagnose` finds what" };
         format!(
-            "{}: openings from {} to {} are no valve's: the model of the pipe lacks something that the curve stands in for; {what}",
+            "{}: openings from {} to {} are impossible: the curve compensates for something that the model of the pipe lacks; {what}",
             closure.file,
             fixed(least, 2),
             fixed(most, 2)
         )
     })
-}
-
-fn document(closure: &ValveClosure) -> serde_json::Value {
-    let error = |e: LawError| json!({ "first_rise_rms_m": e.first_rise_m, "record_rms_m": e.record_m });
-    let shift = |s: &Shift| {
-        json!({
-            "what": s.what, "largest_change_of_opening": s.largest, "rms_change_of_opening": s.rms,
-            "effective_closing_time_s": s.effective_closing_s, "two_stage": two_stage(s.two_stage),
-            "time_s": s.curve.time_s, "opening": s.curve.opening,
-        })
-    };
-    json!({
-        "file": closure.file,
-        "sensor": closure.sensor,
-        "fitted_closing_time_s": closure.fitted_closing_s,
-        "effective_closing_time_s": closure.effective_closing_s,
-        "two_stage": two_stage(closure.two_stage),
-        "errors": { "fitted": error(closure.errors.fitted), "two_stage": error(closure.errors.two_stage),
-                    "curve": error(closure.errors.curve) },
-        "shifts": closure.shifts.iter().map(shift).collect::<Vec<_>>(),
-        "time_s": closure.curve.time_s,
-        "velocity_m_s": closure.curve.velocity_m_s,
-        "opening": closure.curve.opening,
-    })
-}
-
-fn two_stage(law: TwoStage) -> serde_json::Value {
-    json!({ "inflection_s": law.inflection_s, "inflection_opening": law.inflection_opening,
-            "closing_time_s": law.closing_s, "rms_of_opening": law.rms, "straight": law.straight() })
-}
-
-/// What the laws leave of the head, and how the curve moves with the pipe's own parameters.
-fn worth(closure: &ValveClosure) -> String {
-    let mut errors = Table::new(&["valve closes by", "first rise, rms m", "whole record, rms m"]);
-    let laws = [
-        ("the fitted model's law", closure.errors.fitted),
-        ("the nearest two stages", closure.errors.two_stage),
-        ("the curve itself", closure.errors.curve),
-    ];
-    for (law, error) in laws {
-        errors.row([law.into(), significant(error.first_rise_m, 3), significant(error.record_m, 3)]);
-    }
-    let mut shifts =
-        Table::new(&["with", "opening moves by", "rms", "effective, s", "inflection, s", "opening", "closed, s"]);
-    let row = |what: &str, moved: Option<(f64, f64)>, effective: Option<f64>, law: TwoStage| {
-        let moved = moved.map_or(["".into(), "".into()], |(largest, rms)| [fixed(largest, 4), fixed(rms, 4)]);
-        let seconds = |s: f64| fixed(s, 4);
-        let [largest, rms] = moved;
-        let effective = effective.map_or(String::new(), seconds);
-        [
-            what.into(),
-            largest,
-            rms,
-            effective,
-            if law.straight() { "–".into() } else { seconds(law.inflection_s) },
-            if law.straight() { "–".into() } else { fixed(law.inflection_opening, 3) },
-            seconds(law.closing_s),
-        ]
-    };
-    shifts.row(row("as fitted", None, closure.effective_closing_s, closure.two_stage));
-    for s in &closure.shifts {
-        shifts.row(row(&s.what, Some((s.largest, s.rms)), s.effective_closing_s, s.two_stage));
-    }
-    format!("\nWhat is left of the head at {}:\n{errors}\nThe curve owes to the pipe:\n{shifts}", closure.sensor)
-}
-
-fn chart(closure: &ValveClosure) -> LineChart {
-    let line = |n: usize, label: &str, time_s: &[f64], opening: &dyn Fn(usize) -> f64| Series {
-        label: label.into(),
-        points: time_s.iter().enumerate().map(|(i, t)| (*t, opening(i))).filter(|p| p.1.is_finite()).collect(),
-        style: Style::line(n),
-    };
-    let (curve, law) = (&closure.curve, closure.two_stage);
-    let mut series = vec![
-        line(0, "read back from the head", &curve.time_s, &|i| curve.opening[i]),
-        line(1, "nearest two stages", &curve.time_s, &|i| law.opening(curve.time_s[i])),
-    ];
-    // Five lines can be told apart; a standard error moves the curve by less than a line's width.
-    let drawn = closure.shifts.iter().filter(|s| s.what.starts_with("wave speed") && s.what.ends_with('%'));
-    let drawn = drawn.chain(closure.shifts.iter().filter(|s| s.what == "creep left out"));
-    series.extend(drawn.enumerate().map(|(n, s)| line(n + 2, &s.what, &s.curve.time_s, &|i| s.curve.opening[i])));
-    LineChart {
-        title: format!("{}: how the valve closed, by {}", closure.file, closure.sensor),
-        x_label: "time after the start of the closure, s".into(),
-        y_label: "opening, relative".into(),
-        series,
-        ..LineChart::default()
-    }
-}
-
-fn text(closure: &ValveClosure) -> String {
-    let law = closure.two_stage;
-    let mut out = format!("{}, by {}:\n", closure.file, closure.sensor);
-    let _ = writeln!(out, "  closing time of the fitted model   {:.4} s", closure.fitted_closing_s);
-    if let Some(effective_s) = closure.effective_closing_s {
-        let _ = writeln!(out, "  effective (from 0.9 to 0.1, times 1/0.8)  {effective_s:.4} s");
-    }
-    let _ = if law.straight() {
-        writeln!(
-            out,
-            "  nearest two stages   as good as straight, closed at {:.4} s: where they meet is undetermined; {:.3} of the opening off, rms",
-            law.closing_s, law.rms
-        )
-    } else {
-        writeln!(
-            out,
-            "  nearest two stages   to {:.3} of the opening in {:.4} s, closed at {:.4} s; {:.3} of the opening off, rms",
-            law.inflection_opening, law.inflection_s, law.closing_s, law.rms
-        )
-    };
-    let _ = writeln!(out, "\n   time, s  velocity, m/s  opening  two stages");
-    let points = closure.curve.time_s.len();
-    for i in (0..points).step_by(points.div_ceil(ROWS).max(1)) {
-        let (time_s, opening) = (closure.curve.time_s[i], closure.curve.opening[i]);
-        let bar = "█".repeat((30.0 * opening.clamp(0.0, 1.2)).round() as usize);
-        let _ = writeln!(
-            out,
-            "{time_s:>10.4} {:>14.4} {opening:>8.3} {:>11.3}  {bar}",
-            closure.curve.velocity_m_s[i],
-            law.opening(time_s)
-        );
-    }
-    out + &worth(closure)
 }

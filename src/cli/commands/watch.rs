@@ -5,49 +5,54 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
+use crate::cli::args::evaluation::{self, Evaluation};
 use crate::cli::args::values::positive;
-use crate::cli::commands::evaluate::{Ended, Settings, evaluate, line, sentence};
-use crate::cli::commands::record::{STOP, stop_on_signals};
 use crate::cli::console::last_words::LastWords;
-use crate::cli::{CommandResult, Outcome};
+use crate::cli::console::outcome::{AnyError, CommandResult, Outcome};
+use crate::cli::console::print::{say, tell};
+use crate::cli::console::progress::progress_bar;
+use crate::cli::console::stop::{STOP, stop_on_signals};
 use crate::report::history::text::{RunDocument, WatchDocument};
 use crate::results::history::index::{Entered, Seen};
 use crate::results::history::lock::Lock;
 use crate::results::history::{Index, Run, State};
 use crate::rig::Rig;
+use crate::watch::evaluate::{Ended, evaluate, sentence};
 use crate::watch::folder::{Content, Listed, list, look_into};
+use crate::watch::verdict::line_of;
 
 /// How often a run is begun that the program does not survive, before it has to wait.
 const MOST_TRIES: u32 = 5;
 
-/// Watch a folder: each finished recording in it is inspected, calibrated with the rig's last accepted model and diagnosed against it.
+/// Fit and diagnose every recording that appears in a folder.
 ///
-/// Fit (NAME.fit.toml, and NAME.model.toml to go on from) and report (NAME.html) land beside the recording, a line says the verdict, and
-/// the folder's index (surgescope.sqlite) keeps the values for `surgescope history`. Ends with Ctrl-C, after the run at work. May be killed at any time:
-/// begun again, it finishes what is missing. A recording counts once, however often it is copied or renamed.
+/// Each finished recording is calibrated with the rig's last accepted model and diagnosed against it. Fit (NAME.fit.toml, and NAME.model.toml
+/// to continue from) and report (NAME.html) are written beside the recording, one line gives the verdict, and the folder's index
+/// (surgescope.sqlite) keeps the values for `surgescope history`. Ctrl-C ends the watch after the present run. It may be killed at any time: a new
+/// watch finishes what is missing. A recording counts once, however often it is copied or renamed.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// The folder.
     #[arg(value_name = "FOLDER")]
     folder: PathBuf,
     #[command(flatten)]
-    settings: Settings,
-    /// A rig to read the recordings with, instead of the one that is stored in each.
+    evaluation: Evaluation,
+    /// Read the recordings with this rig instead of the stored ones.
     #[arg(long, value_name = "RIG")]
     rig: Option<PathBuf>,
-    /// Do what is there and end: 1 where a run failed now or has to wait because the program ended too often during it, 3 where a recording has no end. Needed for --json: one document needs an end.
+    /// Process what is there and end: exit code 1 if a run failed or was interrupted too often, 3 if a recording has no end. --json needs it.
     #[arg(long)]
     once: bool,
-    /// Print each verdict as a JSON document on a line of its own.
+    /// Print each verdict as one line of JSON.
     #[arg(long)]
     json_lines: bool,
-    /// Try again what has failed.
+    /// Try failed runs again.
     #[arg(long)]
     retry: bool,
-    /// Look at the folder so often, in seconds.
+    /// Interval between looks at the folder, in seconds.
     #[arg(long, value_name = "S", default_value_t = 1.0, value_parser = positive, allow_negative_numbers = true)]
     every: f64,
-    /// A recording without an end that has not grown for so many seconds was cut off.
+    /// A recording without an end that has not grown for this many seconds was cut off.
     #[arg(long, value_name = "S", default_value_t = 10.0, value_parser = positive, allow_negative_numbers = true)]
     torn_after: f64,
 }
@@ -59,14 +64,16 @@ pub struct Args {
 pub fn run(args: Args, json: bool) -> CommandResult {
     if json && !args.once {
         return Err(
-            "a watch that goes on prints no single document: say --once with --json, or --json-lines for one a run"
+            "an endless watch cannot print one document: add --once to --json, or use --json-lines for one per run"
                 .into(),
         );
     }
     let torn_after = Duration::try_from_secs_f64(args.torn_after)?;
     let every = Duration::try_from_secs_f64(args.every)?;
     if !args.folder.is_dir() {
-        return Err(format!("{} is no folder: name the one in which recordings appear", args.folder.display()).into());
+        return Err(
+            format!("{} is not a folder: name the folder in which recordings appear", args.folder.display()).into()
+        );
     }
     let rig = args.rig.as_deref().map(Rig::load).transpose()?;
     let _lock = Lock::take(&args.folder)?;
@@ -111,8 +118,6 @@ fn aloud<T>(say: impl FnOnce() -> T) -> T {
     say()
 }
 
-type AnyError = Box<dyn std::error::Error + Send + Sync>;
-
 struct Watch {
     args: Args,
     json: bool,
@@ -137,12 +142,12 @@ impl Watch {
         let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
         for run in self.index.resume(MOST_TRIES, now.as_secs() as i64)? {
             if self.index.run(run.id)?.error.is_none() {
-                crate::cli::tell!("{}: was cut off and is done again", run.file);
+                tell!("{}: was interrupted and is processed again", run.file);
             }
         }
         if self.args.retry {
             let again = self.index.retry()?;
-            crate::cli::tell!("{again} failed run{} tried again", if again == 1 { " is" } else { "s are" });
+            tell!("{again} failed run{} tried again", if again == 1 { " is" } else { "s are" });
         }
         for run in self.index.given_up()? {
             if self.folder().join(&run.file).exists() {
@@ -153,7 +158,7 @@ impl Watch {
         let count = |state| all.iter().filter(|r| r.state == state).count();
         let (done, failed) = (count(State::Done), count(State::Failed));
         let until = if self.args.once { "" } else { "; Ctrl-C ends" };
-        crate::cli::tell!("watching {}: {done} runs done, {failed} failed{until}", self.folder().display());
+        tell!("watching {}: {done} runs done, {failed} failed{until}", self.folder().display());
         Ok(())
     }
 
@@ -163,7 +168,7 @@ impl Watch {
             list(self.folder()).map_err(|e| format!("cannot list the folder {}: {e}", self.folder().display()))?;
         for path in unnamed {
             if !self.unnamed.contains(&path) {
-                aloud(|| crate::cli::tell!("{}: its name is no UTF-8, so it is left alone: rename it", path.display()));
+                aloud(|| tell!("{}: its name is not UTF-8, so it is skipped: rename it", path.display()));
                 self.unnamed.insert(path);
             }
         }
@@ -174,7 +179,7 @@ impl Watch {
             match self.index.seen(&file.name)? {
                 Some(Seen::Run(_)) => {}
                 Some(Seen::Torn) if self.args.once => {
-                    aloud(|| crate::cli::tell!("{}: still has no end", file.name.file));
+                    aloud(|| tell!("{}: still has no end", file.name.file));
                     self.torn.insert(file.name.file);
                 }
                 Some(Seen::Torn) => {}
@@ -199,8 +204,8 @@ impl Watch {
             Entered::New(id) if error.is_some() => self.tell_end(id)?,
             Entered::New(_) => {}
             Entered::Copy(other) if other == *file => {}
-            Entered::Copy(other) => aloud(|| crate::cli::tell!("{file} is a copy of {other}: a recording counts once")),
-            Entered::Moved(other) => aloud(|| crate::cli::tell!("{file} is {other} under another name: it is known")),
+            Entered::Copy(other) => aloud(|| tell!("{file} is a copy of {other}: a recording counts once")),
+            Entered::Moved(other) => aloud(|| tell!("{file} is {other} under another name: it is done already")),
         }
         Ok(())
     }
@@ -209,7 +214,7 @@ impl Watch {
         let Listed { name, path, quiet } = listed;
         let _words = LastWords::before(Outcome::Done.code(), &STOP);
         if quiet >= self.torn_after {
-            crate::cli::tell!(
+            tell!(
                 "{}: has no end and has not grown for {:.0} s: cut off? `surgescope recover {} -o NEW.mcap` saves what is in it",
                 name.file,
                 quiet.as_secs_f64(),
@@ -218,7 +223,7 @@ impl Watch {
             self.index.torn(&name)?;
             self.torn.insert(name.file);
         } else if self.args.once {
-            crate::cli::tell!("{}: is still being written: it is left for later", name.file);
+            tell!("{}: is still being written: left for later", name.file);
             self.torn.insert(name.file);
         }
         Ok(())
@@ -229,9 +234,19 @@ impl Watch {
         while !STOP.load(Ordering::Relaxed) {
             let Some(run) = self.index.claim(None)? else { break };
             let folder = self.args.folder.clone();
-            match evaluate(&mut self.index, &folder, &run, self.rig.as_ref(), &self.args.settings)? {
+            let bar = progress_bar();
+            let ended = evaluate(
+                &mut self.index,
+                &folder,
+                &run,
+                self.rig.as_ref(),
+                &self.args.evaluation.settings(),
+                &|notice| evaluation::show(&bar, notice),
+            );
+            bar.finish_and_clear();
+            match ended? {
                 Ended::Done(run) | Ended::Failed(run) => self.tell_end(run.id)?,
-                Ended::Changed => aloud(|| crate::cli::tell!("{}: has changed since it was seen", run.file)),
+                Ended::Changed => aloud(|| tell!("{}: has changed since it was seen", run.file)),
             }
             // what has come meanwhile may have been recorded earlier than what waits
             self.look()?;
@@ -243,11 +258,11 @@ impl Watch {
         let run = self.index.run(id)?;
         let _words = LastWords::before(Outcome::Done.code(), &STOP);
         if self.args.json_lines {
-            crate::cli::say!("{}", serde_json::to_string(&RunDocument::from(&run))?);
+            say!("{}", serde_json::to_string(&RunDocument::from(&run))?);
         } else if self.json {
-            crate::cli::tell!("{}", line(&run));
+            tell!("{}", line_of(&run));
         } else {
-            crate::cli::say!("{}", line(&run));
+            say!("{}", line_of(&run));
         }
         self.ended.push(run);
         Ok(())
@@ -262,7 +277,7 @@ impl Watch {
                 runs: self.ended.iter().map(RunDocument::from).collect(),
                 unfinished: self.torn.iter().cloned().collect(),
             };
-            crate::cli::say!("{}", serde_json::to_string_pretty(&document)?);
+            say!("{}", serde_json::to_string_pretty(&document)?);
         }
         Ok(match (self.args.once, failed, self.torn.is_empty()) {
             (true, true, _) => Outcome::No,

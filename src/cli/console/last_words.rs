@@ -1,4 +1,4 @@
-//! What is said must neither keep the work from beginning nor the program from ending: a terminal that was stopped (Ctrl-S), or a pipe that nobody
+//! Messages must neither keep the work from beginning nor the program from ending: a terminal that was stopped (Ctrl-S), or a pipe that nobody
 //! reads, would block it for ever.
 
 use std::process::exit;
@@ -7,17 +7,19 @@ use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
 use std::thread;
 use std::time::Duration;
 
+use crate::cli::console::print::tell;
+
 /// How long words wait for their reader once the program was asked to end.
 const PATIENCE: Duration = Duration::from_secs(2);
 /// How often it is looked whether it was.
 const LOOK_EVERY: Duration = Duration::from_millis(100);
 
-/// How long the work waits for what is told before it.
+/// How long the work waits for the messages before it.
 const FIRST_WORDS: Duration = Duration::from_millis(500);
 
 /// While this is held, the program ends with exit code `code` when `stop` is set and what is being written does not go on.
 pub(crate) struct LastWords {
-    /// Dropped with this: the words are said.
+    /// Dropped with this: the message is written.
     _said: Sender<()>,
 }
 
@@ -46,7 +48,7 @@ impl LastWords {
 pub(crate) fn tell_first(lines: Vec<String>) {
     let (said, wait) = channel::<()>();
     let tell = move || {
-        lines.iter().for_each(|line| crate::cli::tell!("{line}"));
+        lines.iter().for_each(|line| tell!("{line}"));
         drop(said);
     };
     if thread::Builder::new().name("first words".into()).spawn(tell).is_ok() {

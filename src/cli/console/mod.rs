@@ -1,5 +1,12 @@
 //! What reaches the terminal, and what a command may write.
 
-pub mod hints;
+pub(crate) mod document;
+pub(crate) mod hints;
 pub(crate) mod last_words;
 pub(crate) mod live;
+pub mod outcome;
+pub(crate) mod page;
+pub(crate) mod print;
+pub(crate) mod progress;
+pub(crate) mod recorded;
+pub(crate) mod stop;

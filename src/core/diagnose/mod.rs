@@ -67,6 +67,22 @@ pub fn diagnose(
 ) -> Result<Diagnosis, FitError> {
     progress("the start model");
     let start = calibrate(rig, runs, effects, options, &|p| progress(&format!("the start model, {}", p.stage)))?;
+    diagnose_fit(rig, runs, effects, start, options, progress)
+}
+
+/// The same from a start model that is fitted already, with `options`; `effects` are its effects, which may leave a number of
+/// elements open.
+///
+/// # Errors
+/// As [`diagnose`].
+pub fn diagnose_fit(
+    rig: &Rig,
+    runs: &[RunData],
+    effects: &[Chosen],
+    start: Fit,
+    options: &Options,
+    progress: &(dyn Fn(&str) + Sync),
+) -> Result<Diagnosis, FitError> {
     let baseline = Baseline::new(rig, runs, &start, options)?;
     let refits = refits(&baseline, progress);
     let fitter = FullFitter { rig, runs, effects, options, progress };

@@ -4,9 +4,9 @@ use std::fmt::Write;
 
 use crate::fit::outcome::fit::Fit;
 use crate::report::Stage;
-use crate::report::html::escape::escape;
 use crate::report::html::matrix::{Cell, matrix};
 use crate::report::html::page::minus;
+use crate::report::text::escape::escape;
 
 /// Size of a correlation from which on two parameters are named: half the variance of one and more is the other's.
 const STRONG: f64 = 0.9;
@@ -30,8 +30,7 @@ pub(crate) fn section(stages: &[Stage]) -> String {
         })
         .collect();
     let caption = format!("Correlation between the parameters of {}", last.title);
-    let mut out =
-        String::from("<section class=\"correlation\" id=\"correlation\"><h2>Which parameters go together</h2>\n");
+    let mut out = String::from("<section class=\"correlation\" id=\"correlation\"><h2>Correlated parameters</h2>\n");
     out.push_str(&matrix(&caption, "parameter", &columns, &rows));
     let mut pairs: Vec<(f64, usize, usize)> = Vec::new();
     for (a, &i) in known.iter().enumerate() {
@@ -39,7 +38,7 @@ pub(crate) fn section(stages: &[Stage]) -> String {
     }
     pairs.retain(|(r, _, _)| r.abs() >= STRONG);
     pairs.sort_by(|a, b| b.0.abs().total_cmp(&a.0.abs()));
-    let said: Vec<String> = pairs
+    let strong: Vec<String> = pairs
         .iter()
         .take(5)
         .map(|&(r, j, i)| {
@@ -47,10 +46,10 @@ pub(crate) fn section(stages: &[Stage]) -> String {
             format!("<code>{}</code> and <code>{}</code> ({})", name(j), name(i), minus(&format!("{r:+.2}")))
         })
         .collect();
-    if !said.is_empty() {
-        let _ = writeln!(out, "<p>The data tell these hardly apart: {}.</p>", said.join(", "));
+    if !strong.is_empty() {
+        let _ = writeln!(out, "<p>Strongly correlated parameters: {}.</p>", strong.join(", "));
     }
-    out.push_str("<p class=\"note\">Correlation between the errors of each two parameters of the last model: near ±1 one can stand in for the other, and only what they have in common is well known. Parameters at a bound are left out.</p>\n</section>\n");
+    out.push_str("<p class=\"note\">Correlation between the errors of each pair of parameters of the last model. Near ±1 one can stand in for the other, and only their combination is well determined. Parameters at a bound are left out.</p>\n</section>\n");
     out
 }
 

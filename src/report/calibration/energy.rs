@@ -4,8 +4,9 @@ use std::fmt::Write;
 
 use crate::fit::outcome::fit::RunFit;
 use crate::model::energy::Energy;
-use crate::report::html::escape::escape;
-use crate::report::html::page::{Page, minus, table};
+use crate::report::Page;
+use crate::report::html::page::{minus, table};
+use crate::report::text::escape::escape;
 use crate::report::text::number::significant;
 
 /// Cycles after which the book is read, besides at the end.
@@ -42,7 +43,7 @@ pub(crate) fn section(page: &Page) -> String {
     out.push_str(&numbers(energy, &times, &accounts));
     let _ = writeln!(
         out,
-        r#"<p class="note">Run {} in the model {}: {} J of motion before the closure, {} J from the supply since; each share is of all that was taken or is left. What gives more than it takes has no share. The balance closes to {} of the motion (Karney 1990).</p>
+        r#"<p class="note">Run {} in the model {}: {} J of motion before the closure, {} J from the supply since; each share is a part of all energy that was taken or is left. An account that gives more than it takes has no share. The balance closes to {} of the energy of motion (Karney 1990).</p>
 </section>"#,
         escape(&run.file),
         escape(&last.title),

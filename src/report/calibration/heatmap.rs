@@ -3,8 +3,8 @@
 use crate::diagnose::residual_patterns::by_cycle;
 use crate::fit::outcome::fit::{Fit, SensorFit};
 use crate::report::Stage;
-use crate::report::html::escape::escape;
 use crate::report::html::matrix::{Cell, matrix};
+use crate::report::text::escape::escape;
 use crate::report::text::number::significant;
 
 /// Upper ends of the colours, in units of the noise, the same on every page; the last colour has none.

@@ -7,7 +7,7 @@ use crate::fit::outcome::unidentifiable::Unidentifiable;
 
 /// A calibration as scripts see it. Numbers that are not finite become `null`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Calibration<'a> {
+pub struct FitProblem<'a> {
     /// Each run.
     pub runs: Vec<Run<'a>>,
     /// How the model was searched for: `least-squares`, `global`, `micro-ga`, `global-local` or `stepwise`.
@@ -89,7 +89,7 @@ pub struct Parameter<'a> {
     pub held: bool,
 }
 
-impl<'a> From<&'a Fit> for Calibration<'a> {
+impl<'a> From<&'a Fit> for FitProblem<'a> {
     fn from(fit: &'a Fit) -> Self {
         Self {
             runs: fit.runs.iter().map(Run::from).collect(),
@@ -147,10 +147,10 @@ impl<'a> From<&'a FittedParameter> for Parameter<'a> {
     }
 }
 
-/// The document of `calibrate --json` as text, one line; `warnings` are what else is to be said of the fit.
+/// The document of `calibrate --json` as text, one line; `warnings` are about the fit.
 ///
 /// # Errors
 /// Only what [`serde_json`] may report; plain data like this gives it no cause.
 pub fn calibration(fit: &Fit, warnings: &[String]) -> serde_json::Result<String> {
-    serde_json::to_string(&Calibration { warnings, ..Calibration::from(fit) })
+    serde_json::to_string(&FitProblem { warnings, ..FitProblem::from(fit) })
 }

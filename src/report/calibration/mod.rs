@@ -1,4 +1,4 @@
-//! A calibration as JSON and as the pieces of a page.
+//! A calibration as text, as JSON and as the pieces of a page.
 
 pub(crate) mod correlation;
 pub(crate) mod energy;
@@ -11,3 +11,4 @@ pub(crate) mod sensor;
 pub(crate) mod spectrum;
 pub(crate) mod stages;
 pub mod steps;
+pub mod text;

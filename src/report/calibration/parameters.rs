@@ -2,23 +2,24 @@
 
 use crate::fit::outcome::fit::Fit;
 use crate::report::Stage;
-use crate::report::html::escape::escape;
 use crate::report::html::page::{minus, table};
+use crate::report::text::escape::escape;
 use crate::report::text::number::interval;
 use crate::report::text::value::fitted;
 
 /// How to read errors; and why there are none.
-const ERRORS: &str = "<p class=\"note\">395.1(4) stands for 395.1 ± 0.4, one standard error in the last digits. At a bound the standard error means little: the data pull the value beyond what is allowed.</p>\n";
-const NO_ERRORS: &str = "<p class=\"note\">These values are not those of an optimum, so they have no standard errors and no intervals.</p>\n";
+const ERRORS: &str = "<p class=\"note\">395.1(4) stands for 395.1 ± 0.4, one standard error in the last digits. At a bound the standard error means little: the data pull the value beyond it.</p>\n";
+const NO_ERRORS: &str =
+    "<p class=\"note\">The fit did not reach an optimum, so its values have no standard errors and no intervals.</p>\n";
 
 pub(crate) fn section(stages: &[Stage]) -> String {
     let Some((last, earlier)) = stages.split_last() else { return String::new() };
     let mut out = format!("<section id=\"parameters\"><h2>Parameters</h2>\n{}", of(last.fit, &last.title));
     out.push_str(if last.fit.converged { ERRORS } else { NO_ERRORS });
     if !last.fit.unidentifiable.is_empty() {
-        let said: String =
+        let items: String =
             last.fit.unidentifiable.iter().map(|u| format!("<li>{}</li>\n", escape(&u.in_words))).collect();
-        out.push_str(&format!("<h3>What the recordings do not see</h3>\n<ul>\n{said}</ul>\n"));
+        out.push_str(&format!("<h3>What the recordings do not show</h3>\n<ul>\n{items}</ul>\n"));
     }
     out.push_str(&crate::report::calibration::profiles::section(last.fit));
     for stage in earlier {

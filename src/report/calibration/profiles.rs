@@ -3,8 +3,8 @@
 use crate::fit::numeric::quantiles::Z_95;
 use crate::fit::outcome::fit::{Fit, FittedParameter};
 use crate::fit::outcome::profile::Profile;
-use crate::report::html::escape::escape;
 use crate::report::svg::{LineChart, Series, Style};
+use crate::report::text::escape::escape;
 use crate::report::text::number::interval;
 
 /// Rise of the sum of squares up to which the parabola is drawn.
@@ -21,7 +21,7 @@ pub(crate) fn section(fit: &Fit) -> String {
         return charts;
     }
     format!(
-        "<h3>Profiles</h3>\n<p class=\"note\">Rise of the sum of squares (scaled by the noise and its colour) along each parameter while all others follow: the 95% interval ends at 3.84. Where the curve leaves the dashed parabola the standard error misleads; where it never reaches 3.84 the interval is open.</p>\n<div class=\"profiles\">\n{charts}</div>\n"
+        "<h3>Profiles</h3>\n<p class=\"note\">Rise of the sum of squares (scaled by the noise and its autocorrelation) along each parameter while all others are refitted. The 95% interval ends at 3.84. Where the curve leaves the dashed parabola, the standard error misleads; where it never reaches 3.84, the interval is open.</p>\n<div class=\"profiles\">\n{charts}</div>\n"
     )
 }
 

@@ -1,7 +1,7 @@
 //! The rig in short.
 
-use crate::report::html::escape::escape;
 use crate::report::html::page::{minus, table};
+use crate::report::text::escape::escape;
 use crate::report::text::number::{fixed, significant};
 use crate::rig::{Constraint, Rig, SensorKind, Upstream};
 

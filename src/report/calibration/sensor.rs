@@ -3,12 +3,14 @@
 use std::fmt::Write;
 
 use crate::fit::problem::compare::ExtremumError;
+use crate::report::Page;
 use crate::report::Stage;
-use crate::report::html::escape::escape;
-use crate::report::html::page::{Page, Panel, colour, minus, table};
+use crate::report::html::page::{colour, minus, table};
 use crate::report::svg::{LineChart, Series, Style};
+use crate::report::text::escape::escape;
 use crate::report::text::number::{decimals_for, error_m, fixed, signed, significant, times_noise};
 use crate::report::view::curves::{BUCKETS, Curves, find};
+use crate::report::view::panel::Panel;
 
 const X_LABEL: &str = "time after the start of the closure, s";
 const HEAD_LABEL: &str = "head, m";
@@ -38,12 +40,12 @@ pub(crate) fn section(index: usize, panel: &Panel, page: &Page, open: bool) -> S
     out.push_str("</div>\n");
     let c = &panel.curves;
     if !c.band_m.is_empty() {
-        out.push_str("<p class=\"note\">Band: where the model expects a sample with 95% probability, from the noise and the uncertainty of the parameters. A model that lacks nothing has 95% of the samples inside.</p>\n");
+        out.push_str("<p class=\"note\">Band: the model expects a sample in it with 95% probability, given the noise and the uncertainty of the parameters. If the model lacks nothing, 95% of the samples lie inside.</p>\n");
     }
     if c.decimated {
         let _ = writeln!(
             out,
-            r#"<p class="note">{} of {} samples are drawn: the trace is cut into {BUCKETS} equal stretches, and of each the lowest and the highest point of every curve and residual is kept, so no peak is lost. Errors and tables use all samples.</p>"#,
+            r#"<p class="note">{} of {} samples are drawn: the trace is cut into {BUCKETS} equal stretches, and each keeps the lowest and the highest point of every curve and residual, so no peak is lost. Errors and tables use all samples.</p>"#,
             c.time_s.len(),
             c.samples
         );
@@ -145,7 +147,7 @@ fn extrema(extrema: &[ExtremumError], noise_m: f64, sensor: &str, open: bool) ->
     let headings = ["cycle", "time, s", "measured, m", "model, m", "error, m", "error, %", "phase, ms"];
     let caption = format!("Peaks and troughs at {sensor}");
     format!(
-        "<details{}><summary>Peaks and troughs ({})</summary>\n{}<p class=\"note\">Error: model − measured. Phase: how much later the model crosses its mean level on the way to the extremum; positive means that the model is late.</p></details>\n",
+        "<details{}><summary>Peaks and troughs ({})</summary>\n{}<p class=\"note\">Error: model − measured. Phase: how much later the model crosses its mean level before the extremum; positive means that the model is late.</p></details>\n",
         if open { " open" } else { "" },
         extrema.len(),
         table(&caption, &headings, &[1, 2, 3, 4, 5, 6], rows)

@@ -41,7 +41,7 @@ pub(crate) fn section(models: &[Stage]) -> String {
     out.push_str(&figures::plates(&plates));
     let _ = writeln!(
         out,
-        r#"<p class="note">Amplitude spectrum of model − measured, over the whole record; of frequencies too near each other to be told apart here, the highest amplitude. Dotted: odd multiples of the fundamental as measured, the harmonics of a pipe between a supply and a closed valve. Dashed: level of the sensor’s noise, above which white noise rises at a third of all frequencies.</p>
+        r#"<p class="note">Amplitude spectrum of model − measured, over the whole record; where frequencies are too close to be drawn separately, the highest amplitude. Dotted: odd multiples of the measured fundamental, the harmonics of a pipe between a supply and a closed valve. Dashed: the sensor’s noise level, which white noise exceeds at a third of all frequencies.</p>
 </section>"#
     );
     out

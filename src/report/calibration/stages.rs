@@ -3,9 +3,9 @@
 use std::fmt::Write;
 
 use crate::report::Stage;
-use crate::report::html::escape::escape;
 use crate::report::html::page::{colour, table};
 use crate::report::svg::Scale;
+use crate::report::text::escape::escape;
 use crate::report::text::number::{duration, error_m, times, times_noise};
 use crate::report::view::curves::find;
 use crate::report::view::summary::{Overall, overall};
@@ -48,7 +48,7 @@ pub(crate) fn staircase(stages: &[Stage], below: &str) -> String {
     if !floor.is_empty() {
         let _ = writeln!(
             out,
-            r#"<p class="note"><i class="floor-key"></i> Noise of the sensors, {} m: no model can be expected to come below it. Logarithmic axis; RMSE over all samples of all pressure sensors from the start of the closure.</p>"#,
+            r#"<p class="note"><i class="floor-key"></i> Noise of the sensors, {} m: no model can be expected to fall below it. Logarithmic axis; RMSE over all samples of all pressure sensors from the start of the closure.</p>"#,
             error_m(noise)
         );
     }

@@ -4,9 +4,9 @@ use std::fmt::Write;
 
 use crate::creep::outcome::{CreepFit, Noise, TestFit};
 use crate::report::creep::text::{COMPLIANCE_UNIT, curve, elements, headline, shift_lines, temperature, tried};
-use crate::report::html::escape::escape;
 use crate::report::html::page::{footer, minus, remarks, still_head, table};
 use crate::report::svg::{LineChart, Series, Style};
+use crate::report::text::escape::escape;
 use crate::report::text::number::{significant, with_error};
 
 /// Most points of a measurement that are drawn.
@@ -21,7 +21,7 @@ pub fn html(fit: &CreepFit) -> String {
     let at = fit.reference_degc.map_or(String::new(), |t| format!(" at {t} °C"));
     let _ = write!(
         out,
-        "<section id=\"curve\"><h2>Compliance</h2>\n<figure>{}</figure>\n<figure>{}</figure>\n<p class=\"note\">Circles: measured{}. Line: J(t) = J0 + Σ J<sub>k</sub> (1 − exp(−t/τ<sub>k</sub>)){at}, with the band that holds it with 95% confidence; it counts noise, what elements can do for each other, and neighbouring residuals that are alike (variances {} times). Upright lines: the retardation times. Below: measured − fitted, and ±2 × noise.</p></section>\n",
+        "<section id=\"curve\"><h2>Compliance</h2>\n<figure>{}</figure>\n<figure>{}</figure>\n<p class=\"note\">Circles: measured{}. Line: J(t) = J0 + Σ J<sub>k</sub> (1 − exp(−t/τ<sub>k</sub>)){at}, with its 95% confidence band, which accounts for noise, correlated elements and autocorrelated residuals (variances {} times). Upright lines: the retardation times. Below: measured − fitted, and ±2 × noise.</p></section>\n",
         compliance(fit).to_svg(900.0, 380.0),
         residual(fit).to_svg(900.0, 230.0),
         if fit.shifts.is_empty() { "" } else { ", times divided by each temperature's shift factor" },
@@ -32,16 +32,17 @@ pub fn html(fit: &CreepFit) -> String {
     let headings = ["element", "J, 1/GPa", "95%", "τ, s", "95%"];
     out.push_str(&table("Elements", &headings, &[1, 2, 3, 4], rows));
     out.push_str(
-        "<p class=\"note\">0.1034(21) stands for 0.1034 ± 0.0021, one standard error in the last digits. Element 0 is J0: all that the wall yields before the first reading, elements that are faster among it.</p>\n",
+        "<p class=\"note\">0.1034(21) stands for 0.1034 ± 0.0021, one standard error in the last digits. Element 0 is J0: all strain before the first reading, faster elements included.</p>\n",
     );
     if !fit.creep.elements.is_empty() {
-        let _ = writeln!(out, "<h4>What each element adds</h4><figure>{}</figure>", parts(fit).to_svg(900.0, 280.0));
+        let _ =
+            writeln!(out, "<h4>Contribution of each element</h4><figure>{}</figure>", parts(fit).to_svg(900.0, 280.0));
     }
     out.push_str("</section>\n");
     let rows = tried(fit).into_iter().map(|row| row.map(|cell| escape(&cell)).to_vec());
     let _ = write!(
         out,
-        "<section id=\"number\"><h2>How many elements</h2>\n{}<p class=\"note\">BIC: Bayesian information criterion; each element more must pay for its two parameters. A difference of 6 is strong; below 2 the smaller number is taken.</p></section>\n",
+        "<section id=\"number\"><h2>How many elements</h2>\n{}<p class=\"note\">BIC: Bayesian information criterion; each additional element must justify its two parameters. A difference of 6 is strong; below 2 the smaller number is taken.</p></section>\n",
         table("How many elements", &["elements", "rms / noise", "BIC above the best"], &[0, 1, 2], rows)
     );
     tests(&mut out, fit);
@@ -143,7 +144,7 @@ fn tests(out: &mut String, fit: &CreepFit) {
     let headings = ["file", "temperature", "samples", "rms, 1/GPa", "noise, 1/GPa"];
     let _ = write!(
         out,
-        "<section id=\"tests\"><h2>Tests</h2>\n{}<p class=\"note\">Noise: what a reading jumps from one to the next, whatever the model; an rms well above it is misfit or drift.</p></section>\n",
+        "<section id=\"tests\"><h2>Tests</h2>\n{}<p class=\"note\">Noise: scatter from one reading to the next, independent of the model. An rms well above it is misfit or drift.</p></section>\n",
         table("Tests", &headings, &[2, 3, 4], rows)
     );
 }

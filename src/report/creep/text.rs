@@ -117,7 +117,7 @@ pub(crate) fn shift_lines(fit: &CreepFit) -> Vec<String> {
     if let Some(a) = fit.arrhenius {
         let kilojoules = with_error(a.activation_j_mol * 1e-3, a.standard_error_j_mol * 1e-3);
         let verdict = match a.describes {
-            None => "one factor tells the energy and cannot contradict it".to_owned(),
+            None => "one factor determines the energy and cannot contradict it".to_owned(),
             Some(true) => {
                 format!("describes the factors within their errors; leaves {} decades", significant(a.rms_decades, 2))
             }

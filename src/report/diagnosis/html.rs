@@ -1,12 +1,12 @@
-//! The pieces of a page that only a diagnosis has, and what they share: the models compared, and the verdict.
+//! The pieces of a page that only a diagnosis has: the models compared, and the verdict.
 
 use crate::diagnose::{Candidate, Diagnosis, Verdict};
-use crate::model::effects::name_of;
+use crate::report::Page;
 use crate::report::Stage;
 use crate::report::calibration::{correlation, energy, heatmap, spectrum, stages};
+use crate::report::diagnosis::words::{probability, start_model};
 use crate::report::diagnosis::{ranking, signature};
-use crate::report::html::escape::escape;
-use crate::report::html::page::Page;
+use crate::report::text::escape::escape;
 use crate::report::text::number::{error_m, times_noise};
 use crate::report::view::summary;
 use crate::report::view::summary::overall;
@@ -42,20 +42,6 @@ fn compared<'a>(page: &Page<'a>) -> Vec<Stage<'a>> {
     models
 }
 
-/// The model that a diagnosis started from.
-pub(crate) fn start_model(diagnosis: &Diagnosis) -> String {
-    name_of(&diagnosis.start.effects)
-}
-
-/// A probability in words that do not claim more than it can.
-pub(crate) fn probability(p: f64) -> String {
-    match p {
-        p if p > 0.995 => "> 0.99".into(),
-        p if p < 0.005 => "< 0.01".into(),
-        p => format!("{p:.2}"),
-    }
-}
-
 /// Mark, class and sentence of the verdict of all diagnoses together.
 pub(crate) fn verdict(page: &Page) -> (&'static str, &'static str, String) {
     let Some(last) = page.diagnoses.last() else { return ("?", "unknown", String::new()) };
@@ -72,7 +58,7 @@ pub(crate) fn verdict(page: &Page) -> (&'static str, &'static str, String) {
         names => format!("Missing: {}. {} ", names.join(", then "), summary::verdict(&page.stages)),
     };
     let unsure = found.last().filter(|c| !c.indistinguishable_from.is_empty()).map_or(String::new(), |c| {
-        format!("These recordings cannot tell {} from {}. ", c.label, c.indistinguishable_from.join(", "))
+        format!("These recordings cannot distinguish {} from {}. ", c.label, c.indistinguishable_from.join(", "))
     });
     let missing = missing + &unsure;
     let (error, model) = (overall(&last.start), start_model(last));
@@ -80,10 +66,10 @@ pub(crate) fn verdict(page: &Page) -> (&'static str, &'static str, String) {
     match last.verdict {
         Verdict::MissingEffect => ("✗", "missing", missing.trim_end().into()),
         Verdict::NothingMissing if found.is_empty() => {
-            let said = format!(
-                "Nothing is missing from the {model}: no effect of the catalogue is worth adding. RMSE {rmse} m, {noise}."
+            let sentence = format!(
+                "Nothing is missing from the {model}: adding an effect of the catalogue would not pay. RMSE {rmse} m, {noise}."
             );
-            ("✓", "good", said)
+            ("✓", "good", sentence)
         }
         Verdict::NothingMissing => ("✓", "good", format!("{missing}Nothing more is missing.")),
         Verdict::UnknownEffect => {
@@ -91,10 +77,10 @@ pub(crate) fn verdict(page: &Page) -> (&'static str, &'static str, String) {
                 format!(" The nearest, {}, leaves {} m.", best.label, error_m(best.rmse_m))
             });
             let more = if found.is_empty() { "Something" } else { "Something more" };
-            let said = format!(
+            let sentence = format!(
                 "{missing}{more} is missing that no effect of the catalogue explains: the {model} has RMSE {rmse} m, {noise}.{nearest}"
             );
-            ("?", "missing", said)
+            ("?", "missing", sentence)
         }
     }
 }
@@ -105,7 +91,7 @@ fn failings(diagnoses: &[Diagnosis]) -> String {
     for diagnosis in diagnoses {
         out.push_str(&format!("<h3>The {}</h3>\n", escape(&start_model(diagnosis))));
         if diagnosis.residual_patterns.is_empty() {
-            out.push_str("<p>It fails nowhere: what it leaves is noise.</p>\n");
+            out.push_str("<p>Nowhere: its residual is noise.</p>\n");
         } else {
             let items: Vec<String> =
                 diagnosis.residual_patterns.iter().map(|f| format!("<li>{}</li>\n", escape(f))).collect();
@@ -123,7 +109,7 @@ fn failings(diagnoses: &[Diagnosis]) -> String {
 mod tests {
     use super::*;
     use crate::fit::outcome::fit::{Fit, RunFit, SensorFit};
-    use crate::report::html::page::html;
+    use crate::report::page::html;
     use crate::rig::Rig;
 
     const RIG: &str = include_str!("../../../rigs/imperial-pe.toml");
@@ -225,14 +211,14 @@ mod tests {
         assert!(page.contains("Missing: leak (probability 0.60).") && page.contains("cannot tell leak from blockage."));
         assert!(
             page.contains("<strong>Next test:</strong> halve the flow.")
-                && page.contains(">leak</code><small class=\"alike\">cannot be told from blockage</small>")
+                && page.contains(">leak</code><small class=\"alike\">cannot be distinguished from blockage</small>")
         );
     }
 
     #[test]
     fn without_a_candidate_the_page_still_stands() {
         let page = page_of(Verdict::UnknownEffect, vec![], None);
-        assert!(page.contains("There was no effect left to try.") && !page.contains("id=\"signature\""));
+        assert!(page.contains("No effect was left to try.") && !page.contains("id=\"signature\""));
         assert!(page.contains("no effect of the catalogue explains") && page.ends_with("</html>\n"));
     }
 }

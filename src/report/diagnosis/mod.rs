@@ -4,3 +4,4 @@ pub(crate) mod html;
 pub(crate) mod ranking;
 pub(crate) mod signature;
 pub mod text;
+pub(crate) mod words;

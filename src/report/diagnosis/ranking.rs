@@ -1,9 +1,9 @@
 //! The ranking: every effect that could be missing, with its probability.
 
 use crate::diagnose::{Candidate, Diagnosis, NEGLIGIBLE_EVIDENCE, Verdict};
-use crate::report::diagnosis::html::{probability, start_model};
-use crate::report::html::escape::escape;
+use crate::report::diagnosis::words::{probability, start_model};
 use crate::report::html::page::{minus, table};
+use crate::report::text::escape::escape;
 use crate::report::text::number::{error_m, significant, times, with_error};
 use crate::report::view::summary::overall;
 
@@ -29,7 +29,7 @@ pub(crate) fn section(diagnoses: &[Diagnosis]) -> String {
 fn candidates(diagnosis: &Diagnosis) -> String {
     let all = &diagnosis.candidates;
     if all.is_empty() {
-        return "<p>There was no effect left to try.</p>\n".into();
+        return "<p>No effect was left to try.</p>\n".into();
     }
     if diagnosis.verdict == Verdict::NothingMissing {
         return format!(
@@ -72,31 +72,33 @@ fn least_visible(diagnosis: &Diagnosis) -> String {
             escape(&crate::report::diagnosis::text::least_visible(v)),
         ]
     });
-    let caption = "What would be too small to be seen in these recordings";
+    let caption = "Effects too small to be seen in these recordings";
     format!("<h4>{caption}</h4>\n{}", table(caption, &["effect", "parameter", "not to be seen"], &[], rows))
 }
 
 /// What was not tried, and why.
 fn left_out(diagnosis: &Diagnosis) -> String {
     let each = diagnosis.left_out.iter().map(|(effect, why)| format!("<code>{effect}</code>: {}", escape(why)));
-    let said: Vec<String> = each.collect();
-    if said.is_empty() { String::new() } else { format!("<p class=\"note\">Not tried: {}.</p>\n", said.join("; ")) }
+    let effects: Vec<String> = each.collect();
+    if effects.is_empty() {
+        String::new()
+    } else {
+        format!("<p class=\"note\">Not tried: {}.</p>\n", effects.join("; "))
+    }
 }
 
 /// The test that would tell the best candidates apart, or why there is none to make.
 fn next_test(diagnosis: &Diagnosis) -> String {
-    let said = match (&diagnosis.next_test, diagnosis.verdict) {
+    let test = match (&diagnosis.next_test, diagnosis.verdict) {
         (Some(test), _) => escape(test),
-        (None, Verdict::NothingMissing) => "none is needed, nothing is missing".into(),
-        (None, Verdict::UnknownEffect) => {
-            "none can be named, for no effect of the catalogue explains what is left".into()
-        }
+        (None, Verdict::NothingMissing) => "none is needed: nothing is missing".into(),
+        (None, Verdict::UnknownEffect) => "none can be named: no effect of the catalogue explains the residual".into(),
         (None, Verdict::MissingEffect) => match diagnosis.candidates.first().map(|c| c.indistinguishable_from.len()) {
-            Some(0) | None => "none is needed, these recordings tell the candidates apart".into(),
-            Some(_) => "none was found in which those that cannot be told apart would differ".into(),
+            Some(0) | None => "none is needed: these recordings distinguish the candidates".into(),
+            Some(_) => "none was found that would distinguish these candidates".into(),
         },
     };
-    format!("<p class=\"next\"><strong>Next test:</strong> {said}.</p>\n")
+    format!("<p class=\"next\"><strong>Next test:</strong> {test}.</p>\n")
 }
 
 fn rows(diagnosis: &Diagnosis, candidates: &[Candidate], with_none: bool) -> String {
@@ -125,7 +127,9 @@ fn name(candidate: &Candidate) -> String {
     let name = format!("<code class=\"nowrap\">{}</code>", escape(&candidate.label));
     match candidate.indistinguishable_from.as_slice() {
         [] => name,
-        others => format!("{name}<small class=\"alike\">cannot be told from {}</small>", escape(&others.join(", "))),
+        others => {
+            format!("{name}<small class=\"alike\">cannot be distinguished from {}</small>", escape(&others.join(", ")))
+        }
     }
 }
 

@@ -4,10 +4,10 @@ use std::fmt::Write;
 
 use crate::diagnose::{Diagnosis, Verdict};
 use crate::report::Stage;
-use crate::report::diagnosis::html::start_model;
-use crate::report::html::escape::escape;
+use crate::report::diagnosis::words::start_model;
 use crate::report::html::figures;
 use crate::report::svg::{LineChart, Series, Style};
+use crate::report::text::escape::escape;
 use crate::report::view::curves::Curves;
 use crate::report::view::decimate;
 
@@ -24,7 +24,7 @@ pub(crate) fn section(diagnoses: &[Diagnosis]) -> String {
         return out;
     }
     format!(
-        "<section class=\"signature\" id=\"signature\"><h2>Signature of the effect</h2>\n{out}<p class=\"note\">Broad: what the start model leaves, measured − start model. Line: what the effect changes, model with the effect − start model, both calibrated. A share of the residual’s square counts all samples.</p>\n</section>\n"
+        "<section class=\"signature\" id=\"signature\"><h2>Signature of the effect</h2>\n{out}<p class=\"note\">Broad: the residual of the start model, measured − start model. Line: the change by the effect, model with the effect − start model, both calibrated. The share of the residual’s square counts all samples.</p>\n</section>\n"
     )
 }
 
@@ -40,7 +40,7 @@ fn of(diagnosis: &Diagnosis) -> Option<String> {
         for sensor in &run.sensors {
             let Some(pair) = Pair::of(&stages, &run.file, &sensor.name) else { continue };
             let title = figures::title(with, &run.file, sensor);
-            let title = format!("{title}: takes up {:.1} % of the residual’s square", 100.0 * pair.share());
+            let title = format!("{title}: explains {:.1} % of the residual’s square", 100.0 * pair.share());
             plates.push((title, pair.chart(&best.label)));
         }
     }
@@ -48,7 +48,7 @@ fn of(diagnosis: &Diagnosis) -> Option<String> {
     let nearest = if diagnosis.verdict == Verdict::UnknownEffect { " (the nearest)" } else { "" };
     let _ = writeln!(
         out,
-        "<h3><code>{}</code>{nearest} over what the {} leaves</h3>",
+        "<h3><code>{}</code>{nearest} over the residual of the {}</h3>",
         escape(&best.label),
         escape(&start_model(diagnosis))
     );

@@ -127,7 +127,7 @@ pub fn text(diagnosis: &Diagnosis) -> String {
         (Verdict::NothingMissing, _) => {
             writeln!(
                 out,
-                "\nNothing is missing (probability {:.2}): no effect of the catalogue is worth adding.",
+                "\nNothing is missing (probability {:.2}): adding an effect of the catalogue would not pay.",
                 diagnosis.probability
             )
         }
@@ -162,7 +162,7 @@ pub fn text(diagnosis: &Diagnosis) -> String {
     if !diagnosis.visible.is_empty() {
         let least: Vec<String> =
             diagnosis.visible.iter().map(|v| format!("  {}, {} {}", v.effect, v.parameter, least_visible(v))).collect();
-        let _ = writeln!(out, "\nToo small to be seen in this record would be\n{}", least.join("\n"));
+        let _ = writeln!(out, "\nToo small to be seen in this record:\n{}", least.join("\n"));
     }
     if diagnosis.verdict == Verdict::MissingEffect {
         for p in diagnosis.candidates.first().map_or(&[][..], |c| &c.parameters) {
@@ -172,7 +172,7 @@ pub fn text(diagnosis: &Diagnosis) -> String {
     if diagnosis.verdict != Verdict::NothingMissing {
         let _ = writeln!(
             out,
-            "\n{:<20} {:>11} {:>10} {:>9}  cannot be told from",
+            "\n{:<20} {:>11} {:>10} {:>9}  cannot be distinguished from",
             "effect", "probability", "evidence", "RMSE m"
         );
         for c in diagnosis.candidates.iter().take(SHOWN) {

@@ -4,20 +4,20 @@ use std::fmt::Write;
 
 use crate::fit::validate::frequency::SensorResponse;
 use crate::report::frequency::text::{WINDOW, amplitude, heading, headings, phase, rows, verdict};
-use crate::report::html::escape::escape;
 use crate::report::html::figures;
 use crate::report::html::page::{footer, minus, still_head, table};
+use crate::report::text::escape::escape;
 
 /// The page as one HTML document, without scripts.
 pub fn html(title: &str, against: &str, sensors: &[SensorResponse]) -> String {
-    let (said, has_it) = verdict(sensors);
+    let (sentence, has_it) = verdict(sensors);
     let mark = match has_it {
         Some(true) => ("✓", "good"),
         Some(false) => ("✗", "missing"),
         None => ("?", "unknown"),
     };
     let kicker = format!("frequency response, {against}");
-    let mut out = still_head(title, "frequency", &kicker, mark, &said);
+    let mut out = still_head(title, "frequency", &kicker, mark, &sentence);
     for (i, sensor) in sensors.iter().enumerate() {
         let _ = write!(
             out,
@@ -37,7 +37,7 @@ pub fn html(title: &str, against: &str, sensors: &[SensorResponse]) -> String {
     }
     let _ = writeln!(
         out,
-        "<p class=\"note\">Dotted: n·a/4L, n odd, of the elastic pipe. Shift: where the record has the harmonic against that. {}</p>",
+        "<p class=\"note\">Dotted: n·a/4L, n odd, of the elastic pipe. Shift: where the record has the harmonic, relative to that. {}</p>",
         escape(WINDOW)
     );
     out.push_str(&footer(""));

@@ -22,8 +22,8 @@ const HAS_IT: (f64, f64) = (0.005, 0.02);
 
 /// Where the window comes from, for all who read the numbers.
 pub const WINDOW: &str = "One window for record and model, from the end of the closure to the end of the record: it rises over one period of the \
-    pipe and falls over a whole number of them, so that odd harmonics do not leak into each other; the mean is taken off. Amplitudes are those of \
-    steady sines under that window, a decaying oscillation shows its mean strength. Phases are the cosine's at the window's beginning.";
+    pipe and falls over a whole number of them, so that odd harmonics do not leak into each other; the mean is subtracted. Amplitudes are those of \
+    steady sines under that window; a decaying oscillation shows its mean amplitude. Phases are those of a cosine at the window's start.";
 
 /// The fundamental at the first sensor in a sentence, and whether the model has it; none without a model.
 pub fn verdict(sensors: &[SensorResponse]) -> (String, Option<bool>) {
@@ -32,18 +32,18 @@ pub fn verdict(sensors: &[SensorResponse]) -> (String, Option<bool>) {
     };
     let way = if h.shift < 0.0 { "below" } else { "above" };
     let shift = significant(100.0 * h.shift.abs(), 2);
-    let said = format!(
+    let sentence = format!(
         "At {} the fundamental, {} Hz, lies {shift}% {way} a/4L, and {} harmonics stand out of the noise",
         sensor.name,
         fixed(h.record.frequency_hz, 4),
         sensor.harmonics.len()
     );
-    let (Some(model), Some(peak)) = (h.model, h.model_peak) else { return (said + ".", None) };
+    let (Some(model), Some(peak)) = (h.model, h.model_peak) else { return (sentence + ".", None) };
     let (frequency, amplitude) =
         (peak.frequency_hz / h.record.frequency_hz - 1.0, model.amplitude / h.record.amplitude - 1.0);
     let has_it = frequency.abs() < HAS_IT.0 && amplitude.abs() < HAS_IT.1;
     let (frequency, amplitude) = (signed(100.0 * frequency, 2), signed(100.0 * amplitude, 2));
-    (format!("{said}; the model's is {frequency}% off in frequency and {amplitude}% in amplitude."), Some(has_it))
+    (format!("{sentence}; the model is off by {frequency}% in frequency and {amplitude}% in amplitude."), Some(has_it))
 }
 
 /// Verdict, and tables, one a sensor.

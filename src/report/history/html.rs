@@ -3,10 +3,10 @@
 use std::fmt::Write;
 
 use crate::report::history::text::{DRIFT_HEADINGS, drift_notes, drift_rows, headings, headline, rows, slope_text};
-use crate::report::html::escape::escape;
 use crate::report::html::figures::plates;
 use crate::report::html::page::{CSS, STILL, footer, minus, opening, table};
 use crate::report::svg::{LineChart, Series, Style};
+use crate::report::text::escape::escape;
 use crate::results::history::drift::{Drift, Point, Slope};
 use crate::results::history::{History, ParameterHistory};
 
@@ -25,7 +25,7 @@ pub fn html(history: &History) -> String {
         let _ = writeln!(out, "<p class=\"note\">{}</p>", escape(&note));
     }
     if history.parameters.iter().any(|p| p.drift.is_some_and(|d| d.together)) {
-        out.push_str("<p class=\"note\">Values over runs are brought to the mean temperature, values over temperature to the mean run, by the other drift.</p>\n");
+        out.push_str("<p class=\"note\">Values over runs are corrected to the mean temperature, values over temperature to the mean run.</p>\n");
     }
     let charts = history.parameters.iter().flat_map(charts).map(|chart| (chart.title.clone(), chart.untitled()));
     out.push_str(&plates(&charts.collect::<Vec<_>>()));

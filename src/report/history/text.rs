@@ -271,13 +271,13 @@ pub fn rows(history: &History) -> Vec<Vec<String>> {
             value.map_or("–".into(), |v| with_error(v.value, v.standard_error.unwrap_or(f64::INFINITY)))
         }));
         row.push(f.map_or("–".into(), |f| times(f.rmse_m, f.noise_m)));
-        row.push(said(run, own.is_none()));
+        row.push(outcome(run, own.is_none()));
         row
     };
     history.runs.iter().enumerate().map(row).collect()
 }
 
-fn said(run: &Run, other_model: bool) -> String {
+fn outcome(run: &Run, other_model: bool) -> String {
     let Some(f) = &run.finding else {
         let error = run.error.as_ref().map_or(String::new(), |e| format!(": {e}"));
         return format!("{}{error}", run.state.name());
@@ -316,21 +316,21 @@ pub fn slope_text(s: &Slope) -> String {
 pub fn drift_notes(history: &History) -> Vec<String> {
     let drifts: Vec<&Drift> = history.parameters.iter().filter_map(|p| p.drift.as_ref()).collect();
     let Some(first) = drifts.first() else {
-        return vec!["Drift needs three runs in which nothing is missing.".into()];
+        return vec!["Drift needs three runs with a complete model.".into()];
     };
     let mut notes = Vec::new();
     if first.mean_degc.is_finite() {
         notes.push(format!("Means are those at {:.1} °C.", first.mean_degc));
     }
     notes.push(if first.together {
-        "Drift per run and per kelvin are determined together, each with the other held.".into()
+        "Drift per run and per kelvin are fitted together.".into()
     } else if drifts.iter().any(|d| d.per_kelvin.is_some()) {
-        "Drift per run and per kelvin are each determined alone: too few runs, or temperature and run number rise together, so one may stand for the other.".to_owned()
+        "Drift per run and per kelvin are fitted separately: there are too few runs, or temperature and run number rise together, so one may stand for the other.".to_owned()
     } else {
-        "The temperature hardly changed, or is not known: its influence does not show.".into()
+        "The temperature hardly changed or is not known, so its influence does not show.".into()
     });
     notes.push(
-        "*: not zero, with 95% confidence. Scatter: standard deviation from run to run beyond the fits' own errors."
+        "*: differs from zero with 95% confidence. Scatter: standard deviation from run to run beyond the fits' own errors."
             .into(),
     );
     notes

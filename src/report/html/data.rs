@@ -3,8 +3,9 @@
 use std::fmt::Write;
 
 use crate::report::Stage;
-use crate::report::html::page::{Panel, colour};
+use crate::report::html::page::colour;
 use crate::report::text::number::decimals_for;
+use crate::report::view::panel::Panel;
 
 /// `{"ahead_from": time after which a model predicts or null, "stages": [{"title", "colour"}], "panels": [{"x", "measured", "models", "band", "noise", "residual_shown", "overlays"}]}`.
 pub(crate) fn json(stages: &[Stage], panels: &[Panel], ahead_from_s: Option<f64>) -> String {

@@ -3,8 +3,8 @@
 use std::fmt::Write;
 
 use crate::fit::outcome::fit::{Fit, SensorFit};
-use crate::report::html::escape::escape;
 use crate::report::svg::LineChart;
+use crate::report::text::escape::escape;
 
 /// Size of a chart, px: small, so that its letters stay readable where a phone shrinks it.
 const WIDTH: f64 = 460.0;

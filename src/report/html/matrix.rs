@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use crate::report::html::escape::escape;
+use crate::report::text::escape::escape;
 
 /// A coloured cell: class of its colour, and its text.
 pub(crate) type Cell = Option<(&'static str, String)>;

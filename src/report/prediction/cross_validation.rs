@@ -22,16 +22,16 @@ pub fn verdict(by: By, pooled: &Pooled) -> String {
         (over_noise, _) if over_noise <= DOWN_TO_NOISE => "it predicts down to the noise".to_owned(),
         (_, over_fit) if over_fit <= AS_WELL => {
             format!(
-                "it predicts as well as it fits, {}× the noise: what it lacks is physics, not data",
+                "it predicts as well as it fits, {}× the noise: it lacks physics, not data",
                 times(held_out_over_noise, 1.0)
             )
         }
         _ if in_fit_over_noise <= DOWN_TO_NOISE => format!(
-            "it fits the noise but errs {}× as much where it was not fitted: its parameters carry what belongs to this data alone",
+            "it fits down to the noise but errs {}× as much on data that it was not fitted to: its parameters are overfitted",
             times(over_fit, 1.0)
         ),
         _ => format!(
-            "it errs {}× as much where it was not fitted: it lacks physics, and its parameters bend to hide that",
+            "it errs {}× as much on data that it was not fitted to: it lacks physics, and its parameters compensate for that",
             times(over_fit, 1.0)
         ),
     };
@@ -186,7 +186,7 @@ mod tests {
         };
         assert!(say(0.031, 0.029).contains("down to the noise"));
         assert!(say(1.1, 1.0).contains("as well as it fits"));
-        assert!(say(0.3, 0.03).contains("belongs to this data alone"));
-        assert!(say(3.0, 1.0).contains("bend to hide"));
+        assert!(say(0.3, 0.03).contains("its parameters are overfitted"));
+        assert!(say(3.0, 1.0).contains("its parameters compensate"));
     }
 }

@@ -6,8 +6,9 @@ use crate::fit::outcome::fit::RunFit;
 use crate::fit::problem::compare::mape_percent;
 use crate::fit::validate::predict::Prediction;
 use crate::report::calibration::json;
+use crate::report::calibration::text::parameters;
 use crate::report::text::number::{error_m, fixed, significant, times};
-use crate::report::text::table::{Table, parameters};
+use crate::report::text::table::Table;
 use crate::report::view::summary::{Closeness, DOWN_TO_NOISE, closeness};
 
 /// What was predicted, rms over its samples, m.
@@ -61,15 +62,15 @@ pub fn verdict(prediction: &Prediction) -> String {
             );
         }
         Closeness::Unknown => {
-            return "No sample lies after those that tell a run's own values: nothing was predicted.".to_owned();
+            return "All samples were needed to read the runs' own values: nothing was predicted.".to_owned();
         }
         Closeness::Noise if error <= DOWN_TO_NOISE * noise => "the model predicts down to the noise".to_owned(),
         Closeness::Noise => format!(
-            "{}× the noise, as much as the errors of the model's values make ({} m): it holds here as far as it is known",
+            "{}× the noise, as much as the uncertainty of its parameters explains ({} m): the model holds here as far as it is known",
             times(error, noise),
             error_m(expected)
         ),
-        Closeness::Near => format!("{}× the noise, the model predicts nearly all of it", times(error, noise)),
+        Closeness::Near => format!("{}× the noise, the model predicts nearly everything", times(error, noise)),
         Closeness::Missing => format!("{}× the noise, the model does not hold here", times(error, noise)),
     };
     format!("Predicted to {} m, noise {} m: {meaning}.", error_m(error), error_m(noise))
@@ -104,8 +105,8 @@ pub fn text(prediction: &Prediction) -> String {
         }
     }
     format!(
-        "{}\n\n{}predicted: RMSE of what came later than {:.3} s after the start of the closure. Before that the run's own values were read from \
-         it. all: with those samples. MAPE: mean error of peaks and troughs, without sign.\n\nShared values are the model's, the run's own are \
+        "{}\n\n{}predicted: RMSE of the samples later than {:.3} s after the start of the closure; from those before, the run's own values were read. \
+         all: with those samples. MAPE: mean absolute error of the peaks and troughs.\n\nShared values come from the model, each run's own \
          from its signals:\n{}",
         verdict(prediction),
         table.without_empty_columns(),

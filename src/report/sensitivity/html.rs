@@ -2,11 +2,11 @@
 
 use std::fmt::Write as _;
 
-use crate::report::html::escape::escape;
 use crate::report::html::page::{contents, footer, head, minus, table};
 use crate::report::sensitivity::{f_value, failures, range, repeats, share, undefined};
 use crate::report::svg::bars::{Bar, BarChart};
 use crate::report::svg::heat::HeatMap;
+use crate::report::text::escape::escape;
 use crate::report::text::number::significant;
 use crate::sensitivity::factor::Factor;
 use crate::sensitivity::features::Output;
@@ -25,7 +25,7 @@ const DRAWN: [&str; 6] =
 
 /// The page as one HTML document. What was not asked for is not on it.
 pub fn html(study: &Study) -> String {
-    let mut out = head(&format!("{}: which parameter moves what", study.rig), "sensitivity", "");
+    let mut out = head(&format!("{}: which parameter affects what", study.rig), "sensitivity", "");
     let model = if study.effects.is_empty() { "the base model".to_owned() } else { study.effects.join(", ") };
     let _ = write!(
         out,
@@ -86,10 +86,10 @@ fn of_sobol(sobol: &Table<Indices>) -> String {
     let cell =
         |i: &Indices| format!("{} <small>{}–{}</small>", share(i.total.value), share(i.total.low), share(i.total.high));
     format!(
-        "<section id=\"sobol\"><h2>Shares of the variance (Sobol)</h2>\n<p class=\"note\">First order: what the parameter explains alone; total: with all its interactions. Whiskers: 95 % of bootstrap samples. The shares belong to the ranges below, over which all parameters vary at once.</p>\n{}<details><summary>Total indices as a table</summary>\n{}</details>\n{}</section>\n",
+        "<section id=\"sobol\"><h2>Shares of the variance (Sobol)</h2>\n<p class=\"note\">First order: share explained by the parameter alone; total: with all its interactions. Whiskers: 95 % of bootstrap samples. The shares hold for the ranges below, over which all parameters vary at once.</p>\n{}<details><summary>Total indices as a table</summary>\n{}</details>\n{}</section>\n",
         charts(&sobol.outputs, chart),
         indices("Total indices with 95 % intervals", sobol, cell),
-        said(sobol)
+        notes(sobol)
     )
 }
 
@@ -115,10 +115,10 @@ fn of_morris(morris: &Table<Effects>) -> String {
         ))
     };
     format!(
-        "<section id=\"morris\"><h2>Elementary effects (Morris)</h2>\n<p class=\"note\">A parameter alone takes a step, from many places of all ranges: μ* says how much that matters, σ how much it depends on the place (curvature, interaction). Whiskers: 95 % of μ*.</p>\n{}<details><summary>Effects with their sign (μ) as a table</summary>\n{}</details>\n{}</section>\n",
+        "<section id=\"morris\"><h2>Elementary effects (Morris)</h2>\n<p class=\"note\">One parameter at a time takes a step, from many points of the ranges: μ* is the mean absolute effect, σ how much the effect varies between points (curvature, interaction). Whiskers: 95 % of μ*.</p>\n{}<details><summary>Effects with their sign (μ) as a table</summary>\n{}</details>\n{}</section>\n",
         charts(&morris.outputs, chart),
         indices("Mean effects", morris, cell),
-        said(morris)
+        notes(morris)
     )
 }
 
@@ -155,7 +155,7 @@ fn indices<T>(title: &str, of: &Table<T>, cell: impl Fn(&T) -> String) -> String
     table(title, &headings, &numbers, rows)
 }
 
-fn said<T>(of: &Table<T>) -> String {
+fn notes<T>(of: &Table<T>) -> String {
     let text = failures(of.failed, of.runs, of.why.as_deref()) + &undefined(of);
     format!("<p class=\"note\">{}</p>\n", escape(text.trim_end()))
 }
@@ -188,7 +188,7 @@ fn of_map(map: &Map, number: usize) -> String {
     let shown = |l: &&Layer| DRAWN.contains(&l.output.name);
     let figures: Vec<String> = map.layers.iter().filter(shown).map(|layer| layered(map, layer)).collect();
     format!(
-        "<section id=\"map-{number}\"><h2>{} and {}</h2>\n<p class=\"note\">T = 4L/a = {} s. “Raising J”: from its value to {RAISED_BY} times that; contribution to pressure damping (P − P′)/P, equation 21 of the source paper. Empty: there is no such peak.</p>\n<div class=\"plates\">\n{}</div>\n<p class=\"note\">{}</p>\n</section>\n",
+        "<section id=\"map-{number}\"><h2>{} and {}</h2>\n<p class=\"note\">T = 4L/a = {} s. “Raising J”: from its value to {RAISED_BY} times that; contribution to pressure damping (P − P′)/P, equation 21 of the source paper. Empty: no such peak.</p>\n<div class=\"plates\">\n{}</div>\n<p class=\"note\">{}</p>\n</section>\n",
         escape(&map.x.name),
         escape(&map.y.name),
         significant(map.period_s, 4),

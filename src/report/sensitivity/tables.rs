@@ -55,8 +55,8 @@ pub fn repeats(study: &levels::Study) -> String {
         .map(|f| format!("{} {}-{}", f.name, significant(f.lower, 3), significant(f.upper, 3)))
         .collect();
     format!(
-        "{} levels × {} runs of each parameter. A simulation repeats itself exactly, so between the runs of a level the other parameters are drawn \
-         anew (seed {}), evenly from {}: F is what is seen through that doubt, and grows with the inverse square of its width.",
+        "{} levels × {} runs of each parameter. A simulation repeats exactly, so the other parameters are drawn anew for each run of a level \
+         (seed {}), evenly from {}: F grows with the inverse square of the width of these draws.",
         study.plan.levels,
         study.plan.repeats,
         study.plan.seed,

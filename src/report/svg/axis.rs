@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use crate::report::html::escape::escape;
+use crate::report::text::escape::escape;
 use crate::report::text::number::significant;
 
 /// Where a chart's marks stand, px.

@@ -2,9 +2,9 @@
 
 use std::fmt::Write;
 
-use crate::report::html::escape::escape;
 use crate::report::svg::Scale;
 use crate::report::svg::Style;
+use crate::report::text::escape::escape;
 
 /// Horizontal bars in groups.
 #[derive(Debug, Clone, Default, PartialEq)]

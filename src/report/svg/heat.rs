@@ -2,10 +2,10 @@
 
 use std::fmt::Write;
 
-use crate::report::html::escape::escape;
 use crate::report::svg::Scale;
 use crate::report::svg::axis;
 use crate::report::svg::axis::{Area, Labelled};
+use crate::report::text::escape::escape;
 use crate::report::text::number::significant;
 
 /// A map of values.

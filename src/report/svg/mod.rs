@@ -12,7 +12,7 @@ use std::fmt::Write;
 pub(crate) use crate::report::svg::axis::Scale;
 use crate::report::svg::axis::{Area, Labelled, log_range, padded, wide};
 
-use crate::report::html::escape::escape;
+use crate::report::text::escape::escape;
 
 /// A line chart with labelled axes.
 #[derive(Debug, Clone, Default, PartialEq)]

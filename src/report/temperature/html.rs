@@ -2,13 +2,13 @@
 
 use std::fmt::Write;
 
-use crate::report::html::escape::escape;
 use crate::report::html::figures::plates;
 use crate::report::html::page::{footer, minus, remarks, still_head, table};
 use crate::report::svg::{LineChart, Series, Style};
 use crate::report::temperature::text::{
     LAW_HEADINGS, RUN_HEADINGS, TREND_HEADINGS, comparison, degrees, errors, headline, laws, trends, values,
 };
+use crate::report::text::escape::escape;
 use crate::temperature::apart::{Banded, Quantity};
 use crate::temperature::{Family, Verdict};
 
@@ -27,36 +27,36 @@ pub fn html(family: &Family, rig: &str) -> String {
         family.quantities.iter().map(|q| (q.name.clone(), chart(family, q))).collect();
     let _ = write!(
         out,
-        "<section id=\"temperature\"><h2>Over temperature</h2>\n{}<p class=\"note\">Circles with bars: the runs fitted apart, with their 95% intervals. Dashed: the line through them. {}</p></section>\n",
+        "<section id=\"temperature\"><h2>Over temperature</h2>\n{}<p class=\"note\">Circles with bars: the runs fitted separately, with their 95% intervals. Dashed: the line through them. {}</p></section>\n",
         plates(&charts),
         if family.together.is_some() {
-            "Solid, with the band that holds it with 95% confidence: the laws, from all runs together."
+            "Solid, with its 95% confidence band: the laws, from all runs together."
         } else {
-            "Its band holds it with 95% confidence."
+            "The band is its 95% confidence band."
         }
     );
     out.push_str("<section id=\"runs\"><h2>Runs</h2>\n");
     out.push_str(&shown("Runs", &RUN_HEADINGS, errors(family)));
     out.push_str("</section>\n");
     if let Some(together) = &family.together {
-        out.push_str("<section id=\"laws\"><h2>Laws of the temperature</h2>\n");
+        out.push_str("<section id=\"laws\"><h2>Temperature laws</h2>\n");
         out.push_str(&shown("Laws", &LAW_HEADINGS, laws(together)));
         if let Some(line) = comparison(together) {
             let _ = writeln!(out, "<p>{}</p>", minus(&escape(&line)));
         }
         let _ = writeln!(
             out,
-            "<p class=\"note\">Values at {} °C. 0.1034(21) stands for 0.1034 ± 0.0021, one standard error in the last digits. The water's bulk modulus and density at each temperature are those of its tables.</p></section>",
+            "<p class=\"note\">Values at {} °C. 0.1034(21) stands for 0.1034 ± 0.0021, one standard error in the last digits. The water's bulk modulus and density come from tables.</p></section>",
             family.reference_degc
         );
     }
     let (headings, rows) = values(family);
-    out.push_str("<section id=\"apart\"><h2>Runs fitted apart</h2>\n");
+    out.push_str("<section id=\"apart\"><h2>Runs fitted separately</h2>\n");
     out.push_str(&shown("Values", &headings.iter().map(String::as_str).collect::<Vec<_>>(), rows));
     let _ = writeln!(out, "<h3>Trends, at {} °C</h3>", family.reference_degc);
     out.push_str(&shown("Trends", &TREND_HEADINGS, trends(family)));
     out.push_str(
-        "<p class=\"note\">Moduli and compliances are lines in their logarithms, retardation times in logarithm over the inverse absolute temperature.</p></section>\n",
+        "<p class=\"note\">Logarithms of moduli and compliances are linear in temperature, logarithms of retardation times in inverse absolute temperature.</p></section>\n",
     );
     out.push_str(&footer(""));
     out.push_str("</body>\n</html>\n");

@@ -22,7 +22,7 @@ pub fn text(family: &Family) -> String {
     let (headings, rows) = values(family);
     parts.push(table(&headings.iter().map(String::as_str).collect::<Vec<_>>(), rows));
     parts.push(format!(
-        "Trends of the runs fitted apart, at {} °C:\n{}",
+        "Trends of the runs fitted separately, at {} °C:\n{}",
         family.reference_degc,
         table(&TREND_HEADINGS, trends(family))
     ));
@@ -46,10 +46,10 @@ pub(crate) fn headline(family: &Family) -> String {
     let law = match together.laws.shift {
         crate::temperature::law::Shift::Arrhenius => "Arrhenius' law of the retardation times",
         crate::temperature::law::Shift::Wlf => "the law of Williams, Landel and Ferry",
-        crate::temperature::law::Shift::Free => "one free factor a run of the retardation times",
+        crate::temperature::law::Shift::Free => "one free factor per run for the retardation times",
     };
     let modulus =
-        if together.laws.modulus_free { "a modulus of each run's own" } else { "a modulus log-linear in temperature" };
+        if together.laws.modulus_free { "one modulus per run" } else { "a modulus log-linear in temperature" };
     let verdict = match together.comparison.map(|c| c.verdict) {
         Some(Verdict::Describe) => "describe them",
         Some(Verdict::Nearly) => "nearly describe them",
@@ -61,7 +61,7 @@ pub(crate) fn headline(family: &Family) -> String {
 
 /// Headings of [`errors`].
 pub(crate) const RUN_HEADINGS: [&str; 7] =
-    ["run", "<temperature, °C", "from", "<RMSE apart, m", "<RMSE together, m", "<noise, m", "<together/noise"];
+    ["run", "<temperature, °C", "from", "<RMSE separate, m", "<RMSE together, m", "<noise, m", "<together/noise"];
 
 /// Each run's errors.
 pub(crate) fn errors(family: &Family) -> Vec<[String; 7]> {
@@ -114,7 +114,7 @@ pub(crate) fn comparison(together: &Together) -> Option<String> {
     let c = together.comparison?;
     let preferred = if c.bic_difference < 0.0 { "together" } else { "apart" };
     Some(format!(
-        "Together against apart: {} parameters saved; F({:.0}, {:.0}) = {}, chance {}; BIC {:+.1}, in favour of the fit {preferred}.",
+        "Together against separately: {} parameters saved; F({:.0}, {:.0}) = {}, chance {}; BIC {:+.1}, in favour of the fit {preferred}.",
         c.freedom.0,
         c.freedom.0,
         c.freedom.1,

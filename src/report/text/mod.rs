@@ -1,5 +1,6 @@
-//! Plain text for the terminal: tables, numbers, small plots.
+//! Plain text: tables, numbers, small plots, and escapes for HTML and SVG.
 
+pub mod escape;
 pub mod number;
 pub mod plot;
 pub mod table;

@@ -130,6 +130,11 @@ pub fn decimals_for(resolution: f64) -> usize {
     if resolution > 0.0 && resolution.is_finite() { (-resolution.log10()).ceil().clamp(0.0, 9.0) as usize } else { 3 }
 }
 
+/// Twelve significant digits, without the tail of binary fractions.
+pub fn rounded(value: f64) -> f64 {
+    format!("{value:.11e}").parse().unwrap_or(value)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -77,7 +77,11 @@ fn phase(sensor: &SensorFit) -> Option<String> {
     let scatter: f64 = points.iter().map(|p| (p.1 - my - slope * (p.0 - mx)).powi(2)).sum();
     let error = (scatter / (n - 2.0) / sxx).sqrt();
     (slope.abs() > 3.0 * error && slope.abs() > 1e-5).then(|| {
-        format!("the model runs {} by {:.1} ms a cycle", if slope > 0.0 { "late" } else { "early" }, 1e3 * slope.abs())
+        format!(
+            "the model runs {} by {:.1} ms per cycle",
+            if slope > 0.0 { "late" } else { "early" },
+            1e3 * slope.abs()
+        )
     })
 }
 

@@ -6,7 +6,7 @@ use crate::report::text::number::{error_m, times};
 
 /// RMSE within this factor of the noise counts as noise: the estimate of the noise is no better.
 pub(crate) const DOWN_TO_NOISE: f64 = 1.25;
-/// RMSE within this factor of the noise is not told from noise; between the two factors it may be, or something small is missing.
+/// RMSE within this factor of the noise cannot be distinguished from noise; between the two factors it may be, or something small is missing.
 const AT_NOISE: f64 = 1.1;
 /// RMSE beyond this factor of the noise means that something is missing.
 const SOMETHING_MISSING: f64 = 2.0;
@@ -77,7 +77,7 @@ pub fn verdict(stages: &[Stage]) -> String {
     };
     let end = overall(last.fit);
     if end.samples == 0 {
-        return "The calibration has no samples of a pressure sensor: nothing can be said about the model.".into();
+        return "The calibration has no samples of a pressure sensor: the model cannot be judged.".into();
     }
     if !end.rmse_m.is_finite() {
         return "The error of the model is not a number: the model failed, or samples of the recording are not numbers.".into();
@@ -93,12 +93,12 @@ pub fn verdict(stages: &[Stage]) -> String {
     let meaning = match closeness(end.rmse_m, end.floor_m) {
         Closeness::Noise => match worst_sensor(last.fit) {
             None if end.rmse_m > AT_NOISE * end.floor_m => {
-                format!("{ratio}× the noise; `surgescope diagnose` tells whether something small is missing")
+                format!("{ratio}× the noise; `surgescope diagnose` finds out whether something small is missing")
             }
             None => "the model is down to the noise".into(),
             Some((name, r)) => format!("the model is down to the noise, except at {name} ({r}× its noise)"),
         },
-        Closeness::Near => format!("{ratio}× the noise, what the model lacks is small"),
+        Closeness::Near => format!("{ratio}× the noise, the model lacks something small"),
         Closeness::Missing if stages.len() > 1 => format!("still {ratio}× the noise, something is missing"),
         Closeness::Missing => format!("{ratio}× the noise, something is missing"),
         Closeness::Unknown => {
@@ -185,7 +185,7 @@ mod tests {
         assert_eq!(say(&[&bad, &good]), "RMSE 1.92 m → 0.032 m, noise 0.030 m: the model is down to the noise.");
         let open = say(&[&bad, &fit(&[(0.036, 0.03, 9)])]);
         assert!(
-            open.ends_with("1.2× the noise; `surgescope diagnose` tells whether something small is missing."),
+            open.ends_with("1.2× the noise; `surgescope diagnose` finds out whether something small is missing."),
             "{open}"
         );
         assert_eq!(say(&[&bad]), "RMSE 1.92 m, noise 0.030 m: 64× the noise, something is missing.");

@@ -126,7 +126,7 @@ fn cross_validation_tells_the_whole_model_from_the_poor_one() {
     assert!(alone.folds.len() == 1 && alone.skipped[0].contains("single recording"), "{:?}", alone.skipped);
 }
 
-/// A model file predicts; another line is refused unless that is asked for; the record it was fitted to is named.
+/// A model file predicts; another pipeline is refused unless that is asked for; the record it was fitted to is named.
 #[test]
 fn a_file_of_models_predicts_recordings_of_its_line_only() {
     let folder = tempfile::tempdir().unwrap();
@@ -147,7 +147,7 @@ fn a_file_of_models_predicts_recordings_of_its_line_only() {
     assert!(held["predicted_rmse_m"].as_f64().unwrap() > error, "a wrong closing time predicts worse");
 
     let other = common::NOTHING;
-    refused(&["predict", &model, other, "--json"], &["another line", "length"]);
+    refused(&["predict", &model, other, "--json"], &["another pipeline", "length"]);
     let forced = done(&["predict", &model, other, "--other-rig"]);
     assert!(forced["predicted_rmse_m"].as_f64().unwrap() > 5.0 * forced["noise_m"].as_f64().unwrap());
     refused(&["predict", &model, own, "--hold", "wave_speed_m_s=300"], &["is the model's, not the run's"]);

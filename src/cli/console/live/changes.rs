@@ -1,7 +1,7 @@
-//! What is said once: what was wrong, and is so no longer, and what the trigger does. And the line a second.
+//! Messages about changes: problems that appear or end, and steps of the trigger. And the progress line of every second.
 
 use crate::cli::console::live::numbers::{bytes, lasting};
-use crate::cli::console::live::view::Tone;
+use crate::cli::console::live::tone::Tone;
 use crate::record::health::alert::SensorFault;
 use crate::record::health::snapshot::{Disk, Phase, Snapshot, TriggerView};
 
@@ -50,7 +50,7 @@ pub(crate) fn changes(before: Option<&Snapshot>, now: &Snapshot, advised: bool) 
 /// A disk that will soon be full.
 pub(crate) fn room(disk: &Disk) -> String {
     format!(
-        "the disk has room for {} only, {}: free some, or end the recording before",
+        "the disk is full in {}, {} left: free some space, or end the recording before",
         lasting(disk.lasts_s()),
         bytes(disk.free_bytes)
     )
@@ -63,13 +63,13 @@ fn fired(before: Option<&TriggerView>, now: &TriggerView) -> Vec<(Tone, String)>
     for shot in shots + 1..=now.fired {
         news.push((Tone::Good, format!("shot {shot} has fired")));
     }
-    let told = before.map_or(0, |trigger| trigger.lost.len());
-    news.extend(now.lost.iter().skip(told).map(|text| (Tone::Alarm, text.clone())));
+    let known = before.map_or(0, |trigger| trigger.lost.len());
+    news.extend(now.lost.iter().skip(known).map(|text| (Tone::Alarm, text.clone())));
     let again = if now.fired > 0 { " again" } else { "" };
     match (old, now.phase) {
         (Some(Phase::Settling { .. }), Phase::Settling { .. }) if now.fired == shots => {}
         (_, Phase::Settling { wanted_s, .. }) => {
-            news.push((Tone::Plain, format!("not armed{again}: waits for {wanted_s} s of quiet")));
+            news.push((Tone::Plain, format!("not armed{again}: waiting for {wanted_s} s of quiet")));
         }
         (Some(Phase::Armed), Phase::Armed) if now.fired == shots => {}
         (_, Phase::Armed) => news.push((Tone::Good, format!("armed{again}: fires when {}", now.condition))),
@@ -110,9 +110,11 @@ mod tests {
         let said = texts(Some(&healthy()), &faulty());
         assert_eq!(said.len(), 4, "{said:#?}");
         assert!(said[0].starts_with("12.4 s  logger: the port vanished: plug /dev/ttyUSB1 in again"), "{said:#?}");
-        assert!(said[1].contains("P1 saturated: at the upper end of its range, 998.9 kPa; check"));
-        assert!(said[2].contains("P2 noisy: standard deviation 14.2 kPa, where its accuracy allows 5.5; look for"));
-        assert!(said[3].contains("room for 8 min only, 400 MB: free some"), "{said:#?}");
+        assert!(said[1].contains("P1 saturated: it stands at the upper end of what it can show, 998.9 kPa; look at"));
+        assert!(
+            said[2].contains("P2 noisy: standard deviation 14.2 kPa, where its accuracy leaves room for 5.5; look for")
+        );
+        assert!(said[3].contains("full in 8 min, 400 MB left: free some space"), "{said:#?}");
         assert_eq!(texts(Some(&faulty()), &faulty()), [""; 0]);
         let over = texts(Some(&faulty()), &healthy());
         assert_eq!(
@@ -130,10 +132,10 @@ mod tests {
         let mut said = texts(None, &steps[0]);
         steps.windows(2).for_each(|pair| said.extend(texts(Some(&pair[0]), &pair[1])));
         let expected = [
-            "not armed: waits for 2 s of quiet",
+            "not armed: waiting for 2 s of quiet",
             "armed: fires when P1 reaches 500 kPa",
             "shot 1 has fired",
-            "not armed again: waits for 2 s of quiet",
+            "not armed again: waiting for 2 s of quiet",
             "armed again: fires when P1 reaches 500 kPa",
         ];
         assert_eq!(said, expected.map(|text| format!("12.4 s  {text}")));

@@ -8,6 +8,7 @@ pub(crate) mod disk;
 pub(crate) mod numbers;
 pub(crate) mod sparkline;
 pub(crate) mod table;
+pub(crate) mod tone;
 pub(crate) mod view;
 
 use std::io::{IsTerminal, stderr};
@@ -20,7 +21,9 @@ use console::{Style, Term};
 
 use crate::cli::console::live::changes::{changes, progress};
 use crate::cli::console::live::disk::DiskWatch;
-use crate::cli::console::live::view::{Line, Size, Tone, view, wrapped};
+use crate::cli::console::live::tone::Tone;
+use crate::cli::console::live::view::{Line, Size, view, wrapped};
+use crate::cli::console::print::tell;
 use crate::record::health::snapshot::Snapshot;
 
 /// How often a line is written where there is no terminal.
@@ -76,9 +79,9 @@ fn show_all(snapshots: &Receiver<Snapshot>) {
         match &mut screen {
             Some(screen) => screen.draw(&news, &snapshot),
             None => {
-                news.iter().for_each(|(_, text)| crate::cli::tell!("{text}"));
+                news.iter().for_each(|(_, text)| tell!("{text}"));
                 if snapshot.recorded_s.is_some() && line_at.is_none_or(|at| at.elapsed() >= LINE_EVERY) {
-                    crate::cli::tell!("{}", progress(&snapshot));
+                    tell!("{}", progress(&snapshot));
                     line_at = Some(Instant::now());
                 }
             }

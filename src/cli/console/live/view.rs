@@ -10,6 +10,7 @@ use crate::cli::console::live::numbers::{bytes, count, lasting, rate, value};
 use crate::cli::console::live::sparkline::sparkline;
 use crate::cli::console::live::table;
 use crate::cli::console::live::table::Column;
+use crate::cli::console::live::tone::Tone;
 use crate::record::health::alert::SensorFault;
 use crate::record::health::sensor_health::BIN_NS;
 use crate::record::health::snapshot::{DeviceView, Disk, Phase, SensorView, Snapshot, TriggerView};
@@ -25,15 +26,6 @@ const MOST_CELLS: usize = 50;
 pub(crate) struct Size {
     pub(crate) columns: usize,
     pub(crate) rows: usize,
-}
-
-/// What a line is.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) enum Tone {
-    Plain,
-    Heading,
-    Good,
-    Alarm,
 }
 
 /// A line to draw.
@@ -61,7 +53,7 @@ pub(crate) fn view(snapshot: &Snapshot, size: Size) -> Vec<Line> {
 
 fn head(snapshot: &Snapshot, columns: usize) -> Vec<Line> {
     let mut pieces = match snapshot.recorded_s {
-        None => vec!["waits for the first sample".to_owned()],
+        None => vec!["waiting for the first sample".to_owned()],
         Some(recorded_s) => {
             let gaps = if snapshot.gaps == 1 { "gap" } else { "gaps" };
             vec![
@@ -178,8 +170,8 @@ fn sensors(snapshot: &Snapshot, columns: usize, rows: usize) -> Vec<Line> {
     lines.extend(blocks.into_iter().zip(&kept).filter(|(_, kept)| **kept).flat_map(|(block, _)| block));
     if left_out > 0 {
         let (tone, what) = match ill_left_out {
-            0 => (Tone::Plain, "nothing wrong with them".to_owned()),
-            n => (Tone::Alarm, format!("{n} of them called out")),
+            0 => (Tone::Plain, "all fine".to_owned()),
+            n => (Tone::Alarm, format!("{n} of them with alerts")),
         };
         lines.push(Line { tone, text: format!("… {left_out} more sensors, {what}") });
     }

@@ -125,6 +125,16 @@ pub struct StepTaken {
     pub kept: bool,
 }
 
+/// A name that no parameter of a fit has.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[error("the fit has no parameter '{name}'; it has {known}")]
+pub struct UnknownParameter {
+    /// The name.
+    pub name: String,
+    /// The names that there are.
+    pub known: String,
+}
+
 /// A calibrated model of one run or of several.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Fit {
@@ -169,6 +179,21 @@ impl Fit {
         self.runs.iter_mut().for_each(|r| r.noise_dies_away = false);
         self.runs.iter_mut().flat_map(|r| &mut r.sensors).for_each(|s| s.band_m.clear());
         Fit { correlation: Vec::new(), unidentifiable: Vec::new(), ..self }
+    }
+
+    /// The parameter of this name; of one that each run has of its own, the first run's.
+    ///
+    /// # Errors
+    /// A name that no parameter has.
+    pub fn parameter(&self, name: &str) -> Result<&FittedParameter, UnknownParameter> {
+        let known = || {
+            let mut names: Vec<&str> = self.parameters.iter().map(|p| p.name.as_str()).collect();
+            names.sort_unstable();
+            names.dedup();
+            names.join(", ")
+        };
+        let found = self.parameters.iter().find(|p| p.name == name);
+        found.ok_or_else(|| UnknownParameter { name: name.to_owned(), known: known() })
     }
 
     /// Values of all parameters: shared ones first, then each run's.

@@ -121,5 +121,5 @@ fn any_size_is_drawn_within_its_bounds() {
             }
         }
     }
-    assert_eq!(drawn(&Snapshot::default(), 80, 24), "waits for the first sample   Ctrl-C ends\n");
+    assert_eq!(drawn(&Snapshot::default(), 80, 24), "waiting for the first sample   Ctrl-C ends\n");
 }

@@ -3,22 +3,22 @@
 use std::error::Error;
 use std::path::{Path, PathBuf};
 
+use crate::cli::console::print::tell;
 use crate::fit::outcome::fit::Fit;
 use crate::recording::Recording;
 use crate::results::fit_file::{FitFile, Form};
 use crate::signal::Features;
 use crate::storage::output;
+use crate::study::Study;
 use crate::study::models;
-use crate::study::open::Loaded;
 
 /// Where a fit is written.
 #[derive(Debug, clap::Args)]
 pub struct FitOutput {
-    /// Write all about the fit to a file, which must not exist: TOML or JSON, as its name ends. It is a result; the model to edit and to
-    /// go on from is that of --save.
+    /// Write the full result to a new file, TOML or JSON by its extension. To continue from a model, use --save.
     #[arg(short, long, value_name = "FIT.toml|FIT.json")]
     output: Option<PathBuf>,
-    /// Replace whatever file stands at the output, unless it is a recording.
+    /// Replace an existing output, unless it is a recording.
     #[arg(long, requires = "output")]
     overwrite: bool,
 }
@@ -43,13 +43,14 @@ impl FitOutput {
     ///
     /// # Errors
     /// As [`FitOutput::check`]; a file that cannot be written.
-    pub fn write(&self, fit: &Fit, loaded: &[Loaded]) -> Result<(), Box<dyn Error + Send + Sync>> {
-        let (Some(path), Some(first)) = (&self.output, loaded.first()) else { return Ok(()) };
-        let recordings: Vec<(&Recording, &Features)> = loaded.iter().map(|l| (&l.recording, &l.features)).collect();
-        let file = FitFile::new(fit, &first.recording.rig, &recordings, models::now());
+    pub fn write(&self, fit: &Fit, study: &Study) -> Result<(), Box<dyn Error + Send + Sync>> {
+        let Some(path) = &self.output else { return Ok(()) };
+        let recordings: Vec<(&Recording, &Features)> =
+            study.recordings().iter().map(|l| (&l.recording, &l.features)).collect();
+        let file = FitFile::new(fit, study.rig(), &recordings, models::now());
         let text = file.text(Form::of(path)?)?;
         output::write_new(path, &text, self.overwrite)?;
-        crate::cli::tell!("fit: {}", path.display());
+        tell!("fit: {}", path.display());
         Ok(())
     }
 }

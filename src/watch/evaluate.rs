@@ -4,18 +4,14 @@ use std::collections::BTreeSet;
 use std::error::Error;
 use std::path::{Path, PathBuf};
 
-use clap::ValueEnum;
-
-use crate::cli::commands::calibrate::{progress_bar, title};
 use crate::diagnose::{Diagnosis, Verdict, diagnose};
-use crate::fit::data::prepare::prepare;
 use crate::fit::outcome::fit::Fit;
 use crate::fit::search::options::Options;
 use crate::fit::validate::conflict::{at_bounds, conflicts};
 use crate::fit::validate::energy::energy_of;
-use crate::model::effects::{Chosen, parse_list};
-use crate::report::Stage;
-use crate::report::html::page::{Page, html};
+use crate::model::effects::Chosen;
+use crate::report::page::html;
+use crate::report::{Page, Stage};
 use crate::results::fit_file::{FitFile, Form};
 use crate::results::history::content::identity;
 use crate::results::history::index::Entered;
@@ -23,44 +19,44 @@ use crate::results::history::lock::Lock;
 use crate::results::history::{Accepted, Finding, HistoryError, Index, Run};
 use crate::results::model_file::ModelFile;
 use crate::rig::Rig;
-use crate::signal::doubts::doubts;
-use crate::signal::inspect;
 use crate::storage::decode;
 use crate::storage::output;
 use crate::study::models;
+use crate::study::open::Loaded;
 use crate::watch::folder::{Content, list, look_into};
 use crate::watch::start::Start;
-use crate::watch::verdict;
+use crate::watch::verdict::{self, Accept};
 
 type AnyError = Box<dyn Error + Send + Sync>;
 
 /// How runs are fitted.
-#[derive(Debug, Clone, clap::Args)]
+#[derive(Debug, Clone)]
 pub struct Settings {
-    /// Effects to start with where no model of the rig was accepted yet; without it viscoelastic-wall for plastic, unsteady-friction for
-    /// metal.
-    #[arg(long, value_name = "A,B", value_parser = parse_list)]
-    effects: Option<::std::vec::Vec<Chosen>>,
-    /// Which models become the rig's without `surgescope accept`: those of runs in which nothing is missing and whose values are
-    /// within the rig's history, or none.
-    #[arg(long, value_enum, default_value_t = AcceptWhich::Clean)]
-    accept: AcceptWhich,
-}
-
-/// Which models are accepted by themselves.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum AcceptWhich {
-    /// Those of clean runs.
-    Clean,
-    /// None.
-    Never,
+    /// Effects to start with where no model of the rig was accepted yet; those that its material asks for, without.
+    pub effects: Option<Vec<Chosen>>,
+    /// Which models become the rig's by themselves.
+    pub accept: Accept,
 }
 
 impl Default for Settings {
     fn default() -> Self {
-        Settings { effects: None, accept: AcceptWhich::Clean }
+        Settings { effects: None, accept: Accept::Clean }
     }
 }
+
+/// What happens while a run is evaluated.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Notice {
+    /// How far it has come, with the file's name.
+    Progress(String),
+    /// What to look at twice, with the file's name.
+    Warning(String),
+    /// A watch is at work in the folder and will do it.
+    Left(String),
+}
+
+/// Hears what happens; it may be called from several threads.
+pub type OnNotice<'a> = dyn Fn(Notice) + Sync + 'a;
 
 /// Begins the reason of a model that was not made by hand, so that one left by a killed process is known.
 const WATCHED: &str = "fitted when it was recorded";
@@ -85,6 +81,7 @@ pub fn evaluate(
     run: &Run,
     rig: Option<&Rig>,
     settings: &Settings,
+    notice: &OnNotice,
 ) -> Result<Ended, AnyError> {
     let path = folder.join(&run.file);
     let Some(bytes) = std::fs::read(&path).ok().filter(|bytes| identity(bytes) == run.content) else {
@@ -92,9 +89,9 @@ pub fn evaluate(
         return Ok(Ended::Changed);
     };
     // A defect that one recording brings out must not keep the others from their turn.
-    let work = std::panic::AssertUnwindSafe(|| found(index, &path, &bytes, run, rig, settings));
+    let work = std::panic::AssertUnwindSafe(|| found(index, &path, &bytes, run, rig, settings, notice));
     let result = std::panic::catch_unwind(work)
-        .unwrap_or_else(|_| Err("the program has a defect: please report it with this recording".into()));
+        .unwrap_or_else(|_| Err("this is a bug in the program: please report it with this recording".into()));
     match result {
         Ok((rig, finding, accepted)) => index.done(run, &rig, &finding, accepted.as_ref())?,
         Err(error) => {
@@ -109,12 +106,14 @@ pub fn evaluate(
 ///
 /// # Errors
 /// A recording that cannot be read back, an index that cannot be written.
-pub fn evaluate_new(path: &Path, settings: &Settings) -> Result<Option<Run>, AnyError> {
+pub fn evaluate_new(path: &Path, settings: &Settings, notice: &OnNotice) -> Result<Option<Run>, AnyError> {
     let (folder, file) = place(path);
     let _lock = match Lock::take(&folder) {
         Ok(lock) => lock,
         Err(HistoryError::Busy { who, .. }) => {
-            crate::cli::tell!("{file}: a watch is at work in this folder ({who}): it calibrates the recording");
+            notice(Notice::Left(format!(
+                "{file}: a watch is at work in this folder ({who}): it calibrates the recording"
+            )));
             return Ok(None);
         }
         Err(error) => return Err(error.into()),
@@ -124,7 +123,7 @@ pub fn evaluate_new(path: &Path, settings: &Settings) -> Result<Option<Run>, Any
     let listed = list(&folder)?.0.into_iter().find(|l| l.name.file == file);
     let (Some(listed), Content::Recording { identity, rig, recorded_unix_ns }) = (listed, look_into(path)?) else {
         return Err(format!(
-            "{} cannot be read back: name it NAME.mcap, and look at it with `surgescope inspect`",
+            "{} cannot be read back: name it NAME.mcap and check it with `surgescope inspect`",
             path.display()
         )
         .into());
@@ -133,31 +132,22 @@ pub fn evaluate_new(path: &Path, settings: &Settings) -> Result<Option<Run>, Any
         index.enter(&listed.name, &identity, (&rig, recorded_unix_ns), None, |name| folder.join(name).exists())?;
     let Entered::New(id) = entered else { return Ok(index.named(&file)?) };
     let Some(run) = index.claim(Some(id))? else { return Ok(index.named(&file)?) };
-    match evaluate(&mut index, &folder, &run, None, settings)? {
+    match evaluate(&mut index, &folder, &run, None, settings, notice)? {
         Ended::Done(run) | Ended::Failed(run) => Ok(Some(run)),
         Ended::Changed => Err(format!("{} changed while it was calibrated", path.display()).into()),
     }
 }
 
-/// A run's verdict in one line.
-pub fn line(run: &Run) -> String {
-    match (&run.finding, &run.error) {
-        (Some(finding), _) => format!("{}: {}", run.file, finding.line),
-        (None, Some(error)) => format!("{}: failed: {error}", run.file),
-        (None, None) => format!("{}: {}", run.file, run.state.name()),
-    }
-}
-
 /// An error with its causes in one line.
 pub fn sentence(error: &(dyn Error + 'static)) -> String {
-    let mut told = vec![error.to_string()];
+    let mut causes = vec![error.to_string()];
     let mut cause = error.source();
     while let Some(inner) = cause {
-        told.push(inner.to_string());
+        causes.push(inner.to_string());
         cause = inner.source();
     }
-    told.dedup();
-    told.join(": ").replace('\n', " ")
+    causes.dedup();
+    causes.join(": ").replace('\n', " ")
 }
 
 /// The rig's name, what was found, and the acceptance where it is accepted by itself; files are written.
@@ -168,48 +158,45 @@ fn found(
     run: &Run,
     rig: Option<&Rig>,
     settings: &Settings,
+    notice: &OnNotice,
 ) -> Result<(String, Finding, Option<Accepted>), AnyError> {
     let mut recording = decode(bytes, path)?;
     if let Some(rig) = rig {
         recording = recording.on_rig(rig.clone())?;
     }
-    let features = inspect(&recording)?;
     let rig = recording.rig.clone();
-    let data = [prepare(&run.file, &rig, &recording, &features)];
+    let (file, hear) = (run.file.clone(), |text: &str| notice(Notice::Progress(format!("{}: {text}", run.file))));
+    let loaded = Loaded::new(file, recording)?;
+    let features = &loaded.features;
+    let data = [loaded.run()];
     let start = match index.in_force(&rig.name)? {
         Some(accepted) => Start::from_accepted(&accepted, &rig, &data[0], Options::default())?,
         None => Start::from_scratch(settings.effects.as_deref(), &rig, Options::default())?,
     };
-    let bar = progress_bar();
-    let shown = |message: &str| bar.set_message(format!("{}: {message}", run.file));
-    let diagnosis = diagnose(&rig, &data, &start.effects, &start.options, &shown);
-    bar.finish_and_clear();
-    let diagnosis = diagnosis?;
+    let diagnosis = diagnose(&rig, &data, &start.effects, &start.options, &hear)?;
 
     let contradictions = conflicts(&diagnosis.start, &data);
     let named = format!("{}: ", run.file);
-    let mut told: Vec<String> = doubts(&rig, &features);
-    told.extend(diagnosis.warnings.iter().chain(&contradictions).cloned().chain(at_bounds(&diagnosis.start)));
-    let told: BTreeSet<&str> = told.iter().map(|w| w.strip_prefix(&named).unwrap_or(w)).collect();
-    for warning in told {
-        crate::cli::tell!("warning: {named}{warning}");
-    }
+    let mut warnings: Vec<String> = loaded.doubts.clone();
+    warnings.extend(diagnosis.warnings.iter().chain(&contradictions).cloned().chain(at_bounds(&diagnosis.start)));
+    let warnings: BTreeSet<&str> = warnings.iter().map(|w| w.strip_prefix(&named).unwrap_or(w)).collect();
+    warnings.into_iter().for_each(|warning| notice(Notice::Warning(format!("{named}{warning}"))));
     let mut finding = verdict::finding(&diagnosis, features.temperature_degc, features.flow_m3_s.map(|q| q.value));
     let earlier: Vec<Run> = index.runs(&rig.name)?.into_iter().filter(|r| r.id != run.id).collect();
     let compared = verdict::compare(&finding.parameters, &finding.effects, finding.temperature_degc, &earlier);
     let clean = verdict::is_clean(&diagnosis, &compared, contradictions.len());
-    let accept = settings.accept == AcceptWhich::Clean && clean;
+    let accept = settings.accept == Accept::Clean && clean;
     finding.line = verdict::line(&diagnosis, &finding, &compared, accept, &run.file);
 
     let (model_path, report_path) = (path.with_extension("model.toml"), path.with_extension("html"));
     (finding.model_file, finding.report_file) = (name(&model_path), name(&report_path));
     let file = write_model(&model_path, path, &diagnosis)?;
-    let fit = FitFile::new(&diagnosis.start, &rig, &[(&recording, &features)], models::now());
+    let fit = FitFile::new(&diagnosis.start, &rig, &[(&loaded.recording, features)], models::now());
     write_fit(&path.with_extension("fit.toml"), &fit)?;
     let fits: Vec<&Fit> = std::iter::once(&diagnosis.start).chain(missing_fit(&diagnosis)).collect();
     let page = Page {
         title: format!("{} on rig {}", run.file, rig.name),
-        stages: fits.iter().map(|fit| Stage { title: title(&fit.effects), fit }).collect(),
+        stages: fits.iter().map(|fit| Stage::of(fit)).collect(),
         energy: fits.last().and_then(|fit| energy_of(&rig, &data, fit, 0).ok().flatten()),
         diagnoses: std::slice::from_ref(&diagnosis),
         ..Page::of(&rig)

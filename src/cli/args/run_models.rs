@@ -3,6 +3,7 @@
 use std::error::Error;
 use std::path::{Path, PathBuf};
 
+use crate::cli::console::print::tell;
 use crate::fit::outcome::fit::Fit;
 use crate::results::model_file::ModelFile;
 use crate::storage::LogError;
@@ -11,7 +12,7 @@ use crate::study::models;
 /// Where the models of the runs go.
 #[derive(Debug, clap::Args)]
 pub struct RunModels {
-    /// Keep each run's own model in this folder, made if it is not there: in NAME.model.toml, as the one in force; older ones stay in it.
+    /// Save each run's model in this folder as NAME.model.toml; the folder is created if missing, older models stay in the files.
     // A file of models finds its run's temperature in the recording or its rig, and not on a command line.
     #[arg(long, value_name = "FOLDER", conflicts_with = "temperature_degc")]
     save: Option<PathBuf>,
@@ -33,9 +34,10 @@ impl RunModels {
             let name = recording.file_stem().unwrap_or_default().to_string_lossy();
             let path = folder.join(format!("{name}.model.toml"));
             if open.iter().any(|(other, _)| *other == path) {
-                return Err(
-                    format!("two recordings are called {name}, and so would be their models: rename one").into()
-                );
+                return Err(format!(
+                    "two recordings are called {name}, so their models would have one name: rename one"
+                )
+                .into());
             }
             let file = models::about(&path, std::slice::from_ref(recording), rig)?;
             if let (Some(own), None) = (&file.rig, rig) {
@@ -61,7 +63,7 @@ impl OpenModels {
         for ((path, mut file), fit) in self.0.into_iter().zip(fits) {
             file.append(fit, why, None, models::now());
             models::save(&mut file, &path)?;
-            crate::cli::tell!("model {} in {}", file.in_force, path.display());
+            tell!("model {} in {}", file.in_force, path.display());
         }
         Ok(())
     }

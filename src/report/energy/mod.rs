@@ -1,4 +1,4 @@
-//! `simulate --energy`: the energy book as a file and in a sentence.
+//! The energy book of a simulation as a file, as JSON and in a sentence.
 
 use std::fs::File;
 use std::io::{BufWriter, Write};
@@ -6,8 +6,8 @@ use std::path::Path;
 
 use serde_json::{Value, json};
 
-use crate::cli::args::values::rounded;
 use crate::model::energy::Energy;
+use crate::report::text::number::rounded;
 
 /// Writes one row a time, in J; an older file of that name is replaced.
 ///

@@ -4,7 +4,6 @@
 
 use std::path::Path;
 
-use crate::cli::args::values::{number, pair};
 use crate::model::constraint::Given;
 
 /// Reads it.
@@ -28,16 +27,24 @@ fn parse(text: &str) -> Result<Vec<Given>, String> {
             run = Some(file.trim().to_owned());
             continue;
         }
-        // Fortran programs may write an exponent with D.
-        let value = |text: &str| number(&text.trim().replace(['D', 'd'], "E"));
-        let read = pair(line).and_then(|(name, text)| Ok((name, value(&text)?)));
-        let (name, value) = read.map_err(|e| format!("line {}: {e}", i + 1))?;
+        let (name, value) = value(line).map_err(|e| format!("line {}: {e}", i + 1))?;
         if given.iter().any(|g| g.name == name && g.run == run) {
             return Err(format!("line {}: {name} has a value already", i + 1));
         }
         given.push(Given { name, run: run.clone(), value });
     }
     Ok(given)
+}
+
+/// `NAME = VALUE`.
+fn value(line: &str) -> Result<(String, f64), String> {
+    let (name, text) = line.split_once('=').map(|(name, text)| (name.trim(), text.trim())).unwrap_or_default();
+    if name.is_empty() {
+        return Err("write it as NAME=VALUE".to_owned());
+    }
+    // Fortran programs may write an exponent with D.
+    let number = text.replace(['D', 'd'], "E").parse().ok().filter(|v: &f64| v.is_finite());
+    Ok((name.to_owned(), number.ok_or_else(|| format!("'{text}' is not a number"))?))
 }
 
 #[cfg(test)]

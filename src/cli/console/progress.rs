@@ -1,0 +1,46 @@
+//! The line that shows how far a computation has come.
+
+use std::io::{IsTerminal, stderr};
+use std::time::Duration;
+
+use indicatif::{ProgressBar, ProgressStyle};
+
+use crate::fit::outcome::fit::Fit;
+use crate::study::Study;
+use crate::study::error::Error;
+use crate::study::models::Opened;
+
+/// Works on a study and shows how far it has come, `title` first.
+pub fn shown<T>(study: &mut Study, title: &str, work: impl FnOnce(&Study) -> T) -> T {
+    let bar = progress_bar();
+    let (line, title) = (bar.clone(), title.to_owned());
+    study.on_progress(move |progress| line.set_message(format!("{title}{progress}")));
+    let done = work(study);
+    bar.finish_and_clear();
+    done
+}
+
+/// Fits the model in force of a file again and shows how far it has come, `title` first.
+///
+/// # Errors
+/// As [`Opened::refit`].
+pub fn refit(at: &mut Opened, title: &str) -> Result<Fit, Error> {
+    let bar = progress_bar();
+    let (line, title) = (bar.clone(), title.to_owned());
+    at.study.on_progress(move |progress| line.set_message(format!("{title}{progress}")));
+    let fit = at.refit();
+    bar.finish_and_clear();
+    fit
+}
+
+/// A line on the terminal that shows after half a second; nothing where standard error is no terminal.
+pub fn progress_bar() -> ProgressBar {
+    if !stderr().is_terminal() {
+        return ProgressBar::hidden();
+    }
+    let style =
+        ProgressStyle::with_template("{spinner} {elapsed} {msg}").unwrap_or_else(|_| ProgressStyle::default_spinner());
+    let bar = ProgressBar::new_spinner().with_style(style);
+    bar.enable_steady_tick(Duration::from_millis(100));
+    bar
+}

@@ -1,0 +1,64 @@
+//! Simulated or played data recorded through pseudo-terminals, as from real ports.
+
+use std::error::Error;
+use std::sync::atomic::AtomicBool;
+
+use crate::record::devices::simulated::{Faults, Playback, Script, SimulatedDevice};
+use crate::record::devices::source::Sources;
+use crate::record::health::snapshot::Snapshot;
+use crate::record::session::live_test::{Options, record};
+use crate::record::session::output::Summary;
+use crate::rig::{Device, Rig};
+
+/// Samples of a device that lie outside the range of its counts; what to tell of them.
+pub fn clipped(rig: &Rig, played: &[(Device, Playback)]) -> Vec<String> {
+    let of = |(device, playback): &(Device, Playback)| {
+        let clipped = Script::new(playback, rig, device).map_or(0, |script| script.clipped);
+        let name = &device.name;
+        (clipped > 0).then(|| {
+            format!("{clipped} samples are outside the range of the counts of '{name}': check scale and offset")
+        })
+    };
+    played.iter().filter_map(of).collect()
+}
+
+/// Plays data on simulated devices, so many times faster than real time and with such faults, and records it.
+///
+/// # Errors
+/// No pseudo-terminal, data that a device cannot send, or any error of a recording.
+pub fn record_playbacks(
+    rig: &Rig,
+    played: Vec<(Device, Playback)>,
+    (speed, faults): (f64, Faults),
+    options: &Options,
+    stop: &AtomicBool,
+    report: &mut dyn FnMut(Snapshot),
+) -> Result<Summary, Box<dyn Error + Send + Sync>> {
+    let mut devices = Vec::new();
+    // Lines by the port that stands in the rig file: Modbus slaves may share one.
+    let mut simulated: Vec<(String, SimulatedDevice, Vec<Script>)> = Vec::new();
+    for (mut device, playback) in played {
+        let script = Script::new(&playback, rig, &device)?;
+        let at = match simulated.iter().position(|(port, ..)| *port == device.port) {
+            Some(at) => at,
+            None => {
+                simulated.push((device.port.clone(), SimulatedDevice::open()?, Vec::new()));
+                simulated.len() - 1
+            }
+        };
+        let (_, line, scripts) = &mut simulated[at];
+        device.port = line.path().display().to_string();
+        scripts.push(script);
+        devices.push(device);
+    }
+    // A simulated device that hangs up has played everything.
+    let sources = Sources::open(rig, &devices, false)?;
+    for (_, line, scripts) in &mut simulated {
+        line.start_line(std::mem::take(scripts), speed, faults)?;
+    }
+    let summary = record(rig, &sources, options, stop, report)?;
+    for (_, line, _) in simulated {
+        line.stop()?;
+    }
+    Ok(summary)
+}
