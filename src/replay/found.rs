@@ -21,7 +21,7 @@ const MAPE_SHARE: f64 = 0.1;
 const MAPE_POINTS: f64 = 0.02;
 /// How many times the sensor's noise its first peak may move.
 const PEAK_NOISES: f64 = 2.0;
-/// Noise below which there is none to be seen, m.
+/// Noise below which there is none, m.
 const NO_NOISE_M: f64 = 1e-6;
 
 /// One quantity as it is now.
@@ -63,8 +63,7 @@ fn inspected(features: &Features, sample_s: f64) -> Vec<Found> {
             tolerance,
         };
         let noise_m = sensor.noise.white_sd_m;
-        let tolerance =
-            if noise_m > NO_NOISE_M { finite(NOISE_SHARE * noise_m) } else { Err("there is none to be seen") };
+        let tolerance = if noise_m > NO_NOISE_M { finite(NOISE_SHARE * noise_m) } else { Err("there is none") };
         all.push(here(quantity::NOISE, noise_m, tolerance));
         all.extend(sensor.first_peak.map(|peak| {
             let tolerance = (PEAK_NOISES * noise_m).max(SHARE * peak.head_m.abs());

@@ -110,7 +110,7 @@ pub struct Value {
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs)] // the sentences say it
 pub enum ModelFileError {
-    #[error("{} is no file of models: {}", .0.display(), .1)]
+    #[error("{} is not a file of models: {}", .0.display(), .1)]
     Parse(PathBuf, String),
     #[error("{} names no recordings", .0.display())]
     NoRecording(PathBuf),

@@ -80,11 +80,9 @@ impl Scenario {
             return Err(format!("'{twice}' is set twice").into());
         }
         if rig.upstream == Upstream::Measured {
-            return Err(
-                "the rig's upstream end is 'measured': without a recording there is nothing to drive it; use kind = \
+            return Err("the rig's upstream end is 'measured': without a recording nothing drives it; use kind = \
                         \"reservoir\" to simulate"
-                    .into(),
-            );
+                .into());
         }
         let water = rig.fluid.properties(rig.fluid.temperature_degc);
         let effects: Vec<Chosen> = effects.iter().map(|c| with_elements_set(c, settings)).collect();
@@ -122,7 +120,7 @@ impl Scenario {
             None if valve != ValveForm::Linear || supply_head - lost > rig.valve.discharge_head_m => supply_head - lost,
             None => {
                 return Err(format!(
-                    "at {velocity:.3} m/s the way to the valve takes {lost:.1} m of the supply's {supply_head:.1} m: nothing would flow; set a \
+                    "at {velocity:.3} m/s the pipe loses {lost:.1} m of the supply's {supply_head:.1} m before the valve: nothing would flow; set a \
                      smaller initial_velocity_m_s, or valve_head_m"
                 )
                 .into());
@@ -261,10 +259,9 @@ fn check_names(model: &Model, water: &WaterProperties, settings: &[(String, f64)
     let likeness = |k: &String| strsim::jaro_winkler(name, k);
     let nearest = known.iter().max_by(|a, b| likeness(a).total_cmp(&likeness(b))).filter(|k| likeness(k) >= ALIKE);
     let hint = if name == "closure_start_s" {
-        "it places the closure on a recording's clock, and here time 0 is the start of the closure: leave it out"
-            .to_owned()
+        "it is a time on a recording's clock, but here time 0 is the start of the closure: leave it out".to_owned()
     } else if name == "offset_m" || name.starts_with("offset_m[") {
-        "it belongs to the sensors of a recording, and simulated sensors have no offset: leave it out".to_owned()
+        "it belongs to recorded sensors; simulated ones have no offset: leave it out".to_owned()
     } else if let Some((effect, elements)) = owner(name, model, water) {
         let label =
             if effect.elements().is_some() { format!("{}:{elements}", effect.name()) } else { effect.name().into() };

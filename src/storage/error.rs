@@ -297,7 +297,7 @@ pub enum CsvProblem {
     },
     /// A unit that the sensor's samples cannot have.
     #[error(
-        "column '{column}' is in '{unit}', which is no {kind} unit known here (known are {known}); convert it, or correct the heading"
+        "column '{column}' is in '{unit}', which is no known {kind} unit (known are {known}); convert it, or correct the heading"
     )]
     WrongUnit {
         /// The column.

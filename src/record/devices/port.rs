@@ -149,7 +149,7 @@ fn explain(device: &Device, error: &serialport::Error) -> RecordError {
         _ if !std::path::Path::new(&port).exists() => {
             let ports: Vec<_> = list().into_iter().map(|port| port.path).collect();
             let known = if ports.is_empty() {
-                "no serial port is there now".into()
+                "there is no serial port now".into()
             } else {
                 format!("there are {}", ports.join(", "))
             };

@@ -79,7 +79,7 @@ impl SensorFault {
     /// What is seen, with the numbers.
     pub fn seen(&self, unit: &str) -> String {
         match self {
-            SensorFault::Silent => "silent: no sample comes".to_owned(),
+            SensorFault::Silent => "silent: no samples arrive".to_owned(),
             SensorFault::Saturated { end, upper } => {
                 let which = if *upper { "upper" } else { "lower" };
                 format!("saturated: at the {which} end of its range, {} {unit}", short(*end, 4))

@@ -262,7 +262,7 @@ mod tests {
         assert_eq!((monitor.totals(), monitor.views()[1].rate_hz), ((2800, 0), Some(100.0)));
         // a shot from 1.2 s on tells it on its own clock; one before it does not know of it
         let [(key, text)] = &monitor.notes(12 * S / 10, 5 * S)[..] else { panic!() };
-        assert!(key == "P1.saturated" && text.contains(" s saturated: it stands"), "{key} {text}");
+        assert!(key == "P1.saturated" && text.contains(" s saturated: at the upper end"), "{key} {text}");
         let from_s: f64 = text.split(' ').nth(1).unwrap().parse().unwrap();
         assert!((0.8..1.2).contains(&from_s), "{text}");
         assert_eq!(monitor.notes(0, 2 * S), []);

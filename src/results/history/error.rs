@@ -19,7 +19,7 @@ pub enum HistoryError {
     Busy { folder: PathBuf, who: String },
     #[error("cannot {action} {}", .path.display())]
     Io { action: &'static str, path: PathBuf, source: io::Error },
-    #[error("the index of rig '{rig}' holds no run; it knows {}", list(.known))]
+    #[error("the index holds no run of rig '{rig}'; it knows {}", list(.known))]
     UnknownRig { rig: String, known: Vec<String> },
     #[error("the index does not know the recording {0}: `surgescope watch` or `record --calibrate` fits it first")]
     UnknownRun(String),

@@ -90,11 +90,11 @@ impl FromStr for Faults {
                 "drift_ppm" => {
                     let drift = value.parse().ok().filter(|drift: &f64| drift.abs() <= 1e5);
                     faults.drift_ppm =
-                        drift.ok_or_else(|| format!("the drift '{value}' is no number of ppm within 1e5"))?;
+                        drift.ok_or_else(|| format!("the drift '{value}' is not a number of ppm within 1e5"))?;
                     continue;
                 }
                 "seed" => {
-                    faults.seed = value.parse().map_err(|_| format!("the seed '{value}' is no whole number"))?;
+                    faults.seed = value.parse().map_err(|_| format!("the seed '{value}' is not a whole number"))?;
                     continue;
                 }
                 _ => {

@@ -53,7 +53,7 @@ impl Script {
             }
             let numbers: Vec<f64> = samples.iter().map(|value| (value - wiring.offset) / wiring.scale).collect();
             if numbers.iter().any(|number| !number.is_finite()) {
-                return refuse("it has a value that is no finite number of counts");
+                return refuse("it has a value that is not a finite number of counts");
             }
             raw.push((wiring, numbers));
         }

@@ -152,11 +152,9 @@ impl Stream<'_> {
             sensors => sensors.iter().all(|sensor| sensor.fault == Some(SensorFault::Silent)),
         };
         let trouble = match &self.state {
-            State::Vanished(_, why) if options.wait > Duration::ZERO => Some(format!(
-                "{why}: plug {} in again, it is waited for {} s",
-                self.device.port,
-                options.wait.as_secs_f64()
-            )),
+            State::Vanished(_, why) if options.wait > Duration::ZERO => {
+                Some(format!("{why}: plug {} in again within {} s", self.device.port, options.wait.as_secs_f64()))
+            }
             State::Vanished(_, why) | State::Ended(why) => Some(why.clone()),
             State::Open if silent => Some(self.silence()),
             State::Open | State::Reached => None,
@@ -170,10 +168,12 @@ impl Stream<'_> {
         let (port, speed) = (&self.device.port, self.device.speed());
         match &self.codec {
             Codec::Polled(_) => {
-                format!("no answer on {port}: is it powered, at {speed}, and its unit_id and wiring (A, B) right?")
+                format!(
+                    "no answer on {port}: is it powered and set to {speed}, and are unit_id and wiring (A, B) right?"
+                )
             }
-            _ if self.bytes == 0 => format!("not one byte comes on {port}: is it powered, started and on this port?"),
-            _ => format!("nothing valid comes on {port}: has it stopped, or is its line not {speed}?"),
+            _ if self.bytes == 0 => format!("not one byte arrives on {port}: is it powered, started and on this port?"),
+            _ => format!("nothing valid arrives on {port}: has it stopped, or is its line not set to {speed}?"),
         }
     }
 }

@@ -41,18 +41,17 @@ logger      60.0k     124    0     0
     for 60 s
 sensor       level  gaps  last 10 s
 P1       245.3 kPa     0  ▁▁▁▁▁▁█▁▁▁▁▁
-  ! saturated: it stands at the upper
-    end of what it can show, 998.9 kPa;
-    look at its wiring and supply, or
-    take a larger range (or another
-    'scale'), before you close the
-    valve
+  ! saturated: at the upper end of its
+    range, 998.9 kPa; check its wiring
+    and supply, or use a larger range
+    (or another 'scale'), before you
+    close the valve
 P2       251.0 kPa     3  ▁▁▁▁▁▁█▁▁▁▁▁
   ! noisy: standard deviation 14.2 kPa,
-    where its accuracy leaves room for
-    5.5; look for a loose plug, mains
-    hum, trapped air or a pulsating
-    pump before you close the valve
+    where its accuracy allows 5.5; look
+    for a loose plug, mains hum,
+    trapped air or a pulsating pump
+    before you close the valve
 T1      22.20 degC     0  ▄▄▄▄▄
 ";
     assert_eq!(drawn(&faulty(), 40, 40), expected);
