@@ -174,22 +174,22 @@ pub(crate) struct FullFitter<'a> {
 
 impl FullFitter<'_> {
     /// Starts where the refit ended.
-    pub(crate) fn from_refit(&self, refit: &Refit) -> Result<Fit, FitError> {
-        self.from_values(refit, &refit.effects, &refit.values)
+    pub(crate) fn fit_from_refit(&self, refit: &Refit) -> Result<Fit, FitError> {
+        self.fit_from_values(refit, &refit.effects, &refit.values)
     }
 
     /// Starts where a coarse fit ended.
-    pub(crate) fn from_values(&self, refit: &Refit, effects: &[Chosen], values: &[f64]) -> Result<Fit, FitError> {
+    pub(crate) fn fit_from_values(&self, refit: &Refit, effects: &[Chosen], values: &[f64]) -> Result<Fit, FitError> {
         // The calibration adds elements one by one, which is more reliable.
         if refit.form.chosen.elements.is_some() {
-            return self.from_scratch(refit);
+            return self.fit_from_scratch(refit);
         }
         let shown = |p: &Progress| (self.progress)(&format!("{} added, {}", refit.form.effect, p.stage));
         refine(self.rig, self.runs, effects, values, &self.options_of(refit), &shown)
     }
 
     /// Starts from the signals, without any earlier fit.
-    pub(crate) fn from_scratch(&self, refit: &Refit) -> Result<Fit, FitError> {
+    pub(crate) fn fit_from_scratch(&self, refit: &Refit) -> Result<Fit, FitError> {
         let effects: Vec<Chosen> =
             self.effects.iter().cloned().chain([Chosen { elements: None, ..refit.form.chosen.clone() }]).collect();
         let shown = |p: &Progress| (self.progress)(&format!("{} from scratch, {}", refit.form.effect, p.stage));

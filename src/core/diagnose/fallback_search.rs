@@ -57,7 +57,7 @@ fn from_the_signals(fitter: &FullFitter, candidate_fits: &mut [&mut CandidateFit
     let most = NO_FULL_FIT_ABOVE * order.first().map_or(0.0, |&i| mean_square(i));
     candidate_fits.par_iter_mut().enumerate().filter(|(i, _)| order.contains(i)).for_each(|(i, candidate_fit)| {
         if let Some(coarse) = coarse[i].as_ref().filter(|c| c.mean_square <= most) {
-            candidate_fit.take(fitter.from_values(candidate_fit.refit, &coarse.effects, &coarse.values));
+            candidate_fit.take(fitter.fit_from_values(candidate_fit.refit, &coarse.effects, &coarse.values));
         }
     });
 }

@@ -152,13 +152,13 @@ fn fit(fitter: &FullFitter, baseline: &Baseline, start: &Fit, candidate_fits: &m
     candidate_fits[..tried].par_iter_mut().enumerate().for_each(|(i, candidate_fit)| {
         let first = i == 0 && candidate_fit.evidence > NEGLIGIBLE_EVIDENCE;
         if first || (candidate_fit.evidence > LEAST_EVIDENCE && candidate_fit.square < NO_FULL_FIT_ABOVE * best) {
-            candidate_fit.take(fitter.from_refit(candidate_fit.refit));
+            candidate_fit.take(fitter.fit_from_refit(candidate_fit.refit));
         }
     });
     let start_error = over_noise(start, fitter.runs);
     if is_certain(baseline, candidate_fits) {
         if candidate_fits[0].fit.as_ref().is_none_or(|f| over_noise(f, fitter.runs) > EXPLAINED_OVER_NOISE) {
-            let fit = fitter.from_scratch(candidate_fits[0].refit);
+            let fit = fitter.fit_from_scratch(candidate_fits[0].refit);
             candidate_fits[0].take(fit);
         }
     } else if start_error > START_DOUBTFUL {
@@ -250,7 +250,7 @@ pub fn grow(
         let fitter = FullFitter { rig, runs, effects: &baseline.effects, options, progress };
         for form in forms_of(rig, added) {
             let refit = screen(&baseline, &form).and_then(|screened| refine(&baseline, &screened));
-            fits.push(refit.map_err(FitError::from).and_then(|refit| fitter.from_refit(&refit)));
+            fits.push(refit.map_err(FitError::from).and_then(|refit| fitter.fit_from_refit(&refit)));
         }
     }
     let (fits, failures): (Vec<_>, Vec<_>) = fits.into_iter().partition(Result::is_ok);

@@ -195,7 +195,7 @@ mod tests {
         let usual = [0.1, 0.0, 1.0];
         assert!(said(&usual, &[range("tau_1", 0.1, 0.2)]).contains("did you mean 'tau1_s'"));
         assert!(said(&usual, &[range("tau1_s", 0.2, 0.1)]).contains("less than the second"));
-        assert!(said(&usual, &[range("tau1_s", 0.1, f64::NAN)]).contains("no range"));
+        assert!(said(&usual, &[range("tau1_s", 0.1, f64::NAN)]).contains("is not a range"));
         assert!(said(&usual, &[range("tau1_s", 1e-4, 0.1)]).contains("reaches beyond"));
         assert!(said(&usual, &[range("tau1_s", 0.1, 0.2), range("tau1_s", 0.1, 0.2)]).contains("twice"));
         assert!(said(&[100.0, 0.0, 1.0], &[]).contains("--range tau1_s=LOW:HIGH"));

@@ -113,7 +113,7 @@ mod tests {
 
     #[test]
     fn every_file_of_the_folder_is_in_the_catalogue() {
-        let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("src/model/effects");
+        let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("model/effects");
         let mut files: Vec<String> = std::fs::read_dir(folder)
             .unwrap()
             .map(|f| f.unwrap().file_name().into_string().unwrap())
