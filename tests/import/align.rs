@@ -244,8 +244,7 @@ fn absolute_times_align_and_what_contradicts_them_is_said() {
     bench.put("fast.csv", fast(&truth, "# start: 2026-03-14T09:26:53Z\n", None, offset_s, 0.0));
     let (document, _) = bench.import(0, &["slow.csv", "fast.csv"]);
     assert_eq!(clock(&document)["method"], "front");
-    bench
-        .refuses(&["slow.csv", "fast.csv", "--start", "2026-03-14T09:26:53Z"], &["--start must name its file"]);
+    bench.refuses(&["slow.csv", "fast.csv", "--start", "2026-03-14T09:26:53Z"], &["--start must name its file"]);
 }
 
 #[test]
