@@ -250,7 +250,8 @@ mod tests {
         let lines: Vec<&str> = text.lines().collect();
         let all: Vec<&str> = lines[lines.len() - 2].split_whitespace().collect();
         assert!(
-            lines[0].contains("before") && text.contains("before: RMSE of the first model (a), m. MAPE: mean error"),
+            lines[0].contains("before")
+                && text.contains("before: RMSE of the first model (a), m. MAPE: mean absolute error"),
             "{text}"
         );
         assert_eq!(all, ["run.mcap", "all", "1.92", "0.050", "0.030", "1.7", "0.41"]);

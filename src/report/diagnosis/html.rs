@@ -199,7 +199,9 @@ mod tests {
         let page = page_of(Verdict::UnknownEffect, vec![candidate("leak", 0.4, 0.27, &[])], None);
         assert!(page.contains("Something is missing that no effect of the catalogue explains: the base model has RMSE 0.30 m, 10× noise. The nearest, leak, leaves 0.27 m."));
         assert!(page.contains("+ leak (the nearest)") && page.matches("class=\"bar\"").count() == 2);
-        assert!(page.contains("none can be named") && page.contains("<code>leak</code> (the nearest) over what"));
+        assert!(
+            page.contains("none can be named") && page.contains("<code>leak</code> (the nearest) over the residual")
+        );
         assert!(page.contains("P1: &lt;much&gt; too high"));
         assert!(page.contains("Not tried: <code>moving-valve</code>: for a &lt;reason&gt;."));
     }
@@ -208,7 +210,10 @@ mod tests {
     fn what_cannot_be_told_apart_is_said_with_the_test_that_would() {
         let rivals = vec![candidate("leak", 0.6, 0.031, &["blockage"]), candidate("blockage", 0.3, 0.032, &["leak"])];
         let page = page_of(Verdict::MissingEffect, rivals, Some("halve the flow"));
-        assert!(page.contains("Missing: leak (probability 0.60).") && page.contains("cannot tell leak from blockage."));
+        assert!(
+            page.contains("Missing: leak (probability 0.60).")
+                && page.contains("cannot distinguish leak from blockage.")
+        );
         assert!(
             page.contains("<strong>Next test:</strong> halve the flow.")
                 && page.contains(">leak</code><small class=\"alike\">cannot be distinguished from blockage</small>")

@@ -122,7 +122,7 @@ mod tests {
         let text = of_sensor(&sensor(0.9, &[(-0.8, 0.001), (0.1, 0.005), (0.9, 0.0091), (1.4, 0.0130)]));
         assert!(text.contains("error 30.0 x the noise"), "{text}");
         assert!(text.contains("peaks from 0.80 m too low in cycle 1 to 1.40 m too high in cycle 4"), "{text}");
-        assert!(text.contains("late by 4.0 ms a cycle"), "{text}");
+        assert!(text.contains("late by 4.0 ms per cycle"), "{text}");
     }
 
     #[test]

@@ -191,7 +191,7 @@ mod tests {
         assert_eq!(say(&[&bad]), "RMSE 1.92 m, noise 0.030 m: 64× the noise, something is missing.");
         assert_eq!(
             say(&[&bad, &mid]),
-            "RMSE 1.92 m → 0.045 m, noise 0.030 m: 1.5× the noise, what the model lacks is small."
+            "RMSE 1.92 m → 0.045 m, noise 0.030 m: 1.5× the noise, the model lacks something small."
         );
         assert!(say(&[&good, &bad]).contains("still 64× the noise"));
     }
