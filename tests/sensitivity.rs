@@ -256,7 +256,7 @@ fn slips_are_explained() {
 fn the_page_of_the_papers_rules_is_what_the_program_writes() {
     let output = sensitivity(&[&PAPER[..], &["--rules"]].concat());
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    let page = Path::new(env!("CARGO_MANIFEST_DIR")).join("tools/paper_rules.md");
+    let page = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/src/measured/paper_rules.md");
     let verdicts =
         |text: &str| -> Vec<String> { text.lines().filter(|l| l.starts_with("| [")).map(str::to_owned).collect() };
     let found = verdicts(&String::from_utf8(output.stdout).unwrap());

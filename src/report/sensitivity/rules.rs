@@ -38,7 +38,7 @@ pub fn rules_page(rules: &Rules) -> String {
     let first = &rules.cases[0];
     let _ = writeln!(
         out,
-        "```sh\nsurgescope sensitivity rigs/{}.toml --effects viscoelastic-wall:2 --set initial_velocity_m_s={} closing_time_s={} --rules\n```\n",
+        "```sh,norun\nsurgescope sensitivity rigs/{}.toml --effects viscoelastic-wall:2 --set initial_velocity_m_s={} closing_time_s={} --rules\n```\n",
         rules.rig, first.velocity_m_s, first.closing_time_s
     );
     out.push_str("| closure | T, s | velocity, m/s | closing time, s |\n| --- | --- | --- | --- |\n");
