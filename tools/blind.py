@@ -1,6 +1,6 @@
 """Diagnose a folder of recordings with one effect hidden, and print the result as a Markdown table.
 
-blind.py PROGRAM FOLDER > tools/blind.md
+blind.py PROGRAM FOLDER: the table of docs/src/measured/blind.md
 
 FOLDER as hidden_folder.py says."""
 import statistics

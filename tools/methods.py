@@ -3,7 +3,7 @@
 
     cargo build --release
     cargo run --release -p surgescope-tools --bin hidden_effects -- 11 9 FOLDER nothing
-    python3 tools/methods.py target/release/surgescope FOLDER -o tools/methods.md
+    python3 tools/methods.py target/release/surgescope FOLDER -o docs/src/measured/methods.md
 
 Ten runs: the three of recordings/ and seven of FOLDER, each with the effects that it was made with. A run's best error is the least that any search found,
 of any seed. Least squares with random starts runs with five seeds, population searches with two; what draws nothing runs once.

@@ -1,6 +1,6 @@
 """Table 2 of the source paper on synthetic runs of its six cases: calculated range of the wave speed against the calibrated one.
 
-paper_table2.py PROGRAM KNOWN_RUN > tools/paper_table2.md
+paper_table2.py PROGRAM KNOWN_RUN > docs/src/measured/paper_table2.md
 
 PROGRAM is target/release/surgescope, KNOWN_RUN target/release/known_run (`cargo build --release --workspace`), whose
 scheme shares nothing with the program. Each rig is that of rigs/ without its nominal wave speed, which would tell the answer."""
@@ -92,9 +92,9 @@ The paper calculates a range of the wave speed from the times at which the first
 wave speed within 3.5% of it. Here the recordings of its six cases come from a scheme that shares nothing with the solver
 (`tools/hidden/scheme.rs`), with the paper's calibrated wave speed as the truth and noise of 0.05 m, so that the calibration can be right or wrong. This page is written by
 
-```sh
+```sh,norun
 cargo build --release --workspace
-python3 tools/paper_table2.py target/release/surgescope target/release/known_run > tools/paper_table2.md
+python3 tools/paper_table2.py target/release/surgescope target/release/known_run > docs/src/measured/paper_table2.md
 ```
 
 What had to be decided, since the paper's numbers contradict each other (`surgescope rig check rigs/paper-ppr.toml`):

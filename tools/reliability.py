@@ -1,6 +1,6 @@
 """How often a stated probability comes true: diagnose folders of recordings with one effect (or none) hidden, and count.
 
-reliability.py PROGRAM FOLDER... > tools/reliability.md
+reliability.py PROGRAM FOLDER...: the tables of docs/src/measured/reliability.md
 
 FOLDER as hidden_folder.py says. A case counts as a hit where the verdict, or the most probable effect where one is missing, is the truth. An
 effect that leaves the start model within LEAST times the noise of what it would be without cannot be seen by anyone: such a case is

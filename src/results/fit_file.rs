@@ -17,7 +17,7 @@ use crate::signal::Features;
 pub const FORMAT: &str = "surgescope-fit-1";
 
 /// First line of the TOML form.
-const HEADING: &str = "# surgescope fit: a result, not to be edited (keys: README of surgescope, 'Results to disk')";
+const HEADING: &str = "# surgescope fit: a result, not to be edited (keys: docs/src/keys.md in surgescope's guide)";
 
 /// See the module.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

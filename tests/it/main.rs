@@ -8,6 +8,7 @@ mod diagnose;
 mod diagnosis_page;
 mod export_results;
 mod family;
+mod guide;
 mod history;
 mod hold;
 mod import;

@@ -1,7 +1,7 @@
 //! Tests the rules that the source paper derives from its sensitivity analysis, one by one, and prints a page in Markdown:
 //!
 //! ```sh
-//! cargo run --release -p surgescope-tools --bin paper_rules -- rigs/paper-ppr.toml initial_velocity_m_s=1 closing_time_s=0.06 > tools/paper_rules.md
+//! cargo run --release -p surgescope-tools --bin paper_rules -- rigs/paper-ppr.toml initial_velocity_m_s=1 closing_time_s=0.06 > docs/src/measured/paper_rules.md
 //! ```
 //!
 //! The arguments are a rig file and settings as `surgescope simulate --set` takes them. The wall has two elements, and the
@@ -80,7 +80,7 @@ mod tests {
             |text: &str| -> Vec<String> { text.lines().filter(|l| l.starts_with("| [")).map(str::to_owned).collect() };
         let written = verdicts(&page::rules_page(&found));
         assert_eq!(written.len(), 19);
-        let page = std::fs::read_to_string(of_project("tools/paper_rules.md")).unwrap();
+        let page = std::fs::read_to_string(of_project("docs/src/measured/paper_rules.md")).unwrap();
         assert_eq!(written, verdicts(&page), "regenerate it: the page says how");
     }
 

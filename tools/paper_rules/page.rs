@@ -39,7 +39,7 @@ pub fn rules_page(rules: &Rules) -> String {
     let first = &rules.cases[0];
     let _ = writeln!(
         out,
-        "```sh\ncargo run --release -p surgescope-tools --bin paper_rules -- rigs/{}.toml initial_velocity_m_s={} closing_time_s={}\n```\n",
+        "```sh,norun\ncargo run --release -p surgescope-tools --bin paper_rules -- rigs/{}.toml initial_velocity_m_s={} closing_time_s={}\n```\n",
         rules.rig, first.velocity_m_s, first.closing_time_s
     );
     out.push_str("| closure | T, s | velocity, m/s | closing time, s |\n| --- | --- | --- | --- |\n");

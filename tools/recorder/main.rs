@@ -1,4 +1,4 @@
-//! Measures the recorder against what a lab needs of it; the results stand in `tools/recorder.md`.
+//! Measures the recorder against what a lab needs of it; the results stand in `docs/src/measured/recorder.md`.
 //!
 //! ```sh
 //! cargo run --release -p surgescope-tools --bin recorder -- wire 20000 60 target/release/surgescope   # over a pseudo-terminal, in a process of its own

@@ -3,7 +3,7 @@
 
     python3 -m venv venv && venv/bin/pip install SALib
     cargo build --release -p surgescope-tools
-    venv/bin/python tools/sensitivity/compare.py target/release/ishigami > tools/sensitivity/ishigami.md
+    venv/bin/python tools/sensitivity/compare.py target/release/ishigami > docs/src/measured/ishigami.md
 
 Both take SEEDS seeds of N rows (N × 5 evaluations). The error is the rms over the seeds; the cover is how often an exact value lies in the 95 %
 interval.

@@ -1,5 +1,5 @@
 //! Column separation as measured in the copper pipe of the University of Adelaide (Bergant & Simpson 1999, J. Hydraul. Eng.
-//! 125(8):835-848): what the models make of it, and what they need for that. `tools/adelaide.md` says what follows from it;
+//! 125(8):835-848): what the models make of it, and what they need for that. `docs/src/measured/adelaide.md` says what follows from it;
 //! `cargo test --test it model::adelaide -- --nocapture` prints its numbers.
 
 use surgescope::model::boundary::Closure;

@@ -1,5 +1,5 @@
 //! Every effect of the catalogue in one table: at vanishing strength it leaves the base model, and refining the grid converges at
-//! the order that theory gives. What stands in `tools/orders.md` is what this measures.
+//! the order that theory gives. What stands in `docs/src/measured/orders.md` is what this measures.
 
 use std::collections::BTreeSet;
 
@@ -251,13 +251,13 @@ fn under_refinement_each_effect_converges_at_the_order_of_theory() {
         );
         measured.push((row, order, errors[2]));
     }
-    let page = include_str!("../../../tools/orders.md");
+    let page = include_str!("../../../docs/src/measured/orders.md");
     let rows: Vec<Vec<&str>> = page
         .lines()
         .filter(|line| line.starts_with("| `"))
         .map(|line| line.trim_matches('|').split('|').map(str::trim).collect())
         .collect();
-    assert_eq!(rows.len(), measured.len(), "tools/orders.md has not one row for each of the table");
+    assert_eq!(rows.len(), measured.len(), "docs/src/measured/orders.md has not one row for each of the table");
     for ((row, order, error), cells) in measured.iter().zip(rows) {
         let both = order.iter().sum::<f64>() / order.len() as f64;
         assert!(both >= 0.9 * row.order, "{} {}: orders {order:?}, theory {}", row.effect, row.case, row.order);
@@ -267,7 +267,7 @@ fn under_refinement_each_effect_converges_at_the_order_of_theory() {
         let same = theory == row.order && (first - order[0]).abs() < 0.1 && (second - order[1]).abs() < 0.1;
         assert!(
             same && (last / error - 1.0).abs() < 0.1,
-            "tools/orders.md is old: {cells:?}, now {order:?}, {error:.1e}"
+            "docs/src/measured/orders.md is old: {cells:?}, now {order:?}, {error:.1e}"
         );
     }
 }
