@@ -14,14 +14,17 @@ use crate::simulate::memory;
 /// Reaches unless `reaches` is set.
 const REACHES: usize = 240;
 
+/// A parameter and its value.
+pub type Setting = (String, f64);
+
 /// A model beside recordings.
 pub struct AsRecorded {
     /// Effects, as on the command line.
     pub effects: Vec<String>,
     /// Values of the parameters that the runs share.
-    pub settings: Vec<(String, f64)>,
+    pub settings: Vec<Setting>,
     /// Parameters that nobody set, at the values where a fit would start.
-    pub not_set: Vec<(String, f64)>,
+    pub not_set: Vec<Setting>,
     /// Reaches of the grid.
     pub reaches: usize,
     /// Where the model was read: run, sensor and time.
@@ -76,7 +79,7 @@ pub fn as_recorded(
 }
 
 /// A value for each of the problem's parameters: as given, or where a fit would start; and those that were not given.
-fn values(problem: &FitProblem, given: &[Given]) -> Result<(Vec<f64>, Vec<(String, f64)>), AsRecordedError> {
+fn values(problem: &FitProblem, given: &[Given]) -> Result<(Vec<f64>, Vec<Setting>), AsRecordedError> {
     let run = |j: usize| problem.run_of(j).map(|r| problem.runs[r].file.as_str());
     let own = || problem.parameters.iter().enumerate();
     let strange = |g: &&Given| !own().any(|(j, p)| g.concerns(&p.name, run(j)));

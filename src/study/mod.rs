@@ -42,7 +42,7 @@ use crate::study::progress::{OnProgress, Progress};
 ///     fit = study.grow(&fit, missing.label.as_str())?.fit;
 /// }
 /// let speed = fit.parameter("wave_speed_m_s")?;
-/// println!("wave speed {:.1} ± {:.1} {}", speed.value, speed.standard_error, speed.unit);
+/// println!("wave speed {:.1} ± {:.1} {}", speed.value, speed.standard_error(), speed.unit);
 /// # Ok::<(), surgescope::Error>(())
 /// ```
 pub struct Study {

@@ -115,7 +115,7 @@ fn made(command: &str, arguments: &[&str], option: &str, name: &str) -> &'static
     static MADE: Mutex<BTreeMap<String, &OnceLock<Made>>> = Mutex::new(BTreeMap::new());
     let asked = [&[command], arguments].concat();
     let place: &'static OnceLock<Made> =
-        *MADE.lock().unwrap().entry(asked.join(" ")).or_insert_with(|| Box::leak(Box::default()));
+        MADE.lock().unwrap().entry(asked.join(" ")).or_insert_with(|| Box::leak(Box::default()));
     place.get_or_init(|| {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join(name);

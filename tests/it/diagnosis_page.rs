@@ -140,7 +140,7 @@ fn a_leak_stands_first_with_its_place_and_its_signature() {
     let ranking = section(page, "ranking");
     assert!(ranking.contains(&format!("leak_position_m = {:.1}", place["value"].as_f64().unwrap())), "{place}");
     assert!(
-        ranking.contains("<strong>Next test:</strong> none is needed, these recordings tell the candidates apart.")
+        ranking.contains("<strong>Next test:</strong> none is needed: these recordings distinguish the candidates.")
     );
     assert!(between(page, "<p class=\"verdict", "</p>")[0].contains("Missing: leak (probability &gt; 0.99)."));
     let shares = numbers(&between(section(page, "signature"), "explains ", " %"));

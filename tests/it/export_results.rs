@@ -374,7 +374,7 @@ fn simulations_beside_recordings_take_values_from_files() {
     std::fs::write(&values, "wave_speed_m_s = 350\n[a.mcap]\nvalve_head_m=25\n").unwrap();
     refused(
         &["simulate", "--rig", "rigs/imperial-pe.toml", "--values", text(&values)],
-        "of 'a.mcap' alone: name it with --recording",
+        "has values of 'a.mcap': name this recording with --recording",
     );
     refused(&["simulate"], "--rig");
     refused(&["results", "no-such-folder", "-o", "table.csv"], "no-such-folder does not exist: check the path");

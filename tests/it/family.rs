@@ -205,7 +205,7 @@ fn what_is_no_family_is_refused_with_the_reason() {
     refused(&[], &[&cold, &cold], "are one recording");
     let warm = recording(folder.path(), "warm", &rig, &short(30.0, 3));
     refused(&["--law", "wlf"], &[&cold, &warm], "three temperatures or more, and there are 2");
-    refused(&["--temperature-degC", "20,30"], &[&cold, &warm], "has recorded its temperature");
+    refused(&["--temperature-degC", "20,30"], &[&cold, &warm], "contains its temperature");
     refused(&["--apart", "--law", "wlf"], &[&cold, &warm], "cannot be used with");
     let longer = rig.replace("length_m = 37.8\n", "length_m = 40.0\n");
     let other = recording(folder.path(), "other", &longer, &short(30.0, 4));

@@ -211,7 +211,7 @@ fn what_a_method_does_not_heed_is_refused() {
         ),
         (
             &["--hold", "closing_time_s=0.05", "--start", "closing_time_s=0.06"],
-            "closing_time_s is held, so it starts nowhere else: leave it out of --start",
+            "closing_time_s is held, so it cannot start elsewhere: leave it out of --start",
         ),
         (&["--starts", "-3"], "-3 is not in 0..=10000"),
     ] {

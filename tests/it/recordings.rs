@@ -458,8 +458,8 @@ fn what_cannot_be_right_together_is_told_before_the_fit() {
     let (out, _) = bench.expect(0, "inspect slow.mcap");
     let note = out.lines().find_map(|l| l.strip_prefix("note: the wave travels at")).expect("a doubt").to_owned();
     assert!(note.contains("are the pipe's length"), "{note}");
-    // an unknown setting ends nothing else: the warning comes with the loading
-    let (_, err) = bench.expect(2, "calibrate slow.mcap slow.mcap");
+    // An unknown parameter ends the command before the fit; the warning comes before it.
+    let (_, err) = bench.expect(2, "calibrate slow.mcap --hold nothing=1");
     assert!(err.contains("warning: slow.mcap: the wave travels at"), "{err}");
 }
 
@@ -470,7 +470,7 @@ fn settings_that_belong_elsewhere_are_told_where() {
         ("J1_per_GPa=0.1", "it belongs to the effect 'viscoelastic-wall': add --effects viscoelastic-wall:1"),
         ("tau3_s=0.1", "add --effects viscoelastic-wall:3"),
         ("closure_start_s=1", "time 0 is the start of the closure"),
-        ("offset_m[P1]=1", "simulated sensors have no offset"),
+        ("offset_m[P1]=1", "simulated ones have no offset"),
         ("wave_sped_m_s=400", "did you mean 'wave_speed_m_s'?"),
         ("xyzzy=1", "this model has closing_time_s, friction_factor"),
     ] {

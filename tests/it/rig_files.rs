@@ -487,7 +487,7 @@ fn the_constraint_in_use_is_said() {
     let findings = document["findings"].as_array().unwrap();
     let found = findings.iter().find(|f| f["subject"] == "constraint of 'main'").unwrap();
     assert_eq!((found["level"].as_str(), found["numbers"]["c1"].as_f64()), (Some("fine"), Some(1.0)));
-    assert!(found["message"].as_str().unwrap().contains("J go as 1/c1"), "{found}");
+    assert!(found["message"].as_str().unwrap().contains("J scale with 1/c1"), "{found}");
     let rig = Rig::load(&shipped("demo-hdpe.toml")).unwrap();
     let ratio = rig.pipes[0].inner_diameter_m / rig.pipes[0].wall_thickness_m;
     let free = if ratio < 25.0 { 2.0 / ratio * 1.46 + ratio / (ratio + 1.0) } else { 1.0 };

@@ -183,10 +183,7 @@ fn text_or_a_null_in_the_place_of_a_number_is_a_gap_and_said() {
     put_json(&bench, 1_773_476_813_000_000_000, (0..50).map(|i| format!(r#"{{"p": {i}, "state": "ok"}}"#)));
     bench.import(0, &MAP);
     put_json(&bench, 0, (0..50).map(|_| r#"{"p": "300", "q": 1}"#.to_string()));
-    bench.refuses(
-        &MAP,
-        &["what it has as '/daq.p' is never a number", "assign numbers to sensors", "/daq.q (50 values)"],
-    );
+    bench.refuses(&MAP, &["its field '/daq.p' is never a number", "assign numbers to sensors", "/daq.q (50 values)"]);
 }
 
 #[test]
