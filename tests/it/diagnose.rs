@@ -29,6 +29,7 @@ fn creep_is_found_and_brings_the_error_down_to_the_noise() {
 
 /// The leak lies at 57.43 m.
 #[test]
+#[ignore = "takes 36 s; CI runs it"]
 fn a_leak_is_found_where_it_is() {
     let answer = &diagnosis(&[LEAK, "--effects", "unsteady-friction"]).answer;
     assert_eq!(best(answer)["effect"], "leak");
@@ -46,6 +47,7 @@ fn where_nothing_is_missing_nothing_is_found() {
 }
 
 #[test]
+#[ignore = "takes 39 s; CI runs it"]
 fn the_same_question_has_the_same_answer_to_the_last_digit() {
     let question = [LEAK, "--effects", "unsteady-friction"];
     assert_eq!(diagnosis(&question).answer.to_string(), diagnose(&question).to_string());
@@ -53,6 +55,7 @@ fn the_same_question_has_the_same_answer_to_the_last_digit() {
 
 /// What is asked to go on until nothing is missing stops by itself, and shows the errors on the way.
 #[test]
+#[ignore = "takes 17 s; CI runs it"]
 fn effects_are_added_until_nothing_is_missing() {
     let text = printed(run(&["diagnose", CREEP, "--until-done"]));
     assert!(text.contains("Refitted to the first three fifths"), "{text}");
@@ -71,6 +74,7 @@ fn bad_questions_are_refused_with_what_to_do() {
 
 /// Copper does not creep: the effect is not tried, and a start model that has it is doubted.
 #[test]
+#[ignore = "takes 48 s; CI runs it"]
 fn what_a_rig_cannot_have_is_not_tried_and_is_doubted() {
     let answer = diagnose(&[LEAK, "--effects", "viscoelastic-wall:1"]);
     let warnings = answer["warnings"].to_string();
@@ -87,6 +91,7 @@ fn what_a_rig_cannot_have_is_not_tried_and_is_doubted() {
 
 /// A sensor's gain is arithmetic, so its recordings can be made without any solver: much is found, less than is said to be visible is not.
 #[test]
+#[ignore = "takes 23 s; CI runs it"]
 fn the_least_visible_gain_is_where_it_says() {
     let nothing = &diagnosis(&[NOTHING, "--effects", "viscoelastic-wall"]).answer;
     let seen = nothing["least_visible"].as_array().unwrap();

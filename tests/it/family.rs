@@ -88,6 +88,7 @@ fn assert_known(document: &Value, name: &str, truth: f64) {
 }
 
 #[test]
+#[ignore = "takes 11 s; CI runs it"]
 fn the_laws_that_made_four_runs_are_recovered_within_their_intervals() {
     let folder = tempfile::tempdir().unwrap();
     let rig = lab_rig("ppr");
@@ -158,6 +159,7 @@ fn the_laws_that_made_four_runs_are_recovered_within_their_intervals() {
 }
 
 #[test]
+#[ignore = "takes 16 s; CI runs it"]
 fn a_family_that_breaks_the_law_is_flagged_and_a_freer_law_describes_it() {
     let folder = tempfile::tempdir().unwrap();
     let rig = lab_rig("ppr");
@@ -216,7 +218,7 @@ fn what_is_no_family_is_refused_with_the_reason() {
     let [a, b] = [(20.0, 5), (30.0, 6)]
         .map(|(t, seed)| recording(folder.path(), &format!("blind{seed}"), &blind, &short(t, seed)));
     refused(&[], &[&a, &b], "no run has recorded its temperature, and their rig files all say 24 °C");
-    refused(&["--temperature-degC", "20,30,40"], &[&a, &b], "2 recordings and 3 temperatures");
+    refused(&["--temperature-degC", "20,30,40"], &[&a, &b], "2 recordings but 3 temperatures");
     refused(&["--temperature-degC", "20,30", "--save", "models"], &[&a, &b], "cannot be used with");
     let told = json_of(surgescope().arg("family").args([&a, &b]).args([
         "--temperature-degC",

@@ -56,6 +56,7 @@ fn a_value_beyond_what_a_fit_may_take_is_warned_of() {
 
 /// The measured column separation again, four values known: the diagnosis leaves them as they are.
 #[test]
+#[ignore = "takes 11 s; CI runs it"]
 fn a_diagnosis_holds_what_it_is_told_to() {
     let known =
         [("wave_speed_m_s", 1319.0), ("closing_time_s", 0.009), ("initial_velocity_m_s", 1.4), ("valve_head_m", 20.0)];
