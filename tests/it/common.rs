@@ -8,7 +8,7 @@ use std::sync::{Mutex, OnceLock};
 
 use serde_json::Value;
 
-/// The recordings that ship, as the program is told of them from [`HERE`].
+/// The shipped recordings, as paths from [`HERE`].
 pub const CREEP: &str = "recordings/hdpe-creep.mcap";
 pub const LEAK: &str = "recordings/copper-leak.mcap";
 pub const NOTHING: &str = "recordings/hdpe-nothing-missing.mcap";
