@@ -317,7 +317,7 @@ impl Value {
             name: p.name.clone(),
             run: p.run.clone(),
             value: p.value,
-            standard_error: Some(p.standard_error()).filter(|e| e.is_finite() && !p.held),
+            standard_error: p.known_error(),
             lower: p.lower,
             upper: p.upper,
             fixed: p.held,

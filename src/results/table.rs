@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 use std::io::Write;
 
-use crate::results::fit_file::{FitFile, Parameter, Run};
+use crate::results::fit_record::{FitRecord, Parameter, Run};
 
 /// Columns that each row of a wide table begins with.
 const RUN_COLUMNS: [&str; 13] = [
@@ -59,7 +59,7 @@ pub struct Table {
 
 /// A row for each run of each fit, with the parameters that hold for it, their standard errors and intervals. `fits` come with the name of
 /// their files. A column is empty where a fit has no such parameter.
-pub fn wide(fits: &[(String, FitFile)]) -> Table {
+pub fn wide(fits: &[(String, FitRecord)]) -> Table {
     let mut names: Vec<&str> = Vec::new();
     for parameter in fits.iter().flat_map(|(_, fit)| &fit.parameters) {
         if !names.contains(&parameter.name.as_str()) {
@@ -69,7 +69,7 @@ pub fn wide(fits: &[(String, FitFile)]) -> Table {
     let of_parameters =
         names.iter().flat_map(|n| [""].into_iter().chain(SUFFIXES).map(move |suffix| format!("{n}{suffix}")));
     let columns = RUN_COLUMNS.iter().map(|c| (*c).to_owned()).chain(of_parameters).collect();
-    let row = |name: &str, fit: &FitFile, run: &Run| {
+    let row = |name: &str, fit: &FitRecord, run: &Run| {
         let of_run = |p: &&Parameter| p.run.as_ref().is_none_or(|r| *r == run.file);
         let own: HashMap<&str, &Parameter> =
             fit.parameters.iter().filter(of_run).map(|p| (p.name.as_str(), p)).collect();
@@ -79,7 +79,7 @@ pub fn wide(fits: &[(String, FitFile)]) -> Table {
             fit.rig.clone(),
             fit.fitted_at.clone(),
             run.recorded_at.clone().unwrap_or_default(),
-            number(Some(run.temperature_degc)),
+            number(run.temperature_degc),
             number(run.flow_m3_s),
             fit.effects.join(" "),
             fit.method.clone(),
@@ -91,8 +91,8 @@ pub fn wide(fits: &[(String, FitFile)]) -> Table {
         for name in &names {
             let parameter = own.get(name);
             cells.push(number(parameter.map(|p| p.value)));
-            cells.push(number(parameter.and_then(|p| p.standard_error)));
-            cells.extend([0, 1].map(|end| number(parameter.and_then(|p| p.interval_95).map(|ends| ends[end]))));
+            cells.push(number(parameter.and_then(|p| fitted(p)?.standard_error)));
+            cells.extend([0, 1].map(|end| number(parameter.and_then(|p| fitted(p)).map(|p| p.interval_95[end]))));
         }
         cells
     };
@@ -101,8 +101,8 @@ pub fn wide(fits: &[(String, FitFile)]) -> Table {
 }
 
 /// A row for each parameter of each fit; `file` lists the fit's recordings, `run` is that of a parameter which they do not share.
-pub fn long(fits: &[(String, FitFile)]) -> Table {
-    let row = |name: &str, fit: &FitFile, p: &Parameter| {
+pub fn long(fits: &[(String, FitRecord)]) -> Table {
+    let row = |name: &str, fit: &FitRecord, p: &Parameter| {
         vec![
             name.to_owned(),
             fit.runs.iter().map(|r| r.file.as_str()).collect::<Vec<_>>().join(" "),
@@ -113,10 +113,10 @@ pub fn long(fits: &[(String, FitFile)]) -> Table {
             p.name.clone(),
             p.run.clone().unwrap_or_default(),
             number(Some(p.value)),
-            number(p.standard_error),
-            number(p.interval_95.map(|ends| ends[0])),
-            number(p.interval_95.map(|ends| ends[1])),
-            p.interval_95.map_or("", |_| if p.profile.is_some() { "profile" } else { "linear" }).to_owned(),
+            number(fitted(p).and_then(|p| p.standard_error)),
+            number(fitted(p).map(|p| p.interval_95[0])),
+            number(fitted(p).map(|p| p.interval_95[1])),
+            fitted(p).filter(|p| !p.interval_95[0].is_nan()).map_or("", interval_by).to_owned(),
             p.unit.clone(),
             p.at_bound.to_string(),
             p.held.to_string(),
@@ -127,6 +127,15 @@ pub fn long(fits: &[(String, FitFile)]) -> Table {
     };
     let rows = fits.iter().flat_map(|(name, fit)| fit.parameters.iter().map(move |p| row(name, fit, p))).collect();
     Table { columns: LONG_COLUMNS.iter().map(|c| (*c).to_owned()).collect(), rows }
+}
+
+/// None for what was held: its error is no result.
+fn fitted(p: &Parameter) -> Option<&Parameter> {
+    (!p.held).then_some(p)
+}
+
+fn interval_by(p: &Parameter) -> &'static str {
+    if p.profile.is_some() { "profile" } else { "linear" }
 }
 
 /// As many digits as it takes to read the same number back.

@@ -16,6 +16,7 @@ use crate::fit::outcome::fit::Fit;
 use crate::fit::search::options::Options;
 use crate::model::effects::{Chosen, parse_list};
 use crate::recording::Recording;
+use crate::results::fit_record::FitRecord;
 use crate::rig::Rig;
 use crate::study::calibrate::{Calibrate, Effects};
 use crate::study::error::{Error, Result};
@@ -137,6 +138,12 @@ impl Study {
     pub fn warnings(&self) -> Vec<String> {
         let of = |l: &Loaded| l.doubts.iter().map(|doubt| format!("{}: {doubt}", l.file)).collect::<Vec<_>>();
         self.recordings.iter().flat_map(of).collect()
+    }
+
+    /// All about a fit of these recordings, as a fit file and `calibrate --json` hold it; `warnings` are about the fit.
+    pub fn record(&self, fit: &Fit, warnings: &[String]) -> FitRecord {
+        let recordings: Vec<_> = self.recordings.iter().map(|l| (&l.recording, &l.features)).collect();
+        FitRecord::new(fit, &self.rig, &recordings, warnings)
     }
 
     /// A calibration of the model with these effects: `"none"`, `"viscoelastic-wall:2,leak"`, or a list chosen before.

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use crate::fit::outcome::fit::Fit;
 use crate::fit::search::options::Options;
+use crate::results::fit_record::now;
 use crate::results::model_file::ModelFile;
 use crate::storage::LogError;
 use crate::storage::disk::{publish_over, require_folder, temporary_beside};
@@ -146,9 +147,4 @@ fn relative(path: &Path, folder: &Path) -> PathBuf {
         (Ok(path), Ok(folder)) => path.strip_prefix(&folder).map(Path::to_owned).unwrap_or(path),
         _ => path.to_owned(),
     }
-}
-
-/// Now, as RFC 3339.
-pub fn now() -> String {
-    chrono::Utc::now().to_rfc3339_opts(chrono::SecondsFormat::Secs, true)
 }

@@ -12,7 +12,8 @@ use crate::fit::validate::energy::energy_of;
 use crate::model::effects::Chosen;
 use crate::report::page::html;
 use crate::report::{Page, Stage};
-use crate::results::fit_file::{FitFile, Form};
+use crate::results::fit_file::Form;
+use crate::results::fit_record::{FitRecord, now};
 use crate::results::history::content::identity;
 use crate::results::history::index::Entered;
 use crate::results::history::lock::Lock;
@@ -191,7 +192,7 @@ fn found(
     let (model_path, report_path) = (path.with_extension("model.toml"), path.with_extension("html"));
     (finding.model_file, finding.report_file) = (name(&model_path), name(&report_path));
     let file = write_model(&model_path, path, &diagnosis)?;
-    let fit = FitFile::new(&diagnosis.start, &rig, &[(&loaded.recording, features)], models::now());
+    let fit = FitRecord::new(&diagnosis.start, &rig, &[(&loaded.recording, features)], &contradictions);
     write_fit(&path.with_extension("fit.toml"), &fit)?;
     let fits: Vec<&Fit> = std::iter::once(&diagnosis.start).chain(missing_fit(&diagnosis)).collect();
     let page = Page {
@@ -222,17 +223,17 @@ fn write_model(path: &Path, recording: &Path, diagnosis: &Diagnosis) -> Result<M
     if file.models.iter().all(|m| m.why.starts_with(WATCHED)) {
         file.models.clear();
     }
-    file.append(&diagnosis.start, WATCHED, None, models::now());
+    file.append(&diagnosis.start, WATCHED, None, now());
     if let (Some(fit), Some(best)) = (missing_fit(diagnosis), diagnosis.candidates.first()) {
         let why = format!("{WATCHED}: {} missing, probability {:.2}", best.effect, best.probability);
-        file.append(fit, &why, Some(best.evidence), models::now());
+        file.append(fit, &why, Some(best.evidence), now());
     }
     models::save(&mut file, path)?;
     Ok(file)
 }
 
 /// Writes the fit that the index has the values of, as `calibrate -o` does.
-fn write_fit(path: &Path, fit: &FitFile) -> Result<(), AnyError> {
+fn write_fit(path: &Path, fit: &FitRecord) -> Result<(), AnyError> {
     output::check_result(path, "# surgescope fit:")?;
     output::write_new(path, &fit.text(Form::Toml)?, true)
 }
@@ -249,7 +250,7 @@ fn write_report(path: &Path, page: &str) -> Result<(), AnyError> {
 /// None in practice: all values can be written.
 pub fn acceptance(recording: &str, file: &ModelFile, how: &str) -> Result<Accepted, AnyError> {
     let model = toml::to_string(file.current())?;
-    Ok(Accepted { file: recording.to_owned(), when: models::now(), how: how.to_owned(), model })
+    Ok(Accepted { file: recording.to_owned(), when: now(), how: how.to_owned(), model })
 }
 
 /// The folder of a recording, and its name there.

@@ -34,7 +34,7 @@ pub fn values(fit: &Fit) -> Vec<Value> {
     let of = |p: &FittedParameter| Value {
         name: p.name.clone(),
         value: p.value,
-        standard_error: Some(p.standard_error()).filter(|e| e.is_finite() && !p.held && !p.at_bound),
+        standard_error: p.known_error().filter(|_| !p.at_bound),
         unit: p.unit.to_owned(),
         own: p.run.is_some(),
     };

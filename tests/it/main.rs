@@ -14,7 +14,6 @@ mod hold;
 mod import;
 mod live_view;
 mod methods;
-mod model;
 mod model_file;
 mod nominal;
 mod prediction;

@@ -81,6 +81,7 @@ fn what_a_person_holds_stays_held_through_refit_and_growth() {
 
 /// `diagnose --apply` makes the file, grows it by what is missing, and goes on from there the next time.
 #[test]
+#[ignore = "takes 30 s; CI runs it"]
 fn a_diagnosis_grows_the_file() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("models.toml");

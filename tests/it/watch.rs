@@ -8,7 +8,7 @@ use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
 use serde_json::Value;
-use surgescope::results::fit_file::FitFile;
+use surgescope::results::fit_record::FitRecord;
 use surgescope::results::history::{Index, Run, State};
 use surgescope::results::model_file::ModelFile;
 
@@ -43,7 +43,7 @@ fn assert_done(folder: &Path, run: &Run) {
     assert!((speed.value - 360.2).abs() < 3.0 && speed.standard_error.unwrap() < 3.0, "{speed:?}");
     let first = file.models[0].parameters.iter().find(|p| p.name == "wave_speed_m_s").unwrap();
     assert_eq!(first.value, speed.value);
-    let fit = FitFile::read(&folder.join(&run.file).with_extension("fit.toml")).unwrap();
+    let fit = FitRecord::read(&folder.join(&run.file).with_extension("fit.toml")).unwrap();
     let written: Vec<f64> = fit.parameters.iter().map(|p| p.value).collect();
     assert_eq!(written, finding.parameters.iter().map(|v| v.value).collect::<Vec<_>>());
     assert!(fs::read_to_string(folder.join(&finding.report_file)).unwrap().ends_with("</html>\n"));

@@ -4,13 +4,9 @@ use std::error::Error;
 use std::path::{Path, PathBuf};
 
 use crate::cli::console::print::tell;
-use crate::fit::outcome::fit::Fit;
-use crate::recording::Recording;
-use crate::results::fit_file::{FitFile, Form};
-use crate::signal::Features;
+use crate::results::fit_file::Form;
+use crate::results::fit_record::FitRecord;
 use crate::storage::output;
-use crate::study::Study;
-use crate::study::models;
 
 /// Where a fit is written.
 #[derive(Debug, clap::Args)]
@@ -43,12 +39,9 @@ impl FitOutput {
     ///
     /// # Errors
     /// As [`FitOutput::check`]; a file that cannot be written.
-    pub fn write(&self, fit: &Fit, study: &Study) -> Result<(), Box<dyn Error + Send + Sync>> {
+    pub fn write(&self, record: &FitRecord) -> Result<(), Box<dyn Error + Send + Sync>> {
         let Some(path) = &self.output else { return Ok(()) };
-        let recordings: Vec<(&Recording, &Features)> =
-            study.recordings().iter().map(|l| (&l.recording, &l.features)).collect();
-        let file = FitFile::new(fit, study.rig(), &recordings, models::now());
-        let text = file.text(Form::of(path)?)?;
+        let text = record.text(Form::of(path)?)?;
         output::write_new(path, &text, self.overwrite)?;
         tell!("fit: {}", path.display());
         Ok(())

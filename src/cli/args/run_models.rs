@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use crate::cli::console::print::tell;
 use crate::fit::outcome::fit::Fit;
+use crate::results::fit_record::now;
 use crate::results::model_file::ModelFile;
 use crate::storage::LogError;
 use crate::study::models;
@@ -61,7 +62,7 @@ impl OpenModels {
     /// A file that cannot be written, or has changed meanwhile.
     pub fn save(self, fits: &[Fit], why: &str) -> Result<(), Box<dyn Error + Send + Sync>> {
         for ((path, mut file), fit) in self.0.into_iter().zip(fits) {
-            file.append(fit, why, None, models::now());
+            file.append(fit, why, None, now());
             models::save(&mut file, &path)?;
             tell!("model {} in {}", file.in_force, path.display());
         }

@@ -16,9 +16,9 @@ use crate::fit::search::options::Options;
 use crate::fit::validate::conflict::warnings;
 use crate::model::effects::{Chosen, parse_list};
 use crate::report::Page;
-use crate::report::calibration::json;
 use crate::report::calibration::text as table;
 use crate::report::{Stage, title};
+use crate::results::fit_record::now;
 use crate::results::model_file::Entry;
 use crate::storage::output;
 use crate::study::models;
@@ -118,8 +118,9 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     let Some((_, last)) = fits.last() else { return Ok(Outcome::Done) };
     let warned = warnings(last, study.runs());
     warned.iter().for_each(|warning| tell!("warning: {warning}"));
+    let record = study.record(last, &warned);
     if json {
-        say!("{}", json::calibration(last, &warned)?);
+        say!("{}", serde_json::to_string(&record)?);
     } else {
         say_text!(table::calibration(&stages));
         if last.effects.iter().any(|c| c.effect.name() == WALL)
@@ -128,9 +129,9 @@ pub fn run(args: Args, json: bool) -> CommandResult {
             say!("\n{constraint}.");
         }
     }
-    args.output.write(last, &study)?;
+    args.output.write(&record)?;
     if let (Some(path), Some(file)) = (&args.save, &mut file) {
-        file.append(last, &why(last), None, models::now());
+        file.append(last, &why(last), None, now());
         models::save(file, path)?;
         tell!("model {} in {}", file.in_force, path.display());
     }

@@ -17,6 +17,7 @@ use crate::model::effects::{Chosen, parse_list};
 use crate::report::Page;
 use crate::report::diagnosis::text as diagnosis;
 use crate::report::{Stage, title};
+use crate::results::fit_record::now;
 use crate::storage::output;
 use crate::study::models;
 
@@ -102,14 +103,14 @@ pub fn run(args: Args, json: bool) -> CommandResult {
             models.push((title(&found.start.effects), found.start.clone()));
         }
         if let Some(file) = file.as_mut().filter(|f| f.models.is_empty()) {
-            file.append(&found.start, "the start of a diagnosis", None, models::now());
+            file.append(&found.start, "the start of a diagnosis", None, now());
         }
         let best = found.candidates.first().filter(|_| found.verdict == Verdict::MissingEffect);
         let added = best.and_then(|best| {
             let fit = best.fit.clone()?;
             if let Some(file) = &mut file {
                 let why = format!("diagnosed: {} missing, probability {:.2}", best.effect, best.probability);
-                file.append(&fit, &why, Some(best.evidence), models::now());
+                file.append(&fit, &why, Some(best.evidence), now());
             }
             Some(fit)
         });

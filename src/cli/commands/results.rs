@@ -7,7 +7,8 @@ use serde_json::json;
 
 use crate::cli::console::outcome::{CommandResult, Outcome};
 use crate::cli::console::print::{say, tell};
-use crate::results::fit_file::{FitFile, Form};
+use crate::results::fit_file::Form;
+use crate::results::fit_record::FitRecord;
 use crate::results::table::{long, wide};
 use crate::storage::output;
 
@@ -40,14 +41,14 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     if !args.output.extension().is_some_and(|e| e.eq_ignore_ascii_case("csv")) {
         return Err(format!("{}: the table is a CSV file: its name must end with .csv", args.output.display()).into());
     }
-    let mut fits: Vec<(String, FitFile)> = Vec::new();
+    let mut fits: Vec<(String, FitRecord)> = Vec::new();
     for path in &args.fits {
         if path.is_dir() {
             fits.extend(fits_in(path)?);
         } else if !path.exists() {
             return Err(output::missing(path).into());
         } else {
-            fits.push((path.display().to_string(), FitFile::read(path)?));
+            fits.push((path.display().to_string(), FitRecord::read(path)?));
         }
     }
     for (i, (name, _)) in fits.iter().enumerate() {
@@ -83,12 +84,12 @@ pub fn run(args: Args, json: bool) -> CommandResult {
 }
 
 /// The fits of a folder by name; files of models and expected results stand in the same folders.
-fn fits_in(folder: &Path) -> Result<Vec<(String, FitFile)>, AnyError> {
+fn fits_in(folder: &Path) -> Result<Vec<(String, FitRecord)>, AnyError> {
     let failed = |e| format!("cannot list the folder {}: {e}", folder.display());
     let entries = std::fs::read_dir(folder).map_err(failed)?.collect::<Result<Vec<_>, _>>().map_err(failed)?;
     let mut paths: Vec<PathBuf> = entries.into_iter().map(|e| e.path()).filter(|p| Form::of(p).is_ok()).collect();
     paths.sort();
-    let read = |p: PathBuf| FitFile::read(&p).ok().map(|fit| (p.display().to_string(), fit));
+    let read = |p: PathBuf| FitRecord::read(&p).ok().map(|fit| (p.display().to_string(), fit));
     let (asked, fits) = (paths.len(), paths.into_iter().filter_map(read).collect::<Vec<_>>());
     if fits.is_empty() {
         return Err(format!("the folder {} contains no fit (see `calibrate -o`)", folder.display()).into());

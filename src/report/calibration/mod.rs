@@ -3,7 +3,6 @@
 pub(crate) mod correlation;
 pub(crate) mod energy;
 pub(crate) mod heatmap;
-pub mod json;
 pub(crate) mod parameters;
 pub(crate) mod profiles;
 pub(crate) mod rig;

@@ -24,7 +24,7 @@ pub fn steps(taken: &[StepTaken]) -> String {
             table.row([
                 first((i + 1).to_string()),
                 first(step.round.to_string()),
-                first(step.feature.into()),
+                first(step.feature.clone()),
                 moved,
                 first(significant(step.before_over_noise, 4)),
                 first(significant(step.after_over_noise, 4)),
@@ -73,8 +73,8 @@ mod tests {
         let step = |kept, n: usize| StepTaken {
             round: 1,
             parameters: (0..n).map(|i| (name(i), 0.123_456)).collect(),
-            feature: "opening read back from the head at the valve",
-            why: "it shows there",
+            feature: "opening read back from the head at the valve".to_owned(),
+            why: "it shows there".to_owned(),
             before_over_noise: 123.4,
             after_over_noise: 2.0,
             kept,

@@ -7,7 +7,7 @@ use serde::Serialize;
 use crate::diagnose::visible::Visible;
 use crate::diagnose::{Candidate, Diagnosis, NEGLIGIBLE_EVIDENCE, Verdict};
 use crate::model::effects::name_of;
-use crate::report::calibration::json::Parameter;
+use crate::results::fit_record::Parameter;
 
 #[derive(Serialize)]
 struct Document<'a> {
@@ -43,7 +43,7 @@ struct StartModel<'a> {
     rmse_m: f64,
     noise_m: f64,
     held_out_m: Option<f64>,
-    parameters: Vec<Parameter<'a>>,
+    parameters: Vec<Parameter>,
 }
 
 #[derive(Serialize)]
@@ -55,7 +55,7 @@ struct Rival<'a> {
     rmse_m: f64,
     held_out_m: Option<f64>,
     indistinguishable_from: &'a [&'static str],
-    parameters: Vec<Parameter<'a>>,
+    parameters: Vec<Parameter>,
 }
 
 /// The JSON document of `diagnose --json`: the last diagnosis and, where there were several, `steps`, all of them.

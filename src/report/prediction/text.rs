@@ -5,11 +5,11 @@ use serde::Serialize;
 use crate::fit::outcome::fit::RunFit;
 use crate::fit::problem::compare::mape_percent;
 use crate::fit::validate::predict::Prediction;
-use crate::report::calibration::json;
 use crate::report::calibration::text::parameters;
 use crate::report::text::number::{error_m, fixed, significant, times};
 use crate::report::text::table::Table;
 use crate::report::view::summary::{Closeness, DOWN_TO_NOISE, closeness};
+use crate::results::fit_record::{Parameter, Run as FittedRun};
 
 /// What was predicted, rms over its samples, m.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -131,19 +131,19 @@ pub struct Document<'a> {
     /// Noise of the same, m.
     pub noise_m: f64,
     /// Each run.
-    pub runs: Vec<Run<'a>>,
+    pub runs: Vec<Run>,
     /// Shared parameters as the model has them, and the runs' own.
-    pub parameters: Vec<json::Parameter<'a>>,
+    pub parameters: Vec<Parameter>,
     /// What to know: differences of the rigs, temperatures, recordings that the model was fitted to.
     pub warnings: &'a [String],
 }
 
 /// One run, as in `calibrate --json`, with its error ahead.
 #[derive(Debug, Serialize)]
-pub struct Run<'a> {
+pub struct Run {
     /// As in `calibrate --json`: errors over all samples.
     #[serde(flatten)]
-    pub all: json::Run<'a>,
+    pub all: FittedRun,
     /// Error over the samples that were predicted, m.
     pub predicted_rmse_m: f64,
     /// The same by sensor, in the order of `sensors`.
@@ -153,7 +153,7 @@ pub struct Run<'a> {
 /// A prediction as scripts see it.
 pub fn document<'a>(prediction: &'a Prediction, warnings: &'a [String]) -> Document<'a> {
     let Ahead { error_m: predicted_rmse_m, noise_m, expected_m } = ahead(prediction);
-    let run = |run: &'a RunFit| Run {
+    let run = |run: &RunFit| Run {
         all: run.into(),
         predicted_rmse_m: pooled(prediction, std::slice::from_ref(run)).error_m,
         predicted_rmse_m_by_sensor: run.sensors.iter().map(|s| prediction.ahead_m(s)).collect(),

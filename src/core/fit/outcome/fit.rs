@@ -47,6 +47,14 @@ pub struct FittedParameter {
 }
 
 impl FittedParameter {
+    /// Its standard error where the fit knows one: it is neither held, nor at a bound, nor left open by the data.
+    pub fn known_error(&self) -> Option<f64> {
+        match self.uncertainty {
+            Uncertainty::Known(error) => Some(error),
+            _ => None,
+        }
+    }
+
     /// See [`Uncertainty::standard_error`].
     pub fn standard_error(&self) -> f64 {
         self.uncertainty.standard_error()
@@ -107,16 +115,16 @@ pub struct RunFit {
 }
 
 /// One step of a stepwise calibration.
-#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct StepTaken {
     /// The round it belongs to, from 1.
     pub round: usize,
     /// What it moved, and to where.
     pub parameters: Vec<(String, f64)>,
     /// The feature of the record that it looked at.
-    pub feature: &'static str,
+    pub feature: String,
     /// The reason.
-    pub why: &'static str,
+    pub why: String,
     /// Error over the noise, over all samples, before it.
     pub before_over_noise: f64,
     /// The same after it.

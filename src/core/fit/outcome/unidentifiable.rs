@@ -1,18 +1,18 @@
 //! Combinations of parameters that the recordings do not determine.
 
 /// Parameters that the recordings do not determine, or not apart from each other.
-#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Unidentifiable {
     /// Their names.
     pub parameters: Vec<String>,
     /// The run they belong to, where that is one.
-    #[serde(skip_serializing_if = "Option::is_none")]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub run: Option<String>,
     /// The combination of two that the recordings determine: their ratio, product, or a product of powers.
-    #[serde(skip_serializing_if = "Option::is_none")]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub seen_combination: Option<String>,
     /// Standard error of that, percent.
-    #[serde(skip_serializing_if = "Option::is_none")]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub standard_error_percent: Option<f64>,
     /// The same in words.
     pub in_words: String,

@@ -170,8 +170,8 @@ impl StepwiseWalk<'_> {
         self.taken.push(StepTaken {
             round,
             parameters: step.which.iter().map(|&j| (problem.parameters[j].name.clone(), values[j])).collect(),
-            feature: step.feature.name(),
-            why: step.why,
+            feature: step.feature.name().to_owned(),
+            why: step.why.to_owned(),
             before_over_noise: over_noise(before),
             after_over_noise: over_noise(after),
             kept,
@@ -298,8 +298,9 @@ pub(crate) fn conclude(
     steps.push(StepTaken {
         round: steps.last().map_or(1, |step| step.round + 1),
         parameters: free.map(|p| (p.name.clone(), p.value)).collect(),
-        feature: Feature::Record.name(),
-        why: "all together: parameters that stand in for each other arrive only together; steps in turn come near",
+        feature: Feature::Record.name().to_owned(),
+        why: "all together: parameters that stand in for each other arrive only together; steps in turn come near"
+            .to_owned(),
         before_over_noise: over_noise(&start)?,
         after_over_noise: over_noise(&fit.values())?,
         kept: true,

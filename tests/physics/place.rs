@@ -3,10 +3,10 @@
 use super::exact::{Ramp, invert};
 use super::{largest_error, relative_rms, rig};
 use nalgebra::Complex;
-use surgescope::model::boundary::Closure;
-use surgescope::model::effects::parse_list;
-use surgescope::model::trace::Probe;
-use surgescope::model::{Conditions, Model, ModelError, Resolution, RunValues, Simulated};
+use surgescope_core::model::boundary::Closure;
+use surgescope_core::model::effects::parse_list;
+use surgescope_core::model::trace::Probe;
+use surgescope_core::model::{Conditions, Model, ModelError, Resolution, RunValues, Simulated};
 
 type C = Complex<f64>;
 const G: f64 = 9.81;

@@ -4,10 +4,10 @@
 use std::collections::BTreeSet;
 
 use super::{orders, relative_rms, rig, water};
-use surgescope::model::boundary::Closure;
-use surgescope::model::effects::{CATALOGUE, parse_list};
-use surgescope::model::trace::Probe;
-use surgescope::model::{Conditions, Model, Resolution, RunValues};
+use surgescope_core::model::boundary::Closure;
+use surgescope_core::model::effects::{CATALOGUE, parse_list};
+use surgescope_core::model::trace::Probe;
+use surgescope_core::model::{Conditions, Model, Resolution, RunValues};
 
 const LENGTH_M: f64 = 100.0;
 const WAVE_SPEED_M_S: f64 = 400.0;
@@ -252,7 +252,7 @@ fn under_refinement_each_effect_converges_at_the_order_of_theory() {
         );
         measured.push((row, order, errors[2]));
     }
-    let page = include_str!("../../../docs/src/measured/orders.md");
+    let page = include_str!("../../docs/src/measured/orders.md");
     let rows: Vec<Vec<&str>> = page
         .lines()
         .filter(|line| line.starts_with("| `"))

@@ -1,11 +1,11 @@
 //! The energy book: it closes for every model, and its accounts are the energies of textbooks.
 
-use surgescope::model::boundary::Closure;
-use surgescope::model::effects::{CATALOGUE, Chosen, Effect, excluded, parse_list};
-use surgescope::model::energy::Energy;
-use surgescope::model::trace::Probe;
-use surgescope::model::{Conditions, Model, Resolution, RunValues, Simulated};
-use surgescope::rig::{Rig, Upstream, WaterProperties};
+use surgescope_core::model::boundary::Closure;
+use surgescope_core::model::effects::{CATALOGUE, Chosen, Effect, excluded, parse_list};
+use surgescope_core::model::energy::Energy;
+use surgescope_core::model::trace::Probe;
+use surgescope_core::model::{Conditions, Model, Resolution, RunValues, Simulated};
+use surgescope_core::rig::{Rig, Upstream, WaterProperties};
 
 use super::{rig, rig_of_two_pipes, water};
 

@@ -3,10 +3,10 @@
 use super::exact::{Exact, Ramp, Shear, bessel_ratio};
 use super::{largest_error, orders, reference, relative_rms, rig};
 use nalgebra::Complex;
-use surgescope::model::boundary::Closure;
-use surgescope::model::effects::parse_list;
-use surgescope::model::trace::Probe;
-use surgescope::model::{Conditions, Model, ModelError, Resolution, RunValues};
+use surgescope_core::model::boundary::Closure;
+use surgescope_core::model::effects::parse_list;
+use surgescope_core::model::trace::Probe;
+use surgescope_core::model::{Conditions, Model, ModelError, Resolution, RunValues};
 
 const CONVOLUTION: &str = "unsteady-friction";
 const BRUNONE: &str = "unsteady-friction/brunone";
@@ -148,7 +148,7 @@ fn the_bessel_ratio_is_right() {
 
 #[test]
 fn the_exact_laminar_solution_meets_its_reference_file() {
-    let file = reference(include_str!("../../reference/B2_zielke_laminar.csv"));
+    let file = reference(include_str!("../reference/B2_zielke_laminar.csv"));
     let (exact, _) = b2(0.1, Ramp::Cycloid(0.009));
     let error = largest_error(&exact.head(37.23, &file[0]), &file[1]);
     assert!(error < 3e-4, "{error}");
@@ -156,7 +156,7 @@ fn the_exact_laminar_solution_meets_its_reference_file() {
 
 #[test]
 fn laminar_friction_converges_to_b2() {
-    let file = reference(include_str!("../../reference/B2_zielke_laminar.csv"));
+    let file = reference(include_str!("../reference/B2_zielke_laminar.csv"));
     let (_, case) = b2(0.1, Ramp::Cycloid(0.009));
     let errors = [64, 128, 256].map(|n| largest_error(&case.head(n, &file[0]), &file[1]));
     println!("B2, largest error in m at 64, 128, 256 reaches: {errors:?}");
@@ -223,7 +223,7 @@ fn refinement_converges_at_the_order_of_theory() {
 #[ignore = "takes 22 s; CI runs it"]
 fn the_first_rise_is_joukowskys_at_every_grid() {
     let joukowsky = 1000.0 * 1.0 / 9.81;
-    let factor = surgescope::rig::darcy_friction_factor(5e5, 0.0);
+    let factor = surgescope_core::rig::darcy_friction_factor(5e5, 0.0);
     let packing = factor * 1000.0 / 0.5 * 1.0 / (2.0 * 9.81);
     // At the coarsest grid's own steps: between them a square front has no height.
     let times = times(500, 0.04);

@@ -2,11 +2,11 @@
 //! 125(8):835-848): what the models make of it, and what they need for that. `docs/src/measured/adelaide.md` says what follows from it;
 //! `cargo test --test it model::adelaide -- --nocapture` prints its numbers.
 
-use surgescope::model::boundary::Closure;
-use surgescope::model::effects::parse_list;
-use surgescope::model::trace::Probe;
-use surgescope::model::{Conditions, Model, Resolution, RunValues};
-use surgescope::rig::Rig;
+use surgescope_core::model::boundary::Closure;
+use surgescope_core::model::effects::parse_list;
+use surgescope_core::model::trace::Probe;
+use surgescope_core::model::{Conditions, Model, Resolution, RunValues};
+use surgescope_core::rig::Rig;
 
 const G: f64 = 9.81;
 const ATMOSPHERE_PA: f64 = 101_325.0;
@@ -26,7 +26,7 @@ const UNSTEADY: &str = "vapour-cavity,unsteady-friction";
 const BRUNONE: &str = "vapour-cavity,unsteady-friction/brunone";
 
 fn rig() -> Rig {
-    Rig::from_toml(include_str!("../../../rigs/adelaide-copper.toml"), "adelaide-copper.toml").unwrap()
+    Rig::from_toml(include_str!("../../rigs/adelaide-copper.toml"), "adelaide-copper.toml").unwrap()
 }
 
 /// Time, s, and absolute pressure at the valve, kPa.
@@ -37,7 +37,7 @@ fn run(rig: &Rig, effects: &str, values: &[f64], velocity: f64, supply_m: f64, r
     let water = rig.fluid.properties(rig.fluid.temperature_degc);
     let pipe = &rig.pipes[0];
     let reynolds = velocity * pipe.inner_diameter_m / water.kinematic_viscosity_m2_s;
-    let factor = pipe.friction_factor.unwrap_or_else(|| surgescope::rig::darcy_friction_factor(reynolds, 0.0));
+    let factor = pipe.friction_factor.unwrap_or_else(|| surgescope_core::rig::darcy_friction_factor(reynolds, 0.0));
     let loss_m = factor * pipe.length_m / pipe.inner_diameter_m * velocity * velocity / (2.0 * G);
     let mut model = Model::new(rig, &water, &parse_list(effects).unwrap());
     model.closure = |closing_time_s| Closure::Linear { closing_time_s };

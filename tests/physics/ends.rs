@@ -3,11 +3,11 @@
 use std::f64::consts::{FRAC_PI_4, PI, TAU};
 
 use super::{rig, water};
-use surgescope::model::boundary::Closure;
-use surgescope::model::effects::parse_list;
-use surgescope::model::trace::{Probe, Trace};
-use surgescope::model::valve_from_head::valve_from_head;
-use surgescope::model::{Conditions, Model, ModelError, Resolution, RunValues};
+use surgescope_core::model::boundary::Closure;
+use surgescope_core::model::effects::parse_list;
+use surgescope_core::model::trace::{Probe, Trace};
+use surgescope_core::model::valve_from_head::valve_from_head;
+use surgescope_core::model::{Conditions, Model, ModelError, Resolution, RunValues};
 
 const LENGTH_M: f64 = 100.0;
 const WAVE_SPEED_M_S: f64 = 400.0;

@@ -1,10 +1,10 @@
 //! Gas, vapour and air against what is known of them: exact periods and cavities, and energy.
 
-use surgescope::model::boundary::Closure;
-use surgescope::model::effects::parse_list;
-use surgescope::model::trace::{Probe, Trace};
-use surgescope::model::{Conditions, Model, ModelError, Resolution, RunValues};
-use surgescope::rig::Rig;
+use surgescope_core::model::boundary::Closure;
+use surgescope_core::model::effects::parse_list;
+use surgescope_core::model::trace::{Probe, Trace};
+use surgescope_core::model::{Conditions, Model, ModelError, Resolution, RunValues};
+use surgescope_core::rig::Rig;
 
 use super::{rig, rig_of_two_pipes, water};
 
@@ -59,7 +59,7 @@ fn usual<'a>(effects: &'a str, shared: &'a [f64]) -> Run<'a> {
 
 #[test]
 fn before_the_valve_moves_nothing_moves() {
-    let rig = Rig::from_toml(include_str!("../../../rigs/adelaide-copper.toml"), "adelaide-copper.toml").unwrap();
+    let rig = Rig::from_toml(include_str!("../../rigs/adelaide-copper.toml"), "adelaide-copper.toml").unwrap();
     for (effects, values) in [
         ("none", &[][..]),
         ("entrained-gas", &[1e-3, 1e-4][..]),

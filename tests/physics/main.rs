@@ -10,11 +10,11 @@ mod place;
 mod unsteady_friction;
 
 use exact::{Exact, Ramp, Shear};
-use surgescope::model::boundary::Closure;
-use surgescope::model::effects::parse_list;
-use surgescope::model::trace::Probe;
-use surgescope::model::{Conditions, Model, Resolution, RunValues};
-use surgescope::rig::{Rig, WaterProperties};
+use surgescope_core::model::boundary::Closure;
+use surgescope_core::model::effects::parse_list;
+use surgescope_core::model::trace::Probe;
+use surgescope_core::model::{Conditions, Model, Resolution, RunValues};
+use surgescope_core::rig::{Rig, WaterProperties};
 
 /// A rig of one uniform pipe, built as a user would: from a file's text.
 pub(crate) fn rig(length_m: f64, diameter_mm: f64, wall_mm: f64, friction: &str) -> Rig {
@@ -133,17 +133,17 @@ pub(crate) fn orders(errors: &[f64]) -> Vec<f64> {
 /// Both ways to the exact solution agree: the reference files were made by another inversion.
 #[test]
 fn the_exact_solution_meets_the_reference_files() {
-    let file = reference(include_str!("../../reference/B1_kv5.csv"));
+    let file = reference(include_str!("../reference/B1_kv5.csv"));
     let problem = b1();
     assert!(largest_error(&problem.head(277.0, &file[0]), &file[1]) < 2e-4);
     assert!(largest_error(&problem.head(138.5, &file[0]), &file[2]) < 2e-4);
-    let file = reference(include_str!("../../reference/B3_seed2kv.csv"));
+    let file = reference(include_str!("../reference/B3_seed2kv.csv"));
     assert!(largest_error(&b3(Ramp::Cycloid(0.04)).head(37.8, &file[0]), &file[1]) < 2e-4);
 }
 
 #[test]
 fn five_kelvin_voigt_elements_converge_to_b1() {
-    let file = reference(include_str!("../../reference/B1_kv5.csv"));
+    let file = reference(include_str!("../reference/B1_kv5.csv"));
     let at = |reaches| {
         let heads = simulate(&b1(), reaches, &[277.0, 138.5], &file[0]);
         [largest_error(&heads[0], &file[1]), largest_error(&heads[1], &file[2])]
@@ -158,7 +158,7 @@ fn five_kelvin_voigt_elements_converge_to_b1() {
 
 #[test]
 fn two_kelvin_voigt_elements_converge_to_b3() {
-    let file = reference(include_str!("../../reference/B3_seed2kv.csv"));
+    let file = reference(include_str!("../reference/B3_seed2kv.csv"));
     let problem = b3(Ramp::Cycloid(0.04));
     let errors = [64, 128, 256].map(|n| largest_error(&simulate(&problem, n, &[37.8], &file[0])[0], &file[1]));
     assert!(errors[1] < 0.02, "{errors:?}");
@@ -355,7 +355,7 @@ fn small_creep_damps_and_stretches_as_perturbation_theory_says() {
 #[test]
 fn a_measured_head_drives_the_line() {
     let mut rig = rig(100.0, 20.0, 2.0, "friction_factor = 0.0");
-    rig.upstream = surgescope::rig::Upstream::Measured;
+    rig.upstream = surgescope_core::rig::Upstream::Measured;
     let water = water(&rig, 998.2);
     let model = Model::new(&rig, &water, &[]);
     let run = RunValues { initial_velocity_m_s: 0.5, valve_head_m: 20.0, closing_time_s: 0.1, friction_scale: 1.0 };
@@ -370,7 +370,7 @@ fn a_measured_head_drives_the_line() {
     assert!((constant.at(1.2) - stepped.at(1.2)).abs() < 1e-9, "it takes L/a to arrive");
     let arrived = stepped.at(1.3) - constant.at(1.3);
     assert!((arrived - 6.0).abs() < 0.1, "and doubles at the shut valve: {arrived}");
-    rig.upstream = surgescope::rig::Upstream::Reservoir;
+    rig.upstream = surgescope_core::rig::Upstream::Reservoir;
     let conditions = Conditions { water, supply_deviation: None };
     let reservoir =
         Model::new(&rig, &water, &[]).simulate(&conditions, &[400.0], &run, resolution, &[Probe::Head(100.0)]).unwrap();
