@@ -192,6 +192,7 @@ fn a_family_that_breaks_the_law_is_flagged_and_a_freer_law_describes_it() {
 
 /// Runs that are no family: exit 2, and a sentence that says what to do.
 #[test]
+#[ignore = "takes 12 s; CI runs it"]
 fn what_is_no_family_is_refused_with_the_reason() {
     let folder = tempfile::tempdir().unwrap();
     let rig = lab_rig("ppr");
