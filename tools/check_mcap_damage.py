@@ -1,9 +1,15 @@
-"""Shows that check_mcap_file.py refuses what is wrong: `check_mcap_file.py --self-test run.mcap …`."""
+"""Shows that check_mcap_file.py refuses what is wrong: it damages a copy of each file in memory in every way it knows.
+
+    venv/bin/python tools/check_mcap_damage.py run.mcap …
+
+Exit code 1 where a damage is overlooked.
+"""
 
 import io
 import random
 import re
 import struct
+import sys
 import zlib
 
 from google.protobuf import descriptor_pb2, wrappers_pb2
@@ -161,3 +167,7 @@ def self_test(paths):
         print(f"self-test: {error}")
         return 1
     return 0
+
+
+if __name__ == "__main__":
+    sys.exit(self_test(sys.argv[1:]) if sys.argv[1:] else __doc__)

@@ -43,6 +43,21 @@ impl Recording {
         }
         Ok(Recording { rig, series, run: self.run })
     }
+
+    /// The same as if these sensors had not been recorded.
+    ///
+    /// # Errors
+    /// A name that no sensor of the rig has.
+    pub fn without(mut self, sensors: &[String]) -> Result<Recording, RigMismatch> {
+        for name in sensors {
+            let Some(place) = self.rig.sensors.iter().position(|s| s.name == *name) else {
+                let known = self.rig.sensors.iter().map(|s| s.name.as_str()).collect::<Vec<_>>().join(", ");
+                return Err(RigMismatch { rig: self.rig.name, sensor: name.clone(), known });
+            };
+            self.series[place] = Series::default();
+        }
+        Ok(self)
+    }
 }
 
 /// The samples of one sensor. Times are seconds on the recording's own clock, strictly increasing.

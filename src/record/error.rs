@@ -19,10 +19,10 @@ pub enum RecordError {
         "no sensor of rig '{rig}' is wired to a device: give its sensors `device` and `channel`, and describe the device in [[device]]"
     )]
     NothingWired { rig: String },
-    #[error("--port names '{name}', but the devices that sensors are wired to are: {known}")]
+    #[error("option `port` names '{name}', but the devices that sensors are wired to are: {known}")]
     UnknownPort { name: String, known: String },
     #[error(
-        "devices '{first}' and '{second}' are both on port {port}, which only Modbus slaves can share: give one of them its own with --port {second}=PATH"
+        "devices '{first}' and '{second}' are both on port {port}, which only Modbus slaves can share: give one of them its own with option `port` {second}=PATH"
     )]
     SamePort { first: String, second: String, port: String },
     #[error(
@@ -36,7 +36,7 @@ pub enum RecordError {
     #[error("no sample arrived, so there is nothing to write")]
     NotBegun,
     #[error(
-        "port {port} of device '{device}' does not exist: is it plugged in? Choose another one with --port {device}=PATH ({known})"
+        "port {port} of device '{device}' does not exist: is it plugged in? Choose another one with option `port` {device}=PATH ({known})"
     )]
     PortMissing { device: String, port: String, known: String },
     #[error(
@@ -65,7 +65,7 @@ pub enum RecordError {
     NoChannel { sensor: String, channel: usize, device: String, channels: usize },
     #[error("{0} has no samples to play")]
     NothingToPlay(String),
-    #[error("{0} does not describe its columns: name the rig with --rig")]
+    #[error("{0} does not describe its columns: name the rig with option `rig`")]
     CsvWithoutRig(String),
     #[error("{recording} cannot be played on rig '{rig}': {reason}")]
     OtherRig { recording: String, rig: String, reason: String },

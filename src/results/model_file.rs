@@ -209,6 +209,25 @@ impl ModelFile {
         self.in_force = self.models.len();
     }
 
+    /// This file's own models behind those that another process has added to it, where it did nothing else: `read` is the file as it was read,
+    /// none where there was none, `there` as it is now.
+    pub fn behind(&self, there: &ModelFile, read: Option<&ModelFile>) -> Option<ModelFile> {
+        let known = read.map_or(0, |file| file.models.len());
+        let unchanged = |models: &[Entry]| models.get(..known) == read.map(|file| &file.models[..]).or(Some(&[]));
+        let same = there.recordings == self.recordings && there.rig == self.rig;
+        if !same || !unchanged(&there.models) || !unchanged(&self.models) || self.models.len() == known {
+            return None;
+        }
+        let later = there.models.len() - known;
+        let moved = |n: usize| if n > known { n + later } else { n };
+        let own = self.models[known..].iter().map(|m| Entry { grown_from: m.grown_from.map(moved), ..m.clone() });
+        Some(ModelFile {
+            in_force: moved(self.in_force),
+            models: there.models.iter().cloned().chain(own).collect(),
+            ..self.clone()
+        })
+    }
+
     /// Puts the model in force that the present one grew out of; false where it is the first.
     pub fn step_back(&mut self) -> bool {
         let Some(parent) = self.current().grown_from else { return false };

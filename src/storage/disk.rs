@@ -2,6 +2,7 @@
 
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use tempfile::NamedTempFile;
 
@@ -30,20 +31,62 @@ pub fn require_folder(path: &Path) -> Result<(), LogError> {
     if folder.is_dir() { Ok(()) } else { Err(LogError::NoFolder(folder)) }
 }
 
-/// A temporary file in the folder of `path`, so that a rename puts it there in one step.
+/// A temporary file in the folder of `path`, so that a rename puts it there in one step. What a killed run for the same `path` has left is
+/// removed first.
 pub fn temporary_beside(path: &Path) -> Result<NamedTempFile, LogError> {
     require_folder(path)?;
+    let prefix = temporary_prefix(path);
+    remove_orphans(&folder(path), &prefix);
     let mut builder = tempfile::Builder::new();
-    builder.prefix(".surgescope-").suffix(".tmp");
+    builder.prefix(&prefix).suffix(TEMPORARY);
     // Temporary files are private by default; a recording gets the permissions of any other file.
     #[cfg(unix)]
     builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
     // the system's reason alone: the name of a temporary file would only puzzle
-    builder.tempfile_in(folder(path)).map_err(|e| LogError::Io {
+    let temporary = builder.tempfile_in(folder(path)).map_err(|e| LogError::Io {
         action: "make a file in",
         path: folder(path),
         source: e.kind().into(),
-    })
+    })?;
+    // Held until it is published or dropped: the sign that it is no orphan. Where a system has no locks, orphans stay.
+    let _ = temporary.as_file().try_lock();
+    Ok(temporary)
+}
+
+/// How the names of temporary files end.
+const TEMPORARY: &str = ".tmp";
+/// An unlocked temporary file may be one that was made a moment ago; none is removed before this age.
+const ORPHAN_AGE: Duration = Duration::from_secs(10);
+
+/// How the names of temporary files for `path` begin: short, however long its own name is.
+fn temporary_prefix(path: &Path) -> String {
+    const CRC: crc::Crc<u32> = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC);
+    let name = path.file_name().unwrap_or_default();
+    format!(".surgescope-{:08x}-", CRC.checksum(name.as_encoded_bytes()))
+}
+
+/// Removes temporary files that no process holds any more.
+fn remove_orphans(folder: &Path, prefix: &str) {
+    let names = fs::read_dir(folder).into_iter().flatten().flatten();
+    for entry in names.filter(|e| {
+        let name = e.file_name();
+        name.to_str().is_some_and(|n| n.starts_with(prefix) && n.ends_with(TEMPORARY))
+    }) {
+        let old = entry.metadata().and_then(|m| m.modified()).ok().and_then(|t| t.elapsed().ok());
+        let orphan = || File::open(entry.path()).is_ok_and(|file| file.try_lock().is_ok());
+        if old.is_some_and(|age| age >= ORPHAN_AGE) && orphan() {
+            let _ = fs::remove_file(entry.path());
+        }
+    }
+}
+
+/// Runs `work` while no other process runs any under the lock of the same folder. A folder cannot be locked everywhere (some network shares,
+/// other systems than Unix); there `work` runs all the same.
+pub fn alone_in_folder<T>(path: &Path, work: impl FnOnce() -> T) -> T {
+    let lock = File::open(folder(path)).ok().filter(|folder| folder.lock().is_ok());
+    let done = work();
+    drop(lock);
+    done
 }
 
 /// Puts a temporary file at `path` unless something stands there.

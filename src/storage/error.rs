@@ -157,7 +157,7 @@ pub enum CsvProblem {
     },
     /// A sensor of the rig has no column.
     #[error(
-        "no column for the {kind} sensor '{sensor}' of rig '{rig}'; the columns are {found}{hint} Rename the column, use the rig file of this test, or leave the sensor out with --without {sensor}"
+        "no column for the {kind} sensor '{sensor}' of rig '{rig}'; the columns are {found}{hint} Rename the column, use the rig file of this test, or leave the sensor out with option `without` {sensor}"
     )]
     MissingColumn {
         /// The sensor.
@@ -189,7 +189,7 @@ pub enum CsvProblem {
     #[error("column '{0}' appears twice in the header: keep one")]
     DuplicateColumn(String),
     /// A sensor to leave out that the rig does not have, or that has a column.
-    #[error("--without {sensor}: {why}")]
+    #[error("option `without` {sensor}: {why}")]
     BadWithout {
         /// The sensor.
         sensor: String,
@@ -253,7 +253,7 @@ pub enum CsvProblem {
     },
     /// A sensor whose column is empty throughout.
     #[error(
-        "column '{column}': the pressure sensor has no sample in the whole file; if it was not recorded, remove the column and add --without {column}"
+        "column '{column}': the pressure sensor has no sample in the whole file; if it was not recorded, remove the column and add option `without` {column}"
     )]
     NoSamples {
         /// The column.
@@ -270,7 +270,9 @@ pub enum CsvProblem {
         cell: String,
     },
     /// A date whose day and month are ambiguous.
-    #[error("'{0}' may be two dates, and no other line shows which: add --date-order dmy or --date-order mdy")]
+    #[error(
+        "'{0}' may be two dates, and no other line shows which: add option `date_order` dmy or option `date_order` mdy"
+    )]
     WhichDay(String),
     /// A cell that is no date-time where the others are.
     #[error("'{0}' is not a time like those of the lines above")]

@@ -2,7 +2,7 @@
 
 use std::error::Error;
 use std::fs::{self, File};
-use std::io::{Read, Write as _};
+use std::io::{BufWriter, Read, Write};
 use std::path::Path;
 
 use crate::storage::disk::{publish_new, publish_over, temporary_beside};
@@ -88,7 +88,7 @@ pub fn check_series(path: &Path, header: &str, overwrite: bool, rig: &Path) -> R
         return Ok(());
     }
     Err(format!(
-        "{name} exists and does not begin with '{header}', as this time series will: choose another name, or replace it with --overwrite"
+        "{name} exists and does not begin with '{header}', as this time series will: choose another name, or replace it with option `overwrite`"
     )
     .into())
 }
@@ -108,7 +108,7 @@ pub fn check_new(path: &Path, overwrite: bool) -> Result<(), AnyError> {
     if overwrite {
         return Ok(());
     }
-    Err(format!("{name} exists: choose another name, or replace it with --overwrite").into())
+    Err(format!("{name} exists: choose another name, or replace it with option `overwrite`").into())
 }
 
 /// Writes a whole file where none stands, or in the place of one with `overwrite`; at once or not at all.
@@ -117,18 +117,12 @@ pub fn check_new(path: &Path, overwrite: bool) -> Result<(), AnyError> {
 /// As [`check_new`]; if it cannot be written.
 pub fn write_new(path: &Path, content: &str, overwrite: bool) -> Result<(), AnyError> {
     check_new(path, overwrite)?;
-    if path.exists() && !path.is_file() {
-        return write(path, content); // a device or a pipe
+    if overwrite || path.exists() {
+        return write(path, content);
     }
-    let failed = |e| LogError::io("write", path, e);
     let mut beside = temporary_beside(path)?;
-    beside.write_all(content.as_bytes()).map_err(failed)?;
-    if overwrite {
-        publish_over(beside, path)?
-    } else {
-        publish_new(beside, path)?
-    }
-    Ok(())
+    beside.write_all(content.as_bytes()).map_err(|e| LogError::io("write", path, e))?;
+    Ok(publish_new(beside, path)?)
 }
 
 /// Do two paths lead to one file? False where one of them leads nowhere.
@@ -184,12 +178,56 @@ fn beginning(path: &Path, bytes: usize) -> Result<Vec<u8>, AnyError> {
     Ok(start)
 }
 
-/// Writes a whole file.
+/// Writes a whole file, in the place of one that may stand there: the old one stays whole until the new one is.
 ///
 /// # Errors
-/// If it cannot be written; the file is named.
+/// If it cannot be written; the file is named. A pipe that nobody reads.
 pub fn write(path: &Path, content: &str) -> Result<(), AnyError> {
-    fs::write(path, content).map_err(|e| format!("cannot write {}: {e}", path.display()).into())
+    write_with(path, |out| out.write_all(content.as_bytes()))
+}
+
+/// As [`write`], with what `content` writes.
+///
+/// # Errors
+/// As [`write`].
+pub fn write_with(path: &Path, content: impl FnOnce(&mut dyn Write) -> std::io::Result<()>) -> Result<(), AnyError> {
+    let failed = |e| LogError::io("write", path, e);
+    let filled = |file: &File| {
+        let mut out = BufWriter::new(file);
+        content(&mut out).and_then(|()| out.flush()).map_err(failed)
+    };
+    if path.exists() && !path.is_file() {
+        require_reader(path)?;
+        return Ok(filled(&File::create(path).map_err(failed)?)?); // a device or a pipe
+    }
+    // Through a link to what it names.
+    let target = path.canonicalize().unwrap_or_else(|_| path.to_owned());
+    let beside = temporary_beside(&target)?;
+    filled(beside.as_file())?;
+    if let Ok(old) = fs::metadata(&target) {
+        beside.as_file().set_permissions(old.permissions()).map_err(failed)?;
+    }
+    Ok(publish_over(beside, &target)?)
+}
+
+/// Refuses a named pipe that no process has open for reading: writing to it would wait for ever.
+fn require_reader(path: &Path) -> Result<(), AnyError> {
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::{FileTypeExt as _, OpenOptionsExt as _};
+        let pipe = path.metadata().is_ok_and(|m| m.file_type().is_fifo());
+        let without_waiting = || fs::OpenOptions::new().write(true).custom_flags(nix::libc::O_NONBLOCK).open(path);
+        if pipe && without_waiting().is_err_and(|e| e.raw_os_error() == Some(nix::libc::ENXIO)) {
+            return Err(format!(
+                "{} is a pipe that nobody reads: name a file, or start its reader first",
+                path.display()
+            )
+            .into());
+        }
+    }
+    #[cfg(not(unix))]
+    let _ = path;
+    Ok(())
 }
 
 /// What to say of a file that is not there.

@@ -9,6 +9,7 @@ use crate::recording::RigMismatch;
 use crate::results::model_file::ModelFileError;
 use crate::rig::RigError;
 use crate::signal::SignalError;
+use crate::signal::faults::{SensorFault, in_words};
 use crate::storage::LogError;
 
 /// Any error of a [`Study`](crate::Study). The cause, where there is one, is its `source()`.
@@ -30,6 +31,8 @@ pub enum Error {
     NoRecording,
     #[error("{file} cannot be used")]
     Unusable { file: String, source: SignalError },
+    #[error("{file}: {}", in_words(faults))]
+    Faulty { file: String, faults: Vec<SensorFault>, source: SignalError },
     #[error("{file} cannot be read with that rig")]
     Mismatch { file: String, source: RigMismatch },
     #[error("{} is given twice: a recording counts once", .0.display())]

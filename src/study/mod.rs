@@ -18,6 +18,7 @@ use crate::model::effects::{Chosen, parse_list};
 use crate::recording::Recording;
 use crate::results::fit_record::FitRecord;
 use crate::rig::Rig;
+use crate::signal::faults::in_words;
 use crate::study::calibrate::{Calibrate, Effects};
 use crate::study::error::{Error, Result};
 use crate::study::hold::options_of;
@@ -89,8 +90,20 @@ impl Study {
     /// # Errors
     /// As [`Study::open`]; a rig file that cannot be read, or that lacks a sensor of the recordings.
     pub fn open_on(rig: Option<&Path>, files: impl IntoIterator<Item = impl AsRef<Path>>) -> Result<Study> {
+        Study::open_without(rig, files, &[])
+    }
+
+    /// The same as if some sensors had not been recorded, such as one that is broken.
+    ///
+    /// # Errors
+    /// As [`Study::open_on`]; a name that no sensor has.
+    pub fn open_without(
+        rig: Option<&Path>,
+        files: impl IntoIterator<Item = impl AsRef<Path>>,
+        ignored: &[String],
+    ) -> Result<Study> {
         let paths: Vec<PathBuf> = files.into_iter().map(|path| path.as_ref().to_owned()).collect();
-        Study::of(load(&paths, rig)?)
+        Study::of(load(&paths, rig, ignored)?)
     }
 
     /// Of recordings at hand, each with its name: simulated, read from elsewhere, or changed.
@@ -136,7 +149,10 @@ impl Study {
 
     /// What in the recordings should make a user look twice, a sentence each, with the file's name.
     pub fn warnings(&self) -> Vec<String> {
-        let of = |l: &Loaded| l.doubts.iter().map(|doubt| format!("{}: {doubt}", l.file)).collect::<Vec<_>>();
+        let of = |l: &Loaded| {
+            let faults = (!l.faults.is_empty()).then(|| in_words(&l.faults));
+            l.doubts.iter().chain(&faults).map(|doubt| format!("{}: {doubt}", l.file)).collect::<Vec<_>>()
+        };
         self.recordings.iter().flat_map(of).collect()
     }
 

@@ -8,7 +8,7 @@ use crate::fit::search::options::Options;
 use crate::results::fit_record::now;
 use crate::results::model_file::ModelFile;
 use crate::storage::LogError;
-use crate::storage::disk::{publish_over, require_folder, temporary_beside};
+use crate::storage::disk::{alone_in_folder, publish_over, require_folder, temporary_beside};
 use crate::storage::output;
 use crate::study::Study;
 use crate::study::error::{Error, Result};
@@ -72,13 +72,18 @@ pub fn load(path: &Path) -> Result<ModelFile> {
     Ok(file)
 }
 
-/// Writes a file of models whole or not at all.
+/// Writes a file of models whole or not at all, one process at a time. Models that another process has added since the file was read stay in
+/// it; those of `file` follow them.
 ///
 /// # Errors
-/// If it cannot be written, may not be, or has changed since it was read; what was there is then as it was.
+/// If it cannot be written, may not be, or has been changed otherwise since it was read; what was there is then as it was.
 pub fn save(file: &mut ModelFile, path: &Path) -> Result<()> {
     // Through a link to what it names.
     let path = &path.canonicalize().unwrap_or_else(|_| path.to_owned());
+    alone_in_folder(path, || save_alone(file, path))
+}
+
+fn save_alone(file: &mut ModelFile, path: &Path) -> Result<()> {
     let failed = |e: std::io::Error| LogError::io("write the models to", path, e);
     let present = match std::fs::read_to_string(path) {
         Ok(text) => Some(text),
@@ -86,7 +91,9 @@ pub fn save(file: &mut ModelFile, path: &Path) -> Result<()> {
         Err(e) => return Err(failed(e).into()),
     };
     if present != file.as_read {
-        return Err(Error::Changed(path.to_owned()));
+        let parsed = |text: &Option<String>| text.as_deref().and_then(|text| ModelFile::parse(text, path).ok());
+        let joined = parsed(&present).and_then(|there| file.behind(&there, parsed(&file.as_read).as_ref()));
+        *file = joined.ok_or_else(|| Error::Changed(path.to_owned()))?;
     }
     require_writable(path)?;
     let text = file.text().map_err(|e| Error::Unwritable { file: path.to_owned(), why: e.to_string() })?;
@@ -146,5 +153,62 @@ fn relative(path: &Path, folder: &Path) -> PathBuf {
     match (path.canonicalize(), folder.canonicalize()) {
         (Ok(path), Ok(folder)) => path.strip_prefix(&folder).map(Path::to_owned).unwrap_or(path),
         _ => path.to_owned(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Eight writers that have all read the same file: each model that one saved is in it at the end, and each grew out of what its writer read.
+    #[test]
+    fn no_model_is_lost_among_eight_writers() {
+        const WRITERS: usize = 8;
+        const SAVES: usize = 25;
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("grown.model.toml");
+        let kept = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures/results/grown.model.toml");
+        std::fs::copy(kept, &path).unwrap();
+        let first = load(&path).unwrap();
+        let write = |writer: usize| {
+            for save_number in 0..SAVES {
+                let mut file = load(&path).unwrap();
+                let mut model = file.current().clone();
+                model.name = format!("{writer} {save_number}");
+                model.grown_from = Some(file.in_force);
+                // A file of a thousand models would only be slow to read.
+                model.parameters.clear();
+                model.correlation.clear();
+                file.models.push(model);
+                file.in_force = file.models.len();
+                save(&mut file, &path).unwrap();
+            }
+        };
+        let write = &write;
+        std::thread::scope(|scope| (0..WRITERS).for_each(|writer| drop(scope.spawn(move || write(writer)))));
+        let file = load(&path).unwrap();
+        assert_eq!(file.models.len(), first.models.len() + WRITERS * SAVES);
+        assert_eq!(file.models[..first.models.len()], first.models);
+        let mut names: Vec<&str> = file.models[first.models.len()..].iter().map(|m| m.name.as_str()).collect();
+        names.sort_unstable();
+        names.dedup();
+        assert_eq!(names.len(), WRITERS * SAVES);
+    }
+
+    #[test]
+    fn what_a_person_changed_meanwhile_is_not_written_over() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("grown.model.toml");
+        let kept = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures/results/grown.model.toml");
+        std::fs::copy(kept, &path).unwrap();
+        let mut file = load(&path).unwrap();
+        let edited = std::fs::read_to_string(&path).unwrap().replacen("in_force = 2", "in_force = 1", 1);
+        let other = edited.replacen("name = \"base model\"", "name = \"mine\"", 1);
+        assert_ne!(other, edited);
+        std::fs::write(&path, &other).unwrap();
+        let model = file.current().clone();
+        file.models.push(model);
+        assert!(matches!(save(&mut file, &path), Err(Error::Changed(_))));
+        assert_eq!(std::fs::read_to_string(&path).unwrap(), other);
     }
 }

@@ -7,6 +7,7 @@ use crate::fit::data::run_data::RunData;
 use crate::recording::Recording;
 use crate::rig::Rig;
 use crate::signal::doubts::doubts;
+use crate::signal::faults::{SensorFault, sensor_faults, unit_by_flow};
 use crate::signal::{Features, inspect};
 use crate::storage::output::{same_content, same_file};
 use crate::study::error::{Error, Result};
@@ -21,6 +22,8 @@ pub struct Loaded {
     pub features: Features,
     /// What of that should make a user look twice, one sentence each.
     pub doubts: Vec<String>,
+    /// Sensors whose records no physics explains.
+    pub faults: Vec<SensorFault>,
 }
 
 impl Loaded {
@@ -29,9 +32,19 @@ impl Loaded {
     /// # Errors
     /// No pressure, or no closure.
     pub fn new(file: String, recording: Recording) -> Result<Loaded> {
-        let features = inspect(&recording).map_err(|source| Error::Unusable { file: file.clone(), source })?;
+        let mut faults = sensor_faults(&recording);
+        let features = match inspect(&recording) {
+            Ok(features) => features,
+            Err(source) if faults.iter().any(SensorFault::forbids_a_fit) => {
+                return Err(Error::Faulty { file, faults, source });
+            }
+            Err(source) => return Err(Error::Unusable { file, source }),
+        };
+        if faults.is_empty() {
+            faults = unit_by_flow(&recording.rig, &features);
+        }
         let doubts = doubts(&recording.rig, &features);
-        Ok(Loaded { file, recording, features, doubts })
+        Ok(Loaded { file, recording, features, doubts, faults })
     }
 
     /// What a fit takes.
@@ -40,11 +53,11 @@ impl Loaded {
     }
 }
 
-/// Reads recordings, all of one rig: that of `rig`, or the one stored in the first of them.
+/// Reads recordings, all of one rig: that of `rig`, or the one stored in the first of them; `ignored` sensors are left out.
 ///
 /// # Errors
 /// Any that cannot be read or shows no closure (the file is named), one given twice, or recordings of different rigs.
-pub fn load(paths: &[PathBuf], rig: Option<&Path>) -> Result<Vec<Loaded>> {
+pub fn load(paths: &[PathBuf], rig: Option<&Path>, ignored: &[String]) -> Result<Vec<Loaded>> {
     let given = rig.map(Rig::load).transpose()?;
     let mut loaded: Vec<Loaded> = Vec::new();
     for (i, path) in paths.iter().enumerate() {
@@ -66,6 +79,7 @@ pub fn load(paths: &[PathBuf], rig: Option<&Path>) -> Result<Vec<Loaded>> {
         } else if let Some(first) = loaded.first() {
             one_rig((&first.file, &first.recording.rig), (&shown, &recording.rig))?;
         }
+        recording = recording.without(ignored).map_err(|source| Error::Mismatch { file: shown.clone(), source })?;
         let mut one = Loaded::new(shown, recording)?;
         one.file = file_name(path, paths);
         loaded.push(one);

@@ -68,7 +68,7 @@ fn origin(study: &Study, asked: &Question, file: &ModelFile) -> Result<Vec<Strin
         .map(|r| format!("{} is one of the recordings that the model was fitted to", r.display()))
         .collect();
     let own_rig = file.rig.as_ref().map(|r| folder.join(r));
-    let first = sources.first().and_then(|s| load(std::slice::from_ref(s), own_rig.as_deref()).ok());
+    let first = sources.first().and_then(|s| load(std::slice::from_ref(s), own_rig.as_deref(), &[]).ok());
     let Some(first) = first.as_ref().and_then(|loaded| loaded.first()) else {
         warnings.push(format!(
             "the recordings that {} was fitted to cannot be read, so their rig cannot be compared with this one",

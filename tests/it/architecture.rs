@@ -328,3 +328,29 @@ fn the_test_reads_rust() {
     let tests = "fn a() {}\n#[cfg(test)]\nmod tests { fn b() { {} } }\nfn c() {}";
     assert_eq!(without_tests(tests).split_whitespace().collect::<String>(), "fna(){}fnc(){}");
 }
+
+/// The library names settings (option `budget`); the command line alone knows their flags (`console/print.rs`). Whole commands may be named,
+/// in backticks, where a file is written for people at a terminal.
+#[test]
+fn only_the_command_line_knows_its_flags() {
+    let flag = |line: &str| {
+        let code = line.split(" // ").next().unwrap_or(line);
+        code.match_indices("--").any(|(at, _)| {
+            let (before, after) = (&code[..at], &code[at + 2..]);
+            after.starts_with(|c: char| c.is_ascii_lowercase()) && !before.ends_with(['-', '!', '<', '('])
+        })
+    };
+    let mut found = Vec::new();
+    for (module, file) in house() {
+        if module[0] == "cli" || module[..2.min(module.len())] == ["report", "html"] {
+            continue;
+        }
+        for line in without_tests(&fs::read_to_string(&file.path).unwrap()).lines() {
+            let command = line.trim_start().starts_with("//") || line.contains("`surgescope ");
+            if !command && flag(line) {
+                found.push(format!("{}: {}", file.path.display(), line.trim()));
+            }
+        }
+    }
+    assert!(found.is_empty(), "flags are named outside of src/cli:\n{}", found.join("\n"));
+}

@@ -17,6 +17,7 @@ mod lines;
 mod modbus;
 mod mutate;
 mod poller;
+mod slave;
 mod targets;
 mod wire;
 

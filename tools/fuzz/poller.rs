@@ -9,7 +9,7 @@ use surgescope::record::devices::poll::{Line, Outcome, Poller};
 use surgescope::record::wire::modbus::Request;
 use surgescope::record::wire::registers::Group;
 
-use super::modbus::{function, honest, refusal, registers, sealed, word};
+use super::slave::{function, honest, refusal, registers, sealed, word};
 use super::wire::recipe;
 
 /// Short, so that requests time out here in earnest; a wait in the recipe is one such time.

@@ -12,7 +12,15 @@ use crate::study::error::Error;
 /// # Errors
 /// As [`Study::open_on`].
 pub fn open(paths: &[PathBuf], rig: Option<&Path>) -> Result<Study, AnyError> {
-    let study = Study::open_on(rig, paths).map_err(|error| match error {
+    open_without(paths, rig, &[])
+}
+
+/// The same without some sensors.
+///
+/// # Errors
+/// As [`Study::open_without`].
+pub fn open_without(paths: &[PathBuf], rig: Option<&Path>, ignored: &[String]) -> Result<Study, AnyError> {
+    let study = Study::open_without(rig, paths, ignored).map_err(|error| match error {
         Error::SeveralRigs { .. } => format!("{error} with --rig").into(),
         other => AnyError::from(other),
     })?;

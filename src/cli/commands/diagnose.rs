@@ -2,6 +2,8 @@
 
 use std::path::PathBuf;
 
+use serde_json::json;
+
 use crate::cli::args::hold;
 use crate::cli::args::recordings;
 use crate::cli::console::outcome::{CommandResult, Outcome};
@@ -18,8 +20,11 @@ use crate::report::Page;
 use crate::report::diagnosis::text as diagnosis;
 use crate::report::{Stage, title};
 use crate::results::fit_record::now;
+use crate::signal::faults::{SensorFault, in_words};
 use crate::storage::output;
+use crate::study::error::Error;
 use crate::study::models;
+use crate::study::open::Loaded;
 
 /// Most effects that are added one after the other.
 const MOST_ADDED: usize = 8;
@@ -45,6 +50,9 @@ pub struct Args {
     hold: Vec<(String, f64)>,
     #[command(flatten)]
     creep: crate::cli::args::creep_prior::CreepPrior,
+    /// Leave out these sensors, as if they had not been recorded.
+    #[arg(long, value_name = "SENSOR,…", value_delimiter = ',')]
+    ignore: Vec<String>,
     /// Read the recordings with this rig instead of the stored one.
     #[arg(long, value_name = "RIG")]
     rig: Option<PathBuf>,
@@ -55,6 +63,23 @@ pub struct Args {
     #[arg(long, value_name = "REACHES", default_value_t = Options::default().most_reaches, value_parser = crate::cli::args::values::reaches,
           allow_negative_numbers = true)]
     most_reaches: usize,
+}
+
+/// The answer where a sensor is at fault: before any physics, for an effect would only stand in for the fault.
+fn faulty(file: &str, faults: &[SensorFault], effects: &[Chosen], json: bool) -> CommandResult {
+    let what = in_words(faults);
+    if json {
+        say!(
+            "{}",
+            json!({
+                "verdict": "unknown-effect", "sensor_faults": faults, "candidates": [], "next_test": what,
+                "start": { "effects": effects.iter().map(Chosen::label).collect::<Vec<_>>(), "rmse_m": null, "noise_m": null },
+            })
+        );
+    } else {
+        say!("No diagnosis of {file}: {what}.");
+    }
+    Ok(Outcome::No)
 }
 
 /// Runs it.
@@ -72,7 +97,19 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     let mut file =
         args.apply.as_ref().map(|path| models::about(path, &args.recordings, args.rig.as_deref())).transpose()?;
     let rig_file = models::rig_of(args.rig.as_deref(), args.apply.as_deref().zip(file.as_ref()));
-    let mut study = recordings::open(&args.recordings, rig_file.as_deref())?;
+    let mut study = match recordings::open_without(&args.recordings, rig_file.as_deref(), &args.ignore) {
+        Ok(study) => study,
+        Err(error) => {
+            if let Some(Error::Faulty { file, faults, .. }) = error.downcast_ref::<Error>() {
+                return faulty(file, faults, args.effects.as_deref().unwrap_or_default(), json);
+            }
+            return Err(error);
+        }
+    };
+    let broken = |l: &&Loaded| l.faults.iter().any(SensorFault::forbids_a_fit);
+    if let Some(loaded) = study.recordings().iter().find(broken) {
+        return faulty(&loaded.file, &loaded.faults, args.effects.as_deref().unwrap_or_default(), json);
+    }
     let mut options = Options { most_reaches: args.most_reaches, ..Options::default() };
     let mut effects = args.effects.clone().unwrap_or_default();
     if let Some(file) = file.as_ref().filter(|f| !f.models.is_empty()) {

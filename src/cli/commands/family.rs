@@ -177,7 +177,7 @@ fn loaded(args: &Args) -> Result<Vec<Loaded>, Box<dyn std::error::Error + Send +
         if let Some(twin) = twin {
             return Err(format!("{} and {} are one recording: it counts once", twin.display(), path.display()).into());
         }
-        let mut one = load(std::slice::from_ref(path), args.rig.as_deref())?.remove(0);
+        let mut one = load(std::slice::from_ref(path), args.rig.as_deref(), &[])?.remove(0);
         one.doubts.iter().for_each(|doubt| tell!("warning: {}: {doubt}", one.file));
         if all.iter().any(|l| l.file == one.file) {
             one.file = path.display().to_string();

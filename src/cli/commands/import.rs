@@ -12,6 +12,7 @@ use crate::cli::console::outcome::{CommandResult, Outcome};
 use crate::cli::console::print::{say, tell};
 use crate::recording::Recording;
 use crate::rig::Rig;
+use crate::signal::faults::{in_words, sensor_faults};
 use crate::storage::import::{Imported, Repair, import_file, require_sensors, unit_warnings};
 use crate::storage::{ImportOptions, Summary, write};
 
@@ -91,12 +92,16 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     }
     left_out.iter().for_each(|text| tell!("{text}"));
     warnings.iter().for_each(|w| tell!("warning: {}", w.text));
+    let faults = sensor_faults(&recording);
+    if !faults.is_empty() {
+        tell!("warning: {}", in_words(&faults));
+    }
     let summary = Summary::of(&recording);
     if json {
         let sources: Vec<&PathBuf> = args.files.iter().collect();
         let head = json!({
             "file": args.output, "source": args.files[0], "sources": sources, "mended": reports, "warnings": warnings,
-            "alignment": if alone { None } else { Some(&clocks) }, "left_out": left_out,
+            "alignment": if alone { None } else { Some(&clocks) }, "left_out": left_out, "sensor_faults": faults,
         });
         say!("{}", document(head, &summary)?);
     } else {

@@ -9,7 +9,9 @@ use crate::cli::console::print::{say, say_text};
 use crate::report::inspection::json::document;
 use crate::report::inspection::text::table;
 use crate::rig::Rig;
+use crate::signal::faults::{in_words, sensor_faults, unit_by_flow};
 use crate::signal::inspect;
+use crate::study::error::Error;
 
 /// Show what a recording contains: heads, period, wave speed, closure, noise.
 ///
@@ -18,12 +20,15 @@ use crate::signal::inspect;
 /// `crossings` {`value`, `standard_error`, `low`, `high`, `slow_closure`}, `arrival`}, `reference_sensor` and `sensors` [{`name`,
 /// `position_m`, `samples`, `gaps`, `interval_s`, `noise` {`white_sd_m`, `total_sd_m`, `coloured`, `lag1_autocorrelation`,
 /// `effective_fraction`, `quantum_m`}, `steady_before_m`, `steady_after_m`, `front_arrival_s`, `first_peak`, `extrema`
-/// [{`cycle`, `peak`, `time_s`, `head_m`}], `damping_per_cycle`}], `doubts` (sentences on contradictions), `notes` [{`key`, `value`}]. Values with an uncertainty
+/// [{`cycle`, `peak`, `time_s`, `head_m`}], `damping_per_cycle`}], `doubts` (sentences on contradictions), `sensor_faults` [{`sensor`, `fault`, `says`}], `notes` [{`key`, `value`}]. Values with an uncertainty
 /// are {`value`, `standard_error`}; values that the recording does not show are null.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// The recording.
     recording: PathBuf,
+    /// Leave out these sensors, as if they had not been recorded.
+    #[arg(long, value_name = "SENSOR,…", value_delimiter = ',')]
+    ignore: Vec<String>,
     /// Read the recording with this rig instead of the stored one; sensors are matched by name.
     #[arg(long, value_name = "RIG")]
     rig: Option<PathBuf>,
@@ -38,13 +43,30 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     if let Some(rig) = &args.rig {
         recording = recording.on_rig(Rig::load(rig)?)?;
     }
-    let features = inspect(&recording)?;
+    let recording = recording.without(&args.ignore)?;
+    let mut faults = sensor_faults(&recording);
+    let features = match inspect(&recording) {
+        Err(error) if !faults.is_empty() => {
+            if json {
+                say!("{:#}", json!({ "file": args.recording, "sensor_faults": faults, "error": error.to_string() }));
+            }
+            return Err(Box::new(Error::Faulty { file: args.recording.display().to_string(), faults, source: error }));
+        }
+        other => other?,
+    };
+    if faults.is_empty() {
+        faults = unit_by_flow(&recording.rig, &features);
+    }
     if json {
         let mut document = document(&recording, &features);
         document["file"] = json!(args.recording);
+        document["sensor_faults"] = json!(faults);
         say!("{document:#}");
     } else {
         say_text!(table(&recording, &features));
+        if !faults.is_empty() {
+            say!("\nwarning: {}", in_words(&faults));
+        }
     }
     Ok(Outcome::Done)
 }

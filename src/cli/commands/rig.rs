@@ -12,6 +12,7 @@ use crate::recording::Recording;
 use crate::rig::check::{Finding, Level, check};
 use crate::rig::{Rig, SteadyState};
 use crate::signal::check::check_recording;
+use crate::signal::faults::{SensorFault, sensor_faults};
 use crate::storage as log;
 
 /// Check a rig file, alone or against a recording.
@@ -58,13 +59,21 @@ pub fn run(args: Args, json: bool) -> CommandResult {
             wave_speed_m_s: None,
         });
     }
+    let mut faults = Vec::new();
     let mut findings = check(&rig);
     if let Some(path) = &args.recording {
-        findings.extend(check_recording(&rig, &read(path, &rig)?));
+        let recording = read(path, &rig)?;
+        findings.extend(check_recording(&rig, &recording));
+        // What does not fit this rig is a finding of the check above.
+        faults = recording.on_rig(rig.clone()).map(|r| sensor_faults(&r)).unwrap_or_default();
+        findings.extend(faults.iter().map(|f| {
+            let level = if f.forbids_a_fit() { Level::Contradiction } else { Level::Warning };
+            Finding::new(level, format!("sensor '{}' is {}", f.sensor, f.fault.words()), f.says.clone(), &[])
+        }));
     }
     let worst = findings.iter().map(|f| f.level).max().unwrap_or(Level::Fine);
     if json {
-        say!("{}", document(&args.rig, args.recording.as_deref(), worst, &findings));
+        say!("{}", document(&args.rig, args.recording.as_deref(), worst, &findings, &faults));
     } else {
         say_text!(table(&findings));
     }
@@ -76,7 +85,7 @@ fn read(path: &Path, rig: &Rig) -> Result<Recording, log::LogError> {
     if csv { log::import_csv(path, rig) } else { log::read(path) }
 }
 
-fn document(rig: &Path, recording: Option<&Path>, worst: Level, findings: &[Finding]) -> Value {
+fn document(rig: &Path, recording: Option<&Path>, worst: Level, findings: &[Finding], faults: &[SensorFault]) -> Value {
     let finding = |f: &Finding| {
         let numbers: Map<String, Value> = f.numbers.iter().map(|(name, v)| ((*name).to_owned(), json!(v))).collect();
         json!({ "level": f.level.word(), "subject": f.subject, "message": f.message, "numbers": numbers })
@@ -85,6 +94,7 @@ fn document(rig: &Path, recording: Option<&Path>, worst: Level, findings: &[Find
         "rig": rig.display().to_string(),
         "recording": recording.map(|p| p.display().to_string()),
         "verdict": worst.word(),
+        "sensor_faults": faults,
         "findings": findings.iter().map(finding).collect::<Vec<_>>(),
     })
 }

@@ -1,6 +1,5 @@
 //! `surgescope simulate`: the model alone, no recording needed.
 
-use std::fs::File;
 use std::io::{BufWriter, Write, stdout};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -102,11 +101,7 @@ pub fn run(mut args: Args, json: bool) -> CommandResult {
     }
     warn_of_cavities(&scenario, &traces);
     match &args.output {
-        Some(path) => {
-            let file = File::create(path).map_err(|e| format!("cannot write {}: {e}", path.display()))?;
-            write_csv(&scenario, &traces, step_s, duration_s, BufWriter::new(file))
-                .map_err(|e| format!("writing {}: {e}", path.display()))?;
-        }
+        Some(path) => output::write_with(path, |out| write_csv(&scenario, &traces, step_s, duration_s, out))?,
         None if json => {}
         None => match write_csv(&scenario, &traces, step_s, duration_s, BufWriter::new(stdout().lock())) {
             Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => {}
@@ -116,7 +111,7 @@ pub fn run(mut args: Args, json: bool) -> CommandResult {
     let kept = args.energy.as_deref().zip(book.as_ref());
     if let Some((path, book)) = kept {
         output::check_series(path, &format!("time_s,{}", book.columns().join(",")), args.overwrite, &rig)?;
-        energy::write_csv(book, path, times(step_s, duration_s))?;
+        output::write_with(path, |out| energy::write_csv(book, out, times(step_s, duration_s)))?;
         tell!("{}", energy::sentence(book, duration_s));
     }
     if json {

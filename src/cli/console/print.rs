@@ -1,5 +1,6 @@
 //! Lines for standard output and standard error.
 
+use std::borrow::Cow;
 use std::io::Write as _;
 
 /// A line on standard output. Where nobody reads it any more (`| head`) that is no error: `println!` would panic.
@@ -19,10 +20,29 @@ macro_rules! tell {
 }
 pub(crate) use {say, say_text, tell};
 
+/// The text with the options that the library names (option `date_order`) as flags of the command line (`--date-order`): the library knows
+/// settings, and only the command line knows how they are written.
+fn with_flags(text: &str) -> Cow<'_, str> {
+    const NAMED: &str = "option `";
+    if !text.contains(NAMED) {
+        return Cow::Borrowed(text);
+    }
+    let mut out = String::with_capacity(text.len());
+    let mut rest = text;
+    while let Some((before, after)) = rest.split_once(NAMED) {
+        let flag = after.split_once('`').filter(|(n, _)| n.chars().all(|c| c.is_ascii_alphabetic() || c == '_'));
+        let (flag, after) =
+            flag.map_or((NAMED.to_owned(), after), |(name, after)| (format!("--{}", name.replace('_', "-")), after));
+        out.extend([before, &flag]);
+        rest = after;
+    }
+    Cow::Owned(out + rest)
+}
+
 /// Writes to standard output; a closed pipe is not an error, nor is a terminal that has hung up.
 pub(crate) fn write_out(text: std::fmt::Arguments) -> std::io::Result<()> {
     let mut out = std::io::stdout().lock();
-    match out.write_fmt(text).and_then(|()| out.flush()) {
+    match out.write_all(with_flags(&text.to_string()).as_bytes()).and_then(|()| out.flush()) {
         Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => Ok(()),
         #[cfg(unix)]
         Err(error) if error.raw_os_error() == Some(nix::errno::Errno::EIO as i32) => Ok(()),
@@ -33,5 +53,16 @@ pub(crate) fn write_out(text: std::fmt::Arguments) -> std::io::Result<()> {
 /// Writes a line to standard error, whatever has become of it.
 pub(crate) fn write_err(line: std::fmt::Arguments) {
     // in one piece, so that lines of two threads do not mix
-    let _ = std::io::stderr().lock().write_all(format!("{line}\n").as_bytes());
+    let _ = std::io::stderr().lock().write_all(with_flags(&format!("{line}\n")).as_bytes());
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn options_of_the_library_are_flags_on_the_command_line() {
+        let said = "an option `x y` is none; add option `date_order` dmy or option `map` 'A=P1'";
+        assert_eq!(with_flags(said), "an option `x y` is none; add --date-order dmy or --map 'A=P1'");
+    }
 }

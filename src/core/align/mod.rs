@@ -122,7 +122,7 @@ fn contradict(clock: &mut Clock, first: &Part, other: &Part) {
         let verdict = if contradicts { "which contradicts it" } else { "which agrees" };
         if contradicts {
             clock.warnings.push(format!(
-                "by {method} it would be {} later than by {}; --align {method} uses that instead",
+                "by {method} it would be {} later than by {}; option `align` {method} uses that instead",
                 short(difference),
                 clock.method
             ));
@@ -144,10 +144,10 @@ fn check_overlap(clock: &mut Clock, first: &Part, other: &Part, asked_for: bool)
         return Ok(());
     }
     let apart = format!("by their times the two recordings do not overlap but lie {} apart", short(apart_s));
-    let remedy = "does one of them lack its time zone (--zone +01:00, or in its times)";
+    let remedy = "does one of them lack its time zone (option `zone` +01:00, or in its times)";
     if !asked_for && crate::align::front::by_front(first, other).is_ok() {
         let why = format!(
-            "{apart}, and both show the front: {remedy}? --align front uses the front instead, --align time uses these times anyway"
+            "{apart}, and both show the front: {remedy}? option `align` front uses the front instead, option `align` time uses these times anyway"
         );
         let (file, first) = (other.file.clone(), first.file.clone());
         return Err(AlignError::Method { file, first, method: Method::Time, why });
@@ -175,8 +175,7 @@ fn by_trigger(first: &Part, other: &Part) -> Result<Clock, String> {
     let edges = |part: &Part| {
         let mut known = triggers(part).peekable();
         if known.peek().is_none() {
-            let hint =
-                "the rig needs a sensor of kind = \"trigger\", and every file a column of it (--map NAME=SENSOR)";
+            let hint = "the rig needs a sensor of kind = \"trigger\", and every file a column of it (option `map` NAME=SENSOR)";
             return Err(format!("{} has no trigger: {hint}", part.file));
         }
         known
@@ -189,7 +188,7 @@ fn by_trigger(first: &Part, other: &Part) -> Result<Clock, String> {
     let found = crate::align::trigger::matched(&a, &b, expected).map_err(|no| match no {
         crate::align::trigger::NoMatch::NoEdge => "no edge of one matches an edge of the other".to_string(),
         crate::align::trigger::NoMatch::Ambiguous => format!(
-            "{} edges against {} match in several ways; give both files their absolute start, or use --align front",
+            "{} edges against {} match in several ways; give both files their absolute start, or use option `align` front",
             a.len(),
             b.len()
         ),
@@ -219,7 +218,7 @@ fn by_trigger(first: &Part, other: &Part) -> Result<Clock, String> {
 fn by_time(first: &Part, other: &Part) -> Result<Clock, String> {
     let start = |part: &Part| match part.recording.run.start_unix_ns {
         0 => Err(format!(
-            "{} does not say when its time 0 was: give date-times, a comment '# start: 2026-03-14T09:26:53.5Z', or --start",
+            "{} does not say when its time 0 was: give date-times, a comment '# start: 2026-03-14T09:26:53.5Z', or option `start`",
             part.file
         )),
         ns => Ok((ns, part.start_digit_s.unwrap_or_else(|| last_digit_s(ns)))),

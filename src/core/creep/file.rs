@@ -131,7 +131,7 @@ impl CreepFile {
         let body = toml::to_string(self)?;
         Ok(format!(
             "{HEADING}: J(t) = J0 + sum of J_k (1 - exp(-t/tau_k)), times in s, compliances in 1/GPa;\n# J0 includes what is faster than \
-             the first reading, seen_s[0]; at another temperature tau is tau_s times its shift factor. calibrate --creep and diagnose --creep take it as what is known of the wall.\n\n{body}"
+             the first reading, seen_s[0]; at another temperature tau is tau_s times its shift factor. `surgescope calibrate --creep` and `surgescope diagnose --creep` take it as what is known of the wall.\n\n{body}"
         ))
     }
 

@@ -112,7 +112,7 @@ impl Columns {
             (Some(compliance), None) => compliance,
             (None, Some((column, unit, name))) => match stress_pa {
                 Some(stress_pa) => (column, unit / stress_pa, name),
-                None => return Err(format!("the column {name} needs the constant stress: say --stress-MPa S")),
+                None => return Err(format!("the column {name} needs the constant stress: say option `stress_MPa` S")),
             },
             (None, None) => {
                 return Err(format!(
@@ -196,7 +196,7 @@ mod tests {
             (BODY.to_owned(), Some(1), "the header line is missing"),
             (format!("time_s,J\n{BODY}"), Some(1), "no column of compliance (compliance_per_GPa"),
             (format!("time_s,time_s\n{BODY}"), Some(1), "two columns of times, time_s and time_s"),
-            (format!("time_s,strain\n{BODY}"), Some(1), "say --stress-MPa"),
+            (format!("time_s,strain\n{BODY}"), Some(1), "say option `stress_MPa`"),
             (
                 "time_s,strain,compliance_per_Pa\n1,1,1\n".to_owned(),
                 Some(1),

@@ -72,7 +72,7 @@ fn unlike(fit: &CreepFit) -> Option<String> {
     (fit.tests.len() > 1 && fit.shifts.is_empty() && ratio(worst) > CONTRADICTING_NOISE).then(|| {
         format!(
             "these tests are fitted as tests at one temperature and contradict each other: {} is left at {:.1} times its noise; where they were made \
-             at several temperatures say --temperature-degC T1,T2,…, one a file",
+             at several temperatures say option `temperature_degC` T1,T2,…, one a file",
             worst.test.file,
             ratio(worst)
         )

@@ -24,7 +24,7 @@ pub fn warnings(rig: &Rig, runs: &[RunData], start: &Fit, effects: &[Chosen], op
     for chosen in effects {
         if let Some(why) = chosen.effect.impossible(rig) {
             warnings.push(format!(
-                "{} is in the start model, but {why}: whatever it absorbs belongs to another effect; leave it out of --effects",
+                "{} is in the start model, but {why}: whatever it absorbs belongs to another effect; leave it out of option `effects`",
                 chosen.effect.name()
             ));
         }

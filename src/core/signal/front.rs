@@ -159,7 +159,8 @@ pub(crate) fn find(trace: &Trace, white_sd_m: f64) -> Result<Front, NoFront> {
     let end = ((onset - 0.2 * rise - 2.0).max(0.0)) as usize;
     let quiet = trace.unbroken_from(end)..end;
     let lead = &head[quiet.clone()];
-    let spread = (lead.iter().map(|h| (h - mean(lead)).powi(2)).sum::<f64>() / lead.len().max(1) as f64).sqrt();
+    let level = mean(lead);
+    let spread = (lead.iter().map(|h| (h - level).powi(2)).sum::<f64>() / lead.len().max(1) as f64).sqrt();
     let worth = if lead.len() >= 30 { height > 5.0 * spread } else { height > 8.0 * white_sd_m };
     if !worth {
         return Err(NoFront::Quiet);

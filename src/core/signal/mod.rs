@@ -16,6 +16,7 @@
 //! | `inspect` | all of it |
 //! | [`check`] | does a recording agree with its rig |
 //! | [`doubts`](mod@doubts) | numbers that cannot all be right, before a fit |
+//! | [`faults`] | sensors that do not follow, or in another unit |
 
 pub(crate) mod between;
 pub mod check;
@@ -23,6 +24,7 @@ pub(crate) mod closure;
 pub mod doubts;
 pub(crate) mod error;
 pub(crate) mod extrema;
+pub mod faults;
 pub(crate) mod features;
 pub(crate) mod front;
 pub mod harmonics;

@@ -1,7 +1,6 @@
 //! The energy book of a simulation as a file, as JSON and in a sentence.
 
-use std::fs::File;
-use std::io::{BufWriter, Write};
+use std::io::Write;
 use std::path::Path;
 
 use serde_json::{Value, json};
@@ -9,16 +8,11 @@ use serde_json::{Value, json};
 use crate::model::energy::Energy;
 use crate::report::text::number::rounded;
 
-/// Writes one row a time, in J; an older file of that name is replaced.
+/// Writes one row a time, in J.
 ///
 /// # Errors
-/// A file that cannot be written.
-pub fn write_csv(energy: &Energy, path: &Path, times_s: impl Iterator<Item = f64>) -> Result<(), String> {
-    let file = File::create(path).map_err(|e| format!("cannot write {}: {e}", path.display()))?;
-    rows(energy, BufWriter::new(file), times_s).map_err(|e| format!("writing {}: {e}", path.display()))
-}
-
-fn rows(energy: &Energy, mut out: impl Write, times_s: impl Iterator<Item = f64>) -> std::io::Result<()> {
+/// As `out`.
+pub fn write_csv(energy: &Energy, mut out: impl Write, times_s: impl Iterator<Item = f64>) -> std::io::Result<()> {
     writeln!(out, "time_s,{}", energy.columns().join(","))?;
     for time_s in times_s {
         write!(out, "{}", rounded(time_s))?;
@@ -70,9 +64,9 @@ mod tests {
         let effects = parse_list("viscoelastic-wall:2").unwrap();
         let scenario = Scenario::new(rig, &effects, ValveForm::FlowCycloid, &[("reaches".into(), 60.0)]).unwrap();
         let energy = scenario.simulate_with(3.0, true).unwrap().1.unwrap();
-        let path = tempfile::NamedTempFile::new().unwrap();
-        write_csv(&energy, path.path(), (0..=30).map(|i| 0.1 * f64::from(i))).unwrap();
-        let text = std::fs::read_to_string(path.path()).unwrap();
+        let mut text = Vec::new();
+        write_csv(&energy, &mut text, (0..=30).map(|i| 0.1 * f64::from(i))).unwrap();
+        let text = String::from_utf8(text).unwrap();
         let mut lines = text.lines();
         let head = "time_s,kinetic_J,elastic_J,supply_J,valve_J,friction_J,viscoelastic-wall_J,unbalanced_J";
         assert_eq!(lines.next().unwrap(), head);
@@ -88,6 +82,6 @@ mod tests {
         assert!((taken - initial - energy.supplied_j(3.0)).abs() < 1e-6 * initial);
         let said = sentence(&energy, 3.0);
         assert!(said.contains("viscoelastic-wall") && said.contains("left in the line"), "{said}");
-        assert_eq!(json(&energy, 3.0, path.path())["initial_kinetic_J"], energy.initial_kinetic_j());
+        assert_eq!(json(&energy, 3.0, Path::new("energy.csv"))["initial_kinetic_J"], energy.initial_kinetic_j());
     }
 }

@@ -21,7 +21,9 @@ pub enum HistoryError {
     Io { action: &'static str, path: PathBuf, source: io::Error },
     #[error("the index holds no run of rig '{rig}'; it knows {}", list(.known))]
     UnknownRig { rig: String, known: Vec<String> },
-    #[error("the index does not know the recording {0}: `surgescope watch` or `record --calibrate` fits it first")]
+    #[error(
+        "the index does not know the recording {0}: `surgescope watch` or `surgescope record --calibrate` fits it first"
+    )]
     UnknownRun(String),
     #[error("the index of runs cannot be used")]
     Sqlite(#[from] rusqlite::Error),

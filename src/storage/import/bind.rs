@@ -35,7 +35,7 @@ pub fn bind(
     let density = rig.fluid.properties(rig.fluid.temperature_degc).density_kg_m3;
     let before = |i: usize, from: &String| options.map[..i].iter().any(|(other, _)| other == from);
     if let Some((_, (from, _))) = options.map.iter().enumerate().find(|(i, (from, _))| before(*i, from)) {
-        let why = format!("--map assigns '{from}' to two sensors; keep one");
+        let why = format!("option `map` assigns '{from}' to two sensors; keep one");
         return Err(LogError::SourceFile { path: path.into(), why });
     }
     let names: Vec<(String, String)> = file.tracks.iter().map(|t| (t.name.clone(), t.short.clone())).collect();
@@ -61,7 +61,9 @@ pub fn bind(
         }
         if let Some(other) = &taken[place] {
             let (a, b, sensor) = (other, &track.name, &rig.sensors[place].name);
-            let why = format!("'{a}' and '{b}' are both the sensor '{sensor}': choose one with --map or --ignore");
+            let why = format!(
+                "'{a}' and '{b}' are both the sensor '{sensor}': choose one with option `map` or option `ignore`"
+            );
             return Err(LogError::SourceFile { path: path.into(), why });
         }
         if track.name != rig.sensors[place].name {
@@ -147,7 +149,8 @@ fn unknown(track: &Track, rig: &Rig) -> CsvProblem {
     CsvProblem::UnknownColumn {
         column: track.name.clone(),
         rig: rig.name.clone(),
-        hint: meant.map_or(".".into(), |n| format!("; did you mean '{n}'? Then add --map '{}={n}'.", track.name)),
+        hint: meant
+            .map_or(".".into(), |n| format!("; did you mean '{n}'? Then add option `map` '{}={n}'.", track.name)),
         known: known.join(", "),
     }
 }
@@ -158,7 +161,7 @@ fn no_sensor(path: &Path, rig: &Rig, spare: &[String], table: bool) -> LogError 
     let what = if table { "columns" } else { "channels" };
     let sensor = sensors.first().copied().unwrap_or("P1");
     let why = format!(
-        "none of its {what} is a sensor of rig '{}', which has {}. Assign them, as in --map '{first}={sensor}'; the file has {}",
+        "none of its {what} is a sensor of rig '{}', which has {}. Assign them, as in option `map` '{first}={sensor}'; the file has {}",
         rig.name,
         sensors.join(", "),
         listed(spare)

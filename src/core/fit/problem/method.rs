@@ -42,11 +42,13 @@ impl Method {
     /// Advice where it ended short of an optimum.
     pub fn advice(self) -> &'static str {
         match self {
-            Method::LeastSquares => "use --method stepwise, a smaller model, or other starts (--start, --starts)",
-            Method::GlobalLocal => "raise --budget, or use another --seed",
-            Method::Global | Method::MicroGa => "raise --budget, or use --method global-local",
+            Method::LeastSquares => {
+                "use option `method` stepwise, a smaller model, or other starts (option `start`, option `starts`)"
+            }
+            Method::GlobalLocal => "raise option `budget`, or use another option `seed`",
+            Method::Global | Method::MicroGa => "raise option `budget`, or use option `method` global-local",
             Method::Stepwise => {
-                "continue it (--save MODEL.toml, then --from MODEL.toml), or use --method least-squares"
+                "continue it (option `save` MODEL.toml, then option `from` MODEL.toml), or use option `method` least-squares"
             }
         }
     }

@@ -61,7 +61,7 @@ pub fn conflicts(fit: &Fit, runs: &[RunData]) -> Vec<String> {
     let noise = fit.runs.iter().map(|r| r.noise_m).fold(f64::INFINITY, f64::min);
     if fit.grid_error_m > 0.5 * noise {
         sentences.push(format!(
-            "the grid's own error, {:.3} m at {} reaches, is not small against the noise of {noise:.3} m: raise --most-reaches before \
+            "the grid's own error, {:.3} m at {} reaches, is not small against the noise of {noise:.3} m: raise option `most_reaches` before \
              looking for missing physics",
             fit.grid_error_m, fit.reaches
         ));

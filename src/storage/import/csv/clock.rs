@@ -175,7 +175,7 @@ impl Clock {
     /// How the times are written, where they are not plain seconds.
     pub(crate) fn repairs(&mut self) -> Vec<Repair> {
         let mut repairs = std::mem::take(&mut self.repairs);
-        let zone = if self.zone_assumed { ", taken as UTC (change that with --zone)" } else { "" };
+        let zone = if self.zone_assumed { ", taken as UTC (change that with option `zone`)" } else { "" };
         let text = match self.kind {
             Kind::Numbers(_) => return repairs,
             Kind::Stamps { .. } => format!("'{}' holds date-times{zone}; time 0 is the first", self.name),
