@@ -25,6 +25,14 @@ pub struct RigMismatch {
     pub known: String,
 }
 
+impl RigMismatch {
+    fn of(rig: &Rig, sensor: &str) -> RigMismatch {
+        let names: Vec<&str> = rig.sensors.iter().map(|s| s.name.as_str()).collect();
+        let known = if names.is_empty() { "none".into() } else { names.join(", ") };
+        RigMismatch { rig: rig.name.clone(), sensor: sensor.to_owned(), known }
+    }
+}
+
 impl Recording {
     /// The same samples on another rig (`--rig`): each series goes to the sensor of its name. Sensors that the
     /// recording lacks stay empty; samples of a sensor that the rig lacks are an error.
@@ -34,11 +42,7 @@ impl Recording {
             match rig.sensors.iter().position(|s| s.name == sensor.name) {
                 Some(place) => series[place] = std::mem::take(recorded),
                 None if recorded.time_s.is_empty() => {}
-                None => {
-                    let names: Vec<&str> = rig.sensors.iter().map(|s| s.name.as_str()).collect();
-                    let known = if names.is_empty() { "none".into() } else { names.join(", ") };
-                    return Err(RigMismatch { rig: rig.name, sensor: sensor.name.clone(), known });
-                }
+                None => return Err(RigMismatch::of(&rig, &sensor.name)),
             }
         }
         Ok(Recording { rig, series, run: self.run })
@@ -51,8 +55,7 @@ impl Recording {
     pub fn without(mut self, sensors: &[String]) -> Result<Recording, RigMismatch> {
         for name in sensors {
             let Some(place) = self.rig.sensors.iter().position(|s| s.name == *name) else {
-                let known = self.rig.sensors.iter().map(|s| s.name.as_str()).collect::<Vec<_>>().join(", ");
-                return Err(RigMismatch { rig: self.rig.name, sensor: name.clone(), known });
+                return Err(RigMismatch::of(&self.rig, name));
             };
             self.series[place] = Series::default();
         }

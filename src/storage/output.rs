@@ -118,7 +118,7 @@ pub fn check_new(path: &Path, overwrite: bool) -> Result<(), AnyError> {
 pub fn write_new(path: &Path, content: &str, overwrite: bool) -> Result<(), AnyError> {
     check_new(path, overwrite)?;
     if overwrite || path.exists() {
-        return write(path, content);
+        return Ok(write(path, content)?);
     }
     let mut beside = temporary_beside(path)?;
     beside.write_all(content.as_bytes()).map_err(|e| LogError::io("write", path, e))?;
@@ -182,7 +182,7 @@ fn beginning(path: &Path, bytes: usize) -> Result<Vec<u8>, AnyError> {
 ///
 /// # Errors
 /// If it cannot be written; the file is named. A pipe that nobody reads.
-pub fn write(path: &Path, content: &str) -> Result<(), AnyError> {
+pub fn write(path: &Path, content: &str) -> Result<(), LogError> {
     write_with(path, |out| out.write_all(content.as_bytes()))
 }
 
@@ -190,7 +190,7 @@ pub fn write(path: &Path, content: &str) -> Result<(), AnyError> {
 ///
 /// # Errors
 /// As [`write`].
-pub fn write_with(path: &Path, content: impl FnOnce(&mut dyn Write) -> std::io::Result<()>) -> Result<(), AnyError> {
+pub fn write_with(path: &Path, content: impl FnOnce(&mut dyn Write) -> std::io::Result<()>) -> Result<(), LogError> {
     let failed = |e| LogError::io("write", path, e);
     let filled = |file: &File| {
         let mut out = BufWriter::new(file);
@@ -198,7 +198,7 @@ pub fn write_with(path: &Path, content: impl FnOnce(&mut dyn Write) -> std::io::
     };
     if path.exists() && !path.is_file() {
         require_reader(path)?;
-        return Ok(filled(&File::create(path).map_err(failed)?)?); // a device or a pipe
+        return filled(&File::create(path).map_err(failed)?); // a device or a pipe
     }
     // Through a link to what it names.
     let target = path.canonicalize().unwrap_or_else(|_| path.to_owned());
@@ -207,22 +207,19 @@ pub fn write_with(path: &Path, content: impl FnOnce(&mut dyn Write) -> std::io::
     if let Ok(old) = fs::metadata(&target) {
         beside.as_file().set_permissions(old.permissions()).map_err(failed)?;
     }
-    Ok(publish_over(beside, &target)?)
+    publish_over(beside, &target)
 }
 
 /// Refuses a named pipe that no process has open for reading: writing to it would wait for ever.
-fn require_reader(path: &Path) -> Result<(), AnyError> {
+fn require_reader(path: &Path) -> Result<(), LogError> {
     #[cfg(unix)]
     {
         use std::os::unix::fs::{FileTypeExt as _, OpenOptionsExt as _};
         let pipe = path.metadata().is_ok_and(|m| m.file_type().is_fifo());
         let without_waiting = || fs::OpenOptions::new().write(true).custom_flags(nix::libc::O_NONBLOCK).open(path);
         if pipe && without_waiting().is_err_and(|e| e.raw_os_error() == Some(nix::libc::ENXIO)) {
-            return Err(format!(
-                "{} is a pipe that nobody reads: name a file, or start its reader first",
-                path.display()
-            )
-            .into());
+            let why = "nobody reads this pipe: name a file, or start its reader first".to_owned();
+            return Err(LogError::SourceFile { path: path.to_owned(), why });
         }
     }
     #[cfg(not(unix))]

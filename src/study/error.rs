@@ -32,7 +32,7 @@ pub enum Error {
     #[error("{file} cannot be used")]
     Unusable { file: String, source: SignalError },
     #[error("{file}: {}", in_words(faults))]
-    Faulty { file: String, faults: Vec<SensorFault>, source: SignalError },
+    Faulty { file: String, faults: Vec<SensorFault>, source: Option<SignalError> },
     #[error("{file} cannot be read with that rig")]
     Mismatch { file: String, source: RigMismatch },
     #[error("{} is given twice: a recording counts once", .0.display())]

@@ -18,7 +18,6 @@ use crate::model::effects::{Chosen, parse_list};
 use crate::recording::Recording;
 use crate::results::fit_record::FitRecord;
 use crate::rig::Rig;
-use crate::signal::faults::in_words;
 use crate::study::calibrate::{Calibrate, Effects};
 use crate::study::error::{Error, Result};
 use crate::study::hold::options_of;
@@ -149,10 +148,7 @@ impl Study {
 
     /// What in the recordings should make a user look twice, a sentence each, with the file's name.
     pub fn warnings(&self) -> Vec<String> {
-        let of = |l: &Loaded| {
-            let faults = (!l.faults.is_empty()).then(|| in_words(&l.faults));
-            l.doubts.iter().chain(&faults).map(|doubt| format!("{}: {doubt}", l.file)).collect::<Vec<_>>()
-        };
+        let of = |l: &Loaded| l.doubts.iter().map(|doubt| format!("{}: {doubt}", l.file)).collect::<Vec<_>>();
         self.recordings.iter().flat_map(of).collect()
     }
 
@@ -192,8 +188,9 @@ impl Study {
     /// ```
     ///
     /// # Errors
-    /// A model that cannot be simulated.
+    /// A recording with a faulty sensor, a model that cannot be simulated.
     pub fn diagnose(&self, fit: &Fit) -> Result<Diagnosis> {
+        self.recordings.iter().try_for_each(Loaded::require_sound)?;
         let options = options_of(fit);
         Ok(diagnose_fit(&self.rig, &self.runs, &fit.effects, fit.clone(), &options, &self.messages())?)
     }
@@ -203,6 +200,7 @@ impl Study {
     /// # Errors
     /// As [`Study::calibrate`] and [`Study::diagnose`].
     pub fn diagnose_model(&self, effects: &[Chosen], options: &Options) -> Result<Diagnosis> {
+        self.recordings.iter().try_for_each(Loaded::require_sound)?;
         Ok(diagnose(&self.rig, &self.runs, effects, options, &self.messages())?)
     }
 
@@ -289,9 +287,17 @@ mod tests {
         assert!(matches!(Study::open([""; 0]), Err(Error::NoRecording)));
         let path = file("hdpe-creep.mcap");
         assert!(matches!(Study::open([&path, &path]), Err(Error::Twice(_))));
-        let mut still = crate::storage::read(&path).unwrap();
-        still.series.iter_mut().for_each(|s| s.value.iter_mut().for_each(|v| *v = 1.0));
-        let error = Study::from_recordings([("still".to_owned(), still)]).err().unwrap();
+        let whole = crate::storage::read(&path).unwrap();
+        let changed = |value: fn(usize) -> f64| {
+            let mut recording = whole.clone();
+            for series in &mut recording.series {
+                series.value.iter_mut().enumerate().for_each(|(i, v)| *v = value(i));
+            }
+            Study::from_recordings([("still".to_owned(), recording)]).err().unwrap()
+        };
+        let error = changed(|i| 1.0 + 1e-3 * (i % 7) as f64);
         assert!(matches!(error, Error::Unusable { .. }) && error.source().is_some(), "{error}");
+        let error = changed(|_| 1.0);
+        assert!(matches!(error, Error::Faulty { .. }) && error.source().is_some(), "{error}");
     }
 }

@@ -1,6 +1,5 @@
 //! A file of models at hand: read with its recordings, grown, written.
 
-use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use crate::fit::outcome::fit::Fit;
@@ -8,7 +7,7 @@ use crate::fit::search::options::Options;
 use crate::results::fit_record::now;
 use crate::results::model_file::ModelFile;
 use crate::storage::LogError;
-use crate::storage::disk::{alone_in_folder, publish_over, require_folder, temporary_beside};
+use crate::storage::disk::{alone_in_folder, require_folder};
 use crate::storage::output;
 use crate::study::Study;
 use crate::study::error::{Error, Result};
@@ -97,12 +96,7 @@ fn save_alone(file: &mut ModelFile, path: &Path) -> Result<()> {
     }
     require_writable(path)?;
     let text = file.text().map_err(|e| Error::Unwritable { file: path.to_owned(), why: e.to_string() })?;
-    let mut beside = temporary_beside(path)?;
-    beside.write_all(text.as_bytes()).map_err(failed)?;
-    if let Ok(old) = std::fs::metadata(path) {
-        std::fs::set_permissions(beside.path(), old.permissions()).map_err(failed)?;
-    }
-    publish_over(beside, path)?;
+    output::write(path, &text)?;
     file.as_read = Some(text);
     Ok(())
 }

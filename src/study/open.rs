@@ -6,9 +6,9 @@ use crate::fit::data::prepare::prepare;
 use crate::fit::data::run_data::RunData;
 use crate::recording::Recording;
 use crate::rig::Rig;
+use crate::signal::Features;
 use crate::signal::doubts::doubts;
-use crate::signal::faults::{SensorFault, sensor_faults, unit_by_flow};
-use crate::signal::{Features, inspect};
+use crate::signal::faults::{SensorFault, examine, in_words};
 use crate::storage::output::{same_content, same_file};
 use crate::study::error::{Error, Result};
 
@@ -32,19 +32,28 @@ impl Loaded {
     /// # Errors
     /// No pressure, or no closure.
     pub fn new(file: String, recording: Recording) -> Result<Loaded> {
-        let mut faults = sensor_faults(&recording);
-        let features = match inspect(&recording) {
+        let (features, faults) = examine(&recording);
+        let features = match features {
             Ok(features) => features,
             Err(source) if faults.iter().any(SensorFault::forbids_a_fit) => {
-                return Err(Error::Faulty { file, faults, source });
+                return Err(Error::Faulty { file, faults, source: Some(source) });
             }
             Err(source) => return Err(Error::Unusable { file, source }),
         };
-        if faults.is_empty() {
-            faults = unit_by_flow(&recording.rig, &features);
-        }
-        let doubts = doubts(&recording.rig, &features);
+        let mut doubts = doubts(&recording.rig, &features);
+        doubts.extend((!faults.is_empty()).then(|| in_words(&faults)));
         Ok(Loaded { file, recording, features, doubts, faults })
+    }
+
+    /// Refuses a recording with a faulty sensor: in a diagnosis an effect would only stand in for the fault.
+    ///
+    /// # Errors
+    /// [`Error::Faulty`].
+    pub fn require_sound(&self) -> Result<()> {
+        if !self.faults.iter().any(SensorFault::forbids_a_fit) {
+            return Ok(());
+        }
+        Err(Error::Faulty { file: self.file.clone(), faults: self.faults.clone(), source: None })
     }
 
     /// What a fit takes.

@@ -20,7 +20,6 @@ use crate::results::history::lock::Lock;
 use crate::results::history::{Accepted, Finding, HistoryError, Index, Run};
 use crate::results::model_file::ModelFile;
 use crate::rig::Rig;
-use crate::signal::faults::{SensorFault, in_words};
 use crate::storage::decode;
 use crate::storage::output;
 use crate::study::models;
@@ -169,10 +168,7 @@ fn found(
     let rig = recording.rig.clone();
     let (file, hear) = (run.file.clone(), |text: &str| notice(Notice::Progress(format!("{}: {text}", run.file))));
     let loaded = Loaded::new(file, recording)?;
-    // An effect would only stand in for a broken sensor, and its values would enter the rig's history.
-    if loaded.faults.iter().any(SensorFault::forbids_a_fit) {
-        return Err(in_words(&loaded.faults).into());
-    }
+    loaded.require_sound()?;
     let features = &loaded.features;
     let data = [loaded.run()];
     let start = match index.in_force(&rig.name)? {

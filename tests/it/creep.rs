@@ -163,7 +163,7 @@ fn tests_at_several_temperatures_that_nobody_said_contradict_each_other() {
     tests.iter_mut().for_each(|t| t.temperature_degc = None);
     let said = |tests: &[CreepTest]| fit(tests, None, None).unwrap().remarks.join("; ");
     let together = said(&tests);
-    assert!(together.contains("contradict each other") && together.contains("--temperature-degC"), "{together}");
+    assert!(together.contains("contradict each other") && together.contains("option `temperature_degC`"), "{together}");
     assert!(!said(&tests[..1]).contains("contradict each other"));
     assert!(!said(&at_temperatures(5)).contains("contradict each other"));
 }

@@ -25,6 +25,7 @@ mod replay;
 mod report_page;
 mod rig_files;
 mod sensitivity;
+mod sensor_faults;
 mod shots;
 mod shots_live;
 mod signals;

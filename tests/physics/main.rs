@@ -16,6 +16,18 @@ use surgescope_core::model::trace::Probe;
 use surgescope_core::model::{Conditions, Model, Resolution, RunValues};
 use surgescope_core::rig::{Rig, WaterProperties};
 
+pub(crate) fn cosine(closing_time_s: f64) -> Closure {
+    Closure::FlowRamp { closing_time_s }
+}
+
+pub(crate) fn cycloid(closing_time_s: f64) -> Closure {
+    Closure::FlowCycloid { closing_time_s }
+}
+
+pub(crate) fn linear(closing_time_s: f64) -> Closure {
+    Closure::Linear { closing_time_s }
+}
+
 /// A rig of one uniform pipe, built as a user would: from a file's text.
 pub(crate) fn rig(length_m: f64, diameter_mm: f64, wall_mm: f64, friction: &str) -> Rig {
     let text = format!(

@@ -1,7 +1,7 @@
 //! Effects at one place of the line, against the exact solution of the linear network, reflections by hand, and conservation.
 
 use super::exact::{Ramp, invert};
-use super::{largest_error, relative_rms, rig};
+use super::{cosine, cycloid, largest_error, linear, relative_rms, rig};
 use nalgebra::Complex;
 use surgescope_core::model::boundary::Closure;
 use surgescope_core::model::effects::parse_list;
@@ -33,18 +33,6 @@ struct Case<'a> {
     closure: fn(f64) -> Closure,
     closing: f64,
     friction: &'a str,
-}
-
-fn cosine(closing_time_s: f64) -> Closure {
-    Closure::FlowRamp { closing_time_s }
-}
-
-fn cycloid(closing_time_s: f64) -> Closure {
-    Closure::FlowCycloid { closing_time_s }
-}
-
-fn linear(closing_time_s: f64) -> Closure {
-    Closure::Linear { closing_time_s }
 }
 
 impl<'a> Case<'a> {

@@ -1,7 +1,7 @@
 //! Unsteady friction against exact solutions, Joukowsky's head, and the base model that it grows out of.
 
 use super::exact::{Exact, Ramp, Shear, bessel_ratio};
-use super::{largest_error, orders, reference, relative_rms, rig};
+use super::{cosine, cycloid, largest_error, linear, orders, reference, relative_rms, rig};
 use nalgebra::Complex;
 use surgescope_core::model::boundary::Closure;
 use surgescope_core::model::effects::parse_list;
@@ -64,18 +64,6 @@ impl Case {
         let heads: Vec<_> = (0..grids).map(|k| self.head(coarsest << k, times)).collect();
         orders(&heads.windows(2).map(|w| relative_rms(&w[0], &w[1])).collect::<Vec<_>>())
     }
-}
-
-fn cosine(closing_time_s: f64) -> Closure {
-    Closure::FlowRamp { closing_time_s }
-}
-
-fn cycloid(closing_time_s: f64) -> Closure {
-    Closure::FlowCycloid { closing_time_s }
-}
-
-fn linear(closing_time_s: f64) -> Closure {
-    Closure::Linear { closing_time_s }
 }
 
 const B2_VISCOSITY: f64 = 1.181818e-6;

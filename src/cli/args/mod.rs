@@ -5,6 +5,7 @@ pub(crate) mod creep_prior;
 pub(crate) mod evaluation;
 pub(crate) mod fit_output;
 pub(crate) mod hold;
+pub(crate) mod ignore;
 pub(crate) mod import_options;
 pub(crate) mod misfit;
 pub(crate) mod own_values;

@@ -46,9 +46,8 @@ pub struct Args {
     creep: crate::cli::args::creep_prior::CreepPrior,
     #[command(flatten)]
     profiles: crate::cli::args::profile::Profiles,
-    /// Leave out these sensors, as if they had not been recorded.
-    #[arg(long, value_name = "SENSOR,…", value_delimiter = ',')]
-    ignore: Vec<String>,
+    #[command(flatten)]
+    ignored: crate::cli::args::ignore::Ignored,
     /// Read the recordings with this rig instead of the stored one.
     #[arg(long, value_name = "RIG")]
     rig: Option<PathBuf>,
@@ -90,7 +89,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     let mut file =
         args.save.as_ref().map(|path| models::about(path, &args.recordings, args.rig.as_deref())).transpose()?;
     let rig_file = models::rig_of(args.rig.as_deref(), args.save.as_deref().zip(file.as_ref()));
-    let mut study = recordings::open_without(&args.recordings, rig_file.as_deref(), &args.ignore)?;
+    let mut study = recordings::open_without(&args.recordings, rig_file.as_deref(), &args.ignored.sensors)?;
     let mut effects = continued(args.effects.clone(), from.as_ref());
     // What is known is for the model asked for: those that it is compared with show what the recordings alone say.
     let mut priors = args.creep.priors(&study, &mut effects)?;

@@ -24,7 +24,6 @@ use crate::signal::faults::{SensorFault, in_words};
 use crate::storage::output;
 use crate::study::error::Error;
 use crate::study::models;
-use crate::study::open::Loaded;
 
 /// Most effects that are added one after the other.
 const MOST_ADDED: usize = 8;
@@ -50,9 +49,8 @@ pub struct Args {
     hold: Vec<(String, f64)>,
     #[command(flatten)]
     creep: crate::cli::args::creep_prior::CreepPrior,
-    /// Leave out these sensors, as if they had not been recorded.
-    #[arg(long, value_name = "SENSOR,…", value_delimiter = ',')]
-    ignore: Vec<String>,
+    #[command(flatten)]
+    ignored: crate::cli::args::ignore::Ignored,
     /// Read the recordings with this rig instead of the stored one.
     #[arg(long, value_name = "RIG")]
     rig: Option<PathBuf>,
@@ -87,6 +85,17 @@ fn faulty(file: &str, faults: &[SensorFault], effects: &[Chosen], json: bool) ->
 /// # Errors
 /// Recordings that cannot be read or show no closure, effects that do not exist, a report that cannot be written.
 pub fn run(args: Args, json: bool) -> CommandResult {
+    let effects = args.effects.clone().unwrap_or_default();
+    match diagnosed(args, json) {
+        Err(error) => match error.downcast_ref() {
+            Some(Error::Faulty { file, faults, .. }) => faulty(file, faults, &effects, json),
+            _ => Err(error),
+        },
+        done => done,
+    }
+}
+
+fn diagnosed(args: Args, json: bool) -> CommandResult {
     if let Some(path) = &args.report {
         output::check_report(path)?;
         if args.apply.as_ref() == Some(path) {
@@ -97,19 +106,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     let mut file =
         args.apply.as_ref().map(|path| models::about(path, &args.recordings, args.rig.as_deref())).transpose()?;
     let rig_file = models::rig_of(args.rig.as_deref(), args.apply.as_deref().zip(file.as_ref()));
-    let mut study = match recordings::open_without(&args.recordings, rig_file.as_deref(), &args.ignore) {
-        Ok(study) => study,
-        Err(error) => {
-            if let Some(Error::Faulty { file, faults, .. }) = error.downcast_ref::<Error>() {
-                return faulty(file, faults, args.effects.as_deref().unwrap_or_default(), json);
-            }
-            return Err(error);
-        }
-    };
-    let broken = |l: &&Loaded| l.faults.iter().any(SensorFault::forbids_a_fit);
-    if let Some(loaded) = study.recordings().iter().find(broken) {
-        return faulty(&loaded.file, &loaded.faults, args.effects.as_deref().unwrap_or_default(), json);
-    }
+    let mut study = recordings::open_without(&args.recordings, rig_file.as_deref(), &args.ignored.sensors)?;
     let mut options = Options { most_reaches: args.most_reaches, ..Options::default() };
     let mut effects = args.effects.clone().unwrap_or_default();
     if let Some(file) = file.as_ref().filter(|f| !f.models.is_empty()) {

@@ -9,8 +9,7 @@ use crate::cli::console::print::{say, say_text};
 use crate::report::inspection::json::document;
 use crate::report::inspection::text::table;
 use crate::rig::Rig;
-use crate::signal::faults::{in_words, sensor_faults, unit_by_flow};
-use crate::signal::inspect;
+use crate::signal::faults::{examine, in_words};
 use crate::study::error::Error;
 
 /// Show what a recording contains: heads, period, wave speed, closure, noise.
@@ -26,9 +25,8 @@ use crate::study::error::Error;
 pub struct Args {
     /// The recording.
     recording: PathBuf,
-    /// Leave out these sensors, as if they had not been recorded.
-    #[arg(long, value_name = "SENSOR,…", value_delimiter = ',')]
-    ignore: Vec<String>,
+    #[command(flatten)]
+    ignored: crate::cli::args::ignore::Ignored,
     /// Read the recording with this rig instead of the stored one; sensors are matched by name.
     #[arg(long, value_name = "RIG")]
     rig: Option<PathBuf>,
@@ -43,20 +41,21 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     if let Some(rig) = &args.rig {
         recording = recording.on_rig(Rig::load(rig)?)?;
     }
-    let recording = recording.without(&args.ignore)?;
-    let mut faults = sensor_faults(&recording);
-    let features = match inspect(&recording) {
+    let recording = recording.without(&args.ignored.sensors)?;
+    let (features, faults) = examine(&recording);
+    let features = match features {
         Err(error) if !faults.is_empty() => {
             if json {
                 say!("{:#}", json!({ "file": args.recording, "sensor_faults": faults, "error": error.to_string() }));
             }
-            return Err(Box::new(Error::Faulty { file: args.recording.display().to_string(), faults, source: error }));
+            return Err(Box::new(Error::Faulty {
+                file: args.recording.display().to_string(),
+                faults,
+                source: Some(error),
+            }));
         }
         other => other?,
     };
-    if faults.is_empty() {
-        faults = unit_by_flow(&recording.rig, &features);
-    }
     if json {
         let mut document = document(&recording, &features);
         document["file"] = json!(args.recording);

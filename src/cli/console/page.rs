@@ -17,5 +17,5 @@ pub fn write_page(path: &Path, study: &Study, page: Page) -> Result<(), AnyError
     let title = format!("{} on rig {}", files.join(", "), page.rig.name);
     let page = html(&Page { title, ..page });
     output::check_report(path)?;
-    output::write(path, &page)
+    Ok(output::write(path, &page)?)
 }

@@ -8,8 +8,10 @@ use serde::Serialize;
 use crate::recording::Recording;
 use crate::rig::check::ATMOSPHERE_PA;
 use crate::rig::{Coupling, Rig};
+use crate::signal::error::SignalError;
 use crate::signal::features::Features;
 use crate::signal::front::Front;
+use crate::signal::inspect::inspect_stations;
 use crate::signal::levels::{finite, temperature_degc};
 use crate::signal::station::{Station, stations};
 
@@ -66,7 +68,7 @@ pub fn in_words(faults: &[SensorFault]) -> String {
 }
 
 impl Fault {
-    /// As it is said of a sensor.
+    /// What to call a sensor that has it.
     pub fn words(self) -> &'static str {
         match self {
             Fault::Flat => "flat",
@@ -99,10 +101,26 @@ const OTHER_TIME_UNIT: f64 = 20.0;
 /// Steps of the resolution that the first front should have.
 const FINE_STEPS: f64 = 20.0;
 
+/// What a recording shows, and the faults of its sensors, from one look at its signals.
+pub fn examine(recording: &Recording) -> (Result<Features, SignalError>, Vec<SensorFault>) {
+    let temperature = temperature_degc(recording);
+    let seen = stations(recording, temperature);
+    let features = inspect_stations(recording, &seen, temperature);
+    let mut faults = faults_of(recording, &seen, temperature);
+    if let (true, Ok(features)) = (faults.is_empty(), &features) {
+        faults = unit_by_flow(&recording.rig, features);
+    }
+    (features, faults)
+}
+
 /// The faults of all pressure sensors, in the rig's order; at most one a sensor.
 pub fn sensor_faults(recording: &Recording) -> Vec<SensorFault> {
-    let seen = stations(recording, temperature_degc(recording));
-    let scene = Scene::new(recording, &seen);
+    let temperature = temperature_degc(recording);
+    faults_of(recording, &stations(recording, temperature), temperature)
+}
+
+fn faults_of(recording: &Recording, seen: &[Station], temperature_degc: f64) -> Vec<SensorFault> {
+    let scene = Scene::new(recording, seen, temperature_degc);
     let by_time = scene.time_units();
     let swapped = scene.swapped();
     let mut found: Vec<SensorFault> = Vec::new();
@@ -132,9 +150,9 @@ struct Scene<'a> {
 }
 
 impl<'a> Scene<'a> {
-    fn new(recording: &'a Recording, stations: &'a [Station]) -> Self {
+    fn new(recording: &'a Recording, stations: &'a [Station], temperature_degc: f64) -> Self {
         let rig = &recording.rig;
-        let water = rig.fluid.properties(temperature_degc(recording));
+        let water = rig.fluid.properties(temperature_degc);
         let travel_s: f64 = rig.pipes.iter().map(|p| p.length_m / p.wave_speed_start(&water).0).sum();
         Scene { recording, rig, stations, speed_m_s: rig.length_m() / travel_s, density_kg_m3: water.density_kg_m3 }
     }
@@ -167,7 +185,8 @@ impl<'a> Scene<'a> {
         let highest = self.stations.iter().filter(|s| s.front.is_ok()).map(swing).fold(0.0, f64::max);
         let share = station.place_m / self.rig.length_m();
         let own = swing(station);
-        (share > NEAR_SUPPLY && own < NO_RESPONSE * share * highest).then(|| {
+        // a front that shows, however small, is one in another unit
+        (station.front.is_err() && share > NEAR_SUPPLY && own < NO_RESPONSE * share * highest).then(|| {
             (
                 Fault::Flat,
                 format!("it moves by {own:.3} m of head in all, while another sensor moves by {highest:.3} m"),
@@ -270,9 +289,8 @@ impl<'a> Scene<'a> {
     fn unit(&self, i: usize) -> Found {
         let station = &self.stations[i];
         let front = station.front.as_ref().ok()?;
-        let height = |s: &Station, f: &Front| f.height_m() / (s.place_m / self.rig.length_m()).max(0.3);
         let steady = |s: &Station, f: &Front| f.base_m - self.rig.sensor_elevation_m(&self.rig.sensors[s.sensor]);
-        let all: Vec<(f64, f64)> = self.others(i).map(|(s, f)| (height(s, f), steady(s, f))).collect();
+        let all: Vec<(f64, f64)> = self.others(i).map(|(s, f)| (f.height_m(), steady(s, f))).collect();
         if all.is_empty() {
             return None;
         }
@@ -280,12 +298,8 @@ impl<'a> Scene<'a> {
             |pick: fn(&(f64, f64)) -> f64| crate::robust::median(&mut all.iter().map(pick).collect::<Vec<_>>());
         let by_front = front.height_m() / median(|a| a.0);
         let by_level = steady(station, front) / median(|a| a.1);
-        let alike = |factor: f64| factor > OTHER_UNIT && by_level / factor > 0.4 && by_level / factor < 2.5;
-        let away = alike(by_front)
-            || (by_front > 0.0 && by_level > 0.0 && {
-                let (front, level) = (1.0 / by_front, 1.0 / by_level);
-                front > OTHER_UNIT && level / front > 0.4 && level / front < 2.5
-            });
+        let away =
+            by_front > 0.0 && by_front.ln().abs() > OTHER_UNIT.ln() && (0.4..2.5).contains(&(by_level / by_front));
         // of two sensors, the one whose front is no closure's
         let usual = |h: f64| (h / 60.0).ln().abs();
         let odd = all.len() > 1 || usual(front.height_m()) > usual(all[0].0);
@@ -360,7 +374,7 @@ impl<'a> Scene<'a> {
 
 /// What the flow says of all pressures at once: every sensor in a wrong unit, where the rise over the velocity gives a wave speed that is off
 /// by a factor between units.
-pub fn unit_by_flow(rig: &Rig, features: &Features) -> Vec<SensorFault> {
+fn unit_by_flow(rig: &Rig, features: &Features) -> Vec<SensorFault> {
     let speeds = &features.wave_speed;
     let (Some(rise), Some(wave)) = (speeds.joukowsky, speeds.crossings) else { return Vec::new() };
     let factor = rise.value / wave.value;

@@ -10,15 +10,23 @@ use crate::signal::{closure, extrema, levels, onset, wavespeed};
 
 /// Finds everything that a recording shows without a model.
 pub fn inspect(recording: &Recording) -> Result<Features, SignalError> {
-    let rig = &recording.rig;
     let temperature_degc = levels::temperature_degc(recording);
-    let stations = stations(recording, temperature_degc);
+    inspect_stations(recording, &stations(recording, temperature_degc), temperature_degc)
+}
+
+/// The same of stations at hand.
+pub(crate) fn inspect_stations(
+    recording: &Recording,
+    stations: &[Station],
+    temperature_degc: f64,
+) -> Result<Features, SignalError> {
+    let rig = &recording.rig;
     if stations.is_empty() {
         return Err(SignalError::NoPressure { sensors: rig.pressure_sensors().count() });
     }
-    let clear = clear_stations(&stations);
-    let Some(&reference) = clear.first() else { return Err(why_none(rig, &stations)) };
-    let Ok(front) = &reference.front else { return Err(why_none(rig, &stations)) };
+    let clear = clear_stations(stations);
+    let Some(&reference) = clear.first() else { return Err(why_none(rig, stations)) };
+    let Ok(front) = &reference.front else { return Err(why_none(rig, stations)) };
 
     let (crossings, smear) = wavespeed::crossings(&clear, rig.length_m()).unzip();
     let smear = smear.unwrap_or(0.0);

@@ -1,0 +1,61 @@
+//! Faulty sensors, made from the shipped recordings: each is named as what it is, and a sound one is not.
+
+use surgescope::Recording;
+use surgescope::signal::faults::{Fault, sensor_faults};
+use surgescope::storage::read;
+
+use crate::common::{CREEP, LEAK, NOTHING, here};
+
+/// The recording with a fault in the first pressure sensor, or in the first two.
+fn with(fault: Fault, recording: &Recording) -> Recording {
+    let mut broken = recording.clone();
+    let places: Vec<usize> = recording.rig.pressure_sensors().map(|(i, _)| i).collect();
+    let values = &mut broken.series[places[0]].value;
+    let low = values.iter().copied().fold(f64::INFINITY, f64::min);
+    let high = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    match fault {
+        Fault::Flat => values.fill(300.0),
+        Fault::Stuck => {
+            // from where it moves on: behind its highest value
+            let from = values.iter().position(|v| *v == high).unwrap() + 10;
+            let level = values[from];
+            values[from..].fill(level);
+        }
+        Fault::Clipped => values.iter_mut().for_each(|v| *v = v.min(low + 0.6 * (high - low))),
+        Fault::Inverted => values.iter_mut().for_each(|v| *v = -*v),
+        Fault::Swapped => broken.series.swap(places[0], places[1]),
+        Fault::WrongUnit => values.iter_mut().for_each(|v| *v *= 0.01),
+        Fault::WrongTimeUnit => {
+            broken.series.iter_mut().for_each(|s| s.time_s.iter_mut().for_each(|t| *t *= 1000.0));
+        }
+        _ => panic!("{fault:?} is no fault of this test"),
+    }
+    broken
+}
+
+#[test]
+fn each_fault_is_named_as_what_it_is() {
+    let faults = [
+        Fault::Flat,
+        Fault::Stuck,
+        Fault::Clipped,
+        Fault::Inverted,
+        Fault::Swapped,
+        Fault::WrongUnit,
+        Fault::WrongTimeUnit,
+    ];
+    let mut wrong = Vec::new();
+    for name in [CREEP, LEAK, NOTHING] {
+        let recording = read(&here(name)).unwrap();
+        let first = recording.rig.pressure_sensors().next().unwrap().1.name.clone();
+        assert_eq!(sensor_faults(&recording), [], "{name}");
+        for fault in faults {
+            let found = sensor_faults(&with(fault, &recording));
+            let of_first = found.iter().find(|f| f.sensor == first).map(|f| f.fault);
+            if of_first != Some(fault) {
+                wrong.push(format!("{name}, {fault:?}: {found:?}"));
+            }
+        }
+    }
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
