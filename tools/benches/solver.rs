@@ -10,11 +10,11 @@ use std::process::ExitCode;
 use std::time::Instant;
 
 use bare::Pipe;
-use surgescope::model::effects::parse_list;
-use surgescope::model::trace::Probe;
-use surgescope::model::{Conditions, Model, Resolution, RunValues};
-use surgescope::rig::Rig;
-use surgescope::units::GRAVITY_M_S2;
+use surgescope_core::model::effects::parse_list;
+use surgescope_core::model::trace::Probe;
+use surgescope_core::model::{Conditions, Model, Resolution, RunValues};
+use surgescope_core::rig::Rig;
+use surgescope_core::units::GRAVITY_M_S2;
 
 const LENGTH_M: f64 = 1000.0;
 /// Inner diameter over wall thickness.

@@ -122,34 +122,47 @@ impl Memory {
         }
     }
 
-    /// One block: takes its new flows and adds the known part of the next step.
+    /// One block: takes its new flows and adds the known part of the next step. Loops by index: adapters of iterators are functions of
+    /// their own, which a build in many units leaves as calls, ten times slower.
     #[inline(always)]
-    fn advance(terms: &[(f64, f64)], forgotten: f64, states: &mut [[f64; BLOCK]], u: &[f64; BLOCK]) -> [f64; BLOCK] {
-        let mut known = u.map(|u| forgotten * u);
-        for (&(decay, gain), state) in terms.iter().zip(states) {
-            for ((x, u), sum) in state.iter_mut().zip(u).zip(&mut known) {
-                *x = decay * *x + gain * u;
-                *sum += *x;
+    fn advance(
+        terms: &[(f64, f64)],
+        forgotten: f64,
+        states: &mut [[f64; BLOCK]],
+        u: &[f64; BLOCK],
+        momentum: &mut [f64; BLOCK],
+    ) {
+        let mut known = [0.0; BLOCK];
+        for i in 0..BLOCK {
+            known[i] = forgotten * u[i];
+        }
+        for k in 0..terms.len().min(states.len()) {
+            let ((decay, gain), state) = (terms[k], &mut states[k]);
+            for i in 0..BLOCK {
+                state[i] = decay * state[i] + gain * u[i];
+                known[i] += state[i];
             }
         }
-        known
+        for i in 0..BLOCK {
+            momentum[i] += known[i];
+        }
     }
 }
 
 widened! {
     fn advance_blocks(terms: &[(f64, f64)], forgotten: f64, states: &mut [[f64; BLOCK]], u: &[f64], momentum: &mut [f64]) {
-        let mut blocks = states.chunks_exact_mut(terms.len());
         let (whole_u, last_u) = u.as_chunks::<BLOCK>();
         let (whole_d, last_d) = momentum.as_chunks_mut::<BLOCK>();
-        for ((u, d), states) in whole_u.iter().zip(whole_d).zip(&mut blocks) {
-            let known = Memory::advance(terms, forgotten, states, u);
-            d.iter_mut().zip(known).for_each(|(d, known)| *d += known);
+        let count = terms.len();
+        for i in 0..whole_u.len().min(whole_d.len()) {
+            Memory::advance(terms, forgotten, &mut states[i * count..][..count], &whole_u[i], &mut whole_d[i]);
         }
         if !last_u.is_empty() {
-            let mut padded = [0.0; BLOCK];
-            padded[..last_u.len()].copy_from_slice(last_u);
-            let known = Memory::advance(terms, forgotten, blocks.next().unwrap_or_default(), &padded);
-            last_d.iter_mut().zip(known).for_each(|(d, known)| *d += known);
+            let (mut padded_u, mut padded_d) = ([0.0; BLOCK], [0.0; BLOCK]);
+            padded_u[..last_u.len()].copy_from_slice(last_u);
+            padded_d[..last_d.len()].copy_from_slice(last_d);
+            Memory::advance(terms, forgotten, &mut states[whole_u.len() * count..], &padded_u, &mut padded_d);
+            last_d.copy_from_slice(&padded_d[..last_d.len()]);
         }
     }
 }

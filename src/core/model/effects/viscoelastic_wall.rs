@@ -174,21 +174,26 @@ impl LineTerm for Creep {
     }
 }
 
+// By index, as in the convolution of unsteady friction.
 widened! {
     fn creep_of_two(a: Share, b: Share, h: &[f64], storage: &mut [f64]) {
-        for ((x, y), (h, out)) in a.strain.iter_mut().zip(b.strain).zip(h.iter().zip(storage.iter_mut())) {
-            *x = a.decay * *x + a.gain * h;
-            *y = b.decay * *y + b.gain * h;
-            *out += *x + *y;
+        let m = h.len();
+        let (x, y, out) = (&mut a.strain[..m], &mut b.strain[..m], &mut storage[..m]);
+        for i in 0..m {
+            x[i] = a.decay * x[i] + a.gain * h[i];
+            y[i] = b.decay * y[i] + b.gain * h[i];
+            out[i] += x[i] + y[i];
         }
     }
 }
 
 widened! {
     fn creep_of_one(a: Share, h: &[f64], storage: &mut [f64]) {
-        for (x, (h, out)) in a.strain.iter_mut().zip(h.iter().zip(storage.iter_mut())) {
-            *x = a.decay * *x + a.gain * h;
-            *out += *x;
+        let m = h.len();
+        let (x, out) = (&mut a.strain[..m], &mut storage[..m]);
+        for i in 0..m {
+            x[i] = a.decay * x[i] + a.gain * h[i];
+            out[i] += x[i];
         }
     }
 }
