@@ -13,7 +13,7 @@ use crate::record::health::snapshot::{Reports, SensorView, Snapshot};
 pub use crate::record::session::options::{Options, SILENCE_S};
 use crate::record::session::output::{DeviceCount, Summary};
 use crate::record::session::session_log::Live;
-use crate::record::session::stream::{ON_ITS_WAY, State, Stream};
+use crate::record::session::stream::{self, ON_ITS_WAY, State, Stream, count};
 use crate::recording::Gap;
 use crate::rig::{Device, Protocol, Rig};
 use crate::storage::Retimer;
@@ -80,7 +80,7 @@ pub fn record(
 ) -> Result<Summary, RecordError> {
     options.check()?;
     let mut streams = streams_of(rig, &sources.devices);
-    let expected = streams.iter().enumerate().flat_map(|(device, stream)| stream.expected(device)).collect();
+    let expected = streams.iter().enumerate().flat_map(|(device, stream)| count::expected(stream, device)).collect();
     let mut live = Live::new(rig, options, describe(&sources.devices), expected, sources.host);
     let mut reports = Reports::to(on_report);
     let mut clocks_written = Instant::now();
@@ -120,20 +120,20 @@ pub fn record(
 
 fn streams_of<'a>(rig: &Rig, devices: &'a [Device]) -> Vec<Stream<'a>> {
     let mut streams: Vec<Stream<'_>> = devices.iter().map(|device| Stream::new(rig, device)).collect();
-    streams.iter_mut().for_each(|stream| stream.shared = devices.len() > 1);
+    streams.iter_mut().for_each(|stream| stream.timing.shared = devices.len() > 1);
     streams
 }
 
 /// Records what came from a device. Where it seems to have come to the end of the recording, its clock as it is known now decides.
 fn take(device: usize, input: Input, streams: &mut [Stream<'_>], live: &mut Live<'_>) -> Result<(), RecordError> {
-    let has_come = |stream: &Stream<'_>, end_ns: i64| stream.state == State::Open && stream.has_come_to(end_ns);
+    let has_come = |stream: &Stream<'_>, end_ns: i64| stream.state == State::Open && stream.timing.has_come_to(end_ns);
     let Some(stream) = streams.get_mut(device) else { return Ok(()) };
-    stream.take(input, live)?;
+    stream::take(stream, input, live)?;
     if has_come(stream, live.end_ns) {
         write_clocks(live, streams)?;
     }
     if let Some(stream) = streams.get_mut(device).filter(|stream| has_come(stream, live.end_ns)) {
-        stream.reached();
+        count::reached(stream);
     }
     Ok(())
 }
@@ -161,21 +161,21 @@ fn take_waiting(sources: &Sources, streams: &mut [Stream<'_>], live: &mut Live<'
 fn write_clocks(live: &mut Live<'_>, streams: &mut [Stream<'_>]) -> Result<(), RecordError> {
     let name = |sensor: usize| live.rig.sensors[sensor].name.clone();
     let devices: Vec<_> =
-        streams.iter().map(|stream| (stream.sensors().map(name).collect(), stream.stretches.clone())).collect();
+        streams.iter().map(|stream| (stream.sensors().map(name).collect(), stream.timing.stretches.clone())).collect();
     let own: Vec<bool> = streams.iter().map(Stream::has_clock).collect();
     let fixes = align::fixes(&devices, &own);
     let retimer = Retimer::new(fixes.clone());
     for (stream, (sensors, _)) in streams.iter_mut().zip(&devices) {
         let moves = sensors.first().map(|sensor| retimer.of(sensor)).unwrap_or_default();
-        stream.set_moves(moves);
+        stream.timing.set_moves(moves);
     }
     let several = streams.len() > 1;
-    live.write_clocks(fixes, || streams.iter().flat_map(|stream| stream.clock_notes(several)).collect())
+    live.write_clocks(fixes, || streams.iter().flat_map(|stream| count::clock_notes(stream, several)).collect())
 }
 
 /// Writes the relation of the clocks to the log, when it is `due` or wanted, and flushes. Returns why the recording ends, if it does.
 fn keep_up(due: bool, streams: &mut [Stream<'_>], live: &mut Live<'_>) -> Result<Option<&'static str>, RecordError> {
-    let several = streams.len() > 1 || streams.iter().any(|stream| stream.stretches.len() > 1);
+    let several = streams.len() > 1 || streams.iter().any(|stream| stream.timing.stretches.len() > 1);
     if several && (live.take_clocks_changed() || due || live.output()?.wants_clocks()) {
         write_clocks(live, streams)?;
     }
@@ -190,9 +190,9 @@ fn keep_up(due: bool, streams: &mut [Stream<'_>], live: &mut Live<'_>) -> Result
 
 /// By the clocks as they are known now, a device that had come to the end may have not.
 fn reopen(streams: &mut [Stream<'_>], end_ns: i64) {
-    let short = |stream: &&mut Stream<'_>| stream.state == State::Reached && !stream.has_come_to(end_ns);
+    let short = |stream: &&mut Stream<'_>| stream.state == State::Reached && !stream.timing.has_come_to(end_ns);
     // what is no longer there can send no more
-    for stream in streams.iter_mut().filter(short).filter(|stream| stream.last_message.elapsed() < ON_ITS_WAY) {
+    for stream in streams.iter_mut().filter(short).filter(|stream| stream.timing.last_message.elapsed() < ON_ITS_WAY) {
         stream.state = State::Open;
     }
 }
@@ -202,7 +202,7 @@ fn snapshot(streams: &[Stream<'_>], live: &Live<'_>, sources: &Sources, options:
     let mut snapshot = live.snapshot();
     let view = |(device, stream): (usize, &Stream<'_>)| {
         let own: Vec<&SensorView> = snapshot.sensors.iter().filter(|sensor| sensor.device == Some(device)).collect();
-        stream.view(&own, options, sources.waited(device), sources.queued(device))
+        count::view(stream, &own, options, sources.waited(device), sources.queued(device))
     };
     snapshot.devices = streams.iter().enumerate().map(view).collect();
     snapshot
@@ -215,18 +215,18 @@ fn finish(
     options: &Options,
     mut ended: String,
 ) -> Result<Summary, RecordError> {
-    streams.iter_mut().try_for_each(|stream| stream.finish(&mut live))?;
+    streams.iter_mut().try_for_each(|stream| stream::finish(stream, &mut live))?;
     if !live.has_begun() {
-        return Err(streams.first().map_or(RecordError::NotBegun, |stream| stream.nothing(ended)));
+        return Err(streams.first().map_or(RecordError::NotBegun, |stream| count::nothing(stream, ended)));
     }
     write_clocks(&mut live, streams)?;
     let all_shots = live.output()?.is_over();
     let by_user = ended == BY_USER;
     // A device that falls silent while another goes on owes what it did not send. Where nothing comes any more that is the streams' end,
     // whether the session waited it out or the user was faster; of a duration asked for, what did not come until then is owed.
-    let (now, last) = (Instant::now(), streams.iter().map(|stream| stream.last_message).max());
+    let (now, last) = (Instant::now(), streams.iter().map(|stream| stream.timing.last_message).max());
     let last = last.unwrap_or(now);
-    let last_sent = streams.iter().map(Stream::sent_by).max().unwrap_or(now);
+    let last_sent = streams.iter().map(|stream| stream.timing.sent_by()).max().unwrap_or(now);
     let moment = if by_user && options.duration_s.is_some() { now } else { last_sent };
     if by_user && streams.iter().all(|stream| stream.silent_since(now, options.silence).is_some()) {
         ended += &format!("; nothing had come for {:.1} s", now.saturating_duration_since(last).as_secs_f64());
@@ -235,44 +235,45 @@ fn finish(
         .iter()
         .enumerate()
         .map(|(index, stream)| {
-            let mut count = stream.count(sources.waited(index));
+            let mut count = count::count(stream, sources.waited(index));
             // What ended before the duration, vanished for good or never spoke owes what it did not send; a device that ends by
             // itself, or that the user stops, does not.
             // That it had reached the end was by its clock as it was known then.
-            let came = stream.has_come_to(live.end_ns.saturating_sub(END_NS));
+            let came = stream.timing.has_come_to(live.end_ns.saturating_sub(END_NS));
             let early = options.duration_s.is_some() && !came && !by_user && !all_shots;
             let left = match stream.state {
                 State::Vanished(..) => true,
-                State::Ended(_) => stream.left_before(moment),
+                State::Ended(_) => count::left_before(stream, moment),
                 State::Open | State::Reached => false,
             };
             count.warn(streams.len() > 1);
             let silent = stream.silent_since(moment, options.silence).is_some();
             count.incomplete = early || stream.is_empty() || left || silent;
-            count.began_late_s = stream.begins_late().map(|(_, late_s)| late_s);
+            count.began_late_s = stream.timing.begins_late().map(|(_, late_s)| late_s);
             count
         })
         .collect();
     for stream in streams.iter() {
-        let Some((first_ns, _)) = stream.begins_late() else { continue };
+        let Some((first_ns, _)) = stream.timing.begins_late() else { continue };
         for sensor in stream.sensors() {
-            let gap = Gap { from_s: stream.logged_s(0), to_s: seconds(first_ns), samples: None };
+            let gap = Gap { from_s: stream.timing.logged_s(0), to_s: seconds(first_ns), samples: None };
             live.output()?.never_came(sensor, gap)?;
         }
     }
     for (stream, count) in streams.iter().zip(&devices) {
-        let limit_s = stream.logged_s(live.end_ns);
+        let limit_s = stream.timing.logged_s(live.end_ns);
         let gap = match stream.silent_since(moment, options.silence) {
             Some((since_ns, silent)) => (seconds(since_ns), (seconds(since_ns) + silent.as_secs_f64()).min(limit_s)),
             None if count.incomplete && stream.state != State::Open => {
-                let Some(last) = stream.stretches.last() else { continue };
+                let Some(last) = stream.timing.stretches.last() else { continue };
                 let last_s = seconds(last.last_ns);
                 match stream.state {
                     State::Reached => (last_s, limit_s),
                     // others went on without it
                     _ => (
                         last_s,
-                        (last_s + moment.saturating_duration_since(stream.last_message).as_secs_f64()).min(limit_s),
+                        (last_s + moment.saturating_duration_since(stream.timing.last_message).as_secs_f64())
+                            .min(limit_s),
                     ),
                 }
             }
@@ -286,7 +287,7 @@ fn finish(
         }
     }
     if options.duration_s.is_some() {
-        for stream in streams.iter().filter(|stream| stream.is_moved()) {
+        for stream in streams.iter().filter(|stream| stream.timing.is_moved()) {
             for sensor in stream.sensors() {
                 let end_ns = live.end_ns;
                 live.output()?.keep_until(sensor, end_ns);
@@ -315,7 +316,7 @@ fn over(stream: &Stream<'_>, options: &Options) -> Option<String> {
             Some(format!("{why} and did not come back within {} s", options.wait.as_secs_f64()))
         }
         State::Vanished(..) => None,
-        State::Open if stream.last_message.elapsed() >= options.silence => {
+        State::Open if stream.timing.last_message.elapsed() >= options.silence => {
             let what = match stream.device.protocol {
                 Protocol::Frames => "valid frame",
                 Protocol::Lines => "valid line",

@@ -48,7 +48,7 @@ fn played_on(rig: &Rig, options: &Options, mut messages: Vec<(i64, usize, Vec<u8
     let devices = live_devices(rig, &[]).unwrap();
     let sources = Sources::reading(&devices[0], std::io::empty()).unwrap();
     let mut streams = streams_of(rig, &devices);
-    let expected = streams.iter().enumerate().flat_map(|(device, stream)| stream.expected(device)).collect();
+    let expected = streams.iter().enumerate().flat_map(|(device, stream)| count::expected(stream, device)).collect();
     let mut live = Live::new(rig, options, "a test".to_owned(), expected, sources.host);
     let mut clocks_ns = 0;
     let mut ended = BY_USER;
@@ -225,7 +225,7 @@ fn a_device_is_silent_when_more_is_due_than_its_rhythm_allows() {
     let mut streams = [Stream::new(&rig, &devices[0])];
     let after = |stream: &Stream<'_>, ms: u64| {
         stream
-            .silent_since(stream.last_message + Duration::from_millis(ms), options.silence)
+            .silent_since(stream.timing.last_message + Duration::from_millis(ms), options.silence)
             .map(|(since_ns, _)| since_ns)
     };
     for (at_ns, _, bytes) in sent(0, 1, 0, on_time) {
@@ -238,7 +238,7 @@ fn a_device_is_silent_when_more_is_due_than_its_rhythm_allows() {
     let stream = &mut streams[0];
     assert_eq!((after(stream, 400), after(stream, 3000)), (None, Some(999 * MS)));
     // one second without a message is its rhythm from here on
-    stream.last_message -= Duration::from_secs(1);
+    stream.timing.last_message -= Duration::from_secs(1);
     take(0, Input::Bytes { at_ns: 2000 * MS, bytes: frame(100, 2_000_000, 0) }, &mut streams, &mut live).unwrap();
     assert_eq!(after(&streams[0], 1900), None);
     assert!(after(&streams[0], 3500).is_some());

@@ -20,160 +20,150 @@ use crate::rig::Protocol;
 const SILENT_AFTER: Duration = Duration::from_secs(2);
 const SILENT_POLLS: f64 = 4.0;
 
-impl Stream<'_> {
-    /// True if nothing it sent could be used.
-    pub fn is_empty(&self) -> bool {
-        self.stretches.is_empty()
+/// Why nothing it sent could be used.
+pub fn nothing(stream: &Stream<'_>, ended: String) -> RecordError {
+    let (device, port, speed) = (stream.device.name.clone(), stream.device.port.clone(), stream.device.speed());
+    match &stream.codec {
+        Codec::Polled(Some(Polled { refused: Some(code), .. })) => {
+            RecordError::Refused { device, why: exception(*code) }
+        }
+        Codec::Polled(_) => RecordError::NoAnswer { device, port, speed, ended },
+        _ if stream.bytes == 0 => RecordError::Silent { device, port, ended },
+        Codec::Frames(_) => RecordError::NoFrame { device, bytes: stream.bytes, speed, speaks: "frames", ended },
+        Codec::Lines(_) => RecordError::NoFrame { device, bytes: stream.bytes, speed, speaks: "lines", ended },
     }
+}
 
-    /// Why nothing it sent could be used.
-    pub fn nothing(&self, ended: String) -> RecordError {
-        let (device, port, speed) = (self.device.name.clone(), self.device.port.clone(), self.device.speed());
-        match &self.codec {
-            Codec::Polled(Some(Polled { refused: Some(code), .. })) => {
-                RecordError::Refused { device, why: exception(*code) }
-            }
-            Codec::Polled(_) => RecordError::NoAnswer { device, port, speed, ended },
-            _ if self.bytes == 0 => RecordError::Silent { device, port, ended },
-            Codec::Frames(_) => RecordError::NoFrame { device, bytes: self.bytes, speed, speaks: "frames", ended },
-            Codec::Lines(_) => RecordError::NoFrame { device, bytes: self.bytes, speed, speaks: "lines", ended },
+/// What came from it; `waited` is how often and how long its thread waited for the session.
+pub fn count(stream: &Stream<'_>, waited: (u64, f64)) -> DeviceCount {
+    let mut count = tally(stream, waited);
+    if stream.has_clock() {
+        let lines = stream.timing.stretches.iter().filter_map(Stretch::line);
+        count.clock = lines.map(|line| ClockSummary::of(&line)).reduce(ClockSummary::and);
+    }
+    count
+}
+
+/// What is known of its clock by now, for a recording that ends before the session; `several` devices have theirs compared.
+pub fn clock_notes(stream: &Stream<'_>, several: bool) -> impl Iterator<Item = (String, String)> {
+    let mut count = count(stream, (0, 0.0));
+    count.warn(several);
+    let of_clock = count.notes().into_iter().filter(|(what, _)| what.starts_with("clock"));
+    of_clock.map(|(what, text)| (format!("{}.{what}", stream.device.name), text))
+}
+
+/// It has come to the end of the recording: what is bad or lost from here on is not the recording's.
+pub fn reached(stream: &mut Stream<'_>) {
+    let count = tally(stream, (0, 0.0));
+    stream.bad_and_lost = Some((count.bad_frames, count.lost_frames));
+    stream.state = State::Reached;
+}
+
+/// As [`count`], but for its clock, which takes a fit.
+fn tally(stream: &Stream<'_>, waited: (u64, f64)) -> DeviceCount {
+    let mut count = DeviceCount {
+        name: stream.device.name.clone(),
+        holes: stream.holes,
+        reconnects: stream.reconnects,
+        restarts: stream.timing.stretches.len().saturating_sub(1) as u64,
+        clock_steps: stream.timing.steps,
+        squeezed_frames: stream.timing.clock.map_or(0, |clock| clock.squeezed()),
+        queue_waits: waited.0,
+        queue_waited_s: waited.1,
+        ..DeviceCount::default()
+    };
+    match &stream.codec {
+        Codec::Frames(decoder) => {
+            let counts = decoder.counts();
+            (count.frames, count.bad_frames) = (counts.frames, counts.bad);
+            (count.lost_frames, count.duplicated_frames) = (counts.lost, counts.duplicated);
+            (count.restamped_frames, count.stamps_scatter_s) = (counts.restamped, decoder.stamps_scatter_s());
+            count.period_off_s = decoder.period_off_s();
+        }
+        Codec::Lines(decoder) => {
+            let counts = decoder.counts();
+            (count.frames, count.bad_frames) = (counts.lines, counts.bad);
+            count.duplicated_frames = counts.stale;
+        }
+        Codec::Polled(polled) => {
+            let counts = polled.as_ref().map(|polled| polled.counts).unwrap_or_default();
+            (count.frames, count.bad_frames) = (counts.answers, counts.bad + counts.refused);
+            (count.lost_frames, count.late_answers) = (counts.missed.saturating_sub(stream.before.missed), counts.late);
+            count.skipped_polls = counts.skipped.saturating_sub(stream.before.skipped);
+            count.poll_warning = poll_warning(stream, &count, counts.unproven > 0 && counts.answers > 0);
         }
     }
+    if let (State::Reached, Some((bad, lost))) = (&stream.state, stream.bad_and_lost) {
+        (count.bad_frames, count.lost_frames) = (bad, lost);
+    }
+    count
+}
 
-    /// What came from it; `waited` is how often and how long its thread waited for the session.
-    pub fn count(&self, waited: (u64, f64)) -> DeviceCount {
-        let mut count = self.tally(waited);
-        if self.has_clock() {
-            let lines = self.stretches.iter().filter_map(Stretch::line);
-            count.clock = lines.map(|line| ClockSummary::of(&line)).reduce(ClockSummary::and);
+/// Why polls fell out, and what to do about it; one that is read though it `ignores` echoes is left alone after each late answer.
+fn poll_warning(stream: &Stream<'_>, count: &DeviceCount, ignores: bool) -> Option<String> {
+    let Protocol::ModbusRtu { poll_interval_s, timeout_s, .. } = stream.device.protocol else { return None };
+    let (lost, skipped) = (count.lost_frames, count.skipped_polls);
+    let left_alone_s = forgotten_after(Duration::try_from_secs_f64(timeout_s).unwrap_or(Duration::MAX)).as_secs_f64();
+    match ignores {
+        true if lost + skipped > 0 => Some(format!(
+            "it ignores echoes (diagnostics, function 8), which tell late answers from new ones, so it is left alone for {left_alone_s} s \
+             after each answer that does not come in time, and 20 ms between requests of equal length: {skipped} polls fell out and {lost} \
+             had no answer; let it answer function 8 or refuse it by an exception, or raise timeout_s (now {timeout_s}) above its slowest \
+             answer and poll_interval_s (now {poll_interval_s})"
+        )),
+        false if skipped > 0 => Some(format!(
+            "{skipped} polls fell out because the one before took too long: raise poll_interval_s (now {poll_interval_s}), or the baud rate"
+        )),
+        _ => None,
+    }
+}
+
+/// Others went on at a moment at which more was due from it, so that it ended before them.
+pub fn left_before(stream: &Stream<'_>, moment: Instant) -> bool {
+    moment.saturating_duration_since(stream.timing.last_message)
+        > stream.timing.patience(stream.timing.pause.unwrap_or_default())
+}
+
+/// The sensors that will come from it, as the `device`-th of the session.
+pub fn expected(stream: &Stream<'_>, device: usize) -> impl Iterator<Item = Expected> {
+    let silent_after = Some(silent_after(stream));
+    stream.sensors().map(move |sensor| Expected { sensor, device: Some(device), silent_after })
+}
+
+fn silent_after(stream: &Stream<'_>) -> Duration {
+    let polls_s = match stream.device.protocol {
+        Protocol::Frames | Protocol::Lines => 0.0,
+        Protocol::ModbusRtu { poll_interval_s, .. } => SILENT_POLLS * poll_interval_s,
+    };
+    SILENT_AFTER.max(Duration::try_from_secs_f64(polls_s).unwrap_or(Duration::MAX))
+}
+
+/// How it stands; `own` are its sensors, `waited` and `queue` as in [`DeviceView`].
+pub fn view(stream: &Stream<'_>, own: &[&SensorView], options: &Options, waited: (u64, f64), queue: f64) -> DeviceView {
+    let silent = match own {
+        [] => stream.timing.last_message.elapsed() >= silent_after(stream),
+        sensors => sensors.iter().all(|sensor| sensor.fault == Some(SensorFault::Silent)),
+    };
+    let trouble = match &stream.state {
+        State::Vanished(_, why) if options.wait > Duration::ZERO => {
+            Some(format!("{why}: plug {} in again within {} s", stream.device.port, options.wait.as_secs_f64()))
         }
-        count
-    }
+        State::Vanished(_, why) | State::Ended(why) => Some(why.clone()),
+        State::Open if silent => Some(silence(stream)),
+        State::Open | State::Reached => None,
+    };
+    let samples = own.iter().map(|sensor| sensor.samples).sum();
+    DeviceView { count: tally(stream, waited), samples, samples_per_s: 0.0, queue, trouble }
+}
 
-    /// What is known of its clock by now, for a recording that ends before the session; `several` devices have theirs compared.
-    pub fn clock_notes(&self, several: bool) -> impl Iterator<Item = (String, String)> + '_ {
-        let mut count = self.count((0, 0.0));
-        count.warn(several);
-        let of_clock = count.notes().into_iter().filter(|(what, _)| what.starts_with("clock"));
-        of_clock.map(|(what, text)| (format!("{}.{what}", self.device.name), text))
-    }
-
-    /// It has come to the end of the recording: what is bad or lost from here on is not the recording's.
-    pub fn reached(&mut self) {
-        let count = self.tally((0, 0.0));
-        self.bad_and_lost = Some((count.bad_frames, count.lost_frames));
-        self.state = State::Reached;
-    }
-
-    /// As [`Stream::count`], but for its clock, which takes a fit.
-    fn tally(&self, waited: (u64, f64)) -> DeviceCount {
-        let mut count = DeviceCount {
-            name: self.device.name.clone(),
-            holes: self.holes,
-            reconnects: self.reconnects,
-            restarts: self.stretches.len().saturating_sub(1) as u64,
-            clock_steps: self.steps,
-            squeezed_frames: self.clock.map_or(0, |clock| clock.squeezed()),
-            queue_waits: waited.0,
-            queue_waited_s: waited.1,
-            ..DeviceCount::default()
-        };
-        match &self.codec {
-            Codec::Frames(decoder) => {
-                let counts = decoder.counts();
-                (count.frames, count.bad_frames) = (counts.frames, counts.bad);
-                (count.lost_frames, count.duplicated_frames) = (counts.lost, counts.duplicated);
-                (count.restamped_frames, count.stamps_scatter_s) = (counts.restamped, decoder.stamps_scatter_s());
-                count.period_off_s = decoder.period_off_s();
-            }
-            Codec::Lines(decoder) => {
-                let counts = decoder.counts();
-                (count.frames, count.bad_frames) = (counts.lines, counts.bad);
-                count.duplicated_frames = counts.stale;
-            }
-            Codec::Polled(polled) => {
-                let counts = polled.as_ref().map(|polled| polled.counts).unwrap_or_default();
-                (count.frames, count.bad_frames) = (counts.answers, counts.bad + counts.refused);
-                (count.lost_frames, count.late_answers) =
-                    (counts.missed.saturating_sub(self.before.missed), counts.late);
-                count.skipped_polls = counts.skipped.saturating_sub(self.before.skipped);
-                count.poll_warning = self.poll_warning(&count, counts.unproven > 0 && counts.answers > 0);
-            }
+/// What to do about a device that sends nothing that can be used.
+fn silence(stream: &Stream<'_>) -> String {
+    let (port, speed) = (&stream.device.port, stream.device.speed());
+    match &stream.codec {
+        Codec::Polled(_) => {
+            format!("no answer on {port}: is it powered and set to {speed}, and are unit_id and wiring (A, B) right?")
         }
-        if let (State::Reached, Some((bad, lost))) = (&self.state, self.bad_and_lost) {
-            (count.bad_frames, count.lost_frames) = (bad, lost);
-        }
-        count
-    }
-
-    /// Why polls fell out, and what to do about it; one that is read though it `ignores` echoes is left alone after each late answer.
-    fn poll_warning(&self, count: &DeviceCount, ignores: bool) -> Option<String> {
-        let Protocol::ModbusRtu { poll_interval_s, timeout_s, .. } = self.device.protocol else { return None };
-        let (lost, skipped) = (count.lost_frames, count.skipped_polls);
-        let left_alone_s =
-            forgotten_after(Duration::try_from_secs_f64(timeout_s).unwrap_or(Duration::MAX)).as_secs_f64();
-        match ignores {
-            true if lost + skipped > 0 => Some(format!(
-                "it ignores echoes (diagnostics, function 8), which tell late answers from new ones, so it is left alone for {left_alone_s} s \
-                 after each answer that does not come in time, and 20 ms between requests of equal length: {skipped} polls fell out and {lost} \
-                 had no answer; let it answer function 8 or refuse it by an exception, or raise timeout_s (now {timeout_s}) above its slowest \
-                 answer and poll_interval_s (now {poll_interval_s})"
-            )),
-            false if skipped > 0 => Some(format!(
-                "{skipped} polls fell out because the one before took too long: raise poll_interval_s (now {poll_interval_s}), or the baud rate"
-            )),
-            _ => None,
-        }
-    }
-
-    /// Others went on at a moment at which more was due from it, so that it ended before them.
-    pub fn left_before(&self, moment: Instant) -> bool {
-        moment.saturating_duration_since(self.last_message) > self.patience(self.pause.unwrap_or_default())
-    }
-
-    /// The sensors that will come from it, as the `device`-th of the session.
-    pub fn expected(&self, device: usize) -> impl Iterator<Item = Expected> + '_ {
-        let silent_after = Some(self.silent_after());
-        self.sensors().map(move |sensor| Expected { sensor, device: Some(device), silent_after })
-    }
-
-    fn silent_after(&self) -> Duration {
-        let polls_s = match self.device.protocol {
-            Protocol::Frames | Protocol::Lines => 0.0,
-            Protocol::ModbusRtu { poll_interval_s, .. } => SILENT_POLLS * poll_interval_s,
-        };
-        SILENT_AFTER.max(Duration::try_from_secs_f64(polls_s).unwrap_or(Duration::MAX))
-    }
-
-    /// How it stands; `own` are its sensors, `waited` and `queue` as in [`DeviceView`].
-    pub fn view(&self, own: &[&SensorView], options: &Options, waited: (u64, f64), queue: f64) -> DeviceView {
-        let silent = match own {
-            [] => self.last_message.elapsed() >= self.silent_after(),
-            sensors => sensors.iter().all(|sensor| sensor.fault == Some(SensorFault::Silent)),
-        };
-        let trouble = match &self.state {
-            State::Vanished(_, why) if options.wait > Duration::ZERO => {
-                Some(format!("{why}: plug {} in again within {} s", self.device.port, options.wait.as_secs_f64()))
-            }
-            State::Vanished(_, why) | State::Ended(why) => Some(why.clone()),
-            State::Open if silent => Some(self.silence()),
-            State::Open | State::Reached => None,
-        };
-        let samples = own.iter().map(|sensor| sensor.samples).sum();
-        DeviceView { count: self.tally(waited), samples, samples_per_s: 0.0, queue, trouble }
-    }
-
-    /// What to do about a device that sends nothing that can be used.
-    fn silence(&self) -> String {
-        let (port, speed) = (&self.device.port, self.device.speed());
-        match &self.codec {
-            Codec::Polled(_) => {
-                format!(
-                    "no answer on {port}: is it powered and set to {speed}, and are unit_id and wiring (A, B) right?"
-                )
-            }
-            _ if self.bytes == 0 => format!("not one byte arrives on {port}: is it powered, started and on this port?"),
-            _ => format!("nothing valid arrives on {port}: has it stopped, or is its line not set to {speed}?"),
-        }
+        _ if stream.bytes == 0 => format!("not one byte arrives on {port}: is it powered, started and on this port?"),
+        _ => format!("nothing valid arrives on {port}: has it stopped, or is its line not set to {speed}?"),
     }
 }

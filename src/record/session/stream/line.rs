@@ -4,64 +4,64 @@ use crate::record::clock::device_clock::seconds;
 use crate::record::error::RecordError;
 use crate::record::session::session_log::Live;
 use crate::record::session::stream::stamp::Stamp;
-use crate::record::session::stream::state::{Sign, Stream};
+use crate::record::session::stream::state::Stream;
+use crate::record::session::stream::timing::Sign;
 use crate::record::wire::lines::{Event, Line};
 use crate::recording::Gap;
 
-impl Stream<'_> {
-    pub(crate) fn lines(&mut self, events: Vec<Event>, live: &mut Live<'_>) -> Result<(), RecordError> {
-        for event in events {
-            match event {
-                Event::Restarted => self.restarted = true,
-                Event::Line(line) => self.line(&line, live)?,
-                Event::Hole { from_us, to_us } => self.hole(from_us, to_us, live)?,
-            }
+/// Records what the decoder handed on.
+pub(crate) fn record(stream: &mut Stream<'_>, events: Vec<Event>, live: &mut Live<'_>) -> Result<(), RecordError> {
+    for event in events {
+        match event {
+            Event::Restarted => stream.timing.restarted = true,
+            Event::Line(taken) => line(stream, &taken, live)?,
+            Event::Hole { from_us, to_us } => hole(stream, from_us, to_us, live)?,
         }
-        Ok(())
     }
+    Ok(())
+}
 
-    fn line(&mut self, line: &Line, live: &mut Live<'_>) -> Result<(), RecordError> {
-        self.sent_something(!line.hole_before);
-        if !self.check_columns(line.values.len(), live)? {
-            return Ok(());
-        }
-        let device_ns = (line.time_us * 1000) as i64;
-        let sign = if line.hole_before { Sign::Hole } else { Sign::None };
-        let (sent_ns, began_ns) = (device_ns, line.began_ns);
-        let stamp = Stamp { device_ns, sent_ns, began_ns, period_ns: 0, rows: 1, lost: 0, jump: None };
-        let clock = self.begin(&stamp, sign, live)?;
-        let Some(placed) = clock.place_row(device_ns, line.hole_before) else { return Ok(()) };
-        self.arrived(&stamp, placed.first_ns, placed.first_ns);
-        if placed.first_ns >= self.limit_ns(live) {
-            return Ok(());
-        }
-        let wanted = self.is_wanted(placed.first_ns, live);
-        self.holes += u64::from(placed.gap.is_some() && wanted);
-        let output = live.output()?;
-        let now_ns = placed.first_ns;
-        for tap in &mut self.taps {
-            let value = line.values.get(tap.column).copied().flatten().map(|value| tap.scale * value + tap.offset);
-            let Some(value) = value.filter(|value| value.is_finite()) else {
-                tap.missed = true;
-                self.holes += u64::from(wanted);
-                continue;
-            };
-            let missed = std::mem::take(&mut tap.missed);
-            if let Some(last_ns) = tap.last_ns.filter(|_| missed || placed.gap.is_some()) {
-                output.gap(tap.sensor, Gap { from_s: seconds(last_ns), to_s: seconds(now_ns), samples: None })?;
-            }
-            output.samples(tap.sensor, now_ns, 0.0, &[value])?;
-            tap.last_ns = Some(now_ns);
-        }
-        Ok(())
+fn line(stream: &mut Stream<'_>, line: &Line, live: &mut Live<'_>) -> Result<(), RecordError> {
+    stream.timing.sent_something(!line.hole_before);
+    if !stream.check_columns(line.values.len(), live)? {
+        return Ok(());
     }
+    let device_ns = (line.time_us * 1000) as i64;
+    let sign = if line.hole_before { Sign::Hole } else { Sign::None };
+    let (sent_ns, began_ns) = (device_ns, line.began_ns);
+    let stamp = Stamp { device_ns, sent_ns, began_ns, period_ns: 0, rows: 1, lost: 0, jump: None };
+    let clock = stream.timing.begin(&stamp, sign, live)?;
+    let Some(placed) = clock.place_row(device_ns, line.hole_before) else { return Ok(()) };
+    stream.timing.arrived(&stamp, placed.first_ns, placed.first_ns);
+    if placed.first_ns >= stream.timing.limit_ns(live) {
+        return Ok(());
+    }
+    let wanted = stream.timing.is_wanted(placed.first_ns, live);
+    stream.holes += u64::from(placed.gap.is_some() && wanted);
+    let output = live.output()?;
+    let now_ns = placed.first_ns;
+    for tap in &mut stream.taps {
+        let value = line.values.get(tap.column).copied().flatten().map(|value| tap.scale * value + tap.offset);
+        let Some(value) = value.filter(|value| value.is_finite()) else {
+            tap.missed = true;
+            stream.holes += u64::from(wanted);
+            continue;
+        };
+        let missed = std::mem::take(&mut tap.missed);
+        if let Some(last_ns) = tap.last_ns.filter(|_| missed || placed.gap.is_some()) {
+            output.gap(tap.sensor, Gap { from_s: seconds(last_ns), to_s: seconds(now_ns), samples: None })?;
+        }
+        output.samples(tap.sensor, now_ns, 0.0, &[value])?;
+        tap.last_ns = Some(now_ns);
+    }
+    Ok(())
+}
 
-    /// Lines that were taken have a hole between them.
-    fn hole(&mut self, from_us: u64, to_us: u64, live: &mut Live<'_>) -> Result<(), RecordError> {
-        let Some(clock) = self.clock else { return Ok(()) };
-        let [from_ns, to_ns] = [from_us, to_us].map(|time_us| clock.at_ns((time_us * 1000) as i64));
-        self.holes += u64::from(self.is_wanted(from_ns, live));
-        let gap = Gap { from_s: seconds(from_ns), to_s: seconds(to_ns), samples: None };
-        self.taps.iter().try_for_each(|tap| live.output()?.gap(tap.sensor, gap))
-    }
+/// Lines that were taken have a hole between them.
+fn hole(stream: &mut Stream<'_>, from_us: u64, to_us: u64, live: &mut Live<'_>) -> Result<(), RecordError> {
+    let Some(clock) = stream.timing.clock else { return Ok(()) };
+    let [from_ns, to_ns] = [from_us, to_us].map(|time_us| clock.at_ns((time_us * 1000) as i64));
+    stream.holes += u64::from(stream.timing.is_wanted(from_ns, live));
+    let gap = Gap { from_s: seconds(from_ns), to_s: seconds(to_ns), samples: None };
+    stream.taps.iter().try_for_each(|tap| live.output()?.gap(tap.sensor, gap))
 }

@@ -2,27 +2,14 @@
 
 use std::time::{Duration, Instant};
 
-use crate::record::clock::align::Stretch;
-use crate::record::clock::device_clock::DeviceClock;
 use crate::record::devices::poll::PollCounts;
 use crate::record::devices::queue::Polled;
+use crate::record::error::RecordError;
+use crate::record::session::session_log::Live;
+use crate::record::session::stream::timing::Timing;
 use crate::record::wire::frames;
 use crate::record::wire::lines;
 use crate::rig::{Device, Protocol, Rig};
-use crate::storage::SensorClock;
-
-/// What is on its way when a session ends is not missed, nor what is not due for twice the longest pause.
-pub const ON_ITS_WAY: Duration = Duration::from_millis(500);
-
-/// What speaks for a restart, so that the device's time is looked at.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) enum Sign {
-    None,
-    /// Its sequence began anew.
-    Sequence,
-    /// Lines are missing.
-    Hole,
-}
 
 /// A sensor fed by the device.
 pub(super) struct Tap {
@@ -63,30 +50,13 @@ pub struct Stream<'a> {
     pub device: &'a Device,
     /// How it stands.
     pub state: State,
-    /// When it last sent something valid, or the session began.
-    pub last_message: Instant,
     /// Bytes that came from it.
     pub bytes: u64,
-    /// Others are recorded with it, on one clock.
-    pub shared: bool,
-    /// What it recorded, from restart to restart.
-    pub stretches: Vec<Stretch>,
+    /// When what it sent was measured, and when it came.
+    pub timing: Timing,
     pub(super) taps: Vec<Tap>,
     pub(super) codec: Codec,
-    pub(super) clock: Option<DeviceClock>,
-    /// What puts its logged times on the recording's clock, as well as it is known by now.
-    pub(super) moves: SensorClock,
-    /// The logged time up to which it has come, ns.
-    pub(super) come_ns: Option<i64>,
-    /// The longest time between two messages, nothing missing between.
-    pub(super) pause: Option<Duration>,
-    /// How long its last message was.
-    pub(super) span: Duration,
-    /// How often its clock was set while it ran.
-    pub(super) steps: u64,
     pub(super) columns: Option<usize>,
-    pub(super) restarted: bool,
-    pub(super) returned: bool,
     pub(super) reconnects: u64,
     /// Samples or polls are known to be missing.
     pub(super) holes: u64,
@@ -121,26 +91,68 @@ impl<'a> Stream<'a> {
         Stream {
             device,
             state: State::Open,
-            last_message: Instant::now(),
             bytes: 0,
-            shared: false,
-            stretches: Vec::new(),
+            timing: Timing::new(device),
             taps: wired.collect(),
             codec,
-            clock: None,
-            moves: SensorClock::default(),
-            come_ns: None,
-            pause: None,
-            span: Duration::ZERO,
-            steps: 0,
             columns: None,
-            restarted: false,
-            returned: false,
             reconnects: 0,
             holes: 0,
             bad_and_lost: None,
             before: PollCounts::default(),
             values: Vec::new(),
         }
+    }
+
+    /// True for a device that says its samples' times; one that is asked has none of its own.
+    pub fn has_clock(&self) -> bool {
+        !matches!(self.codec, Codec::Polled(_))
+    }
+
+    /// Sensors wired to it, by their place in the rig.
+    pub fn sensors(&self) -> impl Iterator<Item = usize> + '_ {
+        self.taps.iter().map(|tap| tap.sensor)
+    }
+
+    /// True while what it sends is recorded: with the duration over, until the others are there, for clocks move when they are fitted anew.
+    pub(crate) fn is_recorded(&self) -> bool {
+        matches!(self.state, State::Open | State::Reached)
+    }
+
+    /// True if nothing it sent could be used.
+    pub fn is_empty(&self) -> bool {
+        self.timing.stretches.is_empty()
+    }
+
+    /// As [`Timing::silent_since`], of a device whose port is open: it owes what it did not send.
+    pub fn silent_since(&self, moment: Instant, silence: Duration) -> Option<(i64, Duration)> {
+        if self.state == State::Open { self.timing.silent_since(moment, silence) } else { None }
+    }
+
+    /// Looks whether the columns are those that the rig file counts on; false where the device can no longer be recorded.
+    pub(crate) fn check_columns(&mut self, columns: usize, live: &Live<'_>) -> Result<bool, RecordError> {
+        if !self.is_recorded() {
+            return Ok(false);
+        }
+        let expected = *self.columns.get_or_insert(columns);
+        let problem = if expected != columns {
+            format!("it changed from {expected} to {columns} channels, so their meaning is unknown")
+        } else if let Some(tap) = self.taps.iter().find(|tap| tap.column >= columns) {
+            let error = RecordError::NoChannel {
+                sensor: live.rig.sensors[tap.sensor].name.clone(),
+                channel: tap.column,
+                device: self.device.name.clone(),
+                channels: columns,
+            };
+            if !live.has_begun() {
+                return Err(error);
+            }
+            error.to_string()
+        } else {
+            return Ok(true);
+        };
+        self.holes += 1;
+        self.state = State::Ended(problem);
+        Ok(false)
     }
 }

@@ -7,8 +7,7 @@ use crate::record::clock::device_clock::{DeviceClock, seconds};
 use crate::record::error::RecordError;
 use crate::record::session::session_log::Live;
 use crate::record::session::stream::stamp::Stamp;
-use crate::record::session::stream::state::{ON_ITS_WAY, Sign, State, Stream};
-use crate::rig::Protocol;
+use crate::rig::{Device, Protocol};
 use crate::storage::SensorClock;
 
 /// A device whose arrivals come later than this after where its clock should be has restarted, where something speaks for it: s, and share
@@ -21,7 +20,69 @@ const LINE_KNOWN: u64 = 50;
 /// A device that sends its first so much later than the recording begins owes what was before, s; one that is slower, by its rhythm.
 const BEGINS_S: f64 = 1.0;
 
-impl Stream<'_> {
+/// What is on its way when a session ends is not missed, nor what is not due for twice the longest pause.
+pub const ON_ITS_WAY: Duration = Duration::from_millis(500);
+
+/// What speaks for a restart, so that the device's time is looked at.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Sign {
+    None,
+    /// Its sequence began anew.
+    Sequence,
+    /// Lines are missing.
+    Hole,
+}
+
+/// The times of one device; see the module.
+pub struct Timing {
+    /// When it last sent something valid, or the session began.
+    pub last_message: Instant,
+    /// Others are recorded with it, on one clock.
+    pub shared: bool,
+    /// What it recorded, from restart to restart.
+    pub stretches: Vec<Stretch>,
+    pub(super) clock: Option<DeviceClock>,
+    /// The logged time up to which it has come, ns.
+    pub(super) come_ns: Option<i64>,
+    /// The longest time between two messages, nothing missing between.
+    pub(super) pause: Option<Duration>,
+    /// How often its clock was set while it ran.
+    pub(super) steps: u64,
+    /// It says that it has restarted.
+    pub(super) restarted: bool,
+    /// Its port was gone, and nothing has come since.
+    pub(super) returned: bool,
+    /// What puts its logged times on the recording's clock, as well as it is known by now.
+    moves: SensorClock,
+    /// How long its last message was.
+    span: Duration,
+    /// How often it is asked, of one that is polled.
+    poll: Option<Duration>,
+}
+
+impl Timing {
+    /// Of a device, before its first message.
+    pub(super) fn new(device: &Device) -> Timing {
+        let poll = match device.protocol {
+            Protocol::ModbusRtu { poll_interval_s, .. } => Duration::try_from_secs_f64(poll_interval_s).ok(),
+            Protocol::Frames | Protocol::Lines => None,
+        };
+        Timing {
+            last_message: Instant::now(),
+            shared: false,
+            stretches: Vec::new(),
+            clock: None,
+            come_ns: None,
+            pause: None,
+            steps: 0,
+            restarted: false,
+            returned: false,
+            moves: SensorClock::default(),
+            span: Duration::ZERO,
+            poll,
+        }
+    }
+
     /// The device's clock for samples from a stamp on: a new one at the beginning, set anew after a restart, moved where it was set.
     pub(crate) fn begin(
         &mut self,
@@ -160,16 +221,11 @@ impl Stream<'_> {
         ON_ITS_WAY.max(2 * pause).max(2 * self.span)
     }
 
-    /// Since when, as a logged time in ns, and for how long it has been silent at a moment, where more than its rhythm allows: its port is
-    /// open, and it owes what it did not send.
+    /// Since when, as a logged time in ns, and for how long it has been silent at a moment, where more than its rhythm allows.
     pub fn silent_since(&self, moment: Instant, silence: Duration) -> Option<(i64, Duration)> {
-        let poll = match self.device.protocol {
-            Protocol::ModbusRtu { poll_interval_s, .. } => Duration::try_from_secs_f64(poll_interval_s).ok(),
-            Protocol::Frames | Protocol::Lines => None,
-        };
         let since = moment.saturating_duration_since(self.last_message);
         // of one that spoke only once no rhythm is known
-        let allowed = poll.max(self.pause).map_or(silence.max(2 * self.span), |pause| self.patience(pause));
-        (self.state == State::Open && since > allowed).then_some((self.stretches.last()?.last_ns, since))
+        let allowed = self.poll.max(self.pause).map_or(silence.max(2 * self.span), |pause| self.patience(pause));
+        (since > allowed).then_some((self.stretches.last()?.last_ns, since))
     }
 }

@@ -25,7 +25,7 @@ fn a_device_that_fell_silent_before_the_end_is_incomplete_and_leaves_a_gap() {
     let folder = tempfile::tempdir().unwrap();
     let options = Options::new(folder.path().join("run.mcap"));
     let summary = ended(&options, &[6, 2], |streams, _| {
-        streams[1].last_message -= Duration::from_secs(4);
+        streams[1].timing.last_message -= Duration::from_secs(4);
         BY_USER.to_owned()
     });
     assert!(!summary.devices[0].incomplete && summary.devices[1].incomplete && summary.data_lost, "{summary:?}");
@@ -44,7 +44,7 @@ fn where_all_have_fallen_silent_the_stream_has_ended_however_the_session_does() 
         let options = Options { duration_s, ..Options::new(file) };
         let seconds = if several { &[2, 2][..] } else { &[2] };
         let summary = ended(&options, seconds, |streams, _| {
-            streams.iter_mut().for_each(|stream| stream.last_message -= Duration::from_millis(silent_ms));
+            streams.iter_mut().for_each(|stream| stream.timing.last_message -= Duration::from_millis(silent_ms));
             assert_eq!(all_over(streams, &options).is_some(), silent_ms == 6000);
             all_over(streams, &options).unwrap_or(BY_USER.to_owned())
         });
@@ -71,7 +71,7 @@ fn a_device_that_ends_by_itself_is_incomplete_where_another_goes_on() {
             for device in [0, 1] {
                 take(device, Input::Ended("the device hung up".to_owned()), streams, live).unwrap();
             }
-            streams[1].last_message -= Duration::from_millis(after_ms);
+            streams[1].timing.last_message -= Duration::from_millis(after_ms);
             all_over(streams, &options).unwrap()
         });
         let gaps = &log::read(&options.file).unwrap().series[1].gaps;
