@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use crate::cli::console::outcome::AnyError;
+use crate::cli::console::print::with_flags;
 use crate::report::Page;
 use crate::report::page::html;
 use crate::storage::output;
@@ -17,5 +18,5 @@ pub fn write_page(path: &Path, study: &Study, page: Page) -> Result<(), AnyError
     let title = format!("{} on rig {}", files.join(", "), page.rig.name);
     let page = html(&Page { title, ..page });
     output::check_report(path)?;
-    Ok(output::write(path, &page)?)
+    Ok(output::write(path, &with_flags(&page))?)
 }

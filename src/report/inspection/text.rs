@@ -72,8 +72,12 @@ pub fn table(recording: &Recording, f: &Features) -> String {
 
 /// A value and its standard error in as many decimals as give the error two digits.
 fn plus_minus(value: f64, standard_error: f64) -> String {
-    if !(standard_error > 0.0 && standard_error.is_finite()) {
+    if !standard_error.is_finite() {
         return format!("{value:.4} ± {standard_error}");
+    }
+    // what rounding leaves of readings that do not differ is no error
+    if standard_error <= 1e-9 * value.abs() {
+        return format!("{value:.4} ± 0");
     }
     let decimals = (1.0 - standard_error.log10().floor()).clamp(0.0, 9.0) as usize;
     format!("{value:.decimals$} ± {standard_error:.decimals$}")
@@ -89,5 +93,6 @@ mod tests {
         assert_eq!(plus_minus(395.1, 12.4), "395 ± 12");
         assert_eq!(plus_minus(1.25, 0.2), "1.25 ± 0.20");
         assert_eq!(plus_minus(1.25, 0.0), "1.2500 ± 0");
+        assert_eq!(plus_minus(0.458995, 1e-17), "0.4590 ± 0");
     }
 }
