@@ -88,7 +88,7 @@ pub use crate::rig::Rig;
 pub use crate::study::Study;
 pub use crate::study::error::Error;
 
-use surgescope_core::robust;
 pub use surgescope_core::{
     align, creep, diagnose, fit, model, recording, rig, sensitivity, signal, temperature, units, valve,
 };
+use surgescope_core::{robust, shown};

@@ -13,6 +13,7 @@ use crate::cli::console::last_words::LastWords;
 use crate::cli::console::outcome::{CommandResult, FAILED};
 use crate::cli::console::print::tell;
 use crate::cli::console::stop::STOP;
+use crate::shown::{Shown as _, controls};
 
 /// Record, model and calibrate water-hammer tests, and find the physics a model lacks.
 #[derive(Debug, Parser)]
@@ -64,9 +65,19 @@ fn command() -> clap::Command {
     help::grouped(Cli::command())
 }
 
+/// Ends with what is wrong with the arguments, which the parser quotes as they are.
+fn refuse(error: &clap::Error) -> ! {
+    if !std::env::args_os().any(|argument| argument.to_string_lossy().chars().any(controls)) {
+        error.exit();
+    }
+    tell!("{}", error.render().to_string().trim_end().shown());
+    std::process::exit(error.exit_code())
+}
+
 /// Parses the arguments, runs the command and turns its outcome into the exit code.
 pub fn main() -> ExitCode {
-    let cli = Cli::from_arg_matches(&command().get_matches()).unwrap_or_else(|error| error.exit());
+    let parsed = command().try_get_matches().and_then(|matches| Cli::from_arg_matches(&matches));
+    let cli = parsed.unwrap_or_else(|error| refuse(&error));
     let result: CommandResult = match cli.command {
         Command::Import(args) => commands::import::run(args, cli.json),
         Command::Demo(args) => commands::demo::run(args, cli.json),

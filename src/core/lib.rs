@@ -10,6 +10,7 @@ pub mod recording;
 pub mod rig;
 pub mod robust;
 pub mod sensitivity;
+pub mod shown;
 pub mod signal;
 pub mod temperature;
 pub mod units;

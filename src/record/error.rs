@@ -3,17 +3,18 @@
 use std::io;
 use std::path::PathBuf;
 
+use crate::shown::Shown as _;
 use crate::storage::LogError;
 
 /// Why nothing was, or no more could be, recorded.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs)] // every variant says in its sentence what its fields are
 pub enum RecordError {
-    #[error("{} exists already; recordings are never overwritten: choose another name", .0.display())]
+    #[error("{} exists already; recordings are never overwritten: choose another name", .0.shown())]
     Exists(PathBuf),
-    #[error("the folder {} does not exist: create it, or write the recording elsewhere", .0.display())]
+    #[error("the folder {} does not exist: create it, or write the recording elsewhere", .0.shown())]
     NoFolder(PathBuf),
-    #[error("the folder {} of the shots cannot be made", .folder.display())]
+    #[error("the folder {} of the shots cannot be made", .folder.shown())]
     Folder { folder: PathBuf, source: io::Error },
     #[error(
         "no sensor of rig '{rig}' is wired to a device: give its sensors `device` and `channel`, and describe the device in [[device]]"
@@ -75,7 +76,7 @@ pub enum RecordError {
     Pseudoterminal(#[source] io::Error),
     #[error("the recording cannot be started")]
     Start(#[source] LogError),
-    #[error("writing the recording failed; what was recorded until then is in {}: repair it with `surgescope recover {} -o WHOLE.mcap`", .file.display(), .file.display())]
+    #[error("writing the recording failed; what was recorded until then is in {}: repair it with `surgescope recover {} -o WHOLE.mcap`", .file.shown(), .file.shown())]
     Write { file: PathBuf, source: Box<LogError> },
     #[error(transparent)]
     Read(LogError),

@@ -12,6 +12,7 @@ use crate::model::effects::{Chosen, parse_list};
 use crate::replay::found::Found;
 use crate::replay::quantity::{Quantity, Table, key};
 use crate::report::text::number::significant;
+use crate::shown::Shown as _;
 
 /// What is expected of one recording.
 #[derive(Debug, Clone, Default)]
@@ -41,7 +42,7 @@ pub enum ExpectedError {
     #[error(
         "{recording} has no expected results beside it ({file} does not exist); `surgescope replay --accept {recording}` \
          writes the present results there, with option `effects` A,B also those of a calibration",
-        recording = recording.display(), file = file.display()
+        recording = recording.shown(), file = file.shown()
     )]
     Missing {
         /// The recording.
@@ -50,13 +51,13 @@ pub enum ExpectedError {
         file: PathBuf,
     },
     /// It cannot be read.
-    #[error("cannot read the expected results {}; they must be a text file in UTF-8 that you may read", .0.display())]
+    #[error("cannot read the expected results {}; they must be a text file in UTF-8 that you may read", .0.shown())]
     Read(PathBuf, #[source] std::io::Error),
     /// It cannot be written.
-    #[error("cannot write the expected results {}", .0.display())]
+    #[error("cannot write the expected results {}", .0.shown())]
     Write(PathBuf, #[source] std::io::Error),
     /// It says something that it must not.
-    #[error("{}:{line}: {message}\n{line:>5} | {text}", file.display())]
+    #[error("{}:{line}: {message}\n{line:>5} | {text}", file.shown())]
     Invalid {
         /// The file.
         file: PathBuf,

@@ -6,6 +6,7 @@
 use std::path::Path;
 
 use crate::results::fit_record::{FORMAT, FitRecord};
+use crate::shown::Shown as _;
 
 /// First line of the TOML form.
 const HEADING: &str = "# surgescope fit: a result, not to be edited (keys: docs/src/keys.md in surgescope's guide)";
@@ -42,7 +43,7 @@ impl Form {
         match path.extension().and_then(|e| e.to_str()) {
             Some(e) if e.eq_ignore_ascii_case("toml") => Ok(Form::Toml),
             Some(e) if e.eq_ignore_ascii_case("json") => Ok(Form::Json),
-            _ => Err(FitFileError::Form(path.display().to_string())),
+            _ => Err(FitFileError::Form(path.shown().into_owned())),
         }
     }
 }
@@ -80,7 +81,7 @@ impl FitRecord {
     /// # Errors
     /// One that cannot be read; as [`FitRecord::parse`].
     pub fn read(path: &Path) -> Result<FitRecord, FitFileError> {
-        let name = path.display().to_string();
+        let name = path.shown().into_owned();
         let form = Form::of(path)?;
         let text = std::fs::read_to_string(path).map_err(|e| FitFileError::Read(name.clone(), e))?;
         FitRecord::parse(&text, form, &name)

@@ -21,6 +21,7 @@ use crate::model::effects::{Chosen, name_of, parse_list};
 use crate::model::prior::Prior;
 use crate::model::{Model, ModelError};
 use crate::rig::Rig;
+use crate::shown::Shown as _;
 
 /// First line of such a file.
 pub const HEADING: &str = "# surgescope models";
@@ -110,13 +111,13 @@ pub struct Value {
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs)] // the sentences say it
 pub enum ModelFileError {
-    #[error("{} is not a file of models: {}", .0.display(), .1)]
+    #[error("{} is not a file of models: {}", .0.shown(), .1)]
     Parse(PathBuf, String),
-    #[error("{} names no recordings", .0.display())]
+    #[error("{} names no recordings", .0.shown())]
     NoRecording(PathBuf),
-    #[error("{}: model {number} {what}", .file.display())]
+    #[error("{}: model {number} {what}", .file.shown())]
     Contradiction { file: PathBuf, number: usize, what: String },
-    #[error("{}: model {number}", .file.display())]
+    #[error("{}: model {number}", .file.shown())]
     Effects { file: PathBuf, number: usize, source: ModelError },
 }
 

@@ -4,6 +4,7 @@ use std::collections::HashMap;
 use std::io::Write;
 
 use crate::results::fit_record::{FitRecord, Parameter, Run};
+use crate::shown::cell;
 
 /// Columns that each row of a wide table begins with.
 const RUN_COLUMNS: [&str; 13] = [
@@ -150,8 +151,9 @@ impl Table {
     /// If `out` cannot be written to.
     pub fn write_csv(&self, out: impl Write) -> csv::Result<()> {
         let mut csv = csv::Writer::from_writer(out);
-        csv.write_record(&self.columns)?;
-        self.rows.iter().try_for_each(|row| csv.write_record(row))?;
+        let mut write = |row: &[String]| csv.write_record(row.iter().map(|text| cell(text).into_owned()));
+        write(&self.columns)?;
+        self.rows.iter().try_for_each(|row| write(row))?;
         csv.flush()?;
         Ok(())
     }

@@ -5,13 +5,14 @@
 use std::path::Path;
 
 use crate::model::constraint::Given;
+use crate::shown::Shown as _;
 
 /// Reads it.
 ///
 /// # Errors
 /// A file that cannot be read, a line that is no value, a value given twice.
 pub fn read(path: &Path) -> Result<Vec<Given>, String> {
-    let name = path.display();
+    let name = path.shown();
     let text = std::fs::read_to_string(path).map_err(|e| format!("cannot read the values in {name}: {e}"))?;
     parse(&text).map_err(|e| format!("{name}, {e}"))
 }

@@ -1,6 +1,6 @@
 //! Puts a recording together from MCAP records, in whatever order they come.
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use mcap::records::{self, MessageHeader, Record};
@@ -8,6 +8,7 @@ use prost::Message;
 
 use crate::recording::{CsvFormat, Gap, Recording, RunInfo, Series};
 use crate::rig::Rig;
+use crate::shown::Shown as _;
 use crate::storage::error::LogError;
 use crate::storage::layout;
 use crate::storage::layout::{key, offset_ns, to_s};
@@ -23,8 +24,9 @@ pub struct Assembler {
     run: Option<BTreeMap<String, String>>,
     notes: Vec<(String, String)>,
     retimer: Retimer,
-    schemas: HashMap<u16, Option<Kind>>,
-    channels: HashMap<u16, Option<(usize, Kind)>>,
+    schemas: BTreeMap<u16, Option<Kind>>,
+    /// Column and kind of each channel, by its number; nothing of a channel that is none of ours.
+    channels: Vec<Option<Option<(usize, Kind)>>>,
     columns: Vec<Column>,
 }
 
@@ -34,18 +36,27 @@ struct Column {
     unit: String,
     /// Its place in an imported time series, and the decimals there.
     csv: Option<(usize, Option<u8>)>,
-    points: Vec<Point>,
+    points: Points,
     gaps: Vec<Gap>,
     /// Where records were lost: the number of points before.
     breaks: Vec<usize>,
 }
 
-#[derive(Clone, Copy)]
-struct Point {
-    log_time: u64,
-    /// The recording time itself, where it is not `log_time`'s; NaN otherwise.
-    time_s: f64,
-    value: f64,
+/// Samples in the order of the file: sixteen bytes each, for a long recording has many.
+#[derive(Default)]
+struct Points {
+    log_time: Vec<u64>,
+    value: Vec<f64>,
+    /// Recording times that are not those of `log_time`, with the place of their sample.
+    time_s: Vec<(usize, f64)>,
+}
+
+impl Points {
+    fn push(&mut self, log_time: u64, value: f64, time_s: Option<f64>) {
+        self.time_s.extend(time_s.map(|time_s| (self.value.len(), time_s)));
+        self.log_time.push(log_time);
+        self.value.push(value);
+    }
 }
 
 impl Assembler {
@@ -80,7 +91,7 @@ impl Assembler {
     /// Notes that records were lost here.
     pub fn lost(&mut self) {
         for column in &mut self.columns {
-            column.breaks.push(column.points.len());
+            column.breaks.push(column.points.value.len());
         }
     }
 
@@ -89,7 +100,7 @@ impl Assembler {
         let kind = self.schemas.get(&channel.schema_id).copied().flatten();
         // A channel of another program's messages is none of ours and stays out.
         let Some(kind) = kind else {
-            self.channels.insert(channel.id, None);
+            self.set_channel(channel.id, None);
             return Ok(());
         };
         let entry = |key: &str| channel.metadata.get(key);
@@ -104,17 +115,25 @@ impl Assembler {
         };
         let column = self.columns.iter().position(|c| c.sensor == *sensor).unwrap_or_else(|| {
             let (sensor, unit) = (sensor.clone(), entry(key::UNIT).cloned().unwrap_or_default());
-            self.columns.push(Column { sensor, unit, csv, points: vec![], gaps: vec![], breaks: vec![] });
+            self.columns.push(Column { sensor, unit, csv, points: Points::default(), gaps: vec![], breaks: vec![] });
             self.columns.len() - 1
         });
-        self.channels.insert(channel.id, Some((column, kind)));
+        self.set_channel(channel.id, Some((column, kind)));
         Ok(())
     }
 
+    fn set_channel(&mut self, id: u16, what: Option<(usize, Kind)>) {
+        let id = usize::from(id);
+        if self.channels.len() <= id {
+            self.channels.resize(id + 1, None);
+        }
+        self.channels[id] = Some(what);
+    }
+
     fn message(&mut self, header: MessageHeader, data: &[u8]) -> Result<(), String> {
-        let known = self.channels.get(&header.channel_id);
+        let known = self.channels.get(usize::from(header.channel_id)).copied().flatten();
         let Some((column, kind)) =
-            *known.ok_or_else(|| format!("a message of channel {}, which is not there", header.channel_id))?
+            known.ok_or_else(|| format!("a message of channel {}, which is not there", header.channel_id))?
         else {
             return Ok(());
         };
@@ -129,8 +148,7 @@ impl Assembler {
                 let sample = Sample::decode(data).map_err(|_| bad(&column.sensor))?;
                 let value = sample.value.ok_or_else(|| bad(&column.sensor))?;
                 whole(&column.sensor, &[value, sample.time_s.unwrap_or_default()])?;
-                let time_s = sample.time_s.unwrap_or(f64::NAN);
-                column.points.push(Point { log_time: header.log_time, time_s, value });
+                column.points.push(header.log_time, value, sample.time_s);
             }
             Kind::Block => {
                 let block = Block::decode(data).map_err(|_| bad(&column.sensor))?;
@@ -141,11 +159,10 @@ impl Assembler {
                 if !block.times_s.is_empty() && block.times_s.len() != block.values.len() {
                     return Err(bad(&column.sensor));
                 }
-                column.points.extend(block.values.iter().enumerate().map(|(i, &value)| Point {
-                    log_time: header.log_time.saturating_add_signed(offset_ns(i, period_ns)),
-                    time_s: block.times_s.get(i).copied().unwrap_or(f64::NAN),
-                    value,
-                }));
+                for (i, &value) in block.values.iter().enumerate() {
+                    let log_time = header.log_time.saturating_add_signed(offset_ns(i, period_ns));
+                    column.points.push(log_time, value, block.times_s.get(i).copied());
+                }
             }
             Kind::Gap => {
                 let gap = schema::Gap::decode(data).map_err(|_| bad(&column.sensor))?;
@@ -170,7 +187,7 @@ impl Assembler {
             return Err(not_ours("a newer version of the program wrote it: update surgescope"));
         }
         let zero_ns = number(key::TIME_ZERO).ok_or_else(|| damaged("its time 0 is missing".into()))?;
-        let file_name = format!("rig.toml inside {}", path.display());
+        let file_name = format!("rig.toml inside {}", path.shown());
         let rig =
             Rig::from_toml(&text, &file_name).map_err(|e| LogError::Rig { path: path.into(), source: Box::new(e) })?;
 
@@ -224,27 +241,33 @@ impl Column {
         repeats: &mut Option<&mut Vec<String>>,
     ) -> Result<Series, String> {
         let sensor = self.sensor;
-        let mut samples = Vec::with_capacity(self.points.len());
-        for point in self.points {
-            let ns = i64::try_from(i128::from(point.log_time) - i128::from(zero_ns))
-                .map_err(|_| format!("'{sensor}' has a sample centuries from its start"))?;
-            let time_s = if point.time_s.is_nan() { to_s(clock.time_ns(ns)) } else { point.time_s };
-            samples.push((time_s, point.value));
+        let Points { log_time, value, time_s: own } = self.points;
+        let far = log_time.iter().any(|t| i64::try_from(i128::from(*t) - i128::from(zero_ns)).is_err());
+        if far {
+            return Err(format!("'{sensor}' has a sample centuries from its start"));
         }
-        let period_s = typical_period_s(&samples);
+        // in place: of the same size
+        let mut time_s: Vec<f64> =
+            log_time.into_iter().map(|t| to_s(clock.time_ns(t.wrapping_sub(zero_ns) as i64))).collect();
+        own.into_iter().for_each(|(place, own_s)| time_s[place] = own_s);
         let mut gaps: Vec<Gap> = self.gaps.into_iter().map(|gap| clock.gap(gap)).collect();
         let mut breaks = self.breaks;
         breaks.dedup();
+        let period_s = if breaks.is_empty() { 0.0 } else { typical_period_s(&time_s) };
         for place in breaks {
-            if let (Some(before), Some(after)) = (place.checked_sub(1).and_then(|i| samples.get(i)), samples.get(place))
-            {
+            let before = place.checked_sub(1).and_then(|i| time_s.get(i));
+            if let (Some(&from_s), Some(&to_s)) = (before, time_s.get(place)) {
                 // A slow sensor may well have had no sample in the lost stretch.
-                if after.0 - before.0 > 1.5 * period_s {
-                    gaps.push(Gap { from_s: before.0, to_s: after.0, samples: None });
+                if to_s - from_s > 1.5 * period_s {
+                    gaps.push(Gap { from_s, to_s, samples: None });
                 }
             }
         }
         gaps.sort_by(|a, b| a.from_s.total_cmp(&b.from_s));
+        if time_s.windows(2).all(|w| w[0] < w[1]) {
+            return Ok(Series { time_s, value, gaps });
+        }
+        let mut samples: Vec<(f64, f64)> = time_s.into_iter().zip(value).collect();
         samples.sort_by(|a, b| a.0.total_cmp(&b.0));
         let mut series = Series { gaps, ..Series::default() };
         for (time_s, value) in samples {
@@ -264,8 +287,8 @@ impl Column {
 }
 
 /// Median of the steps between samples, s; 0 where there are none.
-fn typical_period_s(samples: &[(f64, f64)]) -> f64 {
-    let mut steps: Vec<f64> = samples.windows(2).map(|w| w[1].0 - w[0].0).collect();
+fn typical_period_s(time_s: &[f64]) -> f64 {
+    let mut steps: Vec<f64> = time_s.windows(2).map(|w| w[1] - w[0]).collect();
     let middle = steps.len() / 2;
     if steps.is_empty() { 0.0 } else { *steps.select_nth_unstable_by(middle, f64::total_cmp).1 }
 }

@@ -1,6 +1,7 @@
 //! Files that appear whole or not at all, and never in the place of another.
 
 use std::fs::{self, File};
+use std::io::Read as _;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -8,12 +9,47 @@ use tempfile::NamedTempFile;
 
 use crate::storage::error::LogError;
 
-/// The whole content of a file.
-pub fn read_file(path: &Path) -> Result<Vec<u8>, LogError> {
-    if path.is_dir() {
+/// A pipe may hold no more than this, bytes: nothing says where it ends.
+const LONGEST_PIPE: u64 = 4 << 30;
+
+/// Opens a file or a pipe to read.
+///
+/// # Errors
+/// A folder, a device, or what cannot be opened.
+pub fn open_file(path: &Path) -> Result<File, LogError> {
+    let io = |e| LogError::io("read", path, e);
+    let about = fs::metadata(path).map_err(io)?;
+    if about.is_dir() {
         return Err(LogError::Folder(path.into()));
     }
-    fs::read(path).map_err(|e| LogError::io("read", path, e))
+    #[cfg(unix)]
+    let is_pipe = std::os::unix::fs::FileTypeExt::is_fifo(&about.file_type());
+    #[cfg(not(unix))]
+    let is_pipe = false;
+    if !about.is_file() && !is_pipe {
+        return Err(LogError::NoFile(path.into()));
+    }
+    File::open(path).map_err(io)
+}
+
+/// The whole content of a file or a pipe.
+///
+/// # Errors
+/// As [`open_file`]; a file larger than memory, a pipe that does not end.
+pub fn read_file(path: &Path) -> Result<Vec<u8>, LogError> {
+    let io = |e| LogError::io("read", path, e);
+    let file = open_file(path)?;
+    let about = file.metadata().map_err(io)?;
+    let (length, limit) = if about.is_file() { (about.len(), u64::MAX) } else { (0, LONGEST_PIPE) };
+    let too_large = |bytes| LogError::TooLarge { path: path.into(), gib: bytes as f64 / f64::from(1 << 30) };
+    let mut bytes = Vec::new();
+    let room = usize::try_from(length).ok().and_then(|length| bytes.try_reserve_exact(length).ok());
+    room.ok_or_else(|| too_large(length))?;
+    file.take(limit).read_to_end(&mut bytes).map_err(io)?;
+    if bytes.len() as u64 == limit {
+        return Err(too_large(limit));
+    }
+    Ok(bytes)
 }
 
 /// Fails when something stands at `path` already, a dangling link included.

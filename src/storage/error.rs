@@ -6,13 +6,14 @@ use std::path::{Path, PathBuf};
 use thiserror::Error;
 
 use crate::rig::RigError;
+use crate::shown::Shown as _;
 
 /// A recording or a time series could not be read or written.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum LogError {
     /// The operating system refused.
-    #[error("cannot {action} {}", path.display())]
+    #[error("cannot {action} {}", path.shown())]
     Io {
         /// `read`, `write`, …
         action: &'static str,
@@ -22,19 +23,30 @@ pub enum LogError {
         source: io::Error,
     },
     /// The file to read does not exist.
-    #[error("{} does not exist: check the path", .0.display())]
+    #[error("{} does not exist: check the path", .0.shown())]
     Missing(PathBuf),
     /// A folder where a file is expected.
-    #[error("{} is a folder: name a file in it", .0.display())]
+    #[error("{} is a folder: name a file in it", .0.shown())]
     Folder(PathBuf),
+    /// A device or a socket where a file is expected.
+    #[error("{} is neither a file nor a pipe: name a file", .0.shown())]
+    NoFile(PathBuf),
+    /// More than can be held in memory.
+    #[error("{} has {gib:.1} GiB or more, which do not fit into memory: cut it into parts", path.shown())]
+    TooLarge {
+        /// The file.
+        path: PathBuf,
+        /// Its size, GiB.
+        gib: f64,
+    },
     /// The folder to write in is not there.
-    #[error("the folder {} does not exist: create it, or write elsewhere", .0.display())]
+    #[error("the folder {} does not exist: create it, or write elsewhere", .0.shown())]
     NoFolder(PathBuf),
     /// The file to write exists already.
-    #[error("{} exists already and recordings are never overwritten: choose another name or move it away", .0.display())]
+    #[error("{} exists already and recordings are never overwritten: choose another name or move it away", .0.shown())]
     Exists(PathBuf),
     /// Not MCAP at all.
-    #[error("{} is not an MCAP file{hint}", path.display())]
+    #[error("{} is not an MCAP file{hint}", path.shown())]
     NotMcap {
         /// The file.
         path: PathBuf,
@@ -42,7 +54,7 @@ pub enum LogError {
         hint: String,
     },
     /// MCAP, but not written by this program.
-    #[error("{} is an MCAP file, but not a surgescope recording: {why}", path.display())]
+    #[error("{} is an MCAP file, but not a surgescope recording: {why}", path.shown())]
     NotOurs {
         /// The file.
         path: PathBuf,
@@ -50,10 +62,10 @@ pub enum LogError {
         why: String,
     },
     /// The end of the file is missing.
-    #[error("{file} has no end: its recording was cut off, or is still running; `surgescope recover {file} -o NEW.mcap` saves what is in it", file = .0.display())]
+    #[error("{file} has no end: its recording was cut off, or is still running; `surgescope recover {file} -o NEW.mcap` saves what is in it", file = .0.shown())]
     Torn(PathBuf),
     /// A check sum or a message is wrong.
-    #[error("{file} is damaged: {why}; `surgescope recover {file} -o NEW.mcap` saves the rest", file = path.display())]
+    #[error("{file} is damaged: {why}; `surgescope recover {file} -o NEW.mcap` saves the rest", file = path.shown())]
     Damaged {
         /// The file.
         path: PathBuf,
@@ -61,7 +73,7 @@ pub enum LogError {
         why: String,
     },
     /// The rig file inside a recording does not parse.
-    #[error("the rig file inside {} is not valid", path.display())]
+    #[error("the rig file inside {} is not valid", path.shown())]
     Rig {
         /// The recording.
         path: PathBuf,
@@ -69,7 +81,7 @@ pub enum LogError {
         source: Box<RigError>,
     },
     /// A channel and the rig inside the same file contradict each other.
-    #[error("{}: {why}", path.display())]
+    #[error("{}: {why}", path.shown())]
     OtherRig {
         /// The recording.
         path: PathBuf,
@@ -77,7 +89,7 @@ pub enum LogError {
         why: String,
     },
     /// Samples that no recording may hold were handed to a writer.
-    #[error("cannot record to {}: {why}", path.display())]
+    #[error("cannot record to {}: {why}", path.shown())]
     BadSamples {
         /// The file being written.
         path: PathBuf,
@@ -85,7 +97,7 @@ pub enum LogError {
         why: String,
     },
     /// Something is wrong in a time series.
-    #[error("{}{}: {problem}", path.display(), line.map(|l| format!(":{l}")).unwrap_or_default())]
+    #[error("{}{}: {problem}", path.shown(), line.map(|l| format!(":{l}")).unwrap_or_default())]
     Csv {
         /// The file.
         path: PathBuf,
@@ -95,7 +107,7 @@ pub enum LogError {
         problem: Box<CsvProblem>,
     },
     /// Something is wrong in a file of another program that has no lines.
-    #[error("{}: {why}", path.display())]
+    #[error("{}: {why}", path.shown())]
     SourceFile {
         /// The file.
         path: PathBuf,
@@ -106,7 +118,7 @@ pub enum LogError {
     #[error(transparent)]
     Sensors(Box<CsvProblem>),
     /// The disk refused the last samples.
-    #[error("{file} lacks its last samples; `surgescope recover {file} -o NEW.mcap` saves those before", file = path.display())]
+    #[error("{file} lacks its last samples; `surgescope recover {file} -o NEW.mcap` saves those before", file = path.shown())]
     CutShort {
         /// The live file.
         path: PathBuf,
@@ -114,7 +126,7 @@ pub enum LogError {
         source: Box<LogError>,
     },
     /// The live file no longer stands at its name, and a finished one could not be put there either.
-    #[error("{file} was moved or deleted while it was written, and could not be rewritten: if it was moved, run `surgescope recover` on it at its new place; if it was deleted, its samples are lost", file = path.display())]
+    #[error("{file} was moved or deleted while it was written, and could not be rewritten: if it was moved, run `surgescope recover` on it at its new place; if it was deleted, its samples are lost", file = path.shown())]
     Gone {
         /// Where it was.
         path: PathBuf,
@@ -122,7 +134,7 @@ pub enum LogError {
         source: Box<LogError>,
     },
     /// The live file was written whole, but could not be turned into a finished one.
-    #[error("every sample is safe in {file}, but it could not be finished; once the cause is gone, `surgescope recover {file} -o NEW.mcap` does it", file = path.display())]
+    #[error("every sample is safe in {file}, but it could not be finished; once the cause is gone, `surgescope recover {file} -o NEW.mcap` does it", file = path.shown())]
     Unfinished {
         /// The live file.
         path: PathBuf,

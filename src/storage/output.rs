@@ -5,6 +5,7 @@ use std::fs::{self, File};
 use std::io::{BufWriter, Read, Write};
 use std::path::Path;
 
+use crate::shown::Shown as _;
 use crate::storage::disk::{publish_new, publish_over, temporary_beside};
 use crate::storage::error::LogError;
 
@@ -30,7 +31,7 @@ pub fn check_report(path: &Path) -> Result<(), AnyError> {
     }
     Err(format!(
         "{} exists and is not a surgescope report, so it is not overwritten: choose another name for the report",
-        path.display()
+        path.shown()
     )
     .into())
 }
@@ -60,7 +61,7 @@ pub fn check_result(path: &Path, heading: &str) -> Result<(), AnyError> {
     }
     Err(format!(
         "{} exists and does not begin with '{heading}', so it is not overwritten: choose another name",
-        path.display()
+        path.shown()
     )
     .into())
 }
@@ -74,7 +75,7 @@ pub fn check_series(path: &Path, header: &str, overwrite: bool, rig: &Path) -> R
     if !holds_a_file(path)? {
         return Ok(());
     }
-    let name = path.display();
+    let name = path.shown();
     if same_file(path, rig) {
         return Err(format!("{name} is the rig file: choose another name for the time series").into());
     }
@@ -101,7 +102,7 @@ pub fn check_new(path: &Path, overwrite: bool) -> Result<(), AnyError> {
     if !holds_a_file(path)? {
         return Ok(());
     }
-    let name = path.display();
+    let name = path.shown();
     if beginning(path, MCAP_MAGIC.len())? == MCAP_MAGIC {
         return Err(format!("{name} is a recording, and recordings are never overwritten: choose another name").into());
     }
@@ -144,7 +145,7 @@ pub fn check_apart(outputs: &[(&str, Option<&Path>)]) -> Result<(), String> {
     let all: Vec<_> = outputs.iter().filter_map(|(option, path)| Some((option, (*path)?))).collect();
     for (i, (option, path)) in all.iter().enumerate() {
         if let Some((other, _)) = all[..i].iter().find(|(_, p)| place(p) == place(path)) {
-            return Err(format!("{other} and {option} both write to {}: name two files", path.display()));
+            return Err(format!("{other} and {option} both write to {}: name two files", path.shown()));
         }
     }
     Ok(())
@@ -158,13 +159,13 @@ pub fn same_content(a: &Path, b: &Path) -> bool {
 
 /// Whether there is a file whose content could be lost; devices and pipes have none.
 fn holds_a_file(path: &Path) -> Result<bool, AnyError> {
-    let name = path.display();
+    let name = path.shown();
     match path.metadata() {
         Ok(meta) if meta.is_dir() => Err(format!("{name} is a folder: name a file in it").into()),
         Ok(meta) => Ok(meta.is_file()),
         Err(_) => match path.parent() {
             Some(folder) if !folder.as_os_str().is_empty() && !folder.is_dir() => {
-                Err(format!("the folder {} does not exist: create it, or write elsewhere", folder.display()).into())
+                Err(format!("the folder {} does not exist: create it, or write elsewhere", folder.shown()).into())
             }
             _ => Ok(false),
         },
@@ -174,7 +175,7 @@ fn holds_a_file(path: &Path) -> Result<bool, AnyError> {
 fn beginning(path: &Path, bytes: usize) -> Result<Vec<u8>, AnyError> {
     let mut start = Vec::new();
     let read = File::open(path).and_then(|file| file.take(bytes as u64).read_to_end(&mut start));
-    read.map_err(|e| format!("{} exists and cannot be read, so it is not overwritten: {e}", path.display()))?;
+    read.map_err(|e| format!("{} exists and cannot be read, so it is not overwritten: {e}", path.shown()))?;
     Ok(start)
 }
 
@@ -229,14 +230,14 @@ fn require_reader(path: &Path) -> Result<(), LogError> {
 
 /// What to say of a file that is not there.
 pub fn missing(path: &Path) -> String {
-    format!("{} does not exist: check the path", path.display())
+    format!("{} does not exist: check the path", path.shown())
 }
 
 /// What to say where `what` a file should hold cannot be read.
 pub fn unread(what: &str, path: &Path, error: &std::io::Error) -> String {
     match error.kind() {
         std::io::ErrorKind::NotFound => missing(path),
-        _ => format!("cannot read {what} {}: {error}", path.display()),
+        _ => format!("cannot read {what} {}: {error}", path.shown()),
     }
 }
 

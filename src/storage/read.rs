@@ -1,8 +1,11 @@
 //! Reads finished files, and trusts nothing whose check sum is wrong.
 
+use std::borrow::Cow;
+use std::fs::File;
+use std::io::{BufReader, Read, Seek, SeekFrom};
 use std::path::Path;
 
-use mcap::records::{Record, op};
+use mcap::records::{MessageHeader, Record, op};
 use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use mcap::{MAGIC, McapError, McapResult};
 
@@ -18,7 +21,25 @@ use crate::storage::lengths::texts_fit;
 /// Says whether the file is no MCAP, not one of ours, cut off ([`LogError::Torn`]) or damaged: every CRC is checked, and
 /// no sample is given out of a file in which anything is wrong.
 pub fn read(path: &Path) -> Result<Recording, LogError> {
-    decode(&disk::read_file(path)?, path)
+    let io = |e| LogError::io("read", path, e);
+    let mut file = disk::open_file(path)?;
+    if !file.metadata().map_err(io)?.is_file() {
+        return decode(&disk::read_file(path)?, path);
+    }
+    let length = file.seek(SeekFrom::End(0)).map_err(io)?;
+    let piece = |file: &mut File, from: u64, bytes: u64| -> std::io::Result<Vec<u8>> {
+        file.seek(SeekFrom::Start(from))?;
+        let mut piece = Vec::new();
+        file.take(bytes).read_to_end(&mut piece)?;
+        Ok(piece)
+    };
+    check_start(&piece(&mut file, 0, MAGIC.len() as u64).map_err(io)?, path)?;
+    let from = length.saturating_sub(END_BYTES as u64);
+    if !has_end(&piece(&mut file, from, END_BYTES as u64).map_err(io)?) {
+        return Err(LogError::Torn(path.into()));
+    }
+    file.seek(SeekFrom::Start(0)).map_err(io)?;
+    decode_stream(BufReader::with_capacity(1 << 16, file), length, path)
 }
 
 /// [`read`] of the bytes of a file.
@@ -27,47 +48,86 @@ pub fn decode(bytes: &[u8], path: &Path) -> Result<Recording, LogError> {
     if !has_end(bytes) {
         return Err(LogError::Torn(path.into()));
     }
-    let damaged = |why| LogError::Damaged { path: path.into(), why };
+    decode_stream(bytes, bytes.len() as u64, path)
+}
+
+fn decode_stream(input: impl Read, length: u64, path: &Path) -> Result<Recording, LogError> {
     let mut assembler = Assembler::default();
-    records(bytes, checked_options(bytes.len() as u64).with_check_finishes_after_end_magic(true), |record| {
-        assembler.take(record)
-    })
-    .map_err(damaged)?;
+    let options = checked_options(length).with_check_finishes_after_end_magic(true);
+    records(input, options, &mut Unpacked::of(length), |record| assembler.take(record))
+        .map_err(|why| LogError::Damaged { path: path.into(), why })?;
     assembler.assemble(path, None)
 }
 
-/// Hands each record of `bytes`, those in chunks included, to `take`; stops at the first error and says it.
+/// Hands each record of the input, those in chunks included, to `take`, but for the indices of messages; stops at the first error and says it.
 pub fn records(
-    bytes: &[u8],
+    mut input: impl Read,
     options: LinearReaderOptions,
+    unpacked: &mut Unpacked,
     mut take: impl FnMut(Record<'_>) -> Result<(), String>,
 ) -> Result<(), String> {
     let mut reader = LinearReader::new_with_options(options);
-    let mut rest = bytes;
     while let Some(event) = reader.next_event() {
         match event.map_err(describe)? {
             LinearReadEvent::ReadRequest(need) => {
-                let (now, later) = rest.split_at(need.min(rest.len()));
-                reader.insert(now.len()).copy_from_slice(now);
-                reader.notify_read(now.len());
-                rest = later;
+                let got = input.read(reader.insert(need)).map_err(|e| format!("it cannot be read ({e})"))?;
+                reader.notify_read(got);
             }
-            LinearReadEvent::Record { opcode, data } => take(parse(opcode, data).map_err(describe)?)?,
+            LinearReadEvent::Record { opcode, data } => {
+                unpacked.add(data.len())?;
+                if opcode != op::MESSAGE_INDEX {
+                    take(parse(opcode, data).map_err(describe)?)?;
+                }
+            }
         }
     }
     Ok(())
 }
 
+/// How much a file may still unpack to: a small file is not to cost minutes, whatever it claims to hold.
+pub struct Unpacked {
+    left: u64,
+}
+
+impl Unpacked {
+    /// Samples compress by far less than this.
+    const RATIO: u64 = 100;
+    /// Any file may unpack to this much, bytes.
+    const LEAST: u64 = 64 << 20;
+
+    /// Of a file of so many bytes.
+    pub fn of(length: u64) -> Unpacked {
+        Unpacked { left: length.saturating_mul(Unpacked::RATIO).saturating_add(Unpacked::LEAST) }
+    }
+
+    fn add(&mut self, bytes: usize) -> Result<(), String> {
+        let left = self.left.checked_sub(bytes as u64);
+        self.left = left.unwrap_or_default();
+        left.map(drop).ok_or_else(|| {
+            format!("it unpacks to more than {} times its size, which no recording does", Unpacked::RATIO)
+        })
+    }
+
+    /// Options of a reader that unpacks no more at once than the file still may.
+    pub fn options(&self, length: u64) -> LinearReaderOptions {
+        let left = usize::try_from(self.left).unwrap_or(usize::MAX);
+        checked_options(length).with_record_length_limit(length_limit(length).min(left))
+    }
+}
+
+/// What a length field in so many bytes may ask for: a chunk of samples compresses by far less.
+fn length_limit(length: u64) -> usize {
+    usize::try_from(length).unwrap_or(usize::MAX).saturating_mul(100).max(1 << 24)
+}
+
 /// Check every CRC, each chunk's before its first message comes out. `length` of the input bounds what a
 /// length field may ask for.
 pub fn checked_options(length: u64) -> LinearReaderOptions {
-    // A chunk of samples compresses by far less than this.
-    let limit = usize::try_from(length).unwrap_or(usize::MAX).saturating_mul(100).max(1 << 24);
     LinearReaderOptions::default()
         .with_prevalidate_chunk_crcs(true)
         .with_validate_data_section_crc(true)
         .with_validate_summary_section_crc(true)
-        .with_record_length_limit(limit)
+        .with_record_length_limit(length_limit(length))
 }
 
 /// [`mcap::parse_record`], for bytes that may be anything: it takes the lengths in them on trust.
@@ -87,7 +147,25 @@ pub fn parse(opcode: u8, body: &[u8]) -> McapResult<Record<'_>> {
             return Err(McapError::BadAttachmentLength { header: header.unwrap_or(32), available: body.len() as u64 });
         }
     }
-    mcap::parse_record(opcode, body)
+    match opcode {
+        // nearly all records are messages, and these few lines read them many times as fast
+        op::MESSAGE => message(body).ok_or(McapError::UnexpectedEoc),
+        _ => mcap::parse_record(opcode, body),
+    }
+}
+
+fn message(body: &[u8]) -> Option<Record<'_>> {
+    let (channel_id, rest) = body.split_first_chunk()?;
+    let (sequence, rest) = rest.split_first_chunk()?;
+    let (log_time, rest) = rest.split_first_chunk()?;
+    let (publish_time, data) = rest.split_first_chunk()?;
+    let header = MessageHeader {
+        channel_id: u16::from_le_bytes(*channel_id),
+        sequence: u32::from_le_bytes(*sequence),
+        log_time: u64::from_le_bytes(*log_time),
+        publish_time: u64::from_le_bytes(*publish_time),
+    };
+    Some(Record::Message { header, data: Cow::Borrowed(data) })
 }
 
 /// Fails unless this is the beginning of an MCAP file.
@@ -107,9 +185,12 @@ pub fn check_start(bytes: &[u8], path: &Path) -> Result<(), LogError> {
     Err(LogError::NotMcap { path: path.into(), hint: hint.into() })
 }
 
+/// Bytes of a footer: opcode, length and body; and of all that ends a file.
+const FOOTER_BYTES: usize = 1 + 8 + 20;
+const END_BYTES: usize = FOOTER_BYTES + MAGIC.len();
+
 /// True if the file ends with a footer and the closing magic bytes.
 pub fn has_end(bytes: &[u8]) -> bool {
-    const FOOTER_BYTES: usize = 1 + 8 + 20;
     let Some(body) = bytes.strip_suffix(MAGIC) else { return false };
     let footer = body.len().checked_sub(FOOTER_BYTES).and_then(|at| body.get(at..));
     footer.is_some_and(|f| f.starts_with(&[op::FOOTER, 20, 0, 0, 0, 0, 0, 0, 0]))

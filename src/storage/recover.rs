@@ -10,7 +10,7 @@ use crate::recording::Recording;
 use crate::storage::assemble::Assembler;
 use crate::storage::disk;
 use crate::storage::error::LogError;
-use crate::storage::read::{check_start, checked_options, describe, parse, records};
+use crate::storage::read::{Unpacked, check_start, describe, parse, records};
 use crate::storage::summary::Summary;
 use crate::storage::write::write;
 
@@ -96,6 +96,7 @@ pub fn salvaged(bytes: &[u8], torn: &Path) -> Result<(Recording, Vec<Loss>), Log
 
 struct Salvage {
     parts: Assembler,
+    unpacked: Unpacked,
     lost: Vec<Loss>,
     /// The end of the data was seen.
     data_complete: bool,
@@ -105,7 +106,8 @@ struct Salvage {
 const HEAD: usize = 9;
 
 fn salvage(bytes: &[u8]) -> Salvage {
-    let mut found = Salvage { parts: Assembler::default(), lost: Vec::new(), data_complete: false };
+    let unpacked = Unpacked::of(bytes.len() as u64);
+    let mut found = Salvage { parts: Assembler::default(), unpacked, lost: Vec::new(), data_complete: false };
     let mut at = mcap::MAGIC.len();
     while at < bytes.len() {
         let Some((opcode, body)) = record_at(bytes, at) else {
@@ -136,9 +138,9 @@ fn salvage(bytes: &[u8]) -> Salvage {
 impl Salvage {
     /// Takes what is right in a chunk whose check sum is; all of it, but for messages of channels lost elsewhere.
     fn chunk(&mut self, bytes: &[u8]) -> Result<(), String> {
-        let options = checked_options(bytes.len() as u64).with_skip_start_magic(true).with_skip_end_magic(true);
+        let options = self.unpacked.options(bytes.len() as u64).with_skip_start_magic(true).with_skip_end_magic(true);
         let mut wrong = Vec::new();
-        records(bytes, options, |record| {
+        records(bytes, options, &mut self.unpacked, |record| {
             wrong.extend(self.parts.take(record).err());
             Ok(())
         })?;

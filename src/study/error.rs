@@ -8,6 +8,7 @@ use crate::model::ModelError;
 use crate::recording::RigMismatch;
 use crate::results::model_file::ModelFileError;
 use crate::rig::RigError;
+use crate::shown::Shown as _;
 use crate::signal::SignalError;
 use crate::signal::faults::{SensorFault, in_words};
 use crate::storage::LogError;
@@ -35,34 +36,34 @@ pub enum Error {
     Faulty { file: String, faults: Vec<SensorFault>, source: Option<SignalError> },
     #[error("{file} cannot be read with that rig")]
     Mismatch { file: String, source: RigMismatch },
-    #[error("{} is given twice: a recording counts once", .0.display())]
+    #[error("{} is given twice: a recording counts once", .0.shown())]
     Twice(PathBuf),
-    #[error("{} and {} are one recording: it counts once", one.display(), other.display())]
+    #[error("{} and {} are one recording: it counts once", one.shown(), other.shown())]
     SameFile { one: PathBuf, other: PathBuf },
-    #[error("{} is a copy of {}: a recording counts once", copy.display(), original.display())]
+    #[error("{} is a copy of {}: a recording counts once", copy.shown(), original.shown())]
     Copy { copy: PathBuf, original: PathBuf },
     #[error(
         "{first} was made on rig '{first_rig}' and {other} on rig '{other_rig}', or on another state of it: fit them separately, or choose one \
          rig file for all"
     )]
     SeveralRigs { first: String, first_rig: String, other: String, other_rig: String },
-    #[error("the recordings that {} names cannot be used", file.display())]
+    #[error("the recordings that {} names cannot be used", file.shown())]
     Named { file: PathBuf, source: Box<Error> },
-    #[error("{} has changed while this ran: nothing was written; run it again", .0.display())]
+    #[error("{} has changed while this ran: nothing was written; run it again", .0.shown())]
     Changed(PathBuf),
-    #[error("{} may not be written to: it is read-only", .0.display())]
+    #[error("{} may not be written to: it is read-only", .0.shown())]
     ReadOnly(PathBuf),
-    #[error("{} holds the models of {recordings}: choose another file for other recordings", file.display())]
+    #[error("{} holds the models of {recordings}: choose another file for other recordings", file.shown())]
     OtherRecordings { file: PathBuf, recordings: String },
-    #[error("{} holds models of the rig {}: choose another file", file.display(), rig.display())]
+    #[error("{} holds models of the rig {}: choose another file", file.shown(), rig.shown())]
     OtherRigFile { file: PathBuf, rig: PathBuf },
     #[error(
         "the model was fitted to another pipeline than these recordings ({0}): its wave speed and creep do not carry over"
     )]
     OtherPipeline(String),
-    #[error("{name} is the model's, not the run's: to change it, edit {}", file.display())]
+    #[error("{name} is the model's, not the run's: to change it, edit {}", file.shown())]
     NotOfARun { name: String, file: PathBuf },
-    #[error("the models cannot be written to {}: {why}", file.display())]
+    #[error("the models cannot be written to {}: {why}", file.shown())]
     Unwritable { file: PathBuf, why: String },
     #[error("name one effect")]
     NotOneEffect,

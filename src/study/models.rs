@@ -6,6 +6,7 @@ use crate::fit::outcome::fit::Fit;
 use crate::fit::search::options::Options;
 use crate::results::fit_record::now;
 use crate::results::model_file::ModelFile;
+use crate::shown::Shown as _;
 use crate::storage::LogError;
 use crate::storage::disk::{alone_in_folder, require_folder};
 use crate::storage::output;
@@ -123,7 +124,7 @@ pub fn about(path: &Path, recordings: &[PathBuf], rig: Option<&Path>) -> Result<
     let same = file.recordings.len() == recordings.len()
         && recordings.iter().all(|r| file.recordings.iter().any(|own| output::same_file(&folder.join(own), r)));
     if !same {
-        let own = file.recordings.iter().map(|r| r.display().to_string()).collect::<Vec<_>>().join(", ");
+        let own = file.recordings.iter().map(|r| r.shown().into_owned()).collect::<Vec<_>>().join(", ");
         return Err(Error::OtherRecordings { file: path.to_owned(), recordings: own });
     }
     let own = file.rig.as_ref().map(|r| folder.join(r));

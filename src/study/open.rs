@@ -6,9 +6,11 @@ use crate::fit::data::prepare::prepare;
 use crate::fit::data::run_data::RunData;
 use crate::recording::Recording;
 use crate::rig::Rig;
+use crate::shown::Shown as _;
 use crate::signal::Features;
 use crate::signal::doubts::doubts;
 use crate::signal::faults::{SensorFault, examine, in_words};
+use crate::signal::window::Window;
 use crate::storage::output::{same_content, same_file};
 use crate::study::error::{Error, Result};
 
@@ -16,7 +18,7 @@ use crate::study::error::{Error, Result};
 pub struct Loaded {
     /// File name without its folder.
     pub file: String,
-    /// The recording, on the rig in force.
+    /// The recording, on the rig in force; of a long one the part that is used.
     pub recording: Recording,
     /// What it shows.
     pub features: Features,
@@ -24,6 +26,8 @@ pub struct Loaded {
     pub doubts: Vec<String>,
     /// Sensors whose records no physics explains.
     pub faults: Vec<SensorFault>,
+    /// What of a long recording is used.
+    pub window: Option<Window>,
 }
 
 impl Loaded {
@@ -32,6 +36,12 @@ impl Loaded {
     /// # Errors
     /// No pressure, or no closure.
     pub fn new(file: String, recording: Recording) -> Result<Loaded> {
+        let file = file.shown().into_owned();
+        let window = Window::of(&recording);
+        let recording = match &window {
+            Some(window) => window.cut(&recording),
+            None => recording,
+        };
         let (features, faults) = examine(&recording);
         let features = match features {
             Ok(features) => features,
@@ -41,8 +51,9 @@ impl Loaded {
             Err(source) => return Err(Error::Unusable { file, source }),
         };
         let mut doubts = doubts(&recording.rig, &features);
+        doubts.extend(window.map(|window| window.in_words()));
         doubts.extend((!faults.is_empty()).then(|| in_words(&faults)));
-        Ok(Loaded { file, recording, features, doubts, faults })
+        Ok(Loaded { file, recording, features, doubts, faults, window })
     }
 
     /// Refuses a recording with a faulty sensor: in a diagnosis an effect would only stand in for the fault.
@@ -81,7 +92,7 @@ pub fn load(paths: &[PathBuf], rig: Option<&Path>, ignored: &[String]) -> Result
             return Err(Error::Copy { copy: path.clone(), original: twin.clone() });
         }
         let mut recording = crate::storage::read(path)?;
-        let shown = path.display().to_string();
+        let shown = path.shown().into_owned();
         if let Some(rig) = &given {
             recording =
                 recording.on_rig(rig.clone()).map_err(|source| Error::Mismatch { file: shown.clone(), source })?;
@@ -116,5 +127,5 @@ pub(crate) fn one_rig((first, first_rig): (&str, &Rig), (other, other_rig): (&st
 fn file_name(path: &Path, paths: &[PathBuf]) -> String {
     let name = path.file_name().unwrap_or(path.as_os_str());
     let unique = paths.iter().filter(|p| p.file_name() == Some(name)).count() == 1;
-    if unique { name.to_string_lossy().into_owned() } else { path.display().to_string() }
+    if unique { name.to_string_lossy().shown().into_owned() } else { path.shown().into_owned() }
 }

@@ -8,6 +8,7 @@ use crate::fit::validate::predict::{Prediction, predict};
 use crate::model::constraint::Constraint;
 use crate::results::model_file::ModelFile;
 use crate::rig::compare::differences;
+use crate::shown::Shown as _;
 use crate::storage::output;
 use crate::study::Study;
 use crate::study::error::{Error, Result};
@@ -65,14 +66,14 @@ fn origin(study: &Study, asked: &Question, file: &ModelFile) -> Result<Vec<Strin
     let sources: Vec<PathBuf> = file.recordings.iter().map(|r| folder.join(r)).collect();
     let mut warnings: Vec<String> = (asked.recordings.iter())
         .filter(|r| sources.iter().any(|s| output::same_file(s, r)))
-        .map(|r| format!("{} is one of the recordings that the model was fitted to", r.display()))
+        .map(|r| format!("{} is one of the recordings that the model was fitted to", r.shown()))
         .collect();
     let own_rig = file.rig.as_ref().map(|r| folder.join(r));
     let first = sources.first().and_then(|s| load(std::slice::from_ref(s), own_rig.as_deref(), &[]).ok());
     let Some(first) = first.as_ref().and_then(|loaded| loaded.first()) else {
         warnings.push(format!(
             "the recordings that {} was fitted to cannot be read, so their rig cannot be compared with this one",
-            asked.model.display()
+            asked.model.shown()
         ));
         return Ok(warnings);
     };

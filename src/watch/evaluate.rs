@@ -20,6 +20,7 @@ use crate::results::history::lock::Lock;
 use crate::results::history::{Accepted, Finding, HistoryError, Index, Run};
 use crate::results::model_file::ModelFile;
 use crate::rig::Rig;
+use crate::shown::Shown as _;
 use crate::storage::decode;
 use crate::storage::output;
 use crate::study::models;
@@ -113,7 +114,8 @@ pub fn evaluate_new(path: &Path, settings: &Settings, notice: &OnNotice) -> Resu
         Ok(lock) => lock,
         Err(HistoryError::Busy { who, .. }) => {
             notice(Notice::Left(format!(
-                "{file}: a watch is at work in this folder ({who}): it calibrates the recording"
+                "{}: a watch is at work in this folder ({who}): it calibrates the recording",
+                file.shown()
             )));
             return Ok(None);
         }
@@ -125,7 +127,7 @@ pub fn evaluate_new(path: &Path, settings: &Settings, notice: &OnNotice) -> Resu
     let (Some(listed), Content::Recording { identity, rig, recorded_unix_ns }) = (listed, look_into(path)?) else {
         return Err(format!(
             "{} cannot be read back: name it NAME.mcap and check it with `surgescope inspect`",
-            path.display()
+            path.shown()
         )
         .into());
     };
@@ -135,7 +137,7 @@ pub fn evaluate_new(path: &Path, settings: &Settings, notice: &OnNotice) -> Resu
     let Some(run) = index.claim(Some(id))? else { return Ok(index.named(&file)?) };
     match evaluate(&mut index, &folder, &run, None, settings, notice)? {
         Ended::Done(run) | Ended::Failed(run) => Ok(Some(run)),
-        Ended::Changed => Err(format!("{} changed while it was calibrated", path.display()).into()),
+        Ended::Changed => Err(format!("{} changed while it was calibrated", path.shown()).into()),
     }
 }
 
@@ -166,7 +168,8 @@ fn found(
         recording = recording.on_rig(rig.clone())?;
     }
     let rig = recording.rig.clone();
-    let (file, hear) = (run.file.clone(), |text: &str| notice(Notice::Progress(format!("{}: {text}", run.file))));
+    let (file, hear) =
+        (run.file.clone(), |text: &str| notice(Notice::Progress(format!("{}: {text}", run.file.shown()))));
     let loaded = Loaded::new(file, recording)?;
     loaded.require_sound()?;
     let features = &loaded.features;
@@ -178,7 +181,7 @@ fn found(
     let diagnosis = diagnose(&rig, &data, &start.effects, &start.options, &hear)?;
 
     let contradictions = conflicts(&diagnosis.start, &data);
-    let named = format!("{}: ", run.file);
+    let named = format!("{}: ", run.file.shown());
     let mut warnings: Vec<String> = loaded.doubts.clone();
     warnings.extend(diagnosis.warnings.iter().chain(&contradictions).cloned().chain(at_bounds(&diagnosis.start)));
     let warnings: BTreeSet<&str> = warnings.iter().map(|w| w.strip_prefix(&named).unwrap_or(w)).collect();
@@ -188,7 +191,7 @@ fn found(
     let compared = verdict::compare(&finding.parameters, &finding.effects, finding.temperature_degc, &earlier);
     let clean = verdict::is_clean(&diagnosis, &compared, contradictions.len());
     let accept = settings.accept == Accept::Clean && clean;
-    finding.line = verdict::line(&diagnosis, &finding, &compared, accept, &run.file);
+    finding.line = verdict::line(&diagnosis, &finding, &compared, accept, &run.file.shown());
 
     let (model_path, report_path) = (path.with_extension("model.toml"), path.with_extension("html"));
     (finding.model_file, finding.report_file) = (name(&model_path), name(&report_path));
@@ -197,7 +200,7 @@ fn found(
     write_fit(&path.with_extension("fit.toml"), &fit)?;
     let fits: Vec<&Fit> = std::iter::once(&diagnosis.start).chain(missing_fit(&diagnosis)).collect();
     let page = Page {
-        title: format!("{} on rig {}", run.file, rig.name),
+        title: format!("{} on rig {}", run.file.shown(), rig.name),
         stages: fits.iter().map(|fit| Stage::of(fit)).collect(),
         energy: fits.last().and_then(|fit| energy_of(&rig, &data, fit, 0).ok().flatten()),
         diagnoses: std::slice::from_ref(&diagnosis),

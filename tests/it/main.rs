@@ -11,6 +11,7 @@ mod family;
 mod guide;
 mod history;
 mod hold;
+mod hostile_names;
 mod import;
 mod live_view;
 mod methods;

@@ -272,7 +272,7 @@ fn every_fault_is_named_with_its_line() {
         ("name = \"P1\"", "name = \"P0\"", "a second sensor named 'P0'"),
         ("name = \"P1\"", "name = \"time_s\"", "is the name of the time column"),
         ("name = \"P1\"", "name = \"P,1\"", "must not hold a comma"),
-        ("name = \"P1\"", "name = \"P\\n1\"", "must not hold a comma, a quote or a line break"),
+        ("name = \"P1\"", "name = \"P\\n1\"", "a text without control characters"),
         ("name = \"P1\"", "name = \"P1 \"", "must not begin or end with a space"),
         ("name = \"tail\"", "name = \"main\"", "a second pipe named 'main'"),
         ("coupling = \"dc\"", "coupling = \"dcc\"", "did you mean \"dc\"?"),

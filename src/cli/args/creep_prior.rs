@@ -9,6 +9,7 @@ use crate::creep::prior::wall_prior;
 use crate::model::Model;
 use crate::model::effects::Chosen;
 use crate::model::prior::Prior;
+use crate::shown::Shown as _;
 use crate::study::Study;
 
 /// The effect that a creep test describes.
@@ -47,7 +48,7 @@ impl CreepPrior {
         let (rig, run, loaded) = (study.rig(), &study.runs()[0], study.recordings());
         let text =
             std::fs::read_to_string(path).map_err(|e| crate::storage::output::unread("the creep test in", path, &e))?;
-        let file = CreepFile::parse(&text, &path.display().to_string())?;
+        let file = CreepFile::parse(&text, &path.shown().into_owned())?;
         let wall = effects.iter_mut().find(|c| c.effect.name() == WALL).ok_or(CreepError::NoWall)?;
         let base = Model::new(rig, &run.conditions.water, &[]);
         let starts: Vec<f64> =

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use crate::cli::console::print::tell;
 use crate::results::fit_file::Form;
 use crate::results::fit_record::FitRecord;
+use crate::shown::Shown as _;
 use crate::storage::output;
 
 /// Where a fit is written.
@@ -43,7 +44,7 @@ impl FitOutput {
         let Some(path) = &self.output else { return Ok(()) };
         let text = record.text(Form::of(path)?)?;
         output::write_new(path, &text, self.overwrite)?;
-        tell!("fit: {}", path.display());
+        tell!("fit: {}", path.shown());
         Ok(())
     }
 }

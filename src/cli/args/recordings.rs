@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use crate::cli::console::outcome::AnyError;
 use crate::cli::console::print::tell;
+use crate::cli::console::progress::busy;
 use crate::study::Study;
 use crate::study::error::Error;
 
@@ -20,7 +21,8 @@ pub fn open(paths: &[PathBuf], rig: Option<&Path>) -> Result<Study, AnyError> {
 /// # Errors
 /// As [`Study::open_without`].
 pub fn open_without(paths: &[PathBuf], rig: Option<&Path>, ignored: &[String]) -> Result<Study, AnyError> {
-    let study = Study::open_without(rig, paths, ignored).map_err(|error| match error {
+    let first = paths.first().map(PathBuf::as_path).unwrap_or(Path::new(""));
+    let study = busy(first, || Study::open_without(rig, paths, ignored)).map_err(|error| match error {
         Error::SeveralRigs { .. } => format!("{error} with --rig").into(),
         other => AnyError::from(other),
     })?;

@@ -7,6 +7,7 @@ use crate::cli::console::print::tell;
 use crate::fit::outcome::fit::Fit;
 use crate::results::fit_record::now;
 use crate::results::model_file::ModelFile;
+use crate::shown::Shown as _;
 use crate::storage::LogError;
 use crate::study::models;
 
@@ -42,12 +43,9 @@ impl RunModels {
             }
             let file = models::about(&path, std::slice::from_ref(recording), rig)?;
             if let (Some(own), None) = (&file.rig, rig) {
-                return Err(format!(
-                    "{} holds models of the rig {}: name it with --rig",
-                    path.display(),
-                    own.display()
-                )
-                .into());
+                return Err(
+                    format!("{} holds models of the rig {}: name it with --rig", path.shown(), own.shown()).into()
+                );
             }
             open.push((path, file));
         }
@@ -64,7 +62,7 @@ impl OpenModels {
         for ((path, mut file), fit) in self.0.into_iter().zip(fits) {
             file.append(fit, why, None, now());
             models::save(&mut file, &path)?;
-            tell!("model {} in {}", file.in_force, path.display());
+            tell!("model {} in {}", file.in_force, path.shown());
         }
         Ok(())
     }

@@ -10,6 +10,7 @@ use crate::record::session::output::check_folder;
 use crate::record::session::shots::Plan;
 use crate::record::session::trigger::{Condition, Settings};
 use crate::rig::{Rig, SensorKind};
+use crate::shown::Shown as _;
 
 /// Options of a triggered recording.
 #[derive(Debug, clap::Args)]
@@ -62,7 +63,7 @@ impl Triggers {
             self.pre,
             self.post,
             rig.sensors[sensor].name,
-            folder.display()
+            folder.shown()
         );
         let most = self.shots.map(|n| n as usize);
         let plan = Plan { trigger, sensor, most, folder: folder.clone() };

@@ -7,6 +7,7 @@ use crate::cli::console::print::say;
 use crate::report::history::text::RunDocument;
 use crate::results::history::{Finding, HistoryError, Index, Value};
 use crate::results::model_file::ModelFile;
+use crate::shown::Shown as _;
 use crate::study::models;
 use crate::watch::evaluate::{acceptance, place};
 use crate::watch::start::units;
@@ -30,7 +31,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     let (folder, file) = place(&args.recording);
     Index::read(&folder)?;
     let mut index = Index::open(&folder)?;
-    let run = index.named(&file)?.ok_or_else(|| HistoryError::UnknownRun(args.recording.display().to_string()))?;
+    let run = index.named(&file)?.ok_or_else(|| HistoryError::UnknownRun(args.recording.shown().into_owned()))?;
     let Some(finding) = &run.finding else {
         let why = run.error.clone().unwrap_or_else(|| run.state.name().to_owned());
         return Err(format!("{} has no model to accept: {why}", run.file).into());
@@ -43,7 +44,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     if json {
         say!("{}", serde_json::to_string_pretty(&RunDocument::from(&now))?);
     } else {
-        say!("{}: {} accepted for rig '{}'", now.file, models.current().name, now.rig);
+        say!("{}: {} accepted for rig '{}'", now.file.shown(), models.current().name, now.rig);
     }
     Ok(Outcome::Done)
 }

@@ -20,6 +20,7 @@ use crate::report::calibration::text as table;
 use crate::report::{Stage, title};
 use crate::results::fit_record::now;
 use crate::results::model_file::Entry;
+use crate::shown::Shown as _;
 use crate::storage::output;
 use crate::study::models;
 
@@ -135,12 +136,12 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     if let (Some(path), Some(file)) = (&args.save, &mut file) {
         file.append(last, &why(last), None, now());
         models::save(file, path)?;
-        tell!("model {} in {}", file.in_force, path.display());
+        tell!("model {} in {}", file.in_force, path.shown());
     }
     // last, so that a page that cannot be written costs no result
     if let Some(path) = &args.report {
         write_page(path, &study, Page { stages, warnings: &warned, ..Page::of(study.rig()) })?;
-        tell!("report: {}", path.display());
+        tell!("report: {}", path.shown());
     }
     Ok(Outcome::Done)
 }

@@ -10,6 +10,7 @@ use crate::creep::read::{has_strain, read};
 use crate::creep::{CreepError, CreepTest};
 use crate::report::creep::html::html;
 use crate::report::creep::text::{json as creep_json, text};
+use crate::shown::Shown as _;
 use crate::storage::output;
 
 /// Fit Kelvin-Voigt elements to creep tests of the pipe's material.
@@ -63,7 +64,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     let (mut tests, mut strains) = (Vec::new(), false);
     for (i, path) in args.tests.iter().enumerate() {
         if let Some(twin) = args.tests[..i].iter().find(|p| output::same_file(p, path)) {
-            return Err(format!("{} and {} are the same test: it counts once", twin.display(), path.display()).into());
+            return Err(format!("{} and {} are the same test: it counts once", twin.shown(), path.shown()).into());
         }
         let (test, strain) = load(path, args.stress_mpa.map(|s| s * 1e6))?;
         strains |= strain;
@@ -81,13 +82,13 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     if let Some(path) = &args.output {
         output::check_result(path, HEADING)?;
         output::write(path, &CreepFile::of(&fitted).text()?)?;
-        tell!("result: {}", path.display());
+        tell!("result: {}", path.shown());
     }
     // last, so that a page that cannot be written costs no result
     if let Some(path) = &args.report {
         output::check_report(path)?;
         output::write(path, &html(&fitted))?;
-        tell!("report: {}", path.display());
+        tell!("report: {}", path.shown());
     }
     Ok(Outcome::Done)
 }
@@ -101,7 +102,7 @@ fn celsius(text: &str) -> Result<f64, String> {
 
 /// A test, and whether it gives strains.
 fn load(path: &Path, stress_pa: Option<f64>) -> Result<(CreepTest, bool), Box<dyn std::error::Error + Send + Sync>> {
-    let file = path.display().to_string();
+    let file = path.shown().into_owned();
     let bytes = std::fs::read(path).map_err(|e| output::unread("the creep test", path, &e))?;
     let text = String::from_utf8(bytes).map_err(|e| CreepError::Csv {
         file: file.clone(),

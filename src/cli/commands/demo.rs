@@ -15,6 +15,7 @@ use crate::report::inspection::text::table as inspection;
 use crate::report::view::{failure, summary};
 use crate::report::{Page, Stage};
 use crate::rig::Rig;
+use crate::shown::Shown as _;
 use crate::storage::output::same_file;
 use crate::study::Study;
 
@@ -41,7 +42,7 @@ const EFFECT: &str = "viscoelastic-wall";
 /// A folder that cannot be written.
 pub fn run(args: Args, json: bool) -> CommandResult {
     std::fs::create_dir_all(&args.output)
-        .map_err(|e| format!("cannot make the folder {}: {e}", args.output.display()))?;
+        .map_err(|e| format!("cannot make the folder {}: {e}", args.output.shown()))?;
     let rig = Rig::from_toml(RIG, "rigs/demo-hdpe.toml")?;
     let (recording, report) = free_names(&args.output);
 
@@ -87,7 +88,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
             "\n5. Look. Open {} in a browser: measurement, both models, residuals, parameters.\n   Next:\n     {program} inspect \
              {recording}\n     {program} calibrate {recording} --effects {EFFECT}:2\n   and your own test with `import` or `record` (see \
              `{program} help`).",
-            report.display(),
+            report.shown(),
         );
     }
     Ok(outcome)
@@ -112,7 +113,7 @@ fn program() -> String {
 
 /// A path as a shell takes it.
 fn quoted(path: &Path) -> String {
-    let text = path.display().to_string();
+    let text = path.shown().into_owned();
     let plain = text.chars().all(|c| c.is_alphanumeric() || "/._-+:\\".contains(c));
     if plain { text } else { format!("'{}'", text.replace('\'', "'\\''")) }
 }
@@ -162,7 +163,7 @@ fn record(rig: &Rig, output: &Path, speed: f64) -> CommandResult {
         record_playbacks(rig, played, (speed, Faults::default()), &options, &STOP, &mut |now| reporter.show(now));
     reporter.close();
     let recorded = recorded?;
-    tell!("   {}: {:.1} s from the wire", output.display(), recorded.duration_s);
+    tell!("   {}: {:.1} s from the wire", output.shown(), recorded.duration_s);
     Ok(if recorded.data_lost { Outcome::DataLost } else { Outcome::Done })
 }
 

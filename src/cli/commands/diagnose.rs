@@ -20,6 +20,7 @@ use crate::report::Page;
 use crate::report::diagnosis::text as diagnosis;
 use crate::report::{Stage, title};
 use crate::results::fit_record::now;
+use crate::shown::Shown as _;
 use crate::signal::faults::{SensorFault, in_words};
 use crate::storage::output;
 use crate::study::error::Error;
@@ -99,7 +100,7 @@ fn diagnosed(args: Args, json: bool) -> CommandResult {
     if let Some(path) = &args.report {
         output::check_report(path)?;
         if args.apply.as_ref() == Some(path) {
-            return Err(format!("{} cannot be both model file and report", path.display()).into());
+            return Err(format!("{} cannot be both model file and report", path.shown()).into());
         }
     }
     hold::check(&args.hold)?;
@@ -179,14 +180,14 @@ fn diagnosed(args: Args, json: bool) -> CommandResult {
         say_text!(diagnosis::text(last));
     }
     if let (Some(path), Some(file), None) = (&args.apply, &file, &unsaved) {
-        tell!("model {} is now current in {}", file.in_force, path.display());
+        tell!("model {} is now current in {}", file.in_force, path.shown());
     }
     // last, so that a page that cannot be written costs no result
     if let Some(path) = &args.report {
         let stages = models.iter().map(|(title, fit)| Stage { title: title.clone(), fit }).collect();
         let energy = models.last().and_then(|(_, fit)| energy_of(study.rig(), study.runs(), fit, 0).ok().flatten());
         write_page(path, &study, Page { stages, diagnoses: &diagnoses, energy, ..Page::of(study.rig()) })?;
-        tell!("report: {}", path.display());
+        tell!("report: {}", path.shown());
     }
     unsaved.map_or(Ok(Outcome::Done), |error| Err(error.into()))
 }

@@ -7,6 +7,8 @@ use serde_json::json;
 use crate::cli::console::document::document;
 use crate::cli::console::outcome::{CommandResult, Outcome};
 use crate::cli::console::print::{say, tell};
+use crate::cli::console::progress::busy;
+use crate::shown::Shown as _;
 use crate::storage::{Summary, export_csv_file, read};
 
 /// Turn a recording into a time series (CSV).
@@ -24,13 +26,13 @@ pub struct Args {
 /// # Errors
 /// See [`read`] and [`export_csv_file`].
 pub fn run(args: Args, json: bool) -> CommandResult {
-    let recording = read(&args.mcap)?;
-    export_csv_file(&recording, &args.output)?;
+    let recording = busy(&args.mcap, || read(&args.mcap))?;
+    busy(&args.output, || export_csv_file(&recording, &args.output))?;
     let summary = Summary::of(&recording);
     if json {
         say!("{}", document(json!({ "file": args.output, "source": args.mcap }), &summary)?);
     } else {
-        say!("{}: {summary}", args.output.display());
+        say!("{}: {summary}", args.output.shown());
     }
     let gaps: usize = summary.sensors.iter().map(|s| s.gaps).sum();
     if gaps > 0 {

@@ -13,6 +13,7 @@ use crate::model::effects::{Chosen, parse_list};
 use crate::report::temperature::html::html;
 use crate::report::temperature::text::{CSV_HEADER, csv, json as family_json, text};
 use crate::rig::SensorKind;
+use crate::shown::Shown as _;
 use crate::signal::inspect;
 use crate::storage::output;
 use crate::study::open::{Loaded, load};
@@ -150,13 +151,13 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     if let Some(path) = &args.csv {
         output::check_result(path, CSV_HEADER)?;
         output::write(path, &csv(&fitted))?;
-        tell!("table: {}", path.display());
+        tell!("table: {}", path.shown());
     }
     // last, so that a page that cannot be written costs no result
     if let Some(path) = &args.report {
         output::check_report(path)?;
         output::write(path, &html(&fitted, &rig.name))?;
-        tell!("report: {}", path.display());
+        tell!("report: {}", path.shown());
     }
     Ok(Outcome::Done)
 }
@@ -175,19 +176,19 @@ fn loaded(args: &Args) -> Result<Vec<Loaded>, Box<dyn std::error::Error + Send +
     for (i, path) in paths.iter().enumerate() {
         let twin = paths[..i].iter().find(|p| output::same_file(p, path) || output::same_content(p, path));
         if let Some(twin) = twin {
-            return Err(format!("{} and {} are one recording: it counts once", twin.display(), path.display()).into());
+            return Err(format!("{} and {} are one recording: it counts once", twin.shown(), path.shown()).into());
         }
         let mut one = load(std::slice::from_ref(path), args.rig.as_deref(), &[])?.remove(0);
         one.doubts.iter().for_each(|doubt| tell!("warning: {}: {doubt}", one.file));
         if all.iter().any(|l| l.file == one.file) {
-            one.file = path.display().to_string();
+            one.file = path.shown().into_owned();
         }
         if let Some(&degc) = args.temperature_degc.get(i) {
             if has_thermometer(&one) {
                 return Err(format!("{} contains its temperature: leave --temperature-degC out", one.file).into());
             }
             one.recording.rig.fluid.temperature_degc = degc;
-            one.features = inspect(&one.recording).map_err(|e| format!("{}: {e}", path.display()))?;
+            one.features = inspect(&one.recording).map_err(|e| format!("{}: {e}", path.shown()))?;
         }
         if let Some(first) = all.first() {
             same_rig((&first.file, &first.recording.rig), (&one.file, &one.recording.rig))?;

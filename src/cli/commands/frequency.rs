@@ -13,6 +13,7 @@ use crate::model::Model;
 use crate::report::frequency::html::html;
 use crate::report::frequency::text::{document, svg, text};
 use crate::rig::Rig;
+use crate::shown::Shown as _;
 use crate::storage::output;
 use crate::study::Study;
 use crate::study::open::Loaded;
@@ -80,7 +81,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     if let (Some(path), Some(last)) = (&args.svg, sensors.first()) {
         output::check_picture(path)?;
         output::write(path, &svg(last))?;
-        tell!("picture: {}", path.display());
+        tell!("picture: {}", path.shown());
     }
     if let Some(path) = &args.report {
         let against = effects.map_or("the record alone".to_owned(), |e| match e.as_slice() {
@@ -89,7 +90,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         });
         output::check_report(path)?;
         output::write(path, &html(&format!("Frequency response of {file}"), &against, &sensors))?;
-        tell!("report: {}", path.display());
+        tell!("report: {}", path.shown());
     }
     Ok(Outcome::Done)
 }

@@ -8,6 +8,7 @@ use crate::report::history::html::{html, svg};
 use crate::report::history::text::{csv, json as history_json, text};
 use crate::results::history::{History, Index};
 use crate::rig::Rig;
+use crate::shown::Shown as _;
 use crate::storage::output;
 
 /// Show how a rig's wave speed and creep drift over runs and temperatures.
@@ -65,7 +66,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     if let Some(path) = &args.report {
         output::check_report(path)?;
         output::write(path, &html(&history))?;
-        tell!("report: {}", path.display());
+        tell!("report: {}", path.shown());
     }
     Ok(Outcome::Done)
 }

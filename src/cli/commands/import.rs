@@ -10,8 +10,10 @@ use crate::cli::args::import_options::{ForeignArgs, start};
 use crate::cli::console::document::document;
 use crate::cli::console::outcome::{CommandResult, Outcome};
 use crate::cli::console::print::{say, tell};
+use crate::cli::console::progress::busy;
 use crate::recording::Recording;
 use crate::rig::Rig;
+use crate::shown::Shown as _;
 use crate::signal::faults::{in_words, sensor_faults};
 use crate::storage::import::{Imported, Repair, import_file, require_sensors, unit_warnings};
 use crate::storage::{ImportOptions, Summary, write};
@@ -74,21 +76,22 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     let mut parts = Vec::new();
     for path in &args.files {
         let options = ImportOptions { start_unix_ns: start_of(path, &args.start), without: args.without.clone() };
-        let Imported { recording, repairs, start_digit_s } = import_file(path, &rig, &options, &foreign, alone)?;
+        let Imported { recording, repairs, start_digit_s } =
+            busy(path, || import_file(path, &rig, &options, &foreign, alone))?;
         reports.extend(repairs.into_iter().map(|repair| Report { file: path.clone(), repair }));
-        parts.push(Part { file: path.display().to_string(), recording, start_digit_s });
+        parts.push(Part { file: path.shown().into_owned(), recording, start_digit_s });
     }
     let (recording, clocks, left_out) = joined(parts, &rig, &args)?;
     let warnings = unit_warnings(&recording);
-    write(&args.output, &recording)?;
+    busy(&args.output, || write(&args.output, &recording))?;
 
     for report in &reports {
         let line = report.repair.line.map(|l| format!(":{l}")).unwrap_or_default();
-        tell!("{}{line}: {}", report.file.display(), report.repair.text);
+        tell!("{}{line}: {}", report.file.shown(), report.repair.text);
     }
     clocks.iter().skip(1).for_each(|clock| tell!("{clock}"));
     for clock in &clocks {
-        clock.warnings.iter().for_each(|text| tell!("warning: {}: {text}", clock.file));
+        clock.warnings.iter().for_each(|text| tell!("warning: {}: {text}", clock.file.shown()));
     }
     left_out.iter().for_each(|text| tell!("{text}"));
     warnings.iter().for_each(|w| tell!("warning: {}", w.text));
@@ -105,7 +108,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         });
         say!("{}", document(head, &summary)?);
     } else {
-        say!("{}: {summary}", args.output.display());
+        say!("{}: {summary}", args.output.shown());
     }
     Ok(if reports.iter().any(|r| r.repair.lost) { Outcome::DataLost } else { Outcome::Done })
 }

@@ -6,11 +6,14 @@ use serde_json::json;
 
 use crate::cli::console::outcome::{CommandResult, Outcome};
 use crate::cli::console::print::{say, say_text};
+use crate::cli::console::progress::busy;
 use crate::report::inspection::json::document;
 use crate::report::inspection::text::table;
 use crate::rig::Rig;
-use crate::signal::faults::{examine, in_words};
+use crate::shown::Shown as _;
+use crate::signal::faults::in_words;
 use crate::study::error::Error;
+use crate::study::open::Loaded;
 
 /// Show what a recording contains: heads, period, wave speed, closure, noise.
 ///
@@ -19,7 +22,8 @@ use crate::study::error::Error;
 /// `crossings` {`value`, `standard_error`, `low`, `high`, `slow_closure`}, `arrival`}, `reference_sensor` and `sensors` [{`name`,
 /// `position_m`, `samples`, `gaps`, `interval_s`, `noise` {`white_sd_m`, `total_sd_m`, `coloured`, `lag1_autocorrelation`,
 /// `effective_fraction`, `quantum_m`}, `steady_before_m`, `steady_after_m`, `front_arrival_s`, `first_peak`, `extrema`
-/// [{`cycle`, `peak`, `time_s`, `head_m`}], `damping_per_cycle`}], `doubts` (sentences on contradictions), `sensor_faults` [{`sensor`, `fault`, `says`}], `notes` [{`key`, `value`}]. Values with an uncertainty
+/// [{`cycle`, `peak`, `time_s`, `head_m`}], `damping_per_cycle`}], `doubts` (sentences on contradictions), `sensor_faults` [{`sensor`, `fault`, `says`}], `notes` [{`key`, `value`}], `window` {`from_s`, `to_s`, `averaged`,
+/// `recorded_s`} (what of a long recording is used, else null). Values with an uncertainty
 /// are {`value`, `standard_error`}; values that the recording does not show are null.
 #[derive(Debug, clap::Args)]
 pub struct Args {
@@ -37,34 +41,34 @@ pub struct Args {
 /// # Errors
 /// An unreadable recording, a rig that does not fit it, or a recording without a closure.
 pub fn run(args: Args, json: bool) -> CommandResult {
-    let mut recording = crate::storage::read(&args.recording)?;
+    let mut recording = busy(&args.recording, || crate::storage::read(&args.recording))?;
     if let Some(rig) = &args.rig {
         recording = recording.on_rig(Rig::load(rig)?)?;
     }
     let recording = recording.without(&args.ignored.sensors)?;
-    let (features, faults) = examine(&recording);
-    let features = match features {
-        Err(error) if !faults.is_empty() => {
+    let loaded = match Loaded::new(args.recording.shown().into_owned(), recording) {
+        Err(Error::Faulty { file, faults, source: Some(why) }) => {
             if json {
-                say!("{:#}", json!({ "file": args.recording, "sensor_faults": faults, "error": error.to_string() }));
+                say!("{:#}", json!({ "file": args.recording, "sensor_faults": faults, "error": why.to_string() }));
             }
-            return Err(Box::new(Error::Faulty {
-                file: args.recording.display().to_string(),
-                faults,
-                source: Some(error),
-            }));
+            return Err(Box::new(Error::Faulty { file, faults, source: Some(why) }));
         }
         other => other?,
     };
+    let Loaded { recording, features, faults, window, .. } = &loaded;
     if json {
-        let mut document = document(&recording, &features);
+        let mut document = document(recording, features);
         document["file"] = json!(args.recording);
         document["sensor_faults"] = json!(faults);
+        document["window"] = json!(window);
         say!("{document:#}");
     } else {
-        say_text!(table(&recording, &features));
+        say_text!(table(recording, features));
+        if let Some(window) = window {
+            say!("\nnote: {}", window.in_words());
+        }
         if !faults.is_empty() {
-            say!("\nwarning: {}", in_words(&faults));
+            say!("\nwarning: {}", in_words(faults));
         }
     }
     Ok(Outcome::Done)

@@ -20,6 +20,7 @@ use crate::model::effects::{Chosen, parse_list};
 use crate::report::pest::case::Case;
 use crate::report::pest::control::{control, readme};
 use crate::report::pest::form::file;
+use crate::shown::Shown as _;
 use crate::storage::output;
 use crate::study::Study;
 
@@ -123,7 +124,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     } else {
         say!(
             "{}: {} parameters, {} observations, {} priors, objective function {phi:.6}",
-            args.output.join(file::CONTROL).display(),
+            args.output.join(file::CONTROL).shown(),
             size.parameters,
             size.observations,
             size.priors
@@ -186,7 +187,7 @@ fn file_names(paths: &[PathBuf]) -> Vec<String> {
 }
 
 fn check_folder(folder: &Path, overwrite: bool) -> Result<(), AnyError> {
-    let name = folder.display();
+    let name = folder.shown();
     match std::fs::read_dir(folder).map(|mut entries| entries.next().is_some()) {
         Ok(true) if !overwrite => Err(format!("{name} is not empty: choose another folder, or add --overwrite").into()),
         Ok(_) => Ok(()),
@@ -198,14 +199,14 @@ fn check_folder(folder: &Path, overwrite: bool) -> Result<(), AnyError> {
 /// All files of the folder.
 fn write(args: &Args, case: &Case, study: &Study, files: &[String], every: usize) -> Result<(), AnyError> {
     let folder = &args.output;
-    std::fs::create_dir_all(folder).map_err(|e| format!("cannot make the folder {}: {e}", folder.display()))?;
+    std::fs::create_dir_all(folder).map_err(|e| format!("cannot make the folder {}: {e}", folder.shown()))?;
     let copy = |from: &Path, name: &str| -> Result<(), AnyError> {
         let to = folder.join(name);
         if output::same_content(from, &to) {
             return Ok(());
         }
         output::check_new(&to, false)?;
-        std::fs::copy(from, &to).map_err(|e| format!("cannot copy {} to {}: {e}", from.display(), to.display()))?;
+        std::fs::copy(from, &to).map_err(|e| format!("cannot copy {} to {}: {e}", from.shown(), to.shown()))?;
         Ok(())
     };
     for (from, name) in args.recordings.iter().zip(files) {

@@ -8,6 +8,7 @@ use crate::cli::console::page::write_page;
 use crate::cli::console::print::{say, say_text, tell};
 use crate::report::prediction::text::{ahead, document, text};
 use crate::report::{Page, Stage};
+use crate::shown::Shown as _;
 use crate::storage::output;
 
 /// Predict recordings that a model was not fitted to.
@@ -50,7 +51,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         let stage = Stage { title: "prediction".into(), fit: &predicted.prediction.fit };
         let prediction = Some(&predicted.prediction);
         write_page(path, &study, Page { stages: vec![stage], prediction, ..Page::of(study.rig()) })?;
-        tell!("report: {}", path.display());
+        tell!("report: {}", path.shown());
     }
     Ok(if ahead(&predicted.prediction).error_m.is_finite() { Outcome::Done } else { Outcome::No })
 }

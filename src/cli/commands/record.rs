@@ -26,6 +26,7 @@ use crate::record::session::replay;
 use crate::report::history::text::RunDocument;
 use crate::results::history::{Run, State};
 use crate::rig::Rig;
+use crate::shown::Shown as _;
 #[cfg(unix)]
 use crate::simulate::playback::{Timing, of_scenario};
 use crate::simulate::scenario::{Scenario, ValveForm};
@@ -101,7 +102,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         if args.calibrate && output.extension().is_none_or(|e| !e.eq_ignore_ascii_case("mcap")) {
             return Err(format!(
                 "{} does not end with .mcap, which --calibrate needs: `surgescope watch` looks for that",
-                output.display()
+                output.shown()
             )
             .into());
         }
@@ -126,7 +127,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         (false, false) => Outcome::Done,
     };
     let words = LastWords::before(outcome(false).code(), &STOP);
-    tell!("{}: {}", summary.file, summary.ended);
+    tell!("{}: {}", summary.file.shown(), summary.ended.shown());
     if !json {
         say_text!(table(&summary));
     }

@@ -7,6 +7,8 @@ use serde_json::json;
 use crate::cli::console::document::document;
 use crate::cli::console::outcome::{CommandResult, Outcome};
 use crate::cli::console::print::{say, tell};
+use crate::cli::console::progress::busy;
+use crate::shown::Shown as _;
 use crate::storage::recover;
 
 /// Save what is in a recording that was cut off.
@@ -24,11 +26,11 @@ pub struct Args {
 /// # Errors
 /// See [`recover`](crate::storage::recover).
 pub fn run(args: Args, json: bool) -> CommandResult {
-    let recovery = recover(&args.torn, &args.output)?;
+    let recovery = busy(&args.torn, || recover(&args.torn, &args.output))?;
     if json {
         say!("{}", document(json!({ "file": args.output, "source": args.torn }), &recovery)?);
     } else {
-        say!("{}: {}", args.output.display(), recovery.kept);
+        say!("{}: {}", args.output.shown(), recovery.kept);
         match recovery.last_good_time_s {
             _ if recovery.whole => say!("nothing was lost"),
             Some(time) => say!("last good sample: {time} s"),

@@ -13,6 +13,7 @@ use crate::model::effects::{Chosen, parse_list};
 use crate::replay::compare::{Comparison, compare, moved, table};
 use crate::replay::expected::{Expected, ExpectedError, path_beside, to_toml, write_beside};
 use crate::replay::found::{Found, found};
+use crate::shown::Shown as _;
 
 /// Check that recordings still give their expected results.
 ///
@@ -56,7 +57,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     let recordings = recordings(&args.paths)?;
     let (mut entries, mut compared, mut moved_in_all, mut failed) = (Vec::new(), 0, 0, 0);
     for (i, path) in recordings.iter().enumerate() {
-        tell!("[{}/{}] {}", i + 1, recordings.len(), path.display());
+        tell!("[{}/{}] {}", i + 1, recordings.len(), path.shown());
         let outcome = replay(path, &args).and_then(|done| Ok((accept(path, &done, &args)?, done)));
         match outcome {
             Ok((accepted, done)) => {
@@ -65,7 +66,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
                 if !json {
                     say_text!(text(path, &done, args.verbose));
                     if let Some(file) = &accepted {
-                        say!("  now expected: {}", file.display());
+                        say!("  now expected: {}", file.shown());
                     }
                 }
                 entries.push(entry(path, &done, accepted.as_deref()));
@@ -102,11 +103,9 @@ fn replay(path: &Path, args: &Args) -> Result<Replayed, Failure> {
     };
     if old.quantities.is_empty() && !args.accept {
         let file = path_beside(path);
-        return Err(format!(
-            "{} contains no quantity to compare; `surgescope replay --accept` fills it",
-            file.display()
-        )
-        .into());
+        return Err(
+            format!("{} contains no quantity to compare; `surgescope replay --accept` fills it", file.shown()).into()
+        );
     }
     let effects = args.effects.clone().or_else(|| old.effects.clone());
     let mut study = open(&[path.to_owned()], None)?;
@@ -136,9 +135,9 @@ fn recordings(paths: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
             continue;
         }
         let mut inside = Vec::new();
-        search(path, &mut inside).map_err(|e| format!("cannot look for recordings in {}: {e}", path.display()))?;
+        search(path, &mut inside).map_err(|e| format!("cannot look for recordings in {}: {e}", path.shown()))?;
         if inside.is_empty() {
-            return Err(format!("{} and its folders contain no recording (*.mcap)", path.display()).into());
+            return Err(format!("{} and its folders contain no recording (*.mcap)", path.shown()).into());
         }
         inside.sort();
         all.append(&mut inside);
@@ -171,7 +170,7 @@ fn text(path: &Path, done: &Replayed, all: bool) -> String {
         0 => format!("{compared} held"),
         _ => format!("{moved} of {compared} MOVED"),
     };
-    format!("{}: {verdict} ({model})\n{}", path.display(), table(&done.comparisons, all))
+    format!("{}: {verdict} ({model})\n{}", path.shown(), table(&done.comparisons, all))
 }
 
 fn labels(done: &Replayed) -> Option<Vec<String>> {

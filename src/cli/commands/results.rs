@@ -10,6 +10,7 @@ use crate::cli::console::print::{say, tell};
 use crate::results::fit_file::Form;
 use crate::results::fit_record::FitRecord;
 use crate::results::table::{long, wide};
+use crate::shown::Shown as _;
 use crate::storage::output;
 
 type AnyError = Box<dyn Error + Send + Sync>;
@@ -39,7 +40,7 @@ pub struct Args {
 /// A file that is no fit, a folder without any, a table that may not or cannot be written.
 pub fn run(args: Args, json: bool) -> CommandResult {
     if !args.output.extension().is_some_and(|e| e.eq_ignore_ascii_case("csv")) {
-        return Err(format!("{}: the table is a CSV file: its name must end with .csv", args.output.display()).into());
+        return Err(format!("{}: the table is a CSV file: its name must end with .csv", args.output.shown()).into());
     }
     let mut fits: Vec<(String, FitRecord)> = Vec::new();
     for path in &args.fits {
@@ -48,7 +49,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         } else if !path.exists() {
             return Err(output::missing(path).into());
         } else {
-            fits.push((path.display().to_string(), FitRecord::read(path)?));
+            fits.push((path.shown().into_owned(), FitRecord::read(path)?));
         }
     }
     for (i, (name, _)) in fits.iter().enumerate() {
@@ -74,7 +75,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     } else {
         say!(
             "{}: {} rows of {} fits, {} columns",
-            args.output.display(),
+            args.output.shown(),
             table.rows.len(),
             fits.len(),
             table.columns.len()
@@ -85,17 +86,17 @@ pub fn run(args: Args, json: bool) -> CommandResult {
 
 /// The fits of a folder by name; files of models and expected results stand in the same folders.
 fn fits_in(folder: &Path) -> Result<Vec<(String, FitRecord)>, AnyError> {
-    let failed = |e| format!("cannot list the folder {}: {e}", folder.display());
+    let failed = |e| format!("cannot list the folder {}: {e}", folder.shown());
     let entries = std::fs::read_dir(folder).map_err(failed)?.collect::<Result<Vec<_>, _>>().map_err(failed)?;
     let mut paths: Vec<PathBuf> = entries.into_iter().map(|e| e.path()).filter(|p| Form::of(p).is_ok()).collect();
     paths.sort();
-    let read = |p: PathBuf| FitRecord::read(&p).ok().map(|fit| (p.display().to_string(), fit));
+    let read = |p: PathBuf| FitRecord::read(&p).ok().map(|fit| (p.shown().into_owned(), fit));
     let (asked, fits) = (paths.len(), paths.into_iter().filter_map(read).collect::<Vec<_>>());
     if fits.is_empty() {
-        return Err(format!("the folder {} contains no fit (see `calibrate -o`)", folder.display()).into());
+        return Err(format!("the folder {} contains no fit (see `calibrate -o`)", folder.shown()).into());
     }
     if fits.len() < asked {
-        tell!("{}: skipped {} files that are not fits", folder.display(), asked - fits.len());
+        tell!("{}: skipped {} files that are not fits", folder.shown(), asked - fits.len());
     }
     Ok(fits)
 }

@@ -8,11 +8,13 @@ use serde_json::{Map, Value, json};
 use crate::cli::args::values::positive;
 use crate::cli::console::outcome::{CommandResult, Outcome};
 use crate::cli::console::print::{say, say_text};
+use crate::cli::console::progress::busy;
 use crate::recording::Recording;
 use crate::rig::check::{Finding, Level, check};
 use crate::rig::{Rig, SteadyState};
 use crate::signal::check::check_recording;
 use crate::signal::faults::{SensorFault, sensor_faults};
+use crate::signal::window::used;
 use crate::storage as log;
 
 /// Check a rig file, alone or against a recording.
@@ -62,7 +64,8 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     let mut faults = Vec::new();
     let mut findings = check(&rig);
     if let Some(path) = &args.recording {
-        let recording = read(path, &rig)?;
+        let recording = busy(path, || read(path, &rig))?;
+        let recording = used(&recording).into_owned();
         findings.extend(check_recording(&rig, &recording));
         // What does not fit this rig is a finding of the check above.
         faults = recording.on_rig(rig.clone()).map(|r| sensor_faults(&r)).unwrap_or_default();

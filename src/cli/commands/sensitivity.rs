@@ -10,6 +10,7 @@ use crate::cli::console::print::{say, say_text, tell};
 use crate::model::Conditions;
 use crate::model::effects::{Chosen, name_of, parse_list};
 use crate::report::sensitivity::html as page;
+use crate::shown::Shown as _;
 use crate::simulate::scenario::{Scenario, ValveForm};
 use crate::storage::output;
 use crate::study::models;
@@ -148,12 +149,12 @@ pub fn run(args: Args, json: bool) -> CommandResult {
             let content = map.csv();
             output::check_series(&path, content.lines().next().unwrap_or_default(), false, &args.rig)?;
             output::write(&path, &content)?;
-            tell!("wrote {}", path.display());
+            tell!("wrote {}", path.shown());
         }
     }
     if let Some(path) = &args.report {
         output::write(path, &page::html(&study))?;
-        tell!("wrote {}", path.display());
+        tell!("wrote {}", path.shown());
     }
     if json {
         say!("{:#}", serde_json::to_value(&study)?);

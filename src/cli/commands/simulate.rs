@@ -19,6 +19,7 @@ use crate::report::energy;
 use crate::report::pest::observations::{HEADER, Table};
 use crate::report::text::number::rounded;
 use crate::rig::{Coupling, Rig};
+use crate::shown::Shown as _;
 use crate::simulate::as_recorded::as_recorded;
 use crate::simulate::scenario::{Scenario, ValveForm};
 use crate::simulate::values_file;
@@ -177,7 +178,7 @@ fn run_beside(args: &Args, mut given: Vec<Given>, json: bool) -> CommandResult {
 
 /// The rows of an older table.
 fn rows(table: &Table, path: &Path) -> Result<Vec<Place>, AnyError> {
-    let name = path.display();
+    let name = path.shown();
     let text = std::fs::read_to_string(path).map_err(|e| format!("cannot read the rows in {name}: {e}"))?;
     Ok(table.places(&text, &name.to_string())?)
 }

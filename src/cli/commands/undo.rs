@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use crate::cli::console::outcome::{CommandResult, Outcome};
 use crate::cli::console::print::{say, say_text};
 use crate::report::models::{json as models_json, text};
+use crate::shown::Shown as _;
 use crate::study::models;
 
 /// Go back to the previous model; nothing is deleted.
@@ -25,7 +26,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         return Err(format!(
             "model {} in {} is the first one: there is no step back from it",
             file.in_force,
-            args.file.display()
+            args.file.shown()
         )
         .into());
     }

@@ -16,6 +16,7 @@ use crate::report::text::number::fixed;
 use crate::report::valve::json::document;
 use crate::report::valve::svg::chart;
 use crate::report::valve::text::text;
+use crate::shown::Shown as _;
 use crate::storage::output;
 use crate::valve::curve::{ValveClosure, ValveLawChoice, choose_valve_law, closure_of};
 
@@ -85,7 +86,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     if let (Some(path), Some(closure)) = (&args.svg, closures.first()) {
         output::check_picture(path)?;
         output::write(path, &chart(closure).to_svg(900.0, 480.0))?;
-        tell!("chart: {}", path.display());
+        tell!("chart: {}", path.shown());
     }
     Ok(Outcome::Done)
 }

@@ -17,6 +17,7 @@ use crate::results::history::index::{Entered, Seen};
 use crate::results::history::lock::Lock;
 use crate::results::history::{Index, Run, State};
 use crate::rig::Rig;
+use crate::shown::Shown as _;
 use crate::watch::evaluate::{Ended, evaluate, sentence};
 use crate::watch::folder::{Content, Listed, list, look_into};
 use crate::watch::verdict::line_of;
@@ -72,7 +73,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     let every = Duration::try_from_secs_f64(args.every)?;
     if !args.folder.is_dir() {
         return Err(
-            format!("{} is not a folder: name the folder in which recordings appear", args.folder.display()).into()
+            format!("{} is not a folder: name the folder in which recordings appear", args.folder.shown()).into()
         );
     }
     let rig = args.rig.as_deref().map(Rig::load).transpose()?;
@@ -142,7 +143,7 @@ impl Watch {
         let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
         for run in self.index.resume(MOST_TRIES, now.as_secs() as i64)? {
             if self.index.run(run.id)?.error.is_none() {
-                tell!("{}: was interrupted and is processed again", run.file);
+                tell!("{}: was interrupted and is processed again", run.file.shown());
             }
         }
         if self.args.retry {
@@ -158,17 +159,17 @@ impl Watch {
         let count = |state| all.iter().filter(|r| r.state == state).count();
         let (done, failed) = (count(State::Done), count(State::Failed));
         let until = if self.args.once { "" } else { "; Ctrl-C ends" };
-        tell!("watching {}: {done} runs done, {failed} failed{until}", self.folder().display());
+        tell!("watching {}: {done} runs done, {failed} failed{until}", self.folder().shown());
         Ok(())
     }
 
     /// Looks for recordings that are new.
     fn look(&mut self) -> Result<(), AnyError> {
         let (listed, unnamed) =
-            list(self.folder()).map_err(|e| format!("cannot list the folder {}: {e}", self.folder().display()))?;
+            list(self.folder()).map_err(|e| format!("cannot list the folder {}: {e}", self.folder().shown()))?;
         for path in unnamed {
             if !self.unnamed.contains(&path) {
-                aloud(|| tell!("{}: its name is not UTF-8, so it is skipped: rename it", path.display()));
+                aloud(|| tell!("{}: its name is not UTF-8, so it is skipped: rename it", path.shown()));
                 self.unnamed.insert(path);
             }
         }
@@ -179,7 +180,7 @@ impl Watch {
             match self.index.seen(&file.name)? {
                 Some(Seen::Run(_)) => {}
                 Some(Seen::Torn) if self.args.once => {
-                    aloud(|| tell!("{}: still has no end", file.name.file));
+                    aloud(|| tell!("{}: still has no end", file.name.file.shown()));
                     self.torn.insert(file.name.file);
                 }
                 Some(Seen::Torn) => {}
@@ -204,8 +205,12 @@ impl Watch {
             Entered::New(id) if error.is_some() => self.tell_end(id)?,
             Entered::New(_) => {}
             Entered::Copy(other) if other == *file => {}
-            Entered::Copy(other) => aloud(|| tell!("{file} is a copy of {other}: a recording counts once")),
-            Entered::Moved(other) => aloud(|| tell!("{file} is {other} under another name: it is done already")),
+            Entered::Copy(other) => {
+                aloud(|| tell!("{} is a copy of {}: a recording counts once", file.shown(), other.shown()))
+            }
+            Entered::Moved(other) => {
+                aloud(|| tell!("{} is {} under another name: it is done already", file.shown(), other.shown()))
+            }
         }
         Ok(())
     }
@@ -216,14 +221,14 @@ impl Watch {
         if quiet >= self.torn_after {
             tell!(
                 "{}: has no end and has not grown for {:.0} s: cut off? `surgescope recover {} -o NEW.mcap` saves what is in it",
-                name.file,
+                name.file.shown(),
                 quiet.as_secs_f64(),
-                path.display()
+                path.shown()
             );
             self.index.torn(&name)?;
             self.torn.insert(name.file);
         } else if self.args.once {
-            tell!("{}: is still being written: left for later", name.file);
+            tell!("{}: is still being written: left for later", name.file.shown());
             self.torn.insert(name.file);
         }
         Ok(())
@@ -246,7 +251,7 @@ impl Watch {
             bar.finish_and_clear();
             match ended? {
                 Ended::Done(run) | Ended::Failed(run) => self.tell_end(run.id)?,
-                Ended::Changed => aloud(|| tell!("{}: has changed since it was seen", run.file)),
+                Ended::Changed => aloud(|| tell!("{}: has changed since it was seen", run.file.shown())),
             }
             // what has come meanwhile may have been recorded earlier than what waits
             self.look()?;
@@ -260,9 +265,9 @@ impl Watch {
         if self.args.json_lines {
             say!("{}", serde_json::to_string(&RunDocument::from(&run))?);
         } else if self.json {
-            tell!("{}", line_of(&run));
+            tell!("{}", line_of(&run).shown());
         } else {
-            say!("{}", line_of(&run));
+            say!("{}", line_of(&run).shown());
         }
         self.ended.push(run);
         Ok(())

@@ -3,6 +3,8 @@
 use std::borrow::Cow;
 use std::io::Write as _;
 
+use crate::shown::controls;
+
 /// A line on standard output. Where nobody reads it any more (`| head`) that is no error: `println!` would panic.
 macro_rules! say {
     ($($arg:tt)*) => { $crate::cli::console::print::write_out(format_args!("{}\n", format_args!($($arg)*)))? };
@@ -39,10 +41,22 @@ pub(crate) fn with_flags(text: &str) -> Cow<'_, str> {
     Cow::Owned(out + rest)
 }
 
+/// Text whose lines are the program's own and in which nothing else controls a terminal: everything printed passes here. Names and paths show
+/// line breaks as `\n` before they come here ([`Shown`](crate::shown::Shown)). Written as JSON does, in JSON as well.
+pub(crate) fn harmless(text: &str) -> Cow<'_, str> {
+    let is_harmful = |c: char| controls(c) && c != '\n' && c != '\t';
+    if !text.contains(is_harmful) {
+        return Cow::Borrowed(text);
+    }
+    Cow::Owned(
+        text.chars().map(|c| if is_harmful(c) { format!("\\u{:04x}", u32::from(c)) } else { c.into() }).collect(),
+    )
+}
+
 /// Writes to standard output; a closed pipe is not an error, nor is a terminal that has hung up.
 pub(crate) fn write_out(text: std::fmt::Arguments) -> std::io::Result<()> {
     let mut out = std::io::stdout().lock();
-    match out.write_all(with_flags(&text.to_string()).as_bytes()).and_then(|()| out.flush()) {
+    match out.write_all(harmless(&with_flags(&text.to_string())).as_bytes()).and_then(|()| out.flush()) {
         Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => Ok(()),
         #[cfg(unix)]
         Err(error) if error.raw_os_error() == Some(nix::errno::Errno::EIO as i32) => Ok(()),
@@ -53,12 +67,18 @@ pub(crate) fn write_out(text: std::fmt::Arguments) -> std::io::Result<()> {
 /// Writes a line to standard error, whatever has become of it.
 pub(crate) fn write_err(line: std::fmt::Arguments) {
     // in one piece, so that lines of two threads do not mix
-    let _ = std::io::stderr().lock().write_all(with_flags(&format!("{line}\n")).as_bytes());
+    let _ = std::io::stderr().lock().write_all(harmless(&with_flags(&format!("{line}\n"))).as_bytes());
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn nothing_printed_controls_a_terminal() {
+        assert_eq!(harmless("a\tb\nc"), "a\tb\nc");
+        assert_eq!(harmless("{\"a\": \"\u{7f}\u{202e}\"}\u{1b}[2J"), "{\"a\": \"\\u007f\\u202e\"}\\u001b[2J");
+    }
 
     #[test]
     fn options_of_the_library_are_flags_on_the_command_line() {

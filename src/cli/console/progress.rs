@@ -1,11 +1,13 @@
 //! The line that shows how far a computation has come.
 
 use std::io::{IsTerminal, stderr};
+use std::path::Path;
 use std::time::Duration;
 
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::{HumanBytes, ProgressBar, ProgressStyle};
 
 use crate::fit::outcome::fit::Fit;
+use crate::shown::Shown as _;
 use crate::study::Study;
 use crate::study::error::Error;
 use crate::study::models::Opened;
@@ -31,6 +33,17 @@ pub fn refit(at: &mut Opened, title: &str) -> Result<Fit, Error> {
     let fit = at.refit();
     bar.finish_and_clear();
     fit
+}
+
+/// Works on a file and shows that it does.
+pub fn busy<T>(file: &Path, work: impl FnOnce() -> T) -> T {
+    let bar = progress_bar();
+    let size = std::fs::metadata(file).map(|about| about.len()).unwrap_or_default();
+    let size = if size > 0 { format!(" ({})", HumanBytes(size)) } else { String::new() };
+    bar.set_message(format!("{}{size}", file.shown()));
+    let done = work();
+    bar.finish_and_clear();
+    done
 }
 
 /// A line on the terminal that shows after half a second; nothing where standard error is no terminal.

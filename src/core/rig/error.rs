@@ -3,13 +3,14 @@
 use std::fmt;
 use std::path::PathBuf;
 
+use crate::shown::Shown as _;
 use thiserror::Error;
 
 /// A rig file that cannot be used.
 #[derive(Debug, Error)]
 pub enum RigError {
     /// The file cannot be read.
-    #[error("cannot read the rig file {}; it must be a text file in UTF-8 that you may read", path.display())]
+    #[error("cannot read the rig file {}; it must be a text file in UTF-8 that you may read", path.shown())]
     Read {
         /// The file.
         path: PathBuf,

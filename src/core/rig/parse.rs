@@ -10,6 +10,7 @@ use crate::rig::table::{FINITE, NOT_NEGATIVE, POSITIVE, Section, Source, nearest
 use crate::rig::types::{Constraint, Fluid, Pipe, Rig, SteadyState, Upstream, Valve};
 use crate::rig::unique::Names;
 use crate::rig::{live, material, sensors};
+use crate::shown::Shown as _;
 
 const TOP: &[&str] = &["name", "fluid", "pipe", "upstream", "downstream", "sensor", "device", "steady"];
 const FLUID: &[&str] = &["name", "temperature_degC"];
@@ -55,7 +56,7 @@ impl Rig {
     /// Reads a rig file. Errors give the path as the caller wrote it.
     pub fn load(path: &Path) -> Result<Rig, RigError> {
         let text = std::fs::read_to_string(path).map_err(|source| RigError::Read { path: path.into(), source })?;
-        Rig::from_toml(&text, &path.display().to_string())
+        Rig::from_toml(&text, &path.shown().into_owned())
     }
 
     /// Reads the text of a rig file; errors name the file `file_name`.

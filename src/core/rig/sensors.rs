@@ -111,8 +111,8 @@ fn check_column_name(section: &Section<'_>, name: &At<&str>) {
     let text = name.value;
     let problem = if text == "time_s" {
         "is the name of the time column"
-    } else if text.contains([',', '"', '\n', '\r']) {
-        "must not hold a comma, a quote or a line break"
+    } else if text.contains([',', '"']) {
+        "must not hold a comma or a quote"
     } else if text.trim() != text {
         "must not begin or end with a space"
     } else {

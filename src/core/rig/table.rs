@@ -8,6 +8,10 @@ use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
 use crate::rig::error::Problem;
+use crate::shown::{Shown as _, cell, controls};
+
+/// Characters of the longest text: names stand in columns.
+const LONGEST_TEXT: usize = 200;
 
 /// The file's text and the problems found in it so far.
 pub(crate) struct Source<'a> {
@@ -25,7 +29,7 @@ impl<'a> Source<'a> {
         let before = place.map(|p| self.text.get(..p.start).unwrap_or(self.text));
         let line = before.map(|b| b.matches('\n').count() + 1);
         let source_line = line.and_then(|n| self.text.lines().nth(n - 1)).unwrap_or_default().trim_end().to_owned();
-        self.problems.borrow_mut().push(Problem { line, message: message.into(), source_line });
+        self.problems.borrow_mut().push(Problem { line, message: message.into().shown().into_owned(), source_line });
     }
 
     /// All problems, in the order of the lines; those of the whole file last.
@@ -138,7 +142,8 @@ impl<'a> Section<'a> {
 
     fn wrong(&self, key: &str, value: &Spanned<DeValue<'_>>, words: &str) {
         let written = self.source.text.get(value.span()).unwrap_or_default();
-        let written = if written.contains('\n') { value.get_ref().type_str() } else { written };
+        let short = written.chars().count() <= LONGEST_TEXT && !written.contains('\n');
+        let written = if short { written } else { value.get_ref().type_str() };
         self.fault_at(&value.span(), format!("'{key}' in {} must be {words}, not {written}", self.heading));
     }
 
@@ -172,16 +177,19 @@ impl<'a> Section<'a> {
         number
     }
 
-    /// An optional text that is not blank.
+    /// An optional text that is not blank, and that tables, terminals and spreadsheets can show as it is.
     pub fn text(&self, key: &str) -> Option<At<&'a str>> {
         let value = self.get(key)?;
-        match value.get_ref().as_str().filter(|t| !t.trim().is_empty()) {
-            Some(text) => Some(At { value: text, place: value.span() }),
-            None => {
-                self.wrong(key, value, "a text in quotes that is not empty");
-                None
-            }
-        }
+        let text = value.get_ref().as_str().filter(|t| !t.trim().is_empty());
+        let wrong = match text {
+            None => "a text in quotes that is not empty",
+            Some(text) if text.chars().count() > LONGEST_TEXT => "a text of at most 200 characters",
+            Some(text) if text.chars().any(controls) => "a text without control characters",
+            Some(text) if cell(text) != text => "a text that does not begin with =, +, - or @",
+            Some(text) => return Some(At { value: text, place: value.span() }),
+        };
+        self.wrong(key, value, wrong);
+        None
     }
 
     /// A text that is required.

@@ -16,6 +16,7 @@
 //! | `inspect` | all of it |
 //! | [`check`] | does a recording agree with its rig |
 //! | [`doubts`](mod@doubts) | numbers that cannot all be right, before a fit |
+//! | [`window`] | the part of a long record that is used |
 //! | [`faults`] | sensors that do not follow, or in another unit |
 
 pub(crate) mod between;
@@ -41,6 +42,7 @@ pub(crate) mod station;
 pub(crate) mod testing;
 pub(crate) mod trace;
 pub(crate) mod wavespeed;
+pub mod window;
 
 pub use crate::signal::between::{FrontPair, front_pairs};
 pub use crate::signal::error::SignalError;

@@ -11,6 +11,7 @@ use crate::record::error::RecordError;
 use crate::record::health::alert::Alert;
 use crate::recording::{Gap, RunInfo};
 use crate::rig::Rig;
+use crate::shown::Shown as _;
 use crate::storage as log;
 use crate::storage::disk::temporary_beside;
 use crate::storage::{ClockFix, Ending, LogError, Writer};
@@ -259,7 +260,7 @@ impl Output {
         }
         let counts = self.names.into_iter().zip(self.counts).enumerate();
         Ok(Summary {
-            file: file.display().to_string(),
+            file: file.shown().into_owned(),
             duration_s: seconds((self.end_ns - first_ns).max(0)),
             sensors: counts
                 .filter(|(sensor, _)| listed(*sensor))

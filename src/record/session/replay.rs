@@ -12,6 +12,7 @@ use crate::record::session::output::Summary;
 use crate::record::session::recorder::Recorder;
 use crate::recording::{Gap, Recording, RunInfo, Series};
 use crate::rig::Rig;
+use crate::shown::Shown as _;
 use crate::storage as log;
 use crate::storage::{ImportOptions, import_csv_with};
 
@@ -27,14 +28,14 @@ pub fn load(path: &Path, rig: Option<&Rig>, without: &[String]) -> Result<Record
     match rig {
         Some(rig) if csv => import_csv_with(path, rig, &columns).map_err(RecordError::Read),
         Some(rig) => on_rig(log::read(path).map_err(RecordError::Read)?, rig, path),
-        None if csv => Err(RecordError::CsvWithoutRig(path.display().to_string())),
+        None if csv => Err(RecordError::CsvWithoutRig(path.shown().into_owned())),
         None => log::read(path).map_err(RecordError::Read),
     }
 }
 
 fn on_rig(recording: Recording, rig: &Rig, path: &Path) -> Result<Recording, RecordError> {
     let other =
-        |reason: String| RecordError::OtherRig { recording: path.display().to_string(), rig: rig.name.clone(), reason };
+        |reason: String| RecordError::OtherRig { recording: path.shown().into_owned(), rig: rig.name.clone(), reason };
     let mut series = vec![Series::default(); rig.sensors.len()];
     for (sensor, played) in recording.rig.sensors.iter().zip(recording.series) {
         if played.time_s.is_empty() && played.gaps.is_empty() {

@@ -20,6 +20,7 @@ use crate::record::session::shots::name::{MOST_COPIES, is_taken, stem, with_caus
 use crate::record::session::trigger::{Condition, Event, Settings, State, Trigger};
 use crate::recording::{Gap, RunInfo};
 use crate::rig::Rig;
+use crate::shown::Shown as _;
 use crate::storage::{ClockFix, Retimer, SensorClock};
 
 /// How much more is kept than a shot needs, ns.
@@ -296,7 +297,7 @@ impl Shots {
         // a folder that was moved away or deleted takes the file anew
         let _ = std::fs::create_dir_all(&self.plan.folder);
         let listed: Vec<bool> = (0..open.shares.len()).map(|sensor| open.lists(sensor)).collect();
-        let file = open.output.path().display().to_string();
+        let file = open.output.path().shown().into_owned();
         match open.output.finish(0, |sensor| listed[sensor], Vec::new(), ended.to_owned()) {
             Ok(mut summary) => {
                 if summary.data_lost {
@@ -354,7 +355,7 @@ impl Shots {
             }
         }
         Ok(Summary {
-            file: self.plan.folder.display().to_string(),
+            file: self.plan.folder.shown().into_owned(),
             // the sum over none is -0
             duration_s: self.done.iter().fold(0.0, |sum, shot| sum + shot.duration_s),
             sensors,

@@ -7,6 +7,7 @@ use serde::Serialize;
 use crate::report::text::number::{decimals_for, fixed, signed, significant, times, with_error};
 use crate::results::history::drift::{Drift, Point, Slope};
 use crate::results::history::{History, Run, State, Value};
+use crate::shown::{Shown as _, cell};
 
 /// One run as scripts see it. What is not known is `null`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -221,7 +222,7 @@ pub fn csv(history: &History) -> Result<String, csv::Error> {
             let value = d.parameters.iter().find(|v| v.name == p.name && d.effects == history.effects);
             row.extend([number(value.map(|v| v.value)), number(value.and_then(|v| v.standard_error))]);
         }
-        out.write_record(&row)?;
+        out.write_record(row.iter().map(|text| cell(text).into_owned()))?;
     }
     let bytes = out.into_inner().map_err(|e| csv::Error::from(e.into_error()))?;
     Ok(String::from_utf8_lossy(&bytes).into_owned())
@@ -234,7 +235,7 @@ pub fn headline(history: &History) -> String {
     let model = if history.effects.is_empty() { "base model".to_owned() } else { history.effects.join(" + ") };
     let runs = format!("{all} run{} ({done} done, {failed} failed)", if all == 1 { "" } else { "s" });
     match &history.in_force {
-        Some(a) => format!("{runs}; model {model}, accepted from {} ({}, {})", a.file, a.how, minute(&a.when)),
+        Some(a) => format!("{runs}; model {model}, accepted from {} ({}, {})", a.file.shown(), a.how, minute(&a.when)),
         None => format!("{runs}; model {model}, none accepted yet"),
     }
 }
@@ -261,7 +262,7 @@ pub fn rows(history: &History) -> Vec<Vec<String>> {
         let mut row = vec![
             (i + 1).to_string(),
             when,
-            run.file.clone(),
+            run.file.shown().into_owned(),
             number(f.and_then(|f| f.temperature_degc), 1),
             number(f.and_then(|f| f.flow_m3_s).map(|q| 1e3 * q), 3),
         ];

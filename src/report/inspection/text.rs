@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 
 use crate::recording::Recording;
+use crate::shown::Shown as _;
 use crate::signal::doubts::doubts;
 use crate::signal::{Estimate, Features};
 
@@ -19,7 +20,7 @@ pub fn table(recording: &Recording, f: &Features) -> String {
     };
     line("rig", recording.rig.name.clone());
     for (key, value) in &recording.run.notes {
-        line(&format!("note {key}"), value.clone());
+        line(&format!("note {}", key.shown()), value.shown().into_owned());
     }
     line("temperature", format!("{:.2} °C", f.temperature_degc));
     line("closure starts", format!("{} s ({source})", plus_minus(c.start_s, c.start_se_s)));

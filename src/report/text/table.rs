@@ -1,5 +1,7 @@
 //! Tables in plain text: aligned, no colour.
 
+use crate::shown::Shown as _;
+
 /// Columns aligned by their widest cell; a heading that starts with `<` aligns its column to the right.
 pub(crate) struct Table {
     headings: Vec<String>,
@@ -17,7 +19,8 @@ impl Table {
     }
 
     pub(crate) fn row(&mut self, cells: impl Into<Vec<String>>) {
-        self.rows.push(cells.into());
+        // names in cells may hold anything
+        self.rows.push(cells.into().into_iter().map(|cell| cell.shown().into_owned()).collect());
     }
 
     pub(crate) fn without_empty_columns(mut self) -> Self {

@@ -16,7 +16,7 @@ use crate::storage::import::source::{
     MessageTime, Repair, SourceFile, SourceOptions, Start, Track, counted, is_no_order,
 };
 use crate::storage::layout::{RIG_ATTACHMENT, to_s};
-use crate::storage::read::{check_start, checked_options, decode, has_end, records};
+use crate::storage::read::{Unpacked, check_start, checked_options, decode, has_end, records};
 
 /// A channel that can be read, and the fields of it that are wanted.
 struct Channel {
@@ -47,7 +47,7 @@ pub(crate) fn read(bytes: &[u8], path: &Path, options: &SourceOptions) -> Result
     let damaged = |why| LogError::SourceFile { path: path.into(), why: format!("it is damaged: {why}") };
     let mut reading = Reading::new(options);
     let checked = checked_options(bytes.len() as u64).with_check_finishes_after_end_magic(true);
-    records(bytes, checked, |record| reading.take(record)).map_err(damaged)?;
+    records(bytes, checked, &mut Unpacked::of(bytes.len() as u64), |record| reading.take(record)).map_err(damaged)?;
     if reading.ours {
         return ours(bytes, path);
     }

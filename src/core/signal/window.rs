@@ -1,0 +1,269 @@
+//! The part of a long record that its closure needs. A record of hours holds one closure of seconds: the rest costs time and memory, and tells
+//! a fit nothing.
+
+use std::borrow::Cow;
+use std::collections::VecDeque;
+
+use serde::Serialize;
+
+use crate::recording::{Gap, Recording, Series};
+use crate::rig::{Rig, Sensor};
+use crate::robust::median;
+use crate::signal::levels::temperature_degc;
+use crate::signal::noise::white_sd_of_whole;
+
+/// A pressure sensor with more samples than this has a long record; what is used of it has no more. A tenth of it resolves any wave: 20
+/// periods of 1,500 samples each. Chosen.
+const LONG: usize = 300_000;
+/// A window goes on for so many periods of the wave (4L/a) after the closure, as long as a test is usually recorded. Chosen.
+const PERIODS: f64 = 20.0;
+/// Before the closure it holds at least so many periods, and at least so many seconds, from which flow and steady pressure are read.
+const LEAD_PERIODS: f64 = 2.0;
+const LEAD_S: f64 = 6.0;
+/// Blocks into which a record is cut to look for its closure.
+const BLOCKS: usize = 1 << 16;
+/// Samples from which the noise is estimated before anything is known of the record.
+const FOR_NOISE: usize = 1 << 16;
+/// A front rises by this share of the record's swing, as in `front`.
+const RISEN: f64 = 0.2;
+/// A swing that is fewer times the noise shows its front only where the whole record is averaged: such a rise is no more than what noise does.
+const CLEAR: f64 = 40.0;
+
+/// The recording, or what is used of a long one.
+pub fn used(recording: &Recording) -> Cow<'_, Recording> {
+    Window::of(recording).map_or(Cow::Borrowed(recording), |window| Cow::Owned(window.cut(recording)))
+}
+
+/// What of a long record is used.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Window {
+    /// Its first time, s.
+    pub from_s: f64,
+    /// Its last time, s.
+    pub to_s: f64,
+    /// So many samples are averaged to one.
+    pub averaged: usize,
+    /// How long the record is, s.
+    pub recorded_s: f64,
+}
+
+impl Window {
+    /// The window of a long record: around the first closure, or all of it, averaged, where there is none. `None` for a record that is used as
+    /// it is.
+    pub fn of(recording: &Recording) -> Option<Window> {
+        let rig = &recording.rig;
+        let sensors: Vec<(&Sensor, &Series)> =
+            rig.pressure_sensors().map(|(i, sensor)| (sensor, &recording.series[i])).collect();
+        let most = sensors.iter().map(|(_, series)| series.time_s.len()).max()?;
+        if most <= LONG {
+            return None;
+        }
+        let period_s = period_s(rig, temperature_degc(recording));
+        let lead_s = LEAD_S.max(LEAD_PERIODS * period_s);
+        let seen = sensors.iter().filter_map(|(sensor, series)| Seen::of(series, lead_s, sensor.position_m));
+        let closure = seen.max_by(|a, b| a.clear.total_cmp(&b.clear).then(a.position_m.total_cmp(&b.position_m)));
+        let (first_s, last_s, step_s) = span(sensors.iter().map(|(_, series)| *series))?;
+        let (from_s, to_s) = match closure {
+            Some(seen) => {
+                let tail_s = (PERIODS * period_s).max((LONG - 1) as f64 * step_s - lead_s);
+                ((seen.closure_s - lead_s).max(first_s), (seen.closure_s + tail_s).min(last_s))
+            }
+            None => (first_s, last_s),
+        };
+        // but for rounding
+        let averaged = ((to_s - from_s) / step_s / LONG as f64 - 1e-9).ceil().max(1.0) as usize;
+        Some(Window { from_s, to_s, averaged, recorded_s: last_s - first_s })
+    }
+
+    /// What lies in the window. A sensor that is so slow that nothing of it does stays whole.
+    pub fn cut(&self, recording: &Recording) -> Recording {
+        let series = recording.series.iter().map(|series| self.cut_series(series)).collect();
+        Recording { rig: recording.rig.clone(), series, run: recording.run.clone() }
+    }
+
+    fn cut_series(&self, series: &Series) -> Series {
+        let from = series.time_s.partition_point(|t| *t < self.from_s);
+        let to = series.time_s.partition_point(|t| *t <= self.to_s);
+        if from == to {
+            return series.clone();
+        }
+        let (time_s, value) = (&series.time_s[from..to], &series.value[from..to]);
+        let within = |gap: &&Gap| gap.to_s > self.from_s && gap.from_s < self.to_s;
+        let gaps: Vec<_> = series.gaps.iter().filter(within).copied().collect();
+        // one that is slow enough as it is keeps its samples
+        if self.averaged == 1 || time_s.len() <= LONG {
+            return Series { time_s: time_s.to_vec(), value: value.to_vec(), gaps };
+        }
+        let longest_s = 1.5 * self.averaged as f64 * typical_step_s(time_s);
+        let mut averaged = Series { gaps, ..Series::default() };
+        for (times, values) in time_s.chunks_exact(self.averaged).zip(value.chunks_exact(self.averaged)) {
+            // nothing is averaged over a gap
+            if times[times.len() - 1] - times[0] <= longest_s {
+                averaged.time_s.push(times.iter().sum::<f64>() / times.len() as f64);
+                averaged.value.push(values.iter().sum::<f64>() / values.len() as f64);
+            }
+        }
+        averaged
+    }
+
+    /// In a sentence.
+    pub fn in_words(&self) -> String {
+        let Window { from_s, to_s, averaged, recorded_s } = self;
+        let each = if *averaged > 1 { format!(", {averaged} samples averaged to one") } else { String::new() };
+        format!(
+            "of {recorded_s:.1} s recorded, the {:.1} s from {from_s:.3} s to {to_s:.3} s are used{each}",
+            to_s - from_s
+        )
+    }
+}
+
+/// The closure as one sensor shows it.
+struct Seen {
+    closure_s: f64,
+    /// Swing over noise, as far as that matters.
+    clear: f64,
+    position_m: f64,
+}
+
+impl Seen {
+    /// The first front: the first block that rises far above the lowest of those shortly before it. A slow drift does not.
+    fn of(series: &Series, lookback_s: f64, position_m: f64) -> Option<Seen> {
+        let (time_s, value) = (&series.time_s, &series.value);
+        let length = time_s.len().div_ceil(BLOCKS);
+        let blocks: Vec<(f64, f64)> = value.chunks(length).map(ends_without_spikes).collect();
+        let highest = blocks.iter().map(|b| b.1).fold(f64::NEG_INFINITY, f64::max);
+        let swing = highest - blocks.iter().map(|b| b.0).fold(f64::INFINITY, f64::min);
+        let head: Vec<f64> = value.iter().take(FOR_NOISE).copied().filter(|v| v.is_finite()).collect();
+        let clear = swing / white_sd_of_whole(&head).max(1e-4 * swing);
+        if !(swing.is_finite() && clear > CLEAR) {
+            return None;
+        }
+        let start_s = |block: usize| time_s[block * length];
+        // blocks looked back to that none behind them is lower than: the first is the lowest
+        let mut lowest: VecDeque<usize> = VecDeque::new();
+        let front = (0..blocks.len()).find(|&i| {
+            while lowest.front().is_some_and(|&k| start_s(k) < start_s(i) - lookback_s) {
+                lowest.pop_front();
+            }
+            while lowest.back().is_some_and(|&k| blocks[k].0 >= blocks[i].0) {
+                lowest.pop_back();
+            }
+            lowest.push_back(i);
+            blocks[i].1 - blocks[lowest[0]].0 > RISEN * swing
+        });
+        front.map(|i| Seen { closure_s: start_s(i), clear, position_m })
+    }
+}
+
+/// Lowest and highest value that lasts for three samples; infinite where there is none.
+fn ends_without_spikes(values: &[f64]) -> (f64, f64) {
+    let mut ends = (f64::INFINITY, f64::NEG_INFINITY);
+    for three in values.windows(3).filter(|w| w.iter().all(|v| v.is_finite())) {
+        ends.0 = ends.0.min(three[0].max(three[1]).max(three[2]));
+        ends.1 = ends.1.max(three[0].min(three[1]).min(three[2]));
+    }
+    ends
+}
+
+/// First and last time of any sensor, s, and the shortest of their typical steps.
+fn span<'a>(series: impl Iterator<Item = &'a Series>) -> Option<(f64, f64, f64)> {
+    let one = |series: &Series| {
+        let times = &series.time_s;
+        Some((*times.first()?, *times.last()?, typical_step_s(&times[..times.len().min(FOR_NOISE)])))
+    };
+    series.filter_map(one).reduce(|a, b| (a.0.min(b.0), a.1.max(b.1), a.2.min(b.2)))
+}
+
+/// Median step, s; infinite where there is none.
+fn typical_step_s(time_s: &[f64]) -> f64 {
+    if time_s.len() < 2 {
+        f64::INFINITY
+    } else {
+        median(&mut time_s.windows(2).map(|w| w[1] - w[0]).collect::<Vec<_>>())
+    }
+}
+
+/// Nominal period of the wave, 4L/a, s.
+fn period_s(rig: &Rig, temperature_degc: f64) -> f64 {
+    let water = rig.fluid.properties(temperature_degc);
+    4.0 * rig.pipes.iter().map(|p| p.length_m / p.wave_speed_start(&water).0).sum::<f64>()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::recording::RunInfo;
+    use crate::signal::testing::Gauss;
+
+    const RIG: &str = "name = \"long\"\n[fluid]\nname = \"water\"\ntemperature_degC = 20.0\n[[pipe]]\nname = \"main\"\nlength_m = 100.0\n\
+        inner_diameter_mm = 50.0\nwall_thickness_mm = 5.0\nmaterial = \"HDPE\"\n[upstream]\nkind = \"reservoir\"\n[downstream]\nkind = \"valve\"\n\
+        closing_time_s = 0.1\n[[sensor]]\nname = \"P1\"\nkind = \"pressure\"\nposition_m = 100.0\nunit = \"kPa\"\n[[sensor]]\nname = \"T1\"\n\
+        kind = \"temperature\"\nposition_m = 0.0\nunit = \"degC\"\n";
+
+    /// So many samples at a rate, with a closure at a time: a square wave of 1 s that dies out, on a supply that drifts.
+    fn recording(samples: usize, rate_hz: f64, closure_s: f64) -> Recording {
+        let mut dice = Gauss::new(1);
+        let time_s: Vec<f64> = (0..samples).map(|i| i as f64 / rate_hz).collect();
+        let wave = |t: f64| match t - closure_s {
+            after if after < 0.0 => 0.0,
+            after => 100.0 * (-after / 5.0).exp() * if after.fract() < 0.5 { 1.0 } else { -1.0 },
+        };
+        let value = time_s.iter().map(|t| 300.0 + 0.08 * t + wave(*t) + 0.1 * dice.next()).collect();
+        let slow = Series { time_s: vec![0.0], value: vec![20.0], gaps: vec![] };
+        let rig = Rig::from_toml(RIG, "long.toml").unwrap();
+        Recording { rig, series: vec![Series { time_s, value, gaps: vec![] }, slow], run: RunInfo::default() }
+    }
+
+    #[test]
+    fn a_record_of_usual_length_is_used_as_it_is() {
+        assert_eq!(Window::of(&recording(300_000, 10_000.0, 3.0)), None);
+    }
+
+    #[test]
+    fn of_a_long_record_the_closure_is_used() {
+        let long = recording(1_200_000, 1000.0, 900.0);
+        let window = Window::of(&long).unwrap();
+        assert!((893.0..=894.0).contains(&window.from_s) && window.averaged == 1, "{window:?}");
+        let used = window.cut(&long);
+        assert!(used.series[0].time_s.len() <= LONG + 1 && used.series[0].time_s.len() > LONG - 5000);
+        assert_eq!(used.series[0].value[0], long.series[0].value[(window.from_s * 1000.0).ceil() as usize]);
+        assert_eq!(used.series[1], long.series[1], "it has one sample, outside of the window");
+        assert!(crate::signal::inspect(&used).is_ok());
+        assert!(window.in_words().starts_with("of 1200.0 s recorded, the"), "{}", window.in_words());
+    }
+
+    #[test]
+    fn a_fast_record_is_averaged() {
+        let fast = recording(1_000_000, 100_000.0, 2.0);
+        let window = Window::of(&fast).unwrap();
+        assert_eq!((window.from_s, window.averaged), (0.0, 4), "{window:?}");
+        let used = window.cut(&fast);
+        let times = &used.series[0].time_s;
+        assert!((times[0] - 1.5e-5).abs() < 1e-12 && (times[1] - times[0] - 4e-5).abs() < 1e-12);
+        let start = crate::signal::inspect(&used).unwrap().closure.start_s;
+        assert!((start - 2.0).abs() < 1e-3, "{start}");
+    }
+
+    #[test]
+    fn a_gap_is_not_averaged_over_and_stays_one() {
+        let mut fast = recording(1_000_000, 100_000.0, 2.0);
+        let series = &mut fast.series[0];
+        series.time_s.drain(500_002..500_102);
+        series.value.drain(500_002..500_102);
+        series.gaps.push(Gap { from_s: 5.00001, to_s: 5.00102, samples: Some(100) });
+        let used = Window::of(&fast).unwrap().cut(&fast);
+        assert_eq!(used.series[0].gaps, fast.series[0].gaps);
+        let longest = used.series[0].time_s.windows(2).map(|w| w[1] - w[0]).fold(0.0, f64::max);
+        assert!(longest > 1e-3, "{longest}");
+    }
+
+    #[test]
+    fn a_long_record_without_a_closure_is_averaged_whole() {
+        let mut still = recording(1_200_000, 1000.0, 1e9);
+        let window = Window::of(&still).unwrap();
+        assert_eq!((window.from_s, window.averaged), (0.0, 4));
+        assert!(crate::signal::inspect(&window.cut(&still)).is_err());
+        still.series[0].value.iter_mut().for_each(|v| *v = f64::NAN);
+        assert_eq!(Window::of(&still).unwrap().from_s, 0.0);
+    }
+}
