@@ -74,12 +74,10 @@ impl Frame {
         f64::from(self.period_ns) * self.samples() as f64 / 1e3
     }
 
-    /// How far its stamp may lie from where the samples before it end, without a hole and without a step of the clock: three periods, half a
-    /// frame up to 20 ms, a twentieth of a frame (of whose period the device may be wrong), and never less than 2 ms, as clocks that tick
-    /// are off. µs.
+    /// How far its stamp may lie from where the samples before it end, without a hole and without a step of the clock, before more is known:
+    /// three periods, and never less than 2 ms, as clocks that tick are off. µs.
     pub(super) fn most_jitter_us(&self) -> f64 {
-        let (period_us, length_us) = (f64::from(self.period_ns) / 1e3, self.length_us());
-        (3.0 * period_us).max((length_us / 2.0).min(20_000.0)).max(length_us / 20.0).max(2_000.0)
+        (3.0 * f64::from(self.period_ns) / 1e3).max(2_000.0)
     }
 
     /// The counts of one channel, in time order; empty for a channel that the frame does not have.

@@ -103,9 +103,8 @@ impl Resequencer {
     /// No more will come, and none says what those that are held are: behind others in a known filter they stand by their sequence, for nothing
     /// but their own stamps speaks for a hole; else what can only be behind one is handed on.
     pub(crate) fn finish(&mut self, events: &mut Vec<Event>) {
-        let Some((filter, (first, began_ns))) = self.filter.as_ref().zip(self.held.first()) else { return };
-        let goes_on = filter.is_known() && filter.goes_on_with(first, *began_ns);
-        if goes_on && !filter.paused_until(first, *began_ns) {
+        let Some((filter, (first, _))) = self.filter.as_ref().zip(self.held.first()) else { return };
+        if filter.is_known() && filter.goes_on_with(first) {
             self.refute_held(events);
         } else if self.is_behind_a_hole() {
             self.believe(events);
@@ -188,7 +187,7 @@ impl Resequencer {
     fn believe(&mut self, events: &mut Vec<Event>) {
         let held = std::mem::take(&mut self.held);
         let (Some(filter), Some((first, began_ns))) = (&self.filter, held.first()) else { return };
-        let goes_on = filter.goes_on_with(first, *began_ns);
+        let goes_on = filter.goes_on_with(first);
         self.stated.interrupt();
         if !goes_on && !filter.is_behind(first) {
             events.push(Event::Restarted);
@@ -196,7 +195,7 @@ impl Resequencer {
         } else {
             let anew = !goes_on && filter.begins_anew_with(first);
             let lost = if anew { 0 } else { filter.missing(first, *began_ns) };
-            self.filter = filter.jump(&held);
+            self.filter = Some(filter.jump(first, *began_ns));
             self.anew |= anew;
             self.lost(lost);
             let sent = held.iter().filter(|(frame, _)| frame.samples() > 0);

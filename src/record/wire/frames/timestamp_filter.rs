@@ -12,29 +12,19 @@ use crate::robust::{median, quantile, sd_about};
 /// Stamps seen before their scatter is judged, and stamps remembered.
 const LEARNT: usize = 8;
 const REMEMBERED: usize = 32;
-/// A stamp further off than this many times what nine in ten of the others stay within is no scatter. Nor is one off by half a sample, or by
-/// this much where samples are closer, µs.
+/// A stamp further off than this many times what nine in ten of the others stay within is no scatter; one off by half a sample is.
 const FAR: f64 = 3.0;
-const MOST_US: f64 = 1000.0;
 const NINE_IN_TEN: f64 = 0.9;
 /// Before anything is known of them, by this many frames.
 const FAR_AT_FIRST: f64 = 2.0;
 /// Samples stand by the period that their device states, unless it is wrong by this share.
 const WRONG_PERIOD: f64 = 0.03;
-/// Clocks tell whole µs.
-const TICK_US: f64 = 2.0;
 /// Where stamps scatter: what a stamp moves the place of its frame by, and the length of the frames; critically damped.
 const GAIN: (f64, f64) = (1.0 / 8.0, 1.0 / 256.0);
 /// Where they do not: what a stamp moves the length of the frames by.
 const EXACT_GAIN: f64 = 1.0 / 64.0;
-/// Frames that are missing are as long as those before, to one part in so many.
-const EVEN: f64 = 20.0;
-/// A sequence goes on within so many frames, unless it paused for longer than this, ns: that is a restart.
-const GOES_ON: (u16, f64) = (64, 500e6);
-/// More frames cannot be missing in a hole than it is long, by this share and this much, µs.
-const FITS_IN: (f64, f64) = (2.0, 50_000.0);
-/// Share of the longest pause that is left after each frame.
-const FORGET_PAUSE: f64 = 0.98;
+/// A sequence goes on within so many frames.
+const GOES_ON: u16 = 64;
 
 /// See the module. Times in µs of the device, as placed.
 #[derive(Debug, Clone)]
@@ -50,8 +40,6 @@ pub(crate) struct TimestampFilter {
     period_us: f64,
     /// How far a stamp may be off, before anything is learnt of it.
     jitter_us: f64,
-    /// The last two frames were of one length.
-    even: bool,
     /// How much longer frames are than they say.
     longer_us: f64,
     /// How far the last stamps were off, the standard deviation of one, and what nine in ten of them stay within.
@@ -59,7 +47,7 @@ pub(crate) struct TimestampFilter {
     scatter_us: f64,
     within_us: f64,
     smooth: bool,
-    /// The longest pause of the arrivals of late, ns.
+    /// The longest pause of the arrivals, ns.
     pause_ns: f64,
 }
 
@@ -72,7 +60,6 @@ impl TimestampFilter {
             length_us: 0.0,
             period_us: 0.0,
             jitter_us: 0.0,
-            even: true,
             longer_us: 0.0,
             off_us: VecDeque::new(),
             scatter_us: 0.0,
@@ -81,7 +68,6 @@ impl TimestampFilter {
             pause_ns: 0.0,
         };
         filter.stand(first, began_ns, filter.due_us);
-        filter.even = true;
         filter
     }
 
@@ -96,8 +82,8 @@ impl TimestampFilter {
     }
 
     /// True for a frame with which the sequence goes on but for a few, whatever its stamp says.
-    pub(crate) fn goes_on_with(&self, frame: &Frame, began_ns: i64) -> bool {
-        (1..=GOES_ON.0).contains(&self.steps_to(frame)) && self.late_ns(frame, began_ns) <= GOES_ON.1
+    pub(crate) fn goes_on_with(&self, frame: &Frame) -> bool {
+        (1..=GOES_ON).contains(&self.steps_to(frame))
     }
 
     /// How far a stamp is off from where the sequence puts it.
@@ -116,7 +102,7 @@ impl TimestampFilter {
         if !self.is_known() {
             return self.jitter_us.max(FAR_AT_FIRST * self.length_us);
         }
-        (FAR * self.within_us).max(self.period_us / 2.0).max(MOST_US)
+        (FAR * self.within_us).max(self.period_us / 2.0)
     }
 
     /// True where enough was learnt of its stamps.
@@ -128,7 +114,7 @@ impl TimestampFilter {
     /// say nothing.
     pub(crate) fn hole_from_us(&self) -> f64 {
         let known = self.is_known() && !self.smooth;
-        if known { (FAR * self.within_us + TICK_US).max(self.period_us / 2.0) } else { f64::INFINITY }
+        if known { (FAR * self.within_us).max(self.period_us / 2.0) } else { f64::INFINITY }
     }
 
     /// How much longer its frames are by the stamps than they say, as a share, where that is too much for them to stand so.
@@ -144,14 +130,7 @@ impl TimestampFilter {
 
     /// True for a frame that comes behind the last one, by its sequence and, as well as they are known, by its stamp.
     pub(crate) fn fits(&self, frame: &Frame) -> bool {
-        if !self.is_next(frame) {
-            return false;
-        }
-        let steps = self.steps_to(frame);
-        let (off_us, jitter_us) = (self.off_us(frame), self.jitter_us());
-        let within = off_us.abs() <= jitter_us + f64::from(steps - 1) * self.length_us / EVEN;
-        // those that are missing may have been shorter than the last one
-        within || (steps > 1 && !self.even && off_us < 0.0 && self.is_behind(frame))
+        self.is_next(frame) && self.off_us(frame).abs() <= self.jitter_us()
     }
 
     /// True for a frame that does not begin before the last one's end.
@@ -170,18 +149,12 @@ impl TimestampFilter {
         elapsed_ns > 2.0 * self.pause_ns + 1e3 * jitter_us && as_long
     }
 
-    /// How much later a frame came than one that was sent behind the last would have, beyond what arrivals pause anyway, ns.
-    fn late_ns(&self, frame: &Frame, began_ns: i64) -> f64 {
-        let sent_us = f64::from(self.steps_to(frame)) * self.length_us;
-        began_ns.saturating_sub(self.began_ns) as f64 - 1e3 * sent_us - 2.0 * self.pause_ns
-    }
-
     /// Frames missing before one, by the sequence; where it wrapped unseen in a long hole, the device's time tells how often, unless the
     /// sequence goes on but for a few and the arrivals know of no such hole: then its clock was set.
     pub(crate) fn missing(&self, frame: &Frame, began_ns: i64) -> u32 {
         let by_sequence = u64::from(self.steps_to(frame).saturating_sub(1));
         let mut hole_us = self.hole_us(frame);
-        if by_sequence < u64::from(GOES_ON.0) {
+        if by_sequence < u64::from(GOES_ON) {
             let elapsed_us = began_ns.saturating_sub(self.began_ns) as f64 / 1e3;
             hole_us = hole_us.min(elapsed_us + by_sequence as f64 * self.length_us);
         }
@@ -193,7 +166,7 @@ impl TimestampFilter {
     /// True where the sequence went back, and more frames would be missing by it than fit into the hole.
     pub(crate) fn begins_anew_with(&self, frame: &Frame) -> bool {
         let missing_us = (f64::from(self.steps_to(frame)) - 1.0) * self.length_us;
-        frame.sequence < self.sequence && missing_us > FITS_IN.0 * self.hole_us(frame) + FITS_IN.1
+        frame.sequence < self.sequence && missing_us > self.hole_us(frame)
     }
 
     fn hole_us(&self, frame: &Frame) -> f64 {
@@ -207,7 +180,7 @@ impl TimestampFilter {
         if self.steps_to(frame) == 1 {
             self.learn(off_us);
             let pause_ns = began_ns.saturating_sub(self.began_ns) as f64;
-            self.pause_ns = pause_ns.max(FORGET_PAUSE * self.pause_ns);
+            self.pause_ns = pause_ns.max(self.pause_ns);
         }
         let (gain, length_gain) = match (refuted, self.smooth) {
             (true, _) => (0.0, 0.0),
@@ -232,23 +205,10 @@ impl TimestampFilter {
         }
     }
 
-    /// Goes on from frames that agree with each other, and not with those before: says when the first of them begins. Where stamps scatter,
-    /// all of them say it.
-    pub(crate) fn jump(&self, agreed: &[(Frame, i64)]) -> Option<TimestampFilter> {
-        let (first, began_ns) = agreed.first()?;
-        let mut on = TimestampFilter { sequence: first.sequence.wrapping_sub(1), ..self.clone() };
-        on.due_us = first.first_us as f64;
-        if self.smooth {
-            let mut behind_us = 0.0;
-            let begins = agreed.iter().filter(|(frame, _)| frame.samples() > 0).map(|(frame, _)| {
-                let begins_us = frame.first_us as f64 - behind_us;
-                behind_us += frame.length_us() + self.longer_us;
-                begins_us
-            });
-            on.due_us = median(&mut begins.collect::<Vec<_>>());
-        }
-        on.began_ns = *began_ns;
-        Some(on)
+    /// Goes on from a frame with which those behind it agree, and those before do not.
+    pub(crate) fn jump(&self, first: &Frame, began_ns: i64) -> TimestampFilter {
+        let sequence = first.sequence.wrapping_sub(1);
+        TimestampFilter { sequence, began_ns, due_us: first.first_us as f64, ..self.clone() }
     }
 
     /// A frame without samples has a number, and no time.
@@ -261,7 +221,6 @@ impl TimestampFilter {
     fn stand(&mut self, frame: &Frame, began_ns: i64, first_us: f64) {
         let length_us = frame.length_us();
         (self.sequence, self.began_ns) = (frame.sequence, began_ns);
-        self.even = length_us == self.length_us;
         self.length_us = length_us;
         self.period_us = f64::from(frame.period_ns) / 1e3;
         self.jitter_us = frame.most_jitter_us();
@@ -295,13 +254,7 @@ impl TimestampFilter {
         let scatter = sd_about(middle, off_us);
         let near: Vec<f64> = off_us.iter().copied().filter(|off| (off - middle).abs() <= FAR * scatter).collect();
         let mean = near.iter().sum::<f64>() / near.len().max(1) as f64;
-        // the ends of the sum scatter, too
-        let surely = mean.abs() > FAR * scatter / near.len().max(1) as f64;
-        self.longer_us = match scatter > self.period_us {
-            true if surely => mean,
-            true => 0.0,
-            false => middle,
-        };
+        self.longer_us = if scatter > self.period_us { mean } else { middle };
         self.off_us.iter_mut().for_each(|off| *off -= self.longer_us);
     }
 }
