@@ -204,6 +204,15 @@ impl Study {
         Ok(diagnose(&self.rig, &self.runs, effects, options, &self.messages())?)
     }
 
+    /// As [`Study::diagnose_model`], of a model that is fitted already with these options.
+    ///
+    /// # Errors
+    /// As [`Study::diagnose`].
+    pub fn diagnose_next(&self, fit: Fit, effects: &[Chosen], options: &Options) -> Result<Diagnosis> {
+        self.recordings.iter().try_for_each(Loaded::require_sound)?;
+        Ok(diagnose_fit(&self.rig, &self.runs, effects, fit, options, &self.messages())?)
+    }
+
     /// The model of a fit with one effect more, and the evidence for it.
     ///
     /// ```no_run

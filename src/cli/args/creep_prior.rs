@@ -48,7 +48,7 @@ impl CreepPrior {
         let (rig, run, loaded) = (study.rig(), &study.runs()[0], study.recordings());
         let text =
             std::fs::read_to_string(path).map_err(|e| crate::storage::output::unread("the creep test in", path, &e))?;
-        let file = CreepFile::parse(&text, &path.shown().into_owned())?;
+        let file = CreepFile::parse(&text, &path.shown())?;
         let wall = effects.iter_mut().find(|c| c.effect.name() == WALL).ok_or(CreepError::NoWall)?;
         let base = Model::new(rig, &run.conditions.water, &[]);
         let starts: Vec<f64> =

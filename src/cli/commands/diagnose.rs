@@ -133,7 +133,11 @@ fn diagnosed(args: Args, json: bool) -> CommandResult {
     let mut diagnoses: Vec<Diagnosis> = Vec::new();
     let mut unsaved = None;
     for _ in 0..=MOST_ADDED {
-        let found = shown(&mut study, "", |study| study.diagnose_model(&effects, &options))?;
+        // what was added is fitted
+        let found = shown(&mut study, "", |study| match models.last() {
+            Some((_, fit)) => study.diagnose_next(fit.clone(), &effects, &options),
+            None => study.diagnose_model(&effects, &options),
+        })?;
         if models.is_empty() {
             models.push((title(&found.start.effects), found.start.clone()));
         }

@@ -180,7 +180,7 @@ fn run_beside(args: &Args, mut given: Vec<Given>, json: bool) -> CommandResult {
 fn rows(table: &Table, path: &Path) -> Result<Vec<Place>, AnyError> {
     let name = path.shown();
     let text = std::fs::read_to_string(path).map_err(|e| format!("cannot read the rows in {name}: {e}"))?;
-    Ok(table.places(&text, &name.to_string())?)
+    Ok(table.places(&text, &name)?)
 }
 
 /// Values from the command line, then those of the file that it does not set.

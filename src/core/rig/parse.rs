@@ -56,7 +56,7 @@ impl Rig {
     /// Reads a rig file. Errors give the path as the caller wrote it.
     pub fn load(path: &Path) -> Result<Rig, RigError> {
         let text = std::fs::read_to_string(path).map_err(|source| RigError::Read { path: path.into(), source })?;
-        Rig::from_toml(&text, &path.shown().into_owned())
+        Rig::from_toml(&text, &path.shown())
     }
 
     /// Reads the text of a rig file; errors name the file `file_name`.
