@@ -91,4 +91,4 @@ pub use crate::study::error::Error;
 pub use surgescope_core::{
     align, creep, diagnose, fit, model, recording, rig, sensitivity, signal, temperature, units, valve,
 };
-use surgescope_core::{robust, shown};
+use surgescope_core::{robust, shown, text_file};

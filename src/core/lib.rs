@@ -13,5 +13,6 @@ pub mod sensitivity;
 pub mod shown;
 pub mod signal;
 pub mod temperature;
+pub mod text_file;
 pub mod units;
 pub mod valve;

@@ -13,6 +13,7 @@ use crate::replay::found::Found;
 use crate::replay::quantity::{Quantity, Table, key};
 use crate::report::text::number::significant;
 use crate::shown::Shown as _;
+use crate::text_file::read_text;
 
 /// What is expected of one recording.
 #[derive(Debug, Clone, Default)]
@@ -82,7 +83,7 @@ impl Expected {
     /// [`ExpectedError::Missing`] where there are none, others where they cannot be read or understood.
     pub fn beside(recording: &Path) -> Result<Expected, ExpectedError> {
         let file = path_beside(recording);
-        match std::fs::read_to_string(&file) {
+        match read_text(&file) {
             Ok(text) => Expected::from_toml(&text, &file),
             Err(e) if e.kind() == std::io::ErrorKind::NotFound => {
                 Err(ExpectedError::Missing { recording: recording.to_owned(), file })

@@ -7,6 +7,7 @@ use std::path::Path;
 
 use crate::results::fit_record::{FORMAT, FitRecord};
 use crate::shown::Shown as _;
+use crate::text_file::read_text;
 
 /// First line of the TOML form.
 const HEADING: &str = "# surgescope fit: a result, not to be edited (keys: docs/src/keys.md in surgescope's guide)";
@@ -83,7 +84,7 @@ impl FitRecord {
     pub fn read(path: &Path) -> Result<FitRecord, FitFileError> {
         let name = path.shown().into_owned();
         let form = Form::of(path)?;
-        let text = std::fs::read_to_string(path).map_err(|e| FitFileError::Read(name.clone(), e))?;
+        let text = read_text(path).map_err(|e| FitFileError::Read(name.clone(), e))?;
         FitRecord::parse(&text, form, &name)
     }
 }

@@ -6,6 +6,7 @@ use std::path::Path;
 
 use crate::model::constraint::Given;
 use crate::shown::Shown as _;
+use crate::text_file::read_text;
 
 /// Reads it.
 ///
@@ -13,7 +14,7 @@ use crate::shown::Shown as _;
 /// A file that cannot be read, a line that is no value, a value given twice.
 pub fn read(path: &Path) -> Result<Vec<Given>, String> {
     let name = path.shown();
-    let text = std::fs::read_to_string(path).map_err(|e| format!("cannot read the values in {name}: {e}"))?;
+    let text = read_text(path).map_err(|e| format!("cannot read the values in {name}: {e}"))?;
     parse(&text).map_err(|e| format!("{name}, {e}"))
 }
 

@@ -150,6 +150,12 @@ pub enum CsvProblem {
     /// Nothing in it.
     #[error("the file is empty: expected a header like time_s,P1,P2 and a line for each time")]
     Empty,
+    /// A line that is none of a table.
+    #[error("a line is longer than {mebibytes} MiB: this is no table of samples")]
+    LongLine {
+        /// The longest that is read.
+        mebibytes: usize,
+    },
     /// A header and no line under it.
     #[error("there is a header but no line of samples under it")]
     HeaderOnly,

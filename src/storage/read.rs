@@ -74,7 +74,7 @@ pub fn records(
                 reader.notify_read(got);
             }
             LinearReadEvent::Record { opcode, data } => {
-                unpacked.add(data.len())?;
+                unpacked.add(RECORD_HEAD + data.len())?;
                 if opcode != op::MESSAGE_INDEX {
                     take(parse(opcode, data).map_err(describe)?)?;
                 }
@@ -83,6 +83,9 @@ pub fn records(
     }
     Ok(())
 }
+
+/// Bytes of a record before its body: opcode and length.
+pub const RECORD_HEAD: usize = 9;
 
 /// How much a file may still unpack to: a small file is not to cost minutes, whatever it claims to hold.
 pub struct Unpacked {
@@ -207,5 +210,39 @@ pub fn describe(error: McapError) -> String {
         McapError::BadSummaryCrc { .. } => "the check sum of its index is wrong".into(),
         McapError::BadAttachmentCrc { .. } => "the check sum of an attachment is wrong".into(),
         other => other.to_string(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io::Cursor;
+
+    use super::*;
+
+    /// A file of a few kilobytes that holds so many mebibytes of zeros, honestly declared.
+    fn bomb(mebibytes: usize) -> Vec<u8> {
+        let mut file = Cursor::new(Vec::new());
+        let options = mcap::WriteOptions::new().compression(Some(mcap::Compression::Zstd)).chunk_size(Some(8 << 20));
+        let mut writer = mcap::Writer::with_options(&mut file, options).unwrap();
+        let channel = writer.add_channel(0, "/zeros", "", &Default::default()).unwrap();
+        let header = MessageHeader { channel_id: channel, sequence: 0, log_time: 0, publish_time: 0 };
+        (0..mebibytes).for_each(|_| writer.write_to_known_channel(&header, &vec![0; 1 << 20]).unwrap());
+        writer.finish().unwrap();
+        drop(writer);
+        file.into_inner()
+    }
+
+    #[test]
+    fn what_a_small_file_unpacks_to_is_bounded() {
+        let (small, large) = (bomb(16), bomb(80));
+        assert!(large.len() < 50_000, "{}", large.len());
+        let why = |bytes: &[u8]| decode(bytes, Path::new("bomb.mcap")).unwrap_err().to_string();
+        assert!(why(&large).contains("100 times its size"), "{}", why(&large));
+        assert!(!why(&small).contains("times its size"), "{}", why(&small));
+        // recovering takes no more: chunks behind the limit are not unpacked
+        let mut unpacked = Unpacked::of(large.len() as u64);
+        let options = checked_options(large.len() as u64);
+        assert!(records(&large[..], options, &mut unpacked, |_| Ok(())).is_err());
+        assert_eq!(unpacked.left, 0);
     }
 }

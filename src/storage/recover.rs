@@ -10,7 +10,7 @@ use crate::recording::Recording;
 use crate::storage::assemble::Assembler;
 use crate::storage::disk;
 use crate::storage::error::LogError;
-use crate::storage::read::{Unpacked, check_start, describe, parse, records};
+use crate::storage::read::{RECORD_HEAD, Unpacked, check_start, describe, parse, records};
 use crate::storage::summary::Summary;
 use crate::storage::write::write;
 
@@ -102,9 +102,6 @@ struct Salvage {
     data_complete: bool,
 }
 
-/// Bytes of a record before its body: opcode and length.
-const HEAD: usize = 9;
-
 fn salvage(bytes: &[u8]) -> Salvage {
     let unpacked = Unpacked::of(bytes.len() as u64);
     let mut found = Salvage { parts: Assembler::default(), unpacked, lost: Vec::new(), data_complete: false };
@@ -118,7 +115,7 @@ fn salvage(bytes: &[u8]) -> Salvage {
             at = next;
             continue;
         };
-        let end = at + HEAD + body.len();
+        let end = at + RECORD_HEAD + body.len();
         let taken = match opcode {
             op::CHUNK => found.chunk(&bytes[at..end]),
             op::DATA_END => {
@@ -158,11 +155,11 @@ impl Salvage {
 
 /// Opcode and body of the record at `at`, if it is one and lies in the file.
 fn record_at(bytes: &[u8], at: usize) -> Option<(u8, &[u8])> {
-    let head = bytes.get(at..at + HEAD)?;
+    let head = bytes.get(at..at + RECORD_HEAD)?;
     let length = u64::from_le_bytes(head[1..].try_into().ok()?);
-    let end = (at + HEAD).checked_add(usize::try_from(length).ok()?)?;
+    let end = (at + RECORD_HEAD).checked_add(usize::try_from(length).ok()?)?;
     // Opcode 0 is none: a disk that lost its last pages in a power cut gives zeros.
-    (head[0] != 0).then_some((head[0], bytes.get(at + HEAD..end)?))
+    (head[0] != 0).then_some((head[0], bytes.get(at + RECORD_HEAD..end)?))
 }
 
 /// True if a chunk surely starts here: its three lengths agree.

@@ -13,6 +13,7 @@ use crate::storage::output;
 use crate::study::Study;
 use crate::study::error::{Error, Result};
 use crate::study::progress::Progress;
+use crate::text_file::read_text;
 
 /// A file of models with the recordings that it names.
 pub struct Opened {
@@ -63,7 +64,7 @@ impl Opened {
 /// # Errors
 /// One that cannot be read, is none, or contradicts itself.
 pub fn load(path: &Path) -> Result<ModelFile> {
-    let text = std::fs::read_to_string(path).map_err(|source| match source.kind() {
+    let text = read_text(path).map_err(|source| match source.kind() {
         std::io::ErrorKind::NotFound => LogError::Missing(path.to_owned()),
         _ => LogError::io("read the models in", path, source),
     })?;
@@ -85,7 +86,7 @@ pub fn save(file: &mut ModelFile, path: &Path) -> Result<()> {
 
 fn save_alone(file: &mut ModelFile, path: &Path) -> Result<()> {
     let failed = |e: std::io::Error| LogError::io("write the models to", path, e);
-    let present = match std::fs::read_to_string(path) {
+    let present = match read_text(path) {
         Ok(text) => Some(text),
         Err(e) if e.kind() == std::io::ErrorKind::NotFound => None,
         Err(e) => return Err(failed(e).into()),

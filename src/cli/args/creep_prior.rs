@@ -46,8 +46,8 @@ impl CreepPrior {
     ) -> Result<Vec<Prior>, Box<dyn std::error::Error + Send + Sync>> {
         let Some(path) = &self.creep else { return Ok(Vec::new()) };
         let (rig, run, loaded) = (study.rig(), &study.runs()[0], study.recordings());
-        let text =
-            std::fs::read_to_string(path).map_err(|e| crate::storage::output::unread("the creep test in", path, &e))?;
+        let text = crate::text_file::read_text(path)
+            .map_err(|e| crate::storage::output::unread("the creep test in", path, &e))?;
         let file = CreepFile::parse(&text, &path.shown())?;
         let wall = effects.iter_mut().find(|c| c.effect.name() == WALL).ok_or(CreepError::NoWall)?;
         let base = Model::new(rig, &run.conditions.water, &[]);

@@ -11,7 +11,7 @@ use crate::creep::{CreepError, CreepTest};
 use crate::report::creep::html::html;
 use crate::report::creep::text::{json as creep_json, text};
 use crate::shown::Shown as _;
-use crate::storage::output;
+use crate::storage::{disk, output};
 
 /// Fit Kelvin-Voigt elements to creep tests of the pipe's material.
 ///
@@ -103,7 +103,7 @@ fn celsius(text: &str) -> Result<f64, String> {
 /// A test, and whether it gives strains.
 fn load(path: &Path, stress_pa: Option<f64>) -> Result<(CreepTest, bool), Box<dyn std::error::Error + Send + Sync>> {
     let file = path.shown().into_owned();
-    let bytes = std::fs::read(path).map_err(|e| output::unread("the creep test", path, &e))?;
+    let bytes = disk::read_file(path)?;
     let text = String::from_utf8(bytes).map_err(|e| CreepError::Csv {
         file: file.clone(),
         line: Some(1 + e.as_bytes()[..e.utf8_error().valid_up_to()].iter().filter(|b| **b == b'\n').count()),

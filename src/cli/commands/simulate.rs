@@ -24,6 +24,7 @@ use crate::simulate::as_recorded::as_recorded;
 use crate::simulate::scenario::{Scenario, ValveForm};
 use crate::simulate::values_file;
 use crate::storage::output;
+use crate::text_file::read_text;
 
 /// Simulate a closure on a rig; needs no recording.
 ///
@@ -179,7 +180,7 @@ fn run_beside(args: &Args, mut given: Vec<Given>, json: bool) -> CommandResult {
 /// The rows of an older table.
 fn rows(table: &Table, path: &Path) -> Result<Vec<Place>, AnyError> {
     let name = path.shown();
-    let text = std::fs::read_to_string(path).map_err(|e| format!("cannot read the rows in {name}: {e}"))?;
+    let text = read_text(path).map_err(|e| format!("cannot read the rows in {name}: {e}"))?;
     Ok(table.places(&text, &name)?)
 }
 

@@ -11,6 +11,7 @@ use crate::rig::types::{Constraint, Fluid, Pipe, Rig, SteadyState, Upstream, Val
 use crate::rig::unique::Names;
 use crate::rig::{live, material, sensors};
 use crate::shown::Shown as _;
+use crate::text_file::read_text;
 
 const TOP: &[&str] = &["name", "fluid", "pipe", "upstream", "downstream", "sensor", "device", "steady"];
 const FLUID: &[&str] = &["name", "temperature_degC"];
@@ -55,7 +56,7 @@ const WAVE_SPEED: Limits = Limits {
 impl Rig {
     /// Reads a rig file. Errors give the path as the caller wrote it.
     pub fn load(path: &Path) -> Result<Rig, RigError> {
-        let text = std::fs::read_to_string(path).map_err(|source| RigError::Read { path: path.into(), source })?;
+        let text = read_text(path).map_err(|source| RigError::Read { path: path.into(), source })?;
         Rig::from_toml(&text, &path.shown())
     }
 

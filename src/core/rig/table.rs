@@ -16,7 +16,8 @@ const LONGEST_TEXT: usize = 200;
 /// The file's text and the problems found in it so far.
 pub(crate) struct Source<'a> {
     pub text: &'a str,
-    problems: RefCell<Vec<Problem>>,
+    /// Where each problem is and what it is.
+    problems: RefCell<Vec<(Option<usize>, String)>>,
 }
 
 impl<'a> Source<'a> {
@@ -26,15 +27,29 @@ impl<'a> Source<'a> {
 
     /// Reports a problem at a place in the text, or in the file as a whole.
     pub fn report(&self, place: Option<Range<usize>>, message: impl Into<String>) {
-        let before = place.map(|p| self.text.get(..p.start).unwrap_or(self.text));
-        let line = before.map(|b| b.matches('\n').count() + 1);
-        let source_line = line.and_then(|n| self.text.lines().nth(n - 1)).unwrap_or_default().trim_end().to_owned();
-        self.problems.borrow_mut().push(Problem { line, message: message.into().shown().into_owned(), source_line });
+        self.problems.borrow_mut().push((place.map(|p| p.start), message.into().shown().into_owned()));
     }
 
     /// All problems, in the order of the lines; those of the whole file last.
     pub fn into_problems(self) -> Vec<Problem> {
-        let mut problems = self.problems.into_inner();
+        let mut found = self.problems.into_inner();
+        found.sort_by_key(|(place, _)| place.unwrap_or(usize::MAX));
+        // the line is counted on from one problem to the next: a file of two megabytes may have a million
+        let (mut line, mut counted) = (1, 0);
+        let mut problems: Vec<Problem> = Vec::new();
+        for (place, message) in found {
+            let Some(place) = place.map(|place| self.text.floor_char_boundary(place)) else {
+                problems.push(Problem { line: None, message, source_line: String::new() });
+                continue;
+            };
+            line += self.text[counted..place].matches('\n').count();
+            counted = place;
+            let begin = self.text[..place].rfind('\n').map_or(0, |at| at + 1);
+            let source_line = self.text[begin..].lines().next().unwrap_or_default().trim_end();
+            // one so long says no more
+            let source_line = source_line.chars().take(LONGEST_TEXT).collect();
+            problems.push(Problem { line: Some(line), message, source_line });
+        }
         problems.sort_by_key(|p| p.line.unwrap_or(usize::MAX));
         problems.dedup();
         problems
@@ -255,4 +270,26 @@ fn as_f64(value: &DeValue<'_>) -> Option<f64> {
 fn as_u64(value: &DeValue<'_>) -> Option<u64> {
     let number = value.as_integer()?;
     u64::from_str_radix(number.as_str(), number.radix()).ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn problems_stand_in_the_order_of_their_lines_with_the_lines() {
+        let source = Source::new("a = 1\nb = 2\n\nc = 3");
+        [(Some(13..14), "third"), (None, "whole"), (Some(4..5), "first"), (Some(6..7), "second")]
+            .into_iter()
+            .for_each(|(place, message)| source.report(place, message));
+        let problems = source.into_problems();
+        let seen: Vec<_> = problems.iter().map(|p| (p.line, p.message.as_str(), p.source_line.as_str())).collect();
+        let expected = [
+            (Some(1), "first", "a = 1"),
+            (Some(2), "second", "b = 2"),
+            (Some(4), "third", "c = 3"),
+            (None, "whole", ""),
+        ];
+        assert_eq!(seen, expected);
+    }
 }

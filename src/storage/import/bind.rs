@@ -7,7 +7,7 @@ use crate::rig::{Rig, Sensor, quantity_of, spelled_unit};
 use crate::storage::error::{CsvProblem, LogError};
 use crate::storage::import::source::{Repair, SourceFile, SourceOptions, Track};
 use crate::storage::layout::kind_name;
-use crate::storage::nearest::nearest;
+use crate::storage::nearest::{listed, nearest};
 use crate::storage::sink::program;
 use crate::units::{Quantity, UNITS};
 
@@ -167,13 +167,6 @@ fn no_sensor(path: &Path, rig: &Rig, spare: &[String], table: bool) -> LogError 
         listed(spare)
     );
     LogError::SourceFile { path: path.into(), why }
-}
-
-/// Names, not without end.
-fn listed(names: &[String]) -> String {
-    const MOST: usize = 30;
-    let more = if names.len() > MOST { format!(" and {} more", names.len() - MOST) } else { String::new() };
-    if names.is_empty() { "none".into() } else { names[..names.len().min(MOST)].join(", ") + &more }
 }
 
 /// The samples in the sensor's unit.

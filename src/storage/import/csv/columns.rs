@@ -1,10 +1,12 @@
 //! Which column of a time series belongs to which sensor of the rig.
 
+use std::collections::HashSet;
+
 use crate::rig::Rig;
 use crate::storage::error::CsvProblem;
 use crate::storage::import::csv::heading::hint_on_time;
 use crate::storage::layout::kind_name;
-use crate::storage::nearest::nearest;
+use crate::storage::nearest::{listed, nearest};
 
 /// The sensor of each column after the first, as an index in the rig. The first must be `time_s`; every other column must be a sensor,
 /// and every sensor must have a column or be among those `without` one.
@@ -22,8 +24,9 @@ pub(crate) fn sensors_of(header: &[String], rig: &Rig, without: &[String]) -> Re
     let names = &header[1..];
     let question = |n: Option<&str>| n.map(|n| format!("; did you mean '{n}'?")).unwrap_or(".".into());
     let sensors = || rig.sensors.iter().map(|s| s.name.as_str());
-    for (i, name) in names.iter().enumerate() {
-        if names[..i].contains(name) || name == first {
+    let mut before = HashSet::new();
+    for name in names {
+        if !before.insert(name) || name == first {
             return Err(CsvProblem::DuplicateColumn(name.clone()));
         }
     }
@@ -43,7 +46,7 @@ pub(crate) fn sensors_of(header: &[String], rig: &Rig, without: &[String]) -> Re
                 sensor: sensor.name.clone(),
                 kind: kind_name(sensor.kind),
                 rig: rig.name.clone(),
-                found: header.join(", "),
+                found: listed(header),
                 hint: question(nearest(&sensor.name, spare)),
             });
         }

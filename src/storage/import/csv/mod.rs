@@ -32,7 +32,7 @@ use crate::storage::import::csv::numbers::{Numbers, Written};
 use crate::storage::import::csv::order::put_in_order;
 use crate::storage::import::csv::row::{Row, is_line, is_row, separator};
 use crate::storage::import::csv::table::Table;
-use crate::storage::import::csv::text::{decode, text_of};
+use crate::storage::import::csv::text::{check_lines, decode, text_of};
 use crate::storage::import::csv::timeless::Timeless;
 use crate::storage::import::source::{Repair, SourceFile, SourceOptions, Track};
 
@@ -51,6 +51,7 @@ pub(crate) struct PlainSeries<'t> {
 /// # Errors
 /// The line from 1, where there is one, and what is wrong.
 pub(crate) fn read_strict<'t>(bytes: &'t [u8], rig: &Rig, without: &[String]) -> Result<PlainSeries<'t>, CsvFault> {
+    check_lines(bytes)?;
     let text = text_of(bytes)?;
     let reader = Reader::strict(text)?;
     let header_at = reader.header_at;
@@ -79,6 +80,7 @@ pub(crate) fn read_strict<'t>(bytes: &'t [u8], rig: &Rig, without: &[String]) ->
 /// # Errors
 /// The line from 1, where there is one, and what is wrong.
 pub(crate) fn read(bytes: &[u8], options: &SourceOptions) -> Result<SourceFile, CsvFault> {
+    check_lines(bytes)?;
     let mut repairs = Vec::new();
     let text = decode(bytes, &mut repairs)?;
     let reader = Reader::repairing(&text, repairs)?;

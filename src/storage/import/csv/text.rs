@@ -6,6 +6,22 @@ use crate::storage::error::{CsvFault, CsvProblem};
 use crate::storage::import::csv::row::is_row;
 use crate::storage::import::source::Repair;
 
+/// A longer line is none of a table, bytes.
+const LONGEST_LINE: usize = 16 << 20;
+
+/// Refuses a line so long that reading it as a row would take all memory.
+pub(crate) fn check_lines(bytes: &[u8]) -> Result<(), CsvFault> {
+    let mut at = 0;
+    while bytes.len() - at > LONGEST_LINE {
+        let end = bytes[at..at + LONGEST_LINE].iter().rposition(|b| matches!(b, b'\n' | b'\r'));
+        let Some(end) = end else {
+            return Err((None, Box::new(CsvProblem::LongLine { mebibytes: LONGEST_LINE >> 20 })));
+        };
+        at += end + 1;
+    }
+    Ok(())
+}
+
 /// The text of a file, without a byte-order mark, its lines ended by line feeds.
 pub(crate) fn decode<'b>(bytes: &'b [u8], repairs: &mut Vec<Repair>) -> Result<Cow<'b, str>, CsvFault> {
     let text = characters(bytes, repairs)?;
@@ -67,4 +83,19 @@ pub(crate) fn text_of(bytes: &[u8]) -> Result<&str, CsvFault> {
         (Some(line), CsvProblem::NotUtf8 { hint }.into())
     })?;
     Ok(text.strip_prefix('\u{feff}').unwrap_or(text))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_line_that_fills_the_memory_is_refused_and_long_files_are_not() {
+        let line = vec![b'1'; LONGEST_LINE + 1];
+        assert!(matches!(*check_lines(&line).unwrap_err().1, CsvProblem::LongLine { mebibytes: 16 }));
+        let mut lines = b"time_s,P1\n".repeat(3 * LONGEST_LINE / 10);
+        assert!(check_lines(&lines).is_ok());
+        lines.extend(line);
+        assert!(check_lines(&lines).is_err());
+    }
 }
