@@ -6,6 +6,7 @@ use serde::Serialize;
 
 use crate::report::text::number::{significant, with_error};
 use crate::results::model_file::{Entry, ModelFile};
+use crate::shown::Shown as _;
 
 #[derive(Serialize)]
 struct Document<'a> {
@@ -34,8 +35,8 @@ pub fn text(file: &ModelFile) -> String {
             i + 1,
             model.rmse_m,
             model.rmse_m / model.noise_m,
-            model.name,
-            model.why,
+            model.name.shown(),
+            model.why.shown(),
             model.when
         );
     }

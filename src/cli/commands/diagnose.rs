@@ -23,6 +23,7 @@ use crate::results::fit_record::now;
 use crate::shown::Shown as _;
 use crate::signal::faults::{SensorFault, in_words};
 use crate::storage::output;
+use crate::study::Study;
 use crate::study::error::Error;
 use crate::study::models;
 
@@ -177,7 +178,7 @@ fn diagnosed(args: Args, json: bool) -> CommandResult {
         tell!("stopped after adding {MOST_ADDED} effects");
     }
     if json {
-        say!("{}", diagnosis::json(&diagnoses)?);
+        say!("{}", diagnosis::json(&diagnoses, &faults_of(&study))?);
     } else if args.until_done {
         say_text!(staircase(&models));
     } else {
@@ -194,6 +195,11 @@ fn diagnosed(args: Args, json: bool) -> CommandResult {
         tell!("report: {}", path.shown());
     }
     unsaved.map_or(Ok(Outcome::Done), |error| Err(error.into()))
+}
+
+/// What is odd about sensors that a model can be fitted to all the same.
+fn faults_of(study: &Study) -> Vec<SensorFault> {
+    study.recordings().iter().flat_map(|l| l.faults.iter().cloned()).collect()
 }
 
 /// The effects of the next step: what was found is added, what had its number left open keeps it open.

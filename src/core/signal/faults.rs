@@ -321,7 +321,7 @@ impl<'a> Scene<'a> {
         let odd = |ratio: f64| !(1.0 / OTHER_TIME_UNIT..=OTHER_TIME_UNIT).contains(&ratio);
         let all = self.stations.iter().enumerate();
         all.filter_map(|(i, s)| {
-            let ratio = pace(s).filter(|r| odd(*r))?;
+            let ratio = pace(s).filter(|r| *r > 0.0 && odd(*r))?;
             let speed = ratio * self.speed_m_s;
             Some((
                 i,

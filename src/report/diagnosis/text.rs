@@ -8,6 +8,7 @@ use crate::diagnose::visible::Visible;
 use crate::diagnose::{Candidate, Diagnosis, NEGLIGIBLE_EVIDENCE, Verdict};
 use crate::model::effects::name_of;
 use crate::results::fit_record::Parameter;
+use crate::signal::faults::SensorFault;
 
 #[derive(Serialize)]
 struct Document<'a> {
@@ -62,8 +63,9 @@ struct Rival<'a> {
 ///
 /// # Errors
 /// None in practice: all values can be written.
-pub fn json(diagnoses: &[Diagnosis]) -> serde_json::Result<String> {
+pub fn json(diagnoses: &[Diagnosis], faults: &[SensorFault]) -> serde_json::Result<String> {
     let mut last = serde_json::to_value(diagnoses.last().map(document))?;
+    last["sensor_faults"] = serde_json::to_value(faults)?;
     if diagnoses.len() > 1 {
         last["steps"] = serde_json::to_value(diagnoses.iter().map(document).collect::<Vec<_>>())?;
     }
