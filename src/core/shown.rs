@@ -30,6 +30,12 @@ pub fn cell(text: &str) -> Cow<'_, str> {
     if formula { Cow::Owned(format!("'{text}")) } else { Cow::Borrowed(text) }
 }
 
+/// A number without digits that say nothing: 1e300, not three hundred of them.
+pub fn number(value: f64) -> String {
+    let plain = value == 0.0 || !value.is_finite() || (1e-5..1e15).contains(&value.abs());
+    if plain { value.to_string() } else { format!("{value:e}") }
+}
+
 /// True for a character that controls a terminal or turns the direction of the text after it.
 pub fn controls(c: char) -> bool {
     c.is_control()
@@ -48,6 +54,7 @@ mod tests {
             "a\\nverdict: nothing missing\\u{1b}[2J\\u{7}\\u{202e}"
         );
         assert_eq!((cell("=1+1"), cell("-1.5e3"), cell("P1")), ("'=1+1".into(), "-1.5e3".into(), "P1".into()));
+        assert_eq!((number(1e300), number(0.25), number(-3e-9)), ("1e300".into(), "0.25".into(), "-3e-9".into()));
         assert_eq!(Path::new("a\rb.mcap").shown(), "a\\rb.mcap");
     }
 }

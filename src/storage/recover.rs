@@ -6,7 +6,8 @@ use std::path::Path;
 use mcap::records::op;
 use serde::Serialize;
 
-use crate::recording::Recording;
+use crate::recording::{Recording, Series};
+use crate::rig::{Protocol, Rig, Sensor};
 use crate::storage::assemble::Assembler;
 use crate::storage::disk;
 use crate::storage::error::LogError;
@@ -85,6 +86,14 @@ pub fn salvaged(bytes: &[u8], torn: &Path) -> Result<(Recording, Vec<Loss>), Log
     let mut repeats = Vec::new();
     let mut recording = salvage.parts.assemble(torn, Some(&mut repeats))?;
     lost.extend(repeats.into_iter().map(|reason| Loss { offset: 0, bytes: 0, reason }));
+    if !salvage.data_complete {
+        let rig = recording.rig.clone();
+        lost.extend(end_at_one_frame(&rig, &mut recording.series).into_iter().map(|reason| Loss {
+            offset: bytes.len() as u64,
+            bytes: 0,
+            reason,
+        }));
+    }
     if lost.is_empty() && !salvage.data_complete {
         let reason =
             "the recording has no end: what was not yet written when it stopped (at most some 20 ms) is missing";
@@ -92,6 +101,31 @@ pub fn salvaged(bytes: &[u8], torn: &Path) -> Result<(Recording, Vec<Loss>), Log
     }
     recording.run.notes.extend(lost.iter().map(|loss| ("lost before recovery".into(), loss.to_string())));
     Ok((recording, lost))
+}
+
+/// Ends the sensors of each device that sends frames at the last one of which all have their samples: what was written of the next is a part
+/// of it. Says how many samples were left out.
+fn end_at_one_frame(rig: &Rig, series: &mut [Series]) -> Vec<String> {
+    let mut left_out = Vec::new();
+    for device in rig.devices.iter().filter(|device| matches!(device.protocol, Protocol::Frames)) {
+        let own = |sensor: &Sensor| sensor.wiring.as_ref().is_some_and(|wiring| wiring.device == device.name);
+        let places: Vec<usize> = (0..rig.sensors.len()).filter(|&i| own(&rig.sensors[i])).collect();
+        let last = |i: &usize| series[*i].time_s.last().copied();
+        let Some(end_s) = places.iter().filter_map(last).reduce(f64::min) else { continue };
+        for i in places {
+            let keep = series[i].time_s.partition_point(|t| *t <= end_s);
+            let more = series[i].time_s.len() - keep;
+            if more > 0 {
+                series[i].time_s.truncate(keep);
+                series[i].value.truncate(keep);
+                series[i].gaps.retain(|gap| gap.to_s <= end_s);
+                let name = &rig.sensors[i].name;
+                left_out
+                    .push(format!("{more} samples of {name} belong to a frame that was not written whole: left out"));
+            }
+        }
+    }
+    left_out
 }
 
 struct Salvage {
@@ -241,6 +275,24 @@ mod tests {
             assert_eq!(all, truth.series.iter().map(|s| s.time_s.len()).sum::<usize>());
             assert!(most >= 30, "only the last chunk may be missing: {most}");
         }
+    }
+
+    #[test]
+    fn the_channels_of_a_device_end_at_one_frame() {
+        let text = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("rigs/demo-hdpe.toml")).unwrap();
+        let rig = Rig::from_toml(&text, "demo-hdpe.toml").unwrap();
+        let series = |samples: usize| Series {
+            time_s: (0..samples).map(|i| i as f64 * 1e-3).collect(),
+            value: vec![1.0; samples],
+            gaps: vec![],
+        };
+        let mut all: Vec<Series> = [2000, 2000, 1000, 2000, 2000].map(series).into();
+        all.resize(rig.sensors.len(), Series::default());
+        let left_out = end_at_one_frame(&rig, &mut all);
+        let of_daq = |i: usize| rig.sensors[i].wiring.is_some();
+        let lengths: Vec<usize> = (0..5).filter(|i| of_daq(*i)).map(|i| all[i].time_s.len()).collect();
+        assert!(lengths.len() > 3 && lengths.iter().all(|n| *n == 1000), "{lengths:?}");
+        assert!(left_out[0].starts_with("1000 samples of P1"), "{left_out:?}");
     }
 
     /// Blocks of a fast sensor beside samples of a slow one, with renewals of the writer between them.

@@ -201,7 +201,7 @@ fn every_fault_is_named_with_its_line() {
             "unknown key 'sensors' in the rig file; did you mean 'sensor'?",
         ),
         // types and choices
-        ("length_m = 200.0", "length_m = \"200\"", "'length_m' in [[pipe]] must be a number above 0, not \"200\""),
+        ("length_m = 200.0", "length_m = \"200\"", "'length_m' in [[pipe]] must be a number above 0 and within 1e9, not \"200\""),
         (
             "kind = \"measured\"",
             "kind = \"resevoir\"",
@@ -217,9 +217,9 @@ fn every_fault_is_named_with_its_line() {
         // ranges
         ("temperature_degC = 20.0", "temperature_degC = 120", "a temperature from 0 to 100 degC, not 120"),
         ("temperature_degC = 20.0", "temperature_degC = -1", "a temperature from 0 to 100 degC, not -1"),
-        ("length_m = 200.0", "length_m = 0", "must be a number above 0, not 0"),
-        ("length_m = 200.0", "length_m = nan", "must be a number above 0, not nan"),
-        ("inner_diameter_mm = 50.6", "inner_diameter_mm = inf", "must be a number above 0, not inf"),
+        ("length_m = 200.0", "length_m = 0", "must be a number above 0 and within 1e9, not 0"),
+        ("length_m = 200.0", "length_m = nan", "must be a number above 0 and within 1e9, not nan"),
+        ("inner_diameter_mm = 50.6", "inner_diameter_mm = inf", "must be a number above 0 and within 1e9, not inf"),
         (
             "wall_thickness_mm = 6.2",
             "wall_thickness_mm = 26",

@@ -1,12 +1,14 @@
 //! Why a model cannot be simulated, in sentences.
 
+use crate::shown::number;
+
 /// What can be wrong with a model or a simulation.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[allow(missing_docs)] // the sentences say it
 pub enum ModelError {
     #[error("{reaches} reaches are too few: these pipes, with the sections they are given, need at least {needed}")]
     TooFewReaches { reaches: usize, needed: usize },
-    #[error("{name} = {value} is outside its physical range ({allowed})")]
+    #[error("{name} = {} is outside its physical range ({allowed})", number(*value))]
     Value { name: String, value: f64, allowed: &'static str },
     #[error("unknown effect '{name}'; did you mean '{nearest}'? Known are: {known}")]
     UnknownEffect { name: String, nearest: String, known: String },
@@ -17,7 +19,7 @@ pub enum ModelError {
     #[error("the effect '{name}' is named twice")]
     EffectTwice { name: String },
     #[error(
-        "friction takes {share:.3} of the impedance over one reach, more than the scheme resolves; use at least {needed} reaches"
+        "friction takes {share:.3} of the impedance over one reach, more than the scheme resolves; give the grid at least {needed} reaches (option `set` reaches={needed} of a simulation, option `most_reaches` {needed} of a fit)"
     )]
     FrictionTooCoarse { share: f64, needed: usize },
     #[error(

@@ -64,6 +64,7 @@ impl Finding {
 pub fn check(rig: &Rig) -> Vec<Finding> {
     let water = rig.fluid.properties(rig.fluid.temperature_degc);
     let mut findings = Vec::new();
+    findings.extend(rig.pipes.iter().filter_map(check_size));
     findings.extend(rig.pipes.iter().map(|pipe| check_wave_speed(pipe, &water)));
     findings.extend(rig.pipes.iter().filter(|p| p.material().viscoelastic).map(check_constraint));
     findings.push(check_closing_time(rig, &water));
@@ -73,6 +74,25 @@ pub fn check(rig: &Rig) -> Vec<Finding> {
         findings.extend(check_steady(rig, state, &water));
     }
     findings
+}
+
+/// Longest and widest pipe that there could be, m, and diameters that one is at least long: a wave in a shorter one is not plane.
+const LONGEST_M: f64 = 1e7;
+const WIDEST_M: f64 = 30.0;
+const LEAST_DIAMETERS: f64 = 5.0;
+
+/// A length or a diameter that no pipe has.
+fn check_size(pipe: &Pipe) -> Option<Finding> {
+    let (length_m, diameter_m) = (pipe.length_m, pipe.inner_diameter_m);
+    let why = match () {
+        () if length_m > LONGEST_M => "no pipeline is that long",
+        () if diameter_m > WIDEST_M => "no pipe is that wide",
+        () if length_m < LEAST_DIAMETERS * diameter_m => "a pipe that short has no plane waves",
+        () => return None,
+    };
+    let message = format!("{length_m} m long and {diameter_m} m wide: {why}; is it in another unit?");
+    let numbers = [("length_m", length_m), ("inner_diameter_m", diameter_m)];
+    Some(Finding::new(Level::Contradiction, format!("size of pipe '{}'", pipe.name), message, &numbers))
 }
 
 /// Travel time of a wave from the valve to the supply and back, s: 2 Σ L/a.

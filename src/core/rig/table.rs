@@ -77,9 +77,14 @@ pub(crate) struct Limits {
     pub words: &'static str,
 }
 
-pub(crate) const FINITE: Limits = Limits { holds: |_| true, words: "a finite number" };
-pub(crate) const POSITIVE: Limits = Limits { holds: |v| v > 0.0, words: "a number above 0" };
-pub(crate) const NOT_NEGATIVE: Limits = Limits { holds: |v| v >= 0.0, words: "a number of at least 0" };
+/// No number of a rig is larger in its unit, nor a positive one smaller than its inverse: what is, is a slip, and would overflow somewhere.
+const LARGEST: f64 = 1e9;
+
+pub(crate) const FINITE: Limits = Limits { holds: |v| v.abs() <= LARGEST, words: "a finite number within 1e9" };
+pub(crate) const POSITIVE: Limits =
+    Limits { holds: |v| (1.0 / LARGEST..=LARGEST).contains(&v), words: "a number above 0 and within 1e9" };
+pub(crate) const NOT_NEGATIVE: Limits =
+    Limits { holds: |v| (0.0..=LARGEST).contains(&v), words: "a number of at least 0 and within 1e9" };
 pub(crate) const NOT_ZERO: Limits = Limits { holds: |v| v != 0.0, words: "a number other than 0" };
 
 /// A value and its place in the file.
