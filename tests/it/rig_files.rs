@@ -201,7 +201,11 @@ fn every_fault_is_named_with_its_line() {
             "unknown key 'sensors' in the rig file; did you mean 'sensor'?",
         ),
         // types and choices
-        ("length_m = 200.0", "length_m = \"200\"", "'length_m' in [[pipe]] must be a number above 0 and within 1e9, not \"200\""),
+        (
+            "length_m = 200.0",
+            "length_m = \"200\"",
+            "'length_m' in [[pipe]] must be a number above 0 and within 1e9, not \"200\"",
+        ),
         (
             "kind = \"measured\"",
             "kind = \"resevoir\"",

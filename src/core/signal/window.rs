@@ -22,6 +22,8 @@ const LEAD_PERIODS: f64 = 2.0;
 const LEAD_S: f64 = 6.0;
 /// Blocks into which a record is cut to look for its closure.
 const BLOCKS: usize = 1 << 16;
+/// A step of more than so many usual ones is a gap.
+const GAP_STEPS: f64 = 1.5;
 /// Samples from which the noise is estimated before anything is known of the record.
 const FOR_NOISE: usize = 1 << 16;
 /// A front rises by this share of the record's swing, as in `front`.
@@ -51,18 +53,30 @@ impl Window {
     /// The window of a long record: around the first closure, or all of it, averaged, where there is none. `None` for a record that is used as
     /// it is.
     pub fn of(recording: &Recording) -> Option<Window> {
-        let rig = &recording.rig;
-        let sensors: Vec<(&Sensor, &Series)> =
-            rig.pressure_sensors().map(|(i, sensor)| (sensor, &recording.series[i])).collect();
-        let most = sensors.iter().map(|(_, series)| series.time_s.len()).max()?;
+        let series = |i: usize| &recording.series[i];
+        let most = recording.rig.pressure_sensors().map(|(i, _)| series(i).time_s.len()).max()?;
         if most <= LONG {
             return None;
         }
-        let period_s = period_s(rig, temperature_degc(recording));
+        let scanned = recording.rig.pressure_sensors().map(|(i, sensor)| {
+            let mut scan = Scan::new(most.div_ceil(BLOCKS));
+            series(i).time_s.iter().zip(&series(i).value).for_each(|(t, v)| scan.push(*t, *v));
+            (sensor, scan)
+        });
+        Window::of_scans(&recording.rig, temperature_degc(recording), &scanned.collect::<Vec<_>>())
+    }
+
+    /// The same of pressure sensors whose samples went by.
+    pub fn of_scans(rig: &Rig, temperature_degc: f64, scanned: &[(&Sensor, Scan)]) -> Option<Window> {
+        if scanned.iter().all(|(_, scan)| scan.samples <= LONG) {
+            return None;
+        }
+        let period_s = period_s(rig, temperature_degc);
         let lead_s = LEAD_S.max(LEAD_PERIODS * period_s);
-        let seen = sensors.iter().filter_map(|(sensor, series)| Seen::of(series, lead_s, sensor.position_m));
+        let seen = scanned.iter().filter_map(|(sensor, scan)| scan.closure(lead_s, sensor.position_m));
         let closure = seen.max_by(|a, b| a.clear.total_cmp(&b.clear).then(a.position_m.total_cmp(&b.position_m)));
-        let (first_s, last_s, step_s) = span(sensors.iter().map(|(_, series)| *series))?;
+        let spans = scanned.iter().filter_map(|(_, scan)| scan.span());
+        let (first_s, last_s, step_s) = spans.reduce(|a, b| (a.0.min(b.0), a.1.max(b.1), a.2.min(b.2)))?;
         let (from_s, to_s) = match closure {
             Some(seen) => {
                 let tail_s = (PERIODS * period_s).max((LONG - 1) as f64 * step_s - lead_s);
@@ -82,28 +96,15 @@ impl Window {
     }
 
     fn cut_series(&self, series: &Series) -> Series {
-        let from = series.time_s.partition_point(|t| *t < self.from_s);
-        let to = series.time_s.partition_point(|t| *t <= self.to_s);
-        if from == to {
+        let mut cutter = Cutter::new(self, series.time_s.len());
+        series.time_s.iter().zip(&series.value).for_each(|(t, v)| cutter.push(*t, *v));
+        let mut cut = cutter.finish();
+        if cut.time_s.is_empty() {
             return series.clone();
         }
-        let (time_s, value) = (&series.time_s[from..to], &series.value[from..to]);
         let within = |gap: &&Gap| gap.to_s > self.from_s && gap.from_s < self.to_s;
-        let gaps: Vec<_> = series.gaps.iter().filter(within).copied().collect();
-        // one that is slow enough as it is keeps its samples
-        if self.averaged == 1 || time_s.len() <= LONG {
-            return Series { time_s: time_s.to_vec(), value: value.to_vec(), gaps };
-        }
-        let longest_s = 1.5 * self.averaged as f64 * typical_step_s(time_s);
-        let mut averaged = Series { gaps, ..Series::default() };
-        for (times, values) in time_s.chunks_exact(self.averaged).zip(value.chunks_exact(self.averaged)) {
-            // nothing is averaged over a gap
-            if times[times.len() - 1] - times[0] <= longest_s {
-                averaged.time_s.push(times.iter().sum::<f64>() / times.len() as f64);
-                averaged.value.push(values.iter().sum::<f64>() / values.len() as f64);
-            }
-        }
-        averaged
+        cut.gaps = series.gaps.iter().filter(within).copied().collect();
+        cut
     }
 
     /// In a sentence.
@@ -117,6 +118,87 @@ impl Window {
     }
 }
 
+/// Takes the samples of one sensor as they go by, and keeps those in a window.
+pub struct Cutter {
+    window: Window,
+    /// So many make one.
+    averaged: usize,
+    kept: Series,
+    /// Number and sums of those that will make the next one, the first one's time and the last step.
+    count: usize,
+    sums: (f64, f64),
+    first_s: f64,
+    last_s: f64,
+    /// What is usual between two samples: the shortest step, s.
+    step_s: f64,
+}
+
+impl Cutter {
+    /// Of a sensor with so many samples: one that is slow enough as it is keeps them.
+    pub fn new(window: &Window, samples: usize) -> Cutter {
+        Cutter {
+            window: *window,
+            averaged: if samples <= LONG { 1 } else { window.averaged },
+            kept: Series::default(),
+            count: 0,
+            sums: (0.0, 0.0),
+            first_s: 0.0,
+            last_s: f64::NEG_INFINITY,
+            step_s: f64::INFINITY,
+        }
+    }
+
+    /// Takes a sample; times increase.
+    pub fn push(&mut self, time_s: f64, value: f64) {
+        if time_s < self.window.from_s || time_s > self.window.to_s {
+            return;
+        }
+        if self.averaged == 1 {
+            self.kept.time_s.push(time_s);
+            self.kept.value.push(value);
+            return;
+        }
+        let step_s = time_s - self.last_s;
+        self.step_s = self.step_s.min(step_s);
+        // nothing is averaged over a gap
+        if self.count > 0 && step_s > GAP_STEPS * self.step_s {
+            (self.count, self.sums) = (0, (0.0, 0.0));
+        }
+        if self.count == 0 {
+            self.first_s = time_s;
+        }
+        self.last_s = time_s;
+        self.count += 1;
+        // about the first time: sums of large times would round
+        self.sums = (self.sums.0 + (time_s - self.first_s), self.sums.1 + value);
+        if self.count == self.averaged {
+            let n = self.count as f64;
+            self.kept.time_s.push(self.first_s + self.sums.0 / n);
+            self.kept.value.push(self.sums.1 / n);
+            (self.count, self.sums) = (0, (0.0, 0.0));
+        }
+    }
+
+    /// What was kept, without gaps.
+    pub fn finish(self) -> Series {
+        self.kept
+    }
+}
+
+/// What is remembered of the samples of one sensor as they go by, to find its closure.
+pub struct Scan {
+    length: usize,
+    samples: usize,
+    first_s: f64,
+    last_s: f64,
+    /// The first samples: times and values.
+    head: (Vec<f64>, Vec<f64>),
+    /// Of each block its first time, and its lowest and highest value that lasts for three samples; infinite where there is none.
+    blocks: Vec<(f64, f64, f64)>,
+    /// The last two values.
+    before: (f64, f64),
+}
+
 /// The closure as one sensor shows it.
 struct Seen {
     closure_s: f64,
@@ -125,61 +207,74 @@ struct Seen {
     position_m: f64,
 }
 
-impl Seen {
+impl Scan {
+    /// Blocks will have so many samples.
+    pub fn new(length: usize) -> Scan {
+        let (head, blocks, before) = (Default::default(), Vec::new(), (f64::NAN, f64::NAN));
+        Scan { length: length.max(1), samples: 0, first_s: 0.0, last_s: 0.0, head, blocks, before }
+    }
+
+    /// Takes a sample; times increase.
+    pub fn push(&mut self, time_s: f64, value: f64) {
+        if self.samples == 0 {
+            self.first_s = time_s;
+        }
+        if self.samples < FOR_NOISE {
+            self.head.0.push(time_s);
+            self.head.1.extend(value.is_finite().then_some(value));
+        }
+        if self.samples.is_multiple_of(self.length) {
+            self.blocks.push((time_s, f64::INFINITY, f64::NEG_INFINITY));
+            self.before = (f64::NAN, f64::NAN);
+        }
+        let (a, b) = self.before;
+        if (a + b + value).is_finite()
+            && let Some((_, low, high)) = self.blocks.last_mut()
+        {
+            *low = low.min(a.max(b).max(value));
+            *high = high.max(a.min(b).min(value));
+        }
+        self.before = (b, value);
+        self.last_s = time_s;
+        self.samples += 1;
+    }
+
+    /// Number of samples.
+    pub fn samples(&self) -> usize {
+        self.samples
+    }
+
+    /// First and last time, s, and the typical step; `None` where there are fewer than two samples.
+    pub fn span(&self) -> Option<(f64, f64, f64)> {
+        if self.head.0.len() < 2 {
+            return None;
+        }
+        let step_s = median(&mut self.head.0.windows(2).map(|w| w[1] - w[0]).collect::<Vec<_>>());
+        Some((self.first_s, self.last_s, step_s))
+    }
+
     /// The first front: the first block that rises far above the lowest of those shortly before it. A slow drift does not.
-    fn of(series: &Series, lookback_s: f64, position_m: f64) -> Option<Seen> {
-        let (time_s, value) = (&series.time_s, &series.value);
-        let length = time_s.len().div_ceil(BLOCKS);
-        let blocks: Vec<(f64, f64)> = value.chunks(length).map(ends_without_spikes).collect();
-        let highest = blocks.iter().map(|b| b.1).fold(f64::NEG_INFINITY, f64::max);
-        let swing = highest - blocks.iter().map(|b| b.0).fold(f64::INFINITY, f64::min);
-        let head: Vec<f64> = value.iter().take(FOR_NOISE).copied().filter(|v| v.is_finite()).collect();
-        let clear = swing / white_sd_of_whole(&head).max(1e-4 * swing);
+    fn closure(&self, lookback_s: f64, position_m: f64) -> Option<Seen> {
+        let blocks = &self.blocks;
+        let highest = blocks.iter().map(|b| b.2).fold(f64::NEG_INFINITY, f64::max);
+        let swing = highest - blocks.iter().map(|b| b.1).fold(f64::INFINITY, f64::min);
+        let clear = swing / white_sd_of_whole(&self.head.1).max(1e-4 * swing);
         if !(swing.is_finite() && clear > CLEAR) {
             return None;
         }
-        let start_s = |block: usize| time_s[block * length];
         // blocks looked back to that none behind them is lower than: the first is the lowest
         let mut lowest: VecDeque<usize> = VecDeque::new();
         let front = (0..blocks.len()).find(|&i| {
-            while lowest.front().is_some_and(|&k| start_s(k) < start_s(i) - lookback_s) {
+            while lowest.front().is_some_and(|&k| blocks[k].0 < blocks[i].0 - lookback_s) {
                 lowest.pop_front();
             }
-            while lowest.back().is_some_and(|&k| blocks[k].0 >= blocks[i].0) {
+            while lowest.back().is_some_and(|&k| blocks[k].1 >= blocks[i].1) {
                 lowest.pop_back();
             }
             lowest.push_back(i);
-            blocks[i].1 - blocks[lowest[0]].0 > RISEN * swing
+            blocks[i].2 - blocks[lowest[0]].1 > RISEN * swing
         });
-        front.map(|i| Seen { closure_s: start_s(i), clear, position_m })
-    }
-}
-
-/// Lowest and highest value that lasts for three samples; infinite where there is none.
-fn ends_without_spikes(values: &[f64]) -> (f64, f64) {
-    let mut ends = (f64::INFINITY, f64::NEG_INFINITY);
-    for three in values.windows(3).filter(|w| w.iter().all(|v| v.is_finite())) {
-        ends.0 = ends.0.min(three[0].max(three[1]).max(three[2]));
-        ends.1 = ends.1.max(three[0].min(three[1]).min(three[2]));
-    }
-    ends
-}
-
-/// First and last time of any sensor, s, and the shortest of their typical steps.
-fn span<'a>(series: impl Iterator<Item = &'a Series>) -> Option<(f64, f64, f64)> {
-    let one = |series: &Series| {
-        let times = &series.time_s;
-        Some((*times.first()?, *times.last()?, typical_step_s(&times[..times.len().min(FOR_NOISE)])))
-    };
-    series.filter_map(one).reduce(|a, b| (a.0.min(b.0), a.1.max(b.1), a.2.min(b.2)))
-}
-
-/// Median step, s; infinite where there is none.
-fn typical_step_s(time_s: &[f64]) -> f64 {
-    if time_s.len() < 2 {
-        f64::INFINITY
-    } else {
-        median(&mut time_s.windows(2).map(|w| w[1] - w[0]).collect::<Vec<_>>())
+        front.map(|i| Seen { closure_s: blocks[i].0, clear, position_m })
     }
 }
 
