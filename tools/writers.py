@@ -63,12 +63,14 @@ def writers(program, made):
         Writer("import", "i.mcap", ["import", csv_of, "--rig", made / "rig.toml", "-o", "i.mcap"], mcap, False),
         Writer("export", "e.csv", ["export", RECORDING, "-o", "e.csv"], lines, False),
         Writer("recovery", "r.mcap", ["recover", RECORDING, "-o", "r.mcap"], mcap, False),
+        Writer("added effect", "grown.toml", ["add", "supply-drift", "grown.toml"], toml, True),
+        Writer("applied diagnosis", "grown.toml", ["diagnose", RECORDING, "--apply", "grown.toml", "--most-reaches", 16], toml, True),
         Writer("index", "surgescope.sqlite", ["watch", ".", "--once", "--effects", "none"], index, True),
     ]
 
 
 def main():
-    program = Path(sys.argv[1]).resolve()
+    program = PROGRAM
     times = int(sys.argv[2]) if len(sys.argv) > 2 else 50
     small = Path(sys.argv[3]) if len(sys.argv) > 3 else None
     dice = random.Random(1)
@@ -110,8 +112,12 @@ def fresh(writer, folder):
     folder.mkdir(parents=True)
     if writer.name == "index":
         shutil.copy(RECORDING, folder / "run.mcap")
+    if writer.target == "grown.toml":
+        start = ["calibrate", RECORDING, "--effects", "none", "--against", "none", "--most-reaches", 16, "--save", folder / writer.target]
+        subprocess.run([PROGRAM, *map(str, start)], capture_output=True, check=True)
 
 
+PROGRAM = Path(sys.argv[1]).resolve()
 MARKS = {".html": b"\n<!-- old -->", ".svg": b"\n<!-- old -->", ".toml": b"\n# old\n", ".csv": b""}
 
 
@@ -121,6 +127,14 @@ def aged(writer, target):
         target.unlink(missing_ok=True)
         return None
     if target.suffix == ".sqlite" or writer.name == "models":
+        return target.read_bytes()
+    if target.name == "grown.toml":
+        # each time the model of the beginning, to which an effect can be added
+        first = target.with_suffix(".first")
+        if not first.exists():
+            fresh(writer, target.parent)
+            shutil.copy(target, first)
+        shutil.copy(first, target)
         return target.read_bytes()
     content = target.read_bytes().split(b"\n<!-- old")[0].split(b"\n# old")[0]
     # a table of fewer rows

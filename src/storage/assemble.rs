@@ -145,7 +145,11 @@ impl Assembler {
         };
         match kind {
             Kind::Sample => {
-                let sample = Sample::decode(data).map_err(|_| bad(&column.sensor))?;
+                // nearly all are a value alone: its tag and eight bytes
+                let sample = match data.split_first().map(|(tag, value)| (tag, <[u8; 8]>::try_from(value))) {
+                    Some((0x09, Ok(value))) => Sample { value: Some(f64::from_le_bytes(value)), time_s: None },
+                    _ => Sample::decode(data).map_err(|_| bad(&column.sensor))?,
+                };
                 let value = sample.value.ok_or_else(|| bad(&column.sensor))?;
                 whole(&column.sensor, &[value, sample.time_s.unwrap_or_default()])?;
                 column.points.push(header.log_time, value, sample.time_s);

@@ -49,11 +49,18 @@ impl Summary {
             first_s: series.time_s.first().copied(),
             last_s: series.time_s.last().copied(),
         };
-        let sensors: Vec<_> = recording.rig.sensors.iter().zip(&recording.series).map(sensor).collect();
+        Summary::of_sensors(
+            &recording.rig.name,
+            recording.rig.sensors.iter().zip(&recording.series).map(sensor).collect(),
+        )
+    }
+
+    /// Of sensors that are counted.
+    pub(crate) fn of_sensors(rig: &str, sensors: Vec<SensorSummary>) -> Summary {
         let first = sensors.iter().filter_map(|s| s.first_s).reduce(f64::min);
         let last = sensors.iter().filter_map(|s| s.last_s).reduce(f64::max);
         let duration_s = first.zip(last).map_or(0.0, |(first, last)| last - first);
-        Summary { rig: recording.rig.name.clone(), duration_s, sensors }
+        Summary { rig: rig.to_owned(), duration_s, sensors }
     }
 }
 

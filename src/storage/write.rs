@@ -69,7 +69,7 @@ enum Part {
 }
 
 /// Most samples of a block: a tenth of a second at 20 kHz.
-const BLOCK_SAMPLES: usize = 2000;
+pub(crate) const BLOCK_SAMPLES: usize = 2000;
 
 /// First sample and end of each block: full ones, save that none runs across a gap.
 fn blocks_of(series: &Series) -> impl Iterator<Item = (usize, usize)> {
@@ -84,7 +84,8 @@ fn blocks_of(series: &Series) -> impl Iterator<Item = (usize, usize)> {
     })
 }
 
-fn block(series: &Series, start: usize, end: usize) -> Block {
+/// Samples of a series, up to but without `end`, as a block.
+pub(crate) fn block(series: &Series, start: usize, end: usize) -> Block {
     let times = &series.time_s[start..end];
     let first = nanoseconds(times[0]);
     let steps = (times.len() - 1).max(1) as f64;

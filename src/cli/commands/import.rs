@@ -15,7 +15,8 @@ use crate::recording::Recording;
 use crate::rig::Rig;
 use crate::shown::Shown as _;
 use crate::signal::faults::{in_words, sensor_faults};
-use crate::storage::import::{Imported, Repair, import_file, require_sensors, unit_warnings};
+use crate::signal::window::{Passing, used};
+use crate::storage::import::{Imported, Pass, Repair, import_file, import_long, require_sensors, unit_warnings};
 use crate::storage::{ImportOptions, Summary, write};
 
 /// Turn time series (CSV, TDMS, MCAP of other programs) into a recording.
@@ -72,6 +73,20 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     check_starts(&args)?;
     let foreign = args.foreign.clone().options();
     let alone = args.files.len() == 1;
+    if let [file] = &args.files[..] {
+        let options = ImportOptions { start_unix_ns: start_of(file, &args.start), without: args.without.clone() };
+        let mut passing = Passing::new(&rig);
+        let mut on_sample = |pass, sensor, time_s, value| match pass {
+            Pass::First => passing.first(sensor, time_s, value),
+            Pass::Second => passing.second(sensor, time_s, value),
+        };
+        if let Some(long) = busy(file, || import_long(file, &rig, &options, &foreign, &args.output, &mut on_sample))? {
+            let used = passing.finish(long.gaps, long.run);
+            let reports = long.repairs.into_iter().map(|repair| Report { file: file.clone(), repair }).collect();
+            let done = Done { used, summary: long.summary, reports, clocks: Vec::new(), left_out: Vec::new() };
+            return done.tell(&args, json);
+        }
+    }
     let mut reports = Vec::new();
     let mut parts = Vec::new();
     for path in &args.files {
@@ -82,35 +97,53 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         parts.push(Part { file: path.shown().into_owned(), recording, start_digit_s });
     }
     let (recording, clocks, left_out) = joined(parts, &rig, &args)?;
-    let warnings = unit_warnings(&recording);
     busy(&args.output, || write(&args.output, &recording))?;
-
-    for report in &reports {
-        let line = report.repair.line.map(|l| format!(":{l}")).unwrap_or_default();
-        tell!("{}{line}: {}", report.file.shown(), report.repair.text);
-    }
-    clocks.iter().skip(1).for_each(|clock| tell!("{clock}"));
-    for clock in &clocks {
-        clock.warnings.iter().for_each(|text| tell!("warning: {}: {text}", clock.file.shown()));
-    }
-    left_out.iter().for_each(|text| tell!("{text}"));
-    warnings.iter().for_each(|w| tell!("warning: {}", w.text));
-    let faults = sensor_faults(&recording);
-    if !faults.is_empty() {
-        tell!("warning: {}", in_words(&faults));
-    }
     let summary = Summary::of(&recording);
-    if json {
-        let sources: Vec<&PathBuf> = args.files.iter().collect();
-        let head = json!({
-            "file": args.output, "source": args.files[0], "sources": sources, "mended": reports, "warnings": warnings,
-            "alignment": if alone { None } else { Some(&clocks) }, "left_out": left_out, "sensor_faults": faults,
-        });
-        say!("{}", document(head, &summary)?);
-    } else {
-        say!("{}: {summary}", args.output.shown());
+    Done { used: used(&recording).into_owned(), summary, reports, clocks, left_out }.tell(&args, json)
+}
+
+/// What was written, and what there is to say about it.
+struct Done {
+    /// The recording, of a long one the part that is used.
+    used: Recording,
+    summary: Summary,
+    reports: Vec<Report>,
+    clocks: Vec<Clock>,
+    left_out: Vec<String>,
+}
+
+impl Done {
+    fn tell(self, args: &Args, json: bool) -> CommandResult {
+        let Done { used, summary, reports, clocks, left_out } = self;
+        let alone = args.files.len() == 1;
+        let warnings = unit_warnings(&used);
+
+        for report in &reports {
+            let line = report.repair.line.map(|l| format!(":{l}")).unwrap_or_default();
+            tell!("{}{line}: {}", report.file.shown(), report.repair.text);
+        }
+        clocks.iter().skip(1).for_each(|clock| tell!("{clock}"));
+        for clock in &clocks {
+            clock.warnings.iter().for_each(|text| tell!("warning: {}: {text}", clock.file.shown()));
+        }
+        left_out.iter().for_each(|text| tell!("{text}"));
+        warnings.iter().for_each(|w| tell!("warning: {}", w.text));
+        let faults = sensor_faults(&used);
+        if !faults.is_empty() {
+            tell!("warning: {}", in_words(&faults));
+        }
+        if json {
+            let sources: Vec<&PathBuf> = args.files.iter().collect();
+            let head = json!({
+                "file": args.output, "source": args.files[0], "sources": sources, "mended": reports, "warnings": warnings,
+                "alignment": if alone { None } else { Some(&clocks) }, "left_out": left_out, "sensor_faults": faults,
+            });
+            say!("{}", document(head, &summary)?);
+        } else {
+            say!("{}: {summary}", args.output.shown());
+        }
+        Ok(if reports.iter().any(|r| r.repair.lost) { Outcome::DataLost } else { Outcome::Done })
     }
-    Ok(if reports.iter().any(|r| r.repair.lost) { Outcome::DataLost } else { Outcome::Done })
 }
 
 /// The recording, how each file's clock was aligned, and what was left out.

@@ -23,10 +23,10 @@ macro_rules! tell {
 pub(crate) use {say, say_text, tell};
 
 /// The text with the options that the library names (option `date_order`) as flags of the command line (`--date-order`): the library knows
-/// settings, and only the command line knows how they are written. A JSON document is for programs and stays as it is.
+/// settings, and only the command line knows how they are written.
 pub(crate) fn with_flags(text: &str) -> Cow<'_, str> {
     const NAMED: &str = "option `";
-    if !text.contains(NAMED) || text.starts_with(['{', '[']) {
+    if !text.contains(NAMED) {
         return Cow::Borrowed(text);
     }
     let mut out = String::with_capacity(text.len());
@@ -84,7 +84,5 @@ mod tests {
     fn options_of_the_library_are_flags_on_the_command_line() {
         let said = "an option `x y` is none; add option `date_order` dmy or option `map` 'A=P1'";
         assert_eq!(with_flags(said), "an option `x y` is none; add --date-order dmy or --map 'A=P1'");
-        let document = "{\"warning\": \"add option `map` A=P1\"}";
-        assert_eq!(with_flags(document), document);
     }
 }

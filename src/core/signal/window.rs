@@ -6,8 +6,8 @@ use std::collections::VecDeque;
 
 use serde::Serialize;
 
-use crate::recording::{Gap, Recording, Series};
-use crate::rig::{Rig, Sensor};
+use crate::recording::{Gap, Recording, RunInfo, Series};
+use crate::rig::{Rig, Sensor, SensorKind};
 use crate::robust::median;
 use crate::signal::levels::temperature_degc;
 use crate::signal::noise::white_sd_of_whole;
@@ -22,6 +22,8 @@ const LEAD_PERIODS: f64 = 2.0;
 const LEAD_S: f64 = 6.0;
 /// Blocks into which a record is cut to look for its closure.
 const BLOCKS: usize = 1 << 16;
+/// Samples of a block of a recording whose length is not known.
+const PASSING_BLOCK: usize = 1024;
 /// A step of more than so many usual ones is a gap.
 const GAP_STEPS: f64 = 1.5;
 /// Samples from which the noise is estimated before anything is known of the record.
@@ -63,11 +65,13 @@ impl Window {
             series(i).time_s.iter().zip(&series(i).value).for_each(|(t, v)| scan.push(*t, *v));
             (sensor, scan)
         });
-        Window::of_scans(&recording.rig, temperature_degc(recording), &scanned.collect::<Vec<_>>())
+        let scanned: Vec<(&Sensor, Scan)> = scanned.collect();
+        let scans: Vec<(&Sensor, &Scan)> = scanned.iter().map(|(sensor, scan)| (*sensor, scan)).collect();
+        Window::of_scans(&recording.rig, temperature_degc(recording), &scans)
     }
 
     /// The same of pressure sensors whose samples went by.
-    pub fn of_scans(rig: &Rig, temperature_degc: f64, scanned: &[(&Sensor, Scan)]) -> Option<Window> {
+    fn of_scans(rig: &Rig, temperature_degc: f64, scanned: &[(&Sensor, &Scan)]) -> Option<Window> {
         if scanned.iter().all(|(_, scan)| scan.samples <= LONG) {
             return None;
         }
@@ -119,7 +123,7 @@ impl Window {
 }
 
 /// Takes the samples of one sensor as they go by, and keeps those in a window.
-pub struct Cutter {
+struct Cutter {
     window: Window,
     /// So many make one.
     averaged: usize,
@@ -135,7 +139,7 @@ pub struct Cutter {
 
 impl Cutter {
     /// Of a sensor with so many samples: one that is slow enough as it is keeps them.
-    pub fn new(window: &Window, samples: usize) -> Cutter {
+    fn new(window: &Window, samples: usize) -> Cutter {
         Cutter {
             window: *window,
             averaged: if samples <= LONG { 1 } else { window.averaged },
@@ -149,7 +153,7 @@ impl Cutter {
     }
 
     /// Takes a sample; times increase.
-    pub fn push(&mut self, time_s: f64, value: f64) {
+    fn push(&mut self, time_s: f64, value: f64) {
         if time_s < self.window.from_s || time_s > self.window.to_s {
             return;
         }
@@ -180,13 +184,13 @@ impl Cutter {
     }
 
     /// What was kept, without gaps.
-    pub fn finish(self) -> Series {
+    fn finish(self) -> Series {
         self.kept
     }
 }
 
 /// What is remembered of the samples of one sensor as they go by, to find its closure.
-pub struct Scan {
+struct Scan {
     length: usize,
     samples: usize,
     first_s: f64,
@@ -199,6 +203,63 @@ pub struct Scan {
     before: (f64, f64),
 }
 
+/// The used part of a recording whose samples go by twice and are not kept.
+pub struct Passing {
+    rig: Rig,
+    scans: Vec<Scan>,
+    /// Sums of the values, for the temperature.
+    sums: Vec<f64>,
+    cutting: Option<(Window, Vec<Cutter>)>,
+}
+
+impl Passing {
+    /// Of a recording on a rig.
+    pub fn new(rig: &Rig) -> Passing {
+        let sensors = rig.sensors.len();
+        let scans = (0..sensors).map(|_| Scan::new(PASSING_BLOCK)).collect();
+        Passing { rig: rig.clone(), scans, sums: vec![0.0; sensors], cutting: None }
+    }
+
+    /// Takes a sample that goes by for the first time; times of a sensor increase.
+    pub fn first(&mut self, sensor: usize, time_s: f64, value: f64) {
+        self.scans[sensor].push(time_s, value);
+        self.sums[sensor] += value;
+    }
+
+    /// The same for the second time, after all have gone by once.
+    pub fn second(&mut self, sensor: usize, time_s: f64, value: f64) {
+        let (_, cutters) = self.cutting.get_or_insert_with(|| cutting(&self.rig, &self.scans, &self.sums));
+        cutters[sensor].push(time_s, value);
+    }
+
+    /// What is used of it; `gaps` are those of each sensor.
+    pub fn finish(self, gaps: Vec<Vec<Gap>>, run: RunInfo) -> Recording {
+        let (window, cutters) = self.cutting.unwrap_or_else(|| cutting(&self.rig, &self.scans, &self.sums));
+        let within = |gap: &Gap| gap.to_s > window.from_s && gap.from_s < window.to_s;
+        let series = cutters.into_iter().zip(gaps);
+        let series = series
+            .map(|(cutter, gaps)| Series { gaps: gaps.into_iter().filter(within).collect(), ..cutter.finish() })
+            .collect();
+        Recording { rig: self.rig, series, run }
+    }
+}
+
+/// The window, and what cuts each sensor to it; the window is all of a recording that is used as it is.
+fn cutting(rig: &Rig, scans: &[Scan], sums: &[f64]) -> (Window, Vec<Cutter>) {
+    let thermometer = rig
+        .sensors
+        .iter()
+        .zip(scans.iter().zip(sums))
+        .find(|(sensor, (scan, _))| sensor.kind == SensorKind::Temperature && scan.samples > 0);
+    let temperature_degc = thermometer.map_or(rig.fluid.temperature_degc, |(sensor, (scan, sum))| {
+        sensor.unit.to_si(sum / scan.samples as f64, 1000.0)
+    });
+    let pressures: Vec<_> = rig.pressure_sensors().map(|(i, sensor)| (sensor, &scans[i])).collect();
+    let all = Window { from_s: f64::NEG_INFINITY, to_s: f64::INFINITY, averaged: 1, recorded_s: 0.0 };
+    let window = Window::of_scans(rig, temperature_degc, &pressures).unwrap_or(all);
+    (window, scans.iter().map(|scan| Cutter::new(&window, scan.samples)).collect())
+}
+
 /// The closure as one sensor shows it.
 struct Seen {
     closure_s: f64,
@@ -209,13 +270,13 @@ struct Seen {
 
 impl Scan {
     /// Blocks will have so many samples.
-    pub fn new(length: usize) -> Scan {
+    fn new(length: usize) -> Scan {
         let (head, blocks, before) = (Default::default(), Vec::new(), (f64::NAN, f64::NAN));
         Scan { length: length.max(1), samples: 0, first_s: 0.0, last_s: 0.0, head, blocks, before }
     }
 
     /// Takes a sample; times increase.
-    pub fn push(&mut self, time_s: f64, value: f64) {
+    fn push(&mut self, time_s: f64, value: f64) {
         if self.samples == 0 {
             self.first_s = time_s;
         }
@@ -239,13 +300,8 @@ impl Scan {
         self.samples += 1;
     }
 
-    /// Number of samples.
-    pub fn samples(&self) -> usize {
-        self.samples
-    }
-
     /// First and last time, s, and the typical step; `None` where there are fewer than two samples.
-    pub fn span(&self) -> Option<(f64, f64, f64)> {
+    fn span(&self) -> Option<(f64, f64, f64)> {
         if self.head.0.len() < 2 {
             return None;
         }
@@ -325,6 +381,32 @@ mod tests {
         assert_eq!(used.series[1], long.series[1], "it has one sample, outside of the window");
         assert!(crate::signal::inspect(&used).is_ok());
         assert!(window.in_words().starts_with("of 1200.0 s recorded, the"), "{}", window.in_words());
+    }
+
+    #[test]
+    fn what_goes_by_twice_is_cut_as_what_is_kept() {
+        for (samples, rate_hz, closure_s) in
+            [(1_200_000, 1000.0, 900.0), (1_000_000, 100_000.0, 2.0), (5000, 100.0, 3.0)]
+        {
+            let whole = recording(samples, rate_hz, closure_s);
+            let mut passing = Passing::new(&whole.rig);
+            let all = |take: &mut dyn FnMut(usize, f64, f64)| {
+                for (i, series) in whole.series.iter().enumerate() {
+                    series.time_s.iter().zip(&series.value).for_each(|(t, v)| take(i, *t, *v));
+                }
+            };
+            all(&mut |i, t, v| passing.first(i, t, v));
+            all(&mut |i, t, v| passing.second(i, t, v));
+            let passed = passing.finish(vec![Vec::new(); 2], RunInfo::default());
+            let used = used(&whole);
+            let ends = |r: &Recording| (r.series[0].time_s[0], r.series[0].time_s.len());
+            let ((from_s, samples), (passed_from_s, passed_samples)) = (ends(&used), ends(&passed));
+            assert!(
+                (from_s - passed_from_s).abs() < 1.1,
+                "one block of a thousand samples: {from_s} and {passed_from_s}"
+            );
+            assert!(samples.abs_diff(passed_samples) < 1100, "{samples} and {passed_samples}");
+        }
     }
 
     #[test]

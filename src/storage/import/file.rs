@@ -88,8 +88,7 @@ pub fn import_file(
             }
             let missing: u64 = recording.series.iter().flat_map(|s| &s.gaps).filter_map(|g| g.samples).sum();
             if missing > 0 {
-                let text = format!("{missing} samples are missing from even grids of times: recorded as gaps");
-                repairs.push(Repair::new("missing-times", missing as usize, None, text));
+                repairs.push(Repair::missing_times(missing));
             }
             return Ok(Imported { recording, repairs, start_digit_s });
         }

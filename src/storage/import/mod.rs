@@ -11,6 +11,7 @@
 //! | `decode` | picks the reader |
 //! | `bind` | tracks → sensors: names, units, what is left out |
 //! | `file` | one file becomes a recording |
+//! | `long` | a plain time series too long for memory |
 //! | `unit_warnings` | values that look like those of another unit |
 
 pub(crate) mod bind;
@@ -18,6 +19,7 @@ pub(crate) mod csv;
 pub(crate) mod decode;
 pub(crate) mod file;
 pub(crate) mod gaps;
+pub(crate) mod long;
 pub(crate) mod mcap;
 pub(crate) mod source;
 pub(crate) mod tdms;
@@ -28,5 +30,6 @@ pub use crate::storage::import::csv::heading::time_unit;
 pub use crate::storage::import::csv::stamp::zone_seconds;
 pub use crate::storage::import::decode::{decode_source, read_source};
 pub use crate::storage::import::file::{Imported, import_file};
+pub use crate::storage::import::long::{ImportedLong, OnSample, Pass, import_long};
 pub use crate::storage::import::source::{MessageTime, Repair, SourceFile, SourceOptions, Start, Track};
 pub use crate::storage::import::unit_warnings::unit_warnings;

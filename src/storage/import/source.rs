@@ -59,6 +59,12 @@ pub struct Repair {
 }
 
 impl Repair {
+    /// Samples that are missing from even grids of times.
+    pub(crate) fn missing_times(samples: u64) -> Repair {
+        let text = format!("{samples} samples are missing from even grids of times: recorded as gaps");
+        Repair::new("missing-times", samples as usize, None, text)
+    }
+
     pub(crate) fn new(what: &'static str, count: usize, line: Option<usize>, text: impl Into<String>) -> Repair {
         Repair { what, count, line, text: text.into(), lost: false }
     }

@@ -3,7 +3,9 @@
 use crate::recording::Gap;
 
 /// Steps within this of the median, as a part of it, are the same step.
-const SAME_STEP: f64 = 0.1;
+pub(crate) const SAME_STEP: f64 = 0.1;
+/// A step of more than so many of the grid's is a hole.
+pub(crate) const HOLE_STEPS: f64 = 2.0 - SAME_STEP;
 
 /// Times missing from an even grid.
 pub struct Hole {
@@ -32,7 +34,7 @@ pub fn even_holes(time_s: &[f64]) -> Vec<Hole> {
 
 fn holes(time_s: &[f64], step_s: f64) -> Vec<Hole> {
     let pairs = time_s.windows(2).enumerate();
-    let wide = pairs.filter(|(_, w)| w[1] - w[0] > (2.0 - SAME_STEP) * step_s);
+    let wide = pairs.filter(|(_, w)| w[1] - w[0] > HOLE_STEPS * step_s);
     wide.map(|(before, w)| {
         let samples = Some((((w[1] - w[0]) / step_s).round() as u64).saturating_sub(1));
         Hole { before, gap: Gap { from_s: w[0], to_s: w[1], samples } }

@@ -72,6 +72,17 @@ impl Numbers {
     }
 }
 
+/// True for a decimal number as it would be printed, of so few digits that it survives the way through a binary number.
+fn is_plain_decimal(cell: &str) -> bool {
+    let cell = cell.as_bytes();
+    let digits = |part: &[u8]| part.iter().all(u8::is_ascii_digit);
+    let point = cell.iter().position(|b| *b == b'.').unwrap_or(cell.len());
+    let (whole, fraction) = cell.split_at(point);
+    let one_zero = whole == b"0" || whole.first().is_some_and(|b| *b != b'0');
+    let fraction = fraction.get(1..).unwrap_or(b"0");
+    cell.len() <= 16 && one_zero && digits(whole) && !fraction.is_empty() && digits(fraction)
+}
+
 /// Groups of three digits, the first one shorter at most.
 fn is_grouped(whole: &str, mark: char) -> bool {
     let whole = whole.strip_prefix(['-', '+']).unwrap_or(whole);
@@ -96,8 +107,10 @@ impl Written {
             return;
         }
         let decimals = cell.split_once('.').map_or(0, |(_, fraction)| fraction.len());
-        scratch.clear();
-        let again = write!(scratch, "{value:.decimals$}").is_ok() && *scratch == cell;
+        let again = is_plain_decimal(cell) || {
+            scratch.clear();
+            write!(scratch, "{value:.decimals$}").is_ok() && *scratch == cell
+        };
         *self = match (*self, u8::try_from(decimals)) {
             (Written::Nothing, Ok(d)) if again => Written::Decimals(d),
             (Written::Decimals(same), Ok(d)) if again && d == same => Written::Decimals(d),
