@@ -192,8 +192,8 @@ impl Assembler {
         }
         let zero_ns = number(key::TIME_ZERO).ok_or_else(|| damaged("its time 0 is missing".into()))?;
         let file_name = format!("rig.toml inside {}", path.shown());
-        let rig =
-            Rig::from_toml(&text, &file_name).map_err(|e| LogError::Rig { path: path.into(), source: Box::new(e) })?;
+        let rig = Rig::from_stored(&text, &file_name)
+            .map_err(|e| LogError::Rig { path: path.into(), source: Box::new(e) })?;
 
         let mut series = vec![Series::default(); rig.sensors.len()];
         let mut places = Vec::new();

@@ -86,7 +86,8 @@ pub fn salvaged(bytes: &[u8], torn: &Path) -> Result<(Recording, Vec<Loss>), Log
     let mut repeats = Vec::new();
     let mut recording = salvage.parts.assemble(torn, Some(&mut repeats))?;
     lost.extend(repeats.into_iter().map(|reason| Loss { offset: 0, bytes: 0, reason }));
-    if !salvage.data_complete {
+    // what was imported came in rows, not in frames
+    if !salvage.data_complete && !recording.run.source.starts_with("import ") {
         let rig = recording.rig.clone();
         lost.extend(end_at_one_frame(&rig, &mut recording.series).into_iter().map(|reason| Loss {
             offset: bytes.len() as u64,
@@ -103,6 +104,9 @@ pub fn salvaged(bytes: &[u8], torn: &Path) -> Result<(Recording, Vec<Loss>), Log
     Ok((recording, lost))
 }
 
+/// Sensors of a device that end further apart than this do so for another reason than a frame that was not written whole, s.
+const LONGEST_FRAME_S: f64 = 1.0;
+
 /// Ends the sensors of each device that sends frames at the last one of which all have their samples: what was written of the next is a part
 /// of it. Says how many samples were left out.
 fn end_at_one_frame(rig: &Rig, series: &mut [Series]) -> Vec<String> {
@@ -112,6 +116,10 @@ fn end_at_one_frame(rig: &Rig, series: &mut [Series]) -> Vec<String> {
         let places: Vec<usize> = (0..rig.sensors.len()).filter(|&i| own(&rig.sensors[i])).collect();
         let last = |i: &usize| series[*i].time_s.last().copied();
         let Some(end_s) = places.iter().filter_map(last).reduce(f64::min) else { continue };
+        let most_s = places.iter().filter_map(last).fold(end_s, f64::max);
+        if most_s - end_s > LONGEST_FRAME_S {
+            continue;
+        }
         for i in places {
             let keep = series[i].time_s.partition_point(|t| *t <= end_s);
             let more = series[i].time_s.len() - keep;
@@ -286,13 +294,17 @@ mod tests {
             value: vec![1.0; samples],
             gaps: vec![],
         };
-        let mut all: Vec<Series> = [2000, 2000, 1000, 2000, 2000].map(series).into();
+        let mut all: Vec<Series> = [1900, 1900, 900, 1900, 1900].map(series).into();
         all.resize(rig.sensors.len(), Series::default());
         let left_out = end_at_one_frame(&rig, &mut all);
         let of_daq = |i: usize| rig.sensors[i].wiring.is_some();
         let lengths: Vec<usize> = (0..5).filter(|i| of_daq(*i)).map(|i| all[i].time_s.len()).collect();
-        assert!(lengths.len() > 3 && lengths.iter().all(|n| *n == 1000), "{lengths:?}");
+        assert!(lengths.len() > 3 && lengths.iter().all(|n| *n == 900), "{lengths:?}");
         assert!(left_out[0].starts_with("1000 samples of P1"), "{left_out:?}");
+        let mut apart: Vec<Series> = [4000, 4000, 1000, 4000, 4000].map(series).into();
+        apart.resize(rig.sensors.len(), Series::default());
+        assert_eq!(end_at_one_frame(&rig, &mut apart), Vec::<String>::new(), "three seconds are no frame");
+        assert_eq!(apart[0].time_s.len(), 4000);
     }
 
     /// Blocks of a fast sensor beside samples of a slow one, with renewals of the writer between them.

@@ -45,10 +45,14 @@ impl Loaded {
         let (features, faults) = examine(&recording);
         let features = match features {
             Ok(features) => features,
-            Err(source) if faults.iter().any(SensorFault::forbids_a_fit) => {
-                return Err(Error::Faulty { file, faults, source: Some(source) });
+            Err(source) => {
+                // that only a part was looked at may be why
+                let file = window.map_or(file.clone(), |window| format!("{file} ({})", window.in_words()));
+                return Err(match faults.iter().any(SensorFault::forbids_a_fit) {
+                    true => Error::Faulty { file, faults, source: Some(source) },
+                    false => Error::Unusable { file, source },
+                });
             }
-            Err(source) => return Err(Error::Unusable { file, source }),
         };
         let mut doubts = doubts(&recording.rig, &features);
         doubts.extend(window.map(|window| window.in_words()));

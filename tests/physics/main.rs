@@ -410,5 +410,5 @@ fn what_cannot_be_simulated_is_said_before_the_run() {
     assert!(attempt(&good, &fine, 1, 1.0).contains("at least 2"));
     assert!(attempt(&good, &fine, 500, 1e7).contains("GiB"));
     let rough = RunValues { friction_scale: 500.0, ..fine };
-    assert!(attempt(&good, &rough, 10, 1.0).contains("use at least"));
+    assert!(attempt(&good, &rough, 10, 1.0).contains("at least"));
 }

@@ -8,6 +8,7 @@ use crate::report::Page;
 use crate::report::page::html;
 use crate::storage::output;
 use crate::study::Study;
+use crate::study::open::Loaded;
 
 /// Writes a page whose heading names the recordings.
 ///
@@ -16,7 +17,11 @@ use crate::study::Study;
 pub fn write_page(path: &Path, study: &Study, page: Page) -> Result<(), AnyError> {
     let files: Vec<&str> = study.recordings().iter().map(|l| l.file.as_str()).collect();
     let title = format!("{} on rig {}", files.join(", "), page.rig.name);
-    let page = html(&Page { title, ..page });
+    // a page outlives the terminal on which the rest was said
+    let of = |l: &Loaded| l.window.map(|window| format!("{}: {}", l.file, window.in_words()));
+    let windows: Vec<String> = study.recordings().iter().filter_map(of).collect();
+    let warnings: Vec<String> = windows.into_iter().chain(page.warnings.iter().cloned()).collect();
+    let page = html(&Page { title, warnings: &warnings, ..page });
     output::check_report(path)?;
     Ok(output::write(path, &with_flags(&page))?)
 }

@@ -65,7 +65,18 @@ impl Rig {
     /// # Errors
     /// [`RigError::Invalid`] with every problem found.
     pub fn from_toml(text: &str, file_name: &str) -> Result<Rig, RigError> {
-        let source = Source::new(text);
+        Rig::of(Source::new(text), file_name)
+    }
+
+    /// The same of a rig file that is stored in a recording: names and sizes that older versions allowed are no errors there.
+    ///
+    /// # Errors
+    /// As [`Rig::from_toml`].
+    pub fn from_stored(text: &str, file_name: &str) -> Result<Rig, RigError> {
+        Rig::of(Source::stored(text), file_name)
+    }
+
+    fn of(source: Source<'_>, file_name: &str) -> Result<Rig, RigError> {
         let rig = read(&source);
         match rig {
             Some(rig) if source.is_clean() => Ok(rig),

@@ -18,11 +18,18 @@ pub(crate) struct Source<'a> {
     pub text: &'a str,
     /// Where each problem is and what it is.
     problems: RefCell<Vec<(Option<usize>, String)>>,
+    /// It stands in a recording: what was allowed when that was made is allowed.
+    stored: bool,
 }
 
 impl<'a> Source<'a> {
     pub fn new(text: &'a str) -> Self {
-        Source { text, problems: RefCell::default() }
+        Source { text, problems: RefCell::default(), stored: false }
+    }
+
+    /// The text of a rig file that is stored in a recording.
+    pub fn stored(text: &'a str) -> Self {
+        Source { stored: true, ..Source::new(text) }
     }
 
     /// Reports a problem at a place in the text, or in the file as a whole.
@@ -175,7 +182,9 @@ impl<'a> Section<'a> {
     /// An optional number within limits.
     pub fn number(&self, key: &str, limits: &Limits) -> Option<f64> {
         let value = self.get(key)?;
-        let number = as_f64(value.get_ref()).filter(|v| v.is_finite() && (limits.holds)(*v));
+        let stored = self.source.stored;
+        let sized = |v: f64| if stored && v != 0.0 { v.signum() * v.abs().clamp(1.0 / LARGEST, LARGEST) } else { v };
+        let number = as_f64(value.get_ref()).filter(|v| v.is_finite() && (limits.holds)(sized(*v)));
         if number.is_none() {
             self.wrong(key, value, limits.words);
         }
@@ -203,6 +212,7 @@ impl<'a> Section<'a> {
         let text = value.get_ref().as_str().filter(|t| !t.trim().is_empty());
         let wrong = match text {
             None => "a text in quotes that is not empty",
+            Some(text) if self.source.stored => return Some(At { value: text, place: value.span() }),
             Some(text) if text.chars().count() > LONGEST_TEXT => "a text of at most 200 characters",
             Some(text) if text.chars().any(controls) => "a text without control characters",
             Some(text) if cell(text) != text => "a text that does not begin with =, +, - or @",

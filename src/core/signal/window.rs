@@ -25,7 +25,7 @@ const BLOCKS: usize = 1 << 16;
 /// Samples of a block of a recording whose length is not known.
 const PASSING_BLOCK: usize = 1024;
 /// A step of more than so many usual ones is a gap.
-const GAP_STEPS: f64 = 1.5;
+const GAP_STEPS: f64 = 2.5;
 /// Samples from which the noise is estimated before anything is known of the record.
 const FOR_NOISE: usize = 1 << 16;
 /// A front rises by this share of the record's swing, as in `front`.
@@ -49,6 +49,12 @@ pub struct Window {
     pub averaged: usize,
     /// How long the record is, s.
     pub recorded_s: f64,
+    /// It lies around a closure; else none was found.
+    #[serde(skip)]
+    pub around_closure: bool,
+    /// Another front after it, s.
+    #[serde(skip)]
+    pub next_front_s: Option<f64>,
 }
 
 impl Window {
@@ -77,8 +83,15 @@ impl Window {
         }
         let period_s = period_s(rig, temperature_degc);
         let lead_s = LEAD_S.max(LEAD_PERIODS * period_s);
-        let seen = scanned.iter().filter_map(|(sensor, scan)| scan.closure(lead_s, sensor.position_m));
-        let closure = seen.max_by(|a, b| a.clear.total_cmp(&b.clear).then(a.position_m.total_cmp(&b.position_m)));
+        let seen: Vec<Seen> =
+            scanned.iter().filter_map(|(sensor, scan)| scan.closure(lead_s, sensor.position_m)).collect();
+        // a sensor that drops out shows a front that no other does
+        let agreeing = |one: &Seen| seen.iter().filter(|s| (s.closure_s - one.closure_s).abs() <= lead_s).count();
+        let rank = |s: &Seen| (agreeing(s), s.clear, s.position_m);
+        let closure = seen.iter().max_by(|a, b| {
+            let (a, b) = (rank(a), rank(b));
+            a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)).then(a.2.total_cmp(&b.2))
+        });
         let spans = scanned.iter().filter_map(|(_, scan)| scan.span());
         let (first_s, last_s, step_s) = spans.reduce(|a, b| (a.0.min(b.0), a.1.max(b.1), a.2.min(b.2)))?;
         let (from_s, to_s) = match closure {
@@ -90,7 +103,10 @@ impl Window {
         };
         // but for rounding
         let averaged = ((to_s - from_s) / step_s / LONG as f64 - 1e-9).ceil().max(1.0) as usize;
-        Some(Window { from_s, to_s, averaged, recorded_s: last_s - first_s })
+        let fronts = || scanned.iter().filter_map(|(_, scan)| scan.next_front(lead_s, to_s));
+        let next_front_s = closure.and_then(|_| fronts().reduce(f64::min));
+        let recorded_s = last_s - first_s;
+        Some(Window { from_s, to_s, averaged, recorded_s, around_closure: closure.is_some(), next_front_s })
     }
 
     /// What lies in the window. A sensor that is so slow that nothing of it does stays whole.
@@ -100,23 +116,23 @@ impl Window {
     }
 
     fn cut_series(&self, series: &Series) -> Series {
-        let mut cutter = Cutter::new(self, series.time_s.len());
+        let mut cutter = Cutter::new(self, series.time_s.len(), typical_step_s(&series.time_s));
         series.time_s.iter().zip(&series.value).for_each(|(t, v)| cutter.push(*t, *v));
-        let mut cut = cutter.finish();
-        if cut.time_s.is_empty() {
-            return series.clone();
-        }
-        let within = |gap: &&Gap| gap.to_s > self.from_s && gap.from_s < self.to_s;
-        cut.gaps = series.gaps.iter().filter(within).copied().collect();
-        cut
+        cutter.finish(&series.gaps)
     }
 
     /// In a sentence.
     pub fn in_words(&self) -> String {
-        let Window { from_s, to_s, averaged, recorded_s } = self;
+        let Window { from_s, to_s, averaged, recorded_s, .. } = self;
         let each = if *averaged > 1 { format!(", {averaged} samples averaged to one") } else { String::new() };
+        if !self.around_closure {
+            return format!("no closure was found in the {recorded_s:.1} s recorded: all of it is used{each}");
+        }
+        let next = self.next_front_s.map_or(String::new(), |next_s| {
+            format!("; another front at {next_s:.1} s is not: cut the record before it to use that one")
+        });
         format!(
-            "of {recorded_s:.1} s recorded, the {:.1} s from {from_s:.3} s to {to_s:.3} s are used{each}",
+            "of {recorded_s:.1} s recorded, the {:.1} s from {from_s:.3} s to {to_s:.3} s, around the first closure, are used{each}{next}",
             to_s - from_s
         )
     }
@@ -127,34 +143,39 @@ struct Cutter {
     window: Window,
     /// So many make one.
     averaged: usize,
+    /// A sensor of so few samples that all are kept until the end: where none lies in the window it stays whole.
+    few: bool,
     kept: Series,
-    /// Number and sums of those that will make the next one, the first one's time and the last step.
+    /// Number and sums of those that will make the next one, the first one's time and the last one's.
     count: usize,
     sums: (f64, f64),
     first_s: f64,
     last_s: f64,
-    /// What is usual between two samples: the shortest step, s.
+    /// The usual step, s.
     step_s: f64,
 }
 
 impl Cutter {
-    /// Of a sensor with so many samples: one that is slow enough as it is keeps them.
-    fn new(window: &Window, samples: usize) -> Cutter {
+    /// Of a sensor with so many samples, usually so far apart: one that is slow enough as it is keeps them.
+    fn new(window: &Window, samples: usize, step_s: f64) -> Cutter {
+        let few = samples <= LONG;
         Cutter {
             window: *window,
-            averaged: if samples <= LONG { 1 } else { window.averaged },
+            averaged: if few { 1 } else { window.averaged },
+            few,
             kept: Series::default(),
             count: 0,
             sums: (0.0, 0.0),
             first_s: 0.0,
-            last_s: f64::NEG_INFINITY,
-            step_s: f64::INFINITY,
+            last_s: 0.0,
+            step_s,
         }
     }
 
     /// Takes a sample; times increase.
     fn push(&mut self, time_s: f64, value: f64) {
-        if time_s < self.window.from_s || time_s > self.window.to_s {
+        let outside = time_s < self.window.from_s || time_s > self.window.to_s;
+        if outside && !self.few {
             return;
         }
         if self.averaged == 1 {
@@ -162,11 +183,9 @@ impl Cutter {
             self.kept.value.push(value);
             return;
         }
-        let step_s = time_s - self.last_s;
-        self.step_s = self.step_s.min(step_s);
         // nothing is averaged over a gap
-        if self.count > 0 && step_s > GAP_STEPS * self.step_s {
-            (self.count, self.sums) = (0, (0.0, 0.0));
+        if self.count > 0 && time_s - self.last_s > GAP_STEPS * self.step_s {
+            self.emit();
         }
         if self.count == 0 {
             self.first_s = time_s;
@@ -176,17 +195,41 @@ impl Cutter {
         // about the first time: sums of large times would round
         self.sums = (self.sums.0 + (time_s - self.first_s), self.sums.1 + value);
         if self.count == self.averaged {
-            let n = self.count as f64;
-            self.kept.time_s.push(self.first_s + self.sums.0 / n);
-            self.kept.value.push(self.sums.1 / n);
-            (self.count, self.sums) = (0, (0.0, 0.0));
+            self.emit();
         }
     }
 
-    /// What was kept, without gaps.
-    fn finish(self) -> Series {
+    fn emit(&mut self) {
+        let n = self.count as f64;
+        self.kept.time_s.push(self.first_s + self.sums.0 / n);
+        self.kept.value.push(self.sums.1 / n);
+        (self.count, self.sums) = (0, (0.0, 0.0));
+    }
+
+    /// What was kept, with those of the sensor's gaps that lie in it.
+    fn finish(mut self, gaps: &[Gap]) -> Series {
+        let Window { from_s, to_s, .. } = self.window;
+        let (from, to) =
+            (self.kept.time_s.partition_point(|t| *t < from_s), self.kept.time_s.partition_point(|t| *t <= to_s));
+        if self.few && from == to {
+            return Series { gaps: gaps.to_vec(), ..self.kept };
+        }
+        self.kept.time_s.truncate(to);
+        self.kept.value.truncate(to);
+        self.kept.time_s.drain(..from);
+        self.kept.value.drain(..from);
+        self.kept.gaps = gaps.iter().filter(|gap| gap.to_s > from_s && gap.from_s < to_s).copied().collect();
         self.kept
     }
+}
+
+/// Median of the first steps, s; infinite where there is none.
+fn typical_step_s(time_s: &[f64]) -> f64 {
+    let first = &time_s[..time_s.len().min(FOR_NOISE)];
+    if first.len() < 2 {
+        return f64::INFINITY;
+    }
+    median(&mut first.windows(2).map(|w| w[1] - w[0]).collect::<Vec<_>>())
 }
 
 /// What is remembered of the samples of one sensor as they go by, to find its closure.
@@ -209,7 +252,7 @@ pub struct Passing {
     scans: Vec<Scan>,
     /// Sums of the values, for the temperature.
     sums: Vec<f64>,
-    cutting: Option<(Window, Vec<Cutter>)>,
+    cutting: Option<Vec<Cutter>>,
 }
 
 impl Passing {
@@ -228,24 +271,20 @@ impl Passing {
 
     /// The same for the second time, after all have gone by once.
     pub fn second(&mut self, sensor: usize, time_s: f64, value: f64) {
-        let (_, cutters) = self.cutting.get_or_insert_with(|| cutting(&self.rig, &self.scans, &self.sums));
+        let cutters = self.cutting.get_or_insert_with(|| cutting(&self.rig, &self.scans, &self.sums));
         cutters[sensor].push(time_s, value);
     }
 
     /// What is used of it; `gaps` are those of each sensor.
     pub fn finish(self, gaps: Vec<Vec<Gap>>, run: RunInfo) -> Recording {
-        let (window, cutters) = self.cutting.unwrap_or_else(|| cutting(&self.rig, &self.scans, &self.sums));
-        let within = |gap: &Gap| gap.to_s > window.from_s && gap.from_s < window.to_s;
-        let series = cutters.into_iter().zip(gaps);
-        let series = series
-            .map(|(cutter, gaps)| Series { gaps: gaps.into_iter().filter(within).collect(), ..cutter.finish() })
-            .collect();
+        let cutters = self.cutting.unwrap_or_else(|| cutting(&self.rig, &self.scans, &self.sums));
+        let series = cutters.into_iter().zip(gaps).map(|(cutter, gaps)| cutter.finish(&gaps)).collect();
         Recording { rig: self.rig, series, run }
     }
 }
 
-/// The window, and what cuts each sensor to it; the window is all of a recording that is used as it is.
-fn cutting(rig: &Rig, scans: &[Scan], sums: &[f64]) -> (Window, Vec<Cutter>) {
+/// What cuts each sensor to the window, which is all of a recording that is used as it is.
+fn cutting(rig: &Rig, scans: &[Scan], sums: &[f64]) -> Vec<Cutter> {
     let thermometer = rig
         .sensors
         .iter()
@@ -255,9 +294,16 @@ fn cutting(rig: &Rig, scans: &[Scan], sums: &[f64]) -> (Window, Vec<Cutter>) {
         sensor.unit.to_si(sum / scan.samples as f64, 1000.0)
     });
     let pressures: Vec<_> = rig.pressure_sensors().map(|(i, sensor)| (sensor, &scans[i])).collect();
-    let all = Window { from_s: f64::NEG_INFINITY, to_s: f64::INFINITY, averaged: 1, recorded_s: 0.0 };
+    let all = Window {
+        from_s: f64::NEG_INFINITY,
+        to_s: f64::INFINITY,
+        averaged: 1,
+        recorded_s: 0.0,
+        around_closure: false,
+        next_front_s: None,
+    };
     let window = Window::of_scans(rig, temperature_degc, &pressures).unwrap_or(all);
-    (window, scans.iter().map(|scan| Cutter::new(&window, scan.samples)).collect())
+    scans.iter().map(|scan| Cutter::new(&window, scan.samples, typical_step_s(&scan.head.0))).collect()
 }
 
 /// The closure as one sensor shows it.
@@ -305,32 +351,73 @@ impl Scan {
         if self.head.0.len() < 2 {
             return None;
         }
-        let step_s = median(&mut self.head.0.windows(2).map(|w| w[1] - w[0]).collect::<Vec<_>>());
-        Some((self.first_s, self.last_s, step_s))
+        Some((self.first_s, self.last_s, typical_step_s(&self.head.0)))
     }
 
-    /// The first front: the first block that rises far above the lowest of those shortly before it. A slow drift does not.
+    /// The first front.
     fn closure(&self, lookback_s: f64, position_m: f64) -> Option<Seen> {
-        let blocks = &self.blocks;
-        let highest = blocks.iter().map(|b| b.2).fold(f64::NEG_INFINITY, f64::max);
-        let swing = highest - blocks.iter().map(|b| b.1).fold(f64::INFINITY, f64::min);
+        let closure_s = self.front(lookback_s)?;
+        Some(Seen { closure_s, clear: self.clear()?, position_m })
+    }
+
+    /// How far the highest value that lasts is above the usual ones. Not from the lowest: a sensor that drops out would stretch it.
+    fn swing(&self) -> f64 {
+        let mut highs: Vec<f64> = self.blocks.iter().map(|b| b.2).filter(|high| high.is_finite()).collect();
+        let usual = median(&mut highs);
+        highs.into_iter().fold(usual, f64::max) - usual
+    }
+
+    /// Swing over noise; `None` where no front would be clear.
+    fn clear(&self) -> Option<f64> {
+        let swing = self.swing();
         let clear = swing / white_sd_of_whole(&self.head.1).max(1e-4 * swing);
-        if !(swing.is_finite() && clear > CLEAR) {
-            return None;
-        }
-        // blocks looked back to that none behind them is lower than: the first is the lowest
-        let mut lowest: VecDeque<usize> = VecDeque::new();
-        let front = (0..blocks.len()).find(|&i| {
-            while lowest.front().is_some_and(|&k| blocks[k].0 < blocks[i].0 - lookback_s) {
-                lowest.pop_front();
+        (swing.is_finite() && clear > CLEAR).then_some(clear)
+    }
+
+    /// A front after a time at which a wave still runs, s: it rises above every peak before it, but for those that are so near that they may be
+    /// its own rise.
+    fn next_front(&self, lookback_s: f64, after_s: f64) -> Option<f64> {
+        self.clear()?;
+        let (blocks, risen) = (&self.blocks, RISEN * self.swing());
+        // blocks looked back to that none behind them is higher than: the first is the highest
+        let (mut highest, mut behind): (VecDeque<usize>, usize) = (VecDeque::new(), 0);
+        let front = blocks.iter().find(|block| {
+            while blocks[behind].0 < block.0 - 0.5 * lookback_s {
+                while highest.back().is_some_and(|&k| blocks[k].2 <= blocks[behind].2) {
+                    highest.pop_back();
+                }
+                highest.push_back(behind);
+                behind += 1;
             }
-            while lowest.back().is_some_and(|&k| blocks[k].1 >= blocks[i].1) {
-                lowest.pop_back();
+            while highest.front().is_some_and(|&k| blocks[k].0 < block.0 - 1.5 * lookback_s) {
+                highest.pop_front();
             }
-            lowest.push_back(i);
-            blocks[i].2 - blocks[lowest[0]].1 > RISEN * swing
+            block.0 > after_s && highest.front().is_some_and(|&k| block.2 - blocks[k].2 > risen)
         });
-        front.map(|i| Seen { closure_s: blocks[i].0, clear, position_m })
+        front.map(|block| block.0)
+    }
+
+    /// The first front, s: the first block that rises far above the highest values of those shortly before it. Neither a slow drift nor a sensor
+    /// that drops out and comes back does.
+    fn front(&self, lookback_s: f64) -> Option<f64> {
+        self.clear()?;
+        let (blocks, risen) = (&self.blocks, RISEN * self.swing());
+        let (mut first, mut sum, mut highs) = (0, 0.0, Vec::with_capacity(blocks.len()));
+        for (i, block) in blocks.iter().enumerate() {
+            while blocks[first].0 < block.0 - lookback_s {
+                sum -= highs[first];
+                first += 1;
+            }
+            let base = if first == i { block.1 } else { sum / (i - first) as f64 };
+            if block.2 - base > risen {
+                return Some(block.0);
+            }
+            // a block without a value that lasts says nothing, and stands for those before it
+            let high = if block.2.is_finite() { block.2 } else { base };
+            highs.push(high);
+            sum += high;
+        }
+        None
     }
 }
 
@@ -407,6 +494,31 @@ mod tests {
             );
             assert!(samples.abs_diff(passed_samples) < 1100, "{samples} and {passed_samples}");
         }
+    }
+
+    #[test]
+    fn a_sensor_that_drops_out_does_not_choose_the_window_and_a_second_closure_is_reported() {
+        let mut long = recording(1_200_000, 1000.0, 900.0);
+        long.series[0].value[100_000..100_020].fill(-500.0);
+        let window = Window::of(&long).unwrap();
+        assert!((893.0..=894.0).contains(&window.from_s) && window.next_front_s.is_none(), "{window:?}");
+        let again = recording(1_200_000, 1000.0, 200.0);
+        let mut twice = recording(1_200_000, 1000.0, 900.0);
+        for (value, more) in twice.series[0].value.iter_mut().zip(&again.series[0].value).take(800_000) {
+            *value = *more;
+        }
+        let window = Window::of(&twice).unwrap();
+        assert!((193.0..=194.0).contains(&window.from_s), "{window:?}");
+        assert!(window.next_front_s.is_some_and(|s| (899.0..901.0).contains(&s)), "{window:?}");
+        assert!(window.in_words().contains("another front at"), "{}", window.in_words());
+    }
+
+    #[test]
+    fn one_short_step_loses_nothing() {
+        let mut fast = recording(1_000_000, 100_000.0, 2.0);
+        fast.series[0].time_s[500_000] -= 9e-6;
+        let used = Window::of(&fast).unwrap().cut(&fast);
+        assert_eq!(used.series[0].time_s.len(), 250_000);
     }
 
     #[test]

@@ -20,6 +20,9 @@ pub struct ClockSummary {
     pub late_share: f64,
     /// See [`ClockSummary::late_share`].
     pub late_most_ms: f64,
+    /// What it sent came as fast as it was measured. A replay at another speed says nothing of a clock.
+    #[serde(skip)]
+    pub is_real_time: bool,
 }
 
 impl ClockSummary {
@@ -52,12 +55,16 @@ impl ClockSummary {
             residual_95_ms: most_ns / 1e6,
             late_share: line.late.1,
             late_most_ms: line.late.0 / 1e6,
+            is_real_time: line.is_real_time,
         }
     }
 }
 
 impl fmt::Display for ClockSummary {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if !self.is_real_time {
+            return f.write_str("not compared: what it sent did not come in real time");
+        }
         match self.drift_ppm {
             Some(drift) => write!(f, "{drift:+.1} ppm against this computer's")?,
             None => f.write_str("drift not known")?,
@@ -80,6 +87,15 @@ mod tests {
             fit.add(i64::from(index) * 10_000_000 + step_ns, i64::from(index) * 10_000_000);
         }
         ClockSummary::of(&fit.line().unwrap())
+    }
+
+    #[test]
+    fn a_replay_at_another_speed_says_nothing_of_a_clock() {
+        let mut fit = ClockFit::default();
+        (0..1000).for_each(|i| fit.add(i * 10_000_000, i * 1_000_000));
+        let summary = ClockSummary::of(&fit.line().unwrap());
+        assert_eq!(summary.to_string(), "not compared: what it sent did not come in real time");
+        assert!(!serde_json::to_string(&summary).unwrap().contains("real_time"));
     }
 
     #[test]

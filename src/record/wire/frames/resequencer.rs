@@ -103,8 +103,8 @@ impl Resequencer {
     /// No more will come, and none says what those that are held are: behind others in a known filter they stand by their sequence, for nothing
     /// but their own stamps speaks for a hole; else what can only be behind one is handed on.
     pub(crate) fn finish(&mut self, events: &mut Vec<Event>) {
-        let Some((filter, (first, _))) = self.filter.as_ref().zip(self.held.first()) else { return };
-        if filter.is_known() && filter.goes_on_with(first) {
+        let Some((filter, (first, began_ns))) = self.filter.as_ref().zip(self.held.first()) else { return };
+        if filter.is_known() && filter.goes_on_with(first) && !filter.paused_until(first, *began_ns) {
             self.refute_held(events);
         } else if self.is_behind_a_hole() {
             self.believe(events);

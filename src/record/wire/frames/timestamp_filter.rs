@@ -23,6 +23,8 @@ const WRONG_PERIOD: f64 = 0.03;
 const GAIN: (f64, f64) = (1.0 / 8.0, 1.0 / 256.0);
 /// Where they do not: what a stamp moves the length of the frames by.
 const EXACT_GAIN: f64 = 1.0 / 64.0;
+/// Share of the longest pause that is left after each frame: one stall says nothing of the pauses to come.
+const FORGET_PAUSE: f64 = 0.98;
 /// A sequence goes on within so many frames.
 const GOES_ON: u16 = 64;
 
@@ -47,7 +49,7 @@ pub(crate) struct TimestampFilter {
     scatter_us: f64,
     within_us: f64,
     smooth: bool,
-    /// The longest pause of the arrivals, ns.
+    /// The longest pause of the arrivals of late, ns.
     pause_ns: f64,
 }
 
@@ -180,7 +182,7 @@ impl TimestampFilter {
         if self.steps_to(frame) == 1 {
             self.learn(off_us);
             let pause_ns = began_ns.saturating_sub(self.began_ns) as f64;
-            self.pause_ns = pause_ns.max(self.pause_ns);
+            self.pause_ns = pause_ns.max(FORGET_PAUSE * self.pause_ns);
         }
         let (gain, length_gain) = match (refuted, self.smooth) {
             (true, _) => (0.0, 0.0),

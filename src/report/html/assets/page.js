@@ -9,8 +9,14 @@
   const charts = [];
 
   const digits = (step) => Math.max(0, Math.min(9, Math.ceil(-Math.log10(step) - 1e-9)));
+  // Decimals that write a step exactly: marks stand 2.5 apart as well.
+  const exact = (step) => {
+    const whole = (x) => Math.round(x) > 0 && Math.abs(x - Math.round(x)) < 1e-6 * x;
+    const found = [0, 1, 2, 3, 4, 5, 6, 7, 8].find((n) => whole(step * 10 ** n));
+    return found ?? 9;
+  };
   const fixed = (v, n) => (v == null ? "–" : v.toFixed(n).replace("-", "\u2212"));
-  const labels = (u, splits, axis, space, step) => splits.map((v) => fixed(v, digits(step)).replace(/^\u2212(0(\.0+)?)$/, "$1"));
+  const labels = (u, splits, axis, space, step) => splits.map((v) => fixed(v, exact(step)).replace(/^\u2212(0(\.0+)?)$/, "$1"));
 
   // The index of the nearest sample that a series has, since overlays bring times of their own; none where it has ended.
   const nearest = (u, series, at, x) => {
