@@ -1,7 +1,7 @@
 """Kill every command that writes at a random moment, and let it run on a full disk: the old file or the new one is there, whole.
 
 writers.py PROGRAM [TIMES] [FOLDER]: prints a Markdown table. FOLDER lies on a small disk of its own, which is filled; without one only kills
-are tried. On Linux as root: mkdir /tmp/small; mount -t tmpfs -o size=32m small /tmp/small."""
+are tried. On Linux as root: mount -t tmpfs -o size=32m small FOLDER."""
 import os
 import random
 import shutil

@@ -88,8 +88,7 @@ pub fn salvaged(bytes: &[u8], torn: &Path) -> Result<(Recording, Vec<Loss>), Log
     lost.extend(repeats.into_iter().map(|reason| Loss { offset: 0, bytes: 0, reason }));
     // what was imported came in rows, not in frames
     if !salvage.data_complete && !recording.run.source.starts_with("import ") {
-        let rig = recording.rig.clone();
-        lost.extend(end_at_one_frame(&rig, &mut recording.series).into_iter().map(|reason| Loss {
+        lost.extend(end_at_one_frame(&recording.rig, &mut recording.series).into_iter().map(|reason| Loss {
             offset: bytes.len() as u64,
             bytes: 0,
             reason,

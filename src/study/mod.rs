@@ -190,9 +190,7 @@ impl Study {
     /// # Errors
     /// A recording with a faulty sensor, a model that cannot be simulated.
     pub fn diagnose(&self, fit: &Fit) -> Result<Diagnosis> {
-        self.recordings.iter().try_for_each(Loaded::require_sound)?;
-        let options = options_of(fit);
-        Ok(diagnose_fit(&self.rig, &self.runs, &fit.effects, fit.clone(), &options, &self.messages())?)
+        self.diagnose_next(fit.clone(), &fit.effects, &options_of(fit))
     }
 
     /// Fits the model with `effects` and diagnoses it; where a number of elements is left open, it is open for all models compared.

@@ -10,7 +10,7 @@ use crate::shown::Shown as _;
 use crate::signal::Features;
 use crate::signal::doubts::doubts;
 use crate::signal::faults::{SensorFault, examine, in_words};
-use crate::signal::window::Window;
+use crate::signal::window::{Window, used};
 use crate::storage::output::{same_content, same_file};
 use crate::study::error::{Error, Result};
 
@@ -37,11 +37,7 @@ impl Loaded {
     /// No pressure, or no closure.
     pub fn new(file: String, recording: Recording) -> Result<Loaded> {
         let file = file.shown().into_owned();
-        let window = Window::of(&recording);
-        let recording = match &window {
-            Some(window) => window.cut(&recording),
-            None => recording,
-        };
+        let (recording, window) = used(recording);
         let (features, faults) = examine(&recording);
         let features = match features {
             Ok(features) => features,

@@ -16,7 +16,7 @@ use crate::rig::Rig;
 use crate::shown::Shown as _;
 use crate::signal::faults::{in_words, sensor_faults};
 use crate::signal::window::{Passing, used};
-use crate::storage::import::{Imported, Pass, Repair, import_file, import_long, require_sensors, unit_warnings};
+use crate::storage::import::{Imported, LongImport, Pass, Repair, import_file, require_sensors, unit_warnings};
 use crate::storage::{ImportOptions, Summary, write};
 
 /// Turn time series (CSV, TDMS, MCAP of other programs) into a recording.
@@ -80,7 +80,8 @@ pub fn run(args: Args, json: bool) -> CommandResult {
             Pass::First => passing.first(sensor, time_s, value),
             Pass::Second => passing.second(sensor, time_s, value),
         };
-        if let Some(long) = busy(file, || import_long(file, &rig, &options, &foreign, &args.output, &mut on_sample))? {
+        let long = LongImport { csv: file, rig: &rig, options: &options, source: &foreign, out: &args.output };
+        if let Some(long) = busy(file, || long.run(&mut on_sample))? {
             let used = passing.finish(long.gaps, long.run);
             let reports = long.repairs.into_iter().map(|repair| Report { file: file.clone(), repair }).collect();
             let done = Done { used, summary: long.summary, reports, clocks: Vec::new(), left_out: Vec::new() };
@@ -99,7 +100,8 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     let (recording, clocks, left_out) = joined(parts, &rig, &args)?;
     busy(&args.output, || write(&args.output, &recording))?;
     let summary = Summary::of(&recording);
-    Done { used: used(&recording).into_owned(), summary, reports, clocks, left_out }.tell(&args, json)
+    let (used, _) = used(recording);
+    Done { used, summary, reports, clocks, left_out }.tell(&args, json)
 }
 
 /// What was written, and what there is to say about it.

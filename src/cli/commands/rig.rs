@@ -64,8 +64,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     let mut faults = Vec::new();
     let mut findings = check(&rig);
     if let Some(path) = &args.recording {
-        let recording = busy(path, || read(path, &rig))?;
-        let recording = used(&recording).into_owned();
+        let (recording, _) = used(busy(path, || read(path, &rig))?);
         findings.extend(check_recording(&rig, &recording));
         // What does not fit this rig is a finding of the check above.
         faults = recording.on_rig(rig.clone()).map(|r| sensor_faults(&r)).unwrap_or_default();

@@ -17,7 +17,7 @@ use crate::study::open::Loaded;
 pub fn write_page(path: &Path, study: &Study, page: Page) -> Result<(), AnyError> {
     let files: Vec<&str> = study.recordings().iter().map(|l| l.file.as_str()).collect();
     let title = format!("{} on rig {}", files.join(", "), page.rig.name);
-    // a page outlives the terminal on which the rest was said
+    // a page outlives the terminal that showed the warnings
     let of = |l: &Loaded| l.window.map(|window| format!("{}: {}", l.file, window.in_words()));
     let windows: Vec<String> = study.recordings().iter().filter_map(of).collect();
     let warnings: Vec<String> = windows.into_iter().chain(page.warnings.iter().cloned()).collect();

@@ -14,7 +14,6 @@ use crate::signal::front::Front;
 use crate::signal::inspect::inspect_stations;
 use crate::signal::levels::{finite, temperature_degc};
 use crate::signal::station::{Station, stations};
-use crate::signal::window::used;
 
 /// What is wrong with a sensor.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -114,9 +113,10 @@ pub fn examine(recording: &Recording) -> (Result<Features, SignalError>, Vec<Sen
     (features, faults)
 }
 
-/// The faults of all pressure sensors, in the rig's order; at most one a sensor. Of a long recording the part that is used counts.
+/// The faults of all pressure sensors, in the rig's order; at most one a sensor. A long recording takes long: pass what is
+/// [`used`](crate::signal::window::used) of it.
 pub fn sensor_faults(recording: &Recording) -> Vec<SensorFault> {
-    examine(&used(recording)).1
+    examine(recording).1
 }
 
 fn faults_of(recording: &Recording, seen: &[Station], temperature_degc: f64) -> Vec<SensorFault> {

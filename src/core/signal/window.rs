@@ -1,7 +1,6 @@
 //! The part of a long record that its closure needs. A record of hours holds one closure of seconds: the rest costs time and memory, and tells
 //! a fit nothing.
 
-use std::borrow::Cow;
 use std::collections::VecDeque;
 
 use serde::Serialize;
@@ -33,9 +32,12 @@ const RISEN: f64 = 0.2;
 /// A swing that is fewer times the noise shows its front only where the whole record is averaged: such a rise is no more than what noise does.
 const CLEAR: f64 = 40.0;
 
-/// The recording, or what is used of a long one.
-pub fn used(recording: &Recording) -> Cow<'_, Recording> {
-    Window::of(recording).map_or(Cow::Borrowed(recording), |window| Cow::Owned(window.cut(recording)))
+/// The recording, or what is used of a long one, with the window that it was cut to.
+pub fn used(recording: Recording) -> (Recording, Option<Window>) {
+    match Window::of(&recording) {
+        Some(window) => (window.cut(&recording), Some(window)),
+        None => (recording, None),
+    }
 }
 
 /// What of a long record is used.
@@ -356,8 +358,8 @@ impl Scan {
 
     /// The first front.
     fn closure(&self, lookback_s: f64, position_m: f64) -> Option<Seen> {
-        let closure_s = self.front(lookback_s)?;
-        Some(Seen { closure_s, clear: self.clear()?, position_m })
+        let clear = self.clear()?;
+        Some(Seen { closure_s: self.front(lookback_s)?, clear, position_m })
     }
 
     /// How far the highest value that lasts is above the usual ones. Not from the lowest: a sensor that drops out would stretch it.
@@ -400,7 +402,6 @@ impl Scan {
     /// The first front, s: the first block that rises far above the highest values of those shortly before it. Neither a slow drift nor a sensor
     /// that drops out and comes back does.
     fn front(&self, lookback_s: f64) -> Option<f64> {
-        self.clear()?;
         let (blocks, risen) = (&self.blocks, RISEN * self.swing());
         let (mut first, mut sum, mut highs) = (0, 0.0, Vec::with_capacity(blocks.len()));
         for (i, block) in blocks.iter().enumerate() {
@@ -485,7 +486,7 @@ mod tests {
             all(&mut |i, t, v| passing.first(i, t, v));
             all(&mut |i, t, v| passing.second(i, t, v));
             let passed = passing.finish(vec![Vec::new(); 2], RunInfo::default());
-            let used = used(&whole);
+            let (used, _) = used(whole.clone());
             let ends = |r: &Recording| (r.series[0].time_s[0], r.series[0].time_s.len());
             let ((from_s, samples), (passed_from_s, passed_samples)) = (ends(&used), ends(&passed));
             assert!(

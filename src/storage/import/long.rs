@@ -54,39 +54,39 @@ pub enum Pass {
 /// Sees every sample twice: which time, the sensor's index in the rig, its time in s, and its value.
 pub type OnSample<'a> = dyn FnMut(Pass, usize, f64, f64) + 'a;
 
-/// Imports a long plain time series into `out`, in memory that does not grow with it. `None` where the file is short, or not plain to the
-/// last line: then it is for [`import_file`](crate::storage::import::import_file), which says what is wrong or mends it.
-///
-/// # Errors
-/// Files that cannot be read or written.
-pub fn import_long(
-    csv: &Path,
-    rig: &Rig,
-    options: &ImportOptions,
-    source: &SourceOptions,
-    out: &Path,
-    on_sample: &mut OnSample<'_>,
-) -> Result<Option<ImportedLong>, LogError> {
-    let file = disk::open_file(csv)?;
-    let about = file.metadata().map_err(|e| LogError::io("read", csv, e))?;
-    let plain = source.map.is_empty() && source.ignore.is_empty();
-    if !about.is_file() || about.len() < LONG_BYTES || !plain {
-        return Ok(None);
-    }
-    streamed(csv, rig, options, source, out, on_sample)
+/// A plain time series, and what is to become of it.
+#[derive(Clone, Copy)]
+pub struct LongImport<'a> {
+    /// The table.
+    pub csv: &'a Path,
+    /// The rig of the test.
+    pub rig: &'a Rig,
+    /// What is known of the table.
+    pub options: &'a ImportOptions,
+    /// How tables of other programs are read: one that needs it is not plain.
+    pub source: &'a SourceOptions,
+    /// The recording to write.
+    pub out: &'a Path,
 }
 
-fn streamed(
-    csv: &Path,
-    rig: &Rig,
-    options: &ImportOptions,
-    source: &SourceOptions,
-    out: &Path,
-    on_sample: &mut OnSample<'_>,
-) -> Result<Option<ImportedLong>, LogError> {
-    disk::refuse_existing(out)?;
-    let Some(seen) = first_pass(csv, rig, options, on_sample)? else { return Ok(None) };
-    second_pass(csv, rig, options, source, out, &seen, on_sample).map(Some)
+impl LongImport<'_> {
+    /// Imports a long table, in memory that does not grow with it. `None` where the file is short, or not plain to the last line: then it is
+    /// for [`import_file`](crate::storage::import::import_file), which says what is wrong or mends it.
+    ///
+    /// # Errors
+    /// Files that cannot be read or written.
+    pub fn run(self, on_sample: &mut OnSample<'_>) -> Result<Option<ImportedLong>, LogError> {
+        let file = disk::open_file(self.csv)?;
+        let about = file.metadata().map_err(|e| LogError::io("read", self.csv, e))?;
+        let plain = self.source.map.is_empty() && self.source.ignore.is_empty();
+        if about.is_file() && about.len() >= LONG_BYTES && plain { self.streamed(on_sample) } else { Ok(None) }
+    }
+
+    fn streamed(self, on_sample: &mut OnSample<'_>) -> Result<Option<ImportedLong>, LogError> {
+        disk::refuse_existing(self.out)?;
+        let Some(seen) = first_pass(self, on_sample)? else { return Ok(None) };
+        second_pass(self, &seen, on_sample).map(Some)
+    }
 }
 
 /// The rows of a plain time series, one after the other.
@@ -154,12 +154,8 @@ struct Seen {
     comments: String,
 }
 
-fn first_pass(
-    csv: &Path,
-    rig: &Rig,
-    options: &ImportOptions,
-    on_sample: &mut OnSample<'_>,
-) -> Result<Option<Seen>, LogError> {
+fn first_pass(of: LongImport<'_>, on_sample: &mut OnSample<'_>) -> Result<Option<Seen>, LogError> {
+    let LongImport { csv, rig, options, .. } = of;
     let mut rows = Rows::open(csv)?;
     let Some(Ok(header)) = rows.next() else { return Ok(None) };
     let header = header.trim_end().trim_start_matches('\u{feff}').to_owned();
@@ -265,15 +261,8 @@ struct Part {
     before_s: Option<f64>,
 }
 
-fn second_pass(
-    csv: &Path,
-    rig: &Rig,
-    options: &ImportOptions,
-    source: &SourceOptions,
-    out: &Path,
-    seen: &Seen,
-    on_sample: &mut OnSample<'_>,
-) -> Result<ImportedLong, LogError> {
+fn second_pass(of: LongImport<'_>, seen: &Seen, on_sample: &mut OnSample<'_>) -> Result<ImportedLong, LogError> {
+    let LongImport { csv, rig, options, source, out } = of;
     let mut run = RunInfo {
         start_unix_ns: options.start_unix_ns,
         source: format!("import {}", csv.file_name().unwrap_or_default().to_string_lossy()),
@@ -430,7 +419,8 @@ mod tests {
         let (rig, options, source) = (rig(), ImportOptions::default(), SourceOptions::default());
         let mut passed = [Vec::new(), Vec::new()];
         let mut on_sample = |pass: Pass, sensor: usize, t: f64, v: f64| passed[pass as usize].push((sensor, t, v));
-        let long = streamed(&csv, &rig, &options, &source, &out, &mut on_sample).unwrap()?;
+        let long = LongImport { csv: &csv, rig: &rig, options: &options, source: &source, out: &out };
+        let long = long.streamed(&mut on_sample).unwrap()?;
         assert_eq!(passed[0], passed[1], "each sample goes by twice");
         let usual = import_file(&csv, &rig, &options, &source, true).unwrap();
         let mended = |repairs: &[Repair]| repairs.iter().map(|r| r.text.clone()).collect::<Vec<_>>();
