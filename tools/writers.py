@@ -6,6 +6,7 @@ import os
 import random
 import shutil
 import signal
+import sqlite3
 import subprocess
 import sys
 import tempfile
@@ -14,7 +15,9 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 RECORDING = ROOT / "recordings" / "hdpe-nothing-missing.mcap"
+CREEP = ROOT / "recordings" / "hdpe-creep.mcap"
 RIG = ROOT / "rigs" / "demo-hdpe.toml"
+SHOT = ["record", "--rig", RIG, "--simulate", "--speed", 0, "--duration", 8]
 
 
 def toml(path):
@@ -49,8 +52,7 @@ def writers(program, made):
         return path.read_text().endswith("\n") and len({line.count(",") for line in path.read_text().splitlines()}) == 1
 
     def index(path):
-        import sqlite3
-        return sqlite3.connect(path).execute("pragma integrity_check").fetchone() == ("ok",)
+            return sqlite3.connect(path).execute("pragma integrity_check").fetchone() == ("ok",)
 
     return [
         Writer("report", "page.html", [*calibrate, "--report", "page.html"], html, True),
@@ -64,7 +66,7 @@ def writers(program, made):
         Writer("export", "e.csv", ["export", RECORDING, "-o", "e.csv"], lines, False),
         Writer("recovery", "r.mcap", ["recover", RECORDING, "-o", "r.mcap"], mcap, False),
         Writer("added effect", "grown.toml", ["add", "supply-drift", "grown.toml"], toml, True),
-        Writer("applied diagnosis", "grown.toml", ["diagnose", RECORDING, "--apply", "grown.toml", "--most-reaches", 16], toml, True),
+        Writer("applied diagnosis", "diagnosed.toml", ["diagnose", CREEP, "--apply", "diagnosed.toml", "--most-reaches", 8], toml, True),
         Writer("index", "surgescope.sqlite", ["watch", ".", "--once", "--effects", "none"], index, True),
     ]
 
@@ -91,6 +93,51 @@ def main():
             print("| " + " | ".join(map(str, cells)) + " |", flush=True)
 
 
+        print()
+        print("| command over a folder of recordings | kills | recordings in the end | fits, models and pages torn | recordings lost | entries of the index |")
+        print("| --- | --- | --- | --- | --- | --- |")
+        for name, arguments in [
+            ("`record --calibrate`", lambda n: [*SHOT, "--calibrate", "-o", f"{n}.mcap"]),
+            ("`watch`", lambda n: ["watch", "."]),
+        ]:
+            print("| " + " | ".join(map(str, [name, times, *killed_in_folder(program, arguments, work / "folder", times, dice)])) + " |", flush=True)
+
+
+def killed_in_folder(program, arguments, folder, times, dice):
+    """Kill a command that adds to a folder, which is then completed by `recover` and `watch --once`. What is torn, lost, or twice in the index."""
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir()
+    watches = arguments(0)[0] == "watch"
+    torn = 0
+    for n in range(times):
+        if watches:
+            # a copy would be known as the same run
+            subprocess.run([program, *map(str, SHOT), "--note", f"number={n}", "-o", folder / f"{n}.mcap"], capture_output=True, check=True)
+        command = [program, *map(str, arguments(n))]
+        process = subprocess.Popen(command, cwd=folder, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        time.sleep(dice.uniform(0, 4 if watches else 1.6))
+        process.send_signal(signal.SIGKILL)
+        process.wait()
+        torn += sum(not WHOLE[f.suffix](f) for f in folder.iterdir() if f.suffix in WHOLE and not f.name.startswith("."))
+    recordings, lost = 0, 0
+    for f in sorted(folder.glob("*.mcap")):
+        if f.read_bytes()[-8:] != b"\x89MCAP0\r\n":
+            whole = folder / f"recovered-{f.name}"
+            subprocess.run([program, "recover", f, "-o", whole], cwd=folder, capture_output=True)
+            if not whole.exists():
+                # the first chunk is written after a second at the latest; before it there is nothing to recover
+                lost += f.stat().st_size > 65536
+                f.unlink()
+                continue
+            f.unlink()
+        recordings += 1
+    lost += watches and recordings != times
+    subprocess.run([program, "watch", ".", "--once"], cwd=folder, capture_output=True)
+    index = sqlite3.connect(folder / "surgescope.sqlite")
+    entries = dict(index.execute("select state, count(*) from run group by state"))
+    return [recordings, torn, lost, entries]
+
+
 def rig_of(recording):
     """The rig file inside a recording: the attachment of that name."""
     data = recording.read_bytes()
@@ -112,12 +159,15 @@ def fresh(writer, folder):
     folder.mkdir(parents=True)
     if writer.name == "index":
         shutil.copy(RECORDING, folder / "run.mcap")
-    if writer.target == "grown.toml":
-        start = ["calibrate", RECORDING, "--effects", "none", "--against", "none", "--most-reaches", 16, "--save", folder / writer.target]
+    if writer.target in START:
+        start = ["calibrate", START[writer.target], "--effects", "none", "--against", "none", "--most-reaches", 8, "--save", folder / writer.target]
         subprocess.run([PROGRAM, *map(str, start)], capture_output=True, check=True)
 
 
 PROGRAM = Path(sys.argv[1]).resolve()
+WHOLE = {".toml": toml, ".html": html}
+# the model files to which an effect is added each time, and what they are of
+START = {"grown.toml": RECORDING, "diagnosed.toml": CREEP}
 MARKS = {".html": b"\n<!-- old -->", ".svg": b"\n<!-- old -->", ".toml": b"\n# old\n", ".csv": b""}
 
 
@@ -128,7 +178,7 @@ def aged(writer, target):
         return None
     if target.suffix == ".sqlite" or writer.name == "models":
         return target.read_bytes()
-    if target.name == "grown.toml":
+    if target.name in START:
         # each time the model of the beginning, to which an effect can be added
         first = target.with_suffix(".first")
         if not first.exists():
