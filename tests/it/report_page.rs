@@ -105,6 +105,7 @@ fn fit(effects: &[&str], sensors: Vec<SensorFit>, parameters: Vec<FittedParamete
             noise_m: mean(|s| s.noise_m),
             mape_extrema_percent: 0.41,
             noise_dies_away: false,
+            meter_flow_m3_s: None,
             sensors,
         }],
         parameters,
@@ -199,6 +200,7 @@ fn rig(name: &str) -> Rig {
         valve: Valve { closing_time_s: 0.1, discharge_head_m: 0.0 },
         sensors: vec![sensor("P1", 271.6), sensor("P2", 182.0), sensor("P3", 89.6)],
         steady: vec![],
+        tolerance: Default::default(),
         devices: vec![],
         source: format!("name = \"{name}\"\n\n[fluid]\nname = \"water\"\n"),
     }

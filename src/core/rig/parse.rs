@@ -7,13 +7,13 @@ use toml::de::{DeTable, DeValue};
 use crate::rig::error::RigError;
 use crate::rig::table::Limits;
 use crate::rig::table::{FINITE, NOT_NEGATIVE, POSITIVE, Section, Source, nearest};
-use crate::rig::types::{Constraint, Fluid, Pipe, Rig, SteadyState, Upstream, Valve};
+use crate::rig::types::{Constraint, Fluid, Pipe, Rig, SteadyState, Tolerance, Upstream, Valve};
 use crate::rig::unique::Names;
 use crate::rig::{live, material, sensors};
 use crate::shown::Shown as _;
 use crate::text_file::read_text;
 
-const TOP: &[&str] = &["name", "fluid", "pipe", "upstream", "downstream", "sensor", "device", "steady"];
+const TOP: &[&str] = &["name", "fluid", "pipe", "upstream", "downstream", "sensor", "device", "steady", "tolerance"];
 const FLUID: &[&str] = &["name", "temperature_degC"];
 const PIPE: &[&str] = &[
     "name",
@@ -34,8 +34,10 @@ const DOWNSTREAM: &[&str] = &["kind", "closing_time_s", "discharge_head_m"];
 const STEADY: &[&str] =
     &["name", "flow_m3_h", "supply_head_m", "temperature_degC", "reynolds_number", "wave_speed_m_s"];
 
+const TOLERANCE: &[&str] = &["length_percent", "diameter_percent", "wall_percent", "position_percent"];
+
 /// Which keys belong in which table.
-const HOMES: [(&str, &[&str]); 7] = [
+const HOMES: [(&str, &[&str]); 8] = [
     ("[[pipe]]", PIPE),
     ("[[sensor]]", sensors::KEYS),
     ("[[device]]", live::DEVICE_KEYS),
@@ -43,10 +45,12 @@ const HOMES: [(&str, &[&str]); 7] = [
     ("[fluid]", FLUID),
     ("[upstream]", UPSTREAM),
     ("[[steady]]", STEADY),
+    ("[tolerance]", TOLERANCE),
 ];
 
 const TEMPERATURE: Limits = Limits { holds: |v| (0.0..=100.0).contains(&v), words: "a temperature from 0 to 100 degC" };
 const POISSON: Limits = Limits { holds: |v| v > 0.0 && v < 0.5, words: "a number between 0 and 0.5" };
+const SHARE: Limits = Limits { holds: |v| (0.0..=50.0).contains(&v), words: "a percentage from 0 to 50" };
 const FRICTION: Limits = Limits { holds: |v| (0.0..=1.0).contains(&v), words: "a Darcy friction factor from 0 to 1" };
 const WAVE_SPEED: Limits = Limits {
     holds: |v| v > 0.0 && v <= 1600.0,
@@ -121,6 +125,8 @@ fn read(source: &Source<'_>) -> Option<Rig> {
         kind?;
         Some(Valve { closing_time_s: closing_time_s?, discharge_head_m })
     });
+    let tolerance = top.contains_key("tolerance").then(|| single(source, top, "tolerance", "[tolerance]", TOLERANCE));
+    let tolerance = tolerance.flatten().map_or(Tolerance::default(), |section| read_tolerance(&section));
     let devices = live::read_devices(&many(source, top, "device", "[[device]]", live::DEVICE_KEYS));
     let total_m = pipes.as_ref().map(|p| p.iter().map(|p| p.length_m).sum());
     let sensor_sections = many(source, top, "sensor", "[[sensor]]", sensors::KEYS);
@@ -138,6 +144,7 @@ fn read(source: &Source<'_>) -> Option<Rig> {
         upstream: upstream?.value,
         valve: valve?,
         sensors,
+        tolerance,
         devices: devices.into_iter().filter_map(|(_, device)| device).collect(),
         steady,
         source: source.text.to_owned(),
@@ -299,6 +306,17 @@ fn read_constraint(section: &Section<'_>) -> Constraint {
         words: "\"free\", \"anchored-upstream\", \"anchored\" or a number above 0, at most 10",
     };
     Constraint::Coefficient(section.number("constraint", &coefficient).unwrap_or(1.0))
+}
+
+fn read_tolerance(section: &Section<'_>) -> Tolerance {
+    let usual = Tolerance::default();
+    let share = |key: &str, usual: f64| section.number(key, &SHARE).map_or(usual, |percent| percent / 100.0);
+    Tolerance {
+        length: share("length_percent", usual.length),
+        diameter: share("diameter_percent", usual.diameter),
+        wall: share("wall_percent", usual.wall),
+        position: share("position_percent", usual.position),
+    }
 }
 
 fn read_steady(section: &Section<'_>) -> Option<SteadyState> {

@@ -18,12 +18,36 @@ pub struct Rig {
     pub valve: Valve,
     /// Every sensor, in the order of the file.
     pub sensors: Vec<Sensor>,
+    /// How exactly lengths, diameters, walls and places are known.
+    pub tolerance: Tolerance,
     /// Acquisition devices for live recording.
     pub devices: Vec<Device>,
     /// Steady states reported of the rig, by a paper or a log book; only `rig check` uses them.
     pub steady: Vec<SteadyState>,
     /// The file's text, kept to be attached to recordings unchanged.
     pub source: String,
+}
+
+/// How exactly the file's dimensions are known: standard deviations, as shares.
+///
+/// The defaults are those of a tape along a pipe with bends, and of pipes as they are sold: ISO 3607 and EN 12201 allow some 10% on the wall and 1%
+/// on the bore.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Tolerance {
+    /// Of lengths.
+    pub length: f64,
+    /// Of inner diameters.
+    pub diameter: f64,
+    /// Of walls.
+    pub wall: f64,
+    /// Of the places of sensors, as a share of the length of all pipes.
+    pub position: f64,
+}
+
+impl Default for Tolerance {
+    fn default() -> Self {
+        Tolerance { length: 0.005, diameter: 0.01, wall: 0.05, position: 0.003 }
+    }
 }
 
 /// The liquid in the pipe.
@@ -167,6 +191,12 @@ impl Rig {
     /// Length of all pipes together, m.
     pub fn length_m(&self) -> f64 {
         self.pipes.iter().map(|p| p.length_m).sum()
+    }
+
+    /// Standard deviation of the place of a sensor between the ends, m. A wrong length moves it, too: the model keeps the file's length, and its wave
+    /// speed takes up the difference.
+    pub fn place_sd_m(&self) -> f64 {
+        self.length_m() * self.tolerance.position.hypot(self.tolerance.length)
     }
 
     /// The pressure sensors with their index in [`Rig::sensors`].

@@ -2,6 +2,7 @@
 
 use crate::fit::numeric::quantiles::Z_95;
 use crate::fit::outcome::fit::{Fit, FittedParameter};
+use crate::fit::problem::parameters::placed_sensor;
 use crate::fit::search::calibrate::calibrate;
 use crate::fit::search::options::{Options, Progress};
 use crate::model::effects::Chosen;
@@ -160,7 +161,8 @@ pub(crate) fn quantities(
     remarks: &mut Vec<String>,
 ) -> Result<Vec<Quantity>, FamilyError> {
     let Some(first) = fits.first() else { return Ok(Vec::new()) };
-    let shared: Vec<&FittedParameter> = first.parameters.iter().filter(|p| p.run.is_none()).collect();
+    let shared: Vec<&FittedParameter> =
+        first.parameters.iter().filter(|p| p.run.is_none() && placed_sensor(&p.name).is_none()).collect();
     let names: Vec<&str> = shared.iter().map(|p| p.name.as_str()).collect();
     let mut found = Vec::new();
     for (j, role) in roles(rig.pipes.len(), &names).into_iter().enumerate() {

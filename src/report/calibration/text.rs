@@ -182,6 +182,7 @@ mod tests {
                 noise_m: 0.03,
                 mape_extrema_percent: 0.41,
                 noise_dies_away: false,
+                meter_flow_m3_s: None,
                 sensors: vec![SensorFit {
                     name: "P1".into(),
                     position_m: 10.0,

@@ -138,6 +138,7 @@ mod tests {
                 noise_m: 0.03,
                 mape_extrema_percent: 0.0,
                 noise_dies_away: false,
+                meter_flow_m3_s: None,
                 sensors: vec![sensor],
             }],
             parameters: vec![],

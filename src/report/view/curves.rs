@@ -178,6 +178,7 @@ mod tests {
             noise_m: 0.1,
             mape_extrema_percent: 1.0,
             noise_dies_away: false,
+            meter_flow_m3_s: None,
             sensors: vec![sensor],
         };
         Fit {

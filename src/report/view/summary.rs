@@ -134,6 +134,7 @@ mod tests {
             noise_m,
             mape_extrema_percent: 0.0,
             noise_dies_away: false,
+            meter_flow_m3_s: None,
             sensors: vec![SensorFit {
                 name: "P1".into(),
                 position_m: 0.0,

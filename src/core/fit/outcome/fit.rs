@@ -110,6 +110,8 @@ pub struct RunFit {
     pub mape_extrema_percent: f64,
     /// Its noise dies away after the closure: errors and intervals take it as it was before, for it disturbs the first rise.
     pub noise_dies_away: bool,
+    /// The model's flow before the closure at the flow meter, m³/s, where there is a meter.
+    pub meter_flow_m3_s: Option<f64>,
     /// Each pressure sensor.
     pub sensors: Vec<SensorFit>,
 }

@@ -1,7 +1,7 @@
 //! Calibration as a least-squares problem: which variables the solver moves, and the residuals they leave.
 //!
-//! Variables are the model's shared parameters, then for each run its velocity, head, closing time and friction, the start of its
-//! closure and one offset for each sensor. Log-scaled parameters are moved as logarithms. Residuals are measured minus modelled
+//! Variables are the model's shared parameters and the places of sensors, then for each run its velocity, head, closing time and friction, the
+//! start of its closure and one offset for each sensor. Log-scaled parameters are moved as logarithms. Residuals are measured minus modelled
 //! heads over each sensor's noise (or their transform, see [`crate::fit::problem::objective`]), then one for each prior,
 //! then one for each run's flow meter.
 
@@ -11,12 +11,14 @@ use crate::fit::data::run_data::RunData;
 use crate::fit::numeric::least_squares::Problem;
 use crate::fit::problem::error::FitError;
 use crate::fit::problem::objective::{Bins, Objective};
+use crate::fit::problem::parameters::placed_sensor;
 use crate::fit::problem::rows::SampleRows;
 use crate::model::constraint::Constraint;
 use crate::model::energy::Energy;
 use crate::model::parameter::{Parameter, Scale};
 use crate::model::trace::{Probe, Trace};
 use crate::model::{Conditions, Model, ModelError, Resolution, RunValues, Simulated};
+use crate::rig::Sensor;
 
 /// Index of the closure's start among a run's variables; those that the model takes come before it, offsets after it.
 const CLOSURE_START: usize = RunValues::COUNT;
@@ -227,6 +229,11 @@ impl<'a> FitProblem<'a> {
         first..first + self.parameters.iter().filter(|p| p.prior.is_some()).count()
     }
 
+    /// The variables that are places of sensors.
+    pub(crate) fn place_variables(&self) -> Range<usize> {
+        self.model.shared.len()..self.run_offsets.first().copied().unwrap_or(self.parameters.len())
+    }
+
     /// The run that variable `j` belongs to; none if it is shared.
     pub fn run_of(&self, j: usize) -> Option<usize> {
         self.run_offsets.iter().rposition(|&first| j >= first)
@@ -293,7 +300,8 @@ impl<'a> FitProblem<'a> {
         let run_values = self.run_values(r, values);
         let closure_start = own[CLOSURE_START];
         let latest = self.rows.last_s(r, closure_start);
-        let probes: Vec<Probe> = run.sensors.iter().map(|s| Probe::Head(s.sensor.position_m)).collect();
+        let probes: Vec<Probe> = run.sensors.iter().map(|s| Probe::Head(self.place_m(&s.sensor, values))).collect();
+        let shared = &values[..self.model.shared.len()];
         let conditions =
             Conditions {
                 supply_deviation: run.conditions.supply_deviation.as_ref().map(|(time_s, deviation_m)| {
@@ -301,7 +309,6 @@ impl<'a> FitProblem<'a> {
                 }),
                 water: run.conditions.water,
             };
-        let shared = &values[..self.model.shared.len()];
         let resolution = Resolution { reaches, duration_s: latest - closure_start };
         simulate(self.model, &conditions, shared, &run_values, resolution, &probes)
     }
@@ -320,6 +327,12 @@ impl<'a> FitProblem<'a> {
     /// Offset of a run's sensor, m.
     pub fn offset_m(&self, r: usize, sensor: usize, values: &[f64]) -> f64 {
         values[self.offset_variable(r, sensor)]
+    }
+
+    /// Where a sensor stands, m from the supply.
+    pub fn place_m(&self, sensor: &Sensor, values: &[f64]) -> f64 {
+        let own = self.place_variables().find(|&j| placed_sensor(&self.parameters[j].name) == Some(&sensor.name));
+        own.map_or(sensor.position_m, |j| values[j])
     }
 
     fn append_run(

@@ -1,8 +1,10 @@
-//! The variables of a calibration, described: the model's shared parameters, then each run's own.
+//! The variables of a calibration, described: the model's shared parameters and the places of sensors, then each run's own.
 
 use crate::fit::data::run_data::{RunData, RunStart};
+use crate::fit::problem::thresholds::FARTHEST_SD;
 use crate::model::Model;
 use crate::model::parameter::Parameter;
+use crate::rig::{Rig, Sensor};
 
 /// All variables, and the index of each run's first.
 pub(crate) fn of(model: &Model, runs: &[RunData]) -> (Vec<Parameter>, Vec<usize>) {
@@ -14,6 +16,10 @@ pub(crate) fn of(model: &Model, runs: &[RunData]) -> (Vec<Parameter>, Vec<usize>
         for wave_speed in &mut parameters[..model.rig.pipes.len()] {
             wave_speed.start = (wave_speed.start * ratio).clamp(wave_speed.lower, wave_speed.upper);
         }
+    }
+    for sensor in runs.iter().flat_map(|run| &run.sensors) {
+        let place = place_of(model.rig, &sensor.sensor);
+        parameters.extend(place.filter(|place| parameters.iter().all(|known| known.name != place.name)));
     }
     let mut run_offsets = Vec::new();
     for run in runs {
@@ -64,6 +70,21 @@ pub(crate) fn of(model: &Model, runs: &[RunData]) -> (Vec<Parameter>, Vec<usize>
         }
     }
     (parameters, run_offsets)
+}
+
+/// The sensor whose place the variable of this name is.
+pub fn placed_sensor(name: &str) -> Option<&str> {
+    name.strip_prefix("position_m[")?.strip_suffix(']')
+}
+
+/// The place of a sensor as a variable: where the record shows it, between the ends, and the rig file knows it within a tolerance only.
+fn place_of(rig: &Rig, sensor: &Sensor) -> Option<Parameter> {
+    let (at, sd_m, length_m) = (sensor.position_m, rig.place_sd_m(), rig.length_m());
+    let name = format!("position_m[{}]", sensor.name);
+    let about = "distance of the sensor from the supply: sets when fronts pass it";
+    let (lower, upper) = ((at - FARTHEST_SD * sd_m).max(0.0), (at + FARTHEST_SD * sd_m).min(length_m));
+    let variable = at > 0.0 && at < length_m && sd_m > 0.0;
+    variable.then(|| Parameter::linear(name, "m", about, at, lower, upper).with_prior(at, sd_m))
 }
 
 /// A closing time that starts at the one that the pressures show, with bounds that include it amply.

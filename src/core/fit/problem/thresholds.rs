@@ -2,6 +2,8 @@
 
 use crate::fit::numeric::least_squares::Limits;
 
+/// Standard deviations that a sensor may stand off the place in the rig file. Chosen.
+pub(crate) const FARTHEST_SD: f64 = 6.0;
 /// Uncertainty of the time of a crossing, as a share of the period. Chosen.
 pub(crate) const PHASE_SHARE: f64 = 1e-3;
 /// Share of a period before the closure that still counts as the first rise: the start of the closure is not known to the sample. Chosen.

@@ -16,7 +16,7 @@ use crate::fit::outcome::uncertainty::Uncertainty;
 use crate::fit::problem::compare::{Pair, mape_percent, rmse};
 use crate::fit::problem::elements::fixed_variables;
 use crate::fit::problem::error::FitError;
-use crate::fit::problem::fit_problem::{FitProblem, Window};
+use crate::fit::problem::fit_problem::{FitProblem, Modelled, Window};
 use crate::fit::problem::objective::Objective;
 use crate::fit::problem::rows::CommonError;
 use crate::fit::search::calibrator::Calibrator;
@@ -198,7 +198,7 @@ fn run_fit(
     curve_sd_m: &[Vec<f64>],
 ) -> Result<RunFit, ModelError> {
     let (run, reaches) = (&ctx.runs[r], problem.window().reaches);
-    let traces = problem.modelled(r, values, reaches)?.traces;
+    let Modelled { traces, meter_flow_m3_s } = problem.modelled(r, values, reaches)?;
     let first_traces = problem.modelled(r, start_values, reaches)?.traces;
     let start = problem.closure_start_s(r, values);
     let first_start = problem.closure_start_s(r, start_values);
@@ -239,6 +239,7 @@ fn run_fit(
         noise_m: pooled(&|s| s.noise_m),
         mape_extrema_percent: mape_percent(sensors.iter().flat_map(|s| &s.extrema)),
         noise_dies_away: false,
+        meter_flow_m3_s,
         sensors,
     })
 }

@@ -56,7 +56,7 @@ impl SearchBox {
     }
 }
 
-/// Half the sum of squares over the unit cube of the free variables other than offsets.
+/// Half the sum of squares over the unit cube of the free variables other than offsets and places of sensors, which a descent finds.
 struct Cube<'a> {
     problem: &'a FitProblem<'a>,
     /// All variables, at their start.
@@ -73,7 +73,8 @@ impl<'a> Cube<'a> {
         let sensors = |r: usize| problem.runs[r].sensors.len();
         let offsets: Vec<usize> =
             (0..problem.runs.len()).flat_map(|r| (0..sensors(r)).map(move |s| problem.offset_variable(r, s))).collect();
-        let free: Vec<usize> = (0..lower.len()).filter(|j| lower[*j] < upper[*j] && !offsets.contains(j)).collect();
+        let descended = |j: &usize| offsets.contains(j) || problem.place_variables().contains(j);
+        let free: Vec<usize> = (0..lower.len()).filter(|j| lower[*j] < upper[*j] && !descended(j)).collect();
         let window = SearchBox::of(problem);
         let (lower, upper) = (window.lower, window.upper);
         Cube { problem, still: problem.start(), free, lower, upper, evaluations: AtomicUsize::new(0) }

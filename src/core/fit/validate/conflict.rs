@@ -2,6 +2,7 @@
 
 use crate::fit::data::run_data::RunData;
 use crate::fit::outcome::fit::{Fit, FittedParameter, RunFit};
+use crate::fit::problem::parameters::placed_sensor;
 use crate::fit::validate::thresholds::{CONFLICT_SD, PRIOR_CONFLICT_SD};
 
 /// One sentence for each conflict; for a fit that did not end at an optimum, only those of the recordings.
@@ -17,14 +18,16 @@ pub fn conflicts(fit: &Fit, runs: &[RunData]) -> Vec<String> {
                 .find(|p| p.name == name && p.run.as_ref().is_none_or(|r| *r == run.file))
                 .map(|p| p.value)
         };
-        let (measured, relative) = run.start.velocity_m_s;
-        if let (Some(fitted), Some(_)) = (own("initial_velocity_m_s"), &run.meter)
-            && (fitted / measured - 1.0).abs() > (CONFLICT_SD * relative).max(0.05)
+        let fitted_flow = fit.runs.iter().find(|r| r.file == run.file).and_then(|r| r.meter_flow_m3_s);
+        if let (Some(fitted), Some(meter)) = (fitted_flow, &run.meter)
+            && (fitted / meter.flow_m3_s - 1.0).abs() > (CONFLICT_SD * meter.relative_sd).max(0.05)
         {
             sentences.push(format!(
-                "{}: the fitted velocity of {fitted:.4} m/s contradicts the flow meter's {measured:.4}: check the meter's unit and \
-                 range, the diameter, and whether an effect is missing",
-                run.file
+                "{}: at the flow meter the model has {:.4} L/s, which contradicts the measured {:.4} L/s: check the meter's unit and range, the \
+                 diameter, and whether an effect is missing",
+                run.file,
+                1e3 * fitted,
+                1e3 * meter.flow_m3_s
             ));
         }
         let (known_head, guessed) = run.start.valve_head_m;
@@ -58,6 +61,7 @@ pub fn conflicts(fit: &Fit, runs: &[RunData]) -> Vec<String> {
             ));
         }
     }
+    sentences.extend(fit.parameters.iter().filter_map(moved));
     let noise = fit.runs.iter().map(|r| r.noise_m).fold(f64::INFINITY, f64::min);
     if fit.grid_error_m > 0.5 * noise {
         sentences.push(format!(
@@ -82,6 +86,23 @@ pub fn conflicts(fit: &Fit, runs: &[RunData]) -> Vec<String> {
         }
     }
     sentences
+}
+
+/// A sensor that stands elsewhere than the rig file says, beyond what the record leaves open.
+fn moved(place: &FittedParameter) -> Option<String> {
+    let (sensor, (said_m, sd_m)) = (placed_sensor(&place.name)?, place.belief?);
+    let (off_m, error_m) = ((place.value - said_m).abs(), place.standard_error());
+    let digits = (-error_m.log10().floor()).clamp(2.0, 4.0) as usize;
+    let hint = match off_m > CONFLICT_SD * sd_m {
+        true => "; that is far beyond its tolerance: measure the place, or look for an effect that stands behind it",
+        false => "",
+    };
+    (off_m > PRIOR_CONFLICT_SD * error_m).then(|| {
+        format!(
+            "{sensor} stands at {:.digits$} ± {error_m:.digits$} m, the rig file says {said_m} m{hint}",
+            place.value
+        )
+    })
 }
 
 /// Where a run's record contradicts the rig file.
@@ -147,8 +168,15 @@ mod tests {
     #[test]
     fn noise_that_dies_away_is_said() {
         let (file, sensors) = ("a.mcap".to_owned(), Vec::new());
-        let run =
-            RunFit { file, rmse_m: 0.013, noise_m: 0.05, mape_extrema_percent: 0.0, noise_dies_away: true, sensors };
+        let run = RunFit {
+            file,
+            rmse_m: 0.013,
+            noise_m: 0.05,
+            mape_extrema_percent: 0.0,
+            noise_dies_away: true,
+            meter_flow_m3_s: None,
+            sensors,
+        };
         assert!(dies_away(&run, "").starts_with("a.mcap: the fit leaves 0.26 of the noise before the closure"));
     }
 

@@ -18,6 +18,7 @@ use crate::fit::outcome::uncertainty::Uncertainty;
 use crate::fit::problem::compare::rmse;
 use crate::fit::problem::error::FitError;
 use crate::fit::problem::fit_problem::{FitProblem, Window};
+use crate::fit::problem::parameters::placed_sensor;
 use crate::fit::search::calibrate::refine;
 use crate::fit::search::options::{Options, Progress};
 use crate::fit::validate::thresholds::{CLOSURE_MARGIN, OWN_REACHES, OWN_VALUES};
@@ -120,7 +121,13 @@ pub fn predict(
         lower: value,
         upper: value,
     };
-    let mut constraints: Vec<Constraint> = known.shared.iter().map(|p| settled(&p.name, None, p.value)).collect();
+    // a recording need not have every sensor whose place the model knows
+    let here = |name: &str| match placed_sensor(name) {
+        Some(placed) => runs.iter().flat_map(|run| &run.sensors).any(|s| s.sensor.name == placed),
+        None => true,
+    };
+    let shared = known.shared.iter().filter(|p| here(&p.name));
+    let mut constraints: Vec<Constraint> = shared.map(|p| settled(&p.name, None, p.value)).collect();
     constraints.extend(held.iter().cloned());
     for run in runs {
         let mut settle = |name: &str, value: f64| {
@@ -208,7 +215,9 @@ fn followed(columns: &[Vec<f64>], inverse: &DMatrix<f64>, held: &[bool]) -> DMat
 /// The covariance of the model's shared parameters, as one of all variables.
 fn of_shared(problem: &FitProblem, known: &Known, values: &[f64]) -> DMatrix<f64> {
     let mut covariance = DMatrix::zeros(values.len(), values.len());
-    let place = |name: &str| problem.parameters[..problem.model.shared.len()].iter().position(|p| p.name == name);
+    let place = |name: &str| {
+        (0..problem.parameters.len()).find(|&j| problem.run_of(j).is_none() && problem.parameters[j].name == name)
+    };
     let spread = |p: &Shared| Some((place(&p.name)?, p.standard_error?));
     for (a, (i, sd_i)) in known.shared.iter().enumerate().filter_map(|(a, p)| Some((a, spread(p)?))) {
         for (b, (j, sd_j)) in known.shared.iter().enumerate().filter_map(|(b, p)| Some((b, spread(p)?))) {
