@@ -10,6 +10,7 @@ pub mod progress;
 
 use std::path::{Path, PathBuf};
 
+use crate::diagnose::needless::without_needless;
 use crate::diagnose::{Diagnosis, diagnose, diagnose_fit, grow};
 use crate::fit::data::run_data::RunData;
 use crate::fit::outcome::fit::Fit;
@@ -200,6 +201,11 @@ impl Study {
     pub fn diagnose_model(&self, effects: &[Chosen], options: &Options) -> Result<Diagnosis> {
         self.recordings.iter().try_for_each(Loaded::require_sound)?;
         Ok(diagnose(&self.rig, &self.runs, effects, options, &self.messages())?)
+    }
+
+    /// The fitted model without the effect that it no longer needs, if there is one, and that effect; those that are `kept` stay.
+    pub fn without_needless(&self, fit: &Fit, kept: &[Chosen], options: &Options) -> Option<(Fit, Chosen)> {
+        without_needless(&self.rig, &self.runs, fit, kept, options, &self.messages())
     }
 
     /// As [`Study::diagnose_model`], of a model that is fitted already with these options.

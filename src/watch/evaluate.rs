@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::error::Error;
 use std::path::{Path, PathBuf};
 
-use crate::diagnose::{Diagnosis, Verdict, diagnose};
+use crate::diagnose::{Diagnosis, diagnose};
 use crate::fit::outcome::fit::Fit;
 use crate::fit::search::options::Options;
 use crate::fit::validate::conflict::{at_bounds, conflicts};
@@ -198,7 +198,7 @@ fn found(
     let file = write_model(&model_path, path, &diagnosis)?;
     let fit = FitRecord::new(&diagnosis.start, &rig, &[(&loaded.recording, features)], &contradictions);
     write_fit(&path.with_extension("fit.toml"), &fit)?;
-    let fits: Vec<&Fit> = std::iter::once(&diagnosis.start).chain(missing_fit(&diagnosis)).collect();
+    let fits: Vec<&Fit> = std::iter::once(&diagnosis.start).chain(diagnosis.answer()).collect();
     let page = Page {
         title: format!("{} on rig {}", run.file.shown(), rig.name),
         stages: fits.iter().map(|fit| Stage::of(fit)).collect(),
@@ -215,11 +215,6 @@ fn name(path: &Path) -> String {
     path.file_name().unwrap_or_default().to_string_lossy().into_owned()
 }
 
-/// The full fit with the effect that is missing.
-fn missing_fit(diagnosis: &Diagnosis) -> Option<&Fit> {
-    diagnosis.candidates.first().filter(|_| diagnosis.verdict == Verdict::MissingEffect).and_then(|c| c.fit.as_ref())
-}
-
 /// Writes the fit as a file of models: the start model, and in force the one with what is missing. What a person added to an older file
 /// of that name stays in it.
 fn write_model(path: &Path, recording: &Path, diagnosis: &Diagnosis) -> Result<ModelFile, AnyError> {
@@ -228,9 +223,9 @@ fn write_model(path: &Path, recording: &Path, diagnosis: &Diagnosis) -> Result<M
         file.models.clear();
     }
     file.append(&diagnosis.start, WATCHED, None, now());
-    if let (Some(fit), Some(best)) = (missing_fit(diagnosis), diagnosis.candidates.first()) {
-        let why = format!("{WATCHED}: {} missing, probability {:.2}", best.effect, best.probability);
-        file.append(fit, &why, Some(best.evidence), now());
+    if let Some(fit) = diagnosis.answer() {
+        let why = format!("{WATCHED}: {} missing, probability {:.2}", diagnosis.answer_label(), diagnosis.probability);
+        file.append(fit, &why, Some(diagnosis.answer_evidence()), now());
     }
     models::save(&mut file, path)?;
     Ok(file)

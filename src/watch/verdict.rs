@@ -81,13 +81,13 @@ pub fn is_clean(diagnosis: &Diagnosis, compared: &Compared, contradictions: usiz
 pub fn finding(diagnosis: &Diagnosis, temperature_degc: f64, flow_m3_s: Option<f64>) -> Finding {
     let fit = &diagnosis.start;
     let (rmse_m, noise_m) = fit.pooled();
-    let missing = diagnosis.candidates.first().filter(|_| diagnosis.verdict == Verdict::MissingEffect);
+    let missing = (diagnosis.verdict == Verdict::MissingEffect).then(|| diagnosis.answer_label());
     Finding {
         temperature_degc: Some(temperature_degc).filter(|t| t.is_finite()),
         flow_m3_s,
         effects: fit.labels(),
         verdict: diagnosis.verdict.name().to_owned(),
-        missing: missing.map(|c| c.label.clone()),
+        missing,
         probability: diagnosis.probability,
         rmse_m,
         noise_m,
@@ -113,8 +113,9 @@ pub fn line(diagnosis: &Diagnosis, finding: &Finding, compared: &Compared, accep
     let mut parts = match (diagnosis.verdict, best) {
         (Verdict::NothingMissing, _) => vec!["nothing missing".to_owned(), error],
         (Verdict::MissingEffect, Some(best)) => {
-            let with = format!("{error}, {} m with it", error_m(best.rmse_m));
-            vec![format!("{} missing (probability {probability:.2})", best.label), with]
+            let left_m = diagnosis.answer().map_or(best.rmse_m, |fit| fit.pooled().0);
+            let with = format!("{error}, {} m with it", error_m(left_m));
+            vec![format!("{} missing (probability {probability:.2})", diagnosis.answer_label()), with]
         }
         _ => vec![format!("something is missing that no effect explains (probability {probability:.2})"), error],
     };

@@ -16,6 +16,8 @@ pub fn write(
     std::fs::create_dir_all(folder)?;
     let wrong =
         |random: &mut fastrand::Rng, by: f64| if wrong_rig { 1.0 + by * (2.0 * random.f64() - 1.0) } else { 1.0 };
+    // As tape measures and data sheets are off.
+    let length_m = case.length_m * wrong(random, 0.007);
     let closing = case.closing_s * (1.0 + 0.25 * (2.0 * random.f64() - 1.0));
     let mut rig = format!(
         "name = \"{}\"\n\n[fluid]\nname = \"water\"\ntemperature_degC = {:.1}\n\n[[pipe]]\nname = \"main\"\nlength_m = {:.2}\n\
@@ -23,17 +25,18 @@ pub fn write(
          \"valve\"\nclosing_time_s = {closing:.3}\n",
         case.name,
         case.temperature_c,
-        // Sensors stay inside.
-        case.length_m * wrong(random, 0.003).max(1.0),
-        1e3 * case.diameter_m * wrong(random, 0.005),
-        1e3 * case.wall_m * wrong(random, 0.05),
+        length_m,
+        1e3 * case.diameter_m * wrong(random, 0.015),
+        1e3 * case.wall_m * wrong(random, 0.06),
         case.material
     );
     let mut columns = String::from("time_s");
-    for (i, x) in case.sensors_m.iter().enumerate() {
+    for (i, &x) in case.sensors_m.iter().enumerate() {
+        // One at the valve is at the valve, however long the pipe.
+        let place = if x < case.length_m { (x * wrong(random, 0.003)).min(length_m) } else { length_m };
         let _ = write!(
             rig,
-            "\n[[sensor]]\nname = \"P{}\"\nkind = \"pressure\"\nposition_m = {x:.2}\nunit = \"kPa\"\n",
+            "\n[[sensor]]\nname = \"P{}\"\nkind = \"pressure\"\nposition_m = {place:.2}\nunit = \"kPa\"\n",
             i + 1
         );
         let _ = write!(columns, ",P{}", i + 1);

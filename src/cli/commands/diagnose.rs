@@ -130,6 +130,7 @@ fn diagnosed(args: Args, json: bool) -> CommandResult {
     let held = hold::constraints(&study, std::slice::from_ref(&effects), &args.hold);
     // The first that concerns a parameter counts: the command line goes before the file.
     options.constraints.splice(0..0, held.into_iter().flatten());
+    let start = effects.clone();
     let mut models: Vec<(String, Fit)> = Vec::new();
     let mut diagnoses: Vec<Diagnosis> = Vec::new();
     let mut unsaved = None;
@@ -145,15 +146,11 @@ fn diagnosed(args: Args, json: bool) -> CommandResult {
         if let Some(file) = file.as_mut().filter(|f| f.models.is_empty()) {
             file.append(&found.start, "the start of a diagnosis", None, now());
         }
-        let best = found.candidates.first().filter(|_| found.verdict == Verdict::MissingEffect);
-        let added = best.and_then(|best| {
-            let fit = best.fit.clone()?;
-            if let Some(file) = &mut file {
-                let why = format!("diagnosed: {} missing, probability {:.2}", best.effect, best.probability);
-                file.append(&fit, &why, Some(best.evidence), now());
-            }
-            Some(fit)
-        });
+        let added = found.answer().cloned();
+        if let (Some(fit), Some(file)) = (&added, &mut file) {
+            let why = format!("diagnosed: {} missing, probability {:.2}", found.answer_label(), found.probability);
+            file.append(fit, &why, Some(found.answer_evidence()), now());
+        }
         if let (Some(path), Some(file)) = (&args.apply, &mut file) {
             // each as soon as it is there: a later one may be interrupted
             unsaved = models::save(file, path).err();
@@ -165,8 +162,21 @@ fn diagnosed(args: Args, json: bool) -> CommandResult {
             tell!("the missing effect could not be fitted to the whole record, so nothing was added");
         }
         diagnoses.push(found);
-        let Some(fit) = added else { break };
-        models.push((title(&fit.effects), fit));
+        let Some(mut fit) = added else { break };
+        models.push((title(&fit.effects), fit.clone()));
+        // what was just added has its evidence
+        let is_new = |c: &&Chosen| effects.iter().all(|known| known.effect.name() != c.effect.name());
+        let kept: Vec<Chosen> = start.iter().chain(fit.effects.iter().filter(is_new)).cloned().collect();
+        while args.until_done
+            && let Some((smaller, gone)) = shown(&mut study, "", |study| study.without_needless(&fit, &kept, &options))
+        {
+            tell!("{} is no longer needed and is taken out", gone.label());
+            if let Some(file) = &mut file {
+                file.append(&smaller, &format!("diagnosed: {} is no longer needed", gone.label()), None, now());
+            }
+            models.push((title(&smaller.effects), smaller.clone()));
+            fit = smaller;
+        }
         let last = diagnoses.last();
         if !args.until_done || unsaved.is_some() || last.is_some_and(Diagnosis::predicts_worse) {
             break;

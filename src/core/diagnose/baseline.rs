@@ -8,17 +8,16 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::diagnose::limits::{
-    BINS, COARSE_REACHES, FEATURES_PER_HALF_CYCLE, FLOOR_SAMPLES, LEAD_OF_PERIOD, SINGULAR, UNSEEN_COLUMN,
-};
+use crate::diagnose::circumstances::{circumstances, features};
+use crate::diagnose::limits::{BINS, COARSE_REACHES, LEAD_OF_PERIOD, SINGULAR, UNSEEN_COLUMN};
 use crate::fit::data::run_data::{RunData, SensorData};
 use crate::fit::numeric::least_squares::{Problem, jacobian};
 use crate::fit::outcome::fit::Fit;
 use crate::fit::problem::fit_problem::{FitProblem, Window};
 use crate::fit::search::options::Options;
-use crate::model::effects::{Chosen, Circumstances, vapour_head_m};
+use crate::model::effects::{Chosen, Circumstances};
 use crate::model::{Model, ModelError};
-use crate::rig::{Coupling, Rig};
+use crate::rig::Rig;
 
 /// See the module.
 pub struct Baseline<'a> {
@@ -100,7 +99,7 @@ impl<'a> Baseline<'a> {
         let columns = columns.iter().map(|c| seen(c, samples, meters)).collect();
         Ok(Baseline {
             rig,
-            known: Circumstances { rig, above_vapour_m: above_vapour_m(rig, recorded) },
+            known: circumstances(rig, recorded),
             options: options.clone(),
             effects,
             shared,
@@ -115,11 +114,9 @@ impl<'a> Baseline<'a> {
         })
     }
 
-    /// Number of independent features of the records if something other than noise is left. However densely it was
-    /// sampled, a half cycle of a sensor has only a few (front, plateau, return).
+    /// See [`features`].
     pub fn features(&self) -> f64 {
-        let halves: usize = self.runs.iter().flat_map(|r| &r.extrema).map(Vec::len).sum();
-        FEATURES_PER_HALF_CYCLE * halves.max(1) as f64
+        features(&self.runs)
     }
 
     /// Number of recorded samples behind the bins.
@@ -210,21 +207,6 @@ fn seen(all: &[f64], samples: usize, meters: usize) -> Vec<f64> {
 
 pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(x, y)| x * y).sum()
-}
-
-/// How far the lowest pressure in any record stays above vapour pressure, m.
-fn above_vapour_m(rig: &Rig, runs: &[RunData]) -> f64 {
-    let margin = |run: &RunData, s: &SensorData| {
-        let boiling_m = rig.elevation_m(s.sensor.position_m) + vapour_head_m(&run.conditions.water);
-        // A single sample may be a dead count; a record that reaches the floor stays there.
-        let mut heads = s.head_m.clone();
-        let few = (heads.len() / FLOOR_SAMPLES).clamp(1, heads.len()) - 1;
-        let (_, low_m, _) = heads.select_nth_unstable_by(few, f64::total_cmp);
-        *low_m - boiling_m
-    };
-    // An AC-coupled sensor does not see the steady pressure, so it cannot show the floor.
-    let dc = |s: &&SensorData| s.sensor.coupling == Coupling::Dc;
-    runs.iter().flat_map(|run| run.sensors.iter().filter(dc).map(move |s| margin(run, s))).fold(f64::INFINITY, f64::min)
 }
 
 /// Averages the samples of the runs and shifts them by the change in the model at `values` from `fine` to `coarse`

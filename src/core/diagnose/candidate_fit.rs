@@ -10,7 +10,8 @@ use crate::fit::outcome::uncertainty::Uncertainty;
 use crate::fit::problem::error::FitError;
 use crate::fit::search::calibrate::{CoarseFit, calibrate, fit_coarsely, refine, with_more_elements};
 use crate::fit::search::options::{Options, Progress};
-use crate::model::effects::{CERTAIN, Chosen, Circumstances};
+use crate::model::Model;
+use crate::model::effects::{Chosen, Circumstances, SHOWN};
 use crate::rig::Rig;
 
 /// An effect in its best form, with its refit and, later, its full fit.
@@ -33,7 +34,7 @@ impl<'a> CandidateFit<'a> {
         // Prior odds in favour of an effect do not make up for a fit without evidence.
         let odds = self.refit.form.chosen.effect.odds(known);
         // If a record shows the effect by itself, any improvement will do.
-        let least = if odds >= CERTAIN { 0.0 } else { LEAST_EVIDENCE };
+        let least = if odds >= SHOWN { 0.0 } else { LEAST_EVIDENCE };
         if self.evidence < least { odds.min(1.0) } else { odds }
     }
 
@@ -70,7 +71,7 @@ impl<'a> CandidateFit<'a> {
     /// Whether it is stronger than what every rig has of it.
     pub(crate) fn is_noteworthy(&self, baseline: &Baseline) -> bool {
         let values: Vec<f64> = self.own_parameters(baseline).iter().map(|p| p.value).collect();
-        self.refit.form.chosen.effect.noteworthy(&values)
+        self.refit.form.chosen.effect.noteworthy(&values, &baseline.known)
     }
 
     /// Keeps a fit if it is better than the one so far.
@@ -186,6 +187,49 @@ impl FullFitter<'_> {
         }
         let shown = |p: &Progress| (self.progress)(&format!("{} added, {}", refit.form.effect, p.stage));
         refine(self.rig, self.runs, effects, values, &self.options_of(refit), &shown)
+    }
+
+    /// Fits a model with two forms to all samples, from where a coarse fit ended.
+    pub(crate) fn fit_pair(&self, of: [&Refit; 2], effects: &[Chosen], values: &[f64]) -> Result<Fit, FitError> {
+        let (options, shown) = (self.options_of_pair(of), self.pair_shown(of));
+        refine(self.rig, self.runs, effects, values, &options, &shown)
+    }
+
+    /// The same afresh from the signals.
+    pub(crate) fn fit_pair_from_scratch(&self, of: [&Refit; 2]) -> Result<Fit, FitError> {
+        let added = of.iter().map(|refit| Chosen { elements: None, ..refit.form.chosen.clone() });
+        let effects: Vec<Chosen> = self.effects.iter().cloned().chain(added).collect();
+        let (options, shown) = (self.options_of_pair(of), self.pair_shown(of));
+        calibrate(self.rig, self.runs, &effects, &options, &shown)
+    }
+
+    fn options_of_pair(&self, of: [&Refit; 2]) -> Options {
+        let most_reaches = of.iter().map(|refit| self.options_of(refit).most_reaches).min().unwrap_or(usize::MAX);
+        Options { most_reaches, ..self.options.clone() }
+    }
+
+    fn pair_shown(&self, of: [&Refit; 2]) -> impl Fn(&Progress) + Sync {
+        let names = format!("{} and {} added", of[0].form.effect, of[1].form.effect);
+        move |p| (self.progress)(&format!("{names}, {}", p.stage))
+    }
+
+    /// Fits a candidate on from where its rival ended, with its own effect in the place of the rival's: rivals are compared at their optima.
+    pub(crate) fn fit_from_rival(&self, candidate_fit: &CandidateFit, rival: &Fit) -> Result<Fit, FitError> {
+        let own = candidate_fit.fit.as_ref().ok_or(FitError::NoRun)?;
+        let water = &self.runs.first().ok_or(FitError::NoRun)?.conditions.water;
+        let ends = |fit: &Fit| {
+            let model = Model::new(self.rig, water, &fit.effects);
+            let end = model.shared.len();
+            end - model.effect_sizes().last().copied().unwrap_or(0)..end
+        };
+        let (from_rival, from_own) = (ends(rival), ends(own));
+        let (theirs, ours) = (rival.values(), own.values());
+        let values = [&theirs[..from_rival.start], &ours[from_own], &theirs[from_rival.end..]].concat();
+        let mut effects = rival.effects.clone();
+        effects.pop();
+        effects.extend(own.effects.last().cloned());
+        let shown = |p: &Progress| (self.progress)(&format!("{}, {}", candidate_fit.label(), p.stage));
+        refine(self.rig, self.runs, &effects, &values, &self.options_of(candidate_fit.refit), &shown)
     }
 
     /// Starts from the signals, without any earlier fit.

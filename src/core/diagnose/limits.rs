@@ -80,12 +80,19 @@ pub(crate) const CONVERGE_BELOW: f64 = 1.2;
 /// Error over noise of the best candidate above which it does not explain the records: the fallback search goes on until a
 /// candidate is below. Tuned: data unknown.
 pub(crate) const EXPLAINED_OVER_NOISE: f64 = 1.2;
+/// Error over noise of a candidate below which another start has too little left to gain for its cost. Cost.
+pub(crate) const DOWN_TO_THE_NOISE: f64 = 1.1;
 /// Error over noise of the start model above which its parameters may be wrong: the fallback search tries the first
 /// [`REFINED_EFFECTS`]. Tuned: data unknown.
 pub(crate) const START_DOUBTFUL: f64 = 3.0;
 /// Error over noise of the start model above which its parameters do not help to rank effects: the fallback search tries
 /// all of them. Tuned: data unknown.
 pub(crate) const START_USELESS: f64 = 10.0;
+
+/// Pairs of effects that are refitted. Cost.
+pub(crate) const REFINED_PAIRS: usize = 16;
+/// Strengths of an effect in a pair, in units of its strength alone. Chosen: alone, an effect also stands in for the other.
+pub(crate) const PAIR_STRENGTH: (f64, f64) = (0.1, 3.0);
 
 // ---- Evidence ------------------------------------------------------------------------------------------------------
 
@@ -94,6 +101,8 @@ pub(crate) const TEMPERATURE: f64 = 4.0;
 /// Odds, before any data, that nothing is missing against any one effect. Derived: nothing is as probable as that one of
 /// the sixteen effects of the catalogue is missing.
 pub(crate) const PRIOR_ODDS_OF_NOTHING: f64 = 16.0;
+/// Odds, before any data, of two given effects against one of them. Derived: those of the second against nothing.
+pub(crate) const PRIOR_ODDS_OF_PAIR: f64 = 1.0 / PRIOR_ODDS_OF_NOTHING;
 /// Least evidence for an effect to be worth having: the largest of sixteen searches by chance stays below. Derived in
 /// principle; no calculation of the number is left.
 pub(crate) const LEAST_EVIDENCE: f64 = 12.0;

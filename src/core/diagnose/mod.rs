@@ -12,13 +12,17 @@
 pub mod baseline;
 pub mod candidate;
 pub(crate) mod candidate_fit;
+pub(crate) mod circumstances;
 pub mod evidence;
 pub(crate) mod fallback_search;
 pub mod limits;
+pub mod needless;
 pub(crate) mod next_test;
 pub(crate) mod outcome;
+pub(crate) mod pairs;
 pub mod refit;
 pub mod residual_patterns;
+pub(crate) mod start;
 pub mod verdict;
 pub mod visible;
 pub mod warnings;
@@ -34,11 +38,12 @@ use crate::diagnose::evidence::{EvidenceScale, probabilities};
 use crate::diagnose::fallback_search::fallback_search;
 pub use crate::diagnose::limits::NEGLIGIBLE_EVIDENCE;
 use crate::diagnose::limits::{
-    CONVERGE_BELOW, EXPLAINED_OVER_NOISE, FULL_FITS, INDISTINGUISHABLE, LEAST_EVIDENCE, LEAST_FALL, NO_FULL_FIT_ABOVE,
-    REFINED_EFFECTS, START_DOUBTFUL, START_NEAR_NOISE, START_USELESS,
+    CONVERGE_BELOW, DOWN_TO_THE_NOISE, EXPLAINED_OVER_NOISE, FULL_FITS, INDISTINGUISHABLE, LEAST_EVIDENCE, LEAST_FALL,
+    NO_FULL_FIT_ABOVE, PRIOR_ODDS_OF_PAIR, REFINED_EFFECTS, START_DOUBTFUL, START_NEAR_NOISE, START_USELESS,
 };
 use crate::diagnose::next_test::next_test;
-pub use crate::diagnose::outcome::{Candidate, Diagnosis, Verdict};
+pub use crate::diagnose::outcome::{Candidate, Diagnosis, Pair, Verdict};
+use crate::diagnose::pairs::{PairFit, fitted_pairs};
 use crate::diagnose::refit::{Refit, refine, screen};
 use crate::diagnose::residual_patterns::residual_patterns;
 use crate::diagnose::visible::visible;
@@ -51,7 +56,7 @@ use crate::fit::search::options::{Options, Progress};
 use crate::fit::validate::conflict::faded_noise;
 use crate::fit::validate::held_out::held_out_m;
 use crate::model::check_sensors;
-use crate::model::effects::{CERTAIN, Chosen};
+use crate::model::effects::{Chosen, SHOWN};
 use crate::rig::Rig;
 
 /// Diagnoses `runs` of a rig, starting from a model with `effects`. `progress` receives a few words on each step.
@@ -66,7 +71,7 @@ pub fn diagnose(
     progress: &(dyn Fn(&str) + Sync),
 ) -> Result<Diagnosis, FitError> {
     progress("the start model");
-    let start = calibrate(rig, runs, effects, options, &|p| progress(&format!("the start model, {}", p.stage)))?;
+    let start = start::start_model(rig, runs, effects, options, progress)?;
     diagnose_fit(rig, runs, effects, start, options, progress)
 }
 
@@ -88,19 +93,36 @@ pub fn diagnose_fit(
     let fitter = FullFitter { rig, runs, effects, options, progress };
     let mut candidate_fits = candidate_fits(&baseline, &start, &refits);
     fit(&fitter, &baseline, &start, &mut candidate_fits);
-    let scale = weigh(&baseline, &start, &mut candidate_fits);
+    let shown = is_shown(&baseline, &candidate_fits);
+    // How cavities collapse no model follows well: what is left of them is no second effect.
+    let pair_fits = if shown { Vec::new() } else { pairs_of(&fitter, &baseline, &start, &refits, &candidate_fits) };
+    let scale = weigh(&baseline, &start, &mut candidate_fits, &pair_fits);
     rank(&baseline, &mut candidate_fits);
-    let shares =
-        probabilities(&candidate_fits.iter().map(|r| (r.evidence, r.odds(&baseline.known))).collect::<Vec<_>>());
+    let evidence_of = |pair: &PairFit| {
+        let added = pair.fit.parameters.len().saturating_sub(start.parameters.len());
+        scale.evidence(square(&start), square(&pair.fit), added)
+    };
+    let singles = candidate_fits.iter().map(|r| (r.evidence, r.odds(&baseline.known)));
+    let two = pair_fits.iter().map(|pair| (evidence_of(pair), PRIOR_ODDS_OF_PAIR));
+    let shares = probabilities(&singles.chain(two).collect::<Vec<_>>());
+    let (single_shares, pair_shares) = shares.split_at(candidate_fits.len());
     let mut candidates: Vec<Candidate> =
-        (0..candidate_fits.len()).map(|i| candidate(&baseline, &start, &candidate_fits, i, shares[i])).collect();
-    let certain = is_certain(&baseline, &candidate_fits);
-    let (verdict, other) = verdict::verdict(over_noise(&start, runs), &candidates, certain);
+        (0..candidate_fits.len()).map(|i| candidate(&baseline, &start, &candidate_fits, i, single_shares[i])).collect();
+    let mut pair = answer(&pair_fits, pair_shares, &candidates, evidence_of, &start, runs);
+    // An effect is missing alone, or with another.
+    for (both, share) in pair_fits.iter().zip(pair_shares) {
+        let in_pair = |c: &&mut Candidate| both.of.iter().any(|refit| refit.form.effect == c.effect);
+        candidates.iter_mut().filter(in_pair).for_each(|c| c.probability += share);
+    }
+    candidates.sort_by(|a, b| b.probability.total_cmp(&a.probability));
+    let (verdict, other) = verdict::verdict(over_noise(&start, runs), &candidates, pair.as_ref(), shown);
     // The effects of the catalogue share the rest of the probability.
     let none = (1.0 - shares.iter().sum::<f64>()).max(0.0) * (1.0 - other);
     candidates.iter_mut().for_each(|c| c.probability *= 1.0 - other);
+    pair.iter_mut().for_each(|p| p.probability *= 1.0 - other);
+    let single = candidates.first().map_or(0.0, |c| c.probability);
     let probability = match verdict {
-        Verdict::MissingEffect => candidates.first().map_or(0.0, |c| c.probability),
+        Verdict::MissingEffect => pair.as_ref().map_or(single, |p| p.probability),
         Verdict::NothingMissing => none,
         Verdict::UnknownEffect => other,
     };
@@ -110,6 +132,7 @@ pub fn diagnose_fit(
         warnings: warnings(rig, runs, &start, effects, options),
         residual_patterns: residual_patterns(&start),
         candidates,
+        pair,
         left_out: left_out(rig, &baseline.effects),
         held_out_m: None,
         visible: Vec::new(),
@@ -155,13 +178,14 @@ fn fit(fitter: &FullFitter, baseline: &Baseline, start: &Fit, candidate_fits: &m
             candidate_fit.take(fitter.fit_from_refit(candidate_fit.refit));
         }
     });
+    if is_shown(baseline, candidate_fits)
+        && candidate_fits[0].fit.as_ref().is_none_or(|f| over_noise(f, fitter.runs) > EXPLAINED_OVER_NOISE)
+    {
+        let fit = fitter.fit_from_scratch(candidate_fits[0].refit);
+        candidate_fits[0].take(fit);
+    }
     let start_error = over_noise(start, fitter.runs);
-    if is_certain(baseline, candidate_fits) {
-        if candidate_fits[0].fit.as_ref().is_none_or(|f| over_noise(f, fitter.runs) > EXPLAINED_OVER_NOISE) {
-            let fit = fitter.fit_from_scratch(candidate_fits[0].refit);
-            candidate_fits[0].take(fit);
-        }
-    } else if start_error > START_DOUBTFUL {
+    if start_error > START_DOUBTFUL {
         let most = if start_error > START_USELESS { usize::MAX } else { REFINED_EFFECTS };
         fallback_search(fitter, candidate_fits, square(start), EXPLAINED_OVER_NOISE, most);
     }
@@ -172,18 +196,80 @@ fn fit(fitter: &FullFitter, baseline: &Baseline, start: &Fit, candidate_fits: &m
             candidate_fit.take(converged);
         },
     );
+    let best = candidate_fits.iter().filter_map(|r| r.fit.clone()).min_by(|a, b| square(a).total_cmp(&square(b)));
+    let Some(best) = best else { return };
+    let rivals = candidate_fits.par_iter_mut().filter(|r| {
+        let other = r.fit.as_ref().is_some_and(|f| f.effects.last() != best.effects.last());
+        other && r.square < near
+    });
+    rivals.for_each(|rival| {
+        let fit = fitter.fit_from_rival(rival, &best);
+        rival.take(fit);
+    });
+    // What is left near the noise may be the way that the fit came: elements that the effect now explains, or too few of them.
+    let closest = candidate_fits.iter_mut().filter(|r| r.fit.is_some()).min_by(|a, b| a.square.total_cmp(&b.square));
+    let Some(closest) = closest else { return };
+    let left = closest.fit.as_ref().map_or(0.0, |f| over_noise(f, fitter.runs));
+    if (DOWN_TO_THE_NOISE..START_DOUBTFUL).contains(&left) {
+        let fit = fitter.fit_from_scratch(closest.refit);
+        closest.take(fit);
+    }
+}
+
+/// Pairs of effects, where something is missing and no single effect explains the records.
+fn pairs_of<'a>(
+    fitter: &FullFitter,
+    baseline: &Baseline,
+    start: &Fit,
+    refits: &'a [Refit],
+    candidate_fits: &[CandidateFit],
+) -> Vec<PairFit<'a>> {
+    let fits = candidate_fits.iter().filter_map(|r| r.fit.as_ref()).chain([start]);
+    let explained = fits.map(|f| over_noise(f, fitter.runs)).any(|left| left < EXPLAINED_OVER_NOISE);
+    if explained { Vec::new() } else { fitted_pairs(fitter, baseline, refits) }
+}
+
+/// The most probable pair, where the evidence for the second effect is enough.
+fn answer(
+    pair_fits: &[PairFit],
+    shares: &[f64],
+    singles: &[Candidate],
+    evidence_of: impl Fn(&PairFit) -> f64,
+    start: &Fit,
+    runs: &[RunData],
+) -> Option<Pair> {
+    let (best, share) = pair_fits.iter().zip(shares).max_by(|a, b| a.1.total_cmp(b.1))?;
+    let evidence = evidence_of(best);
+    let single = singles.iter().map(|c| c.evidence).fold(f64::NEG_INFINITY, f64::max);
+    (evidence > single + LEAST_EVIDENCE).then(|| Pair {
+        effects: best.of.map(|refit| refit.form.effect),
+        labels: best.of.map(|refit| refit.form.chosen.label()),
+        probability: *share,
+        evidence,
+        over_noise: over_noise(&best.fit, runs),
+        parameters: best.fit.parameters.len().saturating_sub(start.parameters.len()),
+        fit: best.fit.clone(),
+    })
 }
 
 /// Sets the evidence of each candidate, on the scale of the best fit. Candidates that are not worth a model get
 /// [`NEGLIGIBLE_EVIDENCE`] at most, however sure the data are of them.
-fn weigh(baseline: &Baseline, start: &Fit, candidate_fits: &mut [CandidateFit]) -> EvidenceScale {
-    let fine = candidate_fits.iter().filter_map(|r| r.fit.as_ref()).min_by(|a, b| square(a).total_cmp(&square(b)));
+fn weigh(
+    baseline: &Baseline,
+    start: &Fit,
+    candidate_fits: &mut [CandidateFit],
+    pair_fits: &[PairFit],
+) -> EvidenceScale {
+    let fits = candidate_fits.iter().filter_map(|r| r.fit.as_ref()).chain(pair_fits.iter().map(|pair| &pair.fit));
+    let fine = fits.min_by(|a, b| square(a).total_cmp(&square(b)));
     let scale = evidence_scale(fine.unwrap_or(start), baseline.features());
     let before = over_noise(start, &baseline.runs);
+    // Instruments within their class are at work on every rig: an effect is claimed only over the best model that they allow.
+    let within_class = candidate_fits.iter().filter(|r| !r.is_noteworthy(baseline)).map(|r| r.square);
+    let allowed = within_class.fold(square(start), f64::min);
     for candidate_fit in candidate_fits {
-        candidate_fit.evidence =
-            scale.evidence(square(start), candidate_fit.square, candidate_fit.added(baseline, start));
-        let fall = before.powi(2) * (1.0 - candidate_fit.square / square(start));
+        candidate_fit.evidence = scale.evidence(allowed, candidate_fit.square, candidate_fit.added(baseline, start));
+        let fall = before.powi(2) * (allowed - candidate_fit.square) / square(start);
         if fall < LEAST_FALL.powi(2) || !candidate_fit.is_noteworthy(baseline) {
             candidate_fit.evidence = candidate_fit.evidence.min(NEGLIGIBLE_EVIDENCE);
         }
@@ -191,10 +277,10 @@ fn weigh(baseline: &Baseline, start: &Fit, candidate_fits: &mut [CandidateFit]) 
     scale
 }
 
-/// Whether the most probable candidate is at work for certain: a record on the floor of vapour pressure has cavities, even
-/// if no model follows their collapse well.
-fn is_certain(baseline: &Baseline, candidate_fits: &[CandidateFit]) -> bool {
-    candidate_fits.first().is_some_and(|r| r.odds(&baseline.known) >= CERTAIN)
+/// Whether the record shows the most probable candidate by itself: one that lies on the floor of vapour pressure has cavities, even if no model
+/// follows their collapse well.
+fn is_shown(baseline: &Baseline, candidate_fits: &[CandidateFit]) -> bool {
+    candidate_fits.first().is_some_and(|r| r.odds(&baseline.known) >= SHOWN)
 }
 
 /// Adds to the diagnosis of a missing effect: how well the effect predicts the end of the records, and the test that would
@@ -204,22 +290,20 @@ fn explain(fitter: &FullFitter, baseline: &Baseline, candidate_fits: &[Candidate
     let predicted = |fit: Option<&Fit>| {
         fit.and_then(|fit| held_out_m(fitter.rig, fitter.runs, fit, fitter.options).ok()).filter(|m| m.is_finite())
     };
-    let best = diagnosis.candidates.first().and_then(|c| c.fit.as_ref());
+    let best = diagnosis.answer();
     let (start, with) = rayon::join(|| predicted(Some(&diagnosis.start)), || predicted(best));
     diagnosis.held_out_m = start;
-    let Some(first) = diagnosis.candidates.first_mut() else { return };
-    first.held_out_m = with;
-    let effect = first.effect;
-    if let Some(fit) = first.fit.as_ref().filter(|_| faded_noise(&diagnosis.start).is_empty()) {
-        diagnosis.warnings.extend(faded_noise(fit));
-    }
+    diagnosis.candidates.iter_mut().take(1).for_each(|first| first.held_out_m = with);
+    let effect = diagnosis.answer_label();
+    let faded = diagnosis.answer().map(faded_noise).filter(|_| faded_noise(&diagnosis.start).is_empty());
+    diagnosis.warnings.extend(faded.into_iter().flatten());
     if diagnosis.predicts_worse() {
         diagnosis.warnings.push(format!(
             "fitted to the beginning of the records, the model with {effect} predicts the rest worse than the start model: it \
              describes these records, but not what happens in the pipe"
         ));
     }
-    let Some(first) = diagnosis.candidates.first() else { return };
+    let Some(first) = diagnosis.candidates.first().filter(|_| diagnosis.pair.is_none()) else { return };
     diagnosis.next_test = first.indistinguishable_from.first().and_then(|name| {
         let other = candidate_fits.iter().find(|r| r.refit.form.effect == *name)?;
         next_test(baseline, &candidate_fits[0], other)

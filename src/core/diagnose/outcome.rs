@@ -3,6 +3,7 @@
 use crate::diagnose::limits::WORSE_PREDICTION;
 use crate::diagnose::visible::Visible;
 use crate::fit::outcome::fit::{Fit, FittedParameter};
+use crate::fit::problem::parameters::placed_sensor;
 
 /// The verdict of a diagnosis.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -53,6 +54,35 @@ pub struct Candidate {
     pub fit: Option<Fit>,
 }
 
+/// Two effects that explain together what neither explains alone.
+#[derive(Debug, Clone)]
+pub struct Pair {
+    /// Their names in the catalogue.
+    pub effects: [&'static str; 2],
+    /// Their forms, as on the command line.
+    pub labels: [String; 2],
+    /// The probability that both are missing.
+    pub probability: f64,
+    /// Evidence for both over the start model, natural logarithm of odds before tempering.
+    pub evidence: f64,
+    /// Error over noise with both.
+    pub over_noise: f64,
+    /// How many parameters both have.
+    pub parameters: usize,
+    /// The fit with both.
+    pub fit: Fit,
+}
+
+impl Pair {
+    /// The parameters of the two effects: the last of those that all runs share, before the places of sensors.
+    pub fn own_parameters(&self) -> Vec<&FittedParameter> {
+        let names: Vec<&FittedParameter> = self.fit.parameters.iter().filter(|p| p.run.is_none()).collect();
+        let placed = names.iter().filter(|p| placed_sensor(&p.name).is_some()).count();
+        let end = names.len() - placed;
+        names[end.saturating_sub(self.parameters)..end].to_vec()
+    }
+}
+
 /// The outcome of a diagnosis.
 #[derive(Debug, Clone)]
 pub struct Diagnosis {
@@ -68,6 +98,8 @@ pub struct Diagnosis {
     pub residual_patterns: Vec<String>,
     /// Effects that could be missing, best first.
     pub candidates: Vec<Candidate>,
+    /// The two effects that are the answer, where no single one is.
+    pub pair: Option<Pair>,
     /// Effects that were not tried, each with the reason.
     pub left_out: Vec<(&'static str, String)>,
     /// RMSE of the start model over the last two fifths of the records after a fit to what comes before, m.
@@ -79,6 +111,34 @@ pub struct Diagnosis {
 }
 
 impl Diagnosis {
+    /// The start model with what is missing, where something is and could be fitted.
+    pub fn answer(&self) -> Option<&Fit> {
+        let single = self.candidates.first().and_then(|c| c.fit.as_ref());
+        let found = self.pair.as_ref().map(|pair| &pair.fit).or(single);
+        found.filter(|_| self.verdict == Verdict::MissingEffect)
+    }
+
+    /// The probability that no effect of the catalogue is missing. One that is missing in a pair may also be missing alone.
+    pub fn none_of_these(&self) -> f64 {
+        let in_pair = self.pair.as_ref().map_or(0.0, |pair| pair.probability);
+        (1.0 - self.candidates.iter().map(|c| c.probability).sum::<f64>() + in_pair).max(0.0)
+    }
+
+    /// Evidence for what is missing.
+    pub fn answer_evidence(&self) -> f64 {
+        let single = self.candidates.first().map_or(0.0, |c| c.evidence);
+        self.pair.as_ref().map_or(single, |pair| pair.evidence)
+    }
+
+    /// What is missing, as on the command line: one effect, or two.
+    pub fn answer_label(&self) -> String {
+        match (&self.pair, self.candidates.first()) {
+            (Some(pair), _) => pair.labels.join(" and "),
+            (None, Some(best)) => best.label.clone(),
+            (None, None) => String::new(),
+        }
+    }
+
     /// Whether the most probable effect makes the model predict the end of the records worse.
     pub fn predicts_worse(&self) -> bool {
         let with = self.candidates.first().and_then(|c| c.held_out_m);

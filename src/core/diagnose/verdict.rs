@@ -3,12 +3,12 @@
 use crate::diagnose::limits::{
     LEAST_EVIDENCE, NOISE_LIKE, STEEPNESS, STEEPNESS_UNEXPLAINED, UNEXPLAINED_OVER_NOISE, UNEXPLAINED_SHARE,
 };
-use crate::diagnose::outcome::{Candidate, Verdict};
+use crate::diagnose::outcome::{Candidate, Pair, Verdict};
 
 /// The verdict, and the probability that something outside the catalogue is missing. `start` is the start model's error
-/// over noise; `candidates` come most probable first. With `certain`, the first one is at work whatever it leaves
-/// unexplained.
-pub(crate) fn verdict(start: f64, candidates: &[Candidate], certain: bool) -> (Verdict, f64) {
+/// over noise; `candidates` come most probable first; a `pair` is the answer instead of the first. A record that shows the first
+/// one by itself (`shown`) has it, whatever it leaves unexplained.
+pub(crate) fn verdict(start: f64, candidates: &[Candidate], pair: Option<&Pair>, shown: bool) -> (Verdict, f64) {
     let Some(best) = candidates.first().filter(|c| c.evidence >= LEAST_EVIDENCE) else {
         // An error that instruments within their class explain still counts as noise.
         let within_class = candidates.iter().filter(|c| c.within_class).map(|c| c.over_noise);
@@ -16,13 +16,13 @@ pub(crate) fn verdict(start: f64, candidates: &[Candidate], certain: bool) -> (V
         let verdict = if left <= NOISE_LIKE { Verdict::NothingMissing } else { Verdict::UnknownEffect };
         return (verdict, something_else(left, None));
     };
-    if certain {
+    if shown {
         return (Verdict::MissingEffect, 0.0);
     }
-    let unexplained =
-        left_share(start, best.over_noise) > UNEXPLAINED_SHARE && best.over_noise > UNEXPLAINED_OVER_NOISE;
+    let after = pair.map_or(best.over_noise, |pair| pair.over_noise);
+    let unexplained = left_share(start, after) > UNEXPLAINED_SHARE && after > UNEXPLAINED_OVER_NOISE;
     let verdict = if unexplained { Verdict::UnknownEffect } else { Verdict::MissingEffect };
-    (verdict, something_else(start, Some(best.over_noise)))
+    (verdict, something_else(start, Some(after)))
 }
 
 /// Share of an error's square that is left, both counted over the noise and beyond it.

@@ -12,8 +12,8 @@ use crate::model::steady::Steady;
 use crate::model::trace::Trace;
 use crate::rig::Rig;
 
-/// Prior odds of an effect that is at work for certain, whatever a fit says of others.
-pub const CERTAIN: f64 = 1e300;
+/// Prior odds of an effect that a record shows by itself: the chance that something else looks like it is one in so many.
+pub const SHOWN: f64 = 1e4;
 
 /// Evidence for or against an effect that is known before any fit.
 #[derive(Debug, Clone, Copy)]
@@ -22,6 +22,8 @@ pub struct Circumstances<'a> {
     pub rig: &'a Rig,
     /// How far the lowest pressure in any record stays above vapour pressure, m.
     pub above_vapour_m: f64,
+    /// Time between samples of the pressure sensors, the longest of all runs, s.
+    pub sample_s: f64,
 }
 
 /// Place of an attachment.
@@ -92,8 +94,8 @@ pub trait Effect: Sync {
         1.0
     }
     /// Whether these values exceed what every rig has of it: instruments within their class are not faulty.
-    fn noteworthy(&self, values: &[f64]) -> bool {
-        let _ = values;
+    fn noteworthy(&self, values: &[f64], known: &Circumstances) -> bool {
+        let _ = (values, known);
         true
     }
     /// Its parameters, for a number of elements (1 if it has none).

@@ -34,7 +34,7 @@ const DOWNSTREAM: &[&str] = &["kind", "closing_time_s", "discharge_head_m"];
 const STEADY: &[&str] =
     &["name", "flow_m3_h", "supply_head_m", "temperature_degC", "reynolds_number", "wave_speed_m_s"];
 
-const TOLERANCE: &[&str] = &["length_percent", "diameter_percent", "wall_percent", "position_percent"];
+const TOLERANCE: &[&str] = &["length_percent", "diameter_percent", "position_percent"];
 
 /// Which keys belong in which table.
 const HOMES: [(&str, &[&str]); 8] = [
@@ -314,7 +314,6 @@ fn read_tolerance(section: &Section<'_>) -> Tolerance {
     Tolerance {
         length: share("length_percent", usual.length),
         diameter: share("diameter_percent", usual.diameter),
-        wall: share("wall_percent", usual.wall),
         position: share("position_percent", usual.position),
     }
 }

@@ -18,7 +18,7 @@ pub struct Rig {
     pub valve: Valve,
     /// Every sensor, in the order of the file.
     pub sensors: Vec<Sensor>,
-    /// How exactly lengths, diameters, walls and places are known.
+    /// How exactly lengths, diameters and places are known.
     pub tolerance: Tolerance,
     /// Acquisition devices for live recording.
     pub devices: Vec<Device>,
@@ -30,23 +30,20 @@ pub struct Rig {
 
 /// How exactly the file's dimensions are known: standard deviations, as shares.
 ///
-/// The defaults are those of a tape along a pipe with bends, and of pipes as they are sold: ISO 3607 and EN 12201 allow some 10% on the wall and 1%
-/// on the bore.
+/// The defaults are those of a tape along a pipe with bends, and of the bore of pipes as they are sold.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Tolerance {
     /// Of lengths.
     pub length: f64,
     /// Of inner diameters.
     pub diameter: f64,
-    /// Of walls.
-    pub wall: f64,
     /// Of the places of sensors, as a share of the length of all pipes.
     pub position: f64,
 }
 
 impl Default for Tolerance {
     fn default() -> Self {
-        Tolerance { length: 0.005, diameter: 0.01, wall: 0.05, position: 0.003 }
+        Tolerance { length: 0.005, diameter: 0.01, position: 0.003 }
     }
 }
 

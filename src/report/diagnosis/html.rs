@@ -45,14 +45,10 @@ fn compared<'a>(page: &Page<'a>) -> Vec<Stage<'a>> {
 /// Mark, class and sentence of the verdict of all diagnoses together.
 pub(crate) fn verdict(page: &Page) -> (&'static str, &'static str, String) {
     let Some(last) = page.diagnoses.last() else { return ("?", "unknown", String::new()) };
-    let found: Vec<&Candidate> = page
-        .diagnoses
-        .iter()
-        .filter(|d| d.verdict == Verdict::MissingEffect)
-        .filter_map(|d| d.candidates.first())
-        .collect();
+    let missing: Vec<_> = page.diagnoses.iter().filter(|d| d.verdict == Verdict::MissingEffect).collect();
+    let found: Vec<&Candidate> = missing.iter().filter_map(|d| d.candidates.first()).collect();
     let names: Vec<String> =
-        found.iter().map(|c| format!("{} (probability {})", c.label, probability(c.probability))).collect();
+        missing.iter().map(|d| format!("{} (probability {})", d.answer_label(), probability(d.probability))).collect();
     let missing = match names.as_slice() {
         [] => String::new(),
         names => format!("Missing: {}. {} ", names.join(", then "), summary::verdict(&page.stages)),
@@ -177,10 +173,11 @@ mod tests {
         let diagnosis = Diagnosis {
             warnings: Vec::new(),
             held_out_m: None,
-            probability: 0.9,
+            probability: candidates.first().map_or(0.9, |c| c.probability),
             visible: Vec::new(),
             verdict,
             start: fit(&[], 0.3),
+            pair: None,
             left_out: vec![("moving-valve", "for a <reason>".into())],
             residual_patterns: vec!["P1: <much> too high".into()],
             next_test: next_test.map(str::to_owned),

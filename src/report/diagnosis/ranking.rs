@@ -115,7 +115,7 @@ fn rows(diagnosis: &Diagnosis, candidates: &[Candidate], with_none: bool) -> Str
             parameters(c),
         )
     });
-    let none = 1.0 - diagnosis.candidates.iter().map(|c| c.probability).sum::<f64>();
+    let none = diagnosis.none_of_these();
     let last =
         with_none.then(|| row("none of these".into(), none.clamp(0.0, 1.0), "0".into(), start.rmse_m, String::new()));
     let headings = ["effect", "probability", "evidence", "RMSE, m", "× noise", "its parameters"];

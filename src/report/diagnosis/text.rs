@@ -5,7 +5,7 @@ use std::fmt::Write;
 use serde::Serialize;
 
 use crate::diagnose::visible::Visible;
-use crate::diagnose::{Candidate, Diagnosis, NEGLIGIBLE_EVIDENCE, Verdict};
+use crate::diagnose::{Candidate, Diagnosis, NEGLIGIBLE_EVIDENCE, Pair, Verdict};
 use crate::model::effects::name_of;
 use crate::results::fit_record::Parameter;
 use crate::signal::faults::SensorFault;
@@ -16,6 +16,7 @@ struct Document<'a> {
     probability: f64,
     start: StartModel<'a>,
     candidates: Vec<Rival<'a>>,
+    pair: Option<Both<'a>>,
     next_test: &'a str,
     fails: &'a [String],
     not_tried: Vec<LeftOut<'a>>,
@@ -44,6 +45,16 @@ struct StartModel<'a> {
     rmse_m: f64,
     noise_m: f64,
     held_out_m: Option<f64>,
+    parameters: Vec<Parameter>,
+}
+
+#[derive(Serialize)]
+struct Both<'a> {
+    effects: [&'a str; 2],
+    labels: &'a [String; 2],
+    probability: f64,
+    evidence: f64,
+    rmse_m: f64,
     parameters: Vec<Parameter>,
 }
 
@@ -91,10 +102,22 @@ fn document(diagnosis: &Diagnosis) -> Document<'_> {
             .map(|v| Least { effect: &v.effect, parameter: &v.parameter, value: v.value, unit: v.unit })
             .collect(),
         candidates: diagnosis.candidates.iter().map(rival).collect(),
+        pair: diagnosis.pair.as_ref().map(both),
         next_test: diagnosis.next_test.as_deref().unwrap_or(""),
         fails: &diagnosis.residual_patterns,
         warnings: &diagnosis.warnings,
         not_tried: diagnosis.left_out.iter().map(|(effect, reason)| LeftOut { effect, reason }).collect(),
+    }
+}
+
+fn both(pair: &Pair) -> Both<'_> {
+    Both {
+        effects: pair.effects,
+        labels: &pair.labels,
+        probability: pair.probability,
+        evidence: pair.evidence,
+        rmse_m: pair.fit.pooled().0,
+        parameters: pair.fit.parameters.iter().map(Parameter::from).collect(),
     }
 }
 
@@ -148,8 +171,11 @@ pub fn text(diagnosis: &Diagnosis) -> String {
         }
         (Verdict::MissingEffect, Some(best)) => writeln!(
             out,
-            "\nMissing: {} (probability {:.2}). With it, RMSE {:.3} m → {:.3} m.",
-            best.label, best.probability, rmse_m, best.rmse_m
+            "\nMissing: {} (probability {:.2}). With {}, RMSE {rmse_m:.3} m → {:.3} m.",
+            diagnosis.answer_label(),
+            diagnosis.probability,
+            if diagnosis.pair.is_some() { "both" } else { "it" },
+            diagnosis.answer().map_or(best.rmse_m, |fit| fit.pooled().0)
         ),
         (Verdict::MissingEffect, None) => Ok(()),
     };
@@ -167,7 +193,8 @@ pub fn text(diagnosis: &Diagnosis) -> String {
         let _ = writeln!(out, "\nToo small to be seen in this record:\n{}", least.join("\n"));
     }
     if diagnosis.verdict == Verdict::MissingEffect {
-        for p in diagnosis.candidates.first().map_or(&[][..], |c| &c.parameters) {
+        let single = diagnosis.candidates.first().map_or(Vec::new(), |c| c.parameters.iter().collect());
+        for p in diagnosis.pair.as_ref().map_or(single, Pair::own_parameters) {
             let _ = writeln!(out, "  {} = {:.5} ± {:.2} {}", p.name, Sig(p.value), Sig(p.standard_error()), p.unit);
         }
     }
@@ -190,8 +217,7 @@ pub fn text(diagnosis: &Diagnosis) -> String {
         }
     }
     if diagnosis.verdict != Verdict::NothingMissing {
-        let all: f64 = diagnosis.candidates.iter().map(|c| c.probability).sum();
-        let _ = writeln!(out, "{:<20} {:>11.3}", "none of these", (1.0 - all).max(0.0));
+        let _ = writeln!(out, "{:<20} {:>11.3}", "none of these", diagnosis.none_of_these());
     }
     for (effect, reason) in &diagnosis.left_out {
         let _ = writeln!(out, "\nNot tried: {effect}: {reason}.");

@@ -133,7 +133,7 @@ fn full_scale_error_m(sensor: &Sensor, density_kg_m3: f64) -> Option<f64> {
     Some(share * span / (density_kg_m3 * GRAVITY_M_S2))
 }
 
-/// Relative uncertainty of the velocity from the flow meter's stated accuracy.
+/// Relative uncertainty of the velocity from the flow meter's stated accuracy and the tolerance of the bore.
 fn flow_uncertainty(rig: &Rig, velocity_m_s: f64) -> f64 {
     let meter = rig.sensors.iter().find(|s| s.kind == crate::rig::SensorKind::Flow);
     let stated = meter.and_then(|m| {
@@ -142,7 +142,7 @@ fn flow_uncertainty(rig: &Rig, velocity_m_s: f64) -> f64 {
         let area = rig.pipes.last()?.area_m2();
         Some(error / (area * velocity_m_s))
     });
-    stated.unwrap_or(DEFAULT_FLOW_UNCERTAINTY).clamp(1e-3, 1.0)
+    stated.unwrap_or(DEFAULT_FLOW_UNCERTAINTY).hypot(2.0 * rig.tolerance.diameter).clamp(1e-3, 1.0)
 }
 
 /// Head before the valve: of the nearest sensor that shows steady pressure, less the friction between; where there is none, a

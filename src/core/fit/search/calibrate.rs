@@ -14,7 +14,7 @@ use crate::fit::problem::fit_problem::{FitProblem, Window};
 use crate::fit::problem::method::Method;
 use crate::fit::problem::objective::Objective;
 use crate::fit::search::calibrator::{Calibrator, Estimate};
-use crate::fit::search::coarse_fit::{coarse_fit, grow, mean_square, residual_summary};
+use crate::fit::search::coarse_fit::{coarse_fit, grow, mean_square, nested_fit, residual_summary};
 use crate::fit::search::finish::{finish, without_descent};
 use crate::fit::search::global::global_search;
 use crate::fit::search::options::{Options, Progress};
@@ -63,6 +63,7 @@ pub fn calibrate(
     let mut model = ctx.model(&chosen);
     let steps = Mutex::new(Vec::new());
     let search = |model: &Model, smaller: Option<(&Model, &Estimate)>| match options.method {
+        Method::LeastSquares if smaller.is_none() => nested_fit(&ctx, model),
         Method::LeastSquares => coarse_fit(&ctx, model, smaller),
         Method::Global | Method::MicroGa | Method::GlobalLocal => Ok(global_search(&ctx, model)?),
         Method::Stepwise => {

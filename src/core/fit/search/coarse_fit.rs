@@ -41,6 +41,27 @@ pub(crate) fn coarse_fit(
     best_of(ctx, model, &candidates)
 }
 
+/// Fits a model on a coarse grid from the signals, and where that leaves it poor, from each smaller model that it contains: a model that contains another
+/// never ends worse.
+pub(crate) fn nested_fit(ctx: &Calibrator, model: &Model) -> Result<Estimate, FitError> {
+    let mut best = coarse_fit(ctx, model, None)?;
+    for i in 0..model.effects.len() {
+        if mean_square(ctx, model, &best) < 2.0 * POOR_FIT_COST {
+            break;
+        }
+        let rest = model.effects.iter().enumerate().filter(|(k, _)| *k != i).map(|(_, effect)| effect.clone());
+        let smaller = ctx.model(&rest.collect::<Vec<_>>());
+        let state = nested_fit(ctx, &smaller)?;
+        let problem = FitProblem::new(model, ctx.runs, ctx.window(COARSE_REACHES, f64::INFINITY));
+        let base: Vec<f64> = problem.parameters.iter().map(|p| p.start).collect();
+        let on = best_of(ctx, model, &starts_from(model, &smaller, &state, &base))?;
+        if on.cost < best.cost {
+            best = on;
+        }
+    }
+    Ok(best)
+}
+
 /// Fits of the first cycles from all that signals, effects and chance propose, the best first.
 fn locked(
     ctx: &Calibrator,
@@ -69,9 +90,11 @@ fn locked(
         return Ok(locked);
     }
     // An effect that may be anywhere is held in one place after the other with everything else free; then the best places are released.
+    // Without it the rest may have gone where no place leads back from, so the places are also tried from what the signals say.
     locked.truncate(1);
-    let screened = scanned.par_iter().map(|start| {
-        let mut values = locked[0].values.clone();
+    let rests = [&locked[0].values[..], base];
+    let screened = scanned.par_iter().flat_map(|start| rests.map(|rest| (start, rest))).map(|(start, rest)| {
+        let mut values = rest.to_vec();
         values[start.effect.clone()].copy_from_slice(&start.values[start.effect.clone()]);
         attempt(ctx, model, &places, &values, LOCKING_PERIODS[0] * period_s, SCREENING)
     });

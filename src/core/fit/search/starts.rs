@@ -93,9 +93,11 @@ pub(crate) fn starts_from(model: &Model, small: &Model, state: &Estimate, base: 
         for (value, parameter) in start[..shared].iter_mut().zip(&model.shared) {
             match small.shared.iter().position(|p| p.name == parameter.name) {
                 Some(i) => *value = state.values[i],
-                None if parameter.vanishes_at == Some(0.0) && gone => *value = parameter.lower,
-                None if parameter.vanishes_at == Some(0.0) => *value *= 0.2,
-                None => {}
+                None => match parameter.vanishes_at {
+                    Some(at) if gone => *value = at.clamp(parameter.lower, parameter.upper),
+                    Some(0.0) => *value *= 0.2,
+                    _ => {}
+                },
             }
         }
         start[shared..].copy_from_slice(&state.values[small_shared..]);

@@ -1,6 +1,6 @@
 //! A sensor whose clock is shifted against those of the others.
 
-use crate::model::effect::{Effect, check};
+use crate::model::effect::{Circumstances, Effect, check};
 use crate::model::error::ModelError;
 use crate::model::parameter::Parameter;
 use crate::model::scene::Site;
@@ -42,6 +42,10 @@ impl Effect for ClockSkew {
     }
     fn beyond_s(&self, values: &[f64]) -> f64 {
         (-values[0]).max(0.0)
+    }
+    /// A logger that scans its channels reads each at another time within a sample.
+    fn noteworthy(&self, values: &[f64], known: &Circumstances) -> bool {
+        values.iter().any(|skew_s| skew_s.abs() > known.sample_s)
     }
     fn sense(&self, values: &[f64], _elevation_m: f64, trace: Trace) -> Result<Trace, ModelError> {
         check("clock_skew_s", values[0], true, "a number")?;

@@ -1,6 +1,6 @@
 //! A sensor that reads a few percent too high or too low.
 
-use crate::model::effect::{Effect, check};
+use crate::model::effect::{Circumstances, Effect, check};
 use crate::model::error::ModelError;
 use crate::model::parameter::Parameter;
 use crate::model::scene::Site;
@@ -37,7 +37,7 @@ impl Effect for SensorGain {
         let about = "share by which the sensor reads too high";
         vec![Parameter::linear("gain_error", "1", about, 0.02, -0.3, 0.3).vanishing_at(0.0)]
     }
-    fn noteworthy(&self, values: &[f64]) -> bool {
+    fn noteworthy(&self, values: &[f64], _known: &Circumstances) -> bool {
         values.iter().any(|gain| gain.abs() >= LEAST_FAULT)
     }
     fn sense(&self, values: &[f64], elevation_m: f64, mut trace: Trace) -> Result<Trace, ModelError> {

@@ -2,7 +2,7 @@
 //! the cavity again.
 
 use crate::model::contribution::NodeField;
-use crate::model::effect::{CERTAIN, Circumstances, Effect, check};
+use crate::model::effect::{Circumstances, Effect, SHOWN, check};
 use crate::model::error::ModelError;
 use crate::model::gas;
 use crate::model::node::Shunt;
@@ -50,9 +50,10 @@ impl Effect for VapourCavity {
     fn lets_boil(&self) -> bool {
         true
     }
-    /// If the record lies on the floor of vapour pressure, the water boils: nothing else stops a fall there.
+    /// If the record lies on the floor of vapour pressure, the water boils: nothing else stops a fall there. But a trough may end near the floor
+    /// by chance.
     fn odds(&self, known: &Circumstances) -> f64 {
-        if known.above_vapour_m < FLOOR_M { CERTAIN } else { 1.0 }
+        if known.above_vapour_m < FLOOR_M { SHOWN } else { 1.0 }
     }
     /// The head at which the water boils follows from its temperature. Only the speed at which a cavity finally fills
     /// can be fitted.

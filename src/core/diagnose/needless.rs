@@ -1,0 +1,48 @@
+//! Backward elimination: after an effect was added, an earlier one may have nothing left to explain.
+//!
+//! What was found first may have stood in for what was found later. So each effect that a diagnosis has added is tried without, and goes where the
+//! evidence for it is no longer enough.
+
+use rayon::prelude::*;
+
+use crate::diagnose::candidate_fit::{evidence_scale, square};
+use crate::diagnose::circumstances::{circumstances, features};
+use crate::diagnose::limits::LEAST_EVIDENCE;
+use crate::fit::data::run_data::RunData;
+use crate::fit::outcome::fit::Fit;
+use crate::fit::search::calibrate::refine;
+use crate::fit::search::options::Options;
+use crate::model::Model;
+use crate::model::effects::Chosen;
+use crate::rig::Rig;
+
+/// The model without the effect that it needs least, where the evidence for that one is not enough; and that effect. Effects that are `kept` stay.
+pub fn without_needless(
+    rig: &Rig,
+    runs: &[RunData],
+    fit: &Fit,
+    kept: &[Chosen],
+    options: &Options,
+    progress: &(dyn Fn(&str) + Sync),
+) -> Option<(Fit, Chosen)> {
+    let stays = |effect: &Chosen| kept.iter().any(|c| c.effect.name() == effect.effect.name());
+    let model = Model::new(rig, &runs.first()?.conditions.water, &fit.effects);
+    let scale = evidence_scale(fit, features(runs));
+    let known = circumstances(rig, runs);
+    let tried = (0..fit.effects.len()).into_par_iter().filter(|&i| !stays(&fit.effects[i])).filter_map(|i| {
+        let gone = fit.effects[i].clone();
+        progress(&format!("without {}", gone.label()));
+        let from = model.effects_from() + model.effect_sizes()[..i].iter().sum::<usize>();
+        let own = from..from + model.effect_sizes()[i];
+        let values: Vec<f64> =
+            fit.values().into_iter().enumerate().filter(|(j, _)| !own.contains(j)).map(|(_, v)| v).collect();
+        let effects: Vec<Chosen> =
+            fit.effects.iter().enumerate().filter(|(k, _)| *k != i).map(|(_, c)| c.clone()).collect();
+        let smaller = refine(rig, runs, &effects, &values, options, &|_| {}).ok()?;
+        let evidence = scale.evidence(square(&smaller), square(fit), own.len());
+        let size: Vec<f64> = fit.values()[own].to_vec();
+        (evidence < LEAST_EVIDENCE || !gone.effect.noteworthy(&size, &known)).then_some((evidence, smaller, gone))
+    });
+    let least = tried.collect::<Vec<_>>().into_iter().min_by(|a, b| a.0.total_cmp(&b.0))?;
+    Some((least.1, least.2))
+}

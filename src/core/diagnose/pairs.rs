@@ -1,0 +1,163 @@
+//! Two effects at once: where no single effect brings the error down to the noise, each two of them are tried together.
+//!
+//! Each effect's refit has a signature: how it changes the residuals, less what the start model can absorb. What two signatures would leave
+//! together is a small linear problem, so all pairs are ranked by it; the best are refitted on the coarse grid, and the best of these
+//! to all samples.
+
+use rayon::prelude::*;
+
+use crate::diagnose::baseline::{Baseline, dot};
+use crate::diagnose::candidate_fit::{FullFitter, over_noise, square};
+use crate::diagnose::evidence::EvidenceScale;
+use crate::diagnose::limits::{
+    DOWN_TO_THE_NOISE, FULL_FITS, LEAST_EVIDENCE, NO_FULL_FIT_ABOVE, PAIR_STRENGTH, REFINE, REFINED_PAIRS,
+};
+use crate::diagnose::refit::Refit;
+use crate::fit::numeric::least_squares::{Problem, minimise};
+use crate::fit::outcome::fit::Fit;
+use crate::model::effects::Chosen;
+
+/// A pair of forms, refitted on the coarse grid.
+struct PairRefit<'a> {
+    of: [&'a Refit; 2],
+    effects: Vec<Chosen>,
+    values: Vec<f64>,
+    square: f64,
+    /// Of the samples.
+    residuals: Vec<f64>,
+}
+
+/// Two effects, fitted together to all samples.
+pub(crate) struct PairFit<'a> {
+    pub(crate) of: [&'a Refit; 2],
+    pub(crate) fit: Fit,
+}
+
+/// The pairs that leave least, fitted to all samples: those for whose second effect the coarse refits give evidence enough.
+pub(crate) fn fitted_pairs<'a>(fitter: &FullFitter, baseline: &Baseline, refits: &'a [Refit]) -> Vec<PairFit<'a>> {
+    (fitter.progress)("two effects at once");
+    let promising = promising(baseline, refits);
+    let mut refitted: Vec<PairRefit> = promising.par_iter().filter_map(|of| refitted(baseline, *of)).collect();
+    refitted.sort_by(|a, b| a.square.total_cmp(&b.square));
+    let Some(best) = refitted.first() else { return Vec::new() };
+    let single = refits.iter().map(|refit| refit.square).fold(baseline.square, f64::min);
+    let scale = EvidenceScale::of(&best.residuals, baseline.features());
+    let (most, own) = (NO_FULL_FIT_ABOVE * best.square, |pair: &PairRefit| pair.of[1].added);
+    refitted.retain(|pair| pair.square < most && scale.evidence(single, pair.square, own(pair)) > LEAST_EVIDENCE);
+    refitted.truncate(FULL_FITS);
+    let fits = refitted.into_par_iter().filter_map(|pair| {
+        let fit = fitter.fit_pair(pair.of, &pair.effects, &pair.values).ok()?;
+        Some(PairFit { of: pair.of, fit })
+    });
+    let mut fits: Vec<PairFit> = fits.collect();
+    fits.sort_by(|a, b| square(&a.fit).total_cmp(&square(&b.fit)));
+    // what is left may be the way that the fit came
+    if let Some(best) = fits.first_mut()
+        && over_noise(&best.fit, fitter.runs) > DOWN_TO_THE_NOISE
+        && let Ok(afresh) = fitter.fit_pair_from_scratch(best.of)
+        && square(&afresh) < square(&best.fit)
+    {
+        best.fit = afresh;
+    }
+    fits
+}
+
+/// The pairs whose signatures together leave least, the best first.
+fn promising<'a>(baseline: &Baseline, refits: &'a [Refit]) -> Vec<[&'a Refit; 2]> {
+    let left = baseline.projected(&baseline.residuals);
+    let signatures: Vec<Vec<f64>> = refits
+        .par_iter()
+        .map(|refit| {
+            baseline.projected(&refit.residuals).iter().zip(&left).map(|(with, without)| with - without).collect()
+        })
+        .collect();
+    let alone: Vec<(f64, f64)> = signatures.iter().map(|s| (dot(s, s), dot(s, &left))).collect();
+    let both: Vec<(usize, usize)> = (0..refits.len()).flat_map(|i| (0..i).map(move |j| (i, j))).collect();
+    let mut ranked: Vec<(f64, [&Refit; 2])> = both
+        .into_par_iter()
+        .filter(|&(i, j)| refits[i].form.effect != refits[j].form.effect && can_be_combined(&refits[i], &refits[j]))
+        .map(|(i, j)| {
+            let across = dot(&signatures[i], &signatures[j]);
+            (fall(alone[i], alone[j], across), [&refits[i], &refits[j]])
+        })
+        .filter(|(fall, _)| fall.is_finite())
+        .collect();
+    ranked.sort_by(|a, b| a.0.total_cmp(&b.0));
+    // one form of each two effects: neighbouring forms differ less than effects do
+    let mut kept: Vec<[&Refit; 2]> = Vec::new();
+    for (_, pair) in ranked {
+        let same = |known: &[&Refit; 2]| {
+            known[0].form.effect == pair[0].form.effect && known[1].form.effect == pair[1].form.effect
+        };
+        if kept.iter().filter(|known| same(known)).count() < 2 {
+            kept.push(pair);
+        }
+        if kept.len() == REFINED_PAIRS {
+            break;
+        }
+    }
+    kept
+}
+
+fn can_be_combined(a: &Refit, b: &Refit) -> bool {
+    let (a, b) = (a.form.chosen.effect, b.form.chosen.effect);
+    let excluded =
+        |x: &dyn crate::model::effects::Effect, name: &str| x.excludes().iter().any(|(other, _)| *other == name);
+    !excluded(a, b.name()) && !excluded(b, a.name())
+}
+
+/// By how much two signatures change the square, each as strong as leaves least within [`PAIR_STRENGTH`].
+fn fall((aa, ar): (f64, f64), (bb, br): (f64, f64), ab: f64) -> f64 {
+    let (weakest, strongest) = PAIR_STRENGTH;
+    let kept = |x: f64| if x.is_finite() { x.clamp(weakest, strongest) } else { weakest };
+    let (mut x, mut y) = (1.0, 1.0);
+    for _ in 0..8 {
+        x = kept(-(ar + y * ab) / aa);
+        y = kept(-(br + x * ab) / bb);
+    }
+    x * x * aa + y * y * bb + 2.0 * (x * ar + y * br + x * y * ab)
+}
+
+/// Fits all parameters of a model with both forms on the coarse grid: from the start model's values, and from those of either refit.
+fn refitted<'a>(baseline: &Baseline, of: [&'a Refit; 2]) -> Option<PairRefit<'a>> {
+    let effects: Vec<Chosen> =
+        baseline.effects.iter().cloned().chain(of.iter().map(|refit| refit.form.chosen.clone())).collect();
+    let model = baseline.model(&effects);
+    let problem = baseline.problem(&model);
+    let rests = [&baseline.values, &of[0].values, &of[1].values];
+    let starts = rests.iter().map(|rest| problem.variables(&with_both(baseline, of, rest)));
+    let cost = |x: &Vec<f64>| problem.residuals(x).map_or(f64::INFINITY, |r| dot(&r, &r));
+    let start = starts.map(|x| (cost(&x), x)).min_by(|a, b| a.0.total_cmp(&b.0))?.1;
+    let solution = minimise(&problem, &start, REFINE, |_, _| {}).ok()?;
+    Some(PairRefit {
+        of,
+        effects: model.effects.clone(),
+        values: problem.values(&solution.x),
+        square: 2.0 * solution.cost,
+        residuals: solution.residuals[..baseline.samples].to_vec(),
+    })
+}
+
+/// Values of all variables: both effects as their refits have them, the rest from `rest`, a start model's or a refit's values.
+fn with_both(baseline: &Baseline, of: [&Refit; 2], rest: &[f64]) -> Vec<f64> {
+    let size = |values: &[f64]| values.len() - baseline.values.len();
+    let own = of.iter().flat_map(|refit| &refit.values[baseline.shared..][..size(&refit.values)]);
+    let after = baseline.shared + size(rest);
+    rest[..baseline.shared].iter().chain(own).chain(&rest[after..]).copied().collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn two_signatures_that_make_up_the_residual_leave_nothing() {
+        // residual -(2a + b) with a, b at right angles, then oblique
+        for ab in [0.0, 0.5] {
+            let (aa, bb) = (1.0, 1.0);
+            let (ar, br) = (-(2.0 * aa + ab), -(2.0 * ab + bb));
+            let square = 4.0 * aa + bb + 4.0 * ab;
+            assert!((square + fall((aa, ar), (bb, br), ab)).abs() < 1e-2, "{ab}");
+        }
+    }
+}
