@@ -17,7 +17,7 @@ use surgescope::rig::{Coupling, Rig, SensorKind};
 use surgescope::signal::inspect;
 use surgescope::units::GRAVITY_M_S2;
 
-use crate::common::here;
+use crate::common::{CREEP, done, here};
 
 fn run_of(recording: &Recording) -> RunData {
     prepare("run", &recording.rig, recording, &inspect(recording).unwrap())
@@ -334,4 +334,22 @@ fn noise_that_dies_away_counts_where_the_valve_closes() {
     let ((even, even_said), (swaying, swaying_said)) = (error(0.0), error(0.2));
     assert!(!even_said && swaying_said);
     assert!(swaying > 3.0 * even, "{swaying} for {even}");
+}
+
+/// Whatever an effect can do, it can also vanish: the model with it fits no worse than the one without.
+#[test]
+fn a_model_that_contains_another_ends_no_worse() {
+    let rmse_m = |effects: &str| {
+        let fit = done(&["calibrate", CREEP, "--effects", effects, "--against", "none", "--most-reaches", "64"]);
+        fit["rmse_m"].as_f64().unwrap()
+    };
+    let smaller = rmse_m("none");
+    for effect in
+        ["clock-skew@P2", "sensor-lag@P1", "supply-drift", "air-pocket", "side-branch", "section-change", "leak"]
+    {
+        let bigger = rmse_m(effect);
+        assert!(bigger < 1.001 * smaller, "{effect}: {bigger} m, {smaller} m without");
+    }
+    let (one, both) = (rmse_m("blockage"), rmse_m("clock-skew@P3,blockage"));
+    assert!(both < 1.001 * one, "{both} m, {one} m without clock-skew");
 }

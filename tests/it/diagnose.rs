@@ -128,3 +128,32 @@ fn the_least_visible_gain_is_where_it_says() {
     assert_eq!(best(&large)["effect"], "sensor-gain", "{large}");
     assert_eq!(with_gain(0.3 * least)["verdict"], "nothing-missing");
 }
+
+/// A leak and a slow sensor in one record: neither explains it alone, and both are named at once with their values.
+#[test]
+fn two_effects_at_once_are_named_together() {
+    let folder = tempfile::tempdir().unwrap();
+    let recording = folder.path().join("both.mcap");
+    let truth = ["lag_time_s=0.04", "lag_damping_ratio=1", "leak_position_m=60", "leak_cda_mm2=4"];
+    let rig = here("rigs/demo-hdpe.toml");
+    let fixed = ["record", "--rig", text(&rig), "--simulate", "--speed", "0", "--duration", "8", "--effects"];
+    let made = [&fixed[..], &["sensor-lag@P2,leak", "-o", text(&recording), "--set"], &truth].concat();
+    printed(run(&made));
+    let answer = diagnose(&[text(&recording), "--effects", "none", "--most-reaches", "64"]);
+    assert_eq!(answer["verdict"], "missing-effect");
+    let pair = &answer["pair"];
+    let mut effects: Vec<&str> = pair["effects"].as_array().unwrap().iter().map(|e| e.as_str().unwrap()).collect();
+    effects.sort_unstable();
+    assert_eq!(effects, ["leak", "sensor-lag"]);
+    assert!(pair["probability"].as_f64().unwrap() > 0.9 && answer["probability"] == pair["probability"], "{pair}");
+    for truth in truth.iter().filter(|t| !t.starts_with("lag_damping")) {
+        let (name, value) = truth.split_once('=').unwrap();
+        let (found, exact) = (parameter(pair, name)["value"].as_f64().unwrap(), value.parse::<f64>().unwrap());
+        assert!((found / exact - 1.0).abs() < 0.02, "{name}: {found}");
+    }
+    // each is in the pair, so each is missing with at least its probability
+    for effect in effects {
+        let own = answer["candidates"].as_array().unwrap().iter().find(|c| c["effect"] == effect).unwrap();
+        assert!(own["probability"].as_f64().unwrap() >= pair["probability"].as_f64().unwrap());
+    }
+}

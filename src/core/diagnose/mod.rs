@@ -35,7 +35,7 @@ use crate::diagnose::baseline::Baseline;
 use crate::diagnose::candidate::{candidates, forms_of, left_out};
 use crate::diagnose::candidate_fit::{CandidateFit, FullFitter, best_forms, evidence_scale, over_noise, square};
 use crate::diagnose::evidence::{EvidenceScale, probabilities};
-use crate::diagnose::fallback_search::fallback_search;
+use crate::diagnose::fallback_search::{fallback_search, from_the_signals, more_elements};
 pub use crate::diagnose::limits::NEGLIGIBLE_EVIDENCE;
 use crate::diagnose::limits::{
     CONVERGE_BELOW, DOWN_TO_THE_NOISE, EXPLAINED_OVER_NOISE, FULL_FITS, INDISTINGUISHABLE, LEAST_EVIDENCE, LEAST_FALL,
@@ -196,8 +196,18 @@ fn fit(fitter: &FullFitter, baseline: &Baseline, start: &Fit, candidate_fits: &m
             candidate_fit.take(converged);
         },
     );
+    // What is left near the noise may be the way that the fits came: elements that the effect now explains, a place that is another's.
+    let left = candidate_fits.iter().filter_map(|r| r.fit.as_ref()).map(|f| over_noise(f, fitter.runs));
+    if (DOWN_TO_THE_NOISE..START_DOUBTFUL).contains(&left.fold(f64::INFINITY, f64::min)) {
+        let mut leading: Vec<_> = candidate_fits.iter_mut().filter(|r| r.fit.is_some()).collect();
+        leading.sort_by(|a, b| a.square.total_cmp(&b.square));
+        leading.truncate(FULL_FITS);
+        from_the_signals(fitter, &mut leading);
+        more_elements(fitter, candidate_fits);
+    }
     let best = candidate_fits.iter().filter_map(|r| r.fit.clone()).min_by(|a, b| square(a).total_cmp(&square(b)));
     let Some(best) = best else { return };
+    let near = CONVERGE_BELOW * square(&best);
     let rivals = candidate_fits.par_iter_mut().filter(|r| {
         let other = r.fit.as_ref().is_some_and(|f| f.effects.last() != best.effects.last());
         other && r.square < near
@@ -206,14 +216,6 @@ fn fit(fitter: &FullFitter, baseline: &Baseline, start: &Fit, candidate_fits: &m
         let fit = fitter.fit_from_rival(rival, &best);
         rival.take(fit);
     });
-    // What is left near the noise may be the way that the fit came: elements that the effect now explains, or too few of them.
-    let closest = candidate_fits.iter_mut().filter(|r| r.fit.is_some()).min_by(|a, b| a.square.total_cmp(&b.square));
-    let Some(closest) = closest else { return };
-    let left = closest.fit.as_ref().map_or(0.0, |f| over_noise(f, fitter.runs));
-    if (DOWN_TO_THE_NOISE..START_DOUBTFUL).contains(&left) {
-        let fit = fitter.fit_from_scratch(closest.refit);
-        closest.take(fit);
-    }
 }
 
 /// Pairs of effects, where something is missing and no single effect explains the records.

@@ -51,7 +51,11 @@ pub(crate) fn verdict(page: &Page) -> (&'static str, &'static str, String) {
         missing.iter().map(|d| format!("{} (probability {})", d.answer_label(), probability(d.probability))).collect();
     let missing = match names.as_slice() {
         [] => String::new(),
-        names => format!("Missing: {}. {} ", names.join(", then "), summary::verdict(&page.stages)),
+        names => {
+            let sure = missing.iter().all(|d| d.probability >= 0.5);
+            let head = if sure { "Missing" } else { "Something is missing; most likely" };
+            format!("{head}: {}. {} ", names.join(", then "), summary::verdict(&page.stages))
+        }
     };
     let unsure = found.last().filter(|c| !c.indistinguishable_from.is_empty()).map_or(String::new(), |c| {
         format!("These recordings cannot distinguish {} from {}. ", c.label, c.indistinguishable_from.join(", "))

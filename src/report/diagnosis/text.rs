@@ -171,9 +171,9 @@ pub fn text(diagnosis: &Diagnosis) -> String {
         }
         (Verdict::MissingEffect, Some(best)) => writeln!(
             out,
-            "\nMissing: {} (probability {:.2}). With {}, RMSE {rmse_m:.3} m → {:.3} m.",
-            diagnosis.answer_label(),
-            diagnosis.probability,
+            "\n{}{}. With {}, RMSE {rmse_m:.3} m → {:.3} m.",
+            named(diagnosis),
+            reservations(diagnosis),
             if diagnosis.pair.is_some() { "both" } else { "it" },
             diagnosis.answer().map_or(best.rmse_m, |fit| fit.pooled().0)
         ),
@@ -224,6 +224,36 @@ pub fn text(diagnosis: &Diagnosis) -> String {
     }
     if let Some(test) = &diagnosis.next_test {
         let _ = writeln!(out, "\nNext test: {test}.");
+    }
+    out
+}
+
+/// What is missing, as firmly as its probability allows.
+fn named(diagnosis: &Diagnosis) -> String {
+    let (label, p) = (diagnosis.answer_label(), diagnosis.probability);
+    if p >= 0.5 {
+        return format!("Missing: {label} (probability {p:.2})");
+    }
+    let outside = diagnosis.none_of_these();
+    format!(
+        "Something is missing; most likely {label} (probability {p:.2}, another effect {:.2}, none of the catalogue {outside:.2})",
+        (1.0 - p - outside).max(0.0)
+    )
+}
+
+/// What speaks against the answer, to stand in the same sentence.
+fn reservations(diagnosis: &Diagnosis) -> String {
+    let with = diagnosis.candidates.first().and_then(|c| c.held_out_m);
+    let no_better = matches!((with, diagnosis.held_out_m), (Some(with), Some(without)) if with > 0.98 * without);
+    let single = || diagnosis.candidates.first().map_or(Vec::new(), |c| c.parameters.iter().collect());
+    let own = diagnosis.pair.as_ref().map_or_else(single, Pair::own_parameters);
+    let at_bound: Vec<&str> = own.iter().filter(|p| p.at_bound).map(|p| p.name.as_str()).collect();
+    let mut out = String::new();
+    if no_better {
+        out += ", but it predicts the end of the record no better than the start model";
+    }
+    if !at_bound.is_empty() {
+        out += &format!("{} {} at a bound", if no_better { ", and with" } else { ", but with" }, at_bound.join(", "));
     }
     out
 }
