@@ -17,6 +17,7 @@ use crate::fit::problem::fit_problem::{FitProblem, Window};
 use crate::fit::search::options::Options;
 use crate::model::effects::{Chosen, Circumstances};
 use crate::model::{Model, ModelError};
+use crate::product::{along, dot, gram};
 use crate::rig::Rig;
 
 /// See the module.
@@ -87,9 +88,10 @@ impl<'a> Baseline<'a> {
         let meters = runs.iter().filter(|r| r.meter.is_some()).count();
         // In units of each column's norm, and without the combinations that the data hardly show: neighbouring elements
         // of a wall's creep are nearly parallel.
-        let norms: Vec<f64> = columns.iter().map(|c| dot(c, c).sqrt()).collect();
+        let products = gram(&columns);
+        let norms: Vec<f64> = products.diagonal().iter().map(|s| s.sqrt()).collect();
         let n = columns.len();
-        let normal = DMatrix::from_fn(n, n, |a, b| dot(&columns[a], &columns[b]) / (norms[a] * norms[b]));
+        let normal = DMatrix::from_fn(n, n, |a, b| products[(a, b)] / (norms[a] * norms[b]));
         // If every parameter is held there is nothing to invert, and the library cannot take an empty matrix.
         let inverse = match columns.len() {
             0 => normal,
@@ -192,7 +194,7 @@ impl<'a> Baseline<'a> {
     }
 
     fn along(&self, v: &[f64]) -> DVector<f64> {
-        DVector::from_iterator(self.fitted.columns.len(), self.fitted.columns.iter().map(|c| dot(c, v)))
+        along(&self.fitted.columns, v)
     }
 }
 
@@ -203,10 +205,6 @@ fn window(reaches: usize) -> Window {
 /// Samples and flow meters among all residuals; the priors stand between them.
 fn seen(all: &[f64], samples: usize, meters: usize) -> Vec<f64> {
     [&all[..samples], &all[all.len() - meters..]].concat()
-}
-
-pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(x, y)| x * y).sum()
 }
 
 /// Averages the samples of the runs and shifts them by the change in the model at `values` from `fine` to `coarse`

@@ -2,7 +2,7 @@
 
 use crate::diagnose::baseline::Baseline;
 use crate::diagnose::evidence::{EvidenceScale, tempered};
-use crate::diagnose::limits::{CONTEST_ITERATIONS, LEAST_EVIDENCE, MOST_REACHES_WITH_CAVITIES};
+use crate::diagnose::limits::{LEAST_EVIDENCE, MOST_REACHES_WITH_CAVITIES};
 use crate::diagnose::refit::Refit;
 use crate::fit::data::run_data::RunData;
 use crate::fit::outcome::fit::{Fit, FittedParameter};
@@ -88,8 +88,7 @@ impl<'a> CandidateFit<'a> {
     pub(crate) fn own_parameters(&self, baseline: &Baseline) -> Vec<FittedParameter> {
         let own = |effects: &[Chosen]| {
             let model = baseline.model(effects);
-            let size = model.effect_sizes().last().copied().unwrap_or(0);
-            (model.shared.len() - size..model.shared.len(), model.shared)
+            (model.parameters_of(effects.len() - 1), model.shared)
         };
         if let Some(fit) = &self.fit {
             return fit.parameters[own(&fit.effects).0].to_vec();
@@ -136,6 +135,17 @@ pub(crate) fn over_noise(fit: &Fit, runs: &[RunData]) -> f64 {
         }
     }
     (square / f64::max(n, 1.0)).sqrt()
+}
+
+/// By how much the square of the error over noise falls from a sum of squares to another, both over the samples of a start model.
+pub(crate) fn fall(start: &Fit, runs: &[RunData], from: f64, to: f64) -> f64 {
+    over_noise(start, runs).powi(2) * (from - to) / square(start)
+}
+
+/// What a fit would leave if it went on to the optimum that its linearised problem predicts.
+pub(crate) fn square_at_optimum(fit: &Fit) -> f64 {
+    let samples: usize = fit.runs.iter().flat_map(|r| &r.sensors).map(|s| s.time_s.len()).sum();
+    square(fit) * (1.0 - fit.predicted_reduction / samples.max(1) as f64)
 }
 
 /// The scale of evidence that the residuals of a fit set.
@@ -205,7 +215,7 @@ impl FullFitter<'_> {
 
     fn options_of_pair(&self, of: [&Refit; 2]) -> Options {
         let most_reaches = of.iter().map(|refit| self.options_of(refit).most_reaches).min().unwrap_or(usize::MAX);
-        Options { most_reaches, ..self.options.clone() }
+        Options { most_reaches, brief: true, ..self.options.clone() }
     }
 
     fn pair_shown(&self, of: [&Refit; 2]) -> impl Fn(&Progress) + Sync {
@@ -217,12 +227,8 @@ impl FullFitter<'_> {
     pub(crate) fn fit_from_rival(&self, candidate_fit: &CandidateFit, rival: &Fit) -> Result<Fit, FitError> {
         let own = candidate_fit.fit.as_ref().ok_or(FitError::NoRun)?;
         let water = &self.runs.first().ok_or(FitError::NoRun)?.conditions.water;
-        let ends = |fit: &Fit| {
-            let model = Model::new(self.rig, water, &fit.effects);
-            let end = model.shared.len();
-            end - model.effect_sizes().last().copied().unwrap_or(0)..end
-        };
-        let (from_rival, from_own) = (ends(rival), ends(own));
+        let added = |fit: &Fit| Model::new(self.rig, water, &fit.effects).parameters_of(fit.effects.len() - 1);
+        let (from_rival, from_own) = (added(rival), added(own));
         let (theirs, ours) = (rival.values(), own.values());
         let values = [&theirs[..from_rival.start], &ours[from_own], &theirs[from_rival.end..]].concat();
         let mut effects = rival.effects.clone();
@@ -262,19 +268,19 @@ impl FullFitter<'_> {
 
     fn options_of(&self, refit: &Refit) -> Options {
         let boils = refit.effects.iter().any(|c| c.effect.lets_boil());
-        let most = if boils { MOST_REACHES_WITH_CAVITIES } else { usize::MAX };
-        Options {
-            most_reaches: self.options.most_reaches.min(most),
-            patience: CONTEST_ITERATIONS,
-            ..self.options.clone()
-        }
+        Options { most_reaches: self.most_reaches(boils), brief: true, ..self.options.clone() }
     }
 
-    /// Fits a candidate until it converges.
-    pub(crate) fn converged(&self, candidate_fit: &CandidateFit) -> Result<Fit, FitError> {
-        let fit = candidate_fit.fit.as_ref().ok_or(FitError::NoRun)?;
-        let shown = |p: &Progress| (self.progress)(&format!("{}, {}", candidate_fit.label(), p.stage));
-        let options = Options { patience: self.options.patience, ..self.options_of(candidate_fit.refit) };
+    /// Fits a candidate or a pair until it converges.
+    pub(crate) fn converged(&self, fit: &Fit) -> Result<Fit, FitError> {
+        let labels: Vec<String> = fit.effects.iter().map(Chosen::label).collect();
+        let shown = |p: &Progress| (self.progress)(&format!("{}, {}", labels.join(" + "), p.stage));
+        let boils = fit.effects.iter().any(|c| c.effect.lets_boil());
+        let options = Options { most_reaches: self.most_reaches(boils), ..self.options.clone() };
         refine(self.rig, self.runs, &fit.effects, &fit.values(), &options, &shown)
+    }
+
+    fn most_reaches(&self, boils: bool) -> usize {
+        self.options.most_reaches.min(if boils { MOST_REACHES_WITH_CAVITIES } else { usize::MAX })
     }
 }

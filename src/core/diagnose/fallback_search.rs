@@ -38,7 +38,7 @@ pub(crate) fn fallback_search(
 }
 
 /// Gives the best candidates the elements that their own fits ask for.
-pub(crate) fn more_elements(fitter: &FullFitter, candidate_fits: &mut [CandidateFit]) {
+fn more_elements(fitter: &FullFitter, candidate_fits: &mut [CandidateFit]) {
     let mut best: Vec<&mut CandidateFit> = candidate_fits.iter_mut().filter(|r| r.fit.is_some()).collect();
     best.sort_by(|a, b| a.square.total_cmp(&b.square));
     let most = NO_FULL_FIT_ABOVE * best.first().map_or(0.0, |b| b.square);
@@ -49,7 +49,7 @@ pub(crate) fn more_elements(fitter: &FullFitter, candidate_fits: &mut [Candidate
 }
 
 /// Fits candidates from the signals, without any earlier fit: all on a coarse grid, then those that leave least.
-pub(crate) fn from_the_signals(fitter: &FullFitter, candidate_fits: &mut [&mut CandidateFit]) {
+fn from_the_signals(fitter: &FullFitter, candidate_fits: &mut [&mut CandidateFit]) {
     let coarse: Vec<_> =
         candidate_fits.par_iter().map(|candidate_fit| fitter.coarse_fit(candidate_fit.refit).ok()).collect();
     let mean_square = |i: usize| coarse[i].as_ref().map_or(f64::INFINITY, |c| c.mean_square);

@@ -70,8 +70,6 @@ pub(crate) const FALLBACK_FITS: usize = 3;
 /// Finest grid of a fit with cavities, in reaches: the spikes of their collapse belong to the grid. Literature: Bergant,
 /// Simpson & Tijsseling (2006) for the fact; the number is tuned: data unknown.
 pub(crate) const MOST_REACHES_WITH_CAVITIES: usize = 128;
-/// Iterations on each finer grid until it is known which candidate wins. Cost, and tuned: data unknown.
-pub(crate) const CONTEST_ITERATIONS: usize = 6;
 /// A candidate that leaves this many times the best candidate's square gets no full fit. Cost, and tuned: data unknown.
 pub(crate) const NO_FULL_FIT_ABOVE: f64 = 4.0;
 /// A candidate that leaves less than this many times the best candidate's square is fitted until it converges. Cost, and
@@ -109,6 +107,9 @@ pub(crate) const LEAST_EVIDENCE: f64 = 12.0;
 /// Least that an effect must take away of the error over noise, in quadrature: less is not worth a model. Tuned: data
 /// unknown.
 pub(crate) const LEAST_FALL: f64 = 0.25;
+/// Share of [`LEAST_FALL`]'s square that a refit must forecast for a fit to all samples. Cost: forecasts of the fall were right to a factor of
+/// three on all recordings of the open sets.
+pub(crate) const LEAST_FORECAST: f64 = 0.2;
 /// Evidence that an effect has at most if it is not worth a model. Tuned: data unknown.
 pub const NEGLIGIBLE_EVIDENCE: f64 = -10.0;
 /// Difference of tempered evidence within which two effects cannot be told apart: a Bayes factor of twenty. Literature:

@@ -33,13 +33,16 @@ use rayon::prelude::*;
 
 use crate::diagnose::baseline::Baseline;
 use crate::diagnose::candidate::{candidates, forms_of, left_out};
-use crate::diagnose::candidate_fit::{CandidateFit, FullFitter, best_forms, evidence_scale, over_noise, square};
+use crate::diagnose::candidate_fit::{
+    CandidateFit, FullFitter, best_forms, evidence_scale, fall, over_noise, square, square_at_optimum,
+};
 use crate::diagnose::evidence::{EvidenceScale, probabilities};
-use crate::diagnose::fallback_search::{fallback_search, from_the_signals, more_elements};
+use crate::diagnose::fallback_search::fallback_search;
 pub use crate::diagnose::limits::NEGLIGIBLE_EVIDENCE;
 use crate::diagnose::limits::{
     CONVERGE_BELOW, DOWN_TO_THE_NOISE, EXPLAINED_OVER_NOISE, FULL_FITS, INDISTINGUISHABLE, LEAST_EVIDENCE, LEAST_FALL,
-    NO_FULL_FIT_ABOVE, PRIOR_ODDS_OF_PAIR, REFINED_EFFECTS, START_DOUBTFUL, START_NEAR_NOISE, START_USELESS,
+    LEAST_FORECAST, NO_FULL_FIT_ABOVE, PRIOR_ODDS_OF_PAIR, REFINED_EFFECTS, START_DOUBTFUL, START_NEAR_NOISE,
+    START_USELESS,
 };
 use crate::diagnose::next_test::next_test;
 pub use crate::diagnose::outcome::{Candidate, Diagnosis, Pair, Verdict};
@@ -99,6 +102,7 @@ pub fn diagnose_fit(
     let scale = weigh(&baseline, &start, &mut candidate_fits, &pair_fits);
     rank(&baseline, &mut candidate_fits);
     let evidence_of = |pair: &PairFit| {
+        // further elements of the start model's effects among them
         let added = pair.fit.parameters.len().saturating_sub(start.parameters.len());
         scale.evidence(square(&start), square(&pair.fit), added)
     };
@@ -108,7 +112,7 @@ pub fn diagnose_fit(
     let (single_shares, pair_shares) = shares.split_at(candidate_fits.len());
     let mut candidates: Vec<Candidate> =
         (0..candidate_fits.len()).map(|i| candidate(&baseline, &start, &candidate_fits, i, single_shares[i])).collect();
-    let mut pair = answer(&pair_fits, pair_shares, &candidates, evidence_of, &start, runs);
+    let mut pair = answer(&baseline, &pair_fits, pair_shares, &candidates, evidence_of);
     // An effect is missing alone, or with another.
     for (both, share) in pair_fits.iter().zip(pair_shares) {
         let in_pair = |c: &&mut Candidate| both.of.iter().any(|refit| refit.form.effect == c.effect);
@@ -173,8 +177,11 @@ fn fit(fitter: &FullFitter, baseline: &Baseline, start: &Fit, candidate_fits: &m
     let Some(best) = candidate_fits.first().map(|r| r.square) else { return };
     let tried = candidate_fits.len().min(FULL_FITS);
     candidate_fits[..tried].par_iter_mut().enumerate().for_each(|(i, candidate_fit)| {
-        let first = i == 0 && candidate_fit.evidence > NEGLIGIBLE_EVIDENCE;
-        if first || (candidate_fit.evidence > LEAST_EVIDENCE && candidate_fit.square < NO_FULL_FIT_ABOVE * best) {
+        let least = if i == 0 { NEGLIGIBLE_EVIDENCE } else { LEAST_EVIDENCE };
+        let may_win = candidate_fit.evidence > least && candidate_fit.square < NO_FULL_FIT_ABOVE * best;
+        if may_win
+            && fall(start, fitter.runs, square(start), candidate_fit.square) > LEAST_FORECAST * LEAST_FALL.powi(2)
+        {
             candidate_fit.take(fitter.fit_from_refit(candidate_fit.refit));
         }
     });
@@ -189,32 +196,42 @@ fn fit(fitter: &FullFitter, baseline: &Baseline, start: &Fit, candidate_fits: &m
         let most = if start_error > START_USELESS { usize::MAX } else { REFINED_EFFECTS };
         fallback_search(fitter, candidate_fits, square(start), EXPLAINED_OVER_NOISE, most);
     }
-    let near = CONVERGE_BELOW * candidate_fits.iter().map(|r| r.square).fold(f64::INFINITY, f64::min);
-    candidate_fits.par_iter_mut().filter(|r| r.fit.as_ref().is_some_and(|f| !f.converged) && r.square < near).for_each(
-        |candidate_fit| {
-            let converged = fitter.converged(candidate_fit);
-            candidate_fit.take(converged);
-        },
-    );
-    // What is left near the noise may be the way that the fits came: elements that the effect now explains, a place that is another's.
-    let left = candidate_fits.iter().filter_map(|r| r.fit.as_ref()).map(|f| over_noise(f, fitter.runs));
-    if (DOWN_TO_THE_NOISE..START_DOUBTFUL).contains(&left.fold(f64::INFINITY, f64::min)) {
-        let mut leading: Vec<_> = candidate_fits.iter_mut().filter(|r| r.fit.is_some()).collect();
-        leading.sort_by(|a, b| a.square.total_cmp(&b.square));
-        leading.truncate(FULL_FITS);
-        from_the_signals(fitter, &mut leading);
-        more_elements(fitter, candidate_fits);
+    // What is left may be the way that the fits came: elements that the effect now explains, a place that is another's.
+    let mut leading: Vec<_> = candidate_fits.iter_mut().filter(|r| r.fit.is_some()).collect();
+    leading.sort_by(|a, b| a.square.total_cmp(&b.square));
+    let most = NO_FULL_FIT_ABOVE * leading.first().map_or(0.0, |r| r.square);
+    if leading.first().and_then(|r| r.fit.as_ref()).is_some_and(|f| over_noise(f, fitter.runs) > DOWN_TO_THE_NOISE) {
+        leading.into_par_iter().take(FULL_FITS).filter(|r| r.square < most).for_each(|candidate_fit| {
+            let afresh = fitter.fit_from_scratch(candidate_fit.refit);
+            candidate_fit.take(afresh);
+        });
     }
-    let best = candidate_fits.iter().filter_map(|r| r.fit.clone()).min_by(|a, b| square(a).total_cmp(&square(b)));
-    let Some(best) = best else { return };
-    let near = CONVERGE_BELOW * square(&best);
+    contest(fitter, candidate_fits);
+}
+
+/// Compares the rivals at their optima: the best is fitted until it converges, the others also start from where it ended.
+fn contest(fitter: &FullFitter, candidate_fits: &mut [CandidateFit]) {
+    let converge = |candidate_fit: &mut CandidateFit| {
+        if let Some(fit) = candidate_fit.fit.as_ref().filter(|f| !f.converged) {
+            let converged = fitter.converged(fit);
+            candidate_fit.take(converged);
+        }
+    };
+    let fitted = candidate_fits.iter_mut().filter(|r| r.fit.is_some());
+    let Some(best) = fitted.min_by(|a, b| a.square.total_cmp(&b.square)) else { return };
+    converge(best);
+    let Some(winner) = best.fit.clone() else { return };
+    let near = CONVERGE_BELOW * square(&winner);
     let rivals = candidate_fits.par_iter_mut().filter(|r| {
-        let other = r.fit.as_ref().is_some_and(|f| f.effects.last() != best.effects.last());
+        let other = r.fit.as_ref().is_some_and(|f| f.effects.last() != winner.effects.last());
         other && r.square < near
     });
     rivals.for_each(|rival| {
-        let fit = fitter.fit_from_rival(rival, &best);
+        let fit = fitter.fit_from_rival(rival, &winner);
         rival.take(fit);
+        if rival.fit.as_ref().is_some_and(|f| square_at_optimum(f) < square(&winner)) {
+            converge(rival);
+        }
     });
 }
 
@@ -233,12 +250,11 @@ fn pairs_of<'a>(
 
 /// The most probable pair, where the evidence for the second effect is enough.
 fn answer(
+    baseline: &Baseline,
     pair_fits: &[PairFit],
     shares: &[f64],
     singles: &[Candidate],
     evidence_of: impl Fn(&PairFit) -> f64,
-    start: &Fit,
-    runs: &[RunData],
 ) -> Option<Pair> {
     let (best, share) = pair_fits.iter().zip(shares).max_by(|a, b| a.1.total_cmp(b.1))?;
     let evidence = evidence_of(best);
@@ -248,8 +264,8 @@ fn answer(
         labels: best.of.map(|refit| refit.form.chosen.label()),
         probability: *share,
         evidence,
-        over_noise: over_noise(&best.fit, runs),
-        parameters: best.fit.parameters.len().saturating_sub(start.parameters.len()),
+        over_noise: over_noise(&best.fit, &baseline.runs),
+        parameters: best.own_parameters(baseline),
         fit: best.fit.clone(),
     })
 }
@@ -265,13 +281,12 @@ fn weigh(
     let fits = candidate_fits.iter().filter_map(|r| r.fit.as_ref()).chain(pair_fits.iter().map(|pair| &pair.fit));
     let fine = fits.min_by(|a, b| square(a).total_cmp(&square(b)));
     let scale = evidence_scale(fine.unwrap_or(start), baseline.features());
-    let before = over_noise(start, &baseline.runs);
     // Instruments within their class are at work on every rig: an effect is claimed only over the best model that they allow.
     let within_class = candidate_fits.iter().filter(|r| !r.is_noteworthy(baseline)).map(|r| r.square);
     let allowed = within_class.fold(square(start), f64::min);
     for candidate_fit in candidate_fits {
         candidate_fit.evidence = scale.evidence(allowed, candidate_fit.square, candidate_fit.added(baseline, start));
-        let fall = before.powi(2) * (allowed - candidate_fit.square) / square(start);
+        let fall = fall(start, &baseline.runs, allowed, candidate_fit.square);
         if fall < LEAST_FALL.powi(2) || !candidate_fit.is_noteworthy(baseline) {
             candidate_fit.evidence = candidate_fit.evidence.min(NEGLIGIBLE_EVIDENCE);
         }

@@ -32,8 +32,7 @@ pub fn without_needless(
     let tried = (0..fit.effects.len()).into_par_iter().filter(|&i| !stays(&fit.effects[i])).filter_map(|i| {
         let gone = fit.effects[i].clone();
         progress(&format!("without {}", gone.label()));
-        let from = model.effects_from() + model.effect_sizes()[..i].iter().sum::<usize>();
-        let own = from..from + model.effect_sizes()[i];
+        let own = model.parameters_of(i);
         let values: Vec<f64> =
             fit.values().into_iter().enumerate().filter(|(j, _)| !own.contains(j)).map(|(_, v)| v).collect();
         let effects: Vec<Chosen> =

@@ -3,7 +3,6 @@
 use crate::diagnose::limits::WORSE_PREDICTION;
 use crate::diagnose::visible::Visible;
 use crate::fit::outcome::fit::{Fit, FittedParameter};
-use crate::fit::problem::parameters::placed_sensor;
 
 /// The verdict of a diagnosis.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -67,20 +66,10 @@ pub struct Pair {
     pub evidence: f64,
     /// Error over noise with both.
     pub over_noise: f64,
-    /// How many parameters both have.
-    pub parameters: usize,
+    /// The parameters of both.
+    pub parameters: Vec<FittedParameter>,
     /// The fit with both.
     pub fit: Fit,
-}
-
-impl Pair {
-    /// The parameters of the two effects: the last of those that all runs share, before the places of sensors.
-    pub fn own_parameters(&self) -> Vec<&FittedParameter> {
-        let names: Vec<&FittedParameter> = self.fit.parameters.iter().filter(|p| p.run.is_none()).collect();
-        let placed = names.iter().filter(|p| placed_sensor(&p.name).is_some()).count();
-        let end = names.len() - placed;
-        names[end.saturating_sub(self.parameters)..end].to_vec()
-    }
 }
 
 /// The outcome of a diagnosis.
@@ -128,6 +117,12 @@ impl Diagnosis {
     pub fn answer_evidence(&self) -> f64 {
         let single = self.candidates.first().map_or(0.0, |c| c.evidence);
         self.pair.as_ref().map_or(single, |pair| pair.evidence)
+    }
+
+    /// The parameters of what is missing.
+    pub fn answer_parameters(&self) -> &[FittedParameter] {
+        let single = self.candidates.first().map_or(&[][..], |c| &c.parameters);
+        self.pair.as_ref().map_or(single, |pair| &pair.parameters)
     }
 
     /// What is missing, as on the command line: one effect, or two.

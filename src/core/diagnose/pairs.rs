@@ -6,7 +6,7 @@
 
 use rayon::prelude::*;
 
-use crate::diagnose::baseline::{Baseline, dot};
+use crate::diagnose::baseline::Baseline;
 use crate::diagnose::candidate_fit::{FullFitter, over_noise, square};
 use crate::diagnose::evidence::EvidenceScale;
 use crate::diagnose::limits::{
@@ -14,8 +14,10 @@ use crate::diagnose::limits::{
 };
 use crate::diagnose::refit::Refit;
 use crate::fit::numeric::least_squares::{Problem, minimise};
-use crate::fit::outcome::fit::Fit;
+use crate::fit::outcome::fit::{Fit, FittedParameter};
+use crate::fit::problem::error::FitError;
 use crate::model::effects::Chosen;
+use crate::product::dot;
 
 /// A pair of forms, refitted on the coarse grid.
 struct PairRefit<'a> {
@@ -31,6 +33,29 @@ struct PairRefit<'a> {
 pub(crate) struct PairFit<'a> {
     pub(crate) of: [&'a Refit; 2],
     pub(crate) fit: Fit,
+}
+
+impl PairFit<'_> {
+    /// Keeps a fit if it is better than the one so far.
+    fn take(&mut self, fit: Result<Fit, FitError>) {
+        if let Ok(fit) = fit
+            && square(&fit) < square(&self.fit)
+        {
+            self.fit = fit;
+        }
+    }
+
+    /// Whether both effects are stronger than what every rig has of them.
+    fn is_noteworthy(&self, baseline: &Baseline) -> bool {
+        let (model, values, n) = (baseline.model(&self.fit.effects), self.fit.values(), self.fit.effects.len());
+        (n - 2..n).all(|i| self.fit.effects[i].effect.noteworthy(&values[model.parameters_of(i)], &baseline.known))
+    }
+
+    /// The parameters of the two effects, which are the model's last.
+    pub(crate) fn own_parameters(&self, baseline: &Baseline) -> Vec<FittedParameter> {
+        let (model, last) = (baseline.model(&self.fit.effects), self.fit.effects.len() - 1);
+        self.fit.parameters[model.parameters_of(last - 1).start..model.parameters_of(last).end].to_vec()
+    }
 }
 
 /// The pairs that leave least, fitted to all samples: those for whose second effect the coarse refits give evidence enough.
@@ -51,14 +76,17 @@ pub(crate) fn fitted_pairs<'a>(fitter: &FullFitter, baseline: &Baseline, refits:
     });
     let mut fits: Vec<PairFit> = fits.collect();
     fits.sort_by(|a, b| square(&a.fit).total_cmp(&square(&b.fit)));
-    // what is left may be the way that the fit came
-    if let Some(best) = fits.first_mut()
-        && over_noise(&best.fit, fitter.runs) > DOWN_TO_THE_NOISE
-        && let Ok(afresh) = fitter.fit_pair_from_scratch(best.of)
-        && square(&afresh) < square(&best.fit)
-    {
-        best.fit = afresh;
+    if let Some(best) = fits.first_mut() {
+        // what is left may be the way that the fit came
+        if over_noise(&best.fit, fitter.runs) > DOWN_TO_THE_NOISE {
+            best.take(fitter.fit_pair_from_scratch(best.of));
+        }
+        if !best.fit.converged {
+            best.take(fitter.converged(&best.fit));
+        }
     }
+    // instruments within their class are at work on every rig
+    fits.retain(|pair| pair.is_noteworthy(baseline));
     fits
 }
 

@@ -4,7 +4,7 @@
 //! (variable projection: Golub & Pereyra 1973, SIAM J. Numer. Anal. 10, 413). Refining then moves all parameters of the
 //! forms that are worth it.
 
-use crate::diagnose::baseline::{Baseline, dot};
+use crate::diagnose::baseline::Baseline;
 use crate::diagnose::candidate::Form;
 use crate::diagnose::limits::{
     FEW_PLACES, FORECAST_RANGE, REFINE, REFINED_STARTS, SCREEN, SCREENED_STARTS, STEP_PARTS, STRENGTHS,
@@ -14,6 +14,7 @@ use crate::fit::problem::fit_problem::FitProblem;
 use crate::model::effects::Chosen;
 use crate::model::parameter::{Parameter, Scale};
 use crate::model::{Model, ModelError};
+use crate::product::dot;
 
 /// Result of screening or refining a form.
 #[derive(Debug, Clone)]

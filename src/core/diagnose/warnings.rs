@@ -6,7 +6,7 @@ use crate::fit::data::run_data::RunData;
 use crate::fit::outcome::fit::Fit;
 use crate::fit::search::calibrate::with_more_elements;
 use crate::fit::search::options::Options;
-use crate::fit::validate::conflict::{conflicts, faded_noise};
+use crate::fit::validate::conflict::{conflicts, faded_noise, moved_sensors};
 use crate::model::effects::Chosen;
 use crate::rig::Rig;
 
@@ -45,6 +45,7 @@ pub fn warnings(rig: &Rig, runs: &[RunData], start: &Fit, effects: &[Chosen], op
         ));
     }
     warnings.extend(conflicts(start, runs));
+    warnings.extend(moved_sensors(start).into_iter().filter(|_| start.converged));
     warnings.extend(faded_noise(start));
     warnings
 }

@@ -1,5 +1,7 @@
 //! The model of a rig: base model and effects, and their parameters with starts, bounds and priors.
 
+use std::ops::Range;
+
 use crate::model::boundary::Closure;
 use crate::model::chosen::Chosen;
 use crate::model::constraint::{Constraint, Given};
@@ -144,6 +146,12 @@ impl<'a> Model<'a> {
     /// How many shared parameters each effect has.
     pub fn effect_sizes(&self) -> &[usize] {
         &self.effect_sizes
+    }
+
+    /// Where the parameters of effect `i` are among the shared ones.
+    pub fn parameters_of(&self, i: usize) -> Range<usize> {
+        let from = self.effects_from() + self.effect_sizes[..i].iter().sum::<usize>();
+        from..from + self.effect_sizes[i]
     }
 
     /// Puts the values of each effect in their conventional order.

@@ -1,5 +1,7 @@
 //! Small linear least squares: how much of a signal a few columns explain, and with which weight the last of them.
 
+use crate::product::dot;
+
 /// Orthonormal basis of some columns, computed once and applied to many signals of the same length.
 pub(crate) struct Projector {
     basis: Vec<Vec<f64>>,
@@ -66,19 +68,6 @@ impl Projector {
         let both = 2.0 * tt * left / (tt + yy + ((tt - yy).powi(2) + 4.0 * ty * ty).sqrt());
         Residual { background: after_background, all: left, gain: last_part / self.last_norm, both }
     }
-}
-
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    // eight sums at once: a single one would wait for each addition
-    let mut lanes = [0.0; 8];
-    let (a8, b8) = (a.chunks_exact(8), b.chunks_exact(8));
-    let rest: f64 = a8.remainder().iter().zip(b8.remainder()).map(|(a, b)| a * b).sum();
-    for (a, b) in a8.zip(b8) {
-        for ((lane, a), b) in lanes.iter_mut().zip(a).zip(b) {
-            *lane += a * b;
-        }
-    }
-    lanes.iter().sum::<f64>() + rest
 }
 
 /// Minimum of a profile of sums of squares over an even grid, by a parabola through its lowest points, and its half width at

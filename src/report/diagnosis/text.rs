@@ -193,8 +193,7 @@ pub fn text(diagnosis: &Diagnosis) -> String {
         let _ = writeln!(out, "\nToo small to be seen in this record:\n{}", least.join("\n"));
     }
     if diagnosis.verdict == Verdict::MissingEffect {
-        let single = diagnosis.candidates.first().map_or(Vec::new(), |c| c.parameters.iter().collect());
-        for p in diagnosis.pair.as_ref().map_or(single, Pair::own_parameters) {
+        for p in diagnosis.answer_parameters() {
             let _ = writeln!(out, "  {} = {:.5} ± {:.2} {}", p.name, Sig(p.value), Sig(p.standard_error()), p.unit);
         }
     }
@@ -245,9 +244,8 @@ fn named(diagnosis: &Diagnosis) -> String {
 fn reservations(diagnosis: &Diagnosis) -> String {
     let with = diagnosis.candidates.first().and_then(|c| c.held_out_m);
     let no_better = matches!((with, diagnosis.held_out_m), (Some(with), Some(without)) if with > 0.98 * without);
-    let single = || diagnosis.candidates.first().map_or(Vec::new(), |c| c.parameters.iter().collect());
-    let own = diagnosis.pair.as_ref().map_or_else(single, Pair::own_parameters);
-    let at_bound: Vec<&str> = own.iter().filter(|p| p.at_bound).map(|p| p.name.as_str()).collect();
+    let own = diagnosis.answer_parameters().iter();
+    let at_bound: Vec<&str> = own.filter(|p| p.at_bound).map(|p| p.name.as_str()).collect();
     let mut out = String::new();
     if no_better {
         out += ", but it predicts the end of the record no better than the start model";

@@ -11,8 +11,9 @@ use nalgebra::DMatrix;
 
 use crate::fit::inference::noise_autocorrelation::{Together, score_covariance};
 use crate::fit::inference::thresholds::DECAYED_NOISE_SHARE;
-use crate::fit::numeric::uncertainty::{Normal, determined_inverse, dot};
+use crate::fit::numeric::uncertainty::{Normal, determined_inverse};
 use crate::fit::problem::rows::CommonError;
+use crate::product::dot;
 
 /// A linearised fit.
 #[derive(Debug, Clone, Copy)]

@@ -6,8 +6,9 @@
 use nalgebra::{DMatrix, DVector};
 
 use crate::fit::inference::thresholds::ACTIVE_SETS_PER_VARIABLE;
-use crate::fit::numeric::uncertainty::{determined_inverse, dot};
+use crate::fit::numeric::uncertainty::determined_inverse;
 use crate::fit::problem::method::Method;
+use crate::product::{along, gram, plus};
 
 /// Reduction of the sum of squares that the linearised problem predicts from `x` within its `bounds`, never negative.
 ///
@@ -19,9 +20,9 @@ pub(crate) fn predicted_reduction(columns: &[Vec<f64>], residuals: &[f64], x: &[
 
 /// Reduction of the sum of squares that a step of the linearised problem brings, never negative.
 pub(crate) fn reduction_of(columns: &[Vec<f64>], residuals: &[f64], step: &DVector<f64>) -> f64 {
-    let moved = (0..residuals.len()).map(|i| columns.iter().zip(step.iter()).map(|(c, by)| c[i] * by).sum::<f64>());
-    // `-(2 rᵀJd + |Jd|²)`
-    residuals.iter().zip(moved).map(|(r, by)| -by * (2.0 * r + by)).sum::<f64>().max(0.0)
+    let left = plus(residuals, columns, step.as_slice());
+    // `|r|² - |r + Jd|²`, term by term: the sums may differ by little
+    residuals.iter().zip(left).map(|(r, l)| (r - l) * (r + l)).sum::<f64>().max(0.0)
 }
 
 /// The step that brings the predicted reduction.
@@ -33,8 +34,7 @@ pub(crate) fn bounded_step(
 ) -> DVector<f64> {
     let n = x.len();
     let (low, high): (Vec<f64>, Vec<f64>) = (0..n).map(|j| (bounds.0[j] - x[j], bounds.1[j] - x[j])).unzip();
-    let gradient = DVector::from_iterator(n, columns.iter().map(|c| dot(c, residuals)));
-    let normal = DMatrix::from_fn(n, n, |i, j| dot(&columns[i], &columns[j]));
+    let (normal, gradient) = (gram(columns), along(columns, residuals));
     let mut step = DVector::zeros(n);
     let outward = |j: usize, slope: f64, at: f64| (at >= high[j] && slope < 0.0) || (at <= low[j] && slope > 0.0);
     let movable = |j: usize| low[j] < high[j] && normal[(j, j)] > 0.0;
@@ -93,6 +93,7 @@ pub(crate) fn not_at_optimum(reduction: f64, samples: usize, method: Method) -> 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::product::dot;
 
     /// A line through noisy points: from any place, the prediction is what solving it gains.
     #[test]

@@ -9,6 +9,8 @@ use crate::fit::numeric::thresholds::{
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use rayon::prelude::*;
 
+use crate::product::{along, dot, gram};
+
 /// A problem: residuals as a function of variables that the solver may move in a box.
 pub trait Problem: Sync {
     /// Why an evaluation can fail.
@@ -129,20 +131,16 @@ fn geodesic_acceleration<P: Problem>(
         let by = step[a] / scale[j];
         curved.iter_mut().zip(&columns[j]).for_each(|(c, d)| *c -= by * d);
     }
-    let dot = |a: &[f64]| a.iter().zip(&curved).map(|(x, y)| x * y).sum::<f64>();
-    let right =
-        DVector::from_iterator(free.len(), free.iter().map(|&j| -dot(&columns[j]) / (ACCELERATION_PROBE * scale[j])));
+    let right = DVector::from_iterator(
+        free.len(),
+        free.iter().map(|&j| -dot(&columns[j], &curved) / (ACCELERATION_PROBE * scale[j])),
+    );
     let acceleration = factor.solve(&right);
     (acceleration.norm() <= MAX_ACCELERATION * step.norm()).then_some(acceleration)
 }
 
 fn half_square(residuals: &[f64]) -> f64 {
-    0.5 * residuals
-        .par_chunks(4096)
-        .map(|c| c.iter().map(|r| r * r).sum::<f64>())
-        .collect::<Vec<_>>()
-        .iter()
-        .sum::<f64>()
+    0.5 * dot(residuals, residuals)
 }
 
 /// The Jacobian by forward differences, one column a variable (backward where the upper bound is near), and its residuals.
@@ -167,17 +165,6 @@ pub fn jacobian<P: Problem>(problem: &P, x: &[f64], base: &[f64]) -> Result<Vec<
             Ok(column)
         })
         .collect()
-}
-
-/// `JᵀJ` and `Jᵀr`.
-fn normal_equations(columns: &[Vec<f64>], residuals: &[f64]) -> (DMatrix<f64>, DVector<f64>) {
-    let n = columns.len();
-    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(x, y)| x * y).sum::<f64>();
-    let rows: Vec<Vec<f64>> =
-        (0..n).into_par_iter().map(|i| (0..=i).map(|j| dot(&columns[i], &columns[j])).collect()).collect();
-    let normal = DMatrix::from_fn(n, n, |i, j| rows[i.max(j)][i.min(j)]);
-    let gradient = DVector::from_iterator(n, columns.iter().map(|c| dot(c, residuals)));
-    (normal, gradient)
 }
 
 /// Minimises half the sum of squared residuals from `start`; `progress` sees iteration and cost.
@@ -212,8 +199,8 @@ pub fn minimise<P: Problem>(
         iterations += 1;
         columns = jacobian(problem, &x, &residuals)?;
         evaluations += n;
-        let (jtj, gradient) = normal_equations(&columns, &residuals);
-        normal = jtj;
+        normal = gram(&columns);
+        let gradient = along(&columns, &residuals);
         // Held: at a bound, with the descent direction pointing out of the box.
         let free: Vec<usize> = (0..n)
             .filter(|&j| !((x[j] <= lower[j] && gradient[j] > 0.0) || (x[j] >= upper[j] && gradient[j] < 0.0)))

@@ -3,6 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use crate::fit::numeric::thresholds::{UNDETERMINED_EIGENVALUE, UNDETERMINED_PART};
+use crate::product::{dot, gram};
 
 /// Factor by which correlation between neighbours reduces the effective number of residuals: `(1 + ρ)/(1 - ρ)` for the
 /// lag-one autocorrelation `ρ` of a first-order process, not below 1.
@@ -33,11 +34,10 @@ pub(crate) struct Normal {
 impl Normal {
     pub fn of(columns: &[Vec<f64>], at_bound: &[bool]) -> Self {
         let free: Vec<usize> = (0..columns.len()).filter(|&j| !at_bound[j]).collect();
-        let norm = |c: &[f64]| Some(dot(c, c).sqrt()).filter(|n| *n > 0.0).unwrap_or(1.0);
-        let scale: Vec<f64> = free.iter().map(|&j| norm(&columns[j])).collect();
-        let matrix = DMatrix::from_fn(free.len(), free.len(), |a, b| {
-            dot(&columns[free[a]], &columns[free[b]]) / scale[a] / scale[b]
-        });
+        let products = gram(&free.iter().map(|&j| &columns[j]).collect::<Vec<_>>());
+        let scale: Vec<f64> =
+            products.diagonal().iter().map(|s| Some(s.sqrt()).filter(|n| *n > 0.0).unwrap_or(1.0)).collect();
+        let matrix = DMatrix::from_fn(free.len(), free.len(), |a, b| products[(a, b)] / scale[a] / scale[b]);
         Normal { free, scale, matrix }
     }
 }
@@ -64,10 +64,6 @@ pub(crate) fn determined_inverse(matrix: DMatrix<f64>) -> (DMatrix<f64>, Vec<boo
         }
     }
     (inverse, open)
-}
-
-pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(x, y)| x * y).sum()
 }
 
 /// Correlations between the errors of the variables, one row and one column a variable: `C_ij / √(C_ii C_jj)`, `C = (JᵀJ)⁻¹`.

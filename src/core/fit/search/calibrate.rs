@@ -186,8 +186,7 @@ fn known_elements(ctx: &Calibrator, effects: &[Chosen], i: usize) -> usize {
         let mut with = effects.to_vec();
         with[i] = with[i].with_elements(*n);
         let model = ctx.model(&with);
-        let from = model.effects_from() + model.effect_sizes()[..i].iter().sum::<usize>();
-        model.shared[from..][..model.effect_sizes()[i]].iter().all(|p| p.prior.is_some())
+        model.shared[model.parameters_of(i)].iter().all(|p| p.prior.is_some())
     };
     (1..=most).rev().find(known).unwrap_or(1)
 }

@@ -52,9 +52,7 @@ pub(crate) fn nested_fit(ctx: &Calibrator, model: &Model) -> Result<Estimate, Fi
         let rest = model.effects.iter().enumerate().filter(|(k, _)| *k != i).map(|(_, effect)| effect.clone());
         let smaller = ctx.model(&rest.collect::<Vec<_>>());
         let state = nested_fit(ctx, &smaller)?;
-        let problem = FitProblem::new(model, ctx.runs, ctx.window(COARSE_REACHES, f64::INFINITY));
-        let base: Vec<f64> = problem.parameters.iter().map(|p| p.start).collect();
-        let on = best_of(ctx, model, &starts_from(model, &smaller, &state, &base))?;
+        let on = grow(ctx, model, &smaller, &state)?;
         if on.cost < best.cost {
             best = on;
         }
@@ -105,7 +103,7 @@ fn locked(
     Ok(sorted(released.collect::<Result<_, _>>()?))
 }
 
-/// Fits a model on a coarse grid, starting only from the fit with one element less.
+/// Fits a model on a coarse grid, starting only from the fit of a smaller one.
 pub(crate) fn grow(ctx: &Calibrator, model: &Model, smaller: &Model, state: &Estimate) -> Result<Estimate, FitError> {
     let problem = FitProblem::new(model, ctx.runs, ctx.window(COARSE_REACHES, f64::INFINITY));
     let base: Vec<f64> = problem.parameters.iter().map(|p| p.start).collect();

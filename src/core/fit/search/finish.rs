@@ -10,7 +10,9 @@ use crate::fit::search::assemble::{assemble, errors_of};
 use crate::fit::search::calibrator::{Calibrator, Estimate};
 use crate::fit::search::descent::slopes;
 use crate::fit::search::polish::polish;
-use crate::fit::search::thresholds::{FINAL, FINAL_REACHES, GRID_REFINEMENT, MAX_GRID_PULL, POLISH_REDUCTION};
+use crate::fit::search::thresholds::{
+    BRIEF, FINAL, FINAL_REACHES, GRID_REFINEMENT, MAX_GRID_PULL, PATIENCE, POLISH_REDUCTION,
+};
 use crate::model::{Model, ModelError};
 
 /// The changes that a finer grid makes.
@@ -26,7 +28,7 @@ struct Pull {
 }
 
 fn patient(ctx: &Calibrator, limits: Limits) -> Limits {
-    Limits { iterations: limits.iterations.min(ctx.options.patience), ..limits }
+    Limits { iterations: limits.iterations.min(if ctx.options.brief { BRIEF } else { PATIENCE }), ..limits }
 }
 
 /// Some samples while the grid is refined; all of them where their transform is compared.

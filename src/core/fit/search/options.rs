@@ -25,8 +25,9 @@ pub struct Options {
     pub most_reaches: usize,
     /// Share of the noise that the grid's own error may have.
     pub grid_error_over_noise: f64,
-    /// Most iterations on each of the finer grids.
-    pub patience: usize,
+    /// A brief fit, to see which model is worth a whole one: few iterations on each of the finer grids, and none for elements of creep
+    /// that the record may not support.
+    pub brief: bool,
     /// Parameters that are held, or kept within bounds of their own.
     pub constraints: Vec<Constraint>,
     /// How to search.
@@ -54,7 +55,7 @@ impl Default for Options {
         Options {
             most_reaches: 512,
             grid_error_over_noise: 0.3,
-            patience: 40,
+            brief: false,
             constraints: Vec::new(),
             method: Method::LeastSquares,
             objective: Objective::Time,

@@ -38,7 +38,7 @@ pub(crate) fn polish(
         }
         solution = again;
     }
-    prune_elements(ctx, problem, solution, limits)
+    if ctx.options.brief { Ok(solution) } else { prune_elements(ctx, problem, solution, limits) }
 }
 
 /// Values after a step of the values themselves; none where no share of it lowers the cost.

@@ -41,6 +41,10 @@ pub(crate) const GRID_REFINEMENT: Limits =
 /// Of the last fit; its tolerance of the cost follows from [`POLISH_REDUCTION`]. Tuned; data unknown.
 pub(crate) const FINAL: Limits =
     Limits { iterations: usize::MAX, cost_tolerance: 1e-5, step_tolerance: 1e-9, thorough: true };
+/// Most iterations on each of the finer grids. Tuned; data unknown.
+pub(crate) const PATIENCE: usize = 40;
+/// The same of a brief fit. Cost, and tuned; data unknown.
+pub(crate) const BRIEF: usize = 6;
 /// Pull of the grid on a parameter, in its standard errors, that asks for a finer grid. Chosen.
 pub(crate) const MAX_GRID_PULL: f64 = 2.0;
 /// Fall of the sum of squares, in units of what one sample leaves, that is not worth another iteration. Derived: a seventh of a standard

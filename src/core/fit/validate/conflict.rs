@@ -61,7 +61,7 @@ pub fn conflicts(fit: &Fit, runs: &[RunData]) -> Vec<String> {
             ));
         }
     }
-    sentences.extend(fit.parameters.iter().filter_map(moved));
+    sentences.extend(fit.parameters.iter().filter(|p| beyond_tolerance(p)).filter_map(stands));
     let noise = fit.runs.iter().map(|r| r.noise_m).fold(f64::INFINITY, f64::min);
     if fit.grid_error_m > 0.5 * noise {
         sentences.push(format!(
@@ -88,12 +88,21 @@ pub fn conflicts(fit: &Fit, runs: &[RunData]) -> Vec<String> {
     sentences
 }
 
-/// A sensor that stands elsewhere than the rig file says, beyond what the record leaves open.
-fn moved(place: &FittedParameter) -> Option<String> {
-    let (sensor, (said_m, sd_m)) = (placed_sensor(&place.name)?, place.belief?);
+/// One sentence for each sensor that stands elsewhere than the rig file says, within its tolerance: no conflict.
+pub fn moved_sensors(fit: &Fit) -> Vec<String> {
+    fit.parameters.iter().filter(|p| !beyond_tolerance(p)).filter_map(stands).collect()
+}
+
+fn beyond_tolerance(place: &FittedParameter) -> bool {
+    place.belief.is_some_and(|(said_m, sd_m)| (place.value - said_m).abs() > CONFLICT_SD * sd_m)
+}
+
+/// Where a sensor stands, if that is elsewhere than the rig file says beyond what the record leaves open.
+fn stands(place: &FittedParameter) -> Option<String> {
+    let (sensor, (said_m, _)) = (placed_sensor(&place.name)?, place.belief?);
     let (off_m, error_m) = ((place.value - said_m).abs(), place.standard_error());
     let digits = (-error_m.log10().floor()).clamp(2.0, 4.0) as usize;
-    let hint = match off_m > CONFLICT_SD * sd_m {
+    let hint = match beyond_tolerance(place) {
         true => "; that is far beyond its tolerance: measure the place, or look for an effect that stands behind it",
         false => "",
     };
@@ -139,11 +148,11 @@ fn dies_away(run: &RunFit, shared: &str) -> String {
     )
 }
 
-/// All warnings of a fit: conflicts with what was known, parameters at their bounds, noise that dies away.
+/// All warnings of a fit: conflicts with what was known, sensors that stand elsewhere, parameters at their bounds, noise that dies away.
 pub fn warnings(fit: &Fit, runs: &[RunData]) -> Vec<String> {
     // Values away from an optimum contradict nothing.
-    let bounds = at_bounds(fit).into_iter().filter(|_| fit.converged);
-    conflicts(fit, runs).into_iter().chain(bounds).chain(faded_noise(fit)).collect()
+    let at_optimum = moved_sensors(fit).into_iter().chain(at_bounds(fit)).filter(|_| fit.converged);
+    conflicts(fit, runs).into_iter().chain(at_optimum).chain(faded_noise(fit)).collect()
 }
 
 /// One sentence for each parameter that ended at a bound, unless it is [unidentifiable](Fit::unidentifiable).

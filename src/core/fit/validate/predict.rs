@@ -11,7 +11,6 @@ use crate::fit::data::run_data::RunData;
 use crate::fit::inference::errors::{Errors, Linearised};
 use crate::fit::numeric::least_squares::{Problem, jacobian, minimise};
 use crate::fit::numeric::quantiles::Z_95;
-use crate::fit::numeric::uncertainty::dot;
 use crate::fit::outcome::band::{curve_sd_m, half_width_m};
 use crate::fit::outcome::fit::{Fit, SensorFit};
 use crate::fit::outcome::uncertainty::Uncertainty;
@@ -25,6 +24,7 @@ use crate::fit::validate::thresholds::{CLOSURE_MARGIN, OWN_REACHES, OWN_VALUES};
 use crate::model::Model;
 use crate::model::constraint::Constraint;
 use crate::model::effects::Chosen;
+use crate::product::gram;
 use crate::rig::Rig;
 
 /// A shared parameter as a model knows it.
@@ -205,8 +205,9 @@ pub fn predict(
 fn followed(columns: &[Vec<f64>], inverse: &DMatrix<f64>, held: &[bool]) -> DMatrix<f64> {
     let n = columns.len();
     let free: Vec<usize> = (0..n).filter(|&j| !held[j] && inverse[(j, j)].is_finite()).collect();
+    let products = gram(columns);
     DMatrix::from_fn(n, n, |i, j| match (held[j], free.contains(&i)) {
-        (true, true) => -free.iter().map(|&k| inverse[(i, k)] * dot(&columns[k], &columns[j])).sum::<f64>(),
+        (true, true) => -free.iter().map(|&k| inverse[(i, k)] * products[(k, j)]).sum::<f64>(),
         (true, false) if i == j => 1.0,
         _ => 0.0,
     })

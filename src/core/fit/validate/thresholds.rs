@@ -9,8 +9,6 @@ pub(crate) const PRIOR_CONFLICT_SD: f64 = 3.0;
 
 /// Share of each record that is fitted, the rest being predicted. Chosen.
 pub(crate) const FITTED_SHARE: f64 = 0.6;
-/// Most iterations of the fit to that share: it starts from the fit to the whole. Tuned; data unknown.
-pub(crate) const HELD_OUT_ITERATIONS: usize = 8;
 
 /// Reaches of the grid on which a predicted run's own values are fitted. Tuned; data unknown.
 pub(crate) const OWN_REACHES: usize = 128;
