@@ -11,7 +11,7 @@ pub(crate) const GROUPS: [(&str, &[&str]); 7] = [
     ("Record", &["record", "ports", "rig", "recover"]),
     ("Look at a recording", &["frequency", "valve"]),
     ("Model", &["effects", "simulate", "add", "refit", "undo", "model", "creep", "family"]),
-    ("Check the model", &["predict", "cross-validate", "sensitivity"]),
+    ("Check the model", &["predict", "cross-validate", "sensitivity", "next"]),
     ("Run by itself", &["watch", "accept", "history", "replay"]),
     ("Exchange", &["export", "results", "pest"]),
 ];
@@ -91,7 +91,9 @@ A diagnosis fits the start model, adds each effect of the catalogue in turn, and
   surgescope undo model.toml
 
 The verdict is `missing-effect`, `nothing-missing` or `unknown-effect`. If the recordings cannot
-distinguish two effects, the diagnosis names a test that can.
+distinguish two effects, the diagnosis names a test that can; `next` computes more of that:
+
+  surgescope next model.toml                          # tests with their expected odds
 ",
     },
     Topic {

@@ -22,6 +22,7 @@ pub mod history;
 pub mod html;
 pub mod inspection;
 pub mod models;
+pub mod next;
 pub mod page;
 pub mod pest;
 pub mod prediction;

@@ -4,6 +4,7 @@ pub mod calibrate;
 pub mod error;
 pub mod hold;
 pub mod models;
+pub mod next;
 pub mod open;
 pub mod predict;
 pub mod progress;

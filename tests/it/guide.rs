@@ -291,6 +291,7 @@ fn the_page_of_keys_is_current() {
     let calibrated =
         run("calibrate run.mcap --effects viscoelastic-wall:1 --profile tau1_s -o fit.json --save model.toml --json");
     let diagnosed = run("diagnose run.mcap --json");
+    let next = run("next model.toml --for tau1_s --json");
     let fit: Value = serde_json::from_str(&fs::read_to_string(folder.path().join("fit.json")).unwrap()).unwrap();
     assert_eq!(fit, calibrated, "the file and the printed document are one record");
     let models: toml::Table = fs::read_to_string(folder.path().join("model.toml")).unwrap().parse().unwrap();
@@ -304,7 +305,7 @@ fn the_page_of_keys_is_current() {
     page += "\n## The model file\n\nWhat `calibrate --save`, `diagnose --apply`, `add` and `refit` write.\n";
     add(&mut page, "model", &models);
     page += "\n## What `--json` prints\n\nKeys may be added; they are not renamed or removed.\n";
-    for (name, value) in [("record", &recorded), ("inspect", &inspected), ("diagnose", &diagnosed)] {
+    for (name, value) in [("record", &recorded), ("inspect", &inspected), ("diagnose", &diagnosed), ("next", &next)] {
         let _ = write!(page, "\n### {name} --json\n");
         add(&mut page, name, value);
     }

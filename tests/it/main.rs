@@ -16,6 +16,7 @@ mod import;
 mod live_view;
 mod methods;
 mod model_file;
+mod next;
 mod nominal;
 mod prediction;
 mod record_bus;

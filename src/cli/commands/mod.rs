@@ -15,6 +15,7 @@ pub mod history;
 pub mod import;
 pub mod inspect;
 pub mod model;
+pub mod next;
 pub mod pest;
 pub mod ports;
 pub mod predict;

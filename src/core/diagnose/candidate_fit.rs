@@ -3,6 +3,7 @@
 use crate::diagnose::baseline::Baseline;
 use crate::diagnose::evidence::{EvidenceScale, tempered};
 use crate::diagnose::limits::{LEAST_EVIDENCE, MOST_REACHES_WITH_CAVITIES};
+use crate::diagnose::next::answer::Answer;
 use crate::diagnose::refit::Refit;
 use crate::fit::data::run_data::RunData;
 use crate::fit::outcome::fit::{Fit, FittedParameter};
@@ -48,6 +49,12 @@ impl<'a> CandidateFit<'a> {
             Some(fit) => (&fit.effects, fit.values()),
             None => (&self.refit.effects, self.refit.values.clone()),
         }
+    }
+
+    /// What it says.
+    pub(crate) fn answer(&self) -> Answer {
+        let (effects, values) = self.model();
+        Answer { name: self.label(), effects: effects.to_vec(), values }
     }
 
     /// The form that was fitted.

@@ -89,6 +89,8 @@ pub(crate) const START_USELESS: f64 = 10.0;
 
 /// Pairs of effects that are refitted. Cost.
 pub(crate) const REFINED_PAIRS: usize = 16;
+/// Least share of what the best single effect leaves beyond the noise, squared, that a second one must take. Chosen: what takes less soaks up errors.
+pub(crate) const LEAST_SHARE_OF_SECOND: f64 = 0.1;
 /// Strengths of an effect in a pair, in units of its strength alone. Chosen: alone, an effect also stands in for the other.
 pub(crate) const PAIR_STRENGTH: (f64, f64) = (0.1, 3.0);
 
@@ -145,14 +147,18 @@ pub(crate) const NOT_FITTED: f64 = 0.5;
 
 // ---- The next test -------------------------------------------------------------------------------------------------
 
-/// Least difference of two models' predictions, over the noise, for a test to be worth making. Tuned: data unknown.
-pub(crate) const TELLING_OVER_NOISE: f64 = 3.0;
+/// Odds between two answers at which a test has told them apart. Literature: Kass & Raftery (1995), "strong".
+pub(crate) const WANTED_ODDS: f64 = 20.0;
+/// Most repeats of a test that are proposed. A choice.
+pub(crate) const MOST_REPEATS: f64 = 20.0;
+/// Tests that are looked at more closely. Cost.
+pub(crate) const BEST_TESTS: usize = 8;
+/// Draws of an answer's parameters from what the records leave open, the centre among them. Cost.
+pub(crate) const DRAWS: u32 = 3;
+/// Stopping rules while an answer is fitted to the record that another expects. Cost.
+pub(crate) const DESIGN: Limits = Limits { iterations: 20, cost_tolerance: 3e-3, step_tolerance: 1e-6, thorough: true };
 /// Most tests that are named. A choice of presentation.
 pub(crate) const NAMED_TESTS: usize = 2;
-/// Periods over which predictions are compared. Tuned: data unknown.
-pub(crate) const COMPARED_PERIODS: f64 = 8.0;
-/// Points per sensor at which predictions are compared. Cost.
-pub(crate) const COMPARED_POINTS: usize = 2000;
 /// Least ratio of the two models' creep for a creep test of the wall to tell them apart. Tuned: data unknown.
 pub(crate) const CREEP_RATIO: f64 = 1.2;
 /// Velocities and closing times within this share are the same test. A choice.

@@ -17,7 +17,7 @@ pub mod evidence;
 pub(crate) mod fallback_search;
 pub mod limits;
 pub mod needless;
-pub(crate) mod next_test;
+pub mod next;
 pub(crate) mod outcome;
 pub(crate) mod pairs;
 pub mod refit;
@@ -44,7 +44,7 @@ use crate::diagnose::limits::{
     LEAST_FORECAST, NO_FULL_FIT_ABOVE, PRIOR_ODDS_OF_PAIR, REFINED_EFFECTS, START_DOUBTFUL, START_NEAR_NOISE,
     START_USELESS,
 };
-use crate::diagnose::next_test::next_test;
+use crate::diagnose::next::in_words;
 pub use crate::diagnose::outcome::{Candidate, Diagnosis, Pair, Verdict};
 use crate::diagnose::pairs::{PairFit, fitted_pairs};
 use crate::diagnose::refit::{Refit, refine, screen};
@@ -244,8 +244,11 @@ fn pairs_of<'a>(
     candidate_fits: &[CandidateFit],
 ) -> Vec<PairFit<'a>> {
     let fits = candidate_fits.iter().filter_map(|r| r.fit.as_ref()).chain([start]);
-    let explained = fits.map(|f| over_noise(f, fitter.runs)).any(|left| left < EXPLAINED_OVER_NOISE);
-    if explained { Vec::new() } else { fitted_pairs(fitter, baseline, refits) }
+    let best = fits.min_by(|a, b| square(a).total_cmp(&square(b))).unwrap_or(start);
+    if over_noise(best, fitter.runs) < EXPLAINED_OVER_NOISE {
+        return Vec::new();
+    }
+    fitted_pairs(fitter, baseline, refits, best)
 }
 
 /// The most probable pair, where the evidence for the second effect is enough.
@@ -323,7 +326,7 @@ fn explain(fitter: &FullFitter, baseline: &Baseline, candidate_fits: &[Candidate
     let Some(first) = diagnosis.candidates.first().filter(|_| diagnosis.pair.is_none()) else { return };
     diagnosis.next_test = first.indistinguishable_from.first().and_then(|name| {
         let other = candidate_fits.iter().find(|r| r.refit.form.effect == *name)?;
-        next_test(baseline, &candidate_fits[0], other)
+        in_words(baseline, [&candidate_fits[0], other].map(CandidateFit::answer))
     });
 }
 

@@ -10,7 +10,8 @@ use crate::diagnose::baseline::Baseline;
 use crate::diagnose::candidate_fit::{FullFitter, over_noise, square};
 use crate::diagnose::evidence::EvidenceScale;
 use crate::diagnose::limits::{
-    DOWN_TO_THE_NOISE, FULL_FITS, LEAST_EVIDENCE, NO_FULL_FIT_ABOVE, PAIR_STRENGTH, REFINE, REFINED_PAIRS,
+    DOWN_TO_THE_NOISE, FULL_FITS, LEAST_EVIDENCE, LEAST_FALL, LEAST_SHARE_OF_SECOND, NO_FULL_FIT_ABOVE, PAIR_STRENGTH,
+    REFINE, REFINED_PAIRS,
 };
 use crate::diagnose::refit::Refit;
 use crate::fit::numeric::least_squares::{Problem, minimise};
@@ -58,17 +59,23 @@ impl PairFit<'_> {
     }
 }
 
-/// The pairs that leave least, fitted to all samples: those for whose second effect the coarse refits give evidence enough.
-pub(crate) fn fitted_pairs<'a>(fitter: &FullFitter, baseline: &Baseline, refits: &'a [Refit]) -> Vec<PairFit<'a>> {
+/// The pairs that leave least, fitted to all samples, where they leave less than the best `single` effect: those for whose second effect the coarse refits give evidence enough.
+pub(crate) fn fitted_pairs<'a>(
+    fitter: &FullFitter,
+    baseline: &Baseline,
+    refits: &'a [Refit],
+    single: &Fit,
+) -> Vec<PairFit<'a>> {
     (fitter.progress)("two effects at once");
     let promising = promising(baseline, refits);
     let mut refitted: Vec<PairRefit> = promising.par_iter().filter_map(|of| refitted(baseline, *of)).collect();
     refitted.sort_by(|a, b| a.square.total_cmp(&b.square));
     let Some(best) = refitted.first() else { return Vec::new() };
-    let single = refits.iter().map(|refit| refit.square).fold(baseline.square, f64::min);
+    let refitted_alone = refits.iter().map(|refit| refit.square).fold(baseline.square, f64::min);
     let scale = EvidenceScale::of(&best.residuals, baseline.features());
     let (most, own) = (NO_FULL_FIT_ABOVE * best.square, |pair: &PairRefit| pair.of[1].added);
-    refitted.retain(|pair| pair.square < most && scale.evidence(single, pair.square, own(pair)) > LEAST_EVIDENCE);
+    refitted
+        .retain(|pair| pair.square < most && scale.evidence(refitted_alone, pair.square, own(pair)) > LEAST_EVIDENCE);
     refitted.truncate(FULL_FITS);
     let fits = refitted.into_par_iter().filter_map(|pair| {
         let fit = fitter.fit_pair(pair.of, &pair.effects, &pair.values).ok()?;
@@ -85,8 +92,10 @@ pub(crate) fn fitted_pairs<'a>(fitter: &FullFitter, baseline: &Baseline, refits:
             best.take(fitter.converged(&best.fit));
         }
     }
-    // instruments within their class are at work on every rig
-    fits.retain(|pair| pair.is_noteworthy(baseline));
+    // Instruments within their class are at work on every rig, and a second effect must be worth a model of its own.
+    let alone = over_noise(single, fitter.runs).powi(2);
+    let least = LEAST_FALL.powi(2).max(LEAST_SHARE_OF_SECOND * (alone - 1.0));
+    fits.retain(|pair| pair.is_noteworthy(baseline) && alone - over_noise(&pair.fit, fitter.runs).powi(2) > least);
     fits
 }
 

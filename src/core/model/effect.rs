@@ -98,6 +98,11 @@ pub trait Effect: Sync {
         let _ = (values, known);
         true
     }
+    /// What a lab can do to be rid of it, in words, where it can be put right: it stands at `place_m`, or concerns a `sensor`.
+    fn remedy(&self, place_m: Option<f64>, sensor: Option<&str>) -> Option<String> {
+        let _ = (place_m, sensor);
+        None
+    }
     /// Its parameters, for a number of elements (1 if it has none).
     fn parameters(&self, site: &Site, elements: usize) -> Vec<Parameter>;
     /// Further starts for a fit of this effect, as factors on the start values.

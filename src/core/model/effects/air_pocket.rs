@@ -27,6 +27,9 @@ impl Effect for AirPocket {
         "a spring at the end: a rounded first rise, a slow mode, sharp peaks and wide troughs"
     }
 
+    fn remedy(&self, _place_m: Option<f64>, _sensor: Option<&str>) -> Option<String> {
+        Some("vent the pipe at its high points and repeat the test".to_owned())
+    }
     fn parameters(&self, site: &Site, _elements: usize) -> Vec<Parameter> {
         // A pocket as soft as a tenth of the water in the pipe, at 30 m of absolute head.
         let line_m2: f64 = site

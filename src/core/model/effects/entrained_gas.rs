@@ -40,6 +40,9 @@ impl Effect for EntrainedGas {
     fn lets_boil(&self) -> bool {
         true
     }
+    fn remedy(&self, _place_m: Option<f64>, _sensor: Option<&str>) -> Option<String> {
+        Some("flush the pipe, let the water stand until its gas has left it, and repeat the test".to_owned())
+    }
     fn parameters(&self, _site: &Site, _elements: usize) -> Vec<Parameter> {
         vec![
             Parameter::log(

@@ -32,6 +32,9 @@ impl Effect for Leak {
         "a falling step when its reflection arrives, all modes damped, the mean sags"
     }
 
+    fn remedy(&self, place_m: Option<f64>, _sensor: Option<&str>) -> Option<String> {
+        place_m.map(|at| format!("look for the leak at {at:.1} m, close it and repeat the test"))
+    }
     fn parameters(&self, site: &Site, _elements: usize) -> Vec<Parameter> {
         let length_m = site.rig.length_m();
         let area_mm2 = 1e6 * site.rig.pipes[0].area_m2();

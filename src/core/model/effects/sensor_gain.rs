@@ -33,6 +33,9 @@ impl Effect for SensorGain {
     fn at_sensor(&self) -> bool {
         true
     }
+    fn remedy(&self, _place_m: Option<f64>, sensor: Option<&str>) -> Option<String> {
+        sensor.map(|sensor| format!("put another sensor in the place of {sensor} and repeat the test"))
+    }
     fn parameters(&self, _site: &Site, _elements: usize) -> Vec<Parameter> {
         let about = "share by which the sensor reads too high";
         vec![Parameter::linear("gain_error", "1", about, 0.02, -0.3, 0.3).vanishing_at(0.0)]

@@ -37,6 +37,9 @@ impl Effect for SensorLag {
     fn at_sensor(&self) -> bool {
         true
     }
+    fn remedy(&self, _place_m: Option<f64>, sensor: Option<&str>) -> Option<String> {
+        sensor.map(|sensor| format!("put another sensor in the place of {sensor} and repeat the test"))
+    }
     fn parameters(&self, site: &Site, _elements: usize) -> Vec<Parameter> {
         let lag_s = 0.02 * site.period_s;
         vec![

@@ -31,6 +31,9 @@ impl Effect for SideBranch {
         "a falling step of a third of the wave when its reflection arrives, echoes of its dead end, a mode of its own"
     }
 
+    fn remedy(&self, place_m: Option<f64>, _sensor: Option<&str>) -> Option<String> {
+        place_m.map(|at| format!("close off the branch at {at:.1} m and repeat the test"))
+    }
     fn parameters(&self, site: &Site, _elements: usize) -> Vec<Parameter> {
         let length_m = site.rig.length_m();
         vec![

@@ -1,0 +1,111 @@
+//! `surgescope next`: the test that tells the answers left standing apart.
+
+use std::path::PathBuf;
+
+use crate::cli::args::recordings;
+use crate::cli::console::outcome::{CommandResult, Outcome};
+use crate::cli::console::print::{say, say_text, tell};
+use crate::cli::console::progress::{refit, shown};
+use crate::report::next::html::html;
+use crate::report::next::text::{contest, document, narrowing, settings, settings_file, title};
+use crate::shown::Shown as _;
+use crate::storage::output;
+use crate::study::models;
+use crate::study::next::{Contest, least_known};
+
+/// Find the test that tells apart what the recordings cannot.
+///
+/// The model in force is diagnosed. For each two answers left standing, every test that the rig can do is simulated under both: another flow, closing time, static head or temperature, a sensor more,
+/// the suspected cause put right. The tests come with the odds that each is expected to bring.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// The model file that `calibrate --save` or `diagnose --apply` wrote.
+    #[arg(value_name = "MODEL.toml")]
+    file: PathBuf,
+    /// Compare these two effects, without a diagnosis; `none` is the model as it is.
+    #[arg(long, value_name = "A,B", value_delimiter = ',', num_args = 1, conflicts_with = "narrow")]
+    between: Vec<String>,
+    /// Find the test that narrows this parameter most instead, such as wave_speed_m_s.
+    #[arg(long = "for", value_name = "NAME")]
+    narrow: Option<String>,
+    /// Write the settings of the best test.
+    #[arg(long, value_name = "TEST.toml")]
+    save: Option<PathBuf>,
+    /// Replace an older file of settings.
+    #[arg(long)]
+    overwrite: bool,
+    /// Write a page with what each sensor would show; replaces an older page of that name, and no other file.
+    #[arg(long, value_name = "HTML", conflicts_with = "narrow")]
+    report: Option<PathBuf>,
+}
+
+/// Runs it.
+///
+/// # Errors
+/// A file or a recording that cannot be read, an effect or a parameter that does not exist, a file that cannot be written.
+pub fn run(args: Args, json: bool) -> CommandResult {
+    if let Some(path) = &args.report {
+        output::check_report(path)?;
+    }
+    if let Some(path) = &args.save {
+        output::check_new(path, args.overwrite)?;
+    }
+    if !args.between.is_empty() && args.between.len() != 2 {
+        return Err("--between takes two effects, such as leak,blockage".into());
+    }
+    let mut at = models::open(&args.file)?;
+    recordings::warn_of(&at.study);
+    let start = refit(&mut at, "current model, ")?;
+    let mut asked = args.narrow.clone();
+    let mut contests: Vec<Contest> = Vec::new();
+    let mut fit = start.clone();
+    if asked.is_none() {
+        let (standing, better) = shown(&mut at.study, "", |study| {
+            if let [one, other] = args.between.as_slice() {
+                return Ok::<_, crate::Error>((vec![study.answer(&start, one)?, study.answer(&start, other)?], None));
+            }
+            let found = study.diagnose(&start)?;
+            Ok((study.standing(&found), found.answer().cloned()))
+        })?;
+        contests = shown(&mut at.study, "", |study| study.contests(&start, &standing))?;
+        if let ([only], false) = (standing.as_slice(), json) {
+            say!("One answer stands: {} ({:.2}).", only.answer.name, only.probability.unwrap_or(1.0));
+        }
+        if contests.is_empty() {
+            fit = better.unwrap_or(fit);
+            asked = least_known(&fit).map(|p| p.name.clone());
+        }
+    }
+    let narrowed = asked
+        .as_deref()
+        .map(|name| Ok::<_, crate::Error>((name, shown(&mut at.study, "", |study| study.narrowing(&fit, name))?)))
+        .transpose()?;
+    if json {
+        let narrowed = narrowed.as_ref().map(|(name, tests)| (*name, tests.as_slice()));
+        say!("{}", document(at.study.rig(), &contests, narrowed));
+    } else {
+        for of in &contests {
+            say_text!(contest(of));
+        }
+        if let Some((name, tests)) = &narrowed {
+            say_text!(narrowing(name, fit.parameter(name)?.unit, tests));
+        }
+    }
+    let told =
+        contests.iter().find_map(|c| Some((title(&c.between), c.tests.first().filter(|t| t.repeats.is_some())?)));
+    let best = told.map(|(why, test)| (why, test.instruction.clone(), test.change, test.run));
+    let best = best.or_else(|| {
+        let (name, tests) = narrowed.as_ref()?;
+        tests.first().map(|t| (format!("narrows {name}"), t.instruction.clone(), t.change, t.run))
+    });
+    if let (Some(path), Some((why, instruction, change, run))) = (&args.save, &best) {
+        let settings = settings(at.study.rig(), change, run);
+        output::write_new(path, &settings_file(why, instruction, &settings)?, args.overwrite)?;
+        tell!("settings: {}", path.shown());
+    }
+    if let Some(path) = &args.report {
+        output::write(path, &html(&at.study.rig().name, &contests))?;
+        tell!("report: {}", path.shown());
+    }
+    Ok(if best.is_some() { Outcome::Done } else { Outcome::No })
+}
