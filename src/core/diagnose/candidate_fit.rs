@@ -81,6 +81,12 @@ impl<'a> CandidateFit<'a> {
         self.refit.form.chosen.effect.noteworthy(&values, &baseline.known)
     }
 
+    /// The effect that it stands in for, if it is no physics of its own.
+    pub(crate) fn stands_for(&self, baseline: &Baseline) -> Option<&'static str> {
+        let values: Vec<f64> = self.own_parameters(baseline).iter().map(|p| p.value).collect();
+        self.refit.form.chosen.effect.stands_for(&values)
+    }
+
     /// Keeps a fit if it is better than the one so far.
     pub(crate) fn take(&mut self, fit: Result<Fit, FitError>) {
         if let Ok(fit) = fit

@@ -96,7 +96,7 @@ pub fn diagnose_fit(
     let fitter = FullFitter { rig, runs, effects, options, progress };
     let mut candidate_fits = candidate_fits(&baseline, &start, &refits);
     fit(&fitter, &baseline, &start, &mut candidate_fits);
-    let shown = is_shown(&baseline, &candidate_fits);
+    let shown = is_shown(&baseline, &candidate_fits) || is_shown_by_another(&baseline, &candidate_fits);
     // How cavities collapse no model follows well: what is left of them is no second effect.
     let pair_fits = if shown { Vec::new() } else { pairs_of(&fitter, &baseline, &start, &refits, &candidate_fits) };
     let scale = weigh(&baseline, &start, &mut candidate_fits, &pair_fits);
@@ -185,11 +185,13 @@ fn fit(fitter: &FullFitter, baseline: &Baseline, start: &Fit, candidate_fits: &m
             candidate_fit.take(fitter.fit_from_refit(candidate_fit.refit));
         }
     });
-    if is_shown(baseline, candidate_fits)
-        && candidate_fits[0].fit.as_ref().is_none_or(|f| over_noise(f, fitter.runs) > EXPLAINED_OVER_NOISE)
+    // What the record shows by itself is given its best fit, whatever a coarse grid says of it.
+    let by_itself = |r: &&mut CandidateFit| r.refit.form.chosen.effect.odds(&baseline.known) >= SHOWN;
+    if let Some(shown) = candidate_fits.iter_mut().find(by_itself)
+        && shown.fit.as_ref().is_none_or(|f| over_noise(f, fitter.runs) > EXPLAINED_OVER_NOISE)
     {
-        let fit = fitter.fit_from_scratch(candidate_fits[0].refit);
-        candidate_fits[0].take(fit);
+        let fit = fitter.fit_from_scratch(shown.refit);
+        shown.take(fit);
     }
     let start_error = over_noise(start, fitter.runs);
     if start_error > START_DOUBTFUL {
@@ -287,14 +289,35 @@ fn weigh(
     // Instruments within their class are at work on every rig: an effect is claimed only over the best model that they allow.
     let within_class = candidate_fits.iter().filter(|r| !r.is_noteworthy(baseline)).map(|r| r.square);
     let allowed = within_class.fold(square(start), f64::min);
-    for candidate_fit in candidate_fits {
+    for candidate_fit in candidate_fits.iter_mut() {
         candidate_fit.evidence = scale.evidence(allowed, candidate_fit.square, candidate_fit.added(baseline, start));
         let fall = fall(start, &baseline.runs, allowed, candidate_fit.square);
         if fall < LEAST_FALL.powi(2) || !candidate_fit.is_noteworthy(baseline) {
             candidate_fit.evidence = candidate_fit.evidence.min(NEGLIGIBLE_EVIDENCE);
         }
     }
+    hand_over(baseline, candidate_fits);
     scale
+}
+
+/// The evidence for a candidate that stands in for another one is evidence for that one.
+fn hand_over(baseline: &Baseline, candidate_fits: &mut [CandidateFit]) {
+    for i in 0..candidate_fits.len() {
+        let Some(name) = candidate_fits[i].stands_for(baseline) else { continue };
+        let evidence = candidate_fits[i].evidence;
+        if let Some(other) = candidate_fits.iter_mut().find(|r| r.refit.form.effect == name) {
+            other.evidence = other.evidence.max(evidence);
+            candidate_fits[i].evidence = evidence.min(NEGLIGIBLE_EVIDENCE);
+        }
+    }
+}
+
+/// Whether the candidate that leaves least stands in for one that the record shows by itself.
+fn is_shown_by_another(baseline: &Baseline, candidate_fits: &[CandidateFit]) -> bool {
+    let best = candidate_fits.iter().min_by(|a, b| a.square.total_cmp(&b.square));
+    let Some(name) = best.and_then(|best| best.stands_for(baseline)) else { return false };
+    let of_that_name = |r: &&CandidateFit| r.refit.form.effect == name;
+    candidate_fits.iter().find(of_that_name).is_some_and(|r| r.refit.form.chosen.effect.odds(&baseline.known) >= SHOWN)
 }
 
 /// Whether the record shows the most probable candidate by itself: one that lies on the floor of vapour pressure has cavities, even if no model

@@ -98,6 +98,11 @@ pub trait Effect: Sync {
         let _ = (values, known);
         true
     }
+    /// The effect that it stands in for with these values, where it is a way to compute that one rather than physics of its own.
+    fn stands_for(&self, values: &[f64]) -> Option<&'static str> {
+        let _ = values;
+        None
+    }
     /// What a lab can do to be rid of it, in words, where it can be put right: it stands at `place_m`, or concerns a `sensor`.
     fn remedy(&self, place_m: Option<f64>, sensor: Option<&str>) -> Option<String> {
         let _ = (place_m, sensor);

@@ -12,6 +12,9 @@ use crate::model::parameter::Parameter;
 use crate::model::scene::{Scene, Site, Spot};
 use crate::model::steady::Steady;
 
+/// Gas fraction up to which only cavities are computed. Literature: 10⁻⁷, by half a decade for what a fit may err.
+const CAVITIES_ONLY: f64 = 3e-7;
+
 /// See the module.
 pub struct EntrainedGas;
 
@@ -39,6 +42,11 @@ impl Effect for EntrainedGas {
 
     fn lets_boil(&self) -> bool {
         true
+    }
+    /// Gas of a fraction of 10⁻⁷ or less moves no wave and only keeps cavities apart: it computes vapour cavities (Wylie 1984; Simpson & Bergant 1994,
+    /// J. Hydraul. Eng. 120(3):361-377).
+    fn stands_for(&self, values: &[f64]) -> Option<&'static str> {
+        values.first().filter(|fraction| **fraction <= CAVITIES_ONLY).map(|_| "vapour-cavity")
     }
     fn remedy(&self, _place_m: Option<f64>, _sensor: Option<&str>) -> Option<String> {
         Some("flush the pipe, let the water stand until its gas has left it, and repeat the test".to_owned())
