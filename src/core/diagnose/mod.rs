@@ -3,9 +3,9 @@
 //! 1. The start model is fitted. A coarse problem around its fit makes refits cheap ([`baseline`]).
 //! 2. Each other effect is added alone. [`refit`] screens every form of it and refines the most promising ones.
 //! 3. The best candidates are fitted to all samples on the fine grid; if none explains the records, a fallback search tries
-//!    further.
+//!    further, and then pairs of effects.
 //! 4. [`evidence`] turns what each fit leaves into probabilities, and [`verdict`] into the answer. Effects that the data
-//!    cannot tell apart are named together, with the test that would tell them apart.
+//!    cannot tell apart are named together, with the test that would tell them apart ([`next`]).
 //!
 //! [`limits`] holds every threshold.
 
