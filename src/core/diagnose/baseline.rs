@@ -198,7 +198,8 @@ impl<'a> Baseline<'a> {
     }
 }
 
-fn window(reaches: usize) -> Window {
+/// All of every record on a grid of so many reaches.
+pub(crate) fn window(reaches: usize) -> Window {
     Window { reaches, horizon_s: f64::INFINITY, stride: 1 }
 }
 

@@ -77,14 +77,16 @@ impl<'a> CandidateFit<'a> {
 
     /// Whether it is stronger than what every rig has of it.
     pub(crate) fn is_noteworthy(&self, baseline: &Baseline) -> bool {
-        let values: Vec<f64> = self.own_parameters(baseline).iter().map(|p| p.value).collect();
-        self.refit.form.chosen.effect.noteworthy(&values, &baseline.known)
+        self.refit.form.chosen.effect.noteworthy(&self.own_values(baseline), &baseline.known)
     }
 
     /// The effect that it stands in for, if it is no physics of its own.
     pub(crate) fn stands_for(&self, baseline: &Baseline) -> Option<&'static str> {
-        let values: Vec<f64> = self.own_parameters(baseline).iter().map(|p| p.value).collect();
-        self.refit.form.chosen.effect.stands_for(&values)
+        self.refit.form.chosen.effect.stands_for(&self.own_values(baseline))
+    }
+
+    fn own_values(&self, baseline: &Baseline) -> Vec<f64> {
+        self.own_parameters(baseline).iter().map(|p| p.value).collect()
     }
 
     /// Keeps a fit if it is better than the one so far.
@@ -227,8 +229,7 @@ impl FullFitter<'_> {
     }
 
     fn options_of_pair(&self, of: [&Refit; 2]) -> Options {
-        let most_reaches = of.iter().map(|refit| self.options_of(refit).most_reaches).min().unwrap_or(usize::MAX);
-        Options { most_reaches, brief: true, ..self.options.clone() }
+        self.brief(of.iter().flat_map(|refit| &refit.effects))
     }
 
     fn pair_shown(&self, of: [&Refit; 2]) -> impl Fn(&Progress) + Sync {
@@ -280,20 +281,25 @@ impl FullFitter<'_> {
     }
 
     fn options_of(&self, refit: &Refit) -> Options {
-        let boils = refit.effects.iter().any(|c| c.effect.lets_boil());
-        Options { most_reaches: self.most_reaches(boils), brief: true, ..self.options.clone() }
+        self.brief(&refit.effects)
+    }
+
+    /// Of a brief fit with these effects.
+    fn brief<'e>(&self, effects: impl IntoIterator<Item = &'e Chosen>) -> Options {
+        Options { brief: true, ..self.whole(effects) }
+    }
+
+    /// Of a fit with these effects until it converges.
+    fn whole<'e>(&self, effects: impl IntoIterator<Item = &'e Chosen>) -> Options {
+        let boils = effects.into_iter().any(|c| c.effect.lets_boil());
+        let most = if boils { MOST_REACHES_WITH_CAVITIES } else { usize::MAX };
+        Options { most_reaches: self.options.most_reaches.min(most), ..self.options.clone() }
     }
 
     /// Fits a candidate or a pair until it converges.
     pub(crate) fn converged(&self, fit: &Fit) -> Result<Fit, FitError> {
         let labels: Vec<String> = fit.effects.iter().map(Chosen::label).collect();
         let shown = |p: &Progress| (self.progress)(&format!("{}, {}", labels.join(" + "), p.stage));
-        let boils = fit.effects.iter().any(|c| c.effect.lets_boil());
-        let options = Options { most_reaches: self.most_reaches(boils), ..self.options.clone() };
-        refine(self.rig, self.runs, &fit.effects, &fit.values(), &options, &shown)
-    }
-
-    fn most_reaches(&self, boils: bool) -> usize {
-        self.options.most_reaches.min(if boils { MOST_REACHES_WITH_CAVITIES } else { usize::MAX })
+        refine(self.rig, self.runs, &fit.effects, &fit.values(), &self.whole(&fit.effects), &shown)
     }
 }

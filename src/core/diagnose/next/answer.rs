@@ -3,7 +3,8 @@
 use nalgebra::{DMatrix, DVector};
 
 use crate::diagnose::baseline::Baseline;
-use crate::fit::numeric::least_squares::jacobian;
+use crate::diagnose::evidence::EvidenceScale;
+use crate::fit::numeric::least_squares::{Problem, jacobian};
 use crate::fit::problem::fit_problem::FitProblem;
 use crate::model::effects::Chosen;
 use crate::model::{ModelError, RunValues};
@@ -23,14 +24,15 @@ pub struct Answer {
 /// What the records tell of the variables that all runs share: a normal distribution.
 pub(crate) struct Known {
     pub(crate) names: Vec<String>,
-    /// Values and variables at its centre.
-    pub(crate) values: Vec<f64>,
+    /// The variables at its centre.
     pub(crate) centre: DVector<f64>,
     /// `UᵀU` is the information.
     pub(crate) root: DMatrix<f64>,
     /// Of each run.
     pub(crate) runs: Vec<RunValues>,
     pub(crate) closure_s: f64,
+    /// The square that counts as one after this answer: see [`EvidenceScale`].
+    pub(crate) unit: f64,
 }
 
 impl Answer {
@@ -42,7 +44,7 @@ impl Answer {
         let model = baseline.model(&self.effects);
         let problem = baseline.problem(&model);
         let x = problem.variables(&self.values);
-        let residuals = crate::fit::numeric::least_squares::Problem::residuals(&problem, &x)?;
+        let residuals = problem.residuals(&x)?;
         let columns = jacobian(&problem, &x, &residuals)?;
         let shared = problem.place_variables().end;
         let mut information = gram(&columns);
@@ -53,11 +55,11 @@ impl Answer {
         let Some(root) = marginal.cholesky().map(|c| c.l().transpose()) else { return Ok(None) };
         Ok(Some(Known {
             names: problem.parameters[..shared].iter().map(|p| p.name.clone()).collect(),
-            values: self.values[..shared].to_vec(),
             centre: DVector::from_column_slice(&x[..shared]),
             root,
             runs: (0..baseline.runs.len()).map(|r| problem.run_values(r, &self.values)).collect(),
             closure_s: problem.closure_start_s(0, &self.values),
+            unit: EvidenceScale::of(&residuals[..problem.samples()], baseline.features()).unit,
         }))
     }
 }
@@ -65,7 +67,7 @@ impl Answer {
 /// Information that the bounds of a variable hold: that of an even distribution between them; all where it is held.
 pub(crate) fn flat(problem: &FitProblem, j: usize) -> f64 {
     const HELD: f64 = 1e12;
-    let (lower, upper) = crate::fit::numeric::least_squares::Problem::bounds(problem);
+    let (lower, upper) = problem.bounds();
     let width = upper[j] - lower[j];
     if width > 0.0 { (12.0 / width.powi(2)).min(HELD) } else { HELD }
 }

@@ -14,7 +14,6 @@ pub(crate) mod separation;
 use rayon::prelude::*;
 
 use crate::diagnose::baseline::Baseline;
-use crate::diagnose::evidence::EvidenceScale;
 use crate::diagnose::limits::{BEST_TESTS, CREEP_RATIO, DRAWS, NAMED_TESTS};
 pub use crate::diagnose::next::answer::Answer;
 pub use crate::diagnose::next::change::Change;
@@ -29,7 +28,7 @@ use crate::rig::Rig;
 
 /// The tests that tell two answers apart, the most telling first; of those that leave them alike, none.
 ///
-/// `first` is the fit of the better answer.
+/// `start` is the fit around which coarse problems are built.
 ///
 /// # Errors
 /// If an answer cannot be simulated under its own records.
@@ -51,10 +50,10 @@ pub(crate) fn separations(
     answers: [&Answer; 2],
     progress: &(dyn Fn(&str) + Sync),
 ) -> Result<Vec<Separation>, FitError> {
-    let unit = unit(baseline, answers[0])?.max(unit(baseline, answers[1])?);
     let [Some(one), Some(other)] = [answers[0].known(baseline)?, answers[1].known(baseline)?] else {
         return Ok(Vec::new());
     };
+    let unit = one.unit.max(other.unit);
     let places_m: Vec<f64> = baseline.runs[0].sensors.iter().map(|s| s.sensor.position_m).collect();
     let (first, length_m) = (&one.runs[0], baseline.rig.length_m());
     let open = changes()
@@ -90,24 +89,14 @@ pub fn narrowing(
     options: &Options,
 ) -> Result<Vec<Precision>, FitError> {
     let baseline = Baseline::new(rig, runs, start, options)?;
-    let unit = unit(&baseline, answer)?;
     let Some(known) = answer.known(&baseline)? else { return Ok(Vec::new()) };
     let Some(j) = known.names.iter().position(|name| name == parameter) else { return Ok(Vec::new()) };
     let first = known.runs[0];
     let open: Vec<Change> = changes().into_iter().filter(|change| change.is_possible(&first)).collect();
     let mut found: Vec<Precision> =
-        open.par_iter().filter_map(|change| precision::of(&baseline, answer, &known, j, *change, unit)).collect();
+        open.par_iter().filter_map(|change| precision::of(&baseline, answer, &known, j, *change)).collect();
     found.sort_by(|a, b| a.after.total_cmp(&b.after));
     Ok(found)
-}
-
-/// The square that counts as one after an answer: see [`EvidenceScale`].
-fn unit(baseline: &Baseline, answer: &Answer) -> Result<f64, FitError> {
-    let model = baseline.model(&answer.effects);
-    let problem = baseline.problem(&model);
-    let x = problem.variables(&answer.values);
-    let residuals = crate::fit::numeric::least_squares::Problem::residuals(&problem, &x)?;
-    Ok(EvidenceScale::of(&residuals[..problem.samples()], baseline.features()).unit)
 }
 
 /// The answer that a fit is.
@@ -186,8 +175,8 @@ mod tests {
         let [start, leak, blockage] = ["none", "leak", "blockage"].map(|effects| fitted(&rig, &first, effects));
         let answers = [answer_of("leak", &leak), answer_of("blockage", &blockage)];
         let baseline = Baseline::new(&rig, &first, &start, &Options::default()).unwrap();
-        let unit = unit(&baseline, &answers[0]).unwrap().max(unit(&baseline, &answers[1]).unwrap());
         let known = answers.each_ref().map(|answer| answer.known(&baseline).unwrap().unwrap());
+        let unit = known[0].unit.max(known[1].unit);
         let changes = changes();
         for velocity in [0.5, 2.0] {
             let change = changes.iter().find(|change| change.velocity == velocity).unwrap();

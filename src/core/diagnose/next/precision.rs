@@ -1,9 +1,9 @@
 //! How much a test is expected to narrow a parameter.
 
-use crate::diagnose::baseline::Baseline;
+use crate::diagnose::baseline::{Baseline, window};
 use crate::diagnose::next::answer::{Answer, Known, flat};
 use crate::diagnose::next::change::Change;
-use crate::diagnose::next::separation::{Informed, prepared, values_of, window, with_known};
+use crate::diagnose::next::separation::{Informed, prepared, values_of, with_known};
 use crate::fit::numeric::least_squares::{Problem, jacobian};
 use crate::fit::problem::fit_problem::FitProblem;
 use crate::model::RunValues;
@@ -25,19 +25,12 @@ pub struct Precision {
 }
 
 /// What a test is expected to do for the known variable `j`; none where it cannot be simulated.
-pub(crate) fn of(
-    baseline: &Baseline,
-    answer: &Answer,
-    known: &Known,
-    j: usize,
-    change: Change,
-    unit: f64,
-) -> Option<Precision> {
+pub(crate) fn of(baseline: &Baseline, answer: &Answer, known: &Known, j: usize, change: Change) -> Option<Precision> {
     let stage = change.stage(baseline.rig, &baseline.runs[0]);
     let runs = [prepared(&stage, known, change)];
     let model = stage.model(&answer.effects);
-    let problem = FitProblem::new(&model, &runs, window(baseline));
-    let values = values_of(&problem, known, &known.values, change);
+    let problem = FitProblem::new(&model, &runs, window(baseline.reaches));
+    let values = values_of(&problem, known, &known.centre, change);
     let x = problem.variables(&values);
     let informed = Informed::new(&problem, known);
     let at = informed.place[j]?;
@@ -54,7 +47,7 @@ pub(crate) fn of(
         instruction: change.instruction(&known.runs[0], baseline.rig.length_m(), ""),
         change,
         run: change.of(&known.runs[0]),
-        before: before * stretch * unit.sqrt(),
-        after: after * stretch * unit.sqrt(),
+        before: before * stretch * known.unit.sqrt(),
+        after: after * stretch * known.unit.sqrt(),
     })
 }

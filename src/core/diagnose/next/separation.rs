@@ -2,14 +2,14 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::diagnose::baseline::Baseline;
+use crate::diagnose::baseline::{Baseline, window};
 use crate::diagnose::evidence::tempered;
 use crate::diagnose::limits::{DESIGN, MOST_REPEATS, WANTED_ODDS};
 use crate::diagnose::next::answer::{Answer, Known};
 use crate::diagnose::next::change::{Change, Stage};
 use crate::fit::data::run_data::RunData;
 use crate::fit::numeric::least_squares::{Problem, minimise};
-use crate::fit::problem::fit_problem::{FitProblem, Window};
+use crate::fit::problem::fit_problem::FitProblem;
 use crate::model::effects::Chosen;
 use crate::model::{ModelError, RunValues};
 use crate::product::dot;
@@ -70,9 +70,7 @@ pub(crate) fn of(
     draws: u32,
 ) -> Option<Separation> {
     let stage = change.stage(baseline.rig, &baseline.runs[0]);
-    let blamed = answers[0].effects.last();
-    let words = blamed.and_then(|blamed| remedy(blamed, &known[0].names, &known[0].values));
-    let remedy = if change.remedied { words? } else { String::new() };
+    let remedy = if change.remedied { remedy(baseline, answers)? } else { String::new() };
     // Put right, the first answer's record is that of a model without what it blames.
     let without: Vec<Chosen> = match change.remedied {
         true => answers[0].effects.split_last()?.1.to_vec(),
@@ -109,11 +107,16 @@ pub(crate) fn of(
     })
 }
 
-/// What puts right what an effect blames, in words for the lab; none where nothing can be put right.
-fn remedy(blamed: &Chosen, names: &[String], values: &[f64]) -> Option<String> {
-    let at = names.iter().zip(values).find(|(name, _)| name.ends_with("_position_m")).map(|(_, at)| *at);
-    let sensor = blamed.sensor.as_deref();
-    blamed.effect.remedy(at, sensor)
+/// What puts right what the first answer blames and the other does not, in words for the lab; none where nothing can be put right.
+fn remedy(baseline: &Baseline, [one, other]: [&Answer; 2]) -> Option<String> {
+    let blamed = one.effects.last()?;
+    if other.effects.iter().any(|c| c.effect.name() == blamed.effect.name()) {
+        return None;
+    }
+    let model = baseline.model(&one.effects);
+    let mut own = model.parameters_of(one.effects.len() - 1);
+    let at = own.find(|&j| model.shared[j].name.ends_with("_position_m")).map(|j| one.values[j]);
+    blamed.effect.remedy(at, blamed.sensor.as_deref())
 }
 
 /// Values of the shared variables: the centre first, then draws from what the records leave open.
@@ -128,13 +131,14 @@ fn drawn(known: &Known, draw: u32, unit: f64) -> DVector<f64> {
     &known.centre + unit.sqrt() * step
 }
 
-/// The values of a test's variables: those of `shared` by their names, the first run's own, changed.
-pub(crate) fn values_of(problem: &FitProblem, known: &Known, shared: &[f64], change: Change) -> Vec<f64> {
+/// The values of a test's variables: those of the `shared` ones by their names, the first run's own, changed.
+pub(crate) fn values_of(problem: &FitProblem, known: &Known, shared: &DVector<f64>, change: Change) -> Vec<f64> {
     let run = change.of(&known.runs[0]);
     let mut values: Vec<f64> = problem.parameters.iter().map(|p| p.start).collect();
-    for (value, parameter) in values.iter_mut().zip(&problem.parameters[..problem.place_variables().end]) {
+    let shared_values = values.iter_mut().zip(&problem.parameters).take(problem.place_variables().end);
+    for (j, (value, parameter)) in shared_values.enumerate() {
         if let Some(i) = known.names.iter().position(|name| *name == parameter.name) {
-            *value = shared[i];
+            *value = problem.value(j, shared[i]);
         }
     }
     let own = [run.initial_velocity_m_s, run.valve_head_m, run.closing_time_s, run.friction_scale, known.closure_s];
@@ -154,10 +158,6 @@ pub(crate) fn prepared(stage: &Stage, known: &Known, change: Change) -> RunData 
     run
 }
 
-pub(crate) fn window(baseline: &Baseline) -> Window {
-    Window { reaches: baseline.reaches, horizon_s: f64::INFINITY, stride: 1 }
-}
-
 /// The record of a test under an answer, without noise.
 fn record(
     baseline: &Baseline,
@@ -169,10 +169,8 @@ fn record(
 ) -> Result<RunData, ModelError> {
     let runs = [prepared(stage, known, change)];
     let model = stage.model(effects);
-    let problem = FitProblem::new(&model, &runs, window(baseline));
-    // by name, and as values: a draw is one of variables
-    let shared: Vec<f64> = known.values_of(shared);
-    let values = values_of(&problem, known, &shared, change);
+    let problem = FitProblem::new(&model, &runs, window(baseline.reaches));
+    let values = values_of(&problem, known, shared, change);
     let modelled = problem.modelled(0, &values, baseline.reaches)?;
     let (start, mut run) = (problem.closure_start_s(0, &values), runs[0].clone());
     for (sensor, trace) in run.sensors.iter_mut().zip(&modelled.traces) {
@@ -198,9 +196,9 @@ impl Test<'_> {
     fn fitted(&self, record: &RunData) -> Result<(f64, Vec<Vec<f64>>), ModelError> {
         let runs = std::slice::from_ref(record);
         let model = self.stage.model(self.effects);
-        let problem = FitProblem::new(&model, runs, window(self.baseline));
+        let problem = FitProblem::new(&model, runs, window(self.baseline.reaches));
         let informed = Informed::new(&problem, self.known);
-        let mut start = values_of(&problem, self.known, &self.known.values, self.change);
+        let mut start = values_of(&problem, self.known, &self.known.centre, self.change);
         // velocity and head are what instruments say of this record
         for j in &problem.run_variables(0)[..2] {
             start[*j] = problem.parameters[*j].start;
@@ -273,18 +271,6 @@ impl Problem for Informed<'_> {
 
     fn reach(&self, j: usize) -> f64 {
         self.problem.reach(j)
-    }
-}
-
-impl Known {
-    /// Values of variables near the centre.
-    fn values_of(&self, x: &DVector<f64>) -> Vec<f64> {
-        let of = |(j, value): (usize, &f64)| match (self.centre[j], x[j]) {
-            // A positive value's variable is its logarithm.
-            (centre, x) if *value > 0.0 && (value.ln() - centre).abs() < 1e-9 => value * (x - centre).exp(),
-            (centre, x) => value + (x - centre),
-        };
-        self.values.iter().enumerate().map(of).collect()
     }
 }
 
