@@ -39,7 +39,7 @@ fn allocations(rig: &Rig, effects: &[Chosen], duration_s: f64, with_energy: bool
     let model = Model::new(rig, &water, effects);
     let shared: Vec<f64> = model.shared.iter().map(|p| p.start).collect();
     let run = RunValues { initial_velocity_m_s: 0.3, valve_head_m: 40.0, closing_time_s: 0.1, friction_scale: 1.0 };
-    let conditions = Conditions { water, supply_deviation: None };
+    let conditions = Conditions::of(water);
     let resolution = Resolution { reaches: 50, duration_s };
     let probes = [Probe::Head(rig.length_m()), Probe::Flow(0.3 * rig.length_m())];
     let before = COUNT.with(Cell::get);

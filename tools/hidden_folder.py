@@ -14,13 +14,19 @@ def answers(folder):
     return sorted(json.loads((folder / "answers.json").read_text()).items())
 
 
-def diagnose(program, folder, case, answer, work):
-    """What the program says of a case, and the seconds that it took."""
+def imported(program, folder, case, work):
+    """The recordings of a case, imported."""
     recordings = []
     for csv in sorted((folder / case).glob("run*.csv")):
         recordings.append(f"{work}/{case}-{csv.stem}.mcap")
         rig = str(folder / case / "rig.toml")
         subprocess.run([program, "import", str(csv), "--rig", rig, "-o", recordings[-1]], check=True, capture_output=True)
+    return recordings
+
+
+def diagnose(program, folder, case, answer, work):
+    """What the program says of a case, and the seconds that it took."""
+    recordings = imported(program, folder, case, work)
     start = ",".join(answer["start_effects"]) or "none"
     began = time.time()
     run = subprocess.run([program, "diagnose", *recordings, "--effects", start, "--json"], capture_output=True, text=True)

@@ -210,7 +210,7 @@ impl Scenario {
     }
 
     fn run_model(&self, probes: &[Probe], duration_s: f64, energy: bool) -> Result<Simulated, ModelError> {
-        let conditions = Conditions { water: self.water, supply_deviation: None };
+        let conditions = Conditions::of(self.water);
         let resolution = Resolution { reaches: self.reaches, duration_s };
         let model = self.model();
         let needed = model.resolving_reaches(&conditions, &self.shared, &self.run)?;

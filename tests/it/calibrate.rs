@@ -111,7 +111,7 @@ impl Made<'_> {
         let places: Vec<Probe> = rig.pressure_sensors().map(|(_, s)| Probe::Head(s.position_m)).collect();
         let fine: Vec<f64> = (0..20_000).map(|i| f64::from(i) * self.duration_s / 20_000.0).collect();
         let supply_deviation = supply.map(|f| (fine.clone(), fine.iter().map(|&t| f(t)).collect()));
-        let conditions = Conditions { water, supply_deviation };
+        let conditions = Conditions { supply_deviation, ..Conditions::of(water) };
         let resolution = Resolution { reaches: self.reaches, duration_s: self.duration_s };
         let simulated = model.simulate(&conditions, self.shared, &self.run, resolution, &places).unwrap();
         let samples = ((LEAD_S + self.duration_s) * self.rate_hz) as usize;

@@ -105,7 +105,7 @@ fn features_hardly_depend_on_the_grid() {
     let water = rig.fluid.properties(24.0);
     let model = Model::new(&rig, &water, &parse_list("viscoelastic-wall:2").unwrap());
     let values = vec![470.0, 0.1, 0.0225, 1.5, 1.1, 1.0, 57.0, 0.06, 1.0];
-    let conditions = Conditions { water, supply_deviation: None };
+    let conditions = Conditions::of(water);
     let at = |reaches| {
         let sensor = sensor(&rig, None).unwrap();
         let subject =

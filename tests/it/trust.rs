@@ -40,7 +40,7 @@ fn record(rig: &Rig) -> RunData {
     let water = rig.fluid.properties(20.0);
     let model = Model::new(rig, &water, &parse_list("viscoelastic-wall:2").unwrap());
     let run = RunValues { initial_velocity_m_s: 0.5, valve_head_m: 40.0, closing_time_s: 0.06, friction_scale: 1.0 };
-    let conditions = Conditions { water, supply_deviation: None };
+    let conditions = Conditions::of(water);
     let resolution = Resolution { reaches: 400, duration_s: 3.5 };
     let simulated =
         model.simulate(&conditions, &[360.0, 0.1, 0.05, 0.6, 40.0], &run, resolution, &[Probe::Head(60.0)]).unwrap();

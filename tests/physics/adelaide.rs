@@ -50,7 +50,7 @@ fn run(rig: &Rig, effects: &str, values: &[f64], velocity: f64, supply_m: f64, r
         closing_time_s: 0.009,
         friction_scale: 1.0,
     };
-    let conditions = Conditions { water, supply_deviation: None };
+    let conditions = Conditions::of(water);
     let resolution = Resolution { reaches, duration_s: if velocity > 1.0 { 0.8 } else { 0.3 } };
     let probe = [Probe::Head(pipe.length_m)];
     let trace = model.simulate(&conditions, &shared, &run, resolution, &probe).unwrap().traces.remove(0);

@@ -183,7 +183,7 @@ impl Run<'_> {
             closing_time_s: self.row.closing_s,
             friction_scale: 1.0,
         };
-        let conditions = Conditions { water, supply_deviation: None };
+        let conditions = Conditions::of(water);
         let duration_s = times.iter().copied().fold(0.0, f64::max);
         let resolution = Resolution { reaches: self.reaches, duration_s };
         let probes = [Probe::Head(LENGTH_M), Probe::Head(0.25 * LENGTH_M)];

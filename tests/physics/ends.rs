@@ -41,7 +41,7 @@ fn shown(
     model.closure = closure;
     let shared = [&[WAVE_SPEED_M_S], values].concat();
     assert_eq!(shared.len(), model.shared.len(), "{effects}");
-    let conditions = Conditions { water, supply_deviation: None };
+    let conditions = Conditions::of(water);
     let probes = [Probe::Head(LENGTH_M)];
     let simulated = model.simulate(&conditions, &shared, run, Resolution { reaches, duration_s }, &probes)?;
     model.sensed(&shared, &rig.sensors[0], simulated.traces[0].clone())
@@ -226,7 +226,7 @@ fn the_law_of_the_valve_comes_back_from_the_head_before_it() {
     let head_m = at_times(&record, &time_s);
     let rig = rig(LENGTH_M, DIAMETER_M * 1e3, 2.0, "friction_factor = 0.03");
     let water = water(&rig, 998.2);
-    let conditions = Conditions { water, supply_deviation: None };
+    let conditions = Conditions::of(water);
     let resolution = Resolution { reaches: 150, duration_s: 1.2 };
     let opening = |s: f64| if s < 0.3 { 1.0 - 0.45 * s / 0.3 } else { 0.55 * (1.0 - s).max(0.0) / 0.7 };
     // Also where the model has something at the valve's end: of no strength, so that the curve is the same.

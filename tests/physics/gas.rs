@@ -38,7 +38,7 @@ impl Run<'_> {
             closing_time_s: self.closing_s,
             friction_scale: 1.0,
         };
-        let conditions = Conditions { water, supply_deviation: None };
+        let conditions = Conditions::of(water);
         let resolution = Resolution { reaches: self.reaches, duration_s: self.duration_s };
         model.simulate(&conditions, self.shared, &run, resolution, probes).map(|s| s.traces)
     }

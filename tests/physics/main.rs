@@ -82,7 +82,7 @@ fn simulate(problem: &Exact, reaches: usize, places: &[f64], times: &[f64]) -> V
     let run =
         RunValues { initial_velocity_m_s: problem.velocity, valve_head_m: 30.0, closing_time_s, friction_scale: 1.0 };
     let duration_s = times.iter().copied().fold(0.0, f64::max);
-    let conditions = Conditions { water, supply_deviation: None };
+    let conditions = Conditions::of(water);
     let probes: Vec<Probe> = places.iter().map(|&x| Probe::Head(x)).collect();
     let traces =
         model.simulate(&conditions, &shared, &run, Resolution { reaches, duration_s }, &probes).unwrap().traces;
@@ -237,7 +237,7 @@ fn two_pipes(reaches: usize, times: &[f64]) -> Vec<f64> {
     let mut model = Model::new(&rig, &water, &[]);
     model.closure = |closing_time_s| Closure::FlowRamp { closing_time_s };
     let run = RunValues { initial_velocity_m_s: 1.0, valve_head_m: 50.0, closing_time_s: 0.02, friction_scale: 1.0 };
-    let conditions = Conditions { water, supply_deviation: None };
+    let conditions = Conditions::of(water);
     let resolution = Resolution { reaches, duration_s: 2.0 };
     let trace = model.simulate(&conditions, &[1200.0, 400.0], &run, resolution, &[Probe::Head(160.0)]).unwrap().traces;
     times.iter().map(|&t| trace[0].at(t) - 50.0).collect()
@@ -293,7 +293,7 @@ fn the_line_comes_to_rest_at_the_supplys_head() {
     let effects = parse_list("viscoelastic-wall:1").unwrap();
     let model = Model::new(&rig, &water, &effects);
     let run = RunValues { initial_velocity_m_s: 0.5, valve_head_m: 20.0, closing_time_s: 0.1, friction_scale: 1.0 };
-    let conditions = Conditions { water, supply_deviation: None };
+    let conditions = Conditions::of(water);
     let probes = [Probe::Head(100.0), Probe::Head(0.0), Probe::Flow(50.0)];
     let resolution = Resolution { reaches: 40, duration_s: 600.0 };
     let traces = model.simulate(&conditions, &[300.0, 0.5, 0.3], &run, resolution, &probes).unwrap().traces;
@@ -320,7 +320,7 @@ fn the_steady_state_stays() {
                 closing_time_s: 1.0,
                 friction_scale: 1.0,
             };
-            let conditions = Conditions { water, supply_deviation: None };
+            let conditions = Conditions::of(water);
             let resolution = Resolution { reaches: 60, duration_s: 20.0 };
             let traces =
                 model.simulate(&conditions, &[400.0], &run, resolution, &[Probe::Head(200.0), Probe::Head(90.0)]);
@@ -373,7 +373,7 @@ fn a_measured_head_drives_the_line() {
     let run = RunValues { initial_velocity_m_s: 0.5, valve_head_m: 20.0, closing_time_s: 0.1, friction_scale: 1.0 };
     let resolution = Resolution { reaches: 50, duration_s: 4.0 };
     let with = |supply_deviation| {
-        let conditions = Conditions { water, supply_deviation };
+        let conditions = Conditions { supply_deviation, ..Conditions::of(water) };
         model.simulate(&conditions, &[400.0], &run, resolution, &[Probe::Head(100.0)]).map(|t| t.traces[0].clone())
     };
     assert!(with(None).unwrap_err().to_string().contains("position 0"));
@@ -383,7 +383,7 @@ fn a_measured_head_drives_the_line() {
     let arrived = stepped.at(1.3) - constant.at(1.3);
     assert!((arrived - 6.0).abs() < 0.1, "and doubles at the shut valve: {arrived}");
     rig.upstream = surgescope_core::rig::Upstream::Reservoir;
-    let conditions = Conditions { water, supply_deviation: None };
+    let conditions = Conditions::of(water);
     let reservoir =
         Model::new(&rig, &water, &[]).simulate(&conditions, &[400.0], &run, resolution, &[Probe::Head(100.0)]).unwrap();
     assert_eq!(reservoir.traces[0], constant);
@@ -397,7 +397,7 @@ fn what_cannot_be_simulated_is_said_before_the_run() {
     let model = Model::new(&rig, &water, &effects);
     let fine = RunValues { initial_velocity_m_s: 0.5, valve_head_m: 20.0, closing_time_s: 0.1, friction_scale: 1.0 };
     let attempt = |shared: &[f64], run: &RunValues, reaches: usize, duration_s: f64| {
-        let conditions = Conditions { water, supply_deviation: None };
+        let conditions = Conditions::of(water);
         let resolution = Resolution { reaches, duration_s };
         model.simulate(&conditions, shared, run, resolution, &[Probe::Head(100.0)]).map(|_| ()).unwrap_err().to_string()
     };

@@ -53,7 +53,7 @@ impl<'a> Case<'a> {
             friction_scale: 1.0,
         };
         let shared: Vec<f64> = [SPEED].into_iter().chain(self.values.iter().copied()).collect();
-        let conditions = Conditions { water, supply_deviation: None };
+        let conditions = Conditions::of(water);
         model.simulate(&conditions, &shared, &run, Resolution { reaches, duration_s }, probes)
     }
 

@@ -45,7 +45,7 @@ impl Case {
         let wave_speeds = rig.pipes.iter().map(|_| self.wave_speed);
         let shared: Vec<f64> = wave_speeds.chain(self.values.iter().copied()).collect();
         let resolution = Resolution { reaches, duration_s: times.iter().copied().fold(0.0, f64::max) };
-        let conditions = Conditions { water, supply_deviation: None };
+        let conditions = Conditions::of(water);
         let valve = [Probe::Head(rig.pipes.iter().map(|p| p.length_m).sum())];
         let simulated = model.simulate(&conditions, &shared, &run, resolution, &valve)?;
         Ok(times.iter().map(|&t| simulated.traces[0].at(t) - 60.0).collect())

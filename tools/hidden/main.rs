@@ -1,6 +1,6 @@
-//! Recordings with one effect hidden, from a scheme that shares nothing with the program: what `diagnose` is tried on.
+//! Recordings with one effect hidden, or a pair, from a scheme that shares nothing with the program: what `diagnose` is tried on.
 //!
-//! `cargo run --release -p surgescope-tools --bin hidden_effects -- SEED COUNT FOLDER [KIND,KIND…] [--coloured] [--wrong-rig]` writes folders with `rig.toml`,
+//! `cargo run --release -p surgescope-tools --bin hidden_effects -- SEED COUNT FOLDER [KIND,KIND…] [--coloured] [--wrong-rig] [--pairs]` writes folders with `rig.toml`,
 //! `run.csv`, sometimes `run2.csv`, and `answers.json` beside them, as `tools/blind.py` reads them. The same seed gives the same files.
 
 mod record;
@@ -17,7 +17,7 @@ fn main() -> Result<(), Box<dyn std::error::Error + Send + Sync>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let (flags, plain): (Vec<String>, Vec<String>) = arguments.into_iter().partition(|a| a.starts_with("--"));
     let [seed, count, folder, kinds @ ..] = plain.as_slice() else {
-        return Err("usage: hidden_effects SEED COUNT FOLDER [KIND,KIND…] [--coloured] [--wrong-rig]".into());
+        return Err("usage: hidden_effects SEED COUNT FOLDER [KIND,KIND…] [--coloured] [--wrong-rig] [--pairs]".into());
     };
     let (seed, count): (u64, u64) = (seed.parse()?, count.parse()?);
     let mut drawn = rig::KINDS.to_vec();
@@ -28,20 +28,23 @@ fn main() -> Result<(), Box<dyn std::error::Error + Send + Sync>> {
         drawn.retain(|k| asked.split(',').any(|a| a == *k));
     }
     let has = |flag: &str| flags.iter().any(|f| f == flag);
-    let (coloured, wrong_rig) = (has("--coloured"), has("--wrong-rig"));
+    let (coloured, wrong_rig, pairs) = (has("--coloured"), has("--wrong-rig"), has("--pairs"));
     let folder = Path::new(folder);
     let cases: Vec<(String, serde_json::Value)> = (0..count)
         .into_par_iter()
         .map(|i| {
             let name = format!("case-{:03}", i + 1);
             let mut random = fastrand::Rng::with_seed(seed * 1_000_003 + i);
-            let kind = drawn[i as usize % drawn.len()];
-            let case = rig::draw(&mut random, kind, &name);
+            let kind = if pairs { rig::PAIRED[random.usize(..rig::PAIRED.len())] } else { drawn[i as usize % drawn.len()] };
+            let others: Vec<_> = rig::PAIRED.into_iter().filter(|other| *other != kind).collect();
+            let second = pairs.then(|| others[random.usize(..others.len())]);
+            let case = rig::draw(&mut random, kind, second, &name);
             record::write(&folder.join(&name), &case, &mut random, coloured, wrong_rig)?;
+            let effects: Vec<_> = [kind].into_iter().filter(|k| *k != "nothing").chain(second).collect();
             let truth = truth::of(&case, &folder.join(&name))?;
             Ok((
                 name,
-                json!({"hidden": {"effect": kind, "what": format!("{:?}", case.hidden)}, "start_effects": case.start_effects,
+                json!({"hidden": {"effect": kind, "effects": effects, "what": format!("{:?}", case.hidden)}, "start_effects": case.start_effects,
                        "noise_m": case.noise_m, "joukowsky_m": case.joukowsky_m(), "wave_speed_m_s": case.wave_speed_m_s,
                        "material": case.material, "truth": truth}),
             ))

@@ -59,7 +59,7 @@ fn case(rig: &Rig, known: &Known) -> Case {
         friction: pipe.friction_factor,
         unsteady_friction: false,
         start_effects: Vec::new(),
-        hidden: Hidden::Creep,
+        hidden: vec![Hidden::Creep],
     };
     // The scheme's wall has c₁ = 1 and its water a density of its own: creep counts by their product with J.
     let density = rig.fluid.properties(known.temperature_degc).density_kg_m3;

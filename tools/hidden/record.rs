@@ -76,8 +76,8 @@ pub fn write(
                 let _ = write!(out, ",{:.4}", head[i]);
             }
             if i % 100 == 0 && (i as f64) * case.sample_s < case.lead_s {
-                let leak =
-                    if let Hidden::Leak(_, flow) = case.hidden { flow * velocity / case.velocity_m_s } else { 0.0 };
+                let of_leak = |h: &Hidden| if let Hidden::Leak(_, flow) = h { Some(*flow) } else { None };
+                let leak = case.find(of_leak).unwrap_or(0.0) * velocity / case.velocity_m_s;
                 let flow = (velocity * case.area_m2() + leak) * 3600.0 * meter * (1.0 + 0.001 * normal(random));
                 let _ = write!(out, ",{flow:.5},{:.2}", case.temperature_c + 0.05 * normal(random));
             } else {
@@ -93,11 +93,19 @@ pub fn write(
 /// Head that a sensor shows, every step, without its noise.
 fn sensed(case: &Case, s: usize, solved: &Solved) -> Vec<f64> {
     let mut trace = solved.heads_m[s].clone();
-    match case.hidden {
+    for hidden in &case.hidden {
+        show(hidden, s, solved, &mut trace);
+    }
+    trace
+}
+
+/// What a hidden fault makes of the trace of a sensor.
+fn show(hidden: &Hidden, s: usize, solved: &Solved, trace: &mut [f64]) {
+    match *hidden {
         Hidden::Lag(which, hz) if which == s => {
             let keep = (-std::f64::consts::TAU * hz * solved.dt_s).exp();
             let mut shown = trace[0];
-            for h in &mut trace {
+            for h in trace {
                 shown = keep * shown + (1.0 - keep) * *h;
                 *h = shown;
             }
@@ -112,20 +120,18 @@ fn sensed(case: &Case, s: usize, solved: &Solved) -> Vec<f64> {
                 *h += amplitude * (std::f64::consts::TAU * hz * i as f64 * solved.dt_s).sin();
             }
         }
+        Hidden::Skew(which, skew) if which == s => {
+            let moved: Vec<f64> = (0..trace.len()).map(|i| linear(trace, i as f64 - skew / solved.dt_s)).collect();
+            trace.copy_from_slice(&moved);
+        }
         _ => {}
     }
-    if let Hidden::Skew(which, skew) = case.hidden
-        && which == s
-    {
-        let moved: Vec<f64> = (0..trace.len()).map(|i| linear(&trace, i as f64 - skew / solved.dt_s)).collect();
-        trace = moved;
-    }
-    trace
 }
 
 /// Pulsation is there before the closure, too; all else is still until then.
 fn at(case: &Case, solved: &Solved, trace: &[f64], t: f64) -> f64 {
-    let before = if matches!(case.hidden, Hidden::Pulsation(..)) { case.lead_s } else { 0.0 };
+    let pulsates = case.hidden.iter().any(|h| matches!(h, Hidden::Pulsation(..)));
+    let before = if pulsates { case.lead_s } else { 0.0 };
     linear(trace, (t + before) / solved.dt_s)
 }
 

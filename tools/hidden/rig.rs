@@ -22,10 +22,26 @@ pub const KINDS: [&str; 18] = [
     "sensor-gain",
 ];
 
+/// What may be one of a pair: what any rig can have beside anything else.
+pub const PAIRED: [&str; 13] = [
+    "entrained-gas",
+    "leak",
+    "blockage",
+    "section-change",
+    "valve-law",
+    "valve-seat-leak",
+    "supply-drift",
+    "air-pocket",
+    "moving-valve",
+    "side-branch",
+    "sensor-lag",
+    "clock-skew",
+    "sensor-gain",
+];
+
 /// The hidden effect; places in m from the supply.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Hidden {
-    Nothing,
     /// Head of the supply swings: amplitude m, frequency Hz.
     Pulsation(f64, f64),
     /// A sensor hums from the closure on: sensor, amplitude m, frequency Hz.
@@ -85,10 +101,14 @@ pub struct Case {
     pub friction: Option<f64>,
     pub unsteady_friction: bool,
     pub start_effects: Vec<&'static str>,
-    pub hidden: Hidden,
+    pub hidden: Vec<Hidden>,
 }
 
 impl Case {
+    /// What `of` makes of the hidden effect that it knows.
+    pub fn find<T>(&self, of: impl Fn(&Hidden) -> Option<T>) -> Option<T> {
+        self.hidden.iter().find_map(of)
+    }
     pub fn area_m2(&self) -> f64 {
         std::f64::consts::PI / 4.0 * self.diameter_m.powi(2)
     }
@@ -118,7 +138,8 @@ impl Case {
 /// Inner diameters of the rigs.
 const DIAMETERS_M: [f64; 8] = [0.014, 0.016, 0.0221, 0.032, 0.0506, 0.0662, 0.0933, 0.15];
 
-pub fn draw(random: &mut fastrand::Rng, kind: &'static str, name: &str) -> Case {
+/// A case with an effect of this kind, and perhaps a second one of [`PAIRED`].
+pub fn draw(random: &mut fastrand::Rng, kind: &'static str, second: Option<&'static str>, name: &str) -> Case {
     let between = |random: &mut fastrand::Rng, a: f64, b: f64| a + (b - a) * random.f64();
     let log = |random: &mut fastrand::Rng, a: f64, b: f64| a * (b / a).powf(random.f64());
     let plastic = match kind {
@@ -171,8 +192,7 @@ pub fn draw(random: &mut fastrand::Rng, kind: &'static str, name: &str) -> Case 
     let place_m = length_m * between(random, 0.15, 0.85);
     let closing_s = period_s * log(random, 0.08, 0.3);
     let sign = if random.bool() { 1.0 } else { -1.0 };
-    let hidden = match kind {
-        "nothing" => Hidden::Nothing,
+    let hide = |random: &mut fastrand::Rng, kind: &str, place_m: f64, which: usize, sign: f64| match kind {
         "unknown" => match random.usize(..3) {
             0 => Hidden::Pulsation(joukowsky_m * log(random, 0.01, 0.05), between(random, 3.0, 30.0)),
             1 => Hidden::Hum(which, joukowsky_m * log(random, 0.01, 0.05), 50.0),
@@ -203,11 +223,19 @@ pub fn draw(random: &mut fastrand::Rng, kind: &'static str, name: &str) -> Case 
         "side-branch" => Hidden::Branch(place_m, length_m * between(random, 0.03, 0.15)),
         "sensor-lag" => Hidden::Lag(which, log(random, 2.0, 15.0) / period_s),
         "clock-skew" => Hidden::Skew(which, sign * period_s * log(random, 0.01, 0.05)),
-        "sensor-gain" => Hidden::Gain(which, 1.0 + sign * between(random, 0.02, 0.08)),
-        _ => Hidden::Nothing,
+        _ => Hidden::Gain(which, 1.0 + sign * between(random, 0.02, 0.08)),
     };
+    let mut hidden = Vec::new();
+    if kind != "nothing" {
+        hidden.push(hide(random, kind, place_m, which, sign));
+    }
+    if let Some(second) = second {
+        let place_m = length_m * between(random, 0.15, 0.85);
+        let (which, sign) = (random.usize(..sensors), if random.bool() { 1.0 } else { -1.0 });
+        hidden.push(hide(random, second, place_m, which, sign));
+    }
     let cycles = if plastic { 30.0 } else { 20.0 };
-    let cavity = hidden == Hidden::Cavity;
+    let cavity = kind == "vapour-cavity";
     Case {
         name: name.to_owned(),
         material,

@@ -53,7 +53,7 @@ fn rules(rig: &str, effects: &str, mut settings: Vec<(String, f64)>) -> Result<s
     let scenario = Scenario::new(Rig::load(rig.as_ref())?, &parse_list(effects)?, ValveForm::Linear, &settings)?;
     let subject = Subject {
         model: scenario.model(),
-        conditions: Conditions { water: scenario.water, supply_deviation: None },
+        conditions: Conditions::of(scenario.water),
         values: scenario.values().into_iter().map(|(_, value)| value).collect(),
         reaches: scenario.reaches,
         sensor: sensor(&scenario.rig, None)?,

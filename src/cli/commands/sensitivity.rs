@@ -135,7 +135,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     }
     let subject = Subject {
         model: scenario.model(),
-        conditions: Conditions { water: scenario.water, supply_deviation: None },
+        conditions: Conditions::of(scenario.water),
         values: scenario.values().into_iter().map(|(_, value)| value).collect(),
         reaches: scenario.reaches,
         sensor: sensor(&scenario.rig, args.sensor.as_deref())?,

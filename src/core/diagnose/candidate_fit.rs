@@ -9,7 +9,7 @@ use crate::fit::data::run_data::RunData;
 use crate::fit::outcome::fit::{Fit, FittedParameter};
 use crate::fit::outcome::uncertainty::Uncertainty;
 use crate::fit::problem::error::FitError;
-use crate::fit::search::calibrate::{CoarseFit, calibrate, fit_coarsely, refine, with_more_elements};
+use crate::fit::search::calibrate::{CoarseFit, calibrate, fit_coarsely, refine};
 use crate::fit::search::options::{Options, Progress};
 use crate::model::Model;
 use crate::model::effects::{Chosen, Circumstances, SHOWN};
@@ -96,6 +96,14 @@ impl<'a> CandidateFit<'a> {
         {
             self.square = square(&fit);
             self.fit = Some(fit);
+        }
+    }
+
+    /// Fits on until it converges.
+    pub(crate) fn converge(&mut self, fitter: &FullFitter) {
+        if let Some(fit) = self.fit.as_ref().filter(|f| !f.converged) {
+            let converged = fitter.converged(fit);
+            self.take(converged);
         }
     }
 
@@ -268,16 +276,6 @@ impl FullFitter<'_> {
             added.sensor = None;
         }
         fit_coarsely(self.rig, self.runs, &effects, self.options)
-    }
-
-    /// Adds elements to an effect of the start model if their number was left open and the fit asks for more.
-    pub(crate) fn with_more_elements(&self, candidate_fit: &CandidateFit) -> Result<Fit, FitError> {
-        let fit = candidate_fit.fit.as_ref().ok_or(FitError::NoRun)?;
-        let shown =
-            |p: &Progress| (self.progress)(&format!("{} and more elements, {}", candidate_fit.label(), p.stage));
-        let grown =
-            with_more_elements(self.rig, self.runs, fit, self.effects, &self.options_of(candidate_fit.refit), &shown)?;
-        grown.ok_or(FitError::NoRun)
     }
 
     fn options_of(&self, refit: &Refit) -> Options {

@@ -1,50 +1,55 @@
 //! What the diagnosis tries when no effect brings the error down to the noise.
 //!
 //! Without the missing effect, the start model's parameters or its number of elements may have gone where no descent
-//! leads back from. So the best candidates get the elements that their own fits ask for; then effects are fitted from
-//! the signals, without any earlier fit.
+//! leads back from. So the best candidates are fitted afresh, with as many elements as their own fits ask for; if that does
+//! not explain the records, effects are fitted coarsely from the signals, and the best of these afresh.
 
 use rayon::prelude::*;
 
-use crate::diagnose::candidate_fit::{CandidateFit, FullFitter, over_noise};
-use crate::diagnose::limits::{FALLBACK_FITS, NO_FULL_FIT_ABOVE};
+use crate::diagnose::candidate_fit::{CandidateFit, FullFitter, over_noise, square};
+use crate::diagnose::limits::{
+    DOWN_TO_THE_NOISE, EXPLAINED_OVER_NOISE, FULL_FITS, NO_FULL_FIT_ABOVE, REFINED_EFFECTS, START_DOUBTFUL,
+    START_USELESS,
+};
+use crate::fit::outcome::fit::Fit;
 
-/// Searches until a candidate's error is below `enough` times the noise. Fits from the signals the first `most`
-/// candidates and all candidates that leave more than `start`, the start model's square: they contain the start model,
-/// so their refits have failed.
-pub(crate) fn fallback_search(
-    fitter: &FullFitter,
-    candidate_fits: &mut [CandidateFit],
-    start: f64,
-    enough: f64,
-    most: usize,
-) {
-    let done = |candidate_fits: &[CandidateFit]| {
-        candidate_fits.iter().filter_map(|r| r.fit.as_ref()).any(|f| over_noise(f, fitter.runs) < enough)
-    };
-    if done(candidate_fits) {
+/// Searches until a candidate explains the records. If the start model is doubtful, effects are fitted from the signals: the
+/// first ones, or all if it is useless, and those that leave more than it does. They contain it, so their refits have failed.
+pub(crate) fn search_on(fitter: &FullFitter, start: &Fit, candidate_fits: &mut [CandidateFit]) {
+    let mut done = Vec::new();
+    afresh(fitter, candidate_fits, &mut done);
+    let start_error = over_noise(start, fitter.runs);
+    if start_error < START_DOUBTFUL || best(fitter, candidate_fits) < EXPLAINED_OVER_NOISE {
         return;
     }
-    more_elements(fitter, candidate_fits);
-    if done(candidate_fits) {
-        return;
-    }
-    let mut tried: Vec<&mut CandidateFit> =
-        candidate_fits.iter_mut().enumerate().filter(|(i, r)| *i < most || r.square > start).map(|(_, r)| r).collect();
-    from_the_signals(fitter, &mut tried);
-    if !done(candidate_fits) {
-        more_elements(fitter, candidate_fits);
-    }
+    let most = if start_error > START_USELESS { usize::MAX } else { REFINED_EFFECTS };
+    let failed = square(start);
+    let tried = candidate_fits.iter_mut().enumerate().filter(|(i, r)| *i < most || r.square > failed);
+    from_the_signals(fitter, &mut tried.map(|(_, r)| r).collect::<Vec<_>>());
+    afresh(fitter, candidate_fits, &mut done);
 }
 
-/// Gives the best candidates the elements that their own fits ask for.
-fn more_elements(fitter: &FullFitter, candidate_fits: &mut [CandidateFit]) {
-    let mut best: Vec<&mut CandidateFit> = candidate_fits.iter_mut().filter(|r| r.fit.is_some()).collect();
-    best.sort_by(|a, b| a.square.total_cmp(&b.square));
-    let most = NO_FULL_FIT_ABOVE * best.first().map_or(0.0, |b| b.square);
-    best.par_iter_mut().take(FALLBACK_FITS).filter(|r| r.square < most).for_each(|candidate_fit| {
-        let grown = fitter.with_more_elements(candidate_fit);
-        candidate_fit.take(grown);
+/// The least error over noise of a full fit.
+fn best(fitter: &FullFitter, candidate_fits: &[CandidateFit]) -> f64 {
+    let fits = candidate_fits.iter().filter_map(|r| r.fit.as_ref());
+    fits.map(|f| over_noise(f, fitter.runs)).fold(f64::INFINITY, f64::min)
+}
+
+/// Fits the leading candidates afresh, unless that is `done` already. What they leave may be the way that their fits came:
+/// elements that the effect now explains, a place that is another's.
+fn afresh(fitter: &FullFitter, candidate_fits: &mut [CandidateFit], done: &mut Vec<&'static str>) {
+    if best(fitter, candidate_fits) < DOWN_TO_THE_NOISE {
+        return;
+    }
+    let mut leading: Vec<_> = candidate_fits.iter_mut().filter(|r| r.fit.is_some()).collect();
+    leading.sort_by(|a, b| a.square.total_cmp(&b.square));
+    let most = NO_FULL_FIT_ABOVE * leading.first().map_or(0.0, |r| r.square);
+    leading.truncate(FULL_FITS);
+    leading.retain(|r| r.square < most && !done.contains(&r.refit.form.effect));
+    done.extend(leading.iter().map(|r| r.refit.form.effect));
+    leading.into_par_iter().for_each(|candidate_fit| {
+        let fit = fitter.fit_from_scratch(candidate_fit.refit);
+        candidate_fit.take(fit);
     });
 }
 
@@ -55,7 +60,7 @@ fn from_the_signals(fitter: &FullFitter, candidate_fits: &mut [&mut CandidateFit
     let mean_square = |i: usize| coarse[i].as_ref().map_or(f64::INFINITY, |c| c.mean_square);
     let mut order: Vec<usize> = (0..candidate_fits.len()).collect();
     order.sort_by(|&a, &b| mean_square(a).total_cmp(&mean_square(b)));
-    order.truncate(FALLBACK_FITS);
+    order.truncate(FULL_FITS);
     let most = NO_FULL_FIT_ABOVE * order.first().map_or(0.0, |&i| mean_square(i));
     candidate_fits.par_iter_mut().enumerate().filter(|(i, _)| order.contains(i)).for_each(|(i, candidate_fit)| {
         if let Some(coarse) = coarse[i].as_ref().filter(|c| c.mean_square <= most) {

@@ -42,6 +42,8 @@ pub(crate) const SCREEN: Limits =
 /// Stopping rules while a form is refined: all parameters move. Cost, and tuned: data unknown.
 pub(crate) const REFINE: Limits =
     Limits { iterations: 25, cost_tolerance: 1e-3, step_tolerance: 1e-7, thorough: false };
+/// The same of each of a form's starts, before the best is refined. Cost, and tuned on the open sets.
+pub(crate) const TRY: Limits = Limits { iterations: 6, ..REFINE };
 /// Strengths at which an effect's signature is taken, as multiples of its usual start. Tuned: data unknown.
 pub(crate) const STRENGTHS: [f64; 5] = [1.0, 0.1, 0.3, 3.0, 10.0];
 /// Most places at which an effect is tried in all strengths; with more places, one strength has to do. Cost.
@@ -63,10 +65,8 @@ pub(crate) const START_NEAR_NOISE: f64 = 1.3;
 
 // ---- Full fits -----------------------------------------------------------------------------------------------------
 
-/// Most candidates that are fitted to all samples on the fine grid. Cost, and tuned: data unknown.
+/// Most candidates that each stage fits to all samples on the fine grid. Cost, and tuned: data unknown.
 pub(crate) const FULL_FITS: usize = 3;
-/// Most candidates that each stage of the fallback search fits. Cost, and tuned: data unknown.
-pub(crate) const FALLBACK_FITS: usize = 3;
 /// Finest grid of a fit with cavities, in reaches: the spikes of their collapse belong to the grid. Literature: Bergant,
 /// Simpson & Tijsseling (2006) for the fact; the number is tuned: data unknown.
 pub(crate) const MOST_REACHES_WITH_CAVITIES: usize = 128;

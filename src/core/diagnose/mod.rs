@@ -37,12 +37,11 @@ use crate::diagnose::candidate_fit::{
     CandidateFit, FullFitter, best_forms, evidence_scale, fall, over_noise, square, square_at_optimum,
 };
 use crate::diagnose::evidence::{EvidenceScale, probabilities};
-use crate::diagnose::fallback_search::fallback_search;
+use crate::diagnose::fallback_search::search_on;
 pub use crate::diagnose::limits::NEGLIGIBLE_EVIDENCE;
 use crate::diagnose::limits::{
-    CONVERGE_BELOW, DOWN_TO_THE_NOISE, EXPLAINED_OVER_NOISE, FULL_FITS, INDISTINGUISHABLE, LEAST_EVIDENCE, LEAST_FALL,
-    LEAST_FORECAST, NO_FULL_FIT_ABOVE, PRIOR_ODDS_OF_PAIR, REFINED_EFFECTS, START_DOUBTFUL, START_NEAR_NOISE,
-    START_USELESS,
+    CONVERGE_BELOW, EXPLAINED_OVER_NOISE, FULL_FITS, INDISTINGUISHABLE, LEAST_EVIDENCE, LEAST_FALL, LEAST_FORECAST,
+    NO_FULL_FIT_ABOVE, PRIOR_ODDS_OF_PAIR, REFINED_EFFECTS, START_NEAR_NOISE,
 };
 use crate::diagnose::next::in_words;
 pub use crate::diagnose::outcome::{Candidate, Diagnosis, Pair, Verdict};
@@ -193,35 +192,15 @@ fn fit(fitter: &FullFitter, baseline: &Baseline, start: &Fit, candidate_fits: &m
         let fit = fitter.fit_from_scratch(shown.refit);
         shown.take(fit);
     }
-    let start_error = over_noise(start, fitter.runs);
-    if start_error > START_DOUBTFUL {
-        let most = if start_error > START_USELESS { usize::MAX } else { REFINED_EFFECTS };
-        fallback_search(fitter, candidate_fits, square(start), EXPLAINED_OVER_NOISE, most);
-    }
-    // What is left may be the way that the fits came: elements that the effect now explains, a place that is another's.
-    let mut leading: Vec<_> = candidate_fits.iter_mut().filter(|r| r.fit.is_some()).collect();
-    leading.sort_by(|a, b| a.square.total_cmp(&b.square));
-    let most = NO_FULL_FIT_ABOVE * leading.first().map_or(0.0, |r| r.square);
-    if leading.first().and_then(|r| r.fit.as_ref()).is_some_and(|f| over_noise(f, fitter.runs) > DOWN_TO_THE_NOISE) {
-        leading.into_par_iter().take(FULL_FITS).filter(|r| r.square < most).for_each(|candidate_fit| {
-            let afresh = fitter.fit_from_scratch(candidate_fit.refit);
-            candidate_fit.take(afresh);
-        });
-    }
+    search_on(fitter, start, candidate_fits);
     contest(fitter, candidate_fits);
 }
 
 /// Compares the rivals at their optima: the best is fitted until it converges, the others also start from where it ended.
 fn contest(fitter: &FullFitter, candidate_fits: &mut [CandidateFit]) {
-    let converge = |candidate_fit: &mut CandidateFit| {
-        if let Some(fit) = candidate_fit.fit.as_ref().filter(|f| !f.converged) {
-            let converged = fitter.converged(fit);
-            candidate_fit.take(converged);
-        }
-    };
     let fitted = candidate_fits.iter_mut().filter(|r| r.fit.is_some());
     let Some(best) = fitted.min_by(|a, b| a.square.total_cmp(&b.square)) else { return };
-    converge(best);
+    best.converge(fitter);
     let Some(winner) = best.fit.clone() else { return };
     let near = CONVERGE_BELOW * square(&winner);
     let rivals = candidate_fits.par_iter_mut().filter(|r| {
@@ -232,7 +211,7 @@ fn contest(fitter: &FullFitter, candidate_fits: &mut [CandidateFit]) {
         let fit = fitter.fit_from_rival(rival, &winner);
         rival.take(fit);
         if rival.fit.as_ref().is_some_and(|f| square_at_optimum(f) < square(&winner)) {
-            converge(rival);
+            rival.converge(fitter);
         }
     });
 }
@@ -407,7 +386,7 @@ fn refits(baseline: &Baseline, progress: &(dyn Fn(&str) + Sync)) -> Vec<Refit> {
     // Near the noise the linear forecast is accurate: an effect that screening does not promise will not appear.
     let quiet = baseline.mean_square(&baseline.residuals) < START_NEAR_NOISE.powi(2);
     let scale = EvidenceScale::of(&baseline.residuals[..baseline.samples], baseline.features());
-    let hopeful = |r: &Refit| scale.evidence(baseline.square, r.square, r.added) > NEGLIGIBLE_EVIDENCE;
+    let hopeful = |r: &Refit| scale.evidence(baseline.square, r.square, r.added) > 0.0;
     screened
         .par_iter()
         .map(|screened| {

@@ -7,7 +7,7 @@
 use crate::diagnose::baseline::Baseline;
 use crate::diagnose::candidate::Form;
 use crate::diagnose::limits::{
-    FEW_PLACES, FORECAST_RANGE, REFINE, REFINED_STARTS, SCREEN, SCREENED_STARTS, STEP_PARTS, STRENGTHS,
+    FEW_PLACES, FORECAST_RANGE, REFINE, REFINED_STARTS, SCREEN, SCREENED_STARTS, STEP_PARTS, STRENGTHS, TRY,
 };
 use crate::fit::numeric::least_squares::{Problem, Solution, minimise};
 use crate::fit::problem::fit_problem::FitProblem;
@@ -159,12 +159,13 @@ pub fn refine(baseline: &Baseline, screened: &Refit) -> Result<Refit, ModelError
         .chain(boils.then(|| problem.start()));
     let mut best: Option<Solution> = None;
     for start in starts {
-        let solution = minimise(&problem, &start, REFINE, |_, _| {})?;
+        let solution = minimise(&problem, &start, TRY, |_, _| {})?;
         if best.as_ref().is_none_or(|b| solution.cost < b.cost) {
             best = Some(solution);
         }
     }
     let best = best.ok_or_else(|| no_start(&screened.form))?;
+    let best = if best.stop.converged() { best } else { minimise(&problem, &best.x, REFINE, |_, _| {})? };
     Ok(Refit {
         form: screened.form.clone(),
         square: 2.0 * best.cost,

@@ -1,6 +1,6 @@
 //! Steady wall friction: Darcy-Weisbach with a constant factor or one that follows the Reynolds number.
 
-use crate::rig::{LAMINAR_REYNOLDS, Pipe, WaterProperties, darcy_friction_factor};
+use crate::rig::{Pipe, Regime, WaterProperties, darcy_friction_factor, turbulent_friction_factor};
 use crate::units::GRAVITY_M_S2;
 
 /// Law of the wall's friction.
@@ -41,6 +41,11 @@ impl WallFriction {
     /// neither, the pipe is smooth and its factor that of the flow before the closure (the common quasi-steady
     /// friction): laminar and linear below Re 2320, constant above.
     pub fn of(pipe: &Pipe, water: &WaterProperties, flow_m3_s: f64) -> Self {
+        WallFriction::in_regime(pipe, water, flow_m3_s, Regime::of(pipe.reynolds(water, flow_m3_s)))
+    }
+
+    /// The same where the regime is known.
+    pub fn in_regime(pipe: &Pipe, water: &WaterProperties, flow_m3_s: f64, regime: Regime) -> Self {
         let viscosity_m2_s = water.kinematic_viscosity_m2_s;
         if let Some(factor) = pipe.friction_factor {
             return WallFriction::Constant { factor };
@@ -48,11 +53,12 @@ impl WallFriction {
         if let Some(roughness_m) = pipe.roughness_m {
             return WallFriction::Reynolds { viscosity_m2_s, roughness_m, scale: 1.0 };
         }
-        let reynolds = flow_m3_s.abs() / pipe.area_m2() * pipe.inner_diameter_m / viscosity_m2_s;
-        if reynolds < LAMINAR_REYNOLDS {
-            return WallFriction::Laminar { viscosity_m2_s, scale: 1.0 };
+        match regime {
+            Regime::Laminar => WallFriction::Laminar { viscosity_m2_s, scale: 1.0 },
+            Regime::Turbulent => {
+                WallFriction::Constant { factor: turbulent_friction_factor(pipe.reynolds(water, flow_m3_s), 0.0) }
+            }
         }
-        WallFriction::Constant { factor: darcy_friction_factor(reynolds, 0.0) }
     }
 
     /// The same law with its loss multiplied by a scale.

@@ -292,9 +292,9 @@ mod tests {
             let balance = |h: f64| {
                 calls.set(calls.get() + 1);
                 let (q, slope) = volume.outflow(h);
-                (h + 3e5 * q - e, 1.0 + 3e5 * slope)
+                (h + 3e5 * q - e, 1.0 + 3e5 * slope, ())
             };
-            head = crate::model::node::root(balance, head);
+            head = crate::model::node::root(balance, |(), _| (), head).0;
             volume.advance(head);
             total += calls.get();
             most = most.max(calls.get());

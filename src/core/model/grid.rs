@@ -10,6 +10,7 @@
 
 use crate::model::error::ModelError;
 use crate::model::friction::WallFriction;
+use crate::rig::Regime;
 use crate::units::GRAVITY_M_S2;
 
 /// Wave speeds with which the grid can be computed; those of real pipes are far inside.
@@ -30,6 +31,8 @@ pub struct Stretch {
     pub constraint: f64,
     /// Steady friction.
     pub friction: WallFriction,
+    /// Regime of the flow before the closure.
+    pub regime: Regime,
     /// Whether its wall creeps, in a model with creep.
     pub creeps: bool,
 }
@@ -72,6 +75,12 @@ impl Segment {
     /// The segment's nodes in the state's slices.
     pub fn nodes(&self) -> std::ops::Range<usize> {
         self.offset..self.offset + self.reaches + 1
+    }
+
+    /// Regime of the flow before the closure: that of the longest part.
+    pub fn regime(&self) -> Regime {
+        let longest = self.parts.iter().max_by(|a, b| a.1.total_cmp(&b.1));
+        longest.map_or(Regime::Turbulent, |(stretch, _)| stretch.regime)
     }
 
     /// Head that wall friction takes over one reach, m.
@@ -297,6 +306,7 @@ mod tests {
             wave_speed_m_s,
             constraint: 1.0,
             friction: WallFriction::constant(0.02),
+            regime: Regime::Turbulent,
             creeps: true,
         }
     }

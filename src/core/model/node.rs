@@ -9,6 +9,8 @@
 //! steps before: waves that run to and fro between them. They amount to an inertance (for losses a capacitance) that a
 //! single element does not have, an error of first order. [`Overlap`] removes it.
 
+use std::cell::Cell;
+
 /// An element that takes water out of a node: a leak, a branch, a gas volume, a moving wall. Heads are total heads, m.
 pub trait Shunt: Send {
     /// Outflow before the closure, m³/s; initialises the inner state.
@@ -44,43 +46,62 @@ pub struct SharedShunt {
     inner: Box<dyn Shunt>,
     by: [f64; 2],
     flows_m3_s: [f64; 2],
-    inner_head_m: f64,
+    /// The latest solution: the next one is near.
+    latest: Cell<Seen>,
+}
+
+/// What a share's shunt sees and does at a head of the node.
+#[derive(Debug, Clone, Copy, Default)]
+struct Seen {
+    node_head_m: f64,
+    head_m: f64,
+    /// Outflow, and its derivative by the head that the shunt sees.
+    flow_m3_s: f64,
+    slope: f64,
 }
 
 impl SharedShunt {
     /// A share on a line of impedance `z`.
     pub fn new(inner: Box<dyn Shunt>, overlap: Overlap, z: f64) -> SharedShunt {
-        SharedShunt { inner, by: overlap.times(z), flows_m3_s: [0.0; 2], inner_head_m: 0.0 }
+        SharedShunt { inner, by: overlap.times(z), flows_m3_s: [0.0; 2], latest: Cell::default() }
     }
 
-    fn inner_head_m(&self, head_m: f64) -> f64 {
+    fn seen(&self, node_head_m: f64) -> Seen {
         let by = self.by[0] + self.by[1];
-        let known = head_m + self.by[0] * self.flows_m3_s[0] + self.by[1] * self.flows_m3_s[1];
-        let balance = |x: f64| {
-            let (q, dq) = self.inner.outflow(x);
-            (x + by * q - known, 1.0 + by * dq)
-        };
-        root(balance, self.inner_head_m)
+        let known = node_head_m + self.by[0] * self.flows_m3_s[0] + self.by[1] * self.flows_m3_s[1];
+        let latest = self.latest.get();
+        let guess = latest.head_m + (node_head_m - latest.node_head_m) / (1.0 + by * latest.slope);
+        let (head_m, (flow_m3_s, slope)) = root(
+            |x| {
+                let (q, dq) = self.inner.outflow(x);
+                (x + by * q - known, 1.0 + by * dq, (q, dq))
+            },
+            |(q, dq), step| (q + dq * step, dq),
+            guess,
+        );
+        let seen = Seen { node_head_m, head_m, flow_m3_s, slope };
+        self.latest.set(seen);
+        seen
     }
 }
 
 impl Shunt for SharedShunt {
     fn settle(&mut self, head_m: f64) -> f64 {
-        let flow = self.inner.settle(head_m);
-        self.flows_m3_s = [flow; 2];
-        self.inner_head_m = head_m;
-        flow
+        let flow_m3_s = self.inner.settle(head_m);
+        self.flows_m3_s = [flow_m3_s; 2];
+        self.latest.set(Seen { node_head_m: head_m, head_m, flow_m3_s, slope: 0.0 });
+        flow_m3_s
     }
 
     fn outflow(&self, head_m: f64) -> (f64, f64) {
-        let (q, dq) = self.inner.outflow(self.inner_head_m(head_m));
-        (q, dq / (1.0 + (self.by[0] + self.by[1]) * dq))
+        let seen = self.seen(head_m);
+        (seen.flow_m3_s, seen.slope / (1.0 + (self.by[0] + self.by[1]) * seen.slope))
     }
 
     fn advance(&mut self, head_m: f64) {
-        self.inner_head_m = self.inner_head_m(head_m);
-        self.flows_m3_s = [self.inner.outflow(self.inner_head_m).0, self.flows_m3_s[0]];
-        self.inner.advance(self.inner_head_m);
+        let seen = self.seen(head_m);
+        self.flows_m3_s = [seen.flow_m3_s, self.flows_m3_s[0]];
+        self.inner.advance(seen.head_m);
     }
 }
 
@@ -181,18 +202,20 @@ impl Node {
     pub fn find(&self, left: Arriving, onward: impl Fn(f64) -> (f64, f64), guess_m: f64) -> Solved {
         // F(H) = H + K Ql|Ql| + z Ql - e with Ql = onward(H) + Σ outflow(H): increasing in H.
         let balance = |head: f64| {
-            let (mut flow, mut slope) = onward(head);
+            let right = onward(head);
+            let (mut flow, mut slope) = right;
             for shunt in &self.shunts {
                 let (q, dq) = shunt.outflow(head);
                 flow += q;
                 slope += dq;
             }
             let (drop, by_flow) = self.drop_m(flow);
-            (head + drop + left.z * flow - left.e, 1.0 + (by_flow + left.z) * slope)
+            (head + drop + left.z * flow - left.e, 1.0 + (by_flow + left.z) * slope, (right, (flow, slope)))
         };
-        let head = root(balance, guess_m);
-        let right_flow = onward(head).0;
-        let left_flow = right_flow + self.shunts.iter().map(|s| s.outflow(head).0).sum::<f64>();
+        let beyond = |(right, left): ((f64, f64), (f64, f64)), step: f64| {
+            ((right.0 + right.1 * step, right.1), (left.0 + left.1 * step, left.1))
+        };
+        let (head, ((right_flow, _), (left_flow, _))) = root(balance, beyond, guess_m);
         let drop = self.drop_m(left_flow).0;
         Solved { left_head_m: head + drop, left_flow_m3_s: left_flow, right_head_m: head, right_flow_m3_s: right_flow }
     }
@@ -208,16 +231,18 @@ impl Node {
     }
 }
 
-/// Root of an increasing function given with its derivative, by Newton's method kept inside a bracket.
-pub fn root(f: impl Fn(f64) -> (f64, f64), guess: f64) -> f64 {
+/// Root of a function that rises by one or more per unit, by Newton's method kept inside a bracket, with what the function found
+/// there. It gives its value, its slope and its findings; `beyond` are the findings a tiny step further.
+pub fn root<T>(f: impl Fn(f64) -> (f64, f64, T), beyond: impl Fn(T, f64) -> T, guess: f64) -> (f64, T) {
     const MOST: usize = 100;
     let (mut low, mut high) = (f64::NEG_INFINITY, f64::INFINITY);
     let mut x = guess;
     let mut width = 1.0;
-    for _ in 0..MOST {
-        let (value, slope) = f(x);
-        if value == 0.0 || !value.is_finite() && x == guess {
-            return x;
+    let mut calls = 1;
+    loop {
+        let (value, slope, found) = f(x);
+        if value == 0.0 || calls == MOST || !value.is_finite() && x == guess {
+            return (x, found);
         }
         if value > 0.0 {
             high = x;
@@ -225,11 +250,15 @@ pub fn root(f: impl Fn(f64) -> (f64, f64), guess: f64) -> f64 {
             low = x;
         }
         let newton = x - value / slope;
-        let tolerance = 1e-13 * (1.0 + x.abs());
+        // So near that the step after the next, of the order of this one's square, would be lost in rounding.
+        let near = value.abs() <= 1e-7 * (1.0 + x.abs());
         // At the root itself, rounding may put Newton's step on the bracket's edge or beyond.
-        let arrived = (newton - x).abs() <= tolerance;
+        let arrived = (newton - x).abs() <= 1e-13 * (1.0 + x.abs());
         let inside = newton > low && newton < high && newton.is_finite();
-        let next = if inside || arrived {
+        if arrived || (near && inside) {
+            return (newton, beyond(found, newton - x));
+        }
+        x = if inside {
             newton
         } else if low.is_finite() && high.is_finite() {
             0.5 * (low + high)
@@ -238,12 +267,8 @@ pub fn root(f: impl Fn(f64) -> (f64, f64), guess: f64) -> f64 {
             width *= 2.0;
             if value > 0.0 { x - width } else { x + width }
         };
-        if (next - x).abs() <= tolerance {
-            return next;
-        }
-        x = next;
+        calls += 1;
     }
-    x
 }
 
 #[cfg(test)]
@@ -279,9 +304,10 @@ mod tests {
 
     #[test]
     fn the_root_is_found_from_afar_and_across_a_kink() {
-        let f = |x: f64| if x > 3.0 { (1e6 * (x - 3.0) + 1.0, 1e6) } else { ((x - 2.0) * 1.0, 1.0) };
-        assert!((root(f, -500.0) - 2.0).abs() < 1e-9);
-        assert!((root(f, 1e4) - 2.0).abs() < 1e-9);
-        assert!((root(|x| (x.powi(3), 3.0 * x * x), 5.0)).abs() < 1e-3);
+        let f = |x: f64| if x > 3.0 { (1e6 * (x - 3.0) + 1.0, 1e6, ()) } else { ((x - 2.0) * 1.0, 1.0, ()) };
+        let still = |(), _| ();
+        assert!((root(f, still, -500.0).0 - 2.0).abs() < 1e-9);
+        assert!((root(f, still, 1e4).0 - 2.0).abs() < 1e-9);
+        assert!(root(|x| (x.powi(3) + x, 3.0 * x * x + 1.0, ()), still, 5.0).0.abs() < 1e-12);
     }
 }

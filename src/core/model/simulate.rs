@@ -15,7 +15,7 @@ use crate::model::scene::Scene;
 use crate::model::solver::Line;
 use crate::model::steady::{Steady, settle};
 use crate::model::trace::Probe;
-use crate::rig::Upstream;
+use crate::rig::{Pipe, Regime, Upstream};
 
 /// Share of the impedance that friction over one reach may take (see [`NodeFriction`](crate::model::friction::NodeFriction)).
 const MOST_FRICTION_SHARE: f64 = 0.02;
@@ -176,18 +176,25 @@ impl Model<'_> {
     fn stretches(&self, conditions: &Conditions, shared: &[f64], run: &RunValues, flow_m3_s: f64) -> Vec<Stretch> {
         // If some pipes are of a material that creeps, only they do.
         let any_creeps = self.rig.pipes.iter().any(|p| p.material().viscoelastic);
+        let regime = |i: usize, pipe: &Pipe| {
+            let given = conditions.regimes.as_ref().and_then(|regimes| regimes.get(i));
+            given.copied().unwrap_or_else(|| Regime::of(pipe.reynolds(&conditions.water, flow_m3_s)))
+        };
         self.rig
             .pipes
             .iter()
             .zip(shared)
-            .map(|(pipe, &wave_speed_m_s)| Stretch {
+            .enumerate()
+            .map(|(i, (pipe, &wave_speed_m_s))| Stretch {
                 creeps: pipe.material().viscoelastic || !any_creeps,
                 length_m: pipe.length_m,
                 diameter_m: pipe.inner_diameter_m,
                 wall_m: pipe.wall_thickness_m,
                 wave_speed_m_s,
                 constraint: pipe.constraint_coefficient(),
-                friction: WallFriction::of(pipe, &conditions.water, flow_m3_s).scaled(run.friction_scale),
+                friction: WallFriction::in_regime(pipe, &conditions.water, flow_m3_s, regime(i, pipe))
+                    .scaled(run.friction_scale),
+                regime: regime(i, pipe),
             })
             .collect()
     }

@@ -23,22 +23,35 @@ impl Trace {
     ///
     /// Linear interpolation would leave `dt² H''/8` at a front, more than the scheme's own error.
     pub fn at(&self, time_s: f64) -> f64 {
-        let x = (time_s - self.late_s) / self.dt_s;
-        if x <= 0.0 {
-            return self.values[0];
-        }
+        self.after(0.0)(time_s)
+    }
+
+    /// The value at times of a clock on which the closure starts at `start_s`, as [`Trace::at`] has it.
+    pub fn after(&self, start_s: f64) -> impl Fn(f64) -> f64 {
+        let (from_s, per_s) = (start_s + self.late_s, 1.0 / self.dt_s);
         let last = self.values.len() - 1;
-        let i = x as usize;
-        let (a, b, c, d) = match self.values.get(i.wrapping_sub(1)..i.saturating_add(3)) {
-            Some(&[a, b, c, d]) => (a, b, c, d),
-            _ if i >= last => return self.values[last],
-            _ => (self.values[i.saturating_sub(1)], self.values[i], self.values[i + 1], self.values[(i + 2).min(last)]),
-        };
-        let s = x - i as f64;
-        // Lagrange through -1, 0, 1, 2.
-        let (m, p, q) = (s + 1.0, s - 1.0, s - 2.0);
-        let (sp, mq) = (s * p, m * q);
-        (1.0 / 6.0) * sp * (m * d - q * a) + 0.5 * mq * (p * b - s * c)
+        move |time_s| {
+            let x = (time_s - from_s) * per_s;
+            if x <= 0.0 {
+                return self.values[0];
+            }
+            let i = x as usize;
+            let (a, b, c, d) = match self.values.get(i.wrapping_sub(1)..i.saturating_add(3)) {
+                Some(&[a, b, c, d]) => (a, b, c, d),
+                _ if i >= last => return self.values[last],
+                _ => (
+                    self.values[i.saturating_sub(1)],
+                    self.values[i],
+                    self.values[i + 1],
+                    self.values[(i + 2).min(last)],
+                ),
+            };
+            let s = x - i as f64;
+            // Lagrange through -1, 0, 1, 2.
+            let (m, p, q) = (s + 1.0, s - 1.0, s - 2.0);
+            let (sp, mq) = (s * p, m * q);
+            (1.0 / 6.0) * sp * (m * d - q * a) + 0.5 * mq * (p * b - s * c)
+        }
     }
 }
 

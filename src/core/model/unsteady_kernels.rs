@@ -5,7 +5,7 @@
 //! `W = Σ exp(-j²θ)` over the zeros `j` of the Bessel function J₂. Turbulent (Vardy & Brown 2003, J. Sound Vib. 259:1011-1036, smooth
 //! pipes): `W = A* exp(-B*θ)/√θ`, `A* = 1/(2√π)`, `B* = Re^κ/12.86`, `κ = log10(15.29/Re^0.0567)`. Both start as `1/(2√(πθ))`.
 
-use crate::rig::LAMINAR_REYNOLDS;
+use crate::rig::Regime;
 
 /// Terms `(n, m)` of `W ≈ Σ m exp(-nθ)` for Zielke's function (Kagawa et al. 1983, Trans. JSME 49:2638-2644): within 0.3%
 /// at θ = 0.04, 0.1% elsewhere from 1e-5 on.
@@ -81,9 +81,9 @@ impl Steps {
 }
 
 impl Kernel {
-    /// The weighting function of a flow: laminar below Re 2320, turbulent above.
-    pub fn of_reynolds(reynolds: f64) -> Kernel {
-        if reynolds < LAMINAR_REYNOLDS {
+    /// The weighting function of a flow.
+    pub fn of(reynolds: f64, regime: Regime) -> Kernel {
+        if regime == Regime::Laminar {
             return Kernel { terms: &ZIELKE, ratio: ZIELKE_RATIO, faster: 0.0, amplitude: 1.0 };
         }
         let kappa = (15.29 / reynolds.powf(0.0567)).log10();
@@ -185,7 +185,7 @@ mod tests {
     /// Steps from 1e-11 to 1e-2 and durations up to θ = 2.
     #[test]
     fn the_laminar_sum_is_zielkes_function_at_every_step_and_duration() {
-        let kernel = Kernel::of_reynolds(1000.0);
+        let kernel = Kernel::of(1000.0, Regime::Laminar);
         for exponent in -110..=-20 {
             let step = 10f64.powf(0.1 * f64::from(exponent));
             let steps = kernel.steps(step);
@@ -204,7 +204,7 @@ mod tests {
     #[test]
     fn the_turbulent_sum_is_vardy_and_browns_function_at_every_step_and_duration() {
         for reynolds in [2320.0, 1e4, 1e5, 1e6, 1e7] {
-            let kernel = Kernel::of_reynolds(reynolds);
+            let kernel = Kernel::of(reynolds, Regime::Turbulent);
             let shear = reynolds.powf((15.29 / reynolds.powf(0.0567)).log10()) / 12.86;
             let exact = |theta: f64| (-shear * theta).exp() / (2.0 * (PI * theta).sqrt());
             for exponent in -110..=-20 {
@@ -241,7 +241,7 @@ mod tests {
     /// What a step forgets is kept in the mean: the split between remembered and forgotten terms moves nothing.
     #[test]
     fn few_terms_at_long_steps_and_more_at_short_ones() {
-        let kernel = Kernel::of_reynolds(500.0);
+        let kernel = Kernel::of(500.0, Regime::Laminar);
         let counts = [1e-1, 1e-3, 1e-6, 1e-8, 1e-11].map(|step| kernel.steps(step).remembered.len());
         assert_eq!(counts[0], 3, "{counts:?}");
         assert!(counts.windows(2).all(|w| w[0] < w[1]) && counts[4] < 30, "{counts:?}");

@@ -100,11 +100,6 @@ pub fn return_time_s(rig: &Rig, water: &WaterProperties) -> f64 {
     rig.pipes.iter().map(|p| 2.0 * p.length_m / p.wave_speed_start(water).0).sum()
 }
 
-/// Volume flow to Reynolds number: Re = 4Q/(π D ν).
-pub fn reynolds_number(pipe: &Pipe, flow_m3_s: f64, water: &WaterProperties) -> f64 {
-    4.0 * flow_m3_s / (std::f64::consts::PI * pipe.inner_diameter_m * water.kinematic_viscosity_m2_s)
-}
-
 /// Steady wall friction between two positions, m: Darcy–Weisbach with the file's friction factor or Colebrook–White's.
 pub fn friction_loss_m(rig: &Rig, from_m: f64, to_m: f64, flow_m3_s: f64, water: &WaterProperties) -> f64 {
     let mut start_m = 0.0;
@@ -126,7 +121,7 @@ fn friction_slope(pipe: &Pipe, flow_m3_s: f64, water: &WaterProperties) -> f64 {
     }
     let factor = pipe.friction_factor.unwrap_or_else(|| {
         let roughness = pipe.roughness_m.unwrap_or(0.0) / pipe.inner_diameter_m;
-        darcy_friction_factor(reynolds_number(pipe, flow_m3_s, water), roughness)
+        darcy_friction_factor(pipe.reynolds(water, flow_m3_s), roughness)
     });
     factor * velocity * velocity.abs() / (2.0 * GRAVITY_M_S2 * pipe.inner_diameter_m)
 }
@@ -250,7 +245,7 @@ fn check_steady(rig: &Rig, state: &SteadyState, water: &WaterProperties) -> Vec<
 }
 
 fn check_reynolds(pipe: &Pipe, subject: String, reported: f64, flow: f64, water: &WaterProperties) -> Finding {
-    let expected = reynolds_number(pipe, flow, water);
+    let expected = pipe.reynolds(water, flow);
     let implied_mm = 1e3 * pipe.inner_diameter_m * expected / reported;
     let off = (reported / expected).ln().abs();
     let level = match off {
@@ -270,7 +265,7 @@ fn check_reynolds(pipe: &Pipe, subject: String, reported: f64, flow: f64, water:
 /// Compares the file's constant friction factor with that of a smooth pipe at this flow, the least possible.
 fn check_friction_factor(pipe: &Pipe, subject: String, flow: f64, water: &WaterProperties) -> Option<Finding> {
     let given = pipe.friction_factor?;
-    let reynolds = reynolds_number(pipe, flow, water);
+    let reynolds = pipe.reynolds(water, flow);
     let smooth = darcy_friction_factor(reynolds, 0.0);
     let new = darcy_friction_factor(reynolds, pipe.material().roughness_m / pipe.inner_diameter_m);
     let numbers = [("given", given), ("smooth", smooth), ("new_pipe", new), ("reynolds_number", reynolds)];

@@ -2,6 +2,29 @@
 
 /// Reynolds number up to which the flow is taken as laminar.
 pub const LAMINAR_REYNOLDS: f64 = 2320.0;
+/// Reynolds number below which turbulence dies out whatever disturbs the flow (Reynolds 1883: between 1900 and 2000).
+const CERTAINLY_LAMINAR: f64 = 2000.0;
+
+/// Whether a flow is laminar.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Regime {
+    /// Layers slide along each other.
+    Laminar,
+    /// Eddies mix them.
+    Turbulent,
+}
+
+impl Regime {
+    /// Of a flow at a Reynolds number.
+    pub fn of(reynolds: f64) -> Regime {
+        if reynolds.abs() < LAMINAR_REYNOLDS { Regime::Laminar } else { Regime::Turbulent }
+    }
+
+    /// Of a measured flow that valves and bends disturb: laminar only where nothing else is possible.
+    pub fn of_disturbed(reynolds: f64) -> Regime {
+        if reynolds.abs() < CERTAINLY_LAMINAR { Regime::Laminar } else { Regime::Turbulent }
+    }
+}
 
 /// Darcy friction factor f of the head loss `f L/D V²/2g`.
 ///
@@ -11,9 +34,12 @@ pub const LAMINAR_REYNOLDS: f64 = 2320.0;
 /// finite value and infinity comes back (the loss itself vanishes: use a laminar formula in V there).
 pub fn darcy_friction_factor(reynolds: f64, relative_roughness: f64) -> f64 {
     let re = reynolds.abs();
-    if re <= LAMINAR_REYNOLDS {
-        return 64.0 / re;
-    }
+    if re <= LAMINAR_REYNOLDS { 64.0 / re } else { turbulent_friction_factor(re, relative_roughness) }
+}
+
+/// The Darcy factor of turbulent flow at any Reynolds number above 1000, as [`darcy_friction_factor`].
+pub fn turbulent_friction_factor(reynolds: f64, relative_roughness: f64) -> f64 {
+    let re = reynolds.abs();
     // Newton's method on x = 1/√f: the residual x + 2 log10(a + b x) is increasing and concave, so it converges from
     // any start; Swamee & Jain's explicit formula (within 1-3 %) leaves two or three steps to do.
     let a = relative_roughness.max(0.0) / 3.7;

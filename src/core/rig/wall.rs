@@ -33,6 +33,11 @@ impl Pipe {
         std::f64::consts::FRAC_PI_4 * self.inner_diameter_m.powi(2)
     }
 
+    /// Reynolds number of a flow, `4Q/(π D ν)`, signed like it.
+    pub fn reynolds(&self, water: &WaterProperties, flow_m3_s: f64) -> f64 {
+        4.0 * flow_m3_s / (std::f64::consts::PI * self.inner_diameter_m * water.kinematic_viscosity_m2_s)
+    }
+
     /// Its wall material. A pipe read from a file always has one of the library; HDPE stands in for any other name.
     pub fn material(&self) -> &'static Material {
         Material::by_name(&self.material).unwrap_or(&crate::rig::material::MATERIALS[0])

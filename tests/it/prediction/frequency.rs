@@ -43,7 +43,7 @@ fn rung(
     let mut model = Model::new(rig, &water, &parse_list(effects).unwrap());
     model.closure = |closing_time_s| Closure::FlowRamp { closing_time_s };
     let run = RunValues { initial_velocity_m_s: velocity, valve_head_m: 200.0, closing_time_s, friction_scale: 1.0 };
-    let conditions = Conditions { water, supply_deviation: None };
+    let conditions = Conditions::of(water);
     let resolution = Resolution { reaches: 400, duration_s };
     let probes = [Probe::Head(rig.length_m())];
     let trace = model.simulate(&conditions, shared, &run, resolution, &probes).unwrap().traces.remove(0);

@@ -63,7 +63,7 @@ pub(crate) fn creeping(rig: &Rig, file: &str, velocity: f64, closing_time_s: f64
 pub(crate) fn creeping_in(of: Noise, rig: &Rig, file: &str, velocity: f64, closing_time_s: f64) -> RunData {
     let water = rig.fluid.properties(20.0);
     let model = Model::new(rig, &water, &parse_list("viscoelastic-wall:1").unwrap());
-    let conditions = Conditions { water, supply_deviation: None };
+    let conditions = Conditions::of(water);
     let run = RunValues { initial_velocity_m_s: velocity, valve_head_m: 25.0, closing_time_s, friction_scale: 1.0 };
     let probes = [Probe::Head(90.0), Probe::Head(45.0)];
     let resolution = Resolution { reaches: 700, duration_s: 9.0 };

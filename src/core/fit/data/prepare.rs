@@ -9,7 +9,7 @@ use crate::model::Conditions;
 use crate::model::effects::ATMOSPHERE_PA;
 use crate::model::friction::WallFriction;
 use crate::recording::Recording;
-use crate::rig::{Coupling, Rig, Sensor, Upstream, WaterProperties};
+use crate::rig::{Coupling, Pipe, Regime, Rig, Sensor, Upstream, WaterProperties};
 use crate::signal::{Features, SensorFeatures, heads};
 use crate::units::GRAVITY_M_S2;
 
@@ -46,10 +46,15 @@ pub fn prepare(file: &str, rig: &Rig, recording: &Recording, features: &Features
         Some(v) if v.value > 0.0 => (v.value, (v.standard_error / v.value).hypot(flow_uncertainty(rig, v.value))),
         _ => (GRAVITY_M_S2 * rise_m / speed, JOUKOWSKY_UNCERTAINTY),
     };
+    let flow_m3_s = velocity_m_s.0 * rig.pipes.last().map_or(0.0, |p| p.area_m2());
     RunData {
         file: file.to_owned(),
         sensors,
-        conditions: Conditions { water, supply_deviation: supply_deviation(rig, recording, features) },
+        conditions: Conditions {
+            water,
+            supply_deviation: supply_deviation(rig, recording, features),
+            regimes: Some(rig.pipes.iter().map(|p| regime(p, &water, flow_m3_s)).collect()),
+        },
         start: RunStart {
             closure_s: (features.closure.start_s, features.closure.start_se_s),
             velocity_m_s,
@@ -165,6 +170,11 @@ fn valve_head(
     (guess, Some(0.5 * guess.abs().max(rise_m)))
 }
 
+/// The regime of a measured flow: laminar only where nothing else is possible.
+fn regime(pipe: &Pipe, water: &WaterProperties, flow_m3_s: f64) -> Regime {
+    Regime::of_disturbed(pipe.reynolds(water, flow_m3_s))
+}
+
 /// Steady friction loss from a place to the valve, m.
 fn loss_m(rig: &Rig, water: &WaterProperties, flow_m3_s: f64, from_m: f64) -> f64 {
     let mut start = 0.0;
@@ -172,7 +182,9 @@ fn loss_m(rig: &Rig, water: &WaterProperties, flow_m3_s: f64, from_m: f64) -> f6
     for pipe in &rig.pipes {
         let end = start + pipe.length_m;
         let length = (end - from_m.max(start)).max(0.0);
-        loss += WallFriction::of(pipe, water, flow_m3_s).slope(pipe.inner_diameter_m, flow_m3_s) * length;
+        loss += WallFriction::in_regime(pipe, water, flow_m3_s, regime(pipe, water, flow_m3_s))
+            .slope(pipe.inner_diameter_m, flow_m3_s)
+            * length;
         start = end;
     }
     loss

@@ -181,16 +181,6 @@ pub struct Fit {
 }
 
 impl Fit {
-    /// Without all that holds only at an optimum: errors, intervals, correlations, unidentifiable combinations, bands.
-    pub(crate) fn without_errors(mut self) -> Self {
-        for p in self.parameters.iter_mut().filter(|p| !p.held) {
-            (p.uncertainty, p.interval_95) = (Uncertainty::NotAtOptimum, (f64::NAN, f64::NAN));
-        }
-        self.runs.iter_mut().for_each(|r| r.noise_dies_away = false);
-        self.runs.iter_mut().flat_map(|r| &mut r.sensors).for_each(|s| s.band_m.clear());
-        Fit { correlation: Vec::new(), unidentifiable: Vec::new(), ..self }
-    }
-
     /// The parameter of this name; of one that each run has of its own, the first run's.
     ///
     /// # Errors

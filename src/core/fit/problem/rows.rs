@@ -1,5 +1,6 @@
 //! Which samples enter a calibration, and where those of each sensor are among its residuals.
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::ops::Range;
 
@@ -18,6 +19,8 @@ pub struct SampleRows<'a> {
     stride: usize,
     /// Samples of each run and sensor that enter: first index, past the last.
     spans: Vec<Vec<(usize, usize)>>,
+    /// Their times on the recording's clock, s, and heads, m.
+    samples: Vec<Vec<[Cow<'a, [f64]>; 2]>>,
     /// The bins of each run and sensor whose frequencies are compared and whose record is long enough.
     bins: Vec<Vec<Option<Bins>>>,
 }
@@ -30,7 +33,16 @@ impl<'a> SampleRows<'a> {
         spans: Vec<Vec<(usize, usize)>>,
         bins: Vec<Vec<Option<Bins>>>,
     ) -> Self {
-        SampleRows { runs, stride, spans, bins }
+        let entering = |values: &'a [f64], (first, last): (usize, usize)| match stride {
+            1 => Cow::Borrowed(&values[first..last]),
+            _ => Cow::Owned(values[first..last].iter().step_by(stride).copied().collect()),
+        };
+        let of_run = |(run, spans): (&'a RunData, &Vec<(usize, usize)>)| {
+            let of = run.sensors.iter().zip(spans);
+            of.map(|(s, &span)| [entering(&s.time_s, span), entering(&s.head_m, span)]).collect()
+        };
+        let samples = runs.iter().zip(&spans).map(of_run).collect();
+        SampleRows { runs, stride, spans, samples, bins }
     }
 
     /// The first run and sensor whose frequencies should be compared and cannot be.
@@ -105,10 +117,8 @@ impl<'a> SampleRows<'a> {
 
     /// Samples of a run's sensor that enter: times on the recording's clock, s, and heads, m.
     pub fn samples_of(&self, r: usize, s: usize) -> impl Iterator<Item = (f64, f64)> + use<'a, '_> {
-        let (first, last) = self.spans[r][s];
-        let sensor = &self.runs[r].sensors[s];
-        let samples = sensor.time_s[first..last].iter().zip(&sensor.head_m[first..last]);
-        samples.step_by(self.stride).map(|(&t, &head)| (t, head))
+        let [time_s, head_m] = &self.samples[r][s];
+        time_s.iter().copied().zip(head_m.iter().copied())
     }
 
     /// Run, sensor and range among all residuals of each sensor, in their order.

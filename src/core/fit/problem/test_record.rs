@@ -44,7 +44,7 @@ pub(crate) fn record(
 ) -> RunData {
     let water = rig.fluid.properties(20.0);
     let model = Model::new(rig, &water, effects);
-    let conditions = Conditions { water, supply_deviation: None };
+    let conditions = Conditions::of(water);
     let resolution = Resolution { reaches: 601, duration_s };
     let sensor = rig.sensors[0].clone();
     let probes = [Probe::Head(sensor.position_m)];

@@ -13,6 +13,7 @@ use crate::fit::numeric::uncertainty::{correlation, gauss_newton_step};
 use crate::fit::outcome::band::{curve_sd_m, half_width_m};
 use crate::fit::outcome::fit::{Fit, FittedParameter, RunFit, SensorFit};
 use crate::fit::outcome::uncertainty::Uncertainty;
+use crate::fit::outcome::unidentifiable::Unidentifiable;
 use crate::fit::problem::compare::{Pair, mape_percent, rmse};
 use crate::fit::problem::elements::fixed_variables;
 use crate::fit::problem::error::FitError;
@@ -49,43 +50,21 @@ pub(crate) fn assemble(ctx: &Calibrator, problem: &FitProblem, solution: &Soluti
     }
     let values = problem.values(&solution.x);
     let start_values: Vec<f64> = problem.parameters.iter().map(|p| p.start).collect();
+    let prediction = predict_reduction(ctx, problem, solution)?;
+    let (reduction, converged) = (prediction.reduction, prediction.at_optimum(solution));
     let columns = slopes(ctx, problem, solution)?;
     let fixed = fixed_variables(problem, &values, &solution.at_bound);
     let (shifts, halving_m) = last_halving(ctx, problem, solution, &columns, &fixed)?;
-    // A second-order scheme has a third of it still to come; half of it allows for kinks, which are of first order.
-    let left: Vec<f64> = shifts.iter().map(|s| 0.5 * s).collect();
-    let records = problem.rows.record_rows();
-    let common: Vec<_> = problem.rows.gain_errors().into_values().collect();
-    let sampled = match ctx.options.objective {
-        Objective::Time => None,
-        Objective::Frequency => Some(sampled(ctx, problem, solution, &columns)?),
-    };
-    let linearised = Linearised {
-        columns: &columns,
-        residuals: &solution.residuals,
-        records: &records,
-        common: &common,
-        at_bound: &fixed,
-        in_time: sampled.as_ref().map(Sampled::in_time),
-        elsewhere: None,
-    };
-    let before = problem.rows.noise_before();
-    let of_before = before.as_ref().map(|noise| Errors::of(Linearised { elsewhere: Some(noise), ..linearised }));
-    let of_record = Errors::of(linearised);
-    // The band takes the noise before the closure, so that what a model fails to explain shows outside it.
-    let covariance = of_before.as_ref().unwrap_or(&of_record).by_noise.clone();
-    let decayed = before.as_ref().map_or(Vec::new(), |noise| linearised.decayed(noise));
-    let counts = before.filter(|_| decayed.contains(&true)).map(|noise| linearised.noise_that_counts(&noise, &decayed));
-    let of_decayed = counts.map(|noise| Errors::of(Linearised { elsewhere: Some(&noise), ..linearised }));
-    let errors = of_decayed.unwrap_or(of_record).and(&left);
-    let bands = match &sampled {
-        None => curve_sd_m(problem, &columns, &covariance),
-        Some(sampled) => curve_sd_m(&sampled.problem, &sampled.columns, &covariance),
-    };
+    let known = if converged { Some(known(ctx, problem, solution, &columns, &fixed, &shifts)?) } else { None };
     let model = problem.model;
     // A held parameter keeps the bounds that it will have when it is released.
     let unheld = Model::new(ctx.rig, ctx.water, &model.effects);
     let usual = FitProblem::new(&unheld, ctx.runs, problem.window()).parameters;
+    let of_value = |j: usize| match &known {
+        _ if problem.parameters[j].lower >= problem.parameters[j].upper => (Uncertainty::Held, (values[j], values[j])),
+        Some(known) => known.of_values[j],
+        None => (Uncertainty::NotAtOptimum, (f64::NAN, f64::NAN)),
+    };
     let parameters = problem
         .parameters
         .iter()
@@ -95,12 +74,8 @@ pub(crate) fn assemble(ctx: &Calibrator, problem: &FitProblem, solution: &Soluti
             about: p.about,
             run: problem.run_of(j).map(|r| ctx.runs[r].file.clone()),
             value: values[j],
-            uncertainty: if p.lower < p.upper {
-                Uncertainty::of(errors.of_variable(j) * problem.stretch(j, values[j]))
-            } else {
-                Uncertainty::Held
-            },
-            interval_95: linear(problem, linearised, &errors, &solution.x, j),
+            uncertainty: of_value(j).0,
+            interval_95: of_value(j).1,
             profile: None,
             unit: p.unit,
             at_bound: solution.at_bound[j] && p.lower < p.upper,
@@ -113,32 +88,25 @@ pub(crate) fn assemble(ctx: &Calibrator, problem: &FitProblem, solution: &Soluti
         })
         .collect();
     let period_s = model.period_s(&values[..model.shared.len()]);
-    let decayed_runs: BTreeSet<usize> = problem
-        .rows
-        .runs_of_records()
-        .into_iter()
-        .zip(decayed)
-        .filter_map(|(run, decayed)| decayed.then_some(run))
-        .collect();
     let runs = (0..ctx.runs.len())
         .map(|r| {
-            let run = run_fit(ctx, problem, r, &values, &start_values, period_s, &bands[r])?;
-            Ok(RunFit { noise_dies_away: decayed_runs.contains(&r), ..run })
+            let band = known.as_ref().map(|known| &known.curve_sd_m[r][..]);
+            let run = run_fit(ctx, problem, r, &values, &start_values, period_s, band)?;
+            Ok(RunFit { noise_dies_away: known.as_ref().is_some_and(|known| known.decayed_runs.contains(&r)), ..run })
         })
         .collect::<Result<_, ModelError>>()?;
-    let prediction = predict_reduction(ctx, problem, solution)?;
-    let (reduction, converged) = (prediction.reduction, prediction.at_optimum(solution));
     let stopped_because = match (converged, solution.stop.describe()) {
         (true, why) => why.to_owned(),
         (false, _) => not_at_optimum(reduction, problem.samples(), ctx.options.method),
     };
-    let fit = Fit {
+    let (correlation, unidentifiable) = known.map_or_else(Default::default, |k| (k.correlation, k.unidentifiable));
+    Ok(Fit {
         method: ctx.options.method,
         effects: model.effects.clone(),
         runs,
         parameters,
-        correlation: correlation(&columns, &fixed),
-        unidentifiable: unidentifiable(problem, &values, linearised, &errors),
+        correlation,
+        unidentifiable,
         reaches: problem.window().reaches,
         grid_error_m: 0.25 * halving_m,
         evaluations: ctx.evaluations.load(Ordering::Relaxed),
@@ -148,8 +116,73 @@ pub(crate) fn assemble(ctx: &Calibrator, problem: &FitProblem, solution: &Soluti
         stopped_because,
         converged,
         predicted_reduction: reduction,
+    })
+}
+
+/// What is known only at an optimum.
+struct Known {
+    /// Errors and intervals of the values.
+    of_values: Vec<(Uncertainty, (f64, f64))>,
+    correlation: Vec<Vec<f64>>,
+    unidentifiable: Vec<Unidentifiable>,
+    /// See [`curve_sd_m`].
+    curve_sd_m: Vec<Vec<Vec<f64>>>,
+    /// Runs whose noise dies away.
+    decayed_runs: BTreeSet<usize>,
+}
+
+/// What an optimum tells; `shifts` are the changes that the last halving of the step made in the variables.
+fn known(
+    ctx: &Calibrator,
+    problem: &FitProblem,
+    solution: &Solution,
+    columns: &[Vec<f64>],
+    fixed: &[bool],
+    shifts: &[f64],
+) -> Result<Known, ModelError> {
+    let values = problem.values(&solution.x);
+    // A second-order scheme has a third of it still to come; half of it allows for kinks, which are of first order.
+    let left: Vec<f64> = shifts.iter().map(|s| 0.5 * s).collect();
+    let records = problem.rows.record_rows();
+    let common: Vec<_> = problem.rows.gain_errors().into_values().collect();
+    let sampled = match ctx.options.objective {
+        Objective::Time => None,
+        Objective::Frequency => Some(sampled(ctx, problem, solution, columns)?),
     };
-    Ok(if converged { fit } else { fit.without_errors() })
+    let linearised = Linearised {
+        columns,
+        residuals: &solution.residuals,
+        records: &records,
+        common: &common,
+        at_bound: fixed,
+        in_time: sampled.as_ref().map(Sampled::in_time),
+        elsewhere: None,
+    };
+    let before = problem.rows.noise_before();
+    let of_before = before.as_ref().map(|noise| Errors::of(Linearised { elsewhere: Some(noise), ..linearised }));
+    let of_record = Errors::of(linearised);
+    // The band takes the noise before the closure, so that what a model fails to explain shows outside it.
+    let covariance = of_before.as_ref().unwrap_or(&of_record).by_noise.clone();
+    let decayed = before.as_ref().map_or(Vec::new(), |noise| linearised.decayed(noise));
+    let counts = before.filter(|_| decayed.contains(&true)).map(|noise| linearised.noise_that_counts(&noise, &decayed));
+    let of_decayed = counts.map(|noise| Errors::of(Linearised { elsewhere: Some(&noise), ..linearised }));
+    let errors = of_decayed.unwrap_or(of_record).and(&left);
+    let curve_sd_m = match &sampled {
+        None => curve_sd_m(problem, columns, &covariance),
+        Some(sampled) => curve_sd_m(&sampled.problem, &sampled.columns, &covariance),
+    };
+    let of_value = |j: usize| {
+        let uncertainty = Uncertainty::of(errors.of_variable(j) * problem.stretch(j, values[j]));
+        (uncertainty, linear(problem, linearised, &errors, &solution.x, j))
+    };
+    let decayed_runs = problem.rows.runs_of_records().into_iter().zip(decayed);
+    Ok(Known {
+        of_values: (0..values.len()).map(of_value).collect(),
+        correlation: correlation(columns, fixed),
+        unidentifiable: unidentifiable(problem, &values, linearised, &errors),
+        curve_sd_m,
+        decayed_runs: decayed_runs.filter_map(|(run, decayed)| decayed.then_some(run)).collect(),
+    })
 }
 
 /// The change that the last halving of the step made where the fit ended: in the variables, and at the samples, rms, m. It depends on grid
@@ -195,7 +228,7 @@ fn run_fit(
     values: &[f64],
     start_values: &[f64],
     period_s: f64,
-    curve_sd_m: &[Vec<f64>],
+    curve_sd_m: Option<&[Vec<f64>]>,
 ) -> Result<RunFit, ModelError> {
     let (run, reaches) = (&ctx.runs[r], problem.window().reaches);
     let Modelled { traces, meter_flow_m3_s } = problem.modelled(r, values, reaches)?;
@@ -217,7 +250,7 @@ fn run_fit(
         sensors.push(SensorFit {
             name: sensor.sensor.name.clone(),
             position_m: sensor.sensor.position_m,
-            band_m: half_width_m(problem, r, s, &curve_sd_m[s], from),
+            band_m: curve_sd_m.map_or_else(Vec::new, |sd_m| half_width_m(problem, r, s, &sd_m[s], from)),
             noise_m: sensor.total_noise_m,
             white_noise_m: sensor.noise_m,
             rmse_m: rmse(&measured_m, &model_m),

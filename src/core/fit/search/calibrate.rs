@@ -63,7 +63,8 @@ pub fn calibrate(
     let mut model = ctx.model(&chosen);
     let steps = Mutex::new(Vec::new());
     let search = |model: &Model, smaller: Option<(&Model, &Estimate)>| match options.method {
-        Method::LeastSquares if smaller.is_none() => nested_fit(&ctx, model),
+        // Whoever asks for a brief fit has the smaller models' fits.
+        Method::LeastSquares if smaller.is_none() && !options.brief => nested_fit(&ctx, model),
         Method::LeastSquares => coarse_fit(&ctx, model, smaller),
         Method::Global | Method::MicroGa | Method::GlobalLocal => Ok(global_search(&ctx, model)?),
         Method::Stepwise => {

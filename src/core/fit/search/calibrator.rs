@@ -7,7 +7,7 @@ use crate::fit::numeric::least_squares::{Limits, Solution, minimise};
 use crate::fit::problem::error::FitError;
 use crate::fit::problem::fit_problem::{FitProblem, Window};
 use crate::fit::search::options::{Options, Progress};
-use crate::fit::search::thresholds::COARSE_SAMPLES;
+use crate::fit::search::thresholds::{COARSE_SAMPLES, FINAL_REACHES};
 use crate::model::effects::Chosen;
 use crate::model::{Model, ModelError};
 use crate::rig::{Rig, WaterProperties};
@@ -107,5 +107,17 @@ impl<'a> Calibrator<'a> {
     /// The problem with the objective of the options.
     pub(crate) fn problem<'m>(&'m self, model: &'m Model<'m>, window: Window) -> FitProblem<'m> {
         FitProblem::new(model, self.runs, window).comparing(self.options.objective)
+    }
+
+    /// The same for a descent that others follow: on a fine grid, a coarser one shows the way.
+    pub(crate) fn passing<'m>(&'m self, model: &'m Model<'m>, window: Window) -> FitProblem<'m> {
+        let problem = self.problem(model, window);
+        let starts: Vec<f64> = model.shared.iter().map(|p| p.start).collect();
+        let coarse = model.fitting_reaches(&starts, (window.reaches / 2).max(self.least_reaches));
+        if coarse >= FINAL_REACHES && 3 * coarse < 2 * window.reaches {
+            problem.with_slopes_on(coarse)
+        } else {
+            problem
+        }
     }
 }

@@ -47,7 +47,7 @@ pub(crate) fn finish(ctx: &Calibrator, model: &Model, state: Estimate) -> Result
     let fine = loop {
         let fitting = |n: usize| model.fitting_reaches(&values[..model.shared.len()], n);
         let (coarse, fine) = (fitting(reaches), fitting(2 * reaches));
-        let problem = ctx.problem(model, compared(ctx, coarse));
+        let problem = ctx.passing(model, compared(ctx, coarse));
         let solution = ctx.minimise(&problem, &values, patient(ctx, GRID_REFINEMENT), &format!("{coarse} reaches"))?;
         values = problem.values(&solution.x);
         let pull = grid_pull(ctx, &problem, &solution, fine)?;
@@ -78,7 +78,8 @@ pub(crate) fn finish(ctx: &Calibrator, model: &Model, state: Estimate) -> Result
     if model.constraints.is_empty() && model.priors.is_empty() {
         model.put_in_order(&mut values);
     }
-    let problem = ctx.problem(model, ctx.whole(fine));
+    let whole = ctx.whole(fine);
+    let problem = if ctx.options.brief { ctx.passing(model, whole) } else { ctx.problem(model, whole) };
     problem.validate_constraints(&model.constraints)?;
     let limits = Limits { cost_tolerance: POLISH_REDUCTION / problem.samples().max(1) as f64, ..patient(ctx, FINAL) };
     let solution = polish(ctx, &problem, &values, limits)?;

@@ -108,7 +108,7 @@ mod tests {
     fn a_fit_finds_the_sensor_with_the_fault() {
         let rig = rig();
         let water = rig.fluid.properties(20.0);
-        let conditions = Conditions { water, supply_deviation: None };
+        let conditions = Conditions::of(water);
         for (fault, value) in [("sensor-gain@P3", 0.04), ("clock-skew@P2", 0.004)] {
             let model = Model::new(&rig, &water, &parse_list(fault).unwrap());
             let values = [model.shared[0].start, value];

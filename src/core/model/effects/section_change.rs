@@ -119,10 +119,20 @@ impl Effect for SectionChange {
 mod tests {
     use super::*;
     use crate::model::friction::WallFriction;
+    use crate::rig::Regime;
 
     fn stretch(length_m: f64, wave_speed_m_s: f64) -> Stretch {
         let friction = WallFriction::constant(0.02);
-        Stretch { length_m, diameter_m: 0.05, wall_m: 0.005, wave_speed_m_s, constraint: 1.0, friction, creeps: true }
+        Stretch {
+            length_m,
+            diameter_m: 0.05,
+            wall_m: 0.005,
+            wave_speed_m_s,
+            constraint: 1.0,
+            friction,
+            regime: Regime::Turbulent,
+            creeps: true,
+        }
     }
 
     fn reshaped(values: [f64; 4]) -> Vec<(f64, f64)> {

@@ -10,7 +10,7 @@ use crate::model::scene::Site;
 use crate::model::steady::Steady;
 use crate::model::unsteady_kernels::Kernel;
 use crate::model::wide::widened;
-use crate::rig::LAMINAR_REYNOLDS;
+use crate::rig::Regime;
 use crate::units::GRAVITY_M_S2;
 
 /// Convolution with the history of the flow; see the module.
@@ -105,8 +105,8 @@ impl Memory {
     fn new(segment: &Segment, flow_m3_s: f64, scale: f64, steady: &Steady) -> Self {
         let viscosity = steady.viscosity_m2_s;
         let by_diffusion_s = 4.0 * viscosity / segment.mean(|s| s.diameter_m).powi(2);
-        let steps =
-            Kernel::of_reynolds(reynolds(segment, flow_m3_s, viscosity)).steps(by_diffusion_s * steady.grid.dt_s);
+        let kernel = Kernel::of(reynolds(segment, flow_m3_s, viscosity), segment.regime());
+        let steps = kernel.steps(by_diffusion_s * steady.grid.dt_s);
         // ½ dx (16ν/D²)/g of velocity, for u = B Q.
         let by_area = segment.mean(|s| 1.0 / (s.area_m2() * s.diameter_m * s.diameter_m));
         let c = scale * 8.0 * viscosity * by_area * segment.reach_m / (GRAVITY_M_S2 * segment.impedance);
@@ -216,7 +216,7 @@ impl Effect for Brunone {
         check("brunone_scale", scale, (0.0..=MOST_BRUNONE_SCALE).contains(&scale), "from 0 to 20")?;
         let half = |(segment, flow): (&Segment, &f64)| {
             let u = segment.impedance * flow;
-            (0.5 * scale * brunone_coefficient(reynolds(segment, *flow, steady.viscosity_m2_s)), u)
+            (0.5 * scale * brunone_coefficient(reynolds(segment, *flow, steady.viscosity_m2_s), segment.regime()), u)
         };
         let segments = steady.grid.segments.iter().zip(&steady.flow_m3_s).map(half).collect();
         Ok(vec![Box::new(Acceleration { segments })])
@@ -227,9 +227,11 @@ impl Effect for Brunone {
 const MOST_BRUNONE_SCALE: f64 = 20.0;
 
 /// Brunone's `k` from Vardy's shear decay coefficient.
-fn brunone_coefficient(reynolds: f64) -> f64 {
-    let shear_decay =
-        if reynolds < LAMINAR_REYNOLDS { 0.00476 } else { 7.41 / reynolds.powf((14.3 / reynolds.powf(0.05)).log10()) };
+fn brunone_coefficient(reynolds: f64, regime: Regime) -> f64 {
+    let shear_decay = match regime {
+        Regime::Laminar => 0.00476,
+        Regime::Turbulent => 7.41 / reynolds.powf((14.3 / reynolds.powf(0.05)).log10()),
+    };
     0.5 * shear_decay.sqrt()
 }
 

@@ -1,6 +1,6 @@
 //! Checks the steady flow against the meter's range and against the friction between pressure sensors.
 
-use crate::rig::check::{Finding, Level, check_meter, flow_regime, friction_loss_m, reynolds_number};
+use crate::rig::check::{Finding, Level, check_meter, flow_regime, friction_loss_m};
 use crate::rig::{Rig, Sensor, WaterProperties};
 use crate::signal::check::track::{Front, Track};
 
@@ -18,9 +18,9 @@ pub(crate) fn check_flow(
     let mut findings: Vec<Finding> =
         check_meter(track.sensor, format!("range of '{name}'"), shown).into_iter().collect();
     for pipe in &rig.pipes {
-        let reynolds = reynolds_number(pipe, flow, water);
+        let reynolds = pipe.reynolds(water, flow);
         let velocity = flow / pipe.area_m2();
-        let level = if (2320.0..4000.0).contains(&reynolds.abs()) { Level::Warning } else { Level::Fine };
+        let level = if (2000.0..4000.0).contains(&reynolds.abs()) { Level::Warning } else { Level::Fine };
         let message = format!("Re {reynolds:.0} at {velocity:.3} m/s, {}", flow_regime(reynolds));
         let numbers = [("reynolds_number", reynolds), ("velocity_m_s", velocity)];
         findings.push(Finding::new(level, format!("flow in '{}' by '{name}'", pipe.name), message, &numbers));

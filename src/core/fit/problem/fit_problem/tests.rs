@@ -51,7 +51,7 @@ fn run(rig: &Rig, file: &str) -> RunData {
     RunData {
         file: file.into(),
         sensors,
-        conditions: Conditions { water: rig.fluid.properties(20.0), supply_deviation: None },
+        conditions: Conditions::of(rig.fluid.properties(20.0)),
         start: RunStart {
             closure_s: (0.5, 1e-3),
             velocity_m_s: (0.4, 0.01),
