@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use serde::Serialize;
 
-use crate::report::text::number::{significant, with_error};
+use crate::report::text::number::{grouped, significant, with_error};
 use crate::results::model_file::{Entry, ModelFile};
 use crate::shown::Shown as _;
 
@@ -24,11 +24,11 @@ pub fn json(file: &ModelFile) -> serde_json::Result<String> {
 
 /// The models, one a line, the one in force marked, then its parameters.
 pub fn text(file: &ModelFile) -> String {
-    let mut out = String::from("    no  from      RMSE m  x noise    evidence  model\n");
+    let mut out = String::from("    no  from      RMSE m  x noise     ln odds  model\n");
     for (i, model) in file.models.iter().enumerate() {
         let mark = if i + 1 == file.in_force { '*' } else { ' ' };
         let from = model.grown_from.map_or(String::new(), |n| n.to_string());
-        let evidence = model.evidence.map_or(String::new(), |e| format!("{e:.1}"));
+        let evidence = model.evidence.map_or(String::new(), grouped);
         let _ = writeln!(
             out,
             "{mark} {:>4}  {from:>4}  {:>10.4} {:>8.2}  {evidence:>10}  {}   {} ({})",

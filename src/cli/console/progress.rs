@@ -6,6 +6,7 @@ use std::time::Duration;
 
 use indicatif::{HumanBytes, ProgressBar, ProgressStyle};
 
+use crate::cli::console::print::tell;
 use crate::fit::outcome::fit::Fit;
 use crate::shown::Shown as _;
 use crate::study::Study;
@@ -46,10 +47,22 @@ pub fn busy<T>(file: &Path, work: impl FnOnce() -> T) -> T {
     done
 }
 
-/// A line on the terminal that shows after half a second; nothing where standard error is no terminal.
+/// How often a log is told how far a computation has come.
+const LOGGED_EVERY: Duration = Duration::from_secs(5);
+
+/// A line on the terminal. Where standard error is no terminal, it becomes a line in the log every five seconds.
 pub fn progress_bar() -> ProgressBar {
     if !stderr().is_terminal() {
-        return ProgressBar::hidden();
+        let bar = ProgressBar::hidden();
+        let watched = bar.downgrade();
+        std::thread::spawn(move || {
+            loop {
+                std::thread::sleep(LOGGED_EVERY);
+                let Some(bar) = watched.upgrade().filter(|bar| !bar.is_finished()) else { return };
+                tell!("{} s: {}", bar.elapsed().as_secs(), bar.message());
+            }
+        });
+        return bar;
     }
     let style =
         ProgressStyle::with_template("{spinner} {elapsed} {msg}").unwrap_or_else(|_| ProgressStyle::default_spinner());

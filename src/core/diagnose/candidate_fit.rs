@@ -1,8 +1,9 @@
 //! Candidates in competition: the best form of each effect, what it leaves, and its fit to all samples.
 
 use crate::diagnose::baseline::Baseline;
+use crate::diagnose::candidate::Form;
 use crate::diagnose::evidence::{EvidenceScale, tempered};
-use crate::diagnose::limits::{LEAST_EVIDENCE, MOST_REACHES_WITH_CAVITIES};
+use crate::diagnose::limits::{LEAST_EVIDENCE, LEAST_FALL, MODEL_ERROR, MOST_REACHES_WITH_CAVITIES};
 use crate::diagnose::next::answer::Answer;
 use crate::diagnose::refit::Refit;
 use crate::fit::data::run_data::RunData;
@@ -165,6 +166,19 @@ pub(crate) fn fall(start: &Fit, runs: &[RunData], from: f64, to: f64) -> f64 {
     over_noise(start, runs).powi(2) * (from - to) / square(start)
 }
 
+/// The least fall of the squared error over noise that is worth a model: more than noise does, and more than solvers differ by.
+pub(crate) fn least_fall(runs: &[RunData]) -> f64 {
+    let (mut square, mut n) = (0.0, 0.0);
+    for sensor in runs.iter().flat_map(|run| &run.sensors) {
+        let (low, high) =
+            sensor.head_m.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), m| (l.min(*m), h.max(*m)));
+        let samples = sensor.head_m.len() as f64;
+        square += samples * (MODEL_ERROR * 0.5 * (high - low) / sensor.total_noise_m).powi(2);
+        n += samples;
+    }
+    (square / f64::max(n, 1.0)).max(LEAST_FALL.powi(2))
+}
+
 /// What a fit would leave if it went on to the optimum that its linearised problem predicts.
 pub(crate) fn square_at_optimum(fit: &Fit) -> f64 {
     let samples: usize = fit.runs.iter().flat_map(|r| &r.sensors).map(|s| s.time_s.len()).sum();
@@ -223,25 +237,21 @@ impl FullFitter<'_> {
     }
 
     /// Fits a model with two forms to all samples, from where a coarse fit ended.
-    pub(crate) fn fit_pair(&self, of: [&Refit; 2], effects: &[Chosen], values: &[f64]) -> Result<Fit, FitError> {
-        let (options, shown) = (self.options_of_pair(of), self.pair_shown(of));
+    pub(crate) fn fit_pair(&self, of: &[Form; 2], effects: &[Chosen], values: &[f64]) -> Result<Fit, FitError> {
+        let (options, shown) = (self.brief(effects), self.pair_shown(of));
         refine(self.rig, self.runs, effects, values, &options, &shown)
     }
 
     /// The same afresh from the signals.
-    pub(crate) fn fit_pair_from_scratch(&self, of: [&Refit; 2]) -> Result<Fit, FitError> {
-        let added = of.iter().map(|refit| Chosen { elements: None, ..refit.form.chosen.clone() });
+    pub(crate) fn fit_pair_from_scratch(&self, of: &[Form; 2]) -> Result<Fit, FitError> {
+        let added = of.iter().map(|form| Chosen { elements: None, ..form.chosen.clone() });
         let effects: Vec<Chosen> = self.effects.iter().cloned().chain(added).collect();
-        let (options, shown) = (self.options_of_pair(of), self.pair_shown(of));
+        let (options, shown) = (self.brief(&effects), self.pair_shown(of));
         calibrate(self.rig, self.runs, &effects, &options, &shown)
     }
 
-    fn options_of_pair(&self, of: [&Refit; 2]) -> Options {
-        self.brief(of.iter().flat_map(|refit| &refit.effects))
-    }
-
-    fn pair_shown(&self, of: [&Refit; 2]) -> impl Fn(&Progress) + Sync {
-        let names = format!("{} and {} added", of[0].form.effect, of[1].form.effect);
+    fn pair_shown(&self, of: &[Form; 2]) -> impl Fn(&Progress) + Sync + use<'_> {
+        let names = format!("{} and {} added", of[0].effect, of[1].effect);
         move |p| (self.progress)(&format!("{names}, {}", p.stage))
     }
 

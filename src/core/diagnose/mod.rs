@@ -22,32 +22,32 @@ pub(crate) mod outcome;
 pub(crate) mod pairs;
 pub mod refit;
 pub mod residual_patterns;
+pub(crate) mod screening;
 pub(crate) mod start;
 pub mod verdict;
 pub mod visible;
 pub mod warnings;
 
-use std::sync::atomic::{AtomicUsize, Ordering};
-
 use rayon::prelude::*;
 
 use crate::diagnose::baseline::Baseline;
-use crate::diagnose::candidate::{candidates, forms_of, left_out};
+use crate::diagnose::candidate::{Form, forms_of, left_out};
 use crate::diagnose::candidate_fit::{
-    CandidateFit, FullFitter, best_forms, evidence_scale, fall, over_noise, square, square_at_optimum,
+    CandidateFit, FullFitter, best_forms, evidence_scale, fall, least_fall, over_noise, square, square_at_optimum,
 };
 use crate::diagnose::evidence::{EvidenceScale, probabilities};
 use crate::diagnose::fallback_search::search_on;
 pub use crate::diagnose::limits::NEGLIGIBLE_EVIDENCE;
 use crate::diagnose::limits::{
-    CONVERGE_BELOW, EXPLAINED_OVER_NOISE, FULL_FITS, INDISTINGUISHABLE, LEAST_EVIDENCE, LEAST_FALL, LEAST_FORECAST,
-    NO_FULL_FIT_ABOVE, PRIOR_ODDS_OF_PAIR, REFINED_EFFECTS, START_NEAR_NOISE,
+    CONVERGE_BELOW, EXPLAINED_OVER_NOISE, FULL_FITS, INDISTINGUISHABLE, LEAST_EVIDENCE, LEAST_FORECAST,
+    NO_FULL_FIT_ABOVE, PRIOR_ODDS_OF_PAIR, START_DOUBTFUL,
 };
 use crate::diagnose::next::in_words;
 pub use crate::diagnose::outcome::{Candidate, Diagnosis, Pair, Verdict};
 use crate::diagnose::pairs::{PairFit, fitted_pairs};
 use crate::diagnose::refit::{Refit, refine, screen};
 use crate::diagnose::residual_patterns::residual_patterns;
+use crate::diagnose::screening::refits;
 use crate::diagnose::visible::visible;
 use crate::diagnose::warnings::warnings;
 use crate::fit::data::run_data::RunData;
@@ -95,9 +95,17 @@ pub fn diagnose_fit(
     let fitter = FullFitter { rig, runs, effects, options, progress };
     let mut candidate_fits = candidate_fits(&baseline, &start, &refits);
     fit(&fitter, &baseline, &start, &mut candidate_fits);
+    // A single effect that is far from the records is no rival of a pair, and where no pair is found it is soon enough to converge.
+    let far = best_fit(&candidate_fits).is_some_and(|(_, best)| over_noise(best, runs) > START_DOUBTFUL);
+    if !far {
+        contest(&fitter, &mut candidate_fits);
+    }
     let shown = is_shown(&baseline, &candidate_fits) || is_shown_by_another(&baseline, &candidate_fits);
     // How cavities collapse no model follows well: what is left of them is no second effect.
     let pair_fits = if shown { Vec::new() } else { pairs_of(&fitter, &baseline, &start, &refits, &candidate_fits) };
+    if far && pair_fits.is_empty() {
+        contest(&fitter, &mut candidate_fits);
+    }
     let scale = weigh(&baseline, &start, &mut candidate_fits, &pair_fits);
     rank(&baseline, &mut candidate_fits);
     let evidence_of = |pair: &PairFit| {
@@ -114,7 +122,7 @@ pub fn diagnose_fit(
     let mut pair = answer(&baseline, &pair_fits, pair_shares, &candidates, evidence_of);
     // An effect is missing alone, or with another.
     for (both, share) in pair_fits.iter().zip(pair_shares) {
-        let in_pair = |c: &&mut Candidate| both.of.iter().any(|refit| refit.form.effect == c.effect);
+        let in_pair = |c: &&mut Candidate| both.of.iter().any(|form| form.effect == c.effect);
         candidates.iter_mut().filter(in_pair).for_each(|c| c.probability += share);
     }
     candidates.sort_by(|a, b| b.probability.total_cmp(&a.probability));
@@ -179,7 +187,7 @@ fn fit(fitter: &FullFitter, baseline: &Baseline, start: &Fit, candidate_fits: &m
         let least = if i == 0 { NEGLIGIBLE_EVIDENCE } else { LEAST_EVIDENCE };
         let may_win = candidate_fit.evidence > least && candidate_fit.square < NO_FULL_FIT_ABOVE * best;
         if may_win
-            && fall(start, fitter.runs, square(start), candidate_fit.square) > LEAST_FORECAST * LEAST_FALL.powi(2)
+            && fall(start, fitter.runs, square(start), candidate_fit.square) > LEAST_FORECAST * least_fall(fitter.runs)
         {
             candidate_fit.take(fitter.fit_from_refit(candidate_fit.refit));
         }
@@ -193,7 +201,12 @@ fn fit(fitter: &FullFitter, baseline: &Baseline, start: &Fit, candidate_fits: &m
         shown.take(fit);
     }
     search_on(fitter, start, candidate_fits);
-    contest(fitter, candidate_fits);
+}
+
+/// The candidate whose full fit leaves least.
+fn best_fit<'a>(candidate_fits: &'a [CandidateFit]) -> Option<(&'a Form, &'a Fit)> {
+    let fitted = candidate_fits.iter().filter_map(|r| Some((&r.refit.form, r.fit.as_ref()?)));
+    fitted.min_by(|a, b| square(a.1).total_cmp(&square(b.1)))
 }
 
 /// Compares the rivals at their optima: the best is fitted until it converges, the others also start from where it ended.
@@ -217,19 +230,18 @@ fn contest(fitter: &FullFitter, candidate_fits: &mut [CandidateFit]) {
 }
 
 /// Pairs of effects, where something is missing and no single effect explains the records.
-fn pairs_of<'a>(
+fn pairs_of(
     fitter: &FullFitter,
     baseline: &Baseline,
     start: &Fit,
-    refits: &'a [Refit],
+    refits: &[Refit],
     candidate_fits: &[CandidateFit],
-) -> Vec<PairFit<'a>> {
-    let fits = candidate_fits.iter().filter_map(|r| r.fit.as_ref()).chain([start]);
-    let best = fits.min_by(|a, b| square(a).total_cmp(&square(b))).unwrap_or(start);
-    if over_noise(best, fitter.runs) < EXPLAINED_OVER_NOISE {
+) -> Vec<PairFit> {
+    let best = best_fit(candidate_fits).filter(|(_, fit)| square(fit) < square(start));
+    if over_noise(best.map_or(start, |(_, fit)| fit), fitter.runs) < EXPLAINED_OVER_NOISE {
         return Vec::new();
     }
-    fitted_pairs(fitter, baseline, refits, best)
+    fitted_pairs(fitter, baseline, refits, start, best)
 }
 
 /// The most probable pair, where the evidence for the second effect is enough.
@@ -244,8 +256,8 @@ fn answer(
     let evidence = evidence_of(best);
     let single = singles.iter().map(|c| c.evidence).fold(f64::NEG_INFINITY, f64::max);
     (evidence > single + LEAST_EVIDENCE).then(|| Pair {
-        effects: best.of.map(|refit| refit.form.effect),
-        labels: best.of.map(|refit| refit.form.chosen.label()),
+        effects: best.of.each_ref().map(|form| form.effect),
+        labels: best.of.each_ref().map(|form| form.chosen.label()),
         probability: *share,
         evidence,
         over_noise: over_noise(&best.fit, &baseline.runs),
@@ -271,7 +283,7 @@ fn weigh(
     for candidate_fit in candidate_fits.iter_mut() {
         candidate_fit.evidence = scale.evidence(allowed, candidate_fit.square, candidate_fit.added(baseline, start));
         let fall = fall(start, &baseline.runs, allowed, candidate_fit.square);
-        if fall < LEAST_FALL.powi(2) || !candidate_fit.is_noteworthy(baseline) {
+        if fall < least_fall(&baseline.runs) || !candidate_fit.is_noteworthy(baseline) {
             candidate_fit.evidence = candidate_fit.evidence.min(NEGLIGIBLE_EVIDENCE);
         }
     }
@@ -365,40 +377,6 @@ pub fn grow(
     let parameters = best.parameters.len() - start.parameters.len();
     let evidence = evidence_scale(&best, baseline.features()).evidence(square(start), square(&best), parameters);
     Ok((best, evidence))
-}
-
-/// Screens every form and refines those of the most promising effects.
-fn refits(baseline: &Baseline, progress: &(dyn Fn(&str) + Sync)) -> Vec<Refit> {
-    let forms: Vec<_> = candidates(baseline.rig, &baseline.effects, baseline.runs.len());
-    let done = AtomicUsize::new(0);
-    let screened: Vec<Refit> = forms
-        .par_iter()
-        .filter_map(|form| {
-            let refit = screen(baseline, form).ok();
-            let n = done.fetch_add(1, Ordering::Relaxed) + 1;
-            progress(&format!("{n} of {} candidates screened", forms.len()));
-            refit
-        })
-        .collect();
-    let mut order = best_forms(&screened, |r| -r.square);
-    order.sort_by(|a, b| b.0.total_cmp(&a.0));
-    let promising: Vec<&str> = order.iter().take(REFINED_EFFECTS).map(|(_, r)| r.form.effect).collect();
-    // Near the noise the linear forecast is accurate: an effect that screening does not promise will not appear.
-    let quiet = baseline.mean_square(&baseline.residuals) < START_NEAR_NOISE.powi(2);
-    let scale = EvidenceScale::of(&baseline.residuals[..baseline.samples], baseline.features());
-    let hopeful = |r: &Refit| scale.evidence(baseline.square, r.square, r.added) > 0.0;
-    screened
-        .par_iter()
-        .map(|screened| {
-            // Boiling sets in beyond a threshold that no linear forecast sees.
-            let promising = promising.contains(&screened.form.effect) || screened.form.chosen.effect.lets_boil();
-            if !promising || (quiet && !hopeful(screened)) {
-                return screened.clone();
-            }
-            progress(&format!("{} refitted", screened.form.chosen.label()));
-            refine(baseline, screened).ok().unwrap_or_else(|| screened.clone())
-        })
-        .collect()
 }
 
 fn candidate(

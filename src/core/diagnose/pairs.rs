@@ -1,19 +1,21 @@
 //! Two effects at once: where no single effect brings the error down to the noise, each two of them are tried together.
 //!
 //! Each effect's refit has a signature: how it changes the residuals, less what the start model can absorb. What two signatures would leave
-//! together is a small linear problem, so all pairs are ranked by it; the best are refitted on the coarse grid, and the best of these
-//! to all samples.
+//! together is a small linear problem, so all pairs are ranked by it. Far from the start model signatures say little, so the other
+//! effects are also tried beside the best single one. The best pairs are refitted on the coarse grid, and the best of these to all samples.
 
 use rayon::prelude::*;
 
 use crate::diagnose::baseline::Baseline;
-use crate::diagnose::candidate_fit::{FullFitter, over_noise, square};
+use crate::diagnose::candidate::Form;
+use crate::diagnose::candidate_fit::{FullFitter, least_fall, over_noise, square};
 use crate::diagnose::evidence::EvidenceScale;
 use crate::diagnose::limits::{
-    DOWN_TO_THE_NOISE, FULL_FITS, LEAST_EVIDENCE, LEAST_FALL, LEAST_SHARE_OF_SECOND, NO_FULL_FIT_ABOVE, PAIR_STRENGTH,
-    REFINE, REFINED_PAIRS,
+    DOWN_TO_THE_NOISE, FULL_FITS, LEAST_EVIDENCE, LEAST_SHARE_OF_SECOND, NO_FULL_FIT_ABOVE, PAIR_STRENGTH, REFINE,
+    REFINED_PAIRS,
 };
 use crate::diagnose::refit::Refit;
+use crate::diagnose::screening::refits;
 use crate::fit::numeric::least_squares::{Problem, minimise};
 use crate::fit::outcome::fit::{Fit, FittedParameter};
 use crate::fit::problem::error::FitError;
@@ -21,8 +23,10 @@ use crate::model::effects::Chosen;
 use crate::product::dot;
 
 /// A pair of forms, refitted on the coarse grid.
-struct PairRefit<'a> {
-    of: [&'a Refit; 2],
+struct PairRefit {
+    of: [Form; 2],
+    /// Free parameters of the second effect.
+    added: usize,
     effects: Vec<Chosen>,
     values: Vec<f64>,
     square: f64,
@@ -31,12 +35,12 @@ struct PairRefit<'a> {
 }
 
 /// Two effects, fitted together to all samples.
-pub(crate) struct PairFit<'a> {
-    pub(crate) of: [&'a Refit; 2],
+pub(crate) struct PairFit {
+    pub(crate) of: [Form; 2],
     pub(crate) fit: Fit,
 }
 
-impl PairFit<'_> {
+impl PairFit {
     /// Keeps a fit if it is better than the one so far.
     fn take(&mut self, fit: Result<Fit, FitError>) {
         if let Ok(fit) = fit
@@ -59,26 +63,29 @@ impl PairFit<'_> {
     }
 }
 
-/// The pairs that leave least, fitted to all samples, where they leave less than the best `single` effect: those for whose second effect the coarse refits give evidence enough.
-pub(crate) fn fitted_pairs<'a>(
+/// The pairs that leave least, fitted to all samples, where they leave less than the start model and the best `single` effect: those for whose second effect the coarse refits give evidence enough.
+pub(crate) fn fitted_pairs(
     fitter: &FullFitter,
     baseline: &Baseline,
-    refits: &'a [Refit],
-    single: &Fit,
-) -> Vec<PairFit<'a>> {
+    refits: &[Refit],
+    start: &Fit,
+    single: Option<(&Form, &Fit)>,
+) -> Vec<PairFit> {
     (fitter.progress)("two effects at once");
     let promising = promising(baseline, refits);
     let mut refitted: Vec<PairRefit> = promising.par_iter().filter_map(|of| refitted(baseline, *of)).collect();
+    refitted.extend(single.into_iter().flat_map(|(form, fit)| beside(fitter, form, fit)));
     refitted.sort_by(|a, b| a.square.total_cmp(&b.square));
     let Some(best) = refitted.first() else { return Vec::new() };
     let refitted_alone = refits.iter().map(|refit| refit.square).fold(baseline.square, f64::min);
     let scale = EvidenceScale::of(&best.residuals, baseline.features());
-    let (most, own) = (NO_FULL_FIT_ABOVE * best.square, |pair: &PairRefit| pair.of[1].added);
+    let most = NO_FULL_FIT_ABOVE * best.square;
     refitted
-        .retain(|pair| pair.square < most && scale.evidence(refitted_alone, pair.square, own(pair)) > LEAST_EVIDENCE);
+        .retain(|pair| pair.square < most && scale.evidence(refitted_alone, pair.square, pair.added) > LEAST_EVIDENCE);
+    one_form_each(&mut refitted);
     refitted.truncate(FULL_FITS);
     let fits = refitted.into_par_iter().filter_map(|pair| {
-        let fit = fitter.fit_pair(pair.of, &pair.effects, &pair.values).ok()?;
+        let fit = fitter.fit_pair(&pair.of, &pair.effects, &pair.values).ok()?;
         Some(PairFit { of: pair.of, fit })
     });
     let mut fits: Vec<PairFit> = fits.collect();
@@ -86,17 +93,44 @@ pub(crate) fn fitted_pairs<'a>(
     if let Some(best) = fits.first_mut() {
         // what is left may be the way that the fit came
         if over_noise(&best.fit, fitter.runs) > DOWN_TO_THE_NOISE {
-            best.take(fitter.fit_pair_from_scratch(best.of));
+            best.take(fitter.fit_pair_from_scratch(&best.of));
         }
         if !best.fit.converged {
             best.take(fitter.converged(&best.fit));
         }
     }
     // Instruments within their class are at work on every rig, and a second effect must be worth a model of its own.
-    let alone = over_noise(single, fitter.runs).powi(2);
-    let least = LEAST_FALL.powi(2).max(LEAST_SHARE_OF_SECOND * (alone - 1.0));
+    let alone = over_noise(single.map_or(start, |(_, fit)| fit), fitter.runs).powi(2);
+    let least = least_fall(fitter.runs).max(LEAST_SHARE_OF_SECOND * (alone - 1.0));
     fits.retain(|pair| pair.is_noteworthy(baseline) && alone - over_noise(&pair.fit, fitter.runs).powi(2) > least);
     fits
+}
+
+/// The other effects beside a single one, from its fit to all samples.
+fn beside(fitter: &FullFitter, form: &Form, single: &Fit) -> Vec<PairRefit> {
+    let Ok(baseline) = Baseline::new(fitter.rig, fitter.runs, single, fitter.options) else { return Vec::new() };
+    let second = refits(&baseline, fitter.progress).into_iter();
+    let pair = |refit: Refit| PairRefit {
+        of: [form.clone(), refit.form],
+        added: refit.added,
+        square: refit.square,
+        residuals: refit.residuals[..baseline.samples].to_vec(),
+        values: refit.values,
+        effects: refit.effects,
+    };
+    second.map(pair).collect()
+}
+
+/// Keeps the best form of each two effects; the best pairs come first.
+fn one_form_each(pairs: &mut Vec<PairRefit>) {
+    let mut known: Vec<[&'static str; 2]> = Vec::new();
+    pairs.retain(|pair| {
+        let mut names = pair.of.each_ref().map(|form| form.effect);
+        names.sort_unstable();
+        let new = !known.contains(&names);
+        known.push(names);
+        new
+    });
 }
 
 /// The pairs whose signatures together leave least, the best first.
@@ -156,7 +190,7 @@ fn fall((aa, ar): (f64, f64), (bb, br): (f64, f64), ab: f64) -> f64 {
 }
 
 /// Fits all parameters of a model with both forms on the coarse grid: from the start model's values, and from those of either refit.
-fn refitted<'a>(baseline: &Baseline, of: [&'a Refit; 2]) -> Option<PairRefit<'a>> {
+fn refitted(baseline: &Baseline, of: [&Refit; 2]) -> Option<PairRefit> {
     let effects: Vec<Chosen> =
         baseline.effects.iter().cloned().chain(of.iter().map(|refit| refit.form.chosen.clone())).collect();
     let model = baseline.model(&effects);
@@ -167,7 +201,8 @@ fn refitted<'a>(baseline: &Baseline, of: [&'a Refit; 2]) -> Option<PairRefit<'a>
     let start = starts.map(|x| (cost(&x), x)).min_by(|a, b| a.0.total_cmp(&b.0))?.1;
     let solution = minimise(&problem, &start, REFINE, |_, _| {}).ok()?;
     Some(PairRefit {
-        of,
+        of: of.map(|refit| refit.form.clone()),
+        added: of[1].added,
         effects: model.effects.clone(),
         values: problem.values(&solution.x),
         square: 2.0 * solution.cost,

@@ -7,8 +7,9 @@ use rayon::prelude::*;
 
 use crate::diagnose::baseline::Baseline;
 use crate::diagnose::candidate::Form;
+use crate::diagnose::candidate_fit::least_fall;
 use crate::diagnose::evidence::EvidenceScale;
-use crate::diagnose::limits::{LEAST_EVIDENCE, LEAST_FALL};
+use crate::diagnose::limits::LEAST_EVIDENCE;
 use crate::fit::numeric::least_squares::Problem;
 use crate::model::parameter::{Parameter, Scale};
 
@@ -51,7 +52,7 @@ fn least(baseline: &Baseline, form: &Form, scale: EvidenceScale) -> Option<Visib
     let square = baseline.projected_dot(&change, &change);
     let free = own.iter().filter(|p| p.prior.is_none()).count() as f64;
     let for_evidence = 2.0 * scale.unit * (LEAST_EVIDENCE + 0.5 * free * scale.effective.ln());
-    let for_fall = LEAST_FALL.powi(2) * baseline.run_samples() as f64;
+    let for_fall = least_fall(&baseline.runs) * baseline.run_samples() as f64;
     let size = (for_evidence.max(for_fall) / square).sqrt();
     let value = sized(parameter, size);
     (size.is_finite() && (parameter.lower..=parameter.upper).contains(&value)).then(|| Visible {

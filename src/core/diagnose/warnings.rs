@@ -1,6 +1,7 @@
 //! Reasons to doubt a diagnosis before it begins: a start model that cannot be this rig's, or that was not fitted at
 //! all.
 
+use crate::diagnose::candidate_fit::{least_fall, over_noise};
 use crate::diagnose::limits::NOT_FITTED;
 use crate::fit::data::run_data::RunData;
 use crate::fit::outcome::fit::Fit;
@@ -55,6 +56,9 @@ fn too_few_elements(rig: &Rig, runs: &[RunData], start: &Fit, effects: &[Chosen]
     let open: Vec<Chosen> = effects.iter().map(|c| Chosen { elements: None, ..c.clone() }).collect();
     let fixed = effects.iter().find(|c| c.elements.is_some())?;
     let more = with_more_elements(rig, runs, start, &open, options, &|_| {}).ok()??;
+    if over_noise(start, runs).powi(2) - over_noise(&more, runs).powi(2) < least_fall(runs) {
+        return None;
+    }
     let name = more.effects.iter().find(|c| c.effect.name() == fixed.effect.name())?.label();
     Some(format!(
         "{} has too few elements: with {name} the error falls from {:.4} to {:.4} m, so an effect found here may only make up for the missing elements; \

@@ -11,6 +11,8 @@ const LOW_JOUKOWSKY: f64 = 0.35;
 const FASTEST_M_S: f64 = 1600.0;
 /// Least number of periods after the closure that a fit needs.
 const LEAST_PERIODS: f64 = 2.0;
+/// Share of a period before the closure below which a record shows no steady flow.
+const LEAST_LEAD: f64 = 0.1;
 
 /// One sentence for each contradiction, with its likely causes; empty if there is none.
 pub fn doubts(rig: &Rig, features: &Features) -> Vec<String> {
@@ -42,6 +44,15 @@ pub fn doubts(rig: &Rig, features: &Features) -> Vec<String> {
             found.push(format!(
                 "only {periods:.1} periods were recorded after the closure: damping, creep and friction need {LEAST_PERIODS:.0} or \
                  more to be told apart; record for longer"
+            ));
+        }
+    }
+    if let (Some(period_s), Some(sensor)) = (period_s, features.sensors.get(features.reference)) {
+        let lead_s = features.closure.start_s - sensor.begin_s;
+        if lead_s < LEAST_LEAD * period_s {
+            found.push(format!(
+                "the record begins {lead_s:.3} s before the closure, or after it had begun: the head before it, the noise and the start of \
+                 the closure are not known; let the recording run for a second or more before the valve closes"
             ));
         }
     }

@@ -64,6 +64,8 @@ pub struct SensorFeatures {
     pub samples: usize,
     /// Median sample interval, s.
     pub interval_s: f64,
+    /// Time of its first sample, s.
+    pub begin_s: f64,
     /// Time of its last sample, s.
     pub end_s: f64,
     /// Its noise, in m.

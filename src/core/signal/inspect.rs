@@ -126,6 +126,7 @@ fn sensor_features(
         position_m: place.position_m,
         samples: recording.series[station.sensor].time_s.len(),
         interval_s: trace.step_s,
+        begin_s: trace.time_s(0.0),
         end_s: trace.time_s((trace.len() - 1) as f64),
         noise: *noise,
         steady_before_m: levels::before(&trace.head_m[lead], base_m, newest, noise),

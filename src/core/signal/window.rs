@@ -16,11 +16,15 @@ use crate::signal::noise::white_sd_of_whole;
 const LONG: usize = 300_000;
 /// A window goes on for so many periods of the wave (4L/a) after the closure, as long as a test is usually recorded. Chosen.
 const PERIODS: f64 = 20.0;
+/// It goes on for no more than so many: no surge outlives them, and each costs a simulation of it. A record of twice as many is long, too. Chosen.
+const MOST_PERIODS: f64 = 200.0;
 /// Before the closure it holds at least so many periods, and at least so many seconds, from which flow and steady pressure are read.
 const LEAD_PERIODS: f64 = 2.0;
 const LEAD_S: f64 = 6.0;
 /// Blocks into which a record is cut to look for its closure.
 const BLOCKS: usize = 1 << 16;
+/// Samples of a block at least: fewer do not show which value lasts.
+const LEAST_BLOCK: usize = 16;
 /// Samples of a block of a recording whose length is not known.
 const PASSING_BLOCK: usize = 1024;
 /// A step of more than so many usual ones is a gap.
@@ -65,25 +69,30 @@ impl Window {
     pub fn of(recording: &Recording) -> Option<Window> {
         let series = |i: usize| &recording.series[i];
         let most = recording.rig.pressure_sensors().map(|(i, _)| series(i).time_s.len()).max()?;
-        if most <= LONG {
+        let temperature_degc = temperature_degc(recording);
+        let longest_s = 2.0 * MOST_PERIODS * period_s(&recording.rig, temperature_degc);
+        let lasts_s = |i: usize| series(i).time_s.last().zip(series(i).time_s.first()).map_or(0.0, |(b, a)| b - a);
+        if most <= LONG && recording.rig.pressure_sensors().all(|(i, _)| lasts_s(i) <= longest_s) {
             return None;
         }
         let scanned = recording.rig.pressure_sensors().map(|(i, sensor)| {
-            let mut scan = Scan::new(most.div_ceil(BLOCKS));
+            let mut scan = Scan::new(most.div_ceil(BLOCKS).max(LEAST_BLOCK));
             series(i).time_s.iter().zip(&series(i).value).for_each(|(t, v)| scan.push(*t, *v));
             (sensor, scan)
         });
         let scanned: Vec<(&Sensor, Scan)> = scanned.collect();
         let scans: Vec<(&Sensor, &Scan)> = scanned.iter().map(|(sensor, scan)| (*sensor, scan)).collect();
-        Window::of_scans(&recording.rig, temperature_degc(recording), &scans)
+        Window::of_scans(&recording.rig, temperature_degc, &scans)
     }
 
     /// The same of pressure sensors whose samples went by.
     fn of_scans(rig: &Rig, temperature_degc: f64, scanned: &[(&Sensor, &Scan)]) -> Option<Window> {
-        if scanned.iter().all(|(_, scan)| scan.samples <= LONG) {
+        let period_s = period_s(rig, temperature_degc);
+        let lasts_s = |scan: &Scan| scan.span().map_or(0.0, |(first_s, last_s, _)| last_s - first_s);
+        let short = |scan: &Scan| scan.samples <= LONG && lasts_s(scan) <= 2.0 * MOST_PERIODS * period_s;
+        if scanned.iter().all(|(_, scan)| short(scan)) {
             return None;
         }
-        let period_s = period_s(rig, temperature_degc);
         let lead_s = LEAD_S.max(LEAD_PERIODS * period_s);
         let seen: Vec<Seen> =
             scanned.iter().filter_map(|(sensor, scan)| scan.closure(lead_s, sensor.position_m)).collect();
@@ -98,7 +107,8 @@ impl Window {
         let (first_s, last_s, step_s) = spans.reduce(|a, b| (a.0.min(b.0), a.1.max(b.1), a.2.min(b.2)))?;
         let (from_s, to_s) = match closure {
             Some(seen) => {
-                let tail_s = (PERIODS * period_s).max((LONG - 1) as f64 * step_s - lead_s);
+                let samples_s = (LONG - 1) as f64 * step_s - lead_s;
+                let tail_s = samples_s.clamp(PERIODS * period_s, MOST_PERIODS * period_s);
                 ((seen.closure_s - lead_s).max(first_s), (seen.closure_s + tail_s).min(last_s))
             }
             None => (first_s, last_s),
@@ -464,11 +474,20 @@ mod tests {
         let window = Window::of(&long).unwrap();
         assert!((893.0..=894.0).contains(&window.from_s) && window.averaged == 1, "{window:?}");
         let used = window.cut(&long);
-        assert!(used.series[0].time_s.len() <= LONG + 1 && used.series[0].time_s.len() > LONG - 5000);
+        let periods = (window.to_s - 900.0) / period_s(&long.rig, 20.0);
+        assert!(used.series[0].time_s.len() <= LONG + 1 && (periods / MOST_PERIODS - 1.0).abs() < 0.01, "{periods}");
         assert_eq!(used.series[0].value[0], long.series[0].value[(window.from_s * 1000.0).ceil() as usize]);
         assert_eq!(used.series[1], long.series[1], "it has one sample, outside of the window");
         assert!(crate::signal::inspect(&used).is_ok());
         assert!(window.in_words().starts_with("of 1200.0 s recorded, the"), "{}", window.in_words());
+    }
+
+    #[test]
+    fn a_record_of_many_periods_is_long_however_few_its_samples() {
+        let record = recording(60_000, 100.0, 100.0);
+        let window = Window::of(&record).unwrap();
+        assert!((93.0..=94.0).contains(&window.from_s) && window.to_s < 400.0, "{window:?}");
+        assert_eq!(Window::of(&recording(30_000, 100.0, 100.0)), None);
     }
 
     #[test]

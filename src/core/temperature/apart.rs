@@ -7,6 +7,7 @@ use crate::fit::search::calibrate::calibrate;
 use crate::fit::search::options::{Options, Progress};
 use crate::model::effects::Chosen;
 use crate::rig::{Pipe, Rig, WaterProperties};
+use crate::temperature::compare::chance;
 use crate::temperature::law::{Role, inverse_kelvin, modulus_name, roles};
 use crate::temperature::member::{FamilyError, Member};
 use crate::temperature::thresholds::OPEN_RELATIVE_ERROR;
@@ -198,9 +199,9 @@ pub(crate) fn quantities(
     for q in &found {
         if let Some(Trend { line, .. }) = q.trend.filter(|t| t.line.is_contradicted()) {
             remarks.push(format!(
-                "{}: the runs scatter about its line by more than their errors (chance {:.1e}); its interval is that of the scatter",
+                "{}: the runs scatter about its line by more than their errors (chance {}); its interval is that of the scatter",
                 q.name,
-                line.chance.unwrap_or(f64::NAN)
+                chance(line.chance.unwrap_or(f64::NAN))
             ));
         }
     }

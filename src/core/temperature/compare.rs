@@ -14,6 +14,11 @@ pub enum Verdict {
     Fail,
 }
 
+/// A chance in words that do not claim more digits than it has.
+pub fn chance(p: f64) -> String {
+    if p < 1e-12 { "below 1e-12".to_owned() } else { format!("{p:.1e}") }
+}
+
 impl Verdict {
     /// In a word.
     pub fn name(self) -> &'static str {

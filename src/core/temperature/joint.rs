@@ -12,7 +12,7 @@ use crate::fit::search::options::Progress;
 use crate::model::{Model, ModelError};
 use crate::rig::Rig;
 use crate::temperature::apart::Quantity;
-use crate::temperature::compare::{Comparison, Verdict, compare};
+use crate::temperature::compare::{Comparison, Verdict, chance, compare};
 use crate::temperature::joint::problem::JointProblem;
 use crate::temperature::joint::squares::{noise_per_parameter, sums};
 use crate::temperature::joint::summary::{LawParameter, RunError, lines, parameter, run_errors};
@@ -43,14 +43,17 @@ impl Together {
     pub(crate) fn remarks(&self) -> Vec<String> {
         let mut out = Vec::new();
         if let Some(c) = self.comparison.filter(|c| c.verdict != Verdict::Describe) {
-            let verdict = match c.verdict {
-                Verdict::Fail => "the laws do not describe the runs: trust the separate fits",
-                _ => "the laws nearly describe the runs: they leave little more than noise",
+            let (verdict, errors) = match c.verdict {
+                Verdict::Fail => (
+                    "the laws do not describe the runs: trust the separate fits",
+                    "the laws' parameters have no intervals, as they mean nothing",
+                ),
+                _ => (
+                    "the laws nearly describe the runs: they leave little more than noise",
+                    "intervals of the laws are widened by the root of F",
+                ),
             };
-            out.push(format!(
-                "{verdict} (F = {:.2}, chance {:.1e}, BIC {:+.0}); intervals of the laws are widened by the root of F",
-                c.f, c.chance, c.bic_difference
-            ));
+            out.push(format!("{verdict} (F = {:.3e}, chance {}); {errors}", c.f, chance(c.chance)));
         }
         if self.comparison.is_none() {
             out.push(
@@ -112,7 +115,12 @@ pub(crate) fn together(
     let columns = jacobian(&joint, &solution.x, &solution.residuals)?;
     let of_noise = noise_per_parameter(&joint, fits, (&apart_values, &apart), (&solution, &columns))?;
     let comparison = compare(&sums(&joint, fits, &apart, &solution, of_noise));
-    let widening = comparison.filter(|c| c.verdict != Verdict::Describe).map_or(1.0, |c| c.f.max(1.0).sqrt());
+    let widening = comparison.map_or(1.0, |c| match c.verdict {
+        Verdict::Describe => 1.0,
+        Verdict::Nearly => c.f.max(1.0).sqrt(),
+        // Parameters of a law that does not hold mean nothing, and no error describes them.
+        Verdict::Fail => f64::INFINITY,
+    });
     let pull = grid_pull(&joint, &models, &solution, &columns)?;
     // As in a fit of one run: half of what the last halving of the grid's step moved.
     let left: Vec<f64> = pull.iter().map(|p| 0.5 * p).collect();

@@ -15,7 +15,7 @@ pub(crate) mod start;
 pub(crate) mod thresholds;
 pub mod trend;
 
-pub use crate::temperature::compare::{Comparison, Verdict};
+pub use crate::temperature::compare::{Comparison, Verdict, chance};
 pub use crate::temperature::family::{Family, Plan, family, same_rig};
 pub use crate::temperature::joint::Together;
 pub use crate::temperature::joint::summary::{LawParameter, RunError};

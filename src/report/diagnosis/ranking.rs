@@ -1,7 +1,7 @@
 //! The ranking: every effect that could be missing, with its probability.
 
-use crate::diagnose::{Candidate, Diagnosis, NEGLIGIBLE_EVIDENCE, Verdict};
-use crate::report::diagnosis::words::{probability, start_model};
+use crate::diagnose::{Candidate, Diagnosis, Verdict};
+use crate::report::diagnosis::words::{evidence, probability, start_model};
 use crate::report::html::page::{minus, table};
 use crate::report::text::escape::escape;
 use crate::report::text::number::{error_m, significant, times, with_error};
@@ -106,15 +106,7 @@ fn rows(diagnosis: &Diagnosis, candidates: &[Candidate], with_none: bool) -> Str
     let row = |name: String, p: f64, evidence: String, rmse_m: f64, parameters: String| {
         vec![name, bar(p), evidence, error_m(rmse_m), times(rmse_m, start.noise_m), parameters]
     };
-    let rows = candidates.iter().map(|c| {
-        row(
-            name(c),
-            c.probability,
-            if c.evidence <= NEGLIGIBLE_EVIDENCE { "none".into() } else { minus(&evidence(c.evidence)) },
-            c.rmse_m,
-            parameters(c),
-        )
-    });
+    let rows = candidates.iter().map(|c| row(name(c), c.probability, minus(&evidence(c)), c.rmse_m, parameters(c)));
     let none = diagnosis.none_of_these();
     let last =
         with_none.then(|| row("none of these".into(), none.clamp(0.0, 1.0), "0".into(), start.rmse_m, String::new()));
@@ -141,16 +133,6 @@ fn bar(p: f64) -> String {
     )
 }
 
-/// Thousands in groups, below that three digits.
-fn evidence(value: f64) -> String {
-    if !value.is_finite() || value.abs() < 1e4 {
-        return significant(value, 3);
-    }
-    let digits = format!("{:.0}", value.abs());
-    let grouped: Vec<&str> = digits.as_bytes().rchunks(3).rev().filter_map(|c| std::str::from_utf8(c).ok()).collect();
-    format!("{}{}", if value < 0.0 { "-" } else { "" }, grouped.join("\u{202f}"))
-}
-
 fn parameters(candidate: &Candidate) -> String {
     let each = candidate.parameters.iter().map(|p| {
         let value =
@@ -165,14 +147,6 @@ fn parameters(candidate: &Candidate) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn evidence_is_readable_at_any_size() {
-        assert_eq!(evidence(32_127_829.4), "32\u{202f}127\u{202f}829");
-        assert_eq!(evidence(-12_345.0), "-12\u{202f}345");
-        assert_eq!(evidence(-8.44), "-8.44");
-        assert_eq!(evidence(1234.5), "1230");
-    }
 
     #[test]
     fn no_probability_is_certain() {

@@ -5,8 +5,10 @@ use std::fmt::Write;
 use serde::Serialize;
 
 use crate::diagnose::visible::Visible;
-use crate::diagnose::{Candidate, Diagnosis, NEGLIGIBLE_EVIDENCE, Pair, Verdict};
+use crate::diagnose::{Candidate, Diagnosis, Pair, Verdict};
 use crate::model::effects::name_of;
+use crate::report::diagnosis::words::evidence;
+use crate::report::text::number::with_error;
 use crate::results::fit_record::Parameter;
 use crate::signal::faults::SensorFault;
 
@@ -194,14 +196,15 @@ pub fn text(diagnosis: &Diagnosis) -> String {
     }
     if diagnosis.verdict == Verdict::MissingEffect {
         for p in diagnosis.answer_parameters() {
-            let _ = writeln!(out, "  {} = {:.5} ± {:.2} {}", p.name, Sig(p.value), Sig(p.standard_error()), p.unit);
+            let unit = if p.unit == "1" { String::new() } else { format!(" {}", p.unit) };
+            let _ = writeln!(out, "  {} = {}{unit}", p.name, with_error(p.value, p.standard_error()));
         }
     }
     if diagnosis.verdict != Verdict::NothingMissing {
         let _ = writeln!(
             out,
             "\n{:<20} {:>11} {:>10} {:>9}  cannot be distinguished from",
-            "effect", "probability", "evidence", "RMSE m"
+            "effect", "probability", "ln odds", "RMSE m"
         );
         for c in diagnosis.candidates.iter().take(SHOWN) {
             let _ = writeln!(
@@ -254,11 +257,6 @@ fn reservations(diagnosis: &Diagnosis) -> String {
         out += &format!("{} {} at a bound", if no_better { ", and with" } else { ", but with" }, at_bound.join(", "));
     }
     out
-}
-
-/// The evidence in words: what is not worth a model has none.
-fn evidence(candidate: &Candidate) -> String {
-    if candidate.evidence <= NEGLIGIBLE_EVIDENCE { "none".to_owned() } else { format!("{:.1}", candidate.evidence) }
 }
 
 /// The range of a parameter in which its effect could not be seen, in words.

@@ -1,7 +1,8 @@
 //! Names and numbers that all pieces of a diagnosis write alike.
 
-use crate::diagnose::Diagnosis;
+use crate::diagnose::{Candidate, Diagnosis, NEGLIGIBLE_EVIDENCE};
 use crate::model::effects::name_of;
+use crate::report::text::number::grouped;
 
 /// The model that a diagnosis started from.
 pub(crate) fn start_model(diagnosis: &Diagnosis) -> String {
@@ -15,4 +16,8 @@ pub(crate) fn probability(p: f64) -> String {
         p if p < 0.005 => "< 0.01".into(),
         p => format!("{p:.2}"),
     }
+}
+/// The evidence for a candidate; what is not worth a model has none.
+pub(crate) fn evidence(candidate: &Candidate) -> String {
+    if candidate.evidence <= NEGLIGIBLE_EVIDENCE { "none".to_owned() } else { grouped(candidate.evidence) }
 }

@@ -78,7 +78,7 @@ fn chart(family: &Family, quantity: &Quantity) -> LineChart {
         quantity.trend.map_or(Vec::new(), |t| degrees(family).into_iter().map(|degc| t.at(degc)).collect());
     let is_law = quantity.law.len() > family.members.len();
     let mut series = Vec::new();
-    if is_law {
+    if is_law && quantity.law.iter().all(|b| b.interval.0.is_finite()) {
         series.push(band(&quantity.law));
     } else if family.together.is_none() && !trend.is_empty() {
         series.push(band(&trend));

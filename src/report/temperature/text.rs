@@ -4,9 +4,10 @@ use std::fmt::Write as _;
 
 use serde_json::{Value, json};
 
-use crate::report::text::number::{error_m, significant, times, with_error};
+use crate::report::text::number::{error_m, grouped, significant, times, with_error};
 use crate::report::text::table::Table;
 use crate::temperature::apart::{Form, Quantity, Trend};
+use crate::temperature::chance;
 use crate::temperature::{Family, Together, Verdict};
 
 /// First line of the CSV.
@@ -114,13 +115,13 @@ pub(crate) fn comparison(together: &Together) -> Option<String> {
     let c = together.comparison?;
     let preferred = if c.bic_difference < 0.0 { "together" } else { "apart" };
     Some(format!(
-        "Together against separately: {} parameters saved; F({:.0}, {:.0}) = {}, chance {}; BIC {:+.1}, in favour of the fit {preferred}.",
+        "Together against separately: {} parameters saved; F({:.0}, {:.0}) = {}, chance {}; BIC {}, in favour of the fit {preferred}.",
         c.freedom.0,
         c.freedom.0,
         c.freedom.1,
         significant(c.f, 3),
-        significant(c.chance, 2),
-        c.bic_difference
+        chance(c.chance),
+        grouped(c.bic_difference)
     ))
 }
 

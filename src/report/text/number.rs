@@ -135,6 +135,16 @@ pub fn rounded(value: f64) -> f64 {
     format!("{value:.11e}").parse().unwrap_or(value)
 }
 
+/// Thousands in groups, below that three digits.
+pub fn grouped(value: f64) -> String {
+    if !value.is_finite() || value.abs() < 1e4 {
+        return significant(value, 3);
+    }
+    let digits = format!("{:.0}", value.abs());
+    let grouped: Vec<&str> = digits.as_bytes().rchunks(3).rev().filter_map(|c| std::str::from_utf8(c).ok()).collect();
+    format!("{}{}", if value < 0.0 { "-" } else { "" }, grouped.join(","))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -196,5 +206,13 @@ mod tests {
         assert_eq!(times(f64::NAN, 0.03), "–");
         assert_eq!(times_noise(1.92, 0.03), "64× noise");
         assert_eq!(times_noise(1.92, f64::NAN), "noise unknown");
+    }
+
+    #[test]
+    fn thousands_stand_in_groups() {
+        assert_eq!(grouped(32_127_829.4), "32,127,829");
+        assert_eq!(grouped(-12_345.0), "-12,345");
+        assert_eq!(grouped(-8.44), "-8.44");
+        assert_eq!(grouped(1234.5), "1230");
     }
 }

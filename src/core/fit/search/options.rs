@@ -25,8 +25,8 @@ pub struct Options {
     pub most_reaches: usize,
     /// Share of the noise that the grid's own error may have.
     pub grid_error_over_noise: f64,
-    /// A brief fit, to see which model is worth a whole one: few iterations on each of the finer grids, and none for elements of creep
-    /// that the record may not support.
+    /// A brief fit, to see which model is worth a whole one: few iterations on each of the finer grids, with slopes of a coarser one, and none
+    /// from smaller models or for elements of creep that the record may not support.
     pub brief: bool,
     /// Parameters that are held, or kept within bounds of their own.
     pub constraints: Vec<Constraint>,

@@ -120,7 +120,9 @@ pub(crate) fn lines(
                 let both = columns[i][q] * columns[j][q] * errors[i] * errors[j] * correlation[i][j];
                 variance += if both.is_finite() { both } else { 0.0 };
             }
-            let (value, half) = (mid[q], Z_95 * variance.max(0.0).sqrt());
+            // A law that does not hold has a line and no band.
+            let known = errors[..count].iter().any(|e| e.is_finite());
+            let (value, half) = (mid[q], if known { Z_95 * variance.max(0.0).sqrt() } else { f64::NAN });
             let interval = if value > 0.0 {
                 (value * (-half / value).exp(), value * (half / value).exp())
             } else {

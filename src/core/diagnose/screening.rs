@@ -1,0 +1,46 @@
+//! All candidates on the coarse problem: every form is screened, and the most promising effects are refined.
+
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use rayon::prelude::*;
+
+use crate::diagnose::baseline::Baseline;
+use crate::diagnose::candidate::candidates;
+use crate::diagnose::candidate_fit::best_forms;
+use crate::diagnose::evidence::EvidenceScale;
+use crate::diagnose::limits::{REFINED_EFFECTS, START_NEAR_NOISE};
+use crate::diagnose::refit::{Refit, refine, screen};
+
+/// Screens every form and refines those of the most promising effects.
+pub(crate) fn refits(baseline: &Baseline, progress: &(dyn Fn(&str) + Sync)) -> Vec<Refit> {
+    let forms: Vec<_> = candidates(baseline.rig, &baseline.effects, baseline.runs.len());
+    let done = AtomicUsize::new(0);
+    let screened: Vec<Refit> = forms
+        .par_iter()
+        .filter_map(|form| {
+            let refit = screen(baseline, form).ok();
+            let n = done.fetch_add(1, Ordering::Relaxed) + 1;
+            progress(&format!("{n} of {} candidates screened", forms.len()));
+            refit
+        })
+        .collect();
+    let mut order = best_forms(&screened, |r| -r.square);
+    order.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let promising: Vec<&str> = order.iter().take(REFINED_EFFECTS).map(|(_, r)| r.form.effect).collect();
+    // Near the noise the linear forecast is accurate: an effect that screening does not promise will not appear.
+    let quiet = baseline.mean_square(&baseline.residuals) < START_NEAR_NOISE.powi(2);
+    let scale = EvidenceScale::of(&baseline.residuals[..baseline.samples], baseline.features());
+    let hopeful = |r: &Refit| scale.evidence(baseline.square, r.square, r.added) > 0.0;
+    screened
+        .par_iter()
+        .map(|screened| {
+            // Boiling sets in beyond a threshold that no linear forecast sees.
+            let promising = promising.contains(&screened.form.effect) || screened.form.chosen.effect.lets_boil();
+            if !promising || (quiet && !hopeful(screened)) {
+                return screened.clone();
+            }
+            progress(&format!("{} refitted", screened.form.chosen.label()));
+            refine(baseline, screened).ok().unwrap_or_else(|| screened.clone())
+        })
+        .collect()
+}
