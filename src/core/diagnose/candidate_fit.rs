@@ -10,7 +10,7 @@ use crate::fit::data::run_data::RunData;
 use crate::fit::outcome::fit::{Fit, FittedParameter};
 use crate::fit::outcome::uncertainty::Uncertainty;
 use crate::fit::problem::error::FitError;
-use crate::fit::search::calibrate::{CoarseFit, calibrate, fit_coarsely, refine};
+use crate::fit::search::calibrate::{CoarseFit, calibrate, fit_coarsely, refine, without};
 use crate::fit::search::options::{Options, Progress};
 use crate::model::Model;
 use crate::model::effects::{Chosen, Circumstances, SHOWN};
@@ -302,6 +302,11 @@ impl FullFitter<'_> {
         let boils = effects.into_iter().any(|c| c.effect.lets_boil());
         let most = if boils { MOST_REACHES_WITH_CAVITIES } else { usize::MAX };
         Options { most_reaches: self.options.most_reaches.min(most), ..self.options.clone() }
+    }
+
+    /// Fits a model without its effect `i`, briefly.
+    pub(crate) fn without(&self, fit: &Fit, i: usize) -> Result<Fit, FitError> {
+        without(self.rig, self.runs, fit, i, &self.brief(&fit.effects))
     }
 
     /// Fits a candidate or a pair until it converges.

@@ -102,8 +102,8 @@ pub fn diagnose_fit(
     }
     let shown = is_shown(&baseline, &candidate_fits) || is_shown_by_another(&baseline, &candidate_fits);
     // How cavities collapse no model follows well: what is left of them is no second effect.
-    let pair_fits = if shown { Vec::new() } else { pairs_of(&fitter, &baseline, &start, &refits, &candidate_fits) };
-    if far && pair_fits.is_empty() {
+    let pair_fits = if shown { Vec::new() } else { pairs_of(&fitter, &baseline, &start, &refits, &mut candidate_fits) };
+    if pair_fits.is_empty() && best_fit(&candidate_fits).is_some_and(|(_, best)| !best.converged) {
         contest(&fitter, &mut candidate_fits);
     }
     let scale = weigh(&baseline, &start, &mut candidate_fits, &pair_fits);
@@ -235,13 +235,28 @@ fn pairs_of(
     baseline: &Baseline,
     start: &Fit,
     refits: &[Refit],
-    candidate_fits: &[CandidateFit],
+    candidate_fits: &mut [CandidateFit],
 ) -> Vec<PairFit> {
-    let best = best_fit(candidate_fits).filter(|(_, fit)| square(fit) < square(start));
-    if over_noise(best.map_or(start, |(_, fit)| fit), fitter.runs) < EXPLAINED_OVER_NOISE {
+    let left = |single: Option<(&Form, &Fit)>| {
+        let fit = single.map(|(_, fit)| fit).filter(|fit| square(fit) < square(start));
+        over_noise(fit.unwrap_or(start), fitter.runs)
+    };
+    if left(best_fit(candidate_fits)) < EXPLAINED_OVER_NOISE {
         return Vec::new();
     }
-    fitted_pairs(fitter, baseline, refits, start, best)
+    let mut pairs = fitted_pairs(fitter, baseline, refits, best_fit(candidate_fits));
+    // Beside the other one an effect may have got where it explains the records alone.
+    if let Some(best) = pairs.first() {
+        let last = best.fit.effects.len() - 1;
+        for (form, other) in best.of.iter().zip([last, last - 1]) {
+            if let Some(candidate) = candidate_fits.iter_mut().find(|r| r.refit.form.effect == form.effect) {
+                candidate.take(fitter.without(&best.fit, other));
+            }
+        }
+    }
+    let single = left(best_fit(candidate_fits));
+    pairs.retain(|pair| pair.is_worth(baseline, fitter.runs, single));
+    pairs
 }
 
 /// The most probable pair, where the evidence for the second effect is enough.

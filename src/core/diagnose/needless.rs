@@ -10,7 +10,7 @@ use crate::diagnose::circumstances::{circumstances, features};
 use crate::diagnose::limits::LEAST_EVIDENCE;
 use crate::fit::data::run_data::RunData;
 use crate::fit::outcome::fit::Fit;
-use crate::fit::search::calibrate::refine;
+use crate::fit::search::calibrate::without;
 use crate::fit::search::options::Options;
 use crate::model::Model;
 use crate::model::effects::Chosen;
@@ -33,11 +33,7 @@ pub fn without_needless(
         let gone = fit.effects[i].clone();
         progress(&format!("without {}", gone.label()));
         let own = model.parameters_of(i);
-        let values: Vec<f64> =
-            fit.values().into_iter().enumerate().filter(|(j, _)| !own.contains(j)).map(|(_, v)| v).collect();
-        let effects: Vec<Chosen> =
-            fit.effects.iter().enumerate().filter(|(k, _)| *k != i).map(|(_, c)| c.clone()).collect();
-        let smaller = refine(rig, runs, &effects, &values, options, &|_| {}).ok()?;
+        let smaller = without(rig, runs, fit, i, options).ok()?;
         let evidence = scale.evidence(square(&smaller), square(fit), own.len());
         let size: Vec<f64> = fit.values()[own].to_vec();
         (evidence < LEAST_EVIDENCE || !gone.effect.noteworthy(&size, &known)).then_some((evidence, smaller, gone))

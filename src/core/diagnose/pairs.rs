@@ -16,6 +16,7 @@ use crate::diagnose::limits::{
 };
 use crate::diagnose::refit::Refit;
 use crate::diagnose::screening::refits;
+use crate::fit::data::run_data::RunData;
 use crate::fit::numeric::least_squares::{Problem, minimise};
 use crate::fit::outcome::fit::{Fit, FittedParameter};
 use crate::fit::problem::error::FitError;
@@ -50,6 +51,13 @@ impl PairFit {
         }
     }
 
+    /// Whether it is worth a model beside the best single effect, or none, that leaves `single` times the noise: instruments within their class are at
+    /// work on every rig, and a second effect must take its share.
+    pub(crate) fn is_worth(&self, baseline: &Baseline, runs: &[RunData], single: f64) -> bool {
+        let least = least_fall(runs).max(LEAST_SHARE_OF_SECOND * (single.powi(2) - 1.0));
+        self.is_noteworthy(baseline) && single.powi(2) - over_noise(&self.fit, runs).powi(2) > least
+    }
+
     /// Whether both effects are stronger than what every rig has of them.
     fn is_noteworthy(&self, baseline: &Baseline) -> bool {
         let (model, values, n) = (baseline.model(&self.fit.effects), self.fit.values(), self.fit.effects.len());
@@ -63,12 +71,12 @@ impl PairFit {
     }
 }
 
-/// The pairs that leave least, fitted to all samples, where they leave less than the start model and the best `single` effect: those for whose second effect the coarse refits give evidence enough.
+/// The pairs that leave least, the best first, fitted to all samples: those for whose second effect the coarse refits give evidence enough. The best
+/// `single` effect is one to start from.
 pub(crate) fn fitted_pairs(
     fitter: &FullFitter,
     baseline: &Baseline,
     refits: &[Refit],
-    start: &Fit,
     single: Option<(&Form, &Fit)>,
 ) -> Vec<PairFit> {
     (fitter.progress)("two effects at once");
@@ -99,10 +107,6 @@ pub(crate) fn fitted_pairs(
             best.take(fitter.converged(&best.fit));
         }
     }
-    // Instruments within their class are at work on every rig, and a second effect must be worth a model of its own.
-    let alone = over_noise(single.map_or(start, |(_, fit)| fit), fitter.runs).powi(2);
-    let least = least_fall(fitter.runs).max(LEAST_SHARE_OF_SECOND * (alone - 1.0));
-    fits.retain(|pair| pair.is_noteworthy(baseline) && alone - over_noise(&pair.fit, fitter.runs).powi(2) > least);
     fits
 }
 

@@ -137,6 +137,20 @@ pub fn refine(
     finish(&ctx, &ctx.model(effects), Estimate { values: values.to_vec(), cost: f64::NAN })
 }
 
+/// The model without its effect `i`, fitted on from where the rest stands.
+///
+/// # Errors
+/// As [`refine`].
+pub fn without(rig: &Rig, runs: &[RunData], fit: &Fit, i: usize, options: &Options) -> Result<Fit, FitError> {
+    let water = &runs.first().ok_or(FitError::NoRun)?.conditions.water;
+    let own = Model::new(rig, water, &fit.effects).parameters_of(i);
+    let values: Vec<f64> =
+        fit.values().into_iter().enumerate().filter(|(j, _)| !own.contains(j)).map(|(_, v)| v).collect();
+    let effects: Vec<Chosen> =
+        fit.effects.iter().enumerate().filter(|(k, _)| *k != i).map(|(_, c)| c.clone()).collect();
+    refine(rig, runs, &effects, &values, options, &|_| {})
+}
+
 /// A fitted model with more elements, as many as the evidence supports, where `asked` leaves their number open; none where it supports no
 /// more.
 ///
