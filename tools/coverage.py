@@ -14,18 +14,14 @@ import tempfile
 import time
 from pathlib import Path
 
-from hidden_folder import answers
+from hidden_folder import answers, imported
 
 Z = 1.959964
 LINEAR = {"valve_head_m", "closure_start_s"}
 
 
 def calibrate(program, folder, case, answer, open_number, work):
-    recordings = []
-    for csv in sorted((folder / case).glob("run*.csv")):
-        recordings.append(f"{work}/{case}-{csv.stem}.mcap")
-        rig = str(folder / case / "rig.toml")
-        subprocess.run([program, "import", str(csv), "--rig", rig, "-o", recordings[-1]], check=True, capture_output=True)
+    recordings = imported(program, folder, case, work)
     elements = sum(name.startswith("tau") for name in answer["truth"]["shared"])
     fixed = {"viscoelastic-wall": f"viscoelastic-wall:{elements}"} if not open_number else {}
     effects = ",".join(fixed.get(e, e) for e in answer["start_effects"]) or "none"

@@ -12,7 +12,7 @@ from pathlib import Path
 from hidden_folder import answer_of, answers
 
 NODES = 400
-PLACES = {"leak": ["leak_position_m"], "blockage": ["blockage_position_m"], "side-branch": ["branch_position_m"]}
+PLACES = {"leak": "leak_position_m", "blockage": "blockage_position_m", "side-branch": "branch_position_m"}
 
 ratios = {}
 for folder in map(Path, sys.argv[1:]):
@@ -27,13 +27,13 @@ for folder in map(Path, sys.argv[1:]):
         true_m = round(asked_m / length_m * NODES) * length_m / NODES
         found = (said["pair"] or said["candidates"][0])["parameters"]
         for p in found:
-            if p["name"] in PLACES[truth] and p["standard_error"]:
-                ratios.setdefault(truth, []).append((one["case"], (p["value"] - true_m) / p["standard_error"], p["value"] - true_m))
+            if p["name"] == PLACES[truth] and p["standard_error"]:
+                ratios.setdefault(truth, []).append(((p["value"] - true_m) / p["standard_error"], p["value"] - true_m))
 
 print("| effect | cases | error over its bound, rms | within 2 | within 3 | largest error, m |")
 print("| --- | --- | --- | --- | --- | --- |")
 every = [r for own in ratios.values() for r in own]
 for name, own in [*sorted(ratios.items()), ("all", every)]:
-    size = [abs(r) for _, r, _ in own]
+    size = [abs(r) for r, _ in own]
     rms = (sum(s * s for s in size) / max(len(size), 1)) ** 0.5
-    print(f"| {name} | {len(own)} | {rms:.1f} | {sum(s <= 2 for s in size)} | {sum(s <= 3 for s in size)} | {max((abs(e) for _, _, e in own), default=0):.2f} |")
+    print(f"| {name} | {len(own)} | {rms:.1f} | {sum(s <= 2 for s in size)} | {sum(s <= 3 for s in size)} | {max((abs(e) for _, e in own), default=0):.2f} |")

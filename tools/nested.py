@@ -31,23 +31,23 @@ def calibrated(recordings, effects):
 
 
 def tried(one):
-    n, (folder, case, answer), smaller, more = one
+    (folder, case, _), smaller, more = one
     with tempfile.TemporaryDirectory() as work:
         recordings = imported(program, folder, case, work)[:1]
         first, second = calibrated(recordings, smaller), calibrated(recordings, [*smaller, more])
     return f"{folder.name}/{case}", smaller, more, first, second
 
 
-def draw(n):
+def draw():
     case = drawn.choice(cases)
     start = [f"{e}:2" if e == "viscoelastic-wall" else e for e in case[2]["start_effects"]]
     others = [e for e in EFFECTS if e not in start]
     drawn.shuffle(others)
-    return n, case, start + others[: drawn.randint(0, 1)], others[2]
+    return case, start + others[: drawn.randint(0, 1)], others[2]
 
 
 with ThreadPoolExecutor(2) as pool:
-    results = list(pool.map(tried, [draw(n) for n in range(count)]))
+    results = list(pool.map(tried, [draw() for _ in range(count)]))
 compared = [r for r in results if r[3] is not None and r[4] is not None]
 worse = [r for r in compared if r[4] > WORSE * r[3]]
 print(f"{len(compared)} pairs of models ({len(results) - len(compared)} refused), {len(worse)} end worse.")

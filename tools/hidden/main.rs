@@ -35,9 +35,10 @@ fn main() -> Result<(), Box<dyn std::error::Error + Send + Sync>> {
         .map(|i| {
             let name = format!("case-{:03}", i + 1);
             let mut random = fastrand::Rng::with_seed(seed * 1_000_003 + i);
-            let kind = if pairs { rig::PAIRED[random.usize(..rig::PAIRED.len())] } else { drawn[i as usize % drawn.len()] };
-            let others: Vec<_> = rig::PAIRED.into_iter().filter(|other| *other != kind).collect();
-            let second = pairs.then(|| others[random.usize(..others.len())]);
+            let pick = |random: &mut fastrand::Rng, from: Vec<&'static str>| from[random.usize(..from.len())];
+            let kind =
+                if pairs { pick(&mut random, rig::paired().collect()) } else { drawn[i as usize % drawn.len()] };
+            let second = pairs.then(|| pick(&mut random, rig::paired().filter(|other| *other != kind).collect()));
             let case = rig::draw(&mut random, kind, second, &name);
             record::write(&folder.join(&name), &case, &mut random, coloured, wrong_rig)?;
             let effects: Vec<_> = [kind].into_iter().filter(|k| *k != "nothing").chain(second).collect();

@@ -22,22 +22,13 @@ pub const KINDS: [&str; 18] = [
     "sensor-gain",
 ];
 
-/// What may be one of a pair: what any rig can have beside anything else.
-pub const PAIRED: [&str; 13] = [
-    "entrained-gas",
-    "leak",
-    "blockage",
-    "section-change",
-    "valve-law",
-    "valve-seat-leak",
-    "supply-drift",
-    "air-pocket",
-    "moving-valve",
-    "side-branch",
-    "sensor-lag",
-    "clock-skew",
-    "sensor-gain",
-];
+/// What is in no pair: it changes the rig or the start model, or is no effect.
+const ALONE: [&str; 5] = ["nothing", "unknown", "viscoelastic-wall", "unsteady-friction", "vapour-cavity"];
+
+/// What may be one of a pair.
+pub fn paired() -> impl Iterator<Item = &'static str> {
+    KINDS.into_iter().filter(|kind| !ALONE.contains(kind))
+}
 
 /// The hidden effect; places in m from the supply.
 #[derive(Debug, Clone, PartialEq)]
@@ -138,7 +129,7 @@ impl Case {
 /// Inner diameters of the rigs.
 const DIAMETERS_M: [f64; 8] = [0.014, 0.016, 0.0221, 0.032, 0.0506, 0.0662, 0.0933, 0.15];
 
-/// A case with an effect of this kind, and perhaps a second one of [`PAIRED`].
+/// A case with an effect of this kind, and perhaps a second one of [`paired`].
 pub fn draw(random: &mut fastrand::Rng, kind: &'static str, second: Option<&'static str>, name: &str) -> Case {
     let between = |random: &mut fastrand::Rng, a: f64, b: f64| a + (b - a) * random.f64();
     let log = |random: &mut fastrand::Rng, a: f64, b: f64| a * (b / a).powf(random.f64());

@@ -47,7 +47,7 @@ pub fn busy<T>(file: &Path, work: impl FnOnce() -> T) -> T {
     done
 }
 
-/// How often a log is told how far a computation has come.
+/// Time between two lines of progress in a log.
 const LOGGED_EVERY: Duration = Duration::from_secs(5);
 
 /// A line on the terminal. Where standard error is no terminal, it becomes a line in the log every five seconds.

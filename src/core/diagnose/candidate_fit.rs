@@ -233,7 +233,7 @@ impl FullFitter<'_> {
             return self.fit_from_scratch(refit);
         }
         let shown = |p: &Progress| (self.progress)(&format!("{} added, {}", refit.form.effect, p.stage));
-        refine(self.rig, self.runs, effects, values, &self.options_of(refit), &shown)
+        refine(self.rig, self.runs, effects, values, &self.brief(effects), &shown)
     }
 
     /// Fits a model with two forms to all samples, from where a coarse fit ended.
@@ -267,7 +267,7 @@ impl FullFitter<'_> {
         effects.pop();
         effects.extend(own.effects.last().cloned());
         let shown = |p: &Progress| (self.progress)(&format!("{}, {}", candidate_fit.label(), p.stage));
-        refine(self.rig, self.runs, &effects, &values, &self.options_of(candidate_fit.refit), &shown)
+        refine(self.rig, self.runs, &effects, &values, &self.brief(&effects), &shown)
     }
 
     /// Starts from the signals, without any earlier fit.
@@ -275,7 +275,7 @@ impl FullFitter<'_> {
         let effects: Vec<Chosen> =
             self.effects.iter().cloned().chain([Chosen { elements: None, ..refit.form.chosen.clone() }]).collect();
         let shown = |p: &Progress| (self.progress)(&format!("{} from scratch, {}", refit.form.effect, p.stage));
-        calibrate(self.rig, self.runs, &effects, &self.options_of(refit), &shown)
+        calibrate(self.rig, self.runs, &effects, &self.brief(&effects), &shown)
     }
 
     /// Fits coarsely from the signals.
@@ -286,10 +286,6 @@ impl FullFitter<'_> {
             added.sensor = None;
         }
         fit_coarsely(self.rig, self.runs, &effects, self.options)
-    }
-
-    fn options_of(&self, refit: &Refit) -> Options {
-        self.brief(&refit.effects)
     }
 
     /// Of a brief fit with these effects.

@@ -183,12 +183,11 @@ fn rank(baseline: &Baseline, candidate_fits: &mut [CandidateFit]) {
 fn fit(fitter: &FullFitter, baseline: &Baseline, start: &Fit, candidate_fits: &mut [CandidateFit]) {
     let Some(best) = candidate_fits.first().map(|r| r.square) else { return };
     let tried = candidate_fits.len().min(FULL_FITS);
+    let worth = LEAST_FORECAST * least_fall(fitter.runs);
     candidate_fits[..tried].par_iter_mut().enumerate().for_each(|(i, candidate_fit)| {
         let least = if i == 0 { NEGLIGIBLE_EVIDENCE } else { LEAST_EVIDENCE };
         let may_win = candidate_fit.evidence > least && candidate_fit.square < NO_FULL_FIT_ABOVE * best;
-        if may_win
-            && fall(start, fitter.runs, square(start), candidate_fit.square) > LEAST_FORECAST * least_fall(fitter.runs)
-        {
+        if may_win && fall(start, fitter.runs, square(start), candidate_fit.square) > worth {
             candidate_fit.take(fitter.fit_from_refit(candidate_fit.refit));
         }
     });
@@ -295,10 +294,11 @@ fn weigh(
     // Instruments within their class are at work on every rig: an effect is claimed only over the best model that they allow.
     let within_class = candidate_fits.iter().filter(|r| !r.is_noteworthy(baseline)).map(|r| r.square);
     let allowed = within_class.fold(square(start), f64::min);
+    let least = least_fall(&baseline.runs);
     for candidate_fit in candidate_fits.iter_mut() {
         candidate_fit.evidence = scale.evidence(allowed, candidate_fit.square, candidate_fit.added(baseline, start));
         let fall = fall(start, &baseline.runs, allowed, candidate_fit.square);
-        if fall < least_fall(&baseline.runs) || !candidate_fit.is_noteworthy(baseline) {
+        if fall < least || !candidate_fit.is_noteworthy(baseline) {
             candidate_fit.evidence = candidate_fit.evidence.min(NEGLIGIBLE_EVIDENCE);
         }
     }

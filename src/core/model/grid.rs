@@ -295,10 +295,9 @@ fn lay(stretches: &[Stretch], dt_s: f64, mut push: impl FnMut(&[(usize, f64)], u
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn stretch(length_m: f64, wave_speed_m_s: f64) -> Stretch {
+impl Stretch {
+    /// For tests: a pipe of 50 mm with a constant friction factor.
+    pub(crate) fn plain(length_m: f64, wave_speed_m_s: f64) -> Stretch {
         Stretch {
             length_m,
             diameter_m: 0.05,
@@ -310,19 +309,24 @@ mod tests {
             creeps: true,
         }
     }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
 
     #[test]
     fn length_inertance_and_capacitance_are_exact_whatever_the_joint() {
         for (l1, a1, l2, a2) in [(60.0, 1200.0, 40.0, 400.0), (10.0, 1000.0, 90.3, 350.0), (33.3, 500.0, 66.7, 500.0)] {
             for reaches in [41, 42, 120] {
-                let grid = Grid::new(&[stretch(l1, a1), stretch(l2, a2)], reaches).unwrap();
+                let grid = Grid::new(&[Stretch::plain(l1, a1), Stretch::plain(l2, a2)], reaches).unwrap();
                 let sum = |f: &dyn Fn(&Segment) -> f64| grid.segments.iter().map(f).sum::<f64>();
                 assert!((sum(&|s| s.reach_m * s.reaches as f64) - l1 - l2).abs() < 1e-8);
                 assert_eq!(grid.segments.iter().map(|s| s.reaches).sum::<usize>(), reaches);
                 // As the scheme sees them: B dt and dt/B a reach.
                 let inertance = sum(&|s| s.impedance * grid.dt_s * s.reaches as f64);
                 let capacitance = sum(&|s| grid.dt_s / s.impedance * s.reaches as f64);
-                let area = stretch(1.0, 1.0).area_m2();
+                let area = Stretch::plain(1.0, 1.0).area_m2();
                 assert!((inertance * GRAVITY_M_S2 * area / (l1 + l2) - 1.0).abs() < 1e-9);
                 let exact = GRAVITY_M_S2 * area * (l1 / (a1 * a1) + l2 / (a2 * a2));
                 assert!((capacitance / exact - 1.0).abs() < 1e-9);
@@ -332,14 +336,14 @@ mod tests {
 
     #[test]
     fn a_joint_on_a_node_leaves_no_mixed_reach() {
-        let grid = Grid::new(&[stretch(50.0, 500.0), stretch(100.0, 1000.0)], 20).unwrap();
+        let grid = Grid::new(&[Stretch::plain(50.0, 500.0), Stretch::plain(100.0, 1000.0)], 20).unwrap();
         assert_eq!(grid.segments.len(), 2);
         assert!(grid.segments.iter().all(|s| s.parts.len() == 1 && s.reaches == 10));
     }
 
     #[test]
     fn a_place_between_nodes_is_shared_and_cuts_keep_the_line() {
-        let grid = Grid::new(&[stretch(50.0, 500.0), stretch(100.0, 1000.0)], 20).unwrap();
+        let grid = Grid::new(&[Stretch::plain(50.0, 500.0), Stretch::plain(100.0, 1000.0)], 20).unwrap();
         for position in [5.0, 6.0, 7.49, 7.51, 12.5, 17.4, 40.0, 49.9, 50.0, 63.0, 137.0, 140.0] {
             let shares = grid.around(position);
             let reaches = if position <= 50.0 { position / 5.0 } else { 5.0 + position / 10.0 };
@@ -366,7 +370,7 @@ mod tests {
 
     #[test]
     fn the_stencil_reproduces_a_cubic() {
-        let grid = Grid::new(&[stretch(100.0, 1000.0)], 25).unwrap();
+        let grid = Grid::new(&[Stretch::plain(100.0, 1000.0)], 25).unwrap();
         let f = |x: f64| 1.0 + 0.3 * x - 0.02 * x * x + 1e-4 * x.powi(3);
         for position in [0.0, 1.3, 4.0, 51.7, 98.9, 100.0] {
             let value: f64 = grid.stencil(position).1.iter().map(|&(i, w)| w * f(4.0 * i as f64)).sum();
@@ -378,7 +382,11 @@ mod tests {
     #[test]
     fn a_stretch_shorter_than_a_reach_loses_nothing_and_moves_smoothly() {
         let grid = |from: f64, length: f64| {
-            let stretches = [stretch(from, 1000.0), stretch(length, 400.0), stretch(100.0 - from - length, 1000.0)];
+            let stretches = [
+                Stretch::plain(from, 1000.0),
+                Stretch::plain(length, 400.0),
+                Stretch::plain(100.0 - from - length, 1000.0),
+            ];
             let grid = Grid::new(&stretches, 20).unwrap();
             let sum = |f: &dyn Fn(&Segment) -> f64| grid.segments.iter().map(f).sum::<f64>();
             assert_eq!(grid.reaches(), 20);
@@ -416,7 +424,7 @@ mod tests {
 
     #[test]
     fn too_few_reaches_are_refused() {
-        let error = Grid::new(&[stretch(1.0, 1.0), stretch(1.0, 1.0)], 1).unwrap_err();
+        let error = Grid::new(&[Stretch::plain(1.0, 1.0), Stretch::plain(1.0, 1.0)], 1).unwrap_err();
         assert!(error.to_string().contains("at least 2"), "{error}");
     }
 }

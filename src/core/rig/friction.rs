@@ -3,7 +3,7 @@
 /// Reynolds number up to which the flow is taken as laminar.
 pub const LAMINAR_REYNOLDS: f64 = 2320.0;
 /// Reynolds number below which turbulence dies out whatever disturbs the flow (Reynolds 1883: between 1900 and 2000).
-const CERTAINLY_LAMINAR: f64 = 2000.0;
+pub const CERTAINLY_LAMINAR_REYNOLDS: f64 = 2000.0;
 
 /// Whether a flow is laminar.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -22,7 +22,7 @@ impl Regime {
 
     /// Of a measured flow that valves and bends disturb: laminar only where nothing else is possible.
     pub fn of_disturbed(reynolds: f64) -> Regime {
-        if reynolds.abs() < CERTAINLY_LAMINAR { Regime::Laminar } else { Regime::Turbulent }
+        if reynolds.abs() < CERTAINLY_LAMINAR_REYNOLDS { Regime::Laminar } else { Regime::Turbulent }
     }
 }
 

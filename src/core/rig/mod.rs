@@ -34,7 +34,9 @@ pub mod water;
 
 pub use crate::rig::device::{Device, Encoding, Framing, Parity, Protocol, Register, Wiring};
 pub use crate::rig::error::{Problem, RigError};
-pub use crate::rig::friction::{LAMINAR_REYNOLDS, Regime, darcy_friction_factor, turbulent_friction_factor};
+pub use crate::rig::friction::{
+    CERTAINLY_LAMINAR_REYNOLDS, LAMINAR_REYNOLDS, Regime, darcy_friction_factor, turbulent_friction_factor,
+};
 pub use crate::rig::sensors::{quantity_of, spelled_unit};
 pub use crate::rig::types::{Constraint, Coupling, Fluid, Pipe, Rig, Sensor, SensorKind, SteadyState, Upstream, Valve};
 pub use crate::rig::water::WaterProperties;

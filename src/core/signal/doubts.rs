@@ -46,8 +46,6 @@ pub fn doubts(rig: &Rig, features: &Features) -> Vec<String> {
                  more to be told apart; record for longer"
             ));
         }
-    }
-    if let (Some(period_s), Some(sensor)) = (period_s, features.sensors.get(features.reference)) {
         let lead_s = features.closure.start_s - sensor.begin_s;
         if lead_s < LEAST_LEAD * period_s {
             found.push(format!(

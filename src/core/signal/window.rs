@@ -44,6 +44,11 @@ pub fn used(recording: Recording) -> (Recording, Option<Window>) {
     }
 }
 
+/// Whether a sensor's record holds more than a fit needs.
+fn is_long(samples: usize, lasts_s: f64, period_s: f64) -> bool {
+    samples > LONG || lasts_s > 2.0 * MOST_PERIODS * period_s
+}
+
 /// What of a long record is used.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Window {
@@ -70,9 +75,10 @@ impl Window {
         let series = |i: usize| &recording.series[i];
         let most = recording.rig.pressure_sensors().map(|(i, _)| series(i).time_s.len()).max()?;
         let temperature_degc = temperature_degc(recording);
-        let longest_s = 2.0 * MOST_PERIODS * period_s(&recording.rig, temperature_degc);
+        let period_s = period_s(&recording.rig, temperature_degc);
         let lasts_s = |i: usize| series(i).time_s.last().zip(series(i).time_s.first()).map_or(0.0, |(b, a)| b - a);
-        if most <= LONG && recording.rig.pressure_sensors().all(|(i, _)| lasts_s(i) <= longest_s) {
+        let short = |i: usize| !is_long(series(i).time_s.len(), lasts_s(i), period_s);
+        if recording.rig.pressure_sensors().all(|(i, _)| short(i)) {
             return None;
         }
         let scanned = recording.rig.pressure_sensors().map(|(i, sensor)| {
@@ -89,8 +95,7 @@ impl Window {
     fn of_scans(rig: &Rig, temperature_degc: f64, scanned: &[(&Sensor, &Scan)]) -> Option<Window> {
         let period_s = period_s(rig, temperature_degc);
         let lasts_s = |scan: &Scan| scan.span().map_or(0.0, |(first_s, last_s, _)| last_s - first_s);
-        let short = |scan: &Scan| scan.samples <= LONG && lasts_s(scan) <= 2.0 * MOST_PERIODS * period_s;
-        if scanned.iter().all(|(_, scan)| short(scan)) {
+        if scanned.iter().all(|(_, scan)| !is_long(scan.samples, lasts_s(scan), period_s)) {
             return None;
         }
         let lead_s = LEAD_S.max(LEAD_PERIODS * period_s);

@@ -134,8 +134,10 @@ impl<'a> FitProblem<'a> {
     /// The same problem with another objective; frequencies are compared where every sample enters. A sensor whose record is too short
     /// for it is compared in time.
     pub fn comparing(mut self, objective: Objective) -> Self {
-        self.objective = objective;
-        self.set_window(self.window);
+        if objective != self.objective {
+            self.objective = objective;
+            self.set_window(self.window);
+        }
         self
     }
 

@@ -1,5 +1,6 @@
 //! From the end of a search to its result: errors, intervals, bands, and each run under the fitted model.
 
+use std::borrow::Cow;
 use std::collections::BTreeSet;
 use std::ops::Range;
 use std::sync::atomic::Ordering;
@@ -21,7 +22,7 @@ use crate::fit::problem::fit_problem::{FitProblem, Modelled, Window};
 use crate::fit::problem::objective::Objective;
 use crate::fit::problem::rows::CommonError;
 use crate::fit::search::calibrator::Calibrator;
-use crate::fit::search::descent::{predict_reduction, slopes};
+use crate::fit::search::descent::{predict_reduction_by, slopes};
 use crate::model::{Model, ModelError};
 
 /// A fit of frequencies, seen from the samples.
@@ -50,9 +51,9 @@ pub(crate) fn assemble(ctx: &Calibrator, problem: &FitProblem, solution: &Soluti
     }
     let values = problem.values(&solution.x);
     let start_values: Vec<f64> = problem.parameters.iter().map(|p| p.start).collect();
-    let prediction = predict_reduction(ctx, problem, solution)?;
-    let (reduction, converged) = (prediction.reduction, prediction.at_optimum(solution));
     let columns = slopes(ctx, problem, solution)?;
+    let prediction = predict_reduction_by(ctx, problem, solution, Cow::Borrowed(&columns))?;
+    let (reduction, converged) = (prediction.reduction, prediction.at_optimum(solution));
     let fixed = fixed_variables(problem, &values, &solution.at_bound);
     let (shifts, halving_m) = last_halving(ctx, problem, solution, &columns, &fixed)?;
     let known = if converged { Some(known(ctx, problem, solution, &columns, &fixed, &shifts)?) } else { None };

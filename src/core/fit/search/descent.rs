@@ -89,8 +89,18 @@ pub(crate) fn predict_reduction<'a>(
     problem: &FitProblem,
     solution: &'a Solution,
 ) -> Result<PredictedReduction<'a>, ModelError> {
-    let predicted = over_one_sample(problem, solution, slopes(ctx, problem, solution)?);
-    if predicted.reduction <= OPTIMUM_REDUCTION || matches!(predicted.columns, Cow::Owned(_)) {
+    predict_reduction_by(ctx, problem, solution, slopes(ctx, problem, solution)?)
+}
+
+/// The same where the columns that [`slopes`] gives are at hand.
+pub(crate) fn predict_reduction_by<'a>(
+    ctx: &Calibrator,
+    problem: &FitProblem,
+    solution: &Solution,
+    columns: Cow<'a, [Vec<f64>]>,
+) -> Result<PredictedReduction<'a>, ModelError> {
+    let predicted = over_one_sample(problem, solution, columns);
+    if predicted.reduction <= OPTIMUM_REDUCTION || !solution.stop.converged() {
         return Ok(predicted);
     }
     // The columns of the last step may be out of date.

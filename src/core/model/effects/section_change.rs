@@ -118,25 +118,9 @@ impl Effect for SectionChange {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::model::friction::WallFriction;
-    use crate::rig::Regime;
-
-    fn stretch(length_m: f64, wave_speed_m_s: f64) -> Stretch {
-        let friction = WallFriction::constant(0.02);
-        Stretch {
-            length_m,
-            diameter_m: 0.05,
-            wall_m: 0.005,
-            wave_speed_m_s,
-            constraint: 1.0,
-            friction,
-            regime: Regime::Turbulent,
-            creeps: true,
-        }
-    }
 
     fn reshaped(values: [f64; 4]) -> Vec<(f64, f64)> {
-        let mut stretches = vec![stretch(40.0, 1000.0), stretch(60.0, 500.0)];
+        let mut stretches = vec![Stretch::plain(40.0, 1000.0), Stretch::plain(60.0, 500.0)];
         SectionChange.reshape(&values, &mut stretches).unwrap();
         stretches.iter().map(|s| (s.length_m, s.wave_speed_m_s)).collect()
     }

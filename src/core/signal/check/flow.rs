@@ -1,7 +1,7 @@
 //! Checks the steady flow against the meter's range and against the friction between pressure sensors.
 
 use crate::rig::check::{Finding, Level, check_meter, flow_regime, friction_loss_m};
-use crate::rig::{Rig, Sensor, WaterProperties};
+use crate::rig::{CERTAINLY_LAMINAR_REYNOLDS, Rig, Sensor, WaterProperties};
 use crate::signal::check::track::{Front, Track};
 
 /// The steady flow: its regime, the meter's range, and the friction between pressure sensors that it implies.
@@ -20,7 +20,8 @@ pub(crate) fn check_flow(
     for pipe in &rig.pipes {
         let reynolds = pipe.reynolds(water, flow);
         let velocity = flow / pipe.area_m2();
-        let level = if (2000.0..4000.0).contains(&reynolds.abs()) { Level::Warning } else { Level::Fine };
+        let level =
+            if (CERTAINLY_LAMINAR_REYNOLDS..4000.0).contains(&reynolds.abs()) { Level::Warning } else { Level::Fine };
         let message = format!("Re {reynolds:.0} at {velocity:.3} m/s, {}", flow_regime(reynolds));
         let numbers = [("reynolds_number", reynolds), ("velocity_m_s", velocity)];
         findings.push(Finding::new(level, format!("flow in '{}' by '{name}'", pipe.name), message, &numbers));
