@@ -135,6 +135,9 @@ pub struct Parameter {
     /// where the fit ended at no optimum.
     #[serde(default = "no_interval", deserialize_with = "interval_or_null")]
     pub interval_95: [f64; 2],
+    /// What the rig file's tolerances add, the same for every run of the rig: a standard deviation in `unit`; left out where they do not reach it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rig_error: Option<f64>,
     /// Value and rise of the sum of squares (3.84 is the threshold) along the parameter, others following; left out where it was not asked for.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub profile: Option<Vec<(f64, f64)>>,
@@ -259,6 +262,7 @@ impl From<&FittedParameter> for Parameter {
             value: p.value,
             standard_error: Some(p.standard_error()).filter(|e| e.is_finite()),
             interval_95: [p.interval_95.0, p.interval_95.1],
+            rig_error: p.rig_error,
             profile: p.profile.as_ref().map(|profile| profile.points.clone()),
             unit: p.unit.to_owned(),
             at_bound: p.at_bound,

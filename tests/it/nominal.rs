@@ -61,9 +61,35 @@ fn a_sensor_that_stands_elsewhere_is_found_and_said() {
         assert!((value - 81.31).abs() < (3.0 * error).min(0.2), "{place}");
         assert!(said.contains("P2 stands at 81.") && said.contains(&format!("the rig file says {wrong} m")), "{said}");
     }
-    let exact = "position_m = 80.91\nunit = \"kPa\"";
-    let held = "[tolerance]\nlength_percent = 0\nposition_percent = 0\n\n[downstream]";
-    let (fit, said) = calibrated_with(&[("position_m = 81.31\nunit = \"kPa\"", exact), ("[downstream]", held)]);
+    let exact = "position_m = 80.91\nposition_tolerance_m = 0\nunit = \"kPa\"";
+    let tape = "length_tolerance_percent = 0\nmaterial = ";
+    let (fit, said) = calibrated_with(&[("position_m = 81.31\nunit = \"kPa\"", exact), ("material = ", tape)]);
     assert!(fit["parameters"].as_array().unwrap().iter().all(|p| p["name"] != "position_m[P2]"));
     assert!(over_noise(&fit) > 1.02 * least && !said.contains("stands at"), "{}: {said}", over_noise(&fit));
+}
+
+/// The valve of that recording closes in 0.29 s: a file that is sure of another time holds the fit to it.
+#[test]
+fn a_closing_time_is_held_as_firmly_as_the_file_knows_it() {
+    let closing = |percent: &str| {
+        let nominal = format!("closing_time_s = 0.20\nclosing_time_tolerance_percent = {percent}");
+        let (fit, _) = calibrated("closing_time_s = 0.30", &nominal);
+        parameter(&fit, "closing_time_s")["value"].as_f64().unwrap()
+    };
+    assert_eq!(closing("0"), 0.20);
+    assert!((closing("50") / 0.29 - 1.0).abs() < 0.03, "{}", closing("50"));
+}
+
+/// Travel times give metres only by the tape: its error is stated beside that of the recording.
+#[test]
+fn the_share_of_the_tape_measure_is_stated() {
+    let share = |fit: &Value, name: &str| {
+        let p = parameter(fit, name);
+        p["rig_error"].as_f64().unwrap() / p["value"].as_f64().unwrap()
+    };
+    let (fit, _) =
+        calibrated("material = ", "length_tolerance_percent = 0.2\nwall_thickness_tolerance_percent = 3\nmaterial = ");
+    assert!((share(&fit, "wave_speed_m_s") - 0.002).abs() < 1e-9);
+    assert!((share(&fit, "J1_per_GPa") - 0.03f64.hypot(0.01)).abs() < 1e-9);
+    assert!(parameter(&fit, "closing_time_s").get("rig_error").is_none());
 }

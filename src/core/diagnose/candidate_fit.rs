@@ -129,6 +129,7 @@ impl<'a> CandidateFit<'a> {
                 uncertainty: Uncertainty::NotAtOptimum,
                 interval_95: (f64::NEG_INFINITY, f64::INFINITY),
                 profile: None,
+                rig_error: None,
                 unit: p.unit,
                 at_bound: value <= p.lower || value >= p.upper,
                 lower: p.lower,

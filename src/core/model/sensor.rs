@@ -40,6 +40,7 @@ mod tests {
             name: "P".into(),
             kind: SensorKind::Pressure,
             position_m: 0.0,
+            position_sd_m: 0.0,
             unit: "Pa".parse().unwrap(),
             range: None,
             accuracy_percent_fs: None,

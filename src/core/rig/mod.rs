@@ -38,5 +38,7 @@ pub use crate::rig::friction::{
     CERTAINLY_LAMINAR_REYNOLDS, LAMINAR_REYNOLDS, Regime, darcy_friction_factor, turbulent_friction_factor,
 };
 pub use crate::rig::sensors::{quantity_of, spelled_unit};
-pub use crate::rig::types::{Constraint, Coupling, Fluid, Pipe, Rig, Sensor, SensorKind, SteadyState, Upstream, Valve};
+pub use crate::rig::types::{
+    Constraint, Coupling, Fluid, Pipe, Rig, Sensor, SensorKind, SteadyState, Tolerance, Upstream, Valve,
+};
 pub use crate::rig::water::WaterProperties;

@@ -28,9 +28,12 @@ const PIPE: &[&str] = &[
     "constraint",
     "elevation_start_m",
     "elevation_end_m",
+    "length_tolerance_percent",
+    "inner_diameter_tolerance_percent",
+    "wall_thickness_tolerance_percent",
 ];
 const UPSTREAM: &[&str] = &["kind"];
-const DOWNSTREAM: &[&str] = &["kind", "closing_time_s", "discharge_head_m"];
+const DOWNSTREAM: &[&str] = &["kind", "closing_time_s", "discharge_head_m", "closing_time_tolerance_percent"];
 const STEADY: &[&str] =
     &["name", "flow_m3_h", "supply_head_m", "temperature_degC", "reynolds_number", "wave_speed_m_s"];
 
@@ -110,7 +113,9 @@ fn read(source: &Source<'_>) -> Option<Rig> {
     let name = file.required_text("name", "the rig's name");
 
     let fluid = single(source, top, "fluid", "[fluid]", FLUID).and_then(|section| read_fluid(&section));
-    let pipes = read_pipes(&many(source, top, "pipe", "[[pipe]]", PIPE));
+    let tolerance = top.contains_key("tolerance").then(|| single(source, top, "tolerance", "[tolerance]", TOLERANCE));
+    let usual = tolerance.flatten().map_or(USUAL, |section| read_tolerance(&section));
+    let pipes = read_pipes(&many(source, top, "pipe", "[[pipe]]", PIPE), usual.0);
     if pipes.is_none() && !top.contains_key("pipe") {
         source.report(None, "missing [[pipe]]: at least one pipe, from the supply to the valve");
     }
@@ -122,15 +127,14 @@ fn read(source: &Source<'_>) -> Option<Rig> {
         let kind = section.required_choice("kind", &[("valve", ())]);
         let closing_time_s = section.required_number("closing_time_s", &POSITIVE);
         let discharge_head_m = section.number("discharge_head_m", &FINITE).unwrap_or(0.0);
+        let closing_time_tolerance = share(&section, "closing_time_tolerance_percent");
         kind?;
-        Some(Valve { closing_time_s: closing_time_s?, discharge_head_m })
+        Some(Valve { closing_time_s: closing_time_s?, discharge_head_m, closing_time_tolerance })
     });
-    let tolerance = top.contains_key("tolerance").then(|| single(source, top, "tolerance", "[tolerance]", TOLERANCE));
-    let tolerance = tolerance.flatten().map_or(Tolerance::default(), |section| read_tolerance(&section));
     let devices = live::read_devices(&many(source, top, "device", "[[device]]", live::DEVICE_KEYS));
     let total_m = pipes.as_ref().map(|p| p.iter().map(|p| p.length_m).sum());
     let sensor_sections = many(source, top, "sensor", "[[sensor]]", sensors::KEYS);
-    let sensors = sensors::read_sensors(&sensor_sections, total_m, &devices);
+    let sensors = sensors::read_sensors(&sensor_sections, total_m, usual.1, &devices);
     // a faulty sensor might have been the pressure sensor
     if sensors.len() == sensor_sections.len() {
         sensors::check_pressure(source, &sensors, upstream.as_ref());
@@ -144,7 +148,6 @@ fn read(source: &Source<'_>) -> Option<Rig> {
         upstream: upstream?.value,
         valve: valve?,
         sensors,
-        tolerance,
         devices: devices.into_iter().filter_map(|(_, device)| device).collect(),
         steady,
         source: source.text.to_owned(),
@@ -209,12 +212,12 @@ fn read_fluid(section: &Section<'_>) -> Option<Fluid> {
     Some(Fluid { name: name?.value.to_owned(), temperature_degc: temperature_degc? })
 }
 
-fn read_pipes(sections: &[Section<'_>]) -> Option<Vec<Pipe>> {
+fn read_pipes(sections: &[Section<'_>], usual: Tolerance) -> Option<Vec<Pipe>> {
     let mut names = Names::new("pipe");
     let mut end_m = 0.0;
     let mut pipes = Vec::new();
     for (i, section) in sections.iter().enumerate() {
-        let pipe = read_pipe(section, &mut names, (i > 0).then_some(end_m));
+        let pipe = read_pipe(section, &mut names, (i > 0).then_some(end_m), usual);
         end_m = pipe.as_ref().map_or(end_m, |p| p.elevation_end_m);
         pipes.push(pipe);
     }
@@ -223,7 +226,7 @@ fn read_pipes(sections: &[Section<'_>]) -> Option<Vec<Pipe>> {
 }
 
 /// `joins_at_m` is the elevation at which the previous pipe ends.
-fn read_pipe(section: &Section<'_>, names: &mut Names, joins_at_m: Option<f64>) -> Option<Pipe> {
+fn read_pipe(section: &Section<'_>, names: &mut Names, joins_at_m: Option<f64>, usual: Tolerance) -> Option<Pipe> {
     let name = section.required_text("name", "the pipe's name");
     names.check(section, name.as_ref());
     let length_m = section.required_number("length_m", &POSITIVE);
@@ -288,6 +291,11 @@ fn read_pipe(section: &Section<'_>, names: &mut Names, joins_at_m: Option<f64>) 
         constraint: read_constraint(section),
         elevation_start_m,
         elevation_end_m,
+        tolerance: Tolerance {
+            length: share(section, "length_tolerance_percent").unwrap_or(usual.length),
+            diameter: share(section, "inner_diameter_tolerance_percent").unwrap_or(usual.diameter),
+            wall: share(section, "wall_thickness_tolerance_percent").unwrap_or(usual.wall),
+        },
     })
 }
 
@@ -308,14 +316,23 @@ fn read_constraint(section: &Section<'_>) -> Constraint {
     Constraint::Coefficient(section.number("constraint", &coefficient).unwrap_or(1.0))
 }
 
-fn read_tolerance(section: &Section<'_>) -> Tolerance {
-    let usual = Tolerance::default();
-    let share = |key: &str, usual: f64| section.number(key, &SHARE).map_or(usual, |percent| percent / 100.0);
-    Tolerance {
-        length: share("length_percent", usual.length),
-        diameter: share("diameter_percent", usual.diameter),
-        position: share("position_percent", usual.position),
-    }
+/// Tolerances of all pipes, and that of the sensors' places as a share of the length of all pipes: those of a tape along a pipe with bends, and of
+/// bore and wall of pipes as they are sold.
+const USUAL: (Tolerance, f64) = (Tolerance { length: 0.005, diameter: 0.01, wall: 0.05 }, 0.003);
+
+/// The rig's own in place of [`USUAL`].
+fn read_tolerance(section: &Section<'_>) -> (Tolerance, f64) {
+    let (usual, position) = USUAL;
+    let tolerance = Tolerance {
+        length: share(section, "length_percent").unwrap_or(usual.length),
+        diameter: share(section, "diameter_percent").unwrap_or(usual.diameter),
+        wall: usual.wall,
+    };
+    (tolerance, share(section, "position_percent").unwrap_or(position))
+}
+
+fn share(section: &Section<'_>, key: &str) -> Option<f64> {
+    section.number(key, &SHARE).map(|percent| percent / 100.0)
 }
 
 fn read_steady(section: &Section<'_>) -> Option<SteadyState> {

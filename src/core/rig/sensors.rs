@@ -2,7 +2,7 @@
 
 use crate::rig::device::Device;
 use crate::rig::live::{Channels, read_wiring};
-use crate::rig::table::{At, FINITE, Limits, POSITIVE, Section, Source, nearest};
+use crate::rig::table::{At, FINITE, Limits, NOT_NEGATIVE, POSITIVE, Section, Source, nearest};
 use crate::rig::types::{Coupling, Sensor, SensorKind, Upstream};
 use crate::rig::unique::Names;
 use crate::units::{Quantity, UNITS, Unit};
@@ -11,6 +11,7 @@ pub(crate) const KEYS: &[&str] = &[
     "name",
     "kind",
     "position_m",
+    "position_tolerance_m",
     "unit",
     "range",
     "accuracy_percent_fs",
@@ -30,15 +31,18 @@ pub(crate) const KEYS: &[&str] = &[
 const POSITION_SLACK_M: f64 = 1e-6;
 const PERCENT: Limits = Limits { holds: |v| v > 0.0 && v <= 100.0, words: "a percentage above 0, at most 100" };
 
-/// Reads all sensors; `total_m` is the length of the pipes if it is known.
+/// Reads all sensors; `total_m` is the length of the pipes if it is known, `usual` the share of it by which places are known.
 pub(crate) fn read_sensors(
     sections: &[Section<'_>],
     total_m: Option<f64>,
+    usual: f64,
     devices: &[(String, Option<Device>)],
 ) -> Vec<Sensor> {
     let mut names = Names::new("sensor");
     let mut channels = Channels::default();
-    sections.iter().filter_map(|section| read_sensor(section, total_m, devices, &mut names, &mut channels)).collect()
+    let usual_sd_m = usual * total_m.unwrap_or(0.0);
+    let read = |section| read_sensor(section, total_m, usual_sd_m, devices, &mut names, &mut channels);
+    sections.iter().filter_map(read).collect()
 }
 
 /// The rig must have a pressure sensor, and one at position 0 if it drives the model.
@@ -59,6 +63,7 @@ pub(crate) fn check_pressure(source: &Source<'_>, sensors: &[Sensor], upstream: 
 fn read_sensor(
     section: &Section<'_>,
     total_m: Option<f64>,
+    usual_sd_m: f64,
     devices: &[(String, Option<Device>)],
     names: &mut Names,
     channels: &mut Channels,
@@ -77,6 +82,7 @@ fn read_sensor(
     ];
     let kind = section.required_choice("kind", &kinds).map(|k| k.value);
     let position_m = read_position(section, kind, total_m);
+    let position_sd_m = section.number("position_tolerance_m", &NOT_NEGATIVE).unwrap_or(usual_sd_m);
     let unit = read_unit(section, kind);
     let range = section.interval("range");
     let accuracy_percent_fs = section.number("accuracy_percent_fs", &PERCENT);
@@ -96,6 +102,7 @@ fn read_sensor(
         name: name.value.to_owned(),
         kind: kind?,
         position_m: position_m?,
+        position_sd_m,
         unit: unit?,
         range,
         accuracy_percent_fs,

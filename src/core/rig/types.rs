@@ -18,8 +18,6 @@ pub struct Rig {
     pub valve: Valve,
     /// Every sensor, in the order of the file.
     pub sensors: Vec<Sensor>,
-    /// How exactly lengths, diameters and places are known.
-    pub tolerance: Tolerance,
     /// Acquisition devices for live recording.
     pub devices: Vec<Device>,
     /// Steady states reported of the rig, by a paper or a log book; only `rig check` uses them.
@@ -28,23 +26,15 @@ pub struct Rig {
     pub source: String,
 }
 
-/// How exactly the file's dimensions are known: standard deviations, as shares.
-///
-/// The defaults are those of a tape along a pipe with bends, and of the bore of pipes as they are sold.
+/// How exactly a pipe's dimensions are known: standard deviations, as shares.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Tolerance {
-    /// Of lengths.
+    /// Of the length.
     pub length: f64,
-    /// Of inner diameters.
+    /// Of the inner diameter.
     pub diameter: f64,
-    /// Of the places of sensors, as a share of the length of all pipes.
-    pub position: f64,
-}
-
-impl Default for Tolerance {
-    fn default() -> Self {
-        Tolerance { length: 0.005, diameter: 0.01, position: 0.003 }
-    }
+    /// Of the wall thickness.
+    pub wall: f64,
 }
 
 /// The liquid in the pipe.
@@ -83,6 +73,8 @@ pub struct Pipe {
     pub elevation_start_m: f64,
     /// Elevation at the valve side, m.
     pub elevation_end_m: f64,
+    /// How exactly its dimensions are known.
+    pub tolerance: Tolerance,
 }
 
 /// How a pipe is held along its axis. It decides the constraint coefficient c₁ of the hoop strain.
@@ -116,6 +108,8 @@ pub struct Valve {
     pub closing_time_s: f64,
     /// Head behind the valve, m.
     pub discharge_head_m: f64,
+    /// Standard deviation of the closing time as a share of it, where the file gives one; 0: it is exact.
+    pub closing_time_tolerance: Option<f64>,
 }
 
 /// What a sensor measures.
@@ -151,6 +145,8 @@ pub struct Sensor {
     pub kind: SensorKind,
     /// Distance from the supply along the pipes, m.
     pub position_m: f64,
+    /// Standard deviation of its position, m.
+    pub position_sd_m: f64,
     /// Unit of its samples.
     pub unit: Unit,
     /// Measuring range in `unit`, where given.
@@ -190,10 +186,37 @@ impl Rig {
         self.pipes.iter().map(|p| p.length_m).sum()
     }
 
+    /// Standard deviation of the length of all pipes, as a share of it.
+    pub fn length_tolerance(&self) -> f64 {
+        let square: f64 = self.pipes.iter().map(|p| (p.length_m * p.tolerance.length).powi(2)).sum();
+        square.sqrt() / self.length_m()
+    }
+
     /// Standard deviation of the place of a sensor between the ends, m. A wrong length moves it, too: the model keeps the file's length, and its wave
     /// speed takes up the difference.
-    pub fn place_sd_m(&self) -> f64 {
-        self.length_m() * self.tolerance.position.hypot(self.tolerance.length)
+    pub fn place_sd_m(&self, sensor: &Sensor) -> f64 {
+        sensor.position_sd_m.hypot(self.length_m() * self.length_tolerance())
+    }
+
+    /// Standard deviation of a fitted parameter through the rig file's tolerances, as a share of its value; none where they do not reach it.
+    ///
+    /// The record gives travel times: what it says in metres scales with the length. It gives the wall's compliance over its thickness:
+    /// creep scales with `e/D`.
+    pub fn tolerance_of(&self, parameter: &str) -> Option<f64> {
+        let of_name =
+            |text: &str| parameter.strip_prefix(text).and_then(|rest| rest.strip_prefix('[')?.strip_suffix(']'));
+        let pipe = of_name("wave_speed_m_s").and_then(|name| self.pipes.iter().find(|p| p.name == name));
+        let share = match parameter {
+            _ if pipe.is_some() => pipe?.tolerance.length,
+            "wave_speed_m_s" => self.length_tolerance(),
+            _ if of_name("position_m").is_some() => return None,
+            _ if parameter.ends_with("position_m") || parameter.ends_with("length_m") => self.length_tolerance(),
+            _ if parameter.ends_with("_per_GPa") => {
+                self.pipes.iter().map(|p| p.tolerance.diameter.hypot(p.tolerance.wall)).fold(0.0, f64::max)
+            }
+            _ => return None,
+        };
+        (share > 0.0).then_some(share)
     }
 
     /// The pressure sensors with their index in [`Rig::sensors`].

@@ -110,6 +110,7 @@ impl Pipe {
 mod tests {
     use super::*;
     use crate::rig::Fluid;
+    use crate::rig::types::Tolerance;
 
     fn pipe(material: &str, diameter_mm: f64, wall_mm: f64, constraint: Constraint) -> Pipe {
         Pipe {
@@ -125,6 +126,7 @@ mod tests {
             constraint,
             elevation_start_m: 0.0,
             elevation_end_m: 0.0,
+            tolerance: Tolerance { length: 0.0, diameter: 0.0, wall: 0.0 },
         }
     }
 

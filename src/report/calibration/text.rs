@@ -30,13 +30,14 @@ pub fn calibration(stages: &[Stage]) -> String {
 
 /// Fitted parameters as value(error in the last digits), unit, and a flag where a bound stopped them.
 pub fn parameters(fit: &Fit) -> String {
-    let mut table = Table::new(&["parameter", "<value", "unit", "95%", "run", ""]);
+    let mut table = Table::new(&["parameter", "<value", "unit", "95%", "rig file", "run", ""]);
     for p in &fit.parameters {
         table.row([
             p.name.clone(),
             fitted(fit, p),
             p.unit.into(),
             interval(p.interval_95) + if p.profile.is_some() { " (profile)" } else { "" },
+            p.rig_error.filter(|_| !p.held).map_or(String::new(), |sd| format!("± {}", significant(sd, 2))),
             p.run.clone().unwrap_or_default(),
             if p.held {
                 "held".into()

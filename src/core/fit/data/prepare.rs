@@ -147,7 +147,8 @@ fn flow_uncertainty(rig: &Rig, velocity_m_s: f64) -> f64 {
         let area = rig.pipes.last()?.area_m2();
         Some(error / (area * velocity_m_s))
     });
-    stated.unwrap_or(DEFAULT_FLOW_UNCERTAINTY).hypot(2.0 * rig.tolerance.diameter).clamp(1e-3, 1.0)
+    let diameter = rig.pipes.last().map_or(0.0, |p| p.tolerance.diameter);
+    stated.unwrap_or(DEFAULT_FLOW_UNCERTAINTY).hypot(2.0 * diameter).clamp(1e-3, 1.0)
 }
 
 /// Head before the valve: of the nearest sensor that shows steady pressure, less the friction between; where there is none, a

@@ -27,6 +27,8 @@ pub struct FittedParameter {
     pub interval_95: (f64, f64),
     /// How the fit gets worse along it, where a profile was asked for.
     pub profile: Option<Profile>,
+    /// What the rig file's tolerances add, the same for every run of the rig: a standard deviation in `unit`, where they reach it.
+    pub rig_error: Option<f64>,
     /// Display unit.
     pub unit: &'static str,
     /// It ended at one of its bounds.

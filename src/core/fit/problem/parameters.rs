@@ -34,7 +34,7 @@ pub(crate) fn of(model: &Model, runs: &[RunData]) -> (Vec<Parameter>, Vec<usize>
             prior: valve_head_m.1.map(|sd| (valve_head_m.0, sd)),
             ..head
         });
-        parameters.extend([started_at(closing, run.start.closing_time_s), friction]);
+        parameters.extend([known_closing(model.rig, started_at(closing, run.start.closing_time_s)), friction]);
         let reach = (10.0 * closure_s.1).max(0.25 * period_s);
         parameters.push(Parameter::linear(
             "closure_start_s",
@@ -79,12 +79,22 @@ pub fn placed_sensor(name: &str) -> Option<&str> {
 
 /// The place of a sensor as a variable: where the record shows it, between the ends, and the rig file knows it within a tolerance only.
 fn place_of(rig: &Rig, sensor: &Sensor) -> Option<Parameter> {
-    let (at, sd_m, length_m) = (sensor.position_m, rig.place_sd_m(), rig.length_m());
+    let (at, sd_m, length_m) = (sensor.position_m, rig.place_sd_m(sensor), rig.length_m());
     let name = format!("position_m[{}]", sensor.name);
     let about = "distance of the sensor from the supply: sets when fronts pass it";
     let (lower, upper) = ((at - FARTHEST_SD * sd_m).max(0.0), (at + FARTHEST_SD * sd_m).min(length_m));
     let variable = at > 0.0 && at < length_m && sd_m > 0.0;
     variable.then(|| Parameter::linear(name, "m", about, at, lower, upper).with_prior(at, sd_m))
+}
+
+/// The closing time as the rig file knows it.
+fn known_closing(rig: &Rig, closing: Parameter) -> Parameter {
+    let nominal_s = rig.valve.closing_time_s;
+    match rig.valve.closing_time_tolerance {
+        Some(0.0) => Parameter { start: nominal_s, lower: nominal_s, upper: nominal_s, ..closing },
+        Some(share) => Parameter { start: nominal_s, ..closing }.with_prior(nominal_s, share),
+        None => closing,
+    }
 }
 
 /// A closing time that starts at the one that the pressures show, with bounds that include it amply.

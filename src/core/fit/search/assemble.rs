@@ -78,6 +78,7 @@ pub(crate) fn assemble(ctx: &Calibrator, problem: &FitProblem, solution: &Soluti
             uncertainty: of_value(j).0,
             interval_95: of_value(j).1,
             profile: None,
+            rig_error: ctx.rig.tolerance_of(&p.name).map(|share| share * values[j].abs()),
             unit: p.unit,
             at_bound: solution.at_bound[j] && p.lower < p.upper,
             lower: if p.lower < p.upper { p.lower } else { usual[j].lower.min(p.lower) },
