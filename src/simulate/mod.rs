@@ -3,7 +3,10 @@
 pub mod as_recorded;
 pub(crate) mod memory;
 pub mod playback;
+pub(crate) mod sampled;
 pub mod scenario;
+pub mod synthetic;
 #[cfg(unix)]
 pub mod through_ports;
 pub mod values_file;
+pub mod wiring;

@@ -2,10 +2,10 @@
 
 use std::error::Error;
 
-use crate::model::trace::{Probe, Trace};
 use crate::record::devices::simulated::Playback;
 use crate::recording::Recording;
 use crate::rig::{Device, Rig, Sensor, SensorKind};
+use crate::simulate::sampled::{Gauss, sampled};
 use crate::simulate::scenario::Scenario;
 
 type AnyError = Box<dyn Error + Send + Sync>;
@@ -23,7 +23,7 @@ pub struct Timing {
 /// Noise of a simulated pressure sensor, as a share of its range; of the steady pressure where it has none.
 const NOISE_SHARE: f64 = 1e-4;
 /// Most values that a device may be given to play: what they take in memory is counted in GiB.
-const MOST_VALUES: f64 = 2e8;
+pub(crate) const MOST_VALUES: f64 = 2e8;
 /// The noise is the same at every run: a demonstration should be one that can be repeated.
 const NOISE_SEED: u64 = 1;
 
@@ -38,36 +38,17 @@ pub fn of_scenario(scenario: &Scenario, device: &Device, timing: &Timing) -> Res
     check_size(samples, wired(rig, device).count())?;
     let samples = samples as usize;
     let times: Vec<f64> = (0..samples).map(|i| i as f64 * period_ns * 1e-9 - timing.lead_s).collect();
-    let pressures = scenario.simulate(timing.after_s)?;
-    let flows: Vec<Probe> = wired(rig, device)
-        .filter(|(_, s)| s.kind == SensorKind::Flow)
-        .map(|(_, s)| Probe::Flow(s.position_m))
-        .collect();
-    let mut flows = scenario.probe(&flows, timing.after_s)?.into_iter();
-    let pressure_sensors: Vec<usize> = rig.pressure_sensors().map(|(i, _)| i).collect();
+    let wired: Vec<usize> = wired(rig, device).map(|(i, _)| i).collect();
+    let rows = sampled(scenario, &wired, &times, timing.after_s)?;
     let mut noise = Gauss(fastrand::Rng::with_seed(NOISE_SEED));
-    let density = scenario.water.density_kg_m3;
+    let at_rest = times.iter().position(|&t| t >= 0.0).unwrap_or(0);
     let mut sensors = Vec::new();
-    for (index, sensor) in wired(rig, device) {
-        let values: Vec<f64> = match sensor.kind {
-            SensorKind::Pressure => {
-                let trace = pressure_sensors.iter().position(|&i| i == index).and_then(|k| pressures.get(k));
-                let trace: &Trace = trace.ok_or("a pressure sensor was not simulated")?;
-                let steady = scenario.displayed(index, trace.at(0.0));
-                let sd = NOISE_SHARE * sensor.range.map_or(steady.abs(), |[low, high]| high - low);
-                times.iter().map(|&t| scenario.displayed(index, trace.at(t)) + sd * noise.next()).collect()
-            }
-            SensorKind::Flow => {
-                let trace = flows.next().ok_or("a flow sensor was not simulated")?;
-                times.iter().map(|&t| sensor.unit.from_si(trace.at(t), density)).collect()
-            }
-            SensorKind::Temperature => vec![sensor.unit.from_si(rig.fluid.temperature_degc, density); samples],
-            SensorKind::ValvePosition => {
-                let opening = |t: f64| (1.0 - t.max(0.0) / scenario.run.closing_time_s.max(1e-9)).max(0.0);
-                times.iter().map(|&t| sensor.unit.from_si(opening(t), density)).collect()
-            }
-            SensorKind::Trigger => times.iter().map(|&t| sensor.unit.from_si(f64::from(t >= 0.0), density)).collect(),
-        };
+    for (index, mut values) in wired.into_iter().zip(rows) {
+        let sensor = &rig.sensors[index];
+        if sensor.kind == SensorKind::Pressure {
+            let sd = NOISE_SHARE * sensor.range.map_or(values[at_rest].abs(), |[low, high]| high - low);
+            values.iter_mut().for_each(|v| *v += sd * noise.next());
+        }
         sensors.push((index, values));
     }
     playback(period_ns, sensors)
@@ -120,19 +101,4 @@ fn playback(period_ns: f64, sensors: Vec<(usize, Vec<f64>)>) -> Result<Playback,
     }
     check_size(sensors.first().map_or(0, |(_, values)| values.len()) as f64, sensors.len())?;
     Ok(Playback { sample_period_ns: period_ns as u32, sensors })
-}
-
-/// Standard normal numbers by the polar method (Marsaglia & Bray 1964).
-struct Gauss(fastrand::Rng);
-
-impl Gauss {
-    fn next(&mut self) -> f64 {
-        loop {
-            let (x, y) = (2.0 * self.0.f64() - 1.0, 2.0 * self.0.f64() - 1.0);
-            let r = x * x + y * y;
-            if r > 0.0 && r < 1.0 {
-                return x * (-2.0 * r.ln() / r).sqrt();
-            }
-        }
-    }
 }

@@ -137,6 +137,11 @@ impl Scenario {
         Ok(Scenario { water, effects, valve, shared, run, reaches, rig })
     }
 
+    /// The same on the same rig with other wiring.
+    pub fn on(&self, rig: Rig) -> Scenario {
+        Scenario { rig, effects: self.effects.clone(), shared: self.shared.clone(), ..*self }
+    }
+
     /// The model of it.
     pub fn model(&self) -> Model<'_> {
         let mut model = Model::new(&self.rig, &self.water, &self.effects);

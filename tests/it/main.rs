@@ -32,6 +32,7 @@ mod shots;
 mod shots_live;
 mod signals;
 mod simulate;
+mod simulated_recording;
 mod trust;
 mod valve;
 mod watch;

@@ -32,6 +32,8 @@ use crate::simulate::playback::{Timing, of_scenario};
 use crate::simulate::scenario::{Scenario, ValveForm};
 #[cfg(unix)]
 use crate::simulate::through_ports::{clipped, record_playbacks};
+#[cfg(unix)]
+use crate::simulate::wiring::wired;
 use crate::watch::evaluate::{Settings, evaluate_new};
 use crate::watch::verdict::line_of;
 
@@ -208,6 +210,8 @@ fn record_simulated(
     let total_s = args.duration.unwrap_or(LEAD_S + 12.0 * scenario.period_s());
     let timing = Timing { rate_hz: args.rate, lead_s: LEAD_S, after_s: (total_s - LEAD_S).max(0.0) };
     let faults = args.faults.as_deref().map(str::parse).transpose()?.unwrap_or_default();
+    let rig = &wired(&scenario, &timing)?;
+    let scenario = scenario.on(rig.clone());
     let mut played = Vec::new();
     for device in live_devices(rig, &[])? {
         let playback = of_scenario(&scenario, &device, &timing)?;

@@ -8,25 +8,33 @@ use serde_json::json;
 
 use crate::cli::args::beside::Beside;
 use crate::cli::args::recordings;
-use crate::cli::args::values::{self, positive, setting};
+use crate::cli::args::values::{self, not_negative, positive, setting};
+use crate::cli::console::document::document;
 use crate::cli::console::outcome::{AnyError, CommandResult, Outcome};
 use crate::cli::console::print::{say, say_text, tell};
+use crate::cli::console::progress::busy;
 use crate::fit::problem::observed::Place;
 use crate::model::constraint::Given;
 use crate::model::effects::{ATMOSPHERE_PA, Chosen, parse_list};
 use crate::model::trace::Trace;
+use crate::record::session::output::check_path;
 use crate::report::energy;
 use crate::report::pest::observations::{HEADER, Table};
 use crate::report::text::number::rounded;
 use crate::rig::{Coupling, Rig};
 use crate::shown::Shown as _;
 use crate::simulate::as_recorded::as_recorded;
+use crate::simulate::playback::Timing;
 use crate::simulate::scenario::{Scenario, ValveForm};
+use crate::simulate::synthetic::{Instruments, recording_of};
 use crate::simulate::values_file;
-use crate::storage::output;
+use crate::storage::{Summary, output, write};
 use crate::text_file::read_text;
 
 /// Simulate a closure on a rig; needs no recording.
+///
+/// With an output named `.mcap`, the simulation is recorded as a laboratory would: with noise, resolution, steady seconds before the closure,
+/// flow and temperature. Hide an effect in it, and let `diagnose` find it.
 ///
 /// Every model has the settings wave_speed_m_s, friction_factor (a constant; by default it follows from Reynolds number and roughness),
 /// initial_velocity_m_s, valve_head_m, closing_time_s and reaches; each effect adds its own (J1_per_GPa, tau1_s, …).
@@ -56,9 +64,11 @@ pub struct Args {
     #[arg(long, value_name = "DT", value_parser = positive, allow_negative_numbers = true)]
     csv_times: Option<f64>,
     /// Time series to write, one column per pressure sensor in its unit; replaces an older one with the same columns
-    /// [default: standard output].
-    #[arg(short, long, value_name = "CSV")]
+    /// [default: standard output]. A recording of all sensors, if it ends with .mcap; it must not exist.
+    #[arg(short, long, value_name = "CSV|MCAP")]
     output: Option<PathBuf>,
+    #[command(flatten)]
+    instruments: InstrumentArgs,
     /// Replace an existing output, unless it is the rig or a recording.
     #[arg(long, requires = "output")]
     overwrite: bool,
@@ -67,6 +77,26 @@ pub struct Args {
     #[arg(long, value_name = "CSV")]
     energy: Option<PathBuf>,
 }
+
+/// How a simulated test is recorded.
+#[derive(Debug, clap::Args)]
+struct InstrumentArgs {
+    /// Seed of the noise of a simulated recording [default: 1].
+    #[arg(long, value_name = "N", requires = "output", conflicts_with_all = ["recording", "csv_times"])]
+    seed: Option<u64>,
+    /// Samples per second of a simulated recording [default: 1000, or 500 a period if that is more].
+    #[arg(long, value_name = "HZ", value_parser = positive, allow_negative_numbers = true, requires = "output", conflicts_with_all = ["recording", "csv_times"])]
+    rate: Option<f64>,
+    /// Standard deviation of the noise of a simulated recording's pressures, m [default: 0.1% of the Joukowsky head].
+    #[arg(long, value_name = "M", value_parser = not_negative, allow_negative_numbers = true, requires = "output", conflicts_with_all = ["recording", "csv_times"])]
+    noise_m: Option<f64>,
+}
+
+/// Steady time before the closure of a simulated recording, s.
+const LEAD_S: f64 = 1.0;
+/// Least number of samples of a period, and of samples a second, in a simulated recording.
+const SAMPLES_A_PERIOD: f64 = 500.0;
+const LEAST_RATE_HZ: f64 = 1000.0;
 
 /// Most rows that one file may have.
 const MOST_ROWS: f64 = 1e8;
@@ -86,6 +116,14 @@ pub fn run(mut args: Args, json: bool) -> CommandResult {
     }
     args.set = given.into_iter().map(|g| (g.name, g.value)).collect();
     let scenario = Scenario::new(Rig::load(&rig)?, &args.effects, args.valve, &args.set)?;
+    let recorded =
+        args.output.as_deref().filter(|path| path.extension().is_some_and(|e| e.eq_ignore_ascii_case("mcap")));
+    if let Some(path) = recorded {
+        return run_recorded(&args, &scenario, path, json);
+    }
+    if let Some(option) = args.instruments.first_given() {
+        return Err(format!("option `{option}` is for a recording: name the output with .mcap").into());
+    }
     if let Some(path) = &args.output {
         output::check_series(path, &header(&scenario), args.overwrite, &rig)?;
     }
@@ -94,7 +132,11 @@ pub fn run(mut args: Args, json: bool) -> CommandResult {
     let (traces, book) = scenario.simulate_with(duration_s, args.energy.is_some())?;
     let seconds = start.elapsed().as_secs_f64();
     let step_s = args.csv_times.unwrap_or(traces.first().map_or(duration_s, |t| t.dt_s));
-    tell_what_was_not_set(&scenario, &args, duration_s, step_s);
+    tell_what_was_not_set(
+        &scenario,
+        &args,
+        &[("duration_s", args.duration, duration_s), ("csv_times_s", args.csv_times, step_s)],
+    );
     if duration_s / step_s > MOST_ROWS {
         return Err(format!(
             "{duration_s} s in steps of {step_s} s are more than {MOST_ROWS:.0} rows; choose a longer step"
@@ -117,11 +159,10 @@ pub fn run(mut args: Args, json: bool) -> CommandResult {
         tell!("{}", energy::sentence(book, duration_s));
     }
     if json {
-        let settings: serde_json::Map<_, _> = scenario.values().into_iter().map(|(n, v)| (n, json!(v))).collect();
         let document = json!({
             "file": args.output,
             "effects": scenario.effects.iter().map(Chosen::label).collect::<Vec<_>>(),
-            "settings": settings,
+            "settings": settings(&scenario),
             "reaches": scenario.reaches,
             "time_step_s": traces.first().map(|t| t.dt_s),
             "duration_s": duration_s,
@@ -132,6 +173,56 @@ pub fn run(mut args: Args, json: bool) -> CommandResult {
         say!("{document:#}");
     }
     Ok(Outcome::Done)
+}
+
+impl InstrumentArgs {
+    fn first_given(&self) -> Option<&'static str> {
+        let given = [("seed", self.seed.is_some()), ("rate", self.rate.is_some()), ("noise-m", self.noise_m.is_some())];
+        given.into_iter().find(|(_, given)| *given).map(|(name, _)| name)
+    }
+}
+
+/// The model as a laboratory would have recorded it.
+fn run_recorded(args: &Args, scenario: &Scenario, path: &Path, json: bool) -> CommandResult {
+    check_path(path)?;
+    if args.energy.is_some() {
+        return Err("option `energy` needs a time series (.csv) as output, not a recording".into());
+    }
+    let after_s = args.duration.unwrap_or(12.0 * scenario.period_s());
+    let usual_hz = (SAMPLES_A_PERIOD / scenario.period_s()).max(LEAST_RATE_HZ);
+    let rate_hz = args.instruments.rate.unwrap_or_else(|| to_digits(usual_hz, 2));
+    let timing = Timing { rate_hz, lead_s: LEAD_S, after_s };
+    let instruments =
+        Instruments { timing, noise_m: args.instruments.noise_m, seed: args.instruments.seed.unwrap_or(1) };
+    let start = Instant::now();
+    let recording = busy(path, || recording_of(scenario, &instruments))?;
+    write(path, &recording)?;
+    let seconds = start.elapsed().as_secs_f64();
+    tell_what_was_not_set(
+        scenario,
+        args,
+        &[("duration_s", args.duration, after_s), ("rate_hz", args.instruments.rate, rate_hz)],
+    );
+    let summary = Summary::of(&recording);
+    if json {
+        let head = json!({
+            "file": path,
+            "effects": scenario.effects.iter().map(Chosen::label).collect::<Vec<_>>(),
+            "settings": settings(scenario),
+            "reaches": scenario.reaches,
+            "seed": instruments.seed,
+            "seconds": seconds,
+        });
+        say!("{}", document(head, &summary)?);
+    } else {
+        say!("{}: {summary}", path.shown());
+    }
+    Ok(Outcome::Done)
+}
+
+/// Every setting with its value.
+fn settings(scenario: &Scenario) -> serde_json::Map<String, serde_json::Value> {
+    scenario.values().into_iter().map(|(n, v)| (n, json!(v))).collect()
 }
 
 /// The model beside recordings.
@@ -196,10 +287,9 @@ fn given(args: &Args) -> Result<Vec<Given>, String> {
 }
 
 /// Nothing is made up in silence: each value that nobody set, from the rig, its law or a default.
-fn tell_what_was_not_set(scenario: &Scenario, args: &Args, duration_s: f64, step_s: f64) {
+fn tell_what_was_not_set(scenario: &Scenario, args: &Args, more: &[(&str, Option<f64>, f64)]) {
     let mut used = scenario.not_set(&args.set);
-    used.extend(args.duration.is_none().then(|| ("duration_s".to_owned(), duration_s)));
-    used.extend(args.csv_times.is_none().then(|| ("csv_times_s".to_owned(), step_s)));
+    used.extend(more.iter().filter(|(_, given, _)| given.is_none()).map(|(name, _, v)| ((*name).to_owned(), *v)));
     used.push(("temperature_degC".to_owned(), scenario.rig.fluid.temperature_degc));
     let list: Vec<String> = used.iter().map(|(name, v)| format!("{name}={}", to_digits(*v, 6))).collect();
     tell!("not set, defaults used: {}", list.join(" "));
