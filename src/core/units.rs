@@ -36,19 +36,34 @@ const fn unit(symbol: &'static str, quantity: Quantity, factor: f64, offset: f64
 }
 
 /// Every unit a rig file may name.
-pub const UNITS: [Unit; 14] = [
+pub const UNITS: [Unit; 27] = [
     unit("Pa", Quantity::Pressure, 1.0, 0.0),
     unit("kPa", Quantity::Pressure, 1e3, 0.0),
     unit("MPa", Quantity::Pressure, 1e6, 0.0),
     unit("bar", Quantity::Pressure, 1e5, 0.0),
     unit("psi", Quantity::Pressure, 6_894.757_293_168, 0.0),
     unit("m(H2O)", Quantity::Pressure, f64::NAN, 0.0),
+    unit("mbar", Quantity::Pressure, 100.0, 0.0),
+    unit("hPa", Quantity::Pressure, 100.0, 0.0),
+    unit("atm", Quantity::Pressure, 101_325.0, 0.0),
+    unit("ksi", Quantity::Pressure, 6_894_757.293_168, 0.0),
+    // Conventional columns: water of 1000 kg/m3 and mercury of 13595.1 kg/m3 under 9.80665 m/s2 (NIST SP 811).
+    unit("cmH2O", Quantity::Pressure, 98.0665, 0.0),
+    unit("mmH2O", Quantity::Pressure, 9.80665, 0.0),
+    unit("inH2O", Quantity::Pressure, 249.088_91, 0.0),
+    unit("mmHg", Quantity::Pressure, 133.322_387_415, 0.0),
     unit("m3/s", Quantity::Flow, 1.0, 0.0),
     unit("m3/h", Quantity::Flow, 1.0 / 3600.0, 0.0),
     unit("L/s", Quantity::Flow, 1e-3, 0.0),
     unit("L/min", Quantity::Flow, 1e-3 / 60.0, 0.0),
+    unit("L/h", Quantity::Flow, 1e-3 / 3600.0, 0.0),
+    unit("mL/s", Quantity::Flow, 1e-6, 0.0),
+    unit("mL/min", Quantity::Flow, 1e-6 / 60.0, 0.0),
+    // The gallon of the United States.
+    unit("gpm", Quantity::Flow, 3.785_411_784e-3 / 60.0, 0.0),
     unit("degC", Quantity::Temperature, 1.0, 0.0),
     unit("K", Quantity::Temperature, 1.0, -273.15),
+    unit("degF", Quantity::Temperature, 5.0 / 9.0, -160.0 / 9.0),
     unit("1", Quantity::Ratio, 1.0, 0.0),
     unit("%", Quantity::Ratio, 0.01, 0.0),
 ];
@@ -107,5 +122,11 @@ mod tests {
         assert!((si("m3/h", 3.6) - 1e-3).abs() < 1e-18);
         assert!((si("L/min", 60.0) - 1e-3).abs() < 1e-18);
         assert_eq!(si("K", 293.15), 20.0);
+        assert!((si("degF", 68.0) - 20.0).abs() < 1e-12);
+        assert!((si("gpm", 1.0) - 6.309_019_64e-5).abs() < 1e-13);
+        assert!((si("mmHg", 760.0) - si("atm", 1.0)).abs() < 0.1);
+        assert!((si("cmH2O", 10.0) - si("mmH2O", 100.0)).abs() < 1e-9);
+        assert!((si("inH2O", 1.0) - 25.4 * si("mmH2O", 1.0)).abs() < 1e-4);
+        assert_eq!(si("ksi", 1.0), 1e3 * si("psi", 1.0));
     }
 }

@@ -150,6 +150,16 @@ pub enum CsvProblem {
     /// Nothing in it.
     #[error("the file is empty: expected a header like time_s,P1,P2 and a line for each time")]
     Empty,
+    /// No column of times.
+    #[error(
+        "no column holds times{named}: the columns are {columns}. Say how many samples a second there are with option `rate`"
+    )]
+    NoTimes {
+        /// The column that counts samples, in words.
+        named: String,
+        /// The columns.
+        columns: String,
+    },
     /// A line that is none of a table.
     #[error("a line is longer than {mebibytes} MiB: this is no table of samples")]
     LongLine {
@@ -317,7 +327,7 @@ pub enum CsvProblem {
     },
     /// A unit that the sensor's samples cannot have.
     #[error(
-        "column '{column}' is in '{unit}', which is no known {kind} unit (known are {known}); convert it, or correct the heading"
+        "column '{column}' is in '{unit}', which is no known {kind} unit (known are {known}); give its line with option `scale`, convert it, or correct the heading"
     )]
     WrongUnit {
         /// The column.

@@ -82,7 +82,7 @@ fn foreign(input: &[u8], name: &str, options: &SourceOptions) {
     }
     let mut repairs = Vec::new();
     match bind(file, path, &RIG, options, &mut repairs) {
-        Ok(recording) => log::import::unit_warnings(&recording).iter().for_each(|d| assert!(!d.text.is_empty())),
+        Ok((recording, _)) => log::import::unit_warnings(&recording).iter().for_each(|d| assert!(!d.text.is_empty())),
         Err(error) => drop(error.to_string()),
     }
 }
@@ -90,6 +90,7 @@ fn foreign(input: &[u8], name: &str, options: &SourceOptions) {
 /// Tables in text.
 fn csv(input: &[u8]) {
     foreign(input, "run.csv", &SourceOptions::default());
+    foreign(input, "run.csv", &SourceOptions { guess: true, period_s: Some(0.5), ..SourceOptions::default() });
     let told = SourceOptions {
         day_first: Some(false),
         time_unit_s: Some(1e-3),

@@ -2,7 +2,8 @@
 
 use chrono::DateTime;
 
-use crate::storage::import::{MessageTime, SourceOptions, time_unit, zone_seconds};
+use crate::cli::args::values::positive;
+use crate::storage::import::{Line, MessageTime, SourceOptions, time_unit, zone_seconds};
 
 /// Options for what a file does not state.
 #[derive(Debug, Clone, clap::Args)]
@@ -19,9 +20,15 @@ pub struct ForeignArgs {
     /// Whether 03/04/2026 is the third of April (dmy) or the fourth of March (mdy), if the dates of the file leave it open.
     #[arg(long, value_name = "ORDER", value_parser = ["dmy", "mdy"])]
     date_order: Option<String>,
-    /// Unit of times without one in their heading: s, ms, us, ns, min or h; also of --time-field.
+    /// Unit of times without one in their heading: s, ms, us, ns, min, h or d (days); also of --time-field.
     #[arg(long, value_name = "UNIT", value_parser = unit)]
     time_unit: Option<f64>,
+    /// Samples per second, where a column counts samples instead of giving times.
+    #[arg(long, value_name = "HZ", value_parser = positive, allow_negative_numbers = true)]
+    rate: Option<f64>,
+    /// What a column's numbers stand for, in the sensor's unit: 'P1=250*x-125' for a transducer of 0.5 to 4.5 V.
+    #[arg(long, value_name = "SENSOR=A*x+B", value_parser = scale)]
+    scale: Vec<(String, Line)>,
     /// Time of an MCAP message: when it was logged or published.
     #[arg(long, value_name = "WHICH", value_parser = ["log", "publish"], conflicts_with = "time_field")]
     message_time: Option<String>,
@@ -45,6 +52,10 @@ impl ForeignArgs {
             day_first: self.date_order.map(|order| order == "dmy"),
             time_unit_s: self.time_unit,
             message_time,
+            rate_hz: self.rate,
+            scales: self.scale,
+            guess: false,
+            period_s: None,
         }
     }
 }
@@ -57,6 +68,22 @@ fn mapping(text: &str) -> Result<(String, String), String> {
     }
 }
 
+/// `P1=250*x-125`, `P1=0.03*x`, `P1=x-2`.
+fn scale(text: &str) -> Result<(String, Line), String> {
+    let wrong = || format!("'{text}': write it like 'P1=250*x-125'");
+    let (name, line) = text.rsplit_once('=').ok_or_else(wrong)?;
+    let line = line.replace(' ', "");
+    let (factor, rest) = line.split_once('x').ok_or_else(wrong)?;
+    let scale = match factor.trim_end_matches('*') {
+        "" | "+" => 1.0,
+        "-" => -1.0,
+        number => number.parse().map_err(|_| wrong())?,
+    };
+    let offset = if rest.is_empty() { 0.0 } else { rest.parse().map_err(|_| wrong())? };
+    let usable = f64::is_finite(scale) && f64::is_finite(offset) && scale != 0.0 && !name.trim().is_empty();
+    usable.then(|| (name.trim().to_owned(), Line { scale, offset })).ok_or_else(wrong)
+}
+
 fn zone(text: &str) -> Result<i32, String> {
     match text.to_ascii_uppercase().as_str() {
         "UTC" | "Z" | "GMT" => Ok(0),
@@ -67,7 +94,7 @@ fn zone(text: &str) -> Result<i32, String> {
 }
 
 fn unit(text: &str) -> Result<f64, String> {
-    time_unit(text).ok_or_else(|| "must be s, ms, us, ns, min or h".into())
+    time_unit(text).ok_or_else(|| "must be s, ms, us, ns, min, h or d".into())
 }
 
 /// A start, for all files or for one: `2026-03-14T09:26:53Z`, `fast.csv=2026-03-14T09:26:53.25Z`.

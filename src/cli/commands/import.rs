@@ -1,25 +1,31 @@
 //! `surgescope import`: time series, be they plain or of other programs, become a recording.
 
+use std::io::{IsTerminal as _, stderr, stdin};
 use std::path::{Path, PathBuf};
 
 use serde::Serialize;
-use serde_json::json;
+use serde_json::{Value, json};
 
 use crate::align::{Clock, Method, Part, align, merge};
 use crate::cli::args::import_options::{ForeignArgs, start};
 use crate::cli::console::document::document;
-use crate::cli::console::outcome::{CommandResult, Outcome};
+use crate::cli::console::outcome::{AnyError, CommandResult, Outcome};
 use crate::cli::console::print::{say, tell};
 use crate::cli::console::progress::busy;
+use crate::cli::console::understood;
 use crate::recording::Recording;
 use crate::rig::Rig;
 use crate::shown::Shown as _;
 use crate::signal::faults::{in_words, sensor_faults};
 use crate::signal::window::{Passing, used};
-use crate::storage::import::{Imported, LongImport, Pass, Repair, import_file, require_sensors, unit_warnings};
-use crate::storage::{ImportOptions, Summary, write};
+use crate::storage::import::{
+    Imported, LongImport, Pass, Repair, SourceOptions, import_file, require_sensors, unit_warnings,
+};
+use crate::storage::{ImportOptions, LogError, Summary, write};
 
-/// Turn time series (CSV, TDMS, MCAP of other programs) into a recording.
+/// Turn time series (CSV, Excel, TDMS, MCAP of other programs) into a recording.
+///
+/// What a file does not say, such as the unit of its times or which column is which sensor, is guessed and shown before anything is written.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Time series: `time_s`, then one column per sensor, under its name and in its unit. Also tables written in other ways, TDMS, and MCAP of
@@ -35,6 +41,9 @@ pub struct Args {
     /// Wall-clock time of time 0, such as 2026-03-14T09:26:53Z [default: unknown]. For one of several files: FILE=TIME.
     #[arg(long, value_name = "RFC3339", value_parser = start)]
     start: Vec<(Option<String>, u64)>,
+    /// Accept what is guessed, without asking.
+    #[arg(short, long)]
+    yes: bool,
     /// Sensors of the rig that were not recorded.
     #[arg(long, value_name = "SENSOR", value_delimiter = ',')]
     without: Vec<String>,
@@ -84,16 +93,26 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         if let Some(long) = busy(file, || long.run(&mut on_sample))? {
             let used = passing.finish(long.gaps, long.run);
             let reports = long.repairs.into_iter().map(|repair| Report { file: file.clone(), repair }).collect();
-            let done = Done { used, summary: long.summary, reports, clocks: Vec::new(), left_out: Vec::new() };
+            let done = Done {
+                used,
+                summary: long.summary,
+                reports,
+                clocks: Vec::new(),
+                left_out: Vec::new(),
+                understood: Vec::new(),
+            };
             return done.tell(&args, json);
         }
     }
     let mut reports = Vec::new();
     let mut parts = Vec::new();
+    let mut understood = Vec::new();
     for path in &args.files {
         let options = ImportOptions { start_unix_ns: start_of(path, &args.start), without: args.without.clone() };
-        let Imported { recording, repairs, start_digit_s } =
-            busy(path, || import_file(path, &rig, &options, &foreign, alone))?;
+        let read = |source: &SourceOptions| busy(path, || import_file(path, &rig, &options, source, alone));
+        let imported = read(&foreign).or_else(|error| guessed(path, error, &args, json, &foreign, &rig, read))?;
+        understood.extend(json.then(|| understood::document(path, &imported)));
+        let Imported { recording, repairs, start_digit_s, .. } = imported;
         reports.extend(repairs.into_iter().map(|repair| Report { file: path.clone(), repair }));
         parts.push(Part { file: path.shown().into_owned(), recording, start_digit_s });
     }
@@ -101,7 +120,41 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     busy(&args.output, || write(&args.output, &recording))?;
     let summary = Summary::of(&recording);
     let (used, _) = used(recording);
-    Done { used, summary, reports, clocks, left_out }.tell(&args, json)
+    Done { used, summary, reports, clocks, left_out, understood }.tell(&args, json)
+}
+
+/// The file read again with guesses, which the user has accepted; otherwise the error that the file gave without them.
+fn guessed(
+    path: &Path,
+    error: LogError,
+    args: &Args,
+    json: bool,
+    foreign: &SourceOptions,
+    rig: &Rig,
+    read: impl Fn(&SourceOptions) -> Result<Imported, LogError>,
+) -> Result<Imported, AnyError> {
+    let water = rig.fluid.properties(rig.fluid.temperature_degc);
+    let period_s = rig.pipes.iter().map(|p| 4.0 * p.length_m / p.wave_speed_start(&water).0).sum();
+    let source = SourceOptions { guess: true, period_s: Some(period_s), ..foreign.clone() };
+    let asks = !json && stdin().is_terminal() && stderr().is_terminal();
+    let imported = match read(&source) {
+        Ok(imported) => imported,
+        // With guesses it came further.
+        Err(further) if args.yes || asks => return Err(further.into()),
+        Err(_) => return Err(error.into()),
+    };
+    tell!("{}", understood::text(path, &imported));
+    if args.yes {
+        return Ok(imported);
+    }
+    if !asks {
+        return Err(format!("{error}\nAdd --yes to import it as understood above.").into());
+    }
+    let question = "Import it so?";
+    if dialoguer::Confirm::new().with_prompt(question).default(true).interact()? {
+        return Ok(imported);
+    }
+    Err("nothing was imported: say what is different with --time-unit, --rate, --map, --scale or --ignore".into())
 }
 
 /// What was written, and what there is to say about it.
@@ -112,15 +165,17 @@ struct Done {
     reports: Vec<Report>,
     clocks: Vec<Clock>,
     left_out: Vec<String>,
+    /// Each file, as it was understood.
+    understood: Vec<Value>,
 }
 
 impl Done {
     fn tell(self, args: &Args, json: bool) -> CommandResult {
-        let Done { used, summary, reports, clocks, left_out } = self;
+        let Done { used, summary, reports, clocks, left_out, understood } = self;
         let alone = args.files.len() == 1;
         let warnings = unit_warnings(&used);
 
-        for report in &reports {
+        for report in reports.iter().filter(|r| !r.repair.guessed) {
             let line = report.repair.line.map(|l| format!(":{l}")).unwrap_or_default();
             tell!("{}{line}: {}", report.file.shown(), report.repair.text);
         }
@@ -138,7 +193,7 @@ impl Done {
             let sources: Vec<&PathBuf> = args.files.iter().collect();
             let head = json!({
                 "file": args.output, "source": args.files[0], "sources": sources, "mended": reports, "warnings": warnings,
-                "alignment": if alone { None } else { Some(&clocks) }, "left_out": left_out, "sensor_faults": faults,
+                "alignment": if alone { None } else { Some(&clocks) }, "left_out": left_out, "sensor_faults": faults, "understood": understood,
             });
             say!("{}", document(head, &summary)?);
         } else {

@@ -10,3 +10,4 @@ pub(crate) mod print;
 pub(crate) mod progress;
 pub(crate) mod recorded;
 pub(crate) mod stop;
+pub(crate) mod understood;

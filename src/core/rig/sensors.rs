@@ -172,7 +172,7 @@ fn read_unit(section: &Section<'_>, kind: Option<SensorKind>) -> Option<Unit> {
 }
 
 /// Other spellings of units, in lower case and without signs.
-const OTHER_SPELLINGS: [(&str, &str); 15] = [
+const OTHER_SPELLINGS: [(&str, &str); 27] = [
     ("c", "degC"),
     ("celsius", "degC"),
     ("kelvin", "K"),
@@ -185,6 +185,18 @@ const OTHER_SPELLINGS: [(&str, &str); 15] = [
     ("lpm", "L/min"),
     ("cmh", "m3/h"),
     ("m3hr", "m3/h"),
+    ("lph", "L/h"),
+    ("gallonmin", "gpm"),
+    ("galmin", "gpm"),
+    ("usgpm", "gpm"),
+    ("fahrenheit", "degF"),
+    ("f", "degF"),
+    ("torr", "mmHg"),
+    ("inwc", "inH2O"),
+    ("mmwc", "mmH2O"),
+    ("mmws", "mmH2O"),
+    ("cmws", "cmH2O"),
+    ("mbarg", "mbar"),
     ("percent", "%"),
     ("barg", "bar"),
     ("psig", "psi"),

@@ -5,17 +5,15 @@ use std::path::Path;
 use crate::recording::{Recording, RunInfo, Series};
 use crate::rig::{Rig, Sensor, quantity_of, spelled_unit};
 use crate::storage::error::{CsvProblem, LogError};
+use crate::storage::import::kinds::{Known, guessed};
 use crate::storage::import::source::{Repair, SourceFile, SourceOptions, Track};
 use crate::storage::layout::kind_name;
 use crate::storage::nearest::{listed, nearest};
 use crate::storage::sink::program;
 use crate::units::{Quantity, UNITS};
 
-/// Pressure units that rig files do not know, in Pa.
-const MORE_PRESSURES: [(&str, f64); 3] = [("mbar", 100.0), ("hpa", 100.0), ("mmh2o", 9.80665)];
-
 /// Brings a file's tracks to the sensors of a rig. Sensors that it has no track of stay empty; what was converted or left out
-/// is added to `repairs`.
+/// is added to `repairs`. Also the name of each sensor's track.
 ///
 /// # Errors
 /// A track that is no sensor (in a table), two tracks of one sensor, a unit that the sensor cannot have, a name in the options
@@ -26,7 +24,7 @@ pub fn bind(
     rig: &Rig,
     options: &SourceOptions,
     repairs: &mut Vec<Repair>,
-) -> Result<Recording, LogError> {
+) -> Result<(Recording, Vec<Option<String>>), LogError> {
     let table = !file.spare_tracks;
     let fault = |problem: CsvProblem| match table {
         true => LogError::Csv { path: path.into(), line: None, problem: Box::new(problem) },
@@ -42,10 +40,18 @@ pub fn bind(
     let mut series = vec![Series::default(); rig.sensors.len()];
     let mut taken: Vec<Option<String>> = vec![None; rig.sensors.len()];
     let mut spare = Vec::new();
-    for mut track in file.tracks {
-        let Some(place) = sensor_of(&track, rig, options).map_err(fault)? else {
-            let ignored = options.ignore.iter().any(|name| is_called(&track, name) || name == "*");
-            if table && !ignored {
+    let ignored = |track: &Track| options.ignore.iter().any(|name| is_called(track, name) || name == "*");
+    let known = |track: &Track| match sensor_of(track, rig, options) {
+        Ok(Some(sensor)) => Known::Sensor(sensor),
+        Ok(None) if !ignored(track) => Known::Nothing,
+        _ => Known::Ignored,
+    };
+    let guesses = if options.guess { guessed(&file.tracks, rig, known) } else { Vec::new() };
+    for (at, mut track) in file.tracks.into_iter().enumerate() {
+        let guess = guesses.iter().find(|(track, _)| *track == at).map(|(_, place)| *place);
+        let named = sensor_of(&track, rig, options).map_err(fault)?;
+        let Some(place) = named.or(guess) else {
+            if table && !options.guess && !ignored(&track) {
                 return Err(fault(unknown(&track, rig)));
             }
             spare.push(track.name);
@@ -68,22 +74,19 @@ pub fn bind(
         }
         if track.name != rig.sensors[place].name {
             let text = format!("'{}' is the sensor '{}'", track.name, rig.sensors[place].name);
-            repairs.push(Repair::new("name", 1, None, text));
+            repairs.push(Repair { guessed: named.is_none(), ..Repair::new("name", 1, None, text) });
         }
         taken[place] = Some(track.name.clone());
         repairs.append(&mut track.repairs);
+        scale(&mut track, &rig.sensors[place], options);
         series[place] = converted(track, &rig.sensors[place], density, repairs).map_err(fault)?;
     }
     if taken.iter().all(Option::is_none) {
         return Err(no_sensor(path, rig, &spare, table));
     }
     if !spare.is_empty() {
-        repairs.push(Repair::new(
-            "left-out",
-            spare.len(),
-            None,
-            format!("left out, because no sensor has this name: {}", listed(&spare)),
-        ));
+        let text = format!("left out, because no sensor has this name: {}", listed(&spare));
+        repairs.push(Repair { guessed: table && options.guess, ..Repair::new("left-out", spare.len(), None, text) });
     }
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     let run = RunInfo {
@@ -93,7 +96,7 @@ pub fn bind(
         notes: file.notes,
         csv: None,
     };
-    Ok(Recording { rig: rig.clone(), series, run })
+    Ok((Recording { rig: rig.clone(), series, run }, taken))
 }
 
 /// Every sensor of the rig must be in one of the files or among those `without` samples.
@@ -124,6 +127,15 @@ pub fn require_sensors(parts: &[&Recording], rig: &Rig, without: &[String]) -> R
         return Err(LogError::Sensors(Box::new(CsvProblem::NoPressure)));
     }
     Ok(())
+}
+
+/// Brings the numbers of a track to the sensor's unit by the line that the user gives.
+fn scale(track: &mut Track, sensor: &Sensor, options: &SourceOptions) {
+    let given = options.scales.iter().find(|(name, _)| is_called(track, name) || *name == sensor.name);
+    if let Some((_, line)) = given {
+        track.series.value.iter_mut().for_each(|v| *v = line.scale * *v + line.offset);
+        track.unit = None;
+    }
 }
 
 fn is_called(track: &Track, name: &str) -> bool {
@@ -174,14 +186,7 @@ fn converted(track: Track, sensor: &Sensor, density: f64, repairs: &mut Vec<Repa
     let mut series = track.series;
     let Some(text) = track.unit.filter(|u| u != sensor.unit.symbol) else { return Ok(series) };
     let quantity = quantity_of(sensor.kind);
-    let more = MORE_PRESSURES.iter().find(|(name, _)| quantity == Quantity::Pressure && *name == text.to_lowercase());
-    let from = spelled_unit(&text, quantity);
-    let si = |v: f64| match (from, more) {
-        (Some(unit), _) => Some(unit.to_si(v, density)),
-        (None, Some((_, pascals))) => Some(v * pascals),
-        _ => None,
-    };
-    if si(1.0).is_none() {
+    let Some(from) = spelled_unit(&text, quantity) else {
         // a trigger may be a voltage: only its edges count
         if quantity == Quantity::Ratio {
             return Ok(series);
@@ -189,12 +194,12 @@ fn converted(track: Track, sensor: &Sensor, density: f64, repairs: &mut Vec<Repa
         let known: Vec<&str> = UNITS.iter().filter(|u| u.quantity == quantity).map(|u| u.symbol).collect();
         let kind = kind_name(sensor.kind);
         return Err(CsvProblem::WrongUnit { column: track.name, unit: text, kind, known: known.join(", ") });
-    }
-    if from.is_some_and(|u| u.symbol == sensor.unit.symbol) {
+    };
+    if from.symbol == sensor.unit.symbol {
         return Ok(series);
     }
     for value in &mut series.value {
-        *value = si(*value).map_or(*value, |v| sensor.unit.from_si(v, density));
+        *value = sensor.unit.from_si(from.to_si(*value, density), density);
     }
     let text = format!("'{}' is converted from {text} to {}, the unit of '{}'", track.name, sensor.unit, sensor.name);
     repairs.push(Repair::new("unit", 1, None, text));

@@ -5,7 +5,7 @@ use std::path::Path;
 use crate::storage::disk;
 use crate::storage::error::LogError;
 use crate::storage::import::source::{SourceFile, SourceOptions};
-use crate::storage::import::{csv, mcap, tdms};
+use crate::storage::import::{csv, mcap, sheet, tdms};
 
 /// Reads a file of another program, whichever of the known kinds it is.
 ///
@@ -27,6 +27,13 @@ pub fn decode_source(bytes: &[u8], path: &Path, options: &SourceOptions) -> Resu
     } else if bytes.starts_with(b"TDSh") {
         let why = "this is the index of a TDMS file: name the .tdms file beside it".into();
         Err(LogError::SourceFile { path: path.into(), why })
+    } else if sheet::is_workbook(bytes) {
+        let text = sheet::text_of_sheet(bytes).map_err(|why| LogError::SourceFile { path: path.into(), why })?;
+        csv::read(text.as_bytes(), options).map_err(|(line, problem)| LogError::Csv {
+            path: path.into(),
+            line,
+            problem,
+        })
     } else {
         csv::read(bytes, options).map_err(|(line, problem)| LogError::Csv { path: path.into(), line, problem })
     }

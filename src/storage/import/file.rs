@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use crate::recording::{Recording, RunInfo};
-use crate::rig::Rig;
+use crate::rig::{Rig, SensorKind};
 use crate::storage::disk;
 use crate::storage::error::{CsvProblem, LogError};
 use crate::storage::import::bind::{bind, require_sensors};
@@ -48,6 +48,18 @@ fn import_plain(bytes: &[u8], csv: &Path, rig: &Rig, options: &ImportOptions) ->
     Ok(Recording { rig: rig.clone(), series: plain.series, run })
 }
 
+/// Sensors that the file has nothing of, where it has a pressure: a guess takes them as not recorded.
+fn not_recorded(recording: &Recording, repairs: &mut Vec<Repair>) -> Vec<String> {
+    let sensors = recording.rig.sensors.iter().zip(&recording.series);
+    if sensors.clone().all(|(s, series)| s.kind != SensorKind::Pressure || series.time_s.is_empty()) {
+        return Vec::new();
+    }
+    let lacking = sensors.filter(|(_, series)| series.time_s.is_empty());
+    let names: Vec<String> = lacking.map(|(s, _)| s.name.clone()).collect();
+    repairs.extend(names.iter().map(|name| Repair::guess("without", format!("'{name}' was not recorded"))));
+    names
+}
+
 /// A file on the sensors of a rig.
 #[derive(Debug, Clone)]
 pub struct Imported {
@@ -57,6 +69,8 @@ pub struct Imported {
     pub repairs: Vec<Repair>,
     /// Value of the last digit of its start, s, where it gives one itself.
     pub start_digit_s: Option<f64>,
+    /// The column, channel or field of each sensor, where it has one.
+    pub columns: Vec<Option<String>>,
 }
 
 /// Reads a file onto the sensors of a rig; sensors that it lacks stay empty where it is not `alone`. A time series as the project writes it
@@ -72,7 +86,7 @@ pub fn import_file(
     alone: bool,
 ) -> Result<Imported, LogError> {
     let bytes = disk::read_file(path)?;
-    let plain = alone && source.map.is_empty() && source.ignore.is_empty();
+    let plain = alone && source.is_plain();
     let strict = plain.then(|| import_plain(&bytes, path, rig, options));
     let refused = match strict {
         Some(Ok(mut recording)) => {
@@ -90,7 +104,8 @@ pub fn import_file(
             if missing > 0 {
                 repairs.push(Repair::missing_times(missing));
             }
-            return Ok(Imported { recording, repairs, start_digit_s });
+            let columns = rig.sensors.iter().map(|s| Some(s.name.clone())).collect();
+            return Ok(Imported { recording, repairs, start_digit_s, columns });
         }
         Some(Err(error)) => Some(error),
         None => None,
@@ -100,20 +115,24 @@ pub fn import_file(
     let read = decode_source(&bytes, path, source).and_then(|mut file| {
         repairs.append(&mut file.repairs);
         start_digit_s = file.start.map(|s| s.digit_s);
-        let recording = bind(file, path, rig, source, &mut repairs)?;
+        let (recording, columns) = bind(file, path, rig, source, &mut repairs)?;
         if alone {
-            require_sensors(&[&recording], rig, &options.without)?;
+            let mut without = options.without.clone();
+            if source.guess {
+                without.extend(not_recorded(&recording, &mut repairs));
+            }
+            require_sensors(&[&recording], rig, &without)?;
         }
-        Ok(recording)
+        Ok((recording, columns))
     });
     match (read, refused) {
-        (Ok(mut recording), _) => {
+        (Ok((mut recording, columns)), _) => {
             if options.start_unix_ns > 0 {
                 recording.run.start_unix_ns = options.start_unix_ns;
                 start_digit_s = None;
                 repairs.retain(|m| m.what != START);
             }
-            Ok(Imported { recording, repairs, start_digit_s })
+            Ok(Imported { recording, repairs, start_digit_s, columns })
         }
         // of a file that is plain but for one thing, that one thing
         (Err(error), Some(refused)) if is_plain(&bytes) && !says_more(&error) => Err(refused),

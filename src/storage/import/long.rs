@@ -78,7 +78,7 @@ impl LongImport<'_> {
     pub fn run(self, on_sample: &mut OnSample<'_>) -> Result<Option<ImportedLong>, LogError> {
         let file = disk::open_file(self.csv)?;
         let about = file.metadata().map_err(|e| LogError::io("read", self.csv, e))?;
-        let plain = self.source.map.is_empty() && self.source.ignore.is_empty();
+        let plain = self.source.is_plain();
         if about.is_file() && about.len() >= LONG_BYTES && plain { self.streamed(on_sample) } else { Ok(None) }
     }
 

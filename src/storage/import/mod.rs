@@ -7,6 +7,8 @@
 //! | `csv/` | the one parser of text tables: strict for a plain time series, or repairing what can be repaired safely |
 //! | `tdms/` | NI TDMS |
 //! | `mcap/` | MCAP of other programs: JSON and protobuf messages |
+//! | `sheet` | workbooks of Excel and LibreOffice, by way of text |
+//! | `kinds` | what a column measures, by its name and unit |
 //! | `gaps` | gaps of a track where its file says that there is no number |
 //! | `decode` | picks the reader |
 //! | `bind` | tracks → sensors: names, units, what is left out |
@@ -19,8 +21,10 @@ pub(crate) mod csv;
 pub(crate) mod decode;
 pub(crate) mod file;
 pub(crate) mod gaps;
+pub(crate) mod kinds;
 pub(crate) mod long;
 pub(crate) mod mcap;
+pub(crate) mod sheet;
 pub(crate) mod source;
 pub(crate) mod tdms;
 pub(crate) mod unit_warnings;
@@ -31,5 +35,5 @@ pub use crate::storage::import::csv::stamp::zone_seconds;
 pub use crate::storage::import::decode::{decode_source, read_source};
 pub use crate::storage::import::file::{Imported, import_file};
 pub use crate::storage::import::long::{ImportedLong, LongImport, OnSample, Pass};
-pub use crate::storage::import::source::{MessageTime, Repair, SourceFile, SourceOptions, Start, Track};
+pub use crate::storage::import::source::{Line, MessageTime, Repair, SourceFile, SourceOptions, Start, Track};
 pub use crate::storage::import::unit_warnings::unit_warnings;

@@ -56,6 +56,8 @@ pub struct Repair {
     pub text: String,
     /// Data was lost by it.
     pub lost: bool,
+    /// The file does not say so: it was guessed.
+    pub guessed: bool,
 }
 
 impl Repair {
@@ -66,7 +68,12 @@ impl Repair {
     }
 
     pub(crate) fn new(what: &'static str, count: usize, line: Option<usize>, text: impl Into<String>) -> Repair {
-        Repair { what, count, line, text: text.into(), lost: false }
+        Repair { what, count, line, text: text.into(), lost: false, guessed: false }
+    }
+
+    /// Something that the file does not say.
+    pub(crate) fn guess(what: &'static str, text: String) -> Repair {
+        Repair { guessed: true, ..Repair::new(what, 1, None, text) }
     }
 }
 
@@ -107,6 +114,30 @@ pub struct SourceOptions {
     pub time_unit_s: Option<f64>,
     /// Which time of an MCAP message counts.
     pub message_time: MessageTime,
+    /// Samples per second of a column that counts samples.
+    pub rate_hz: Option<f64>,
+    /// What a column's numbers stand for: sensor or column, and the line `a x + b` in the sensor's unit.
+    pub scales: Vec<(String, Line)>,
+    /// What the file does not say is guessed.
+    pub guess: bool,
+    /// The test's period `4L/a`, s, about: a guess of the unit of time goes by it.
+    pub period_s: Option<f64>,
+}
+
+impl SourceOptions {
+    /// Nothing is given that a plain time series does not need.
+    pub(crate) fn is_plain(&self) -> bool {
+        self.map.is_empty() && self.ignore.is_empty() && self.scales.is_empty()
+    }
+}
+
+/// A straight line `a x + b`: sensor units of a logger's numbers.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Line {
+    /// Slope `a`.
+    pub scale: f64,
+    /// Value `b` at 0.
+    pub offset: f64,
 }
 
 /// Which time of an MCAP message counts.

@@ -3,12 +3,16 @@
 use crate::recording::Recording;
 use crate::rig::{Coupling, Rig, Sensor};
 use crate::storage::import::source::Repair;
-use crate::units::{Quantity, UNITS};
+use crate::units::Unit;
 
 /// Steady gauge pressures of a laboratory lie between a hand of water and two hundred bar, Pa.
 const PLAUSIBLE_PA: [f64; 2] = [1e3, 2e7];
 /// Two sensors of one pipe whose steady pressures differ by more than this factor are in doubt.
 const FAR_APART: f64 = 5.0;
+/// Units that are proposed: the others are near one of them.
+const USUAL: [&str; 6] = ["Pa", "kPa", "MPa", "bar", "psi", "m(H2O)"];
+/// What a laboratory's steady pressure usually is, Pa: of two sensors that disagree, the one farther from it is in doubt.
+const TYPICAL_PA: f64 = 2e5;
 /// How near two steady pressures must come for a unit to be the explanation.
 const NEAR: f64 = 1.5;
 
@@ -38,6 +42,7 @@ fn doubt(own: &(&Sensor, f64, f64), all: &[(&Sensor, f64, f64)], rig: &Rig, dens
     let others: Vec<f64> =
         all.iter().filter(|o| o.0.name != sensor.name).map(|o| o.2).filter(|p| *p > PLAUSIBLE_PA[0]).collect();
     let apart = |p: f64, q: f64| (p / q).max(q / p);
+    let is_the_stranger = |o: f64| others.len() > 1 || apart(pa, TYPICAL_PA) >= apart(o, TYPICAL_PA);
     let strange = match sensor.range {
         Some([low, high]) if level < low || level > high => {
             Some(format!("is outside of its range, {low} to {high} {}", sensor.unit))
@@ -46,7 +51,7 @@ fn doubt(own: &(&Sensor, f64, f64), all: &[(&Sensor, f64, f64)], rig: &Rig, dens
             Some("is more than a laboratory pipe withstands".to_string())
         }
         _ if pa <= 0.0 => None,
-        _ if !others.is_empty() && others.iter().all(|&o| apart(pa, o) > FAR_APART) => {
+        _ if !others.is_empty() && others.iter().all(|&o| apart(pa, o) > FAR_APART && is_the_stranger(o)) => {
             Some("is far from that of the other sensors".to_string())
         }
         _ if others.is_empty() && pa < PLAUSIBLE_PA[0] && sensor.range.is_none() => {
@@ -60,7 +65,7 @@ fn doubt(own: &(&Sensor, f64, f64), all: &[(&Sensor, f64, f64)], rig: &Rig, dens
         (true, Some([low, high])) => (low..=high).contains(&sensor.unit.from_si(value_pa, density)),
         (true, None) => (5e3..=2e6).contains(&value_pa),
     };
-    let candidates = UNITS.iter().filter(|u| u.quantity == Quantity::Pressure && u.symbol != sensor.unit.symbol);
+    let candidates = USUAL.iter().filter_map(|u| u.parse::<Unit>().ok()).filter(|u| *u != sensor.unit);
     let meant: Vec<&str> = candidates.filter(|u| fits(u.to_si(level, density))).map(|u| u.symbol).collect();
     let hint = match meant[..] {
         [] => "check the sensor's unit, zero and scale".to_string(),

@@ -2,6 +2,7 @@
 
 mod align;
 mod csv;
+mod foreign;
 mod mcap;
 mod tdms;
 

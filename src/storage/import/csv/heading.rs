@@ -36,6 +36,7 @@ pub fn time_unit(text: &str) -> Option<f64> {
         "ns" | "nanoseconds" => Some(1e-9),
         "min" | "minutes" => Some(60.0),
         "h" | "hours" => Some(3600.0),
+        "d" | "day" | "days" => Some(86_400.0),
         _ => None,
     }
 }

@@ -18,6 +18,9 @@ pub(crate) mod stamp;
 pub(crate) mod table;
 pub(crate) mod text;
 pub(crate) mod timeless;
+pub(crate) mod understand;
+
+use std::borrow::Cow;
 
 use crate::recording::{CsvFormat, Series};
 use crate::rig::{Rig, SensorKind};
@@ -34,7 +37,9 @@ use crate::storage::import::csv::row::{Row, is_line, is_row, separator};
 use crate::storage::import::csv::table::Table;
 use crate::storage::import::csv::text::{check_lines, decode, text_of};
 use crate::storage::import::csv::timeless::Timeless;
+use crate::storage::import::csv::understand::understand;
 use crate::storage::import::source::{Repair, SourceFile, SourceOptions, Track};
+use crate::units::{Quantity, Unit};
 
 /// A plain time series on the sensors of a rig.
 pub(crate) struct PlainSeries<'t> {
@@ -83,13 +88,23 @@ pub(crate) fn read(bytes: &[u8], options: &SourceOptions) -> Result<SourceFile, 
     check_lines(bytes)?;
     let mut repairs = Vec::new();
     let text = decode(bytes, &mut repairs)?;
+    let anew = if options.guess { understand(&text, options, &mut repairs)? } else { None };
+    // What the table is written like anew is no news.
+    let (understood, is_anew) = (repairs.len(), anew.is_some());
+    let text = anew.map_or(text, Cow::Owned);
     let reader = Reader::repairing(&text, repairs)?;
     let whole_text = reader.text;
     let Read { mut table, header, units, mut repairs, clock, timeless, .. } = reader.rows(options)?;
+    let mut later = repairs.split_off(understood);
+    later.retain(|r| !is_anew || !["separator", "time-unit", "time-column"].contains(&r.what));
+    repairs.extend(later);
     let mut holes = put_in_order(&mut table, &mut repairs, clock.is_local())?;
     timeless.add_gaps(&table.time_s, &mut holes);
     let first = clock.columns();
-    let tracks = tracks(table, &holes, &header[first..], units.as_deref().map(|u| &u[first.min(u.len())..]));
+    let mut tracks = tracks(table, &holes, &header[first..], units.as_deref().map(|u| &u[first.min(u.len())..]));
+    if options.guess {
+        tracks.iter_mut().filter(|t| t.unit.is_none()).for_each(take_unit_suffix);
+    }
     let start = clock.start().or_else(|| {
         let (start, remark) = start_in_comments(whole_text, options)?;
         repairs.push(remark);
@@ -274,6 +289,14 @@ impl<'t> Reader<'t> {
             let at = if matches!(p, CsvProblem::NotANumber { .. }) { timed_at } else { self.header_at };
             (Some(at), Box::new(p))
         })
+    }
+}
+
+/// `P1_kPa` is `P1` in kPa.
+fn take_unit_suffix(track: &mut Track) {
+    let Some((name, unit)) = track.name.rsplit_once(['_', ' ']) else { return };
+    if unit.parse::<Unit>().is_ok_and(|u| u.quantity != Quantity::Ratio) && !name.is_empty() {
+        (track.short, track.unit) = (name.to_owned(), Some(unit.to_owned()));
     }
 }
 

@@ -100,11 +100,14 @@ fn sort(table: &mut Table) {
 /// Makes one line of those of one time: what they agree in stays, of what they differ in the mean is taken.
 fn join_repeats(table: &mut Table, repairs: &mut Vec<Repair>) -> Result<(), CsvFault> {
     let rows = table.time_s.len();
-    let repeats = table.time_s.windows(2).filter(|w| w[0] == w[1]).count();
-    if repeats == 0 {
+    let repeated = |i: &usize| table.time_s[*i] == table.time_s[i + 1];
+    if !(0..rows.saturating_sub(1)).any(|i| repeated(&i)) {
         return Ok(());
     }
-    let first = table.time_s.windows(2).position(|w| w[0] == w[1]).unwrap_or(0);
+    // Lines that repeat all of the line above say nothing of how finely the times are written.
+    let differs = |i: &usize| table.columns.iter().any(|c| c[*i].to_bits() != c[i + 1].to_bits());
+    let contradicting = || (0..rows - 1).filter(repeated).filter(differs);
+    let (first, repeats) = (contradicting().next().unwrap_or(0), contradicting().count());
     if repeats > 2 && repeats as f64 > MOST_REPEATED * rows as f64 {
         return Err((Some(table.line[first + 1]), Box::new(CsvProblem::TimesTooCoarse { repeats, rows })));
     }
@@ -151,7 +154,7 @@ fn join_repeats(table: &mut Table, repairs: &mut Vec<Repair>) -> Result<(), CsvF
     }
     if differing > 0 {
         let text = format!(
-            "{} more than once with different values: the mean was taken; they differ by up to {most}",
+            "{} more than once with different values: the mean was taken; they differ by up to {most:.4}",
             counted(differing, "time occurs", "times occur")
         );
         repairs.push(Repair::new("contradicting-times", differing, differing_line, text));

@@ -22,6 +22,11 @@ impl<'t> Row<'t> {
         self.cells.extend(record.iter().map(|cell| Cow::Owned(cell.trim().to_string())));
     }
 
+    /// The cells themselves.
+    pub(crate) fn into_cells(self) -> Vec<Cow<'t, str>> {
+        self.cells
+    }
+
     /// Number of cells.
     pub(crate) fn len(&self) -> usize {
         self.cells.len()

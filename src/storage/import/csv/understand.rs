@@ -1,0 +1,385 @@
+//! A table however a logger wrote it becomes one that the parser reads: lines before the headings, no headings, columns separated by blanks,
+//! times in any column, in days or in no stated unit, counted samples. What is not written in the file is guessed, and reported as a guess.
+
+use std::borrow::Cow;
+
+use crate::storage::error::{CsvFault, CsvProblem};
+use crate::storage::import::csv::heading::{header_unit, heading_unit, time_unit};
+use crate::storage::import::csv::row::Row;
+use crate::storage::import::csv::stamp::{Order, Stamp, is_ambiguous};
+use crate::storage::import::kinds::NAMELESS;
+use crate::storage::import::source::{Repair, SourceOptions};
+
+/// Lines from which the separator and the time column are judged.
+const JUDGED: usize = 2000;
+/// Steps of an even column differ from their median by less than this share of it, in nineteen of twenty.
+const EVEN: f64 = 0.1;
+/// A logger of water hammer takes so many samples a second, and runs for so many seconds.
+const RATES_HZ: [f64; 2] = [50.0, 2e5];
+const LASTS_S: [f64; 2] = [0.05, 7200.0];
+/// Samples of a period `4L/a` at least.
+const LEAST_A_PERIOD: f64 = 20.0;
+/// Units that a time without one may have, the likeliest first: name and seconds.
+const UNITS: [(&str, f64); 6] = [("s", 1.0), ("ms", 1e-3), ("d", 86_400.0), ("us", 1e-6), ("min", 60.0), ("ns", 1e-9)];
+/// Names of times, and of counted samples, in lower case.
+const TIMES: [&str; 13] = [
+    "time",
+    "t",
+    "times",
+    "zeit",
+    "temps",
+    "tempo",
+    "tiempo",
+    "elapsed time",
+    "relative time",
+    "timestamp",
+    "date/time",
+    "x_value",
+    "seconds",
+];
+const COUNTERS: [&str; 11] =
+    ["sample", "samples", "index", "n", "no", "nr", "i", "scan", "count", "counter", "sample number"];
+
+/// The text anew, with the headings first and the times in the first column; none where it is so already, or where no table is found.
+///
+/// # Errors
+/// No column holds times.
+pub(crate) fn understand(
+    text: &str,
+    options: &SourceOptions,
+    repairs: &mut Vec<Repair>,
+) -> Result<Option<String>, CsvFault> {
+    let lines: Vec<&str> = text.lines().collect();
+    let Some(table) = Table::find(&lines) else { return Ok(None) };
+    let time = table.time(options).ok_or_else(|| table.without_time())?;
+    let first_row = lines.iter().position(|l| crate::storage::import::csv::row::is_row(l));
+    let is_plain = time.column == 0 && time.change == Change::None && table.header_at == first_row;
+    if is_plain && table.separator != ' ' && table.units.is_none() {
+        return Ok(None);
+    }
+    repairs.extend(table.repairs(first_row));
+    repairs.extend(time.repairs(&table));
+    Ok(Some(table.written(&lines, &time)))
+}
+
+/// Where a table stands among the lines of a file.
+struct Table<'t> {
+    /// A blank stands for any number of them.
+    separator: char,
+    /// The line of headings, from 0.
+    header_at: Option<usize>,
+    headings: Vec<String>,
+    /// The line of units under it, and what it holds.
+    units: Option<usize>,
+    /// The first line of numbers, from 0.
+    first: usize,
+    /// The first rows.
+    rows: Vec<Vec<Cow<'t, str>>>,
+}
+
+/// The column of times.
+struct Time {
+    column: usize,
+    heading: String,
+    change: Change,
+}
+
+/// What becomes of the times.
+#[derive(Clone, Copy, PartialEq)]
+enum Change {
+    None,
+    /// They are in this unit, which nothing states.
+    Unit(&'static str),
+    /// Days become seconds since the first, in days.
+    Days(f64),
+    /// Counted samples become seconds at this rate, Hz.
+    Counter(f64),
+}
+
+impl<'t> Table<'t> {
+    fn find(lines: &[&'t str]) -> Option<Table<'t>> {
+        let judged = |separator: char| {
+            let from = lines.len().saturating_sub(JUDGED + 1);
+            let rows: Vec<usize> = lines[from..]
+                .iter()
+                .filter(|l| !is_blank(l) && !l.starts_with('#'))
+                .map(|l| cells(l, separator))
+                .map(|cells| if cells.len() > 1 && is_numbers(&cells) { cells.len() } else { 0 })
+                .collect();
+            let good = rows.iter().filter(|&&n| n > 1).count();
+            (good > 1 && 10 * good > 9 * rows.len().saturating_sub(2)).then_some(good)
+        };
+        let separator = [';', '\t', ',', ' '].into_iter().find(|&s| judged(s).is_some())?;
+        let of = |line: &'t str| cells(line, separator);
+        let is_data = |line: &&'t str| {
+            let cells = of(line);
+            !line.starts_with('#') && cells.len() > 1 && is_numbers(&cells)
+        };
+        let first = lines.windows(2).position(|w| is_data(&w[0]) && is_data(&w[1]))?;
+        let columns = of(lines[first]).len();
+        let rows: Vec<Vec<Cow<str>>> =
+            lines[first..].iter().take(JUDGED).filter(|l| is_data(l)).map(|l| of(l)).collect();
+        // Headings may stand in a comment, as numpy writes them.
+        let headings = |at: usize| {
+            let line = lines[at].trim_start_matches(['#', '%']).trim_start_matches(|c| c == ' ' && separator != ' ');
+            let found = joined_units(cells(line, separator));
+            let words = found.iter().any(|c| !c.is_empty()) && found.iter().all(|c| c.is_empty() || !is_number(c));
+            (found.len() == columns && words).then_some(found)
+        };
+        let above = (0..first).rev().find(|&at| !is_blank(lines[at]));
+        let (mut header_at, mut units) = (above.filter(|&at| headings(at).is_some()), None);
+        let mut names = header_at.and_then(headings);
+        if let Some(at) = header_at
+            && at > 0
+            && let (Some(upper), Some(lower)) = (headings(at - 1), &names)
+            && lower.iter().all(|c| c.chars().count() <= 8)
+        {
+            let bare = |c: &String| c.trim_matches(|c| matches!(c, '(' | ')' | '[' | ']')).to_owned();
+            let with_unit = |(name, unit): (&String, &String)| match bare(unit).as_str() {
+                "" | "-" => name.clone(),
+                unit => format!("{name} ({unit})"),
+            };
+            names = Some(upper.iter().zip(lower).map(with_unit).collect());
+            (header_at, units) = (Some(at - 1), Some(at));
+        }
+        let headings = names.unwrap_or_else(|| (1..=columns).map(|i| format!("{NAMELESS}{i}")).collect());
+        Some(Table { separator, header_at, headings, units, first, rows })
+    }
+
+    /// The column of times; none where nothing looks like one.
+    fn time(&self, options: &SourceOptions) -> Option<Time> {
+        let name =
+            |i: usize| header_unit(&self.headings[i]).map_or(self.headings[i].clone(), |(name, _)| name).to_lowercase();
+        let all = 0..self.headings.len();
+        let as_is = |column: usize| Time { column, heading: self.headings[column].clone(), change: Change::None };
+        let is_time = |i: &usize| TIMES.contains(&name(*i).as_str());
+        let values = |i: usize| self.numbers(i);
+        // Date-times and stated units need no guess, but days and counted samples become seconds.
+        if let Some(column) = all.clone().find(|&i| heading_unit(&self.headings[i]).is_some()) {
+            let days = header_unit(&self.headings[column]).is_some_and(|(_, unit)| time_unit(&unit) == Some(86_400.0));
+            let change = if days { Change::Days(*values(column)?.first()?) } else { Change::None };
+            return Some(Time { change, ..as_is(column) });
+        }
+        let is_stamp =
+            |&i: &usize| self.rows.first().and_then(|r| r.get(i)).is_some_and(|c| c.contains(':') && stamped(c));
+        if let Some(column) = all.clone().find(is_stamp) {
+            // A date before a time of day stays beside it.
+            let dated = |i: usize| self.rows[0].get(i).is_some_and(|c| stamped(c));
+            return Some(as_is(if column > 0 && dated(column - 1) && !is_number(&self.rows[0][column - 1]) {
+                column - 1
+            } else {
+                column
+            }));
+        }
+        if let Some(rate_hz) = options.rate_hz {
+            let is_counter = |i: &usize| {
+                COUNTERS.contains(&name(*i).as_str())
+                    || values(*i).is_some_and(|v| v.windows(2).all(|w| w[1] - w[0] == 1.0))
+            };
+            let column = all.clone().find(is_counter)?;
+            return Some(Time { change: Change::Counter(rate_hz), ..as_is(column) });
+        }
+        let even = |i: &usize| values(*i).is_some_and(|v| is_even(&v));
+        let column = all.clone().filter(is_time).find(even).or_else(|| all.clone().find(is_time));
+        let column = column.or_else(|| all.clone().find(|i| even(i) && !COUNTERS.contains(&name(*i).as_str())))?;
+        let values = values(column)?;
+        let unit = match options.time_unit_s {
+            Some(unit_s) => UNITS.iter().find(|(_, s)| *s == unit_s)?.0,
+            None => likeliest(&values, options.period_s)?,
+        };
+        let change = if unit == "d" { Change::Days(*values.first()?) } else { Change::Unit(unit) };
+        Some(Time { change, ..as_is(column) })
+    }
+
+    fn without_time(&self) -> CsvFault {
+        let counter = self.headings.iter().find(|h| COUNTERS.contains(&h.to_lowercase().as_str()));
+        let named = match counter {
+            Some(name) => format!("; '{name}' counts samples"),
+            None => String::new(),
+        };
+        (self.header_at.map(|at| at + 1), Box::new(CsvProblem::NoTimes { named, columns: self.headings.join(", ") }))
+    }
+
+    fn numbers(&self, column: usize) -> Option<Vec<f64>> {
+        self.rows.iter().map(|row| number(row.get(column)?)).collect()
+    }
+
+    fn repairs(&self, first_row: Option<usize>) -> Vec<Repair> {
+        let mut repairs = Vec::new();
+        let named = [(' ', "blanks"), (';', "semicolons"), ('\t', "tabs")];
+        if let Some((_, name)) = named.iter().find(|(separator, _)| *separator == self.separator) {
+            repairs.push(Repair::new("separator", 1, None, format!("columns are separated by {name}")));
+        }
+        match self.header_at {
+            None => repairs.push(Repair::guess(
+                "headings",
+                "no line names the columns: they are numbered (name them with option `map`)".into(),
+            )),
+            Some(at) if first_row.is_some_and(|row| row < at) => {
+                let text = format!("the headings stand in line {}; the lines above are kept as a note", at + 1);
+                repairs.push(Repair::new("preamble", at, Some(at + 1), text));
+            }
+            _ => {}
+        }
+        repairs
+    }
+
+    /// The table anew, line by line: what stands above the headings becomes comments.
+    fn written(&self, lines: &[&str], time: &Time) -> String {
+        let mut out = String::new();
+        let row = |cells: &[Cow<str>], first: Option<String>| {
+            let first = first.unwrap_or_else(|| cells.get(time.column).map_or(String::new(), |c| c.to_string()));
+            let rest =
+                cells.iter().enumerate().filter(|(i, _)| *i != time.column).map(|(_, c)| c.replace(['\t', '"'], " "));
+            std::iter::once(first).chain(rest).collect::<Vec<_>>().join("\t")
+        };
+        let headings: Vec<Cow<str>> = self.headings.iter().map(|h| Cow::Borrowed(h.as_str())).collect();
+        let headed = row(&headings, Some(time.written_heading()));
+        if self.header_at.is_none() {
+            out += &headed;
+            out.push('\n');
+        }
+        for (at, line) in lines.iter().enumerate() {
+            if Some(at) == self.header_at {
+                out += &headed;
+            } else if at < self.first {
+                let keep = if line.starts_with('#') || is_blank(line) || Some(at) == self.units { "" } else { "# " };
+                if Some(at) != self.units {
+                    out += keep;
+                    out += line;
+                }
+            } else if line.starts_with('#') || is_blank(line) {
+                out += line;
+            } else {
+                let cells = cells(line, self.separator);
+                let changed = cells.get(time.column).and_then(|c| time.changed(c));
+                out += &row(&cells, changed);
+            }
+            out.push('\n');
+        }
+        out
+    }
+}
+
+impl Time {
+    fn written_heading(&self) -> String {
+        let name = header_unit(&self.heading).map_or(self.heading.clone(), |(name, _)| name);
+        let unit = match self.change {
+            Change::None => return self.heading.clone(),
+            Change::Unit(unit) => unit,
+            Change::Days(_) | Change::Counter(_) => "s",
+        };
+        // A name that the parser takes for a time.
+        let name = if TIMES[..7].contains(&name.to_lowercase().as_str()) { name } else { "time".into() };
+        format!("{name} ({unit})")
+    }
+
+    /// The time in seconds of a cell in days, or of a counted sample.
+    fn changed(&self, cell: &str) -> Option<String> {
+        let value = number(cell)?;
+        match self.change {
+            Change::Days(first) => Some(format!("{:.9}", (value - first) * 86_400.0)),
+            Change::Counter(rate_hz) => Some(format!("{}", value / rate_hz)),
+            Change::None | Change::Unit(_) => None,
+        }
+    }
+
+    fn repairs(&self, table: &Table) -> Vec<Repair> {
+        let named = format!("'{}'", self.heading);
+        let mut repairs = Vec::new();
+        let stated = table.header_at.is_some() && heading_unit(&self.heading).is_some();
+        match self.change {
+            Change::None => {}
+            Change::Unit(unit) => {
+                repairs.push(Repair::guess("time-unit", format!("the times are in {named}, in {unit}")))
+            }
+            Change::Days(_) => {
+                let text = format!("the times are in {named}, in days; time 0 is the first");
+                repairs.push(Repair { guessed: !stated, ..Repair::new("time-unit", 1, None, text) });
+            }
+            Change::Counter(hz) => {
+                let text = format!("{named} counts samples, {hz} a second");
+                repairs.push(Repair::new("time-counter", 1, None, text));
+            }
+        }
+        if self.column > 0 && repairs.is_empty() {
+            repairs.push(Repair::new("time-column", 1, None, format!("the times are in {named}")));
+        }
+        repairs
+    }
+}
+
+/// The unit in which times are those of a water-hammer test; none where they are in no unit.
+fn likeliest(values: &[f64], period_s: Option<f64>) -> Option<&'static str> {
+    let (first, last) = (*values.first()?, *values.last()?);
+    let step = (last - first) / (values.len() - 1) as f64;
+    let fits = |unit_s: f64| {
+        let (rate_hz, lasts_s) = (1.0 / (step * unit_s), (last - first) * unit_s);
+        let usual = (RATES_HZ[0]..=RATES_HZ[1]).contains(&rate_hz) && (LASTS_S[0]..=LASTS_S[1]).contains(&lasts_s);
+        usual && period_s.is_none_or(|p| rate_hz * p > LEAST_A_PERIOD)
+    };
+    UNITS.iter().find(|(_, unit_s)| fits(*unit_s)).map(|(name, _)| *name)
+}
+
+fn is_even(values: &[f64]) -> bool {
+    let mut steps: Vec<f64> = values.windows(2).map(|w| w[1] - w[0]).collect();
+    if steps.len() < 2 || steps.iter().any(|s| *s < 0.0) {
+        return false;
+    }
+    let middle = steps.len() / 2;
+    let median = *steps.select_nth_unstable_by(middle, f64::total_cmp).1;
+    let even = steps.iter().filter(|s| (**s - median).abs() <= EVEN * median).count();
+    median > 0.0 && 20 * even >= 19 * steps.len()
+}
+
+fn cells(line: &str, separator: char) -> Vec<Cow<'_, str>> {
+    if separator == ' ' {
+        return line.split_whitespace().map(Cow::Borrowed).collect();
+    }
+    let mut row = Row::default();
+    row.read(line, separator);
+    let mut cells = row.into_cells();
+    while cells.len() > 1 && cells.last().is_some_and(|c| c.is_empty()) {
+        cells.pop();
+    }
+    cells
+}
+
+/// `Time`, `(s)` is one heading where blanks separate the columns.
+fn joined_units(cells: Vec<Cow<'_, str>>) -> Vec<String> {
+    let mut joined: Vec<String> = Vec::new();
+    for cell in cells {
+        match joined.last_mut() {
+            Some(last) if cell.starts_with(['(', '[']) && !last.is_empty() && !last.ends_with([')', ']']) => {
+                last.push(' ');
+                last.push_str(&cell);
+            }
+            _ => joined.push(cell.into_owned()),
+        }
+    }
+    joined
+}
+
+fn is_blank(line: &str) -> bool {
+    line.chars().all(|c| c.is_whitespace() || matches!(c, ',' | ';'))
+}
+
+/// Numbers, date-times and empty cells, and at least one number.
+fn is_numbers(cells: &[Cow<str>]) -> bool {
+    cells.iter().any(|c| is_number(c)) && cells.iter().all(|c| c.is_empty() || is_number(c) || stamped(c))
+}
+
+fn is_number(cell: &str) -> bool {
+    number(cell).is_some()
+}
+
+/// A number with a decimal point or comma.
+fn number(cell: &str) -> Option<f64> {
+    let starts = cell.starts_with(|c: char| c.is_ascii_digit() || matches!(c, '-' | '+' | '.' | ','));
+    starts.then(|| cell.replace(',', ".").parse().ok()).flatten().filter(|v: &f64| v.is_finite())
+}
+
+fn stamped(cell: &str) -> bool {
+    cell.starts_with(|c: char| c.is_ascii_digit())
+        && (Stamp::parse(cell, Order::DayFirst).is_some() || is_ambiguous(cell))
+}

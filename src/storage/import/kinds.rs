@@ -1,0 +1,93 @@
+//! What a column of a foreign file measures, by its unit and its name, and which sensor of a rig it may be.
+
+use crate::rig::{Rig, SensorKind, quantity_of, spelled_unit};
+use crate::storage::import::source::Track;
+use crate::units::{Quantity, Unit};
+
+/// Words in names, in lower case. A name that starts with the letter alone, as `P1` and `Q_2`, counts as well.
+const WORDS: [(SensorKind, &[&str], &str); 5] = [
+    (SensorKind::Pressure, &["press", "druck", "presi", "head", "transducer"], "ph"),
+    (SensorKind::Flow, &["flow", "debit", "débit", "durchfl", "caudal", "portata", "discharge"], "qf"),
+    (SensorKind::Temperature, &["temp"], "t"),
+    (SensorKind::Trigger, &["trig"], ""),
+    (SensorKind::ValvePosition, &["valve", "opening", "ventil", "position"], ""),
+];
+
+/// What file and user say of a track.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Known {
+    /// It is this sensor of the rig.
+    Sensor(usize),
+    /// It is no sensor.
+    Ignored,
+    /// Nothing.
+    Nothing,
+}
+
+/// How the names of columns without headings begin.
+pub(crate) const NAMELESS: &str = "column ";
+
+/// What a track measures and its unit, where either its unit or its name says so.
+pub(crate) fn kind_of(track: &Track) -> Option<(SensorKind, Option<Unit>)> {
+    let kinds = [SensorKind::Pressure, SensorKind::Flow, SensorKind::Temperature];
+    let by_unit = track
+        .unit
+        .as_deref()
+        .and_then(|unit| kinds.into_iter().find_map(|kind| Some((kind, spelled_unit(unit, quantity_of(kind))?))));
+    if let Some((kind, unit)) = by_unit {
+        return Some((kind, Some(unit)));
+    }
+    let name = track.short.to_lowercase();
+    let words = WORDS.iter().find(|(_, words, _)| words.iter().any(|w| name.contains(w)));
+    let lettered = |letters: &str| {
+        let mut rest = name.trim_start_matches(|c: char| letters.contains(c)).chars();
+        name.starts_with(|c: char| letters.contains(c))
+            && rest.all(|c| c.is_ascii_digit() || matches!(c, '_' | ' ' | '-'))
+    };
+    let found = words.or_else(|| WORDS.iter().find(|(.., letters)| lettered(letters)));
+    found.map(|(kind, ..)| (*kind, None))
+}
+
+/// The same kind of signal, whatever its unit.
+fn same(a: SensorKind, b: SensorKind) -> bool {
+    quantity_of(a) == quantity_of(b) && (quantity_of(a) != Quantity::Ratio || a == b)
+}
+
+/// Track and sensor for each sensor that no track is named for: by a name that differs in case and signs only, else by kind, in their order, where as
+/// many tracks of a kind are left as sensors.
+pub(crate) fn guessed(tracks: &[Track], rig: &Rig, known: impl Fn(&Track) -> Known) -> Vec<(usize, usize)> {
+    let bare = |name: &str| name.to_lowercase().replace([' ', '_', '-', '.'], "");
+    let mut found: Vec<(usize, usize)> = Vec::new();
+    let known: Vec<Known> = tracks.iter().map(known).collect();
+    let free: Vec<usize> = (0..tracks.len()).filter(|&t| known[t] == Known::Nothing).collect();
+    let open: Vec<usize> = (0..rig.sensors.len()).filter(|&s| !known.contains(&Known::Sensor(s))).collect();
+    for &sensor in &open {
+        let alike = |t: &&usize| bare(&tracks[**t].short) == bare(&rig.sensors[sensor].name);
+        found.extend(free.iter().find(alike).map(|&t| (t, sensor)));
+    }
+    for kind in WORDS.map(|(kind, ..)| kind) {
+        let is_left = |t: &&usize| found.iter().all(|(other, _)| other != *t);
+        let of_kind = |t: &&usize| kind_of(&tracks[**t]).is_some_and(|(k, _)| same(k, kind));
+        let left: Vec<usize> = free.iter().filter(is_left).filter(of_kind).copied().collect();
+        let waits = |s: &&usize| same(rig.sensors[**s].kind, kind) && found.iter().all(|(_, other)| other != *s);
+        let wait: Vec<usize> = open.iter().filter(waits).copied().collect();
+        match (&left[..], &wait[..]) {
+            (left, wait) if left.len() == wait.len() => found.extend(left.iter().copied().zip(wait.iter().copied())),
+            // The one pressure that everybody records is that at the valve.
+            ([one], [_, _, ..]) if kind == SensorKind::Pressure => {
+                let place = |s: &&usize| rig.sensors[**s].position_m;
+                found.extend(wait.iter().max_by(|a, b| place(a).total_cmp(&place(b))).map(|&sensor| (*one, sensor)));
+            }
+            _ => {}
+        }
+    }
+    // A table without headings says nothing but the order of its columns.
+    let nameless = free.iter().all(|&t| tracks[t].name.starts_with(NAMELESS));
+    if found.is_empty() && nameless {
+        let pressures: Vec<usize> =
+            open.iter().copied().filter(|&s| rig.sensors[s].kind == SensorKind::Pressure).collect();
+        let fitting = [open, pressures].into_iter().find(|sensors| sensors.len() == free.len());
+        return fitting.map_or(found, |sensors| free.into_iter().zip(sensors).collect());
+    }
+    found
+}
