@@ -41,6 +41,7 @@
 //! | [`creep`], [`temperature`] | creep tests of the wall's material; runs at several temperatures |
 //! | [`diagnose`] | where a model fails, and which effect it lacks |
 //! | [`storage`] | recordings on disk: MCAP writer, reader, recovery; import and export |
+//! | [`draft`] | what a file of a test tells of its rig |
 //! | [`record`] | live streams: wire protocols, ports, sessions |
 //! | [`simulate`] | simulated runs and devices |
 //! | [`results`] | fits and models as files, and every run of a folder in an index |
@@ -72,6 +73,7 @@
 #![warn(missing_docs)]
 
 pub mod cli;
+pub mod draft;
 pub mod record;
 pub mod replay;
 pub mod report;

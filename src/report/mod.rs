@@ -26,6 +26,7 @@ pub mod next;
 pub mod page;
 pub mod pest;
 pub mod prediction;
+pub mod rig_drawing;
 pub mod sensitivity;
 pub mod svg;
 pub mod temperature;

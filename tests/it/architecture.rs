@@ -5,7 +5,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// The rooms from the cellar up. A room may use what stands before it, with the exceptions below.
-const ROOMS: [&str; 25] = [
+const ROOMS: [&str; 26] = [
     "units",
     "shown",
     "text_file",
@@ -23,6 +23,7 @@ const ROOMS: [&str; 25] = [
     "temperature",
     "diagnose",
     "storage",
+    "draft",
     "record",
     "simulate",
     "results",

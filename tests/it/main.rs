@@ -26,6 +26,7 @@ mod recordings;
 mod replay;
 mod report_page;
 mod rig_files;
+mod rig_new;
 mod sensitivity;
 mod sensor_faults;
 mod shots;

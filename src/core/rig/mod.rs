@@ -19,6 +19,7 @@
 pub mod check;
 pub mod compare;
 pub(crate) mod device;
+pub mod draft;
 pub(crate) mod error;
 pub mod friction;
 pub mod limits;
@@ -26,6 +27,7 @@ pub(crate) mod live;
 pub mod material;
 pub(crate) mod parse;
 pub(crate) mod sensors;
+pub mod sizes;
 pub(crate) mod table;
 pub(crate) mod types;
 pub(crate) mod unique;

@@ -18,14 +18,13 @@ pub(crate) struct Trace {
 }
 
 impl Trace {
-    /// Interpolates samples (times strictly increasing, s; heads, m) to an even grid of the median interval. One
+    /// Interpolates samples (times strictly increasing, s; heads, m) to an even grid of the usual interval. One
     /// missing sample is bridged; more are a gap (declared gaps show in the times as well). `None` below eight samples.
     pub fn new(time_s: &[f64], head_m: &[f64]) -> Option<Trace> {
         if time_s.len() < 8 {
             return None;
         }
-        let mut intervals: Vec<f64> = time_s.windows(2).map(|w| w[1] - w[0]).collect();
-        let step_s = median(&mut intervals);
+        let step_s = step(time_s);
         let (start_s, end_s) = (time_s[0], time_s[time_s.len() - 1]);
         // a record that is nearly all gap would need unbounded memory
         let count = ((end_s - start_s) / step_s + 1e-6).floor();
@@ -135,6 +134,16 @@ pub(crate) fn mean(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len().max(1) as f64
 }
 
+/// The usual interval, s: the mean of those near the median. Loggers round their times; steps of the median would drift off the samples, and
+/// interpolation between two of them halves the noise.
+fn step(time_s: &[f64]) -> f64 {
+    let mut intervals: Vec<f64> = time_s.windows(2).map(|w| w[1] - w[0]).collect();
+    let usual = median(&mut intervals);
+    let near = || intervals.iter().filter(|i| (0.5 * usual..1.5 * usual).contains(*i));
+    let count = near().count();
+    if count == 0 { usual } else { near().sum::<f64>() / count as f64 }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -157,6 +166,17 @@ mod tests {
         let trace = Trace::new(&time, &time).unwrap();
         assert!(trace.intact(0..50) && (trace.head_m[25] - 0.25).abs() < 1e-12);
         assert!(Trace::new(&time[..7], &time[..7]).is_none());
+    }
+
+    /// 1700 Hz with times to 0.01 ms: 0.58 and 0.59 ms apart.
+    #[test]
+    fn rounded_times_leave_the_noise_as_it_is() {
+        let mut random = crate::signal::testing::Gauss::new(7);
+        let time: Vec<f64> = (0..8000).map(|i| (1e5 * i as f64 / 1700.0).round() / 1e5).collect();
+        let head: Vec<f64> = time.iter().map(|_| random.next()).collect();
+        let rms = |values: &[f64]| (values.iter().map(|v| v * v).sum::<f64>() / values.len() as f64).sqrt();
+        let trace = Trace::new(&time, &head).unwrap();
+        assert!((rms(&trace.head_m) / rms(&head) - 1.0).abs() < 0.02, "{}", rms(&trace.head_m) / rms(&head));
     }
 
     #[test]

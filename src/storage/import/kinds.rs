@@ -25,10 +25,10 @@ pub(crate) enum Known {
 }
 
 /// How the names of columns without headings begin.
-pub(crate) const NAMELESS: &str = "column ";
+pub const NAMELESS: &str = "column ";
 
 /// What a track measures and its unit, where either its unit or its name says so.
-pub(crate) fn kind_of(track: &Track) -> Option<(SensorKind, Option<Unit>)> {
+pub fn kind_of(track: &Track) -> Option<(SensorKind, Option<Unit>)> {
     let kinds = [SensorKind::Pressure, SensorKind::Flow, SensorKind::Temperature];
     let by_unit = track
         .unit

@@ -2,7 +2,6 @@
 
 use std::path::{Path, PathBuf};
 
-use clap::Subcommand;
 use serde_json::{Map, Value, json};
 
 use crate::cli::args::values::positive;
@@ -17,21 +16,9 @@ use crate::signal::faults::{SensorFault, sensor_faults};
 use crate::signal::window::used;
 use crate::storage as log;
 
-/// Check a rig file, alone or against a recording.
+/// Find contradictions in a rig file, or between a rig file and a recording.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    #[command(subcommand)]
-    action: Action,
-}
-
-#[derive(Debug, Subcommand)]
-enum Action {
-    /// Find contradictions in a rig file, or between a rig file and a recording.
-    Check(CheckArgs),
-}
-
-#[derive(Debug, clap::Args)]
-struct CheckArgs {
     /// The rig file (TOML).
     rig: PathBuf,
     /// A recording (MCAP) or a time series (CSV) made on it.
@@ -48,8 +35,7 @@ struct CheckArgs {
 }
 
 /// Runs the command; the answer is 'no' where there is a contradiction.
-pub fn run(args: Args, json: bool) -> CommandResult {
-    let Action::Check(args) = args.action;
+pub fn run(args: &Args, json: bool) -> CommandResult {
     let mut rig = Rig::load(&args.rig)?;
     if let Some(flow_m3_h) = args.flow {
         rig.steady.push(SteadyState {
@@ -102,7 +88,7 @@ fn document(rig: &Path, recording: Option<&Path>, worst: Level, findings: &[Find
 }
 
 /// The worst first, each with its level and its numbers; then how many there are of each.
-fn table(findings: &[Finding]) -> String {
+pub(super) fn table(findings: &[Finding]) -> String {
     let mut text = String::new();
     for level in [Level::Contradiction, Level::Warning, Level::Fine] {
         for finding in findings.iter().filter(|f| f.level == level) {

@@ -1,0 +1,294 @@
+//! `surgescope rig new`: a rig file from what a person knows of the pipe, and from the columns of a logger's file.
+
+use std::io::{IsTerminal as _, stderr, stdin};
+use std::path::{Path, PathBuf};
+
+use dialoguer::{Input, Select};
+use serde_json::json;
+
+use crate::cli::args::values::{not_negative, positive};
+use crate::cli::commands::rig::check;
+use crate::cli::console::outcome::{AnyError, CommandResult, Outcome};
+use crate::cli::console::print::{say, say_text, tell};
+use crate::draft::{place, sensors_of};
+use crate::report::rig_drawing;
+use crate::rig::draft::{Draft, DraftSensor, Told};
+use crate::rig::material::{MATERIALS, Material};
+use crate::rig::sizes::{EXAMPLES, pipe_size};
+use crate::rig::{Rig, SensorKind, check::check as contradictions};
+use crate::shown::Shown as _;
+use crate::storage::import::SourceOptions;
+use crate::storage::output;
+use crate::units::Unit;
+
+/// Write a rig file: asks what is not given, and takes the sensors from a file of the test.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// A file of a test (CSV, Excel, TDMS, MCAP): its columns become the sensors.
+    file: Option<PathBuf>,
+    /// The rig file to write; must not exist.
+    #[arg(short, long, value_name = "RIG", default_value = "rig.toml")]
+    output: PathBuf,
+    /// Name of the rig [default: that of the rig file].
+    #[arg(long, value_name = "NAME")]
+    name: Option<String>,
+    /// Material of the wall: HDPE, PVC, copper, steel, …
+    #[arg(long, value_name = "MATERIAL", value_parser = material)]
+    material: Option<&'static Material>,
+    /// Length from the supply to the valve, m.
+    #[arg(long, value_name = "M", value_parser = positive, allow_negative_numbers = true)]
+    length_m: Option<f64>,
+    /// Size of the pipe instead of diameter and wall: '63 SDR11', 22x1.5, DN50, 'NPS 2', 'copper 3/4 L'.
+    #[arg(long, value_name = "SIZE", conflicts_with_all = ["inner_diameter_mm", "wall_thickness_mm"])]
+    pipe: Option<String>,
+    /// Inner diameter, mm.
+    #[arg(long, value_name = "MM", value_parser = positive, allow_negative_numbers = true)]
+    inner_diameter_mm: Option<f64>,
+    /// Thickness of the wall, mm.
+    #[arg(long, value_name = "MM", value_parser = positive, allow_negative_numbers = true)]
+    wall_thickness_mm: Option<f64>,
+    /// Temperature of the water, °C [default: that of the file, or 20].
+    #[arg(long = "temperature-degC", value_name = "DEGC", value_parser = not_negative, allow_negative_numbers = true)]
+    temperature_degc: Option<f64>,
+    /// What feeds the pipe [default: reservoir].
+    #[arg(long, value_name = "SUPPLY", value_parser = SUPPLIES)]
+    supply: Option<String>,
+    /// Nominal closing time of the valve, s [default: as the file shows it, or 0.1].
+    #[arg(long, value_name = "S", value_parser = positive, allow_negative_numbers = true)]
+    closing_time_s: Option<f64>,
+    /// Head behind the valve, m [default: 0].
+    #[arg(long, value_name = "M", allow_negative_numbers = true)]
+    discharge_head_m: Option<f64>,
+    /// Distance of a sensor from the supply, m; without a file, a pressure sensor to add. Several may be given.
+    #[arg(long, value_name = "NAME=M", value_parser = crate::cli::args::values::setting)]
+    sensor: Vec<(String, f64)>,
+    /// Column of the file that is no sensor.
+    #[arg(long, value_name = "NAME")]
+    ignore: Vec<String>,
+    /// Unit of the pressure sensors that --sensor adds.
+    #[arg(long, value_name = "UNIT", default_value = "bar")]
+    unit: Unit,
+    /// Ask nothing: assume what is not given, and report it.
+    #[arg(short, long)]
+    yes: bool,
+}
+
+const SUPPLIES: [&str; 2] = ["reservoir", "pump"];
+
+/// Runs it.
+///
+/// # Errors
+/// What is missing and may not be asked; a file that cannot be read or written.
+pub fn run(args: Args, json: bool) -> CommandResult {
+    if args.output.exists() {
+        return Err(format!("{} exists already: name another file with -o", args.output.shown()).into());
+    }
+    let asks = !args.yes && !json && stdin().is_terminal() && stderr().is_terminal();
+    let ask = Ask { asks };
+    let mut draft = pipe(&args, &ask)?;
+    let mut left_out = Vec::new();
+    if let Some(file) = &args.file {
+        let source = SourceOptions { guess: true, ignore: args.ignore.clone(), ..SourceOptions::default() };
+        (draft.sensors, left_out) = sensors_of(file, &draft, &source)?;
+        if !draft.sensors.iter().any(|s| s.kind == SensorKind::Pressure) {
+            return Err(format!(
+                "{}: no column looks like a pressure; the columns are {}. Put units into the headings, as in 'P1 (bar)'",
+                file.shown(),
+                left_out.join(", ")
+            )
+            .into());
+        }
+        place(&mut draft, file, &source);
+    }
+    positions(&mut draft, &args, &ask)?;
+    let text = draft.text();
+    let rig = Rig::from_toml(&text, &args.output.shown())?;
+    output::write(&args.output, &text)?;
+    let findings = contradictions(&rig);
+    let assumed = draft.assumed();
+    for line in &assumed {
+        tell!("assumed: {line}");
+    }
+    if !left_out.is_empty() {
+        tell!("no sensors: {}", left_out.join(", "));
+    }
+    if json {
+        let document = json!({ "rig": args.output, "assumed": assumed, "left_out": left_out,
+            "sensors": rig.sensors.iter().map(|s| json!({ "name": s.name, "position_m": s.position_m, "unit": s.unit.symbol }))
+                .collect::<Vec<_>>() });
+        say!("{document:#}");
+    } else {
+        say_text!(format!("{}\n{}", check::table(&findings), rig_drawing::text(&rig)));
+        say!("{}: a rig with {}", args.output.shown(), sensors_in_words(&rig));
+        tell!("next: {}", next(&args, &rig));
+    }
+    Ok(Outcome::Done)
+}
+
+/// What to do next, as a command.
+fn next(args: &Args, _rig: &Rig) -> String {
+    let rig = args.output.shown();
+    match &args.file {
+        Some(file) => format!("surgescope import {} --rig {rig} -o {}.mcap", file.shown(), stem(file)),
+        None => format!("surgescope simulate --rig {rig} -o run.mcap"),
+    }
+}
+
+fn stem(path: &Path) -> String {
+    path.file_stem().unwrap_or_default().to_string_lossy().into_owned()
+}
+
+fn sensors_in_words(rig: &Rig) -> String {
+    rig.sensors.iter().map(|s| s.name.as_str()).collect::<Vec<_>>().join(", ")
+}
+
+/// Pipe, ends and water, without sensors.
+fn pipe(args: &Args, ask: &Ask) -> Result<Draft, AnyError> {
+    let material = match args.material {
+        Some(material) => Told::given(material.name.to_owned()),
+        None => ask.material()?,
+    };
+    let length_m = ask.number("length from the supply to the valve, m", "--length-m", args.length_m)?;
+    let (inner_diameter_mm, wall_thickness_mm) = match (args.inner_diameter_mm, args.wall_thickness_mm) {
+        (Some(inner), Some(wall)) => (inner, wall),
+        (inner, wall) => {
+            let size = match (&args.pipe, inner.is_some() || wall.is_some()) {
+                (Some(size), _) => Some(size.clone()),
+                (None, true) => None,
+                (None, false) => ask.text(&format!("size of the pipe: {EXAMPLES}; empty for diameter and wall"))?,
+            };
+            match size.filter(|text| !text.trim().is_empty()) {
+                Some(text) => {
+                    let size = pipe_size(&text)?;
+                    (1e3 * size.inner_diameter_m, 1e3 * size.wall_thickness_m)
+                }
+                None => (
+                    ask.number("inner diameter, mm", "--inner-diameter-mm (or --pipe)", inner)?,
+                    ask.number("thickness of the wall, mm", "--wall-thickness-mm (or --pipe)", wall)?,
+                ),
+            }
+        }
+    };
+    let stem = stem(&args.output);
+    Ok(Draft {
+        name: args.name.clone().unwrap_or(stem),
+        temperature_degc: ask.or("temperature of the water, °C", args.temperature_degc, 20.0)?,
+        material,
+        length_m: Told::given(length_m),
+        inner_diameter_mm: Told::given(inner_diameter_mm),
+        wall_thickness_mm: Told::given(wall_thickness_mm),
+        supply: match &args.supply {
+            Some(supply) => Told::given(supply.clone()),
+            None => ask.supply()?,
+        },
+        closing_time_s: ask.or("closing time of the valve, s", args.closing_time_s, 0.1)?,
+        discharge_head_m: Told { value: args.discharge_head_m.unwrap_or(0.0), why: String::new() },
+        sensors: Vec::new(),
+    })
+}
+
+/// The places that the user gives, and those that he confirms.
+fn positions(draft: &mut Draft, args: &Args, ask: &Ask) -> Result<(), AnyError> {
+    for (name, place_m) in &args.sensor {
+        match draft.sensors.iter_mut().find(|s| s.name == *name) {
+            Some(sensor) => sensor.position_m = Told::given(*place_m),
+            None if args.file.is_none() => draft.sensors.push(DraftSensor {
+                name: name.clone(),
+                kind: SensorKind::Pressure,
+                unit: Told::given(args.unit),
+                position_m: Told::given(*place_m),
+            }),
+            None => {
+                let known: Vec<&str> = draft.sensors.iter().map(|s| s.name.as_str()).collect();
+                return Err(format!("--sensor {name}: the file has no such column; it has {}", known.join(", ")).into());
+            }
+        }
+    }
+    if draft.sensors.is_empty() {
+        let (at, why) = (draft.length_m.value, "no file and no --sensor: one pressure sensor at the valve");
+        let position_m = Told::assumed(at, why);
+        draft.sensors.push(DraftSensor {
+            name: "P1".into(),
+            kind: SensorKind::Pressure,
+            unit: Told::given(args.unit),
+            position_m,
+        });
+    }
+    for sensor in draft.sensors.iter_mut().filter(|s| s.kind == SensorKind::Pressure && !s.position_m.why.is_empty()) {
+        let question = format!("{}: distance from the supply, m ({})", sensor.name, sensor.position_m.why);
+        if let Some(place_m) = ask.confirmed(&question, sensor.position_m.value)? {
+            sensor.position_m = Told::given(place_m);
+        }
+    }
+    Ok(())
+}
+
+/// Questions on the terminal, where there is one and nobody forbade them.
+struct Ask {
+    asks: bool,
+}
+
+impl Ask {
+    /// A number that has no default.
+    fn number(&self, question: &str, option: &str, given: Option<f64>) -> Result<f64, AnyError> {
+        match given {
+            Some(value) => Ok(value),
+            None if self.asks => loop {
+                let value: f64 = Input::new().with_prompt(question).interact_text()?;
+                if value > 0.0 && value.is_finite() {
+                    return Ok(value);
+                }
+                tell!("it must be above 0");
+            },
+            None => Err(format!("{question}: give it with {option}").into()),
+        }
+    }
+
+    /// A number with a default.
+    fn or(&self, question: &str, given: Option<f64>, usual: f64) -> Result<Told<f64>, AnyError> {
+        match given {
+            Some(value) => Ok(Told::given(value)),
+            None => Ok(match self.confirmed(question, usual)? {
+                Some(value) => Told::given(value),
+                None => Told::assumed(usual, "not given"),
+            }),
+        }
+    }
+
+    /// The default or another number; none where nothing may be asked.
+    fn confirmed(&self, question: &str, usual: f64) -> Result<Option<f64>, AnyError> {
+        if !self.asks {
+            return Ok(None);
+        }
+        Ok(Some(Input::new().with_prompt(question).default(usual).interact_text()?))
+    }
+
+    fn text(&self, question: &str) -> Result<Option<String>, AnyError> {
+        if !self.asks {
+            return Ok(None);
+        }
+        Ok(Some(Input::new().with_prompt(question).allow_empty(true).interact_text()?))
+    }
+
+    fn material(&self) -> Result<Told<String>, AnyError> {
+        let names: Vec<&str> = MATERIALS.iter().map(|m| m.name).collect();
+        if !self.asks {
+            return Err(format!("material of the wall: give it with --material; known are {}", names.join(", ")).into());
+        }
+        let chosen = Select::new().with_prompt("material of the wall").items(&names).default(0).interact()?;
+        Ok(Told::given(names[chosen].to_owned()))
+    }
+
+    fn supply(&self) -> Result<Told<String>, AnyError> {
+        if !self.asks {
+            return Ok(Told::assumed(SUPPLIES[0].to_owned(), "not given"));
+        }
+        let chosen = Select::new().with_prompt("what feeds the pipe").items(SUPPLIES).default(0).interact()?;
+        Ok(Told::given(SUPPLIES[chosen].to_owned()))
+    }
+}
+
+fn material(text: &str) -> Result<&'static Material, String> {
+    let known = || MATERIALS.iter().map(|m| m.name).collect::<Vec<_>>().join(", ");
+    Material::by_name(text).ok_or_else(|| format!("known are {}", known()))
+}

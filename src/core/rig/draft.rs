@@ -1,0 +1,157 @@
+//! A rig file to begin with: what is known, what was assumed, and what to look at again, as commented TOML.
+
+use crate::rig::SensorKind;
+use crate::units::Unit;
+
+/// What a rig file needs.
+#[derive(Debug, Clone)]
+pub struct Draft {
+    /// The rig's name.
+    pub name: String,
+    /// Water temperature, °C.
+    pub temperature_degc: Told<f64>,
+    /// Name of the wall's material.
+    pub material: Told<String>,
+    /// Length, m.
+    pub length_m: Told<f64>,
+    /// Inner diameter, mm.
+    pub inner_diameter_mm: Told<f64>,
+    /// Wall thickness, mm.
+    pub wall_thickness_mm: Told<f64>,
+    /// What feeds the pipe: `reservoir`, `pump` or `measured`.
+    pub supply: Told<String>,
+    /// Closing time of the valve, s.
+    pub closing_time_s: Told<f64>,
+    /// Head behind the valve, m.
+    pub discharge_head_m: Told<f64>,
+    /// Its sensors.
+    pub sensors: Vec<DraftSensor>,
+}
+
+/// A value, and where it comes from unless it was given.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Told<T> {
+    /// The value.
+    pub value: T,
+    /// Why it is this one; empty where it was given.
+    pub why: String,
+}
+
+impl<T> Told<T> {
+    /// A value that the user gave.
+    pub fn given(value: T) -> Told<T> {
+        Told { value, why: String::new() }
+    }
+
+    /// A value that nobody gave.
+    pub fn assumed(value: T, why: impl Into<String>) -> Told<T> {
+        Told { value, why: why.into() }
+    }
+}
+
+/// A sensor to be.
+#[derive(Debug, Clone)]
+pub struct DraftSensor {
+    /// Its name: the heading of its column.
+    pub name: String,
+    /// What it measures.
+    pub kind: SensorKind,
+    /// Unit of its samples.
+    pub unit: Told<Unit>,
+    /// Distance from the supply, m.
+    pub position_m: Told<f64>,
+}
+
+impl Draft {
+    /// What nobody gave, a line each.
+    pub fn assumed(&self) -> Vec<String> {
+        let numbers = [
+            ("temperature_degC", &self.temperature_degc),
+            ("length_m", &self.length_m),
+            ("inner_diameter_mm", &self.inner_diameter_mm),
+            ("wall_thickness_mm", &self.wall_thickness_mm),
+            ("closing_time_s", &self.closing_time_s),
+            ("discharge_head_m", &self.discharge_head_m),
+        ];
+        let numbers = numbers.into_iter().filter(|(_, t)| !t.why.is_empty());
+        let mut lines: Vec<String> =
+            numbers.map(|(key, t)| format!("{key} = {}: {}", number(t.value), t.why)).collect();
+        let words = [("material", &self.material), ("supply", &self.supply)];
+        lines.extend(
+            words.iter().filter(|(_, t)| !t.why.is_empty()).map(|(key, t)| format!("{key} = {}: {}", t.value, t.why)),
+        );
+        for s in &self.sensors {
+            let unit = (!s.unit.why.is_empty()).then(|| format!("{} in {}: {}", s.name, s.unit.value, s.unit.why));
+            let place = (!s.position_m.why.is_empty())
+                .then(|| format!("{} at {} m: {}", s.name, number(s.position_m.value), s.position_m.why));
+            lines.extend(unit.into_iter().chain(place));
+        }
+        lines
+    }
+
+    /// The rig file, each value that was assumed with its reason.
+    pub fn text(&self) -> String {
+        let line = |key: &str, value: String, why: &str, about: &str| {
+            let remark = if why.is_empty() { about.to_owned() } else { format!("assumed: {why}") };
+            let set = format!("{key} = {value}");
+            if remark.is_empty() { set + "\n" } else { format!("{set:<34} # {remark}\n") }
+        };
+        let num = |key: &str, told: &Told<f64>, about: &str| line(key, number(told.value), &told.why, about);
+        let word = |key: &str, told: &Told<String>, about: &str| line(key, quoted(&told.value), &told.why, about);
+        let mut text = format!(
+            "# A rig for surgescope. Check it with `surgescope rig check`; see it with `surgescope rig show`.\n\
+             # Positions count from the supply (0) to the valve. Every key carries its unit.\n\
+             {}\n[fluid]\nname = \"water\"\n{}\n[[pipe]]\nname = \"main\"\n{}{}{}{}",
+            line("name", quoted(&self.name), "", ""),
+            num("temperature_degC", &self.temperature_degc, "used where a recording has no temperature"),
+            num("length_m", &self.length_m, "along the pipe, with its bends"),
+            num("inner_diameter_mm", &self.inner_diameter_mm, ""),
+            num("wall_thickness_mm", &self.wall_thickness_mm, ""),
+            word("material", &self.material, "starts and bounds of wave speed and creep"),
+        );
+        text += "# length_tolerance_percent = 0.5   # how well you know it: one standard deviation\n";
+        text += &format!(
+            "\n[upstream]\n{}\n[downstream]\nkind = \"valve\"\n{}{}",
+            word("kind", &self.supply, "reservoir, pump or measured"),
+            num("closing_time_s", &self.closing_time_s, "nominal; a fit finds the true one"),
+            num("discharge_head_m", &self.discharge_head_m, "head behind the valve"),
+        );
+        for s in &self.sensors {
+            let place = Told { value: s.position_m.value, why: s.position_m.why.clone() };
+            text += &format!(
+                "\n[[sensor]]\nname = {}\nkind = \"{}\"\n{}{}",
+                quoted(&s.name),
+                kind_word(s.kind),
+                num("position_m", &place, ""),
+                line("unit", quoted(s.unit.value.symbol), &s.unit.why, ""),
+            );
+            if s.kind == SensorKind::Pressure {
+                text += "# range = [-1.0, 16.0]             # of its data sheet, in its unit\n\
+                         # accuracy_percent_fs = 0.25        # of its data sheet\n";
+            }
+        }
+        text
+    }
+}
+
+fn kind_word(kind: SensorKind) -> &'static str {
+    match kind {
+        SensorKind::Pressure => "pressure",
+        SensorKind::Flow => "flow",
+        SensorKind::Temperature => "temperature",
+        SensorKind::ValvePosition => "valve-position",
+        SensorKind::Trigger => "trigger",
+    }
+}
+
+/// A number with at most four decimals, always as TOML takes it.
+fn number(value: f64) -> String {
+    let text = format!("{value:.4}");
+    let text = text.trim_end_matches('0');
+    if text.ends_with('.') { format!("{text}0") } else { text.to_owned() }
+}
+
+/// A text as TOML takes it.
+fn quoted(text: &str) -> String {
+    toml::Value::String(text.to_owned()).to_string()
+}

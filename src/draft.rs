@@ -1,0 +1,160 @@
+//! What a file of a test tells of its rig: sensors, units, likely places, temperature, closing time.
+
+use std::path::Path;
+
+use crate::rig::draft::{Draft, DraftSensor, Told};
+use crate::rig::{Rig, SensorKind};
+use crate::robust::median;
+use crate::signal::{Features, SensorFeatures, inspect};
+use crate::storage::LogError;
+use crate::storage::import::{ImportOptions, NAMELESS, SourceOptions, Track, import_file, kind_of, read_source};
+use crate::units::Unit;
+
+/// Units of a pressure that states none, and up to which median it is taken for each: a laboratory's line has 0.5 to 20 bar.
+const PRESSURES: [(&str, f64); 3] = [("bar", 20.0), ("kPa", 2e3), ("Pa", f64::INFINITY)];
+/// Units of a flow that states none, the likeliest first, and the velocities that it may mean, m/s.
+const FLOWS: [&str; 4] = ["L/s", "m3/h", "L/min", "m3/s"];
+const VELOCITIES_M_S: [f64; 2] = [0.03, 6.0];
+
+/// A column without a name whose values differ by less than this share of their size is no pressure of a test.
+const LEAST_SPREAD: f64 = 0.05;
+
+/// A flow ends below this share of what it was.
+const STOPPED: f64 = 0.05;
+
+/// Of a column without a name only its numbers speak: what swings is a pressure, what the closure stops is a flow.
+fn kind_of_numbers(values: &[f64]) -> Option<SensorKind> {
+    let (low, high) = values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), &v| (a.min(v), b.max(v)));
+    let part = (values.len() / 50).max(1);
+    let [first, last] = [&values[..part], &values[values.len() - part..]].map(|v| median(&mut v.to_vec()).abs());
+    if high - low <= LEAST_SPREAD * high.abs().max(low.abs()) {
+        return None;
+    }
+    Some(if last < STOPPED * first { SensorKind::Flow } else { SensorKind::Pressure })
+}
+
+/// The sensors of a file's columns, and the columns that are none. Pressures stand at the valve until [`place`] puts them elsewhere.
+///
+/// # Errors
+/// A file that cannot be read.
+pub fn sensors_of(
+    path: &Path,
+    draft: &Draft,
+    source: &SourceOptions,
+) -> Result<(Vec<DraftSensor>, Vec<String>), LogError> {
+    let file = read_source(path, source)?;
+    let (mut sensors, mut others): (Vec<DraftSensor>, Vec<String>) = (Vec::new(), Vec::new());
+    for track in &file.tracks {
+        let nameless = track.name.starts_with(NAMELESS);
+        let kind = kind_of(track).or_else(|| Some((kind_of_numbers(&track.series.value)?, None)).filter(|_| nameless));
+        match kind.filter(|_| track.series.value.len() > 1 && !source.ignore.contains(&track.short)) {
+            Some((kind, unit)) => {
+                let name = free_name(&track.short, &sensors);
+                let unit = unit.map_or_else(|| unit_of(track, kind, draft), Told::given);
+                let position_m = match kind {
+                    SensorKind::Flow => Told::assumed(0.0, "the file does not say: at the supply"),
+                    SensorKind::Temperature => Told::given(0.0),
+                    _ => Told::given(draft.length_m.value),
+                };
+                sensors.push(DraftSensor { name, kind, unit, position_m });
+            }
+            None => others.push(track.name.clone()),
+        }
+    }
+    Ok((sensors, others))
+}
+
+/// Puts the pressure sensors where the front that passes them says, and takes temperature and closing time from the record.
+pub fn place(draft: &mut Draft, path: &Path, source: &SourceOptions) {
+    let pressures = |draft: &Draft| draft.sensors.iter().filter(|s| s.kind == SensorKind::Pressure).count();
+    let why = if pressures(draft) == 1 { "the one pressure that everybody records" } else { "no front can be seen" };
+    let at_valve = |s: &mut DraftSensor| s.position_m.why = format!("{why}, at the valve");
+    let Some(found) = seen_from_valve(draft, path, source) else {
+        draft.sensors.iter_mut().filter(|s| s.kind == SensorKind::Pressure).for_each(at_valve);
+        return;
+    };
+    let length_m = draft.length_m.value;
+    let first_s = found.sensors.iter().filter_map(|s| s.front_arrival_s).map(|e| e.value).fold(f64::INFINITY, f64::min);
+    // Of the wave speed that the period shows the ends are exact: a sensor that sees no front stands at the supply.
+    let speed_m_s = found.period.map(|p| 4.0 * length_m / p.value);
+    for sensor in draft.sensors.iter_mut().filter(|s| s.kind == SensorKind::Pressure) {
+        let seen = found.sensors.iter().find(|s| s.name == sensor.name);
+        let later_s = seen.and_then(|s| s.front_arrival_s).map(|e| e.value - first_s);
+        let place = match (later_s, speed_m_s) {
+            (Some(0.0), _) => Told::assumed(length_m, "the front is there first: at the valve"),
+            (Some(later_s), Some(speed_m_s)) => {
+                let place_m = (length_m - speed_m_s * later_s).clamp(0.0, length_m);
+                let why = format!("the front arrives {:.1} ms after the first: measure it", 1e3 * later_s);
+                Told::assumed((10.0 * place_m).round() / 10.0, why)
+            }
+            (None, Some(_)) if pressures_see(&found) => Told::assumed(0.0, "no front passes it: at the supply"),
+            _ => Told::assumed(length_m, "no front can be seen: at the valve"),
+        };
+        sensor.position_m = place;
+    }
+    if !draft.temperature_degc.why.is_empty() && draft.sensors.iter().any(|s| s.kind == SensorKind::Temperature) {
+        draft.temperature_degc = Told::assumed((10.0 * found.temperature_degc).round() / 10.0, "as the file says");
+    }
+    if let (Some(end_s), false) = (found.closure.end_s, draft.closing_time_s.why.is_empty()) {
+        let closing_s = (1e3 * (end_s - found.closure.start_s)).round() / 1e3;
+        if closing_s > 0.0 {
+            draft.closing_time_s = Told::assumed(closing_s, "as the first rise shows it");
+        }
+    }
+}
+
+/// At least one sensor sees a front.
+fn pressures_see(found: &Features) -> bool {
+    found.sensors.iter().any(|s| s.front_arrival_s.is_some())
+}
+
+/// The features of the file, the period that of the sensor that the front reaches first.
+fn seen_from_valve(draft: &Draft, path: &Path, source: &SourceOptions) -> Option<Features> {
+    let found = seen(draft, path, source)?;
+    let arrival = |s: &&SensorFeatures| s.front_arrival_s.map_or(f64::INFINITY, |e| e.value);
+    let first = found.sensors.iter().min_by(|a, b| arrival(a).total_cmp(&arrival(b)))?.name.clone();
+    let mut moved = draft.clone();
+    let others = moved.sensors.iter_mut().filter(|s| s.kind == SensorKind::Pressure && s.name != first);
+    others.for_each(|s| s.position_m.value = 0.5 * draft.length_m.value);
+    seen(&moved, path, source).or(Some(found))
+}
+
+/// The features of the file on the rig as it is drafted.
+fn seen(draft: &Draft, path: &Path, source: &SourceOptions) -> Option<Features> {
+    let rig = Rig::from_toml(&draft.text(), "draft").ok()?;
+    let imported = import_file(path, &rig, &ImportOptions::default(), source, true).ok()?;
+    inspect(&imported.recording).ok()
+}
+
+/// The heading as a sensor's name: no column without a heading, and none twice.
+fn free_name(heading: &str, taken: &[DraftSensor]) -> String {
+    let plain = heading.replace([',', '"'], " ");
+    let plain = if plain.trim().is_empty() { format!("P{}", taken.len() + 1) } else { plain.trim().into() };
+    let is_taken = |name: &str| taken.iter().any(|s| s.name == name) || name == "time_s";
+    let mut names = std::iter::once(plain.clone()).chain((2..).map(|i| format!("{plain} {i}")));
+    names.find(|name| !is_taken(name)).unwrap_or(plain)
+}
+
+/// The unit of a column that states none, by its median.
+fn unit_of(track: &Track, kind: SensorKind, draft: &Draft) -> Told<Unit> {
+    let level = median(&mut track.series.value.clone()).abs();
+    let area_m2 = std::f64::consts::FRAC_PI_4 * (1e-3 * draft.inner_diameter_mm.value).powi(2);
+    let flows = |symbol: &&&str| {
+        let flow_m3_s = symbol.parse::<Unit>().map_or(f64::NAN, |u| u.to_si(level, 1000.0));
+        (VELOCITIES_M_S[0]..=VELOCITIES_M_S[1]).contains(&(flow_m3_s / area_m2))
+    };
+    let symbol = match kind {
+        SensorKind::Pressure => PRESSURES.iter().find(|(_, most)| level <= *most).map_or("kPa", |(symbol, _)| symbol),
+        SensorKind::Flow => FLOWS.iter().find(flows).map_or("L/s", |symbol| symbol),
+        SensorKind::Temperature if level > 200.0 => "K",
+        SensorKind::Temperature => "degC",
+        SensorKind::ValvePosition if level > 1.5 => "%",
+        SensorKind::ValvePosition | SensorKind::Trigger => "1",
+    };
+    let why = match &track.unit {
+        Some(unit) => format!("the file has it in '{unit}': give its line when it is imported, as in 'P1=250*x-125'"),
+        None => format!("no unit is stated; its median is {level:.4}"),
+    };
+    let unit = symbol.parse().unwrap_or_else(|_| crate::units::UNITS[0]);
+    Told::assumed(unit, why)
+}

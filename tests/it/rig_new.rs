@@ -1,0 +1,102 @@
+//! From a logger's file and a tape measure to a rig file that fits: `rig new`, `rig show`.
+
+use std::path::Path;
+
+use tempfile::TempDir;
+
+use crate::common::{done, ended, surgescope, text};
+
+/// Runs the program in a folder; its exit code, output and messages.
+fn within(folder: &TempDir, arguments: &[&str]) -> (i32, String, String) {
+    ended(surgescope(arguments).current_dir(folder.path()).output().unwrap())
+}
+
+fn must(folder: &TempDir, arguments: &[&str]) -> (String, String) {
+    let (code, out, said) = within(folder, arguments);
+    assert_eq!(code, 0, "{arguments:?}\n{out}\n{said}");
+    (out, said)
+}
+
+const TAPE: [&str; 8] = ["--material", "copper", "--length-m", "100", "--pipe", "22x1.5", "--temperature-degC", "18"];
+
+/// A logger's table of a simulated closure, with German headings and times in ms, in a folder. The sensors stand at 100 m and 40 m.
+fn logged() -> TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    let sensors = [&TAPE[..], &["--sensor", "P1=100", "--sensor", "P2=40", "--yes", "-o", "true.toml"]].concat();
+    must(&folder, &[&["rig", "new"], &sensors[..]].concat());
+    must(&folder, &["simulate", "--rig", "true.toml", "--set", "initial_velocity_m_s=0.4", "-o", "true.mcap"]);
+    must(&folder, &["export", "true.mcap", "-o", "true.csv"]);
+    let plain = std::fs::read_to_string(folder.path().join("true.csv")).unwrap();
+    let mut table = String::from("Messung 7\nNr;Zeit;Druck Ventil (bar);Druck Mitte (bar)\n");
+    for (i, line) in plain.lines().skip(1).enumerate() {
+        let cells: Vec<f64> = line.split(',').map(|c| c.parse().unwrap()).collect();
+        table += &format!("{i};{:.2};{:.5};{:.5}\n", 1e3 * cells[0], cells[1], cells[2]).replace('.', ",");
+    }
+    std::fs::write(folder.path().join("log.csv"), table).unwrap();
+    folder
+}
+
+#[test]
+fn a_rig_from_a_loggers_file_imports_and_fits_it() {
+    let folder = logged();
+    let (out, said) = must(&folder, &[&["rig", "new", "log.csv", "--yes"], &TAPE[..]].concat());
+    for words in ["assumed: Druck Mitte at ", "measure it", "no sensors: Nr", "import log.csv --rig rig.toml"] {
+        assert!(said.contains(words), "no '{words}' in {said}");
+    }
+    assert!(
+        out.contains("contradictions: 0") && out.contains("reservoir") && out.contains("Druck Ventil 100.0 m"),
+        "{out}"
+    );
+    let file = std::fs::read_to_string(folder.path().join("rig.toml")).unwrap();
+    assert!(file.contains("inner_diameter_mm = 19.0") && file.contains("# assumed: not given"), "{file}");
+    let rig = surgescope::rig::Rig::from_toml(&file, "rig.toml").unwrap();
+    let places: Vec<f64> = rig.pressure_sensors().map(|(_, s)| s.position_m).collect();
+    assert!((places[0] - 100.0).abs() < 1e-9 && (places[1] - 40.0).abs() < 3.0, "{places:?}");
+    must(&folder, &["import", "log.csv", "--rig", "rig.toml", "--yes", "-o", "run.mcap"]);
+    let (fit, _) = must(&folder, &["calibrate", "run.mcap", "--json"]);
+    let fit: serde_json::Value = serde_json::from_str(&fit).unwrap();
+    let run = &fit["runs"][0];
+    assert!(run["rmse_m"].as_f64().unwrap() < 1.1 * run["noise_m"].as_f64().unwrap(), "{run}");
+    // Nothing is replaced.
+    let (code, _, said) = within(&folder, &[&["rig", "new", "--yes"], &TAPE[..]].concat());
+    assert!(code == 2 && said.contains("rig.toml exists already"), "{said}");
+}
+
+#[test]
+fn what_is_missing_is_named_with_its_option() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("none.csv"), "Time (s),x,y\n0,1,2\n1,1,2\n2,1,2\n").unwrap();
+    for (arguments, words) in [
+        (&["rig", "new", "--yes"][..], "--material; known are HDPE"),
+        (&["rig", "new", "--yes", "--material", "cheese"], "known are HDPE"),
+        (&["rig", "new", "--yes", "--material", "PVC"], "--length-m"),
+        (&["rig", "new", "--yes", "--material", "PVC", "--length-m", "10"], "--inner-diameter-mm (or --pipe)"),
+        (&["rig", "new", "--yes", "--material", "PVC", "--length-m", "10", "--pipe", "7"], "63 SDR11"),
+        (
+            &["rig", "new", "none.csv", "--yes", "--material", "PVC", "--length-m", "10", "--pipe", "22x1"],
+            "no column looks like a pressure",
+        ),
+        (&["rig", "new", "gone.csv", "--yes", "--material", "PVC", "--length-m", "10", "--pipe", "22x1"], "gone.csv"),
+    ] {
+        let (code, _, said) = within(&folder, arguments);
+        assert!(code == 2 && said.contains(words) && !said.contains("panicked"), "{arguments:?}: {code} {said}");
+        assert!(!folder.path().join("rig.toml").exists());
+    }
+}
+
+#[test]
+fn a_rig_is_drawn_to_scale() {
+    let folder = tempfile::tempdir().unwrap();
+    let svg = folder.path().join("rig.svg");
+    let document = done(&["rig", "show", "rigs/adelaide-copper.toml", "--svg", text(&svg)]);
+    assert_eq!(document["pressure_sensors"].as_array().unwrap().len(), 2);
+    let drawn = std::fs::read_to_string(&svg).unwrap();
+    // P2 stands in the middle of the pipe, which goes from x = 90 to 870.
+    assert!(drawn.starts_with("<svg") && drawn.contains("cx=\"480.0\"") && drawn.contains("P2 18.6 m"), "{drawn}");
+    let said = within(&folder, &["rig", "show", text(Path::new(&crate::common::here("rigs/demo-hdpe.toml")))]).1;
+    let valve = said.lines().nth(1).unwrap().find('X').unwrap();
+    assert!(said.contains("P3 54.2 m") && valve == 70, "{said}");
+    let refused =
+        within(&folder, &["rig", "show", text(&crate::common::here("rigs/demo-hdpe.toml")), "--svg", "rig.toml"]);
+    assert!(refused.0 == 2 && refused.2.contains("must be named .svg"), "{}", refused.2);
+}
