@@ -1,4 +1,4 @@
-//! `surgescope demo`: the whole story on a recording that ships with the project.
+//! `surgescope demo`: the whole story, on a recording that ships with the project or with another effect hidden in a simulated test.
 
 use std::path::{Path, PathBuf};
 
@@ -9,53 +9,79 @@ use crate::cli::console::outcome::{CommandResult, Outcome};
 use crate::cli::console::page::write_page;
 use crate::cli::console::print::{say, say_text, tell};
 use crate::cli::console::progress::shown;
+use crate::diagnose::Diagnosis;
 use crate::fit::outcome::fit::Fit;
+use crate::model::effects::{CATALOGUE, Chosen, parse_list};
 use crate::report::calibration::text as table;
+use crate::report::diagnosis::text as diagnosis;
+use crate::report::effects::example::Example;
 use crate::report::inspection::text::table as inspection;
 use crate::report::view::{failure, summary};
-use crate::report::{Page, Stage};
+use crate::report::{Page, Stage, title};
+use crate::results::fit_record::now;
 use crate::rig::Rig;
 use crate::shown::Shown as _;
-use crate::storage::output::same_file;
-use crate::study::Study;
+use crate::simulate::scenario::Scenario;
+use crate::storage::output::{same_file, write};
+use crate::study::{Study, models};
 
 /// Record a simulated test, fit it, and add what is missing: the whole loop.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// Folder for the recording and the report; created if missing. Nothing in it is overwritten.
+    /// Folder for recording, rig, models and report; created if missing. Nothing in it is overwritten.
     #[arg(short, long, value_name = "FOLDER", default_value = "surgescope-demo")]
     output: PathBuf,
+    /// Hide this effect in the test; without it, a shipped test of a pipe whose wall creeps is played.
+    #[arg(long, value_name = "EFFECT")]
+    hidden: Option<String>,
+    /// List the effects that can be hidden.
+    #[arg(long, conflicts_with = "hidden")]
+    list: bool,
     /// Play the test this many times faster than it was recorded.
     #[arg(long, value_name = "FACTOR", default_value_t = 5.0, value_parser = crate::cli::args::values::positive, allow_negative_numbers = true)]
     speed: f64,
 }
 
 /// A recording of an HDPE pipe made by a simulator that shares nothing with this program; see recordings/README.md.
+#[cfg_attr(not(unix), allow(dead_code))]
 const RECORDING: &[u8] = include_bytes!("../../../recordings/hdpe-creep.mcap");
 /// The rig it was made on, with its sensors wired to an acquisition device.
 const RIG: &str = include_str!("../../../rigs/demo-hdpe.toml");
-const EFFECT: &str = "viscoelastic-wall";
+
+/// The files that a demonstration leaves.
+struct Files {
+    recording: PathBuf,
+    rig: PathBuf,
+    model: PathBuf,
+    report: PathBuf,
+}
 
 /// Runs it.
 ///
 /// # Errors
-/// A folder that cannot be written.
+/// A folder that cannot be written, an effect that does not exist.
 pub fn run(args: Args, json: bool) -> CommandResult {
+    if args.list {
+        return list(json);
+    }
+    let hidden = args.hidden.as_deref().map(hidden).transpose()?;
     std::fs::create_dir_all(&args.output)
         .map_err(|e| format!("cannot make the folder {}: {e}", args.output.shown()))?;
     let rig = Rig::from_toml(RIG, "rigs/demo-hdpe.toml")?;
-    let (recording, report) = free_names(&args.output);
+    let files = free_names(&args.output);
+    write(&files.rig, RIG)?;
 
+    let what = hidden.as_ref().map_or(String::new(), |_| " in which an effect is hidden".into());
     say(
         json,
         &format!(
-            "1. Record. A simulated device plays a test on rig '{}', {} times faster than real time.\n",
+            "1. Record. A simulated device plays a test on rig '{}'{what}, {} times faster than real time.\n",
             rig.name, args.speed
         ),
     )?;
-    let outcome = record(&rig, &recording, args.speed)?;
+    let outcome = record(&rig, hidden.as_ref().map(|(_, scenario)| scenario), &files.recording, args.speed)?;
 
-    let mut study = recordings::open(std::slice::from_ref(&recording), None)?;
+    let mut study = recordings::open(std::slice::from_ref(&files.recording), None)?;
     say(
         json,
         &format!(
@@ -75,23 +101,69 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         ),
     )?;
 
-    let full = shown(&mut study, "", |study| study.calibrate(EFFECT).run())?;
-    let stages = vec![base_stage, Stage { title: format!("+ {EFFECT}"), fit: &full }];
-    say(json, &format!("\n4. Add '{EFFECT}' and calibrate again.\n{}", table::calibration(&stages)))?;
+    let found = shown(&mut study, "", |study| study.diagnose(&base))?;
+    say(json, &format!("\n4. Diagnose. Which effect is missing?\n{}", diagnosis::text(&found)))?;
 
-    write_page(&report, &study, Page { stages, ..Page::of(&rig) })?;
-    if json {
-        say!("{:#}", document(&study, &recording, &report, &base, &full));
-    } else {
-        let (program, recording) = (program(), quoted(&recording));
-        say!(
-            "\n5. Look. Open {} in a browser: measurement, both models, residuals, parameters.\n   Next:\n     {program} inspect \
-             {recording}\n     {program} calibrate {recording} --effects {EFFECT}:2\n   and your own test with `import` or `record` (see \
-             `{program} help`).",
-            report.shown(),
+    let mut kept = models::about(&files.model, std::slice::from_ref(&files.recording), None)?;
+    kept.append(&base, "calibrated", None, now());
+    let mut stages = vec![base_stage];
+    if let Some(full) = found.answer() {
+        let why = format!("diagnosed: {} missing, probability {:.2}", found.answer_label(), found.probability);
+        kept.append(full, &why, Some(found.answer_evidence()), now());
+        stages.push(Stage { title: title(&full.effects), fit: full });
+        let added = format!(
+            "\n5. Add '{}': the model is fitted with it.\n{}",
+            found.answer_label(),
+            summary::verdict(&stages) + "\n" + &table::parameters(full)
         );
+        say(json, &added)?;
+    }
+    models::save(&mut kept, &files.model)?;
+    write_page(&files.report, &study, Page { stages, diagnoses: std::slice::from_ref(&found), ..Page::of(&rig) })?;
+    let hidden = hidden.map(|(chosen, _)| chosen);
+    if json {
+        say!("{:#}", document(&study, &files, hidden.as_ref(), &base, &found));
+    } else {
+        say!("{}", farewell(&files, hidden.as_ref(), &found));
     }
     Ok(outcome)
+}
+
+/// The answer beside the truth, and how to go on.
+fn farewell(files: &Files, hidden: Option<&Chosen>, found: &Diagnosis) -> String {
+    let truth = hidden.map_or(String::new(), |hidden| {
+        format!("\nHidden was {}; the diagnosis says: {}.\n", hidden.effect.name(), found.answer_label())
+    });
+    let program = program();
+    let [recording, rig, model, report] =
+        [&files.recording, &files.rig, &files.model, &files.report].map(|path| quoted(path));
+    format!(
+        "{truth}\n6. Look. Open {report} in a browser: measurement, models, residuals, candidates, parameters.\n   The models are in \
+         {model}, the rig is in {rig}: both are yours to edit.\n   Next:\n     {program} model {model}\n     {program} diagnose \
+         {recording} --apply {model}\n     {program} demo --list\n   and your own test: `{program} rig new`, then `import` or `record` (see \
+         `{program} help`)."
+    )
+}
+
+/// The effects that can be hidden.
+fn list(json: bool) -> CommandResult {
+    if json {
+        let effects: Vec<_> = CATALOGUE.iter().map(|e| json!({ "effect": e.name(), "summary": e.summary() })).collect();
+        say!("{:#}", json!({ "effects": effects }));
+    } else {
+        for effect in CATALOGUE {
+            say!("{:20} {}", effect.name(), effect.summary());
+        }
+    }
+    Ok(Outcome::Done)
+}
+
+/// An effect of the catalogue, and a test in which it shows.
+fn hidden(name: &str) -> Result<(Chosen, Scenario), Box<dyn std::error::Error + Send + Sync>> {
+    match &parse_list(name)?[..] {
+        [chosen] => Ok((chosen.clone(), Example::of(chosen)?.scenario)),
+        _ => Err(format!("--hidden {name}: name one effect of `demo --list`").into()),
+    }
 }
 
 /// How this program is called from where the user stands: by its name where the PATH leads to it, otherwise by its path.
@@ -128,35 +200,48 @@ fn say(json: bool, text: &str) -> std::io::Result<()> {
     Ok(())
 }
 
-/// The first pair of names, `demo.mcap` and `demo.html` or `demo-2.…`, of which neither is taken.
-fn free_names(folder: &Path) -> (PathBuf, PathBuf) {
+/// The first names, `demo.mcap` and others of that stem or of `demo-2`, of which none is taken.
+fn free_names(folder: &Path) -> Files {
     let mut number = 1;
     loop {
         let stem = if number == 1 { "demo".to_owned() } else { format!("demo-{number}") };
-        let names = (folder.join(format!("{stem}.mcap")), folder.join(format!("{stem}.html")));
-        if !names.0.exists() && !names.1.exists() {
-            return names;
+        let named = |end: &str| folder.join(format!("{stem}.{end}"));
+        let files = Files {
+            recording: named("mcap"),
+            rig: named("rig.toml"),
+            model: named("model.toml"),
+            report: named("html"),
+        };
+        if [&files.recording, &files.rig, &files.model, &files.report].iter().all(|path| !path.exists()) {
+            return files;
         }
         number += 1;
     }
 }
 
-/// Plays the shipped recording through the wire protocol and records it as from a real port.
+/// Plays the shipped recording, or a simulated test, through the wire protocol and records it as from a real port.
 #[cfg(unix)]
-fn record(rig: &Rig, output: &Path, speed: f64) -> CommandResult {
+fn record(rig: &Rig, hidden: Option<&Scenario>, output: &Path, speed: f64) -> CommandResult {
     use crate::cli::console::live::Reporter;
     use crate::cli::console::stop::STOP;
     use crate::record::devices::simulated::Faults;
     use crate::record::session::live_test::{Options, live_devices};
+    use crate::simulate::playback::{of_recording, of_scenario};
     use crate::simulate::through_ports::record_playbacks;
 
     let shipped = shipped()?;
     let mut played = Vec::new();
     for device in live_devices(rig, &[])? {
-        let playback = crate::simulate::playback::of_recording(&shipped, rig, &device)?;
+        let playback = match hidden {
+            Some(scenario) => of_scenario(scenario, &device, &timing(scenario))?,
+            None => of_recording(&shipped, rig, &device)?,
+        };
         played.push((device, playback));
     }
-    let note = "recordings/hdpe-creep.mcap played through a simulated device";
+    let note = match hidden {
+        Some(_) => "a simulated test with a hidden effect",
+        None => "recordings/hdpe-creep.mcap played through a simulated device",
+    };
     let options = Options { notes: vec![("demo".to_owned(), note.to_owned())], ..Options::new(output) };
     let reporter = Reporter::open();
     let recorded =
@@ -167,11 +252,24 @@ fn record(rig: &Rig, output: &Path, speed: f64) -> CommandResult {
     Ok(if recorded.data_lost { Outcome::DataLost } else { Outcome::Done })
 }
 
-/// Without pseudo-terminals the shipped recording itself is used.
+/// Without pseudo-terminals the test itself is used.
 #[cfg(not(unix))]
-fn record(rig: &Rig, output: &Path, _speed: f64) -> CommandResult {
-    crate::storage::write(output, &shipped()?.on_rig(rig.clone())?)?;
+fn record(rig: &Rig, hidden: Option<&Scenario>, output: &Path, _speed: f64) -> CommandResult {
+    let recording = match hidden {
+        Some(scenario) => {
+            let instruments =
+                crate::simulate::synthetic::Instruments { timing: timing(scenario), noise_m: None, seed: 1 };
+            crate::simulate::synthetic::recording_of(scenario, &instruments)?
+        }
+        None => shipped()?.on_rig(rig.clone())?,
+    };
+    crate::storage::write(output, &recording)?;
     Ok(Outcome::Done)
+}
+
+/// How a simulated test is played: as many periods as the shipped test has.
+fn timing(scenario: &Scenario) -> crate::simulate::playback::Timing {
+    crate::simulate::playback::Timing { rate_hz: 500.0, lead_s: 1.0, after_s: 8.0 * scenario.period_s() }
 }
 
 fn shipped() -> Result<crate::recording::Recording, Box<dyn std::error::Error + Send + Sync>> {
@@ -181,15 +279,21 @@ fn shipped() -> Result<crate::recording::Recording, Box<dyn std::error::Error + 
     Ok(crate::storage::read(&path)?)
 }
 
-fn document(study: &Study, recording: &Path, report: &Path, base: &Fit, full: &Fit) -> serde_json::Value {
+fn document(study: &Study, files: &Files, hidden: Option<&Chosen>, base: &Fit, found: &Diagnosis) -> serde_json::Value {
     let stage = |fit: &Fit| {
         let all = summary::overall(fit);
         json!({ "effects": fit.labels(), "rmse_m": all.rmse_m, "noise_m": all.noise_m, "seconds": fit.seconds })
     };
     json!({
-        "recording": recording,
-        "report": report,
+        "recording": files.recording,
+        "rig": files.rig,
+        "model": files.model,
+        "report": files.report,
         "duration_s": study.recordings()[0].recording.series.iter().filter_map(|s| s.time_s.last()).fold(0.0f64, |a, &b| a.max(b)),
-        "stages": [stage(base), stage(full)],
+        "hidden": hidden.map(|h| h.effect.name()),
+        "verdict": found.verdict.name(),
+        "answer": found.answer_label(),
+        "probability": found.probability,
+        "stages": std::iter::once(base).chain(found.answer()).map(stage).collect::<Vec<_>>(),
     })
 }
