@@ -13,7 +13,7 @@ pub(crate) const GROUPS: [(&str, &[&str]); 7] = [
     ("Model", &["effects", "simulate", "add", "refit", "undo", "model", "creep", "family"]),
     ("Check the model", &["predict", "cross-validate", "sensitivity", "next"]),
     ("Run by itself", &["watch", "accept", "history", "replay"]),
-    ("Exchange", &["export", "results", "pest"]),
+    ("Exchange", &["export", "layout", "results", "pest"]),
 ];
 
 /// A short text that leads on.

@@ -14,6 +14,7 @@ pub mod frequency;
 pub mod history;
 pub mod import;
 pub mod inspect;
+pub mod layout;
 pub mod model;
 pub mod next;
 pub mod pest;
