@@ -59,6 +59,8 @@ enum Command {
     Watch(commands::watch::Args),
     Accept(commands::accept::Args),
     History(commands::history::Args),
+    Completions(commands::completions::Args),
+    Man(commands::man::Args),
     Help(help::Args),
 }
 
@@ -112,6 +114,8 @@ pub fn main() -> ExitCode {
         Command::Watch(args) => commands::watch::run(args, cli.json),
         Command::Accept(args) => commands::accept::run(args, cli.json),
         Command::History(args) => commands::history::run(args, cli.json),
+        Command::Completions(args) => commands::completions::run(&args, Cli::command(), cli.json),
+        Command::Man(args) => commands::man::run(&args, Cli::command(), cli.json),
         Command::Help(args) => help::run(&args, command()),
     };
     match result {

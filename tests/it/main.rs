@@ -13,6 +13,7 @@ mod history;
 mod hold;
 mod hostile_names;
 mod import;
+mod installed;
 mod layouts;
 mod live_view;
 mod methods;
