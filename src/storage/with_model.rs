@@ -4,11 +4,11 @@
 //! by time, so that a player reads the file from front to back. Readers of recordings pass over them.
 
 use std::collections::BTreeMap;
-use std::io::BufWriter;
+use std::io::{BufReader, BufWriter};
 use std::path::Path;
 
 use mcap::records::{MessageHeader, Metadata, Record};
-use mcap::{Attachment, McapError, McapResult};
+use mcap::{Attachment, McapResult};
 use prost::Message;
 
 use crate::rig::Sensor;
@@ -54,25 +54,18 @@ pub fn write_with_model(
     let temporary = disk::temporary_beside(target)?;
     let stream = BufWriter::new(temporary.as_file());
     let mcap = mcap::Writer::with_options(stream, sink::finished()).map_err(|e| LogError::write(target, e))?;
-    let mut copy =
-        Copy { mcap, zero_ns: None, added: added(curves).into_iter().peekable(), curves, about, at_end: false };
+    let added = added(curves).into_iter().peekable();
+    let mut copy = Copy { mcap, source, target, zero_ns: None, added, curves, about, at_end: false };
 
     let mut stopped = None;
+    let input = BufReader::with_capacity(1 << 16, input);
     let copied = records(input, checked_options(length), &mut Unpacked::of(length), |record| {
-        copy.take(record).map_err(|stop| {
-            let why = stop.in_words();
-            stopped = Some(stop);
-            why
+        copy.take(record).map_err(|error| {
+            stopped = Some(error);
+            String::new()
         })
     });
-    if let Err(why) = copied {
-        return Err(match stopped {
-            Some(Stop::Write(error)) => LogError::write(target, error),
-            Some(Stop::HasModel) => LogError::HasModel(source.into()),
-            Some(Stop::ClocksLeft) => LogError::ClocksLeft(source.into()),
-            Some(Stop::Damaged(_)) | None => LogError::Damaged { path: source.into(), why },
-        });
-    }
+    copied.map_err(|why| stopped.unwrap_or_else(|| LogError::Damaged { path: source.into(), why }))?;
     let stream = copy.finish().map_err(|e| LogError::write(target, e))?;
     stream.into_inner().map_err(|e| LogError::io("write", target, e.into_error()))?;
     disk::publish_new(temporary, target)
@@ -101,30 +94,12 @@ fn added(curves: &[Curve]) -> Vec<Added> {
     all
 }
 
-/// Why a copy ends early.
-enum Stop {
-    Write(McapError),
-    Damaged(&'static str),
-    HasModel,
-    ClocksLeft,
-}
-
-impl Stop {
-    fn in_words(&self) -> String {
-        if let Stop::Damaged(why) = self { (*why).to_owned() } else { String::new() }
-    }
-}
-
-impl From<McapError> for Stop {
-    fn from(error: McapError) -> Stop {
-        Stop::Write(error)
-    }
-}
-
 type Stream<'a> = BufWriter<&'a std::fs::File>;
 
 struct Copy<'a, I: Iterator<Item = Added>> {
     mcap: mcap::Writer<Stream<'a>>,
+    source: &'a Path,
+    target: &'a Path,
     /// Log time of recording time 0, once it was read.
     zero_ns: Option<u64>,
     added: std::iter::Peekable<I>,
@@ -135,43 +110,50 @@ struct Copy<'a, I: Iterator<Item = Added>> {
 }
 
 impl<'a, I: Iterator<Item = Added>> Copy<'a, I> {
-    fn take(&mut self, record: Record<'_>) -> Result<(), Stop> {
+    fn take(&mut self, record: Record<'_>) -> Result<(), LogError> {
+        let target = self.target;
+        let fail = |error| LogError::write(target, error);
         match record {
             _ if self.at_end => {}
             Record::DataEnd(_) => {
                 self.add_until(u64::MAX)?;
                 self.at_end = true;
             }
-            Record::Attachment { header, data, .. } => self.mcap.attach(&Attachment {
-                log_time: header.log_time,
-                create_time: header.create_time,
-                name: header.name,
-                media_type: header.media_type,
-                data,
-            })?,
+            Record::Attachment { header, data, .. } => self
+                .mcap
+                .attach(&Attachment {
+                    log_time: header.log_time,
+                    create_time: header.create_time,
+                    name: header.name,
+                    media_type: header.media_type,
+                    data,
+                })
+                .map_err(fail)?,
             Record::Metadata(metadata) => {
                 match metadata.name.as_str() {
-                    CLOCKS_METADATA => return Err(Stop::ClocksLeft),
+                    CLOCKS_METADATA => return Err(LogError::ClocksLeft(self.source.into())),
                     RUN_METADATA => {
                         self.zero_ns = metadata.metadata.get(key::TIME_ZERO).and_then(|v| v.parse().ok());
-                        self.add_head()?;
+                        self.add_head().map_err(fail)?;
                     }
                     _ => {}
                 }
-                self.mcap.write_metadata(&metadata)?;
+                self.mcap.write_metadata(&metadata).map_err(fail)?;
             }
-            Record::Schema { header, .. } if header.name == MODELLED => return Err(Stop::HasModel),
+            Record::Schema { header, .. } if header.name == MODELLED => {
+                return Err(LogError::HasModel(self.source.into()));
+            }
             Record::Schema { header, data } => {
-                self.mcap.add_schema_with_id(header.id, &header.name, &header.encoding, &data)?;
+                self.mcap.add_schema_with_id(header.id, &header.name, &header.encoding, &data).map_err(fail)?;
             }
             Record::Channel(channel) => {
                 let (id, schema) = (channel.id, channel.schema_id);
                 let (topic, encoding) = (&channel.topic, &channel.message_encoding);
-                self.mcap.add_channel_with_id(id, schema, topic, encoding, &channel.metadata)?;
+                self.mcap.add_channel_with_id(id, schema, topic, encoding, &channel.metadata).map_err(fail)?;
             }
             Record::Message { header, data } => {
                 self.add_until(header.log_time)?;
-                self.mcap.write_to_known_channel(&header, &data)?;
+                self.mcap.write_to_known_channel(&header, &data).map_err(fail)?;
             }
             _ => {}
         }
@@ -179,7 +161,7 @@ impl<'a, I: Iterator<Item = Added>> Copy<'a, I> {
     }
 
     /// Says which model it is, and makes the channels.
-    fn add_head(&mut self) -> Result<(), Stop> {
+    fn add_head(&mut self) -> McapResult<()> {
         let about = Metadata { name: MODEL_METADATA.into(), metadata: std::mem::take(&mut self.about) };
         self.mcap.write_metadata(&about)?;
         let schema = self.mcap.add_schema_with_id(LAST_ID, MODELLED, "protobuf", &modelled_descriptor_set())?;
@@ -200,15 +182,18 @@ impl<'a, I: Iterator<Item = Added>> Copy<'a, I> {
     }
 
     /// Writes what is to be added before a log time.
-    fn add_until(&mut self, end: u64) -> Result<(), Stop> {
-        let zero_ns = self.zero_ns.ok_or(Stop::Damaged("its time 0 is missing"))?;
+    fn add_until(&mut self, end: u64) -> Result<(), LogError> {
+        let damaged = || LogError::Damaged { path: self.source.into(), why: "its time 0 is missing".into() };
+        let zero_ns = self.zero_ns.ok_or_else(damaged)?;
         let log_time = |ns: i64| zero_ns.saturating_add_signed(ns);
         while let Some(one) = self.added.next_if(|one| log_time(one.ns) < end) {
             let log_time = log_time(one.ns);
             let channel_id = channel_id(one.curve, one.shows);
             let header = MessageHeader { channel_id, sequence: 0, log_time, publish_time: log_time };
             let message = Modelled { value: Some(one.value) };
-            self.mcap.write_to_known_channel(&header, &message.encode_to_vec())?;
+            self.mcap
+                .write_to_known_channel(&header, &message.encode_to_vec())
+                .map_err(|e| LogError::write(self.target, e))?;
         }
         Ok(())
     }

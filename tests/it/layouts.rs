@@ -83,6 +83,7 @@ fn a_layout_plots_each_sensor_of_a_recording() {
     let xml = std::fs::read_to_string(&xml).unwrap();
     assert_eq!(plotted_by_plotjuggler(&xml), sampled);
     assert_eq!(xml.matches("<plot ").count(), panels.len());
+    assert!(xml.contains("<root version=\"2.3.8\">"), "PlotJuggler asks about layouts of another version");
 }
 
 #[test]

@@ -6,6 +6,8 @@ use std::fmt::Write as _;
 
 use crate::storage::viewer::plots::{FIELD, Plot};
 
+/// Version of layouts that PlotJuggler 3 takes without asking.
+const VERSION: &str = "2.3.8";
 /// Colours in turn, distinguishable on white and on black.
 const COLOURS: [&str; 8] = ["#1f77b4", "#d62728", "#1ac938", "#ff7f0e", "#f14cc1", "#9467bd", "#17becf", "#bcbd22"];
 
@@ -20,7 +22,7 @@ pub fn layout(plots: &[Plot]) -> String {
     format!(
         "\
 <?xml version='1.0' encoding='UTF-8'?>
-<root>
+<root version=\"{VERSION}\">
  <tabbed_widget name=\"Main Window\" parent=\"main_window\">
   <Tab containers=\"1\" tab_name=\"surgescope\">
    <Container>
