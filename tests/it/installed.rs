@@ -2,7 +2,7 @@
 
 use serde_json::Value;
 
-use crate::common::{done, printed, refused, run, text};
+use crate::common::{done, here, printed, refused, run, text};
 
 /// Every command, as the help lists them.
 fn commands() -> Vec<String> {
@@ -67,4 +67,31 @@ fn each_command_has_a_manual_page() {
     done(&["man", text(&man), "--overwrite"]);
     assert_ne!(std::fs::read_to_string(man.join("surgescope.1")).unwrap(), "mine");
     refused(&["man", text(&man.join("surgescope.1"))], &["cannot make the folder"]);
+}
+
+/// A package, its citation and its physics name one version and one address, and every file that a package takes along is there.
+#[test]
+fn what_is_published_agrees() {
+    let manifest = |path: &str| std::fs::read_to_string(here(path)).unwrap().parse::<toml::Table>().unwrap();
+    let (own, core) = (manifest("Cargo.toml"), manifest("src/core/Cargo.toml"));
+    let (own, core) = (own["package"].as_table().unwrap(), core["package"].as_table().unwrap());
+    for key in ["version", "repository", "homepage", "license", "rust-version"] {
+        assert_eq!(own[key], core[key], "{key}");
+    }
+    let citation = std::fs::read_to_string(here("CITATION.cff")).unwrap();
+    let [version, address] = ["version", "repository"].map(|key| own[key].as_str().unwrap());
+    assert!(citation.lines().any(|line| line == format!("version: {version}")), "{citation}");
+    assert!(citation.contains(&format!("repository-code: \"{address}\"")), "{citation}");
+
+    let assets = own["metadata"]["deb"]["assets"].as_array().unwrap();
+    assert!(assets.len() > 5);
+    let made = ["target/release/surgescope", "target/man/", "target/completions/", "target/third-party-licences.txt"];
+    for source in assets.iter().map(|asset| asset[0].as_str().unwrap()) {
+        assert!(made.iter().any(|m| source.starts_with(m)) || here(source).exists(), "no {source}");
+    }
+    let script = std::fs::read_to_string(here("tools/release.sh")).unwrap();
+    for made in &made[1..] {
+        assert!(script.contains(made.trim_end_matches('/')), "tools/release.sh does not make {made}");
+    }
+    assert!(script.contains("name=surgescope-$version-$target"), "binstall asks for this name");
 }
