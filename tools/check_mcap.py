@@ -5,7 +5,8 @@
     venv/bin/python tools/check_mcap.py run.mcap run.csv [rig.toml]
 
 Decodes each message with the schema inside the file, as any MCAP tool does, and compares every sample with the CSV: same
-times, same values, none missing, none too many. Exit code 0 when all agrees, 1 with what does not.
+times, same values, none missing, none too many. Of a recording with a model beside it, it checks that modelled value and residual
+make up each sample. Exit code 0 when all agrees, 1 with what does not.
 """
 
 import csv
@@ -14,7 +15,8 @@ import sys
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 
-SCHEMAS = {"surgescope.Sample", "surgescope.Block", "surgescope.Gap"}
+MODELLED = "surgescope.Modelled"
+SCHEMAS = {"surgescope.Sample", "surgescope.Block", "surgescope.Gap", MODELLED}
 
 
 class Mismatch(Exception):
@@ -55,12 +57,19 @@ def samples_of_mcap(path):
         zero_ns = int(runs[0]["time_zero_ns"])
 
         columns, messages = {}, 0
+        modelled = {"model": {}, "residual": {}}
         for channel in summary.channels.values():
             for key in ("sensor", "unit", "kind", "position_m"):
                 expect(key in channel.metadata, f"channel {channel.topic} does not say its {key}")
-            columns.setdefault(channel.metadata["sensor"], [])
+            if summary.schemas[channel.schema_id].name != MODELLED:
+                columns.setdefault(channel.metadata["sensor"], [])
         for schema, channel, message, decoded in reader.iter_decoded_messages():
             messages += 1
+            if schema.name == MODELLED:
+                sensor, shows = channel.metadata["sensor"], channel.metadata["shows"]
+                expect(channel.topic == f"/{sensor}/{shows}", f"{channel.topic} shows the {shows} of {sensor}")
+                modelled[shows].setdefault(sensor, {})[message.log_time - zero_ns] = decoded.value
+                continue
             samples = columns[channel.metadata["sensor"]]
             expect(message.log_time == message.publish_time, f"{channel.topic}: log time is not publish time")
             if schema.name == "surgescope.Sample":
@@ -73,8 +82,20 @@ def samples_of_mcap(path):
                     offset = int(i * decoded.period_ns + 0.5)
                     regular = (message.log_time + offset - zero_ns) / 1e9
                     samples.append((decoded.times_s[i] if decoded.times_s else regular, value))
+        check_model(columns, **modelled)
         expect(messages == summary.statistics.message_count, "the index counts other messages than there are")
     return columns, rigs[0]
+
+
+def check_model(columns, model, residual):
+    """Modelled value and residual stand at times of samples, and make up the sample."""
+    expect(model.keys() == residual.keys(), f"models of {sorted(model)}, residuals of {sorted(residual)}")
+    for sensor, values in model.items():
+        measured = {round(time_s * 1e9): value for time_s, value in columns[sensor]}
+        expect(values.keys() == residual[sensor].keys() and values.keys() <= measured.keys(), f"{sensor}: other times than its samples'")
+        for time_ns, value in values.items():
+            left = measured[time_ns] - value - residual[sensor][time_ns]
+            expect(abs(left) <= 1e-9 * max(1, abs(value)), f"{sensor}: model and residual miss the sample at {time_ns} ns by {left}")
 
 
 def main(mcap_path, csv_path, rig_path=None):

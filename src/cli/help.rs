@@ -6,14 +6,15 @@ use crate::cli::console::outcome::{CommandResult, Outcome};
 use crate::cli::console::print::say_text;
 
 /// Headings, and the commands below each; the first group is for a newcomer. `help` itself is in none.
-pub(crate) const GROUPS: [(&str, &[&str]); 7] = [
+pub(crate) const GROUPS: [(&str, &[&str]); 8] = [
     ("Start here", &["demo", "import", "inspect", "calibrate", "diagnose"]),
     ("Record", &["record", "ports", "rig", "recover"]),
     ("Look at a recording", &["frequency", "valve"]),
     ("Model", &["effects", "simulate", "add", "refit", "undo", "model", "creep", "family"]),
     ("Check the model", &["predict", "cross-validate", "sensitivity", "next"]),
     ("Run by itself", &["watch", "accept", "history", "replay"]),
-    ("Exchange", &["export", "results", "pest"]),
+    ("Exchange", &["export", "layout", "results", "pest"]),
+    ("Install", &["completions", "man"]),
 ];
 
 /// A short text that leads on.

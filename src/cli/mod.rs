@@ -48,6 +48,7 @@ enum Command {
     Valve(commands::valve::Args),
     Sensitivity(commands::sensitivity::Args),
     Export(commands::export::Args),
+    Layout(commands::layout::Args),
     Inspect(commands::inspect::Args),
     Recover(commands::recover::Args),
     Rig(commands::rig::Args),
@@ -58,6 +59,8 @@ enum Command {
     Watch(commands::watch::Args),
     Accept(commands::accept::Args),
     History(commands::history::Args),
+    Completions(commands::completions::Args),
+    Man(commands::man::Args),
     Help(help::Args),
 }
 
@@ -99,7 +102,8 @@ pub fn main() -> ExitCode {
         Command::Model(args) => commands::model::run(args, cli.json),
         Command::Valve(args) => commands::valve::run(args, cli.json),
         Command::Sensitivity(args) => commands::sensitivity::run(args, cli.json),
-        Command::Export(args) => commands::export::run(args, cli.json),
+        Command::Export(args) => commands::export::run(&args, cli.json),
+        Command::Layout(args) => commands::layout::run(&args, cli.json),
         Command::Inspect(args) => commands::inspect::run(args, cli.json),
         Command::Recover(args) => commands::recover::run(args, cli.json),
         Command::Simulate(args) => commands::simulate::run(args, cli.json),
@@ -110,6 +114,8 @@ pub fn main() -> ExitCode {
         Command::Watch(args) => commands::watch::run(args, cli.json),
         Command::Accept(args) => commands::accept::run(args, cli.json),
         Command::History(args) => commands::history::run(args, cli.json),
+        Command::Completions(args) => commands::completions::run(&args, Cli::command(), cli.json),
+        Command::Man(args) => commands::man::run(&args, Cli::command(), cli.json),
         Command::Help(args) => help::run(&args, command()),
     };
     match result {

@@ -9,7 +9,7 @@ use crate::model::friction::WallFriction;
 use crate::model::parameter::Parameter;
 use crate::model::trace::{Probe, Trace};
 use crate::model::{Conditions, Model, ModelError, Resolution, RunValues, Simulated};
-use crate::rig::{Coupling, Rig, Upstream, WaterProperties};
+use crate::rig::{Coupling, Rig, Sensor, Upstream, WaterProperties};
 use crate::units::GRAVITY_M_S2;
 
 type AnyError = Box<dyn Error + Send + Sync>;
@@ -228,15 +228,18 @@ impl Scenario {
 
     /// A head at a sensor in the sensor's unit.
     pub fn displayed(&self, sensor: usize, head_m: f64) -> f64 {
-        let sensor = &self.rig.sensors[sensor];
-        // A sensor that sees no steady pressure sees no elevation.
-        let elevation_m = match sensor.coupling {
-            Coupling::Dc => self.rig.sensor_elevation_m(sensor),
-            Coupling::Ac => 0.0,
-        };
-        let density = self.water.density_kg_m3;
-        sensor.unit.from_si((head_m - elevation_m) * density * GRAVITY_M_S2, density)
+        displayed(&self.rig, &self.rig.sensors[sensor], self.water.density_kg_m3, head_m)
     }
+}
+
+/// A head at a sensor in the sensor's unit.
+pub fn displayed(rig: &Rig, sensor: &Sensor, density_kg_m3: f64, head_m: f64) -> f64 {
+    // A sensor that sees no steady pressure sees no elevation.
+    let elevation_m = match sensor.coupling {
+        Coupling::Dc => rig.sensor_elevation_m(sensor),
+        Coupling::Ac => 0.0,
+    };
+    sensor.unit.from_si((head_m - elevation_m) * density_kg_m3 * GRAVITY_M_S2, density_kg_m3)
 }
 
 /// The number of elements that settings like `tau3_s` ask for, where the list of effects leaves it open.

@@ -96,6 +96,12 @@ pub enum LogError {
         /// Which sensor, and why.
         why: String,
     },
+    /// It has the channels already that are to be added.
+    #[error("{} holds the values of a model already: export the recording that it was made from", .0.shown())]
+    HasModel(PathBuf),
+    /// Its times are not final.
+    #[error("{file} was closed in haste, with clocks that are still to be applied: `surgescope recover {file} -o NEW.mcap` does it; export that", file = .0.shown())]
+    ClocksLeft(PathBuf),
     /// Something is wrong in a time series.
     #[error("{}{}: {problem}", path.shown(), line.map(|l| format!(":{l}")).unwrap_or_default())]
     Csv {

@@ -24,6 +24,8 @@ pub(crate) mod retime;
 pub mod schema;
 pub(crate) mod sink;
 pub(crate) mod summary;
+pub mod viewer;
+pub mod with_model;
 pub(crate) mod write;
 pub(crate) mod writer;
 

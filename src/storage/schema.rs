@@ -80,23 +80,49 @@ impl Kind {
     }
 }
 
+/// What a model shows at the time of a sample, `surgescope.Modelled`. No recorder writes it: its channels stand beside the data.
+#[derive(Clone, PartialEq, Message)]
+pub struct Modelled {
+    /// Value in the sensor's unit.
+    #[prost(double, optional, tag = "1")]
+    pub value: Option<f64>,
+}
+
+/// Name of the schema of [`Modelled`].
+pub const MODELLED: &str = "surgescope.Modelled";
+
+/// Which of a model's two channels.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Shows {
+    /// What the sensor would show if the model were the truth.
+    Model,
+    /// Measured minus modelled.
+    Residual,
+}
+
+impl Shows {
+    /// Both, in the order of their discriminants.
+    pub const ALL: [Shows; 2] = [Shows::Model, Shows::Residual];
+
+    /// How the channel's metadata call it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Shows::Model => "model",
+            Shows::Residual => "residual",
+        }
+    }
+
+    /// Topic of a sensor's channel.
+    pub fn topic(self, sensor: &str) -> String {
+        format!("/{sensor}/{}", self.name())
+    }
+}
+
 /// The serialized `FileDescriptorSet` of the three messages, the data of each schema record.
 pub fn descriptor_set() -> Vec<u8> {
-    let field = |name: &str, number, label: Label, kind: Type| FieldDescriptorProto {
-        name: Some(name.into()),
-        number: Some(number),
-        label: Some(label.into()),
-        r#type: Some(kind.into()),
-        json_name: Some(camel_case(name)),
-        options: (label == Label::Repeated).then(|| FieldOptions { packed: Some(true), ..Default::default() }),
-        ..Default::default()
-    };
-    let message = |name: &str, field| DescriptorProto { name: Some(name.into()), field, ..Default::default() };
-    let file = FileDescriptorProto {
-        name: Some("surgescope.proto".into()),
-        package: Some("surgescope".into()),
-        syntax: Some("proto2".into()),
-        message_type: vec![
+    encoded(
+        "surgescope.proto",
+        vec![
             message(
                 "Sample",
                 vec![
@@ -121,6 +147,37 @@ pub fn descriptor_set() -> Vec<u8> {
                 ],
             ),
         ],
+    )
+}
+
+/// The same of [`Modelled`].
+pub fn modelled_descriptor_set() -> Vec<u8> {
+    let value = field("value", 1, Label::Required, Type::Double);
+    encoded("surgescope_modelled.proto", vec![message("Modelled", vec![value])])
+}
+
+fn field(name: &str, number: i32, label: Label, kind: Type) -> FieldDescriptorProto {
+    FieldDescriptorProto {
+        name: Some(name.into()),
+        number: Some(number),
+        label: Some(label.into()),
+        r#type: Some(kind.into()),
+        json_name: Some(camel_case(name)),
+        options: (label == Label::Repeated).then(|| FieldOptions { packed: Some(true), ..Default::default() }),
+        ..Default::default()
+    }
+}
+
+fn message(name: &str, field: Vec<FieldDescriptorProto>) -> DescriptorProto {
+    DescriptorProto { name: Some(name.into()), field, ..Default::default() }
+}
+
+fn encoded(name: &str, message_type: Vec<DescriptorProto>) -> Vec<u8> {
+    let file = FileDescriptorProto {
+        name: Some(name.into()),
+        package: Some("surgescope".into()),
+        syntax: Some("proto2".into()),
+        message_type,
         ..Default::default()
     };
     FileDescriptorSet { file: vec![file] }.encode_to_vec()

@@ -11,6 +11,7 @@ use crate::rig::RigError;
 use crate::shown::Shown as _;
 use crate::signal::SignalError;
 use crate::signal::faults::{SensorFault, in_words};
+use crate::simulate::as_recorded::AsRecordedError;
 use crate::storage::LogError;
 
 /// Any error of a [`Study`](crate::Study). The cause, where there is one, is its `source()`.
@@ -65,6 +66,8 @@ pub enum Error {
     NotOfARun { name: String, file: PathBuf },
     #[error("the models cannot be written to {}: {why}", file.shown())]
     Unwritable { file: PathBuf, why: String },
+    #[error(transparent)]
+    Unshown(AsRecordedError),
     #[error("name one effect")]
     NotOneEffect,
     #[error(transparent)]

@@ -1,5 +1,6 @@
 //! The front door: recordings opened, inspected and prepared, ready to be calibrated and diagnosed. Nothing in here prints.
 
+pub mod beside;
 pub mod calibrate;
 pub mod error;
 pub mod hold;

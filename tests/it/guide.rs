@@ -36,6 +36,7 @@ pages! {
     sensitivity "docs/src/sensitivity.md"
     automation "docs/src/automation.md"
     formats "docs/src/formats.md"
+    installing "docs/src/installing.md"
     protocols "docs/src/protocols.md"
     physics "docs/src/physics.md"
 }

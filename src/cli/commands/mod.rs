@@ -3,6 +3,7 @@
 pub mod accept;
 pub mod add;
 pub mod calibrate;
+pub mod completions;
 pub mod creep;
 pub mod cross_validate;
 pub mod demo;
@@ -14,6 +15,8 @@ pub mod frequency;
 pub mod history;
 pub mod import;
 pub mod inspect;
+pub mod layout;
+pub mod man;
 pub mod model;
 pub mod next;
 pub mod pest;
