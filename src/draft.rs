@@ -75,8 +75,10 @@ pub fn place(draft: &mut Draft, path: &Path, source: &SourceOptions) {
     };
     let length_m = draft.length_m.value;
     let first_s = found.sensors.iter().filter_map(|s| s.front_arrival_s).map(|e| e.value).fold(f64::INFINITY, f64::min);
-    // Of the wave speed that the period shows the ends are exact: a sensor that sees no front stands at the supply.
-    let speed_m_s = found.period.map(|p| 4.0 * length_m / p.value);
+    // The wave speed to the supply and back needs no sensor between the ends.
+    let speeds = &found.wave_speed;
+    let there_and_back = speeds.crossings.map(|c| c.value).or(speeds.joukowsky.map(|e| e.value));
+    let speed_m_s = there_and_back.or(found.period.map(|p| 4.0 * length_m / p.value));
     for sensor in draft.sensors.iter_mut().filter(|s| s.kind == SensorKind::Pressure) {
         let seen = found.sensors.iter().find(|s| s.name == sensor.name);
         let later_s = seen.and_then(|s| s.front_arrival_s).map(|e| e.value - first_s);

@@ -3,6 +3,9 @@
 use crate::rig::SensorKind;
 use crate::units::Unit;
 
+/// Standard deviation of a position that is only guessed, as a share of the length.
+const GUESSED_SHARE: f64 = 0.01;
+
 /// What a rig file needs.
 #[derive(Debug, Clone)]
 pub struct Draft {
@@ -125,6 +128,11 @@ impl Draft {
                 num("position_m", &place, ""),
                 line("unit", quoted(s.unit.value.symbol), &s.unit.why, ""),
             );
+            let is_guess = !s.position_m.why.is_empty() && (0.0..self.length_m.value).contains(&s.position_m.value);
+            if s.kind == SensorKind::Pressure && is_guess {
+                let about = "as long as nobody has measured the position";
+                text += &line("position_tolerance_m", number(GUESSED_SHARE * self.length_m.value), "", about);
+            }
             if s.kind == SensorKind::Pressure {
                 text += "# range = [-1.0, 16.0]             # of its data sheet, in its unit\n\
                          # accuracy_percent_fs = 0.25        # of its data sheet\n";
