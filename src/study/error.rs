@@ -65,6 +65,10 @@ pub enum Error {
     NotOfARun { name: String, file: PathBuf },
     #[error("the models cannot be written to {}: {why}", file.shown())]
     Unwritable { file: PathBuf, why: String },
+    #[error("{name} is a run's own value, read from each record anew, so no test narrows it: choose one of {others}")]
+    OfARun { name: String, others: String },
+    #[error("{name} is held, so no test narrows it: choose one of {others}")]
+    Held { name: String, others: String },
     #[error("name one effect")]
     NotOneEffect,
     #[error(transparent)]

@@ -10,6 +10,7 @@ use crate::fit::search::options::Options;
 use crate::fit::validate::conflict::{at_bounds, conflicts};
 use crate::fit::validate::energy::energy_of;
 use crate::model::effects::Chosen;
+use crate::report::advice::Again;
 use crate::report::page::html;
 use crate::report::{Page, Stage};
 use crate::results::fit_file::Form;
@@ -204,6 +205,8 @@ fn found(
         stages: fits.iter().map(|fit| Stage::of(fit)).collect(),
         energy: fits.last().and_then(|fit| energy_of(&rig, &data, fit, 0).ok().flatten()),
         diagnoses: std::slice::from_ref(&diagnosis),
+        again: Some(Again::of(&[path.to_owned()], None, &[], &[])),
+        temperatures_degc: vec![(run.file.clone(), features.temperature_degc)],
         ..Page::of(&rig)
     };
     write_report(&report_path, &html(&page))?;

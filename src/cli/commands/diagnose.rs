@@ -17,6 +17,7 @@ use crate::fit::search::sensor_choice::is_open;
 use crate::fit::validate::energy::energy_of;
 use crate::model::effects::{Chosen, parse_list};
 use crate::report::Page;
+use crate::report::advice::Again;
 use crate::report::diagnosis::text as diagnosis;
 use crate::report::{Stage, title};
 use crate::results::fit_record::now;
@@ -201,7 +202,8 @@ fn diagnosed(args: Args, json: bool) -> CommandResult {
     if let Some(path) = &args.report {
         let stages = models.iter().map(|(title, fit)| Stage { title: title.clone(), fit }).collect();
         let energy = models.last().and_then(|(_, fit)| energy_of(study.rig(), study.runs(), fit, 0).ok().flatten());
-        write_page(path, &study, Page { stages, diagnoses: &diagnoses, energy, ..Page::of(study.rig()) })?;
+        let again = Some(Again::of(&args.recordings, args.rig.as_deref(), &args.ignored.sensors, &args.hold));
+        write_page(path, &study, Page { stages, diagnoses: &diagnoses, energy, again, ..Page::of(study.rig()) })?;
         tell!("report: {}", path.shown());
     }
     unsaved.map_or(Ok(Outcome::Done), |error| Err(error.into()))

@@ -21,7 +21,8 @@ pub fn write_page(path: &Path, study: &Study, page: Page) -> Result<(), AnyError
     let of = |l: &Loaded| l.window.map(|window| format!("{}: {}", l.file, window.in_words()));
     let windows: Vec<String> = study.recordings().iter().filter_map(of).collect();
     let warnings: Vec<String> = windows.into_iter().chain(page.warnings.iter().cloned()).collect();
-    let page = html(&Page { title, warnings: &warnings, ..page });
+    let temperatures_degc = study.recordings().iter().map(|l| (l.file.clone(), l.features.temperature_degc)).collect();
+    let page = html(&Page { title, warnings: &warnings, temperatures_degc, ..page });
     output::check_report(path)?;
     Ok(output::write(path, &with_flags(&page))?)
 }

@@ -130,6 +130,15 @@ pub fn decimals_for(resolution: f64) -> usize {
     if resolution > 0.0 && resolution.is_finite() { (-resolution.log10()).ceil().clamp(0.0, 9.0) as usize } else { 3 }
 }
 
+/// A probability in words that do not claim more than it can, `0.87`, `> 0.99`.
+pub fn probability(p: f64) -> String {
+    match p {
+        p if p > 0.995 => "> 0.99".into(),
+        p if p < 0.005 => "< 0.01".into(),
+        p => format!("{p:.2}"),
+    }
+}
+
 /// Twelve significant digits, without the tail of binary fractions.
 pub fn rounded(value: f64) -> f64 {
     format!("{value:.11e}").parse().unwrap_or(value)
