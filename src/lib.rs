@@ -89,6 +89,6 @@ pub use crate::study::Study;
 pub use crate::study::error::Error;
 
 pub use surgescope_core::{
-    align, creep, diagnose, fit, model, recording, rig, sensitivity, signal, temperature, units, valve,
+    align, creep, diagnose, fit, model, number, recording, rig, sensitivity, signal, temperature, units, valve,
 };
 use surgescope_core::{robust, shown, text_file};

@@ -34,8 +34,9 @@ pub struct Args {
     /// Replace an older file of settings.
     #[arg(long)]
     overwrite: bool,
-    /// Write a page with what each sensor would show; replaces an older page of that name, and no other file.
-    #[arg(long, value_name = "HTML", conflicts_with = "narrow")]
+    /// Write a page with what each sensor would show, or with the tests that narrow the parameter; replaces an older page of that name, and no other
+    /// file.
+    #[arg(long, value_name = "HTML")]
     report: Option<PathBuf>,
 }
 
