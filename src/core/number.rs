@@ -29,14 +29,15 @@ fn last_place(error: f64) -> i32 {
     if error / 10f64.powi(exponent) < 3.55 { exponent - 1 } else { exponent }
 }
 
-/// A value and its standard error, `0.4604 ± 0.0003`, both to the digits that the error has; the error of readings that do not differ is 0.
+/// A value and its standard error, `0.4604 ± 0.0003`, both to the digits that the error has; the value alone where
+/// readings do not differ, for that is no error of 0.
 pub fn plus_minus(value: f64, error: f64) -> String {
     if !value.is_finite() || !error.is_finite() {
         return with_error(value, error);
     }
     // what rounding leaves of readings that do not differ is no error
     if error <= 1e-9 * value.abs() {
-        return format!("{} ± 0", significant(value, 4));
+        return significant(value, 4);
     }
     format!("{} ± {}", to_error(value, error), to_error(error, error))
 }
@@ -221,7 +222,7 @@ mod tests {
         assert_eq!(plus_minus(0.897_379_231, 0.000_44), "0.8974 ± 0.0004");
         assert_eq!(plus_minus(395.1, 12.4), "395 ± 12");
         assert_eq!(plus_minus(1.25, 0.2), "1.25 ± 0.20");
-        assert_eq!(plus_minus(0.897_379_231, 1e-17), "0.8974 ± 0");
+        assert_eq!(plus_minus(0.897_379_231, 1e-17), "0.8974");
         assert_eq!(plus_minus(1.25, f64::INFINITY), "1.250 (undetermined)");
         assert_eq!(to_error(1241.83, 92.0), "1240");
     }

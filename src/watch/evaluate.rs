@@ -12,6 +12,7 @@ use crate::fit::validate::energy::energy_of;
 use crate::model::effects::Chosen;
 use crate::report::advice::Again;
 use crate::report::page::html;
+use crate::report::text::number::probability;
 use crate::report::{Page, Stage};
 use crate::results::fit_file::Form;
 use crate::results::fit_record::{FitRecord, now};
@@ -227,7 +228,11 @@ fn write_model(path: &Path, recording: &Path, diagnosis: &Diagnosis) -> Result<M
     }
     file.append(&diagnosis.start, WATCHED, None, now());
     if let Some(fit) = diagnosis.answer() {
-        let why = format!("{WATCHED}: {} missing, probability {:.2}", diagnosis.answer_label(), diagnosis.probability);
+        let why = format!(
+            "{WATCHED}: {} missing, probability {}",
+            diagnosis.answer_label(),
+            probability(diagnosis.probability)
+        );
         file.append(fit, &why, Some(diagnosis.answer_evidence()), now());
     }
     models::save(&mut file, path)?;
