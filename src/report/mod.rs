@@ -39,7 +39,7 @@ use crate::fit::outcome::fit::Fit;
 use crate::fit::validate::predict::Prediction;
 use crate::model::effects::Chosen;
 use crate::model::energy::Energy;
-use crate::report::advice::Again;
+use crate::report::advice::Advice;
 use crate::rig::Rig;
 
 /// One model in the story of a calibration.
@@ -100,8 +100,8 @@ pub struct Page<'a> {
     pub energy: Option<Energy>,
     /// Temperature of the water in each run, °C, by its file; that of the rig where it is not among them.
     pub temperatures_degc: Vec<(String, f64)>,
-    /// How a command reads these recordings again; without it the page says no command.
-    pub again: Option<Again>,
+    /// What to do next.
+    pub advice: Option<Advice>,
 }
 
 impl<'a> Page<'a> {
@@ -117,7 +117,7 @@ impl<'a> Page<'a> {
             prediction: None,
             energy: None,
             temperatures_degc: Vec::new(),
-            again: None,
+            advice: None,
         }
     }
 

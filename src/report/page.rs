@@ -4,7 +4,6 @@
 use std::fmt::Write;
 
 use crate::report::Page;
-use crate::report::advice;
 use crate::report::html::data;
 use crate::report::html::page::{contents, footer, head};
 use crate::report::prediction::text as prediction;
@@ -37,7 +36,7 @@ pub fn html(page: &Page) -> String {
         r#"<p class="verdict {class}"><span class="mark" aria-hidden="true">{mark}</span> <span>{}</span></p>"#,
         escape(&verdict)
     );
-    if let Some(advice) = advice::of(page) {
+    if let Some(advice) = &page.advice {
         out.push_str(&advice.html());
     }
     out.push_str("</header>\n");

@@ -5,11 +5,11 @@ use std::path::Path;
 use surgescope::fit::outcome::uncertainty::Uncertainty;
 
 use serde_json::Value;
+use surgescope::cli::console::advice::{self, Again};
 use surgescope::fit::outcome::fit::{Fit, FittedParameter, RunFit, SensorFit};
 use surgescope::fit::problem::compare::ExtremumError;
 use surgescope::model::effects::{Chosen, parse_list};
 use surgescope::report::Page;
-use surgescope::report::advice::Again;
 use surgescope::report::calibration::text as table;
 use surgescope::report::page::html;
 use surgescope::report::{Overlay, Stage};
@@ -302,9 +302,10 @@ fn the_page_tells_the_story_and_needs_no_network() {
 fn the_page_says_what_to_do_next_with_a_command() {
     let (base, wall) = two_stages(2_000);
     let rig = rig("hdpe-50");
-    let again = |ignored: &[String]| Some(Again::of(&["run 3.mcap".into()], None, ignored, &[]));
     let advice = |fit, ignored: &[String]| {
-        let text = html(&Page { stages: stages(&[("model", fit)]), again: again(ignored), ..Page::of(&rig) });
+        let page = Page { stages: stages(&[("model", fit)]), ..Page::of(&rig) };
+        let advice = advice::of(&page, &Again::of(&["run 3.mcap".into()], None, ignored, &[]));
+        let text = html(&Page { advice, ..page });
         Some(text.split_once("class=\"command\">")?.1.split_once('<')?.0.replace("&#39;", "'"))
     };
     let missing = advice(&base, &[]).expect("something is missing");

@@ -5,12 +5,12 @@ use std::path::{Path, PathBuf};
 use serde_json::json;
 
 use crate::cli::args::recordings;
+use crate::cli::console::advice::Again;
 use crate::cli::console::outcome::{CommandResult, Outcome};
 use crate::cli::console::page::write_page;
 use crate::cli::console::print::{say, say_text, tell};
 use crate::cli::console::progress::shown;
 use crate::fit::outcome::fit::Fit;
-use crate::report::advice::Again;
 use crate::report::calibration::text as table;
 use crate::report::inspection::text::table as inspection;
 use crate::report::view::{failure, summary};
@@ -80,8 +80,8 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     let stages = vec![base_stage, Stage { title: format!("+ {EFFECT}"), fit: &full }];
     say(json, &format!("\n4. Add '{EFFECT}' and calibrate again.\n{}", table::calibration(&stages)))?;
 
-    let again = Some(Again::of(std::slice::from_ref(&recording), None, &[], &[]));
-    write_page(&report, &study, Page { stages, again, ..Page::of(&rig) })?;
+    let again = Again::of(std::slice::from_ref(&recording), None, &[], &[]);
+    write_page(&report, &study, Page { stages, ..Page::of(&rig) }, &again)?;
     if json {
         say!("{:#}", document(&study, &recording, &report, &base, &full));
     } else {

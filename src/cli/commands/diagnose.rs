@@ -6,6 +6,7 @@ use serde_json::json;
 
 use crate::cli::args::hold;
 use crate::cli::args::recordings;
+use crate::cli::console::advice::Again;
 use crate::cli::console::outcome::{CommandResult, Outcome};
 use crate::cli::console::page::write_page;
 use crate::cli::console::print::{say, say_text, tell};
@@ -17,7 +18,6 @@ use crate::fit::search::sensor_choice::is_open;
 use crate::fit::validate::energy::energy_of;
 use crate::model::effects::{Chosen, parse_list};
 use crate::report::Page;
-use crate::report::advice::Again;
 use crate::report::diagnosis::text as diagnosis;
 use crate::report::text::number::{error_m, probability, times};
 use crate::report::{Stage, title};
@@ -204,8 +204,8 @@ fn diagnosed(args: Args, json: bool) -> CommandResult {
     if let Some(path) = &args.report {
         let stages = models.iter().map(|(title, fit)| Stage { title: title.clone(), fit }).collect();
         let energy = models.last().and_then(|(_, fit)| energy_of(study.rig(), study.runs(), fit, 0).ok().flatten());
-        let again = Some(Again::of(&args.recordings, args.rig.as_deref(), &args.ignored.sensors, &args.hold));
-        write_page(path, &study, Page { stages, diagnoses: &diagnoses, energy, again, ..Page::of(study.rig()) })?;
+        let again = Again::of(&args.recordings, args.rig.as_deref(), &args.ignored.sensors, &args.hold);
+        write_page(path, &study, Page { stages, diagnoses: &diagnoses, energy, ..Page::of(study.rig()) }, &again)?;
         tell!("report: {}", path.shown());
     }
     unsaved.map_or(Ok(Outcome::Done), |error| Err(error.into()))
