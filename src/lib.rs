@@ -30,6 +30,7 @@
 //! | module | what happens there |
 //! | --- | --- |
 //! | [`units`] | display units at the edges, SI inside |
+//! | [`number`] | how many digits a value deserves |
 //! | [`rig`] | the rig file: pipes, water, materials, sensors, wiring |
 //! | [`recording`] | a test in memory: samples of each sensor, gaps, metadata |
 //! | [`signal`] | noise, steady pressures, extrema, period, wave speed |
