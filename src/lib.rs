@@ -30,6 +30,7 @@
 //! | module | what happens there |
 //! | --- | --- |
 //! | [`units`] | display units at the edges, SI inside |
+//! | [`number`] | how many digits a value deserves |
 //! | [`rig`] | the rig file: pipes, water, materials, sensors, wiring |
 //! | [`recording`] | a test in memory: samples of each sensor, gaps, metadata |
 //! | [`signal`] | noise, steady pressures, extrema, period, wave speed |
@@ -91,6 +92,6 @@ pub use crate::study::Study;
 pub use crate::study::error::Error;
 
 pub use surgescope_core::{
-    align, creep, diagnose, fit, model, recording, rig, sensitivity, signal, temperature, units, valve,
+    align, creep, diagnose, fit, model, number, recording, rig, sensitivity, signal, temperature, units, valve,
 };
 use surgescope_core::{robust, shown, text_file};

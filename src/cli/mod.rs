@@ -3,6 +3,7 @@
 pub mod args;
 pub mod commands;
 pub mod console;
+pub(crate) mod examples;
 pub(crate) mod help;
 
 use std::process::ExitCode;
@@ -66,7 +67,7 @@ enum Command {
 
 /// The command line with its commands in groups.
 fn command() -> clap::Command {
-    help::grouped(Cli::command())
+    help::grouped(examples::added(Cli::command()))
 }
 
 /// Ends with what is wrong with the arguments, which the parser quotes as they are.

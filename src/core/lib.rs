@@ -6,6 +6,7 @@ pub mod creep;
 pub mod diagnose;
 pub mod fit;
 pub mod model;
+pub mod number;
 mod product;
 pub mod recording;
 pub mod rig;

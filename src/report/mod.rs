@@ -12,6 +12,7 @@
 //! | [`page`] | the page of a calibration, a prediction or a diagnosis, from the pieces of its subject |
 //! | the others | one subject each: its text, its JSON and its HTML side by side |
 
+pub mod advice;
 pub mod calibration;
 pub mod creep;
 pub mod diagnosis;
@@ -39,6 +40,7 @@ use crate::fit::outcome::fit::Fit;
 use crate::fit::validate::predict::Prediction;
 use crate::model::effects::Chosen;
 use crate::model::energy::Energy;
+use crate::report::advice::Advice;
 use crate::rig::Rig;
 
 /// One model in the story of a calibration.
@@ -97,6 +99,10 @@ pub struct Page<'a> {
     pub prediction: Option<&'a Prediction>,
     /// Where the energy of the last stage's first run went, if that is known.
     pub energy: Option<Energy>,
+    /// Temperature of the water in each run, °C, by its file; that of the rig where it is not among them.
+    pub temperatures_degc: Vec<(String, f64)>,
+    /// What to do next.
+    pub advice: Option<Advice>,
 }
 
 impl<'a> Page<'a> {
@@ -111,6 +117,14 @@ impl<'a> Page<'a> {
             diagnoses: &[],
             prediction: None,
             energy: None,
+            temperatures_degc: Vec::new(),
+            advice: None,
         }
+    }
+
+    /// Temperature of the water in a run, °C.
+    pub(crate) fn temperature_degc(&self, file: &str) -> f64 {
+        let known = self.temperatures_degc.iter().find(|(name, _)| name == file).map(|(_, degc)| *degc);
+        known.filter(|degc| degc.is_finite()).unwrap_or(self.rig.fluid.temperature_degc)
     }
 }

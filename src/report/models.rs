@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use serde::Serialize;
 
-use crate::report::text::number::{grouped, significant, with_error};
+use crate::report::text::number::{error_m, grouped, significant, times, with_error};
 use crate::results::model_file::{Entry, ModelFile};
 use crate::shown::Shown as _;
 
@@ -24,17 +24,17 @@ pub fn json(file: &ModelFile) -> serde_json::Result<String> {
 
 /// The models, one a line, the one in force marked, then its parameters.
 pub fn text(file: &ModelFile) -> String {
-    let mut out = String::from("    no  from      RMSE m  x noise     ln odds  model\n");
+    let mut out = String::from("    no  from   RMSE, m  × noise     ln odds  model\n");
     for (i, model) in file.models.iter().enumerate() {
         let mark = if i + 1 == file.in_force { '*' } else { ' ' };
         let from = model.grown_from.map_or(String::new(), |n| n.to_string());
         let evidence = model.evidence.map_or(String::new(), grouped);
         let _ = writeln!(
             out,
-            "{mark} {:>4}  {from:>4}  {:>10.4} {:>8.2}  {evidence:>10}  {}   {} ({})",
+            "{mark} {:>4}  {from:>4}  {:>8} {:>8}  {evidence:>10}  {}   {} ({})",
             i + 1,
-            model.rmse_m,
-            model.rmse_m / model.noise_m,
+            error_m(model.rmse_m),
+            times(model.rmse_m, model.noise_m),
             model.name.shown(),
             model.why.shown(),
             model.when
@@ -43,7 +43,7 @@ pub fn text(file: &ModelFile) -> String {
     out.push_str("\nin force:\n");
     for p in &file.current().parameters {
         let run = p.run.as_ref().map_or(String::new(), |r| format!(" ({r})"));
-        let value = p.standard_error.map_or_else(|| significant(p.value, 6), |error| with_error(p.value, error));
+        let value = p.standard_error.map_or_else(|| significant(p.value, 5), |error| with_error(p.value, error));
         let _ = writeln!(out, "  {}{run} = {value}   {}", p.name, p.source);
     }
     out
@@ -66,7 +66,7 @@ mod tests {
             + &parameter("J1_per_GPa", "3.99e-7", "")
             + &parameter("tau1_s", "0.000531154", "standard_error = 1.4e-5\n");
         let said = text(&ModelFile::parse(&toml, std::path::Path::new("m.toml")).unwrap());
-        assert!(said.contains("  J1_per_GPa = 3.99000e-7   fitted\n"), "{said}");
+        assert!(said.contains("  J1_per_GPa = 3.9900e-7   fitted\n"), "{said}");
         assert!(said.contains("  tau1_s = 0.000531(14)   fitted\n"), "{said}");
     }
 }

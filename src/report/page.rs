@@ -20,7 +20,7 @@ const UPLOT_LICENCE: &str = include_str!("html/assets/uplot/LICENSE");
 ///
 /// Never fails: without stages or sensors the page says so; numbers that are not finite are left out of the curves.
 pub fn html(page: &Page) -> String {
-    let panels = panels(&page.stages, &page.overlays);
+    let panels = panels(page);
     let (kind, (mark, class, verdict)) = match page.prediction {
         _ if !page.diagnoses.is_empty() => ("diagnosis", crate::report::diagnosis::html::verdict(page)),
         Some(ahead) => ("prediction", judged(prediction::judge(ahead), prediction::verdict(ahead))),
@@ -31,13 +31,15 @@ pub fn html(page: &Page) -> String {
     };
     let named = page.diagnoses.last().map_or(String::new(), |d| format!(" data-verdict=\"{}\"", d.verdict.name()));
     let mut out = head(&page.title, kind, &named);
-    let _ = write!(
+    let _ = writeln!(
         out,
-        r#"<p class="verdict {class}"><span class="mark" aria-hidden="true">{mark}</span> <span>{}</span></p>
-</header>
-"#,
+        r#"<p class="verdict {class}"><span class="mark" aria-hidden="true">{mark}</span> <span>{}</span></p>"#,
         escape(&verdict)
     );
+    if let Some(advice) = &page.advice {
+        out.push_str(&advice.html());
+    }
+    out.push_str("</header>\n");
     for warning in page.warnings {
         let _ = writeln!(out, "<p class=\"note\"><strong>Warning:</strong> {}.</p>", escape(warning));
     }
@@ -47,14 +49,15 @@ pub fn html(page: &Page) -> String {
     } else {
         crate::report::calibration::stages::staircase(&page.stages, "")
     };
-    sensors(&mut body, page, &panels);
+    let links = sensor_links(page, &panels);
+    sensors(&mut body, page, &panels, &links);
     body.push_str(&crate::report::calibration::parameters::section(&page.stages));
     if diagnosed {
         body.push_str(&crate::report::diagnosis::html::after(page));
     }
     body.push_str(&crate::report::calibration::stages::computation(&page.stages));
     body.push_str(&crate::report::calibration::rig::section(page.rig));
-    out.push_str(&contents(&body));
+    out.push_str(&contents(&body, ("sensors", &links)));
     out.push_str(&body);
     out.push_str(&footer(" Charts: uPlot (MIT licence)."));
     if !panels.is_empty() {
@@ -79,24 +82,36 @@ fn judged(closeness: Closeness, sentence: String) -> (&'static str, &'static str
     (mark, class, sentence)
 }
 
-fn sensors(out: &mut String, page: &Page, panels: &[Panel]) {
-    let Some(last) = page.stages.last() else { return };
+/// A list of links to the sensors where there are several.
+fn sensor_links(page: &Page, panels: &[Panel]) -> String {
+    let several = page.stages.last().is_some_and(|last| last.fit.runs.len() > 1);
+    let links = panels.iter().enumerate().map(|(i, panel)| {
+        let run = if several { format!(" · {}", escape(panel.file)) } else { String::new() };
+        format!(r##"<li><a href="#sensor-{i}">{}{run}</a></li>"##, escape(&panel.fit.name))
+    });
+    if panels.len() > 1 { format!("<ul>{}</ul>", links.collect::<String>()) } else { String::new() }
+}
+
+fn sensors(out: &mut String, page: &Page, panels: &[Panel], links: &str) {
+    if page.stages.is_empty() {
+        return;
+    }
     if panels.is_empty() {
         out.push_str("<section id=\"sensors\"><h2>Measurement and model</h2><p>No pressure sensor was calibrated.</p></section>\n");
         return;
     }
     out.push_str("<section id=\"sensors\"><h2>Measurement and model</h2>\n");
-    if panels.len() > 1 {
-        out.push_str(r#"<nav aria-label="Sensors"><ul>"#);
-        for (i, panel) in panels.iter().enumerate() {
-            let run = if last.fit.runs.len() > 1 { format!(" · {}", escape(panel.file)) } else { String::new() };
-            let _ = write!(out, r##"<li><a href="#sensor-{i}">{}{run}</a></li>"##, escape(&panel.fit.name));
-        }
-        out.push_str("</ul></nav>\n");
+    if !links.is_empty() {
+        let _ = writeln!(out, r#"<nav class="sensors" aria-label="Sensors">{links}</nav>"#);
+    }
+    let mut units: Vec<&str> = panels.iter().filter_map(|p| Some(p.unit.as_ref()?.symbol)).collect();
+    units.dedup();
+    if !units.is_empty() {
+        // The script fills it with buttons; without one, and on paper, heads are in m.
+        let _ = writeln!(out, r#"<p class="units" data-own="{}" hidden>Heads in </p>"#, escape(&units.join(", ")));
     }
     for (i, panel) in panels.iter().enumerate() {
-        // The page of a diagnosis has more to say than numbers of peaks: there they fold away.
-        out.push_str(&crate::report::calibration::sensor::section(i, panel, page, page.diagnoses.is_empty()));
+        out.push_str(&crate::report::calibration::sensor::section(i, panel, page));
     }
     out.push_str("</section>\n");
 }

@@ -68,6 +68,10 @@ pub enum Error {
     Unwritable { file: PathBuf, why: String },
     #[error(transparent)]
     Unshown(AsRecordedError),
+    #[error("{name} is a run's own value, read from each record anew, so no test narrows it: choose one of {others}")]
+    OfARun { name: String, others: String },
+    #[error("{name} is held, so no test narrows it: choose one of {others}")]
+    Held { name: String, others: String },
     #[error("name one effect")]
     NotOneEffect,
     #[error(transparent)]

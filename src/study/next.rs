@@ -4,7 +4,7 @@ use crate::diagnose::Diagnosis;
 use crate::diagnose::next::{Answer, Precision, Separation, answer_of, between, narrowing};
 use crate::fit::outcome::fit::{Fit, FittedParameter};
 use crate::study::Study;
-use crate::study::error::Result;
+use crate::study::error::{Error, Result};
 use crate::study::hold::options_of;
 use crate::study::progress::Progress;
 
@@ -88,9 +88,15 @@ impl Study {
     /// The tests that narrow a parameter of a fit, the best first.
     ///
     /// # Errors
-    /// A parameter that the model does not have or that is a run's own; a model that cannot be simulated.
+    /// A parameter that the model does not have, that is a run's own or held; a model that cannot be simulated.
     pub fn narrowing(&self, fit: &Fit, parameter: &str) -> Result<Vec<Precision>> {
-        fit.parameter(parameter)?;
+        let asked = fit.parameter(parameter)?;
+        let narrowed = |p: &&FittedParameter| p.run.is_none() && !p.held;
+        if !narrowed(&asked) {
+            let others: Vec<&str> = fit.parameters.iter().filter(narrowed).map(|p| p.name.as_str()).collect();
+            let (name, others) = (parameter.to_owned(), others.join(", "));
+            return Err(if asked.held { Error::Held { name, others } } else { Error::OfARun { name, others } });
+        }
         let answer = answer_of("", fit);
         Ok(narrowing(self.rig(), self.runs(), fit, &answer, parameter, &options_of(fit))?)
     }

@@ -4,13 +4,15 @@ use std::collections::BTreeSet;
 use std::error::Error;
 use std::path::{Path, PathBuf};
 
-use crate::diagnose::{Diagnosis, diagnose};
+use crate::diagnose::{Diagnosis, Verdict, diagnose};
 use crate::fit::outcome::fit::Fit;
 use crate::fit::search::options::Options;
 use crate::fit::validate::conflict::{at_bounds, conflicts};
 use crate::fit::validate::energy::energy_of;
 use crate::model::effects::Chosen;
+use crate::report::advice::{Advice, quoted};
 use crate::report::page::html;
+use crate::report::text::number::probability;
 use crate::report::{Page, Stage};
 use crate::results::fit_file::Form;
 use crate::results::fit_record::{FitRecord, now};
@@ -204,11 +206,26 @@ fn found(
         stages: fits.iter().map(|fit| Stage::of(fit)).collect(),
         energy: fits.last().and_then(|fit| energy_of(&rig, &data, fit, 0).ok().flatten()),
         diagnoses: std::slice::from_ref(&diagnosis),
+        advice: advice(diagnosis.verdict, accept, path),
+        temperatures_degc: vec![(run.file.clone(), features.temperature_degc)],
         ..Page::of(&rig)
     };
     write_report(&report_path, &html(&page))?;
     let accepted = accept.then(|| acceptance(&run.file, &file, "automatic")).transpose()?;
     Ok((rig.name.clone(), finding, accepted))
+}
+
+/// What to do with a run: take its model into the rig's, unless that has been done; look at what no effect explains.
+fn advice(verdict: Verdict, accepted: bool, path: &Path) -> Option<Advice> {
+    let path = quoted(&path.shown());
+    match verdict {
+        Verdict::UnknownEffect => Some(Advice::new(
+            "Compare what the recording shows with the rig file: a wrong length, unit or place looks like missing physics.",
+            &[format!("inspect {path}")],
+        )),
+        _ if accepted => None,
+        _ => Some(Advice::new("If you trust this model, let later runs start from it.", &[format!("accept {path}")])),
+    }
 }
 
 fn name(path: &Path) -> String {
@@ -224,7 +241,11 @@ fn write_model(path: &Path, recording: &Path, diagnosis: &Diagnosis) -> Result<M
     }
     file.append(&diagnosis.start, WATCHED, None, now());
     if let Some(fit) = diagnosis.answer() {
-        let why = format!("{WATCHED}: {} missing, probability {:.2}", diagnosis.answer_label(), diagnosis.probability);
+        let why = format!(
+            "{WATCHED}: {} missing, probability {}",
+            diagnosis.answer_label(),
+            probability(diagnosis.probability)
+        );
         file.append(fit, &why, Some(diagnosis.answer_evidence()), now());
     }
     models::save(&mut file, path)?;

@@ -2,7 +2,7 @@
 
 use crate::diagnose::{Diagnosis, Verdict};
 use crate::fit::outcome::fit::{Fit, FittedParameter};
-use crate::report::text::number::{error_m, significant, with_error};
+use crate::report::text::number::{error_m, plus_minus, probability, times_noise, with_error};
 use crate::results::history::drift::{Expected, Point, expected};
 use crate::results::history::{Finding, Run, Value};
 
@@ -107,17 +107,18 @@ pub fn line_of(run: &Run) -> String {
 
 /// All in one line, without the file's name: verdict, error, wave speed, how it compares, what to do.
 pub fn line(diagnosis: &Diagnosis, finding: &Finding, compared: &Compared, accepted: bool, file: &str) -> String {
-    let Finding { rmse_m, noise_m, probability, .. } = finding;
-    let error = format!("RMSE {} m ({} × noise)", error_m(*rmse_m), significant(rmse_m / noise_m, 3));
+    let Finding { rmse_m, noise_m, probability: certain, .. } = finding;
+    let error = format!("RMSE {} m ({})", error_m(*rmse_m), times_noise(*rmse_m, *noise_m));
+    let sure = probability(*certain);
     let best = diagnosis.candidates.first();
     let mut parts = match (diagnosis.verdict, best) {
         (Verdict::NothingMissing, _) => vec!["nothing missing".to_owned(), error],
         (Verdict::MissingEffect, Some(best)) => {
             let left_m = diagnosis.answer().map_or(best.rmse_m, |fit| fit.pooled().0);
             let with = format!("{error}, {} m with it", error_m(left_m));
-            vec![format!("{} missing (probability {probability:.2})", diagnosis.answer_label()), with]
+            vec![format!("{} missing (probability {sure})", diagnosis.answer_label()), with]
         }
-        _ => vec![format!("something is missing that no effect explains (probability {probability:.2})"), error],
+        _ => vec![format!("something is missing that no effect explains (probability {sure})"), error],
     };
     let speeds = finding.parameters.iter().filter(|v| v.name.starts_with("wave_speed_m_s"));
     parts.extend(speeds.map(|v| {
@@ -132,7 +133,13 @@ pub fn line(diagnosis: &Diagnosis, finding: &Finding, compared: &Compared, accep
         (earlier, _) if compared.outside.is_empty() => format!("within the range of {earlier} earlier runs"),
         (earlier, _) => {
             let odd = compared.outside.iter().map(|(value, expected)| {
-                format!("{} {} where {} runs gave {}", value.name, shown(value), earlier, plus_minus(expected))
+                format!(
+                    "{} {} where {} runs gave {}",
+                    value.name,
+                    shown(value),
+                    earlier,
+                    plus_minus(expected.value, expected.half_width)
+                )
             });
             format!("outside the range of earlier runs: {}", odd.collect::<Vec<_>>().join(", "))
         }
@@ -151,12 +158,6 @@ pub fn line(diagnosis: &Diagnosis, finding: &Finding, compared: &Compared, accep
 
 fn shown(value: &Value) -> String {
     with_error(value.value, value.standard_error.unwrap_or(f64::INFINITY))
-}
-
-/// A value with half the width of its interval.
-fn plus_minus(expected: &Expected) -> String {
-    let digits = (expected.value.abs() / expected.half_width).log10().ceil().max(0.0) as usize + 2;
-    format!("{} ± {}", significant(expected.value, digits.min(7)), significant(expected.half_width, 2))
 }
 
 #[cfg(test)]

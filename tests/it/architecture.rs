@@ -5,8 +5,9 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// The rooms from the cellar up. A room may use what stands before it, with the exceptions below.
-const ROOMS: [&str; 26] = [
+const ROOMS: [&str; 27] = [
     "units",
+    "number",
     "shown",
     "text_file",
     "robust",

@@ -83,10 +83,10 @@ fn creep_to_its_end_is_a_staircase_down_to_the_noise() {
     ranking_is_of(page, answer);
 
     let stairs = section(page, "errors").split_once("</div>\n</div>").unwrap().0;
-    let bars = numbers(&between(stairs, "class=\"bar\" style=\"width:", "%"));
+    let dots = numbers(&between(stairs, "class=\"dot\" style=\"left:", "%"));
     let floors = numbers(&between(stairs, "class=\"floor\" style=\"left:", "%"));
-    assert_eq!((bars.len(), floors.len()), (2, 2), "two models, each with the noise");
-    assert!(bars[0] > 2.0 * floors[0] && bars[1] < bars[0] && (bars[1] - floors[1]).abs() < 1.0, "{bars:?} {floors:?}");
+    assert_eq!((dots.len(), floors.len()), (2, 2), "two models, each with the noise");
+    assert!(dots[0] > 2.0 * floors[0] && dots[1] < dots[0] && (dots[1] - floors[1]).abs() < 1.0, "{dots:?} {floors:?}");
     let table = errors(page);
     assert!((table[1][0] / answer["start"]["rmse_m"].as_f64().unwrap() - 1.0).abs() < 0.02, "{table:?}");
     assert!((table[1][1] / answer["start"]["noise_m"].as_f64().unwrap() - 1.0).abs() < 0.02, "{table:?}");
@@ -170,5 +170,5 @@ fn where_nothing_is_missing_the_page_says_so_and_shows_no_signature() {
     );
     assert!(section(page, "failings").contains("Nowhere: its residual is noise"));
     assert!(!page.contains("id=\"signature\""));
-    assert_eq!(section(page, "errors").matches("class=\"bar\"").count(), 1);
+    assert_eq!(section(page, "errors").matches("class=\"dot\"").count(), 1);
 }

@@ -68,7 +68,7 @@ fn all_pages() -> Vec<PathBuf> {
 }
 
 /// A folder with copies of `rigs/` and `recordings/`, as the root of the repository has them.
-fn scratch() -> TempDir {
+pub(crate) fn scratch() -> TempDir {
     fn copy(from: &Path, to: &Path) {
         fs::create_dir(to).unwrap();
         for entry in fs::read_dir(from).unwrap() {
@@ -84,7 +84,7 @@ fn scratch() -> TempDir {
     folder
 }
 
-fn surgescope(folder: &Path, arguments: &[&str]) -> Output {
+pub(crate) fn surgescope(folder: &Path, arguments: &[&str]) -> Output {
     Command::new(PROGRAM).args(arguments).current_dir(folder).output().unwrap()
 }
 

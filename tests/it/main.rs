@@ -9,6 +9,7 @@ mod diagnosis_page;
 mod export_results;
 mod family;
 mod guide;
+mod help_examples;
 mod history;
 mod hold;
 mod hostile_names;

@@ -5,6 +5,7 @@ use std::path::Path;
 use surgescope::fit::outcome::uncertainty::Uncertainty;
 
 use serde_json::Value;
+use surgescope::cli::console::advice::{self, Again};
 use surgescope::fit::outcome::fit::{Fit, FittedParameter, RunFit, SensorFit};
 use surgescope::fit::problem::compare::ExtremumError;
 use surgescope::model::effects::{Chosen, parse_list};
@@ -282,11 +283,40 @@ fn the_page_tells_the_story_and_needs_no_network() {
     }
     assert!(text.starts_with("<!doctype html>") && text.contains("<meta name=\"generator\" content=\"surgescope "));
     assert!(
-        text.contains("Model − measured, m") && !text.to_lowercase().contains("measured − model"),
+        text.contains("Model − measured, <span class=\"unit\">m</span>")
+            && !text.to_lowercase().contains("measured − model"),
         "one sign throughout"
     );
+    assert!(!text.contains("<details open"), "tables of peaks are folded");
+    let residuals = text.matches("base model").count();
+    assert!(residuals > 6, "the base model is in every chart: {residuals}");
+    assert!(!text.contains("What to do next"), "no command without recordings");
+    let unit = &data(&text)["panels"][0]["unit"];
+    assert_eq!(unit["name"], "kPa");
+    assert!((unit["per_m"].as_f64().unwrap_or(f64::NAN) - 9.792).abs() < 0.01 && unit["zero"] == 0.0, "{unit}");
+    assert!(text.contains("data-own=\"kPa\""), "the switch says which units there are");
     assert!(!text.contains("max-height: 38rem"), "no table hides rows in a box of its own");
     assert_eq!(text.matches("<svg xmlns").count(), 6, "head and residual of each sensor without a script");
+}
+
+#[test]
+fn the_page_says_what_to_do_next_with_a_command() {
+    let (base, wall) = two_stages(2_000);
+    let rig = rig("hdpe-50");
+    let advice = |fit, ignored: &[String]| {
+        let page = Page { stages: stages(&[("model", fit)]), ..Page::of(&rig) };
+        let advice = advice::of(&page, &Again::of(&["run 3.mcap".into()], None, ignored, &[]));
+        let text = html(&Page { advice, ..page });
+        Some(text.split_once("class=\"command\">")?.1.split_once('<')?.0.replace("&#39;", "'"))
+    };
+    let missing = advice(&base, &[]).expect("something is missing");
+    assert_eq!(missing, "surgescope diagnose 'run 3.mcap' --report diagnosis.html");
+    let good = advice(&wall, &[]).expect("the model can be checked");
+    assert_eq!(good, "surgescope cross-validate 'run 3.mcap' --effects viscoelastic-wall:2");
+    assert_eq!(advice(&wall, &["P2".into()]), None, "cross-validation leaves no sensor out");
+    let mut early = base.clone();
+    early.converged = false;
+    assert!(advice(&early, &[]).is_some_and(|c| c.ends_with("--method global-local")));
 }
 
 #[test]

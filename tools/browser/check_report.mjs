@@ -125,6 +125,42 @@ async function legend(page) {
   check("the keyboard shows it again", (await shown()) && (await button.getAttribute("aria-pressed")) === "true");
 }
 
+// One switch shows every head as its sensor does: charts, legends, tables. A second press brings m back.
+async function units(page) {
+  const buttons = page.locator(".units button");
+  const panels = JSON.parse(await page.textContent("#data")).panels;
+  if (panels.every((p) => p.unit === null)) {
+    check("no switch where sensors show heads", (await buttons.count()) === 0);
+    return;
+  }
+  const seen = () => page.$$eval("section.sensor", (all) => all.map((s) => ({ unit: s.querySelector(".unit").textContent,
+    level: Number((s.querySelector("data.level")?.textContent ?? "0").replace("\u2212", "-")), chart: s.querySelector(".plot.head").chart.data[1].find((v) => v != null),
+    heading: s.querySelector("th:nth-child(3)")?.textContent ?? "" })));
+  const before = await seen();
+  await buttons.nth(1).click();
+  await settled(page);
+  const after = await seen();
+  check("the switch shows each sensor's own unit", panels.every((p, i) => {
+    if (p.unit === null) return after[i].chart === before[i].chart;
+    const shown = (v) => v * p.unit.per_m + p.unit.zero;
+    const near = (a, b) => Math.abs(a - b) <= 0.02 * p.unit.per_m;
+    return after[i].unit === p.unit.name && near(after[i].chart, shown(before[i].chart)) && near(after[i].level, shown(before[i].level)) && !/, m$/.test(after[i].heading);
+  }), JSON.stringify([before, after]));
+  await picture(page, "own-units.png");
+  await buttons.nth(0).click();
+  await settled(page);
+  check("and back in m", JSON.stringify(await seen()) === JSON.stringify(before));
+}
+
+// What to do next stands above the fold with a command; a wide window has the index beside the page.
+async function guides(page) {
+  const commands = await page.$$eval(".advice .command", (all) => all.map((c) => [c.textContent, c.nextElementSibling?.textContent, c.getBoundingClientRect().top < window.innerHeight]));
+  check("commands to copy begin with the program and have a button", commands.every(([text, button, high]) => text.startsWith("surgescope ") && button === "Copy" && high), JSON.stringify(commands));
+  check("tables of peaks are folded", await page.$$eval("section.sensor details", (all) => all.every((d) => !d.open)));
+  const beside = await page.evaluate(() => document.querySelector("nav.contents").getBoundingClientRect().right <= document.querySelector("h1").getBoundingClientRect().left);
+  check("the index stands beside the page", beside);
+}
+
 // Smallest contrast of any text with the ground it stands on (WCAG 2).
 const contrast = (page) => page.evaluate(() => {
   const rgb = (text) => (text.match(/[\d.]+/g) ?? [0, 0, 0, 0]).map(Number);
@@ -205,6 +241,8 @@ try {
   check("a report with an answer is that of a diagnosis", diagnosed || !answer);
   if (diagnosed) await diagnosis(page, check, answer);
   await picture(page, "light.png");
+  await guides(page);
+  await units(page);
   await zoom(page);
   await legend(page);
   await fits(page, 1400);

@@ -33,15 +33,15 @@ export async function diagnosis(page, check, answer) {
 
 async function staircase(page, check, models) {
   const steps = await page.$$eval(".stairs .step:not(.scale)", (all) => all.map((s) => {
-    const right = (e) => e && e.getBoundingClientRect().right;
-    return { bar: right(s.querySelector(".bar")), length: s.querySelector(".bar")?.getBoundingClientRect().width, floor: right(s.querySelector(".floor")),
+    const middle = (e) => { const box = e?.getBoundingClientRect(); return box && (box.left + box.right) / 2; };
+    return { dot: middle(s.querySelector(".dot")), floor: middle(s.querySelector(".floor")),
       rmse: Number(s.querySelector("strong").textContent.replace(" m", "")), times: s.querySelector("small").textContent };
   }));
-  check("every step has a bar and the noise as its floor", steps.length === models && steps.every((s) => s.length > 2 && s.floor > 0), JSON.stringify(steps));
-  check("the bars descend", sorted(steps.map((s) => s.length)) && sorted(steps.map((s) => s.rmse)), JSON.stringify(steps));
-  check("a bar passes the floor where its error passes the noise", steps.every((s) => {
+  check("every step has a dot and the noise as its floor", steps.length === models && steps.every((s) => s.dot > 0 && s.floor > 0), JSON.stringify(steps));
+  check("the dots descend", sorted(steps.map((s) => s.dot)) && sorted(steps.map((s) => s.rmse)), JSON.stringify(steps));
+  check("a dot passes the floor where its error passes the noise", steps.every((s) => {
     const ratio = parseFloat(s.times);
-    return ratio < 0.98 ? s.bar < s.floor : ratio > 1.1 ? s.bar > s.floor : true;
+    return ratio < 0.98 ? s.dot < s.floor : ratio > 1.1 ? s.dot > s.floor : true;
   }), JSON.stringify(steps));
 }
 

@@ -9,6 +9,7 @@ use crate::cli::console::print::{say, say_text, tell};
 use crate::cli::console::progress::{refit, shown};
 use crate::model::effects::{Chosen, parse_list};
 use crate::report::models::{json as models_json, text};
+use crate::report::text::number::{duration, error_m, grouped};
 use crate::study::{Grown, models};
 
 /// Add an effect to the current model and refit.
@@ -47,7 +48,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     let began = Instant::now();
     let start = refit(&mut at, "current model, ")?;
     let Grown { fit, evidence, .. } = shown(&mut at.study, "", |study| study.grow(&start, &args.effect))?;
-    tell!("{:.1} s", began.elapsed().as_secs_f64());
+    tell!("done in {}", duration(began.elapsed().as_secs_f64()));
     at.append(&fit, &format!("{label} added"), Some(evidence))?;
     if json {
         say!("{}", models_json(&at.file)?);
@@ -55,8 +56,10 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         say_text!(text(&at.file));
         let (rmse_m, _) = fit.pooled();
         say!(
-            "\n{label} added: RMSE {:.4} m → {rmse_m:.4} m, evidence {evidence:.1}{}",
-            before.rmse_m,
+            "\n{label} added: RMSE {} m → {} m, ln odds {}{}",
+            error_m(before.rmse_m),
+            error_m(rmse_m),
+            grouped(evidence),
             if evidence > 0.0 { "" } else { "; the data do not support it: `surgescope undo` takes it back" }
         );
     }

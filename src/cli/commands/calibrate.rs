@@ -6,6 +6,7 @@ use crate::cli::args::creep_prior::WALL;
 use crate::cli::args::hold;
 use crate::cli::args::recordings;
 use crate::cli::args::search::Search;
+use crate::cli::console::advice::Again;
 use crate::cli::console::outcome::{CommandResult, Outcome};
 use crate::cli::console::page::write_page;
 use crate::cli::console::print::{say, say_text, tell};
@@ -140,7 +141,8 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     }
     // last, so that a page that cannot be written costs no result
     if let Some(path) = &args.report {
-        write_page(path, &study, Page { stages, warnings: &warned, ..Page::of(study.rig()) })?;
+        let again = Again::of(&args.recordings, args.rig.as_deref(), &args.ignored.sensors, &args.hold);
+        write_page(path, &study, Page { stages, warnings: &warned, ..Page::of(study.rig()) }, &again)?;
         tell!("report: {}", path.shown());
     }
     Ok(Outcome::Done)

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use serde_json::json;
 
 use crate::cli::args::recordings;
+use crate::cli::console::advice::Again;
 use crate::cli::console::outcome::{CommandResult, Outcome};
 use crate::cli::console::page::write_page;
 use crate::cli::console::print::{say, say_text, tell};
@@ -119,7 +120,13 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         say(json, &added)?;
     }
     models::save(&mut kept, &files.model)?;
-    write_page(&files.report, &study, Page { stages, diagnoses: std::slice::from_ref(&found), ..Page::of(&rig) })?;
+    let again = Again::of(std::slice::from_ref(&files.recording), None, &[], &[]);
+    write_page(
+        &files.report,
+        &study,
+        Page { stages, diagnoses: std::slice::from_ref(&found), ..Page::of(&rig) },
+        &again,
+    )?;
     let hidden = hidden.map(|(chosen, _)| chosen);
     if json {
         say!("{:#}", document(&study, &files, hidden.as_ref(), &base, &found));

@@ -6,6 +6,7 @@ use serde_json::json;
 
 use crate::cli::args::hold;
 use crate::cli::args::recordings;
+use crate::cli::console::advice::Again;
 use crate::cli::console::outcome::{CommandResult, Outcome};
 use crate::cli::console::page::write_page;
 use crate::cli::console::print::{say, say_text, tell};
@@ -18,6 +19,7 @@ use crate::fit::validate::energy::energy_of;
 use crate::model::effects::{Chosen, parse_list};
 use crate::report::Page;
 use crate::report::diagnosis::text as diagnosis;
+use crate::report::text::number::{error_m, probability, times};
 use crate::report::{Stage, title};
 use crate::results::fit_record::now;
 use crate::shown::Shown as _;
@@ -148,7 +150,8 @@ fn diagnosed(args: Args, json: bool) -> CommandResult {
         }
         let added = found.answer().cloned();
         if let (Some(fit), Some(file)) = (&added, &mut file) {
-            let why = format!("diagnosed: {} missing, probability {:.2}", found.answer_label(), found.probability);
+            let why =
+                format!("diagnosed: {} missing, probability {}", found.answer_label(), probability(found.probability));
             file.append(fit, &why, Some(found.answer_evidence()), now());
         }
         if let (Some(path), Some(file)) = (&args.apply, &mut file) {
@@ -201,7 +204,8 @@ fn diagnosed(args: Args, json: bool) -> CommandResult {
     if let Some(path) = &args.report {
         let stages = models.iter().map(|(title, fit)| Stage { title: title.clone(), fit }).collect();
         let energy = models.last().and_then(|(_, fit)| energy_of(study.rig(), study.runs(), fit, 0).ok().flatten());
-        write_page(path, &study, Page { stages, diagnoses: &diagnoses, energy, ..Page::of(study.rig()) })?;
+        let again = Again::of(&args.recordings, args.rig.as_deref(), &args.ignored.sensors, &args.hold);
+        write_page(path, &study, Page { stages, diagnoses: &diagnoses, energy, ..Page::of(study.rig()) }, &again)?;
         tell!("report: {}", path.shown());
     }
     unsaved.map_or(Ok(Outcome::Done), |error| Err(error.into()))
@@ -223,7 +227,7 @@ fn staircase(models: &[(String, Fit)]) -> String {
     let mut out = String::from("\nModels, one after the other:\n");
     for (title, fit) in models {
         let (rmse_m, noise_m) = fit.pooled();
-        out += &format!("  {rmse_m:>8.3} m  {:>7.2} x noise  {title}\n", rmse_m / noise_m);
+        out += &format!("  {:>7} m  {:>6} × noise  {title}\n", error_m(rmse_m), times(rmse_m, noise_m));
     }
     out
 }

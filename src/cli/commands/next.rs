@@ -7,7 +7,7 @@ use crate::cli::console::outcome::{CommandResult, Outcome};
 use crate::cli::console::print::{say, say_text, tell};
 use crate::cli::console::progress::{refit, shown};
 use crate::report::next::html::html;
-use crate::report::next::text::{contest, document, narrowing, settings, settings_file, title};
+use crate::report::next::text::{Narrowing, contest, document, only, settings, settings_file, title};
 use crate::shown::Shown as _;
 use crate::storage::output;
 use crate::study::models;
@@ -34,8 +34,9 @@ pub struct Args {
     /// Replace an older file of settings.
     #[arg(long)]
     overwrite: bool,
-    /// Write a page with what each sensor would show; replaces an older page of that name, and no other file.
-    #[arg(long, value_name = "HTML", conflicts_with = "narrow")]
+    /// Write a page with what each sensor would show, or with the tests that narrow the parameter; replaces an older page of that name, and no other
+    /// file.
+    #[arg(long, value_name = "HTML")]
     report: Option<PathBuf>,
 }
 
@@ -58,7 +59,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     let start = refit(&mut at, "current model, ")?;
     let mut asked = args.narrow.clone();
     let mut contests: Vec<Contest> = Vec::new();
-    let mut fit = start.clone();
+    let (mut fit, mut alone) = (start.clone(), None);
     if asked.is_none() {
         let (standing, better) = shown(&mut at.study, "", |study| {
             if let [one, other] = args.between.as_slice() {
@@ -68,8 +69,8 @@ pub fn run(args: Args, json: bool) -> CommandResult {
             Ok((study.standing(&found), found.answer().cloned()))
         })?;
         contests = shown(&mut at.study, "", |study| study.contests(&start, &standing))?;
-        if let ([only], false) = (standing.as_slice(), json) {
-            say!("One answer stands: {} ({:.2}).", only.answer.name, only.probability.unwrap_or(1.0));
+        if let [one] = standing.as_slice() {
+            alone = Some(only(one));
         }
         if contests.is_empty() {
             fit = better.unwrap_or(fit);
@@ -78,25 +79,30 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     }
     let narrowed = asked
         .as_deref()
-        .map(|name| Ok::<_, crate::Error>((name, shown(&mut at.study, "", |study| study.narrowing(&fit, name))?)))
+        .map(|name| {
+            let tests = shown(&mut at.study, "", |study| study.narrowing(&fit, name))?;
+            Ok::<_, crate::Error>(Narrowing { parameter: name.to_owned(), unit: fit.parameter(name)?.unit, tests })
+        })
         .transpose()?;
     if json {
-        let narrowed = narrowed.as_ref().map(|(name, tests)| (*name, tests.as_slice()));
-        say!("{}", document(at.study.rig(), &contests, narrowed));
+        say!("{}", document(at.study.rig(), &contests, narrowed.as_ref()));
     } else {
+        if let Some(alone) = &alone {
+            say!("{alone}");
+        }
         for of in &contests {
             say_text!(contest(of));
         }
-        if let Some((name, tests)) = &narrowed {
-            say_text!(narrowing(name, fit.parameter(name)?.unit, tests));
+        if let Some(narrowed) = &narrowed {
+            say_text!(narrowed.text());
         }
     }
     let told =
         contests.iter().find_map(|c| Some((title(&c.between), c.tests.first().filter(|t| t.repeats.is_some())?)));
     let best = told.map(|(why, test)| (why, test.instruction.clone(), test.change, test.run));
     let best = best.or_else(|| {
-        let (name, tests) = narrowed.as_ref()?;
-        tests.first().map(|t| (format!("narrows {name}"), t.instruction.clone(), t.change, t.run))
+        let Narrowing { parameter, tests, .. } = narrowed.as_ref()?;
+        tests.first().map(|t| (format!("narrows {parameter}"), t.instruction.clone(), t.change, t.run))
     });
     if let (Some(path), Some((why, instruction, change, run))) = (&args.save, &best) {
         let settings = settings(at.study.rig(), change, run);
@@ -104,7 +110,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         tell!("settings: {}", path.shown());
     }
     if let Some(path) = &args.report {
-        output::write(path, &html(&at.study.rig().name, &contests))?;
+        output::write(path, &html(&at.study.rig().name, alone.as_deref(), &contests, narrowed.as_ref()))?;
         tell!("report: {}", path.shown());
     }
     Ok(if best.is_some() { Outcome::Done } else { Outcome::No })

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use crate::cli::args::own_values::Own;
+use crate::cli::console::advice::Again;
 use crate::cli::console::outcome::{CommandResult, Outcome};
 use crate::cli::console::page::write_page;
 use crate::cli::console::print::{say, say_text, tell};
@@ -50,7 +51,8 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     if let Some(path) = &args.report {
         let stage = Stage { title: "prediction".into(), fit: &predicted.prediction.fit };
         let prediction = Some(&predicted.prediction);
-        write_page(path, &study, Page { stages: vec![stage], prediction, ..Page::of(study.rig()) })?;
+        let again = Again::of(&args.recordings, args.own.rig.as_deref(), &[], &[]);
+        write_page(path, &study, Page { stages: vec![stage], prediction, ..Page::of(study.rig()) }, &again)?;
         tell!("report: {}", path.shown());
     }
     Ok(if ahead(&predicted.prediction).error_m.is_finite() { Outcome::Done } else { Outcome::No })

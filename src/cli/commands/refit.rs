@@ -7,6 +7,7 @@ use crate::cli::console::outcome::{CommandResult, Outcome};
 use crate::cli::console::print::{say, say_text};
 use crate::cli::console::progress::refit;
 use crate::report::models::{json as models_json, text};
+use crate::report::text::number::error_m;
 use crate::study::models;
 
 /// Fit the current model again after you have edited its file.
@@ -39,7 +40,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         say!("{}", models_json(&at.file)?);
     } else {
         say_text!(text(&at.file));
-        say!("\n{why}: RMSE {:.4} m → {:.4} m", before.rmse_m, at.file.current().rmse_m);
+        say!("\n{why}: RMSE {} m → {} m", error_m(before.rmse_m), error_m(at.file.current().rmse_m));
     }
     Ok(Outcome::Done)
 }

@@ -173,8 +173,9 @@ fn scenario(args: &Args) -> Result<Scenario, Box<dyn std::error::Error + Send + 
         let file = models::load(path)?;
         let entry = file.current();
         effects = parse_list(&entry.effects.join(","))?;
-        // What belongs to a recording (its clock, its sensors' offsets) is none of a simulation's.
-        let of_recording = |name: &str| name == "closure_start_s" || name.starts_with("offset_m");
+        // What belongs to a recording (its clock, its sensors' offsets and places) is none of a simulation's.
+        let of_recording =
+            |name: &str| name == "closure_start_s" || name.starts_with("offset_m") || name.starts_with("position_m[");
         for p in entry.parameters.iter().filter(|p| !of_recording(&p.name)) {
             if !set(&settings, &p.name) {
                 settings.push((p.name.clone(), p.value));

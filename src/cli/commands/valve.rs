@@ -12,7 +12,7 @@ use crate::cli::console::progress::shown;
 use crate::fit::outcome::thresholds::STRONG_EVIDENCE;
 use crate::fit::problem::valve_curve::valve_sensor;
 use crate::model::effects::{Chosen, parse_list};
-use crate::report::text::number::fixed;
+use crate::report::text::number::{fixed, grouped};
 use crate::report::valve::json::document;
 use crate::report::valve::svg::chart;
 use crate::report::valve::text::text;
@@ -60,8 +60,9 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     let (rig, runs) = (study.rig(), study.runs());
     if let Some(evidence) = evidence {
         tell!(
-            "the model's valve closes {}: two stages bring {evidence:.0} of evidence ({STRONG_EVIDENCE:.0} is strong){}",
+            "the model's valve closes {}: the ln odds of two stages against one are {} (from {STRONG_EVIDENCE:.0} they are strong){}",
             if two_stages { "in two stages" } else { "linearly" },
+            grouped(evidence),
             if !two_stages && evidence > STRONG_EVIDENCE {
                 ", but leave most of the error, which comes from the pipe"
             } else {

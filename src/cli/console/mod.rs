@@ -1,5 +1,6 @@
 //! What reaches the terminal, and what a command may write.
 
+pub mod advice;
 pub(crate) mod document;
 pub(crate) mod hints;
 pub(crate) mod last_words;

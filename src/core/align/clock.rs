@@ -4,6 +4,7 @@ use std::fmt;
 
 use serde::Serialize;
 
+use crate::number::{plus_minus, significant, to_error};
 use crate::recording::Recording;
 
 /// One file's samples.
@@ -111,13 +112,11 @@ impl fmt::Display for Clock {
         };
         // with a drift, state the offset where it is known best
         let of_s = self.drift_ppm.map_or(0.0, |_| (1e3 * self.at_s).round() / 1e3);
-        let error = short(self.uncertainty_s);
-        write!(f, "{}: aligned by {what}: time {of_s} is at {:.9} s ± {error}", self.file, self.time_s(of_s))?;
+        let (at, error) = (to_error(self.time_s(of_s), self.uncertainty_s), short(self.uncertainty_s));
+        write!(f, "{}: aligned by {what}: time {of_s} s is at {at} s ± {error}", self.file)?;
         if let Some(drift) = self.drift_ppm {
-            write!(f, ", clock slow by {drift:.3} ppm")?;
-            if let Some(error) = self.drift_error_ppm {
-                write!(f, " ± {error:.3}")?;
-            }
+            let drift = self.drift_error_ppm.map_or_else(|| significant(drift, 3), |error| plus_minus(drift, error));
+            write!(f, ", clock slow by {drift} ppm")?;
         }
         if let Some(residual) = self.residual_s {
             write!(f, ", {} left between them", short(residual))?;
@@ -129,9 +128,9 @@ impl fmt::Display for Clock {
 /// A short time in a suitable unit.
 pub(crate) fn short(time_s: f64) -> String {
     match time_s.abs() {
-        t if t >= 0.1 => format!("{time_s:.3} s"),
-        t if t >= 1e-4 => format!("{:.3} ms", time_s * 1e3),
-        _ => format!("{:.3} µs", time_s * 1e6),
+        t if t >= 0.1 => format!("{} s", significant(time_s, 2)),
+        t if t >= 1e-4 => format!("{} ms", significant(time_s * 1e3, 2)),
+        _ => format!("{} µs", significant(time_s * 1e6, 2)),
     }
 }
 

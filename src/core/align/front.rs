@@ -1,6 +1,7 @@
 //! Alignment by the pressure front, which reaches each sensor after its travel time from the valve.
 
 use crate::align::clock::{Clock, Method, Part, SURE, short};
+use crate::number::plus_minus;
 use crate::recording::Recording;
 use crate::rig::Rig;
 use crate::signal;
@@ -43,7 +44,7 @@ pub(crate) fn by_front(first: &Part, other: &Part) -> Result<Clock, String> {
     let mut remarks = Vec::new();
     if pairs.iter().any(|p| p.distance_m != 0.0) {
         let whence = if measured { "as measured" } else { "as the rig's walls suggest" };
-        remarks.push(format!("wave speed {:.1} ± {:.1} m/s, {whence}", speed.value, speed.standard_error));
+        remarks.push(format!("wave speed {} m/s, {whence}", plus_minus(speed.value, speed.standard_error)));
     }
     Ok(Clock {
         offset_s,

@@ -2,6 +2,7 @@
 
 use crate::diagnose::limits::{DESCRIBED_EXTREMA, DESCRIBED_OVER_NOISE};
 use crate::fit::outcome::fit::{Fit, SensorFit};
+use crate::number::{error_m, significant, times};
 
 /// One sentence for each sensor whose residual is more than noise; empty if there is none.
 pub fn residual_patterns(fit: &Fit) -> Vec<String> {
@@ -11,10 +12,10 @@ pub fn residual_patterns(fit: &Fit) -> Vec<String> {
         for sensor in &run.sensors {
             if sensor.rmse_m > DESCRIBED_OVER_NOISE * sensor.noise_m {
                 sentences.push(format!(
-                    "{prefix}{}: {:.3} m rms, {:.1} times the noise; {}",
+                    "{prefix}{}: RMSE {} m, {} times the noise; {}",
                     sensor.name,
-                    sensor.rmse_m,
-                    sensor.rmse_m / sensor.noise_m,
+                    error_m(sensor.rmse_m),
+                    times(sensor.rmse_m, sensor.noise_m),
                     shape(sensor)
                 ));
             }
@@ -31,7 +32,11 @@ fn shape(sensor: &SensorFit) -> String {
         if let Some(mean) = mean(&errors)
             && mean.abs() > DESCRIBED_EXTREMA * sensor.noise_m
         {
-            parts.push(format!("modelled {name} {:.3} m too {}", mean.abs(), if mean > 0.0 { "high" } else { "low" }));
+            parts.push(format!(
+                "modelled {name} {} m too {}",
+                error_m(mean.abs()),
+                if mean > 0.0 { "high" } else { "low" }
+            ));
         }
     }
     let phases: Vec<(f64, f64)> =
@@ -42,7 +47,7 @@ fn shape(sensor: &SensorFit) -> String {
             if slope.abs() * phases.len() as f64 > offset.abs() { (slope, " a cycle") } else { (offset, "") };
         if late.abs() > if by.is_empty() { step } else { step / phases.len() as f64 } {
             let word = if late > 0.0 { "late" } else { "early" };
-            parts.push(format!("the model {:.2} ms {word}{by}", 1e3 * late.abs()));
+            parts.push(format!("the model {} ms {word}{by}", significant(1e3 * late.abs(), 2)));
         }
     }
     let residual: Vec<f64> = sensor.measured_m.iter().zip(&sensor.model_m).map(|(a, b)| a - b).collect();
@@ -51,11 +56,11 @@ fn shape(sensor: &SensorFit) -> String {
         && (last - first).abs() > sensor.noise_m
     {
         let word = if last > first { "rises" } else { "falls" };
-        parts.push(format!("the measured mean level {word} by {:.3} m against the model", (last - first).abs()));
+        parts.push(format!("the measured mean level {word} by {} m against the model", error_m((last - first).abs())));
     }
     let cycles = by_cycle(sensor, &residual);
     if let Some((cycle, rms)) = cycles.iter().copied().max_by(|a, b| a.1.total_cmp(&b.1)) {
-        parts.push(format!("worst in cycle {cycle} ({rms:.3} m)"));
+        parts.push(format!("worst in cycle {cycle} ({} m)", error_m(rms)));
     }
     parts.join(", ")
 }
@@ -129,9 +134,9 @@ mod tests {
     #[test]
     fn lateness_and_height_are_said() {
         let said = shape(&sensor(0.004, 0.5));
-        assert!(said.contains("4.00 ms late a cycle") && said.contains("peaks 0.500 m too high"), "{said}");
+        assert!(said.contains("4.0 ms late a cycle") && said.contains("peaks 0.50 m too high"), "{said}");
         let said = shape(&sensor(-0.004, -0.5));
-        assert!(said.contains("4.00 ms early a cycle") && said.contains("peaks 0.500 m too low"), "{said}");
+        assert!(said.contains("4.0 ms early a cycle") && said.contains("peaks 0.50 m too low"), "{said}");
     }
 
     #[test]

@@ -9,6 +9,7 @@ use crate::fit::search::calibrate::with_more_elements;
 use crate::fit::search::options::Options;
 use crate::fit::validate::conflict::{conflicts, faded_noise, moved_sensors};
 use crate::model::effects::Chosen;
+use crate::number::error_m;
 use crate::rig::Rig;
 
 /// One sentence for each reason to doubt the start model.
@@ -41,8 +42,10 @@ pub fn warnings(rig: &Rig, runs: &[RunData], start: &Fit, effects: &[Chosen], op
     let (rmse_m, signal_m) = (start.pooled().0, signal_m(start));
     if rmse_m > NOT_FITTED * signal_m {
         warnings.push(format!(
-            "the start model leaves {rmse_m:.3} m of a signal that moves by {signal_m:.3} m, rms: it does not follow the signal, so its residual \
-             says little; start with the effects that are known to be present"
+            "the start model leaves {} m of a signal that moves by {} m, rms: it does not follow the signal, so its residual \
+             says little; start with the effects that are known to be present",
+            error_m(rmse_m),
+            error_m(signal_m)
         ));
     }
     warnings.extend(conflicts(start, runs));
@@ -61,11 +64,11 @@ fn too_few_elements(rig: &Rig, runs: &[RunData], start: &Fit, effects: &[Chosen]
     }
     let name = more.effects.iter().find(|c| c.effect.name() == fixed.effect.name())?.label();
     Some(format!(
-        "{} has too few elements: with {name} the error falls from {:.4} to {:.4} m, so an effect found here may only make up for the missing elements; \
+        "{} has too few elements: with {name} the error falls from {} to {} m, so an effect found here may only make up for the missing elements; \
          leave their number open",
         fixed.label(),
-        start.pooled().0,
-        more.pooled().0
+        error_m(start.pooled().0),
+        error_m(more.pooled().0)
     ))
 }
 

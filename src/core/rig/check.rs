@@ -1,5 +1,6 @@
 //! Checks whether a rig file is consistent: each number is compared with what the others imply.
 
+use crate::number::significant;
 use crate::rig::device::Protocol;
 use crate::rig::friction::LAMINAR_REYNOLDS;
 use crate::rig::friction::darcy_friction_factor;
@@ -210,7 +211,11 @@ fn check_counts(rig: &Rig, sensor: &Sensor) -> Option<Finding> {
     let [from, to] = rig.count_ends(sensor)?;
     let slack = 0.001 * (hi - lo);
     let unit = sensor.unit;
-    let reach = format!("16-bit counts reach from {from:.4} to {to:.4} {unit}, the sensor from {lo} to {hi} {unit}");
+    let reach = format!(
+        "16-bit counts reach from {} to {} {unit}, the sensor from {lo} to {hi} {unit}",
+        significant(from, 4),
+        significant(to, 4)
+    );
     let numbers = [("counts_from", from), ("counts_to", to), ("range_lo", lo), ("range_hi", hi)];
     let (level, message) = if from > lo + slack || to < hi - slack {
         (Level::Warning, format!("{reach}: the counts end first; change 'scale' or 'offset'"))

@@ -1,5 +1,6 @@
 //! Warnings about a recording before any fit: numbers that cannot all be right.
 
+use crate::number::{duration, error_m, significant};
 use crate::rig::Rig;
 use crate::signal::features::{Estimate, Features};
 
@@ -49,18 +50,19 @@ pub fn doubts(rig: &Rig, features: &Features) -> Vec<String> {
         let lead_s = features.closure.start_s - sensor.begin_s;
         if lead_s < LEAST_LEAD * period_s {
             found.push(format!(
-                "the record begins {lead_s:.3} s before the closure, or after it had begun: the head before it, the noise and the start of \
-                 the closure are not known; let the recording run for a second or more before the valve closes"
+                "the record begins {} before the closure, or after the closure had begun: the head before it, the noise and the start of \
+                 the closure are not known; let the recording run for a second or more before the valve closes",
+                duration(lead_s.max(0.0))
             ));
         }
     }
     for sensor in &features.sensors {
         if let Some(line) = sensor.noise.line {
             found.push(format!(
-                "{} oscillates at {:.3} Hz by {:.3} m even before the closure (a pump, mains hum, or an alias of them): no model of a closure reproduces that, so it counts as missing physics; stop its source, or filter it before the converter",
+                "{} oscillates at {} Hz by {} m even before the closure (a pump, mains hum, or an alias of them): no model of a closure reproduces that, so it counts as missing physics; stop its source, or filter it before the converter",
                 sensor.name,
-                line.cycles_per_sample / sensor.interval_s,
-                line.amplitude_m
+                significant(line.cycles_per_sample / sensor.interval_s, 3),
+                error_m(line.amplitude_m)
             ));
         }
     }

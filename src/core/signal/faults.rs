@@ -5,6 +5,7 @@
 
 use serde::Serialize;
 
+use crate::number::{duration, error_m, significant};
 use crate::recording::Recording;
 use crate::rig::check::ATMOSPHERE_PA;
 use crate::rig::{Coupling, Rig};
@@ -189,7 +190,11 @@ impl<'a> Scene<'a> {
         (station.front.is_err() && share > NEAR_SUPPLY && own < NO_RESPONSE * share * highest).then(|| {
             (
                 Fault::Flat,
-                format!("it moves by {own:.3} m of head in all, while another sensor moves by {highest:.3} m"),
+                format!(
+                    "it moves by {} m of head in all, while another sensor moves by {} m",
+                    error_m(own),
+                    error_m(highest)
+                ),
             )
         })
     }
@@ -232,8 +237,10 @@ impl<'a> Scene<'a> {
             if (apart || loud) && !last {
                 let end = if level == high { "above" } else { "below" };
                 let says = format!(
-                    "it shows nothing {end} {level} {unit}, for {:.4} s at once from {from_s:.4} s on",
-                    to_s - from_s
+                    "it shows nothing {end} {} {unit}, for {} at once from {} s on",
+                    significant(level, 4),
+                    duration(to_s - from_s),
+                    significant(from_s, 4)
                 );
                 return Some((Fault::Clipped, says));
             }
@@ -248,7 +255,17 @@ impl<'a> Scene<'a> {
             part.is_some_and(|p| ends(p).1 - ends(p).0 > STILL_MOVING * (all.1 - all.0))
         };
         let stuck = if others.peek().is_some() { others.any(moves) } else { moved_before };
-        stuck.then(|| (Fault::Stuck, format!("it shows {level} {unit} without a change from {from_s:.4} s to {to_s:.4} s, while the pressure moves")))
+        stuck.then(|| {
+            (
+                Fault::Stuck,
+                format!(
+                    "it shows {} {unit} without a change from {} s to {} s, while the pressure moves",
+                    significant(level, 4),
+                    significant(from_s, 4),
+                    significant(to_s, 4)
+                ),
+            )
+        })
     }
 
     fn inverted(&self, i: usize) -> Found {
@@ -278,9 +295,10 @@ impl<'a> Scene<'a> {
             (
                 Fault::Inverted,
                 format!(
-                    "its head falls by {:.3} m where that of {} rises by {height:.3} m",
-                    base - low,
-                    self.name(other)
+                    "its head falls by {} m where that of {} rises by {} m",
+                    error_m(base - low),
+                    self.name(other),
+                    error_m(height)
                 ),
             )
         })
@@ -305,7 +323,9 @@ impl<'a> Scene<'a> {
         let odd = all.len() > 1 || usual(front.height_m()) > usual(all[0].0);
         (away && odd).then(|| {
             let says = format!(
-                "its steady pressure is {by_level:.4} times and its first front {by_front:.4} times that of the others"
+                "its steady pressure is {} times and its first front {} times that of the others",
+                significant(by_level, 2),
+                significant(by_front, 2)
             );
             (Fault::WrongUnit, says)
         })
@@ -326,7 +346,8 @@ impl<'a> Scene<'a> {
             Some((
                 i,
                 format!(
-                    "by its times the wave travels at {speed:.3} m/s, where this pipe has about {:.0} m/s",
+                    "by its times the wave travels at {} m/s, where this pipe has about {:.0} m/s",
+                    significant(speed, 3),
                     self.speed_m_s
                 ),
             ))
@@ -367,8 +388,12 @@ impl<'a> Scene<'a> {
     fn coarse(&self, station: &Station) -> Found {
         let step_m = station.noise.quantum_m?;
         let height = station.front.as_ref().ok()?.height_m();
-        (step_m * FINE_STEPS > height)
-            .then(|| (Fault::Coarse, format!("its resolution is {step_m:.4} m, and the first front {height:.3} m")))
+        (step_m * FINE_STEPS > height).then(|| {
+            (
+                Fault::Coarse,
+                format!("its resolution is {} m, and the first front {} m", error_m(step_m), error_m(height)),
+            )
+        })
     }
 }
 
@@ -382,7 +407,8 @@ fn unit_by_flow(rig: &Rig, features: &Features) -> Vec<SensorFault> {
         return Vec::new();
     }
     let says = format!(
-        "the first rise is {factor:.4} times what the flow makes: the unit of the pressures or of the flow is wrong"
+        "the first rise is {} times what the flow makes: the unit of the pressures or of the flow is wrong",
+        significant(factor, 2)
     );
     let pressure = rig.pressure_sensors();
     pressure.map(|(_, s)| SensorFault { sensor: s.name.clone(), fault: Fault::WrongUnit, says: says.clone() }).collect()

@@ -4,6 +4,7 @@ use std::fmt;
 
 use serde::Serialize;
 
+use crate::number::significant;
 use crate::record::clock::clock_line::ClockLine;
 
 /// A device's clock against this computer's: the line below all arrivals.
@@ -70,7 +71,8 @@ impl fmt::Display for ClockSummary {
             None => f.write_str("drift not known")?,
         }
         let ClockSummary { residual_median_ms: half, residual_95_ms: most, .. } = self;
-        write!(f, "; half of the frames came within {half:.3} ms of the fit, 95% within {most:.3} ms")
+        let (half, most) = (significant(*half, 2), significant(*most, 2));
+        write!(f, "; half of the frames arrived within {half} ms of the fitted clock, 95% within {most} ms")
     }
 }
 

@@ -31,6 +31,7 @@ pub(crate) fn section(stages: &[Stage]) -> String {
         .collect();
     let caption = format!("Correlation between the parameters of {}", last.title);
     let mut out = String::from("<section class=\"correlation\" id=\"correlation\"><h2>Correlated parameters</h2>\n");
+    out.push_str(&key());
     out.push_str(&matrix(&caption, "parameter", &columns, &rows));
     let mut pairs: Vec<(f64, usize, usize)> = Vec::new();
     for (a, &i) in known.iter().enumerate() {
@@ -51,6 +52,21 @@ pub(crate) fn section(stages: &[Stage]) -> String {
     }
     out.push_str("<p class=\"note\">Correlation between the errors of each pair of parameters of the last model. Near ±1 one can stand in for the other, and only their combination is well determined. Parameters at a bound are left out.</p>\n</section>\n");
     out
+}
+
+/// What the colours stand for.
+fn key() -> String {
+    let classes = [
+        ("n3", "−0.9 and below"),
+        ("n2", "to −0.6"),
+        ("n1", "to −0.3"),
+        ("r0", "weak"),
+        ("p1", "from 0.3"),
+        ("p2", "from 0.6"),
+        ("p3", "0.9 and above"),
+    ];
+    let cells: String = classes.map(|(class, text)| format!(r#"<span class="cell {class}">{text}</span>"#)).concat();
+    format!("<p class=\"key\" aria-hidden=\"true\">correlation: {cells}</p>\n")
 }
 
 /// Indices of the parameters whose correlations are known.

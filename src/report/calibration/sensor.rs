@@ -18,7 +18,7 @@ const RESIDUAL_LABEL: &str = "model − measured, m";
 /// Stretches of a still picture: about one a pixel.
 const STILL_BUCKETS: usize = 420;
 
-pub(crate) fn section(index: usize, panel: &Panel, page: &Page, open: bool) -> String {
+pub(crate) fn section(index: usize, panel: &Panel, page: &Page) -> String {
     let stages = &page.stages;
     let fit = panel.fit;
     let name = escape(&fit.name);
@@ -26,9 +26,9 @@ pub(crate) fn section(index: usize, panel: &Panel, page: &Page, open: bool) -> S
         r#"<section class="sensor" id="sensor-{index}"><h3>{name} <small>{} m from the supply · {}</small></h3>
 <p class="facts">{}</p>
 <div class="live" data-panel="{index}" hidden>
-<div class="tools"><span class="hint">Drag to zoom, double-click to see all.</span><span class="buttons"></span></div>
-<h4>Head, m</h4><div class="legend" data-of="head"></div><div class="plot head" role="img" aria-label="Measured and modelled head at {name} over time"></div>
-<h4>Model − measured, m</h4><div class="legend" data-of="residual"></div><div class="plot residual" role="img" aria-label="Modelled minus measured head at {name} over time"></div>
+<div class="tools"><span class="hint">Drag to zoom, double-click to see all. Click a name to hide its curve.</span><span class="buttons"></span></div>
+<h4><span class="quantity">Head</span>, <span class="unit">m</span></h4><div class="legend" data-of="head"></div><div class="plot head" role="img" aria-label="Measured and modelled head at {name} over time"></div>
+<h4>Model − measured, <span class="unit">m</span></h4><div class="legend" data-of="residual"></div><div class="plot residual" role="img" aria-label="Modelled minus measured head at {name} over time"></div>
 </div>
 <div class="still">
 "#,
@@ -50,7 +50,7 @@ pub(crate) fn section(index: usize, panel: &Panel, page: &Page, open: bool) -> S
             c.samples
         );
     }
-    out.push_str(&extrema(&fit.extrema, fit.noise_m, &fit.name, open));
+    out.push_str(&extrema(&fit.extrema, fit.noise_m, &fit.name));
     out.push_str("</section>\n");
     out
 }
@@ -58,16 +58,30 @@ pub(crate) fn section(index: usize, panel: &Panel, page: &Page, open: bool) -> S
 fn facts(panel: &Panel, stages: &[Stage]) -> String {
     let fit = panel.fit;
     let before = stages.first().filter(|_| stages.len() > 1).and_then(|s| find(s.fit, panel.file, &fit.name));
-    let before = before.map_or(String::new(), |s| format!("{} m → ", error_m(s.rmse_m)));
+    let before = before.map_or(String::new(), |s| format!("{} → ", change(s.rmse_m)));
     let inside = fit
         .inside_band()
         .map_or(String::new(), |share| format!(" · {}% of the samples inside the 95% band", fixed(100.0 * share, 1)));
     format!(
-        "RMSE {before}<strong>{} m</strong> · noise {} m · {}{inside}",
-        error_m(fit.rmse_m),
-        error_m(fit.noise_m),
+        "RMSE {before}<strong>{}</strong> · noise {} · {}{inside}",
+        change(fit.rmse_m),
+        change(fit.noise_m),
         times_noise(fit.rmse_m, fit.noise_m)
     )
+}
+
+/// A difference of heads with its unit, which the page's script turns into the sensor's own.
+fn change(value_m: f64) -> String {
+    format!("{} <span class=\"unit\">m</span>", head("change", value_m, &error_m(value_m)))
+}
+
+/// A head, or a `change` of it, as the page shows it and as its script converts it.
+fn head(class: &str, value_m: f64, text: &str) -> String {
+    if value_m.is_finite() {
+        format!("<data class=\"{class}\" value=\"{value_m}\">{}</data>", minus(text))
+    } else {
+        text.to_owned()
+    }
 }
 
 /// Head and residual as still pictures.
@@ -82,9 +96,7 @@ fn still(panel: &Panel, stages: &[Stage], ahead_from_s: Option<f64>) -> String {
     }
     for (i, (stage, (model, rest))) in stages.iter().zip(c.models_m.iter().zip(&c.residuals_m())).enumerate() {
         head.push(line(&stage.title, c, model, style(i)));
-        if panel.residual_shown.get(i).copied().unwrap_or(true) {
-            residual.push(line(&stage.title, c, rest, style(i)));
-        }
+        residual.push(line(&stage.title, c, rest, style(i)));
     }
     for overlay in &panel.overlays {
         let points = overlay.time_s.iter().copied().zip(overlay.head_m.iter().copied()).collect();
@@ -127,7 +139,7 @@ fn line(label: &str, curves: &Curves, values: &[f64], style: Style) -> Series {
     Series { label: label.into(), points, style }
 }
 
-fn extrema(extrema: &[ExtremumError], noise_m: f64, sensor: &str, open: bool) -> String {
+fn extrema(extrema: &[ExtremumError], noise_m: f64, sensor: &str) -> String {
     if extrema.is_empty() {
         return "<p class=\"note\">No peaks or troughs were found in this trace.</p>\n".into();
     }
@@ -137,9 +149,9 @@ fn extrema(extrema: &[ExtremumError], noise_m: f64, sensor: &str, open: bool) ->
         vec![
             format!("<span class=\"nowrap\">{} {}</span>", e.cycle, if e.peak { "peak" } else { "trough" }),
             fixed(e.time_s, 3),
-            minus(&fixed(e.measured_m, decimals)),
-            minus(&fixed(e.model_m, decimals)),
-            minus(&signed(error, decimals)),
+            head("level", e.measured_m, &fixed(e.measured_m, decimals)),
+            head("level", e.model_m, &fixed(e.model_m, decimals)),
+            head("change signed", error, &signed(error, decimals)),
             minus(&signed(100.0 * error / e.measured_m.abs(), 2)),
             minus(&signed(e.phase_s * 1e3, 1)),
         ]
@@ -147,8 +159,7 @@ fn extrema(extrema: &[ExtremumError], noise_m: f64, sensor: &str, open: bool) ->
     let headings = ["cycle", "time, s", "measured, m", "model, m", "error, m", "error, %", "phase, ms"];
     let caption = format!("Peaks and troughs at {sensor}");
     format!(
-        "<details{}><summary>Peaks and troughs ({})</summary>\n{}<p class=\"note\">Error: model − measured. Phase: how much later the model crosses its mean level before the extremum; positive means that the model is late.</p></details>\n",
-        if open { " open" } else { "" },
+        "<details><summary>Peaks and troughs ({})</summary>\n{}<p class=\"note\">Error: model − measured. Phase: how much later the model crosses its mean level before the extremum; positive means that the model is late.</p></details>\n",
         extrema.len(),
         table(&caption, &headings, &[1, 2, 3, 4, 5, 6], rows)
     )

@@ -10,7 +10,8 @@ use crate::report::text::number::{duration, error_m, times, times_noise};
 use crate::report::view::curves::find;
 use crate::report::view::summary::{Overall, overall};
 
-/// Error of each stage on a logarithmic axis, with the noise as the floor that no model can pass.
+/// Error of each stage on a logarithmic axis, with the noise as the floor that no model can pass. Dots, for such an axis has no zero that a bar
+/// could start from; the line from the noise to a dot is as long as the error is times the noise.
 ///
 /// `below` is HTML that ends the section.
 pub(crate) fn staircase(stages: &[Stage], below: &str) -> String {
@@ -24,15 +25,21 @@ pub(crate) fn staircase(stages: &[Stage], below: &str) -> String {
         String::new()
     };
     for (i, (stage, error)) in stages.iter().zip(&errors).enumerate() {
-        let bar = if error.rmse_m > 0.0 && error.rmse_m.is_finite() {
-            let width = axis.px(error.rmse_m);
-            format!(r#"<i class="bar" style="width:{width:.2}%;background:var(--s{})"></i>"#, colour(i, stages.len()))
+        let colour = colour(i, stages.len());
+        let dot = if error.rmse_m > 0.0 && error.rmse_m.is_finite() {
+            let at = axis.px(error.rmse_m);
+            let from = if floor.is_empty() { at } else { axis.px(noise) };
+            format!(
+                r#"<i class="reach" style="left:{:.2}%;width:{:.2}%;background:var(--s{colour})"></i><i class="dot" style="left:{at:.2}%;background:var(--s{colour})"></i>"#,
+                from.min(at),
+                (at - from).abs(),
+            )
         } else {
             String::new()
         };
         let _ = writeln!(
             out,
-            r#"<div class="step"><span class="name">{}</span><span class="track">{bar}{floor}</span><span class="value"><strong>{} m</strong> <small>{}</small></span></div>"#,
+            r#"<div class="step"><span class="name">{}</span><span class="track">{floor}{dot}</span><span class="value"><strong>{} m</strong> <small>{}</small></span></div>"#,
             escape(&stage.title),
             error_m(error.rmse_m),
             times_noise(error.rmse_m, error.noise_m),

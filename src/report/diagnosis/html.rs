@@ -4,10 +4,10 @@ use crate::diagnose::{Candidate, Diagnosis, Verdict};
 use crate::report::Page;
 use crate::report::Stage;
 use crate::report::calibration::{correlation, energy, heatmap, spectrum, stages};
-use crate::report::diagnosis::words::{probability, start_model};
+use crate::report::diagnosis::words::start_model;
 use crate::report::diagnosis::{ranking, signature};
 use crate::report::text::escape::escape;
-use crate::report::text::number::{error_m, times_noise};
+use crate::report::text::number::{error_m, probability, times_noise};
 use crate::report::view::summary;
 use crate::report::view::summary::overall;
 
@@ -200,7 +200,7 @@ mod tests {
     fn what_no_effect_explains_is_said_with_the_nearest() {
         let page = page_of(Verdict::UnknownEffect, vec![candidate("leak", 0.4, 0.27, &[])], None);
         assert!(page.contains("Something is missing that no effect of the catalogue explains: the base model has RMSE 0.30 m, 10× noise. The nearest, leak, leaves 0.27 m."));
-        assert!(page.contains("+ leak (the nearest)") && page.matches("class=\"bar\"").count() == 2);
+        assert!(page.contains("+ leak (the nearest)") && page.matches("class=\"dot\"").count() == 2);
         assert!(
             page.contains("none can be named") && page.contains("<code>leak</code> (the nearest) over the residual")
         );

@@ -1,10 +1,11 @@
 //! The ranking: every effect that could be missing, with its probability.
 
 use crate::diagnose::{Candidate, Diagnosis, Verdict};
-use crate::report::diagnosis::words::{evidence, probability, start_model};
+use crate::fit::outcome::fit::FittedParameter;
+use crate::report::diagnosis::words::{evidence, start_model};
 use crate::report::html::page::{minus, table};
 use crate::report::text::escape::escape;
-use crate::report::text::number::{error_m, significant, times, with_error};
+use crate::report::text::number::{error_m, grouped, probability, significant, times, with_error};
 use crate::report::view::summary::overall;
 
 /// Candidates that are shown at once; the others fold away.
@@ -106,13 +107,26 @@ fn rows(diagnosis: &Diagnosis, candidates: &[Candidate], with_none: bool) -> Str
     let row = |name: String, p: f64, evidence: String, rmse_m: f64, parameters: String| {
         vec![name, bar(p), evidence, error_m(rmse_m), times(rmse_m, start.noise_m), parameters]
     };
-    let rows = candidates.iter().map(|c| row(name(c), c.probability, minus(&evidence(c)), c.rmse_m, parameters(c)));
+    // Two effects found together stand above both, for neither explains the records alone.
+    let pair = diagnosis.pair.as_ref().filter(|_| with_none).map(|pair| {
+        vec![
+            format!("<strong>{}</strong>", escape(&pair.labels.join(" and "))),
+            probability(pair.probability).replace('>', "&gt;").replace('<', "&lt;"),
+            grouped(pair.evidence),
+            error_m(pair.fit.pooled().0),
+            times(pair.fit.pooled().0, start.noise_m),
+            parameters(diagnosis.answer_parameters()),
+        ]
+    });
+    let rows = candidates
+        .iter()
+        .map(|c| row(name(c), c.probability, minus(&evidence(c)), c.rmse_m, parameters(&c.parameters)));
     let none = diagnosis.none_of_these();
     let last =
         with_none.then(|| row("none of these".into(), none.clamp(0.0, 1.0), "0".into(), start.rmse_m, String::new()));
     let headings = ["effect", "probability", "evidence", "RMSE, m", "× noise", "its parameters"];
     let caption = format!("Effects added to the {}", start_model(diagnosis));
-    table(&caption, &headings, &[2, 3, 4], rows.chain(last))
+    table(&caption, &headings, &[2, 3, 4], pair.into_iter().chain(rows).chain(last))
 }
 
 fn name(candidate: &Candidate) -> String {
@@ -133,8 +147,8 @@ fn bar(p: f64) -> String {
     )
 }
 
-fn parameters(candidate: &Candidate) -> String {
-    let each = candidate.parameters.iter().map(|p| {
+fn parameters(fitted: &[FittedParameter]) -> String {
+    let each = fitted.iter().map(|p| {
         let value =
             if p.standard_error().is_nan() { significant(p.value, 3) } else { with_error(p.value, p.standard_error()) };
         let flag = if p.at_bound { r#" <span class="flag">at its bound</span>"# } else { "" };

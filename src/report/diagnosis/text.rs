@@ -8,7 +8,7 @@ use crate::diagnose::visible::Visible;
 use crate::diagnose::{Candidate, Diagnosis, Pair, Verdict};
 use crate::model::effects::name_of;
 use crate::report::diagnosis::words::evidence;
-use crate::report::text::number::with_error;
+use crate::report::text::number::{error_m, grouped, probability, significant, with_error};
 use crate::results::fit_record::Parameter;
 use crate::signal::faults::SensorFault;
 
@@ -143,7 +143,7 @@ const SHOWN: usize = 5;
 pub fn text(diagnosis: &Diagnosis) -> String {
     let (rmse_m, noise_m) = diagnosis.start.pooled();
     let model = name_of(&diagnosis.start.effects);
-    let mut out = format!("{model}: RMSE {rmse_m:.3} m, noise {noise_m:.3} m\n");
+    let mut out = format!("{model}: RMSE {} m, noise {} m\n", error_m(rmse_m), error_m(noise_m));
     for sentence in &diagnosis.residual_patterns {
         let _ = writeln!(out, "  {sentence}");
     }
@@ -154,30 +154,28 @@ pub fn text(diagnosis: &Diagnosis) -> String {
         (Verdict::NothingMissing, _) => {
             writeln!(
                 out,
-                "\nNothing is missing (probability {:.2}): adding an effect of the catalogue would not pay.",
-                diagnosis.probability
+                "\nNothing is missing (probability {}): adding an effect of the catalogue would not pay.",
+                probability(diagnosis.probability)
             )
         }
         (Verdict::UnknownEffect, Some(_)) => {
             let nearest = diagnosis.candidates.iter().min_by(|a, b| a.rmse_m.total_cmp(&b.rmse_m));
-            let nearest =
-                nearest.map_or(String::new(), |c| format!("; the nearest, {}, leaves {:.3} m", c.effect, c.rmse_m));
-            let p = diagnosis.probability;
-            writeln!(
-                out,
-                "\nSomething is missing that no effect of the catalogue explains (probability {p:.2}){nearest}."
-            )
+            let nearest = nearest
+                .map_or(String::new(), |c| format!("; the nearest, {}, leaves {} m", c.effect, error_m(c.rmse_m)));
+            let p = probability(diagnosis.probability);
+            writeln!(out, "\nSomething is missing that no effect of the catalogue explains (probability {p}){nearest}.")
         }
         (Verdict::UnknownEffect, None) => {
             writeln!(out, "\nSomething is missing that no effect of the catalogue explains.")
         }
         (Verdict::MissingEffect, Some(best)) => writeln!(
             out,
-            "\n{}{}. With {}, RMSE {rmse_m:.3} m → {:.3} m.",
+            "\n{}{}. With {}, RMSE {} m → {} m.",
             named(diagnosis),
             reservations(diagnosis),
             if diagnosis.pair.is_some() { "both" } else { "it" },
-            diagnosis.answer().map_or(best.rmse_m, |fit| fit.pooled().0)
+            error_m(rmse_m),
+            error_m(diagnosis.answer().map_or(best.rmse_m, |fit| fit.pooled().0))
         ),
         (Verdict::MissingEffect, None) => Ok(()),
     };
@@ -186,7 +184,10 @@ pub fn text(diagnosis: &Diagnosis) -> String {
     {
         let _ = writeln!(
             out,
-            "Refitted to the first three fifths of the record, the model misses the rest by {with:.3} m with it, {without:.3} m without."
+            "Refitted to the first three fifths of the record, the model misses the rest by {} m with {}, by {} m without.",
+            error_m(with),
+            best.label,
+            error_m(without)
         );
     }
     if !diagnosis.visible.is_empty() {
@@ -200,29 +201,39 @@ pub fn text(diagnosis: &Diagnosis) -> String {
             let _ = writeln!(out, "  {} = {}{unit}", p.name, with_error(p.value, p.standard_error()));
         }
     }
+    let both = if diagnosis.pair.is_some() { diagnosis.answer_label() } else { String::new() };
+    let width = both.len().max(20);
     if diagnosis.verdict != Verdict::NothingMissing {
         let _ = writeln!(
             out,
-            "\n{:<20} {:>11} {:>10} {:>9}  cannot be distinguished from",
-            "effect", "probability", "ln odds", "RMSE m"
+            "\n{:<width$} {:>11} {:>11} {:>8}  cannot be distinguished from",
+            "effect", "probability", "ln odds", "RMSE, m"
         );
+        if let Some(pair) = &diagnosis.pair {
+            let (p, rmse) = (probability(pair.probability), error_m(pair.fit.pooled().0));
+            let _ = writeln!(out, "{both:<width$} {p:>11} {:>11} {rmse:>8}", grouped(pair.evidence));
+        }
         for c in diagnosis.candidates.iter().take(SHOWN) {
             let _ = writeln!(
                 out,
-                "{:<20} {:>11.3} {:>10} {:>9.3}  {}",
+                "{:<width$} {:>11} {:>11} {:>8}  {}",
                 c.effect,
-                c.probability,
+                if diagnosis.pair.as_ref().is_some_and(|pair| pair.effects.contains(&c.effect)) {
+                    "in the pair".to_owned()
+                } else {
+                    probability(c.probability)
+                },
                 evidence(c),
-                c.rmse_m,
+                error_m(c.rmse_m),
                 c.indistinguishable_from.join(", ")
             );
         }
     }
     if diagnosis.verdict != Verdict::NothingMissing {
-        let _ = writeln!(out, "{:<20} {:>11.3}", "none of these", diagnosis.none_of_these());
+        let _ = writeln!(out, "{:<width$} {:>11}", "none of these", probability(diagnosis.none_of_these()));
     }
-    for (effect, reason) in &diagnosis.left_out {
-        let _ = writeln!(out, "\nNot tried: {effect}: {reason}.");
+    for (i, (effect, reason)) in diagnosis.left_out.iter().enumerate() {
+        let _ = writeln!(out, "{}Not tried: {effect}: {reason}.", if i == 0 { "\n" } else { "" });
     }
     if let Some(test) = &diagnosis.next_test {
         let _ = writeln!(out, "\nNext test: {test}.");
@@ -234,12 +245,14 @@ pub fn text(diagnosis: &Diagnosis) -> String {
 fn named(diagnosis: &Diagnosis) -> String {
     let (label, p) = (diagnosis.answer_label(), diagnosis.probability);
     if p >= 0.5 {
-        return format!("Missing: {label} (probability {p:.2})");
+        return format!("Missing: {label} (probability {})", probability(p));
     }
     let outside = diagnosis.none_of_these();
     format!(
-        "Something is missing; most likely {label} (probability {p:.2}, another effect {:.2}, none of the catalogue {outside:.2})",
-        (1.0 - p - outside).max(0.0)
+        "Something is missing; most likely {label} (probability {}, another effect {}, none of the catalogue {})",
+        probability(p),
+        probability((1.0 - p - outside).max(0.0)),
+        probability(outside)
     )
 }
 
@@ -263,24 +276,7 @@ fn reservations(diagnosis: &Diagnosis) -> String {
 pub(crate) fn least_visible(v: &Visible) -> String {
     let unit = if v.unit == "1" { String::new() } else { format!(" {}", v.unit) };
     if v.vanishes_at == 0.0 {
-        return format!("under {:.2}{unit}", Sig(v.value));
+        return format!("under {}{unit}", significant(v.value, 2));
     }
-    format!("within {} ± {:.2}{unit}", v.vanishes_at, Sig((v.value - v.vanishes_at).abs()))
-}
-
-/// A number to a number of significant digits.
-struct Sig(f64);
-
-impl std::fmt::Display for Sig {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let digits = f.precision().unwrap_or(3);
-        if !self.0.is_finite() {
-            return write!(f, "?");
-        }
-        let magnitude = if self.0 == 0.0 { 0 } else { self.0.abs().log10().floor() as i32 };
-        if !(-4..6).contains(&magnitude) {
-            return write!(f, "{:.*e}", digits - 1, self.0);
-        }
-        write!(f, "{:.*}", (digits as i32 - 1 - magnitude).max(0) as usize, self.0)
-    }
+    format!("within {} ± {}{unit}", v.vanishes_at, significant((v.value - v.vanishes_at).abs(), 2))
 }

@@ -35,7 +35,7 @@ pub fn verdict(sensors: &[SensorResponse]) -> (String, Option<bool>) {
     let sentence = format!(
         "At {} the fundamental, {} Hz, lies {shift}% {way} a/4L, and {} harmonics stand out of the noise",
         sensor.name,
-        fixed(h.record.frequency_hz, 4),
+        significant(h.record.frequency_hz, 4),
         sensor.harmonics.len()
     );
     let (Some(model), Some(peak)) = (h.model, h.model_peak) else { return (sentence + ".", None) };
@@ -85,14 +85,14 @@ pub fn rows(sensor: &SensorResponse) -> Vec<[String; 9]> {
     let row = |h: &Harmonic| {
         [
             h.number.to_string(),
-            fixed(h.ideal_hz, 4),
-            fixed(h.record.frequency_hz, 4),
+            significant(h.ideal_hz, 4),
+            significant(h.record.frequency_hz, 4),
             signed(100.0 * h.shift, 2),
             error_m(h.record.amplitude),
             cell(h.model.map(|m| m.amplitude), error_m),
-            fixed(h.record.phase_rad, 3),
-            cell(h.model.map(|m| turned(h.record.phase_rad, m.phase_rad)), |v| signed(v, 3)),
-            cell(h.model_peak.map(|m| m.frequency_hz), |v| fixed(v, 4)),
+            fixed(h.record.phase_rad, 2),
+            cell(h.model.map(|m| turned(h.record.phase_rad, m.phase_rad)), |v| signed(v, 2)),
+            cell(h.model_peak.map(|m| m.frequency_hz), |v| significant(v, 4)),
         ]
     };
     sensor.harmonics.iter().map(row).collect()

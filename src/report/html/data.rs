@@ -7,7 +7,8 @@ use crate::report::html::page::colour;
 use crate::report::text::number::decimals_for;
 use crate::report::view::panel::Panel;
 
-/// `{"ahead_from": time after which a model predicts or null, "stages": [{"title", "colour"}], "panels": [{"x", "measured", "models", "band", "noise", "residual_shown", "overlays"}]}`.
+/// `{"ahead_from": time after which a model predicts or null, "stages": [{"title", "colour"}], "panels": [{"x", "measured", "models", "band", "noise", "unit", "overlays"}]}`;
+/// `unit` is how the sensor shows a head, `{"name", "per_m", "zero"}`, or null where it shows the head itself.
 pub(crate) fn json(stages: &[Stage], panels: &[Panel], ahead_from_s: Option<f64>) -> String {
     let mut out = String::from(r#"{"ahead_from":"#);
     number(&mut out, ahead_from_s.unwrap_or(f64::NAN), 6);
@@ -42,7 +43,14 @@ fn panel(out: &mut String, panel: &Panel) {
     numbers(out, &c.band_m, head + 1);
     out.push_str(r#","noise":"#);
     number(out, panel.fit.noise_m, 9);
-    let _ = write!(out, r#","residual_shown":{:?},"overlays":"#, panel.residual_shown);
+    out.push_str(r#","unit":"#);
+    match &panel.unit {
+        Some(unit) => {
+            let _ = write!(out, r#"{{"name":{},"per_m":{:e},"zero":{:e}}}"#, text(unit.symbol), unit.per_m, unit.zero);
+        }
+        None => out.push_str("null"),
+    }
+    out.push_str(r#","overlays":"#);
     list(out, panel.overlays.iter(), |out, overlay| {
         let mut points: Vec<(f64, f64)> = overlay
             .time_s

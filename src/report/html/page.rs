@@ -74,15 +74,17 @@ pub(crate) fn footer(more: &str) -> String {
     )
 }
 
-/// Links to the chapters that a body has: headings right after an `id`.
-pub(crate) fn contents(body: &str) -> String {
+/// Links to the chapters that a body has: headings right after an `id`. Where there is room they stand beside the page; there the chapter of this
+/// id has a list of its own below it.
+pub(crate) fn contents(body: &str, (chapter, within): (&str, &str)) -> String {
     let chapters: Vec<String> = body
         .split(r#" id=""#)
         .skip(1)
         .filter_map(|rest| {
             let (id, rest) = rest.split_once(r#""><h2>"#)?;
             let (heading, _) = rest.split_once("</h2>")?;
-            (!id.contains('<')).then(|| format!(r##"<li><a href="#{id}">{heading}</a></li>"##))
+            let within = if id == chapter { within } else { "" };
+            (!id.contains('<')).then(|| format!(r##"<li><a href="#{id}">{heading}</a>{within}</li>"##))
         })
         .collect();
     format!("<nav class=\"contents\" aria-label=\"Contents\"><ul>{}</ul></nav>\n", chapters.concat())

@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 
 use crate::recording::Recording;
+use crate::report::text::number::{error_m, plus_minus, to_error};
 use crate::shown::Shown as _;
 use crate::signal::doubts::doubts;
 use crate::signal::{Estimate, Features};
@@ -24,7 +25,10 @@ pub fn table(recording: &Recording, f: &Features) -> String {
     }
     line("temperature", format!("{:.2} °C", f.temperature_degc));
     line("closure starts", format!("{} s ({source})", plus_minus(c.start_s, c.start_se_s)));
-    let ends = c.end_s.map(|end| format!("{end:.4} s, after {:.4} s", end - c.start_s));
+    let ends = c.end_s.map(|end| {
+        // the end is read from the same record, no better than the start
+        format!("{} s, after {} s", to_error(end, c.start_se_s), to_error(end - c.start_s, c.start_se_s))
+    });
     line("closure ends", ends.unwrap_or("not visible: slower than 2L/a".into()));
     line("velocity before", shown(f.steady_velocity_m_s, "m/s"));
     line("period", shown(f.period, "s"));
@@ -33,7 +37,12 @@ pub fn table(recording: &Recording, f: &Features) -> String {
     let w = &f.wave_speed;
     let crossings = w.crossings.map(|c| {
         let note = if c.slow_closure { ", closure slower than 2L/a" } else { "" };
-        format!("{} m/s (range {:.1} to {:.1}{note})", plus_minus(c.value, c.standard_error), c.low, c.high)
+        format!(
+            "{} m/s (range {} to {}{note})",
+            plus_minus(c.value, c.standard_error),
+            to_error(c.low, c.standard_error),
+            to_error(c.high, c.standard_error)
+        )
     });
     line("wave speed, crossings", crossings.unwrap_or("not visible".into()));
     line("  two sensors", shown(w.arrival, "m/s"));
@@ -43,23 +52,26 @@ pub fn table(recording: &Recording, f: &Features) -> String {
         "\n{:<10} {:>8} {:>7} {:>5} {:>12} {:>12} {:>12} {:>10} {:>8} {:>9}",
         "sensor", "at m", "samples", "gaps", "before m", "after m", "arrival s", "peak m", "extrema", "noise m"
     );
-    let number = |v: Option<f64>, digits: usize| v.map_or("-".into(), |v| format!("{v:.digits$}"));
+    let known = |e: Option<Estimate>| e.map_or("–".into(), |e| to_error(e.value, e.standard_error));
+    // no sensor reads a head to less than a millimetre, however quiet its record is
+    let head = |e: Option<(f64, f64)>| e.map_or("–".into(), |(value, error)| to_error(value, error.max(1e-3)));
+    let pair = |e: Estimate| (e.value, e.standard_error);
     for s in &f.sensors {
         let _ = writeln!(
             out,
-            "{:<10} {:>8.2} {:>7} {:>5} {:>12.3} {:>12} {:>12} {:>10} {:>8} {:>9.4}{}",
+            "{:<10} {:>8.2} {:>7} {:>5} {:>12} {:>12} {:>12} {:>10} {:>8} {:>9}{}",
             s.name,
             s.position_m,
             s.samples,
             recording.series[s.sensor].gaps.len(),
-            s.steady_before_m.value,
-            number(s.steady_after_m.map(|e| e.value), 3),
-            number(s.front_arrival_s.map(|e| e.value), 5),
-            number(s.first_peak.map(|e| e.head_m), 3),
+            head(Some(pair(s.steady_before_m))),
+            head(s.steady_after_m.map(pair)),
+            known(s.front_arrival_s),
+            head(s.first_peak.map(|e| (e.head_m, s.noise.white_sd_m))),
             s.extrema.len(),
-            s.noise.white_sd_m,
+            error_m(s.noise.white_sd_m),
             if s.noise.coloured {
-                format!(" (autocorrelated: {:.4} in all)", s.noise.total_sd_m)
+                format!(" (autocorrelated: {} in all)", error_m(s.noise.total_sd_m))
             } else {
                 String::new()
             },
@@ -69,31 +81,4 @@ pub fn table(recording: &Recording, f: &Features) -> String {
         let _ = writeln!(out, "{}note: {doubt}", if i == 0 { "\n" } else { "" });
     }
     out
-}
-
-/// A value and its standard error in as many decimals as give the error two digits.
-fn plus_minus(value: f64, standard_error: f64) -> String {
-    if !standard_error.is_finite() {
-        return format!("{value:.4} ± {standard_error}");
-    }
-    // what rounding leaves of readings that do not differ is no error
-    if standard_error <= 1e-9 * value.abs() {
-        return format!("{value:.4} ± 0");
-    }
-    let decimals = (1.0 - standard_error.log10().floor()).clamp(0.0, 9.0) as usize;
-    format!("{value:.decimals$} ± {standard_error:.decimals$}")
-}
-
-#[cfg(test)]
-mod tests {
-    use super::plus_minus;
-
-    #[test]
-    fn an_error_shows_two_digits_of_itself() {
-        assert_eq!(plus_minus(0.5021, 0.000_012_3), "0.502100 ± 0.000012");
-        assert_eq!(plus_minus(395.1, 12.4), "395 ± 12");
-        assert_eq!(plus_minus(1.25, 0.2), "1.25 ± 0.20");
-        assert_eq!(plus_minus(1.25, 0.0), "1.2500 ± 0");
-        assert_eq!(plus_minus(0.458995, 1e-17), "0.4590 ± 0");
-    }
 }

@@ -5,10 +5,10 @@ use serde_json::json;
 
 use crate::diagnose::next::{Change, Curve, Precision, Separation, odds};
 use crate::model::RunValues;
-use crate::report::text::number::{error_m, fixed, significant};
+use crate::report::text::number::{error_m, fixed, probability, significant};
 use crate::report::text::table::Table;
 use crate::rig::Rig;
-use crate::study::next::{Contest, Standing};
+use crate::study::next::{Contest, NOTHING, Standing};
 
 /// Tests that are listed.
 pub const LISTED: usize = 6;
@@ -51,7 +51,7 @@ pub fn settings(rig: &Rig, change: &Change, run: &RunValues) -> Settings {
 /// Two answers in words, with their probabilities where these are known.
 pub fn title(between: &[Standing; 2]) -> String {
     let named = |standing: &Standing| match standing.probability {
-        Some(probability) => format!("{} ({probability:.2})", standing.answer.name),
+        Some(p) => format!("{} (probability {})", standing.answer.name, probability(p)),
         None => standing.answer.name.clone(),
     };
     format!("{} or {}", named(&between[0]), named(&between[1]))
@@ -98,19 +98,65 @@ pub fn contest(contest: &Contest) -> String {
     format!("{}\n{table}{}\n", title(&contest.between), legend(contest))
 }
 
-/// The tests that narrow a parameter, as a table.
-pub fn narrowing(parameter: &str, unit: &str, tests: &[Precision]) -> String {
-    let mut table = Table::new(&["test", "standard error after", "share of before"]);
-    for test in tests.iter().take(LISTED) {
-        let after = format!("{} {unit}", significant(test.after, 2));
-        table.row([test.instruction.clone(), after, format!("{:.0}%", 100.0 * test.after / test.before)]);
+/// The only answer that stands, in a sentence.
+pub fn only(standing: &Standing) -> String {
+    let Standing { answer, probability: known } = standing;
+    let sure = known.map_or(String::new(), |p| format!(" (probability {})", probability(p)));
+    let what = if answer.name == NOTHING { "nothing is missing" } else { &answer.name };
+    format!("One answer stands: {what}{sure}.")
+}
+
+/// A parameter, and the tests that narrow it, the best first.
+#[derive(Debug, Clone)]
+pub struct Narrowing {
+    /// Name of the parameter.
+    pub parameter: String,
+    /// Its unit.
+    pub unit: &'static str,
+    /// The tests.
+    pub tests: Vec<Precision>,
+}
+
+/// The headings of a table of tests that narrow a parameter.
+pub const NARROWING: [&str; 3] = ["test", "standard error after", "share of before"];
+
+impl Narrowing {
+    /// What the parameter is known to now, or that no test narrows it.
+    pub fn heading(&self) -> String {
+        let name = &self.parameter;
+        match self.tests.first() {
+            Some(test) => format!("Tests that narrow {name}, now known to ± {}", self.error(test.before)),
+            None => format!("No test of this rig narrows {name}"),
+        }
     }
-    let before = tests.first().map_or(String::new(), |t| format!(", now ± {} {unit}", significant(t.before, 2)));
-    format!("{parameter}{before}\n{table}")
+
+    /// The best tests, one row each.
+    pub fn rows(&self) -> Vec<[String; 3]> {
+        let row = |test: &Precision| {
+            let share = format!("{}%", significant(100.0 * test.after / test.before, 2));
+            [test.instruction.clone(), self.error(test.after), share]
+        };
+        self.tests.iter().take(LISTED).map(row).collect()
+    }
+
+    /// The tests as text.
+    pub fn text(&self) -> String {
+        if self.tests.is_empty() {
+            return format!("{}.\n", self.heading());
+        }
+        let mut table = Table::new(&NARROWING);
+        self.rows().into_iter().for_each(|row| table.row(row));
+        format!("{}\n{table}", self.heading())
+    }
+
+    fn error(&self, value: f64) -> String {
+        let unit = if self.unit == "1" { String::new() } else { format!(" {}", self.unit) };
+        format!("{}{unit}", significant(value, 2))
+    }
 }
 
 /// The tests as JSON.
-pub fn document(rig: &Rig, contests: &[Contest], narrowed: Option<(&str, &[Precision])>) -> serde_json::Value {
+pub fn document(rig: &Rig, contests: &[Contest], narrowed: Option<&Narrowing>) -> serde_json::Value {
     let curve = |curve: &Curve| {
         let step = curve.time_s.len().div_ceil(POINTS).max(1);
         let thinned = |v: &[f64]| v.iter().step_by(step).copied().collect::<Vec<f64>>();
@@ -129,7 +175,7 @@ pub fn document(rig: &Rig, contests: &[Contest], narrowed: Option<(&str, &[Preci
             "tests": contest.tests.iter().map(test).collect::<Vec<_>>(),
         })
     };
-    let narrowed = narrowed.map(|(parameter, tests)| {
+    let narrowed = narrowed.map(|Narrowing { parameter, tests, .. }| {
         let test = |test: &Precision| {
             json!({
                 "instruction": test.instruction, "settings": settings(rig, &test.change, &test.run),

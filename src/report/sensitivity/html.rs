@@ -50,7 +50,7 @@ pub fn html(study: &Study) -> String {
         body += &of_map(map, i);
     }
     body += &values(study);
-    out.push_str(&contents(&body));
+    out.push_str(&contents(&body, ("", "")));
     out.push_str(&body);
     out.push_str(&footer(""));
     out.push_str("</body>\n</html>\n");

@@ -14,21 +14,26 @@ const ROWS: usize = 20;
 pub fn text(closure: &ValveClosure) -> String {
     let law = closure.two_stage;
     let mut out = format!("{}, by {}:\n", closure.file, closure.sensor);
-    let _ = writeln!(out, "  closing time of the fitted model   {:.4} s", closure.fitted_closing_s);
+    let _ =
+        writeln!(out, "  closing time of the fitted model           {} s", significant(closure.fitted_closing_s, 3));
     if let Some(effective_s) = closure.effective_closing_s {
-        let _ = writeln!(out, "  effective (from 0.9 to 0.1, times 1/0.8)  {effective_s:.4} s");
+        let _ = writeln!(out, "  effective (from 0.9 to 0.1, times 1/0.8)   {} s", significant(effective_s, 3));
     }
     let _ = if law.straight() {
         writeln!(
             out,
-            "  nearest two stages   nearly a straight line, closed at {:.4} s, inflection undetermined; rms error of the opening {:.3}",
-            law.closing_s, law.rms
+            "  nearest two stages                         nearly a straight line, closed at {} s, inflection undetermined; rms error of the opening {}",
+            significant(law.closing_s, 3),
+            significant(law.rms, 2)
         )
     } else {
         writeln!(
             out,
-            "  nearest two stages   to {:.3} of the opening in {:.4} s, closed at {:.4} s; rms error of the opening {:.3}",
-            law.inflection_opening, law.inflection_s, law.closing_s, law.rms
+            "  nearest two stages                         to {} of the opening in {} s, closed at {} s; rms error of the opening {}",
+            significant(law.inflection_opening, 2),
+            significant(law.inflection_s, 3),
+            significant(law.closing_s, 3),
+            significant(law.rms, 2)
         )
     };
     let _ = writeln!(out, "\n   time, s  velocity, m/s  opening  two stages");

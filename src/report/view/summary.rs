@@ -70,6 +70,12 @@ pub fn judge(fit: &Fit) -> Closeness {
     }
 }
 
+/// Whether nothing of the error can be distinguished from noise.
+pub(crate) fn is_noise(fit: &Fit) -> bool {
+    let all = overall(fit);
+    judge(fit) == Closeness::Noise && all.rmse_m <= AT_NOISE * all.floor_m
+}
+
 /// One sentence: `RMSE 1.92 m → 0.032 m, noise 0.030 m: the model is down to the noise.`
 pub fn verdict(stages: &[Stage]) -> String {
     let Some(last) = stages.last() else {

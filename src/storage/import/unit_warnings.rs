@@ -1,5 +1,6 @@
 //! Values that look like those of another unit: a warning, no change.
 
+use crate::number::significant;
 use crate::recording::Recording;
 use crate::rig::{Coupling, Rig, Sensor};
 use crate::storage::import::source::Repair;
@@ -11,8 +12,6 @@ const PLAUSIBLE_PA: [f64; 2] = [1e3, 2e7];
 const FAR_APART: f64 = 5.0;
 /// Units that are proposed: the others are near one of them.
 const USUAL: [&str; 6] = ["Pa", "kPa", "MPa", "bar", "psi", "m(H2O)"];
-/// What a laboratory's steady pressure usually is, Pa: of two sensors that disagree, the one farther from it is in doubt.
-const TYPICAL_PA: f64 = 2e5;
 /// How near two steady pressures must come for a unit to be the explanation.
 const NEAR: f64 = 1.5;
 
@@ -34,15 +33,39 @@ pub fn unit_warnings(recording: &Recording) -> Vec<Repair> {
             Some((s, level, s.unit.to_si(level, density)))
         })
         .collect();
-    levels.iter().filter_map(|l| doubt(l, &levels, rig, density)).collect()
+    let mut doubts: Vec<(Doubt, Repair)> = levels.iter().filter_map(|l| doubt(l, &levels, rig, density)).collect();
+    // Of two sensors each is far from the other: one sentence asks about both.
+    if let [(Doubt::Apart(one), _), (Doubt::Apart(other), _)] = doubts.as_slice()
+        && levels.len() == 2
+    {
+        let shown = |(sensor, level, _): &(&Sensor, f64, f64)| {
+            format!("'{}', {} {},", sensor.name, significant(*level, 4), sensor.unit)
+        };
+        let asked: Vec<&str> = [one, other].into_iter().flatten().map(String::as_str).collect();
+        let hint = match asked[..] {
+            [] => "check units, zeros and scales".to_string(),
+            _ => format!("is {}? Then put the unit in the heading, or in the rig file", asked.join(", or ")),
+        };
+        let (one, other) = (shown(&levels[0]), shown(&levels[1]));
+        let text = format!("the medians of {one} and {other} are far apart (rig '{}'): {hint}", rig.name);
+        doubts = vec![(Doubt::Level, Repair::new("doubtful-unit", 1, None, text))];
+    }
+    doubts.into_iter().map(|(_, repair)| repair).collect()
 }
 
-fn doubt(own: &(&Sensor, f64, f64), all: &[(&Sensor, f64, f64)], rig: &Rig, density: f64) -> Option<Repair> {
+/// Why a level is strange.
+enum Doubt {
+    /// By itself.
+    Level,
+    /// Beside the other sensors; what it would be in a unit that makes them agree.
+    Apart(Option<String>),
+}
+
+fn doubt(own: &(&Sensor, f64, f64), all: &[(&Sensor, f64, f64)], rig: &Rig, density: f64) -> Option<(Doubt, Repair)> {
     let &(sensor, level, pa) = own;
     let others: Vec<f64> =
         all.iter().filter(|o| o.0.name != sensor.name).map(|o| o.2).filter(|p| *p > PLAUSIBLE_PA[0]).collect();
     let apart = |p: f64, q: f64| (p / q).max(q / p);
-    let is_the_stranger = |o: f64| others.len() > 1 || apart(pa, TYPICAL_PA) >= apart(o, TYPICAL_PA);
     let strange = match sensor.range {
         Some([low, high]) if level < low || level > high => {
             Some(format!("is outside of its range, {low} to {high} {}", sensor.unit))
@@ -51,7 +74,7 @@ fn doubt(own: &(&Sensor, f64, f64), all: &[(&Sensor, f64, f64)], rig: &Rig, dens
             Some("is more than a laboratory pipe withstands".to_string())
         }
         _ if pa <= 0.0 => None,
-        _ if !others.is_empty() && others.iter().all(|&o| apart(pa, o) > FAR_APART && is_the_stranger(o)) => {
+        _ if !others.is_empty() && others.iter().all(|&o| apart(pa, o) > FAR_APART) => {
             Some("is far from that of the other sensors".to_string())
         }
         _ if others.is_empty() && pa < PLAUSIBLE_PA[0] && sensor.range.is_none() => {
@@ -76,7 +99,14 @@ fn doubt(own: &(&Sensor, f64, f64), all: &[(&Sensor, f64, f64)], rig: &Rig, dens
             meant[0]
         ),
     };
-    let text =
-        format!("the median of '{}', {level} {}, {strange} (rig '{}'): {hint}", sensor.name, sensor.unit, rig.name);
-    Some(Repair::new("doubtful-unit", 1, None, text))
+    let text = format!(
+        "the median of '{}', {} {}, {strange} (rig '{}'): {hint}",
+        sensor.name,
+        significant(level, 4),
+        sensor.unit,
+        rig.name
+    );
+    let meant = (!meant.is_empty()).then(|| format!("'{}' in {}", sensor.name, meant.join(" or ")));
+    let why = if strange.starts_with("is far") { Doubt::Apart(meant) } else { Doubt::Level };
+    Some((why, Repair::new("doubtful-unit", 1, None, text)))
 }

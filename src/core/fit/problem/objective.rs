@@ -44,7 +44,10 @@ pub fn odd_harmonics(response: &Response, about_hz: f64, noise: f64) -> Vec<(usi
         if expected_hz > most_hz || quiet == MAX_MISSING_HARMONICS {
             break;
         }
-        match response.peak(expected_hz - 0.6 * half, expected_hz + 0.6 * half).filter(out) {
+        // No peak is two harmonics: the next one lies at least half their spacing above the last.
+        let least_hz = found.last().map_or(0.0, |(n, last)| last.frequency_hz + 0.5 * (number - n) as f64 * half);
+        let apart = |tone: &Tone| tone.frequency_hz > least_hz;
+        match response.peak(expected_hz - 0.6 * half, expected_hz + 0.6 * half).filter(out).filter(apart) {
             Some(tone) => {
                 found.push((number, tone));
                 quiet = 0;

@@ -4,6 +4,7 @@ use crate::fit::data::run_data::RunData;
 use crate::fit::outcome::fit::{Fit, FittedParameter, RunFit};
 use crate::fit::problem::parameters::placed_sensor;
 use crate::fit::validate::thresholds::{CONFLICT_SD, PRIOR_CONFLICT_SD};
+use crate::number::{error_m, significant, to_error};
 
 /// One sentence for each conflict; for a fit that did not end at an optimum, only those of the recordings.
 pub fn conflicts(fit: &Fit, runs: &[RunData]) -> Vec<String> {
@@ -23,11 +24,11 @@ pub fn conflicts(fit: &Fit, runs: &[RunData]) -> Vec<String> {
             && (fitted / meter.flow_m3_s - 1.0).abs() > (CONFLICT_SD * meter.relative_sd).max(0.05)
         {
             sentences.push(format!(
-                "{}: at the flow meter the model has {:.4} L/s, which contradicts the measured {:.4} L/s: check the meter's unit and range, the \
+                "{}: at the flow meter the model has {} L/s, which contradicts the measured {} L/s: check the meter's unit and range, the \
                  diameter, and whether an effect is missing",
                 run.file,
-                1e3 * fitted,
-                1e3 * meter.flow_m3_s
+                significant(1e3 * fitted, 4),
+                significant(1e3 * meter.flow_m3_s, 4)
             ));
         }
         let (known_head, guessed) = run.start.valve_head_m;
@@ -37,7 +38,7 @@ pub fn conflicts(fit: &Fit, runs: &[RunData]) -> Vec<String> {
             && (fitted - known_head).abs() > CONFLICT_SD * head_sd
         {
             sentences.push(format!(
-                "{}: the fitted head before the valve of {fitted:.2} m contradicts the sensors' {known_head:.2}: the model lacks \
+                "{}: the fitted head before the valve, {fitted:.2} m, contradicts the sensors' {known_head:.2} m: the model lacks \
                  something that a shifted mean level stands in for",
                 run.file
             ));
@@ -47,8 +48,10 @@ pub fn conflicts(fit: &Fit, runs: &[RunData]) -> Vec<String> {
             && (fitted - known_start).abs() > (CONFLICT_SD * se).max(0.25 * closing)
         {
             sentences.push(format!(
-                "{}: the fitted closure starts at {fitted:.4} s, but the pressure starts to rise at {known_start:.4} s",
-                run.file
+                "{}: the fitted closure starts at {} s, but the pressure starts to rise at {} s",
+                run.file,
+                to_error(fitted, se),
+                to_error(known_start, se)
             ));
         }
         if let Some(scale) = own("friction_scale")
@@ -65,9 +68,11 @@ pub fn conflicts(fit: &Fit, runs: &[RunData]) -> Vec<String> {
     let noise = fit.runs.iter().map(|r| r.noise_m).fold(f64::INFINITY, f64::min);
     if fit.grid_error_m > 0.5 * noise {
         sentences.push(format!(
-            "the grid's own error, {:.3} m at {} reaches, is not small against the noise of {noise:.3} m: raise option `most_reaches` before \
+            "the grid's own error, {} m at {} reaches, is not small against the noise, {} m: raise option `most_reaches` before \
              looking for missing physics",
-            fit.grid_error_m, fit.reaches
+            error_m(fit.grid_error_m),
+            fit.reaches,
+            error_m(noise)
         ));
     }
     for parameter in &fit.parameters {

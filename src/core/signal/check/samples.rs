@@ -1,5 +1,6 @@
 //! Checks the samples of each sensor: complete, in range, dense enough, and physically possible.
 
+use crate::number::significant;
 use crate::rig::check::{ATMOSPHERE_PA, Finding, Level};
 use crate::rig::{Coupling, Rig, Sensor, SensorKind, WaterProperties};
 use crate::signal::check::track::{Front, SAMPLES_OF_A_FRONT, Track};
@@ -52,8 +53,9 @@ pub(crate) fn check_sample_rate(
     let samples = shortest / interval;
     let what = if shortest < closing { "the travel time to the next sensor" } else { "the closure" };
     let message = format!(
-        "{:.4} kHz: {samples:.0} samples over {what} ({shortest:.4} s){}",
-        1e-3 / interval,
+        "{} kHz: {samples:.0} samples over {what} ({} s){}",
+        significant(1e-3 / interval, 4),
+        significant(shortest, 3),
         if samples < SAMPLES_OF_A_FRONT { "; 10 or more are needed to locate a front" } else { "" }
     );
     let level = if samples < SAMPLES_OF_A_FRONT { Level::Warning } else { Level::Fine };

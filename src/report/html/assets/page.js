@@ -7,6 +7,11 @@
   const FONT = "12px system-ui, -apple-system, 'Segoe UI', Roboto, sans-serif";
   const narrow = () => window.innerWidth < 640;
   const charts = [];
+  // Heads are in m or, by the switch above the sensors, as each sensor shows them: per_m * head + zero.
+  const METRES = { name: "m", per_m: 1, zero: 0 };
+  let own = false;
+  const unitOf = (panel) => (own && panel.unit) || METRES;
+  const switched = [];
 
   const digits = (step) => Math.max(0, Math.min(9, Math.ceil(-Math.log10(step) - 1e-9)));
   // Decimals that write a step exactly: marks stand 2.5 apart as well.
@@ -47,7 +52,7 @@
   }
 
   // One button a series; pressed means shown. Values follow the cursor.
-  function legend(element, chart, series, decimals) {
+  function legend(element, chart, series, options) {
     const values = series.map((s, i) => {
       if (s.lower) return null; // its button is that of the band's upper edge
       const button = document.createElement("button");
@@ -69,7 +74,7 @@
       if (!value || series[i].band) return;
       const at = chart.cursor.idxs && chart.cursor.idxs[i + 1];
       const v = at == null ? null : chart.data[i + 1][at];
-      value.textContent = v == null ? "" : fixed(v, decimals) + " m";
+      value.textContent = v == null ? "" : `${fixed(v, options.decimals())} ${options.unit()}`;
     });
   }
 
@@ -101,7 +106,7 @@
         draw: [(u) => options.over && options.over(u)],
       },
     }, points, element);
-    refresh = legend(legendElement, chart, series, options.decimals);
+    refresh = legend(legendElement, chart, series, options);
     element.chart = chart;
     new ResizeObserver(() => {
       if (element.clientWidth > 0) chart.setSize({ width: element.clientWidth, height: height() });
@@ -112,13 +117,13 @@
 
   // Lines at two standard deviations of the noise: a perfect model's residual stays between them 19 times out of 20.
   const limits = (noise) => (u) => {
-    if (!(noise > 0)) return;
+    if (!(noise() > 0)) return;
     const { left, width, top, height } = u.bbox, scale = uPlot.pxRatio;
     u.ctx.save();
     u.ctx.strokeStyle = css("--text");
     u.ctx.lineWidth = 1.25 * scale;
     u.ctx.setLineDash([5 * scale, 4 * scale]);
-    for (const level of [2 * noise, -2 * noise]) {
+    for (const level of [2 * noise(), -2 * noise()]) {
       const y = u.valToPos(level, "y", true);
       if (y < top || y > top + height) continue;
       u.ctx.beginPath();
@@ -154,7 +159,7 @@
     const head = [{ label: "measured", colour: "--measured", dash: [], width: 6, show: true },
       ...data.stages.map((s) => stage(s, true, 1.5)),
       ...p.overlays.map((o) => ({ label: o.label, colour: "--overlay", dash: [], width: 0, show: true, points: true }))];
-    const rest = data.stages.map((s, i) => stage(s, p.residual_shown[i], 1));
+    const rest = data.stages.map((s) => stage(s, true, 1));
     // Upper and lower edge of the band around the last model.
     const edges = (middle) => [1, -1].map((sign) => p.band.map((half, k) => (half == null || middle(k) == null ? null : middle(k) + sign * half)));
     const edge = { colour: "--band", dash: [], width: 0, show: true };
@@ -181,15 +186,24 @@
         if (other !== u && (other.scales.x.min !== min || other.scales.x.max !== max)) other.setScale("x", { min, max });
       }
     };
-    const shared = { key: `panel-${index}`, zoomed, reset: () => show(full) };
-    const clear = Number.isFinite(p.noise) && p.noise > 0 ? Math.min(6, digits(p.noise) + 1) : 3;
+    const noise = () => (p.noise || 0) * unitOf(p).per_m;
+    const clear = () => (noise() > 0 ? Math.min(6, digits(noise()) + 1) : 3);
+    const inUnit = (columns, zero) => columns.map((c, i) => (i === 0 ? c : c.map((v) => (v == null ? v : v * unitOf(p).per_m + zero))));
+    const shared = { key: `panel-${index}`, zoomed, reset: () => show(full), unit: () => unitOf(p).name };
     const element = (name) => live.querySelector(name);
     pair.push(plot(element(".plot.head"), element('.legend[data-of="head"]'), headPoints, head,
-      { ...shared, high: 320, low: 250, decimals: Math.max(0, clear - 1), over: ahead, range: (u, min, max) => padded(min, max) }));
+      { ...shared, high: 320, low: 250, decimals: () => Math.max(0, clear() - 1), over: ahead, range: (u, min, max) => padded(min, max) }));
     pair.push(plot(element(".plot.residual"), element('.legend[data-of="residual"]'), restPoints, rest,
-      { ...shared, high: 220, low: 190, decimals: clear, over: (u) => { limits(p.noise)(u); ahead(u); }, xLabel: "time after the start of the closure, s",
-        range: (u, min, max) => padded(Math.min(min ?? 0, -2.5 * (p.noise || 0)), Math.max(max ?? 0, 2.5 * (p.noise || 0))) }));
+      { ...shared, high: 220, low: 190, decimals: clear, over: (u) => { limits(noise)(u); ahead(u); }, xLabel: "time after the start of the closure, s",
+        range: (u, min, max) => padded(Math.min(min ?? 0, -2.5 * noise()), Math.max(max ?? 0, 2.5 * noise())) }));
     show(full);
+    switched.push(() => {
+      const { min, max } = pair[0].scales.x;
+      pair[0].setData(inUnit(headPoints, unitOf(p).zero), false);
+      pair[1].setData(inUnit(restPoints, 0), false);
+      show({ min, max });
+      texts(live.closest(".sensor"), unitOf(p));
+    });
 
     if (p.noise > 0) {
       const key = element('.legend[data-of="residual"]').appendChild(document.createElement("span"));
@@ -221,6 +235,63 @@
     }
   }
 
+  // The same heads in text and tables. A value keeps the digits that it has in m.
+  function texts(section, unit) {
+    for (const e of section.querySelectorAll("data")) {
+      e.dataset.m ??= e.textContent;
+      const decimals = (e.dataset.m.split(".")[1] ?? "").length - Math.round(Math.log10(unit.per_m));
+      const v = e.value * unit.per_m + (e.classList.contains("level") ? unit.zero : 0);
+      const sign = e.classList.contains("signed") && v > 0 ? "+" : "";
+      e.textContent = unit === METRES ? e.dataset.m : sign + fixed(v, Math.max(0, decimals));
+    }
+    section.querySelectorAll(".unit").forEach((e) => { e.textContent = unit.name; });
+    section.querySelectorAll(".quantity").forEach((e) => { e.textContent = unit === METRES ? "Head" : "Pressure"; });
+    for (const e of section.querySelectorAll("th")) {
+      e.dataset.m ??= e.textContent;
+      e.textContent = e.dataset.m.replace(/, m$/, `, ${unit.name}`);
+    }
+  }
+
+  // One switch for all sensors; paper always has m, as its still pictures do.
+  function units(line) {
+    const use = (to) => {
+      own = to;
+      switched.forEach((change) => change());
+      buttons.forEach(([button, of]) => button.setAttribute("aria-pressed", of === own));
+    };
+    const buttons = [["m", false], [`each sensor's own unit (${line.dataset.own})`, true]].map(([text, of]) => {
+      const button = document.createElement("button");
+      button.type = "button";
+      button.textContent = text;
+      button.setAttribute("aria-pressed", of === own);
+      button.addEventListener("click", () => use(of));
+      line.append(button, " ");
+      return [button, of];
+    });
+    line.hidden = false;
+    let before = own;
+    window.addEventListener("beforeprint", () => { before = own; use(false); });
+    window.addEventListener("afterprint", () => use(before));
+  }
+
+  // A button that copies a command; a click on the command itself selects it whole.
+  function copy(command) {
+    const button = document.createElement("button");
+    button.type = "button";
+    button.textContent = "Copy";
+    button.addEventListener("click", async () => {
+      try {
+        await navigator.clipboard.writeText(command.textContent);
+        button.textContent = "Copied";
+      } catch {
+        window.getSelection().selectAllChildren(command);
+        button.textContent = "Selected";
+      }
+      setTimeout(() => { button.textContent = "Copy"; }, 2000);
+    });
+    command.after(button);
+  }
+
   function padded(min, max) {
     if (!Number.isFinite(min) || !Number.isFinite(max)) return [0, 1];
     const pad = max > min ? 0.06 * (max - min) : Math.abs(max) * 0.05 || 1;
@@ -235,5 +306,7 @@
       console.error(error);
     }
   }
+  document.querySelectorAll(".units").forEach(units);
+  document.querySelectorAll(".command").forEach(copy);
   window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => charts.forEach((u) => u.redraw(false, true)));
 })();

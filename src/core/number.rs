@@ -1,4 +1,4 @@
-//! How many digits a number deserves.
+//! How many digits a number deserves: every value that people read is written here, to its uncertainty where that is known.
 
 /// A value with its standard error in the last digits, `395.1(4)` meaning 395.1 ± 0.4.
 ///
@@ -23,10 +23,44 @@ pub fn with_error(value: f64, error: f64) -> String {
     plain_with_error(value, error)
 }
 
-fn plain_with_error(value: f64, error: f64) -> String {
+/// The power of ten of an error's last digit that counts: its first, or its second where it begins below 3.55.
+fn last_place(error: f64) -> i32 {
     let exponent = error.log10().floor() as i32;
-    let leading = error / 10f64.powi(exponent);
-    let last_place = if leading < 3.55 { exponent - 1 } else { exponent };
+    if error / 10f64.powi(exponent) < 3.55 { exponent - 1 } else { exponent }
+}
+
+/// A value and its standard error, `0.4604 ± 0.0003`, both to the digits that the error has; the value alone where
+/// readings do not differ, for that is no error of 0.
+pub fn plus_minus(value: f64, error: f64) -> String {
+    if !value.is_finite() || !error.is_finite() {
+        return with_error(value, error);
+    }
+    // what rounding leaves of readings that do not differ is no error
+    if error <= 1e-9 * value.abs() {
+        return significant(value, 4);
+    }
+    format!("{} ± {}", to_error(value, error), to_error(error, error))
+}
+
+/// A value to the digits that its error has, `0.4604` where it is known to 0.0003; to four where the error is not known.
+pub fn to_error(value: f64, error: f64) -> String {
+    if !value.is_finite() {
+        return "–".into();
+    }
+    if !error.is_finite() || error <= 1e-9 * value.abs() {
+        return significant(value, 4);
+    }
+    let place = last_place(error);
+    let step = 10f64.powi(place);
+    if place >= 0 {
+        format!("{:.0}", (value / step).round() * step)
+    } else {
+        format!("{value:.*}", place.unsigned_abs() as usize)
+    }
+}
+
+fn plain_with_error(value: f64, error: f64) -> String {
+    let last_place = last_place(error);
     let step = 10f64.powi(last_place);
     if last_place >= 0 {
         // Whole numbers: the error is written out, not counted in last digits.
@@ -46,11 +80,12 @@ pub fn interval((low, high): (f64, f64)) -> String {
         (true, false) => format!("from {}", significant(low, 3)),
         (false, true) => format!("up to {}", significant(high, 3)),
         _ if low >= high => String::new(),
-        _ => {
-            let size = low.abs().max(high.abs());
-            let digits = ((size / (high - low)).log10().ceil() as i32 + 2).clamp(2, 9);
-            format!("{} to {}", significant(low, digits as usize), significant(high, digits as usize))
+        // of a 95% interval the width is four standard errors
+        _ if low.abs().max(high.abs()) >= 1e-4 => {
+            let error = 0.25 * (high - low);
+            format!("{} to {}", to_error(low, error), to_error(high, error))
         }
+        _ => format!("{} to {}", significant(low, 3), significant(high, 3)),
     }
 }
 
@@ -130,17 +165,27 @@ pub fn decimals_for(resolution: f64) -> usize {
     if resolution > 0.0 && resolution.is_finite() { (-resolution.log10()).ceil().clamp(0.0, 9.0) as usize } else { 3 }
 }
 
+/// A probability in words that do not claim more than it can, `0.87`, `> 0.99`.
+pub fn probability(p: f64) -> String {
+    match p {
+        p if p > 0.995 => "> 0.99".into(),
+        p if p < 0.005 => "< 0.01".into(),
+        p => format!("{p:.2}"),
+    }
+}
+
 /// Twelve significant digits, without the tail of binary fractions.
 pub fn rounded(value: f64) -> f64 {
     format!("{value:.11e}").parse().unwrap_or(value)
 }
 
-/// Thousands in groups, below that three digits.
+/// Three digits, thousands in groups: `31,900,000`.
 pub fn grouped(value: f64) -> String {
     if !value.is_finite() || value.abs() < 1e4 {
         return significant(value, 3);
     }
-    let digits = format!("{:.0}", value.abs());
+    let step = 10f64.powf(value.abs().log10().floor() - 2.0);
+    let digits = format!("{:.0}", (value.abs() / step).round() * step);
     let grouped: Vec<&str> = digits.as_bytes().rchunks(3).rev().filter_map(|c| std::str::from_utf8(c).ok()).collect();
     format!("{}{}", if value < 0.0 { "-" } else { "" }, grouped.join(","))
 }
@@ -151,8 +196,8 @@ mod tests {
 
     #[test]
     fn an_interval_has_the_digits_of_its_width() {
-        assert_eq!(interval((395.012, 395.274)), "395.012 to 395.274");
-        assert_eq!(interval((0.021, 0.083)), "0.0210 to 0.0830");
+        assert_eq!(interval((395.012, 395.274)), "395.01 to 395.27");
+        assert_eq!(interval((0.021, 0.083)), "0.021 to 0.083");
         assert_eq!(interval((0.5, f64::INFINITY)), "from 0.500");
         assert_eq!(interval((f64::NEG_INFINITY, 0.25)), "up to 0.250");
         assert_eq!(interval((f64::NEG_INFINITY, f64::INFINITY)), "open");
@@ -169,6 +214,17 @@ mod tests {
         assert_eq!(with_error(1.2341e-7, 0.02e-7), "1.234(20)e-7");
         assert_eq!(with_error(0.02, 0.5), "0.0(5)");
         assert_eq!(with_error(-3.0, 0.996), "-3.0(10)");
+    }
+
+    #[test]
+    fn values_have_the_digits_of_their_errors() {
+        assert_eq!(plus_minus(0.5021, 0.000_012_3), "0.502100 ± 0.000012");
+        assert_eq!(plus_minus(0.897_379_231, 0.000_44), "0.8974 ± 0.0004");
+        assert_eq!(plus_minus(395.1, 12.4), "395 ± 12");
+        assert_eq!(plus_minus(1.25, 0.2), "1.25 ± 0.20");
+        assert_eq!(plus_minus(0.897_379_231, 1e-17), "0.8974");
+        assert_eq!(plus_minus(1.25, f64::INFINITY), "1.250 (undetermined)");
+        assert_eq!(to_error(1241.83, 92.0), "1240");
     }
 
     #[test]
@@ -210,8 +266,9 @@ mod tests {
 
     #[test]
     fn thousands_stand_in_groups() {
-        assert_eq!(grouped(32_127_829.4), "32,127,829");
-        assert_eq!(grouped(-12_345.0), "-12,345");
+        assert_eq!(grouped(32_127_829.4), "32,100,000");
+        assert_eq!(grouped(-12_345.0), "-12,300");
+        assert_eq!(grouped(18_299_089.4), "18,300,000");
         assert_eq!(grouped(-8.44), "-8.44");
         assert_eq!(grouped(1234.5), "1230");
     }

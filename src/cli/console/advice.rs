@@ -1,0 +1,113 @@
+//! What to do next after the result of a page, with the command to copy.
+
+use std::path::{Path, PathBuf};
+
+use crate::diagnose::{Diagnosis, Verdict};
+use crate::report::Page;
+use crate::report::advice::{Advice, quoted};
+use crate::report::prediction::text as prediction;
+use crate::report::view::summary::{self, Closeness};
+use crate::shown::Shown as _;
+
+/// The recordings of a page as they are given to a command, in words that a shell takes.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Again {
+    /// Their paths.
+    recordings: String,
+    /// Options that they were read with, such as `--rig RIG`, each with a blank before it.
+    options: String,
+}
+
+impl Again {
+    /// Recordings, read with another rig than their own, without some sensors, with parameters held.
+    pub fn of(recordings: &[PathBuf], rig: Option<&Path>, ignored: &[String], held: &[(String, f64)]) -> Self {
+        let named: Vec<String> = recordings.iter().map(|path| quoted(&path.shown())).collect();
+        let mut options = rig.map_or(String::new(), |rig| format!(" --rig {}", quoted(&rig.shown())));
+        if !ignored.is_empty() {
+            options += &format!(" --ignore {}", quoted(&ignored.join(",")));
+        }
+        if !held.is_empty() {
+            let held: Vec<String> = held.iter().map(|(name, value)| quoted(&format!("{name}={value}"))).collect();
+            options += &format!(" --hold {}", held.join(" "));
+        }
+        Again { recordings: named.join(" "), options }
+    }
+}
+
+/// What to do after a page's last result.
+pub fn of(page: &Page, again: &Again) -> Option<Advice> {
+    let last = page.stages.last()?.fit;
+    let Again { recordings, options } = again;
+    let effects = |labels: Vec<String>| match labels.as_slice() {
+        [] => String::new(),
+        all => format!(" --effects {}", all.join(",")),
+    };
+    let model = effects(last.labels());
+    let diagnose = || format!("diagnose {recordings}{model}{options} --report diagnosis.html");
+    let validate = || {
+        // cross-validation knows no sensors to leave out
+        let command = format!("cross-validate {recordings}{model}{options}");
+        let why = "Check that the model predicts what it was not fitted to.";
+        (!options.contains("--ignore")).then(|| Advice::new(why, &[command]))
+    };
+    if let Some(found) = page.diagnoses.last() {
+        let first = page.diagnoses.first().unwrap_or(found);
+        let start = effects(first.start.labels());
+        return match found.verdict {
+            Verdict::NothingMissing => validate(),
+            Verdict::MissingEffect => Some(keep(found, &format!("diagnose {recordings}{start}{options}"))),
+            Verdict::UnknownEffect => Some(Advice::new(
+                "Compare what the recording shows with the rig file: a wrong length, unit or place looks like missing physics.",
+                &[format!("inspect {recordings}")],
+            )),
+        };
+    }
+    if let Some(ahead) = page.prediction {
+        return (prediction::judge(ahead) == Closeness::Missing)
+            .then(|| Advice::new("Find out which effect this run shows that the model lacks.", &[diagnose()]));
+    }
+    match summary::judge(last) {
+        Closeness::Noise if summary::is_noise(last) => validate(),
+        Closeness::Noise | Closeness::Near | Closeness::Missing => {
+            Some(Advice::new("Find out which effect is missing.", &[diagnose()]))
+        }
+        Closeness::Unknown if !last.converged => Some(Advice::new(
+            "Search again, from starts all over the bounds.",
+            &[format!("calibrate {recordings}{model}{options} --method global-local")],
+        )),
+        Closeness::Unknown => None,
+    }
+}
+
+/// Keeps the model with what was found; then the test that is still needed, or the next effect.
+fn keep(found: &Diagnosis, diagnose: &str) -> Advice {
+    let rivals = found.candidates.first().map_or(&[][..], |c| c.indistinguishable_from.as_slice());
+    if rivals.is_empty() {
+        let why = format!("Add {} to the model, keep it in a file, and look for more.", found.answer_label());
+        Advice::new(why, &[format!("{diagnose} --until-done --apply model.toml")])
+    } else {
+        let why = format!(
+            "Keep the model with {}, and find the test that distinguishes it from {}.",
+            found.answer_label(),
+            rivals.join(" and ")
+        );
+        Advice::new(why, &[format!("{diagnose} --apply model.toml"), "next model.toml --report next.html".to_owned()])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_shell_takes_what_is_copied() {
+        let again = Again::of(
+            &[PathBuf::from("runs/a b.mcap"), PathBuf::from("c.mcap")],
+            Some(Path::new("it's.toml")),
+            &["P2".to_owned()],
+            &[("wave_speed_m_s".to_owned(), 395.0), ("offset_m[P1]".to_owned(), 0.1)],
+        );
+        assert_eq!(again.recordings, "'runs/a b.mcap' c.mcap");
+        assert_eq!(again.options, r" --rig 'it'\''s.toml' --ignore P2 --hold wave_speed_m_s=395 'offset_m[P1]=0.1'");
+    }
+}
