@@ -157,11 +157,9 @@ pub enum CsvProblem {
     #[error("the file is empty: expected a header like time_s,P1,P2 and a line for each time")]
     Empty,
     /// No column of times.
-    #[error(
-        "no column holds times{named}: the columns are {columns}. Say how many samples a second there are with option `rate`"
-    )]
+    #[error("no column holds times{named}. The columns are {columns}")]
     NoTimes {
-        /// The column that counts samples, in words.
+        /// What to do about it.
         named: String,
         /// The columns.
         columns: String,

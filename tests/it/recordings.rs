@@ -395,7 +395,10 @@ fn a_time_series_replaces_only_one_like_it_unless_told_to() {
     assert!(bench.get("measured.csv").starts_with(b"time_s,P1,P2\n"));
 
     let (recording, rig) = (bench.imported(), bench.get("rig.toml"));
-    bench.refuses(&format!("{simulate} --overwrite -o run.mcap"), &["run.mcap is a recording"]);
+    bench.refuses(
+        &format!("{simulate} --overwrite -o run.mcap"),
+        &["run.mcap exists already; recordings are never overwritten"],
+    );
     bench.refuses(&format!("{simulate} --overwrite -o ./rig.toml"), &["./rig.toml is the rig file"]);
     bench.refuses(&format!("{simulate} -o no/such/x.csv"), &["the folder no/such does not exist"]);
     bench.refuses(&format!("{simulate} -o ."), &["is a folder"]);

@@ -17,7 +17,7 @@ pub struct Args {
 
 #[derive(Debug, Subcommand)]
 enum Action {
-    New(new::Args),
+    New(Box<new::Args>),
     Check(check::Args),
     Show(show::Args),
 }
@@ -28,7 +28,7 @@ enum Action {
 /// Those of each action.
 pub fn run(args: Args, json: bool) -> CommandResult {
     match args.action {
-        Action::New(args) => new::run(args, json),
+        Action::New(args) => new::run(*args, json),
         Action::Check(args) => check::run(&args, json),
         Action::Show(args) => show::run(&args, json),
     }

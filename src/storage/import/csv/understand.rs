@@ -14,9 +14,9 @@ use crate::storage::import::source::{Repair, SourceOptions};
 const JUDGED: usize = 2000;
 /// Steps of an even column differ from their median by less than this share of it, in nineteen of twenty.
 const EVEN: f64 = 0.1;
-/// A logger of water hammer takes so many samples a second, and runs for so many seconds.
+/// A logger of water hammer takes so many samples a second, and runs no longer than so many seconds.
 const RATES_HZ: [f64; 2] = [50.0, 2e5];
-const LASTS_S: [f64; 2] = [0.05, 7200.0];
+const LASTS_S: f64 = 7200.0;
 /// Samples of a period `4L/a` at least.
 const LEAST_A_PERIOD: f64 = 20.0;
 /// Units that a time without one may have, the likeliest first: name and seconds.
@@ -192,10 +192,15 @@ impl<'t> Table<'t> {
     }
 
     fn without_time(&self) -> CsvFault {
-        let counter = self.headings.iter().find(|h| COUNTERS.contains(&h.to_lowercase().as_str()));
-        let named = match counter {
-            Some(name) => format!("; '{name}' counts samples"),
-            None => String::new(),
+        let called = |names: &[&str]| self.headings.iter().find(|h| names.contains(&h.to_lowercase().as_str()));
+        let named = match (called(&TIMES), called(&COUNTERS)) {
+            (Some(name), _) => {
+                format!(" in a unit that can be guessed: give the unit of '{name}' with option `time-unit`")
+            }
+            (None, Some(name)) => format!(": '{name}' counts samples; give their rate with option `rate`"),
+            (None, None) => {
+                String::from("; if there is one sample after the other, give their rate with option `rate`")
+            }
         };
         (self.header_at.map(|at| at + 1), Box::new(CsvProblem::NoTimes { named, columns: self.headings.join(", ") }))
     }
@@ -315,7 +320,7 @@ fn likeliest(values: &[f64], period_s: Option<f64>) -> Option<&'static str> {
     let step = (last - first) / (values.len() - 1) as f64;
     let fits = |unit_s: f64| {
         let (rate_hz, lasts_s) = (1.0 / (step * unit_s), (last - first) * unit_s);
-        let usual = (RATES_HZ[0]..=RATES_HZ[1]).contains(&rate_hz) && (LASTS_S[0]..=LASTS_S[1]).contains(&lasts_s);
+        let usual = (RATES_HZ[0]..=RATES_HZ[1]).contains(&rate_hz) && lasts_s <= LASTS_S;
         usual && period_s.is_none_or(|p| rate_hz * p > LEAST_A_PERIOD)
     };
     UNITS.iter().find(|(_, unit_s)| fits(*unit_s)).map(|(name, _)| *name)
