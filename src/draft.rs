@@ -6,8 +6,7 @@ use crate::rig::draft::{Draft, DraftSensor, Told};
 use crate::rig::{Rig, SensorKind};
 use crate::robust::median;
 use crate::signal::{Features, SensorFeatures, inspect};
-use crate::storage::LogError;
-use crate::storage::import::{ImportOptions, NAMELESS, SourceOptions, Track, import_file, kind_of, read_source};
+use crate::storage::import::{ImportOptions, NAMELESS, SourceFile, SourceOptions, Track, import_file, kind_of};
 use crate::units::Unit;
 
 /// Units of a pressure that states none, and up to which median it is taken for each: a laboratory's line has 0.5 to 20 bar.
@@ -35,18 +34,21 @@ fn kind_of_numbers(values: &[f64]) -> Option<SensorKind> {
 
 /// The sensors of a file's columns, and the columns that are none. Pressures stand at the valve until [`place`] puts them elsewhere.
 ///
-/// # Errors
-/// A file that cannot be read.
+/// Columns that the options scale are pressures in the `scaled` unit.
 pub fn sensors_of(
-    path: &Path,
+    file: &SourceFile,
     draft: &Draft,
     source: &SourceOptions,
-) -> Result<(Vec<DraftSensor>, Vec<String>), LogError> {
-    let file = read_source(path, source)?;
+    scaled: Unit,
+) -> (Vec<DraftSensor>, Vec<String>) {
     let (mut sensors, mut others): (Vec<DraftSensor>, Vec<String>) = (Vec::new(), Vec::new());
     for track in &file.tracks {
         let nameless = track.name.starts_with(NAMELESS);
-        let kind = kind_of(track).or_else(|| Some((kind_of_numbers(&track.series.value)?, None)).filter(|_| nameless));
+        let is_scaled = source.scales.iter().any(|(name, _)| *name == track.name || *name == track.short);
+        let by_scale = is_scaled.then_some((SensorKind::Pressure, Some(scaled)));
+        let kind = by_scale
+            .or_else(|| kind_of(track))
+            .or_else(|| Some((kind_of_numbers(&track.series.value)?, None)).filter(|_| nameless));
         match kind.filter(|_| track.series.value.len() > 1 && !source.ignore.contains(&track.short)) {
             Some((kind, unit)) => {
                 let name = free_name(&track.short, &sensors);
@@ -61,17 +63,25 @@ pub fn sensors_of(
             None => others.push(track.name.clone()),
         }
     }
-    Ok((sensors, others))
+    (sensors, others)
 }
 
 /// Puts the pressure sensors where the front that passes them says, and takes temperature and closing time from the record.
 pub fn place(draft: &mut Draft, path: &Path, source: &SourceOptions) {
     let pressures = |draft: &Draft| draft.sensors.iter().filter(|s| s.kind == SensorKind::Pressure).count();
-    let why = if pressures(draft) == 1 { "the one pressure that everybody records" } else { "no front can be seen" };
-    let at_valve = |s: &mut DraftSensor| s.position_m.why = format!("{why}, at the valve");
-    let Some(found) = seen_from_valve(draft, path, source) else {
-        draft.sensors.iter_mut().filter(|s| s.kind == SensorKind::Pressure).for_each(at_valve);
-        return;
+    let alone = pressures(draft) == 1;
+    let found = match seen_from_valve(draft, path, source) {
+        Ok(found) => found,
+        Err(error) => {
+            let why = if alone {
+                "the one pressure that everybody records".into()
+            } else {
+                format!("no front can be seen ({error})")
+            };
+            let at_valve = |s: &mut DraftSensor| s.position_m.why = format!("{why}: at the valve");
+            draft.sensors.iter_mut().filter(|s| s.kind == SensorKind::Pressure).for_each(at_valve);
+            return;
+        }
     };
     let length_m = draft.length_m.value;
     let first_s = found.sensors.iter().filter_map(|s| s.front_arrival_s).map(|e| e.value).fold(f64::INFINITY, f64::min);
@@ -111,21 +121,22 @@ fn pressures_see(found: &Features) -> bool {
 }
 
 /// The features of the file, the period that of the sensor that the front reaches first.
-fn seen_from_valve(draft: &Draft, path: &Path, source: &SourceOptions) -> Option<Features> {
+fn seen_from_valve(draft: &Draft, path: &Path, source: &SourceOptions) -> Result<Features, String> {
     let found = seen(draft, path, source)?;
     let arrival = |s: &&SensorFeatures| s.front_arrival_s.map_or(f64::INFINITY, |e| e.value);
-    let first = found.sensors.iter().min_by(|a, b| arrival(a).total_cmp(&arrival(b)))?.name.clone();
+    let first = found.sensors.iter().min_by(|a, b| arrival(a).total_cmp(&arrival(b))).map(|s| s.name.clone());
+    let first = first.ok_or("no sensor")?;
     let mut moved = draft.clone();
     let others = moved.sensors.iter_mut().filter(|s| s.kind == SensorKind::Pressure && s.name != first);
     others.for_each(|s| s.position_m.value = 0.5 * draft.length_m.value);
-    seen(&moved, path, source).or(Some(found))
+    seen(&moved, path, source).or(Ok(found))
 }
 
 /// The features of the file on the rig as it is drafted.
-fn seen(draft: &Draft, path: &Path, source: &SourceOptions) -> Option<Features> {
-    let rig = Rig::from_toml(&draft.text(), "draft").ok()?;
-    let imported = import_file(path, &rig, &ImportOptions::default(), source, true).ok()?;
-    inspect(&imported.recording).ok()
+fn seen(draft: &Draft, path: &Path, source: &SourceOptions) -> Result<Features, String> {
+    let rig = Rig::from_toml(&draft.text(), "draft").map_err(|e| e.to_string())?;
+    let imported = import_file(path, &rig, &ImportOptions::default(), source, true).map_err(|e| e.to_string())?;
+    inspect(&imported.recording).map_err(|e| e.to_string())
 }
 
 /// The heading as a sensor's name: no column without a heading, and none twice.

@@ -40,7 +40,8 @@ fn logged() -> TempDir {
 fn a_rig_from_a_loggers_file_imports_and_fits_it() {
     let folder = logged();
     let (out, said) = must(&folder, &[&["rig", "new", "log.csv", "--yes"], &TAPE[..]].concat());
-    for words in ["assumed: Druck Mitte at ", "measure it", "no sensors: Nr", "import log.csv --rig rig.toml"] {
+    for words in ["assumed: Druck Mitte at ", "measure it", "look like no sensor: Nr", "import log.csv --rig rig.toml"]
+    {
         assert!(said.contains(words), "no '{words}' in {said}");
     }
     assert!(
@@ -60,6 +61,42 @@ fn a_rig_from_a_loggers_file_imports_and_fits_it() {
     // Nothing is replaced.
     let (code, _, said) = within(&folder, &[&["rig", "new", "--yes"], &TAPE[..]].concat());
     assert!(code == 2 && said.contains("rig.toml exists already"), "{said}");
+}
+
+/// Volts under names that say nothing, and counted samples: what `import` needs to know, `rig new` takes as well.
+#[test]
+fn a_rig_from_volts_needs_their_line() {
+    let folder = tempfile::tempdir().unwrap();
+    let rows: String = (0..500)
+        .map(|i| format!("{i},{:.4}\n", 1.0 + if i > 100 { (0.1 * f64::from(i)).sin() } else { 0.0 }))
+        .collect();
+    std::fs::write(folder.path().join("volts.csv"), format!("sample,AI0 (V)\n{rows}")).unwrap();
+    let pipe = ["rig", "new", "volts.csv", "--yes", "--material", "PVC", "--length-m", "60", "--pipe", "50x2.4"];
+    let (code, _, said) = within(&folder, &pipe);
+    assert!(code == 2 && said.contains("--rate"), "{said}");
+    let rated = [&pipe[..], &["--rate", "500"]].concat();
+    let (code, _, said) = within(&folder, &rated);
+    assert!(code == 2 && said.contains("--scale"), "{said}");
+    let scaled = [&rated[..], &["--scale", "AI0=100*x-50", "--unit", "psig"]].concat();
+    must(&folder, &scaled);
+    let rig = surgescope::rig::Rig::load(&folder.path().join("rig.toml")).unwrap();
+    assert_eq!((rig.sensors.len(), rig.sensors[0].unit.symbol), (1, "psi"));
+    must(
+        &folder,
+        &[
+            "import",
+            "volts.csv",
+            "--rig",
+            "rig.toml",
+            "--yes",
+            "--rate",
+            "500",
+            "--scale",
+            "AI0=100*x-50",
+            "-o",
+            "v.mcap",
+        ],
+    );
 }
 
 #[test]

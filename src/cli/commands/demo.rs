@@ -13,6 +13,7 @@ use crate::cli::console::progress::shown;
 use crate::diagnose::Diagnosis;
 use crate::fit::outcome::fit::Fit;
 use crate::model::effects::{CATALOGUE, Chosen, parse_list};
+use crate::report::advice::quoted;
 use crate::report::calibration::text as table;
 use crate::report::diagnosis::text as diagnosis;
 use crate::report::effects::example::Example;
@@ -143,7 +144,7 @@ fn farewell(files: &Files, hidden: Option<&Chosen>, found: &Diagnosis) -> String
     });
     let program = program();
     let [recording, rig, model, report] =
-        [&files.recording, &files.rig, &files.model, &files.report].map(|path| quoted(path));
+        [&files.recording, &files.rig, &files.model, &files.report].map(|path| quoted(&path.shown()));
     format!(
         "{truth}\n6. Look. Open {report} in a browser: measurement, models, residuals, candidates, parameters.\n   The models are in \
          {model}, the rig is in {rig}: both are yours to edit.\n   Next:\n     {program} model {model}\n     {program} diagnose \
@@ -187,14 +188,7 @@ fn program() -> String {
     let here = std::env::current_dir().ok().and_then(|here| here.canonicalize().ok());
     let own = own.canonicalize().unwrap_or(own);
     let inside = here.and_then(|here| own.strip_prefix(here).ok().map(|rest| Path::new(".").join(rest)));
-    quoted(&inside.unwrap_or(own))
-}
-
-/// A path as a shell takes it.
-fn quoted(path: &Path) -> String {
-    let text = path.shown().into_owned();
-    let plain = text.chars().all(|c| c.is_alphanumeric() || "/._-+:\\".contains(c));
-    if plain { text } else { format!("'{}'", text.replace('\'', "'\\''")) }
+    quoted(&inside.unwrap_or(own).shown())
 }
 
 /// The story goes to standard output; to standard error where that is kept for JSON.

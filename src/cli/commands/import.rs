@@ -8,6 +8,7 @@ use serde_json::{Value, json};
 
 use crate::align::{Clock, Method, Part, align, merge};
 use crate::cli::args::import_options::{ForeignArgs, start};
+use crate::cli::console::ask;
 use crate::cli::console::document::document;
 use crate::cli::console::outcome::{AnyError, CommandResult, Outcome};
 use crate::cli::console::print::{say, tell};
@@ -148,10 +149,12 @@ fn guessed(
         return Ok(imported);
     }
     if !asks {
-        return Err(format!("{error}\nAdd --yes to import it as understood above.").into());
+        return Err(format!(
+            "nothing was imported: add --yes to import it as understood above. Without guesses: {error}"
+        )
+        .into());
     }
-    let question = "Import it so?";
-    if dialoguer::Confirm::new().with_prompt(question).default(true).interact()? {
+    if ask::agreed("Import it so?")? {
         return Ok(imported);
     }
     Err("nothing was imported: say what is different with --time-unit, --rate, --map, --scale or --ignore".into())

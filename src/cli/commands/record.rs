@@ -26,6 +26,7 @@ use crate::record::session::replay;
 use crate::report::history::text::RunDocument;
 use crate::results::history::{Run, State};
 use crate::rig::Rig;
+use crate::rig::check::coarse_counts;
 use crate::shown::Shown as _;
 #[cfg(unix)]
 use crate::simulate::playback::{Timing, of_scenario};
@@ -193,6 +194,7 @@ fn record(
         return record_simulated(rig, args, options, report);
     }
     let devices = live_devices(rig, &args.port)?;
+    coarse_counts(rig).iter().for_each(|f| tell!("warning: {}: {}", f.subject, f.message));
     let sources = Sources::open(rig, &devices, args.wait > 0.0)?;
     let listening = devices.iter().map(|device| format!("listening to device '{}' on {}", device.name, device.port));
     tell_first(listening.chain(["Ctrl-C ends the recording".to_owned()]).collect());

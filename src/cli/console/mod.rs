@@ -1,6 +1,7 @@
 //! What reaches the terminal, and what a command may write.
 
 pub mod advice;
+pub(crate) mod ask;
 pub(crate) mod document;
 pub(crate) mod hints;
 pub(crate) mod last_words;

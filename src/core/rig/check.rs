@@ -1,7 +1,7 @@
 //! Checks whether a rig file is consistent: each number is compared with what the others imply.
 
 use crate::number::significant;
-use crate::rig::device::Protocol;
+use crate::rig::device::{Encoding, Protocol};
 use crate::rig::friction::LAMINAR_REYNOLDS;
 use crate::rig::friction::darcy_friction_factor;
 use crate::rig::types::{Constraint, Pipe, Rig, Sensor, SensorKind, SteadyState};
@@ -70,6 +70,7 @@ pub fn check(rig: &Rig) -> Vec<Finding> {
     findings.extend(rig.pipes.iter().filter(|p| p.material().viscoelastic).map(check_constraint));
     findings.push(check_closing_time(rig, &water));
     findings.extend(rig.sensors.iter().filter_map(|sensor| check_counts(rig, sensor)));
+    findings.extend(coarse_counts(rig));
     for state in &rig.steady {
         let water = rig.fluid.properties(state.temperature_degc.unwrap_or(rig.fluid.temperature_degc));
         findings.extend(check_steady(rig, state, &water));
@@ -199,6 +200,37 @@ fn check_closing_time(rig: &Rig, water: &WaterProperties) -> Finding {
         (Level::Fine, format!("{compared}: a quick closure"))
     };
     Finding::new(level, "closing time", message, &numbers)
+}
+
+/// A count of more than this head hides what a test is for, m: a surge has some ten metres, its noise a hundredth.
+const COARSE_M: f64 = 0.2;
+
+/// Pressure sensors whose counts are so coarse that the file has most likely forgotten their `scale`, which is 1 without it.
+pub fn coarse_counts(rig: &Rig) -> Vec<Finding> {
+    let water = rig.fluid.properties(rig.fluid.temperature_degc);
+    let of = |sensor: &Sensor| {
+        let wiring = sensor.wiring.as_ref()?;
+        let device = rig.devices.iter().find(|d| d.name == wiring.device)?;
+        // A printed number or a float has digits behind the point.
+        let counts = match device.protocol {
+            Protocol::Frames => true,
+            Protocol::Lines => false,
+            Protocol::ModbusRtu { .. } => wiring.register.is_some_and(|r| r.encoding != Encoding::F32),
+        };
+        let pa = |v: f64| sensor.unit.to_si(v, water.density_kg_m3);
+        let step_m = (pa(wiring.scale) - pa(0.0)).abs() / (water.density_kg_m3 * GRAVITY_M_S2);
+        (counts && step_m > COARSE_M).then(|| {
+            let message = format!(
+                "one count is {} {}, {} m of head: give 'scale', the {} of one count",
+                wiring.scale,
+                sensor.unit,
+                significant(step_m, 3),
+                sensor.unit
+            );
+            Finding::new(Level::Warning, format!("counts of '{}'", sensor.name), message, &[("step_m", step_m)])
+        })
+    };
+    rig.pressure_sensors().filter_map(|(_, sensor)| of(sensor)).collect()
 }
 
 /// Frames carry 16-bit counts: these must cover the sensor's range and resolve its accuracy.
@@ -361,6 +393,17 @@ pub fn flow_regime(reynolds: f64) -> &'static str {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_forgotten_scale_is_reported() {
+        let text = include_str!("../../../rigs/demo-hdpe.toml");
+        let steps = |text: &str| coarse_counts(&Rig::from_toml(text, "x.toml").unwrap());
+        assert!(steps(text).is_empty());
+        let forgotten = text.replacen("unit = \"kPa\"", "unit = \"bar\"", 1).replacen("scale = 0.02 ", "# ", 1);
+        let found = steps(&forgotten);
+        assert_eq!(found.len(), 1, "{found:?}");
+        assert!(found[0].message.contains("one count is 1 bar, 10.2 m of head: give 'scale'"), "{found:?}");
+    }
 
     #[test]
     fn a_wave_speed_is_judged_by_its_error_too() {

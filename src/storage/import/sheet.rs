@@ -22,7 +22,7 @@ pub(crate) fn text_of_sheet(bytes: &[u8]) -> Result<String, String> {
     let mut text = String::new();
     for row in range.rows() {
         let cells: Vec<String> = row.iter().map(cell).collect();
-        text += cells.join("\t").trim_end_matches('\t');
+        text += &cells.join("\t");
         text.push('\n');
     }
     Ok(text)

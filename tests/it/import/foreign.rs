@@ -64,6 +64,16 @@ fn tables_of_many_loggers_are_understood() {
             }),
             &["duplicate-times"],
         ),
+        // Remarks now and then, a last cell that is mostly empty, a heading without a column.
+        (
+            "remarks.csv",
+            table("No;Time (s);Bemerkung;P1 (bar);P2 (bar);Temp (F);\n", |i, t, a, b| {
+                let remark = if i == 150 { "Ventil zu" } else { "" };
+                let warm = if i % 50 == 0 { "68.1" } else { "" };
+                format!("{i};{t:.4};{remark};{a:.6};{b:.6};{warm};")
+            }),
+            &["words", "left-out"],
+        ),
         // Units behind an underscore.
         ("suffix.csv", table("t_s,P1_bar,P2_kPa\n", |_, t, a, b| format!("{t:.4},{a:.6},{:.4}", 100.0 * b)), &["unit"]),
     ];

@@ -3,23 +3,26 @@
 use std::io::{IsTerminal as _, stderr, stdin};
 use std::path::{Path, PathBuf};
 
-use dialoguer::{Input, Select};
 use serde_json::json;
 
+use crate::cli::args::import_options::ForeignArgs;
 use crate::cli::args::values::{not_negative, positive};
 use crate::cli::commands::rig::check;
+use crate::cli::console::ask;
 use crate::cli::console::outcome::{AnyError, CommandResult, Outcome};
 use crate::cli::console::print::{say, say_text, tell};
 use crate::draft::{place, sensors_of};
+use crate::report::advice::quoted;
 use crate::report::rig_drawing;
 use crate::rig::draft::{Draft, DraftSensor, Told};
 use crate::rig::material::{MATERIALS, Material};
-use crate::rig::sizes::{EXAMPLES, pipe_size};
-use crate::rig::{Rig, SensorKind, check::check as contradictions};
+use crate::rig::sizes::{EXAMPLES, PipeSize, pipe_size};
+use crate::rig::{Rig, SensorKind, check::check as contradictions, spelled_unit};
 use crate::shown::Shown as _;
-use crate::storage::import::SourceOptions;
+use crate::storage::import::{SourceOptions, read_source};
+use crate::storage::nearest::nearest;
 use crate::storage::output;
-use crate::units::Unit;
+use crate::units::{Quantity, Unit};
 
 /// Write a rig file: asks what is not given, and takes the sensors from a file of the test.
 #[derive(Debug, clap::Args)]
@@ -62,12 +65,11 @@ pub struct Args {
     /// Distance of a sensor from the supply, m; without a file, a pressure sensor to add. Several may be given.
     #[arg(long, value_name = "NAME=M", value_parser = crate::cli::args::values::setting)]
     sensor: Vec<(String, f64)>,
-    /// Column of the file that is no sensor.
-    #[arg(long, value_name = "NAME")]
-    ignore: Vec<String>,
-    /// Unit of the pressure sensors that --sensor adds.
-    #[arg(long, value_name = "UNIT", default_value = "bar")]
+    /// Unit of the pressure sensors that --sensor adds, or that --scale brings to it.
+    #[arg(long, value_name = "UNIT", default_value = "bar", value_parser = pressure_unit)]
     unit: Unit,
+    #[command(flatten)]
+    foreign: ForeignArgs,
     /// Ask nothing: assume what is not given, and report it.
     #[arg(short, long)]
     yes: bool,
@@ -85,14 +87,17 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     }
     let asks = !args.yes && !json && stdin().is_terminal() && stderr().is_terminal();
     let ask = Ask { asks };
+    let source = SourceOptions { guess: true, ..args.foreign.clone().options() };
+    // A file that cannot be read costs no answers.
+    let read = args.file.as_deref().map(|file| read_source(file, &source)).transpose()?;
     let mut draft = pipe(&args, &ask)?;
     let mut left_out = Vec::new();
-    if let Some(file) = &args.file {
-        let source = SourceOptions { guess: true, ignore: args.ignore.clone(), ..SourceOptions::default() };
-        (draft.sensors, left_out) = sensors_of(file, &draft, &source)?;
+    if let (Some(file), Some(read)) = (&args.file, &read) {
+        (draft.sensors, left_out) = sensors_of(read, &draft, &source, args.unit);
         if !draft.sensors.iter().any(|s| s.kind == SensorKind::Pressure) {
             return Err(format!(
-                "{}: no column looks like a pressure; the columns are {}. Put units into the headings, as in 'P1 (bar)'",
+                "{}: no column looks like a pressure; the columns are {}. Put units into the headings, as in 'P1 (bar)', or give the lines of \
+                 volts, as in --scale 'NAME=2.5*x-1.25'",
                 file.shown(),
                 left_out.join(", ")
             )
@@ -100,7 +105,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         }
         place(&mut draft, file, &source);
     }
-    positions(&mut draft, &args, &ask)?;
+    confirmed(&mut draft, &args, &ask)?;
     let text = draft.text();
     let rig = Rig::from_toml(&text, &args.output.shown())?;
     output::write(&args.output, &text)?;
@@ -110,7 +115,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         tell!("assumed: {line}");
     }
     if !left_out.is_empty() {
-        tell!("no sensors: {}", left_out.join(", "));
+        tell!("left out, because they look like no sensor: {}", left_out.join(", "));
     }
     if json {
         let document = json!({ "rig": args.output, "assumed": assumed, "left_out": left_out,
@@ -120,16 +125,19 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     } else {
         say_text!(format!("{}\n{}", check::table(&findings), rig_drawing::text(&rig)));
         say!("{}: a rig with {}", args.output.shown(), sensors_in_words(&rig));
-        tell!("next: {}", next(&args, &rig));
+        tell!("next: {}", next(&args));
     }
     Ok(Outcome::Done)
 }
 
 /// What to do next, as a command.
-fn next(args: &Args, _rig: &Rig) -> String {
-    let rig = args.output.shown();
+fn next(args: &Args) -> String {
+    let rig = quoted(&args.output.shown());
     match &args.file {
-        Some(file) => format!("surgescope import {} --rig {rig} -o {}.mcap", file.shown(), stem(file)),
+        Some(file) => {
+            let recording = quoted(&format!("{}.mcap", stem(file)));
+            format!("surgescope import {} --rig {rig} -o {recording}", quoted(&file.shown()))
+        }
         None => format!("surgescope simulate --rig {rig} -o run.mcap"),
     }
 }
@@ -145,7 +153,7 @@ fn sensors_in_words(rig: &Rig) -> String {
 /// Pipe, ends and water, without sensors.
 fn pipe(args: &Args, ask: &Ask) -> Result<Draft, AnyError> {
     let material = match args.material {
-        Some(material) => Told::given(material.name.to_owned()),
+        Some(material) => material,
         None => ask.material()?,
     };
     let length_m = ask.number("length from the supply to the valve, m", "--length-m", args.length_m)?;
@@ -153,15 +161,12 @@ fn pipe(args: &Args, ask: &Ask) -> Result<Draft, AnyError> {
         (Some(inner), Some(wall)) => (inner, wall),
         (inner, wall) => {
             let size = match (&args.pipe, inner.is_some() || wall.is_some()) {
-                (Some(size), _) => Some(size.clone()),
+                (Some(size), _) => Some(pipe_size(size)?),
                 (None, true) => None,
-                (None, false) => ask.text(&format!("size of the pipe: {EXAMPLES}; empty for diameter and wall"))?,
+                (None, false) => ask.size()?,
             };
-            match size.filter(|text| !text.trim().is_empty()) {
-                Some(text) => {
-                    let size = pipe_size(&text)?;
-                    (1e3 * size.inner_diameter_m, 1e3 * size.wall_thickness_m)
-                }
+            match size {
+                Some(size) => (1e3 * size.inner_diameter_m, 1e3 * size.wall_thickness_m),
                 None => (
                     ask.number("inner diameter, mm", "--inner-diameter-mm (or --pipe)", inner)?,
                     ask.number("thickness of the wall, mm", "--wall-thickness-mm (or --pipe)", wall)?,
@@ -169,11 +174,11 @@ fn pipe(args: &Args, ask: &Ask) -> Result<Draft, AnyError> {
             }
         }
     };
-    let stem = stem(&args.output);
+    let or = |given: Option<f64>, usual| given.map_or_else(|| Told::assumed(usual, "not given"), Told::given);
     Ok(Draft {
-        name: args.name.clone().unwrap_or(stem),
-        temperature_degc: ask.or("temperature of the water, °C", args.temperature_degc, 20.0)?,
-        material,
+        name: args.name.clone().unwrap_or_else(|| stem(&args.output)),
+        temperature_degc: or(args.temperature_degc, 20.0),
+        material: Told::given(material.name.to_owned()),
         length_m: Told::given(length_m),
         inner_diameter_mm: Told::given(inner_diameter_mm),
         wall_thickness_mm: Told::given(wall_thickness_mm),
@@ -181,14 +186,15 @@ fn pipe(args: &Args, ask: &Ask) -> Result<Draft, AnyError> {
             Some(supply) => Told::given(supply.clone()),
             None => ask.supply()?,
         },
-        closing_time_s: ask.or("closing time of the valve, s", args.closing_time_s, 0.1)?,
-        discharge_head_m: Told { value: args.discharge_head_m.unwrap_or(0.0), why: String::new() },
+        closing_time_s: or(args.closing_time_s, 0.1),
+        discharge_head_m: Told::given(args.discharge_head_m.unwrap_or(0.0)),
         sensors: Vec::new(),
     })
 }
 
-/// The places that the user gives, and those that he confirms.
-fn positions(draft: &mut Draft, args: &Args, ask: &Ask) -> Result<(), AnyError> {
+/// The places that the user gives, and those that he confirms, with temperature and closing time.
+fn confirmed(draft: &mut Draft, args: &Args, ask: &Ask) -> Result<(), AnyError> {
+    let length_m = draft.length_m.value;
     for (name, place_m) in &args.sensor {
         match draft.sensors.iter_mut().find(|s| s.name == *name) {
             Some(sensor) => sensor.position_m = Told::given(*place_m),
@@ -205,20 +211,15 @@ fn positions(draft: &mut Draft, args: &Args, ask: &Ask) -> Result<(), AnyError> 
         }
     }
     if draft.sensors.is_empty() {
-        let (at, why) = (draft.length_m.value, "no file and no --sensor: one pressure sensor at the valve");
-        let position_m = Told::assumed(at, why);
-        draft.sensors.push(DraftSensor {
-            name: "P1".into(),
-            kind: SensorKind::Pressure,
-            unit: Told::given(args.unit),
-            position_m,
-        });
+        let position_m = Told::assumed(length_m, "no file and no --sensor: one pressure sensor at the valve");
+        let (name, unit) = ("P1".to_owned(), Told::given(args.unit));
+        draft.sensors.push(DraftSensor { name, kind: SensorKind::Pressure, unit, position_m });
     }
-    for sensor in draft.sensors.iter_mut().filter(|s| s.kind == SensorKind::Pressure && !s.position_m.why.is_empty()) {
-        let question = format!("{}: distance from the supply, m ({})", sensor.name, sensor.position_m.why);
-        if let Some(place_m) = ask.confirmed(&question, sensor.position_m.value)? {
-            sensor.position_m = Told::given(place_m);
-        }
+    ask.confirm("temperature of the water, °C", &mut draft.temperature_degc, [0.0, 100.0])?;
+    ask.confirm("closing time of the valve, s", &mut draft.closing_time_s, [1e-4, 1e4])?;
+    for sensor in draft.sensors.iter_mut().filter(|s| s.kind == SensorKind::Pressure) {
+        let question = format!("{}: distance from the supply, m", sensor.name);
+        ask.confirm(&question, &mut sensor.position_m, [0.0, length_m])?;
     }
     Ok(())
 }
@@ -233,62 +234,60 @@ impl Ask {
     fn number(&self, question: &str, option: &str, given: Option<f64>) -> Result<f64, AnyError> {
         match given {
             Some(value) => Ok(value),
-            None if self.asks => loop {
-                let value: f64 = Input::new().with_prompt(question).interact_text()?;
-                if value > 0.0 && value.is_finite() {
-                    return Ok(value);
-                }
-                tell!("it must be above 0");
-            },
+            None if self.asks => ask::number(question, None, [1e-3, 1e6]),
             None => Err(format!("{question}: give it with {option}").into()),
         }
     }
 
-    /// A number with a default.
-    fn or(&self, question: &str, given: Option<f64>, usual: f64) -> Result<Told<f64>, AnyError> {
-        match given {
-            Some(value) => Ok(Told::given(value)),
-            None => Ok(match self.confirmed(question, usual)? {
-                Some(value) => Told::given(value),
-                None => Told::assumed(usual, "not given"),
-            }),
+    /// Shows what was assumed and why, and takes what the user makes of it.
+    fn confirm(&self, question: &str, told: &mut Told<f64>, range: [f64; 2]) -> Result<(), AnyError> {
+        if self.asks && !told.why.is_empty() {
+            let value = ask::number(&format!("{question} ({})", told.why), Some(told.value), range)?;
+            *told = Told::given(value);
         }
+        Ok(())
     }
 
-    /// The default or another number; none where nothing may be asked.
-    fn confirmed(&self, question: &str, usual: f64) -> Result<Option<f64>, AnyError> {
+    /// A size of the pipe, if the user has one.
+    fn size(&self) -> Result<Option<PipeSize>, AnyError> {
         if !self.asks {
             return Ok(None);
         }
-        Ok(Some(Input::new().with_prompt(question).default(usual).interact_text()?))
+        tell!("sizes: {EXAMPLES}");
+        ask::line("size of the pipe (empty: diameter and wall)", None, |text| match text {
+            "" => Ok(None),
+            text => pipe_size(text).map(Some),
+        })
     }
 
-    fn text(&self, question: &str) -> Result<Option<String>, AnyError> {
+    fn material(&self) -> Result<&'static Material, AnyError> {
         if !self.asks {
-            return Ok(None);
+            return Err(format!("material of the wall: give it with --material; {}", known_materials()).into());
         }
-        Ok(Some(Input::new().with_prompt(question).allow_empty(true).interact_text()?))
-    }
-
-    fn material(&self) -> Result<Told<String>, AnyError> {
-        let names: Vec<&str> = MATERIALS.iter().map(|m| m.name).collect();
-        if !self.asks {
-            return Err(format!("material of the wall: give it with --material; known are {}", names.join(", ")).into());
-        }
-        let chosen = Select::new().with_prompt("material of the wall").items(&names).default(0).interact()?;
-        Ok(Told::given(names[chosen].to_owned()))
+        tell!("materials: {}", known_materials());
+        ask::line("material of the wall", None, material)
     }
 
     fn supply(&self) -> Result<Told<String>, AnyError> {
         if !self.asks {
             return Ok(Told::assumed(SUPPLIES[0].to_owned(), "not given"));
         }
-        let chosen = Select::new().with_prompt("what feeds the pipe").items(SUPPLIES).default(0).interact()?;
-        Ok(Told::given(SUPPLIES[chosen].to_owned()))
+        let known = |text: &str| SUPPLIES.into_iter().find(|s| *s == text).ok_or("write reservoir or pump".to_owned());
+        let supply = ask::line("what feeds the pipe (reservoir or pump)", Some(SUPPLIES[0]), known)?;
+        Ok(Told::given(supply.to_owned()))
     }
 }
 
 fn material(text: &str) -> Result<&'static Material, String> {
-    let known = || MATERIALS.iter().map(|m| m.name).collect::<Vec<_>>().join(", ");
-    Material::by_name(text).ok_or_else(|| format!("known are {}", known()))
+    let near =
+        || nearest(text, MATERIALS.iter().map(|m| m.name)).map_or(String::new(), |n| format!("did you mean {n}? "));
+    Material::by_name(text).ok_or_else(|| format!("{}{}", near(), known_materials()))
+}
+
+fn known_materials() -> String {
+    format!("known are {}", MATERIALS.iter().map(|m| m.name).collect::<Vec<_>>().join(", "))
+}
+
+fn pressure_unit(text: &str) -> Result<Unit, String> {
+    spelled_unit(text, Quantity::Pressure).ok_or_else(|| "write a unit of pressure, such as bar, kPa or psi".into())
 }

@@ -54,7 +54,7 @@ pub(crate) fn understand(
     let time = table.time(options).ok_or_else(|| table.without_time())?;
     let first_row = lines.iter().position(|l| crate::storage::import::csv::row::is_row(l));
     let is_plain = time.column == 0 && time.change == Change::None && table.header_at == first_row;
-    if is_plain && table.separator != ' ' && table.units.is_none() {
+    if is_plain && table.separator != ' ' && table.units.is_none() && table.words.is_empty() {
         return Ok(None);
     }
     repairs.extend(table.repairs(first_row));
@@ -75,6 +75,8 @@ struct Table<'t> {
     first: usize,
     /// The first rows.
     rows: Vec<Vec<Cow<'t, str>>>,
+    /// Columns that hold words or nothing.
+    words: Vec<usize>,
 }
 
 /// The column of times.
@@ -143,14 +145,24 @@ impl<'t> Table<'t> {
             (header_at, units) = (Some(at - 1), Some(at));
         }
         let headings = names.unwrap_or_else(|| (1..=columns).map(|i| format!("{NAMELESS}{i}")).collect());
-        Some(Table { separator, header_at, headings, units, first, rows })
+        // Remarks may stand anywhere in the file.
+        let all = lines[first..].iter().filter(|l| !is_blank(l) && !l.starts_with('#'));
+        let (mut said, mut counted) = (vec![0; columns], vec![0; columns]);
+        for cells in all.map(|l| of(l)) {
+            for (i, cell) in cells.iter().enumerate().take(columns).filter(|(_, c)| !c.is_empty()) {
+                let count = if is_word(cell) { &mut said } else { &mut counted };
+                count[i] += 1;
+            }
+        }
+        let words = (0..columns).filter(|&i| counted[i] <= said[i]).collect();
+        Some(Table { separator, header_at, headings, units, first, rows, words })
     }
 
     /// The column of times; none where nothing looks like one.
     fn time(&self, options: &SourceOptions) -> Option<Time> {
         let name =
             |i: usize| header_unit(&self.headings[i]).map_or(self.headings[i].clone(), |(name, _)| name).to_lowercase();
-        let all = 0..self.headings.len();
+        let all = (0..self.headings.len()).filter(|i| !self.words.contains(i));
         let as_is = |column: usize| Time { column, heading: self.headings[column].clone(), change: Change::None };
         let is_time = |i: &usize| TIMES.contains(&name(*i).as_str());
         let values = |i: usize| self.numbers(i);
@@ -226,6 +238,12 @@ impl<'t> Table<'t> {
             }
             _ => {}
         }
+        let words: Vec<&str> =
+            self.words.iter().map(|&i| self.headings[i].as_str()).filter(|h| !h.is_empty()).collect();
+        if !words.is_empty() {
+            let text = format!("left out, because they hold words or nothing: {}", words.join(", "));
+            repairs.push(Repair::new("words", words.len(), None, text));
+        }
         repairs
     }
 
@@ -234,8 +252,11 @@ impl<'t> Table<'t> {
         let mut out = String::new();
         let row = |cells: &[Cow<str>], first: Option<String>| {
             let first = first.unwrap_or_else(|| cells.get(time.column).map_or(String::new(), |c| c.to_string()));
-            let rest =
-                cells.iter().enumerate().filter(|(i, _)| *i != time.column).map(|(_, c)| c.replace(['\t', '"'], " "));
+            let rest = cells
+                .iter()
+                .enumerate()
+                .filter(|(i, _)| *i != time.column && !self.words.contains(i))
+                .map(|(_, c)| c.replace(['\t', '"'], " "));
             std::iter::once(first).chain(rest).collect::<Vec<_>>().join("\t")
         };
         let headings: Vec<Cow<str>> = self.headings.iter().map(|h| Cow::Borrowed(h.as_str())).collect();
@@ -343,11 +364,7 @@ fn cells(line: &str, separator: char) -> Vec<Cow<'_, str>> {
     }
     let mut row = Row::default();
     row.read(line, separator);
-    let mut cells = row.into_cells();
-    while cells.len() > 1 && cells.last().is_some_and(|c| c.is_empty()) {
-        cells.pop();
-    }
-    cells
+    row.into_cells()
 }
 
 /// `Time`, `(s)` is one heading where blanks separate the columns.
@@ -369,9 +386,16 @@ fn is_blank(line: &str) -> bool {
     line.chars().all(|c| c.is_whitespace() || matches!(c, ',' | ';'))
 }
 
-/// Numbers, date-times and empty cells, and at least one number.
+/// Numbers and date-times, at least one number, and more of them than words, as in a column of remarks.
 fn is_numbers(cells: &[Cow<str>]) -> bool {
-    cells.iter().any(|c| is_number(c)) && cells.iter().all(|c| c.is_empty() || is_number(c) || stamped(c))
+    let words = cells.iter().filter(|c| is_word(c)).count();
+    let filled = cells.iter().filter(|c| !c.is_empty()).count();
+    cells.iter().any(|c| is_number(c)) && 2 * words < filled
+}
+
+/// Neither empty, nor a number, nor a date-time.
+fn is_word(cell: &str) -> bool {
+    !cell.is_empty() && !is_number(cell) && !stamped(cell)
 }
 
 fn is_number(cell: &str) -> bool {
