@@ -52,9 +52,14 @@ Without hardware, --simulate records a simulated test, and --replay plays a file
         name: "importing",
         about: "turn files of other programs into recordings",
         text: "\
-CSV, other tables, TDMS and MCAP of other programs become recordings, which contain the rig file.
+CSV, other tables, workbooks, TDMS and MCAP of other programs become recordings, which contain the rig
+file. `rig new` writes a rig file from a few answers and the columns of a table.
 
+  surgescope rig new run.csv -o rig.toml
   surgescope import run.csv --rig rig.toml -o run.mcap
+
+What a file does not say is guessed and shown; --yes accepts it without a question.
+
   surgescope import lab.tdms --rig rig.toml --map Druck1=P1 --ignore * -o run.mcap
   surgescope import fast.csv slow.csv --rig rig.toml -o run.mcap   # one closure, two loggers
 
