@@ -56,7 +56,7 @@ pub fn sensors_of(
                 let position_m = match kind {
                     SensorKind::Flow => Told::assumed(0.0, "the file does not say: at the supply"),
                     SensorKind::Temperature => Told::given(0.0),
-                    _ => Told::given(draft.length_m.value),
+                    _ => Told::given(draft.length_m),
                 };
                 sensors.push(DraftSensor { name, kind, unit, position_m });
             }
@@ -68,8 +68,7 @@ pub fn sensors_of(
 
 /// Puts the pressure sensors where the front that passes them says, and takes temperature and closing time from the record.
 pub fn place(draft: &mut Draft, path: &Path, source: &SourceOptions) {
-    let pressures = |draft: &Draft| draft.sensors.iter().filter(|s| s.kind == SensorKind::Pressure).count();
-    let alone = pressures(draft) == 1;
+    let alone = draft.sensors.iter().filter(|s| s.kind == SensorKind::Pressure).count() == 1;
     let found = match seen_from_valve(draft, path, source) {
         Ok(found) => found,
         Err(error) => {
@@ -83,7 +82,7 @@ pub fn place(draft: &mut Draft, path: &Path, source: &SourceOptions) {
             return;
         }
     };
-    let length_m = draft.length_m.value;
+    let length_m = draft.length_m;
     let first_s = found.sensors.iter().filter_map(|s| s.front_arrival_s).map(|e| e.value).fold(f64::INFINITY, f64::min);
     // The wave speed to the supply and back needs no sensor between the ends.
     let speeds = &found.wave_speed;
@@ -99,7 +98,7 @@ pub fn place(draft: &mut Draft, path: &Path, source: &SourceOptions) {
                 let why = format!("the front arrives {:.1} ms after the first: measure it", 1e3 * later_s);
                 Told::assumed((10.0 * place_m).round() / 10.0, why)
             }
-            (None, Some(_)) if pressures_see(&found) => Told::assumed(0.0, "no front passes it: at the supply"),
+            (None, Some(_)) if first_s.is_finite() => Told::assumed(0.0, "no front passes it: at the supply"),
             _ => Told::assumed(length_m, "no front can be seen: at the valve"),
         };
         sensor.position_m = place;
@@ -115,11 +114,6 @@ pub fn place(draft: &mut Draft, path: &Path, source: &SourceOptions) {
     }
 }
 
-/// At least one sensor sees a front.
-fn pressures_see(found: &Features) -> bool {
-    found.sensors.iter().any(|s| s.front_arrival_s.is_some())
-}
-
 /// The features of the file, the period that of the sensor that the front reaches first.
 fn seen_from_valve(draft: &Draft, path: &Path, source: &SourceOptions) -> Result<Features, String> {
     let found = seen(draft, path, source)?;
@@ -128,7 +122,7 @@ fn seen_from_valve(draft: &Draft, path: &Path, source: &SourceOptions) -> Result
     let first = first.ok_or("no sensor")?;
     let mut moved = draft.clone();
     let others = moved.sensors.iter_mut().filter(|s| s.kind == SensorKind::Pressure && s.name != first);
-    others.for_each(|s| s.position_m.value = 0.5 * draft.length_m.value);
+    others.for_each(|s| s.position_m.value = 0.5 * draft.length_m);
     seen(&moved, path, source).or(Ok(found))
 }
 
@@ -151,7 +145,7 @@ fn free_name(heading: &str, taken: &[DraftSensor]) -> String {
 /// The unit of a column that states none, by its median.
 fn unit_of(track: &Track, kind: SensorKind, draft: &Draft) -> Told<Unit> {
     let level = median(&mut track.series.value.clone()).abs();
-    let area_m2 = std::f64::consts::FRAC_PI_4 * (1e-3 * draft.inner_diameter_mm.value).powi(2);
+    let area_m2 = std::f64::consts::FRAC_PI_4 * (1e-3 * draft.inner_diameter_mm).powi(2);
     let flows = |symbol: &&&str| {
         let flow_m3_s = symbol.parse::<Unit>().map_or(f64::NAN, |u| u.to_si(level, 1000.0));
         (VELOCITIES_M_S[0]..=VELOCITIES_M_S[1]).contains(&(flow_m3_s / area_m2))

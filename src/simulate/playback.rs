@@ -39,7 +39,7 @@ pub fn of_scenario(scenario: &Scenario, device: &Device, timing: &Timing) -> Res
     let samples = samples as usize;
     let times: Vec<f64> = (0..samples).map(|i| i as f64 * period_ns * 1e-9 - timing.lead_s).collect();
     let wired: Vec<usize> = wired(rig, device).map(|(i, _)| i).collect();
-    let rows = sampled(scenario, &wired, &times, timing.after_s)?;
+    let rows = sampled(scenario, &scenario.simulate(timing.after_s)?, &wired, &times, timing.after_s)?;
     let mut noise = Gauss(fastrand::Rng::with_seed(NOISE_SEED));
     let at_rest = times.iter().position(|&t| t >= 0.0).unwrap_or(0);
     let mut sensors = Vec::new();

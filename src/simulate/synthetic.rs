@@ -2,6 +2,7 @@
 
 use std::error::Error;
 
+use crate::model::trace::Trace;
 use crate::recording::{Recording, RunInfo, Series};
 use crate::rig::{Sensor, SensorKind};
 use crate::simulate::playback::{MOST_VALUES, Timing};
@@ -28,11 +29,15 @@ pub struct Instruments {
     pub seed: u64,
 }
 
-/// Records a scenario.
+/// Records a scenario whose traces at the pressure sensors are known.
 ///
 /// # Errors
 /// A model that cannot be simulated; more samples than memory should hold.
-pub fn recording_of(scenario: &Scenario, instruments: &Instruments) -> Result<Recording, Box<dyn Error + Send + Sync>> {
+pub fn recording_of(
+    scenario: &Scenario,
+    pressures: &[Trace],
+    instruments: &Instruments,
+) -> Result<Recording, Box<dyn Error + Send + Sync>> {
     let Timing { rate_hz, lead_s, after_s } = instruments.timing;
     let rig = &scenario.rig;
     let samples = ((lead_s + after_s) * rate_hz).floor() + 1.0;
@@ -46,7 +51,7 @@ pub fn recording_of(scenario: &Scenario, instruments: &Instruments) -> Result<Re
     let clock_s: Vec<f64> = (0..samples as usize).map(|i| i as f64 / rate_hz).collect();
     let times: Vec<f64> = clock_s.iter().map(|t| t - lead_s).collect();
     let all: Vec<usize> = (0..rig.sensors.len()).collect();
-    let rows = sampled(scenario, &all, &times, after_s)?;
+    let rows = sampled(scenario, pressures, &all, &times, after_s)?;
     let density = scenario.water.density_kg_m3;
     let joukowsky_m = scenario.shared[rig.pipes.len() - 1] * scenario.run.initial_velocity_m_s.abs() / GRAVITY_M_S2;
     let noise_m = instruments.noise_m.unwrap_or(NOISE_SHARE * joukowsky_m);

@@ -13,8 +13,6 @@
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-use crate::rig::SensorKind;
-
 /// Profile in the file header.
 pub const PROFILE: &str = "surgescope";
 /// Name of the attachment that holds the rig file.
@@ -53,17 +51,6 @@ pub(crate) fn check_sum(entries: &BTreeMap<String, String>) -> String {
     let lines = entries.iter().filter(|(k, _)| *k != key::CHECK).map(|(k, v)| format!("{k}={v}\n"));
     let crc = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC).checksum(lines.collect::<String>().as_bytes());
     format!("{crc:08x}")
-}
-
-/// The kind of a sensor as rig files spell it.
-pub(crate) fn kind_name(kind: SensorKind) -> &'static str {
-    match kind {
-        SensorKind::Pressure => "pressure",
-        SensorKind::Flow => "flow",
-        SensorKind::Temperature => "temperature",
-        SensorKind::ValvePosition => "valve-position",
-        SensorKind::Trigger => "trigger",
-    }
 }
 
 /// Recording time in whole nanoseconds, if it fits; the nearest where it lies between two.

@@ -15,7 +15,7 @@ use crate::recording::{CsvFormat, Gap, RunInfo};
 use crate::rig::{Rig, Sensor};
 use crate::storage::error::LogError;
 use crate::storage::layout;
-use crate::storage::layout::{key, kind_name};
+use crate::storage::layout::key;
 use crate::storage::schema;
 use crate::storage::schema::{Block, Kind, Sample};
 
@@ -233,7 +233,7 @@ impl<W: Write + Seek> Sink<Muted<W>> {
 fn channels(index: usize, sensor: &Sensor, csv: Option<&CsvFormat>) -> SensorChannels {
     let mut metadata = BTreeMap::from([
         (key::SENSOR.to_string(), sensor.name.clone()),
-        (key::KIND.to_string(), kind_name(sensor.kind).to_string()),
+        (key::KIND.to_string(), sensor.kind.name().to_string()),
         (key::UNIT.to_string(), sensor.unit.to_string()),
         (key::POSITION.to_string(), sensor.position_m.to_string()),
     ]);

@@ -5,7 +5,6 @@ use std::fmt;
 use serde::Serialize;
 
 use crate::recording::Recording;
-use crate::storage::layout::kind_name;
 
 /// Counts of a recording.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -42,7 +41,7 @@ impl Summary {
     pub fn of(recording: &Recording) -> Summary {
         let sensor = |(sensor, series): (&crate::rig::Sensor, &crate::recording::Series)| SensorSummary {
             name: sensor.name.clone(),
-            kind: kind_name(sensor.kind),
+            kind: sensor.kind.name(),
             unit: sensor.unit.symbol,
             samples: series.time_s.len(),
             gaps: series.gaps.len(),

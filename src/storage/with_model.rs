@@ -14,7 +14,7 @@ use prost::Message;
 use crate::rig::Sensor;
 use crate::storage::disk;
 use crate::storage::error::LogError;
-use crate::storage::layout::{RUN_METADATA, key, kind_name, to_ns};
+use crate::storage::layout::{RUN_METADATA, key, to_ns};
 use crate::storage::read::{Unpacked, checked_options, records};
 use crate::storage::retime::CLOCKS_METADATA;
 use crate::storage::schema::{MODELLED, Modelled, Shows, modelled_descriptor_set};
@@ -169,7 +169,7 @@ impl<'a, I: Iterator<Item = Added>> Copy<'a, I> {
             for shows in Shows::ALL {
                 let metadata = BTreeMap::from([
                     (key::SENSOR.to_owned(), sensor.name.clone()),
-                    (key::KIND.to_owned(), kind_name(sensor.kind).to_owned()),
+                    (key::KIND.to_owned(), sensor.kind.name().to_owned()),
                     (key::UNIT.to_owned(), sensor.unit.to_string()),
                     (key::POSITION.to_owned(), sensor.position_m.to_string()),
                     ("shows".to_owned(), shows.name().to_owned()),

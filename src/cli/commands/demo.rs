@@ -260,7 +260,11 @@ fn record(rig: &Rig, hidden: Option<&Scenario>, output: &Path, _speed: f64) -> C
         Some(scenario) => {
             let instruments =
                 crate::simulate::synthetic::Instruments { timing: timing(scenario), noise_m: None, seed: 1 };
-            crate::simulate::synthetic::recording_of(scenario, &instruments)?
+            crate::simulate::synthetic::recording_of(
+                scenario,
+                &scenario.simulate(instruments.timing.after_s)?,
+                &instruments,
+            )?
         }
         None => shipped()?.on_rig(rig.clone())?,
     };

@@ -16,6 +16,7 @@ use crate::cli::console::progress::busy;
 use crate::cli::console::understood;
 use crate::recording::Recording;
 use crate::rig::Rig;
+use crate::rig::check::return_time_s;
 use crate::shown::Shown as _;
 use crate::signal::faults::{in_words, sensor_faults};
 use crate::signal::window::{Passing, used};
@@ -135,7 +136,7 @@ fn guessed(
     read: impl Fn(&SourceOptions) -> Result<Imported, LogError>,
 ) -> Result<Imported, AnyError> {
     let water = rig.fluid.properties(rig.fluid.temperature_degc);
-    let period_s = rig.pipes.iter().map(|p| 4.0 * p.length_m / p.wave_speed_start(&water).0).sum();
+    let period_s = 2.0 * return_time_s(rig, &water);
     let source = SourceOptions { guess: true, period_s: Some(period_s), ..foreign.clone() };
     let asks = !json && stdin().is_terminal() && stderr().is_terminal();
     let imported = match read(&source) {

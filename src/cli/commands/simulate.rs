@@ -195,8 +195,9 @@ fn run_recorded(args: &Args, scenario: &Scenario, path: &Path, json: bool) -> Co
     let instruments =
         Instruments { timing, noise_m: args.instruments.noise_m, seed: args.instruments.seed.unwrap_or(1) };
     let start = Instant::now();
-    let recording = busy(path, || recording_of(scenario, &instruments))?;
-    warn_of_cavities(scenario, &scenario.simulate(after_s)?);
+    let traces = scenario.simulate(after_s)?;
+    let recording = busy(path, || recording_of(scenario, &traces, &instruments))?;
+    warn_of_cavities(scenario, &traces);
     write(path, &recording)?;
     let seconds = start.elapsed().as_secs_f64();
     tell_what_was_not_set(

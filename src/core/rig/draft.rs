@@ -14,19 +14,19 @@ pub struct Draft {
     /// Water temperature, °C.
     pub temperature_degc: Told<f64>,
     /// Name of the wall's material.
-    pub material: Told<String>,
+    pub material: String,
     /// Length, m.
-    pub length_m: Told<f64>,
+    pub length_m: f64,
     /// Inner diameter, mm.
-    pub inner_diameter_mm: Told<f64>,
+    pub inner_diameter_mm: f64,
     /// Wall thickness, mm.
-    pub wall_thickness_mm: Told<f64>,
+    pub wall_thickness_mm: f64,
     /// What feeds the pipe: `reservoir`, `pump` or `measured`.
     pub supply: Told<String>,
     /// Closing time of the valve, s.
     pub closing_time_s: Told<f64>,
     /// Head behind the valve, m.
-    pub discharge_head_m: Told<f64>,
+    pub discharge_head_m: f64,
     /// Its sensors.
     pub sensors: Vec<DraftSensor>,
 }
@@ -68,21 +68,16 @@ pub struct DraftSensor {
 impl Draft {
     /// What nobody gave, a line each.
     pub fn assumed(&self) -> Vec<String> {
-        let numbers = [
-            ("temperature_degC", &self.temperature_degc),
-            ("length_m", &self.length_m),
-            ("inner_diameter_mm", &self.inner_diameter_mm),
-            ("wall_thickness_mm", &self.wall_thickness_mm),
-            ("closing_time_s", &self.closing_time_s),
-            ("discharge_head_m", &self.discharge_head_m),
-        ];
-        let numbers = numbers.into_iter().filter(|(_, t)| !t.why.is_empty());
-        let mut lines: Vec<String> =
-            numbers.map(|(key, t)| format!("{key} = {}: {}", number(t.value), t.why)).collect();
-        let words = [("material", &self.material), ("supply", &self.supply)];
-        lines.extend(
-            words.iter().filter(|(_, t)| !t.why.is_empty()).map(|(key, t)| format!("{key} = {}: {}", t.value, t.why)),
-        );
+        let of = |key: &str, value: String, why: &str| (!why.is_empty()).then(|| format!("{key} = {value}: {why}"));
+        let number_of = |key: &str, told: &Told<f64>| of(key, number(told.value), &told.why);
+        let mut lines: Vec<String> = [
+            number_of("temperature_degC", &self.temperature_degc),
+            number_of("closing_time_s", &self.closing_time_s),
+            of("supply", self.supply.value.clone(), &self.supply.why),
+        ]
+        .into_iter()
+        .flatten()
+        .collect();
         for s in &self.sensors {
             let unit = (!s.unit.why.is_empty()).then(|| format!("{} in {}: {}", s.name, s.unit.value, s.unit.why));
             let place = (!s.position_m.why.is_empty())
@@ -96,42 +91,43 @@ impl Draft {
     pub fn text(&self) -> String {
         let line = |key: &str, value: String, why: &str, about: &str| {
             let remark = if why.is_empty() { about.to_owned() } else { format!("assumed: {why}") };
+            // A comment ends with its line.
+            let remark = remark.replace(char::is_control, " ");
             let set = format!("{key} = {value}");
             if remark.is_empty() { set + "\n" } else { format!("{set:<34} # {remark}\n") }
         };
         let num = |key: &str, told: &Told<f64>, about: &str| line(key, number(told.value), &told.why, about);
-        let word = |key: &str, told: &Told<String>, about: &str| line(key, quoted(&told.value), &told.why, about);
+        let given = |key: &str, value: f64, about: &str| line(key, number(value), "", about);
         let mut text = format!(
             "# A rig for surgescope. Check it with `surgescope rig check`; see it with `surgescope rig show`.\n\
              # Positions count from the supply (0) to the valve. Every key carries its unit.\n\
              {}\n[fluid]\nname = \"water\"\n{}\n[[pipe]]\nname = \"main\"\n{}{}{}{}",
             line("name", quoted(&self.name), "", ""),
             num("temperature_degC", &self.temperature_degc, "used where a recording has no temperature"),
-            num("length_m", &self.length_m, "along the pipe, with its bends"),
-            num("inner_diameter_mm", &self.inner_diameter_mm, ""),
-            num("wall_thickness_mm", &self.wall_thickness_mm, ""),
-            word("material", &self.material, "starts and bounds of wave speed and creep"),
+            given("length_m", self.length_m, "along the pipe, with its bends"),
+            given("inner_diameter_mm", self.inner_diameter_mm, ""),
+            given("wall_thickness_mm", self.wall_thickness_mm, ""),
+            line("material", quoted(&self.material), "", "starts and bounds of wave speed and creep"),
         );
         text += "# length_tolerance_percent = 0.5   # how well you know it: one standard deviation\n";
         text += &format!(
             "\n[upstream]\n{}\n[downstream]\nkind = \"valve\"\n{}{}",
-            word("kind", &self.supply, "reservoir, pump or measured"),
+            line("kind", quoted(&self.supply.value), &self.supply.why, "reservoir, pump or measured"),
             num("closing_time_s", &self.closing_time_s, "nominal; a fit finds the true one"),
-            num("discharge_head_m", &self.discharge_head_m, "head behind the valve"),
+            given("discharge_head_m", self.discharge_head_m, "head behind the valve"),
         );
         for s in &self.sensors {
-            let place = Told { value: s.position_m.value, why: s.position_m.why.clone() };
             text += &format!(
                 "\n[[sensor]]\nname = {}\nkind = \"{}\"\n{}{}",
                 quoted(&s.name),
-                kind_word(s.kind),
-                num("position_m", &place, ""),
+                s.kind.name(),
+                num("position_m", &s.position_m, ""),
                 line("unit", quoted(s.unit.value.symbol), &s.unit.why, ""),
             );
-            let is_guess = !s.position_m.why.is_empty() && (0.0..self.length_m.value).contains(&s.position_m.value);
+            let is_guess = !s.position_m.why.is_empty() && (0.0..self.length_m).contains(&s.position_m.value);
             if s.kind == SensorKind::Pressure && is_guess {
                 let about = "as long as nobody has measured the position";
-                text += &line("position_tolerance_m", number(GUESSED_SHARE * self.length_m.value), "", about);
+                text += &line("position_tolerance_m", number(GUESSED_SHARE * self.length_m), "", about);
             }
             if s.kind == SensorKind::Pressure {
                 text += "# range = [-1.0, 16.0]             # of its data sheet, in its unit\n\
@@ -139,16 +135,6 @@ impl Draft {
             }
         }
         text
-    }
-}
-
-fn kind_word(kind: SensorKind) -> &'static str {
-    match kind {
-        SensorKind::Pressure => "pressure",
-        SensorKind::Flow => "flow",
-        SensorKind::Temperature => "temperature",
-        SensorKind::ValvePosition => "valve-position",
-        SensorKind::Trigger => "trigger",
     }
 }
 

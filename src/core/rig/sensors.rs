@@ -73,13 +73,7 @@ fn read_sensor(
     if let Some(name) = &name {
         check_column_name(section, name);
     }
-    let kinds = [
-        ("pressure", SensorKind::Pressure),
-        ("flow", SensorKind::Flow),
-        ("temperature", SensorKind::Temperature),
-        ("valve-position", SensorKind::ValvePosition),
-        ("trigger", SensorKind::Trigger),
-    ];
+    let kinds = SensorKind::ALL.map(|kind| (kind.name(), kind));
     let kind = section.required_choice("kind", &kinds).map(|k| k.value);
     let position_m = read_position(section, kind, total_m);
     let position_sd_m = section.number("position_tolerance_m", &NOT_NEGATIVE).unwrap_or(usual_sd_m);

@@ -127,6 +127,28 @@ pub enum SensorKind {
     Trigger,
 }
 
+impl SensorKind {
+    /// Every kind.
+    pub const ALL: [SensorKind; 5] = [
+        SensorKind::Pressure,
+        SensorKind::Flow,
+        SensorKind::Temperature,
+        SensorKind::ValvePosition,
+        SensorKind::Trigger,
+    ];
+
+    /// Its name, as rig files spell it.
+    pub fn name(self) -> &'static str {
+        match self {
+            SensorKind::Pressure => "pressure",
+            SensorKind::Flow => "flow",
+            SensorKind::Temperature => "temperature",
+            SensorKind::ValvePosition => "valve-position",
+            SensorKind::Trigger => "trigger",
+        }
+    }
+}
+
 /// How a pressure sensor couples to the steady pressure.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Coupling {

@@ -6,6 +6,7 @@ use std::collections::VecDeque;
 use serde::Serialize;
 
 use crate::recording::{Gap, Recording, RunInfo, Series};
+use crate::rig::check::return_time_s;
 use crate::rig::{Rig, Sensor, SensorKind};
 use crate::robust::median;
 use crate::signal::levels::temperature_degc;
@@ -440,7 +441,7 @@ impl Scan {
 /// Nominal period of the wave, 4L/a, s.
 fn period_s(rig: &Rig, temperature_degc: f64) -> f64 {
     let water = rig.fluid.properties(temperature_degc);
-    4.0 * rig.pipes.iter().map(|p| p.length_m / p.wave_speed_start(&water).0).sum::<f64>()
+    2.0 * return_time_s(rig, &water)
 }
 
 #[cfg(test)]

@@ -7,7 +7,6 @@ use crate::rig::{Rig, Sensor, quantity_of, spelled_unit};
 use crate::storage::error::{CsvProblem, LogError};
 use crate::storage::import::kinds::{Known, guessed};
 use crate::storage::import::source::{Repair, SourceFile, SourceOptions, Track};
-use crate::storage::layout::kind_name;
 use crate::storage::nearest::{listed, nearest};
 use crate::storage::sink::program;
 use crate::units::{Quantity, UNITS};
@@ -117,7 +116,7 @@ pub fn require_sensors(parts: &[&Recording], rig: &Rig, without: &[String]) -> R
             (0..rig.sensors.len()).filter(|&i| recorded(i)).map(|i| rig.sensors[i].name.as_str()).collect();
         return Err(LogError::Sensors(Box::new(CsvProblem::MissingColumn {
             sensor: sensor.name.clone(),
-            kind: kind_name(sensor.kind),
+            kind: sensor.kind.name(),
             rig: rig.name.clone(),
             found: if found.is_empty() { "none".into() } else { found.join(", ") },
             hint: ".".into(),
@@ -192,7 +191,7 @@ fn converted(track: Track, sensor: &Sensor, density: f64, repairs: &mut Vec<Repa
             return Ok(series);
         }
         let known: Vec<&str> = UNITS.iter().filter(|u| u.quantity == quantity).map(|u| u.symbol).collect();
-        let kind = kind_name(sensor.kind);
+        let kind = sensor.kind.name();
         return Err(CsvProblem::WrongUnit { column: track.name, unit: text, kind, known: known.join(", ") });
     };
     if from.symbol == sensor.unit.symbol {

@@ -15,7 +15,7 @@ use crate::storage::import::csv::comments::{comment_notes, start_in_comments};
 use crate::storage::import::csv::grid::{HOLE_STEPS, SAME_STEP};
 use crate::storage::import::csv::numbers::Written;
 use crate::storage::import::source::{ImportOptions, Repair, SourceOptions};
-use crate::storage::layout::{kind_name, to_ns};
+use crate::storage::layout::to_ns;
 use crate::storage::schema::Kind;
 use crate::storage::sink::{Sink, finished, program};
 use crate::storage::summary::{SensorSummary, Summary};
@@ -379,7 +379,7 @@ fn summary(rig: &Rig, parts: &[Part]) -> Summary {
         let part = parts.iter().find(|part| part.sensor == i && part.samples > 0);
         SensorSummary {
             name: sensor.name.clone(),
-            kind: kind_name(sensor.kind),
+            kind: sensor.kind.name(),
             unit: sensor.unit.symbol,
             samples: part.map_or(0, |p| p.samples),
             gaps: part.map_or(0, |p| p.gaps.len()),

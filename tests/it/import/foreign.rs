@@ -125,6 +125,27 @@ fn a_single_pressure_is_that_at_the_valve() {
     assert_eq!(bench.recording().series.iter().map(|s| s.time_s.len()).collect::<Vec<_>>(), [200, 0]);
 }
 
+/// A comma is a decimal one where blanks separate the columns, and thousands may be grouped.
+#[test]
+fn decimal_commas_are_no_separators() {
+    let bench = bench();
+    let text = table("t_s  Druck\n", |_, t, a, _| format!("{t:.4}  {a:.6}").replace('.', ","));
+    bench.put("blanks.txt", text);
+    bench.import(0, &["blanks.txt", "--yes"]);
+    let p1 = &bench.recording().series[0].value;
+    assert!(p1.len() == 200 && (p1[30] - 2.0 - 1.5f64.sin()).abs() < 1e-5, "{p1:?}");
+    bench.put(
+        "grouped.csv",
+        table("Nr;Zeit (s);P1 (mbar)\n", |i, t, a, _| {
+            let (time, mbar) = (format!("{t:.4}").replace('.', ","), (1e3 * a) as u32);
+            format!("{i};{time};{}.{:03},5", mbar / 1000, mbar % 1000)
+        }),
+    );
+    bench.import(0, &["grouped.csv", "--yes"]);
+    let p1 = &bench.recording().series[0].value;
+    assert!(p1.len() == 200 && (p1[30] - 2.0 - 1.5f64.sin()).abs() < 1e-3, "{p1:?}");
+}
+
 /// Written by openpyxl (tools/xlsx_fixture.py): the table is in the second sheet, its times are dates of Excel.
 #[test]
 fn a_workbook_is_read() {

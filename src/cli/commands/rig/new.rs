@@ -178,23 +178,23 @@ fn pipe(args: &Args, ask: &Ask) -> Result<Draft, AnyError> {
     Ok(Draft {
         name: args.name.clone().unwrap_or_else(|| stem(&args.output)),
         temperature_degc: or(args.temperature_degc, 20.0),
-        material: Told::given(material.name.to_owned()),
-        length_m: Told::given(length_m),
-        inner_diameter_mm: Told::given(inner_diameter_mm),
-        wall_thickness_mm: Told::given(wall_thickness_mm),
+        material: material.name.to_owned(),
+        length_m,
+        inner_diameter_mm,
+        wall_thickness_mm,
         supply: match &args.supply {
             Some(supply) => Told::given(supply.clone()),
             None => ask.supply()?,
         },
         closing_time_s: or(args.closing_time_s, 0.1),
-        discharge_head_m: Told::given(args.discharge_head_m.unwrap_or(0.0)),
+        discharge_head_m: args.discharge_head_m.unwrap_or(0.0),
         sensors: Vec::new(),
     })
 }
 
 /// The places that the user gives, and those that he confirms, with temperature and closing time.
 fn confirmed(draft: &mut Draft, args: &Args, ask: &Ask) -> Result<(), AnyError> {
-    let length_m = draft.length_m.value;
+    let length_m = draft.length_m;
     for (name, place_m) in &args.sensor {
         match draft.sensors.iter_mut().find(|s| s.name == *name) {
             Some(sensor) => sensor.position_m = Told::given(*place_m),

@@ -5,7 +5,6 @@ use std::collections::HashSet;
 use crate::rig::Rig;
 use crate::storage::error::CsvProblem;
 use crate::storage::import::csv::heading::hint_on_time;
-use crate::storage::layout::kind_name;
 use crate::storage::nearest::{listed, nearest};
 
 /// The sensor of each column after the first, as an index in the rig. The first must be `time_s`; every other column must be a sensor,
@@ -44,7 +43,7 @@ pub(crate) fn sensors_of(header: &[String], rig: &Rig, without: &[String]) -> Re
             let spare = names.iter().map(String::as_str).filter(|n| !sensors().any(|s| s == *n));
             return Err(CsvProblem::MissingColumn {
                 sensor: sensor.name.clone(),
-                kind: kind_name(sensor.kind),
+                kind: sensor.kind.name(),
                 rig: rig.name.clone(),
                 found: listed(header),
                 hint: question(nearest(&sensor.name, spare)),

@@ -5,7 +5,8 @@ use std::borrow::Cow;
 
 use crate::storage::error::{CsvFault, CsvProblem};
 use crate::storage::import::csv::heading::{header_unit, heading_unit, time_unit};
-use crate::storage::import::csv::row::Row;
+use crate::storage::import::csv::numbers::Numbers;
+use crate::storage::import::csv::row::{Row, is_row};
 use crate::storage::import::csv::stamp::{Order, Stamp, is_ambiguous};
 use crate::storage::import::kinds::NAMELESS;
 use crate::storage::import::source::{Repair, SourceOptions};
@@ -52,7 +53,7 @@ pub(crate) fn understand(
     let lines: Vec<&str> = text.lines().collect();
     let Some(table) = Table::find(&lines) else { return Ok(None) };
     let time = table.time(options).ok_or_else(|| table.without_time())?;
-    let first_row = lines.iter().position(|l| crate::storage::import::csv::row::is_row(l));
+    let first_row = lines.iter().position(|l| is_row(l));
     let is_plain = time.column == 0 && time.change == Change::None && table.header_at == first_row;
     if is_plain && table.separator != ' ' && table.units.is_none() && table.words.is_empty() {
         return Ok(None);
@@ -100,18 +101,18 @@ enum Change {
 
 impl<'t> Table<'t> {
     fn find(lines: &[&'t str]) -> Option<Table<'t>> {
-        let judged = |separator: char| {
+        let judged = |separator: char, words: bool| {
             let from = lines.len().saturating_sub(JUDGED + 1);
-            let rows: Vec<usize> = lines[from..]
-                .iter()
-                .filter(|l| !is_blank(l) && !l.starts_with('#'))
-                .map(|l| cells(l, separator))
-                .map(|cells| if cells.len() > 1 && is_numbers(&cells) { cells.len() } else { 0 })
-                .collect();
-            let good = rows.iter().filter(|&&n| n > 1).count();
-            (good > 1 && 10 * good > 9 * rows.len().saturating_sub(2)).then_some(good)
+            let rows = || lines[from..].iter().filter(|l| is_row(l));
+            let fits = |cells: Vec<Cow<str>>| {
+                cells.len() > 1 && is_numbers(&cells) && (words || !cells.iter().any(|c| is_word(c)))
+            };
+            let good = rows().filter(|l| fits(cells(l, separator))).count();
+            good > 1 && 10 * good > 9 * rows().count().saturating_sub(2)
         };
-        let separator = [';', '\t', ',', ' '].into_iter().find(|&s| judged(s).is_some())?;
+        // A comma may be a decimal one: remarks are looked for only where no separator leaves numbers alone.
+        let found = |words| [';', '\t', ',', ' '].into_iter().find(|&s| judged(s, words));
+        let separator = found(false).or_else(|| found(true))?;
         let of = |line: &'t str| cells(line, separator);
         let is_data = |line: &&'t str| {
             let cells = of(line);
@@ -128,7 +129,7 @@ impl<'t> Table<'t> {
             let words = found.iter().any(|c| !c.is_empty()) && found.iter().all(|c| c.is_empty() || !is_number(c));
             (found.len() == columns && words).then_some(found)
         };
-        let above = (0..first).rev().find(|&at| !is_blank(lines[at]));
+        let above = (0..first).rev().find(|&at| lines[at].starts_with('#') || is_row(lines[at]));
         let (mut header_at, mut units) = (above.filter(|&at| headings(at).is_some()), None);
         let mut names = header_at.and_then(headings);
         if let Some(at) = header_at
@@ -146,7 +147,7 @@ impl<'t> Table<'t> {
         }
         let headings = names.unwrap_or_else(|| (1..=columns).map(|i| format!("{NAMELESS}{i}")).collect());
         // Remarks may stand anywhere in the file.
-        let all = lines[first..].iter().filter(|l| !is_blank(l) && !l.starts_with('#'));
+        let all = lines[first..].iter().filter(|l| is_row(l));
         let (mut said, mut counted) = (vec![0; columns], vec![0; columns]);
         for cells in all.map(|l| of(l)) {
             for (i, cell) in cells.iter().enumerate().take(columns).filter(|(_, c)| !c.is_empty()) {
@@ -269,12 +270,12 @@ impl<'t> Table<'t> {
             if Some(at) == self.header_at {
                 out += &headed;
             } else if at < self.first {
-                let keep = if line.starts_with('#') || is_blank(line) || Some(at) == self.units { "" } else { "# " };
+                let keep = if !is_row(line) || Some(at) == self.units { "" } else { "# " };
                 if Some(at) != self.units {
                     out += keep;
                     out += line;
                 }
-            } else if line.starts_with('#') || is_blank(line) {
+            } else if !is_row(line) {
                 out += line;
             } else {
                 let cells = cells(line, self.separator);
@@ -382,10 +383,6 @@ fn joined_units(cells: Vec<Cow<'_, str>>) -> Vec<String> {
     joined
 }
 
-fn is_blank(line: &str) -> bool {
-    line.chars().all(|c| c.is_whitespace() || matches!(c, ',' | ';'))
-}
-
 /// Numbers and date-times, at least one number, and more of them than words, as in a column of remarks.
 fn is_numbers(cells: &[Cow<str>]) -> bool {
     let words = cells.iter().filter(|c| is_word(c)).count();
@@ -402,10 +399,9 @@ fn is_number(cell: &str) -> bool {
     number(cell).is_some()
 }
 
-/// A number with a decimal point or comma.
+/// The number of a cell, as the parser will read it.
 fn number(cell: &str) -> Option<f64> {
-    let starts = cell.starts_with(|c: char| c.is_ascii_digit() || matches!(c, '-' | '+' | '.' | ','));
-    starts.then(|| cell.replace(',', ".").parse().ok()).flatten().filter(|v: &f64| v.is_finite())
+    Numbers::new(',', false).read(cell, "").ok().filter(|v| !v.is_nan())
 }
 
 fn stamped(cell: &str) -> bool {
