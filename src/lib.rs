@@ -50,6 +50,7 @@
 //! | [`report`] | tables, JSON and HTML |
 //! | [`replay`] | results kept beside recordings, and whether they still hold |
 //! | [`watch`] | from a finished recording to its verdict, without a person |
+//! | [`web`] | the workbench in the browser |
 //! | [`cli`] | the program: one thin file per command |
 //!
 //! # The model alone
@@ -83,6 +84,7 @@ pub mod simulate;
 pub mod storage;
 pub mod study;
 pub mod watch;
+pub mod web;
 
 pub use crate::diagnose::Diagnosis;
 pub use crate::fit::outcome::fit::Fit;

@@ -68,6 +68,7 @@ const EXAMPLES: &[(&str, [&str; 2])] = &[
     ("man", ["man1", "man1 --overwrite"]),
     ("model", ["model.toml", "model.toml --json"]),
     ("next", ["model.toml --for wave_speed_m_s --save test.toml", "model.toml --for tau1_s --report next.html"]),
+    ("open", ["recordings/hdpe-creep.mcap", "surgescope-demo --no-browser"]),
     (
         "pest",
         [

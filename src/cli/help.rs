@@ -7,9 +7,9 @@ use crate::cli::console::print::say_text;
 
 /// Headings, and the commands below each; the first group is for a newcomer. `help` itself is in none.
 pub(crate) const GROUPS: [(&str, &[&str]); 8] = [
-    ("Start here", &["demo", "import", "inspect", "calibrate", "diagnose"]),
+    ("Start here", &["demo", "open", "import", "calibrate", "diagnose"]),
     ("Record", &["record", "ports", "rig", "recover"]),
-    ("Look at a recording", &["frequency", "valve"]),
+    ("Look at a recording", &["inspect", "frequency", "valve"]),
     ("Model", &["effects", "simulate", "add", "refit", "undo", "model", "creep", "family"]),
     ("Check the model", &["predict", "cross-validate", "sensitivity", "next"]),
     ("Run by itself", &["watch", "accept", "history", "replay"]),

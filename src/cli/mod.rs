@@ -31,6 +31,7 @@ struct Cli {
 enum Command {
     Import(commands::import::Args),
     Demo(commands::demo::Args),
+    Open(commands::open::Args),
     Effects(commands::effects::Args),
     Calibrate(commands::calibrate::Args),
     Diagnose(commands::diagnose::Args),
@@ -86,6 +87,7 @@ pub fn main() -> ExitCode {
     let result: CommandResult = match cli.command {
         Command::Import(args) => commands::import::run(args, cli.json),
         Command::Demo(args) => commands::demo::run(args, cli.json),
+        Command::Open(args) => commands::open::run(args, cli.json),
         Command::Effects(args) => commands::effects::run(args, cli.json),
         Command::Calibrate(args) => commands::calibrate::run(args, cli.json),
         Command::Diagnose(args) => commands::diagnose::run(args, cli.json),

@@ -282,7 +282,8 @@ pub fn now() -> String {
 }
 
 /// A recording's time 0 as RFC 3339; none where it is not known.
-fn recorded_at(start_unix_ns: u64) -> Option<String> {
+/// When a recording started, RFC 3339, where that is known.
+pub fn recorded_at(start_unix_ns: u64) -> Option<String> {
     let known = i64::try_from(start_unix_ns).ok().filter(|&ns| ns > 0)?;
     Some(chrono::DateTime::from_timestamp_nanos(known).to_rfc3339_opts(chrono::SecondsFormat::Millis, true))
 }

@@ -13,10 +13,11 @@ use crate::fit::data::run_data::RunData;
 use crate::fit::outcome::fit::{Fit, FittedParameter};
 use crate::fit::problem::error::FitError;
 use crate::fit::problem::fit_problem::{FitProblem, Window};
+use crate::fit::progress::OnProgress;
 use crate::fit::search::calibrate::refine;
-use crate::fit::search::options::{Options, Progress};
+use crate::fit::search::options::Options;
 use crate::fit::validate::predict::{Known, Shared, geometric_mean};
-use crate::model::constraint::Constraint;
+use crate::model::constraint::{Constraint, Given};
 use crate::model::effects::{Chosen, name_of, parse_list};
 use crate::model::prior::Prior;
 use crate::model::{Model, ModelError};
@@ -229,6 +230,11 @@ impl ModelFile {
         })
     }
 
+    /// The model to which a step forward leads: the last that grew out of the one in force.
+    pub fn next(&self) -> Option<usize> {
+        self.models.iter().rposition(|m| m.grown_from == Some(self.in_force)).map(|i| i + 1)
+    }
+
     /// Puts the model in force that the present one grew out of; false where it is the first.
     pub fn step_back(&mut self) -> bool {
         let Some(parent) = self.current().grown_from else { return false };
@@ -286,6 +292,21 @@ impl Entry {
             .collect()
     }
 
+    /// Its values, each with its name and run.
+    pub fn given(&self) -> Vec<Given> {
+        self.parameters.iter().map(|p| Given { name: p.name.clone(), run: p.run.clone(), value: p.value }).collect()
+    }
+
+    /// What a refit of it is called.
+    pub fn refit_words(&self) -> String {
+        let held: Vec<&str> = self.parameters.iter().filter(|p| p.fixed).map(|p| p.name.as_str()).collect();
+        match held.as_slice() {
+            [] => "refitted".to_owned(),
+            [one] => format!("refitted with {one} held"),
+            more => format!("refitted with {} values held", more.len()),
+        }
+    }
+
     /// What is known of its parameters from elsewhere.
     pub fn priors(&self) -> Vec<Prior> {
         let known = self.parameters.iter().filter_map(|p| p.prior.map(|known| (p, known)));
@@ -301,7 +322,7 @@ impl Entry {
         rig: &Rig,
         runs: &[RunData],
         options: &Options,
-        progress: &(dyn Fn(&Progress) + Sync),
+        progress: &OnProgress<'_>,
     ) -> Result<Fit, FitError> {
         let options = Options { constraints: self.constraints(), priors: self.priors(), ..options.clone() };
         let effects = self.chosen();

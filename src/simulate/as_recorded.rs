@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use crate::fit::data::run_data::RunData;
 use crate::fit::problem::fit_problem::{FitProblem, Window};
-use crate::fit::problem::observed::{Place, modelled, observations};
+use crate::fit::problem::observed::{Place, Shown, observations};
 use crate::model::constraint::Given;
 use crate::model::effects::Chosen;
 use crate::model::{Model, ModelError};
@@ -67,19 +67,19 @@ pub fn as_recorded(
         problem.set_window(Window { reaches: fitting, ..window });
     }
     let places = places.unwrap_or_else(|| observations(&problem).iter().map(|o| o.place).collect());
-    let shown = modelled(&problem, &values, &places)?;
+    let shown = Shown::of(&problem, &values)?;
     Ok(AsRecorded {
         effects: model.effects.iter().map(Chosen::label).collect(),
         settings: problem.parameters.iter().zip(shared).map(|(p, v)| (p.name.clone(), *v)).collect(),
         not_set,
         reaches: problem.window().reaches,
+        values: places.iter().map(|place| shown.at(place)).collect(),
         places,
-        values: shown,
     })
 }
 
 /// A value for each of the problem's parameters: as given, or where a fit would start; and those that were not given.
-fn values(problem: &FitProblem, given: &[Given]) -> Result<(Vec<f64>, Vec<Setting>), AsRecordedError> {
+pub(crate) fn values(problem: &FitProblem, given: &[Given]) -> Result<(Vec<f64>, Vec<Setting>), AsRecordedError> {
     let run = |j: usize| problem.run_of(j).map(|r| problem.runs[r].file.as_str());
     let own = || problem.parameters.iter().enumerate();
     let strange = |g: &&Given| !own().any(|(j, p)| g.concerns(&p.name, run(j)));

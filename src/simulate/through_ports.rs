@@ -6,9 +6,37 @@ use std::sync::atomic::AtomicBool;
 use crate::record::devices::simulated::{Faults, Playback, Script, SimulatedDevice};
 use crate::record::devices::source::Sources;
 use crate::record::health::snapshot::Snapshot;
-use crate::record::session::live_test::{Options, record};
+use crate::record::session::live_test::{Options, live_devices, record};
 use crate::record::session::output::Summary;
 use crate::rig::{Device, Rig};
+use crate::simulate::playback::{Timing, of_scenario};
+use crate::simulate::scenario::Scenario;
+use crate::simulate::wiring::wired;
+
+/// Steady time before the closure of a simulated test, s.
+pub const LEAD_S: f64 = 1.0;
+
+/// Records a simulated test, each device sending through a pseudo-terminal: until `stop`, telling where it stands and what to look out for.
+///
+/// # Errors
+/// A model that cannot be simulated, and as [`record_playbacks`].
+pub fn record_scenario(
+    scenario: &Scenario,
+    timing: &Timing,
+    how: (f64, Faults),
+    options: &Options,
+    (stop, report, warn): (&AtomicBool, &mut dyn FnMut(Snapshot), &dyn Fn(&str)),
+) -> Result<Summary, Box<dyn Error + Send + Sync>> {
+    let rig = &wired(scenario, timing)?;
+    let scenario = scenario.on(rig.clone());
+    let mut played = Vec::new();
+    for device in live_devices(rig, &[])? {
+        let playback = of_scenario(&scenario, &device, timing)?;
+        played.push((device, playback));
+    }
+    clipped(rig, &played).iter().for_each(|warning| warn(warning));
+    record_playbacks(rig, played, how, options, stop, report)
+}
 
 /// Samples of a device that lie outside the range of its counts; what to tell of them.
 pub fn clipped(rig: &Rig, played: &[(Device, Playback)]) -> Vec<String> {

@@ -46,8 +46,7 @@ pub fn beside(study: &Study, recording: &Path, path: &Path, file: &ModelFile) ->
             let asked = Question { model: path, recordings: &recordings, hold: &[], other_pipeline: false };
             let found = predicted(study, &asked)?;
             warnings = found.warnings;
-            let values = found.prediction.fit.parameters.iter();
-            let given = values.map(|p| Given { name: p.name.clone(), run: p.run.clone(), value: p.value }).collect();
+            let given = found.prediction.fit.given();
             (found.prediction.fit.effects, given)
         }
     };

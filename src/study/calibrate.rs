@@ -5,6 +5,7 @@ use std::time::Instant;
 use crate::fit::data::run_data::RunData;
 use crate::fit::outcome::fit::Fit;
 use crate::fit::problem::method::Method;
+use crate::fit::progress::OnProgress;
 use crate::fit::search::calibrate::calibrate;
 use crate::fit::search::options::Options;
 use crate::model::ModelError;
@@ -13,7 +14,6 @@ use crate::model::effects::{Chosen, parse_list};
 use crate::rig::Rig;
 use crate::study::error::Result;
 use crate::study::hold::constraints;
-use crate::study::progress::{OnProgress, Progress};
 
 /// Effects of a model: a list as on the command line (`"viscoelastic-wall:2,leak"`; `"none"` is the base model), or effects chosen before.
 pub trait Effects {
@@ -124,8 +124,7 @@ impl Calibrate<'_> {
         let held = constraints(self.rig, self.runs, &effects, &self.hold);
         options.constraints.splice(0..0, held.into_iter().flatten());
         let [effects] = effects;
-        let watcher = |p: &crate::fit::search::options::Progress| (self.on_progress)(&Progress::from(p));
-        let fit = calibrate(self.rig, self.runs, &effects, &options, &watcher)?;
+        let fit = calibrate(self.rig, self.runs, &effects, &options, self.on_progress)?;
         Ok(Fit { seconds: began.elapsed().as_secs_f64(), ..fit })
     }
 }

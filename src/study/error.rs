@@ -29,6 +29,8 @@ pub enum Error {
     Fit(#[from] FitError),
     #[error(transparent)]
     ModelFile(#[from] ModelFileError),
+    #[error("the model has no effect '{0}'")]
+    NoSuchEffect(String),
     #[error("there is no recording")]
     NoRecording,
     #[error("{file} cannot be used")]

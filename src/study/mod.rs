@@ -8,7 +8,7 @@ pub mod models;
 pub mod next;
 pub mod open;
 pub mod predict;
-pub mod progress;
+pub mod simulated;
 
 use std::path::{Path, PathBuf};
 
@@ -16,6 +16,8 @@ use crate::diagnose::needless::without_needless;
 use crate::diagnose::{Diagnosis, diagnose, diagnose_fit, grow};
 use crate::fit::data::run_data::RunData;
 use crate::fit::outcome::fit::Fit;
+use crate::fit::progress::{OnProgress, Progress};
+use crate::fit::search::calibrate::without;
 use crate::fit::search::options::Options;
 use crate::model::effects::{Chosen, parse_list};
 use crate::recording::Recording;
@@ -25,7 +27,6 @@ use crate::study::calibrate::{Calibrate, Effects};
 use crate::study::error::{Error, Result};
 use crate::study::hold::options_of;
 use crate::study::open::{Loaded, load, one_rig};
-use crate::study::progress::{OnProgress, Progress};
 
 /// Recordings of one rig, ready to be calibrated and diagnosed.
 ///
@@ -202,12 +203,22 @@ impl Study {
     /// As [`Study::calibrate`] and [`Study::diagnose`].
     pub fn diagnose_model(&self, effects: &[Chosen], options: &Options) -> Result<Diagnosis> {
         self.recordings.iter().try_for_each(Loaded::require_sound)?;
-        Ok(diagnose(&self.rig, &self.runs, effects, options, &self.messages())?)
+        Ok(diagnose(&self.rig, &self.runs, effects, options, self.watcher())?)
     }
 
     /// The fitted model without the effect that it no longer needs, if there is one, and that effect; those that are `kept` stay.
     pub fn without_needless(&self, fit: &Fit, kept: &[Chosen], options: &Options) -> Option<(Fit, Chosen)> {
-        without_needless(&self.rig, &self.runs, fit, kept, options, &self.messages())
+        without_needless(&self.rig, &self.runs, fit, kept, options, self.watcher())
+    }
+
+    /// The fitted model without one of its effects, refitted from where the rest stands.
+    ///
+    /// # Errors
+    /// An effect that the model does not have, a model that cannot be simulated.
+    pub fn without(&self, fit: &Fit, effect: &str) -> Result<Fit> {
+        let is_it = |c: &Chosen| c.label() == effect || c.effect.name() == effect;
+        let Some(i) = fit.effects.iter().position(is_it) else { return Err(Error::NoSuchEffect(effect.to_owned())) };
+        Ok(without(&self.rig, &self.runs, fit, i, &options_of(fit), self.watcher())?)
     }
 
     /// As [`Study::diagnose_model`], of a model that is fitted already with these options.
@@ -216,7 +227,7 @@ impl Study {
     /// As [`Study::diagnose`].
     pub fn diagnose_next(&self, fit: Fit, effects: &[Chosen], options: &Options) -> Result<Diagnosis> {
         self.recordings.iter().try_for_each(Loaded::require_sound)?;
-        Ok(diagnose_fit(&self.rig, &self.runs, effects, fit, options, &self.messages())?)
+        Ok(diagnose_fit(&self.rig, &self.runs, effects, fit, options, self.watcher())?)
     }
 
     /// The model of a fit with one effect more, and the evidence for it.
@@ -237,13 +248,8 @@ impl Study {
         // The list as a whole says what stands against the newcomer.
         let labels: Vec<String> = fit.labels().into_iter().chain([added.label()]).collect();
         parse_list(&labels.join(","))?;
-        let (fit, evidence) = grow(&self.rig, &self.runs, fit, &added, &options_of(fit), &self.messages())?;
+        let (fit, evidence) = grow(&self.rig, &self.runs, fit, &added, &options_of(fit), self.watcher())?;
         Ok(Grown { fit, evidence })
-    }
-
-    /// Passes the messages of a diagnosis on.
-    fn messages(&self) -> impl Fn(&str) + Sync + '_ {
-        |message| (self.on_progress)(&Progress::from(message))
     }
 
     /// The watcher of computations.

@@ -12,7 +12,6 @@ use crate::storage::disk::{alone_in_folder, require_folder};
 use crate::storage::output;
 use crate::study::Study;
 use crate::study::error::{Error, Result};
-use crate::study::progress::Progress;
 use crate::text_file::read_text;
 
 /// A file of models with the recordings that it names.
@@ -44,9 +43,8 @@ impl Opened {
     /// # Errors
     /// A parameter in the file that the model does not have, a model that cannot be simulated.
     pub fn refit(&self) -> Result<Fit> {
-        let watcher = |p: &crate::fit::search::options::Progress| self.study.watcher()(&Progress::from(p));
         let current = self.file.current();
-        Ok(current.refit(self.study.rig(), self.study.runs(), &Options::default(), &watcher)?)
+        Ok(current.refit(self.study.rig(), self.study.runs(), &Options::default(), self.study.watcher())?)
     }
 
     /// Adds a fit as the model in force, and writes the file.

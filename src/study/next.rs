@@ -6,7 +6,6 @@ use crate::fit::outcome::fit::{Fit, FittedParameter};
 use crate::study::Study;
 use crate::study::error::{Error, Result};
 use crate::study::hold::options_of;
-use crate::study::progress::Progress;
 
 /// An answer is left standing from this probability on.
 const STANDING: f64 = 0.01;
@@ -80,8 +79,7 @@ impl Study {
 
     fn contest(&self, start: &Fit, [one, other]: [&Standing; 2]) -> Result<Contest> {
         let options = options_of(start);
-        let shown = |message: &str| (self.watcher())(&Progress::from(message));
-        let tests = between(self.rig(), self.runs(), start, [&one.answer, &other.answer], &options, &shown)?;
+        let tests = between(self.rig(), self.runs(), start, [&one.answer, &other.answer], &options, self.watcher())?;
         Ok(Contest { between: [one.clone(), other.clone()], tests })
     }
 

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::fit::search::options::{self, Options};
+use crate::fit::search::options::Options;
 use crate::fit::validate::conflict::conflicts;
 use crate::fit::validate::predict::{Prediction, predict};
 use crate::model::constraint::Constraint;
@@ -14,7 +14,6 @@ use crate::study::Study;
 use crate::study::error::{Error, Result};
 use crate::study::models;
 use crate::study::open::{Loaded, load};
-use crate::study::progress::Progress;
 
 /// Difference of water temperatures from which wave speed and creep are others, K.
 const OTHER_TEMPERATURE: f64 = 2.0;
@@ -54,8 +53,7 @@ pub fn predicted(study: &Study, asked: &Question) -> Result<Predicted> {
         .flat_map(|run| asked.hold.iter().map(|(name, v)| (Some(run.file.clone()), name.clone(), *v)))
         .map(|(run, name, value)| Constraint { name, run, lower: value, upper: value })
         .collect();
-    let watcher = |p: &options::Progress| study.watcher()(&Progress::from(p));
-    let prediction = predict(study.rig(), study.runs(), &known, &held, &Options::default(), &watcher)?;
+    let prediction = predict(study.rig(), study.runs(), &known, &held, &Options::default(), study.watcher())?;
     warnings.extend(conflicts(&prediction.fit, study.runs()));
     Ok(Predicted { prediction, warnings })
 }

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use crate::diagnose::{Diagnosis, Verdict, diagnose};
 use crate::fit::outcome::fit::Fit;
+use crate::fit::progress::Progress;
 use crate::fit::search::options::Options;
 use crate::fit::validate::conflict::{at_bounds, conflicts};
 use crate::fit::validate::energy::energy_of;
@@ -170,9 +171,8 @@ fn found(
         recording = recording.on_rig(rig.clone())?;
     }
     let rig = recording.rig.clone();
-    let (file, hear) =
-        (run.file.clone(), |text: &str| notice(Notice::Progress(format!("{}: {text}", run.file.shown()))));
-    let loaded = Loaded::new(file, recording)?;
+    let hear = |progress: &Progress| notice(Notice::Progress(format!("{}: {progress}", run.file.shown())));
+    let loaded = Loaded::new(run.file.clone(), recording)?;
     loaded.require_sound()?;
     let features = &loaded.features;
     let data = [loaded.run()];

@@ -5,7 +5,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// The rooms from the cellar up. A room may use what stands before it, with the exceptions below.
-const ROOMS: [&str; 27] = [
+const ROOMS: [&str; 28] = [
     "units",
     "number",
     "shown",
@@ -32,11 +32,12 @@ const ROOMS: [&str; 27] = [
     "report",
     "replay",
     "watch",
+    "web",
     "cli",
 ];
 
 /// The floors of the large rooms, from the lowest up.
-const FLOORS: [(&str, &[&str]); 4] = [
+const FLOORS: [(&str, &[&str]); 5] = [
     ("fit", &["numeric", "data", "problem", "outcome", "inference", "search", "validate"]),
     ("record", &["wire", "clock", "devices", "health", "session"]),
     (
@@ -57,6 +58,7 @@ const FLOORS: [(&str, &[&str]); 4] = [
             "pest",
         ],
     ),
+    ("web", &["session", "view", "server"]),
     ("cli", &["console", "args", "commands"]),
 ];
 

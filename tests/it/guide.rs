@@ -6,8 +6,9 @@
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
 use std::fs;
+use std::io::Read as _;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::{Command, Output, Stdio};
 
 use serde_json::Value;
 use tempfile::TempDir;
@@ -85,7 +86,18 @@ pub(crate) fn scratch() -> TempDir {
 }
 
 pub(crate) fn surgescope(folder: &Path, arguments: &[&str]) -> Output {
-    Command::new(PROGRAM).args(arguments).current_dir(folder).output().unwrap()
+    let mut command = Command::new(PROGRAM);
+    command.args(arguments).current_dir(folder);
+    if arguments.first() != Some(&"open") || arguments.contains(&"--help") {
+        return command.output().unwrap();
+    }
+    // It serves until it is told to stop, once it has said where.
+    let mut serving = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    let mut out = serving.stdout.take().unwrap();
+    let mut said = [0; 8];
+    let _ = out.read_exact(&mut said);
+    Command::new("kill").args(["-TERM", &serving.id().to_string()]).status().unwrap();
+    serving.wait_with_output().unwrap()
 }
 
 /// The JSON document that a command prints.

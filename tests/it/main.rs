@@ -41,3 +41,4 @@ mod trust;
 mod valve;
 mod watch;
 mod with_model;
+mod workbench;

@@ -8,7 +8,7 @@ use clap::ValueEnum;
 use crate::fit::problem::method;
 use crate::fit::search::options::Options;
 use crate::model::constraint::Given;
-use crate::results::model_file::{Entry, Value};
+use crate::results::model_file::Entry;
 use crate::study::models;
 
 /// More would take hours of any model.
@@ -135,9 +135,8 @@ impl Search {
     pub fn options(&self, from: Option<&Entry>) -> Result<Options, String> {
         self.refuse_unheeded()?;
         let given = self.start.iter().map(|(name, value)| Given { name: name.clone(), run: None, value: *value });
-        let of = |p: &Value| Given { name: p.name.clone(), run: p.run.clone(), value: p.value };
         // The command line goes first.
-        let starts_at = given.chain(from.iter().flat_map(|model| model.parameters.iter().map(of))).collect();
+        let starts_at = given.chain(from.iter().flat_map(|model| model.given())).collect();
         let usual = Options::default();
         Ok(Options {
             method: self.method.into(),

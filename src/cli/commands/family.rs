@@ -135,10 +135,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     };
     let bar = progress_bar();
     let fitted = family(&rig, members, &args.effects, &plan, &|of, p| {
-        bar.set_message(format!(
-            "{of}: {}, {} reaches, iteration {}, error {:.2} x noise",
-            p.stage, p.reaches, p.iteration, p.error_over_noise
-        ));
+        bar.set_message(format!("{of}: {p}"));
     });
     bar.finish_and_clear();
     let fitted = fitted?;

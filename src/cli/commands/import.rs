@@ -113,7 +113,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         let options = ImportOptions { start_unix_ns: start_of(path, &args.start), without: args.without.clone() };
         let read = |source: &SourceOptions| busy(path, || import_file(path, &rig, &options, source, alone));
         let imported = read(&foreign).or_else(|error| guessed(path, error, &args, json, &foreign, &rig, read))?;
-        understood.extend(json.then(|| understood::document(path, &imported)));
+        understood.extend(json.then(|| imported.understood(path)));
         let Imported { recording, repairs, start_digit_s, .. } = imported;
         reports.extend(repairs.into_iter().map(|repair| Report { file: path.clone(), repair }));
         parts.push(Part { file: path.shown().into_owned(), recording, start_digit_s });

@@ -19,6 +19,7 @@ pub mod layout;
 pub mod man;
 pub mod model;
 pub mod next;
+pub mod open;
 pub mod pest;
 pub mod ports;
 pub mod predict;

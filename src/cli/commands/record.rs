@@ -29,12 +29,10 @@ use crate::rig::Rig;
 use crate::rig::check::coarse_counts;
 use crate::shown::Shown as _;
 #[cfg(unix)]
-use crate::simulate::playback::{Timing, of_scenario};
+use crate::simulate::playback::Timing;
 use crate::simulate::scenario::{Scenario, ValveForm};
 #[cfg(unix)]
-use crate::simulate::through_ports::{clipped, record_playbacks};
-#[cfg(unix)]
-use crate::simulate::wiring::wired;
+use crate::simulate::through_ports::{LEAD_S, record_scenario};
 use crate::watch::evaluate::{Settings, evaluate_new};
 use crate::watch::verdict::line_of;
 
@@ -210,24 +208,13 @@ fn record_simulated(
 ) -> Result<Summary, AnyError> {
     let scenario = Scenario::new(rig.clone(), &args.effects, ValveForm::Linear, &args.set)?;
     let total_s = args.duration.unwrap_or(LEAD_S + 12.0 * scenario.period_s());
-    let timing = Timing { rate_hz: args.rate, lead_s: LEAD_S, after_s: (total_s - LEAD_S).max(0.0) };
     let faults = args.faults.as_deref().map(str::parse).transpose()?.unwrap_or_default();
-    let rig = &wired(&scenario, &timing)?;
-    let scenario = scenario.on(rig.clone());
-    let mut played = Vec::new();
-    for device in live_devices(rig, &[])? {
-        let playback = of_scenario(&scenario, &device, &timing)?;
-        played.push((device, playback));
-    }
-    clipped(rig, &played).iter().for_each(|warning| tell!("{warning}"));
-    record_playbacks(rig, played, (args.speed, faults), options, &STOP, report)
+    let timing = Timing { rate_hz: args.rate, lead_s: LEAD_S, after_s: (total_s - LEAD_S).max(0.0) };
+    let warn = |warning: &str| tell!("{warning}");
+    record_scenario(&scenario, &timing, (args.speed, faults), options, (&STOP, report, &warn))
 }
 
 #[cfg(not(unix))]
 fn record_simulated(_: &Rig, _: &Args, _: &Options, _: &mut dyn FnMut(Snapshot)) -> Result<Summary, AnyError> {
     Err("--simulate needs pseudo-terminals, which this system does not have".into())
 }
-
-/// Steady time before the closure of a simulated test, s.
-#[cfg(unix)]
-const LEAD_S: f64 = 1.0;

@@ -28,12 +28,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     let mut at = models::open(&args.file)?;
     recordings::warn_of(&at.study);
     let before = at.file.current().clone();
-    let held: Vec<&str> = before.parameters.iter().filter(|p| p.fixed).map(|p| p.name.as_str()).collect();
-    let why = match held.as_slice() {
-        [] => "refitted".to_owned(),
-        [one] => format!("refitted with {one} held"),
-        more => format!("refitted with {} values held", more.len()),
-    };
+    let why = before.refit_words();
     let fit = refit(&mut at, "")?;
     at.append(&fit, &why, None)?;
     if json {

@@ -2,14 +2,10 @@
 
 use std::path::Path;
 
-use serde_json::{Value, json};
-
-use crate::recording::Series;
 use crate::report::text::number::significant;
 use crate::report::text::table::Table;
-use crate::rig::Sensor;
 use crate::shown::Shown as _;
-use crate::storage::import::Imported;
+use crate::storage::import::{Imported, rate_hz};
 
 /// Values of each sensor that are shown.
 const SHOWN: usize = 4;
@@ -41,27 +37,4 @@ pub fn text(path: &Path, imported: &Imported) -> String {
         text += &format!("guessed:\n  {}", guesses.join("\n  "));
     }
     text
-}
-
-/// The same for programs.
-pub fn document(path: &Path, imported: &Imported) -> Value {
-    let recording = &imported.recording;
-    let sensors = recording.rig.sensors.iter().zip(&recording.series).zip(&imported.columns);
-    let one = |((sensor, series), column): ((&Sensor, &Series), &Option<String>)| {
-        json!({
-            "sensor": sensor.name,
-            "column": column,
-            "unit": sensor.unit.symbol,
-            "samples": series.time_s.len(),
-            "rate_hz": rate_hz(series),
-            "first": series.value.iter().take(SHOWN).collect::<Vec<_>>(),
-        })
-    };
-    json!({ "file": path, "sensors": sensors.map(one).collect::<Vec<_>>() })
-}
-
-/// Samples a second; none of fewer than two.
-fn rate_hz(series: &Series) -> Option<f64> {
-    let (first, last) = (series.time_s.first()?, series.time_s.last()?);
-    Some((series.time_s.len() - 1) as f64 / (last - first)).filter(|rate| rate.is_finite())
 }

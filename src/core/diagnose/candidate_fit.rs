@@ -10,8 +10,9 @@ use crate::fit::data::run_data::RunData;
 use crate::fit::outcome::fit::{Fit, FittedParameter};
 use crate::fit::outcome::uncertainty::Uncertainty;
 use crate::fit::problem::error::FitError;
+use crate::fit::progress::{OnProgress, Progress};
 use crate::fit::search::calibrate::{CoarseFit, calibrate, fit_coarsely, refine, without};
-use crate::fit::search::options::{Options, Progress};
+use crate::fit::search::options::Options;
 use crate::model::Model;
 use crate::model::effects::{Chosen, Circumstances, SHOWN};
 use crate::rig::Rig;
@@ -218,7 +219,7 @@ pub(crate) struct FullFitter<'a> {
     /// The start model's effects as the user asked for them.
     pub(crate) effects: &'a [Chosen],
     pub(crate) options: &'a Options,
-    pub(crate) progress: &'a (dyn Fn(&str) + Sync),
+    pub(crate) progress: &'a OnProgress<'a>,
 }
 
 impl FullFitter<'_> {
@@ -233,7 +234,7 @@ impl FullFitter<'_> {
         if refit.form.chosen.elements.is_some() {
             return self.fit_from_scratch(refit);
         }
-        let shown = |p: &Progress| (self.progress)(&format!("{} added, {}", refit.form.effect, p.stage));
+        let shown = |p: &Progress| (self.progress)(&p.within(&format!("{} added", refit.form.effect)));
         refine(self.rig, self.runs, effects, values, &self.brief(effects), &shown)
     }
 
@@ -253,7 +254,7 @@ impl FullFitter<'_> {
 
     fn pair_shown(&self, of: &[Form; 2]) -> impl Fn(&Progress) + Sync + use<'_> {
         let names = format!("{} and {} added", of[0].effect, of[1].effect);
-        move |p| (self.progress)(&format!("{names}, {}", p.stage))
+        move |p| (self.progress)(&p.within(&names))
     }
 
     /// Fits a candidate on from where its rival ended, with its own effect in the place of the rival's: rivals are compared at their optima.
@@ -267,7 +268,7 @@ impl FullFitter<'_> {
         let mut effects = rival.effects.clone();
         effects.pop();
         effects.extend(own.effects.last().cloned());
-        let shown = |p: &Progress| (self.progress)(&format!("{}, {}", candidate_fit.label(), p.stage));
+        let shown = |p: &Progress| (self.progress)(&p.within(&format!("{}", candidate_fit.label())));
         refine(self.rig, self.runs, &effects, &values, &self.brief(&effects), &shown)
     }
 
@@ -275,13 +276,13 @@ impl FullFitter<'_> {
     pub(crate) fn fit_from_scratch(&self, refit: &Refit) -> Result<Fit, FitError> {
         let effects: Vec<Chosen> =
             self.effects.iter().cloned().chain([Chosen { elements: None, ..refit.form.chosen.clone() }]).collect();
-        let shown = |p: &Progress| (self.progress)(&format!("{} from scratch, {}", refit.form.effect, p.stage));
+        let shown = |p: &Progress| (self.progress)(&p.within(&format!("{} from scratch", refit.form.effect)));
         calibrate(self.rig, self.runs, &effects, &self.brief(&effects), &shown)
     }
 
     /// Fits coarsely from the signals.
     pub(crate) fn coarse_fit(&self, refit: &Refit) -> Result<CoarseFit, FitError> {
-        (self.progress)(&format!("{} from the signals", refit.form.effect));
+        (self.progress)(&Progress::from(format!("{} from the signals", refit.form.effect)));
         let mut effects = refit.effects.clone();
         if let Some(added) = effects.last_mut() {
             added.sensor = None;
@@ -303,13 +304,13 @@ impl FullFitter<'_> {
 
     /// Fits a model without its effect `i`, briefly.
     pub(crate) fn without(&self, fit: &Fit, i: usize) -> Result<Fit, FitError> {
-        without(self.rig, self.runs, fit, i, &self.brief(&fit.effects))
+        without(self.rig, self.runs, fit, i, &self.brief(&fit.effects), &|_| {})
     }
 
     /// Fits a candidate or a pair until it converges.
     pub(crate) fn converged(&self, fit: &Fit) -> Result<Fit, FitError> {
         let labels: Vec<String> = fit.effects.iter().map(Chosen::label).collect();
-        let shown = |p: &Progress| (self.progress)(&format!("{}, {}", labels.join(" + "), p.stage));
+        let shown = |p: &Progress| (self.progress)(&p.within(&format!("{}", labels.join(" + "))));
         refine(self.rig, self.runs, &fit.effects, &fit.values(), &self.whole(&fit.effects), &shown)
     }
 }

@@ -53,8 +53,9 @@ use crate::diagnose::warnings::warnings;
 use crate::fit::data::run_data::RunData;
 use crate::fit::outcome::fit::Fit;
 use crate::fit::problem::error::FitError;
+use crate::fit::progress::{OnProgress, Progress};
 use crate::fit::search::calibrate::calibrate;
-use crate::fit::search::options::{Options, Progress};
+use crate::fit::search::options::Options;
 use crate::fit::validate::conflict::faded_noise;
 use crate::fit::validate::held_out::held_out_m;
 use crate::model::check_sensors;
@@ -70,9 +71,9 @@ pub fn diagnose(
     runs: &[RunData],
     effects: &[Chosen],
     options: &Options,
-    progress: &(dyn Fn(&str) + Sync),
+    progress: &OnProgress<'_>,
 ) -> Result<Diagnosis, FitError> {
-    progress("the start model");
+    progress(&Progress::from("the start model"));
     let start = start::start_model(rig, runs, effects, options, progress)?;
     diagnose_fit(rig, runs, effects, start, options, progress)
 }
@@ -88,7 +89,7 @@ pub fn diagnose_fit(
     effects: &[Chosen],
     start: Fit,
     options: &Options,
-    progress: &(dyn Fn(&str) + Sync),
+    progress: &OnProgress<'_>,
 ) -> Result<Diagnosis, FitError> {
     let baseline = Baseline::new(rig, runs, &start, options)?;
     let refits = refits(&baseline, progress);
@@ -141,7 +142,7 @@ pub fn diagnose_fit(
         verdict,
         probability,
         warnings: warnings(rig, runs, &start, effects, options),
-        residual_patterns: residual_patterns(&start),
+        residual_patterns: residual_patterns(&start).into_iter().map(|p| p.sentence).collect(),
         candidates,
         pair,
         left_out: left_out(rig, &baseline.effects),
@@ -335,7 +336,7 @@ fn is_shown(baseline: &Baseline, candidate_fits: &[CandidateFit]) -> bool {
 /// Adds to the diagnosis of a missing effect: how well the effect predicts the end of the records, and the test that would
 /// tell it from the candidate that the data cannot tell it from.
 fn explain(fitter: &FullFitter, baseline: &Baseline, candidate_fits: &[CandidateFit], diagnosis: &mut Diagnosis) {
-    (fitter.progress)("predicting the end of the records from their beginning");
+    (fitter.progress)(&Progress::from("predicting the end of the records from their beginning"));
     let predicted = |fit: Option<&Fit>| {
         fit.and_then(|fit| held_out_m(fitter.rig, fitter.runs, fit, fitter.options).ok()).filter(|m| m.is_finite())
     };
@@ -369,11 +370,11 @@ pub fn grow(
     start: &Fit,
     added: &Chosen,
     options: &Options,
-    progress: &(dyn Fn(&str) + Sync),
+    progress: &OnProgress<'_>,
 ) -> Result<(Fit, f64), FitError> {
     check_sensors(rig, std::slice::from_ref(added))?;
     let baseline = Baseline::new(rig, runs, start, options)?;
-    let shown = |p: &Progress| progress(&format!("{}, {}", added.label(), p.stage));
+    let shown = |p: &Progress| progress(&p.within(&added.label()));
     let mut fits = Vec::new();
     if added.effect.elements().is_some() {
         // The calibration adds elements one by one.

@@ -10,6 +10,7 @@ use crate::diagnose::circumstances::{circumstances, features};
 use crate::diagnose::limits::LEAST_EVIDENCE;
 use crate::fit::data::run_data::RunData;
 use crate::fit::outcome::fit::Fit;
+use crate::fit::progress::{OnProgress, Progress};
 use crate::fit::search::calibrate::without;
 use crate::fit::search::options::Options;
 use crate::model::Model;
@@ -23,7 +24,7 @@ pub fn without_needless(
     fit: &Fit,
     kept: &[Chosen],
     options: &Options,
-    progress: &(dyn Fn(&str) + Sync),
+    progress: &OnProgress<'_>,
 ) -> Option<(Fit, Chosen)> {
     let stays = |effect: &Chosen| kept.iter().any(|c| c.effect.name() == effect.effect.name());
     let model = Model::new(rig, &runs.first()?.conditions.water, &fit.effects);
@@ -31,9 +32,9 @@ pub fn without_needless(
     let known = circumstances(rig, runs);
     let tried = (0..fit.effects.len()).into_par_iter().filter(|&i| !stays(&fit.effects[i])).filter_map(|i| {
         let gone = fit.effects[i].clone();
-        progress(&format!("without {}", gone.label()));
+        progress(&Progress::from(format!("without {}", gone.label())));
         let own = model.parameters_of(i);
-        let smaller = without(rig, runs, fit, i, options).ok()?;
+        let smaller = without(rig, runs, fit, i, options, &|_| {}).ok()?;
         let evidence = scale.evidence(square(&smaller), square(fit), own.len());
         let size: Vec<f64> = fit.values()[own].to_vec();
         (evidence < LEAST_EVIDENCE || !gone.effect.noteworthy(&size, &known)).then_some((evidence, smaller, gone))

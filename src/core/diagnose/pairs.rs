@@ -20,6 +20,7 @@ use crate::fit::data::run_data::RunData;
 use crate::fit::numeric::least_squares::{Problem, minimise};
 use crate::fit::outcome::fit::{Fit, FittedParameter};
 use crate::fit::problem::error::FitError;
+use crate::fit::progress::Progress;
 use crate::model::effects::Chosen;
 use crate::product::dot;
 
@@ -79,7 +80,7 @@ pub(crate) fn fitted_pairs(
     refits: &[Refit],
     single: Option<(&Form, &Fit)>,
 ) -> Vec<PairFit> {
-    (fitter.progress)("two effects at once");
+    (fitter.progress)(&Progress::from("two effects at once"));
     let promising = promising(baseline, refits);
     let mut refitted: Vec<PairRefit> = promising.par_iter().filter_map(|of| refitted(baseline, *of)).collect();
     refitted.extend(single.into_iter().flat_map(|(form, fit)| beside(fitter, form, fit)));

@@ -2,29 +2,62 @@
 
 use crate::diagnose::limits::{DESCRIBED_EXTREMA, DESCRIBED_OVER_NOISE};
 use crate::fit::outcome::fit::{Fit, SensorFit};
+use crate::fit::problem::compare::rmse;
 use crate::number::{error_m, significant, times};
 
-/// One sentence for each sensor whose residual is more than noise; empty if there is none.
-pub fn residual_patterns(fit: &Fit) -> Vec<String> {
-    let mut sentences = Vec::new();
-    for run in &fit.runs {
+/// How a model fails at one sensor.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Pattern {
+    /// Index of the run.
+    pub run: usize,
+    /// Index of the sensor among the run's.
+    pub sensor: usize,
+    /// It in one sentence.
+    pub sentence: String,
+    /// The cycle that the model misses most, where there are cycles.
+    pub worst: Option<Cycle>,
+}
+
+/// The residual in one cycle.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Cycle {
+    /// Number of the cycle, from 1.
+    pub cycle: usize,
+    /// Its first sample, s after the start of the closure.
+    pub from_s: f64,
+    /// Its last.
+    pub to_s: f64,
+    /// Root mean square of the residual, m.
+    pub rms_m: f64,
+}
+
+/// A pattern for each sensor whose residual is more than noise.
+pub fn residual_patterns(fit: &Fit) -> Vec<Pattern> {
+    let mut patterns = Vec::new();
+    for (r, run) in fit.runs.iter().enumerate() {
         let prefix = if fit.runs.len() > 1 { format!("{}, ", run.file) } else { String::new() };
-        for sensor in &run.sensors {
+        for (s, sensor) in run.sensors.iter().enumerate() {
             if sensor.rmse_m > DESCRIBED_OVER_NOISE * sensor.noise_m {
-                sentences.push(format!(
+                let worst = worst(sensor);
+                let sentence = format!(
                     "{prefix}{}: RMSE {} m, {} times the noise; {}",
                     sensor.name,
                     error_m(sensor.rmse_m),
                     times(sensor.rmse_m, sensor.noise_m),
-                    shape(sensor)
-                ));
+                    shape(sensor, worst)
+                );
+                patterns.push(Pattern { run: r, sensor: s, sentence, worst });
             }
         }
     }
-    sentences
+    patterns
 }
 
-fn shape(sensor: &SensorFit) -> String {
+fn worst(sensor: &SensorFit) -> Option<Cycle> {
+    by_cycle(sensor).into_iter().max_by(|a, b| a.rms_m.total_cmp(&b.rms_m))
+}
+
+fn shape(sensor: &SensorFit, worst: Option<Cycle>) -> String {
     let mut parts = Vec::new();
     for (peak, name) in [(true, "peaks"), (false, "troughs")] {
         let errors: Vec<f64> =
@@ -58,24 +91,23 @@ fn shape(sensor: &SensorFit) -> String {
         let word = if last > first { "rises" } else { "falls" };
         parts.push(format!("the measured mean level {word} by {} m against the model", error_m((last - first).abs())));
     }
-    let cycles = by_cycle(sensor, &residual);
-    if let Some((cycle, rms)) = cycles.iter().copied().max_by(|a, b| a.1.total_cmp(&b.1)) {
-        parts.push(format!("worst in cycle {cycle} ({} m)", error_m(rms)));
+    if let Some(worst) = worst {
+        parts.push(format!("worst in cycle {} ({} m)", worst.cycle, error_m(worst.rms_m)));
     }
     parts.join(", ")
 }
 
-/// Root mean square of the residual in each cycle, m. Cycles are counted from the measured peaks.
-pub fn by_cycle(sensor: &SensorFit, residual: &[f64]) -> Vec<(usize, f64)> {
+/// The residual in each cycle. Cycles are counted from the measured peaks.
+pub fn by_cycle(sensor: &SensorFit) -> Vec<Cycle> {
     let peaks: Vec<_> = sensor.extrema.iter().filter(|e| e.peak).collect();
     let mut from = 0;
     let mut cycles = Vec::new();
     for (i, peak) in peaks.iter().enumerate() {
         let until = peaks.get(i + 1).map_or(f64::INFINITY, |next| 0.5 * (peak.time_s + next.time_s));
         let to = sensor.time_s.partition_point(|&t| t < until);
-        let square: f64 = residual[from..to].iter().map(|r| r * r).sum();
         if to > from {
-            cycles.push((peak.cycle, (square / (to - from) as f64).sqrt()));
+            let rms_m = rmse(&sensor.measured_m[from..to], &sensor.model_m[from..to]);
+            cycles.push(Cycle { cycle: peak.cycle, from_s: sensor.time_s[from], to_s: sensor.time_s[to - 1], rms_m });
         }
         from = to;
     }
@@ -133,17 +165,21 @@ mod tests {
 
     #[test]
     fn lateness_and_height_are_said() {
-        let said = shape(&sensor(0.004, 0.5));
+        let said = shape(&sensor(0.004, 0.5), None);
         assert!(said.contains("4.0 ms late a cycle") && said.contains("peaks 0.50 m too high"), "{said}");
-        let said = shape(&sensor(-0.004, -0.5));
+        let said = shape(&sensor(-0.004, -0.5), None);
         assert!(said.contains("4.0 ms early a cycle") && said.contains("peaks 0.50 m too low"), "{said}");
     }
 
     #[test]
     fn cycles_share_the_record() {
         let sensor = sensor(0.0, 0.5);
-        let cycles = by_cycle(&sensor, &vec![0.5; 5000]);
+        let cycles = by_cycle(&sensor);
         assert_eq!(cycles.len(), 5);
-        assert!(cycles.iter().all(|(_, rms)| (rms - 0.5).abs() < 1e-12));
+        assert!(cycles.iter().all(|c| (c.rms_m - 0.5).abs() < 1e-12));
+        assert_eq!((cycles[0].from_s, cycles[4].to_s), (0.0, 4.999));
+        assert!(cycles.windows(2).all(|w| w[0].to_s < w[1].from_s));
+        let both = shape(&sensor, worst(&sensor));
+        assert!(both.contains("worst in cycle"), "{both}");
     }
 }

@@ -10,9 +10,10 @@ use crate::diagnose::candidate_fit::best_forms;
 use crate::diagnose::evidence::EvidenceScale;
 use crate::diagnose::limits::{REFINED_EFFECTS, START_NEAR_NOISE};
 use crate::diagnose::refit::{Refit, refine, screen};
+use crate::fit::progress::{OnProgress, Progress};
 
 /// Screens every form and refines those of the most promising effects.
-pub(crate) fn refits(baseline: &Baseline, progress: &(dyn Fn(&str) + Sync)) -> Vec<Refit> {
+pub(crate) fn refits(baseline: &Baseline, progress: &OnProgress<'_>) -> Vec<Refit> {
     let forms: Vec<_> = candidates(baseline.rig, &baseline.effects, baseline.runs.len());
     let done = AtomicUsize::new(0);
     let screened: Vec<Refit> = forms
@@ -20,7 +21,7 @@ pub(crate) fn refits(baseline: &Baseline, progress: &(dyn Fn(&str) + Sync)) -> V
         .filter_map(|form| {
             let refit = screen(baseline, form).ok();
             let n = done.fetch_add(1, Ordering::Relaxed) + 1;
-            progress(&format!("{n} of {} candidates screened", forms.len()));
+            progress(&Progress::from(format!("{n} of {} candidates screened", forms.len())));
             refit
         })
         .collect();
@@ -39,7 +40,7 @@ pub(crate) fn refits(baseline: &Baseline, progress: &(dyn Fn(&str) + Sync)) -> V
             if !promising || (quiet && !hopeful(screened)) {
                 return screened.clone();
             }
-            progress(&format!("{} refitted", screened.form.chosen.label()));
+            progress(&Progress::from(format!("{} refitted", screened.form.chosen.label())));
             refine(baseline, screened).ok().unwrap_or_else(|| screened.clone())
         })
         .collect()

@@ -10,6 +10,7 @@ use crate::diagnose::limits::START_DOUBTFUL;
 use crate::fit::data::run_data::RunData;
 use crate::fit::outcome::fit::Fit;
 use crate::fit::problem::error::FitError;
+use crate::fit::progress::{OnProgress, Progress};
 use crate::fit::search::calibrate::calibrate;
 use crate::fit::search::options::Options;
 use crate::model::effects::Chosen;
@@ -24,10 +25,10 @@ pub(crate) fn start_model(
     runs: &[RunData],
     effects: &[Chosen],
     options: &Options,
-    progress: &(dyn Fn(&str) + Sync),
+    progress: &OnProgress<'_>,
 ) -> Result<Fit, FitError> {
     let fitted = |runs: &[RunData]| {
-        calibrate(rig, runs, effects, options, &|p| progress(&format!("the start model, {}", p.stage)))
+        calibrate(rig, runs, effects, options, &|p: &Progress| progress(&p.within("the start model")))
     };
     let fit = fitted(runs)?;
     if over_noise(&fit, runs) < START_DOUBTFUL {

@@ -20,5 +20,6 @@ pub mod inference;
 pub mod numeric;
 pub mod outcome;
 pub mod problem;
+pub mod progress;
 pub mod search;
 pub mod validate;

@@ -3,8 +3,9 @@
 use crate::fit::numeric::quantiles::Z_95;
 use crate::fit::outcome::fit::{Fit, FittedParameter};
 use crate::fit::problem::parameters::placed_sensor;
+use crate::fit::progress::Progress;
 use crate::fit::search::calibrate::calibrate;
-use crate::fit::search::options::{Options, Progress};
+use crate::fit::search::options::Options;
 use crate::model::effects::Chosen;
 use crate::rig::{Pipe, Rig, WaterProperties};
 use crate::temperature::compare::chance;

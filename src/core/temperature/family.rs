@@ -1,7 +1,8 @@
 //! The fit of a family of runs: each by itself, then all together.
 
 use crate::fit::outcome::fit::Fit;
-use crate::fit::search::options::{Options, Progress};
+use crate::fit::progress::Progress;
+use crate::fit::search::options::Options;
 use crate::model::effects::Chosen;
 use crate::rig::Rig;
 use crate::temperature::apart::{Quantity, apart, quantities};

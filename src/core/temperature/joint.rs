@@ -8,7 +8,7 @@ use crate::fit::inference::errors::{Errors, Linearised};
 use crate::fit::numeric::least_squares::{Problem, Solution, jacobian, minimise};
 use crate::fit::numeric::uncertainty::{correlation, gauss_newton_step};
 use crate::fit::outcome::fit::Fit;
-use crate::fit::search::options::Progress;
+use crate::fit::progress::Progress;
 use crate::model::{Model, ModelError};
 use crate::rig::Rig;
 use crate::temperature::apart::Quantity;
@@ -108,7 +108,7 @@ pub(crate) fn together(
     let shown = |iteration, cost: f64| {
         let error_over_noise = (2.0 * cost / samples.max(1) as f64).sqrt();
         let reaches = fine.iter().copied().max().unwrap_or(0);
-        progress("all runs", &Progress { stage: "together".into(), reaches, iteration, error_over_noise });
+        progress("all runs", &Progress::fitting("together", reaches, iteration, error_over_noise));
     };
     let solution = minimise(&joint, &start, JOINT_LIMITS, shown)?;
 

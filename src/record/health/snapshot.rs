@@ -7,7 +7,9 @@ use crate::record::devices::device_count::DeviceCount;
 use crate::record::health::alert::SensorFault;
 
 /// How often a view is given something to draw.
-const EVERY: Duration = Duration::from_millis(200);
+const EVERY: Duration = Duration::from_millis(50);
+/// How often rates are counted anew: over less, a frame more or less shows.
+const RATES_EVERY: Duration = Duration::from_millis(200);
 
 /// Where a recording stands.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -18,7 +20,7 @@ pub struct Snapshot {
     pub samples: u64,
     /// Gaps of all sensors so far.
     pub gaps: u64,
-    /// Samples of all sensors per second of the wall clock since the last snapshot.
+    /// Samples of all sensors per second of the wall clock.
     pub samples_per_s: f64,
     /// The devices; none where a file is played.
     pub devices: Vec<DeviceView>,
@@ -55,7 +57,7 @@ pub struct DeviceView {
     pub count: DeviceCount,
     /// Samples of its sensors so far.
     pub samples: u64,
-    /// Samples of its sensors per second of the wall clock since the last snapshot.
+    /// Samples of its sensors per second of the wall clock.
     pub samples_per_s: f64,
     /// How much of the queue to the session it fills, 0 to 1.
     pub queue: f64,
@@ -130,30 +132,52 @@ pub enum Phase {
 pub struct Reports<'a> {
     on: &'a mut dyn FnMut(Snapshot),
     at: Instant,
-    /// Samples at the last one: of all sensors, and of each device's.
-    before: (u64, Vec<u64>),
+    counted: Counted,
+    /// Samples per second of all sensors, and of each device's.
+    rates: (f64, Vec<f64>),
+}
+
+/// Samples at a moment: of all sensors, and of each device's.
+struct Counted {
+    at: Instant,
+    samples: u64,
+    of_devices: Vec<u64>,
 }
 
 impl<'a> Reports<'a> {
     /// Snapshots go to `on`.
     pub fn to(on: &'a mut dyn FnMut(Snapshot)) -> Reports<'a> {
-        Reports { on, at: Instant::now(), before: (0, Vec::new()) }
+        let at = Instant::now();
+        Reports { on, at, counted: Counted { at, samples: 0, of_devices: Vec::new() }, rates: (0.0, Vec::new()) }
     }
 
     /// Makes a snapshot and hands it on if it is time.
     pub fn when_due(&mut self, make: impl FnOnce() -> Snapshot) {
-        let since_s = self.at.elapsed().as_secs_f64();
-        if since_s < EVERY.as_secs_f64() {
+        if self.at.elapsed() < EVERY {
             return;
         }
         self.at = Instant::now();
         let mut snapshot = make();
-        let rate = |now: u64, before: u64| now.saturating_sub(before) as f64 / since_s;
-        snapshot.samples_per_s = rate(snapshot.samples, self.before.0);
-        for (i, device) in snapshot.devices.iter_mut().enumerate() {
-            device.samples_per_s = rate(device.samples, self.before.1.get(i).copied().unwrap_or(0));
+        self.count(&snapshot);
+        snapshot.samples_per_s = self.rates.0;
+        for (device, rate) in snapshot.devices.iter_mut().zip(&self.rates.1) {
+            device.samples_per_s = *rate;
         }
-        self.before = (snapshot.samples, snapshot.devices.iter().map(|device| device.samples).collect());
         (self.on)(snapshot);
+    }
+
+    fn count(&mut self, snapshot: &Snapshot) {
+        let before = &self.counted;
+        let since_s = before.at.elapsed().as_secs_f64();
+        if since_s < RATES_EVERY.as_secs_f64() {
+            return;
+        }
+        let rate = |now: u64, before: u64| now.saturating_sub(before) as f64 / since_s;
+        let of_device =
+            |(i, device): (usize, &DeviceView)| rate(device.samples, before.of_devices.get(i).copied().unwrap_or(0));
+        let of_devices = snapshot.devices.iter().enumerate().map(of_device).collect();
+        self.rates = (rate(snapshot.samples, before.samples), of_devices);
+        let of_devices = snapshot.devices.iter().map(|device| device.samples).collect();
+        self.counted = Counted { at: Instant::now(), samples: snapshot.samples, of_devices };
     }
 }

@@ -6,6 +6,8 @@
 pub(crate) mod kept;
 pub(crate) mod name;
 
+pub use crate::record::session::shots::name::stem;
+
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -16,7 +18,7 @@ use crate::record::health::snapshot::{Phase, TriggerView};
 use crate::record::session::output::{Absent, CutShort, DeviceCount, Output, SensorCount, Summary};
 use crate::record::session::shot::{Batch, MARGIN_NS, Open, Progress, Share};
 use crate::record::session::shots::kept::{Kept, MOST_BYTES, Needed};
-use crate::record::session::shots::name::{MOST_COPIES, is_taken, stem, with_causes};
+use crate::record::session::shots::name::{MOST_COPIES, is_taken, with_causes};
 use crate::record::session::trigger::{Condition, Event, Settings, State, Trigger};
 use crate::recording::{Gap, RunInfo};
 use crate::rig::Rig;

@@ -75,8 +75,7 @@ fn rows(fit: &Fit) -> Vec<(String, Vec<(usize, f64)>)> {
 }
 
 fn over_noise(sensor: &SensorFit) -> Vec<(usize, f64)> {
-    let residual: Vec<f64> = sensor.model_m.iter().zip(&sensor.measured_m).map(|(m, y)| m - y).collect();
-    by_cycle(sensor, &residual).into_iter().map(|(cycle, rms)| (cycle, rms / sensor.noise_m)).collect()
+    by_cycle(sensor).into_iter().map(|c| (c.cycle, c.rms_m / sensor.noise_m)).collect()
 }
 
 fn cell(times: f64) -> (&'static str, String) {

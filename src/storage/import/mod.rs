@@ -13,6 +13,7 @@
 //! | `decode` | picks the reader |
 //! | `bind` | tracks → sensors: names, units, what is left out |
 //! | `file` | one file becomes a recording |
+//! | `understood` | what an import took of a file, for programs and pages |
 //! | `long` | a plain time series too long for memory |
 //! | `unit_warnings` | values that look like those of another unit |
 
@@ -27,6 +28,7 @@ pub(crate) mod mcap;
 pub(crate) mod sheet;
 pub(crate) mod source;
 pub(crate) mod tdms;
+pub(crate) mod understood;
 pub(crate) mod unit_warnings;
 
 pub use crate::storage::import::bind::{bind, require_sensors};
@@ -39,4 +41,5 @@ pub use crate::storage::import::long::{ImportedLong, LongImport, OnSample, Pass}
 pub use crate::storage::import::source::{
     ImportOptions, Line, MessageTime, Repair, SourceFile, SourceOptions, Start, Track,
 };
+pub use crate::storage::import::understood::rate_hz;
 pub use crate::storage::import::unit_warnings::unit_warnings;

@@ -11,6 +11,7 @@ pub(crate) mod table;
 pub(crate) mod tone;
 pub(crate) mod view;
 
+use std::cell::Cell;
 use std::io::{IsTerminal, stderr};
 use std::path::Path;
 use std::sync::mpsc::{Receiver, SyncSender, channel, sync_channel};
@@ -28,12 +29,15 @@ use crate::record::health::snapshot::Snapshot;
 
 /// How often a line is written where there is no terminal.
 const LINE_EVERY: Duration = Duration::from_secs(1);
+/// How often the block is drawn on a terminal.
+const BLOCK_EVERY: Duration = Duration::from_millis(200);
 /// How long the end waits for what is being drawn.
 const LAST_DRAWING: Duration = Duration::from_millis(500);
 
 /// Where the recording is shown.
 pub struct Reporter {
     snapshots: Option<SyncSender<Snapshot>>,
+    shown: Cell<Option<Instant>>,
     over: Receiver<()>,
 }
 
@@ -47,12 +51,14 @@ impl Reporter {
             show_all(&taken);
             drop(alive);
         });
-        Reporter { snapshots: Some(snapshots), over }
+        Reporter { snapshots: Some(snapshots), shown: Cell::new(None), over }
     }
 
     /// Shows where the recording stands, if what was to be shown before has been.
     pub fn show(&self, snapshot: Snapshot) {
-        if let Some(snapshots) = &self.snapshots {
+        let due = self.shown.get().is_none_or(|at| at.elapsed() >= BLOCK_EVERY);
+        if let Some(snapshots) = self.snapshots.as_ref().filter(|_| due) {
+            self.shown.set(Some(Instant::now()));
             let _ = snapshots.try_send(snapshot);
         }
     }

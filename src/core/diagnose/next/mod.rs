@@ -23,6 +23,7 @@ pub use crate::diagnose::next::separation::{Curve, Separation};
 use crate::fit::data::run_data::RunData;
 use crate::fit::outcome::fit::Fit;
 use crate::fit::problem::error::FitError;
+use crate::fit::progress::OnProgress;
 use crate::fit::search::options::Options;
 use crate::rig::Rig;
 
@@ -38,7 +39,7 @@ pub fn between(
     start: &Fit,
     answers: [&Answer; 2],
     options: &Options,
-    progress: &(dyn Fn(&str) + Sync),
+    progress: &OnProgress<'_>,
 ) -> Result<Vec<Separation>, FitError> {
     let baseline = Baseline::new(rig, runs, start, options)?;
     separations(&baseline, answers, progress)
@@ -48,7 +49,7 @@ pub fn between(
 pub(crate) fn separations(
     baseline: &Baseline,
     answers: [&Answer; 2],
-    progress: &(dyn Fn(&str) + Sync),
+    progress: &OnProgress<'_>,
 ) -> Result<Vec<Separation>, FitError> {
     let [Some(one), Some(other)] = [answers[0].known(baseline)?, answers[1].known(baseline)?] else {
         return Ok(Vec::new());
@@ -62,7 +63,7 @@ pub(crate) fn separations(
         .filter(|change| change.is_possible(first) && !change.is_made(&one.runs, &places_m, length_m));
     let open: Vec<Change> = open.collect();
     let expected = |change: &Change, draws: u32| {
-        progress(&change.instruction(first, length_m, "the cause put right"));
+        progress(&change.instruction(first, length_m, "the cause put right").into());
         separation::of(baseline, answers, [&one, &other], *change, unit, draws)
     };
     let sorted = |mut found: Vec<Separation>| {

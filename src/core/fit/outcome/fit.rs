@@ -6,6 +6,7 @@ use crate::fit::outcome::uncertainty::Uncertainty;
 use crate::fit::outcome::unidentifiable::Unidentifiable;
 use crate::fit::problem::compare::ExtremumError;
 use crate::fit::problem::method::Method;
+use crate::model::constraint::Given;
 use crate::model::effects::Chosen;
 use crate::model::parameter::Scale;
 
@@ -201,6 +202,12 @@ impl Fit {
     /// Values of all parameters: shared ones first, then each run's.
     pub fn values(&self) -> Vec<f64> {
         self.parameters.iter().map(|p| p.value).collect()
+    }
+
+    /// The same, each with its name and run.
+    pub fn given(&self) -> Vec<Given> {
+        let of = |p: &FittedParameter| Given { name: p.name.clone(), run: p.run.clone(), value: p.value };
+        self.parameters.iter().map(of).collect()
     }
 
     /// Its effects as on the command line (`viscoelastic-wall:2`).

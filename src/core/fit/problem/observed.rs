@@ -54,23 +54,50 @@ pub fn observations(problem: &FitProblem) -> Vec<Observation> {
     all
 }
 
-/// The model's values at places, with `values` of all parameters, on the problem's grid.
-///
-/// # Errors
-/// If one of the runs cannot be simulated.
-pub fn modelled(problem: &FitProblem, values: &[f64], places: &[Place]) -> Result<Vec<f64>, ModelError> {
-    let runs: Vec<Modelled> = (0..problem.runs.len())
-        .map(|r| problem.modelled(r, values, problem.window().reaches))
-        .collect::<Result<_, _>>()?;
-    let at = |place: &Place| {
-        let Modelled { traces, meter_flow_m3_s } = &runs[place.run];
+/// A model's runs at given values: what its gauges show at any time.
+pub struct Shown {
+    runs: Vec<ShownRun>,
+}
+
+struct ShownRun {
+    modelled: Modelled,
+    closure_start_s: f64,
+    offsets_m: Vec<f64>,
+}
+
+impl Shown {
+    /// The model with `values` of all parameters, on the problem's grid.
+    ///
+    /// # Errors
+    /// If one of the runs cannot be simulated.
+    pub fn of(problem: &FitProblem, values: &[f64]) -> Result<Shown, ModelError> {
+        let run = |r: usize| {
+            Ok(ShownRun {
+                modelled: problem.modelled(r, values, problem.window().reaches)?,
+                closure_start_s: problem.closure_start_s(r, values),
+                offsets_m: (0..problem.runs[r].sensors.len()).map(|s| problem.offset_m(r, s, values)).collect(),
+            })
+        };
+        Ok(Shown { runs: (0..problem.runs.len()).map(run).collect::<Result<_, _>>()? })
+    }
+
+    /// Start of a run's closure on its clock, s.
+    pub fn closure_start_s(&self, run: usize) -> f64 {
+        self.runs[run].closure_start_s
+    }
+
+    /// Head that a sensor of a run shows at times on the recording's clock, m.
+    pub fn head_m(&self, run: usize, sensor: usize) -> impl Fn(f64) -> f64 {
+        let ShownRun { modelled, closure_start_s, offsets_m } = &self.runs[run];
+        let (at, offset_m) = (modelled.traces[sensor].after(*closure_start_s), offsets_m[sensor]);
+        move |time_s| at(time_s) + offset_m
+    }
+
+    /// What the gauge shows.
+    pub fn at(&self, place: &Place) -> f64 {
         match place.gauge {
-            Gauge::Meter => meter_flow_m3_s.unwrap_or(f64::NAN),
-            Gauge::Sensor(s) => {
-                let since_s = place.time_s - problem.closure_start_s(place.run, values);
-                traces[s].at(since_s) + problem.offset_m(place.run, s, values)
-            }
+            Gauge::Meter => self.runs[place.run].modelled.meter_flow_m3_s.unwrap_or(f64::NAN),
+            Gauge::Sensor(s) => self.head_m(place.run, s)(place.time_s),
         }
-    };
-    Ok(places.iter().map(at).collect())
+    }
 }

@@ -13,11 +13,12 @@ use crate::fit::problem::error::FitError;
 use crate::fit::problem::fit_problem::{FitProblem, Window};
 use crate::fit::problem::method::Method;
 use crate::fit::problem::objective::Objective;
+use crate::fit::progress::OnProgress;
 use crate::fit::search::calibrator::{Calibrator, Estimate};
 use crate::fit::search::coarse_fit::{coarse_fit, grow, mean_square, nested_fit, residual_summary};
 use crate::fit::search::finish::{finish, without_descent};
 use crate::fit::search::global::global_search;
-use crate::fit::search::options::{Options, Progress};
+use crate::fit::search::options::Options;
 use crate::fit::search::sensor_choice::with_sensors;
 use crate::fit::search::stepwise::{conclude, stepwise};
 use crate::model::effects::Chosen;
@@ -36,7 +37,7 @@ pub fn calibrate(
     runs: &[RunData],
     effects: &[Chosen],
     options: &Options,
-    progress: &(dyn Fn(&Progress) + Sync),
+    progress: &OnProgress<'_>,
 ) -> Result<Fit, FitError> {
     for run in runs {
         let any = run.sensors.iter().any(|s| s.time_s.last().is_some_and(|&t| t > run.start.closure_s.0));
@@ -131,7 +132,7 @@ pub fn refine(
     effects: &[Chosen],
     values: &[f64],
     options: &Options,
-    progress: &(dyn Fn(&Progress) + Sync),
+    progress: &OnProgress<'_>,
 ) -> Result<Fit, FitError> {
     let ctx = Calibrator::new(rig, runs, options, progress, effects, Some(values))?;
     finish(&ctx, &ctx.model(effects), Estimate { values: values.to_vec(), cost: f64::NAN })
@@ -141,14 +142,28 @@ pub fn refine(
 ///
 /// # Errors
 /// As [`refine`].
-pub fn without(rig: &Rig, runs: &[RunData], fit: &Fit, i: usize, options: &Options) -> Result<Fit, FitError> {
+pub fn without(
+    rig: &Rig,
+    runs: &[RunData],
+    fit: &Fit,
+    i: usize,
+    options: &Options,
+    progress: &OnProgress<'_>,
+) -> Result<Fit, FitError> {
     let water = &runs.first().ok_or(FitError::NoRun)?.conditions.water;
-    let own = Model::new(rig, water, &fit.effects).parameters_of(i);
+    let model = Model::new(rig, water, &fit.effects);
+    let own = model.parameters_of(i);
+    let gone = |name: &String| model.shared[own.clone()].iter().any(|p| p.name == *name);
+    let options = &Options {
+        constraints: options.constraints.iter().filter(|c| !gone(&c.name)).cloned().collect(),
+        priors: options.priors.iter().filter(|p| !gone(&p.name)).cloned().collect(),
+        ..options.clone()
+    };
     let values: Vec<f64> =
         fit.values().into_iter().enumerate().filter(|(j, _)| !own.contains(j)).map(|(_, v)| v).collect();
     let effects: Vec<Chosen> =
         fit.effects.iter().enumerate().filter(|(k, _)| *k != i).map(|(_, c)| c.clone()).collect();
-    refine(rig, runs, &effects, &values, options, &|_| {})
+    refine(rig, runs, &effects, &values, options, progress)
 }
 
 /// A fitted model with more elements, as many as the evidence supports, where `asked` leaves their number open; none where it supports no
@@ -162,7 +177,7 @@ pub fn with_more_elements(
     fit: &Fit,
     asked: &[Chosen],
     options: &Options,
-    progress: &(dyn Fn(&Progress) + Sync),
+    progress: &OnProgress<'_>,
 ) -> Result<Option<Fit>, FitError> {
     let Some(i) = growing(asked).filter(|&i| asked[i].elements.is_none()) else { return Ok(None) };
     let state = Estimate { values: fit.values(), cost: f64::NAN };

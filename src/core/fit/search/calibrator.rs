@@ -6,7 +6,8 @@ use crate::fit::data::run_data::RunData;
 use crate::fit::numeric::least_squares::{Limits, Solution, minimise};
 use crate::fit::problem::error::FitError;
 use crate::fit::problem::fit_problem::{FitProblem, Window};
-use crate::fit::search::options::{Options, Progress};
+use crate::fit::progress::{OnProgress, Progress};
+use crate::fit::search::options::Options;
 use crate::fit::search::thresholds::{COARSE_SAMPLES, FINAL_REACHES};
 use crate::model::effects::Chosen;
 use crate::model::{Model, ModelError};
@@ -26,7 +27,7 @@ pub(crate) struct Calibrator<'a> {
     pub(crate) water: &'a WaterProperties,
     pub(crate) runs: &'a [RunData],
     pub(crate) options: &'a Options,
-    pub(crate) progress: &'a (dyn Fn(&Progress) + Sync),
+    pub(crate) progress: &'a OnProgress<'a>,
     /// Simulations so far.
     pub(crate) evaluations: AtomicUsize,
     /// Reaches that the pipes need at least.
@@ -39,7 +40,7 @@ impl<'a> Calibrator<'a> {
         rig: &'a Rig,
         runs: &'a [RunData],
         options: &'a Options,
-        progress: &'a (dyn Fn(&Progress) + Sync),
+        progress: &'a OnProgress<'a>,
         effects: &[Chosen],
         values: Option<&[f64]>,
     ) -> Result<Self, FitError> {
@@ -93,12 +94,7 @@ impl<'a> Calibrator<'a> {
         let n = problem.samples().max(1) as f64;
         let reaches = problem.window().reaches;
         let solution = minimise(problem, &problem.variables(values), limits, |iteration, cost| {
-            (self.progress)(&Progress {
-                stage: stage.to_owned(),
-                reaches,
-                iteration,
-                error_over_noise: (2.0 * cost / n).sqrt(),
-            });
+            (self.progress)(&Progress::fitting(stage, reaches, iteration, (2.0 * cost / n).sqrt()));
         })?;
         self.count(solution.evaluations);
         Ok(solution)

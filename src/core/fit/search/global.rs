@@ -10,8 +10,8 @@ use crate::fit::numeric::{evolution, micro_ga};
 use crate::fit::problem::fit_problem::FitProblem;
 use crate::fit::problem::groups::Groups;
 use crate::fit::problem::method::Method;
+use crate::fit::progress::Progress;
 use crate::fit::search::calibrator::{Calibrator, Estimate};
-use crate::fit::search::options::Progress;
 use crate::fit::search::thresholds::COARSE_REACHES;
 use crate::fit::search::thresholds::{IMPOSSIBLE_COST, MIN_WINDOW_SHARE, PRIOR_HALF_WIDTH};
 use crate::model::{Model, ModelError};
@@ -133,12 +133,12 @@ pub(crate) fn global_search(ctx: &Calibrator, model: &Model) -> Result<Estimate,
     let n = problem.samples().max(1) as f64;
     let budget = (ctx.options.budget / ctx.runs.len().max(1)).max(1);
     let on_generation = |spent: usize, cost: f64| {
-        (ctx.progress)(&Progress {
-            stage: format!("{spent} of {budget} trials"),
-            reaches: problem.window().reaches,
-            iteration: spent,
-            error_over_noise: (2.0 * cost / n).sqrt(),
-        });
+        (ctx.progress)(&Progress::fitting(
+            format!("{spent} of {budget} trials"),
+            problem.window().reaches,
+            spent,
+            (2.0 * cost / n).sqrt(),
+        ));
     };
     let cost = |point: &[f64]| cube.cost(point);
     let minimise = match ctx.options.method {

@@ -1,22 +1,9 @@
-//! What a caller chooses about a fit, and how the fit reports on its way.
+//! What a caller chooses about a fit.
 
 use crate::fit::problem::method::Method;
 use crate::fit::problem::objective::Objective;
 use crate::model::constraint::{Constraint, Given};
 use crate::model::prior::Prior;
-
-/// What a fit is doing.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Progress {
-    /// The stage, in words.
-    pub stage: String,
-    /// Simulated reaches.
-    pub reaches: usize,
-    /// Iteration within the stage.
-    pub iteration: usize,
-    /// Root mean square of the weighted residuals: 1 is the noise.
-    pub error_over_noise: f64,
-}
 
 /// How far a fit may go.
 #[derive(Debug, Clone, PartialEq)]

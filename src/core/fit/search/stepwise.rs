@@ -17,9 +17,9 @@ use crate::fit::problem::feature::{DirectionProblem, Feature, FeatureProblem};
 use crate::fit::problem::fit_problem::FitProblem;
 use crate::fit::problem::groups::Groups;
 use crate::fit::problem::valve_curve::{TwoStage, read_back, valve_sensor};
+use crate::fit::progress::Progress;
 use crate::fit::search::calibrator::{Calibrator, Estimate};
 use crate::fit::search::finish::{finish, without_descent};
-use crate::fit::search::options::Progress;
 use crate::fit::search::thresholds::{
     COARSE_REACHES, FEATURE_ROUND_GAIN, FEATURE_ROUNDS, FINAL_REACHES, LOCKING_PERIODS, RECORD_ROUND_GAIN,
     RECORD_ROUNDS, STEP_LIMITS,
@@ -179,12 +179,12 @@ impl StepwiseWalk<'_> {
         if kept {
             self.values = values;
         }
-        (self.ctx.progress)(&Progress {
-            stage: format!("round {round}, {}", step.feature.name()),
-            reaches: problem.window().reaches,
-            iteration: self.taken.len(),
-            error_over_noise: over_noise(if kept { after } else { before }),
-        });
+        (self.ctx.progress)(&Progress::fitting(
+            format!("round {round}, {}", step.feature.name()),
+            problem.window().reaches,
+            self.taken.len(),
+            over_noise(if kept { after } else { before }),
+        ));
         Ok(())
     }
 

@@ -18,8 +18,9 @@ use crate::fit::problem::compare::rmse;
 use crate::fit::problem::error::FitError;
 use crate::fit::problem::fit_problem::{FitProblem, Window};
 use crate::fit::problem::parameters::placed_sensor;
+use crate::fit::progress::{OnProgress, Progress};
 use crate::fit::search::calibrate::refine;
-use crate::fit::search::options::{Options, Progress};
+use crate::fit::search::options::Options;
 use crate::fit::validate::thresholds::{CLOSURE_MARGIN, OWN_REACHES, OWN_VALUES};
 use crate::model::Model;
 use crate::model::constraint::Constraint;
@@ -112,7 +113,7 @@ pub fn predict(
     known: &Known,
     held: &[Constraint],
     options: &Options,
-    progress: &(dyn Fn(&Progress) + Sync),
+    progress: &OnProgress<'_>,
 ) -> Result<Prediction, FitError> {
     let water = &runs.first().ok_or(FitError::NoRun)?.conditions.water;
     let settled = |name: &str, run: Option<&str>, value: f64| Constraint {
@@ -150,7 +151,7 @@ pub fn predict(
     problem.validate_constraints(&constraints)?;
     let own = minimise(&problem, &problem.start(), OWN_VALUES, |iteration, cost| {
         let error_over_noise = (2.0 * cost / problem.samples().max(1) as f64).sqrt();
-        progress(&Progress { stage: "the runs' own values".into(), reaches, iteration, error_over_noise });
+        progress(&Progress::fitting("the runs' own values", reaches, iteration, error_over_noise));
     })?;
     let columns = jacobian(&problem, &own.x, &own.residuals)?;
     let still: Vec<bool> = problem.parameters.iter().map(|p| p.lower == p.upper).collect();

@@ -20,9 +20,10 @@ use crate::fit::outcome::profile::Profile;
 use crate::fit::problem::elements::vanished;
 use crate::fit::problem::error::FitError;
 use crate::fit::problem::fit_problem::FitProblem;
+use crate::fit::progress::{OnProgress, Progress};
 use crate::fit::search::assemble::errors_of;
 use crate::fit::search::calibrator::Calibrator;
-use crate::fit::search::options::{Options, Progress};
+use crate::fit::search::options::Options;
 use crate::fit::search::thresholds::{FINAL_REACHES, PATIENCE};
 use crate::fit::validate::profile::walk::{End, Start, walk};
 use crate::fit::validate::thresholds::PROFILE_COST_TOLERANCE;
@@ -52,7 +53,7 @@ pub fn profiles(
     fit: &Fit,
     which: &[usize],
     options: &Options,
-    progress: &(dyn Fn(&Progress) + Sync),
+    progress: &OnProgress<'_>,
 ) -> Result<Profiles, FitError> {
     let values = fit.values();
     let ctx = Calibrator::new(rig, runs, options, progress, &fit.effects, Some(&values))?;
@@ -105,12 +106,12 @@ pub fn profiles(
         let end = |end: End, open: f64| if let End::At(x) = end { name(x) } else { open };
         let unknown = |end: End| if let End::Unknown(x) = end { Some(name(x)) } else { None };
         let finished = done.fetch_add(1, Ordering::Relaxed) + 1;
-        progress(&Progress {
-            stage: format!("profile {finished} of {}: {}", which.len(), parameter.name),
+        progress(&Progress::fitting(
+            format!("profile {finished} of {}: {}", which.len(), parameter.name),
             reaches,
-            iteration: walk.points.len(),
-            error_over_noise: (2.0 * best.cost / problem.samples().max(1) as f64).sqrt(),
-        });
+            walk.points.len(),
+            (2.0 * best.cost / problem.samples().max(1) as f64).sqrt(),
+        ));
         Profile {
             interval_95: (end(walk.ends[0], f64::NEG_INFINITY), end(walk.ends[1], f64::INFINITY)),
             unknown_beyond: walk.ends.map(unknown),

@@ -23,7 +23,7 @@ pub(crate) fn with_causes(error: &dyn std::error::Error) -> String {
 }
 
 /// The file name of a shot, but for its ending: rig, start (UTC), number.
-pub(crate) fn stem(rig: &str, start_unix_ns: u64, number: usize) -> String {
+pub fn stem(rig: &str, start_unix_ns: u64, number: usize) -> String {
     let plain = |c: char| if c.is_alphanumeric() || "-_.".contains(c) { c } else { '-' };
     let rig: String = rig.chars().map(plain).collect();
     let when =

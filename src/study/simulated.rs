@@ -1,0 +1,114 @@
+//! A model beside the recordings of a study, at any values of its parameters.
+
+use crate::fit::data::run_data::RunData;
+use crate::fit::outcome::fit::Fit;
+use crate::fit::problem::fit_problem::{FitProblem, Window};
+use crate::fit::problem::observed::Shown;
+use crate::fit::search::calibrate::refine;
+use crate::fit::search::options::Options;
+use crate::model::Model;
+use crate::model::constraint::Given;
+use crate::model::effects::Chosen;
+use crate::simulate::as_recorded::{AsRecordedError, values};
+use crate::simulate::memory;
+use crate::study::Study;
+use crate::study::error::{Error, Result};
+
+/// A model's runs at some values of its parameters.
+pub struct Simulated {
+    /// What each sensor shows at any time.
+    pub shown: Shown,
+    /// Reaches of the grid.
+    pub reaches: usize,
+}
+
+impl Study {
+    /// The model with these effects at the `given` values, the first that concerns a parameter counting; on a grid of about so many `reaches`.
+    ///
+    /// # Errors
+    /// Values of parameters that the model does not have, a model that cannot be simulated.
+    pub fn simulated(&self, effects: &[Chosen], given: &[Given], reaches: usize) -> Result<Simulated> {
+        let mut model = Model::new(self.rig(), &self.runs()[0].conditions.water, effects);
+        model.memory_limit_bytes = memory::limit_bytes();
+        let window = Window { reaches, horizon_s: f64::INFINITY, stride: 1 };
+        let mut problem = FitProblem::new(&model, self.runs(), window);
+        let values = values_of(&problem, given)?;
+        let shared = &values[..model.shared.len()];
+        let reaches = model.fitting_reaches(shared, reaches.max(model.least_reaches(shared)));
+        problem.set_window(Window { reaches, ..window });
+        Ok(Simulated { shown: Shown::of(&problem, &values)?, reaches })
+    }
+}
+
+impl Study {
+    /// For each parameter of a fit the index of the effect that it belongs to; none for the base model's.
+    pub fn owners(&self, fit: &Fit) -> Vec<Option<usize>> {
+        let model = Model::new(self.rig(), &self.runs()[0].conditions.water, &fit.effects);
+        let mut owners = vec![None; fit.parameters.len()];
+        for effect in 0..fit.effects.len() {
+            model.parameters_of(effect).for_each(|j| owners[j] = Some(effect));
+        }
+        owners
+    }
+
+    /// The model with these effects fitted from the `given` values on; what is not given starts where a fit would.
+    ///
+    /// # Errors
+    /// As [`Study::simulated`].
+    pub fn refined(&self, effects: &[Chosen], given: &[Given], options: &Options) -> Result<Fit> {
+        let model = Model::new(self.rig(), &self.runs()[0].conditions.water, effects);
+        let window = Window { reaches: 1, horizon_s: f64::INFINITY, stride: 1 };
+        let values = values_of(&FitProblem::new(&model, self.runs(), window), given)?;
+        Ok(refine(self.rig(), self.runs(), effects, &values, options, self.watcher())?)
+    }
+}
+
+/// A value for each of the problem's parameters.
+fn values_of(problem: &FitProblem, given: &[Given]) -> Result<Vec<f64>> {
+    match values(problem, given) {
+        Ok((values, _)) => Ok(values),
+        Err(AsRecordedError::Model(error)) => Err(error.into()),
+        Err(other) => Err(Error::Unshown(other)),
+    }
+}
+
+impl Simulated {
+    /// Root mean square of measured − model over all samples of all sensors from the start of each closure, m.
+    pub fn rmse_m(&self, runs: &[RunData]) -> f64 {
+        let (mut square, mut samples) = (0.0, 0usize);
+        for (r, run) in runs.iter().enumerate() {
+            for (s, sensor) in run.sensors.iter().enumerate() {
+                let head_m = self.shown.head_m(r, s);
+                let from = sensor.time_s.partition_point(|&t| t < self.shown.closure_start_s(r));
+                let of_sensor = sensor.time_s[from..].iter().zip(&sensor.head_m[from..]);
+                square += of_sensor.map(|(&t, measured)| (measured - head_m(t)).powi(2)).sum::<f64>();
+                samples += sensor.time_s.len() - from;
+            }
+        }
+        (square / samples as f64).sqrt()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+
+    #[test]
+    fn at_the_values_of_a_fit_the_error_is_the_fits() {
+        let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("recordings/hdpe-creep.mcap");
+        let study = Study::open([file]).unwrap();
+        let options = Options { most_reaches: 32, ..Options::default() };
+        let fit = study.calibrate("none").options(options).run().unwrap();
+        let given = fit.given();
+        let same = study.simulated(&fit.effects, &given, fit.reaches).unwrap();
+        assert_eq!(same.reaches, fit.reaches);
+        assert!((same.rmse_m(study.runs()) / fit.pooled().0 - 1.0).abs() < 1e-9);
+        let mut slower = given.clone();
+        slower.insert(0, Given { name: "wave_speed_m_s".into(), run: None, value: 300.0 });
+        assert!(study.simulated(&fit.effects, &slower, fit.reaches).unwrap().rmse_m(study.runs()) > fit.pooled().0);
+        slower[0].name = "leak_position_m".into();
+        assert!(matches!(study.simulated(&fit.effects, &slower, fit.reaches), Err(Error::Unshown(_))));
+    }
+}

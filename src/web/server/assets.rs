@@ -1,0 +1,38 @@
+//! The files of the page, in the program itself: a laboratory may be offline.
+
+use axum::body::Body;
+use axum::http::header::CONTENT_TYPE;
+use axum::http::{Response, StatusCode};
+use axum::response::IntoResponse;
+
+use crate::web::server::answers::refusal;
+
+/// Name, kind and content.
+type Asset = (&'static str, &'static str, &'static str);
+
+const JS: &str = "text/javascript; charset=utf-8";
+const CSS: &str = "text/css; charset=utf-8";
+
+macro_rules! page {
+    ($($kind:ident $name:literal),+ $(,)?) => {
+        [$(($name, $kind, include_str!(concat!("../assets/", $name)))),+]
+    };
+}
+
+const HTML: &str = "text/html; charset=utf-8";
+const SVG: &str = "image/svg+xml";
+
+const PAGE: &[Asset] = &page![HTML "index.html", CSS "workbench.css"];
+
+const CHARTS: [Asset; 2] = [
+    ("uPlot.iife.min.js", JS, include_str!("../../report/html/assets/uplot/uPlot.iife.min.js")),
+    ("uPlot.min.css", CSS, include_str!("../../report/html/assets/uplot/uPlot.min.css")),
+];
+
+/// A file by its name.
+pub(crate) fn answer(name: &str) -> Response<Body> {
+    match PAGE.iter().chain(&CHARTS).find(|(known, ..)| *known == name) {
+        Some((_, kind, content)) => ([(CONTENT_TYPE, *kind)], *content).into_response(),
+        None => refusal(StatusCode::NOT_FOUND, "there is no such file"),
+    }
+}

@@ -1,0 +1,293 @@
+//! What may be asked of the workbench, and how it answers.
+
+use std::collections::BTreeMap;
+use std::convert::Infallible;
+use std::error::Error;
+use std::sync::Arc;
+
+use axum::Router;
+use axum::body::Bytes;
+use axum::extract::{DefaultBodyLimit, Path, State};
+use axum::http::header::{ACCEPT, CONTENT_TYPE};
+use axum::http::{HeaderMap, StatusCode, Uri};
+use axum::middleware::from_fn_with_state;
+use axum::response::sse::{Event, KeepAlive, Sse};
+use axum::response::{IntoResponse, Redirect};
+use axum::routing::{get, post};
+use futures_util::stream;
+use serde::Deserialize;
+use serde::de::DeserializeOwned;
+use serde_json::json;
+use tokio::sync::broadcast::error::RecvError;
+
+use crate::model::effects::CATALOGUE;
+use crate::report::effects::json::about;
+use crate::watch::evaluate::sentence;
+use crate::web::server::answers::{Answer, download, of_json, refusal};
+use crate::web::server::assets;
+use crate::web::server::guard::{Guard, MOST_BYTES, admit};
+use crate::web::session::Session;
+use crate::web::session::actions::Action;
+use crate::web::session::bench::Bench;
+use crate::web::session::jobs::Busy;
+
+use crate::web::view::curves::{Question, Stretch, of_sensor, simulate};
+use crate::web::view::packed::Packed;
+use crate::web::view::{model, state, take_away};
+
+type AnyError = Box<dyn Error + Send + Sync>;
+
+/// Most pages that listen at a time.
+const MOST_LISTENERS: usize = 200;
+
+/// What every route needs.
+pub struct App {
+    /// What is open.
+    pub session: Arc<Session>,
+}
+
+/// All routes.
+pub fn router(session: Arc<Session>, guard: Arc<Guard>) -> Router {
+    let app = Arc::new(App { session });
+    Router::new()
+        .route("/", get(|| async { assets::answer("index.html") }))
+        .route("/favicon.ico", get(|| async { Redirect::permanent("/assets/icon.svg") }))
+        .route("/assets/{name}", get(|Path(name): Path<String>| async move { assets::answer(&name) }))
+        .route("/api/state", get(|State(app): State<Arc<App>>| calm(move || Ok(of_json(&state::json(&app.session))))))
+        .route("/api/effects", get(|| async { of_json(&CATALOGUE.iter().map(|e| about(*e)).collect()) }))
+        .route("/api/events", get(events))
+        .route("/api/curves", get(curves))
+        .route("/api/curves.csv", get(curves_csv))
+        .route("/api/report", get(|State(app): State<Arc<App>>| calm(move || report(&app.session))))
+        .route("/api/fit.toml", get(|State(app): State<Arc<App>>| calm(move || fit_file(&app.session))))
+        .route("/api/simulate", post(simulation))
+        .route("/api/diagnose", post(|app, body| act(app, body, |Nothing {}| Action::Diagnose)))
+        .route("/api/fit", post(|app, body| act(app, body, Action::Fit)))
+        .route("/api/add", post(|app, body| act(app, body, |a: Addition| Action::Add(a.effect, a.set))))
+        .route("/api/remove", post(|app, body| act(app, body, |e: OneEffect| Action::Remove(e.effect))))
+        .route("/api/undo", post(|app, body| act(app, body, |Nothing {}| Action::Undo)))
+        .route("/api/redo", post(|app, body| act(app, body, |Nothing {}| Action::Redo)))
+        .route("/api/force", post(|app, body| act(app, body, |m: OneModel| Action::Force(m.model))))
+        .route("/api/open", post(open))
+        .route("/api/cancel", post(cancel))
+        .route("/api/import", post(import))
+        .route("/api/record", post(record))
+        .route(
+            "/api/record/stop",
+            post(|State(app): State<Arc<App>>| async move {
+                app.session.recorder.stop();
+                of_json(&app.session.recorder.json())
+            }),
+        )
+        .fallback(|| async { refusal(StatusCode::NOT_FOUND, "there is nothing here") })
+        .method_not_allowed_fallback(|| async { refusal(StatusCode::METHOD_NOT_ALLOWED, "not in this way") })
+        .layer(DefaultBodyLimit::max(MOST_BYTES))
+        .layer(from_fn_with_state(guard, admit))
+        .with_state(app)
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Nothing {}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Addition {
+    effect: String,
+    #[serde(default)]
+    set: BTreeMap<String, f64>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct OneEffect {
+    effect: String,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct OneModel {
+    model: usize,
+}
+
+/// The runs to open together, by number.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Runs {
+    #[serde(default)]
+    run: Option<String>,
+    #[serde(default)]
+    runs: Vec<String>,
+}
+
+fn refused(error: &(dyn Error + 'static)) -> Answer {
+    refusal(StatusCode::BAD_REQUEST, &sentence(error))
+}
+
+fn busy(error: &Busy) -> Answer {
+    refusal(StatusCode::CONFLICT, &error.to_string())
+}
+
+/// Computes beside the server's own thread, which has all pages to serve.
+async fn calm(work: impl FnOnce() -> Result<Answer, AnyError> + Send + 'static) -> Answer {
+    match tokio::task::spawn_blocking(work).await {
+        Ok(Ok(answer)) => answer,
+        Ok(Err(error)) => refused(error.as_ref()),
+        Err(_) => refusal(StatusCode::INTERNAL_SERVER_ERROR, "this failed by a fault of the program"),
+    }
+}
+
+/// What a body says.
+fn parsed<T: DeserializeOwned>(body: &Bytes) -> Result<T, AnyError> {
+    let text: &[u8] = if body.is_empty() { b"{}" } else { body };
+    Ok(serde_json::from_slice(text)?)
+}
+
+/// Starts what a body asks for.
+async fn act<T: DeserializeOwned + Send + 'static>(
+    State(app): State<Arc<App>>,
+    body: Bytes,
+    action: impl FnOnce(T) -> Action + Send + 'static,
+) -> Answer {
+    calm(move || {
+        let action = action(parsed(&body)?);
+        Ok(app.session.act(action).map_or_else(|error| busy(&error), started))
+    })
+    .await
+}
+
+fn started(job: u64) -> Answer {
+    (StatusCode::ACCEPTED, of_json(&json!({ "job": job }))).into_response()
+}
+
+async fn open(State(app): State<Arc<App>>, body: Bytes) -> Answer {
+    calm(move || {
+        let asked: Runs = parsed(&body)?;
+        let ids: Vec<usize> = asked.run.iter().chain(&asked.runs).map(|id| id.parse()).collect::<Result<_, _>>()?;
+        let runs = app.session.place().named(&ids).filter(|runs| !runs.is_empty());
+        let Some(runs) = runs else { return Ok(refusal(StatusCode::NOT_FOUND, "there is no such run")) };
+        Ok(app.session.open(runs, false).map_or_else(|error| busy(&error), started))
+    })
+    .await
+}
+
+async fn cancel(State(app): State<Arc<App>>) -> Answer {
+    match app.session.jobs.cancel() {
+        Some(job) => started(job),
+        None => refusal(StatusCode::CONFLICT, "nothing is at work"),
+    }
+}
+
+async fn import(State(app): State<Arc<App>>, body: Bytes) -> Answer {
+    calm(move || Ok(of_json(&app.session.import(&parsed(&body)?)?))).await
+}
+
+async fn record(State(app): State<Arc<App>>, body: Bytes) -> Answer {
+    calm(move || {
+        app.session.record(&parsed(&body)?)?;
+        Ok((StatusCode::ACCEPTED, of_json(&app.session.recorder.json())).into_response())
+    })
+    .await
+}
+
+fn bench_of(session: &Session) -> Result<Arc<Bench>, AnyError> {
+    session.bench().ok_or_else(|| Busy::Nothing.into())
+}
+
+/// What the query of an address says.
+fn asked(uri: &Uri) -> BTreeMap<String, String> {
+    let pairs = uri.query().unwrap_or_default().split('&').filter_map(|pair| pair.split_once('='));
+    pairs.map(|(key, value)| (key.to_owned(), unescaped(value))).collect()
+}
+
+/// A part of an address with its escapes undone.
+fn unescaped(text: &str) -> String {
+    let mut bytes = Vec::new();
+    let mut rest = text.bytes();
+    while let Some(byte) = rest.next() {
+        let hex = |b: Option<u8>| b.and_then(|b| char::from(b).to_digit(16));
+        bytes.push(match byte {
+            b'+' => b' ',
+            b'%' => match (hex(rest.next()), hex(rest.next())) {
+                (Some(high), Some(low)) => (16 * high + low) as u8,
+                _ => b'?',
+            },
+            plain => plain,
+        });
+    }
+    String::from_utf8_lossy(&bytes).into_owned()
+}
+
+/// The curves that an address asks for.
+fn packed(session: &Session, uri: &Uri) -> Result<Packed, AnyError> {
+    let asked = asked(uri);
+    let number = |key: &str| asked.get(key).map(|text| text.parse::<f64>()).transpose();
+    let index = |key: &str| asked.get(key).map_or(Ok(0), |text| text.parse::<usize>());
+    let points = asked.get("points").map(|text| text.parse()).transpose()?;
+    let stretch = Stretch { from_s: number("from")?, to_s: number("to")?, points };
+    let models: Vec<&str> = asked.get("curves").map_or("model", String::as_str).split(',').collect();
+    of_sensor(&*bench_of(session)?, (index("run")?, index("sensor")?), stretch, &models)
+}
+
+fn binary(packed: Packed) -> Answer {
+    ([(CONTENT_TYPE, "application/octet-stream")], packed.bytes()).into_response()
+}
+
+async fn curves(State(app): State<Arc<App>>, uri: Uri) -> Answer {
+    calm(move || Ok(binary(packed(&app.session, &uri)?))).await
+}
+
+async fn curves_csv(State(app): State<Arc<App>>, uri: Uri) -> Answer {
+    calm(move || Ok(download("curves.csv", "text/csv; charset=utf-8", packed(&app.session, &uri)?.csv()))).await
+}
+
+async fn simulation(State(app): State<Arc<App>>, headers: HeaderMap, body: Bytes) -> Answer {
+    calm(move || {
+        let question: Question = parsed(&body)?;
+        let simulation = simulate(&*bench_of(&app.session)?, &question)?;
+        let wants_bytes = headers.get(ACCEPT).is_some_and(|kind| kind == "application/octet-stream");
+        Ok(if wants_bytes { binary(simulation.packed()) } else { of_json(&json!(simulation)) })
+    })
+    .await
+}
+
+fn report(session: &Session) -> Result<Answer, AnyError> {
+    Ok(download("report.html", "text/html; charset=utf-8", take_away::report(&*bench_of(session)?)?))
+}
+
+fn fit_file(session: &Session) -> Result<Answer, AnyError> {
+    Ok(download("fit.toml", "application/toml", take_away::fit_file(&*bench_of(session)?)?))
+}
+
+async fn events(State(app): State<Arc<App>>) -> Answer {
+    if app.session.hub.listeners() >= MOST_LISTENERS {
+        return refusal(StatusCode::SERVICE_UNAVAILABLE, "too many pages are open: close some");
+    }
+    let heard = (app.session.hub.listen(), app.session.clone());
+    let events = stream::unfold(heard, |(mut listener, session)| async move {
+        let event = match listener.recv().await {
+            Ok(event) => {
+                let model = || session.bench().and_then(|bench| model::json(&bench)).unwrap_or_default().to_string();
+                Event::default().event(event.name).data(event.data.unwrap_or_else(model))
+            }
+            // the page was too slow: it asks for the state anew
+            Err(RecvError::Lagged(_)) => Event::default().event("state").data("{}"),
+            Err(RecvError::Closed) => return None,
+        };
+        Some((Ok::<_, Infallible>(event), (listener, session)))
+    });
+    Sse::new(events).keep_alive(KeepAlive::default()).into_response()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_query_is_read_as_a_browser_writes_it() {
+        let uri: Uri = "/api/curves?run=1&curves=candidate%3Aleak,model&from=-0.5&odd=%zz".parse().unwrap();
+        let of = asked(&uri);
+        assert_eq!((&of["run"][..], &of["curves"][..], &of["from"][..]), ("1", "candidate:leak,model", "-0.5"));
+        assert_eq!(of["odd"], "?");
+    }
+}

@@ -1,0 +1,182 @@
+//! What may be done with the models of a bench: the same that the commands do, in the same files.
+
+use std::collections::BTreeMap;
+use std::error::Error;
+use std::sync::Arc;
+
+use serde::Deserialize;
+
+use crate::diagnose::Diagnosis;
+use crate::fit::search::options::Options;
+use crate::model::constraint::Given;
+use crate::model::effects::{Chosen, parse_list};
+use crate::results::model_file::Entry;
+use crate::study::Grown;
+use crate::study::hold::options_of;
+use crate::web::session::bench::Bench;
+
+type AnyError = Box<dyn Error + Send + Sync>;
+
+/// What a person changed of parameters before a fit, by name. A name stands for the parameter in all runs.
+#[derive(Debug, Clone, Default, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Wishes {
+    /// Values to start from.
+    #[serde(default)]
+    pub set: BTreeMap<String, f64>,
+    /// Parameters to hold where they are.
+    #[serde(default)]
+    pub hold: Vec<String>,
+    /// Parameters to let go.
+    #[serde(default)]
+    pub free: Vec<String>,
+    /// Bounds.
+    #[serde(default)]
+    pub bounds: BTreeMap<String, [f64; 2]>,
+}
+
+/// One action.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Action {
+    /// Find out what the model lacks.
+    Diagnose,
+    /// Add an effect, its parameters starting at these values where some are given.
+    Add(String, BTreeMap<String, f64>),
+    /// Take an effect out.
+    Remove(String),
+    /// Fit the model again.
+    Fit(Wishes),
+    /// To the model that this one grew out of.
+    Undo,
+    /// To the last model that grew out of this one.
+    Redo,
+    /// To a model by its number.
+    Force(usize),
+}
+
+impl Action {
+    /// What the program does then, in words.
+    pub fn words(&self) -> String {
+        match self {
+            Action::Diagnose => "diagnosing".into(),
+            Action::Add(effect, _) => format!("adding {effect}"),
+            Action::Remove(effect) => format!("removing {effect}"),
+            Action::Fit(_) => "fitting".into(),
+            Action::Undo => "undoing".into(),
+            Action::Redo => "redoing".into(),
+            Action::Force(number) => format!("going to model {number}"),
+        }
+    }
+}
+
+impl Bench {
+    /// Carries an action out; a diagnosis comes back.
+    ///
+    /// # Errors
+    /// What the model does not have or cannot take, a fit that fails, a file that cannot be written. Nothing is changed then.
+    pub fn act(&self, action: &Action) -> Result<Option<Arc<Diagnosis>>, AnyError> {
+        match action {
+            Action::Diagnose => return self.diagnose().map(Some),
+            Action::Add(effect, set) => self.add(effect, set)?,
+            Action::Remove(effect) => {
+                let fit = self.study.without(&*self.fit_in_force()?, effect)?;
+                self.append(fit, &format!("{effect} taken out"), None)?;
+            }
+            Action::Fit(wishes) => {
+                self.fit_in_force()?;
+                let entry = wished(self.file().current().clone(), wishes)?;
+                let study = &self.study;
+                let fit = entry.refit(study.rig(), study.runs(), &Options::default(), study.watcher())?;
+                self.append(fit, &entry.refit_words(), None)?;
+            }
+            Action::Undo => self.put_in_force(|file| {
+                if file.step_back() { Ok(()) } else { Err("this is the first model: there is no step back".into()) }
+            })?,
+            Action::Redo => self.put_in_force(|file| {
+                file.in_force = file.next().ok_or("no model grew out of this one: there is no step forward")?;
+                Ok(())
+            })?,
+            Action::Force(number) => self.put_in_force(|file| {
+                if !(1..=file.models.len()).contains(number) {
+                    return Err(format!("there is no model {number}: the last is {}", file.models.len()).into());
+                }
+                file.in_force = *number;
+                Ok(())
+            })?,
+        }
+        self.fit_in_force()?;
+        Ok(None)
+    }
+
+    fn diagnose(&self) -> Result<Arc<Diagnosis>, AnyError> {
+        self.fit_in_force()?;
+        let current = self.file().current().clone();
+        let options = Options { constraints: current.constraints(), priors: current.priors(), ..Options::default() };
+        let found = Arc::new(self.study.diagnose_model(&current.chosen(), &options)?);
+        self.keep(found.clone());
+        Ok(found)
+    }
+
+    fn add(&self, effect: &str, set: &BTreeMap<String, f64>) -> Result<(), AnyError> {
+        let chosen = one_effect(effect)?;
+        if let Some(why) = chosen.effect.impossible(self.study.rig()) {
+            return Err(format!("{effect}: {why}; whatever it explains belongs to another effect").into());
+        }
+        let start = self.fit_in_force()?;
+        let (fit, evidence) = if set.is_empty() {
+            let Grown { fit, evidence, .. } = self.study.grow(&start, &chosen)?;
+            (fit, evidence)
+        } else {
+            let given = given(set).chain(start.given()).collect::<Vec<_>>();
+            let effects: Vec<Chosen> = start.effects.iter().cloned().chain([chosen.clone()]).collect();
+            let fit = self.study.refined(&effects, &given, &options_of(&start))?;
+            let evidence = fit.evidence_over(&start);
+            (fit, evidence)
+        };
+        self.append(fit, &format!("{} added", chosen.label()), Some(evidence))
+    }
+}
+
+/// Values that a person gave, each for all runs.
+pub fn given(set: &BTreeMap<String, f64>) -> impl Iterator<Item = Given> {
+    set.iter().map(|(name, value)| Given { name: name.clone(), run: None, value: *value })
+}
+
+/// The one effect that a text names.
+///
+/// # Errors
+/// None of the catalogue, or several.
+pub fn one_effect(text: &str) -> Result<Chosen, AnyError> {
+    let mut list = parse_list(text)?;
+    match (list.pop(), list.is_empty()) {
+        (Some(one), true) => Ok(one),
+        _ => Err("name one effect".into()),
+    }
+}
+
+/// A model as a person wants it fitted.
+fn wished(mut entry: Entry, wishes: &Wishes) -> Result<Entry, AnyError> {
+    let known = |name: &String| entry.parameters.iter().any(|p| p.name == *name);
+    let named = wishes.set.keys().chain(&wishes.hold).chain(&wishes.free).chain(wishes.bounds.keys());
+    if let Some(name) = named.into_iter().find(|name| !known(name)) {
+        return Err(format!("the model has no parameter '{name}'").into());
+    }
+    for p in &mut entry.parameters {
+        p.fixed = wishes.hold.contains(&p.name) || (p.fixed && !wishes.free.contains(&p.name));
+        if let Some([lower, upper]) = wishes.bounds.get(&p.name) {
+            if !(lower < upper && lower.is_finite() && upper.is_finite()) {
+                return Err(format!("{}: the lower bound must lie below the upper one", p.name).into());
+            }
+            (p.lower, p.upper) = (*lower, *upper);
+        }
+        if let Some(&value) = wishes.set.get(&p.name) {
+            if !value.is_finite() {
+                return Err(format!("{} must be a number", p.name).into());
+            }
+            // a value that is held may lie anywhere that the physics allows
+            (p.value, p.lower, p.upper) = (value, p.lower.min(value), p.upper.max(value));
+        }
+        p.value = p.value.clamp(p.lower, p.upper);
+    }
+    Ok(entry)
+}

@@ -1,0 +1,92 @@
+//! A file that is dropped on the page becomes a recording in the folder, once its columns are agreed upon.
+
+use std::error::Error;
+use std::path::{Path, PathBuf};
+
+use base64::Engine as _;
+use base64::prelude::BASE64_STANDARD;
+use serde::Deserialize;
+use serde_json::{Value, json};
+
+use crate::rig::Rig;
+use crate::rig::check::return_time_s;
+use crate::signal::faults::sensor_faults;
+use crate::storage::import::{ImportOptions, Imported, SourceOptions, import_file, unit_warnings};
+use crate::storage::write;
+
+type AnyError = Box<dyn Error + Send + Sync>;
+
+/// A file as a page sends it.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Dropped {
+    /// Its name.
+    pub name: String,
+    /// Its bytes, base64.
+    pub content: String,
+    /// Columns and the sensors that they are.
+    #[serde(default)]
+    pub map: Vec<(String, String)>,
+    /// Columns that are no sensors.
+    #[serde(default)]
+    pub ignore: Vec<String>,
+    /// Sensors of the rig that were not recorded.
+    #[serde(default)]
+    pub without: Vec<String>,
+    /// Samples per second of a column that counts samples.
+    #[serde(default)]
+    pub rate_hz: Option<f64>,
+    /// Write it as it was understood; otherwise it is only looked at.
+    #[serde(default)]
+    pub accept: bool,
+}
+
+/// Reads a file on a rig and, where that is agreed, writes it to a folder. Returns how it was understood, and the recording.
+///
+/// # Errors
+/// A file that is no recording of this rig, a folder that cannot be written to.
+pub fn take(dropped: &Dropped, rig: &Rig, folder: &Path) -> Result<(Value, Option<PathBuf>), AnyError> {
+    let name = Path::new(&dropped.name).file_name().ok_or("the file has no name")?;
+    let bytes = BASE64_STANDARD.decode(&dropped.content).map_err(|e| format!("the content is not base64: {e}"))?;
+    // readers go by the ending of a name
+    let scratch = tempfile::tempdir()?;
+    let path = scratch.path().join(name);
+    std::fs::write(&path, bytes)?;
+    let imported = imported(dropped, rig, &path)?;
+    let mut about = json!({
+        "understood": imported.understood(Path::new(name)), "mended": imported.repairs,
+        "warnings": unit_warnings(&imported.recording), "sensor_faults": sensor_faults(&imported.recording),
+        "written": null,
+    });
+    if !dropped.accept {
+        return Ok((about, None));
+    }
+    let out = free(folder, Path::new(name));
+    write(&out, &imported.recording)?;
+    about["written"] = json!(out.file_name().map(|name| name.to_string_lossy()));
+    Ok((about, Some(out)))
+}
+
+/// As it stands, or else with guesses.
+fn imported(dropped: &Dropped, rig: &Rig, path: &Path) -> Result<Imported, AnyError> {
+    let options = ImportOptions { without: dropped.without.clone(), ..ImportOptions::default() };
+    let said = SourceOptions {
+        map: dropped.map.clone(),
+        ignore: dropped.ignore.clone(),
+        rate_hz: dropped.rate_hz,
+        ..SourceOptions::default()
+    };
+    import_file(path, rig, &options, &said, true).or_else(|_| {
+        let period_s = 2.0 * return_time_s(rig, &rig.fluid.properties(rig.fluid.temperature_degc));
+        let guessing = SourceOptions { guess: true, period_s: Some(period_s), ..said };
+        Ok(import_file(path, rig, &options, &guessing, true)?)
+    })
+}
+
+/// A recording of this name that does not exist yet.
+fn free(folder: &Path, name: &Path) -> PathBuf {
+    let stem = name.file_stem().unwrap_or_default().to_string_lossy();
+    let first = folder.join(format!("{stem}.mcap"));
+    let further = (2..).map(|n| folder.join(format!("{stem}-{n}.mcap")));
+    std::iter::once(first.clone()).chain(further).find(|path| !path.exists()).unwrap_or(first)
+}

@@ -1,0 +1,255 @@
+//! Recordings that are open together, and the models fitted to them.
+//!
+//! The models are those of a file, the same that the commands work on: `NAME.model.toml` beside the recording. It is written when a model is
+//! made by hand; what the workbench fits to show something at once stays in memory.
+
+use std::collections::BTreeMap;
+use std::error::Error;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use serde_json::Value as Json;
+
+use crate::diagnose::Diagnosis;
+use crate::fit::outcome::fit::Fit;
+use crate::fit::search::options::Options;
+use crate::model::constraint::Given;
+use crate::model::effects::Chosen;
+use crate::report::diagnosis::text::json as diagnosis_json;
+use crate::results::fit_record::now;
+use crate::results::model_file::ModelFile;
+use crate::study::Study;
+use crate::study::models::{about, load, rig_of, save};
+use crate::study::simulated::Simulated;
+use crate::text_file::read_text;
+use crate::web::session::jobs::Jobs;
+use crate::web::session::place::Run;
+
+type AnyError = Box<dyn Error + Send + Sync>;
+
+/// Simulations that are kept, for a chart that is asked for again.
+const SIMULATIONS: usize = 16;
+/// Diagnoses that are kept, for a step back to the model of one.
+const DIAGNOSES: usize = 4;
+
+/// The command lines that do the same as actions on recordings and their model file.
+pub type Commands = fn(&[PathBuf], &Path) -> BTreeMap<&'static str, String>;
+
+/// See the module.
+pub struct Bench {
+    /// The recordings.
+    pub paths: Vec<PathBuf>,
+    /// The same, inspected and prepared.
+    pub study: Study,
+    /// The file of models; it need not exist yet.
+    pub model_path: PathBuf,
+    /// The command lines that do the same as actions, by their names.
+    pub commands: BTreeMap<&'static str, String>,
+    models: Mutex<Models>,
+    simulations: Mutex<Vec<(Key, Arc<Simulated>)>>,
+}
+
+struct Models {
+    file: ModelFile,
+    /// Fits by the number of their model.
+    fits: BTreeMap<usize, Arc<Fit>>,
+    /// The latest diagnoses by the number of their model, oldest first.
+    diagnoses: Vec<(usize, Arc<Diagnosis>)>,
+}
+
+/// What a simulation follows from: effects, values (as bits) and grid.
+type Key = (String, Vec<(String, Option<String>, u64)>, usize);
+
+impl Bench {
+    /// Reads runs, and their models where there is a file of them.
+    ///
+    /// # Errors
+    /// As [`Study::open`]; a model file that cannot be read, or that holds models of other recordings.
+    pub fn open(
+        runs: &[Run],
+        model_file: Option<&Path>,
+        commands: Commands,
+        jobs: Arc<Jobs>,
+    ) -> Result<Bench, AnyError> {
+        let paths: Vec<PathBuf> = runs.iter().map(|run| run.path.clone()).collect();
+        let model_path = model_file.map_or_else(|| beside(&paths), Path::to_owned);
+        let file = about(&model_path, &paths, None)?;
+        let rig = rig_of(None, Some((&model_path, &file)));
+        let mut study = Study::open_on(rig.as_deref(), &paths)?;
+        let (square, samples) = (study.runs().iter().flat_map(|run| &run.sensors))
+            .fold((0.0, 0), |(sum, n), s| (sum + s.noise_m.powi(2) * s.time_s.len() as f64, n + s.time_s.len()));
+        jobs.set_noise_m((square / samples.max(1) as f64).sqrt());
+        study.on_progress(move |progress| jobs.hear(progress));
+        let models = Mutex::new(Models { file, fits: BTreeMap::new(), diagnoses: Vec::new() });
+        let commands = commands(&paths, &model_path);
+        Ok(Bench { paths, study, model_path, commands, models, simulations: Mutex::default() })
+    }
+
+    fn models(&self) -> MutexGuard<'_, Models> {
+        self.models.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// The models as they stand.
+    pub fn file(&self) -> ModelFile {
+        self.models().file.clone()
+    }
+
+    /// The fit of the model in force, where it has been computed.
+    pub fn fit(&self) -> Option<Arc<Fit>> {
+        let models = self.models();
+        models.fits.get(&models.file.in_force).cloned()
+    }
+
+    /// The diagnosis of the model in force, where there is one.
+    pub fn diagnosis(&self) -> Option<Arc<Diagnosis>> {
+        let models = self.models();
+        let of_force = models.diagnoses.iter().rfind(|(number, _)| *number == models.file.in_force);
+        of_force.map(|(_, found)| found.clone())
+    }
+
+    /// A diagnosis as `diagnose --json` prints it.
+    ///
+    /// # Errors
+    /// None in practice.
+    pub fn diagnosis_json(&self, found: &Diagnosis) -> Result<Json, AnyError> {
+        let faults: Vec<_> = self.study.recordings().iter().flat_map(|l| l.faults.iter().cloned()).collect();
+        Ok(serde_json::from_str(&diagnosis_json(std::slice::from_ref(found), &faults)?)?)
+    }
+
+    /// Fits the model in force, where that has not been done: again from the values of the file, or the base model where there is none yet.
+    ///
+    /// # Errors
+    /// A model that cannot be simulated, recordings without samples.
+    pub fn fit_in_force(&self) -> Result<Arc<Fit>, AnyError> {
+        if let Some(fit) = self.fit() {
+            return Ok(fit);
+        }
+        let entry = {
+            let models = self.models();
+            (!models.file.models.is_empty()).then(|| models.file.current().clone())
+        };
+        let study = &self.study;
+        let fit = match &entry {
+            Some(entry) => entry.refit(study.rig(), study.runs(), &Options::default(), study.watcher())?,
+            None => study.calibrate("none").run()?,
+        };
+        let fit = Arc::new(fit);
+        let mut models = self.models();
+        if models.file.models.is_empty() {
+            models.file.append(&fit, "calibrated", None, now());
+        }
+        let number = models.file.in_force;
+        models.fits.insert(number, fit.clone());
+        Ok(fit)
+    }
+
+    /// Adds a fit as the model in force and writes the file.
+    ///
+    /// # Errors
+    /// As [`save`].
+    pub fn append(&self, fit: Fit, why: &str, evidence: Option<f64>) -> Result<(), AnyError> {
+        let fit = Arc::new(fit);
+        self.change(|file| {
+            file.append(&fit, why, evidence, now());
+            Ok(())
+        })?;
+        let mut models = self.models();
+        let number = models.file.in_force;
+        models.fits.insert(number, fit);
+        Ok(())
+    }
+
+    /// Puts another model in force and writes the file.
+    ///
+    /// # Errors
+    /// What `choose` refuses; as [`save`].
+    pub fn put_in_force(&self, choose: impl FnOnce(&mut ModelFile) -> Result<(), AnyError>) -> Result<(), AnyError> {
+        self.change(choose)
+    }
+
+    /// Changes the models and writes them; where that fails they are as before.
+    fn change(&self, change: impl FnOnce(&mut ModelFile) -> Result<(), AnyError>) -> Result<(), AnyError> {
+        let mut models = self.models();
+        let mut file = models.file.clone();
+        change(&mut file)?;
+        let expected = file.models.len();
+        save(&mut file, &self.model_path)?;
+        if file.models.len() != expected {
+            // another program has added models: numbers have moved
+            models.fits.clear();
+            models.diagnoses.clear();
+        }
+        models.file = file;
+        Ok(())
+    }
+
+    /// Keeps a diagnosis of the model in force.
+    pub fn keep(&self, found: Arc<Diagnosis>) {
+        let mut models = self.models();
+        let number = models.file.in_force;
+        models.diagnoses.retain(|(of, _)| *of != number);
+        models.diagnoses.push((number, found));
+        if models.diagnoses.len() > DIAGNOSES {
+            models.diagnoses.remove(0);
+        }
+    }
+
+    /// Whether another program has written to the model file since it was read.
+    pub fn changed_outside(&self) -> bool {
+        let text = read_text(&self.model_path).ok();
+        text.is_some() && text != self.models().file.as_read
+    }
+
+    /// Reads the model file again.
+    ///
+    /// # Errors
+    /// One that is no file of models at the moment.
+    pub fn reload(&self) -> Result<(), AnyError> {
+        let file = load(&self.model_path)?;
+        {
+            let mut models = self.models();
+            models.fits.clear();
+            models.diagnoses.clear();
+            models.file = file;
+        }
+        self.fit_in_force()?;
+        Ok(())
+    }
+
+    /// The model with these effects at these values, kept for the next time.
+    ///
+    /// # Errors
+    /// As [`Study::simulated`].
+    pub fn simulated(
+        &self,
+        effects: &[Chosen],
+        given: &[Given],
+        reaches: usize,
+    ) -> Result<Arc<Simulated>, crate::study::error::Error> {
+        let labels = effects.iter().map(Chosen::label).collect::<Vec<_>>().join(",");
+        let values = given.iter().map(|g| (g.name.clone(), g.run.clone(), g.value.to_bits())).collect();
+        let key: Key = (labels, values, reaches);
+        let lock = || self.simulations.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some((_, known)) = lock().iter().find(|(known, _)| *known == key) {
+            return Ok(known.clone());
+        }
+        let simulated = Arc::new(self.study.simulated(effects, given, reaches)?);
+        let mut kept = lock();
+        if kept.len() >= SIMULATIONS {
+            kept.remove(0);
+        }
+        kept.push((key, simulated.clone()));
+        Ok(simulated)
+    }
+}
+
+/// Where the models of recordings are: beside the first of them.
+fn beside(paths: &[PathBuf]) -> PathBuf {
+    let first = paths.first().cloned().unwrap_or_default();
+    let others = match paths.len() {
+        0 | 1 => String::new(),
+        n => format!("-and-{}-more", n - 1),
+    };
+    let name = first.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    first.with_file_name(format!("{name}{others}.model.toml"))
+}

@@ -1,0 +1,212 @@
+//! What is open in the workbench, and what may be done with it.
+
+pub mod actions;
+pub mod arrival;
+pub mod bench;
+pub mod events;
+pub mod jobs;
+pub mod place;
+pub mod recording;
+
+use std::collections::{BTreeSet, VecDeque};
+use std::error::Error;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+
+use serde_json::{Value, json};
+
+use crate::rig::Rig;
+use crate::watch::folder::list;
+use crate::web::session::actions::Action;
+use crate::web::session::arrival::Dropped;
+use crate::web::session::bench::{Bench, Commands};
+use crate::web::session::events::Hub;
+use crate::web::session::jobs::{Busy, Jobs};
+use crate::web::session::place::{Place, Run};
+use crate::web::session::recording::{Recorder, Wanted};
+
+type AnyError = Box<dyn Error + Send + Sync>;
+
+/// How long an action waits for the recordings to be read and fitted before it says that the workbench is busy.
+const OPENING: Duration = Duration::from_secs(120);
+
+/// One workbench.
+pub struct Session {
+    place: Place,
+    commands: Commands,
+    bench: Mutex<Option<Arc<Bench>>>,
+    /// The job at work.
+    pub jobs: Arc<Jobs>,
+    /// What pages hear.
+    pub hub: Arc<Hub>,
+    /// The recording that runs.
+    pub recorder: Arc<Recorder>,
+    /// Recordings that have come since the first was started here.
+    arrivals: Mutex<Arrivals>,
+}
+
+/// Recordings that are made while the workbench is open.
+#[derive(Default)]
+struct Arrivals {
+    /// The folder they come to, and what lay there before or has been taken up.
+    folder: Option<(PathBuf, BTreeSet<PathBuf>)>,
+    /// Those that wait to be opened.
+    waiting: VecDeque<PathBuf>,
+}
+
+impl Session {
+    /// A session at a place; its first run is being opened. `commands` says what a person would type for an action.
+    pub fn new(place: Place, commands: Commands) -> Arc<Session> {
+        let hub = Arc::new(Hub::default());
+        let session = Arc::new(Session {
+            place,
+            commands,
+            bench: Mutex::default(),
+            jobs: Arc::new(Jobs::new(hub.clone())),
+            hub,
+            recorder: Arc::default(),
+            arrivals: Mutex::default(),
+        });
+        let first = session.place.first();
+        if !first.is_empty() {
+            // nothing else can be at work
+            let _ = session.open(first, false);
+        }
+        session
+    }
+
+    /// Where the runs lie.
+    pub fn place(&self) -> &Place {
+        &self.place
+    }
+
+    /// What is open.
+    pub fn bench(&self) -> Option<Arc<Bench>> {
+        self.bench.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
+    /// Waits until the job at work has ended, at most for some time; false where it has not.
+    pub fn wait(&self, most: Duration) -> bool {
+        self.jobs.wait(most)
+    }
+
+    /// Opens runs together, fits the base model where they have no model yet, and diagnoses it if that is wished. Returns the job's number.
+    ///
+    /// # Errors
+    /// If a job is at work.
+    pub fn open(self: &Arc<Self>, runs: Vec<Run>, diagnose: bool) -> Result<u64, Busy> {
+        let session = self.clone();
+        self.jobs.start("opening", true, move |jobs| {
+            let bench = Arc::new(Bench::open(&runs, session.place.model_file(), session.commands, jobs.clone())?);
+            *session.bench.lock().unwrap_or_else(PoisonError::into_inner) = Some(bench.clone());
+            session.hub.changed();
+            bench.fit_in_force()?;
+            session.hub.model();
+            if diagnose { session.carry_out(&bench, &Action::Diagnose) } else { Ok(()) }
+        })
+    }
+
+    /// Starts an action on what is open. Returns the job's number.
+    ///
+    /// # Errors
+    /// If nothing is open, or a job is at work.
+    pub fn act(self: &Arc<Self>, action: Action) -> Result<u64, Busy> {
+        self.jobs.wait_for_opening(OPENING);
+        let bench = self.bench().ok_or(Busy::Nothing)?;
+        let session = self.clone();
+        self.jobs.start(&action.words(), false, move |_| session.carry_out(&bench, &action))
+    }
+
+    fn carry_out(&self, bench: &Bench, action: &Action) -> Result<(), AnyError> {
+        if let Some(diagnosis) = bench.act(action)? {
+            self.hub.send("diagnosis", &bench.diagnosis_json(&diagnosis)?);
+        }
+        self.hub.model();
+        Ok(())
+    }
+
+    /// The rig to record on: the one that was named, or that of the runs that are open.
+    pub fn rig(&self) -> Option<Rig> {
+        self.place.rig().cloned().or_else(|| Some(self.bench()?.study.rig().clone()))
+    }
+
+    /// Where recordings are written.
+    fn folder(&self) -> PathBuf {
+        let beside = || Some(self.bench()?.paths.first()?.parent()?.to_owned());
+        let folder = self.place.folder().map(Path::to_owned).or_else(beside).unwrap_or_default();
+        if folder.as_os_str().is_empty() { PathBuf::from(".") } else { folder }
+    }
+
+    /// Starts a recording. Each recording that comes of it is opened and diagnosed.
+    ///
+    /// # Errors
+    /// No rig, one that cannot record this, a recording that runs already.
+    pub fn record(&self, wanted: &Wanted) -> Result<(), AnyError> {
+        let rig = self.rig().ok_or("open a rig file, or a recording of the rig, to record on it")?;
+        let folder = self.folder();
+        let known = list(&folder)?.0.into_iter().map(|file| file.path).collect();
+        self.recorder.start(&rig, &folder, wanted, &self.hub)?;
+        self.arrivals().folder = Some((folder, known));
+        Ok(())
+    }
+
+    /// Looks at a file that was dropped on the page; where that is agreed, it becomes a recording and is opened.
+    ///
+    /// # Errors
+    /// No rig, a file that is no recording of it, a folder that cannot be written to.
+    pub fn import(self: &Arc<Self>, dropped: &Dropped) -> Result<Value, AnyError> {
+        let rig = self.rig().ok_or("open a rig file, or a recording of the rig, to import to it")?;
+        let (mut about, written) = arrival::take(dropped, &rig, &self.folder())?;
+        if let Some(path) = written {
+            let run = self.place.add(path);
+            about["run"] = json!(run.id.to_string());
+            about["job"] = json!(self.open(vec![run], false).ok());
+        }
+        Ok(about)
+    }
+
+    fn arrivals(&self) -> MutexGuard<'_, Arrivals> {
+        self.arrivals.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Takes up what has come: recordings that were made here, and what another program has written to the model file.
+    pub fn look(self: &Arc<Self>) {
+        self.look_for_arrivals();
+        if self.jobs.at_work() {
+            return;
+        }
+        let next = self.arrivals().waiting.pop_front();
+        match next {
+            Some(path) => {
+                let run = self.place.add(path);
+                // none else starts a job between
+                let _ = self.open(vec![run], true);
+            }
+            None => self.look_outside(),
+        }
+    }
+
+    fn look_for_arrivals(&self) {
+        let growing = self.recorder.growing();
+        let mut arrivals = self.arrivals();
+        let Arrivals { folder: Some((folder, known)), waiting } = &mut *arrivals else { return };
+        // a folder that cannot be listed at the moment is listed again soon
+        let files = list(folder).map(|(files, _)| files).unwrap_or_default();
+        for file in files.into_iter().filter(|file| growing.as_ref() != Some(&file.path)) {
+            if known.insert(file.path.clone()) {
+                waiting.push_back(file.path);
+            }
+        }
+    }
+
+    fn look_outside(self: &Arc<Self>) {
+        let Some(bench) = self.bench().filter(|bench| bench.changed_outside()) else { return };
+        let session = self.clone();
+        let _ = self.jobs.start("reading the model file again", false, move |_| {
+            bench.reload()?;
+            session.hub.model();
+            Ok(())
+        });
+    }
+}

@@ -1,0 +1,173 @@
+//! Where the runs of a workbench lie: some recordings, a model file, or a folder.
+
+use std::error::Error;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Mutex, PoisonError};
+
+use crate::results::history::Index;
+use crate::rig::Rig;
+use crate::shown::Shown as _;
+use crate::study::models;
+use crate::watch::folder::list;
+
+type AnyError = Box<dyn Error + Send + Sync>;
+
+/// One recording.
+#[derive(Debug, Clone, Default)]
+pub struct Run {
+    /// Its number in this session, as the page names it.
+    pub id: usize,
+    /// Its path.
+    pub path: PathBuf,
+    /// What a folder's index knows of it.
+    pub known: Option<Known>,
+}
+
+/// What a folder's index knows of a run.
+#[derive(Debug, Clone, Default)]
+pub struct Known {
+    /// Its rig.
+    pub rig: String,
+    /// When it was recorded, RFC 3339.
+    pub when: Option<String>,
+    /// What was found in it.
+    pub finding: Option<crate::results::history::Finding>,
+}
+
+impl Run {
+    /// The file's name.
+    pub fn name(&self) -> String {
+        Path::new(self.path.file_name().unwrap_or(self.path.as_os_str())).shown().into_owned()
+    }
+}
+
+/// See the module.
+#[derive(Default)]
+pub struct Place {
+    folder: Option<PathBuf>,
+    model_file: Option<PathBuf>,
+    rig: Option<Rig>,
+    runs: Mutex<Vec<Run>>,
+    /// How many were ever listed: a number stays with its file.
+    numbers: AtomicUsize,
+}
+
+impl Place {
+    /// What paths name: recordings of one rig, one model file, or one folder.
+    ///
+    /// # Errors
+    /// None of these, a mixture of them, a file or folder that cannot be read.
+    pub fn of(paths: &[PathBuf]) -> Result<Place, AnyError> {
+        let is_model = |path: &PathBuf| path.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml"));
+        match paths {
+            [folder] if folder.is_dir() => {
+                let place = Place { folder: Some(folder.clone()), model_file: None, ..Place::default() };
+                place.look()?;
+                Ok(place)
+            }
+            [file] if is_model(file) => {
+                let folder = file.parent().unwrap_or(Path::new(""));
+                if let Ok(rig) = Rig::load(file) {
+                    let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
+                    return Ok(Place { folder: Some(folder.to_owned()), rig: Some(rig), ..Place::default() });
+                }
+                let recordings = models::load(file)?.recordings.into_iter().map(|path| folder.join(path));
+                Ok(Place { model_file: Some(file.clone()), ..Place::default() }.with(recordings))
+            }
+            _ => match paths.iter().find(|path| path.is_dir() || is_model(path)) {
+                Some(odd) => Err(format!(
+                    "{}: open recordings, or one folder, or one model file, but not a mixture of them",
+                    odd.shown().into_owned()
+                )
+                .into()),
+                None => Ok(Place::default().with(paths.iter().cloned())),
+            },
+        }
+    }
+
+    /// It in words.
+    pub fn words(&self) -> String {
+        match (&self.folder, &self.model_file) {
+            (Some(folder), _) => folder.shown().into_owned(),
+            (None, Some(file)) => file.shown().into_owned(),
+            (None, None) => self.runs().iter().map(Run::name).collect::<Vec<_>>().join(", "),
+        }
+    }
+
+    /// The folder, where one is open.
+    pub fn folder(&self) -> Option<&Path> {
+        self.folder.as_deref()
+    }
+
+    /// The model file that was named.
+    pub fn model_file(&self) -> Option<&Path> {
+        self.model_file.as_deref()
+    }
+
+    /// The rig whose file was named.
+    pub fn rig(&self) -> Option<&Rig> {
+        self.rig.as_ref()
+    }
+
+    /// The run of a recording, which is listed from now on.
+    pub fn add(&self, path: PathBuf) -> Run {
+        let known = self.runs().into_iter().find(|run| run.path == path);
+        known.unwrap_or_else(|| {
+            let run = Run { id: self.numbers.fetch_add(1, Ordering::Relaxed), path, known: None };
+            self.runs.lock().unwrap_or_else(PoisonError::into_inner).push(run.clone());
+            run
+        })
+    }
+
+    /// The runs that are opened first: all that were named, or the newest of a folder; none beside a rig file.
+    pub fn first(&self) -> Vec<Run> {
+        let runs = if self.rig.is_some() { Vec::new() } else { self.runs() };
+        if self.folder.is_none() {
+            return runs;
+        }
+        let age = |run: &Run| std::fs::metadata(&run.path).and_then(|about| about.modified()).ok();
+        runs.into_iter().rev().max_by_key(age).into_iter().collect()
+    }
+
+    /// All runs, a folder's as they are now.
+    pub fn runs(&self) -> Vec<Run> {
+        // a folder that cannot be read at the moment keeps what it had
+        let _ = self.look();
+        self.runs.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
+    /// The runs of these numbers; none where one of them does not exist.
+    pub fn named(&self, ids: &[usize]) -> Option<Vec<Run>> {
+        let runs = self.runs();
+        ids.iter().map(|&id| runs.iter().find(|run| run.id == id).cloned()).collect()
+    }
+
+    fn look(&self) -> Result<(), AnyError> {
+        let Some(folder) = &self.folder else { return Ok(()) };
+        let listed = list(folder)?.0;
+        let index = Index::read(folder).and_then(|index| index.all()).unwrap_or_default();
+        let mut runs = self.runs.lock().unwrap_or_else(PoisonError::into_inner);
+        runs.retain(|run| listed.iter().any(|l| l.path == run.path));
+        for file in listed {
+            let of_index = index.iter().find(|run| run.file == file.name.file);
+            let known = of_index.map(|run| Known {
+                rig: run.rig.clone(),
+                when: crate::results::fit_record::recorded_at(run.recorded_unix_ns.max(0) as u64),
+                finding: run.finding.clone(),
+            });
+            match runs.iter_mut().find(|run| run.path == file.path) {
+                Some(run) => run.known = known,
+                None => runs.push(Run { id: self.numbers.fetch_add(1, Ordering::Relaxed), path: file.path, known }),
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Place {
+    fn with(self, paths: impl Iterator<Item = PathBuf>) -> Place {
+        paths.for_each(|path| drop(self.add(path)));
+        self
+    }
+}

@@ -1,0 +1,239 @@
+//! Measurement and models at a sensor, as many points as a chart has pixels: each keeps the extremes of what was measured.
+
+use std::collections::BTreeMap;
+use std::error::Error;
+
+use serde::Serialize;
+use serde_json::json;
+
+use crate::fit::data::run_data::SensorData;
+use crate::model::constraint::Given;
+use crate::model::effects::Chosen;
+use crate::report::view::decimate;
+use crate::study::simulated::Simulated;
+use crate::web::session::actions::given;
+use crate::web::session::bench::Bench;
+use crate::web::view::packed::Packed;
+
+type AnyError = Box<dyn Error + Send + Sync>;
+
+/// Points of a chart that does not say how many it wants, and the most that it gets.
+const POINTS: usize = 1200;
+const MOST_POINTS: usize = 20_000;
+/// Reaches while a slider moves, where the fit's own grid would not keep up.
+const COARSE_REACHES: usize = 64;
+/// Samples times reaches from which it would not.
+const KEEPS_UP: usize = 4_000_000;
+
+/// The part of a record that a chart shows, s after the start of the closure, and at how many points.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Stretch {
+    /// From when on.
+    pub from_s: Option<f64>,
+    /// Until when.
+    pub to_s: Option<f64>,
+    /// Points.
+    pub points: Option<usize>,
+}
+
+impl Stretch {
+    /// Indices of the samples to show, the closure starting at `start_s`; and how many the stretch has.
+    fn samples(&self, sensor: &SensorData, start_s: f64) -> (Vec<usize>, usize) {
+        let at = |s: f64| sensor.time_s.partition_point(|&t| t < start_s + s);
+        // one sample beyond each edge, so that the line reaches it
+        let from = self.from_s.map_or(0, at).saturating_sub(1);
+        let to = self.to_s.map_or(sensor.time_s.len(), |s| (at(s) + 1).min(sensor.time_s.len())).max(from);
+        let points = self.points.unwrap_or(POINTS).clamp(4, MOST_POINTS);
+        let heads = &sensor.head_m[from..to];
+        let kept = decimate::keep(&[heads], heads.len(), (points - 2) / 2);
+        (kept.into_iter().map(|i| from + i).collect(), to - from)
+    }
+}
+
+/// A model to draw.
+struct Drawn {
+    name: String,
+    effects: Vec<Chosen>,
+    given: Vec<Given>,
+    reaches: usize,
+}
+
+/// A sensor's measurement and the models that are asked for: `model`, `previous`, `number:N`, `candidate:LABEL`.
+///
+/// # Errors
+/// A run or sensor that does not exist, a model that cannot be simulated.
+pub fn of_sensor(
+    bench: &Bench,
+    (run, sensor): (usize, usize),
+    stretch: Stretch,
+    asked: &[&str],
+) -> Result<Packed, AnyError> {
+    let data = bench.study.runs().get(run).and_then(|r| r.sensors.get(sensor)).ok_or("there is no such sensor")?;
+    let simulated = |d: &Drawn| bench.simulated(&d.effects, &d.given, d.reaches);
+    let drawn: Vec<Drawn> = asked.iter().filter_map(|name| drawn(bench, name)).collect();
+    let simulated: Vec<_> = drawn.iter().map(simulated).collect::<Result<_, _>>()?;
+    // The clock of the model in force, whatever else is drawn.
+    let start_s = closure_start_s(bench, run);
+    let (kept, samples) = stretch.samples(data, start_s);
+    let mut packed = Packed::default();
+    packed.say("points", json!(kept.len()));
+    packed.say("samples", json!(samples));
+    packed.say("decimated", json!(kept.len() < samples));
+    packed.push("time_s", kept.iter().map(|&i| data.time_s[i] - start_s).collect());
+    packed.push("measured_m", kept.iter().map(|&i| data.head_m[i]).collect());
+    for (d, simulated) in drawn.iter().zip(&simulated) {
+        let head_m = simulated.shown.head_m(run, sensor);
+        packed.push(format!("{}_m", d.name), kept.iter().map(|&i| head_m(data.time_s[i])).collect());
+    }
+    Ok(packed)
+}
+
+/// When a run's closure starts on its clock, s: as the model in force has it, or as its signals show it.
+pub fn closure_start_s(bench: &Bench, run: usize) -> f64 {
+    let data = &bench.study.runs()[run];
+    let own = |fit: &crate::Fit| {
+        let is_it = |p: &&crate::fit::outcome::fit::FittedParameter| {
+            p.name == "closure_start_s" && p.run.as_ref() == Some(&data.file)
+        };
+        fit.parameters.iter().find(is_it).map(|p| p.value)
+    };
+    bench.fit().and_then(|fit| own(&fit)).unwrap_or(data.start.closure_s.0)
+}
+
+fn drawn(bench: &Bench, asked: &str) -> Option<Drawn> {
+    let fit = bench.fit()?;
+    let of_fit = |fit: &crate::Fit| Drawn {
+        name: asked.to_owned(),
+        effects: fit.effects.clone(),
+        given: fit.given(),
+        reaches: fit.reaches,
+    };
+    let of_number = |number: usize| {
+        let file = bench.file();
+        let entry = file.models.get(number.checked_sub(1)?)?;
+        Some(Drawn { name: asked.to_owned(), effects: entry.chosen(), given: entry.given(), reaches: fit.reaches })
+    };
+    match asked.split_once(':') {
+        None if asked == "model" => Some(of_fit(&fit)),
+        None if asked == "previous" => of_number(bench.file().current().grown_from?),
+        Some(("number", number)) => of_number(number.parse().ok()?),
+        Some(("candidate", label)) => {
+            let found = bench.diagnosis()?;
+            let candidate = found.candidates.iter().find(|c| c.label == label || c.effect == label);
+            let pair = found.pair.as_ref().filter(|pair| pair.labels.join(" + ") == label);
+            pair.map(|pair| of_fit(&pair.fit)).or_else(|| Some(of_fit(candidate?.fit.as_ref()?)))
+        }
+        _ => None,
+    }
+}
+
+/// The model in force at other values.
+#[derive(Debug, Clone, Default, PartialEq, serde::Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Question {
+    /// Values by name; the others are as fitted. A name stands for the parameter in all runs.
+    pub set: BTreeMap<String, f64>,
+    /// Effects to leave out for a moment.
+    pub without: Vec<String>,
+    /// From when on, s after the start of the closure.
+    pub from: Option<f64>,
+    /// Until when.
+    pub to: Option<f64>,
+    /// Points a sensor.
+    pub points: Option<usize>,
+    /// On a coarser grid where the fit's own would not keep up with a slider.
+    pub coarse: bool,
+}
+
+/// Simulates the model in force at other values; nothing is kept.
+///
+/// # Errors
+/// No model yet, names that the model does not have, a model that cannot be simulated.
+pub fn simulate(bench: &Bench, asked: &Question) -> Result<Simulation, AnyError> {
+    let fit = bench.fit().ok_or("the model is still being fitted")?;
+    let stays = |c: &Chosen| !asked.without.iter().any(|name| *name == c.effect.name() || *name == c.label());
+    let effects: Vec<Chosen> = fit.effects.iter().filter(|c| stays(c)).cloned().collect();
+    let mut values: Vec<Given> = given(&asked.set).collect();
+    if let Some(odd) = values.iter().find(|g| !g.value.is_finite()) {
+        return Err(format!("{} must be a number", odd.name).into());
+    }
+    let owners = bench.study.owners(&fit);
+    let fitted = fit.given().into_iter().zip(owners);
+    values.extend(fitted.filter(|(_, owner)| owner.is_none_or(|i| stays(&fit.effects[i]))).map(|(given, _)| given));
+    let samples: usize = bench.study.runs().iter().flat_map(|r| &r.sensors).map(|s| s.time_s.len()).sum();
+    let coarse = asked.coarse && fit.reaches > COARSE_REACHES && fit.reaches * samples > KEEPS_UP;
+    let reaches = if coarse { COARSE_REACHES } else { fit.reaches };
+    let simulated = bench.study.simulated(&effects, &values, reaches)?;
+    let stretch = Stretch { from_s: asked.from, to_s: asked.to, points: asked.points };
+    Ok(Simulation {
+        rmse_m: simulated.rmse_m(bench.study.runs()),
+        noise_m: fit.pooled().1,
+        reaches: simulated.reaches,
+        coarse,
+        curves: curves(bench, &simulated, stretch),
+    })
+}
+
+/// The model at other values, beside what was measured.
+#[derive(Debug, Serialize)]
+pub struct Simulation {
+    rmse_m: f64,
+    noise_m: f64,
+    reaches: usize,
+    /// The grid is coarser than the fit's.
+    coarse: bool,
+    /// Each sensor.
+    curves: Vec<SensorCurves>,
+}
+
+/// One sensor; all vectors of one length.
+#[derive(Debug, Serialize)]
+struct SensorCurves {
+    run: usize,
+    sensor: usize,
+    name: String,
+    /// After the start of the closure as the fit has it, s: a later closure shows as later.
+    time_s: Vec<f64>,
+    measured_m: Vec<f64>,
+    model_m: Vec<f64>,
+}
+
+impl Simulation {
+    /// The same as bytes: columns `RUN/SENSOR/time_s` and so on.
+    pub fn packed(self) -> Packed {
+        let mut packed = Packed::default();
+        packed.say("rmse_m", json!(self.rmse_m));
+        packed.say("noise_m", json!(self.noise_m));
+        packed.say("reaches", json!(self.reaches));
+        packed.say("coarse", json!(self.coarse));
+        let about = |c: &SensorCurves| json!({ "run": c.run, "sensor": c.sensor, "points": c.time_s.len() });
+        packed.say("sensors", self.curves.iter().map(about).collect());
+        for c in self.curves {
+            let of = |what: &str| format!("{}/{}/{what}", c.run, c.sensor);
+            packed.push(of("time_s"), c.time_s);
+            packed.push(of("measured_m"), c.measured_m);
+            packed.push(of("model_m"), c.model_m);
+        }
+        packed
+    }
+}
+
+fn curves(bench: &Bench, simulated: &Simulated, stretch: Stretch) -> Vec<SensorCurves> {
+    let mut all = Vec::new();
+    for (r, run) in bench.study.runs().iter().enumerate() {
+        let start_s = closure_start_s(bench, r);
+        for (s, sensor) in run.sensors.iter().enumerate() {
+            let (kept, _) = stretch.samples(sensor, start_s);
+            let head_m = simulated.shown.head_m(r, s);
+            all.push(SensorCurves {
+                run: r,
+                sensor: s,
+                name: sensor.sensor.name.clone(),
+                time_s: kept.iter().map(|&i| sensor.time_s[i] - start_s).collect(),
+                measured_m: kept.iter().map(|&i| sensor.head_m[i]).collect(),
+                model_m: kept.iter().map(|&i| head_m(sensor.time_s[i])).collect(),
+            });
+        }
+    }
+    all
+}

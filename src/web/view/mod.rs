@@ -1,0 +1,7 @@
+//! What a page or a script sees of a session.
+
+pub mod curves;
+pub mod model;
+pub mod packed;
+pub mod state;
+pub mod take_away;

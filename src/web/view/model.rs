@@ -1,0 +1,80 @@
+//! The model in force: its error, its parameters, where it fails.
+
+use serde_json::{Value, json};
+
+use crate::diagnose::residual_patterns::{by_cycle, residual_patterns};
+use crate::fit::outcome::fit::{Fit, FittedParameter};
+use crate::fit::outcome::uncertainty::Uncertainty;
+use crate::results::fit_record::Parameter;
+use crate::web::session::bench::Bench;
+
+/// Two parameters that are correlated more than this move together.
+const TOGETHER: f64 = 0.98;
+
+/// The model in force, once it is fitted.
+pub fn json(bench: &Bench) -> Option<Value> {
+    let fit = bench.fit()?;
+    let (rmse_m, noise_m) = fit.pooled();
+    let failings: Vec<Value> = residual_patterns(&fit)
+        .into_iter()
+        .map(|p| {
+            let (from_s, to_s) = p.worst.map_or((None, None), |worst| (Some(worst.from_s), Some(worst.to_s)));
+            json!({ "text": p.sentence, "run": p.run, "sensor": p.sensor, "from_s": from_s, "to_s": to_s })
+        })
+        .collect();
+    Some(json!({
+        "number": bench.file().in_force, "effects": fit.labels(), "rmse_m": rmse_m, "noise_m": noise_m,
+        "converged": fit.converged, "reaches": fit.reaches,
+        "parameters": parameters(bench, &fit), "fails": failings, "cycles": cycles(&fit), "commands": bench.commands,
+    }))
+}
+
+fn parameters(bench: &Bench, fit: &Fit) -> Vec<Value> {
+    let described = |(j, owner): (usize, Option<usize>)| {
+        let p = &fit.parameters[j];
+        let mut value = json!(Parameter::from(p));
+        value["about"] = json!(p.about);
+        value["log"] = json!(value["scale"] == "log");
+        value["effect"] = json!(owner.map(|i| fit.effects[i].label()));
+        value["advice"] = json!(advice(fit, j, p));
+        value
+    };
+    bench.study.owners(fit).into_iter().enumerate().map(described).collect()
+}
+
+/// What to do about a parameter that the fit does not settle.
+fn advice(fit: &Fit, j: usize, p: &FittedParameter) -> Option<String> {
+    if p.at_bound {
+        return Some("at its bound: check the rig file, widen the bounds, or take its effect out".into());
+    }
+    match p.uncertainty {
+        Uncertainty::Open => {
+            return Some("the recording does not determine it: hold it, or take its effect out".into());
+        }
+        Uncertainty::NotAtOptimum => return Some("the fit ended at no optimum: fit again".into()),
+        Uncertainty::Held => return None,
+        _ => {}
+    }
+    let correlations = fit.correlation.get(j)?.iter().enumerate().filter(|&(i, r)| i != j && r.abs() > TOGETHER);
+    let (other, _) = correlations.max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()))?;
+    Some(format!(
+        "moves together with {}: hold one of them, or add a run that tells them apart",
+        fit.parameters[other].name
+    ))
+}
+
+fn cycles(fit: &Fit) -> Vec<Value> {
+    let runs = fit.runs.iter().enumerate();
+    let sensors = runs.flat_map(|(r, run)| run.sensors.iter().enumerate().map(move |(s, sensor)| (r, s, sensor)));
+    let row = |(r, s, sensor): (usize, usize, &crate::fit::outcome::fit::SensorFit)| {
+        let cells: Vec<Value> = by_cycle(sensor)
+            .into_iter()
+            .map(|c| {
+                let over_noise = c.rms_m / sensor.noise_m;
+                json!({ "cycle": c.cycle, "from_s": c.from_s, "to_s": c.to_s, "over_noise": over_noise })
+            })
+            .collect();
+        json!({ "run": r, "sensor": s, "name": sensor.name, "cells": cells })
+    };
+    sensors.map(row).collect()
+}

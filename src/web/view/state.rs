@@ -1,0 +1,148 @@
+//! All that a page needs to draw a session.
+
+use serde_json::{Value, json};
+
+use crate::report::view::panel::OwnUnit;
+use crate::results::fit_record::recorded_at;
+use crate::rig::{Rig, Upstream};
+use crate::study::open::Loaded;
+use crate::web::session::Session;
+use crate::web::session::bench::Bench;
+use crate::web::session::place::Run;
+use crate::web::view::curves::closure_start_s;
+use crate::web::view::model;
+
+/// Points of a sparkline.
+const SPARK: usize = 60;
+
+/// The state of a session.
+pub fn json(session: &Session) -> Value {
+    let bench = session.bench();
+    let bench = bench.as_deref();
+    let file = bench.map(Bench::file);
+    let models: Vec<Value> = file.iter().flat_map(|file| file.models.iter().enumerate()).map(listed).collect();
+    let diagnosis = bench.and_then(|bench| bench.diagnosis_json(&*bench.diagnosis()?).ok());
+    json!({
+        "version": env!("CARGO_PKG_VERSION"),
+        "place": session.place().words(),
+        "runs": session.place().runs().iter().map(|run| of_run(run, bench)).collect::<Vec<_>>(),
+        "open": bench.map(open),
+        "model": bench.and_then(model::json),
+        "models": models,
+        "can_undo": file.as_ref().is_some_and(|f| !f.models.is_empty() && f.current().grown_from.is_some()),
+        "can_redo": file.as_ref().is_some_and(|f| f.next().is_some()),
+        "file": bench.and_then(|bench| Some(bench.model_path.file_name()?.to_string_lossy().into_owned())),
+        "job": session.jobs.current().map(|job| json!({
+            "id": job.id, "what": job.what, "progress": job.progress, "errors": job.errors,
+            "iteration": job.errors.last().map(|(n, _)| n), "rmse_m": job.errors.last().map(|(_, rmse_m)| rmse_m),
+        })),
+        "diagnosis": diagnosis,
+        "recording": session.recorder.json(),
+        "can_record": can_record(session),
+    })
+}
+
+/// How a recording may be made: on the rig's devices, or simulated; none without a rig.
+fn can_record(session: &Session) -> Vec<&'static str> {
+    let Some(rig) = session.rig() else { return Vec::new() };
+    let wired = rig.sensors.iter().any(|sensor| sensor.wiring.is_some());
+    wired.then_some("devices").into_iter().chain(cfg!(unix).then_some("simulated")).collect()
+}
+
+fn listed((i, model): (usize, &crate::results::model_file::Entry)) -> Value {
+    json!({
+        "number": i + 1, "name": model.name, "grown_from": model.grown_from, "effects": model.effects,
+        "rmse_m": model.rmse_m, "noise_m": model.noise_m, "why": model.why, "when": model.when,
+    })
+}
+
+/// A run: what is open as it stands, the others as the folder's index knows them.
+fn of_run(run: &Run, bench: Option<&Bench>) -> Value {
+    let finding = run.known.as_ref().and_then(|known| known.finding.as_ref());
+    let mut about = json!({
+        "id": run.id.to_string(), "name": run.name(), "open": false,
+        "rig": run.known.as_ref().map(|known| &known.rig), "when": run.known.as_ref().and_then(|known| known.when.as_ref()),
+        "temperature_degC": finding.and_then(|f| f.temperature_degc), "flow_m3_s": finding.and_then(|f| f.flow_m3_s),
+        "rmse_m": finding.map(|f| f.rmse_m), "noise_m": finding.map(|f| f.noise_m),
+        "verdict": finding.map(|f| &f.verdict), "effect": finding.and_then(|f| f.missing.as_ref()), "spark": [],
+    });
+    let at = bench.and_then(|bench| Some((bench, bench.paths.iter().position(|path| *path == run.path)?)));
+    let Some((bench, i)) = at else { return about };
+    let loaded = &bench.study.recordings()[i];
+    about["open"] = json!(true);
+    about["rig"] = json!(bench.study.rig().name);
+    about["when"] = json!(recorded_at(loaded.recording.run.start_unix_ns));
+    about["temperature_degC"] = json!(loaded.features.temperature_degc);
+    about["flow_m3_s"] = json!(loaded.features.flow_m3_s.map(|q| q.value));
+    about["spark"] = json!(spark(bench, i));
+    if let Some(fit) = bench.fit().and_then(|fit| fit.runs.get(i).cloned()) {
+        (about["rmse_m"], about["noise_m"]) = (json!(fit.rmse_m), json!(fit.noise_m));
+    }
+    if let Some(found) = bench.diagnosis() {
+        about["verdict"] = json!(found.verdict.name());
+        about["effect"] = json!(found.answer().map(|_| found.answer_label()));
+    }
+    about
+}
+
+fn spark(bench: &Bench, run: usize) -> Vec<f64> {
+    let Some(sensor) = bench.study.runs()[run].sensors.last() else { return Vec::new() };
+    let step = (sensor.head_m.len() / SPARK).max(1);
+    sensor.head_m.iter().step_by(step).take(SPARK).copied().collect()
+}
+
+fn open(bench: &Bench) -> Value {
+    let study = &bench.study;
+    let names: Vec<&str> = study.recordings().iter().map(|l| l.file.as_str()).collect();
+    let runs: Vec<Value> = study.recordings().iter().enumerate().map(|(r, l)| opened(bench, r, l)).collect();
+    json!({
+        "title": format!("{} · {}", names.join(", "), study.rig().name), "rig": rig(study.rig()), "runs": runs,
+        "warnings": study.warnings(),
+    })
+}
+
+fn opened(bench: &Bench, r: usize, loaded: &Loaded) -> Value {
+    let (rig, data) = (bench.study.rig(), &bench.study.runs()[r]);
+    let start_s = closure_start_s(bench, r);
+    let fit = bench.fit();
+    let times = || data.sensors.iter().filter_map(|s| Some((*s.time_s.first()?, *s.time_s.last()?)));
+    let sensors: Vec<Value> = (data.sensors.iter().enumerate())
+        .map(|(s, sensor)| {
+            let own = OwnUnit::of(rig, &sensor.sensor.name, loaded.features.temperature_degc);
+            let fitted = fit.as_ref().and_then(|fit| fit.runs.get(r)?.sensors.get(s));
+            json!({
+                "name": sensor.sensor.name, "position_m": sensor.sensor.position_m, "samples": sensor.time_s.len(),
+                "noise_m": sensor.total_noise_m, "rmse_m": fitted.map(|f| f.rmse_m),
+                "unit": own.map(|u| json!({ "symbol": u.symbol, "per_m": u.per_m, "zero": u.zero })),
+            })
+        })
+        .collect();
+    json!({
+        "name": loaded.file, "sensors": sensors,
+        "from_s": times().map(|(from, _)| from - start_s).fold(f64::INFINITY, f64::min),
+        "to_s": times().map(|(_, to)| to - start_s).fold(f64::NEG_INFINITY, f64::max),
+        "period_s": loaded.features.period.map(|p| p.value),
+        "flow_m3_s": loaded.features.flow_m3_s.map(|q| q.value),
+        "velocity_m_s": data.start.velocity_m_s.0,
+        "temperature_degC": loaded.features.temperature_degc,
+        "recorded_at": recorded_at(loaded.recording.run.start_unix_ns),
+    })
+}
+
+fn rig(rig: &Rig) -> Value {
+    let mut from_m = 0.0;
+    let mut pipes = Vec::new();
+    for p in &rig.pipes {
+        pipes.push(json!({
+            "name": p.name, "from_m": from_m, "to_m": from_m + p.length_m, "inner_diameter_m": p.inner_diameter_m,
+            "material": p.material,
+        }));
+        from_m += p.length_m;
+    }
+    let supply = match rig.upstream {
+        Upstream::Pump => "pump",
+        Upstream::Reservoir => "reservoir",
+        Upstream::Measured => "measured",
+    };
+    json!({ "name": rig.name, "length_m": rig.length_m(), "supply": supply, "pipes": pipes })
+}

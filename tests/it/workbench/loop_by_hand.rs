@@ -1,0 +1,193 @@
+//! The loop by hand: look, diagnose, add, undo. Each action ends on the numbers of the command that does the same.
+
+use std::path::Path;
+
+use serde_json::{Value, json};
+
+use crate::common::{CREEP, LEAK, here};
+use crate::workbench::client::{Workbench, done_in};
+
+fn folder_with(name: &str) -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::copy(here(name), folder.path().join("run.mcap")).unwrap();
+    folder
+}
+
+/// The model in force of a file, as the command shows it.
+fn in_force(folder: &Path, file: &str) -> Value {
+    let models = done_in(folder, &["model", file]);
+    models["models"][models["in_force"].as_u64().unwrap() as usize - 1].clone()
+}
+
+fn close(a: &Value, b: &Value, relative: f64) {
+    let (a, b) = (a.as_f64().unwrap(), b.as_f64().unwrap());
+    assert!((a / b - 1.0).abs() < relative, "{a} is not {b}");
+}
+
+#[test]
+fn adding_an_effect_is_what_the_command_does() {
+    let folder = folder_with(CREEP);
+    done_in(folder.path(), &["calibrate", "run.mcap", "--effects", "none", "--save", "by-command.toml"]);
+    let base = in_force(folder.path(), "by-command.toml");
+    done_in(folder.path(), &["add", "viscoelastic-wall", "by-command.toml"]);
+    let grown = in_force(folder.path(), "by-command.toml");
+
+    let bench = Workbench::open(folder.path(), &["run.mcap"]);
+    let first = bench.fitted();
+    close(&first["model"]["rmse_m"], &base["rmse_m"], 1e-9);
+    assert_eq!(first["model"]["effects"], json!([]));
+    assert!(!folder.path().join("run.model.toml").exists(), "nothing is written before a model is made by hand");
+
+    let heard = bench.job("/api/add", &json!({ "effect": "viscoelastic-wall" }));
+    let errors: Vec<f64> =
+        heard.iter().filter(|(name, _)| name == "progress").filter_map(|(_, data)| data["rmse_m"].as_f64()).collect();
+    assert!(errors.len() >= 5 && errors.last() < errors.first(), "{errors:?}");
+    let told = heard.iter().find(|(name, _)| name == "model").map(|(_, data)| data.clone()).unwrap();
+    assert_eq!(heard.last().unwrap().0, "done");
+    close(&told["rmse_m"], &grown["rmse_m"], 1e-4);
+    let state = bench.state();
+    assert_eq!(state["model"]["effects"], grown["effects"]);
+    assert_eq!((&state["model"]["rmse_m"], state["job"].is_null()), (&told["rmse_m"], true));
+    let own = in_force(folder.path(), "run.model.toml");
+    assert_eq!((&own["rmse_m"], &own["effects"]), (&told["rmse_m"], &grown["effects"]));
+
+    bench.job("/api/undo", &json!({}));
+    assert_eq!(in_force(folder.path(), "run.model.toml")["effects"], json!([]));
+    let undone = bench.state();
+    close(&undone["model"]["rmse_m"], &base["rmse_m"], 1e-6);
+    assert_eq!((&undone["can_undo"], &undone["can_redo"]), (&json!(false), &json!(true)));
+    let failed = bench.job("/api/undo", &json!({}));
+    assert!(failed.last().unwrap().1["message"].as_str().unwrap().contains("first model"), "{failed:?}");
+    bench.job("/api/redo", &json!({}));
+    assert_eq!(bench.state()["model"]["effects"], grown["effects"]);
+
+    bench.job("/api/remove", &json!({ "effect": "viscoelastic-wall" }));
+    let removed = bench.state();
+    assert_eq!(removed["model"]["effects"], json!([]));
+    close(&removed["model"]["rmse_m"], &base["rmse_m"], 1e-3);
+    assert_eq!(removed["models"].as_array().unwrap().len(), 3, "nothing is deleted");
+}
+
+#[test]
+fn a_diagnosis_is_what_the_command_says_and_shows_what_each_candidate_would_do() {
+    let folder = folder_with(LEAK);
+    let by_command = done_in(folder.path(), &["diagnose", "run.mcap", "--effects", "unsteady-friction"]);
+    done_in(folder.path(), &["calibrate", "run.mcap", "--effects", "unsteady-friction", "--save", "run.model.toml"]);
+    let bench = Workbench::open(folder.path(), &["run.model.toml"]);
+    bench.fitted();
+    let heard = bench.job("/api/diagnose", &json!({}));
+    let found = heard.iter().find(|(name, _)| name == "diagnosis").map(|(_, data)| data.clone()).unwrap();
+    assert_eq!(found["verdict"], by_command["verdict"]);
+    assert_eq!(found["candidates"][0]["effect"], "leak");
+    close(&found["candidates"][0]["rmse_m"], &by_command["candidates"][0]["rmse_m"], 1e-3);
+    assert_eq!(bench.state()["diagnosis"], found, "who comes later sees the same");
+    assert_eq!(bench.state()["runs"][0]["verdict"], "missing-effect");
+
+    let packed = bench.get("/api/curves?run=0&sensor=0&points=600&curves=model,candidate:leak,candidate:nonsense");
+    let length = u32::from_le_bytes(packed[..4].try_into().unwrap()) as usize;
+    let head: Value = serde_json::from_slice(&packed[4..4 + length]).unwrap();
+    assert_eq!(head["columns"], json!(["time_s", "measured_m", "model_m", "candidate:leak_m"]));
+    let points = head["points"].as_u64().unwrap() as usize;
+    let column = |i: usize| -> Vec<f64> {
+        let from = 4 + length + 8 * i * points;
+        packed[from..from + 8 * points].chunks(8).map(|b| f64::from_le_bytes(b.try_into().unwrap())).collect()
+    };
+    let error = |model: Vec<f64>| -> f64 { column(1).iter().zip(model).map(|(a, b)| (a - b).powi(2)).sum() };
+    assert!(points <= 600 && error(column(3)) < 0.2 * error(column(2)), "the leak comes nearer to what was measured");
+    let csv = String::from_utf8(bench.get("/api/curves.csv?points=50")).unwrap();
+    assert!(csv.starts_with("time_s,measured_m,model_m\n") && csv.lines().count() > 40, "{csv}");
+    let page = String::from_utf8(bench.get("/api/report")).unwrap();
+    assert!(page.starts_with("<!doctype html>") && page.contains("leak"));
+}
+
+#[test]
+fn a_parameter_is_moved_held_and_fitted() {
+    let folder = folder_with(CREEP);
+    let bench = Workbench::open(folder.path(), &["run.mcap"]);
+    let fitted = bench.fitted();
+    let as_fitted = bench.post("/api/simulate", &json!({ "points": 100 }), 200);
+    close(&as_fitted["rmse_m"], &fitted["model"]["rmse_m"], 1e-9);
+    assert_eq!(as_fitted["curves"].as_array().unwrap().len(), 3);
+    let points = as_fitted["curves"][0]["model_m"].as_array().unwrap().len();
+    assert!((90..=100).contains(&points), "{points}");
+    let moved = bench.post("/api/simulate", &json!({ "set": { "wave_speed_m_s": 380.0 } }), 200);
+    assert!(moved["rmse_m"].as_f64() > as_fitted["rmse_m"].as_f64());
+    assert_eq!(bench.state(), fitted, "nothing is kept");
+    let unknown = bench.post("/api/simulate", &json!({ "set": { "leak_position_m": 3.0 } }), 400);
+    assert!(unknown["error"].as_str().unwrap().contains("leak_position_m"), "{unknown}");
+    bench.post("/api/simulate", &json!({ "sett": {} }), 400);
+
+    bench.job("/api/fit", &json!({ "set": { "wave_speed_m_s": 320.0 }, "hold": ["wave_speed_m_s"] }));
+    let of = |state: &Value, name: &str| -> Value {
+        state["model"]["parameters"].as_array().unwrap().iter().find(|p| p["name"] == name).unwrap().clone()
+    };
+    let held = of(&bench.state(), "wave_speed_m_s");
+    assert_eq!((&held["value"], &held["held"]), (&json!(320.0), &json!(true)));
+    let model = done_in(folder.path(), &["refit", "run.model.toml"]);
+    assert!(model["models"][2]["why"].as_str().unwrap().contains("wave_speed_m_s held"));
+    bench.until("what the command has added", |state| state["models"].as_array().unwrap().len() == 3);
+    bench.until("its fit", |state| state["job"].is_null() && !state["model"].is_null());
+    bench.job("/api/fit", &json!({ "free": ["wave_speed_m_s"] }));
+    let freed = bench.state();
+    assert_eq!(of(&freed, "wave_speed_m_s")["held"], false);
+    close(&freed["model"]["rmse_m"], &fitted["model"]["rmse_m"], 1e-4);
+    let odd = bench.job("/api/fit", &json!({ "hold": ["no_such_parameter"] }));
+    assert!(odd.last().unwrap().1["message"].as_str().unwrap().contains("no_such_parameter"), "{odd:?}");
+}
+
+#[test]
+fn a_job_is_cancelled_and_leaves_everything_as_it_was() {
+    let folder = folder_with(LEAK);
+    let bench = Workbench::open(folder.path(), &["run.mcap"]);
+    let before = bench.fitted();
+    let mut events = bench.events();
+    let job = bench.post("/api/diagnose", &json!({}), 202)["job"].clone();
+    let busy = bench.post("/api/add", &json!({ "effect": "leak" }), 409);
+    assert!(busy["error"].as_str().unwrap().contains("diagnosing"), "{busy}");
+    bench.post("/api/cancel", &json!({}), 202);
+    let (_, failed) = events.find(|(name, data)| name == "failed" && data["job"] == job).unwrap();
+    assert_eq!(failed["message"], "cancelled");
+    assert_eq!(bench.state(), before);
+    bench.post("/api/cancel", &json!({}), 409);
+    bench.job("/api/add", &json!({ "effect": "unsteady-friction" }));
+    assert_eq!(bench.state()["model"]["effects"], json!(["unsteady-friction"]));
+}
+
+/// Kills the workbench in the middle of an addition.
+fn killed(times: u64) {
+    let folder = folder_with(CREEP);
+    done_in(folder.path(), &["calibrate", "run.mcap", "--effects", "none", "--save", "run.model.toml"]);
+    for round in 0..times {
+        let before = done_in(folder.path(), &["model", "run.model.toml"]);
+        let mut bench = Workbench::open(folder.path(), &["run.mcap"]);
+        bench.fitted();
+        let mut events = bench.events();
+        bench.post("/api/add", &json!({ "effect": "viscoelastic-wall:1" }), 202);
+        // at another moment each time
+        let _ = events.by_ref().filter(|(name, _)| name == "progress").nth(7 * round as usize % 40);
+        bench.process.kill().unwrap();
+        bench.process.wait().unwrap();
+        let after = done_in(folder.path(), &["model", "run.model.toml"]);
+        let (was, is) = (before["models"].as_array().unwrap().len(), after["models"].as_array().unwrap().len());
+        assert!(is == was || is == was + 1, "{was} models became {is}");
+        assert_eq!(
+            after["in_force"].as_u64().unwrap() as usize,
+            if is == was { before["in_force"].as_u64().unwrap() as usize } else { is }
+        );
+        // back to the base model, which can take the effect again
+        if is > was {
+            done_in(folder.path(), &["undo", "run.model.toml"]);
+        }
+    }
+}
+
+#[test]
+fn killed_in_the_middle_the_file_is_whole() {
+    killed(3);
+}
+
+#[test]
+#[ignore = "two minutes"]
+fn killed_fifty_times_the_file_is_whole() {
+    killed(50);
+}

@@ -1,0 +1,85 @@
+//! Recordings that come while the workbench is open: dropped on the page, or recorded.
+
+use serde_json::json;
+
+use crate::common::{LEAK, here};
+use crate::workbench::client::{Workbench, done_in};
+
+/// `text` as base64.
+fn base64(bytes: &[u8]) -> String {
+    const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    let mut text = String::new();
+    for three in bytes.chunks(3) {
+        let number = three.iter().enumerate().fold(0u32, |sum, (i, b)| sum | u32::from(*b) << (16 - 8 * i));
+        for i in 0..4 {
+            let digit = char::from(DIGITS[(number >> (18 - 6 * i) & 63) as usize]);
+            text.push(if i <= three.len() { digit } else { '=' });
+        }
+    }
+    text
+}
+
+#[test]
+fn a_messy_table_is_looked_at_then_imported_and_opened() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::copy(here(LEAK), folder.path().join("run.mcap")).unwrap();
+    done_in(folder.path(), &["export", "run.mcap", "-o", "plain.csv"]);
+    let plain = std::fs::read_to_string(folder.path().join("plain.csv")).unwrap();
+    let lines: Vec<&str> = plain.lines().filter(|line| !line.starts_with('#')).collect();
+    let columns = lines[0].split(',').count();
+    // decimal commas, another name for a sensor, a line of remarks
+    let messy: String = std::iter::once(
+        "Zeit [s];".to_owned() + &lines[0].split_once(',').unwrap().1.replace(',', ";").replace("P1", "Druck1") + "\n",
+    )
+    .chain(lines[1..].iter().map(|line| line.replace(',', ";").replace('.', ",") + "\n"))
+    .collect();
+    let bench = Workbench::open(folder.path(), &["run.mcap"]);
+    bench.fitted();
+    let dropped = |map: serde_json::Value, accept: bool| json!({ "name": "../messy.csv", "content": base64(messy.as_bytes()), "map": map, "accept": accept });
+    let looked = bench.post("/api/import", &dropped(json!([["Druck1", "P1"]]), false), 200);
+    assert!(looked["written"].is_null() && !folder.path().join("messy.mcap").exists());
+    let sensors = looked["understood"]["sensors"].as_array().unwrap();
+    assert!(
+        sensors.iter().any(|s| s["sensor"] == "P1" && s["column"].as_str().unwrap().contains("Druck1")),
+        "{looked}"
+    );
+    assert!(columns >= 2 && !looked["mended"].as_array().unwrap().is_empty(), "{looked}");
+
+    let written = bench.post("/api/import", &dropped(json!([["Druck1", "P1"]]), true), 200);
+    assert_eq!(written["written"], "messy.mcap");
+    let state = bench.until("the import", |s| s["open"]["runs"][0]["name"] == "messy.mcap" && !s["model"].is_null());
+    assert!(state["runs"].as_array().unwrap().iter().any(|run| run["name"] == "messy.mcap" && run["open"] == true));
+    let again = bench.post("/api/import", &dropped(json!([["Druck1", "P1"]]), true), 200);
+    assert_eq!(again["written"], "messy-2.mcap", "nothing is overwritten");
+    let refused =
+        bench.post("/api/import", &json!({ "name": "x.csv", "content": base64(b"hello\n"), "accept": true }), 400);
+    assert!(refused["error"].as_str().unwrap().len() > 10, "{refused}");
+}
+
+#[cfg(unix)]
+#[test]
+fn a_simulated_shot_is_recorded_live_and_diagnosed_by_itself() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::copy(here(LEAK), folder.path().join("run.mcap")).unwrap();
+    let bench = Workbench::open(folder.path(), &["run.mcap"]);
+    bench.fitted();
+    let mut events = bench.events();
+    let wanted = json!({
+        "simulate": true, "effects": ["leak"], "set": { "leak_position_m": 20.0 }, "rate_hz": 500.0, "duration_s": 2.0,
+    });
+    let started = bench.post("/api/record", &wanted, 202);
+    assert_eq!(started["running"], true);
+    let again = bench.post("/api/record", &wanted, 400);
+    assert!(again["error"].as_str().unwrap().contains("running"), "{again}");
+    let (_, live) = events.find(|(name, data)| name == "live" && data["samples"].as_u64() > Some(0)).unwrap();
+    let sensor = &live["sensors"][0];
+    assert!(sensor["trace"].as_array().is_some_and(|trace| !trace.is_empty()) && sensor["level"].is_number(), "{live}");
+    let (_, found) = events.find(|(name, _)| name == "diagnosis").expect("a diagnosis");
+    assert_eq!(found["candidates"].as_array().is_some_and(|all| !all.is_empty()), true, "{found}");
+    let state = bench.until("the end", |state| state["job"].is_null());
+    let ended = &state["recording"]["ended"];
+    assert_eq!((&state["recording"]["running"], &ended["data_lost"]), (&json!(false), &json!(false)), "{ended}");
+    assert_ne!(state["open"]["runs"][0]["name"], "run.mcap", "the new recording is open");
+    let file = std::path::Path::new(ended["file"].as_str().unwrap()).file_name().unwrap().to_str().unwrap();
+    assert!(done_in(folder.path(), &["inspect", file]).is_object());
+}
