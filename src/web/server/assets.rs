@@ -20,9 +20,11 @@ macro_rules! page {
 }
 
 const HTML: &str = "text/html; charset=utf-8";
-const SVG: &str = "image/svg+xml";
 
-const PAGE: &[Asset] = &page![HTML "index.html", CSS "workbench.css"];
+const PAGE: &[Asset] = &page![
+    HTML "index.html", CSS "workbench.css", JS "main.js", JS "api.js", JS "charts.js", JS "dom.js", JS "future.js", JS "hands.js", JS "past.js",
+    JS "record.js", JS "rig.js", JS "runs.js", JS "store.js", JS "take.js",
+];
 
 const CHARTS: [Asset; 2] = [
     ("uPlot.iife.min.js", JS, include_str!("../../report/html/assets/uplot/uPlot.iife.min.js")),

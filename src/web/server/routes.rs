@@ -11,8 +11,8 @@ use axum::extract::{DefaultBodyLimit, Path, State};
 use axum::http::header::{ACCEPT, CONTENT_TYPE};
 use axum::http::{HeaderMap, StatusCode, Uri};
 use axum::middleware::from_fn_with_state;
+use axum::response::IntoResponse;
 use axum::response::sse::{Event, KeepAlive, Sse};
-use axum::response::{IntoResponse, Redirect};
 use axum::routing::{get, post};
 use futures_util::stream;
 use serde::Deserialize;
@@ -51,7 +51,6 @@ pub fn router(session: Arc<Session>, guard: Arc<Guard>) -> Router {
     let app = Arc::new(App { session });
     Router::new()
         .route("/", get(|| async { assets::answer("index.html") }))
-        .route("/favicon.ico", get(|| async { Redirect::permanent("/assets/icon.svg") }))
         .route("/assets/{name}", get(|Path(name): Path<String>| async move { assets::answer(&name) }))
         .route("/api/state", get(|State(app): State<Arc<App>>| calm(move || Ok(of_json(&state::json(&app.session))))))
         .route("/api/effects", get(|| async { of_json(&CATALOGUE.iter().map(|e| about(*e)).collect()) }))

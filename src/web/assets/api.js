@@ -1,0 +1,53 @@
+// The server: requests, curves as arrays, events.
+
+export async function ask(path) {
+  return checked(await fetch(path));
+}
+
+export async function post(path, body = {}) {
+  const answer = await fetch(path, { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(body) });
+  return checked(answer);
+}
+
+async function checked(answer) {
+  const body = await answer.json().catch(() => ({ error: `the workbench answered ${answer.status}` }));
+  if (!answer.ok) throw new Error(body.error);
+  return body;
+}
+
+// A line of JSON that says what follows, then its columns of numbers. What is no number is null, as the charts want it.
+async function unpacked(answer) {
+  if (!answer.ok) return checked(answer);
+  const bytes = await answer.arrayBuffer();
+  const length = new DataView(bytes).getUint32(0, true);
+  const head = JSON.parse(new TextDecoder().decode(new Uint8Array(bytes, 4, length)));
+  const points = new Map((head.sensors || []).map((s) => [`${s.run}/${s.sensor}`, s.points]));
+  let from = 4 + length;
+  head.column = {};
+  for (const name of head.columns) {
+    const count = head.points ?? points.get(name.slice(0, name.lastIndexOf("/")));
+    head.column[name] = Array.from(new Float64Array(bytes, from, count), (v) => (Number.isFinite(v) ? v : null));
+    from += 8 * count;
+  }
+  return head;
+}
+
+export async function curves(run, sensor, range, points, names) {
+  const query = new URLSearchParams({ run, sensor, points, curves: names.join(",") });
+  if (range) [["from", range[0]], ["to", range[1]]].forEach(([key, value]) => query.set(key, value));
+  return unpacked(await fetch(`/api/curves?${query}`));
+}
+
+export async function simulate(question) {
+  const headers = { "Content-Type": "application/json", Accept: "application/octet-stream" };
+  return unpacked(await fetch("/api/simulate", { method: "POST", headers, body: JSON.stringify(question) }));
+}
+
+// One stream of events for the page; it comes back by itself after a break.
+export function listen(handlers) {
+  const source = new EventSource("/api/events");
+  for (const [name, handler] of Object.entries(handlers)) {
+    source.addEventListener(name, (event) => handler(event.data ? JSON.parse(event.data) : null));
+  }
+  return source;
+}

@@ -1,0 +1,190 @@
+// A chart a sensor: measurement and models, below them the residual on the same axis. All charts zoom and point together.
+
+import { curves, simulate } from "/assets/api.js";
+import { at, digits, h, metres, put, times } from "/assets/dom.js";
+import { app, complain } from "/assets/store.js";
+import { menu } from "/assets/take.js";
+
+const panels = [];
+const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+const SERIES = [
+  { key: "measured", label: "measured", stroke: () => colour("--measured"), width: 1 },
+  { key: "ghost", label: "before", stroke: () => colour("--ghost"), width: 1 },
+  { key: "model", label: "model", stroke: () => colour("--model"), width: 1.5 },
+  { key: "trial", label: "proposed", stroke: () => colour("--proposed"), width: 1.5, dash: [6, 4] },
+];
+const gap = (values, n) => values || new Array(n).fill(null);
+const minus = (a, b) => a.map((v, i) => (v === null || b[i] === null ? null : v - b[i]));
+
+function shown(panel, heads) {
+  const unit = app.unit === "own" ? panel.sensor.unit : null;
+  return unit ? heads.map((v) => (v === null ? null : v * unit.per_m + unit.zero)) : heads;
+}
+const symbol = (panel) => (app.unit === "own" && panel.sensor.unit ? panel.sensor.unit.symbol : "m");
+const perM = (panel) => (app.unit === "own" && panel.sensor.unit ? panel.sensor.unit.per_m : 1);
+
+function options(panel, residual) {
+  const axis = { stroke: () => colour("--text-2"), grid: { stroke: () => colour("--line"), width: 1 }, ticks: { show: false } };
+  const band = {
+    drawClear: [(u) => {
+      if (!residual) return;
+      const noise = 2 * panel.sensor.noise_m * perM(panel);
+      const [top, bottom] = [u.valToPos(noise, "y", true), u.valToPos(-noise, "y", true)];
+      u.ctx.fillStyle = colour("--band");
+      u.ctx.fillRect(u.bbox.left, Math.max(top, u.bbox.top), u.bbox.width, Math.min(bottom, u.bbox.top + u.bbox.height) - Math.max(top, u.bbox.top));
+    }],
+    setSelect: [(u) => {
+      if (u.select.width < 4) return;
+      zoom([u.posToVal(u.select.left, "x"), u.posToVal(u.select.left + u.select.width, "x")]);
+      u.setSelect({ left: 0, top: 0, width: 0, height: 0 }, false);
+    }],
+  };
+  const value = (_, v) => (v === null || v === undefined ? "–" : digits(v, 5));
+  return {
+    width: panel.width(), height: residual ? 96 : 190, pxAlign: false, legend: { show: !residual, live: true },
+    cursor: { sync: { key: "surge", setSeries: false }, drag: { x: true, y: false, setScale: false }, bind: { dblclick: () => () => { zoom(null); return null; } } },
+    scales: { x: { time: false, range: () => span() }, y: { range: (u, low, high) => limits(panel, residual, low, high) } },
+    axes: [{ ...axis, show: residual, size: 30, values: (_, s) => s.map((v) => `${+v.toFixed(4)} s`) }, { ...axis, size: 60, space: residual ? 28 : 40 }],
+    series: [{ label: "s", value }, ...SERIES.map((s) => ({ ...s, value, points: { show: false }, spanGaps: false }))],
+    hooks: band,
+  };
+}
+
+function limits(panel, residual, low, high) {
+  const noise = 2.5 * panel.sensor.noise_m * perM(panel);
+  if (low === null || high === null) return [-noise, noise];
+  if (!residual) return [low - 0.05 * (high - low || 1), high + 0.05 * (high - low || 1)];
+  const most = Math.max(Math.abs(low), Math.abs(high), noise);
+  return [-1.05 * most, 1.05 * most];
+}
+
+// What all charts show, s.
+export function span() {
+  if (app.range) return app.range;
+  const runs = app.state?.open?.runs || [];
+  return [Math.min(...runs.map((r) => r.from_s)), Math.max(...runs.map((r) => r.to_s))];
+}
+
+let waiting = 0;
+export function zoom(range) {
+  const whole = ((kept) => { app.range = null; const all = span(); app.range = kept; return all; })(app.range);
+  app.range = range && [Math.max(whole[0], range[0]), Math.min(whole[1], range[1])];
+  if (app.range && app.range[1] - app.range[0] < 1e-5) app.range = null;
+  draw();
+  clearTimeout(waiting);
+  waiting = setTimeout(load, 120);
+}
+
+export function pan(share) {
+  if (!app.range) return;
+  const by = share * (app.range[1] - app.range[0]);
+  zoom(app.range.map((s) => s + by));
+}
+
+export function part(name) {
+  const period = app.state?.open?.runs[0]?.period_s;
+  if (name === "all" || !period) return zoom(null);
+  return zoom(name === "rise" ? [-0.03 * period, 0.3 * period] : [-0.05 * period, 1.05 * period]);
+}
+
+class Panel {
+  constructor(run, sensor, r, s) {
+    Object.assign(this, { run, sensor, r, s, data: { time: [] } });
+    this.rms = h("span", { class: "rms" });
+    this.box = h("div", { class: "plot" });
+    const several = app.state.open.runs.length > 1 ? ` · ${run.name}` : "";
+    this.card = h("div", { class: "card chart" },
+      h("h3", {}, h("b", { text: sensor.name }), ` ${digits(sensor.position_m, 4)} m${several}`, this.rms, menu(this)), this.box);
+  }
+  width() { return Math.max(240, this.box.clientWidth || 600); }
+  build() {
+    this.plots = [false, true].map((residual) => new uPlot(options(this, residual), [[], [], [], [], []], this.box));
+    new ResizeObserver(() => {
+      if (Math.abs(this.plots[0].width - this.width()) < 2) return;
+      this.plots.forEach((plot, i) => plot.setSize({ width: this.width(), height: i ? 96 : 190 }));
+    }).observe(this.box);
+  }
+  draw() {
+    const { time, measured, ghost, model, trial, adds } = this.data;
+    const n = time.length;
+    const heads = [gap(measured, n), gap(ghost, n), gap(model, n), gap(trial, n)];
+    this.plots[0].setData([time, ...heads.map((v) => shown(this, v))]);
+    const left = (v) => (v && measured ? minus(measured, v).map((d) => (d === null ? null : d * perM(this))) : gap(null, n));
+    // what a candidate would add, over what is left to explain; of moved parameters what they would leave
+    const proposed = adds && trial && model ? minus(trial, model).map((d) => (d === null ? null : d * perM(this))) : left(trial);
+    this.plots[1].setData([time, gap(null, n), left(ghost), left(model), proposed]);
+  }
+  async load() {
+    const names = ["model"];
+    const ghost = app.compare ? `number:${app.compare}` : "previous";
+    names.push(ghost);
+    if (app.preview) names.push(`candidate:${app.preview}`);
+    const asked = await curves(this.r, this.s, app.range, this.width(), names);
+    const of = (name) => asked.column[name];
+    const keeps = this.data.time.length === of("time_s").length && !app.preview;
+    const trial = app.preview ? of(`candidate:${app.preview}_m`) : keeps ? this.data.trial : null;
+    this.data = { time: of("time_s"), measured: of("measured_m"), model: of("model_m"), ghost: of(`${ghost}_m`), trial, adds: Boolean(app.preview) };
+  }
+}
+
+// Builds the charts where other recordings are open, and labels them.
+let title = null;
+export function charts() {
+  const open = app.state.open;
+  if (!open) { put(at("charts"), h("p", { class: "card empty", text: "Nothing is open yet: choose a run, or drop a file here." })); title = null; return; }
+  if (open.title !== title) {
+    title = open.title;
+    app.range = null;
+    panels.splice(0, panels.length, ...open.runs.flatMap((run, r) => run.sensors.map((sensor, s) => new Panel(run, sensor, r, s))));
+    put(at("charts"), panels.map((panel) => panel.card));
+    panels.forEach((panel) => panel.build());
+  }
+  for (const panel of panels) {
+    panel.run = open.runs[panel.r];
+    panel.sensor = panel.run.sensors[panel.s];
+    const rmse = panel.sensor.rmse_m;
+    panel.rms.textContent = rmse === null ? "" : `error ${metres(rmse)}, ${times(rmse, panel.sensor.noise_m)}`;
+  }
+}
+
+export function draw() {
+  panels.forEach((panel) => panel.draw());
+}
+
+let latest = 0;
+export async function load() {
+  const mine = ++latest;
+  try {
+    await Promise.all(panels.map((panel) => panel.load()));
+    if (mine === latest) draw();
+    if (mine === latest && changed() && !app.preview) try_();
+  } catch (error) { complain(error); }
+}
+
+const changed = () => Object.keys(app.moved).length > 0 || app.without.size > 0;
+
+// Simulates with what a person has moved: one request at a time, and the latest values win.
+let flying = false;
+let next = null;
+export async function try_(coarse = false) {
+  if (flying) { next = { coarse }; return; }
+  if (!changed()) { panels.forEach((panel) => { panel.data.trial = null; }); draw(); at("trial").textContent = ""; return; }
+  flying = true;
+  try {
+    const [from, to] = app.range || [undefined, undefined];
+    const points = panels[0].width();
+    const found = await simulate({ set: app.moved, without: [...app.without], from, to, points, coarse });
+    for (const panel of panels) {
+      const model = found.column[`${panel.r}/${panel.s}/model_m`];
+      panel.data.adds = false;
+      panel.data.trial = model.length === panel.data.time.length ? model : null;
+    }
+    draw();
+    const grid = found.coarse ? ` (coarse grid, ${found.reaches} reaches)` : "";
+    at("trial").textContent = `with these values: error ${metres(found.rmse_m)}, ${times(found.rmse_m, found.noise_m)}${grid}`;
+  } catch (error) { complain(error); }
+  flying = false;
+  if (next) { const again = next; next = null; try_(again.coarse); }
+}
+
+matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => panels.forEach((panel) => panel.plots.forEach((plot) => plot.redraw(false, true))));

@@ -1,0 +1,56 @@
+// Elements from plain calls. Text goes in as text, so names from files cannot become markup.
+
+const SVG = "http://www.w3.org/2000/svg";
+
+function fill(element, props, children) {
+  for (const [name, value] of Object.entries(props || {})) {
+    if (value === null || value === undefined || value === false) continue;
+    if (name.startsWith("on")) element.addEventListener(name.slice(2), value);
+    else if (name === "text") element.textContent = value;
+    else if (name === "style") for (const [key, of] of Object.entries(value)) element.style.setProperty(key, of);
+    else if (name === "value") element.value = value;
+    else if (name === "checked") element.checked = value;
+    else element.setAttribute(name, value === true ? "" : value);
+  }
+  element.append(...children.flat().filter((child) => child !== null && child !== undefined && child !== false));
+  return element;
+}
+
+export const h = (tag, props, ...children) => fill(document.createElement(tag), props, children);
+export const svg = (tag, props, ...children) => fill(document.createElementNS(SVG, tag), props, children);
+export const at = (id) => document.getElementById(id);
+
+// Replaces what is in an element, and keeps the focus where it was.
+export function put(element, ...children) {
+  const key = element.contains(document.activeElement) ? document.activeElement.dataset.key : null;
+  element.replaceChildren(...children.flat().filter(Boolean));
+  if (key) element.querySelector(`[data-key="${CSS.escape(key)}"]`)?.focus({ preventScroll: true });
+}
+
+// So many significant digits, without an exponent where people would not write one.
+export function digits(value, n = 3) {
+  if (value === null || value === undefined || !Number.isFinite(value)) return "–";
+  if (value === 0) return "0";
+  const size = Math.floor(Math.log10(Math.abs(value)));
+  if (size < -4 || size > 6) return value.toExponential(n - 1).replace("-", "−");
+  return value.toFixed(Math.max(0, n - 1 - size)).replace("-", "−");
+}
+
+// A value to the digits that its error leaves it: 367.2 ± 0.4.
+export function uncertain(value, error) {
+  if (!(error > 0) || !Number.isFinite(error)) return digits(value, 5);
+  const places = Math.min(12, Math.max(0, 1 - Math.floor(Math.log10(error))));
+  return `${value.toFixed(places)} ± ${error.toFixed(places)}`.replaceAll("-", "−");
+}
+
+export const metres = (value) => `${digits(value, value < 1 ? 2 : 3)} m`;
+export const times = (rmse, noise) => (noise > 0 && Number.isFinite(rmse) ? `${digits(rmse / noise, rmse / noise < 10 ? 2 : 3)} × noise` : "");
+export const probable = (p) => (p > 0.99 ? "> 0.99" : p < 0.01 ? "< 0.01" : p.toFixed(2));
+
+// A parameter's name for people: without its unit.
+const UNITS = /_(m3_s|m_s|per_GPa|GPa|degC|mm2|mm|ms|kPa|m|s|K|percent)$/;
+export function named(parameter) {
+  const match = parameter.name.match(/^([^[]+)(\[.*\])?$/);
+  return `${match[1].replace(UNITS, "").replaceAll("_", " ")}${match[2] ? ` ${match[2].slice(1, -1)}` : ""}`;
+}
+export const unitOf = (parameter) => (parameter.unit === "1" ? "" : parameter.unit);

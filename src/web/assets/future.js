@@ -1,0 +1,111 @@
+// What is missing: the diagnosis, what each candidate would do, and any effect of the catalogue by hand.
+
+import { at, h, metres, probable, put, svg, times } from "/assets/dom.js";
+import { app, act } from "/assets/store.js";
+import { load, try_ } from "/assets/charts.js";
+import { models } from "/assets/past.js";
+
+function sentence(found) {
+  const p = `probability ${probable(found.probability)}`;
+  if (found.verdict === "nothing-missing") return `Nothing is missing (${p}).`;
+  if (found.verdict === "unknown-effect") return `Something is missing that no effect of the catalogue explains (${p}).`;
+  const names = found.pair ? found.pair.labels.join(" and ") : found.candidates[0]?.label;
+  return `Missing: ${names} (${p}).`;
+}
+
+// Draws what a candidate would do, before anything is added.
+function preview(label) {
+  if (app.preview === label) return;
+  app.preview = label;
+  load();
+  models();
+}
+
+function candidate(c) {
+  const about = app.effects.get(c.effect);
+  const noise = app.state.model.noise_m;
+  const show = () => preview(c.label);
+  const bar = h("span", { class: "bar", "aria-hidden": "true" }, h("i", { style: { width: `${100 * c.probability}%` } }));
+  const alike = c.indistinguishable_from.length ? h("p", { class: "hint", text: `Cannot be told from ${c.indistinguishable_from.join(", ")}.` }) : null;
+  const card = h("article", { class: "card candidate", tabindex: 0, "data-key": `p${c.label}`, "aria-label": `${c.label}, probability ${probable(c.probability)}`, onmouseenter: show, onfocus: show, onmouseleave: () => preview(null) },
+    h("h3", {}, c.label, bar, h("span", { class: "number", text: probable(c.probability) })),
+    about ? h("p", { text: about.summary }) : null, alike,
+    h("p", { class: "foot" }, h("span", { text: `error → ${metres(c.rmse_m)}${c.rmse_m < 1.25 * noise ? ", down to the noise" : `, ${times(c.rmse_m, noise)}`}` }),
+      h("button", { type: "button", class: "primary", text: "Add", "aria-label": `Add ${c.label}`, "data-key": `a${c.label}`, disabled: Boolean(app.state.job), onfocus: show, onclick: () => add(c.label) })));
+  return card;
+}
+
+export function add(effect) {
+  app.preview = null;
+  act("/api/add", { effect });
+}
+
+// The error against iteration while a job runs, on a logarithmic axis.
+let errors = [];
+export function job() {
+  const { job: at_work, model } = app.state;
+  at("diagnose").disabled = Boolean(at_work) || !model;
+  const box = at("job");
+  box.hidden = !at_work;
+  if (!at_work) { errors = []; return; }
+  errors = at_work.errors;
+  put(box, h("p", {}, h("b", { text: at_work.what }), " ", h("span", { id: "progress", text: at_work.progress })), h("div", { id: "falling" }),
+    h("button", { type: "button", text: "Cancel", "data-key": "cancel", title: "key Escape", onclick: () => act("/api/cancel") }));
+  falling();
+}
+
+function falling() {
+  const box = at("falling");
+  if (!box || errors.length < 2) return;
+  const noise = app.state.model?.noise_m || Math.min(...errors.map((e) => e[1]));
+  const logs = errors.map((e) => Math.log(e[1]));
+  const [low, high] = [Math.min(Math.log(noise), ...logs), Math.max(...logs)];
+  const y = (log) => 6 + (48 * (high - log)) / (high - low || 1);
+  const x = (i) => (300 * i) / (errors.length - 1);
+  put(box, svg("svg", { viewBox: "0 0 300 60", role: "img", "aria-label": `error by iteration, now ${metres(errors.at(-1)[1])}`, preserveAspectRatio: "none" },
+    svg("line", { x1: 0, x2: 300, y1: y(Math.log(noise)), y2: y(Math.log(noise)), class: "noise-line" }),
+    svg("polyline", { points: logs.map((l, i) => `${x(i).toFixed(1)},${y(l).toFixed(1)}`).join(" "), class: "falling" })));
+}
+
+export function progress(told) {
+  if (!app.state?.job || app.state.job.id !== told.job) return;
+  if (told.rmse_m !== null) errors.push([told.iteration, told.rmse_m]);
+  const words = at("progress");
+  if (words) words.textContent = told.progress;
+  falling();
+}
+
+export function missing() {
+  const { diagnosis: found, model, job: at_work } = app.state;
+  const verdict = [];
+  if (found) {
+    verdict.push(h("p", { class: `verdict ${found.verdict}`, text: sentence(found) }));
+    verdict.push(...found.warnings.map((text) => h("p", { class: "advice", text })));
+  } else if (model && !at_work) verdict.push(h("p", { class: "hint", text: "Diagnose asks every effect of the catalogue what it would explain." }));
+  put(at("verdict"), verdict);
+  const shown = (found?.candidates || []).filter((c, i) => i < 5 || c.probability > 0.01).slice(0, 8);
+  const next = found?.next_test ? h("article", { class: "card next" }, h("h3", { text: "Next test" }), h("p", { text: found.next_test })) : null;
+  put(at("candidates"), shown.map(candidate), next);
+  const own = model?.effects || [];
+  put(at("effects-in"), own.length ? h("h2", { text: "In the model" }) : null, own.map((effect) => {
+    const off = h("input", { type: "checkbox", checked: !app.without.has(effect), onchange: () => { if (off.checked) app.without.delete(effect); else app.without.add(effect); try_(false); } });
+    return h("p", { class: "foot" }, h("label", {}, off, ` ${effect}`), h("button", { type: "button", text: "Take out", "aria-label": `Take ${effect} out`, "data-key": `t${effect}`, disabled: Boolean(at_work), onclick: () => act("/api/remove", { effect }) }));
+  }));
+  at("show-catalogue").disabled = !model || Boolean(at_work);
+}
+
+export function catalogue() {
+  const dialog = at("catalogue");
+  const list = h("div", { class: "list" });
+  const search = h("input", { type: "search", placeholder: "search", "aria-label": "Search the catalogue", oninput: () => fill() });
+  const fill = () => {
+    const wanted = search.value.toLowerCase();
+    const has = (e) => !wanted || `${e.name} ${e.summary} ${e.trace}`.toLowerCase().includes(wanted);
+    put(list, [...app.effects.values()].filter(has).map((e) => h("article", { class: "card" },
+      h("h3", {}, e.name, h("button", { type: "button", class: "primary", text: "Add", "aria-label": `Add ${e.name}`, onclick: () => { dialog.close(); add(e.name); } })),
+      h("p", { text: e.summary }), h("pre", { text: e.equation }), h("p", { class: "hint", text: e.source }))));
+  };
+  put(dialog, h("form", { method: "dialog", class: "heading" }, h("h2", { text: "Effects" }), search, h("button", { text: "Close" })), list);
+  fill();
+  dialog.showModal();
+}

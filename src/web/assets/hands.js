@@ -1,0 +1,131 @@
+// The parameters of the model in force: drag one and the curves follow; hold it, bound it, fit.
+
+import { at, digits, h, named, put, uncertain, unitOf } from "/assets/dom.js";
+import { app, act, complain, tell } from "/assets/store.js";
+import { try_ } from "/assets/charts.js";
+
+const STEPS = 2000;
+const rows = new Map();
+
+const bounds = (p) => app.bounds[p.name] || [p.lower, p.upper];
+const valueOf = (p) => app.moved[p.name] ?? p.value;
+
+// A slider is linear in the parameter, or in its logarithm where the fit moves it so.
+function scale(p) {
+  const [low, high] = bounds(p);
+  const log = p.log && low > 0;
+  const [a, b] = log ? [Math.log(low), Math.log(high)] : [low, high];
+  return {
+    step: (value) => (STEPS * ((log ? Math.log(Math.max(value, low)) : value) - a)) / (b - a || 1),
+    value: (step) => { const x = a + ((b - a) * step) / STEPS; return log ? Math.exp(x) : x; },
+  };
+}
+
+// Sets a value by hand, from a slider, a field or the drawing; `coarse` while it moves.
+export function move(name, value, coarse) {
+  const p = app.state.model?.parameters.find((one) => one.name === name);
+  if (!p || !Number.isFinite(value)) return;
+  app.moved[name] = value;
+  update(p);
+  try_(coarse);
+}
+
+// A person has let go.
+export function release(name) {
+  try_(false);
+  if (!at("meanwhile").checked || app.state.job) return;
+  const value = app.moved[name];
+  act("/api/fit", { set: { [name]: value }, hold: [name] });
+}
+
+function update(p) {
+  const row = rows.get(`${p.name} ${p.run || ""}`);
+  if (!row) return;
+  const value = valueOf(p);
+  const moved = p.name in app.moved;
+  const { step } = scale(p);
+  row.slider.value = step(value);
+  row.slider.setAttribute("aria-valuetext", `${digits(value, 4)} ${unitOf(p)}`);
+  row.field.value = +value.toPrecision(6);
+  row.said.textContent = moved ? `fitted: ${uncertain(p.value, p.standard_error)} ${unitOf(p)}` : p.held ? `held ${unitOf(p)}` : `${uncertain(p.value, p.standard_error)} ${unitOf(p)}`;
+  row.box.classList.toggle("moved", moved);
+  const [low, high] = p.interval_95 || [];
+  const shade = Number.isFinite(low) && Number.isFinite(high) && low !== null;
+  const share = (v) => Math.min(100, Math.max(0, (100 * step(v)) / STEPS));
+  row.shade.style.setProperty("left", shade ? `${share(low)}%` : "0");
+  row.shade.style.setProperty("width", shade ? `${Math.max(0.6, share(high) - share(low))}%` : "0");
+}
+
+function bound(p, i) {
+  const field = h("input", { type: "number", step: "any", value: +bounds(p)[i].toPrecision(6), "aria-label": `${i ? "Upper" : "Lower"} bound of ${named(p)}`, onchange: () => {
+    const own = [...bounds(p)];
+    own[i] = field.valueAsNumber;
+    if (!(own[0] < own[1])) { complain(new Error("the lower bound must lie below the upper one")); field.value = bounds(p)[i]; return; }
+    app.bounds[p.name] = own;
+    update(p);
+  } });
+  return field;
+}
+
+function row(p) {
+  const slider = h("input", { type: "range", min: 0, max: STEPS, step: 1, "aria-label": `${named(p)}: ${p.about}`,
+    oninput: () => move(p.name, scale(p).value(slider.valueAsNumber), true), onchange: () => release(p.name) });
+  const field = h("input", { type: "number", step: "any", class: "value", "aria-label": `${named(p)}, ${p.unit}`, onchange: () => { move(p.name, field.valueAsNumber, false); release(p.name); } });
+  const held = app.hold.has(p.name) || (p.held && !app.free.has(p.name));
+  const hold = h("input", { type: "checkbox", checked: held, "aria-label": `Hold ${named(p)}`, onchange: () => {
+    (hold.checked ? app.hold : app.free).add(p.name);
+    (hold.checked ? app.free : app.hold).delete(p.name);
+  } });
+  const said = h("span", { class: "said" });
+  const shade = h("i", { class: "shade", "aria-hidden": "true" });
+  const more = h("details", { class: "menu" }, h("summary", { "aria-label": `Bounds of ${named(p)}`, text: "⋯" }),
+    h("div", {}, h("p", { text: p.about }), h("label", {}, "from ", bound(p, 0)), h("label", {}, "to ", bound(p, 1))));
+  const advice = p.advice ? h("p", { class: "advice", text: p.advice }) : null;
+  const box = h("div", { class: `parameter${p.advice ? " doubtful" : ""}` },
+    h("div", { class: "label", title: p.about }, h("b", { text: named(p) }), p.run ? ` ${p.run}` : "", more),
+    h("div", { class: "slider" }, shade, slider), field, said, h("label", { class: "hold" }, hold, " hold"), advice);
+  rows.set(`${p.name} ${p.run || ""}`, { slider, field, said, shade, box });
+  return box;
+}
+
+let drawn = null;
+export function parameters() {
+  const model = app.state.model;
+  const key = model && JSON.stringify([app.state.open.title, model.number, model.rmse_m]);
+  at("fit").disabled = at("reset").disabled = !model || Boolean(app.state.job);
+  if (key === drawn) return;
+  drawn = key;
+  rows.clear();
+  if (!model) { put(at("parameters")); return; }
+  const groups = new Map([["pipe and test", []]]);
+  const ofRuns = [];
+  for (const p of model.parameters) {
+    const own = /^(offset_m|position_m|closure_start)/.test(p.name);
+    if (own) { ofRuns.push(p); continue; }
+    const group = p.effect || "pipe and test";
+    groups.set(group, [...(groups.get(group) || []), p]);
+  }
+  put(at("parameters"), [...groups].filter(([, all]) => all.length).map(([name, all]) => h("div", { class: "group" }, h("h3", { text: name }), all.map(row))),
+    h("details", { class: "group" }, h("summary", { text: "sensors and clock" }), ofRuns.map(row)));
+  model.parameters.forEach(update);
+  at("trial").textContent = "";
+}
+
+export function reset() {
+  app.moved = {};
+  app.bounds = {};
+  app.hold.clear();
+  app.free.clear();
+  app.without.clear();
+  drawn = null;
+  parameters();
+  try_(false);
+}
+
+export function fit() {
+  act("/api/fit", { set: app.moved, hold: [...app.hold], free: [...app.free], bounds: app.bounds });
+}
+
+export async function copy(text) {
+  try { await navigator.clipboard.writeText(text); tell(`copied: ${text}`); at("trial").textContent = `copied: ${text}`; } catch { at("trial").textContent = text; }
+}

@@ -1,0 +1,109 @@
+// The page: what is drawn when, and the keys.
+
+import { ask, listen } from "/assets/api.js";
+import { at, h, put } from "/assets/dom.js";
+import { app, act, complain, onState, refresh, tell } from "/assets/store.js";
+import { charts, draw, load, pan, part } from "/assets/charts.js";
+import { fails, models } from "/assets/past.js";
+import { copy, fit, parameters, reset } from "/assets/hands.js";
+import { rig } from "/assets/rig.js";
+import { catalogue, job, missing, progress } from "/assets/future.js";
+import { dropped, runs } from "/assets/runs.js";
+import { live, record, recording } from "/assets/record.js";
+
+const KEYS = [["1 2 3", "first rise, a cycle, the whole record"], ["← →", "pan"], ["d", "diagnose"], ["f", "fit"], ["u r", "undo, redo"], ["m", "heads in m, or in the sensors' own unit"], ["o", "runs"], ["e", "effects"], ["Escape", "cancel the job"], ["?", "these keys"]];
+
+function title() {
+  const open = app.state.open;
+  const run = open?.runs[0];
+  const about = run && [run.recorded_at && new Date(run.recorded_at).toLocaleString(), run.velocity_m_s && `${run.velocity_m_s.toFixed(2)} m/s`, run.temperature_degC && `${run.temperature_degC.toFixed(1)} °C`].filter(Boolean).join(", ");
+  at("title").textContent = open ? [open.title, about].filter(Boolean).join(" · ") : app.state.place;
+  document.title = open ? `${open.title} · surgescope` : "surgescope";
+  const own = run?.sensors.find((s) => s.unit)?.unit.symbol;
+  at("own-unit").hidden = !own;
+  at("own-unit").textContent = own || "own";
+  at("show-runs").textContent = `Runs (${app.state.runs.length})`;
+  const warnings = open?.warnings || [];
+  put(at("messages"), warnings.length && warned !== open.title ? h("p", {}, h("span", { text: warnings.join(" ") }), h("button", { type: "button", text: "Dismiss", onclick: (e) => { warned = open.title; e.target.parentElement.remove(); } })) : null);
+}
+let warned = null;
+
+let loaded = null;
+onState(() => {
+  title();
+  charts();
+  rig();
+  models();
+  fails();
+  missing();
+  job();
+  parameters();
+  recording();
+  const key = JSON.stringify([app.state.open?.title, app.state.model?.number, app.state.model?.rmse_m]);
+  if (key !== loaded) { loaded = key; load(); }
+});
+
+function unit(name) {
+  app.unit = name;
+  document.querySelectorAll("[data-unit]").forEach((b) => b.setAttribute("aria-pressed", String(b.dataset.unit === name)));
+  draw();
+}
+
+const redraw = () => refresh().catch(complain);
+const diagnose = () => act("/api/diagnose");
+
+document.querySelectorAll("[data-unit]").forEach((b) => b.addEventListener("click", () => unit(b.dataset.unit)));
+document.querySelectorAll("[data-range]").forEach((b) => b.addEventListener("click", () => part(b.dataset.range)));
+document.querySelectorAll("#tabs button").forEach((b) => b.addEventListener("click", () => {
+  document.querySelector("main").dataset.tab = b.dataset.tab;
+  document.querySelectorAll("#tabs button").forEach((other) => other.setAttribute("aria-pressed", String(other === b)));
+}));
+at("diagnose").addEventListener("click", diagnose);
+at("show-catalogue").addEventListener("click", catalogue);
+at("show-runs").addEventListener("click", runs);
+at("show-record").addEventListener("click", record);
+at("show-keys").addEventListener("click", keys);
+at("fit").addEventListener("click", fit);
+at("reset").addEventListener("click", reset);
+at("copy").addEventListener("click", () => app.state.model && copy(app.state.model.commands.fit));
+
+function keys() {
+  put(at("keys"), h("form", { method: "dialog", class: "heading" }, h("h2", { text: "Keys" }), h("button", { text: "Close" })),
+    h("table", {}, h("tbody", {}, KEYS.map(([key, what]) => h("tr", {}, h("th", { scope: "row" }, h("kbd", { text: key })), h("td", { text: what }))))),
+    h("p", { text: "Drag over a chart to zoom in, double-click to see the whole record. Everything can be reached with Tab." }));
+  at("keys").showModal();
+}
+
+document.addEventListener("keydown", (event) => {
+  if (event.ctrlKey || event.metaKey || event.altKey || document.querySelector("dialog[open]")) return;
+  if (event.target.matches("input:not([type=checkbox]), select, textarea")) return;
+  const does = {
+    1: () => part("rise"), 2: () => part("cycle"), 3: () => part("all"), ArrowLeft: () => pan(-0.25), ArrowRight: () => pan(0.25),
+    d: diagnose, f: fit, u: () => act("/api/undo"), r: () => act("/api/redo"), m: () => unit(app.unit === "m" && !at("own-unit").hidden ? "own" : "m"), o: runs, e: () => app.state.model && catalogue(), "?": keys,
+    Escape: () => app.state.job && act("/api/cancel"),
+  }[event.key];
+  if (!does) return;
+  event.preventDefault();
+  does();
+});
+
+document.addEventListener("dragover", (event) => event.preventDefault());
+document.addEventListener("drop", (event) => {
+  event.preventDefault();
+  const file = event.dataTransfer.files[0];
+  if (file) dropped(file);
+});
+
+const source = listen({
+  progress, live, state: redraw, model: redraw,
+  done: () => { redraw().then(() => tell(app.state.model ? `done: error ${app.state.model.rmse_m.toPrecision(3)} m` : "done")); },
+  failed: (told) => { redraw(); if (told.message !== "cancelled") complain(new Error(told.message)); else tell("cancelled"); },
+});
+source.addEventListener("error", () => at("told").textContent = "the workbench does not answer; trying again");
+source.addEventListener("open", redraw);
+
+ask("/api/effects").then((all) => {
+  all.forEach((e) => [e, ...(e.variants || [])].forEach((one) => app.effects.set(one.name, one)));
+  if (app.state) missing();
+}).catch(complain);
+redraw();

@@ -1,0 +1,88 @@
+// A recording as it runs: levels, strips, losses; and what starts and ends it.
+
+import { at, digits, h, put } from "/assets/dom.js";
+import { app, act, refresh } from "/assets/store.js";
+
+const number = (label, value, props = {}) => {
+  const field = h("input", { type: "number", step: "any", min: 0, value, ...props });
+  return { field, row: h("label", {}, `${label} `, field) };
+};
+
+export function record() {
+  const dialog = at("record");
+  const can = app.state.can_record;
+  const source = h("select", { "aria-label": "What is recorded" }, can.map((name) => h("option", { value: name, text: name === "devices" ? "the rig's devices" : "a simulated test" })));
+  const effects = h("input", { type: "text", placeholder: "leak, viscoelastic-wall:1", "aria-label": "Effects of the simulated test" });
+  const rate = number("samples per second", 1000);
+  const duration = number("seconds (empty: until stopped)", "");
+  const trigger = h("select", { "aria-label": "Trigger" }, [["", "one recording"], ["edge", "shots, at the valve's command"], ["level", "shots, at a level"], ["slope", "shots, at a rise per second"]].map(([value, text]) => h("option", { value, text })));
+  const level = number("level or rise, in the sensor's unit", "");
+  const [pre, post] = [number("s before", 2), number("s after", 20)];
+  const simulated = h("div", {}, h("label", {}, "effects ", effects), rate.row);
+  const shots = h("div", {}, level.row, pre.row, post.row);
+  const show = () => { simulated.hidden = source.value !== "simulated"; shots.hidden = !trigger.value; };
+  source.onchange = trigger.onchange = show;
+  const start = async (event) => {
+    event.preventDefault();
+    const wanted = { simulate: source.value === "simulated" };
+    if (duration.field.value) wanted.duration_s = duration.field.valueAsNumber;
+    if (wanted.simulate) { wanted.effects = effects.value.split(",").map((e) => e.trim()).filter(Boolean); wanted.rate_hz = rate.field.valueAsNumber; }
+    if (trigger.value) wanted.trigger = { pre_s: pre.field.valueAsNumber, post_s: post.field.valueAsNumber, ...(trigger.value === "edge" ? {} : { [trigger.value]: level.field.valueAsNumber }) };
+    if (await act("/api/record", wanted)) { dialog.close(); refresh(); }
+  };
+  put(dialog, h("form", { onsubmit: start }, h("div", { class: "heading" }, h("h2", { text: "Record" }), h("button", { type: "button", text: "Close", onclick: () => dialog.close() })),
+    h("p", { class: "hint", text: "Each recording appears among the runs; it is fitted and diagnosed when it ends." }),
+    h("label", {}, "record ", source), simulated, duration.row, h("label", {}, "as ", trigger), shots, h("p", {}, h("button", { class: "primary", text: "Start" }))));
+  show();
+  dialog.showModal();
+}
+
+const strips = new Map();
+
+function strip(sensor) {
+  const canvas = h("canvas", { width: 600, height: 64, role: "img" });
+  const [level, state] = [h("b"), h("span", { class: "hint" })];
+  return { canvas, level, state, card: h("div", { class: "card strip" }, h("h3", {}, sensor.name, " ", level, " ", state), canvas) };
+}
+
+function draw(canvas, trace) {
+  const context = canvas.getContext("2d");
+  context.clearRect(0, 0, canvas.width, canvas.height);
+  const known = trace.filter(Boolean);
+  if (!known.length) return;
+  const [low, high] = [Math.min(...known.map((b) => b[0])), Math.max(...known.map((b) => b[1]))];
+  const y = (v) => 60 - (56 * (v - low)) / (high - low || 1);
+  context.fillStyle = getComputedStyle(document.documentElement).getPropertyValue("--measured").trim();
+  const width = canvas.width / 100;
+  trace.forEach((bin, i) => { if (bin) context.fillRect(canvas.width - (trace.length - i) * width, y(bin[1]), width + 0.5, Math.max(1.5, y(bin[0]) - y(bin[1]))); });
+}
+
+export function live(told) {
+  const box = at("live");
+  const names = told.sensors.map((s) => s.name).join();
+  if (box.dataset.names !== names) {
+    box.dataset.names = names;
+    strips.clear();
+    told.sensors.forEach((s) => strips.set(s.name, strip(s)));
+    put(box, h("div", { class: "card" }, h("p", { id: "live-line" }), h("p", { id: "live-trigger", class: "hint" }), h("button", { type: "button", class: "warn", text: "Stop recording", onclick: () => act("/api/record/stop") })), [...strips.values()].map((s) => s.card));
+  }
+  box.hidden = false;
+  at("live-line").textContent = `${told.file}: ${digits(told.recorded_s ?? 0, 4)} s, ${told.samples} samples, ${Math.round(told.samples_per_s)} a second, ${told.gaps} gaps`;
+  const trigger = told.trigger;
+  at("live-trigger").textContent = [trigger && `trigger ${trigger.condition}: ${trigger.phase}, ${trigger.fired} shots`, ...told.devices.map((d) => d.trouble)].filter(Boolean).join("; ");
+  for (const sensor of told.sensors) {
+    const own = strips.get(sensor.name);
+    own.level.textContent = sensor.level === null ? "–" : `${digits(sensor.level, 4)} ${sensor.unit}`;
+    own.state.textContent = [sensor.rate_hz && `${digits(sensor.rate_hz, 4)} Hz`, sensor.gaps && `${sensor.gaps} gaps`, sensor.fault?.what].filter(Boolean).join(", ");
+    own.canvas.setAttribute("aria-label", `${sensor.name}, the last ten seconds`);
+    draw(own.canvas, sensor.trace);
+  }
+}
+
+export function recording() {
+  const { recording: now, can_record: can } = app.state;
+  at("show-record").hidden = !can.length;
+  at("show-record").disabled = now.running;
+  if (now.running && now.live) live(now.live);
+  if (!now.running) at("live").hidden = true;
+}

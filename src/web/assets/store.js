@@ -1,0 +1,63 @@
+// What the page knows: the server's state, and what only this page has chosen.
+
+import { ask, post } from "/assets/api.js";
+import { at, h } from "/assets/dom.js";
+
+export const app = {
+  state: null,
+  effects: new Map(),
+  unit: "m",
+  // seconds after the start of the closure; null is the whole record
+  range: null,
+  // a candidate's label, the number of another model, both drawn beside the model in force
+  preview: null,
+  compare: null,
+  // what a person has changed of parameters since the last fit
+  moved: {},
+  hold: new Set(),
+  free: new Set(),
+  bounds: {},
+  without: new Set(),
+};
+
+const redraws = [];
+export const onState = (redraw) => redraws.push(redraw);
+
+let model = null;
+export async function refresh() {
+  app.state = await ask("/api/state");
+  const now = app.state.model;
+  const key = JSON.stringify([app.state.open?.title, now?.number, now?.rmse_m]);
+  if (key !== model) {
+    model = key;
+    app.moved = {};
+    app.bounds = {};
+    app.hold.clear();
+    app.free.clear();
+    app.without.clear();
+    app.preview = null;
+    app.compare = null;
+  }
+  redraws.forEach((redraw) => redraw());
+}
+
+export function tell(text) {
+  at("told").textContent = text;
+}
+
+export function complain(error) {
+  const text = error.message || String(error);
+  const message = h("p", {}, h("span", { text }), h("button", { type: "button", text: "Dismiss", onclick: () => message.remove() }));
+  at("messages").replaceChildren(message);
+}
+
+// Starts a job; what is wrong is shown.
+export async function act(path, body) {
+  try {
+    at("messages").replaceChildren();
+    return await post(path, body);
+  } catch (error) {
+    complain(error);
+    return null;
+  }
+}
