@@ -25,7 +25,8 @@ pub fn record_scenario(
     timing: &Timing,
     how: (f64, Faults),
     options: &Options,
-    (stop, report, warn): (&AtomicBool, &mut dyn FnMut(Snapshot), &dyn Fn(&str)),
+    (stop, report): (&AtomicBool, &mut dyn FnMut(Snapshot)),
+    warn: &dyn Fn(&str),
 ) -> Result<Summary, Box<dyn Error + Send + Sync>> {
     let rig = &wired(scenario, timing)?;
     let scenario = scenario.on(rig.clone());

@@ -211,7 +211,7 @@ fn record_simulated(
     let faults = args.faults.as_deref().map(str::parse).transpose()?.unwrap_or_default();
     let timing = Timing { rate_hz: args.rate, lead_s: LEAD_S, after_s: (total_s - LEAD_S).max(0.0) };
     let warn = |warning: &str| tell!("{warning}");
-    record_scenario(&scenario, &timing, (args.speed, faults), options, (&STOP, report, &warn))
+    record_scenario(&scenario, &timing, (args.speed, faults), options, (&STOP, report), &warn)
 }
 
 #[cfg(not(unix))]

@@ -268,7 +268,7 @@ impl FullFitter<'_> {
         let mut effects = rival.effects.clone();
         effects.pop();
         effects.extend(own.effects.last().cloned());
-        let shown = |p: &Progress| (self.progress)(&p.within(&format!("{}", candidate_fit.label())));
+        let shown = |p: &Progress| (self.progress)(&p.within(&candidate_fit.label()));
         refine(self.rig, self.runs, &effects, &values, &self.brief(&effects), &shown)
     }
 
@@ -310,7 +310,7 @@ impl FullFitter<'_> {
     /// Fits a candidate or a pair until it converges.
     pub(crate) fn converged(&self, fit: &Fit) -> Result<Fit, FitError> {
         let labels: Vec<String> = fit.effects.iter().map(Chosen::label).collect();
-        let shown = |p: &Progress| (self.progress)(&p.within(&format!("{}", labels.join(" + "))));
+        let shown = |p: &Progress| (self.progress)(&p.within(&labels.join(" + ")));
         refine(self.rig, self.runs, &fit.effects, &fit.values(), &self.whole(&fit.effects), &shown)
     }
 }

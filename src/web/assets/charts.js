@@ -41,7 +41,7 @@ function options(panel, residual) {
   };
   const value = (_, v) => (v === null || v === undefined ? "–" : digits(v, 5));
   return {
-    width: panel.width(), height: residual ? 96 : 190, pxAlign: false, legend: { show: !residual, live: true },
+    width: panel.width(), height: residual ? 96 : 190, pxAlign: false, padding: [8, 24, 0, 0], legend: { show: !residual, live: true },
     cursor: { sync: { key: "surge", setSeries: false }, drag: { x: true, y: false, setScale: false }, bind: { dblclick: () => () => { zoom(null); return null; } } },
     scales: { x: { time: false, range: () => span() }, y: { range: (u, low, high) => limits(panel, residual, low, high) } },
     axes: [{ ...axis, show: residual, size: 30, values: (_, s) => s.map((v) => `${+v.toFixed(4)} s`) }, { ...axis, size: 60, space: residual ? 28 : 40 }],
@@ -108,6 +108,7 @@ class Panel {
     const { time, measured, ghost, model, trial, adds } = this.data;
     const n = time.length;
     const heads = [gap(measured, n), gap(ghost, n), gap(model, n), gap(trial, n)];
+    [ghost, model, trial].forEach((curve, i) => this.plots[0].setSeries(i + 2, { show: Boolean(curve) }, false));
     this.plots[0].setData([time, ...heads.map((v) => shown(this, v))]);
     const left = (v) => (v && measured ? minus(measured, v).map((d) => (d === null ? null : d * perM(this))) : gap(null, n));
     // what a candidate would add, over what is left to explain; of moved parameters what they would leave
@@ -121,7 +122,7 @@ class Panel {
     if (app.preview) names.push(`candidate:${app.preview}`);
     const asked = await curves(this.r, this.s, app.range, this.width(), names);
     const of = (name) => asked.column[name];
-    const keeps = this.data.time.length === of("time_s").length && !app.preview;
+    const keeps = changed() && this.data.time.length === of("time_s").length && !app.preview;
     const trial = app.preview ? of(`candidate:${app.preview}_m`) : keeps ? this.data.trial : null;
     this.data = { time: of("time_s"), measured: of("measured_m"), model: of("model_m"), ghost: of(`${ghost}_m`), trial, adds: Boolean(app.preview) };
   }

@@ -82,7 +82,7 @@ function row(p) {
     h("div", {}, h("p", { text: p.about }), h("label", {}, "from ", bound(p, 0)), h("label", {}, "to ", bound(p, 1))));
   const advice = p.advice ? h("p", { class: "advice", text: p.advice }) : null;
   const box = h("div", { class: `parameter${p.advice ? " doubtful" : ""}` },
-    h("div", { class: "label", title: p.about }, h("b", { text: named(p) }), p.run ? ` ${p.run}` : "", more),
+    h("div", { class: "label", title: p.about }, h("b", { text: named(p) }), p.run && app.state.open.runs.length > 1 ? ` ${p.run}` : "", more),
     h("div", { class: "slider" }, shade, slider), field, said, h("label", { class: "hold" }, hold, " hold"), advice);
   rows.set(`${p.name} ${p.run || ""}`, { slider, field, said, shade, box });
   return box;

@@ -60,7 +60,7 @@ export function rig() {
   };
   const placed = (app.state.model?.parameters || []).filter((p) => p.effect && /_position_m$/.test(p.name));
   at("rig-hint").textContent = placed.length ? "drag an effect along the pipe" : `${open.rig.name}, ${digits(length, 4)} m`;
-  put(at("rig"), svg("svg", { viewBox: `0 0 ${WIDTH} ${placed.length ? 108 : 78}`, role: "group", "aria-label": `Rig ${open.rig.name}` },
+  put(at("rig"), svg("svg", { viewBox: `0 0 ${WIDTH} ${placed.length ? 112 : 86}`, role: "group", "aria-label": `Rig ${open.rig.name}` },
     supply === "pump" ? svg("circle", { cx: FROM - 14, cy: AXIS, r: 14, class: "supply" }) : svg("rect", { x: FROM - 30, y: AXIS - 34, width: 30, height: 44, class: "supply" }),
     svg("text", { x: FROM - 15, y: AXIS + 26, "text-anchor": "middle", text: supply === "pump" ? "pump" : "supply" }),
     pipes.map((p) => svg("line", { x1: x(p.from_m), x2: x(p.to_m), y1: AXIS, y2: AXIS, class: "pipe", "stroke-width": Math.max(3, (9 * p.inner_diameter_m) / widest) }, svg("title", { text: `${p.name}: ${digits(p.to_m - p.from_m, 4)} m, ${digits(1000 * p.inner_diameter_m, 4)} mm` }))),

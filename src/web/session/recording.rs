@@ -199,7 +199,7 @@ fn simulated(rig: Rig, wanted: &Wanted) -> Result<Session, AnyError> {
     }
     let timing = Timing { rate_hz, lead_s: LEAD_S, after_s: (total_s - LEAD_S).max(0.0) };
     Ok(Box::new(move |options, stop, report| {
-        record_scenario(&scenario, &timing, (speed, Default::default()), options, (stop, report, &|_| {}))
+        record_scenario(&scenario, &timing, (speed, Default::default()), options, (stop, report), &|_| {})
     }))
 }
 
