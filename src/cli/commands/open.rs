@@ -25,7 +25,7 @@ const FIRST_FIT: Duration = Duration::from_secs(1);
 /// Folders that are opened where none is named: recordings of the project, or what `demo` left.
 const USUAL: [&str; 2] = ["recordings", "surgescope-demo"];
 
-/// Work on recordings in the browser: compare, diagnose, add effects, move parameters.
+/// Work on recordings in the browser: look, diagnose, add effects, move sliders.
 ///
 /// The models are kept in NAME.model.toml beside the recording, the file that `add`, `undo` and `refit` work on. The address carries a token;
 /// without it nobody comes in. Ctrl-C ends the workbench.

@@ -108,7 +108,8 @@ class Panel {
     const { time, measured, ghost, model, trial, adds } = this.data;
     const n = time.length;
     const heads = [gap(measured, n), gap(ghost, n), gap(model, n), gap(trial, n)];
-    [ghost, model, trial].forEach((curve, i) => this.plots[0].setSeries(i + 2, { show: Boolean(curve) }, false));
+    const legend = this.plots[0].root.querySelectorAll(".u-series");
+    [ghost, model, trial].forEach((curve, i) => { legend[i + 2].hidden = !curve; });
     this.plots[0].setData([time, ...heads.map((v) => shown(this, v))]);
     const left = (v) => (v && measured ? minus(measured, v).map((d) => (d === null ? null : d * perM(this))) : gap(null, n));
     // what a candidate would add, over what is left to explain; of moved parameters what they would leave

@@ -24,7 +24,10 @@ function title() {
   at("own-unit").textContent = own || "own";
   at("show-runs").textContent = `Runs (${app.state.runs.length})`;
   const warnings = open?.warnings || [];
-  put(at("messages"), warnings.length && warned !== open.title ? h("p", {}, h("span", { text: warnings.join(" ") }), h("button", { type: "button", text: "Dismiss", onclick: (e) => { warned = open.title; e.target.parentElement.remove(); } })) : null);
+  if (open && warned !== open.title) {
+    warned = open.title;
+    if (warnings.length) complain(new Error(warnings.join(" ")));
+  }
 }
 let warned = null;
 
