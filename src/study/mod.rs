@@ -194,7 +194,7 @@ impl Study {
     /// # Errors
     /// A recording with a faulty sensor, a model that cannot be simulated.
     pub fn diagnose(&self, fit: &Fit) -> Result<Diagnosis> {
-        self.diagnose_next(fit.clone(), &fit.effects, &options_of(fit))
+        self.diagnose_next(fit.clone(), None, &fit.effects, &options_of(fit))
     }
 
     /// Fits the model with `effects` and diagnoses it; where a number of elements is left open, it is open for all models compared.
@@ -221,13 +221,20 @@ impl Study {
         Ok(without(&self.rig, &self.runs, fit, i, &options_of(fit), self.watcher())?)
     }
 
-    /// As [`Study::diagnose_model`], of a model that is fitted already with these options.
+    /// As [`Study::diagnose_model`], of a model that is fitted already with these options. It may have `grown` out of a smaller one by effects that
+    /// were found missing: a further one must take more than what the models of those may err by.
     ///
     /// # Errors
     /// As [`Study::diagnose`].
-    pub fn diagnose_next(&self, fit: Fit, effects: &[Chosen], options: &Options) -> Result<Diagnosis> {
+    pub fn diagnose_next(
+        &self,
+        fit: Fit,
+        grown: Option<&Fit>,
+        effects: &[Chosen],
+        options: &Options,
+    ) -> Result<Diagnosis> {
         self.recordings.iter().try_for_each(Loaded::require_sound)?;
-        Ok(diagnose_fit(&self.rig, &self.runs, effects, fit, options, self.watcher())?)
+        Ok(diagnose_fit(&self.rig, &self.runs, effects, fit, grown, options, self.watcher())?)
     }
 
     /// The model of a fit with one effect more, and the evidence for it.

@@ -139,7 +139,7 @@ fn diagnosed(args: Args, json: bool) -> CommandResult {
     for _ in 0..=MOST_ADDED {
         // what was added is fitted
         let found = shown(&mut study, "", |study| match models.last() {
-            Some((_, fit)) => study.diagnose_next(fit.clone(), &effects, &options),
+            Some((_, fit)) => study.diagnose_next(fit.clone(), Some(&models[0].1), &effects, &options),
             None => study.diagnose_model(&effects, &options),
         })?;
         if models.is_empty() {

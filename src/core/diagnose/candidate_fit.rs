@@ -3,7 +3,7 @@
 use crate::diagnose::baseline::Baseline;
 use crate::diagnose::candidate::Form;
 use crate::diagnose::evidence::{EvidenceScale, tempered};
-use crate::diagnose::limits::{LEAST_EVIDENCE, LEAST_FALL, MODEL_ERROR, MOST_REACHES_WITH_CAVITIES};
+use crate::diagnose::limits::{ERROR_OF_EFFECT, LEAST_EVIDENCE, LEAST_FALL, MODEL_ERROR, MOST_REACHES_WITH_CAVITIES};
 use crate::diagnose::next::answer::Answer;
 use crate::diagnose::refit::Refit;
 use crate::fit::data::run_data::RunData;
@@ -24,13 +24,15 @@ pub(crate) struct CandidateFit<'a> {
     /// Sum over all samples of (residual / noise)², of the full fit or as the refit forecasts it.
     pub(crate) square: f64,
     pub(crate) fit: Option<Fit>,
+    /// A fit on from there was tried: another one would end there again.
+    pub(crate) settled: bool,
 }
 
 impl<'a> CandidateFit<'a> {
     /// Forecasts the square of the full fit from the share of the start model's square that the refit leaves.
     pub(crate) fn forecast(baseline: &Baseline, start: &Fit, refit: &'a Refit, evidence: f64) -> Self {
         let left = baseline.mean_square(&refit.residuals) / baseline.mean_square(&baseline.residuals);
-        CandidateFit { refit, evidence, square: square(start) * left, fit: None }
+        CandidateFit { refit, evidence, square: square(start) * left, fit: None, settled: false }
     }
 
     pub(crate) fn odds(&self, known: &Circumstances) -> f64 {
@@ -97,15 +99,17 @@ impl<'a> CandidateFit<'a> {
             && self.fit.as_ref().is_none_or(|known| square(&fit) < square(known))
         {
             self.square = square(&fit);
+            self.settled = fit.converged;
             self.fit = Some(fit);
         }
     }
 
     /// Fits on until it converges.
     pub(crate) fn converge(&mut self, fitter: &FullFitter) {
-        if let Some(fit) = self.fit.as_ref().filter(|f| !f.converged) {
+        if let Some(fit) = self.fit.as_ref().filter(|_| !self.settled) {
             let converged = fitter.converged(fit);
             self.take(converged);
+            self.settled = true;
         }
     }
 
@@ -168,8 +172,9 @@ pub(crate) fn fall(start: &Fit, runs: &[RunData], from: f64, to: f64) -> f64 {
     over_noise(start, runs).powi(2) * (from - to) / square(start)
 }
 
-/// The least fall of the squared error over noise that is worth a model: more than noise does, and more than solvers differ by.
-pub(crate) fn least_fall(runs: &[RunData]) -> f64 {
+/// The least fall of the squared error over noise that is worth a model: more than noise does, and more than solvers differ by. Effects that were
+/// found before have `taken` so much of it, and a solver errs by a share of that.
+pub(crate) fn least_fall(runs: &[RunData], taken: f64) -> f64 {
     let (mut square, mut n) = (0.0, 0.0);
     for sensor in runs.iter().flat_map(|run| &run.sensors) {
         let (low, high) =
@@ -178,7 +183,7 @@ pub(crate) fn least_fall(runs: &[RunData]) -> f64 {
         square += samples * (MODEL_ERROR * 0.5 * (high - low) / sensor.total_noise_m).powi(2);
         n += samples;
     }
-    (square / f64::max(n, 1.0)).max(LEAST_FALL.powi(2))
+    (square / f64::max(n, 1.0)).max(LEAST_FALL.powi(2)) + ERROR_OF_EFFECT.powi(2) * taken.max(0.0)
 }
 
 /// What a fit would leave if it went on to the optimum that its linearised problem predicts.
@@ -220,6 +225,8 @@ pub(crate) struct FullFitter<'a> {
     pub(crate) effects: &'a [Chosen],
     pub(crate) options: &'a Options,
     pub(crate) progress: &'a OnProgress<'a>,
+    /// See [`least_fall`].
+    pub(crate) least_fall: f64,
 }
 
 impl FullFitter<'_> {

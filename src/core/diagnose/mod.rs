@@ -40,10 +40,10 @@ use crate::diagnose::fallback_search::search_on;
 pub use crate::diagnose::limits::NEGLIGIBLE_EVIDENCE;
 use crate::diagnose::limits::{
     CONVERGE_BELOW, EXPLAINED_OVER_NOISE, FULL_FITS, INDISTINGUISHABLE, LEAST_EVIDENCE, LEAST_FORECAST,
-    NO_FULL_FIT_ABOVE, PRIOR_ODDS_OF_PAIR, START_DOUBTFUL,
+    NO_FULL_FIT_ABOVE, PRIOR_ODDS_OF_PAIR, START_DOUBTFUL, WANTED_ODDS,
 };
 use crate::diagnose::next::in_words;
-pub use crate::diagnose::outcome::{Candidate, Diagnosis, Pair, Verdict};
+pub use crate::diagnose::outcome::{Candidate, Diagnosis, Pair, RivalPair, Verdict};
 use crate::diagnose::pairs::{PairFit, fitted_pairs};
 use crate::diagnose::refit::{Refit, refine, screen};
 use crate::diagnose::residual_patterns::residual_patterns;
@@ -75,11 +75,11 @@ pub fn diagnose(
 ) -> Result<Diagnosis, FitError> {
     progress(&Progress::from("the start model"));
     let start = start::start_model(rig, runs, effects, options, progress)?;
-    diagnose_fit(rig, runs, effects, start, options, progress)
+    diagnose_fit(rig, runs, effects, start, None, options, progress)
 }
 
 /// The same from a start model that is fitted already, with `options`; `effects` are its effects, which may leave a number of
-/// elements open.
+/// elements open. It may have `grown` out of a smaller one by effects that were found missing.
 ///
 /// # Errors
 /// As [`diagnose`].
@@ -88,12 +88,14 @@ pub fn diagnose_fit(
     runs: &[RunData],
     effects: &[Chosen],
     start: Fit,
+    grown: Option<&Fit>,
     options: &Options,
     progress: &OnProgress<'_>,
 ) -> Result<Diagnosis, FitError> {
     let baseline = Baseline::new(rig, runs, &start, options)?;
     let refits = refits(&baseline, progress);
-    let fitter = FullFitter { rig, runs, effects, options, progress };
+    let taken = grown.map_or(0.0, |smaller| over_noise(smaller, runs).powi(2) - over_noise(&start, runs).powi(2));
+    let fitter = FullFitter { rig, runs, effects, options, progress, least_fall: least_fall(runs, taken) };
     let mut candidate_fits = candidate_fits(&baseline, &start, &refits);
     fit(&fitter, &baseline, &start, &mut candidate_fits);
     // A single effect that is far from the records is no rival of a pair, and where no pair is found it is soon enough to converge.
@@ -107,7 +109,7 @@ pub fn diagnose_fit(
     if pair_fits.is_empty() && best_fit(&candidate_fits).is_some_and(|(_, best)| !best.converged) {
         contest(&fitter, &mut candidate_fits);
     }
-    let scale = weigh(&baseline, &start, &mut candidate_fits, &pair_fits);
+    let scale = weigh(&fitter, &baseline, &start, &mut candidate_fits, &pair_fits);
     rank(&baseline, &mut candidate_fits);
     let evidence_of = |pair: &PairFit| {
         // further elements of the start model's effects among them
@@ -121,6 +123,7 @@ pub fn diagnose_fit(
     let mut candidates: Vec<Candidate> =
         (0..candidate_fits.len()).map(|i| candidate(&baseline, &start, &candidate_fits, i, single_shares[i])).collect();
     let mut pair = answer(&baseline, &pair_fits, pair_shares, &candidates, evidence_of);
+    let mut rival_pairs = rivals_of(pair.as_ref(), &baseline, &pair_fits, pair_shares);
     // An effect is missing alone, or with another.
     for (both, share) in pair_fits.iter().zip(pair_shares) {
         let in_pair = |c: &&mut Candidate| both.of.iter().any(|form| form.effect == c.effect);
@@ -132,6 +135,7 @@ pub fn diagnose_fit(
     let none = (1.0 - shares.iter().sum::<f64>()).max(0.0) * (1.0 - other);
     candidates.iter_mut().for_each(|c| c.probability *= 1.0 - other);
     pair.iter_mut().for_each(|p| p.probability *= 1.0 - other);
+    rival_pairs.iter_mut().for_each(|p| p.probability *= 1.0 - other);
     let single = candidates.first().map_or(0.0, |c| c.probability);
     let probability = match verdict {
         Verdict::MissingEffect => pair.as_ref().map_or(single, |p| p.probability),
@@ -145,6 +149,7 @@ pub fn diagnose_fit(
         residual_patterns: residual_patterns(&start).into_iter().map(|p| p.sentence).collect(),
         candidates,
         pair,
+        rival_pairs,
         left_out: left_out(rig, &baseline.effects),
         held_out_m: None,
         visible: Vec::new(),
@@ -155,7 +160,7 @@ pub fn diagnose_fit(
         Verdict::MissingEffect => explain(&fitter, &baseline, &candidate_fits, &mut diagnosis),
         Verdict::NothingMissing => {
             let forms: Vec<_> = candidate_fits.iter().map(|r| r.refit.form.clone()).collect();
-            diagnosis.visible = visible(&baseline, &forms, scale);
+            diagnosis.visible = visible(&baseline, &forms, scale, fitter.least_fall);
         }
         Verdict::UnknownEffect => {}
     }
@@ -184,7 +189,7 @@ fn rank(baseline: &Baseline, candidate_fits: &mut [CandidateFit]) {
 fn fit(fitter: &FullFitter, baseline: &Baseline, start: &Fit, candidate_fits: &mut [CandidateFit]) {
     let Some(best) = candidate_fits.first().map(|r| r.square) else { return };
     let tried = candidate_fits.len().min(FULL_FITS);
-    let worth = LEAST_FORECAST * least_fall(fitter.runs);
+    let worth = LEAST_FORECAST * fitter.least_fall;
     candidate_fits[..tried].par_iter_mut().enumerate().for_each(|(i, candidate_fit)| {
         let least = if i == 0 { NEGLIGIBLE_EVIDENCE } else { LEAST_EVIDENCE };
         let may_win = candidate_fit.evidence > least && candidate_fit.square < NO_FULL_FIT_ABOVE * best;
@@ -255,7 +260,8 @@ fn pairs_of(
         }
     }
     let single = left(best_fit(candidate_fits));
-    pairs.retain(|pair| pair.is_worth(baseline, fitter.runs, single));
+    let alone = over_noise(start, fitter.runs);
+    pairs.retain(|pair| pair.is_worth(baseline, fitter.runs, alone, single));
     pairs
 }
 
@@ -281,9 +287,25 @@ fn answer(
     })
 }
 
+/// The other pairs whose share is not negligible beside the answer's.
+fn rivals_of(answer: Option<&Pair>, baseline: &Baseline, pair_fits: &[PairFit], shares: &[f64]) -> Vec<RivalPair> {
+    let Some(answer) = answer else { return Vec::new() };
+    let of = |(pair, &probability): (&PairFit, &f64)| RivalPair {
+        labels: pair.of.each_ref().map(|form| form.chosen.label()),
+        probability,
+        over_noise: over_noise(&pair.fit, &baseline.runs),
+    };
+    let least = answer.probability / WANTED_ODDS;
+    let mut rivals: Vec<RivalPair> = pair_fits.iter().zip(shares).map(of).collect();
+    rivals.retain(|pair| pair.labels != answer.labels && pair.probability > least);
+    rivals.sort_by(|a, b| b.probability.total_cmp(&a.probability));
+    rivals
+}
+
 /// Sets the evidence of each candidate, on the scale of the best fit. Candidates that are not worth a model get
 /// [`NEGLIGIBLE_EVIDENCE`] at most, however sure the data are of them.
 fn weigh(
+    fitter: &FullFitter,
     baseline: &Baseline,
     start: &Fit,
     candidate_fits: &mut [CandidateFit],
@@ -295,11 +317,10 @@ fn weigh(
     // Instruments within their class are at work on every rig: an effect is claimed only over the best model that they allow.
     let within_class = candidate_fits.iter().filter(|r| !r.is_noteworthy(baseline)).map(|r| r.square);
     let allowed = within_class.fold(square(start), f64::min);
-    let least = least_fall(&baseline.runs);
     for candidate_fit in candidate_fits.iter_mut() {
         candidate_fit.evidence = scale.evidence(allowed, candidate_fit.square, candidate_fit.added(baseline, start));
         let fall = fall(start, &baseline.runs, allowed, candidate_fit.square);
-        if fall < least || !candidate_fit.is_noteworthy(baseline) {
+        if fall < fitter.least_fall || !candidate_fit.is_noteworthy(baseline) {
             candidate_fit.evidence = candidate_fit.evidence.min(NEGLIGIBLE_EVIDENCE);
         }
     }
@@ -381,7 +402,8 @@ pub fn grow(
         let effects: Vec<Chosen> = baseline.effects.iter().cloned().chain([added.clone()]).collect();
         fits.push(calibrate(rig, runs, &effects, options, &shown));
     } else {
-        let fitter = FullFitter { rig, runs, effects: &baseline.effects, options, progress };
+        let least_fall = least_fall(runs, 0.0);
+        let fitter = FullFitter { rig, runs, effects: &baseline.effects, options, progress, least_fall };
         for form in forms_of(rig, added) {
             let refit = screen(&baseline, &form).and_then(|screened| refine(&baseline, &screened));
             fits.push(refit.map_err(FitError::from).and_then(|refit| fitter.fit_from_refit(&refit)));

@@ -5,7 +5,7 @@
 
 use rayon::prelude::*;
 
-use crate::diagnose::candidate_fit::{evidence_scale, square};
+use crate::diagnose::candidate_fit::{evidence_scale, least_fall, over_noise, square};
 use crate::diagnose::circumstances::{circumstances, features};
 use crate::diagnose::limits::LEAST_EVIDENCE;
 use crate::fit::data::run_data::RunData;
@@ -37,7 +37,9 @@ pub fn without_needless(
         let smaller = without(rig, runs, fit, i, options, &|_| {}).ok()?;
         let evidence = scale.evidence(square(&smaller), square(fit), own.len());
         let size: Vec<f64> = fit.values()[own].to_vec();
-        (evidence < LEAST_EVIDENCE || !gone.effect.noteworthy(&size, &known)).then_some((evidence, smaller, gone))
+        let worth = over_noise(&smaller, runs).powi(2) - over_noise(fit, runs).powi(2) > least_fall(runs, 0.0);
+        let needed = evidence > LEAST_EVIDENCE && worth && gone.effect.noteworthy(&size, &known);
+        (!needed).then_some((evidence, smaller, gone))
     });
     let least = tried.collect::<Vec<_>>().into_iter().min_by(|a, b| a.0.total_cmp(&b.0))?;
     Some((least.1, least.2))

@@ -72,6 +72,17 @@ pub struct Pair {
     pub fit: Fit,
 }
 
+/// Two effects that explain the records nearly as well as the [`Pair`] that is the answer.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RivalPair {
+    /// Their forms, as on the command line.
+    pub labels: [String; 2],
+    /// The probability that both are missing.
+    pub probability: f64,
+    /// Error over noise with both.
+    pub over_noise: f64,
+}
+
 /// The outcome of a diagnosis.
 #[derive(Debug, Clone)]
 pub struct Diagnosis {
@@ -89,6 +100,8 @@ pub struct Diagnosis {
     pub candidates: Vec<Candidate>,
     /// The two effects that are the answer, where no single one is.
     pub pair: Option<Pair>,
+    /// Other pairs that these records cannot tell from it, the most probable first.
+    pub rival_pairs: Vec<RivalPair>,
     /// Effects that were not tried, each with the reason.
     pub left_out: Vec<(&'static str, String)>,
     /// RMSE of the start model over the last two fifths of the records after a fit to what comes before, m.
@@ -109,7 +122,8 @@ impl Diagnosis {
 
     /// The probability that no effect of the catalogue is missing. One that is missing in a pair may also be missing alone.
     pub fn none_of_these(&self) -> f64 {
-        let in_pair = self.pair.as_ref().map_or(0.0, |pair| pair.probability);
+        let rivals = self.rival_pairs.iter().map(|pair| pair.probability).sum::<f64>();
+        let in_pair = self.pair.as_ref().map_or(0.0, |pair| pair.probability) + rivals;
         (1.0 - self.candidates.iter().map(|c| c.probability).sum::<f64>() + in_pair).max(0.0)
     }
 

@@ -11,8 +11,8 @@ use crate::diagnose::candidate::Form;
 use crate::diagnose::candidate_fit::{FullFitter, least_fall, over_noise, square};
 use crate::diagnose::evidence::EvidenceScale;
 use crate::diagnose::limits::{
-    DOWN_TO_THE_NOISE, FULL_FITS, LEAST_EVIDENCE, LEAST_SHARE_OF_SECOND, NO_FULL_FIT_ABOVE, PAIR_STRENGTH, REFINE,
-    REFINED_PAIRS,
+    CONVERGE_BELOW, DOWN_TO_THE_NOISE, FULL_FITS, LEAST_EVIDENCE, LEAST_SHARE_OF_SECOND, NO_FULL_FIT_ABOVE,
+    PAIR_STRENGTH, REFINE, REFINED_PAIRS,
 };
 use crate::diagnose::refit::Refit;
 use crate::diagnose::screening::refits;
@@ -52,10 +52,21 @@ impl PairFit {
         }
     }
 
-    /// Whether it is worth a model beside the best single effect, or none, that leaves `single` times the noise: instruments within their class are at
+    /// Goes on to its optimum. What is left may be the way that the fit came.
+    fn settle(&mut self, fitter: &FullFitter) {
+        if over_noise(&self.fit, fitter.runs) > DOWN_TO_THE_NOISE {
+            self.take(fitter.fit_pair_from_scratch(&self.of));
+        }
+        if !self.fit.converged {
+            self.take(fitter.converged(&self.fit));
+        }
+    }
+
+    /// Whether it is worth a model beside the best single effect, or none, that leaves `single` times the noise after `start` times without any: instruments within their class are at
     /// work on every rig, and a second effect must take its share.
-    pub(crate) fn is_worth(&self, baseline: &Baseline, runs: &[RunData], single: f64) -> bool {
-        let least = least_fall(runs).max(LEAST_SHARE_OF_SECOND * (single.powi(2) - 1.0));
+    pub(crate) fn is_worth(&self, baseline: &Baseline, runs: &[RunData], start: f64, single: f64) -> bool {
+        let taken = start.powi(2) - single.powi(2);
+        let least = least_fall(runs, taken).max(LEAST_SHARE_OF_SECOND * (single.powi(2) - 1.0));
         self.is_noteworthy(baseline) && single.powi(2) - over_noise(&self.fit, runs).powi(2) > least
     }
 
@@ -99,15 +110,12 @@ pub(crate) fn fitted_pairs(
     });
     let mut fits: Vec<PairFit> = fits.collect();
     fits.sort_by(|a, b| square(&a.fit).total_cmp(&square(&b.fit)));
-    if let Some(best) = fits.first_mut() {
-        // what is left may be the way that the fit came
-        if over_noise(&best.fit, fitter.runs) > DOWN_TO_THE_NOISE {
-            best.take(fitter.fit_pair_from_scratch(&best.of));
-        }
-        if !best.fit.converged {
-            best.take(fitter.converged(&best.fit));
-        }
-    }
+    let Some((best, rivals)) = fits.split_first_mut() else { return fits };
+    best.settle(fitter);
+    // Rivals are compared at their optima.
+    let near = CONVERGE_BELOW * square(&best.fit);
+    rivals.par_iter_mut().filter(|rival| square(&rival.fit) < near).for_each(|rival| rival.settle(fitter));
+    fits.sort_by(|a, b| square(&a.fit).total_cmp(&square(&b.fit)));
     fits
 }
 

@@ -7,7 +7,6 @@ use rayon::prelude::*;
 
 use crate::diagnose::baseline::Baseline;
 use crate::diagnose::candidate::Form;
-use crate::diagnose::candidate_fit::least_fall;
 use crate::diagnose::evidence::EvidenceScale;
 use crate::diagnose::limits::LEAST_EVIDENCE;
 use crate::fit::numeric::least_squares::Problem;
@@ -29,12 +28,12 @@ pub struct Visible {
 }
 
 /// The least visible size of each form that has a strength, at its usual place, if it lies within the parameter's
-/// bounds.
-pub fn visible(baseline: &Baseline, forms: &[Form], scale: EvidenceScale) -> Vec<Visible> {
-    forms.par_iter().filter_map(|form| least(baseline, form, scale)).collect()
+/// bounds. Only a fall of the squared error over noise by `least_fall` is worth a model.
+pub fn visible(baseline: &Baseline, forms: &[Form], scale: EvidenceScale, least_fall: f64) -> Vec<Visible> {
+    forms.par_iter().filter_map(|form| least(baseline, form, scale, least_fall)).collect()
 }
 
-fn least(baseline: &Baseline, form: &Form, scale: EvidenceScale) -> Option<Visible> {
+fn least(baseline: &Baseline, form: &Form, scale: EvidenceScale, least_fall: f64) -> Option<Visible> {
     let effects: Vec<_> = baseline.effects.iter().cloned().chain([form.chosen.clone()]).collect();
     let model = baseline.model(&effects);
     let own = &model.shared[baseline.shared..];
@@ -52,7 +51,7 @@ fn least(baseline: &Baseline, form: &Form, scale: EvidenceScale) -> Option<Visib
     let square = baseline.projected_dot(&change, &change);
     let free = own.iter().filter(|p| p.prior.is_none()).count() as f64;
     let for_evidence = 2.0 * scale.unit * (LEAST_EVIDENCE + 0.5 * free * scale.effective.ln());
-    let for_fall = least_fall(&baseline.runs) * baseline.run_samples() as f64;
+    let for_fall = least_fall * baseline.run_samples() as f64;
     let size = (for_evidence.max(for_fall) / square).sqrt();
     let value = sized(parameter, size);
     (size.is_finite() && (parameter.lower..=parameter.upper).contains(&value)).then(|| Visible {

@@ -59,7 +59,7 @@ fn too_few_elements(rig: &Rig, runs: &[RunData], start: &Fit, effects: &[Chosen]
     let open: Vec<Chosen> = effects.iter().map(|c| Chosen { elements: None, ..c.clone() }).collect();
     let fixed = effects.iter().find(|c| c.elements.is_some())?;
     let more = with_more_elements(rig, runs, start, &open, options, &|_| {}).ok()??;
-    if over_noise(start, runs).powi(2) - over_noise(&more, runs).powi(2) < least_fall(runs) {
+    if over_noise(start, runs).powi(2) - over_noise(&more, runs).powi(2) < least_fall(runs, 0.0) {
         return None;
     }
     let name = more.effects.iter().find(|c| c.effect.name() == fixed.effect.name())?.label();

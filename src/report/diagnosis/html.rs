@@ -4,7 +4,7 @@ use crate::diagnose::{Candidate, Diagnosis, Verdict};
 use crate::report::Page;
 use crate::report::Stage;
 use crate::report::calibration::{correlation, energy, heatmap, spectrum, stages};
-use crate::report::diagnosis::words::start_model;
+use crate::report::diagnosis::words::{rival_pairs, start_model};
 use crate::report::diagnosis::{ranking, signature};
 use crate::report::text::escape::escape;
 use crate::report::text::number::{error_m, probability, times_noise};
@@ -57,10 +57,7 @@ pub(crate) fn verdict(page: &Page) -> (&'static str, &'static str, String) {
             format!("{head}: {}. {} ", names.join(", then "), summary::verdict(&page.stages))
         }
     };
-    let unsure = found.last().filter(|c| !c.indistinguishable_from.is_empty()).map_or(String::new(), |c| {
-        format!("These recordings cannot distinguish {} from {}. ", c.label, c.indistinguishable_from.join(", "))
-    });
-    let missing = missing + &unsure;
+    let missing = missing + &unsure(page.diagnoses);
     let (error, model) = (overall(&last.start), start_model(last));
     let (rmse, noise) = (error_m(error.rmse_m), times_noise(error.rmse_m, error.noise_m));
     match last.verdict {
@@ -83,6 +80,19 @@ pub(crate) fn verdict(page: &Page) -> (&'static str, &'static str, String) {
             ("?", "missing", sentence)
         }
     }
+}
+
+/// What the last answer cannot be told from.
+fn unsure(diagnoses: &[Diagnosis]) -> String {
+    let Some(last) = diagnoses.iter().rev().find(|d| d.verdict == Verdict::MissingEffect) else { return String::new() };
+    let others = match (&last.pair, last.candidates.first()) {
+        (Some(_), _) => rival_pairs(&last.rival_pairs),
+        (None, best) => best.map_or(String::new(), |best| best.indistinguishable_from.join(", ")),
+    };
+    if others.is_empty() {
+        return others;
+    }
+    format!("These recordings cannot distinguish {} from {others}. ", last.answer_label())
 }
 
 /// Where each start model fails, in words.
@@ -182,6 +192,7 @@ mod tests {
             verdict,
             start: fit(&[], 0.3),
             pair: None,
+            rival_pairs: Vec::new(),
             left_out: vec![("moving-valve", "for a <reason>".into())],
             residual_patterns: vec!["P1: <much> too high".into()],
             next_test: next_test.map(str::to_owned),

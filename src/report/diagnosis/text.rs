@@ -5,9 +5,9 @@ use std::fmt::Write;
 use serde::Serialize;
 
 use crate::diagnose::visible::Visible;
-use crate::diagnose::{Candidate, Diagnosis, Pair, Verdict};
+use crate::diagnose::{Candidate, Diagnosis, Pair, RivalPair, Verdict};
 use crate::model::effects::name_of;
-use crate::report::diagnosis::words::evidence;
+use crate::report::diagnosis::words::{evidence, rival_pairs};
 use crate::report::text::number::{error_m, grouped, probability, significant, with_error};
 use crate::results::fit_record::Parameter;
 use crate::signal::faults::SensorFault;
@@ -57,7 +57,14 @@ struct Both<'a> {
     probability: f64,
     evidence: f64,
     rmse_m: f64,
+    indistinguishable_from: Vec<OtherPair<'a>>,
     parameters: Vec<Parameter>,
+}
+
+#[derive(Serialize)]
+struct OtherPair<'a> {
+    labels: &'a [String; 2],
+    probability: f64,
 }
 
 #[derive(Serialize)]
@@ -104,7 +111,7 @@ fn document(diagnosis: &Diagnosis) -> Document<'_> {
             .map(|v| Least { effect: &v.effect, parameter: &v.parameter, value: v.value, unit: v.unit })
             .collect(),
         candidates: diagnosis.candidates.iter().map(rival).collect(),
-        pair: diagnosis.pair.as_ref().map(both),
+        pair: diagnosis.pair.as_ref().map(|pair| both(pair, &diagnosis.rival_pairs)),
         next_test: diagnosis.next_test.as_deref().unwrap_or(""),
         fails: &diagnosis.residual_patterns,
         warnings: &diagnosis.warnings,
@@ -112,13 +119,17 @@ fn document(diagnosis: &Diagnosis) -> Document<'_> {
     }
 }
 
-fn both(pair: &Pair) -> Both<'_> {
+fn both<'a>(pair: &'a Pair, rivals: &'a [RivalPair]) -> Both<'a> {
     Both {
         effects: pair.effects,
         labels: &pair.labels,
         probability: pair.probability,
         evidence: pair.evidence,
         rmse_m: pair.fit.pooled().0,
+        indistinguishable_from: rivals
+            .iter()
+            .map(|other| OtherPair { labels: &other.labels, probability: other.probability })
+            .collect(),
         parameters: pair.fit.parameters.iter().map(Parameter::from).collect(),
     }
 }
@@ -211,7 +222,9 @@ pub fn text(diagnosis: &Diagnosis) -> String {
         );
         if let Some(pair) = &diagnosis.pair {
             let (p, rmse) = (probability(pair.probability), error_m(pair.fit.pooled().0));
-            let _ = writeln!(out, "{both:<width$} {p:>11} {:>11} {rmse:>8}", grouped(pair.evidence));
+            let rivals = rival_pairs(&diagnosis.rival_pairs);
+            let row = format!("{both:<width$} {p:>11} {:>11} {rmse:>8}  {rivals}", grouped(pair.evidence));
+            let _ = writeln!(out, "{}", row.trim_end());
         }
         for c in diagnosis.candidates.iter().take(SHOWN) {
             let _ = writeln!(
