@@ -280,8 +280,12 @@ impl Column {
     fn into_series(self, zero_ns: u64, clock: &SensorClock) -> Result<(Series, Vec<String>), String> {
         let sensor = self.sensor;
         let Points { log_time, value, time_s: own } = self.points;
-        let is_far = |t: &u64| i64::try_from(i128::from(*t) - i128::from(zero_ns)).is_err();
-        if log_time.iter().min().is_some_and(is_far) || log_time.iter().max().is_some_and(is_far) {
+        let (mut first, mut last) = (zero_ns, zero_ns);
+        for &time in &log_time {
+            (first, last) = (first.min(time), last.max(time));
+        }
+        let is_far = |time: u64| i64::try_from(i128::from(time) - i128::from(zero_ns)).is_err();
+        if is_far(first) || is_far(last) {
             return Err(format!("'{sensor}' has a sample centuries from its start"));
         }
         // in place: of the same size

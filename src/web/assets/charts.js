@@ -70,14 +70,23 @@ export function span() {
   return [Math.min(...runs.map((r) => r.from_s)), Math.max(...runs.map((r) => r.to_s))];
 }
 
-let waiting = 0;
+// One request for curves at a time, and the latest range wins.
+let loading = false;
+let late = false;
+async function follow() {
+  if (loading) { late = true; return; }
+  loading = true;
+  await load();
+  loading = false;
+  if (late) { late = false; follow(); }
+}
+
 export function zoom(range) {
   const whole = ((kept) => { app.range = null; const all = span(); app.range = kept; return all; })(app.range);
   app.range = range && [Math.max(whole[0], range[0]), Math.min(whole[1], range[1])];
   if (app.range && app.range[1] - app.range[0] < 1e-5) app.range = null;
   draw();
-  clearTimeout(waiting);
-  waiting = setTimeout(load, 120);
+  follow();
 }
 
 export function pan(share) {

@@ -1,48 +1,12 @@
 // A slider dragged by the mouse: how long until the curve of a value is on the screen, and how many curves a second there are.
-import { DESKTOP, Workbench, share, sleep } from "./workbench.mjs";
-
-// Notes in the page when a slider moved, when a simulation was asked for, and when its curves had been painted.
-function watch() {
-  const seen = { moved: [], asked: [], painted: [] };
-  window.seen = seen;
-  addEventListener("input", (event) => event.target.type === "range" && seen.moved.push(event.timeStamp), true);
-  const plain = window.fetch;
-  let answered = 0;
-  window.fetch = async (address, options) => {
-    if (address !== "/api/simulate") return plain(address, options);
-    const at = performance.now();
-    const answer = await plain(address, options);
-    answered = at;
-    return answer;
-  };
-  const channel = new MessageChannel();
-  channel.port1.onmessage = ({ data }) => seen.painted.push([data, performance.now()]);
-  let uPlot;
-  Object.defineProperty(window, "uPlot", {
-    get: () => uPlot,
-    set: (made) => {
-      uPlot = new Proxy(made, {
-        construct: (target, [options, ...rest]) => {
-          const hooks = { ...options.hooks, draw: [...(options.hooks?.draw || []), () => {
-            if (!answered) return;
-            const of = answered;
-            answered = 0;
-            // after the frame that shows it
-            requestAnimationFrame(() => channel.port2.postMessage(of));
-          }] };
-          return new target({ ...options, hooks }, ...rest);
-        },
-      });
-    },
-  });
-}
+import { watched } from "./paint.mjs";
+import { Workbench, share, sleep } from "./workbench.mjs";
 
 export async function slider(program, folder, browser, recording, seconds = 4) {
   const bench = await Workbench.open(program, folder, recording);
   try {
     await bench.fitted();
-    const page = await browser.newPage({ viewport: DESKTOP });
-    await page.addInitScript(watch);
+    const page = await watched(browser);
     await page.goto(bench.url);
     const handle = page.locator("#parameters input[type=range]").first();
     await handle.waitFor();
@@ -50,14 +14,17 @@ export async function slider(program, folder, browser, recording, seconds = 4) {
     await sleep(500);
     const box = await handle.boundingBox();
     const at = (part) => [box.x + box.width * part, box.y + box.height / 2];
-    await page.mouse.move(...at(0.5));
-    await page.mouse.down();
-    const from = Date.now();
-    for (let i = 0; Date.now() - from < 1000 * seconds; i++) {
-      await page.mouse.move(...at(0.5 + 0.3 * Math.sin(i / 15)));
-      await sleep(12);
+    const input = await page.context().newCDPSession(page);
+    const mouse = (type, part) => input.send("Input.dispatchMouseEvent", { type, x: at(part)[0], y: at(part)[1], button: "left", buttons: 1, clickCount: 1 });
+    await mouse("mousePressed", 0.5);
+    // as a hand moves it: the next place does not wait until the last is drawn
+    const moves = [];
+    for (let from = Date.now(), now = 0; now < seconds; now = (Date.now() - from) / 1000) {
+      moves.push(mouse("mouseMoved", 0.5 + 0.3 * Math.sin(4 * now)));
+      await sleep(16);
     }
-    await page.mouse.up();
+    await Promise.all(moves);
+    await mouse("mouseReleased", 0.5);
     await sleep(500);
     const { moved, painted } = await page.evaluate(() => window.seen);
     await page.close();
