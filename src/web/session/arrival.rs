@@ -10,6 +10,7 @@ use serde_json::{Value, json};
 
 use crate::rig::Rig;
 use crate::rig::check::return_time_s;
+use crate::shown::Shown as _;
 use crate::signal::faults::sensor_faults;
 use crate::storage::import::{ImportOptions, Imported, SourceOptions, import_file, unit_warnings};
 use crate::storage::write;
@@ -52,7 +53,9 @@ pub fn take(dropped: &Dropped, rig: &Rig, folder: &Path) -> Result<(Value, Optio
     let scratch = tempfile::tempdir()?;
     let path = scratch.path().join(name);
     std::fs::write(&path, bytes)?;
-    let imported = imported(dropped, rig, &path)?;
+    // nobody knows the scratch file by its name
+    let own = |error: AnyError| error.to_string().replace(&*path.shown(), &Path::new(name).shown());
+    let imported = imported(dropped, rig, &path).map_err(own)?;
     let mut about = json!({
         "understood": imported.understood(Path::new(name)), "mended": imported.repairs,
         "warnings": unit_warnings(&imported.recording), "sensor_faults": sensor_faults(&imported.recording),

@@ -7,6 +7,7 @@ pub mod events;
 pub mod jobs;
 pub mod place;
 pub mod recording;
+pub mod samples;
 
 use std::collections::{BTreeSet, VecDeque};
 use std::error::Error;

@@ -13,6 +13,7 @@ use crate::fit::problem::error::FitError;
 use crate::fit::problem::objective::{Bins, Objective};
 use crate::fit::problem::parameters::placed_sensor;
 use crate::fit::problem::rows::SampleRows;
+use crate::fit::progress::stop_if_told;
 use crate::model::constraint::Constraint;
 use crate::model::energy::Energy;
 use crate::model::parameter::{Parameter, Scale};
@@ -308,6 +309,7 @@ impl<'a> FitProblem<'a> {
         reaches: usize,
         simulate: Simulate<'a>,
     ) -> Result<Simulated, ModelError> {
+        stop_if_told();
         let run = &self.runs[r];
         let own = &values[self.run_offsets[r]..];
         let run_values = self.run_values(r, values);
