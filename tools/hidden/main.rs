@@ -18,7 +18,10 @@ fn main() -> Result<(), Box<dyn std::error::Error + Send + Sync>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let (flags, plain): (Vec<String>, Vec<String>) = arguments.into_iter().partition(|a| a.starts_with("--"));
     let [seed, count, folder, kinds @ ..] = plain.as_slice() else {
-        return Err("usage: hidden_effects SEED COUNT FOLDER [KIND,KIND…] [--coloured] [--wrong-rig] [--pairs] [--plastic]".into());
+        return Err(
+            "usage: hidden_effects SEED COUNT FOLDER [KIND,KIND…] [--coloured] [--wrong-rig] [--pairs] [--plastic]"
+                .into(),
+        );
     };
     let (seed, count): (u64, u64) = (seed.parse()?, count.parse()?);
     let mut drawn = rig::KINDS.to_vec();
