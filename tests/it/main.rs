@@ -1,5 +1,6 @@
 //! What the whole program does, a module a subject. One binary: tests that wait overlap with tests that compute.
 
+mod adelaide;
 mod architecture;
 mod calibrate;
 mod common;

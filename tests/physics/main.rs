@@ -2,6 +2,7 @@
 
 mod adelaide;
 mod catalogue;
+mod column;
 mod ends;
 mod energy;
 mod exact;

@@ -1,7 +1,8 @@
 //! Recordings with one effect hidden, or a pair, from a scheme that shares nothing with the program: what `diagnose` is tried on.
 //!
-//! `cargo run --release -p surgescope-tools --bin hidden_effects -- SEED COUNT FOLDER [KIND,KIND…] [--coloured] [--wrong-rig] [--pairs]` writes folders with `rig.toml`,
+//! `cargo run --release -p surgescope-tools --bin hidden_effects -- SEED COUNT FOLDER [KIND,KIND…] [--coloured] [--wrong-rig] [--pairs] [--plastic]` writes folders with `rig.toml`,
 //! `run.csv`, sometimes `run2.csv`, and `answers.json` beside them, as `tools/blind.py` reads them. The same seed gives the same files.
+//! With `--plastic` every wall creeps, also where an effect is otherwise hidden in metal only.
 
 mod record;
 mod rig;
@@ -17,7 +18,10 @@ fn main() -> Result<(), Box<dyn std::error::Error + Send + Sync>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let (flags, plain): (Vec<String>, Vec<String>) = arguments.into_iter().partition(|a| a.starts_with("--"));
     let [seed, count, folder, kinds @ ..] = plain.as_slice() else {
-        return Err("usage: hidden_effects SEED COUNT FOLDER [KIND,KIND…] [--coloured] [--wrong-rig] [--pairs]".into());
+        return Err(
+            "usage: hidden_effects SEED COUNT FOLDER [KIND,KIND…] [--coloured] [--wrong-rig] [--pairs] [--plastic]"
+                .into(),
+        );
     };
     let (seed, count): (u64, u64) = (seed.parse()?, count.parse()?);
     let mut drawn = rig::KINDS.to_vec();
@@ -29,6 +33,7 @@ fn main() -> Result<(), Box<dyn std::error::Error + Send + Sync>> {
     }
     let has = |flag: &str| flags.iter().any(|f| f == flag);
     let (coloured, wrong_rig, pairs) = (has("--coloured"), has("--wrong-rig"), has("--pairs"));
+    let plastic = has("--plastic");
     let folder = Path::new(folder);
     let cases: Vec<(String, serde_json::Value)> = (0..count)
         .into_par_iter()
@@ -39,7 +44,7 @@ fn main() -> Result<(), Box<dyn std::error::Error + Send + Sync>> {
             let kind =
                 if pairs { pick(&mut random, rig::paired().collect()) } else { drawn[i as usize % drawn.len()] };
             let second = pairs.then(|| pick(&mut random, rig::paired().filter(|other| *other != kind).collect()));
-            let case = rig::draw(&mut random, kind, second, &name);
+            let case = rig::draw(&mut random, kind, second, plastic, &name);
             record::write(&folder.join(&name), &case, &mut random, coloured, wrong_rig)?;
             let effects: Vec<_> = [kind].into_iter().filter(|k| *k != "nothing").chain(second).collect();
             let truth = truth::of(&case, &folder.join(&name))?;

@@ -129,15 +129,21 @@ impl Case {
 /// Inner diameters of the rigs.
 const DIAMETERS_M: [f64; 8] = [0.014, 0.016, 0.0221, 0.032, 0.0506, 0.0662, 0.0933, 0.15];
 
-/// A case with an effect of this kind, and perhaps a second one of [`paired`].
-pub fn draw(random: &mut fastrand::Rng, kind: &'static str, second: Option<&'static str>, name: &str) -> Case {
+/// A case with an effect of this kind, and perhaps a second one of [`paired`]; in plastic, where `always_plastic`.
+pub fn draw(
+    random: &mut fastrand::Rng,
+    kind: &'static str,
+    second: Option<&'static str>,
+    always_plastic: bool,
+    name: &str,
+) -> Case {
     let between = |random: &mut fastrand::Rng, a: f64, b: f64| a + (b - a) * random.f64();
     let log = |random: &mut fastrand::Rng, a: f64, b: f64| a * (b / a).powf(random.f64());
     let plastic = match kind {
         "viscoelastic-wall" => true,
         "vapour-cavity" | "unknown" => false,
         _ => random.bool(),
-    };
+    } || always_plastic;
     let (material, lowest, highest, compliance) = if plastic {
         [("HDPE", 330.0, 400.0, 0.13e-9), ("PPR", 450.0, 510.0, 0.06e-9), ("PVC", 425.0, 470.0, 0.04e-9)]
             [random.usize(..3)]

@@ -57,6 +57,16 @@ pub fn doubts(rig: &Rig, features: &Features) -> Vec<String> {
         }
     }
     for sensor in &features.sensors {
+        if let Some(corners) = sensor.noise.corners {
+            found.push(format!(
+                "{} was interpolated: its samples lie on straight lines between points, one for every {:.0} of them (a curve read off a figure, \
+                 or a logger that fills in). What neighbouring samples scatter by is no noise; {} m is taken instead, by which the points leave \
+                 the lines between their neighbours",
+                sensor.name,
+                1.0 / corners.share,
+                error_m(corners.sd_m)
+            ));
+        }
         if let Some(line) = sensor.noise.line {
             found.push(format!(
                 "{} oscillates at {} Hz by {} m even before the closure (a pump, mains hum, or an alias of them): no model of a closure reproduces that, so it counts as missing physics; stop its source, or filter it before the converter",

@@ -5,6 +5,7 @@
 //! | --- | --- |
 //! | `trace` | the head on an even grid, gaps marked |
 //! | `noise` | white and coloured noise, the converter's step |
+//! | `interpolated` | the points of a record that was drawn between them |
 //! | `front` | the first rise and fall of a sensor |
 //! | `onset`, `closure` | when the closure starts and ends |
 //! | `levels` | head before and after, flow, temperature |
@@ -30,6 +31,7 @@ pub(crate) mod features;
 pub(crate) mod front;
 pub mod harmonics;
 pub(crate) mod inspect;
+pub(crate) mod interpolated;
 pub(crate) mod levels;
 pub(crate) mod matching;
 pub(crate) mod noise;
@@ -48,5 +50,6 @@ pub use crate::signal::between::{FrontPair, front_pairs};
 pub use crate::signal::error::SignalError;
 pub use crate::signal::features::{Closure, Crossings, Estimate, Extremum, Features, SensorFeatures, WaveSpeeds};
 pub use crate::signal::inspect::inspect;
+pub use crate::signal::interpolated::Corners;
 pub use crate::signal::noise::Noise;
 pub use crate::signal::station::heads;

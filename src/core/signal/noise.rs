@@ -3,6 +3,7 @@
 use std::borrow::Cow;
 
 use crate::robust::{MEDIAN_TO_SD, median};
+use crate::signal::interpolated::{Corners, corners};
 use crate::signal::spectrum::Spectrum;
 
 /// Disturbance of a pressure sensor before the closure; heads in m.
@@ -24,6 +25,8 @@ pub struct Noise {
     /// The part that is not white, if it is one lasting oscillation: not sensor noise, but something in the pipe or its
     /// wiring.
     pub line: Option<Line>,
+    /// The points between which the record was interpolated, if it was: its noise is theirs.
+    pub corners: Option<Corners>,
 }
 
 /// A lasting oscillation.
@@ -54,6 +57,20 @@ const SPIKE: f64 = 8.0;
 pub(crate) fn noise(lead: &[f64], whole: &[f64]) -> Noise {
     let quantum_m = quantum(whole);
     let floor = quantum_m.map_or(0.0, |q| q / 12f64.sqrt());
+    let corners = corners(whole, quantum_m);
+    if let Some(corners) = corners {
+        let white = corners.sd_m.max(floor);
+        return Noise {
+            white_sd_m: white,
+            total_sd_m: white,
+            lag1_autocorrelation: 1.0 - corners.share,
+            effective_fraction: corners.share,
+            quantum_m,
+            coloured: true,
+            line: None,
+            corners: Some(corners),
+        };
+    }
     if lead.len() < SHORTEST_LEAD {
         let white = white_sd_of_whole(whole).max(floor);
         return Noise {
@@ -64,6 +81,7 @@ pub(crate) fn noise(lead: &[f64], whole: &[f64]) -> Noise {
             quantum_m,
             coloured: false,
             line: None,
+            corners,
         };
     }
     let lead = &lead[lead.len().saturating_sub(LONGEST_LEAD)..];
@@ -96,6 +114,7 @@ pub(crate) fn noise(lead: &[f64], whole: &[f64]) -> Noise {
     let line = if lasts { line(&residual, total_sd_m * (2.0 * slow).sqrt()) } else { None };
     Noise {
         line,
+        corners,
         white_sd_m,
         total_sd_m,
         lag1_autocorrelation,

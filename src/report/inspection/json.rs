@@ -60,6 +60,7 @@ fn sensor(recording: &Recording, s: &SensorFeatures) -> Value {
             "lag1_autocorrelation": s.noise.lag1_autocorrelation,
             "effective_fraction": s.noise.effective_fraction,
             "quantum_m": s.noise.quantum_m,
+            "interpolated_share": s.noise.corners.map(|corners| 1.0 - corners.share),
             "line": s.noise.line.map(|line| json!({
                 "frequency_hz": line.cycles_per_sample / s.interval_s, "amplitude_m": line.amplitude_m,
             })),

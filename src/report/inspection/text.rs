@@ -70,7 +70,9 @@ pub fn table(recording: &Recording, f: &Features) -> String {
             head(s.first_peak.map(|e| (e.head_m, s.noise.white_sd_m))),
             s.extrema.len(),
             error_m(s.noise.white_sd_m),
-            if s.noise.coloured {
+            if s.noise.corners.is_some() {
+                " (interpolated)".to_owned()
+            } else if s.noise.coloured {
                 format!(" (autocorrelated: {} in all)", error_m(s.noise.total_sd_m))
             } else {
                 String::new()

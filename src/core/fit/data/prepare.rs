@@ -2,8 +2,8 @@
 
 use crate::fit::data::run_data::{Meter, RunData, RunStart, SensorData};
 use crate::fit::data::thresholds::{
-    CLOSING_TIME_FACTOR, DEFAULT_FLOW_UNCERTAINTY, DEFAULT_OFFSET_SHARE, JOUKOWSKY_UNCERTAINTY, SMOOTHING_EXCESS,
-    VAPOUR_MARGIN_PA,
+    CLOSING_TIME_FACTOR, DEFAULT_FLOW_UNCERTAINTY, DEFAULT_OFFSET_SHARE, FEWEST_BEFORE, JOUKOWSKY_UNCERTAINTY,
+    SMOOTHING_EXCESS, VAPOUR_MARGIN_PA,
 };
 use crate::model::Conditions;
 use crate::model::effects::ATMOSPHERE_PA;
@@ -161,7 +161,7 @@ fn valve_head(
     rise_m: f64,
 ) -> (f64, Option<f64>) {
     let flow_m3_s = velocity_m_s * rig.pipes.last().map_or(0.0, |p| p.area_m2());
-    let steady = features.sensors.iter().filter(|s| rig.sensors[s.sensor].coupling == Coupling::Dc);
+    let steady = features.sensors.iter().filter(|s| rig.sensors[s.sensor].coupling == Coupling::Dc && shows_before(s));
     if let Some(nearest) = steady.max_by(|a, b| a.position_m.total_cmp(&b.position_m)) {
         let loss_m = loss_m(rig, water, flow_m3_s, nearest.position_m);
         return (nearest.steady_before_m.value - loss_m, None);
@@ -169,6 +169,12 @@ fn valve_head(
     let stated = rig.steady.iter().find_map(|s| s.supply_head_m).map(|h| h - loss_m(rig, water, flow_m3_s, 0.0));
     let guess = rig.valve.discharge_head_m + stated.unwrap_or(2.0 * rise_m).max(0.1 * rise_m);
     (guess, Some(0.5 * guess.abs().max(rise_m)))
+}
+
+/// Whether a record begins before its front: else its first head belongs to the closure.
+fn shows_before(sensor: &SensorFeatures) -> bool {
+    let quiet_s = sensor.front_arrival_s.map_or(f64::INFINITY, |arrival| arrival.value - sensor.begin_s);
+    quiet_s > FEWEST_BEFORE * sensor.interval_s
 }
 
 /// The regime of a measured flow: laminar only where nothing else is possible.

@@ -16,3 +16,5 @@ pub(crate) const DEFAULT_OFFSET_SHARE: f64 = 0.01;
 pub(crate) const SMOOTHING_EXCESS: f64 = 1.03;
 /// Accuracy class of a pressure sensor that states none, percent of its span. Common industrial transmitters.
 pub(crate) const DEFAULT_ACCURACY_PERCENT: f64 = 0.25;
+/// Samples before the front from which a record shows the head before the closure. Chosen.
+pub(crate) const FEWEST_BEFORE: f64 = 3.0;
