@@ -211,12 +211,10 @@ fn converted(
     let under_pa = if is_absolute { ATMOSPHERE_PA } else { 0.0 };
     if is_absolute {
         let name = &sensor.name;
-        let [off, factor] = [ATMOSPHERE_PA, from.to_si(1.0, density)].map(|pa| sensor.unit.from_si(pa, density));
-        let off = significant(off, 6);
-        let line = if factor == 1.0 { format!("x-{off}") } else { format!("{}*x-{off}", significant(factor, 7)) };
+        let off = significant(from.from_si(ATMOSPHERE_PA, density), 6);
         let text = format!(
-            "'{}' is absolute: the standard atmosphere, {off} {}, is taken off (for that of your day: option `scale` '{name}={line}')",
-            track.name, sensor.unit
+            "'{}' is absolute: the standard atmosphere, {off} {from}, is taken off (for that of your day: option `scale` '{name}=x-{off} {from}')",
+            track.name
         );
         repairs.push(Repair::guess("absolute", text));
     }

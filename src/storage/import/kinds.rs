@@ -4,7 +4,7 @@ use crate::rig::{Rig, SensorKind, quantity_of, spelled_unit};
 use crate::storage::import::source::Track;
 use crate::units::{Quantity, Unit};
 
-/// Words in names, in lower case. A name that starts with the letter alone, as `P1` and `Q_2`, counts as well.
+/// Words in names, in lower case. A name that starts with the letter alone, as `P1` and `Q_valve`, counts as well.
 const WORDS: [(SensorKind, &[&str], &str); 5] = [
     (SensorKind::Pressure, &["press", "druck", "presi", "head", "transducer"], "ph"),
     (SensorKind::Flow, &["flow", "debit", "débit", "durchfl", "caudal", "portata", "discharge"], "qf"),
@@ -59,13 +59,16 @@ pub fn kind_of(track: &Track) -> Option<(SensorKind, Option<Unit>)> {
         return Some((kind, Some(unit)));
     }
     let name = track.short.to_lowercase();
-    let words = WORDS.iter().find(|(_, words, _)| words.iter().any(|w| name.contains(w)));
+    let said = |words: &[&str]| words.iter().any(|w| name.contains(w));
     let lettered = |letters: &str| {
-        let mut rest = name.trim_start_matches(|c: char| letters.contains(c)).chars();
-        name.starts_with(|c: char| letters.contains(c))
-            && rest.all(|c| c.is_ascii_digit() || matches!(c, '_' | ' ' | '-'))
+        let mut chars = name.chars();
+        chars.next().is_some_and(|c| letters.contains(c)) && !chars.next().is_some_and(char::is_alphabetic)
     };
-    let found = words.or_else(|| WORDS.iter().find(|(.., letters)| lettered(letters)));
+    // A pressure at the valve is no valve's position.
+    let (valve, quantities) = WORDS.split_last()?;
+    let worded = quantities.iter().find(|(_, words, _)| said(words));
+    let named = worded.or_else(|| quantities.iter().find(|(.., letters)| lettered(letters)));
+    let found = named.or(Some(valve).filter(|(_, words, _)| said(words)));
     found.map(|(kind, ..)| (*kind, None))
 }
 
