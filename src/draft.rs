@@ -2,11 +2,16 @@
 
 use std::path::Path;
 
+use crate::number::significant;
+use crate::recording::Recording;
 use crate::rig::draft::{Draft, DraftSensor, Told};
-use crate::rig::{Rig, SensorKind};
+use crate::rig::{Rig, SensorKind, quantity_of};
 use crate::robust::median;
+use crate::signal::doubts::doubts;
+use crate::signal::faults::{in_words, sensor_faults};
+use crate::signal::window::used;
 use crate::signal::{Features, SensorFeatures, inspect};
-use crate::storage::import::{ImportOptions, NAMELESS, SourceFile, SourceOptions, Track, import_file, kind_of};
+use crate::storage::import::{NAMELESS, SourceFile, SourceOptions, Track, bind, kind_of};
 use crate::units::Unit;
 
 /// Units of a pressure that states none, and up to which median it is taken for each: a laboratory's line has 0.5 to 20 bar.
@@ -34,25 +39,34 @@ fn kind_of_numbers(values: &[f64]) -> Option<SensorKind> {
 
 /// The sensors of a file's columns, and the columns that are none. Pressures stand at the valve until [`place`] puts them elsewhere.
 ///
-/// Columns that the options scale are pressures in the `scaled` unit.
+/// A `unit` that the user gives is that of the pressures that state none. What the options scale is in their unit, otherwise a pressure in it, or in bar.
 pub fn sensors_of(
     file: &SourceFile,
     draft: &Draft,
     source: &SourceOptions,
-    scaled: Unit,
+    unit: Option<Unit>,
 ) -> (Vec<DraftSensor>, Vec<String>) {
     let (mut sensors, mut others): (Vec<DraftSensor>, Vec<String>) = (Vec::new(), Vec::new());
+    let mut unstated: Vec<(usize, f64)> = Vec::new();
     for track in &file.tracks {
         let nameless = track.name.starts_with(NAMELESS);
-        let is_scaled = source.scales.iter().any(|(name, _)| *name == track.name || *name == track.short);
-        let by_scale = is_scaled.then_some((SensorKind::Pressure, Some(scaled)));
+        let line = source.scales.iter().find(|(name, _)| *name == track.name || *name == track.short);
+        let by_scale = line.and_then(|(_, line)| {
+            let unit = line.unit.or(unit).unwrap_or(Unit::BAR);
+            let measures = |kind: &SensorKind| quantity_of(*kind) == unit.quantity;
+            Some((SensorKind::ALL.into_iter().find(measures)?, Some(unit)))
+        });
         let kind = by_scale
             .or_else(|| kind_of(track))
             .or_else(|| Some((kind_of_numbers(&track.series.value)?, None)).filter(|_| nameless));
         match kind.filter(|_| track.series.value.len() > 1 && !source.ignore.contains(&track.short)) {
-            Some((kind, unit)) => {
+            Some((kind, stated)) => {
                 let name = free_name(&track.short, &sensors);
-                let unit = unit.map_or_else(|| unit_of(track, kind, draft), Told::given);
+                let level = median(&mut track.series.value.clone()).abs();
+                if kind == SensorKind::Pressure && stated.is_none() && track.unit.is_none() {
+                    unstated.push((sensors.len(), level));
+                }
+                let unit = stated.map_or_else(|| unit_of(track, kind, level, draft), Told::given);
                 let position_m = match kind {
                     SensorKind::Flow => Told::assumed(0.0, "the file does not say: at the supply"),
                     SensorKind::Temperature => Told::given(0.0),
@@ -63,13 +77,28 @@ pub fn sensors_of(
             None => others.push(track.name.clone()),
         }
     }
+    // One logger writes all its pressures in one unit.
+    let largest = unstated.iter().map(|(_, level)| *level).fold(0.0, f64::max);
+    let medians: Vec<String> = unstated.iter().map(|(_, level)| significant(*level, 4)).collect();
+    for (i, _) in &unstated {
+        sensors[*i].unit = match unit {
+            Some(given) => Told::given(given),
+            None => guessed_pressure(largest, format!("no unit is stated; the medians are {}", medians.join(", "))),
+        };
+    }
     (sensors, others)
 }
 
+/// The unit of a pressure by its size.
+fn guessed_pressure(level: f64, why: String) -> Told<Unit> {
+    let symbol = PRESSURES.iter().find(|(_, most)| level <= *most).map_or("kPa", |(symbol, _)| symbol);
+    Told::assumed(symbol.parse().unwrap_or(Unit::BAR), why)
+}
+
 /// Puts the pressure sensors where the front that passes them says, and takes temperature and closing time from the record.
-pub fn place(draft: &mut Draft, path: &Path, source: &SourceOptions) {
+pub fn place(draft: &mut Draft, file: &SourceFile, source: &SourceOptions) {
     let alone = draft.sensors.iter().filter(|s| s.kind == SensorKind::Pressure).count() == 1;
-    let found = match seen_from_valve(draft, path, source) {
+    let found = match seen_from_valve(draft, file, source) {
         Ok(found) => found,
         Err(error) => {
             let why = if alone {
@@ -92,6 +121,7 @@ pub fn place(draft: &mut Draft, path: &Path, source: &SourceOptions) {
         let seen = found.sensors.iter().find(|s| s.name == sensor.name);
         let later_s = seen.and_then(|s| s.front_arrival_s).map(|e| e.value - first_s);
         let place = match (later_s, speed_m_s) {
+            (Some(0.0), _) if alone => Told::assumed(length_m, "the one pressure that everybody records: at the valve"),
             (Some(0.0), _) => Told::assumed(length_m, "the front is there first: at the valve"),
             (Some(later_s), Some(speed_m_s)) => {
                 let place_m = (length_m - speed_m_s * later_s).clamp(0.0, length_m);
@@ -114,23 +144,40 @@ pub fn place(draft: &mut Draft, path: &Path, source: &SourceOptions) {
     }
 }
 
+/// Where the file contradicts the rig that was made for it, a sentence each: most likely an answer was in another unit.
+///
+/// # Errors
+/// No closure can be seen in it.
+pub fn contradictions(rig: &Rig, file: &SourceFile, source: &SourceOptions) -> Result<Vec<String>, String> {
+    let recording = recorded(rig, file, source)?;
+    let mut found = doubts(rig, &inspect(&recording).map_err(|e| e.to_string())?);
+    let faults = sensor_faults(&recording);
+    found.extend((!faults.is_empty()).then(|| in_words(&faults)));
+    Ok(found)
+}
+
 /// The features of the file, the period that of the sensor that the front reaches first.
-fn seen_from_valve(draft: &Draft, path: &Path, source: &SourceOptions) -> Result<Features, String> {
-    let found = seen(draft, path, source)?;
+fn seen_from_valve(draft: &Draft, file: &SourceFile, source: &SourceOptions) -> Result<Features, String> {
+    let found = seen(draft, file, source)?;
     let arrival = |s: &&SensorFeatures| s.front_arrival_s.map_or(f64::INFINITY, |e| e.value);
     let first = found.sensors.iter().min_by(|a, b| arrival(a).total_cmp(&arrival(b))).map(|s| s.name.clone());
     let first = first.ok_or("no sensor")?;
     let mut moved = draft.clone();
     let others = moved.sensors.iter_mut().filter(|s| s.kind == SensorKind::Pressure && s.name != first);
     others.for_each(|s| s.position_m.value = 0.5 * draft.length_m);
-    seen(&moved, path, source).or(Ok(found))
+    seen(&moved, file, source).or(Ok(found))
 }
 
 /// The features of the file on the rig as it is drafted.
-fn seen(draft: &Draft, path: &Path, source: &SourceOptions) -> Result<Features, String> {
+fn seen(draft: &Draft, file: &SourceFile, source: &SourceOptions) -> Result<Features, String> {
     let rig = Rig::from_toml(&draft.text(), "draft").map_err(|e| e.to_string())?;
-    let imported = import_file(path, &rig, &ImportOptions::default(), source, true).map_err(|e| e.to_string())?;
-    inspect(&imported.recording).map_err(|e| e.to_string())
+    inspect(&recorded(&rig, file, source)?).map_err(|e| e.to_string())
+}
+
+/// What is used of the file, on a rig.
+fn recorded(rig: &Rig, file: &SourceFile, source: &SourceOptions) -> Result<Recording, String> {
+    let bound = bind(file.clone(), Path::new(""), rig, source, &mut Vec::new());
+    bound.map(|(recording, _)| used(recording).0).map_err(|e| e.to_string())
 }
 
 /// The heading as a sensor's name: no column without a heading, and none twice.
@@ -143,25 +190,23 @@ fn free_name(heading: &str, taken: &[DraftSensor]) -> String {
 }
 
 /// The unit of a column that states none, by its median.
-fn unit_of(track: &Track, kind: SensorKind, draft: &Draft) -> Told<Unit> {
-    let level = median(&mut track.series.value.clone()).abs();
+fn unit_of(track: &Track, kind: SensorKind, level: f64, draft: &Draft) -> Told<Unit> {
+    let why = match &track.unit {
+        Some(unit) => format!("the file has it in '{unit}': give its line when it is imported, as in 'P1=250*x-125'"),
+        None => format!("no unit is stated; its median is {}", significant(level, 4)),
+    };
     let area_m2 = std::f64::consts::FRAC_PI_4 * (1e-3 * draft.inner_diameter_mm).powi(2);
     let flows = |symbol: &&&str| {
         let flow_m3_s = symbol.parse::<Unit>().map_or(f64::NAN, |u| u.to_si(level, 1000.0));
         (VELOCITIES_M_S[0]..=VELOCITIES_M_S[1]).contains(&(flow_m3_s / area_m2))
     };
     let symbol = match kind {
-        SensorKind::Pressure => PRESSURES.iter().find(|(_, most)| level <= *most).map_or("kPa", |(symbol, _)| symbol),
+        SensorKind::Pressure => return guessed_pressure(level, why),
         SensorKind::Flow => FLOWS.iter().find(flows).map_or("L/s", |symbol| symbol),
         SensorKind::Temperature if level > 200.0 => "K",
         SensorKind::Temperature => "degC",
         SensorKind::ValvePosition if level > 1.5 => "%",
         SensorKind::ValvePosition | SensorKind::Trigger => "1",
     };
-    let why = match &track.unit {
-        Some(unit) => format!("the file has it in '{unit}': give its line when it is imported, as in 'P1=250*x-125'"),
-        None => format!("no unit is stated; its median is {level:.4}"),
-    };
-    let unit = symbol.parse().unwrap_or_else(|_| crate::units::UNITS[0]);
-    Told::assumed(unit, why)
+    Told::assumed(symbol.parse().unwrap_or(crate::units::UNITS[0]), why)
 }

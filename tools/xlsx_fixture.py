@@ -1,4 +1,5 @@
-"""Writes tests/fixtures/openpyxl.xlsx: a table that openpyxl wrote, with times as dates of Excel. Needs openpyxl."""
+"""Writes tests/fixtures/openpyxl.xlsx and openpyxl-two.xlsx: tables that openpyxl wrote, with times as dates of Excel, and with dates and
+times of the day in two columns. Needs openpyxl."""
 
 import datetime
 from pathlib import Path
@@ -14,3 +15,10 @@ start = datetime.datetime(2026, 3, 14, 9, 26, 53)
 for i in range(60):
     sheet.append([start + datetime.timedelta(milliseconds=5 * i), 1.5 + 0.01 * i, 1.2])
 book.save(Path(__file__).parent.parent / "tests/fixtures/openpyxl.xlsx")
+
+book = openpyxl.Workbook()
+book.active.append(["Run", "Date", "Time", "Pressure 1 (bar)", "Pressure 2 (bar)"])
+for i in range(60):
+    at = start + datetime.timedelta(milliseconds=5 * i)
+    book.active.append([7, at.date(), at.time(), 1.5 + 0.01 * i, 1.2])
+book.save(Path(__file__).parent.parent / "tests/fixtures/openpyxl-two.xlsx")

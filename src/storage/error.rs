@@ -329,6 +329,17 @@ pub enum CsvProblem {
         /// All lines.
         rows: usize,
     },
+    /// A pressure above the vacuum, where nothing says what the atmosphere was.
+    #[error(
+        "column '{column}' is absolute ('{unit}'), and a sensor's pressure counts from the atmosphere: accept the standard one as a guess, or give the \
+         column's line with option `scale`, such as '{column}=x-1.013'"
+    )]
+    Absolute {
+        /// The column.
+        column: String,
+        /// Its unit.
+        unit: String,
+    },
     /// A unit that the sensor's samples cannot have.
     #[error(
         "column '{column}' is in '{unit}', which is no known {kind} unit (known are {known}); give its line with option `scale`, convert it, or correct the heading"

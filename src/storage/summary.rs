@@ -66,7 +66,7 @@ impl Summary {
 impl fmt::Display for Summary {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         // a difference of two times ends in meaningless digits
-        let duration_s = (self.duration_s * 1e9).round() / 1e9;
+        let duration_s = (self.duration_s * 1e6).round() / 1e6;
         write!(f, "{duration_s} s of rig '{}'", self.rig)?;
         for sensor in &self.sensors {
             write!(f, "\n  {}: {} samples", sensor.name, sensor.samples)?;

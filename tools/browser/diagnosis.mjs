@@ -53,7 +53,8 @@ async function ranking(page, check, answer) {
       const group = groups.at(-1);
       if (!group) continue;
       for (const row of e.querySelectorAll("tbody tr:has([data-probability])")) {
-        group.rows.push({ effect: (row.querySelector("code") ?? row.cells[0]).textContent, probability: Number(row.querySelector("[data-probability]").dataset.probability),
+        // An effect of a pair shows how likely it is to be missing alone; the answer counts the pair as well.
+        group.rows.push({ isPair: row.querySelector("strong.pair") !== null, isMember: row.querySelector("[data-probability] + small") !== null, effect: (row.querySelector("code") ?? row.cells[0]).textContent, probability: Number(row.querySelector("[data-probability]").dataset.probability),
           width: row.querySelector(".probability i").style.width, parameters: row.cells[5].textContent });
       }
       if (e.classList.contains("next")) group.next.push(e.textContent);
@@ -63,15 +64,21 @@ async function ranking(page, check, answer) {
   check("a ranking a diagnosis, each with its next test", groups.length > 0 && groups.every((g) => g.rows.length > 1 && g.next.length === 1), groups.map((g) => g.heading).join(" | "));
   for (const { heading, rows } of groups) {
     const candidates = rows.filter((r) => r.effect !== "none of these");
+    const pairs = candidates.filter((r) => r.isPair).length;
+    // The first row is the answer; the effects of a pair follow it, however likely they are alone.
+    const answers = candidates.filter((r) => !r.isMember);
+    check(`${heading}: the effects of a pair stand under it`, pairs === 0 || (candidates[0].isPair && candidates.filter((r) => r.isMember).length === 2));
     const sum = rows.reduce((s, r) => s + r.probability, 0);
-    check(`${heading}: probabilities descend and sum to 1`, sorted(candidates.map((r) => r.probability)) && near(sum, 1, 1e-6) && rows.length === candidates.length + 1, `${sum}`);
+    check(`${heading}: probabilities descend and sum to 1`, sorted(answers.map((r) => r.probability)) && near(sum, 1, 1e-6) && rows.length === candidates.length + 1, `${sum}`);
     check(`${heading}: bars show them`, rows.every((r) => near(parseFloat(r.width), 100 * r.probability, 0.051)));
   }
   if (!answer) return;
   const { rows, next } = groups.at(-1);
-  const candidates = rows.filter((r) => r.effect !== "none of these");
+  const candidates = rows.filter((r) => r.effect !== "none of these" && !r.isPair);
+  const pair = rows.find((r) => r.isPair);
+  check("the pair is that of the answer", answer.pair === null ? !pair : near(pair?.probability, answer.pair.probability) && pair.effect === answer.pair.labels.join(" and "), pair?.effect);
   const same = candidates.length === answer.candidates.length && answer.candidates.every((c, i) =>
-    candidates[i].effect.split(/[:@/]/)[0] === c.effect && near(candidates[i].probability, c.probability)
+    candidates[i].effect.split(/[:@/]/)[0] === c.effect && near(candidates[i].probability, c.probability_alone ?? c.probability)
       && c.parameters.every((p) => candidates[i].parameters.includes(`${p.name} = `)));
   check("the ranking is that of the answer, the first one first", same, `${candidates[0]?.effect} against ${answer.candidates[0]?.effect}`);
   const unseen = await page.$$eval("#ranking tbody tr:not(:has([data-probability])) td:first-child", (cells) => cells.map((c) => c.textContent.trim()));

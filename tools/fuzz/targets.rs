@@ -18,6 +18,7 @@ pub const TARGETS: &[Target] = &[
     Target { name: "csv", run: csv },
     Target { name: "tdms", run: tdms },
     Target { name: "mcap", run: mcap },
+    Target { name: "arrays", run: arrays },
     Target { name: "frames", run: super::frames::frames },
     Target { name: "lines", run: super::lines::lines },
     Target { name: "modbus", run: super::modbus::modbus },
@@ -104,6 +105,11 @@ fn csv(input: &[u8]) {
 fn tdms(input: &[u8]) {
     let map = vec![("/'Group'/'Channel'".to_string(), "P1".to_string())];
     foreign(input, "run.tdms", &SourceOptions { map, ..SourceOptions::default() });
+}
+
+/// MAT files and HDF5; what does not begin like one goes to the other readers.
+fn arrays(input: &[u8]) {
+    foreign(input, "run.mat", &SourceOptions { guess: true, ..SourceOptions::default() });
 }
 
 /// MCAP of other programs, its messages timed in three ways.

@@ -3,7 +3,10 @@
 use chrono::DateTime;
 
 use crate::cli::args::values::positive;
-use crate::storage::import::{Line, MessageTime, SourceOptions, time_unit, zone_seconds};
+use crate::report::advice::quoted;
+use crate::rig::spelled_unit;
+use crate::storage::import::{Line, MessageTime, SourceOptions, time_symbol, time_unit, zone_seconds};
+use crate::units::Quantity;
 
 /// Options for what a file does not state.
 #[derive(Debug, Clone, clap::Args)]
@@ -26,7 +29,7 @@ pub struct ForeignArgs {
     /// Samples per second, where a column counts samples instead of giving times.
     #[arg(long, value_name = "HZ", value_parser = positive, allow_negative_numbers = true)]
     rate: Option<f64>,
-    /// What a column's numbers stand for, in the sensor's unit: 'P1=250*x-125' for a transducer of 0.5 to 4.5 V.
+    /// What a column's numbers stand for, in a unit or in the sensor's: 'P1=250*x-125 kPa' for a transducer of 0.5 to 4.5 V.
     #[arg(long, value_name = "SENSOR=A*x+B", value_parser = scale)]
     scale: Vec<(String, Line)>,
     /// Time of an MCAP message: when it was logged or published.
@@ -60,6 +63,25 @@ impl ForeignArgs {
     }
 }
 
+impl std::fmt::Display for ForeignArgs {
+    /// The options as a shell takes them, each after a blank.
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let mut option = |name: &str, value: &str| write!(f, " --{name} {}", quoted(value));
+        self.map.iter().try_for_each(|(from, to)| option("map", &format!("{from}={to}")))?;
+        self.ignore.iter().try_for_each(|name| option("ignore", name))?;
+        self.scale.iter().try_for_each(|(name, line)| option("scale", &format!("{name}={line}")))?;
+        self.rate.iter().try_for_each(|hz| option("rate", &hz.to_string()))?;
+        self.time_unit.iter().try_for_each(|unit_s| option("time-unit", time_symbol(*unit_s)))?;
+        self.date_order.iter().try_for_each(|order| option("date-order", order))?;
+        self.message_time.iter().try_for_each(|which| option("message-time", which))?;
+        self.time_field.iter().try_for_each(|field| option("time-field", field))?;
+        self.zone.iter().try_for_each(|east_s| {
+            let (hours, minutes) = (east_s.abs() / 3600, east_s.abs() / 60 % 60);
+            option("zone", &format!("{}{hours:02}:{minutes:02}", if *east_s < 0 { '-' } else { '+' }))
+        })
+    }
+}
+
 fn mapping(text: &str) -> Result<(String, String), String> {
     let (name, sensor) = text.rsplit_once('=').ok_or("write it like 'Column name=P1'")?;
     match (name.trim(), sensor.trim()) {
@@ -68,10 +90,17 @@ fn mapping(text: &str) -> Result<(String, String), String> {
     }
 }
 
-/// `P1=250*x-125`, `P1=0.03*x`, `P1=x-2`.
+/// `P1=250*x-125 kPa`, `P1=0.03*x`, `P1=x-2`.
 fn scale(text: &str) -> Result<(String, Line), String> {
-    let wrong = || format!("'{text}': write it like 'P1=250*x-125'");
+    let wrong = || format!("'{text}': write it like 'P1=250*x-125' or 'P1=250*x-125 kPa'");
     let (name, line) = text.rsplit_once('=').ok_or_else(wrong)?;
+    let is_unit = |word: &str| word.starts_with(|c: char| c.is_alphabetic() && c != 'x');
+    let (line, unit) = line.trim().rsplit_once(' ').filter(|(_, word)| is_unit(word)).unwrap_or((line, ""));
+    let quantities = [Quantity::Pressure, Quantity::Flow, Quantity::Temperature];
+    let unit = match unit {
+        "" => None,
+        unit => Some(quantities.into_iter().find_map(|q| spelled_unit(unit, q)).ok_or_else(wrong)?),
+    };
     let line = line.replace(' ', "");
     let (factor, rest) = line.split_once('x').ok_or_else(wrong)?;
     let scale = match factor.trim_end_matches('*') {
@@ -81,7 +110,7 @@ fn scale(text: &str) -> Result<(String, Line), String> {
     };
     let offset = if rest.is_empty() { 0.0 } else { rest.parse().map_err(|_| wrong())? };
     let usable = f64::is_finite(scale) && f64::is_finite(offset) && scale != 0.0 && !name.trim().is_empty();
-    usable.then(|| (name.trim().to_owned(), Line { scale, offset })).ok_or_else(wrong)
+    usable.then(|| (name.trim().to_owned(), Line { scale, offset, unit })).ok_or_else(wrong)
 }
 
 fn zone(text: &str) -> Result<i32, String> {

@@ -119,9 +119,9 @@ impl Profiles {
             }
             if profile.fell_by > 1.0 {
                 tell!(
-                    "warning: {}{run}: its profile contains a better fit, by {:.1} in χ²; check it with --start",
+                    "warning: {}{run}: its profile contains a better fit, by {} in χ²; check it with --start",
                     parameter.name,
-                    profile.fell_by
+                    significant(profile.fell_by, 3)
                 );
             }
             parameter.interval_95 = profile.interval_95;

@@ -10,6 +10,7 @@ use crate::cli::console::document::document;
 use crate::cli::console::outcome::{CommandResult, Outcome};
 use crate::cli::console::print::{say, tell};
 use crate::cli::console::progress::{busy, shown};
+use crate::number::significant;
 use crate::shown::Shown as _;
 use crate::storage::with_model::{Curve, write_with_model};
 use crate::storage::{Summary, disk, export_csv_file, read};
@@ -98,7 +99,7 @@ fn with_model(args: &Args, model: &Path, json: bool) -> CommandResult {
     say!("{}: the recording with {effects}; the run's own values are {own_values}", args.output.shown());
     for Curve { sensor, residual, .. } in &found.curves {
         let (name, unit, samples) = (&sensor.name, sensor.unit, residual.len());
-        say!("{name:<10} residual {:.3} {unit} rms over {samples} samples", rms(residual));
+        say!("{name:<10} residual {} {unit} rms over {samples} samples", significant(rms(residual), 3));
     }
     Ok(Outcome::Done)
 }

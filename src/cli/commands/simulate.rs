@@ -20,7 +20,7 @@ use crate::model::trace::Trace;
 use crate::record::session::output::check_path;
 use crate::report::energy;
 use crate::report::pest::observations::{HEADER, Table};
-use crate::report::text::number::rounded;
+use crate::report::text::number::{duration, rounded};
 use crate::rig::{Coupling, Rig};
 use crate::shown::Shown as _;
 use crate::simulate::as_recorded::as_recorded;
@@ -346,11 +346,11 @@ fn warn_of_cavities(scenario: &Scenario, traces: &[Trace]) {
         let least_head_m = elevation_m + least_pa / (scenario.water.density_kg_m3 * crate::units::GRAVITY_M_S2);
         if let Some(step) = trace.values.iter().position(|&h| h < least_head_m) {
             tell!(
-                "warning: at {} the pressure falls below vapour pressure {:.4} s after the start of the closure; this model does \
+                "warning: at {} the pressure falls below vapour pressure {} after the start of the closure; this model does \
                  not let the water boil, so what follows is not physical: add vapour-cavity, or take a lower velocity or a higher \
                  head",
                 sensor.name,
-                step as f64 * trace.dt_s
+                duration(step as f64 * trace.dt_s)
             );
         }
     }

@@ -12,6 +12,7 @@ use crate::creep::file::{CreepFile, ElementTable};
 use crate::creep::thresholds::{SAME_TEMPERATURE_K, WIDEST_PRIOR};
 use crate::fit::problem::thresholds::VISIBLE_TIMES_PERIODS;
 use crate::model::prior::Prior;
+use crate::number::significant;
 
 /// The prior of the wall.
 #[derive(Debug, Clone, PartialEq)]
@@ -79,7 +80,12 @@ pub fn wall_prior(
     }
     own.retain(|(_, e)| (shortest_s..=longest_s).contains(&e.tau_s));
     if own.is_empty() {
-        let all = file.elements.iter().map(|e| format!("{:.4e} s", e.tau_s * factor)).collect::<Vec<_>>().join(", ");
+        let all = file
+            .elements
+            .iter()
+            .map(|e| format!("{} s", significant(e.tau_s * factor, 3)))
+            .collect::<Vec<_>>()
+            .join(", ");
         let found = if all.is_empty() { "no element".into() } else { all };
         return Err(CreepError::NoneInReach { period_s, shortest_s, longest_s, found });
     }

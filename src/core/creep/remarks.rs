@@ -7,6 +7,7 @@ use crate::creep::problem::Shifted;
 use crate::creep::thresholds::{ALIKE_INFLATION, CONTRADICTING_NOISE, CREEPING_SHARE, MATERIAL_MARGIN};
 use crate::creep::thresholds::{MAX_ELEMENTS, OPEN_ERROR};
 use crate::fit::outcome::thresholds::STRONG_EVIDENCE;
+use crate::number::significant;
 use crate::rig::material::MATERIALS;
 
 /// Adds sentences: `room` elements could be tried at the most; `most_taken` if evidence chose as many as were tried; `asked` if their number
@@ -53,9 +54,9 @@ pub(crate) fn remark(fit: &mut CreepFit, ladder: &Ladder, step: &Step, (room, mo
     }
     if fit.inflation > ALIKE_INFLATION {
         fit.remarks.push(format!(
-            "neighbouring residuals are correlated, so {:.0} samples count as one: errors and band are widened for it; a drift of gauge or \
+            "neighbouring residuals are correlated, so {} samples count as one: errors and band are widened for it; a drift of gauge or \
              temperature, or a load that changed, causes it",
-            fit.inflation
+            significant(fit.inflation, 2)
         ));
     }
     if ladder.shifts > 0 {
@@ -94,14 +95,15 @@ fn implausible(creep: &Creep) -> Option<String> {
     let plausible = least / MATERIAL_MARGIN..=plastics.1 * MATERIAL_MARGIN;
     (!plausible.contains(&j0_per_gpa)).then(|| {
         format!(
-            "J0 = {j0_per_gpa:.3} 1/GPa would be a modulus of {:.3} GPa{}; walls that creep have {:.2} to {:.0} 1/GPa (glass fibre to soft \
-             polyethylene), metals {:.4} to {:.3}: check the unit in the column's name, and the stress",
-            1.0 / j0_per_gpa,
+            "J0 = {} 1/GPa would be a modulus of {} GPa{}; walls that creep have {} to {} 1/GPa (glass fibre to soft \
+             polyethylene), metals {} to {}: check the unit in the column's name, and the stress",
+            significant(j0_per_gpa, 3),
+            significant(1.0 / j0_per_gpa, 3),
             if creeps { " of a wall that creeps" } else { "" },
-            plastics.0,
-            plastics.1,
-            metals.0,
-            metals.1
+            significant(plastics.0, 2),
+            significant(plastics.1, 2),
+            significant(metals.0, 2),
+            significant(metals.1, 2)
         )
     })
 }

@@ -6,6 +6,7 @@ use nalgebra::{DMatrix, DVector};
 
 use crate::creep::thresholds::{MAX_C2_K, WLF_LIMITS};
 use crate::fit::numeric::least_squares::{Problem, minimise};
+use crate::number::significant;
 
 /// Gas constant, J/(mol K).
 pub(crate) const GAS_CONSTANT: f64 = 8.314_462_618;
@@ -82,8 +83,8 @@ pub(crate) fn laws(
     let arrhenius = arrhenius(reference_degc, shifts, &whiten, &logs);
     if arrhenius.describes == Some(false) {
         remarks.push(format!(
-            "Arrhenius' law does not describe the shift factors within their errors (it leaves {:.3} decades): trust the factors, not the law",
-            arrhenius.rms_decades
+            "Arrhenius' law does not describe the shift factors within their errors (it leaves {} decades): trust the factors, not the law",
+            significant(arrhenius.rms_decades, 2)
         ));
     }
     if arrhenius.activation_j_mol < 0.0 {

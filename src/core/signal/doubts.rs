@@ -1,7 +1,8 @@
 //! Warnings about a recording before any fit: numbers that cannot all be right.
 
 use crate::number::{duration, error_m, significant};
-use crate::rig::Rig;
+use crate::rig::material::{MATERIALS, Material};
+use crate::rig::{Pipe, Rig, WaterProperties};
 use crate::signal::features::{Estimate, Features};
 
 /// Wave speeds that differ by less agree: creep and unsteady friction smear the fronts from which they are read.
@@ -12,6 +13,8 @@ const LOW_JOUKOWSKY: f64 = 0.35;
 const FASTEST_M_S: f64 = 1600.0;
 /// Least number of periods after the closure that a fit needs.
 const LEAST_PERIODS: f64 = 2.0;
+/// A foot, m.
+const FOOT_M: f64 = 0.3048;
 /// Share of a period before the closure below which a record shows no steady flow.
 const LEAST_LEAD: f64 = 0.1;
 
@@ -133,8 +136,34 @@ fn doubt_bounds(rig: &Rig, temperature_degc: f64, best: Estimate) -> Option<Stri
     } else {
         return None;
     };
+    let slips = slips(rig, &water, best.value, [lo, hi]);
     Some(format!(
-        "the wave travels at {}, but a fit allows {lo:.0} to {hi:.0} m/s for the rig's pipe: {causes}",
+        "the wave travels at {}, but a fit allows {lo:.0} to {hi:.0} m/s for the rig's pipe: {causes}{slips}",
         shown(best)
     ))
+}
+
+/// What would make the wave speed fit: feet taken as metres, or walls of other materials.
+fn slips(rig: &Rig, water: &WaterProperties, speed_m_s: f64, [lo, hi]: [f64; 2]) -> String {
+    let mut found = String::new();
+    let from_feet = FOOT_M * speed_m_s;
+    if (lo..=hi).contains(&from_feet) {
+        let length_m = rig.length_m();
+        found += &format!(
+            " If its length is {length_m} feet, which are {:.2} m, the wave travels at {from_feet:.0} m/s: that fits.",
+            FOOT_M * length_m
+        );
+    }
+    let fits = |m: &&Material| {
+        rig.pipes.iter().all(|pipe| {
+            let pipe = Pipe { material: m.name.to_owned(), poisson_ratio: None, ..pipe.clone() };
+            let [lo, hi] = pipe.material_wave_speeds_m_s(water);
+            (lo..=hi).contains(&speed_m_s)
+        })
+    };
+    let names: Vec<&str> = MATERIALS.iter().filter(fits).map(|m| m.name).collect();
+    if !names.is_empty() {
+        found += &format!(" A wall of this size would fit if it were of {}.", names.join(", "));
+    }
+    found
 }

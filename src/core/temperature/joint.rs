@@ -10,6 +10,7 @@ use crate::fit::numeric::uncertainty::{correlation, gauss_newton_step};
 use crate::fit::outcome::fit::Fit;
 use crate::fit::progress::Progress;
 use crate::model::{Model, ModelError};
+use crate::number::significant;
 use crate::rig::Rig;
 use crate::temperature::apart::Quantity;
 use crate::temperature::compare::{Comparison, Verdict, chance, compare};
@@ -53,7 +54,7 @@ impl Together {
                     "intervals of the laws are widened by the root of F",
                 ),
             };
-            out.push(format!("{verdict} (F = {:.3e}, chance {}); {errors}", c.f, chance(c.chance)));
+            out.push(format!("{verdict} (F = {}, chance {}); {errors}", significant(c.f, 3), chance(c.chance)));
         }
         if self.comparison.is_none() {
             out.push(

@@ -4,7 +4,7 @@ use serde_json::{Value, json};
 
 use crate::creep::outcome::{CreepFit, TestFit};
 use crate::creep::thresholds::OPEN_ERROR;
-use crate::report::text::number::{significant, with_error};
+use crate::report::text::number::{grouped, significant, with_error};
 use crate::report::text::table::Table;
 
 /// Unit of compliances as displayed.
@@ -101,7 +101,7 @@ pub(crate) fn first(fit: &CreepFit) -> String {
 pub(crate) fn tried(fit: &CreepFit) -> Vec<[String; 3]> {
     let row = |t: &crate::creep::outcome::Tried| {
         let mark = if t.elements == fit.creep.elements.len() { "*" } else { "" };
-        [format!("{mark}{}", t.elements), significant(t.rms_over_noise, 3), format!("{:.1}", t.bic_above_best)]
+        [format!("{mark}{}", t.elements), significant(t.rms_over_noise, 3), grouped(t.bic_above_best)]
     };
     fit.tried.iter().map(row).collect()
 }

@@ -1,6 +1,6 @@
 //! The ranking: every effect that could be missing, with its probability.
 
-use crate::diagnose::{Candidate, Diagnosis, Verdict};
+use crate::diagnose::{Candidate, Diagnosis, Pair, Verdict};
 use crate::fit::outcome::fit::FittedParameter;
 use crate::report::diagnosis::words::{evidence, start_model};
 use crate::report::html::page::{minus, table};
@@ -51,10 +51,10 @@ fn candidates(diagnosis: &Diagnosis) -> String {
 /// How well the end of the records is predicted from their beginning, with the effect and without.
 fn held_out(diagnosis: &Diagnosis) -> String {
     match (diagnosis.held_out_m, diagnosis.candidates.first().and_then(|c| Some((c, c.held_out_m?)))) {
-        (Some(without), Some((best, with))) => format!(
+        (Some(without), Some((_, with))) => format!(
             "<p>Refitted to the first three fifths of the record, the model misses the rest by {} m with <code>{}</code>, by {} m without.</p>\n",
             error_m(with),
-            escape(&best.label),
+            escape(&diagnosis.answer_label()),
             error_m(without)
         ),
         _ => String::new(),
@@ -104,26 +104,26 @@ fn next_test(diagnosis: &Diagnosis) -> String {
 
 fn rows(diagnosis: &Diagnosis, candidates: &[Candidate], with_none: bool) -> String {
     let start = overall(&diagnosis.start);
-    let row = |name: String, p: f64, evidence: String, rmse_m: f64, parameters: String| {
-        vec![name, bar(p), evidence, error_m(rmse_m), times(rmse_m, start.noise_m), parameters]
+    let row = |name: String, p: String, evidence: String, rmse_m: f64, parameters: String| {
+        vec![name, p, evidence, error_m(rmse_m), times(rmse_m, start.noise_m), parameters]
     };
     // Two effects found together stand above both, for neither explains the records alone.
     let pair = diagnosis.pair.as_ref().filter(|_| with_none).map(|pair| {
         vec![
-            format!("<strong>{}</strong>", escape(&pair.labels.join(" and "))),
-            probability(pair.probability).replace('>', "&gt;").replace('<', "&lt;"),
+            format!("<strong class=\"pair\">{}</strong>", escape(&pair.labels.join(" and "))),
+            bar(pair.probability),
             grouped(pair.evidence),
             error_m(pair.fit.pooled().0),
             times(pair.fit.pooled().0, start.noise_m),
             parameters(diagnosis.answer_parameters()),
         ]
     });
-    let rows = candidates
-        .iter()
-        .map(|c| row(name(c), c.probability, minus(&evidence(c)), c.rmse_m, parameters(&c.parameters)));
+    let rows = candidates.iter().map(|c| {
+        row(name(c), likely(c, diagnosis.pair.as_ref()), minus(&evidence(c)), c.rmse_m, parameters(&c.parameters))
+    });
     let none = diagnosis.none_of_these();
-    let last =
-        with_none.then(|| row("none of these".into(), none.clamp(0.0, 1.0), "0".into(), start.rmse_m, String::new()));
+    let last = with_none
+        .then(|| row("none of these".into(), bar(none.clamp(0.0, 1.0)), "0".into(), start.rmse_m, String::new()));
     let headings = ["effect", "probability", "evidence", "RMSE, m", "× noise", "its parameters"];
     let caption = format!("Effects added to the {}", start_model(diagnosis));
     table(&caption, &headings, &[2, 3, 4], pair.into_iter().chain(rows).chain(last))
@@ -136,6 +136,17 @@ fn name(candidate: &Candidate) -> String {
         others => {
             format!("{name}<small class=\"alike\">cannot be distinguished from {}</small>", escape(&others.join(", ")))
         }
+    }
+}
+
+/// How likely an effect is to be the one that is missing; of one that the pair above holds, to be missing without the other.
+fn likely(candidate: &Candidate, pair: Option<&Pair>) -> String {
+    match pair.filter(|pair| pair.effects.contains(&candidate.effect)) {
+        Some(pair) => {
+            let alone = (candidate.probability - pair.probability).max(0.0);
+            format!("{}<small class=\"alike\">without the other of the pair</small>", bar(alone))
+        }
+        None => bar(candidate.probability),
     }
 }
 

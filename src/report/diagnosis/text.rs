@@ -72,6 +72,9 @@ struct Rival<'a> {
     effect: &'a str,
     label: &'a str,
     probability: f64,
+    /// Of an effect of the pair: that it is missing without the other.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    probability_alone: Option<f64>,
     evidence: f64,
     rmse_m: f64,
     held_out_m: Option<f64>,
@@ -110,7 +113,7 @@ fn document(diagnosis: &Diagnosis) -> Document<'_> {
             .iter()
             .map(|v| Least { effect: &v.effect, parameter: &v.parameter, value: v.value, unit: v.unit })
             .collect(),
-        candidates: diagnosis.candidates.iter().map(rival).collect(),
+        candidates: diagnosis.candidates.iter().map(|c| rival(c, diagnosis.pair.as_ref())).collect(),
         pair: diagnosis.pair.as_ref().map(|pair| both(pair, &diagnosis.rival_pairs)),
         next_test: diagnosis.next_test.as_deref().unwrap_or(""),
         fails: &diagnosis.residual_patterns,
@@ -134,8 +137,10 @@ fn both<'a>(pair: &'a Pair, rivals: &'a [RivalPair]) -> Both<'a> {
     }
 }
 
-fn rival(candidate: &Candidate) -> Rival<'_> {
+fn rival<'a>(candidate: &'a Candidate, pair: Option<&Pair>) -> Rival<'a> {
+    let pair = pair.filter(|pair| pair.effects.contains(&candidate.effect));
     Rival {
+        probability_alone: pair.map(|pair| (candidate.probability - pair.probability).max(0.0)),
         effect: candidate.effect,
         label: &candidate.label,
         probability: candidate.probability,
@@ -158,8 +163,8 @@ pub fn text(diagnosis: &Diagnosis) -> String {
     for sentence in &diagnosis.residual_patterns {
         let _ = writeln!(out, "  {sentence}");
     }
-    for doubt in &diagnosis.warnings {
-        let _ = writeln!(out, "\nwarning: {doubt}");
+    for (i, doubt) in diagnosis.warnings.iter().enumerate() {
+        let _ = writeln!(out, "{}warning: {doubt}", if i == 0 { "\n" } else { "" });
     }
     let _ = match (diagnosis.verdict, diagnosis.candidates.first()) {
         (Verdict::NothingMissing, _) => {
@@ -197,7 +202,7 @@ pub fn text(diagnosis: &Diagnosis) -> String {
             out,
             "Refitted to the first three fifths of the record, the model misses the rest by {} m with {}, by {} m without.",
             error_m(with),
-            best.label,
+            diagnosis.answer_label(),
             error_m(without)
         );
     }
@@ -209,7 +214,10 @@ pub fn text(diagnosis: &Diagnosis) -> String {
     if diagnosis.verdict == Verdict::MissingEffect {
         for p in diagnosis.answer_parameters() {
             let unit = if p.unit == "1" { String::new() } else { format!(" {}", p.unit) };
-            let _ = writeln!(out, "  {} = {}{unit}", p.name, with_error(p.value, p.standard_error()));
+            let value = with_error(p.value, p.standard_error());
+            // A unit belongs to the number, not to the words behind it.
+            let (number, words) = value.split_once(' ').unwrap_or((&value, ""));
+            let _ = writeln!(out, "{}", format!("  {} = {number}{unit} {words}", p.name).trim_end());
         }
     }
     let both = if diagnosis.pair.is_some() { diagnosis.answer_label() } else { String::new() };

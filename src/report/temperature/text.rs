@@ -115,7 +115,7 @@ pub(crate) fn comparison(together: &Together) -> Option<String> {
     let c = together.comparison?;
     let preferred = if c.bic_difference < 0.0 { "together" } else { "apart" };
     Some(format!(
-        "Together against separately: {} parameters saved; F({:.0}, {:.0}) = {}, chance {}; BIC {}, in favour of the fit {preferred}.",
+        "Together against separately: {} parameters saved; F({}, {}) = {}, chance {}; BIC {}, in favour of the fit {preferred}.",
         c.freedom.0,
         c.freedom.0,
         c.freedom.1,

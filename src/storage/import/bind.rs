@@ -2,10 +2,12 @@
 
 use std::path::Path;
 
+use crate::number::significant;
 use crate::recording::{Recording, RunInfo, Series};
+use crate::rig::check::ATMOSPHERE_PA;
 use crate::rig::{Rig, Sensor, quantity_of, spelled_unit};
 use crate::storage::error::{CsvProblem, LogError};
-use crate::storage::import::kinds::{Known, guessed};
+use crate::storage::import::kinds::{Known, guessed, pressure_unit};
 use crate::storage::import::source::{Repair, SourceFile, SourceOptions, Track};
 use crate::storage::nearest::{listed, nearest};
 use crate::storage::sink::program;
@@ -78,7 +80,7 @@ pub fn bind(
         taken[place] = Some(track.name.clone());
         repairs.append(&mut track.repairs);
         scale(&mut track, &rig.sensors[place], options);
-        series[place] = converted(track, &rig.sensors[place], density, repairs).map_err(fault)?;
+        series[place] = converted(track, &rig.sensors[place], density, options.guess, repairs).map_err(fault)?;
     }
     if taken.iter().all(Option::is_none) {
         return Err(no_sensor(path, rig, &spare, table));
@@ -128,12 +130,12 @@ pub fn require_sensors(parts: &[&Recording], rig: &Rig, without: &[String]) -> R
     Ok(())
 }
 
-/// Brings the numbers of a track to the sensor's unit by the line that the user gives.
+/// Brings the numbers of a track to the unit of the line that the user gives, or to the sensor's.
 fn scale(track: &mut Track, sensor: &Sensor, options: &SourceOptions) {
     let given = options.scales.iter().find(|(name, _)| is_called(track, name) || *name == sensor.name);
     if let Some((_, line)) = given {
         track.series.value.iter_mut().for_each(|v| *v = line.scale * *v + line.offset);
-        track.unit = None;
+        track.unit = line.unit.map(|unit| unit.symbol.to_owned());
     }
 }
 
@@ -180,27 +182,52 @@ fn no_sensor(path: &Path, rig: &Rig, spare: &[String], table: bool) -> LogError 
     LogError::SourceFile { path: path.into(), why }
 }
 
-/// The samples in the sensor's unit.
-fn converted(track: Track, sensor: &Sensor, density: f64, repairs: &mut Vec<Repair>) -> Result<Series, CsvProblem> {
+/// The samples in the sensor's unit. That of the atmosphere under an absolute pressure is a guess.
+fn converted(
+    track: Track,
+    sensor: &Sensor,
+    density: f64,
+    guess: bool,
+    repairs: &mut Vec<Repair>,
+) -> Result<Series, CsvProblem> {
     let mut series = track.series;
-    let Some(text) = track.unit.filter(|u| u != sensor.unit.symbol) else { return Ok(series) };
+    let Some(text) = track.unit else { return Ok(series) };
     let quantity = quantity_of(sensor.kind);
-    let Some(from) = spelled_unit(&text, quantity) else {
-        // a trigger may be a voltage: only its edges count
-        if quantity == Quantity::Ratio {
-            return Ok(series);
-        }
-        let known: Vec<&str> = UNITS.iter().filter(|u| u.quantity == quantity).map(|u| u.symbol).collect();
-        let kind = sensor.kind.name();
-        return Err(CsvProblem::WrongUnit { column: track.name, unit: text, kind, known: known.join(", ") });
+    let found = match quantity {
+        Quantity::Pressure => pressure_unit(&track.short, &text),
+        _ => spelled_unit(&text, quantity).map(|unit| (unit, false)),
     };
-    if from.symbol == sensor.unit.symbol {
+    let (from, is_absolute) = match found {
+        Some((_, true)) if !guess => return Err(CsvProblem::Absolute { column: track.name, unit: text }),
+        Some(found) => found,
+        // a trigger may be a voltage: only its edges count
+        None if quantity == Quantity::Ratio => return Ok(series),
+        None => {
+            let known: Vec<&str> = UNITS.iter().filter(|u| u.quantity == quantity).map(|u| u.symbol).collect();
+            let kind = sensor.kind.name();
+            return Err(CsvProblem::WrongUnit { column: track.name, unit: text, kind, known: known.join(", ") });
+        }
+    };
+    let under_pa = if is_absolute { ATMOSPHERE_PA } else { 0.0 };
+    if is_absolute {
+        let name = &sensor.name;
+        let off = significant(from.from_si(ATMOSPHERE_PA, density), 6);
+        let text = format!(
+            "'{}' is absolute: the standard atmosphere, {off} {from}, is taken off (for that of your day: option `scale` '{name}=x-{off} {from}')",
+            track.name
+        );
+        repairs.push(Repair::guess("absolute", text));
+    }
+    if from.symbol == sensor.unit.symbol && !is_absolute {
         return Ok(series);
     }
     for value in &mut series.value {
-        *value = sensor.unit.from_si(from.to_si(*value, density), density);
+        *value = sensor.unit.from_si(from.to_si(*value, density) - under_pa, density);
     }
-    let text = format!("'{}' is converted from {text} to {}, the unit of '{}'", track.name, sensor.unit, sensor.name);
-    repairs.push(Repair::new("unit", 1, None, text));
+    if from.symbol != sensor.unit.symbol {
+        let text =
+            format!("'{}' is converted from {text} to {}, the unit of '{}'", track.name, sensor.unit, sensor.name);
+        repairs.push(Repair::new("unit", 1, None, text));
+    }
     Ok(series)
 }

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use crate::storage::disk;
 use crate::storage::error::LogError;
+use crate::storage::import::arrays::{hdf5, mat, text_of_arrays};
 use crate::storage::import::source::{SourceFile, SourceOptions};
 use crate::storage::import::{csv, mcap, sheet, tdms};
 
@@ -27,8 +28,8 @@ pub fn decode_source(bytes: &[u8], path: &Path, options: &SourceOptions) -> Resu
     } else if bytes.starts_with(b"TDSh") {
         let why = "this is the index of a TDMS file: name the .tdms file beside it".into();
         Err(LogError::SourceFile { path: path.into(), why })
-    } else if sheet::is_workbook(bytes) {
-        let text = sheet::text_of_sheet(bytes).map_err(|why| LogError::SourceFile { path: path.into(), why })?;
+    } else if let Some(text) = text_of_table(bytes) {
+        let text = text.map_err(|why| LogError::SourceFile { path: path.into(), why })?;
         csv::read(text.as_bytes(), options).map_err(|(line, problem)| LogError::Csv {
             path: path.into(),
             line,
@@ -37,4 +38,15 @@ pub fn decode_source(bytes: &[u8], path: &Path, options: &SourceOptions) -> Resu
     } else {
         csv::read(bytes, options).map_err(|(line, problem)| LogError::Csv { path: path.into(), line, problem })
     }
+}
+
+/// The table of a file that holds one, but not in text.
+fn text_of_table(bytes: &[u8]) -> Option<Result<String, String>> {
+    let arrays = match bytes {
+        _ if sheet::is_workbook(bytes) => return Some(sheet::text_of_sheet(bytes)),
+        _ if mat::is_mat(bytes) => mat::read(bytes),
+        _ if hdf5::is_hdf5(bytes) => hdf5::read(bytes),
+        _ => return None,
+    };
+    Some(arrays.and_then(|arrays| text_of_arrays(&arrays)))
 }

@@ -155,5 +155,6 @@ fn says_more(error: &LogError) -> bool {
             | CsvProblem::TimesMissing { .. }
             | CsvProblem::TwoDecimalMarks { .. }
             | CsvProblem::WrongUnit { .. }
+            | CsvProblem::Absolute { .. }
     )
 }

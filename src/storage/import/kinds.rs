@@ -4,7 +4,7 @@ use crate::rig::{Rig, SensorKind, quantity_of, spelled_unit};
 use crate::storage::import::source::Track;
 use crate::units::{Quantity, Unit};
 
-/// Words in names, in lower case. A name that starts with the letter alone, as `P1` and `Q_2`, counts as well.
+/// Words in names, in lower case. A name that starts with the letter alone, as `P1` and `Q_valve`, counts as well.
 const WORDS: [(SensorKind, &[&str], &str); 5] = [
     (SensorKind::Pressure, &["press", "druck", "presi", "head", "transducer"], "ph"),
     (SensorKind::Flow, &["flow", "debit", "débit", "durchfl", "caudal", "portata", "discharge"], "qf"),
@@ -27,24 +27,48 @@ pub(crate) enum Known {
 /// How the names of columns without headings begin.
 pub const NAMELESS: &str = "column ";
 
+/// The unit of a pressure, and whether it counts from the vacuum: `bara`, `psia`, `kPa abs`, `bar(a)`, or a name that says so.
+pub(crate) fn pressure_unit(name: &str, text: &str) -> Option<(Unit, bool)> {
+    let plain = |text: &str| text.to_lowercase().replace(['(', ')', '[', ']', '.', '_', '-'], " ").trim().to_owned();
+    let (bare, name) = (plain(text), plain(name));
+    // ABS is also the wall of a pipe.
+    let named = name.contains("abs pres") || name.contains("absolut") || name.ends_with(" abs");
+    if let Some(unit) = spelled_unit(text, Quantity::Pressure) {
+        return Some((unit, named));
+    }
+    let gauge = ["absolute", "abs", "a"].iter().find_map(|end| bare.strip_suffix(end))?;
+    spelled_unit(gauge, Quantity::Pressure).map(|unit| (unit, true))
+}
+
+/// Whether a text behind a name is the unit of a pressure, a flow or a temperature.
+pub(crate) fn is_unit(name: &str, text: &str) -> bool {
+    let other = [Quantity::Flow, Quantity::Temperature];
+    pressure_unit(name, text).is_some() || other.into_iter().any(|quantity| spelled_unit(text, quantity).is_some())
+}
+
 /// What a track measures and its unit, where either its unit or its name says so.
 pub fn kind_of(track: &Track) -> Option<(SensorKind, Option<Unit>)> {
     let kinds = [SensorKind::Pressure, SensorKind::Flow, SensorKind::Temperature];
-    let by_unit = track
-        .unit
-        .as_deref()
-        .and_then(|unit| kinds.into_iter().find_map(|kind| Some((kind, spelled_unit(unit, quantity_of(kind))?))));
+    let unit_of = |kind, unit: &str| match kind {
+        SensorKind::Pressure => pressure_unit(&track.short, unit).map(|(unit, _)| unit),
+        _ => spelled_unit(unit, quantity_of(kind)),
+    };
+    let by_unit =
+        track.unit.as_deref().and_then(|unit| kinds.into_iter().find_map(|kind| Some((kind, unit_of(kind, unit)?))));
     if let Some((kind, unit)) = by_unit {
         return Some((kind, Some(unit)));
     }
     let name = track.short.to_lowercase();
-    let words = WORDS.iter().find(|(_, words, _)| words.iter().any(|w| name.contains(w)));
+    let said = |words: &[&str]| words.iter().any(|w| name.contains(w));
     let lettered = |letters: &str| {
-        let mut rest = name.trim_start_matches(|c: char| letters.contains(c)).chars();
-        name.starts_with(|c: char| letters.contains(c))
-            && rest.all(|c| c.is_ascii_digit() || matches!(c, '_' | ' ' | '-'))
+        let mut chars = name.chars();
+        chars.next().is_some_and(|c| letters.contains(c)) && !chars.next().is_some_and(char::is_alphabetic)
     };
-    let found = words.or_else(|| WORDS.iter().find(|(.., letters)| lettered(letters)));
+    // A pressure at the valve is no valve's position.
+    let (valve, quantities) = WORDS.split_last()?;
+    let worded = quantities.iter().find(|(_, words, _)| said(words));
+    let named = worded.or_else(|| quantities.iter().find(|(.., letters)| lettered(letters)));
+    let found = named.or(Some(valve).filter(|(_, words, _)| said(words)));
     found.map(|(kind, ..)| (*kind, None))
 }
 

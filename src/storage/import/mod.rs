@@ -7,6 +7,7 @@
 //! | `csv/` | the one parser of text tables: strict for a plain time series, or repairing what can be repaired safely |
 //! | `tdms/` | NI TDMS |
 //! | `mcap/` | MCAP of other programs: JSON and protobuf messages |
+//! | `arrays/` | MAT files and HDF5, by way of text |
 //! | `sheet` | workbooks of Excel and LibreOffice, by way of text |
 //! | `kinds` | what a column measures, by its name and unit |
 //! | `gaps` | gaps of a track where its file says that there is no number |
@@ -17,6 +18,7 @@
 //! | `long` | a plain time series too long for memory |
 //! | `unit_warnings` | values that look like those of another unit |
 
+pub(crate) mod arrays;
 pub(crate) mod bind;
 pub(crate) mod csv;
 pub(crate) mod decode;
@@ -32,7 +34,7 @@ pub(crate) mod understood;
 pub(crate) mod unit_warnings;
 
 pub use crate::storage::import::bind::{bind, require_sensors};
-pub use crate::storage::import::csv::heading::time_unit;
+pub use crate::storage::import::csv::heading::{time_symbol, time_unit};
 pub use crate::storage::import::csv::stamp::zone_seconds;
 pub use crate::storage::import::decode::{decode_source, read_source};
 pub use crate::storage::import::file::{Imported, import_file};

@@ -1,8 +1,11 @@
 //! A source file: named tracks of numbers with times, the repairs it needed, and what the user says about it.
 
+use std::fmt;
+
 use serde::Serialize;
 
 use crate::recording::Series;
+use crate::units::Unit;
 
 /// What a file of another program holds.
 #[derive(Debug, Clone, Default)]
@@ -116,7 +119,7 @@ pub struct SourceOptions {
     pub message_time: MessageTime,
     /// Samples per second of a column that counts samples.
     pub rate_hz: Option<f64>,
-    /// What a column's numbers stand for: sensor or column, and the line `a x + b` in the sensor's unit.
+    /// What a column's numbers stand for: sensor or column, and the line `a x + b`.
     pub scales: Vec<(String, Line)>,
     /// What the file does not say is guessed.
     pub guess: bool,
@@ -131,13 +134,23 @@ impl SourceOptions {
     }
 }
 
-/// A straight line `a x + b`: sensor units of a logger's numbers.
+/// A straight line `a x + b`: what a logger's numbers stand for.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Line {
     /// Slope `a`.
     pub scale: f64,
     /// Value `b` at 0.
     pub offset: f64,
+    /// Unit of the result; that of the sensor where none is given.
+    pub unit: Option<Unit>,
+}
+
+impl fmt::Display for Line {
+    /// `250*x-125 kPa`, as it is written.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}*x{:+}", self.scale, self.offset)?;
+        self.unit.map_or(Ok(()), |unit| write!(f, " {unit}"))
+    }
 }
 
 /// Which time of an MCAP message counts.

@@ -1,5 +1,9 @@
 //! Tables as loggers write them: what they do not say is guessed, shown, and imported only when somebody agrees.
 
+use std::path::Path;
+
+use surgescope::storage::import::{SourceOptions, decode_source};
+
 use super::{Bench, mended};
 
 /// 200 rows of a bench with two pressures, in bar, at 1 kHz: `row(i, time_s, p1, p2)`.
@@ -152,10 +156,113 @@ fn a_workbook_is_read() {
     let bench = bench();
     bench.put("book.xlsx", std::fs::read("tests/fixtures/openpyxl.xlsx").unwrap());
     let (document, _) = bench.import(0, &["book.xlsx", "--yes"]);
-    assert_eq!(mended(&document, "time-unit")["guessed"], true);
-    let p1 = &bench.recording().series[0];
-    assert_eq!(p1.value.len(), 60);
-    assert!((p1.time_s[59] - 0.295).abs() < 1e-5 && (p1.value[59] - 2.09).abs() < 1e-9, "{:?}", p1.time_s);
+    assert_eq!(mended(&document, "date-times")["guessed"], false);
+    sixty_samples(&bench);
+    // The date in one column and the time of the day in the next.
+    bench.put("two.xlsx", std::fs::read("tests/fixtures/openpyxl-two.xlsx").unwrap());
+    let (document, _) = bench.import(0, &["two.xlsx", "--yes"]);
+    assert!(mended(&document, "time-column")["text"].as_str().unwrap().contains("their dates in 'Date'"));
+    sixty_samples(&bench);
     bench.put("broken.xlsx", b"PK\x03\x04 and nothing else");
     bench.refuses(&["broken.xlsx"], &["no workbook", "save it as CSV"]);
+}
+
+/// 60 samples at 200 Hz from 2026-03-14T09:26:53 on.
+fn sixty_samples(bench: &Bench) {
+    let recording = bench.recording();
+    let p1 = &recording.series[0];
+    assert_eq!((p1.value.len(), recording.run.start_unix_ns), (60, 1_773_480_413_000_000_000));
+    assert!((p1.time_s[59] - 0.295).abs() < 1e-5 && (p1.value[59] - 2.09).abs() < 1e-9, "{:?}", p1.time_s);
+}
+
+/// Headings in several lines, dates beside times, units in lines of their own or behind commas.
+#[test]
+fn the_headers_of_loggers_are_understood() {
+    let clock = |t: f64| format!("09:26:{:09.6}", 53.0 + t);
+    let tables = [
+        (
+            "toa5.dat",
+            table(
+                "\"TOA5\",\"CR6Series\",\"CR6\",\"8431\",\"CR6.Std.10\",\"CPU:surge.CR6\",\"24211\",\"Surge\"\n\
+                 \"TIMESTAMP\",\"RECORD\",\"P_valve\",\"P_mid\"\n\"TS\",\"RN\",\"bar\",\"kPa\"\n\"\",\"\",\"Smp\",\"Smp\"\n",
+                |i, t, a, b| format!("\"2026-03-14 {}\",{i},{a:.6},{:.5}", clock(t), 100.0 * b),
+            ),
+            "date-times",
+        ),
+        (
+            "logger.lvm",
+            table(
+                "LabVIEW Measurement\t\nDate\t2026/03/14\n***End_of_Header***\t\n\t\nChannels\t2\t\t\nSamples\t200\t200\t\n\
+                 Y_Unit_Label\tbar\tmbar\t\nX_Dimension\tTime\tTime\t\nX0\t0.0\t0.0\t\nDelta_X\t0.001\t0.001\t\n\
+                 ***End_of_Header***\t\t\t\nX_Value\tP at valve\tP below\tComment\n",
+                |_, t, a, b| format!("{t:.6}\t{a:.6}\t{:.4}\t", 1e3 * b),
+            ),
+            "time-unit",
+        ),
+        (
+            "hobo.csv",
+            table(
+                "\"Plot Title: 7\"\n\"#\",\"Date Time, GMT+01:00\",\"Pres, kPa (LGR S/N: 1, LBL: valve)\",\"Pres, bar (LGR S/N: 2)\"\n",
+                |i, t, a, b| format!("{},03/14/26 {} AM,{:.5},{b:.6}", i + 1, clock(t), 100.0 * a),
+            ),
+            "date-times",
+        ),
+        (
+            "dated.csv",
+            table("Run,P1 (bar),P2 (bar),Time,Date\n", |_, t, a, b| format!("7,{a:.6},{b:.6},{},03/04/2026", clock(t))),
+            "date-order",
+        ),
+    ];
+    for (name, text, note) in tables {
+        let bench = bench();
+        bench.put(name, &text);
+        let (document, _) = bench.import(0, &[name, "--yes"]);
+        assert_eq!(mended(&document, note)["file"], name);
+        holds_the_table(&bench, 1e-4);
+    }
+}
+
+/// Nothing in a file says what the atmosphere was: the standard one is a guess.
+#[test]
+fn absolute_pressures_need_an_agreement() {
+    let bench = bench();
+    let head = "Time (s),P1 (bar abs),\"Abs Pres, kPa (logger 7)\"\n";
+    bench.put("abs.csv", table(head, |_, t, a, b| format!("{t:.4},{:.6},{:.5}", a + 1.013_25, 100.0 * b + 101.325)));
+    bench.refuses(&["abs.csv"], &["'P1 (bar abs)' is absolute", "--yes", "'P1=x-1.01325 bar'", "'P2=x-101.325 kPa'"]);
+    let (document, _) = bench.import(0, &["abs.csv", "--yes"]);
+    assert_eq!(mended(&document, "absolute")["guessed"], true);
+    holds_the_table(&bench, 1e-4);
+    bench.import(0, &["abs.csv", "--yes", "--scale", "P1=x-1.01325", "--scale", "P2=x-101.325 kPa"]);
+    holds_the_table(&bench, 1e-4);
+}
+
+/// Written by SciPy and h5py (tools/arrays_fixture.py).
+#[test]
+fn files_of_arrays_are_tables() {
+    for (name, options) in [
+        ("scipy.mat", &["--scale", "P2=1e-6*x"][..]),
+        ("h5py.h5", &[]),
+        ("h5py-v73.mat", &["--map", "data 2=P1", "--map", "data 3=P2"]),
+    ] {
+        let bench = bench();
+        let bytes = std::fs::read(format!("tests/fixtures/{name}")).unwrap();
+        bench.put(name, &bytes);
+        bench.import(0, &[&[name, "--yes"], options].concat());
+        holds_the_table(&bench, 1e-5);
+        // Cut off anywhere, it is refused or read as far as it goes.
+        for length in (0..bytes.len()).step_by(37) {
+            let read = decode_source(&bytes[..length], Path::new(name), &SourceOptions::default());
+            assert!(read.is_err() || length > bytes.len() / 2, "{name} cut at {length}");
+        }
+    }
+}
+
+/// A file without times needs a rate and nothing else.
+#[test]
+fn lines_are_samples_where_there_is_a_rate() {
+    let bench = bench();
+    bench.put("lines.txt", table("P1 (bar)\tP2 (bar)\n", |_, _, a, b| format!("{a:.6}\t{b:.6}")));
+    bench.refuses(&["lines.txt", "--yes"], &["--rate"]);
+    bench.import(0, &["lines.txt", "--yes", "--rate", "1000"]);
+    holds_the_table(&bench, 1e-5);
 }

@@ -3,7 +3,7 @@
 use std::io::{IsTerminal as _, stderr, stdin};
 use std::path::{Path, PathBuf};
 
-use serde_json::json;
+use serde_json::{Value, json};
 
 use crate::cli::args::import_options::ForeignArgs;
 use crate::cli::args::values::{not_negative, positive};
@@ -11,13 +11,13 @@ use crate::cli::commands::rig::check;
 use crate::cli::console::ask;
 use crate::cli::console::outcome::{AnyError, CommandResult, Outcome};
 use crate::cli::console::print::{say, say_text, tell};
-use crate::draft::{place, sensors_of};
+use crate::draft::{contradictions, place, sensors_of};
 use crate::report::advice::quoted;
 use crate::report::rig_drawing;
 use crate::rig::draft::{Draft, DraftSensor, Told};
 use crate::rig::material::{MATERIALS, Material};
 use crate::rig::sizes::{EXAMPLES, PipeSize, pipe_size};
-use crate::rig::{Rig, SensorKind, check::check as contradictions, spelled_unit};
+use crate::rig::{Rig, Sensor, SensorKind, check::check as check_rig, quantity_of, spelled_unit};
 use crate::shown::Shown as _;
 use crate::storage::import::{SourceOptions, read_source};
 use crate::storage::nearest::nearest;
@@ -65,9 +65,10 @@ pub struct Args {
     /// Distance of a sensor from the supply, m; without a file, a pressure sensor to add. Several may be given.
     #[arg(long, value_name = "NAME=M", value_parser = crate::cli::args::values::setting)]
     sensor: Vec<(String, f64)>,
-    /// Unit of the pressure sensors that --sensor adds, or that --scale brings to it.
-    #[arg(long, value_name = "UNIT", default_value = "bar", value_parser = pressure_unit)]
-    unit: Unit,
+    /// Unit of the pressures: of columns that state none, that --scale brings to it, and of sensors that --sensor adds [default: as the values
+    /// show it, otherwise bar].
+    #[arg(long, value_name = "UNIT", value_parser = pressure_unit)]
+    unit: Option<Unit>,
     #[command(flatten)]
     foreign: ForeignArgs,
     /// Ask nothing: assume what is not given, and report it.
@@ -103,13 +104,15 @@ pub fn run(args: Args, json: bool) -> CommandResult {
             )
             .into());
         }
-        place(&mut draft, file, &source);
+        place(&mut draft, read, &source);
     }
     confirmed(&mut draft, &args, &ask)?;
     let text = draft.text();
     let rig = Rig::from_toml(&text, &args.output.shown())?;
     output::write(&args.output, &text)?;
-    let findings = contradictions(&rig);
+    let findings = check_rig(&rig);
+    let doubts = read.map_or(Ok(Vec::new()), |read| contradictions(&rig, &read, &source));
+    let doubts = doubts.unwrap_or_else(|error| vec![format!("no closure can be seen in the file: {error}")]);
     let assumed = draft.assumed();
     for line in &assumed {
         tell!("assumed: {line}");
@@ -118,13 +121,21 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         tell!("left out, because they look like no sensor: {}", left_out.join(", "));
     }
     if json {
-        let document = json!({ "rig": args.output, "assumed": assumed, "left_out": left_out,
-            "sensors": rig.sensors.iter().map(|s| json!({ "name": s.name, "position_m": s.position_m, "unit": s.unit.symbol }))
-                .collect::<Vec<_>>() });
-        say!("{document:#}");
+        let sensor = |(s, told): (&Sensor, &DraftSensor)| {
+            json!({ "name": s.name, "position_m": s.position_m, "unit": s.unit.symbol,
+                "unit_guessed": !told.unit.why.is_empty(), "position_guessed": !told.position_m.why.is_empty() })
+        };
+        let sensors: Vec<Value> = rig.sensors.iter().zip(&draft.sensors).map(sensor).collect();
+        say!(
+            "{:#}",
+            json!({ "rig": args.output, "assumed": assumed, "left_out": left_out, "doubts": doubts, "sensors": sensors })
+        );
     } else {
         say_text!(format!("{}\n{}", check::table(&findings), rig_drawing::text(&rig)));
         say!("{}: a rig with {}", args.output.shown(), sensors_in_words(&rig));
+    }
+    doubts.iter().for_each(|doubt| tell!("warning: {doubt}"));
+    if !json {
         tell!("next: {}", next(&args));
     }
     Ok(Outcome::Done)
@@ -136,7 +147,7 @@ fn next(args: &Args) -> String {
     match &args.file {
         Some(file) => {
             let recording = quoted(&format!("{}.mcap", stem(file)));
-            format!("surgescope import {} --rig {rig} -o {recording}", quoted(&file.shown()))
+            format!("surgescope import {} --rig {rig}{} -o {recording}", quoted(&file.shown()), args.foreign)
         }
         None => format!("surgescope simulate --rig {rig} -o run.mcap"),
     }
@@ -201,7 +212,7 @@ fn confirmed(draft: &mut Draft, args: &Args, ask: &Ask) -> Result<(), AnyError> 
             None if args.file.is_none() => draft.sensors.push(DraftSensor {
                 name: name.clone(),
                 kind: SensorKind::Pressure,
-                unit: Told::given(args.unit),
+                unit: Told::given(args.unit.unwrap_or(Unit::BAR)),
                 position_m: Told::given(*place_m),
             }),
             None => {
@@ -212,9 +223,10 @@ fn confirmed(draft: &mut Draft, args: &Args, ask: &Ask) -> Result<(), AnyError> 
     }
     if draft.sensors.is_empty() {
         let position_m = Told::assumed(length_m, "no file and no --sensor: one pressure sensor at the valve");
-        let (name, unit) = ("P1".to_owned(), Told::given(args.unit));
+        let (name, unit) = ("P1".to_owned(), Told::given(args.unit.unwrap_or(Unit::BAR)));
         draft.sensors.push(DraftSensor { name, kind: SensorKind::Pressure, unit, position_m });
     }
+    ask.units(&mut draft.sensors)?;
     ask.confirm("temperature of the water, °C", &mut draft.temperature_degc, [0.0, 100.0])?;
     ask.confirm("closing time of the valve, s", &mut draft.closing_time_s, [1e-4, 1e4])?;
     for sensor in draft.sensors.iter_mut().filter(|s| s.kind == SensorKind::Pressure) {
@@ -244,6 +256,21 @@ impl Ask {
         if self.asks && !told.why.is_empty() {
             let value = ask::number(&format!("{question} ({})", told.why), Some(told.value), range)?;
             *told = Told::given(value);
+        }
+        Ok(())
+    }
+
+    /// The units that nothing states: once for all pressures, and for each other sensor.
+    fn units(&self, sensors: &mut [DraftSensor]) -> Result<(), AnyError> {
+        let is_open = |s: &DraftSensor| self.asks && !s.unit.why.is_empty();
+        while let Some(first) = sensors.iter().find(|s| is_open(s)).cloned() {
+            let same = |s: &DraftSensor| is_open(s) && s.kind == first.kind && s.unit == first.unit;
+            let names: Vec<String> = sensors.iter().filter(|s| same(s)).map(|s| s.name.clone()).collect();
+            let quantity = quantity_of(first.kind);
+            let known = |text: &str| spelled_unit(text, quantity).ok_or_else(|| format!("'{text}' is no unit of it"));
+            let question = format!("unit of {} ({})", names.join(", "), first.unit.why);
+            let unit = ask::line(&question, Some(first.unit.value.symbol), known)?;
+            sensors.iter_mut().filter(|s| same(s)).for_each(|s| s.unit = Told::given(unit));
         }
         Ok(())
     }

@@ -87,7 +87,14 @@ impl Clock {
             }
             Kind::Numbers(seconds)
         } else {
-            let order = order(cell, text, separator, options);
+            let mut order = order(cell, text, separator, options);
+            if order == Order::Unknown && options.guess && stamp::is_ambiguous(cell) {
+                order = stamp::likely_order(cell);
+                if let Some(read) = Stamp::parse(cell, order) {
+                    let text = format!("'{cell}' is of {} (change that with option `date-order`)", read.date());
+                    repairs.push(Repair::guess("date-order", text));
+                }
+            }
             match Stamp::parse(cell, order) {
                 Some(s) if s.has_date && s.has_time => Kind::Stamps { order, has_time: true },
                 Some(s) if s.has_time => Kind::TimeOfDay,

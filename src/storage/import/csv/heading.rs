@@ -27,6 +27,11 @@ pub(crate) fn heading_unit(heading: &str) -> Option<f64> {
     is_time.contains(&name.as_str()).then(|| time_unit(&unit)).flatten()
 }
 
+/// The unit of time of so many seconds.
+pub fn time_symbol(seconds: f64) -> &'static str {
+    ["ms", "us", "ns", "min", "h", "d"].into_iter().find(|unit| time_unit(unit) == Some(seconds)).unwrap_or("s")
+}
+
 /// Seconds of a unit of time.
 pub fn time_unit(text: &str) -> Option<f64> {
     match text.trim_end_matches('.').to_lowercase().as_str() {

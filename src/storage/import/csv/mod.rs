@@ -38,6 +38,7 @@ use crate::storage::import::csv::table::Table;
 use crate::storage::import::csv::text::{check_lines, decode, text_of};
 use crate::storage::import::csv::timeless::Timeless;
 use crate::storage::import::csv::understand::understand;
+use crate::storage::import::kinds::is_unit;
 use crate::storage::import::source::{Repair, SourceFile, SourceOptions, Track};
 use crate::units::{Quantity, Unit};
 
@@ -103,7 +104,7 @@ pub(crate) fn read(bytes: &[u8], options: &SourceOptions) -> Result<SourceFile, 
     let first = clock.columns();
     let mut tracks = tracks(table, &holes, &header[first..], units.as_deref().map(|u| &u[first.min(u.len())..]));
     if options.guess {
-        tracks.iter_mut().filter(|t| t.unit.is_none()).for_each(take_unit_suffix);
+        tracks.iter_mut().for_each(take_unit_suffix);
     }
     let start = clock.start().or_else(|| {
         let (start, remark) = start_in_comments(whole_text, options)?;
@@ -292,10 +293,16 @@ impl<'t> Reader<'t> {
     }
 }
 
-/// `P1_kPa` is `P1` in kPa.
+/// `P1_kPa` is `P1` in kPa, and so is `P1, kPa (logger 7)`.
 fn take_unit_suffix(track: &mut Track) {
-    let Some((name, unit)) = track.name.rsplit_once(['_', ' ']) else { return };
-    if unit.parse::<Unit>().is_ok_and(|u| u.quantity != Quantity::Ratio) && !name.is_empty() {
+    if track.unit.as_deref().is_some_and(|unit| is_unit(&track.short, unit)) {
+        return;
+    }
+    let behind_comma = track.short.rsplit_once(", ").filter(|(name, unit)| is_unit(name, unit));
+    let last_word = track.short.rsplit_once(['_', ' ']);
+    let exact = |unit: &str| unit.parse::<Unit>().is_ok_and(|u| u.quantity != Quantity::Ratio);
+    let Some((name, unit)) = behind_comma.or(last_word.filter(|(_, unit)| exact(unit))) else { return };
+    if !name.is_empty() {
         (track.short, track.unit) = (name.to_owned(), Some(unit.to_owned()));
     }
 }

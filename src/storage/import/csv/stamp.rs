@@ -40,6 +40,11 @@ impl Stamp {
         Some(Stamp { date, ns_of_day, has_date, has_time, zone_s, digit_s })
     }
 
+    /// The date as it was read.
+    pub(crate) fn date(&self) -> NaiveDate {
+        self.date
+    }
+
     /// Nanoseconds since 1970 UTC; `zone_s` is for stamps that give no zone. Saturates some 290 years from 1970.
     pub(crate) fn unix_ns(&self, zone_s: i32) -> i64 {
         let days = self.date.signed_duration_since(NaiveDate::default()).num_days();
@@ -72,7 +77,9 @@ fn parse_date(text: &str, order: Order) -> Option<NaiveDate> {
         Order::DayFirst => (c, b, a),
         Order::MonthFirst => (c, a, b),
     };
-    // a year of two digits may be anything
+    // Behind slashes and points stands the year, and loggers write it with two digits.
+    let is_short = year < 100 && matches!(mark, '/' | '.') && text.rsplit(mark).next().is_some_and(|y| y.len() == 2);
+    let year = if is_short { 2000 + year } else { year };
     NaiveDate::from_ymd_opt(i32::try_from(year).ok().filter(|y| (1000..=9999).contains(y))?, month, day)
 }
 
@@ -80,6 +87,12 @@ fn parse_date(text: &str, order: Order) -> Option<NaiveDate> {
 pub(crate) fn is_ambiguous(text: &str) -> bool {
     let date = text.split(['T', ' ']).next().unwrap_or_default();
     parse_date(date, Order::Unknown).is_none() && parse_date(date, Order::DayFirst).is_some()
+}
+
+/// The order that a date which leaves it open most likely has: who writes AM and PM puts the month first.
+pub(crate) fn likely_order(text: &str) -> Order {
+    let american = text.trim_end().to_ascii_uppercase().ends_with(['M']);
+    if american { Order::MonthFirst } else { Order::DayFirst }
 }
 
 /// The order that a date shows by having a number above 12.

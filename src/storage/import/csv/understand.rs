@@ -7,12 +7,14 @@ use crate::storage::error::{CsvFault, CsvProblem};
 use crate::storage::import::csv::heading::{header_unit, heading_unit, time_unit};
 use crate::storage::import::csv::numbers::Numbers;
 use crate::storage::import::csv::row::{Row, is_row};
-use crate::storage::import::csv::stamp::{Order, Stamp, is_ambiguous};
-use crate::storage::import::kinds::NAMELESS;
+use crate::storage::import::csv::stamp::{Order, Stamp};
+use crate::storage::import::kinds::{NAMELESS, is_unit};
 use crate::storage::import::source::{Repair, SourceOptions};
 
 /// Lines from which the separator and the time column are judged.
 const JUDGED: usize = 2000;
+/// Units and their like have no more letters.
+const SHORT: usize = 8;
 /// Steps of an even column differ from their median by less than this share of it, in nineteen of twenty.
 const EVEN: f64 = 0.1;
 /// A logger of water hammer takes so many samples a second, and runs no longer than so many seconds.
@@ -38,8 +40,8 @@ const TIMES: [&str; 13] = [
     "x_value",
     "seconds",
 ];
-const COUNTERS: [&str; 11] =
-    ["sample", "samples", "index", "n", "no", "nr", "i", "scan", "count", "counter", "sample number"];
+const COUNTERS: [&str; 12] =
+    ["#", "sample", "samples", "index", "n", "no", "nr", "i", "scan", "count", "counter", "sample number"];
 
 /// The text anew, with the headings first and the times in the first column; none where it is so already, or where no table is found.
 ///
@@ -54,8 +56,9 @@ pub(crate) fn understand(
     let Some(table) = Table::find(&lines) else { return Ok(None) };
     let time = table.time(options).ok_or_else(|| table.without_time())?;
     let first_row = lines.iter().position(|l| is_row(l));
-    let is_plain = time.column == 0 && time.change == Change::None && table.header_at == first_row;
-    if is_plain && table.separator != ' ' && table.units.is_none() && table.words.is_empty() {
+    let is_plain =
+        time.column == Some(0) && time.date.is_none() && time.change == Change::None && table.header_at == first_row;
+    if is_plain && table.separator != ' ' && table.units.is_empty() && table.words.is_empty() {
         return Ok(None);
     }
     repairs.extend(table.repairs(first_row));
@@ -70,8 +73,8 @@ struct Table<'t> {
     /// The line of headings, from 0.
     header_at: Option<usize>,
     headings: Vec<String>,
-    /// The line of units under it, and what it holds.
-    units: Option<usize>,
+    /// The lines under it that belong to it: units, kinds of values.
+    units: Vec<usize>,
     /// The first line of numbers, from 0.
     first: usize,
     /// The first rows.
@@ -82,7 +85,10 @@ struct Table<'t> {
 
 /// The column of times.
 struct Time {
-    column: usize,
+    /// None where each line is the next sample.
+    column: Option<usize>,
+    /// The column of the dates, where this one holds times of the day.
+    date: Option<usize>,
     heading: String,
     change: Change,
 }
@@ -114,9 +120,13 @@ impl<'t> Table<'t> {
         let found = |words| [';', '\t', ',', ' '].into_iter().find(|&s| judged(s, words));
         let separator = found(false).or_else(|| found(true))?;
         let of = |line: &'t str| cells(line, separator);
+        // The second half of a file is rows, and shows which columns hold words.
+        let rows: Vec<&'t str> = lines.iter().copied().filter(|l| is_row(l)).collect();
+        let late = worded(rows[rows.len() / 2..].iter().map(|l| of(l)));
         let is_data = |line: &&'t str| {
             let cells = of(line);
-            !line.starts_with('#') && cells.len() > 1 && is_numbers(&cells)
+            let at_home = cells.iter().enumerate().all(|(i, c)| !is_word(c) || late.contains(&i));
+            !line.starts_with('#') && cells.len() > 1 && is_numbers(&cells) && at_home
         };
         let first = lines.windows(2).position(|w| is_data(&w[0]) && is_data(&w[1]))?;
         let columns = of(lines[first]).len();
@@ -130,32 +140,33 @@ impl<'t> Table<'t> {
             (found.len() == columns && words).then_some(found)
         };
         let above = (0..first).rev().find(|&at| lines[at].starts_with('#') || is_row(lines[at]));
-        let (mut header_at, mut units) = (above.filter(|&at| headings(at).is_some()), None);
+        let mut header_at = above.filter(|&at| headings(at).is_some());
+        let mut units = Vec::new();
         let mut names = header_at.and_then(headings);
-        if let Some(at) = header_at
-            && at > 0
-            && let (Some(upper), Some(lower)) = (headings(at - 1), &names)
-            && lower.iter().all(|c| c.chars().count() <= 8)
-        {
-            let bare = |c: &String| c.trim_matches(|c| matches!(c, '(' | ')' | '[' | ']')).to_owned();
-            let with_unit = |(name, unit): (&String, &String)| match bare(unit).as_str() {
-                "" | "-" => name.clone(),
-                unit => format!("{name} ({unit})"),
-            };
-            names = Some(upper.iter().zip(lower).map(with_unit).collect());
-            (header_at, units) = (Some(at - 1), Some(at));
+        // Under the names may stand a line of units, and one that says how each value was taken.
+        if let Some(last) = header_at {
+            let is_short = |at: usize| headings(at).is_some_and(|h| h.iter().all(|c| c.chars().count() <= SHORT));
+            let filled = |at: usize| headings(at).map_or(0, |h| h.iter().filter(|c| !c.is_empty()).count());
+            let under = |at: usize| at > 0 && is_short(at) && filled(at - 1) >= filled(at);
+            let in_units = |at: usize| headings(at).is_some_and(|h| h.iter().any(|c| is_known_unit(bare(c))));
+            let below = [last.saturating_sub(1), last].into_iter().find(|&at| under(at) && in_units(at));
+            if let Some(at) = below.or(Some(last).filter(|&at| under(at))) {
+                names = with_units(headings(at - 1), headings(at));
+                (header_at, units) = (Some(at - 1), (at..=last).collect());
+            }
+        }
+        // LabVIEW writes the units above them, in a line that says so.
+        let labelled = (0..header_at.unwrap_or(0)).rev().find_map(|at| {
+            headings(at).filter(|h| h[0].to_lowercase().contains("unit") && h.iter().any(|c| is_known_unit(bare(c))))
+        });
+        if let (Some(mut labels), true) = (labelled, units.is_empty()) {
+            labels[0].clear();
+            names = with_units(names, Some(labels));
         }
         let headings = names.unwrap_or_else(|| (1..=columns).map(|i| format!("{NAMELESS}{i}")).collect());
         // Remarks may stand anywhere in the file.
-        let all = lines[first..].iter().filter(|l| is_row(l));
-        let (mut said, mut counted) = (vec![0; columns], vec![0; columns]);
-        for cells in all.map(|l| of(l)) {
-            for (i, cell) in cells.iter().enumerate().take(columns).filter(|(_, c)| !c.is_empty()) {
-                let count = if is_word(cell) { &mut said } else { &mut counted };
-                count[i] += 1;
-            }
-        }
-        let words = (0..columns).filter(|&i| counted[i] <= said[i]).collect();
+        let words = worded(lines[first..].iter().filter(|l| is_row(l)).map(|l| of(l)));
+        let words = words.into_iter().filter(|i| *i < columns).collect();
         Some(Table { separator, header_at, headings, units, first, rows, words })
     }
 
@@ -164,7 +175,9 @@ impl<'t> Table<'t> {
         let name =
             |i: usize| header_unit(&self.headings[i]).map_or(self.headings[i].clone(), |(name, _)| name).to_lowercase();
         let all = (0..self.headings.len()).filter(|i| !self.words.contains(i));
-        let as_is = |column: usize| Time { column, heading: self.headings[column].clone(), change: Change::None };
+        let heading = |column: usize| self.headings[column].clone();
+        let as_is =
+            |column: usize| Time { column: Some(column), date: None, heading: heading(column), change: Change::None };
         let is_time = |i: &usize| TIMES.contains(&name(*i).as_str());
         let values = |i: usize| self.numbers(i);
         // Date-times and stated units need no guess, but days and counted samples become seconds.
@@ -173,24 +186,21 @@ impl<'t> Table<'t> {
             let change = if days { Change::Days(*values(column)?.first()?) } else { Change::None };
             return Some(Time { change, ..as_is(column) });
         }
-        let is_stamp =
-            |&i: &usize| self.rows.first().and_then(|r| r.get(i)).is_some_and(|c| c.contains(':') && stamped(c));
-        if let Some(column) = all.clone().find(is_stamp) {
-            // A date before a time of day stays beside it.
-            let dated = |i: usize| self.rows[0].get(i).is_some_and(|c| stamped(c));
-            return Some(as_is(if column > 0 && dated(column - 1) && !is_number(&self.rows[0][column - 1]) {
-                column - 1
-            } else {
-                column
-            }));
+        let shown = |i: usize| self.rows.first().and_then(|r| r.get(i)).map(|c| &**c).filter(|c| stamped(c));
+        if let Some(column) = all.clone().find(|&i| shown(i).is_some_and(|c| c.contains(':'))) {
+            // The date of a time of day stands in a column of its own.
+            let is_date = |&i: &usize| shown(i).is_some_and(|c| !c.contains(':') && !is_number(c));
+            let has_date = stamp_of(shown(column)?)?.has_date;
+            return Some(Time { date: all.clone().find(is_date).filter(|_| !has_date), ..as_is(column) });
         }
         if let Some(rate_hz) = options.rate_hz {
             let is_counter = |i: &usize| {
                 COUNTERS.contains(&name(*i).as_str())
                     || values(*i).is_some_and(|v| v.windows(2).all(|w| w[1] - w[0] == 1.0))
             };
-            let column = all.clone().find(is_counter)?;
-            return Some(Time { change: Change::Counter(rate_hz), ..as_is(column) });
+            let change = Change::Counter(rate_hz);
+            let lines = Time { column: None, date: None, heading: "line".into(), change };
+            return Some(all.clone().find(is_counter).map_or(lines, |column| Time { change, ..as_is(column) }));
         }
         let even = |i: &usize| values(*i).is_some_and(|v| is_even(&v));
         let column = all.clone().filter(is_time).find(even).or_else(|| all.clone().find(is_time));
@@ -252,11 +262,15 @@ impl<'t> Table<'t> {
     fn written(&self, lines: &[&str], time: &Time) -> String {
         let mut out = String::new();
         let row = |cells: &[Cow<str>], first: Option<String>| {
-            let first = first.unwrap_or_else(|| cells.get(time.column).map_or(String::new(), |c| c.to_string()));
+            let own = || time.column.and_then(|i| cells.get(i)).map_or(String::new(), |c| c.to_string());
+            let first = first.unwrap_or_else(|| match time.date.and_then(|i| cells.get(i)) {
+                Some(date) => format!("{date} {}", own()),
+                None => own(),
+            });
             let rest = cells
                 .iter()
                 .enumerate()
-                .filter(|(i, _)| *i != time.column && !self.words.contains(i))
+                .filter(|(i, _)| Some(*i) != time.column && Some(*i) != time.date && !self.words.contains(i))
                 .map(|(_, c)| c.replace(['\t', '"'], " "));
             std::iter::once(first).chain(rest).collect::<Vec<_>>().join("\t")
         };
@@ -266,12 +280,13 @@ impl<'t> Table<'t> {
             out += &headed;
             out.push('\n');
         }
+        let mut samples = 0;
         for (at, line) in lines.iter().enumerate() {
             if Some(at) == self.header_at {
                 out += &headed;
             } else if at < self.first {
-                let keep = if !is_row(line) || Some(at) == self.units { "" } else { "# " };
-                if Some(at) != self.units {
+                let keep = if is_row(line) { "# " } else { "" };
+                if !self.units.contains(&at) {
                     out += keep;
                     out += line;
                 }
@@ -279,8 +294,9 @@ impl<'t> Table<'t> {
                 out += line;
             } else {
                 let cells = cells(line, self.separator);
-                let changed = cells.get(time.column).and_then(|c| time.changed(c));
-                out += &row(&cells, changed);
+                let own = time.column.map_or(Some(samples.to_string()), |i| cells.get(i).map(|c| c.to_string()));
+                samples += 1;
+                out += &row(&cells, own.and_then(|cell| time.changed(&cell)));
             }
             out.push('\n');
         }
@@ -305,7 +321,7 @@ impl Time {
     fn changed(&self, cell: &str) -> Option<String> {
         let value = number(cell)?;
         match self.change {
-            Change::Days(first) => Some(format!("{:.9}", (value - first) * 86_400.0)),
+            Change::Days(first) => Some(format!("{:.7}", (value - first) * 86_400.0)),
             Change::Counter(rate_hz) => Some(format!("{}", value / rate_hz)),
             Change::None | Change::Unit(_) => None,
         }
@@ -324,12 +340,19 @@ impl Time {
                 let text = format!("the times are in {named}, in days; time 0 is the first");
                 repairs.push(Repair { guessed: !stated, ..Repair::new("time-unit", 1, None, text) });
             }
+            Change::Counter(hz) if self.column.is_none() => {
+                let text = format!("each line is a sample, {hz} a second");
+                repairs.push(Repair::new("time-counter", 1, None, text));
+            }
             Change::Counter(hz) => {
                 let text = format!("{named} counts samples, {hz} a second");
                 repairs.push(Repair::new("time-counter", 1, None, text));
             }
         }
-        if self.column > 0 && repairs.is_empty() {
+        if let Some(date) = self.date {
+            let text = format!("the times are in {named}, their dates in '{}'", table.headings[date]);
+            repairs.push(Repair::new("time-column", 1, None, text));
+        } else if self.column.is_some_and(|column| column > 0) && repairs.is_empty() {
             repairs.push(Repair::new("time-column", 1, None, format!("the times are in {named}")));
         }
         repairs
@@ -366,6 +389,38 @@ fn cells(line: &str, separator: char) -> Vec<Cow<'_, str>> {
     let mut row = Row::default();
     row.read(line, separator);
     row.into_cells()
+}
+
+/// The columns that hold more words than numbers.
+fn worded<'c>(rows: impl Iterator<Item = Vec<Cow<'c, str>>>) -> Vec<usize> {
+    let mut counts: Vec<(usize, usize)> = Vec::new();
+    for cells in rows {
+        counts.resize(counts.len().max(cells.len()), (0, 0));
+        for ((said, counted), cell) in counts.iter_mut().zip(&cells).filter(|(_, c)| !c.is_empty()) {
+            *(if is_word(cell) { said } else { counted }) += 1;
+        }
+    }
+    (0..counts.len()).filter(|&i| counts[i].1 <= counts[i].0).collect()
+}
+
+/// A text without brackets around it.
+fn bare(text: &str) -> &str {
+    text.trim_matches(|c| matches!(c, '(' | ')' | '[' | ']')).trim()
+}
+
+/// A unit of what loggers record, also that of a transducer without its line.
+fn is_known_unit(text: &str) -> bool {
+    let electric = ["V", "mV", "mA", "Volts", "volts"].contains(&text);
+    electric || time_unit(text).is_some() || is_unit("", text)
+}
+
+/// Names with the units that stand in another line.
+fn with_units(names: Option<Vec<String>>, units: Option<Vec<String>>) -> Option<Vec<String>> {
+    let with_unit = |(name, unit): (&String, &String)| match bare(unit) {
+        "" | "-" => name.clone(),
+        unit => format!("{name} ({unit})"),
+    };
+    Some(names?.iter().zip(&units?).map(with_unit).collect())
 }
 
 /// `Time`, `(s)` is one heading where blanks separate the columns.
@@ -405,6 +460,12 @@ fn number(cell: &str) -> Option<f64> {
 }
 
 fn stamped(cell: &str) -> bool {
-    cell.starts_with(|c: char| c.is_ascii_digit())
-        && (Stamp::parse(cell, Order::DayFirst).is_some() || is_ambiguous(cell))
+    stamp_of(cell).is_some()
+}
+
+/// A date, a time of day or both, whichever of day and month stands first.
+fn stamp_of(cell: &str) -> Option<Stamp> {
+    let begins = cell.starts_with(|c: char| c.is_ascii_digit());
+    let read = |order| Stamp::parse(cell, order).filter(|_| begins);
+    read(Order::DayFirst).or_else(|| read(Order::MonthFirst))
 }

@@ -12,6 +12,10 @@ impl<'b> Bytes<'b> {
         Bytes { rest: bytes, big_endian }
     }
 
+    pub(crate) fn is_big_endian(&self) -> bool {
+        self.big_endian
+    }
+
     pub(crate) fn len(&self) -> usize {
         self.rest.len()
     }

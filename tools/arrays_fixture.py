@@ -1,0 +1,32 @@
+"""Writes tests/fixtures/scipy.mat, h5py.h5 and h5py-v73.mat: 200 samples of two pressures in bar. Needs scipy and h5py."""
+
+from pathlib import Path
+
+import h5py
+import numpy as np
+import scipy.io
+
+FIXTURES = Path(__file__).parent.parent / "tests/fixtures"
+COUNT = np.arange(200)
+TIME = COUNT * 1e-3
+PRESSURES = [2.0 + np.sin(0.05 * COUNT), 1.5 + np.cos(0.05 * COUNT)]
+
+# A structure with a column, a row and whole numbers; beside it what is no series of the test.
+run = {"t": TIME[:, None], "P1": PRESSURES[0][None, :], "P2": np.round(PRESSURES[1] * 1e6).astype(np.int32), "valve": "ball"}
+scipy.io.savemat(FIXTURES / "scipy.mat", {"run": run, "fs": 1000.0, "zero": np.zeros((3, 4))}, do_compression=True)
+
+with h5py.File(FIXTURES / "h5py.h5", "w") as file:
+    group = file.create_group("run 7").create_group("fast")
+    group.create_dataset("time", data=TIME, chunks=(50,), compression="gzip", shuffle=True).attrs["units"] = "s"
+    group.create_dataset("P1", data=PRESSURES[0].astype(">f8")).attrs["units"] = "bar"
+    group.create_dataset("P2", data=100.0 * PRESSURES[1], maxshape=(None,), chunks=(64,), fletcher32=True).attrs["units"] = np.bytes_("kPa")
+    file.create_dataset("note", data="ball valve")
+    file.create_dataset("calibration", data=np.eye(3))
+
+# As MATLAB's -v7.3: 512 bytes of its own before the file, matrices the other way round.
+with h5py.File(FIXTURES / "h5py-v73.mat", "w", userblock_size=512) as file:
+    file.create_group("#refs#").create_dataset("a", data=np.zeros((1, 200)))
+    file.create_dataset("data", data=np.array([TIME, *PRESSURES]), compression="gzip")
+with open(FIXTURES / "h5py-v73.mat", "r+b") as file:
+    text = b"MATLAB 7.3 MAT-file, Platform: GLNXA64, Created by: tools/arrays_fixture.py HDF5 schema 1.00 ."
+    file.write(text.ljust(116) + bytes(8) + b"\x00\x02IM")
