@@ -46,6 +46,14 @@ pub struct Args {
     listen: IpAddr,
 }
 
+impl Args {
+    /// To open one path as if nothing else were said.
+    pub fn of(path: &Path) -> Args {
+        let (no_browser, port, listen) = (false, 0, IpAddr::V4(Ipv4Addr::LOCALHOST));
+        Args { paths: vec![path.to_owned()], no_browser, port, listen }
+    }
+}
+
 /// Runs it.
 ///
 /// # Errors

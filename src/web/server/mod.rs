@@ -5,6 +5,7 @@ pub mod assets;
 pub mod guard;
 pub mod listener;
 pub mod routes;
+pub mod runs;
 
 use std::future::Future;
 use std::io;

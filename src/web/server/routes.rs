@@ -26,6 +26,7 @@ use crate::watch::evaluate::sentence;
 use crate::web::server::answers::{Answer, download, of_json, refusal};
 use crate::web::server::assets;
 use crate::web::server::guard::{Guard, MOST_BYTES, admit};
+use crate::web::server::runs;
 use crate::web::session::Session;
 use crate::web::session::actions::Action;
 use crate::web::session::bench::Bench;
@@ -33,6 +34,7 @@ use crate::web::session::jobs::Busy;
 
 use crate::web::view::curves::{Question, Stretch, of_sensor, simulate};
 use crate::web::view::packed::Packed;
+use crate::web::view::parquet::parquet;
 use crate::web::view::{model, state, take_away};
 
 type AnyError = Box<dyn Error + Send + Sync>;
@@ -57,6 +59,7 @@ pub fn router(session: Arc<Session>, guard: Arc<Guard>) -> Router {
         .route("/api/events", get(events))
         .route("/api/curves", get(curves))
         .route("/api/curves.csv", get(curves_csv))
+        .route("/api/curves.parquet", get(curves_parquet))
         .route("/api/report", get(|State(app): State<Arc<App>>| calm(move || report(&app.session))))
         .route("/api/fit.toml", get(|State(app): State<Arc<App>>| calm(move || fit_file(&app.session))))
         .route("/api/simulate", post(simulation))
@@ -78,6 +81,7 @@ pub fn router(session: Arc<Session>, guard: Arc<Guard>) -> Router {
                 of_json(&app.session.recorder.json())
             }),
         )
+        .merge(runs::routes())
         .fallback(|| async { refusal(StatusCode::NOT_FOUND, "there is nothing here") })
         .method_not_allowed_fallback(|| async { refusal(StatusCode::METHOD_NOT_ALLOWED, "not in this way") })
         .layer(DefaultBodyLimit::max(MOST_BYTES))
@@ -128,7 +132,7 @@ fn busy(error: &Busy) -> Answer {
 }
 
 /// Computes beside the server's own thread, which has all pages to serve.
-async fn calm(work: impl FnOnce() -> Result<Answer, AnyError> + Send + 'static) -> Answer {
+pub(super) async fn calm(work: impl FnOnce() -> Result<Answer, AnyError> + Send + 'static) -> Answer {
     match tokio::task::spawn_blocking(work).await {
         Ok(Ok(answer)) => answer,
         Ok(Err(error)) => refused(error.as_ref()),
@@ -194,7 +198,7 @@ fn bench_of(session: &Session) -> Result<Arc<Bench>, AnyError> {
 }
 
 /// What the query of an address says.
-fn asked(uri: &Uri) -> BTreeMap<String, String> {
+pub(super) fn asked(uri: &Uri) -> BTreeMap<String, String> {
     let pairs = uri.query().unwrap_or_default().split('&').filter_map(|pair| pair.split_once('='));
     pairs.map(|(key, value)| (key.to_owned(), unescaped(value))).collect()
 }
@@ -228,7 +232,7 @@ fn packed(session: &Session, uri: &Uri) -> Result<Packed, AnyError> {
     of_sensor(&*bench_of(session)?, (index("run")?, index("sensor")?), stretch, &models)
 }
 
-fn binary(packed: Packed) -> Answer {
+pub(super) fn binary(packed: Packed) -> Answer {
     ([(CONTENT_TYPE, "application/octet-stream")], packed.bytes()).into_response()
 }
 
@@ -238,6 +242,14 @@ async fn curves(State(app): State<Arc<App>>, uri: Uri) -> Answer {
 
 async fn curves_csv(State(app): State<Arc<App>>, uri: Uri) -> Answer {
     calm(move || Ok(download("curves.csv", "text/csv; charset=utf-8", packed(&app.session, &uri)?.csv()))).await
+}
+
+async fn curves_parquet(State(app): State<Arc<App>>, uri: Uri) -> Answer {
+    calm(move || {
+        let file = parquet(packed(&app.session, &uri)?.columns());
+        Ok(download("curves.parquet", "application/vnd.apache.parquet", file))
+    })
+    .await
 }
 
 async fn simulation(State(app): State<Arc<App>>, headers: HeaderMap, body: Bytes) -> Answer {

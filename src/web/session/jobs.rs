@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use serde_json::json;
 
-use crate::fit::progress::Progress;
+use crate::fit::progress::{Passing, Progress};
 use crate::watch::evaluate::sentence;
 use crate::web::session::events::Hub;
 
@@ -37,6 +37,8 @@ pub struct Job {
     pub progress: String,
     /// Iterations of fits so far, and the error after each, m.
     pub errors: Vec<(usize, f64)>,
+    /// The model as it is at this moment, where one is being fitted.
+    pub passing: Option<Arc<Passing>>,
     opens: bool,
     cancelled: bool,
 }
@@ -103,7 +105,15 @@ impl Jobs {
             state.last += 1;
             state.iterations = 0;
             let (what, progress) = (what.to_owned(), String::new());
-            state.job = Some(Job { id: state.last, what, progress, errors: Vec::new(), opens, cancelled: false });
+            state.job = Some(Job {
+                id: state.last,
+                what,
+                progress,
+                errors: Vec::new(),
+                passing: None,
+                opens,
+                cancelled: false,
+            });
             state.last
         };
         self.hub.changed();
@@ -147,12 +157,14 @@ impl Jobs {
             resume_unwind(Box::new(Cancelled));
         }
         job.progress = progress.to_string();
+        job.passing = progress.passing.clone().or(job.passing.take());
         let rmse_m = progress.fitting.map(|at| at.error_over_noise * noise_m).filter(|e| e.is_finite());
         if let Some(rmse_m) = rmse_m.filter(|_| job.errors.len() < KEPT) {
             job.errors.push((counted, rmse_m));
         }
         let told = json!({
             "job": job.id, "what": job.what, "iteration": counted, "rmse_m": rmse_m, "progress": job.progress,
+            "moves": progress.passing.is_some(),
         });
         drop(state);
         self.hub.send("progress", &told);
