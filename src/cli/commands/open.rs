@@ -102,6 +102,7 @@ fn commands(recordings: &[PathBuf], model: &Path) -> BTreeMap<&'static str, Stri
     let recordings: Vec<String> = recordings.iter().map(|path| quoted(&path.shown())).collect();
     BTreeMap::from([
         ("fit", format!("surgescope refit {model}")),
+        ("calibrate", format!("surgescope calibrate {} --effects EFFECTS --save {model}", recordings.join(" "))),
         ("diagnose", format!("surgescope diagnose {} --apply {model}", recordings.join(" "))),
         ("add", format!("surgescope add EFFECT {model}")),
         ("undo", format!("surgescope undo {model}")),

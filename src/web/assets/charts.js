@@ -93,7 +93,7 @@ class Panel {
     this.rms = h("span", { class: "rms" });
     this.box = h("div", { class: "plot" });
     const several = app.state.open.runs.length > 1 ? ` · ${run.name}` : "";
-    this.card = h("div", { class: "card chart" },
+    this.card = h("div", { class: "card chart", role: "group", "aria-label": `Measurement and model at ${sensor.name}` },
       h("h3", {}, h("b", { text: sensor.name }), ` ${digits(sensor.position_m, 4)} m${several}`, this.rms, menu(this)), this.box);
   }
   width() { return Math.max(240, this.box.clientWidth || 600); }
@@ -104,12 +104,21 @@ class Panel {
       this.plots.forEach((plot, i) => plot.setSize({ width: this.width(), height: i ? 96 : 190 }));
     }).observe(this.box);
   }
+  async follow() {
+    const asked = await curves(this.r, this.s, app.range, this.width(), ["fitting"]);
+    const now = asked.column.fitting_m;
+    if (!now) return;
+    if (!this.data.time.length) this.data = { time: asked.column.time_s, measured: asked.column.measured_m };
+    if (now.length === this.data.time.length) Object.assign(this.data, { trial: now, adds: false });
+  }
   draw() {
     const { time, measured, ghost, model, trial, adds } = this.data;
     const n = time.length;
     const heads = [gap(measured, n), gap(ghost, n), gap(model, n), gap(trial, n)];
     const legend = this.plots[0].root.querySelectorAll(".u-series");
     [ghost, model, trial].forEach((curve, i) => { legend[i + 2].hidden = !curve; });
+    legend[2].querySelector(".u-label").textContent = app.compare ? `model ${app.compare}` : "before";
+    legend[4].querySelector(".u-label").textContent = following ? "being fitted" : app.preview ? `with ${app.preview}` : "proposed";
     this.plots[0].setData([time, ...heads.map((v) => shown(this, v))]);
     const left = (v) => (v && measured ? minus(measured, v).map((d) => (d === null ? null : d * perM(this))) : gap(null, n));
     // what a candidate would add, over what is left to explain; of moved parameters what they would leave
@@ -127,6 +136,24 @@ class Panel {
     const trial = app.preview ? of(`candidate:${app.preview}_m`) : keeps ? this.data.trial : null;
     this.data = { time: of("time_s"), measured: of("measured_m"), model: of("model_m"), ghost: of(`${ghost}_m`), trial, adds: Boolean(app.preview) };
   }
+}
+
+// The model that is being fitted, a few times a second, until its job ends.
+let following = null;
+const EVERY_MS = 200;
+export async function follow(job) {
+  if (following) return;
+  following = job;
+  while (app.state?.job?.id === following) {
+    const began = performance.now();
+    // a curve that cannot be had at the moment is had the next time
+    await Promise.all(panels.map((panel) => panel.follow().catch(() => null)));
+    if (app.state?.job?.id === following) draw();
+    await new Promise((done) => setTimeout(done, Math.max(20, EVERY_MS - (performance.now() - began))));
+  }
+  following = null;
+  panels.forEach((panel) => { panel.data.trial = null; });
+  load();
 }
 
 // Builds the charts where other recordings are open, and labels them.

@@ -1,7 +1,7 @@
 // The parameters of the model in force: drag one and the curves follow; hold it, bound it, fit.
 
 import { at, digits, h, named, put, uncertain, unitOf } from "/assets/dom.js";
-import { app, act, complain, tell } from "/assets/store.js";
+import { app, act, complain } from "/assets/store.js";
 import { try_ } from "/assets/charts.js";
 
 const STEPS = 2000;
@@ -106,7 +106,7 @@ export function parameters() {
     groups.set(group, [...(groups.get(group) || []), p]);
   }
   put(at("parameters"), [...groups].filter(([, all]) => all.length).map(([name, all]) => h("div", { class: "group" }, h("h3", { text: name }), all.map(row))),
-    h("details", { class: "group" }, h("summary", { text: "sensors and clock" }), ofRuns.map(row)));
+    h("details", { class: "group", open: ofRuns.some((p) => p.advice) }, h("summary", { text: "sensors and clock" }), ofRuns.map(row)));
   model.parameters.forEach(update);
   at("trial").textContent = "";
 }
@@ -124,8 +124,4 @@ export function reset() {
 
 export function fit() {
   act("/api/fit", { set: app.moved, hold: [...app.hold], free: [...app.free], bounds: app.bounds });
-}
-
-export async function copy(text) {
-  try { await navigator.clipboard.writeText(text); tell(`copied: ${text}`); at("trial").textContent = `copied: ${text}`; } catch { at("trial").textContent = text; }
 }

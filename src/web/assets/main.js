@@ -5,10 +5,12 @@ import { at, h, put } from "/assets/dom.js";
 import { app, act, complain, onState, refresh, tell } from "/assets/store.js";
 import { charts, draw, load, pan, part } from "/assets/charts.js";
 import { fails, models } from "/assets/past.js";
-import { copy, fit, parameters, reset } from "/assets/hands.js";
+import { fit, parameters, reset } from "/assets/hands.js";
+import { commandOf, copy } from "/assets/commands.js";
 import { rig } from "/assets/rig.js";
 import { catalogue, job, missing, progress } from "/assets/future.js";
-import { dropped, runs } from "/assets/runs.js";
+import { runs } from "/assets/runs.js";
+import { arrive } from "/assets/arrive.js";
 import { live, record, recording } from "/assets/record.js";
 
 const KEYS = [["1 2 3", "first rise, a cycle, the whole record"], ["← →", "pan"], ["d", "diagnose"], ["f", "fit"], ["u r", "undo, redo"], ["m", "heads in m, or in the sensors' own unit"], ["o", "runs"], ["e", "effects"], ["Escape", "cancel the job"], ["?", "these keys"]];
@@ -68,7 +70,7 @@ at("show-record").addEventListener("click", record);
 at("show-keys").addEventListener("click", keys);
 at("fit").addEventListener("click", fit);
 at("reset").addEventListener("click", reset);
-at("copy").addEventListener("click", () => app.state.model && copy(app.state.model.commands.fit));
+at("copy").addEventListener("click", () => app.state.model && copy(commandOf("fit")));
 
 function keys() {
   put(at("keys"), h("form", { method: "dialog", class: "heading" }, h("h2", { text: "Keys" }), h("button", { text: "Close" })),
@@ -94,7 +96,7 @@ document.addEventListener("dragover", (event) => event.preventDefault());
 document.addEventListener("drop", (event) => {
   event.preventDefault();
   const file = event.dataTransfer.files[0];
-  if (file) dropped(file);
+  if (file) arrive(file);
 });
 
 const source = listen({

@@ -11,8 +11,9 @@ use serde_json::{Value, json};
 use crate::rig::Rig;
 use crate::rig::check::return_time_s;
 use crate::signal::faults::sensor_faults;
-use crate::storage::import::{ImportOptions, Imported, SourceOptions, import_file, unit_warnings};
+use crate::storage::import::{ImportOptions, Imported, SourceOptions, import_file, read_source, unit_warnings};
 use crate::storage::write;
+use crate::watch::evaluate::sentence;
 
 type AnyError = Box<dyn Error + Send + Sync>;
 
@@ -52,8 +53,19 @@ pub fn take(dropped: &Dropped, rig: &Rig, folder: &Path) -> Result<(Value, Optio
     let scratch = tempfile::tempdir()?;
     let path = scratch.path().join(name);
     std::fs::write(&path, bytes)?;
-    let imported = imported(dropped, rig, &path)?;
+    let sensors: Vec<&str> = rig.sensors.iter().map(|sensor| sensor.name.as_str()).collect();
+    let guessing = SourceOptions { guess: true, rate_hz: dropped.rate_hz, ..SourceOptions::default() };
+    let columns: Vec<String> =
+        read_source(&path, &guessing).map_or(Vec::new(), |read| read.tracks.into_iter().map(|track| track.name).collect());
+    let imported = match imported(dropped, rig, &path) {
+        // what is only looked at may still be mended: by saying which column is which sensor
+        Err(error) if !dropped.accept && !columns.is_empty() => {
+            return Ok((json!({ "problem": sentence(&*error), "columns": columns, "sensors": sensors }), None));
+        }
+        other => other?,
+    };
     let mut about = json!({
+        "columns": columns, "sensors": sensors,
         "understood": imported.understood(Path::new(name)), "mended": imported.repairs,
         "warnings": unit_warnings(&imported.recording), "sensor_faults": sensor_faults(&imported.recording),
         "written": null,
