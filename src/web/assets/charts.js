@@ -70,6 +70,7 @@ export function zoom(range) {
   const whole = ((kept) => { app.range = null; const all = span(); app.range = kept; return all; })(app.range);
   app.range = range && [Math.max(whole[0], range[0]), Math.min(whole[1], range[1])];
   if (app.range && app.range[1] - app.range[0] < 1e-5) app.range = null;
+  press(app.range ? "" : "all");
   draw();
   clearTimeout(waiting);
   waiting = setTimeout(load, 120);
@@ -84,7 +85,12 @@ export function pan(share) {
 export function part(name) {
   const period = app.state?.open?.runs[0]?.period_s;
   if (name === "all" || !period) return zoom(null);
-  return zoom(name === "rise" ? [-0.03 * period, 0.3 * period] : [-0.05 * period, 1.05 * period]);
+  zoom(name === "rise" ? [-0.03 * period, 0.3 * period] : [-0.05 * period, 1.05 * period]);
+  press(name);
+}
+
+function press(name) {
+  document.querySelectorAll("[data-range]").forEach((button) => button.setAttribute("aria-pressed", String(button.dataset.range === name)));
 }
 
 class Panel {

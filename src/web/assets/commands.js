@@ -1,6 +1,6 @@
 // The command line that does what an action of the page does, to be copied.
 
-import { at, h } from "/assets/dom.js";
+import { at, h, svg } from "/assets/dom.js";
 import { app, tell } from "/assets/store.js";
 
 const word = (text) => (/^[\w@:.,=+-]+$/.test(text) ? text : `'${text.replaceAll("'", "'\\''")}'`);
@@ -29,5 +29,6 @@ export async function copy(text) {
 // A small button that copies it.
 export function copier(action, effect) {
   const label = `Copy the command: ${commandOf(action, effect)}`;
-  return h("button", { type: "button", class: "quiet copier", text: "⧉", title: label, "aria-label": label, "data-key": `copy ${action} ${effect || ""}`, onclick: () => copy(commandOf(action, effect)) });
+  return h("button", { type: "button", class: "quiet copier", title: label, "aria-label": label, "data-key": `copy ${action} ${effect || ""}`, onclick: () => copy(commandOf(action, effect)) },
+    svg("svg", { viewBox: "0 0 16 16", "aria-hidden": "true" }, svg("path", { d: "M5.5 5.5V3a1 1 0 0 1 1-1h6.5a1 1 0 0 1 1 1v6.5a1 1 0 0 1-1 1H10.5 M3 5.5h6.5a1 1 0 0 1 1 1V13a1 1 0 0 1-1 1H3a1 1 0 0 1-1-1V6.5a1 1 0 0 1 1-1z" })));
 }

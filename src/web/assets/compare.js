@@ -2,8 +2,7 @@
 
 import { compared } from "/assets/api.js";
 import { at, digits, h, metres, named, put, times, uncertain } from "/assets/dom.js";
-import { app, complain } from "/assets/store.js";
-import { act } from "/assets/store.js";
+import { act, complain } from "/assets/store.js";
 
 const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 const COLOURS = 6;
@@ -85,7 +84,7 @@ function table() {
   const pair = (own, of) => [h("td", { class: "number", text: own ? of(own) : "–" })];
   const cells = (values, of, difference_of) => values.flatMap((v, i) => [...pair(v, of), ...(i ? [h("td", { class: "number difference", text: difference_of(v, values[0]) })] : [])]);
   const line = (label, values, of, difference_of = () => "") => h("tr", {}, h("th", { scope: "row", text: label }), cells(values, of, difference_of));
-  const q = (v) => (v?.value === null ? "–" : uncertain(v.value, v.standard_error));
+  const q = (v) => (v?.value === null ? "–" : v.standard_error > 0 ? uncertain(v.value, v.standard_error) : digits(v.value, 4));
   const delta = (a, b) => difference(a?.value, b?.value);
   const measured = reference.measured.map((own, i) => line(own.unit === "1" ? own.label : `${own.label}, ${own.unit}`, found.runs.map((r) => r.measured.find((m) => m.label === own.label) ?? r.measured[i]), q, delta));
   const apart = found.sensors.map((sensor) => line(`difference at ${sensor.name}, rms`, found.runs.map((r, i) => (i ? r.differences_m[sensor.name] : null)), (v) => (v === null ? "–" : `${metres(v)} (${times(v, sensor.noise_m)})`)));

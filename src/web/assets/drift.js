@@ -15,7 +15,8 @@ async function open(file) {
 
 function chart(p) {
   const bars = p.values.flatMap((v) => [v.value - 2 * v.standard_error, v.value + 2 * v.standard_error]);
-  const [low, high] = [Math.min(...bars), Math.max(...bars)];
+  const room = 0.06 * (Math.max(...bars) - Math.min(...bars));
+  const [low, high] = [Math.min(...bars) - room, Math.max(...bars) + room];
   const [first, last] = [Math.min(...p.values.map((v) => v.run)), Math.max(...p.values.map((v) => v.run))];
   const x = (run) => LEFT + 12 + ((RIGHT - LEFT - 24) * (run - first)) / (last - first || 1);
   const y = (v) => BOTTOM - ((BOTTOM - TOP) * (v - low)) / (high - low || 1);

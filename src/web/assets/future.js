@@ -98,7 +98,8 @@ export function missing() {
   const verdict = [];
   if (found) {
     verdict.push(h("p", { class: `verdict ${found.verdict}`, text: sentence(found) }));
-    verdict.push(...found.warnings.map((text) => h("p", { class: "advice", text })));
+    const warnings = found.warnings;
+    if (warnings.length) verdict.push(h("details", { class: "theory checks" }, h("summary", { text: warnings.length === 1 ? "one thing to check first" : `${warnings.length} things to check first` }), warnings.map((text) => h("p", { class: "advice", text }))));
   } else if (model && !at_work) verdict.push(h("p", { class: "hint", text: "Diagnose asks every effect of the catalogue what it would explain. Point at a candidate to see its curve before you add it." }));
   put(at("verdict"), verdict);
   const shown = (found?.candidates || []).filter((c, i) => i < 5 || c.probability > 0.01).slice(0, 8);

@@ -73,9 +73,15 @@ export function falls(rmse) {
   box.querySelector(".dot").style.setProperty("left", `${Math.min(96, axis(rmse))}%`);
 }
 
+// The first clause of a sentence stands out.
+function said(text) {
+  const [first, ...rest] = text.split("; ");
+  return h("span", {}, h("b", { text: first }), rest.length ? `; ${rest.join("; ")}` : "");
+}
+
 export function fails() {
   const model = app.state.model;
-  const items = (model?.fails || []).map((fail) => h("li", {}, h("span", { text: fail.text }), " ",
+  const items = (model?.fails || []).map((fail) => h("li", {}, said(fail.text), " ",
     fail.from_s === null ? null : h("button", { type: "button", class: "link", text: "show", "aria-label": `Show where: ${fail.text}`, onclick: () => zoom([fail.from_s, fail.to_s]) })));
   if (model && !items.length) items.push(h("li", { text: "No sensor shows more than its noise." }));
   put(at("fails"), items);

@@ -102,4 +102,5 @@ export function recording() {
   at("show-record").disabled = now.running;
   if (now.running && now.live) live(now.live);
   if (!now.running) at("live").hidden = true;
+  at("charts").hidden = now.running && !app.state.open;
 }

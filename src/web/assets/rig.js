@@ -6,7 +6,11 @@ import { app } from "/assets/store.js";
 import { move, release } from "/assets/hands.js";
 import { offer } from "/assets/place.js";
 
-const [FROM, TO, WIDTH, AXIS] = [70, 930, 1000, 52];
+const AXIS = 52;
+// From where to where the pipe is drawn, of what width; how close names of sensors may stand. On a phone all is larger.
+let [FROM, TO, WIDTH, NEAR] = [70, 930, 1000, 70];
+const phone = matchMedia("(max-width: 700px)");
+phone.addEventListener("change", () => app.state && rig());
 const STEP = 0.002;
 const WAY = { ArrowLeft: -1, ArrowDown: -1, ArrowRight: 1, ArrowUp: 1 };
 // Where the keyboard's mark stands, as a share of the length.
@@ -84,6 +88,7 @@ export function rig() {
   const open = app.state.open;
   at("rig-card").hidden = !open;
   if (!open) return;
+  [FROM, TO, WIDTH, NEAR] = phone.matches ? [42, 440, 484, 95] : [70, 930, 1000, 70];
   const { length_m: length, pipes, supply } = open.rig;
   const x = (m) => FROM + ((TO - FROM) * m) / length;
   const widest = Math.max(...pipes.map((p) => p.inner_diameter_m));
@@ -91,9 +96,9 @@ export function rig() {
   let last = -1e9;
   const foot = (s) => {
     // names that would touch stand one above the other
-    const low = x(s.position_m) - last < 70;
+    const low = x(s.position_m) - last < NEAR;
     last = low ? -1e9 : x(s.position_m);
-    return svg("g", {}, svg("circle", { cx: x(s.position_m), cy: AXIS, r: 5, class: "sensor" }), svg("text", { x: x(s.position_m), y: low ? 16 : 32, "text-anchor": "middle", text: `${s.name} ${digits(s.position_m, 4)} m` }));
+    return svg("g", {}, svg("circle", { cx: x(s.position_m), cy: AXIS, r: 5, class: "sensor" }), svg("text", { x: x(s.position_m), y: low ? 16 : 32, "text-anchor": x(s.position_m) > TO - 30 ? "end" : "middle", text: `${s.name} ${digits(s.position_m, 4)} m` }));
   };
   const all = app.state.model?.parameters || [];
   const placed = all.filter((p) => p.effect && /_(position|start|end)_m$/.test(p.name)).sort((a, b) => a.value - b.value);
@@ -101,7 +106,7 @@ export function rig() {
   const pocket = (app.state.model?.effects || []).some((effect) => effect === "air-pocket");
   const rows = placed.map((p, i) => (i && x(p.value) - x(placed[i - 1].value) < 170 ? 1 : 0));
   rows.forEach((row, i) => { if (row && rows[i - 1]) rows[i] = 0; });
-  at("rig-hint").textContent = `${open.rig.name}, ${digits(length, 4)} m${app.state.model ? ` · ${placed.length ? "drag an effect along the pipe; " : ""}double-click the pipe to add one there` : ""}`;
+  at("rig-hint").textContent = `${open.rig.name}, ${digits(length, 4)} m${app.state.model ? ` · ${placed.length ? "drag an effect along the pipe; " : ""}double-click the pipe to add ${placed.length ? "one" : "an effect"} there` : ""}`;
   put(at("rig"), svg("svg", { viewBox: `0 0 ${WIDTH} ${placed.length ? 108 + 16 * Math.max(...rows) : 86}`, role: "group", "aria-label": `Rig ${open.rig.name}`, ondblclick: (event) => { const m = placeOf(event, length); if (m >= 0 && m <= length) offer(m); } },
     supply === "pump" ? svg("circle", { cx: FROM - 14, cy: AXIS, r: 14, class: "supply" }) : svg("rect", { x: FROM - 30, y: AXIS - 34, width: 30, height: 44, class: "supply" }),
     svg("text", { x: FROM - 15, y: AXIS + 26, "text-anchor": "middle", text: supply === "pump" ? "pump" : "supply" }),

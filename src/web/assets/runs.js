@@ -113,12 +113,12 @@ export function runs() {
     seen.disconnect();
     put(body, shown.map((run) => { const tr = row(run); rows.set(run.id, tr); return tr; }));
     rows.forEach((tr, id) => glances.has(id) || seen.observe(tr));
-    count.textContent = shown.length === all.length ? `${all.length} runs` : `${shown.length} of ${all.length} runs`;
+    count.textContent = shown.length === all.length ? (all.length === 1 ? "1 run" : `${all.length} runs`) : `${shown.length} of ${all.length} runs`;
     update();
   };
   const head = h("thead");
   const heads = () => {
-    const heading = ([key, label]) => h("th", { scope: "col", "aria-sort": order.key === key ? (order.down ? "descending" : "ascending") : null }, h("button", { type: "button", class: "link", "data-key": `sort ${key}`, text: `${label}${order.key === key ? (order.down ? " ↓" : " ↑") : ""}`, onclick: () => sort(key) }));
+    const heading = ([key, label]) => h("th", { scope: "col", class: ["temperature_degC", "flow_m3_s", "error"].includes(key) ? "number" : null, "aria-sort": order.key === key ? (order.down ? "descending" : "ascending") : null }, h("button", { type: "button", class: "link", "data-key": `sort ${key}`, text: `${label}${order.key === key ? (order.down ? " ↓" : " ↑") : ""}`, onclick: () => sort(key) }));
     put(head, h("tr", {}, h("th", {}, h("span", { class: "unseen", text: "chosen" })), h("th", { scope: "col", title: "The run that others are compared with", text: "ref." }), h("th", {}, h("span", { class: "unseen", text: "head" })), COLUMNS.map(heading)));
   };
   // a model may have been made since: what is not open is looked up again

@@ -55,8 +55,8 @@ pub fn take(dropped: &Dropped, rig: &Rig, folder: &Path) -> Result<(Value, Optio
     std::fs::write(&path, bytes)?;
     let sensors: Vec<&str> = rig.sensors.iter().map(|sensor| sensor.name.as_str()).collect();
     let guessing = SourceOptions { guess: true, rate_hz: dropped.rate_hz, ..SourceOptions::default() };
-    let columns: Vec<String> =
-        read_source(&path, &guessing).map_or(Vec::new(), |read| read.tracks.into_iter().map(|track| track.name).collect());
+    let columns: Vec<String> = read_source(&path, &guessing)
+        .map_or(Vec::new(), |read| read.tracks.into_iter().map(|track| track.name).collect());
     let imported = match imported(dropped, rig, &path) {
         // what is only looked at may still be mended: by saying which column is which sensor
         Err(error) if !dropped.accept && !columns.is_empty() => {
