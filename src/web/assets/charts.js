@@ -13,6 +13,8 @@ const SERIES = [
   { key: "model", label: "model", stroke: () => colour("--model"), width: 1.5 },
   { key: "trial", label: "proposed", stroke: () => colour("--proposed"), width: 1.5, dash: [6, 4] },
 ];
+// Of the curves, of the residual.
+const HEIGHTS = [160, 92];
 const gap = (values, n) => values || new Array(n).fill(null);
 const minus = (a, b) => a.map((v, i) => (v === null || b[i] === null ? null : v - b[i]));
 
@@ -39,13 +41,13 @@ function options(panel, residual) {
       u.setSelect({ left: 0, top: 0, width: 0, height: 0 }, false);
     }],
   };
-  const value = (_, v) => (v === null || v === undefined ? "–" : digits(v, 5));
+  const value = (_, v) => (v === null || v === undefined ? "" : digits(v, 5));
   return {
-    width: panel.width(), height: residual ? 96 : 190, pxAlign: false, padding: [8, 24, 0, 0], legend: { show: !residual, live: true },
+    width: panel.width(), height: residual ? HEIGHTS[1] : HEIGHTS[0], pxAlign: false, padding: [8, 24, 0, 0], legend: { show: !residual, live: true, mount: (_, legend) => panel.legend.replaceChildren(legend) },
     cursor: { sync: { key: "surge", setSeries: false }, drag: { x: true, y: false, setScale: false }, bind: { dblclick: () => () => { zoom(null); return null; } } },
     scales: { x: { time: false, range: () => span() }, y: { range: (u, low, high) => limits(panel, residual, low, high) } },
-    axes: [{ ...axis, show: residual, size: 30, values: (_, s) => s.map((v) => `${+v.toFixed(4)} s`) }, { ...axis, size: 60, space: residual ? 28 : 40 }],
-    series: [{ label: "s", value }, ...SERIES.map((s) => ({ ...s, value, points: { show: false }, spanGaps: false }))],
+    axes: [{ ...axis, show: residual, size: 30, values: (_, s) => s.map((v) => `${+v.toFixed(4)} s`) }, { ...axis, size: 60, space: residual ? 20 : 36 }],
+    series: [{ label: "at", value: (_, v) => (v === null || v === undefined ? "" : `${digits(v, 5)} s`) }, ...SERIES.map((s) => ({ ...s, value, points: { show: false }, spanGaps: false }))],
     hooks: band,
   };
 }
@@ -97,17 +99,18 @@ class Panel {
   constructor(run, sensor, r, s) {
     Object.assign(this, { run, sensor, r, s, data: { time: [] } });
     this.rms = h("span", { class: "rms" });
+    this.legend = h("div", { class: "legend" });
     this.box = h("div", { class: "plot" });
     const several = app.state.open.runs.length > 1 ? ` · ${run.name}` : "";
     this.card = h("div", { class: "card chart", role: "group", "aria-label": `Measurement and model at ${sensor.name}` },
-      h("h3", {}, h("b", { text: sensor.name }), ` ${digits(sensor.position_m, 4)} m${several}`, this.rms, menu(this)), this.box);
+      h("h3", {}, h("b", { text: sensor.name }), ` ${digits(sensor.position_m, 4)} m${several}`, this.legend, this.rms, menu(this)), this.box);
   }
   width() { return Math.max(240, this.box.clientWidth || 600); }
   build() {
     this.plots = [false, true].map((residual) => new uPlot(options(this, residual), [[], [], [], [], []], this.box));
     new ResizeObserver(() => {
       if (Math.abs(this.plots[0].width - this.width()) < 2) return;
-      this.plots.forEach((plot, i) => plot.setSize({ width: this.width(), height: i ? 96 : 190 }));
+      this.plots.forEach((plot, i) => plot.setSize({ width: this.width(), height: HEIGHTS[i] }));
     }).observe(this.box);
   }
   async follow() {
@@ -121,7 +124,7 @@ class Panel {
     const { time, measured, ghost, model, trial, adds } = this.data;
     const n = time.length;
     const heads = [gap(measured, n), gap(ghost, n), gap(model, n), gap(trial, n)];
-    const legend = this.plots[0].root.querySelectorAll(".u-series");
+    const legend = this.legend.querySelectorAll(".u-series");
     [ghost, model, trial].forEach((curve, i) => { legend[i + 2].hidden = !curve; });
     legend[2].querySelector(".u-label").textContent = app.compare ? `model ${app.compare}` : "before";
     legend[4].querySelector(".u-label").textContent = following ? "being fitted" : app.preview ? `with ${app.preview}` : "proposed";

@@ -96,10 +96,13 @@ const inWords = (text) => app.state.model.parameters.reduce((said, p) => said.re
 function looks(model) {
   const doubtful = model.parameters.filter((p) => p.advice);
   if (!doubtful.length) return null;
-  return h("ul", { class: "looks", "aria-label": "Parameters to look at" }, doubtful.map((p) => h("li", {}, h("b", { text: named(p) }), ` ${inWords(p.advice)}`)));
+  const summary = doubtful.length === 1 ? "one parameter to look at" : `${doubtful.length} parameters to look at`;
+  return h("details", { class: "group looks", open: looksOpen, ontoggle: (event) => { looksOpen = event.target.open; } }, h("summary", { text: summary }),
+    h("ul", {}, doubtful.map((p) => h("li", {}, h("b", { text: named(p) }), ` ${inWords(p.advice)}`))));
 }
 
 let clockOpen = false;
+let looksOpen = false;
 let drawn = null;
 export function parameters() {
   const model = app.state.model;
