@@ -70,7 +70,7 @@ impl Server {
                 let _ = tokio::task::spawn_blocking(move || session.look()).await;
             }
         });
-        let app = router(session, Arc::new(self.guard));
+        let app = router(session, Arc::new(self.guard), runs::routes());
         // Pages keep their stream of events open, so nobody waits for them to close.
         let ended = tokio::select! {
             served = async { axum::serve(Bounded::new(self.listener), app).await } => served,

@@ -26,7 +26,6 @@ use crate::watch::evaluate::sentence;
 use crate::web::server::answers::{Answer, download, of_json, refusal};
 use crate::web::server::assets;
 use crate::web::server::guard::{Guard, MOST_BYTES, admit};
-use crate::web::server::runs;
 use crate::web::session::Session;
 use crate::web::session::actions::Action;
 use crate::web::session::bench::Bench;
@@ -48,8 +47,8 @@ pub struct App {
     pub session: Arc<Session>,
 }
 
-/// All routes.
-pub fn router(session: Arc<Session>, guard: Arc<Guard>) -> Router {
+/// All routes, `more` among them, behind one guard.
+pub fn router(session: Arc<Session>, guard: Arc<Guard>, more: Router<Arc<App>>) -> Router {
     let app = Arc::new(App { session });
     Router::new()
         .route("/", get(|| async { assets::answer("index.html") }))
@@ -81,7 +80,7 @@ pub fn router(session: Arc<Session>, guard: Arc<Guard>) -> Router {
                 of_json(&app.session.recorder.json())
             }),
         )
-        .merge(runs::routes())
+        .merge(more)
         .fallback(|| async { refusal(StatusCode::NOT_FOUND, "there is nothing here") })
         .method_not_allowed_fallback(|| async { refusal(StatusCode::METHOD_NOT_ALLOWED, "not in this way") })
         .layer(DefaultBodyLimit::max(MOST_BYTES))
