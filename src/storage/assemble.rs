@@ -5,6 +5,7 @@ use std::path::Path;
 
 use mcap::records::{self, MessageHeader, Record};
 use prost::Message;
+use rayon::prelude::*;
 
 use crate::recording::{CsvFormat, Gap, Recording, RunInfo, Series};
 use crate::rig::Rig;
@@ -56,6 +57,30 @@ impl Points {
         self.time_s.extend(time_s.map(|time_s| (self.value.len(), time_s)));
         self.log_time.push(log_time);
         self.value.push(value);
+    }
+
+    /// The samples of a block, whose times follow from its period; a value that is no number is returned, and nothing is taken then. A long
+    /// recording has many: these are plain loops.
+    fn push_block(&mut self, log_time: u64, period_ns: f64, values: &[u8]) -> Option<f64> {
+        let (before, count) = (self.value.len(), values.len() / 8);
+        self.value.reserve(count);
+        self.log_time.reserve(count);
+        for bytes in values.chunks_exact(8) {
+            let mut eight = [0; 8];
+            eight.copy_from_slice(bytes);
+            let value = f64::from_le_bytes(eight);
+            if !value.is_finite() {
+                self.value.truncate(before);
+                return Some(value);
+            }
+            self.value.push(value);
+        }
+        let mut after = |offset_ns: i64| self.log_time.push(log_time.saturating_add_signed(offset_ns));
+        match count as f64 * period_ns < 2f64.powi(53) && period_ns.fract() == 0.0 {
+            true => (0..count as i64).for_each(|i| after(i * period_ns as i64)),
+            false => (0..count).for_each(|i| after(offset_ns(i, period_ns))),
+        }
+        None
     }
 }
 
@@ -143,6 +168,10 @@ impl Assembler {
             Some(value) => Err(format!("'{sensor}' has {value} at log time {} ns", header.log_time)),
             None => Ok(()),
         };
+        if let (Kind::Block, Some((period_ns, values))) = (kind, schema::plain_block(data)) {
+            let odd = column.points.push_block(header.log_time, period_ns, values);
+            return odd.map_or(Ok(()), |value| whole(&column.sensor, &[value]));
+        }
         match kind {
             Kind::Sample => {
                 // nearly all are a value alone: its tag and eight bytes
@@ -197,13 +226,22 @@ impl Assembler {
 
         let mut series = vec![Series::default(); rig.sensors.len()];
         let mut places = Vec::new();
+        let mut columns = Vec::new();
         for column in self.columns {
             let sensor = sensor_of(&rig, &column).map_err(|why| LogError::OtherRig { path: path.into(), why })?;
             if let Some((place, decimals)) = column.csv {
                 places.push((place, sensor, decimals));
             }
-            let clock = self.retimer.of(&column.sensor);
-            series[sensor] = column.into_series(zero_ns, &clock, &mut repeats).map_err(damaged)?;
+            columns.push((sensor, self.retimer.of(&column.sensor), column));
+        }
+        let each = columns.into_par_iter().map(|(sensor, clock, column)| (sensor, column.into_series(zero_ns, &clock)));
+        for (sensor, made) in each.collect::<Vec<_>>() {
+            let (of_sensor, twice) = made.map_err(damaged)?;
+            series[sensor] = of_sensor;
+            match &mut repeats {
+                Some(repeats) => repeats.extend(twice),
+                None => twice.into_iter().next().map_or(Ok(()), |what| Err(damaged(what)))?,
+            }
         }
         places.sort_unstable();
         let csv = entries.contains_key(key::CSV).then(|| CsvFormat {
@@ -238,16 +276,16 @@ fn sensor_of(rig: &Rig, column: &Column) -> Result<usize, String> {
 }
 
 impl Column {
-    fn into_series(
-        self,
-        zero_ns: u64,
-        clock: &SensorClock,
-        repeats: &mut Option<&mut Vec<String>>,
-    ) -> Result<Series, String> {
+    /// Its samples in the order of time, and a message about each that is the second at its time, which is left out.
+    fn into_series(self, zero_ns: u64, clock: &SensorClock) -> Result<(Series, Vec<String>), String> {
         let sensor = self.sensor;
         let Points { log_time, value, time_s: own } = self.points;
-        let far = log_time.iter().any(|t| i64::try_from(i128::from(*t) - i128::from(zero_ns)).is_err());
-        if far {
+        let (mut first, mut last) = (zero_ns, zero_ns);
+        for &time in &log_time {
+            (first, last) = (first.min(time), last.max(time));
+        }
+        let is_far = |time: u64| i64::try_from(i128::from(time) - i128::from(zero_ns)).is_err();
+        if is_far(first) || is_far(last) {
             return Err(format!("'{sensor}' has a sample centuries from its start"));
         }
         // in place: of the same size
@@ -269,24 +307,21 @@ impl Column {
         }
         gaps.sort_by(|a, b| a.from_s.total_cmp(&b.from_s));
         if time_s.windows(2).all(|w| w[0] < w[1]) {
-            return Ok(Series { time_s, value, gaps });
+            return Ok((Series { time_s, value, gaps }, Vec::new()));
         }
         let mut samples: Vec<(f64, f64)> = time_s.into_iter().zip(value).collect();
         samples.sort_by(|a, b| a.0.total_cmp(&b.0));
         let mut series = Series { gaps, ..Series::default() };
+        let mut repeats = Vec::new();
         for (time_s, value) in samples {
             if series.time_s.last().is_some_and(|last| *last >= time_s) {
-                let what = format!("two samples of '{sensor}' at {time_s} s");
-                match repeats {
-                    Some(repeats) => repeats.push(what),
-                    None => return Err(what),
-                }
+                repeats.push(format!("two samples of '{sensor}' at {time_s} s"));
                 continue;
             }
             series.time_s.push(time_s);
             series.value.push(value);
         }
-        Ok(series)
+        Ok((series, repeats))
     }
 }
 

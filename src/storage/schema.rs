@@ -32,6 +32,23 @@ pub struct Block {
     pub times_s: Vec<f64>,
 }
 
+/// Period and values, eight bytes each, of a block as the recorder writes nearly all of them: a period, then values, and nothing else.
+pub fn plain_block(data: &[u8]) -> Option<(f64, &[u8])> {
+    let (period_ns, rest) = data.strip_prefix(&[0x09])?.split_first_chunk()?;
+    let mut rest = rest.strip_prefix(&[0x12])?;
+    let mut length = 0;
+    for shift in (0..28).step_by(7) {
+        let (byte, after) = rest.split_first()?;
+        (length, rest) = (length | usize::from(byte & 0x7F) << shift, after);
+        if byte & 0x80 == 0 {
+            break;
+        }
+    }
+    let period_ns = f64::from_le_bytes(*period_ns);
+    let plain = rest.len() == length && length.is_multiple_of(8) && period_ns.is_finite() && period_ns >= 0.0;
+    plain.then_some((period_ns, rest))
+}
+
 /// A stretch known to be lost, `surgescope.Gap`. The message's log time is the end of it.
 #[derive(Clone, PartialEq, Message)]
 pub struct Gap {

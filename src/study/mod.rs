@@ -26,7 +26,7 @@ use crate::rig::Rig;
 use crate::study::calibrate::{Calibrate, Effects};
 use crate::study::error::{Error, Result};
 use crate::study::hold::options_of;
-use crate::study::open::{Loaded, load, one_rig};
+use crate::study::open::{Loaded, load, load_keeping, one_rig};
 
 /// Recordings of one rig, ready to be calibrated and diagnosed.
 ///
@@ -94,6 +94,16 @@ impl Study {
     /// As [`Study::open`]; a rig file that cannot be read, or that lacks a sensor of the recordings.
     pub fn open_on(rig: Option<&Path>, files: impl IntoIterator<Item = impl AsRef<Path>>) -> Result<Study> {
         Study::open_without(rig, files, &[])
+    }
+
+    /// The same, and each recording as it was, where it is so long that only a part of it is used.
+    ///
+    /// # Errors
+    /// As [`Study::open_on`].
+    pub fn open_with_whole(rig: Option<&Path>, paths: &[PathBuf]) -> Result<(Study, Vec<Option<Recording>>)> {
+        let mut whole = Vec::new();
+        let loaded = load_keeping(paths, rig, &[], |recording| whole.push(recording))?;
+        Ok((Study::of(loaded)?, whole))
     }
 
     /// The same as if some sensors had not been recorded, such as one that is broken.

@@ -10,7 +10,7 @@ use crate::shown::Shown as _;
 use crate::signal::Features;
 use crate::signal::doubts::doubts;
 use crate::signal::faults::{SensorFault, examine, in_words};
-use crate::signal::window::{Window, used};
+use crate::signal::window::Window;
 use crate::storage::output::{same_content, same_file};
 use crate::study::error::{Error, Result};
 
@@ -36,8 +36,17 @@ impl Loaded {
     /// # Errors
     /// No pressure, or no closure.
     pub fn new(file: String, recording: Recording) -> Result<Loaded> {
+        Ok(Loaded::with_whole(file, recording)?.0)
+    }
+
+    /// The same, and the recording as it was where only a part of it is used.
+    fn with_whole(file: String, recording: Recording) -> Result<(Loaded, Option<Recording>)> {
         let file = file.shown().into_owned();
-        let (recording, window) = used(recording);
+        let window = Window::of(&recording);
+        let (recording, whole) = match window {
+            Some(window) => (window.cut(&recording), Some(recording)),
+            None => (recording, None),
+        };
         let (features, faults) = examine(&recording);
         let features = match features {
             Ok(features) => features,
@@ -53,7 +62,7 @@ impl Loaded {
         let mut doubts = doubts(&recording.rig, &features);
         doubts.extend(window.map(|window| window.in_words()));
         doubts.extend((!faults.is_empty()).then(|| in_words(&faults)));
-        Ok(Loaded { file, recording, features, doubts, faults, window })
+        Ok((Loaded { file, recording, features, doubts, faults, window }, whole))
     }
 
     /// Refuses a recording with a faulty sensor: in a diagnosis an effect would only stand in for the fault.
@@ -78,6 +87,19 @@ impl Loaded {
 /// # Errors
 /// Any that cannot be read or shows no closure (the file is named), one given twice, or recordings of different rigs.
 pub fn load(paths: &[PathBuf], rig: Option<&Path>, ignored: &[String]) -> Result<Vec<Loaded>> {
+    load_keeping(paths, rig, ignored, drop)
+}
+
+/// The same; `whole` takes each recording as it was, where only a part of it is used.
+///
+/// # Errors
+/// As [`load`].
+pub(crate) fn load_keeping(
+    paths: &[PathBuf],
+    rig: Option<&Path>,
+    ignored: &[String],
+    mut whole: impl FnMut(Option<Recording>),
+) -> Result<Vec<Loaded>> {
     let given = rig.map(Rig::load).transpose()?;
     let mut loaded: Vec<Loaded> = Vec::new();
     for (i, path) in paths.iter().enumerate() {
@@ -100,7 +122,8 @@ pub fn load(paths: &[PathBuf], rig: Option<&Path>, ignored: &[String]) -> Result
             one_rig((&first.file, &first.recording.rig), (&shown, &recording.rig))?;
         }
         recording = recording.without(ignored).map_err(|source| Error::Mismatch { file: shown.clone(), source })?;
-        let mut one = Loaded::new(shown, recording)?;
+        let (mut one, recorded) = Loaded::with_whole(shown, recording)?;
+        whole(recorded);
         one.file = file_name(path, paths);
         loaded.push(one);
     }

@@ -5,12 +5,15 @@
 //! cargo run --release -p surgescope-tools --bin recorder -- wire 20000 60 target/release/surgescope view   # with its live view on a terminal
 //! cargo run --release -p surgescope-tools --bin recorder -- memory 500000 30                          # frames made in this process
 //! cargo run --release -p surgescope-tools --bin recorder -- kills 200 target/release/surgescope       # kill -9 at random moments
+//! cargo run --release -p surgescope-tools --bin recorder -- device 100000 60 rig.toml                  # the device alone: plays after a line
+//! cargo run --release -p surgescope-tools --bin recorder -- check 100000 run.mcap                     # what was recorded of it
 //! cargo run --release -p surgescope-tools --bin recorder -- day 24 100                                # a day at 100 Hz, as fast as it goes
 //! ```
 //!
 //! Every sample recorded is compared with the one that was sent; a wrong or missing one ends the program with an error.
 
 mod day;
+mod device;
 mod kills;
 mod ramp;
 mod usage;
@@ -34,6 +37,11 @@ fn main() -> ExitCode {
             .and_then(|rate| Ok((rate, number(seconds)?)))
             .map_err(Into::into)
             .and_then(|(rate, seconds)| wire::in_this_process(rate, seconds)),
+        ["device", rate, seconds, rig_file] => number(rate)
+            .and_then(|rate| Ok((rate, number(seconds)?)))
+            .map_err(Into::into)
+            .and_then(|(rate, seconds)| device::play(rate, seconds, rig_file)),
+        ["check", rate, file] => number(rate).map_err(Into::into).and_then(|rate| device::check(rate, file)),
         ["kills", count, program] => {
             number(count).map_err(Into::into).and_then(|count| kills::run(count as usize, program))
         }
@@ -41,7 +49,9 @@ fn main() -> ExitCode {
             .and_then(|hours| Ok((hours, number(rate)?)))
             .map_err(Into::into)
             .and_then(|(hours, rate)| day::run(hours, rate)),
-        _ => Err("usage: recorder wire RATE_HZ SECONDS PROGRAM [view] | memory RATE_HZ SECONDS | kills COUNT PROGRAM | day HOURS RATE_HZ".into()),
+        _ => Err("usage: recorder wire RATE_HZ SECONDS PROGRAM [view] | memory RATE_HZ SECONDS | kills COUNT PROGRAM | day HOURS RATE_HZ | \
+                device RATE_HZ SECONDS RIG | check RATE_HZ FILE"
+            .into()),
     };
     match measured {
         Ok(()) => ExitCode::SUCCESS,

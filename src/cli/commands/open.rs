@@ -88,7 +88,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         while !STOP.load(Ordering::Relaxed) {
             tokio::time::sleep(Duration::from_millis(50)).await;
         }
-    }))?;
+    }));
     ended.recorder.finish();
     let _words = LastWords::before(Outcome::Done.code(), &STOP);
     // a job that is still at work loses nothing: the model file is written whole or not at all

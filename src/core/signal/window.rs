@@ -3,6 +3,7 @@
 
 use std::collections::VecDeque;
 
+use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::recording::{Gap, Recording, RunInfo, Series};
@@ -82,7 +83,8 @@ impl Window {
         if recording.rig.pressure_sensors().all(|(i, _)| short(i)) {
             return None;
         }
-        let scanned = recording.rig.pressure_sensors().map(|(i, sensor)| {
+        let pressures: Vec<(usize, &Sensor)> = recording.rig.pressure_sensors().collect();
+        let scanned = pressures.into_par_iter().map(|(i, sensor)| {
             let mut scan = Scan::new(most.div_ceil(BLOCKS).max(LEAST_BLOCK));
             series(i).time_s.iter().zip(&series(i).value).for_each(|(t, v)| scan.push(*t, *v));
             (sensor, scan)
@@ -129,7 +131,7 @@ impl Window {
 
     /// What lies in the window. A sensor that is so slow that nothing of it does stays whole.
     pub fn cut(&self, recording: &Recording) -> Recording {
-        let series = recording.series.iter().map(|series| self.cut_series(series)).collect();
+        let series = recording.series.par_iter().map(|series| self.cut_series(series)).collect();
         Recording { rig: recording.rig.clone(), series, run: recording.run.clone() }
     }
 

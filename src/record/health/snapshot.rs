@@ -156,7 +156,8 @@ impl<'a> Reports<'a> {
         if self.at.elapsed() < EVERY {
             return;
         }
-        self.at = Instant::now();
+        // on time again after one that was late, but not several at once after a long pause
+        self.at = (self.at + EVERY).max(Instant::now().checked_sub(EVERY).unwrap_or(self.at));
         let mut snapshot = make();
         self.count(&snapshot);
         snapshot.samples_per_s = self.rates.0;

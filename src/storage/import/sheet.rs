@@ -1,8 +1,17 @@
 //! Sheets of Excel and LibreOffice: the first one with a table becomes a table in text.
 
-use std::io::Cursor;
+use std::io::{self, Cursor, Read as _};
 
-use calamine::{Data, Reader as _, open_workbook_auto_from_rs};
+use calamine::{Data, Reader as _, Sheets, open_workbook_auto_from_rs};
+use zip::ZipArchive;
+
+/// A workbook may unpack to so many times its size, and a small one to at least, and any to at most, so many bytes: what is in it takes as much
+/// memory again.
+const RATIO: u64 = 100;
+const LEAST_UNPACKED: u64 = 64 << 20;
+const MOST_UNPACKED: u64 = 1 << 30;
+/// Most cells of the rectangle that a sheet's cells span: all of them take memory, however few are filled.
+const MOST_CELLS: u64 = 20_000_000;
 
 /// Whether the bytes are those of a workbook: a zip archive, or a compound file of older versions.
 pub(crate) fn is_workbook(bytes: &[u8]) -> bool {
@@ -14,8 +23,10 @@ pub(crate) fn is_workbook(bytes: &[u8]) -> bool {
 /// # Errors
 /// A file that is no workbook, or holds no table.
 pub(crate) fn text_of_sheet(bytes: &[u8]) -> Result<String, String> {
+    check_unpacked(bytes)?;
     let mut book = open_workbook_auto_from_rs(Cursor::new(bytes))
         .map_err(|e| format!("it is no workbook of Excel or LibreOffice that can be read ({e}); save it as CSV"))?;
+    check_spans(&mut book)?;
     let sheets = book.worksheets();
     let fullest = sheets.iter().max_by_key(|(_, range)| range.used_cells().count()).filter(|(_, r)| !r.is_empty());
     let (_, range) = fullest.ok_or("the workbook has no table in it")?;
@@ -28,6 +39,53 @@ pub(crate) fn text_of_sheet(bytes: &[u8]) -> Result<String, String> {
     Ok(text)
 }
 
+/// Refuses an archive that unpacks to far more than it looks like: unpacks it once and keeps nothing.
+fn check_unpacked(bytes: &[u8]) -> Result<(), String> {
+    let Ok(mut archive) = ZipArchive::new(Cursor::new(bytes)) else { return Ok(()) };
+    let most = (bytes.len() as u64 * RATIO).clamp(LEAST_UNPACKED, MOST_UNPACKED);
+    let mut left = most;
+    for i in 0..archive.len() {
+        // what does not unpack is said by who reads it
+        let Ok(member) = archive.by_index(i) else { continue };
+        left = left.saturating_sub(io::copy(&mut member.take(left + 1), &mut io::sink()).unwrap_or_default());
+        if left == 0 {
+            return Err(format!("it unpacks to more than {} MB: save the table as CSV", most >> 20));
+        }
+    }
+    Ok(())
+}
+
+/// Refuses a sheet with cells so far apart that what lies between them would fill the memory.
+fn check_spans(book: &mut Sheets<Cursor<&[u8]>>) -> Result<(), String> {
+    for name in book.sheet_names() {
+        let mut last = (0, 0);
+        let mut see = |(row, column): (u32, u32)| last = (row.max(last.0), column.max(last.1));
+        // what cannot be read is said by who reads it
+        match book {
+            Sheets::Xlsx(book) => {
+                let Ok(mut cells) = book.worksheet_cells_reader(&name) else { continue };
+                while let Ok(Some(cell)) = cells.next_cell() {
+                    see(cell.get_position());
+                }
+            }
+            Sheets::Xlsb(book) => {
+                let Ok(mut cells) = book.worksheet_cells_reader(&name) else { continue };
+                while let Ok(Some(cell)) = cells.next_cell() {
+                    see(cell.get_position());
+                }
+            }
+            _ => {}
+        }
+        let (rows, columns) = (u64::from(last.0) + 1, u64::from(last.1) + 1);
+        if rows * columns > MOST_CELLS {
+            return Err(format!(
+                "sheet '{name}' reaches to row {rows} and column {columns}, which is more than {MOST_CELLS} cells: save the table as CSV"
+            ));
+        }
+    }
+    Ok(())
+}
+
 /// A cell as text. A date-time is written in days, as the workbook holds it.
 fn cell(data: &Data) -> String {
     match data {
@@ -38,5 +96,47 @@ fn cell(data: &Data) -> String {
         Data::String(v) => v.replace(['\t', '\n', '\r', '"'], " ").trim().to_owned(),
         Data::Bool(v) => f64::from(*v).to_string(),
         Data::Error(_) | Data::Empty => String::new(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io::Write as _;
+
+    use super::*;
+
+    const FIXTURE: &[u8] = include_bytes!("../../../tests/fixtures/openpyxl.xlsx");
+
+    /// The fixture with other content in its sheet of data.
+    fn workbook(rows: &[&str]) -> Vec<u8> {
+        let mut from = ZipArchive::new(Cursor::new(FIXTURE)).unwrap();
+        let mut to = zip::ZipWriter::new(Cursor::new(Vec::new()));
+        for i in 0..from.len() {
+            let member = from.by_index_raw(i).unwrap();
+            if !member.name().ends_with("sheet2.xml") {
+                to.raw_copy_file(member).unwrap();
+                continue;
+            }
+            to.start_file(member.name().to_owned(), zip::write::SimpleFileOptions::default()).unwrap();
+            to.write_all(b"<worksheet xmlns=\"http://schemas.openxmlformats.org/spreadsheetml/2006/main\"><sheetData>")
+                .unwrap();
+            rows.iter().for_each(|row| to.write_all(row.as_bytes()).unwrap());
+            to.write_all(b"</sheetData></worksheet>").unwrap();
+        }
+        to.finish().unwrap().into_inner()
+    }
+
+    #[test]
+    fn a_small_file_does_not_fill_the_memory() {
+        let first = "<row r=\"1\"><c r=\"A1\"><v>1</v></c><c r=\"B1\"><v>2.5</v></c></row>";
+        assert_eq!(text_of_sheet(&workbook(&[first])).unwrap(), "1\t2.5\n");
+        let far = "<row r=\"1048576\"><c r=\"XFD1048576\"><v>1</v></c></row>";
+        let why = text_of_sheet(&workbook(&[first, far])).unwrap_err();
+        assert!(why.contains("row 1048576 and column 16384"), "{why}");
+        let blanks = " ".repeat(1 << 20);
+        let bomb = workbook(&vec![&blanks[..]; 80]);
+        assert!(bomb.len() < 400_000, "{}", bomb.len());
+        let why = text_of_sheet(&bomb).unwrap_err();
+        assert!(why.contains("unpacks to more than 64 MB"), "{why}");
     }
 }

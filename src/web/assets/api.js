@@ -49,11 +49,21 @@ export async function simulate(question) {
   return unpacked(await fetch("/api/simulate", { method: "POST", headers, body: JSON.stringify(question) }));
 }
 
-// One stream of events for the page; it comes back by itself after a break.
+// Events as they come. A browser opens six connections to a host, so one page listens and tells the others; when it is closed another takes over.
 export function listen(handlers) {
-  const source = new EventSource("/api/events");
-  for (const [name, handler] of Object.entries(handlers)) {
-    source.addEventListener(name, (event) => handler(event.data ? JSON.parse(event.data) : null));
-  }
-  return source;
+  const others = new BroadcastChannel("events");
+  const hear = (name, data) => handlers[name]?.(data);
+  others.addEventListener("message", ({ data }) => hear(...data));
+  const stream = () => {
+    // it comes back by itself after a break
+    const source = new EventSource("/api/events");
+    Object.keys(handlers).forEach((name) => source.addEventListener(name, (event) => {
+      const data = event.data ? JSON.parse(event.data) : null;
+      hear(name, data);
+      others.postMessage([name, data]);
+    }));
+  };
+  // a page that came over a network has no locks, and listens for itself
+  if (navigator.locks) navigator.locks.request("events", () => { stream(); return new Promise(() => {}); });
+  else stream();
 }

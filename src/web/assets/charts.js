@@ -6,7 +6,12 @@ import { app, complain } from "/assets/store.js";
 import { menu } from "/assets/take.js";
 
 const panels = [];
-const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+// asked for many times a frame
+const colours = new Map();
+function colour(name) {
+  if (!colours.has(name)) colours.set(name, getComputedStyle(document.documentElement).getPropertyValue(name).trim());
+  return colours.get(name);
+}
 const SERIES = [
   { key: "measured", label: "measured", stroke: () => colour("--measured"), width: 1 },
   { key: "ghost", label: "before", stroke: () => colour("--ghost"), width: 1 },
@@ -67,15 +72,24 @@ export function span() {
   return [Math.min(...runs.map((r) => r.from_s)), Math.max(...runs.map((r) => r.to_s))];
 }
 
-let waiting = 0;
+// One request for curves at a time, and the latest range wins.
+let loading = false;
+let late = false;
+async function follow() {
+  if (loading) { late = true; return; }
+  loading = true;
+  await load();
+  loading = false;
+  if (late) { late = false; follow(); }
+}
+
 export function zoom(range) {
   const whole = ((kept) => { app.range = null; const all = span(); app.range = kept; return all; })(app.range);
   app.range = range && [Math.max(whole[0], range[0]), Math.min(whole[1], range[1])];
   if (app.range && app.range[1] - app.range[0] < 1e-5) app.range = null;
   press(app.range ? "" : "all");
   draw();
-  clearTimeout(waiting);
-  waiting = setTimeout(load, 120);
+  follow();
 }
 
 export function pan(share) {
@@ -105,15 +119,17 @@ class Panel {
     this.card = h("div", { class: "card chart", role: "group", "aria-label": `Measurement and model at ${sensor.name}` },
       h("h3", {}, h("b", { text: sensor.name }), ` ${digits(sensor.position_m, 4)} m${several}`, this.legend, this.rms, menu(this)), this.box);
   }
-  width() { return Math.max(240, this.box.clientWidth || 600); }
+  width() { return this.plots ? this.plots[0].width : Math.max(240, this.box.clientWidth || 600); }
   build() {
     this.plots = [false, true].map((residual) => new uPlot(options(this, residual), [[], [], [], [], []], this.box));
-    new ResizeObserver(() => {
-      if (Math.abs(this.plots[0].width - this.width()) < 2) return;
-      this.plots.forEach((plot, i) => plot.setSize({ width: this.width(), height: HEIGHTS[i] }));
+    new ResizeObserver(([now]) => {
+      const width = Math.max(240, now.contentRect.width);
+      if (Math.abs(this.plots[0].width - width) < 2) return;
+      this.plots.forEach((plot, i) => plot.setSize({ width, height: HEIGHTS[i] }));
     }).observe(this.box);
+    new IntersectionObserver((now) => { this.away = !now.at(-1).isIntersecting; }).observe(this.box);
   }
-  async follow() {
+  async watch() {
     const asked = await curves(this.r, this.s, app.range, this.width(), ["fitting"]);
     const now = asked.column.fitting_m;
     if (!now) return;
@@ -150,13 +166,13 @@ class Panel {
 // The model that is being fitted, a few times a second, until its job ends.
 let following = null;
 const EVERY_MS = 200;
-export async function follow(job) {
+export async function watchFit(job) {
   if (following) return;
   following = job;
   while (app.state?.job?.id === following) {
     const began = performance.now();
     // a curve that cannot be had at the moment is had the next time
-    await Promise.all(panels.map((panel) => panel.follow().catch(() => null)));
+    await Promise.all(panels.map((panel) => panel.watch().catch(() => null)));
     if (app.state?.job?.id === following) draw();
     await new Promise((done) => setTimeout(done, Math.max(20, EVERY_MS - (performance.now() - began))));
   }
@@ -185,8 +201,9 @@ export function charts() {
   }
 }
 
-export function draw() {
-  panels.forEach((panel) => panel.draw());
+// While a finger moves only what is on the screen.
+export function draw(moving = false) {
+  panels.forEach((panel) => moving && panel.away || panel.draw());
 }
 
 let latest = 0;
@@ -217,7 +234,7 @@ export async function try_(coarse = false) {
       panel.data.adds = false;
       panel.data.trial = model.length === panel.data.time.length ? model : null;
     }
-    draw();
+    draw(coarse);
     const grid = found.coarse ? ` (coarse grid, ${found.reaches} reaches)` : "";
     at("trial").textContent = `with these values: error ${metres(found.rmse_m)}, ${times(found.rmse_m, found.noise_m)}${grid}`;
   } catch (error) { complain(error); }
@@ -225,4 +242,4 @@ export async function try_(coarse = false) {
   if (next) { const again = next; next = null; try_(again.coarse); }
 }
 
-matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => panels.forEach((panel) => panel.plots.forEach((plot) => plot.redraw(false, true))));
+matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => { colours.clear(); panels.forEach((panel) => panel.plots.forEach((plot) => plot.redraw(false, true))); });

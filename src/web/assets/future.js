@@ -2,7 +2,7 @@
 
 import { at, h, metres, probable, put, svg, times } from "/assets/dom.js";
 import { app, act } from "/assets/store.js";
-import { follow, load, try_ } from "/assets/charts.js";
+import { load, try_, watchFit } from "/assets/charts.js";
 import { falls, models } from "/assets/past.js";
 import { copier } from "/assets/commands.js";
 
@@ -89,7 +89,7 @@ export function progress(told) {
   if (words) words.textContent = told.progress;
   falling();
   if (!fits) return;
-  if (told.moves) follow(told.job);
+  if (told.moves) watchFit(told.job);
   if (told.rmse_m !== null && app.state.model) falls(told.rmse_m);
 }
 

@@ -102,13 +102,13 @@ document.addEventListener("drop", (event) => {
   if (file) arrive(file);
 });
 
-const source = listen({
+listen({
   progress, live, state: redraw, model: redraw,
   done: () => { redraw().then(() => tell(app.state.model ? `done: error ${app.state.model.rmse_m.toPrecision(3)} m` : "done")); },
   failed: (told) => { redraw(); if (told.message !== "cancelled") complain(new Error(told.message)); else tell("cancelled"); },
+  error: () => { at("told").textContent = "the workbench does not answer; trying again"; },
+  open: redraw,
 });
-source.addEventListener("error", () => at("told").textContent = "the workbench does not answer; trying again");
-source.addEventListener("open", redraw);
 
 ask("/api/effects").then((all) => {
   all.forEach((e) => [e, ...(e.variants || [])].forEach((one) => app.effects.set(one.name, one)));

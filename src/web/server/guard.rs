@@ -18,9 +18,8 @@ use axum::http::{HeaderMap, HeaderValue, Method, Response, StatusCode, header::H
 use axum::middleware::Next;
 
 use crate::web::server::answers::refusal;
+use crate::web::server::bodies::{most_bytes, too_long};
 
-/// Most bytes of a request.
-pub(crate) const MOST_BYTES: usize = 64 << 20;
 /// Bytes of a token.
 const TOKEN: usize = 24;
 /// What the page may load and run: its own files. Charts set sizes by script, which needs no exception.
@@ -101,9 +100,9 @@ impl Guard {
             return None;
         }
         // said at once, not when so much has been read
-        if text(&CONTENT_LENGTH).and_then(|n| n.parse::<usize>().ok()).is_some_and(|n| n > MOST_BYTES) {
-            let most = format!("a request may have {} MB", MOST_BYTES >> 20);
-            return Some(refusal(StatusCode::PAYLOAD_TOO_LARGE, &most));
+        let path = request.uri().path();
+        if text(&CONTENT_LENGTH).and_then(|n| n.parse::<usize>().ok()).is_some_and(|n| n > most_bytes(path)) {
+            return Some(too_long(path));
         }
         if headers.get(AUTHORIZATION).is_none() && headers.get(ORIGIN).is_none() {
             return Some(refusal(StatusCode::FORBIDDEN, "a POST of a page must say its Origin"));

@@ -1,73 +1,43 @@
-//! A listener with a bounded number of connections: a page that opens more waits, and so does a hostile one.
+//! Serves a bounded number of connections: a page that opens more waits, and so does a hostile one. A connection that sends no request gives its
+//! place back.
 
-use std::io;
-use std::net::SocketAddr;
-use std::pin::Pin;
 use std::sync::Arc;
-use std::task::{Context, Poll};
+use std::time::Duration;
 
-use axum::serve::Listener;
-use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
-use tokio::net::{TcpListener, TcpStream};
-use tokio::sync::{OwnedSemaphorePermit, Semaphore};
+use axum::Router;
+use hyper::server::conn::http1;
+use hyper_util::rt::{TokioIo, TokioTimer};
+use hyper_util::service::TowerToHyperService;
+use tokio::net::TcpListener;
+use tokio::sync::Semaphore;
 
 /// Most connections at a time: six for each of fifty pages.
 const MOST: usize = 300;
+/// How long the head of a request may take, or be waited for.
+const HEAD: Duration = Duration::from_secs(20);
+/// Most bytes of a connection that wait for its reader, and of a request's head.
+const BUFFER: usize = 64 << 10;
+/// How long nobody is let in after the system had no more to give.
+const PAUSE: Duration = Duration::from_millis(200);
 
-/// See the module.
-pub(crate) struct Bounded {
-    listener: TcpListener,
-    places: Arc<Semaphore>,
-}
-
-/// A connection that gives its place back when it ends.
-pub(crate) struct Connection {
-    stream: TcpStream,
-    _place: OwnedSemaphorePermit,
-}
-
-impl Bounded {
-    pub(crate) fn new(listener: TcpListener) -> Self {
-        Bounded { listener, places: Arc::new(Semaphore::new(MOST)) }
-    }
-}
-
-impl Listener for Bounded {
-    type Io = Connection;
-    type Addr = SocketAddr;
-
-    async fn accept(&mut self) -> (Connection, SocketAddr) {
-        loop {
-            // the semaphore is never closed
-            let Ok(place) = self.places.clone().acquire_owned().await else { continue };
-            let (stream, address) = Listener::accept(&mut self.listener).await;
-            // small events should not wait for more to send
-            let _ = stream.set_nodelay(true);
-            return (Connection { stream, _place: place }, address);
-        }
-    }
-
-    fn local_addr(&self) -> io::Result<SocketAddr> {
-        self.listener.local_addr()
-    }
-}
-
-impl AsyncRead for Connection {
-    fn poll_read(mut self: Pin<&mut Self>, cx: &mut Context<'_>, buf: &mut ReadBuf<'_>) -> Poll<io::Result<()>> {
-        Pin::new(&mut self.stream).poll_read(cx, buf)
-    }
-}
-
-impl AsyncWrite for Connection {
-    fn poll_write(mut self: Pin<&mut Self>, cx: &mut Context<'_>, buf: &[u8]) -> Poll<io::Result<usize>> {
-        Pin::new(&mut self.stream).poll_write(cx, buf)
-    }
-
-    fn poll_flush(mut self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<io::Result<()>> {
-        Pin::new(&mut self.stream).poll_flush(cx)
-    }
-
-    fn poll_shutdown(mut self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<io::Result<()>> {
-        Pin::new(&mut self.stream).poll_shutdown(cx)
+/// Serves an application on a listener.
+pub(crate) async fn serve(listener: TcpListener, app: Router) {
+    let places = Arc::new(Semaphore::new(MOST));
+    // the semaphore is never closed
+    while let Ok(place) = places.clone().acquire_owned().await {
+        let Ok((stream, _)) = listener.accept().await else {
+            tokio::time::sleep(PAUSE).await;
+            continue;
+        };
+        // small events should not wait for more to send
+        let _ = stream.set_nodelay(true);
+        let app = TowerToHyperService::new(app.clone());
+        tokio::spawn(async move {
+            let mut http = http1::Builder::new();
+            http.timer(TokioTimer::new()).header_read_timeout(HEAD).max_buf_size(BUFFER);
+            // a connection that breaks off is its peer's affair
+            let _ = http.serve_connection(TokioIo::new(stream), app).await;
+            drop(place);
+        });
     }
 }

@@ -2,6 +2,7 @@
 
 pub mod answers;
 pub mod assets;
+pub mod bodies;
 pub mod guard;
 pub mod listener;
 pub mod routes;
@@ -16,7 +17,6 @@ use std::time::Duration;
 use tokio::net::TcpListener;
 
 use crate::web::server::guard::Guard;
-use crate::web::server::listener::Bounded;
 use crate::web::server::routes::router;
 use crate::web::session::Session;
 
@@ -56,10 +56,7 @@ impl Server {
     }
 
     /// Serves a session until `stop` is done.
-    ///
-    /// # Errors
-    /// If the listener fails.
-    pub async fn serve(self, session: Arc<Session>, stop: impl Future<Output = ()>) -> io::Result<()> {
+    pub async fn serve(self, session: Arc<Session>, stop: impl Future<Output = ()>) {
         let outside = session.clone();
         let looks = tokio::spawn(async move {
             let mut every = tokio::time::interval(LOOK);
@@ -72,11 +69,10 @@ impl Server {
         });
         let app = router(session, Arc::new(self.guard), runs::routes());
         // Pages keep their stream of events open, so nobody waits for them to close.
-        let ended = tokio::select! {
-            served = async { axum::serve(Bounded::new(self.listener), app).await } => served,
-            () = stop => Ok(()),
-        };
+        tokio::select! {
+            () = listener::serve(self.listener, app) => {}
+            () = stop => {}
+        }
         looks.abort();
-        ended
     }
 }

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::convert::Infallible;
 use std::error::Error;
+use std::num::NonZero;
 use std::sync::Arc;
 
 use axum::Router;
@@ -10,7 +11,7 @@ use axum::body::Bytes;
 use axum::extract::{DefaultBodyLimit, Path, State};
 use axum::http::header::{ACCEPT, CONTENT_TYPE};
 use axum::http::{HeaderMap, StatusCode, Uri};
-use axum::middleware::from_fn_with_state;
+use axum::middleware::{from_fn, from_fn_with_state};
 use axum::response::IntoResponse;
 use axum::response::sse::{Event, KeepAlive, Sse};
 use axum::routing::{get, post};
@@ -18,6 +19,7 @@ use futures_util::stream;
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
 use serde_json::json;
+use tokio::sync::Semaphore;
 use tokio::sync::broadcast::error::RecvError;
 
 use crate::model::effects::CATALOGUE;
@@ -25,13 +27,15 @@ use crate::report::effects::json::about;
 use crate::watch::evaluate::sentence;
 use crate::web::server::answers::{Answer, download, of_json, refusal};
 use crate::web::server::assets;
-use crate::web::server::guard::{Guard, MOST_BYTES, admit};
+use crate::web::server::bodies::gather;
+use crate::web::server::guard::{Guard, admit};
 use crate::web::session::Session;
 use crate::web::session::actions::Action;
 use crate::web::session::bench::Bench;
 use crate::web::session::jobs::Busy;
+use crate::web::session::samples::Stretch;
 
-use crate::web::view::curves::{Question, Stretch, of_sensor, simulate};
+use crate::web::view::curves::{Question, of_sensor, simulate};
 use crate::web::view::packed::Packed;
 use crate::web::view::parquet::parquet;
 use crate::web::view::{model, state, take_away};
@@ -45,11 +49,14 @@ const MOST_LISTENERS: usize = 200;
 pub struct App {
     /// What is open.
     pub session: Arc<Session>,
+    /// One place for each core: more solves at a time would only take memory.
+    solves: Semaphore,
 }
 
 /// All routes, `more` among them, behind one guard.
 pub fn router(session: Arc<Session>, guard: Arc<Guard>, more: Router<Arc<App>>) -> Router {
-    let app = Arc::new(App { session });
+    let cores = std::thread::available_parallelism().map_or(1, NonZero::get);
+    let app = Arc::new(App { session, solves: Semaphore::new(cores) });
     Router::new()
         .route("/", get(|| async { assets::answer("index.html") }))
         .route("/assets/{name}", get(|Path(name): Path<String>| async move { assets::answer(&name) }))
@@ -59,7 +66,7 @@ pub fn router(session: Arc<Session>, guard: Arc<Guard>, more: Router<Arc<App>>) 
         .route("/api/curves", get(curves))
         .route("/api/curves.csv", get(curves_csv))
         .route("/api/curves.parquet", get(curves_parquet))
-        .route("/api/report", get(|State(app): State<Arc<App>>| calm(move || report(&app.session))))
+        .route("/api/report", get(|State(app): State<Arc<App>>| solved(app, report)))
         .route("/api/fit.toml", get(|State(app): State<Arc<App>>| calm(move || fit_file(&app.session))))
         .route("/api/simulate", post(simulation))
         .route("/api/diagnose", post(|app, body| act(app, body, |Nothing {}| Action::Diagnose)))
@@ -83,7 +90,8 @@ pub fn router(session: Arc<Session>, guard: Arc<Guard>, more: Router<Arc<App>>) 
         .merge(more)
         .fallback(|| async { refusal(StatusCode::NOT_FOUND, "there is nothing here") })
         .method_not_allowed_fallback(|| async { refusal(StatusCode::METHOD_NOT_ALLOWED, "not in this way") })
-        .layer(DefaultBodyLimit::max(MOST_BYTES))
+        .layer(DefaultBodyLimit::disable())
+        .layer(from_fn(gather))
         .layer(from_fn_with_state(guard, admit))
         .with_state(app)
 }
@@ -137,6 +145,14 @@ pub(super) async fn calm(work: impl FnOnce() -> Result<Answer, AnyError> + Send 
         Ok(Err(error)) => refused(error.as_ref()),
         Err(_) => refusal(StatusCode::INTERNAL_SERVER_ERROR, "this failed by a fault of the program"),
     }
+}
+
+/// The same for what runs models. Who asks waits for a core, and a page that has gone away waits no longer.
+async fn solved(app: Arc<App>, work: impl FnOnce(&Session) -> Result<Answer, AnyError> + Send + 'static) -> Answer {
+    // the semaphore is never closed
+    let _place = app.solves.acquire().await;
+    let session = app.session.clone();
+    calm(move || work(&session)).await
 }
 
 /// What a body says.
@@ -236,25 +252,27 @@ pub(super) fn binary(packed: Packed) -> Answer {
 }
 
 async fn curves(State(app): State<Arc<App>>, uri: Uri) -> Answer {
-    calm(move || Ok(binary(packed(&app.session, &uri)?))).await
+    solved(app, move |session| Ok(binary(packed(session, &uri)?))).await
 }
 
 async fn curves_csv(State(app): State<Arc<App>>, uri: Uri) -> Answer {
-    calm(move || Ok(download("curves.csv", "text/csv; charset=utf-8", packed(&app.session, &uri)?.csv()))).await
+    let named =
+        move |session: &Session| Ok(download("curves.csv", "text/csv; charset=utf-8", packed(session, &uri)?.csv()));
+    solved(app, named).await
 }
 
 async fn curves_parquet(State(app): State<Arc<App>>, uri: Uri) -> Answer {
-    calm(move || {
-        let file = parquet(packed(&app.session, &uri)?.columns());
+    let named = move |session: &Session| {
+        let file = parquet(packed(session, &uri)?.columns());
         Ok(download("curves.parquet", "application/vnd.apache.parquet", file))
-    })
-    .await
+    };
+    solved(app, named).await
 }
 
 async fn simulation(State(app): State<Arc<App>>, headers: HeaderMap, body: Bytes) -> Answer {
-    calm(move || {
+    solved(app, move |session| {
         let question: Question = parsed(&body)?;
-        let simulation = simulate(&*bench_of(&app.session)?, &question)?;
+        let simulation = simulate(&*bench_of(session)?, &question)?;
         let wants_bytes = headers.get(ACCEPT).is_some_and(|kind| kind == "application/octet-stream");
         Ok(if wants_bytes { binary(simulation.packed()) } else { of_json(&json!(simulation)) })
     })
@@ -273,18 +291,30 @@ async fn events(State(app): State<Arc<App>>) -> Answer {
     if app.session.hub.listeners() >= MOST_LISTENERS {
         return refusal(StatusCode::SERVICE_UNAVAILABLE, "too many pages are open: close some");
     }
-    let heard = (app.session.hub.listen(), app.session.clone());
-    let events = stream::unfold(heard, |(mut listener, session)| async move {
-        let event = match listener.recv().await {
-            Ok(event) => {
-                let model = || session.bench().and_then(|bench| model::json(&bench)).unwrap_or_default().to_string();
-                Event::default().event(event.name).data(event.data.unwrap_or_else(model))
-            }
-            // the page was too slow: it asks for the state anew
-            Err(RecvError::Lagged(_)) => Event::default().event("state").data("{}"),
-            Err(RecvError::Closed) => return None,
+    let heard = (app.session.hub.listen(), app.session.clone(), 0);
+    let events = stream::unfold(heard, |(mut listener, session, mut told)| async move {
+        let event = loop {
+            let (name, data) = match listener.recv().await {
+                Ok(event) => (event.name, event.data),
+                // the page was too slow: it asks for the state anew
+                Err(RecvError::Lagged(_)) => ("state", Some("{}".to_owned())),
+                Err(RecvError::Closed) => return None,
+            };
+            let data = match (data, name) {
+                (Some(data), _) => data,
+                // a page that is slow is shown where the recording stands now, and not all that was before
+                (None, "live") => match session.recorder.live_since(told) {
+                    Some((now, live)) => {
+                        told = now;
+                        live.to_string()
+                    }
+                    None => continue,
+                },
+                (None, _) => session.bench().and_then(|bench| model::json(&bench)).unwrap_or_default().to_string(),
+            };
+            break Event::default().event(name).data(data);
         };
-        Some((Ok::<_, Infallible>(event), (listener, session)))
+        Some((Ok::<_, Infallible>(event), (listener, session, told)))
     });
     Sse::new(events).keep_alive(KeepAlive::default()).into_response()
 }

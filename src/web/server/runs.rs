@@ -9,7 +9,7 @@ use axum::routing::get;
 
 use crate::web::server::answers::of_json;
 use crate::web::server::routes::{App, asked, binary, calm};
-use crate::web::view::curves::Stretch;
+use crate::web::session::samples::Stretch;
 use crate::web::view::{model, runs, simulated_test};
 
 /// The routes.

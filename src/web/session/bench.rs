@@ -4,6 +4,7 @@
 //! made by hand; what the workbench fits to show something at once stays in memory.
 
 use std::collections::BTreeMap;
+use std::convert::Infallible;
 use std::error::Error;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -11,11 +12,12 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use serde_json::Value as Json;
 
 use crate::diagnose::Diagnosis;
-use crate::fit::outcome::fit::Fit;
+use crate::fit::outcome::fit::{Fit, FittedParameter};
 use crate::fit::progress::Passing;
 use crate::fit::search::options::Options;
 use crate::model::constraint::Given;
 use crate::model::effects::Chosen;
+use crate::recording::Recording;
 use crate::report::diagnosis::text::json as diagnosis_json;
 use crate::results::fit_record::now;
 use crate::results::model_file::ModelFile;
@@ -25,11 +27,12 @@ use crate::study::simulated::Simulated;
 use crate::text_file::read_text;
 use crate::web::session::jobs::Jobs;
 use crate::web::session::place::Run;
+use crate::web::session::samples::{Samples, Stretch};
 
 type AnyError = Box<dyn Error + Send + Sync>;
 
-/// Simulations that are kept, for a chart that is asked for again.
-const SIMULATIONS: usize = 16;
+/// Simulations, and stretches of records, that are kept for a chart that is asked for again.
+const KEPT: usize = 16;
 /// Diagnoses that are kept, for a step back to the model of one.
 const DIAGNOSES: usize = 4;
 
@@ -42,6 +45,8 @@ pub struct Bench {
     pub paths: Vec<PathBuf>,
     /// The same, inspected and prepared.
     pub study: Study,
+    /// Those of which only a part is used, whole: a chart shows every peak of them.
+    whole: Vec<Option<Recording>>,
     /// The file of models; it need not exist yet.
     pub model_path: PathBuf,
     /// The command lines that do the same as actions, by their names.
@@ -49,7 +54,13 @@ pub struct Bench {
     jobs: Arc<Jobs>,
     models: Mutex<Models>,
     simulations: Mutex<Vec<(Key, Arc<Simulated>)>>,
+    shown: Mutex<Vec<(ShownKey, Arc<Shown>)>>,
 }
+
+/// Indices of the samples that a chart shows, and how many its stretch has.
+type Shown = (Vec<usize>, usize);
+/// What they follow from: the sensor, when its closure starts (as bits), and the stretch.
+type ShownKey = ((usize, usize), u64, Stretch);
 
 struct Models {
     file: ModelFile,
@@ -77,7 +88,7 @@ impl Bench {
         let model_path = model_file.map_or_else(|| beside(&paths), Path::to_owned);
         let file = about(&model_path, &paths, None)?;
         let rig = rig_of(None, Some((&model_path, &file)));
-        let mut study = Study::open_on(rig.as_deref(), &paths)?;
+        let (mut study, whole) = Study::open_with_whole(rig.as_deref(), &paths)?;
         let (square, samples) = (study.runs().iter().flat_map(|run| &run.sensors))
             .fold((0.0, 0), |(sum, n), s| (sum + s.noise_m.powi(2) * s.time_s.len() as f64, n + s.time_s.len()));
         jobs.set_noise_m((square / samples.max(1) as f64).sqrt());
@@ -85,7 +96,31 @@ impl Bench {
         study.on_progress(move |progress| heard.hear(progress));
         let models = Mutex::new(Models { file, fits: BTreeMap::new(), diagnoses: Vec::new() });
         let commands = commands(&paths, &model_path);
-        Ok(Bench { paths, study, model_path, commands, jobs, models, simulations: Mutex::default() })
+        let (simulations, shown) = (Mutex::default(), Mutex::default());
+        Ok(Bench { paths, study, whole, model_path, commands, jobs, models, simulations, shown })
+    }
+
+    /// When a run's closure starts on its clock, s: as the model in force has it, or as its signals show it.
+    pub fn closure_start_s(&self, run: usize) -> f64 {
+        let data = &self.study.runs()[run];
+        let own = |fit: &Fit| {
+            let is_it = |p: &&FittedParameter| p.name == "closure_start_s" && p.run.as_ref() == Some(&data.file);
+            fit.parameters.iter().find(is_it).map(|p| p.value)
+        };
+        self.fit().and_then(|fit| own(&fit)).unwrap_or(data.start.closure_s.0)
+    }
+
+    /// The samples of a sensor as they were recorded.
+    pub fn samples(&self, run: usize, sensor: usize) -> Option<Samples<'_>> {
+        let data = self.study.runs().get(run)?.sensors.get(sensor)?;
+        let loaded = &self.study.recordings()[run];
+        Some(Samples::of(loaded, data, self.whole[run].as_ref(), self.closure_start_s(run)))
+    }
+
+    /// Those of them that a chart shows of a stretch, kept for the next time: of a long record they take long to find.
+    pub fn shown(&self, (run, sensor): (usize, usize), samples: &Samples<'_>, stretch: &Stretch) -> Arc<Shown> {
+        let key = ((run, sensor), self.closure_start_s(run).to_bits(), *stretch);
+        kept(&self.shown, key, || Ok::<_, Infallible>(samples.shown(stretch))).unwrap_or_default()
     }
 
     fn models(&self) -> MutexGuard<'_, Models> {
@@ -237,18 +272,27 @@ impl Bench {
         let labels = effects.iter().map(Chosen::label).collect::<Vec<_>>().join(",");
         let values = given.iter().map(|g| (g.name.clone(), g.run.clone(), g.value.to_bits())).collect();
         let key: Key = (labels, values, reaches);
-        let lock = || self.simulations.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some((_, known)) = lock().iter().find(|(known, _)| *known == key) {
-            return Ok(known.clone());
-        }
-        let simulated = Arc::new(self.study.simulated(effects, given, reaches)?);
-        let mut kept = lock();
-        if kept.len() >= SIMULATIONS {
-            kept.remove(0);
-        }
-        kept.push((key, simulated.clone()));
-        Ok(simulated)
+        kept(&self.simulations, key, || self.study.simulated(effects, given, reaches))
     }
+}
+
+/// What was made for a key, or what is made now and kept for the next time; the oldest is given up.
+fn kept<K: PartialEq, V, E>(
+    kept: &Mutex<Vec<(K, Arc<V>)>>,
+    key: K,
+    make: impl FnOnce() -> Result<V, E>,
+) -> Result<Arc<V>, E> {
+    let lock = || kept.lock().unwrap_or_else(PoisonError::into_inner);
+    if let Some((_, known)) = lock().iter().find(|(known, _)| *known == key) {
+        return Ok(known.clone());
+    }
+    let made = Arc::new(make()?);
+    let mut kept = lock();
+    if kept.len() >= KEPT {
+        kept.remove(0);
+    }
+    kept.push((key, made.clone()));
+    Ok(made)
 }
 
 /// Where the models of recordings are: beside the first of them.

@@ -38,6 +38,11 @@ impl Hub {
         let _ = self.sender.send(Event { name: "model", data: None });
     }
 
+    /// Tells everybody that a recording has come further.
+    pub fn live(&self) {
+        let _ = self.sender.send(Event { name: "live", data: None });
+    }
+
     /// Tells everybody to ask for the state anew.
     pub fn changed(&self) {
         self.send("state", &json!({}));

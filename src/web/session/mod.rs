@@ -8,6 +8,7 @@ pub mod glances;
 pub mod jobs;
 pub mod place;
 pub mod recording;
+pub mod samples;
 
 use std::collections::{BTreeSet, VecDeque};
 use std::error::Error;

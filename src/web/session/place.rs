@@ -1,5 +1,6 @@
 //! Where the runs of a workbench lie: some recordings, a model file, or a folder.
 
+use std::collections::HashMap;
 use std::error::Error;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -148,19 +149,18 @@ impl Place {
         let Some(folder) = &self.folder else { return Ok(()) };
         let listed = list(folder)?.0;
         let index = Index::read(folder).and_then(|index| index.all()).unwrap_or_default();
+        let index: HashMap<&str, _> = index.iter().map(|run| (&run.file[..], run)).collect();
         let mut runs = self.runs.lock().unwrap_or_else(PoisonError::into_inner);
-        runs.retain(|run| listed.iter().any(|l| l.path == run.path));
+        let mut before: HashMap<PathBuf, Run> = runs.drain(..).map(|run| (run.path.clone(), run)).collect();
         for file in listed {
-            let of_index = index.iter().find(|run| run.file == file.name.file);
-            let known = of_index.map(|run| Known {
+            let known = index.get(&file.name.file[..]).map(|run| Known {
                 rig: run.rig.clone(),
                 when: crate::results::fit_record::recorded_at(run.recorded_unix_ns.max(0) as u64),
                 finding: run.finding.clone(),
             });
-            match runs.iter_mut().find(|run| run.path == file.path) {
-                Some(run) => run.known = known,
-                None => runs.push(Run { id: self.numbers.fetch_add(1, Ordering::Relaxed), path: file.path, known }),
-            }
+            let id =
+                before.remove(&file.path).map_or_else(|| self.numbers.fetch_add(1, Ordering::Relaxed), |run| run.id);
+            runs.push(Run { id, path: file.path, known });
         }
         Ok(())
     }

@@ -89,8 +89,9 @@ pub struct Recorder {
 struct State {
     running: bool,
     growing: Option<PathBuf>,
-    /// Where the recording stands.
-    live: Option<Value>,
+    /// Where the recording stands, and how often that was told.
+    live: Option<Arc<Snapshot>>,
+    told: u64,
     /// How the last one ended.
     ended: Option<Value>,
 }
@@ -108,7 +109,18 @@ impl Recorder {
     /// Where the recording stands, or how the last one ended.
     pub fn json(&self) -> Value {
         let state = self.lock();
-        json!({ "running": state.running, "live": state.live, "ended": state.ended })
+        let (running, last, ended) = (state.running, state.live.clone(), state.ended.clone());
+        drop(state);
+        json!({ "running": running, "live": last.as_deref().map(live), "ended": ended })
+    }
+
+    /// Where the recording stands, unless that was told as often as `told`; with how often it was. It is put into words by who asks: the
+    /// recording does not wait for that.
+    pub fn live_since(&self, told: u64) -> Option<(u64, Value)> {
+        let state = self.lock();
+        let (now, last) = (state.told, state.live.clone());
+        drop(state);
+        Some((now, live(&*last.filter(|_| now != told)?)))
     }
 
     /// The file that is being written, where one is.
@@ -141,16 +153,20 @@ impl Recorder {
             if state.running {
                 return Err("a recording is running: stop it first".into());
             }
-            *state = State { running: true, growing: Some(options.file.clone()), ..State::default() };
+            let (growing, told) = (Some(options.file.clone()), state.told);
+            *state = State { running: true, growing, told, ..State::default() };
         }
         self.stop.store(false, Ordering::Relaxed);
         let (recorder, hub) = (self.clone(), hub.clone());
         let work = move || {
             let mut report = |snapshot: Snapshot| {
-                let live = live(&snapshot);
-                hub.send("live", &live);
-                let mut state = recorder.lock();
-                (state.growing, state.live) = (Some(snapshot.place), Some(live));
+                {
+                    let mut state = recorder.lock();
+                    state.growing = Some(snapshot.place.clone());
+                    state.live = Some(Arc::new(snapshot));
+                    state.told += 1;
+                }
+                hub.live();
             };
             let ended = session(&options, &recorder.stop, &mut report);
             {
@@ -262,7 +278,7 @@ fn live(snapshot: &Snapshot) -> Value {
         .map(|s| {
             json!({
                 "name": s.name, "unit": s.unit, "samples": s.samples, "rate_hz": s.rate_hz, "level": s.level,
-                "gaps": s.gaps, "trace": s.trace, "fault": s.fault,
+                "gaps": s.gaps, "trace": rounded(&s.trace), "fault": s.fault,
             })
         })
         .collect();
@@ -291,4 +307,28 @@ fn live(snapshot: &Snapshot) -> Value {
         "gaps": snapshot.gaps, "samples_per_s": snapshot.samples_per_s, "sensors": sensors, "devices": devices,
         "trigger": trigger,
     })
+}
+
+/// A trace to a thousandth of its height: no strip shows more, and it goes over the wire twenty times a second.
+fn rounded(trace: &[Option<[f64; 2]>]) -> Vec<Option<[f64; 2]>> {
+    let (low, high) = trace.iter().flatten().fold((f64::MAX, f64::MIN), |(l, h), bin| (l.min(bin[0]), h.max(bin[1])));
+    let places = 3.0 - (high - low).max(1e-9 * high.abs()).max(f64::MIN_POSITIVE).log10().floor();
+    let scale = 10f64.powf(places.clamp(0.0, 12.0));
+    trace.iter().map(|bin| bin.map(|bin| bin.map(|v| (v * scale).round() / scale))).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_trace_is_told_to_a_thousandth_of_its_height() {
+        let told = rounded(&[Some([245.301_234_567, 245.398_765_432]), None, Some([1e-3, 0.5])]);
+        assert_eq!(told, [Some([245.3, 245.4]), None, Some([0.0, 0.5])]);
+        let told = rounded(&[Some([245.301_234_567, 245.398_765_432])]);
+        assert_eq!(told, [Some([245.30123, 245.39877])]);
+        assert_eq!(rounded(&[Some([3.0, 3.0])]), [Some([3.0, 3.0])]);
+        assert_eq!(rounded(&[None]), [None]);
+        assert_eq!(rounded(&[Some([0.0, 5e7])]), [Some([0.0, 5e7])]);
+    }
 }

@@ -6,49 +6,20 @@ use std::error::Error;
 use serde::Serialize;
 use serde_json::json;
 
-use crate::fit::data::run_data::SensorData;
 use crate::model::constraint::Given;
 use crate::model::effects::Chosen;
-use crate::report::view::decimate;
 use crate::study::simulated::Simulated;
 use crate::web::session::actions::given;
 use crate::web::session::bench::Bench;
+use crate::web::session::samples::Stretch;
 use crate::web::view::packed::Packed;
 
 type AnyError = Box<dyn Error + Send + Sync>;
 
-/// Points of a chart that does not say how many it wants, and the most that it gets.
-const POINTS: usize = 1200;
-const MOST_POINTS: usize = 20_000;
 /// Reaches while a slider moves, where the fit's own grid would not keep up.
 const COARSE_REACHES: usize = 64;
 /// Samples times reaches from which it would not.
 const KEEPS_UP: usize = 4_000_000;
-
-/// The part of a record that a chart shows, s after the start of the closure, and at how many points.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct Stretch {
-    /// From when on.
-    pub from_s: Option<f64>,
-    /// Until when.
-    pub to_s: Option<f64>,
-    /// Points.
-    pub points: Option<usize>,
-}
-
-impl Stretch {
-    /// Indices of the samples to show, the closure starting at `start_s`; and how many the stretch has.
-    fn samples(&self, sensor: &SensorData, start_s: f64) -> (Vec<usize>, usize) {
-        let at = |s: f64| sensor.time_s.partition_point(|&t| t < start_s + s);
-        // one sample beyond each edge, so that the line reaches it
-        let from = self.from_s.map_or(0, at).saturating_sub(1);
-        let to = self.to_s.map_or(sensor.time_s.len(), |s| (at(s) + 1).min(sensor.time_s.len())).max(from);
-        let points = self.points.unwrap_or(POINTS).clamp(4, MOST_POINTS);
-        let heads = &sensor.head_m[from..to];
-        let kept = decimate::keep(&[heads], heads.len(), (points - 2) / 2);
-        (kept.into_iter().map(|i| from + i).collect(), to - from)
-    }
-}
 
 /// A model to draw.
 struct Drawn {
@@ -69,36 +40,24 @@ pub fn of_sensor(
     stretch: Stretch,
     asked: &[&str],
 ) -> Result<Packed, AnyError> {
-    let data = bench.study.runs().get(run).and_then(|r| r.sensors.get(sensor)).ok_or("there is no such sensor")?;
+    // the clock is that of the model in force, whatever else is drawn
+    let samples = bench.samples(run, sensor).ok_or("there is no such sensor")?;
     let simulated = |d: &Drawn| bench.simulated(&d.effects, &d.given, d.reaches);
     let drawn: Vec<Drawn> = asked.iter().filter_map(|name| drawn(bench, name)).collect();
     let simulated: Vec<_> = drawn.iter().map(simulated).collect::<Result<_, _>>()?;
-    // The clock of the model in force, whatever else is drawn.
-    let start_s = closure_start_s(bench, run);
-    let (kept, samples) = stretch.samples(data, start_s);
+    let shown = bench.shown((run, sensor), &samples, &stretch);
+    let (kept, count) = &*shown;
     let mut packed = Packed::default();
     packed.say("points", json!(kept.len()));
-    packed.say("samples", json!(samples));
-    packed.say("decimated", json!(kept.len() < samples));
-    packed.push("time_s", kept.iter().map(|&i| data.time_s[i] - start_s).collect());
-    packed.push("measured_m", kept.iter().map(|&i| data.head_m[i]).collect());
+    packed.say("samples", json!(count));
+    packed.say("decimated", json!(kept.len() < *count));
+    packed.push("time_s", kept.iter().map(|&i| samples.after_start_s(i)).collect());
+    packed.push("measured_m", kept.iter().map(|&i| samples.head_m(i)).collect());
     for (d, simulated) in drawn.iter().zip(&simulated) {
         let head_m = simulated.shown.head_m(run, sensor);
-        packed.push(format!("{}_m", d.name), kept.iter().map(|&i| head_m(data.time_s[i])).collect());
+        packed.push(format!("{}_m", d.name), kept.iter().map(|&i| head_m(samples.time_s[i])).collect());
     }
     Ok(packed)
-}
-
-/// When a run's closure starts on its clock, s: as the model in force has it, or as its signals show it.
-pub fn closure_start_s(bench: &Bench, run: usize) -> f64 {
-    let data = &bench.study.runs()[run];
-    let own = |fit: &crate::Fit| {
-        let is_it = |p: &&crate::fit::outcome::fit::FittedParameter| {
-            p.name == "closure_start_s" && p.run.as_ref() == Some(&data.file)
-        };
-        fit.parameters.iter().find(is_it).map(|p| p.value)
-    };
-    bench.fit().and_then(|fit| own(&fit)).unwrap_or(data.start.closure_s.0)
 }
 
 fn drawn(bench: &Bench, asked: &str) -> Option<Drawn> {
@@ -228,17 +187,17 @@ impl Simulation {
 fn curves(bench: &Bench, simulated: &Simulated, stretch: Stretch) -> Vec<SensorCurves> {
     let mut all = Vec::new();
     for (r, run) in bench.study.runs().iter().enumerate() {
-        let start_s = closure_start_s(bench, r);
         for (s, sensor) in run.sensors.iter().enumerate() {
-            let (kept, _) = stretch.samples(sensor, start_s);
+            let Some(samples) = bench.samples(r, s) else { continue };
+            let shown = bench.shown((r, s), &samples, &stretch);
             let head_m = simulated.shown.head_m(r, s);
             all.push(SensorCurves {
                 run: r,
                 sensor: s,
                 name: sensor.sensor.name.clone(),
-                time_s: kept.iter().map(|&i| sensor.time_s[i] - start_s).collect(),
-                measured_m: kept.iter().map(|&i| sensor.head_m[i]).collect(),
-                model_m: kept.iter().map(|&i| head_m(sensor.time_s[i])).collect(),
+                time_s: shown.0.iter().map(|&i| samples.after_start_s(i)).collect(),
+                measured_m: shown.0.iter().map(|&i| samples.head_m(i)).collect(),
+                model_m: shown.0.iter().map(|&i| head_m(samples.time_s[i])).collect(),
             });
         }
     }

@@ -13,7 +13,7 @@ use crate::results::history::{History, Index};
 use crate::study::{Study, models};
 use crate::web::session::Session;
 use crate::web::session::place::Run;
-use crate::web::view::curves::Stretch;
+use crate::web::session::samples::Stretch;
 use crate::web::view::packed::Packed;
 
 type AnyError = Box<dyn Error + Send + Sync>;

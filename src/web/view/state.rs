@@ -11,7 +11,6 @@ use crate::study::open::Loaded;
 use crate::web::session::bench::Bench;
 use crate::web::session::place::Run;
 use crate::web::session::{Session, glances};
-use crate::web::view::curves::closure_start_s;
 use crate::web::view::model;
 
 /// The state of a session.
@@ -101,7 +100,7 @@ fn open(bench: &Bench) -> Value {
 
 fn opened(bench: &Bench, r: usize, loaded: &Loaded) -> Value {
     let (rig, data) = (bench.study.rig(), &bench.study.runs()[r]);
-    let start_s = closure_start_s(bench, r);
+    let start_s = bench.closure_start_s(r);
     let fit = bench.fit();
     let times = || data.sensors.iter().filter_map(|s| Some((*s.time_s.first()?, *s.time_s.last()?)));
     let sensors: Vec<Value> = (data.sensors.iter().enumerate())
