@@ -1,11 +1,14 @@
 //! `surgescope demo`: the whole story, on a recording that ships with the project or with another effect hidden in a simulated test.
 
+use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 
 use serde_json::json;
 
 use crate::cli::args::recordings;
+use crate::cli::commands::open;
 use crate::cli::console::advice::Again;
+use crate::cli::console::ask::agreed;
 use crate::cli::console::outcome::{CommandResult, Outcome};
 use crate::cli::console::page::write_page;
 use crate::cli::console::print::{say, say_text, tell};
@@ -135,6 +138,9 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         say!("{:#}", document(&study, &files, hidden.as_ref(), &base, &found));
     } else {
         say!("{}", farewell(&files, hidden.as_ref(), &found));
+        if std::io::stdin().is_terminal() && std::io::stdout().is_terminal() && agreed("\nOpen it in the workbench?")? {
+            return open::run(open::Args::of(&files.model), json);
+        }
     }
     Ok(outcome)
 }
@@ -149,7 +155,7 @@ fn farewell(files: &Files, hidden: Option<&Chosen>, found: &Diagnosis) -> String
         [&files.recording, &files.rig, &files.model, &files.report].map(|path| quoted(&path.shown()));
     format!(
         "{truth}\n6. Look. Open {report} in a browser: measurement, models, residuals, candidates, parameters.\n   The models are in \
-         {model}, the rig is in {rig}: both are yours to edit.\n   Next:\n     {program} model {model}\n     {program} diagnose \
+         {model}, the rig is in {rig}: both are yours to edit.\n   Next:\n     {program} open {model}\n     {program} model {model}\n     {program} diagnose \
          {recording} --apply {model}\n     {program} demo --list\n   and your own test: `{program} rig new`, then `import` or `record` (see \
          `{program} help`)."
     )

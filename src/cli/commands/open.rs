@@ -46,6 +46,14 @@ pub struct Args {
     listen: IpAddr,
 }
 
+impl Args {
+    /// To open one path as if nothing else were said.
+    pub fn of(path: &Path) -> Args {
+        let (no_browser, port, listen) = (false, 0, IpAddr::V4(Ipv4Addr::LOCALHOST));
+        Args { paths: vec![path.to_owned()], no_browser, port, listen }
+    }
+}
+
 /// Runs it.
 ///
 /// # Errors
@@ -94,6 +102,7 @@ fn commands(recordings: &[PathBuf], model: &Path) -> BTreeMap<&'static str, Stri
     let recordings: Vec<String> = recordings.iter().map(|path| quoted(&path.shown())).collect();
     BTreeMap::from([
         ("fit", format!("surgescope refit {model}")),
+        ("calibrate", format!("surgescope calibrate {} --effects EFFECTS --save {model}", recordings.join(" "))),
         ("diagnose", format!("surgescope diagnose {} --apply {model}", recordings.join(" "))),
         ("add", format!("surgescope add EFFECT {model}")),
         ("undo", format!("surgescope undo {model}")),

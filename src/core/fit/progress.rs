@@ -6,6 +6,9 @@ use std::panic::resume_unwind;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use crate::model::constraint::Given;
+use crate::model::effects::Chosen;
+
 /// How far a calibration or a diagnosis has come. Its text fits one line.
 #[derive(Debug, Clone, Default, PartialEq)]
 #[non_exhaustive]
@@ -14,6 +17,17 @@ pub struct Progress {
     pub stage: String,
     /// Where the fit of a model stands, where one is being fitted.
     pub fitting: Option<Fitting>,
+    /// The model as it is at this moment, where a descent is on its way.
+    pub passing: Option<Arc<Passing>>,
+}
+
+/// A model on its way to the fit.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Passing {
+    /// Its effects.
+    pub effects: Vec<Chosen>,
+    /// The values of all its parameters.
+    pub given: Vec<Given>,
 }
 
 /// Where the fit of a model stands.
@@ -52,7 +66,12 @@ pub fn stop_if_told() {
 impl Progress {
     /// Of the fit of a model.
     pub fn fitting(stage: impl Into<String>, reaches: usize, iteration: usize, error_over_noise: f64) -> Self {
-        Progress { stage: stage.into(), fitting: Some(Fitting { reaches, iteration, error_over_noise }) }
+        Progress { fitting: Some(Fitting { reaches, iteration, error_over_noise }), ..Progress::from(stage) }
+    }
+
+    /// The same, with the model as it is at this moment.
+    pub fn passing(self, passing: Passing) -> Self {
+        Progress { passing: Some(Arc::new(passing)), ..self }
     }
 
     /// The same as part of something larger.
@@ -63,7 +82,7 @@ impl Progress {
 
 impl<T: Into<String>> From<T> for Progress {
     fn from(stage: T) -> Self {
-        Progress { stage: stage.into(), fitting: None }
+        Progress { stage: stage.into(), ..Progress::default() }
     }
 }
 

@@ -21,7 +21,7 @@ async function unpacked(answer) {
   const bytes = await answer.arrayBuffer();
   const length = new DataView(bytes).getUint32(0, true);
   const head = JSON.parse(new TextDecoder().decode(new Uint8Array(bytes, 4, length)));
-  const points = new Map((head.sensors || []).map((s) => [`${s.run}/${s.sensor}`, s.points]));
+  const points = new Map((head.sensors || []).map((s, i) => ["run" in s ? `${s.run}/${s.sensor}` : String(i), s.points]));
   let from = 4 + length;
   head.column = {};
   for (const name of head.columns) {
@@ -36,6 +36,12 @@ export async function curves(run, sensor, range, points, names) {
   const query = new URLSearchParams({ run, sensor, points, curves: names.join(",") });
   if (range) [["from", range[0]], ["to", range[1]]].forEach(([key, value]) => query.set(key, value));
   return unpacked(await fetch(`/api/curves?${query}`));
+}
+
+export async function compared(runs, range, points) {
+  const query = new URLSearchParams({ runs: runs.join(","), points });
+  if (range) [["from", range[0]], ["to", range[1]]].forEach(([key, value]) => query.set(key, value));
+  return unpacked(await fetch(`/api/compare?${query}`));
 }
 
 export async function simulate(question) {

@@ -18,6 +18,8 @@ const SERIES = [
   { key: "model", label: "model", stroke: () => colour("--model"), width: 1.5 },
   { key: "trial", label: "proposed", stroke: () => colour("--proposed"), width: 1.5, dash: [6, 4] },
 ];
+// Of the curves, of the residual.
+const HEIGHTS = [160, 92];
 const gap = (values, n) => values || new Array(n).fill(null);
 const minus = (a, b) => a.map((v, i) => (v === null || b[i] === null ? null : v - b[i]));
 
@@ -44,13 +46,13 @@ function options(panel, residual) {
       u.setSelect({ left: 0, top: 0, width: 0, height: 0 }, false);
     }],
   };
-  const value = (_, v) => (v === null || v === undefined ? "–" : digits(v, 5));
+  const value = (_, v) => (v === null || v === undefined ? "" : digits(v, 5));
   return {
-    width: panel.width(), height: residual ? 96 : 190, pxAlign: false, padding: [8, 24, 0, 0], legend: { show: !residual, live: true },
+    width: panel.width(), height: residual ? HEIGHTS[1] : HEIGHTS[0], pxAlign: false, padding: [8, 24, 0, 0], legend: { show: !residual, live: true, mount: (_, legend) => panel.legend.replaceChildren(legend) },
     cursor: { sync: { key: "surge", setSeries: false }, drag: { x: true, y: false, setScale: false }, bind: { dblclick: () => () => { zoom(null); return null; } } },
     scales: { x: { time: false, range: () => span() }, y: { range: (u, low, high) => limits(panel, residual, low, high) } },
-    axes: [{ ...axis, show: residual, size: 30, values: (_, s) => s.map((v) => `${+v.toFixed(4)} s`) }, { ...axis, size: 60, space: residual ? 28 : 40 }],
-    series: [{ label: "s", value }, ...SERIES.map((s) => ({ ...s, value, points: { show: false }, spanGaps: false }))],
+    axes: [{ ...axis, show: residual, size: 30, values: (_, s) => s.map((v) => `${+v.toFixed(4)} s`) }, { ...axis, size: 60, space: residual ? 20 : 36 }],
+    series: [{ label: "at", value: (_, v) => (v === null || v === undefined ? "" : `${digits(v, 5)} s`) }, ...SERIES.map((s) => ({ ...s, value, points: { show: false }, spanGaps: false }))],
     hooks: band,
   };
 }
@@ -85,6 +87,7 @@ export function zoom(range) {
   const whole = ((kept) => { app.range = null; const all = span(); app.range = kept; return all; })(app.range);
   app.range = range && [Math.max(whole[0], range[0]), Math.min(whole[1], range[1])];
   if (app.range && app.range[1] - app.range[0] < 1e-5) app.range = null;
+  press(app.range ? "" : "all");
   draw();
   follow();
 }
@@ -98,17 +101,23 @@ export function pan(share) {
 export function part(name) {
   const period = app.state?.open?.runs[0]?.period_s;
   if (name === "all" || !period) return zoom(null);
-  return zoom(name === "rise" ? [-0.03 * period, 0.3 * period] : [-0.05 * period, 1.05 * period]);
+  zoom(name === "rise" ? [-0.03 * period, 0.3 * period] : [-0.05 * period, 1.05 * period]);
+  press(name);
+}
+
+function press(name) {
+  document.querySelectorAll("[data-range]").forEach((button) => button.setAttribute("aria-pressed", String(button.dataset.range === name)));
 }
 
 class Panel {
   constructor(run, sensor, r, s) {
     Object.assign(this, { run, sensor, r, s, data: { time: [] } });
     this.rms = h("span", { class: "rms" });
+    this.legend = h("div", { class: "legend" });
     this.box = h("div", { class: "plot" });
     const several = app.state.open.runs.length > 1 ? ` · ${run.name}` : "";
-    this.card = h("div", { class: "card chart" },
-      h("h3", {}, h("b", { text: sensor.name }), ` ${digits(sensor.position_m, 4)} m${several}`, this.rms, menu(this)), this.box);
+    this.card = h("div", { class: "card chart", role: "group", "aria-label": `Measurement and model at ${sensor.name}` },
+      h("h3", {}, h("b", { text: sensor.name }), ` ${digits(sensor.position_m, 4)} m${several}`, this.legend, this.rms, menu(this)), this.box);
   }
   width() { return this.plots ? this.plots[0].width : Math.max(240, this.box.clientWidth || 600); }
   build() {
@@ -116,16 +125,25 @@ class Panel {
     new ResizeObserver(([now]) => {
       const width = Math.max(240, now.contentRect.width);
       if (Math.abs(this.plots[0].width - width) < 2) return;
-      this.plots.forEach((plot, i) => plot.setSize({ width, height: i ? 96 : 190 }));
+      this.plots.forEach((plot, i) => plot.setSize({ width, height: HEIGHTS[i] }));
     }).observe(this.box);
     new IntersectionObserver((now) => { this.away = !now.at(-1).isIntersecting; }).observe(this.box);
+  }
+  async watch() {
+    const asked = await curves(this.r, this.s, app.range, this.width(), ["fitting"]);
+    const now = asked.column.fitting_m;
+    if (!now) return;
+    if (!this.data.time.length) this.data = { time: asked.column.time_s, measured: asked.column.measured_m };
+    if (now.length === this.data.time.length) Object.assign(this.data, { trial: now, adds: false });
   }
   draw() {
     const { time, measured, ghost, model, trial, adds } = this.data;
     const n = time.length;
     const heads = [gap(measured, n), gap(ghost, n), gap(model, n), gap(trial, n)];
-    const legend = this.plots[0].root.querySelectorAll(".u-series");
+    const legend = this.legend.querySelectorAll(".u-series");
     [ghost, model, trial].forEach((curve, i) => { legend[i + 2].hidden = !curve; });
+    legend[2].querySelector(".u-label").textContent = app.compare ? `model ${app.compare}` : "before";
+    legend[4].querySelector(".u-label").textContent = following ? "being fitted" : app.preview ? `with ${app.preview}` : "proposed";
     this.plots[0].setData([time, ...heads.map((v) => shown(this, v))]);
     const left = (v) => (v && measured ? minus(measured, v).map((d) => (d === null ? null : d * perM(this))) : gap(null, n));
     // what a candidate would add, over what is left to explain; of moved parameters what they would leave
@@ -143,6 +161,24 @@ class Panel {
     const trial = app.preview ? of(`candidate:${app.preview}_m`) : keeps ? this.data.trial : null;
     this.data = { time: of("time_s"), measured: of("measured_m"), model: of("model_m"), ghost: of(`${ghost}_m`), trial, adds: Boolean(app.preview) };
   }
+}
+
+// The model that is being fitted, a few times a second, until its job ends.
+let following = null;
+const EVERY_MS = 200;
+export async function watchFit(job) {
+  if (following) return;
+  following = job;
+  while (app.state?.job?.id === following) {
+    const began = performance.now();
+    // a curve that cannot be had at the moment is had the next time
+    await Promise.all(panels.map((panel) => panel.watch().catch(() => null)));
+    if (app.state?.job?.id === following) draw();
+    await new Promise((done) => setTimeout(done, Math.max(20, EVERY_MS - (performance.now() - began))));
+  }
+  following = null;
+  panels.forEach((panel) => { panel.data.trial = null; });
+  load();
 }
 
 // Builds the charts where other recordings are open, and labels them.

@@ -32,7 +32,7 @@ export function digits(value, n = 3) {
   if (value === null || value === undefined || !Number.isFinite(value)) return "–";
   if (value === 0) return "0";
   const size = Math.floor(Math.log10(Math.abs(value)));
-  if (size < -4 || size > 6) return value.toExponential(n - 1).replace("-", "−");
+  if (size < -4 || size > 6) return value.toExponential(n - 1).replaceAll("-", "−");
   return value.toFixed(Math.max(0, n - 1 - size)).replace("-", "−");
 }
 

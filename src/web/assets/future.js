@@ -2,8 +2,9 @@
 
 import { at, h, metres, probable, put, svg, times } from "/assets/dom.js";
 import { app, act } from "/assets/store.js";
-import { load, try_ } from "/assets/charts.js";
-import { models } from "/assets/past.js";
+import { load, try_, watchFit } from "/assets/charts.js";
+import { falls, models } from "/assets/past.js";
+import { copier } from "/assets/commands.js";
 
 function sentence(found) {
   const p = `probability ${probable(found.probability)}`;
@@ -21,6 +22,12 @@ function preview(label) {
   models();
 }
 
+// Equation and source, folded away.
+function theory(about) {
+  if (!about) return null;
+  return h("details", { class: "theory" }, h("summary", { text: "equation and source" }), h("pre", { text: about.equation }), h("p", { class: "hint", text: about.source }));
+}
+
 function candidate(c) {
   const about = app.effects.get(c.effect);
   const noise = app.state.model.noise_m;
@@ -29,15 +36,15 @@ function candidate(c) {
   const alike = c.indistinguishable_from.length ? h("p", { class: "hint", text: `Cannot be told from ${c.indistinguishable_from.join(", ")}.` }) : null;
   const card = h("article", { class: "card candidate", tabindex: 0, "data-key": `p${c.label}`, "aria-label": `${c.label}, probability ${probable(c.probability)}`, onmouseenter: show, onfocus: show, onmouseleave: () => preview(null) },
     h("h3", {}, c.label, bar, h("span", { class: "number", text: probable(c.probability) })),
-    about ? h("p", { text: about.summary }) : null, alike,
+    about ? h("p", { text: about.summary }) : null, alike, theory(about),
     h("p", { class: "foot" }, h("span", { text: `error → ${metres(c.rmse_m)}${c.rmse_m < 1.25 * noise ? ", down to the noise" : `, ${times(c.rmse_m, noise)}`}` }),
-      h("button", { type: "button", class: "primary", text: "Add", "aria-label": `Add ${c.label}`, "data-key": `a${c.label}`, disabled: Boolean(app.state.job), onfocus: show, onclick: () => add(c.label) })));
+      h("button", { type: "button", class: "primary", text: "Add", "aria-label": `Add ${c.label}`, "data-key": `a${c.label}`, disabled: Boolean(app.state.job), onfocus: show, onclick: () => add(c.label) }), copier("add", c.label)));
   return card;
 }
 
-export function add(effect) {
+export function add(effect, set = {}) {
   app.preview = null;
-  act("/api/add", { effect });
+  act("/api/add", { effect, set });
 }
 
 // The error against iteration while a job runs, on a logarithmic axis.
@@ -54,25 +61,36 @@ export function job() {
   falling();
 }
 
+const [LEFT, RIGHT, TOP, BOTTOM] = [52, 292, 8, 74];
 function falling() {
   const box = at("falling");
   if (!box || errors.length < 2) return;
   const noise = app.state.model?.noise_m || Math.min(...errors.map((e) => e[1]));
   const logs = errors.map((e) => Math.log(e[1]));
   const [low, high] = [Math.min(Math.log(noise), ...logs), Math.max(...logs)];
-  const y = (log) => 6 + (48 * (high - log)) / (high - low || 1);
-  const x = (i) => (300 * i) / (errors.length - 1);
-  put(box, svg("svg", { viewBox: "0 0 300 60", role: "img", "aria-label": `error by iteration, now ${metres(errors.at(-1)[1])}`, preserveAspectRatio: "none" },
-    svg("line", { x1: 0, x2: 300, y1: y(Math.log(noise)), y2: y(Math.log(noise)), class: "noise-line" }),
-    svg("polyline", { points: logs.map((l, i) => `${x(i).toFixed(1)},${y(l).toFixed(1)}`).join(" "), class: "falling" })));
+  const y = (log) => TOP + ((BOTTOM - TOP) * (high - log)) / (high - low || 1);
+  const x = (i) => LEFT + ((RIGHT - LEFT) * i) / (errors.length - 1);
+  const label = (px, py, text, anchor = "end", kind = null) => svg("text", { x: px, y: py, "text-anchor": anchor, class: kind, text });
+  const noiseAt = y(Math.log(noise));
+  const now = errors.at(-1)[1];
+  put(box, svg("svg", { viewBox: "0 0 300 92", role: "img", "aria-label": `error by iteration, now ${metres(now)}` },
+    svg("line", { x1: LEFT, x2: RIGHT, y1: noiseAt, y2: noiseAt, class: "noise-line" }),
+    label(LEFT - 5, noiseAt + 4, "noise", "end", "noise-label"), high - Math.log(noise) > 0.3 ? label(LEFT - 5, TOP + 6, metres(Math.exp(high))) : null,
+    svg("polyline", { points: logs.map((l, i) => `${x(i).toFixed(1)},${y(l).toFixed(1)}`).join(" "), class: "falling" }),
+    svg("circle", { cx: RIGHT, cy: y(logs.at(-1)), r: 3, class: "now" }),
+    label(LEFT, 89, "error by iteration", "start"), label(RIGHT, 89, `${errors.at(-1)[0]}: ${metres(now)}`)));
 }
 
 export function progress(told) {
   if (!app.state?.job || app.state.job.id !== told.job) return;
+  const fits = told.what !== "diagnosing";
   if (told.rmse_m !== null) errors.push([told.iteration, told.rmse_m]);
   const words = at("progress");
   if (words) words.textContent = told.progress;
   falling();
+  if (!fits) return;
+  if (told.moves) watchFit(told.job);
+  if (told.rmse_m !== null && app.state.model) falls(told.rmse_m);
 }
 
 export function missing() {
@@ -80,8 +98,9 @@ export function missing() {
   const verdict = [];
   if (found) {
     verdict.push(h("p", { class: `verdict ${found.verdict}`, text: sentence(found) }));
-    verdict.push(...found.warnings.map((text) => h("p", { class: "advice", text })));
-  } else if (model && !at_work) verdict.push(h("p", { class: "hint", text: "Diagnose asks every effect of the catalogue what it would explain." }));
+    const warnings = found.warnings;
+    if (warnings.length) verdict.push(h("details", { class: "theory checks" }, h("summary", { text: warnings.length === 1 ? "one thing to check first" : `${warnings.length} things to check first` }), warnings.map((text) => h("p", { class: "advice", text }))));
+  } else if (model && !at_work) verdict.push(h("p", { class: "hint", text: "Diagnose asks every effect of the catalogue what it would explain. Point at a candidate to see its curve before you add it." }));
   put(at("verdict"), verdict);
   const shown = (found?.candidates || []).filter((c, i) => i < 5 || c.probability > 0.01).slice(0, 8);
   const next = found?.next_test ? h("article", { class: "card next" }, h("h3", { text: "Next test" }), h("p", { text: found.next_test })) : null;
@@ -89,7 +108,8 @@ export function missing() {
   const own = model?.effects || [];
   put(at("effects-in"), own.length ? h("h2", { text: "In the model" }) : null, own.map((effect) => {
     const off = h("input", { type: "checkbox", checked: !app.without.has(effect), onchange: () => { if (off.checked) app.without.delete(effect); else app.without.add(effect); try_(false); } });
-    return h("p", { class: "foot" }, h("label", {}, off, ` ${effect}`), h("button", { type: "button", text: "Take out", "aria-label": `Take ${effect} out`, "data-key": `t${effect}`, disabled: Boolean(at_work), onclick: () => act("/api/remove", { effect }) }));
+    const about = app.effects.get(effect.split(/[:@]/)[0]);
+    return h("div", { class: "own" }, h("p", { class: "foot" }, h("label", { title: "off: simulate without it for a moment" }, off, ` ${effect}`), h("button", { type: "button", text: "Take out", "aria-label": `Take ${effect} out`, "data-key": `t${effect}`, disabled: Boolean(at_work), onclick: () => act("/api/remove", { effect }) })), theory(about));
   }));
   at("show-catalogue").disabled = !model || Boolean(at_work);
 }

@@ -1,7 +1,7 @@
 // The parameters of the model in force: drag one and the curves follow; hold it, bound it, fit.
 
 import { at, digits, h, named, put, uncertain, unitOf } from "/assets/dom.js";
-import { app, act, complain, tell } from "/assets/store.js";
+import { app, act, complain } from "/assets/store.js";
 import { try_ } from "/assets/charts.js";
 
 const STEPS = 2000;
@@ -46,8 +46,10 @@ function update(p) {
   const { step } = scale(p);
   row.slider.value = step(value);
   row.slider.setAttribute("aria-valuetext", `${digits(value, 4)} ${unitOf(p)}`);
-  row.field.value = +value.toPrecision(6);
-  row.said.textContent = moved ? `fitted: ${uncertain(p.value, p.standard_error)} ${unitOf(p)}` : p.held ? `held ${unitOf(p)}` : `${uncertain(p.value, p.standard_error)} ${unitOf(p)}`;
+  row.field.value = +Number(uncertain(value, p.standard_error).split(" ")[0].replace("−", "-")).toPrecision(6);
+  const error = p.standard_error > 0 ? `± ${uncertain(p.value, p.standard_error).split("± ")[1]}` : p.held ? "held" : "";
+  row.said.textContent = moved ? `was ${digits(p.value, 4)} ${unitOf(p)}` : `${error} ${unitOf(p)}`.trim();
+  row.said.title = `fitted: ${uncertain(p.value, p.standard_error)} ${unitOf(p)}`;
   row.box.classList.toggle("moved", moved);
   const [low, high] = p.interval_95 || [];
   const shade = Number.isFinite(low) && Number.isFinite(high) && low !== null;
@@ -80,14 +82,27 @@ function row(p) {
   const shade = h("i", { class: "shade", "aria-hidden": "true" });
   const more = h("details", { class: "menu" }, h("summary", { "aria-label": `Bounds of ${named(p)}`, text: "⋯" }),
     h("div", {}, h("p", { text: p.about }), h("label", {}, "from ", bound(p, 0)), h("label", {}, "to ", bound(p, 1))));
-  const advice = p.advice ? h("p", { class: "advice", text: p.advice }) : null;
   const box = h("div", { class: `parameter${p.advice ? " doubtful" : ""}` },
-    h("div", { class: "label", title: p.about }, h("b", { text: named(p) }), p.run && app.state.open.runs.length > 1 ? ` ${p.run}` : "", more),
-    h("div", { class: "slider" }, shade, slider), field, said, h("label", { class: "hold" }, hold, " hold"), advice);
+    h("div", { class: "label", title: p.about }, h("b", { text: named(p) }), p.advice ? h("span", { class: "mark", title: inWords(p.advice), text: "!" }) : null, p.run && app.state.open.runs.length > 1 ? ` ${p.run}` : "", more),
+    h("div", { class: "slider" }, shade, slider), field, said, h("label", { class: "hold", title: "hold it: a fit leaves it where it is" }, hold, h("span", { text: " hold" })));
   rows.set(`${p.name} ${p.run || ""}`, { slider, field, said, shade, box });
   return box;
 }
 
+// A sentence with parameters named as people name them.
+const inWords = (text) => app.state.model.parameters.reduce((said, p) => said.replaceAll(p.name, named(p)), text);
+
+// What the fit does not settle, and what to do about it.
+function looks(model) {
+  const doubtful = model.parameters.filter((p) => p.advice);
+  if (!doubtful.length) return null;
+  const summary = doubtful.length === 1 ? "one parameter to look at" : `${doubtful.length} parameters to look at`;
+  return h("details", { class: "group looks", open: looksOpen, ontoggle: (event) => { looksOpen = event.target.open; } }, h("summary", { text: summary }),
+    h("ul", {}, doubtful.map((p) => h("li", {}, h("b", { text: named(p) }), ` ${inWords(p.advice)}`))));
+}
+
+let clockOpen = false;
+let looksOpen = false;
 let drawn = null;
 export function parameters() {
   const model = app.state.model;
@@ -106,7 +121,7 @@ export function parameters() {
     groups.set(group, [...(groups.get(group) || []), p]);
   }
   put(at("parameters"), [...groups].filter(([, all]) => all.length).map(([name, all]) => h("div", { class: "group" }, h("h3", { text: name }), all.map(row))),
-    h("details", { class: "group" }, h("summary", { text: "sensors and clock" }), ofRuns.map(row)));
+    h("details", { class: "group", open: clockOpen, ontoggle: (event) => { clockOpen = event.target.open; } }, h("summary", { text: "sensors and clock" }), h("div", { class: "rows" }, ofRuns.map(row))), looks(model));
   model.parameters.forEach(update);
   at("trial").textContent = "";
 }
@@ -124,8 +139,4 @@ export function reset() {
 
 export function fit() {
   act("/api/fit", { set: app.moved, hold: [...app.hold], free: [...app.free], bounds: app.bounds });
-}
-
-export async function copy(text) {
-  try { await navigator.clipboard.writeText(text); tell(`copied: ${text}`); at("trial").textContent = `copied: ${text}`; } catch { at("trial").textContent = text; }
 }

@@ -5,13 +5,15 @@ import { at, h, put } from "/assets/dom.js";
 import { app, act, complain, onState, refresh, tell } from "/assets/store.js";
 import { charts, draw, load, pan, part } from "/assets/charts.js";
 import { fails, models } from "/assets/past.js";
-import { copy, fit, parameters, reset } from "/assets/hands.js";
+import { fit, parameters, reset } from "/assets/hands.js";
+import { commandOf, copy } from "/assets/commands.js";
 import { rig } from "/assets/rig.js";
 import { catalogue, job, missing, progress } from "/assets/future.js";
-import { dropped, runs } from "/assets/runs.js";
+import { runs } from "/assets/runs.js";
+import { arrive } from "/assets/arrive.js";
 import { live, record, recording } from "/assets/record.js";
 
-const KEYS = [["1 2 3", "first rise, a cycle, the whole record"], ["← →", "pan"], ["d", "diagnose"], ["f", "fit"], ["u r", "undo, redo"], ["m", "heads in m, or in the sensors' own unit"], ["o", "runs"], ["e", "effects"], ["Escape", "cancel the job"], ["?", "these keys"]];
+const KEYS = [["1 2 3", "first rise, a cycle, the whole record"], ["← →", "pan"], ["d", "diagnose"], ["f", "fit"], ["u r", "undo, redo"], ["m", "heads in m, or in the sensors' own unit"], ["p", "a place along the pipe: arrows move it, Enter adds an effect there"], ["s", "the sliders"], ["o", "runs"], ["e", "effects"], ["Escape", "cancel the job"], ["?", "these keys"]];
 
 function title() {
   const open = app.state.open;
@@ -57,10 +59,12 @@ const diagnose = () => act("/api/diagnose");
 
 document.querySelectorAll("[data-unit]").forEach((b) => b.addEventListener("click", () => unit(b.dataset.unit)));
 document.querySelectorAll("[data-range]").forEach((b) => b.addEventListener("click", () => part(b.dataset.range)));
-document.querySelectorAll("#tabs button").forEach((b) => b.addEventListener("click", () => {
-  document.querySelector("main").dataset.tab = b.dataset.tab;
-  document.querySelectorAll("#tabs button").forEach((other) => other.setAttribute("aria-pressed", String(other === b)));
-}));
+// On a phone one part is seen at a time.
+function tab(name) {
+  document.querySelector("main").dataset.tab = name;
+  document.querySelectorAll("#tabs button").forEach((b) => b.setAttribute("aria-pressed", String(b.dataset.tab === name)));
+}
+document.querySelectorAll("#tabs button").forEach((b) => b.addEventListener("click", () => tab(b.dataset.tab)));
 at("diagnose").addEventListener("click", diagnose);
 at("show-catalogue").addEventListener("click", catalogue);
 at("show-runs").addEventListener("click", runs);
@@ -68,7 +72,7 @@ at("show-record").addEventListener("click", record);
 at("show-keys").addEventListener("click", keys);
 at("fit").addEventListener("click", fit);
 at("reset").addEventListener("click", reset);
-at("copy").addEventListener("click", () => app.state.model && copy(app.state.model.commands.fit));
+at("copy").addEventListener("click", () => app.state.model && copy(commandOf("fit")));
 
 function keys() {
   put(at("keys"), h("form", { method: "dialog", class: "heading" }, h("h2", { text: "Keys" }), h("button", { text: "Close" })),
@@ -83,6 +87,7 @@ document.addEventListener("keydown", (event) => {
   const does = {
     1: () => part("rise"), 2: () => part("cycle"), 3: () => part("all"), ArrowLeft: () => pan(-0.25), ArrowRight: () => pan(0.25),
     d: diagnose, f: fit, u: () => act("/api/undo"), r: () => act("/api/redo"), m: () => unit(app.unit === "m" && !at("own-unit").hidden ? "own" : "m"), o: runs, e: () => app.state.model && catalogue(), "?": keys,
+    p: () => document.querySelector("#rig .pointer")?.focus(), s: () => { tab("hands"); document.querySelector("#parameters input[type=range]")?.focus(); },
     Escape: () => app.state.job && act("/api/cancel"),
   }[event.key];
   if (!does) return;
@@ -94,7 +99,7 @@ document.addEventListener("dragover", (event) => event.preventDefault());
 document.addEventListener("drop", (event) => {
   event.preventDefault();
   const file = event.dataTransfer.files[0];
-  if (file) dropped(file);
+  if (file) arrive(file);
 });
 
 listen({

@@ -3,6 +3,8 @@
 import { at, digits, h, metres, put, times } from "/assets/dom.js";
 import { app, act } from "/assets/store.js";
 import { load, zoom } from "/assets/charts.js";
+import { copier } from "/assets/commands.js";
+import { sideBySide } from "/assets/sidebyside.js";
 
 const LEVELS = [1.25, 2, 4, 8, 16, 32, 64];
 
@@ -13,50 +15,82 @@ function place(models) {
   return (error) => 12 + (80 * Math.max(-0.1, Math.log(error / noise))) / Math.log(most / noise);
 }
 
-function row(model, axis, parent) {
+// What a model has that its parent had not.
+export function nameOf(model, parent) {
   const own = model.effects.filter((effect) => !parent?.effects.includes(effect));
-  const name = model.grown_from && own.length ? `+ ${own.join(" + ")}` : model.number === 1 || model.effects.length === 0 ? model.name : model.why;
+  return model.grown_from && own.length ? `+ ${own.join(" + ")}` : model.number === 1 || model.effects.length === 0 ? model.name : model.why;
+}
+
+function row(model, axis, parent) {
   const inForce = model.number === app.state.model?.number;
   const near = model.rmse_m < 1.25 * model.noise_m;
+  const compared = app.compare === model.number;
   const compare = h("button", {
-    type: "button", class: "quiet", text: app.compare === model.number ? "hide" : "compare", "aria-pressed": String(app.compare === model.number), "data-key": `c${model.number}`,
-    "aria-label": `Compare with model ${model.number}`, onclick: () => { app.compare = app.compare === model.number ? null : model.number; models(); load(); },
+    type: "button", class: "quiet", text: compared ? "hide" : "compare", "aria-pressed": String(compared), "data-key": `c${model.number}`,
+    "aria-label": `Compare with model ${model.number}`, onclick: () => { app.compare = compared ? null : model.number; models(); load(); },
   });
-  return h("div", { class: `model${inForce ? " force" : ""}${model.preview ? " preview" : ""}` },
+  const beside = compared ? h("button", { type: "button", class: "quiet", text: "side by side", "data-key": `b${model.number}`, onclick: () => sideBySide(model.number) }) : null;
+  return h("div", { class: `model${inForce ? " force" : ""}${model.preview ? " preview" : ""}${compared ? " compared" : ""}`, id: model.fitting ? "fitting" : null },
     h("button", {
       type: "button", class: "name", "data-key": `m${model.number}`, disabled: inForce || model.preview, "aria-current": inForce ? "true" : null, title: model.why,
-      text: name, onclick: () => act("/api/force", { model: model.number }),
+      text: model.preview ? model.name : nameOf(model, parent), onclick: () => act("/api/force", { model: model.number }),
     }),
     h("span", { class: "error", text: metres(model.rmse_m) }),
     h("div", { class: "axis", "aria-hidden": "true" },
       h("i", { class: "noise", style: { left: "12%" } }), h("i", { class: `dot ${model.preview ? "proposed" : near ? "good" : ""}`, style: { left: `${axis(model.rmse_m)}%` } })),
-    h("span", { class: "hint", text: times(model.rmse_m, model.noise_m) }), inForce || model.preview ? null : compare);
+    h("span", { class: "hint", text: times(model.rmse_m, model.noise_m) }), inForce || model.preview ? null : h("span", {}, compare, beside));
 }
 
+// The model that a job fits, as far as it has come.
+const fitted = () => {
+  const { job, model } = app.state;
+  const last = job?.errors.at(-1);
+  if (!last || !model || !/^(adding|removing|fitting)/.test(job.what)) return null;
+  return { ...model, number: 0, name: job.what, grown_from: null, rmse_m: last[1], preview: true, fitting: true };
+};
+
+let axis = null;
 export function models() {
   const all = app.state.models;
   const shown = [...all];
   const candidate = app.state.diagnosis?.candidates.find((c) => c.label === app.preview);
-  if (candidate && app.state.model) shown.push({ ...app.state.model, number: 0, name: `+ ${candidate.label}`, why: `+ ${candidate.label} (preview)`, grown_from: null, effects: ["preview"], rmse_m: candidate.rmse_m, preview: true });
+  if (candidate && app.state.model) shown.push({ ...app.state.model, number: 0, name: `+ ${candidate.label}`, why: `+ ${candidate.label} (preview)`, grown_from: null, rmse_m: candidate.rmse_m, preview: true });
+  const going = fitted();
+  if (going) shown.push(going);
   if (!shown.length) { put(at("models"), h("p", { class: "hint", text: app.state.open ? "The base model is being fitted." : "Open a run first." })); return; }
-  const axis = place(shown);
+  axis = place(shown);
   const step = (path, text, able, key) => h("button", { type: "button", text, title: key, disabled: !able || Boolean(app.state.job), "data-key": path, onclick: () => act(path) });
   put(at("models"), shown.map((model) => row(model, axis, all[model.grown_from - 1])),
-    h("div", { class: "buttons" }, step("/api/undo", "↶ Undo", app.state.can_undo, "key u"), step("/api/redo", "↷ Redo", app.state.can_redo, "key r")));
+    h("div", { class: "buttons" }, step("/api/undo", "↶ Undo", app.state.can_undo, "key u"), step("/api/redo", "↷ Redo", app.state.can_redo, "key r"), app.state.can_undo ? copier("undo") : null));
+}
+
+// The error of the model that is being fitted has moved.
+export function falls(rmse) {
+  const box = at("fitting");
+  if (!box || !axis) { models(); return; }
+  box.querySelector(".error").textContent = metres(rmse);
+  box.querySelector(".hint").textContent = times(rmse, app.state.model.noise_m);
+  box.querySelector(".dot").style.setProperty("left", `${Math.min(96, axis(rmse))}%`);
+}
+
+// The first clause of a sentence stands out.
+function said(text) {
+  const [first, ...rest] = text.split("; ");
+  return h("span", {}, h("b", { text: first }), rest.length ? `; ${rest.join("; ")}` : "");
 }
 
 export function fails() {
   const model = app.state.model;
-  const items = (model?.fails || []).map((fail) => h("li", {}, h("span", { text: fail.text }), " ",
+  const items = (model?.fails || []).map((fail) => h("li", {}, said(fail.text), " ",
     fail.from_s === null ? null : h("button", { type: "button", class: "link", text: "show", "aria-label": `Show where: ${fail.text}`, onclick: () => zoom([fail.from_s, fail.to_s]) })));
   if (model && !items.length) items.push(h("li", { text: "No sensor shows more than its noise." }));
   put(at("fails"), items);
   const rows = model?.cycles || [];
   const most = Math.max(0, ...rows.map((r) => r.cells.length));
   const level = (v) => { const i = LEVELS.findIndex((l) => v <= l); return i < 0 ? 7 : i; };
-  const cell = (c) => h("td", {}, h("button", { type: "button", class: `h${level(c.over_noise)}`, text: digits(c.over_noise, 2), title: `cycle ${c.cycle}: ${digits(c.from_s, 4)} s to ${digits(c.to_s, 4)} s`, onclick: () => zoom([c.from_s, c.to_s]) }));
+  const cell = (r, c) => h("td", {}, h("button", { type: "button", class: `h${level(c.over_noise)}`, text: digits(c.over_noise, 2), "aria-label": `${r.name}, cycle ${c.cycle}: ${digits(c.over_noise, 2)} times the noise; show it`, title: `cycle ${c.cycle}: ${digits(c.from_s, 4)} s to ${digits(c.to_s, 4)} s`, onclick: () => zoom([c.from_s, c.to_s]) }));
   const several = app.state.open?.runs.length > 1;
   put(at("cycles"), rows.length ? h("table", {},
     h("thead", {}, h("tr", {}, h("th", { scope: "col", text: "cycle" }), Array.from({ length: most }, (_, i) => h("th", { scope: "col", text: i + 1 })))),
-    h("tbody", {}, rows.map((r) => h("tr", {}, h("th", { scope: "row", text: several ? `${r.name} ${r.run + 1}` : r.name }), r.cells.map(cell))))) : null);
+    h("tbody", {}, rows.map((r) => h("tr", {}, h("th", { scope: "row", text: several ? `${r.name} ${r.run + 1}` : r.name }), r.cells.map((c) => cell(r, c)))))) : null);
 }

@@ -1,6 +1,7 @@
 // A recording as it runs: levels, strips, losses; and what starts and ends it.
 
-import { at, digits, h, put } from "/assets/dom.js";
+import { at, digits, h, named, put, unitOf } from "/assets/dom.js";
+import { ask } from "/assets/api.js";
 import { app, act, refresh } from "/assets/store.js";
 
 const number = (label, value, props = {}) => {
@@ -12,13 +13,29 @@ export function record() {
   const dialog = at("record");
   const can = app.state.can_record;
   const source = h("select", { "aria-label": "What is recorded" }, can.map((name) => h("option", { value: name, text: name === "devices" ? "the rig's devices" : "a simulated test" })));
-  const effects = h("input", { type: "text", placeholder: "leak, viscoelastic-wall:1", "aria-label": "Effects of the simulated test" });
+  const effects = h("input", { type: "text", placeholder: "leak, viscoelastic-wall:1", "aria-label": "Effects of the simulated test", onchange: () => ask_values() });
+  const more = h("select", { "aria-label": "Hide an effect in the test", onchange: () => { effects.value = [effects.value, more.value].filter(Boolean).join(", "); more.value = ""; ask_values(); } },
+    h("option", { value: "", text: "hide an effect…" }), [...app.effects.keys()].map((name) => h("option", { value: name, text: name })));
+  const list = () => effects.value.split(",").map((e) => e.trim()).filter(Boolean);
+  // The values of the test, those that a person has changed marked by their names.
+  const values = h("div", { class: "values" });
+  const set = new Map();
+  const ask_values = async () => {
+    let found;
+    try { found = await ask(`/api/simulation?effects=${encodeURIComponent(list().join(","))}`); } catch (error) { put(values, h("p", { class: "advice", text: error.message })); return; }
+    [...set.keys()].forEach((name) => found.settings.some((s) => s.name === name) || set.delete(name));
+    put(values, h("p", { class: "hint", text: `Rig ${found.rig}, ${digits(found.length_m, 4)} m, period ${digits(found.period_s, 3)} s. What you leave is taken from the rig.` }), found.settings.map((s) => {
+      const field = h("input", { type: "number", step: "any", value: set.get(s.name) ?? +s.value.toPrecision(6), "data-key": `set ${s.name}`, onchange: () => { if (Number.isFinite(field.valueAsNumber)) set.set(s.name, field.valueAsNumber); else set.delete(s.name); } });
+      return h("label", { title: s.about }, `${named(s)} `, field, ` ${unitOf(s)}`);
+    }));
+  };
   const rate = number("samples per second", 1000);
+  const speed = number("times faster than real time", 1);
   const duration = number("seconds (empty: until stopped)", "");
   const trigger = h("select", { "aria-label": "Trigger" }, [["", "one recording"], ["edge", "shots, at the valve's command"], ["level", "shots, at a level"], ["slope", "shots, at a rise per second"]].map(([value, text]) => h("option", { value, text })));
   const level = number("level or rise, in the sensor's unit", "");
   const [pre, post] = [number("s before", 2), number("s after", 20)];
-  const simulated = h("div", {}, h("label", {}, "effects ", effects), rate.row);
+  const simulated = h("div", {}, h("label", {}, "effects ", effects, " ", more), rate.row, speed.row, h("details", { ontoggle: () => values.childElementCount || ask_values() }, h("summary", { text: "values of the test" }), values));
   const shots = h("div", {}, level.row, pre.row, post.row);
   const show = () => { simulated.hidden = source.value !== "simulated"; shots.hidden = !trigger.value; };
   source.onchange = trigger.onchange = show;
@@ -26,7 +43,7 @@ export function record() {
     event.preventDefault();
     const wanted = { simulate: source.value === "simulated" };
     if (duration.field.value) wanted.duration_s = duration.field.valueAsNumber;
-    if (wanted.simulate) { wanted.effects = effects.value.split(",").map((e) => e.trim()).filter(Boolean); wanted.rate_hz = rate.field.valueAsNumber; }
+    if (wanted.simulate) { Object.assign(wanted, { effects: list(), set: Object.fromEntries(set), rate_hz: rate.field.valueAsNumber, speed: speed.field.valueAsNumber }); }
     if (trigger.value) wanted.trigger = { pre_s: pre.field.valueAsNumber, post_s: post.field.valueAsNumber, ...(trigger.value === "edge" ? {} : { [trigger.value]: level.field.valueAsNumber }) };
     if (await act("/api/record", wanted)) { dialog.close(); refresh(); }
   };
@@ -85,4 +102,5 @@ export function recording() {
   at("show-record").disabled = now.running;
   if (now.running && now.live) live(now.live);
   if (!now.running) at("live").hidden = true;
+  at("charts").hidden = now.running && !app.state.open;
 }

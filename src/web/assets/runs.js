@@ -1,31 +1,46 @@
-// The runs of the place: a table to sort and search, runs fitted together, and files that are dropped on the page.
+// The runs of the place: a table to sort and filter, a reference run, and what can be done with several.
 
-import { post } from "/assets/api.js";
+import { ask } from "/assets/api.js";
 import { at, digits, h, put, svg } from "/assets/dom.js";
-import { app, act, complain } from "/assets/store.js";
+import { app, act } from "/assets/store.js";
+import { compare } from "/assets/compare.js";
+import { drift } from "/assets/drift.js";
+import { arrive } from "/assets/arrive.js";
 
 let order = { key: "when", down: true };
-let chosen = new Set();
+const chosen = new Set();
+let reference = null;
 
+// What the server has looked up of runs that are not open, by their number.
+const glances = new Map();
+const says = (value) => (Array.isArray(value) ? value.length > 0 : value !== null && value !== undefined);
+const known = (run) => ({ ...run, ...Object.fromEntries(Object.entries(glances.get(run.id) || {}).filter(([key]) => !says(run[key]))) });
+
+const over = (r) => (r.rmse_m === null || r.rmse_m === undefined || !r.noise_m ? null : r.rmse_m / r.noise_m);
+const words = (r) => (r.effect ? `missing: ${r.effect}` : (r.verdict || "").replaceAll("-", " "));
 const COLUMNS = [
   ["name", "run", (r) => r.name], ["when", "recorded", (r) => r.when || ""], ["rig", "rig", (r) => r.rig || ""],
-  ["temperature_degC", "°C", (r) => r.temperature_degC], ["flow_m3_s", "flow, L/s", (r) => (r.flow_m3_s === null ? null : 1000 * r.flow_m3_s)],
-  ["error", "error × noise", (r) => (r.rmse_m === null || !r.noise_m ? null : r.rmse_m / r.noise_m)], ["verdict", "verdict", (r) => words(r)],
+  ["temperature_degC", "°C", (r) => r.temperature_degC], ["flow_m3_s", "L/s", (r) => (typeof r.flow_m3_s === "number" ? 1000 * r.flow_m3_s : null)],
+  ["error", "error × noise", over], ["verdict", "verdict", words],
 ];
-const words = (r) => (r.effect ? `missing: ${r.effect}` : (r.verdict || "").replace("-", " "));
+const KINDS = [["", "all runs"], ["sound", "at the noise"], ["poor", "above the noise"], ["missing", "something missing"], ["unknown", "not looked at"]];
+const is = {
+  sound: (r) => over(r) !== null && over(r) < 1.25, poor: (r) => over(r) >= 1.25,
+  missing: (r) => ["missing-effect", "unknown-effect"].includes(r.verdict), unknown: (r) => !r.verdict,
+};
 
 function spark(heads) {
-  if (heads.length < 2) return null;
+  if (!heads || heads.length < 2) return null;
   const [low, high] = [Math.min(...heads), Math.max(...heads)];
   const points = heads.map((v, i) => `${((80 * i) / (heads.length - 1)).toFixed(1)},${(19 - (18 * (v - low)) / (high - low || 1)).toFixed(1)}`);
   return svg("svg", { viewBox: "0 0 80 20", class: "spark", "aria-hidden": "true" }, svg("polyline", { points: points.join(" ") }));
 }
 
-function cell(column, run) {
-  const [key, , of] = column;
+function cell([key, , of], run) {
   const value = of(run);
-  if (key === "name") return h("td", {}, h("button", { type: "button", class: "link", text: run.name, onclick: () => open([run.id]) }), run.open ? " (open)" : "");
+  if (key === "name") return h("td", {}, h("button", { type: "button", class: "link", text: run.name, "data-key": `open ${run.id}`, onclick: () => open([run.id]) }), run.open ? h("span", { class: "hint", text: " open" }) : "", run.error ? h("span", { class: "advice", text: ` ${run.error}` }) : "");
   if (key === "when") return h("td", { text: value ? new Date(value).toLocaleString() : "" });
+  if (key === "error") return h("td", { class: `number ${value === null ? "" : value < 1.25 ? "good" : "poor"}`, text: value === null ? "" : digits(value, value < 10 ? 2 : 3) });
   return typeof value === "number" ? h("td", { class: "number", text: digits(value, 3) }) : h("td", { text: value ?? "" });
 }
 
@@ -33,69 +48,87 @@ async function open(ids) {
   if (await act("/api/open", { runs: ids })) at("runs").close();
 }
 
+// Rows in view are looked up one after the other.
+const waiting = [];
+let looking = false;
+async function look(done) {
+  if (looking) return;
+  looking = true;
+  for (let id = waiting.pop(); id !== undefined; id = waiting.pop()) {
+    try { glances.set(id, await ask(`/api/glance?run=${id}`)); } catch { glances.set(id, {}); }
+    done(id);
+  }
+  looking = false;
+}
+
 export function runs() {
   const dialog = at("runs");
-  const search = h("input", { type: "search", placeholder: "filter", "aria-label": "Filter runs", oninput: () => fill() });
+  const search = h("input", { type: "search", placeholder: "filter by name, rig, verdict", "aria-label": "Filter runs", oninput: () => fill() });
+  const kind = h("select", { "aria-label": "Show", onchange: () => fill() }, KINDS.map(([value, text]) => h("option", { value, text })));
   const body = h("tbody");
-  const several = h("button", { type: "button", text: "Open together", disabled: true, onclick: () => open([...chosen]) });
-  const file = h("input", { type: "file", accept: ".csv,.txt,.tsv,.tdms,.mcap,.xlsx,.ods", onchange: () => file.files[0] && dropped(file.files[0]) });
-  const sort = (key) => { order = { key, down: order.key === key ? !order.down : false }; fill(); };
+  const count = h("span", { class: "hint", role: "status" });
+  const rows = new Map();
+  const ids = () => app.state.runs.map((r) => r.id).filter((id) => chosen.has(id));
+  const together = h("button", { type: "button", text: "Open together", title: "Fit one model to all chosen runs of one rig", onclick: () => open(ids()) });
+  const beside = h("button", { type: "button", class: "primary", text: "Compare", onclick: () => compare([reference, ...ids().filter((id) => id !== reference)]) });
+  const drifts = app.state.runs.length > 2 ? h("button", { type: "button", text: "Drift", title: "How fitted parameters change from run to run", onclick: drift }) : null;
+  const file = h("input", { type: "file", accept: ".csv,.txt,.tsv,.tdms,.mcap,.xlsx,.ods", onchange: () => file.files[0] && arrive(file.files[0]) });
+  const update = () => {
+    [...chosen].forEach((id) => app.state.runs.some((r) => r.id === id) || chosen.delete(id));
+    if (!chosen.has(reference)) reference = ids()[0] ?? null;
+    together.disabled = beside.disabled = chosen.size < 2;
+    beside.textContent = chosen.size > 1 ? `Compare ${chosen.size} runs` : "Compare";
+    body.querySelectorAll("input[type=radio]").forEach((radio) => { radio.disabled = !chosen.has(radio.value); radio.checked = radio.value === reference; });
+  };
+  const row = (run) => {
+    const box = h("input", { type: "checkbox", checked: chosen.has(run.id), "aria-label": `Choose ${run.name}`, "data-key": `choose ${run.id}`, onchange: () => { if (box.checked) chosen.add(run.id); else chosen.delete(run.id); update(); } });
+    const radio = h("input", { type: "radio", name: "reference", value: run.id, "aria-label": `${run.name} is the reference`, onchange: () => { reference = run.id; } });
+    return h("tr", { class: run.open ? "open" : "", "data-run": run.id }, h("td", {}, box), h("td", {}, radio), h("td", {}, spark(run.spark)), COLUMNS.map((c) => cell(c, run)));
+  };
+  const seen = new IntersectionObserver((entries) => {
+    entries.filter((e) => e.isIntersecting && !glances.has(e.target.dataset.run)).forEach((e) => { glances.set(e.target.dataset.run, {}); waiting.unshift(e.target.dataset.run); });
+    look((id) => {
+      const run = app.state.runs.find((r) => r.id === id);
+      const old = rows.get(id);
+      if (!run || !old?.isConnected) return;
+      const focused = old.contains(document.activeElement) ? document.activeElement.dataset.key : null;
+      const fresh = row(known(run));
+      old.replaceWith(fresh);
+      rows.set(id, fresh);
+      if (focused) fresh.querySelector(`[data-key="${CSS.escape(focused)}"]`)?.focus();
+      update();
+    });
+  });
+  const sort = (key) => { order = { key, down: order.key === key ? !order.down : false }; heads(); fill(); };
   const fill = () => {
     const wanted = search.value.toLowerCase();
     const of = COLUMNS.find(([key]) => key === order.key)[2];
-    const sorted = app.state.runs.filter((r) => `${r.name} ${r.rig || ""} ${words(r)}`.toLowerCase().includes(wanted)).sort((a, b) => {
+    const all = app.state.runs.map(known);
+    const shown = all.filter((r) => `${r.name} ${r.rig || ""} ${words(r)}`.toLowerCase().includes(wanted) && (is[kind.value] || (() => true))(r)).sort((a, b) => {
       const [x, y] = [of(a), of(b)];
-      const way = x === y ? 0 : x === null || (y !== null && x < y) ? -1 : 1;
+      const way = x === y ? 0 : x === null || x === undefined || (y !== null && y !== undefined && x < y) ? -1 : 1;
       return order.down ? -way : way;
     });
-    put(body, sorted.map((run) => {
-      const box = h("input", { type: "checkbox", checked: chosen.has(run.id), "aria-label": `Choose ${run.name}`, onchange: () => { if (box.checked) chosen.add(run.id); else chosen.delete(run.id); several.disabled = chosen.size < 2; } });
-      return h("tr", { class: run.open ? "open" : "" }, h("td", {}, box), COLUMNS.map((c) => cell(c, run)), h("td", {}, spark(run.spark)));
-    }));
+    rows.clear();
+    seen.disconnect();
+    put(body, shown.map((run) => { const tr = row(run); rows.set(run.id, tr); return tr; }));
+    rows.forEach((tr, id) => glances.has(id) || seen.observe(tr));
+    count.textContent = shown.length === all.length ? (all.length === 1 ? "1 run" : `${all.length} runs`) : `${shown.length} of ${all.length} runs`;
+    update();
   };
-  chosen = new Set();
-  const heading = ([key, label]) => h("th", { scope: "col", "aria-sort": order.key === key ? (order.down ? "descending" : "ascending") : null }, h("button", { type: "button", class: "link", text: label, onclick: () => sort(key) }));
-  put(dialog, h("form", { method: "dialog", class: "heading" }, h("h2", { text: `Runs · ${app.state.place}` }), search, several, h("button", { text: "Close" })),
-    h("p", {}, h("label", {}, "Import a file of a logger (or drop it on the page): ", file)), h("div", { id: "import" }),
-    h("div", { class: "list" }, h("table", {}, h("thead", {}, h("tr", {}, h("th"), COLUMNS.map(heading), h("th"))), body)));
+  const head = h("thead");
+  const heads = () => {
+    const heading = ([key, label]) => h("th", { scope: "col", class: ["temperature_degC", "flow_m3_s", "error"].includes(key) ? "number" : null, "aria-sort": order.key === key ? (order.down ? "descending" : "ascending") : null }, h("button", { type: "button", class: "link", "data-key": `sort ${key}`, text: `${label}${order.key === key ? (order.down ? " ↓" : " ↑") : ""}`, onclick: () => sort(key) }));
+    put(head, h("tr", {}, h("th", {}, h("span", { class: "unseen", text: "chosen" })), h("th", { scope: "col", title: "The run that others are compared with", text: "ref." }), h("th", {}, h("span", { class: "unseen", text: "head" })), COLUMNS.map(heading)));
+  };
+  // a model may have been made since: what is not open is looked up again
+  glances.clear();
+  heads();
+  put(dialog, h("form", { method: "dialog", class: "heading" }, h("h2", { text: `Runs · ${app.state.place}` }), h("button", { text: "Close" })),
+    h("div", { class: "heading tools" }, search, kind, count, h("span", { class: "fill" }), beside, together, drifts),
+    h("div", { id: "import" }),
+    h("div", { class: "list" }, h("table", { class: "runs" }, head, body)),
+    h("p", {}, h("label", {}, "Import a file of a logger (or drop it on the page): ", file)));
   fill();
-  dialog.showModal();
-}
-
-const base64 = (file) => new Promise((resolve, reject) => {
-  const reader = new FileReader();
-  reader.onload = () => resolve(reader.result.slice(reader.result.indexOf(",") + 1));
-  reader.onerror = () => reject(new Error(`${file.name} cannot be read`));
-  reader.readAsDataURL(file);
-});
-
-// A file is looked at first; it is written once a person agrees.
-export async function dropped(file) {
-  if (!at("runs").open) runs();
-  const box = at("import");
-  put(box, h("p", { text: `Reading ${file.name}…` }));
-  let content;
-  try { content = await base64(file); } catch (error) { complain(error); return; }
-  const look = async (map, without, accept) => {
-    try {
-      const found = await post("/api/import", { name: file.name, content, map, without, accept });
-      if (accept) { at("runs").close(); return; }
-      show(found);
-    } catch (error) { put(box, h("p", { class: "advice", text: error.message }), mapping(map, without)); }
-  };
-  const mapping = (map, without) => {
-    const text = h("input", { type: "text", placeholder: "column=sensor, column=sensor", value: map.map((pair) => pair.join("=")).join(", "), "aria-label": "Columns and their sensors" });
-    const gone = h("input", { type: "text", placeholder: "sensors that were not recorded", value: without.join(", "), "aria-label": "Sensors that were not recorded" });
-    const list = (field) => field.value.split(",").map((part) => part.trim()).filter(Boolean);
-    const said = () => [list(text).map((pair) => pair.split("=").map((part) => part.trim())).filter((pair) => pair.length === 2), list(gone)];
-    return h("p", {}, text, " ", gone, " ", h("button", { type: "button", text: "Look again", onclick: () => look(...said(), false) }), " ", h("button", { type: "button", class: "primary", text: "Import so", onclick: () => look(...said(), true) }));
-  };
-  const show = (found) => {
-    const sensors = found.understood.sensors.map((s) => h("tr", {}, h("th", { scope: "row", text: s.sensor }), h("td", { text: s.column ?? "not recorded" }), h("td", { text: s.unit }), h("td", { class: "number", text: s.samples }), h("td", { text: s.first.map((v) => digits(v, 4)).join("  ") })));
-    const map = found.understood.sensors.filter((s) => s.column && s.column !== s.sensor).map((s) => [s.column, s.sensor]);
-    const notes = [...found.mended.map((m) => m.text), ...found.warnings.map((w) => w.text), ...found.sensor_faults.map((f) => f.says)];
-    put(box, h("h3", { text: `${file.name}, as understood` }), h("table", {}, h("thead", {}, h("tr", {}, ["sensor", "column", "unit", "samples", "first values"].map((text) => h("th", { scope: "col", text })))), h("tbody", {}, sensors)),
-      h("ul", {}, notes.map((text) => h("li", { text }))), mapping(map, found.understood.sensors.filter((s) => !s.column).map((s) => s.sensor)));
-  };
-  await look([], [], false);
+  if (!dialog.open) dialog.showModal();
 }

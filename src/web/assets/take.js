@@ -38,14 +38,16 @@ function picture(panel) {
   save(new Blob([drawn.outerHTML], { type: "image/svg+xml" }), `${panel.sensor.name}.svg`);
 }
 
-function csv(panel) {
-  const query = new URLSearchParams({ run: panel.r, sensor: panel.s, points: 20000, curves: "model" });
+// The curves that the chart shows, over the stretch that it shows.
+function table(panel, kind) {
+  const shown = ["model", app.compare ? `number:${app.compare}` : "previous", app.preview && `candidate:${app.preview}`].filter(Boolean);
+  const query = new URLSearchParams({ run: panel.r, sensor: panel.s, points: 20000, curves: shown.join(",") });
   if (app.range) { query.set("from", app.range[0]); query.set("to", app.range[1]); }
-  h("a", { href: `/api/curves.csv?${query}`, download: `${panel.sensor.name}.csv` }).click();
+  h("a", { href: `/api/curves.${kind}?${query}`, download: `${panel.sensor.name}.${kind}` }).click();
 }
 
 export function menu(panel) {
   const item = (text, work) => h("button", { type: "button", text, onclick: (e) => { work(panel); e.target.closest("details").open = false; } });
-  return h("details", { class: "menu" }, h("summary", { "aria-label": `Take away the chart of ${panel.sensor.name}`, text: "⤓" }),
-    h("div", {}, item("CSV", csv), item("PNG", png), item("SVG", picture)));
+  return h("details", { class: "menu" }, h("summary", { "aria-label": `Take away the chart of ${panel.sensor.name}`, title: "Take away", text: "⤓" }),
+    h("div", {}, item("CSV", (of) => table(of, "csv")), item("Parquet", (of) => table(of, "parquet")), item("PNG", png), item("SVG", picture)));
 }

@@ -22,7 +22,7 @@ pub(crate) fn refusal(status: StatusCode, why: &str) -> Answer {
 }
 
 /// A file to keep.
-pub(crate) fn download(name: &str, kind: &'static str, content: String) -> Answer {
+pub(crate) fn download(name: &str, kind: &'static str, content: impl IntoResponse) -> Answer {
     let mut answer = ([(CONTENT_TYPE, kind)], content).into_response();
     if let Ok(named) = HeaderValue::from_str(&format!("attachment; filename=\"{name}\"")) {
         answer.headers_mut().insert(CONTENT_DISPOSITION, named);

@@ -6,6 +6,7 @@ pub mod bodies;
 pub mod guard;
 pub mod listener;
 pub mod routes;
+pub mod runs;
 
 use std::future::Future;
 use std::io;
@@ -66,7 +67,7 @@ impl Server {
                 let _ = tokio::task::spawn_blocking(move || session.look()).await;
             }
         });
-        let app = router(session, Arc::new(self.guard));
+        let app = router(session, Arc::new(self.guard), runs::routes());
         // Pages keep their stream of events open, so nobody waits for them to close.
         tokio::select! {
             () = listener::serve(self.listener, app) => {}

@@ -37,6 +37,7 @@ use crate::web::session::samples::Stretch;
 
 use crate::web::view::curves::{Question, of_sensor, simulate};
 use crate::web::view::packed::Packed;
+use crate::web::view::parquet::parquet;
 use crate::web::view::{model, state, take_away};
 
 type AnyError = Box<dyn Error + Send + Sync>;
@@ -52,8 +53,8 @@ pub struct App {
     solves: Semaphore,
 }
 
-/// All routes.
-pub fn router(session: Arc<Session>, guard: Arc<Guard>) -> Router {
+/// All routes, `more` among them, behind one guard.
+pub fn router(session: Arc<Session>, guard: Arc<Guard>, more: Router<Arc<App>>) -> Router {
     let cores = std::thread::available_parallelism().map_or(1, NonZero::get);
     let app = Arc::new(App { session, solves: Semaphore::new(cores) });
     Router::new()
@@ -64,6 +65,7 @@ pub fn router(session: Arc<Session>, guard: Arc<Guard>) -> Router {
         .route("/api/events", get(events))
         .route("/api/curves", get(curves))
         .route("/api/curves.csv", get(curves_csv))
+        .route("/api/curves.parquet", get(curves_parquet))
         .route("/api/report", get(|State(app): State<Arc<App>>| solved(app, report)))
         .route("/api/fit.toml", get(|State(app): State<Arc<App>>| calm(move || fit_file(&app.session))))
         .route("/api/simulate", post(simulation))
@@ -85,6 +87,7 @@ pub fn router(session: Arc<Session>, guard: Arc<Guard>) -> Router {
                 of_json(&app.session.recorder.json())
             }),
         )
+        .merge(more)
         .fallback(|| async { refusal(StatusCode::NOT_FOUND, "there is nothing here") })
         .method_not_allowed_fallback(|| async { refusal(StatusCode::METHOD_NOT_ALLOWED, "not in this way") })
         .layer(DefaultBodyLimit::disable())
@@ -136,7 +139,7 @@ fn busy(error: &Busy) -> Answer {
 }
 
 /// Computes beside the server's own thread, which has all pages to serve.
-async fn calm(work: impl FnOnce() -> Result<Answer, AnyError> + Send + 'static) -> Answer {
+pub(super) async fn calm(work: impl FnOnce() -> Result<Answer, AnyError> + Send + 'static) -> Answer {
     match tokio::task::spawn_blocking(work).await {
         Ok(Ok(answer)) => answer,
         Ok(Err(error)) => refused(error.as_ref()),
@@ -210,7 +213,7 @@ fn bench_of(session: &Session) -> Result<Arc<Bench>, AnyError> {
 }
 
 /// What the query of an address says.
-fn asked(uri: &Uri) -> BTreeMap<String, String> {
+pub(super) fn asked(uri: &Uri) -> BTreeMap<String, String> {
     let pairs = uri.query().unwrap_or_default().split('&').filter_map(|pair| pair.split_once('='));
     pairs.map(|(key, value)| (key.to_owned(), unescaped(value))).collect()
 }
@@ -244,7 +247,7 @@ fn packed(session: &Session, uri: &Uri) -> Result<Packed, AnyError> {
     of_sensor(&*bench_of(session)?, (index("run")?, index("sensor")?), stretch, &models)
 }
 
-fn binary(packed: Packed) -> Answer {
+pub(super) fn binary(packed: Packed) -> Answer {
     ([(CONTENT_TYPE, "application/octet-stream")], packed.bytes()).into_response()
 }
 
@@ -255,6 +258,14 @@ async fn curves(State(app): State<Arc<App>>, uri: Uri) -> Answer {
 async fn curves_csv(State(app): State<Arc<App>>, uri: Uri) -> Answer {
     let named =
         move |session: &Session| Ok(download("curves.csv", "text/csv; charset=utf-8", packed(session, &uri)?.csv()));
+    solved(app, named).await
+}
+
+async fn curves_parquet(State(app): State<Arc<App>>, uri: Uri) -> Answer {
+    let named = move |session: &Session| {
+        let file = parquet(packed(session, &uri)?.columns());
+        Ok(download("curves.parquet", "application/vnd.apache.parquet", file))
+    };
     solved(app, named).await
 }
 

@@ -12,8 +12,9 @@ use crate::rig::Rig;
 use crate::rig::check::return_time_s;
 use crate::shown::Shown as _;
 use crate::signal::faults::sensor_faults;
-use crate::storage::import::{ImportOptions, Imported, SourceOptions, import_file, unit_warnings};
+use crate::storage::import::{ImportOptions, Imported, SourceOptions, import_file, read_source, unit_warnings};
 use crate::storage::write;
+use crate::watch::evaluate::sentence;
 
 type AnyError = Box<dyn Error + Send + Sync>;
 
@@ -54,9 +55,20 @@ pub fn take(dropped: &Dropped, rig: &Rig, folder: &Path) -> Result<(Value, Optio
     let path = scratch.path().join(name);
     std::fs::write(&path, bytes)?;
     // nobody knows the scratch file by its name
-    let own = |error: AnyError| error.to_string().replace(&*path.shown(), &Path::new(name).shown());
-    let imported = imported(dropped, rig, &path).map_err(own)?;
+    let own = |error: AnyError| sentence(&*error).replace(&*path.shown(), &Path::new(name).shown());
+    let sensors: Vec<&str> = rig.sensors.iter().map(|sensor| sensor.name.as_str()).collect();
+    let guessing = SourceOptions { guess: true, rate_hz: dropped.rate_hz, ..SourceOptions::default() };
+    let columns: Vec<String> = read_source(&path, &guessing)
+        .map_or(Vec::new(), |read| read.tracks.into_iter().map(|track| track.name).collect());
+    let imported = match imported(dropped, rig, &path).map_err(own) {
+        // what is only looked at may still be mended: by saying which column is which sensor
+        Err(error) if !dropped.accept && !columns.is_empty() => {
+            return Ok((json!({ "problem": error, "columns": columns, "sensors": sensors }), None));
+        }
+        other => other?,
+    };
     let mut about = json!({
+        "columns": columns, "sensors": sensors,
         "understood": imported.understood(Path::new(name)), "mended": imported.repairs,
         "warnings": unit_warnings(&imported.recording), "sensor_faults": sensor_faults(&imported.recording),
         "written": null,

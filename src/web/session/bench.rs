@@ -13,6 +13,7 @@ use serde_json::Value as Json;
 
 use crate::diagnose::Diagnosis;
 use crate::fit::outcome::fit::{Fit, FittedParameter};
+use crate::fit::progress::Passing;
 use crate::fit::search::options::Options;
 use crate::model::constraint::Given;
 use crate::model::effects::Chosen;
@@ -50,6 +51,7 @@ pub struct Bench {
     pub model_path: PathBuf,
     /// The command lines that do the same as actions, by their names.
     pub commands: BTreeMap<&'static str, String>,
+    jobs: Arc<Jobs>,
     models: Mutex<Models>,
     simulations: Mutex<Vec<(Key, Arc<Simulated>)>>,
     shown: Mutex<Vec<(ShownKey, Arc<Shown>)>>,
@@ -90,11 +92,12 @@ impl Bench {
         let (square, samples) = (study.runs().iter().flat_map(|run| &run.sensors))
             .fold((0.0, 0), |(sum, n), s| (sum + s.noise_m.powi(2) * s.time_s.len() as f64, n + s.time_s.len()));
         jobs.set_noise_m((square / samples.max(1) as f64).sqrt());
-        study.on_progress(move |progress| jobs.hear(progress));
+        let heard = jobs.clone();
+        study.on_progress(move |progress| heard.hear(progress));
         let models = Mutex::new(Models { file, fits: BTreeMap::new(), diagnoses: Vec::new() });
         let commands = commands(&paths, &model_path);
         let (simulations, shown) = (Mutex::default(), Mutex::default());
-        Ok(Bench { paths, study, whole, model_path, commands, models, simulations, shown })
+        Ok(Bench { paths, study, whole, model_path, commands, jobs, models, simulations, shown })
     }
 
     /// When a run's closure starts on its clock, s: as the model in force has it, or as its signals show it.
@@ -140,6 +143,11 @@ impl Bench {
         let models = self.models();
         let of_force = models.diagnoses.iter().rfind(|(number, _)| *number == models.file.in_force);
         of_force.map(|(_, found)| found.clone())
+    }
+
+    /// The model that is being fitted, as it is at this moment.
+    pub fn passing(&self) -> Option<Arc<Passing>> {
+        self.jobs.current()?.passing
     }
 
     /// A diagnosis as `diagnose --json` prints it.

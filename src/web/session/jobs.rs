@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use rayon::ThreadPoolBuilder;
 use serde_json::json;
 
-use crate::fit::progress::{Progress, Stopped, heed, stop_if_told};
+use crate::fit::progress::{Passing, Progress, Stopped, heed, stop_if_told};
 use crate::watch::evaluate::sentence;
 use crate::web::session::events::Hub;
 
@@ -39,6 +39,8 @@ pub struct Job {
     pub progress: String,
     /// Iterations of fits so far, and the error after each, m.
     pub errors: Vec<(usize, f64)>,
+    /// The model as it is at this moment, where one is being fitted.
+    pub passing: Option<Arc<Passing>>,
     opens: bool,
     stop: Arc<AtomicBool>,
 }
@@ -104,7 +106,8 @@ impl Jobs {
             state.iterations = 0;
             let (what, progress) = (what.to_owned(), String::new());
             let stop = stop.clone();
-            state.job = Some(Job { id: state.last, what, progress, errors: Vec::new(), opens, stop });
+            let errors = Vec::new();
+            state.job = Some(Job { id: state.last, what, progress, errors, passing: None, opens, stop });
             state.last
         };
         self.hub.changed();
@@ -149,12 +152,14 @@ impl Jobs {
         state.iterations = counted;
         let Some(job) = state.job.as_mut() else { return };
         job.progress = progress.to_string();
+        job.passing = progress.passing.clone().or(job.passing.take());
         let rmse_m = progress.fitting.map(|at| at.error_over_noise * noise_m).filter(|e| e.is_finite());
         if let Some(rmse_m) = rmse_m.filter(|_| job.errors.len() < KEPT) {
             job.errors.push((counted, rmse_m));
         }
         let told = json!({
             "job": job.id, "what": job.what, "iteration": counted, "rmse_m": rmse_m, "progress": job.progress,
+            "moves": progress.passing.is_some(),
         });
         drop(state);
         self.hub.send("progress", &told);

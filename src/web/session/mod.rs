@@ -4,6 +4,7 @@ pub mod actions;
 pub mod arrival;
 pub mod bench;
 pub mod events;
+pub mod glances;
 pub mod jobs;
 pub mod place;
 pub mod recording;
@@ -23,6 +24,7 @@ use crate::web::session::actions::Action;
 use crate::web::session::arrival::Dropped;
 use crate::web::session::bench::{Bench, Commands};
 use crate::web::session::events::Hub;
+use crate::web::session::glances::Glances;
 use crate::web::session::jobs::{Busy, Jobs};
 use crate::web::session::place::{Place, Run};
 use crate::web::session::recording::{Recorder, Wanted};
@@ -43,6 +45,8 @@ pub struct Session {
     pub hub: Arc<Hub>,
     /// The recording that runs.
     pub recorder: Arc<Recorder>,
+    /// Runs that are looked at without being opened.
+    pub glances: Glances,
     /// Recordings that have come since the first was started here.
     arrivals: Mutex<Arrivals>,
 }
@@ -67,6 +71,7 @@ impl Session {
             jobs: Arc::new(Jobs::new(hub.clone())),
             hub,
             recorder: Arc::default(),
+            glances: Glances::default(),
             arrivals: Mutex::default(),
         });
         let first = session.place.first();

@@ -90,7 +90,8 @@ impl Place {
     /// It in words.
     pub fn words(&self) -> String {
         match (&self.folder, &self.model_file) {
-            (Some(folder), _) => folder.shown().into_owned(),
+            // `.` says nothing on a page
+            (Some(folder), _) => std::path::absolute(folder).unwrap_or_else(|_| folder.clone()).shown().into_owned(),
             (None, Some(file)) => file.shown().into_owned(),
             (None, None) => self.runs().iter().map(Run::name).collect::<Vec<_>>().join(", "),
         }

@@ -29,7 +29,8 @@ struct Drawn {
     reaches: usize,
 }
 
-/// A sensor's measurement and the models that are asked for: `model`, `previous`, `number:N`, `candidate:LABEL`.
+/// A sensor's measurement and the models that are asked for: `model`, `previous`, `number:N`, `candidate:LABEL`, and
+/// `fitting`, the one that is being fitted as it is at this moment.
 ///
 /// # Errors
 /// A run or sensor that does not exist, a model that cannot be simulated.
@@ -60,6 +61,12 @@ pub fn of_sensor(
 }
 
 fn drawn(bench: &Bench, asked: &str) -> Option<Drawn> {
+    if asked == "fitting" {
+        let now = bench.passing()?;
+        let reaches = bench.fit().map_or(COARSE_REACHES, |fit| fit.reaches);
+        let (effects, given) = (now.effects.clone(), now.given.clone());
+        return Some(Drawn { name: asked.to_owned(), effects, given, reaches });
+    }
     let fit = bench.fit()?;
     let of_fit = |fit: &crate::Fit| Drawn {
         name: asked.to_owned(),

@@ -3,5 +3,8 @@
 pub mod curves;
 pub mod model;
 pub mod packed;
+pub mod parquet;
+pub mod runs;
+pub mod simulated_test;
 pub mod state;
 pub mod take_away;

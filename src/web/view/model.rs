@@ -6,7 +6,10 @@ use crate::diagnose::residual_patterns::{by_cycle, residual_patterns};
 use crate::fit::outcome::fit::{Fit, FittedParameter};
 use crate::fit::outcome::uncertainty::Uncertainty;
 use crate::results::fit_record::Parameter;
+use crate::results::model_file::Entry;
+use crate::web::session::Session;
 use crate::web::session::bench::Bench;
+use crate::web::session::jobs::Busy;
 
 /// Two parameters that are correlated more than this move together.
 const TOGETHER: f64 = 0.98;
@@ -27,6 +30,17 @@ pub fn json(bench: &Bench) -> Option<Value> {
         "converged": fit.converged, "reaches": fit.reaches,
         "parameters": parameters(bench, &fit), "fails": failings, "cycles": cycles(&fit), "commands": bench.commands,
     }))
+}
+
+/// All models with their parameters, to be compared.
+///
+/// # Errors
+/// Nothing is open.
+pub fn all(session: &Session) -> Result<Value, Box<dyn std::error::Error + Send + Sync>> {
+    let bench = session.bench().ok_or(Busy::Nothing)?;
+    let of =
+        |(i, model): (usize, &Entry)| json!({ "number": i + 1, "name": model.name, "parameters": model.parameters });
+    Ok(bench.file().models.iter().enumerate().map(of).collect())
 }
 
 fn parameters(bench: &Bench, fit: &Fit) -> Vec<Value> {

@@ -23,6 +23,11 @@ impl Packed {
         self.columns.push((name.into(), values));
     }
 
+    /// The columns.
+    pub fn columns(&self) -> &[(String, Vec<f64>)] {
+        &self.columns
+    }
+
     /// The bytes.
     pub fn bytes(mut self) -> Vec<u8> {
         let names: Vec<&str> = self.columns.iter().map(|(name, _)| name.as_str()).collect();

@@ -2,17 +2,16 @@
 
 use serde_json::{Value, json};
 
+use crate::model::effects::{CATALOGUE, Effect, Site};
 use crate::report::view::panel::OwnUnit;
 use crate::results::fit_record::recorded_at;
+use crate::rig::check::return_time_s;
 use crate::rig::{Rig, Upstream};
 use crate::study::open::Loaded;
-use crate::web::session::Session;
 use crate::web::session::bench::Bench;
 use crate::web::session::place::Run;
+use crate::web::session::{Session, glances};
 use crate::web::view::model;
-
-/// Points of a sparkline.
-const SPARK: usize = 60;
 
 /// The state of a session.
 pub fn json(session: &Session) -> Value {
@@ -86,8 +85,7 @@ fn of_run(run: &Run, bench: Option<&Bench>) -> Value {
 
 fn spark(bench: &Bench, run: usize) -> Vec<f64> {
     let Some(sensor) = bench.study.runs()[run].sensors.last() else { return Vec::new() };
-    let step = (sensor.head_m.len() / SPARK).max(1);
-    sensor.head_m.iter().step_by(step).take(SPARK).copied().collect()
+    glances::spark(&sensor.head_m)
 }
 
 fn open(bench: &Bench) -> Value {
@@ -143,5 +141,18 @@ fn rig(rig: &Rig) -> Value {
         Upstream::Reservoir => "reservoir",
         Upstream::Measured => "measured",
     };
-    json!({ "name": rig.name, "length_m": rig.length_m(), "supply": supply, "pipes": pipes })
+    json!({ "name": rig.name, "length_m": rig.length_m(), "supply": supply, "pipes": pipes, "located": located(rig) })
+}
+
+/// The effects that stand at a place along the pipe, each with the parameter that is its place.
+fn located(rig: &Rig) -> Vec<Value> {
+    let water = rig.fluid.properties(rig.fluid.temperature_degc);
+    let site = Site { rig, water: &water, period_s: 2.0 * return_time_s(rig, &water) };
+    let of = |effect: &&'static dyn Effect| {
+        let parameters = effect.parameters(&site, 1);
+        let place = |ending: &str| parameters.iter().find(|p| p.name.ends_with(ending)).map(|p| p.name.clone());
+        let (from, to) = (place("_position_m").or(place("_start_m")), place("_end_m"));
+        from.map(|from| json!({ "effect": effect.name(), "from": from, "to": to }))
+    };
+    CATALOGUE.iter().filter(|effect| effect.impossible(rig).is_none()).filter_map(of).collect()
 }

@@ -76,6 +76,14 @@ impl Workbench {
         body
     }
 
+    /// Why a request is refused.
+    pub fn refused(&self, path: &str) -> String {
+        let (status, head, body) = self.request("GET", path, &[("Authorization", &self.bearer())], b"");
+        assert_eq!(status, 400, "{path}: {head}");
+        let answer: Value = serde_json::from_slice(&body).unwrap();
+        answer["error"].as_str().unwrap().to_owned()
+    }
+
     pub fn state(&self) -> Value {
         serde_json::from_slice(&self.get("/api/state")).unwrap()
     }

@@ -3,4 +3,5 @@
 pub mod client;
 mod loop_by_hand;
 mod record;
+mod runs;
 mod security;

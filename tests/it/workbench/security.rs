@@ -5,7 +5,7 @@ use serde_json::{Value, json};
 use crate::common::{CREEP, here};
 use crate::workbench::client::Workbench;
 
-const GETS: [&str; 9] = [
+const GETS: [&str; 15] = [
     "/",
     "/assets/index.html",
     "/api/state",
@@ -13,6 +13,12 @@ const GETS: [&str; 9] = [
     "/api/events",
     "/api/curves",
     "/api/curves.csv",
+    "/api/curves.parquet",
+    "/api/compare",
+    "/api/glance",
+    "/api/history",
+    "/api/models",
+    "/api/simulation",
     "/api/report",
     "/api/fit.toml",
 ];

@@ -185,6 +185,19 @@ pub fn minimise<P: Problem>(
     limits: Limits,
     mut progress: impl FnMut(usize, f64),
 ) -> Result<Solution, P::Error> {
+    minimise_in_view(problem, start, limits, |iteration, cost, _| progress(iteration, cost))
+}
+
+/// The same; `progress` also sees the variables.
+///
+/// # Errors
+/// As [`minimise`].
+pub fn minimise_in_view<P: Problem>(
+    problem: &P,
+    start: &[f64],
+    limits: Limits,
+    mut progress: impl FnMut(usize, f64, &[f64]),
+) -> Result<Solution, P::Error> {
     let (lower, upper) = problem.bounds();
     let n = start.len();
     let clamp = |x: &mut [f64]| {
@@ -289,7 +302,7 @@ pub fn minimise<P: Problem>(
                     damping *= (1.0 - (2.0 * ratio - 1.0).powi(3)).clamp(1.0 / 3.0, 2.0);
                     damping = damping.max(1e-12);
                     growth = 2.0;
-                    progress(iterations, cost);
+                    progress(iterations, cost, &x);
                     if fall > limits.cost_tolerance {
                         stalls = 0;
                     } else if ratio > 0.1 {

@@ -13,8 +13,8 @@ use crate::fit::problem::error::FitError;
 use crate::fit::problem::objective::{Bins, Objective};
 use crate::fit::problem::parameters::placed_sensor;
 use crate::fit::problem::rows::SampleRows;
-use crate::fit::progress::stop_if_told;
-use crate::model::constraint::Constraint;
+use crate::fit::progress::{Passing, stop_if_told};
+use crate::model::constraint::{Constraint, Given};
 use crate::model::energy::Energy;
 use crate::model::parameter::{Parameter, Scale};
 use crate::model::trace::{Probe, Trace};
@@ -246,6 +246,14 @@ impl<'a> FitProblem<'a> {
     /// The variables that are places of sensors.
     pub(crate) fn place_variables(&self) -> Range<usize> {
         self.model.shared.len()..self.run_offsets.first().copied().unwrap_or(self.parameters.len())
+    }
+
+    /// The model at the variables `x`, for those who watch.
+    pub(crate) fn passing(&self, x: &[f64]) -> Passing {
+        let run = |j| self.run_of(j).map(|r| self.runs[r].file.clone());
+        let named = |(j, value): (usize, f64)| Given { name: self.parameters[j].name.clone(), run: run(j), value };
+        let given = self.values(x).into_iter().enumerate().map(named).collect();
+        Passing { effects: self.model.effects.clone(), given }
     }
 
     /// The run that variable `j` belongs to; none if it is shared.

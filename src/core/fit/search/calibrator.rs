@@ -3,7 +3,7 @@
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use crate::fit::data::run_data::RunData;
-use crate::fit::numeric::least_squares::{Limits, Solution, minimise};
+use crate::fit::numeric::least_squares::{Limits, Solution, minimise_in_view};
 use crate::fit::problem::error::FitError;
 use crate::fit::problem::fit_problem::{FitProblem, Window};
 use crate::fit::progress::{OnProgress, Progress};
@@ -93,8 +93,9 @@ impl<'a> Calibrator<'a> {
     ) -> Result<Solution, ModelError> {
         let n = problem.samples().max(1) as f64;
         let reaches = problem.window().reaches;
-        let solution = minimise(problem, &problem.variables(values), limits, |iteration, cost| {
-            (self.progress)(&Progress::fitting(stage, reaches, iteration, (2.0 * cost / n).sqrt()));
+        let solution = minimise_in_view(problem, &problem.variables(values), limits, |iteration, cost, x| {
+            let at = Progress::fitting(stage, reaches, iteration, (2.0 * cost / n).sqrt());
+            (self.progress)(&at.passing(problem.passing(x)));
         })?;
         self.count(solution.evaluations);
         Ok(solution)

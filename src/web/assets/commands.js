@@ -1,0 +1,34 @@
+// The command line that does what an action of the page does, to be copied.
+
+import { at, h, svg } from "/assets/dom.js";
+import { app, tell } from "/assets/store.js";
+
+const word = (text) => (/^[\w@:.,=+-]+$/.test(text) ? text : `'${text.replaceAll("'", "'\\''")}'`);
+
+// The command of an action. What a person has moved or held is part of the fit's.
+export function commandOf(action, effect) {
+  const { model } = app.state;
+  const known = model.commands;
+  if (action !== "fit") return known[action].replace("EFFECT", () => word(effect || ""));
+  const held = model.parameters.filter((p) => (p.held || app.hold.has(p.name)) && !app.free.has(p.name));
+  const changed = Object.keys(app.moved).length + app.hold.size + app.free.size;
+  if (!changed) return known.fit;
+  const given = held.map((p) => word(`${p.name}=${app.moved[p.name] ?? p.value}`));
+  return known.calibrate.replace("EFFECTS", () => word(model.effects.join(",") || "none")) + (given.length ? ` --hold ${given.join(" ")}` : "");
+}
+
+export async function copy(text) {
+  const said = at("copied");
+  try { await navigator.clipboard.writeText(text); said.textContent = `copied: ${text}`; } catch { said.textContent = text; }
+  said.hidden = false;
+  tell(said.textContent);
+  clearTimeout(copy.waits);
+  copy.waits = setTimeout(() => { said.hidden = true; }, 6000);
+}
+
+// A small button that copies it.
+export function copier(action, effect) {
+  const label = `Copy the command: ${commandOf(action, effect)}`;
+  return h("button", { type: "button", class: "quiet copier", title: label, "aria-label": label, "data-key": `copy ${action} ${effect || ""}`, onclick: () => copy(commandOf(action, effect)) },
+    svg("svg", { viewBox: "0 0 16 16", "aria-hidden": "true" }, svg("path", { d: "M5.5 5.5V3a1 1 0 0 1 1-1h6.5a1 1 0 0 1 1 1v6.5a1 1 0 0 1-1 1H10.5 M3 5.5h6.5a1 1 0 0 1 1 1V13a1 1 0 0 1-1 1H3a1 1 0 0 1-1-1V6.5a1 1 0 0 1 1-1z" })));
+}

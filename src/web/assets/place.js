@@ -1,0 +1,33 @@
+// An effect added at a place: what can stand along the pipe, to be put where a person points.
+
+import { at, digits, h, put } from "/assets/dom.js";
+import { app } from "/assets/store.js";
+import { add } from "/assets/future.js";
+
+// Half the length with which a stretch of pipe starts, of the whole.
+const HALF = 0.05;
+
+// What an effect starts from at a place.
+function starts(located, m, length) {
+  const within = (v) => Math.min(0.999 * length, Math.max(0.001 * length, v));
+  if (!located.to) return { [located.from]: within(m) };
+  return { [located.from]: within(m - HALF * length), [located.to]: within(m + HALF * length) };
+}
+
+// Offers the effects that can stand at a place, m from the supply.
+export function offer(m) {
+  const { open, model, job } = app.state;
+  if (!model) return;
+  const length = open.rig.length_m;
+  const dialog = at("place");
+  const place = h("input", { type: "number", min: 0, max: digits(length, 5), step: "any", value: +m.toFixed(length < 20 ? 3 : 1), "aria-label": "Place, m from the supply" });
+  const has = (effect) => model.effects.some((own) => own.split(/[:@]/)[0] === effect);
+  const one = (located) => {
+    const about = app.effects.get(located.effect);
+    return h("p", { class: "foot" }, h("span", {}, h("b", { text: located.effect }), about ? ` ${about.summary}` : ""),
+      h("button", { type: "button", class: "primary", text: has(located.effect) ? "In the model" : "Add here", "aria-label": `Add ${located.effect} here`, disabled: Boolean(job) || has(located.effect), onclick: () => { dialog.close(); add(located.effect, starts(located, place.valueAsNumber, length)); } }));
+  };
+  put(dialog, h("form", { method: "dialog", class: "heading" }, h("h2", {}, "Add an effect at ", place, " m"), h("button", { text: "Close" })),
+    h("p", { class: "hint", text: "The fit starts there and finds the best place. Distances are from the supply." }), open.rig.located.map(one));
+  dialog.showModal();
+}

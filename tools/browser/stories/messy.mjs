@@ -1,0 +1,44 @@
+// (b) A messy table is dropped on the page, its column mapped, and fitted.
+import assert from "node:assert";
+import { readFileSync } from "node:fs";
+import { join } from "node:path";
+import { close, settled, story } from "./helpers.mjs";
+
+// Semicolons, decimal commas, German headings, a remark above.
+const mess = (csv) => {
+  const lines = csv.split("\n").filter((line) => line && !line.startsWith("#"));
+  const heading = `Zeit [s];${lines[0].split(",").slice(1).join(";").replace("P1", "Druck Ventil")}`;
+  return [heading, ...lines.slice(1).map((line) => line.replaceAll(",", ";").replaceAll(".", ","))].join("\n");
+};
+
+await story("a messy table is mapped and fitted as by `import` and `calibrate`", { files: { "run.mcap": "copper-leak.mcap" }, words: ["run.mcap"] }, async ({ folder, command, text, page: open, state, shot }) => {
+  text("export", "run.mcap", "-o", "plain.csv");
+  const messy = mess(readFileSync(join(folder, "plain.csv"), "utf8"));
+  const page = await open();
+  await settled(page);
+  await page.evaluate((content) => {
+    const data = new DataTransfer();
+    data.items.add(new File([content], "Messung 7.csv", { type: "text/csv" }));
+    document.dispatchEvent(new DragEvent("drop", { dataTransfer: data, bubbles: true }));
+  }, messy);
+  const choice = page.locator('#import select[data-key="column P1"]');
+  await choice.waitFor();
+  await shot(page, "messy");
+  const options = await choice.locator("option").allTextContents();
+  const column = options.find((option) => option.includes("Druck Ventil"));
+  assert(column, `the columns are ${options}`);
+  if ((await choice.inputValue()) !== column) {
+    assert(await page.locator("#import button.primary").isDisabled(), "nothing is imported while the mapping is open");
+    await choice.selectOption(column);
+  }
+  await page.waitForFunction(() => { const so = document.querySelector("#import button.primary"); return so && !so.disabled && document.querySelector("#import").textContent.includes("as understood"); });
+  await page.click("#import button.primary");
+  await page.waitForFunction(() => document.querySelector("#title").textContent.includes("Messung 7"));
+  await settled(page);
+
+  const own = (await state()).model;
+  const [name] = (await state()).open.runs.map((run) => run.name);
+  const by_command = command("calibrate", name, "--effects", "none").runs[0];
+  close(own.rmse_m, by_command.rmse_m, 0.001, "error of what was written");
+  close(own.rmse_m, command("calibrate", "run.mcap", "--effects", "none").runs[0].rmse_m, 0.02, "error of the recording it came from");
+});

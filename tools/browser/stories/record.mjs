@@ -1,0 +1,37 @@
+// (d) A simulated shot with a hidden effect is recorded live and ends at its diagnosis.
+import assert from "node:assert";
+import { copyFileSync } from "node:fs";
+import { join } from "node:path";
+import { close, settled, story } from "./helpers.mjs";
+
+const rig = new URL("../../../rigs/demo-hdpe.toml", import.meta.url);
+
+await story("a recorded shot is diagnosed as by `diagnose`", { words: ["rig.toml"], prepare: ({ folder }) => copyFileSync(rig, join(folder, "rig.toml")) }, async ({ command, page: open, state, shot }) => {
+  const page = await open();
+  await page.click("#show-record");
+  await page.selectOption('#record select[aria-label="What is recorded"]', "simulated");
+  await page.selectOption('#record select[aria-label="Hide an effect in the test"]', "leak");
+  await page.click("#record summary");
+  const place = page.locator('#record [data-key="set leak_position_m"]');
+  await place.fill("40");
+  await page.getByLabel("samples per second").fill("500");
+  await page.getByLabel("times faster than real time").fill("4");
+  await page.getByLabel("seconds (empty: until stopped)").fill("10");
+  await shot(page, "record");
+  await page.click("#record >> text=Start");
+  await page.waitForFunction(() => !document.querySelector("#live").hidden && /[1-9]\d* samples/.test(document.querySelector("#live-line").textContent));
+  await shot(page, "live");
+  // it is opened, fitted and diagnosed by itself
+  await page.waitForSelector(".verdict");
+  await settled(page);
+  await shot(page, "diagnosed");
+  const now = await state();
+  const { file, data_lost: lost } = now.recording.ended;
+  assert.equal(lost, false);
+  const found = command("diagnose", now.open.runs[0].name);
+  assert.equal(now.diagnosis.verdict, found.verdict);
+  assert.equal(now.diagnosis.candidates[0].effect, found.candidates[0].effect);
+  assert.equal(found.candidates[0].effect, "leak", `the hidden effect of ${file} is named`);
+  close(now.diagnosis.candidates[0].rmse_m, found.candidates[0].rmse_m, 0.01, "error with the leak");
+  assert((await page.textContent(".verdict")).includes("leak"));
+});
