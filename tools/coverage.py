@@ -80,6 +80,42 @@ def judged(said, answer):
         else:
             off = math.log(p["value"] / exact) * p["value"] / error
         yield said["case"], p["name"], low <= exact <= high, off, p["at_bound"], p["value"], exact, error
+    yield from creep(said, answer)
+
+
+def creep_of(names, values, t):
+    """J(t) of the elements among named values, and its slope by the logarithm of each value."""
+    total, slopes = 0.0, [0.0] * len(names)
+    for i, name in enumerate(names):
+        if name.startswith("tau"):
+            j = names.index(f"J{name[3:-2]}_per_GPa")
+            gone = math.exp(-t / values[i])
+            total += values[j] * (1 - gone)
+            slopes[j] = values[j] * (1 - gone)
+            slopes[i] = -values[j] * gone * t / values[i]
+    return total, slopes
+
+
+def creep(said, answer):
+    """Rows of the creep J(t), which does not ask how many elements there are, at times from the closing time to a tenth of the record."""
+    truth, found = answer["truth"]["shared"], said["said"]["parameters"]
+    names, values = [p["name"] for p in found], [p["value"] for p in found]
+    if not any(n.startswith("tau") for n in truth):
+        return
+    first, last = answer["truth"]["runs"]["run"]["closing_time_s"], said["said"]["runs"][0]["duration_s"] / 10
+    for k in range(4):
+        t = first * (last / first) ** (k / 3)
+        exact, _ = creep_of(list(truth), list(truth.values()), t)
+        value, slopes = creep_of(names, values, t)
+        moved = [i for i, slope in enumerate(slopes) if slope]
+        if not moved or any(not found[i]["standard_error"] for i in moved):
+            yield said["case"], f"J(t), {k + 1} of 4", True, math.nan, False, value, exact, None
+            continue
+        share = [slopes[i] * found[i]["standard_error"] / values[i] for i in moved]
+        error = math.sqrt(sum(share[a] * share[b] * found[i]["correlation"][j]
+                              for a, i in enumerate(moved) for b, j in enumerate(moved)))
+        off = (value - exact) / error
+        yield said["case"], f"J(t), {k + 1} of 4", abs(off) <= Z, off, False, value, exact, error
 
 
 def table(rows):
