@@ -118,6 +118,22 @@ def creep(said, answer):
         yield said["case"], f"J(t), {k + 1} of 4", abs(off) <= Z, off, False, value, exact, error
 
 
+def lacking(said):
+    """Whether the program says that its intervals are too narrow."""
+    return any("lower bounds" in warning for warning in said["said"]["warnings"])
+
+
+def held_or_warned(said, truths):
+    """Of wave speed and creep: in how many recordings all intervals hold the truth, and in how many of the others the program warns."""
+    held = warned = 0
+    for s in said:
+        rows = [r for r in judged(s, truths[s["case"]]) if r[1] == "wave_speed_m_s" or r[1].startswith("J(t)")]
+        good = all(r[2] for r in rows)
+        held += good
+        warned += not good and lacking(s)
+    return f"Wave speed and creep: {held} of {len(said)} recordings hold the truth in all intervals, {warned} of the others warn."
+
+
 def table(rows):
     print("| parameter | intervals | hold the truth | off, rms | off, median of the size | at a bound |")
     print("| --- | --- | --- | --- | --- | --- |")
@@ -139,6 +155,7 @@ def main():
     truths = dict(answers(folder))
     rows = [row for s in said for row in judged(s, truths[s["case"]])]
     table(rows)
+    print("\n" + held_or_warned(said, truths))
     seconds = sorted(s["s"] for s in said)
     print(f"\n{len(said)} recordings; {seconds[len(seconds) // 2]:.1f} s median, {seconds[-1]:.1f} s worst.")
     if "misses" in sys.argv[4:]:

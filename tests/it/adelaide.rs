@@ -30,15 +30,10 @@ fn a_fit_of_the_severe_test_follows_it() {
     let held =
         [("wave_speed_m_s", WAVE_SPEED_M_S), ("initial_velocity_m_s", 1.4), ("valve_head_m", SUPPLY_M - loss_m(1.4))];
     let run_of = |name| (name != "wave_speed_m_s").then(|| data.file.clone());
-    let hold = |name: &str, run, at| Constraint { name: name.to_owned(), run, lower: at, upper: at };
-    let published: Vec<Constraint> = held.map(|(name, at)| hold(name, run_of(name), at)).into();
-    // The severe test hardly notices how much gas there is; the pulse of the moderate one says it.
-    for (effects, gas) in
-        [("entrained-gas", None), ("entrained-gas", Some(2e-6)), ("entrained-gas,unsteady-friction", None)]
-    {
-        let known = gas.map(|gas| hold("gas_fraction", None, gas));
-        let constraints = published.iter().cloned().chain(known).collect();
-        let options = Options { most_reaches: 128, constraints, ..Options::default() };
+    let constraints =
+        held.map(|(name, at)| Constraint { name: name.to_owned(), run: run_of(name), lower: at, upper: at });
+    let options = Options { most_reaches: 128, constraints: constraints.into(), ..Options::default() };
+    for effects in ["entrained-gas", "entrained-gas,unsteady-friction"] {
         let chosen = parse_list(effects).unwrap();
         let fit = calibrate(&rig, std::slice::from_ref(&data), &chosen, &options, &|_| {}).unwrap();
         let value = |name: &str| fit.parameter(name).unwrap().value;
