@@ -80,6 +80,58 @@ def judged(said, answer):
         else:
             off = math.log(p["value"] / exact) * p["value"] / error
         yield said["case"], p["name"], low <= exact <= high, off, p["at_bound"], p["value"], exact, error
+    yield from creep(said, answer)
+
+
+def creep_of(names, values, t):
+    """J(t) of the elements among named values, and its slope by the logarithm of each value."""
+    total, slopes = 0.0, [0.0] * len(names)
+    for i, name in enumerate(names):
+        if name.startswith("tau"):
+            j = names.index(f"J{name[3:-2]}_per_GPa")
+            gone = math.exp(-t / values[i])
+            total += values[j] * (1 - gone)
+            slopes[j] = values[j] * (1 - gone)
+            slopes[i] = -values[j] * gone * t / values[i]
+    return total, slopes
+
+
+def creep(said, answer):
+    """Rows of the creep J(t), which does not ask how many elements there are, at times from the closing time to a tenth of the record."""
+    truth, found = answer["truth"]["shared"], said["said"]["parameters"]
+    names, values = [p["name"] for p in found], [p["value"] for p in found]
+    if not any(n.startswith("tau") for n in truth):
+        return
+    first, last = answer["truth"]["runs"]["run"]["closing_time_s"], said["said"]["runs"][0]["duration_s"] / 10
+    for k in range(4):
+        t = first * (last / first) ** (k / 3)
+        exact, _ = creep_of(list(truth), list(truth.values()), t)
+        value, slopes = creep_of(names, values, t)
+        moved = [i for i, slope in enumerate(slopes) if slope]
+        if not moved or any(not found[i]["standard_error"] for i in moved):
+            yield said["case"], f"J(t), {k + 1} of 4", True, math.nan, False, value, exact, None
+            continue
+        share = [slopes[i] * found[i]["standard_error"] / values[i] for i in moved]
+        error = math.sqrt(sum(share[a] * share[b] * found[i]["correlation"][j]
+                              for a, i in enumerate(moved) for b, j in enumerate(moved)))
+        off = (value - exact) / error
+        yield said["case"], f"J(t), {k + 1} of 4", abs(off) <= Z, off, False, value, exact, error
+
+
+def lacking(said):
+    """Whether the program says that its intervals are too narrow."""
+    return any("lower bounds" in warning for warning in said["said"]["warnings"])
+
+
+def held_or_warned(said, truths):
+    """Of wave speed and creep: in how many recordings all intervals hold the truth, and in how many of the others the program warns."""
+    held = warned = 0
+    for s in said:
+        rows = [r for r in judged(s, truths[s["case"]]) if r[1] == "wave_speed_m_s" or r[1].startswith("J(t)")]
+        good = all(r[2] for r in rows)
+        held += good
+        warned += not good and lacking(s)
+    return f"Wave speed and creep: {held} of {len(said)} recordings hold the truth in all intervals, {warned} of the others warn."
 
 
 def table(rows):
@@ -103,6 +155,7 @@ def main():
     truths = dict(answers(folder))
     rows = [row for s in said for row in judged(s, truths[s["case"]])]
     table(rows)
+    print("\n" + held_or_warned(said, truths))
     seconds = sorted(s["s"] for s in said)
     print(f"\n{len(said)} recordings; {seconds[len(seconds) // 2]:.1f} s median, {seconds[-1]:.1f} s worst.")
     if "misses" in sys.argv[4:]:

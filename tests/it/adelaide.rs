@@ -21,7 +21,7 @@ const SEVERE: &str = "recordings/adelaide/adelaide-severe.mcap";
 
 /// What a fit of the severe test finds with the published wave speed, velocity and head before the valve held, the gas free.
 #[test]
-fn a_fit_of_the_severe_test_meets_both_tests() {
+fn a_fit_of_the_severe_test_follows_it() {
     let rig = rig();
     let loss_m = |velocity| SUPPLY_M - valve_head_m(&rig, velocity, SUPPLY_M, 1.0);
     let recording = surgescope::storage::read(&here(SEVERE)).unwrap();

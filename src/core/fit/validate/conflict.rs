@@ -3,7 +3,7 @@
 use crate::fit::data::run_data::RunData;
 use crate::fit::outcome::fit::{Fit, FittedParameter, RunFit};
 use crate::fit::problem::parameters::placed_sensor;
-use crate::fit::validate::thresholds::{CONFLICT_SD, PRIOR_CONFLICT_SD};
+use crate::fit::validate::thresholds::{CONFLICT_SD, LACKING_RATIO, PRIOR_CONFLICT_SD};
 use crate::number::{error_m, significant, to_error};
 
 /// One sentence for each conflict; for a fit that did not end at an optimum, only those of the recordings.
@@ -153,11 +153,29 @@ fn dies_away(run: &RunFit, shared: &str) -> String {
     )
 }
 
-/// All warnings of a fit: conflicts with what was known, sensors that stand elsewhere, parameters at their bounds, noise that dies away.
+/// A sentence where the model leaves more than the noise and its grid's own error: its intervals take account of how large and how slow that error is, not
+/// of where the missing effect pulls the parameters.
+pub fn too_narrow(fit: &Fit) -> Option<String> {
+    let (rmse_m, noise_m) = fit.pooled();
+    fit.converged.then(|| lacking(rmse_m, noise_m, fit.grid_error_m)).flatten()
+}
+
+fn lacking(rmse_m: f64, noise_m: f64, grid_error_m: f64) -> Option<String> {
+    (rmse_m > LACKING_RATIO * noise_m.hypot(2.0 * grid_error_m)).then(|| {
+        format!(
+            "the model leaves {} times the noise: what it lacks pulls its parameters away, by how much nobody knows. The 95% intervals are lower \
+             bounds of what is uncertain, those of creep and wave speed among them",
+            significant(rmse_m / noise_m, 2)
+        )
+    })
+}
+
+/// All warnings of a fit: conflicts with what was known, sensors that stand elsewhere, parameters at their bounds, noise that dies away, and intervals
+/// that are too narrow because an effect is missing.
 pub fn warnings(fit: &Fit, runs: &[RunData]) -> Vec<String> {
     // Values away from an optimum contradict nothing.
     let at_optimum = moved_sensors(fit).into_iter().chain(at_bounds(fit)).filter(|_| fit.converged);
-    conflicts(fit, runs).into_iter().chain(at_optimum).chain(faded_noise(fit)).collect()
+    conflicts(fit, runs).into_iter().chain(at_optimum).chain(faded_noise(fit)).chain(too_narrow(fit)).collect()
 }
 
 /// One sentence for each parameter that ended at a bound, unless it is [unidentifiable](Fit::unidentifiable).
@@ -192,6 +210,14 @@ mod tests {
             sensors,
         };
         assert!(dies_away(&run, "").starts_with("a.mcap: the fit leaves 0.26 of the noise before the closure"));
+    }
+
+    /// Twice the noise is too much, a tenth more is not; nor is anything where the grid's own error explains it.
+    #[test]
+    fn intervals_beside_a_missing_effect_are_lower_bounds() {
+        let said = lacking(0.1, 0.05, 0.0).unwrap();
+        assert!(said.starts_with("the model leaves 2.0 times the noise") && said.contains("lower bounds"), "{said}");
+        assert_eq!((lacking(0.054, 0.05, 0.0), lacking(0.1, 0.05, 0.05)), (None, None));
     }
 
     #[test]

@@ -7,6 +7,9 @@ pub(crate) const CONFLICT_SD: f64 = 5.0;
 /// The same for what a test of the material shows. Chosen.
 pub(crate) const PRIOR_CONFLICT_SD: f64 = 3.0;
 
+/// What a model leaves, in units of the noise and the grid's error, from which its intervals are too narrow. Measured: docs/src/measured/coverage.md.
+pub(crate) const LACKING_RATIO: f64 = 1.1;
+
 /// Share of each record that is fitted, the rest being predicted. Chosen.
 pub(crate) const FITTED_SHARE: f64 = 0.6;
 
