@@ -12,8 +12,8 @@ use crate::cli::console::print::{say, say_text, tell};
 use crate::cli::console::progress::shown;
 use crate::diagnose::Diagnosis;
 use crate::fit::outcome::fit::Fit;
-use crate::number::probability;
 use crate::model::effects::{CATALOGUE, Chosen, parse_list};
+use crate::number::probability;
 use crate::report::advice::quoted;
 use crate::report::calibration::text as table;
 use crate::report::diagnosis::text as diagnosis;
@@ -111,7 +111,8 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     kept.append(&base, "calibrated", None, now());
     let mut stages = vec![base_stage];
     if let Some(full) = found.answer() {
-        let why = format!("diagnosed: {} missing, probability {}", found.answer_label(), probability(found.probability));
+        let why =
+            format!("diagnosed: {} missing, probability {}", found.answer_label(), probability(found.probability));
         kept.append(full, &why, Some(found.answer_evidence()), now());
         stages.push(Stage { title: title(&full.effects), fit: full });
         let added = format!(

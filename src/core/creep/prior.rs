@@ -80,7 +80,12 @@ pub fn wall_prior(
     }
     own.retain(|(_, e)| (shortest_s..=longest_s).contains(&e.tau_s));
     if own.is_empty() {
-        let all = file.elements.iter().map(|e| format!("{} s", significant(e.tau_s * factor, 3))).collect::<Vec<_>>().join(", ");
+        let all = file
+            .elements
+            .iter()
+            .map(|e| format!("{} s", significant(e.tau_s * factor, 3)))
+            .collect::<Vec<_>>()
+            .join(", ");
         let found = if all.is_empty() { "no element".into() } else { all };
         return Err(CreepError::NoneInReach { period_s, shortest_s, longest_s, found });
     }

@@ -118,12 +118,12 @@ fn rows(diagnosis: &Diagnosis, candidates: &[Candidate], with_none: bool) -> Str
             parameters(diagnosis.answer_parameters()),
         ]
     });
-    let rows = candidates
-        .iter()
-        .map(|c| row(name(c), likely(c, diagnosis.pair.as_ref()), minus(&evidence(c)), c.rmse_m, parameters(&c.parameters)));
+    let rows = candidates.iter().map(|c| {
+        row(name(c), likely(c, diagnosis.pair.as_ref()), minus(&evidence(c)), c.rmse_m, parameters(&c.parameters))
+    });
     let none = diagnosis.none_of_these();
-    let last =
-        with_none.then(|| row("none of these".into(), bar(none.clamp(0.0, 1.0)), "0".into(), start.rmse_m, String::new()));
+    let last = with_none
+        .then(|| row("none of these".into(), bar(none.clamp(0.0, 1.0)), "0".into(), start.rmse_m, String::new()));
     let headings = ["effect", "probability", "evidence", "RMSE, m", "× noise", "its parameters"];
     let caption = format!("Effects added to the {}", start_model(diagnosis));
     table(&caption, &headings, &[2, 3, 4], pair.into_iter().chain(rows).chain(last))

@@ -4,8 +4,8 @@ use std::path::Path;
 
 use crate::storage::disk;
 use crate::storage::error::LogError;
-use crate::storage::import::source::{SourceFile, SourceOptions};
 use crate::storage::import::arrays::{hdf5, mat, text_of_arrays};
+use crate::storage::import::source::{SourceFile, SourceOptions};
 use crate::storage::import::{csv, mcap, sheet, tdms};
 
 /// Reads a file of another program, whichever of the known kinds it is.

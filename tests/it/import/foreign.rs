@@ -209,9 +209,7 @@ fn the_headers_of_loggers_are_understood() {
         ),
         (
             "dated.csv",
-            table("Run,P1 (bar),P2 (bar),Time,Date\n", |_, t, a, b| {
-                format!("7,{a:.6},{b:.6},{},03/04/2026", clock(t))
-            }),
+            table("Run,P1 (bar),P2 (bar),Time,Date\n", |_, t, a, b| format!("7,{a:.6},{b:.6},{},03/04/2026", clock(t))),
             "date-order",
         ),
     ];

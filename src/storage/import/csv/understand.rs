@@ -176,7 +176,8 @@ impl<'t> Table<'t> {
             |i: usize| header_unit(&self.headings[i]).map_or(self.headings[i].clone(), |(name, _)| name).to_lowercase();
         let all = (0..self.headings.len()).filter(|i| !self.words.contains(i));
         let heading = |column: usize| self.headings[column].clone();
-        let as_is = |column: usize| Time { column: Some(column), date: None, heading: heading(column), change: Change::None };
+        let as_is =
+            |column: usize| Time { column: Some(column), date: None, heading: heading(column), change: Change::None };
         let is_time = |i: &usize| TIMES.contains(&name(*i).as_str());
         let values = |i: usize| self.numbers(i);
         // Date-times and stated units need no guess, but days and counted samples become seconds.
