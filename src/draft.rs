@@ -12,7 +12,7 @@ use crate::signal::faults::{in_words, sensor_faults};
 use crate::signal::window::used;
 use crate::signal::{Features, SensorFeatures, inspect};
 use crate::storage::import::{NAMELESS, SourceFile, SourceOptions, Track, bind, kind_of};
-use crate::units::Unit;
+use crate::units::{Quantity, UNITS, Unit};
 
 /// Units of a pressure that states none, and up to which median it is taken for each: a laboratory's line has 0.5 to 20 bar.
 const PRESSURES: [(&str, f64); 3] = [("bar", 20.0), ("kPa", 2e3), ("Pa", f64::INFINITY)];
@@ -22,6 +22,9 @@ const VELOCITIES_M_S: [f64; 2] = [0.03, 6.0];
 
 /// A column without a name whose values differ by less than this share of their size is no pressure of a test.
 const LEAST_SPREAD: f64 = 0.05;
+
+/// Two wave speeds agree within this factor: creep and a leak lower the first rise.
+const SAME_RISE: f64 = 1.5;
 
 /// A flow ends below this share of what it was.
 const STOPPED: f64 = 0.05;
@@ -111,6 +114,7 @@ pub fn place(draft: &mut Draft, file: &SourceFile, source: &SourceOptions) {
             return;
         }
     };
+    choose_flow_unit(draft, &found);
     let length_m = draft.length_m;
     let first_s = found.sensors.iter().filter_map(|s| s.front_arrival_s).map(|e| e.value).fold(f64::INFINITY, f64::min);
     // The wave speed to the supply and back needs no sensor between the ends.
@@ -140,6 +144,32 @@ pub fn place(draft: &mut Draft, file: &SourceFile, source: &SourceOptions) {
         let closing_s = (1e3 * (end_s - found.closure.start_s)).round() / 1e3;
         if closing_s > 0.0 {
             draft.closing_time_s = Told::assumed(closing_s, "as the first rise shows it");
+        }
+    }
+}
+
+/// The unit of a flow that states none: that in which the first rise (Joukowsky) gives the speed at which the wave travels.
+fn choose_flow_unit(draft: &mut Draft, found: &Features) {
+    let speeds = (found.wave_speed.joukowsky, found.wave_speed.crossings);
+    let (Some(rise), Some(travel)) = speeds else { return };
+    // A length in feet or a wrong wall would choose a wrong unit.
+    let rig = Rig::from_toml(&draft.text(), "draft");
+    let fits = |rig: &Rig| {
+        let water = rig.fluid.properties(found.temperature_degc);
+        rig.pipes.iter().all(|p| (p.wave_speed_start(&water).1..=p.wave_speed_start(&water).2).contains(&travel.value))
+    };
+    if !rig.is_ok_and(|rig| fits(&rig)) {
+        return;
+    }
+    for sensor in draft.sensors.iter_mut().filter(|s| s.kind == SensorKind::Flow && !s.unit.why.is_empty()) {
+        let size = |unit: Unit| unit.to_si(1.0, 1000.0);
+        let wanted = size(sensor.unit.value) * rise.value / travel.value;
+        let apart = |unit: &Unit| (size(*unit) / wanted).ln().abs();
+        let flows = UNITS.into_iter().filter(|u| u.quantity == Quantity::Flow);
+        let nearest = flows.min_by(|a, b| apart(a).total_cmp(&apart(b))).filter(|unit| apart(unit) < SAME_RISE.ln());
+        if let Some(unit) = nearest {
+            let why = "no unit is stated; in this one the first rise fits the wave speed";
+            sensor.unit = Told::assumed(unit, why);
         }
     }
 }
@@ -208,5 +238,5 @@ fn unit_of(track: &Track, kind: SensorKind, level: f64, draft: &Draft) -> Told<U
         SensorKind::ValvePosition if level > 1.5 => "%",
         SensorKind::ValvePosition | SensorKind::Trigger => "1",
     };
-    Told::assumed(symbol.parse().unwrap_or(crate::units::UNITS[0]), why)
+    Told::assumed(symbol.parse().unwrap_or(UNITS[0]), why)
 }

@@ -143,8 +143,9 @@ async function units(page) {
   check("the switch shows each sensor's own unit", panels.every((p, i) => {
     if (p.unit === null) return after[i].chart === before[i].chart;
     const shown = (v) => v * p.unit.per_m + p.unit.zero;
-    const near = (a, b) => Math.abs(a - b) <= 0.02 * p.unit.per_m;
-    return after[i].unit === p.unit.name && near(after[i].chart, shown(before[i].chart)) && near(after[i].level, shown(before[i].level)) && !/, m$/.test(after[i].heading);
+    // Levels are printed to four digits.
+    const near = (a, b, rounded = 0) => Math.abs(a - b) <= (0.02 + rounded) * p.unit.per_m;
+    return after[i].unit === p.unit.name && near(after[i].chart, shown(before[i].chart)) && near(after[i].level, shown(before[i].level), 1e-3 * Math.abs(before[i].level)) && !/, m$/.test(after[i].heading);
   }), JSON.stringify([before, after]));
   await picture(page, "own-units.png");
   await buttons.nth(0).click();

@@ -280,9 +280,9 @@ fn record(rig: &Rig, hidden: Option<&Scenario>, output: &Path, _speed: f64) -> C
     Ok(Outcome::Done)
 }
 
-/// How a simulated test is played: as many periods as the shipped test has.
+/// How a simulated test is played: half the periods of the shipped test, for a reader waits while it is diagnosed.
 fn timing(scenario: &Scenario) -> crate::simulate::playback::Timing {
-    crate::simulate::playback::Timing { rate_hz: 500.0, lead_s: 1.0, after_s: 8.0 * scenario.period_s() }
+    crate::simulate::playback::Timing { rate_hz: 500.0, lead_s: 1.0, after_s: 4.0 * scenario.period_s() }
 }
 
 fn shipped() -> Result<crate::recording::Recording, Box<dyn std::error::Error + Send + Sync>> {

@@ -79,8 +79,9 @@ pub fn bind(
         }
         taken[place] = Some(track.name.clone());
         repairs.append(&mut track.repairs);
-        scale(&mut track, &rig.sensors[place], options);
-        series[place] = converted(track, &rig.sensors[place], density, options.guess, repairs).map_err(fault)?;
+        let is_scaled = scale(&mut track, &rig.sensors[place], options);
+        series[place] =
+            converted(track, &rig.sensors[place], density, is_scaled, options.guess, repairs).map_err(fault)?;
     }
     if taken.iter().all(Option::is_none) {
         return Err(no_sensor(path, rig, &spare, table));
@@ -130,13 +131,14 @@ pub fn require_sensors(parts: &[&Recording], rig: &Rig, without: &[String]) -> R
     Ok(())
 }
 
-/// Brings the numbers of a track to the unit of the line that the user gives, or to the sensor's.
-fn scale(track: &mut Track, sensor: &Sensor, options: &SourceOptions) {
+/// Brings the numbers of a track to the unit of the line that the user gives, or to the sensor's; whether there is one.
+fn scale(track: &mut Track, sensor: &Sensor, options: &SourceOptions) -> bool {
     let given = options.scales.iter().find(|(name, _)| is_called(track, name) || *name == sensor.name);
     if let Some((_, line)) = given {
         track.series.value.iter_mut().for_each(|v| *v = line.scale * *v + line.offset);
         track.unit = line.unit.map(|unit| unit.symbol.to_owned());
     }
+    given.is_some()
 }
 
 fn is_called(track: &Track, name: &str) -> bool {
@@ -187,6 +189,7 @@ fn converted(
     track: Track,
     sensor: &Sensor,
     density: f64,
+    is_scaled: bool,
     guess: bool,
     repairs: &mut Vec<Repair>,
 ) -> Result<Series, CsvProblem> {
@@ -194,7 +197,8 @@ fn converted(
     let Some(text) = track.unit else { return Ok(series) };
     let quantity = quantity_of(sensor.kind);
     let found = match quantity {
-        Quantity::Pressure => pressure_unit(&track.short, &text),
+        // What a line gives counts from the atmosphere, whatever the name says.
+        Quantity::Pressure if !is_scaled => pressure_unit(&track.short, &text),
         _ => spelled_unit(&text, quantity).map(|unit| (unit, false)),
     };
     let (from, is_absolute) = match found {
