@@ -1,13 +1,15 @@
 //! One job at a time: it tells how far it has come, and can be cancelled.
 
 use std::error::Error;
-use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
+use rayon::ThreadPoolBuilder;
 use serde_json::json;
 
-use crate::fit::progress::{Passing, Progress};
+use crate::fit::progress::{Passing, Progress, Stopped, heed, stop_if_told};
 use crate::watch::evaluate::sentence;
 use crate::web::session::events::Hub;
 
@@ -40,7 +42,7 @@ pub struct Job {
     /// The model as it is at this moment, where one is being fitted.
     pub passing: Option<Arc<Passing>>,
     opens: bool,
-    cancelled: bool,
+    stop: Arc<AtomicBool>,
 }
 
 #[derive(Default)]
@@ -58,9 +60,6 @@ pub struct Jobs {
     ended: Condvar,
     hub: Arc<Hub>,
 }
-
-/// What a cancelled computation unwinds with.
-struct Cancelled;
 
 impl Jobs {
     /// None at work; `hub` is told of each.
@@ -97,6 +96,7 @@ impl Jobs {
         opens: bool,
         work: impl FnOnce(&Arc<Jobs>) -> Result<(), AnyError> + Send + 'static,
     ) -> Result<u64, Busy> {
+        let stop = Arc::new(AtomicBool::new(false));
         let id = {
             let mut state = self.lock();
             if let Some(job) = &state.job {
@@ -105,25 +105,22 @@ impl Jobs {
             state.last += 1;
             state.iterations = 0;
             let (what, progress) = (what.to_owned(), String::new());
-            state.job = Some(Job {
-                id: state.last,
-                what,
-                progress,
-                errors: Vec::new(),
-                passing: None,
-                opens,
-                cancelled: false,
-            });
+            let stop = stop.clone();
+            state.job = Some(Job { id: state.last, what, progress, errors: Vec::new(), passing: None, opens, stop });
             state.last
         };
         self.hub.changed();
         let jobs = self.clone();
         std::thread::spawn(move || {
-            let ended = catch_unwind(AssertUnwindSafe(|| work(&jobs)));
+            // threads of its own, so that what is computed for pages meanwhile is not stopped with it
+            let heeding = stop.clone();
+            let threads = ThreadPoolBuilder::new().start_handler(move |_| heed(heeding.clone())).build();
+            heed(stop);
+            let ended = catch_unwind(AssertUnwindSafe(|| threads?.install(|| work(&jobs))));
             let message = match ended {
                 Ok(Ok(())) => None,
                 Ok(Err(error)) => Some(sentence(error.as_ref())),
-                Err(reason) if reason.is::<Cancelled>() => Some("cancelled".to_owned()),
+                Err(reason) if reason.is::<Stopped>() => Some("cancelled".to_owned()),
                 Err(_) => Some("this failed by a fault of the program; nothing was changed".to_owned()),
             };
             jobs.lock().job = None;
@@ -136,26 +133,23 @@ impl Jobs {
         Ok(id)
     }
 
-    /// Cancels the job at work: it ends when it next tells how far it has come.
+    /// Cancels the job at work: it ends when it next runs a model or tells how far it has come.
     pub fn cancel(&self) -> Option<u64> {
         let mut state = self.lock();
         let job = state.job.as_mut()?;
-        job.cancelled = true;
+        job.stop.store(true, Ordering::Relaxed);
         "cancelling".clone_into(&mut job.progress);
         Some(job.id)
     }
 
-    /// Hears from a computation. One that is cancelled is unwound from here, through the threads it may have started.
+    /// Hears from a computation.
     pub fn hear(&self, progress: &Progress) {
+        stop_if_told();
         let mut state = self.lock();
         let noise_m = state.noise_m;
         let counted = state.iterations + usize::from(progress.fitting.is_some());
         state.iterations = counted;
         let Some(job) = state.job.as_mut() else { return };
-        if job.cancelled {
-            drop(state);
-            resume_unwind(Box::new(Cancelled));
-        }
         job.progress = progress.to_string();
         job.passing = progress.passing.clone().or(job.passing.take());
         let rmse_m = progress.fitting.map(|at| at.error_over_noise * noise_m).filter(|e| e.is_finite());

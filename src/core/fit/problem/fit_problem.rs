@@ -13,7 +13,7 @@ use crate::fit::problem::error::FitError;
 use crate::fit::problem::objective::{Bins, Objective};
 use crate::fit::problem::parameters::placed_sensor;
 use crate::fit::problem::rows::SampleRows;
-use crate::fit::progress::Passing;
+use crate::fit::progress::{Passing, stop_if_told};
 use crate::model::constraint::{Constraint, Given};
 use crate::model::energy::Energy;
 use crate::model::parameter::{Parameter, Scale};
@@ -317,6 +317,7 @@ impl<'a> FitProblem<'a> {
         reaches: usize,
         simulate: Simulate<'a>,
     ) -> Result<Simulated, ModelError> {
+        stop_if_told();
         let run = &self.runs[r];
         let own = &values[self.run_offsets[r]..];
         let run_values = self.run_values(r, values);
