@@ -74,6 +74,19 @@ function draw(canvas, trace) {
   trace.forEach((bin, i) => { if (bin) context.fillRect(canvas.width - (trace.length - i) * width, y(bin[1]), width + 0.5, Math.max(1.5, y(bin[0]) - y(bin[1]))); });
 }
 
+// Room on the disk, every few seconds while a recording runs.
+async function room() {
+  const box = at("live-disk");
+  if (!box || at("live").hidden) return;
+  try {
+    const disk = await ask("/api/disk");
+    const lasts = disk?.lasts_s && (disk.lasts_s < 7200 ? `${Math.round(disk.lasts_s / 60)} min` : disk.lasts_s < 172800 ? `${Math.round(disk.lasts_s / 3600)} h` : `${Math.round(disk.lasts_s / 86400)} days`);
+    box.textContent = disk ? `disk: ${digits(disk.free_bytes / 1e9, 3)} GB free${lasts ? `, enough for ${lasts}` : ""}` : "";
+    box.classList.toggle("advice", Boolean(disk?.lasts_s && disk.lasts_s < 600));
+  } catch { box.textContent = ""; }
+}
+setInterval(room, 3000);
+
 export function live(told) {
   const box = at("live");
   const names = told.sensors.map((s) => s.name).join();
@@ -81,9 +94,9 @@ export function live(told) {
     box.dataset.names = names;
     strips.clear();
     told.sensors.forEach((s) => strips.set(s.name, strip(s)));
-    put(box, h("div", { class: "card" }, h("p", { id: "live-line" }), h("p", { id: "live-trigger", class: "hint" }), h("button", { type: "button", class: "warn", text: "Stop recording", onclick: () => act("/api/record/stop") })), [...strips.values()].map((s) => s.card));
+    put(box, h("div", { class: "card" }, h("p", { id: "live-line" }), h("p", { id: "live-trigger", class: "hint" }), h("p", { id: "live-disk", class: "hint" }), h("button", { type: "button", class: "warn", text: "Stop recording", onclick: () => act("/api/record/stop") })), [...strips.values()].map((s) => s.card));
   }
-  box.hidden = false;
+  if (box.hidden) { box.hidden = false; room(); }
   at("live-line").textContent = `${told.file}: ${digits(told.recorded_s ?? 0, 4)} s, ${told.samples} samples, ${Math.round(told.samples_per_s)} a second, ${told.gaps} gaps`;
   const trigger = told.trigger;
   at("live-trigger").textContent = [trigger && `trigger ${trigger.condition}: ${trigger.phase}, ${trigger.fired} shots`, ...told.devices.map((d) => d.trouble)].filter(Boolean).join("; ");

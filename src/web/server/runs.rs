@@ -22,6 +22,7 @@ pub(crate) fn routes() -> Router<Arc<App>> {
             get(|State(app): State<Arc<App>>| calm(move || Ok(of_json(&runs::history(&app.session)?)))),
         )
         .route("/api/models", get(|State(app): State<Arc<App>>| calm(move || Ok(of_json(&model::all(&app.session)?)))))
+        .route("/api/disk", get(|State(app): State<Arc<App>>| calm(move || Ok(of_json(&app.session.room())))))
         .route("/api/simulation", get(simulation))
 }
 

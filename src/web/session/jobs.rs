@@ -106,8 +106,7 @@ impl Jobs {
             state.iterations = 0;
             let (what, progress) = (what.to_owned(), String::new());
             let stop = stop.clone();
-            let errors = Vec::new();
-            state.job = Some(Job { id: state.last, what, progress, errors, passing: None, opens, stop });
+            state.job = Some(Job { id: state.last, what, progress, errors: Vec::new(), passing: None, opens, stop });
             state.last
         };
         self.hub.changed();

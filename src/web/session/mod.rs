@@ -18,6 +18,8 @@ use std::time::Duration;
 
 use serde_json::{Value, json};
 
+use crate::record::health::disk::DiskWatch;
+use crate::record::health::snapshot::Disk;
 use crate::rig::Rig;
 use crate::watch::folder::list;
 use crate::web::session::actions::Action;
@@ -47,6 +49,8 @@ pub struct Session {
     pub recorder: Arc<Recorder>,
     /// Runs that are looked at without being opened.
     pub glances: Glances,
+    /// The disk that a recording fills; whoever asks waits for the disk, the recorder does not.
+    pub disk: Mutex<DiskWatch>,
     /// Recordings that have come since the first was started here.
     arrivals: Mutex<Arrivals>,
 }
@@ -72,6 +76,7 @@ impl Session {
             hub,
             recorder: Arc::default(),
             glances: Glances::default(),
+            disk: Mutex::default(),
             arrivals: Mutex::default(),
         });
         let first = session.place.first();
@@ -135,6 +140,16 @@ impl Session {
     /// The rig to record on: the one that was named, or that of the runs that are open.
     pub fn rig(&self) -> Option<Rig> {
         self.place.rig().cloned().or_else(|| Some(self.bench()?.study.rig().clone()))
+    }
+
+    /// Room on the disk that the recording fills, or would fill, and how long it lasts at this rate; null where nobody knows.
+    pub fn room(&self) -> Value {
+        let place = self.recorder.growing().unwrap_or_else(|| self.folder());
+        let disk = self.disk.lock().unwrap_or_else(PoisonError::into_inner).look(&place);
+        let lasts_s = |disk: Disk| Some(disk.lasts_s()).filter(|s| s.is_finite());
+        json!(disk.map(
+            |disk| json!({ "free_bytes": disk.free_bytes, "bytes_per_s": disk.bytes_per_s, "lasts_s": lasts_s(disk) })
+        ))
     }
 
     /// Where recordings are written.

@@ -5,7 +5,7 @@ use serde_json::{Value, json};
 use crate::common::{CREEP, here};
 use crate::workbench::client::Workbench;
 
-const GETS: [&str; 15] = [
+const GETS: [&str; 16] = [
     "/",
     "/assets/index.html",
     "/api/state",
@@ -15,6 +15,7 @@ const GETS: [&str; 15] = [
     "/api/curves.csv",
     "/api/curves.parquet",
     "/api/compare",
+    "/api/disk",
     "/api/glance",
     "/api/history",
     "/api/models",

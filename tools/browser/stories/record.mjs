@@ -20,6 +20,7 @@ await story("a recorded shot is diagnosed as by `diagnose`", { words: ["rig.toml
   await shot(page, "record");
   await page.click("#record >> text=Start");
   await page.waitForFunction(() => !document.querySelector("#live").hidden && /[1-9]\d* samples/.test(document.querySelector("#live-line").textContent));
+  await page.waitForFunction(() => document.querySelector("#live-disk").textContent.includes("GB free"));
   await shot(page, "live");
   // it is opened, fitted and diagnosed by itself
   await page.waitForSelector(".verdict");

@@ -4,7 +4,6 @@
 //! reader that does not read, never holds up the recording.
 
 pub(crate) mod changes;
-pub(crate) mod disk;
 pub(crate) mod numbers;
 pub(crate) mod sparkline;
 pub(crate) mod table;
@@ -21,10 +20,10 @@ use std::time::{Duration, Instant};
 use console::{Style, Term};
 
 use crate::cli::console::live::changes::{changes, progress};
-use crate::cli::console::live::disk::DiskWatch;
 use crate::cli::console::live::tone::Tone;
 use crate::cli::console::live::view::{Line, Size, view, wrapped};
 use crate::cli::console::print::tell;
+use crate::record::health::disk::DiskWatch;
 use crate::record::health::snapshot::Snapshot;
 
 /// How often a line is written where there is no terminal.

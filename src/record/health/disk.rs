@@ -11,7 +11,7 @@ const NEWEST: f64 = 0.3;
 
 /// Looks at a growing file and its disk.
 #[derive(Debug, Default)]
-pub(crate) struct DiskWatch {
+pub struct DiskWatch {
     file: PathBuf,
     /// Its length, and when it had it.
     length: Option<(u64, Instant)>,
@@ -20,7 +20,7 @@ pub(crate) struct DiskWatch {
 
 impl DiskWatch {
     /// The disk of a file that grows, or of a folder in which none does now.
-    pub(crate) fn look(&mut self, place: &Path) -> Option<Disk> {
+    pub fn look(&mut self, place: &Path) -> Option<Disk> {
         let known = self.length.filter(|_| self.file == place);
         if known.is_some_and(|(_, at)| at.elapsed() < LOOK_EVERY) {
             return self.seen;
