@@ -113,11 +113,12 @@ mod tests {
         let mut to = zip::ZipWriter::new(Cursor::new(Vec::new()));
         for i in 0..from.len() {
             let member = from.by_index_raw(i).unwrap();
-            if !member.name().ends_with("sheet2.xml") {
+            let name = member.name().unwrap().into_owned();
+            if !name.ends_with("sheet2.xml") {
                 to.raw_copy_file(member).unwrap();
                 continue;
             }
-            to.start_file(member.name().to_owned(), zip::write::SimpleFileOptions::default()).unwrap();
+            to.start_file(name, zip::write::SimpleFileOptions::default()).unwrap();
             to.write_all(b"<worksheet xmlns=\"http://schemas.openxmlformats.org/spreadsheetml/2006/main\"><sheetData>")
                 .unwrap();
             rows.iter().for_each(|row| to.write_all(row.as_bytes()).unwrap());
