@@ -204,7 +204,7 @@ fn odd_readings_are_called_odd() {
         (&(|t: f64| 2.0 - t / 4000.0) as &dyn Fn(f64) -> f64, all, "no creep describes these readings"),
         (&|_| 1.0, all, "the material is elastic"),
         // strain in percent for strain, MPa for GPa
-        (&|t| 0.009 + 0.0002 * t.ln(), all, "walls that creep have 0.02 to 10 1/GPa"),
+        (&|t| 0.009 + 0.0002 * t.ln(), all, "walls that creep have 0.020 to 10 1/GPa"),
         (&|t| 900.0 + 20.0 * t.ln(), all, "check the unit in the column's name"),
         (&|t| 0.8 + t / 1e4, all, "is slower"),
         (&|t| 0.5 + 0.1 * t.powf(0.3), all, "the spectrum is broad"),

@@ -137,3 +137,18 @@ fn a_rig_is_drawn_to_scale() {
         within(&folder, &["rig", "show", text(&crate::common::here("rigs/demo-hdpe.toml")), "--svg", "rig.toml"]);
     assert!(refused.0 == 2 && refused.2.contains("must be named .svg"), "{}", refused.2);
 }
+
+/// A length in feet and a wall of another material are noticed when the rig is made.
+#[test]
+fn answers_that_the_record_contradicts_are_named() {
+    let folder = logged();
+    let asked = |material: &str, length: &str, file: &str| {
+        let pipe = ["--material", material, "--length-m", length, "--pipe", "22x1.5"];
+        must(&folder, &[&["rig", "new", "log.csv", "--yes", "-o", file], &pipe[..]].concat()).1
+    };
+    let said = asked("copper", "328.1", "feet.toml");
+    assert!(said.contains("If its length is 328.1 feet, which are 100.00 m"), "{said}");
+    let said = asked("HDPE", "100", "plastic.toml");
+    assert!(said.contains("would fit if it were of") && said.contains("copper"), "{said}");
+    assert!(!asked("copper", "100", "right.toml").contains("warning"));
+}

@@ -122,7 +122,7 @@ impl<'t> Table<'t> {
         let of = |line: &'t str| cells(line, separator);
         // The second half of a file is rows, and shows which columns hold words.
         let rows: Vec<&'t str> = lines.iter().copied().filter(|l| is_row(l)).collect();
-        let late = worded(rows[rows.len() / 2..].iter().map(|l| of(l)));
+        let late = worded(rows[(rows.len() / 2).max(rows.len().saturating_sub(JUDGED))..].iter().map(|l| of(l)));
         let is_data = |line: &&'t str| {
             let cells = of(line);
             let at_home = cells.iter().enumerate().all(|(i, c)| !is_word(c) || late.contains(&i));
