@@ -168,7 +168,7 @@ mod tests {
         );
         assert!(!known.faster, "the first reading is at a hundredth of the period");
         let none = wall_prior(&file(&[500.0]), 1.0, 20.0, 0.1, 5).unwrap_err().to_string();
-        assert!(none.contains("none of the elements") && none.contains("5.0000e2 s"), "{none}");
+        assert!(none.contains("none of the elements") && none.contains("500 s"), "{none}");
         let many = wall_prior(&file(&[0.05, 0.1, 0.2]), 1.0, 20.0, 0.1, 2).unwrap_err();
         assert_eq!(many, CreepError::TooManyInReach { found: 3, most: 2 });
     }
