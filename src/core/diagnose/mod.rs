@@ -249,7 +249,10 @@ fn pairs_of(
     if left(best_fit(candidate_fits)) < EXPLAINED_OVER_NOISE {
         return Vec::new();
     }
-    let mut pairs = fitted_pairs(fitter, baseline, refits, best_fit(candidate_fits));
+    let mut leading: Vec<&CandidateFit> = candidate_fits.iter().collect();
+    leading.sort_by(|a, b| a.square.total_cmp(&b.square));
+    let leading: Vec<&Refit> = leading.into_iter().map(|r| r.refit).collect();
+    let mut pairs = fitted_pairs(fitter, baseline, refits, best_fit(candidate_fits), &leading, start);
     // Beside the other one an effect may have got where it explains the records alone.
     if let Some(best) = pairs.first() {
         let last = best.fit.effects.len() - 1;

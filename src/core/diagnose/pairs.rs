@@ -3,6 +3,7 @@
 //! Each effect's refit has a signature: how it changes the residuals, less what the start model can absorb. What two signatures would leave
 //! together is a small linear problem, so all pairs are ranked by it. Far from the start model signatures say little, so the other
 //! effects are also tried beside the best single one. The best pairs are refitted on the coarse grid, and the best of these to all samples.
+//! Where that does not explain the records, the start model's parameters may have led astray: the leading effect is then fitted beside each other one from the signals.
 
 use rayon::prelude::*;
 
@@ -11,8 +12,8 @@ use crate::diagnose::candidate::Form;
 use crate::diagnose::candidate_fit::{FullFitter, least_fall, over_noise, square};
 use crate::diagnose::evidence::EvidenceScale;
 use crate::diagnose::limits::{
-    CONVERGE_BELOW, DOWN_TO_THE_NOISE, FULL_FITS, LEAST_EVIDENCE, LEAST_SHARE_OF_SECOND, NO_FULL_FIT_ABOVE,
-    PAIR_STRENGTH, REFINE, REFINED_PAIRS,
+    CONVERGE_BELOW, EXPLAINED_OVER_NOISE, FULL_FITS, LEAST_EVIDENCE, LEAST_SHARE_OF_SECOND, NO_FULL_FIT_ABOVE,
+    PAIR_STRENGTH, REFINE, REFINED_PAIRS, START_DOUBTFUL,
 };
 use crate::diagnose::refit::Refit;
 use crate::diagnose::screening::refits;
@@ -21,6 +22,7 @@ use crate::fit::numeric::least_squares::{Problem, minimise};
 use crate::fit::outcome::fit::{Fit, FittedParameter};
 use crate::fit::problem::error::FitError;
 use crate::fit::progress::Progress;
+use crate::fit::search::calibrate::CoarseFit;
 use crate::model::effects::Chosen;
 use crate::product::dot;
 
@@ -52,11 +54,13 @@ impl PairFit {
         }
     }
 
-    /// Goes on to its optimum. What is left may be the way that the fit came.
+    /// Whether it is of the effects of these two forms.
+    fn is_of(&self, forms: &[Form; 2]) -> bool {
+        forms.iter().all(|form| self.of.iter().any(|own| own.effect == form.effect))
+    }
+
+    /// Goes on to its optimum.
     fn settle(&mut self, fitter: &FullFitter) {
-        if over_noise(&self.fit, fitter.runs) > DOWN_TO_THE_NOISE {
-            self.take(fitter.fit_pair_from_scratch(&self.of));
-        }
         if !self.fit.converged {
             self.take(fitter.converged(&self.fit));
         }
@@ -84,24 +88,27 @@ impl PairFit {
 }
 
 /// The pairs that leave least, the best first, fitted to all samples: those for whose second effect the coarse refits give evidence enough. The best
-/// `single` effect is one to start from.
+/// `single` effect is one to start from; `leading` has a form of each effect, that which leaves least alone first.
 pub(crate) fn fitted_pairs(
     fitter: &FullFitter,
     baseline: &Baseline,
     refits: &[Refit],
     single: Option<(&Form, &Fit)>,
+    leading: &[&Refit],
+    start: &Fit,
 ) -> Vec<PairFit> {
     (fitter.progress)(&Progress::from("two effects at once"));
     let promising = promising(baseline, refits);
     let mut refitted: Vec<PairRefit> = promising.par_iter().filter_map(|of| refitted(baseline, *of)).collect();
     refitted.extend(single.into_iter().flat_map(|(form, fit)| beside(fitter, form, fit)));
     refitted.sort_by(|a, b| a.square.total_cmp(&b.square));
-    let Some(best) = refitted.first() else { return Vec::new() };
     let refitted_alone = refits.iter().map(|refit| refit.square).fold(baseline.square, f64::min);
-    let scale = EvidenceScale::of(&best.residuals, baseline.features());
-    let most = NO_FULL_FIT_ABOVE * best.square;
-    refitted
-        .retain(|pair| pair.square < most && scale.evidence(refitted_alone, pair.square, pair.added) > LEAST_EVIDENCE);
+    if let Some(best) = refitted.first() {
+        let scale = EvidenceScale::of(&best.residuals, baseline.features());
+        let most = NO_FULL_FIT_ABOVE * best.square;
+        let worth = |pair: &PairRefit| scale.evidence(refitted_alone, pair.square, pair.added) > LEAST_EVIDENCE;
+        refitted.retain(|pair| pair.square < most && worth(pair));
+    }
     one_form_each(&mut refitted);
     refitted.truncate(FULL_FITS);
     let fits = refitted.into_par_iter().filter_map(|pair| {
@@ -109,6 +116,11 @@ pub(crate) fn fitted_pairs(
         Some(PairFit { of: pair.of, fit })
     });
     let mut fits: Vec<PairFit> = fits.collect();
+    let led_astray = over_noise(start, fitter.runs) > START_DOUBTFUL;
+    let left = fits.iter().map(|pair| over_noise(&pair.fit, fitter.runs)).fold(f64::INFINITY, f64::min);
+    if led_astray && left > EXPLAINED_OVER_NOISE {
+        from_the_signals(fitter, baseline, leading, &mut fits);
+    }
     fits.sort_by(|a, b| square(&a.fit).total_cmp(&square(&b.fit)));
     let Some((best, rivals)) = fits.split_first_mut() else { return fits };
     best.settle(fitter);
@@ -117,6 +129,49 @@ pub(crate) fn fitted_pairs(
     rivals.par_iter_mut().filter(|rival| square(&rival.fit) < near).for_each(|rival| rival.settle(fitter));
     fits.sort_by(|a, b| square(&a.fit).total_cmp(&square(&b.fit)));
     fits
+}
+
+/// Fits the `leading` effect, the first, with each of the others from the signals on a coarse grid. Where that leaves much, the leading effect may
+/// stand in for another: then the one that was best beside it takes its place. Those that leave least are fitted to all samples.
+fn from_the_signals(fitter: &FullFitter, baseline: &Baseline, leading: &[&Refit], fits: &mut Vec<PairFit>) {
+    let mut coarse: Vec<([Form; 2], CoarseFit)> = Vec::new();
+    let mut kept = leading.first().copied();
+    while let Some(one) = kept.take() {
+        let others =
+            leading.par_iter().filter(|other| other.form.effect != one.form.effect && can_be_combined(one, other));
+        let with = others.filter_map(|other| {
+            let of = [one, *other].map(|refit| refit.form.clone());
+            let added = of.iter().map(|form| &form.chosen);
+            let effects: Vec<Chosen> = baseline.effects.iter().chain(added).cloned().collect();
+            Some((of.clone(), fitter.coarse_pair(&of, &effects).ok()?))
+        });
+        let first = coarse.is_empty();
+        coarse.extend(with.collect::<Vec<_>>());
+        coarse.sort_by(|a, b| a.1.mean_square.total_cmp(&b.1.mean_square));
+        if let Some(([_, other], fit)) = coarse.first()
+            && first
+            && fit.mean_square > START_DOUBTFUL.powi(2)
+        {
+            kept = leading.iter().find(|refit| refit.form.effect == other.effect).copied();
+        }
+    }
+    let most = NO_FULL_FIT_ABOVE * coarse.first().map_or(0.0, |(_, best)| best.mean_square);
+    coarse.truncate(FULL_FITS);
+    coarse.retain(|(_, fit)| fit.mean_square <= most);
+    let fine: Vec<PairFit> = coarse
+        .into_par_iter()
+        .filter_map(|(of, coarse)| {
+            let fit = fitter.fit_pair(&of, &coarse.effects, &coarse.values).ok()?;
+            Some(PairFit { of, fit })
+        })
+        .collect();
+    for pair in fine {
+        match fits.iter_mut().find(|known| known.is_of(&pair.of)) {
+            Some(known) if square(&pair.fit) < square(&known.fit) => *known = pair,
+            Some(_) => {}
+            None => fits.push(pair),
+        }
+    }
 }
 
 /// The other effects beside a single one, from its fit to all samples.
