@@ -50,17 +50,26 @@ export async function simulate(question) {
 }
 
 // Events as they come. A browser opens six connections to a host, so one page listens and tells the others; when it is closed another takes over.
+// A fit tells its errors faster than anyone can look: the handler of `progress` gets a list of them from time to time, and leaves the fit the processor.
+const GATHERED_MS = 100;
 export function listen(handlers) {
   const others = new BroadcastChannel("events");
   const hear = (name, data) => handlers[name]?.(data);
   others.addEventListener("message", ({ data }) => hear(...data));
+  const tell = (name, data) => { hear(name, data); others.postMessage([name, data]); };
+  let gathered = [];
+  const flush = () => { if (gathered.length) tell("progress", gathered); gathered = []; };
   const stream = () => {
     // it comes back by itself after a break
     const source = new EventSource("/api/events");
     Object.keys(handlers).forEach((name) => source.addEventListener(name, (event) => {
       const data = event.data ? JSON.parse(event.data) : null;
-      hear(name, data);
-      others.postMessage([name, data]);
+      if (name === "progress") {
+        if (gathered.push(data) === 1) setTimeout(flush, GATHERED_MS);
+        return;
+      }
+      flush();
+      tell(name, data);
     }));
   };
   // a page that came over a network has no locks, and listens for itself

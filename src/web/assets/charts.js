@@ -169,12 +169,14 @@ const EVERY_MS = 200;
 export async function watchFit(job) {
   if (following) return;
   following = job;
+  const until = (ms) => new Promise((done) => setTimeout(done, Math.max(20, ms)));
+  await until(EVERY_MS);
   while (app.state?.job?.id === following) {
     const began = performance.now();
     // a curve that cannot be had at the moment is had the next time
     await Promise.all(panels.map((panel) => panel.watch().catch(() => null)));
     if (app.state?.job?.id === following) draw();
-    await new Promise((done) => setTimeout(done, Math.max(20, EVERY_MS - (performance.now() - began))));
+    await until(EVERY_MS - (performance.now() - began));
   }
   following = null;
   panels.forEach((panel) => { panel.data.trial = null; });

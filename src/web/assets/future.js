@@ -81,16 +81,17 @@ function falling() {
     label(LEFT, 89, "error by iteration", "start"), label(RIGHT, 89, `${errors.at(-1)[0]}: ${metres(now)}`)));
 }
 
-export function progress(told) {
-  if (!app.state?.job || app.state.job.id !== told.job) return;
-  const fits = told.what !== "diagnosing";
-  if (told.rmse_m !== null) errors.push([told.iteration, told.rmse_m]);
+export function progress(list) {
+  const own = list.filter((told) => told.job === app.state?.job?.id);
+  if (!own.length) return;
+  const [last, moved] = [own.at(-1), own.filter((told) => told.rmse_m !== null)];
+  errors.push(...moved.map((told) => [told.iteration, told.rmse_m]));
   const words = at("progress");
-  if (words) words.textContent = told.progress;
+  if (words) words.textContent = last.progress;
   falling();
-  if (!fits) return;
-  if (told.moves) watchFit(told.job);
-  if (told.rmse_m !== null && app.state.model) falls(told.rmse_m);
+  if (last.what === "diagnosing") return;
+  if (own.some((told) => told.moves)) watchFit(last.job);
+  if (moved.length && app.state.model) falls(moved.at(-1).rmse_m);
 }
 
 export function missing() {

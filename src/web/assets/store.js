@@ -24,7 +24,15 @@ const redraws = [];
 export const onState = (redraw) => redraws.push(redraw);
 
 let model = null;
-export async function refresh() {
+let asked = null;
+// Events come in bundles, such as a new model and the end of its job: one answer serves them all.
+const BUNDLE_MS = 10;
+export function refresh() {
+  asked ||= new Promise((done) => setTimeout(done, BUNDLE_MS)).then(() => { asked = null; return renew(); });
+  return asked;
+}
+
+async function renew() {
   app.state = await ask("/api/state");
   const now = app.state.model;
   const key = JSON.stringify([app.state.open?.title, now?.number, now?.rmse_m]);
