@@ -5,13 +5,12 @@
 
 use rayon::prelude::*;
 
-use crate::diagnose::candidate_fit::{evidence_scale, least_fall, over_noise, square};
+use crate::diagnose::candidate_fit::{FullFitter, evidence_scale, least_fall, over_noise, square};
 use crate::diagnose::circumstances::{circumstances, features};
-use crate::diagnose::limits::LEAST_EVIDENCE;
+use crate::diagnose::limits::{CONVERGE_BELOW, LEAST_EVIDENCE};
 use crate::fit::data::run_data::RunData;
 use crate::fit::outcome::fit::Fit;
 use crate::fit::progress::{OnProgress, Progress};
-use crate::fit::search::calibrate::without;
 use crate::fit::search::options::Options;
 use crate::model::Model;
 use crate::model::effects::Chosen;
@@ -27,6 +26,7 @@ pub fn without_needless(
     progress: &OnProgress<'_>,
 ) -> Option<(Fit, Chosen)> {
     let stays = |effect: &Chosen| kept.iter().any(|c| c.effect.name() == effect.effect.name());
+    let fitter = FullFitter { rig, runs, effects: &fit.effects, options, progress, least_fall: least_fall(runs, 0.0) };
     let model = Model::new(rig, &runs.first()?.conditions.water, &fit.effects);
     let scale = evidence_scale(fit, features(runs));
     let known = circumstances(rig, runs);
@@ -34,10 +34,13 @@ pub fn without_needless(
         let gone = fit.effects[i].clone();
         progress(&Progress::from(format!("without {}", gone.label())));
         let own = model.parameters_of(i);
-        let smaller = without(rig, runs, fit, i, options, &|_| {}).ok()?;
+        let mut smaller = fitter.without(fit, i).ok()?;
+        if square(&smaller) < CONVERGE_BELOW * square(fit) {
+            smaller = fitter.converged(&smaller).ok().filter(|on| square(on) < square(&smaller)).unwrap_or(smaller);
+        }
         let evidence = scale.evidence(square(&smaller), square(fit), own.len());
         let size: Vec<f64> = fit.values()[own].to_vec();
-        let worth = over_noise(&smaller, runs).powi(2) - over_noise(fit, runs).powi(2) > least_fall(runs, 0.0);
+        let worth = over_noise(&smaller, runs).powi(2) - over_noise(fit, runs).powi(2) > fitter.least_fall;
         let needed = evidence > LEAST_EVIDENCE && worth && gone.effect.noteworthy(&size, &known);
         (!needed).then_some((evidence, smaller, gone))
     });
