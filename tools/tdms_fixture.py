@@ -84,7 +84,7 @@ def stretches(path):
     with TdmsWriter(path) as writer:
         writer.write_segment([ChannelObject("A", "P1", a, wave), ChannelObject("B", "P1", np.arange(50.0), wave)])
         writer.write_segment([ChannelObject("B", "P1", np.arange(50.0, 60.0), later)])
-        # group C: what is said only with the second segment, group D: and corrected behind the last value, is of all values
+        # group C: what only the second segment states, group D: and corrected behind the last value, is of all values
         writer.write_segment([ChannelObject(group, "P1", np.arange(5.0), {}) for group in "CD"])
         writer.write_segment([ChannelObject(group, "P1", np.arange(5.0, 9.0), wave) for group in "CD"])
         writer.write_segment([ChannelObject("D", "P1", np.array([]), later)])

@@ -292,7 +292,7 @@ fn only_the_plastic_pipe_creeps() {
     made.must_come_back(&made.recording(None), 1.2);
 }
 
-/// Four elements of creep for a copper pipe that has none: those that vanish leave what is said of the others as it is.
+/// Four elements of creep for a copper pipe that has none: those that vanish leave the results of the others as they are.
 #[test]
 fn elements_that_vanish_spare_the_others() {
     let fit = fit(&[shipped("copper-leak.mcap")], "viscoelastic-wall:4");

@@ -269,7 +269,7 @@ fn the_shipped_tests_lead_to_a_calibration() {
     assert!(err.contains("by Arrhenius' law"), "{err}");
     assert!(!err.contains("contradicts the creep test"), "{err}");
     assert!(err.contains("J assumes c1 = 1.0000 in 'main'"), "{err}");
-    // One of another material: the record contradicts it, and that is said.
+    // One of another material: the record contradicts it, and the program says so.
     let text = std::fs::read_to_string(&result).unwrap();
     let other: String = text
         .lines()

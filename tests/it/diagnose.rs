@@ -89,7 +89,7 @@ fn what_a_rig_cannot_have_is_not_tried_and_is_doubted() {
     assert!(best(&answer)["held_out_m"].as_f64() < answer["start"]["held_out_m"].as_f64());
 }
 
-/// A sensor's gain is arithmetic, so its recordings can be made without any solver: much is found, less than is said to be visible is not.
+/// A sensor's gain is arithmetic, so its recordings can be made without any solver: much is found, less than the program calls visible is not.
 #[test]
 #[ignore = "takes 23 s; CI runs it"]
 fn the_least_visible_gain_is_where_it_says() {

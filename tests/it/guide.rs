@@ -91,7 +91,7 @@ pub(crate) fn surgescope(folder: &Path, arguments: &[&str]) -> Output {
     if arguments.first() != Some(&"open") || arguments.contains(&"--help") {
         return command.output().unwrap();
     }
-    // It serves until it is told to stop, once it has said where.
+    // It serves until somebody stops it, once it has said where.
     let mut serving = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
     let mut out = serving.stdout.take().unwrap();
     let mut said = [0; 8];

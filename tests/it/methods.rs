@@ -80,7 +80,7 @@ fn searches_without_descent_keep_their_budget_and_repeat_themselves() {
         assert!((1000..1600).contains(&spent), "{method}: {spent}");
         assert_eq!(one["parameters"], search("1")["parameters"], "{method}");
         assert_ne!(one["parameters"], search("2")["parameters"], "{method}");
-        // Where it ended is no optimum, so nothing is said of it that holds at one alone.
+        // Where it ended is no optimum, so the program claims nothing of it that holds at one alone.
         assert_eq!(one["converged"], false, "{method}: {}", one["promised_fall"]);
         assert!(one["promised_fall"].as_f64().unwrap() > 1.0, "{method}: {}", one["promised_fall"]);
         assert!(one["stopped_because"].as_str().unwrap().contains("raise --budget"), "{}", one["stopped_because"]);
@@ -222,7 +222,7 @@ fn what_a_method_does_not_heed_is_refused() {
     }
 }
 
-/// Each step is told; the error falls over them; stopped after some of them it goes on from where it was.
+/// The program reports each step; the error falls over them; stopped after some of them it goes on from where it was.
 #[test]
 fn steps_are_told_and_can_be_stopped_and_continued() {
     let folder = tempfile::tempdir().unwrap();

@@ -375,7 +375,10 @@ fn a_time_series_replaces_only_one_like_it_unless_told_to() {
     let bench = Bench::new();
     let simulate = "simulate --rig rig.toml --duration 0.2 --csv-times 0.01 --set reaches=24";
     let (_, err) = bench.expect(0, &format!("{simulate} -o new.csv"));
-    let used = err.lines().find_map(|l| l.strip_prefix("not set, defaults used: ")).expect("what was not set is told");
+    let used = err
+        .lines()
+        .find_map(|l| l.strip_prefix("not set, defaults used: "))
+        .expect("the program lists what was not set");
     for value in
         ["initial_velocity_m_s=1 ", "closing_time_s=0.1 ", "friction_scale=1 ", "friction_factor=0.0", "valve_head_m="]
     {

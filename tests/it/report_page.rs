@@ -257,7 +257,7 @@ fn a_long_record_makes_a_small_page_that_keeps_every_peak() {
             assert!(x.iter().zip(&measured).any(close), "{} cycle {} is lost", fit.name, e.cycle);
         }
     }
-    assert!(text.contains("of 37000 samples are drawn"), "the reader is told");
+    assert!(text.contains("of 37000 samples are drawn"), "the page tells the reader");
     assert_eq!(panels[0]["overlays"][0]["label"], "digitised, Fig. 6");
     assert_eq!(panels[1]["overlays"].as_array().map(Vec::len), Some(0));
 }

@@ -483,7 +483,7 @@ fn check(arguments: &[&str]) -> (Option<i32>, serde_json::Value) {
     (output.status.code(), document)
 }
 
-/// How a pipe is held decides what its creep is worth: the coefficient in use is said with the others.
+/// How a pipe is held decides what its creep is worth: the output names the coefficient in use with the others.
 #[test]
 fn the_constraint_in_use_is_said() {
     let (code, document) = check(&["rigs/demo-hdpe.toml"]);

@@ -240,7 +240,7 @@ fn slips_are_explained() {
     assert!(with(&["--sensor", "P9"]).contains("no pressure sensor 'P9'"));
     let elastic = ["rigs/demo-hdpe.toml", "--method", "map"];
     assert!(refused(&elastic).contains("viscoelastic-wall:2"));
-    // As printed, the paper's friction eats more than its supply: nothing can be simulated, and that is said.
+    // As printed, the paper's friction eats more than its supply: nothing can be simulated, and the program says so.
     assert!(refused(&["rigs/paper-ppr.toml", "--method", "morris"]).contains("valve_head_m"));
 }
 

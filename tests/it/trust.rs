@@ -1,4 +1,4 @@
-//! How far to trust a number: what a record cannot show is said, and intervals hold the truth.
+//! How far to trust a number: the program says what a record cannot show, and intervals hold the truth.
 
 use surgescope::fit::data::run_data::{Meter, RunData, RunStart, SensorData};
 use surgescope::fit::outcome::fit::{Fit, FittedParameter};

@@ -68,7 +68,7 @@ fn pictures_replace_nothing_else() {
     }
 }
 
-/// The elastic model of a pipe that creeps makes the valve open below nothing: that is said, with what to do.
+/// The elastic model of a pipe that creeps makes the valve open below nothing: the program says so, and what to do.
 #[test]
 fn a_curve_that_is_no_valves_is_called_so() {
     let output = valve(&[CREEP]);

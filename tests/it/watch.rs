@@ -167,7 +167,7 @@ fn a_killed_watch_does_nothing_twice_and_leaves_nothing_out() {
     for (file, run) in &known {
         assert_done(folder.path(), run);
         let lines = printed.lines().filter(|l| l.starts_with(&format!("{file}: "))).count();
-        assert!(lines <= 1, "{file} was told {lines} times: {printed}");
+        assert!(lines <= 1, "{lines} lines for {file}: {printed}");
         let model = folder.path().join(&run.finding.as_ref().unwrap().model_file);
         let models = ModelFile::parse(&fs::read_to_string(&model).unwrap(), &model).unwrap().models;
         assert_eq!(models.len(), 1, "what a killed process wrote is replaced");

@@ -91,7 +91,7 @@ async function failings(page, check, answer) {
     const last = [...s.querySelectorAll("h3")].at(-1).nextElementSibling;
     return last.tagName === "UL" ? [...last.children].map((li) => li.textContent.trim()) : [];
   });
-  if (answer) check("where the model fails is said as in the answer", JSON.stringify(said) === JSON.stringify(answer.fails), said.join(" | "));
+  if (answer) check("the page says where the model fails as the answer does", JSON.stringify(said) === JSON.stringify(answer.fails), said.join(" | "));
 }
 
 async function heat(page, check, sensors, models) {

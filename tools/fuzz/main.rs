@@ -1,4 +1,4 @@
-//! Throws damaged input at everything that parses what others wrote, for as long as it is told:
+//! Throws damaged input at everything that parses what others wrote, for a given time:
 //!
 //! ```sh
 //! tools/fuzz/run csv 600          # one target, seconds; without arguments every target for ten minutes

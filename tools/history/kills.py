@@ -68,7 +68,7 @@ def check(what, ok):
 
 check(f"{runs} runs are done after {kills} kills", [r[0] for r in rows("SELECT state FROM run")] == ["done"] * runs)
 check("nothing was left to do", left.returncode == 0 and left.stdout == "")
-check("no verdict was told twice", all(out.count(f"run-{n:02}.mcap: ") <= 1 for n in range(runs)))
+check("watch gives no verdict twice", all(out.count(f"run-{n:02}.mcap: ") <= 1 for n in range(runs)))
 tries = sum(r[0] for r in rows("SELECT tries FROM run"))
 check(f"runs were begun {tries} times: once each and once for each kill that hit one", runs < tries <= runs + kills)
 for n in range(runs):

@@ -47,7 +47,7 @@ pub struct Args {
 }
 
 impl Args {
-    /// To open one path as if nothing else were said.
+    /// To open one path with every option at its default.
     pub fn of(path: &Path) -> Args {
         let (no_browser, port, listen) = (false, 0, IpAddr::V4(Ipv4Addr::LOCALHOST));
         Args { paths: vec![path.to_owned()], no_browser, port, listen }

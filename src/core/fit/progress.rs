@@ -48,7 +48,7 @@ thread_local! {
     static STOP: RefCell<Option<Arc<AtomicBool>>> = const { RefCell::new(None) };
 }
 
-/// What a computation unwinds with that was told to stop.
+/// What a computation unwinds with when somebody stops it.
 pub struct Stopped;
 
 /// Makes computations on this thread unwind with [`Stopped`], at the next model that they run, once `stop` is set. Whoever starts them catches it.

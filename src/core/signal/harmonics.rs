@@ -165,7 +165,7 @@ mod tests {
         (0..n).map(|i| i as f64 * 1e-3).collect()
     }
 
-    /// Odd harmonics of a steady oscillation are told apart exactly, whatever the record's length.
+    /// The fit separates odd harmonics of a steady oscillation exactly, whatever the record's length.
     #[test]
     fn odd_harmonics_do_not_leak_into_each_other() {
         let (time_s, period_s) = (times(9001), 0.72);

@@ -260,7 +260,7 @@ mod tests {
     #[test]
     fn a_drift_within_its_own_error_is_not_known() {
         let taken = (0..200).filter(|&seed| late(6, 0.0, seed).rate != 1.0 && late(6, 0.0, seed).drift_known).count();
-        assert!(taken <= 20, "{taken} of 200 perfect clocks were said to drift");
+        assert!(taken <= 20, "{taken} of 200 perfect clocks seemed to drift");
         for seed in 0..50 {
             let line = late(60, 2e-3, seed);
             assert!(line.drift_known && (line.rate - 1.002).abs() < 2e-5, "seed {seed}: {line:?}");

@@ -48,7 +48,7 @@ fn check_unpacked(bytes: &[u8]) -> Result<(), String> {
     let most = (bytes.len() as u64 * RATIO).clamp(LEAST_UNPACKED, MOST_UNPACKED);
     let mut left = most;
     for i in 0..archive.len() {
-        // what does not unpack is said by who reads it
+        // the reader reports members that do not unpack
         let Ok(member) = archive.by_index(i) else { continue };
         left = left.saturating_sub(io::copy(&mut member.take(left + 1), &mut io::sink()).unwrap_or_default());
         if left == 0 {
@@ -63,7 +63,7 @@ fn check_spans(book: &mut Sheets<Cursor<&[u8]>>) -> Result<(), String> {
     for name in book.sheet_names() {
         let mut last = (0, 0);
         let mut see = |(row, column): (u32, u32)| last = (row.max(last.0), column.max(last.1));
-        // what cannot be read is said by who reads it
+        // the reader reports sheets that it cannot read
         match book {
             Sheets::Xlsx(book) => {
                 let Ok(mut cells) = book.worksheet_cells_reader(&name) else { continue };

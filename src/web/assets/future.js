@@ -33,7 +33,7 @@ function candidate(c) {
   const noise = app.state.model.noise_m;
   const show = () => preview(c.label);
   const bar = h("span", { class: "bar", "aria-hidden": "true" }, h("i", { style: { width: `${100 * c.probability}%` } }));
-  const alike = c.indistinguishable_from.length ? h("p", { class: "hint", text: `Cannot be told from ${c.indistinguishable_from.join(", ")}.` }) : null;
+  const alike = c.indistinguishable_from.length ? h("p", { class: "hint", text: `These recordings cannot tell it from ${c.indistinguishable_from.join(", ")}.` }) : null;
   const card = h("article", { class: "card candidate", tabindex: 0, "data-key": `p${c.label}`, "aria-label": `${c.label}, probability ${probable(c.probability)}`, onmouseenter: show, onfocus: show, onmouseleave: () => preview(null) },
     h("h3", {}, c.label, bar, h("span", { class: "number", text: probable(c.probability) })),
     about ? h("p", { text: about.summary }) : null, alike, theory(about),

@@ -1,4 +1,4 @@
-//! The server: it binds an address, lets in who may come in, and serves until it is told to stop.
+//! The server: it binds an address, lets in who may come in, and serves until somebody stops it.
 
 pub mod answers;
 pub mod assets;

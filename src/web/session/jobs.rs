@@ -62,7 +62,7 @@ pub struct Jobs {
 }
 
 impl Jobs {
-    /// None at work; `hub` is told of each.
+    /// None at work; `hub` hears of each.
     pub fn new(hub: Arc<Hub>) -> Jobs {
         Jobs { state: Mutex::new(State::default()), ended: Condvar::new(), hub }
     }
@@ -86,7 +86,7 @@ impl Jobs {
         self.lock().noise_m = noise_m;
     }
 
-    /// Starts a job on a thread of its own. Its end is told, and why it failed.
+    /// Starts a job on a thread of its own. The job reports its end, and why it failed.
     ///
     /// # Errors
     /// If one is at work.

@@ -89,7 +89,7 @@ pub struct Recorder {
 struct State {
     running: bool,
     growing: Option<PathBuf>,
-    /// Where the recording stands, and how often that was told.
+    /// Where the recording stands, and how often that was reported.
     live: Option<Arc<Snapshot>>,
     told: u64,
     /// How the last one ended.
@@ -114,8 +114,8 @@ impl Recorder {
         json!({ "running": running, "live": last.as_deref().map(live), "ended": ended })
     }
 
-    /// Where the recording stands, unless that was told as often as `told`; with how often it was. It is put into words by who asks: the
-    /// recording does not wait for that.
+    /// Where the recording stands, unless the listener has heard `told` reports already; with the number of reports. The caller puts it
+    /// into words: the recording does not wait for that.
     pub fn live_since(&self, told: u64) -> Option<(u64, Value)> {
         let state = self.lock();
         let (now, last) = (state.told, state.live.clone());
@@ -191,7 +191,7 @@ impl Recorder {
 type Session =
     Box<dyn FnOnce(&Options, &AtomicBool, &mut dyn FnMut(Snapshot)) -> Result<Summary, AnyError> + Send + 'static>;
 
-/// Opens what is recorded, so that what cannot be opened is said at once.
+/// Opens what is recorded, so that a failure to open shows at once.
 fn prepared(rig: &Rig, wanted: &Wanted) -> Result<Session, AnyError> {
     let rig = rig.clone();
     if wanted.simulate {

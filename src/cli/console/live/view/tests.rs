@@ -91,7 +91,7 @@ fn more_sensors_than_rows_keep_those_that_something_is_wrong_with() {
     assert!(text.contains("P57") && text.contains("! flat: constant at 250 kPa"), "{text}");
     assert!(text.contains("P0 ") && text.contains("more sensors, all fine"), "{text}");
     assert_eq!(text.lines().count(), 11);
-    // where not even those have room, it is said
+    // where not even those have room, the view says so
     snapshot.sensors.iter_mut().for_each(|sensor| sensor.fault = Some(SensorFault::Flat { at: 250.0 }));
     let text = drawn(&snapshot, 80, 12);
     assert!(text.contains("… 58 more sensors, 58 of them with alerts"), "{text}");

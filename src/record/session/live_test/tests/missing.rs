@@ -17,7 +17,7 @@ fn beside_a_logger(moments_ms: &[i64]) -> (Summary, Recording) {
     (summary, shot)
 }
 
-/// What a shot lacks at its beginning, or wholly, is said: a gap from one time to another, s.
+/// The shot names what it lacks at its beginning, or wholly: a gap from one time to another, s.
 fn assert_lacks(moments_ms: &[i64], from_s: f64, to_s: f64) {
     let (summary, shot) = beside_a_logger(moments_ms);
     assert!(summary.data_lost, "{moments_ms:?}: {summary:?}");
@@ -81,7 +81,7 @@ fn a_bad_line_outside_of_every_shot_costs_nothing() {
     }
 }
 
-/// Its last sample says how it stood, but it is said that nothing more came.
+/// Its last sample says how it stood, and the shot reports that nothing more came.
 #[test]
 fn a_device_that_died_before_a_shot_is_absent_from_it() {
     let dies: Vec<i64> = (0..40).map(|i| 20 * i).collect();
