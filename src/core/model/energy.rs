@@ -19,7 +19,7 @@
 //! the others, so the balance checks the step.
 
 use crate::model::contribution::{Implicit, LineTerm};
-use crate::model::node::{Node, Solved};
+use crate::model::node::{Node, Solved, Spread};
 use crate::model::state::State;
 use crate::model::steady::Steady;
 use crate::units::GRAVITY_M_S2;
@@ -205,6 +205,13 @@ impl<'a> Balance<'a> {
             let outflow = shunt.outflow(solved.right_head_m).0;
             self.row[EFFECTS + owner] += self.weight * (solved.right_head_m - behind_m) * outflow;
         }
+    }
+
+    /// Adds what an element over several joints takes from each. Call it when the joints' heads are known.
+    pub fn spread(&mut self, one: &Spread, state: &State) {
+        let segments = &self.steady.grid.segments;
+        let taken: f64 = one.at.iter().map(|&(s, weight)| weight * state.h[segments[s + 1].offset]).sum();
+        self.row[EFFECTS + one.owner] += self.weight * taken * one.flow_m3_s;
     }
 
     /// Adds the outflow through the valve.

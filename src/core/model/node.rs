@@ -5,11 +5,10 @@
 //! both at one node leave one scalar equation in the head behind the losses; it is increasing, and a safeguarded Newton
 //! iteration solves it.
 //!
-//! An element between nodes is shared among the nodes around it. Each share meets what the others sent out one or two
-//! steps before: waves that run to and fro between them. They amount to an inertance (for losses a capacitance) that a
-//! single element does not have, an error of first order. [`Overlap`] removes it.
-
-use std::cell::Cell;
+//! A shunt between nodes is one element all the same ([`Spread`]): it sees the head that is interpolated between them, and takes its flow from them
+//! by the same weights, so that it neither adds nor loses energy. A loss between nodes is shared among them ([`Overlap`]). Either meets what it sent
+//! out itself at the other nodes one to three steps before. These waves amount to an inertance (for losses a capacitance) that a single
+//! element does not have, an error of first order. It is removed.
 
 /// An element that takes water out of a node: a leak, a branch, a gas volume, a moving wall. Heads are total heads, m.
 pub trait Shunt: Send {
@@ -41,67 +40,59 @@ impl Overlap {
     }
 }
 
-/// A share of a shunt: its flow `q` sees the head minus `Z Σ c_n (q - q_n)`, where `q_n` is the flow `n` steps before.
-pub struct SharedShunt {
-    inner: Box<dyn Shunt>,
-    by: [f64; 2],
-    flows_m3_s: [f64; 2],
-    /// The latest solution: the next one is near.
-    latest: Cell<Seen>,
-}
-
-/// What a share's shunt sees and does at a head of the node.
-#[derive(Debug, Clone, Copy, Default)]
-struct Seen {
-    node_head_m: f64,
+/// A shunt between nodes. At the head `h` that the nodes would have without it, interpolated, it sees `h - z q - Z Σ c_n (q - q_n)`: `z` is what its
+/// own flow takes at once, `q_n` the flow `n` steps before, and `c_n = Σ w_i w_j` over nodes `n` reaches apart.
+pub struct Spread {
+    shunt: Box<dyn Shunt>,
+    /// The effect that it belongs to.
+    pub owner: usize,
+    /// Joints and weights.
+    pub at: Vec<(usize, f64)>,
+    by: [f64; 3],
+    flows_m3_s: [f64; 3],
+    /// Outflow at the new time, m³/s.
+    pub flow_m3_s: f64,
     head_m: f64,
-    /// Outflow, and its derivative by the head that the shunt sees.
-    flow_m3_s: f64,
-    slope: f64,
 }
 
-impl SharedShunt {
-    /// A share on a line of impedance `z`.
-    pub fn new(inner: Box<dyn Shunt>, overlap: Overlap, z: f64) -> SharedShunt {
-        SharedShunt { inner, by: overlap.times(z), flows_m3_s: [0.0; 2], latest: Cell::default() }
+impl Spread {
+    /// Over joints on a line of impedance `z`.
+    pub fn new(shunt: Box<dyn Shunt>, owner: usize, at: Vec<(usize, f64)>, z: f64) -> Spread {
+        let by = [1, 2, 3].map(|distance| {
+            let apart =
+                |&(i, w): &(usize, f64)| at.iter().find(|(j, _)| *j == i + distance).map_or(0.0, |(_, v)| w * v);
+            z * at.iter().map(apart).sum::<f64>()
+        });
+        Spread { shunt, owner, at, by, flows_m3_s: [0.0; 3], flow_m3_s: 0.0, head_m: 0.0 }
     }
 
-    fn seen(&self, node_head_m: f64) -> Seen {
-        let by = self.by[0] + self.by[1];
-        let known = node_head_m + self.by[0] * self.flows_m3_s[0] + self.by[1] * self.flows_m3_s[1];
-        let latest = self.latest.get();
-        let guess = latest.head_m + (node_head_m - latest.node_head_m) / (1.0 + by * latest.slope);
-        let (head_m, (flow_m3_s, slope)) = root(
+    /// Outflow before the closure at an interpolated head, m³/s; initialises the inner state.
+    pub fn settle(&mut self, head_m: f64) -> f64 {
+        self.head_m = head_m;
+        self.flow_m3_s = self.shunt.settle(head_m);
+        self.flows_m3_s = [self.flow_m3_s; 3];
+        self.flow_m3_s
+    }
+
+    /// Finds the outflow at the new time from the interpolated head without it, and what one m³/s of it takes of that at once.
+    pub fn find(&mut self, free_head_m: f64, z: f64) {
+        let by = z + self.by.iter().sum::<f64>();
+        let known = free_head_m + self.by.iter().zip(&self.flows_m3_s).map(|(by, q)| by * q).sum::<f64>();
+        let (head_m, (flow_m3_s, _)) = root(
             |x| {
-                let (q, dq) = self.inner.outflow(x);
+                let (q, dq) = self.shunt.outflow(x);
                 (x + by * q - known, 1.0 + by * dq, (q, dq))
             },
             |(q, dq), step| (q + dq * step, dq),
-            guess,
+            self.head_m,
         );
-        let seen = Seen { node_head_m, head_m, flow_m3_s, slope };
-        self.latest.set(seen);
-        seen
-    }
-}
-
-impl Shunt for SharedShunt {
-    fn settle(&mut self, head_m: f64) -> f64 {
-        let flow_m3_s = self.inner.settle(head_m);
-        self.flows_m3_s = [flow_m3_s; 2];
-        self.latest.set(Seen { node_head_m: head_m, head_m, flow_m3_s, slope: 0.0 });
-        flow_m3_s
+        (self.head_m, self.flow_m3_s) = (head_m, flow_m3_s);
     }
 
-    fn outflow(&self, head_m: f64) -> (f64, f64) {
-        let seen = self.seen(head_m);
-        (seen.flow_m3_s, seen.slope / (1.0 + (self.by[0] + self.by[1]) * seen.slope))
-    }
-
-    fn advance(&mut self, head_m: f64) {
-        let seen = self.seen(head_m);
-        self.flows_m3_s = [seen.flow_m3_s, self.flows_m3_s[0]];
-        self.inner.advance(seen.head_m);
+    /// Advances the inner state with the latest solution.
+    pub fn advance(&mut self) {
+        self.shunt.advance(self.head_m);
+        self.flows_m3_s = [self.flow_m3_s, self.flows_m3_s[0], self.flows_m3_s[1]];
     }
 }
 
@@ -170,16 +161,18 @@ pub struct Node {
     pub losses: Vec<Loss>,
     /// Shunts, behind the losses.
     pub shunts: Vec<Box<dyn Shunt>>,
+    /// What elements take here that are spread over several nodes, behind the losses, m³/s.
+    pub taken_m3_s: f64,
 }
 
 impl Node {
     /// Steady state: returns head and flow before the node from those behind it.
     pub fn settle(&mut self, head_m: f64, flow_m3_s: f64) -> (f64, f64) {
-        let flow = flow_m3_s + self.shunts.iter_mut().map(|s| s.settle(head_m)).sum::<f64>();
+        let flow = flow_m3_s + self.taken_m3_s + self.shunts.iter_mut().map(|s| s.settle(head_m)).sum::<f64>();
         (head_m + self.losses.iter_mut().map(|l| l.settle(flow)).sum::<f64>(), flow)
     }
 
-    /// Whether it is a plain joint without elements.
+    /// Whether it is a plain joint without elements of its own.
     pub fn is_plain(&self) -> bool {
         self.losses.is_empty() && self.shunts.is_empty()
     }
@@ -203,7 +196,7 @@ impl Node {
         // F(H) = H + K Ql|Ql| + z Ql - e with Ql = onward(H) + Σ outflow(H): increasing in H.
         let balance = |head: f64| {
             let right = onward(head);
-            let (mut flow, mut slope) = right;
+            let (mut flow, mut slope) = (right.0 + self.taken_m3_s, right.1);
             for shunt in &self.shunts {
                 let (q, dq) = shunt.outflow(head);
                 flow += q;
@@ -291,6 +284,7 @@ mod tests {
         let mut node = Node {
             losses: vec![Loss::new(2e5, Overlap::default(), 4e4)],
             shunts: vec![Box::new(Orifice(1e-4)), Box::new(Orifice(3e-5))],
+            taken_m3_s: 0.0,
         };
         let (left, right) = (Arriving { z: 4e4, e: 70.0 }, Arriving { z: 5e4, e: -20.0 });
         let s = node.solve(left, |h| ((h - right.e) / right.z, 1.0 / right.z), 20.0);

@@ -1,6 +1,6 @@
 //! Simulation of one run: checks the values, builds the line and steps it.
 
-use crate::model::attach::attach;
+use crate::model::attach::{Attached, attach};
 use crate::model::boundary::{Closure, ConstantHead, GivenEnd, MeasuredHead, Supply, ValveEnd};
 use crate::model::chosen::Chosen;
 use crate::model::definition::{Model, check_sensors};
@@ -122,9 +122,11 @@ impl Model<'_> {
             flow_m3_s,
             valve_head_m: run.valve_head_m,
         };
-        let (grid, mut joints, mut at_valve, nodes) = attach(self, grid, shared, &scene)?;
+        let Attached { grid, mut joints, mut spread, mut at_valve, owners: nodes } =
+            attach(self, grid, shared, &scene)?;
         let frictions = reach_frictions(&grid, flow_m3_s)?;
-        let (head_m, flows) = settle(&grid, &frictions, &mut joints, &mut at_valve, flow_m3_s, run.valve_head_m);
+        let (head_m, flows) =
+            settle(&grid, &frictions, &mut joints, &mut spread, &mut at_valve, flow_m3_s, run.valve_head_m);
         let starts_m = grid.segments.iter().map(|s| s.start_m).collect();
         let steady = Steady {
             grid: &grid,
@@ -167,7 +169,7 @@ impl Model<'_> {
         if given_law.is_some() {
             valve.law = given_law;
         }
-        let line = Line { steady: &steady, terms, field, supply, joints, at_valve, valve };
+        let line = Line { steady: &steady, terms, field, supply, joints, spread, at_valve, valve };
         let owners = with_energy.then_some(owners);
         let (traces, energy) = line.run(steps, probes, owners).map_err(|error| self.named(error))?;
         Ok(Simulated { traces, energy, starts_m, flows_m3_s: flows })

@@ -4,10 +4,13 @@ use crate::model::boundary::{Supply, ValveEnd};
 use crate::model::contribution::{Implicit, LineTerm, NodeField};
 use crate::model::energy::{Balance, Energy, Owners};
 use crate::model::error::ModelError;
-use crate::model::node::{Arriving, Node};
+use crate::model::node::{Arriving, Node, Spread};
 use crate::model::state::{Reading, State};
 use crate::model::steady::Steady;
 use crate::model::trace::{Probe, Trace};
+
+/// Rounds in which elements that meet at a joint learn of each other's flows. A round gains digits: what one takes at once changes the other's head little.
+const SWEEPS: usize = 4;
 
 /// The line with everything on it.
 pub struct Line<'a> {
@@ -21,6 +24,8 @@ pub struct Line<'a> {
     pub supply: Box<dyn Supply>,
     /// The joints between segments, one fewer than there are segments.
     pub joints: Vec<Node>,
+    /// Elements over several joints.
+    pub spread: Vec<Spread>,
     /// The node at the pipe's end, before the valve.
     pub at_valve: Node,
     /// Downstream end.
@@ -128,13 +133,15 @@ impl Line<'_> {
             balance.supply(state.h[0], flow);
         }
         // Joints.
+        self.find_spread(state);
         for s in 0..grid.segments.len() - 1 {
             let (left, right) = (self.arriving_downstream(state, s), self.arriving_upstream(state, s + 1));
             let joint = &mut self.joints[s];
             if joint.is_plain() {
-                let flow = (left.e - right.e) / (left.z + right.z);
-                let head = left.e - left.z * flow;
-                self.leave_last(state, s, head, flow);
+                let flow = (left.e - right.e - left.z * joint.taken_m3_s) / (left.z + right.z);
+                let head = right.e + right.z * flow;
+                let arriving = flow + joint.taken_m3_s;
+                self.leave_last(state, s, head, arriving);
                 self.leave_first(state, s + 1, head, flow);
                 continue;
             }
@@ -147,6 +154,12 @@ impl Line<'_> {
             joint.advance(&solved);
             self.leave_last(state, s, solved.left_head_m, solved.left_flow_m3_s);
             self.leave_first(state, s + 1, solved.right_head_m, solved.right_flow_m3_s);
+        }
+        for one in &mut self.spread {
+            if let Some(balance) = &mut balance {
+                balance.spread(one, state);
+            }
+            one.advance();
         }
         // Valve: the last node of the last segment.
         let s = grid.segments.len() - 1;
@@ -181,6 +194,38 @@ impl Line<'_> {
         }
         std::mem::swap(&mut state.fwd, &mut state.new_fwd);
         std::mem::swap(&mut state.bwd, &mut state.new_bwd);
+    }
+
+    /// Finds the flows of elements over several joints. Where two of them meet, each sees what the other takes.
+    fn find_spread(&mut self, state: &State) {
+        let meet = |a: &Spread, b: &Spread| a.at.iter().any(|(s, _)| b.at.iter().any(|(t, _)| s == t));
+        let met = self.spread.iter().enumerate().any(|(i, a)| self.spread[..i].iter().any(|b| meet(a, b)));
+        for _ in 0..if met { SWEEPS } else { 1 } {
+            for i in 0..self.spread.len() {
+                let (mut free_m, mut z) = (0.0, 0.0);
+                for k in 0..self.spread[i].at.len() {
+                    let (s, weight) = self.spread[i].at[k];
+                    let (left, right) = (self.arriving_downstream(state, s), self.arriving_upstream(state, s + 1));
+                    let joint = &mut self.joints[s];
+                    joint.taken_m3_s -= weight * self.spread[i].flow_m3_s;
+                    let node = self.steady.grid.segments[s + 1].offset;
+                    let own = 1.0 / (1.0 / left.z + 1.0 / right.z);
+                    let head_m = if joint.is_plain() {
+                        own * (left.e / left.z + right.e / right.z - joint.taken_m3_s)
+                    } else {
+                        let guess = self.steady.head_m[node] + state.h[node];
+                        joint.find(left, |h| ((h - right.e) / right.z, 1.0 / right.z), guess).right_head_m
+                    };
+                    free_m += weight * head_m;
+                    z += weight * weight * own;
+                }
+                let one = &mut self.spread[i];
+                one.find(free_m, z);
+                for &(s, weight) in &one.at {
+                    self.joints[s].taken_m3_s += weight * one.flow_m3_s;
+                }
+            }
+        }
     }
 
     fn advance_terms(&mut self, state: &mut State) {
