@@ -284,7 +284,7 @@ mod tests {
         let mut node = Node {
             losses: vec![Loss::new(2e5, Overlap::default(), 4e4)],
             shunts: vec![Box::new(Orifice(1e-4)), Box::new(Orifice(3e-5))],
-            taken_m3_s: 0.0,
+            ..Node::default()
         };
         let (left, right) = (Arriving { z: 4e4, e: 70.0 }, Arriving { z: 5e4, e: -20.0 });
         let s = node.solve(left, |h| ((h - right.e) / right.z, 1.0 / right.z), 20.0);
