@@ -251,6 +251,14 @@ impl FullFitter<'_> {
         refine(self.rig, self.runs, effects, values, &options, &shown)
     }
 
+    /// The same afresh from the signals.
+    pub(crate) fn fit_pair_from_scratch(&self, of: &[Form; 2]) -> Result<Fit, FitError> {
+        let added = of.iter().map(|form| Chosen { elements: None, ..form.chosen.clone() });
+        let effects: Vec<Chosen> = self.effects.iter().cloned().chain(added).collect();
+        let (options, shown) = (self.brief(&effects), self.pair_shown(of));
+        calibrate(self.rig, self.runs, &effects, &options, &shown)
+    }
+
     /// Fits a model with two forms coarsely, from the signals.
     pub(crate) fn coarse_pair(&self, of: &[Form; 2], effects: &[Chosen]) -> Result<CoarseFit, FitError> {
         self.pair_shown(of)(&Progress::from("from the signals"));

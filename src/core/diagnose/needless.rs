@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use crate::diagnose::candidate_fit::{FullFitter, evidence_scale, least_fall, over_noise, square};
 use crate::diagnose::circumstances::{circumstances, features};
-use crate::diagnose::limits::{CONVERGE_BELOW, LEAST_EVIDENCE};
+use crate::diagnose::limits::{LEAST_EVIDENCE, NO_FULL_FIT_ABOVE};
 use crate::fit::data::run_data::RunData;
 use crate::fit::outcome::fit::Fit;
 use crate::fit::progress::{OnProgress, Progress};
@@ -35,7 +35,7 @@ pub fn without_needless(
         progress(&Progress::from(format!("without {}", gone.label())));
         let own = model.parameters_of(i);
         let mut smaller = fitter.without(fit, i).ok()?;
-        if square(&smaller) < CONVERGE_BELOW * square(fit) {
+        if square(&smaller) < NO_FULL_FIT_ABOVE * square(fit) {
             smaller = fitter.converged(&smaller).ok().filter(|on| square(on) < square(&smaller)).unwrap_or(smaller);
         }
         let evidence = scale.evidence(square(&smaller), square(fit), own.len());

@@ -12,8 +12,8 @@ use crate::diagnose::candidate::Form;
 use crate::diagnose::candidate_fit::{FullFitter, least_fall, over_noise, square};
 use crate::diagnose::evidence::EvidenceScale;
 use crate::diagnose::limits::{
-    CONVERGE_BELOW, EXPLAINED_OVER_NOISE, FULL_FITS, LEAST_EVIDENCE, LEAST_SHARE_OF_SECOND, NO_FULL_FIT_ABOVE,
-    PAIR_STRENGTH, REFINE, REFINED_PAIRS, START_DOUBTFUL,
+    CONVERGE_BELOW, DOWN_TO_THE_NOISE, EXPLAINED_OVER_NOISE, FULL_FITS, LEAST_EVIDENCE, LEAST_SHARE_OF_SECOND,
+    NO_FULL_FIT_ABOVE, PAIR_STRENGTH, REFINE, REFINED_PAIRS, START_DOUBTFUL,
 };
 use crate::diagnose::refit::Refit;
 use crate::diagnose::screening::refits;
@@ -59,8 +59,11 @@ impl PairFit {
         forms.iter().all(|form| self.of.iter().any(|own| own.effect == form.effect))
     }
 
-    /// Goes on to its optimum.
+    /// Goes on to its optimum. What is left may be the way that the fit came: elements that the effects now explain, or too few of them.
     fn settle(&mut self, fitter: &FullFitter) {
+        if over_noise(&self.fit, fitter.runs) > DOWN_TO_THE_NOISE {
+            self.take(fitter.fit_pair_from_scratch(&self.of));
+        }
         if !self.fit.converged {
             self.take(fitter.converged(&self.fit));
         }

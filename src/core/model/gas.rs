@@ -253,7 +253,8 @@ mod tests {
         for law in laws() {
             let stepping = Stepping::new(1e-4, 0.1, 20.0, 0.0);
             let psi = stepping.follow_s / stepping.dt_s;
-            let mut node = Node { losses: Vec::new(), shunts: vec![Box::new(Volume::new(law, stepping))], ..Node::default() };
+            let mut node =
+                Node { losses: Vec::new(), shunts: vec![Box::new(Volume::new(law, stepping))], ..Node::default() };
             node.settle(30.0, 0.0);
             let (mut sum, mut head, mut seed) = (law.volume(30.0).0, 30.0, 1u64);
             for step in 0..3000 {
