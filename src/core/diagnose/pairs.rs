@@ -119,19 +119,25 @@ pub(crate) fn fitted_pairs(
         Some(PairFit { of: pair.of, fit })
     });
     let mut fits: Vec<PairFit> = fits.collect();
+    settle_leading(fitter, &mut fits);
     let led_astray = over_noise(start, fitter.runs) > START_DOUBTFUL;
-    let left = fits.iter().map(|pair| over_noise(&pair.fit, fitter.runs)).fold(f64::INFINITY, f64::min);
+    let left = fits.first().map_or(f64::INFINITY, |best| over_noise(&best.fit, fitter.runs));
     if led_astray && left > EXPLAINED_OVER_NOISE {
         from_the_signals(fitter, baseline, leading, &mut fits);
+        settle_leading(fitter, &mut fits);
     }
-    fits.sort_by(|a, b| square(&a.fit).total_cmp(&square(&b.fit)));
-    let Some((best, rivals)) = fits.split_first_mut() else { return fits };
+    fits
+}
+
+/// Sorts the pairs, the best first, after those that lead have gone on: rivals are compared at their optima.
+fn settle_leading(fitter: &FullFitter, fits: &mut [PairFit]) {
+    let by_square = |a: &PairFit, b: &PairFit| square(&a.fit).total_cmp(&square(&b.fit));
+    fits.sort_by(by_square);
+    let Some((best, rivals)) = fits.split_first_mut() else { return };
     best.settle(fitter);
-    // Rivals are compared at their optima.
     let near = CONVERGE_BELOW * square(&best.fit);
     rivals.par_iter_mut().filter(|rival| square(&rival.fit) < near).for_each(|rival| rival.settle(fitter));
-    fits.sort_by(|a, b| square(&a.fit).total_cmp(&square(&b.fit)));
-    fits
+    fits.sort_by(by_square);
 }
 
 /// Fits the `leading` effect, the first, with each of the others from the signals on a coarse grid. Where that leaves much, the leading effect may

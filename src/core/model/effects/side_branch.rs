@@ -209,4 +209,34 @@ mod tests {
             }
         }
     }
+
+    /// A branch that falls between nodes is not blurred: its error stays that of one on a node, and falls at more than first order.
+    #[test]
+    fn a_branch_between_nodes_is_as_sharp_as_one_on_a_node() {
+        use crate::model::effects::parse_list;
+        use crate::model::trace::Probe;
+        use crate::model::{Conditions, Model, Resolution, RunValues};
+        let rig = crate::rig::Rig::from_toml(crate::fit::problem::test_record::HDPE, "rig.toml").unwrap();
+        let water = rig.fluid.properties(20.0);
+        let effects = parse_list("side-branch").unwrap();
+        let model = Model::new(&rig, &water, &effects);
+        let run =
+            RunValues { initial_velocity_m_s: 0.3, valve_head_m: 40.0, closing_time_s: 0.02, friction_scale: 1.0 };
+        let heads = |reaches: usize, position_m: f64| {
+            let resolution = Resolution { reaches, duration_s: 0.6 };
+            let shared = [1300.0, position_m, 7.5, 1.0];
+            let probes = [Probe::Head(80.0)];
+            let made = model.simulate(&Conditions::of(water), &shared, &run, resolution, &probes).unwrap();
+            (0..600).map(|i| made.traces[0].at(1e-3 * f64::from(i))).collect::<Vec<f64>>()
+        };
+        let error = |reaches: usize, position_m: f64| {
+            let (coarse, fine) = (heads(reaches, position_m), heads(1280, position_m));
+            (coarse.iter().zip(&fine).map(|(a, b)| (a - b).powi(2)).sum::<f64>() / 600.0).sqrt()
+        };
+        // nodes of 80 reaches are 1 m apart
+        let (on, between) = (error(80, 30.0), error(80, 30.5));
+        assert!(between < 3.0 * on && between < 0.1, "{on} m on a node, {between} m between two");
+        let order = (between / error(160, 30.5)).log2();
+        assert!(order > 1.2, "order {order}");
+    }
 }
