@@ -73,7 +73,15 @@ const CAVITY: Row =
 const LEAK: Row =
     Row { effect: "leak", values: &[THIRD_M, 0.5], gone: &[THIRD_M, 0.0], faint: &[THIRD_M, 1e-12], ..PLACE };
 
-const TABLE: [Row; 23] = [
+const BRANCH: Row = Row {
+    effect: "side-branch",
+    values: &[THIRD_M, 12.3, 0.6],
+    gone: &[THIRD_M, 0.0, 1.0],
+    faint: &[THIRD_M, 1e-12, 1.0],
+    ..PLACE
+};
+
+const TABLE: [Row; 24] = [
     Row { case: "base model", ..ROW },
     Row {
         effect: "viscoelastic-wall:2",
@@ -122,7 +130,7 @@ const TABLE: [Row; 23] = [
     // They open and close at any time within a step.
     Row { case: "many open, lag of 10 ms", values: &[1e-2], heads_m: [5.0, HIGH_HEAD_M], order: 1.0, ..CAVITY },
     Row { case: "no friction", friction: 0.0, ..LEAK },
-    // Between the nodes that share the leak its flow grows step by step, and the loss with its square.
+    // Between the nodes from which a leak or a branch takes its flow the loss grows with the square of a flow that grows step by step.
     Row { case: "with friction", order: 1.0, ..LEAK },
     Row { effect: "blockage", values: &[THIRD_M, 300.0], gone: &[THIRD_M, 0.0], faint: &[THIRD_M, 1e-12], ..PLACE },
     Row {
@@ -133,13 +141,8 @@ const TABLE: [Row; 23] = [
         faint: &[31.3, 64.7, 1.0 + 1e-12, 1.0],
         ..PLACE
     },
-    Row {
-        effect: "side-branch",
-        values: &[THIRD_M, 12.3, 0.6],
-        gone: &[THIRD_M, 0.0, 1.0],
-        faint: &[THIRD_M, 1e-12, 1.0],
-        ..PLACE
-    },
+    Row { case: "no friction", friction: 0.0, ..BRANCH },
+    Row { case: "with friction", order: 1.0, ..BRANCH },
     Row { effect: "valve-law", values: &[INFLECTION, 0.45], gone: &[0.3, 0.7], faint: &[0.3, 0.7 + 1e-12], ..VALVE },
     Row { effect: "valve-law/power", values: &[2.0], gone: &[1.0], faint: &[1.0 + 1e-12], ..VALVE },
     Row { effect: "valve-seat-leak", values: &[0.137], gone: &[0.0], faint: &[1e-12], ..VALVE },

@@ -103,12 +103,20 @@ fn network(parts: &[Part], flow: f64, ramp: Ramp, times: &[f64]) -> Vec<f64> {
     invert(transform, times)
 }
 
+/// What the exact solution, of a linear network, is good for: the flows are small, but not infinitely small.
+const EXACT: f64 = 1e-6;
+
 /// Errors against the exact solution fall by the square of the step. How a place lies between nodes makes single halvings
 /// uneven, so the order is that of four together.
 fn assert_second_order(case: Case, exact: &[f64], times: &[f64], at_160: f64) {
     let errors = [40, 160, 640].map(|n| relative_rms(&case.head(n, times), exact));
     let order = 0.25 * (errors[0] / errors[2]).log2();
-    assert!(errors[1] < at_160 && order > 1.8, "{} {:?}: {errors:?}, order {order}", case.effects, case.values);
+    assert!(
+        errors[1] < at_160 && (order > 1.8 || errors[2] < EXACT),
+        "{} {:?}: {errors:?}, order {order}",
+        case.effects,
+        case.values
+    );
 }
 
 /// Flows so small that leak and blockage are linear: `dQ/dH = Q/2H`, `dΔH/dQ = 2ΔH/Q`.
