@@ -33,6 +33,24 @@ fn a_german_table_is_read_and_every_mending_is_said() {
     assert_eq!(recording.run.notes, [("comment".to_string(), "Messung 7\nBetreiber: A".to_string())]);
 }
 
+/// The heading's zone counts where the cells have none; an option counts before it.
+#[test]
+fn the_heading_of_the_times_may_state_their_zone() {
+    let start_s = |heading: &str, options: &[&str]| {
+        let bench = Bench::plain();
+        let rows = "2026-03-14 09:26:53.000,1,2\n2026-03-14 09:26:53.100,1,2\n2026-03-14 09:26:53.200,1,2\n";
+        bench.put("run.csv", format!("\"{heading}\",P1 (bar),P2 (bar)\n{rows}"));
+        bench.import(0, &[&["run.csv"], options].concat());
+        bench.recording().run.start_unix_ns / 1_000_000_000
+    };
+    let utc = start_s("Date Time", &[]);
+    let east = [("Date Time, GMT+01:00", 3600), ("Date Time, GMT-0500 (logger 7)", -18000), ("time (UTC)", 0)];
+    for (heading, zone_s) in east {
+        assert_eq!(i128::from(utc) - i128::from(start_s(heading, &[])), zone_s, "{heading}");
+    }
+    assert_eq!(start_s("Date Time, GMT+01:00", &["--zone", "UTC"]), utc);
+}
+
 #[test]
 fn date_times_of_many_programs_are_the_same_time() {
     let bench = Bench::plain();

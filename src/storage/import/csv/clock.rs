@@ -45,6 +45,7 @@ impl Clock {
     }
 
     fn of(kind: Kind, name: &str, repairs: Vec<Repair>, options: &SourceOptions) -> Clock {
+        let zone_s = options.zone_s.or_else(|| stamp::zone_of_heading(name));
         Clock {
             kind,
             repairs,
@@ -53,8 +54,8 @@ impl Clock {
             digit_s: 1.0,
             last_ns: i64::MIN,
             days_ns: 0,
-            zone_s: options.zone_s.unwrap_or(0),
-            zone_assumed: options.zone_s.is_none(),
+            zone_s: zone_s.unwrap_or(0),
+            zone_assumed: zone_s.is_none(),
         }
     }
 

@@ -150,6 +150,14 @@ fn split_zone(text: &str) -> Option<(&str, Option<i32>)> {
     Some((text[..at].trim_end(), Some(zone_seconds(&text[at..])?)))
 }
 
+/// Seconds east of UTC that a column's heading states: `Date Time, GMT+01:00`.
+pub(crate) fn zone_of_heading(heading: &str) -> Option<i32> {
+    let upper = heading.to_ascii_uppercase();
+    let rest = ["GMT", "UTC"].iter().find_map(|name| upper.split_once(name).map(|(_, rest)| rest.trim_start()))?;
+    let end = rest.find(|c: char| !(c.is_ascii_digit() || "+-:".contains(c))).unwrap_or(rest.len());
+    if end == 0 { Some(0) } else { zone_seconds(&rest[..end]) }
+}
+
 /// Seconds east of UTC of `+01:00`, `+0100` or `-5`.
 pub fn zone_seconds(text: &str) -> Option<i32> {
     let sign = if text.starts_with('-') { -1 } else { 1 };
