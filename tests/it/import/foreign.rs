@@ -190,6 +190,13 @@ fn the_headers_of_loggers_are_understood() {
             "date-times",
         ),
         (
+            "halle.csv",
+            table("Halle 3\nDatum;14.03.2026\n\nZeit [d];P1 [bar];P2 [bar];Temp [°C]\n", |_, t, a, b| {
+                format!("{:.10};{a:.6};{b:.6};19.5", 46095.25 + t / 86400.0).replace('.', ",")
+            }),
+            "decimal-comma",
+        ),
+        (
             "logger.lvm",
             table(
                 "LabVIEW Measurement\t\nDate\t2026/03/14\n***End_of_Header***\t\n\t\nChannels\t2\t\t\nSamples\t200\t200\t\n\

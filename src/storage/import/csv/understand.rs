@@ -280,6 +280,12 @@ impl<'t> Table<'t> {
             out += &headed;
             out.push('\n');
         }
+        // What is written anew has the decimal mark of the rest.
+        let commas = self
+            .rows
+            .iter()
+            .flatten()
+            .any(|c| number(c).is_some() && c.rfind([',', '.']).is_some_and(|at| &c[at..=at] == ","));
         let mut samples = 0;
         for (at, line) in lines.iter().enumerate() {
             if Some(at) == self.header_at {
@@ -296,7 +302,8 @@ impl<'t> Table<'t> {
                 let cells = cells(line, self.separator);
                 let own = time.column.map_or(Some(samples.to_string()), |i| cells.get(i).map(|c| c.to_string()));
                 samples += 1;
-                out += &row(&cells, own.and_then(|cell| time.changed(&cell)));
+                let changed = own.and_then(|cell| time.changed(&cell));
+                out += &row(&cells, if commas { changed.map(|t| t.replace('.', ",")) } else { changed });
             }
             out.push('\n');
         }
