@@ -165,7 +165,7 @@ class Panel {
 
 // The model that is being fitted, a few times a second, until its job ends.
 let following = null;
-const EVERY_MS = 200;
+const EVERY_MS = 250;
 export async function watchFit(job) {
   if (following) return;
   following = job;

@@ -287,6 +287,9 @@ fn fit_file(session: &Session) -> Result<Answer, AnyError> {
     Ok(download("fit.toml", "application/toml", take_away::fit_file(&*bench_of(session)?)?))
 }
 
+/// How long the first word of a fit's progress waits for others.
+const BUNDLE: std::time::Duration = std::time::Duration::from_millis(20);
+
 async fn events(State(app): State<Arc<App>>) -> Answer {
     if app.session.hub.listeners() >= MOST_LISTENERS {
         return refusal(StatusCode::SERVICE_UNAVAILABLE, "too many pages are open: close some");
@@ -294,7 +297,13 @@ async fn events(State(app): State<Arc<App>>) -> Answer {
     let heard = (app.session.hub.listen(), app.session.clone(), 0);
     let events = stream::unfold(heard, |(mut listener, session, mut told)| async move {
         let event = loop {
-            let (name, data) = match listener.recv().await {
+            let waits = listener.is_empty();
+            let heard = listener.recv().await;
+            if waits && heard.as_ref().is_ok_and(|event| event.name == "progress") {
+                // a fit tells hundreds of errors a second: they go out in bundles
+                tokio::time::sleep(BUNDLE).await;
+            }
+            let (name, data) = match heard {
                 Ok(event) => (event.name, event.data),
                 // the page was too slow: it asks for the state anew
                 Err(RecvError::Lagged(_)) => ("state", Some("{}".to_owned())),

@@ -7,7 +7,7 @@ const CREEP = new URL("../../../recordings/hdpe-creep.mcap", import.meta.url).pa
 const EFFECT = "viscoelastic-wall";
 
 // Milliseconds that the command takes, and that the page takes from the click to the curve of the grown model; how many errors it showed.
-export async function add(program, folder, browser, times = 3) {
+export async function add(program, folder, browser, times = 5) {
   const took = { command: [], page: [], errors: [] };
   for (let i = 0; i < times; i++) {
     copyFileSync(CREEP, join(folder, "add.mcap"));
@@ -22,6 +22,7 @@ export async function add(program, folder, browser, times = 3) {
       const page = await browser.newPage();
       await page.goto(bench.url);
       await page.waitForSelector(".model.force");
+      await sleep(500); // nobody clicks before the page stands still
       const [ms, errors] = await page.evaluate(async (effect) => {
         let errors = 0;
         new MutationObserver(() => { const line = document.querySelector("#falling polyline"); errors = Math.max(errors, line ? line.getAttribute("points").split(" ").length : 0); })
