@@ -103,25 +103,20 @@ fn network(parts: &[Part], flow: f64, ramp: Ramp, times: &[f64]) -> Vec<f64> {
     invert(transform, times)
 }
 
-/// What the exact solution, of a linear network, is good for: the flows are small, but not infinitely small.
-const EXACT: f64 = 1e-6;
-
 /// Errors against the exact solution fall by the square of the step. How a place lies between nodes makes single halvings
 /// uneven, so the order is that of four together.
 fn assert_second_order(case: Case, exact: &[f64], times: &[f64], at_160: f64) {
     let errors = [40, 160, 640].map(|n| relative_rms(&case.head(n, times), exact));
     let order = 0.25 * (errors[0] / errors[2]).log2();
-    assert!(
-        errors[1] < at_160 && (order > 1.8 || errors[2] < EXACT),
-        "{} {:?}: {errors:?}, order {order}",
-        case.effects,
-        case.values
-    );
+    assert!(errors[1] < at_160 && order > 1.8, "{} {:?}: {errors:?}, order {order}", case.effects, case.values);
 }
+
+/// Velocity of flows that are small enough for a linear network, m/s.
+const SLOW: f64 = 1e-7;
 
 /// Flows so small that leak and blockage are linear: `dQ/dH = Q/2H`, `dΔH/dQ = 2ΔH/Q`.
 fn smooth<'a>(effects: &'a str, values: &'a [f64]) -> Case<'a> {
-    Case { effects, values, velocity: 1e-5, closure: cycloid, closing: 0.12, friction: "friction_factor = 0.0" }
+    Case { effects, values, velocity: SLOW, closure: cycloid, closing: 0.12, friction: "friction_factor = 0.0" }
 }
 
 #[test]
@@ -130,7 +125,7 @@ fn a_leak_converges_to_the_exact_solution() {
     let times = times(600, 3.0);
     let conductance = cda_mm2 * 1e-6 * (2.0 * G * HEAD).sqrt() / (2.0 * HEAD);
     let parts = [Part::Pipe(x, SPEED), Part::Conductance(conductance), Part::Pipe(LENGTH - x, SPEED)];
-    let exact = network(&parts, 1e-5 * area(), Ramp::Cycloid(0.12), &times);
+    let exact = network(&parts, SLOW * area(), Ramp::Cycloid(0.12), &times);
     assert_second_order(smooth("leak", &[x, cda_mm2]), &exact, &times, 1e-3);
 }
 
@@ -146,7 +141,7 @@ fn a_blockage_with_a_leak_beyond_it_converges_to_the_exact_solution() {
         Part::Conductance(leaked / (2.0 * HEAD)),
         Part::Pipe(LENGTH - leak, SPEED),
     ];
-    let exact = network(&parts, 1e-5 * area(), Ramp::Cycloid(0.12), &times);
+    let exact = network(&parts, SLOW * area(), Ramp::Cycloid(0.12), &times);
     assert_second_order(smooth("leak,blockage", &[leak, cda_mm2, block, k]), &exact, &times, 1e-3);
 }
 
@@ -156,7 +151,7 @@ fn a_section_converges_to_the_exact_solution() {
     for (start, length, ratio) in [(40.0, 35.0, 1.3), (23.0, 30.0, 0.6), (55.0, 3.0, 0.5), (0.0, 20.0, 1.5)] {
         let end = start + length;
         let parts = [Part::Pipe(start, SPEED), Part::Pipe(length, ratio * SPEED), Part::Pipe(LENGTH - end, SPEED)];
-        let exact = network(&parts, 1e-5 * area(), Ramp::Cycloid(0.12), &times);
+        let exact = network(&parts, SLOW * area(), Ramp::Cycloid(0.12), &times);
         assert_second_order(smooth("section-change", &[start, end, ratio, 1.0]), &exact, &times, 1e-3);
     }
 }
@@ -167,7 +162,7 @@ fn a_branch_converges_to_the_exact_solution() {
     let times = times(600, 3.0);
     for (x, length, ratio) in [(61.7, 10.0, 1.0), (30.0, 34.0, 0.4), (50.0, 0.4, 1.0)] {
         let parts = [Part::Pipe(x, SPEED), Part::Branch(length, ratio), Part::Pipe(LENGTH - x, SPEED)];
-        let exact = network(&parts, 1e-5 * area(), Ramp::Cycloid(0.12), &times);
+        let exact = network(&parts, SLOW * area(), Ramp::Cycloid(0.12), &times);
         assert_second_order(smooth("side-branch", &[x, length, ratio]), &exact, &times, 1e-3);
     }
 }
