@@ -56,7 +56,7 @@ pub fn heed(stop: Arc<AtomicBool>) {
     STOP.set(Some(stop));
 }
 
-/// Unwinds if this thread's computations were told to stop.
+/// Unwinds if somebody stops this thread's computations.
 pub fn stop_if_told() {
     if STOP.with_borrow(|stop| stop.as_ref().is_some_and(|stop| stop.load(Ordering::Relaxed))) {
         resume_unwind(Box::new(Stopped));

@@ -82,7 +82,7 @@ pub(crate) fn verdict(page: &Page) -> (&'static str, &'static str, String) {
     }
 }
 
-/// What the last answer cannot be told from.
+/// What the record cannot distinguish from the last answer.
 fn unsure(diagnoses: &[Diagnosis]) -> String {
     let Some(last) = diagnoses.iter().rev().find(|d| d.verdict == Verdict::MissingEffect) else { return String::new() };
     let others = match (&last.pair, last.candidates.first()) {

@@ -23,7 +23,7 @@ export async function first_paint(program, folder, browser, path, times = 5) {
   }
 }
 
-// So many runs, each of which the folder's index knows: one is evaluated, and the others are said to be like it.
+// So many runs, each of which the folder's index knows: one is evaluated, and the index has the same of the others.
 export function many_runs(program, folder, count) {
   const runs = join(folder, "runs");
   mkdirSync(runs);
