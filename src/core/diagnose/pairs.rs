@@ -114,10 +114,7 @@ pub(crate) fn fitted_pairs(
     }
     one_form_each(&mut refitted);
     refitted.truncate(FULL_FITS);
-    let fits = refitted.into_par_iter().filter_map(|pair| {
-        let fit = fitter.fit_pair(&pair.of, &pair.effects, &pair.values).ok()?;
-        Some(PairFit { of: pair.of, fit })
-    });
+    let fits = refitted.into_par_iter().filter_map(|pair| fitted(fitter, pair.of, &pair.effects, &pair.values));
     let mut fits: Vec<PairFit> = fits.collect();
     settle_leading(fitter, &mut fits);
     let led_astray = over_noise(start, fitter.runs) > START_DOUBTFUL;
@@ -127,6 +124,12 @@ pub(crate) fn fitted_pairs(
         settle_leading(fitter, &mut fits);
     }
     fits
+}
+
+/// A pair, fitted to all samples from where a coarse fit ended.
+fn fitted(fitter: &FullFitter, of: [Form; 2], effects: &[Chosen], values: &[f64]) -> Option<PairFit> {
+    let fit = fitter.fit_pair(&of, effects, values).ok()?;
+    Some(PairFit { of, fit })
 }
 
 /// Sorts the pairs, the best first, after those that lead have gone on: rivals are compared at their optima.
@@ -143,37 +146,33 @@ fn settle_leading(fitter: &FullFitter, fits: &mut [PairFit]) {
 /// Fits the `leading` effect, the first, with each of the others from the signals on a coarse grid. Where that leaves much, the leading effect may
 /// stand in for another: then the one that was best beside it takes its place. Those that leave least are fitted to all samples.
 fn from_the_signals(fitter: &FullFitter, baseline: &Baseline, leading: &[&Refit], fits: &mut Vec<PairFit>) {
-    let mut coarse: Vec<([Form; 2], CoarseFit)> = Vec::new();
-    let mut kept = leading.first().copied();
-    while let Some(one) = kept.take() {
+    let beside = |one: &Refit| -> Vec<([Form; 2], CoarseFit)> {
         let others =
             leading.par_iter().filter(|other| other.form.effect != one.form.effect && can_be_combined(one, other));
         let with = others.filter_map(|other| {
             let of = [one, *other].map(|refit| refit.form.clone());
             let added = of.iter().map(|form| &form.chosen);
             let effects: Vec<Chosen> = baseline.effects.iter().chain(added).cloned().collect();
-            Some((of.clone(), fitter.coarse_pair(&of, &effects).ok()?))
+            let fit = fitter.coarse_pair(&of, &effects).ok()?;
+            Some((of, fit))
         });
-        let first = coarse.is_empty();
-        coarse.extend(with.collect::<Vec<_>>());
-        coarse.sort_by(|a, b| a.1.mean_square.total_cmp(&b.1.mean_square));
-        if let Some(([_, other], fit)) = coarse.first()
-            && first
-            && fit.mean_square > START_DOUBTFUL.powi(2)
-        {
-            kept = leading.iter().find(|refit| refit.form.effect == other.effect).copied();
-        }
+        with.collect()
+    };
+    let by_square =
+        |a: &([Form; 2], CoarseFit), b: &([Form; 2], CoarseFit)| a.1.mean_square.total_cmp(&b.1.mean_square);
+    let mut coarse = leading.first().map_or(Vec::new(), |first| beside(first));
+    coarse.sort_by(by_square);
+    let far = coarse.first().filter(|(_, best)| best.mean_square > START_DOUBTFUL.powi(2));
+    let second = far.and_then(|([_, other], _)| leading.iter().find(|refit| refit.form.effect == other.effect));
+    if let Some(second) = second {
+        coarse.extend(beside(second));
+        coarse.sort_by(by_square);
     }
     let most = NO_FULL_FIT_ABOVE * coarse.first().map_or(0.0, |(_, best)| best.mean_square);
     coarse.truncate(FULL_FITS);
     coarse.retain(|(_, fit)| fit.mean_square <= most);
-    let fine: Vec<PairFit> = coarse
-        .into_par_iter()
-        .filter_map(|(of, coarse)| {
-            let fit = fitter.fit_pair(&of, &coarse.effects, &coarse.values).ok()?;
-            Some(PairFit { of, fit })
-        })
-        .collect();
+    let fine: Vec<PairFit> =
+        coarse.into_par_iter().filter_map(|(of, coarse)| fitted(fitter, of, &coarse.effects, &coarse.values)).collect();
     for pair in fine {
         match fits.iter_mut().find(|known| known.is_of(&pair.of)) {
             Some(known) if square(&pair.fit) < square(&known.fit) => *known = pair,

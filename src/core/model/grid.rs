@@ -165,28 +165,24 @@ impl Grid {
     /// The weights are those of a quadratic B-spline: their centre is the position, and their spread is the same
     /// everywhere. Shares of two nodes would be sharp on a node and blurred in between, and a fit would get stuck at
     /// nodes. Near an end two nodes share, and at the end the first inner node has it all.
-    pub fn around(&self, position_m: f64) -> [(usize, f64); 3] {
+    pub fn around(&self, position_m: f64) -> Vec<(usize, f64)> {
         let (x, last) = self.inner(position_m);
         if x < 1.5 || x > last - 0.5 {
-            let node = x.floor().min((last - 1.0).max(1.0));
-            let share = x - node;
-            let node = node as usize;
-            return [(node, 1.0 - share), (node + 1, share), (node, 0.0)];
+            return linear(x, last);
         }
         let node = x.round();
         let (d, node) = (x - node, node as usize);
-        [(node - 1, 0.5 * (0.5 - d).powi(2)), (node, 0.75 - d * d), (node + 1, 0.5 * (0.5 + d).powi(2))]
+        vec![(node - 1, 0.5 * (0.5 - d).powi(2)), (node, 0.75 - d * d), (node + 1, 0.5 * (0.5 + d).powi(2))]
     }
 
     /// The inner nodes around a position, counted in reaches from the supply, with weights that interpolate at it: cubic convolution (Keys 1981,
     /// IEEE Trans. Acoust. 29, 1153), smooth in the position and of third order. Near an end it is linear.
     pub fn interpolated(&self, position_m: f64) -> Vec<(usize, f64)> {
         let (x, last) = self.inner(position_m);
-        let node = x.floor().min((last - 1.0).max(1.0));
-        let (s, n) = (x - node, node as usize);
-        if node < 2.0 || node > last - 2.0 {
-            return vec![(n, 1.0 - s), (n + 1, s)];
+        if x < 2.0 || x >= last - 1.0 {
+            return linear(x, last);
         }
+        let (s, n) = (x.fract(), x as usize);
         let (s2, s3) = (s * s, s * s * s);
         vec![
             (n - 1, 0.5 * (-s + 2.0 * s2 - s3)),
@@ -265,6 +261,13 @@ impl Grid {
             .collect();
         (at, weights)
     }
+}
+
+/// Two inner nodes around `x`, counted in reaches from the supply, with the weights of linear interpolation; `last` is the last inner node.
+fn linear(x: f64, last: f64) -> Vec<(usize, f64)> {
+    let node = x.floor().min((last - 1.0).max(1.0));
+    let (share, node) = (x - node, node as usize);
+    vec![(node, 1.0 - share), (node + 1, share)]
 }
 
 /// Lays reaches of one step's travel time along the stretches from the supply: passes `push` the parts of a reach

@@ -50,7 +50,7 @@ pub const ATMOSPHERE_PA: f64 = 101_325.0;
 /// One node of the grid, as an element at it sees it.
 #[derive(Debug, Clone, Copy)]
 pub struct Spot {
-    /// Share of the element at this node, 0 to 1: an element between nodes is shared.
+    /// Share of a head loss at this node, 0 to 1: one between nodes is shared among them. A shunt is whole.
     pub share: f64,
     /// Position, m from the supply.
     pub position_m: f64,

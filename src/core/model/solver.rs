@@ -44,6 +44,7 @@ impl Line<'_> {
         owners: Option<Owners>,
     ) -> Result<(Vec<Trace>, Option<Energy>), ModelError> {
         let grid = self.steady.grid;
+        let sweeps = self.sweeps();
         let heads_only = probes.iter().all(|p| matches!(p, Probe::Head(_)));
         let mut state = self.initial_state(heads_only && owners.is_none());
         let mut balance = owners.map(|owners| Balance::new(self.steady, owners, &self.terms, &state, steps));
@@ -52,7 +53,7 @@ impl Line<'_> {
         state.read(&mut traces, &readings);
         for step in 1..=steps {
             let time_s = step as f64 * grid.dt_s;
-            self.step(&mut state, time_s, balance.as_mut());
+            self.step(&mut state, time_s, sweeps, balance.as_mut());
             state.read(&mut traces, &readings);
             // At the valve, which all waves reach within L/a; the whole line once, at the end.
             let seen = if step < steps { state.fwd.len() - 1..state.fwd.len() } else { 0..state.fwd.len() };
@@ -116,7 +117,14 @@ impl Line<'_> {
         }
     }
 
-    fn step(&mut self, state: &mut State, time_s: f64, mut balance: Option<&mut Balance>) {
+    /// How often the flows of elements over several joints are computed in a step: once, unless two of them meet.
+    fn sweeps(&self) -> usize {
+        let meet = |a: &Spread, b: &Spread| a.at.iter().any(|(s, _)| b.at.iter().any(|(t, _)| s == t));
+        let met = self.spread.iter().enumerate().any(|(i, a)| self.spread[..i].iter().any(|b| meet(a, b)));
+        if met { SWEEPS } else { 1 }
+    }
+
+    fn step(&mut self, state: &mut State, time_s: f64, sweeps: usize, mut balance: Option<&mut Balance>) {
         let grid = self.steady.grid;
         for (s, segment) in grid.segments.iter().enumerate() {
             match &mut self.field {
@@ -133,7 +141,7 @@ impl Line<'_> {
             balance.supply(state.h[0], flow);
         }
         // Joints.
-        self.find_spread(state);
+        self.find_spread(state, sweeps);
         for s in 0..grid.segments.len() - 1 {
             let (left, right) = (self.arriving_downstream(state, s), self.arriving_upstream(state, s + 1));
             let joint = &mut self.joints[s];
@@ -197,10 +205,8 @@ impl Line<'_> {
     }
 
     /// Finds the flows of elements over several joints. Where two of them meet, each sees what the other takes.
-    fn find_spread(&mut self, state: &State) {
-        let meet = |a: &Spread, b: &Spread| a.at.iter().any(|(s, _)| b.at.iter().any(|(t, _)| s == t));
-        let met = self.spread.iter().enumerate().any(|(i, a)| self.spread[..i].iter().any(|b| meet(a, b)));
-        for _ in 0..if met { SWEEPS } else { 1 } {
+    fn find_spread(&mut self, state: &State, sweeps: usize) {
+        for _ in 0..sweeps {
             for i in 0..self.spread.len() {
                 let (mut free_m, mut z) = (0.0, 0.0);
                 for k in 0..self.spread[i].at.len() {

@@ -78,7 +78,7 @@ impl Effect for AirPocket {
             "so high that the water does not boil before the closure",
         )?;
         let make = move |spot: &Spot| {
-            let law = Law::polytropic(floor_m, exponent, reference_m, spot.share * volume_ml * 1e-6, low_m);
+            let law = Law::polytropic(floor_m, exponent, reference_m, volume_ml * 1e-6, low_m);
             Element::Shunt(Box::new(Volume::new(law, Stepping::at(scene, spot, 0.0))))
         };
         Ok(vec![Attachment { place: Place::Valve, make: Box::new(make) }])

@@ -74,9 +74,7 @@ impl Effect for Leak {
         let root_c = cda_mm2 * 1e-6 * (2.0 * GRAVITY_M_S2).sqrt();
         Ok(vec![Attachment {
             place: Place::At(position_m),
-            make: Box::new(move |spot| {
-                Element::Shunt(Box::new(Orifice { root_c: spot.share * root_c, elevation_m: spot.elevation_m }))
-            }),
+            make: Box::new(move |spot| Element::Shunt(Box::new(Orifice { root_c, elevation_m: spot.elevation_m }))),
         }])
     }
 }

@@ -83,7 +83,7 @@ impl Effect for SideBranch {
         Ok(vec![Attachment {
             place: Place::At(position_m),
             make: Box::new(move |spot| {
-                let admittance = spot.share * area_ratio * GRAVITY_M_S2 * spot.area_m2 / spot.wave_speed_m_s;
+                let admittance = area_ratio * GRAVITY_M_S2 * spot.area_m2 / spot.wave_speed_m_s;
                 Element::Shunt(Box::new(DeadEnd::new(admittance, 2.0 * length_m / spot.wave_speed_m_s / dt_s)))
             }),
         }])
