@@ -69,7 +69,6 @@ pub fn run(args: Args, json: bool) -> CommandResult {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::report::effects::example::UNSEEN;
     use crate::report::text::plot::MARKS;
 
     #[test]
@@ -77,7 +76,7 @@ mod tests {
         let all = CATALOGUE.iter().flat_map(|e| std::iter::once(*e).chain(e.variants().iter().copied()));
         for effect in all {
             let example = Example::of(&one_effect(effect.name()).unwrap()).unwrap();
-            assert!(example.largest_difference_m() > UNSEEN * example.range_m(), "{} is not seen", effect.name());
+            assert!(example.shows(), "{} is not seen", effect.name());
             let text = example.to_string();
             assert!(text.contains(MARKS[1]) && text.contains("They differ"), "{text}");
             for parameter in &example.parameters {

@@ -15,14 +15,15 @@ const RIG: &str = include_str!("../../../rigs/demo-hdpe.toml");
 const PERIODS: f64 = 5.0;
 /// Head before the valve at which the water of that rig boils when it closes, m: some effects only show there.
 const LOW_HEAD_M: f64 = 1.0;
-/// Differences below this part of the record's range are not seen.
-pub(crate) const UNSEEN: f64 = 2e-3;
+/// Differences below this part of the record's range are hard to see.
+const UNSEEN: f64 = 1.6e-2;
 
-/// What an effect does to the record of one sensor, with its parameters where a fit starts.
+/// What an effect does to the record of one sensor.
 pub struct Example {
     label: String,
-    /// Parameters of the effect.
+    /// Parameters of the effect, as a fit starts with them.
     pub parameters: Vec<Parameter>,
+    values: String,
     /// The model with the effect, with its rig.
     pub scenario: Scenario,
     /// The sensor shown.
@@ -33,23 +34,35 @@ pub struct Example {
 }
 
 impl Example {
-    /// At the usual head; at a low one where the effect does not show there.
+    /// At the usual head with the values where a fit starts; twice as strong, or at a low head, where the effect hardly shows.
     ///
     /// # Errors
     /// An effect that cannot be simulated on the example rig.
     pub fn of(chosen: &Chosen) -> Result<Example, Box<dyn std::error::Error + Send + Sync>> {
         let usual = Example::under(chosen, &[])?;
-        if usual.largest_difference_m() > UNSEEN * usual.range_m() {
+        if usual.shows() {
             return Ok(usual);
         }
-        let low = Example::under(chosen, &[("valve_head_m".into(), LOW_HEAD_M)])?;
-        Ok(if low.largest_difference_m() > UNSEEN * low.range_m() { low } else { usual })
+        let twice = |p: &Parameter| p.vanishes_at.map(|none| (p.name.clone(), none + 2.0 * (p.start - none)));
+        let strong: Vec<_> = usual.parameters.iter().filter_map(twice).collect();
+        for settings in [strong, vec![("valve_head_m".into(), LOW_HEAD_M)]] {
+            let other = Example::under(chosen, &settings)?;
+            if other.shows() {
+                return Ok(other);
+            }
+        }
+        Ok(usual)
     }
 
     fn under(chosen: &Chosen, settings: &[(String, f64)]) -> Result<Example, Box<dyn std::error::Error + Send + Sync>> {
         let rig = Rig::from_toml(RIG, "rigs/demo-hdpe.toml")?;
-        let base = Scenario::new(rig.clone(), &[], ValveForm::Linear, settings)?;
-        let scenario = Scenario::new(rig, std::slice::from_ref(chosen), ValveForm::Linear, settings)?;
+        let scenario = Scenario::new(rig.clone(), std::slice::from_ref(chosen), ValveForm::Linear, settings)?;
+        let site = Site { rig: &scenario.rig, water: &scenario.water, period_s: scenario.period_s() };
+        let elements = scenario.effects.first().and_then(|c| c.elements).unwrap_or(1);
+        let parameters = chosen.effect.parameters(&site, elements);
+        let of_test: Vec<_> =
+            settings.iter().filter(|(name, _)| parameters.iter().all(|p| p.name != *name)).cloned().collect();
+        let base = Scenario::new(rig, &[], ValveForm::Linear, &of_test)?;
         let duration_s = PERIODS * base.period_s();
         let names: Vec<String> = scenario.rig.pressure_sensors().map(|(_, s)| s.name.clone()).collect();
         let at = names.iter().position(|n| chosen.sensor.as_ref() == Some(n)).unwrap_or(0);
@@ -57,12 +70,20 @@ impl Example {
         let (Some(base), Some(with)) = (shown(&base)?, shown(&scenario)?) else {
             return Err("the example rig has no pressure sensor".into());
         };
-        let period_s = scenario.period_s();
-        let site = Site { rig: &scenario.rig, water: &scenario.water, period_s };
-        let elements = scenario.effects.first().and_then(|c| c.elements).unwrap_or(1);
-        let parameters = chosen.effect.parameters(&site, elements);
+        let value = |p: &Parameter| settings.iter().find(|s| s.0 == p.name).map_or(p.start, |s| s.1);
+        let values: Vec<String> =
+            parameters.iter().map(|p| format!("{} = {}", p.name, significant(value(p), 3))).collect();
         let sensor = names.into_iter().nth(at).unwrap_or_default();
-        Ok(Example { label: chosen.label(), parameters, scenario, sensor, base, with, duration_s })
+        Ok(Example {
+            label: chosen.label(),
+            parameters,
+            values: values.join(", "),
+            scenario,
+            sensor,
+            base,
+            with,
+            duration_s,
+        })
     }
 
     /// Both traces at even times: time (s), base model and model with the effect (m).
@@ -80,15 +101,15 @@ impl Example {
     }
 
     /// Range of the base model's trace, m.
-    pub(crate) fn range_m(&self) -> f64 {
+    fn range_m(&self) -> f64 {
         let (low, high) =
             self.points().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), p| (low.min(p.1), high.max(p.1)));
         high - low
     }
 
-    fn values(&self) -> String {
-        let name = |p: &Parameter| format!("{} = {}", p.name, significant(p.start, 3));
-        self.parameters.iter().map(name).collect::<Vec<_>>().join(", ")
+    /// Whether the difference can be seen.
+    pub fn shows(&self) -> bool {
+        self.largest_difference_m() > UNSEEN * self.range_m()
     }
 
     /// Both traces as a chart.
@@ -99,7 +120,7 @@ impl Example {
             style: Style::line(n),
         };
         LineChart {
-            title: format!("{}: {}", self.label, self.values()),
+            title: format!("{}: {}", self.label, self.values),
             x_label: "time after the start of the closure, s".into(),
             y_label: format!("head at {}, m", self.sensor),
             series: vec![series(0, "base model", |p| p.1), series(1, &format!("with {}", self.label), |p| p.2)],
@@ -119,11 +140,11 @@ impl std::fmt::Display for Example {
             significant(run.valve_head_m, 3),
             MARKS[0],
             MARKS[1],
-            self.values()
+            self.values
         )?;
         f.write_str(&plot([&|t| self.base.at(t), &|t| self.with.at(t)], self.duration_s, "s"))?;
         let difference = self.largest_difference_m();
-        if difference > UNSEEN * self.range_m() {
+        if self.shows() {
             writeln!(f, "They differ by up to {} m.", significant(difference, 2))
         } else {
             writeln!(f, "They hardly differ ({} m): this rig does not show the effect.", significant(difference, 1))
