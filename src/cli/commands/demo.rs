@@ -22,7 +22,7 @@ use crate::report::calibration::text as table;
 use crate::report::diagnosis::text as diagnosis;
 use crate::report::effects::example::Example;
 use crate::report::inspection::text::table as inspection;
-use crate::report::view::{failure, summary};
+use crate::report::view::summary;
 use crate::report::{Page, Stage, title};
 use crate::results::fit_record::now;
 use crate::rig::Rig;
@@ -101,9 +101,8 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     say(
         json,
         &format!(
-            "\n3. Calibrate the base model: elastic pipe, steady friction.\n{}\nWhere it fails:\n{}",
-            summary::verdict(std::slice::from_ref(&base_stage)),
-            failure::describe(&base)
+            "\n3. Calibrate the base model: elastic pipe, steady friction.\n{}",
+            summary::verdict(std::slice::from_ref(&base_stage))
         ),
     )?;
 

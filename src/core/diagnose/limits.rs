@@ -148,6 +148,10 @@ pub(crate) const WORSE_PREDICTION: f64 = 1.05;
 pub(crate) const DESCRIBED_OVER_NOISE: f64 = 1.2;
 /// Mean error of a sensor's peaks or troughs, over its noise, above which it is described. Tuned: data unknown.
 pub(crate) const DESCRIBED_EXTREMA: f64 = 2.0;
+/// Standard errors by which the model's lateness stands out from the scatter of the extrema.
+pub(crate) const LATENESS_ERRORS: f64 = 3.0;
+/// Extrema whose phase is known, at least, for lateness to be spoken of.
+pub(crate) const LEAST_PHASES: usize = 4;
 /// A start model that leaves more than this share of the signal's deviation, rms, was not fitted. Tuned: data unknown.
 pub(crate) const NOT_FITTED: f64 = 0.5;
 

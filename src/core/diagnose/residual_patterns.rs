@@ -1,8 +1,8 @@
 //! Where a model fails, in words: for each sensor its peaks, phase, mean level and cycles.
 
-use crate::diagnose::limits::{DESCRIBED_EXTREMA, DESCRIBED_OVER_NOISE};
+use crate::diagnose::limits::{DESCRIBED_EXTREMA, DESCRIBED_OVER_NOISE, LATENESS_ERRORS, LEAST_PHASES};
 use crate::fit::outcome::fit::{Fit, SensorFit};
-use crate::fit::problem::compare::rmse;
+use crate::fit::problem::compare::{ExtremumError, rmse};
 use crate::number::{error_m, significant, times};
 
 /// How a model fails at one sensor.
@@ -72,16 +72,9 @@ fn shape(sensor: &SensorFit, worst: Option<Cycle>) -> String {
             ));
         }
     }
-    let phases: Vec<(f64, f64)> =
-        sensor.extrema.iter().filter(|e| e.phase_s.is_finite()).map(|e| (e.cycle as f64, e.phase_s)).collect();
-    if let Some((offset, slope)) = line(&phases) {
-        let step = sensor.time_s.windows(2).map(|w| w[1] - w[0]).fold(f64::INFINITY, f64::min);
-        let (late, by) =
-            if slope.abs() * phases.len() as f64 > offset.abs() { (slope, " a cycle") } else { (offset, "") };
-        if late.abs() > if by.is_empty() { step } else { step / phases.len() as f64 } {
-            let word = if late > 0.0 { "late" } else { "early" };
-            parts.push(format!("the model {} ms {word}{by}", significant(1e3 * late.abs(), 2)));
-        }
+    if let Some((late_s, by)) = lateness(&sensor.extrema) {
+        let word = if late_s > 0.0 { "late" } else { "early" };
+        parts.push(format!("the model {} ms {word}{by}", significant(1e3 * late_s.abs(), 2)));
     }
     let residual: Vec<f64> = sensor.measured_m.iter().zip(&sensor.model_m).map(|(a, b)| a - b).collect();
     let third = residual.len() / 3;
@@ -118,23 +111,33 @@ fn mean(values: &[f64]) -> Option<f64> {
     (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
 }
 
-/// Value at the first abscissa and slope of a straight line through points.
-fn line(points: &[(f64, f64)]) -> Option<(f64, f64)> {
-    let (x, y) = (points.iter().map(|p| p.0), points.iter().map(|p| p.1));
-    let n = points.len() as f64;
-    if points.len() < 3 {
+/// How late the model is, s: a cycle, or else throughout, where that stands out from the scatter of the extrema. On a plateau at the mean
+/// level, where no front leads to an extremum, the phases are noise.
+fn lateness(extrema: &[ExtremumError]) -> Option<(f64, &'static str)> {
+    let at = |e: &ExtremumError| e.cycle as f64 + if e.peak { 0.0 } else { 0.5 };
+    let points: Vec<(f64, f64)> =
+        extrema.iter().filter(|e| e.phase_s.is_finite()).map(|e| (at(e), e.phase_s)).collect();
+    if points.len() < LEAST_PHASES {
         return None;
     }
-    let (mx, my) = (x.sum::<f64>() / n, y.sum::<f64>() / n);
-    let spread: f64 = points.iter().map(|p| (p.0 - mx).powi(2)).sum();
-    let slope = points.iter().map(|p| (p.0 - mx) * (p.1 - my)).sum::<f64>() / spread.max(f64::MIN_POSITIVE);
-    Some((my + slope * (points[0].0 - mx), slope))
+    let n = points.len() as f64;
+    let (mx, my) = (points.iter().map(|p| p.0).sum::<f64>() / n, points.iter().map(|p| p.1).sum::<f64>() / n);
+    let sxx: f64 = points.iter().map(|p| (p.0 - mx).powi(2)).sum();
+    let slope = points.iter().map(|p| (p.0 - mx) * (p.1 - my)).sum::<f64>() / sxx;
+    let scatter = |slope: f64, free: f64| {
+        (points.iter().map(|p| (p.1 - my - slope * (p.0 - mx)).powi(2)).sum::<f64>() / (n - free)).sqrt()
+    };
+    let stands_out = |value: f64, error: f64| value.abs() > (LATENESS_ERRORS * error).max(1e-5);
+    if stands_out(slope, scatter(slope, 2.0) / sxx.sqrt()) {
+        Some((slope, " a cycle"))
+    } else {
+        stands_out(my, scatter(0.0, 1.0) / n.sqrt()).then_some((my, ""))
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fit::problem::compare::ExtremumError;
 
     fn sensor(late_s: f64, high_m: f64) -> SensorFit {
         let time_s: Vec<f64> = (0..5000).map(|i| f64::from(i) * 1e-3).collect();
@@ -169,6 +172,16 @@ mod tests {
         assert!(said.contains("4.0 ms late a cycle") && said.contains("peaks 0.50 m too high"), "{said}");
         let said = shape(&sensor(-0.004, -0.5), None);
         assert!(said.contains("4.0 ms early a cycle") && said.contains("peaks 0.50 m too low"), "{said}");
+    }
+
+    #[test]
+    fn scattered_phases_are_not_lateness() {
+        let mut scattered = sensor(0.0, 0.5);
+        for (e, phase_s) in scattered.extrema.iter_mut().zip([0.03, -0.02, 0.04, -0.05, 0.06]) {
+            e.phase_s = phase_s;
+        }
+        let said = shape(&scattered, None);
+        assert!(!said.contains(" ms "), "{said}");
     }
 
     #[test]

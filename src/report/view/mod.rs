@@ -2,6 +2,5 @@
 
 pub mod curves;
 pub mod decimate;
-pub mod failure;
 pub(crate) mod panel;
 pub mod summary;
