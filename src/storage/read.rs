@@ -4,6 +4,7 @@ use std::borrow::Cow;
 use std::fs::File;
 use std::io::{BufReader, Read, Seek, SeekFrom};
 use std::path::Path;
+use std::sync::mpsc::sync_channel;
 
 use mcap::records::{MessageHeader, Record, op};
 use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
@@ -51,20 +52,73 @@ pub fn decode(bytes: &[u8], path: &Path) -> Result<Recording, LogError> {
     decode_stream(bytes, bytes.len() as u64, path)
 }
 
-fn decode_stream(input: impl Read, length: u64, path: &Path) -> Result<Recording, LogError> {
+/// One thread unpacks, this one takes: each has about half of the work of a long recording.
+fn decode_stream(input: impl Read + Send, length: u64, path: &Path) -> Result<Recording, LogError> {
     let mut assembler = Assembler::default();
     let options = checked_options(length).with_check_finishes_after_end_magic(true);
-    records(input, options, &mut Unpacked::of(length), |record| assembler.take(record))
-        .map_err(|why| LogError::Damaged { path: path.into(), why })?;
+    let read = std::thread::scope(|scope| {
+        let (send, receive) = sync_channel::<Batch>(BATCHES_AHEAD);
+        let unpacking = scope.spawn(move || {
+            let mut batch = Batch::default();
+            // nobody receives any more where a record was wrong, and that is the error to report
+            let hand_over = |batch: &mut Batch| send.send(std::mem::take(batch)).map_err(|_| String::new());
+            raw_records(input, options, &mut Unpacked::of(length), |opcode, body| {
+                batch.push(opcode, body);
+                if batch.bodies.len() < BATCH_BYTES { Ok(()) } else { hand_over(&mut batch) }
+            })?;
+            hand_over(&mut batch)
+        });
+        for batch in receive {
+            for (opcode, body) in batch.records() {
+                assembler.take(parse(opcode, body).map_err(describe)?)?;
+            }
+        }
+        unpacking.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+    });
+    read.map_err(|why| LogError::Damaged { path: path.into(), why })?;
     assembler.assemble(path, None)
 }
 
-/// Hands each record of the input, those in chunks included, to `take`, but for the indices of messages; stops at the first error and says it.
+/// Bytes of records that change threads together, at least.
+const BATCH_BYTES: usize = 1 << 16;
+/// Batches that may wait.
+const BATCHES_AHEAD: usize = 8;
+
+/// Records one after the other.
+#[derive(Default)]
+struct Batch {
+    bodies: Vec<u8>,
+    /// Opcode and where the body ends.
+    ends: Vec<(u8, usize)>,
+}
+
+impl Batch {
+    fn push(&mut self, opcode: u8, body: &[u8]) {
+        self.bodies.extend_from_slice(body);
+        self.ends.push((opcode, self.bodies.len()));
+    }
+
+    fn records(&self) -> impl Iterator<Item = (u8, &[u8])> {
+        let starts = std::iter::once(0).chain(self.ends.iter().map(|end| end.1));
+        starts.zip(&self.ends).map(|(start, &(opcode, end))| (opcode, &self.bodies[start..end]))
+    }
+}
+
+/// Hands each record of the input, those in chunks included, to `take`, but for the indices of messages; stops at the first error and returns it.
 pub fn records(
-    mut input: impl Read,
+    input: impl Read,
     options: LinearReaderOptions,
     unpacked: &mut Unpacked,
     mut take: impl FnMut(Record<'_>) -> Result<(), String>,
+) -> Result<(), String> {
+    raw_records(input, options, unpacked, |opcode, body| take(parse(opcode, body).map_err(describe)?))
+}
+
+fn raw_records(
+    mut input: impl Read,
+    options: LinearReaderOptions,
+    unpacked: &mut Unpacked,
+    mut take: impl FnMut(u8, &[u8]) -> Result<(), String>,
 ) -> Result<(), String> {
     let mut reader = LinearReader::new_with_options(options);
     while let Some(event) = reader.next_event() {
@@ -76,7 +130,7 @@ pub fn records(
             LinearReadEvent::Record { opcode, data } => {
                 unpacked.add(RECORD_HEAD + data.len())?;
                 if opcode != op::MESSAGE_INDEX {
-                    take(parse(opcode, data).map_err(describe)?)?;
+                    take(opcode, data)?;
                 }
             }
         }

@@ -21,7 +21,7 @@ use crate::web::session::Session;
 use crate::web::session::place::Place;
 
 /// How long the first fit may take before the address is printed; it goes on meanwhile.
-const FIRST_FIT: Duration = Duration::from_secs(1);
+const FIRST_FIT: Duration = Duration::from_millis(500);
 /// Folders that are opened where none is named: recordings of the project, or what `demo` left.
 const USUAL: [&str; 2] = ["recordings", "surgescope-demo"];
 

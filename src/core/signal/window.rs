@@ -137,7 +137,11 @@ impl Window {
 
     fn cut_series(&self, series: &Series) -> Series {
         let mut cutter = Cutter::new(self, series.time_s.len(), typical_step_s(&series.time_s));
-        series.time_s.iter().zip(&series.value).for_each(|(t, v)| cutter.push(*t, *v));
+        // outside the window the cutter keeps nothing of many samples
+        let many = !cutter.few;
+        let from = if many { series.time_s.partition_point(|t| *t < self.from_s) } else { 0 };
+        let to = if many { series.time_s.partition_point(|t| *t <= self.to_s) } else { series.time_s.len() };
+        series.time_s[from..to].iter().zip(&series.value[from..to]).for_each(|(t, v)| cutter.push(*t, *v));
         cutter.finish(&series.gaps)
     }
 
@@ -255,6 +259,8 @@ fn typical_step_s(time_s: &[f64]) -> f64 {
 /// What is remembered of the samples of one sensor as they go by, to find its closure.
 struct Scan {
     length: usize,
+    /// Samples that the last block still takes.
+    left: usize,
     samples: usize,
     first_s: f64,
     last_s: f64,
@@ -338,7 +344,7 @@ impl Scan {
     /// Blocks will have so many samples.
     fn new(length: usize) -> Scan {
         let (head, blocks, before) = (Default::default(), Vec::new(), (f64::NAN, f64::NAN));
-        Scan { length: length.max(1), samples: 0, first_s: 0.0, last_s: 0.0, head, blocks, before }
+        Scan { length: length.max(1), left: 0, samples: 0, first_s: 0.0, last_s: 0.0, head, blocks, before }
     }
 
     /// Takes a sample; times increase.
@@ -350,7 +356,8 @@ impl Scan {
             self.head.0.push(time_s);
             self.head.1.extend(value.is_finite().then_some(value));
         }
-        if self.samples.is_multiple_of(self.length) {
+        if self.left == 0 {
+            self.left = self.length;
             self.blocks.push((time_s, f64::INFINITY, f64::NEG_INFINITY));
             self.before = (f64::NAN, f64::NAN);
         }
@@ -364,6 +371,7 @@ impl Scan {
         self.before = (b, value);
         self.last_s = time_s;
         self.samples += 1;
+        self.left -= 1;
     }
 
     /// First and last time, s, and the typical step; `None` where there are fewer than two samples.
