@@ -51,7 +51,7 @@ export async function simulate(question) {
 
 // Events as they come. A browser opens six connections to a host, so one page listens and tells the others; when it is closed another takes over.
 // A fit tells its errors faster than anyone can look: the handler of `progress` gets a list of them from time to time, and leaves the fit the processor.
-const GATHERED_MS = 60;
+const GATHERED_MS = 100;
 export function listen(handlers) {
   const others = new BroadcastChannel("events");
   const hear = (name, data) => handlers[name]?.(data);

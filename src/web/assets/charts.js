@@ -165,13 +165,13 @@ class Panel {
 
 // The model that is being fitted, a few times a second, until its job ends.
 let following = null;
-const EVERY_MS = 150;
+const EVERY_MS = 200;
 export async function watchFit(job) {
   if (following) return;
   following = job;
   const until = (ms) => new Promise((done) => setTimeout(done, Math.max(20, ms)));
   // at once there is nothing to see
-  await until(EVERY_MS / 2);
+  await until(EVERY_MS);
   while (app.state?.job?.id === following) {
     const began = performance.now();
     // a curve that cannot be had at the moment is had the next time
