@@ -3,7 +3,8 @@
 nested.py PROGRAM COUNT SEED FOLDER...: a line of docs/src/measured/reliability.md
 
 FOLDER as hidden_folder.py says. The smaller model holds the start effects and up to one other; the bigger one more. Each is calibrated from
-the signals alone, on at most 64 reaches. Worse is more than a thousandth above."""
+the signals alone, on at most 64 reaches. What is compared is what a fit minimises: the error over the noise of the sensors, rms over all samples.
+Worse is more than a thousandth above."""
 import json
 import random
 import subprocess
@@ -24,10 +25,14 @@ cases = [(folder, case, answer) for folder in folders for case, answer in answer
 
 
 def calibrated(recordings, effects):
-    """Error of the fit, or none where the program refuses the model."""
+    """Error over noise of the fit, or none where the program refuses the model."""
     run = subprocess.run([program, "calibrate", *recordings, "--effects", ",".join(effects) or "none", "--most-reaches", "64", "--json"],
                          capture_output=True, text=True)
-    return json.loads(run.stdout)["rmse_m"] if run.returncode == 0 else None
+    if run.returncode != 0:
+        return None
+    sensors = [sensor for run in json.loads(run.stdout)["runs"] for sensor in run["sensors"]]
+    square = sum(s["samples"] * (s["rmse_m"] / s["noise_m"]) ** 2 for s in sensors)
+    return (square / sum(s["samples"] for s in sensors)) ** 0.5
 
 
 def tried(one):
@@ -52,4 +57,4 @@ compared = [r for r in results if r[3] is not None and r[4] is not None]
 worse = [r for r in compared if r[4] > WORSE * r[3]]
 print(f"{len(compared)} pairs of models ({len(results) - len(compared)} refused), {len(worse)} end worse.")
 for case, smaller, more, first, second in sorted(worse, key=lambda r: r[3] / r[4]):
-    print(f"{case}: {','.join(smaller) or 'none'} leaves {first:.4g} m, with {more} {second:.4g} m")
+    print(f"{case}: {','.join(smaller) or 'none'} leaves {first:.4g} x the noise, with {more} {second:.4g}")

@@ -13,8 +13,9 @@ export function commandOf(action, effect) {
   const held = model.parameters.filter((p) => (p.held || app.hold.has(p.name)) && !app.free.has(p.name));
   const changed = Object.keys(app.moved).length + app.hold.size + app.free.size;
   if (!changed) return known.fit;
-  const given = held.map((p) => word(`${p.name}=${app.moved[p.name] ?? p.value}`));
-  return known.calibrate.replace("EFFECTS", () => word(model.effects.join(",") || "none")) + (given.length ? ` --hold ${given.join(" ")}` : "");
+  const free = model.parameters.filter((p) => p.name in app.moved && !held.includes(p));
+  const option = (name, all) => (all.length ? ` ${name} ${all.map((p) => word(`${p.name}=${app.moved[p.name] ?? p.value}`)).join(" ")}` : "");
+  return known.calibrate.replace("EFFECTS", () => word(model.effects.join(",") || "none")) + option("--hold", held) + option("--start", free);
 }
 
 export async function copy(text) {
