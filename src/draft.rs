@@ -9,6 +9,7 @@ use crate::rig::{Rig, SensorKind, quantity_of};
 use crate::robust::median;
 use crate::signal::doubts::doubts;
 use crate::signal::faults::{in_words, sensor_faults};
+use crate::signal::levels::temperature_degc;
 use crate::signal::window::used;
 use crate::signal::{Features, SensorFeatures, inspect};
 use crate::storage::import::{NAMELESS, SourceFile, SourceOptions, Track, bind, kind_of};
@@ -48,28 +49,37 @@ pub fn sensors_of(
     draft: &Draft,
     source: &SourceOptions,
     unit: Option<Unit>,
+    placed: &[(String, f64)],
 ) -> (Vec<DraftSensor>, Vec<String>) {
     let (mut sensors, mut others): (Vec<DraftSensor>, Vec<String>) = (Vec::new(), Vec::new());
     let mut unstated: Vec<(usize, f64)> = Vec::new();
     for track in &file.tracks {
         let nameless = track.name.starts_with(NAMELESS);
-        let line = source.scales.iter().find(|(name, _)| *name == track.name || *name == track.short);
+        let is_it = |name: &String| *name == track.name || *name == track.short;
+        let called = source.map.iter().find(|(from, _)| is_it(from)).map_or(&track.short, |(_, to)| to);
+        let line = source.scales.iter().find(|(name, _)| is_it(name) || name == called);
         let by_scale = line.and_then(|(_, line)| {
-            let unit = line.unit.or(unit).unwrap_or(Unit::BAR);
-            let measures = |kind: &SensorKind| quantity_of(*kind) == unit.quantity;
-            Some((SensorKind::ALL.into_iter().find(measures)?, Some(unit)))
+            let told = match line.unit.or(unit) {
+                Some(unit) => Told::given(unit),
+                None => Told::assumed(Unit::BAR, "no unit stands behind the line of --scale, as in '250*x-125 kPa'"),
+            };
+            let measures = |kind: &SensorKind| quantity_of(*kind) == told.value.quantity;
+            Some((SensorKind::ALL.into_iter().find(measures)?, Some(told)))
         });
+        // only a pressure has a place to give
+        let by_place = || placed.iter().any(|(name, _)| name == called).then_some((SensorKind::Pressure, None));
         let kind = by_scale
-            .or_else(|| kind_of(track))
+            .or_else(|| kind_of(track).map(|(kind, unit)| (kind, unit.map(Told::given))))
+            .or_else(by_place)
             .or_else(|| Some((kind_of_numbers(&track.series.value)?, None)).filter(|_| nameless));
         match kind.filter(|_| track.series.value.len() > 1 && !source.ignore.contains(&track.short)) {
             Some((kind, stated)) => {
-                let name = free_name(&track.short, &sensors);
+                let name = free_name(called, &sensors);
                 let level = median(&mut track.series.value.clone()).abs();
                 if kind == SensorKind::Pressure && stated.is_none() && track.unit.is_none() {
                     unstated.push((sensors.len(), level));
                 }
-                let unit = stated.map_or_else(|| unit_of(track, kind, level, draft), Told::given);
+                let unit = stated.unwrap_or_else(|| unit_of(track, kind, level, draft));
                 let position_m = match kind {
                     SensorKind::Flow => Told::assumed(0.0, "the file does not say: at the supply"),
                     SensorKind::Temperature => Told::given(0.0),
@@ -111,6 +121,12 @@ pub fn place(draft: &mut Draft, file: &SourceFile, source: &SourceOptions) {
             };
             let at_valve = |s: &mut DraftSensor| s.position_m.why = format!("{why}: at the valve");
             draft.sensors.iter_mut().filter(|s| s.kind == SensorKind::Pressure).for_each(at_valve);
+            if let Ok(recording) = Rig::from_toml(&draft.text(), "draft")
+                .map_err(|e| e.to_string())
+                .and_then(|rig| recorded(&rig, file, source))
+            {
+                take_temperature(draft, temperature_degc(&recording));
+            }
             return;
         }
     };
@@ -137,14 +153,18 @@ pub fn place(draft: &mut Draft, file: &SourceFile, source: &SourceOptions) {
         };
         sensor.position_m = place;
     }
-    if !draft.temperature_degc.why.is_empty() && draft.sensors.iter().any(|s| s.kind == SensorKind::Temperature) {
-        draft.temperature_degc = Told::assumed((10.0 * found.temperature_degc).round() / 10.0, "as the file says");
-    }
+    take_temperature(draft, found.temperature_degc);
     if let (Some(end_s), false) = (found.closure.end_s, draft.closing_time_s.why.is_empty()) {
         let closing_s = (1e3 * (end_s - found.closure.start_s)).round() / 1e3;
         if closing_s > 0.0 {
             draft.closing_time_s = Told::assumed(closing_s, "as the first rise shows it");
         }
+    }
+}
+
+fn take_temperature(draft: &mut Draft, degc: f64) {
+    if !draft.temperature_degc.why.is_empty() && draft.sensors.iter().any(|s| s.kind == SensorKind::Temperature) {
+        draft.temperature_degc = Told::assumed((10.0 * degc).round() / 10.0, "as the file says");
     }
 }
 
@@ -206,7 +226,7 @@ fn seen(draft: &Draft, file: &SourceFile, source: &SourceOptions) -> Result<Feat
 
 /// What is used of the file, on a rig.
 fn recorded(rig: &Rig, file: &SourceFile, source: &SourceOptions) -> Result<Recording, String> {
-    let bound = bind(file.clone(), Path::new(""), rig, source, &mut Vec::new());
+    let bound = bind(file.clone(), Path::new("the file"), rig, source, &mut Vec::new());
     bound.map(|(recording, _)| used(recording).0).map_err(|e| e.to_string())
 }
 

@@ -225,6 +225,17 @@ fn message(body: &[u8]) -> Option<Record<'_>> {
     Some(Record::Message { header, data: Cow::Borrowed(data) })
 }
 
+/// Fails unless a file is there and begins as an MCAP file does.
+///
+/// # Errors
+/// A file that is not there or cannot be read; [`LogError::NotMcap`], [`LogError::Torn`].
+pub fn check_recording(path: &Path) -> Result<(), LogError> {
+    let mut start = Vec::new();
+    let read = disk::open_file(path)?.take(MAGIC.len() as u64).read_to_end(&mut start);
+    read.map_err(|e| LogError::io("read", path, e))?;
+    check_start(&start, path)
+}
+
 /// Fails unless this is the beginning of an MCAP file.
 pub fn check_start(bytes: &[u8], path: &Path) -> Result<(), LogError> {
     let start = &bytes[..bytes.len().min(MAGIC.len())];

@@ -54,6 +54,11 @@ fn a_rig_from_a_loggers_file_imports_and_fits_it() {
     let places: Vec<f64> = rig.pressure_sensors().map(|(_, s)| s.position_m).collect();
     assert!((places[0] - 100.0).abs() < 1e-9 && (places[1] - 40.0).abs() < 3.0, "{places:?}");
     must(&folder, &["import", "log.csv", "--rig", "rig.toml", "--yes", "-o", "run.mcap"]);
+    assert!(
+        within(&folder, &["rig", "check", "rig.toml", "log.csv"])
+            .1
+            .contains("wave from 'Druck Ventil' to 'Druck Mitte'")
+    );
     let (fit, _) = must(&folder, &["calibrate", "run.mcap", "--json"]);
     let fit: serde_json::Value = serde_json::from_str(&fit).unwrap();
     let run = &fit["runs"][0];
@@ -118,6 +123,43 @@ fn what_is_missing_is_named_with_its_option() {
         let (code, _, said) = within(&folder, arguments);
         assert!(code == 2 && said.contains(words) && !said.contains("panicked"), "{arguments:?}: {code} {said}");
         assert!(!folder.path().join("rig.toml").exists());
+    }
+}
+
+/// A rig takes the names that import will give, and a name that the file lacks is a slip.
+#[test]
+fn names_are_those_of_the_options_and_slips_are_named() {
+    let folder = logged();
+    let new = [&["rig", "new", "log.csv", "--yes"], &TAPE[..]].concat();
+    for (slip, words) in [
+        (["--map", "Presure=P1"], "--map: there is no 'Presure'"),
+        (["--ignore", "Nothing"], "--ignore: there is no 'Nothing'"),
+        (["--scale", "Volt=2*x bar"], "--scale: there is no 'Volt'"),
+    ] {
+        let (code, _, said) = within(&folder, &[&new[..], &slip].concat());
+        assert!(code == 2 && said.contains(words), "{said}");
+        assert!(!folder.path().join("rig.toml").exists());
+    }
+    let heading = std::fs::read_to_string(folder.path().join("log.csv")).unwrap();
+    let heading = heading.lines().find(|line| line.contains("bar")).unwrap().to_owned();
+    let pressure = heading.split([',', ';', '\t']).find(|name| name.contains("bar")).unwrap().trim().to_owned();
+    let map = format!("{pressure}=P7");
+    let said = must(&folder, &[&new[..], &["--map", &map]].concat()).1;
+    assert!(!said.contains("warning"), "{said}");
+    let rig = surgescope::rig::Rig::load(&folder.path().join("rig.toml")).unwrap();
+    assert!(rig.sensors.iter().any(|s| s.name == "P7"), "{:?}", rig.sensors);
+    must(&folder, &["import", "log.csv", "--rig", "rig.toml", "--yes", "--map", &map, "-o", "run.mcap"]);
+}
+
+/// What is no recording is refused before a page is served.
+#[test]
+fn a_workbench_opens_recordings_only() {
+    let folder = logged();
+    for (file, words) in
+        [("gone.mcap", "gone.mcap does not exist"), ("log.csv", "`surgescope import` makes a recording")]
+    {
+        let (code, _, said) = within(&folder, &["open", file, "--no-browser"]);
+        assert!(code == 2 && said.contains(words), "{said}");
     }
 }
 

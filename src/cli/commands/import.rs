@@ -15,6 +15,7 @@ use crate::cli::console::print::{say, tell};
 use crate::cli::console::progress::busy;
 use crate::cli::console::understood;
 use crate::recording::Recording;
+use crate::report::advice::quoted;
 use crate::rig::Rig;
 use crate::rig::check::return_time_s;
 use crate::shown::Shown as _;
@@ -202,6 +203,7 @@ impl Done {
             say!("{}", document(head, &summary)?);
         } else {
             say!("{}: {summary}", args.output.shown());
+            tell!("next: surgescope open {}", quoted(&args.output.shown()));
         }
         Ok(if reports.iter().any(|r| r.repair.lost) { Outcome::DataLost } else { Outcome::Done })
     }

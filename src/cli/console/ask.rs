@@ -18,7 +18,9 @@ pub fn line<T>(question: &str, usual: Option<&str>, parse: impl Fn(&str) -> Resu
 /// A number within a range; the comma is a decimal one.
 pub fn number(question: &str, usual: Option<f64>, [low, high]: [f64; 2]) -> Result<f64, AnyError> {
     let within = |text: &str| {
-        let value: f64 = text.replace(',', ".").parse().map_err(|_| format!("'{text}' is no number"))?;
+        let what = if text.is_empty() { "nothing was written" } else { "that is no number" };
+        let value: f64 =
+            text.replace(',', ".").parse().map_err(|_| format!("{what}: write a number alone, without its unit"))?;
         let fits = (low..=high).contains(&value);
         if fits { Ok(value) } else { Err(format!("it must be from {low} to {high}")) }
     };

@@ -56,7 +56,7 @@ use crate::fit::problem::error::FitError;
 use crate::fit::progress::{OnProgress, Progress};
 use crate::fit::search::calibrate::calibrate;
 use crate::fit::search::options::Options;
-use crate::fit::validate::conflict::faded_noise;
+use crate::fit::validate::conflict::{at_bounds, conflicts, faded_noise};
 use crate::fit::validate::held_out::held_out_m;
 use crate::model::check_sensors;
 use crate::model::effects::{Chosen, SHOWN};
@@ -371,6 +371,10 @@ fn explain(fitter: &FullFitter, baseline: &Baseline, candidate_fits: &[Candidate
     let effect = diagnosis.answer_label();
     let faded = diagnosis.answer().map(faded_noise).filter(|_| faded_noise(&diagnosis.start).is_empty());
     diagnosis.warnings.extend(faded.into_iter().flatten());
+    // The noise may be reached with a velocity that contradicts the meter, or with a level that no gauge has: it is then the wrong scale that fits.
+    let doubts = diagnosis.answer().map_or(Vec::new(), |fit| [conflicts(fit, fitter.runs), at_bounds(fit)].concat());
+    let new: Vec<String> = doubts.into_iter().filter(|doubt| !diagnosis.warnings.contains(doubt)).collect();
+    diagnosis.warnings.extend(new.into_iter().map(|doubt| format!("with {effect}: {doubt}")));
     if diagnosis.predicts_worse() {
         diagnosis.warnings.push(format!(
             "fitted to the beginning of the records, the model with {effect} predicts the rest worse than the start model: it \

@@ -15,8 +15,8 @@ pub enum SignalError {
     },
     /// The head does not change.
     #[error(
-        "no closure in this recording: over {duration_s:.3} s the head at {sensor} moves by only {swing_m:.3} m, within its \
-         noise; record again with the valve closing while the recording runs"
+        "no closure in this recording: over {duration_s:.3} s the head at {sensor} moves by {swing_m:.3} m, and no \
+         front stands out; let the valve close while the recording runs, and check that the sensor's position in the rig file is right"
     )]
     NoClosure {
         /// The sensor nearest to the valve.

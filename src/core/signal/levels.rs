@@ -32,7 +32,7 @@ pub(crate) fn after(trace: &Trace, start_s: f64, period_s: f64, noise: &Noise) -
 }
 
 /// Mean temperature of the run, °C: from the first temperature sensor with samples, or from the rig file.
-pub(crate) fn temperature_degc(recording: &Recording) -> f64 {
+pub fn temperature_degc(recording: &Recording) -> f64 {
     of_kind(recording, SensorKind::Temperature)
         .map(|(sensor, series)| {
             let unit = recording.rig.sensors[sensor].unit;

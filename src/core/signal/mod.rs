@@ -32,7 +32,7 @@ pub(crate) mod front;
 pub mod harmonics;
 pub(crate) mod inspect;
 pub(crate) mod interpolated;
-pub(crate) mod levels;
+pub mod levels;
 pub(crate) mod matching;
 pub(crate) mod noise;
 pub(crate) mod onset;

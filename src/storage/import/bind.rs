@@ -101,6 +101,28 @@ pub fn bind(
     Ok((Recording { rig: rig.clone(), series, run }, taken))
 }
 
+/// Names in the options that a file has no column of, and that are no sensor of the rig, are slips of the pen.
+///
+/// # Errors
+/// Names the first.
+pub fn check_names(file: &SourceFile, path: &Path, rig: Option<&Rig>, options: &SourceOptions) -> Result<(), LogError> {
+    let is_there = |name: &str| file.tracks.iter().any(|track| is_called(track, name));
+    let is_sensor = |name: &str| {
+        rig.is_some_and(|rig| rig.sensors.iter().any(|s| s.name == name))
+            || options.map.iter().any(|(_, to)| to == name)
+    };
+    let mapped = options.map.iter().map(|(from, _)| ("map", from)).find(|(_, name)| !is_there(name));
+    let ignored = options.ignore.iter().map(|name| ("ignore", name)).find(|(_, name)| *name != "*" && !is_there(name));
+    let scaled =
+        options.scales.iter().map(|(name, _)| ("scale", name)).find(|(_, name)| !is_there(name) && !is_sensor(name));
+    let Some((option, name)) = mapped.or(ignored).or(scaled) else { return Ok(()) };
+    let names: Vec<String> = file.tracks.iter().map(|track| track.short.clone()).collect();
+    let meant =
+        nearest(name, names.iter().map(String::as_str)).map_or(String::new(), |n| format!("; did you mean '{n}'?"));
+    let why = format!("option `{option}`: there is no '{name}' in it; it has {}{meant}", listed(&names));
+    Err(LogError::SourceFile { path: path.into(), why })
+}
+
 /// Every sensor of the rig must be in one of the files or among those `without` samples.
 ///
 /// # Errors

@@ -6,7 +6,7 @@ use crate::recording::{Recording, RunInfo};
 use crate::rig::{Rig, SensorKind};
 use crate::storage::disk;
 use crate::storage::error::{CsvProblem, LogError};
-use crate::storage::import::bind::{bind, require_sensors};
+use crate::storage::import::bind::{bind, check_names, require_sensors};
 use crate::storage::import::csv::comments::{START, comment_notes, start_in_comments};
 use crate::storage::import::csv::read_strict;
 use crate::storage::import::csv::text::text_of;
@@ -115,6 +115,9 @@ pub fn import_file(
     let read = decode_source(&bytes, path, source).and_then(|mut file| {
         repairs.append(&mut file.repairs);
         start_digit_s = file.start.map(|s| s.digit_s);
+        if alone {
+            check_names(&file, path, Some(rig), source)?;
+        }
         let (recording, columns) = bind(file, path, rig, source, &mut repairs)?;
         if alone {
             let mut without = options.without.clone();

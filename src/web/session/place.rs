@@ -9,6 +9,7 @@ use std::sync::{Mutex, PoisonError};
 use crate::results::history::Index;
 use crate::rig::Rig;
 use crate::shown::Shown as _;
+use crate::storage::check_recording;
 use crate::study::models;
 use crate::watch::folder::list;
 
@@ -82,7 +83,10 @@ impl Place {
                     odd.shown().into_owned()
                 )
                 .into()),
-                None => Ok(Place::default().with(paths.iter().cloned())),
+                None => {
+                    paths.iter().try_for_each(|path| check_recording(path))?;
+                    Ok(Place::default().with(paths.iter().cloned()))
+                }
             },
         }
     }

@@ -15,13 +15,15 @@ use crate::signal::check::check_recording;
 use crate::signal::faults::{SensorFault, sensor_faults};
 use crate::signal::window::used;
 use crate::storage as log;
+use crate::storage::ImportOptions;
+use crate::storage::import::{SourceOptions, import_file};
 
 /// Find contradictions in a rig file, or between a rig file and a recording.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// The rig file (TOML).
     rig: PathBuf,
-    /// A recording (MCAP) or a time series (CSV) made on it.
+    /// A recording (MCAP) or a time series, as `import --yes` reads it, made on it.
     recording: Option<PathBuf>,
     /// A steady flow to compare with the rig, m3/h (as `[[steady]]` in the rig file).
     #[arg(long, value_name = "M3_H", value_parser = positive, allow_negative_numbers = true)]
@@ -69,8 +71,11 @@ pub fn run(args: &Args, json: bool) -> CommandResult {
 }
 
 fn read(path: &Path, rig: &Rig) -> Result<Recording, log::LogError> {
-    let csv = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("csv"));
-    if csv { log::import_csv(path, rig) } else { log::read(path) }
+    if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("mcap")) {
+        return log::read(path);
+    }
+    let guesses = SourceOptions { guess: true, ..SourceOptions::default() };
+    import_file(path, rig, &ImportOptions::default(), &guesses, true).map(|imported| imported.recording)
 }
 
 fn document(rig: &Path, recording: Option<&Path>, worst: Level, findings: &[Finding], faults: &[SensorFault]) -> Value {

@@ -19,7 +19,7 @@ use crate::rig::material::{MATERIALS, Material};
 use crate::rig::sizes::{EXAMPLES, PipeSize, pipe_size};
 use crate::rig::{Rig, Sensor, SensorKind, check::check as check_rig, quantity_of, spelled_unit};
 use crate::shown::Shown as _;
-use crate::storage::import::{SourceOptions, read_source};
+use crate::storage::import::{SourceOptions, check_names, read_source};
 use crate::storage::nearest::nearest;
 use crate::storage::output;
 use crate::units::{Quantity, Unit};
@@ -88,19 +88,24 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     }
     let asks = !args.yes && !json && stdin().is_terminal() && stderr().is_terminal();
     let ask = Ask { asks };
+    if asks {
+        tell!("Enter takes what stands in brackets; Ctrl-C leaves, and nothing is written before the last answer.");
+    }
     let source = SourceOptions { guess: true, ..args.foreign.clone().options() };
     // A file that cannot be read costs no answers.
     let read = args.file.as_deref().map(|file| read_source(file, &source)).transpose()?;
     let mut draft = pipe(&args, &ask)?;
     let mut left_out = Vec::new();
     if let (Some(file), Some(read)) = (&args.file, &read) {
-        (draft.sensors, left_out) = sensors_of(read, &draft, &source, args.unit);
+        check_names(read, file, None, &source)?;
+        (draft.sensors, left_out) = sensors_of(read, &draft, &source, args.unit, &args.sensor);
         if !draft.sensors.iter().any(|s| s.kind == SensorKind::Pressure) {
             return Err(format!(
-                "{}: no column looks like a pressure; the columns are {}. Put units into the headings, as in 'P1 (bar)', or give the lines of \
-                 volts, as in --scale 'NAME=2.5*x-1.25'",
+                "{}: no column looks like a pressure; the columns are {}. Give the place of the one that is, as in --sensor '{first}=12.5'; of a \
+                 column of volts give the line, too, as in --scale '{first}=250*x-125 kPa'",
                 file.shown(),
-                left_out.join(", ")
+                left_out.join(", "),
+                first = left_out.first().map_or("NAME", String::as_str)
             )
             .into());
         }
@@ -118,7 +123,10 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         tell!("assumed: {line}");
     }
     if !left_out.is_empty() {
-        tell!("left out, because they look like no sensor: {}", left_out.join(", "));
+        tell!(
+            "left out, because they look like no sensor: {} (a column of volts becomes one by --scale, as in --scale 'NAME=250*x-125 kPa')",
+            left_out.join(", ")
+        );
     }
     if json {
         let sensor = |(s, told): (&Sensor, &DraftSensor)| {
