@@ -38,6 +38,23 @@ fn a_leak_is_found_where_it_is() {
     assert!(place["standard_error"].as_f64().unwrap() < 1.0, "{place}");
 }
 
+/// A sensor's wiring picks up the mains: that is noise, and no effect in the pipe.
+#[test]
+fn hum_of_the_mains_is_noise() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut recorded = surgescope::storage::read(&here(NOTHING)).unwrap();
+    let pressure = &mut recorded.series[0];
+    for (time_s, kpa) in pressure.time_s.iter().zip(&mut pressure.value) {
+        *kpa += 0.4 * (std::f64::consts::TAU * 50.0 * time_s).sin();
+    }
+    let recording = folder.path().join("hum.mcap");
+    surgescope::storage::write(&recording, &recorded).unwrap();
+    let answer = diagnose(&[text(&recording), "--effects", "viscoelastic-wall"]);
+    assert_eq!(answer["verdict"], "nothing-missing", "{answer}");
+    let doubts = done(&["inspect", text(&recording)])["doubts"].to_string();
+    assert!(doubts.contains("as the mains do"), "{doubts}");
+}
+
 #[test]
 fn where_nothing_is_missing_nothing_is_found() {
     let answer = &diagnosis(&[NOTHING, "--effects", "viscoelastic-wall"]).answer;

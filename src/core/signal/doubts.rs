@@ -71,8 +71,15 @@ pub fn doubts(rig: &Rig, features: &Features) -> Vec<String> {
             ));
         }
         if let Some(line) = sensor.noise.line {
+            let what = match line.is_mains(sensor.interval_s) {
+                true => "as the mains do: it counts as noise; shield or ground the sensor's wiring",
+                false => {
+                    "(a pump, or an alias of something faster): no model of a closure reproduces that, so it counts as missing physics; stop its \
+                     source, or filter it before the converter"
+                }
+            };
             found.push(format!(
-                "{} oscillates at {} Hz by {} m even before the closure (a pump, mains hum, or an alias of them): no model of a closure reproduces that, so it counts as missing physics; stop its source, or filter it before the converter",
+                "{} oscillates at {} Hz by {} m even before the closure {what}",
                 sensor.name,
                 significant(line.cycles_per_sample / sensor.interval_s, 3),
                 error_m(line.amplitude_m)

@@ -38,6 +38,18 @@ pub struct Line {
     pub amplitude_m: f64,
 }
 
+impl Line {
+    /// Whether it has the frequency of the mains, 50 or 60 Hz, or of one of their first harmonics, or an alias of these: such a line comes from the wiring,
+    /// not from the pipe. A motor on the mains turns more slowly, by its slip.
+    pub fn is_mains(&self, interval_s: f64) -> bool {
+        let alias = |hz: f64| (hz * interval_s - (hz * interval_s).round()).abs();
+        let of = |mains_hz: f64| (1..=3).map(move |k| mains_hz * f64::from(k));
+        of(50.0).chain(of(60.0)).any(|hz| (self.cycles_per_sample - alias(hz)).abs() < MAINS_HZ * interval_s)
+    }
+}
+
+/// The mains keep their frequency within this, Hz (EN 50160: 0.5 Hz in 99.5% of a year).
+const MAINS_HZ: f64 = 0.5;
 /// Three limits of an oscillation: the share of the variance that is not white from which it is looked for; the
 /// correlation that it keeps after its first swing; the longest swing, samples.
 const LEAST_SLOW: f64 = 0.3;
@@ -290,5 +302,9 @@ mod tests {
         let line = noise(&ripple, &ripple).line.unwrap();
         assert!((line.cycles_per_sample * std::f64::consts::TAU - 0.06).abs() < 1e-4, "{line:?}");
         assert!((line.amplitude_m - 3.0).abs() < 0.05, "{line:?}");
+        // 50 Hz at 1 kHz, and 150 Hz at 200 Hz, which is seen at 50 Hz; a pump's 48.7 Hz is none
+        let of = |cycles_per_sample: f64| Line { cycles_per_sample, amplitude_m: 1.0 };
+        assert!(of(0.0501).is_mains(1e-3) && of(0.25).is_mains(5e-3));
+        assert!(!of(0.0487).is_mains(1e-3) && !of(0.02).is_mains(1e-3));
     }
 }

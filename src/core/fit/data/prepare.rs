@@ -34,7 +34,9 @@ pub fn prepare(file: &str, rig: &Rig, recording: &Recording, features: &Features
             full_scale_error_m(&sensor, density).unwrap_or(DEFAULT_OFFSET_SHARE * rise_m).max(seen.noise.white_sd_m);
         // A noiseless record still has errors of its own; without a floor its weights would be infinite.
         let noise_m = seen.noise.white_sd_m.max(1e-5 * rise_m);
-        let total_noise_m = if seen.noise.line.is_some() { noise_m } else { seen.noise.total_sd_m.max(noise_m) };
+        // What oscillates in the pipe is no noise; what the mains induce is.
+        let in_pipe = seen.noise.line.is_some_and(|line| !line.is_mains(seen.interval_s));
+        let total_noise_m = if in_pipe { noise_m } else { seen.noise.total_sd_m.max(noise_m) };
         sensors.push(SensorData { sensor, time_s, head_m, noise_m, total_noise_m, offset_sd_m, saturated });
         extrema.push(seen.extrema.iter().map(|e| (e.time_s, e.cycle, e.peak)).collect());
     }
