@@ -231,15 +231,16 @@ export async function try_(coarse = false) {
   try {
     const [from, to] = app.range || [undefined, undefined];
     const points = panels[0].width();
-    const found = await simulate({ set: app.moved, without: [...app.without], from, to, points, coarse });
+    const found = await simulate({ set: app.moved, without: [...app.without], from, to, points, coarse, follow: at("meanwhile").checked });
     for (const panel of panels) {
       const model = found.column[`${panel.r}/${panel.s}/model_m`];
       panel.data.adds = false;
       panel.data.trial = model.length === panel.data.time.length ? model : null;
     }
     draw(coarse);
+    const others = at("meanwhile").checked ? ", the others following" : "";
     const grid = found.coarse ? ` (coarse grid, ${found.reaches} reaches)` : "";
-    at("trial").textContent = `with these values: error ${metres(found.rmse_m)}, ${times(found.rmse_m, found.noise_m)}${grid}`;
+    at("trial").textContent = `with these values${others}: error ${metres(found.rmse_m)}, ${times(found.rmse_m, found.noise_m)}${grid}`;
   } catch (error) { complain(error); }
   flying = false;
   if (next) { const again = next; next = null; try_(again.coarse); }

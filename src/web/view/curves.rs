@@ -109,6 +109,8 @@ pub struct Question {
     pub points: Option<usize>,
     /// On a coarser grid where the fit's own would not keep up with a slider.
     pub coarse: bool,
+    /// The parameters that are not set follow by a few steps of a coarse fit.
+    pub follow: bool,
 }
 
 /// Simulates the model in force at other values; nothing is kept.
@@ -122,6 +124,10 @@ pub fn simulate(bench: &Bench, asked: &Question) -> Result<Simulation, AnyError>
     let mut values: Vec<Given> = given(&asked.set).collect();
     if let Some(odd) = values.iter().find(|g| !g.value.is_finite()) {
         return Err(format!("{} must be a number", odd.name).into());
+    }
+    if asked.follow && asked.without.is_empty() {
+        let followed = bench.study.followed(&fit, &values)?;
+        values.extend(followed);
     }
     let owners = bench.study.owners(&fit);
     let fitted = fit.given().into_iter().zip(owners);

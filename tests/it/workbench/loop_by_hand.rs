@@ -112,6 +112,8 @@ fn a_parameter_is_moved_held_and_fitted() {
     assert!((90..=100).contains(&points), "{points}");
     let moved = bench.post("/api/simulate", &json!({ "set": { "wave_speed_m_s": 380.0 } }), 200);
     assert!(moved["rmse_m"].as_f64() > as_fitted["rmse_m"].as_f64());
+    let others = bench.post("/api/simulate", &json!({ "set": { "wave_speed_m_s": 380.0 }, "follow": true }), 200);
+    assert!(others["rmse_m"].as_f64() < moved["rmse_m"].as_f64(), "the others follow");
     assert_eq!(bench.state(), fitted, "nothing is kept");
     let unknown = bench.post("/api/simulate", &json!({ "set": { "leak_position_m": 3.0 } }), 400);
     assert!(unknown["error"].as_str().unwrap().contains("leak_position_m"), "{unknown}");

@@ -21,6 +21,7 @@ use crate::fit::search::global::global_search;
 use crate::fit::search::options::Options;
 use crate::fit::search::sensor_choice::with_sensors;
 use crate::fit::search::stepwise::{conclude, stepwise};
+use crate::fit::search::thresholds::{COARSE_REACHES, FOLLOWING};
 use crate::model::effects::Chosen;
 use crate::model::{Model, check_sensors};
 use crate::rig::Rig;
@@ -136,6 +137,26 @@ pub fn refine(
 ) -> Result<Fit, FitError> {
     let ctx = Calibrator::new(rig, runs, options, progress, effects, Some(values))?;
     finish(&ctx, &ctx.model(effects), Estimate { values: values.to_vec(), cost: f64::NAN })
+}
+
+/// Moves the variables that the options do not hold a few steps towards their optimum, on a coarse grid and some of the samples: what an eye that
+/// follows a slider needs.
+///
+/// # Errors
+/// As [`refine`].
+pub fn follow(
+    rig: &Rig,
+    runs: &[RunData],
+    effects: &[Chosen],
+    values: &[f64],
+    options: &Options,
+) -> Result<Vec<f64>, FitError> {
+    let ctx = Calibrator::new(rig, runs, options, &|_| {}, effects, Some(values))?;
+    let model = ctx.model(effects);
+    let problem = FitProblem::new(&model, ctx.runs, ctx.window(COARSE_REACHES, f64::INFINITY));
+    problem.validate_constraints(&model.constraints)?;
+    let solution = ctx.minimise(&problem, values, FOLLOWING, "the others follow")?;
+    Ok(problem.values(&solution.x))
 }
 
 /// The model without its effect `i`, fitted on from where the rest stands.

@@ -27,6 +27,8 @@ pub(crate) const HOPELESS_START_RATIO: f64 = 30.0;
 /// A few iterations, to see which start is worth more. Tuned; data unknown.
 pub(crate) const SCREENING: Limits =
     Limits { iterations: 6, cost_tolerance: 1e-2, step_tolerance: 1e-7, thorough: false };
+/// Of the others while one parameter is dragged. Cost: each answer is to be on the screen before the next is asked for.
+pub(crate) const FOLLOWING: Limits = Limits { iterations: 3, ..SCREENING };
 /// The cost of a start, without any iteration.
 pub(crate) const EVALUATE_ONLY: Limits = Limits { iterations: 0, ..SCREENING };
 /// Of a coarse fit: what it leaves undone the finer grids do. Tuned; data unknown.
