@@ -12,6 +12,7 @@ use crate::diagnose::limits::{
     START_USELESS,
 };
 use crate::fit::outcome::fit::Fit;
+use crate::fit::validate::conflict::contradicts;
 
 /// Searches until a candidate explains the records. If the start model is doubtful, effects are fitted from the signals: the
 /// first ones, or all if it is useless, and those that leave more than it does. They contain it, so their refits have failed.
@@ -38,7 +39,9 @@ fn best(fitter: &FullFitter, candidate_fits: &[CandidateFit]) -> f64 {
 /// Fits the leading candidates afresh, unless that is `done` already. What they leave may be the way that their fits came:
 /// elements that the effect now explains, a place that is another's.
 fn afresh(fitter: &FullFitter, candidate_fits: &mut [CandidateFit], done: &mut Vec<&'static str>) {
-    if best(fitter, candidate_fits) < DOWN_TO_THE_NOISE {
+    // A fit that gets to the noise against what the instruments say has not shown that no other would.
+    let explains = |fit: &Fit| over_noise(fit, fitter.runs) < DOWN_TO_THE_NOISE && !contradicts(fit, fitter.runs);
+    if candidate_fits.iter().filter_map(|r| r.fit.as_ref()).any(explains) {
         return;
     }
     let mut leading: Vec<_> = candidate_fits.iter_mut().filter(|r| r.fit.is_some()).collect();

@@ -12,58 +12,7 @@ pub fn conflicts(fit: &Fit, runs: &[RunData]) -> Vec<String> {
     if !fit.converged {
         return sentences;
     }
-    for run in runs {
-        let own = |name: &str| {
-            fit.parameters
-                .iter()
-                .find(|p| p.name == name && p.run.as_ref().is_none_or(|r| *r == run.file))
-                .map(|p| p.value)
-        };
-        let fitted_flow = fit.runs.iter().find(|r| r.file == run.file).and_then(|r| r.meter_flow_m3_s);
-        if let (Some(fitted), Some(meter)) = (fitted_flow, &run.meter)
-            && (fitted / meter.flow_m3_s - 1.0).abs() > (CONFLICT_SD * meter.relative_sd).max(0.05)
-        {
-            sentences.push(format!(
-                "{}: at the flow meter the model has {} L/s, which contradicts the measured {} L/s: check the meter's unit and range, the \
-                 diameter, and whether an effect is missing",
-                run.file,
-                significant(1e3 * fitted, 4),
-                significant(1e3 * meter.flow_m3_s, 4)
-            ));
-        }
-        let (known_head, guessed) = run.start.valve_head_m;
-        let head_sd = run.sensors.iter().map(|s| s.offset_sd_m).fold(0.0, f64::max);
-        if let Some(fitted) = own("valve_head_m")
-            && guessed.is_none()
-            && (fitted - known_head).abs() > CONFLICT_SD * head_sd
-        {
-            sentences.push(format!(
-                "{}: the fitted head before the valve, {fitted:.2} m, contradicts the sensors' {known_head:.2} m: the model lacks \
-                 something that a shifted mean level stands in for",
-                run.file
-            ));
-        }
-        let (known_start, se) = run.start.closure_s;
-        if let (Some(fitted), Some(closing)) = (own("closure_start_s"), own("closing_time_s"))
-            && (fitted - known_start).abs() > (CONFLICT_SD * se).max(0.25 * closing)
-        {
-            sentences.push(format!(
-                "{}: the fitted closure starts at {} s, but the pressure starts to rise at {} s",
-                run.file,
-                to_error(fitted, se),
-                to_error(known_start, se)
-            ));
-        }
-        if let Some(scale) = own("friction_scale")
-            && !(0.5..=2.0).contains(&scale)
-        {
-            sentences.push(format!(
-                "{}: the fitted friction is {scale:.2} times that of the pipe: an effect that dissipates energy is missing, or there is one too \
-                 many",
-                run.file
-            ));
-        }
-    }
+    sentences.extend(runs.iter().flat_map(|run| of_run(fit, run)));
     sentences.extend(fit.parameters.iter().filter(|p| beyond_tolerance(p)).filter_map(stands));
     let noise = fit.runs.iter().map(|r| r.noise_m).fold(f64::INFINITY, f64::min);
     if fit.grid_error_m > 0.5 * noise {
@@ -89,6 +38,64 @@ pub fn conflicts(fit: &Fit, runs: &[RunData]) -> Vec<String> {
                 unit = parameter.unit
             ));
         }
+    }
+    sentences
+}
+
+/// Whether a fit contradicts what the instruments of a run say, at an optimum or not.
+pub fn contradicts(fit: &Fit, runs: &[RunData]) -> bool {
+    runs.iter().any(|run| !of_run(fit, run).is_empty())
+}
+
+/// Where a fit contradicts what the instruments of a run say.
+fn of_run(fit: &Fit, run: &RunData) -> Vec<String> {
+    let mut sentences = Vec::new();
+    let own = |name: &str| {
+        fit.parameters.iter().find(|p| p.name == name && p.run.as_ref().is_none_or(|r| *r == run.file)).map(|p| p.value)
+    };
+    let fitted_flow = fit.runs.iter().find(|r| r.file == run.file).and_then(|r| r.meter_flow_m3_s);
+    if let (Some(fitted), Some(meter)) = (fitted_flow, &run.meter)
+        && (fitted / meter.flow_m3_s - 1.0).abs() > (CONFLICT_SD * meter.relative_sd).max(0.05)
+    {
+        sentences.push(format!(
+            "{}: at the flow meter the model has {} L/s, which contradicts the measured {} L/s: check the meter's unit and range, the \
+             diameter, and whether an effect is missing",
+            run.file,
+            significant(1e3 * fitted, 4),
+            significant(1e3 * meter.flow_m3_s, 4)
+        ));
+    }
+    let (known_head, guessed) = run.start.valve_head_m;
+    let head_sd = run.sensors.iter().map(|s| s.offset_sd_m).fold(0.0, f64::max);
+    if let Some(fitted) = own("valve_head_m")
+        && guessed.is_none()
+        && (fitted - known_head).abs() > CONFLICT_SD * head_sd
+    {
+        sentences.push(format!(
+            "{}: the fitted head before the valve, {fitted:.2} m, contradicts the sensors' {known_head:.2} m: the model lacks \
+             something that a shifted mean level stands in for",
+            run.file
+        ));
+    }
+    let (known_start, se) = run.start.closure_s;
+    if let (Some(fitted), Some(closing)) = (own("closure_start_s"), own("closing_time_s"))
+        && (fitted - known_start).abs() > (CONFLICT_SD * se).max(0.25 * closing)
+    {
+        sentences.push(format!(
+            "{}: the fitted closure starts at {} s, but the pressure starts to rise at {} s",
+            run.file,
+            to_error(fitted, se),
+            to_error(known_start, se)
+        ));
+    }
+    if let Some(scale) = own("friction_scale")
+        && !(0.5..=2.0).contains(&scale)
+    {
+        sentences.push(format!(
+            "{}: the fitted friction is {scale:.2} times that of the pipe: an effect that dissipates energy is missing, or there is one too \
+             many",
+            run.file
+        ));
     }
     sentences
 }
