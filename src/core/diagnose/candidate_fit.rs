@@ -3,7 +3,9 @@
 use crate::diagnose::baseline::Baseline;
 use crate::diagnose::candidate::Form;
 use crate::diagnose::evidence::{EvidenceScale, tempered};
-use crate::diagnose::limits::{ERROR_OF_EFFECT, LEAST_EVIDENCE, LEAST_FALL, MODEL_ERROR, MOST_REACHES_WITH_CAVITIES};
+use crate::diagnose::limits::{
+    ERROR_OF_EFFECT, LEAST_EVIDENCE, LEAST_FALL, MODEL_ERROR, MOST_REACHES_WITH_CAVITIES, START_DOUBTFUL,
+};
 use crate::diagnose::next::answer::Answer;
 use crate::diagnose::refit::Refit;
 use crate::fit::data::run_data::RunData;
@@ -305,14 +307,9 @@ impl FullFitter<'_> {
 
     /// Of a brief fit with these effects.
     fn brief<'e>(&self, effects: impl IntoIterator<Item = &'e Chosen>) -> Options {
-        Options { brief: true, ..self.whole(effects) }
-    }
-
-    /// Of a fit with these effects until it converges.
-    fn whole<'e>(&self, effects: impl IntoIterator<Item = &'e Chosen>) -> Options {
         let boils = effects.into_iter().any(|c| c.effect.lets_boil());
         let most = if boils { MOST_REACHES_WITH_CAVITIES } else { usize::MAX };
-        Options { most_reaches: self.options.most_reaches.min(most), ..self.options.clone() }
+        Options { brief: true, most_reaches: self.options.most_reaches.min(most), ..self.options.clone() }
     }
 
     /// Fits a model without its effect `i`, briefly.
@@ -320,10 +317,15 @@ impl FullFitter<'_> {
         without(self.rig, self.runs, fit, i, &self.brief(&fit.effects), &|_| {})
     }
 
-    /// Fits a candidate or a pair until it converges.
+    /// Fits a candidate or a pair until it converges. Near the noise a model with cavities has a finer grid than before, for it is not to lose by the
+    /// grid's error.
     pub(crate) fn converged(&self, fit: &Fit) -> Result<Fit, FitError> {
         let labels: Vec<String> = fit.effects.iter().map(Chosen::label).collect();
         let shown = |p: &Progress| (self.progress)(&p.within(&labels.join(" + ")));
-        refine(self.rig, self.runs, &fit.effects, &fit.values(), &self.whole(&fit.effects), &shown)
+        let brief = self.brief(&fit.effects);
+        let finer = if over_noise(fit, self.runs) < START_DOUBTFUL { 4 } else { 1 };
+        let most_reaches = brief.most_reaches.saturating_mul(finer).min(self.options.most_reaches);
+        let options = Options { brief: false, most_reaches, ..brief };
+        refine(self.rig, self.runs, &fit.effects, &fit.values(), &options, &shown)
     }
 }
