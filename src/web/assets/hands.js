@@ -62,7 +62,7 @@ function bound(p, i) {
   const field = h("input", { type: "number", step: "any", value: +bounds(p)[i].toPrecision(6), "aria-label": `${i ? "Upper" : "Lower"} bound of ${named(p)}`, onchange: () => {
     const own = [...bounds(p)];
     own[i] = field.valueAsNumber;
-    if (!(own[0] < own[1])) { complain(new Error("the lower bound must lie below the upper one")); field.value = bounds(p)[i]; return; }
+    if (!(own[0] < own[1])) { complain(new Error(`the lower bound of ${named(p)} must lie below the upper one`)); field.value = bounds(p)[i]; return; }
     app.bounds[p.name] = own;
     update(p);
   } });
@@ -72,7 +72,13 @@ function bound(p, i) {
 function row(p) {
   const slider = h("input", { type: "range", min: 0, max: STEPS, step: 1, "aria-label": `${named(p)}: ${p.about}`,
     oninput: () => move(p.name, scale(p).value(slider.valueAsNumber), true), onchange: () => release(p.name) });
-  const field = h("input", { type: "number", step: "any", class: "value", "aria-label": `${named(p)}, ${p.unit}`, onchange: () => { move(p.name, field.valueAsNumber, false); release(p.name); } });
+  const typed = () => {
+    const [value, [low, high]] = [field.valueAsNumber, bounds(p)];
+    if (value >= low && value <= high) { move(p.name, value, false); release(p.name); return; }
+    complain(new Error(`${named(p)} must lie from ${digits(low, 4)} to ${digits(high, 4)} ${unitOf(p)}; its bounds are under ⋯`));
+    update(p);
+  };
+  const field = h("input", { type: "number", step: "any", class: "value", "aria-label": `${named(p)}, ${p.unit}`, onchange: typed });
   const held = app.hold.has(p.name) || (p.held && !app.free.has(p.name));
   const hold = h("input", { type: "checkbox", checked: held, "aria-label": `Hold ${named(p)}`, onchange: () => {
     (hold.checked ? app.hold : app.free).add(p.name);
