@@ -61,7 +61,7 @@ pub fn sensors_of(
         let by_scale = line.and_then(|(_, line)| {
             let told = match line.unit.or(unit) {
                 Some(unit) => Told::given(unit),
-                None => Told::assumed(Unit::BAR, "no unit stands behind the line of --scale, as in '250*x-125 kPa'"),
+                None => Told::assumed(Unit::BAR, "its line states no unit, as '250*x-125 kPa' would"),
             };
             let measures = |kind: &SensorKind| quantity_of(*kind) == told.value.quantity;
             Some((SensorKind::ALL.into_iter().find(measures)?, Some(told)))

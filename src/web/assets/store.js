@@ -59,13 +59,20 @@ export function complain(error) {
   at("messages").replaceChildren(message);
 }
 
-// Starts a job; what is wrong is shown.
+// Starts a job; what is wrong is shown. The second of a double click is none.
+const acting = new Set();
 export async function act(path, body) {
+  if (acting.has(path)) return null;
+  acting.add(path);
   try {
     at("messages").replaceChildren();
-    return await post(path, body);
+    const answer = await post(path, body);
+    await refresh();
+    return answer;
   } catch (error) {
     complain(error);
     return null;
+  } finally {
+    acting.delete(path);
   }
 }
