@@ -55,9 +55,8 @@ pub fn sensors_of(
     let mut unstated: Vec<(usize, f64)> = Vec::new();
     for track in &file.tracks {
         let nameless = track.name.starts_with(NAMELESS);
-        let is_it = |name: &String| *name == track.name || *name == track.short;
-        let called = source.map.iter().find(|(from, _)| is_it(from)).map_or(&track.short, |(_, to)| to);
-        let line = source.scales.iter().find(|(name, _)| is_it(name) || name == called);
+        let called = source.map.iter().find(|(from, _)| track.is_called(from)).map_or(&track.short, |(_, to)| to);
+        let line = source.scales.iter().find(|(name, _)| track.is_called(name) || name == called);
         let by_scale = line.and_then(|(_, line)| {
             let told = match line.unit.or(unit) {
                 Some(unit) => Told::given(unit),
@@ -121,10 +120,7 @@ pub fn place(draft: &mut Draft, file: &SourceFile, source: &SourceOptions) {
             };
             let at_valve = |s: &mut DraftSensor| s.position_m.why = format!("{why}: at the valve");
             draft.sensors.iter_mut().filter(|s| s.kind == SensorKind::Pressure).for_each(at_valve);
-            if let Ok(recording) = Rig::from_toml(&draft.text(), "draft")
-                .map_err(|e| e.to_string())
-                .and_then(|rig| recorded(&rig, file, source))
-            {
+            if let Ok(recording) = drafted(draft, file, source) {
                 take_temperature(draft, temperature_degc(&recording));
             }
             return;
@@ -220,8 +216,13 @@ fn seen_from_valve(draft: &Draft, file: &SourceFile, source: &SourceOptions) -> 
 
 /// The features of the file on the rig as it is drafted.
 fn seen(draft: &Draft, file: &SourceFile, source: &SourceOptions) -> Result<Features, String> {
+    inspect(&drafted(draft, file, source)?).map_err(|e| e.to_string())
+}
+
+/// What is used of the file, on the rig as it is drafted.
+fn drafted(draft: &Draft, file: &SourceFile, source: &SourceOptions) -> Result<Recording, String> {
     let rig = Rig::from_toml(&draft.text(), "draft").map_err(|e| e.to_string())?;
-    inspect(&recorded(&rig, file, source)?).map_err(|e| e.to_string())
+    recorded(&rig, file, source)
 }
 
 /// What is used of the file, on a rig.

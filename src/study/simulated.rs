@@ -62,9 +62,7 @@ impl Study {
         let values = values_of(&FitProblem::new(&model, self.runs(), window), given)?;
         Ok(refine(self.rig(), self.runs(), effects, &values, options, self.watcher())?)
     }
-}
 
-impl Study {
     /// The values of a fitted model where the `moved` parameters stand elsewhere and the others have followed them, on a coarse grid.
     ///
     /// # Errors
@@ -116,13 +114,18 @@ mod tests {
 
     use super::*;
 
+    fn fitted(effects: &str, most_reaches: usize) -> (Study, Fit) {
+        let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("recordings/hdpe-creep.mcap");
+        let study = Study::open([file]).unwrap();
+        let options = Options { most_reaches, ..Options::default() };
+        let fit = study.calibrate(effects).options(options).run().unwrap();
+        (study, fit)
+    }
+
     /// Beside a value that is wrong by little, the others take up most of the error, and what was moved stays.
     #[test]
     fn the_others_follow_a_parameter_that_is_moved() {
-        let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("recordings/hdpe-creep.mcap");
-        let study = Study::open([file]).unwrap();
-        let options = Options { most_reaches: 64, ..Options::default() };
-        let fit = study.calibrate("viscoelastic-wall:1").options(options).run().unwrap();
+        let (study, fit) = fitted("viscoelastic-wall:1", 64);
         let name = "J1_per_GPa";
         let moved = [Given { name: name.into(), run: None, value: 1.2 * fit.parameter(name).unwrap().value }];
         let rmse = |given: &[Given]| study.simulated(&fit.effects, given, fit.reaches).unwrap().rmse_m(study.runs());
@@ -135,10 +138,7 @@ mod tests {
 
     #[test]
     fn at_the_values_of_a_fit_the_error_is_the_fits() {
-        let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("recordings/hdpe-creep.mcap");
-        let study = Study::open([file]).unwrap();
-        let options = Options { most_reaches: 32, ..Options::default() };
-        let fit = study.calibrate("none").options(options).run().unwrap();
+        let (study, fit) = fitted("none", 32);
         let given = fit.given();
         let same = study.simulated(&fit.effects, &given, fit.reaches).unwrap();
         assert_eq!(same.reaches, fit.reaches);

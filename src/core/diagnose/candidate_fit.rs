@@ -4,7 +4,8 @@ use crate::diagnose::baseline::Baseline;
 use crate::diagnose::candidate::Form;
 use crate::diagnose::evidence::{EvidenceScale, tempered};
 use crate::diagnose::limits::{
-    ERROR_OF_EFFECT, LEAST_EVIDENCE, LEAST_FALL, MODEL_ERROR, MOST_REACHES_WITH_CAVITIES, START_DOUBTFUL,
+    ERROR_OF_EFFECT, LEAST_EVIDENCE, LEAST_FALL, MODEL_ERROR, MOST_REACHES_NEAR_NOISE, MOST_REACHES_WITH_CAVITIES,
+    START_DOUBTFUL,
 };
 use crate::diagnose::next::answer::Answer;
 use crate::diagnose::refit::Refit;
@@ -307,9 +308,14 @@ impl FullFitter<'_> {
 
     /// Of a brief fit with these effects.
     fn brief<'e>(&self, effects: impl IntoIterator<Item = &'e Chosen>) -> Options {
+        Options { brief: true, ..self.bounded(effects, MOST_REACHES_WITH_CAVITIES) }
+    }
+
+    /// The options, on no more reaches than so many where the effects have cavities.
+    fn bounded<'e>(&self, effects: impl IntoIterator<Item = &'e Chosen>, with_cavities: usize) -> Options {
         let boils = effects.into_iter().any(|c| c.effect.lets_boil());
-        let most = if boils { MOST_REACHES_WITH_CAVITIES } else { usize::MAX };
-        Options { brief: true, most_reaches: self.options.most_reaches.min(most), ..self.options.clone() }
+        let most = if boils { with_cavities } else { usize::MAX };
+        Options { most_reaches: self.options.most_reaches.min(most), ..self.options.clone() }
     }
 
     /// Fits a model without its effect `i`, briefly.
@@ -322,10 +328,8 @@ impl FullFitter<'_> {
     pub(crate) fn converged(&self, fit: &Fit) -> Result<Fit, FitError> {
         let labels: Vec<String> = fit.effects.iter().map(Chosen::label).collect();
         let shown = |p: &Progress| (self.progress)(&p.within(&labels.join(" + ")));
-        let brief = self.brief(&fit.effects);
-        let finer = if over_noise(fit, self.runs) < START_DOUBTFUL { 4 } else { 1 };
-        let most_reaches = brief.most_reaches.saturating_mul(finer).min(self.options.most_reaches);
-        let options = Options { brief: false, most_reaches, ..brief };
-        refine(self.rig, self.runs, &fit.effects, &fit.values(), &options, &shown)
+        let near = over_noise(fit, self.runs) < START_DOUBTFUL;
+        let most = if near { MOST_REACHES_NEAR_NOISE } else { MOST_REACHES_WITH_CAVITIES };
+        refine(self.rig, self.runs, &fit.effects, &fit.values(), &self.bounded(&fit.effects, most), &shown)
     }
 }

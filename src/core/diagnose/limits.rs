@@ -70,6 +70,8 @@ pub(crate) const FULL_FITS: usize = 3;
 /// Finest grid of a fit with cavities, in reaches: the spikes of their collapse belong to the grid. Literature: Bergant,
 /// Simpson & Tijsseling (2006) for the fact; the number is tuned: data unknown.
 pub(crate) const MOST_REACHES_WITH_CAVITIES: usize = 128;
+/// The same near the noise, where the grid's error decides between rivals. Cost, and chosen after two gases that were taken for air pockets.
+pub(crate) const MOST_REACHES_NEAR_NOISE: usize = 512;
 /// A candidate that leaves this many times the best candidate's square gets no full fit. Cost, and tuned: data unknown.
 pub(crate) const NO_FULL_FIT_ABOVE: f64 = 4.0;
 /// A candidate that leaves less than this many times the best candidate's square is fitted until it converges. Cost, and
@@ -148,9 +150,9 @@ pub(crate) const WORSE_PREDICTION: f64 = 1.05;
 pub(crate) const DESCRIBED_OVER_NOISE: f64 = 1.2;
 /// Mean error of a sensor's peaks or troughs, over its noise, above which it is described. Tuned: data unknown.
 pub(crate) const DESCRIBED_EXTREMA: f64 = 2.0;
-/// Standard errors by which the model's lateness stands out from the scatter of the extrema.
+/// Standard errors by which the model's lateness stands out from the scatter of the extrema. Chosen.
 pub(crate) const LATENESS_ERRORS: f64 = 3.0;
-/// Extrema whose phase is known, at least, for lateness to be spoken of.
+/// Extrema whose phase is known, at least, for lateness to be spoken of. Chosen.
 pub(crate) const LEAST_PHASES: usize = 4;
 /// A start model that leaves more than this share of the signal's deviation, rms, was not fitted. Tuned: data unknown.
 pub(crate) const NOT_FITTED: f64 = 0.5;

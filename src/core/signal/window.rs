@@ -138,10 +138,12 @@ impl Window {
     fn cut_series(&self, series: &Series) -> Series {
         let mut cutter = Cutter::new(self, series.time_s.len(), typical_step_s(&series.time_s));
         // outside the window the cutter keeps nothing of many samples
-        let many = !cutter.few;
-        let from = if many { series.time_s.partition_point(|t| *t < self.from_s) } else { 0 };
-        let to = if many { series.time_s.partition_point(|t| *t <= self.to_s) } else { series.time_s.len() };
-        series.time_s[from..to].iter().zip(&series.value[from..to]).for_each(|(t, v)| cutter.push(*t, *v));
+        let times = &series.time_s;
+        let taken = match cutter.few {
+            true => 0..times.len(),
+            false => times.partition_point(|t| *t < self.from_s)..times.partition_point(|t| *t <= self.to_s),
+        };
+        times[taken.clone()].iter().zip(&series.value[taken]).for_each(|(t, v)| cutter.push(*t, *v));
         cutter.finish(&series.gaps)
     }
 

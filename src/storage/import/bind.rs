@@ -41,7 +41,7 @@ pub fn bind(
     let mut series = vec![Series::default(); rig.sensors.len()];
     let mut taken: Vec<Option<String>> = vec![None; rig.sensors.len()];
     let mut spare = Vec::new();
-    let ignored = |track: &Track| options.ignore.iter().any(|name| is_called(track, name) || name == "*");
+    let ignored = |track: &Track| options.ignore.iter().any(|name| track.is_called(name) || name == "*");
     let known = |track: &Track| match sensor_of(track, rig, options) {
         Ok(Some(sensor)) => Known::Sensor(sensor),
         Ok(None) if !ignored(track) => Known::Nothing,
@@ -59,9 +59,9 @@ pub fn bind(
             continue;
         };
         // of several groups with a channel of one name, the one that --map names
-        let says = |(from, to): &&(String, String)| *to == rig.sensors[place].name && !is_called(&track, from);
+        let says = |(from, to): &&(String, String)| *to == rig.sensors[place].name && !track.is_called(from);
         let is_there = |from: &String| names.iter().any(|(name, short)| name == from || short == from);
-        let is_mapped = options.map.iter().any(|(from, _)| is_called(&track, from));
+        let is_mapped = options.map.iter().any(|(from, _)| track.is_called(from));
         if !table && !is_mapped && options.map.iter().find(says).is_some_and(|(from, _)| is_there(from)) {
             spare.push(track.name);
             continue;
@@ -106,7 +106,7 @@ pub fn bind(
 /// # Errors
 /// Names the first.
 pub fn check_names(file: &SourceFile, path: &Path, rig: Option<&Rig>, options: &SourceOptions) -> Result<(), LogError> {
-    let is_there = |name: &str| file.tracks.iter().any(|track| is_called(track, name));
+    let is_there = |name: &str| file.tracks.iter().any(|track| track.is_called(name));
     let is_sensor = |name: &str| {
         rig.is_some_and(|rig| rig.sensors.iter().any(|s| s.name == name))
             || options.map.iter().any(|(_, to)| to == name)
@@ -155,7 +155,7 @@ pub fn require_sensors(parts: &[&Recording], rig: &Rig, without: &[String]) -> R
 
 /// Brings the numbers of a track to the unit of the line that the user gives, or to the sensor's; whether there is one.
 fn scale(track: &mut Track, sensor: &Sensor, options: &SourceOptions) -> bool {
-    let given = options.scales.iter().find(|(name, _)| is_called(track, name) || *name == sensor.name);
+    let given = options.scales.iter().find(|(name, _)| track.is_called(name) || *name == sensor.name);
     if let Some((_, line)) = given {
         track.series.value.iter_mut().for_each(|v| *v = line.scale * *v + line.offset);
         track.unit = line.unit.map(|unit| unit.symbol.to_owned());
@@ -163,18 +163,14 @@ fn scale(track: &mut Track, sensor: &Sensor, options: &SourceOptions) -> bool {
     given.is_some()
 }
 
-fn is_called(track: &Track, name: &str) -> bool {
-    track.name == name || track.short == name
-}
-
 fn sensor_of(track: &Track, rig: &Rig, options: &SourceOptions) -> Result<Option<usize>, CsvProblem> {
     let place = |name: &str| rig.sensors.iter().position(|s| s.name == name);
-    if let Some((_, sensor)) = options.map.iter().find(|(from, _)| is_called(track, from)) {
+    if let Some((_, sensor)) = options.map.iter().find(|(from, _)| track.is_called(from)) {
         return place(sensor)
             .map(Some)
             .ok_or_else(|| unknown(&Track { name: sensor.clone(), ..Track::default() }, rig));
     }
-    if options.ignore.iter().any(|name| is_called(track, name)) {
+    if options.ignore.iter().any(|name| track.is_called(name)) {
         return Ok(None);
     }
     Ok(place(&track.name).or_else(|| place(&track.short)))

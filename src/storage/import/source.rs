@@ -46,6 +46,13 @@ pub struct Track {
     pub repairs: Vec<Repair>,
 }
 
+impl Track {
+    /// Whether a user who writes `name` means it.
+    pub fn is_called(&self, name: &str) -> bool {
+        self.name == name || self.short == name
+    }
+}
+
 /// Something about a file that was put right, or could not be.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Repair {

@@ -2,7 +2,7 @@
 
 import { at, digits, h, named, put, unitOf } from "/assets/dom.js";
 import { ask } from "/assets/api.js";
-import { app, act, refresh } from "/assets/store.js";
+import { app, act } from "/assets/store.js";
 
 const number = (label, value, props = {}) => {
   const field = h("input", { type: "number", step: "any", min: 0, value, ...props });
@@ -45,7 +45,7 @@ export function record() {
     if (duration.field.value) wanted.duration_s = duration.field.valueAsNumber;
     if (wanted.simulate) { Object.assign(wanted, { effects: list(), set: Object.fromEntries(set), rate_hz: rate.field.valueAsNumber, speed: speed.field.valueAsNumber }); }
     if (trigger.value) wanted.trigger = { pre_s: pre.field.valueAsNumber, post_s: post.field.valueAsNumber, ...(trigger.value === "edge" ? {} : { [trigger.value]: level.field.valueAsNumber }) };
-    if (await act("/api/record", wanted)) { dialog.close(); refresh(); }
+    if (await act("/api/record", wanted)) dialog.close();
   };
   put(dialog, h("form", { onsubmit: start }, h("div", { class: "heading" }, h("h2", { text: "Record" }), h("button", { type: "button", text: "Close", onclick: () => dialog.close() })),
     h("p", { class: "hint", text: "Each recording appears among the runs; it is fitted and diagnosed when it ends." }),

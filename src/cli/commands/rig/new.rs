@@ -94,10 +94,12 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     let source = SourceOptions { guess: true, ..args.foreign.clone().options() };
     // A file that cannot be read costs no answers.
     let read = args.file.as_deref().map(|file| read_source(file, &source)).transpose()?;
+    if let (Some(file), Some(read)) = (&args.file, &read) {
+        check_names(read, file, None, &source)?;
+    }
     let mut draft = pipe(&args, &ask)?;
     let mut left_out = Vec::new();
     if let (Some(file), Some(read)) = (&args.file, &read) {
-        check_names(read, file, None, &source)?;
         (draft.sensors, left_out) = sensors_of(read, &draft, &source, args.unit, &args.sensor);
         if !draft.sensors.iter().any(|s| s.kind == SensorKind::Pressure) {
             return Err(format!(
