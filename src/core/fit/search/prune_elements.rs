@@ -55,7 +55,11 @@ pub(crate) fn prune_elements(
     {
         let Some(mut from) = lower_along(ctx, problem, &place.values, &place.step, fewer.cost)? else { continue };
         put_in_order(problem, &mut from);
-        let again = ctx.minimise(problem, &from, limits, "all samples, one element placed again")?;
+        // A coarser grid shows the way, the problem's own grid the place.
+        let mut near = ctx.passing(problem.model, problem.window());
+        near.hold(&held(problem), &from);
+        let there = ctx.minimise(&near, &from, limits, "all samples, one element placed again")?;
+        let again = ctx.minimise(problem, &problem.values(&there.x), limits, "all samples, one element placed again")?;
         let at_optimum = predict_reduction(ctx, problem, &again)?.at_optimum(&again);
         if at_optimum && best.as_ref().is_none_or(|b| again.cost < b.cost) {
             best = Some(again);
@@ -115,12 +119,16 @@ fn with_one_less(
     let costs: Vec<f64> = costs.map(|c| c.unwrap_or(f64::INFINITY)).collect();
     let best = (0..starts.len()).min_by(|&a, &b| costs[a].total_cmp(&costs[b])).unwrap_or(0);
     let (element, from) = &starts[best];
-    let mut fewer = ctx.problem(problem.model, problem.window());
-    let (lower, upper) = problem.bounds();
-    let held = (0..lower.len()).filter(|&j| lower[j] == upper[j]).chain([element.strength, element.time]);
-    fewer.hold(&held.collect::<Vec<_>>(), from);
+    let mut fewer = ctx.passing(problem.model, problem.window());
+    fewer.hold(&[held(problem), vec![element.strength, element.time]].concat(), from);
     let solution = ctx.minimise(&fewer, from, limits, "all samples, one element less")?;
     Ok((*element, prune_elements(ctx, &fewer, solution, limits)?))
+}
+
+/// The variables that a problem holds.
+fn held(problem: &FitProblem) -> Vec<usize> {
+    let (lower, upper) = problem.bounds();
+    (0..lower.len()).filter(|&j| lower[j] == upper[j]).collect()
 }
 
 /// One more element beside the others, at each retardation time that is tried.
