@@ -248,8 +248,16 @@ pub fn check_start(bytes: &[u8], path: &Path) -> Result<(), LogError> {
     if MAGIC.starts_with(start) {
         return Err(LogError::Torn(path.into()));
     }
-    let csv = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("csv"));
-    let hint = if csv { "; `surgescope import` makes a recording of a time series" } else { "" };
+    let is = |names: &[&str]| path.extension().is_some_and(|e| names.iter().any(|n| e.eq_ignore_ascii_case(n)));
+    let hint = match () {
+        () if is(&["csv", "txt", "tsv", "tdms", "xlsx", "xls", "ods"]) => {
+            "; `surgescope import` makes a recording of a time series"
+        }
+        () if is(&["toml"]) => {
+            "; a model file is for `surgescope open` or `surgescope model`, a rig file for `surgescope rig show`"
+        }
+        () => "",
+    };
     Err(LogError::NotMcap { path: path.into(), hint: hint.into() })
 }
 

@@ -35,12 +35,12 @@ pub struct Args {
     /// other programs. Several files of one closure are aligned to the clock of the first and merged.
     #[arg(required = true, value_name = "FILE")]
     files: Vec<PathBuf>,
-    /// The rig of the test; it is stored in the recording.
+    /// The rig of the test; it is stored in the recording. `surgescope rig new FILE` writes one for a file.
     #[arg(long, value_name = "RIG")]
-    rig: PathBuf,
-    /// Recording to write; must not exist.
+    rig: Option<PathBuf>,
+    /// Recording to write; must not exist [default: the first file's name with .mcap, in this folder].
     #[arg(short, long, value_name = "MCAP")]
-    output: PathBuf,
+    output: Option<PathBuf>,
     /// Wall-clock time of time 0, such as 2026-03-14T09:26:53Z [default: unknown]. For one of several files: FILE=TIME.
     #[arg(long, value_name = "RFC3339", value_parser = start)]
     start: Vec<(Option<String>, u64)>,
@@ -81,7 +81,18 @@ struct Report {
 /// # Errors
 /// See [`import_file`], [`align`] and [`write`].
 pub fn run(args: Args, json: bool) -> CommandResult {
-    let rig = Rig::load(&args.rig)?;
+    let Some(rig) = &args.rig else {
+        let file = quoted(&args.files[0].shown());
+        return Err(format!(
+            "the rig is missing, which says what each column measures and where: give it with --rig; `surgescope rig new {file}` writes one"
+        )
+        .into());
+    };
+    let rig = Rig::load(rig)?;
+    let output = args
+        .output
+        .clone()
+        .unwrap_or_else(|| Path::new(args.files[0].file_name().unwrap_or_default()).with_extension("mcap"));
     check_starts(&args)?;
     let foreign = args.foreign.clone().options();
     let alone = args.files.len() == 1;
@@ -92,7 +103,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
             Pass::First => passing.first(sensor, time_s, value),
             Pass::Second => passing.second(sensor, time_s, value),
         };
-        let long = LongImport { csv: file, rig: &rig, options: &options, source: &foreign, out: &args.output };
+        let long = LongImport { csv: file, rig: &rig, options: &options, source: &foreign, out: &output };
         if let Some(long) = busy(file, || long.run(&mut on_sample))? {
             let used = passing.finish(long.gaps, long.run);
             let reports = long.repairs.into_iter().map(|repair| Report { file: file.clone(), repair }).collect();
@@ -104,7 +115,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
                 left_out: Vec::new(),
                 understood: Vec::new(),
             };
-            return done.tell(&args, json);
+            return done.tell(&args, &output, json);
         }
     }
     let mut reports = Vec::new();
@@ -120,10 +131,10 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         parts.push(Part { file: path.shown().into_owned(), recording, start_digit_s });
     }
     let (recording, clocks, left_out) = joined(parts, &rig, &args)?;
-    busy(&args.output, || write(&args.output, &recording))?;
+    busy(&output, || write(&output, &recording))?;
     let summary = Summary::of(&recording);
     let (used, _) = used(recording);
-    Done { used, summary, reports, clocks, left_out, understood }.tell(&args, json)
+    Done { used, summary, reports, clocks, left_out, understood }.tell(&args, &output, json)
 }
 
 /// The file read again with guesses, which the user has accepted; otherwise the error that the file gave without them.
@@ -175,7 +186,7 @@ struct Done {
 }
 
 impl Done {
-    fn tell(self, args: &Args, json: bool) -> CommandResult {
+    fn tell(self, args: &Args, output: &Path, json: bool) -> CommandResult {
         let Done { used, summary, reports, clocks, left_out, understood } = self;
         let alone = args.files.len() == 1;
         let warnings = unit_warnings(&used);
@@ -197,13 +208,13 @@ impl Done {
         if json {
             let sources: Vec<&PathBuf> = args.files.iter().collect();
             let head = json!({
-                "file": args.output, "source": args.files[0], "sources": sources, "mended": reports, "warnings": warnings,
+                "file": output, "source": args.files[0], "sources": sources, "mended": reports, "warnings": warnings,
                 "alignment": if alone { None } else { Some(&clocks) }, "left_out": left_out, "sensor_faults": faults, "understood": understood,
             });
             say!("{}", document(head, &summary)?);
         } else {
-            say!("{}: {summary}", args.output.shown());
-            tell!("next: surgescope open {}", quoted(&args.output.shown()));
+            say!("{}: {summary}", output.shown());
+            tell!("next: surgescope open {}", quoted(&output.shown()));
         }
         Ok(if reports.iter().any(|r| r.repair.lost) { Outcome::DataLost } else { Outcome::Done })
     }

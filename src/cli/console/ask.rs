@@ -2,6 +2,8 @@
 
 use dialoguer::Input;
 
+use crate::cli::args::values::measure;
+
 type AnyError = Box<dyn std::error::Error + Send + Sync>;
 
 /// A line that `parse` takes; it is asked again until then. Enter alone gives the usual answer.
@@ -15,14 +17,13 @@ pub fn line<T>(question: &str, usual: Option<&str>, parse: impl Fn(&str) -> Resu
     Ok(parse(text.trim())?)
 }
 
-/// A number within a range; the comma is a decimal one.
-pub fn number(question: &str, usual: Option<f64>, [low, high]: [f64; 2]) -> Result<f64, AnyError> {
-    let within = |text: &str| {
-        let what = if text.is_empty() { "nothing was written" } else { "that is no number" };
-        let value: f64 =
-            text.replace(',', ".").parse().map_err(|_| format!("{what}: write a number alone, without its unit"))?;
-        let fits = (low..=high).contains(&value);
-        if fits { Ok(value) } else { Err(format!("it must be from {low} to {high}")) }
+/// A number within a range, in `unit` or with another one behind it.
+pub fn number(question: &str, unit: &str, usual: Option<f64>, [low, high]: [f64; 2]) -> Result<f64, AnyError> {
+    let within = |text: &str| match measure(text, unit) {
+        _ if text.is_empty() => Err("nothing was written".to_owned()),
+        Ok(value) if (low..=high).contains(&value) => Ok(value),
+        Ok(_) => Err(format!("it must be from {low} to {high} {unit}")),
+        Err(error) => Err(error),
     };
     line(question, usual.map(|v| v.to_string()).as_deref(), within)
 }

@@ -62,14 +62,15 @@ fn shape(sensor: &SensorFit, worst: Option<Cycle>) -> String {
     for (peak, name) in [(true, "peaks"), (false, "troughs")] {
         let errors: Vec<f64> =
             sensor.extrema.iter().filter(|e| e.peak == peak).map(|e| e.model_m - e.measured_m).collect();
-        if let Some(mean) = mean(&errors)
-            && mean.abs() > DESCRIBED_EXTREMA * sensor.noise_m
-        {
-            parts.push(format!(
-                "modelled {name} {} m too {}",
-                error_m(mean.abs()),
-                if mean > 0.0 { "high" } else { "low" }
-            ));
+        let told = |mean: f64| format!("{} m too {}", error_m(mean.abs()), if mean > 0.0 { "high" } else { "low" });
+        let noteworthy = |errors: &[f64]| mean(errors).filter(|mean| mean.abs() > DESCRIBED_EXTREMA * sensor.noise_m);
+        // A mean over all would hide that the error turns over.
+        let (early, late) = errors.split_at(errors.len() / 2);
+        match (noteworthy(early), noteworthy(late)) {
+            (Some(a), Some(b)) if a * b < 0.0 => {
+                parts.push(format!("modelled {name} {} at first, {} later", told(a), told(b)));
+            }
+            _ => parts.extend(noteworthy(&errors).map(|mean| format!("modelled {name} {}", told(mean)))),
         }
     }
     if let Some((late_s, by)) = lateness(&sensor.extrema) {
@@ -77,6 +78,10 @@ fn shape(sensor: &SensorFit, worst: Option<Cycle>) -> String {
         parts.push(format!("the model {} ms {word}{by}", significant(1e3 * late_s.abs(), 2)));
     }
     let residual: Vec<f64> = sensor.measured_m.iter().zip(&sensor.model_m).map(|(a, b)| a - b).collect();
+    if let Some(level) = mean(&residual).filter(|level| level.abs() > DESCRIBED_EXTREMA * sensor.noise_m) {
+        let word = if level > 0.0 { "above" } else { "below" };
+        parts.push(format!("the measured mean level {} m {word} the model", error_m(level.abs())));
+    }
     let third = residual.len() / 3;
     if let (Some(first), Some(last)) = (mean(&residual[..third]), mean(&residual[residual.len() - third..]))
         && (last - first).abs() > sensor.noise_m
@@ -172,6 +177,18 @@ mod tests {
         assert!(said.contains("4.0 ms late a cycle") && said.contains("peaks 0.50 m too high"), "{said}");
         let said = shape(&sensor(-0.004, -0.5), None);
         assert!(said.contains("4.0 ms early a cycle") && said.contains("peaks 0.50 m too low"), "{said}");
+    }
+
+    #[test]
+    fn an_error_that_turns_over_and_a_level_are_named() {
+        let mut turning = sensor(0.0, 0.0);
+        for (e, error_m) in turning.extrema.iter_mut().zip([0.5, 0.4, 0.0, -0.4, -0.5]) {
+            e.model_m = e.measured_m + error_m;
+        }
+        let said = shape(&turning, None);
+        assert!(said.contains("modelled peaks 0.45 m too high at first, 0.30 m too low later"), "{said}");
+        assert!(!said.contains("level"), "{said}");
+        assert!(shape(&sensor(0.0, 0.5), None).contains("the measured mean level 0.50 m below the model"));
     }
 
     #[test]

@@ -6,11 +6,19 @@ use std::path::PathBuf;
 use crate::shown::Shown as _;
 use thiserror::Error;
 
+fn remedy(error: &std::io::Error) -> &'static str {
+    match error.kind() {
+        std::io::ErrorKind::NotFound => "there is none at this path; `surgescope rig new` writes one",
+        std::io::ErrorKind::InvalidData => "it is no text in UTF-8, as rig files are; `surgescope rig new` writes one",
+        _ => "the system refused it",
+    }
+}
+
 /// A rig file that cannot be used.
 #[derive(Debug, Error)]
 pub enum RigError {
     /// The file cannot be read.
-    #[error("cannot read the rig file {}; it must be a text file in UTF-8 that you may read", path.shown())]
+    #[error("cannot read the rig file {}: {}", path.shown(), remedy(source))]
     Read {
         /// The file.
         path: PathBuf,

@@ -11,11 +11,14 @@ export function commandOf(action, effect) {
   const known = model.commands;
   if (action !== "fit") return known[action].replace("EFFECT", () => word(effect || ""));
   const held = model.parameters.filter((p) => (p.held || app.hold.has(p.name)) && !app.free.has(p.name));
-  const changed = Object.keys(app.moved).length + app.hold.size + app.free.size;
+  const bounded = Object.keys(app.bounds);
+  const changed = Object.keys(app.moved).length + app.hold.size + app.free.size + bounded.length;
   if (!changed) return known.fit;
   const free = model.parameters.filter((p) => p.name in app.moved && !held.includes(p));
   const option = (name, all) => (all.length ? ` ${name} ${all.map((p) => word(`${p.name}=${app.moved[p.name] ?? p.value}`)).join(" ")}` : "");
-  return known.calibrate.replace("EFFECTS", () => word(model.effects.join(",") || "none")) + option("--hold", held) + option("--start", free);
+  return known.calibrate.replace("EFFECTS", () => word(model.effects.join(",") || "none")) + option("--hold", held) + option("--start", free)
+    // No option of the command has bounds; its model file has.
+    + (bounded.length ? ` # bounds of ${bounded.join(", ")}: set them in ${app.state.file}, then \`surgescope refit\`` : "");
 }
 
 export async function copy(text) {

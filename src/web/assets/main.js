@@ -33,8 +33,16 @@ function title() {
 }
 let warned = null;
 
+// Who opens a folder meets its list first, once a tab; its newest run waits behind it.
+function list() {
+  if (!app.state.folder || app.state.runs.length < 2 || sessionStorage.getItem("listed")) return;
+  sessionStorage.setItem("listed", "yes");
+  runs();
+}
+
 let loaded = null;
 onState(() => {
+  list();
   title();
   charts();
   rig();

@@ -49,6 +49,14 @@ const fitted = () => {
   return { ...model, number: 0, name: job.what, grown_from: null, rmse_m: last[1], preview: true, fitting: true };
 };
 
+// What an addition that the record does not support needs to hear.
+function unsupported(all) {
+  const own = all.find((model) => model.number === app.state.model?.number);
+  if (!own?.grown_from || own.evidence === null || own.evidence > 0) return null;
+  const parent = all[own.grown_from - 1];
+  return h("p", { class: "advice", text: `The record does not support ${nameOf(own, parent).replace("+ ", "")}: the error was ${metres(parent.rmse_m)} without it. Undo takes it out.` });
+}
+
 let axis = null;
 export function models() {
   const all = app.state.models;
@@ -60,7 +68,7 @@ export function models() {
   if (!shown.length) { put(at("models"), h("p", { class: "hint", text: app.state.open ? "The base model is being fitted." : "Open a run first." })); return; }
   axis = place(shown);
   const step = (path, text, able, key) => h("button", { type: "button", text, title: key, disabled: !able || Boolean(app.state.job), "data-key": path, onclick: () => act(path) });
-  put(at("models"), shown.map((model) => row(model, axis, all[model.grown_from - 1])),
+  put(at("models"), shown.map((model) => row(model, axis, all[model.grown_from - 1])), unsupported(all),
     h("div", { class: "buttons" }, step("/api/undo", "↶ Undo", app.state.can_undo, "key u"), step("/api/redo", "↷ Redo", app.state.can_redo, "key r"), app.state.can_undo ? copier("undo") : null));
 }
 

@@ -23,6 +23,7 @@ pub fn json(session: &Session) -> Value {
     json!({
         "version": env!("CARGO_PKG_VERSION"),
         "place": session.place().words(),
+        "folder": session.place().folder().is_some(),
         "runs": session.place().runs().iter().map(|run| of_run(run, bench)).collect::<Vec<_>>(),
         "open": bench.map(open),
         "model": bench.and_then(model::json),
@@ -51,6 +52,7 @@ fn listed((i, model): (usize, &crate::results::model_file::Entry)) -> Value {
     json!({
         "number": i + 1, "name": model.name, "grown_from": model.grown_from, "effects": model.effects,
         "rmse_m": model.rmse_m, "noise_m": model.noise_m, "why": model.why, "when": model.when,
+        "evidence": model.evidence,
     })
 }
 

@@ -56,6 +56,7 @@ export async function list_paint(program, folder, browser, path, count, times = 
       const page = await watched(browser);
       took.page.push(await first_chart(page, bench.url));
       const list = await page.evaluate(async (count) => {
+        document.querySelector("dialog#runs").close();
         const from = performance.now();
         document.body.dispatchEvent(new KeyboardEvent("keydown", { key: "o", bubbles: true }));
         while (document.querySelectorAll("dialog#runs tbody tr").length < count) await new Promise(requestAnimationFrame);

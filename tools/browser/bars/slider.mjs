@@ -1,8 +1,9 @@
-// A slider dragged by the mouse: how long until the curve of a value is on the screen, and how many curves a second there are.
+// A slider dragged by the mouse: how long until the curve of a value is on the screen, and how many curves a second there are;
+// `meanwhile` the other parameters follow.
 import { watched } from "./paint.mjs";
 import { Workbench, share, sleep } from "./workbench.mjs";
 
-export async function slider(program, folder, browser, recording, seconds = 4) {
+export async function slider(program, folder, browser, recording, meanwhile = false, seconds = 4) {
   const bench = await Workbench.open(program, folder, recording);
   try {
     await bench.fitted();
@@ -11,6 +12,7 @@ export async function slider(program, folder, browser, recording, seconds = 4) {
     const handle = page.locator("#parameters input[type=range]").first();
     await handle.waitFor();
     await page.waitForFunction(() => document.querySelectorAll(".uplot").length > 1);
+    if (meanwhile) await page.check("#meanwhile");
     await sleep(500);
     const box = await handle.boundingBox();
     const at = (part) => [box.x + box.width * part, box.y + box.height / 2];

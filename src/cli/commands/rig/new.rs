@@ -177,7 +177,7 @@ fn pipe(args: &Args, ask: &Ask) -> Result<Draft, AnyError> {
         Some(material) => material,
         None => ask.material()?,
     };
-    let length_m = ask.number("length from the supply to the valve, m", "--length-m", args.length_m)?;
+    let length_m = ask.number("length from the supply to the valve", "m", "--length-m", args.length_m)?;
     let (inner_diameter_mm, wall_thickness_mm) = match (args.inner_diameter_mm, args.wall_thickness_mm) {
         (Some(inner), Some(wall)) => (inner, wall),
         (inner, wall) => {
@@ -187,10 +187,15 @@ fn pipe(args: &Args, ask: &Ask) -> Result<Draft, AnyError> {
                 (None, false) => ask.size()?,
             };
             match size {
-                Some(size) => (1e3 * size.inner_diameter_m, 1e3 * size.wall_thickness_m),
+                Some(size) => {
+                    let (inner, wall) = (1e3 * size.inner_diameter_m, 1e3 * size.wall_thickness_m);
+                    // Sizes go by the outer diameter; who gave the inner one sees it here.
+                    tell!("pipe: {:.1} mm outside, {inner:.1} mm inside, wall {wall:.2} mm", inner + 2.0 * wall);
+                    (inner, wall)
+                }
                 None => (
-                    ask.number("inner diameter, mm", "--inner-diameter-mm (or --pipe)", inner)?,
-                    ask.number("thickness of the wall, mm", "--wall-thickness-mm (or --pipe)", wall)?,
+                    ask.number("inner diameter", "mm", "--inner-diameter-mm (or --pipe)", inner)?,
+                    ask.number("thickness of the wall", "mm", "--wall-thickness-mm (or --pipe)", wall)?,
                 ),
             }
         }
@@ -237,11 +242,11 @@ fn confirmed(draft: &mut Draft, args: &Args, ask: &Ask) -> Result<(), AnyError> 
         draft.sensors.push(DraftSensor { name, kind: SensorKind::Pressure, unit, position_m });
     }
     ask.units(&mut draft.sensors)?;
-    ask.confirm("temperature of the water, °C", &mut draft.temperature_degc, [0.0, 100.0])?;
-    ask.confirm("closing time of the valve, s", &mut draft.closing_time_s, [1e-4, 1e4])?;
+    ask.confirm("temperature of the water", "°C", &mut draft.temperature_degc, [0.0, 100.0])?;
+    ask.confirm("closing time of the valve", "s", &mut draft.closing_time_s, [1e-4, 1e4])?;
     for sensor in draft.sensors.iter_mut().filter(|s| s.kind == SensorKind::Pressure) {
-        let question = format!("{}: distance from the supply, m", sensor.name);
-        ask.confirm(&question, &mut sensor.position_m, [0.0, length_m])?;
+        let question = format!("{}: distance from the supply", sensor.name);
+        ask.confirm(&question, "m", &mut sensor.position_m, [0.0, length_m])?;
     }
     Ok(())
 }
@@ -253,18 +258,18 @@ struct Ask {
 
 impl Ask {
     /// A number that has no default.
-    fn number(&self, question: &str, option: &str, given: Option<f64>) -> Result<f64, AnyError> {
+    fn number(&self, question: &str, unit: &str, option: &str, given: Option<f64>) -> Result<f64, AnyError> {
         match given {
             Some(value) => Ok(value),
-            None if self.asks => ask::number(question, None, [1e-3, 1e6]),
-            None => Err(format!("{question}: give it with {option}").into()),
+            None if self.asks => ask::number(&format!("{question}, {unit}"), unit, None, [1e-3, 1e6]),
+            None => Err(format!("{question}, {unit}: give it with {option}").into()),
         }
     }
 
     /// Shows what was assumed and why, and takes what the user makes of it.
-    fn confirm(&self, question: &str, told: &mut Told<f64>, range: [f64; 2]) -> Result<(), AnyError> {
+    fn confirm(&self, question: &str, unit: &str, told: &mut Told<f64>, range: [f64; 2]) -> Result<(), AnyError> {
         if self.asks && !told.why.is_empty() {
-            let value = ask::number(&format!("{question} ({})", told.why), Some(told.value), range)?;
+            let value = ask::number(&format!("{question}, {unit} ({})", told.why), unit, Some(told.value), range)?;
             *told = Told::given(value);
         }
         Ok(())

@@ -59,7 +59,8 @@ pub(crate) fn prune_elements(
         let mut near = ctx.passing(problem.model, problem.window());
         near.hold(&held(problem), &from);
         let there = ctx.minimise(&near, &from, limits, "all samples, one element placed again")?;
-        let again = ctx.minimise(problem, &problem.values(&there.x), limits, "all samples, one element placed again")?;
+        let again =
+            ctx.minimise(problem, &problem.values(&there.x), limits, "all samples, one element placed again")?;
         let at_optimum = predict_reduction(ctx, problem, &again)?.at_optimum(&again);
         if at_optimum && best.as_ref().is_none_or(|b| again.cost < b.cost) {
             best = Some(again);
