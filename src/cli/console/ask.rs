@@ -2,7 +2,7 @@
 
 use dialoguer::Input;
 
-use crate::cli::args::values::measure;
+use crate::cli::console::numbers::measure;
 
 type AnyError = Box<dyn std::error::Error + Send + Sync>;
 

@@ -150,9 +150,10 @@ fn doubt_bounds(rig: &Rig, temperature_degc: f64, best: Estimate) -> Option<Stri
     ))
 }
 
-/// What would make the wave speed fit: feet taken as metres, or walls of other materials.
+/// What would make the wave speed fit: another length, feet taken as metres among them, or walls of other materials.
 fn slips(rig: &Rig, water: &WaterProperties, speed_m_s: f64, [lo, hi]: [f64; 2]) -> String {
-    let mut found = String::new();
+    let [shortest, longest] = [lo, hi].map(|fits| significant(rig.length_m() * fits / speed_m_s, 3));
+    let mut found = format!(" A length from {shortest} to {longest} m would fit.");
     let from_feet = FOOT_M * speed_m_s;
     if (lo..=hi).contains(&from_feet) {
         let length_m = rig.length_m();

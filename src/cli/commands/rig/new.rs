@@ -19,7 +19,7 @@ use crate::rig::material::{MATERIALS, Material};
 use crate::rig::sizes::{EXAMPLES, PipeSize, pipe_size};
 use crate::rig::{Rig, Sensor, SensorKind, check::check as check_rig, quantity_of, spelled_unit};
 use crate::shown::Shown as _;
-use crate::storage::import::{SourceOptions, check_names, read_source};
+use crate::storage::import::{SourceFile, SourceOptions, check_names, read_source};
 use crate::storage::nearest::nearest;
 use crate::storage::output;
 use crate::units::{Quantity, Unit};
@@ -97,20 +97,17 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     if let (Some(file), Some(read)) = (&args.file, &read) {
         check_names(read, file, None, &source)?;
     }
+    let sensors = |read: &SourceFile, draft: &Draft| sensors_of(read, draft, &source, args.unit, &args.sensor);
+    if let (Some(file), Some(read)) = (&args.file, &read) {
+        let (found, left_out) = sensors(read, &Draft::default());
+        if !found.iter().any(|s| s.kind == SensorKind::Pressure) {
+            return Err(no_pressure(file, &left_out).into());
+        }
+    }
     let mut draft = pipe(&args, &ask)?;
     let mut left_out = Vec::new();
-    if let (Some(file), Some(read)) = (&args.file, &read) {
-        (draft.sensors, left_out) = sensors_of(read, &draft, &source, args.unit, &args.sensor);
-        if !draft.sensors.iter().any(|s| s.kind == SensorKind::Pressure) {
-            return Err(format!(
-                "{}: no column looks like a pressure; the columns are {}. Give the place of the one that is, as in --sensor '{first}=12.5'; of a \
-                 column of volts give the line, too, as in --scale '{first}=250*x-125 kPa'",
-                file.shown(),
-                left_out.join(", "),
-                first = left_out.first().map_or("NAME", String::as_str)
-            )
-            .into());
-        }
+    if let Some(read) = &read {
+        (draft.sensors, left_out) = sensors(read, &draft);
         place(&mut draft, read, &source);
     }
     confirmed(&mut draft, &args, &ask)?;
@@ -149,6 +146,16 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         tell!("next: {}", next(&args));
     }
     Ok(Outcome::Done)
+}
+
+fn no_pressure(file: &Path, columns: &[String]) -> String {
+    format!(
+        "{}: no column looks like a pressure; the columns are {}. Give the place of the one that is, as in --sensor '{first}=12.5'; of a column of \
+         volts give the line, too, as in --scale '{first}=250*x-125 kPa'",
+        file.shown(),
+        columns.join(", "),
+        first = columns.first().map_or("NAME", String::as_str)
+    )
 }
 
 /// What to do next, as a command.
