@@ -1,7 +1,8 @@
 //! Recordings with one effect hidden, or a pair, from a scheme that shares nothing with the program: what `diagnose` is tried on.
 //!
-//! `cargo run --release -p surgescope-tools --bin hidden_effects -- SEED COUNT FOLDER [KIND,KIND…] [--coloured] [--wrong-rig] [--pairs] [--plastic]` writes folders with `rig.toml`,
-//! `run.csv`, sometimes `run2.csv`, and `answers.json` beside them, as `tools/blind.py` reads them. The same seed gives the same files.
+//! `cargo run --release -p surgescope-tools --bin hidden_effects -- SEED COUNT FOLDER [KIND,KIND…] [--coloured] [--hum] [--wrong-rig] [--pairs]
+//! [--plastic]` writes folders with `rig.toml`, `run.csv`, sometimes `run2.csv`, and `answers.json` beside them, as `tools/blind.py` reads them.
+//! The same seed gives the same files.
 //! With `--plastic` every wall creeps, also where an effect is otherwise hidden in metal only.
 
 mod record;
@@ -14,14 +15,13 @@ use std::path::Path;
 use rayon::prelude::*;
 use serde_json::{Map, json};
 
+const FLAGS: [&str; 5] = ["--coloured", "--hum", "--wrong-rig", "--pairs", "--plastic"];
+
 fn main() -> Result<(), Box<dyn std::error::Error + Send + Sync>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let (flags, plain): (Vec<String>, Vec<String>) = arguments.into_iter().partition(|a| a.starts_with("--"));
     let [seed, count, folder, kinds @ ..] = plain.as_slice() else {
-        return Err(
-            "usage: hidden_effects SEED COUNT FOLDER [KIND,KIND…] [--coloured] [--wrong-rig] [--pairs] [--plastic]"
-                .into(),
-        );
+        return Err(format!("usage: hidden_effects SEED COUNT FOLDER [KIND,KIND…] [{}]", FLAGS.join("] [")).into());
     };
     let (seed, count): (u64, u64) = (seed.parse()?, count.parse()?);
     let mut drawn = rig::KINDS.to_vec();
@@ -32,8 +32,11 @@ fn main() -> Result<(), Box<dyn std::error::Error + Send + Sync>> {
         drawn.retain(|k| asked.split(',').any(|a| a == *k));
     }
     let has = |flag: &str| flags.iter().any(|f| f == flag);
-    let (coloured, wrong_rig, pairs) = (has("--coloured"), has("--wrong-rig"), has("--pairs"));
-    let plastic = has("--plastic");
+    if let Some(unknown) = flags.iter().find(|f| !FLAGS.contains(&f.as_str())) {
+        return Err(format!("there is no {unknown}; known: {}", FLAGS.join(", ")).into());
+    }
+    let (pairs, plastic) = (has("--pairs"), has("--plastic"));
+    let lab = record::Lab { coloured: has("--coloured"), hum: has("--hum"), wrong_rig: has("--wrong-rig") };
     let folder = Path::new(folder);
     let cases: Vec<(String, serde_json::Value)> = (0..count)
         .into_par_iter()
@@ -45,7 +48,7 @@ fn main() -> Result<(), Box<dyn std::error::Error + Send + Sync>> {
                 if pairs { pick(&mut random, rig::paired().collect()) } else { drawn[i as usize % drawn.len()] };
             let second = pairs.then(|| pick(&mut random, rig::paired().filter(|other| *other != kind).collect()));
             let case = rig::draw(&mut random, kind, second, plastic, &name);
-            record::write(&folder.join(&name), &case, &mut random, coloured, wrong_rig)?;
+            record::write(&folder.join(&name), &case, &mut random, lab)?;
             let effects: Vec<_> = [kind].into_iter().filter(|k| *k != "nothing").chain(second).collect();
             let truth = truth::of(&case, &folder.join(&name))?;
             Ok((

@@ -6,13 +6,21 @@ use std::path::Path;
 use super::rig::{Case, Hidden};
 use super::scheme::{Solved, solve};
 
-pub fn write(
-    folder: &Path,
-    case: &Case,
-    random: &mut fastrand::Rng,
-    coloured: bool,
-    wrong_rig: bool,
-) -> std::io::Result<()> {
+const MAINS_HZ: f64 = 50.0;
+
+/// What the lab has against it.
+#[derive(Clone, Copy)]
+pub struct Lab {
+    /// Half of the noise remembers 5 ms.
+    pub coloured: bool,
+    /// Each pressure has 50 Hz of the mains on it, one to three times the noise.
+    pub hum: bool,
+    /// Its tape measures and data sheets are off.
+    pub wrong_rig: bool,
+}
+
+pub fn write(folder: &Path, case: &Case, random: &mut fastrand::Rng, lab: Lab) -> std::io::Result<()> {
+    let Lab { coloured, hum, wrong_rig } = lab;
     std::fs::create_dir_all(folder)?;
     let wrong =
         |random: &mut fastrand::Rng, by: f64| if wrong_rig { 1.0 + by * (2.0 * random.f64() - 1.0) } else { 1.0 };
@@ -59,11 +67,14 @@ pub fn write(
                 let trace = sensed(case, s, &solved);
                 let memory = if coloured { (-case.sample_s / 0.005f64).exp() } else { 0.0 };
                 let mut slow = 0.0;
+                let hum_m = if hum { case.noise_m * (1.0 + 2.0 * random.f64()) } else { 0.0 };
+                let phase = if hum { std::f64::consts::TAU * random.f64() } else { 0.0 };
                 (0..n)
                     .map(|i| {
                         slow = memory * slow + (1.0 - memory * memory).sqrt() * normal(random);
                         let t = i as f64 * case.sample_s - case.lead_s;
-                        let h = gains[s] * at(case, &solved, &trace, t) + offsets[s];
+                        let mains_m = hum_m * (std::f64::consts::TAU * MAINS_HZ * t + phase).sin();
+                        let h = gains[s] * at(case, &solved, &trace, t) + offsets[s] + mains_m;
                         let noise = if coloured { 0.7 * normal(random) + 0.7 * slow } else { normal(random) };
                         (((h + case.noise_m * noise) * kpa_per_m / 0.03).round()) * 0.03
                     })
