@@ -194,10 +194,13 @@ fn solve_on(case: &Case, velocity_m_s: f64, duration_s: f64, nodes: usize) -> So
             let drive = G / line.step_m[i] * (line.head_m[i] - line.head_m[i + 1]);
             let held: f64 = line.kernel[i].iter().zip(&shed).map(|(y, (e, _))| 0.5 * y * (1.0 + e)).sum();
             let stress = 16.0 * viscosity / case.diameter_m.powi(2);
-            let steady = f * v.abs() / (2.0 * case.diameter_m);
-            let local = if i == block_at { G * block_k * area * area * v.abs() / line.step_m[i] } else { 0.0 };
-            let implicit = 1.0 + dt * (steady + local + stress * 0.5 * weight);
-            let new = (v + dt * (drive - stress * held) + dt * stress * 0.5 * weight * v) / implicit;
+            let local = if i == block_at { G * block_k * area * area / line.step_m[i] } else { 0.0 };
+            // Losses go with the square of the step's mean velocity: second order, and a front finds them at their place.
+            let inertia = 1.0 + dt * stress * 0.5 * weight;
+            let sum = 2.0 * inertia * v + dt * (drive - stress * held);
+            let square = dt * (f / (2.0 * case.diameter_m) + local);
+            let mean = 2.0 * sum / (2.0 * inertia + (4.0 * inertia * inertia + 4.0 * square * sum.abs()).sqrt());
+            let new = 2.0 * mean - v;
             for (y, (e, w)) in line.kernel[i].iter_mut().zip(&shed) {
                 *y = *y * e + w * (new - v);
             }
@@ -293,6 +296,7 @@ fn solve_on(case: &Case, velocity_m_s: f64, duration_s: f64, nodes: usize) -> So
 
 #[cfg(test)]
 mod tests {
+    use super::super::record::linear;
     use super::*;
 
     /// A frictionless-looking elastic pipe: 100 m, 400 m/s, one second a period.
@@ -380,18 +384,26 @@ mod tests {
         assert!((seen / (2.0 * fall) - 1.0).abs() < 0.05, "{seen} against {}", 2.0 * fall);
     }
 
-    #[test]
-    fn a_moving_end_converges_at_second_order() {
-        let case = case(Some(Hidden::MovingValve(2.3, 0.004, 0.05)), Vec::new());
+    /// From grids of which each has three reaches for one of the last: the middle of a reach stays the middle of one.
+    fn order_of(hidden: Hidden) -> f64 {
+        let mut case = case(Some(hidden), Vec::new());
+        case.closing_s = 0.1;
         let at_valve = |nodes: usize| {
             let solved = solve_on(&case, 0.2, 3.0, nodes);
-            (0..100)
-                .map(|i| solved.heads_m[0][(f64::from(i) * 0.025 / solved.dt_s).round() as usize])
-                .collect::<Vec<_>>()
+            (0..100).map(|i| linear(&solved.heads_m[0], f64::from(i) * 0.025 / solved.dt_s)).collect::<Vec<_>>()
         };
         let apart = |a: &[f64], b: &[f64]| (a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum::<f64>() / 100.0).sqrt();
-        let (coarse, medium, fine) = (at_valve(100), at_valve(200), at_valve(400));
-        let order = (apart(&coarse, &medium) / apart(&medium, &fine)).log2();
-        assert!(order > 1.8, "order {order}");
+        let (coarse, medium, fine) = (at_valve(40), at_valve(120), at_valve(360));
+        (apart(&coarse, &medium) / apart(&medium, &fine)).ln() / 3.0f64.ln()
+    }
+
+    /// A front's corners cost half an order.
+    #[test]
+    fn a_moving_end_and_a_blockage_converge_faster_than_at_first_order() {
+        for hidden in [Hidden::MovingValve(2.3, 0.004, 0.05), Hidden::Blockage(51.249, 2.0)] {
+            let named = format!("{hidden:?}");
+            let order = order_of(hidden);
+            assert!(order > 1.5, "{named}: order {order}");
+        }
     }
 }
