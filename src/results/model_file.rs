@@ -46,6 +46,14 @@ pub struct ModelFile {
     pub as_read: Option<String>,
 }
 
+/// Why a text holds no models.
+fn not_models(text: &str, error: toml::de::Error) -> String {
+    if text.lines().any(|line| line.trim() == "[[pipe]]") {
+        return "it is a rig file; a calibration saves its models in a file of their own".to_owned();
+    }
+    error.to_string()
+}
+
 /// One model.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -129,7 +137,7 @@ impl ModelFile {
     /// One that is no file of models, or contradicts itself.
     pub fn parse(text: &str, path: &Path) -> Result<Self, ModelFileError> {
         let file: ModelFile =
-            toml::from_str(text).map_err(|e| ModelFileError::Parse(path.to_owned(), e.to_string()))?;
+            toml::from_str(text).map_err(|e| ModelFileError::Parse(path.to_owned(), not_models(text, e)))?;
         file.check(path)?;
         Ok(file)
     }

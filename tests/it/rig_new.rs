@@ -24,7 +24,20 @@ fn logged() -> TempDir {
     let folder = tempfile::tempdir().unwrap();
     let sensors = [&TAPE[..], &["--sensor", "P1=100", "--sensor", "P2=40", "--yes", "-o", "true.toml"]].concat();
     must(&folder, &[&["rig", "new"], &sensors[..]].concat());
-    must(&folder, &["simulate", "--rig", "true.toml", "--set", "initial_velocity_m_s=0.4", "-o", "true.mcap"]);
+    must(
+        &folder,
+        &[
+            "simulate",
+            "--rig",
+            "true.toml",
+            "--set",
+            "initial_velocity_m_s=0.4",
+            "--set",
+            "valve_head_m=70",
+            "-o",
+            "true.mcap",
+        ],
+    );
     must(&folder, &["export", "true.mcap", "-o", "true.csv"]);
     let plain = std::fs::read_to_string(folder.path().join("true.csv")).unwrap();
     let mut table = String::from("Messung 7\nNr;Zeit;Druck Ventil (bar);Druck Mitte (bar)\n");
@@ -193,4 +206,29 @@ fn answers_that_the_record_contradicts_are_named() {
     let said = asked("HDPE", "100", "plastic.toml");
     assert!(said.contains("would fit if it were of") && said.contains("copper"), "{said}");
     assert!(!asked("copper", "100", "right.toml").contains("warning"));
+}
+
+/// Milliamperes are no metres of water, and a logger's heading in Latin-1 is text.
+#[test]
+fn a_table_in_milliamperes_and_latin_1_needs_its_lines_only() {
+    let folder = logged();
+    let plain = std::fs::read_to_string(folder.path().join("true.csv")).unwrap();
+    let mut table = "Messung im Prüfstand\nSecond,CH1 (mA),CH2 (mA)\n".to_owned();
+    for line in plain.lines().skip(1) {
+        let cells: Vec<f64> = line.split(',').map(|c| c.parse().unwrap()).collect();
+        table += &format!("{:.5e},{:.5},{:.5}\n", cells[0], 4.0 + cells[1], 4.0 + cells[2]);
+    }
+    let latin_1: Vec<u8> = table.chars().map(|c| c as u8).collect();
+    std::fs::write(folder.path().join("current.csv"), latin_1).unwrap();
+    let new = [&["rig", "new", "current.csv", "--yes"], &TAPE[..]].concat();
+    let (code, _, said) = within(&folder, &new);
+    assert!(
+        code == 2 && said.contains("no column looks like a pressure") && said.contains("'CH1 (mA)=x-4 bar'"),
+        "{said}"
+    );
+    let lines = ["--scale", "CH1 (mA)=x-4 bar", "--scale", "CH2 (mA)=x-4 bar"];
+    let said = must(&folder, &[&new[..], &lines].concat()).1;
+    assert!(!said.contains("warning"), "{said}");
+    let said = must(&folder, &[&["import", "current.csv", "--rig", "rig.toml", "--yes"], &lines[..]].concat()).1;
+    assert!(said.contains("read as Latin-1") && said.contains("next: surgescope open current.mcap"), "{said}");
 }

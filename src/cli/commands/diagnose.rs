@@ -204,7 +204,8 @@ fn diagnosed(args: Args, json: bool) -> CommandResult {
     if let Some(path) = &args.report {
         let stages = models.iter().map(|(title, fit)| Stage { title: title.clone(), fit }).collect();
         let energy = models.last().and_then(|(_, fit)| energy_of(study.rig(), study.runs(), fit, 0).ok().flatten());
-        let again = Again::of(&args.recordings, args.rig.as_deref(), &args.ignored.sensors, &args.hold);
+        let again = Again::of(&args.recordings, args.rig.as_deref(), &args.ignored.sensors, &args.hold)
+            .kept_in(args.apply.as_deref());
         write_page(path, &study, Page { stages, diagnoses: &diagnoses, energy, ..Page::of(study.rig()) }, &again)?;
         tell!("report: {}", path.shown());
     }

@@ -19,7 +19,9 @@ use crate::report::advice::quoted;
 use crate::rig::Rig;
 use crate::rig::check::return_time_s;
 use crate::shown::Shown as _;
+use crate::signal::doubts::doubts;
 use crate::signal::faults::{in_words, sensor_faults};
+use crate::signal::inspect;
 use crate::signal::window::{Passing, used};
 use crate::storage::import::{
     Imported, LongImport, Pass, Repair, SourceOptions, import_file, require_sensors, unit_warnings,
@@ -201,6 +203,9 @@ impl Done {
         }
         left_out.iter().for_each(|text| tell!("{text}"));
         warnings.iter().for_each(|w| tell!("warning: {}", w.text));
+        // What contradicts the rig is cheapest to mend here.
+        let doubts = inspect(&used).map_or(Vec::new(), |features| doubts(&used.rig, &features));
+        doubts.iter().for_each(|doubt| tell!("warning: {doubt}"));
         let faults = sensor_faults(&used);
         if !faults.is_empty() {
             tell!("warning: {}", in_words(&faults));

@@ -16,6 +16,8 @@ pub struct Again {
     recordings: String,
     /// Options that they were read with, such as `--rig RIG`, each with a blank before it.
     options: String,
+    /// The model file that has the answer already.
+    kept: Option<String>,
 }
 
 impl Again {
@@ -30,14 +32,19 @@ impl Again {
             let held: Vec<String> = held.iter().map(|(name, value)| quoted(&format!("{name}={value}"))).collect();
             options += &format!(" --hold {}", held.join(" "));
         }
-        Again { recordings: named.join(" "), options }
+        Again { recordings: named.join(" "), options, kept: None }
+    }
+
+    /// The same where a model file has the answer already.
+    pub fn kept_in(self, file: Option<&Path>) -> Self {
+        Again { kept: file.map(|file| quoted(&file.shown())), ..self }
     }
 }
 
 /// What to do after a page's last result.
 pub fn of(page: &Page, again: &Again) -> Option<Advice> {
     let last = page.stages.last()?.fit;
-    let Again { recordings, options } = again;
+    let Again { recordings, options, kept } = again;
     let effects = |labels: Vec<String>| match labels.as_slice() {
         [] => String::new(),
         all => format!(" --effects {}", all.join(",")),
@@ -55,7 +62,9 @@ pub fn of(page: &Page, again: &Again) -> Option<Advice> {
         let start = effects(first.start.labels());
         return match found.verdict {
             Verdict::NothingMissing => validate(),
-            Verdict::MissingEffect => Some(keep(found, &format!("diagnose {recordings}{start}{options}"))),
+            Verdict::MissingEffect => {
+                Some(keep(found, &format!("diagnose {recordings}{start}{options}"), kept.as_deref()))
+            }
             Verdict::UnknownEffect => Some(Advice::new(
                 "Compare what the recording shows with the rig file: a wrong length, unit or place looks like missing physics.",
                 &[format!("inspect {recordings}")],
@@ -80,18 +89,32 @@ pub fn of(page: &Page, again: &Again) -> Option<Advice> {
 }
 
 /// Keeps the model with what was found; then the test that is still needed, or the next effect.
-fn keep(found: &Diagnosis, diagnose: &str) -> Advice {
+fn keep(found: &Diagnosis, diagnose: &str, kept: Option<&str>) -> Advice {
     let rivals = found.candidates.first().map_or(&[][..], |c| c.indistinguishable_from.as_slice());
     if rivals.is_empty() {
-        let why = format!("Add {} to the model, keep it in a file, and look for more.", found.answer_label());
-        Advice::new(why, &[format!("{diagnose} --until-done --apply model.toml")])
+        match kept {
+            Some(file) => {
+                let why = format!("{file} has {} now: see what it changes, and look for more.", found.answer_label());
+                Advice::new(why, &[format!("open {file}")])
+            }
+            None => {
+                let why = format!("Add {} to the model, keep it in a file, and look for more.", found.answer_label());
+                Advice::new(why, &[format!("{diagnose} --until-done --apply model.toml")])
+            }
+        }
     } else {
         let why = format!(
             "Keep the model with {}, and find the test that distinguishes it from {}.",
             found.answer_label(),
             rivals.join(" and ")
         );
-        Advice::new(why, &[format!("{diagnose} --apply model.toml"), "next model.toml --report next.html".to_owned()])
+        match kept {
+            Some(file) => Advice::new(why, &[format!("next {file} --report next.html")]),
+            None => {
+                let next = "next model.toml --report next.html".to_owned();
+                Advice::new(why, &[format!("{diagnose} --apply model.toml"), next])
+            }
+        }
     }
 }
 

@@ -6,7 +6,7 @@
 /// In words, for clap to put behind the option's name; likewise below.
 pub fn number(text: &str) -> Result<f64, String> {
     let plain = match text.trim().split_once(',') {
-        Some((_, digits)) if digits.len() == 3 => {
+        Some((whole, digits)) if digits.len() == 3 && !matches!(whole, "" | "0" | "-0") => {
             return Err(format!("'{text}' may be two numbers: write a decimal point, and nothing between thousands"));
         }
         Some((whole, digits)) => format!("{whole}.{digits}"),
@@ -47,6 +47,7 @@ mod tests {
     #[test]
     fn commas_and_units_are_understood() {
         assert_eq!((number("80,0"), number(" 1.5")), (Ok(80.0), Ok(1.5)));
+        assert_eq!(number("0,020"), Ok(0.02));
         assert!(number("1,000").unwrap_err().contains("two numbers") && number("1,2,3").is_err());
         assert_eq!(
             (measure("80 m", "m"), measure("1200mm", "m"), measure("2,5 cm", "mm")),

@@ -1,6 +1,6 @@
 //! The outcome of a diagnosis, as plain data.
 
-use crate::diagnose::limits::WORSE_PREDICTION;
+use crate::diagnose::limits::{START_DOUBTFUL, WORSE_PREDICTION};
 use crate::diagnose::visible::Visible;
 use crate::fit::outcome::fit::{Fit, FittedParameter};
 
@@ -113,6 +113,12 @@ pub struct Diagnosis {
 }
 
 impl Diagnosis {
+    /// Whether the start model leaves so much that it is held to what the instruments say, where a free fit would leave less.
+    pub fn start_is_held(&self) -> bool {
+        let (rmse_m, noise_m) = self.start.pooled();
+        rmse_m > START_DOUBTFUL * noise_m
+    }
+
     /// The start model with what is missing, where something is and could be fitted.
     pub fn answer(&self) -> Option<&Fit> {
         let single = self.candidates.first().and_then(|c| c.fit.as_ref());

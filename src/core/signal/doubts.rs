@@ -3,7 +3,7 @@
 use crate::number::{duration, error_m, significant};
 use crate::rig::material::{MATERIALS, Material};
 use crate::rig::{Pipe, Rig, WaterProperties};
-use crate::signal::features::{Estimate, Features};
+use crate::signal::features::{Estimate, Features, SensorFeatures};
 
 /// Wave speeds that differ by less agree: creep and unsteady friction smear the fronts from which they are read.
 const SAME_SPEED: f64 = 0.15;
@@ -60,6 +60,7 @@ pub fn doubts(rig: &Rig, features: &Features) -> Vec<String> {
         }
     }
     for sensor in &features.sensors {
+        found.extend(doubt_vacuum(rig, sensor));
         if let Some(corners) = sensor.noise.corners {
             found.push(format!(
                 "{} was interpolated: its samples lie on straight lines between points, one for every {:.0} of them (a curve read off a figure, \
@@ -88,6 +89,20 @@ pub fn doubts(rig: &Rig, features: &Features) -> Vec<String> {
     }
     found
 }
+
+/// Below a vacuum there is no pressure; a little more passes for a transducer that rings.
+fn doubt_vacuum(rig: &Rig, sensor: &SensorFeatures) -> Option<String> {
+    let lowest = sensor.extrema.iter().map(|e| e.head_m).min_by(f64::total_cmp)? - rig.elevation_m(sensor.position_m);
+    (lowest < -1.3 * ATMOSPHERE_M).then(|| {
+        format!(
+            "{} falls to {lowest:.0} m, and less than a vacuum, {:.0} m, is no pressure: its unit, its scale or its zero is wrong",
+            sensor.name, -ATMOSPHERE_M
+        )
+    })
+}
+
+/// The standard atmosphere as a head of water, m.
+const ATMOSPHERE_M: f64 = 10.33;
 
 fn shown(speed: Estimate) -> String {
     let digits = usize::from(speed.standard_error < 0.95);

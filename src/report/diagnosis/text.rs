@@ -159,7 +159,9 @@ const SHOWN: usize = 5;
 pub fn text(diagnosis: &Diagnosis) -> String {
     let (rmse_m, noise_m) = diagnosis.start.pooled();
     let model = name_of(&diagnosis.start.effects);
-    let mut out = format!("{model}: RMSE {} m, noise {} m\n", error_m(rmse_m), error_m(noise_m));
+    let held =
+        if diagnosis.start_is_held() { " (held to what the instruments say; a free fit leaves less)" } else { "" };
+    let mut out = format!("{model}: RMSE {} m, noise {} m{held}\n", error_m(rmse_m), error_m(noise_m));
     for sentence in &diagnosis.residual_patterns {
         let _ = writeln!(out, "  {sentence}");
     }

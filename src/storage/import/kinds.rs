@@ -37,6 +37,10 @@ pub(crate) fn pressure_unit(name: &str, text: &str) -> Option<(Unit, bool)> {
         return Some((unit, named));
     }
     let gauge = ["absolute", "abs", "a"].iter().find_map(|end| bare.strip_suffix(end))?;
+    // milliamperes are no metres
+    if gauge == "m" {
+        return None;
+    }
     spelled_unit(gauge, Quantity::Pressure).map(|unit| (unit, true))
 }
 

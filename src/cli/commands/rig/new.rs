@@ -6,9 +6,10 @@ use std::path::{Path, PathBuf};
 use serde_json::{Value, json};
 
 use crate::cli::args::import_options::ForeignArgs;
-use crate::cli::args::values::{not_negative, positive};
+use crate::cli::args::values::not_negative;
 use crate::cli::commands::rig::check;
 use crate::cli::console::ask;
+use crate::cli::console::numbers::measure;
 use crate::cli::console::outcome::{AnyError, CommandResult, Outcome};
 use crate::cli::console::print::{say, say_text, tell};
 use crate::draft::{contradictions, place, sensors_of};
@@ -39,16 +40,16 @@ pub struct Args {
     #[arg(long, value_name = "MATERIAL", value_parser = material)]
     material: Option<&'static Material>,
     /// Length from the supply to the valve, m.
-    #[arg(long, value_name = "M", value_parser = positive, allow_negative_numbers = true)]
+    #[arg(long, value_name = "M", value_parser = above_0("m"), allow_negative_numbers = true)]
     length_m: Option<f64>,
     /// Size of the pipe instead of diameter and wall: '63 SDR11', 22x1.5, DN50, 'NPS 2', 'copper 3/4 L'.
     #[arg(long, value_name = "SIZE", conflicts_with_all = ["inner_diameter_mm", "wall_thickness_mm"])]
     pipe: Option<String>,
     /// Inner diameter, mm.
-    #[arg(long, value_name = "MM", value_parser = positive, allow_negative_numbers = true)]
+    #[arg(long, value_name = "MM", value_parser = above_0("mm"), allow_negative_numbers = true)]
     inner_diameter_mm: Option<f64>,
     /// Thickness of the wall, mm.
-    #[arg(long, value_name = "MM", value_parser = positive, allow_negative_numbers = true)]
+    #[arg(long, value_name = "MM", value_parser = above_0("mm"), allow_negative_numbers = true)]
     wall_thickness_mm: Option<f64>,
     /// Temperature of the water, °C [default: that of the file, or 20].
     #[arg(long = "temperature-degC", value_name = "DEGC", value_parser = not_negative, allow_negative_numbers = true)]
@@ -57,7 +58,7 @@ pub struct Args {
     #[arg(long, value_name = "SUPPLY", value_parser = SUPPLIES)]
     supply: Option<String>,
     /// Nominal closing time of the valve, s [default: as the file shows it, or 0.1].
-    #[arg(long, value_name = "S", value_parser = positive, allow_negative_numbers = true)]
+    #[arg(long, value_name = "S", value_parser = above_0("s"), allow_negative_numbers = true)]
     closing_time_s: Option<f64>,
     /// Head behind the valve, m [default: 0].
     #[arg(long, value_name = "M", allow_negative_numbers = true)]
@@ -74,6 +75,11 @@ pub struct Args {
     /// Ask nothing: assume what is not given, and report it.
     #[arg(short, long)]
     yes: bool,
+}
+
+/// A number above 0 in a unit, or with its own unit behind it.
+fn above_0(unit: &'static str) -> impl Fn(&str) -> Result<f64, String> + Clone + Send + Sync {
+    move |text| measure(text, unit).and_then(|v| if v > 0.0 { Ok(v) } else { Err("must be above 0".to_owned()) })
 }
 
 const SUPPLIES: [&str; 2] = ["reservoir", "pump"];
@@ -123,7 +129,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     }
     if !left_out.is_empty() {
         tell!(
-            "left out, because they look like no sensor: {} (a column of volts becomes one by --scale, as in --scale 'NAME=250*x-125 kPa')",
+            "left out, because they look like no sensor: {} (a column of volts or mA becomes one by --scale, as in --scale 'NAME=250*x-125 kPa')",
             left_out.join(", ")
         );
     }
@@ -151,7 +157,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
 fn no_pressure(file: &Path, columns: &[String]) -> String {
     format!(
         "{}: no column looks like a pressure; the columns are {}. Give the place of the one that is, as in --sensor '{first}=12.5'; of a column of \
-         volts give the line, too, as in --scale '{first}=250*x-125 kPa'",
+         volts or milliamperes give the line, too, as in --scale '{first}=250*x-125 kPa' (4 to 20 mA for 0 to 16 bar: '{first}=x-4 bar')",
         file.shown(),
         columns.join(", "),
         first = columns.first().map_or("NAME", String::as_str)
@@ -184,7 +190,7 @@ fn pipe(args: &Args, ask: &Ask) -> Result<Draft, AnyError> {
         Some(material) => material,
         None => ask.material()?,
     };
-    let length_m = ask.number("length from the supply to the valve", "m", "--length-m", args.length_m)?;
+    let length_m = ask.number("length from the supply to the valve", "m", "--length-m", args.length_m, [0.1, 1e6])?;
     let (inner_diameter_mm, wall_thickness_mm) = match (args.inner_diameter_mm, args.wall_thickness_mm) {
         (Some(inner), Some(wall)) => (inner, wall),
         (inner, wall) => {
@@ -200,10 +206,12 @@ fn pipe(args: &Args, ask: &Ask) -> Result<Draft, AnyError> {
                     tell!("pipe: {:.1} mm outside, {inner:.1} mm inside, wall {wall:.2} mm", inner + 2.0 * wall);
                     (inner, wall)
                 }
-                None => (
-                    ask.number("inner diameter", "mm", "--inner-diameter-mm (or --pipe)", inner)?,
-                    ask.number("thickness of the wall", "mm", "--wall-thickness-mm (or --pipe)", wall)?,
-                ),
+                None => {
+                    let inner =
+                        ask.number("inner diameter", "mm", "--inner-diameter-mm (or --pipe)", inner, [1.0, 1e4])?;
+                    let option = "--wall-thickness-mm (or --pipe)";
+                    (inner, ask.number("thickness of the wall", "mm", option, wall, [0.01, inner])?)
+                }
             }
         }
     };
@@ -265,10 +273,17 @@ struct Ask {
 
 impl Ask {
     /// A number that has no default.
-    fn number(&self, question: &str, unit: &str, option: &str, given: Option<f64>) -> Result<f64, AnyError> {
+    fn number(
+        &self,
+        question: &str,
+        unit: &str,
+        option: &str,
+        given: Option<f64>,
+        range: [f64; 2],
+    ) -> Result<f64, AnyError> {
         match given {
             Some(value) => Ok(value),
-            None if self.asks => ask::number(&format!("{question}, {unit}"), unit, None, [1e-3, 1e6]),
+            None if self.asks => ask::number(&format!("{question}, {unit}"), unit, None, range),
             None => Err(format!("{question}, {unit}: give it with {option}").into()),
         }
     }
@@ -276,8 +291,12 @@ impl Ask {
     /// Shows what was assumed and why, and takes what the user makes of it.
     fn confirm(&self, question: &str, unit: &str, told: &mut Told<f64>, range: [f64; 2]) -> Result<(), AnyError> {
         if self.asks && !told.why.is_empty() {
-            let value = ask::number(&format!("{question}, {unit} ({})", told.why), unit, Some(told.value), range)?;
-            *told = Told::given(value);
+            let usual = (1e6 * told.value).round() / 1e6;
+            let value = ask::number(&format!("{question}, {unit} ({})", told.why), unit, Some(usual), range)?;
+            // Enter leaves it an assumption.
+            if value != usual {
+                *told = Told::given(value);
+            }
         }
         Ok(())
     }
@@ -321,7 +340,10 @@ impl Ask {
         if !self.asks {
             return Ok(Told::assumed(SUPPLIES[0].to_owned(), "not given"));
         }
-        let known = |text: &str| SUPPLIES.into_iter().find(|s| *s == text).ok_or("write reservoir or pump".to_owned());
+        let known = |text: &str| match text.to_lowercase().as_str() {
+            "tank" => Ok(SUPPLIES[0]),
+            text => SUPPLIES.into_iter().find(|s| *s == text).ok_or("write reservoir or pump".to_owned()),
+        };
         let supply = ask::line("what feeds the pipe (reservoir or pump)", Some(SUPPLIES[0]), known)?;
         Ok(Told::given(supply.to_owned()))
     }

@@ -3,7 +3,6 @@
 use std::borrow::Cow;
 
 use crate::storage::error::{CsvFault, CsvProblem};
-use crate::storage::import::csv::row::is_row;
 use crate::storage::import::source::Repair;
 
 /// A longer line is none of a table, bytes.
@@ -62,16 +61,21 @@ fn utf16(bytes: &[u8]) -> Option<Option<String>> {
     Some(String::from_utf16(&units).ok().filter(|_| rest.len() % 2 == 0))
 }
 
-/// Latin-1 (every byte is its own code point), if what is not ASCII stands in comments and in the header only.
+/// Latin-1 (every byte is its own code point), if what is not ASCII stands in comments and in what comes before the first line of numbers only.
 fn latin1(bytes: &[u8], repairs: &mut Vec<Repair>) -> Option<String> {
     let text: String = bytes.iter().map(|&b| char::from(b)).collect();
-    let header = text.lines().position(is_row)?;
+    let numbers = text.lines().position(is_numbers)?;
     let line = text.lines().position(|l| !l.is_ascii())?;
-    if text.lines().skip(header + 1).any(|l| !l.is_ascii() && !l.starts_with('#')) {
+    if text.lines().skip(numbers).any(|l| !l.is_ascii() && !l.starts_with('#')) {
         return None;
     }
     repairs.push(Repair::new("encoding", 1, Some(line + 1), "the text is not UTF-8 and was read as Latin-1"));
     Some(text)
+}
+
+/// Whether a line holds samples: digits, and no letters but those of exponents and times of day.
+fn is_numbers(line: &str) -> bool {
+    line.bytes().any(|b| b.is_ascii_digit()) && line.chars().all(|c| !c.is_alphabetic() || "eEaApPmMTZ".contains(c))
 }
 
 /// UTF-8 text without its byte-order mark.
