@@ -35,10 +35,13 @@ let warned = null;
 
 // Who opens a folder meets its list first, once a tab; its newest run waits behind it.
 function list() {
+  if (met) return;
+  met = true;
   if (!app.state.folder || app.state.runs.length < 2 || sessionStorage.getItem("listed")) return;
   sessionStorage.setItem("listed", "yes");
   runs();
 }
+let met = false;
 
 let loaded = null;
 onState(() => {

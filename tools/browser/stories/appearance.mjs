@@ -42,8 +42,15 @@ function faults() {
 await story("light, dark, phone and projector can be read", { files: { "run.mcap": "hdpe-creep.mcap", "other.mcap": "hdpe-creep.mcap" }, words: ["."], prepare: ({ text }) => text("calibrate", "run.mcap", "--effects", "viscoelastic-wall:1", "--save", "run.model.toml") }, async ({ page: open, shot }) => {
   const fine = async (page, what) => assert.deepEqual(await page.evaluate(faults), [], what);
   const leave = async (page) => { await page.keyboard.press("Escape"); await page.waitForTimeout(150); };
+  // A folder opens on its list.
+  const listed = async (page, what) => {
+    await page.waitForSelector("#runs[open] tbody tr >> nth=1");
+    await fine(page, `${what}, the list`);
+    await leave(page);
+  };
   for (const colorScheme of ["light", "dark"]) {
     const page = await open({ width: 1440, height: 900 }, { colorScheme });
+    await listed(page, colorScheme);
     await settled(page);
     await fine(page, `${colorScheme}, the page`);
     await shot(page, `desk-${colorScheme}`);
@@ -65,6 +72,7 @@ await story("light, dark, phone and projector can be read", { files: { "run.mcap
     await page.context().close();
   }
   const phone = await open({ width: 390, height: 844 }, { isMobile: true, hasTouch: true, deviceScaleFactor: 2 });
+  await listed(phone, "phone");
   await phone.waitForFunction(() => document.querySelectorAll(".chart canvas").length > 1);
   for (const tab of ["evidence", "past", "future", "hands"]) {
     await phone.click(`#tabs [data-tab=${tab}]`);
@@ -74,6 +82,7 @@ await story("light, dark, phone and projector can be read", { files: { "run.mcap
   const sheet = await phone.locator("#hands").boundingBox();
   assert(sheet.y > 300 && sheet.y + sheet.height <= 845, "the sliders are a sheet from below");
   const projector = await open({ width: 1920, height: 1080 });
+  await listed(projector, "projector");
   await settled(projector);
   await fine(projector, "projector");
 });
