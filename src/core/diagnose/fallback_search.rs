@@ -12,13 +12,20 @@ use crate::diagnose::limits::{
     START_USELESS,
 };
 use crate::fit::outcome::fit::Fit;
-use crate::fit::validate::conflict::contradicts;
+use crate::fit::validate::conflict::{at_bounds, contradicts};
 
 /// Searches until a candidate explains the records. If the start model is doubtful, effects are fitted from the signals: the
 /// first ones, or all if it is useless, and those that leave more than it does. They contain it, so their refits have failed.
 pub(crate) fn search_on(fitter: &FullFitter, start: &Fit, candidate_fits: &mut [CandidateFit]) {
     let mut done = Vec::new();
-    afresh(fitter, candidate_fits, &mut done);
+    if !start.parameters.iter().any(|p| p.at_bound) {
+        afresh(fitter, candidate_fits, &mut done);
+    } else {
+        // A start at a bound has stood in for what is missing; whoever goes on from there may have to carry that along.
+        for _ in 0..2 {
+            fit_afresh(fitter, &mut candidate_fits.iter_mut().collect::<Vec<_>>(), &mut done);
+        }
+    }
     let start_error = over_noise(start, fitter.runs);
     if start_error < START_DOUBTFUL || best(fitter, candidate_fits) < EXPLAINED_OVER_NOISE {
         return;
@@ -36,21 +43,25 @@ fn best(fitter: &FullFitter, candidate_fits: &[CandidateFit]) -> f64 {
     fits.map(|f| over_noise(f, fitter.runs)).fold(f64::INFINITY, f64::min)
 }
 
+/// Fits the leading candidates afresh, unless one explains the records.
+fn afresh(fitter: &FullFitter, candidate_fits: &mut [CandidateFit], done: &mut Vec<&'static str>) {
+    // A fit that gets to the noise against what the instruments say, or at a bound, has not shown that no other would.
+    let is_sound = |fit: &Fit| !contradicts(fit, fitter.runs) && at_bounds(fit).is_empty();
+    let explains = |fit: &Fit| over_noise(fit, fitter.runs) < DOWN_TO_THE_NOISE && is_sound(fit);
+    if !candidate_fits.iter().filter_map(|r| r.fit.as_ref()).any(explains) {
+        fit_afresh(fitter, &mut candidate_fits.iter_mut().filter(|r| r.fit.is_some()).collect::<Vec<_>>(), done);
+    }
+}
+
 /// Fits the leading candidates afresh, unless that is `done` already. What they leave may be the way that their fits came:
 /// elements that the effect now explains, a place that is another's.
-fn afresh(fitter: &FullFitter, candidate_fits: &mut [CandidateFit], done: &mut Vec<&'static str>) {
-    // A fit that gets to the noise against what the instruments say has not shown that no other would.
-    let explains = |fit: &Fit| over_noise(fit, fitter.runs) < DOWN_TO_THE_NOISE && !contradicts(fit, fitter.runs);
-    if candidate_fits.iter().filter_map(|r| r.fit.as_ref()).any(explains) {
-        return;
-    }
-    let mut leading: Vec<_> = candidate_fits.iter_mut().filter(|r| r.fit.is_some()).collect();
+fn fit_afresh(fitter: &FullFitter, leading: &mut Vec<&mut CandidateFit>, done: &mut Vec<&'static str>) {
     leading.sort_by(|a, b| a.square.total_cmp(&b.square));
     let most = NO_FULL_FIT_ABOVE * leading.first().map_or(0.0, |r| r.square);
-    leading.truncate(FULL_FITS);
     leading.retain(|r| r.square < most && !done.contains(&r.refit.form.effect));
+    leading.truncate(FULL_FITS);
     done.extend(leading.iter().map(|r| r.refit.form.effect));
-    leading.into_par_iter().for_each(|candidate_fit| {
+    leading.par_iter_mut().for_each(|candidate_fit| {
         let fit = fitter.fit_from_scratch(candidate_fit.refit);
         candidate_fit.take(fit);
     });
