@@ -22,9 +22,7 @@ pub(crate) fn search_on(fitter: &FullFitter, start: &Fit, candidate_fits: &mut [
         afresh(fitter, candidate_fits, &mut done);
     } else {
         // A start at a bound has stood in for what is missing; whoever goes on from there may have to carry that along.
-        for _ in 0..2 {
-            fit_afresh(fitter, &mut candidate_fits.iter_mut().collect::<Vec<_>>(), &mut done);
-        }
+        fit_afresh(fitter, &mut candidate_fits.iter_mut().collect::<Vec<_>>(), 2 * FULL_FITS, &mut done);
     }
     let start_error = over_noise(start, fitter.runs);
     if start_error < START_DOUBTFUL || best(fitter, candidate_fits) < EXPLAINED_OVER_NOISE {
@@ -49,17 +47,18 @@ fn afresh(fitter: &FullFitter, candidate_fits: &mut [CandidateFit], done: &mut V
     let is_sound = |fit: &Fit| !contradicts(fit, fitter.runs) && at_bounds(fit).is_empty();
     let explains = |fit: &Fit| over_noise(fit, fitter.runs) < DOWN_TO_THE_NOISE && is_sound(fit);
     if !candidate_fits.iter().filter_map(|r| r.fit.as_ref()).any(explains) {
-        fit_afresh(fitter, &mut candidate_fits.iter_mut().filter(|r| r.fit.is_some()).collect::<Vec<_>>(), done);
+        let mut fitted: Vec<_> = candidate_fits.iter_mut().filter(|r| r.fit.is_some()).collect();
+        fit_afresh(fitter, &mut fitted, FULL_FITS, done);
     }
 }
 
-/// Fits the leading candidates afresh, unless that is `done` already. What they leave may be the way that their fits came:
+/// Fits the leading candidates afresh, so many at the most, unless that is `done` already. What they leave may be the way that their fits came:
 /// elements that the effect now explains, a place that is another's.
-fn fit_afresh(fitter: &FullFitter, leading: &mut Vec<&mut CandidateFit>, done: &mut Vec<&'static str>) {
+fn fit_afresh(fitter: &FullFitter, leading: &mut Vec<&mut CandidateFit>, number: usize, done: &mut Vec<&'static str>) {
     leading.sort_by(|a, b| a.square.total_cmp(&b.square));
     let most = NO_FULL_FIT_ABOVE * leading.first().map_or(0.0, |r| r.square);
     leading.retain(|r| r.square < most && !done.contains(&r.refit.form.effect));
-    leading.truncate(FULL_FITS);
+    leading.truncate(number);
     done.extend(leading.iter().map(|r| r.refit.form.effect));
     leading.par_iter_mut().for_each(|candidate_fit| {
         let fit = fitter.fit_from_scratch(candidate_fit.refit);
