@@ -2,7 +2,7 @@
 
 import { post } from "/assets/api.js";
 import { at, digits, h, put } from "/assets/dom.js";
-import { complain } from "/assets/store.js";
+import { app, complain } from "/assets/store.js";
 import { runs } from "/assets/runs.js";
 
 const base64 = (file) => new Promise((resolve, reject) => {
@@ -50,6 +50,7 @@ export async function arrive(file) {
     put(box, h("div", { class: "card arriving" },
       h("h3", { text: found.problem ? `${file.name}: which column is which sensor?` : `${file.name}, as understood` }),
       found.problem ? h("p", { class: "advice", text: found.problem }) : null,
+      app.state.open ? h("p", { class: "hint", text: `Read with the rig of ${app.state.open.title}: its sensors, their units and their places.` }) : null,
       h("table", {}, h("thead", {}, h("tr", {}, ["sensor", "column of the file", "unit", "samples", "first values"].map((text) => h("th", { scope: "col", text })))), h("tbody", {}, choices.map(line))),
       notes.length ? h("ul", {}, notes.map((text) => h("li", { text }))) : null,
       h("p", { class: "buttons" }, h("button", { type: "button", class: "primary", text: "Import so", disabled: Boolean(found.problem), onclick: () => look(...said(), true) }), h("button", { type: "button", text: "Leave it", onclick: () => put(box) }))));

@@ -143,7 +143,7 @@ class Panel {
     const legend = this.legend.querySelectorAll(".u-series");
     [ghost, model, trial].forEach((curve, i) => { legend[i + 2].hidden = !curve; });
     legend[2].querySelector(".u-label").textContent = app.compare ? `model ${app.compare}` : "before";
-    legend[4].querySelector(".u-label").textContent = following ? "being fitted" : app.preview ? `with ${app.preview}` : "proposed";
+    legend[4].querySelector(".u-label").textContent = following ? "being fitted" : app.preview ? `with ${app.preview} (below, dashed: its part of the residual)` : "proposed";
     this.plots[0].setData([time, ...heads.map((v) => shown(this, v))]);
     const left = (v) => (v && measured ? minus(measured, v).map((d) => (d === null ? null : d * perM(this))) : gap(null, n));
     // what a candidate would add, over what is left to explain; of moved parameters what they would leave

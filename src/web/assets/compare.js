@@ -58,7 +58,7 @@ function build(width) {
   });
   const cards = found.sensors.map((sensor) => {
     const box = h("div", { class: "plot" });
-    return { box, card: h("div", { class: "card chart" }, h("h3", {}, h("b", { text: sensor.name }), ` ${digits(sensor.position_m, 4)} m, head in m; below: difference to ${found.runs[0].name}`), box) };
+    return { box, card: h("div", { class: "card chart" }, h("h3", {}, h("b", { text: sensor.name }), ` ${digits(sensor.position_m, 4)} m in ${found.runs[0].name}, head in m; below: difference to ${found.runs[0].name}`), box) };
   });
   put(at("compared"), cards.map((c) => c.card), h("div", { id: "compared-table", class: "list" }));
   shown.plots = cards.flatMap((c) => [false, true].map((differs) => new uPlot(options(differs), [[], ...found.runs.map(() => [])], c.box)));

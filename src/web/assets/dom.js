@@ -20,6 +20,9 @@ export const h = (tag, props, ...children) => fill(document.createElement(tag), 
 export const svg = (tag, props, ...children) => fill(document.createElementNS(SVG, tag), props, children);
 export const at = (id) => document.getElementById(id);
 
+// On a phone one part of the page is seen at a time.
+export const toCharts = () => document.querySelector("#tabs [data-tab=evidence]").click();
+
 // Replaces what is in an element, and keeps the focus where it was.
 export function put(element, ...children) {
   const key = element.contains(document.activeElement) ? document.activeElement.dataset.key : null;

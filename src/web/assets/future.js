@@ -1,6 +1,6 @@
 // What is missing: the diagnosis, what each candidate would do, and any effect of the catalogue by hand.
 
-import { at, h, metres, probable, put, svg, times } from "/assets/dom.js";
+import { at, h, metres, probable, put, svg, times, toCharts } from "/assets/dom.js";
 import { app, act } from "/assets/store.js";
 import { load, try_, watchFit } from "/assets/charts.js";
 import { falls, models } from "/assets/past.js";
@@ -37,6 +37,7 @@ function candidate(c) {
   const card = h("article", { class: "card candidate", tabindex: 0, "data-key": `p${c.label}`, "aria-label": `${c.label}, probability ${probable(c.probability)}`, onmouseenter: show, onfocus: show, onmouseleave: () => preview(null) },
     h("h3", {}, c.label, bar, h("span", { class: "number", text: probable(c.probability) })),
     about ? h("p", { text: about.summary }) : null, alike, theory(about),
+    h("button", { type: "button", class: "link on-phone", text: "show in the charts", onclick: () => { show(); toCharts(); } }),
     h("p", { class: "foot" }, h("span", { text: `error → ${metres(c.rmse_m)}${c.rmse_m < 1.25 * noise ? ", down to the noise" : `, ${times(c.rmse_m, noise)}`}` }),
       h("button", { type: "button", class: "primary", text: "Add", "aria-label": `Add ${c.label}`, "data-key": `a${c.label}`, disabled: Boolean(app.state.job), onfocus: show, onclick: () => add(c.label) }), copier("add", c.label)));
   return card;
@@ -64,7 +65,8 @@ export function job() {
 const [LEFT, RIGHT, TOP, BOTTOM] = [52, 292, 8, 74];
 function falling() {
   const box = at("falling");
-  if (!box || errors.length < 2) return;
+  // a diagnosis fits many models by turns: their errors make no curve
+  if (!box || errors.length < 2 || app.state.job?.what === "diagnosing") return;
   const noise = app.state.model?.noise_m || Math.min(...errors.map((e) => e[1]));
   const logs = errors.map((e) => Math.log(e[1]));
   const [low, high] = [Math.min(Math.log(noise), ...logs), Math.max(...logs)];

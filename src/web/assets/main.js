@@ -106,6 +106,11 @@ document.addEventListener("keydown", (event) => {
   does();
 });
 
+// A menu closes when something else is touched, or by Escape.
+const menus = () => document.querySelectorAll("details.menu[open]");
+document.addEventListener("pointerdown", (event) => menus().forEach((menu) => menu.contains(event.target) || menu.removeAttribute("open")));
+document.addEventListener("keydown", (event) => event.key === "Escape" && menus().forEach((menu) => { menu.removeAttribute("open"); menu.querySelector("summary").focus(); }));
+
 document.addEventListener("dragover", (event) => event.preventDefault());
 document.addEventListener("drop", (event) => {
   event.preventDefault();

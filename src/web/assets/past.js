@@ -1,6 +1,6 @@
 // The models so far on one axis of error, where the one in force fails, and its error by sensor and cycle.
 
-import { at, digits, h, metres, put, times } from "/assets/dom.js";
+import { at, digits, h, metres, put, times, toCharts } from "/assets/dom.js";
 import { app, act } from "/assets/store.js";
 import { load, zoom } from "/assets/charts.js";
 import { copier } from "/assets/commands.js";
@@ -87,16 +87,18 @@ function said(text) {
   return h("span", {}, h("b", { text: first }), rest.length ? `; ${rest.join("; ")}` : "");
 }
 
+const see = ({ from_s, to_s }) => { zoom([from_s, to_s]); toCharts(); };
+
 export function fails() {
   const model = app.state.model;
   const items = (model?.fails || []).map((fail) => h("li", {}, said(fail.text), " ",
-    fail.from_s === null ? null : h("button", { type: "button", class: "link", text: "show", "aria-label": `Show where: ${fail.text}`, onclick: () => zoom([fail.from_s, fail.to_s]) })));
+    fail.from_s === null ? null : h("button", { type: "button", class: "link", text: "show", "aria-label": `Show where: ${fail.text}`, onclick: () => see(fail) })));
   if (model && !items.length) items.push(h("li", { text: "No sensor shows more than its noise." }));
   put(at("fails"), items);
   const rows = model?.cycles || [];
   const most = Math.max(0, ...rows.map((r) => r.cells.length));
   const level = (v) => { const i = LEVELS.findIndex((l) => v <= l); return i < 0 ? 7 : i; };
-  const cell = (r, c) => h("td", {}, h("button", { type: "button", class: `h${level(c.over_noise)}`, text: digits(c.over_noise, 2), "aria-label": `${r.name}, cycle ${c.cycle}: ${digits(c.over_noise, 2)} times the noise; show it`, title: `cycle ${c.cycle}: ${digits(c.from_s, 4)} s to ${digits(c.to_s, 4)} s`, onclick: () => zoom([c.from_s, c.to_s]) }));
+  const cell = (r, c) => h("td", {}, h("button", { type: "button", class: `h${level(c.over_noise)}`, text: digits(c.over_noise, 2), "aria-label": `${r.name}, cycle ${c.cycle}: ${digits(c.over_noise, 2)} times the noise; show it`, title: `cycle ${c.cycle}: ${digits(c.from_s, 4)} s to ${digits(c.to_s, 4)} s`, onclick: () => see(c) }));
   const several = app.state.open?.runs.length > 1;
   put(at("cycles"), rows.length ? h("table", {},
     h("thead", {}, h("tr", {}, h("th", { scope: "col", text: "cycle" }), Array.from({ length: most }, (_, i) => h("th", { scope: "col", text: i + 1 })))),
