@@ -41,6 +41,51 @@ fn kind_of_numbers(values: &[f64]) -> Option<SensorKind> {
     Some(if last < STOPPED * first { SensorKind::Flow } else { SensorKind::Pressure })
 }
 
+/// The columns that are no sensor, where none is a pressure.
+pub fn without_pressure(
+    file: &SourceFile,
+    source: &SourceOptions,
+    unit: Option<Unit>,
+    placed: &[(String, f64)],
+) -> Option<Vec<String>> {
+    let kinds: Vec<_> =
+        file.tracks.iter().map(|track| meant(track, source, unit, placed).map(|(kind, _)| kind)).collect();
+    let others = file.tracks.iter().zip(&kinds).filter(|(_, kind)| kind.is_none()).map(|(track, _)| track.name.clone());
+    (!kinds.contains(&Some(SensorKind::Pressure))).then(|| others.collect())
+}
+
+/// What a column is called as a sensor.
+fn name_of<'a>(track: &'a Track, source: &'a SourceOptions) -> &'a String {
+    source.map.iter().find(|(from, _)| track.is_called(from)).map_or(&track.short, |(_, to)| to)
+}
+
+/// What a column measures, and its unit where something states it.
+fn meant(
+    track: &Track,
+    source: &SourceOptions,
+    unit: Option<Unit>,
+    placed: &[(String, f64)],
+) -> Option<(SensorKind, Option<Told<Unit>>)> {
+    let nameless = track.name.starts_with(NAMELESS);
+    let called = name_of(track, source);
+    let line = source.scales.iter().find(|(name, _)| track.is_called(name) || name == called);
+    let by_scale = line.and_then(|(_, line)| {
+        let told = match line.unit.or(unit) {
+            Some(unit) => Told::given(unit),
+            None => Told::assumed(Unit::BAR, "its line states no unit, as '250*x-125 kPa' would"),
+        };
+        let measures = |kind: &SensorKind| quantity_of(*kind) == told.value.quantity;
+        Some((SensorKind::ALL.into_iter().find(measures)?, Some(told)))
+    });
+    // only a pressure has a place to give
+    let by_place = || placed.iter().any(|(name, _)| name == called).then_some((SensorKind::Pressure, None));
+    let kind = by_scale
+        .or_else(|| kind_of(track).map(|(kind, unit)| (kind, unit.map(Told::given))))
+        .or_else(by_place)
+        .or_else(|| Some((kind_of_numbers(&track.series.value)?, None)).filter(|_| nameless));
+    kind.filter(|_| track.series.value.len() > 1 && !source.ignore.contains(&track.short))
+}
+
 /// The sensors of a file's columns, and the columns that are none. Pressures stand at the valve until [`place`] puts them elsewhere.
 ///
 /// A `unit` that the user gives is that of the pressures that state none. What the options scale is in their unit, otherwise a pressure in it, or in bar.
@@ -54,24 +99,8 @@ pub fn sensors_of(
     let (mut sensors, mut others): (Vec<DraftSensor>, Vec<String>) = (Vec::new(), Vec::new());
     let mut unstated: Vec<(usize, f64)> = Vec::new();
     for track in &file.tracks {
-        let nameless = track.name.starts_with(NAMELESS);
-        let called = source.map.iter().find(|(from, _)| track.is_called(from)).map_or(&track.short, |(_, to)| to);
-        let line = source.scales.iter().find(|(name, _)| track.is_called(name) || name == called);
-        let by_scale = line.and_then(|(_, line)| {
-            let told = match line.unit.or(unit) {
-                Some(unit) => Told::given(unit),
-                None => Told::assumed(Unit::BAR, "its line states no unit, as '250*x-125 kPa' would"),
-            };
-            let measures = |kind: &SensorKind| quantity_of(*kind) == told.value.quantity;
-            Some((SensorKind::ALL.into_iter().find(measures)?, Some(told)))
-        });
-        // only a pressure has a place to give
-        let by_place = || placed.iter().any(|(name, _)| name == called).then_some((SensorKind::Pressure, None));
-        let kind = by_scale
-            .or_else(|| kind_of(track).map(|(kind, unit)| (kind, unit.map(Told::given))))
-            .or_else(by_place)
-            .or_else(|| Some((kind_of_numbers(&track.series.value)?, None)).filter(|_| nameless));
-        match kind.filter(|_| track.series.value.len() > 1 && !source.ignore.contains(&track.short)) {
+        let called = name_of(track, source);
+        match meant(track, source, unit, placed) {
             Some((kind, stated)) => {
                 let name = free_name(called, &sensors);
                 let level = median(&mut track.series.value.clone()).abs();

@@ -7,7 +7,7 @@ use crate::units::Unit;
 const GUESSED_SHARE: f64 = 0.1;
 
 /// What a rig file needs.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone)]
 pub struct Draft {
     /// The rig's name.
     pub name: String,
@@ -32,7 +32,7 @@ pub struct Draft {
 }
 
 /// A value, and where it comes from unless it was given.
-#[derive(Debug, Clone, Default, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Told<T> {
     /// The value.
     pub value: T,

@@ -12,7 +12,7 @@ use crate::cli::console::ask;
 use crate::cli::console::numbers::measure;
 use crate::cli::console::outcome::{AnyError, CommandResult, Outcome};
 use crate::cli::console::print::{say, say_text, tell};
-use crate::draft::{contradictions, place, sensors_of};
+use crate::draft::{contradictions, place, sensors_of, without_pressure};
 use crate::report::advice::quoted;
 use crate::report::rig_drawing;
 use crate::rig::draft::{Draft, DraftSensor, Told};
@@ -20,7 +20,7 @@ use crate::rig::material::{MATERIALS, Material};
 use crate::rig::sizes::{EXAMPLES, PipeSize, pipe_size};
 use crate::rig::{Rig, Sensor, SensorKind, check::check as check_rig, quantity_of, spelled_unit};
 use crate::shown::Shown as _;
-use crate::storage::import::{SourceFile, SourceOptions, check_names, read_source};
+use crate::storage::import::{SourceOptions, check_names, read_source};
 use crate::storage::nearest::nearest;
 use crate::storage::output;
 use crate::units::{Quantity, Unit};
@@ -103,17 +103,15 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     if let (Some(file), Some(read)) = (&args.file, &read) {
         check_names(read, file, None, &source)?;
     }
-    let sensors = |read: &SourceFile, draft: &Draft| sensors_of(read, draft, &source, args.unit, &args.sensor);
-    if let (Some(file), Some(read)) = (&args.file, &read) {
-        let (found, left_out) = sensors(read, &Draft::default());
-        if !found.iter().any(|s| s.kind == SensorKind::Pressure) {
-            return Err(no_pressure(file, &left_out).into());
-        }
+    if let (Some(file), Some(read)) = (&args.file, &read)
+        && let Some(columns) = without_pressure(read, &source, args.unit, &args.sensor)
+    {
+        return Err(no_pressure(file, &columns).into());
     }
     let mut draft = pipe(&args, &ask)?;
     let mut left_out = Vec::new();
     if let Some(read) = &read {
-        (draft.sensors, left_out) = sensors(read, &draft);
+        (draft.sensors, left_out) = sensors_of(read, &draft, &source, args.unit, &args.sensor);
         place(&mut draft, read, &source);
     }
     confirmed(&mut draft, &args, &ask)?;
