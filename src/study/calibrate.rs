@@ -1,7 +1,5 @@
 //! A calibration, set up step by step.
 
-use std::time::Instant;
-
 use crate::fit::data::run_data::RunData;
 use crate::fit::outcome::fit::Fit;
 use crate::fit::problem::method::Method;
@@ -13,7 +11,7 @@ use crate::model::constraint::Given;
 use crate::model::effects::{Chosen, parse_list};
 use crate::rig::Rig;
 use crate::study::error::Result;
-use crate::study::hold::constraints;
+use crate::study::hold::{Hold, constraints};
 
 /// Effects of a model: a list as on the command line (`"viscoelastic-wall:2,leak"`; `"none"` is the base model), or effects chosen before.
 pub trait Effects {
@@ -55,7 +53,7 @@ pub struct Calibrate<'a> {
     pub(crate) runs: &'a [RunData],
     pub(crate) on_progress: &'a OnProgress<'a>,
     pub(crate) effects: std::result::Result<Vec<Chosen>, ModelError>,
-    pub(crate) hold: Vec<(String, f64)>,
+    pub(crate) hold: Vec<Hold>,
     pub(crate) options: Options,
 }
 
@@ -69,7 +67,7 @@ impl Calibrate<'_> {
     /// # Ok::<(), surgescope::Error>(())
     /// ```
     pub fn hold(mut self, name: &str, value: f64) -> Self {
-        self.hold.push((name.to_owned(), value));
+        self.hold.push(Hold { name: name.to_owned(), lower: value, upper: value });
         self
     }
 
@@ -117,14 +115,12 @@ impl Calibrate<'_> {
     /// # Errors
     /// Effects that do not exist or exclude each other, a parameter that the model does not have, a model that cannot be simulated.
     pub fn run(self) -> Result<Fit> {
-        let began = Instant::now();
         let effects = [self.effects?];
         let mut options = self.options;
         // The first that concerns a parameter counts.
         let held = constraints(self.rig, self.runs, &effects, &self.hold);
         options.constraints.splice(0..0, held.into_iter().flatten());
         let [effects] = effects;
-        let fit = calibrate(self.rig, self.runs, &effects, &options, self.on_progress)?;
-        Ok(Fit { seconds: began.elapsed().as_secs_f64(), ..fit })
+        Ok(calibrate(self.rig, self.runs, &effects, &options, self.on_progress)?)
     }
 }

@@ -12,14 +12,34 @@ use crate::model::prior::Prior;
 use crate::results::model_file::Entry;
 use crate::rig::Rig;
 
+/// A parameter that a person holds, at a value or between two.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Hold {
+    /// The parameter.
+    pub name: String,
+    /// Least value that a fit may take, in the parameter's unit.
+    pub lower: f64,
+    /// Greatest value; the same where it is held at one.
+    pub upper: f64,
+}
+
+impl Hold {
+    /// Whether it is held at one value.
+    pub fn fixed(&self) -> bool {
+        self.lower == self.upper
+    }
+}
+
+impl std::fmt::Display for Hold {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Hold { name, lower, upper } = self;
+        if self.fixed() { write!(f, "{name}={lower}") } else { write!(f, "{name}={lower}:{upper}") }
+    }
+}
+
 /// What `hold` means for each of several models. A value that one of them shares among runs concerns only those that have it; any
 /// other is held in every run, and the fit refuses it where there is no such parameter.
-pub fn constraints(
-    rig: &Rig,
-    runs: &[RunData],
-    models: &[Vec<Chosen>],
-    hold: &[(String, f64)],
-) -> Vec<Vec<Constraint>> {
+pub fn constraints(rig: &Rig, runs: &[RunData], models: &[Vec<Chosen>], hold: &[Hold]) -> Vec<Vec<Constraint>> {
     let shared = |effects: &Vec<Chosen>| -> Vec<String> {
         let Some(run) = runs.first() else { return Vec::new() };
         Model::new(rig, &run.conditions.water, effects).shared.into_iter().map(|p| p.name).collect()
@@ -27,8 +47,8 @@ pub fn constraints(
     let own: Vec<Vec<String>> = models.iter().map(shared).collect();
     let of = |known: &Vec<String>| {
         let mut all = Vec::new();
-        for (name, value) in hold {
-            let held = |run: Option<String>| Constraint { name: name.clone(), run, lower: *value, upper: *value };
+        for Hold { name, lower, upper } in hold {
+            let held = |run: Option<String>| Constraint { name: name.clone(), run, lower: *lower, upper: *upper };
             if known.contains(name) {
                 all.push(held(None));
             } else if !own.iter().flatten().any(|n| n == name) {

@@ -32,7 +32,7 @@ impl Own {
     /// # Errors
     /// A model or a recording that cannot be read, another pipeline than the model's, a value that is none of a run's.
     pub fn predicted(&self, model: &Path, files: &[PathBuf]) -> Result<(Study, Predicted), AnyError> {
-        hold::check(&self.hold)?;
+        hold::check(self.hold.iter().map(|(name, _)| name))?;
         let mut study = recordings::open(files, self.rig.as_deref())?;
         let mut held = self.hold.clone();
         if let Some(seconds) = self.closing_time {

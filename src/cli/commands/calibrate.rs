@@ -23,6 +23,7 @@ use crate::results::fit_record::now;
 use crate::results::model_file::Entry;
 use crate::shown::Shown as _;
 use crate::storage::output;
+use crate::study::hold::Hold;
 use crate::study::models;
 
 /// Fit a model to recordings of one rig.
@@ -41,9 +42,10 @@ pub struct Args {
     /// Also fit this model, for comparison in tables and report; may be repeated.
     #[arg(long, value_name = "A,B", value_parser = parse_list)]
     against: Vec<::std::vec::Vec<Chosen>>,
-    /// Hold parameters at these values; a parameter of each run is held in all runs. Name the recordings first.
-    #[arg(long, value_name = "NAME=VALUE", value_parser = crate::cli::args::values::setting, num_args = 1..)]
-    hold: Vec<(String, f64)>,
+    /// Hold parameters at these values, or keep them between two (NAME=LEAST:MOST); a parameter of each run is held in all runs. Name the recordings
+    /// first.
+    #[arg(long, value_name = "NAME=VALUE", value_parser = hold::held, num_args = 1..)]
+    hold: Vec<Hold>,
     #[command(flatten)]
     creep: crate::cli::args::creep_prior::CreepPrior,
     #[command(flatten)]
@@ -83,9 +85,9 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         output::check_report(path)?;
     }
     args.output.check()?;
-    hold::check(&args.hold)?;
+    hold::check(args.hold.iter().map(|hold| &hold.name))?;
     let fixed = from.iter().flat_map(|model| &model.parameters).filter(|p| p.fixed).map(|p| p.name.as_str());
-    let held = args.hold.iter().map(|(name, _)| name.as_str()).chain(fixed);
+    let held = args.hold.iter().filter(|hold| hold.fixed()).map(|hold| hold.name.as_str()).chain(fixed);
     args.search.check_held(held.clone())?;
     args.profiles.check(held)?;
     let mut file =

@@ -14,6 +14,7 @@ use crate::fit::validate::cross_validate::{By, CrossValidation, cross_validate};
 use crate::model::effects::{Chosen, parse_list};
 use crate::report::prediction::cross_validation::{document, text};
 use crate::report::title;
+use crate::study::hold::Hold;
 
 /// Leave out a sensor, a run or the end of the record, and predict it.
 ///
@@ -32,9 +33,10 @@ pub struct Args {
     /// What to leave out [default: all that the recordings allow].
     #[arg(long, value_enum, value_name = "KIND,KIND", value_delimiter = ',')]
     by: Vec<Kind>,
-    /// Hold parameters at these values; a parameter of each run is held in all runs. Name the recordings first.
-    #[arg(long, value_name = "NAME=VALUE", value_parser = crate::cli::args::values::setting, num_args = 1..)]
-    hold: Vec<(String, f64)>,
+    /// Hold parameters at these values, or keep them between two (NAME=LEAST:MOST); a parameter of each run is held in all runs. Name the recordings
+    /// first.
+    #[arg(long, value_name = "NAME=VALUE", value_parser = hold::held, num_args = 1..)]
+    hold: Vec<Hold>,
     /// Read the recordings with this rig instead of the stored one.
     #[arg(long, value_name = "RIG")]
     rig: Option<PathBuf>,
@@ -60,7 +62,7 @@ enum Kind {
 /// # Errors
 /// Recordings that cannot be read or show no closure, effects that do not exist, nothing that could be left out.
 pub fn run(args: Args, json: bool) -> CommandResult {
-    hold::check(&args.hold)?;
+    hold::check(args.hold.iter().map(|hold| &hold.name))?;
     let study = recordings::open(&args.recordings, args.rig.as_deref())?;
     let by: Vec<By> = [(Kind::Sensors, By::Sensors), (Kind::Runs, By::Runs), (Kind::Time, By::Time)]
         .into_iter()

@@ -27,6 +27,7 @@ use crate::signal::faults::{SensorFault, in_words};
 use crate::storage::output;
 use crate::study::Study;
 use crate::study::error::Error;
+use crate::study::hold::Hold;
 use crate::study::models;
 
 /// Most effects that are added one after the other.
@@ -48,9 +49,10 @@ pub struct Args {
     /// created.
     #[arg(long, value_name = "MODEL.toml")]
     apply: Option<PathBuf>,
-    /// Hold parameters of the start model at these values; a parameter of each run is held in all runs. Name the recordings first.
-    #[arg(long, value_name = "NAME=VALUE", value_parser = crate::cli::args::values::setting, num_args = 1..)]
-    hold: Vec<(String, f64)>,
+    /// Hold parameters of the start model at these values, or keep them between two (NAME=LEAST:MOST); a parameter of each run is held in all runs. Name the recordings
+    /// first.
+    #[arg(long, value_name = "NAME=VALUE", value_parser = hold::held, num_args = 1..)]
+    hold: Vec<Hold>,
     #[command(flatten)]
     creep: crate::cli::args::creep_prior::CreepPrior,
     #[command(flatten)]
@@ -106,7 +108,7 @@ fn diagnosed(args: Args, json: bool) -> CommandResult {
             return Err(format!("{} cannot be both model file and report", path.shown()).into());
         }
     }
-    hold::check(&args.hold)?;
+    hold::check(args.hold.iter().map(|hold| &hold.name))?;
     let mut file =
         args.apply.as_ref().map(|path| models::about(path, &args.recordings, args.rig.as_deref())).transpose()?;
     let rig_file = models::rig_of(args.rig.as_deref(), args.apply.as_deref().zip(file.as_ref()));

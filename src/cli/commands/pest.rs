@@ -23,6 +23,7 @@ use crate::report::pest::form::file;
 use crate::shown::Shown as _;
 use crate::storage::output;
 use crate::study::Study;
+use crate::study::hold::Hold;
 
 type AnyError = Box<dyn Error + Send + Sync>;
 
@@ -48,9 +49,10 @@ pub struct Args {
     fitted: bool,
     #[command(flatten)]
     search: Search,
-    /// Fix parameters at these values; a parameter of each run is fixed in all runs. Name the recordings first.
-    #[arg(long, value_name = "NAME=VALUE", value_parser = crate::cli::args::values::setting, num_args = 1..)]
-    hold: Vec<(String, f64)>,
+    /// Fix parameters at these values, or keep them between two (NAME=LEAST:MOST); a parameter of each run is fixed in all runs. Name the recordings
+    /// first.
+    #[arg(long, value_name = "NAME=VALUE", value_parser = hold::held, num_args = 1..)]
+    hold: Vec<Hold>,
     #[command(flatten)]
     creep: crate::cli::args::creep_prior::CreepPrior,
     /// Read the recordings with this rig instead of the stored one.
@@ -77,9 +79,9 @@ const RIG_FILE: &str = "rig.toml";
 /// Recordings that cannot be read, a model that cannot be simulated, a folder that may not or cannot be written.
 pub fn run(args: Args, json: bool) -> CommandResult {
     check_folder(&args.output, args.overwrite)?;
-    hold::check(&args.hold)?;
+    hold::check(args.hold.iter().map(|hold| &hold.name))?;
     let from = args.search.from()?;
-    args.search.check_held(args.hold.iter().map(|(name, _)| name.as_str()))?;
+    args.search.check_held(args.hold.iter().filter(|hold| hold.fixed()).map(|hold| hold.name.as_str()))?;
     let searched = args.search.options(from.as_ref())?;
     let mut study = recordings::open(&args.recordings, args.rig.as_deref())?;
     let mut effects = args.effects.clone();

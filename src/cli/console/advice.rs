@@ -8,6 +8,7 @@ use crate::report::advice::{Advice, quoted};
 use crate::report::prediction::text as prediction;
 use crate::report::view::summary::{self, Closeness};
 use crate::shown::Shown as _;
+use crate::study::hold::Hold;
 
 /// The recordings of a page as they are given to a command, in words that a shell takes.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -22,14 +23,14 @@ pub struct Again {
 
 impl Again {
     /// Recordings, read with another rig than their own, without some sensors, with parameters held.
-    pub fn of(recordings: &[PathBuf], rig: Option<&Path>, ignored: &[String], held: &[(String, f64)]) -> Self {
+    pub fn of(recordings: &[PathBuf], rig: Option<&Path>, ignored: &[String], held: &[Hold]) -> Self {
         let named: Vec<String> = recordings.iter().map(|path| quoted(&path.shown())).collect();
         let mut options = rig.map_or(String::new(), |rig| format!(" --rig {}", quoted(&rig.shown())));
         if !ignored.is_empty() {
             options += &format!(" --ignore {}", quoted(&ignored.join(",")));
         }
         if !held.is_empty() {
-            let held: Vec<String> = held.iter().map(|(name, value)| quoted(&format!("{name}={value}"))).collect();
+            let held: Vec<String> = held.iter().map(|hold| quoted(&hold.to_string())).collect();
             options += &format!(" --hold {}", held.join(" "));
         }
         Again { recordings: named.join(" "), options, kept: None }
@@ -128,9 +129,15 @@ mod tests {
             &[PathBuf::from("runs/a b.mcap"), PathBuf::from("c.mcap")],
             Some(Path::new("it's.toml")),
             &["P2".to_owned()],
-            &[("wave_speed_m_s".to_owned(), 395.0), ("offset_m[P1]".to_owned(), 0.1)],
+            &[
+                Hold { name: "wave_speed_m_s".to_owned(), lower: 350.0, upper: 588.0 },
+                Hold { name: "offset_m[P1]".to_owned(), lower: 0.1, upper: 0.1 },
+            ],
         );
         assert_eq!(again.recordings, "'runs/a b.mcap' c.mcap");
-        assert_eq!(again.options, r" --rig 'it'\''s.toml' --ignore P2 --hold wave_speed_m_s=395 'offset_m[P1]=0.1'");
+        assert_eq!(
+            again.options,
+            r" --rig 'it'\''s.toml' --ignore P2 --hold wave_speed_m_s=350:588 'offset_m[P1]=0.1'"
+        );
     }
 }

@@ -46,6 +46,8 @@ struct StartModel<'a> {
     effects: Vec<String>,
     rmse_m: f64,
     noise_m: f64,
+    /// Held to what the instruments say: a free fit leaves less.
+    held: bool,
     held_out_m: Option<f64>,
     parameters: Vec<Parameter>,
 }
@@ -105,6 +107,7 @@ fn document(diagnosis: &Diagnosis) -> Document<'_> {
             effects: diagnosis.start.labels(),
             rmse_m,
             noise_m,
+            held: diagnosis.start_is_held(),
             held_out_m: diagnosis.held_out_m,
             parameters: diagnosis.start.parameters.iter().map(Parameter::from).collect(),
         },

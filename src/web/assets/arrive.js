@@ -46,7 +46,7 @@ export async function arrive(file) {
       const s = understood.get(sensor);
       return h("tr", {}, h("th", { scope: "row", text: sensor }), h("td", {}, choice), h("td", { text: s?.unit ?? "" }), h("td", { class: "number", text: s?.samples ?? "" }), h("td", { class: "number", text: s ? s.first.map((v) => digits(v, 4)).join("  ") : "" }));
     };
-    const notes = found.problem ? [] : [...found.mended.map((m) => m.text), ...found.warnings.map((w) => w.text), ...found.sensor_faults.map((f) => f.says)];
+    const notes = found.problem ? [] : [found.taken, ...found.mended.map((m) => m.text), ...found.warnings.map((w) => w.text), ...found.sensor_faults.map((f) => f.says)].filter(Boolean);
     put(box, h("div", { class: "card arriving" },
       h("h3", { text: found.problem ? `${file.name}: which column is which sensor?` : `${file.name}, as understood` }),
       found.problem ? h("p", { class: "advice", text: found.problem }) : null,

@@ -4,6 +4,7 @@ import { curves, simulate } from "/assets/api.js";
 import { at, digits, h, metres, put, times } from "/assets/dom.js";
 import { app, complain } from "/assets/store.js";
 import { menu } from "/assets/take.js";
+import { fingers } from "/assets/touch.js";
 
 const panels = [];
 // asked for many times a frame
@@ -52,7 +53,7 @@ function options(panel, residual) {
     cursor: { sync: { key: "surge", setSeries: false }, drag: { x: true, y: false, setScale: false }, bind: { dblclick: () => () => { zoom(null); return null; } } },
     scales: { x: { time: false, range: () => span() }, y: { range: (u, low, high) => limits(panel, residual, low, high) } },
     axes: [{ ...axis, show: residual, size: 30, values: (_, s) => s.map((v) => `${+v.toFixed(4)} s`) }, { ...axis, size: 60, space: residual ? 20 : 36 }],
-    series: [{ label: "at", value: (_, v) => (v === null || v === undefined ? "" : `${digits(v, 5)} s`) }, ...SERIES.map((s) => ({ ...s, value, points: { show: false }, spanGaps: false }))],
+    series: [{ label: "\u00a0", value: (_, v) => (v === null || v === undefined ? "" : `at ${digits(v, 5)} s`) }, ...SERIES.map((s) => ({ ...s, value, points: { show: false }, spanGaps: false }))],
     hooks: band,
   };
 }
@@ -60,6 +61,13 @@ function options(panel, residual) {
 function limits(panel, residual, low, high) {
   const noise = 2.5 * panel.sensor.noise_m * perM(panel);
   if (low === null || high === null) return [-noise, noise];
+  if (residual) {
+    // what the model in force leaves fills the axis; what one before it left may leave it
+    const [ghost, model, trial] = panel.plots ? panel.plots[1].data.slice(2) : [];
+    const own = [model, trial].flatMap((curve) => curve || []).filter((v) => v !== null);
+    if (own.length) [low, high] = [Math.min(...own), Math.max(...own)];
+    else if (!ghost) return [-noise, noise];
+  }
   if (!residual) return [low - 0.05 * (high - low || 1), high + 0.05 * (high - low || 1)];
   const most = Math.max(Math.abs(low), Math.abs(high), noise);
   return [-1.05 * most, 1.05 * most];
@@ -119,9 +127,16 @@ class Panel {
     this.card = h("div", { class: "card chart", role: "group", "aria-label": `Measurement and model at ${sensor.name}` },
       h("h3", {}, h("b", { text: sensor.name }), ` ${digits(sensor.position_m, 4)} m${several}`, this.legend, this.rms, menu(this)), this.box);
   }
+  // The chart as picture.js takes it.
+  pictured() {
+    const names = [...this.legend.querySelectorAll(".u-series .u-label")].slice(1).map((label) => label.textContent);
+    const title = `${this.run.name} · ${this.sensor.name} at ${digits(this.sensor.position_m, 4)} m${this.rms.textContent ? ` · ${this.rms.textContent}` : ""}`;
+    return { plots: this.plots, title, unit: symbol(this), names, noise: 2 * this.sensor.noise_m * perM(this) };
+  }
   width() { return this.plots ? this.plots[0].width : Math.max(240, this.box.clientWidth || 600); }
   build() {
     this.plots = [false, true].map((residual) => new uPlot(options(this, residual), [[], [], [], [], []], this.box));
+    this.plots.forEach((plot) => fingers(plot.over, span, (range) => (app.range || range[1] - range[0] < 0.98 * (span()[1] - span()[0])) && zoom(range)));
     new ResizeObserver(([now]) => {
       const width = Math.max(240, now.contentRect.width);
       if (Math.abs(this.plots[0].width - width) < 2) return;

@@ -11,14 +11,15 @@ export function commandOf(action, effect) {
   const known = model.commands;
   if (action !== "fit") return known[action].replace("EFFECT", () => word(effect || ""));
   const held = model.parameters.filter((p) => (p.held || app.hold.has(p.name)) && !app.free.has(p.name));
-  const bounded = Object.keys(app.bounds);
+  const bounded = model.parameters.filter((p) => p.name in app.bounds && !held.includes(p));
   const changed = Object.keys(app.moved).length + app.hold.size + app.free.size + bounded.length;
   if (!changed) return known.fit;
   const free = model.parameters.filter((p) => p.name in app.moved && !held.includes(p));
-  const option = (name, all) => (all.length ? ` ${name} ${all.map((p) => word(`${p.name}=${app.moved[p.name] ?? p.value}`)).join(" ")}` : "");
-  return known.calibrate.replace("EFFECTS", () => word(model.effects.join(",") || "none")) + option("--hold", held) + option("--start", free)
-    // No option of the command has bounds; its model file has.
-    + (bounded.length ? ` # bounds of ${bounded.join(", ")}: set them in ${app.state.file}, then \`surgescope refit\`` : "");
+  const each = (all) => [...new Map(all.map((p) => [p.name, p])).values()];
+  const option = (name, all, of) => (all.length ? ` ${name} ${each(all).map((p) => word(`${p.name}=${of(p)}`)).join(" ")}` : "");
+  const value = (p) => app.moved[p.name] ?? p.value;
+  const hold = (p) => (held.includes(p) ? value(p) : app.bounds[p.name].join(":"));
+  return known.calibrate.replace("EFFECTS", () => word(model.effects.join(",") || "none")) + option("--hold", [...held, ...bounded], hold) + option("--start", free, value);
 }
 
 export async function copy(text) {

@@ -78,6 +78,7 @@ function fill() {
 
 function table() {
   const { found } = shown;
+  const rigs = new Set(found.runs.map((run) => run.rig));
   const [reference, ...others] = found.runs;
   const swatch = (i) => h("i", { class: "swatch", "aria-hidden": "true", style: { background: `var(${stroke(i)})` } });
   const difference = (a, b, n = 2) => (typeof a === "number" && typeof b === "number" ? `${a > b ? "+" : ""}${digits(a - b, n)}` : "");
@@ -97,7 +98,8 @@ function table() {
       line("effects", found.runs.map((r) => r.model), (v) => v.join(", ") || "base model"),
       line("error × noise", found.runs.map((r) => (r.rmse_m ? r.rmse_m / r.noise_m : null)), (v) => digits(v, 3)), parameters)),
     names.length ? null : h("p", { class: "hint", text: "These runs have no models yet: open one, or let `surgescope watch` fit the folder." }),
-    h("p", { class: "buttons" }, others.length ? h("button", { type: "button", text: "Fit one model to all of them", onclick: async () => { if (await act("/api/open", { runs: shown.ids })) { at("compare").close(); at("runs").close(); } } }) : null));
+    rigs.size > 1 ? h("p", { class: "advice", text: `These runs are of different rigs (${[...rigs].join(", ")}): a model belongs to one rig, and sensors of one name may stand at different places.` }) : null,
+    h("p", { class: "buttons" }, others.length && rigs.size < 2 ? h("button", { type: "button", text: "Fit one model to all of them", onclick: async () => { if (await act("/api/open", { runs: shown.ids })) { at("compare").close(); at("runs").close(); } } }) : null));
 }
 
 matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => shown?.plots.forEach((plot) => plot.redraw(false, true)));

@@ -39,13 +39,22 @@ function candidate(c) {
     about ? h("p", { text: about.summary }) : null, alike, theory(about),
     h("button", { type: "button", class: "link on-phone", text: "show in the charts", onclick: () => { show(); toCharts(); } }),
     h("p", { class: "foot" }, h("span", { text: `error → ${metres(c.rmse_m)}${c.rmse_m < 1.25 * noise ? ", down to the noise" : `, ${times(c.rmse_m, noise)}`}` }),
-      h("button", { type: "button", class: "primary", text: "Add", "aria-label": `Add ${c.label}`, "data-key": `a${c.label}`, disabled: Boolean(app.state.job), onfocus: show, onclick: () => add(c.label) }), copier("add", c.label)));
+      h("button", { type: "button", class: app.state.diagnosis.verdict === "nothing-missing" ? null : "primary", text: "Add", "aria-label": `Add ${c.label}`, "data-key": `a${c.label}`, disabled: Boolean(app.state.job), onfocus: show, onclick: (event) => { follows = event.detail === 0; add(c.label); } }), copier("add", c.label)));
   return card;
 }
 
 export function add(effect, set = {}) {
   app.preview = null;
   act("/api/add", { effect, set });
+}
+
+// Whether the keyboard started the job: its focus goes to Cancel then, and back to Diagnose at the end.
+let follows = false;
+function focusFollows(working) {
+  if (!follows || !(document.activeElement === document.body || at("job").contains(document.activeElement))) return;
+  if (working) { document.querySelector("[data-key=cancel]").focus({ preventScroll: true }); return; }
+  follows = false;
+  at("diagnose").focus({ preventScroll: true });
 }
 
 // The error against iteration while a job runs, on a logarithmic axis.
@@ -55,10 +64,11 @@ export function job() {
   at("diagnose").disabled = Boolean(at_work) || !model;
   const box = at("job");
   box.hidden = !at_work;
-  if (!at_work) { errors = []; return; }
+  if (!at_work) { errors = []; focusFollows(false); return; }
   errors = at_work.errors;
   put(box, h("p", {}, h("b", { text: at_work.what }), " ", h("span", { id: "progress", text: at_work.progress })), h("div", { id: "falling" }),
     h("button", { type: "button", text: "Cancel", "data-key": "cancel", title: "key Escape", onclick: () => act("/api/cancel") }));
+  focusFollows(true);
   falling();
 }
 
@@ -101,7 +111,7 @@ export function missing() {
   const verdict = [];
   if (found) {
     verdict.push(h("p", { class: `verdict ${found.verdict}`, text: sentence(found) }));
-    if (model && found.start.rmse_m > 1.02 * model.rmse_m) {
+    if (model && found.start.held && metres(found.start.rmse_m) !== metres(model.rmse_m)) {
       verdict.push(h("p", { class: "hint", text: `The diagnosis starts at ${metres(found.start.rmse_m)}, not at ${metres(model.rmse_m)}: while an effect is missing it keeps to what the instruments say, where a free fit lets velocity, heads and times make up for it.` }));
     }
     const warnings = found.warnings;

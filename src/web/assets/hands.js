@@ -3,6 +3,7 @@
 import { at, digits, h, named, put, uncertain, unitOf } from "/assets/dom.js";
 import { app, act, complain } from "/assets/store.js";
 import { try_ } from "/assets/charts.js";
+import { models } from "/assets/past.js";
 
 const STEPS = 2000;
 const rows = new Map();
@@ -26,6 +27,7 @@ export function move(name, value, coarse) {
   const p = app.state.model?.parameters.find((one) => one.name === name);
   if (!p || !Number.isFinite(value)) return;
   app.moved[name] = value;
+  if (app.preview) { app.preview = null; models(); }
   update(p);
   try_(coarse);
 }
@@ -101,10 +103,11 @@ const inWords = (text) => app.state.model.parameters.reduce((said, p) => said.re
 // What the fit does not settle, and what to do about it.
 function looks(model) {
   const doubtful = model.parameters.filter((p) => p.advice);
-  if (!doubtful.length) return null;
-  const summary = doubtful.length === 1 ? "one parameter to look at" : `${doubtful.length} parameters to look at`;
+  const astray = model.converged ? null : h("li", { text: "The fit ended at no optimum, so nothing is known of the errors of its parameters: fit again, or undo." });
+  if (!doubtful.length && !astray) return null;
+  const summary = !doubtful.length ? "the fit ended at no optimum" : doubtful.length === 1 ? "one parameter to look at" : `${doubtful.length} parameters to look at`;
   return h("details", { class: "group looks", open: looksOpen, ontoggle: (event) => { looksOpen = event.target.open; } }, h("summary", { text: summary }),
-    h("ul", {}, doubtful.map((p) => h("li", {}, h("b", { text: named(p) }), ` ${inWords(p.advice)}`))));
+    h("ul", {}, astray, doubtful.map((p) => h("li", {}, h("b", { text: named(p) }), ` ${inWords(p.advice)}`))));
 }
 
 let clockOpen = false;
@@ -144,5 +147,10 @@ export function reset() {
 }
 
 export function fit() {
+  const { moved, hold, free, bounds } = app;
+  if (app.state.model.converged && !hold.size && !free.size && !Object.keys({ ...moved, ...bounds }).length) {
+    complain(new Error("The model is fitted as it stands: move, hold, free or bound a parameter first."));
+    return;
+  }
   act("/api/fit", { set: app.moved, hold: [...app.hold], free: [...app.free], bounds: app.bounds });
 }

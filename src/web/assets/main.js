@@ -106,6 +106,9 @@ document.addEventListener("keydown", (event) => {
   does();
 });
 
+// A menu that opens near an edge is brought into view.
+document.addEventListener("toggle", (event) => event.target.matches("details.menu[open]") && event.target.lastElementChild.scrollIntoView({ block: "nearest" }), true);
+
 // A menu closes when something else is touched, or by Escape.
 const menus = () => document.querySelectorAll("details.menu[open]");
 document.addEventListener("pointerdown", (event) => menus().forEach((menu) => menu.contains(event.target) || menu.removeAttribute("open")));

@@ -98,7 +98,7 @@ export function fails() {
   const rows = model?.cycles || [];
   const most = Math.max(0, ...rows.map((r) => r.cells.length));
   const level = (v) => { const i = LEVELS.findIndex((l) => v <= l); return i < 0 ? 7 : i; };
-  const cell = (r, c) => h("td", {}, h("button", { type: "button", class: `h${level(c.over_noise)}`, text: digits(c.over_noise, 2), "aria-label": `${r.name}, cycle ${c.cycle}: ${digits(c.over_noise, 2)} times the noise; show it`, title: `cycle ${c.cycle}: ${digits(c.from_s, 4)} s to ${digits(c.to_s, 4)} s`, onclick: () => see(c) }));
+  const cell = (r, c) => h("td", {}, h("button", { type: "button", class: `h${level(c.over_noise)}`, text: c.over_noise.toFixed(c.over_noise < 9.95 ? 1 : 0), "aria-label": `${r.name}, cycle ${c.cycle}: ${digits(c.over_noise, 2)} times the noise; show it`, title: `cycle ${c.cycle}: ${digits(c.from_s, 4)} s to ${digits(c.to_s, 4)} s`, onclick: () => see(c) }));
   const several = app.state.open?.runs.length > 1;
   put(at("cycles"), rows.length ? h("table", {},
     h("thead", {}, h("tr", {}, h("th", { scope: "col", text: "cycle" }), Array.from({ length: most }, (_, i) => h("th", { scope: "col", text: i + 1 })))),

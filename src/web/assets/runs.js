@@ -44,6 +44,12 @@ function cell([key, , of], run) {
   return typeof value === "number" ? h("td", { class: "number", text: digits(value, 3) }) : h("td", { text: value ?? "" });
 }
 
+// Why one model cannot be fitted to runs: they are of different rigs.
+export function apart(ids) {
+  const rigs = new Set(app.state.runs.map(known).filter((run) => ids.includes(run.id) && run.rig).map((run) => run.rig));
+  return rigs.size > 1 ? `These runs are of different rigs (${[...rigs].join(", ")}): a model belongs to one rig.` : null;
+}
+
 async function open(ids) {
   if (await act("/api/open", { runs: ids })) at("runs").close();
 }
@@ -76,7 +82,9 @@ export function runs() {
   const update = () => {
     [...chosen].forEach((id) => app.state.runs.some((r) => r.id === id) || chosen.delete(id));
     if (!chosen.has(reference)) reference = ids()[0] ?? null;
-    together.disabled = beside.disabled = chosen.size < 2;
+    beside.disabled = chosen.size < 2;
+    together.disabled = chosen.size < 2 || Boolean(apart(ids()));
+    together.title = apart(ids()) || "Fit one model to all chosen runs of one rig";
     beside.textContent = chosen.size > 1 ? `Compare ${chosen.size} runs` : "Compare";
     body.querySelectorAll("input[type=radio]").forEach((radio) => { radio.disabled = !chosen.has(radio.value); radio.checked = radio.value === reference; });
   };

@@ -38,7 +38,8 @@ use crate::web::session::samples::Stretch;
 use crate::web::view::curves::{Question, of_sensor, simulate};
 use crate::web::view::packed::Packed;
 use crate::web::view::parquet::parquet;
-use crate::web::view::{model, state, take_away};
+use crate::web::view::take_away::{self, as_table};
+use crate::web::view::{model, state};
 
 type AnyError = Box<dyn Error + Send + Sync>;
 
@@ -236,15 +237,32 @@ fn unescaped(text: &str) -> String {
     String::from_utf8_lossy(&bytes).into_owned()
 }
 
-/// The curves that an address asks for.
-fn packed(session: &Session, uri: &Uri) -> Result<Packed, AnyError> {
-    let asked = asked(uri);
-    let number = |key: &str| asked.get(key).map(|text| text.parse::<f64>()).transpose();
-    let index = |key: &str| asked.get(key).map_or(Ok(0), |text| text.parse::<usize>());
-    let points = asked.get("points").map(|text| text.parse()).transpose()?;
-    let stretch = Stretch { from_s: number("from")?, to_s: number("to")?, points };
-    let models: Vec<&str> = asked.get("curves").map_or("model", String::as_str).split(',').collect();
-    of_sensor(&*bench_of(session)?, (index("run")?, index("sensor")?), stretch, &models)
+/// Which curves an address asks for.
+struct Curves {
+    /// Number of the run, of the sensor.
+    sensor: (usize, usize),
+    stretch: Stretch,
+    models: String,
+    own_unit: bool,
+}
+
+impl Curves {
+    fn of(uri: &Uri) -> Result<Self, AnyError> {
+        let asked = asked(uri);
+        let number = |key: &str| asked.get(key).map(|text| text.parse::<f64>()).transpose();
+        let index = |key: &str| asked.get(key).map_or(Ok(0), |text| text.parse::<usize>());
+        let points = asked.get("points").map(|text| text.parse()).transpose()?;
+        Ok(Self {
+            sensor: (index("run")?, index("sensor")?),
+            stretch: Stretch { from_s: number("from")?, to_s: number("to")?, points },
+            models: asked.get("curves").map_or("model", String::as_str).to_owned(),
+            own_unit: asked.get("unit").is_some_and(|unit| unit == "own"),
+        })
+    }
+
+    fn packed(self, bench: &Bench) -> Result<Packed, AnyError> {
+        of_sensor(bench, self.sensor, self.stretch, &self.models.split(',').collect::<Vec<_>>())
+    }
 }
 
 pub(super) fn binary(packed: Packed) -> Answer {
@@ -252,21 +270,31 @@ pub(super) fn binary(packed: Packed) -> Answer {
 }
 
 async fn curves(State(app): State<Arc<App>>, uri: Uri) -> Answer {
-    solved(app, move |session| Ok(binary(packed(session, &uri)?))).await
+    solved(app, move |session| Ok(binary(Curves::of(&uri)?.packed(&*bench_of(session)?)?))).await
+}
+
+/// What the chart of these curves shows, to keep, and the name of the file.
+fn table(session: &Session, uri: &Uri, ending: &str) -> Result<(String, Packed), AnyError> {
+    let (bench, asked) = (bench_of(session)?, Curves::of(uri)?);
+    let (sensor, own_unit) = (asked.sensor, asked.own_unit);
+    let (stem, table) = as_table(&bench, sensor, own_unit, &asked.packed(&bench)?);
+    Ok((format!("{stem}.{ending}"), table))
 }
 
 async fn curves_csv(State(app): State<Arc<App>>, uri: Uri) -> Answer {
-    let named =
-        move |session: &Session| Ok(download("curves.csv", "text/csv; charset=utf-8", packed(session, &uri)?.csv()));
-    solved(app, named).await
+    solved(app, move |session| {
+        let (name, table) = table(session, &uri, "csv")?;
+        Ok(download(&name, "text/csv; charset=utf-8", table.csv()))
+    })
+    .await
 }
 
 async fn curves_parquet(State(app): State<Arc<App>>, uri: Uri) -> Answer {
-    let named = move |session: &Session| {
-        let file = parquet(packed(session, &uri)?.columns());
-        Ok(download("curves.parquet", "application/vnd.apache.parquet", file))
-    };
-    solved(app, named).await
+    solved(app, move |session| {
+        let (name, table) = table(session, &uri, "parquet")?;
+        Ok(download(&name, "application/vnd.apache.parquet", parquet(table.columns())))
+    })
+    .await
 }
 
 async fn simulation(State(app): State<Arc<App>>, headers: HeaderMap, body: Bytes) -> Answer {

@@ -73,12 +73,18 @@ pub fn take(dropped: &Dropped, rig: &Rig, folder: &Path) -> Result<(Value, Optio
         "warnings": unit_warnings(&imported.recording), "sensor_faults": sensor_faults(&imported.recording),
         "written": null,
     });
+    let out = free(folder, Path::new(name));
+    let becomes = out.file_stem().unwrap_or_default().to_string_lossy();
+    let taken = Path::new(name).file_stem().unwrap_or_default().to_string_lossy();
+    about["taken"] = json!(
+        (becomes != taken)
+            .then(|| { format!("The folder has a recording {taken}.mcap already; this one becomes {becomes}.mcap.") })
+    );
     if !dropped.accept {
         return Ok((about, None));
     }
-    let out = free(folder, Path::new(name));
     write(&out, &imported.recording)?;
-    about["written"] = json!(out.file_name().map(|name| name.to_string_lossy()));
+    about["written"] = json!(format!("{becomes}.mcap"));
     Ok((about, Some(out)))
 }
 

@@ -65,8 +65,8 @@ fn advice(fit: &Fit, j: usize, p: &FittedParameter) -> Option<String> {
         Uncertainty::Open => {
             return Some("the recording does not determine it: hold it, or take its effect out".into());
         }
-        Uncertainty::NotAtOptimum => return Some("the fit ended at no optimum: fit again".into()),
-        Uncertainty::Held => return None,
+        // of a fit that ended at no optimum nothing is known of any parameter: the page says so once
+        Uncertainty::NotAtOptimum | Uncertainty::Held => return None,
         _ => {}
     }
     let correlations = fit.correlation.get(j)?.iter().enumerate().filter(|&(i, r)| i != j && r.abs() > TOGETHER);

@@ -3,12 +3,15 @@
 use std::error::Error;
 
 use crate::fit::outcome::fit::Fit;
-use crate::fit::validate::conflict::at_bounds;
+use crate::fit::validate::conflict::warnings;
 use crate::fit::validate::energy::energy_of;
 use crate::report::page::html;
+use crate::report::view::panel::OwnUnit;
 use crate::report::{Page, Stage};
 use crate::results::fit_file::Form;
+use crate::results::fit_record::FitRecord;
 use crate::web::session::bench::Bench;
+use crate::web::view::packed::Packed;
 
 type AnyError = Box<dyn Error + Send + Sync>;
 
@@ -42,5 +45,31 @@ pub fn report(bench: &Bench) -> Result<String, AnyError> {
 /// No model yet.
 pub fn fit_file(bench: &Bench) -> Result<String, AnyError> {
     let fit = bench.fit().ok_or("the model is still being fitted")?;
-    bench.study.record(&fit, &at_bounds(&fit)).text(Form::Toml)
+    let record = bench.study.record(&fit, &warnings(&fit, bench.study.runs()));
+    FitRecord { fitted_at: bench.file().current().when.clone(), ..record }.text(Form::Toml)
+}
+
+/// What a chart shows as a table: heads, or pressures in the sensor's own unit, and what the model leaves; with a name for its file.
+pub fn as_table(bench: &Bench, (run, sensor): (usize, usize), own_unit: bool, curves: &Packed) -> (String, Packed) {
+    let loaded = &bench.study.recordings()[run];
+    let name = &bench.study.runs()[run].sensors[sensor].sensor.name;
+    let unit = OwnUnit::of(bench.study.rig(), name, loaded.features.temperature_degc).filter(|_| own_unit);
+    let (symbol, per_m, zero) = unit.map_or(("m", 1.0, 0.0), |u| (u.symbol, u.per_m, u.zero));
+    let mut table = Packed::default();
+    for (column, values) in curves.columns() {
+        match column.strip_suffix("_m") {
+            Some(of) => {
+                table.push(format!("{of}_{symbol}"), values.iter().map(|head_m| head_m * per_m + zero).collect())
+            }
+            None => table.push(column.clone(), values.clone()),
+        }
+    }
+    let of = |column: &str| curves.columns().iter().find(|(known, _)| known == column).map(|(_, values)| values);
+    if let (Some(measured), Some(model)) = (of("measured_m"), of("model_m")) {
+        let left = measured.iter().zip(model).map(|(measured, model)| (measured - model) * per_m);
+        table.push(format!("residual_{symbol}"), left.collect());
+    }
+    let stem = loaded.file.rsplit_once('.').map_or(loaded.file.as_str(), |(stem, _)| stem);
+    let plain = |c: char| if c.is_ascii_alphanumeric() || "-_.".contains(c) { c } else { '_' };
+    (format!("{stem}-{name}").chars().map(plain).collect(), table)
 }

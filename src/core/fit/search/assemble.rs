@@ -112,7 +112,7 @@ pub(crate) fn assemble(ctx: &Calibrator, problem: &FitProblem, solution: &Soluti
         reaches: problem.window().reaches,
         grid_error_m: 0.25 * halving_m,
         evaluations: ctx.evaluations.load(Ordering::Relaxed),
-        seconds: f64::NAN,
+        seconds: ctx.began.elapsed().as_secs_f64(),
         steps: Vec::new(),
         features_left: Vec::new(),
         stopped_because,

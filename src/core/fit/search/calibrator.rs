@@ -1,6 +1,7 @@
 //! What every stage of a fit works with: the runs, the options, and a count of simulations.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::Instant;
 
 use crate::fit::data::run_data::RunData;
 use crate::fit::numeric::least_squares::{Limits, Solution, minimise_in_view};
@@ -30,6 +31,8 @@ pub(crate) struct Calibrator<'a> {
     pub(crate) progress: &'a OnProgress<'a>,
     /// Simulations so far.
     pub(crate) evaluations: AtomicUsize,
+    /// When it began.
+    pub(crate) began: Instant,
     /// Reaches that the pipes need at least.
     pub(crate) least_reaches: usize,
 }
@@ -45,8 +48,8 @@ impl<'a> Calibrator<'a> {
         values: Option<&[f64]>,
     ) -> Result<Self, FitError> {
         let water = &runs.first().ok_or(FitError::NoRun)?.conditions.water;
-        let mut calibrator =
-            Calibrator { rig, water, runs, options, progress, evaluations: AtomicUsize::new(0), least_reaches: 0 };
+        let (evaluations, began) = (AtomicUsize::new(0), Instant::now());
+        let mut calibrator = Calibrator { rig, water, runs, options, progress, evaluations, began, least_reaches: 0 };
         let model = calibrator.model(effects);
         let starts: Vec<f64> = model.shared.iter().map(|p| p.start).collect();
         calibrator.least_reaches = model.least_reaches(values.map_or(&starts[..], |v| &v[..model.shared.len()]));
