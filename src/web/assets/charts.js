@@ -1,4 +1,4 @@
-// A chart a sensor: measurement and models, below them the residual on the same axis. All charts zoom and point together.
+// A chart a sensor: measurement and models, below them model − measured on the same axis. All charts zoom and point together.
 
 import { curves, simulate } from "/assets/api.js";
 import { at, digits, h, metres, put, times } from "/assets/dom.js";
@@ -20,7 +20,7 @@ const SERIES = [
   { key: "trial", label: "proposed", stroke: () => colour("--proposed"), width: 1.5, dash: [6, 4] },
 ];
 // Of the curves, of the residual.
-const HEIGHTS = [160, 92];
+const HEIGHTS = [164, 100];
 const gap = (values, n) => values || new Array(n).fill(null);
 const minus = (a, b) => a.map((v, i) => (v === null || b[i] === null ? null : v - b[i]));
 
@@ -29,17 +29,24 @@ function shown(panel, heads) {
   return unit ? heads.map((v) => (v === null ? null : v * unit.per_m + unit.zero)) : heads;
 }
 const symbol = (panel) => (app.unit === "own" && panel.sensor.unit ? panel.sensor.unit.symbol : "m");
+const what = (panel, residual) => `${residual ? "model − measured" : symbol(panel) === "m" ? "head" : "pressure"}, ${symbol(panel)}`;
 const perM = (panel) => (app.unit === "own" && panel.sensor.unit ? panel.sensor.unit.per_m : 1);
 
 function options(panel, residual) {
   const axis = { stroke: () => colour("--text-2"), grid: { stroke: () => colour("--line"), width: 1 }, ticks: { show: false } };
-  const band = {
+  const hooks = {
     drawClear: [(u) => {
       if (!residual) return;
       const noise = 2 * panel.sensor.noise_m * perM(panel);
       const [top, bottom] = [u.valToPos(noise, "y", true), u.valToPos(-noise, "y", true)];
       u.ctx.fillStyle = colour("--band");
       u.ctx.fillRect(u.bbox.left, Math.max(top, u.bbox.top), u.bbox.width, Math.min(bottom, u.bbox.top + u.bbox.height) - Math.max(top, u.bbox.top));
+    }],
+    draw: [(u) => {
+      u.ctx.fillStyle = colour("--text-2");
+      u.ctx.font = `${11 * devicePixelRatio}px system-ui, sans-serif`;
+      u.ctx.textAlign = "right";
+      u.ctx.fillText(what(panel, residual), u.bbox.left + u.bbox.width - 4 * devicePixelRatio, u.bbox.top - 4 * devicePixelRatio);
     }],
     setSelect: [(u) => {
       if (u.select.width < 4) return;
@@ -49,12 +56,12 @@ function options(panel, residual) {
   };
   const value = (_, v) => (v === null || v === undefined ? "" : digits(v, 5));
   return {
-    width: panel.width(), height: residual ? HEIGHTS[1] : HEIGHTS[0], pxAlign: false, padding: [8, 24, 0, 0], legend: { show: !residual, live: true, mount: (_, legend) => panel.legend.replaceChildren(legend) },
+    width: panel.width(), height: residual ? HEIGHTS[1] : HEIGHTS[0], pxAlign: false, padding: [16, 24, 0, 0], legend: { show: !residual, live: true, mount: (_, legend) => panel.legend.replaceChildren(legend) },
     cursor: { sync: { key: "surge", setSeries: false }, drag: { x: true, y: false, setScale: false }, bind: { dblclick: () => () => { zoom(null); return null; } } },
     scales: { x: { time: false, range: () => span() }, y: { range: (u, low, high) => limits(panel, residual, low, high) } },
     axes: [{ ...axis, show: residual, size: 30, values: (_, s) => s.map((v) => `${+v.toFixed(4)} s`) }, { ...axis, size: 60, space: residual ? 20 : 36 }],
     series: [{ label: "\u00a0", value: (_, v) => (v === null || v === undefined ? "" : `at ${digits(v, 5)} s`) }, ...SERIES.map((s) => ({ ...s, value, points: { show: false }, spanGaps: false }))],
-    hooks: band,
+    hooks,
   };
 }
 
@@ -131,7 +138,7 @@ class Panel {
   pictured() {
     const names = [...this.legend.querySelectorAll(".u-series .u-label")].slice(1).map((label) => label.textContent);
     const title = `${this.run.name} · ${this.sensor.name} at ${digits(this.sensor.position_m, 4)} m${this.rms.textContent ? ` · ${this.rms.textContent}` : ""}`;
-    return { plots: this.plots, title, unit: symbol(this), names, noise: 2 * this.sensor.noise_m * perM(this) };
+    return { plots: this.plots, title, what: [false, true].map((residual) => what(this, residual)), names, noise: 2 * this.sensor.noise_m * perM(this) };
   }
   width() { return this.plots ? this.plots[0].width : Math.max(240, this.box.clientWidth || 600); }
   build() {
@@ -158,11 +165,11 @@ class Panel {
     const legend = this.legend.querySelectorAll(".u-series");
     [ghost, model, trial].forEach((curve, i) => { legend[i + 2].hidden = !curve; });
     legend[2].querySelector(".u-label").textContent = app.compare ? `model ${app.compare}` : "before";
-    legend[4].querySelector(".u-label").textContent = following ? "being fitted" : app.preview ? `with ${app.preview} (below, dashed: its part of the residual)` : "proposed";
+    legend[4].querySelector(".u-label").textContent = following ? "being fitted" : app.preview ? `with ${app.preview} (below, dashed: what it would take off)` : "proposed";
     this.plots[0].setData([time, ...heads.map((v) => shown(this, v))]);
-    const left = (v) => (v && measured ? minus(measured, v).map((d) => (d === null ? null : d * perM(this))) : gap(null, n));
-    // what a candidate would add, over what is left to explain; of moved parameters what they would leave
-    const proposed = adds && trial && model ? minus(trial, model).map((d) => (d === null ? null : d * perM(this))) : left(trial);
+    const left = (v) => (v && measured ? minus(v, measured).map((d) => (d === null ? null : d * perM(this))) : gap(null, n));
+    // what a candidate would take away, over what is left; of moved parameters what they would leave
+    const proposed = adds && trial && model ? minus(model, trial).map((d) => (d === null ? null : d * perM(this))) : left(trial);
     this.plots[1].setData([time, gap(null, n), left(ghost), left(model), proposed]);
   }
   async load() {

@@ -17,8 +17,8 @@ function ticks(low, high, most) {
 
 const path = (times, values, x, y) => values.map((v, i) => (v === null || v === undefined ? "" : `${i && typeof values[i - 1] === "number" ? "L" : "M"}${x(times[i]).toFixed(1)} ${y(v).toFixed(1)}`)).join("");
 
-// `plots` as uPlot has them; `names` of their series, in order; `noise` in the unit of the plots.
-export function picture({ plots, title, unit, names, noise }) {
+// `plots` as uPlot has them, and `what` each shows; `names` of their series, in order; `noise` in the unit of the plots.
+export function picture({ plots, title, what, names, noise }) {
   const of = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
   const text = (px, py, anchor, words, fill = of("--text-2")) => svg("text", { x: px, y: py, "text-anchor": anchor, fill, text: words });
   const line = (x1, x2, y1, y2) => svg("line", { x1, x2, y1, y2, stroke: of("--line") });
@@ -37,7 +37,7 @@ export function picture({ plots, title, unit, names, noise }) {
       svg("g", { "clip-path": `url(#pane${i})`, fill: "none" }, plot.series.slice(1).map((series, n) => svg("path", {
         d: path(plot.data[0], plot.data[n + 1], x, y), stroke: series.stroke(plot, n + 1), "stroke-width": 1.3, "stroke-dasharray": series.dash?.join(" "),
       }))),
-      text(LEFT, top - 6, "start", i ? `residual, ${unit}; the band is twice the noise` : `${unit === "m" ? "head" : "pressure"}, ${unit}`));
+      text(LEFT, top - 6, "start", `${what[i]}${i ? "; the band is twice the noise" : ""}`));
   });
   let at = LEFT + 130;
   const legend = plots[0].series.slice(1).flatMap((series, n) => {

@@ -66,8 +66,8 @@ pub fn as_table(bench: &Bench, (run, sensor): (usize, usize), own_unit: bool, cu
     }
     let of = |column: &str| curves.columns().iter().find(|(known, _)| known == column).map(|(_, values)| values);
     if let (Some(measured), Some(model)) = (of("measured_m"), of("model_m")) {
-        let left = measured.iter().zip(model).map(|(measured, model)| (measured - model) * per_m);
-        table.push(format!("residual_{symbol}"), left.collect());
+        let left = measured.iter().zip(model).map(|(measured, model)| (model - measured) * per_m);
+        table.push(format!("error_{symbol}"), left.collect());
     }
     let stem = loaded.file.rsplit_once('.').map_or(loaded.file.as_str(), |(stem, _)| stem);
     let plain = |c: char| if c.is_ascii_alphanumeric() || "-_.".contains(c) { c } else { '_' };

@@ -95,14 +95,14 @@ fn a_diagnosis_is_what_the_command_says_and_shows_what_each_candidate_would_do()
     let error = |model: Vec<f64>| -> f64 { column(1).iter().zip(model).map(|(a, b)| (a - b).powi(2)).sum() };
     assert!(points <= 600 && error(column(3)) < 0.2 * error(column(2)), "the leak comes nearer to what was measured");
     let csv = String::from_utf8(bench.get("/api/curves.csv?points=50")).unwrap();
-    assert!(csv.starts_with("time_s,measured_m,model_m,residual_m\n") && csv.lines().count() > 40, "{csv}");
+    assert!(csv.starts_with("time_s,measured_m,model_m,error_m\n") && csv.lines().count() > 40, "{csv}");
     let own = String::from_utf8(bench.get("/api/curves.csv?points=50&unit=own")).unwrap();
-    assert!(own.starts_with("time_s,measured_kPa,model_kPa,residual_kPa\n"), "{own}");
+    assert!(own.starts_with("time_s,measured_kPa,model_kPa,error_kPa\n"), "{own}");
     let second = |text: &str| -> Vec<f64> {
         text.lines().nth(1).unwrap().split(',').map(|cell| cell.parse().unwrap()).collect()
     };
     let (m, kpa) = (second(&csv), second(&own));
-    assert!((m[1] - m[2] - m[3]).abs() < 1e-9 && (kpa[3] / m[3] - 9.79).abs() < 0.05, "{m:?} {kpa:?}");
+    assert!((m[2] - m[1] - m[3]).abs() < 1e-9 && (kpa[3] / m[3] - 9.79).abs() < 0.05, "{m:?} {kpa:?}");
     let page = String::from_utf8(bench.get("/api/report")).unwrap();
     assert!(page.starts_with("<!doctype html>") && page.contains("leak"));
 }
