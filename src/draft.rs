@@ -118,6 +118,12 @@ pub fn sensors_of(
             None => others.push(track.name.clone()),
         }
     }
+    if let Some((_, unit)) = source.flow
+        && !sensors.iter().any(|s| s.kind == SensorKind::Flow)
+    {
+        let (name, unit, position_m) = (free_name("Q", &sensors), Told::given(unit), Told::given(draft.length_m));
+        sensors.push(DraftSensor { name, kind: SensorKind::Flow, unit, position_m });
+    }
     // One logger writes all its pressures in one unit.
     let largest = unstated.iter().map(|(_, level)| *level).fold(0.0, f64::max);
     let medians: Vec<String> = unstated.iter().map(|(_, level)| significant(*level, 4)).collect();

@@ -161,6 +161,8 @@ pub enum CsvProblem {
     NoTimes {
         /// What to do about it.
         named: String,
+        /// Whether the rate of the samples is what lacks.
+        counted: bool,
         /// The columns.
         columns: String,
     },

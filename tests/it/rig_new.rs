@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use serde_json::Value;
 use tempfile::TempDir;
 
 use crate::common::{done, ended, surgescope, text};
@@ -231,4 +232,29 @@ fn a_table_in_milliamperes_and_latin_1_needs_its_lines_only() {
     assert!(!said.contains("warning"), "{said}");
     let said = must(&folder, &[&["import", "current.csv", "--rig", "rig.toml", "--yes"], &lines[..]].concat()).1;
     assert!(said.contains("read as Latin-1") && said.contains("next: surgescope open current.mcap"), "{said}");
+}
+
+#[test]
+fn a_flow_measured_by_hand_is_known_to_the_fit() {
+    let folder = logged();
+    let area_m2 = std::f64::consts::FRAC_PI_4 * 0.019_f64.powi(2);
+    let flow = format!("{:.4} L/s", 1e3 * area_m2 * 0.4);
+    let (_, said) = must(&folder, &[&["rig", "new", "log.csv", "--flow", &flow, "--yes"], &TAPE[..]].concat());
+    assert!(said.contains(&format!("--flow '{flow}'")), "{said}");
+    let read = ["import", "log.csv", "--rig", "rig.toml", "--yes", "--flow"];
+    let (out, said) = must(&folder, &[&read[..], &[&flow, "-o", "run.mcap"]].concat());
+    assert!(out.contains("Q: 1 samples") && said.contains("measured by hand"), "{out}{said}");
+    let seen: Value = serde_json::from_str(&must(&folder, &["inspect", "run.mcap", "--json"]).0).unwrap();
+    let velocity = seen["steady_velocity_m_s"]["value"].as_f64().unwrap();
+    assert!((velocity / 0.4 - 1.0).abs() < 1e-3, "{velocity}");
+    // what a slip of the unit makes is named
+    let (_, said) = must(&folder, &[&read[..], &["6.8 L/s", "-o", "wrong.mcap"]].concat());
+    assert!(said.contains("check the unit of the flow"), "{said}");
+    let (code, _, said) = within(&folder, &[&read[..], &["0.1", "-o", "none.mcap"]].concat());
+    assert!(code != 0 && said.contains("0.25 L/s"), "{said}");
+    let known = [&["rig", "new", "log.csv", "--yes", "-o", "bare.toml"], &TAPE[..]].concat();
+    must(&folder, &known);
+    let onto = ["import", "log.csv", "--rig", "bare.toml", "--yes", "--flow", &flow, "-o", "none.mcap"];
+    let (code, _, said) = within(&folder, &onto);
+    assert!(code != 0 && said.contains("no flow sensor"), "{said}");
 }

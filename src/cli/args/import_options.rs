@@ -6,7 +6,7 @@ use crate::cli::args::values::positive;
 use crate::report::advice::quoted;
 use crate::rig::spelled_unit;
 use crate::storage::import::{Line, MessageTime, SourceOptions, time_symbol, time_unit, zone_seconds};
-use crate::units::Quantity;
+use crate::units::{Quantity, Unit};
 
 /// Options for what a file does not state.
 #[derive(Debug, Clone, clap::Args)]
@@ -28,10 +28,13 @@ pub struct ForeignArgs {
     time_unit: Option<f64>,
     /// Samples per second, where a column counts samples instead of giving times.
     #[arg(long, value_name = "HZ", value_parser = positive, allow_negative_numbers = true)]
-    rate: Option<f64>,
+    pub rate: Option<f64>,
     /// What a column's numbers stand for, in a unit or in the sensor's: 'P1=250*x-125 kPa' for a transducer of 0.5 to 4.5 V.
     #[arg(long, value_name = "SENSOR=A*x+B", value_parser = scale)]
     scale: Vec<(String, Line)>,
+    /// Flow before the closure, where it was measured by hand (bucket and clock): '0.25 L/s'. It becomes a reading of the rig's flow sensor.
+    #[arg(long, value_name = "FLOW", value_parser = flow)]
+    pub flow: Option<(f64, Unit)>,
     /// Time of an MCAP message: when it was logged or published.
     #[arg(long, value_name = "WHICH", value_parser = ["log", "publish"], conflicts_with = "time_field")]
     message_time: Option<String>,
@@ -57,6 +60,7 @@ impl ForeignArgs {
             message_time,
             rate_hz: self.rate,
             scales: self.scale,
+            flow: self.flow,
             guess: false,
             period_s: None,
         }
@@ -70,6 +74,7 @@ impl std::fmt::Display for ForeignArgs {
         self.map.iter().try_for_each(|(from, to)| option("map", &format!("{from}={to}")))?;
         self.ignore.iter().try_for_each(|name| option("ignore", name))?;
         self.scale.iter().try_for_each(|(name, line)| option("scale", &format!("{name}={line}")))?;
+        self.flow.iter().try_for_each(|(value, unit)| option("flow", &format!("{value} {unit}")))?;
         self.rate.iter().try_for_each(|hz| option("rate", &hz.to_string()))?;
         self.time_unit.iter().try_for_each(|unit_s| option("time-unit", time_symbol(*unit_s)))?;
         self.date_order.iter().try_for_each(|order| option("date-order", order))?;
@@ -111,6 +116,14 @@ fn scale(text: &str) -> Result<(String, Line), String> {
     let offset = if rest.is_empty() { 0.0 } else { rest.parse().map_err(|_| wrong())? };
     let usable = f64::is_finite(scale) && f64::is_finite(offset) && scale != 0.0 && !name.trim().is_empty();
     usable.then(|| (name.trim().to_owned(), Line { scale, offset, unit })).ok_or_else(wrong)
+}
+
+/// `0.25 L/s`.
+pub fn flow(text: &str) -> Result<(f64, Unit), String> {
+    let wrong = || format!("'{text}': write a flow with its unit, such as 0.25 L/s or 15 L/min");
+    let (value, unit) = text.trim().split_at(text.trim().find(char::is_alphabetic).ok_or_else(wrong)?);
+    let value = positive(value).map_err(|_| wrong())?;
+    spelled_unit(unit.trim(), Quantity::Flow).map(|unit| (value, unit)).ok_or_else(wrong)
 }
 
 fn zone(text: &str) -> Result<i32, String> {

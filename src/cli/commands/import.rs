@@ -123,7 +123,9 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     let mut reports = Vec::new();
     let mut parts = Vec::new();
     let mut understood = Vec::new();
-    for path in &args.files {
+    for (i, path) in args.files.iter().enumerate() {
+        // a flow by hand is one reading, not one a file
+        let foreign = SourceOptions { flow: foreign.flow.filter(|_| i == 0), ..foreign.clone() };
         let options = ImportOptions { start_unix_ns: start_of(path, &args.start), without: args.without.clone() };
         let read = |source: &SourceOptions| busy(path, || import_file(path, &rig, &options, source, alone));
         let imported = read(&foreign).or_else(|error| guessed(path, error, &args, json, &foreign, &rig, read))?;
@@ -214,7 +216,7 @@ impl Done {
             let sources: Vec<&PathBuf> = args.files.iter().collect();
             let head = json!({
                 "file": output, "source": args.files[0], "sources": sources, "mended": reports, "warnings": warnings,
-                "alignment": if alone { None } else { Some(&clocks) }, "left_out": left_out, "sensor_faults": faults, "understood": understood,
+                "alignment": if alone { None } else { Some(&clocks) }, "left_out": left_out, "doubts": doubts, "sensor_faults": faults, "understood": understood,
             });
             say!("{}", document(head, &summary)?);
         } else {

@@ -109,6 +109,12 @@ fn read(source: &Source<'_>) -> Option<Rig> {
         return None;
     }
     let top = document.get_ref();
+    let keys: Vec<&str> = top.keys().map(|key| key.get_ref().as_ref()).collect();
+    if !keys.is_empty() && !keys.iter().any(|key| TOP.contains(key)) {
+        let has = keys.join(", ");
+        source.report(None, format!("this describes no rig: it has {has}, and a rig file has {}", TOP.join(", ")));
+        return None;
+    }
     let file = Section::open(source, "the rig file", top, 0..0, TOP, &HOMES);
     let name = file.required_text("name", "the rig's name");
 

@@ -42,17 +42,16 @@ pub fn temperature_degc(recording: &Recording) -> f64 {
         .unwrap_or(recording.rig.fluid.temperature_degc)
 }
 
-/// Flow before the closure, m³/s, from the first flow sensor with samples: the mean of at most its last five seconds.
+/// Flow before the closure, m³/s, from the first flow sensor with samples: the mean of its last five seconds, or else its last reading.
 pub(crate) fn flow_m3_s(recording: &Recording, start_s: f64) -> Option<Estimate> {
     let (sensor, series) = of_kind(recording, SensorKind::Flow)?;
     let sensor = &recording.rig.sensors[sensor];
-    let flows: Vec<f64> = finite(series)
-        .filter(|(t, _)| (start_s - 5.0..=start_s).contains(t))
-        .map(|(_, v)| sensor.unit.to_si(v, 1000.0))
-        .collect();
-    if flows.is_empty() {
-        return None;
-    }
+    let before: Vec<(f64, f64)> = finite(series).filter(|(t, _)| *t <= start_s).collect();
+    // a meter that is read now and then, or once by hand, counts by its last reading
+    let (last_s, _) = before.last()?;
+    let since_s = last_s.min(start_s - 5.0);
+    let recent = before.iter().filter(|(t, _)| *t >= since_s);
+    let flows: Vec<f64> = recent.map(|(_, v)| sensor.unit.to_si(*v, 1000.0)).collect();
     let value = mean(&flows);
     let n = flows.len() as f64;
     let variance = flows.iter().map(|q| (q - value).powi(2)).sum::<f64>() / (n - 1.0).max(1.0);

@@ -5,13 +5,13 @@ use std::path::Path;
 use crate::number::significant;
 use crate::recording::{Recording, RunInfo, Series};
 use crate::rig::check::ATMOSPHERE_PA;
-use crate::rig::{Rig, Sensor, quantity_of, spelled_unit};
+use crate::rig::{Rig, Sensor, SensorKind, quantity_of, spelled_unit};
 use crate::storage::error::{CsvProblem, LogError};
 use crate::storage::import::kinds::{Known, guessed, pressure_unit};
 use crate::storage::import::source::{Repair, SourceFile, SourceOptions, Track};
 use crate::storage::nearest::{listed, nearest};
 use crate::storage::sink::program;
-use crate::units::{Quantity, UNITS};
+use crate::units::{Quantity, UNITS, Unit};
 
 /// Brings a file's tracks to the sensors of a rig. Sensors that it has no track of stay empty; what was converted or left out
 /// is added to `repairs`. Also the name of each sensor's track.
@@ -20,7 +20,7 @@ use crate::units::{Quantity, UNITS};
 /// A track that is no sensor (in a table), two tracks of one sensor, a unit that the sensor cannot have, a name in the options
 /// that is not there.
 pub fn bind(
-    file: SourceFile,
+    mut file: SourceFile,
     path: &Path,
     rig: &Rig,
     options: &SourceOptions,
@@ -36,6 +36,13 @@ pub fn bind(
     if let Some((_, (from, _))) = options.map.iter().enumerate().find(|(i, (from, _))| before(*i, from)) {
         let why = format!("option `map` assigns '{from}' to two sensors; keep one");
         return Err(LogError::SourceFile { path: path.into(), why });
+    }
+    if let Some(flow) = options.flow {
+        let track = by_hand(flow, &file, rig).map_err(|why| LogError::SourceFile { path: path.into(), why })?;
+        let text =
+            format!("'{}' is the flow that was measured by hand, {} {}: one reading", track.name, flow.0, flow.1);
+        repairs.push(Repair::new("flow", 1, None, text));
+        file.tracks.push(track);
     }
     let names: Vec<(String, String)> = file.tracks.iter().map(|t| (t.name.clone(), t.short.clone())).collect();
     let mut series = vec![Series::default(); rig.sensors.len()];
@@ -99,6 +106,27 @@ pub fn bind(
         csv: None,
     };
     Ok((Recording { rig: rig.clone(), series, run }, taken))
+}
+
+/// A flow that was measured by hand, as one reading of the rig's flow sensor at the start of the record.
+fn by_hand((value, unit): (f64, Unit), file: &SourceFile, rig: &Rig) -> Result<Track, String> {
+    let sensor = rig.sensors.iter().find(|s| s.kind == SensorKind::Flow).ok_or_else(|| {
+        format!(
+            "option `flow`: rig '{}' has no flow sensor to take it; add one to the rig file (kind = \"flow\", at the place where it was measured)",
+            rig.name
+        )
+    })?;
+    if file.tracks.iter().any(|track| track.is_called(&sensor.name)) {
+        return Err(format!(
+            "option `flow`: the file has '{}' already; leave the option out, or ignore the column",
+            sensor.name
+        ));
+    }
+    let starts = file.tracks.iter().filter_map(|track| track.series.time_s.first().copied());
+    let begin_s = starts.fold(f64::INFINITY, f64::min);
+    let series = Series { time_s: vec![begin_s], value: vec![value], ..Series::default() };
+    let name = sensor.name.clone();
+    Ok(Track { short: name.clone(), name, unit: Some(unit.symbol.to_owned()), series, repairs: Vec::new() })
 }
 
 /// Names in the options that a file has no column of, and that are no sensor of the rig, are slips of the pen.

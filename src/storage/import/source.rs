@@ -128,6 +128,8 @@ pub struct SourceOptions {
     pub rate_hz: Option<f64>,
     /// What a column's numbers stand for: sensor or column, and the line `a x + b`.
     pub scales: Vec<(String, Line)>,
+    /// The flow before the closure, measured by hand (a bucket and a clock), in its unit.
+    pub flow: Option<(f64, Unit)>,
     /// What the file does not say is guessed.
     pub guess: bool,
     /// The test's period `4L/a`, s, about: a guess of the unit of time goes by it.
@@ -137,7 +139,7 @@ pub struct SourceOptions {
 impl SourceOptions {
     /// Nothing is given that a plain time series does not need.
     pub(crate) fn is_plain(&self) -> bool {
-        self.map.is_empty() && self.ignore.is_empty() && self.scales.is_empty()
+        self.map.is_empty() && self.ignore.is_empty() && self.scales.is_empty() && self.flow.is_none()
     }
 }
 

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 
-use crate::cli::args::import_options::ForeignArgs;
+use crate::cli::args::import_options::{ForeignArgs, flow};
 use crate::cli::args::values::not_negative;
 use crate::cli::commands::rig::check;
 use crate::cli::console::ask;
@@ -20,9 +20,10 @@ use crate::rig::material::{MATERIALS, Material};
 use crate::rig::sizes::{EXAMPLES, PipeSize, pipe_size};
 use crate::rig::{Rig, Sensor, SensorKind, check::check as check_rig, quantity_of, spelled_unit};
 use crate::shown::Shown as _;
+use crate::storage::error::CsvProblem;
 use crate::storage::import::{SourceOptions, check_names, read_source};
 use crate::storage::nearest::nearest;
-use crate::storage::output;
+use crate::storage::{LogError, output};
 use crate::units::{Quantity, Unit};
 
 /// Write a rig file: asks what is not given, and takes the sensors from a file of the test.
@@ -88,18 +89,28 @@ const SUPPLIES: [&str; 2] = ["reservoir", "pump"];
 ///
 /// # Errors
 /// What is missing and may not be asked; a file that cannot be read or written.
-pub fn run(args: Args, json: bool) -> CommandResult {
+pub fn run(mut args: Args, json: bool) -> CommandResult {
     if args.output.exists() {
         return Err(format!("{} exists already: name another file with -o", args.output.shown()).into());
     }
     let asks = !args.yes && !json && stdin().is_terminal() && stderr().is_terminal();
     let ask = Ask { asks };
     if asks {
-        tell!("Enter takes what stands in brackets; Ctrl-C leaves, and nothing is written before the last answer.");
+        tell!(
+            "Enter takes what stands in brackets. Ctrl-C leaves, and nothing is written before the last answer; a slip can be mended in the file \
+             afterwards."
+        );
     }
-    let source = SourceOptions { guess: true, ..args.foreign.clone().options() };
+    let mut source = SourceOptions { guess: true, ..args.foreign.clone().options() };
     // A file that cannot be read costs no answers.
-    let read = args.file.as_deref().map(|file| read_source(file, &source)).transpose()?;
+    let read = match args.file.as_deref() {
+        Some(file) => Some(read_source(file, &source).or_else(|error| {
+            ask.rate(error, &mut args.foreign)?;
+            source.rate_hz = args.foreign.rate;
+            Ok::<_, AnyError>(read_source(file, &source)?)
+        })?),
+        None => None,
+    };
     if let (Some(file), Some(read)) = (&args.file, &read) {
         check_names(read, file, None, &source)?;
     }
@@ -111,7 +122,14 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     let mut draft = pipe(&args, &ask)?;
     let mut left_out = Vec::new();
     if let Some(read) = &read {
-        (draft.sensors, left_out) = sensors_of(read, &draft, &source, args.unit, &args.sensor);
+        let sensors = |source: &_| sensors_of(read, &draft, source, args.unit, &args.sensor);
+        let mut found = sensors(&source);
+        if source.flow.is_none() && !found.0.iter().any(|s| s.kind == SensorKind::Flow) {
+            args.foreign.flow = ask.flow()?;
+            source.flow = args.foreign.flow;
+            found = sensors(&source);
+        }
+        (draft.sensors, left_out) = found;
         place(&mut draft, read, &source);
     }
     confirmed(&mut draft, &args, &ask)?;
@@ -324,6 +342,29 @@ impl Ask {
             "" => Ok(None),
             text => pipe_size(text).map(Some),
         })
+    }
+
+    /// The rate of samples that a file only counts; any other error stays one.
+    fn rate(&self, error: LogError, foreign: &mut ForeignArgs) -> Result<(), AnyError> {
+        match &error {
+            LogError::Csv { problem, .. }
+                if self.asks && matches!(**problem, CsvProblem::NoTimes { counted: true, .. }) =>
+            {
+                foreign.rate =
+                    Some(ask::number("no column holds times; samples per second, Hz", "Hz", None, [1e-3, 1e7])?);
+                Ok(())
+            }
+            _ => Err(error.into()),
+        }
+    }
+
+    /// The flow of a test that no column has.
+    fn flow(&self) -> Result<Option<(f64, Unit)>, AnyError> {
+        if !self.asks {
+            return Ok(None);
+        }
+        let question = "flow before the closure, if you measured it by hand, such as 0.25 L/s (empty: not known)";
+        ask::line(question, None, |text| if text.is_empty() { Ok(None) } else { flow(text).map(Some) })
     }
 
     fn material(&self) -> Result<&'static Material, AnyError> {

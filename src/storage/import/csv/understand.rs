@@ -216,7 +216,8 @@ impl<'t> Table<'t> {
 
     fn without_time(&self) -> CsvFault {
         let called = |names: &[&str]| self.headings.iter().find(|h| names.contains(&h.to_lowercase().as_str()));
-        let named = match (called(&TIMES), called(&COUNTERS)) {
+        let times = called(&TIMES);
+        let named = match (times, called(&COUNTERS)) {
             (Some(name), _) => {
                 format!(" in a unit that can be guessed: give the unit of '{name}' with option `time-unit`")
             }
@@ -225,7 +226,8 @@ impl<'t> Table<'t> {
                 String::from("; if there is one sample after the other, give their rate with option `rate`")
             }
         };
-        (self.header_at.map(|at| at + 1), Box::new(CsvProblem::NoTimes { named, columns: self.headings.join(", ") }))
+        let problem = CsvProblem::NoTimes { named, counted: times.is_none(), columns: self.headings.join(", ") };
+        (self.header_at.map(|at| at + 1), Box::new(problem))
     }
 
     fn numbers(&self, column: usize) -> Option<Vec<f64>> {
