@@ -59,6 +59,12 @@ fn worst(sensor: &SensorFit) -> Option<Cycle> {
 
 fn shape(sensor: &SensorFit, worst: Option<Cycle>) -> String {
     let mut parts = Vec::new();
+    let residual: Vec<f64> = sensor.measured_m.iter().zip(&sensor.model_m).map(|(a, b)| a - b).collect();
+    let before = sensor.time_s.partition_point(|&t| t < 0.0);
+    if let Some(level) = mean(&residual[..before]).filter(|level| level.abs() > DESCRIBED_EXTREMA * sensor.noise_m) {
+        let word = if level > 0.0 { "low" } else { "high" };
+        parts.push(format!("the modelled head before the closure {} m too {word}", error_m(level.abs())));
+    }
     for (peak, name) in [(true, "peaks"), (false, "troughs")] {
         let errors: Vec<f64> =
             sensor.extrema.iter().filter(|e| e.peak == peak).map(|e| e.model_m - e.measured_m).collect();
@@ -77,7 +83,6 @@ fn shape(sensor: &SensorFit, worst: Option<Cycle>) -> String {
         let word = if late_s > 0.0 { "late" } else { "early" };
         parts.push(format!("the model {} ms {word}{by}", significant(1e3 * late_s.abs(), 2)));
     }
-    let residual: Vec<f64> = sensor.measured_m.iter().zip(&sensor.model_m).map(|(a, b)| a - b).collect();
     if let Some(level) = mean(&residual).filter(|level| level.abs() > DESCRIBED_EXTREMA * sensor.noise_m) {
         let word = if level > 0.0 { "above" } else { "below" };
         parts.push(format!("the measured mean level {} m {word} the model", error_m(level.abs())));
@@ -189,6 +194,11 @@ mod tests {
         assert!(said.contains("modelled peaks 0.45 m too high at first, 0.30 m too low later"), "{said}");
         assert!(!said.contains("level"), "{said}");
         assert!(shape(&sensor(0.0, 0.5), None).contains("the measured mean level 0.50 m below the model"));
+        turning.time_s.iter_mut().for_each(|t| *t -= 0.5);
+        turning.model_m[..500].iter_mut().for_each(|head_m| *head_m -= 0.25);
+        assert!(
+            shape(&turning, None).starts_with("the modelled head before the closure 0.25 m too low, modelled peaks")
+        );
     }
 
     #[test]

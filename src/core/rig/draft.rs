@@ -130,8 +130,12 @@ impl Draft {
                 text += &line("position_tolerance_m", number(GUESSED_SHARE * self.length_m), "", about);
             }
             if s.kind == SensorKind::Pressure {
-                text += "# range = [-1.0, 16.0]             # of its data sheet, in its unit\n\
-                         # accuracy_percent_fs = 0.25        # of its data sheet\n";
+                let [low, high] = [-1e5, 16e5].map(|pa| s.unit.value.from_si(pa, 1000.0));
+                let range = format!("# range = [{low:.1}, {high:.1}]");
+                text += &format!(
+                    "{range:<34} # of its data sheet, in its unit\n{:<34} # of its data sheet\n",
+                    "# accuracy_percent_fs = 0.25"
+                );
             }
         }
         text

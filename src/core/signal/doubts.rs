@@ -29,7 +29,7 @@ pub fn doubts(rig: &Rig, features: &Features) -> Vec<String> {
     {
         found.push(format!(
             "the wave takes {} from sensor to sensor, but {} to the supply and back: is a sensor's clock \
-             shifted (clock-skew), or a position or the pipe's length wrong in the rig file?",
+             shifted (clock-skew), a position or the pipe's length wrong in the rig file, or is there air, which rounds the front?",
             shown(a),
             shown(c)
         ));
@@ -137,7 +137,7 @@ fn doubt_joukowsky(j: Estimate, crossings: Option<Estimate>) -> Option<String> {
     (ratio < 1.0 - LOW_JOUKOWSKY).then(|| {
         format!(
             "{values}: more than creep or a leak can explain; check the unit of the flow, the inner diameter, and whether the valve \
-             closed fully"
+             closed fully; air beside it does the same"
         )
     })
 }
