@@ -4,7 +4,7 @@ use crate::fit::data::run_data::RunData;
 use crate::fit::outcome::fit::Fit;
 use crate::fit::problem::method::Method;
 use crate::fit::progress::OnProgress;
-use crate::fit::search::calibrate::calibrate;
+use crate::fit::search::nested::calibrate_nested;
 use crate::fit::search::options::Options;
 use crate::model::ModelError;
 use crate::model::constraint::Given;
@@ -121,6 +121,6 @@ impl Calibrate<'_> {
         let held = constraints(self.rig, self.runs, &effects, &self.hold);
         options.constraints.splice(0..0, held.into_iter().flatten());
         let [effects] = effects;
-        Ok(calibrate(self.rig, self.runs, &effects, &options, self.on_progress)?)
+        Ok(calibrate_nested(self.rig, self.runs, &effects, &options, self.on_progress)?)
     }
 }

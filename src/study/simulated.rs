@@ -5,6 +5,7 @@ use crate::fit::outcome::fit::{Fit, FittedParameter};
 use crate::fit::problem::fit_problem::{FitProblem, Window};
 use crate::fit::problem::observed::Shown;
 use crate::fit::search::calibrate::{follow, refine};
+use crate::fit::search::nested::or_from_signals;
 use crate::fit::search::options::Options;
 use crate::model::Model;
 use crate::model::constraint::{Constraint, Given};
@@ -61,6 +62,15 @@ impl Study {
         let window = Window { reaches: 1, horizon_s: f64::INFINITY, stride: 1 };
         let values = values_of(&FitProblem::new(&model, self.runs(), window), given)?;
         Ok(refine(self.rig(), self.runs(), effects, &values, options, self.watcher())?)
+    }
+
+    /// The fit, or the one from the signals under the same bounds where that leaves less.
+    ///
+    /// # Errors
+    /// A model that cannot be simulated.
+    pub fn or_from_signals(&self, fit: Fit) -> Result<Fit> {
+        let options = options_of(&fit);
+        Ok(or_from_signals(fit, self.rig(), self.runs(), &options, self.watcher())?)
     }
 
     /// The values of a fitted model where the `moved` parameters stand elsewhere and the others have followed them, on a coarse grid.

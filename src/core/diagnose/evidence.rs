@@ -20,11 +20,11 @@ pub struct EvidenceScale {
 
 impl EvidenceScale {
     /// From the residuals of the best model, in units of the samples' noise. The part that is not noise has causes that
-    /// repeat, so it counts as `features` samples at most.
+    /// repeat: where it is nearly all, the samples count as no more than the `features`.
     pub fn of(samples: &[f64], features: f64) -> Self {
         let n = samples.len().max(1) as f64;
         let variance = samples.iter().map(|r| r * r).sum::<f64>() / n;
-        let systematic = (1.0 - 1.0 / variance.max(1.0)) * n / features;
+        let systematic = (1.0 - 1.0 / variance.max(1.0)).powi(2) * n / features;
         let inflation = correlation_inflation(samples).max(systematic);
         EvidenceScale { effective: n / inflation, unit: variance.max(1.0) * inflation }
     }

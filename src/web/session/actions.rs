@@ -87,7 +87,7 @@ impl Bench {
                 let entry = wished(self.file().current().clone(), wishes)?;
                 let study = &self.study;
                 let fit = entry.refit(study.rig(), study.runs(), &Options::default(), study.watcher())?;
-                self.append(fit, &entry.refit_words(), None)?;
+                self.append(study.or_from_signals(fit)?, &entry.refit_words(), None)?;
             }
             Action::Undo => self.put_in_force(|file| {
                 if file.step_back() { Ok(()) } else { Err("this is the first model: there is no step back".into()) }

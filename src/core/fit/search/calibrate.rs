@@ -4,6 +4,7 @@
 //! fit starts with the first cycle and a half on a coarse grid, then takes in more of the record as the phase locks. Then the
 //! grid is refined until halving its step changes less than the noise does.
 
+use std::ops::Range;
 use std::sync::{Mutex, PoisonError};
 
 use crate::fit::data::run_data::RunData;
@@ -171,20 +172,31 @@ pub fn without(
     options: &Options,
     progress: &OnProgress<'_>,
 ) -> Result<Fit, FitError> {
+    let (effects, options, own) = one_less(rig, runs, &fit.effects, i, options)?;
+    let values: Vec<f64> =
+        fit.values().into_iter().enumerate().filter(|(j, _)| !own.contains(j)).map(|(_, v)| v).collect();
+    refine(rig, runs, &effects, &values, &options, progress)
+}
+
+/// The effects but for number `i`, the options without what they say of its parameters, and where those are among the bigger model's.
+pub(crate) fn one_less(
+    rig: &Rig,
+    runs: &[RunData],
+    effects: &[Chosen],
+    i: usize,
+    options: &Options,
+) -> Result<(Vec<Chosen>, Options, Range<usize>), FitError> {
     let water = &runs.first().ok_or(FitError::NoRun)?.conditions.water;
-    let model = Model::new(rig, water, &fit.effects);
+    let model = Model::new(rig, water, effects);
     let own = model.parameters_of(i);
     let gone = |name: &String| model.shared[own.clone()].iter().any(|p| p.name == *name);
-    let options = &Options {
+    let options = Options {
         constraints: options.constraints.iter().filter(|c| !gone(&c.name)).cloned().collect(),
         priors: options.priors.iter().filter(|p| !gone(&p.name)).cloned().collect(),
         ..options.clone()
     };
-    let values: Vec<f64> =
-        fit.values().into_iter().enumerate().filter(|(j, _)| !own.contains(j)).map(|(_, v)| v).collect();
-    let effects: Vec<Chosen> =
-        fit.effects.iter().enumerate().filter(|(k, _)| *k != i).map(|(_, c)| c.clone()).collect();
-    refine(rig, runs, &effects, &values, options, progress)
+    let rest = effects.iter().enumerate().filter(|(k, _)| *k != i).map(|(_, c)| c.clone()).collect();
+    Ok((rest, options, own))
 }
 
 /// A fitted model with more elements, as many as the evidence supports, where `asked` leaves their number open; none where it supports no
@@ -226,7 +238,7 @@ pub fn numbered(rig: &Rig, runs: &[RunData], effects: &[Chosen], options: &Optio
 }
 
 /// The effect of a list whose elements are added one by one.
-fn growing(effects: &[Chosen]) -> Option<usize> {
+pub(crate) fn growing(effects: &[Chosen]) -> Option<usize> {
     effects.iter().position(|c| c.effect.elements().is_some_and(|r| r.contains(&2)))
 }
 

@@ -78,11 +78,16 @@ pub(crate) fn finish(ctx: &Calibrator, model: &Model, state: Estimate) -> Result
     if model.constraints.is_empty() && model.priors.is_empty() {
         model.put_in_order(&mut values);
     }
-    let whole = ctx.whole(fine);
+    descend(ctx, model, &values, fine)
+}
+
+/// Fits all samples on a grid of so many reaches, and puts the result together.
+pub(crate) fn descend(ctx: &Calibrator, model: &Model, values: &[f64], reaches: usize) -> Result<Fit, FitError> {
+    let whole = ctx.whole(reaches);
     let problem = if ctx.options.brief { ctx.passing(model, whole) } else { ctx.problem(model, whole) };
     problem.validate_constraints(&model.constraints)?;
     let limits = Limits { cost_tolerance: POLISH_REDUCTION / problem.samples().max(1) as f64, ..patient(ctx, FINAL) };
-    let solution = polish(ctx, &problem, &values, limits)?;
+    let solution = polish(ctx, &problem, values, limits)?;
     assemble(ctx, &problem, &solution)
 }
 

@@ -7,6 +7,7 @@ pub(crate) mod coarse_fit;
 pub(crate) mod descent;
 pub(crate) mod finish;
 pub(crate) mod global;
+pub mod nested;
 pub mod options;
 pub(crate) mod polish;
 pub(crate) mod prune_elements;

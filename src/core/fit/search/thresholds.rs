@@ -37,6 +37,13 @@ pub(crate) const COARSE: Limits =
 /// Half the difference of two fits' sums of squares below which the data cannot tell two sensors apart. Derived: half of strong evidence.
 pub(crate) const SENSOR_TIE: f64 = 0.5 * STRONG_EVIDENCE;
 
+/// Mean square of what a fit leaves, in units of the noise, above which smaller models are fitted, too. Derived: below, none can leave less by
+/// more than noise.
+pub(crate) const SMALLER_ABOVE: f64 = 2.0;
+/// A smaller model that leaves this many times the bigger one's mean square on the coarse grid is not fitted further. Cost, and chosen: the
+/// coarse grid may err by as much.
+pub(crate) const HOPELESS_SMALLER: f64 = 1.5;
+
 /// Of the fits while the grid is refined. Tuned; data unknown.
 pub(crate) const GRID_REFINEMENT: Limits =
     Limits { iterations: 20, cost_tolerance: 1e-4, step_tolerance: 1e-8, thorough: true };

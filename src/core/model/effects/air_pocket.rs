@@ -41,7 +41,7 @@ impl Effect for AirPocket {
         let start_ml = (0.1 * line_m2 * 30.0 * 1e6).clamp(0.1, 1e3);
         vec![
             // At the pressure before the closure.
-            Parameter::log("air_volume_mL", "mL", "volume of the trapped air before the closure", start_ml, 1e-3, 1e4)
+            Parameter::log("air_volume_mL", "mL", "volume of the trapped air before the closure", start_ml, 1e-6, 1e4)
                 .vanishing_at(0.0),
             Parameter::linear(
                 "polytropic_exponent",

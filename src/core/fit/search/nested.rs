@@ -1,0 +1,178 @@
+//! Models that contain others, compared at their ends on the fine grid.
+//!
+//! A model that contains another never ends worse: where a fit leaves more than noise, the models with one effect less are fitted, too, and where one of
+//! them leaves less, the fit goes on from its end. And an element of creep that the coarse grid's own error hid is found on the fine grid: without
+//! it, the others stand in for it, and what else is fitted moves with them.
+
+use rayon::prelude::*;
+
+use crate::fit::data::run_data::RunData;
+use crate::fit::outcome::fit::{Fit, SensorFit};
+use crate::fit::outcome::thresholds::STRONG_EVIDENCE;
+use crate::fit::problem::error::FitError;
+use crate::fit::problem::method::Method;
+use crate::fit::progress::OnProgress;
+use crate::fit::search::calibrate::{calibrate, fit_coarsely, growing, one_less};
+use crate::fit::search::calibrator::{Calibrator, Estimate};
+use crate::fit::search::finish::descend;
+use crate::fit::search::options::Options;
+use crate::fit::search::starts::starts_from;
+use crate::fit::search::thresholds::{EVALUATE_ONLY, HOPELESS_SMALLER, SCREENING, SMALLER_ABOVE};
+use crate::model::ModelError;
+use crate::model::effects::Chosen;
+use crate::rig::Rig;
+
+/// [`calibrate`], and on from each model with one effect less, fitted the same way, that leaves less; then with as many more elements as the evidence
+/// supports, where their number is open.
+///
+/// # Errors
+/// As [`calibrate`].
+pub fn calibrate_nested(
+    rig: &Rig,
+    runs: &[RunData],
+    effects: &[Chosen],
+    options: &Options,
+    progress: &OnProgress<'_>,
+) -> Result<Fit, FitError> {
+    let mut fit = calibrate(rig, runs, effects, options, progress)?;
+    if options.method != Method::LeastSquares || !options.starts_at.is_empty() {
+        return Ok(fit);
+    }
+    for i in 0..effects.len() {
+        if mean_square(&fit) <= SMALLER_ABOVE {
+            break;
+        }
+        let (rest, fewer, _) = one_less(rig, runs, &fit.effects, i, options)?;
+        let coarse = fit_coarsely(rig, runs, &rest, &fewer)?;
+        if coarse.mean_square > HOPELESS_SMALLER * mean_square(&fit) {
+            continue;
+        }
+        let smaller = calibrate_nested(rig, runs, &rest, &fewer, progress)?;
+        if mean_square(&smaller) < mean_square(&fit) {
+            let on = grown(rig, runs, &fit.effects, &smaller, options, progress, 0.0)?;
+            fit = on.filter(|on| mean_square(on) < mean_square(&fit)).unwrap_or(fit);
+        }
+    }
+    let Some(i) = growing(effects).filter(|&i| effects[i].elements.is_none()) else { return Ok(fit) };
+    let most = effects[i].effect.elements().map_or(1, |range| *range.end());
+    for elements in fit.effects[i].elements.unwrap_or(1) + 1..=most {
+        let mut more = fit.effects.clone();
+        more[i] = more[i].with_elements(elements);
+        let on = grown(rig, runs, &more, &fit, options, progress, 0.5 * STRONG_EVIDENCE)?;
+        let Some(on) = on.filter(|on| on.evidence_over(&fit) >= STRONG_EVIDENCE) else { break };
+        fit = on;
+    }
+    Ok(fit)
+}
+
+/// A fit that began elsewhere than at the signals, or, where it leaves more than noise and less is left from there, the fit from the signals: a
+/// bound may have shut out the optimum that it began at.
+///
+/// # Errors
+/// As [`calibrate`].
+pub fn or_from_signals(
+    fit: Fit,
+    rig: &Rig,
+    runs: &[RunData],
+    options: &Options,
+    progress: &OnProgress<'_>,
+) -> Result<Fit, FitError> {
+    if mean_square(&fit) <= SMALLER_ABOVE {
+        return Ok(fit);
+    }
+    let anew = calibrate_nested(rig, runs, &fit.effects, options, progress)?;
+    Ok(if mean_square(&anew) < mean_square(&fit) { anew } else { fit })
+}
+
+/// The bigger model's fit from the smaller one's end, on its grid: with what is new almost absent, or as it usually starts. None where a few
+/// steps gain less than `least_gain` of the cost.
+fn grown(
+    rig: &Rig,
+    runs: &[RunData],
+    bigger: &[Chosen],
+    smaller: &Fit,
+    options: &Options,
+    progress: &OnProgress<'_>,
+    least_gain: f64,
+) -> Result<Option<Fit>, FitError> {
+    let ctx = Calibrator::new(rig, runs, options, progress, bigger, None)?;
+    let (model, small) = (ctx.model(bigger), ctx.model(&smaller.effects));
+    let state = Estimate { values: smaller.values(), cost: f64::NAN };
+    let base: Vec<f64> = ctx.problem(&model, ctx.whole(smaller.reaches)).parameters.iter().map(|p| p.start).collect();
+    let starts = starts_from(&model, &small, &state, &base);
+    let reaches = model.fitting_reaches(&starts[0][..model.shared.len()], smaller.reaches);
+    let screened = ctx.problem(&model, ctx.window(reaches, f64::INFINITY));
+    let from = |values: &Vec<f64>, limits| -> Result<Estimate, ModelError> {
+        let solution = ctx.minimise(&screened, values, limits, "from a smaller model")?;
+        Ok(Estimate { values: screened.values(&solution.x), cost: solution.cost })
+    };
+    let tried = starts.par_iter().map(|values| from(values, SCREENING)).collect::<Result<Vec<_>, _>>()?;
+    let (Some(absent), Some(best)) = (starts.last(), tried.iter().min_by(|a, b| a.cost.total_cmp(&b.cost))) else {
+        return Ok(None);
+    };
+    if from(absent, EVALUATE_ONLY)?.cost - best.cost < least_gain {
+        return Ok(None);
+    }
+    descend(&ctx, &model, &best.values, reaches).map(Some)
+}
+
+/// Mean square of what a fit leaves, in units of the sensors' noise.
+fn mean_square(fit: &Fit) -> f64 {
+    let sensors = || fit.runs.iter().flat_map(|r| &r.sensors);
+    let samples = |s: &SensorFit| s.time_s.len() as f64;
+    let square: f64 = sensors().map(|s| samples(s) * (s.rmse_m / s.noise_m).powi(2)).sum();
+    square / sensors().map(samples).sum::<f64>().max(1.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fit::problem::test_record::{HDPE, record};
+    use crate::model::RunValues;
+    use crate::model::effects::parse_list;
+
+    /// An elastic model of a plastic pipe follows nothing, so its optima are many; yet no effect beside it makes the end worse.
+    #[test]
+    fn one_more_effect_never_leaves_more() {
+        let rig = Rig::from_toml(HDPE, "rig.toml").unwrap();
+        let run =
+            RunValues { initial_velocity_m_s: 0.5, valve_head_m: 20.0, closing_time_s: 0.05, friction_scale: 1.0 };
+        let plastic = parse_list("viscoelastic-wall:2").unwrap();
+        let runs = [record(&rig, &plastic, &[380.0, 0.12, 0.03, 0.35, 0.6], run, 0.05, 3.0)];
+        let options = Options { most_reaches: 64, ..Options::default() };
+        let left = |effects: &str| {
+            let effects = parse_list(effects).unwrap();
+            mean_square(&calibrate_nested(&rig, &runs, &effects, &options, &|_| {}).unwrap())
+        };
+        let without = left("none");
+        assert!(without > 100.0, "{without}");
+        for effect in ["air-pocket", "valve-seat-leak", "supply-drift", "leak"] {
+            let with = left(effect);
+            assert!(with <= 1.001 * without, "{effect}: {with} {without}");
+        }
+    }
+
+    /// A bound that shuts out the optimum where a fit stands leaves it in a corner; the signals lead elsewhere.
+    #[test]
+    fn a_fit_in_a_corner_gives_way_to_one_from_the_signals() {
+        let rig = Rig::from_toml(HDPE, "rig.toml").unwrap();
+        let run =
+            RunValues { initial_velocity_m_s: 0.5, valve_head_m: 20.0, closing_time_s: 0.05, friction_scale: 1.0 };
+        let effects = parse_list("viscoelastic-wall:1").unwrap();
+        let runs = [record(&rig, &effects, &[380.0, 0.12, 0.03], run, 0.05, 3.0)];
+        let options = Options::default();
+        let still = Options {
+            constraints: vec![crate::model::constraint::Constraint {
+                name: "tau1_s".to_owned(),
+                run: None,
+                lower: 3.0,
+                upper: 3.0,
+            }],
+            ..Options::default()
+        };
+        let corner = calibrate(&rig, &runs, &effects, &still, &|_| {}).unwrap();
+        assert!(mean_square(&corner) > 4.0);
+        let better = or_from_signals(corner, &rig, &runs, &options, &|_| {}).unwrap();
+        assert!(mean_square(&better) < 1.2, "{}", mean_square(&better));
+    }
+}
