@@ -4,7 +4,8 @@ designed_tests.py PROGRAM COUNT SEED: a table of docs/src/measured/reliability.m
 
 A rig and an effect are drawn at random, and a record of it is simulated in which the effect is so weak that its rival explains it about as well. Then tests
 are made until the odds of one over the other reach WANTED: each is simulated with the same effect and fresh noise, and both rivals are fitted
-to all records. A draw with a record that cannot be used (a valve that lets the whole of half the flow through) does not count. `next` proposes a test after each; of its proposals the first is made that needs nothing but another flow, closing time or
+to all records. A draw with a record that cannot be used (a valve that lets the whole of half the flow through) does not count.
+`next` proposes a test after each; of its proposals the first is made that needs nothing but another flow, closing time or
 head. The habit that it is compared with is to repeat the test at half the flow. The solver is the program's own on both sides: what is counted
 is the choice of the tests."""
 import json
