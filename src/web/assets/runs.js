@@ -19,7 +19,7 @@ const known = (run) => ({ ...run, ...Object.fromEntries(Object.entries(glances.g
 const over = (r) => (r.rmse_m === null || r.rmse_m === undefined || !r.noise_m ? null : r.rmse_m / r.noise_m);
 const words = (r) => (r.effect ? `missing: ${r.effect}` : (r.verdict || "").replaceAll("-", " "));
 const COLUMNS = [
-  ["name", "run", (r) => r.name], ["when", "recorded", (r) => r.when || ""], ["rig", "rig", (r) => r.rig || ""],
+  ["name", "run", (r) => r.name], ["when", "recorded", (r) => r.when || null], ["rig", "rig", (r) => r.rig || null],
   ["temperature_degC", "°C", (r) => r.temperature_degC], ["flow_m3_s", "L/s", (r) => (typeof r.flow_m3_s === "number" ? 1000 * r.flow_m3_s : null)],
   ["error", "error × noise", over], ["verdict", "verdict", words],
 ];
@@ -113,9 +113,11 @@ export function runs() {
     const of = COLUMNS.find(([key]) => key === order.key)[2];
     const all = app.state.runs.map(known);
     const shown = all.filter((r) => `${r.name} ${r.rig || ""} ${words(r)}`.toLowerCase().includes(wanted) && (is[kind.value] || (() => true))(r)).sort((a, b) => {
-      const [x, y] = [of(a), of(b)];
-      const way = x === y ? 0 : x === null || x === undefined || (y !== null && y !== undefined && x < y) ? -1 : 1;
-      return order.down ? -way : way;
+      const [x, y] = [of(a) ?? null, of(b) ?? null];
+      if (x === y) return a.name.localeCompare(b.name, undefined, { numeric: true });
+      // a run of which nothing is known comes last, whichever way
+      if (x === null || y === null) return x === null ? 1 : -1;
+      return (x < y) === order.down ? 1 : -1;
     });
     rows.clear();
     seen.disconnect();
