@@ -5,14 +5,15 @@ use std::path::PathBuf;
 use crate::cli::args::recordings;
 use crate::cli::console::outcome::{CommandResult, Outcome};
 use crate::cli::console::print::{say, say_text};
-use crate::cli::console::progress::refit;
+use crate::cli::console::progress::{refit, shown};
 use crate::report::models::{json as models_json, text};
 use crate::report::text::number::error_m;
 use crate::study::models;
 
 /// Fit the current model again after you have edited its file.
 ///
-/// The fit starts from the values in the file, holds those with `fixed = true` and keeps to the bounds there.
+/// The fit starts from the values in the file, holds those with `fixed = true` and keeps to the bounds there. Where it ends above the noise,
+/// it is also tried from the signals, and the better end is kept.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// The model file.
@@ -30,6 +31,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     let before = at.file.current().clone();
     let why = before.refit_words();
     let fit = refit(&mut at, "")?;
+    let fit = shown(&mut at.study, "", |study| study.or_from_signals(fit))?;
     at.append(&fit, &why, None)?;
     if json {
         say!("{}", models_json(&at.file)?);

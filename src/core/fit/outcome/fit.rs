@@ -226,6 +226,14 @@ impl Fit {
         summary(self).evidence_over(&summary(simpler))
     }
 
+    /// Mean square of what it leaves, in units of the sensors' noise.
+    pub fn mean_square(&self) -> f64 {
+        let sensors = || self.runs.iter().flat_map(|r| &r.sensors);
+        let samples = |s: &SensorFit| s.time_s.len() as f64;
+        let square: f64 = sensors().map(|s| samples(s) * (s.rmse_m / s.noise_m).powi(2)).sum();
+        square / sensors().map(samples).sum::<f64>().max(1.0)
+    }
+
     /// RMSE and noise over all runs, m: weighted by their numbers of samples; NaN where there are none.
     pub fn pooled(&self) -> (f64, f64) {
         let weight = |r: &RunFit| r.sensors.iter().map(|s| s.time_s.len()).sum::<usize>() as f64;

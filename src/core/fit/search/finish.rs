@@ -74,20 +74,20 @@ pub(crate) fn finish(ctx: &Calibrator, model: &Model, state: Estimate) -> Result
         }
         reaches *= 2;
     };
+    descend(ctx, model, values, fine)
+}
+
+/// Fits all samples on a grid of so many reaches, and puts the result together.
+pub(crate) fn descend(ctx: &Calibrator, model: &Model, mut values: Vec<f64>, reaches: usize) -> Result<Fit, FitError> {
     // A parameter that is held or known beforehand keeps its name.
     if model.constraints.is_empty() && model.priors.is_empty() {
         model.put_in_order(&mut values);
     }
-    descend(ctx, model, &values, fine)
-}
-
-/// Fits all samples on a grid of so many reaches, and puts the result together.
-pub(crate) fn descend(ctx: &Calibrator, model: &Model, values: &[f64], reaches: usize) -> Result<Fit, FitError> {
     let whole = ctx.whole(reaches);
     let problem = if ctx.options.brief { ctx.passing(model, whole) } else { ctx.problem(model, whole) };
     problem.validate_constraints(&model.constraints)?;
     let limits = Limits { cost_tolerance: POLISH_REDUCTION / problem.samples().max(1) as f64, ..patient(ctx, FINAL) };
-    let solution = polish(ctx, &problem, values, limits)?;
+    let solution = polish(ctx, &problem, &values, limits)?;
     assemble(ctx, &problem, &solution)
 }
 
@@ -126,6 +126,8 @@ fn grid_pull(ctx: &Calibrator, problem: &FitProblem, solution: &Solution, fine: 
 mod tests {
     use crate::fit::problem::test_record::{HDPE, record};
     use crate::fit::search::calibrate::{calibrate, refine};
+    use crate::fit::search::calibrator::Calibrator;
+    use crate::fit::search::finish::descend;
     use crate::fit::search::options::Options;
     use crate::model::RunValues;
     use crate::model::effects::parse_list;
@@ -147,5 +149,23 @@ mod tests {
             let ratio = a.standard_error() / b.standard_error();
             assert!((0.98..1.02).contains(&ratio), "{}: {} {}", a.name, a.standard_error(), b.standard_error());
         }
+    }
+    /// Elements of creep stand in the order of their times, wherever the descent began.
+    #[test]
+    fn elements_end_in_their_order() {
+        let rig = Rig::from_toml(HDPE, "rig.toml").unwrap();
+        let effects = parse_list("viscoelastic-wall:2").unwrap();
+        let run =
+            RunValues { initial_velocity_m_s: 0.5, valve_head_m: 20.0, closing_time_s: 0.05, friction_scale: 1.0 };
+        let runs = [record(&rig, &effects, &[380.0, 0.12, 0.03, 0.35, 0.6], run, 0.05, 3.0)];
+        let options = Options::default();
+        let ctx = Calibrator::new(&rig, &runs, &options, &|_| {}, &effects, None).unwrap();
+        let known = calibrate(&rig, &runs, &effects, &options, &|_| {}).unwrap();
+        let mut exchanged = known.values();
+        exchanged.swap(1, 3);
+        exchanged.swap(2, 4);
+        let fit = descend(&ctx, &ctx.model(&effects), exchanged, known.reaches).unwrap();
+        let time_s = |name: &str| fit.parameter(name).unwrap().value;
+        assert!(time_s("tau1_s") < time_s("tau2_s"), "{} {}", time_s("tau1_s"), time_s("tau2_s"));
     }
 }

@@ -1,13 +1,13 @@
 //! Models that contain others, compared at their ends on the fine grid.
 //!
-//! A model that contains another never ends worse: where a fit leaves more than noise, the models with one effect less are fitted, too, and where one of
-//! them leaves less, the fit goes on from its end. And an element of creep that the coarse grid's own error hid is found on the fine grid: without
+//! A model that contains another should not end worse: where a fit leaves more than noise, the models with one effect less are fitted, too, and where one
+//! of them leaves less, the fit goes on from its end. And an element of creep that the coarse grid's own error hid is found on the fine grid: without
 //! it, the others stand in for it, and what else is fitted moves with them.
 
 use rayon::prelude::*;
 
 use crate::fit::data::run_data::RunData;
-use crate::fit::outcome::fit::{Fit, SensorFit};
+use crate::fit::outcome::fit::Fit;
 use crate::fit::outcome::thresholds::STRONG_EVIDENCE;
 use crate::fit::problem::error::FitError;
 use crate::fit::problem::method::Method;
@@ -39,18 +39,18 @@ pub fn calibrate_nested(
         return Ok(fit);
     }
     for i in 0..effects.len() {
-        if mean_square(&fit) <= SMALLER_ABOVE {
+        if fit.mean_square() <= SMALLER_ABOVE {
             break;
         }
         let (rest, fewer, _) = one_less(rig, runs, &fit.effects, i, options)?;
         let coarse = fit_coarsely(rig, runs, &rest, &fewer)?;
-        if coarse.mean_square > HOPELESS_SMALLER * mean_square(&fit) {
+        if coarse.mean_square > HOPELESS_SMALLER * fit.mean_square() {
             continue;
         }
         let smaller = calibrate_nested(rig, runs, &rest, &fewer, progress)?;
-        if mean_square(&smaller) < mean_square(&fit) {
+        if smaller.mean_square() < fit.mean_square() {
             let on = grown(rig, runs, &fit.effects, &smaller, options, progress, 0.0)?;
-            fit = on.filter(|on| mean_square(on) < mean_square(&fit)).unwrap_or(fit);
+            fit = on.filter(|on| on.mean_square() < fit.mean_square()).unwrap_or(fit);
         }
     }
     let Some(i) = growing(effects).filter(|&i| effects[i].elements.is_none()) else { return Ok(fit) };
@@ -77,11 +77,11 @@ pub fn or_from_signals(
     options: &Options,
     progress: &OnProgress<'_>,
 ) -> Result<Fit, FitError> {
-    if mean_square(&fit) <= SMALLER_ABOVE {
+    if fit.mean_square() <= SMALLER_ABOVE {
         return Ok(fit);
     }
     let anew = calibrate_nested(rig, runs, &fit.effects, options, progress)?;
-    Ok(if mean_square(&anew) < mean_square(&fit) { anew } else { fit })
+    Ok(if anew.mean_square() < fit.mean_square() { anew } else { fit })
 }
 
 /// The bigger model's fit from the smaller one's end, on its grid: with what is new almost absent, or as it usually starts. None where a few
@@ -107,21 +107,12 @@ fn grown(
         Ok(Estimate { values: screened.values(&solution.x), cost: solution.cost })
     };
     let tried = starts.par_iter().map(|values| from(values, SCREENING)).collect::<Result<Vec<_>, _>>()?;
-    let (Some(absent), Some(best)) = (starts.last(), tried.iter().min_by(|a, b| a.cost.total_cmp(&b.cost))) else {
-        return Ok(None);
-    };
+    let best = tried.into_iter().min_by(|a, b| a.cost.total_cmp(&b.cost));
+    let (Some(absent), Some(best)) = (starts.last(), best) else { return Ok(None) };
     if from(absent, EVALUATE_ONLY)?.cost - best.cost < least_gain {
         return Ok(None);
     }
-    descend(&ctx, &model, &best.values, reaches).map(Some)
-}
-
-/// Mean square of what a fit leaves, in units of the sensors' noise.
-fn mean_square(fit: &Fit) -> f64 {
-    let sensors = || fit.runs.iter().flat_map(|r| &r.sensors);
-    let samples = |s: &SensorFit| s.time_s.len() as f64;
-    let square: f64 = sensors().map(|s| samples(s) * (s.rmse_m / s.noise_m).powi(2)).sum();
-    square / sensors().map(samples).sum::<f64>().max(1.0)
+    descend(&ctx, &model, best.values, reaches).map(Some)
 }
 
 #[cfg(test)]
@@ -129,20 +120,26 @@ mod tests {
     use super::*;
     use crate::fit::problem::test_record::{HDPE, record};
     use crate::model::RunValues;
+    use crate::model::constraint::Constraint;
     use crate::model::effects::parse_list;
+
+    /// A record of the plastic pipe with these elements of creep, and its rig.
+    fn plastic(effects: &str, shared: &[f64]) -> (Rig, [RunData; 1]) {
+        let rig = Rig::from_toml(HDPE, "rig.toml").unwrap();
+        let run =
+            RunValues { initial_velocity_m_s: 0.5, valve_head_m: 20.0, closing_time_s: 0.05, friction_scale: 1.0 };
+        let record = record(&rig, &parse_list(effects).unwrap(), shared, run, 0.05, 3.0);
+        (rig, [record])
+    }
 
     /// An elastic model of a plastic pipe follows nothing, so its optima are many; yet no effect beside it makes the end worse.
     #[test]
     fn one_more_effect_never_leaves_more() {
-        let rig = Rig::from_toml(HDPE, "rig.toml").unwrap();
-        let run =
-            RunValues { initial_velocity_m_s: 0.5, valve_head_m: 20.0, closing_time_s: 0.05, friction_scale: 1.0 };
-        let plastic = parse_list("viscoelastic-wall:2").unwrap();
-        let runs = [record(&rig, &plastic, &[380.0, 0.12, 0.03, 0.35, 0.6], run, 0.05, 3.0)];
+        let (rig, runs) = plastic("viscoelastic-wall:2", &[380.0, 0.12, 0.03, 0.35, 0.6]);
         let options = Options { most_reaches: 64, ..Options::default() };
         let left = |effects: &str| {
             let effects = parse_list(effects).unwrap();
-            mean_square(&calibrate_nested(&rig, &runs, &effects, &options, &|_| {}).unwrap())
+            calibrate_nested(&rig, &runs, &effects, &options, &|_| {}).unwrap().mean_square()
         };
         let without = left("none");
         assert!(without > 100.0, "{without}");
@@ -155,24 +152,13 @@ mod tests {
     /// A bound that shuts out the optimum where a fit stands leaves it in a corner; the signals lead elsewhere.
     #[test]
     fn a_fit_in_a_corner_gives_way_to_one_from_the_signals() {
-        let rig = Rig::from_toml(HDPE, "rig.toml").unwrap();
-        let run =
-            RunValues { initial_velocity_m_s: 0.5, valve_head_m: 20.0, closing_time_s: 0.05, friction_scale: 1.0 };
+        let (rig, runs) = plastic("viscoelastic-wall:1", &[380.0, 0.12, 0.03]);
         let effects = parse_list("viscoelastic-wall:1").unwrap();
-        let runs = [record(&rig, &effects, &[380.0, 0.12, 0.03], run, 0.05, 3.0)];
-        let options = Options::default();
-        let still = Options {
-            constraints: vec![crate::model::constraint::Constraint {
-                name: "tau1_s".to_owned(),
-                run: None,
-                lower: 3.0,
-                upper: 3.0,
-            }],
-            ..Options::default()
-        };
+        let held = Constraint { name: "tau1_s".to_owned(), run: None, lower: 3.0, upper: 3.0 };
+        let still = Options { constraints: vec![held], ..Options::default() };
         let corner = calibrate(&rig, &runs, &effects, &still, &|_| {}).unwrap();
-        assert!(mean_square(&corner) > 4.0);
-        let better = or_from_signals(corner, &rig, &runs, &options, &|_| {}).unwrap();
-        assert!(mean_square(&better) < 1.2, "{}", mean_square(&better));
+        assert!(corner.mean_square() > 4.0);
+        let better = or_from_signals(corner, &rig, &runs, &Options::default(), &|_| {}).unwrap();
+        assert!(better.mean_square() < 1.2, "{}", better.mean_square());
     }
 }
