@@ -12,7 +12,7 @@ use crate::signal::faults::{in_words, sensor_faults};
 use crate::signal::levels::temperature_degc;
 use crate::signal::window::used;
 use crate::signal::{Features, SensorFeatures, inspect};
-use crate::storage::import::{NAMELESS, SourceFile, SourceOptions, Track, bind, kind_of};
+use crate::storage::import::{NAMELESS, SourceFile, SourceOptions, Track, bind, is_electric, kind_of};
 use crate::units::{Quantity, UNITS, Unit};
 
 /// Units of a pressure that states none, and up to which median it is taken for each: a laboratory's line has 0.5 to 20 bar.
@@ -82,7 +82,8 @@ fn meant(
     let kind = by_scale
         .or_else(|| kind_of(track).map(|(kind, unit)| (kind, unit.map(Told::given))))
         .or_else(by_place)
-        .or_else(|| Some((kind_of_numbers(&track.series.value)?, None)).filter(|_| nameless));
+        .or_else(|| Some((kind_of_numbers(&track.series.value)?, None)).filter(|_| nameless))
+        .filter(|_| line.is_some() || !track.unit.as_deref().is_some_and(is_electric));
     kind.filter(|_| track.series.value.len() > 1 && !source.ignore.contains(&track.short))
 }
 
@@ -278,7 +279,10 @@ fn free_name(heading: &str, taken: &[DraftSensor]) -> String {
 /// The unit of a column that states none, by its median.
 fn unit_of(track: &Track, kind: SensorKind, level: f64, draft: &Draft) -> Told<Unit> {
     let why = match &track.unit {
-        Some(unit) => format!("the file has it in '{unit}': give its line when it is imported, as in 'P1=250*x-125'"),
+        Some(unit) => format!(
+            "the file has it in '{unit}', which is no unit that is known; its median is {}",
+            significant(level, 4)
+        ),
         None => format!("no unit is stated; its median is {}", significant(level, 4)),
     };
     let area_m2 = std::f64::consts::FRAC_PI_4 * (1e-3 * draft.inner_diameter_mm).powi(2);

@@ -33,7 +33,9 @@ def left(program, recordings, effects):
 def said_of(program, recordings, answer):
     start = answer["start_effects"]
     one, other = answer["hidden"]["effects"]
-    seen = min(left(program, recordings, [*start, one]), left(program, recordings, [*start, other]))
+    seen = left(program, recordings, [*start, one])
+    if seen >= SEEN:
+        seen = min(seen, left(program, recordings, [*start, other]))
     if seen < SEEN:
         return {"seen": seen}
     began = time.time()

@@ -12,6 +12,7 @@ pub mod simulated;
 
 use std::path::{Path, PathBuf};
 
+use crate::diagnose::exchange::exchanged;
 use crate::diagnose::needless::without_needless;
 use crate::diagnose::{Diagnosis, diagnose, diagnose_fit, grow};
 use crate::fit::data::run_data::RunData;
@@ -219,6 +220,21 @@ impl Study {
     /// The fitted model without the effect that it no longer needs, if there is one, and that effect; those that are `kept` stay.
     pub fn without_needless(&self, fit: &Fit, kept: &[Chosen], options: &Options) -> Option<(Fit, Chosen)> {
         without_needless(&self.rig, &self.runs, fit, kept, options, self.watcher())
+    }
+
+    /// The diagnosis of the fitted model without one of its effects, where another one is better in its place, and that effect; those that are
+    /// `settled` stay. The model has `grown` out of a smaller one.
+    ///
+    /// # Errors
+    /// As [`Study::diagnose`].
+    pub fn exchanged(
+        &self,
+        fit: &Fit,
+        settled: &[Chosen],
+        grown: &Fit,
+        options: &Options,
+    ) -> Result<Option<(Diagnosis, Chosen)>> {
+        Ok(exchanged(&self.rig, &self.runs, fit, settled, grown, options, self.watcher())?)
     }
 
     /// The fitted model without one of its effects, refitted from where the rest stands.

@@ -3,6 +3,8 @@
 //! The recordings come from a simulator that shares nothing with this project (recordings/README.md).
 
 use serde_json::Value;
+use surgescope::Study;
+use surgescope::fit::search::options::Options;
 
 use crate::common::{CREEP, LEAK, NOTHING, diagnosis, done, here, parameter, printed, refused, run, text};
 
@@ -80,6 +82,23 @@ fn effects_are_added_until_nothing_is_missing() {
     assert!(text.contains("Missing: viscoelastic-wall") && text.contains("Nothing is missing"), "{text}");
     let stairs = text.split("Models, one after the other:").nth(1).unwrap();
     assert_eq!(stairs.trim().lines().count(), 2, "{stairs}");
+}
+
+/// An effect that was found first and stood in for another gives way to it; one that is settled stays.
+#[test]
+#[ignore = "takes 20 s; CI runs it"]
+fn an_effect_that_stood_in_for_another_is_exchanged() {
+    let study = Study::open([LEAK]).unwrap();
+    let fitted = |effects: &str| study.calibrate(effects).run().unwrap();
+    let (start, wrong) = (fitted("unsteady-friction"), fitted("unsteady-friction,side-branch"));
+    let options = Options::default();
+    let (found, gone) = study.exchanged(&wrong, &start.effects, &start, &options).unwrap().unwrap();
+    assert_eq!(gone.effect.name(), "side-branch");
+    assert_eq!(found.answer_label(), "leak");
+    assert!(found.answer().unwrap().pooled().0 < wrong.pooled().0);
+    assert!(study.exchanged(&wrong, &wrong.effects, &start, &options).unwrap().is_none());
+    let right = found.answer().unwrap();
+    assert!(study.exchanged(right, &start.effects, &start, &options).unwrap().is_none());
 }
 
 #[test]

@@ -200,13 +200,13 @@ fn answers_that_the_record_contradicts_are_named() {
     let folder = logged();
     let asked = |material: &str, length: &str, file: &str| {
         let pipe = ["--material", material, "--length-m", length, "--pipe", "22x1.5"];
-        must(&folder, &[&["rig", "new", "log.csv", "--yes", "-o", file], &pipe[..]].concat()).1
+        must(&folder, &[&["rig", "new", "log.csv", "--yes", "-o", file], &pipe[..]].concat()).0
     };
     let said = asked("copper", "328.1", "feet.toml");
     assert!(said.contains("If its length is 328.1 feet, which are 100.00 m"), "{said}");
     let said = asked("HDPE", "100", "plastic.toml");
     assert!(said.contains("would fit if it were of") && said.contains("copper"), "{said}");
-    assert!(!asked("copper", "100", "right.toml").contains("warning"));
+    assert!(asked("copper", "100", "right.toml").contains("warnings: 0"));
 }
 
 /// Milliamperes are no metres of water, and a logger's heading in Latin-1 is text.
@@ -224,7 +224,7 @@ fn a_table_in_milliamperes_and_latin_1_needs_its_lines_only() {
     let new = [&["rig", "new", "current.csv", "--yes"], &TAPE[..]].concat();
     let (code, _, said) = within(&folder, &new);
     assert!(
-        code == 2 && said.contains("no column looks like a pressure") && said.contains("'CH1 (mA)=x-4 bar'"),
+        code == 2 && said.contains("no column looks like a pressure") && said.contains("'CH1 (mA)=1..5 -> 0..10 bar'"),
         "{said}"
     );
     let lines = ["--scale", "CH1 (mA)=x-4 bar", "--scale", "CH2 (mA)=x-4 bar"];
@@ -249,7 +249,7 @@ fn a_flow_measured_by_hand_is_known_to_the_fit() {
     assert!((velocity / 0.4 - 1.0).abs() < 1e-3, "{velocity}");
     // what a slip of the unit makes is named
     let (_, said) = must(&folder, &[&read[..], &["6.8 L/s", "-o", "wrong.mcap"]].concat());
-    assert!(said.contains("check the unit of the flow"), "{said}");
+    assert!(said.contains("check the units and scales of flow and pressure"), "{said}");
     let (code, _, said) = within(&folder, &[&read[..], &["0.1", "-o", "none.mcap"]].concat());
     assert!(code != 0 && said.contains("0.25 L/s"), "{said}");
     let known = [&["rig", "new", "log.csv", "--yes", "-o", "bare.toml"], &TAPE[..]].concat();
@@ -257,4 +257,111 @@ fn a_flow_measured_by_hand_is_known_to_the_fit() {
     let onto = ["import", "log.csv", "--rig", "bare.toml", "--yes", "--flow", &flow, "-o", "none.mcap"];
     let (code, _, said) = within(&folder, &onto);
     assert!(code != 0 && said.contains("no flow sensor"), "{said}");
+}
+
+/// Types each answer once its question is there; everything that was shown.
+#[cfg(unix)]
+fn typed(command: &mut std::process::Command, answers: &[(&str, &str)]) -> (i32, String) {
+    use std::fs::File;
+    use std::io::{Read as _, Write as _};
+    use std::os::fd::AsFd as _;
+
+    use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
+    let pty = nix::pty::openpty(None, None).unwrap();
+    let mut child = command
+        .stdin(pty.slave.try_clone().unwrap())
+        .stderr(pty.slave)
+        .stdout(std::process::Stdio::null())
+        .spawn()
+        .unwrap();
+    // the command keeps copies of the terminal's end, which would never close
+    command.stdin(std::process::Stdio::null()).stderr(std::process::Stdio::null());
+    let mut screen = File::from(pty.master);
+    let (mut shown, mut since, mut bytes) = (String::new(), 0, [0; 4096]);
+    for (question, answer) in answers {
+        while !shown[since..].contains(question) {
+            let mut readable = [PollFd::new(screen.as_fd(), PollFlags::POLLIN)];
+            let is_asked = poll(&mut readable, PollTimeout::from(60_000_u16)).unwrap() > 0;
+            let n = if is_asked { screen.read(&mut bytes).unwrap_or(0) } else { 0 };
+            assert!(n > 0, "'{question}' was not asked: {shown}");
+            shown += &String::from_utf8_lossy(&bytes[..n]);
+        }
+        since = shown.len();
+        write!(screen, "{answer}\r").unwrap();
+    }
+    // a terminal whose other end is closed is an error on Linux
+    while let Ok(n) = screen.read(&mut bytes)
+        && n > 0
+    {
+        shown += &String::from_utf8_lossy(&bytes[..n]);
+    }
+    (child.wait().unwrap().code().unwrap_or(-1), shown)
+}
+
+#[cfg(unix)]
+#[test]
+fn an_answer_can_be_taken_back() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut command = surgescope(["rig", "new"]);
+    let (code, shown) = typed(
+        command.current_dir(folder.path()),
+        &[
+            ("material of the wall", "steel"),
+            ("length from the supply", "10"),
+            ("size of the pipe", "<"),
+            ("length from the supply", "<"),
+            ("material of the wall", "copper"),
+            ("length from the supply", ""),
+            ("type a number in m", "79"),
+            ("size of the pipe", "22x1.5"),
+            ("what feeds the pipe", ""),
+            ("temperature", "15"),
+            ("closing time", "20 ms"),
+            ("distance from the supply", "60"),
+            ("Enter writes rig.toml", "<"),
+            ("distance from the supply", "79"),
+            ("Enter writes rig.toml", ""),
+        ],
+    );
+    assert_eq!(code, 0, "{shown}");
+    let rig = surgescope::rig::Rig::load(&folder.path().join("rig.toml")).unwrap();
+    assert_eq!((rig.pipes[0].material.as_str(), rig.pipes[0].length_m), ("copper", 79.0));
+    assert_eq!((rig.sensors[0].position_m, rig.fluid.temperature_degc), (79.0, 15.0));
+}
+
+/// Volts that nobody gave a line are no pressure; on a terminal they are asked for, each with its ranges.
+#[cfg(unix)]
+#[test]
+fn a_column_in_volts_is_asked_for_its_ranges() {
+    let folder = logged();
+    let plain = std::fs::read_to_string(folder.path().join("true.csv")).unwrap();
+    let mut table = "sample,ch0_V,ch1_V\n".to_owned();
+    for (i, line) in plain.lines().skip(1).enumerate() {
+        let cells: Vec<f64> = line.split(',').map(|c| c.parse().unwrap()).collect();
+        table += &format!("{i},{:.5},{:.5}\n", 1.0 + 0.2 * cells[1], 1.0 + 0.2 * cells[2]);
+    }
+    std::fs::write(folder.path().join("volts.csv"), table).unwrap();
+    let seconds: Vec<f64> =
+        plain.lines().skip(1).take(2).map(|l| l.split(',').next().unwrap().parse().unwrap()).collect();
+    let rate = format!("{:.0}", 1.0 / (seconds[1] - seconds[0]));
+    let new = [&["rig", "new", "volts.csv", "-o", "volts.toml", "--rate", &rate], &TAPE[..]].concat();
+    let (code, _, said) = within(&folder, &[&new[..], &["--yes", "--sensor", "ch0=100"]].concat());
+    assert!(code == 2 && said.contains("1..5 -> 0..10 bar"), "{said}");
+    let (code, shown) = typed(
+        surgescope(&new).current_dir(folder.path()),
+        &[
+            ("ch0_V", "twice"),
+            ("write it like", "1..5 -> 0..20 bar"),
+            ("ch1_V", "1..5 -> 0..20 bar"),
+            ("what feeds the pipe", ""),
+            ("flow before the closure", ""),
+            ("closing time", ""),
+            ("distance from the supply", ""),
+            ("distance from the supply", ""),
+            ("Enter writes volts.toml", ""),
+        ],
+    );
+    assert!(code == 0 && shown.contains("--scale 'ch0_V=5*x-5 bar'"), "{shown}");
+    let rig = surgescope::rig::Rig::load(&folder.path().join("volts.toml")).unwrap();
+    assert!((rig.sensors[0].position_m - 100.0).abs() < 1e-9 && (rig.sensors[1].position_m - 40.0).abs() < 3.0);
 }

@@ -367,7 +367,7 @@ fn numbers_that_cannot_all_be_right_are_doubted_and_others_are_not() {
         recording
     };
     one(&flow(0.7), &["Joukowsky", "the flow reads too low"]);
-    one(&flow(1.0 / 3.6), &["Joukowsky", "the unit of the flow"]);
+    one(&flow(1.0 / 3.6), &["Joukowsky", "the units and scales of flow"]);
     one(&flow(0.1), &["which no water pipe has"]);
     one(&flow(2.0), &["Joukowsky", "whether the valve closed fully"]);
     assert_eq!(said(&flow(1.3)), Vec::<String>::new(), "creep and leaks lower the first rise");

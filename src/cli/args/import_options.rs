@@ -29,9 +29,10 @@ pub struct ForeignArgs {
     /// Samples per second, where a column counts samples instead of giving times.
     #[arg(long, value_name = "HZ", value_parser = positive, allow_negative_numbers = true)]
     pub rate: Option<f64>,
-    /// What a column's numbers stand for, in a unit or in the sensor's: 'P1=250*x-125 kPa' for a transducer of 0.5 to 4.5 V.
+    /// What a column's numbers stand for, in a unit or in the sensor's: 'P1=0.5..4.5 -> 0..1000 kPa' for a transducer of 0.5 to 4.5 V, or its
+    /// line, 'P1=250*x-125 kPa'.
     #[arg(long, value_name = "SENSOR=A*x+B", value_parser = scale)]
-    scale: Vec<(String, Line)>,
+    pub scale: Vec<(String, Line)>,
     /// Flow before the closure, where it was measured by hand (bucket and clock): '0.25 L/s'. It becomes a reading of the rig's flow sensor.
     #[arg(long, value_name = "FLOW", value_parser = flow)]
     pub flow: Option<(f64, Unit)>,
@@ -95,27 +96,46 @@ fn mapping(text: &str) -> Result<(String, String), String> {
     }
 }
 
-/// `P1=250*x-125 kPa`, `P1=0.03*x`, `P1=x-2`.
+/// `P1=250*x-125 kPa`, `P1=0.03*x`, `P1=x-2`, `P1=1..5 -> 0..10 bar`.
 fn scale(text: &str) -> Result<(String, Line), String> {
-    let wrong = || format!("'{text}': write it like 'P1=250*x-125' or 'P1=250*x-125 kPa'");
+    let wrong = || format!("'{text}': write it like 'P1=1..5 -> 0..10 bar' or 'P1=2.5*x-2.5 bar'");
     let (name, line) = text.rsplit_once('=').ok_or_else(wrong)?;
+    let line = transducer(line).ok_or_else(wrong)?;
+    if name.trim().is_empty() { Err(wrong()) } else { Ok((name.trim().to_owned(), line)) }
+}
+
+/// The line of a transducer, with its unit behind it: `250*x-125 kPa`, or by its two ranges, `1..5 -> 0..10 bar`.
+pub fn transducer(text: &str) -> Option<Line> {
     let is_unit = |word: &str| word.starts_with(|c: char| c.is_alphabetic() && c != 'x');
-    let (line, unit) = line.trim().rsplit_once(' ').filter(|(_, word)| is_unit(word)).unwrap_or((line, ""));
+    let (line, unit) = text.trim().rsplit_once(' ').filter(|(_, word)| is_unit(word)).unwrap_or((text, ""));
     let quantities = [Quantity::Pressure, Quantity::Flow, Quantity::Temperature];
     let unit = match unit {
         "" => None,
-        unit => Some(quantities.into_iter().find_map(|q| spelled_unit(unit, q)).ok_or_else(wrong)?),
+        unit => Some(quantities.into_iter().find_map(|q| spelled_unit(unit, q))?),
     };
     let line = line.replace(' ', "");
-    let (factor, rest) = line.split_once('x').ok_or_else(wrong)?;
-    let scale = match factor.trim_end_matches('*') {
-        "" | "+" => 1.0,
-        "-" => -1.0,
-        number => number.parse().map_err(|_| wrong())?,
+    let (scale, offset) = match line.split_once("->") {
+        Some((from, to)) => {
+            let number = |text: &str| text.trim_end_matches(char::is_alphabetic).parse::<f64>().ok();
+            let ends = |range: &str| {
+                let (low, high) = range.split_once("..")?;
+                Some((number(low)?, number(high)?))
+            };
+            let ((low, high), (least, most)) = (ends(from)?, ends(to)?);
+            let scale = (most - least) / (high - low);
+            (scale, least - scale * low)
+        }
+        None => {
+            let (factor, rest) = line.split_once('x')?;
+            let scale = match factor.trim_end_matches('*') {
+                "" | "+" => 1.0,
+                "-" => -1.0,
+                number => number.parse().ok()?,
+            };
+            (scale, if rest.is_empty() { 0.0 } else { rest.parse().ok()? })
+        }
     };
-    let offset = if rest.is_empty() { 0.0 } else { rest.parse().map_err(|_| wrong())? };
-    let usable = f64::is_finite(scale) && f64::is_finite(offset) && scale != 0.0 && !name.trim().is_empty();
-    usable.then(|| (name.trim().to_owned(), Line { scale, offset, unit })).ok_or_else(wrong)
+    (f64::is_finite(scale) && f64::is_finite(offset) && scale != 0.0).then_some(Line { scale, offset, unit })
 }
 
 /// `0.25 L/s`.

@@ -135,15 +135,24 @@ fn diagnosed(args: Args, json: bool) -> CommandResult {
     // The first that concerns a parameter counts: the command line goes before the file.
     options.constraints.splice(0..0, held.into_iter().flatten());
     let start = effects.clone();
+    // the effects of the start model, and those found last, which were compared with their rivals beside all others
+    let mut settled = start.clone();
     let mut models: Vec<(String, Fit)> = Vec::new();
     let mut diagnoses: Vec<Diagnosis> = Vec::new();
     let mut unsaved = None;
     for _ in 0..=MOST_ADDED {
         // what was added is fitted
-        let found = shown(&mut study, "", |study| match models.last() {
+        let mut found = shown(&mut study, "", |study| match models.last() {
             Some((_, fit)) => study.diagnose_next(fit.clone(), Some(&models[0].1), &effects, &options),
             None => study.diagnose_model(&effects, &options),
         })?;
+        if let (None, Some((_, fit))) = (found.answer(), models.last())
+            && let Some((other, gone)) =
+                shown(&mut study, "", |study| study.exchanged(fit, &settled, &models[0].1, &options))?
+        {
+            tell!("{} stood in for {} and is exchanged", gone.label(), other.answer_label());
+            diagnoses.push(::std::mem::replace(&mut found, other));
+        }
         if models.is_empty() {
             models.push((title(&found.start.effects), found.start.clone()));
         }
@@ -171,9 +180,10 @@ fn diagnosed(args: Args, json: bool) -> CommandResult {
         models.push((title(&fit.effects), fit.clone()));
         // what was just added has its evidence
         let is_new = |c: &&Chosen| effects.iter().all(|known| known.effect.name() != c.effect.name());
-        let kept: Vec<Chosen> = start.iter().chain(fit.effects.iter().filter(is_new)).cloned().collect();
+        settled = start.iter().chain(fit.effects.iter().filter(is_new)).cloned().collect();
         while args.until_done
-            && let Some((smaller, gone)) = shown(&mut study, "", |study| study.without_needless(&fit, &kept, &options))
+            && let Some((smaller, gone)) =
+                shown(&mut study, "", |study| study.without_needless(&fit, &settled, &options))
         {
             tell!("{} is no longer needed and is taken out", gone.label());
             if let Some(file) = &mut file {

@@ -1,38 +1,124 @@
 //! Questions on the terminal. All are lines of text: what is typed can be corrected, and Ctrl-C leaves the terminal as it was.
 
+use std::cell::{Cell, RefCell};
+
 use dialoguer::Input;
 
 use crate::cli::console::numbers::measure;
 
 type AnyError = Box<dyn std::error::Error + Send + Sync>;
 
-/// A line that `parse` takes; it is asked again until then. Enter alone gives the usual answer.
-pub fn line<T>(question: &str, usual: Option<&str>, parse: impl Fn(&str) -> Result<T, String>) -> Result<T, AnyError> {
+/// What takes the last answer back.
+pub const BACK: &str = "<";
+
+/// The last answer was taken back: the questions are asked again from the first, and those before it answer themselves.
+#[derive(Debug, thiserror::Error)]
+#[error("one question back")]
+pub struct Back;
+
+/// Questions one after the other, of which each may depend on the answers before it.
+#[derive(Default)]
+pub struct Dialogue {
+    answers: RefCell<Vec<String>>,
+    next: Cell<usize>,
+}
+
+impl Dialogue {
+    /// Asks until `questions` are answered, the last one again where it was taken back.
+    ///
+    /// # Errors
+    /// Those of the questions, but [`Back`].
+    pub fn ask<T>(&self, questions: impl Fn() -> Result<T, AnyError>) -> Result<T, AnyError> {
+        loop {
+            self.next.set(0);
+            match questions() {
+                Err(error) if error.is::<Back>() => {}
+                answered => return answered,
+            }
+        }
+    }
+
+    /// Whether the next question is a new one.
+    pub fn is_new(&self) -> bool {
+        self.next.get() == self.answers.borrow().len()
+    }
+
+    /// A line that `parse` takes; it is asked again until then. Enter alone gives the usual answer.
+    ///
+    /// # Errors
+    /// [`Back`]; a terminal that is gone.
+    pub fn line<T>(
+        &self,
+        question: &str,
+        usual: Option<&str>,
+        parse: impl Fn(&str) -> Result<T, String>,
+    ) -> Result<T, AnyError> {
+        if self.is_new() {
+            let text = typed(question, usual, |text| if text == BACK { Ok(()) } else { parse(text).map(drop) })?;
+            if text == BACK {
+                self.answers.borrow_mut().pop();
+                return Err(Back.into());
+            }
+            self.answers.borrow_mut().push(text);
+        }
+        let answers = self.answers.borrow();
+        let text = &answers[self.next.replace(self.next.get() + 1)];
+        Ok(parse(text)?)
+    }
+
+    /// A number within a range, in `unit` or with another one behind it.
+    ///
+    /// # Errors
+    /// As [`Dialogue::line`].
+    pub fn number(&self, question: &str, unit: &str, usual: Option<f64>, range: [f64; 2]) -> Result<f64, AnyError> {
+        self.line(question, usual.map(|v| v.to_string()).as_deref(), within(unit, range))
+    }
+}
+
+fn typed(
+    question: &str,
+    usual: Option<&str>,
+    check: impl Fn(&str) -> Result<(), String>,
+) -> Result<String, dialoguer::Error> {
     let input = Input::<String>::new().with_prompt(question).allow_empty(true);
     let input = match usual {
         Some(usual) => input.default(usual.to_owned()),
         None => input,
     };
-    let text = input.validate_with(|text: &String| parse(text.trim()).map(drop)).interact_text()?;
-    Ok(parse(text.trim())?)
+    let text = input.validate_with(|text: &String| check(text.trim())).interact_text()?;
+    Ok(text.trim().to_owned())
 }
 
-/// A number within a range, in `unit` or with another one behind it.
-pub fn number(question: &str, unit: &str, usual: Option<f64>, [low, high]: [f64; 2]) -> Result<f64, AnyError> {
-    let within = |text: &str| match measure(text, unit) {
-        _ if text.is_empty() => Err("nothing was written".to_owned()),
+fn within(unit: &str, [low, high]: [f64; 2]) -> impl Fn(&str) -> Result<f64, String> {
+    move |text| match measure(text, unit) {
+        _ if text.is_empty() => Err(format!("type a number in {unit}")),
         Ok(value) if (low..=high).contains(&value) => Ok(value),
         Ok(_) => Err(format!("it must be from {low} to {high} {unit}")),
         Err(error) => Err(error),
-    };
-    line(question, usual.map(|v| v.to_string()).as_deref(), within)
+    }
+}
+
+/// A number, of which no other answer depends.
+///
+/// # Errors
+/// A terminal that is gone.
+pub fn number(question: &str, unit: &str, range: [f64; 2]) -> Result<f64, AnyError> {
+    let parse = within(unit, range);
+    Ok(parse(&typed(question, None, |text| parse(text).map(drop))?)?)
 }
 
 /// Yes or no; Enter alone is yes.
+///
+/// # Errors
+/// A terminal that is gone.
 pub fn agreed(question: &str) -> Result<bool, AnyError> {
-    line(&format!("{question} (yes or no)"), Some("yes"), |text| match text.to_lowercase().as_str() {
+    Ok(yes_or_no(&typed(&format!("{question} (yes or no)"), Some("yes"), |text| yes_or_no(text).map(drop))?)?)
+}
+
+fn yes_or_no(text: &str) -> Result<bool, String> {
+    match text.to_lowercase().as_str() {
         "y" | "yes" => Ok(true),
         "n" | "no" => Ok(false),
         _ => Err("write yes or no".into()),
-    })
+    }
 }

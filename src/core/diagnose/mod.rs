@@ -14,6 +14,7 @@ pub mod candidate;
 pub(crate) mod candidate_fit;
 pub(crate) mod circumstances;
 pub mod evidence;
+pub mod exchange;
 pub(crate) mod fallback_search;
 pub mod limits;
 pub mod needless;
@@ -39,8 +40,8 @@ use crate::diagnose::evidence::{EvidenceScale, probabilities};
 use crate::diagnose::fallback_search::search_on;
 pub use crate::diagnose::limits::NEGLIGIBLE_EVIDENCE;
 use crate::diagnose::limits::{
-    CONVERGE_BELOW, EXPLAINED_OVER_NOISE, FULL_FITS, INDISTINGUISHABLE, LEAST_EVIDENCE, LEAST_FORECAST,
-    NO_FULL_FIT_ABOVE, PRIOR_ODDS_OF_PAIR, START_DOUBTFUL, WANTED_ODDS,
+    AS_FAST, CONVERGE_BELOW, EXPLAINED_OVER_NOISE, FULL_FITS, INDISTINGUISHABLE, LEAST_EVIDENCE, LEAST_FORECAST,
+    NO_FULL_FIT_ABOVE, PRIOR_ODDS_OF_PAIR, RIG_FILE_IS_WRONG, START_DOUBTFUL, WANTED_ODDS,
 };
 use crate::diagnose::next::in_words;
 pub use crate::diagnose::outcome::{Candidate, Diagnosis, Pair, RivalPair, Verdict};
@@ -53,13 +54,14 @@ use crate::diagnose::warnings::warnings;
 use crate::fit::data::run_data::RunData;
 use crate::fit::outcome::fit::Fit;
 use crate::fit::problem::error::FitError;
+use crate::fit::problem::fit_problem::{FitProblem, Window};
 use crate::fit::progress::{OnProgress, Progress};
 use crate::fit::search::calibrate::calibrate;
 use crate::fit::search::options::Options;
-use crate::fit::validate::conflict::{at_bounds, conflicts, faded_noise};
+use crate::fit::validate::conflict::{at_bounds, conflicts, faded_noise, moved_sensors};
 use crate::fit::validate::held_out::held_out_m;
-use crate::model::check_sensors;
 use crate::model::effects::{Chosen, SHOWN};
+use crate::model::{Model, check_sensors};
 use crate::rig::Rig;
 
 /// Diagnoses `runs` of a rig, starting from a model with `effects`. `progress` receives a few words on each step.
@@ -130,7 +132,14 @@ pub fn diagnose_fit(
         candidates.iter_mut().filter(in_pair).for_each(|c| c.probability += share);
     }
     candidates.sort_by(|a, b| b.probability.total_cmp(&a.probability));
-    let (verdict, other) = verdict::verdict(over_noise(&start, runs), &candidates, pair.as_ref(), shown);
+    let (mut verdict, mut other) = verdict::verdict(over_noise(&start, runs), &candidates, pair.as_ref(), shown);
+    // An answer that takes a faster wave than the pipe of the rig file can have makes up for a wrong length, wall or material.
+    let answered = pair.as_ref().map(|p| &p.fit).or(candidates.first().and_then(|c| c.fit.as_ref()));
+    let rig_file_is_wrong =
+        verdict == Verdict::MissingEffect && answered.is_some_and(|fit| is_too_fast(rig, runs, fit));
+    if rig_file_is_wrong {
+        (verdict, other) = (Verdict::UnknownEffect, other.max(RIG_FILE_IS_WRONG));
+    }
     // The effects of the catalogue share the rest of the probability.
     let none = (1.0 - shares.iter().sum::<f64>()).max(0.0) * (1.0 - other);
     candidates.iter_mut().for_each(|c| c.probability *= 1.0 - other);
@@ -142,10 +151,18 @@ pub fn diagnose_fit(
         Verdict::NothingMissing => none,
         Verdict::UnknownEffect => other,
     };
+    let mut warnings = warnings(rig, runs, &start, effects, options);
+    if rig_file_is_wrong {
+        warnings.push(
+            "the wave is faster than the rig file's pipe allows, whichever effect is added, and no effect makes a wave faster: correct the pipe's \
+             length, wall or material in the rig file"
+                .into(),
+        );
+    }
     let mut diagnosis = Diagnosis {
         verdict,
         probability,
-        warnings: warnings(rig, runs, &start, effects, options),
+        warnings,
         residual_patterns: residual_patterns(&start).into_iter().map(|p| p.sentence).collect(),
         candidates,
         pair,
@@ -357,6 +374,19 @@ fn is_shown(baseline: &Baseline, candidate_fits: &[CandidateFit]) -> bool {
     candidate_fits.first().is_some_and(|r| r.odds(&baseline.known) >= SHOWN)
 }
 
+/// Whether a wave gets through the model of the fit in the least time that the rig file's pipes allow, or less.
+fn is_too_fast(rig: &Rig, runs: &[RunData], fit: &Fit) -> bool {
+    let Some(first) = runs.first() else { return false };
+    let water = &first.conditions.water;
+    let model = Model::new(rig, water, &fit.effects);
+    let problem = FitProblem::new(&model, runs, Window { reaches: fit.reaches, horizon_s: f64::INFINITY, stride: 1 });
+    let values = fit.values();
+    let run = problem.run_values(0, &values);
+    let travel_s = model.travel_s(&first.conditions, &values[..model.shared.len()], &run);
+    let least_s: f64 = rig.pipes.iter().map(|pipe| pipe.length_m / pipe.wave_speed_start(water).2).sum();
+    travel_s.is_ok_and(|travel_s| travel_s.iter().sum::<f64>() < AS_FAST * least_s)
+}
+
 /// Adds to the diagnosis of a missing effect: how well the effect predicts the end of the records, and the test that would
 /// tell it from the candidate that the data cannot tell it from.
 fn explain(fitter: &FullFitter, baseline: &Baseline, candidate_fits: &[CandidateFit], diagnosis: &mut Diagnosis) {
@@ -372,7 +402,10 @@ fn explain(fitter: &FullFitter, baseline: &Baseline, candidate_fits: &[Candidate
     let faded = diagnosis.answer().map(faded_noise).filter(|_| faded_noise(&diagnosis.start).is_empty());
     diagnosis.warnings.extend(faded.into_iter().flatten());
     // The noise may be reached with a velocity that contradicts the meter, or with a level that no gauge has: it is then the wrong scale that fits.
-    let doubts = diagnosis.answer().map_or(Vec::new(), |fit| [conflicts(fit, fitter.runs), at_bounds(fit)].concat());
+    let doubts = diagnosis.answer().map_or(Vec::new(), |fit| {
+        let moved = if fit.converged { moved_sensors(fit) } else { Vec::new() };
+        [conflicts(fit, fitter.runs), at_bounds(fit), moved].concat()
+    });
     let new: Vec<String> = doubts.into_iter().filter(|doubt| !diagnosis.warnings.contains(doubt)).collect();
     diagnosis.warnings.extend(new.into_iter().map(|doubt| format!("with {effect}: {doubt}")));
     if diagnosis.predicts_worse() {

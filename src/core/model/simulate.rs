@@ -21,6 +21,19 @@ use crate::rig::{Pipe, Regime, Upstream};
 const MOST_FRICTION_SHARE: f64 = 0.02;
 
 impl Model<'_> {
+    /// Travel times of a wave through the pipes, and through the sections that effects make of them, from the supply on, s.
+    ///
+    /// # Errors
+    /// If a value is outside its physical range.
+    pub fn travel_s(&self, conditions: &Conditions, shared: &[f64], run: &RunValues) -> Result<Vec<f64>, ModelError> {
+        self.check(shared, run)?;
+        let mut stretches = self.stretches(conditions, shared, run, 0.0);
+        for (chosen, values) in self.chosen(shared) {
+            chosen.effect.reshape(values, &mut stretches)?;
+        }
+        Ok(stretches.iter().map(|s| s.length_m / s.wave_speed_m_s).collect())
+    }
+
     /// Fewest reaches at which no pipe, and no section that an effect makes of one, is shorter than a reach. With
     /// fewer, a simulation still runs and lumps short sections with their neighbours, because a fit moves them about.
     ///
@@ -32,13 +45,7 @@ impl Model<'_> {
         shared: &[f64],
         run: &RunValues,
     ) -> Result<usize, ModelError> {
-        self.check(shared, run)?;
-        let mut stretches = self.stretches(conditions, shared, run, 0.0);
-        for (chosen, values) in self.chosen(shared) {
-            chosen.effect.reshape(values, &mut stretches)?;
-        }
-        let travel_s: Vec<f64> = stretches.iter().map(|s| s.length_m / s.wave_speed_m_s).collect();
-        Ok(reaches::least_reaches(&travel_s))
+        Ok(reaches::least_reaches(&self.travel_s(conditions, shared, run)?))
     }
 
     /// Simulates one run: the reading of each probe, in time after the start of the closure.

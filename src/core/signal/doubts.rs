@@ -29,9 +29,10 @@ pub fn doubts(rig: &Rig, features: &Features) -> Vec<String> {
     {
         found.push(format!(
             "the wave takes {} from sensor to sensor, but {} to the supply and back: is a sensor's clock \
-             shifted (clock-skew), a position or the pipe's length wrong in the rig file, or is there air, which rounds the front?",
+             shifted (clock-skew), a position or the pipe's length wrong in the rig file, or is there air, which rounds the front?{}",
             shown(a),
-            shown(c)
+            shown(c),
+            fitting_place(rig, &features.sensors, c.value)
         ));
     }
     if let Some(j) = speeds.joukowsky {
@@ -90,6 +91,23 @@ pub fn doubts(rig: &Rig, features: &Features) -> Vec<String> {
     found
 }
 
+/// Where the last sensor would stand for its front to come with the wave that swings in the pipe.
+fn fitting_place(rig: &Rig, sensors: &[SensorFeatures], speed_m_s: f64) -> String {
+    let mut fronts: Vec<(f64, &SensorFeatures)> =
+        sensors.iter().filter_map(|s| Some((s.front_arrival_s?.value, s))).collect();
+    fronts.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let [(first_s, first), .., (last_s, last)] = fronts[..] else { return String::new() };
+    let place_m = first.position_m - speed_m_s * (last_s - first_s);
+    if !(0.0..=rig.length_m()).contains(&place_m) {
+        return String::new();
+    }
+    let from_valve_m = rig.length_m() - last.position_m;
+    if (place_m - from_valve_m).abs() < SAME_PLACE * rig.length_m() {
+        return format!(" {} at {from_valve_m} m would fit: was its place counted from the valve?", last.name);
+    }
+    format!(" {} at {} m would fit.", last.name, significant(place_m, 3))
+}
+
 /// Below a vacuum there is no pressure; a little more passes for a transducer that rings.
 fn doubt_vacuum(rig: &Rig, sensor: &SensorFeatures) -> Option<String> {
     let lowest = sensor.extrema.iter().map(|e| e.head_m).min_by(f64::total_cmp)? - rig.elevation_m(sensor.position_m);
@@ -100,6 +118,9 @@ fn doubt_vacuum(rig: &Rig, sensor: &SensorFeatures) -> Option<String> {
         )
     })
 }
+
+/// Two places within this share of the length may be the same.
+const SAME_PLACE: f64 = 0.03;
 
 /// The standard atmosphere as a head of water, m.
 const ATMOSPHERE_M: f64 = 10.33;
@@ -130,14 +151,14 @@ fn doubt_joukowsky(j: Estimate, crossings: Option<Estimate>) -> Option<String> {
     );
     if ratio > 1.0 + SAME_SPEED {
         return Some(format!(
-            "{values}: the flow reads too low or the pressure too high; check the unit of the flow, the inner diameter, the gain, and that the times \
-             are in seconds"
+            "{values}: the flow reads too low or the pressure too high; check the units and scales of flow and pressure, the inner diameter, and that \
+             the times are in seconds"
         ));
     }
     (ratio < 1.0 - LOW_JOUKOWSKY).then(|| {
         format!(
-            "{values}: more than creep or a leak can explain; check the unit of the flow, the inner diameter, and whether the valve \
-             closed fully; air beside it does the same"
+            "{values}: more than creep or a leak can explain; check the units and scales of flow and pressure, the inner diameter, and whether the \
+             valve closed fully; air beside it does the same"
         )
     })
 }

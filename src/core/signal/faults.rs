@@ -57,13 +57,25 @@ impl SensorFault {
     }
 }
 
-/// Faults in a sentence each, with what to do.
+/// Faults in a sentence each, with what to do. What is said of several sensors alike is said once.
 pub fn in_words(faults: &[SensorFault]) -> String {
-    let one = |f: &SensorFault| format!("sensor {} is {}: {}", f.sensor, f.fault.words(), f.says);
-    let forbidding: Vec<&str> = faults.iter().filter(|f| f.forbids_a_fit()).map(|f| f.sensor.as_str()).collect();
-    let mut words = faults.iter().map(one).collect::<Vec<_>>().join("; ");
-    if !forbidding.is_empty() {
-        words += &format!(". Mend it, or leave it out with option `ignore` {}", forbidding.join(","));
+    let mut alike: Vec<(Vec<&str>, &SensorFault)> = Vec::new();
+    for fault in faults {
+        match alike.iter_mut().find(|(_, one)| one.fault == fault.fault && one.says == fault.says) {
+            Some((sensors, _)) => sensors.push(&fault.sensor),
+            None => alike.push((vec![&fault.sensor], fault)),
+        }
+    }
+    let one = |(sensors, fault): &(Vec<&str>, &SensorFault)| match sensors[..] {
+        [sensor] => format!("sensor {sensor} is {}: {}", fault.fault.words(), fault.says),
+        _ => format!("sensors {} are {}: {}", sensors.join(", "), fault.fault.words(), fault.says),
+    };
+    let mut words = alike.iter().map(one).collect::<Vec<_>>().join("; ");
+    // What all have in common is no sensor's own.
+    let own = alike.iter().filter(|(sensors, fault)| sensors.len() == 1 && fault.forbids_a_fit());
+    let own: Vec<&str> = own.map(|(_, fault)| fault.sensor.as_str()).collect();
+    if !own.is_empty() {
+        words += &format!(". Mend it, or leave it out with option `ignore` {}", own.join(","));
     }
     words
 }
@@ -78,7 +90,7 @@ impl Fault {
             Fault::Inverted => "inverted",
             Fault::Swapped => "swapped with another",
             Fault::WrongUnit => "in a wrong unit",
-            Fault::WrongTimeUnit => "on times in a wrong unit",
+            Fault::WrongTimeUnit => "on wrong times, or at a wrong place",
             Fault::Coarse => "coarse",
         }
     }
@@ -153,9 +165,8 @@ struct Scene<'a> {
 impl<'a> Scene<'a> {
     fn new(recording: &'a Recording, stations: &'a [Station], temperature_degc: f64) -> Self {
         let rig = &recording.rig;
-        let water = rig.fluid.properties(temperature_degc);
-        let travel_s: f64 = rig.pipes.iter().map(|p| p.length_m / p.wave_speed_start(&water).0).sum();
-        Scene { recording, rig, stations, speed_m_s: rig.length_m() / travel_s, density_kg_m3: water.density_kg_m3 }
+        let density_kg_m3 = rig.fluid.properties(temperature_degc).density_kg_m3;
+        Scene { recording, rig, stations, speed_m_s: nominal_speed_m_s(rig, temperature_degc), density_kg_m3 }
     }
 
     fn name(&self, station: &Station) -> &'a str {
@@ -346,7 +357,7 @@ impl<'a> Scene<'a> {
             Some((
                 i,
                 format!(
-                    "by its times the wave travels at {} m/s, where this pipe has about {:.0} m/s",
+                    "by its times and its place the wave travels at {} m/s, where this pipe has about {:.0} m/s",
                     significant(speed, 3),
                     self.speed_m_s
                 ),
@@ -397,8 +408,8 @@ impl<'a> Scene<'a> {
     }
 }
 
-/// What the flow says of all pressures at once: every sensor in a wrong unit, where the rise over the velocity gives a wave speed that is off
-/// by a factor between units.
+/// What the flow says of all pressures at once, where the rise over the velocity gives a wave speed that is off by a factor between units: units or
+/// times are wrong, and where the pipe should have the speed of the rise, it is the times.
 fn unit_by_flow(rig: &Rig, features: &Features) -> Vec<SensorFault> {
     let speeds = &features.wave_speed;
     let (Some(rise), Some(wave)) = (speeds.joukowsky, speeds.crossings) else { return Vec::new() };
@@ -406,12 +417,32 @@ fn unit_by_flow(rig: &Rig, features: &Features) -> Vec<SensorFault> {
     if factor < OTHER_UNIT && factor * OTHER_UNIT > 1.0 {
         return Vec::new();
     }
-    let says = format!(
-        "the first rise is {} times what the flow makes: the unit of the pressures or of the flow is wrong",
-        significant(factor, 2)
-    );
+    let speed_m_s = nominal_speed_m_s(rig, features.temperature_degc);
+    let (of_rise, of_wave) = ((rise.value / speed_m_s).ln().abs(), (wave.value / speed_m_s).ln().abs());
+    let (fault, says) = if of_rise < of_wave {
+        let says = format!(
+            "by the times the wave travels at {} m/s, but by the first rise and the flow at {}, and this pipe has about {:.0} m/s: the rate of the \
+             samples, the unit of the times or the length of the pipe is wrong",
+            significant(wave.value, 3),
+            significant(rise.value, 3),
+            speed_m_s
+        );
+        (Fault::WrongTimeUnit, says)
+    } else {
+        let says = format!(
+            "the first rise is {} times what the flow makes: the unit or the scale of the pressures or of the flow is wrong",
+            significant(factor, 2)
+        );
+        (Fault::WrongUnit, says)
+    };
     let pressure = rig.pressure_sensors();
-    pressure.map(|(_, s)| SensorFault { sensor: s.name.clone(), fault: Fault::WrongUnit, says: says.clone() }).collect()
+    pressure.map(|(_, s)| SensorFault { sensor: s.name.clone(), fault, says: says.clone() }).collect()
+}
+
+/// Nominal wave speed, mean over the pipes, m/s.
+fn nominal_speed_m_s(rig: &Rig, temperature_degc: f64) -> f64 {
+    let water = rig.fluid.properties(temperature_degc);
+    rig.length_m() / rig.pipes.iter().map(|p| p.length_m / p.wave_speed_start(&water).0).sum::<f64>()
 }
 
 /// Start and length of each run of equal values.

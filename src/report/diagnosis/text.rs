@@ -162,8 +162,11 @@ const SHOWN: usize = 5;
 pub fn text(diagnosis: &Diagnosis) -> String {
     let (rmse_m, noise_m) = diagnosis.start.pooled();
     let model = name_of(&diagnosis.start.effects);
-    let held =
-        if diagnosis.start_is_held() { " (held to what the instruments say; a free fit leaves less)" } else { "" };
+    let held = if diagnosis.start_is_held() {
+        " (kept near what the instruments read; a free fit leaves less, with values that they contradict)"
+    } else {
+        ""
+    };
     let mut out = format!("{model}: RMSE {} m, noise {} m{held}\n", error_m(rmse_m), error_m(noise_m));
     for sentence in &diagnosis.residual_patterns {
         let _ = writeln!(out, "  {sentence}");
@@ -184,7 +187,10 @@ pub fn text(diagnosis: &Diagnosis) -> String {
             let nearest = nearest
                 .map_or(String::new(), |c| format!("; the nearest, {}, leaves {} m", c.effect, error_m(c.rmse_m)));
             let p = probability(diagnosis.probability);
-            writeln!(out, "\nSomething is missing that no effect of the catalogue explains (probability {p}){nearest}.")
+            writeln!(
+                out,
+                "\nSomething is missing that no effect of the catalogue explains (probability {p}){nearest}.\nCheck the rig file first: a wrong length, wall, bore or place of a sensor looks alike."
+            )
         }
         (Verdict::UnknownEffect, None) => {
             writeln!(out, "\nSomething is missing that no effect of the catalogue explains.")

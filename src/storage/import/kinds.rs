@@ -50,6 +50,11 @@ pub(crate) fn is_unit(name: &str, text: &str) -> bool {
     pressure_unit(name, text).is_some() || other.into_iter().any(|quantity| spelled_unit(text, quantity).is_some())
 }
 
+/// What a logger measures before a transducer's line makes a pressure of it: volts or milliamperes.
+pub fn is_electric(unit: &str) -> bool {
+    matches!(unit, "V" | "mV" | "mA" | "Volt" | "Volts" | "volt" | "volts")
+}
+
 /// What a track measures and its unit, where either its unit or its name says so.
 pub fn kind_of(track: &Track) -> Option<(SensorKind, Option<Unit>)> {
     let kinds = [SensorKind::Pressure, SensorKind::Flow, SensorKind::Temperature];
@@ -62,7 +67,12 @@ pub fn kind_of(track: &Track) -> Option<(SensorKind, Option<Unit>)> {
     if let Some((kind, unit)) = by_unit {
         return Some((kind, Some(unit)));
     }
-    let name = track.short.to_lowercase();
+    kind_of_name(&track.short).map(|kind| (kind, None))
+}
+
+/// What a name says that its column measures.
+pub(crate) fn kind_of_name(name: &str) -> Option<SensorKind> {
+    let name = name.to_lowercase();
     let said = |words: &[&str]| words.iter().any(|w| name.contains(w));
     let lettered = |letters: &str| {
         let mut chars = name.chars();
@@ -73,7 +83,7 @@ pub fn kind_of(track: &Track) -> Option<(SensorKind, Option<Unit>)> {
     let worded = quantities.iter().find(|(_, words, _)| said(words));
     let named = worded.or_else(|| quantities.iter().find(|(.., letters)| lettered(letters)));
     let found = named.or(Some(valve).filter(|(_, words, _)| said(words)));
-    found.map(|(kind, ..)| (*kind, None))
+    found.map(|(kind, ..)| *kind)
 }
 
 /// The same kind of signal, whatever its unit.

@@ -5,23 +5,24 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 
-use crate::cli::args::import_options::{ForeignArgs, flow};
+use crate::cli::args::import_options::{ForeignArgs, flow, transducer};
 use crate::cli::args::values::not_negative;
 use crate::cli::commands::rig::check;
-use crate::cli::console::ask;
+use crate::cli::console::ask::{self, BACK, Dialogue};
 use crate::cli::console::numbers::measure;
 use crate::cli::console::outcome::{AnyError, CommandResult, Outcome};
 use crate::cli::console::print::{say, say_text, tell};
 use crate::draft::{contradictions, place, sensors_of, without_pressure};
 use crate::report::advice::quoted;
 use crate::report::rig_drawing;
+use crate::rig::check::{Finding, Level, check as check_rig};
 use crate::rig::draft::{Draft, DraftSensor, Told};
 use crate::rig::material::{MATERIALS, Material};
 use crate::rig::sizes::{EXAMPLES, PipeSize, pipe_size};
-use crate::rig::{Rig, Sensor, SensorKind, check::check as check_rig, quantity_of, spelled_unit};
+use crate::rig::{Rig, Sensor, SensorKind, quantity_of, spelled_unit};
 use crate::shown::Shown as _;
 use crate::storage::error::CsvProblem;
-use crate::storage::import::{SourceOptions, check_names, read_source};
+use crate::storage::import::{Line, SourceFile, SourceOptions, check_names, read_source};
 use crate::storage::nearest::nearest;
 use crate::storage::{LogError, output};
 use crate::units::{Quantity, Unit};
@@ -94,49 +95,31 @@ pub fn run(mut args: Args, json: bool) -> CommandResult {
         return Err(format!("{} exists already: name another file with -o", args.output.shown()).into());
     }
     let asks = !args.yes && !json && stdin().is_terminal() && stderr().is_terminal();
-    let ask = Ask { asks };
+    let ask = Ask { asks, dialogue: Dialogue::default() };
     if asks {
         tell!(
-            "Enter takes what stands in brackets. Ctrl-C leaves, and nothing is written before the last answer; a slip can be mended in the file \
-             afterwards."
+            "Enter takes what stands in brackets, {BACK} goes back to the question before. Ctrl-C leaves; nothing is written before the last answer."
         );
     }
-    let mut source = SourceOptions { guess: true, ..args.foreign.clone().options() };
+    let source = SourceOptions { guess: true, ..args.foreign.clone().options() };
     // A file that cannot be read costs no answers.
     let read = match args.file.as_deref() {
         Some(file) => Some(read_source(file, &source).or_else(|error| {
-            ask.rate(error, &mut args.foreign)?;
-            source.rate_hz = args.foreign.rate;
-            Ok::<_, AnyError>(read_source(file, &source)?)
+            args.foreign.rate = Some(ask.rate(error)?);
+            Ok::<_, AnyError>(read_source(file, &SourceOptions { rate_hz: args.foreign.rate, ..source.clone() })?)
         })?),
         None => None,
     };
     if let (Some(file), Some(read)) = (&args.file, &read) {
         check_names(read, file, None, &source)?;
     }
-    if let (Some(file), Some(read)) = (&args.file, &read)
-        && let Some(columns) = without_pressure(read, &source, args.unit, &args.sensor)
-    {
-        return Err(no_pressure(file, &columns).into());
-    }
-    let mut draft = pipe(&args, &ask)?;
-    let mut left_out = Vec::new();
-    if let Some(read) = &read {
-        let sensors = |source: &_| sensors_of(read, &draft, source, args.unit, &args.sensor);
-        let mut found = sensors(&source);
-        if source.flow.is_none() && !found.0.iter().any(|s| s.kind == SensorKind::Flow) {
-            args.foreign.flow = ask.flow()?;
-            source.flow = args.foreign.flow;
-            found = sensors(&source);
-        }
-        (draft.sensors, left_out) = found;
-        place(&mut draft, read, &source);
-    }
-    confirmed(&mut draft, &args, &ask)?;
+    let Drafted { draft, left_out, foreign } = ask.dialogue.ask(|| drafted(&args, read.as_ref(), &ask))?;
+    args.foreign = foreign;
+    let source = SourceOptions { guess: true, ..args.foreign.clone().options() };
     let text = draft.text();
     let rig = Rig::from_toml(&text, &args.output.shown())?;
     output::write(&args.output, &text)?;
-    let findings = check_rig(&rig);
+    let mut findings = check_rig(&rig);
     let doubts = read.map_or(Ok(Vec::new()), |read| contradictions(&rig, &read, &source));
     let doubts = doubts.unwrap_or_else(|error| vec![format!("no closure can be seen in the file: {error}")]);
     let assumed = draft.assumed();
@@ -145,7 +128,7 @@ pub fn run(mut args: Args, json: bool) -> CommandResult {
     }
     if !left_out.is_empty() {
         tell!(
-            "left out, because they look like no sensor: {} (a column of volts or mA becomes one by --scale, as in --scale 'NAME=250*x-125 kPa')",
+            "left out, because they look like no sensor: {} (a column of volts or mA becomes one by --scale, as in --scale 'NAME=1..5 -> 0..10 bar')",
             left_out.join(", ")
         );
     }
@@ -160,20 +143,58 @@ pub fn run(mut args: Args, json: bool) -> CommandResult {
             json!({ "rig": args.output, "assumed": assumed, "left_out": left_out, "doubts": doubts, "sensors": sensors })
         );
     } else {
+        let doubtful = |doubt: String| Finding::new(Level::Warning, "the file", doubt, &[]);
+        findings.extend(doubts.into_iter().map(doubtful));
         say_text!(format!("{}\n{}", check::table(&findings), rig_drawing::text(&rig)));
         say!("{}: a rig with {}", args.output.shown(), sensors_in_words(&rig));
     }
-    doubts.iter().for_each(|doubt| tell!("warning: {doubt}"));
     if !json {
         tell!("next: {}", next(&args));
     }
     Ok(Outcome::Done)
 }
 
+/// What the answers make.
+struct Drafted {
+    draft: Draft,
+    /// Columns that look like no sensor.
+    left_out: Vec<String>,
+    /// How the file is read, with what was answered.
+    foreign: ForeignArgs,
+}
+
+/// All questions but those without which the file cannot be read.
+fn drafted(args: &Args, read: Option<&SourceFile>, ask: &Ask) -> Result<Drafted, AnyError> {
+    let mut foreign = args.foreign.clone();
+    let source = |foreign: &ForeignArgs| SourceOptions { guess: true, ..foreign.clone().options() };
+    if let (Some(file), Some(read)) = (&args.file, read)
+        && let Some(columns) = without_pressure(read, &source(&foreign), args.unit, &args.sensor)
+    {
+        foreign.scale.extend(ask.transducers(&columns)?);
+        if without_pressure(read, &source(&foreign), args.unit, &args.sensor).is_some() {
+            return Err(no_pressure(file, &columns).into());
+        }
+    }
+    let mut draft = pipe(args, ask)?;
+    let mut left_out = Vec::new();
+    if let Some(read) = read {
+        let sensors = |foreign: &ForeignArgs| sensors_of(read, &draft, &source(foreign), args.unit, &args.sensor);
+        let mut found = sensors(&foreign);
+        if foreign.flow.is_none() && !found.0.iter().any(|s| s.kind == SensorKind::Flow) {
+            foreign.flow = ask.flow()?;
+            found = sensors(&foreign);
+        }
+        (draft.sensors, left_out) = found;
+        place(&mut draft, read, &source(&foreign));
+    }
+    confirmed(&mut draft, args, ask)?;
+    Ok(Drafted { draft, left_out, foreign })
+}
+
 fn no_pressure(file: &Path, columns: &[String]) -> String {
     format!(
         "{}: no column looks like a pressure; the columns are {}. Give the place of the one that is, as in --sensor '{first}=12.5'; of a column of \
-         volts or milliamperes give the line, too, as in --scale '{first}=250*x-125 kPa' (4 to 20 mA for 0 to 16 bar: '{first}=x-4 bar')",
+         volts or milliamperes give the ranges, too, as in --scale '{first}=1..5 -> 0..10 bar' (or its line, '{first}=2.5*x-2.5 bar')",
         file.shown(),
         columns.join(", "),
         first = columns.first().map_or("NAME", String::as_str)
@@ -219,7 +240,9 @@ fn pipe(args: &Args, ask: &Ask) -> Result<Draft, AnyError> {
                 Some(size) => {
                     let (inner, wall) = (1e3 * size.inner_diameter_m, 1e3 * size.wall_thickness_m);
                     // Sizes go by the outer diameter; who gave the inner one sees it here.
-                    tell!("pipe: {:.1} mm outside, {inner:.1} mm inside, wall {wall:.2} mm", inner + 2.0 * wall);
+                    if ask.dialogue.is_new() {
+                        tell!("pipe: {:.1} mm outside, {inner:.1} mm inside, wall {wall:.2} mm", inner + 2.0 * wall);
+                    }
                     (inner, wall)
                 }
                 None => {
@@ -279,12 +302,13 @@ fn confirmed(draft: &mut Draft, args: &Args, ask: &Ask) -> Result<(), AnyError> 
         let question = format!("{}: distance from the supply", sensor.name);
         ask.confirm(&question, "m", &mut sensor.position_m, [0.0, length_m])?;
     }
-    Ok(())
+    ask.agree(&args.output)
 }
 
 /// Questions on the terminal, where there is one and nobody forbade them.
 struct Ask {
     asks: bool,
+    dialogue: Dialogue,
 }
 
 impl Ask {
@@ -299,7 +323,7 @@ impl Ask {
     ) -> Result<f64, AnyError> {
         match given {
             Some(value) => Ok(value),
-            None if self.asks => ask::number(&format!("{question}, {unit}"), unit, None, range),
+            None if self.asks => self.dialogue.number(&format!("{question}, {unit}"), unit, None, range),
             None => Err(format!("{question}, {unit}: give it with {option}").into()),
         }
     }
@@ -308,13 +332,24 @@ impl Ask {
     fn confirm(&self, question: &str, unit: &str, told: &mut Told<f64>, range: [f64; 2]) -> Result<(), AnyError> {
         if self.asks && !told.why.is_empty() {
             let usual = (1e6 * told.value).round() / 1e6;
-            let value = ask::number(&format!("{question}, {unit} ({})", told.why), unit, Some(usual), range)?;
+            let question = format!("{question}, {unit} ({})", told.why);
+            let value = self.dialogue.number(&question, unit, Some(usual), range)?;
             // Enter leaves it an assumption.
             if value != usual {
                 *told = Told::given(value);
             }
         }
         Ok(())
+    }
+
+    /// The last question, from which one may still go back.
+    fn agree(&self, rig: &Path) -> Result<(), AnyError> {
+        if !self.asks {
+            return Ok(());
+        }
+        let question = format!("Enter writes {}, {BACK} goes back", rig.shown());
+        let written = |text: &str| if text.is_empty() { Ok(()) } else { Err(format!("press Enter, or write {BACK}")) };
+        self.dialogue.line(&question, None, written)
     }
 
     /// The units that nothing states: once for all pressures, and for each other sensor.
@@ -326,7 +361,7 @@ impl Ask {
             let quantity = quantity_of(first.kind);
             let known = |text: &str| spelled_unit(text, quantity).ok_or_else(|| format!("'{text}' is no unit of it"));
             let question = format!("unit of {} ({})", names.join(", "), first.unit.why);
-            let unit = ask::line(&question, Some(first.unit.value.symbol), known)?;
+            let unit = self.dialogue.line(&question, Some(first.unit.value.symbol), known)?;
             sensors.iter_mut().filter(|s| same(s)).for_each(|s| s.unit = Told::given(unit));
         }
         Ok(())
@@ -337,25 +372,47 @@ impl Ask {
         if !self.asks {
             return Ok(None);
         }
-        tell!("sizes: {EXAMPLES}");
-        ask::line("size of the pipe (empty: diameter and wall)", None, |text| match text {
+        if self.dialogue.is_new() {
+            tell!("sizes: {EXAMPLES}; the first number of 22x1.5 is the outer diameter");
+        }
+        self.dialogue.line("size of the pipe (empty: diameter and wall)", None, |text| match text {
             "" => Ok(None),
             text => pipe_size(text).map(Some),
         })
     }
 
     /// The rate of samples that a file only counts; any other error stays one.
-    fn rate(&self, error: LogError, foreign: &mut ForeignArgs) -> Result<(), AnyError> {
+    fn rate(&self, error: LogError) -> Result<f64, AnyError> {
         match &error {
             LogError::Csv { problem, .. }
                 if self.asks && matches!(**problem, CsvProblem::NoTimes { counted: true, .. }) =>
             {
-                foreign.rate =
-                    Some(ask::number("no column holds times; samples per second, Hz", "Hz", None, [1e-3, 1e7])?);
-                Ok(())
+                ask::number("no column holds times; samples per second, Hz", "Hz", [1e-3, 1e7])
             }
             _ => Err(error.into()),
         }
+    }
+
+    /// Which columns are transducers of pressure, and their lines.
+    fn transducers(&self, columns: &[String]) -> Result<Vec<(String, Line)>, AnyError> {
+        let mut lines = Vec::new();
+        if !self.asks {
+            return Ok(lines);
+        }
+        if self.dialogue.is_new() {
+            tell!(
+                "No column looks like a pressure. Where one is in volts or mA, write its ranges, such as 1..5 -> 0..10 bar, or its line, 2.5*x-2.5 bar."
+            );
+        }
+        for column in columns {
+            let line = |text: &str| match text {
+                "" => Ok(None),
+                text => transducer(text).map(Some).ok_or_else(|| "write it like 1..5 -> 0..10 bar".to_owned()),
+            };
+            let line = self.dialogue.line(&format!("{column} (empty: no pressure)"), None, line)?;
+            lines.extend(line.map(|line| (column.clone(), line)));
+        }
+        Ok(lines)
     }
 
     /// The flow of a test that no column has.
@@ -364,15 +421,17 @@ impl Ask {
             return Ok(None);
         }
         let question = "flow before the closure, if you measured it by hand, such as 0.25 L/s (empty: not known)";
-        ask::line(question, None, |text| if text.is_empty() { Ok(None) } else { flow(text).map(Some) })
+        self.dialogue.line(question, None, |text| if text.is_empty() { Ok(None) } else { flow(text).map(Some) })
     }
 
     fn material(&self) -> Result<&'static Material, AnyError> {
         if !self.asks {
             return Err(format!("material of the wall: give it with --material; {}", known_materials()).into());
         }
-        tell!("materials: {}", known_materials());
-        ask::line("material of the wall", None, material)
+        if self.dialogue.is_new() {
+            tell!("materials: {}", known_materials());
+        }
+        self.dialogue.line("material of the wall", None, material)
     }
 
     fn supply(&self) -> Result<Told<String>, AnyError> {
@@ -383,7 +442,7 @@ impl Ask {
             "tank" => Ok(SUPPLIES[0]),
             text => SUPPLIES.into_iter().find(|s| *s == text).ok_or("write reservoir or pump".to_owned()),
         };
-        let supply = ask::line("what feeds the pipe (reservoir or pump)", Some(SUPPLIES[0]), known)?;
+        let supply = self.dialogue.line("what feeds the pipe (reservoir or pump)", Some(SUPPLIES[0]), known)?;
         Ok(Told::given(supply.to_owned()))
     }
 }

@@ -38,7 +38,7 @@ use crate::storage::import::csv::table::Table;
 use crate::storage::import::csv::text::{check_lines, decode, text_of};
 use crate::storage::import::csv::timeless::Timeless;
 use crate::storage::import::csv::understand::understand;
-use crate::storage::import::kinds::is_unit;
+use crate::storage::import::kinds::{is_electric, is_unit, kind_of_name};
 use crate::storage::import::source::{Repair, SourceFile, SourceOptions, Track};
 use crate::units::{Quantity, Unit};
 
@@ -301,7 +301,12 @@ fn take_unit_suffix(track: &mut Track) {
     let behind_comma = track.short.rsplit_once(", ").filter(|(name, unit)| is_unit(name, unit));
     let last_word = track.short.rsplit_once(['_', ' ']);
     let exact = |unit: &str| unit.parse::<Unit>().is_ok_and(|u| u.quantity != Quantity::Ratio);
-    let Some((name, unit)) = behind_comma.or(last_word.filter(|(_, unit)| exact(unit))) else { return };
+    // `ch0_V` is in volts; `P_V` may as well stand at the valve.
+    let electric = |name: &str, unit: &str| is_electric(unit) && kind_of_name(name).is_none();
+    let Some((name, unit)) = behind_comma.or(last_word.filter(|(name, unit)| exact(unit) || electric(name, unit)))
+    else {
+        return;
+    };
     if !name.is_empty() {
         (track.short, track.unit) = (name.to_owned(), Some(unit.to_owned()));
     }

@@ -8,7 +8,7 @@ use crate::storage::import::csv::heading::{header_unit, heading_unit, time_unit}
 use crate::storage::import::csv::numbers::Numbers;
 use crate::storage::import::csv::row::{Row, is_row};
 use crate::storage::import::csv::stamp::{Order, Stamp};
-use crate::storage::import::kinds::{NAMELESS, is_unit};
+use crate::storage::import::kinds::{NAMELESS, is_electric, is_unit};
 use crate::storage::import::source::{Repair, SourceOptions};
 
 /// Lines from which the separator and the time column are judged.
@@ -419,8 +419,7 @@ fn bare(text: &str) -> &str {
 
 /// A unit of what loggers record, also that of a transducer without its line.
 fn is_known_unit(text: &str) -> bool {
-    let electric = ["V", "mV", "mA", "Volts", "volts"].contains(&text);
-    electric || time_unit(text).is_some() || is_unit("", text)
+    is_electric(text) || time_unit(text).is_some() || is_unit("", text)
 }
 
 /// Names with the units that stand in another line.
