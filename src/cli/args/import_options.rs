@@ -100,42 +100,8 @@ fn mapping(text: &str) -> Result<(String, String), String> {
 fn scale(text: &str) -> Result<(String, Line), String> {
     let wrong = || format!("'{text}': write it like 'P1=1..5 -> 0..10 bar' or 'P1=2.5*x-2.5 bar'");
     let (name, line) = text.rsplit_once('=').ok_or_else(wrong)?;
-    let line = transducer(line).ok_or_else(wrong)?;
+    let line = line.parse().map_err(|_| wrong())?;
     if name.trim().is_empty() { Err(wrong()) } else { Ok((name.trim().to_owned(), line)) }
-}
-
-/// The line of a transducer, with its unit behind it: `250*x-125 kPa`, or by its two ranges, `1..5 -> 0..10 bar`.
-pub fn transducer(text: &str) -> Option<Line> {
-    let is_unit = |word: &str| word.starts_with(|c: char| c.is_alphabetic() && c != 'x');
-    let (line, unit) = text.trim().rsplit_once(' ').filter(|(_, word)| is_unit(word)).unwrap_or((text, ""));
-    let quantities = [Quantity::Pressure, Quantity::Flow, Quantity::Temperature];
-    let unit = match unit {
-        "" => None,
-        unit => Some(quantities.into_iter().find_map(|q| spelled_unit(unit, q))?),
-    };
-    let line = line.replace(' ', "");
-    let (scale, offset) = match line.split_once("->") {
-        Some((from, to)) => {
-            let number = |text: &str| text.trim_end_matches(char::is_alphabetic).parse::<f64>().ok();
-            let ends = |range: &str| {
-                let (low, high) = range.split_once("..")?;
-                Some((number(low)?, number(high)?))
-            };
-            let ((low, high), (least, most)) = (ends(from)?, ends(to)?);
-            let scale = (most - least) / (high - low);
-            (scale, least - scale * low)
-        }
-        None => {
-            let (factor, rest) = line.split_once('x')?;
-            let scale = match factor.trim_end_matches('*') {
-                "" | "+" => 1.0,
-                "-" => -1.0,
-                number => number.parse().ok()?,
-            };
-            (scale, if rest.is_empty() { 0.0 } else { rest.parse().ok()? })
-        }
-    };
-    (f64::is_finite(scale) && f64::is_finite(offset) && scale != 0.0).then_some(Line { scale, offset, unit })
 }
 
 /// `0.25 L/s`.

@@ -1,11 +1,13 @@
 //! A source file: named tracks of numbers with times, the repairs it needed, and what the user says about it.
 
 use std::fmt;
+use std::str::FromStr;
 
 use serde::Serialize;
 
 use crate::recording::Series;
-use crate::units::Unit;
+use crate::rig::spelled_unit;
+use crate::units::{Quantity, Unit};
 
 /// What a file of another program holds.
 #[derive(Debug, Clone, Default)]
@@ -152,6 +154,48 @@ pub struct Line {
     pub offset: f64,
     /// Unit of the result; that of the sensor where none is given.
     pub unit: Option<Unit>,
+}
+
+impl FromStr for Line {
+    type Err = String;
+
+    /// The line of a transducer, with its unit behind it: `250*x-125 kPa`, or by its two ranges, `1..5 -> 0..10 bar`.
+    fn from_str(text: &str) -> Result<Self, String> {
+        line_of(text).ok_or_else(|| format!("'{text}': write it like 1..5 -> 0..10 bar, or 2.5*x-2.5 bar"))
+    }
+}
+
+fn line_of(text: &str) -> Option<Line> {
+    let is_unit = |word: &str| word.starts_with(|c: char| c.is_alphabetic() && c != 'x');
+    let (line, unit) = text.trim().rsplit_once(' ').filter(|(_, word)| is_unit(word)).unwrap_or((text, ""));
+    let quantities = [Quantity::Pressure, Quantity::Flow, Quantity::Temperature];
+    let unit = match unit {
+        "" => None,
+        unit => Some(quantities.into_iter().find_map(|q| spelled_unit(unit, q))?),
+    };
+    let line = line.replace(' ', "");
+    let (scale, offset) = match line.split_once("->") {
+        Some((from, to)) => {
+            let number = |text: &str| text.trim_end_matches(char::is_alphabetic).parse::<f64>().ok();
+            let ends = |range: &str| {
+                let (low, high) = range.split_once("..")?;
+                Some((number(low)?, number(high)?))
+            };
+            let ((low, high), (least, most)) = (ends(from)?, ends(to)?);
+            let scale = (most - least) / (high - low);
+            (scale, least - scale * low)
+        }
+        None => {
+            let (factor, rest) = line.split_once('x')?;
+            let scale = match factor.trim_end_matches('*') {
+                "" | "+" => 1.0,
+                "-" => -1.0,
+                number => number.parse().ok()?,
+            };
+            (scale, if rest.is_empty() { 0.0 } else { rest.parse().ok()? })
+        }
+    };
+    (f64::is_finite(scale) && f64::is_finite(offset) && scale != 0.0).then_some(Line { scale, offset, unit })
 }
 
 impl fmt::Display for Line {

@@ -19,12 +19,20 @@ export async function arrive(file) {
   box.scrollIntoView({ block: "nearest" });
   let content;
   try { content = await base64(file); } catch (error) { complain(error); return; }
+  let [rate, writing] = [null, false];
+  // what the numbers of a sensor's column stand for, where they are volts or milliamperes
+  const scale = new Map();
   const look = async (map, ignore, without, accept) => {
+    // the second of a double click is none
+    if (writing) return;
+    writing = accept;
+    const scales = map.filter(([, sensor]) => scale.get(sensor)).map(([column, sensor]) => [column, scale.get(sensor)]);
     try {
-      const found = await post("/api/import", { name: file.name, content, map, ignore, without, accept });
+      const found = await post("/api/import", { name: file.name, content, map, ignore, without, accept, scales, rate_hz: rate });
       if (accept) at("runs").close(); else show(found);
     } catch (error) {
-      put(box, h("h3", { text: file.name }), h("p", { class: "advice", text: error.message }));
+      writing = false;
+      put(box, h("h3", { text: file.name }), h("p", { class: "advice", text: error.message }), h("button", { type: "button", text: "Start again", onclick: () => arrive(file) }));
     }
   };
   const show = (found) => {
@@ -42,16 +50,24 @@ export async function arrive(file) {
       const taken = new Set(map.map(([column]) => column));
       return [map, found.columns.filter((c) => !taken.has(c)), choices.filter(([, choice]) => !choice.value).map(([sensor]) => sensor)];
     };
+    const hertz = found.needs_rate ? h("label", {}, "samples per second, Hz ", h("input", { type: "number", min: 0, step: "any", value: rate ?? "", "data-key": "rate", onchange: (event) => {
+      rate = event.target.valueAsNumber > 0 ? event.target.valueAsNumber : null;
+      look(...said(), false);
+    } })) : null;
     const line = ([sensor, choice]) => {
+      const volts = h("input", { type: "text", size: 18, placeholder: "1..5 -> 0..10 bar", value: scale.get(sensor) ?? "", "aria-label": `Ranges of the transducer of ${sensor}, of a column in volts or milliamperes`, "data-key": `scale ${sensor}`, onchange: () => {
+        scale.set(sensor, volts.value.trim());
+        if (choice.value) look(...said(), false);
+      } });
       const s = understood.get(sensor);
-      return h("tr", {}, h("th", { scope: "row", text: sensor }), h("td", {}, choice), h("td", { text: s?.unit ?? "" }), h("td", { class: "number", text: s?.samples ?? "" }), h("td", { class: "number", text: s ? s.first.map((v) => digits(v, 4)).join("  ") : "" }));
+      return h("tr", {}, h("th", { scope: "row", text: sensor }), h("td", {}, choice), h("td", {}, volts), h("td", { text: s?.unit ?? "" }), h("td", { class: "number", text: s?.samples ?? "" }), h("td", { class: "number", text: s ? s.first.map((v) => digits(v, 4)).join("  ") : "" }));
     };
     const notes = found.problem ? [] : [found.taken, ...found.mended.map((m) => m.text), ...found.warnings.map((w) => w.text), ...found.sensor_faults.map((f) => f.says)].filter(Boolean);
     put(box, h("div", { class: "card arriving" },
       h("h3", { text: found.problem ? `${file.name}: which column is which sensor?` : `${file.name}, as understood` }),
       found.problem ? h("p", { class: "advice", text: found.problem }) : null,
       app.state.open ? h("p", { class: "hint", text: `Read with the rig of ${app.state.open.title}: its sensors, their units and their places.` }) : null,
-      h("table", {}, h("thead", {}, h("tr", {}, ["sensor", "column of the file", "unit", "samples", "first values"].map((text) => h("th", { scope: "col", text })))), h("tbody", {}, choices.map(line))),
+      hertz, h("table", {}, h("thead", {}, h("tr", {}, ["sensor", "column of the file", "from volts or mA", "unit", "samples", "first values"].map((text) => h("th", { scope: "col", text })))), h("tbody", {}, choices.map(line))),
       notes.length ? h("ul", {}, notes.map((text) => h("li", { text }))) : null,
       h("p", { class: "buttons" }, h("button", { type: "button", class: "primary", text: "Import so", disabled: Boolean(found.problem), onclick: () => look(...said(), true) }), h("button", { type: "button", text: "Leave it", onclick: () => put(box) }))));
   };

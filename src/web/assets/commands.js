@@ -31,8 +31,9 @@ export async function copy(text) {
   copy.waits = setTimeout(() => { said.hidden = true; }, 6000);
 }
 
-// A small button that copies it.
+// A small button that copies it; while the model in force is not fitted yet there is nothing to copy.
 export function copier(action, effect) {
+  if (!app.state.model) return null;
   const label = `Copy the command: ${commandOf(action, effect)}`;
   return h("button", { type: "button", class: "quiet copier", title: label, "aria-label": label, "data-key": `copy ${action} ${effect || ""}`, onclick: () => copy(commandOf(action, effect)) },
     svg("svg", { viewBox: "0 0 16 16", "aria-hidden": "true" }, svg("path", { d: "M5.5 5.5V3a1 1 0 0 1 1-1h6.5a1 1 0 0 1 1 1v6.5a1 1 0 0 1-1 1H10.5 M3 5.5h6.5a1 1 0 0 1 1 1V13a1 1 0 0 1-1 1H3a1 1 0 0 1-1-1V6.5a1 1 0 0 1 1-1z" })));

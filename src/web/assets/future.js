@@ -28,6 +28,14 @@ function theory(about) {
   return h("details", { class: "theory" }, h("summary", { text: "equation and source" }), h("pre", { text: about.equation }), h("p", { class: "hint", text: about.source }));
 }
 
+// Two effects that explain together what neither does alone: adding one leaves the other to be found.
+function both(pair) {
+  const noise = app.state.model.noise_m;
+  return h("article", { class: "card" }, h("h3", {}, pair.labels.join(" and "), h("span", { class: "number", text: probable(pair.probability) })),
+    h("p", { text: "Both together. Add one of them; the other is then found beside it." }),
+    h("p", { class: "foot", text: `error → ${metres(pair.rmse_m)}${pair.rmse_m < 1.25 * noise ? ", down to the noise" : `, ${times(pair.rmse_m, noise)}`}` }));
+}
+
 function candidate(c) {
   const about = app.effects.get(c.effect);
   const noise = app.state.model.noise_m;
@@ -38,7 +46,7 @@ function candidate(c) {
     h("h3", {}, c.label, bar, h("span", { class: "number", text: probable(c.probability) })),
     about ? h("p", { text: about.summary }) : null, alike, theory(about),
     h("button", { type: "button", class: "link on-phone", text: "show in the charts", onclick: () => { show(); toCharts(); } }),
-    h("p", { class: "foot" }, h("span", { text: `error → ${metres(c.rmse_m)}${c.rmse_m < 1.25 * noise ? ", down to the noise" : `, ${times(c.rmse_m, noise)}`}` }),
+    h("p", { class: "foot" }, h("span", { text: `${c.probability_alone === undefined ? "" : "alone: "}error → ${metres(c.rmse_m)}${c.rmse_m < 1.25 * noise ? ", down to the noise" : `, ${times(c.rmse_m, noise)}`}` }),
       h("button", { type: "button", class: app.state.diagnosis.verdict === "nothing-missing" ? null : "primary", text: "Add", "aria-label": `Add ${c.label}`, "data-key": `a${c.label}`, disabled: Boolean(app.state.job), onfocus: show, onclick: (event) => { follows = event.detail === 0; add(c.label); } }), copier("add", c.label)));
   return card;
 }
@@ -120,7 +128,7 @@ export function missing() {
   put(at("verdict"), verdict);
   const shown = (found?.candidates || []).filter((c, i) => i < 5 || c.probability > 0.01).slice(0, 8);
   const next = found?.next_test ? h("article", { class: "card next" }, h("h3", { text: "Next test" }), h("p", { text: found.next_test })) : null;
-  put(at("candidates"), shown.map(candidate), next);
+  put(at("candidates"), found?.pair && model ? both(found.pair) : null, shown.map(candidate), next);
   const own = model?.effects || [];
   put(at("effects-in"), own.length ? h("h2", { text: "In the model" }) : null, own.map((effect) => {
     const off = h("input", { type: "checkbox", checked: !app.without.has(effect), onchange: () => { if (off.checked) app.without.delete(effect); else app.without.add(effect); try_(false); } });
@@ -137,8 +145,9 @@ export function catalogue() {
   const fill = () => {
     const wanted = search.value.toLowerCase();
     const has = (e) => !wanted || `${e.name} ${e.summary} ${e.trace}`.toLowerCase().includes(wanted);
+    const own = (e) => app.state.model.effects.some((one) => one === e.name || (!one.includes("@") && one.split(":")[0] === e.name));
     put(list, [...app.effects.values()].filter(has).map((e) => h("article", { class: "card" },
-      h("h3", {}, e.name, h("button", { type: "button", class: "primary", text: "Add", "aria-label": `Add ${e.name}`, onclick: () => { dialog.close(); add(e.name); } })),
+      h("h3", {}, e.name, h("button", { type: "button", class: "primary", disabled: own(e), text: own(e) ? "In the model" : "Add", "aria-label": `Add ${e.name}`, onclick: () => { dialog.close(); add(e.name); } })),
       h("p", { text: e.summary }), h("pre", { text: e.equation }), h("p", { class: "hint", text: e.source }))));
   };
   put(dialog, h("form", { method: "dialog", class: "heading" }, h("h2", { text: "Effects" }), search, h("button", { text: "Close" })), list);

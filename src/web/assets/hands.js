@@ -9,11 +9,17 @@ const STEPS = 2000;
 const rows = new Map();
 
 const bounds = (p) => app.bounds[p.name] || [p.lower, p.upper];
+// What a slider spans: its bounds, or where those are far away, four times the fitted value.
+const FAR = 10;
+const span = (p) => {
+  const [low, high] = bounds(p);
+  return p.name in app.bounds || p.log || low < 0 || !(high > FAR * p.value) || !(p.value > low) ? [low, high] : [low, 4 * p.value];
+};
 const valueOf = (p) => app.moved[p.name] ?? p.value;
 
 // A slider is linear in the parameter, or in its logarithm where the fit moves it so.
 function scale(p) {
-  const [low, high] = bounds(p);
+  const [low, high] = span(p);
   const log = p.log && low > 0;
   const [a, b] = log ? [Math.log(low), Math.log(high)] : [low, high];
   return {

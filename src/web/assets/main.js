@@ -121,12 +121,15 @@ document.addEventListener("drop", (event) => {
   if (file) arrive(file);
 });
 
+let away = null;
 listen({
   progress, live, state: redraw, model: redraw,
   done: () => { redraw().then(() => tell(app.state.model ? `done: error ${app.state.model.rmse_m.toPrecision(3)} m` : "done")); },
   failed: (told) => { redraw(); if (told.message !== "cancelled") complain(new Error(told.message)); else tell("cancelled"); },
-  error: () => { at("told").textContent = "the workbench does not answer; trying again"; },
-  open: redraw,
+  error: () => {
+    if (!away?.isConnected) { away = h("p", { text: "The workbench does not answer: does `surgescope open` still run? The page goes on when it is back." }); at("messages").replaceChildren(away); }
+  },
+  open: () => { away?.remove(); away = null; redraw(); },
 });
 
 ask("/api/effects").then((all) => {

@@ -21,7 +21,14 @@ export function nameOf(model, parent) {
   return model.grown_from && own.length ? `+ ${own.join(" + ")}` : model.number === 1 || model.effects.length === 0 ? model.name : model.why;
 }
 
-function row(model, axis, parent) {
+// How many additions lie between a model and the one that all grew out of.
+function depth(model, all) {
+  const parent = all[model.grown_from - 1];
+  return parent ? 1 + depth(parent, all) : 0;
+}
+
+function row(model, axis, all) {
+  const parent = all[model.grown_from - 1];
   const inForce = model.number === app.state.model?.number;
   const near = model.rmse_m < 1.25 * model.noise_m;
   const compared = app.compare === model.number;
@@ -30,11 +37,15 @@ function row(model, axis, parent) {
     "aria-label": `Compare with model ${model.number}`, onclick: () => { app.compare = compared ? null : model.number; models(); load(); },
   });
   const beside = compared ? h("button", { type: "button", class: "quiet", text: "side by side", "data-key": `b${model.number}`, onclick: () => sideBySide(model.number) }) : null;
-  return h("div", { class: `model${inForce ? " force" : ""}${model.preview ? " preview" : ""}${compared ? " compared" : ""}`, id: model.fitting ? "fitting" : null },
-    h("button", {
-      type: "button", class: "name", "data-key": `m${model.number}`, disabled: inForce || model.preview, "aria-current": inForce ? "true" : null, title: model.why,
-      text: model.preview ? model.name : nameOf(model, parent), onclick: () => act("/api/force", { model: model.number }),
-    }),
+  const force = () => act("/api/force", { model: model.number });
+  const able = !inForce && !model.preview;
+  // where the list is no chain, it says what each one grew out of
+  const from = parent && model.grown_from !== model.number - 1 ? `, from ${model.grown_from}` : "";
+  return h("div", { onclick: (event) => able && !event.target.closest("button") && force(), style: { "margin-left": `${10 * Math.min(4, model.preview ? 0 : depth(model, all))}px` }, class: `model${able ? " able" : ""}${inForce ? " force" : ""}${model.preview ? " preview" : ""}${compared ? " compared" : ""}`, id: model.fitting ? "fitting" : null },
+    h("span", { class: "called" }, model.preview ? null : h("span", { class: "hint", text: `${model.number}${from} ` }), h("button", {
+      type: "button", class: "name", "data-key": `m${model.number}`, disabled: !able, "aria-current": inForce ? "true" : null, title: model.why,
+      text: model.preview ? model.name : nameOf(model, parent), onclick: force,
+    })),
     h("span", { class: "error", text: metres(model.rmse_m) }),
     h("div", { class: "axis", "aria-hidden": "true" },
       h("i", { class: "noise", style: { left: "12%" } }), h("i", { class: `dot ${model.preview ? "proposed" : near ? "good" : ""}`, style: { left: `${axis(model.rmse_m)}%` } })),
@@ -68,7 +79,7 @@ export function models() {
   if (!shown.length) { put(at("models"), h("p", { class: "hint", text: app.state.open ? "The base model is being fitted." : "Open a run first." })); return; }
   axis = place(shown);
   const step = (path, text, able, key) => h("button", { type: "button", text, title: key, disabled: !able || Boolean(app.state.job), "data-key": path, onclick: () => act(path) });
-  put(at("models"), shown.map((model) => row(model, axis, all[model.grown_from - 1])), unsupported(all),
+  put(at("models"), shown.map((model) => row(model, axis, all)), unsupported(all),
     h("div", { class: "buttons" }, step("/api/undo", "↶ Undo", app.state.can_undo, "key u"), step("/api/redo", "↷ Redo", app.state.can_redo, "key r"), app.state.can_undo ? copier("undo") : null));
 }
 

@@ -20,12 +20,17 @@ export function offer(m) {
   if (!model) return;
   const length = open.rig.length_m;
   const dialog = at("place");
-  const place = h("input", { type: "number", min: 0, max: digits(length, 5), step: "any", value: +m.toFixed(length < 20 ? 3 : 1), "aria-label": "Place, m from the supply" });
+  const place = h("input", { type: "number", min: 0, max: digits(length, 5), step: "any", value: +m.toFixed(length < 20 ? 3 : 1), "aria-label": "Place, m from the supply", oninput: () => place.setCustomValidity("") });
   const has = (effect) => model.effects.some((own) => own.split(/[:@]/)[0] === effect);
   const one = (located) => {
     const about = app.effects.get(located.effect);
     return h("p", { class: "foot" }, h("span", {}, h("b", { text: located.effect }), about ? ` ${about.summary}` : ""),
-      h("button", { type: "button", class: "primary", text: has(located.effect) ? "In the model" : "Add here", "aria-label": `Add ${located.effect} here`, disabled: Boolean(job) || has(located.effect), onclick: () => { dialog.close(); add(located.effect, starts(located, place.valueAsNumber, length)); } }));
+      h("button", { type: "button", class: "primary", text: has(located.effect) ? "In the model" : "Add here", "aria-label": `Add ${located.effect} here`, disabled: Boolean(job) || has(located.effect), onclick: () => {
+        const m = place.valueAsNumber;
+        if (!(m >= 0 && m <= length)) { place.setCustomValidity(`from 0 to ${digits(length, 5)} m`); place.reportValidity(); return; }
+        dialog.close();
+        add(located.effect, starts(located, m, length));
+      } }));
   };
   put(dialog, h("form", { method: "dialog", class: "heading" }, h("h2", {}, "Add an effect at ", place, " m"), h("button", { text: "Close" })),
     h("p", { class: "hint", text: "The fit starts there and finds the best place. Distances are from the supply." }), open.rig.located.map(one));

@@ -12,8 +12,9 @@ use crate::rig::Rig;
 use crate::rig::check::return_time_s;
 use crate::shown::Shown as _;
 use crate::signal::faults::sensor_faults;
-use crate::storage::import::{ImportOptions, Imported, SourceOptions, import_file, read_source, unit_warnings};
-use crate::storage::write;
+use crate::storage::error::CsvProblem;
+use crate::storage::import::{ImportOptions, Imported, Line, SourceOptions, import_file, read_source, unit_warnings};
+use crate::storage::{LogError, write};
 use crate::watch::evaluate::sentence;
 
 type AnyError = Box<dyn Error + Send + Sync>;
@@ -38,6 +39,9 @@ pub struct Dropped {
     /// Samples per second of a column that counts samples.
     #[serde(default)]
     pub rate_hz: Option<f64>,
+    /// Columns of volts or milliamperes with what their numbers stand for, such as `1..5 -> 0..10 bar`.
+    #[serde(default)]
+    pub scales: Vec<(String, String)>,
     /// Write it as it was understood; otherwise it is only looked at.
     #[serde(default)]
     pub accept: bool,
@@ -57,18 +61,24 @@ pub fn take(dropped: &Dropped, rig: &Rig, folder: &Path) -> Result<(Value, Optio
     // nobody knows the scratch file by its name
     let own = |error: AnyError| sentence(&*error).replace(&*path.shown(), &Path::new(name).shown());
     let sensors: Vec<&str> = rig.sensors.iter().map(|sensor| sensor.name.as_str()).collect();
+    let scales = dropped.scales.iter().map(|(column, line)| Ok((column.clone(), line.parse()?)));
+    let scales = scales.collect::<Result<Vec<_>, String>>()?;
     let guessing = SourceOptions { guess: true, rate_hz: dropped.rate_hz, ..SourceOptions::default() };
-    let columns: Vec<String> = read_source(&path, &guessing)
-        .map_or(Vec::new(), |read| read.tracks.into_iter().map(|track| track.name).collect());
-    let imported = match imported(dropped, rig, &path).map_err(own) {
-        // what is only looked at may still be mended: by saying which column is which sensor
-        Err(error) if !dropped.accept && !columns.is_empty() => {
-            return Ok((json!({ "problem": error, "columns": columns, "sensors": sensors }), None));
+    let read = read_source(&path, &guessing);
+    let counts = |error: &LogError| matches!(error, LogError::Csv { problem, .. } if matches!(**problem, CsvProblem::NoTimes { .. }));
+    let needs_rate = dropped.rate_hz.is_some() || read.as_ref().is_err_and(counts);
+    let columns: Vec<String> =
+        read.map_or(Vec::new(), |read| read.tracks.into_iter().map(|track| track.name).collect());
+    let imported = match imported(dropped, scales, rig, &path).map_err(own) {
+        // what is only looked at may still be mended: by the rate of its samples, or by saying which column is which sensor
+        Err(error) if !dropped.accept && (needs_rate || !columns.is_empty()) => {
+            let about = json!({ "problem": error, "columns": columns, "sensors": sensors, "needs_rate": needs_rate });
+            return Ok((about, None));
         }
         other => other?,
     };
     let mut about = json!({
-        "columns": columns, "sensors": sensors,
+        "columns": columns, "sensors": sensors, "needs_rate": needs_rate,
         "understood": imported.understood(Path::new(name)), "mended": imported.repairs,
         "warnings": unit_warnings(&imported.recording), "sensor_faults": sensor_faults(&imported.recording),
         "written": null,
@@ -89,12 +99,13 @@ pub fn take(dropped: &Dropped, rig: &Rig, folder: &Path) -> Result<(Value, Optio
 }
 
 /// As it stands, or else with guesses.
-fn imported(dropped: &Dropped, rig: &Rig, path: &Path) -> Result<Imported, AnyError> {
+fn imported(dropped: &Dropped, scales: Vec<(String, Line)>, rig: &Rig, path: &Path) -> Result<Imported, AnyError> {
     let options = ImportOptions { without: dropped.without.clone(), ..ImportOptions::default() };
     let said = SourceOptions {
         map: dropped.map.clone(),
         ignore: dropped.ignore.clone(),
         rate_hz: dropped.rate_hz,
+        scales,
         ..SourceOptions::default()
     };
     import_file(path, rig, &options, &said, true).or_else(|_| {

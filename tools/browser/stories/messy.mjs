@@ -41,4 +41,30 @@ await story("a messy table is mapped and fitted as by `import` and `calibrate`",
   const by_command = command("calibrate", name, "--effects", "none").runs[0];
   close(own.rmse_m, by_command.rmse_m, 0.001, "error of what was written");
   close(own.rmse_m, command("calibrate", "run.mcap", "--effects", "none").runs[0].rmse_m, 0.02, "error of the recording it came from");
+
+  // Volts of a logger that only counts its samples: rate and ranges are asked for.
+  const rows = readFileSync(join(folder, "plain.csv"), "utf8").split("\n").filter((line) => line && !line.startsWith("#"));
+  const at = rows[0].split(",").findIndex((name) => name.startsWith("P1"));
+  const kpa = rows.slice(1).map((line) => Number(line.split(",")[at]));
+  const rate = 1 / (Number(rows[2].split(",")[0]) - Number(rows[1].split(",")[0]));
+  await page.evaluate((content) => {
+    const data = new DataTransfer();
+    data.items.add(new File([content], "volts.csv", { type: "text/csv" }));
+    document.dispatchEvent(new DragEvent("drop", { dataTransfer: data, bubbles: true }));
+  }, ["sample,ch0_V", ...kpa.map((p, i) => `${i},${(1 + p / 250).toFixed(6)}`)].join("\n"));
+  await page.locator('#import input[data-key="rate"]').waitFor();
+  await page.fill('#import input[data-key="rate"]', String(rate));
+  await page.press('#import input[data-key="rate"]', "Enter");
+  await page.locator('#import select[data-key="column P1"] option').nth(1).waitFor({ state: "attached" });
+  await page.selectOption('#import select[data-key="column P1"]', { index: 1 });
+  await page.fill('#import input[data-key="scale P1"]', "1..5 -> 0..1000 kPa");
+  await page.press('#import input[data-key="scale P1"]', "Enter");
+  await page.waitForFunction(() => { const so = document.querySelector("#import button.primary"); return so && !so.disabled && document.querySelector("#import").textContent.includes("as understood"); });
+  await shot(page, "volts");
+  await page.dblclick("#import button.primary");
+  await page.waitForFunction(() => document.querySelector("#title").textContent.includes("volts"));
+  await settled(page);
+  const [volts] = (await state()).open.runs.map((run) => run.name);
+  close((await state()).model.rmse_m, command("calibrate", volts, "--effects", "none").runs[0].rmse_m, 0.001, "error of what was in volts");
+  assert.equal((await state()).runs.filter((run) => run.name.startsWith("volts")).length, 1, "a double click imports once");
 });

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 
-use crate::cli::args::import_options::{ForeignArgs, flow, transducer};
+use crate::cli::args::import_options::{ForeignArgs, flow};
 use crate::cli::args::values::not_negative;
 use crate::cli::commands::rig::check;
 use crate::cli::console::ask::{self, BACK, Dialogue};
@@ -407,7 +407,7 @@ impl Ask {
         for column in columns {
             let line = |text: &str| match text {
                 "" => Ok(None),
-                text => transducer(text).map(Some).ok_or_else(|| "write it like 1..5 -> 0..10 bar".to_owned()),
+                text => text.parse().map(Some),
             };
             let line = self.dialogue.line(&format!("{column} (empty: no pressure)"), None, line)?;
             lines.extend(line.map(|line| (column.clone(), line)));
