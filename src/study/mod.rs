@@ -224,17 +224,14 @@ impl Study {
 
     /// The diagnosis of the fitted model without one of its effects, where another one is better in its place, and that effect; those that are
     /// `settled` stay. The model has `grown` out of a smaller one.
-    ///
-    /// # Errors
-    /// As [`Study::diagnose`].
     pub fn exchanged(
         &self,
         fit: &Fit,
         settled: &[Chosen],
         grown: &Fit,
         options: &Options,
-    ) -> Result<Option<(Diagnosis, Chosen)>> {
-        Ok(exchanged(&self.rig, &self.runs, fit, settled, grown, options, self.watcher())?)
+    ) -> Option<(Diagnosis, Chosen)> {
+        exchanged(&self.rig, &self.runs, fit, settled, grown, options, self.watcher())
     }
 
     /// The fitted model without one of its effects, refitted from where the rest stands.

@@ -365,3 +365,17 @@ fn a_column_in_volts_is_asked_for_its_ranges() {
     let rig = surgescope::rig::Rig::load(&folder.path().join("volts.toml")).unwrap();
     assert!((rig.sensors[0].position_m - 100.0).abs() < 1e-9 && (rig.sensors[1].position_m - 40.0).abs() < 3.0);
 }
+
+/// A pipe that is a quarter shorter than its file says: no effect is named for it.
+#[test]
+#[ignore = "takes 15 s; CI runs it"]
+fn a_wave_faster_than_the_rig_allows_is_no_effect() {
+    let folder = tempfile::tempdir().unwrap();
+    let table = crate::common::here("recordings/logger.csv");
+    let pipe = ["--material", "copper", "--length-m", "125", "--pipe", "22x1.5", "--temperature-degC", "18", "--yes"];
+    must(&folder, &[&["rig", "new", text(&table)], &pipe[..]].concat());
+    must(&folder, &["import", text(&table), "--rig", "rig.toml", "--yes", "-o", "run.mcap"]);
+    let answer: Value = serde_json::from_str(&must(&folder, &["diagnose", "run.mcap", "--json"]).0).unwrap();
+    assert_eq!(answer["verdict"], "unknown-effect", "{answer}");
+    assert!(answer["pair"].is_null() && answer["warnings"].to_string().contains("no effect makes a wave faster"));
+}

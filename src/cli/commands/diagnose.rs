@@ -148,7 +148,7 @@ fn diagnosed(args: Args, json: bool) -> CommandResult {
         })?;
         if let (None, Some((_, fit))) = (found.answer(), models.last())
             && let Some((other, gone)) =
-                shown(&mut study, "", |study| study.exchanged(fit, &settled, &models[0].1, &options))?
+                shown(&mut study, "", |study| study.exchanged(fit, &settled, &models[0].1, &options))
         {
             tell!("{} stood in for {} and is exchanged", gone.label(), other.answer_label());
             diagnoses.push(::std::mem::replace(&mut found, other));
@@ -200,7 +200,7 @@ fn diagnosed(args: Args, json: bool) -> CommandResult {
     }
     let Some(last) = diagnoses.last() else { return Ok(Outcome::Done) };
     if models.len() > MOST_ADDED {
-        tell!("stopped after adding {MOST_ADDED} effects");
+        tell!("stopped after {} models", models.len());
     }
     if json {
         say!("{}", diagnosis::json(&diagnoses, &faults_of(&study))?);

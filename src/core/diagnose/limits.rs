@@ -146,8 +146,8 @@ pub(crate) const STEEPNESS_UNEXPLAINED: f64 = 20.0;
 pub(crate) const STEEPNESS: f64 = 4.0;
 /// A model whose error of prediction is this many times the start model's has learned nothing of use. Tuned: data unknown.
 pub(crate) const WORSE_PREDICTION: f64 = 1.05;
-/// Travel times within this of the least that the rig file allows are the least. Cost of a bound.
-pub(crate) const AS_FAST: f64 = 1.0005;
+/// Wave speeds within this factor of the greatest that the rig file allows are as fast. Chosen.
+pub(crate) const AS_FAST: f64 = 1.005;
 /// Probability that the rig file is wrong where even the answer needs a wave that its pipe cannot have. Chosen.
 pub(crate) const RIG_FILE_IS_WRONG: f64 = 0.99;
 

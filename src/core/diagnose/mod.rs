@@ -41,7 +41,7 @@ use crate::diagnose::fallback_search::search_on;
 pub use crate::diagnose::limits::NEGLIGIBLE_EVIDENCE;
 use crate::diagnose::limits::{
     AS_FAST, CONVERGE_BELOW, EXPLAINED_OVER_NOISE, FULL_FITS, INDISTINGUISHABLE, LEAST_EVIDENCE, LEAST_FORECAST,
-    NO_FULL_FIT_ABOVE, PRIOR_ODDS_OF_PAIR, RIG_FILE_IS_WRONG, START_DOUBTFUL, WANTED_ODDS,
+    NO_FULL_FIT_ABOVE, PRIOR_ODDS_OF_PAIR, RIG_FILE_IS_WRONG, START_DOUBTFUL, UNEXPLAINED_OVER_NOISE, WANTED_ODDS,
 };
 use crate::diagnose::next::in_words;
 pub use crate::diagnose::outcome::{Candidate, Diagnosis, Pair, RivalPair, Verdict};
@@ -133,12 +133,16 @@ pub fn diagnose_fit(
     }
     candidates.sort_by(|a, b| b.probability.total_cmp(&a.probability));
     let (mut verdict, mut other) = verdict::verdict(over_noise(&start, runs), &candidates, pair.as_ref(), shown);
-    // An answer that takes a faster wave than the pipe of the rig file can have makes up for a wrong length, wall or material.
+    // No effect makes a wave faster. Where the record shows one that the pipe of the rig file cannot have, an answer that follows it all the same, or
+    // that explains nothing, makes up for a wrong length, wall or material.
     let answered = pair.as_ref().map(|p| &p.fit).or(candidates.first().and_then(|c| c.fit.as_ref()));
+    let astray = |fit: &Fit| over_noise(fit, runs) > UNEXPLAINED_OVER_NOISE || follows_too_fast(rig, runs, fit);
     let rig_file_is_wrong =
-        verdict == Verdict::MissingEffect && answered.is_some_and(|fit| is_too_fast(rig, runs, fit));
+        verdict != Verdict::NothingMissing && shows_too_fast(rig, runs) && answered.is_none_or(astray);
     if rig_file_is_wrong {
         (verdict, other) = (Verdict::UnknownEffect, other.max(RIG_FILE_IS_WRONG));
+        pair = None;
+        rival_pairs.clear();
     }
     // The effects of the catalogue share the rest of the probability.
     let none = (1.0 - shares.iter().sum::<f64>()).max(0.0) * (1.0 - other);
@@ -155,7 +159,7 @@ pub fn diagnose_fit(
     if rig_file_is_wrong {
         warnings.push(
             "the wave is faster than the rig file's pipe allows, whichever effect is added, and no effect makes a wave faster: correct the pipe's \
-             length, wall or material in the rig file"
+             length, wall or material in the rig file, or the rate of the samples"
                 .into(),
         );
     }
@@ -374,8 +378,21 @@ fn is_shown(baseline: &Baseline, candidate_fits: &[CandidateFit]) -> bool {
     candidate_fits.first().is_some_and(|r| r.odds(&baseline.known) >= SHOWN)
 }
 
+/// Whether the records show a wave that is faster than the rig file's pipes allow.
+fn shows_too_fast(rig: &Rig, runs: &[RunData]) -> bool {
+    let measured: Vec<f64> = runs.iter().filter_map(|run| run.start.wave_speed_ratio).collect();
+    let water = runs.first().map(|run| &run.conditions.water);
+    let travel_s = |of: fn((f64, f64, f64)) -> f64| {
+        let through =
+            |water| rig.pipes.iter().map(|pipe| pipe.length_m / of(pipe.wave_speed_start(water))).sum::<f64>();
+        water.map_or(f64::NAN, through)
+    };
+    let fastest = AS_FAST * travel_s(|(start, ..)| start) / travel_s(|(.., fastest)| fastest);
+    !measured.is_empty() && measured.iter().sum::<f64>() / measured.len() as f64 > fastest
+}
+
 /// Whether a wave gets through the model of the fit in the least time that the rig file's pipes allow, or less.
-fn is_too_fast(rig: &Rig, runs: &[RunData], fit: &Fit) -> bool {
+fn follows_too_fast(rig: &Rig, runs: &[RunData], fit: &Fit) -> bool {
     let Some(first) = runs.first() else { return false };
     let water = &first.conditions.water;
     let model = Model::new(rig, water, &fit.effects);

@@ -103,7 +103,8 @@ fn fitting_place(rig: &Rig, sensors: &[SensorFeatures], speed_m_s: f64) -> Strin
     }
     let from_valve_m = rig.length_m() - last.position_m;
     if (place_m - from_valve_m).abs() < SAME_PLACE * rig.length_m() {
-        return format!(" {} at {from_valve_m} m would fit: was its place counted from the valve?", last.name);
+        let place = significant(from_valve_m, 4);
+        return format!(" {} at {place} m would fit: was its place counted from the valve?", last.name);
     }
     format!(" {} at {} m would fit.", last.name, significant(place_m, 3))
 }

@@ -71,9 +71,12 @@ pub fn in_words(faults: &[SensorFault]) -> String {
         _ => format!("sensors {} are {}: {}", sensors.join(", "), fault.fault.words(), fault.says),
     };
     let mut words = alike.iter().map(one).collect::<Vec<_>>().join("; ");
-    // What all have in common is no sensor's own.
-    let own = alike.iter().filter(|(sensors, fault)| sensors.len() == 1 && fault.forbids_a_fit());
-    let own: Vec<&str> = own.map(|(_, fault)| fault.sensor.as_str()).collect();
+    // A unit or a clock that several have in common is no sensor's own.
+    let common = |(sensors, fault): &&(Vec<&str>, &SensorFault)| {
+        sensors.len() > 1 && matches!(fault.fault, Fault::WrongUnit | Fault::WrongTimeUnit)
+    };
+    let own = alike.iter().filter(|group| group.1.forbids_a_fit() && !common(group));
+    let own: Vec<&str> = own.flat_map(|(sensors, _)| sensors.iter().copied()).collect();
     if !own.is_empty() {
         words += &format!(". Mend it, or leave it out with option `ignore` {}", own.join(","));
     }
@@ -90,7 +93,7 @@ impl Fault {
             Fault::Inverted => "inverted",
             Fault::Swapped => "swapped with another",
             Fault::WrongUnit => "in a wrong unit",
-            Fault::WrongTimeUnit => "on wrong times, or at a wrong place",
+            Fault::WrongTimeUnit => "timed wrongly, or misplaced",
             Fault::Coarse => "coarse",
         }
     }

@@ -187,9 +187,13 @@ pub fn text(diagnosis: &Diagnosis) -> String {
             let nearest = nearest
                 .map_or(String::new(), |c| format!("; the nearest, {}, leaves {} m", c.effect, error_m(c.rmse_m)));
             let p = probability(diagnosis.probability);
+            let check = match diagnosis.start_is_held() {
+                true => "\nCheck the rig file first: a wrong length, wall, bore or place of a sensor looks alike.",
+                false => "",
+            };
             writeln!(
                 out,
-                "\nSomething is missing that no effect of the catalogue explains (probability {p}){nearest}.\nCheck the rig file first: a wrong length, wall, bore or place of a sensor looks alike."
+                "\nSomething is missing that no effect of the catalogue explains (probability {p}){nearest}.{check}"
             )
         }
         (Verdict::UnknownEffect, None) => {

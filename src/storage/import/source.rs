@@ -176,10 +176,9 @@ fn line_of(text: &str) -> Option<Line> {
     let line = line.replace(' ', "");
     let (scale, offset) = match line.split_once("->") {
         Some((from, to)) => {
-            let number = |text: &str| text.trim_end_matches(char::is_alphabetic).parse::<f64>().ok();
             let ends = |range: &str| {
                 let (low, high) = range.split_once("..")?;
-                Some((number(low)?, number(high)?))
+                Some((low.parse::<f64>().ok()?, high.parse::<f64>().ok()?))
             };
             let ((low, high), (least, most)) = (ends(from)?, ends(to)?);
             let scale = (most - least) / (high - low);

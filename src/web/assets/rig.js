@@ -7,8 +7,8 @@ import { move, release } from "/assets/hands.js";
 import { offer } from "/assets/place.js";
 
 const AXIS = 52;
-// From where to where the pipe is drawn, of what width; how close names of sensors may stand. On a phone all is larger.
-let [FROM, TO, WIDTH, NEAR] = [70, 930, 1000, 70];
+// From where to where the pipe is drawn, of what width; how wide a letter of a name is. On a phone all is larger.
+let [FROM, TO, WIDTH, LETTER] = [70, 930, 1000, 7];
 const phone = matchMedia("(max-width: 700px)");
 phone.addEventListener("change", () => app.state && rig());
 const STEP = 0.002;
@@ -88,7 +88,7 @@ export function rig() {
   const open = app.state.open;
   at("rig-card").hidden = !open;
   if (!open) return;
-  [FROM, TO, WIDTH, NEAR] = phone.matches ? [42, 440, 484, 95] : [70, 930, 1000, 70];
+  [FROM, TO, WIDTH, LETTER] = phone.matches ? [42, 440, 484, 8] : [70, 930, 1000, 7];
   const { length_m: length, pipes, supply } = open.rig;
   const x = (m) => FROM + ((TO - FROM) * m) / length;
   const widest = Math.max(...pipes.map((p) => p.inner_diameter_m));
@@ -96,9 +96,12 @@ export function rig() {
   let last = -1e9;
   const foot = (s) => {
     // names that would touch stand one above the other
-    const low = x(s.position_m) - last < NEAR;
-    last = low ? -1e9 : x(s.position_m);
-    return svg("g", {}, svg("circle", { cx: x(s.position_m), cy: AXIS, r: 5, class: "sensor" }), svg("text", { x: x(s.position_m), y: low ? 16 : 32, "text-anchor": x(s.position_m) > TO - 30 ? "end" : "middle", text: `${s.name} ${digits(s.position_m, 4)} m` }));
+    const text = `${s.name} ${digits(s.position_m, 4)} m`;
+    const [at_end, wide] = [x(s.position_m) > TO - 30, LETTER * text.length];
+    const left = x(s.position_m) - (at_end ? wide : wide / 2);
+    const raised = left < last;
+    last = raised ? -1e9 : left + wide;
+    return svg("g", {}, svg("circle", { cx: x(s.position_m), cy: AXIS, r: 5, class: "sensor" }), svg("text", { x: x(s.position_m), y: raised ? 16 : 32, "text-anchor": at_end ? "end" : "middle", text }));
   };
   const all = app.state.model?.parameters || [];
   const placed = all.filter((p) => p.effect && /_(position|start|end)_m$/.test(p.name)).sort((a, b) => a.value - b.value);

@@ -61,15 +61,16 @@ pub fn take(dropped: &Dropped, rig: &Rig, folder: &Path) -> Result<(Value, Optio
     // nobody knows the scratch file by its name
     let own = |error: AnyError| sentence(&*error).replace(&*path.shown(), &Path::new(name).shown());
     let sensors: Vec<&str> = rig.sensors.iter().map(|sensor| sensor.name.as_str()).collect();
-    let scales = dropped.scales.iter().map(|(column, line)| Ok((column.clone(), line.parse()?)));
-    let scales = scales.collect::<Result<Vec<_>, String>>()?;
     let guessing = SourceOptions { guess: true, rate_hz: dropped.rate_hz, ..SourceOptions::default() };
-    let read = read_source(&path, &guessing);
+    let source = read_source(&path, &guessing);
     let counts = |error: &LogError| matches!(error, LogError::Csv { problem, .. } if matches!(**problem, CsvProblem::NoTimes { .. }));
-    let needs_rate = dropped.rate_hz.is_some() || read.as_ref().is_err_and(counts);
+    let needs_rate = dropped.rate_hz.is_some() || source.as_ref().is_err_and(counts);
     let columns: Vec<String> =
-        read.map_or(Vec::new(), |read| read.tracks.into_iter().map(|track| track.name).collect());
-    let imported = match imported(dropped, scales, rig, &path).map_err(own) {
+        source.map_or(Vec::new(), |read| read.tracks.into_iter().map(|track| track.name).collect());
+    let scales = dropped.scales.iter().map(|(column, line)| Ok((column.clone(), line.parse()?)));
+    let scales = scales.collect::<Result<Vec<_>, String>>();
+    let read = scales.map_err(AnyError::from).and_then(|scales| imported(dropped, scales, rig, &path));
+    let imported = match read.map_err(own) {
         // what is only looked at may still be mended: by the rate of its samples, or by saying which column is which sensor
         Err(error) if !dropped.accept && (needs_rate || !columns.is_empty()) => {
             let about = json!({ "problem": error, "columns": columns, "sensors": sensors, "needs_rate": needs_rate });

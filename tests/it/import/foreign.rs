@@ -103,10 +103,12 @@ fn counted_samples_and_volts_need_a_rate_and_a_line() {
     bench.put("volts.csv", text);
     bench.refuses(&["volts.csv", "--yes"], &["no column holds times", "'sample' counts samples", "--rate"]);
     bench.refuses(&["volts.csv", "--yes", "--rate", "1000"], &["is in 'V'", "--scale"]);
-    let scales = ["--scale", "P1=2.5*x-1.25", "--scale", "P2=0.5V..4.5V -> 0..5"];
+    let scales = ["--scale", "P1=2.5*x-1.25", "--scale", "P2=0.5..4.5 -> 0..5"];
     bench.import(0, &[&["volts.csv", "--yes", "--rate", "1000"], &scales[..]].concat());
     holds_the_table(&bench, 1e-5);
     bench.refuses(&["volts.csv", "--rate", "1000", "--scale", "P1=0*x+1"], &["write it like 'P1=1..5 -> 0..10 bar'"]);
+    // a unit that is not understood is not dropped
+    bench.refuses(&["volts.csv", "--rate", "1000", "--scale", "P1=1..5 -> 0..1MPa"], &["write it like"]);
 }
 
 /// Columns that may be any of several sensors are not given to one of them.

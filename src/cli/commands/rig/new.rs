@@ -96,11 +96,6 @@ pub fn run(mut args: Args, json: bool) -> CommandResult {
     }
     let asks = !args.yes && !json && stdin().is_terminal() && stderr().is_terminal();
     let ask = Ask { asks, dialogue: Dialogue::default() };
-    if asks {
-        tell!(
-            "Enter takes what stands in brackets, {BACK} goes back to the question before. Ctrl-C leaves; nothing is written before the last answer."
-        );
-    }
     let source = SourceOptions { guess: true, ..args.foreign.clone().options() };
     // A file that cannot be read costs no answers.
     let read = match args.file.as_deref() {
@@ -112,6 +107,11 @@ pub fn run(mut args: Args, json: bool) -> CommandResult {
     };
     if let (Some(file), Some(read)) = (&args.file, &read) {
         check_names(read, file, None, &source)?;
+    }
+    if asks {
+        tell!(
+            "Enter takes what stands in brackets, {BACK} goes back to the question before. Ctrl-C leaves; nothing is written before the last answer."
+        );
     }
     let Drafted { draft, left_out, foreign } = ask.dialogue.ask(|| drafted(&args, read.as_ref(), &ask))?;
     args.foreign = foreign;
@@ -404,8 +404,10 @@ impl Ask {
                 "No column looks like a pressure. Where one is in volts or mA, write its ranges, such as 1..5 -> 0..10 bar, or its line, 2.5*x-2.5 bar."
             );
         }
-        for column in columns {
+        for (i, column) in columns.iter().enumerate() {
+            let needed = lines.is_empty() && i + 1 == columns.len();
             let line = |text: &str| match text {
+                "" if needed => Err(format!("one column must be a pressure; {BACK} goes back")),
                 "" => Ok(None),
                 text => text.parse().map(Some),
             };

@@ -302,7 +302,7 @@ fn take_unit_suffix(track: &mut Track) {
     let last_word = track.short.rsplit_once(['_', ' ']);
     let exact = |unit: &str| unit.parse::<Unit>().is_ok_and(|u| u.quantity != Quantity::Ratio);
     // `ch0_V` is in volts; `P_V` may as well stand at the valve.
-    let electric = |name: &str, unit: &str| is_electric(unit) && kind_of_name(name).is_none();
+    let electric = |name: &str, unit: &str| is_electric(unit) && (unit != "V" || kind_of_name(name).is_none());
     let Some((name, unit)) = behind_comma.or(last_word.filter(|(name, unit)| exact(unit) || electric(name, unit)))
     else {
         return;
