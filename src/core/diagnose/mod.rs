@@ -105,6 +105,9 @@ pub fn diagnose_fit(
     if !far {
         contest(&fitter, &mut candidate_fits);
     }
+    // by what the fits leave, not by what the coarse grid forecast
+    weigh(&fitter, &baseline, &start, &mut candidate_fits, &[]);
+    rank(&baseline, &mut candidate_fits);
     let shown = is_shown(&baseline, &candidate_fits) || is_shown_by_another(&baseline, &candidate_fits);
     // How cavities collapse no model follows well: what is left of them is no second effect.
     let pair_fits = if shown { Vec::new() } else { pairs_of(&fitter, &baseline, &start, &refits, &mut candidate_fits) };

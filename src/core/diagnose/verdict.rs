@@ -9,7 +9,8 @@ use crate::diagnose::outcome::{Candidate, Pair, Verdict};
 /// over noise; `candidates` come most probable first; a `pair` is the answer instead of the first. A record that shows the first
 /// one by itself (`shown`) has it, whatever it leaves unexplained.
 pub(crate) fn verdict(start: f64, candidates: &[Candidate], pair: Option<&Pair>, shown: bool) -> (Verdict, f64) {
-    let Some(best) = candidates.first().filter(|c| c.evidence >= LEAST_EVIDENCE) else {
+    // Alone, an effect of a pair may explain nothing.
+    let Some(best) = candidates.first().filter(|c| pair.is_some() || c.evidence >= LEAST_EVIDENCE) else {
         // An error that instruments within their class explain still counts as noise.
         let within_class = candidates.iter().filter(|c| c.within_class).map(|c| c.over_noise);
         let left = within_class.fold(start, f64::min);
