@@ -11,7 +11,7 @@ type AnyError = Box<dyn std::error::Error + Send + Sync>;
 /// What takes the last answer back.
 pub const BACK: &str = "<";
 
-/// The last answer was taken back: the questions are asked again from the first, and those before it answer themselves.
+/// The last answer was taken back: the dialogue starts over, and the questions before it answer themselves.
 #[derive(Debug, thiserror::Error)]
 #[error("one question back")]
 pub struct Back;
@@ -43,7 +43,7 @@ impl Dialogue {
         self.next.get() == self.answers.borrow().len()
     }
 
-    /// A line that `parse` takes; it is asked again until then. Enter alone gives the usual answer.
+    /// A line that `parse` takes: the question comes again until then. Enter alone gives the usual answer.
     ///
     /// # Errors
     /// [`Back`]; a terminal that is gone.

@@ -91,10 +91,7 @@ fn agreeing(pairs: &[FrontPair], shifts: &[Estimate], rig: &Rig) -> (Vec<Estimat
 /// The wave speed that the recordings show, else the rig's nominal one; the second value says whether it was measured.
 fn wave_speed(first: &Recording, other: &Recording, rig: &Rig) -> (Estimate, bool) {
     let water = rig.fluid.properties(rig.fluid.temperature_degc);
-    let mean = |of: fn((f64, f64, f64)) -> f64| {
-        rig.length_m() / rig.pipes.iter().map(|p| p.length_m / of(p.wave_speed_start(&water))).sum::<f64>()
-    };
-    let (start, low, high) = (mean(|s| s.0), mean(|s| s.1), mean(|s| s.2));
+    let (start, low, high) = rig.wave_speed_start(&water);
     let shown = |recording: &Recording| signal::inspect(recording).ok()?.wave_speed.best();
     let measured = [first, other].into_iter().filter_map(shown).filter(|e| (low..=high).contains(&e.value));
     match measured.min_by(|a, b| a.standard_error.total_cmp(&b.standard_error)) {

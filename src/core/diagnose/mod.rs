@@ -383,15 +383,10 @@ fn is_shown(baseline: &Baseline, candidate_fits: &[CandidateFit]) -> bool {
 
 /// Whether the records show a wave that is faster than the rig file's pipes allow.
 fn shows_too_fast(rig: &Rig, runs: &[RunData]) -> bool {
+    let Some(first) = runs.first() else { return false };
     let measured: Vec<f64> = runs.iter().filter_map(|run| run.start.wave_speed_ratio).collect();
-    let water = runs.first().map(|run| &run.conditions.water);
-    let travel_s = |of: fn((f64, f64, f64)) -> f64| {
-        let through =
-            |water| rig.pipes.iter().map(|pipe| pipe.length_m / of(pipe.wave_speed_start(water))).sum::<f64>();
-        water.map_or(f64::NAN, through)
-    };
-    let fastest = AS_FAST * travel_s(|(start, ..)| start) / travel_s(|(.., fastest)| fastest);
-    !measured.is_empty() && measured.iter().sum::<f64>() / measured.len() as f64 > fastest
+    let (nominal, _, greatest) = rig.wave_speed_start(&first.conditions.water);
+    !measured.is_empty() && measured.iter().sum::<f64>() / measured.len() as f64 > AS_FAST * greatest / nominal
 }
 
 /// Whether a wave gets through the model of the fit in the least time that the rig file's pipes allow, or less.
@@ -403,7 +398,7 @@ fn follows_too_fast(rig: &Rig, runs: &[RunData], fit: &Fit) -> bool {
     let values = fit.values();
     let run = problem.run_values(0, &values);
     let travel_s = model.travel_s(&first.conditions, &values[..model.shared.len()], &run);
-    let least_s: f64 = rig.pipes.iter().map(|pipe| pipe.length_m / pipe.wave_speed_start(water).2).sum();
+    let least_s = rig.length_m() / rig.wave_speed_start(water).2;
     travel_s.is_ok_and(|travel_s| travel_s.iter().sum::<f64>() < AS_FAST * least_s)
 }
 

@@ -106,6 +106,22 @@ impl Pipe {
     }
 }
 
+impl Rig {
+    /// Mean wave speed from the supply to the valve, length by travel time, m/s: nominal, and the least and the greatest that a fit may take (see
+    /// [`Pipe::wave_speed_start`]).
+    pub fn wave_speed_start(&self, water: &WaterProperties) -> (f64, f64, f64) {
+        let mut travel_s = [0.0; 3];
+        for pipe in &self.pipes {
+            let (nominal, least, greatest) = pipe.wave_speed_start(water);
+            for (time_s, speed) in travel_s.iter_mut().zip([nominal, least, greatest]) {
+                *time_s += pipe.length_m / speed;
+            }
+        }
+        let [nominal, least, greatest] = travel_s.map(|time_s| self.length_m() / time_s);
+        (nominal, least, greatest)
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -167,11 +167,7 @@ fn doubt_joukowsky(j: Estimate, crossings: Option<Estimate>) -> Option<String> {
 /// Compares the mean wave speed (length by travel time) with what the walls allow.
 fn doubt_bounds(rig: &Rig, temperature_degc: f64, best: Estimate) -> Option<String> {
     let water = rig.fluid.properties(temperature_degc);
-    let mean = |of: fn((f64, f64, f64)) -> f64| {
-        let travel_s: f64 = rig.pipes.iter().map(|p| p.length_m / of(p.wave_speed_start(&water))).sum();
-        rig.length_m() / travel_s
-    };
-    let (lo, hi) = (mean(|(_, lo, _)| lo), mean(|(_, _, hi)| hi));
+    let (_, lo, hi) = rig.wave_speed_start(&water);
     let (least, most) = (best.value - 2.0 * best.standard_error, best.value + 2.0 * best.standard_error);
     let causes = if least > hi {
         "are the pipe's length, wall and material right in the rig file, and the times in seconds?"

@@ -57,7 +57,7 @@ impl SensorFault {
     }
 }
 
-/// Faults in a sentence each, with what to do. What is said of several sensors alike is said once.
+/// Faults in a sentence each, with what to do. A fault that several sensors share is one sentence.
 pub fn in_words(faults: &[SensorFault]) -> String {
     let mut alike: Vec<(Vec<&str>, &SensorFault)> = Vec::new();
     for fault in faults {
@@ -168,8 +168,9 @@ struct Scene<'a> {
 impl<'a> Scene<'a> {
     fn new(recording: &'a Recording, stations: &'a [Station], temperature_degc: f64) -> Self {
         let rig = &recording.rig;
-        let density_kg_m3 = rig.fluid.properties(temperature_degc).density_kg_m3;
-        Scene { recording, rig, stations, speed_m_s: nominal_speed_m_s(rig, temperature_degc), density_kg_m3 }
+        let water = rig.fluid.properties(temperature_degc);
+        let (speed_m_s, ..) = rig.wave_speed_start(&water);
+        Scene { recording, rig, stations, speed_m_s, density_kg_m3: water.density_kg_m3 }
     }
 
     fn name(&self, station: &Station) -> &'a str {
@@ -420,7 +421,7 @@ fn unit_by_flow(rig: &Rig, features: &Features) -> Vec<SensorFault> {
     if factor < OTHER_UNIT && factor * OTHER_UNIT > 1.0 {
         return Vec::new();
     }
-    let speed_m_s = nominal_speed_m_s(rig, features.temperature_degc);
+    let (speed_m_s, ..) = rig.wave_speed_start(&rig.fluid.properties(features.temperature_degc));
     let (of_rise, of_wave) = ((rise.value / speed_m_s).ln().abs(), (wave.value / speed_m_s).ln().abs());
     let (fault, says) = if of_rise < of_wave {
         let says = format!(
@@ -440,12 +441,6 @@ fn unit_by_flow(rig: &Rig, features: &Features) -> Vec<SensorFault> {
     };
     let pressure = rig.pressure_sensors();
     pressure.map(|(_, s)| SensorFault { sensor: s.name.clone(), fault, says: says.clone() }).collect()
-}
-
-/// Nominal wave speed, mean over the pipes, m/s.
-fn nominal_speed_m_s(rig: &Rig, temperature_degc: f64) -> f64 {
-    let water = rig.fluid.properties(temperature_degc);
-    rig.length_m() / rig.pipes.iter().map(|p| p.length_m / p.wave_speed_start(&water).0).sum::<f64>()
 }
 
 /// Start and length of each run of equal values.

@@ -96,12 +96,12 @@ pub fn run(mut args: Args, json: bool) -> CommandResult {
     }
     let asks = !args.yes && !json && stdin().is_terminal() && stderr().is_terminal();
     let ask = Ask { asks, dialogue: Dialogue::default() };
-    let source = SourceOptions { guess: true, ..args.foreign.clone().options() };
+    let source = guessing(&args.foreign);
     // A file that cannot be read costs no answers.
     let read = match args.file.as_deref() {
         Some(file) => Some(read_source(file, &source).or_else(|error| {
             args.foreign.rate = Some(ask.rate(error)?);
-            Ok::<_, AnyError>(read_source(file, &SourceOptions { rate_hz: args.foreign.rate, ..source.clone() })?)
+            Ok::<_, AnyError>(read_source(file, &guessing(&args.foreign))?)
         })?),
         None => None,
     };
@@ -115,7 +115,7 @@ pub fn run(mut args: Args, json: bool) -> CommandResult {
     }
     let Drafted { draft, left_out, foreign } = ask.dialogue.ask(|| drafted(&args, read.as_ref(), &ask))?;
     args.foreign = foreign;
-    let source = SourceOptions { guess: true, ..args.foreign.clone().options() };
+    let source = guessing(&args.foreign);
     let text = draft.text();
     let rig = Rig::from_toml(&text, &args.output.shown())?;
     output::write(&args.output, &text)?;
@@ -154,6 +154,11 @@ pub fn run(mut args: Args, json: bool) -> CommandResult {
     Ok(Outcome::Done)
 }
 
+/// How the file is read: what its options leave open is guessed.
+fn guessing(foreign: &ForeignArgs) -> SourceOptions {
+    SourceOptions { guess: true, ..foreign.clone().options() }
+}
+
 /// What the answers make.
 struct Drafted {
     draft: Draft,
@@ -166,26 +171,25 @@ struct Drafted {
 /// All questions but those without which the file cannot be read.
 fn drafted(args: &Args, read: Option<&SourceFile>, ask: &Ask) -> Result<Drafted, AnyError> {
     let mut foreign = args.foreign.clone();
-    let source = |foreign: &ForeignArgs| SourceOptions { guess: true, ..foreign.clone().options() };
     if let (Some(file), Some(read)) = (&args.file, read)
-        && let Some(columns) = without_pressure(read, &source(&foreign), args.unit, &args.sensor)
+        && let Some(columns) = without_pressure(read, &guessing(&foreign), args.unit, &args.sensor)
     {
         foreign.scale.extend(ask.transducers(&columns)?);
-        if without_pressure(read, &source(&foreign), args.unit, &args.sensor).is_some() {
+        if without_pressure(read, &guessing(&foreign), args.unit, &args.sensor).is_some() {
             return Err(no_pressure(file, &columns).into());
         }
     }
     let mut draft = pipe(args, ask)?;
     let mut left_out = Vec::new();
     if let Some(read) = read {
-        let sensors = |foreign: &ForeignArgs| sensors_of(read, &draft, &source(foreign), args.unit, &args.sensor);
+        let sensors = |foreign: &ForeignArgs| sensors_of(read, &draft, &guessing(foreign), args.unit, &args.sensor);
         let mut found = sensors(&foreign);
         if foreign.flow.is_none() && !found.0.iter().any(|s| s.kind == SensorKind::Flow) {
             foreign.flow = ask.flow()?;
             found = sensors(&foreign);
         }
         (draft.sensors, left_out) = found;
-        place(&mut draft, read, &source(&foreign));
+        place(&mut draft, read, &guessing(&foreign));
     }
     confirmed(&mut draft, args, ask)?;
     Ok(Drafted { draft, left_out, foreign })

@@ -40,8 +40,7 @@ pub fn prepare(file: &str, rig: &Rig, recording: &Recording, features: &Features
         sensors.push(SensorData { sensor, time_s, head_m, noise_m, total_noise_m, offset_sd_m, saturated });
         extrema.push(seen.extrema.iter().map(|e| (e.time_s, e.cycle, e.peak)).collect());
     }
-    let nominal: Vec<f64> = rig.pipes.iter().map(|p| p.wave_speed_start(&water).0).collect();
-    let mean_speed = rig.length_m() / rig.pipes.iter().zip(&nominal).map(|(p, a)| p.length_m / a).sum::<f64>();
+    let (mean_speed, ..) = rig.wave_speed_start(&water);
     let measured_speed = plausible_speed(rig, &water, features);
     let speed = measured_speed.unwrap_or(mean_speed);
     let velocity_m_s = match features.steady_velocity_m_s {
@@ -108,10 +107,7 @@ fn leave_saturated_out(
 /// The measured wave speed, by the first method whose result the pipes allow: a joint or a branch can reflect a front that
 /// looks like the supply's, and a skewed clock or a wrong velocity misleads the others.
 fn plausible_speed(rig: &Rig, water: &WaterProperties, features: &Features) -> Option<f64> {
-    let mean = |of: fn((f64, f64, f64)) -> f64| {
-        rig.length_m() / rig.pipes.iter().map(|p| p.length_m / of(p.wave_speed_start(water))).sum::<f64>()
-    };
-    let (low, high) = (mean(|(_, low, _)| low), mean(|(_, _, high)| high));
+    let (_, low, high) = rig.wave_speed_start(water);
     let speeds = &features.wave_speed;
     [
         speeds.crossings.map(|c| c.value),

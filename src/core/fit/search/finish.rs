@@ -150,6 +150,7 @@ mod tests {
             assert!((0.98..1.02).contains(&ratio), "{}: {} {}", a.name, a.standard_error(), b.standard_error());
         }
     }
+
     /// Elements of creep stand in the order of their times, wherever the descent began.
     #[test]
     fn elements_end_in_their_order() {
