@@ -365,6 +365,12 @@ pub enum CsvProblem {
 pub(crate) type CsvFault = (Option<usize>, Box<CsvProblem>);
 
 impl LogError {
+    /// Whether the file can be read as soon as somebody knows the rate of its samples.
+    #[must_use]
+    pub fn lacks_rate(&self) -> bool {
+        matches!(self, LogError::Csv { problem, .. } if matches!(**problem, CsvProblem::NoTimes { counted: true, .. }))
+    }
+
     /// An I/O failure on `path`, with the plain cases in plain words.
     pub(crate) fn io(action: &'static str, path: &Path, source: io::Error) -> Self {
         match source.kind() {

@@ -98,15 +98,6 @@ fn within(unit: &str, [low, high]: [f64; 2]) -> impl Fn(&str) -> Result<f64, Str
     }
 }
 
-/// A number, of which no other answer depends.
-///
-/// # Errors
-/// A terminal that is gone.
-pub fn number(question: &str, unit: &str, range: [f64; 2]) -> Result<f64, AnyError> {
-    let parse = within(unit, range);
-    Ok(parse(&typed(question, None, |text| parse(text).map(drop))?)?)
-}
-
 /// Yes or no; Enter alone is yes.
 ///
 /// # Errors

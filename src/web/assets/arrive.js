@@ -26,6 +26,7 @@ export async function arrive(file) {
     // the second of a double click is none
     if (writing) return;
     writing = accept;
+    app.opens ||= accept;
     const scales = map.filter(([, sensor]) => scale.get(sensor)).map(([column, sensor]) => [column, scale.get(sensor)]);
     try {
       const found = await post("/api/import", { name: file.name, content, map, ignore, without, accept, scales, rate_hz: rate });

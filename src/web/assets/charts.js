@@ -1,7 +1,7 @@
 // A chart a sensor: measurement and models, below them model − measured on the same axis. All charts zoom and point together.
 
 import { curves, simulate } from "/assets/api.js";
-import { at, digits, h, metres, put, times } from "/assets/dom.js";
+import { at, digits, h, head, put, times } from "/assets/dom.js";
 import { app, complain } from "/assets/store.js";
 import { menu } from "/assets/take.js";
 import { fingers } from "/assets/touch.js";
@@ -59,10 +59,17 @@ function options(panel, residual) {
     width: panel.width(), height: residual ? HEIGHTS[1] : HEIGHTS[0], pxAlign: false, padding: [16, 24, 0, 0], legend: { show: !residual, live: true, mount: (_, legend) => panel.legend.replaceChildren(legend) },
     cursor: { sync: { key: "surge", setSeries: false }, drag: { x: true, y: false, setScale: false }, bind: { dblclick: () => () => { zoom(null); return null; } } },
     scales: { x: { time: false, range: () => span() }, y: { range: (u, low, high) => limits(panel, residual, low, high) } },
-    axes: [{ ...axis, show: residual, size: 30, values: (_, s) => s.map((v) => `${+v.toFixed(4)} s`) }, { ...axis, size: 60, space: residual ? 20 : 36 }],
+    axes: [{ ...axis, show: residual, size: 30, values: (_, s) => s.map((v) => `${+v.toFixed(4)} s`) }, { ...axis, size: 60, space: 36, ...(residual ? { splits: (_, __, low, high) => around0(high) } : {}) }],
     series: [{ label: "\u00a0", value: (_, v) => (v === null || v === undefined ? "" : `at ${digits(v, 5)} s`) }, ...SERIES.map((s) => ({ ...s, value, points: { show: false }, spanGaps: false }))],
     hooks,
   };
+}
+
+// Zero and a round number on either side of it.
+function around0(most) {
+  const size = 10 ** Math.floor(Math.log10(most));
+  const round = [5, 2, 1].find((n) => n * size <= most) * size;
+  return [-round, 0, round];
 }
 
 function limits(panel, residual, low, high) {
@@ -165,7 +172,7 @@ class Panel {
     const legend = this.legend.querySelectorAll(".u-series");
     [ghost, model, trial].forEach((curve, i) => { legend[i + 2].hidden = !curve; });
     legend[2].querySelector(".u-label").textContent = app.compare ? `model ${app.compare}` : "before";
-    legend[4].querySelector(".u-label").textContent = following ? "being fitted" : app.preview ? `with ${app.preview} (below, dashed: what it would take off)` : "proposed";
+    legend[4].querySelector(".u-label").textContent = following ? "being fitted" : app.preview ? `with ${app.preview} (below: the error that it explains)` : "proposed";
     this.plots[0].setData([time, ...heads.map((v) => shown(this, v))]);
     const left = (v) => (v && measured ? minus(v, measured).map((d) => (d === null ? null : d * perM(this))) : gap(null, n));
     // what a candidate would take away, over what is left; of moved parameters what they would leave
@@ -222,7 +229,7 @@ export function charts() {
     panel.run = open.runs[panel.r];
     panel.sensor = panel.run.sensors[panel.s];
     const rmse = panel.sensor.rmse_m;
-    panel.rms.textContent = rmse === null ? "" : `error ${metres(rmse)}, ${times(rmse, panel.sensor.noise_m)}`;
+    panel.rms.textContent = rmse === null ? "" : `error ${head(rmse)}, ${times(rmse, panel.sensor.noise_m)}`;
   }
 }
 
@@ -241,6 +248,8 @@ export async function load() {
   } catch (error) { complain(error); }
 }
 
+let onTried = () => {};
+export const whenTried = (redraw) => { onTried = redraw; };
 const changed = () => Object.keys(app.moved).length > 0 || app.without.size > 0;
 
 // Simulates with what a person has moved: one request at a time, and the latest values win.
@@ -248,7 +257,7 @@ let flying = false;
 let next = null;
 export async function try_(coarse = false) {
   if (flying) { next = { coarse }; return; }
-  if (!changed()) { panels.forEach((panel) => { panel.data.trial = null; }); draw(); at("trial").textContent = ""; return; }
+  if (!changed()) { app.followed.clear(); panels.forEach((panel) => { panel.data.trial = null; }); draw(); at("trial").textContent = ""; return; }
   flying = true;
   try {
     const [from, to] = app.range || [undefined, undefined];
@@ -260,9 +269,11 @@ export async function try_(coarse = false) {
       panel.data.trial = model.length === panel.data.time.length ? model : null;
     }
     draw(coarse);
+    app.followed = new Map((found.followed || []).map((p) => [`${p.name} ${p.run || ""}`, p.value]));
+    onTried();
     const others = at("meanwhile").checked ? ", the others following" : "";
     const grid = found.coarse ? ` (coarse grid, ${found.reaches} reaches)` : "";
-    at("trial").textContent = `with these values${others}: error ${metres(found.rmse_m)}, ${times(found.rmse_m, found.noise_m)}${grid}`;
+    at("trial").textContent = `with these values${others}: error ${head(found.rmse_m)}, ${times(found.rmse_m, found.noise_m)}${grid}`;
   } catch (error) { complain(error); }
   flying = false;
   if (next) { const again = next; next = null; try_(again.coarse); }

@@ -3,7 +3,7 @@
 import { at, h, svg } from "/assets/dom.js";
 import { app, tell } from "/assets/store.js";
 
-const word = (text) => (/^[\w@:.,=+-]+$/.test(text) ? text : `'${text.replaceAll("'", "'\\''")}'`);
+export const word = (text) => (/^[\w@:.,=+/-]+$/.test(text) ? text : `'${text.replaceAll("'", "'\\''")}'`);
 
 // The command of an action. What a person has moved or held is part of the fit's.
 export function commandOf(action, effect) {

@@ -60,7 +60,9 @@ function build(width) {
     const box = h("div", { class: "plot" });
     return { box, card: h("div", { class: "card chart" }, h("h3", {}, h("b", { text: sensor.name }), ` ${digits(sensor.position_m, 4)} m in ${found.runs[0].name}, head in m; below: difference to ${found.runs[0].name}`), box) };
   });
-  put(at("compared"), cards.map((c) => c.card), h("div", { id: "compared-table", class: "list" }));
+  const rigs = new Set(found.runs.map((run) => run.rig));
+  const differ = rigs.size > 1 ? h("p", { class: "advice", text: `These runs are of different rigs (${[...rigs].join(", ")}). Sensors of one name may stand at different places; a run without a sensor of that name is not in its chart.` }) : null;
+  put(at("compared"), differ, cards.map((c) => c.card), h("div", { id: "compared-table", class: "list" }));
   shown.plots = cards.flatMap((c) => [false, true].map((differs) => new uPlot(options(differs), [[], ...found.runs.map(() => [])], c.box)));
 }
 
@@ -98,7 +100,6 @@ function table() {
       line("effects", found.runs.map((r) => r.model), (v) => v.join(", ") || "base model"),
       line("error × noise", found.runs.map((r) => (r.rmse_m ? r.rmse_m / r.noise_m : null)), (v) => digits(v, 3)), parameters)),
     names.length ? null : h("p", { class: "hint", text: "These runs have no models yet: open one, or let `surgescope watch` fit the folder." }),
-    rigs.size > 1 ? h("p", { class: "advice", text: `These runs are of different rigs (${[...rigs].join(", ")}): a model belongs to one rig, and sensors of one name may stand at different places.` }) : null,
     h("p", { class: "buttons" }, others.length && rigs.size < 2 ? h("button", { type: "button", text: "Fit one model to all of them", onclick: async () => { if (await act("/api/open", { runs: shown.ids })) { at("compare").close(); at("runs").close(); } } }) : null));
 }
 

@@ -46,7 +46,13 @@ export function uncertain(value, error) {
   return `${value.toFixed(places)} ± ${error.toFixed(places)}`.replaceAll("-", "−");
 }
 
-export const metres = (value) => `${digits(value, value < 1 ? 2 : 3)} m`;
+const rounded = (value, symbol) => `${digits(value, value < 1 ? 2 : 3)} ${symbol}`;
+export const metres = (value) => rounded(value, "m");
+// An error in the unit that the page shows heads in.
+const METRE = { symbol: "m", per_m: 1 };
+let unit = METRE;
+export const showIn = (other) => { unit = other || METRE; };
+export const head = (value_m) => rounded(value_m * unit.per_m, unit.symbol);
 export const times = (rmse, noise) => (noise > 0 && Number.isFinite(rmse) ? `${digits(rmse / noise, rmse / noise < 10 ? 2 : 3)} × noise` : "");
 export const probable = (p) => (p > 0.99 ? "> 0.99" : p < 0.01 ? "< 0.01" : p.toFixed(2));
 

@@ -3,6 +3,7 @@
 import { ask } from "/assets/api.js";
 import { at, digits, h, named, put, svg } from "/assets/dom.js";
 import { app, act } from "/assets/store.js";
+import { copy, word } from "/assets/commands.js";
 
 const [WIDTH, HEIGHT, LEFT, RIGHT, TOP, BOTTOM] = [420, 150, 60, 410, 10, 122];
 
@@ -40,7 +41,11 @@ export async function drift() {
   if (!dialog.open) dialog.showModal();
   let rigs;
   try { rigs = await ask("/api/history"); } catch (error) {
-    put(body, h("p", { class: "advice", text: error.message }), h("p", { text: "`surgescope watch FOLDER --once` fits every run of a folder and keeps what it finds; the drift is then shown here." }));
+    // which runs belong together is a folder's to say
+    if (!app.state.folder) { put(body, h("p", { class: "advice", text: error.message })); return; }
+    const command = `surgescope watch ${word(app.state.place)} --once`;
+    put(body, h("p", {}, "In a terminal, ", h("code", { text: command }), " fits every run of this folder and keeps what it finds; the drift is then shown here. ",
+      h("button", { type: "button", text: "Copy the command", onclick: () => copy(command) })));
     return;
   }
   const one = (p) => h("div", { class: "card" }, h("h3", { text: `${named(p)}${p.unit === "1" ? "" : `, ${p.unit}`}` }), p.values.length ? chart(p) : null,

@@ -1,6 +1,6 @@
 // What is missing: the diagnosis, what each candidate would do, and any effect of the catalogue by hand.
 
-import { at, h, metres, probable, put, svg, times, toCharts } from "/assets/dom.js";
+import { at, h, head, probable, put, svg, times, toCharts } from "/assets/dom.js";
 import { app, act } from "/assets/store.js";
 import { load, try_, watchFit } from "/assets/charts.js";
 import { falls, models } from "/assets/past.js";
@@ -33,7 +33,7 @@ function both(pair) {
   const noise = app.state.model.noise_m;
   return h("article", { class: "card" }, h("h3", {}, pair.labels.join(" and "), h("span", { class: "number", text: probable(pair.probability) })),
     h("p", { text: "Both together. Add one of them; the other is then found beside it." }),
-    h("p", { class: "foot", text: `error → ${metres(pair.rmse_m)}${pair.rmse_m < 1.25 * noise ? ", down to the noise" : `, ${times(pair.rmse_m, noise)}`}` }));
+    h("p", { class: "foot", text: `error → ${head(pair.rmse_m)}${pair.rmse_m < 1.25 * noise ? ", down to the noise" : `, ${times(pair.rmse_m, noise)}`}` }));
 }
 
 function candidate(c) {
@@ -46,7 +46,7 @@ function candidate(c) {
     h("h3", {}, c.label, bar, h("span", { class: "number", text: probable(c.probability) })),
     about ? h("p", { text: about.summary }) : null, alike, theory(about),
     h("button", { type: "button", class: "link on-phone", text: "show in the charts", onclick: () => { show(); toCharts(); } }),
-    h("p", { class: "foot" }, h("span", { text: `${c.probability_alone === undefined ? "" : "alone: "}error → ${metres(c.rmse_m)}${c.rmse_m < 1.25 * noise ? ", down to the noise" : `, ${times(c.rmse_m, noise)}`}` }),
+    h("p", { class: "foot" }, h("span", { text: `${c.probability_alone === undefined ? "" : "alone: "}error → ${head(c.rmse_m)}${c.rmse_m < 1.25 * noise ? ", down to the noise" : `, ${times(c.rmse_m, noise)}`}` }),
       h("button", { type: "button", class: app.state.diagnosis.verdict === "nothing-missing" ? null : "primary", text: "Add", "aria-label": `Add ${c.label}`, "data-key": `a${c.label}`, disabled: Boolean(app.state.job), onfocus: show, onclick: (event) => { follows = event.detail === 0; add(c.label); } }), copier("add", c.label)));
   return card;
 }
@@ -93,12 +93,12 @@ function falling() {
   const label = (px, py, text, anchor = "end", kind = null) => svg("text", { x: px, y: py, "text-anchor": anchor, class: kind, text });
   const noiseAt = y(Math.log(noise));
   const now = errors.at(-1)[1];
-  put(box, svg("svg", { viewBox: "0 0 300 92", role: "img", "aria-label": `error by iteration, now ${metres(now)}` },
+  put(box, svg("svg", { viewBox: "0 0 300 92", role: "img", "aria-label": `error by iteration, now ${head(now)}` },
     svg("line", { x1: LEFT, x2: RIGHT, y1: noiseAt, y2: noiseAt, class: "noise-line" }),
-    label(LEFT - 5, noiseAt + 4, "noise", "end", "noise-label"), high - Math.log(noise) > 0.3 ? label(LEFT - 5, TOP + 6, metres(Math.exp(high))) : null,
+    label(LEFT - 5, noiseAt + 4, "noise", "end", "noise-label"), high - Math.log(noise) > 0.3 ? label(LEFT - 5, TOP + 6, head(Math.exp(high))) : null,
     svg("polyline", { points: logs.map((l, i) => `${x(i).toFixed(1)},${y(l).toFixed(1)}`).join(" "), class: "falling" }),
     svg("circle", { cx: RIGHT, cy: y(logs.at(-1)), r: 3, class: "now" }),
-    label(LEFT, 89, "error by iteration", "start"), label(RIGHT, 89, `${errors.at(-1)[0]}: ${metres(now)}`)));
+    label(LEFT, 89, "error by iteration", "start"), label(RIGHT, 89, `${errors.at(-1)[0]}: ${head(now)}`)));
 }
 
 export function progress(list) {
@@ -119,8 +119,8 @@ export function missing() {
   const verdict = [];
   if (found) {
     verdict.push(h("p", { class: `verdict ${found.verdict}`, text: sentence(found) }));
-    if (model && found.start.held && metres(found.start.rmse_m) !== metres(model.rmse_m)) {
-      verdict.push(h("p", { class: "hint", text: `The diagnosis starts at ${metres(found.start.rmse_m)}, not at ${metres(model.rmse_m)}: while an effect is missing it keeps to what the instruments say, where a free fit lets velocity, heads and times make up for it.` }));
+    if (model && found.start.held && head(found.start.rmse_m) !== head(model.rmse_m)) {
+      verdict.push(h("p", { class: "hint", text: `The diagnosis starts at ${head(found.start.rmse_m)}, not at ${head(model.rmse_m)}: while an effect is missing it keeps to what the instruments say, where a free fit lets velocity, heads and times make up for it.` }));
     }
     const warnings = found.warnings;
     if (warnings.length) verdict.push(h("details", { class: "theory checks" }, h("summary", { text: warnings.length === 1 ? "one thing to check first" : `${warnings.length} things to check first` }), warnings.map((text) => h("p", { class: "advice", text }))));

@@ -2,7 +2,7 @@
 
 import { at, digits, h, named, put, uncertain, unitOf } from "/assets/dom.js";
 import { app, act, complain } from "/assets/store.js";
-import { try_ } from "/assets/charts.js";
+import { try_, whenTried } from "/assets/charts.js";
 import { models } from "/assets/past.js";
 
 const STEPS = 2000;
@@ -15,7 +15,8 @@ const span = (p) => {
   const [low, high] = bounds(p);
   return p.name in app.bounds || p.log || low < 0 || !(high > FAR * p.value) || !(p.value > low) ? [low, high] : [low, 4 * p.value];
 };
-const valueOf = (p) => app.moved[p.name] ?? p.value;
+const keyOf = (p) => `${p.name} ${p.run || ""}`;
+const valueOf = (p) => app.moved[p.name] ?? app.followed.get(keyOf(p)) ?? p.value;
 
 // A slider is linear in the parameter, or in its logarithm where the fit moves it so.
 function scale(p) {
@@ -38,6 +39,9 @@ export function move(name, value, coarse) {
   try_(coarse);
 }
 
+// Those that follow show where they have gone.
+whenTried(() => app.state.model?.parameters.forEach((p) => p.name in app.moved || update(p)));
+
 // A person has let go.
 export function release(name) {
   try_(false);
@@ -47,16 +51,17 @@ export function release(name) {
 }
 
 function update(p) {
-  const row = rows.get(`${p.name} ${p.run || ""}`);
+  const row = rows.get(keyOf(p));
   if (!row) return;
   const value = valueOf(p);
   const moved = p.name in app.moved;
+  const was = moved || app.followed.has(keyOf(p));
   const { step } = scale(p);
   row.slider.value = step(value);
   row.slider.setAttribute("aria-valuetext", `${digits(value, 4)} ${unitOf(p)}`);
   row.field.value = +Number(uncertain(value, p.standard_error).split(" ")[0].replace("−", "-")).toPrecision(6);
   const error = p.standard_error > 0 ? `± ${uncertain(p.value, p.standard_error).split("± ")[1]}` : p.held ? "held" : "";
-  row.said.textContent = moved ? `was ${digits(p.value, 4)} ${unitOf(p)}` : `${error} ${unitOf(p)}`.trim();
+  row.said.textContent = was ? `was ${digits(p.value, 4)} ${unitOf(p)}` : `${error} ${unitOf(p)}`.trim();
   row.said.title = `fitted: ${uncertain(p.value, p.standard_error)} ${unitOf(p)}`;
   row.box.classList.toggle("moved", moved);
   const [low, high] = p.interval_95 || [];
@@ -99,7 +104,7 @@ function row(p) {
   const box = h("div", { class: `parameter${p.advice ? " doubtful" : ""}` },
     h("div", { class: "label", title: p.about }, h("b", { text: named(p) }), p.advice ? h("span", { class: "mark", title: inWords(p.advice), text: "!" }) : null, p.run && app.state.open.runs.length > 1 ? ` ${p.run}` : "", more),
     h("div", { class: "slider" }, shade, slider), field, said, h("label", { class: "hold", title: "hold it: a fit leaves it where it is" }, hold, h("span", { text: " hold" })));
-  rows.set(`${p.name} ${p.run || ""}`, { slider, field, said, shade, box });
+  rows.set(keyOf(p), { slider, field, said, shade, box });
   return box;
 }
 

@@ -1,7 +1,7 @@
 // The page: what is drawn when, and the keys.
 
 import { ask, listen } from "/assets/api.js";
-import { at, h, put } from "/assets/dom.js";
+import { at, h, put, showIn } from "/assets/dom.js";
 import { app, act, complain, onState, refresh, tell } from "/assets/store.js";
 import { charts, draw, load, pan, part } from "/assets/charts.js";
 import { fails, models } from "/assets/past.js";
@@ -25,6 +25,11 @@ function title() {
   at("own-unit").hidden = !own;
   at("own-unit").textContent = own || "own";
   at("show-runs").textContent = `Runs (${app.state.runs.length})`;
+  if (open && open.title !== shown) {
+    if (shown && !app.opens) complain(new Error(`${open.title} is open now, by another tab or a recording: all tabs of one program show the same run.`));
+    shown = open.title;
+    app.opens = false;
+  }
   const warnings = open?.warnings || [];
   if (open && warned !== open.title) {
     warned = open.title;
@@ -32,6 +37,7 @@ function title() {
   }
 }
 let warned = null;
+let shown = null;
 
 // Who opens a folder meets its list first, once a tab; its newest run waits behind it.
 function list() {
@@ -47,6 +53,7 @@ let loaded = null;
 onState(() => {
   list();
   title();
+  inUnit();
   charts();
   rig();
   models();
@@ -59,9 +66,20 @@ onState(() => {
   if (key !== loaded) { loaded = key; load(); }
 });
 
+// Errors of all sensors together have the sensors' own unit where that is one.
+function inUnit() {
+  const own = (app.state.open?.runs || []).flatMap((run) => run.sensors.map((sensor) => sensor.unit));
+  const one = own.every((unit) => unit && unit.per_m === own[0].per_m);
+  showIn(app.unit === "own" && one ? own[0] : null);
+}
+
 function unit(name) {
   app.unit = name;
   document.querySelectorAll("[data-unit]").forEach((b) => b.setAttribute("aria-pressed", String(b.dataset.unit === name)));
+  inUnit();
+  charts();
+  models();
+  missing();
   draw();
 }
 

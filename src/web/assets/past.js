@@ -1,6 +1,6 @@
 // The models so far on one axis of error, where the one in force fails, and its error by sensor and cycle.
 
-import { at, digits, h, metres, put, times, toCharts } from "/assets/dom.js";
+import { at, digits, h, head, put, times, toCharts } from "/assets/dom.js";
 import { app, act } from "/assets/store.js";
 import { load, zoom } from "/assets/charts.js";
 import { copier } from "/assets/commands.js";
@@ -46,7 +46,7 @@ function row(model, axis, all) {
       type: "button", class: "name", "data-key": `m${model.number}`, disabled: !able, "aria-current": inForce ? "true" : null, title: model.why,
       text: model.preview ? model.name : nameOf(model, parent), onclick: force,
     })),
-    h("span", { class: "error", text: metres(model.rmse_m) }),
+    h("span", { class: "error", text: head(model.rmse_m) }),
     h("div", { class: "axis", "aria-hidden": "true" },
       h("i", { class: "noise", style: { left: "12%" } }), h("i", { class: `dot ${model.preview ? "proposed" : near ? "good" : ""}`, style: { left: `${axis(model.rmse_m)}%` } })),
     h("span", { class: "hint", text: times(model.rmse_m, model.noise_m) }), inForce || model.preview ? null : h("span", {}, compare, beside));
@@ -65,7 +65,7 @@ function unsupported(all) {
   const own = all.find((model) => model.number === app.state.model?.number);
   if (!own?.grown_from || own.evidence === null || own.evidence > 0) return null;
   const parent = all[own.grown_from - 1];
-  return h("p", { class: "advice", text: `The record does not support ${nameOf(own, parent).replace("+ ", "")}: the error was ${metres(parent.rmse_m)} without it. Undo takes it out.` });
+  return h("p", { class: "advice", text: `The record does not support ${nameOf(own, parent).replace("+ ", "")}: the error was ${head(parent.rmse_m)} without it. Undo takes it out.` });
 }
 
 let axis = null;
@@ -87,7 +87,7 @@ export function models() {
 export function falls(rmse) {
   const box = at("fitting");
   if (!box || !axis) { models(); return; }
-  box.querySelector(".error").textContent = metres(rmse);
+  box.querySelector(".error").textContent = head(rmse);
   box.querySelector(".hint").textContent = times(rmse, app.state.model.noise_m);
   box.querySelector(".dot").style.setProperty("left", `${Math.min(96, axis(rmse))}%`);
 }

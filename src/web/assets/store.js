@@ -18,6 +18,10 @@ export const app = {
   free: new Set(),
   bounds: {},
   without: new Set(),
+  // what followed while another parameter was dragged
+  followed: new Map(),
+  // this page itself opens another run
+  opens: false,
 };
 
 const redraws = [];
@@ -43,6 +47,7 @@ async function renew() {
     app.hold.clear();
     app.free.clear();
     app.without.clear();
+    app.followed.clear();
     app.preview = null;
     app.compare = null;
   }
@@ -64,12 +69,14 @@ const acting = new Set();
 export async function act(path, body) {
   if (acting.has(path)) return null;
   acting.add(path);
+  app.opens ||= ["/api/open", "/api/record"].includes(path);
   try {
     at("messages").replaceChildren();
     const answer = await post(path, body);
     await refresh();
     return answer;
   } catch (error) {
+    app.opens = false;
     complain(error);
     return null;
   } finally {

@@ -12,7 +12,6 @@ use crate::rig::Rig;
 use crate::rig::check::return_time_s;
 use crate::shown::Shown as _;
 use crate::signal::faults::sensor_faults;
-use crate::storage::error::CsvProblem;
 use crate::storage::import::{ImportOptions, Imported, Line, SourceOptions, import_file, read_source, unit_warnings};
 use crate::storage::{LogError, write};
 use crate::watch::evaluate::sentence;
@@ -63,8 +62,7 @@ pub fn take(dropped: &Dropped, rig: &Rig, folder: &Path) -> Result<(Value, Optio
     let sensors: Vec<&str> = rig.sensors.iter().map(|sensor| sensor.name.as_str()).collect();
     let guessing = SourceOptions { guess: true, rate_hz: dropped.rate_hz, ..SourceOptions::default() };
     let source = read_source(&path, &guessing);
-    let counts = |error: &LogError| matches!(error, LogError::Csv { problem, .. } if matches!(**problem, CsvProblem::NoTimes { .. }));
-    let needs_rate = dropped.rate_hz.is_some() || source.as_ref().is_err_and(counts);
+    let needs_rate = dropped.rate_hz.is_some() || source.as_ref().is_err_and(LogError::lacks_rate);
     let columns: Vec<String> =
         source.map_or(Vec::new(), |read| read.tracks.into_iter().map(|track| track.name).collect());
     let scales = dropped.scales.iter().map(|(column, line)| Ok((column.clone(), line.parse()?)));

@@ -125,9 +125,10 @@ pub fn simulate(bench: &Bench, asked: &Question) -> Result<Simulation, AnyError>
     if let Some(odd) = values.iter().find(|g| !g.value.is_finite()) {
         return Err(format!("{} must be a number", odd.name).into());
     }
+    let mut followed = Vec::new();
     if asked.follow && asked.without.is_empty() {
-        let followed = bench.study.followed(&fit, &values)?;
-        values.extend(followed);
+        followed = bench.study.followed(&fit, &values)?;
+        values.extend(followed.iter().cloned());
     }
     let owners = bench.study.owners(&fit);
     let fitted = fit.given().into_iter().zip(owners);
@@ -142,6 +143,7 @@ pub fn simulate(bench: &Bench, asked: &Question) -> Result<Simulation, AnyError>
         noise_m: fit.pooled().1,
         reaches: simulated.reaches,
         coarse,
+        followed: followed.into_iter().map(|g| json!({ "name": g.name, "run": g.run, "value": g.value })).collect(),
         curves: curves(bench, &simulated, stretch),
     })
 }
@@ -154,6 +156,8 @@ pub struct Simulation {
     reaches: usize,
     /// The grid is coarser than the fit's.
     coarse: bool,
+    /// Where the parameters that were not set have followed to.
+    followed: Vec<serde_json::Value>,
     /// Each sensor.
     curves: Vec<SensorCurves>,
 }
@@ -178,6 +182,7 @@ impl Simulation {
         packed.say("noise_m", json!(self.noise_m));
         packed.say("reaches", json!(self.reaches));
         packed.say("coarse", json!(self.coarse));
+        packed.say("followed", json!(self.followed));
         let about = |c: &SensorCurves| json!({ "run": c.run, "sensor": c.sensor, "points": c.time_s.len() });
         packed.say("sensors", self.curves.iter().map(about).collect());
         for c in self.curves {

@@ -1,5 +1,6 @@
 //! `surgescope rig new`: a rig file from what a person knows of the pipe, and from the columns of a logger's file.
 
+use std::borrow::Cow;
 use std::io::{IsTerminal as _, stderr, stdin};
 use std::path::{Path, PathBuf};
 
@@ -8,7 +9,7 @@ use serde_json::{Value, json};
 use crate::cli::args::import_options::{ForeignArgs, flow};
 use crate::cli::args::values::not_negative;
 use crate::cli::commands::rig::check;
-use crate::cli::console::ask::{self, BACK, Dialogue};
+use crate::cli::console::ask::{BACK, Dialogue};
 use crate::cli::console::numbers::measure;
 use crate::cli::console::outcome::{AnyError, CommandResult, Outcome};
 use crate::cli::console::print::{say, say_text, tell};
@@ -21,10 +22,9 @@ use crate::rig::material::{MATERIALS, Material};
 use crate::rig::sizes::{EXAMPLES, PipeSize, pipe_size};
 use crate::rig::{Rig, Sensor, SensorKind, quantity_of, spelled_unit};
 use crate::shown::Shown as _;
-use crate::storage::error::CsvProblem;
 use crate::storage::import::{Line, SourceFile, SourceOptions, check_names, read_source};
 use crate::storage::nearest::nearest;
-use crate::storage::{LogError, output};
+use crate::storage::output;
 use crate::units::{Quantity, Unit};
 
 /// Write a rig file: asks what is not given, and takes the sensors from a file of the test.
@@ -97,13 +97,10 @@ pub fn run(mut args: Args, json: bool) -> CommandResult {
     let asks = !args.yes && !json && stdin().is_terminal() && stderr().is_terminal();
     let ask = Ask { asks, dialogue: Dialogue::default() };
     let source = guessing(&args.foreign);
-    // A file that cannot be read costs no answers.
-    let read = match args.file.as_deref() {
-        Some(file) => Some(read_source(file, &source).or_else(|error| {
-            args.foreign.rate = Some(ask.rate(error)?);
-            Ok::<_, AnyError>(read_source(file, &guessing(&args.foreign))?)
-        })?),
-        None => None,
+    // A file that cannot be read costs no answers; one that only counts its samples lacks but one.
+    let read = match args.file.as_deref().map(|file| read_source(file, &source)) {
+        Some(Err(error)) if asks && error.lacks_rate() => None,
+        read => read.transpose()?,
     };
     if let (Some(file), Some(read)) = (&args.file, &read) {
         check_names(read, file, None, &source)?;
@@ -113,14 +110,14 @@ pub fn run(mut args: Args, json: bool) -> CommandResult {
             "Enter takes what stands in brackets, {BACK} goes back to the question before. Ctrl-C leaves; nothing is written before the last answer."
         );
     }
-    let Drafted { draft, left_out, foreign } = ask.dialogue.ask(|| drafted(&args, read.as_ref(), &ask))?;
+    let Drafted { draft, left_out, foreign, read } = ask.dialogue.ask(|| drafted(&args, read.as_ref(), &ask))?;
     args.foreign = foreign;
     let source = guessing(&args.foreign);
     let text = draft.text();
     let rig = Rig::from_toml(&text, &args.output.shown())?;
     output::write(&args.output, &text)?;
     let mut findings = check_rig(&rig);
-    let doubts = read.map_or(Ok(Vec::new()), |read| contradictions(&rig, &read, &source));
+    let doubts = read.as_deref().map_or(Ok(Vec::new()), |read| contradictions(&rig, read, &source));
     let doubts = doubts.unwrap_or_else(|error| vec![format!("no closure can be seen in the file: {error}")]);
     let assumed = draft.assumed();
     for line in &assumed {
@@ -160,18 +157,28 @@ fn guessing(foreign: &ForeignArgs) -> SourceOptions {
 }
 
 /// What the answers make.
-struct Drafted {
+struct Drafted<'a> {
     draft: Draft,
     /// Columns that look like no sensor.
     left_out: Vec<String>,
     /// How the file is read, with what was answered.
     foreign: ForeignArgs,
+    read: Option<Cow<'a, SourceFile>>,
 }
 
-/// All questions but those without which the file cannot be read.
-fn drafted(args: &Args, read: Option<&SourceFile>, ask: &Ask) -> Result<Drafted, AnyError> {
+/// All questions. Where there is a file that was not `read`, it lacks the rate of its samples.
+fn drafted<'a>(args: &Args, read: Option<&'a SourceFile>, ask: &Ask) -> Result<Drafted<'a>, AnyError> {
     let mut foreign = args.foreign.clone();
-    if let (Some(file), Some(read)) = (&args.file, read)
+    let mut read = read.map(Cow::Borrowed);
+    if let (Some(file), None) = (&args.file, &read) {
+        foreign.rate =
+            Some(ask.dialogue.number("no column holds times; samples per second, Hz", "Hz", None, [1e-3, 1e7])?);
+        let counted = read_source(file, &guessing(&foreign))?;
+        check_names(&counted, file, None, &guessing(&foreign))?;
+        read = Some(Cow::Owned(counted));
+    }
+    let shown = read.as_deref();
+    if let (Some(file), Some(read)) = (&args.file, shown)
         && let Some(columns) = without_pressure(read, &guessing(&foreign), args.unit, &args.sensor)
     {
         foreign.scale.extend(ask.transducers(&columns)?);
@@ -181,7 +188,7 @@ fn drafted(args: &Args, read: Option<&SourceFile>, ask: &Ask) -> Result<Drafted,
     }
     let mut draft = pipe(args, ask)?;
     let mut left_out = Vec::new();
-    if let Some(read) = read {
+    if let Some(read) = shown {
         let sensors = |foreign: &ForeignArgs| sensors_of(read, &draft, &guessing(foreign), args.unit, &args.sensor);
         let mut found = sensors(&foreign);
         if foreign.flow.is_none() && !found.0.iter().any(|s| s.kind == SensorKind::Flow) {
@@ -192,7 +199,7 @@ fn drafted(args: &Args, read: Option<&SourceFile>, ask: &Ask) -> Result<Drafted,
         place(&mut draft, read, &guessing(&foreign));
     }
     confirmed(&mut draft, args, ask)?;
-    Ok(Drafted { draft, left_out, foreign })
+    Ok(Drafted { draft, left_out, foreign, read })
 }
 
 fn no_pressure(file: &Path, columns: &[String]) -> String {
@@ -383,18 +390,6 @@ impl Ask {
             "" => Ok(None),
             text => pipe_size(text).map(Some),
         })
-    }
-
-    /// The rate of samples that a file only counts; any other error stays one.
-    fn rate(&self, error: LogError) -> Result<f64, AnyError> {
-        match &error {
-            LogError::Csv { problem, .. }
-                if self.asks && matches!(**problem, CsvProblem::NoTimes { counted: true, .. }) =>
-            {
-                ask::number("no column holds times; samples per second, Hz", "Hz", [1e-3, 1e7])
-            }
-            _ => Err(error.into()),
-        }
     }
 
     /// Which columns are transducers of pressure, and their lines.
