@@ -174,7 +174,7 @@ pub fn place(draft: &mut Draft, file: &SourceFile, source: &SourceOptions) {
         let later_s = seen.and_then(|s| s.front_arrival_s).map(|e| e.value - first_s);
         let place = match (later_s, speed_m_s) {
             (Some(0.0), _) if alone => Told::assumed(length_m, "the one pressure that everybody records: at the valve"),
-            (Some(0.0), _) => Told::assumed(length_m, "the front is there first: at the valve"),
+            (Some(0.0), _) => Told::assumed(length_m, "the front arrives here first, so it is at the valve"),
             (Some(later_s), Some(speed_m_s)) => {
                 let place_m = (length_m - speed_m_s * later_s).clamp(0.0, length_m);
                 let why = format!("the front arrives {:.1} ms after the first: measure it", 1e3 * later_s);

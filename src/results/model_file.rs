@@ -51,6 +51,9 @@ fn not_models(text: &str, error: toml::de::Error) -> String {
     if text.lines().any(|line| line.trim() == "[[pipe]]") {
         return "it is a rig file; a calibration saves its models in a file of their own".to_owned();
     }
+    if text.lines().any(|line| line.starts_with("converged = ")) {
+        return "it is the file of one fit; a calibration with option `save` writes a file of models".to_owned();
+    }
     error.to_string()
 }
 
@@ -201,6 +204,12 @@ impl ModelFile {
     /// The model in force.
     pub fn current(&self) -> &Entry {
         &self.models[self.in_force - 1]
+    }
+
+    /// The model from which the one in force has grown at first.
+    pub fn root(&self) -> &Entry {
+        let parent = |entry: &&Entry| entry.grown_from.map(|number| &self.models[number - 1]);
+        std::iter::successors(Some(self.current()), parent).last().unwrap_or_else(|| self.current())
     }
 
     /// Adds a model, grown out of the one in force if there is one, and puts it in force.

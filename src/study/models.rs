@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use crate::fit::outcome::fit::Fit;
 use crate::fit::search::options::Options;
 use crate::results::fit_record::now;
-use crate::results::model_file::ModelFile;
+use crate::results::model_file::{ModelFile, ModelFileError};
 use crate::shown::Shown as _;
 use crate::storage::LogError;
 use crate::storage::disk::{alone_in_folder, require_folder};
@@ -63,8 +63,12 @@ impl Opened {
 /// One that cannot be read, is none, or contradicts itself.
 pub fn load(path: &Path) -> Result<ModelFile> {
     let text = read_text(path).map_err(|source| match source.kind() {
-        std::io::ErrorKind::NotFound => LogError::Missing(path.to_owned()),
-        _ => LogError::io("read the models in", path, source),
+        std::io::ErrorKind::NotFound => Error::from(LogError::Missing(path.to_owned())),
+        std::io::ErrorKind::InvalidData => {
+            let why = "it holds no text; models of a recording are in a file of their own, NAME.model.toml".to_owned();
+            ModelFileError::Parse(path.to_owned(), why).into()
+        }
+        _ => LogError::io("read the models in", path, source).into(),
     })?;
     let mut file = ModelFile::parse(&text, path)?;
     file.as_read = Some(text);

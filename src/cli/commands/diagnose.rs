@@ -134,7 +134,11 @@ fn diagnosed(args: Args, json: bool) -> CommandResult {
     let held = hold::constraints(&study, std::slice::from_ref(&effects), &args.hold);
     // The first that concerns a parameter counts: the command line goes before the file.
     options.constraints.splice(0..0, held.into_iter().flatten());
-    let start = effects.clone();
+    // what was added to the first model of a file has to hold its own like what is added now
+    let start = match file.as_ref().filter(|f| !f.models.is_empty()) {
+        Some(file) => file.root().chosen(),
+        None => effects.clone(),
+    };
     // the effects of the start model, and those found last, which were compared with their rivals beside all others
     let mut settled = start.clone();
     let mut models: Vec<(String, Fit)> = Vec::new();
@@ -175,9 +179,20 @@ fn diagnosed(args: Args, json: bool) -> CommandResult {
         if found.verdict == Verdict::MissingEffect && added.is_none() {
             tell!("the missing effect could not be fitted to the whole record, so nothing was added");
         }
+        let ends_at_once = found.verdict == Verdict::NothingMissing && models.len() == 1;
+        let mut fit = match added {
+            Some(fit) => {
+                models.push((title(&fit.effects), fit.clone()));
+                fit
+            }
+            None if args.until_done && ends_at_once => found.start.clone(),
+            None => {
+                diagnoses.push(found);
+                break;
+            }
+        };
         diagnoses.push(found);
-        let Some(mut fit) = added else { break };
-        models.push((title(&fit.effects), fit.clone()));
+        let grew_to = models.len();
         // what was just added has its evidence
         let is_new = |c: &&Chosen| effects.iter().all(|known| known.effect.name() != c.effect.name());
         settled = start.iter().chain(fit.effects.iter().filter(is_new)).cloned().collect();
@@ -193,6 +208,9 @@ fn diagnosed(args: Args, json: bool) -> CommandResult {
             fit = smaller;
         }
         let last = diagnoses.last();
+        if ends_at_once && models.len() == grew_to {
+            break;
+        }
         if !args.until_done || unsaved.is_some() || last.is_some_and(Diagnosis::predicts_worse) {
             break;
         }

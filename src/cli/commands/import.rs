@@ -167,7 +167,7 @@ fn guessed(
     }
     if !asks {
         return Err(format!(
-            "nothing was imported: add --yes to import it as understood above. Without guesses: {error}"
+            "nothing was imported yet: add --yes to import it as understood above, or mend this: {error}"
         )
         .into());
     }

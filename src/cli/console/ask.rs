@@ -21,6 +21,8 @@ pub struct Back;
 pub struct Dialogue {
     answers: RefCell<Vec<String>>,
     next: Cell<usize>,
+    /// The answer that was taken back, and may be taken again.
+    before: RefCell<Option<String>>,
 }
 
 impl Dialogue {
@@ -54,11 +56,17 @@ impl Dialogue {
         parse: impl Fn(&str) -> Result<T, String>,
     ) -> Result<T, AnyError> {
         if self.is_new() {
-            let text = typed(question, usual, |text| if text == BACK { Ok(()) } else { parse(text).map(drop) })?;
+            let before = self.before.take().filter(|text| !text.is_empty());
+            let usual = before.as_deref().or(usual);
+            let text = typed(question, usual, |text| match (text, usual) {
+                (BACK, _) | ("", Some(_)) => Ok(()),
+                (text, _) => parse(text).map(drop),
+            })?;
             if text == BACK {
-                self.answers.borrow_mut().pop();
+                self.before.replace(self.answers.borrow_mut().pop());
                 return Err(Back.into());
             }
+            let text = if text.is_empty() { usual.unwrap_or_default().to_owned() } else { text };
             self.answers.borrow_mut().push(text);
         }
         let answers = self.answers.borrow();
@@ -70,21 +78,34 @@ impl Dialogue {
     ///
     /// # Errors
     /// As [`Dialogue::line`].
-    pub fn number(&self, question: &str, unit: &str, usual: Option<f64>, range: [f64; 2]) -> Result<f64, AnyError> {
-        self.line(question, usual.map(|v| v.to_string()).as_deref(), within(unit, range))
+    pub fn number(&self, question: &str, unit: &str, range: [f64; 2]) -> Result<f64, AnyError> {
+        self.line(&format!("{question}, {unit}"), None, within(unit, range))
+    }
+
+    /// Another number than the usual one; none where Enter leaves it at that.
+    ///
+    /// # Errors
+    /// As [`Dialogue::line`].
+    pub fn other_number(
+        &self,
+        question: &str,
+        unit: &str,
+        usual: f64,
+        range: [f64; 2],
+    ) -> Result<Option<f64>, AnyError> {
+        let (parse, question) = (within(unit, range), format!("{question}, {unit} [{usual}]"));
+        self.line(&question, None, |text| if text.is_empty() { Ok(None) } else { parse(text).map(Some) })
     }
 }
 
+/// A line as it was typed; Enter alone is empty.
 fn typed(
     question: &str,
     usual: Option<&str>,
     check: impl Fn(&str) -> Result<(), String>,
 ) -> Result<String, dialoguer::Error> {
-    let input = Input::<String>::new().with_prompt(question).allow_empty(true);
-    let input = match usual {
-        Some(usual) => input.default(usual.to_owned()),
-        None => input,
-    };
+    let prompt = usual.map_or(question.to_owned(), |usual| format!("{question} [{usual}]"));
+    let input = Input::<String>::new().with_prompt(prompt).allow_empty(true);
     let text = input.validate_with(|text: &String| check(text.trim())).interact_text()?;
     Ok(text.trim().to_owned())
 }
@@ -108,7 +129,7 @@ pub fn agreed(question: &str) -> Result<bool, AnyError> {
 
 fn yes_or_no(text: &str) -> Result<bool, String> {
     match text.to_lowercase().as_str() {
-        "y" | "yes" => Ok(true),
+        "" | "y" | "yes" => Ok(true),
         "n" | "no" => Ok(false),
         _ => Err("write yes or no".into()),
     }

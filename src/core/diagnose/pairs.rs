@@ -143,8 +143,8 @@ fn settle_leading(fitter: &FullFitter, fits: &mut [PairFit]) {
     fits.sort_by(by_square);
 }
 
-/// Fits the `leading` effect, the first, with each of the others from the signals on a coarse grid. Where that leaves much, the leading effect may
-/// stand in for another: then the one that was best beside it takes its place. Those that leave least are fitted to all samples.
+/// Fits the `leading` effect, the first, with each of the others from the signals on a coarse grid. Where that leaves more than noise, the leading effect
+/// may stand in for another: then the one that was best beside it takes its place. Those that leave least are fitted to all samples.
 fn from_the_signals(fitter: &FullFitter, baseline: &Baseline, leading: &[&Refit], fits: &mut Vec<PairFit>) {
     let beside = |one: &Refit| -> Vec<([Form; 2], CoarseFit)> {
         let others =
@@ -162,7 +162,7 @@ fn from_the_signals(fitter: &FullFitter, baseline: &Baseline, leading: &[&Refit]
         |a: &([Form; 2], CoarseFit), b: &([Form; 2], CoarseFit)| a.1.mean_square.total_cmp(&b.1.mean_square);
     let mut coarse = leading.first().map_or(Vec::new(), |first| beside(first));
     coarse.sort_by(by_square);
-    let far = coarse.first().filter(|(_, best)| best.mean_square > START_DOUBTFUL.powi(2));
+    let far = coarse.first().filter(|(_, best)| best.mean_square > EXPLAINED_OVER_NOISE.powi(2));
     let second = far.and_then(|([_, other], _)| leading.iter().find(|refit| refit.form.effect == other.effect));
     if let Some(second) = second {
         coarse.extend(beside(second));

@@ -51,7 +51,7 @@ pub const EXAMPLES: &str = "63 SDR11 (outer diameter in mm), 22x1.5 (outer diame
 /// # Errors
 /// What sizes look like, where this is none.
 pub fn pipe_size(text: &str) -> Result<PipeSize, String> {
-    let wrong = || format!("'{text}' is no size of a pipe that is known: write it like {EXAMPLES}");
+    let wrong = || format!("'{text}' is not a known pipe size: write it like {EXAMPLES}");
     let plain = text.trim().to_lowercase().replace(',', ".");
     let (outer_mm, wall_mm) = sized(&plain).ok_or_else(wrong)?;
     let inner_mm = outer_mm - 2.0 * wall_mm;

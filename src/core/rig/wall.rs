@@ -120,6 +120,13 @@ impl Rig {
         let [nominal, least, greatest] = travel_s.map(|time_s| self.length_m() / time_s);
         (nominal, least, greatest)
     }
+
+    /// The greatest mean wave speed from the supply to the valve by Korteweg's law, m/s: that of the stiffest wall of its material, or the rig
+    /// file's where that is faster.
+    pub fn fastest_by_law_m_s(&self, water: &WaterProperties) -> f64 {
+        let speed = |pipe: &Pipe| pipe.wave_speed_m_s.unwrap_or(0.0).max(pipe.material_wave_speeds_m_s(water)[1]);
+        self.length_m() / self.pipes.iter().map(|pipe| pipe.length_m / speed(pipe)).sum::<f64>()
+    }
 }
 
 #[cfg(test)]

@@ -13,6 +13,8 @@ const LOW_JOUKOWSKY: f64 = 0.35;
 const FASTEST_M_S: f64 = 1600.0;
 /// Least number of periods after the closure that a fit needs.
 const LEAST_PERIODS: f64 = 2.0;
+/// A wave may be so much faster than Korteweg's law allows: lengths, bores and walls are known to a few percent.
+const FASTER_THAN_LAW: f64 = 1.03;
 /// A foot, m.
 const FOOT_M: f64 = 0.3048;
 /// Share of a period before the closure below which a record shows no steady flow.
@@ -39,7 +41,7 @@ pub fn doubts(rig: &Rig, features: &Features) -> Vec<String> {
         found.extend(doubt_joukowsky(j, crossings));
     }
     if let Some(best) = speeds.best() {
-        found.extend(doubt_bounds(rig, features.temperature_degc, best));
+        found.extend(doubt_bounds(rig, features.temperature_degc, best, speeds.arrival));
     }
     // a record too short for a period still has 4L/a
     let period_s = features.period.map(|p| p.value).or(speeds.best().map(|a| 4.0 * rig.length_m() / a.value));
@@ -165,10 +167,22 @@ fn doubt_joukowsky(j: Estimate, crossings: Option<Estimate>) -> Option<String> {
 }
 
 /// Compares the mean wave speed (length by travel time) with what the walls allow.
-fn doubt_bounds(rig: &Rig, temperature_degc: f64, best: Estimate) -> Option<String> {
+fn doubt_bounds(rig: &Rig, temperature_degc: f64, best: Estimate, arrival: Option<Estimate>) -> Option<String> {
     let water = rig.fluid.properties(temperature_degc);
     let (_, lo, hi) = rig.wave_speed_start(&water);
     let (least, most) = (best.value - 2.0 * best.standard_error, best.value + 2.0 * best.standard_error);
+    // Moduli of plastics depend on how fast they are strained. A branch makes the way to the supply look short, but not that between sensors.
+    let law = rig.fastest_by_law_m_s(&water);
+    let is_known = rig.pipes.iter().all(|pipe| !pipe.material().viscoelastic);
+    let too_fast = |speed_m_s: f64| speed_m_s > FASTER_THAN_LAW * law;
+    if is_known && too_fast(least) && arrival.is_none_or(|a| too_fast(a.value)) && least <= hi {
+        let slips = slips(rig, &water, best.value, [lo, law]);
+        return Some(format!(
+            "the wave travels at {}, but Korteweg's law allows {law:.0} m/s at most for the rig's pipe, and no effect makes a wave faster: are the \
+             pipe's length, wall and material right in the rig file?{slips}",
+            shown(best)
+        ));
+    }
     let causes = if least > hi {
         "are the pipe's length, wall and material right in the rig file, and the times in seconds?"
     } else if most < lo {

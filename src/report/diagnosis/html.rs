@@ -64,7 +64,7 @@ pub(crate) fn verdict(page: &Page) -> (&'static str, &'static str, String) {
         Verdict::MissingEffect => ("✗", "missing", missing.trim_end().into()),
         Verdict::NothingMissing if found.is_empty() => {
             let sentence = format!(
-                "Nothing is missing from the {model}: adding an effect of the catalogue would not pay. RMSE {rmse} m, {noise}."
+                "Nothing is missing from the {model}: no effect of the catalogue is worth adding. RMSE {rmse} m, {noise}."
             );
             ("✓", "good", sentence)
         }

@@ -163,7 +163,7 @@ pub fn text(diagnosis: &Diagnosis) -> String {
     let (rmse_m, noise_m) = diagnosis.start.pooled();
     let model = name_of(&diagnosis.start.effects);
     let held = if diagnosis.start_is_held() {
-        " (kept near what the instruments read; a free fit leaves less, with values that they contradict)"
+        " (kept close to what the instruments read; a free fit leaves less error, but contradicts them)"
     } else {
         ""
     };
@@ -178,7 +178,7 @@ pub fn text(diagnosis: &Diagnosis) -> String {
         (Verdict::NothingMissing, _) => {
             writeln!(
                 out,
-                "\nNothing is missing (probability {}): adding an effect of the catalogue would not pay.",
+                "\nNothing is missing (probability {}): no effect of the catalogue is worth adding.",
                 probability(diagnosis.probability)
             )
         }

@@ -27,7 +27,8 @@ pub(crate) enum Known {
 /// How the names of columns without headings begin.
 pub const NAMELESS: &str = "column ";
 
-/// The unit of a pressure, and whether it counts from the vacuum: `bara`, `psia`, `kPa abs`, `bar(a)`, or a name that says so.
+/// The unit of a pressure, and whether it counts from the vacuum: `bara`, `psia`, `kPa abs`, `bar(a)`, or a name that says so. Of gauges it may be
+/// `bar g` or `mbar Überdruck`.
 pub(crate) fn pressure_unit(name: &str, text: &str) -> Option<(Unit, bool)> {
     let plain = |text: &str| text.to_lowercase().replace(['(', ')', '[', ']', '.', '_', '-'], " ").trim().to_owned();
     let (bare, name) = (plain(text), plain(name));
@@ -36,12 +37,11 @@ pub(crate) fn pressure_unit(name: &str, text: &str) -> Option<(Unit, bool)> {
     if let Some(unit) = spelled_unit(text, Quantity::Pressure) {
         return Some((unit, named));
     }
-    let gauge = ["absolute", "abs", "a"].iter().find_map(|end| bare.strip_suffix(end))?;
+    let without = |ends: &[&str]| ends.iter().find_map(|end| bare.strip_suffix(end));
     // milliamperes are no metres
-    if gauge == "m" {
-        return None;
-    }
-    spelled_unit(gauge, Quantity::Pressure).map(|unit| (unit, true))
+    let of = |ends| without(ends).filter(|unit| *unit != "m").and_then(|unit| spelled_unit(unit, Quantity::Pressure));
+    let absolute = of(&["absolute", "absolut", "abs", "a"]).map(|unit| (unit, true));
+    absolute.or_else(|| Some((of(&["gauge", "relative", "relativ", "rel", "überdruck", "g"])?, named)))
 }
 
 /// Whether a text behind a name is the unit of a pressure, a flow or a temperature.

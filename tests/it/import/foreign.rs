@@ -192,6 +192,14 @@ fn the_headers_of_loggers_are_understood() {
             "date-times",
         ),
         (
+            "stand.csv",
+            table(
+                "Pr\u{fc}fstand 2;;\nVersuch 7;;\nZeit;p_Ventil;p_Mitte\nhh:mm:ss,000;mbar \u{dc}berdruck;mbar \u{dc}berdruck\n",
+                |_, t, a, b| format!("{};{:.4};{:.4}", clock(t), 1e3 * a, 1e3 * b).replace('.', ","),
+            ),
+            "preamble",
+        ),
+        (
             "halle.csv",
             table("Halle 3\nDatum;14.03.2026\n\nZeit [d];P1 [bar];P2 [bar];Temp [°C]\n", |_, t, a, b| {
                 format!("{:.10};{a:.6};{b:.6};19.5", 46095.25 + t / 86400.0).replace('.', ",")

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use serde_json::{Value, json};
 
 use crate::cli::args::import_options::{ForeignArgs, flow};
-use crate::cli::args::values::not_negative;
+use crate::cli::args::values::{not_negative, pair};
 use crate::cli::commands::rig::check;
 use crate::cli::console::ask::{BACK, Dialogue};
 use crate::cli::console::numbers::measure;
@@ -56,8 +56,8 @@ pub struct Args {
     /// Temperature of the water, °C [default: that of the file, or 20].
     #[arg(long = "temperature-degC", value_name = "DEGC", value_parser = not_negative, allow_negative_numbers = true)]
     temperature_degc: Option<f64>,
-    /// What feeds the pipe [default: reservoir].
-    #[arg(long, value_name = "SUPPLY", value_parser = SUPPLIES)]
+    /// What feeds the pipe: reservoir or pump [default: reservoir].
+    #[arg(long, value_name = "SUPPLY", value_parser = supply)]
     supply: Option<String>,
     /// Nominal closing time of the valve, s [default: as the file shows it, or 0.1].
     #[arg(long, value_name = "S", value_parser = above_0("s"), allow_negative_numbers = true)]
@@ -66,7 +66,7 @@ pub struct Args {
     #[arg(long, value_name = "M", allow_negative_numbers = true)]
     discharge_head_m: Option<f64>,
     /// Distance of a sensor from the supply, m; without a file, a pressure sensor to add. Several may be given.
-    #[arg(long, value_name = "NAME=M", value_parser = crate::cli::args::values::setting)]
+    #[arg(long, value_name = "NAME=M", value_parser = sensor_at)]
     sensor: Vec<(String, f64)>,
     /// Unit of the pressures: of columns that state none, that --scale brings to it, and of sensors that --sensor adds [default: as the values
     /// show it, otherwise bar].
@@ -82,6 +82,19 @@ pub struct Args {
 /// A number above 0 in a unit, or with its own unit behind it.
 fn above_0(unit: &'static str) -> impl Fn(&str) -> Result<f64, String> + Clone + Send + Sync {
     move |text| measure(text, unit).and_then(|v| if v > 0.0 { Ok(v) } else { Err("must be above 0".to_owned()) })
+}
+
+/// A sensor and its distance from the supply, m.
+fn sensor_at(text: &str) -> Result<(String, f64), String> {
+    let (name, place) = pair(text)?;
+    Ok((name, measure(&place, "m")?))
+}
+
+/// What feeds a pipe, in the words of a rig file.
+fn supply(text: &str) -> Result<String, String> {
+    let word = text.to_lowercase();
+    let known = if word == "tank" { "reservoir" } else { word.as_str() };
+    SUPPLIES.contains(&known).then(|| known.to_owned()).ok_or("write reservoir or pump".to_owned())
 }
 
 const SUPPLIES: [&str; 2] = ["reservoir", "pump"];
@@ -171,8 +184,7 @@ fn drafted<'a>(args: &Args, read: Option<&'a SourceFile>, ask: &Ask) -> Result<D
     let mut foreign = args.foreign.clone();
     let mut read = read.map(Cow::Borrowed);
     if let (Some(file), None) = (&args.file, &read) {
-        foreign.rate =
-            Some(ask.dialogue.number("no column holds times; samples per second, Hz", "Hz", None, [1e-3, 1e7])?);
+        foreign.rate = Some(ask.dialogue.number("no column holds times; samples per second", "Hz", [1e-3, 1e7])?);
         let counted = read_source(file, &guessing(&foreign))?;
         check_names(&counted, file, None, &guessing(&foreign))?;
         read = Some(Cow::Owned(counted));
@@ -334,7 +346,7 @@ impl Ask {
     ) -> Result<f64, AnyError> {
         match given {
             Some(value) => Ok(value),
-            None if self.asks => self.dialogue.number(&format!("{question}, {unit}"), unit, None, range),
+            None if self.asks => self.dialogue.number(question, unit, range),
             None => Err(format!("{question}, {unit}: give it with {option}").into()),
         }
     }
@@ -343,10 +355,10 @@ impl Ask {
     fn confirm(&self, question: &str, unit: &str, told: &mut Told<f64>, range: [f64; 2]) -> Result<(), AnyError> {
         if self.asks && !told.why.is_empty() {
             let usual = (1e6 * told.value).round() / 1e6;
-            let question = format!("{question}, {unit} ({})", told.why);
-            let value = self.dialogue.number(&question, unit, Some(usual), range)?;
             // Enter leaves it an assumption.
-            if value != usual {
+            if let Some(value) =
+                self.dialogue.other_number(&format!("{question} ({})", told.why), unit, usual, range)?
+            {
                 *told = Told::given(value);
             }
         }
@@ -386,7 +398,7 @@ impl Ask {
         if self.dialogue.is_new() {
             tell!("sizes: {EXAMPLES}; the first number of 22x1.5 is the outer diameter");
         }
-        self.dialogue.line("size of the pipe (empty: diameter and wall)", None, |text| match text {
+        self.dialogue.line("size of the pipe (Enter alone: diameter and wall are asked for)", None, |text| match text {
             "" => Ok(None),
             text => pipe_size(text).map(Some),
         })
@@ -439,19 +451,14 @@ impl Ask {
         if !self.asks {
             return Ok(Told::assumed(SUPPLIES[0].to_owned(), "not given"));
         }
-        let known = |text: &str| match text.to_lowercase().as_str() {
-            "tank" => Ok(SUPPLIES[0]),
-            text => SUPPLIES.into_iter().find(|s| *s == text).ok_or("write reservoir or pump".to_owned()),
-        };
-        let supply = self.dialogue.line("what feeds the pipe (reservoir or pump)", Some(SUPPLIES[0]), known)?;
-        Ok(Told::given(supply.to_owned()))
+        self.dialogue.line("what feeds the pipe (reservoir or pump)", Some(SUPPLIES[0]), supply).map(Told::given)
     }
 }
 
 fn material(text: &str) -> Result<&'static Material, String> {
     let near =
-        || nearest(text, MATERIALS.iter().map(|m| m.name)).map_or(String::new(), |n| format!("did you mean {n}? "));
-    Material::by_name(text).ok_or_else(|| format!("{}{}", near(), known_materials()))
+        || nearest(text, MATERIALS.iter().map(|m| m.name)).map_or(String::new(), |n| format!(" (did you mean {n}?)"));
+    Material::by_name(text).ok_or_else(|| format!("'{text}' is not a known material{}; {}", near(), known_materials()))
 }
 
 fn known_materials() -> String {

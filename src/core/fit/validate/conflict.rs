@@ -72,8 +72,8 @@ fn of_run(fit: &Fit, run: &RunData) -> Vec<String> {
         && (fitted - known_head).abs() > CONFLICT_SD * head_sd
     {
         sentences.push(format!(
-            "{}: the fitted head before the valve, {fitted:.2} m, contradicts the sensors' {known_head:.2} m: the model lacks \
-             something that a shifted mean level stands in for",
+            "{}: the fitted head before the valve, {fitted:.2} m, contradicts the sensors' {known_head:.2} m: the fit \
+             shifts the mean level to make up for something that the model lacks",
             run.file
         ));
     }

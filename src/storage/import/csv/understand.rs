@@ -147,10 +147,12 @@ impl<'t> Table<'t> {
         if let Some(last) = header_at {
             let is_short = |at: usize| headings(at).is_some_and(|h| h.iter().all(|c| c.chars().count() <= SHORT));
             let filled = |at: usize| headings(at).map_or(0, |h| h.iter().filter(|c| !c.is_empty()).count());
-            let under = |at: usize| at > 0 && is_short(at) && filled(at - 1) >= filled(at);
-            let in_units = |at: usize| headings(at).is_some_and(|h| h.iter().any(|c| is_known_unit(bare(c))));
-            let below = [last.saturating_sub(1), last].into_iter().find(|&at| under(at) && in_units(at));
-            if let Some(at) = below.or(Some(last).filter(|&at| under(at))) {
+            let under = |at: usize| at > 0 && filled(at) > 0 && filled(at - 1) >= filled(at);
+            let in_units = |at: usize| headings(at).map_or(0, |h| h.iter().filter(|c| is_known_unit(bare(c))).count());
+            let below =
+                |at: &usize| under(*at) && (is_short(*at) && in_units(*at) > 0 || 2 * in_units(*at) > filled(*at));
+            let below = [last.saturating_sub(1), last].into_iter().find(below);
+            if let Some(at) = below.or(Some(last).filter(|&at| under(at) && is_short(at))) {
                 names = with_units(headings(at - 1), headings(at));
                 (header_at, units) = (Some(at - 1), (at..=last).collect());
             }
