@@ -179,20 +179,16 @@ fn diagnosed(args: Args, json: bool) -> CommandResult {
         if found.verdict == Verdict::MissingEffect && added.is_none() {
             tell!("the missing effect could not be fitted to the whole record, so nothing was added");
         }
-        let ends_at_once = found.verdict == Verdict::NothingMissing && models.len() == 1;
-        let mut fit = match added {
-            Some(fit) => {
-                models.push((title(&fit.effects), fit.clone()));
-                fit
-            }
-            None if args.until_done && ends_at_once => found.start.clone(),
-            None => {
-                diagnoses.push(found);
-                break;
-            }
-        };
+        // where nothing is missing at once, there may be too much
+        let whole = args.until_done && found.verdict == Verdict::NothingMissing && models.len() == 1;
+        let is_added = added.is_some();
+        let fit = added.or_else(|| whole.then(|| found.start.clone()));
         diagnoses.push(found);
-        let grew_to = models.len();
+        let Some(mut fit) = fit else { break };
+        if is_added {
+            models.push((title(&fit.effects), fit.clone()));
+        }
+        let before = models.len();
         // what was just added has its evidence
         let is_new = |c: &&Chosen| effects.iter().all(|known| known.effect.name() != c.effect.name());
         settled = start.iter().chain(fit.effects.iter().filter(is_new)).cloned().collect();
@@ -208,10 +204,8 @@ fn diagnosed(args: Args, json: bool) -> CommandResult {
             fit = smaller;
         }
         let last = diagnoses.last();
-        if ends_at_once && models.len() == grew_to {
-            break;
-        }
-        if !args.until_done || unsaved.is_some() || last.is_some_and(Diagnosis::predicts_worse) {
+        let is_done = !is_added && models.len() == before;
+        if is_done || !args.until_done || unsaved.is_some() || last.is_some_and(Diagnosis::predicts_worse) {
             break;
         }
         effects = grown(&effects, &models[models.len() - 1].1.effects);

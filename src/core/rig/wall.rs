@@ -110,22 +110,20 @@ impl Rig {
     /// Mean wave speed from the supply to the valve, length by travel time, m/s: nominal, and the least and the greatest that a fit may take (see
     /// [`Pipe::wave_speed_start`]).
     pub fn wave_speed_start(&self, water: &WaterProperties) -> (f64, f64, f64) {
-        let mut travel_s = [0.0; 3];
-        for pipe in &self.pipes {
-            let (nominal, least, greatest) = pipe.wave_speed_start(water);
-            for (time_s, speed) in travel_s.iter_mut().zip([nominal, least, greatest]) {
-                *time_s += pipe.length_m / speed;
-            }
-        }
-        let [nominal, least, greatest] = travel_s.map(|time_s| self.length_m() / time_s);
-        (nominal, least, greatest)
+        let mean = |of: fn((f64, f64, f64)) -> f64| self.mean_speed_m_s(|pipe| of(pipe.wave_speed_start(water)));
+        (mean(|s| s.0), mean(|s| s.1), mean(|s| s.2))
     }
 
     /// The greatest mean wave speed from the supply to the valve by Korteweg's law, m/s: that of the stiffest wall of its material, or the rig
     /// file's where that is faster.
     pub fn fastest_by_law_m_s(&self, water: &WaterProperties) -> f64 {
         let speed = |pipe: &Pipe| pipe.wave_speed_m_s.unwrap_or(0.0).max(pipe.material_wave_speeds_m_s(water)[1]);
-        self.length_m() / self.pipes.iter().map(|pipe| pipe.length_m / speed(pipe)).sum::<f64>()
+        self.mean_speed_m_s(speed)
+    }
+
+    /// Length by travel time, m/s.
+    fn mean_speed_m_s(&self, of: impl Fn(&Pipe) -> f64) -> f64 {
+        self.length_m() / self.pipes.iter().map(|pipe| pipe.length_m / of(pipe)).sum::<f64>()
     }
 }
 

@@ -1,7 +1,7 @@
 // A chart a sensor: measurement and models, below them model − measured on the same axis. All charts zoom and point together.
 
 import { curves, simulate } from "/assets/api.js";
-import { at, digits, h, head, put, times } from "/assets/dom.js";
+import { at, digits, h, head, keyOf, put, times } from "/assets/dom.js";
 import { app, complain } from "/assets/store.js";
 import { menu } from "/assets/take.js";
 import { fingers } from "/assets/touch.js";
@@ -257,7 +257,7 @@ let flying = false;
 let next = null;
 export async function try_(coarse = false) {
   if (flying) { next = { coarse }; return; }
-  if (!changed()) { app.followed.clear(); panels.forEach((panel) => { panel.data.trial = null; }); draw(); at("trial").textContent = ""; return; }
+  if (!changed()) { app.followed.clear(); onTried(); panels.forEach((panel) => { panel.data.trial = null; }); draw(); at("trial").textContent = ""; return; }
   flying = true;
   try {
     const [from, to] = app.range || [undefined, undefined];
@@ -269,7 +269,7 @@ export async function try_(coarse = false) {
       panel.data.trial = model.length === panel.data.time.length ? model : null;
     }
     draw(coarse);
-    app.followed = new Map((found.followed || []).map((p) => [`${p.name} ${p.run || ""}`, p.value]));
+    app.followed = new Map(found.followed.map((p) => [keyOf(p), p.value]));
     onTried();
     const others = at("meanwhile").checked ? ", the others following" : "";
     const grid = found.coarse ? ` (coarse grid, ${found.reaches} reaches)` : "";

@@ -33,6 +33,7 @@ async function load() {
     if (mine !== shown) return;
     const first = !mine.found;
     mine.found = found;
+    mine.rigs = new Set(found.runs.map((run) => run.rig));
     if (first) build(width);
     fill();
   } catch (error) { put(at("compared"), h("p", { class: "advice", text: error.message })); complain(error); }
@@ -60,7 +61,7 @@ function build(width) {
     const box = h("div", { class: "plot" });
     return { box, card: h("div", { class: "card chart" }, h("h3", {}, h("b", { text: sensor.name }), ` ${digits(sensor.position_m, 4)} m in ${found.runs[0].name}, head in m; below: difference to ${found.runs[0].name}`), box) };
   });
-  const rigs = new Set(found.runs.map((run) => run.rig));
+  const { rigs } = shown;
   const differ = rigs.size > 1 ? h("p", { class: "advice", text: `These runs are of different rigs (${[...rigs].join(", ")}). Sensors of one name may stand at different places; a run without a sensor of that name is not in its chart.` }) : null;
   put(at("compared"), differ, cards.map((c) => c.card), h("div", { id: "compared-table", class: "list" }));
   shown.plots = cards.flatMap((c) => [false, true].map((differs) => new uPlot(options(differs), [[], ...found.runs.map(() => [])], c.box)));
@@ -79,8 +80,7 @@ function fill() {
 }
 
 function table() {
-  const { found } = shown;
-  const rigs = new Set(found.runs.map((run) => run.rig));
+  const { found, rigs } = shown;
   const [reference, ...others] = found.runs;
   const swatch = (i) => h("i", { class: "swatch", "aria-hidden": "true", style: { background: `var(${stroke(i)})` } });
   const difference = (a, b, n = 2) => (typeof a === "number" && typeof b === "number" ? `${a > b ? "+" : ""}${digits(a - b, n)}` : "");

@@ -62,4 +62,6 @@ export function named(parameter) {
   const match = parameter.name.match(/^([^[]+)(\[.*\])?$/);
   return `${match[1].replace(UNITS, "").replaceAll("_", " ")}${match[2] ? ` ${match[2].slice(1, -1)}` : ""}`;
 }
+// What tells a parameter from those of the same name in other runs.
+export const keyOf = (p) => `${p.name} ${p.run || ""}`;
 export const unitOf = (parameter) => (parameter.unit === "1" ? "" : parameter.unit);

@@ -1,6 +1,6 @@
 // The parameters of the model in force: drag one and the curves follow; hold it, bound it, fit.
 
-import { at, digits, h, named, put, uncertain, unitOf } from "/assets/dom.js";
+import { at, digits, h, keyOf, named, put, uncertain, unitOf } from "/assets/dom.js";
 import { app, act, complain } from "/assets/store.js";
 import { try_, whenTried } from "/assets/charts.js";
 import { models } from "/assets/past.js";
@@ -15,7 +15,6 @@ const span = (p) => {
   const [low, high] = bounds(p);
   return p.name in app.bounds || p.log || low < 0 || !(high > FAR * p.value) || !(p.value > low) ? [low, high] : [low, 4 * p.value];
 };
-const keyOf = (p) => `${p.name} ${p.run || ""}`;
 const valueOf = (p) => app.moved[p.name] ?? app.followed.get(keyOf(p)) ?? p.value;
 
 // A slider is linear in the parameter, or in its logarithm where the fit moves it so.

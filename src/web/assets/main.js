@@ -76,6 +76,7 @@ function inUnit() {
 function unit(name) {
   app.unit = name;
   document.querySelectorAll("[data-unit]").forEach((b) => b.setAttribute("aria-pressed", String(b.dataset.unit === name)));
+  if (!app.state) return;
   inUnit();
   charts();
   models();

@@ -4,6 +4,7 @@ use std::borrow::Cow;
 use std::io::{IsTerminal as _, stderr, stdin};
 use std::path::{Path, PathBuf};
 
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use serde_json::{Value, json};
 
 use crate::cli::args::import_options::{ForeignArgs, flow};
@@ -56,8 +57,8 @@ pub struct Args {
     /// Temperature of the water, °C [default: that of the file, or 20].
     #[arg(long = "temperature-degC", value_name = "DEGC", value_parser = not_negative, allow_negative_numbers = true)]
     temperature_degc: Option<f64>,
-    /// What feeds the pipe: reservoir or pump [default: reservoir].
-    #[arg(long, value_name = "SUPPLY", value_parser = supply)]
+    /// What feeds the pipe [default: reservoir].
+    #[arg(long, value_name = "SUPPLY", value_parser = supplies())]
     supply: Option<String>,
     /// Nominal closing time of the valve, s [default: as the file shows it, or 0.1].
     #[arg(long, value_name = "S", value_parser = above_0("s"), allow_negative_numbers = true)]
@@ -95,6 +96,12 @@ fn supply(text: &str) -> Result<String, String> {
     let word = text.to_lowercase();
     let known = if word == "tank" { "reservoir" } else { word.as_str() };
     SUPPLIES.contains(&known).then(|| known.to_owned()).ok_or("write reservoir or pump".to_owned())
+}
+
+/// The supplies as options take them, by which shells complete them.
+fn supplies() -> impl TypedValueParser<Value = String> {
+    let known = SUPPLIES.map(|word| PossibleValue::new(word).aliases((word == SUPPLIES[0]).then_some("tank")));
+    PossibleValuesParser::new(known).try_map(|word| supply(&word))
 }
 
 const SUPPLIES: [&str; 2] = ["reservoir", "pump"];
