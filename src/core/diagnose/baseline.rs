@@ -12,7 +12,7 @@ use crate::diagnose::circumstances::{circumstances, features};
 use crate::diagnose::limits::{BINS, COARSE_REACHES, LEAD_OF_PERIOD, SINGULAR, UNSEEN_COLUMN};
 use crate::fit::data::run_data::{RunData, SensorData};
 use crate::fit::numeric::least_squares::{Problem, jacobian};
-use crate::fit::outcome::fit::Fit;
+use crate::fit::outcome::fit::{Fit, FittedParameter};
 use crate::fit::problem::fit_problem::{FitProblem, Window};
 use crate::fit::search::options::Options;
 use crate::model::effects::{Chosen, Circumstances};
@@ -64,21 +64,44 @@ impl<'a> Baseline<'a> {
     /// # Errors
     /// As [`Model::simulate`].
     pub fn new(rig: &'a Rig, runs: &[RunData], fit: &Fit, options: &Options) -> Result<Self, ModelError> {
-        let effects = fit.effects.clone();
+        Self::at(rig, runs, fit.effects.clone(), fit.parameters.iter().collect(), fit.reaches, options)
+    }
+
+    /// The same from where a fit would stand without its effect `i`, if nothing else moved.
+    ///
+    /// # Errors
+    /// As [`Model::simulate`].
+    pub fn without(rig: &'a Rig, runs: &[RunData], fit: &Fit, i: usize, options: &Options) -> Result<Self, ModelError> {
+        let own = Model::new(rig, &runs[0].conditions.water, &fit.effects).parameters_of(i);
+        let mut effects = fit.effects.clone();
+        effects.remove(i);
+        let rest = fit.parameters.iter().enumerate().filter(|(j, _)| !own.contains(j)).map(|(_, p)| p).collect();
+        Self::at(rig, runs, effects, rest, fit.reaches, options)
+    }
+
+    /// At these values of all variables, shared ones first, as seen on a grid of `fine` reaches.
+    fn at(
+        rig: &'a Rig,
+        runs: &[RunData],
+        effects: Vec<Chosen>,
+        parameters: Vec<&FittedParameter>,
+        fine: usize,
+        options: &Options,
+    ) -> Result<Self, ModelError> {
         let model = Model::new(rig, &runs[0].conditions.water, &effects);
         let model = model.constrained(&options.constraints).informed(&options.priors);
-        let values = fit.values();
+        let values: Vec<f64> = parameters.iter().map(|p| p.value).collect();
         let shared = model.shared.len();
         let reaches =
             model.fitting_reaches(&values[..shared], COARSE_REACHES.max(model.least_reaches(&values[..shared])));
         let recorded = runs;
-        let runs = binned(&model, recorded, &values, fit.reaches, reaches)?;
+        let runs = binned(&model, recorded, &values, fine, reaches)?;
         let sizes = recorded.iter().zip(&runs).flat_map(|(a, b)| a.sensors.iter().zip(&b.sensors));
         let sizes: Vec<f64> = sizes.map(|(a, b)| (a.noise_m / b.noise_m).powi(2)).collect();
         let problem = FitProblem::new(&model, &runs, window(reaches));
         let x = problem.variables(&values);
         let all = problem.residuals(&x)?;
-        let at_bound: Vec<bool> = fit.parameters.iter().map(|p| p.at_bound || p.held).collect();
+        let at_bound: Vec<bool> = parameters.iter().map(|p| p.at_bound || p.held).collect();
         let (which, columns): (Vec<usize>, Vec<Vec<f64>>) = jacobian(&problem, &x, &all)?
             .into_iter()
             .enumerate()

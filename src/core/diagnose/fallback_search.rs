@@ -24,13 +24,6 @@ pub(crate) fn search_on(fitter: &FullFitter, start: &Fit, candidate_fits: &mut [
         // A start at a bound has stood in for what is missing; whoever goes on from there may have to carry that along.
         fit_afresh(fitter, &mut candidate_fits.iter_mut().collect::<Vec<_>>(), 2 * FULL_FITS, &mut done);
     }
-    let leading = candidate_fits.iter().enumerate().filter(|(_, r)| r.fit.is_some());
-    let leading = leading.min_by(|a, b| a.1.square.total_cmp(&b.1.square)).map(|(i, _)| i);
-    if leading.and_then(|i| candidate_fits[i].fit.as_ref()).is_some_and(|fit| at_an_end(fit, start)) {
-        // There it imitates an effect of that end, whose own refit has not found the way.
-        let others = candidate_fits.iter_mut().enumerate().filter(|(i, _)| Some(*i) != leading);
-        from_the_signals(fitter, &mut others.map(|(_, r)| r).collect::<Vec<_>>());
-    }
     let start_error = over_noise(start, fitter.runs);
     if start_error < START_DOUBTFUL || best(fitter, candidate_fits) < EXPLAINED_OVER_NOISE {
         return;
@@ -40,12 +33,6 @@ pub(crate) fn search_on(fitter: &FullFitter, start: &Fit, candidate_fits: &mut [
     let tried = candidate_fits.iter_mut().enumerate().filter(|(i, r)| *i < most || r.square > failed);
     from_the_signals(fitter, &mut tried.map(|(_, r)| r).collect::<Vec<_>>());
     afresh(fitter, candidate_fits, &mut done);
-}
-
-/// Whether a located effect that the start model lacks ended where the pipe does.
-fn at_an_end(fit: &Fit, start: &Fit) -> bool {
-    let own = fit.parameters.iter().filter(|p| start.parameter(&p.name).is_err());
-    own.filter(|p| p.at_bound).any(|p| p.name.ends_with("_position_m"))
 }
 
 /// The least error over noise of a full fit.

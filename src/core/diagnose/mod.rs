@@ -13,6 +13,7 @@ pub mod baseline;
 pub mod candidate;
 pub(crate) mod candidate_fit;
 pub(crate) mod circumstances;
+pub(crate) mod contest;
 pub mod evidence;
 pub mod exchange;
 pub(crate) mod fallback_search;
@@ -34,14 +35,15 @@ use rayon::prelude::*;
 use crate::diagnose::baseline::Baseline;
 use crate::diagnose::candidate::{Form, forms_of, left_out};
 use crate::diagnose::candidate_fit::{
-    CandidateFit, FullFitter, best_forms, evidence_scale, fall, least_fall, over_noise, square, square_at_optimum,
+    CandidateFit, FullFitter, best_forms, evidence_scale, fall, least_fall, over_noise, square,
 };
+use crate::diagnose::contest::contest;
 use crate::diagnose::evidence::{EvidenceScale, probabilities};
 use crate::diagnose::fallback_search::search_on;
 pub use crate::diagnose::limits::NEGLIGIBLE_EVIDENCE;
 use crate::diagnose::limits::{
-    AS_FAST, CONVERGE_BELOW, EXPLAINED_OVER_NOISE, FULL_FITS, INDISTINGUISHABLE, LEAST_EVIDENCE, LEAST_FORECAST,
-    NO_FULL_FIT_ABOVE, PRIOR_ODDS_OF_PAIR, RIG_FILE_IS_WRONG, START_DOUBTFUL, UNEXPLAINED_OVER_NOISE, WANTED_ODDS,
+    AS_FAST, EXPLAINED_OVER_NOISE, FULL_FITS, INDISTINGUISHABLE, LEAST_EVIDENCE, LEAST_FORECAST, NO_FULL_FIT_ABOVE,
+    PRIOR_ODDS_OF_PAIR, RIG_FILE_IS_WRONG, START_DOUBTFUL, UNEXPLAINED_OVER_NOISE, WANTED_ODDS,
 };
 use crate::diagnose::next::in_words;
 pub use crate::diagnose::outcome::{Candidate, Diagnosis, Pair, RivalPair, Verdict};
@@ -103,7 +105,7 @@ pub fn diagnose_fit(
     // A single effect that is far from the records is no rival of a pair, and where no pair is found it is soon enough to converge.
     let far = best_fit(&candidate_fits).is_some_and(|(_, best)| over_noise(best, runs) > START_DOUBTFUL);
     if !far {
-        contest(&fitter, &mut candidate_fits);
+        contest(&fitter, &start, &mut candidate_fits);
     }
     // by what the fits leave, not by what the coarse grid forecast
     weigh(&fitter, &baseline, &start, &mut candidate_fits, &[]);
@@ -112,7 +114,7 @@ pub fn diagnose_fit(
     // How cavities collapse no model follows well: what is left of them is no second effect.
     let pair_fits = if shown { Vec::new() } else { pairs_of(&fitter, &baseline, &start, &refits, &mut candidate_fits) };
     if pair_fits.is_empty() && best_fit(&candidate_fits).is_some_and(|(_, best)| !best.converged) {
-        contest(&fitter, &mut candidate_fits);
+        contest(&fitter, &start, &mut candidate_fits);
     }
     let scale = weigh(&fitter, &baseline, &start, &mut candidate_fits, &pair_fits);
     rank(&baseline, &mut candidate_fits);
@@ -236,26 +238,6 @@ fn fit(fitter: &FullFitter, baseline: &Baseline, start: &Fit, candidate_fits: &m
 fn best_fit<'a>(candidate_fits: &'a [CandidateFit]) -> Option<(&'a Form, &'a Fit)> {
     let fitted = candidate_fits.iter().filter_map(|r| Some((&r.refit.form, r.fit.as_ref()?)));
     fitted.min_by(|a, b| square(a.1).total_cmp(&square(b.1)))
-}
-
-/// Compares the rivals at their optima: the best is fitted until it converges, the others also start from where it ended.
-fn contest(fitter: &FullFitter, candidate_fits: &mut [CandidateFit]) {
-    let fitted = candidate_fits.iter_mut().filter(|r| r.fit.is_some());
-    let Some(best) = fitted.min_by(|a, b| a.square.total_cmp(&b.square)) else { return };
-    best.converge(fitter);
-    let Some(winner) = best.fit.clone() else { return };
-    let near = CONVERGE_BELOW * square(&winner);
-    let rivals = candidate_fits.par_iter_mut().filter(|r| {
-        let other = r.fit.as_ref().is_some_and(|f| f.effects.last() != winner.effects.last());
-        other && r.square < near
-    });
-    rivals.for_each(|rival| {
-        let fit = fitter.fit_from_rival(rival, &winner);
-        rival.take(fit);
-        if rival.fit.as_ref().is_some_and(|f| square_at_optimum(f) < square(&winner)) {
-            rival.converge(fitter);
-        }
-    });
 }
 
 /// Pairs of effects, where something is missing and no single effect explains the records.

@@ -112,7 +112,7 @@ pub(crate) fn fitted_pairs(
         let worth = |pair: &PairRefit| scale.evidence(refitted_alone, pair.square, pair.added) > LEAST_EVIDENCE;
         refitted.retain(|pair| pair.square < most && worth(pair));
     }
-    one_form_each(&mut refitted);
+    one_of_each(&mut refitted, |pair| &pair.of);
     refitted.truncate(FULL_FITS);
     let fits = refitted.into_par_iter().filter_map(|pair| fitted(fitter, pair.of, &pair.effects, &pair.values));
     let mut fits: Vec<PairFit> = fits.collect();
@@ -168,11 +168,12 @@ fn from_the_signals(fitter: &FullFitter, baseline: &Baseline, leading: &[&Refit]
         coarse.extend(beside(second));
         coarse.sort_by(by_square);
     }
+    one_of_each(&mut coarse, |(of, _)| of);
     let most = NO_FULL_FIT_ABOVE * coarse.first().map_or(0.0, |(_, best)| best.mean_square);
-    coarse.truncate(FULL_FITS);
     coarse.retain(|(_, fit)| fit.mean_square <= most);
+    coarse.truncate(FULL_FITS);
     let fine: Vec<PairFit> =
-        coarse.into_par_iter().filter_map(|(of, coarse)| fitted(fitter, of, &coarse.effects, &coarse.values)).collect();
+        coarse.into_par_iter().filter_map(|(of, fit)| fitted(fitter, of, &fit.effects, &fit.values)).collect();
     for pair in fine {
         match fits.iter_mut().find(|known| known.is_of(&pair.of)) {
             Some(known) if square(&pair.fit) < square(&known.fit) => *known = pair,
@@ -197,11 +198,11 @@ fn beside(fitter: &FullFitter, form: &Form, single: &Fit) -> Vec<PairRefit> {
     second.map(pair).collect()
 }
 
-/// Keeps the best form of each two effects; the best pairs come first.
-fn one_form_each(pairs: &mut Vec<PairRefit>) {
+/// Keeps the first pair of each two effects.
+fn one_of_each<T>(pairs: &mut Vec<T>, of: impl Fn(&T) -> &[Form; 2]) {
     let mut known: Vec<[&'static str; 2]> = Vec::new();
     pairs.retain(|pair| {
-        let mut names = pair.of.each_ref().map(|form| form.effect);
+        let mut names = of(pair).each_ref().map(|form| form.effect);
         names.sort_unstable();
         let new = !known.contains(&names);
         known.push(names);

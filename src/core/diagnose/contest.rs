@@ -1,0 +1,107 @@
+//! Rivals are compared at their optima or not at all.
+
+use rayon::prelude::*;
+
+use crate::diagnose::baseline::Baseline;
+use crate::diagnose::candidate_fit::{CandidateFit, FullFitter, best_forms, square, square_at_optimum};
+use crate::diagnose::limits::{CONVERGE_BELOW, FULL_FITS};
+use crate::diagnose::screening::refits;
+use crate::fit::outcome::fit::Fit;
+
+/// Compares the rivals at their optima: the best is fitted until it converges, the others also start from where it ended.
+pub(crate) fn contest(fitter: &FullFitter, start: &Fit, candidate_fits: &mut [CandidateFit]) {
+    let fitted = candidate_fits.iter_mut().filter(|r| r.fit.is_some());
+    let Some(best) = fitted.min_by(|a, b| a.square.total_cmp(&b.square)) else { return };
+    best.converge(fitter);
+    let Some(winner) = best.fit.clone() else { return };
+    if at_an_end(&winner, start) {
+        in_its_place(fitter, &winner, candidate_fits);
+    }
+    let near = CONVERGE_BELOW * square(&winner);
+    let rivals = candidate_fits.par_iter_mut().filter(|r| {
+        let other = r.fit.as_ref().is_some_and(|f| f.effects.last() != winner.effects.last());
+        other && r.square < near
+    });
+    rivals.for_each(|rival| {
+        let fit = fitter.fit_from_rival(rival, &winner);
+        rival.take(fit);
+        if rival.fit.as_ref().is_some_and(|f| square_at_optimum(f) < square(&winner)) {
+            rival.converge(fitter);
+        }
+    });
+}
+
+/// Tries the other effects where the winner ended, in its place: there it may imitate one whose own fits have missed the way.
+fn in_its_place(fitter: &FullFitter, winner: &Fit, candidate_fits: &mut [CandidateFit]) {
+    let last = winner.effects.len() - 1;
+    let Ok(baseline) = Baseline::without(fitter.rig, fitter.runs, winner, last, fitter.options) else { return };
+    let refits = refits(&baseline, fitter.progress);
+    let mut others = best_forms(&refits, |r| -r.square);
+    others.retain(|(_, r)| r.effects.last() != winner.effects.last());
+    others.sort_by(|a, b| b.0.total_cmp(&a.0));
+    others.truncate(FULL_FITS);
+    candidate_fits.par_iter_mut().for_each(|candidate_fit| {
+        if let Some((_, refit)) = others.iter().find(|(_, r)| r.form.effect == candidate_fit.refit.form.effect) {
+            candidate_fit.take(fitter.fit_from_refit(refit));
+        }
+    });
+}
+
+/// Whether a located effect that the start model lacks ended where the pipe does.
+fn at_an_end(fit: &Fit, start: &Fit) -> bool {
+    let own = fit.parameters.iter().filter(|p| start.parameter(&p.name).is_err());
+    own.filter(|p| p.at_bound).any(|p| p.name.ends_with("_position_m"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::diagnose::candidate::candidates;
+    use crate::diagnose::candidate_fit::{least_fall, over_noise};
+    use crate::diagnose::refit::screen;
+    use crate::fit::problem::test_record::{HDPE, record};
+    use crate::fit::search::calibrate::{calibrate, refine};
+    use crate::fit::search::options::Options;
+    use crate::model::RunValues;
+    use crate::model::effects::parse_list;
+    use crate::rig::Rig;
+
+    /// A leak that was driven to the valve imitates a valve that does not close. That one has no fit of its own, and is found all the same.
+    #[test]
+    fn a_leak_at_the_valve_meets_the_leaking_seat() {
+        let rig = Rig::from_toml(&HDPE.replace("HDPE", "copper"), "rig.toml").unwrap();
+        let run =
+            RunValues { initial_velocity_m_s: 0.5, valve_head_m: 40.0, closing_time_s: 0.05, friction_scale: 1.0 };
+        let runs = [record(&rig, &parse_list("valve-seat-leak").unwrap(), &[1200.0, 3.0], run, 0.02, 3.0)];
+        let options = Options { most_reaches: 128, ..Options::default() };
+        let start = calibrate(&rig, &runs, &[], &options, &|_| {}).unwrap();
+        let baseline = Baseline::new(&rig, &runs, &start, &options).unwrap();
+        let screened: Vec<_> = candidates(&rig, &[], 1)
+            .iter()
+            .filter(|form| ["leak", "valve-seat-leak"].contains(&form.effect))
+            .map(|form| screen(&baseline, form).unwrap())
+            .collect();
+        let mut fits: Vec<_> =
+            screened.iter().map(|refit| CandidateFit::forecast(&baseline, &start, refit, 0.0)).collect();
+        let of = |fits: &[CandidateFit], name: &str| fits.iter().position(|r| r.refit.form.effect == name).unwrap();
+        let (leak, seat) = (of(&fits, "leak"), of(&fits, "valve-seat-leak"));
+        let effects = parse_list("leak").unwrap();
+        let mut values = start.values();
+        values.splice(1..1, [0.98 * rig.length_m(), 3.0]);
+        fits[leak].take(refine(&rig, &runs, &effects, &values, &options, &|_| {}));
+        let fitter = FullFitter {
+            rig: &rig,
+            runs: &runs,
+            effects: &[],
+            options: &options,
+            progress: &|_| {},
+            least_fall: least_fall(&runs, 0.0),
+        };
+        contest(&fitter, &start, &mut fits);
+        assert!(at_an_end(fits[leak].fit.as_ref().unwrap(), &start));
+        let found = fits[seat].fit.as_ref().unwrap();
+        assert!(over_noise(found, &runs) < 1.05 && square(found) < square(fits[leak].fit.as_ref().unwrap()));
+        let area_mm2 = found.parameter("seat_cda_mm2").unwrap().value;
+        assert!((area_mm2 - 3.0).abs() < 0.1, "{area_mm2}");
+    }
+}
