@@ -1,7 +1,7 @@
 // The server: requests, curves as arrays, events.
 
-export async function ask(path) {
-  return checked(await fetch(path));
+export async function ask(path, read) {
+  return checked(await fetch(path), read);
 }
 
 export async function post(path, body = {}) {
@@ -9,10 +9,10 @@ export async function post(path, body = {}) {
   return checked(answer);
 }
 
-async function checked(answer) {
+async function checked(answer, read = () => answer.json()) {
+  if (answer.ok) return read(answer);
   const body = await answer.json().catch(() => ({ error: `the workbench answered ${answer.status}` }));
-  if (!answer.ok) throw new Error(body.error);
-  return body;
+  throw new Error(body.error);
 }
 
 // A line of JSON that says what follows, then its columns of numbers. What is no number is null, as the charts want it.
@@ -51,7 +51,7 @@ export async function simulate(question) {
 
 // Events as they come. A browser opens six connections to a host, so one page listens and tells the others; when it is closed another takes over.
 // A fit tells its errors faster than anyone can look: the handler of `progress` gets a list of them from time to time, and leaves the fit the processor.
-const GATHERED_MS = 100;
+const GATHERED_MS = 200;
 export function listen(handlers) {
   const others = new BroadcastChannel("events");
   const hear = (name, data) => handlers[name]?.(data);

@@ -56,7 +56,7 @@ function options(panel, residual) {
   };
   const value = (_, v) => (v === null || v === undefined ? "" : digits(v, 5));
   return {
-    width: panel.width(), height: residual ? HEIGHTS[1] : HEIGHTS[0], pxAlign: false, padding: [16, 24, 0, 0], legend: { show: !residual, live: true, mount: (_, legend) => panel.legend.replaceChildren(legend) },
+    height: residual ? HEIGHTS[1] : HEIGHTS[0], pxAlign: false, padding: [16, 24, 0, 0], legend: { show: !residual, live: true, mount: (_, legend) => panel.legend.replaceChildren(legend) },
     cursor: { sync: { key: "surge", setSeries: false }, drag: { x: true, y: false, setScale: false }, bind: { dblclick: () => () => { zoom(null); return null; } } },
     scales: { x: { time: false, range: () => span() }, y: { range: (u, low, high) => limits(panel, residual, low, high) } },
     axes: [{ ...axis, show: residual, size: 30, values: (_, s) => s.map((v) => `${+v.toFixed(4)} s`) }, { ...axis, size: 60, space: 36, ...(residual ? { splits: (_, __, low, high) => around0(high) } : {}) }],
@@ -147,9 +147,9 @@ class Panel {
     const title = `${this.run.name} · ${this.sensor.name} at ${digits(this.sensor.position_m, 4)} m${this.rms.textContent ? ` · ${this.rms.textContent}` : ""}`;
     return { plots: this.plots, title, what: [false, true].map((residual) => what(this, residual)), names, noise: 2 * this.sensor.noise_m * perM(this) };
   }
-  width() { return this.plots ? this.plots[0].width : Math.max(240, this.box.clientWidth || 600); }
-  build() {
-    this.plots = [false, true].map((residual) => new uPlot(options(this, residual), [[], [], [], [], []], this.box));
+  width() { return this.plots[0].width; }
+  build(width) {
+    this.plots = [false, true].map((residual) => new uPlot({ width, ...options(this, residual) }, [[], [], [], [], []], this.box));
     this.plots.forEach((plot) => fingers(plot.over, span, (range) => (app.range || range[1] - range[0] < 0.98 * (span()[1] - span()[0])) && zoom(range)));
     new ResizeObserver(([now]) => {
       const width = Math.max(240, now.contentRect.width);
@@ -223,7 +223,9 @@ export function charts() {
     app.range = null;
     panels.splice(0, panels.length, ...open.runs.flatMap((run, r) => run.sensors.map((sensor, s) => new Panel(run, sensor, r, s))));
     put(at("charts"), panels.map((panel) => panel.card));
-    panels.forEach((panel) => panel.build());
+    // asked once: each chart that is put in would have the page laid out anew
+    const width = Math.max(240, panels[0]?.box.clientWidth || 600);
+    panels.forEach((panel) => panel.build(width));
   }
   for (const panel of panels) {
     panel.run = open.runs[panel.r];

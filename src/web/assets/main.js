@@ -55,6 +55,9 @@ onState(() => {
   title();
   inUnit();
   charts();
+  // the curves are on their way while the rest is drawn
+  const key = JSON.stringify([app.state.open?.title, app.state.model?.number, app.state.model?.rmse_m]);
+  if (key !== loaded) { loaded = key; load(); }
   rig();
   models();
   fails();
@@ -62,8 +65,6 @@ onState(() => {
   job();
   parameters();
   recording();
-  const key = JSON.stringify([app.state.open?.title, app.state.model?.number, app.state.model?.rmse_m]);
-  if (key !== loaded) { loaded = key; load(); }
 });
 
 // Errors of all sensors together have the sensors' own unit where that is one.
@@ -80,6 +81,7 @@ function unit(name) {
   inUnit();
   charts();
   models();
+  fails();
   missing();
   draw();
 }

@@ -92,9 +92,11 @@ export function falls(rmse) {
   box.querySelector(".dot").style.setProperty("left", `${Math.min(96, axis(rmse))}%`);
 }
 
-// The first clause of a sentence stands out.
+// The first clause of a sentence stands out. Its metres, after the sensor's name, are heads.
+const inUnit = (text) => text.replace(/([\d.]+) m\b/g, (_, value) => head(Number(value)));
 function said(text) {
-  const [first, ...rest] = text.split("; ");
+  const [name, ...about] = text.split(": ");
+  const [first, ...rest] = [name, ...about.map(inUnit)].join(": ").split("; ");
   return h("span", {}, h("b", { text: first }), rest.length ? `; ${rest.join("; ")}` : "");
 }
 

@@ -32,12 +32,16 @@ let asked = null;
 // Events come in bundles, such as a new model and the end of its job: one answer serves them all.
 const BUNDLE_MS = 10;
 export function refresh() {
-  asked ||= new Promise((done) => setTimeout(done, BUNDLE_MS)).then(() => { asked = null; return renew(); });
+  asked ||= new Promise((done) => (app.state ? setTimeout(done, BUNDLE_MS) : done())).then(() => { asked = null; return renew(); });
   return asked;
 }
 
+let last = null;
 async function renew() {
-  app.state = await ask("/api/state");
+  const text = await ask("/api/state", (answer) => answer.text());
+  if (text === last) return;
+  last = text;
+  app.state = JSON.parse(text);
   const now = app.state.model;
   const key = JSON.stringify([app.state.open?.title, now?.number, now?.rmse_m]);
   if (key !== model) {

@@ -10,6 +10,13 @@ await story("a stranger ends where the commands end", { files: { "run.mcap": "hd
   assert.equal(await page.getAttribute("[data-range=all]", "aria-pressed"), "false", "the sentence leads to its place");
   await page.keyboard.press("3");
   await shot(page, "where-it-fails");
+  // in the sensors' own unit the sentences say the same, of which nothing is left in metres
+  const rmse = async (unit) => Number((await page.textContent("#fails")).match(new RegExp(`RMSE ([\\d.]+) ${unit},`))[1]);
+  const inMetres = await rmse("m");
+  await page.keyboard.press("m");
+  close(await rmse("kPa"), 9.79 * inMetres, 0.02, "the error in kPa");
+  assert(!/\d m\b/.test(await page.textContent("#fails")));
+  await page.keyboard.press("m");
 
   await page.click("#diagnose");
   await page.waitForSelector(".candidate");
