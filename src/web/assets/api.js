@@ -1,7 +1,7 @@
 // The server: requests, curves as arrays, events.
 
-export async function ask(path, read) {
-  return checked(await fetch(path), read);
+export async function ask(path) {
+  return checked(await fetch(path));
 }
 
 export async function post(path, body = {}) {
@@ -9,10 +9,10 @@ export async function post(path, body = {}) {
   return checked(answer);
 }
 
-async function checked(answer, read = () => answer.json()) {
-  if (answer.ok) return read(answer);
+async function checked(answer) {
   const body = await answer.json().catch(() => ({ error: `the workbench answered ${answer.status}` }));
-  throw new Error(body.error);
+  if (!answer.ok) throw new Error(body.error);
+  return body;
 }
 
 // A line of JSON that says what follows, then its columns of numbers. What is no number is null, as the charts want it.

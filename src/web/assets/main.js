@@ -2,7 +2,7 @@
 
 import { ask, listen } from "/assets/api.js";
 import { at, h, put, showIn } from "/assets/dom.js";
-import { app, act, complain, onState, refresh, tell } from "/assets/store.js";
+import { app, act, complain, modelKey, onState, refresh, tell } from "/assets/store.js";
 import { charts, draw, load, pan, part } from "/assets/charts.js";
 import { fails, models } from "/assets/past.js";
 import { fit, parameters, reset } from "/assets/hands.js";
@@ -56,7 +56,7 @@ onState(() => {
   inUnit();
   charts();
   // the curves are on their way while the rest is drawn
-  const key = JSON.stringify([app.state.open?.title, app.state.model?.number, app.state.model?.rmse_m]);
+  const key = modelKey();
   if (key !== loaded) { loaded = key; load(); }
   rig();
   models();

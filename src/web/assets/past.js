@@ -92,11 +92,15 @@ export function falls(rmse) {
   box.querySelector(".dot").style.setProperty("left", `${Math.min(96, axis(rmse))}%`);
 }
 
-// The first clause of a sentence stands out. Its metres, after the sensor's name, are heads.
-const inUnit = (text) => text.replace(/([\d.]+) m\b/g, (_, value) => head(Number(value)));
-function said(text) {
+// A sentence whose metres, which are heads, are in the page's unit; before the first colon stand names.
+function inHeads(text) {
   const [name, ...about] = text.split(": ");
-  const [first, ...rest] = [name, ...about.map(inUnit)].join(": ").split("; ");
+  return [name, ...about.map((part) => part.replace(/([\d.]+) m\b/g, (_, value) => head(Number(value))))].join(": ");
+}
+
+// The first clause of a sentence stands out.
+function said(text) {
+  const [first, ...rest] = text.split("; ");
   return h("span", {}, h("b", { text: first }), rest.length ? `; ${rest.join("; ")}` : "");
 }
 
@@ -104,7 +108,7 @@ const see = ({ from_s, to_s }) => { zoom([from_s, to_s]); toCharts(); };
 
 export function fails() {
   const model = app.state.model;
-  const items = (model?.fails || []).map((fail) => h("li", {}, said(fail.text), " ",
+  const items = (model?.fails || []).map((fail) => ({ ...fail, text: inHeads(fail.text) })).map((fail) => h("li", {}, said(fail.text), " ",
     fail.from_s === null ? null : h("button", { type: "button", class: "link", text: "show", "aria-label": `Show where: ${fail.text}`, onclick: () => see(fail) })));
   if (model && !items.length) items.push(h("li", { text: "No sensor shows more than its noise." }));
   put(at("fails"), items);

@@ -32,18 +32,18 @@ let asked = null;
 // Events come in bundles, such as a new model and the end of its job: one answer serves them all.
 const BUNDLE_MS = 10;
 export function refresh() {
-  asked ||= new Promise((done) => (app.state ? setTimeout(done, BUNDLE_MS) : done())).then(() => { asked = null; return renew(); });
+  asked ||= new Promise((done) => setTimeout(done, BUNDLE_MS)).then(() => { asked = null; return renew(); });
   return asked;
 }
 
-let last = null;
+// What tells one fitted model of one recording from another.
+export const modelKey = () => JSON.stringify([app.state.open?.title, app.state.model?.number, app.state.model?.rmse_m]);
+
 async function renew() {
-  const text = await ask("/api/state", (answer) => answer.text());
-  if (text === last) return;
-  last = text;
-  app.state = JSON.parse(text);
-  const now = app.state.model;
-  const key = JSON.stringify([app.state.open?.title, now?.number, now?.rmse_m]);
+  const state = await ask("/api/state");
+  if (JSON.stringify(state) === JSON.stringify(app.state)) return;
+  app.state = state;
+  const key = modelKey();
   if (key !== model) {
     model = key;
     app.moved = {};
