@@ -18,3 +18,4 @@ pub mod temperature;
 pub mod text_file;
 pub mod units;
 pub mod valve;
+mod wide;

@@ -3,42 +3,83 @@
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-/// Rows that are taken at a time, so that the parts of all columns stay in the processor's cache.
-const BLOCK: usize = 2048;
+use crate::wide::widened;
+
+/// Rows that are taken at a time, so that the parts of all columns stay in the processor's nearest cache.
+const BLOCK: usize = 256;
+/// Blocks that one thread takes at a time.
+const TOGETHER: usize = 16;
+
+/// Sums at once: a single one would wait for each addition.
+const LANES: usize = 8;
+type Lanes = [f64; LANES];
 
 /// `aᵀb` of columns of one length.
 pub fn dot(a: &[f64], b: &[f64]) -> f64 {
-    // eight sums at once: a single one would wait for each addition
-    let ((a8, a_rest), (b8, b_rest)) = (a.as_chunks::<8>(), b.as_chunks::<8>());
-    let mut lanes = [0.0; 8];
-    for (a, b) in a8.iter().zip(b8) {
-        for k in 0..8 {
-            lanes[k] += a[k] * b[k];
+    let ((a_lanes, a_rest), (b_lanes, b_rest)) = (a.as_chunks::<LANES>(), b.as_chunks::<LANES>());
+    let mut sums = [0.0; LANES];
+    for (a, b) in a_lanes.iter().zip(b_lanes) {
+        for k in 0..LANES {
+            sums[k] += a[k] * b[k];
         }
     }
-    lanes.iter().sum::<f64>() + a_rest.iter().zip(b_rest).map(|(a, b)| a * b).sum::<f64>()
+    sums.iter().sum::<f64>() + a_rest.iter().zip(b_rest).map(|(a, b)| a * b).sum::<f64>()
+}
+
+/// The four products of two columns with two others, which cost half the loads of one by one.
+fn four_dots([a, b]: [&[f64]; 2], [c, d]: [&[f64]; 2]) -> [f64; 4] {
+    let n = a.len() - a.len() % LANES;
+    let [la, lb, lc, ld] = [a, b, c, d].map(|of| of.as_chunks::<LANES>().0);
+    let mut sums = [[0.0; LANES]; 4];
+    add_four(la, lb, lc, ld, &mut sums);
+    let rest = |x: &[f64], y: &[f64]| x[n..].iter().zip(&y[n..]).map(|(x, y)| x * y).sum::<f64>();
+    let rests = [rest(a, c), rest(a, d), rest(b, c), rest(b, d)];
+    std::array::from_fn(|i| sums[i].iter().sum::<f64>() + rests[i])
+}
+
+widened! {
+    fn add_four(a: &[Lanes], b: &[Lanes], c: &[Lanes], d: &[Lanes], sums: &mut [Lanes; 4]) {
+        let [mut ac, mut ad, mut bc, mut bd] = *sums;
+        for (((a, b), c), d) in a.iter().zip(b).zip(c).zip(d) {
+            for k in 0..LANES {
+                ac[k] += a[k] * c[k];
+                ad[k] += a[k] * d[k];
+                bc[k] += b[k] * c[k];
+                bd[k] += b[k] * d[k];
+            }
+        }
+        *sums = [ac, ad, bc, bd];
+    }
 }
 
 /// `JᵀJ` of columns of one length.
 pub fn gram<C: AsRef<[f64]> + Sync>(columns: &[C]) -> DMatrix<f64> {
     let n = columns.len();
     let rows = columns.first().map_or(0, |c| c.as_ref().len());
-    let blocks: Vec<DMatrix<f64>> = (0..rows.div_ceil(BLOCK))
+    let parts: Vec<DMatrix<f64>> = (0..rows.div_ceil(TOGETHER * BLOCK))
         .into_par_iter()
-        .map(|b| {
-            let range = b * BLOCK..rows.min((b + 1) * BLOCK);
-            let part = |j: usize| &columns[j].as_ref()[range.clone()];
-            let mut block = DMatrix::zeros(n, n);
-            for i in 0..n {
-                for j in 0..=i {
-                    block[(i, j)] = dot(part(i), part(j));
+        .map(|p| {
+            let mut part = DMatrix::zeros(n, n);
+            for first in (p * TOGETHER * BLOCK..rows.min((p + 1) * TOGETHER * BLOCK)).step_by(BLOCK) {
+                let block = |j: usize| &columns[j].as_ref()[first..rows.min(first + BLOCK)];
+                for i in (0..n).step_by(2) {
+                    for j in (0..=i).step_by(2) {
+                        let (below, beside) = ((i + 1).min(n - 1), (j + 1).min(n - 1));
+                        let four = four_dots([block(i), block(below)], [block(j), block(beside)]);
+                        // the last of an odd number is its own neighbour
+                        let places = [(i, j), (i, beside), (below, j), (below, beside)];
+                        let own = [true, beside > j, below > i, below > i && beside > j];
+                        for ((place, product), _) in places.into_iter().zip(four).zip(own).filter(|(_, own)| *own) {
+                            part[place] += product;
+                        }
+                    }
                 }
             }
-            block
+            part
         })
         .collect();
     // in their order, so that the sum does not depend on the threads
-    let mut sum = blocks.iter().fold(DMatrix::zeros(n, n), |sum, block| sum + block);
+    let mut sum = parts.iter().fold(DMatrix::zeros(n, n), |sum, part| sum + part);
     sum.fill_upper_triangle_with_lower_triangle();
     sum
 }
@@ -51,9 +92,9 @@ pub fn along<C: AsRef<[f64]> + Sync>(columns: &[C], v: &[f64]) -> DVector<f64> {
 /// `v + Jx`.
 pub fn plus<C: AsRef<[f64]> + Sync>(v: &[f64], columns: &[C], x: &[f64]) -> Vec<f64> {
     let mut sum = v.to_vec();
-    sum.par_chunks_mut(BLOCK).enumerate().for_each(|(b, part)| {
+    sum.par_chunks_mut(TOGETHER * BLOCK).enumerate().for_each(|(p, part)| {
         for (column, by) in columns.iter().zip(x).filter(|(_, by)| **by != 0.0) {
-            part.iter_mut().zip(&column.as_ref()[b * BLOCK..]).for_each(|(s, c)| *s += by * c);
+            part.iter_mut().zip(&column.as_ref()[p * TOGETHER * BLOCK..]).for_each(|(s, c)| *s += by * c);
         }
     });
     sum
@@ -65,7 +106,7 @@ mod tests {
 
     #[test]
     fn products_of_many_blocks_are_those_of_the_matrix() {
-        let (rows, n) = (2 * BLOCK + 13, 3);
+        let (rows, n) = (2 * TOGETHER * BLOCK + 13, 3);
         let columns: Vec<Vec<f64>> =
             (0..n).map(|j| (0..rows).map(|i| ((i * (j + 2)) as f64 * 0.1).sin()).collect()).collect();
         let v: Vec<f64> = (0..rows).map(|i| (i as f64 * 0.03).cos()).collect();

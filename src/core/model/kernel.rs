@@ -15,7 +15,7 @@
 //! once more from the leaving ones. The loops reckon in `w = 2u`, which saves the halves.
 
 use crate::model::friction::NodeFriction;
-use crate::model::wide::widened;
+use crate::wide::widened;
 
 widened! {
     /// Elastic interior with steady friction: nodes `1..n-1` of a segment, from the old leaving waves to the new.

@@ -34,7 +34,6 @@ pub mod steady;
 pub mod trace;
 pub(crate) mod unsteady_kernels;
 pub mod valve_from_head;
-pub(crate) mod wide;
 
 pub use crate::model::definition::{Model, check_sensors};
 pub use crate::model::error::ModelError;

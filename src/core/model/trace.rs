@@ -1,5 +1,7 @@
 //! Result of a simulation at a probe: head or flow step by step, and its value at any time.
 
+use crate::wide::widened;
+
 /// Head or flow at one place.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Trace {
@@ -23,34 +25,57 @@ impl Trace {
     ///
     /// Linear interpolation would leave `dt² H''/8` at a front, more than the scheme's own error.
     pub fn at(&self, time_s: f64) -> f64 {
-        self.after(0.0)(time_s)
+        let last = self.values.len() - 1;
+        let (four, s) = about(&self.values, ((time_s - self.late_s) / self.dt_s).clamp(0.0, last as f64));
+        cubic(four, s)
     }
 
-    /// The value at times of a clock on which the closure starts at `start_s`, as [`Trace::at`] has it.
-    pub fn after(&self, start_s: f64) -> impl Fn(f64) -> f64 {
-        let (from_s, per_s) = (start_s + self.late_s, 1.0 / self.dt_s);
-        let last = self.values.len() - 1;
-        move |time_s| {
-            let x = (time_s - from_s) * per_s;
-            if x <= 0.0 {
-                return self.values[0];
+    /// The values at times of a clock on which the closure starts at `start_s`, each as [`Trace::at`] has it.
+    pub fn read(&self, start_s: f64, time_s: &[f64], values: &mut [f64]) {
+        interpolate(&self.values, start_s + self.late_s, 1.0 / self.dt_s, time_s, values);
+    }
+}
+
+/// The four steps about `x`, and how far beyond the second of them it lies; steps are constant beyond their ends.
+#[inline(always)]
+fn about(steps: &[f64], x: f64) -> ([f64; 4], f64) {
+    let i = x as u32 as usize;
+    let four = match steps.get(i.wrapping_sub(1)..i.saturating_add(3)) {
+        Some(&[a, b, c, d]) => [a, b, c, d],
+        _ => [i.saturating_sub(1), i, i + 1, i + 2].map(|i| steps[i.min(steps.len() - 1)]),
+    };
+    (four, x - i as f64)
+}
+
+/// Lagrange's cubic through -1, 0, 1, 2 at `s`.
+#[inline(always)]
+fn cubic([a, b, c, d]: [f64; 4], s: f64) -> f64 {
+    let (m, p, q) = (s + 1.0, s - 1.0, s - 2.0);
+    let (sp, mq) = (s * p, m * q);
+    (1.0 / 6.0) * sp * (m * d - q * a) + 0.5 * mq * (p * b - s * c)
+}
+
+/// Times that are looked up together.
+const BLOCK: usize = 64;
+
+widened! {
+    /// The values at the times, where `steps` stand at `from_s` and then `per_s` a second.
+    fn interpolate(steps: &[f64], from_s: f64, per_s: f64, time_s: &[f64], values: &mut [f64]) {
+        let last = (steps.len() - 1) as f64;
+        let (mut x, mut fours) = ([0.0; BLOCK], [[0.0; BLOCK]; 4]);
+        for (time_s, values) in time_s.chunks(BLOCK).zip(values.chunks_mut(BLOCK)) {
+            for (x, time_s) in x.iter_mut().zip(time_s) {
+                *x = ((time_s - from_s) * per_s).max(0.0).min(last);
             }
-            let i = x as usize;
-            let (a, b, c, d) = match self.values.get(i.wrapping_sub(1)..i.saturating_add(3)) {
-                Some(&[a, b, c, d]) => (a, b, c, d),
-                _ if i >= last => return self.values[last],
-                _ => (
-                    self.values[i.saturating_sub(1)],
-                    self.values[i],
-                    self.values[i + 1],
-                    self.values[(i + 2).min(last)],
-                ),
-            };
-            let s = x - i as f64;
-            // Lagrange through -1, 0, 1, 2.
-            let (m, p, q) = (s + 1.0, s - 1.0, s - 2.0);
-            let (sp, mq) = (s * p, m * q);
-            (1.0 / 6.0) * sp * (m * d - q * a) + 0.5 * mq * (p * b - s * c)
+            for (k, x) in x[..time_s.len()].iter_mut().enumerate() {
+                let (four, s) = about(steps, *x);
+                (0..4).for_each(|i| fours[i][k] = four[i]);
+                *x = s;
+            }
+            let [a, b, c, d] = &fours;
+            for (k, value) in values.iter_mut().enumerate() {
+                *value = cubic([a[k], b[k], c[k], d[k]], x[k]);
+            }
         }
     }
 }
@@ -82,6 +107,12 @@ mod tests {
         let trace = Trace { dt_s: 0.5, values: (0..20).map(|i| f(0.5 * i as f64)).collect(), late_s: 0.0 };
         for t in [0.5, 0.77, 3.17, 8.9] {
             assert!((trace.at(t) - f(t)).abs() < 1e-12, "{t}");
+        }
+        let times: Vec<f64> = (0..150).map(|i| 0.1 * i as f64 - 1.0).collect();
+        let mut read = vec![0.0; times.len()];
+        trace.read(0.25, &times, &mut read);
+        for (t, value) in times.iter().zip(&read) {
+            assert!((trace.at(t - 0.25) - value).abs() < 1e-12, "{t}");
         }
         assert_eq!(trace.at(-1.0), f(0.0));
         assert_eq!(trace.at(100.0), f(9.5));

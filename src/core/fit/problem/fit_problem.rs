@@ -370,11 +370,14 @@ impl<'a> FitProblem<'a> {
         for (s, (sensor, trace)) in self.runs[r].sensors.iter().zip(&traces).enumerate() {
             let offset = self.offset_m(r, s, values);
             let weight = 1.0 / sensor.noise_m;
-            let at = trace.after(closure_start);
-            let residuals = self.rows.samples_of(r, s).map(|(t, head)| weight * (head - offset - at(t)));
-            match self.rows.bins_at(r, s) {
-                Some(bins) => out.extend(bins.of_residuals(&residuals.collect::<Vec<f64>>())),
-                None => out.extend(residuals),
+            let [time_s, head_m] = self.rows.samples_of(r, s);
+            let first = out.len();
+            out.resize(first + time_s.len(), 0.0);
+            trace.read(closure_start, time_s, &mut out[first..]);
+            out[first..].iter_mut().zip(head_m).for_each(|(of, head)| *of = weight * (head - offset - *of));
+            if let Some(bins) = self.rows.bins_at(r, s) {
+                let residuals = out.split_off(first);
+                out.extend(bins.of_residuals(&residuals));
             }
         }
         Ok(())

@@ -39,7 +39,8 @@ pub fn observations(problem: &FitProblem) -> Vec<Observation> {
     let mut all = Vec::new();
     for (r, run) in problem.runs.iter().enumerate() {
         for (s, sensor) in run.sensors.iter().enumerate() {
-            all.extend(problem.rows.samples_of(r, s).map(|(time_s, measured)| Observation {
+            let [time_s, measured] = problem.rows.samples_of(r, s);
+            all.extend(time_s.iter().zip(measured).map(|(&time_s, &measured)| Observation {
                 place: Place { run: r, gauge: Gauge::Sensor(s), time_s },
                 measured,
                 sd: sensor.noise_m,
@@ -89,8 +90,8 @@ impl Shown {
     /// Head that a sensor of a run shows at times on the recording's clock, m.
     pub fn head_m(&self, run: usize, sensor: usize) -> impl Fn(f64) -> f64 {
         let ShownRun { modelled, closure_start_s, offsets_m } = &self.runs[run];
-        let (at, offset_m) = (modelled.traces[sensor].after(*closure_start_s), offsets_m[sensor]);
-        move |time_s| at(time_s) + offset_m
+        let (trace, offset_m) = (&modelled.traces[sensor], offsets_m[sensor]);
+        move |time_s| trace.at(time_s - closure_start_s) + offset_m
     }
 
     /// What the gauge shows.

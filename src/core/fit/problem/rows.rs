@@ -116,9 +116,8 @@ impl<'a> SampleRows<'a> {
     }
 
     /// Samples of a run's sensor that enter: times on the recording's clock, s, and heads, m.
-    pub fn samples_of(&self, r: usize, s: usize) -> impl Iterator<Item = (f64, f64)> + use<'a, '_> {
-        let [time_s, head_m] = &self.samples[r][s];
-        time_s.iter().copied().zip(head_m.iter().copied())
+    pub fn samples_of(&self, r: usize, s: usize) -> [&[f64]; 2] {
+        self.samples[r][s].each_ref().map(|values| &values[..])
     }
 
     /// Run, sensor and range among all residuals of each sensor, in their order.
@@ -180,7 +179,7 @@ impl<'a> SampleRows<'a> {
         for (r, s, range) in self.records() {
             let sensor = &self.runs[r].sensors[s];
             let weight = sensor.gain_sd() / sensor.noise_m;
-            let moved: Vec<f64> = self.samples_of(r, s).map(|(_, head)| head * weight).collect();
+            let moved: Vec<f64> = self.samples_of(r, s)[1].iter().map(|head| head * weight).collect();
             let moved = self.bins_at(r, s).map_or_else(|| moved.clone(), |bins| bins.of_residuals(&moved));
             by_sensor.entry(&sensor.sensor.name).or_default().push((range.start, moved));
         }

@@ -9,7 +9,7 @@ use crate::model::parameter::Parameter;
 use crate::model::scene::Site;
 use crate::model::steady::Steady;
 use crate::model::unsteady_kernels::Kernel;
-use crate::model::wide::widened;
+use crate::wide::widened;
 use crate::rig::Regime;
 use crate::units::GRAVITY_M_S2;
 

@@ -6,7 +6,7 @@ use crate::model::error::ModelError;
 use crate::model::parameter::Parameter;
 use crate::model::scene::Site;
 use crate::model::steady::Steady;
-use crate::model::wide::widened;
+use crate::wide::widened;
 use crate::rig::Rig;
 use crate::units::GRAVITY_M_S2;
 
