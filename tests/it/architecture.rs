@@ -5,12 +5,13 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// The rooms from the cellar up. A room may use what stands before it, with the exceptions below.
-const ROOMS: [&str; 28] = [
+const ROOMS: [&str; 29] = [
     "units",
     "number",
     "shown",
     "text_file",
     "robust",
+    "wide",
     "product",
     "rig",
     "recording",

@@ -196,6 +196,11 @@ impl<'a> Model<'a> {
         Ok(trace)
     }
 
+    /// How much longer than the record a simulation must be, for what sensors show late, s.
+    pub(crate) fn beyond_s(&self, shared: &[f64]) -> f64 {
+        self.chosen(shared).map(|(chosen, values)| chosen.effect.beyond_s(values)).fold(0.0, f64::max)
+    }
+
     /// The effects with their values.
     pub(crate) fn chosen<'s>(&'s self, shared: &'s [f64]) -> impl Iterator<Item = (&'s Chosen, &'s [f64])> {
         let mut at = self.effects_from();

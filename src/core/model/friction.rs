@@ -250,6 +250,7 @@ impl ReachFriction {
     }
 
     /// Half a reach's loss `½R` at `u`, m, and its derivative by `u`.
+    #[inline]
     pub fn half_loss_and_slope(&self, u: f64) -> (f64, f64) {
         match self {
             ReachFriction::Quadratic(q) => (q.half_loss(u), 2.0 * q.phi(u)),

@@ -116,8 +116,7 @@ impl Model<'_> {
         }
         let grid = Grid::new(&stretches, resolution.reaches)?;
         // Two more steps: the cubic interpolation in time looks that far ahead.
-        let beyond_s = self.chosen(shared).map(|(chosen, values)| chosen.effect.beyond_s(values)).fold(0.0, f64::max);
-        let steps = ((resolution.duration_s + beyond_s) / grid.dt_s).ceil() + 2.0;
+        let steps = ((resolution.duration_s + self.beyond_s(shared)) / grid.dt_s).ceil() + 2.0;
         let per_step = probes.len().max(1) + if with_energy { self.effects.len() + 6 } else { 0 };
         let effects_per_node = self.effects.iter().map(|c| c.effect.kept_per_node(c.elements.unwrap_or(1))).sum();
         Need { steps, per_step, nodes: grid.nodes(), effects_per_node }.check(self.memory_limit_bytes)?;

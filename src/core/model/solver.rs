@@ -100,6 +100,7 @@ impl Line<'_> {
         }
         let elastic = self.terms.is_empty() && self.field.is_none() && heads_only;
         State {
+            arriving: vec![[Arriving { z: 1.0, e: 0.0 }; 2]; grid.segments.len() - 1],
             new_fwd: fwd.clone(),
             new_bwd: bwd.clone(),
             fwd,
@@ -141,9 +142,12 @@ impl Line<'_> {
             balance.supply(state.h[0], flow);
         }
         // Joints.
-        self.find_spread(state, sweeps);
-        for s in 0..grid.segments.len() - 1 {
-            let (left, right) = (self.arriving_downstream(state, s), self.arriving_upstream(state, s + 1));
+        let mut arriving = std::mem::take(&mut state.arriving);
+        for (s, both) in arriving.iter_mut().enumerate() {
+            *both = [self.arriving_downstream(state, s), self.arriving_upstream(state, s + 1)];
+        }
+        self.find_spread(state, &arriving, sweeps);
+        for (s, &[left, right]) in arriving.iter().enumerate() {
             let joint = &mut self.joints[s];
             if joint.is_plain() {
                 let flow = (left.e - right.e - left.z * joint.taken_m3_s) / (left.z + right.z);
@@ -163,6 +167,7 @@ impl Line<'_> {
             self.leave_last(state, s, solved.left_head_m, solved.left_flow_m3_s);
             self.leave_first(state, s + 1, solved.right_head_m, solved.right_flow_m3_s);
         }
+        state.arriving = arriving;
         for one in &mut self.spread {
             if let Some(balance) = &mut balance {
                 balance.spread(one, state);
@@ -205,13 +210,13 @@ impl Line<'_> {
     }
 
     /// Finds the flows of elements over several joints. Where two of them meet, each sees what the other takes.
-    fn find_spread(&mut self, state: &State, sweeps: usize) {
+    fn find_spread(&mut self, state: &State, arriving: &[[Arriving; 2]], sweeps: usize) {
         for _ in 0..sweeps {
             for i in 0..self.spread.len() {
                 let (mut free_m, mut z) = (0.0, 0.0);
                 for k in 0..self.spread[i].at.len() {
                     let (s, weight) = self.spread[i].at[k];
-                    let (left, right) = (self.arriving_downstream(state, s), self.arriving_upstream(state, s + 1));
+                    let [left, right] = arriving[s];
                     let joint = &mut self.joints[s];
                     joint.taken_m3_s -= weight * self.spread[i].flow_m3_s;
                     let node = self.steady.grid.segments[s + 1].offset;
@@ -247,38 +252,44 @@ impl Line<'_> {
     }
 
     /// `½R - ½R0` linearised about the last flow at a node: value at `u = 0` and slope.
+    #[inline]
     fn half_loss_line(&self, state: &State, segment: usize, u: f64) -> (f64, f64) {
         let (loss, slope) = self.steady.frictions[segment].half_loss_and_slope(u);
         (loss - slope * u - state.steady_half_loss[segment], slope)
     }
 
     /// The characteristic from inside segment `s` that reaches its first node: `H - z Q = e`.
+    #[inline]
     fn arriving_upstream(&self, state: &State, s: usize) -> Arriving {
         let segment = &self.steady.grid.segments[s];
         let node = segment.offset;
         let Implicit { kappa, mu } = state.implicit[s];
+        let by_kappa = 1.0 / (1.0 + kappa);
         let (constant, slope) = self.half_loss_line(state, s, state.u[node]);
         let known = state.bwd[node + 1] + state.storage[node] - state.momentum[node] + constant;
         Arriving {
-            z: segment.impedance * (1.0 + mu + slope) / (1.0 + kappa),
-            e: self.steady.head_m[node] + known / (1.0 + kappa),
+            z: segment.impedance * (1.0 + mu + slope) * by_kappa,
+            e: self.steady.head_m[node] + known * by_kappa,
         }
     }
 
     /// The characteristic from inside segment `s` that reaches its last node: `H + z Q = e`.
+    #[inline]
     fn arriving_downstream(&self, state: &State, s: usize) -> Arriving {
         let segment = &self.steady.grid.segments[s];
         let node = segment.offset + segment.reaches;
         let Implicit { kappa, mu } = state.implicit[s];
+        let by_kappa = 1.0 / (1.0 + kappa);
         let (constant, slope) = self.half_loss_line(state, s, state.u[node]);
         let known = state.fwd[node - 1] + state.storage[node] + state.momentum[node] - constant;
         Arriving {
-            z: segment.impedance * (1.0 + mu + slope) / (1.0 + kappa),
-            e: self.steady.head_m[node] + known / (1.0 + kappa),
+            z: segment.impedance * (1.0 + mu + slope) * by_kappa,
+            e: self.steady.head_m[node] + known * by_kappa,
         }
     }
 
     /// Sets the first node of segment `s` and the wave that leaves it downstream.
+    #[inline]
     fn leave_first(&self, state: &mut State, s: usize, head: f64, flow: f64) {
         let segment = &self.steady.grid.segments[s];
         let node = segment.offset;
@@ -292,6 +303,7 @@ impl Line<'_> {
     }
 
     /// Sets the last node of segment `s` and the wave that leaves it upstream.
+    #[inline]
     fn leave_last(&self, state: &mut State, s: usize, head: f64, flow: f64) {
         let segment = &self.steady.grid.segments[s];
         let node = segment.offset + segment.reaches;

@@ -5,6 +5,7 @@ use crate::model::friction::ReachFriction;
 use crate::model::grid::Segment;
 use crate::model::kernel;
 use crate::model::kernel::Terms;
+use crate::model::node::Arriving;
 use crate::model::steady::Steady;
 use crate::model::trace::{Probe, Trace};
 
@@ -21,6 +22,8 @@ pub(crate) struct State {
     /// Outflow of each node where there is a node field, m³/s.
     pub(crate) outflow: Vec<f64>,
     pub(crate) scratch: Vec<f64>,
+    /// The characteristics that reach each joint, from upstream and from downstream.
+    pub(crate) arriving: Vec<[Arriving; 2]>,
     /// No line terms and no flow to read: heads of interior nodes are not stored but read from the waves.
     pub(crate) elastic: bool,
     /// Half of the steady flow's loss over one reach, `½R0`, of each segment, m.
@@ -33,6 +36,7 @@ pub(crate) struct State {
 
 impl State {
     /// Steps the nodes of a segment between its ends.
+    #[inline]
     pub(crate) fn interior(&mut self, segment: usize, nodes: std::ops::Range<usize>) {
         let friction = &self.frictions[segment];
         let steady_loss = 2.0 * self.steady_half_loss[segment];
@@ -98,6 +102,7 @@ impl State {
     }
 
     /// Appends what each probe reads now.
+    #[inline]
     pub(crate) fn read(&self, traces: &mut [Trace], readings: &[Reading]) {
         for (trace, reading) in traces.iter_mut().zip(readings) {
             let weigh = |of: &dyn Fn(usize) -> f64| reading.stencil.iter().map(|&(node, w)| w * of(node)).sum::<f64>();

@@ -10,15 +10,15 @@ use std::ops::Range;
 use crate::fit::data::run_data::RunData;
 use crate::fit::numeric::least_squares::Problem;
 use crate::fit::problem::error::FitError;
+use crate::fit::problem::latest::Latest;
 use crate::fit::problem::objective::{Bins, Objective};
 use crate::fit::problem::parameters::placed_sensor;
 use crate::fit::problem::rows::SampleRows;
-use crate::fit::progress::{Passing, stop_if_told};
+use crate::fit::progress::Passing;
 use crate::model::constraint::{Constraint, Given};
-use crate::model::energy::Energy;
 use crate::model::parameter::{Parameter, Scale};
-use crate::model::trace::{Probe, Trace};
-use crate::model::{Conditions, Model, ModelError, Resolution, RunValues, Simulated};
+use crate::model::trace::Trace;
+use crate::model::{Model, ModelError, RunValues};
 use crate::rig::Sensor;
 
 /// Index of the closure's start among a run's variables; those that the model takes come before it, offsets after it.
@@ -45,10 +45,6 @@ pub struct Modelled {
     pub meter_flow_m3_s: Option<f64>,
 }
 
-/// [`Model::simulate`] or [`Model::simulate_with_energy`].
-type Simulate<'a> =
-    fn(&Model<'a>, &Conditions, &[f64], &RunValues, Resolution, &[Probe]) -> Result<Simulated, ModelError>;
-
 /// The least-squares problem of fitting one model to runs.
 pub struct FitProblem<'a> {
     /// The model.
@@ -65,6 +61,8 @@ pub struct FitProblem<'a> {
     pub rows: SampleRows<'a>,
     lower: Vec<f64>,
     upper: Vec<f64>,
+    /// The latest simulation of each run in the window.
+    latest: Vec<Latest>,
     /// The same on a coarser grid, whose differences make the Jacobian.
     coarser: Option<Box<FitProblem<'a>>>,
 }
@@ -101,6 +99,7 @@ impl<'a> FitProblem<'a> {
             rows: SampleRows::new(runs, window.stride, Vec::new(), Vec::new()),
             lower,
             upper,
+            latest: Vec::new(),
             coarser: None,
         };
         problem.set_window(window);
@@ -110,6 +109,7 @@ impl<'a> FitProblem<'a> {
     /// Chooses the samples that enter and the grid.
     pub fn set_window(&mut self, window: Window) {
         self.window = window;
+        self.latest = self.runs.iter().map(|_| Latest::default()).collect();
         let spans: Vec<Vec<(usize, usize)>> = self
             .runs
             .iter()
@@ -287,52 +287,6 @@ impl<'a> FitProblem<'a> {
         self.known(j).map(|(mean, sd)| (x - mean) / sd)
     }
 
-    /// Simulates a run: traces at its sensors, as each sensor shows them, without offsets.
-    ///
-    /// # Errors
-    /// As [`Model::simulate`].
-    pub fn modelled(&self, r: usize, values: &[f64], reaches: usize) -> Result<Modelled, ModelError> {
-        let run = &self.runs[r];
-        let simulated = self.simulated(r, values, reaches, Model::simulate)?;
-        let shared = &values[..self.model.shared.len()];
-        let meter_flow_m3_s = run.meter.as_ref().map(|m| simulated.steady_flow_m3_s(m.position_m));
-        let sensed = run.sensors.iter().zip(simulated.traces);
-        let traces = sensed.map(|(s, trace)| self.model.sensed(shared, &s.sensor, trace)).collect::<Result<_, _>>()?;
-        Ok(Modelled { traces, meter_flow_m3_s })
-    }
-
-    /// Where the energy goes in a run, from the start of its closure to its last sample that enters.
-    ///
-    /// # Errors
-    /// As [`Model::simulate`].
-    pub fn energy(&self, r: usize, values: &[f64], reaches: usize) -> Result<Option<Energy>, ModelError> {
-        Ok(self.simulated(r, values, reaches, Model::simulate_with_energy)?.energy)
-    }
-
-    /// Simulates a run by one of the model's methods.
-    fn simulated(
-        &self,
-        r: usize,
-        values: &[f64],
-        reaches: usize,
-        simulate: Simulate<'a>,
-    ) -> Result<Simulated, ModelError> {
-        stop_if_told();
-        let run = &self.runs[r];
-        let own = &values[self.run_offsets[r]..];
-        let run_values = self.run_values(r, values);
-        let closure_start = own[CLOSURE_START];
-        let latest = self.rows.last_s(r, closure_start);
-        let probes: Vec<Probe> = run.sensors.iter().map(|s| Probe::Head(self.place_m(&s.sensor, values))).collect();
-        let shared = &values[..self.model.shared.len()];
-        let mut conditions = run.conditions.clone();
-        if let Some((time_s, _)) = &mut conditions.supply_deviation {
-            time_s.iter_mut().for_each(|t| *t -= closure_start);
-        }
-        let resolution = Resolution { reaches, duration_s: latest - closure_start };
-        simulate(self.model, &conditions, shared, &run_values, resolution, &probes)
-    }
-
     /// A run's own values.
     pub fn run_values(&self, r: usize, values: &[f64]) -> RunValues {
         let own = &values[self.run_offsets[r]..];
@@ -359,10 +313,11 @@ impl<'a> FitProblem<'a> {
         &self,
         r: usize,
         values: &[f64],
+        keep: bool,
         out: &mut Vec<f64>,
         meters: &mut Vec<f64>,
     ) -> Result<(), ModelError> {
-        let Modelled { traces, meter_flow_m3_s } = self.modelled(r, values, self.window.reaches)?;
+        let Modelled { traces, meter_flow_m3_s } = self.sensed(r, values, self.in_window(r, values, keep)?)?;
         if let (Some(meter), Some(flow)) = (&self.runs[r].meter, meter_flow_m3_s) {
             meters.push((flow / meter.flow_m3_s - 1.0) / meter.relative_sd);
         }
@@ -383,6 +338,18 @@ impl<'a> FitProblem<'a> {
         Ok(())
     }
 
+    /// The residuals, of simulations that `keep` keeps.
+    fn all_residuals(&self, x: &[f64], keep: bool) -> Result<Vec<f64>, ModelError> {
+        let values = self.values(x);
+        let (mut out, mut meters) = (Vec::with_capacity(self.samples() + x.len() + self.runs.len()), Vec::new());
+        for r in 0..self.runs.len() {
+            self.append_run(r, &values, keep, &mut out, &mut meters)?;
+        }
+        self.append_priors(x, &mut out);
+        out.append(&mut meters);
+        Ok(out)
+    }
+
     /// The offset `j` that residuals were computed with, read back from its prior's residual.
     fn base_offset(&self, base: &[f64], j: usize) -> f64 {
         let row = self.samples() + self.parameters[..j].iter().filter(|p| p.prior.is_some()).count();
@@ -398,18 +365,11 @@ impl Problem for FitProblem<'_> {
     type Error = ModelError;
 
     fn residuals(&self, x: &[f64]) -> Result<Vec<f64>, ModelError> {
-        let values = self.values(x);
-        let (mut out, mut meters) = (Vec::with_capacity(self.samples() + x.len() + self.runs.len()), Vec::new());
-        for r in 0..self.runs.len() {
-            self.append_run(r, &values, &mut out, &mut meters)?;
-        }
-        self.append_priors(x, &mut out);
-        out.append(&mut meters);
-        Ok(out)
+        self.all_residuals(x, true)
     }
 
     fn residuals_moved(&self, x: &[f64], j: usize, base: &[f64]) -> Result<Vec<f64>, ModelError> {
-        let Some(moved) = self.run_of(j) else { return self.residuals(x) };
+        let Some(moved) = self.run_of(j) else { return self.all_residuals(x, false) };
         let values = self.values(x);
         let mut out = Vec::with_capacity(base.len());
         if let Some(sensor) = (j - self.run_offsets[moved]).checked_sub(CLOSURE_START + 1) {
@@ -427,7 +387,7 @@ impl Problem for FitProblem<'_> {
         for r in 0..self.runs.len() {
             let base_meter = self.runs[r].meter.as_ref().and_then(|_| base_meters.next());
             if r == moved {
-                self.append_run(r, &values, &mut out, &mut meters)?;
+                self.append_run(r, &values, false, &mut out, &mut meters)?;
             } else {
                 let from = out.len();
                 out.extend_from_slice(&base[from..from + self.rows.run_row_count(r)]);
@@ -464,5 +424,6 @@ impl Problem for FitProblem<'_> {
     }
 }
 
+mod simulated;
 #[cfg(test)]
 mod tests;

@@ -9,9 +9,9 @@ use crate::model::parameter::Parameter;
 use crate::model::scene::Site;
 use crate::model::steady::Steady;
 use crate::model::unsteady_kernels::Kernel;
-use crate::wide::widened;
 use crate::rig::Regime;
 use crate::units::GRAVITY_M_S2;
+use crate::wide::widened;
 
 /// Convolution with the history of the flow; see the module.
 pub struct UnsteadyFriction;

@@ -6,9 +6,9 @@ use crate::model::error::ModelError;
 use crate::model::parameter::Parameter;
 use crate::model::scene::Site;
 use crate::model::steady::Steady;
-use crate::wide::widened;
 use crate::rig::Rig;
 use crate::units::GRAVITY_M_S2;
+use crate::wide::widened;
 
 /// See the module.
 pub struct ViscoelasticWall;

@@ -3,6 +3,7 @@
 use crate::fit::data::run_data::RunStart;
 use crate::fit::data::run_data::{Meter, SensorData};
 use crate::fit::problem::fit_problem::*;
+use crate::model::Conditions;
 use crate::model::effects::parse_list;
 use crate::rig::Rig;
 
@@ -64,12 +65,13 @@ fn run(rig: &Rig, file: &str) -> RunData {
     }
 }
 
-/// The shortcuts of `residuals_moved` (other runs copied, offsets added) give what a full evaluation gives.
+/// The shortcuts of `residuals_moved` (other runs copied, offsets added, the latest simulation read) give what a full evaluation gives.
 #[test]
 fn moving_one_variable_by_a_shortcut_changes_nothing() {
     let rig = Rig::from_toml(RIG, "rig.toml").unwrap();
     let runs = [run(&rig, "a"), run(&rig, "b")];
-    let model = Model::new(&rig, &runs[0].conditions.water, &parse_list("viscoelastic-wall:1").unwrap());
+    let effects = parse_list("viscoelastic-wall:1,sensor-lag@P2").unwrap();
+    let model = Model::new(&rig, &runs[0].conditions.water, &effects);
     let window = Window { reaches: 20, horizon_s: 2.0, stride: 3 };
     let problem = FitProblem::new(&model, &runs, window);
     let mut x = problem.start();
@@ -78,12 +80,22 @@ fn moving_one_variable_by_a_shortcut_changes_nothing() {
     let base = problem.residuals(&x).unwrap();
     let priors = problem.parameters.iter().filter(|p| p.prior.is_some()).count();
     assert_eq!(base.len(), problem.samples() + priors + 1, "one run has a meter");
+    let mut from_the_latest = Vec::new();
     for j in 0..x.len() {
         let mut moved = x.clone();
-        moved[j] += 1e-3;
-        let (short, full) = (problem.residuals_moved(&moved, j, &base).unwrap(), problem.residuals(&moved).unwrap());
+        moved[j] += problem.difference_step(j);
+        let values = problem.values(&moved);
+        if (0..2).all(|r| problem.latest(r, &values).is_some()) {
+            from_the_latest.push(problem.parameters[j].name.clone());
+        }
+        let short = problem.residuals_moved(&moved, j, &base).unwrap();
+        let full = FitProblem::new(&model, &runs, window).residuals(&moved).unwrap();
         let worst = short.iter().zip(&full).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
         assert!(worst < 1e-9, "{}: {worst}", problem.parameters[j].name);
         assert!(full.iter().zip(&base).any(|(a, b)| a != b), "{} changes nothing", problem.parameters[j].name);
     }
+    let offsets = ["offset_m[P1]", "offset_m[P2]"];
+    let once = ["lag_time_s", "lag_damping_ratio", "position_m[P2]"].into_iter();
+    let expected: Vec<&str> = once.chain((0..2).flat_map(|_| ["closure_start_s"].into_iter().chain(offsets))).collect();
+    assert_eq!(from_the_latest, expected);
 }

@@ -1,0 +1,40 @@
+//! The latest simulation of a run. Moving the closure's start, a sensor or what a sensor does to its reading changes no wave, so such
+//! a difference is read from it.
+
+use std::sync::{Arc, Mutex, PoisonError};
+
+use crate::model::run::Simulated;
+
+/// A simulation, and what it follows from.
+pub(crate) struct Kept {
+    /// Everything that a wave depends on.
+    pub(crate) causes: Vec<f64>,
+    /// For how long it was needed, s.
+    pub(crate) needed_s: f64,
+    /// Where its traces were read, m from the supply.
+    pub(crate) places_m: Vec<f64>,
+    pub(crate) simulated: Simulated,
+}
+
+/// Keeps one simulation.
+#[derive(Default)]
+pub(crate) struct Latest(Mutex<Option<Arc<Kept>>>);
+
+impl Latest {
+    /// Keeps a simulation in place of the one before.
+    pub(crate) fn keep(&self, kept: Kept) {
+        *self.0.lock().unwrap_or_else(PoisonError::into_inner) = Some(Arc::new(kept));
+    }
+
+    /// The kept simulation as it is read at these places; none where it follows from something else, is shorter, or was not read there.
+    pub(crate) fn read(&self, causes: &[f64], needed_s: f64, places_m: &[f64]) -> Option<Simulated> {
+        let kept = self.0.lock().unwrap_or_else(PoisonError::into_inner).clone()?;
+        if kept.causes != causes || needed_s > kept.needed_s {
+            return None;
+        }
+        let trace = |place| kept.places_m.iter().position(|p| p == place).map(|i| kept.simulated.traces[i].clone());
+        let traces = places_m.iter().map(trace).collect::<Option<_>>()?;
+        let (starts_m, flows_m3_s) = (kept.simulated.starts_m.clone(), kept.simulated.flows_m3_s.clone());
+        Some(Simulated { traces, energy: None, starts_m, flows_m3_s })
+    }
+}
