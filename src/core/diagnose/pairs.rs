@@ -143,32 +143,29 @@ fn settle_leading(fitter: &FullFitter, fits: &mut [PairFit]) {
     fits.sort_by(by_square);
 }
 
-/// Fits the `leading` effect, the first, with each of the others from the signals on a coarse grid. Where that leaves more than noise, the leading effect
-/// may stand in for another: then the one that was best beside it takes its place. Those that leave least are fitted to all samples.
+/// Fits the `leading` effect, the first, with each of the others from the signals on a coarse grid. Where the best of these pairs leaves more than noise,
+/// the leading effect may stand in for another: the one that is best beside it takes its place, and so on while that finds a better pair. Those that
+/// leave least are fitted to all samples.
 fn from_the_signals(fitter: &FullFitter, baseline: &Baseline, leading: &[&Refit], fits: &mut Vec<PairFit>) {
-    let beside = |one: &Refit| -> Vec<([Form; 2], CoarseFit)> {
-        let others =
-            leading.par_iter().filter(|other| other.form.effect != one.form.effect && can_be_combined(one, other));
-        let with = others.filter_map(|other| {
-            let of = [one, *other].map(|refit| refit.form.clone());
+    let mut coarse: Vec<([Form; 2], CoarseFit)> = Vec::new();
+    let mut tried: Vec<&'static str> = Vec::new();
+    let mut next = leading.first();
+    while let Some(one) = next {
+        tried.push(one.form.effect);
+        let new = |other: &&&Refit| !tried.contains(&other.form.effect) && can_be_combined(one, other);
+        let beside = leading.par_iter().filter(new).filter_map(|other| {
+            let of = [one, other].map(|refit| refit.form.clone());
             let added = of.iter().map(|form| &form.chosen);
             let effects: Vec<Chosen> = baseline.effects.iter().chain(added).cloned().collect();
             let fit = fitter.coarse_pair(&of, &effects).ok()?;
             Some((of, fit))
         });
-        with.collect()
-    };
-    let by_square =
-        |a: &([Form; 2], CoarseFit), b: &([Form; 2], CoarseFit)| a.1.mean_square.total_cmp(&b.1.mean_square);
-    let mut coarse = leading.first().map_or(Vec::new(), |first| beside(first));
-    coarse.sort_by(by_square);
-    let far = coarse.first().filter(|(_, best)| best.mean_square > EXPLAINED_OVER_NOISE.powi(2));
-    let second = far.and_then(|([_, other], _)| leading.iter().find(|refit| refit.form.effect == other.effect));
-    if let Some(second) = second {
-        coarse.extend(beside(second));
-        coarse.sort_by(by_square);
+        coarse.extend(beside.collect::<Vec<_>>());
+        coarse.sort_by(|a, b| a.1.mean_square.total_cmp(&b.1.mean_square));
+        let far = coarse.first().filter(|(_, best)| best.mean_square > EXPLAINED_OVER_NOISE.powi(2));
+        let untried = far.and_then(|(of, _)| of.iter().find(|form| !tried.contains(&form.effect)));
+        next = untried.and_then(|form| leading.iter().find(|refit| refit.form.effect == form.effect));
     }
-    one_of_each(&mut coarse, |(of, _)| of);
     let most = NO_FULL_FIT_ABOVE * coarse.first().map_or(0.0, |(_, best)| best.mean_square);
     coarse.retain(|(_, fit)| fit.mean_square <= most);
     coarse.truncate(FULL_FITS);
