@@ -10,6 +10,8 @@ import { arrive } from "/assets/arrive.js";
 let order = { key: "when", down: true };
 const chosen = new Set();
 let reference = null;
+// A long table would hold up the charts behind it: rows that nobody sees yet follow when those are drawn.
+const [AT_ONCE, LATER_MS] = [50, 250];
 
 // What the server has looked up of runs that are not open, by their number.
 const glances = new Map();
@@ -74,6 +76,7 @@ export function runs() {
   const body = h("tbody");
   const count = h("span", { class: "hint", role: "status" });
   const rows = new Map();
+  let later = null;
   const ids = () => app.state.runs.map((r) => r.id).filter((id) => chosen.has(id));
   const together = h("button", { type: "button", text: "Open together", title: "Fit one model to all chosen runs of one rig", onclick: () => open(ids()) });
   const beside = h("button", { type: "button", class: "primary", text: "Compare", onclick: () => compare([reference, ...ids().filter((id) => id !== reference)]) });
@@ -121,8 +124,10 @@ export function runs() {
     });
     rows.clear();
     seen.disconnect();
-    put(body, shown.map((run) => { const tr = row(run); rows.set(run.id, tr); return tr; }));
-    rows.forEach((tr, id) => glances.has(id) || seen.observe(tr));
+    const fresh = (run) => { const tr = row(run); rows.set(run.id, tr); if (!glances.has(run.id)) seen.observe(tr); return tr; };
+    put(body, shown.slice(0, AT_ONCE).map(fresh));
+    clearTimeout(later);
+    later = setTimeout(() => { body.append(...shown.slice(AT_ONCE).map(fresh)); update(); }, LATER_MS);
     count.textContent = shown.length === all.length ? (all.length === 1 ? "1 run" : `${all.length} runs`) : `${shown.length} of ${all.length} runs`;
     update();
   };
