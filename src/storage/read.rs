@@ -58,20 +58,27 @@ fn decode_stream(input: impl Read + Send, length: u64, path: &Path) -> Result<Re
     let options = checked_options(length).with_check_finishes_after_end_magic(true);
     let read = std::thread::scope(|scope| {
         let (send, receive) = sync_channel::<Batch>(BATCHES_AHEAD);
+        let (give_back, empty) = sync_channel::<Batch>(BATCHES_AHEAD);
         let unpacking = scope.spawn(move || {
             let mut batch = Batch::default();
             // nobody receives any more where a record was wrong, and that is the error to report
-            let hand_over = |batch: &mut Batch| send.send(std::mem::take(batch)).map_err(|_| String::new());
+            let hand_over = |batch: &mut Batch| {
+                let next = empty.try_recv().unwrap_or_default();
+                send.send(std::mem::replace(batch, next)).map_err(|_| String::new())
+            };
             raw_records(input, options, &mut Unpacked::of(length), |opcode, body| {
                 batch.push(opcode, body);
                 if batch.bodies.len() < BATCH_BYTES { Ok(()) } else { hand_over(&mut batch) }
             })?;
             hand_over(&mut batch)
         });
-        for batch in receive {
+        for mut batch in receive {
             for (opcode, body) in batch.records() {
                 assembler.take(parse(opcode, body).map_err(describe)?)?;
             }
+            batch.clear();
+            // a batch that finds no place is one too many
+            let _ = give_back.try_send(batch);
         }
         unpacking.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
     });
@@ -96,6 +103,11 @@ impl Batch {
     fn push(&mut self, opcode: u8, body: &[u8]) {
         self.bodies.extend_from_slice(body);
         self.ends.push((opcode, self.bodies.len()));
+    }
+
+    fn clear(&mut self) {
+        self.bodies.clear();
+        self.ends.clear();
     }
 
     fn records(&self) -> impl Iterator<Item = (u8, &[u8])> {
