@@ -26,7 +26,7 @@ pub fn dot(a: &[f64], b: &[f64]) -> f64 {
     sums.iter().sum::<f64>() + a_rest.iter().zip(b_rest).map(|(a, b)| a * b).sum::<f64>()
 }
 
-/// The four products of two columns with two others, which cost half the loads of one by one.
+/// The four products of two columns with two others: half the loads of computing them one by one.
 fn four_dots([a, b]: [&[f64]; 2], [c, d]: [&[f64]; 2]) -> [f64; 4] {
     let n = a.len() - a.len() % LANES;
     let [la, lb, lc, ld] = [a, b, c, d].map(|of| of.as_chunks::<LANES>().0);
@@ -66,7 +66,7 @@ pub fn gram<C: AsRef<[f64]> + Sync>(columns: &[C]) -> DMatrix<f64> {
                     for j in (0..=i).step_by(2) {
                         let (below, beside) = ((i + 1).min(n - 1), (j + 1).min(n - 1));
                         let four = four_dots([block(i), block(below)], [block(j), block(beside)]);
-                        // the last of an odd number is its own neighbour
+                        // with an odd number of columns, the last is paired with itself
                         let places = [(i, j), (i, beside), (below, j), (below, beside)];
                         let own = [true, beside > j, below > i, below > i && beside > j];
                         for ((place, product), _) in places.into_iter().zip(four).zip(own).filter(|(_, own)| *own) {

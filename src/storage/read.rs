@@ -77,8 +77,10 @@ fn decode_stream(input: impl Read + Send, length: u64, path: &Path) -> Result<Re
                 assembler.take(parse(opcode, body).map_err(describe)?)?;
             }
             batch.clear();
-            // a batch that finds no place is one too many
-            let _ = give_back.try_send(batch);
+            if batch.bodies.capacity() <= 4 * BATCH_BYTES {
+                // if the channel is full, the batch is dropped
+                let _ = give_back.try_send(batch);
+            }
         }
         unpacking.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
     });

@@ -3,7 +3,8 @@
 //! Each effect's refit has a signature: how it changes the residuals, less what the start model can absorb. What two signatures would leave
 //! together is a small linear problem, so all pairs are ranked by it. Far from the start model signatures say little, so the other
 //! effects are also tried beside the best single one. The best pairs are refitted on the coarse grid, and the best of these to all samples.
-//! Where that does not explain the records, the start model's parameters may have led astray: the leading effect is then fitted beside each other one from the signals.
+//! Where that does not explain the records, the start model's parameters may have led astray: the leading effect is then fitted beside
+//! each of the others from the signals, and whichever is best beside it leads next, while that finds a better pair.
 
 use rayon::prelude::*;
 

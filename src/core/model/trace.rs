@@ -65,7 +65,7 @@ widened! {
         let (mut x, mut fours) = ([0.0; BLOCK], [[0.0; BLOCK]; 4]);
         for (time_s, values) in time_s.chunks(BLOCK).zip(values.chunks_mut(BLOCK)) {
             for (x, time_s) in x.iter_mut().zip(time_s) {
-                *x = ((time_s - from_s) * per_s).max(0.0).min(last);
+                *x = ((time_s - from_s) * per_s).clamp(0.0, last);
             }
             for (k, x) in x[..time_s.len()].iter_mut().enumerate() {
                 let (four, s) = about(steps, *x);

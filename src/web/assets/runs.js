@@ -10,7 +10,7 @@ import { arrive } from "/assets/arrive.js";
 let order = { key: "when", down: true };
 const chosen = new Set();
 let reference = null;
-// A long table would hold up the charts behind it: rows that nobody sees yet follow when those are drawn.
+// The rest of a long table follows after a moment, so that it does not delay the charts.
 const [AT_ONCE, LATER_MS] = [50, 250];
 
 // What the server has looked up of runs that are not open, by their number.
@@ -124,10 +124,10 @@ export function runs() {
     });
     rows.clear();
     seen.disconnect();
-    const fresh = (run) => { const tr = row(run); rows.set(run.id, tr); if (!glances.has(run.id)) seen.observe(tr); return tr; };
+    const fresh = (run) => { const tr = row(known(run)); rows.set(run.id, tr); if (!glances.has(run.id)) seen.observe(tr); return tr; };
     put(body, shown.slice(0, AT_ONCE).map(fresh));
     clearTimeout(later);
-    later = setTimeout(() => { body.append(...shown.slice(AT_ONCE).map(fresh)); update(); }, LATER_MS);
+    if (shown.length > AT_ONCE) later = setTimeout(() => { body.append(...shown.slice(AT_ONCE).map(fresh)); update(); }, LATER_MS);
     count.textContent = shown.length === all.length ? (all.length === 1 ? "1 run" : `${all.length} runs`) : `${shown.length} of ${all.length} runs`;
     update();
   };

@@ -338,7 +338,7 @@ impl<'a> FitProblem<'a> {
         Ok(())
     }
 
-    /// The residuals, of simulations that `keep` keeps.
+    /// The residuals; with `keep`, the simulations are stored for later differences.
     fn all_residuals(&self, x: &[f64], keep: bool) -> Result<Vec<f64>, ModelError> {
         let values = self.values(x);
         let (mut out, mut meters) = (Vec::with_capacity(self.samples() + x.len() + self.runs.len()), Vec::new());

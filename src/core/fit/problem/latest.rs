@@ -1,5 +1,5 @@
-//! The latest simulation of a run. Moving the closure's start, a sensor or what a sensor does to its reading changes no wave, so such
-//! a difference is read from it.
+//! The latest simulation of a run. Moving the closure's start, a sensor or what a sensor does to its reading changes no wave, so finite
+//! differences by these are read from the kept simulation. Descents in parallel may lose it to each other; they simulate again then.
 
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -26,10 +26,11 @@ impl Latest {
         *self.0.lock().unwrap_or_else(PoisonError::into_inner) = Some(Arc::new(kept));
     }
 
-    /// The kept simulation as it is read at these places; none where it follows from something else, is shorter, or was not read there.
+    /// The kept simulation, read at these places. None if it was computed from other values, is too short, or has no trace at one of the places.
     pub(crate) fn read(&self, causes: &[f64], needed_s: f64, places_m: &[f64]) -> Option<Simulated> {
         let kept = self.0.lock().unwrap_or_else(PoisonError::into_inner).clone()?;
-        if kept.causes != causes || needed_s > kept.needed_s {
+        let long_enough = needed_s <= kept.needed_s; // not so for NaN
+        if kept.causes != causes || !long_enough {
             return None;
         }
         let trace = |place| kept.places_m.iter().position(|p| p == place).map(|i| kept.simulated.traces[i].clone());

@@ -30,7 +30,7 @@ impl<'a> FitProblem<'a> {
         Ok(Modelled { traces, meter_flow_m3_s })
     }
 
-    /// A simulation in the window: the latest one where it serves, else a new one, which `keep` keeps.
+    /// A simulation in the window: the latest one if it can be reused, else a new one, which is stored if `keep`.
     pub(super) fn in_window(&self, r: usize, values: &[f64], keep: bool) -> Result<Simulated, ModelError> {
         if let Some(latest) = self.latest(r, values) {
             return Ok(latest);
@@ -48,7 +48,7 @@ impl<'a> FitProblem<'a> {
         Ok(simulated)
     }
 
-    /// The latest simulation, where it serves for these values.
+    /// The latest simulation, if it can be reused for these values.
     pub(super) fn latest(&self, r: usize, values: &[f64]) -> Option<Simulated> {
         self.latest[r].read(&self.causes(r, values), self.needed_s(r, values), &self.places_m(r, values))
     }
@@ -76,7 +76,7 @@ impl<'a> FitProblem<'a> {
         self.rows.last_s(r, start_s) - start_s
     }
 
-    /// The same as late as its sensors show it: for how long it is simulated, s.
+    /// Simulated time that is needed, s: that duration and what late sensors still show.
     fn needed_s(&self, r: usize, values: &[f64]) -> f64 {
         self.duration_s(r, values) + self.model.beyond_s(&values[..self.model.shared.len()])
     }
