@@ -339,7 +339,7 @@ impl<'a> FitProblem<'a> {
     }
 
     /// The residuals; with `keep`, the simulations are stored for later differences.
-    fn all_residuals(&self, x: &[f64], keep: bool) -> Result<Vec<f64>, ModelError> {
+    pub(crate) fn all_residuals(&self, x: &[f64], keep: bool) -> Result<Vec<f64>, ModelError> {
         let values = self.values(x);
         let (mut out, mut meters) = (Vec::with_capacity(self.samples() + x.len() + self.runs.len()), Vec::new());
         for r in 0..self.runs.len() {

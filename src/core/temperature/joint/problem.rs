@@ -83,11 +83,17 @@ impl<'a> JointProblem<'a> {
         self.own[r] + self.problems[r].parameters.len() - self.shared
     }
 
-    /// Residuals of one run: samples, priors, meter, thermometer.
-    fn run_residuals(&self, r: usize, x: &[f64]) -> Result<Vec<f64>, ModelError> {
-        let mut out = self.problems[r].residuals(&self.of_run(r, x))?;
+    /// Residuals of one run: samples, priors, meter, thermometer; with `keep`, its simulation is stored for later differences.
+    fn run_residuals(&self, r: usize, x: &[f64], keep: bool) -> Result<Vec<f64>, ModelError> {
+        let mut out = self.problems[r].all_residuals(&self.of_run(r, x), keep)?;
         out.push(x[self.thermometer(r)] / self.temperature_sd_k);
         Ok(out)
+    }
+
+    /// Residuals of all runs, likewise.
+    fn all_residuals(&self, x: &[f64], keep: bool) -> Result<Vec<f64>, ModelError> {
+        let each: Result<Vec<_>, _> = (0..self.own.len()).map(|r| self.run_residuals(r, x, keep)).collect();
+        Ok(self.ordered(&each?))
     }
 
     pub(crate) fn samples(&self) -> usize {
@@ -143,15 +149,14 @@ impl Problem for JointProblem<'_> {
     type Error = ModelError;
 
     fn residuals(&self, x: &[f64]) -> Result<Vec<f64>, ModelError> {
-        let each: Result<Vec<_>, _> = (0..self.own.len()).map(|r| self.run_residuals(r, x)).collect();
-        Ok(self.ordered(&each?))
+        self.all_residuals(x, true)
     }
 
     fn residuals_moved(&self, x: &[f64], j: usize, base: &[f64]) -> Result<Vec<f64>, ModelError> {
-        let Some(r) = self.own.iter().rposition(|&first| j >= first) else { return self.residuals(x) };
+        let Some(r) = self.own.iter().rposition(|&first| j >= first) else { return self.all_residuals(x, false) };
         let [samples, rest] = self.places(r);
         let moved = if j == self.thermometer(r) {
-            self.run_residuals(r, x)?
+            self.run_residuals(r, x, false)?
         } else {
             let own = [&base[samples.clone()], &base[rest.start..rest.end - 1]].concat();
             let local = self.shared + j - self.own[r];
