@@ -113,7 +113,7 @@ pub(crate) fn fitted_pairs(
         let worth = |pair: &PairRefit| scale.evidence(refitted_alone, pair.square, pair.added) > LEAST_EVIDENCE;
         refitted.retain(|pair| pair.square < most && worth(pair));
     }
-    one_of_each(&mut refitted, |pair| &pair.of);
+    one_of_each(&mut refitted);
     refitted.truncate(FULL_FITS);
     let fits = refitted.into_par_iter().filter_map(|pair| fitted(fitter, pair.of, &pair.effects, &pair.values));
     let mut fits: Vec<PairFit> = fits.collect();
@@ -197,10 +197,10 @@ fn beside(fitter: &FullFitter, form: &Form, single: &Fit) -> Vec<PairRefit> {
 }
 
 /// Keeps the first pair of each two effects.
-fn one_of_each<T>(pairs: &mut Vec<T>, of: impl Fn(&T) -> &[Form; 2]) {
+fn one_of_each(pairs: &mut Vec<PairRefit>) {
     let mut known: Vec<[&'static str; 2]> = Vec::new();
     pairs.retain(|pair| {
-        let mut names = of(pair).each_ref().map(|form| form.effect);
+        let mut names = pair.of.each_ref().map(|form| form.effect);
         names.sort_unstable();
         let new = !known.contains(&names);
         known.push(names);
