@@ -311,11 +311,11 @@ impl FullFitter<'_> {
         Options { brief: true, ..self.bounded(effects, MOST_REACHES_WITH_CAVITIES) }
     }
 
-    /// The options, on no more reaches than so many where the effects have cavities.
+    /// The options, on no more reaches than so many where the effects have cavities. Models are compared, so their elements are not pruned.
     fn bounded<'e>(&self, effects: impl IntoIterator<Item = &'e Chosen>, with_cavities: usize) -> Options {
         let boils = effects.into_iter().any(|c| c.effect.lets_boil());
         let most = if boils { with_cavities } else { usize::MAX };
-        Options { most_reaches: self.options.most_reaches.min(most), ..self.options.clone() }
+        Options { most_reaches: self.options.most_reaches.min(most), prune: false, ..self.options.clone() }
     }
 
     /// Fits a model without its effect `i`, briefly.

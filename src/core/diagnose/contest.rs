@@ -3,9 +3,10 @@
 use rayon::prelude::*;
 
 use crate::diagnose::baseline::Baseline;
+use crate::diagnose::candidate::base_name;
 use crate::diagnose::candidate_fit::{CandidateFit, FullFitter, best_forms, square, square_at_optimum};
-use crate::diagnose::limits::{CONVERGE_BELOW, FULL_FITS};
-use crate::diagnose::screening::refits;
+use crate::diagnose::limits::{CONVERGE_BELOW, FULL_FITS, NO_FULL_FIT_ABOVE};
+use crate::diagnose::screening::screened;
 use crate::fit::outcome::fit::Fit;
 
 /// Compares the rivals at their optima: the best is fitted until it converges, the others also start from where it ended.
@@ -14,7 +15,7 @@ pub(crate) fn contest(fitter: &FullFitter, start: &Fit, candidate_fits: &mut [Ca
     let Some(best) = fitted.min_by(|a, b| a.square.total_cmp(&b.square)) else { return };
     best.converge(fitter);
     let Some(winner) = best.fit.clone() else { return };
-    if at_an_end(&winner, start) {
+    if is_located(&winner, start) {
         in_its_place(fitter, &winner, candidate_fits);
     }
     let near = CONVERGE_BELOW * square(&winner);
@@ -31,26 +32,30 @@ pub(crate) fn contest(fitter: &FullFitter, start: &Fit, candidate_fits: &mut [Ca
     });
 }
 
-/// Tries the other effects where the winner ended, in its place: there it may imitate one whose own fits have missed the way.
+/// Tries the other effects where a located winner ended, in its place: it may imitate one whose own fits have missed the way. Those are fitted that
+/// promise to leave about as little there as the winner itself.
 fn in_its_place(fitter: &FullFitter, winner: &Fit, candidate_fits: &mut [CandidateFit]) {
     let last = winner.effects.len() - 1;
     let Ok(baseline) = Baseline::without(fitter.rig, fitter.runs, winner, last, fitter.options) else { return };
-    let refits = refits(&baseline, fitter.progress);
-    let mut others = best_forms(&refits, |r| -r.square);
-    others.retain(|(_, r)| r.effects.last() != winner.effects.last());
-    others.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let screened = screened(&baseline, fitter.progress);
+    let name = base_name(winner.effects[last].effect.name());
+    let (own, mut others): (Vec<_>, Vec<_>) =
+        best_forms(&screened, |r| -r.square).into_iter().map(|(_, r)| r).partition(|r| r.form.effect == name);
+    let Some(own) = own.first() else { return };
+    others.retain(|r| r.square < NO_FULL_FIT_ABOVE * own.square);
+    others.sort_by(|a, b| a.square.total_cmp(&b.square));
     others.truncate(FULL_FITS);
     candidate_fits.par_iter_mut().for_each(|candidate_fit| {
-        if let Some((_, refit)) = others.iter().find(|(_, r)| r.form.effect == candidate_fit.refit.form.effect) {
+        if let Some(refit) = others.iter().find(|r| r.form.effect == candidate_fit.refit.form.effect) {
             candidate_fit.take(fitter.fit_from_refit(refit));
         }
     });
 }
 
-/// Whether a located effect that the start model lacks ended where the pipe does.
-fn at_an_end(fit: &Fit, start: &Fit) -> bool {
-    let own = fit.parameters.iter().filter(|p| start.parameter(&p.name).is_err());
-    own.filter(|p| p.at_bound).any(|p| p.name.ends_with("_position_m"))
+/// Whether the effect that the start model lacks stands at a place along the pipe that was fitted.
+fn is_located(fit: &Fit, start: &Fit) -> bool {
+    let mut own = fit.parameters.iter().filter(|p| start.parameter(&p.name).is_err());
+    own.any(|p| ["_position_m", "_start_m"].iter().any(|place| p.name.ends_with(place)))
 }
 
 #[cfg(test)]
@@ -98,7 +103,7 @@ mod tests {
             least_fall: least_fall(&runs, 0.0),
         };
         contest(&fitter, &start, &mut fits);
-        assert!(at_an_end(fits[leak].fit.as_ref().unwrap(), &start));
+        assert!(is_located(fits[leak].fit.as_ref().unwrap(), &start));
         let found = fits[seat].fit.as_ref().unwrap();
         assert!(over_noise(found, &runs) < 1.05 && square(found) < square(fits[leak].fit.as_ref().unwrap()));
         let area_mm2 = found.parameter("seat_cda_mm2").unwrap().value;

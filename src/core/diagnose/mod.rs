@@ -113,7 +113,7 @@ pub fn diagnose_fit(
     let shown = is_shown(&baseline, &candidate_fits) || is_shown_by_another(&baseline, &candidate_fits);
     // How cavities collapse no model follows well: what is left of them is no second effect.
     let pair_fits = if shown { Vec::new() } else { pairs_of(&fitter, &baseline, &start, &refits, &mut candidate_fits) };
-    if pair_fits.is_empty() && best_fit(&candidate_fits).is_some_and(|(_, best)| !best.converged) {
+    if pair_fits.is_empty() && best_fitted(&candidate_fits).is_some_and(|best| !best.settled) {
         contest(&fitter, &start, &mut candidate_fits);
     }
     let scale = weigh(&fitter, &baseline, &start, &mut candidate_fits, &pair_fits);
@@ -236,8 +236,11 @@ fn fit(fitter: &FullFitter, baseline: &Baseline, start: &Fit, candidate_fits: &m
 
 /// The candidate whose full fit leaves least.
 fn best_fit<'a>(candidate_fits: &'a [CandidateFit]) -> Option<(&'a Form, &'a Fit)> {
-    let fitted = candidate_fits.iter().filter_map(|r| Some((&r.refit.form, r.fit.as_ref()?)));
-    fitted.min_by(|a, b| square(a.1).total_cmp(&square(b.1)))
+    best_fitted(candidate_fits).and_then(|best| Some((&best.refit.form, best.fit.as_ref()?)))
+}
+
+fn best_fitted<'f, 'a>(candidate_fits: &'f [CandidateFit<'a>]) -> Option<&'f CandidateFit<'a>> {
+    candidate_fits.iter().filter(|r| r.fit.is_some()).min_by(|a, b| a.square.total_cmp(&b.square))
 }
 
 /// Pairs of effects, where something is missing and no single effect explains the records.

@@ -12,19 +12,22 @@ use crate::diagnose::limits::{REFINED_EFFECTS, START_NEAR_NOISE};
 use crate::diagnose::refit::{Refit, refine, screen};
 use crate::fit::progress::{OnProgress, Progress};
 
-/// Screens every form and refines those of the most promising effects.
-pub(crate) fn refits(baseline: &Baseline, progress: &OnProgress<'_>) -> Vec<Refit> {
+/// Screens every form.
+pub(crate) fn screened(baseline: &Baseline, progress: &OnProgress<'_>) -> Vec<Refit> {
     let forms: Vec<_> = candidates(baseline.rig, &baseline.effects, baseline.runs.len());
     let done = AtomicUsize::new(0);
-    let screened: Vec<Refit> = forms
-        .par_iter()
-        .filter_map(|form| {
-            let refit = screen(baseline, form).ok();
-            let n = done.fetch_add(1, Ordering::Relaxed) + 1;
-            progress(&Progress::from(format!("{n} of {} candidates screened", forms.len())));
-            refit
-        })
-        .collect();
+    let one = |form| {
+        let refit = screen(baseline, form).ok();
+        let n = done.fetch_add(1, Ordering::Relaxed) + 1;
+        progress(&Progress::from(format!("{n} of {} candidates screened", forms.len())));
+        refit
+    };
+    forms.par_iter().filter_map(one).collect()
+}
+
+/// Screens every form and refines those of the most promising effects.
+pub(crate) fn refits(baseline: &Baseline, progress: &OnProgress<'_>) -> Vec<Refit> {
+    let screened = screened(baseline, progress);
     let mut order = best_forms(&screened, |r| -r.square);
     order.sort_by(|a, b| b.0.total_cmp(&a.0));
     let promising: Vec<&str> = order.iter().take(REFINED_EFFECTS).map(|(_, r)| r.form.effect).collect();

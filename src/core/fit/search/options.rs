@@ -13,8 +13,11 @@ pub struct Options {
     /// Share of the noise that the grid's own error may have.
     pub grid_error_over_noise: f64,
     /// A brief fit, to see which model is worth a whole one: few iterations on each of the finer grids, with slopes of a coarser one, and none
-    /// from smaller models or for elements of creep that the record may not support.
+    /// from smaller models.
     pub brief: bool,
+    /// Elements of creep that keep a descent from its optimum are placed again or left out. That takes longer than the fit, and changes what is known
+    /// of the elements, not which model is better.
+    pub prune: bool,
     /// Parameters that are held, or kept within bounds of their own.
     pub constraints: Vec<Constraint>,
     /// How to search.
@@ -43,6 +46,7 @@ impl Default for Options {
             most_reaches: 512,
             grid_error_over_noise: 0.3,
             brief: false,
+            prune: true,
             constraints: Vec::new(),
             method: Method::LeastSquares,
             objective: Objective::Time,

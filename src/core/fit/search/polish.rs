@@ -38,7 +38,7 @@ pub(crate) fn polish(
         }
         solution = again;
     }
-    if ctx.options.brief { Ok(solution) } else { prune_elements(ctx, problem, solution, limits) }
+    if ctx.options.prune { prune_elements(ctx, problem, solution, limits) } else { Ok(solution) }
 }
 
 /// Values after a step of the values themselves; none where no share of it lowers the cost.

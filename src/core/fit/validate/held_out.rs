@@ -76,7 +76,7 @@ pub fn errors(problem: &FitProblem, r: usize, values: &[f64], after_s: f64) -> R
 pub fn held_out_m(rig: &Rig, runs: &[RunData], fit: &Fit, options: &Options) -> Result<f64, FitError> {
     let ends: Vec<f64> = runs.iter().map(end_of_first_part_s).collect();
     let first: Vec<RunData> = runs.iter().zip(&ends).map(|(run, &end)| until(run, end)).collect();
-    let options = Options { brief: true, most_reaches: fit.reaches, ..options.clone() };
+    let options = Options { brief: true, prune: false, most_reaches: fit.reaches, ..options.clone() };
     let fitted = refine(rig, &first, &fit.effects, &fit.values(), &options, &|_| {})?;
     let water = &runs.first().ok_or(FitError::NoRun)?.conditions.water;
     let model = Model::new(rig, water, &fit.effects).constrained(&options.constraints).informed(&options.priors);
