@@ -77,7 +77,7 @@ function limits(panel, residual, low, high) {
   if (low === null || high === null) return [-noise, noise];
   if (residual) {
     // what the model in force leaves fills the axis; what one before it left may leave it
-    const [ghost, model, trial] = panel.plots ? panel.plots[1].data.slice(2) : [];
+    const [ghost, model, trial] = panel.drawn[1].slice(2);
     const own = [model, trial].flatMap((curve) => curve || []).filter((v) => v !== null);
     if (own.length) [low, high] = [Math.min(...own), Math.max(...own)];
     else if (!ghost) return [-noise, noise];
@@ -133,7 +133,8 @@ function press(name) {
 
 class Panel {
   constructor(run, sensor, r, s) {
-    Object.assign(this, { run, sensor, r, s, data: { time: [] } });
+    // what was drawn last: the curves and the residual
+    Object.assign(this, { run, sensor, r, s, data: { time: [] }, plots: [], drawn: [[], []] });
     this.rms = h("span", { class: "rms" });
     this.legend = h("div", { class: "legend" });
     this.box = h("div", { class: "plot" });
@@ -147,19 +148,18 @@ class Panel {
     const title = `${this.run.name} · ${this.sensor.name} at ${digits(this.sensor.position_m, 4)} m${this.rms.textContent ? ` · ${this.rms.textContent}` : ""}`;
     return { plots: this.plots, title, what: [false, true].map((residual) => what(this, residual)), names, noise: 2 * this.sensor.noise_m * perM(this) };
   }
-  width() { return this.plots[0].width; }
-  build(width) {
-    this.plots = [false, true].map((residual) => new uPlot({ width, ...options(this, residual) }, [[], [], [], [], []], this.box));
-    this.plots.forEach((plot) => fingers(plot.over, span, (range) => (app.range || range[1] - range[0] < 0.98 * (span()[1] - span()[0])) && zoom(range)));
+  lay(width) {
+    this.width = width;
     new ResizeObserver(([now]) => {
       const width = Math.max(240, now.contentRect.width);
-      if (Math.abs(this.plots[0].width - width) < 2) return;
+      if (Math.abs(this.width - width) < 2) return;
+      this.width = width;
       this.plots.forEach((plot, i) => plot.setSize({ width, height: HEIGHTS[i] }));
     }).observe(this.box);
     new IntersectionObserver((now) => { this.away = !now.at(-1).isIntersecting; }).observe(this.box);
   }
   async watch() {
-    const asked = await curves(this.r, this.s, app.range, this.width(), ["fitting"]);
+    const asked = await curves(this.r, this.s, app.range, this.width, ["fitting"]);
     const now = asked.column.fitting_m;
     if (!now) return;
     if (!this.data.time.length) this.data = { time: asked.column.time_s, measured: asked.column.measured_m };
@@ -168,23 +168,30 @@ class Panel {
   draw() {
     const { time, measured, ghost, model, trial, adds } = this.data;
     const n = time.length;
+    // an empty chart would cost as much as one with curves
+    if (!n && !this.plots.length) return;
     const heads = [gap(measured, n), gap(ghost, n), gap(model, n), gap(trial, n)];
+    const left = (v) => (v && measured ? minus(v, measured).map((d) => (d === null ? null : d * perM(this))) : gap(null, n));
+    // what a candidate would take away, over what is left; of moved parameters what they would leave
+    const proposed = adds && trial && model ? minus(model, trial).map((d) => (d === null ? null : d * perM(this))) : left(trial);
+    this.drawn = [[time, ...heads.map((v) => shown(this, v))], [time, gap(null, n), left(ghost), left(model), proposed]];
+    if (this.plots.length) this.plots.forEach((plot, i) => plot.setData(this.drawn[i]));
+    else this.build();
     const legend = this.legend.querySelectorAll(".u-series");
     [ghost, model, trial].forEach((curve, i) => { legend[i + 2].hidden = !curve; });
     legend[2].querySelector(".u-label").textContent = app.compare ? `model ${app.compare}` : "before";
     legend[4].querySelector(".u-label").textContent = following ? "being fitted" : app.preview ? `with ${app.preview} (below: the error that it explains)` : "proposed";
-    this.plots[0].setData([time, ...heads.map((v) => shown(this, v))]);
-    const left = (v) => (v && measured ? minus(v, measured).map((d) => (d === null ? null : d * perM(this))) : gap(null, n));
-    // what a candidate would take away, over what is left; of moved parameters what they would leave
-    const proposed = adds && trial && model ? minus(model, trial).map((d) => (d === null ? null : d * perM(this))) : left(trial);
-    this.plots[1].setData([time, gap(null, n), left(ghost), left(model), proposed]);
+  }
+  build() {
+    this.plots = [false, true].map((residual, i) => new uPlot({ width: this.width, ...options(this, residual) }, this.drawn[i], this.box));
+    this.plots.forEach((plot) => fingers(plot.over, span, (range) => (app.range || range[1] - range[0] < 0.98 * (span()[1] - span()[0])) && zoom(range)));
   }
   async load() {
     const names = ["model"];
     const ghost = app.compare ? `number:${app.compare}` : "previous";
     names.push(ghost);
     if (app.preview) names.push(`candidate:${app.preview}`);
-    const asked = await curves(this.r, this.s, app.range, this.width(), names);
+    const asked = await curves(this.r, this.s, app.range, this.width, names);
     const of = (name) => asked.column[name];
     const keeps = changed() && this.data.time.length === of("time_s").length && !app.preview;
     const trial = app.preview ? of(`candidate:${app.preview}_m`) : keeps ? this.data.trial : null;
@@ -221,11 +228,12 @@ export function charts() {
   if (open.title !== title) {
     title = open.title;
     app.range = null;
+    panels.forEach((panel) => panel.plots.forEach((plot) => plot.destroy()));
     panels.splice(0, panels.length, ...open.runs.flatMap((run, r) => run.sensors.map((sensor, s) => new Panel(run, sensor, r, s))));
     put(at("charts"), panels.map((panel) => panel.card));
     // asked once: each chart that is put in would have the page laid out anew
     const width = Math.max(240, panels[0]?.box.clientWidth || 600);
-    panels.forEach((panel) => panel.build(width));
+    panels.forEach((panel) => panel.lay(width));
   }
   for (const panel of panels) {
     panel.run = open.runs[panel.r];
@@ -263,7 +271,7 @@ export async function try_(coarse = false) {
   flying = true;
   try {
     const [from, to] = app.range || [undefined, undefined];
-    const points = panels[0].width();
+    const points = panels[0].width;
     const found = await simulate({ set: app.moved, without: [...app.without], from, to, points, coarse, follow: at("meanwhile").checked });
     for (const panel of panels) {
       const model = found.column[`${panel.r}/${panel.s}/model_m`];

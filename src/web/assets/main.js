@@ -2,7 +2,7 @@
 
 import { ask, listen } from "/assets/api.js";
 import { at, h, put, showIn } from "/assets/dom.js";
-import { app, act, complain, modelKey, onState, refresh, tell } from "/assets/store.js";
+import { app, act, complain, modelKey, onState, refresh, renew, tell } from "/assets/store.js";
 import { charts, draw, load, pan, part } from "/assets/charts.js";
 import { fails, models } from "/assets/past.js";
 import { fit, parameters, reset } from "/assets/hands.js";
@@ -143,7 +143,7 @@ document.addEventListener("drop", (event) => {
 });
 
 let away = null;
-listen({
+const events = {
   progress, live, state: redraw, model: redraw,
   done: () => { redraw().then(() => tell(app.state.model ? `done: error ${app.state.model.rmse_m.toPrecision(3)} m` : "done")); },
   failed: (told) => { redraw(); if (told.message !== "cancelled") complain(new Error(told.message)); else tell("cancelled"); },
@@ -151,10 +151,15 @@ listen({
     if (!away?.isConnected) { away = h("p", { text: "The workbench does not answer: does `surgescope open` still run? The page goes on when it is back." }); at("messages").replaceChildren(away); }
   },
   open: () => { away?.remove(); away = null; redraw(); },
-});
+};
 
-ask("/api/effects").then((all) => {
+function effects(all) {
   all.forEach((e) => [e, ...(e.variants || [])].forEach((one) => app.effects.set(one.name, one)));
   if (app.state) missing();
-}).catch(complain);
-redraw();
+}
+
+// The charts first. What happens before the events are heard is in the state that is asked for when they are.
+renew().catch(complain).finally(() => {
+  listen(events);
+  ask("/api/effects").then(effects).catch(complain);
+});

@@ -39,7 +39,7 @@ export function refresh() {
 // What tells one fitted model of one recording from another.
 export const modelKey = () => JSON.stringify([app.state.open?.title, app.state.model?.number, app.state.model?.rmse_m]);
 
-async function renew() {
+export async function renew() {
   const state = await ask("/api/state");
   if (JSON.stringify(state) === JSON.stringify(app.state)) return;
   app.state = state;
