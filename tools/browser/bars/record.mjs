@@ -81,8 +81,13 @@ export const crowd = (browser) => async (bench, seconds) => {
   const other = await browser.newContext();
   for (let i = 0; i < 49; i++) {
     const page = await other.newPage();
-    opened.push(page.goto(bench.url, { waitUntil: "domcontentloaded", timeout: 1000 * seconds }).catch(() => null));
-    if (i % 7 === 3) { await sleep(100); await page.reload({ waitUntil: "commit", timeout: 1000 * seconds }).catch(() => null); }
+    const goes = (waitUntil) => page.goto(bench.url, { waitUntil, timeout: 1000 * seconds });
+    if (i % 7 !== 3) opened.push(goes("domcontentloaded").catch(() => null));
+    else {
+      // in the middle of its loading: reloaded before, it would stay the blank page that it was
+      await goes("commit");
+      opened.push(page.reload({ waitUntil: "domcontentloaded", timeout: 1000 * seconds }).catch(() => null));
+    }
   }
   await Promise.all(opened.slice(1));
   const shows = other.pages().map((page) => page.waitForSelector("#live-line", { timeout: 15000 }).then(() => true, () => false));
