@@ -21,6 +21,8 @@ const SERIES = [
 ];
 // Of the curves, of the residual.
 const HEIGHTS = [164, 100];
+// Padding and border of a card on either side.
+const CARD_PX = 13;
 const gap = (values, n) => values || new Array(n).fill(null);
 const minus = (a, b) => a.map((v, i) => (v === null || b[i] === null ? null : v - b[i]));
 
@@ -229,10 +231,10 @@ export function charts() {
     title = open.title;
     app.range = null;
     panels.forEach((panel) => panel.plots.forEach((plot) => plot.destroy()));
+    // known before the cards are in; afterwards the page would have to be laid out to know it
+    const width = Math.max(240, at("charts").clientWidth - 2 * CARD_PX);
     panels.splice(0, panels.length, ...open.runs.flatMap((run, r) => run.sensors.map((sensor, s) => new Panel(run, sensor, r, s))));
     put(at("charts"), panels.map((panel) => panel.card));
-    // asked once: each chart that is put in would have the page laid out anew
-    const width = Math.max(240, panels[0]?.box.clientWidth || 600);
     panels.forEach((panel) => panel.lay(width));
   }
   for (const panel of panels) {

@@ -1,7 +1,7 @@
 //! The files of the page, in the program itself: a laboratory may be offline.
 
 use axum::body::Body;
-use axum::http::header::CONTENT_TYPE;
+use axum::http::header::{CONTENT_TYPE, LINK};
 use axum::http::{Response, StatusCode};
 use axum::response::IntoResponse;
 
@@ -31,6 +31,14 @@ const CHARTS: [Asset; 2] = [
     ("uPlot.iife.min.js", JS, include_str!("../../report/html/assets/uplot/uPlot.iife.min.js")),
     ("uPlot.min.css", CSS, include_str!("../../report/html/assets/uplot/uPlot.min.css")),
 ];
+
+/// The page itself. It names all its modules, so that a browser asks for them at once and not level by level: over a network each level takes a way
+/// there and back.
+pub(crate) fn page() -> impl IntoResponse {
+    let modules = PAGE.iter().filter(|(_, kind, _)| *kind == JS);
+    let links: Vec<String> = modules.map(|(name, ..)| format!("</assets/{name}>; rel=modulepreload")).collect();
+    ([(LINK, links.join(", "))], answer("index.html"))
+}
 
 /// A file by its name.
 pub(crate) fn answer(name: &str) -> Response<Body> {

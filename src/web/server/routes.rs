@@ -59,7 +59,7 @@ pub fn router(session: Arc<Session>, guard: Arc<Guard>, more: Router<Arc<App>>) 
     let cores = std::thread::available_parallelism().map_or(1, NonZero::get);
     let app = Arc::new(App { session, solves: Semaphore::new(cores) });
     Router::new()
-        .route("/", get(|| async { assets::answer("index.html") }))
+        .route("/", get(|| async { assets::page() }))
         .route("/assets/{name}", get(|Path(name): Path<String>| async move { assets::answer(&name) }))
         .route("/api/state", get(|State(app): State<Arc<App>>| calm(move || Ok(of_json(&state::json(&app.session))))))
         .route("/api/effects", get(|| async { of_json(&CATALOGUE.iter().map(|e| about(*e)).collect()) }))

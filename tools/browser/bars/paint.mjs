@@ -1,5 +1,5 @@
 // When something is on the screen: a page tells it itself, after the frame that shows it.
-import { DESKTOP } from "./workbench.mjs";
+import { DESKTOP, sleep } from "./workbench.mjs";
 
 // Notes in a page when a chart that has numbers was first painted, and each time the curves of a simulation were.
 function watch() {
@@ -50,9 +50,13 @@ export async function watched(browser, viewport = DESKTOP) {
   return page;
 }
 
-// Milliseconds from the request for the page to its first chart.
+// Milliseconds from the request for the page to its first chart. The page is left alone until then: a question would cost it 20 ms.
 export async function first_chart(page, url) {
-  await page.goto(url);
-  await page.waitForFunction(() => window.seen.chart !== null, null, { timeout: 60000 });
-  return page.evaluate(() => window.seen.chart);
+  await page.goto(url, { waitUntil: "commit" });
+  for (let looks = 0; looks < 120; looks++) {
+    await sleep(500);
+    const chart = await page.evaluate(() => window.seen?.chart);
+    if (chart) return chart;
+  }
+  throw new Error(`no chart within a minute at ${url}`);
 }
