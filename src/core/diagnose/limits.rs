@@ -80,13 +80,11 @@ pub(crate) const NO_FULL_FIT_ABOVE: f64 = 4.0;
 /// A candidate that leaves less than this many times the best candidate's square is fitted until it converges. Cost, and
 /// tuned: data unknown.
 pub(crate) const CONVERGE_BELOW: f64 = 1.2;
-/// Error over noise of the best candidate above which it does not explain the records: the fallback search goes on until a
-/// candidate is below. Tuned: data unknown.
+/// Error over noise of the best single effect below which no pair is looked for. Tuned: data unknown.
 pub(crate) const EXPLAINED_OVER_NOISE: f64 = 1.2;
 /// Error over noise of a candidate below which another start has too little left to gain for its cost. Cost.
 pub(crate) const DOWN_TO_THE_NOISE: f64 = 1.1;
-/// Error over noise of the start model above which its parameters may be wrong: the fallback search tries the first
-/// [`REFINED_EFFECTS`]. Tuned: data unknown.
+/// Error over noise of a model above which its parameters may be wrong. Tuned: data unknown.
 pub(crate) const START_DOUBTFUL: f64 = 3.0;
 /// Error over noise of the start model above which its parameters do not help to rank effects: the fallback search tries
 /// all of them. Tuned: data unknown.

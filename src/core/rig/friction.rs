@@ -5,6 +5,8 @@ pub const LAMINAR_REYNOLDS: f64 = 2320.0;
 /// Reynolds number below which turbulence dies out whatever disturbs the flow (Reynolds 1883: between 1900 and 2000).
 pub const CERTAINLY_LAMINAR_REYNOLDS: f64 = 2000.0;
 
+const LEAST_TURBULENT_REYNOLDS: f64 = 1000.0;
+
 /// Whether a flow is laminar.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Regime {
@@ -37,9 +39,10 @@ pub fn darcy_friction_factor(reynolds: f64, relative_roughness: f64) -> f64 {
     if re <= LAMINAR_REYNOLDS { 64.0 / re } else { turbulent_friction_factor(re, relative_roughness) }
 }
 
-/// The Darcy factor of turbulent flow at any Reynolds number above 1000, as [`darcy_friction_factor`].
+/// The Darcy factor of turbulent flow, as [`darcy_friction_factor`]. No flow is turbulent below a Reynolds number of 1000, where the law ends at a
+/// pole: a fit that takes a turbulent flow for almost none on its way gets the factor of 1000.
 pub fn turbulent_friction_factor(reynolds: f64, relative_roughness: f64) -> f64 {
-    let re = reynolds.abs();
+    let re = reynolds.abs().max(LEAST_TURBULENT_REYNOLDS);
     // Newton's method on x = 1/√f: the residual x + 2 log10(a + b x) is increasing and concave, so it converges from
     // any start; Swamee & Jain's explicit formula (within 1-3 %) leaves two or three steps to do.
     let a = relative_roughness.max(0.0) / 3.7;
@@ -84,6 +87,15 @@ mod tests {
             let f = darcy_friction_factor(re, roughness);
             assert!((f / moody - 1.0).abs() < 0.01, "Re {re}, e/D {roughness}: {f} against {moody}");
         }
+    }
+
+    #[test]
+    fn a_turbulent_flow_that_has_almost_stopped_has_a_finite_factor() {
+        for re in [0.0, 1.0, 5.0, 5.74_f64.powf(1.0 / 0.9), 100.0] {
+            assert_eq!(turbulent_friction_factor(re, 0.0), turbulent_friction_factor(1000.0, 0.0), "Re {re}");
+        }
+        let factor = turbulent_friction_factor(1000.0, 0.0);
+        assert!(factor > turbulent_friction_factor(2000.0, 0.0) && factor < 0.07, "{factor}");
     }
 
     #[test]
