@@ -32,8 +32,8 @@ pub(crate) fn contest(fitter: &FullFitter, start: &Fit, candidate_fits: &mut [Ca
     });
 }
 
-/// Tries the other effects where a located winner ended, in its place: it may imitate one whose own fits have missed the way. Those are fitted that
-/// promise to leave about as little there as the winner itself.
+/// Tries the other effects where a located winner ended, in its place: it may imitate one whose own fits have missed the way. Fits those that
+/// promise to leave about as little there as the winner.
 fn in_its_place(fitter: &FullFitter, winner: &Fit, candidate_fits: &mut [CandidateFit]) {
     let last = winner.effects.len() - 1;
     let Ok(baseline) = Baseline::without(fitter.rig, fitter.runs, winner, last, fitter.options) else { return };
@@ -103,7 +103,8 @@ mod tests {
             least_fall: least_fall(&runs, 0.0),
         };
         contest(&fitter, &start, &mut fits);
-        assert!(is_located(fits[leak].fit.as_ref().unwrap(), &start));
+        let imitation = fits[leak].fit.as_ref().unwrap();
+        assert!(is_located(imitation, &start) && imitation.parameter("leak_position_m").unwrap().at_bound);
         let found = fits[seat].fit.as_ref().unwrap();
         assert!(over_noise(found, &runs) < 1.05 && square(found) < square(fits[leak].fit.as_ref().unwrap()));
         let area_mm2 = found.parameter("seat_cda_mm2").unwrap().value;

@@ -11,8 +11,9 @@ use crate::diagnose::limits::{DOWN_TO_THE_NOISE, FULL_FITS, NO_FULL_FIT_ABOVE, R
 use crate::fit::outcome::fit::Fit;
 use crate::fit::validate::conflict::{at_bounds, contradicts};
 
-/// Searches until a candidate explains the records. If the start model is doubtful, effects are fitted from the signals: the
-/// first ones, or all if it is useless, and those that leave more than it does. They contain it, so their refits have failed.
+/// Searches until the best model leaves no more than solvers differ by. Where the leading candidates leave more after they were fitted afresh, it fits
+/// effects from the signals: the first ones, or all if the start model is useless, and those that leave more than the start model does. They contain it, so
+/// their refits have failed.
 pub(crate) fn search_on(fitter: &FullFitter, start: &Fit, candidate_fits: &mut [CandidateFit]) {
     let mut done = Vec::new();
     if !start.parameters.iter().any(|p| p.at_bound) {

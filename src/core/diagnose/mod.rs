@@ -235,12 +235,13 @@ fn fit(fitter: &FullFitter, baseline: &Baseline, start: &Fit, candidate_fits: &m
 }
 
 /// The candidate whose full fit leaves least.
-fn best_fit<'a>(candidate_fits: &'a [CandidateFit]) -> Option<(&'a Form, &'a Fit)> {
-    best_fitted(candidate_fits).and_then(|best| Some((&best.refit.form, best.fit.as_ref()?)))
-}
-
 fn best_fitted<'f, 'a>(candidate_fits: &'f [CandidateFit<'a>]) -> Option<&'f CandidateFit<'a>> {
     candidate_fits.iter().filter(|r| r.fit.is_some()).min_by(|a, b| a.square.total_cmp(&b.square))
+}
+
+/// Form and fit of that candidate.
+fn best_fit<'a>(candidate_fits: &'a [CandidateFit]) -> Option<(&'a Form, &'a Fit)> {
+    best_fitted(candidate_fits).and_then(|best| Some((&best.refit.form, best.fit.as_ref()?)))
 }
 
 /// Pairs of effects, where something is missing and no single effect explains the records.

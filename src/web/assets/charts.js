@@ -19,7 +19,7 @@ const SERIES = [
   { key: "model", label: "model", stroke: () => colour("--model"), width: 1.5 },
   { key: "trial", label: "proposed", stroke: () => colour("--proposed"), width: 1.5, dash: [6, 4] },
 ];
-// Of the curves, of the residual.
+// Of the curves, of the residual; the stylesheet keeps their sum free until they are drawn.
 const HEIGHTS = [164, 100];
 // Padding and border of a card on either side.
 const CARD_PX = 13;
@@ -231,7 +231,7 @@ export function charts() {
     title = open.title;
     app.range = null;
     panels.forEach((panel) => panel.plots.forEach((plot) => plot.destroy()));
-    // known before the cards are in; afterwards the page would have to be laid out to know it
+    // read before the cards are in: afterwards the browser would have to lay out the page to answer
     const width = Math.max(240, at("charts").clientWidth - 2 * CARD_PX);
     panels.splice(0, panels.length, ...open.runs.flatMap((run, r) => run.sensors.map((sensor, s) => new Panel(run, sensor, r, s))));
     put(at("charts"), panels.map((panel) => panel.card));

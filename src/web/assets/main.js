@@ -158,7 +158,7 @@ function effects(all) {
   if (app.state) missing();
 }
 
-// The charts first. What happens before the events are heard is in the state that is asked for when they are.
+// The charts come first. When the stream of events opens, the page fetches the state again: no change in between is lost.
 renew().catch(complain).finally(() => {
   listen(events);
   ask("/api/effects").then(effects).catch(complain);

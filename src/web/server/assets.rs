@@ -32,8 +32,8 @@ const CHARTS: [Asset; 2] = [
     ("uPlot.min.css", CSS, include_str!("../../report/html/assets/uplot/uPlot.min.css")),
 ];
 
-/// The page itself. It names all its modules, so that a browser asks for them at once and not level by level: over a network each level takes a way
-/// there and back.
+/// The page itself. Its header names all modules, so that a browser fetches them at once and not level by level: over a network each level costs a
+/// round trip.
 pub(crate) fn page() -> impl IntoResponse {
     let modules = PAGE.iter().filter(|(_, kind, _)| *kind == JS);
     let links: Vec<String> = modules.map(|(name, ..)| format!("</assets/{name}>; rel=modulepreload")).collect();
