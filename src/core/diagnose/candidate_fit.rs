@@ -14,7 +14,7 @@ use crate::fit::outcome::fit::{Fit, FittedParameter};
 use crate::fit::outcome::uncertainty::Uncertainty;
 use crate::fit::problem::error::FitError;
 use crate::fit::progress::{OnProgress, Progress};
-use crate::fit::search::calibrate::{CoarseFit, calibrate, fit_coarsely, refine, without};
+use crate::fit::search::calibrate::{CoarseFit, calibrate, fit_coarsely, refine, relocate, without};
 use crate::fit::search::options::Options;
 use crate::model::Model;
 use crate::model::effects::{Chosen, Circumstances, SHOWN};
@@ -170,6 +170,17 @@ pub(crate) fn over_noise(fit: &Fit, runs: &[RunData]) -> f64 {
     (square / f64::max(n, 1.0)).sqrt()
 }
 
+/// Error over noise that every model of a closure leaves: noise, and what oscillates in the pipe before the closure.
+pub(crate) fn always_left(runs: &[RunData]) -> f64 {
+    let (mut square, mut n) = (0.0, 0.0);
+    for sensor in runs.iter().flat_map(|run| &run.sensors) {
+        let samples = sensor.head_m.len() as f64;
+        square += samples * (1.0 + (sensor.oscillation_m / sensor.total_noise_m).powi(2));
+        n += samples;
+    }
+    (square / f64::max(n, 1.0)).sqrt()
+}
+
 /// By how much the square of the error over noise falls from a sum of squares to another, both over the samples of a start model.
 pub(crate) fn fall(start: &Fit, runs: &[RunData], from: f64, to: f64) -> f64 {
     over_noise(start, runs).powi(2) * (from - to) / square(start)
@@ -304,6 +315,13 @@ impl FullFitter<'_> {
             added.sensor = None;
         }
         fit_coarsely(self.rig, self.runs, &effects, self.options)
+    }
+
+    /// Looks for the effect along the whole pipe, from where its refit ended. Returns the best coarse fit and the share of the square that it leaves of
+    /// what the refit leaves.
+    pub(crate) fn relocated(&self, refit: &Refit) -> Result<(CoarseFit, f64), FitError> {
+        (self.progress)(&Progress::from(format!("{} along the pipe", refit.form.effect)));
+        relocate(self.rig, self.runs, &refit.effects, &refit.values, self.options)
     }
 
     /// Of a brief fit with these effects.

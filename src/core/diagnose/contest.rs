@@ -8,15 +8,17 @@ use crate::diagnose::candidate_fit::{CandidateFit, FullFitter, best_forms, squar
 use crate::diagnose::limits::{CONVERGE_BELOW, FULL_FITS, NO_FULL_FIT_ABOVE};
 use crate::diagnose::screening::screened;
 use crate::fit::outcome::fit::Fit;
+use crate::fit::search::starts::may_be_anywhere;
 
 /// Compares the rivals at their optima: the best is fitted until it converges, the others also start from where it ended.
-pub(crate) fn contest(fitter: &FullFitter, start: &Fit, candidate_fits: &mut [CandidateFit]) {
+pub(crate) fn contest(fitter: &FullFitter, candidate_fits: &mut [CandidateFit]) {
     let fitted = candidate_fits.iter_mut().filter(|r| r.fit.is_some());
     let Some(best) = fitted.min_by(|a, b| a.square.total_cmp(&b.square)) else { return };
     best.converge(fitter);
     let Some(winner) = best.fit.clone() else { return };
-    if is_located(&winner, start) {
+    if is_located(&winner) {
         in_its_place(fitter, &winner, candidate_fits);
+        elsewhere(fitter, &winner, candidate_fits);
     }
     let near = CONVERGE_BELOW * square(&winner);
     let rivals = candidate_fits.par_iter_mut().filter(|r| {
@@ -52,10 +54,25 @@ fn in_its_place(fitter: &FullFitter, winner: &Fit, candidate_fits: &mut [Candida
     });
 }
 
+/// Looks for the others that may be anywhere along the whole pipe, with everything else free: a refit begins where a linear forecast promises most, and
+/// that fails where much of the start model has made up for the effect. Fits those that leave much less in another place.
+fn elsewhere(fitter: &FullFitter, winner: &Fit, candidate_fits: &mut [CandidateFit]) {
+    let others = candidate_fits.par_iter_mut().filter(|r| {
+        r.square > square(winner)
+            && may_be_anywhere(&r.refit.form.chosen)
+            && winner.effects.last() != Some(&r.refit.form.chosen)
+    });
+    others.for_each(|candidate_fit| {
+        let Ok((found, left)) = fitter.relocated(candidate_fit.refit) else { return };
+        if CONVERGE_BELOW * left < 1.0 && left * candidate_fit.square < NO_FULL_FIT_ABOVE * square(winner) {
+            candidate_fit.take(fitter.fit_from_values(candidate_fit.refit, &found.effects, &found.values));
+        }
+    });
+}
+
 /// Whether the effect that the start model lacks stands at a place along the pipe that was fitted.
-fn is_located(fit: &Fit, start: &Fit) -> bool {
-    let mut own = fit.parameters.iter().filter(|p| start.parameter(&p.name).is_err());
-    own.any(|p| ["_position_m", "_start_m"].iter().any(|place| p.name.ends_with(place)))
+fn is_located(fit: &Fit) -> bool {
+    fit.effects.last().is_some_and(may_be_anywhere)
 }
 
 #[cfg(test)]
@@ -102,9 +119,9 @@ mod tests {
             progress: &|_| {},
             least_fall: least_fall(&runs, 0.0),
         };
-        contest(&fitter, &start, &mut fits);
+        contest(&fitter, &mut fits);
         let imitation = fits[leak].fit.as_ref().unwrap();
-        assert!(is_located(imitation, &start) && imitation.parameter("leak_position_m").unwrap().at_bound);
+        assert!(is_located(imitation) && imitation.parameter("leak_position_m").unwrap().at_bound);
         let found = fits[seat].fit.as_ref().unwrap();
         assert!(over_noise(found, &runs) < 1.05 && square(found) < square(fits[leak].fit.as_ref().unwrap()));
         let area_mm2 = found.parameter("seat_cda_mm2").unwrap().value;

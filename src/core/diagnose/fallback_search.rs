@@ -6,7 +6,7 @@
 
 use rayon::prelude::*;
 
-use crate::diagnose::candidate_fit::{CandidateFit, FullFitter, over_noise, square};
+use crate::diagnose::candidate_fit::{CandidateFit, FullFitter, always_left, over_noise, square};
 use crate::diagnose::limits::{DOWN_TO_THE_NOISE, FULL_FITS, NO_FULL_FIT_ABOVE, REFINED_EFFECTS, START_USELESS};
 use crate::fit::outcome::fit::Fit;
 use crate::fit::validate::conflict::{at_bounds, contradicts};
@@ -23,7 +23,8 @@ pub(crate) fn search_on(fitter: &FullFitter, start: &Fit, candidate_fits: &mut [
         fit_afresh(fitter, &mut candidate_fits.iter_mut().collect::<Vec<_>>(), 2 * FULL_FITS, &mut done);
     }
     let start_error = over_noise(start, fitter.runs);
-    if best(fitter, candidate_fits).min(start_error).powi(2) - 1.0 < fitter.least_fall {
+    let beyond = best(fitter, candidate_fits).min(start_error).powi(2) - always_left(fitter.runs).powi(2);
+    if beyond < fitter.least_fall {
         return;
     }
     let most = if start_error > START_USELESS { usize::MAX } else { REFINED_EFFECTS };

@@ -35,7 +35,7 @@ use rayon::prelude::*;
 use crate::diagnose::baseline::Baseline;
 use crate::diagnose::candidate::{Form, forms_of, left_out};
 use crate::diagnose::candidate_fit::{
-    CandidateFit, FullFitter, best_forms, evidence_scale, fall, least_fall, over_noise, square,
+    CandidateFit, FullFitter, always_left, best_forms, evidence_scale, fall, least_fall, over_noise, square,
 };
 use crate::diagnose::contest::contest;
 use crate::diagnose::evidence::{EvidenceScale, probabilities};
@@ -105,7 +105,7 @@ pub fn diagnose_fit(
     // A single effect that is far from the records is no rival of a pair, and where no pair is found it is soon enough to converge.
     let far = best_fit(&candidate_fits).is_some_and(|(_, best)| over_noise(best, runs) > START_DOUBTFUL);
     if !far {
-        contest(&fitter, &start, &mut candidate_fits);
+        contest(&fitter, &mut candidate_fits);
     }
     // by what the fits leave, not by what the coarse grid forecast
     weigh(&fitter, &baseline, &start, &mut candidate_fits, &[]);
@@ -114,7 +114,7 @@ pub fn diagnose_fit(
     // How cavities collapse no model follows well: what is left of them is no second effect.
     let pair_fits = if shown { Vec::new() } else { pairs_of(&fitter, &baseline, &start, &refits, &mut candidate_fits) };
     if pair_fits.is_empty() && best_fitted(&candidate_fits).is_some_and(|best| !best.settled) {
-        contest(&fitter, &start, &mut candidate_fits);
+        contest(&fitter, &mut candidate_fits);
     }
     let scale = weigh(&fitter, &baseline, &start, &mut candidate_fits, &pair_fits);
     rank(&baseline, &mut candidate_fits);
@@ -256,7 +256,7 @@ fn pairs_of(
         let fit = single.map(|(_, fit)| fit).filter(|fit| square(fit) < square(start));
         over_noise(fit.unwrap_or(start), fitter.runs)
     };
-    if left(best_fit(candidate_fits)) < EXPLAINED_OVER_NOISE {
+    if left(best_fit(candidate_fits)) < EXPLAINED_OVER_NOISE * always_left(fitter.runs) {
         return Vec::new();
     }
     let mut leading: Vec<&CandidateFit> = candidate_fits.iter().collect();

@@ -35,9 +35,19 @@ pub fn prepare(file: &str, rig: &Rig, recording: &Recording, features: &Features
         // A noiseless record still has errors of its own; without a floor its weights would be infinite.
         let noise_m = seen.noise.white_sd_m.max(1e-5 * rise_m);
         // What oscillates in the pipe is no noise; what the mains induce is.
-        let in_pipe = seen.noise.line.is_some_and(|line| !line.is_mains(seen.interval_s));
-        let total_noise_m = if in_pipe { noise_m } else { seen.noise.total_sd_m.max(noise_m) };
-        sensors.push(SensorData { sensor, time_s, head_m, noise_m, total_noise_m, offset_sd_m, saturated });
+        let in_pipe = seen.noise.line.filter(|line| !line.is_mains(seen.interval_s));
+        let total_noise_m = if in_pipe.is_some() { noise_m } else { seen.noise.total_sd_m.max(noise_m) };
+        let oscillation_m = in_pipe.map_or(0.0, |line| line.amplitude_m * std::f64::consts::FRAC_1_SQRT_2);
+        sensors.push(SensorData {
+            sensor,
+            time_s,
+            head_m,
+            noise_m,
+            total_noise_m,
+            oscillation_m,
+            offset_sd_m,
+            saturated,
+        });
         extrema.push(seen.extrema.iter().map(|e| (e.time_s, e.cycle, e.peak)).collect());
     }
     let (mean_speed, ..) = rig.wave_speed_start(&water);

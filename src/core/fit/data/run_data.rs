@@ -18,6 +18,8 @@ pub struct SensorData {
     /// Standard deviation of all disturbances while the flow is steady, slow ones included but no lasting
     /// oscillation, m; not below the noise.
     pub total_noise_m: f64,
+    /// Root mean square of a lasting oscillation in the pipe before the closure, as of a pump, m: no model of a closure follows it.
+    pub oscillation_m: f64,
     /// Standard deviation of its zero error, m.
     pub offset_sd_m: f64,
     /// Number of samples at the end of its range, which are left out: the true pressure went beyond.

@@ -179,7 +179,8 @@ impl<'a> FitProblem<'a> {
         self.window
     }
 
-    fn start_values(&self) -> Vec<f64> {
+    /// The values that all variables start from.
+    pub(crate) fn start_values(&self) -> Vec<f64> {
         self.parameters.iter().map(|p| p.start).collect()
     }
 

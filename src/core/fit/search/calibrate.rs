@@ -16,7 +16,9 @@ use crate::fit::problem::method::Method;
 use crate::fit::problem::objective::Objective;
 use crate::fit::progress::OnProgress;
 use crate::fit::search::calibrator::{Calibrator, Estimate};
-use crate::fit::search::coarse_fit::{coarse_fit, grow, mean_square, nested_fit, residual_summary};
+use crate::fit::search::coarse_fit::{
+    coarse_fit, evaluated, grow, mean_square, nested_fit, relocated, residual_summary,
+};
 use crate::fit::search::finish::{finish, without_descent};
 use crate::fit::search::global::global_search;
 use crate::fit::search::options::Options;
@@ -88,6 +90,9 @@ pub fn calibrate(
             Ok(if anew.cost < on.cost { anew } else { on })
         };
         (model, state) = grow_while_evident(&ctx, (model, state), i, effects[i].elements, search_on)?;
+        if options.method == Method::LeastSquares && model.effects != chosen {
+            state = relocated(&ctx, &model, state)?;
+        }
     }
     if options.method.descends() {
         return finish(&ctx, &model, state);
@@ -122,6 +127,28 @@ pub fn fit_coarsely(rig: &Rig, runs: &[RunData], effects: &[Chosen], options: &O
     let estimate = coarse_fit(&ctx, &model, None)?;
     let mean_square = mean_square(&ctx, &model, &estimate);
     Ok(CoarseFit { mean_square, values: estimate.values, effects })
+}
+
+/// Fits a model coarsely from `values` of all its variables (shared ones, then each run's), after looking along the whole pipe for its effects that may
+/// be anywhere. Returns the fit, too, as a share of the square that the values leave. [`refine`] goes on from there.
+///
+/// # Errors
+/// As [`calibrate`].
+pub(crate) fn relocate(
+    rig: &Rig,
+    runs: &[RunData],
+    effects: &[Chosen],
+    values: &[f64],
+    options: &Options,
+) -> Result<(CoarseFit, f64), FitError> {
+    let ctx = Calibrator::new(rig, runs, options, &|_| {}, effects, Some(values))?;
+    let model = ctx.model(effects);
+    let stood = evaluated(&ctx, &model, values)?;
+    let cost = stood.cost;
+    let estimate = relocated(&ctx, &model, stood)?;
+    let left = estimate.cost / cost;
+    let mean_square = mean_square(&ctx, &model, &estimate);
+    Ok((CoarseFit { mean_square, values: estimate.values, effects: effects.to_vec() }, left))
 }
 
 /// Fits a model on from `values` of all its variables (shared ones, then each run's): to all samples, on as fine a grid as it takes.

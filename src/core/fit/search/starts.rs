@@ -3,6 +3,7 @@
 use crate::fit::search::calibrator::Estimate;
 use crate::fit::search::thresholds::FEW_STARTS;
 use crate::model::Model;
+use crate::model::effects::Chosen;
 use crate::model::parameter::Scale;
 
 /// Where a fit may start.
@@ -15,13 +16,18 @@ pub(crate) struct Start {
     pub(crate) of_many: bool,
 }
 
+/// Whether an effect may be anywhere along the pipe: it proposes more than a few starts.
+pub(crate) fn may_be_anywhere(chosen: &Chosen) -> bool {
+    chosen.effect.other_starts(chosen.elements.unwrap_or(1)).len() > FEW_STARTS
+}
+
 /// The start values and those that each effect proposes beside them.
 pub(crate) fn starts_of(model: &Model, base: &[f64]) -> Vec<Start> {
     let mut starts = vec![Start { values: base.to_vec(), effect: 0..0, of_many: false }];
     let mut at = model.effects_from();
     for (chosen, &size) in model.effects.iter().zip(model.effect_sizes()) {
         let others = chosen.effect.other_starts(chosen.elements.unwrap_or(1));
-        let of_many = others.len() > FEW_STARTS;
+        let of_many = may_be_anywhere(chosen);
         for factors in others {
             let mut values = base.to_vec();
             for (value, factor) in values[at..at + size].iter_mut().zip(factors) {
@@ -74,7 +80,7 @@ pub(crate) fn vanish(values: &mut [f64], starts: &[Start], model: &Model) -> Vec
 pub(crate) fn take_over(values: &mut [f64], model: &Model, small: &Model, state: &Estimate) {
     let mut at = model.effects_from();
     for (chosen, &size) in model.effects.iter().zip(model.effect_sizes()) {
-        if chosen.effect.other_starts(chosen.elements.unwrap_or(1)).len() > FEW_STARTS {
+        if may_be_anywhere(chosen) {
             for (value, parameter) in values.iter_mut().zip(&model.shared).skip(at).take(size) {
                 if let Some(i) = small.shared.iter().position(|p| p.name == parameter.name) {
                     *value = state.values[i];
