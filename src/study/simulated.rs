@@ -73,11 +73,12 @@ impl Study {
         Ok(or_from_signals(fit, self.rig(), self.runs(), &options, self.watcher())?)
     }
 
-    /// The values of a fitted model where the `moved` parameters stand elsewhere and the others have followed them, on a coarse grid.
+    /// The values of a fitted model where the `moved` parameters stand elsewhere and the others have followed them, on a coarse grid
+    /// that is coarser still while a parameter is `dragged`.
     ///
     /// # Errors
     /// As [`Study::simulated`]; a value out of its bounds.
-    pub fn followed(&self, fit: &Fit, moved: &[Given]) -> Result<Vec<Given>> {
+    pub fn followed(&self, fit: &Fit, moved: &[Given], dragged: bool) -> Result<Vec<Given>> {
         let value = |p: &FittedParameter| moved.iter().find(|g| g.name == p.name).map(|g| g.value);
         let mut options = options_of(fit);
         options.constraints.retain(|c| moved.iter().all(|g| g.name != c.name));
@@ -86,7 +87,7 @@ impl Study {
             Some(Constraint { name: p.name.clone(), run: p.run.clone(), lower: value, upper: value })
         }));
         let start: Vec<f64> = fit.parameters.iter().map(|p| value(p).unwrap_or(p.value)).collect();
-        let values = follow(self.rig(), self.runs(), &fit.effects, &start, &options)?;
+        let values = follow(self.rig(), self.runs(), &fit.effects, &start, &options, dragged)?;
         let given = |(p, value): (&FittedParameter, f64)| Given { name: p.name.clone(), run: p.run.clone(), value };
         Ok(fit.parameters.iter().zip(values).map(given).collect())
     }
@@ -140,10 +141,12 @@ mod tests {
         let moved = [Given { name: name.into(), run: None, value: 1.2 * fit.parameter(name).unwrap().value }];
         let rmse = |given: &[Given]| study.simulated(&fit.effects, given, fit.reaches).unwrap().rmse_m(study.runs());
         let alone = rmse(&[&moved[..], &fit.given()].concat());
-        let followed = study.followed(&fit, &moved).unwrap();
-        assert_eq!(followed.iter().find(|g| g.name == name).unwrap().value, moved[0].value);
-        assert!(rmse(&followed) < 0.7 * alone, "{} of {alone}", rmse(&followed));
-        assert!(rmse(&followed) > fit.pooled().0);
+        for dragged in [true, false] {
+            let followed = study.followed(&fit, &moved, dragged).unwrap();
+            assert_eq!(followed.iter().find(|g| g.name == name).unwrap().value, moved[0].value);
+            assert!(rmse(&followed) < 0.7 * alone, "{} of {alone}", rmse(&followed));
+            assert!(rmse(&followed) > fit.pooled().0);
+        }
     }
 
     #[test]

@@ -6,7 +6,7 @@
 
 use rayon::prelude::*;
 
-use crate::diagnose::candidate_fit::{CandidateFit, FullFitter, always_left, over_noise, square};
+use crate::diagnose::candidate_fit::{CandidateFit, FullFitter, beyond, over_noise, square};
 use crate::diagnose::limits::{DOWN_TO_THE_NOISE, FULL_FITS, NO_FULL_FIT_ABOVE, REFINED_EFFECTS, START_USELESS};
 use crate::fit::outcome::fit::Fit;
 use crate::fit::validate::conflict::{at_bounds, contradicts};
@@ -23,8 +23,8 @@ pub(crate) fn search_on(fitter: &FullFitter, start: &Fit, candidate_fits: &mut [
         fit_afresh(fitter, &mut candidate_fits.iter_mut().collect::<Vec<_>>(), 2 * FULL_FITS, &mut done);
     }
     let start_error = over_noise(start, fitter.runs);
-    let beyond = best(fitter, candidate_fits).min(start_error).powi(2) - always_left(fitter.runs).powi(2);
-    if beyond < fitter.least_fall {
+    let fits = candidate_fits.iter().filter_map(|r| r.fit.as_ref()).chain([start]);
+    if fits.map(|fit| beyond(fit, fitter.runs)).fold(f64::INFINITY, f64::min) < fitter.least_fall {
         return;
     }
     let most = if start_error > START_USELESS { usize::MAX } else { REFINED_EFFECTS };
@@ -32,12 +32,6 @@ pub(crate) fn search_on(fitter: &FullFitter, start: &Fit, candidate_fits: &mut [
     let tried = candidate_fits.iter_mut().enumerate().filter(|(i, r)| *i < most || r.square > failed);
     from_the_signals(fitter, &mut tried.map(|(_, r)| r).collect::<Vec<_>>());
     afresh(fitter, candidate_fits, &mut done);
-}
-
-/// The least error over noise of a full fit.
-fn best(fitter: &FullFitter, candidate_fits: &[CandidateFit]) -> f64 {
-    let fits = candidate_fits.iter().filter_map(|r| r.fit.as_ref());
-    fits.map(|f| over_noise(f, fitter.runs)).fold(f64::INFINITY, f64::min)
 }
 
 /// Fits the leading candidates afresh, unless one explains the records.

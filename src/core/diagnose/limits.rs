@@ -80,7 +80,8 @@ pub(crate) const NO_FULL_FIT_ABOVE: f64 = 4.0;
 /// A candidate that leaves less than this many times the best candidate's square is fitted until it converges. Cost, and
 /// tuned: data unknown.
 pub(crate) const CONVERGE_BELOW: f64 = 1.2;
-/// Error over noise of the best single effect below which no pair is looked for. Tuned: data unknown.
+/// Error over noise below which a model explains the records: no second effect is looked for. What oscillates before the closure does not count.
+/// Tuned: data unknown.
 pub(crate) const EXPLAINED_OVER_NOISE: f64 = 1.2;
 /// Error over noise of a candidate below which another start has too little left to gain for its cost. Cost.
 pub(crate) const DOWN_TO_THE_NOISE: f64 = 1.1;

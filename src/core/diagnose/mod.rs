@@ -35,7 +35,7 @@ use rayon::prelude::*;
 use crate::diagnose::baseline::Baseline;
 use crate::diagnose::candidate::{Form, forms_of, left_out};
 use crate::diagnose::candidate_fit::{
-    CandidateFit, FullFitter, always_left, best_forms, evidence_scale, fall, least_fall, over_noise, square,
+    CandidateFit, FullFitter, best_forms, beyond, evidence_scale, fall, least_fall, over_noise, square,
 };
 use crate::diagnose::contest::contest;
 use crate::diagnose::evidence::{EvidenceScale, probabilities};
@@ -103,7 +103,7 @@ pub fn diagnose_fit(
     let mut candidate_fits = candidate_fits(&baseline, &start, &refits);
     fit(&fitter, &baseline, &start, &mut candidate_fits);
     // A single effect that is far from the records is no rival of a pair, and where no pair is found it is soon enough to converge.
-    let far = best_fit(&candidate_fits).is_some_and(|(_, best)| over_noise(best, runs) > START_DOUBTFUL);
+    let far = best_fit(&candidate_fits).is_some_and(|(_, best)| beyond(best, runs) > START_DOUBTFUL.powi(2) - 1.0);
     if !far {
         contest(&fitter, &mut candidate_fits);
     }
@@ -112,12 +112,18 @@ pub fn diagnose_fit(
     rank(&baseline, &mut candidate_fits);
     let shown = is_shown(&baseline, &candidate_fits) || is_shown_by_another(&baseline, &candidate_fits);
     // How cavities collapse no model follows well: what is left of them is no second effect.
-    let pair_fits = if shown { Vec::new() } else { pairs_of(&fitter, &baseline, &start, &refits, &mut candidate_fits) };
-    if pair_fits.is_empty() && best_fitted(&candidate_fits).is_some_and(|best| !best.settled) {
+    let mut pair_fits =
+        if shown { Vec::new() } else { pairs_of(&fitter, &baseline, &start, &refits, &mut candidate_fits) };
+    if pair_fits.is_empty() && (far || best_fitted(&candidate_fits).is_some_and(|best| !best.settled)) {
         contest(&fitter, &mut candidate_fits);
     }
     let scale = weigh(&fitter, &baseline, &start, &mut candidate_fits, &pair_fits);
     rank(&baseline, &mut candidate_fits);
+    let leading = best_pair(&mut pair_fits).map(|pair| &mut pair.fit);
+    let single = candidate_fits.first_mut().filter(|r| r.evidence > LEAST_EVIDENCE).and_then(|r| r.fit.as_mut());
+    if let Some(fit) = leading.or(single).filter(|fit| !fit.converged) {
+        fitter.prune(fit);
+    }
     let evidence_of = |pair: &PairFit| {
         // further elements of the start model's effects among them
         let added = pair.fit.parameters.len().saturating_sub(start.parameters.len());
@@ -211,6 +217,11 @@ fn rank(baseline: &Baseline, candidate_fits: &mut [CandidateFit]) {
     candidate_fits.sort_by(|a, b| b.log_odds(&baseline.known).total_cmp(&a.log_odds(&baseline.known)));
 }
 
+/// The pair that leaves least.
+fn best_pair(pair_fits: &mut [PairFit]) -> Option<&mut PairFit> {
+    pair_fits.iter_mut().min_by(|a, b| square(&a.fit).total_cmp(&square(&b.fit)))
+}
+
 /// Fits the best candidates to all samples, and tries further if none of them explains the records.
 fn fit(fitter: &FullFitter, baseline: &Baseline, start: &Fit, candidate_fits: &mut [CandidateFit]) {
     let Some(best) = candidate_fits.first().map(|r| r.square) else { return };
@@ -244,6 +255,11 @@ fn best_fit<'a>(candidate_fits: &'a [CandidateFit]) -> Option<(&'a Form, &'a Fit
     best_fitted(candidate_fits).and_then(|best| Some((&best.refit.form, best.fit.as_ref()?)))
 }
 
+/// The fit of that candidate, or the start model where no candidate leaves less.
+fn best_or<'f>(start: &'f Fit, candidate_fits: &'f [CandidateFit]) -> &'f Fit {
+    best_fit(candidate_fits).map(|(_, fit)| fit).filter(|fit| square(fit) < square(start)).unwrap_or(start)
+}
+
 /// Pairs of effects, where something is missing and no single effect explains the records.
 fn pairs_of(
     fitter: &FullFitter,
@@ -252,11 +268,7 @@ fn pairs_of(
     refits: &[Refit],
     candidate_fits: &mut [CandidateFit],
 ) -> Vec<PairFit> {
-    let left = |single: Option<(&Form, &Fit)>| {
-        let fit = single.map(|(_, fit)| fit).filter(|fit| square(fit) < square(start));
-        over_noise(fit.unwrap_or(start), fitter.runs)
-    };
-    if left(best_fit(candidate_fits)) < EXPLAINED_OVER_NOISE * always_left(fitter.runs) {
+    if beyond(best_or(start, candidate_fits), fitter.runs) < EXPLAINED_OVER_NOISE.powi(2) - 1.0 {
         return Vec::new();
     }
     let mut leading: Vec<&CandidateFit> = candidate_fits.iter().collect();
@@ -272,7 +284,7 @@ fn pairs_of(
             }
         }
     }
-    let single = left(best_fit(candidate_fits));
+    let single = over_noise(best_or(start, candidate_fits), fitter.runs);
     let alone = over_noise(start, fitter.runs);
     pairs.retain(|pair| pair.is_worth(baseline, fitter.runs, alone, single));
     pairs

@@ -146,19 +146,26 @@ class Panel {
   }
   // The chart as picture.js takes it.
   pictured() {
+    if (!this.plots.length) throw new Error(`${this.sensor.name} has no curve yet`);
     const names = [...this.legend.querySelectorAll(".u-series .u-label")].slice(1).map((label) => label.textContent);
     const title = `${this.run.name} · ${this.sensor.name} at ${digits(this.sensor.position_m, 4)} m${this.rms.textContent ? ` · ${this.rms.textContent}` : ""}`;
     return { plots: this.plots, title, what: [false, true].map((residual) => what(this, residual)), names, noise: 2 * this.sensor.noise_m * perM(this) };
   }
   lay(width) {
     this.width = width;
-    new ResizeObserver(([now]) => {
+    const size = new ResizeObserver(([now]) => {
       const width = Math.max(240, now.contentRect.width);
       if (Math.abs(this.width - width) < 2) return;
       this.width = width;
       this.plots.forEach((plot, i) => plot.setSize({ width, height: HEIGHTS[i] }));
-    }).observe(this.box);
-    new IntersectionObserver((now) => { this.away = !now.at(-1).isIntersecting; }).observe(this.box);
+    });
+    const place = new IntersectionObserver((now) => { this.away = !now.at(-1).isIntersecting; });
+    this.observers = [size, place];
+    this.observers.forEach((observer) => observer.observe(this.box));
+  }
+  end() {
+    this.observers.forEach((observer) => observer.disconnect());
+    this.plots.forEach((plot) => plot.destroy());
   }
   async watch() {
     const asked = await curves(this.r, this.s, app.range, this.width, ["fitting"]);
@@ -230,7 +237,7 @@ export function charts() {
   if (open.title !== title) {
     title = open.title;
     app.range = null;
-    panels.forEach((panel) => panel.plots.forEach((plot) => plot.destroy()));
+    panels.forEach((panel) => panel.end());
     // read before the cards are in: afterwards the browser would have to lay out the page to answer
     const width = Math.max(240, at("charts").clientWidth - 2 * CARD_PX);
     panels.splice(0, panels.length, ...open.runs.flatMap((run, r) => run.sensors.map((sensor, s) => new Panel(run, sensor, r, s))));
@@ -253,11 +260,14 @@ export function draw(moving = false) {
 let latest = 0;
 export async function load() {
   const mine = ++latest;
+  // a chart whose curves fail leaves the others theirs
+  const loaded = await Promise.allSettled(panels.map((panel) => panel.load()));
+  if (mine !== latest) return;
   try {
-    await Promise.all(panels.map((panel) => panel.load()));
-    if (mine === latest) draw();
-    if (mine === latest && changed() && !app.preview) try_();
+    draw();
+    if (changed() && !app.preview) try_();
   } catch (error) { complain(error); }
+  loaded.filter((one) => one.reason).forEach((one) => complain(one.reason));
 }
 
 let onTried = () => {};

@@ -158,8 +158,9 @@ function effects(all) {
   if (app.state) missing();
 }
 
-// The charts come first. When the stream of events opens, the page fetches the state again: no change in between is lost.
+// The charts come first. Then the page listens, and fetches the state again: no change in between is lost.
 renew().catch(complain).finally(() => {
   listen(events);
+  redraw();
   ask("/api/effects").then(effects).catch(complain);
 });

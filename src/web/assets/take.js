@@ -21,7 +21,7 @@ function table(panel, kind) {
 }
 
 export function menu(panel) {
-  const item = (text, work) => h("button", { type: "button", text, onclick: (e) => { e.target.closest("details").open = false; Promise.resolve(work()).catch(complain); } });
+  const item = (text, work) => h("button", { type: "button", text, onclick: (e) => { e.target.closest("details").open = false; Promise.resolve().then(work).catch(complain); } });
   return h("details", { class: "menu" }, h("summary", { "aria-label": `Take away the chart of ${panel.sensor.name}`, title: "Take away", text: "⤓" }),
     h("div", {}, item("CSV", () => table(panel, "csv")), item("Parquet", () => table(panel, "parquet")),
       item("PNG", async () => save(await asPng(picture(panel.pictured())), `${fileOf(panel)}.png`)), item("SVG", () => save(asSvg(picture(panel.pictured())), `${fileOf(panel)}.svg`))));

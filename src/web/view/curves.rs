@@ -127,7 +127,7 @@ pub fn simulate(bench: &Bench, asked: &Question) -> Result<Simulation, AnyError>
     }
     let mut followed = Vec::new();
     if asked.follow && asked.without.is_empty() {
-        followed = bench.study.followed(&fit, &values)?;
+        followed = bench.study.followed(&fit, &values, asked.coarse)?;
         values.extend(followed.iter().cloned());
     }
     let owners = bench.study.owners(&fit);

@@ -134,7 +134,7 @@ fn drawn(known: &Known, draw: u32, unit: f64) -> DVector<f64> {
 /// The values of a test's variables: those of the `shared` ones by their names, the first run's own, changed.
 pub(crate) fn values_of(problem: &FitProblem, known: &Known, shared: &DVector<f64>, change: Change) -> Vec<f64> {
     let run = change.of(&known.runs[0]);
-    let mut values: Vec<f64> = problem.start_values();
+    let mut values = problem.start_values();
     let shared_values = values.iter_mut().zip(&problem.parameters).take(problem.place_variables().end);
     for (j, (value, parameter)) in shared_values.enumerate() {
         if let Some(i) = known.names.iter().position(|name| *name == parameter.name) {

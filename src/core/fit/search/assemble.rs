@@ -50,7 +50,7 @@ pub(crate) fn assemble(ctx: &Calibrator, problem: &FitProblem, solution: &Soluti
         return Err(FitError::NoSample { file: ctx.runs.first().map_or(String::new(), |run| run.file.clone()) });
     }
     let values = problem.values(&solution.x);
-    let start_values: Vec<f64> = problem.start_values();
+    let start_values = problem.start_values();
     let columns = slopes(ctx, problem, solution)?;
     let prediction = predict_reduction_by(ctx, problem, solution, Cow::Borrowed(&columns))?;
     let (reduction, converged) = (prediction.reduction, prediction.at_optimum(solution));

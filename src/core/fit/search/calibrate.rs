@@ -16,15 +16,14 @@ use crate::fit::problem::method::Method;
 use crate::fit::problem::objective::Objective;
 use crate::fit::progress::OnProgress;
 use crate::fit::search::calibrator::{Calibrator, Estimate};
-use crate::fit::search::coarse_fit::{
-    coarse_fit, evaluated, grow, mean_square, nested_fit, relocated, residual_summary,
-};
-use crate::fit::search::finish::{finish, without_descent};
+use crate::fit::search::coarse_fit::{coarse_fit, grow, mean_square, nested_fit, relocated, residual_summary};
+use crate::fit::search::finish::{descend, finish, without_descent};
 use crate::fit::search::global::global_search;
 use crate::fit::search::options::Options;
 use crate::fit::search::sensor_choice::with_sensors;
+use crate::fit::search::starts::may_be_anywhere;
 use crate::fit::search::stepwise::{conclude, stepwise};
-use crate::fit::search::thresholds::{COARSE_REACHES, FOLLOWING};
+use crate::fit::search::thresholds::{COARSE_REACHES, FOLLOWING, LOCKING_REACHES};
 use crate::model::effects::Chosen;
 use crate::model::{Model, check_sensors};
 use crate::rig::Rig;
@@ -90,8 +89,10 @@ pub fn calibrate(
             Ok(if anew.cost < on.cost { anew } else { on })
         };
         (model, state) = grow_while_evident(&ctx, (model, state), i, effects[i].elements, search_on)?;
-        if options.method == Method::LeastSquares && model.effects != chosen {
-            state = relocated(&ctx, &model, state)?;
+        let located = model.effects.iter().any(may_be_anywhere);
+        if located && options.method == Method::LeastSquares && model.effects != chosen {
+            // Where a place cannot be simulated, the fit stays as it is.
+            state = relocated(&ctx, &model, &state.values).unwrap_or(state);
         }
     }
     if options.method.descends() {
@@ -130,7 +131,7 @@ pub fn fit_coarsely(rig: &Rig, runs: &[RunData], effects: &[Chosen], options: &O
 }
 
 /// Fits a model coarsely from `values` of all its variables (shared ones, then each run's), after looking along the whole pipe for its effects that may
-/// be anywhere. Returns the fit, too, as a share of the square that the values leave. [`refine`] goes on from there.
+/// be anywhere. [`refine`] goes on from there.
 ///
 /// # Errors
 /// As [`calibrate`].
@@ -140,15 +141,13 @@ pub(crate) fn relocate(
     effects: &[Chosen],
     values: &[f64],
     options: &Options,
-) -> Result<(CoarseFit, f64), FitError> {
-    let ctx = Calibrator::new(rig, runs, options, &|_| {}, effects, Some(values))?;
+    progress: &OnProgress<'_>,
+) -> Result<CoarseFit, FitError> {
+    let ctx = Calibrator::new(rig, runs, options, progress, effects, Some(values))?;
     let model = ctx.model(effects);
-    let stood = evaluated(&ctx, &model, values)?;
-    let cost = stood.cost;
-    let estimate = relocated(&ctx, &model, stood)?;
-    let left = estimate.cost / cost;
+    let estimate = relocated(&ctx, &model, values)?;
     let mean_square = mean_square(&ctx, &model, &estimate);
-    Ok((CoarseFit { mean_square, values: estimate.values, effects: effects.to_vec() }, left))
+    Ok(CoarseFit { mean_square, values: estimate.values, effects: effects.to_vec() })
 }
 
 /// Fits a model on from `values` of all its variables (shared ones, then each run's): to all samples, on as fine a grid as it takes.
@@ -167,8 +166,24 @@ pub fn refine(
     finish(&ctx, &ctx.model(effects), Estimate { values: values.to_vec(), cost: f64::NAN })
 }
 
+/// Fits a model on from where its fit ended, to all samples on the same grid.
+///
+/// # Errors
+/// As [`calibrate`].
+pub(crate) fn go_on(
+    rig: &Rig,
+    runs: &[RunData],
+    fit: &Fit,
+    options: &Options,
+    progress: &OnProgress<'_>,
+) -> Result<Fit, FitError> {
+    let values = fit.values();
+    let ctx = Calibrator::new(rig, runs, options, progress, &fit.effects, Some(&values))?;
+    descend(&ctx, &ctx.model(&fit.effects), values, fit.reaches)
+}
+
 /// Moves the variables that the options do not hold a few steps towards their optimum, on a coarse grid and some of the samples: what an eye that
-/// follows a slider needs.
+/// follows a slider needs. While it is `dragged` the grid is as coarse as where phases lock.
 ///
 /// # Errors
 /// As [`refine`].
@@ -178,10 +193,12 @@ pub fn follow(
     effects: &[Chosen],
     values: &[f64],
     options: &Options,
+    dragged: bool,
 ) -> Result<Vec<f64>, FitError> {
     let ctx = Calibrator::new(rig, runs, options, &|_| {}, effects, Some(values))?;
     let model = ctx.model(effects);
-    let problem = FitProblem::new(&model, ctx.runs, ctx.window(COARSE_REACHES, f64::INFINITY));
+    let reaches = if dragged { LOCKING_REACHES } else { COARSE_REACHES };
+    let problem = FitProblem::new(&model, ctx.runs, ctx.window(reaches, f64::INFINITY));
     problem.validate_constraints(&model.constraints)?;
     let solution = ctx.minimise(&problem, values, FOLLOWING, "the others follow")?;
     Ok(problem.values(&solution.x))

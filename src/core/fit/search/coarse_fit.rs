@@ -93,8 +93,8 @@ fn locked(
     released(ctx, model, &screened, period_s)
 }
 
-/// The best fits of the first cycles with an effect that may be anywhere held in one place after the other, and everything else free, from each of the
-/// `rests`.
+/// Fits of the first cycles with an effect that may be anywhere held in one place after the other, from each of the `rests` of the variables. Everything
+/// but the place is free. Returns the best.
 fn in_places(
     ctx: &Calibrator,
     model: &Model,
@@ -121,18 +121,15 @@ fn released(ctx: &Calibrator, model: &Model, from: &[Estimate], period_s: f64) -
     Ok(sorted(released.collect::<Result<_, _>>()?))
 }
 
-/// Fits a model on a coarse grid from where it stands, after its effects that may be anywhere were looked for along the whole pipe again: what else was
-/// free has changed, and the place may have made up for it.
-pub(crate) fn relocated(ctx: &Calibrator, model: &Model, state: Estimate) -> Result<Estimate, FitError> {
+/// Fits a model on a coarse grid from `values` of all its variables, and from the best places along the whole pipe for its effects that may be anywhere.
+/// Their places may have made up for something that the model has got since.
+pub(crate) fn relocated(ctx: &Calibrator, model: &Model, values: &[f64]) -> Result<Estimate, FitError> {
     let base = FitProblem::new(model, ctx.runs, ctx.window(COARSE_REACHES, f64::INFINITY)).start_values();
     let scanned: Vec<Start> = starts_of(model, &base).into_iter().filter(|s| s.of_many).collect();
-    if scanned.is_empty() {
-        return Ok(state);
-    }
-    let period_s = model.period_s(&state.values[..model.shared.len()]);
-    let screened = in_places(ctx, model, &scanned, &base, &[&state.values], period_s)?;
+    let period_s = model.period_s(&values[..model.shared.len()]);
+    let screened = in_places(ctx, model, &scanned, &base, &[values], period_s)?;
     let found = released(ctx, model, &screened, period_s)?.into_iter().take(FOLLOWED);
-    best_of(ctx, model, &found.map(|s| s.values).chain([state.values]).collect::<Vec<_>>())
+    best_of(ctx, model, &found.map(|s| s.values).chain([values.to_vec()]).collect::<Vec<_>>())
 }
 
 /// Fits a model on a coarse grid, starting only from the fit of a smaller one.
@@ -146,7 +143,8 @@ pub(crate) fn grow(ctx: &Calibrator, model: &Model, smaller: &Model, state: &Est
 fn best_of(ctx: &Calibrator, model: &Model, starts: &[Vec<f64>]) -> Result<Estimate, FitError> {
     let mut best: Option<Estimate> = None;
     for values in starts {
-        let evaluated = best.as_ref().map(|_| evaluated(ctx, model, values)).transpose()?;
+        let evaluated =
+            best.as_ref().map(|_| attempt(ctx, model, &[], values, f64::INFINITY, EVALUATE_ONLY)).transpose()?;
         let hopeless =
             evaluated.zip(best.as_ref()).is_some_and(|(start, best)| start.cost > HOPELESS_START_RATIO * best.cost);
         if hopeless {
@@ -171,11 +169,6 @@ fn lock(
 ) -> Result<Estimate, ModelError> {
     let first = attempt(ctx, model, held, values, LOCKING_PERIODS[0] * period_s, COARSE)?;
     attempt(ctx, model, held, &first.values, LOCKING_PERIODS[1] * period_s, COARSE)
-}
-
-/// Values with their cost on the coarse grid.
-pub(crate) fn evaluated(ctx: &Calibrator, model: &Model, values: &[f64]) -> Result<Estimate, ModelError> {
-    attempt(ctx, model, &[], values, f64::INFINITY, EVALUATE_ONLY)
 }
 
 fn attempt(
