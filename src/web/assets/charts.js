@@ -215,8 +215,8 @@ export async function watchFit(job) {
   if (following) return;
   following = job;
   const until = (ms) => new Promise((done) => setTimeout(done, Math.max(20, ms)));
-  // at once there is nothing to see
-  await until(EVERY_MS);
+  // at once there is nothing to see; a fit of half a second is to be seen, too
+  await until(EVERY_MS / 4);
   while (app.state?.job?.id === following) {
     const began = performance.now();
     // a curve that cannot be had at the moment is had the next time
