@@ -293,7 +293,7 @@ export async function try_(coarse = false) {
     draw(coarse);
     app.followed = new Map(found.followed.map((p) => [keyOf(p), p.value]));
     onTried();
-    const others = at("meanwhile").checked ? ", the others following" : "";
+    const others = at("meanwhile").checked ? ", the others after a few steps (a fit goes on from there)" : "";
     const grid = found.coarse ? ` (coarse grid, ${found.reaches} reaches)` : "";
     at("trial").textContent = `with these values${others}: error ${head(found.rmse_m)}, ${times(found.rmse_m, found.noise_m)}${grid}`;
   } catch (error) { complain(error); }

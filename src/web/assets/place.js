@@ -33,6 +33,6 @@ export function offer(m) {
       } }));
   };
   put(dialog, h("form", { method: "dialog", class: "heading" }, h("h2", {}, "Add an effect at ", place, " m"), h("button", { text: "Close" })),
-    h("p", { class: "hint", text: "The fit starts there and finds the best place. Distances are from the supply." }), open.rig.located.map(one));
+    h("p", { class: "hint", text: "The fit starts there and finds the best place nearby. Distances are from the supply." }), open.rig.located.map(one));
   dialog.showModal();
 }
