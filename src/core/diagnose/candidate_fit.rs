@@ -9,8 +9,8 @@ use crate::diagnose::limits::{
 };
 use crate::diagnose::next::answer::Answer;
 use crate::diagnose::refit::Refit;
-use crate::fit::data::run_data::RunData;
-use crate::fit::outcome::fit::{Fit, FittedParameter};
+use crate::fit::data::run_data::{RunData, SensorData};
+use crate::fit::outcome::fit::{Fit, FittedParameter, SensorFit};
 use crate::fit::outcome::uncertainty::Uncertainty;
 use crate::fit::problem::error::FitError;
 use crate::fit::progress::{OnProgress, Progress};
@@ -159,28 +159,27 @@ pub(crate) fn square(fit: &Fit) -> f64 {
 
 /// Error over noise of a fit: each sensor's error over its total noise before the closure, rms over all samples.
 pub(crate) fn over_noise(fit: &Fit, runs: &[RunData]) -> f64 {
-    let (mut square, mut n) = (0.0, 0.0);
-    for (fitted, run) in fit.runs.iter().zip(runs) {
-        for (sensor, data) in fitted.sensors.iter().zip(&run.sensors) {
-            let samples = sensor.time_s.len() as f64;
-            square += samples * (sensor.rmse_m / data.total_noise_m).powi(2);
-            n += samples;
-        }
-    }
-    (square / f64::max(n, 1.0)).sqrt()
+    over_samples(fit, runs, |fitted, data| (fitted.rmse_m / data.total_noise_m).powi(2)).sqrt()
 }
 
 /// The square of the error over noise of a fit beyond what every model of a closure leaves: noise, and what oscillates in the pipe before the closure.
 pub(crate) fn beyond(fit: &Fit, runs: &[RunData]) -> f64 {
-    let (mut square, mut n) = (0.0, 0.0);
+    over_samples(fit, runs, |fitted, data| {
+        (fitted.rmse_m.powi(2) - data.oscillation_m.powi(2)) / data.total_noise_m.powi(2) - 1.0
+    })
+}
+
+/// The mean of what `of` says of each sensor, over all samples of a fit.
+fn over_samples(fit: &Fit, runs: &[RunData], of: impl Fn(&SensorFit, &SensorData) -> f64) -> f64 {
+    let (mut sum, mut n) = (0.0, 0.0);
     for (fitted, run) in fit.runs.iter().zip(runs) {
         for (sensor, data) in fitted.sensors.iter().zip(&run.sensors) {
             let samples = sensor.time_s.len() as f64;
-            square += samples * (1.0 + (data.oscillation_m / data.total_noise_m).powi(2));
+            sum += samples * of(sensor, data);
             n += samples;
         }
     }
-    over_noise(fit, runs).powi(2) - square / f64::max(n, 1.0)
+    sum / f64::max(n, 1.0)
 }
 
 /// By how much the square of the error over noise falls from a sum of squares to another, both over the samples of a start model.

@@ -58,23 +58,22 @@ fn in_its_place(fitter: &FullFitter, winner: &Fit, candidate_fits: &mut [Candida
 /// the forecast fails where the rest of the model has made up for the effect. Fits each that leaves about as little as the winner on the coarse grid,
 /// and whose own fit leaves more.
 fn elsewhere(fitter: &FullFitter, winner: &Fit, candidate_fits: &mut [CandidateFit]) {
+    let near = CONVERGE_BELOW * square(winner);
     let is_winner = |r: &CandidateFit| r.fit.as_ref().is_some_and(|f| f.effects.last() == winner.effects.last());
-    let coarse: Vec<_> = candidate_fits
-        .par_iter()
-        .map(|r| may_be_anywhere(&r.refit.form.chosen).then(|| fitter.relocated(r, winner).ok()).flatten())
-        .collect();
+    let leaves_more = |r: &CandidateFit| r.fit.is_none() || r.square >= near;
+    let asked = |r: &CandidateFit| may_be_anywhere(&r.refit.form.chosen) && (is_winner(r) || leaves_more(r));
+    let coarse: Vec<_> =
+        candidate_fits.par_iter().map(|r| asked(r).then(|| fitter.relocated(r, winner).ok()).flatten()).collect();
     let own = candidate_fits.iter().zip(&coarse).find(|(r, _)| is_winner(r)).and_then(|(_, found)| found.as_ref());
     let Some(most) = own.map(|own| CONVERGE_BELOW * own.mean_square) else { return };
-    let near = CONVERGE_BELOW * square(winner);
     candidate_fits.par_iter_mut().zip(&coarse).for_each(|(candidate_fit, found)| {
-        let is_near = candidate_fit.fit.is_some() && candidate_fit.square < near;
-        if let Some(found) = found.as_ref().filter(|found| !is_near && found.mean_square < most) {
+        if let Some(found) = found.as_ref().filter(|found| leaves_more(candidate_fit) && found.mean_square < most) {
             candidate_fit.take(fitter.fit_from_values(candidate_fit.refit, &found.effects, &found.values));
         }
     });
 }
 
-/// Whether the effect that the start model lacks stands at a place along the pipe that was fitted.
+/// Whether the effect that the start model lacks may be anywhere along the pipe.
 fn is_located(fit: &Fit) -> bool {
     fit.effects.last().is_some_and(may_be_anywhere)
 }
@@ -84,13 +83,24 @@ mod tests {
     use super::*;
     use crate::diagnose::candidate::candidates;
     use crate::diagnose::candidate_fit::{least_fall, over_noise};
-    use crate::diagnose::refit::screen;
-    use crate::fit::problem::test_record::{HDPE, record};
+    use crate::diagnose::refit::{Refit, screen};
+    use crate::fit::data::run_data::RunData;
+    use crate::fit::problem::test_record::{HDPE, record, short_branch};
     use crate::fit::search::calibrate::{calibrate, refine};
     use crate::fit::search::options::Options;
     use crate::model::RunValues;
-    use crate::model::effects::parse_list;
+    use crate::model::effects::{Chosen, parse_list};
     use crate::rig::Rig;
+
+    fn fitter<'a>(rig: &'a Rig, runs: &'a [RunData], effects: &'a [Chosen], options: &'a Options) -> FullFitter<'a> {
+        FullFitter { rig, runs, effects, options, progress: &|_| {}, least_fall: least_fall(runs, 0.0) }
+    }
+
+    /// These effects, screened.
+    fn screened_of(baseline: &Baseline, names: [&str; 2]) -> [Refit; 2] {
+        let forms = candidates(baseline.rig, &baseline.effects, baseline.runs.len());
+        names.map(|name| screen(baseline, forms.iter().find(|form| form.effect == name).unwrap()).unwrap())
+    }
 
     /// A leak that was driven to the valve imitates a valve that does not close. That one has no fit of its own, and is found all the same.
     #[test]
@@ -102,27 +112,14 @@ mod tests {
         let options = Options { most_reaches: 128, ..Options::default() };
         let start = calibrate(&rig, &runs, &[], &options, &|_| {}).unwrap();
         let baseline = Baseline::new(&rig, &runs, &start, &options).unwrap();
-        let screened: Vec<_> = candidates(&rig, &[], 1)
-            .iter()
-            .filter(|form| ["leak", "valve-seat-leak"].contains(&form.effect))
-            .map(|form| screen(&baseline, form).unwrap())
-            .collect();
-        let mut fits: Vec<_> =
-            screened.iter().map(|refit| CandidateFit::forecast(&baseline, &start, refit, 0.0)).collect();
-        let of = |fits: &[CandidateFit], name: &str| fits.iter().position(|r| r.refit.form.effect == name).unwrap();
-        let (leak, seat) = (of(&fits, "leak"), of(&fits, "valve-seat-leak"));
+        let screened = screened_of(&baseline, ["leak", "valve-seat-leak"]);
+        let mut fits = screened.each_ref().map(|refit| CandidateFit::forecast(&baseline, &start, refit, 0.0));
+        let (leak, seat) = (0, 1);
         let effects = parse_list("leak").unwrap();
         let mut values = start.values();
         values.splice(1..1, [0.98 * rig.length_m(), 3.0]);
         fits[leak].take(refine(&rig, &runs, &effects, &values, &options, &|_| {}));
-        let fitter = FullFitter {
-            rig: &rig,
-            runs: &runs,
-            effects: &[],
-            options: &options,
-            progress: &|_| {},
-            least_fall: least_fall(&runs, 0.0),
-        };
+        let fitter = fitter(&rig, &runs, &[], &options);
         contest(&fitter, &mut fits);
         let imitation = fits[leak].fit.as_ref().unwrap();
         assert!(is_located(imitation) && imitation.parameter("leak_position_m").unwrap().at_bound);
@@ -135,33 +132,16 @@ mod tests {
     /// In a pipe that creeps a change of section imitates a short branch, whose refit cannot leave the place where the creep has made up for it.
     #[test]
     fn a_change_of_section_meets_the_branch_wherever_that_is() {
-        let rig = Rig::from_toml(&HDPE.replace("80.0", "109.15").replace("50.0", "16.0"), "rig.toml").unwrap();
-        let run =
-            RunValues { initial_velocity_m_s: 0.74, valve_head_m: 51.4, closing_time_s: 0.196, friction_scale: 1.03 };
-        let truth = [474.9, 0.0749, 0.0204, 0.0807, 0.221, 89.9, 3.9, 0.95];
-        let hidden = parse_list("viscoelastic-wall:2,side-branch").unwrap();
-        let runs = [record(&rig, &hidden, &truth, run, 0.086, 9.0)];
+        let (rig, record) = short_branch();
+        let runs = [record];
         let options = Options { most_reaches: 128, ..Options::default() };
         let effects = parse_list("viscoelastic-wall:2").unwrap();
         let start = calibrate(&rig, &runs, &effects, &options, &|_| {}).unwrap();
         let baseline = Baseline::new(&rig, &runs, &start, &options).unwrap();
-        let screened: Vec<_> = candidates(&rig, &effects, 1)
-            .iter()
-            .filter(|form| ["section-change", "side-branch"].contains(&form.effect))
-            .map(|form| screen(&baseline, form).unwrap())
-            .collect();
-        let mut fits: Vec<_> =
-            screened.iter().map(|refit| CandidateFit::forecast(&baseline, &start, refit, 0.0)).collect();
-        let of = |fits: &[CandidateFit], name: &str| fits.iter().position(|r| r.refit.form.effect == name).unwrap();
-        let (section, branch) = (of(&fits, "section-change"), of(&fits, "side-branch"));
-        let fitter = FullFitter {
-            rig: &rig,
-            runs: &runs,
-            effects: &effects,
-            options: &options,
-            progress: &|_| {},
-            least_fall: least_fall(&runs, 0.0),
-        };
+        let screened = screened_of(&baseline, ["section-change", "side-branch"]);
+        let mut fits = screened.each_ref().map(|refit| CandidateFit::forecast(&baseline, &start, refit, 0.0));
+        let (section, branch) = (0, 1);
+        let fitter = fitter(&rig, &runs, &effects, &options);
         let fit = fitter.fit_from_refit(fits[section].refit);
         fits[section].take(fit);
         contest(&fitter, &mut fits);

@@ -119,7 +119,7 @@ pub fn diagnose_fit(
     }
     let scale = weigh(&fitter, &baseline, &start, &mut candidate_fits, &pair_fits);
     rank(&baseline, &mut candidate_fits);
-    let leading = best_pair(&mut pair_fits).map(|pair| &mut pair.fit);
+    let leading = pair_fits.first_mut().map(|pair| &mut pair.fit);
     let single = candidate_fits.first_mut().filter(|r| r.evidence > LEAST_EVIDENCE).and_then(|r| r.fit.as_mut());
     if let Some(fit) = leading.or(single).filter(|fit| !fit.converged) {
         fitter.prune(fit);
@@ -215,11 +215,6 @@ fn candidate_fits<'a>(baseline: &Baseline, start: &Fit, refits: &'a [Refit]) -> 
 /// The most probable first.
 fn rank(baseline: &Baseline, candidate_fits: &mut [CandidateFit]) {
     candidate_fits.sort_by(|a, b| b.log_odds(&baseline.known).total_cmp(&a.log_odds(&baseline.known)));
-}
-
-/// The pair that leaves least.
-fn best_pair(pair_fits: &mut [PairFit]) -> Option<&mut PairFit> {
-    pair_fits.iter_mut().min_by(|a, b| square(&a.fit).total_cmp(&square(&b.fit)))
 }
 
 /// Fits the best candidates to all samples, and tries further if none of them explains the records.

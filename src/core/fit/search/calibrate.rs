@@ -117,6 +117,13 @@ pub struct CoarseFit {
     pub mean_square: f64,
 }
 
+impl CoarseFit {
+    fn of(ctx: &Calibrator, model: &Model, estimate: Estimate) -> Self {
+        let mean_square = mean_square(ctx, model, &estimate);
+        CoarseFit { mean_square, values: estimate.values, effects: model.effects.clone() }
+    }
+}
+
 /// Fits a model coarsely from the signals alone: to some of the samples, on a coarse grid. [`refine`] goes on from there.
 ///
 /// # Errors
@@ -125,9 +132,7 @@ pub fn fit_coarsely(rig: &Rig, runs: &[RunData], effects: &[Chosen], options: &O
     let ctx = Calibrator::new(rig, runs, options, &|_| {}, effects, None)?;
     let effects = place_at_sensors(&ctx, effects)?;
     let model = ctx.model(&effects);
-    let estimate = coarse_fit(&ctx, &model, None)?;
-    let mean_square = mean_square(&ctx, &model, &estimate);
-    Ok(CoarseFit { mean_square, values: estimate.values, effects })
+    Ok(CoarseFit::of(&ctx, &model, coarse_fit(&ctx, &model, None)?))
 }
 
 /// Fits a model coarsely from `values` of all its variables (shared ones, then each run's), after looking along the whole pipe for its effects that may
@@ -145,9 +150,7 @@ pub(crate) fn relocate(
 ) -> Result<CoarseFit, FitError> {
     let ctx = Calibrator::new(rig, runs, options, progress, effects, Some(values))?;
     let model = ctx.model(effects);
-    let estimate = relocated(&ctx, &model, values)?;
-    let mean_square = mean_square(&ctx, &model, &estimate);
-    Ok(CoarseFit { mean_square, values: estimate.values, effects: effects.to_vec() })
+    Ok(CoarseFit::of(&ctx, &model, relocated(&ctx, &model, values)?))
 }
 
 /// Fits a model on from `values` of all its variables (shared ones, then each run's): to all samples, on as fine a grid as it takes.

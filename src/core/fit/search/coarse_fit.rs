@@ -209,22 +209,17 @@ pub(crate) fn residual_summary(
 
 #[cfg(test)]
 mod tests {
-    use crate::fit::problem::test_record::{HDPE, record};
+    use crate::fit::problem::test_record::short_branch;
     use crate::fit::search::calibrate::calibrate;
     use crate::fit::search::options::Options;
-    use crate::model::RunValues;
     use crate::model::effects::parse_list;
-    use crate::rig::Rig;
 
     /// Beside one element of creep a short branch ends where it makes up for the others; beside all of them it is found where it is.
     #[test]
     fn a_branch_is_looked_for_again_when_the_creep_is_whole() {
-        let rig = Rig::from_toml(&HDPE.replace("80.0", "109.15").replace("50.0", "16.0"), "rig.toml").unwrap();
+        let (rig, record) = short_branch();
+        let runs = [record];
         let effects = parse_list("viscoelastic-wall:2,side-branch").unwrap();
-        let run =
-            RunValues { initial_velocity_m_s: 0.74, valve_head_m: 51.4, closing_time_s: 0.196, friction_scale: 1.03 };
-        let truth = [474.9, 0.0749, 0.0204, 0.0807, 0.221, 89.9, 3.9, 0.95];
-        let runs = [record(&rig, &effects, &truth, run, 0.086, 9.0)];
         let options = Options { most_reaches: 128, ..Options::default() };
         let fit = calibrate(&rig, &runs, &effects, &options, &|_| {}).unwrap();
         let run = &fit.runs[0];
