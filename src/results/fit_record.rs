@@ -49,6 +49,9 @@ pub struct FitRecord {
     pub converged: bool,
     /// Why it stopped, in words.
     pub stopped_because: String,
+    /// Half the sum of squares that the fit minimised, in units of the noise's.
+    #[serde(default = "not_known", deserialize_with = "number_or_null")]
+    pub cost: f64,
     /// Fall of the sum of squares that a step of a descent promises from its end, in units of what one sample leaves.
     #[serde(default = "not_known", deserialize_with = "number_or_null")]
     pub promised_fall: f64,
@@ -193,6 +196,7 @@ impl FitRecord {
             seconds: fit.seconds,
             converged: fit.converged,
             stopped_because: fit.stopped_because.clone(),
+            cost: fit.cost,
             promised_fall: fit.predicted_reduction,
             warnings: warnings.to_vec(),
             unseen: fit.unidentifiable.clone(),

@@ -37,7 +37,7 @@ pub fn residual_patterns(fit: &Fit) -> Vec<Pattern> {
     for (r, run) in fit.runs.iter().enumerate() {
         let prefix = if fit.runs.len() > 1 { format!("{}, ", run.file) } else { String::new() };
         for (s, sensor) in run.sensors.iter().enumerate() {
-            if sensor.rmse_m > DESCRIBED_OVER_NOISE * sensor.noise_m {
+            if sensor.rmse_m > DESCRIBED_OVER_NOISE * sensor.noise_m || before(sensor).is_some() {
                 let worst = worst(sensor);
                 let sentence = format!(
                     "{prefix}{}: RMSE {} m, {} times the noise; {}",
@@ -53,6 +53,11 @@ pub fn residual_patterns(fit: &Fit) -> Vec<Pattern> {
     patterns
 }
 
+/// Mean of measured − model before the closure, m, where it stands out. No error counts it.
+fn before(sensor: &SensorFit) -> Option<f64> {
+    sensor.before_m.filter(|level| level.abs() > DESCRIBED_EXTREMA * sensor.noise_m)
+}
+
 fn worst(sensor: &SensorFit) -> Option<Cycle> {
     by_cycle(sensor).into_iter().max_by(|a, b| a.rms_m.total_cmp(&b.rms_m))
 }
@@ -60,8 +65,7 @@ fn worst(sensor: &SensorFit) -> Option<Cycle> {
 fn shape(sensor: &SensorFit, worst: Option<Cycle>) -> String {
     let mut parts = Vec::new();
     let residual: Vec<f64> = sensor.measured_m.iter().zip(&sensor.model_m).map(|(a, b)| a - b).collect();
-    let before = sensor.time_s.partition_point(|&t| t < 0.0);
-    if let Some(level) = mean(&residual[..before]).filter(|level| level.abs() > DESCRIBED_EXTREMA * sensor.noise_m) {
+    if let Some(level) = before(sensor) {
         let word = if level > 0.0 { "low" } else { "high" };
         parts.push(format!("the modelled head before the closure {} m too {word}", error_m(level.abs())));
     }
@@ -148,6 +152,12 @@ fn lateness(extrema: &[ExtremumError]) -> Option<(f64, &'static str)> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::fit::problem::test_record::{HDPE, record};
+    use crate::fit::search::calibrate::calibrate;
+    use crate::fit::search::options::Options;
+    use crate::model::RunValues;
+    use crate::model::constraint::Constraint;
+    use crate::rig::Rig;
 
     fn sensor(late_s: f64, high_m: f64) -> SensorFit {
         let time_s: Vec<f64> = (0..5000).map(|i| f64::from(i) * 1e-3).collect();
@@ -162,6 +172,7 @@ mod tests {
             white_noise_m: 0.01,
             rmse_m: high_m,
             start_rmse_m: 1.0,
+            before_m: None,
             extrema: (1..=5)
                 .map(|cycle| ExtremumError {
                     cycle,
@@ -194,11 +205,33 @@ mod tests {
         assert!(said.contains("modelled peaks 0.45 m too high at first, 0.30 m too low later"), "{said}");
         assert!(!said.contains("level"), "{said}");
         assert!(shape(&sensor(0.0, 0.5), None).contains("the measured mean level 0.50 m below the model"));
-        turning.time_s.iter_mut().for_each(|t| *t -= 0.5);
-        turning.model_m[..500].iter_mut().for_each(|head_m| *head_m -= 0.25);
+        turning.before_m = Some(0.25);
         assert!(
             shape(&turning, None).starts_with("the modelled head before the closure 0.25 m too low, modelled peaks")
         );
+    }
+
+    /// Heads before the closure are in no error, so a model that misses them is said to.
+    #[test]
+    fn a_fit_that_misses_the_steady_head_is_described() {
+        let rig = Rig::from_toml(HDPE, "rig.toml").unwrap();
+        let run =
+            RunValues { initial_velocity_m_s: 0.5, valve_head_m: 20.0, closing_time_s: 0.05, friction_scale: 1.0 };
+        let runs = [record(&rig, &[], &[380.0], run, 0.05, 3.0)];
+        let held = |name: &str, at: f64| Constraint {
+            name: name.to_owned(),
+            run: Some("run".to_owned()),
+            lower: at,
+            upper: at,
+        };
+        let held = [held("valve_head_m", 23.0), held("offset_m[P1]", 0.0)];
+        for (constraints, missed) in [(Vec::new(), false), (held.to_vec(), true)] {
+            let options = Options { constraints, most_reaches: 64, ..Options::default() };
+            let fit = calibrate(&rig, &runs, &[], &options, &|_| {}).unwrap();
+            let said: Vec<String> = residual_patterns(&fit).into_iter().map(|pattern| pattern.sentence).collect();
+            let says_so = said.iter().any(|s| s.contains("the modelled head before the closure 3.00 m too high"));
+            assert_eq!(says_so, missed, "{said:?}");
+        }
     }
 
     #[test]

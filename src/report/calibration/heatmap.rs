@@ -113,6 +113,7 @@ mod tests {
             white_noise_m: 0.03,
             rmse_m: 0.2,
             start_rmse_m: 1.0,
+            before_m: None,
             extrema: vec![peak(1), peak(2)],
             time_s,
         }
@@ -155,6 +156,7 @@ mod tests {
             steps: vec![],
             stopped_because: String::new(),
             converged: true,
+            cost: 0.0,
             predicted_reduction: 0.0,
             features_left: vec![],
             method: crate::fit::problem::method::Method::default(),

@@ -118,6 +118,7 @@ mod tests {
             white_noise_m: 0.01,
             rmse_m: 0.1,
             start_rmse_m: 1.0,
+            before_m: None,
             // Found a tenth of a cycle late at the last one, as peaks of changing shape are.
             extrema: [(1usize, 0.25), (11, 10.35)]
                 .map(|(cycle, at)| ExtremumError {

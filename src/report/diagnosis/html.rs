@@ -137,6 +137,7 @@ mod tests {
             white_noise_m: 0.03,
             rmse_m: off_m,
             start_rmse_m: 1.0,
+            before_m: None,
             extrema: vec![],
             time_s,
         };
@@ -161,6 +162,7 @@ mod tests {
             steps: vec![],
             stopped_because: "done".into(),
             converged: true,
+            cost: 0.0,
             predicted_reduction: 0.0,
             features_left: vec![],
             method: crate::fit::problem::method::Method::default(),

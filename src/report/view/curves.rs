@@ -170,6 +170,7 @@ mod tests {
             white_noise_m: 0.1,
             rmse_m: 1.0,
             start_rmse_m: 2.0,
+            before_m: None,
             extrema: vec![],
         };
         let run = RunFit {
@@ -194,6 +195,7 @@ mod tests {
             steps: vec![],
             stopped_because: String::new(),
             converged: true,
+            cost: 0.0,
             predicted_reduction: 0.0,
             features_left: vec![],
             method: crate::fit::problem::method::Method::default(),

@@ -152,6 +152,7 @@ mod tests {
                 white_noise_m: noise_m,
                 rmse_m,
                 start_rmse_m: 2.0,
+                before_m: None,
                 extrema: vec![],
             }],
         };
@@ -168,6 +169,7 @@ mod tests {
             steps: vec![],
             stopped_because: String::new(),
             converged: true,
+            cost: 0.0,
             predicted_reduction: 0.0,
             features_left: vec![],
             method: crate::fit::problem::method::Method::default(),

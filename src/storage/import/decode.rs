@@ -7,6 +7,7 @@ use crate::storage::error::LogError;
 use crate::storage::import::arrays::{hdf5, mat, text_of_arrays};
 use crate::storage::import::source::{SourceFile, SourceOptions};
 use crate::storage::import::{csv, mcap, sheet, tdms};
+use crate::storage::read::check_start;
 
 /// Reads a file of another program, whichever of the known kinds it is.
 ///
@@ -21,6 +22,9 @@ pub fn read_source(path: &Path, options: &SourceOptions) -> Result<SourceFile, L
 /// # Errors
 /// As there.
 pub fn decode_source(bytes: &[u8], path: &Path, options: &SourceOptions) -> Result<SourceFile, LogError> {
+    if path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("mcap")) {
+        check_start(bytes, path)?;
+    }
     if bytes.starts_with(::mcap::MAGIC) {
         mcap::read(bytes, path, options)
     } else if bytes.starts_with(b"TDSm") {

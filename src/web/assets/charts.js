@@ -31,7 +31,8 @@ function shown(panel, heads) {
   return unit ? heads.map((v) => (v === null ? null : v * unit.per_m + unit.zero)) : heads;
 }
 const symbol = (panel) => (app.unit === "own" && panel.sensor.unit ? panel.sensor.unit.symbol : "m");
-const what = (panel, residual) => `${residual ? "model − measured" : symbol(panel) === "m" ? "head" : "pressure"}, ${symbol(panel)}`;
+const below = (panel) => (panel.data.adds && app.preview ? `model − measured; dashed: what ${app.preview} explains` : "model − measured");
+const what = (panel, residual) => `${residual ? below(panel) : symbol(panel) === "m" ? "head" : "pressure"}, ${symbol(panel)}`;
 const perM = (panel) => (app.unit === "own" && panel.sensor.unit ? panel.sensor.unit.per_m : 1);
 
 function options(panel, residual) {
@@ -189,7 +190,7 @@ class Panel {
     const legend = this.legend.querySelectorAll(".u-series");
     [ghost, model, trial].forEach((curve, i) => { legend[i + 2].hidden = !curve; });
     legend[2].querySelector(".u-label").textContent = app.compare ? `model ${app.compare}` : "before";
-    legend[4].querySelector(".u-label").textContent = following ? "being fitted" : app.preview ? `with ${app.preview} (below: the error that it explains)` : "proposed";
+    legend[4].querySelector(".u-label").textContent = following ? "being fitted" : app.preview ? `with ${app.preview}` : "proposed";
   }
   build() {
     this.plots = [false, true].map((residual, i) => new uPlot({ width: this.width, ...options(this, residual) }, this.drawn[i], this.box));

@@ -54,6 +54,9 @@ fn a_messy_table_is_looked_at_then_imported_and_opened() {
     let refused =
         bench.post("/api/import", &json!({ "name": "x.csv", "content": base64(b"hello\n"), "accept": true }), 400);
     assert!(refused["error"].as_str().unwrap().len() > 10, "{refused}");
+    let text = json!({ "name": "x.mcap", "content": base64(messy.as_bytes()), "accept": false });
+    let refused = bench.post("/api/import", &text, 400);
+    assert_eq!(refused["error"], "x.mcap is not an MCAP file");
 }
 
 #[cfg(unix)]

@@ -60,6 +60,12 @@ fn runs_are_compared_at_the_closure_with_what_inspect_says_of_each() {
         let period = measured.iter().find(|q| q["label"] == "period").unwrap()["value"].as_f64().unwrap();
         assert!((period / inspected(folder.path(), run) - 1.0).abs() < 1e-9);
     }
+    // the run that is open has a model, though no file has it yet
+    let open = state["open"]["runs"][0]["name"].as_str().unwrap();
+    for run in head["runs"].as_array().unwrap() {
+        assert_eq!(run["rmse_m"].is_number(), run["name"] == open, "{run}");
+    }
+    assert!(!folder.path().join(open).with_extension("model.toml").exists());
     let sensor = head["sensors"][0]["name"].as_str().unwrap();
     assert_eq!(head["runs"][0]["differences_m"][sensor], 0.0);
     assert!(head["runs"][1]["differences_m"][sensor].as_f64().unwrap() > 1.0);

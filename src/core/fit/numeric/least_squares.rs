@@ -160,17 +160,17 @@ pub fn jacobian<P: Problem>(problem: &P, x: &[f64], base: &[f64]) -> Result<Vec<
     (0..x.len())
         .into_par_iter()
         .map(|j| {
-            let mut step = problem.difference_step(j);
-            if x[j] + step > upper[j] {
-                step = -step;
-            }
-            let mut moved = x.to_vec();
-            moved[j] += step;
-            let mut column = problem.residuals_moved(&moved, j, base)?;
-            for (c, b) in column.iter_mut().zip(base) {
-                *c = (*c - b) / step;
-            }
-            Ok(column)
+            let by = |step: f64| {
+                let mut moved = x.to_vec();
+                moved[j] += step;
+                let mut column = problem.residuals_moved(&moved, j, base)?;
+                column.iter_mut().zip(base).for_each(|(c, b)| *c = (*c - b) / step);
+                Ok(column)
+            };
+            let step = problem.difference_step(j);
+            let inwards = if x[j] + step > upper[j] { -step } else { step };
+            // What is held may stand at an end of all that can be simulated, on either side.
+            by(inwards).or_else(|_: P::Error| by(-inwards))
         })
         .collect()
 }

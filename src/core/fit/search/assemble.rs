@@ -24,6 +24,7 @@ use crate::fit::problem::rows::CommonError;
 use crate::fit::search::calibrator::Calibrator;
 use crate::fit::search::descent::{predict_reduction_by, slopes};
 use crate::model::{Model, ModelError};
+use crate::signal::trace::mean;
 
 /// A fit of frequencies, seen from the samples.
 struct Sampled<'a> {
@@ -117,6 +118,7 @@ pub(crate) fn assemble(ctx: &Calibrator, problem: &FitProblem, solution: &Soluti
         features_left: Vec::new(),
         stopped_because,
         converged,
+        cost: solution.cost,
         predicted_reduction: reduction,
     })
 }
@@ -249,6 +251,9 @@ fn run_fit(
         let pair =
             Pair { time_s: &time_s, measured_m: &measured_m, model_m: &model_m, noise_m: sensor.noise_m, period_s };
         let extrema = pair.extrema(&found);
+        // Where the model's closure starts late, the rise is none of it.
+        let steady = sensor.time_s.partition_point(|&t| t < start.min(run.start.closure_s.0));
+        let lead: Vec<f64> = sensor.head_m[..steady].iter().map(|head_m| head_m - offset - traces[s].at(0.0)).collect();
         sensors.push(SensorFit {
             name: sensor.sensor.name.clone(),
             position_m: sensor.sensor.position_m,
@@ -257,6 +262,7 @@ fn run_fit(
             white_noise_m: sensor.noise_m,
             rmse_m: rmse(&measured_m, &model_m),
             start_rmse_m: rmse(&measured_m, &before),
+            before_m: (!lead.is_empty()).then(|| mean(&lead)),
             extrema,
             time_s,
             measured_m,

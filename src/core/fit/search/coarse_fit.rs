@@ -10,7 +10,7 @@ use crate::fit::search::calibrator::{Calibrator, Estimate};
 use crate::fit::search::starts::{Start, differing, drawn, starts_from, starts_of, take_over, vanish};
 use crate::fit::search::thresholds::{
     COARSE, COARSE_REACHES, EVALUATE_ONLY, FOLLOWED, HOPELESS_START_RATIO, LOCKING_PERIODS, LOCKING_REACHES,
-    MAX_RELEASED, POOR_FIT_COST, SCREENING,
+    LOOKED_AGAIN, MAX_RELEASED, POOR_FIT_COST, SCREENING,
 };
 use crate::model::effects::Chosen;
 use crate::model::{Model, ModelError};
@@ -87,10 +87,23 @@ fn locked(
         return Ok(locked);
     }
     // Without its effects the rest may have gone where no place leads back from, so the places are also tried from what the signals say.
-    locked.truncate(1);
-    let mut screened = in_places(ctx, model, &scanned, base, &[&locked[0].values, base], period_s)?;
+    locked.truncate(FOLLOWED);
+    let rests: Vec<&[f64]> = locked.iter().map(|l| &l.values[..]).chain([base]).collect();
+    let mut screened = in_places(ctx, model, &scanned, base, &rests, period_s)?;
     screened.append(&mut locked);
-    released(ctx, model, &screened, period_s)
+    let mut found = released(ctx, model, &screened, period_s)?;
+    // One effect was looked for while the others were absent: each is looked for again beside the others.
+    let several = scanned.iter().any(|start| start.effect != scanned[0].effect);
+    while several {
+        let again = in_places(ctx, model, &scanned, base, &[&found[0].values], period_s)?;
+        let again = released(ctx, model, &again, period_s)?;
+        let better = again[0].cost < LOOKED_AGAIN * found[0].cost;
+        found = sorted(found.into_iter().chain(again).collect());
+        if !better {
+            break;
+        }
+    }
+    Ok(found)
 }
 
 /// Fits of the first cycles with an effect that may be anywhere held in one place after the other, from each of the `rests` of the variables. Everything
@@ -209,10 +222,12 @@ pub(crate) fn residual_summary(
 
 #[cfg(test)]
 mod tests {
-    use crate::fit::problem::test_record::short_branch;
+    use crate::fit::problem::test_record::{HDPE, record, short_branch};
     use crate::fit::search::calibrate::calibrate;
     use crate::fit::search::options::Options;
+    use crate::model::RunValues;
     use crate::model::effects::parse_list;
+    use crate::rig::Rig;
 
     /// Beside one element of creep a short branch ends where it makes up for the others; beside all of them it is found where it is.
     #[test]
@@ -226,5 +241,24 @@ mod tests {
         assert!(run.rmse_m < 1.03 * run.noise_m, "{} m", run.rmse_m);
         let place_m = fit.parameter("branch_position_m").unwrap().value;
         assert!((place_m - 89.9).abs() < 0.5, "{place_m} m");
+    }
+
+    /// Two strong effects along the pipe: neither is found while the other is absent, and each is beside the other.
+    #[test]
+    fn two_places_are_found_each_beside_the_other() {
+        let steel = HDPE.replace("HDPE", "steel").replace("80.0", "100.0");
+        let rig = Rig::from_toml(&steel, "rig.toml").unwrap();
+        let effects = parse_list("side-branch,section-change").unwrap();
+        let run =
+            RunValues { initial_velocity_m_s: 0.4, valve_head_m: 62.0, closing_time_s: 0.037, friction_scale: 1.0 };
+        let runs = [record(&rig, &effects, &[1300.0, 60.1, 7.5, 0.6, 13.4, 27.3, 1.1, 1.0], run, 0.07, 4.0)];
+        let options = Options { most_reaches: 128, ..Options::default() };
+        let fit = calibrate(&rig, &runs, &effects, &options, &|_| {}).unwrap();
+        let left = fit.runs[0].rmse_m / fit.runs[0].noise_m;
+        assert!(left < 2.0, "{left} times the noise");
+        for (name, exact_m) in [("branch_position_m", 60.1), ("section_start_m", 13.4), ("section_end_m", 27.3)] {
+            let place_m = fit.parameter(name).unwrap().value;
+            assert!((place_m - exact_m).abs() < 0.3, "{name}: {place_m} m");
+        }
     }
 }

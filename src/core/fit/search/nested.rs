@@ -48,9 +48,9 @@ pub fn calibrate_nested(
             continue;
         }
         let smaller = calibrate_nested(rig, runs, &rest, &fewer, progress)?;
-        if smaller.mean_square() < fit.mean_square() {
+        if smaller.cost < fit.cost {
             let on = grown(rig, runs, &fit.effects, &smaller, options, progress, 0.0)?;
-            fit = on.filter(|on| on.mean_square() < fit.mean_square()).unwrap_or(fit);
+            fit = on.filter(|on| on.cost < fit.cost).unwrap_or(fit);
         }
     }
     let Some(i) = growing(effects).filter(|&i| effects[i].elements.is_none()) else { return Ok(fit) };
@@ -81,7 +81,7 @@ pub fn or_from_signals(
         return Ok(fit);
     }
     let anew = calibrate_nested(rig, runs, &fit.effects, options, progress)?;
-    Ok(if anew.mean_square() < fit.mean_square() { anew } else { fit })
+    Ok(if anew.cost < fit.cost { anew } else { fit })
 }
 
 /// The bigger model's fit from the smaller one's end, on its grid: with what is new almost absent, or as it usually starts. None where a few

@@ -20,6 +20,8 @@ pub(crate) const LOCKING_PERIODS: [f64; 2] = [1.5, 5.0];
 pub(crate) const FEW_STARTS: usize = 3;
 /// How many of the places where an effect was screened are followed further. Tuned; data unknown.
 pub(crate) const MAX_RELEASED: usize = 4;
+/// Cost, as a share of what there was, below which several effects that may be anywhere are looked for once more. Cost, and chosen.
+pub(crate) const LOOKED_AGAIN: f64 = 0.7;
 /// How many fits of the first cycles go on to the whole record. Tuned; data unknown.
 pub(crate) const FOLLOWED: usize = 2;
 /// Cost for each sample above which a fit is too poor to grow a richer one from: four times the variance of noise. Tuned; data unknown.

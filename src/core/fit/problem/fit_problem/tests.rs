@@ -2,6 +2,7 @@
 
 use crate::fit::data::run_data::RunStart;
 use crate::fit::data::run_data::{Meter, SensorData};
+use crate::fit::numeric::least_squares::jacobian;
 use crate::fit::problem::fit_problem::*;
 use crate::model::Conditions;
 use crate::model::effects::parse_list;
@@ -99,4 +100,24 @@ fn moving_one_variable_by_a_shortcut_changes_nothing() {
     let once = ["lag_time_s", "lag_damping_ratio", "position_m[P2]"].into_iter();
     let expected: Vec<&str> = once.chain((0..2).flat_map(|_| ["closure_start_s"].into_iter().chain(offsets))).collect();
     assert_eq!(from_the_latest, expected);
+}
+
+/// A value that is held at an end of all that can be simulated has a slope, too: to the inside.
+#[test]
+fn what_is_held_may_stand_at_either_end_of_the_pipe() {
+    let rig = Rig::from_toml(RIG, "rig.toml").unwrap();
+    let runs = [run(&rig, "a")];
+    let effects = parse_list("section-change").unwrap();
+    let model = Model::new(&rig, &runs[0].conditions.water, &effects);
+    let mut problem = FitProblem::new(&model, &runs, Window { reaches: 20, horizon_s: 2.0, stride: 3 });
+    let section = ["section_start_m", "section_end_m"]
+        .map(|name| problem.parameters.iter().position(|p| p.name == name).unwrap());
+    let mut values = problem.start_values();
+    (values[section[0]], values[section[1]]) = (0.0, 100.0);
+    problem.hold(&section, &values);
+    let x = problem.variables(&values);
+    let columns = jacobian(&problem, &x, &problem.residuals(&x).unwrap()).unwrap();
+    for j in section {
+        assert!(columns[j].iter().any(|slope| *slope != 0.0), "{}", problem.parameters[j].name);
+    }
 }
