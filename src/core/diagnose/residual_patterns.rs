@@ -31,7 +31,7 @@ pub struct Cycle {
     pub rms_m: f64,
 }
 
-/// A pattern for each sensor whose residual is more than noise.
+/// A pattern for each sensor whose residual is more than noise, or whose head before the closure is missed.
 pub fn residual_patterns(fit: &Fit) -> Vec<Pattern> {
     let mut patterns = Vec::new();
     for (r, run) in fit.runs.iter().enumerate() {
@@ -53,7 +53,7 @@ pub fn residual_patterns(fit: &Fit) -> Vec<Pattern> {
     patterns
 }
 
-/// Mean of measured − model before the closure, m, where it stands out. No error counts it.
+/// Mean of measured − model before the closure, m, where it stands out. An RMSE counts what follows the closure.
 fn before(sensor: &SensorFit) -> Option<f64> {
     sensor.before_m.filter(|level| level.abs() > DESCRIBED_EXTREMA * sensor.noise_m)
 }

@@ -147,11 +147,11 @@ fn half_square(residuals: &[f64]) -> f64 {
     0.5 * dot(residuals, residuals)
 }
 
-/// The Jacobian by forward differences, one column a variable (backward where the upper bound is near), of the problem or of
+/// The Jacobian by forward differences, one column a variable (backward where the upper bound is near or the problem ends), of the problem or of
 /// a cheaper one that stands for it.
 ///
 /// # Errors
-/// The first evaluation that fails.
+/// An evaluation that fails on both sides.
 pub fn jacobian<P: Problem>(problem: &P, x: &[f64], base: &[f64]) -> Result<Vec<Vec<f64>>, P::Error> {
     if let Some(cheaper) = problem.cheaper() {
         return jacobian(cheaper, x, &cheaper.residuals(x)?);
@@ -169,8 +169,8 @@ pub fn jacobian<P: Problem>(problem: &P, x: &[f64], base: &[f64]) -> Result<Vec<
             };
             let step = problem.difference_step(j);
             let inwards = if x[j] + step > upper[j] { -step } else { step };
-            // What is held may stand at an end of all that can be simulated, on either side.
-            by(inwards).or_else(|_: P::Error| by(-inwards))
+            // What is held may stand at an end of all that can be evaluated, on either side.
+            by(inwards).or_else(|error: P::Error| by(-inwards).map_err(|_| error))
         })
         .collect()
 }

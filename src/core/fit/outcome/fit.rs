@@ -87,7 +87,7 @@ pub struct SensorFit {
     pub rmse_m: f64,
     /// The same with the parameters that the fit started from, m.
     pub start_rmse_m: f64,
-    /// Mean of measured − model over the samples before the closure, m; none where there are none.
+    /// Mean of measured − model over the last period before the closure, m; none where it has no sample.
     pub before_m: Option<f64>,
     /// Each peak and trough.
     pub extrema: Vec<ExtremumError>,
@@ -181,8 +181,8 @@ pub struct Fit {
     pub stopped_because: String,
     /// It ended at an optimum, as far as a descent can tell. Otherwise no error, interval or band is given.
     pub converged: bool,
-    /// Half the sum of squares that it minimised: of the residuals over their noise, from a little before the closure on, and of what is known
-    /// beforehand.
+    /// Half the sum of squares that it minimised: of the residuals over their noise (or of their transform, where frequencies are compared), from a
+    /// little before the closure on, and of what is known beforehand.
     pub cost: f64,
     /// Reduction of the sum of squares that an undamped step predicts from its end, in units of what one sample leaves.
     pub predicted_reduction: f64,

@@ -251,9 +251,10 @@ fn run_fit(
         let pair =
             Pair { time_s: &time_s, measured_m: &measured_m, model_m: &model_m, noise_m: sensor.noise_m, period_s };
         let extrema = pair.extrema(&found);
-        // Where the model's closure starts late, the rise is none of it.
-        let steady = sensor.time_s.partition_point(|&t| t < start.min(run.start.closure_s.0));
-        let lead: Vec<f64> = sensor.head_m[..steady].iter().map(|head_m| head_m - offset - traces[s].at(0.0)).collect();
+        // The newest of it, for supplies drift; where the model's closure starts late, the rise is none of it.
+        let until = start.min(run.start.closure_s.0) + traces[s].late_s.min(0.0);
+        let [first, last] = [until - period_s, until].map(|s| sensor.time_s.partition_point(|&t| t < s));
+        let lead: Vec<f64> = sensor.head_m[first..last].iter().map(|m| m - offset - traces[s].values[0]).collect();
         sensors.push(SensorFit {
             name: sensor.sensor.name.clone(),
             position_m: sensor.sensor.position_m,

@@ -92,18 +92,34 @@ fn locked(
     let mut screened = in_places(ctx, model, &scanned, base, &rests, period_s)?;
     screened.append(&mut locked);
     let mut found = released(ctx, model, &screened, period_s)?;
-    // One effect was looked for while the others were absent: each is looked for again beside the others.
-    let several = scanned.iter().any(|start| start.effect != scanned[0].effect);
-    while several {
-        let again = in_places(ctx, model, &scanned, base, &[&found[0].values], period_s)?;
-        let again = released(ctx, model, &again, period_s)?;
-        let better = again[0].cost < LOOKED_AGAIN * found[0].cost;
-        found = sorted(found.into_iter().chain(again).collect());
-        if !better {
-            break;
-        }
+    if scanned.iter().any(|start| start.effect != scanned[0].effect) {
+        let best = beside_each_other(ctx, model, &scanned, base, found.remove(0), period_s);
+        // The others stay: from one of them the whole record may be followed better.
+        found.insert(0, best);
     }
     Ok(found)
+}
+
+/// A fit of the first cycles whose effects that may be anywhere were each looked for while the others were absent: each is looked for again beside the
+/// others, as long as that leaves much less. Where a place cannot be simulated, the fit stays as it is.
+fn beside_each_other(
+    ctx: &Calibrator,
+    model: &Model,
+    scanned: &[Start],
+    base: &[f64],
+    mut best: Estimate,
+    period_s: f64,
+) -> Estimate {
+    loop {
+        let again = in_places(ctx, model, scanned, base, &[&best.values], period_s);
+        let again = again.and_then(|again| released(ctx, model, &again, period_s)).unwrap_or_default();
+        let Some(better) = again.into_iter().next().filter(|again| again.cost < best.cost) else { return best };
+        let much = better.cost < LOOKED_AGAIN * best.cost;
+        best = better;
+        if !much {
+            return best;
+        }
+    }
 }
 
 /// Fits of the first cycles with an effect that may be anywhere held in one place after the other, from each of the `rests` of the variables. Everything

@@ -44,6 +44,9 @@ pub(crate) const SENSOR_TIE: f64 = 0.5 * STRONG_EVIDENCE;
 /// Mean square of what a fit leaves, in units of the noise, above which smaller models are fitted, too. Derived: below, none can leave less by
 /// more than noise.
 pub(crate) const SMALLER_ABOVE: f64 = 2.0;
+/// A smaller model that leaves this many times the bigger one's sum of squares after a few steps from its end is not fitted further. Cost, and
+/// chosen: a few steps more gain less.
+pub(crate) const AS_GOOD_WITHOUT: f64 = 1.02;
 /// A smaller model that leaves this many times the bigger one's mean square on the coarse grid is not fitted further. Cost, and chosen: the
 /// coarse grid may err by as much.
 pub(crate) const HOPELESS_SMALLER: f64 = 1.5;
