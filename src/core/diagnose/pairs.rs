@@ -105,6 +105,7 @@ pub(crate) fn fitted_pairs(
     let promising = promising(baseline, refits);
     let mut refitted: Vec<PairRefit> = promising.par_iter().filter_map(|of| refitted(baseline, *of)).collect();
     refitted.extend(single.into_iter().flat_map(|(form, fit)| beside(fitter, form, fit)));
+    refitted.extend(in_its_place(baseline, &refitted, leading));
     refitted.sort_by(|a, b| a.square.total_cmp(&b.square));
     let refitted_alone = refits.iter().map(|refit| refit.square).fold(baseline.square, f64::min);
     if let Some(best) = refitted.first() {
@@ -153,7 +154,7 @@ fn from_the_signals(fitter: &FullFitter, baseline: &Baseline, leading: &[&Refit]
     let mut next = leading.first();
     while let Some(one) = next {
         tried.push(one.form.effect);
-        let new = |other: &&&Refit| !tried.contains(&other.form.effect) && can_be_combined(one, other);
+        let new = |other: &&&Refit| !tried.contains(&other.form.effect) && can_be_combined(&one.form, &other.form);
         let beside = leading.par_iter().filter(new).filter_map(|other| {
             let of = [one, other].map(|refit| refit.form.clone());
             let added = of.iter().map(|form| &form.chosen);
@@ -196,6 +197,30 @@ fn beside(fitter: &FullFitter, form: &Form, single: &Fit) -> Vec<PairRefit> {
     second.map(pair).collect()
 }
 
+/// The best of the pairs that hold the leading effect, with each of its rivals alone in its place: only the leading one met every other effect in a fit of
+/// its own.
+fn in_its_place(baseline: &Baseline, pairs: &[PairRefit], leading: &[&Refit]) -> Vec<PairRefit> {
+    let Some((first, others)) = leading.split_first() else { return Vec::new() };
+    let of_first = |pair: &PairRefit| pair.of.iter().position(|form| form.effect == first.form.effect);
+    let holding = pairs.iter().filter_map(|pair| Some((of_first(pair)?, pair)));
+    let Some((i, best)) = holding.min_by(|a, b| a.1.square.total_cmp(&b.1.square)) else { return Vec::new() };
+    let partner = &best.of[1 - i];
+    let place = best.effects.len() - 2 + i;
+    let near = |rival: &&&Refit| {
+        rival.square < NO_FULL_FIT_ABOVE * first.square
+            && rival.form.effect != partner.effect
+            && can_be_combined(&rival.form, partner)
+    };
+    let exchanged = |rival: &&Refit| {
+        let (mut of, mut effects) = (best.of.clone(), best.effects.clone());
+        (of[i], effects[place]) = (rival.form.clone(), rival.form.chosen.clone());
+        let was = baseline.model(&best.effects).parameters_of(place);
+        let values = [&best.values[..was.start], baseline.added(&rival.values), &best.values[was.end..]].concat();
+        refined(baseline, of, best.added, &effects, &[values])
+    };
+    others.par_iter().filter(near).filter_map(exchanged).collect()
+}
+
 /// Keeps the first pair of each two effects.
 fn one_of_each(pairs: &mut Vec<PairRefit>) {
     let mut known: Vec<[&'static str; 2]> = Vec::new();
@@ -221,7 +246,9 @@ fn promising<'a>(baseline: &Baseline, refits: &'a [Refit]) -> Vec<[&'a Refit; 2]
     let both: Vec<(usize, usize)> = (0..refits.len()).flat_map(|i| (0..i).map(move |j| (i, j))).collect();
     let mut ranked: Vec<(f64, [&Refit; 2])> = both
         .into_par_iter()
-        .filter(|&(i, j)| refits[i].form.effect != refits[j].form.effect && can_be_combined(&refits[i], &refits[j]))
+        .filter(|&(i, j)| {
+            refits[i].form.effect != refits[j].form.effect && can_be_combined(&refits[i].form, &refits[j].form)
+        })
         .map(|(i, j)| {
             let across = dot(&signatures[i], &signatures[j]);
             (fall(alone[i], alone[j], across), [&refits[i], &refits[j]])
@@ -245,8 +272,8 @@ fn promising<'a>(baseline: &Baseline, refits: &'a [Refit]) -> Vec<[&'a Refit; 2]
     kept
 }
 
-fn can_be_combined(a: &Refit, b: &Refit) -> bool {
-    let (a, b) = (a.form.chosen.effect, b.form.chosen.effect);
+fn can_be_combined(a: &Form, b: &Form) -> bool {
+    let (a, b) = (a.chosen.effect, b.chosen.effect);
     let excluded =
         |x: &dyn crate::model::effects::Effect, name: &str| x.excludes().iter().any(|(other, _)| *other == name);
     !excluded(a, b.name()) && !excluded(b, a.name())
@@ -268,16 +295,28 @@ fn fall((aa, ar): (f64, f64), (bb, br): (f64, f64), ab: f64) -> f64 {
 fn refitted(baseline: &Baseline, of: [&Refit; 2]) -> Option<PairRefit> {
     let effects: Vec<Chosen> =
         baseline.effects.iter().cloned().chain(of.iter().map(|refit| refit.form.chosen.clone())).collect();
-    let model = baseline.model(&effects);
-    let problem = baseline.problem(&model);
     let rests = [&baseline.values, &of[0].values, &of[1].values];
-    let starts = rests.iter().map(|rest| problem.variables(&with_both(baseline, of, rest)));
+    let starts = rests.map(|rest| with_both(baseline, of, rest));
+    refined(baseline, of.map(|refit| refit.form.clone()), of[1].added, &effects, &starts)
+}
+
+/// Fits all parameters of a model with two forms, its last effects, on the coarse grid from the best of some `starts`.
+fn refined(
+    baseline: &Baseline,
+    of: [Form; 2],
+    added: usize,
+    effects: &[Chosen],
+    starts: &[Vec<f64>],
+) -> Option<PairRefit> {
+    let model = baseline.model(effects);
+    let problem = baseline.problem(&model);
+    let starts = starts.iter().map(|values| problem.variables(values));
     let cost = |x: &Vec<f64>| problem.residuals(x).map_or(f64::INFINITY, |r| dot(&r, &r));
     let start = starts.map(|x| (cost(&x), x)).min_by(|a, b| a.0.total_cmp(&b.0))?.1;
     let solution = minimise(&problem, &start, REFINE, |_, _| {}).ok()?;
     Some(PairRefit {
-        of: of.map(|refit| refit.form.clone()),
-        added: of[1].added,
+        of,
+        added,
         effects: model.effects.clone(),
         values: problem.values(&solution.x),
         square: 2.0 * solution.cost,
@@ -287,9 +326,8 @@ fn refitted(baseline: &Baseline, of: [&Refit; 2]) -> Option<PairRefit> {
 
 /// Values of all variables: both effects as their refits have them, the rest from `rest`, a start model's or a refit's values.
 fn with_both(baseline: &Baseline, of: [&Refit; 2], rest: &[f64]) -> Vec<f64> {
-    let size = |values: &[f64]| values.len() - baseline.values.len();
-    let own = of.iter().flat_map(|refit| &refit.values[baseline.shared..][..size(&refit.values)]);
-    let after = baseline.shared + size(rest);
+    let own = of.iter().flat_map(|refit| baseline.added(&refit.values));
+    let after = baseline.shared + baseline.added(rest).len();
     rest[..baseline.shared].iter().chain(own).chain(&rest[after..]).copied().collect()
 }
 

@@ -82,6 +82,10 @@ fn shape(sensor: &SensorFit, worst: Option<Cycle>) -> String {
             }
             _ => parts.extend(noteworthy(&errors).map(|mean| format!("modelled {name} {}", told(mean)))),
         }
+        // A mean would hide how much the first one misses, which rigs are built for.
+        let mean = mean(early).map_or(0.0, f64::abs);
+        let first = errors.first().filter(|first| first.abs() > DESCRIBED_EXTREMA * sensor.noise_m.max(mean));
+        parts.extend(first.map(|first| format!("the first {} {}", name.trim_end_matches('s'), told(*first))));
     }
     if let Some((late_s, by)) = lateness(&sensor.extrema) {
         let word = if late_s > 0.0 { "late" } else { "early" };
@@ -204,6 +208,12 @@ mod tests {
         let said = shape(&turning, None);
         assert!(said.contains("modelled peaks 0.45 m too high at first, 0.30 m too low later"), "{said}");
         assert!(!said.contains("level"), "{said}");
+        let mut first = sensor(0.0, 0.0);
+        for (e, error_m) in first.extrema.iter_mut().zip([-3.0, -0.1, -0.1, 0.0, 0.0]) {
+            e.model_m = e.measured_m + error_m;
+        }
+        assert!(shape(&first, None).contains("the first peak 3.00 m too low"), "{}", shape(&first, None));
+        assert!(!said.contains("the first peak"), "{said}");
         assert!(shape(&sensor(0.0, 0.5), None).contains("the measured mean level 0.50 m below the model"));
         turning.before_m = Some(0.25);
         assert!(

@@ -3,7 +3,7 @@
 import { post } from "/assets/api.js";
 import { at, digits, h, put } from "/assets/dom.js";
 import { app, complain } from "/assets/store.js";
-import { runs } from "/assets/runs.js";
+import { known, runs } from "/assets/runs.js";
 
 const base64 = (file) => new Promise((resolve, reject) => {
   const reader = new FileReader();
@@ -19,7 +19,7 @@ export async function arrive(file) {
   box.scrollIntoView({ block: "nearest" });
   let content;
   try { content = await base64(file); } catch (error) { complain(error); return; }
-  let [rate, writing] = [null, false];
+  let [rate, writing, rigOf] = [null, false, null];
   // what the numbers of a sensor's column stand for, where they are volts or milliamperes
   const scale = new Map();
   const look = async (map, ignore, without, accept) => {
@@ -29,12 +29,22 @@ export async function arrive(file) {
     app.opens ||= accept;
     const scales = map.filter(([, sensor]) => scale.get(sensor)).map(([column, sensor]) => [column, scale.get(sensor)]);
     try {
-      const found = await post("/api/import", { name: file.name, content, map, ignore, without, accept, scales, rate_hz: rate });
+      const found = await post("/api/import", { name: file.name, content, map, ignore, without, accept, scales, rate_hz: rate, rig_of: rigOf });
       if (accept) at("runs").close(); else show(found);
     } catch (error) {
       writing = false;
       put(box, h("h3", { text: file.name }), h("p", { class: "advice", text: error.message }), h("button", { type: "button", text: "Start again", onclick: () => arrive(file) }));
     }
+  };
+  // Where the runs are of several rigs, a person says of which one the file is.
+  const rigs = () => {
+    const { open, runs } = app.state;
+    const of = new Map(runs.map(known).filter((run) => run.rig).map((run) => [run.rig, run.id]));
+    const own = open && runs.map(known).find((run) => run.open)?.rig;
+    if (!open || of.size < 2) return open ? h("p", { class: "hint", text: `Read with the rig of ${open.title}: its sensors, their units and their places.` }) : null;
+    const choice = h("select", { "data-key": "rig", onchange: () => { rigOf = of.get(choice.value); scale.clear(); look([], [], [], false); } }, [...of.keys()].map((rig) => h("option", { value: rig, text: rig })));
+    choice.value = [...of].find(([, id]) => id === rigOf)?.[0] ?? own ?? "";
+    return h("label", {}, "recorded on the rig ", choice);
   };
   const show = (found) => {
     const understood = new Map((found.understood?.sensors || []).map((s) => [s.sensor, s]));
@@ -67,7 +77,7 @@ export async function arrive(file) {
     put(box, h("div", { class: "card arriving" },
       h("h3", { text: found.problem ? `${file.name}: which column is which sensor?` : `${file.name}, as understood` }),
       found.problem ? h("p", { class: "advice", text: found.problem }) : null,
-      app.state.open ? h("p", { class: "hint", text: `Read with the rig of ${app.state.open.title}: its sensors, their units and their places.` }) : null,
+      rigs(),
       hertz, h("table", {}, h("thead", {}, h("tr", {}, ["sensor", "column of the file", "from volts or mA", "unit", "samples", "first values"].map((text) => h("th", { scope: "col", text })))), h("tbody", {}, choices.map(line))),
       notes.length ? h("ul", {}, notes.map((text) => h("li", { text }))) : null,
       h("p", { class: "buttons" }, h("button", { type: "button", class: "primary", text: "Import so", disabled: Boolean(found.problem), onclick: () => look(...said(), true) }), h("button", { type: "button", text: "Leave it", onclick: () => put(box) }))));

@@ -55,7 +55,7 @@ function build(width) {
     cursor: { sync: { key: "runs", setSeries: false }, drag: { x: true, y: false, setScale: false }, bind: { dblclick: () => () => { shown.range = null; load(); return null; } } },
     scales: { x: { time: false, range: (u, low, high) => shown.range || [low, high] } },
     axes: [{ ...axis, show: differs, size: 30, values: (_, s) => s.map((v) => `${+v.toFixed(4)} s`) }, { ...axis, size: 60, space: differs ? 30 : 40 }],
-    series: [{ label: "s", value }, ...series.map((s, i) => ({ ...s, show: !(differs && i === 0) }))], hooks: { setSelect: [setSelect] },
+    series: [{ label: "\u00a0", value: (_, v) => (v === null || v === undefined ? "" : `at ${digits(v, 5)} s`) }, ...series.map((s, i) => ({ ...s, show: !(differs && i === 0) }))], hooks: { setSelect: [setSelect] },
   });
   const cards = found.sensors.map((sensor) => {
     const box = h("div", { class: "plot" });
@@ -103,4 +103,7 @@ function table() {
     h("p", { class: "buttons" }, others.length && rigs.size < 2 ? h("button", { type: "button", text: "Fit one model to all of them", onclick: async () => { if (await act("/api/open", { runs: shown.ids })) { at("compare").close(); at("runs").close(); } } }) : null));
 }
 
-matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => shown?.plots.forEach((plot) => plot.redraw(false, true)));
+matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => shown?.plots.forEach((plot) => {
+  plot.redraw(false, true);
+  plot.root.querySelectorAll(".u-series .u-marker").forEach((mark, i, all) => mark.style.setProperty("border-color", colour(stroke(i - (all.length - shown.ids.length)))));
+}));

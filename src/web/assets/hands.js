@@ -59,8 +59,8 @@ function update(p) {
   row.slider.value = step(value);
   row.slider.setAttribute("aria-valuetext", `${digits(value, 4)} ${unitOf(p)}`);
   row.field.value = +Number(uncertain(value, p.standard_error).split(" ")[0].replace("−", "-")).toPrecision(6);
-  const error = p.standard_error > 0 ? `± ${uncertain(p.value, p.standard_error).split("± ")[1]}` : p.held ? "held" : "";
-  row.said.textContent = was ? `was ${digits(p.value, 4)} ${unitOf(p)}` : `${error} ${unitOf(p)}`.trim();
+  const error = p.standard_error > 0 ? `± ${uncertain(p.value, p.standard_error).split("± ")[1]}` : "";
+  row.said.textContent = was ? `was ${digits(p.value, 4)} ${unitOf(p)}` : `${error} ${unitOf(p)}${!error && p.held ? ", held" : ""}`.trim().replace(/^, /, "");
   row.said.title = `fitted: ${uncertain(p.value, p.standard_error)} ${unitOf(p)}`;
   row.box.classList.toggle("moved", moved);
   const [low, high] = p.interval_95 || [];

@@ -16,7 +16,7 @@ const [AT_ONCE, LATER_MS] = [50, 250];
 // What the server has looked up of runs that are not open, by their number.
 const glances = new Map();
 const says = (value) => (Array.isArray(value) ? value.length > 0 : value !== null && value !== undefined);
-const known = (run) => ({ ...run, ...Object.fromEntries(Object.entries(glances.get(run.id) || {}).filter(([key]) => !says(run[key]))) });
+export const known = (run) => ({ ...run, ...Object.fromEntries(Object.entries(glances.get(run.id) || {}).filter(([key]) => !says(run[key]))) });
 
 const over = (r) => (r.rmse_m === null || r.rmse_m === undefined || !r.noise_m ? null : r.rmse_m / r.noise_m);
 const words = (r) => (r.effect ? `missing: ${r.effect}` : (r.verdict || "").replaceAll("-", " "));

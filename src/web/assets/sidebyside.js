@@ -1,17 +1,18 @@
 // The model in force and another one: their errors and parameters in one table.
 
 import { ask } from "/assets/api.js";
-import { at, digits, h, head, keyOf, named, put, times, uncertain } from "/assets/dom.js";
+import { at, digits, h, head, keyOf, named, put, times, uncertain, unitOf } from "/assets/dom.js";
 import { app, complain } from "/assets/store.js";
 
 const said = (p) => (p ? (p.fixed ? `${digits(p.value, 5)} held` : uncertain(p.value, p.standard_error)) : "–");
+const knows = (p) => p.fixed || p.standard_error > 0;
 
 // How far two values lie apart, in their common error where both have one.
 function apart(a, b) {
   if (!a || !b) return "";
   const error = Math.hypot(a.standard_error || 0, b.standard_error || 0);
   const change = digits(a.value - b.value, 2);
-  return error > 0 ? `${change} (${digits(Math.abs(a.value - b.value) / error, 2)} σ)` : change;
+  return error > 0 && knows(a) && knows(b) ? `${change} (${digits(Math.abs(a.value - b.value) / error, 2)} σ)` : change;
 }
 
 export async function sideBySide(other) {
@@ -21,8 +22,9 @@ export async function sideBySide(other) {
   const [now, then] = pair;
   const keys = [...new Set(pair.flatMap((m) => [...m.parameters.keys()]))];
   const line = (label, ...cells) => h("tr", {}, h("th", { scope: "row", text: label }), cells.map((text) => h("td", { class: "number", text })));
+  const unit = (name) => { const p = app.state.model.parameters.find((one) => one.name === name); return p && unitOf(p) ? `, ${unitOf(p)}` : ""; };
   // a key is a name and, after a space, a run
-  const label = (key, [name, ...run] = key.split(" ")) => named({ name }) + (app.state.open.runs.length > 1 ? ` ${run.join(" ")}` : "");
+  const label = (key, [name, ...run] = key.split(" ")) => named({ name }) + unit(name) + (app.state.open.runs.length > 1 ? ` ${run.join(" ")}` : "");
   const dialog = at("sidebyside");
   put(dialog, h("form", { method: "dialog", class: "heading" }, h("h2", { text: `Model ${now.number} and model ${then.number}` }), h("button", { text: "Close" })),
     h("p", { class: "hint", text: "The charts draw both: the model in force in its colour, the other in grey. σ: the standard error of the difference." }),

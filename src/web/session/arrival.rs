@@ -26,6 +26,9 @@ pub struct Dropped {
     pub name: String,
     /// Its bytes, base64.
     pub content: String,
+    /// The run whose rig it is; otherwise the rig of what is open.
+    #[serde(default)]
+    pub rig_of: Option<String>,
     /// Columns and the sensors that they are.
     #[serde(default)]
     pub map: Vec<(String, String)>,

@@ -177,7 +177,14 @@ impl Session {
     /// # Errors
     /// No rig, a file that is no recording of it, a folder that cannot be written to.
     pub fn import(self: &Arc<Self>, dropped: &Dropped) -> Result<Value, AnyError> {
-        let rig = self.rig().ok_or("open a rig file, or a recording of the rig, to import to it")?;
+        let rig = match &dropped.rig_of {
+            Some(id) => {
+                let runs = self.place.named(&[id.parse().map_err(|_| "there is no such run")?]);
+                let run = runs.and_then(|mut runs| runs.pop()).ok_or("there is no such run")?;
+                self.glances.study(&run.path)?.rig().clone()
+            }
+            None => self.rig().ok_or("open a rig file, or a recording of the rig, to import to it")?,
+        };
         let (mut about, written) = arrival::take(dropped, &rig, &self.folder())?;
         if let Some(path) = written {
             let run = self.place.add(path);

@@ -50,20 +50,22 @@ fn parameters(bench: &Bench, fit: &Fit) -> Vec<Value> {
         value["about"] = json!(p.about);
         value["log"] = json!(value["scale"] == "log");
         value["effect"] = json!(owner.map(|i| fit.effects[i].label()));
-        value["advice"] = json!(advice(fit, j, p));
+        value["advice"] = json!(advice(fit, j, p, owner.is_some()));
         value
     };
     bench.study.owners(fit).into_iter().enumerate().map(described).collect()
 }
 
-/// What to do about a parameter that the fit does not settle.
-fn advice(fit: &Fit, j: usize, p: &FittedParameter) -> Option<String> {
+/// What to do about a parameter, of an effect or of the base model, that the fit does not settle.
+fn advice(fit: &Fit, j: usize, p: &FittedParameter, of_effect: bool) -> Option<String> {
+    let out = if of_effect { ", or take its effect out" } else { ", or see what is missing" };
     if p.at_bound {
-        return Some("at its bound: check the rig file, widen the bounds, or take its effect out".into());
+        return Some(format!("at its bound: check the rig file, widen the bounds{out}"));
     }
     match p.uncertainty {
         Uncertainty::Open => {
-            return Some("the recording does not determine it: hold it, or take its effect out".into());
+            let or = if of_effect { out } else { "" };
+            return Some(format!("the recording does not determine it: hold it{or}"));
         }
         // of a fit that ended at no optimum nothing is known of any parameter: the page says so once
         Uncertainty::NotAtOptimum | Uncertainty::Held => return None,

@@ -2,7 +2,7 @@
 
 use serde_json::json;
 
-use crate::common::{LEAK, here};
+use crate::common::{CREEP, LEAK, here};
 use crate::workbench::client::{Workbench, done_in};
 
 /// `text` as base64.
@@ -54,6 +54,21 @@ fn a_messy_table_is_looked_at_then_imported_and_opened() {
     let refused =
         bench.post("/api/import", &json!({ "name": "x.csv", "content": base64(b"hello\n"), "accept": true }), 400);
     assert!(refused["error"].as_str().unwrap().len() > 10, "{refused}");
+    // a file of another rig is read with the rig of one of its runs
+    std::fs::copy(here(CREEP), folder.path().join("plastic.mcap")).unwrap();
+    done_in(folder.path(), &["export", "plastic.mcap", "-o", "plastic.csv"]);
+    let bench = Workbench::open(folder.path(), &["."]);
+    let state = bench.until("the list", |s| s["runs"].as_array().is_some_and(|runs| runs.len() > 1));
+    let named =
+        |name: &str| state["runs"].as_array().unwrap().iter().find(|run| run["name"] == name).unwrap()["id"].clone();
+    let content = base64(&std::fs::read(folder.path().join("plastic.csv")).unwrap());
+    let of = |rig_of: serde_json::Value| json!({ "name": "p.csv", "content": content, "rig_of": rig_of });
+    let sensors = |name: &str| bench.post("/api/import", &of(named(name)), 200)["sensors"].clone();
+    assert_ne!(sensors("plastic.mcap"), sensors("run.mcap"));
+    let understood = bench.post("/api/import", &of(named("plastic.mcap")), 200)["understood"]["sensors"].clone();
+    assert_eq!(understood.as_array().unwrap().len(), 5, "{understood}");
+    let refused = bench.post("/api/import", &of(json!("77")), 400);
+    assert_eq!(refused["error"], "there is no such run");
     let text = json!({ "name": "x.mcap", "content": base64(messy.as_bytes()), "accept": false });
     let refused = bench.post("/api/import", &text, 400);
     assert_eq!(refused["error"], "x.mcap is not an MCAP file");
