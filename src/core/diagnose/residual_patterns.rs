@@ -83,8 +83,8 @@ fn shape(sensor: &SensorFit, worst: Option<Cycle>) -> String {
             _ => parts.extend(noteworthy(&errors).map(|mean| format!("modelled {name} {}", told(mean)))),
         }
         // A mean would hide how much the first one misses, which rigs are built for.
-        let mean = mean(early).map_or(0.0, f64::abs);
-        let first = errors.first().filter(|first| first.abs() > DESCRIBED_EXTREMA * sensor.noise_m.max(mean));
+        let usual = errors.iter().map(|e| e.abs()).sum::<f64>() / errors.len().max(1) as f64;
+        let first = errors.first().filter(|first| first.abs() > DESCRIBED_EXTREMA * sensor.noise_m.max(usual));
         parts.extend(first.map(|first| format!("the first {} {}", name.trim_end_matches('s'), told(*first))));
     }
     if let Some((late_s, by)) = lateness(&sensor.extrema) {
