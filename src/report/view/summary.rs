@@ -26,11 +26,10 @@ pub struct Overall {
 
 /// Pools the runs of a fit, each weighted by its samples.
 pub fn overall(fit: &Fit) -> Overall {
-    let samples = fit.runs.iter().flat_map(|r| &r.sensors).map(|s| s.time_s.len()).sum();
     let (rmse_m, noise_m) = fit.pooled();
     // Where the noise is not known there is no floor either.
     let floor_m = if noise_m > 0.0 { noise_m.hypot(2.0 * fit.grid_error_m) } else { noise_m };
-    Overall { rmse_m, noise_m, floor_m, samples }
+    Overall { rmse_m, noise_m, floor_m, samples: fit.samples() }
 }
 
 /// How near a model is to what the recording can tell.

@@ -231,12 +231,17 @@ impl Fit {
         summary(self).evidence_over(&summary(simpler))
     }
 
+    /// Samples of all pressure sensors of all runs.
+    pub fn samples(&self) -> usize {
+        self.runs.iter().flat_map(|run| &run.sensors).map(|sensor| sensor.time_s.len()).sum()
+    }
+
     /// Mean square of what it leaves, in units of the sensors' noise.
     pub fn mean_square(&self) -> f64 {
         let sensors = || self.runs.iter().flat_map(|r| &r.sensors);
         let samples = |s: &SensorFit| s.time_s.len() as f64;
         let square: f64 = sensors().map(|s| samples(s) * (s.rmse_m / s.noise_m).powi(2)).sum();
-        square / sensors().map(samples).sum::<f64>().max(1.0)
+        square / self.samples().max(1) as f64
     }
 
     /// RMSE and noise over all runs, m: weighted by their numbers of samples; NaN where there are none.

@@ -4,7 +4,6 @@
 //! fit starts with the first cycle and a half on a coarse grid, then takes in more of the record as the phase locks. Then the
 //! grid is refined until halving its step changes less than the noise does.
 
-use std::ops::Range;
 use std::sync::{Mutex, PoisonError};
 
 use crate::fit::data::run_data::RunData;
@@ -23,7 +22,7 @@ use crate::fit::search::options::Options;
 use crate::fit::search::sensor_choice::with_sensors;
 use crate::fit::search::starts::may_be_anywhere;
 use crate::fit::search::stepwise::{conclude, stepwise};
-use crate::fit::search::thresholds::{COARSE_REACHES, FOLLOWING, LOCKING_REACHES};
+use crate::fit::search::thresholds::{COARSE_REACHES, FOLLOWING, LOCKING_REACHES, POOR_FIT_COST};
 use crate::model::effects::Chosen;
 use crate::model::{Model, check_sensors};
 use crate::rig::Rig;
@@ -89,11 +88,12 @@ pub fn calibrate(
             Ok(if anew.cost < on.cost { anew } else { on })
         };
         (model, state) = grow_while_evident(&ctx, (model, state), i, effects[i].elements, search_on)?;
-        let located = model.effects.iter().any(may_be_anywhere);
-        if located && options.method == Method::LeastSquares && model.effects != chosen {
-            // Where a place cannot be simulated, the fit stays as it is.
-            state = relocated(&ctx, &model, &state.values).unwrap_or(state);
-        }
+    }
+    let located = model.effects.iter().any(may_be_anywhere);
+    let doubtful = model.effects != chosen || mean_square(&ctx, &model, &state) > 2.0 * POOR_FIT_COST;
+    if located && doubtful && options.method == Method::LeastSquares {
+        // Where a place cannot be simulated, the fit stays as it is.
+        state = relocated(&ctx, &model, &state.values).unwrap_or(state);
     }
     if options.method.descends() {
         return finish(&ctx, &model, state);
@@ -203,8 +203,7 @@ pub fn follow(
     let reaches = if dragged { LOCKING_REACHES } else { COARSE_REACHES };
     let problem = FitProblem::new(&model, ctx.runs, ctx.window(reaches, f64::INFINITY));
     problem.validate_constraints(&model.constraints)?;
-    let solution = ctx.minimise(&problem, values, FOLLOWING, "the others follow")?;
-    Ok(problem.values(&solution.x))
+    Ok(ctx.estimate(&problem, values, FOLLOWING, "the others follow")?.values)
 }
 
 /// The model without its effect `i`, fitted on from where the rest stands.
@@ -219,31 +218,36 @@ pub fn without(
     options: &Options,
     progress: &OnProgress<'_>,
 ) -> Result<Fit, FitError> {
-    let (effects, options, own) = one_less(rig, runs, &fit.effects, i, options)?;
-    let values: Vec<f64> =
-        fit.values().into_iter().enumerate().filter(|(j, _)| !own.contains(j)).map(|(_, v)| v).collect();
-    refine(rig, runs, &effects, &values, &options, progress)
+    let rest = OneLess::of(rig, runs, fit, i, options)?;
+    refine(rig, runs, &rest.effects, &rest.values, &rest.options, progress)
 }
 
-/// The effects but for number `i`, the options without what they say of its parameters, and where those are among the bigger model's.
-pub(crate) fn one_less(
-    rig: &Rig,
-    runs: &[RunData],
-    effects: &[Chosen],
-    i: usize,
-    options: &Options,
-) -> Result<(Vec<Chosen>, Options, Range<usize>), FitError> {
-    let water = &runs.first().ok_or(FitError::NoRun)?.conditions.water;
-    let model = Model::new(rig, water, effects);
-    let own = model.parameters_of(i);
-    let gone = |name: &String| model.shared[own.clone()].iter().any(|p| p.name == *name);
-    let options = Options {
-        constraints: options.constraints.iter().filter(|c| !gone(&c.name)).cloned().collect(),
-        priors: options.priors.iter().filter(|p| !gone(&p.name)).cloned().collect(),
-        ..options.clone()
-    };
-    let rest = effects.iter().enumerate().filter(|(k, _)| *k != i).map(|(_, c)| c.clone()).collect();
-    Ok((rest, options, own))
+/// A fitted model but for one of its effects.
+pub(crate) struct OneLess {
+    /// The other effects.
+    pub(crate) effects: Vec<Chosen>,
+    /// The options without what they say of its parameters.
+    pub(crate) options: Options,
+    /// The values of all variables but its own.
+    pub(crate) values: Vec<f64>,
+}
+
+impl OneLess {
+    /// A fit's model without its effect `i`.
+    pub(crate) fn of(rig: &Rig, runs: &[RunData], fit: &Fit, i: usize, options: &Options) -> Result<Self, FitError> {
+        let water = &runs.first().ok_or(FitError::NoRun)?.conditions.water;
+        let model = Model::new(rig, water, &fit.effects);
+        let own = model.parameters_of(i);
+        let gone = |name: &String| model.shared[own.clone()].iter().any(|p| p.name == *name);
+        let options = Options {
+            constraints: options.constraints.iter().filter(|c| !gone(&c.name)).cloned().collect(),
+            priors: options.priors.iter().filter(|p| !gone(&p.name)).cloned().collect(),
+            ..options.clone()
+        };
+        let effects = fit.effects.iter().enumerate().filter(|(k, _)| *k != i).map(|(_, c)| c.clone()).collect();
+        let values = fit.values().into_iter().enumerate().filter(|(j, _)| !own.contains(j)).map(|(_, v)| v).collect();
+        Ok(OneLess { effects, options, values })
+    }
 }
 
 /// A fitted model with more elements, as many as the evidence supports, where `asked` leaves their number open; none where it supports no

@@ -104,6 +104,18 @@ impl<'a> Calibrator<'a> {
         Ok(solution)
     }
 
+    /// Where least squares from `values` ends, see [`Calibrator::minimise`].
+    pub(crate) fn estimate(
+        &self,
+        problem: &FitProblem,
+        values: &[f64],
+        limits: Limits,
+        stage: &str,
+    ) -> Result<Estimate, ModelError> {
+        let solution = self.minimise(problem, values, limits, stage)?;
+        Ok(Estimate { values: problem.values(&solution.x), cost: solution.cost })
+    }
+
     /// The problem with the objective of the options.
     pub(crate) fn problem<'m>(&'m self, model: &'m Model<'m>, window: Window) -> FitProblem<'m> {
         FitProblem::new(model, self.runs, window).comparing(self.options.objective)

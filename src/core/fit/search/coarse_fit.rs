@@ -214,8 +214,7 @@ fn attempt(
     problem.hold(held, values);
     let label = model.effects.iter().map(Chosen::label).collect::<Vec<_>>().join(" + ");
     let label = if label.is_empty() { "base model" } else { &label };
-    let solution = ctx.minimise(&problem, values, limits, label)?;
-    Ok(Estimate { values: problem.values(&solution.x), cost: solution.cost })
+    ctx.estimate(&problem, values, limits, label)
 }
 
 /// Mean square of the residuals of a coarse fit, priors included, in units of the noise's.

@@ -1,7 +1,7 @@
 //! Models that contain others, compared at their ends on the fine grid.
 //!
-//! A model that contains another should not end worse: where a fit leaves more than noise, the models with one effect less are fitted, too, and where one
-//! of them leaves less, the fit goes on from its end. And an element of creep that the coarse grid's own error hid is found on the fine grid: without
+//! A model that contains another should not end worse. So each model with one effect less is fitted on from where the fit ended and, where the fit leaves
+//! more than noise, also from the signals; where one of them leaves less, the fit goes on from its end. And an element of creep that the coarse grid's own error hid is found on the fine grid: without
 //! it, the others stand in for it, and what else is fitted moves with them.
 
 use rayon::prelude::*;
@@ -13,7 +13,7 @@ use crate::fit::outcome::thresholds::STRONG_EVIDENCE;
 use crate::fit::problem::error::FitError;
 use crate::fit::problem::method::Method;
 use crate::fit::progress::OnProgress;
-use crate::fit::search::calibrate::{calibrate, fit_coarsely, growing, one_less};
+use crate::fit::search::calibrate::{OneLess, calibrate, fit_coarsely, growing};
 use crate::fit::search::calibrator::{Calibrator, Estimate};
 use crate::fit::search::finish::descend;
 use crate::fit::search::options::Options;
@@ -21,8 +21,8 @@ use crate::fit::search::starts::starts_from;
 use crate::fit::search::thresholds::{
     AS_GOOD_WITHOUT, EVALUATE_ONLY, HOPELESS_SMALLER, HOPELESS_START_RATIO, SCREENING, SMALLER_ABOVE,
 };
+use crate::model::Model;
 use crate::model::effects::Chosen;
-use crate::model::{Model, ModelError};
 use crate::rig::Rig;
 
 /// [`calibrate`], and on from each model with one effect less, fitted the same way, that leaves less; then with as many more elements as the evidence
@@ -42,9 +42,9 @@ pub fn calibrate_nested(
         return Ok(fit);
     }
     for i in 0..effects.len() {
-        let near = without_it(rig, runs, &fit, i, options, progress)?;
-        let far =
-            if fit.mean_square() > SMALLER_ABOVE { searched(rig, runs, &fit, i, options, progress)? } else { None };
+        let rest = OneLess::of(rig, runs, &fit, i, options)?;
+        let near = without_it(rig, runs, &fit, &rest, options, progress)?;
+        let far = if fit.mean_square() > SMALLER_ABOVE { searched(rig, runs, &fit, &rest, progress)? } else { None };
         let smaller = [near, far].into_iter().flatten().min_by(|a, b| a.cost.total_cmp(&b.cost));
         if let Some(smaller) = smaller.filter(|smaller| smaller.cost < fit.cost) {
             let on = grown(rig, runs, &fit.effects, &smaller, options, progress, 0.0)?;
@@ -63,55 +63,49 @@ pub fn calibrate_nested(
     Ok(fit)
 }
 
-/// The model without effect `i` of a fit, fitted on from where the fit ended; none where a few steps show that it leaves more.
+/// The `rest` of a fitted model, fitted on from where the fit ended; none where a few steps show that it leaves more.
 fn without_it(
     rig: &Rig,
     runs: &[RunData],
     fit: &Fit,
-    i: usize,
+    rest: &OneLess,
     options: &Options,
     progress: &OnProgress<'_>,
 ) -> Result<Option<Fit>, FitError> {
-    let (rest, fewer, own) = one_less(rig, runs, &fit.effects, i, options)?;
     let all = fit.values();
-    let values: Vec<f64> = all.iter().enumerate().filter(|(j, _)| !own.contains(j)).map(|(_, v)| *v).collect();
     let (with, ctx) = (
         Calibrator::new(rig, runs, options, progress, &fit.effects, Some(&all))?,
-        Calibrator::new(rig, runs, &fewer, progress, &rest, Some(&values))?,
+        Calibrator::new(rig, runs, &rest.options, progress, &rest.effects, Some(&rest.values))?,
     );
     let left = |ctx: &Calibrator, model: &Model, values: &[f64], limits: Limits| {
         let problem = ctx.problem(model, ctx.window(fit.reaches, f64::INFINITY));
-        let solution = ctx.minimise(&problem, values, limits, "without one of the effects")?;
-        Ok::<_, ModelError>(Estimate { values: problem.values(&solution.x), cost: solution.cost })
+        ctx.estimate(&problem, values, limits, "without one of the effects")
     };
-    let model = ctx.model(&rest);
+    let model = ctx.model(&rest.effects);
     let most = left(&with, &with.model(&fit.effects), &all, EVALUATE_ONLY)?.cost;
-    if left(&ctx, &model, &values, EVALUATE_ONLY)?.cost > HOPELESS_START_RATIO * most {
+    if left(&ctx, &model, &rest.values, EVALUATE_ONLY)?.cost > HOPELESS_START_RATIO * most {
         return Ok(None);
     }
-    let on = left(&ctx, &model, &values, SCREENING)?;
+    let on = left(&ctx, &model, &rest.values, SCREENING)?;
     if on.cost > AS_GOOD_WITHOUT * most {
         return Ok(None);
     }
     descend(&ctx, &model, on.values, fit.reaches).map(Some)
 }
 
-/// The model without effect `i` of a fit, from the signals and from smaller ones still; none where a coarse fit shows that it leaves far more.
+/// The `rest` of a fitted model, from the signals and from smaller ones still; none where a coarse fit shows that it leaves far more.
 fn searched(
     rig: &Rig,
     runs: &[RunData],
     fit: &Fit,
-    i: usize,
-    options: &Options,
+    rest: &OneLess,
     progress: &OnProgress<'_>,
 ) -> Result<Option<Fit>, FitError> {
-    let (rest, fewer, _) = one_less(rig, runs, &fit.effects, i, options)?;
-    let coarse = fit_coarsely(rig, runs, &rest, &fewer)?;
-    let samples: usize = fit.runs.iter().flat_map(|run| &run.sensors).map(|s| s.time_s.len()).sum();
-    if coarse.mean_square > HOPELESS_SMALLER * 2.0 * fit.cost / samples as f64 {
+    let coarse = fit_coarsely(rig, runs, &rest.effects, &rest.options)?;
+    if coarse.mean_square > HOPELESS_SMALLER * 2.0 * fit.cost / fit.samples() as f64 {
         return Ok(None);
     }
-    calibrate_nested(rig, runs, &rest, &fewer, progress).map(Some)
+    calibrate_nested(rig, runs, &rest.effects, &rest.options, progress).map(Some)
 }
 
 /// A fit that began elsewhere than at the signals, or, where it leaves more than noise and less is left from there, the fit from the signals: a
@@ -151,10 +145,7 @@ fn grown(
     let starts = starts_from(&model, &small, &state, &base);
     let reaches = model.fitting_reaches(&starts[0][..model.shared.len()], smaller.reaches);
     let screened = ctx.problem(&model, ctx.window(reaches, f64::INFINITY));
-    let from = |values: &Vec<f64>, limits| -> Result<Estimate, ModelError> {
-        let solution = ctx.minimise(&screened, values, limits, "from a smaller model")?;
-        Ok(Estimate { values: screened.values(&solution.x), cost: solution.cost })
-    };
+    let from = |values: &Vec<f64>, limits| ctx.estimate(&screened, values, limits, "from a smaller model");
     let tried = starts.par_iter().map(|values| from(values, SCREENING)).collect::<Result<Vec<_>, _>>()?;
     let best = tried.into_iter().min_by(|a, b| a.cost.total_cmp(&b.cost));
     let (Some(absent), Some(best)) = (starts.last(), best) else { return Ok(None) };
@@ -193,6 +184,25 @@ mod tests {
         let without = left("none");
         assert!(without > 1e5, "{without}");
         for effect in ["air-pocket", "valve-seat-leak", "supply-drift", "leak"] {
+            let with = left(effect);
+            assert!(with <= 1.001 * without, "{effect}: {with} {without}");
+        }
+    }
+
+    /// Every effect that may be anywhere can be as small as a record needs it to be: where there is none of it, a fit with it leaves no more.
+    #[test]
+    fn what_is_not_there_vanishes() {
+        let rig = Rig::from_toml(&HDPE.replace("HDPE", "copper"), "rig.toml").unwrap();
+        let run =
+            RunValues { initial_velocity_m_s: 0.3, valve_head_m: 40.0, closing_time_s: 0.03, friction_scale: 1.0 };
+        let runs = [record(&rig, &[], &[1250.0], run, 0.02, 3.0)];
+        let options = Options { most_reaches: 64, ..Options::default() };
+        let left = |effects: &str| {
+            let effects = parse_list(effects).unwrap();
+            calibrate_nested(&rig, &runs, &effects, &options, &|_| {}).unwrap().cost
+        };
+        let without = left("none");
+        for effect in ["leak", "blockage", "section-change", "side-branch"] {
             let with = left(effect);
             assert!(with <= 1.001 * without, "{effect}: {with} {without}");
         }

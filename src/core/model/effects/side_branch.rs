@@ -50,7 +50,7 @@ impl Effect for SideBranch {
                 "m",
                 "length of the branch to its dead end",
                 0.06 * length_m,
-                0.003 * length_m,
+                0.0001 * length_m,
                 0.5 * length_m,
             )
             .vanishing_at(0.0),
