@@ -216,7 +216,8 @@ fn in_its_place(baseline: &Baseline, pairs: &[PairRefit], leading: &[&Refit]) ->
         (of[i], effects[place]) = (rival.form.clone(), rival.form.chosen.clone());
         let was = baseline.model(&best.effects).parameters_of(place);
         let values = [&best.values[..was.start], baseline.added(&rival.values), &best.values[was.end..]].concat();
-        refined(baseline, of, best.added, &effects, &[values])
+        let added = if i == 0 { best.added } else { rival.added };
+        refined(baseline, of, added, &effects, &[values])
     };
     others.par_iter().filter(near).filter_map(exchanged).collect()
 }
