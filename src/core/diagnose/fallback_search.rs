@@ -11,17 +11,24 @@ use crate::diagnose::limits::{DOWN_TO_THE_NOISE, FULL_FITS, NO_FULL_FIT_ABOVE, R
 use crate::fit::outcome::fit::Fit;
 use crate::fit::validate::conflict::{at_bounds, contradicts};
 
-/// Searches until the best model leaves no more than solvers differ by. Where the leading candidates leave more after they were fitted afresh, it fits
-/// effects from the signals: the first ones, or all if the start model is useless, and those that leave more than the start model does. They contain it, so
-/// their refits have failed.
-pub(crate) fn search_on(fitter: &FullFitter, start: &Fit, candidate_fits: &mut [CandidateFit]) {
-    let mut done = Vec::new();
+/// The effects that were fitted afresh.
+pub(crate) type Done = Vec<&'static str>;
+
+/// Fits the leading candidates afresh, unless one explains the records; returns their effects.
+pub(crate) fn begin_afresh(fitter: &FullFitter, start: &Fit, candidate_fits: &mut [CandidateFit]) -> Done {
+    let mut done = Done::new();
     if !start.parameters.iter().any(|p| p.at_bound) {
         afresh(fitter, candidate_fits, &mut done);
     } else {
         // A start at a bound has stood in for what is missing; whoever goes on from there may have to carry that along.
         fit_afresh(fitter, &mut candidate_fits.iter_mut().collect::<Vec<_>>(), 2 * FULL_FITS, &mut done);
     }
+    done
+}
+
+/// Where the best model leaves more than solvers differ by, fits effects from the signals: the first ones, or all if the start model is useless, and those
+/// that leave more than the start model does. They contain it, so their refits have failed. Then fits the leading ones afresh that are not `done`.
+pub(crate) fn search_on(fitter: &FullFitter, start: &Fit, candidate_fits: &mut [CandidateFit], mut done: Done) {
     let start_error = over_noise(start, fitter.runs);
     let fits = candidate_fits.iter().filter_map(|r| r.fit.as_ref()).chain([start]);
     if fits.map(|fit| beyond(fit, fitter.runs)).fold(f64::INFINITY, f64::min) < fitter.least_fall {
@@ -35,7 +42,7 @@ pub(crate) fn search_on(fitter: &FullFitter, start: &Fit, candidate_fits: &mut [
 }
 
 /// Fits the leading candidates afresh, unless one explains the records.
-fn afresh(fitter: &FullFitter, candidate_fits: &mut [CandidateFit], done: &mut Vec<&'static str>) {
+fn afresh(fitter: &FullFitter, candidate_fits: &mut [CandidateFit], done: &mut Done) {
     // A fit that gets to the noise against what the instruments say, or at a bound, has not shown that no other would.
     let is_sound = |fit: &Fit| !contradicts(fit, fitter.runs) && at_bounds(fit).is_empty();
     let explains = |fit: &Fit| over_noise(fit, fitter.runs) < DOWN_TO_THE_NOISE && is_sound(fit);
@@ -47,7 +54,7 @@ fn afresh(fitter: &FullFitter, candidate_fits: &mut [CandidateFit], done: &mut V
 
 /// Fits the leading candidates afresh, so many at the most, unless that is `done` already. What they leave may be the way that their fits came:
 /// elements that the effect now explains, a place that is another's.
-fn fit_afresh(fitter: &FullFitter, leading: &mut Vec<&mut CandidateFit>, number: usize, done: &mut Vec<&'static str>) {
+fn fit_afresh(fitter: &FullFitter, leading: &mut Vec<&mut CandidateFit>, number: usize, done: &mut Done) {
     leading.sort_by(|a, b| a.square.total_cmp(&b.square));
     let most = NO_FULL_FIT_ABOVE * leading.first().map_or(0.0, |r| r.square);
     leading.retain(|r| r.square < most && !done.contains(&r.refit.form.effect));

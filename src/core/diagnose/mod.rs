@@ -2,8 +2,8 @@
 //!
 //! 1. The start model is fitted. A coarse problem around its fit makes refits cheap ([`baseline`]).
 //! 2. Each other effect is added alone. [`refit`] screens every form of it and refines the most promising ones.
-//! 3. The best candidates are fitted to all samples on the fine grid; if none explains the records, a fallback search tries
-//!    further, and then pairs of effects.
+//! 3. The best candidates are fitted to all samples on the fine grid; if none comes near the records, pairs of effects are tried, and if
+//!    none explains them, a fallback search tries further, and then pairs again.
 //! 4. [`evidence`] turns what each fit leaves into probabilities, and [`verdict`] into the answer. Effects that the data
 //!    cannot tell apart are named together, with the test that would tell them apart ([`next`]).
 //!
@@ -39,7 +39,7 @@ use crate::diagnose::candidate_fit::{
 };
 use crate::diagnose::contest::contest;
 use crate::diagnose::evidence::{EvidenceScale, probabilities};
-use crate::diagnose::fallback_search::search_on;
+use crate::diagnose::fallback_search::{begin_afresh, search_on};
 pub use crate::diagnose::limits::NEGLIGIBLE_EVIDENCE;
 use crate::diagnose::limits::{
     AS_FAST, EXPLAINED_OVER_NOISE, FULL_FITS, INDISTINGUISHABLE, LEAST_EVIDENCE, LEAST_FORECAST, NO_FULL_FIT_ABOVE,
@@ -47,7 +47,7 @@ use crate::diagnose::limits::{
 };
 use crate::diagnose::next::in_words;
 pub use crate::diagnose::outcome::{Candidate, Diagnosis, Pair, RivalPair, Verdict};
-use crate::diagnose::pairs::{PairFit, fitted_pairs};
+use crate::diagnose::pairs::{PairFit, PairSearch};
 use crate::diagnose::refit::{Refit, refine, screen};
 use crate::diagnose::residual_patterns::residual_patterns;
 use crate::diagnose::screening::refits;
@@ -102,8 +102,18 @@ pub fn diagnose_fit(
     let fitter = FullFitter { rig, runs, effects, options, progress, least_fall: least_fall(runs, taken) };
     let mut candidate_fits = candidate_fits(&baseline, &start, &refits);
     fit(&fitter, &baseline, &start, &mut candidate_fits);
+    let done = begin_afresh(&fitter, &start, &mut candidate_fits);
+    // Where single effects stay that far away, two that get down to the noise need no further search for one.
+    let mut pairs = PairSearch::default();
+    let any_shown = candidate_fits.iter().any(|r| r.odds(&baseline.known) >= SHOWN);
+    if is_far(&candidate_fits, runs) && !any_shown {
+        pairs.begin(&fitter, &baseline, &refits);
+    }
+    if !pairs.explains(runs) {
+        search_on(&fitter, &start, &mut candidate_fits, done);
+    }
     // A single effect that is far from the records is no rival of a pair, and where no pair is found it is soon enough to converge.
-    let far = best_fit(&candidate_fits).is_some_and(|(_, best)| beyond(best, runs) > START_DOUBTFUL.powi(2) - 1.0);
+    let far = is_far(&candidate_fits, runs);
     if !far {
         contest(&fitter, &mut candidate_fits);
     }
@@ -113,7 +123,7 @@ pub fn diagnose_fit(
     let shown = is_shown(&baseline, &candidate_fits) || is_shown_by_another(&baseline, &candidate_fits);
     // How cavities collapse no model follows well: what is left of them is no second effect.
     let mut pair_fits =
-        if shown { Vec::new() } else { pairs_of(&fitter, &baseline, &start, &refits, &mut candidate_fits) };
+        if shown { Vec::new() } else { pairs_of(&fitter, &baseline, &start, &refits, &mut candidate_fits, pairs) };
     if pair_fits.is_empty() && (far || best_fitted(&candidate_fits).is_some_and(|best| !best.settled)) {
         contest(&fitter, &mut candidate_fits);
     }
@@ -217,7 +227,7 @@ fn rank(baseline: &Baseline, candidate_fits: &mut [CandidateFit]) {
     candidate_fits.sort_by(|a, b| b.log_odds(&baseline.known).total_cmp(&a.log_odds(&baseline.known)));
 }
 
-/// Fits the best candidates to all samples, and tries further if none of them explains the records.
+/// Fits the best candidates to all samples.
 fn fit(fitter: &FullFitter, baseline: &Baseline, start: &Fit, candidate_fits: &mut [CandidateFit]) {
     let Some(best) = candidate_fits.first().map(|r| r.square) else { return };
     let tried = candidate_fits.len().min(FULL_FITS);
@@ -237,7 +247,18 @@ fn fit(fitter: &FullFitter, baseline: &Baseline, start: &Fit, candidate_fits: &m
         let fit = fitter.fit_from_scratch(shown.refit);
         shown.take(fit);
     }
-    search_on(fitter, start, candidate_fits);
+}
+
+/// Whether the best single effect leaves far more than noise.
+fn is_far(candidate_fits: &[CandidateFit], runs: &[RunData]) -> bool {
+    best_fit(candidate_fits).is_some_and(|(_, best)| beyond(best, runs) > START_DOUBTFUL.powi(2) - 1.0)
+}
+
+/// A form of each effect, that which leaves least alone first.
+fn leading<'a>(candidate_fits: &[CandidateFit<'a>]) -> Vec<&'a Refit> {
+    let mut leading: Vec<&CandidateFit> = candidate_fits.iter().collect();
+    leading.sort_by(|a, b| a.square.total_cmp(&b.square));
+    leading.into_iter().map(|r| r.refit).collect()
 }
 
 /// The candidate whose full fit leaves least.
@@ -262,14 +283,13 @@ fn pairs_of(
     start: &Fit,
     refits: &[Refit],
     candidate_fits: &mut [CandidateFit],
+    search: PairSearch,
 ) -> Vec<PairFit> {
     if beyond(best_or(start, candidate_fits), fitter.runs) < EXPLAINED_OVER_NOISE.powi(2) - 1.0 {
         return Vec::new();
     }
-    let mut leading: Vec<&CandidateFit> = candidate_fits.iter().collect();
-    leading.sort_by(|a, b| a.square.total_cmp(&b.square));
-    let leading: Vec<&Refit> = leading.into_iter().map(|r| r.refit).collect();
-    let mut pairs = fitted_pairs(fitter, baseline, refits, best_fit(candidate_fits), &leading, start);
+    let (single, leading) = (best_fit(candidate_fits), leading(candidate_fits));
+    let mut pairs = search.fitted(fitter, baseline, refits, single, &leading, start);
     // Beside the other one an effect may have got where it explains the records alone.
     if let Some(best) = pairs.first() {
         let last = best.fit.effects.len() - 1;

@@ -1,10 +1,12 @@
 //! Two effects at once: where no single effect brings the error down to the noise, each two of them are tried together.
 //!
 //! Each effect's refit has a signature: how it changes the residuals, less what the start model can absorb. What two signatures would leave
-//! together is a small linear problem, so all pairs are ranked by it. Far from the start model signatures say little, so the other
-//! effects are also tried beside the best single one. The best pairs are refitted on the coarse grid, and the best of these to all samples.
-//! Where that does not explain the records, the start model's parameters may have led astray: the leading effect is then fitted beside
+//! together is a small linear problem, so all pairs are ranked by it. The best pairs are refitted on the coarse grid, and the best of these to all
+//! samples. Far from the start model signatures say little, so where none of these is down to the noise, the other effects are also tried beside the
+//! best single one. Where that does not explain the records, the start model's parameters may have led astray: the leading effect is then fitted beside
 //! each of the others from the signals, and whichever is best beside it leads next, while that finds a better pair.
+
+use std::mem::replace;
 
 use rayon::prelude::*;
 
@@ -37,12 +39,16 @@ struct PairRefit {
     square: f64,
     /// Of the samples.
     residuals: Vec<f64>,
+    /// It has been fitted to all samples.
+    is_fitted: bool,
 }
 
 /// Two effects, fitted together to all samples.
 pub(crate) struct PairFit {
     pub(crate) of: [Form; 2],
     pub(crate) fit: Fit,
+    /// It has gone on to its optimum.
+    is_settled: bool,
 }
 
 impl PairFit {
@@ -62,6 +68,9 @@ impl PairFit {
 
     /// Goes on to its optimum. What is left may be the way that the fit came: elements that the effects now explain, or too few of them.
     fn settle(&mut self, fitter: &FullFitter) {
+        if replace(&mut self.is_settled, true) {
+            return;
+        }
         if over_noise(&self.fit, fitter.runs) > DOWN_TO_THE_NOISE {
             self.take(fitter.fit_pair_from_scratch(&self.of));
         }
@@ -91,47 +100,92 @@ impl PairFit {
     }
 }
 
-/// The pairs that leave least, the best first, fitted to all samples: those for whose second effect the coarse refits give evidence enough. The best
-/// `single` effect is one to start from; `leading` has a form of each effect, that which leaves least alone first.
-pub(crate) fn fitted_pairs(
-    fitter: &FullFitter,
-    baseline: &Baseline,
-    refits: &[Refit],
-    single: Option<(&Form, &Fit)>,
-    leading: &[&Refit],
-    start: &Fit,
-) -> Vec<PairFit> {
-    (fitter.progress)(&Progress::from("two effects at once"));
-    let promising = promising(baseline, refits);
-    let mut refitted: Vec<PairRefit> = promising.par_iter().filter_map(|of| refitted(baseline, *of)).collect();
-    refitted.extend(single.into_iter().flat_map(|(form, fit)| beside(fitter, form, fit)));
-    refitted.extend(in_its_place(baseline, &refitted, leading));
-    refitted.sort_by(|a, b| a.square.total_cmp(&b.square));
-    let refitted_alone = refits.iter().map(|refit| refit.square).fold(baseline.square, f64::min);
-    if let Some(best) = refitted.first() {
+/// The search for pairs, as far as it has got.
+#[derive(Default)]
+pub(crate) struct PairSearch {
+    /// On the coarse grid.
+    refitted: Vec<PairRefit>,
+    /// To all samples, the best first.
+    fits: Vec<PairFit>,
+}
+
+impl PairSearch {
+    /// Fits the pairs whose signatures promise most.
+    pub(crate) fn begin(&mut self, fitter: &FullFitter, baseline: &Baseline, refits: &[Refit]) {
+        (fitter.progress)(&Progress::from("two effects at once"));
+        let promising = promising(baseline, refits);
+        self.refitted = promising.par_iter().filter_map(|of| refitted(baseline, *of)).collect();
+        self.fit_best(fitter, baseline, refits);
+    }
+
+    /// Whether the best pair is down to the noise.
+    pub(crate) fn explains(&self, runs: &[RunData]) -> bool {
+        self.fits.first().is_some_and(|best| over_noise(&best.fit, runs) < DOWN_TO_THE_NOISE)
+    }
+
+    /// The pairs that leave least, the best first, fitted to all samples. The best `single` effect is one to start from; `leading` has a form of each
+    /// effect, that which leaves least alone first.
+    pub(crate) fn fitted(
+        mut self,
+        fitter: &FullFitter,
+        baseline: &Baseline,
+        refits: &[Refit],
+        single: Option<(&Form, &Fit)>,
+        leading: &[&Refit],
+        start: &Fit,
+    ) -> Vec<PairFit> {
+        if self.refitted.is_empty() {
+            self.begin(fitter, baseline, refits);
+        }
+        if !self.explains(fitter.runs) {
+            self.refitted.extend(single.into_iter().flat_map(|(form, fit)| beside(fitter, form, fit)));
+        }
+        self.refitted.extend(in_its_place(baseline, &self.refitted, leading));
+        self.fit_best(fitter, baseline, refits);
+        let led_astray = over_noise(start, fitter.runs) > START_DOUBTFUL;
+        let left = self.fits.first().map_or(f64::INFINITY, |best| over_noise(&best.fit, fitter.runs));
+        if led_astray && left > EXPLAINED_OVER_NOISE {
+            from_the_signals(fitter, baseline, leading, &mut self.fits);
+            settle_leading(fitter, &mut self.fits);
+        }
+        self.fits
+    }
+
+    /// Fits the best to all samples: those for whose second effect the coarse refits give evidence enough.
+    fn fit_best(&mut self, fitter: &FullFitter, baseline: &Baseline, refits: &[Refit]) {
+        self.refitted.sort_by(|a, b| a.square.total_cmp(&b.square));
+        one_of_each(&mut self.refitted);
+        let Some(best) = self.refitted.first() else { return };
+        let refitted_alone = refits.iter().map(|refit| refit.square).fold(baseline.square, f64::min);
         let scale = EvidenceScale::of(&best.residuals, baseline.features());
         let most = NO_FULL_FIT_ABOVE * best.square;
-        let worth = |pair: &PairRefit| scale.evidence(refitted_alone, pair.square, pair.added) > LEAST_EVIDENCE;
-        refitted.retain(|pair| pair.square < most && worth(pair));
+        let worth = |pair: &&mut PairRefit| {
+            pair.square < most && scale.evidence(refitted_alone, pair.square, pair.added) > LEAST_EVIDENCE
+        };
+        let leading = self.refitted.iter_mut().filter(worth).take(FULL_FITS);
+        let new: Vec<&PairRefit> =
+            leading.filter_map(|pair| (!replace(&mut pair.is_fitted, true)).then_some(&*pair)).collect();
+        let fits = new.into_par_iter().filter_map(|pair| fitted(fitter, &pair.of, &pair.effects, &pair.values));
+        keep_better(&mut self.fits, fits.collect());
+        settle_leading(fitter, &mut self.fits);
     }
-    one_of_each(&mut refitted);
-    refitted.truncate(FULL_FITS);
-    let fits = refitted.into_par_iter().filter_map(|pair| fitted(fitter, pair.of, &pair.effects, &pair.values));
-    let mut fits: Vec<PairFit> = fits.collect();
-    settle_leading(fitter, &mut fits);
-    let led_astray = over_noise(start, fitter.runs) > START_DOUBTFUL;
-    let left = fits.first().map_or(f64::INFINITY, |best| over_noise(&best.fit, fitter.runs));
-    if led_astray && left > EXPLAINED_OVER_NOISE {
-        from_the_signals(fitter, baseline, leading, &mut fits);
-        settle_leading(fitter, &mut fits);
-    }
-    fits
 }
 
 /// A pair, fitted to all samples from where a coarse fit ended.
-fn fitted(fitter: &FullFitter, of: [Form; 2], effects: &[Chosen], values: &[f64]) -> Option<PairFit> {
-    let fit = fitter.fit_pair(&of, effects, values).ok()?;
-    Some(PairFit { of, fit })
+fn fitted(fitter: &FullFitter, of: &[Form; 2], effects: &[Chosen], values: &[f64]) -> Option<PairFit> {
+    let fit = fitter.fit_pair(of, effects, values).ok()?;
+    Some(PairFit { of: of.clone(), fit, is_settled: false })
+}
+
+/// Adds `more` pairs; of two fits of the same pair the better one stays.
+fn keep_better(fits: &mut Vec<PairFit>, more: Vec<PairFit>) {
+    for pair in more {
+        match fits.iter_mut().find(|known| known.is_of(&pair.of)) {
+            Some(known) if square(&pair.fit) < square(&known.fit) => *known = pair,
+            Some(_) => {}
+            None => fits.push(pair),
+        }
+    }
 }
 
 /// Sorts the pairs, the best first, after those that lead have gone on: rivals are compared at their optima.
@@ -171,15 +225,8 @@ fn from_the_signals(fitter: &FullFitter, baseline: &Baseline, leading: &[&Refit]
     let most = NO_FULL_FIT_ABOVE * coarse.first().map_or(0.0, |(_, best)| best.mean_square);
     coarse.retain(|(_, fit)| fit.mean_square <= most);
     coarse.truncate(FULL_FITS);
-    let fine: Vec<PairFit> =
-        coarse.into_par_iter().filter_map(|(of, fit)| fitted(fitter, of, &fit.effects, &fit.values)).collect();
-    for pair in fine {
-        match fits.iter_mut().find(|known| known.is_of(&pair.of)) {
-            Some(known) if square(&pair.fit) < square(&known.fit) => *known = pair,
-            Some(_) => {}
-            None => fits.push(pair),
-        }
-    }
+    let fine = coarse.par_iter().filter_map(|(of, fit)| fitted(fitter, of, &fit.effects, &fit.values));
+    keep_better(fits, fine.collect());
 }
 
 /// The other effects beside a single one, from its fit to all samples.
@@ -193,6 +240,7 @@ fn beside(fitter: &FullFitter, form: &Form, single: &Fit) -> Vec<PairRefit> {
         residuals: refit.residuals[..baseline.samples].to_vec(),
         values: refit.values,
         effects: refit.effects,
+        is_fitted: false,
     };
     second.map(pair).collect()
 }
@@ -322,6 +370,7 @@ fn refined(
         values: problem.values(&solution.x),
         square: 2.0 * solution.cost,
         residuals: solution.residuals[..baseline.samples].to_vec(),
+        is_fitted: false,
     })
 }
 
