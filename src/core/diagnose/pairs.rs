@@ -47,8 +47,8 @@ struct PairRefit {
 pub(crate) struct PairFit {
     pub(crate) of: [Form; 2],
     pub(crate) fit: Fit,
-    /// It has gone on to its optimum.
-    is_settled: bool,
+    /// It was also fitted from the signals.
+    is_afresh: bool,
 }
 
 impl PairFit {
@@ -68,10 +68,7 @@ impl PairFit {
 
     /// Goes on to its optimum. What is left may be the way that the fit came: elements that the effects now explain, or too few of them.
     fn settle(&mut self, fitter: &FullFitter) {
-        if replace(&mut self.is_settled, true) {
-            return;
-        }
-        if over_noise(&self.fit, fitter.runs) > DOWN_TO_THE_NOISE {
+        if over_noise(&self.fit, fitter.runs) > DOWN_TO_THE_NOISE && !replace(&mut self.is_afresh, true) {
             self.take(fitter.fit_pair_from_scratch(&self.of));
         }
         if !self.fit.converged {
@@ -174,7 +171,7 @@ impl PairSearch {
 /// A pair, fitted to all samples from where a coarse fit ended.
 fn fitted(fitter: &FullFitter, of: &[Form; 2], effects: &[Chosen], values: &[f64]) -> Option<PairFit> {
     let fit = fitter.fit_pair(of, effects, values).ok()?;
-    Some(PairFit { of: of.clone(), fit, is_settled: false })
+    Some(PairFit { of: of.clone(), fit, is_afresh: false })
 }
 
 /// Adds `more` pairs; of two fits of the same pair the better one stays.
