@@ -81,11 +81,11 @@ fn of_run(fit: &Fit, run: &RunData) -> Vec<String> {
     if let (Some(fitted), Some(closing)) = (own("closure_start_s"), own("closing_time_s"))
         && (fitted - known_start).abs() > (CONFLICT_SD * se).max(0.25 * closing)
     {
+        let side = if fitted < known_start { "before" } else { "after" };
         sentences.push(format!(
-            "{}: the fitted closure starts at {} s, but the pressure starts to rise at {} s",
+            "{}: the fitted closure starts {} ms {side} the pressure starts to rise",
             run.file,
-            to_error(fitted, se),
-            to_error(known_start, se)
+            to_error(1e3 * (fitted - known_start).abs(), 1e3 * se)
         ));
     }
     if let Some(scale) = own("friction_scale")
