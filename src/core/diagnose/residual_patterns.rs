@@ -221,7 +221,7 @@ mod tests {
         );
     }
 
-    /// Heads before the closure are in no error, so a model that misses them is said to.
+    /// No error counts the heads before the closure, so a sentence of its own reports a model that misses them.
     #[test]
     fn a_fit_that_misses_the_steady_head_is_described() {
         let rig = Rig::from_toml(HDPE, "rig.toml").unwrap();

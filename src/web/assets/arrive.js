@@ -39,8 +39,9 @@ export async function arrive(file) {
   // Where the runs are of several rigs, a person says of which one the file is.
   const rigs = () => {
     const { open, runs } = app.state;
-    const of = new Map(runs.map(known).filter((run) => run.rig).map((run) => [run.rig, run.id]));
-    const own = open && runs.map(known).find((run) => run.open)?.rig;
+    const all = runs.map(known);
+    const of = new Map(all.filter((run) => run.rig).map((run) => [run.rig, run.id]));
+    const own = open && all.find((run) => run.open)?.rig;
     if (!open || of.size < 2) return open ? h("p", { class: "hint", text: `Read with the rig of ${open.title}: its sensors, their units and their places.` }) : null;
     const choice = h("select", { "data-key": "rig", onchange: () => { rigOf = of.get(choice.value); scale.clear(); look([], [], [], false); } }, [...of.keys()].map((rig) => h("option", { value: rig, text: rig })));
     choice.value = [...of].find(([, id]) => id === rigOf)?.[0] ?? own ?? "";

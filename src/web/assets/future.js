@@ -123,7 +123,7 @@ export function missing() {
       verdict.push(h("p", { class: "hint", text: `The diagnosis starts at ${head(found.start.rmse_m)}, not at ${head(model.rmse_m)}: while an effect is missing it keeps to what the instruments say, where a free fit lets velocity, heads and times make up for it.` }));
     }
     const warnings = found.warnings;
-    if (warnings.length) verdict.push(h("details", { class: "theory checks" }, h("summary", { text: warnings.length === 1 ? "one thing to check first" : `${warnings.length} things to check first` }), warnings.map((text) => h("p", { class: "advice", text }))));
+    if (warnings.length) verdict.push(h("details", { class: "theory checks", open: true }, h("summary", { text: warnings.length === 1 ? "one thing to check first" : `${warnings.length} things to check first` }), warnings.map((text) => h("p", { class: "advice", text }))));
   } else if (model && !at_work) verdict.push(h("p", { class: "hint", text: "Diagnose asks every effect of the catalogue what it would explain. Point at a candidate to see its curve before you add it." }));
   put(at("verdict"), verdict);
   const shown = (found?.candidates || []).filter((c, i) => i < 5 || c.probability > 0.01).slice(0, 8);

@@ -59,8 +59,9 @@ function update(p) {
   row.slider.value = step(value);
   row.slider.setAttribute("aria-valuetext", `${digits(value, 4)} ${unitOf(p)}`);
   row.field.value = +Number(uncertain(value, p.standard_error).split(" ")[0].replace("−", "-")).toPrecision(6);
-  const error = p.standard_error > 0 ? `± ${uncertain(p.value, p.standard_error).split("± ")[1]}` : "";
-  row.said.textContent = was ? `was ${digits(p.value, 4)} ${unitOf(p)}` : `${error} ${unitOf(p)}${!error && p.held ? ", held" : ""}`.trim().replace(/^, /, "");
+  const error = p.standard_error > 0 && `± ${uncertain(p.value, p.standard_error).split("± ")[1]}`;
+  const fitted = error ? [`${error} ${unitOf(p)}`] : [unitOf(p), p.held && "held"].filter(Boolean);
+  row.said.textContent = was ? `was ${digits(p.value, 4)} ${unitOf(p)}` : fitted.join(", ");
   row.said.title = `fitted: ${uncertain(p.value, p.standard_error)} ${unitOf(p)}`;
   row.box.classList.toggle("moved", moved);
   const [low, high] = p.interval_95 || [];

@@ -79,8 +79,12 @@ export function models() {
   if (!shown.length) { put(at("models"), h("p", { class: "hint", text: app.state.open ? "The base model is being fitted." : "Open a run first." })); return; }
   axis = place(shown);
   const step = (path, text, able, key) => h("button", { type: "button", text, title: key, disabled: !able || Boolean(app.state.job), "data-key": path, onclick: () => act(path) });
-  put(at("models"), shown.map((model) => row(model, axis, all)), unsupported(all),
+  const list = h("div", { class: "list" }, shown.map((model) => row(model, axis, all)));
+  put(at("models"), list, unsupported(all),
     h("div", { class: "buttons" }, step("/api/undo", "↶ Undo", app.state.can_undo, "key u"), step("/api/redo", "↷ Redo", app.state.can_redo, "key r"), app.state.can_undo ? copier("undo") : null));
+  // of a long list the model in force, and one that is being fitted or looked at, are in view
+  const seen = list.querySelector(".preview") || list.querySelector(".force");
+  if (seen) list.scrollTop = seen.offsetTop - (list.clientHeight - seen.clientHeight) / 2;
 }
 
 // The error of the model that is being fitted has moved.

@@ -33,6 +33,7 @@ use crate::web::session::Session;
 use crate::web::session::actions::Action;
 use crate::web::session::bench::Bench;
 use crate::web::session::jobs::Busy;
+use crate::web::session::place::NoSuchRun;
 use crate::web::session::samples::Stretch;
 
 use crate::web::view::curves::{Question, of_sensor, simulate};
@@ -183,8 +184,10 @@ async fn open(State(app): State<Arc<App>>, body: Bytes) -> Answer {
     calm(move || {
         let asked: Runs = parsed(&body)?;
         let ids: Vec<usize> = asked.run.iter().chain(&asked.runs).map(|id| id.parse()).collect::<Result<_, _>>()?;
-        let runs = app.session.place().named(&ids).filter(|runs| !runs.is_empty());
-        let Some(runs) = runs else { return Ok(refusal(StatusCode::NOT_FOUND, "there is no such run")) };
+        let runs = app.session.place().named(&ids).unwrap_or_default();
+        if runs.is_empty() {
+            return Ok(refusal(StatusCode::NOT_FOUND, &NoSuchRun.to_string()));
+        }
         Ok(app.session.open(runs, false).map_or_else(|error| busy(&error), started))
     })
     .await

@@ -9,6 +9,7 @@ use axum::routing::get;
 
 use crate::web::server::answers::of_json;
 use crate::web::server::routes::{App, asked, binary, calm};
+use crate::web::session::place::NoSuchRun;
 use crate::web::session::samples::Stretch;
 use crate::web::view::{model, runs, simulated_test};
 
@@ -37,8 +38,8 @@ fn numbers(text: Option<&String>) -> Result<Vec<usize>, AnyError> {
 async fn glance(State(app): State<Arc<App>>, uri: Uri) -> axum::response::Response {
     calm(move || {
         let ids = numbers(asked(&uri).get("run"))?;
-        let runs = app.session.place().named(&ids).ok_or("there is no such run")?;
-        let run = runs.first().ok_or("there is no such run")?;
+        let runs = app.session.place().named(&ids)?;
+        let run = runs.first().ok_or(NoSuchRun)?;
         Ok(of_json(&app.session.glances.glance(&run.path)))
     })
     .await
@@ -60,7 +61,7 @@ async fn simulation(State(app): State<Arc<App>>, uri: Uri) -> axum::response::Re
         let rig = app.session.rig().ok_or("open a rig file, or a recording of the rig, to record on it")?;
         let asked = asked(&uri);
         let effects = asked.get("effects").map(String::as_str).filter(|text| !text.trim().is_empty());
-        Ok(of_json(&simulated_test::settings(&rig, effects.unwrap_or("none"))?))
+        Ok(of_json(&simulated_test::settings(&rig, effects.unwrap_or("none"), &app.session.before_the_open_run())?))
     })
     .await
 }

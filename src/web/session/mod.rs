@@ -28,7 +28,7 @@ use crate::web::session::bench::{Bench, Commands};
 use crate::web::session::events::Hub;
 use crate::web::session::glances::Glances;
 use crate::web::session::jobs::{Busy, Jobs};
-use crate::web::session::place::{Place, Run};
+use crate::web::session::place::{NoSuchRun, Place, Run};
 use crate::web::session::recording::{Recorder, Wanted};
 
 type AnyError = Box<dyn Error + Send + Sync>;
@@ -142,6 +142,15 @@ impl Session {
         self.place.rig().cloned().or_else(|| Some(self.bench()?.study.rig().clone()))
     }
 
+    /// Velocity and head before the closure of the run whose rig is in use, by the names of their settings: a simulated test is like it where nothing else
+    /// is set. None where the rig is known from its file alone.
+    pub fn before_the_open_run(&self) -> Vec<(String, f64)> {
+        let Some(bench) = self.bench().filter(|_| self.place.rig().is_none()) else { return Vec::new() };
+        let start = &bench.study.runs()[0].start;
+        let (velocity, head) = (start.velocity_m_s.0, start.valve_head_m.0);
+        vec![("initial_velocity_m_s".to_owned(), velocity), ("valve_head_m".to_owned(), head)]
+    }
+
     /// Room on the disk that the recording fills, or would fill, and how long it lasts at this rate; null where nobody knows.
     pub fn room(&self) -> Value {
         let place = self.recorder.growing().unwrap_or_else(|| self.folder());
@@ -167,7 +176,13 @@ impl Session {
         let rig = self.rig().ok_or("open a rig file, or a recording of the rig, to record on it")?;
         let folder = self.folder();
         let known = list(&folder)?.0.into_iter().map(|file| file.path).collect();
-        self.recorder.start(&rig, &folder, wanted, &self.hub)?;
+        let mut wanted = wanted.clone();
+        if wanted.simulate {
+            for (name, value) in self.before_the_open_run() {
+                wanted.set.entry(name).or_insert(value);
+            }
+        }
+        self.recorder.start(&rig, &folder, &wanted, &self.hub)?;
         self.arrivals().folder = Some((folder, known));
         Ok(())
     }
@@ -179,9 +194,8 @@ impl Session {
     pub fn import(self: &Arc<Self>, dropped: &Dropped) -> Result<Value, AnyError> {
         let rig = match &dropped.rig_of {
             Some(id) => {
-                let runs = self.place.named(&[id.parse().map_err(|_| "there is no such run")?]);
-                let run = runs.and_then(|mut runs| runs.pop()).ok_or("there is no such run")?;
-                self.glances.study(&run.path)?.rig().clone()
+                let runs = self.place.named(&[id.parse().map_err(|_| NoSuchRun)?])?;
+                self.glances.study(&runs[0].path)?.rig().clone()
             }
             None => self.rig().ok_or("open a rig file, or a recording of the rig, to import to it")?,
         };

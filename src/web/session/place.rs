@@ -15,6 +15,11 @@ use crate::watch::folder::list;
 
 type AnyError = Box<dyn Error + Send + Sync>;
 
+/// A run that was asked for by a number that none has.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[error("there is no such run")]
+pub struct NoSuchRun;
+
 /// One recording.
 #[derive(Debug, Clone, Default)]
 pub struct Run {
@@ -143,10 +148,13 @@ impl Place {
         self.runs.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
-    /// The runs of these numbers; none where one of them does not exist.
-    pub fn named(&self, ids: &[usize]) -> Option<Vec<Run>> {
+    /// The runs of these numbers.
+    ///
+    /// # Errors
+    /// A run that does not exist.
+    pub fn named(&self, ids: &[usize]) -> Result<Vec<Run>, NoSuchRun> {
         let runs = self.runs();
-        ids.iter().map(|&id| runs.iter().find(|run| run.id == id).cloned()).collect()
+        ids.iter().map(|&id| runs.iter().find(|run| run.id == id).cloned().ok_or(NoSuchRun)).collect()
     }
 
     fn look(&self) -> Result<(), AnyError> {

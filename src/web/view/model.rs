@@ -58,13 +58,14 @@ fn parameters(bench: &Bench, fit: &Fit) -> Vec<Value> {
 
 /// What to do about a parameter, of an effect or of the base model, that the fit does not settle.
 fn advice(fit: &Fit, j: usize, p: &FittedParameter, of_effect: bool) -> Option<String> {
-    let out = if of_effect { ", or take its effect out" } else { ", or see what is missing" };
+    let out = of_effect.then_some(", or take its effect out");
     if p.at_bound {
-        return Some(format!("at its bound: check the rig file, widen the bounds{out}"));
+        let or = out.unwrap_or(", or see what is missing");
+        return Some(format!("at its bound: check the rig file, widen the bounds{or}"));
     }
     match p.uncertainty {
         Uncertainty::Open => {
-            let or = if of_effect { out } else { "" };
+            let or = out.unwrap_or_default();
             return Some(format!("the recording does not determine it: hold it{or}"));
         }
         // of a fit that ended at no optimum nothing is known of any parameter: the page says so once

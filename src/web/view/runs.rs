@@ -34,7 +34,7 @@ pub fn compared(session: &Session, ids: &[usize], stretch: Stretch) -> Result<Pa
     if ids.is_empty() || ids.len() > MOST {
         return Err(format!("choose from 1 to {MOST} runs to compare").into());
     }
-    let runs = session.place().named(ids).ok_or("there is no such run")?;
+    let runs = session.place().named(ids)?;
     let studies = runs.iter().map(|run| session.glances.study(&run.path)).collect::<Result<Vec<_>, _>>()?;
     let reference = &studies[0].runs()[0];
     let mut packed = Packed::default();

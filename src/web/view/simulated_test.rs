@@ -10,12 +10,12 @@ use crate::simulate::scenario::{Scenario, ValveForm};
 
 type AnyError = Box<dyn Error + Send + Sync>;
 
-/// The settings of a simulated test on a rig with these effects, each with the value that it has where nothing is set.
+/// The settings of a simulated test on a rig with these effects, each with the value that it has where nothing but `known` is set.
 ///
 /// # Errors
 /// Effects that do not exist or exclude each other, a rig that cannot be simulated.
-pub fn settings(rig: &Rig, effects: &str) -> Result<Value, AnyError> {
-    let scenario = Scenario::new(rig.clone(), &parse_list(effects)?, ValveForm::Linear, &[])?;
+pub fn settings(rig: &Rig, effects: &str, known: &[(String, f64)]) -> Result<Value, AnyError> {
+    let scenario = Scenario::new(rig.clone(), &parse_list(effects)?, ValveForm::Linear, known)?;
     let model = scenario.model();
     let values = scenario.values();
     let described = model.shared.iter().chain(&model.per_run).zip(&values);

@@ -68,3 +68,29 @@ await story("a messy table is mapped and fitted as by `import` and `calibrate`",
   close((await state()).model.rmse_m, command("calibrate", volts, "--effects", "none").runs[0].rmse_m, 0.001, "error of what was in volts");
   assert.equal((await state()).runs.filter((run) => run.name.startsWith("volts")).length, 1, "a double click imports once");
 });
+
+await story("a file of another rig is read with the rig that a person chooses", { files: { "run.mcap": "copper-leak.mcap", "plastic.mcap": "hdpe-creep.mcap" }, words: ["."] }, async ({ folder, text, page: open, state, shot }) => {
+  text("export", "plastic.mcap", "-o", "plain.csv");
+  const page = await open();
+  await page.waitForFunction(() => document.querySelectorAll("#runs tbody tr").length === 2);
+  const [other] = (await state()).runs.filter((run) => run.open).map((run) => (run.name === "run.mcap" ? "plastic.mcap" : "run.mcap"));
+  // the rig of a run that is not open is known once its row has been looked at
+  await page.waitForFunction(() => [...document.querySelectorAll("#runs tbody tr")].every((row) => /copper|hdpe/.test(row.textContent)));
+  await page.evaluate((content) => {
+    const data = new DataTransfer();
+    data.items.add(new File([content], "wet.csv", { type: "text/csv" }));
+    document.dispatchEvent(new DragEvent("drop", { dataTransfer: data, bubbles: true }));
+  }, readFileSync(join(folder, "plain.csv"), "utf8"));
+  const rig = page.locator('#import select[data-key="rig"]');
+  await rig.waitFor();
+  const rigs = await rig.locator("option").allTextContents();
+  assert.equal(rigs.length, 2, `${rigs}; not open: ${other}`);
+  await rig.selectOption(rigs.find((name) => name.includes("hdpe")));
+  await page.locator('#import select[data-key="column P3"]').waitFor();
+  assert.equal(await rig.inputValue(), rigs.find((name) => name.includes("hdpe")));
+  await shot(page, "another-rig");
+  await page.click("#import button.primary");
+  await page.waitForFunction(() => document.querySelector("#title").textContent.includes("wet"));
+  await settled(page);
+  assert.equal((await state()).open.runs[0].sensors.length, 3);
+});
