@@ -296,6 +296,11 @@ fn pairs_of(
         for (form, other) in best.of.iter().zip([last, last - 1]) {
             if let Some(candidate) = candidate_fits.iter_mut().find(|r| r.refit.form.effect == form.effect) {
                 candidate.take(fitter.without(&best.fit, other));
+                // In the pair it has as many elements as it was screened with.
+                let explains = |fit: &Fit| over_noise(fit, fitter.runs) < EXPLAINED_OVER_NOISE;
+                if candidate.refit.form.chosen.elements.is_some() && candidate.fit.as_ref().is_some_and(explains) {
+                    candidate.take(fitter.fit_from_scratch(candidate.refit));
+                }
             }
         }
     }
