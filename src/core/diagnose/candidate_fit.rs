@@ -203,7 +203,7 @@ pub(crate) fn least_fall(runs: &[RunData], taken: f64) -> f64 {
 
 /// What a fit would leave if it went on to the optimum that its linearised problem predicts.
 pub(crate) fn square_at_optimum(fit: &Fit) -> f64 {
-    square(fit) * (1.0 - fit.predicted_reduction / fit.samples() as f64)
+    square(fit) * (1.0 - fit.predicted_reduction / fit.samples().max(1) as f64)
 }
 
 /// The scale of evidence that the residuals of a fit set.

@@ -14,7 +14,7 @@ use crate::fit::validate::conflict::{at_bounds, contradicts};
 /// The effects that were fitted afresh.
 pub(crate) type Done = Vec<&'static str>;
 
-/// Fits the leading candidates afresh, unless one explains the records; returns their effects.
+/// Fits the leading candidates afresh, unless one explains the records from a start model that stands at no bound; returns their effects.
 pub(crate) fn begin_afresh(fitter: &FullFitter, start: &Fit, candidate_fits: &mut [CandidateFit]) -> Done {
     let mut done = Done::new();
     if !start.parameters.iter().any(|p| p.at_bound) {
