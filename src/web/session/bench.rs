@@ -25,8 +25,8 @@ use crate::study::Study;
 use crate::study::models::{about, load, rig_of, save};
 use crate::study::simulated::Simulated;
 use crate::text_file::read_text;
+use crate::web::session::glances::{FileKey, key};
 use crate::web::session::jobs::Jobs;
-use crate::web::session::place::Run;
 use crate::web::session::samples::{Samples, Stretch};
 
 type AnyError = Box<dyn Error + Send + Sync>;
@@ -43,8 +43,12 @@ pub type Commands = fn(&[PathBuf], &Path) -> BTreeMap<&'static str, String>;
 pub struct Bench {
     /// The recordings.
     pub paths: Vec<PathBuf>,
+    /// Their files as they were read.
+    files: Vec<FileKey>,
     /// The same, inspected and prepared.
     pub study: Study,
+    /// Noise of their heads, m.
+    pub noise_m: f64,
     /// Those of which only a part is used, whole: a chart shows every peak of them.
     whole: Vec<Option<Recording>>,
     /// The file of models; it need not exist yet.
@@ -74,30 +78,30 @@ struct Models {
 type Key = (String, Vec<(String, Option<String>, u64)>, usize);
 
 impl Bench {
-    /// Reads runs, and their models where there is a file of them.
+    /// Reads recordings, and their models where there is a file of them.
     ///
     /// # Errors
     /// As [`Study::open`]; a model file that cannot be read, or that holds models of other recordings.
     pub fn open(
-        runs: &[Run],
+        paths: Vec<PathBuf>,
         model_file: Option<&Path>,
         commands: Commands,
         jobs: Arc<Jobs>,
     ) -> Result<Bench, AnyError> {
-        let paths: Vec<PathBuf> = runs.iter().map(|run| run.path.clone()).collect();
+        let files = paths.iter().map(|path| key(path)).collect::<Result<_, _>>()?;
         let model_path = model_file.map_or_else(|| beside(&paths), Path::to_owned);
         let file = about(&model_path, &paths, None)?;
         let rig = rig_of(None, Some((&model_path, &file)));
         let (mut study, whole) = Study::open_with_whole(rig.as_deref(), &paths)?;
         let (square, samples) = (study.runs().iter().flat_map(|run| &run.sensors))
             .fold((0.0, 0), |(sum, n), s| (sum + s.noise_m.powi(2) * s.time_s.len() as f64, n + s.time_s.len()));
-        jobs.set_noise_m((square / samples.max(1) as f64).sqrt());
+        let noise_m = (square / samples.max(1) as f64).sqrt();
         let heard = jobs.clone();
         study.on_progress(move |progress| heard.hear(progress));
         let models = Mutex::new(Models { file, fits: BTreeMap::new(), diagnoses: Vec::new() });
         let commands = commands(&paths, &model_path);
         let (simulations, shown) = (Mutex::default(), Mutex::default());
-        Ok(Bench { paths, study, whole, model_path, commands, jobs, models, simulations, shown })
+        Ok(Bench { paths, files, study, noise_m, whole, model_path, commands, jobs, models, simulations, shown })
     }
 
     /// When a run's closure starts on its clock, s: as the model in force has it, or as its signals show it.
@@ -235,6 +239,12 @@ impl Bench {
         if models.diagnoses.len() > DIAGNOSES {
             models.diagnoses.remove(0);
         }
+    }
+
+    /// Whether the recordings and the model file are what was read.
+    pub fn is_as_read(&self) -> bool {
+        self.paths.iter().zip(&self.files).all(|(path, file)| key(path).is_ok_and(|now| now == *file))
+            && !self.changed_outside()
     }
 
     /// Whether another program has written to the model file since it was read.

@@ -23,14 +23,14 @@ const MOST_SAMPLES: usize = 8_000_000;
 const BUCKETS: usize = 40;
 
 /// A file as it was when it was read.
-type Key = (PathBuf, u64, Option<SystemTime>);
+pub type FileKey = (PathBuf, u64, Option<SystemTime>);
 
 /// See the module.
 #[derive(Default)]
 pub struct Glances {
     /// The latest last.
-    kept: Mutex<Vec<(Key, Arc<Study>)>>,
-    glances: Mutex<BTreeMap<Key, Value>>,
+    kept: Mutex<Vec<(FileKey, Arc<Study>)>>,
+    glances: Mutex<BTreeMap<FileKey, Value>>,
     /// One file is read at a time: a table of hundreds must not take the machine.
     reading: Mutex<()>,
 }
@@ -39,7 +39,8 @@ fn lock<T>(of: &Mutex<T>) -> MutexGuard<'_, T> {
     of.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-fn samples(study: &Study) -> usize {
+/// Samples of all recordings of a study.
+pub fn samples(study: &Study) -> usize {
     study.runs().iter().flat_map(|run| &run.sensors).map(|s| s.time_s.len()).sum()
 }
 
@@ -93,7 +94,11 @@ impl Glances {
     }
 }
 
-fn key(path: &Path) -> Result<Key, AnyError> {
+/// A file as it is now.
+///
+/// # Errors
+/// One that is not there.
+pub fn key(path: &Path) -> Result<FileKey, AnyError> {
     let about = std::fs::metadata(path)?;
     Ok((path.to_owned(), about.len(), about.modified().ok()))
 }

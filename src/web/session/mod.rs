@@ -3,6 +3,7 @@
 pub mod actions;
 pub mod arrival;
 pub mod bench;
+pub mod benches;
 pub mod events;
 pub mod glances;
 pub mod jobs;
@@ -25,6 +26,7 @@ use crate::watch::folder::list;
 use crate::web::session::actions::Action;
 use crate::web::session::arrival::Dropped;
 use crate::web::session::bench::{Bench, Commands};
+use crate::web::session::benches::Benches;
 use crate::web::session::events::Hub;
 use crate::web::session::glances::Glances;
 use crate::web::session::jobs::{Busy, Jobs};
@@ -40,7 +42,8 @@ const OPENING: Duration = Duration::from_secs(120);
 pub struct Session {
     place: Place,
     commands: Commands,
-    bench: Mutex<Option<Arc<Bench>>>,
+    /// What is open, and what was.
+    pub benches: Benches,
     /// The job at work.
     pub jobs: Arc<Jobs>,
     /// What pages hear.
@@ -71,7 +74,7 @@ impl Session {
         let session = Arc::new(Session {
             place,
             commands,
-            bench: Mutex::default(),
+            benches: Benches::default(),
             jobs: Arc::new(Jobs::new(hub.clone())),
             hub,
             recorder: Arc::default(),
@@ -94,7 +97,7 @@ impl Session {
 
     /// What is open.
     pub fn bench(&self) -> Option<Arc<Bench>> {
-        self.bench.lock().unwrap_or_else(PoisonError::into_inner).clone()
+        self.benches.open()
     }
 
     /// Waits until the job at work has ended, at most for some time; false where it has not.
@@ -102,15 +105,20 @@ impl Session {
         self.jobs.wait(most)
     }
 
-    /// Opens runs together, fits the base model where they have no model yet, and diagnoses it if that is wished. Returns the job's number.
+    /// Opens runs together, as they were left where they were open before; fits the base model where they have none, and diagnoses it if that is wished. Returns the job's number.
     ///
     /// # Errors
     /// If a job is at work.
     pub fn open(self: &Arc<Self>, runs: Vec<Run>, diagnose: bool) -> Result<u64, Busy> {
         let session = self.clone();
         self.jobs.start("opening", true, move |jobs| {
-            let bench = Arc::new(Bench::open(&runs, session.place.model_file(), session.commands, jobs.clone())?);
-            *session.bench.lock().unwrap_or_else(PoisonError::into_inner) = Some(bench.clone());
+            let paths: Vec<PathBuf> = runs.into_iter().map(|run| run.path).collect();
+            let bench = match session.benches.left(&paths) {
+                Some(left) => left,
+                None => Arc::new(Bench::open(paths, session.place.model_file(), session.commands, jobs.clone())?),
+            };
+            jobs.set_noise_m(bench.noise_m);
+            session.benches.put(bench.clone());
             session.hub.changed();
             bench.fit_in_force()?;
             session.hub.model();

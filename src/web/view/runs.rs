@@ -38,9 +38,9 @@ pub fn compared(session: &Session, ids: &[usize], stretch: Stretch) -> Result<Pa
     let studies = runs.iter().map(|run| session.glances.study(&run.path)).collect::<Result<Vec<_>, _>>()?;
     let reference = &studies[0].runs()[0];
     let mut packed = Packed::default();
-    let open = session.bench();
-    let mut about: Vec<Value> =
-        runs.iter().zip(&studies).map(|(run, study)| of_run(run, study, open.as_deref())).collect();
+    let mut about: Vec<Value> = (runs.iter().zip(&studies))
+        .map(|(run, study)| of_run(run, study, session.benches.with(&run.path).as_deref()))
+        .collect();
     let mut sensors = Vec::new();
     for (s, sensor) in reference.sensors.iter().enumerate() {
         let others: Vec<Option<&SensorData>> = studies.iter().map(|study| same(study, &sensor.sensor.name)).collect();
@@ -101,7 +101,7 @@ fn rms_difference(times: &[f64], own: &[f64], reference: &[f64]) -> Option<f64> 
 }
 
 /// What is compared of a run: what its signals show, and the model beside it or the finding of the folder's index.
-fn of_run(run: &Run, study: &Study, open: Option<&Bench>) -> Value {
+fn of_run(run: &Run, study: &Study, bench: Option<&Bench>) -> Value {
     let loaded = &study.recordings()[0];
     let features = &loaded.features;
     let mut all = Vec::new();
@@ -123,7 +123,7 @@ fn of_run(run: &Run, study: &Study, open: Option<&Bench>) -> Value {
     let crossings = features.wave_speed.crossings;
     say("wave speed, crossings", "m/s", crossings.map(|c| c.value), crossings.map(|c| c.standard_error));
     say("damping, first cycle", "1", features.damping_per_cycle.first().copied(), None);
-    let (model, rmse_m, noise_m, parameters) = modelled(run, open);
+    let (model, rmse_m, noise_m, parameters) = modelled(run, bench);
     json!({
         "id": run.id.to_string(), "name": run.name(), "when": recorded_at(loaded.recording.run.start_unix_ns),
         "rig": study.rig().name, "measured": all, "model": model, "rmse_m": rmse_m, "noise_m": noise_m,
@@ -131,11 +131,11 @@ fn of_run(run: &Run, study: &Study, open: Option<&Bench>) -> Value {
     })
 }
 
-/// Effects, error, noise and parameters of a run's model: of the one that is open, kept or not, or of the file beside the run.
-fn modelled(run: &Run, open: Option<&Bench>) -> (Value, Value, Value, Vec<Value>) {
+/// Effects, error, noise and parameters of a run's model: as it is or was open, kept or not, or of the file beside the run.
+fn modelled(run: &Run, bench: Option<&Bench>) -> (Value, Value, Value, Vec<Value>) {
     let of = |name: &str, value: f64, standard_error: Option<f64>| json!({ "name": name, "value": value, "standard_error": standard_error });
     let own =
-        open.filter(|bench| bench.paths == [run.path.clone()]).map(Bench::file).filter(|file| !file.models.is_empty());
+        bench.filter(|bench| bench.paths == [run.path.clone()]).map(Bench::file).filter(|file| !file.models.is_empty());
     if let Some(file) = own.or_else(|| models::load(&run.path.with_extension("model.toml")).ok()) {
         let model = file.current();
         let parameters = model.parameters.iter().map(|p| of(&p.name, p.value, p.standard_error)).collect();

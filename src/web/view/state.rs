@@ -1,5 +1,7 @@
 //! All that a page needs to draw a session.
 
+use std::sync::Arc;
+
 use serde_json::{Value, json};
 
 use crate::model::effects::{CATALOGUE, Effect, Site};
@@ -24,7 +26,7 @@ pub fn json(session: &Session) -> Value {
         "version": env!("CARGO_PKG_VERSION"),
         "place": session.place().words(),
         "folder": session.place().folder().is_some(),
-        "runs": session.place().runs().iter().map(|run| of_run(run, bench)).collect::<Vec<_>>(),
+        "runs": session.place().runs().iter().map(|run| of_run(session, run)).collect::<Vec<_>>(),
         "open": bench.map(open),
         "model": bench.and_then(model::json),
         "models": models,
@@ -56,8 +58,8 @@ fn listed((i, model): (usize, &crate::results::model_file::Entry)) -> Value {
     })
 }
 
-/// A run: what is open as it stands, the others as the folder's index knows them.
-fn of_run(run: &Run, bench: Option<&Bench>) -> Value {
+/// A run: what is or was open as it stands, the others as the folder's index knows them.
+fn of_run(session: &Session, run: &Run) -> Value {
     let finding = run.known.as_ref().and_then(|known| known.finding.as_ref());
     let mut about = json!({
         "id": run.id.to_string(), "name": run.name(), "open": false,
@@ -66,15 +68,17 @@ fn of_run(run: &Run, bench: Option<&Bench>) -> Value {
         "rmse_m": finding.map(|f| f.rmse_m), "noise_m": finding.map(|f| f.noise_m),
         "verdict": finding.map(|f| &f.verdict), "effect": finding.and_then(|f| f.missing.as_ref()), "spark": [],
     });
-    let at = bench.and_then(|bench| Some((bench, bench.paths.iter().position(|path| *path == run.path)?)));
-    let Some((bench, i)) = at else { return about };
+    let Some(bench) = session.benches.with(&run.path) else { return about };
+    let Some(i) = bench.paths.iter().position(|path| *path == run.path) else { return about };
     let loaded = &bench.study.recordings()[i];
-    about["open"] = json!(true);
+    let is_open = session.bench().is_some_and(|open| Arc::ptr_eq(&open, &bench));
+    about["open"] = json!(is_open);
     about["rig"] = json!(bench.study.rig().name);
     about["when"] = json!(recorded_at(loaded.recording.run.start_unix_ns));
     about["temperature_degC"] = json!(loaded.features.temperature_degc);
     about["flow_m3_s"] = json!(loaded.features.flow_m3_s.map(|q| q.value));
-    about["spark"] = json!(spark(bench, i));
+    // what is not open has its sparkline from a glance
+    about["spark"] = json!(if is_open { spark(&bench, i) } else { Vec::new() });
     if let Some(fit) = bench.fit().and_then(|fit| fit.runs.get(i).cloned()) {
         (about["rmse_m"], about["noise_m"]) = (json!(fit.rmse_m), json!(fit.noise_m));
     }

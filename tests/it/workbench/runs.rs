@@ -96,6 +96,39 @@ fn a_run_that_is_not_open_is_glanced_at_and_its_model_is_taken_into_account() {
 }
 
 #[test]
+fn a_run_that_was_left_is_found_as_it_was_left() {
+    let folder = folder_of_runs(&[360.0, 380.0]);
+    let bench = Workbench::open(folder.path(), &["."]);
+    let first = bench.fitted();
+    let [name, other] =
+        [&first["open"]["runs"][0]["name"], &json!("run-1.mcap")].map(|name| name.as_str().unwrap().to_owned());
+    assert_ne!(name, other);
+    bench.job("/api/diagnose", &json!({}));
+    let diagnosed = bench.state();
+    let open = |name: &str| bench.job("/api/open", &json!({ "run": number_of(&first, name) }));
+    let row = |state: &Value| -> Value {
+        let mut row = state["runs"].as_array().unwrap().iter().find(|run| run["name"] == name[..]).unwrap().clone();
+        row.as_object_mut().unwrap().retain(|key, _| ["rmse_m", "noise_m", "verdict", "effect"].contains(&&key[..]));
+        row
+    };
+    open(&other);
+    let left = bench.fitted();
+    assert_eq!((row(&left), left["diagnosis"].is_null()), (row(&diagnosed), true));
+    assert!(row(&left)["rmse_m"].is_number() && row(&left)["verdict"].is_string());
+    let events = open(&name);
+    assert!(events.iter().all(|(name, _)| name != "progress"), "it was fitted again: {events:?}");
+    let back = bench.state();
+    assert_eq!((&back["diagnosis"], &back["model"]), (&diagnosed["diagnosis"], &diagnosed["model"]));
+
+    // a model that a command made meanwhile counts
+    open(&other);
+    let model = Path::new(&name).with_extension("model.toml");
+    done_in(folder.path(), &["calibrate", &name, "--effects", "unsteady-friction", "--save", model.to_str().unwrap()]);
+    open(&name);
+    assert_eq!(bench.state()["model"]["effects"], json!(["unsteady-friction"]));
+}
+
+#[test]
 fn drift_is_what_history_says() {
     let folder = folder_of_runs(&[360.0, 365.0, 370.0]);
     let bench = Workbench::open(folder.path(), &["."]);
