@@ -49,7 +49,7 @@ use crate::diagnose::next::in_words;
 pub use crate::diagnose::outcome::{Candidate, Diagnosis, Pair, RivalPair, Verdict};
 use crate::diagnose::pairs::{PairFit, PairSearch};
 use crate::diagnose::refit::{Refit, refine, screen};
-use crate::diagnose::residual_patterns::residual_patterns;
+use crate::diagnose::residual_patterns::{Pattern, residual_patterns};
 use crate::diagnose::screening::refits;
 use crate::diagnose::visible::visible;
 use crate::diagnose::warnings::warnings;
@@ -188,7 +188,7 @@ pub fn diagnose_fit(
         verdict,
         probability,
         warnings,
-        residual_patterns: residual_patterns(&start).into_iter().map(|p| p.sentence).collect(),
+        residual_patterns: residual_patterns(&start).iter().map(Pattern::sentence).collect(),
         candidates,
         pair,
         rival_pairs,

@@ -12,10 +12,19 @@ pub struct Pattern {
     pub run: usize,
     /// Index of the sensor among the run's.
     pub sensor: usize,
-    /// It in one sentence.
-    pub sentence: String,
+    /// Its name and its error.
+    pub error: String,
+    /// What is wrong, clause by clause.
+    pub clauses: Vec<String>,
     /// The cycle that the model misses most, where there are cycles.
     pub worst: Option<Cycle>,
+}
+
+impl Pattern {
+    /// It in one sentence.
+    pub fn sentence(&self) -> String {
+        format!("{}; {}", self.error, self.clauses.join(", "))
+    }
 }
 
 /// The residual in one cycle.
@@ -39,14 +48,9 @@ pub fn residual_patterns(fit: &Fit) -> Vec<Pattern> {
         for (s, sensor) in run.sensors.iter().enumerate() {
             if sensor.rmse_m > DESCRIBED_OVER_NOISE * sensor.noise_m || before(sensor).is_some() {
                 let worst = worst(sensor);
-                let sentence = format!(
-                    "{prefix}{}: RMSE {} m, {} times the noise; {}",
-                    sensor.name,
-                    error_m(sensor.rmse_m),
-                    times(sensor.rmse_m, sensor.noise_m),
-                    shape(sensor, worst)
-                );
-                patterns.push(Pattern { run: r, sensor: s, sentence, worst });
+                let (rmse, over_noise) = (error_m(sensor.rmse_m), times(sensor.rmse_m, sensor.noise_m));
+                let error = format!("{prefix}{}: RMSE {rmse} m, {over_noise} times the noise", sensor.name);
+                patterns.push(Pattern { run: r, sensor: s, error, clauses: clauses(sensor, worst), worst });
             }
         }
     }
@@ -62,7 +66,7 @@ fn worst(sensor: &SensorFit) -> Option<Cycle> {
     by_cycle(sensor).into_iter().max_by(|a, b| a.rms_m.total_cmp(&b.rms_m))
 }
 
-fn shape(sensor: &SensorFit, worst: Option<Cycle>) -> String {
+fn clauses(sensor: &SensorFit, worst: Option<Cycle>) -> Vec<String> {
     let mut parts = Vec::new();
     let residual: Vec<f64> = sensor.measured_m.iter().zip(&sensor.model_m).map(|(a, b)| a - b).collect();
     if let Some(level) = before(sensor) {
@@ -105,7 +109,7 @@ fn shape(sensor: &SensorFit, worst: Option<Cycle>) -> String {
     if let Some(worst) = worst {
         parts.push(format!("worst in cycle {} ({} m)", worst.cycle, error_m(worst.rms_m)));
     }
-    parts.join(", ")
+    parts
 }
 
 /// The residual in each cycle. Cycles are counted from the measured peaks.
@@ -162,6 +166,10 @@ mod tests {
     use crate::model::RunValues;
     use crate::model::constraint::Constraint;
     use crate::rig::Rig;
+
+    fn shape(sensor: &SensorFit, worst: Option<Cycle>) -> String {
+        clauses(sensor, worst).join(", ")
+    }
 
     fn sensor(late_s: f64, high_m: f64) -> SensorFit {
         let time_s: Vec<f64> = (0..5000).map(|i| f64::from(i) * 1e-3).collect();
@@ -238,7 +246,7 @@ mod tests {
         for (constraints, missed) in [(Vec::new(), false), (held.to_vec(), true)] {
             let options = Options { constraints, most_reaches: 64, ..Options::default() };
             let fit = calibrate(&rig, &runs, &[], &options, &|_| {}).unwrap();
-            let said: Vec<String> = residual_patterns(&fit).into_iter().map(|pattern| pattern.sentence).collect();
+            let said: Vec<String> = residual_patterns(&fit).into_iter().map(|pattern| pattern.sentence()).collect();
             let says_so = said.iter().any(|s| s.contains("the modelled head before the closure 3.00 m too high"));
             assert_eq!(says_so, missed, "{said:?}");
         }

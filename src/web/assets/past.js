@@ -96,24 +96,21 @@ export function falls(rmse) {
   box.querySelector(".dot").style.setProperty("left", `${Math.min(96, axis(rmse))}%`);
 }
 
-// A sentence whose metres, which are heads, are in the page's unit; before the first colon stand names.
-function inHeads(text) {
-  const [name, ...about] = text.split(": ");
-  return [name, ...about.map((part) => part.replace(/([\d.]+) m\b/g, (_, value) => head(Number(value))))].join(": ");
-}
+// Metres, which are heads, in the page's unit.
+const inHeads = (text) => text.replace(/([\d.]+) m\b/g, (_, value) => head(Number(value)));
 
-// The first clause of a sentence stands out.
-function said(text) {
-  const [first, ...rest] = text.split("; ");
-  return h("span", {}, h("b", { text: first }), rest.length ? `; ${rest.join("; ")}` : "");
+// A sensor's error, and what is wrong; before the first colon stand names.
+function said(fail) {
+  const [, name, error] = /^(.*?: )(.*)$/.exec(fail.error);
+  const show = fail.from_s === null ? null : h("button", { type: "button", class: "link", text: "show", "aria-label": `Show where: ${fail.text}`, onclick: () => see(fail) });
+  return h("li", {}, h("b", { text: name + inHeads(error) }), " ", show, h("ul", {}, fail.clauses.map((clause) => h("li", { text: inHeads(clause) }))));
 }
 
 const see = ({ from_s, to_s }) => { zoom([from_s, to_s]); toCharts(); };
 
 export function fails() {
   const model = app.state.model;
-  const items = (model?.fails || []).map((fail) => ({ ...fail, text: inHeads(fail.text) })).map((fail) => h("li", {}, said(fail.text), " ",
-    fail.from_s === null ? null : h("button", { type: "button", class: "link", text: "show", "aria-label": `Show where: ${fail.text}`, onclick: () => see(fail) })));
+  const items = (model?.fails || []).map(said);
   if (model && !items.length) items.push(h("li", { text: "No sensor shows more than its noise." }));
   put(at("fails"), items);
   const rows = model?.cycles || [];

@@ -1,5 +1,10 @@
 //! Model against measurement: error, extrema, phase.
 
+/// Share of the way from one extremum to the next that may lie near its middle level, and how near that is, as a share of their difference.
+/// A straight line spends a fifth of its way there. A sensor far from the valve waits there for the next front, and no one instant is the
+/// crossing.
+const WAITS: (f64, f64) = (0.25, 0.1);
+
 /// One extremum in measurement and model.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ExtremumError {
@@ -13,7 +18,8 @@ pub struct ExtremumError {
     pub measured_m: f64,
     /// Head of the model's own extremum, m.
     pub model_m: f64,
-    /// Model's time minus measured time of the crossing of the mean level that leads to it, s.
+    /// Model's time minus measured time of the crossing of the mean level that leads to it, s; NaN where none leads to it, or
+    /// either head waits at that level.
     pub phase_s: f64,
 }
 
@@ -60,6 +66,10 @@ impl Pair<'_> {
             let model_m = self.extreme(self.model_m, first, last, peak);
             let phase_s = before.map_or(f64::NAN, |(t, head)| {
                 let level = 0.5 * (head + measured_m);
+                let near_m = WAITS.1 * (head - measured_m).abs();
+                if [self.measured_m, self.model_m].iter().any(|series| self.waits(series, t, time_s, level, near_m)) {
+                    return f64::NAN;
+                }
                 let crossing = |series: &[f64]| self.crossing(series, t, time_s, level, peak);
                 crossing(self.model_m) - crossing(self.measured_m)
             });
@@ -67,6 +77,13 @@ impl Pair<'_> {
             errors.push(ExtremumError { cycle, peak, time_s, measured_m, model_m, phase_s });
         }
         errors
+    }
+
+    /// Whether a series stays within `near_m` of a level for long between two times.
+    fn waits(&self, series: &[f64], from_s: f64, to_s: f64, level: f64, near_m: f64) -> bool {
+        let (first, last) = self.span(from_s, to_s);
+        let near = series[first..last].iter().filter(|head| (**head - level).abs() < near_m).count();
+        near as f64 > WAITS.0 * (last - first) as f64
     }
 
     fn span(&self, from_s: f64, to_s: f64) -> (usize, usize) {
@@ -122,6 +139,26 @@ mod tests {
         assert!((errors[2].model_m - 15.5).abs() < 2e-2 && (errors[2].measured_m - 15.0).abs() < 2e-2);
         // (0.5/15 + 0.5/5 + 0.5/15) / 3
         assert!((mape_percent(errors.iter()) - 100.0 * (0.5 / 15.0 + 0.1 + 0.5 / 15.0) / 3.0).abs() < 0.1);
+    }
+
+    /// At a quarter of the pipe the head returns to the mean level for three quarters of the time, and a small offset moves the crossing
+    /// across that plateau.
+    #[test]
+    fn a_plateau_at_the_mean_level_has_no_phase() {
+        let time_s: Vec<f64> = (0..4000).map(|i| i as f64 * 1e-3).collect();
+        let wave = |t: f64, at: f64| {
+            let in_half = (2.0 * t).rem_euclid(1.0);
+            let sign = if t.rem_euclid(1.0) < 0.5 { 5.0 } else { -5.0 };
+            10.0 + sign * ((0.5 * at + 0.02 - (in_half - 0.5).abs()) / 0.04).clamp(0.0, 1.0)
+        };
+        let phase = |at: f64| {
+            let measured_m: Vec<f64> = time_s.iter().map(|&t| wave(t, at)).collect();
+            let model_m: Vec<f64> = time_s.iter().map(|&t| wave(t, at) + 0.05).collect();
+            let pair =
+                Pair { time_s: &time_s, measured_m: &measured_m, model_m: &model_m, noise_m: 0.0, period_s: 1.0 };
+            pair.extrema(&[(0.25, 1, true), (0.75, 1, false), (1.25, 2, true)])[2].phase_s
+        };
+        assert!(phase(0.25).is_nan() && phase(1.0).abs() < 1e-3, "{} {}", phase(0.25), phase(1.0));
     }
 
     #[test]
