@@ -16,7 +16,6 @@ use crate::cli::console::progress::shown;
 use crate::diagnose::Diagnosis;
 use crate::fit::outcome::fit::Fit;
 use crate::model::effects::{CATALOGUE, Chosen, parse_list};
-use crate::number::probability;
 use crate::report::advice::quoted;
 use crate::report::calibration::text as table;
 use crate::report::diagnosis::text as diagnosis;
@@ -113,9 +112,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     kept.append(&base, "calibrated", None, now());
     let mut stages = vec![base_stage];
     if let Some(full) = found.answer() {
-        let why =
-            format!("diagnosed: {} missing, probability {}", found.answer_label(), probability(found.probability));
-        kept.append(full, &why, Some(found.answer_evidence()), now());
+        kept.append(full, &found.reason(), Some(found.answer_evidence()), now());
         stages.push(Stage { title: title(&full.effects), fit: full });
         let added = format!(
             "\n5. Add '{}': the model is fitted with it.\n{}",

@@ -19,7 +19,7 @@ use crate::fit::validate::energy::energy_of;
 use crate::model::effects::{Chosen, parse_list};
 use crate::report::Page;
 use crate::report::diagnosis::text as diagnosis;
-use crate::report::text::number::{error_m, probability, times};
+use crate::report::text::number::{error_m, times};
 use crate::report::{Stage, title};
 use crate::results::fit_record::now;
 use crate::shown::Shown as _;
@@ -165,9 +165,7 @@ fn diagnosed(args: Args, json: bool) -> CommandResult {
         }
         let added = found.answer().cloned();
         if let (Some(fit), Some(file)) = (&added, &mut file) {
-            let why =
-                format!("diagnosed: {} missing, probability {}", found.answer_label(), probability(found.probability));
-            file.append(fit, &why, Some(found.answer_evidence()), now());
+            file.append(fit, &found.reason(), Some(found.answer_evidence()), now());
         }
         if let (Some(path), Some(file)) = (&args.apply, &mut file) {
             // each as soon as it is there: a later one may be interrupted

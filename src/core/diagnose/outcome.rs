@@ -3,6 +3,7 @@
 use crate::diagnose::limits::{START_DOUBTFUL, WORSE_PREDICTION};
 use crate::diagnose::visible::Visible;
 use crate::fit::outcome::fit::{Fit, FittedParameter};
+use crate::number::probability;
 
 /// The verdict of a diagnosis.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -152,6 +153,11 @@ impl Diagnosis {
             (None, Some(best)) => best.label.clone(),
             (None, None) => String::new(),
         }
+    }
+
+    /// Why the answer joins a model, in the words of a model file.
+    pub fn reason(&self) -> String {
+        format!("diagnosed: {} missing, probability {}", self.answer_label(), probability(self.probability))
     }
 
     /// Whether the most probable effect makes the model predict the end of the records worse.

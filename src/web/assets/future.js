@@ -1,7 +1,7 @@
 // What is missing: the diagnosis, what each candidate would do, and any effect of the catalogue by hand.
 
 import { at, h, head, probable, put, svg, times, toCharts } from "/assets/dom.js";
-import { app, act } from "/assets/store.js";
+import { app, act, proposals } from "/assets/store.js";
 import { load, try_, watchFit } from "/assets/charts.js";
 import { falls, models } from "/assets/past.js";
 import { copier } from "/assets/commands.js";
@@ -28,26 +28,19 @@ function theory(about) {
   return h("details", { class: "theory" }, h("summary", { text: "equation and source" }), h("pre", { text: about.equation }), h("p", { class: "hint", text: about.source }));
 }
 
-// Two effects that explain together what neither does alone: adding one leaves the other to be found.
-function both(pair) {
-  const noise = app.state.model.noise_m;
-  return h("article", { class: "card" }, h("h3", {}, pair.labels.join(" and "), h("span", { class: "number", text: probable(pair.probability) })),
-    h("p", { text: "Both together. Add one of them; the other is then found beside it." }),
-    h("p", { class: "foot", text: `error → ${head(pair.rmse_m)}${pair.rmse_m < 1.25 * noise ? ", down to the noise" : `, ${times(pair.rmse_m, noise)}`}` }));
-}
-
 function candidate(c) {
-  const about = app.effects.get(c.effect);
+  const about = c.labels ? { summary: "Together they explain what neither does alone." } : app.effects.get(c.effect);
   const noise = app.state.model.noise_m;
   const show = () => preview(c.label);
   const bar = h("span", { class: "bar", "aria-hidden": "true" }, h("i", { style: { width: `${100 * c.probability}%` } }));
-  const alike = c.indistinguishable_from.length ? h("p", { class: "hint", text: `These recordings cannot tell it from ${c.indistinguishable_from.join(", ")}.` }) : null;
+  const others = c.indistinguishable_from.map((other) => other.labels?.join(" and ") || other);
+  const alike = others.length ? h("p", { class: "hint", text: `These recordings cannot tell ${c.labels ? "them" : "it"} from ${others.join(", ")}.` }) : null;
   const card = h("article", { class: "card candidate", tabindex: 0, "data-key": `p${c.label}`, "aria-label": `${c.label}, probability ${probable(c.probability)}`, onmouseenter: show, onfocus: show, onmouseleave: () => preview(null) },
     h("h3", {}, c.label, bar, h("span", { class: "number", text: probable(c.probability) })),
-    about ? h("p", { text: about.summary }) : null, alike, theory(about),
+    about ? h("p", { text: about.summary }) : null, alike, about?.equation ? theory(about) : null,
     h("button", { type: "button", class: "link on-phone", text: "show in the charts", onclick: () => { show(); toCharts(); } }),
     h("p", { class: "foot" }, h("span", { text: `${c.probability_alone === undefined ? "" : "alone: "}error → ${head(c.rmse_m)}${c.rmse_m < 1.25 * noise ? ", down to the noise" : `, ${times(c.rmse_m, noise)}`}` }),
-      h("button", { type: "button", class: app.state.diagnosis.verdict === "nothing-missing" ? null : "primary", text: "Add", "aria-label": `Add ${c.label}`, "data-key": `a${c.label}`, disabled: Boolean(app.state.job), onfocus: show, onclick: (event) => { follows = event.detail === 0; add(c.label); } }), copier("add", c.label)));
+      h("button", { type: "button", class: app.state.diagnosis.verdict === "nothing-missing" ? null : "primary", text: c.labels ? "Add both" : "Add", "aria-label": `Add ${c.label}`, "data-key": `a${c.label}`, disabled: Boolean(app.state.job), onfocus: show, onclick: (event) => { follows = event.detail === 0; add(c.labels?.join(",") || c.label); } }), c.labels ? copier("diagnose") : copier("add", c.label)));
   return card;
 }
 
@@ -126,9 +119,9 @@ export function missing() {
     if (warnings.length) verdict.push(h("details", { class: "theory checks", open: true }, h("summary", { text: warnings.length === 1 ? "one thing to check first" : `${warnings.length} things to check first` }), warnings.map((text) => h("p", { class: "advice", text }))));
   } else if (model && !at_work) verdict.push(h("p", { class: "hint", text: "Diagnose asks every effect of the catalogue what it would explain. Point at a candidate to see its curve before you add it." }));
   put(at("verdict"), verdict);
-  const shown = (found?.candidates || []).filter((c, i) => i < 5 || c.probability > 0.01).slice(0, 8);
+  const shown = (found ? proposals() : []).filter((c, i) => i < 5 || c.probability > 0.01).slice(0, 8);
   const next = found?.next_test ? h("article", { class: "card next" }, h("h3", { text: "Next test" }), h("p", { text: found.next_test })) : null;
-  put(at("candidates"), found?.pair && model ? both(found.pair) : null, shown.map(candidate), next);
+  put(at("candidates"), model ? shown.map(candidate) : null, next);
   const own = model?.effects || [];
   put(at("effects-in"), own.length ? h("h2", { text: "In the model" }) : null, own.map((effect) => {
     const off = h("input", { type: "checkbox", checked: !app.without.has(effect), onchange: () => { if (off.checked) app.without.delete(effect); else app.without.add(effect); try_(false); } });

@@ -1,7 +1,7 @@
 // The models so far on one axis of error, where the one in force fails, and its error by sensor and cycle.
 
 import { at, digits, h, head, put, times, toCharts } from "/assets/dom.js";
-import { app, act } from "/assets/store.js";
+import { app, act, proposals } from "/assets/store.js";
 import { load, zoom } from "/assets/charts.js";
 import { copier } from "/assets/commands.js";
 import { sideBySide } from "/assets/sidebyside.js";
@@ -72,7 +72,7 @@ let axis = null;
 export function models() {
   const all = app.state.models;
   const shown = [...all];
-  const candidate = app.state.diagnosis?.candidates.find((c) => c.label === app.preview);
+  const candidate = proposals().find((c) => c.label === app.preview);
   if (candidate && app.state.model) shown.push({ ...app.state.model, number: 0, name: `+ ${candidate.label}`, why: `+ ${candidate.label} (preview)`, grown_from: null, rmse_m: candidate.rmse_m, preview: true });
   const going = fitted();
   if (going) shown.push(going);

@@ -58,6 +58,12 @@ export async function renew() {
   redraws.forEach((redraw) => redraw());
 }
 
+// What a diagnosis proposes to add: two effects together, where no single one is the answer, and each effect.
+export function proposals() {
+  const { candidates = [], pair } = app.state.diagnosis || {};
+  return pair ? [{ ...pair, label: pair.labels.join(" + ") }, ...candidates] : candidates;
+}
+
 export function tell(text) {
   at("told").textContent = text;
 }

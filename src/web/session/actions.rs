@@ -40,7 +40,7 @@ pub struct Wishes {
 pub enum Action {
     /// Find out what the model lacks.
     Diagnose,
-    /// Add an effect, its parameters starting at these values where some are given.
+    /// Add an effect, its parameters starting at these values where some are given; or the two that the diagnosis found together.
     Add(String, BTreeMap<String, f64>),
     /// Take an effect out.
     Remove(String),
@@ -118,7 +118,8 @@ impl Bench {
     }
 
     fn add(&self, effect: &str, set: &BTreeMap<String, f64>) -> Result<(), AnyError> {
-        let chosen = one_effect(effect)?;
+        let mut named = parse_list(effect)?;
+        let Some(chosen) = named.pop().filter(|_| named.is_empty()) else { return self.add_pair(effect) };
         if let Some(why) = chosen.effect.impossible(self.study.rig()) {
             return Err(format!("{effect}: {why}; whatever it explains belongs to another effect").into());
         }
@@ -135,23 +136,21 @@ impl Bench {
         };
         self.append(fit, &format!("{} added", chosen.label()), Some(evidence))
     }
+
+    /// Adds what the diagnosis of the model in force found together, as `diagnose --apply` does.
+    fn add_pair(&self, effects: &str) -> Result<(), AnyError> {
+        let found = self.diagnosis();
+        let of_pair =
+            |found: &&Arc<Diagnosis>| found.pair.as_ref().is_some_and(|pair| pair.labels.join(",") == effects);
+        let answer = found.as_ref().filter(of_pair).and_then(|found| Some((found, found.answer()?.clone())));
+        let (found, fit) = answer.ok_or("name one effect, or the two that the diagnosis found together")?;
+        self.append(fit, &found.reason(), Some(found.answer_evidence()))
+    }
 }
 
 /// Values that a person gave, each for all runs.
 pub fn given(set: &BTreeMap<String, f64>) -> impl Iterator<Item = Given> {
     set.iter().map(|(name, value)| Given { name: name.clone(), run: None, value: *value })
-}
-
-/// The one effect that a text names.
-///
-/// # Errors
-/// None of the catalogue, or several.
-pub fn one_effect(text: &str) -> Result<Chosen, AnyError> {
-    let mut list = parse_list(text)?;
-    match (list.pop(), list.is_empty()) {
-        (Some(one), true) => Ok(one),
-        _ => Err("name one effect".into()),
-    }
 }
 
 /// A model as a person wants it fitted.

@@ -108,6 +108,28 @@ fn a_diagnosis_is_what_the_command_says_and_shows_what_each_candidate_would_do()
 }
 
 #[test]
+fn two_effects_that_are_missing_together_are_added_together() {
+    let folder = folder_with(LEAK);
+    done_in(folder.path(), &["diagnose", "run.mcap", "--effects", "none", "--apply", "by-command.toml"]);
+    let by_command = in_force(folder.path(), "by-command.toml");
+    let bench = Workbench::open(folder.path(), &["run.mcap"]);
+    bench.fitted();
+    bench.job("/api/diagnose", &json!({}));
+    let pair = bench.state()["diagnosis"]["pair"].clone();
+    let labels: Vec<&str> = pair["labels"].as_array().unwrap().iter().map(|l| l.as_str().unwrap()).collect();
+    let refused = bench.job("/api/add", &json!({ "effect": "leak,blockage" }));
+    assert!(refused.last().unwrap().1["message"].as_str().unwrap().contains("name one effect"), "{refused:?}");
+    bench.job("/api/add", &json!({ "effect": labels.join(",") }));
+    let kept = in_force(folder.path(), "run.model.toml");
+    for same in ["effects", "why"] {
+        assert_eq!(kept[same], by_command[same]);
+    }
+    assert_eq!(kept["effects"].as_array().unwrap().len(), 2);
+    close(&kept["rmse_m"], &by_command["rmse_m"], 1e-3);
+    close(&pair["rmse_m"], &kept["rmse_m"], 1e-9);
+}
+
+#[test]
 fn a_parameter_is_moved_held_and_fitted() {
     let folder = folder_with(CREEP);
     let bench = Workbench::open(folder.path(), &["run.mcap"]);
