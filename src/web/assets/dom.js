@@ -64,4 +64,4 @@ export function named(parameter) {
 }
 // What tells a parameter from those of the same name in other runs.
 export const keyOf = (p) => `${p.name} ${p.run || ""}`;
-export const unitOf = (parameter) => (parameter.unit === "1" ? "" : parameter.unit);
+export const unitOf = ({ unit }) => (unit === "1" ? "" : unit.replace("deg", "°").replace(/([a-z])([23])\b/g, (_, of, power) => of + "²³"[power - 2]));

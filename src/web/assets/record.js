@@ -97,12 +97,12 @@ export function live(told) {
     put(box, h("div", { class: "card" }, h("p", { id: "live-line" }), h("p", { id: "live-trigger", class: "hint" }), h("p", { id: "live-disk", class: "hint" }), h("button", { type: "button", class: "warn", text: "Stop recording", onclick: () => act("/api/record/stop") })), [...strips.values()].map((s) => s.card));
   }
   if (box.hidden) { box.hidden = false; room(); }
-  at("live-line").textContent = `${told.file}: ${digits(told.recorded_s ?? 0, 4)} s, ${told.samples} samples, ${Math.round(told.samples_per_s)} a second, ${told.gaps} gaps`;
+  at("live-line").textContent = `${told.file}: ${digits(told.recorded_s ?? 0, 4)} s, ${told.samples} samples, ${told.samples_per_s > 0 ? `${Math.round(told.samples_per_s)} a second, ` : ""}${told.gaps === 1 ? "1 gap" : `${told.gaps} gaps`}`;
   const trigger = told.trigger;
   at("live-trigger").textContent = [trigger && `trigger ${trigger.condition}: ${trigger.phase}, ${trigger.fired} shots`, ...told.devices.map((d) => d.trouble)].filter(Boolean).join("; ");
   for (const sensor of told.sensors) {
     const own = strips.get(sensor.name);
-    own.level.textContent = sensor.level === null ? "–" : `${digits(sensor.level, 4)} ${sensor.unit}`;
+    own.level.textContent = sensor.level === null ? "–" : `${digits(sensor.level, 4)} ${unitOf(sensor)}`;
     own.state.textContent = [sensor.rate_hz && `${digits(sensor.rate_hz, 4)} Hz`, sensor.gaps && `${sensor.gaps} gaps`, sensor.fault?.what].filter(Boolean).join(", ");
     own.canvas.setAttribute("aria-label", `${sensor.name}, the last ten seconds`);
     draw(own.canvas, sensor.trace);
