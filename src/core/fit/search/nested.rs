@@ -1,7 +1,7 @@
 //! Models that contain others, compared at their ends on the fine grid.
 //!
 //! A model that contains another should not end worse. So each model with one effect less is fitted on from where the fit ended and, where the fit leaves
-//! more than noise, also from the signals; where one of them leaves less, the fit goes on from its end. And an element of creep that the coarse grid's own error hid is found on the fine grid: without
+//! more than noise or an effect may be anywhere, also from the signals; where one of them leaves less, the fit goes on from its end. And an element of creep that the coarse grid's own error hid is found on the fine grid: without
 //! it, the others stand in for it, and what else is fitted moves with them.
 
 use rayon::prelude::*;
@@ -17,7 +17,7 @@ use crate::fit::search::calibrate::{OneLess, calibrate, fit_coarsely, growing};
 use crate::fit::search::calibrator::{Calibrator, Estimate};
 use crate::fit::search::finish::descend;
 use crate::fit::search::options::Options;
-use crate::fit::search::starts::starts_from;
+use crate::fit::search::starts::{may_be_anywhere, starts_from};
 use crate::fit::search::thresholds::{
     AS_GOOD_WITHOUT, EVALUATE_ONLY, HOPELESS_SMALLER, HOPELESS_START_RATIO, SCREENING, SMALLER_ABOVE,
 };
@@ -44,7 +44,9 @@ pub fn calibrate_nested(
     for i in 0..effects.len() {
         let rest = OneLess::of(rig, runs, &fit, i, options)?;
         let near = without_it(rig, runs, &fit, &rest, options, progress)?;
-        let far = if fit.mean_square() > SMALLER_ABOVE { searched(rig, runs, &fit, &rest, progress)? } else { None };
+        // an effect that may be anywhere can have been found in another place
+        let astray = fit.mean_square() > SMALLER_ABOVE || rest.effects.iter().any(may_be_anywhere);
+        let far = if astray { searched(rig, runs, &fit, &rest, progress)? } else { None };
         let smaller = [near, far].into_iter().flatten().min_by(|a, b| a.cost.total_cmp(&b.cost));
         if let Some(smaller) = smaller.filter(|smaller| smaller.cost < fit.cost) {
             let on = grown(rig, runs, &fit.effects, &smaller, options, progress, 0.0)?;
