@@ -28,9 +28,10 @@ function theory(about) {
   return h("details", { class: "theory" }, h("summary", { text: "equation and source" }), h("pre", { text: about.equation }), h("p", { class: "hint", text: about.source }));
 }
 
+const near = (c) => c.rmse_m < 1.25 * app.state.model.noise_m;
+
 function candidate(c) {
   const about = c.labels ? { summary: "Together they explain what neither does alone." } : app.effects.get(c.effect);
-  const noise = app.state.model.noise_m;
   const show = () => preview(c.label);
   const bar = h("span", { class: "bar", "aria-hidden": "true" }, h("i", { style: { width: `${100 * c.probability}%` } }));
   const others = c.indistinguishable_from.map((other) => other.labels?.join(" and ") || other);
@@ -39,7 +40,7 @@ function candidate(c) {
     h("h3", {}, c.label, bar, h("span", { class: "number", text: probable(c.probability) })),
     about ? h("p", { text: about.summary }) : null, alike, about?.equation ? theory(about) : null,
     h("button", { type: "button", class: "link on-phone", text: "show in the charts", onclick: () => { show(); toCharts(); } }),
-    h("p", { class: "foot" }, h("span", { text: `${c.probability_alone === undefined ? "" : "alone: "}error → ${head(c.rmse_m)}${c.rmse_m < 1.25 * noise ? ", down to the noise" : `, ${times(c.rmse_m, noise)}`}` }),
+    h("p", { class: "foot" }, h("span", { text: `${c.probability_alone === undefined ? "" : "alone: "}error → ${head(c.rmse_m)}${near(c) ? ", down to the noise" : `, ${times(c.rmse_m, app.state.model.noise_m)}`}` }),
       h("button", { type: "button", class: app.state.diagnosis.verdict === "nothing-missing" ? null : "primary", text: c.labels ? "Add both" : "Add", "aria-label": `Add ${c.label}`, "data-key": `a${c.label}`, disabled: Boolean(app.state.job), onfocus: show, onclick: (event) => { follows = event.detail === 0; add(c.labels?.join(",") || c.label); } }), c.labels ? copier("diagnose") : copier("add", c.label)));
   return card;
 }
@@ -116,7 +117,9 @@ export function missing() {
       verdict.push(h("p", { class: "hint", text: `The diagnosis starts at ${head(found.start.rmse_m)}, not at ${head(model.rmse_m)}: while an effect is missing it keeps to what the instruments say, where a free fit lets velocity, heads and times make up for it.` }));
     }
     const warnings = found.warnings;
-    if (warnings.length) verdict.push(h("details", { class: "theory checks", open: true }, h("summary", { text: warnings.length === 1 ? "one thing to check first" : `${warnings.length} things to check first` }), warnings.map((text) => h("p", { class: "advice", text }))));
+    // an effect that is missing bends the start model; where the answer explains the record, what that caused is of less weight
+    const explained = found.verdict === "missing-effect" && near(proposals()[0]);
+    if (warnings.length) verdict.push(h("details", { class: "theory checks", open: !explained }, h("summary", { text: warnings.length === 1 ? "one thing to check first" : `${warnings.length} things to check first` }), warnings.map((text) => h("p", { class: "advice", text }))));
   } else if (model && !at_work) verdict.push(h("p", { class: "hint", text: "Diagnose asks every effect of the catalogue what it would explain. Point at a candidate to see its curve before you add it." }));
   put(at("verdict"), verdict);
   const shown = (found ? proposals() : []).filter((c, i) => i < 5 || c.probability > 0.01).slice(0, 8);
