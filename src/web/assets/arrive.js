@@ -22,6 +22,8 @@ export async function arrive(file) {
   let [rate, writing, rigOf] = [null, false, null];
   // what the numbers of a sensor's column stand for, where they are volts or milliamperes
   const scale = new Map();
+  // the column of a sensor, also while the file cannot be understood
+  const chosen = new Map();
   const look = async (map, ignore, without, accept) => {
     // the second of a double click is none
     if (writing) return;
@@ -43,7 +45,7 @@ export async function arrive(file) {
     const of = new Map(all.filter((run) => run.rig).map((run) => [run.rig, run.id]));
     const own = open && all.find((run) => run.open)?.rig;
     if (!open || of.size < 2) return open ? h("p", { class: "hint", text: `Read with the rig of ${open.title}: its sensors, their units and their places.` }) : null;
-    const choice = h("select", { "data-key": "rig", onchange: () => { rigOf = of.get(choice.value); scale.clear(); look([], [], [], false); } }, [...of.keys()].map((rig) => h("option", { value: rig, text: rig })));
+    const choice = h("select", { "data-key": "rig", onchange: () => { rigOf = of.get(choice.value); scale.clear(); chosen.clear(); look([], [], [], false); } }, [...of.keys()].map((rig) => h("option", { value: rig, text: rig })));
     choice.value = [...of].find(([, id]) => id === rigOf)?.[0] ?? own ?? "";
     return h("label", {}, "recorded on the rig ", choice);
   };
@@ -53,8 +55,9 @@ export async function arrive(file) {
     const columnOf = (s) => found.columns.find((c) => c === s?.column || s?.column?.includes(c) || (s?.column && c.includes(s.column)));
     const choices = found.sensors.map((sensor) => {
       const choice = h("select", { "aria-label": `Column of ${sensor}`, "data-key": `column ${sensor}` }, h("option", { value: "", text: "not recorded" }), found.columns.map((c) => h("option", { value: c, text: c })));
-      choice.value = columnOf(understood.get(sensor)) ?? (found.columns.includes(sensor) ? sensor : "");
-      choice.onchange = () => look(...said(), false);
+      chosen.set(sensor, columnOf(understood.get(sensor)) ?? chosen.get(sensor) ?? (found.columns.includes(sensor) ? sensor : ""));
+      choice.value = chosen.get(sensor);
+      choice.onchange = () => { chosen.set(sensor, choice.value); look(...said(), false); };
       return [sensor, choice];
     });
     const said = () => {

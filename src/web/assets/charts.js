@@ -205,7 +205,7 @@ class Panel {
     const of = (name) => asked.column[name];
     const keeps = changed() && this.data.time.length === of("time_s").length && !app.preview;
     const trial = app.preview ? of(`candidate:${app.preview}_m`) : keeps ? this.data.trial : null;
-    this.data = { time: of("time_s"), measured: of("measured_m"), model: of("model_m"), ghost: of(`${ghost}_m`), trial, adds: Boolean(app.preview) };
+    this.data = { time: of("time_s"), measured: of("measured_m"), model: of("model_m"), ghost: of(`${ghost}_m`), trial, adds: Boolean(app.preview && trial) };
   }
 }
 
@@ -266,6 +266,8 @@ export async function load() {
   if (mine !== latest) return;
   try {
     draw();
+    const curveless = app.preview && !panels.some((panel) => panel.data.trial);
+    if (curveless || !changed()) at("trial").textContent = curveless ? `no curve is kept of ${app.preview}: its fit was given up early` : "";
     if (changed() && !app.preview) try_();
   } catch (error) { complain(error); }
   loaded.filter((one) => one.reason).forEach((one) => complain(one.reason));

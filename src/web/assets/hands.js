@@ -99,7 +99,7 @@ function row(p) {
   } });
   const said = h("span", { class: "said" });
   const shade = h("i", { class: "shade", "aria-hidden": "true" });
-  const more = h("details", { class: "menu" }, h("summary", { "aria-label": `Bounds of ${named(p)}`, text: "⋯" }),
+  const more = h("details", { class: "menu", ontoggle: (event) => event.target.lastChild.scrollIntoView({ block: "nearest" }) }, h("summary", { "aria-label": `Bounds of ${named(p)}`, text: "⋯" }),
     h("div", {}, h("p", { text: p.about }), h("label", {}, "from ", bound(p, 0)), h("label", {}, "to ", bound(p, 1))));
   const box = h("div", { class: `parameter${p.advice ? " doubtful" : ""}` },
     h("div", { class: "label", title: p.about }, h("b", { text: named(p) }), p.advice ? h("span", { class: "mark", title: inWords(p.advice), text: "!" }) : null, p.run && app.state.open.runs.length > 1 ? ` ${p.run}` : "", more),
@@ -159,6 +159,10 @@ export function reset() {
 
 export function fit() {
   const { moved, hold, free, bounds } = app;
+  if (app.without.size) {
+    complain(new Error("An effect that is switched off is still in the model: take it out to fit without it, or switch it on."));
+    return;
+  }
   if (app.state.model.converged && !hold.size && !free.size && !Object.keys({ ...moved, ...bounds }).length) {
     complain(new Error("The model is fitted as it stands: move, hold, free or bound a parameter first."));
     return;

@@ -103,7 +103,7 @@ at("show-runs").addEventListener("click", runs);
 at("show-record").addEventListener("click", record);
 at("show-keys").addEventListener("click", keys);
 at("fit").addEventListener("click", fit);
-at("reset").addEventListener("click", reset);
+at("reset").addEventListener("click", () => { reset(); rig(); });
 at("copy").addEventListener("click", () => app.state.model && copy(commandOf("fit")));
 
 function keys() {
@@ -148,7 +148,7 @@ const events = {
   done: () => { redraw().then(() => tell(app.state.model ? `done: error ${app.state.model.rmse_m.toPrecision(3)} m` : "done")); },
   failed: (told) => { redraw(); if (told.message !== "cancelled") complain(new Error(told.message)); else tell("cancelled"); },
   error: () => {
-    if (!away?.isConnected) { away = h("p", { text: "The workbench does not answer: does `surgescope open` still run? The page goes on when it is back." }); at("messages").replaceChildren(away); }
+    if (!away?.isConnected) { away = h("p", { text: "The workbench does not answer. The page goes on when the connection is back. If `surgescope open` has ended, start it again and open the address that it prints: the models that you made are in their file." }); at("messages").replaceChildren(away); }
   },
   open: () => { away?.remove(); away = null; redraw(); },
 };

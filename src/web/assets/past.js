@@ -18,7 +18,7 @@ function place(models) {
 // What a model has that its parent had not.
 export function nameOf(model, parent) {
   const own = model.effects.filter((effect) => !parent?.effects.includes(effect));
-  return model.grown_from && own.length ? `+ ${own.join(" + ")}` : model.number === 1 || model.effects.length === 0 ? model.name : model.why;
+  return model.grown_from && own.length ? `+ ${own.join(" + ")}` : model.grown_from ? model.why : model.name;
 }
 
 // How many additions lie between a model and the one that all grew out of.

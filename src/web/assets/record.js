@@ -2,12 +2,15 @@
 
 import { at, digits, h, named, put, unitOf } from "/assets/dom.js";
 import { ask } from "/assets/api.js";
-import { app, act } from "/assets/store.js";
+import { app, act, complain } from "/assets/store.js";
 
 const number = (label, value, props = {}) => {
   const field = h("input", { type: "number", step: "any", min: 0, value, ...props });
   return { field, row: h("label", {}, `${label} `, field) };
 };
+
+// A recording was started, or seen to run, whose end this page has not reported yet.
+let waits = false;
 
 export function record() {
   const dialog = at("record");
@@ -45,6 +48,7 @@ export function record() {
     if (duration.field.value) wanted.duration_s = duration.field.valueAsNumber;
     if (wanted.simulate) { Object.assign(wanted, { effects: list(), set: Object.fromEntries(set), rate_hz: rate.field.valueAsNumber, speed: speed.field.valueAsNumber }); }
     if (trigger.value) wanted.trigger = { pre_s: pre.field.valueAsNumber, post_s: post.field.valueAsNumber, ...(trigger.value === "edge" ? {} : { [trigger.value]: level.field.valueAsNumber }) };
+    waits = true;
     if (await act("/api/record", wanted)) dialog.close();
   };
   put(dialog, h("form", { onsubmit: start }, h("div", { class: "heading" }, h("h2", { text: "Record" }), h("button", { type: "button", text: "Close", onclick: () => dialog.close() })),
@@ -111,6 +115,12 @@ export function live(told) {
 
 export function recording() {
   const { recording: now, can_record: can } = app.state;
+  if (now.running) waits = true;
+  else if (now.ended && waits) {
+    waits = false;
+    if (now.ended.error) complain(new Error(`The recording failed: ${now.ended.error}`));
+    else if (now.ended.data_lost) complain(new Error(`Data was lost on the way: ${now.ended.says}; the gaps are in the recording.`));
+  }
   at("show-record").hidden = !can.length;
   at("show-record").disabled = now.running;
   if (now.running && now.live) live(now.live);
