@@ -58,7 +58,8 @@ function update(p) {
   const { step } = scale(p);
   row.slider.value = step(value);
   row.slider.setAttribute("aria-valuetext", `${digits(value, 4)} ${unitOf(p)}`);
-  row.field.value = +Number(uncertain(value, p.standard_error).split(" ")[0].replace("−", "-")).toPrecision(6);
+  // what a person typed stays as typed
+  row.field.value = +Number(moved ? value : uncertain(value, p.standard_error).split(" ")[0].replace("−", "-")).toPrecision(6);
   const error = p.standard_error > 0 && `± ${uncertain(p.value, p.standard_error).split("± ")[1]}`;
   const fitted = error ? [`${error} ${unitOf(p)}`] : [unitOf(p), p.held && "held"].filter(Boolean);
   row.said.textContent = was ? `was ${digits(p.value, 4)} ${unitOf(p)}` : fitted.join(", ");
