@@ -74,6 +74,8 @@ pub enum Error {
     OfARun { name: String, others: String },
     #[error("{name} is held, so no test narrows it: choose one of {others}")]
     Held { name: String, others: String },
+    #[error("the records show no more elements than {0} has")]
+    NoMoreElements(String),
     #[error("name one effect")]
     NotOneEffect,
     #[error(transparent)]

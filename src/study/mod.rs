@@ -19,6 +19,7 @@ use crate::fit::data::run_data::RunData;
 use crate::fit::outcome::fit::Fit;
 use crate::fit::progress::{OnProgress, Progress};
 use crate::fit::search::calibrate::without;
+use crate::fit::search::nested::with_more_elements;
 use crate::fit::search::options::Options;
 use crate::model::effects::{Chosen, parse_list};
 use crate::recording::Recording;
@@ -260,7 +261,8 @@ impl Study {
         Ok(diagnose_fit(&self.rig, &self.runs, effects, fit, grown, options, self.watcher())?)
     }
 
-    /// The model of a fit with one effect more, and the evidence for it.
+    /// The model of a fit with one effect more, and the evidence for it. Of an effect that the model has with fewer elements, as many are
+    /// added as the evidence supports, up to the number that is named.
     ///
     /// ```no_run
     /// let study = surgescope::Study::open(["recordings/copper-leak.mcap"])?;
@@ -271,10 +273,24 @@ impl Study {
     /// ```
     ///
     /// # Errors
-    /// An effect that does not exist, that the model has already or that excludes another; a model that cannot be simulated.
+    /// An effect that does not exist, that the model has already or that excludes another; elements that the records do not show; a model that
+    /// cannot be simulated.
     pub fn grow(&self, fit: &Fit, effect: impl Effects) -> Result<Grown> {
         let mut added = effect.chosen()?;
         let (Some(added), true) = (added.pop(), added.is_empty()) else { return Err(Error::NotOneEffect) };
+        let own = |c: &Chosen| c.effect.name() == added.effect.name() && c.most_elements().is_some();
+        if let Some(i) = fit.effects.iter().position(own) {
+            let (has, most) = (fit.effects[i].elements, added.most_elements());
+            if most > has {
+                let (options, most) = (options_of(fit), most.unwrap_or(1));
+                let grown =
+                    with_more_elements(&self.rig, &self.runs, fit.clone(), (i, most), &options, self.watcher())?;
+                if grown.effects[i].elements == has {
+                    return Err(Error::NoMoreElements(fit.effects[i].label()));
+                }
+                return Ok(Grown { evidence: grown.evidence_over(fit), fit: grown });
+            }
+        }
         // The list as a whole says what stands against the newcomer.
         let labels: Vec<String> = fit.labels().into_iter().chain([added.label()]).collect();
         parse_list(&labels.join(","))?;

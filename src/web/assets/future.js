@@ -129,7 +129,9 @@ export function missing() {
   put(at("effects-in"), own.length ? h("h2", { text: "In the model" }) : null, own.map((effect) => {
     const off = h("input", { type: "checkbox", checked: !app.without.has(effect), onchange: () => { if (off.checked) app.without.delete(effect); else app.without.add(effect); try_(false); } });
     const about = app.effects.get(effect.split(/[:@]/)[0]);
-    return h("div", { class: "own" }, h("p", { class: "foot" }, h("label", { title: "off: simulate without it for a moment" }, off, ` ${effect}`), h("button", { type: "button", text: "Take out", "aria-label": `Take ${effect} out`, "data-key": `t${effect}`, disabled: Boolean(at_work), onclick: () => act("/api/remove", { effect }) })), theory(about));
+    const [name, elements] = effect.split(":");
+    const more = about?.most_elements > Number(elements || 1) ? h("button", { type: "button", text: "More elements", "aria-label": `More elements of ${name}`, title: "as many more as the recording supports", "data-key": `e${effect}`, disabled: Boolean(at_work), onclick: () => add(name) }) : null;
+    return h("div", { class: "own" }, h("p", { class: "foot" }, h("label", { title: "off: simulate without it for a moment" }, off, ` ${effect}`), more, h("button", { type: "button", text: "Take out", "aria-label": `Take ${effect} out`, "data-key": `t${effect}`, disabled: Boolean(at_work), onclick: () => act("/api/remove", { effect }) })), theory(about));
   }));
   at("show-catalogue").disabled = !model || Boolean(at_work);
 }

@@ -108,6 +108,26 @@ fn a_diagnosis_is_what_the_command_says_and_shows_what_each_candidate_would_do()
 }
 
 #[test]
+fn a_wall_with_too_few_elements_gets_more() {
+    let folder = folder_with(CREEP);
+    done_in(folder.path(), &["calibrate", "run.mcap", "--effects", "viscoelastic-wall:1", "--save", "run.model.toml"]);
+    let [all, one] = ["viscoelastic-wall", "viscoelastic-wall:1"]
+        .map(|effects| done_in(folder.path(), &["calibrate", "run.mcap", "--effects", effects]));
+    let bench = Workbench::open(folder.path(), &["run.model.toml"]);
+    bench.fitted();
+    bench.job("/api/add", &json!({ "effect": "viscoelastic-wall" }));
+    let kept = in_force(folder.path(), "run.model.toml");
+    assert_eq!(kept["effects"], json!(["viscoelastic-wall:3"]));
+    close(&kept["rmse_m"], &all["rmse_m"], 1e-2);
+    assert!(
+        kept["rmse_m"].as_f64() < one["rmse_m"].as_f64().map(|m| 0.9 * m) && kept["evidence"].as_f64() > Some(12.0)
+    );
+    let heard = bench.job("/api/add", &json!({ "effect": "viscoelastic-wall" }));
+    let why = heard.last().unwrap().1["message"].as_str().unwrap().to_owned();
+    assert!(why.contains("no more elements than viscoelastic-wall:3 has"), "{why}");
+}
+
+#[test]
 fn two_effects_that_are_missing_together_are_added_together() {
     let folder = folder_with(LEAK);
     done_in(folder.path(), &["diagnose", "run.mcap", "--effects", "none", "--apply", "by-command.toml"]);

@@ -55,6 +55,21 @@ pub fn calibrate_nested(
     }
     let Some(i) = growing(effects).filter(|&i| effects[i].elements.is_none()) else { return Ok(fit) };
     let most = effects[i].effect.elements().map_or(1, |range| *range.end());
+    with_more_elements(rig, runs, fit, (i, most), options, progress)
+}
+
+/// The fit with as many more elements of its effect `i`, up to `most`, as the evidence supports.
+///
+/// # Errors
+/// As [`calibrate`].
+pub fn with_more_elements(
+    rig: &Rig,
+    runs: &[RunData],
+    mut fit: Fit,
+    (i, most): (usize, usize),
+    options: &Options,
+    progress: &OnProgress<'_>,
+) -> Result<Fit, FitError> {
     for elements in fit.effects[i].elements.unwrap_or(1) + 1..=most {
         let mut more = fit.effects.clone();
         more[i] = more[i].with_elements(elements);
