@@ -89,6 +89,7 @@ pub fn run(args: Args, json: bool) -> CommandResult {
             tokio::time::sleep(Duration::from_millis(50)).await;
         }
     }));
+    tell!("stopped");
     ended.recorder.finish();
     let _words = LastWords::before(Outcome::Done.code(), &STOP);
     // a job that is still at work loses nothing: the model file is written whole or not at all

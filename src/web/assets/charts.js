@@ -2,7 +2,7 @@
 
 import { curves, simulate } from "/assets/api.js";
 import { at, digits, h, head, keyOf, put, times } from "/assets/dom.js";
-import { app, complain } from "/assets/store.js";
+import { app, complain, modelKey } from "/assets/store.js";
 import { menu } from "/assets/take.js";
 import { fingers } from "/assets/touch.js";
 
@@ -205,7 +205,7 @@ class Panel {
     const of = (name) => asked.column[name];
     const keeps = changed() && this.data.time.length === of("time_s").length && !app.preview;
     const trial = app.preview ? of(`candidate:${app.preview}_m`) : keeps ? this.data.trial : null;
-    this.data = { time: of("time_s"), measured: of("measured_m"), model: of("model_m"), ghost: of(`${ghost}_m`), trial, adds: Boolean(app.preview && trial) };
+    return { time: of("time_s"), measured: of("measured_m"), model: of("model_m"), ghost: of(`${ghost}_m`), trial, adds: Boolean(app.preview && trial) };
   }
 }
 
@@ -262,8 +262,11 @@ let latest = 0;
 export async function load() {
   const mine = ++latest;
   // a chart whose curves fail leaves the others theirs
-  const loaded = await Promise.allSettled(panels.map((panel) => panel.load()));
+  const asked = [...panels];
+  const loaded = await Promise.allSettled(asked.map((panel) => panel.load()));
+  // what was asked for since then counts, however late this answer comes
   if (mine !== latest) return;
+  asked.forEach((panel, i) => { panel.data = loaded[i].value || panel.data; });
   try {
     draw();
     const curveless = app.preview && !panels.some((panel) => panel.data.trial);
@@ -277,6 +280,20 @@ let onTried = () => {};
 export const whenTried = (redraw) => { onTried = redraw; };
 const changed = () => Object.keys(app.moved).length > 0 || app.without.size > 0;
 
+function tried(found, coarse) {
+  for (const panel of panels) {
+    const model = found.column[`${panel.r}/${panel.s}/model_m`];
+    panel.data.adds = false;
+    panel.data.trial = model.length === panel.data.time.length ? model : null;
+  }
+  draw(coarse);
+  app.followed = new Map(found.followed.map((p) => [keyOf(p), p.value]));
+  onTried();
+  const others = at("meanwhile").checked ? ", the others after a few steps (a fit goes on from there)" : "";
+  const grid = found.coarse ? ` (coarse grid, ${found.reaches} reaches)` : "";
+  at("trial").textContent = `with these values${others}: error ${head(found.rmse_m)}, ${times(found.rmse_m, found.noise_m)}${grid}`;
+}
+
 // Simulates with what a person has moved: one request at a time, and the latest values win.
 let flying = false;
 let next = null;
@@ -284,21 +301,13 @@ export async function try_(coarse = false) {
   if (flying) { next = { coarse }; return; }
   if (!changed()) { app.followed.clear(); onTried(); panels.forEach((panel) => { panel.data.trial = null; }); draw(); at("trial").textContent = ""; return; }
   flying = true;
+  const of = modelKey();
   try {
     const [from, to] = app.range || [undefined, undefined];
     const points = panels[0].width;
     const found = await simulate({ set: app.moved, without: [...app.without], from, to, points, coarse, follow: at("meanwhile").checked });
-    for (const panel of panels) {
-      const model = found.column[`${panel.r}/${panel.s}/model_m`];
-      panel.data.adds = false;
-      panel.data.trial = model.length === panel.data.time.length ? model : null;
-    }
-    draw(coarse);
-    app.followed = new Map(found.followed.map((p) => [keyOf(p), p.value]));
-    onTried();
-    const others = at("meanwhile").checked ? ", the others after a few steps (a fit goes on from there)" : "";
-    const grid = found.coarse ? ` (coarse grid, ${found.reaches} reaches)` : "";
-    at("trial").textContent = `with these values${others}: error ${head(found.rmse_m)}, ${times(found.rmse_m, found.noise_m)}${grid}`;
+    // where another model has come into force meanwhile, the answer is not of it
+    if (of === modelKey()) tried(found, coarse);
   } catch (error) { complain(error); }
   flying = false;
   if (next) { const again = next; next = null; try_(again.coarse); }

@@ -9,7 +9,7 @@ export const word = (text) => (/^[\w@:.,=+/-]+$/.test(text) ? text : `'${text.re
 export function commandOf(action, effect) {
   const { model } = app.state;
   const known = model.commands;
-  if (action !== "fit") return known[action].replace("EFFECT", () => word(effect || ""));
+  if (action !== "fit") return effect ? known[action].replace("EFFECT", () => word(effect)) : known[action];
   const held = model.parameters.filter((p) => (p.held || app.hold.has(p.name)) && !app.free.has(p.name));
   const bounded = model.parameters.filter((p) => p.name in app.bounds && !held.includes(p));
   const changed = Object.keys(app.moved).length + app.hold.size + app.free.size + bounded.length;
@@ -19,7 +19,7 @@ export function commandOf(action, effect) {
   const option = (name, all, of) => (all.length ? ` ${name} ${each(all).map((p) => word(`${p.name}=${of(p)}`)).join(" ")}` : "");
   const value = (p) => app.moved[p.name] ?? p.value;
   const hold = (p) => (held.includes(p) ? value(p) : app.bounds[p.name].join(":"));
-  return known.calibrate.replace("EFFECTS", () => word(model.effects.join(",") || "none")) + option("--hold", [...held, ...bounded], hold) + option("--start", free, value);
+  return known.calibrate.replace(/--effects EFFECTS(?= --save)/, () => `--effects ${word(model.effects.join(",") || "none")}`) + option("--hold", [...held, ...bounded], hold) + option("--start", free, value);
 }
 
 export async function copy(text) {
