@@ -72,6 +72,8 @@ struct Models {
     fits: BTreeMap<usize, Arc<Fit>>,
     /// The latest diagnoses by the number of their model, oldest first.
     diagnoses: Vec<(usize, Arc<Diagnosis>)>,
+    /// The text of a file that another program wrote and that holds no models; it is complained of once.
+    rejected: Option<String>,
 }
 
 /// What a simulation follows from: effects, values (as bits) and grid.
@@ -98,7 +100,7 @@ impl Bench {
         let noise_m = (square / samples.max(1) as f64).sqrt();
         let heard = jobs.clone();
         study.on_progress(move |progress| heard.hear(progress));
-        let models = Mutex::new(Models { file, fits: BTreeMap::new(), diagnoses: Vec::new() });
+        let models = Mutex::new(Models { file, fits: BTreeMap::new(), diagnoses: Vec::new(), rejected: None });
         let commands = commands(&paths, &model_path);
         let (simulations, shown) = (Mutex::default(), Mutex::default());
         Ok(Bench { paths, files, study, noise_m, whole, model_path, commands, jobs, models, simulations, shown })
@@ -250,7 +252,8 @@ impl Bench {
     /// Whether another program has written to the model file since it was read.
     pub fn changed_outside(&self) -> bool {
         let text = read_text(&self.model_path).ok();
-        text.is_some() && text != self.models().file.as_read
+        let models = self.models();
+        text.is_some() && text != models.file.as_read && text != models.rejected
     }
 
     /// Reads the model file again.
@@ -258,9 +261,12 @@ impl Bench {
     /// # Errors
     /// One that is no file of models at the moment.
     pub fn reload(&self) -> Result<(), AnyError> {
-        let file = load(&self.model_path)?;
+        let text = read_text(&self.model_path).ok();
+        let loaded = load(&self.model_path);
         {
             let mut models = self.models();
+            models.rejected = text.filter(|_| loaded.is_err());
+            let file = loaded?;
             models.fits.clear();
             models.diagnoses.clear();
             models.file = file;

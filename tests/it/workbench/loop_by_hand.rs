@@ -128,6 +128,33 @@ fn a_wall_with_too_few_elements_gets_more() {
 }
 
 #[test]
+fn a_file_without_models_is_complained_of_once() {
+    let folder = folder_with(CREEP);
+    let path = folder.path().join("run.model.toml");
+    done_in(folder.path(), &["calibrate", "run.mcap", "--effects", "none", "--save", "run.model.toml"]);
+    let whole = std::fs::read_to_string(&path).unwrap();
+    let bench = Workbench::open(folder.path(), &["run.model.toml"]);
+    bench.fitted();
+    let mut events = bench.events();
+    std::fs::write(&path, "no models").unwrap();
+    let mut failed = 0;
+    while failed == 0 {
+        failed += usize::from(events.next().unwrap().0 == "failed");
+    }
+    std::thread::sleep(std::time::Duration::from_secs(2));
+    std::fs::write(&path, format!("{whole}\n")).unwrap();
+    loop {
+        match events.next().unwrap().0.as_str() {
+            "failed" => failed += 1,
+            "model" => break,
+            _ => {}
+        }
+    }
+    assert_eq!(failed, 1);
+    assert!(bench.state()["model"].is_object());
+}
+
+#[test]
 fn two_effects_that_are_missing_together_are_added_together() {
     let folder = folder_with(LEAK);
     done_in(folder.path(), &["diagnose", "run.mcap", "--effects", "none", "--apply", "by-command.toml"]);
