@@ -278,18 +278,17 @@ impl Study {
     pub fn grow(&self, fit: &Fit, effect: impl Effects) -> Result<Grown> {
         let mut added = effect.chosen()?;
         let (Some(added), true) = (added.pop(), added.is_empty()) else { return Err(Error::NotOneEffect) };
-        let own = |c: &Chosen| c.effect.name() == added.effect.name() && c.most_elements().is_some();
-        if let Some(i) = fit.effects.iter().position(own) {
-            let (has, most) = (fit.effects[i].elements, added.most_elements());
-            if most > has {
-                let (options, most) = (options_of(fit), most.unwrap_or(1));
-                let grown =
-                    with_more_elements(&self.rig, &self.runs, fit.clone(), (i, most), &options, self.watcher())?;
-                if grown.effects[i].elements == has {
-                    return Err(Error::NoMoreElements(fit.effects[i].label()));
-                }
-                return Ok(Grown { evidence: grown.evidence_over(fit), fit: grown });
+        let of_it = |c: &Chosen| c.effect.name() == added.effect.name();
+        if let Some(i) = fit.effects.iter().position(of_it)
+            && let (has, Some(most)) = (fit.effects[i].elements, added.most_elements())
+            && Some(most) > has
+        {
+            let options = options_of(fit);
+            let grown = with_more_elements(&self.rig, &self.runs, fit.clone(), (i, most), &options, self.watcher())?;
+            if grown.effects[i].elements == has {
+                return Err(Error::NoMoreElements(fit.effects[i].label()));
             }
+            return Ok(Grown { evidence: grown.evidence_over(fit), fit: grown });
         }
         // The list as a whole says what stands against the newcomer.
         let labels: Vec<String> = fit.labels().into_iter().chain([added.label()]).collect();

@@ -19,7 +19,7 @@ export function commandOf(action, effect) {
   const option = (name, all, of) => (all.length ? ` ${name} ${each(all).map((p) => word(`${p.name}=${of(p)}`)).join(" ")}` : "");
   const value = (p) => app.moved[p.name] ?? p.value;
   const hold = (p) => (held.includes(p) ? value(p) : app.bounds[p.name].join(":"));
-  return known.calibrate.replace(/--effects EFFECTS(?= --save)/, () => `--effects ${word(model.effects.join(",") || "none")}`) + option("--hold", [...held, ...bounded], hold) + option("--start", free, value);
+  return known.calibrate.replace("--effects EFFECTS", () => `--effects ${word(model.effects.join(",") || "none")}`) + option("--hold", [...held, ...bounded], hold) + option("--start", free, value);
 }
 
 export async function copy(text) {

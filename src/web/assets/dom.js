@@ -62,6 +62,8 @@ export function named(parameter) {
   const match = parameter.name.match(/^([^[]+)(\[.*\])?$/);
   return `${match[1].replace(UNITS, "").replaceAll("_", " ")}${match[2] ? ` ${match[2].slice(1, -1)}` : ""}`;
 }
+// Whether an error is no more than the noise, as far as a page says so.
+export const atNoise = (rmse_m, noise_m) => rmse_m < 1.25 * noise_m;
 // What tells a parameter from those of the same name in other runs.
 export const keyOf = (p) => `${p.name} ${p.run || ""}`;
 export const unitOf = ({ unit }) => (unit === "1" ? "" : unit.replace("deg", "°").replace(/([a-z])([23])\b/g, (_, of, power) => of + "²³"[power - 2]));

@@ -1,6 +1,6 @@
 // What is missing: the diagnosis, what each candidate would do, and any effect of the catalogue by hand.
 
-import { at, h, head, probable, put, svg, times, toCharts } from "/assets/dom.js";
+import { at, atNoise, h, head, probable, put, svg, times, toCharts } from "/assets/dom.js";
 import { app, act, proposals } from "/assets/store.js";
 import { load, try_, watchFit } from "/assets/charts.js";
 import { falls, models } from "/assets/past.js";
@@ -24,11 +24,11 @@ function preview(label) {
 
 // Equation and source, folded away.
 function theory(about) {
-  if (!about) return null;
+  if (!about?.equation) return null;
   return h("details", { class: "theory" }, h("summary", { text: "equation and source" }), h("pre", { text: about.equation }), h("p", { class: "hint", text: about.source }));
 }
 
-const near = (c) => c.rmse_m < 1.25 * app.state.model.noise_m;
+const near = (c) => atNoise(c.rmse_m, app.state.model.noise_m);
 
 function candidate(c) {
   const about = c.labels ? { summary: "Together they explain what neither does alone." } : app.effects.get(c.effect);
@@ -38,7 +38,7 @@ function candidate(c) {
   const alike = others.length ? h("p", { class: "hint", text: `These recordings cannot tell ${c.labels ? "them" : "it"} from ${others.join(", ")}.` }) : null;
   const card = h("article", { class: "card candidate", tabindex: 0, "data-key": `p${c.label}`, "aria-label": `${c.label}, probability ${probable(c.probability)}`, onmouseenter: show, onfocus: show, onmouseleave: () => preview(null) },
     h("h3", {}, c.label, bar, h("span", { class: "number", text: probable(c.probability) })),
-    about ? h("p", { text: about.summary }) : null, alike, about?.equation ? theory(about) : null,
+    about ? h("p", { text: about.summary }) : null, alike, theory(about),
     h("button", { type: "button", class: "link on-phone", text: "show in the charts", onclick: () => { show(); toCharts(); } }),
     h("p", { class: "foot" }, h("span", { text: `${c.probability_alone === undefined ? "" : "alone: "}error → ${head(c.rmse_m)}${near(c) ? ", down to the noise" : `, ${times(c.rmse_m, app.state.model.noise_m)}`}` }),
       h("button", { type: "button", class: app.state.diagnosis.verdict === "nothing-missing" ? null : "primary", text: c.labels ? "Add both" : "Add", "aria-label": `Add ${c.label}`, "data-key": `a${c.label}`, disabled: Boolean(app.state.job), onfocus: show, onclick: (event) => { follows = event.detail === 0; add(c.labels?.join(",") || c.label); } }), c.labels ? copier("diagnose") : copier("add", c.label)));

@@ -1,6 +1,6 @@
 // The models so far on one axis of error, where the one in force fails, and its error by sensor and cycle.
 
-import { at, digits, h, head, put, times, toCharts } from "/assets/dom.js";
+import { at, atNoise, digits, h, head, put, times, toCharts } from "/assets/dom.js";
 import { app, act, proposals } from "/assets/store.js";
 import { load, zoom } from "/assets/charts.js";
 import { copier } from "/assets/commands.js";
@@ -18,7 +18,8 @@ function place(models) {
 // What a model has that its parent had not.
 export function nameOf(model, parent) {
   const own = model.effects.filter((effect) => !parent?.effects.includes(effect));
-  return model.grown_from && own.length ? `+ ${own.join(" + ")}` : model.grown_from ? model.why : model.name;
+  if (!model.grown_from) return model.name;
+  return own.length ? `+ ${own.join(" + ")}` : model.why;
 }
 
 // How many additions lie between a model and the one that all grew out of.
@@ -30,7 +31,7 @@ function depth(model, all) {
 function row(model, axis, all) {
   const parent = all[model.grown_from - 1];
   const inForce = model.number === app.state.model?.number;
-  const near = model.rmse_m < 1.25 * model.noise_m;
+  const near = atNoise(model.rmse_m, model.noise_m);
   const compared = app.compare === model.number;
   const compare = h("button", {
     type: "button", class: "quiet", text: compared ? "hide" : "compare", "aria-pressed": String(compared), "data-key": `c${model.number}`,

@@ -1,7 +1,7 @@
 // The runs of the place: a table to sort and filter, a reference run, and what can be done with several.
 
 import { ask } from "/assets/api.js";
-import { at, digits, h, put, svg } from "/assets/dom.js";
+import { at, atNoise, digits, h, put, svg } from "/assets/dom.js";
 import { app, act } from "/assets/store.js";
 import { compare } from "/assets/compare.js";
 import { drift } from "/assets/drift.js";
@@ -27,7 +27,7 @@ const COLUMNS = [
 ];
 const KINDS = [["", "all runs"], ["sound", "at the noise"], ["poor", "above the noise"], ["missing", "something missing"], ["unknown", "not looked at"]];
 const is = {
-  sound: (r) => over(r) !== null && over(r) < 1.25, poor: (r) => over(r) >= 1.25,
+  sound: (r) => over(r) !== null && atNoise(over(r), 1), poor: (r) => over(r) !== null && !atNoise(over(r), 1),
   missing: (r) => ["missing-effect", "unknown-effect"].includes(r.verdict), unknown: (r) => !r.verdict,
 };
 
@@ -42,7 +42,7 @@ function cell([key, , of], run) {
   const value = of(run);
   if (key === "name") return h("td", {}, h("button", { type: "button", class: "link", text: run.name, "data-key": `open ${run.id}`, onclick: () => open([run.id]) }), run.open ? h("span", { class: "hint", text: " open" }) : "", run.error ? h("span", { class: "advice", text: ` ${run.error}` }) : "");
   if (key === "when") return h("td", { text: value ? new Date(value).toLocaleString() : "" });
-  if (key === "error") return h("td", { class: `number ${value === null ? "" : value < 1.25 ? "good" : "poor"}`, text: value === null ? "" : digits(value, value < 10 ? 2 : 3) });
+  if (key === "error") return h("td", { class: `number ${value === null ? "" : atNoise(value, 1) ? "good" : "poor"}`, text: value === null ? "" : digits(value, value < 10 ? 2 : 3) });
   return typeof value === "number" ? h("td", { class: "number", text: digits(value, 3) }) : h("td", { text: value ?? "" });
 }
 

@@ -105,7 +105,8 @@ impl Session {
         self.jobs.wait(most)
     }
 
-    /// Opens runs together, as they were left where they were open before; fits the base model where they have none, and diagnoses it if that is wished. Returns the job's number.
+    /// Opens runs together, as they were left where they were open before; fits the base model where they have none, and diagnoses it if that
+    /// is wished. Returns the job's number.
     ///
     /// # Errors
     /// If a job is at work.
@@ -150,8 +151,8 @@ impl Session {
         self.place.rig().cloned().or_else(|| Some(self.bench()?.study.rig().clone()))
     }
 
-    /// Velocity and head before the closure of the run whose rig is in use, by the names of their settings: a simulated test is like it where nothing else
-    /// is set. None where the rig is known from its file alone.
+    /// Velocity and head before the closure of the run whose rig is in use, by the names of their settings: a simulated test is like it where
+    /// nothing else is set. None where the rig is known from its file alone.
     pub fn before_the_open_run(&self) -> Vec<(String, f64)> {
         let Some(bench) = self.bench().filter(|_| self.place.rig().is_none()) else { return Vec::new() };
         let start = &bench.study.runs()[0].start;

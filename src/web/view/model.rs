@@ -22,7 +22,10 @@ pub fn json(bench: &Bench) -> Option<Value> {
         .into_iter()
         .map(|p| {
             let (from_s, to_s) = p.worst.map_or((None, None), |worst| (Some(worst.from_s), Some(worst.to_s)));
-            json!({ "text": p.sentence(), "error": p.error, "clauses": p.clauses, "run": p.run, "sensor": p.sensor, "from_s": from_s, "to_s": to_s })
+            json!({
+                "text": p.sentence(), "error": p.error, "clauses": p.clauses, "run": p.run, "sensor": p.sensor,
+                "from_s": from_s, "to_s": to_s,
+            })
         })
         .collect();
     Some(json!({

@@ -1,9 +1,10 @@
 //! Model against measurement: error, extrema, phase.
 
-/// Share of the way from one extremum to the next that may lie near its middle level, and how near that is, as a share of their difference.
-/// A straight line spends a fifth of its way there. A sensor far from the valve waits there for the next front, and no one instant is the
-/// crossing.
-const WAITS: (f64, f64) = (0.25, 0.1);
+/// Near the level between two extrema, as a share of their difference.
+const NEAR: f64 = 0.1;
+/// Share of the time between two extrema that may pass near that level. A straight line spends a fifth of it there. A sensor far from the
+/// valve waits there for the next front, and no one instant is the crossing.
+const MOST_NEAR: f64 = 0.25;
 
 /// One extremum in measurement and model.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -66,7 +67,7 @@ impl Pair<'_> {
             let model_m = self.extreme(self.model_m, first, last, peak);
             let phase_s = before.map_or(f64::NAN, |(t, head)| {
                 let level = 0.5 * (head + measured_m);
-                let near_m = WAITS.1 * (head - measured_m).abs();
+                let near_m = NEAR * (head - measured_m).abs();
                 if [self.measured_m, self.model_m].iter().any(|series| self.waits(series, t, time_s, level, near_m)) {
                     return f64::NAN;
                 }
@@ -83,7 +84,7 @@ impl Pair<'_> {
     fn waits(&self, series: &[f64], from_s: f64, to_s: f64, level: f64, near_m: f64) -> bool {
         let (first, last) = self.span(from_s, to_s);
         let near = series[first..last].iter().filter(|head| (**head - level).abs() < near_m).count();
-        near as f64 > WAITS.0 * (last - first) as f64
+        near as f64 > MOST_NEAR * (last - first) as f64
     }
 
     fn span(&self, from_s: f64, to_s: f64) -> (usize, usize) {

@@ -54,7 +54,7 @@ pub fn calibrate_nested(
         }
     }
     let Some(i) = growing(effects).filter(|&i| effects[i].elements.is_none()) else { return Ok(fit) };
-    let most = effects[i].effect.elements().map_or(1, |range| *range.end());
+    let most = effects[i].most_elements().unwrap_or(1);
     with_more_elements(rig, runs, fit, (i, most), options, progress)
 }
 
