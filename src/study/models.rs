@@ -93,7 +93,8 @@ fn save_alone(file: &mut ModelFile, path: &Path) -> Result<()> {
         Err(e) if e.kind() == std::io::ErrorKind::NotFound => None,
         Err(e) => return Err(failed(e).into()),
     };
-    if present != file.as_read {
+    // a file that somebody deleted is written anew
+    if present.is_some() && present != file.as_read {
         let parsed = |text: &Option<String>| text.as_deref().and_then(|text| ModelFile::parse(text, path).ok());
         let joined = parsed(&present).and_then(|there| file.behind(&there, parsed(&file.as_read).as_ref()));
         *file = joined.ok_or_else(|| Error::Changed(path.to_owned()))?;
@@ -200,6 +201,19 @@ mod tests {
     #[ignore = "eleven seconds"]
     fn no_model_is_lost_in_a_thousand_saves() {
         write_among_eight(125);
+    }
+
+    #[test]
+    fn a_file_that_was_deleted_meanwhile_is_written_anew() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("grown.model.toml");
+        let kept = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures/results/grown.model.toml");
+        std::fs::copy(kept, &path).unwrap();
+        let mut file = load(&path).unwrap();
+        std::fs::remove_file(&path).unwrap();
+        file.models.push(file.current().clone());
+        save(&mut file, &path).unwrap();
+        assert_eq!(load(&path).unwrap().models.len(), file.models.len());
     }
 
     #[test]

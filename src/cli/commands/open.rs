@@ -74,6 +74,9 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         say!("The workbench is at {url}");
         tell!("Ctrl-C ends it");
     }
+    if args.listen.is_unspecified() {
+        tell!("from another machine, put this machine's address in place of the one above");
+    }
     if !args.listen.is_loopback() {
         tell!("warning: the network can reach this address, and the connection is not encrypted");
     }

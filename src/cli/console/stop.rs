@@ -15,7 +15,11 @@ pub(crate) fn stop_on_signals() -> std::io::Result<()> {
     let mut requests = {
         // Registered before anything is recorded.
         let _inside = runtime.enter();
-        [signal(SignalKind::interrupt())?, signal(SignalKind::terminate())?, signal(SignalKind::hangup())?]
+        let mut requests = vec![signal(SignalKind::interrupt())?, signal(SignalKind::terminate())?];
+        if !ignores_hangup() {
+            requests.push(signal(SignalKind::hangup())?);
+        }
+        requests
     };
     let wait = async move {
         std::future::poll_fn(|context| {
@@ -27,6 +31,15 @@ pub(crate) fn stop_on_signals() -> std::io::Result<()> {
     };
     std::thread::Builder::new().name("signals".into()).spawn(move || runtime.block_on(wait))?;
     Ok(())
+}
+
+/// Whether the program was started to go on when its terminal closes, as `nohup` does. Known on Linux; elsewhere a closed terminal ends it.
+#[cfg(unix)]
+fn ignores_hangup() -> bool {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let ignored = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
+    // bit 0 is signal 1, SIGHUP
+    ignored.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok()).is_some_and(|mask| mask & 1 == 1)
 }
 
 /// Lets Ctrl-C end the recording, not the program: its file is made whole first.

@@ -5,7 +5,7 @@
 //! read and other sites do not send; programs send it as a bearer.
 
 use std::io;
-use std::net::SocketAddr;
+use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr};
 use std::sync::Arc;
 
 use axum::body::Body;
@@ -14,11 +14,13 @@ use axum::http::header::{
     AUTHORIZATION, CACHE_CONTROL, CONTENT_LENGTH, CONTENT_SECURITY_POLICY, CONTENT_TYPE, COOKIE, HOST, LOCATION,
     ORIGIN, REFERRER_POLICY, SET_COOKIE, X_CONTENT_TYPE_OPTIONS, X_FRAME_OPTIONS,
 };
+use axum::http::uri::Authority;
 use axum::http::{HeaderMap, HeaderValue, Method, Response, StatusCode, header::HeaderName};
 use axum::middleware::Next;
 
 use crate::web::server::answers::refusal;
 use crate::web::server::bodies::{most_bytes, too_long};
+use crate::web::server::listener::Admitted;
 
 /// Bytes of a token.
 const TOKEN: usize = 24;
@@ -47,12 +49,17 @@ impl Guard {
 
     /// Whether a Host header names this server: by the address it listens on, or as this machine.
     fn is_own_host(&self, host: &str) -> bool {
-        let port = self.address.port();
-        let own = self.address.to_string();
-        let machine = || ["127.0.0.1", "localhost", "[::1]"].iter().any(|name| host == format!("{name}:{port}"));
-        // listening on all addresses, any address is the server's own, but no name is
-        let unnamed = || host.parse::<SocketAddr>().is_ok_and(|of| of.port() == port);
-        host == own || machine() || (self.address.ip().is_unspecified() && unnamed())
+        let Ok(said) = host.parse::<Authority>() else { return false };
+        // browsers leave the usual port out
+        if host.contains('@') || said.port_u16().unwrap_or(80) != self.address.port() {
+            return false;
+        }
+        let own = self.address.ip();
+        match said.host().trim_start_matches('[').trim_end_matches(']').parse::<IpAddr>() {
+            // listening on all addresses, any address is the server's own, but no name is
+            Ok(ip) => ip == own || ip == Ipv4Addr::LOCALHOST || ip == Ipv6Addr::LOCALHOST || own.is_unspecified(),
+            Err(_) => said.host().eq_ignore_ascii_case("localhost"),
+        }
     }
 
     fn is_own_origin(&self, origin: &str) -> bool {
@@ -70,15 +77,20 @@ impl Guard {
         text.len() == self.token.len() && same == 0
     }
 
+    /// What a program sends.
+    fn bearer(headers: &HeaderMap) -> Option<&str> {
+        let (scheme, token) = headers.get(AUTHORIZATION)?.to_str().ok()?.split_once(' ')?;
+        scheme.eq_ignore_ascii_case("bearer").then_some(token.trim())
+    }
+
     fn may_enter(&self, headers: &HeaderMap) -> bool {
         let text = |name: &HeaderName| headers.get(name).and_then(|value| value.to_str().ok());
-        let bearer = text(&AUTHORIZATION).and_then(|value| value.strip_prefix("Bearer "));
         let name = self.cookie_name();
         let cookie = text(&COOKIE).into_iter().flat_map(|all| all.split(';')).find_map(|one| {
             let (key, value) = one.trim().split_once('=')?;
             (key == name).then_some(value)
         });
-        bearer.or(cookie).is_some_and(|token| self.is_token(token))
+        Guard::bearer(headers).or(cookie).is_some_and(|token| self.is_token(token))
     }
 
     /// Why a request is refused.
@@ -104,10 +116,12 @@ impl Guard {
         if text(&CONTENT_LENGTH).and_then(|n| n.parse::<usize>().ok()).is_some_and(|n| n > most_bytes(path)) {
             return Some(too_long(path));
         }
-        if headers.get(AUTHORIZATION).is_none() && headers.get(ORIGIN).is_none() {
+        if Guard::bearer(headers).is_none() && headers.get(ORIGIN).is_none() {
             return Some(refusal(StatusCode::FORBIDDEN, "a POST of a page must say its Origin"));
         }
-        let is_json = text(&CONTENT_TYPE).is_some_and(|kind| kind.split(';').next() == Some("application/json"));
+        let is_json = text(&CONTENT_TYPE)
+            .and_then(|kind| kind.split(';').next())
+            .is_some_and(|kind| kind.trim().eq_ignore_ascii_case("application/json"));
         (!is_json).then(|| refusal(StatusCode::UNSUPPORTED_MEDIA_TYPE, "send JSON (Content-Type: application/json)"))
     }
 
@@ -132,7 +146,12 @@ impl Guard {
 pub(crate) async fn admit(State(guard): State<Arc<Guard>>, request: Request, next: Next) -> Response<Body> {
     let mut response = match guard.entrance(&request).or_else(|| guard.refused(&request)) {
         Some(answer) => answer,
-        None => next.run(request).await,
+        None => {
+            if let Some(connection) = request.extensions().get::<Admitted>() {
+                connection.admit();
+            }
+            next.run(request).await
+        }
     };
     let headers = response.headers_mut();
     headers.insert(CONTENT_SECURITY_POLICY, HeaderValue::from_static(POLICY));

@@ -10,7 +10,7 @@ pub mod runs;
 
 use std::future::Future;
 use std::io;
-use std::net::{IpAddr, SocketAddr};
+use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -50,9 +50,15 @@ impl Server {
         &self.guard.token
     }
 
-    /// The address to open in a browser.
+    /// The address to open in a browser, on this machine where it listens on all addresses.
     pub fn url(&self) -> String {
-        format!("http://{}/?token={}", self.guard.address, self.guard.token)
+        let mut address = self.guard.address;
+        match address.ip() {
+            IpAddr::V4(ip) if ip.is_unspecified() => address.set_ip(Ipv4Addr::LOCALHOST.into()),
+            IpAddr::V6(ip) if ip.is_unspecified() => address.set_ip(Ipv6Addr::LOCALHOST.into()),
+            _ => {}
+        }
+        format!("http://{address}/?token={}", self.guard.token)
     }
 
     /// Serves a session until `stop` is done.

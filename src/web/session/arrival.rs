@@ -54,7 +54,8 @@ pub struct Dropped {
 /// # Errors
 /// A file that is no recording of this rig, a folder that cannot be written to.
 pub fn take(dropped: &Dropped, rig: &Rig, folder: &Path) -> Result<(Value, Option<PathBuf>), AnyError> {
-    let name = Path::new(&dropped.name).file_name().ok_or("the file has no name")?;
+    let name = plain_name(&dropped.name).ok_or("the file has no name")?;
+    let name = name.as_str();
     let bytes = BASE64_STANDARD.decode(&dropped.content).map_err(|e| format!("the content is not base64: {e}"))?;
     // readers go by the ending of a name
     let scratch = tempfile::tempdir()?;
@@ -98,6 +99,14 @@ pub fn take(dropped: &Dropped, rig: &Rig, folder: &Path) -> Result<(Value, Optio
     write(&out, &imported.recording)?;
     about["written"] = json!(format!("{becomes}.mcap"));
     Ok((about, Some(out)))
+}
+
+/// A name that a folder lists and a line can show.
+fn plain_name(name: &str) -> Option<String> {
+    let last = Path::new(name).file_name()?.to_string_lossy();
+    let plain = last.chars().filter(|c| !c.is_control()).collect::<String>();
+    let plain = plain.trim().trim_start_matches('.');
+    (!plain.is_empty()).then(|| plain.to_owned())
 }
 
 /// As it stands, or else with guesses.

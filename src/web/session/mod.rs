@@ -63,8 +63,8 @@ pub struct Session {
 struct Arrivals {
     /// The folder they come to, and what lay there before or has been taken up.
     folder: Option<(PathBuf, BTreeSet<PathBuf>)>,
-    /// Those that wait to be opened.
-    waiting: VecDeque<PathBuf>,
+    /// Those that wait to be opened, and whether they are diagnosed then.
+    waiting: VecDeque<(PathBuf, bool)>,
 }
 
 impl Session {
@@ -210,9 +210,18 @@ impl Session {
         };
         let (mut about, written) = arrival::take(dropped, &rig, &self.folder())?;
         if let Some(path) = written {
-            let run = self.place.add(path);
+            let run = self.place.add(path.clone());
             about["run"] = json!(run.id.to_string());
-            about["job"] = json!(self.open(vec![run], false).ok());
+            let job = self.open(vec![run], false).ok();
+            about["job"] = json!(job);
+            let mut arrivals = self.arrivals();
+            if let Some((_, known)) = &mut arrivals.folder {
+                known.insert(path.clone());
+            }
+            if job.is_none() {
+                // it is opened when the job at work has ended
+                arrivals.waiting.push_back((path, false));
+            }
         }
         Ok(about)
     }
@@ -229,10 +238,12 @@ impl Session {
         }
         let next = self.arrivals().waiting.pop_front();
         match next {
-            Some(path) => {
-                let run = self.place.add(path);
-                // none else starts a job between
-                let _ = self.open(vec![run], true);
+            Some((path, diagnose)) => {
+                let run = self.place.add(path.clone());
+                if self.open(vec![run], diagnose).is_err() {
+                    // somebody was faster
+                    self.arrivals().waiting.push_front((path, diagnose));
+                }
             }
             None => self.look_outside(),
         }
@@ -246,7 +257,7 @@ impl Session {
         let files = list(folder).map(|(files, _)| files).unwrap_or_default();
         for file in files.into_iter().filter(|file| growing.as_ref() != Some(&file.path)) {
             if known.insert(file.path.clone()) {
-                waiting.push_back(file.path);
+                waiting.push_back((file.path, true));
             }
         }
     }

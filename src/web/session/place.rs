@@ -3,8 +3,7 @@
 use std::collections::HashMap;
 use std::error::Error;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use crate::results::history::Index;
 use crate::rig::Rig;
@@ -55,9 +54,21 @@ pub struct Place {
     folder: Option<PathBuf>,
     model_file: Option<PathBuf>,
     rig: Option<Rig>,
-    runs: Mutex<Vec<Run>>,
-    /// How many were ever listed: a number stays with its file.
-    numbers: AtomicUsize,
+    listed: Mutex<Listed>,
+}
+
+#[derive(Default)]
+struct Listed {
+    runs: Vec<Run>,
+    /// Of all that were ever listed: a number stays with its file, also while that is away.
+    numbers: HashMap<PathBuf, usize>,
+}
+
+impl Listed {
+    fn number(&mut self, path: &Path) -> usize {
+        let next = self.numbers.len();
+        *self.numbers.entry(path.to_owned()).or_insert(next)
+    }
 }
 
 impl Place {
@@ -123,12 +134,13 @@ impl Place {
 
     /// The run of a recording, which is listed from now on.
     pub fn add(&self, path: PathBuf) -> Run {
-        let known = self.runs().into_iter().find(|run| run.path == path);
-        known.unwrap_or_else(|| {
-            let run = Run { id: self.numbers.fetch_add(1, Ordering::Relaxed), path, known: None };
-            self.runs.lock().unwrap_or_else(PoisonError::into_inner).push(run.clone());
-            run
-        })
+        let mut listed = self.lock();
+        if let Some(run) = listed.runs.iter().find(|run| run.path == path) {
+            return run.clone();
+        }
+        let run = Run { id: listed.number(&path), path, known: None };
+        listed.runs.push(run.clone());
+        run
     }
 
     /// The runs that are opened first: all that were named, or the newest of a folder; none beside a rig file.
@@ -145,7 +157,7 @@ impl Place {
     pub fn runs(&self) -> Vec<Run> {
         // a folder that cannot be read at the moment keeps what it had
         let _ = self.look();
-        self.runs.lock().unwrap_or_else(PoisonError::into_inner).clone()
+        self.lock().runs.clone()
     }
 
     /// The runs of these numbers.
@@ -159,22 +171,26 @@ impl Place {
 
     fn look(&self) -> Result<(), AnyError> {
         let Some(folder) = &self.folder else { return Ok(()) };
-        let listed = list(folder)?.0;
+        // held from here, so that no older list follows a newer one
+        let mut listed = self.lock();
+        let files = list(folder)?.0;
         let index = Index::read(folder).and_then(|index| index.all()).unwrap_or_default();
         let index: HashMap<&str, _> = index.iter().map(|run| (&run.file[..], run)).collect();
-        let mut runs = self.runs.lock().unwrap_or_else(PoisonError::into_inner);
-        let mut before: HashMap<PathBuf, Run> = runs.drain(..).map(|run| (run.path.clone(), run)).collect();
-        for file in listed {
+        let mut runs = Vec::with_capacity(files.len());
+        for file in files {
             let known = index.get(&file.name.file[..]).map(|run| Known {
                 rig: run.rig.clone(),
                 when: crate::results::fit_record::recorded_at(run.recorded_unix_ns.max(0) as u64),
                 finding: run.finding.clone(),
             });
-            let id =
-                before.remove(&file.path).map_or_else(|| self.numbers.fetch_add(1, Ordering::Relaxed), |run| run.id);
-            runs.push(Run { id, path: file.path, known });
+            runs.push(Run { id: listed.number(&file.path), path: file.path, known });
         }
+        listed.runs = runs;
         Ok(())
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Listed> {
+        self.listed.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 

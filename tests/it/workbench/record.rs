@@ -51,6 +51,14 @@ fn a_messy_table_is_looked_at_then_imported_and_opened() {
     assert!(state["runs"].as_array().unwrap().iter().any(|run| run["name"] == "messy.mcap" && run["open"] == true));
     let again = bench.post("/api/import", &dropped(json!([["Druck1", "P1"]]), true), 200);
     assert_eq!(again["written"], "messy-2.mcap", "nothing is overwritten");
+    // a file that comes during a job is opened after it
+    bench.post("/api/diagnose", &json!({}), 202);
+    let hidden = json!({ "name": ".hid\nden.csv", "content": base64(messy.as_bytes()), "map": [["Druck1", "P1"]], "accept": true });
+    let during = bench.post("/api/import", &hidden, 200);
+    assert_eq!(during["written"], "hidden.mcap");
+    assert!(during["job"].is_null(), "{during}");
+    bench.post("/api/cancel", &json!({}), 202);
+    bench.until("the import", |s| s["open"]["runs"][0]["name"] == "hidden.mcap" && !s["model"].is_null());
     let refused =
         bench.post("/api/import", &json!({ "name": "x.csv", "content": base64(b"hello\n"), "accept": true }), 400);
     assert!(refused["error"].as_str().unwrap().len() > 10, "{refused}");

@@ -1,5 +1,9 @@
 //! Whoever has no business in the workbench is refused, and nothing changes.
 
+use std::io::{ErrorKind, Read as _};
+use std::net::TcpStream;
+use std::time::Duration;
+
 use serde_json::{Value, json};
 
 use crate::common::{CREEP, here};
@@ -96,12 +100,35 @@ fn strangers_are_refused_at_every_route_and_change_nothing() {
         let known = [("Authorization", &bearer[..])];
         assert_eq!(bench.request("GET", path, &known, b"").0, 404, "{path}");
     }
+    // headers are read as other programs write them
+    let lower = bearer.replacen("Bearer", "bearer", 1);
+    let odd = [("Authorization", &lower[..]), ("Content-Type", "Application/JSON ; charset=utf-8")];
+    assert_eq!(bench.request("POST", "/api/simulate", &odd, b"{}").0, 200);
+    let basic = [("Cookie", &cookie[..]), ("Authorization", "Basic YTpi"), JSON];
+    assert_eq!(bench.request("POST", "/api/simulate", &basic, b"{}").0, 403, "a page's request without its Origin");
     // the page itself comes in by the cookie and says its Origin
     let by_page = [("Cookie", &cookie[..]), ("Origin", &own[..]), JSON];
     assert_eq!(bench.request("POST", "/api/simulate", &by_page, b"{}").0, 200);
     let after = bench.state();
     assert_eq!(before, after);
     assert!(!folder.path().join("run.model.toml").exists());
+}
+
+#[test]
+fn connections_without_the_token_shut_nobody_out() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::copy(here(CREEP), folder.path().join("run.mcap")).unwrap();
+    let bench = Workbench::open(folder.path(), &["run.mcap"]);
+    let mut idle: Vec<TcpStream> = (0..320).map(|_| TcpStream::connect(&bench.host).unwrap()).collect();
+    bench.state();
+    let mut is_closed = |number: usize| {
+        let connection: &mut TcpStream = &mut idle[number];
+        connection.set_read_timeout(Some(Duration::from_millis(200))).unwrap();
+        !connection.read(&mut [0]).is_err_and(|e| matches!(e.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut))
+    };
+    assert!(is_closed(0), "the oldest makes room");
+    // the server closes every idle connection after a while, which would have been too late for a page
+    assert!(!is_closed(319), "the newest was waited for");
 }
 
 #[test]
