@@ -30,7 +30,7 @@ pub struct ForeignArgs {
     #[arg(long, value_name = "HZ", value_parser = positive, allow_negative_numbers = true)]
     pub rate: Option<f64>,
     /// What a column's numbers stand for, in a unit or in the sensor's: 'P1=0.5..4.5 -> 0..1000 kPa' for a transducer of 0.5 to 4.5 V, or its
-    /// line, 'P1=250*x-125 kPa'.
+    /// line, 'P1=250*x-125 kPa'; or the unit that they are in, 'P1=psi'.
     #[arg(long, value_name = "SENSOR=A*x+B", value_parser = scale)]
     pub scale: Vec<(String, Line)>,
     /// Flow before the closure, where it was measured by hand (bucket and clock): '0.25 L/s'. It becomes a reading of the rig's flow sensor.
@@ -96,9 +96,9 @@ fn mapping(text: &str) -> Result<(String, String), String> {
     }
 }
 
-/// `P1=250*x-125 kPa`, `P1=0.03*x`, `P1=x-2`, `P1=1..5 -> 0..10 bar`.
+/// `P1=250*x-125 kPa`, `P1=0.03*x`, `P1=x-2`, `P1=1..5 -> 0..10 bar`, `P1=psi`.
 fn scale(text: &str) -> Result<(String, Line), String> {
-    let wrong = || format!("'{text}': write it like 'P1=1..5 -> 0..10 bar' or 'P1=2.5*x-2.5 bar'");
+    let wrong = || format!("'{text}': write it like 'P1=1..5 -> 0..10 bar' or 'P1=2.5*x-2.5 bar' or 'P1=psi'");
     let (name, line) = text.rsplit_once('=').ok_or_else(wrong)?;
     let line = line.parse().map_err(|_| wrong())?;
     if name.trim().is_empty() { Err(wrong()) } else { Ok((name.trim().to_owned(), line)) }

@@ -1,6 +1,19 @@
-//! Values on the command line: numbers in their ranges, `NAME=VALUE` pairs. Each is a clap value parser.
+//! Values on the command line: numbers in their ranges, `NAME=VALUE` pairs, an effect. Each is a clap value parser.
 
 pub(crate) use crate::cli::console::numbers::number;
+use crate::model::effects::{Chosen, parse_list};
+
+/// One effect, such as `leak` or `viscoelastic-wall:2`.
+///
+/// # Errors
+/// No effect of the catalogue, or several.
+pub fn one_effect(text: &str) -> Result<Chosen, String> {
+    let mut list = parse_list(text).map_err(|e| e.to_string())?;
+    match (list.pop(), list.is_empty()) {
+        (Some(one), true) => Ok(one),
+        _ => Err("name one effect; `surgescope effects` lists them".to_owned()),
+    }
+}
 
 /// A number above 0.
 ///

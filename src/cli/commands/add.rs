@@ -4,10 +4,11 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use crate::cli::args::recordings;
+use crate::cli::args::values::one_effect;
 use crate::cli::console::outcome::{CommandResult, Outcome};
 use crate::cli::console::print::{say, say_text, tell};
 use crate::cli::console::progress::{refit, shown};
-use crate::model::effects::{Chosen, parse_list};
+use crate::model::effects::Chosen;
 use crate::report::models::{json as models_json, text};
 use crate::report::text::number::{duration, error_m, grouped};
 use crate::study::{Grown, models};
@@ -23,14 +24,6 @@ pub struct Args {
     /// The model file that `calibrate --save` or `diagnose --apply` wrote.
     #[arg(value_name = "MODEL.toml")]
     file: PathBuf,
-}
-
-fn one_effect(text: &str) -> Result<Chosen, String> {
-    let mut list = parse_list(text).map_err(|e| e.to_string())?;
-    match (list.pop(), list.is_empty()) {
-        (Some(one), true) => Ok(one),
-        _ => Err("name one effect; `surgescope effects` lists them".to_owned()),
-    }
 }
 
 /// Runs it.

@@ -4,9 +4,10 @@ use std::path::PathBuf;
 
 use serde_json::{Value, json};
 
+use crate::cli::args::values::one_effect;
 use crate::cli::console::outcome::{CommandResult, Outcome};
 use crate::cli::console::print::{say, say_text};
-use crate::model::effects::{CATALOGUE, Chosen, parse_list};
+use crate::model::effects::{CATALOGUE, Chosen};
 use crate::report::effects::example::Example;
 use crate::report::effects::json::{about, described, example as example_json};
 use crate::report::effects::text::{explained, list, table};
@@ -21,13 +22,6 @@ pub struct Args {
     /// Write a chart of its influence on a record; replaces an older picture of that name, and no other file.
     #[arg(long, value_name = "SVG", requires = "effect")]
     svg: Option<PathBuf>,
-}
-
-fn one_effect(text: &str) -> Result<Chosen, String> {
-    match parse_list(text).map_err(|e| e.to_string())?.as_slice() {
-        [one] => Ok(one.clone()),
-        _ => Err("name one effect; without a name, all are listed".into()),
-    }
 }
 
 /// Runs it.

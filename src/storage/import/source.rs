@@ -159,20 +159,23 @@ pub struct Line {
 impl FromStr for Line {
     type Err = String;
 
-    /// The line of a transducer, with its unit behind it: `250*x-125 kPa`, or by its two ranges, `1..5 -> 0..10 bar`.
+    /// The line of a transducer, with its unit behind it: `250*x-125 kPa`, or by its two ranges, `1..5 -> 0..10 bar`; or the unit alone, `psi`.
     fn from_str(text: &str) -> Result<Self, String> {
-        line_of(text).ok_or_else(|| format!("'{text}': write it like 1..5 -> 0..10 bar, or 2.5*x-2.5 bar"))
+        line_of(text).ok_or_else(|| format!("'{text}': write it like 1..5 -> 0..10 bar, or 2.5*x-2.5 bar, or psi"))
     }
 }
 
 fn line_of(text: &str) -> Option<Line> {
     let is_unit = |word: &str| word.starts_with(|c: char| c.is_alphabetic() && c != 'x');
-    let (line, unit) = text.trim().rsplit_once(' ').filter(|(_, word)| is_unit(word)).unwrap_or((text, ""));
-    let quantities = [Quantity::Pressure, Quantity::Flow, Quantity::Temperature];
-    let unit = match unit {
-        "" => None,
-        unit => Some(quantities.into_iter().find_map(|q| spelled_unit(unit, q))?),
+    let known = |unit: &str| {
+        [Quantity::Pressure, Quantity::Flow, Quantity::Temperature].into_iter().find_map(|q| spelled_unit(unit, q))
     };
+    let text = text.trim();
+    if let Some(unit) = known(text) {
+        return Some(Line { scale: 1.0, offset: 0.0, unit: Some(unit) });
+    }
+    let (line, unit) = text.rsplit_once(' ').filter(|(_, word)| is_unit(word)).unwrap_or((text, ""));
+    let unit = if unit.is_empty() { None } else { Some(known(unit)?) };
     let line = line.replace(' ', "");
     let (scale, offset) = match line.split_once("->") {
         Some((from, to)) => {

@@ -20,7 +20,7 @@ export async function arrive(file) {
   let content;
   try { content = await base64(file); } catch (error) { complain(error); return; }
   let [rate, writing, rigOf] = [null, false, null];
-  // what the numbers of a sensor's column stand for, where they are volts or milliamperes
+  // what the numbers of a sensor's column stand for, where they are volts, milliamperes or in another unit than the rig's
   const scale = new Map();
   // the column of a sensor, also while the file cannot be understood
   const chosen = new Map();
@@ -70,7 +70,7 @@ export async function arrive(file) {
       look(...said(), false);
     } })) : null;
     const line = ([sensor, choice]) => {
-      const volts = h("input", { type: "text", size: 18, placeholder: "1..5 -> 0..10 bar", value: scale.get(sensor) ?? "", "aria-label": `Ranges of the transducer of ${sensor}, of a column in volts or milliamperes`, "data-key": `scale ${sensor}`, onchange: () => {
+      const volts = h("input", { type: "text", size: 18, placeholder: "psi, or 1..5 -> 0..10 bar", value: scale.get(sensor) ?? "", "aria-label": `Unit of the numbers of ${sensor}, or the ranges of its transducer, where the heading does not say`, "data-key": `scale ${sensor}`, onchange: () => {
         scale.set(sensor, volts.value.trim());
         if (choice.value) look(...said(), false);
       } });
@@ -82,9 +82,9 @@ export async function arrive(file) {
       h("h3", { text: found.problem ? `${file.name}: which column is which sensor?` : `${file.name}, as understood` }),
       found.problem ? h("p", { class: "advice", text: found.problem }) : null,
       rigs(),
-      hertz, h("table", {}, h("thead", {}, h("tr", {}, ["sensor", "column of the file", "from volts or mA", "unit", "samples", "first values"].map((text) => h("th", { scope: "col", text })))), h("tbody", {}, choices.map(line))),
+      hertz, h("table", {}, h("thead", {}, h("tr", {}, ["sensor", "column of the file", "another unit, or from V or mA", "unit", "samples", "first values"].map((text) => h("th", { scope: "col", text })))), h("tbody", {}, choices.map(line))),
       notes.length ? h("ul", {}, notes.map((text) => h("li", { text }))) : null,
-      h("p", { class: "buttons" }, h("button", { type: "button", class: "primary", text: "Import so", disabled: Boolean(found.problem), onclick: () => look(...said(), true) }), h("button", { type: "button", text: "Leave it", onclick: () => put(box) }))));
+      h("p", { class: "buttons" }, h("button", { type: "button", class: "primary", text: "Import", disabled: Boolean(found.problem), onclick: () => look(...said(), true) }), h("button", { type: "button", text: "Do not import", onclick: () => put(box) }))));
   };
   await look([], [], [], false);
 }

@@ -68,6 +68,9 @@ function options(panel, residual) {
   };
 }
 
+// How many times the residual of the model in force one before it may leave and still be drawn beside it.
+const LEAVES = 5;
+
 // Zero and a round number on either side of it.
 function around0(most) {
   const size = 10 ** Math.floor(Math.log10(most));
@@ -184,7 +187,11 @@ class Panel {
     const left = (v) => (v && measured ? minus(v, measured).map((d) => (d === null ? null : d * perM(this))) : gap(null, n));
     // what a candidate would take away, over what is left; of moved parameters what they would leave
     const proposed = adds && trial && model ? minus(model, trial).map((d) => (d === null ? null : d * perM(this))) : left(trial);
-    this.drawn = [[time, ...heads.map((v) => shown(this, v))], [time, gap(null, n), left(ghost), left(model), proposed]];
+    const [before, now] = [left(ghost), left(model)];
+    const most = (curve) => curve.reduce((high, d) => Math.max(high, Math.abs(d)), 0);
+    // a line that leaves the axis at every swing shows nothing
+    const leaves = model && most(before) > LEAVES * Math.max(most(now), this.sensor.noise_m * perM(this));
+    this.drawn = [[time, ...heads.map((v) => shown(this, v))], [time, gap(null, n), leaves ? gap(null, n) : before, now, proposed]];
     if (this.plots.length) this.plots.forEach((plot, i) => plot.setData(this.drawn[i]));
     else this.build();
     const legend = this.legend.querySelectorAll(".u-series");

@@ -60,7 +60,7 @@ export const probable = (p) => (p > 0.99 ? "> 0.99" : p < 0.01 ? "< 0.01" : p.to
 const UNITS = /_(m3_s|m_s|per_GPa|GPa|degC|mm2|mm|ms|kPa|m|s|K|percent)$/;
 export function named(parameter) {
   const match = parameter.name.match(/^([^[]+)(\[.*\])?$/);
-  return `${match[1].replace(UNITS, "").replaceAll("_", " ")}${match[2] ? ` ${match[2].slice(1, -1)}` : ""}`;
+  return `${match[1].replace(UNITS, "").replaceAll("_", " ").replace(/\bcda$/, "CdA")}${match[2] ? ` ${match[2].slice(1, -1)}` : ""}`;
 }
 // Whether an error is no more than the noise, as far as a page says so.
 export const atNoise = (rmse_m, noise_m) => rmse_m < 1.25 * noise_m;

@@ -5,6 +5,7 @@ import { app, act, proposals } from "/assets/store.js";
 import { load, try_, watchFit } from "/assets/charts.js";
 import { falls, models } from "/assets/past.js";
 import { copier } from "/assets/commands.js";
+import { inWords } from "/assets/hands.js";
 
 function sentence(found) {
   const p = `probability ${probable(found.probability)}`;
@@ -35,7 +36,8 @@ function candidate(c) {
   const show = () => preview(c.label);
   const bar = h("span", { class: "bar", "aria-hidden": "true" }, h("i", { style: { width: `${100 * c.probability}%` } }));
   const others = c.indistinguishable_from.map((other) => other.labels?.join(" and ") || other);
-  const alike = others.length ? h("p", { class: "hint", text: `These recordings cannot tell ${c.labels ? "them" : "it"} from ${others.join(", ")}.` }) : null;
+  // two that are both out of the question are not worth a line
+  const alike = others.length && c.probability >= 0.01 ? h("p", { class: "hint", text: `These recordings cannot tell ${c.labels ? "them" : "it"} from ${others.join(", ")}.` }) : null;
   const card = h("article", { class: "card candidate", tabindex: 0, "data-key": `p${c.label}`, "aria-label": `${c.label}, probability ${probable(c.probability)}`, onmouseenter: show, onfocus: show, onmouseleave: () => preview(null) },
     h("h3", {}, c.label, bar, h("span", { class: "number", text: probable(c.probability) })),
     about ? h("p", { text: about.summary }) : null, alike, theory(about),
@@ -119,7 +121,7 @@ export function missing() {
     const warnings = found.warnings;
     // an effect that is missing bends the start model; where the answer explains the record, what that caused is of less weight
     const explained = found.verdict === "missing-effect" && near(proposals()[0]);
-    if (warnings.length) verdict.push(h("details", { class: "theory checks", open: !explained }, h("summary", { text: warnings.length === 1 ? "one thing to check first" : `${warnings.length} things to check first` }), warnings.map((text) => h("p", { class: "advice", text }))));
+    if (warnings.length) verdict.push(h("details", { class: "theory checks", open: !explained }, h("summary", { text: warnings.length === 1 ? "one thing to check first" : `${warnings.length} things to check first` }), warnings.map((text) => h("p", { class: "advice", text: model ? inWords(text) : text }))));
   } else if (model && !at_work) verdict.push(h("p", { class: "hint", text: "Diagnose asks every effect of the catalogue what it would explain. Point at a candidate to see its curve before you add it." }));
   put(at("verdict"), verdict);
   const shown = (found ? proposals() : []).filter((c, i) => i < 5 || c.probability > 0.01).slice(0, 8);

@@ -110,7 +110,7 @@ function row(p) {
 }
 
 // A sentence with parameters named as people name them.
-const inWords = (text) => app.state.model.parameters.reduce((said, p) => said.replaceAll(p.name, named(p)), text);
+export const inWords = (text) => app.state.model.parameters.reduce((said, p) => said.replaceAll(p.name, named(p)), text);
 
 // What the fit does not settle, and what to do about it.
 function looks(model) {

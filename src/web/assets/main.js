@@ -13,7 +13,7 @@ import { runs } from "/assets/runs.js";
 import { arrive } from "/assets/arrive.js";
 import { live, record, recording } from "/assets/record.js";
 
-const KEYS = [["1 2 3", "first rise, a cycle, the whole record"], ["← →", "pan"], ["d", "diagnose"], ["f", "fit"], ["u r", "undo, redo"], ["m", "heads in m, or in the sensors' own unit"], ["p", "a place along the pipe: arrows move it, Enter adds an effect there"], ["s", "the sliders"], ["o", "runs"], ["e", "effects"], ["Escape", "cancel the job"], ["?", "these keys"]];
+const KEYS = [["1 2 3", "first rise, a cycle, the whole record"], ["← →", "pan"], ["d", "diagnose"], ["f", "fit"], ["u r", "undo, redo"], ["m", "heads in m, or in the sensors' own unit"], ["p", "a place along the pipe: arrows move it, Enter adds an effect there"], ["c", "the candidates: Tab to Add"], ["s", "the sliders"], ["o", "runs"], ["e", "effects"], ["Escape", "cancel the job"], ["?", "these keys"]];
 
 function title() {
   const open = app.state.open;
@@ -119,7 +119,7 @@ document.addEventListener("keydown", (event) => {
   const does = {
     1: () => part("rise"), 2: () => part("cycle"), 3: () => part("all"), ArrowLeft: () => pan(-0.25), ArrowRight: () => pan(0.25),
     d: diagnose, f: fit, u: () => act("/api/undo"), r: () => act("/api/redo"), m: () => unit(app.unit === "m" && !at("own-unit").hidden ? "own" : "m"), o: runs, e: () => app.state.model && catalogue(), "?": keys,
-    p: () => document.querySelector("#rig .pointer")?.focus(), s: () => { tab("hands"); document.querySelector("#parameters input[type=range]")?.focus(); },
+    p: () => document.querySelector("#rig .pointer")?.focus(), c: () => { tab("future"); document.querySelector("#candidates .candidate")?.focus(); }, s: () => { tab("hands"); document.querySelector("#parameters input[type=range]")?.focus(); },
     Escape: () => app.state.job && act("/api/cancel"),
   }[event.key];
   if (!does) return;

@@ -42,8 +42,9 @@ function row(model, axis, all) {
   const able = !inForce && !model.preview;
   // where the list is no chain, it says what each one grew out of
   const from = parent && model.grown_from !== model.number - 1 ? `, from ${model.grown_from}` : "";
-  return h("div", { onclick: (event) => able && !event.target.closest("button") && force(), style: { "margin-left": `${10 * Math.min(4, model.preview ? 0 : depth(model, all))}px` }, class: `model${able ? " able" : ""}${inForce ? " force" : ""}${model.preview ? " preview" : ""}${compared ? " compared" : ""}`, id: model.fitting ? "fitting" : null },
-    h("span", { class: "called" }, model.preview ? null : h("span", { class: "hint", text: `${model.number}${from} ` }), h("button", {
+  return h("div", { onclick: (event) => able && !event.target.closest("button") && force(), class: `model${able ? " able" : ""}${inForce ? " force" : ""}${model.preview ? " preview" : ""}${compared ? " compared" : ""}`, id: model.fitting ? "fitting" : null },
+    // the name moves in, not the axis: all errors stand on one
+    h("span", { class: "called", style: { "padding-left": `${10 * Math.min(4, model.preview ? 0 : depth(model, all))}px` } }, model.preview ? null : h("span", { class: "hint", text: `${model.number}${from} ` }), h("button", {
       type: "button", class: "name", "data-key": `m${model.number}`, disabled: !able, "aria-current": inForce ? "true" : null, title: model.why,
       text: model.preview ? model.name : nameOf(model, parent), onclick: force,
     })),

@@ -311,11 +311,13 @@ async fn simulation(State(app): State<Arc<App>>, headers: HeaderMap, body: Bytes
 }
 
 fn report(session: &Session) -> Result<Answer, AnyError> {
-    Ok(download("report.html", "text/html; charset=utf-8", take_away::report(&*bench_of(session)?)?))
+    let bench = bench_of(session)?;
+    Ok(download(&format!("{}.html", bench.name()), "text/html; charset=utf-8", take_away::report(&bench)?))
 }
 
 fn fit_file(session: &Session) -> Result<Answer, AnyError> {
-    Ok(download("fit.toml", "application/toml", take_away::fit_file(&*bench_of(session)?)?))
+    let bench = bench_of(session)?;
+    Ok(download(&format!("{}.fit.toml", bench.name()), "application/toml", take_away::fit_file(&bench)?))
 }
 
 /// How long the first word of a fit's progress waits for others.

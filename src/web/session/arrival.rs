@@ -41,7 +41,7 @@ pub struct Dropped {
     /// Samples per second of a column that counts samples.
     #[serde(default)]
     pub rate_hz: Option<f64>,
-    /// Columns of volts or milliamperes with what their numbers stand for, such as `1..5 -> 0..10 bar`.
+    /// Columns with what their numbers stand for: of volts or milliamperes such as `1..5 -> 0..10 bar`, of another unit such as `psi`.
     #[serde(default)]
     pub scales: Vec<(String, String)>,
     /// Write it as it was understood; otherwise it is only looked at.

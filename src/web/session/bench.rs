@@ -21,6 +21,7 @@ use crate::recording::Recording;
 use crate::report::diagnosis::text::json as diagnosis_json;
 use crate::results::fit_record::now;
 use crate::results::model_file::ModelFile;
+use crate::shown::Shown as _;
 use crate::study::Study;
 use crate::study::models::{about, load, rig_of, save};
 use crate::study::simulated::Simulated;
@@ -104,6 +105,12 @@ impl Bench {
         let commands = commands(&paths, &model_path);
         let (simulations, shown) = (Mutex::default(), Mutex::default());
         Ok(Bench { paths, files, study, noise_m, whole, model_path, commands, jobs, models, simulations, shown })
+    }
+
+    /// What files that are taken away are named after: the file of models, without its endings.
+    pub fn name(&self) -> String {
+        let file = Path::new(self.model_path.file_name().unwrap_or_default()).shown().into_owned();
+        [".model.toml", ".toml"].iter().find_map(|ending| file.strip_suffix(ending)).unwrap_or(&file).to_owned()
     }
 
     /// When a run's closure starts on its clock, s: as the model in force has it, or as its signals show it.

@@ -106,6 +106,11 @@ fn counted_samples_and_volts_need_a_rate_and_a_line() {
     let scales = ["--scale", "P1=2.5*x-1.25", "--scale", "P2=0.5..4.5 -> 0..5"];
     bench.import(0, &[&["volts.csv", "--yes", "--rate", "1000"], &scales[..]].concat());
     holds_the_table(&bench, 1e-5);
+    // the unit alone, where no heading says it
+    let psi = table("# sample,P1,P2\n", |i, _, a, b| format!("{i},{:.6},{:.6}", a * 14.503_774, b * 14.503_774));
+    bench.put("psi.csv", psi);
+    bench.import(0, &["psi.csv", "--yes", "--rate", "1000", "--scale", "P1=psi", "--scale", "P2=psi"]);
+    holds_the_table(&bench, 1e-5);
     bench.refuses(&["volts.csv", "--rate", "1000", "--scale", "P1=0*x+1"], &["write it like 'P1=1..5 -> 0..10 bar'"]);
     // a unit that is not understood is not dropped
     bench.refuses(&["volts.csv", "--rate", "1000", "--scale", "P1=1..5 -> 0..1MPa"], &["write it like"]);

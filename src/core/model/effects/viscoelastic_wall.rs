@@ -18,7 +18,7 @@ impl Effect for ViscoelasticWall {
         "viscoelastic-wall"
     }
     fn summary(&self) -> &'static str {
-        "Kelvin-Voigt creep of the wall, 1..N elements"
+        "Kelvin-Voigt creep of the wall, one or several elements"
     }
     fn equation(&self) -> &'static str {
         "dH/dt + (a²/g) dV/dx + (2a²/g) Σ dε_k/dt = 0,  dε_k/dt = (c₁ D ρ g/(2e) J_k (H - H_steady) - ε_k)/τ_k"
