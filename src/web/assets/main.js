@@ -9,7 +9,7 @@ import { fit, parameters, reset } from "/assets/hands.js";
 import { commandOf, copy } from "/assets/commands.js";
 import { rig } from "/assets/rig.js";
 import { catalogue, job, missing, progress } from "/assets/future.js";
-import { runs } from "/assets/runs.js";
+import { list, runs } from "/assets/runs.js";
 import { arrive } from "/assets/arrive.js";
 import { live, record, recording } from "/assets/record.js";
 
@@ -30,17 +30,21 @@ function title() {
     shown = open.title;
     app.opens = false;
   }
+  const left = Boolean(open && app.state.folder && !app.state.runs.some((run) => run.open));
+  if (left && !gone) complain(new Error(`The recording of ${open.title} is no longer in the folder. What was read of it stays on the page.`));
+  gone = left;
   const warnings = open?.warnings || [];
   if (open && warned !== open.title) {
     warned = open.title;
     if (warnings.length) complain(new Error(warnings.join(" ")));
   }
 }
+let gone = false;
 let warned = null;
 let shown = null;
 
 // Who opens a folder meets its list first, once a tab; its newest run waits behind it.
-function list() {
+function meet() {
   if (met) return;
   met = true;
   if (!app.state.folder || app.state.runs.length < 2 || sessionStorage.getItem("listed")) return;
@@ -51,6 +55,7 @@ let met = false;
 
 let loaded = null;
 onState(() => {
+  meet();
   list();
   title();
   inUnit();

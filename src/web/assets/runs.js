@@ -145,5 +145,15 @@ export function runs() {
     h("div", { class: "list" }, h("table", { class: "runs" }, head, body)),
     h("p", {}, h("label", {}, "Import a file of a logger (or drop it on the page): ", file)));
   fill();
+  again = fill;
   if (!dialog.open) dialog.showModal();
+}
+
+// A table that is open follows the folder.
+let again = null;
+let listed = null;
+export function list() {
+  const now = JSON.stringify(app.state.runs);
+  if (now !== listed && at("runs").open) again();
+  listed = now;
 }

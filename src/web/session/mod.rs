@@ -230,8 +230,11 @@ impl Session {
         self.arrivals.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Takes up what has come: recordings that were made here, and what another program has written to the model file.
+    /// Takes up what has come: runs of the folder, recordings that were made here, and what another program has written to the model file.
     pub fn look(self: &Arc<Self>) {
+        if self.place.has_changed() {
+            self.hub.changed();
+        }
         self.look_for_arrivals();
         if self.jobs.at_work() {
             return;

@@ -4,8 +4,10 @@ use std::collections::HashMap;
 use std::error::Error;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::SystemTime;
 
 use crate::results::history::Index;
+use crate::results::history::schema::FILE;
 use crate::rig::Rig;
 use crate::shown::Shown as _;
 use crate::storage::check_recording;
@@ -20,7 +22,7 @@ type AnyError = Box<dyn Error + Send + Sync>;
 pub struct NoSuchRun;
 
 /// One recording.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct Run {
     /// Its number in this session, as the page names it.
     pub id: usize,
@@ -31,7 +33,7 @@ pub struct Run {
 }
 
 /// What a folder's index knows of a run.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct Known {
     /// Its rig.
     pub rig: String,
@@ -55,7 +57,11 @@ pub struct Place {
     model_file: Option<PathBuf>,
     rig: Option<Rig>,
     listed: Mutex<Listed>,
+    told: Mutex<Told>,
 }
+
+/// What was last told of a folder: when it and its index had been written to, and its runs.
+type Told = ([Option<SystemTime>; 2], Vec<Run>);
 
 #[derive(Default)]
 struct Listed {
@@ -158,6 +164,21 @@ impl Place {
         // a folder that cannot be read at the moment keeps what it had
         let _ = self.look();
         self.lock().runs.clone()
+    }
+
+    /// Whether a folder's runs, or what its index knows of them, have changed since this was last asked.
+    pub fn has_changed(&self) -> bool {
+        let Some(folder) = &self.folder else { return false };
+        let written = |path: &Path| std::fs::metadata(path).and_then(|about| about.modified()).ok();
+        let now = [written(folder), written(&folder.join(FILE))];
+        let mut told = self.told.lock().unwrap_or_else(PoisonError::into_inner);
+        if told.0 == now {
+            return false;
+        }
+        let runs = self.runs();
+        let changed = runs != told.1;
+        *told = (now, runs);
+        changed
     }
 
     /// The runs of these numbers.

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use serde_json::{Value, json};
 
-use crate::common::{LEAK, here};
+use crate::common::{CREEP, LEAK, here};
 use crate::workbench::client::{Workbench, done_in};
 
 /// Simulated runs of one rig, each with its own wave speed.
@@ -162,4 +162,16 @@ fn the_values_of_a_simulated_test_follow_its_effects() {
     assert!(bench.refused("/api/simulation?effects=leek").contains("leek"));
     let located = bench.state()["open"]["rig"]["located"].clone();
     assert!(located.as_array().unwrap().contains(&json!({ "effect": "leak", "from": "leak_position_m", "to": null })));
+}
+
+#[test]
+fn a_run_that_another_program_puts_into_the_folder_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::copy(here(LEAK), folder.path().join("first.mcap")).unwrap();
+    let bench = Workbench::open(folder.path(), &["."]);
+    bench.fitted();
+    let mut events = bench.events();
+    std::fs::copy(here(CREEP), folder.path().join("second.mcap")).unwrap();
+    while events.next().expect("the stream of events ended").0 != "state" {}
+    assert_eq!(bench.state()["runs"].as_array().unwrap().len(), 2);
 }
