@@ -29,6 +29,25 @@ fn creep_is_found_and_brings_the_error_down_to_the_noise() {
     assert!(!answer["fails"].as_array().unwrap().is_empty());
 }
 
+/// Where the number of elements is fixed too low, a leak would make up for the third one.
+#[test]
+fn elements_that_the_wall_lacks_are_missing_like_an_effect() {
+    let folder = tempfile::tempdir().unwrap();
+    let model = folder.path().join("model.toml");
+    let answer = diagnose(&[CREEP, "--effects", "viscoelastic-wall:1", "--apply", model.to_str().unwrap()]);
+    let found = best(&answer);
+    assert_eq!(
+        (answer["verdict"].as_str(), found["label"].as_str()),
+        (Some("missing-effect"), Some("viscoelastic-wall:3"))
+    );
+    assert!(answer["probability"].as_f64().unwrap() > 0.95, "{}", answer["probability"]);
+    let (rmse, noise) = (found["rmse_m"].as_f64().unwrap(), answer["start"]["noise_m"].as_f64().unwrap());
+    assert!(rmse < 1.05 * noise, "{rmse} {noise}");
+    assert_eq!(found["parameters"].as_array().unwrap().len(), 6);
+    let kept = std::fs::read_to_string(&model).unwrap();
+    assert!(kept.contains("in_force = 2") && kept.contains("[\"viscoelastic-wall:3\"]"), "{kept}");
+}
+
 /// The leak lies at 57.43 m.
 #[test]
 #[ignore = "takes 36 s; CI runs it"]

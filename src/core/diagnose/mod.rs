@@ -18,6 +18,7 @@ pub mod evidence;
 pub mod exchange;
 pub(crate) mod fallback_search;
 pub mod limits;
+pub(crate) mod more_elements;
 pub mod needless;
 pub mod next;
 pub(crate) mod outcome;
@@ -45,6 +46,7 @@ use crate::diagnose::limits::{
     AS_FAST, EXPLAINED_OVER_NOISE, FULL_FITS, INDISTINGUISHABLE, LEAST_EVIDENCE, LEAST_FORECAST, NO_FULL_FIT_ABOVE,
     PRIOR_ODDS_OF_PAIR, RIG_FILE_IS_WRONG, START_DOUBTFUL, UNEXPLAINED_OVER_NOISE, WANTED_ODDS,
 };
+use crate::diagnose::more_elements::MoreElements;
 use crate::diagnose::next::in_words;
 pub use crate::diagnose::outcome::{Candidate, Diagnosis, Pair, RivalPair, Verdict};
 use crate::diagnose::pairs::{PairFit, PairSearch};
@@ -102,15 +104,20 @@ pub fn diagnose_fit(
     let fitter = FullFitter { rig, runs, effects, options, progress, least_fall: least_fall(runs, taken) };
     let mut candidate_fits = candidate_fits(&baseline, &start, &refits);
     fit(&fitter, &baseline, &start, &mut candidate_fits);
-    let done = begin_afresh(&fitter, &start, &mut candidate_fits);
-    // Where single effects stay that far away, two that get down to the noise need no further search for one.
+    let more = MoreElements::of(&fitter, &start);
+    // what the model's own effect explains needs no further search
+    let explained = more.as_ref().is_some_and(|more| over_noise(&more.fit, runs) < EXPLAINED_OVER_NOISE);
     let mut pairs = PairSearch::default();
-    let any_shown = candidate_fits.iter().any(|r| r.odds(&baseline.known) >= SHOWN);
-    if is_far(&candidate_fits, runs) && !any_shown {
-        pairs.begin(&fitter, &baseline, &refits);
-    }
-    if !pairs.explains(runs) {
-        search_on(&fitter, &start, &mut candidate_fits, done);
+    if !explained {
+        let done = begin_afresh(&fitter, &start, &mut candidate_fits);
+        // Where single effects stay that far away, two that get down to the noise need no further search for one.
+        let any_shown = candidate_fits.iter().any(|r| r.odds(&baseline.known) >= SHOWN);
+        if is_far(&candidate_fits, runs) && !any_shown {
+            pairs.begin(&fitter, &baseline, &refits);
+        }
+        if !pairs.explains(runs) {
+            search_on(&fitter, &start, &mut candidate_fits, done);
+        }
     }
     // A single effect that is far from the records is no rival of a pair, and where no pair is found it is soon enough to converge.
     let far = is_far(&candidate_fits, runs);
@@ -122,12 +129,16 @@ pub fn diagnose_fit(
     rank(&baseline, &mut candidate_fits);
     let shown = is_shown(&baseline, &candidate_fits) || is_shown_by_another(&baseline, &candidate_fits);
     // How cavities collapse no model follows well: what is left of them is no second effect.
-    let mut pair_fits =
-        if shown { Vec::new() } else { pairs_of(&fitter, &baseline, &start, &refits, &mut candidate_fits, pairs) };
+    let mut pair_fits = if shown || explained {
+        Vec::new()
+    } else {
+        pairs_of(&fitter, &baseline, &start, &refits, &mut candidate_fits, pairs)
+    };
     if pair_fits.is_empty() && (far || best_fitted(&candidate_fits).is_some_and(|best| !best.settled)) {
         contest(&fitter, &mut candidate_fits);
     }
-    let scale = weigh(&fitter, &baseline, &start, &mut candidate_fits, &pair_fits);
+    let others = pair_fits.iter().map(|pair| &pair.fit).chain(more.as_ref().map(|more| &more.fit));
+    let scale = weigh(&fitter, &baseline, &start, &mut candidate_fits, &others.collect::<Vec<_>>());
     rank(&baseline, &mut candidate_fits);
     let leading = pair_fits.first_mut().map(|pair| &mut pair.fit);
     let single = candidate_fits.first_mut().filter(|r| r.evidence > LEAST_EVIDENCE).and_then(|r| r.fit.as_mut());
@@ -141,10 +152,14 @@ pub fn diagnose_fit(
     };
     let singles = candidate_fits.iter().map(|r| (r.evidence, r.odds(&baseline.known)));
     let two = pair_fits.iter().map(|pair| (evidence_of(pair), PRIOR_ODDS_OF_PAIR));
-    let shares = probabilities(&singles.chain(two).collect::<Vec<_>>());
-    let (single_shares, pair_shares) = shares.split_at(candidate_fits.len());
+    let elements = more.as_ref().map(|more| more.evidence(scale, &baseline, &start));
+    let shares = probabilities(&singles.chain(two).chain(elements).collect::<Vec<_>>());
+    let (single_shares, others) = shares.split_at(candidate_fits.len());
+    let (pair_shares, element_shares) = others.split_at(pair_fits.len());
     let mut candidates: Vec<Candidate> =
         (0..candidate_fits.len()).map(|i| candidate(&baseline, &start, &candidate_fits, i, single_shares[i])).collect();
+    let grown = more.iter().zip(elements).zip(element_shares);
+    candidates.extend(grown.map(|((more, (evidence, _)), share)| more.candidate(&baseline, evidence, *share)));
     let mut pair = answer(&baseline, &pair_fits, pair_shares, &candidates, evidence_of);
     let mut rival_pairs = rivals_of(pair.as_ref(), &baseline, &pair_fits, pair_shares);
     // An effect is missing alone, or with another.
@@ -176,7 +191,7 @@ pub fn diagnose_fit(
         Verdict::NothingMissing => none,
         Verdict::UnknownEffect => other,
     };
-    let mut warnings = warnings(rig, runs, &start, effects, options);
+    let mut warnings = warnings(rig, runs, &start, effects);
     if rig_file_is_wrong {
         warnings.push(
             "the wave is faster than the rig file's pipe allows, whichever effect is added, and no effect makes a wave faster: correct the pipe's \
@@ -347,16 +362,16 @@ fn rivals_of(answer: Option<&Pair>, baseline: &Baseline, pair_fits: &[PairFit], 
     rivals
 }
 
-/// Sets the evidence of each candidate, on the scale of the best fit. Candidates that are not worth a model get
+/// Sets the evidence of each candidate, on the scale of the best fit, `others` among them. Candidates that are not worth a model get
 /// [`NEGLIGIBLE_EVIDENCE`] at most, however sure the data are of them.
 fn weigh(
     fitter: &FullFitter,
     baseline: &Baseline,
     start: &Fit,
     candidate_fits: &mut [CandidateFit],
-    pair_fits: &[PairFit],
+    others: &[&Fit],
 ) -> EvidenceScale {
-    let fits = candidate_fits.iter().filter_map(|r| r.fit.as_ref()).chain(pair_fits.iter().map(|pair| &pair.fit));
+    let fits = candidate_fits.iter().filter_map(|r| r.fit.as_ref()).chain(others.iter().copied());
     let fine = fits.min_by(|a, b| square(a).total_cmp(&square(b)));
     let scale = evidence_scale(fine.unwrap_or(start), baseline.features());
     // Instruments within their class are at work on every rig: an effect is claimed only over the best model that they allow.

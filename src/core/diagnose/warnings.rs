@@ -1,19 +1,16 @@
 //! Reasons to doubt a diagnosis before it begins: a start model that cannot be this rig's, or that was not fitted at
 //! all.
 
-use crate::diagnose::candidate_fit::{least_fall, over_noise};
 use crate::diagnose::limits::NOT_FITTED;
 use crate::fit::data::run_data::RunData;
 use crate::fit::outcome::fit::Fit;
-use crate::fit::search::calibrate::with_more_elements;
-use crate::fit::search::options::Options;
 use crate::fit::validate::conflict::{conflicts, faded_noise, moved_sensors};
 use crate::model::effects::Chosen;
 use crate::number::error_m;
 use crate::rig::Rig;
 
 /// One sentence for each reason to doubt the start model.
-pub fn warnings(rig: &Rig, runs: &[RunData], start: &Fit, effects: &[Chosen], options: &Options) -> Vec<String> {
+pub fn warnings(rig: &Rig, runs: &[RunData], start: &Fit, effects: &[Chosen]) -> Vec<String> {
     let mut warnings = Vec::new();
     let held: Vec<&str> = start.parameters.iter().filter(|p| p.held).map(|p| p.name.as_str()).collect();
     if !held.is_empty() {
@@ -22,7 +19,6 @@ pub fn warnings(rig: &Rig, runs: &[RunData], start: &Fit, effects: &[Chosen], op
             held.join(", ")
         ));
     }
-    warnings.extend(too_few_elements(rig, runs, start, effects, options));
     for chosen in effects {
         if let Some(why) = chosen.effect.impossible(rig) {
             warnings.push(format!(
@@ -52,24 +48,6 @@ pub fn warnings(rig: &Rig, runs: &[RunData], start: &Fit, effects: &[Chosen], op
     warnings.extend(moved_sensors(start).into_iter().filter(|_| start.converged));
     warnings.extend(faded_noise(start));
     warnings
-}
-
-/// A fixed number of elements, if the evidence asks for more.
-fn too_few_elements(rig: &Rig, runs: &[RunData], start: &Fit, effects: &[Chosen], options: &Options) -> Option<String> {
-    let open: Vec<Chosen> = effects.iter().map(|c| Chosen { elements: None, ..c.clone() }).collect();
-    let fixed = effects.iter().find(|c| c.elements.is_some())?;
-    let more = with_more_elements(rig, runs, start, &open, options, &|_| {}).ok()??;
-    if over_noise(start, runs).powi(2) - over_noise(&more, runs).powi(2) < least_fall(runs, 0.0) {
-        return None;
-    }
-    let name = more.effects.iter().find(|c| c.effect.name() == fixed.effect.name())?.label();
-    Some(format!(
-        "{} has too few elements: with {name} the error falls from {} to {} m, so an effect found here may only make up for the missing elements; \
-         leave their number open",
-        fixed.label(),
-        error_m(start.pooled().0),
-        error_m(more.pooled().0)
-    ))
 }
 
 /// Deviation of the measured heads from their mean, rms over all samples, m.
