@@ -1,8 +1,10 @@
 //! Models that contain others, compared at their ends on the fine grid.
 //!
 //! A model that contains another should not end worse. So each model with one effect less is fitted on from where the fit ended and, where the fit leaves
-//! more than noise or an effect may be anywhere, also from the signals; where one of them leaves less, the fit goes on from its end. And an element of creep that the coarse grid's own error hid is found on the fine grid: without
+//! more than noise or an effect proposes several starts, also from the signals; where one of them leaves less, the fit goes on from its end. And an element of creep that the coarse grid's own error hid is found on the fine grid: without
 //! it, the others stand in for it, and what else is fitted moves with them.
+
+use std::collections::HashMap;
 
 use rayon::prelude::*;
 
@@ -17,7 +19,7 @@ use crate::fit::search::calibrate::{OneLess, calibrate, fit_coarsely, growing};
 use crate::fit::search::calibrator::{Calibrator, Estimate};
 use crate::fit::search::finish::descend;
 use crate::fit::search::options::Options;
-use crate::fit::search::starts::{may_be_anywhere, starts_from};
+use crate::fit::search::starts::{proposes_starts, starts_from};
 use crate::fit::search::thresholds::{
     AS_GOOD_WITHOUT, EVALUATE_ONLY, HOPELESS_SMALLER, HOPELESS_START_RATIO, SCREENING, SMALLER_ABOVE,
 };
@@ -37,6 +39,20 @@ pub fn calibrate_nested(
     options: &Options,
     progress: &OnProgress<'_>,
 ) -> Result<Fit, FitError> {
+    fitted(rig, runs, effects, options, progress, &mut HashMap::new())
+}
+
+/// Fits of models by the labels of their effects: each is met in several bigger ones.
+type Known = HashMap<Vec<String>, Fit>;
+
+fn fitted(
+    rig: &Rig,
+    runs: &[RunData],
+    effects: &[Chosen],
+    options: &Options,
+    progress: &OnProgress<'_>,
+    known: &mut Known,
+) -> Result<Fit, FitError> {
     let mut fit = calibrate(rig, runs, effects, options, progress)?;
     if options.method != Method::LeastSquares || !options.starts_at.is_empty() {
         return Ok(fit);
@@ -44,9 +60,9 @@ pub fn calibrate_nested(
     for i in 0..effects.len() {
         let rest = OneLess::of(rig, runs, &fit, i, options)?;
         let near = without_it(rig, runs, &fit, &rest, options, progress)?;
-        // an effect that may be anywhere can have been found in another place
-        let astray = fit.mean_square() > SMALLER_ABOVE || rest.effects.iter().any(may_be_anywhere);
-        let far = if astray { searched(rig, runs, &fit, &rest, progress)? } else { None };
+        // an effect that proposes several starts can have ended beside its optimum
+        let astray = fit.mean_square() > SMALLER_ABOVE || rest.effects.iter().any(proposes_starts);
+        let far = if astray { searched(rig, runs, &fit, &rest, progress, known)? } else { None };
         let smaller = [near, far].into_iter().flatten().min_by(|a, b| a.cost.total_cmp(&b.cost));
         if let Some(smaller) = smaller.filter(|smaller| smaller.cost < fit.cost) {
             let on = grown(rig, runs, &fit.effects, &smaller, options, progress, 0.0)?;
@@ -117,12 +133,19 @@ fn searched(
     fit: &Fit,
     rest: &OneLess,
     progress: &OnProgress<'_>,
+    known: &mut Known,
 ) -> Result<Option<Fit>, FitError> {
+    let labels: Vec<String> = rest.effects.iter().map(Chosen::label).collect();
+    if let Some(fit) = known.get(&labels) {
+        return Ok(Some(fit.clone()));
+    }
     let coarse = fit_coarsely(rig, runs, &rest.effects, &rest.options)?;
     if coarse.mean_square > HOPELESS_SMALLER * 2.0 * fit.cost / fit.samples() as f64 {
         return Ok(None);
     }
-    calibrate_nested(rig, runs, &rest.effects, &rest.options, progress).map(Some)
+    let fit = fitted(rig, runs, &rest.effects, &rest.options, progress, known)?;
+    known.insert(labels, fit.clone());
+    Ok(Some(fit))
 }
 
 /// A fit that began elsewhere than at the signals, or, where it leaves more than noise and less is left from there, the fit from the signals: a

@@ -21,6 +21,11 @@ pub(crate) fn may_be_anywhere(chosen: &Chosen) -> bool {
     chosen.effect.other_starts(chosen.elements.unwrap_or(1)).len() > FEW_STARTS
 }
 
+/// Whether an effect proposes starts beside its usual one: its fit has several optima.
+pub(crate) fn proposes_starts(chosen: &Chosen) -> bool {
+    !chosen.effect.other_starts(chosen.elements.unwrap_or(1)).is_empty()
+}
+
 /// The start values and those that each effect proposes beside them.
 pub(crate) fn starts_of(model: &Model, base: &[f64]) -> Vec<Start> {
     let mut starts = vec![Start { values: base.to_vec(), effect: 0..0, of_many: false }];
