@@ -37,5 +37,5 @@ pub use crate::storage::read::{check_recording, decode, has_end, read};
 pub use crate::storage::recover::{Loss, Recovery, recover, salvaged};
 pub use crate::storage::retime::{ClockFix, Retimer, SensorClock};
 pub use crate::storage::summary::{SensorSummary, Summary};
-pub use crate::storage::write::write;
+pub use crate::storage::write::{keep, write};
 pub use crate::storage::writer::{Ending, FLUSH_EVERY, Writer};

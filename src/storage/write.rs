@@ -1,6 +1,6 @@
 //! A whole recording becomes a finished file.
 
-use std::io::BufWriter;
+use std::io::{BufWriter, Write as _};
 use std::path::Path;
 
 use crate::recording::{Recording, Series};
@@ -57,6 +57,17 @@ pub fn write(path: &Path, recording: &Recording) -> Result<(), LogError> {
     }
     let stream = sink.finish()?;
     stream.into_inner().map_err(|e| LogError::io("write", path, e.into_error()))?;
+    disk::publish_new(temporary, path)
+}
+
+/// Puts the bytes of a recording at a path where nothing stands.
+///
+/// # Errors
+/// As [`write`].
+pub fn keep(path: &Path, recording: &[u8]) -> Result<(), LogError> {
+    disk::refuse_existing(path)?;
+    let temporary = disk::temporary_beside(path)?;
+    temporary.as_file().write_all(recording).map_err(|e| LogError::io("write", path, e))?;
     disk::publish_new(temporary, path)
 }
 

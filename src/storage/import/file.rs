@@ -138,7 +138,9 @@ pub fn import_file(
             Ok(Imported { recording, repairs, start_digit_s, columns })
         }
         // of a file that is plain but for one thing, that one thing
-        (Err(error), Some(refused)) if is_plain(&bytes) && !says_more(&error) => Err(refused),
+        (Err(error), Some(refused)) if is_plain(&bytes) && !says_more(&error) && !tolerated(&refused, source) => {
+            Err(refused)
+        }
         (Err(error), _) => Err(error),
     }
 }
@@ -148,6 +150,12 @@ fn is_plain(bytes: &[u8]) -> bool {
     let heading =
         bytes.split(|b| *b == b'\n').find(|line| !line.is_empty() && !line.starts_with(b"#") && *line != b"\r");
     heading.is_some_and(|line| line.starts_with(b"time_s,") || line.trim_ascii() == b"time_s")
+}
+
+/// Whether a guess goes on where a plain time series must stop.
+fn tolerated(refused: &LogError, source: &SourceOptions) -> bool {
+    let lacks_column = |problem: &CsvProblem| matches!(problem, CsvProblem::MissingColumn { .. });
+    source.guess && matches!(refused, LogError::Csv { problem, .. } if lacks_column(problem))
 }
 
 fn says_more(error: &LogError) -> bool {

@@ -39,12 +39,13 @@ export async function arrive(file) {
     }
   };
   // Where the runs are of several rigs, a person says of which one the file is.
-  const rigs = () => {
+  const rigs = (found) => {
+    const of_file = found.as_it_is ? `This is a recording of the rig ${found.rig}, and it is taken as it is.` : `Read with the rig ${found.rig}: its sensors, their units and their places.`;
     const { open, runs } = app.state;
     const all = runs.map(known);
     const of = new Map(all.filter((run) => run.rig).map((run) => [run.rig, run.id]));
     const own = open && all.find((run) => run.open)?.rig;
-    if (!open || of.size < 2) return open ? h("p", { class: "hint", text: `Read with the rig of ${open.title}: its sensors, their units and their places.` }) : null;
+    if (found.as_it_is || !open || of.size < 2) return h("p", { class: "hint", text: of_file });
     const choice = h("select", { "data-key": "rig", onchange: () => { rigOf = of.get(choice.value); scale.clear(); chosen.clear(); look([], [], [], false); } }, [...of.keys()].map((rig) => h("option", { value: rig, text: rig })));
     choice.value = [...of].find(([, id]) => id === rigOf)?.[0] ?? own ?? "";
     return h("label", {}, "recorded on the rig ", choice);
@@ -77,11 +78,11 @@ export async function arrive(file) {
       const s = understood.get(sensor);
       return h("tr", {}, h("th", { scope: "row", text: sensor }), h("td", {}, choice), h("td", {}, volts), h("td", { text: s?.unit ?? "" }), h("td", { class: "number", text: s?.samples ?? "" }), h("td", { class: "number", text: s ? s.first.map((v) => digits(v, 4)).join("  ") : "" }));
     };
-    const notes = found.problem ? [] : [found.taken, ...found.mended.map((m) => m.text), ...found.warnings.map((w) => w.text), ...found.sensor_faults.map((f) => f.says)].filter(Boolean);
+    const notes = found.problem ? [] : [...new Set([found.taken, ...found.mended.map((m) => m.text), ...found.warnings.map((w) => w.text), ...found.sensor_faults.map((f) => f.says), ...found.doubts].filter(Boolean))];
     put(box, h("div", { class: "card arriving" },
       h("h3", { text: found.problem ? `${file.name}: which column is which sensor?` : `${file.name}, as understood` }),
       found.problem ? h("p", { class: "advice", text: found.problem }) : null,
-      rigs(),
+      rigs(found),
       hertz, h("table", {}, h("thead", {}, h("tr", {}, ["sensor", "column of the file", "another unit, or from V or mA", "unit", "samples", "first values"].map((text) => h("th", { scope: "col", text })))), h("tbody", {}, choices.map(line))),
       notes.length ? h("ul", {}, notes.map((text) => h("li", { text }))) : null,
       h("p", { class: "buttons" }, h("button", { type: "button", class: "primary", text: "Import", disabled: Boolean(found.problem), onclick: () => look(...said(), true) }), h("button", { type: "button", text: "Do not import", onclick: () => put(box) }))));

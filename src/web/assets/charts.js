@@ -31,7 +31,7 @@ function shown(panel, heads) {
   return unit ? heads.map((v) => (v === null ? null : v * unit.per_m + unit.zero)) : heads;
 }
 const symbol = (panel) => (app.unit === "own" && panel.sensor.unit ? panel.sensor.unit.symbol : "m");
-const below = (panel) => (panel.data.adds && app.preview ? `model − measured; dashed: what ${app.preview} explains` : "model − measured");
+const below = (panel) => (panel.data.adds && app.preview ? `model − measured; dashed: the part that ${app.preview} explains` : "model − measured");
 const what = (panel, residual) => `${residual ? below(panel) : symbol(panel) === "m" ? "head" : "pressure"}, ${symbol(panel)}`;
 const perM = (panel) => (app.unit === "own" && panel.sensor.unit ? panel.sensor.unit.per_m : 1);
 
@@ -59,7 +59,7 @@ function options(panel, residual) {
   };
   const value = (_, v) => (v === null || v === undefined ? "" : digits(v, 5));
   return {
-    height: residual ? HEIGHTS[1] : HEIGHTS[0], pxAlign: false, padding: [16, 24, 0, 0], legend: { show: !residual, live: true, mount: (_, legend) => panel.legend.replaceChildren(legend) },
+    height: residual ? HEIGHTS[1] : HEIGHTS[0], pxAlign: false, padding: [16, 24, residual ? 0 : 8, 0], legend: { show: !residual, live: true, mount: (_, legend) => panel.legend.replaceChildren(legend) },
     cursor: { sync: { key: "surge", setSeries: false }, drag: { x: true, y: false, setScale: false }, bind: { dblclick: () => () => { zoom(null); return null; } } },
     scales: { x: { time: false, range: () => span() }, y: { range: (u, low, high) => limits(panel, residual, low, high) } },
     axes: [{ ...axis, show: residual, size: 30, values: (_, s) => s.map((v) => `${+v.toFixed(4)} s`) }, { ...axis, size: 60, space: 36, ...(residual ? { splits: (_, __, low, high) => around0(high) } : {}) }],

@@ -1,7 +1,7 @@
 // Several runs beside a reference: curves aligned at the closure, their differences, and a table.
 
 import { compared } from "/assets/api.js";
-import { at, digits, h, metres, named, put, times, uncertain } from "/assets/dom.js";
+import { at, digits, h, metres, put, times, uncertain, withUnit } from "/assets/dom.js";
 import { act, complain } from "/assets/store.js";
 
 const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
@@ -92,7 +92,7 @@ function table() {
   const measured = reference.measured.map((own, i) => line(own.unit === "1" ? own.label : `${own.label}, ${own.unit}`, found.runs.map((r) => r.measured.find((m) => m.label === own.label) ?? r.measured[i]), q, delta));
   const apart = found.sensors.map((sensor) => line(`difference at ${sensor.name}, rms`, found.runs.map((r, i) => (i ? r.differences_m[sensor.name] : null)), (v) => (v === null ? "–" : `${metres(v)} (${times(v, sensor.noise_m)})`)));
   const names = [...new Set(found.runs.flatMap((r) => r.parameters.map((p) => p.name)))];
-  const parameters = names.map((name) => line(named({ name }), found.runs.map((r) => r.parameters.find((p) => p.name === name)), q, delta));
+  const parameters = names.map((name) => line(withUnit(name), found.runs.map((r) => r.parameters.find((p) => p.name === name)), q, delta));
   const section = (text) => h("tr", { class: "section" }, h("th", { scope: "rowgroup", colspan: 2 * found.runs.length, text }));
   put(at("compared-table"), h("table", {},
     h("thead", {}, h("tr", {}, h("th"), found.runs.flatMap((r, i) => [h("th", { scope: "col", class: "number" }, swatch(i), r.name, i ? "" : " (reference)"), ...(i ? [h("th", { scope: "col", class: "number", text: "difference" })] : [])]))),

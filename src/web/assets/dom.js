@@ -56,11 +56,17 @@ export const head = (value_m) => rounded(value_m * unit.per_m, unit.symbol);
 export const times = (rmse, noise) => (noise > 0 && Number.isFinite(rmse) ? `${digits(rmse / noise, rmse / noise < 10 ? 2 : 3)} × noise` : "");
 export const probable = (p) => (p > 0.99 ? "> 0.99" : p < 0.01 ? "< 0.01" : p.toFixed(2));
 
-// A parameter's name for people: without its unit.
-const UNITS = /_(m3_s|m_s|per_GPa|GPa|degC|mm2|mm|ms|kPa|m|s|K|percent)$/;
+// A parameter's name for people: without its unit, which ends it.
+const SYMBOLS = { m3_s: "m³/s", mm_per_m: "mm/m", m_s: "m/s", per_GPa: "1/GPa", GPa: "GPa", degC: "°C", mm2: "mm²", mm: "mm", mL: "mL", ms: "ms", kPa: "kPa", Hz: "Hz", m: "m", s: "s", K: "K", percent: "%" };
+const UNITS = new RegExp(`_(${Object.keys(SYMBOLS).join("|")})$`);
 export function named(parameter) {
   const match = parameter.name.match(/^([^[]+)(\[.*\])?$/);
   return `${match[1].replace(UNITS, "").replaceAll("_", " ").replace(/\bcda$/, "CdA")}${match[2] ? ` ${match[2].slice(1, -1)}` : ""}`;
+}
+// The same with the unit behind it, for a line of a table.
+export function withUnit(name) {
+  const symbol = SYMBOLS[name.replace(/\[.*/, "").match(UNITS)?.[1]];
+  return symbol ? `${named({ name })}, ${symbol}` : named({ name });
 }
 // Whether an error is no more than the noise, as far as a page says so.
 export const atNoise = (rmse_m, noise_m) => rmse_m < 1.25 * noise_m;

@@ -50,7 +50,7 @@ export async function drift() {
   }
   const one = (p) => h("div", { class: "card" }, h("h3", { text: `${named(p)}${p.unit === "1" ? "" : `, ${p.unit}`}` }), p.values.length ? chart(p) : null,
     h("p", { class: "hint", text: [slope(p.drift?.per_run, "run"), slope(p.drift?.per_kelvin, "kelvin")].filter(Boolean).join("; ") || "too few runs for a drift" }));
-  put(body, rigs.map((rig) => h("section", {}, h("h3", { text: `${rig.rig}: ${rig.runs.length} runs, ${rig.effects.join(" + ") || "base model"}` }),
+  put(body, rigs.map((rig) => h("section", {}, h("h3", { text: `${rig.rig}: ${rig.runs.length === 1 ? "1 run" : `${rig.runs.length} runs`}, ${rig.effects.join(" + ") || "base model"}` }),
     h("p", { class: "hint", text: "Bars: ± 2 standard errors. Hollow: something is missing in that run, so it is not counted. Click a run to open it." }),
     rig.parameters.length ? h("div", { class: "drifts" }, rig.parameters.map(one)) : h("p", { text: "No run of this rig has been fitted yet." }))));
 }

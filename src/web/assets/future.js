@@ -1,11 +1,10 @@
 // What is missing: the diagnosis, what each candidate would do, and any effect of the catalogue by hand.
 
 import { at, atNoise, h, head, probable, put, svg, times, toCharts } from "/assets/dom.js";
-import { app, act, proposals } from "/assets/store.js";
+import { app, act, inWords, proposals } from "/assets/store.js";
 import { load, try_, watchFit } from "/assets/charts.js";
 import { falls, models } from "/assets/past.js";
 import { copier } from "/assets/commands.js";
-import { inWords } from "/assets/hands.js";
 
 function sentence(found) {
   const p = `probability ${probable(found.probability)}`;
@@ -17,7 +16,8 @@ function sentence(found) {
 
 // Draws what a candidate would do, before anything is added.
 function preview(label) {
-  if (app.preview === label) return;
+  // the list moves while a job begins, and the pointer only seems to
+  if (app.preview === label || (label && app.state.job)) return;
   app.preview = label;
   load();
   models();
@@ -31,6 +31,13 @@ function theory(about) {
 
 const near = (c) => atNoise(c.rmse_m, app.state.model.noise_m);
 
+// What is left with a candidate.
+function explains(c) {
+  const alone = c.probability_alone === undefined ? "" : "alone: ";
+  if (alone && c.rmse_m >= app.state.diagnosis.start.rmse_m) return "alone it explains next to nothing";
+  return `${alone}error → ${head(c.rmse_m)}${near(c) ? ", down to the noise" : `, ${times(c.rmse_m, app.state.model.noise_m)}`}`;
+}
+
 function candidate(c) {
   const about = c.labels ? { summary: "Together they explain what neither does alone." } : app.effects.get(c.effect);
   const show = () => preview(c.label);
@@ -42,7 +49,7 @@ function candidate(c) {
     h("h3", {}, c.label, bar, h("span", { class: "number", text: probable(c.probability) })),
     about ? h("p", { text: about.summary }) : null, alike, theory(about),
     h("button", { type: "button", class: "link on-phone", text: "show in the charts", onclick: () => { show(); toCharts(); } }),
-    h("p", { class: "foot" }, h("span", { text: `${c.probability_alone === undefined ? "" : "alone: "}error → ${head(c.rmse_m)}${near(c) ? ", down to the noise" : `, ${times(c.rmse_m, app.state.model.noise_m)}`}` }),
+    h("p", { class: "foot" }, h("span", { text: explains(c) }),
       h("button", { type: "button", class: app.state.diagnosis.verdict === "nothing-missing" ? null : "primary", text: c.labels ? "Add both" : "Add", "aria-label": `Add ${c.label}`, "data-key": `a${c.label}`, disabled: Boolean(app.state.job), onfocus: show, onclick: (event) => { follows = event.detail === 0; add(c.labels?.join(",") || c.label); } }), c.labels ? copier("diagnose") : copier("add", c.label)));
   return card;
 }
@@ -121,7 +128,7 @@ export function missing() {
     const warnings = found.warnings;
     // an effect that is missing bends the start model; where the answer explains the record, what that caused is of less weight
     const explained = found.verdict === "missing-effect" && near(proposals()[0]);
-    if (warnings.length) verdict.push(h("details", { class: "theory checks", open: !explained }, h("summary", { text: warnings.length === 1 ? "one thing to check first" : `${warnings.length} things to check first` }), warnings.map((text) => h("p", { class: "advice", text: model ? inWords(text) : text }))));
+    if (warnings.length) verdict.push(h("details", { class: "theory checks", open: !explained }, h("summary", { text: warnings.length === 1 ? "one thing to check first" : `${warnings.length} things to check first` }), warnings.map((text) => h("p", { class: "advice", text: inWords(text) }))));
   } else if (model && !at_work) verdict.push(h("p", { class: "hint", text: "Diagnose asks every effect of the catalogue what it would explain. Point at a candidate to see its curve before you add it." }));
   put(at("verdict"), verdict);
   const shown = (found ? proposals() : []).filter((c, i) => i < 5 || c.probability > 0.01).slice(0, 8);

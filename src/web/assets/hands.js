@@ -1,7 +1,7 @@
 // The parameters of the model in force: drag one and the curves follow; hold it, bound it, fit.
 
 import { at, digits, h, keyOf, named, put, uncertain, unitOf } from "/assets/dom.js";
-import { app, act, complain } from "/assets/store.js";
+import { app, act, complain, content, inWords } from "/assets/store.js";
 import { try_, whenTried } from "/assets/charts.js";
 import { models } from "/assets/past.js";
 
@@ -78,7 +78,9 @@ function bound(p, i) {
     own[i] = field.valueAsNumber;
     if (!(own[0] < own[1])) { complain(new Error(`the lower bound of ${named(p)} must lie below the upper one`)); field.value = bounds(p)[i]; return; }
     app.bounds[p.name] = own;
-    update(p);
+    content();
+    const inside = Math.min(own[1], Math.max(own[0], valueOf(p)));
+    if (inside === valueOf(p)) update(p); else move(p.name, inside, false);
   } });
   return field;
 }
@@ -88,7 +90,7 @@ function row(p) {
     oninput: () => move(p.name, scale(p).value(slider.valueAsNumber), true), onchange: () => release(p.name) });
   const typed = () => {
     const [value, [low, high]] = [field.valueAsNumber, bounds(p)];
-    if (value >= low && value <= high) { move(p.name, value, false); release(p.name); return; }
+    if (value >= low && value <= high) { content(); move(p.name, value, false); release(p.name); return; }
     complain(new Error(`${named(p)} must lie from ${digits(low, 4)} to ${digits(high, 4)} ${unitOf(p)}; its bounds are under ⋯`));
     update(p);
   };
@@ -109,17 +111,13 @@ function row(p) {
   return box;
 }
 
-// A sentence with parameters named as people name them.
-export const inWords = (text) => app.state.model.parameters.reduce((said, p) => said.replaceAll(p.name, named(p)), text);
-
 // What the fit does not settle, and what to do about it.
 function looks(model) {
   const doubtful = model.parameters.filter((p) => p.advice);
-  const astray = model.converged ? null : h("li", { text: "The fit ended at no optimum, so nothing is known of the errors of its parameters: fit again, or undo." });
-  if (!doubtful.length && !astray) return null;
-  const summary = !doubtful.length ? "the fit ended at no optimum" : doubtful.length === 1 ? "one parameter to look at" : `${doubtful.length} parameters to look at`;
+  if (!doubtful.length) return null;
+  const summary = doubtful.length === 1 ? "one parameter to look at" : `${doubtful.length} parameters to look at`;
   return h("details", { class: "group looks", open: looksOpen, ontoggle: (event) => { looksOpen = event.target.open; } }, h("summary", { text: summary }),
-    h("ul", {}, astray, doubtful.map((p) => h("li", {}, h("b", { text: named(p) }), ` ${inWords(p.advice)}`))));
+    h("ul", {}, doubtful.map((p) => h("li", {}, h("b", { text: named(p) }), ` ${inWords(p.advice)}`))));
 }
 
 let clockOpen = false;
@@ -141,7 +139,8 @@ export function parameters() {
     const group = p.effect || "pipe and test";
     groups.set(group, [...(groups.get(group) || []), p]);
   }
-  put(at("parameters"), [...groups].filter(([, all]) => all.length).map(([name, all]) => h("div", { class: "group" }, h("h3", { text: name }), all.map(row))),
+  const astray = model.converged ? null : h("p", { class: "advice astray", text: "The fit ended at no optimum, so nothing is known of the errors of its parameters: fit again, or undo." });
+  put(at("parameters"), astray, [...groups].filter(([, all]) => all.length).map(([name, all]) => h("div", { class: "group" }, h("h3", { text: name }), all.map(row))),
     h("details", { class: "group", open: clockOpen, ontoggle: (event) => { clockOpen = event.target.open; } }, h("summary", { text: "sensors and clock" }), h("div", { class: "rows" }, ofRuns.map(row))), looks(model));
   model.parameters.forEach(update);
   at("trial").textContent = "";

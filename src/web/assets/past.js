@@ -1,7 +1,7 @@
 // The models so far on one axis of error, where the one in force fails, and its error by sensor and cycle.
 
 import { at, atNoise, digits, h, head, put, times, toCharts } from "/assets/dom.js";
-import { app, act, proposals } from "/assets/store.js";
+import { app, act, inWords, proposals } from "/assets/store.js";
 import { load, zoom } from "/assets/charts.js";
 import { copier } from "/assets/commands.js";
 import { sideBySide } from "/assets/sidebyside.js";
@@ -19,7 +19,7 @@ function place(models) {
 export function nameOf(model, parent) {
   const own = model.effects.filter((effect) => !parent?.effects.includes(effect));
   if (!model.grown_from) return model.name;
-  return own.length ? `+ ${own.join(" + ")}` : model.why;
+  return own.length ? `+ ${own.join(" + ")}` : inWords(model.why);
 }
 
 // How many additions lie between a model and the one that all grew out of.

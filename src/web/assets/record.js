@@ -34,13 +34,13 @@ export function record() {
   };
   const rate = number("samples per second", 1000);
   const speed = number("times faster than real time", 1);
-  const duration = number("seconds (empty: until stopped)", "");
-  const trigger = h("select", { "aria-label": "Trigger" }, [["", "one recording"], ["edge", "shots, at the valve's command"], ["level", "shots, at a level"], ["slope", "shots, at a rise per second"]].map(([value, text]) => h("option", { value, text })));
+  const duration = number("duration, s", "");
+  const trigger = h("select", { "aria-label": "Trigger" }, [["", "one recording"], ...(app.state.has_trigger ? [["edge", "shots, at the valve's command"]] : []), ["level", "shots, at a level"], ["slope", "shots, at a rise per second"]].map(([value, text]) => h("option", { value, text })));
   const level = number("level or rise, in the sensor's unit", "");
   const [pre, post] = [number("s before", 2), number("s after", 20)];
   const simulated = h("div", {}, h("label", {}, "effects ", effects, " ", more), rate.row, speed.row, h("details", { ontoggle: () => values.childElementCount || ask_values() }, h("summary", { text: "values of the test" }), values));
   const shots = h("div", {}, level.row, pre.row, post.row);
-  const show = () => { simulated.hidden = source.value !== "simulated"; shots.hidden = !trigger.value; };
+  const show = () => { simulated.hidden = source.value !== "simulated"; shots.hidden = !trigger.value; level.row.hidden = trigger.value === "edge"; duration.field.placeholder = simulated.hidden ? "until stopped" : "the whole test"; };
   source.onchange = trigger.onchange = show;
   const start = async (event) => {
     event.preventDefault();
@@ -101,9 +101,9 @@ export function live(told) {
     put(box, h("div", { class: "card" }, h("p", { id: "live-line" }), h("p", { id: "live-trigger", class: "hint" }), h("p", { id: "live-disk", class: "hint" }), h("button", { type: "button", class: "warn", text: "Stop recording", onclick: () => act("/api/record/stop") })), [...strips.values()].map((s) => s.card));
   }
   if (box.hidden) { box.hidden = false; room(); }
-  at("live-line").textContent = `${told.file}: ${digits(told.recorded_s ?? 0, 4)} s, ${told.samples} samples, ${told.samples_per_s > 0 ? `${Math.round(told.samples_per_s)} a second, ` : ""}${told.gaps === 1 ? "1 gap" : `${told.gaps} gaps`}`;
+  at("live-line").textContent = `${told.file ? `${told.file}: ` : ""}${digits(told.recorded_s ?? 0, 4)} s, ${told.samples} samples, ${told.samples_per_s > 0 ? `${Math.round(told.samples_per_s)} a second, ` : ""}${told.gaps === 1 ? "1 gap" : `${told.gaps} gaps`}`;
   const trigger = told.trigger;
-  at("live-trigger").textContent = [trigger && `trigger ${trigger.condition}: ${trigger.phase}, ${trigger.fired} shots`, ...told.devices.map((d) => d.trouble)].filter(Boolean).join("; ");
+  at("live-trigger").textContent = [trigger && `trigger ${trigger.condition}: ${trigger.phase}, ${trigger.fired === 1 ? "1 shot" : `${trigger.fired} shots`}`, ...told.devices.map((d) => d.trouble)].filter(Boolean).join("; ");
   for (const sensor of told.sensors) {
     const own = strips.get(sensor.name);
     own.level.textContent = sensor.level === null ? "–" : `${digits(sensor.level, 4)} ${unitOf(sensor)}`;

@@ -6,6 +6,8 @@ import { app } from "/assets/store.js";
 import { move, release } from "/assets/hands.js";
 import { offer } from "/assets/place.js";
 
+const TAP = matchMedia("(pointer: coarse)").matches ? "double-tap" : "double-click";
+
 const AXIS = 52;
 // From where to where the pipe is drawn, of what width; how wide a letter of a name is. On a phone all is larger.
 let [FROM, TO, WIDTH, LETTER] = [70, 930, 1000, 7];
@@ -109,7 +111,7 @@ export function rig() {
   const pocket = (app.state.model?.effects || []).some((effect) => effect === "air-pocket");
   const rows = placed.map((p, i) => (i && x(p.value) - x(placed[i - 1].value) < 170 ? 1 : 0));
   rows.forEach((row, i) => { if (row && rows[i - 1]) rows[i] = 0; });
-  at("rig-hint").textContent = `${open.rig.name}, ${digits(length, 4)} m${app.state.model ? ` · ${placed.length ? "drag an effect along the pipe; " : ""}double-click the pipe to add ${placed.length ? "one" : "an effect"} there` : ""}`;
+  at("rig-hint").textContent = `${open.rig.name}, ${digits(length, 4)} m${app.state.model ? ` · ${placed.length ? "drag an effect along the pipe; " : ""}${TAP} the pipe to add ${placed.length ? "one" : "an effect"} there` : ""}`;
   put(at("rig"), svg("svg", { viewBox: `0 0 ${WIDTH} ${placed.length ? 108 + 16 * Math.max(...rows) : 86}`, role: "group", "aria-label": `Rig ${open.rig.name}`, ondblclick: (event) => { const m = placeOf(event, length); if (m >= 0 && m <= length) offer(m); } },
     supply === "pump" ? svg("circle", { cx: FROM - 14, cy: AXIS, r: 14, class: "supply" }) : svg("rect", { x: FROM - 30, y: AXIS - 34, width: 30, height: 44, class: "supply" }),
     svg("text", { x: FROM - 15, y: AXIS + 26, "text-anchor": "middle", text: supply === "pump" ? "pump" : "supply" }),

@@ -16,7 +16,14 @@ const [AT_ONCE, LATER_MS] = [50, 250];
 // What the server has looked up of runs that are not open, by their number.
 const glances = new Map();
 const says = (value) => (Array.isArray(value) ? value.length > 0 : value !== null && value !== undefined);
-export const known = (run) => ({ ...run, ...Object.fromEntries(Object.entries(glances.get(run.id) || {}).filter(([key]) => !says(run[key]))) });
+export function known(run) {
+  const glance = glances.get(run.id) || {};
+  const all = { ...run, ...Object.fromEntries(Object.entries(glance).filter(([key]) => !says(run[key]))) };
+  // the models beside a run go before what `watch` found in it, and its verdict is that of another model then
+  if (run.kept || !glance.effects) return all;
+  const same = glance.effects.join() === run.effects?.join();
+  return { ...all, rmse_m: glance.rmse_m, noise_m: glance.noise_m, ...(same ? {} : { verdict: null, effect: null }) };
+}
 
 const over = (r) => (r.rmse_m === null || r.rmse_m === undefined || !r.noise_m ? null : r.rmse_m / r.noise_m);
 const words = (r) => (r.effect ? `missing: ${r.effect}` : (r.verdict || "").replaceAll("-", " "));
@@ -28,7 +35,7 @@ const COLUMNS = [
 const KINDS = [["", "all runs"], ["sound", "at the noise"], ["poor", "above the noise"], ["missing", "something missing"], ["unknown", "not looked at"]];
 const is = {
   sound: (r) => over(r) !== null && atNoise(over(r), 1), poor: (r) => over(r) !== null && !atNoise(over(r), 1),
-  missing: (r) => ["missing-effect", "unknown-effect"].includes(r.verdict), unknown: (r) => !r.verdict,
+  missing: (r) => ["missing-effect", "unknown-effect"].includes(r.verdict), unknown: (r) => over(r) === null && !r.verdict,
 };
 
 function spark(heads) {
@@ -67,6 +74,8 @@ async function look(done) {
     done(id);
   }
   looking = false;
+  // what was looked up may order the table otherwise
+  if (at("runs").open && app.state.runs.length <= AT_ONCE) again();
 }
 
 export function runs() {

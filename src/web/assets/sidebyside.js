@@ -1,7 +1,7 @@
 // The model in force and another one: their errors and parameters in one table.
 
 import { ask } from "/assets/api.js";
-import { at, digits, h, head, keyOf, named, put, times, uncertain, unitOf } from "/assets/dom.js";
+import { at, digits, h, head, keyOf, put, times, uncertain, withUnit } from "/assets/dom.js";
 import { app, complain } from "/assets/store.js";
 
 const said = (p) => (p ? (p.fixed ? `${digits(p.value, 5)} held` : uncertain(p.value, p.standard_error)) : "–");
@@ -22,9 +22,8 @@ export async function sideBySide(other) {
   const [now, then] = pair;
   const keys = [...new Set(pair.flatMap((m) => [...m.parameters.keys()]))];
   const line = (label, ...cells) => h("tr", {}, h("th", { scope: "row", text: label }), cells.map((text) => h("td", { class: "number", text })));
-  const unit = (name) => { const p = app.state.model.parameters.find((one) => one.name === name); return p && unitOf(p) ? `, ${unitOf(p)}` : ""; };
   // a key is a name and, after a space, a run
-  const label = (key, [name, ...run] = key.split(" ")) => named({ name }) + unit(name) + (app.state.open.runs.length > 1 ? ` ${run.join(" ")}` : "");
+  const label = (key, [name, ...run] = key.split(" ")) => withUnit(name) + (app.state.open.runs.length > 1 ? ` ${run.join(" ")}` : "");
   const dialog = at("sidebyside");
   put(dialog, h("form", { method: "dialog", class: "heading" }, h("h2", { text: `Model ${now.number} and model ${then.number}` }), h("button", { text: "Close" })),
     h("p", { class: "hint", text: "The charts draw both: the model in force in its colour, the other in grey. σ: the standard error of the difference." }),

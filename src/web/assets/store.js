@@ -1,7 +1,7 @@
 // What the page knows: the server's state, and what only this page has chosen.
 
 import { ask, post } from "/assets/api.js";
-import { at, h } from "/assets/dom.js";
+import { at, h, named } from "/assets/dom.js";
 
 export const app = {
   state: null,
@@ -71,8 +71,19 @@ export function tell(text) {
 export function complain(error) {
   const text = error.message || String(error);
   const message = h("p", {}, h("span", { text }), h("button", { type: "button", text: "Dismiss", onclick: () => message.remove() }));
-  at("messages").replaceChildren(message);
+  const dialog = [...document.querySelectorAll("dialog[open]")].at(-1);
+  if (!dialog) { at("messages").replaceChildren(message); return; }
+  // what lies behind a dialog can be neither read nor reached
+  const own = dialog.querySelector(".messages") || h("div", { class: "messages", role: "alert" });
+  own.replaceChildren(message);
+  if (!own.isConnected) dialog.firstElementChild.after(own);
 }
+
+// What was wrong no longer is.
+export const content = () => document.querySelectorAll(".messages").forEach((box) => box.replaceChildren());
+
+// A sentence with parameters named as people name them.
+export const inWords = (text) => (app.state.model?.parameters || []).reduce((said, p) => said.replaceAll(p.name, named(p)), text);
 
 // Starts a job; what is wrong is shown. The second of a double click is none.
 const acting = new Set();
@@ -81,7 +92,7 @@ export async function act(path, body) {
   acting.add(path);
   app.opens ||= ["/api/open", "/api/record"].includes(path);
   try {
-    at("messages").replaceChildren();
+    content();
     const answer = await post(path, body);
     await refresh();
     return answer;

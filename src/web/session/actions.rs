@@ -80,7 +80,7 @@ impl Bench {
             Action::Add(effect, set) => self.add(effect, set)?,
             Action::Remove(effect) => {
                 let fit = self.study.without(&*self.fit_in_force()?, effect)?;
-                self.append(fit, &format!("{effect} taken out"), None)?;
+                self.append(self.study.or_from_signals(fit)?, &format!("{effect} taken out"), None)?;
             }
             Action::Fit(wishes) => {
                 self.fit_in_force()?;

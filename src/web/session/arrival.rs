@@ -11,9 +11,11 @@ use serde_json::{Value, json};
 use crate::rig::Rig;
 use crate::rig::check::return_time_s;
 use crate::shown::Shown as _;
+use crate::signal::doubts::doubts;
 use crate::signal::faults::sensor_faults;
+use crate::signal::inspect;
 use crate::storage::import::{ImportOptions, Imported, Line, SourceOptions, import_file, read_source, unit_warnings};
-use crate::storage::{LogError, write};
+use crate::storage::{LogError, keep, read, write};
 use crate::watch::evaluate::sentence;
 
 type AnyError = Box<dyn Error + Send + Sync>;
@@ -60,9 +62,12 @@ pub fn take(dropped: &Dropped, rig: &Rig, folder: &Path) -> Result<(Value, Optio
     // readers go by the ending of a name
     let scratch = tempfile::tempdir()?;
     let path = scratch.path().join(name);
-    std::fs::write(&path, bytes)?;
+    std::fs::write(&path, &bytes)?;
     // nobody knows the scratch file by its name
-    let own = |error: AnyError| sentence(&*error).replace(&*path.shown(), &Path::new(name).shown());
+    let by_name = |error: AnyError| sentence(&*error).replace(&*path.shown(), &Path::new(name).shown());
+    // A recording knows its rig, and is taken as it is.
+    let own = if dropped.rig_of.is_none() { read(&path).ok() } else { None };
+    let rig = own.as_ref().map_or(rig, |recording| &recording.rig);
     let sensors: Vec<&str> = rig.sensors.iter().map(|sensor| sensor.name.as_str()).collect();
     let guessing = SourceOptions { guess: true, rate_hz: dropped.rate_hz, ..SourceOptions::default() };
     let source = read_source(&path, &guessing);
@@ -72,16 +77,19 @@ pub fn take(dropped: &Dropped, rig: &Rig, folder: &Path) -> Result<(Value, Optio
     let scales = dropped.scales.iter().map(|(column, line)| Ok((column.clone(), line.parse()?)));
     let scales = scales.collect::<Result<Vec<_>, String>>();
     let read = scales.map_err(AnyError::from).and_then(|scales| imported(dropped, scales, rig, &path));
-    let imported = match read.map_err(own) {
+    let imported = match read.map_err(by_name) {
         // what is only looked at may still be mended: by the rate of its samples, or by saying which column is which sensor
         Err(error) if !dropped.accept && (needs_rate || !columns.is_empty()) => {
-            let about = json!({ "problem": error, "columns": columns, "sensors": sensors, "needs_rate": needs_rate });
+            let about = json!({
+                "problem": error, "rig": rig.name, "columns": columns, "sensors": sensors, "needs_rate": needs_rate,
+            });
             return Ok((about, None));
         }
         other => other?,
     };
+    let doubts = inspect(&imported.recording).map_or(Vec::new(), |features| doubts(rig, &features));
     let mut about = json!({
-        "columns": columns, "sensors": sensors, "needs_rate": needs_rate,
+        "rig": rig.name, "as_it_is": own.is_some(), "doubts": doubts, "columns": columns, "sensors": sensors, "needs_rate": needs_rate,
         "understood": imported.understood(Path::new(name)), "mended": imported.repairs,
         "warnings": unit_warnings(&imported.recording), "sensor_faults": sensor_faults(&imported.recording),
         "written": null,
@@ -96,7 +104,10 @@ pub fn take(dropped: &Dropped, rig: &Rig, folder: &Path) -> Result<(Value, Optio
     if !dropped.accept {
         return Ok((about, None));
     }
-    write(&out, &imported.recording)?;
+    match own {
+        Some(_) => keep(&out, &bytes)?,
+        None => write(&out, &imported.recording)?,
+    }
     about["written"] = json!(format!("{becomes}.mcap"));
     Ok((about, Some(out)))
 }

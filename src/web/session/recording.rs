@@ -303,7 +303,8 @@ fn live(snapshot: &Snapshot) -> Value {
         })
     });
     json!({
-        "file": snapshot.place.shown(), "recorded_s": snapshot.recorded_s, "samples": snapshot.samples,
+        // between shots no file is written
+        "file": snapshot.place.file_name().map(|_| snapshot.place.shown()), "recorded_s": snapshot.recorded_s, "samples": snapshot.samples,
         "gaps": snapshot.gaps, "samples_per_s": snapshot.samples_per_s, "sensors": sensors, "devices": devices,
         "trigger": trigger,
     })

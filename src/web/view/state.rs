@@ -8,7 +8,7 @@ use crate::model::effects::{CATALOGUE, Effect, Site};
 use crate::report::view::panel::OwnUnit;
 use crate::results::fit_record::recorded_at;
 use crate::rig::check::return_time_s;
-use crate::rig::{Rig, Upstream};
+use crate::rig::{Rig, SensorKind, Upstream};
 use crate::study::open::Loaded;
 use crate::web::session::bench::Bench;
 use crate::web::session::place::Run;
@@ -40,6 +40,7 @@ pub fn json(session: &Session) -> Value {
         "diagnosis": diagnosis,
         "recording": session.recorder.json(),
         "can_record": can_record(session),
+        "has_trigger": session.rig().is_some_and(|rig| rig.sensors.iter().any(|s| s.kind == SensorKind::Trigger)),
     })
 }
 
@@ -66,21 +67,27 @@ fn of_run(session: &Session, run: &Run) -> Value {
         "rig": run.known.as_ref().map(|known| &known.rig), "when": run.known.as_ref().and_then(|known| known.when.as_ref()),
         "temperature_degC": finding.and_then(|f| f.temperature_degc), "flow_m3_s": finding.and_then(|f| f.flow_m3_s),
         "rmse_m": finding.map(|f| f.rmse_m), "noise_m": finding.map(|f| f.noise_m),
-        "verdict": finding.map(|f| &f.verdict), "effect": finding.and_then(|f| f.missing.as_ref()), "spark": [],
+        "kept": false, "effects": finding.map(|f| &f.effects), "verdict": finding.map(|f| &f.verdict), "effect": finding.and_then(|f| f.missing.as_ref()), "spark": [],
     });
     let Some(bench) = session.benches.with(&run.path) else { return about };
     let Some(i) = bench.paths.iter().position(|path| *path == run.path) else { return about };
     let loaded = &bench.study.recordings()[i];
     let is_open = session.bench().is_some_and(|open| Arc::ptr_eq(&open, &bench));
     about["open"] = json!(is_open);
+    about["kept"] = json!(true);
     about["rig"] = json!(bench.study.rig().name);
     about["when"] = json!(recorded_at(loaded.recording.run.start_unix_ns));
     about["temperature_degC"] = json!(loaded.features.temperature_degc);
     about["flow_m3_s"] = json!(loaded.features.flow_m3_s.map(|q| q.value));
     // what is not open has its sparkline from a glance
     about["spark"] = json!(if is_open { spark(&bench, i) } else { Vec::new() });
-    if let Some(fit) = bench.fit().and_then(|fit| fit.runs.get(i).cloned()) {
-        (about["rmse_m"], about["noise_m"]) = (json!(fit.rmse_m), json!(fit.noise_m));
+    if let Some((fit, of_run)) = bench.fit().and_then(|fit| Some((fit.labels(), fit.runs.get(i)?.clone()))) {
+        (about["rmse_m"], about["noise_m"]) = (json!(of_run.rmse_m), json!(of_run.noise_m));
+        if about["effects"] != json!(fit) {
+            // what the index knows is the verdict on another model
+            (about["verdict"], about["effect"]) = (Value::Null, Value::Null);
+        }
+        about["effects"] = json!(fit);
     }
     if let Some(found) = bench.diagnosis() {
         about["verdict"] = json!(found.verdict.name());

@@ -16,7 +16,7 @@ await story("a recorded shot is diagnosed as by `diagnose`", { words: ["rig.toml
   await place.fill("40");
   await page.getByLabel("samples per second").fill("500");
   await page.getByLabel("times faster than real time").fill("4");
-  await page.getByLabel("seconds (empty: until stopped)").fill("10");
+  await page.getByLabel("duration, s").fill("10");
   await shot(page, "record");
   await page.click("#record >> text=Start");
   await page.waitForFunction(() => !document.querySelector("#live").hidden && /[1-9]\d* samples/.test(document.querySelector("#live-line").textContent));
