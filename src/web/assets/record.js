@@ -27,7 +27,7 @@ export function record() {
     let found;
     try { found = await ask(`/api/simulation?effects=${encodeURIComponent(list().join(","))}`); } catch (error) { put(values, h("p", { class: "advice", text: error.message })); return; }
     [...set.keys()].forEach((name) => found.settings.some((s) => s.name === name) || set.delete(name));
-    put(values, h("p", { class: "hint", text: `Rig ${found.rig}, ${digits(found.length_m, 4)} m, period ${digits(found.period_s, 3)} s. What you leave is taken from the rig.` }), found.settings.map((s) => {
+    put(values, h("p", { class: "hint", text: `Rig ${found.rig}, ${digits(found.length_m, 4)} m, period ${digits(found.period_s, 3)} s. Values that you do not change are the rig's, or those of the open run.` }), found.settings.map((s) => {
       const field = h("input", { type: "number", step: "any", value: set.get(s.name) ?? +s.value.toPrecision(6), "data-key": `set ${s.name}`, onchange: () => { if (Number.isFinite(field.valueAsNumber)) set.set(s.name, field.valueAsNumber); else set.delete(s.name); } });
       return h("label", { title: s.about }, `${named(s)} `, field, ` ${unitOf(s)}`);
     }));

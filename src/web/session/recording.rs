@@ -304,7 +304,7 @@ fn live(snapshot: &Snapshot) -> Value {
     });
     json!({
         // between shots no file is written
-        "file": snapshot.place.file_name().map(|_| snapshot.place.shown()), "recorded_s": snapshot.recorded_s, "samples": snapshot.samples,
+        "file": snapshot.place.file_name().map(|name| Path::new(name).shown()), "recorded_s": snapshot.recorded_s, "samples": snapshot.samples,
         "gaps": snapshot.gaps, "samples_per_s": snapshot.samples_per_s, "sensors": sensors, "devices": devices,
         "trigger": trigger,
     })
