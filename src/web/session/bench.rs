@@ -151,6 +151,16 @@ impl Bench {
         models.fits.get(&models.file.in_force).cloned()
     }
 
+    /// The fit in force behind those of the models that it grew out of, the first of all first; without those that were not fitted here.
+    pub fn fits(&self) -> Vec<Arc<Fit>> {
+        let models = self.models();
+        let parent = |number: &usize| models.file.models.get(number - 1)?.grown_from;
+        let chain = std::iter::successors(Some(models.file.in_force).filter(|n| *n > 0), parent);
+        let mut fits: Vec<_> = chain.filter_map(|number| models.fits.get(&number).cloned()).collect();
+        fits.reverse();
+        fits
+    }
+
     /// The diagnosis of the model in force, where there is one.
     pub fn diagnosis(&self) -> Option<Arc<Diagnosis>> {
         let models = self.models();

@@ -2,7 +2,6 @@
 
 use std::error::Error;
 
-use crate::fit::outcome::fit::Fit;
 use crate::fit::validate::conflict::warnings;
 use crate::fit::validate::energy::energy_of;
 use crate::report::page::html;
@@ -15,7 +14,7 @@ use crate::web::view::packed::Packed;
 
 type AnyError = Box<dyn Error + Send + Sync>;
 
-/// The static page of the model in force, with its diagnosis where there is one.
+/// The static page of the model in force beside those that it grew out of, with its diagnosis where there is one.
 ///
 /// # Errors
 /// No model yet.
@@ -25,7 +24,8 @@ pub fn report(bench: &Bench) -> Result<String, AnyError> {
     let diagnosis = bench.diagnosis();
     let diagnoses: Vec<_> = diagnosis.iter().map(|found| (**found).clone()).collect();
     let missing = diagnoses.last().and_then(|found| found.answer());
-    let stages: Vec<Stage> = std::iter::once(&*fit as &Fit).chain(missing).map(Stage::of).collect();
+    let fits = bench.fits();
+    let stages: Vec<Stage> = fits.iter().map(|fit| &**fit).chain(missing).map(Stage::of).collect();
     let files: Vec<&str> = study.recordings().iter().map(|l| l.file.as_str()).collect();
     let warnings = study.warnings();
     Ok(html(&Page {

@@ -51,6 +51,10 @@ fn adding_an_effect_is_what_the_command_does() {
     let own = in_force(folder.path(), "run.model.toml");
     assert_eq!((&own["rmse_m"], &own["effects"]), (&told["rmse_m"], &grown["effects"]));
 
+    let page = String::from_utf8(bench.get("/api/report")).unwrap();
+    let elements = grown["effects"][0].as_str().unwrap();
+    assert!(page.contains("base model") && page.contains(&format!("+ {elements}")), "both models are on the page");
+
     bench.job("/api/undo", &json!({}));
     assert_eq!(in_force(folder.path(), "run.model.toml")["effects"], json!([]));
     let undone = bench.state();
