@@ -58,9 +58,8 @@ pub fn as_table(bench: &Bench, (run, sensor): (usize, usize), own_unit: bool, cu
     let mut table = Packed::default();
     for (column, values) in curves.columns() {
         match column.strip_suffix("_m") {
-            Some(of) => {
-                table.push(format!("{of}_{symbol}"), values.iter().map(|head_m| head_m * per_m + zero).collect())
-            }
+            Some(of) => table
+                .push(format!("{of}_{symbol}"), values.iter().map(|head_m| rounded(head_m * per_m + zero)).collect()),
             None => table.push(column.clone(), values.clone()),
         }
     }
@@ -72,4 +71,21 @@ pub fn as_table(bench: &Bench, (run, sensor): (usize, usize), own_unit: bool, cu
     let stem = loaded.file.rsplit_once('.').map_or(loaded.file.as_str(), |(stem, _)| stem);
     let plain = |c: char| if c.is_ascii_alphanumeric() || "-_.".contains(c) { c } else { '_' };
     (format!("{stem}-{name}").chars().map(plain).collect(), table)
+}
+
+/// To the digits that a conversion of units leaves of a recorded number.
+fn rounded(value: f64) -> f64 {
+    format!("{value:.11e}").parse().unwrap_or(value)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_converted_number_has_no_digits_that_mean_nothing() {
+        assert_eq!(rounded(259.239_600_000_000_05).to_string(), "259.2396");
+        assert_eq!(rounded(-0.25), -0.25);
+        assert!(rounded(f64::NAN).is_nan());
+    }
 }
