@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use crate::fit::data::prepare::prepare;
 use crate::fit::data::run_data::RunData;
 use crate::recording::Recording;
-use crate::rig::Rig;
+use crate::rig::{Rig, SensorKind};
 use crate::shown::Shown as _;
 use crate::signal::Features;
 use crate::signal::doubts::doubts;
@@ -37,6 +37,13 @@ impl Loaded {
     /// No pressure, or no closure.
     pub fn new(file: String, recording: Recording) -> Result<Loaded> {
         Ok(Loaded::with_whole(file, recording)?.0)
+    }
+
+    /// Temperature of the water, °C, where a sensor read it and it is not the rig file's.
+    pub fn measured_temperature_degc(&self) -> Option<f64> {
+        let mut sensors = self.recording.rig.sensors.iter().zip(&self.recording.series);
+        let reads = sensors.any(|(s, series)| s.kind == SensorKind::Temperature && !series.value.is_empty());
+        reads.then_some(self.features.temperature_degc)
     }
 
     /// The same, and the recording as it was where only a part of it is used.

@@ -18,7 +18,7 @@ const KEYS = [["1 2 3", "first rise, a cycle, the whole record"], ["← →", "p
 function title() {
   const open = app.state.open;
   const run = open?.runs[0];
-  const about = run && [run.recorded_at && new Date(run.recorded_at).toLocaleString(), run.velocity_m_s && `${run.velocity_m_s.toFixed(2)} m/s`, run.temperature_degC && `${run.temperature_degC.toFixed(1)} °C`].filter(Boolean).join(", ");
+  const about = run && [run.recorded_at && new Date(run.recorded_at).toLocaleString(), run.velocity_m_s && `${run.flow_m3_s === null ? "≈ " : ""}${run.velocity_m_s.toFixed(2)} m/s`, run.temperature_degC && `${run.temperature_degC.toFixed(1)} °C`].filter(Boolean).join(", ");
   at("title").textContent = open ? [open.title, about].filter(Boolean).join(" · ") : app.state.place;
   document.title = open ? `${open.title} · surgescope` : "surgescope";
   const own = run?.sensors.find((s) => s.unit)?.unit.symbol;

@@ -108,7 +108,7 @@ fn looked_at(study: &Study) -> Value {
     json!({
         "spark": study.runs()[0].sensors.last().map_or(Vec::new(), |sensor| spark(&sensor.head_m)),
         "rig": study.rig().name, "when": recorded_at(loaded.recording.run.start_unix_ns),
-        "temperature_degC": loaded.features.temperature_degc,
+        "temperature_degC": loaded.measured_temperature_degc(),
         "flow_m3_s": loaded.features.flow_m3_s.map(|q| q.value),
         "faults": loaded.faults.iter().map(|fault| json!(fault)["says"].clone()).collect::<Vec<_>>(),
     })

@@ -77,7 +77,7 @@ fn of_run(session: &Session, run: &Run) -> Value {
     about["kept"] = json!(true);
     about["rig"] = json!(bench.study.rig().name);
     about["when"] = json!(recorded_at(loaded.recording.run.start_unix_ns));
-    about["temperature_degC"] = json!(loaded.features.temperature_degc);
+    about["temperature_degC"] = json!(loaded.measured_temperature_degc());
     about["flow_m3_s"] = json!(loaded.features.flow_m3_s.map(|q| q.value));
     // what is not open has its sparkline from a glance
     about["spark"] = json!(if is_open { spark(&bench, i) } else { Vec::new() });
@@ -134,7 +134,7 @@ fn opened(bench: &Bench, r: usize, loaded: &Loaded) -> Value {
         "period_s": loaded.features.period.map(|p| p.value),
         "flow_m3_s": loaded.features.flow_m3_s.map(|q| q.value),
         "velocity_m_s": data.start.velocity_m_s.0,
-        "temperature_degC": loaded.features.temperature_degc,
+        "temperature_degC": loaded.measured_temperature_degc(),
         "recorded_at": recorded_at(loaded.recording.run.start_unix_ns),
     })
 }

@@ -59,6 +59,12 @@ fn a_messy_table_is_looked_at_then_imported_and_opened() {
     assert!(during["job"].is_null(), "{during}");
     bench.post("/api/cancel", &json!({}), 202);
     bench.until("the import", |s| s["open"]["runs"][0]["name"] == "hidden.mcap" && !s["model"].is_null());
+    // what no sensor read is not shown as measured
+    let narrow: String = lines.iter().map(|l| l.split(',').take(3).collect::<Vec<_>>().join(",") + "\n").collect();
+    let narrow = json!({ "name": "narrow.csv", "content": base64(narrow.as_bytes()), "accept": true });
+    assert_eq!(bench.post("/api/import", &narrow, 200)["written"], "narrow.mcap");
+    let state = bench.until("the import", |s| s["open"]["runs"][0]["name"] == "narrow.mcap");
+    assert!(state["open"]["runs"][0]["temperature_degC"].is_null(), "{state}");
     let refused =
         bench.post("/api/import", &json!({ "name": "x.csv", "content": base64(b"hello\n"), "accept": true }), 400);
     assert!(refused["error"].as_str().unwrap().len() > 10, "{refused}");
