@@ -76,6 +76,28 @@ fn before_the_valve_moves_nothing_moves() {
     }
 }
 
+/// The pressure falls to a metre above that of vapour: no cavity opens, and with cavities the run is the same.
+#[test]
+fn cavities_that_do_not_open_change_nothing() {
+    let rig = plain();
+    let head = |velocity| {
+        let run = |effects, shared| Run { velocity, head: 2.0, ..usual(effects, shared) };
+        let with = run("vapour-cavity", &[1200.0, 2e-4]).on(&rig, &[Probe::Head(100.0), Probe::Head(40.0)]);
+        let without = run("none", &[1200.0]).on(&rig, &[Probe::Head(100.0), Probe::Head(40.0)]);
+        let apart =
+            |(a, b): (&Trace, &Trace)| a.values.iter().zip(&b.values).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        let least = without.iter().flat_map(|trace| &trace.values).copied().fold(f64::INFINITY, f64::min);
+        (least, with.iter().zip(&without).map(apart).fold(0.0, f64::max))
+    };
+    let vapour_m = -10.1;
+    let (least, apart) = head(0.12);
+    assert!((vapour_m + 0.5..vapour_m + 2.0).contains(&least), "the trough is near vapour pressure: {least}");
+    assert!(apart < 1e-8, "{apart}");
+    let (least, apart) = head(0.16);
+    assert!(least < vapour_m, "without cavities the head falls below that of vapour: {least}");
+    assert!(apart > 1.0, "{apart}");
+}
+
 /// The period of small oscillations about the head at rest, from the zeros of the head at the valve.
 fn period_s(trace: &Trace, rest_m: f64, from_s: f64) -> f64 {
     let mut rises = Vec::new();

@@ -51,8 +51,20 @@ impl Stepping {
     }
 }
 
+/// Isothermal gas over vapour, spread along the pipe: `V_eq = content (1/y - 1/below)` per volume of pipe at a head `y` above that of vapour,
+/// nothing from `y = below` on.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Gas {
+    /// Product of the volume fraction and the absolute head at which it is measured, m.
+    pub content_m: f64,
+    /// Head above that of vapour from which there is no gas, m; infinite for gas that never dissolves.
+    pub below_m: f64,
+    /// Time that the volume takes to follow the pressure, s.
+    pub lag_s: f64,
+}
+
 /// A volume under a pressure head `y = H - floor`: `y Vⁿ` is constant down to a low head, below which the volume grows
-/// linearly, so that every head has a volume.
+/// linearly, so that every head has a volume. Less a constant volume, where there is none above a certain head.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Law {
     floor_m: f64,
@@ -60,6 +72,8 @@ pub struct Law {
     low_m: f64,
     low_volume_m3: f64,
     low_slope_m2: f64,
+    /// Volume at the head from which there is none.
+    gone_m3: f64,
 }
 
 /// Fall of a node's head, m, over which its cavity grows by the volume of its piece of pipe in the linear part of the
@@ -67,30 +81,36 @@ pub struct Law {
 const CAVITY_DEPTH_M: f64 = 1e-4;
 
 impl Law {
-    /// Isothermal gas over vapour at a node, `V (H - floor) = content`, in a piece of pipe of `pipe_volume_m3`.
-    pub fn isothermal(floor_m: f64, content_m4: f64, pipe_volume_m3: f64) -> Self {
+    /// Isothermal gas over vapour at a node, in a piece of pipe of `pipe_volume_m3`.
+    pub fn isothermal(floor_m: f64, gas: Gas, pipe_volume_m3: f64) -> Self {
+        let content_m4 = gas.content_m * pipe_volume_m3;
         let low_slope_m2 = pipe_volume_m3 / CAVITY_DEPTH_M;
         let low_m = (content_m4 / low_slope_m2).sqrt();
-        Law { floor_m, by_exponent: 1.0, low_m, low_volume_m3: low_m * low_slope_m2, low_slope_m2 }
+        let gone_m3 = content_m4 / gas.below_m;
+        Law { floor_m, by_exponent: 1.0, low_m, low_volume_m3: low_m * low_slope_m2, low_slope_m2, gone_m3 }
     }
 
     /// Polytropic gas of `volume_m3` at `y = reference_m`; straight below `y = low_m`.
     pub fn polytropic(floor_m: f64, exponent: f64, reference_m: f64, volume_m3: f64, low_m: f64) -> Self {
         let by_exponent = 1.0 / exponent;
         let low_volume_m3 = volume_m3 * (reference_m / low_m).powf(by_exponent);
-        Law { floor_m, by_exponent, low_m, low_volume_m3, low_slope_m2: low_volume_m3 * by_exponent / low_m }
+        let low_slope_m2 = low_volume_m3 * by_exponent / low_m;
+        Law { floor_m, by_exponent, low_m, low_volume_m3, low_slope_m2, gone_m3: 0.0 }
     }
 
     /// Volume at a head, m³, and its decrease with the head, m².
     pub fn volume(&self, head_m: f64) -> (f64, f64) {
         let y = head_m - self.floor_m;
-        if y <= self.low_m {
-            return (self.low_volume_m3 + self.low_slope_m2 * (self.low_m - y), self.low_slope_m2);
-        }
-        let ratio = self.low_m / y;
-        // Isothermal nodes are many: spare them the power function.
-        let volume = self.low_volume_m3 * if self.by_exponent == 1.0 { ratio } else { ratio.powf(self.by_exponent) };
-        (volume, volume * self.by_exponent / y)
+        let (volume, fall) = if y <= self.low_m {
+            (self.low_volume_m3 + self.low_slope_m2 * (self.low_m - y), self.low_slope_m2)
+        } else {
+            let ratio = self.low_m / y;
+            // Isothermal nodes are many: spare them the power function.
+            let volume =
+                self.low_volume_m3 * if self.by_exponent == 1.0 { ratio } else { ratio.powf(self.by_exponent) };
+            (volume, volume * self.by_exponent / y)
+        };
+        if volume > self.gone_m3 { (volume - self.gone_m3, fall) } else { (0.0, 0.0) }
     }
 }
 
@@ -137,14 +157,16 @@ struct Field {
 struct Piece {
     offset: usize,
     content_m4: f64,
+    /// Volume that the law would have at the head from which there is none.
+    gone_m3: f64,
     stepping: Stepping,
 }
 
 impl NodeField for Field {
-    /// With `y = h + y0` the node is `k y + c q = k y0 + s` with `q = min((K - C/y)/(ψ dt + θ), (K - C/2y)/dt)`: two
-    /// quadratics. The lesser outflow leaves the greater `y`.
+    /// With `y = h + y0` the node is `k y + c q = k y0 + s` with `q = min((K - V)/(ψ dt + θ), (K - V/2)/dt)` and
+    /// `V = max(C/y - C/below, 0)`: two quadratics and, without gas, a line. The least outflow leaves the greatest `y`.
     fn inner(&mut self, segment: usize, one_plus_kappa: f64, c: f64, s: &[f64], h: &mut [f64], q: &mut [f64]) {
-        let Piece { offset, content_m4, stepping: Stepping { dt_s, follow_s } } = self.segments[segment];
+        let Piece { offset, content_m4, gone_m3, stepping: Stepping { dt_s, follow_s } } = self.segments[segment];
         let inner = offset + 1..offset + 1 + s.len();
         let (steady, sum) = (&self.steady_m[inner.clone()], &mut self.sum_m3[inner]);
         let (k, by_2k, by_c) = (one_plus_kappa, 0.5 / one_plus_kappa, 1.0 / c);
@@ -152,8 +174,9 @@ impl NodeField for Field {
         let (free_product, held_product) = (4.0 * k * free * content_m4, 4.0 * k * held * LEAST * content_m4);
         for ((((y0, sum), s), h), q) in steady.iter().zip(sum).zip(s).zip(h).zip(q) {
             let known = k * y0 + s;
-            let freely = positive_root(known - free * *sum, free_product);
-            let y = by_2k * freely.max(positive_root(known - held * *sum, held_product));
+            let freely = positive_root(known - free * (*sum + gone_m3), free_product);
+            let with_gas = freely.max(positive_root(known - held * (*sum + LEAST * gone_m3), held_product));
+            let y = by_2k * with_gas.max(2.0 * (known - free.min(held) * *sum));
             *h = y - y0;
             *q = by_c * (s - k * *h);
             *sum -= dt_s * *q;
@@ -173,25 +196,25 @@ fn boiling_head_m(scene: &Scene, elevation_m: f64) -> f64 {
     elevation_m + scene.vapour_head_m()
 }
 
-/// Isothermal gas over vapour at all inner nodes: `V (H - z - H_vapour)` is `content_m` times the volume of the node's
-/// piece of pipe; the gas follows it with a lag.
+/// Gas at all inner nodes.
 ///
 /// # Errors
 /// If the water boils somewhere before the closure.
-pub fn field(scene: &Scene, steady: &Steady, content_m: f64, lag_s: f64) -> Result<Box<dyn NodeField>, ModelError> {
+pub fn field(scene: &Scene, steady: &Steady, gas: Gas) -> Result<Box<dyn NodeField>, ModelError> {
     let length_m = scene.rig.length_m();
     let mut steady_m = vec![0.0; steady.head_m.len()];
     let mut sum_m3 = steady_m.clone();
     let mut segments = Vec::new();
     for segment in &steady.grid.segments {
-        let content_m4 = content_m * segment.mean(|s| s.area_m2()) * segment.reach_m;
+        let content_m4 = gas.content_m * segment.mean(|s| s.area_m2()) * segment.reach_m;
+        let gone_m3 = content_m4 / gas.below_m;
         for node in segment.nodes() {
             let position_m = segment.start_m + segment.reach_m * (node - segment.offset) as f64;
             steady_m[node] = steady.head_m[node] - boiling_head_m(scene, scene.rig.elevation_m(position_m));
-            sum_m3[node] = content_m4 / steady_m[node];
+            sum_m3[node] = (content_m4 / steady_m[node] - gone_m3).max(0.0);
         }
-        let stepping = Stepping::new(scene.dt_s, segment.reach_m, length_m, lag_s);
-        segments.push(Piece { offset: segment.offset, content_m4, stepping });
+        let stepping = Stepping::new(scene.dt_s, segment.reach_m, length_m, gas.lag_s);
+        segments.push(Piece { offset: segment.offset, content_m4, gone_m3, stepping });
     }
     if steady_m.iter().any(|&y| y <= 0.0) {
         return Err(ModelError::Value {
@@ -204,10 +227,9 @@ pub fn field(scene: &Scene, steady: &Steady, content_m: f64, lag_s: f64) -> Resu
 }
 
 /// The same at a joint or at the pipe's end.
-pub fn at_node(scene: &Scene, spot: &Spot, content_m: f64, lag_s: f64) -> Box<dyn Shunt> {
-    let floor_m = boiling_head_m(scene, spot.elevation_m);
-    let law = Law::isothermal(floor_m, content_m * spot.volume_m3, spot.volume_m3);
-    Box::new(Volume::new(law, Stepping::at(scene, spot, lag_s)))
+pub fn at_node(scene: &Scene, spot: &Spot, gas: Gas) -> Box<dyn Shunt> {
+    let law = Law::isothermal(boiling_head_m(scene, spot.elevation_m), gas, spot.volume_m3);
+    Box::new(Volume::new(law, Stepping::at(scene, spot, gas.lag_s)))
 }
 
 #[cfg(test)]
@@ -215,12 +237,10 @@ mod tests {
     use super::*;
     use crate::model::node::{Arriving, Node};
 
-    fn laws() -> [Law; 3] {
-        [
-            Law::isothermal(-9.0, 1e-11, 1e-5),
-            Law::isothermal(-9.0, 0.0, 1e-5),
-            Law::polytropic(-10.3, 1.2, 40.0, 3e-5, 0.24),
-        ]
+    fn laws() -> [Law; 4] {
+        let isothermal = |content_m, below_m| Law::isothermal(-9.0, Gas { content_m, below_m, lag_s: 0.0 }, 1e-5);
+        let polytropic = Law::polytropic(-10.3, 1.2, 40.0, 3e-5, 0.24);
+        [isothermal(1e-6, f64::INFINITY), isothermal(0.0, f64::INFINITY), polytropic, isothermal(1e-6, 1.0)]
     }
 
     #[test]

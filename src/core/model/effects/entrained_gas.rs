@@ -6,7 +6,7 @@
 use crate::model::contribution::NodeField;
 use crate::model::effect::{Effect, check};
 use crate::model::error::ModelError;
-use crate::model::gas;
+use crate::model::gas::{self, Gas};
 use crate::model::node::Shunt;
 use crate::model::parameter::Parameter;
 use crate::model::scene::{Scene, Site, Spot};
@@ -58,7 +58,7 @@ impl Effect for EntrainedGas {
                 "1",
                 "volume of free gas per volume of pipe, at a pressure of one atmosphere",
                 1e-5,
-                1e-8,
+                1e-10,
                 1e-2,
             )
             .vanishing_at(0.0),
@@ -91,11 +91,14 @@ impl Effect for EntrainedGas {
         if gas_fraction == 0.0 {
             return Ok(None);
         }
-        gas::field(scene, steady, gas_fraction * scene.atmosphere_head_m(), lag_s).map(Some)
+        gas::field(scene, steady, gas(scene, values)).map(Some)
     }
 
     fn node_shunt(&self, values: &[f64], scene: &Scene, spot: &Spot) -> Option<Box<dyn Shunt>> {
-        let (gas_fraction, lag_s) = (values[0], values[1]);
-        (gas_fraction > 0.0).then(|| gas::at_node(scene, spot, gas_fraction * scene.atmosphere_head_m(), lag_s))
+        (values[0] > 0.0).then(|| gas::at_node(scene, spot, gas(scene, values)))
     }
+}
+
+fn gas(scene: &Scene, values: &[f64]) -> Gas {
+    Gas { content_m: values[0] * scene.atmosphere_head_m(), below_m: f64::INFINITY, lag_s: values[1] }
 }
