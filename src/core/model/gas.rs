@@ -172,11 +172,13 @@ impl NodeField for Field {
         let (k, by_2k, by_c) = (one_plus_kappa, 0.5 / one_plus_kappa, 1.0 / c);
         let (free, held) = (c / follow_s, c / dt_s);
         let (free_product, held_product) = (4.0 * k * free * content_m4, 4.0 * k * held * LEAST * content_m4);
+        let (free_gone, held_gone) = (free * gone_m3, held * LEAST * gone_m3);
         for ((((y0, sum), s), h), q) in steady.iter().zip(sum).zip(s).zip(h).zip(q) {
             let known = k * y0 + s;
-            let freely = positive_root(known - free * (*sum + gone_m3), free_product);
-            let with_gas = freely.max(positive_root(known - held * (*sum + LEAST * gone_m3), held_product));
-            let y = by_2k * with_gas.max(2.0 * (known - free.min(held) * *sum));
+            let (freely, filling) = (known - free * *sum, known - held * *sum);
+            let with_gas =
+                positive_root(freely - free_gone, free_product).max(positive_root(filling - held_gone, held_product));
+            let y = by_2k * with_gas.max(2.0 * freely.max(filling));
             *h = y - y0;
             *q = by_c * (s - k * *h);
             *sum -= dt_s * *q;
