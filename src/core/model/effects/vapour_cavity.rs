@@ -21,12 +21,9 @@ pub struct VapourCavity;
 const GAS_FRACTION: f64 = 1e-7;
 
 /// A record lies on the floor if it comes this near to vapour pressure, m: zero errors of sensors and weather are of
-/// this size.
+/// this size. Higher up, the gas that starts the cavities is dissolved. Thus the effect changes nothing where no cavity
+/// opens, whereas gas that never dissolves would add 2% to what the water yields at 3 m.
 const FLOOR_M: f64 = 1.0;
-
-/// Head above that of vapour from which the gas that starts the cavities is dissolved, m. Thus the effect changes nothing where no cavity opens,
-/// whereas gas that never dissolves would add 2% to what the water yields at 3 m. All of it would fill two millionths of the pipe here.
-const DISSOLVED_M: f64 = 0.5;
 
 impl Effect for VapourCavity {
     fn name(&self) -> &'static str {
@@ -36,7 +33,7 @@ impl Effect for VapourCavity {
         "column separation at vapour pressure"
     }
     fn equation(&self) -> &'static str {
-        "at every node V_eq = 1e-7 A dx H_atm [1/(H - z - H_vapour) - 1/(0.5 m)] where positive,  V + θ dV/dt = V_eq,  \
+        "at every node V_eq = 1e-7 A dx H_atm [1/(H - z - H_vapour) - 1/(1 m)] where positive,  V + θ dV/dt = V_eq,  \
          dV/dt = Q_out - Q_in: H - z stays at H_vapour until the cavity is filled"
     }
     fn source(&self) -> &'static str {
@@ -87,5 +84,5 @@ impl Effect for VapourCavity {
 }
 
 fn gas(scene: &Scene, values: &[f64]) -> Gas {
-    Gas { content_m: GAS_FRACTION * scene.atmosphere_head_m(), below_m: DISSOLVED_M, lag_s: values[0] }
+    Gas { content_m: GAS_FRACTION * scene.atmosphere_head_m(), below_m: FLOOR_M, lag_s: values[0] }
 }
