@@ -55,6 +55,8 @@ let met = false;
 
 let loaded = null;
 onState(() => {
+  // where no run is open there is nothing to fit or to explain
+  document.body.classList.toggle("bare", !app.state.open && !app.state.job);
   meet();
   list();
   title();

@@ -78,7 +78,7 @@ export function models() {
   if (candidate && app.state.model) shown.push({ ...app.state.model, number: 0, name: `+ ${candidate.label}`, why: `+ ${candidate.label} (preview)`, grown_from: null, rmse_m: candidate.rmse_m, preview: true });
   const going = fitted();
   if (going) shown.push(going);
-  if (!shown.length) { put(at("models"), h("p", { class: "hint", text: app.state.job ? "The base model is being fitted." : app.state.open ? "It was not fitted: open the run again." : "Open a run first." })); return; }
+  if (!shown.length) { put(at("models"), h("p", { class: "hint", text: app.state.job ? "The base model is being fitted." : "It was not fitted: open the run again." })); return; }
   axis = place(shown);
   const step = (path, text, able, key) => h("button", { type: "button", text, title: key, disabled: !able || Boolean(app.state.job), "data-key": path, onclick: () => act(path) });
   const list = h("div", { class: "list" }, shown.map((model) => row(model, axis, all)));
