@@ -196,8 +196,9 @@ fn lock(
     values: &[f64],
     period_s: f64,
 ) -> Result<Estimate, ModelError> {
-    let first = attempt(ctx, model, held, values, LOCKING_PERIODS[0] * period_s, COARSE)?;
-    attempt(ctx, model, held, &first.values, LOCKING_PERIODS[1] * period_s, COARSE)
+    let [first, more @ ..] = LOCKING_PERIODS;
+    let begun = attempt(ctx, model, held, values, first * period_s, COARSE)?;
+    more.iter().try_fold(begun, |at, periods| attempt(ctx, model, held, &at.values, periods * period_s, COARSE))
 }
 
 fn attempt(

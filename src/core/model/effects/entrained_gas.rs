@@ -58,7 +58,7 @@ impl Effect for EntrainedGas {
                 "1",
                 "volume of free gas per volume of pipe, at a pressure of one atmosphere",
                 1e-5,
-                1e-8,
+                1e-9,
                 1e-2,
             )
             .vanishing_at(0.0),
