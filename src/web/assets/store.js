@@ -30,9 +30,8 @@ export const onState = (redraw) => redraws.push(redraw);
 let model = null;
 let asked = null;
 // Events come in bundles, such as a new model and the end of its job: one answer serves them all.
-const BUNDLE_MS = 0;
 export function refresh() {
-  asked ||= new Promise((done) => setTimeout(done, BUNDLE_MS)).then(() => { asked = null; return renew(); });
+  asked ||= new Promise((done) => setTimeout(done)).then(() => { asked = null; return renew(); });
   return asked;
 }
 

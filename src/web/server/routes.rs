@@ -321,7 +321,7 @@ fn fit_file(session: &Session) -> Result<Answer, AnyError> {
 }
 
 /// How long the first word of a fit's progress waits for others.
-const BUNDLE: std::time::Duration = std::time::Duration::from_millis(100);
+const BUNDLE: std::time::Duration = std::time::Duration::from_millis(20);
 
 async fn events(State(app): State<Arc<App>>) -> Answer {
     if app.session.hub.listeners() >= MOST_LISTENERS {

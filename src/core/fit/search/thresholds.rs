@@ -14,7 +14,7 @@ pub(crate) const FINAL_REACHES: usize = 64;
 /// Samples of each sensor that coarse fits look at. Tuned; data unknown.
 pub(crate) const COARSE_SAMPLES: usize = 2500;
 /// First cycles, in periods, that a fit looks at one after the other so that the phase locks: each time almost twice as many, for from 1.5 periods to 5 a
-/// fit with gas loses its way. Tuned; the measured trace of Adelaide, with its head off by up to 0.2 m.
+/// fit with gas loses its way. Tuned; the measured trace of Adelaide, with its head off by up to 0.13 m.
 pub(crate) const LOCKING_PERIODS: [f64; 3] = [1.5, 2.7, 5.0];
 
 /// Other starts of an effect up to which each is followed on its own; an effect with more may be anywhere. Chosen.
