@@ -171,11 +171,11 @@ class Panel {
     this.observers.forEach((observer) => observer.disconnect());
     this.plots.forEach((plot) => plot.destroy());
   }
-  async watch() {
-    const asked = await curves(this.r, this.s, app.range, this.width, ["fitting"]);
-    const now = asked.column.fitting_m;
+  // Takes the curve of the model that is being fitted, where it is of the samples that are shown.
+  watch(column) {
+    const now = column("fitting_m");
     if (!now) return;
-    if (!this.data.time.length) this.data = { time: asked.column.time_s, measured: asked.column.measured_m };
+    if (!this.data.time.length) this.data = { time: column("time_s"), measured: column("measured_m") };
     if (now.length === this.data.time.length) Object.assign(this.data, { trial: now, adds: false });
   }
   draw() {
@@ -203,17 +203,19 @@ class Panel {
     this.plots = [false, true].map((residual, i) => new uPlot({ width: this.width, ...options(this, residual) }, this.drawn[i], this.box));
     this.plots.forEach((plot) => fingers(plot.over, span, (range) => (app.range || range[1] - range[0] < 0.98 * (span()[1] - span()[0])) && zoom(range)));
   }
-  async load() {
-    const names = ["model"];
-    const ghost = app.compare ? `number:${app.compare}` : "previous";
-    names.push(ghost);
-    if (app.preview) names.push(`candidate:${app.preview}`);
-    const asked = await curves(this.r, this.s, app.range, this.width, names);
-    const of = (name) => asked.column[name];
-    const keeps = changed() && this.data.time.length === of("time_s").length && !app.preview;
-    const trial = app.preview ? of(`candidate:${app.preview}_m`) : keeps ? this.data.trial : null;
-    return { time: of("time_s"), measured: of("measured_m"), model: of("model_m"), ghost: of(`${ghost}_m`), trial, adds: Boolean(app.preview && trial) };
+  take(column, ghost) {
+    const time = column("time_s");
+    const keeps = changed() && this.data.time.length === time.length && !app.preview;
+    const trial = app.preview ? column(`candidate:${app.preview}_m`) : keeps ? this.data.trial : null;
+    this.data = { time, measured: column("measured_m"), model: column("model_m"), ghost: column(`${ghost}_m`), trial, adds: Boolean(app.preview && trial) };
   }
+}
+
+// The curves of all sensors, to be handed to their panels.
+async function ofAll(names) {
+  const { column } = await curves(app.range, panels[0].width, names);
+  const of = (panel) => (name) => column[`${panel.r}/${panel.s}/${name}`];
+  return (hand) => panels.filter((panel) => of(panel)("time_s")).forEach((panel) => hand(panel, of(panel)));
 }
 
 // The model that is being fitted, a few times a second, until its job ends.
@@ -228,8 +230,8 @@ export async function watchFit(job) {
   while (app.state?.job?.id === following) {
     const began = performance.now();
     // a curve that cannot be had at the moment is had the next time
-    await Promise.all(panels.map((panel) => panel.watch().catch(() => null)));
-    if (app.state?.job?.id === following) draw();
+    const each = await ofAll(["fitting"]).catch(() => null);
+    if (app.state?.job?.id === following) { each?.((panel, column) => panel.watch(column)); draw(); }
     await until(EVERY_MS - (performance.now() - began));
   }
   following = null;
@@ -267,20 +269,20 @@ export function draw(moving = false) {
 
 let latest = 0;
 export async function load() {
+  if (!panels.length) return;
   const mine = ++latest;
-  // a chart whose curves fail leaves the others theirs
-  const asked = [...panels];
-  const loaded = await Promise.allSettled(asked.map((panel) => panel.load()));
-  // what was asked for since then counts, however late this answer comes
-  if (mine !== latest) return;
-  asked.forEach((panel, i) => { panel.data = loaded[i].value || panel.data; });
+  const ghost = app.compare ? `number:${app.compare}` : "previous";
+  const names = ["model", ghost, ...(app.preview ? [`candidate:${app.preview}`] : [])];
   try {
+    const each = await ofAll(names);
+    // what was asked for since then counts, however late this answer comes
+    if (mine !== latest) return;
+    each((panel, column) => panel.take(column, ghost));
     draw();
     const curveless = app.preview && !panels.some((panel) => panel.data.trial);
     if (curveless || !changed()) at("trial").textContent = curveless ? `no curve is kept of ${app.preview}: its fit was given up early` : "";
     if (changed() && !app.preview) try_();
-  } catch (error) { complain(error); }
-  loaded.filter((one) => one.reason).forEach((one) => complain(one.reason));
+  } catch (error) { if (mine === latest) complain(error); }
 }
 
 let onTried = () => {};

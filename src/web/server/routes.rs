@@ -20,7 +20,6 @@ use serde::Deserialize;
 use serde::de::DeserializeOwned;
 use serde_json::json;
 use tokio::sync::Semaphore;
-use tokio::sync::broadcast::error::RecvError;
 
 use crate::model::effects::CATALOGUE;
 use crate::report::effects::json::about;
@@ -36,7 +35,7 @@ use crate::web::session::jobs::Busy;
 use crate::web::session::place::NoSuchRun;
 use crate::web::session::samples::Stretch;
 
-use crate::web::view::curves::{Question, of_sensor, simulate};
+use crate::web::view::curves::{Question, of_all, of_sensor, simulate};
 use crate::web::view::packed::Packed;
 use crate::web::view::parquet::parquet;
 use crate::web::view::take_away::{self, as_table};
@@ -242,8 +241,8 @@ fn unescaped(text: &str) -> String {
 
 /// Which curves an address asks for.
 struct Curves {
-    /// Number of the run, of the sensor.
-    sensor: (usize, usize),
+    /// Number of the run, of the sensor; none for all.
+    sensor: Option<(usize, usize)>,
     stretch: Stretch,
     models: String,
     own_unit: bool,
@@ -255,8 +254,9 @@ impl Curves {
         let number = |key: &str| asked.get(key).map(|text| text.parse::<f64>()).transpose();
         let index = |key: &str| asked.get(key).map_or(Ok(0), |text| text.parse::<usize>());
         let points = asked.get("points").map(|text| text.parse()).transpose()?;
+        let all = asked.get("sensor").is_some_and(|text| text == "all");
         Ok(Self {
-            sensor: (index("run")?, index("sensor")?),
+            sensor: if all { None } else { Some((index("run")?, index("sensor")?)) },
             stretch: Stretch { from_s: number("from")?, to_s: number("to")?, points },
             models: asked.get("curves").map_or("model", String::as_str).to_owned(),
             own_unit: asked.get("unit").is_some_and(|unit| unit == "own"),
@@ -264,7 +264,11 @@ impl Curves {
     }
 
     fn packed(self, bench: &Bench) -> Result<Packed, AnyError> {
-        of_sensor(bench, self.sensor, self.stretch, &self.models.split(',').collect::<Vec<_>>())
+        let models: Vec<_> = self.models.split(',').collect();
+        match self.sensor {
+            Some(sensor) => of_sensor(bench, sensor, self.stretch, &models),
+            None => of_all(bench, self.stretch, &models),
+        }
     }
 }
 
@@ -279,7 +283,8 @@ async fn curves(State(app): State<Arc<App>>, uri: Uri) -> Answer {
 /// What the chart of these curves shows, to keep, and the name of the file.
 fn table(session: &Session, uri: &Uri, ending: &str) -> Result<(String, Packed), AnyError> {
     let (bench, asked) = (bench_of(session)?, Curves::of(uri)?);
-    let (sensor, own_unit) = (asked.sensor, asked.own_unit);
+    let sensor = asked.sensor.ok_or("a table is of one sensor: sensor=0 is the first")?;
+    let own_unit = asked.own_unit;
     let (stem, table) = as_table(&bench, sensor, own_unit, &asked.packed(&bench)?);
     Ok((format!("{stem}.{ending}"), table))
 }
@@ -320,29 +325,15 @@ fn fit_file(session: &Session) -> Result<Answer, AnyError> {
     Ok(download(&format!("{}.fit.toml", bench.name()), "application/toml", take_away::fit_file(&bench)?))
 }
 
-/// How long the first word of a fit's progress waits for others.
-const BUNDLE: std::time::Duration = std::time::Duration::from_millis(20);
-
 async fn events(State(app): State<Arc<App>>) -> Answer {
     if app.session.hub.listeners() >= MOST_LISTENERS {
         return refusal(StatusCode::SERVICE_UNAVAILABLE, "too many pages are open: close some");
     }
-    let heard = (app.session.hub.listen(), app.session.clone(), 0);
-    let events = stream::unfold(heard, |(mut listener, session, mut told)| async move {
+    let start = (app.session.hub.listen(), app.session.clone(), 0);
+    let events = stream::unfold(start, |(mut listener, session, mut told)| async move {
         let event = loop {
-            let waits = listener.is_empty();
-            let heard = listener.recv().await;
-            if waits && heard.as_ref().is_ok_and(|event| event.name == "progress") {
-                // a fit tells hundreds of errors a second: they go out in bundles
-                tokio::time::sleep(BUNDLE).await;
-            }
-            let (name, data) = match heard {
-                Ok(event) => (event.name, event.data),
-                // the page was too slow: it asks for the state anew
-                Err(RecvError::Lagged(_)) => ("state", Some("{}".to_owned())),
-                Err(RecvError::Closed) => return None,
-            };
-            let data = match (data, name) {
+            let heard = listener.next().await?;
+            let data = match (heard.data, heard.name) {
                 (Some(data), _) => data,
                 // a page that is slow is shown where the recording stands now, and not all that was before
                 (None, "live") => match session.recorder.live_since(told) {
@@ -354,7 +345,7 @@ async fn events(State(app): State<Arc<App>>) -> Answer {
                 },
                 (None, _) => session.bench().and_then(|bench| model::json(&bench)).unwrap_or_default().to_string(),
             };
-            break Event::default().event(name).data(data);
+            break Event::default().event(heard.name).data(data);
         };
         Some((Ok::<_, Infallible>(event), (listener, session, told)))
     });

@@ -194,6 +194,10 @@ mod tests {
 
     const LONG: Duration = Duration::from_secs(20);
 
+    fn block_on<T>(future: impl Future<Output = T>) -> T {
+        tokio::runtime::Builder::new_current_thread().enable_time().build().unwrap().block_on(future)
+    }
+
     #[test]
     fn one_job_at_a_time_and_its_end_is_told() {
         let hub = Arc::new(Hub::default());
@@ -215,7 +219,7 @@ mod tests {
         assert!(jobs.wait(LONG));
         let mut said = Vec::new();
         while said.len() < 5 {
-            let event = heard.blocking_recv().unwrap();
+            let event = block_on(heard.next()).unwrap();
             said.push((event.name, serde_json::from_str::<serde_json::Value>(event.data.as_deref().unwrap()).unwrap()));
         }
         let of = |name: &str| said.iter().find(|(n, _)| *n == name).map(|(_, data)| data.clone()).unwrap();
@@ -246,7 +250,7 @@ mod tests {
         wait.recv().unwrap();
         assert!(!jobs.wait(Duration::from_millis(20)) && jobs.cancel().is_some());
         assert!(jobs.wait(LONG) && jobs.cancel().is_none());
-        let failed = std::iter::from_fn(|| heard.blocking_recv().ok()).find(|event| event.name == "failed").unwrap();
+        let failed = std::iter::from_fn(|| block_on(heard.next())).find(|event| event.name == "failed").unwrap();
         assert!(failed.data.as_ref().unwrap().contains("cancelled"), "{failed:?}");
     }
 }

@@ -2,7 +2,9 @@
 
 use std::collections::BTreeMap;
 use std::error::Error;
+use std::sync::Arc;
 
+use rayon::prelude::*;
 use serde::Serialize;
 use serde_json::json;
 
@@ -11,7 +13,7 @@ use crate::model::effects::Chosen;
 use crate::study::simulated::Simulated;
 use crate::web::session::actions::given;
 use crate::web::session::bench::Bench;
-use crate::web::session::samples::Stretch;
+use crate::web::session::samples::{Samples, Stretch};
 use crate::web::view::packed::Packed;
 
 type AnyError = Box<dyn Error + Send + Sync>;
@@ -40,24 +42,62 @@ pub fn of_sensor(
     stretch: Stretch,
     asked: &[&str],
 ) -> Result<Packed, AnyError> {
-    // the clock is that of the model in force, whatever else is drawn
     let samples = bench.samples(run, sensor).ok_or("there is no such sensor")?;
-    let simulated = |d: &Drawn| bench.simulated(&d.effects, &d.given, d.reaches);
-    let drawn: Vec<Drawn> = asked.iter().filter_map(|name| drawn(bench, name)).collect();
-    let simulated: Vec<_> = drawn.iter().map(simulated).collect::<Result<_, _>>()?;
     let shown = bench.shown((run, sensor), &samples, &stretch);
-    let (kept, count) = &*shown;
     let mut packed = Packed::default();
-    packed.say("points", json!(kept.len()));
-    packed.say("samples", json!(count));
-    packed.say("decimated", json!(kept.len() < *count));
-    packed.push("time_s", kept.iter().map(|&i| samples.after_start_s(i)).collect());
-    packed.push("measured_m", kept.iter().map(|&i| samples.head_m(i)).collect());
-    for (d, simulated) in drawn.iter().zip(&simulated) {
-        let head_m = simulated.shown.head_m(run, sensor);
-        packed.push(format!("{}_m", d.name), kept.iter().map(|&i| head_m(samples.time_s[i])).collect());
+    packed.say("points", json!(shown.0.len()));
+    packed.say("samples", json!(shown.1));
+    packed.say("decimated", json!(shown.0.len() < shown.1));
+    for (name, values) in columns((run, sensor), &samples, &shown.0, &simulated(bench, asked)?) {
+        packed.push(name, values);
     }
     Ok(packed)
+}
+
+/// As [`of_sensor`], of every sensor of every run: each model is simulated once. Columns `RUN/SENSOR/time_s` and so on.
+///
+/// # Errors
+/// A model that cannot be simulated.
+pub fn of_all(bench: &Bench, stretch: Stretch, asked: &[&str]) -> Result<Packed, AnyError> {
+    let models = simulated(bench, asked)?;
+    let runs = bench.study.runs().iter().enumerate();
+    let places: Vec<_> = runs.flat_map(|(r, run)| (0..run.sensors.len()).map(move |s| (r, s))).collect();
+    let of_place = |&place: &(usize, usize)| {
+        let samples = bench.samples(place.0, place.1)?;
+        let shown = bench.shown(place, &samples, &stretch);
+        Some((place, shown.0.len(), columns(place, &samples, &shown.0, &models)))
+    };
+    let all: Vec<_> = places.par_iter().filter_map(of_place).collect();
+    let mut packed = Packed::default();
+    let about = |((run, sensor), points, _): &_| json!({ "run": run, "sensor": sensor, "points": points });
+    packed.say("sensors", all.iter().map(about).collect());
+    for ((run, sensor), _, columns) in all {
+        columns.into_iter().for_each(|(name, values)| packed.push(format!("{run}/{sensor}/{name}"), values));
+    }
+    Ok(packed)
+}
+
+fn simulated(bench: &Bench, asked: &[&str]) -> Result<Vec<(String, Arc<Simulated>)>, AnyError> {
+    let drawn = asked.iter().filter_map(|name| drawn(bench, name));
+    drawn.map(|d| Ok((d.name, bench.simulated(&d.effects, &d.given, d.reaches)?))).collect()
+}
+
+fn columns(
+    (run, sensor): (usize, usize),
+    samples: &Samples<'_>,
+    kept: &[usize],
+    models: &[(String, Arc<Simulated>)],
+) -> Vec<(String, Vec<f64>)> {
+    // the clock is that of the model in force, whatever else is drawn
+    let mut columns = vec![
+        ("time_s".to_owned(), kept.iter().map(|&i| samples.after_start_s(i)).collect()),
+        ("measured_m".to_owned(), kept.iter().map(|&i| samples.head_m(i)).collect()),
+    ];
+    for (name, simulated) in models {
+        let head_m = simulated.shown.head_m(run, sensor);
+        columns.push((format!("{name}_m"), kept.iter().map(|&i| head_m(samples.time_s[i])).collect()));
+    }
+    columns
 }
 
 fn drawn(bench: &Bench, asked: &str) -> Option<Drawn> {

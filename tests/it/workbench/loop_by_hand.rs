@@ -98,6 +98,12 @@ fn a_diagnosis_is_what_the_command_says_and_shows_what_each_candidate_would_do()
     };
     let error = |model: Vec<f64>| -> f64 { column(1).iter().zip(model).map(|(a, b)| (a - b).powi(2)).sum() };
     assert!(points <= 600 && error(column(3)) < 0.2 * error(column(2)), "the leak comes nearer to what was measured");
+    let all = bench.get("/api/curves?sensor=all&points=600&curves=model,candidate:leak");
+    let length_of_all = u32::from_le_bytes(all[..4].try_into().unwrap()) as usize;
+    let head: Value = serde_json::from_slice(&all[4..4 + length_of_all]).unwrap();
+    assert_eq!(head["sensors"][0], json!({ "run": 0, "sensor": 0, "points": points }));
+    assert_eq!(head["columns"][3], "0/0/candidate:leak_m");
+    assert_eq!(all[4 + length_of_all..][..32 * points], packed[4 + length..], "as each sensor by itself");
     let csv = String::from_utf8(bench.get("/api/curves.csv?points=50")).unwrap();
     assert!(csv.starts_with("time_s,measured_m,model_m,error_m\n") && csv.lines().count() > 40, "{csv}");
     let own = String::from_utf8(bench.get("/api/curves.csv?points=50&unit=own")).unwrap();

@@ -7,7 +7,7 @@ const CREEP = new URL("../../../recordings/hdpe-creep.mcap", import.meta.url).pa
 const EFFECT = "viscoelastic-wall";
 
 // Milliseconds that the command takes, and that the page takes from the click to the curve of the grown model; how many errors it showed.
-export async function add(program, folder, browser, times = 5) {
+export async function add(program, folder, browser, times = 10) {
   const took = { command: [], page: [], errors: [] };
   for (let i = 0; i < times; i++) {
     copyFileSync(CREEP, join(folder, "add.mcap"));
@@ -25,11 +25,16 @@ export async function add(program, folder, browser, times = 5) {
       await sleep(500); // nobody clicks before the page stands still
       const [ms, errors] = await page.evaluate(async (effect) => {
         let errors = 0;
-        new MutationObserver(() => { const line = document.querySelector("#falling polyline"); errors = Math.max(errors, line ? line.getAttribute("points").split(" ").length : 0); })
-          .observe(document.getElementById("job"), { childList: true, subtree: true });
+        const shown = new Promise((done) => new MutationObserver(() => {
+          const line = document.querySelector("#falling polyline");
+          errors = Math.max(errors, line ? line.getAttribute("points").split(" ").length : 0);
+          // the model that it grew out of is drawn beside it, and was not before
+          const before = document.querySelectorAll(".legend .u-series")[2];
+          if (document.querySelectorAll(".model:not(.preview)").length === 2 && before && !before.hidden) done();
+        }).observe(document.body, { childList: true, subtree: true, attributes: true }));
         const from = performance.now();
         await fetch("/api/add", { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify({ effect }) });
-        while (document.querySelectorAll(".model:not(.preview)").length < 2) await new Promise(requestAnimationFrame);
+        await shown;
         await new Promise((done) => requestAnimationFrame(() => setTimeout(done)));
         return [performance.now() - from, errors];
       }, EFFECT);
