@@ -1,6 +1,6 @@
 //! Measurement and models at a sensor, as many points as a chart has pixels: each keeps the extremes of what was measured.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::error::Error;
 use std::sync::Arc;
 
@@ -77,8 +77,10 @@ pub fn of_all(bench: &Bench, stretch: Stretch, asked: &[&str]) -> Result<Packed,
     Ok(packed)
 }
 
+// each name once, however often it is asked for
 fn simulated(bench: &Bench, asked: &[&str]) -> Result<Vec<(String, Arc<Simulated>)>, AnyError> {
-    let drawn = asked.iter().filter_map(|name| drawn(bench, name));
+    let mut named = BTreeSet::new();
+    let drawn = asked.iter().filter(|name| named.insert(**name)).filter_map(|name| drawn(bench, name));
     drawn.map(|d| Ok((d.name, bench.simulated(&d.effects, &d.given, d.reaches)?))).collect()
 }
 
