@@ -25,7 +25,8 @@ async function unpacked(answer) {
   let from = 4 + length;
   head.column = {};
   for (const name of head.columns) {
-    const count = head.points ?? points.get(name.slice(0, name.lastIndexOf("/")));
+    // a label has slashes, too
+    const count = head.points ?? points.get(/^\d+(\/\d+)?(?=\/)/.exec(name)?.[0]);
     head.column[name] = Array.from(new Float64Array(bytes, from, count), (v) => (Number.isFinite(v) ? v : null));
     from += 8 * count;
   }

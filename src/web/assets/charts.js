@@ -24,6 +24,8 @@ const HEIGHTS = [164, 100];
 // Padding and border of a card on either side.
 const CARD_PX = 13;
 const gap = (values, n) => values || new Array(n).fill(null);
+// Whether curves stand at the same times: others have as many points.
+const same = (a, b) => a.length === b.length && a[0] === b[0] && a.at(-1) === b.at(-1);
 const minus = (a, b) => a.map((v, i) => (v === null || b[i] === null ? null : v - b[i]));
 
 function shown(panel, heads) {
@@ -158,7 +160,7 @@ class Panel {
   lay(width) {
     this.width = width;
     const size = new ResizeObserver(([now]) => {
-      const width = Math.max(240, now.contentRect.width);
+      const width = Math.max(240, Math.round(now.contentRect.width));
       if (Math.abs(this.width - width) < 2) return;
       this.width = width;
       this.plots.forEach((plot, i) => plot.setSize({ width, height: HEIGHTS[i] }));
@@ -171,12 +173,12 @@ class Panel {
     this.observers.forEach((observer) => observer.disconnect());
     this.plots.forEach((plot) => plot.destroy());
   }
-  // Takes the curve of the model that is being fitted, where it is of the samples that are shown.
+  // The curve of the model that is being fitted, where it stands at the times that are shown.
   watch(column) {
-    const now = column("fitting_m");
+    const [time, now] = [column("time_s"), column("fitting_m")];
     if (!now) return;
-    if (!this.data.time.length) this.data = { time: column("time_s"), measured: column("measured_m") };
-    if (now.length === this.data.time.length) Object.assign(this.data, { trial: now, adds: false });
+    if (!this.data.time.length) this.data = { time, measured: column("measured_m") };
+    if (same(time, this.data.time)) Object.assign(this.data, { trial: now, adds: false });
   }
   draw() {
     const { time, measured, ghost, model, trial, adds } = this.data;
@@ -205,7 +207,7 @@ class Panel {
   }
   take(column, ghost) {
     const time = column("time_s");
-    const keeps = changed() && this.data.time.length === time.length && !app.preview;
+    const keeps = changed() && same(time, this.data.time) && !app.preview;
     const trial = app.preview ? column(`candidate:${app.preview}_m`) : keeps ? this.data.trial : null;
     this.data = { time, measured: column("measured_m"), model: column("model_m"), ghost: column(`${ghost}_m`), trial, adds: Boolean(app.preview && trial) };
   }

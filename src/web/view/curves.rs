@@ -1,6 +1,6 @@
 //! Measurement and models at a sensor, as many points as a chart has pixels: each keeps the extremes of what was measured.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::error::Error;
 use std::sync::Arc;
 
@@ -23,6 +23,9 @@ const COARSE_REACHES: usize = 64;
 /// Samples times reaches from which it would not.
 const KEEPS_UP: usize = 4_000_000;
 
+/// Models of one answer.
+const MOST_MODELS: usize = 16;
+
 /// A model to draw.
 struct Drawn {
     name: String,
@@ -35,7 +38,7 @@ struct Drawn {
 /// `fitting`, the one that is being fitted as it is at this moment.
 ///
 /// # Errors
-/// A run or sensor that does not exist, a model that cannot be simulated.
+/// A run or sensor that does not exist, a model that cannot be simulated, too many of them.
 pub fn of_sensor(
     bench: &Bench,
     (run, sensor): (usize, usize),
@@ -54,10 +57,10 @@ pub fn of_sensor(
     Ok(packed)
 }
 
-/// As [`of_sensor`], of every sensor of every run: each model is simulated once. Columns `RUN/SENSOR/time_s` and so on.
+/// As [`of_sensor`] for every sensor of every run: each model is simulated once. Columns `RUN/SENSOR/time_s` and so on.
 ///
 /// # Errors
-/// A model that cannot be simulated.
+/// A model that cannot be simulated, too many of them.
 pub fn of_all(bench: &Bench, stretch: Stretch, asked: &[&str]) -> Result<Packed, AnyError> {
     let models = simulated(bench, asked)?;
     let runs = bench.study.runs().iter().enumerate();
@@ -77,10 +80,11 @@ pub fn of_all(bench: &Bench, stretch: Stretch, asked: &[&str]) -> Result<Packed,
     Ok(packed)
 }
 
-// each name once, however often it is asked for
 fn simulated(bench: &Bench, asked: &[&str]) -> Result<Vec<(String, Arc<Simulated>)>, AnyError> {
-    let mut named = BTreeSet::new();
-    let drawn = asked.iter().filter(|name| named.insert(**name)).filter_map(|name| drawn(bench, name));
+    if asked.len() > MOST_MODELS {
+        return Err(format!("a chart draws at most {MOST_MODELS} models, and {} are asked for", asked.len()).into());
+    }
+    let drawn = asked.iter().filter_map(|name| drawn(bench, name));
     drawn.map(|d| Ok((d.name, bench.simulated(&d.effects, &d.given, d.reaches)?))).collect()
 }
 

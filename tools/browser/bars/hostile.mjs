@@ -67,7 +67,7 @@ const WEIRD = [
   ["/api/import", '{"name": "x.csv", "content": "not base64"}', [400]], ["/api/import", '{"name": "x.mcap", "content": "iU1DQVAwDQo="}', [400]], ["/api/import", '{"name": "x.tdms", "content": "VERTbQ=="}', [400]],
   ["/api/import", `{"name": "x.csv", "content": "${Buffer.from(`time_s,P1\n0,1e999\n1,nan\n`).toString("base64")}"}`, [400, 200]],
 ];
-const ODD_QUERIES = ["run=99", "run=-1", "sensor=18446744073709551616", "from=NaN&to=NaN", "from=inf&to=-inf", "points=99999999999", "points=0", "curves=number:0,number:99,candidate:x,previous,nonsense", `curves=${"model,".repeat(3000)}model`, `sensor=all&points=20000&curves=${"model,".repeat(3000)}model`, "sensor=all&run=x"];
+const ODD_QUERIES = ["run=99", "run=-1", "sensor=18446744073709551616", "from=NaN&to=NaN", "from=inf&to=-inf", "points=99999999999", "points=0", "curves=number:0,number:99,candidate:x,previous,nonsense", `curves=${"model,".repeat(3000)}model`, `sensor=all&points=20000&curves=${Array.from({ length: 300 }, (_, i) => `number:${"0".repeat(i)}1`).join()}`, "sensor=all&run=x"];
 
 export async function hostile(program, folder) {
   const place = join(folder, "hostile");
