@@ -74,6 +74,9 @@ pub fn run(args: Args, json: bool) -> CommandResult {
         say!("The workbench is at {url}");
         tell!("Ctrl-C ends it");
     }
+    if let Some(reason) = session.jobs.failed() {
+        tell!("error: {reason}");
+    }
     if args.listen.is_unspecified() {
         tell!("from another machine, put this machine's address in place of the one above");
     }

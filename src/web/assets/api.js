@@ -1,11 +1,14 @@
 // The server: requests, curves as arrays, events.
 
+export const AWAY = "The workbench does not answer. The page goes on when the connection is back. If `surgescope open` has ended, start it again and open the address that it prints: the models that you made are in their file.";
+const reach = (path, options) => fetch(path, options).catch(() => { throw new Error(AWAY); });
+
 export async function ask(path) {
-  return checked(await fetch(path));
+  return checked(await reach(path));
 }
 
 export async function post(path, body = {}) {
-  const answer = await fetch(path, { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(body) });
+  const answer = await reach(path, { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(body) });
   return checked(answer);
 }
 
@@ -37,23 +40,24 @@ async function unpacked(answer) {
 export async function curves(range, points, names) {
   const query = new URLSearchParams({ sensor: "all", points, curves: names.join(",") });
   if (range) [["from", range[0]], ["to", range[1]]].forEach(([key, value]) => query.set(key, value));
-  return unpacked(await fetch(`/api/curves?${query}`));
+  return unpacked(await reach(`/api/curves?${query}`));
 }
 
 export async function compared(runs, range, points) {
   const query = new URLSearchParams({ runs: runs.join(","), points });
   if (range) [["from", range[0]], ["to", range[1]]].forEach(([key, value]) => query.set(key, value));
-  return unpacked(await fetch(`/api/compare?${query}`));
+  return unpacked(await reach(`/api/compare?${query}`));
 }
 
 export async function simulate(question) {
   const headers = { "Content-Type": "application/json", Accept: "application/octet-stream" };
-  return unpacked(await fetch("/api/simulate", { method: "POST", headers, body: JSON.stringify(question) }));
+  return unpacked(await reach("/api/simulate", { method: "POST", headers, body: JSON.stringify(question) }));
 }
 
 // Events as they come. A browser opens six connections to a host, so one page listens and tells the others; when it is closed another takes over.
 // A fit tells its errors faster than anyone can look: the handler of `progress` gets a list of them from time to time, and leaves the fit the processor.
 const GATHERED_MS = 200;
+const AGAIN_MS = 3000;
 export function listen(handlers) {
   const others = new BroadcastChannel("events");
   const hear = (name, data) => handlers[name]?.(data);
@@ -62,8 +66,9 @@ export function listen(handlers) {
   let gathered = [];
   const flush = () => { if (gathered.length) tell("progress", gathered); gathered = []; };
   const stream = () => {
-    // it comes back by itself after a break
+    // it comes back by itself after a break, but not where a program started anew knows the page no longer
     const source = new EventSource("/api/events");
+    source.addEventListener("error", () => source.readyState === EventSource.CLOSED && setTimeout(stream, AGAIN_MS));
     Object.keys(handlers).forEach((name) => source.addEventListener(name, (event) => {
       const data = event.data ? JSON.parse(event.data) : null;
       if (name === "progress") {

@@ -33,7 +33,11 @@ function shown(panel, heads) {
   return unit ? heads.map((v) => (v === null ? null : v * unit.per_m + unit.zero)) : heads;
 }
 const symbol = (panel) => (app.unit === "own" && panel.sensor.unit ? panel.sensor.unit.symbol : "m");
-const below = (panel) => (panel.data.adds && app.preview ? `model − measured; dashed: the part that ${app.preview} explains` : "model − measured");
+const ghostly = () => (app.compare ? `model ${app.compare}` : "before");
+function below(panel) {
+  if (panel.data.adds && app.preview) return `model − measured; dashed: the part that ${app.preview} explains`;
+  return panel.leaves ? `model − measured; ${ghostly()} is off this scale` : "model − measured";
+}
 const what = (panel, residual) => `${residual ? below(panel) : symbol(panel) === "m" ? "head" : "pressure"}, ${symbol(panel)}`;
 const perM = (panel) => (app.unit === "own" && panel.sensor.unit ? panel.sensor.unit.per_m : 1);
 
@@ -51,7 +55,7 @@ function options(panel, residual) {
       u.ctx.fillStyle = colour("--text-2");
       u.ctx.font = `${11 * devicePixelRatio}px system-ui, sans-serif`;
       u.ctx.textAlign = "right";
-      u.ctx.fillText(what(panel, residual), u.bbox.left + u.bbox.width - 4 * devicePixelRatio, u.bbox.top - 4 * devicePixelRatio);
+      u.ctx.fillText(what(panel, residual), u.bbox.left + u.bbox.width - 4 * devicePixelRatio, u.bbox.top - 4 * devicePixelRatio, u.bbox.width);
     }],
     setSelect: [(u) => {
       if (u.select.width < 4) return;
@@ -192,13 +196,13 @@ class Panel {
     const [before, now] = [left(ghost), left(model)];
     const most = (curve) => curve.reduce((high, d) => Math.max(high, Math.abs(d)), 0);
     // a line that leaves the axis at every swing shows nothing
-    const leaves = model && most(before) > LEAVES * Math.max(most(now), this.sensor.noise_m * perM(this));
-    this.drawn = [[time, ...heads.map((v) => shown(this, v))], [time, gap(null, n), leaves ? gap(null, n) : before, now, proposed]];
+    this.leaves = ghost && model && most(before) > LEAVES * Math.max(most(now), this.sensor.noise_m * perM(this));
+    this.drawn = [[time, ...heads.map((v) => shown(this, v))], [time, gap(null, n), this.leaves ? gap(null, n) : before, now, proposed]];
     if (this.plots.length) this.plots.forEach((plot, i) => plot.setData(this.drawn[i]));
     else this.build();
     const legend = this.legend.querySelectorAll(".u-series");
     [ghost, model, trial].forEach((curve, i) => { legend[i + 2].hidden = !curve; });
-    legend[2].querySelector(".u-label").textContent = app.compare ? `model ${app.compare}` : "before";
+    legend[2].querySelector(".u-label").textContent = ghostly();
     legend[4].querySelector(".u-label").textContent = following ? "being fitted" : app.preview ? `with ${app.preview}` : "proposed";
   }
   build() {
@@ -223,6 +227,7 @@ async function ofAll(names) {
 // The model that is being fitted, a few times a second, until its job ends.
 let following = null;
 const EVERY_MS = 200;
+const AGAIN_MS = 2000;
 export async function watchFit(job) {
   if (following) return;
   following = job;
@@ -234,7 +239,7 @@ export async function watchFit(job) {
     // a curve that cannot be had at the moment is had the next time
     const each = await ofAll(["fitting"]).catch(() => null);
     if (app.state?.job?.id === following) { each?.((panel, column) => panel.watch(column)); draw(); }
-    await until(EVERY_MS - (performance.now() - began));
+    await until(each ? EVERY_MS - (performance.now() - began) : AGAIN_MS);
   }
   following = null;
   panels.forEach((panel) => { panel.data.trial = null; });

@@ -88,20 +88,22 @@ function falling() {
   const box = at("falling");
   // a diagnosis fits many models by turns: their errors make no curve
   if (!box || errors.length < 2 || app.state.job?.what === "diagnosing") return;
-  const noise = app.state.model?.noise_m || Math.min(...errors.map((e) => e[1]));
-  const logs = errors.map((e) => Math.log(e[1]));
+  // a fit starts from several places: their errors after one another would look as if it went astray
+  const least = errors.map(((low) => ([, error]) => (low = Math.min(low, error)))(Infinity));
+  const now = least.at(-1);
+  const noise = app.state.model?.noise_m || now;
+  const logs = least.map(Math.log);
   const [low, high] = [Math.min(Math.log(noise), ...logs), Math.max(...logs)];
   const y = (log) => TOP + ((BOTTOM - TOP) * (high - log)) / (high - low || 1);
   const x = (i) => LEFT + ((RIGHT - LEFT) * i) / (errors.length - 1);
   const label = (px, py, text, anchor = "end", kind = null) => svg("text", { x: px, y: py, "text-anchor": anchor, class: kind, text });
   const noiseAt = y(Math.log(noise));
-  const now = errors.at(-1)[1];
-  put(box, svg("svg", { viewBox: "0 0 300 92", role: "img", "aria-label": `error by iteration, now ${head(now)}` },
+  put(box, svg("svg", { viewBox: "0 0 300 92", role: "img", "aria-label": `least error so far by iteration, now ${head(now)}` },
     svg("line", { x1: LEFT, x2: RIGHT, y1: noiseAt, y2: noiseAt, class: "noise-line" }),
     label(LEFT - 5, noiseAt + 4, "noise", "end", "noise-label"), high - Math.log(noise) > 0.3 ? label(LEFT - 5, TOP + 6, head(Math.exp(high))) : null,
     svg("polyline", { points: logs.map((l, i) => `${x(i).toFixed(1)},${y(l).toFixed(1)}`).join(" "), class: "falling" }),
     svg("circle", { cx: RIGHT, cy: y(logs.at(-1)), r: 3, class: "now" }),
-    label(LEFT, 89, "error by iteration", "start"), label(RIGHT, 89, `${errors.at(-1)[0]}: ${head(now)}`)));
+    label(LEFT, 89, "least error so far by iteration", "start"), label(RIGHT, 89, `${errors.at(-1)[0]}: ${head(now)}`)));
 }
 
 export function progress(list) {
@@ -114,7 +116,7 @@ export function progress(list) {
   falling();
   if (last.what === "diagnosing") return;
   if (own.some((told) => told.moves)) watchFit(last.job);
-  if (moved.length && app.state.model) falls(moved.at(-1).rmse_m);
+  if (moved.length && app.state.model) falls(Math.min(...errors.map(([, error]) => error)));
 }
 
 export function missing() {

@@ -105,7 +105,7 @@ function row(p) {
   const more = h("details", { class: "menu", ontoggle: (event) => event.target.lastChild.scrollIntoView({ block: "nearest" }) }, h("summary", { "aria-label": `Bounds of ${named(p)}`, text: "⋯" }),
     h("div", {}, h("p", { text: p.about }), h("label", {}, "from ", bound(p, 0)), h("label", {}, "to ", bound(p, 1))));
   const box = h("div", { class: `parameter${p.advice ? " doubtful" : ""}` },
-    h("div", { class: "label", title: p.about }, h("b", { text: named(p) }), p.advice ? h("span", { class: "mark", title: inWords(p.advice), text: "!" }) : null, p.run && app.state.open.runs.length > 1 ? ` ${p.run}` : "", more),
+    h("div", { class: "label", title: p.about }, h("b", { text: named(p) }), p.advice ? h("span", { class: "mark", title: inWords(p.advice), text: "!" }) : null, more, p.run && app.state.open.runs.length > 1 ? h("span", { class: "hint run", text: p.run }) : null),
     h("div", { class: "slider" }, shade, slider), field, said, h("label", { class: "hold", title: "hold it: a fit leaves it where it is" }, hold, h("span", { text: " hold" })));
   rows.set(keyOf(p), { slider, field, said, shade, box });
   return box;

@@ -1,8 +1,8 @@
 // The page: what is drawn when, and the keys.
 
-import { ask, listen } from "/assets/api.js";
+import { AWAY, ask, listen } from "/assets/api.js";
 import { at, h, put, showIn } from "/assets/dom.js";
-import { app, act, complain, modelKey, onState, refresh, renew, tell } from "/assets/store.js";
+import { app, act, complain, content, modelKey, onState, refresh, renew, tell } from "/assets/store.js";
 import { charts, draw, load, pan, part } from "/assets/charts.js";
 import { fails, models } from "/assets/past.js";
 import { fit, parameters, reset } from "/assets/hands.js";
@@ -150,15 +150,13 @@ document.addEventListener("drop", (event) => {
   if (file) arrive(file);
 });
 
-let away = null;
+let away = false;
 const events = {
   progress, live, state: redraw, model: redraw,
   done: () => { redraw().then(() => tell(app.state.model ? `done: error ${app.state.model.rmse_m.toPrecision(3)} m` : "done")); },
   failed: (told) => { redraw(); if (told.message !== "cancelled") complain(new Error(told.message)); else tell("cancelled"); },
-  error: () => {
-    if (!away?.isConnected) { away = h("p", { text: "The workbench does not answer. The page goes on when the connection is back. If `surgescope open` has ended, start it again and open the address that it prints: the models that you made are in their file." }); at("messages").replaceChildren(away); }
-  },
-  open: () => { away?.remove(); away = null; redraw(); },
+  error: () => { if (!away) complain(new Error(AWAY)); away = true; },
+  open: () => { if (away) content(); away = false; redraw(); },
 };
 
 function effects(all) {
@@ -167,7 +165,8 @@ function effects(all) {
 }
 
 // The charts come first. Then the page listens, and fetches the state again: no change in between is lost.
-renew().catch(complain).finally(() => {
+const why = () => !app.state.open && app.state.failed && complain(new Error(app.state.failed));
+renew().then(why).catch(complain).finally(() => {
   listen(events);
   redraw();
   ask("/api/effects").then(effects).catch(complain);

@@ -57,9 +57,8 @@ function row(model, axis, all) {
 // The model that a job fits, as far as it has come.
 const fitted = () => {
   const { job, model } = app.state;
-  const last = job?.errors.at(-1);
-  if (!last || !model || !/^(adding|removing|fitting)/.test(job.what)) return null;
-  return { ...model, number: 0, name: job.what, grown_from: null, rmse_m: last[1], preview: true, fitting: true };
+  if (!job?.errors.length || !model || !/^(adding|removing|fitting)/.test(job.what)) return null;
+  return { ...model, number: 0, name: job.what, grown_from: null, rmse_m: Math.min(...job.errors.map(([, error]) => error)), preview: true, fitting: true };
 };
 
 // What an addition that the record does not support needs to hear.

@@ -49,6 +49,7 @@ pub struct Job {
 struct State {
     last: u64,
     job: Option<Job>,
+    failed: Option<String>,
     iterations: usize,
     /// Noise that errors are multiples of, m.
     noise_m: f64,
@@ -74,6 +75,11 @@ impl Jobs {
     /// The job at work.
     pub fn current(&self) -> Option<Job> {
         self.lock().job.clone()
+    }
+
+    /// Why the last job failed; none where it did not, or was cancelled.
+    pub fn failed(&self) -> Option<String> {
+        self.lock().failed.clone()
     }
 
     /// Whether there is one.
@@ -103,6 +109,7 @@ impl Jobs {
                 return Err(Busy::AtWork(job.what.clone()));
             }
             state.last += 1;
+            state.failed = None;
             state.iterations = 0;
             let (what, progress) = (what.to_owned(), String::new());
             let stop = stop.clone();
@@ -117,13 +124,17 @@ impl Jobs {
             let threads = ThreadPoolBuilder::new().start_handler(move |_| heed(heeding.clone())).build();
             heed(stop);
             let ended = catch_unwind(AssertUnwindSafe(|| threads?.install(|| work(&jobs))));
+            let cancelled = ended.as_ref().is_err_and(|reason| reason.is::<Stopped>());
             let message = match ended {
                 Ok(Ok(())) => None,
                 Ok(Err(error)) => Some(sentence(error.as_ref())),
-                Err(reason) if reason.is::<Stopped>() => Some("cancelled".to_owned()),
+                Err(_) if cancelled => Some("cancelled".to_owned()),
                 Err(_) => Some("this failed by a fault of the program; nothing was changed".to_owned()),
             };
-            jobs.lock().job = None;
+            let mut state = jobs.lock();
+            state.job = None;
+            state.failed = message.clone().filter(|_| !cancelled);
+            drop(state);
             jobs.ended.notify_all();
             match message {
                 None => jobs.hub.send("done", &json!({ "job": id })),
@@ -227,6 +238,7 @@ mod tests {
         assert_eq!(of("done")["job"], first);
         assert_eq!(of("failed")["job"], failing);
         assert_eq!(of("failed")["message"], "no water");
+        assert_eq!(jobs.failed().as_deref(), Some("no water"), "who comes later hears it, too");
     }
 
     #[test]
@@ -249,7 +261,7 @@ mod tests {
         .unwrap();
         wait.recv().unwrap();
         assert!(!jobs.wait(Duration::from_millis(20)) && jobs.cancel().is_some());
-        assert!(jobs.wait(LONG) && jobs.cancel().is_none());
+        assert!(jobs.wait(LONG) && jobs.cancel().is_none() && jobs.failed().is_none());
         let failed = std::iter::from_fn(|| block_on(heard.next())).find(|event| event.name == "failed").unwrap();
         assert!(failed.data.as_ref().unwrap().contains("cancelled"), "{failed:?}");
     }

@@ -37,6 +37,7 @@ pub fn json(session: &Session) -> Value {
             "id": job.id, "what": job.what, "progress": job.progress, "errors": job.errors,
             "iteration": job.errors.last().map(|(n, _)| n), "rmse_m": job.errors.last().map(|(_, rmse_m)| rmse_m),
         })),
+        "failed": session.jobs.failed(),
         "diagnosis": diagnosis,
         "recording": session.recorder.json(),
         "can_record": can_record(session),
