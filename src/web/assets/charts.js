@@ -238,7 +238,7 @@ export async function watchFit(job) {
     const began = performance.now();
     // a curve that cannot be had at the moment is had the next time
     const each = await ofAll(["fitting"]).catch(() => null);
-    if (app.state?.job?.id === following) { each?.((panel, column) => panel.watch(column)); draw(); }
+    if (app.state?.job?.id === following) { each?.((panel, column) => panel.watch(column)); draw(true); }
     await until(each ? EVERY_MS - (performance.now() - began) : AGAIN_MS);
   }
   following = null;
@@ -269,9 +269,10 @@ export function charts() {
   }
 }
 
-// While a finger moves only what is on the screen.
+// What is on the screen at once, the rest after the frame; while a curve moves only what is on the screen.
 export function draw(moving = false) {
-  panels.forEach((panel) => moving && panel.away || panel.draw());
+  panels.forEach((panel) => panel.away || panel.draw());
+  if (!moving) requestAnimationFrame(() => setTimeout(() => panels.forEach((panel) => panel.away && panel.draw())));
 }
 
 let latest = 0;
