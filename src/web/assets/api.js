@@ -36,17 +36,18 @@ async function unpacked(answer) {
   return head;
 }
 
+async function stretch(path, asked, range) {
+  const query = new URLSearchParams({ ...asked, ...(range && { from: range[0], to: range[1] }) });
+  return unpacked(await reach(`${path}?${query}`));
+}
+
 // Those of all sensors by one request: the server simulates each model once.
 export async function curves(range, points, names) {
-  const query = new URLSearchParams({ sensor: "all", points, curves: names.join(",") });
-  if (range) [["from", range[0]], ["to", range[1]]].forEach(([key, value]) => query.set(key, value));
-  return unpacked(await reach(`/api/curves?${query}`));
+  return stretch("/api/curves", { sensor: "all", points, curves: names.join(",") }, range);
 }
 
 export async function compared(runs, range, points) {
-  const query = new URLSearchParams({ runs: runs.join(","), points });
-  if (range) [["from", range[0]], ["to", range[1]]].forEach(([key, value]) => query.set(key, value));
-  return unpacked(await reach(`/api/compare?${query}`));
+  return stretch("/api/compare", { runs: runs.join(","), points }, range);
 }
 
 export async function simulate(question) {
@@ -57,7 +58,7 @@ export async function simulate(question) {
 // Events as they come. A browser opens six connections to a host, so one page listens and tells the others; when it is closed another takes over.
 // A fit tells its errors faster than anyone can look: the handler of `progress` gets a list of them from time to time, and leaves the fit the processor.
 const GATHERED_MS = 200;
-const AGAIN_MS = 3000;
+export const AGAIN_MS = 3000;
 export function listen(handlers) {
   const others = new BroadcastChannel("events");
   const hear = (name, data) => handlers[name]?.(data);

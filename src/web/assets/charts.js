@@ -1,6 +1,6 @@
 // A chart a sensor: measurement and models, below them model − measured on the same axis. All charts zoom and point together.
 
-import { curves, simulate } from "/assets/api.js";
+import { AGAIN_MS, curves, simulate } from "/assets/api.js";
 import { at, digits, h, head, keyOf, put, times } from "/assets/dom.js";
 import { app, complain, modelKey } from "/assets/store.js";
 import { menu } from "/assets/take.js";
@@ -227,7 +227,6 @@ async function ofAll(names) {
 // The model that is being fitted, a few times a second, until its job ends.
 let following = null;
 const EVERY_MS = 200;
-const AGAIN_MS = 2000;
 export async function watchFit(job) {
   if (following) return;
   following = job;
@@ -238,7 +237,7 @@ export async function watchFit(job) {
     const began = performance.now();
     // a curve that cannot be had at the moment is had the next time
     const each = await ofAll(["fitting"]).catch(() => null);
-    if (app.state?.job?.id === following) { each?.((panel, column) => panel.watch(column)); draw(true); }
+    if (each && app.state?.job?.id === following) { each((panel, column) => panel.watch(column)); draw(true); }
     await until(each ? EVERY_MS - (performance.now() - began) : AGAIN_MS);
   }
   following = null;

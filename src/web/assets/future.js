@@ -3,7 +3,7 @@
 import { at, atNoise, h, head, probable, put, svg, times, toCharts } from "/assets/dom.js";
 import { app, act, inWords, proposals } from "/assets/store.js";
 import { load, try_, watchFit } from "/assets/charts.js";
-import { falls, models } from "/assets/past.js";
+import { falls, least, models } from "/assets/past.js";
 import { copier } from "/assets/commands.js";
 
 function sentence(found) {
@@ -89,10 +89,10 @@ function falling() {
   // a diagnosis fits many models by turns: their errors make no curve
   if (!box || errors.length < 2 || app.state.job?.what === "diagnosing") return;
   // a fit starts from several places: their errors after one another would look as if it went astray
-  const least = errors.map(((low) => ([, error]) => (low = Math.min(low, error)))(Infinity));
-  const now = least.at(-1);
+  const lowest = errors.map(((low) => ([, error]) => (low = Math.min(low, error)))(Infinity));
+  const now = lowest.at(-1);
   const noise = app.state.model?.noise_m || now;
-  const logs = least.map(Math.log);
+  const logs = lowest.map(Math.log);
   const [low, high] = [Math.min(Math.log(noise), ...logs), Math.max(...logs)];
   const y = (log) => TOP + ((BOTTOM - TOP) * (high - log)) / (high - low || 1);
   const x = (i) => LEFT + ((RIGHT - LEFT) * i) / (errors.length - 1);
@@ -116,7 +116,7 @@ export function progress(list) {
   falling();
   if (last.what === "diagnosing") return;
   if (own.some((told) => told.moves)) watchFit(last.job);
-  if (moved.length && app.state.model) falls(Math.min(...errors.map(([, error]) => error)));
+  if (moved.length && app.state.model) falls(least(errors));
 }
 
 export function missing() {

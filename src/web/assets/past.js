@@ -54,11 +54,14 @@ function row(model, axis, all) {
     h("span", { class: "hint", text: times(model.rmse_m, model.noise_m) }), inForce || model.preview ? null : h("span", {}, compare, beside));
 }
 
+// A fit starts from several places: its latest error may be that of a place that it gives up.
+export const least = (errors) => Math.min(...errors.map(([, error]) => error));
+
 // The model that a job fits, as far as it has come.
 const fitted = () => {
   const { job, model } = app.state;
   if (!job?.errors.length || !model || !/^(adding|removing|fitting)/.test(job.what)) return null;
-  return { ...model, number: 0, name: job.what, grown_from: null, rmse_m: Math.min(...job.errors.map(([, error]) => error)), preview: true, fitting: true };
+  return { ...model, number: 0, name: job.what, grown_from: null, rmse_m: least(job.errors), preview: true, fitting: true };
 };
 
 // What an addition that the record does not support needs to hear.

@@ -5,7 +5,7 @@ use std::error::Error;
 use std::sync::Arc;
 
 use rayon::prelude::*;
-use serde::Serialize;
+use serde::{Serialize, Serializer};
 use serde_json::json;
 
 use crate::model::constraint::Given;
@@ -62,21 +62,8 @@ pub fn of_sensor(
 /// # Errors
 /// A model that cannot be simulated, too many of them.
 pub fn of_all(bench: &Bench, stretch: Stretch, asked: &[&str]) -> Result<Packed, AnyError> {
-    let models = simulated(bench, asked)?;
-    let runs = bench.study.runs().iter().enumerate();
-    let places: Vec<_> = runs.flat_map(|(r, run)| (0..run.sensors.len()).map(move |s| (r, s))).collect();
-    let of_place = |&place: &(usize, usize)| {
-        let samples = bench.samples(place.0, place.1)?;
-        let shown = bench.shown(place, &samples, &stretch);
-        Some((place, shown.0.len(), columns(place, &samples, &shown.0, &models)))
-    };
-    let all: Vec<_> = places.par_iter().filter_map(of_place).collect();
     let mut packed = Packed::default();
-    let about = |((run, sensor), points, _): &_| json!({ "run": run, "sensor": sensor, "points": points });
-    packed.say("sensors", all.iter().map(about).collect());
-    for ((run, sensor), _, columns) in all {
-        columns.into_iter().for_each(|(name, values)| packed.push(format!("{run}/{sensor}/{name}"), values));
-    }
+    pack(of_each(bench, stretch, &simulated(bench, asked)?), &mut packed);
     Ok(packed)
 }
 
@@ -182,7 +169,7 @@ pub fn simulate(bench: &Bench, asked: &Question) -> Result<Simulation, AnyError>
     let samples: usize = bench.study.runs().iter().flat_map(|r| &r.sensors).map(|s| s.time_s.len()).sum();
     let coarse = asked.coarse && fit.reaches > COARSE_REACHES && fit.reaches * samples > KEEPS_UP;
     let reaches = if coarse { COARSE_REACHES } else { fit.reaches };
-    let simulated = bench.study.simulated(&effects, &values, reaches)?;
+    let simulated = Arc::new(bench.study.simulated(&effects, &values, reaches)?);
     let stretch = Stretch { from_s: asked.from, to_s: asked.to, points: asked.points };
     Ok(Simulation {
         rmse_m: simulated.rmse_m(bench.study.runs()),
@@ -190,7 +177,7 @@ pub fn simulate(bench: &Bench, asked: &Question) -> Result<Simulation, AnyError>
         reaches: simulated.reaches,
         coarse,
         followed: followed.into_iter().map(|g| json!({ "name": g.name, "run": g.run, "value": g.value })).collect(),
-        curves: curves(bench, &simulated, stretch),
+        curves: of_each(bench, stretch, &[("model".to_owned(), simulated)]),
     })
 }
 
@@ -208,16 +195,19 @@ pub struct Simulation {
     curves: Vec<SensorCurves>,
 }
 
-/// One sensor; all vectors of one length.
+/// One sensor; all columns of one length. Times are after the start of the closure as the fit has it, s: a later
+/// closure shows as later.
 #[derive(Debug, Serialize)]
 struct SensorCurves {
     run: usize,
     sensor: usize,
     name: String,
-    /// After the start of the closure as the fit has it, s: a later closure shows as later.
-    time_s: Vec<f64>,
-    measured_m: Vec<f64>,
-    model_m: Vec<f64>,
+    #[serde(flatten, serialize_with = "by_name")]
+    columns: Vec<(String, Vec<f64>)>,
+}
+
+fn by_name<S: Serializer>(columns: &[(String, Vec<f64>)], serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.collect_map(columns.iter().map(|(name, values)| (name, values)))
 }
 
 impl Simulation {
@@ -229,34 +219,27 @@ impl Simulation {
         packed.say("reaches", json!(self.reaches));
         packed.say("coarse", json!(self.coarse));
         packed.say("followed", json!(self.followed));
-        let about = |c: &SensorCurves| json!({ "run": c.run, "sensor": c.sensor, "points": c.time_s.len() });
-        packed.say("sensors", self.curves.iter().map(about).collect());
-        for c in self.curves {
-            let of = |what: &str| format!("{}/{}/{what}", c.run, c.sensor);
-            packed.push(of("time_s"), c.time_s);
-            packed.push(of("measured_m"), c.measured_m);
-            packed.push(of("model_m"), c.model_m);
-        }
+        pack(self.curves, &mut packed);
         packed
     }
 }
 
-fn curves(bench: &Bench, simulated: &Simulated, stretch: Stretch) -> Vec<SensorCurves> {
-    let mut all = Vec::new();
-    for (r, run) in bench.study.runs().iter().enumerate() {
-        for (s, sensor) in run.sensors.iter().enumerate() {
-            let Some(samples) = bench.samples(r, s) else { continue };
-            let shown = bench.shown((r, s), &samples, &stretch);
-            let head_m = simulated.shown.head_m(r, s);
-            all.push(SensorCurves {
-                run: r,
-                sensor: s,
-                name: sensor.sensor.name.clone(),
-                time_s: shown.0.iter().map(|&i| samples.after_start_s(i)).collect(),
-                measured_m: shown.0.iter().map(|&i| samples.head_m(i)).collect(),
-                model_m: shown.0.iter().map(|&i| head_m(samples.time_s[i])).collect(),
-            });
-        }
+fn of_each(bench: &Bench, stretch: Stretch, models: &[(String, Arc<Simulated>)]) -> Vec<SensorCurves> {
+    let runs = bench.study.runs().iter().enumerate();
+    let places: Vec<_> = runs.flat_map(|(r, run)| (0..run.sensors.len()).map(move |s| (r, s))).collect();
+    let of_place = |&(run, sensor): &(usize, usize)| {
+        let samples = bench.samples(run, sensor)?;
+        let shown = bench.shown((run, sensor), &samples, &stretch);
+        let name = bench.study.runs()[run].sensors[sensor].sensor.name.clone();
+        Some(SensorCurves { run, sensor, name, columns: columns((run, sensor), &samples, &shown.0, models) })
+    };
+    places.par_iter().filter_map(of_place).collect()
+}
+
+fn pack(curves: Vec<SensorCurves>, packed: &mut Packed) {
+    let about = |c: &SensorCurves| json!({ "run": c.run, "sensor": c.sensor, "points": c.columns[0].1.len() });
+    packed.say("sensors", curves.iter().map(about).collect());
+    for c in curves {
+        c.columns.into_iter().for_each(|(name, values)| packed.push(format!("{}/{}/{name}", c.run, c.sensor), values));
     }
-    all
 }
