@@ -8,6 +8,7 @@ use crate::diagnose::candidate_fit::{CandidateFit, FullFitter, best_forms, squar
 use crate::diagnose::limits::{CONVERGE_BELOW, FULL_FITS, NO_FULL_FIT_ABOVE};
 use crate::diagnose::screening::screened;
 use crate::fit::outcome::fit::Fit;
+use crate::fit::search::calibrate::coarse_on;
 use crate::fit::search::starts::may_be_anywhere;
 
 /// Compares the rivals at their optima: the best is fitted until it converges, the others also start from where it ended.
@@ -59,18 +60,16 @@ fn in_its_place(fitter: &FullFitter, winner: &Fit, candidate_fits: &mut [Candida
 /// and whose own fit leaves more.
 fn elsewhere(fitter: &FullFitter, winner: &Fit, candidate_fits: &mut [CandidateFit]) {
     let near = CONVERGE_BELOW * square(winner);
-    let is_winner = |r: &CandidateFit| r.fit.as_ref().is_some_and(|f| f.effects.last() == winner.effects.last());
     let leaves_more = |r: &CandidateFit| r.fit.is_none() || r.square >= near;
-    let asked = |r: &CandidateFit| may_be_anywhere(&r.refit.form.chosen) && (is_winner(r) || leaves_more(r));
-    let coarse: Vec<_> =
-        candidate_fits.par_iter().map(|r| asked(r).then(|| fitter.relocated(r, winner).ok()).flatten()).collect();
-    let own = candidate_fits.iter().zip(&coarse).find(|(r, _)| is_winner(r)).and_then(|(_, found)| found.as_ref());
-    let Some(most) = own.map(|own| CONVERGE_BELOW * own.mean_square) else { return };
-    candidate_fits.par_iter_mut().zip(&coarse).for_each(|(candidate_fit, found)| {
-        if let Some(found) = found.as_ref().filter(|found| leaves_more(candidate_fit) && found.mean_square < most) {
-            candidate_fit.take(fitter.fit_from_values(candidate_fit.refit, &found.effects, &found.values));
-        }
-    });
+    let Ok(own) = coarse_on(fitter.rig, fitter.runs, &winner.effects, &winner.values(), fitter.options) else { return };
+    candidate_fits.par_iter_mut().filter(|r| may_be_anywhere(&r.refit.form.chosen) && leaves_more(r)).for_each(
+        |rival| {
+            let found = fitter.relocated(rival, winner).ok();
+            if let Some(found) = found.filter(|found| found.mean_square < CONVERGE_BELOW * own.mean_square) {
+                rival.take(fitter.fit_from_values(rival.refit, &found.effects, &found.values));
+            }
+        },
+    );
 }
 
 /// Whether the effect that the start model lacks may be anywhere along the pipe.

@@ -60,10 +60,15 @@ fn fit_afresh(fitter: &FullFitter, leading: &mut Vec<&mut CandidateFit>, number:
     leading.retain(|r| r.square < most && !done.contains(&r.refit.form.effect));
     leading.truncate(number);
     done.extend(leading.iter().map(|r| r.refit.form.effect));
-    leading.par_iter_mut().for_each(|candidate_fit| {
+    let afresh = |candidate_fit: &mut &mut CandidateFit| {
         let fit = fitter.fit_from_scratch(candidate_fit.refit);
         candidate_fit.take(fit);
-    });
+    };
+    let Some((first, others)) = leading.split_first_mut() else { return };
+    afresh(first);
+    // the best of them may have left the others so far behind that they need no fit
+    let most = NO_FULL_FIT_ABOVE * first.square;
+    others.par_iter_mut().filter(|r| r.square < most).for_each(afresh);
 }
 
 /// Fits candidates from the signals, without any earlier fit: all on a coarse grid, then those that leave least.

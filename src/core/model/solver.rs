@@ -113,6 +113,7 @@ impl Line<'_> {
             scratch: vec![0.0; n],
             elastic,
             steady_half_loss,
+            by_kappa: implicit.iter().map(|own| 1.0 / (1.0 + own.kappa)).collect(),
             implicit,
             frictions: inner_frictions,
         }
@@ -220,9 +221,10 @@ impl Line<'_> {
                     let joint = &mut self.joints[s];
                     joint.taken_m3_s -= weight * self.spread[i].flow_m3_s;
                     let node = self.steady.grid.segments[s + 1].offset;
-                    let own = 1.0 / (1.0 / left.z + 1.0 / right.z);
+                    let by_both = 1.0 / (left.z + right.z);
+                    let own = left.z * right.z * by_both;
                     let head_m = if joint.is_plain() {
-                        own * (left.e / left.z + right.e / right.z - joint.taken_m3_s)
+                        (left.e * right.z + right.e * left.z) * by_both - own * joint.taken_m3_s
                     } else {
                         let guess = self.steady.head_m[node] + state.h[node];
                         joint.find(left, |h| ((h - right.e) / right.z, 1.0 / right.z), guess).right_head_m
@@ -263,8 +265,7 @@ impl Line<'_> {
     fn arriving_upstream(&self, state: &State, s: usize) -> Arriving {
         let segment = &self.steady.grid.segments[s];
         let node = segment.offset;
-        let Implicit { kappa, mu } = state.implicit[s];
-        let by_kappa = 1.0 / (1.0 + kappa);
+        let (mu, by_kappa) = (state.implicit[s].mu, state.by_kappa[s]);
         let (constant, slope) = self.half_loss_line(state, s, state.u[node]);
         let known = state.bwd[node + 1] + state.storage[node] - state.momentum[node] + constant;
         Arriving {
@@ -278,8 +279,7 @@ impl Line<'_> {
     fn arriving_downstream(&self, state: &State, s: usize) -> Arriving {
         let segment = &self.steady.grid.segments[s];
         let node = segment.offset + segment.reaches;
-        let Implicit { kappa, mu } = state.implicit[s];
-        let by_kappa = 1.0 / (1.0 + kappa);
+        let (mu, by_kappa) = (state.implicit[s].mu, state.by_kappa[s]);
         let (constant, slope) = self.half_loss_line(state, s, state.u[node]);
         let known = state.fwd[node - 1] + state.storage[node] + state.momentum[node] - constant;
         Arriving {

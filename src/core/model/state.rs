@@ -30,6 +30,8 @@ pub(crate) struct State {
     pub(crate) steady_half_loss: Vec<f64>,
     /// `κ` and `μ` of each segment.
     pub(crate) implicit: Vec<Implicit>,
+    /// `1/(1 + κ)` of each segment: a division would hold up every step at every end of a segment.
+    pub(crate) by_kappa: Vec<f64>,
     /// Friction of each segment's reach for `w = 2u`, divided by its `1 + μ`.
     pub(crate) frictions: Vec<ReachFriction>,
 }
@@ -105,11 +107,10 @@ impl State {
     #[inline]
     pub(crate) fn read(&self, traces: &mut [Trace], readings: &[Reading]) {
         for (trace, reading) in traces.iter_mut().zip(readings) {
-            let weigh = |of: &dyn Fn(usize) -> f64| reading.stencil.iter().map(|&(node, w)| w * of(node)).sum::<f64>();
             trace.values.push(match reading.flow_by_u {
-                None if self.elastic => reading.base + weigh(&|node| 0.5 * (self.fwd[node] + self.bwd[node])),
-                None => reading.base + weigh(&|node| self.h[node]),
-                Some(by_u) => by_u * weigh(&|node| self.u[node]),
+                None if self.elastic => reading.base + reading.weigh(|node| 0.5 * (self.fwd[node] + self.bwd[node])),
+                None => reading.base + reading.weigh(|node| self.h[node]),
+                Some(by_u) => by_u * reading.weigh(|node| self.u[node]),
             });
         }
     }
@@ -130,5 +131,11 @@ impl Reading {
         let base = stencil.iter().map(|&(node, weight)| weight * steady.head_m[node]).sum();
         let flow_by_u = matches!(probe, Probe::Flow(_)).then(|| 1.0 / steady.grid.segments[segment].impedance);
         Reading { stencil, base, flow_by_u }
+    }
+
+    /// What the stencil makes of the values at its nodes.
+    #[inline]
+    fn weigh(&self, of: impl Fn(usize) -> f64) -> f64 {
+        self.stencil.iter().map(|&(node, w)| w * of(node)).sum()
     }
 }

@@ -15,7 +15,7 @@ use crate::fit::problem::method::Method;
 use crate::fit::problem::objective::Objective;
 use crate::fit::progress::OnProgress;
 use crate::fit::search::calibrator::{Calibrator, Estimate};
-use crate::fit::search::coarse_fit::{coarse_fit, grow, mean_square, nested_fit, relocated, residual_summary};
+use crate::fit::search::coarse_fit::{best_of, coarse_fit, grow, mean_square, nested_fit, relocated, residual_summary};
 use crate::fit::search::finish::{descend, finish, without_descent};
 use crate::fit::search::global::global_search;
 use crate::fit::search::options::Options;
@@ -151,6 +151,22 @@ pub(crate) fn relocate(
     let ctx = Calibrator::new(rig, runs, options, progress, effects, Some(values))?;
     let model = ctx.model(effects);
     Ok(CoarseFit::of(&ctx, &model, relocated(&ctx, &model, values)?))
+}
+
+/// Fits a model coarsely on from `values` of all its variables (shared ones, then each run's).
+///
+/// # Errors
+/// As [`calibrate`].
+pub(crate) fn coarse_on(
+    rig: &Rig,
+    runs: &[RunData],
+    effects: &[Chosen],
+    values: &[f64],
+    options: &Options,
+) -> Result<CoarseFit, FitError> {
+    let ctx = Calibrator::new(rig, runs, options, &|_| {}, effects, Some(values))?;
+    let model = ctx.model(effects);
+    Ok(CoarseFit::of(&ctx, &model, best_of(&ctx, &model, &[values.to_vec()])?))
 }
 
 /// Fits a model on from `values` of all its variables (shared ones, then each run's): to all samples, on as fine a grid as it takes.

@@ -9,7 +9,7 @@ use crate::fit::problem::error::FitError;
 use crate::fit::problem::fit_problem::{FitProblem, Window};
 use crate::fit::progress::{OnProgress, Progress};
 use crate::fit::search::options::Options;
-use crate::fit::search::thresholds::{COARSE_SAMPLES, FINAL_REACHES};
+use crate::fit::search::thresholds::{COARSE_SAMPLES, FINAL_REACHES, LOCKING_PER_STEP};
 use crate::model::effects::Chosen;
 use crate::model::{Model, ModelError};
 use crate::rig::{Rig, WaterProperties};
@@ -74,6 +74,18 @@ impl<'a> Calibrator<'a> {
         });
         let stride = (samples.max().unwrap_or(0) / COARSE_SAMPLES).max(1);
         Window { reaches, horizon_s, stride }
+    }
+
+    /// The same while the phase locks: a grid shows nothing faster than its step of `step_s`, so more samples than [`LOCKING_PER_STEP`] of the slowest
+    /// sensor in each would only take time.
+    pub(crate) fn locking(&self, reaches: usize, horizon_s: f64, step_s: f64) -> Window {
+        let window = self.window(reaches, horizon_s);
+        let intervals = self.runs.iter().flat_map(|r| &r.sensors).filter_map(|s| {
+            let (first, last) = (s.time_s.first()?, s.time_s.last()?);
+            Some((last - first) / (s.time_s.len().max(2) - 1) as f64)
+        });
+        let enough = step_s / (LOCKING_PER_STEP * intervals.fold(0.0, f64::max));
+        Window { stride: window.stride.max(enough as usize), ..window }
     }
 
     /// Counts evaluations of all runs.

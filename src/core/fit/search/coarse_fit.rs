@@ -169,7 +169,7 @@ pub(crate) fn grow(ctx: &Calibrator, model: &Model, smaller: &Model, state: &Est
 }
 
 /// Screens the starts that are not hopeless, then fits from the best.
-fn best_of(ctx: &Calibrator, model: &Model, starts: &[Vec<f64>]) -> Result<Estimate, FitError> {
+pub(crate) fn best_of(ctx: &Calibrator, model: &Model, starts: &[Vec<f64>]) -> Result<Estimate, FitError> {
     let mut best: Option<Estimate> = None;
     for values in starts {
         let evaluated =
@@ -209,9 +209,14 @@ fn attempt(
     horizon_s: f64,
     limits: Limits,
 ) -> Result<Estimate, ModelError> {
-    let reaches = if horizon_s.is_finite() { LOCKING_REACHES } else { COARSE_REACHES };
-    let reaches = model.fitting_reaches(&values[..model.shared.len()], reaches);
-    let mut problem = FitProblem::new(model, ctx.runs, ctx.window(reaches, horizon_s));
+    let shared = &values[..model.shared.len()];
+    let window = if horizon_s.is_finite() {
+        let reaches = model.fitting_reaches(shared, LOCKING_REACHES);
+        ctx.locking(reaches, horizon_s, 0.25 * model.period_s(shared) / reaches as f64)
+    } else {
+        ctx.window(model.fitting_reaches(shared, COARSE_REACHES), horizon_s)
+    };
+    let mut problem = FitProblem::new(model, ctx.runs, window);
     problem.hold(held, values);
     let label = model.effects.iter().map(Chosen::label).collect::<Vec<_>>().join(" + ");
     let label = if label.is_empty() { "base model" } else { &label };

@@ -7,6 +7,8 @@ use crate::fit::outcome::thresholds::STRONG_EVIDENCE;
 
 /// Reaches of the grid while the phase locks. Tuned; data unknown.
 pub(crate) const LOCKING_REACHES: usize = 32;
+/// Samples of the slowest sensor in a step of that grid. Derived: what two samples a step cannot show, the grid does not have.
+pub(crate) const LOCKING_PER_STEP: f64 = 2.0;
 /// Reaches of the grid while models are chosen. Tuned; data unknown.
 pub(crate) const COARSE_REACHES: usize = 48;
 /// Reaches from which the grid is refined. Tuned; data unknown.
