@@ -101,69 +101,83 @@ const SMALL_DROP_M: f64 = 1e-9;
 /// litre a second.
 const HOLDING_M2_S: f64 = 1e3;
 
+/// What the valve's end is at one time.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Outlet {
+    /// A head, m, that drives the line.
+    Head(f64),
+    /// A flow, m³/s, whatever the head.
+    Flow(f64),
+    /// `Q = c √ΔH`, signed like `ΔH`, the head less that behind the valve.
+    Orifice {
+        /// `c = τ Q0/√ΔH0`, zero or more.
+        root_c: f64,
+        /// Head behind it, m.
+        behind_m: f64,
+    },
+}
+
 impl ValveEnd {
-    /// Flow through the valve at `time_s`, from the characteristic `H + z Q = e` that reaches it.
-    pub fn flow_m3_s(&self, time_s: f64, z: f64, e: f64) -> f64 {
-        if let Some(head) = &self.given_head {
-            return (e - head(time_s)) / z;
+    /// What it is at `time_s`.
+    pub fn at(&self, time_s: f64) -> Outlet {
+        match (&self.given_head, self.closure) {
+            (Some(head), _) => Outlet::Head(head(time_s)),
+            (None, Closure::Linear { closing_time_s }) => {
+                let root_c = self.root_c(part(time_s, closing_time_s));
+                Outlet::Orifice { root_c, behind_m: self.discharge_head_m }
+            }
+            (None, Closure::FlowRamp { closing_time_s }) => {
+                let s = part(time_s, closing_time_s);
+                Outlet::Flow(self.flow_m3_s * 0.5 * (1.0 + (std::f64::consts::PI * s).cos()))
+            }
+            (None, Closure::FlowCycloid { closing_time_s }) => {
+                let (s, turn) = (part(time_s, closing_time_s), std::f64::consts::TAU);
+                Outlet::Flow(self.flow_m3_s * (1.0 - s + (turn * s).sin() / turn))
+            }
         }
-        match self.given_flow(time_s) {
-            Some(flow) => flow,
-            None => {
-                let excess = e - self.discharge_head_m;
-                let root_c = self.root_c(time_s);
+    }
+
+    /// `τ Q0/√ΔH0`: the orifice's flow over the root of its head difference, `s` of the closing time being over.
+    fn root_c(&self, s: f64) -> f64 {
+        let moving = self.law.as_ref().map_or(1.0 - s, |law| law(s)).clamp(0.0, 1.0);
+        let opening = self.residual_opening + (1.0 - self.residual_opening) * moving;
+        if opening <= 0.0 || self.drop_m <= 0.0 { 0.0 } else { opening * self.flow_m3_s / self.drop_m.sqrt() }
+    }
+}
+
+impl Outlet {
+    /// Flow through it, m³/s, from the characteristic `H + z Q = e` that reaches it.
+    pub fn flow_m3_s(self, z: f64, e: f64) -> f64 {
+        match self {
+            Outlet::Head(head_m) => (e - head_m) / z,
+            Outlet::Flow(flow_m3_s) => flow_m3_s,
+            Outlet::Orifice { root_c, behind_m } => {
+                let excess = e - behind_m;
                 if root_c <= 0.0 || excess == 0.0 {
                     return 0.0;
                 }
-                // `Q = τ Q0 √(ΔH/ΔH0)`, signed like `ΔH = H - H_discharge`, together with `H + z Q = e`.
                 excess.signum() * 2.0 * excess.abs() * root_c
                     / (z * root_c + (z * z * root_c * root_c + 4.0 * excess.abs()).sqrt())
             }
         }
     }
 
-    /// Flow through the valve at `time_s` and a head before it, and its derivative by that head.
-    pub fn flow_at_m3_s(&self, time_s: f64, head_m: f64) -> (f64, f64) {
-        if let Some(head) = &self.given_head {
-            return (HOLDING_M2_S * (head_m - head(time_s)), HOLDING_M2_S);
-        }
-        if let Some(flow) = self.given_flow(time_s) {
-            return (flow, 0.0);
-        }
-        let (drop, root_c) = (head_m - self.discharge_head_m, self.root_c(time_s));
-        if drop.abs() < SMALL_DROP_M {
-            let slope = root_c / SMALL_DROP_M.sqrt();
-            return (slope * drop, slope);
-        }
-        let flow = drop.signum() * root_c * drop.abs().sqrt();
-        (flow, 0.5 * flow / drop)
-    }
-
-    /// The flow, if it is prescribed whatever the head.
-    fn given_flow(&self, time_s: f64) -> Option<f64> {
-        match self.closure {
-            Closure::Linear { .. } => None,
-            Closure::FlowRamp { closing_time_s } => {
-                let s = part(time_s, closing_time_s);
-                Some(self.flow_m3_s * 0.5 * (1.0 + (std::f64::consts::PI * s).cos()))
-            }
-            Closure::FlowCycloid { closing_time_s } => {
-                let (s, turn) = (part(time_s, closing_time_s), std::f64::consts::TAU);
-                Some(self.flow_m3_s * (1.0 - s + (turn * s).sin() / turn))
+    /// Flow through it at a head before it, m³/s, and its derivative by that head.
+    pub fn flow_at_m3_s(self, head_m: f64) -> (f64, f64) {
+        match self {
+            Outlet::Head(held_m) => (HOLDING_M2_S * (head_m - held_m), HOLDING_M2_S),
+            Outlet::Flow(flow_m3_s) => (flow_m3_s, 0.0),
+            Outlet::Orifice { root_c, .. } if root_c <= 0.0 => (0.0, 0.0),
+            Outlet::Orifice { root_c, behind_m } => {
+                let drop = head_m - behind_m;
+                if drop.abs() < SMALL_DROP_M {
+                    let slope = root_c / SMALL_DROP_M.sqrt();
+                    return (slope * drop, slope);
+                }
+                let flow = drop.signum() * root_c * drop.abs().sqrt();
+                (flow, 0.5 * flow / drop)
             }
         }
-    }
-
-    /// `τ Q0/√ΔH0`: the orifice's flow over the root of its head difference.
-    fn root_c(&self, time_s: f64) -> f64 {
-        let Closure::Linear { closing_time_s } = self.closure else { return 0.0 };
-        if self.drop_m <= 0.0 {
-            return 0.0;
-        }
-        let s = part(time_s, closing_time_s);
-        let moving = self.law.as_ref().map_or(1.0 - s, |law| law(s)).clamp(0.0, 1.0);
-        let opening = self.residual_opening + (1.0 - self.residual_opening) * moving;
-        opening * self.flow_m3_s / self.drop_m.sqrt()
     }
 }
 
@@ -188,17 +202,18 @@ mod tests {
             given_head: None,
         };
         for (time_s, z, e) in [(0.03, 4e4, 60.0), (0.09, 4e4, 30.0), (0.05, 2e4, -15.0)] {
-            let flow = valve.flow_m3_s(time_s, z, e);
+            let outlet = valve.at(time_s);
+            let flow = outlet.flow_m3_s(z, e);
             let drop = e - z * flow - 1.0;
             let opening = 1.0 - time_s / 0.1;
             let orifice = opening * 1e-3 * (drop.abs() / 20.0).sqrt() * drop.signum();
             assert!((flow - orifice).abs() < 1e-12, "{flow} {orifice}");
-            let (at, slope) = valve.flow_at_m3_s(time_s, e - z * flow);
+            let (at, slope) = outlet.flow_at_m3_s(e - z * flow);
             assert!((at - flow).abs() < 1e-12);
-            let nearby = valve.flow_at_m3_s(time_s, e - z * flow + 1e-6).0;
+            let nearby = outlet.flow_at_m3_s(e - z * flow + 1e-6).0;
             assert!(((nearby - at) / 1e-6 / slope - 1.0).abs() < 1e-4);
         }
-        assert_eq!(valve.flow_m3_s(0.1, 4e4, 30.0), 0.0);
+        assert_eq!(valve.at(0.1).flow_m3_s(4e4, 30.0), 0.0);
     }
 
     #[test]

@@ -25,6 +25,7 @@ use crate::model::error::ModelError;
 use crate::model::node::Shunt;
 use crate::model::scene::{Scene, Spot};
 use crate::model::steady::Steady;
+use crate::wide::widened;
 
 /// Least `K` as a share of the volume.
 const LEAST: f64 = 0.5;
@@ -166,31 +167,48 @@ impl NodeField for Field {
     /// With `y = h + y0` the node is `k y + c q = k y0 + s` with `q = min((K - V)/(ψ dt + θ), (K - V/2)/dt)` and
     /// `V = max(C/y - C/below, 0)`: two quadratics and, without gas, a line. The least outflow leaves the greatest `y`.
     fn inner(&mut self, segment: usize, one_plus_kappa: f64, c: f64, s: &[f64], h: &mut [f64], q: &mut [f64]) {
-        let Piece { offset, content_m4, gone_m3, stepping: Stepping { dt_s, follow_s } } = self.segments[segment];
-        let inner = offset + 1..offset + 1 + s.len();
+        let piece = &self.segments[segment];
+        let inner = piece.offset + 1..piece.offset + 1 + s.len();
         let (steady, sum) = (&self.steady_m[inner.clone()], &mut self.sum_m3[inner]);
-        let (k, by_2k, by_c) = (one_plus_kappa, 0.5 / one_plus_kappa, 1.0 / c);
+        take_out(piece, one_plus_kappa, c, steady, sum, s, h, q);
+    }
+}
+
+// By index, as in the convolution of unsteady friction.
+widened! {
+    fn take_out(piece: &Piece, k: f64, c: f64, steady: &[f64], sum: &mut [f64], s: &[f64], h: &mut [f64], q: &mut [f64]) {
+        let Piece { content_m4, gone_m3, stepping: Stepping { dt_s, follow_s }, .. } = *piece;
+        let (by_2k, by_c) = (0.5 / k, 1.0 / c);
         let (free, held) = (c / follow_s, c / dt_s);
         let (free_product, held_product) = (4.0 * k * free * content_m4, 4.0 * k * held * LEAST * content_m4);
         let (free_gone, held_gone) = (free * gone_m3, held * LEAST * gone_m3);
-        for ((((y0, sum), s), h), q) in steady.iter().zip(sum).zip(s).zip(h).zip(q) {
-            let known = k * y0 + s;
-            let (freely, filling) = (known - free * *sum, known - held * *sum);
-            let with_gas =
-                positive_root(freely - free_gone, free_product).max(positive_root(filling - held_gone, held_product));
-            let y = by_2k * with_gas.max(2.0 * freely.max(filling));
-            *h = y - y0;
-            *q = by_c * (s - k * *h);
-            *sum -= dt_s * *q;
+        let m = s.len();
+        let (steady, sum, h, q) = (&steady[..m], &mut sum[..m], &mut h[..m], &mut q[..m]);
+        for i in 0..m {
+            let known = k * steady[i] + s[i];
+            let (freely, filling) = (known - free * sum[i], known - held * sum[i]);
+            let free_root = positive_root(freely - free_gone, free_product);
+            let held_root = positive_root(filling - held_gone, held_product);
+            let y = by_2k * larger(larger(free_root, held_root), 2.0 * larger(freely, filling));
+            h[i] = y - steady[i];
+            q[i] = by_c * (s[i] - k * h[i]);
+            sum[i] -= dt_s * q[i];
         }
     }
 }
 
-/// The root `x ≥ 0` of `x² - 2 b x - p = 0`, `p ≥ 0`, without cancellation.
-#[inline]
+/// The root `x ≥ 0` of `x² - 2 b x - p = 0`, `p ≥ 0`, without cancellation. Both forms are computed: a branch would take nodes one by one.
+#[inline(always)]
 fn positive_root(b: f64, p: f64) -> f64 {
-    let root = (b * b + p).sqrt();
-    if b >= 0.0 { b + root } else { p / (root - b) }
+    let sum = (b * b + p).sqrt() + b.abs();
+    let by_sum = p / sum;
+    if b >= 0.0 { sum } else { by_sum }
+}
+
+/// The larger of two numbers; what is no number stays none.
+#[inline(always)]
+fn larger(a: f64, b: f64) -> f64 {
+    if a < b { b } else { a }
 }
 
 /// Total head at which water at an elevation boils, m.

@@ -84,3 +84,46 @@ widened! {
         }
     }
 }
+
+widened! {
+    /// `S + b` at nodes `1..n-1` of a segment, from which a node field finds head and outflow.
+    pub fn mean_arriving(fwd: &[f64], bwd: &[f64], storage: &[f64], mean: &mut [f64]) {
+        let m = mean.len();
+        let (cp, cm, storage) = (&fwd[..m], &bwd[2..][..m], &storage[1..][..m]);
+        for i in 0..m {
+            mean[i] = 0.5 * (cp[i] + cm[i]) + storage[i];
+        }
+    }
+}
+
+widened! {
+    /// Interior where water is taken out of every node, as [`with_terms`]: from the heads and outflows of nodes `1..n-1` to their flows and waves.
+    /// The flows on the two sides of a node differ by the outflow; `half_b` is `B/2`.
+    pub fn with_outflow[F: NodeFriction](
+        fwd: &[f64],
+        bwd: &[f64],
+        new_fwd: &mut [f64],
+        new_bwd: &mut [f64],
+        head: &[f64],
+        outflow: &[f64],
+        u: &mut [f64],
+        half_b: f64,
+        terms: &Terms,
+        friction: &F,
+    ) {
+        let Some(m) = fwd.len().checked_sub(2) else { return };
+        let (cp, cm) = (&fwd[..m], &bwd[2..][..m]);
+        let (new_fwd, new_bwd) = (&mut new_fwd[1..][..m], &mut new_bwd[1..][..m]);
+        let (head, outflow, u) = (&head[1..][..m], &outflow[1..][..m], &mut u[1..][..m]);
+        let (storage, momentum) = (&terms.storage[1..][..m], &terms.momentum[1..][..m]);
+        let by_mu = 1.0 / (1.0 + terms.mu);
+        for i in 0..m {
+            let w = friction.solve((cp[i] - cm[i] + terms.steady_loss + 2.0 * momentum[i]) * by_mu);
+            let taken = 2.0 * half_b * outflow[i];
+            let twice_kept = 2.0 * (storage[i] - terms.kappa * head[i]);
+            u[i] = 0.5 * w;
+            new_bwd[i] = cp[i] + (twice_kept - w - taken);
+            new_fwd[i] = cm[i] + (twice_kept + w - taken);
+        }
+    }
+}

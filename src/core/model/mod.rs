@@ -12,6 +12,7 @@ pub mod contribution;
 pub(crate) mod definition;
 pub(crate) mod effect;
 pub mod effects;
+pub(crate) mod end;
 pub mod energy;
 pub mod error;
 pub mod friction;

@@ -2,6 +2,7 @@
 
 use crate::model::boundary::{Supply, ValveEnd};
 use crate::model::contribution::{Implicit, LineTerm, NodeField};
+use crate::model::end::End;
 use crate::model::energy::{Balance, Energy, Owners};
 use crate::model::error::ModelError;
 use crate::model::node::{Arriving, Node, Spread};
@@ -32,7 +33,22 @@ pub struct Line<'a> {
     pub valve: ValveEnd,
 }
 
-impl Line<'_> {
+/// The two ends of each segment.
+struct Ends<'a> {
+    first: Vec<End<'a, false>>,
+    last: Vec<End<'a, true>>,
+}
+
+/// The characteristics that meet at a joint.
+#[derive(Clone, Copy)]
+struct Meeting {
+    left: Arriving,
+    right: Arriving,
+    /// `1/(z + z)`.
+    by_both: f64,
+}
+
+impl<'a> Line<'a> {
     /// Simulates `steps` steps and returns the reading of each probe; with `owners` also the energy balance.
     ///
     /// # Errors
@@ -49,11 +65,13 @@ impl Line<'_> {
         let mut state = self.initial_state(heads_only && owners.is_none());
         let mut balance = owners.map(|owners| Balance::new(self.steady, owners, &self.terms, &state, steps));
         let readings: Vec<Reading> = probes.iter().map(|&probe| Reading::new(probe, self.steady)).collect();
+        let ends = self.ends(&state);
+        let mut meetings = Vec::with_capacity(self.joints.len());
         let mut traces: Vec<Trace> = readings.iter().map(|_| Trace::with_capacity(grid.dt_s, steps + 1)).collect();
         state.read(&mut traces, &readings);
         for step in 1..=steps {
             let time_s = step as f64 * grid.dt_s;
-            self.step(&mut state, time_s, sweeps, balance.as_mut());
+            self.step(&mut state, &ends, &mut meetings, time_s, sweeps, balance.as_mut());
             state.read(&mut traces, &readings);
             // At the valve, which all waves reach within L/a; the whole line once, at the end.
             let seen = if step < steps { state.fwd.len() - 1..state.fwd.len() } else { 0..state.fwd.len() };
@@ -100,7 +118,6 @@ impl Line<'_> {
         }
         let elastic = self.terms.is_empty() && self.field.is_none() && heads_only;
         State {
-            arriving: vec![[Arriving { z: 1.0, e: 0.0 }; 2]; grid.segments.len() - 1],
             new_fwd: fwd.clone(),
             new_bwd: bwd.clone(),
             fwd,
@@ -113,7 +130,6 @@ impl Line<'_> {
             scratch: vec![0.0; n],
             elastic,
             steady_half_loss,
-            by_kappa: implicit.iter().map(|own| 1.0 / (1.0 + own.kappa)).collect(),
             implicit,
             frictions: inner_frictions,
         }
@@ -126,49 +142,67 @@ impl Line<'_> {
         if met { SWEEPS } else { 1 }
     }
 
-    fn step(&mut self, state: &mut State, time_s: f64, sweeps: usize, mut balance: Option<&mut Balance>) {
-        let grid = self.steady.grid;
-        for (s, segment) in grid.segments.iter().enumerate() {
+    fn ends(&self, state: &State) -> Ends<'a> {
+        let steady = self.steady;
+        let of = |s: usize| (state.implicit[s], state.steady_half_loss[s]);
+        let segments = 0..steady.grid.segments.len();
+        Ends {
+            first: segments.clone().map(|s| End::new(steady, s, of(s).0, of(s).1)).collect(),
+            last: segments.map(|s| End::new(steady, s, of(s).0, of(s).1)).collect(),
+        }
+    }
+
+    fn step(
+        &mut self,
+        state: &mut State,
+        Ends { first, last }: &Ends,
+        meetings: &mut Vec<Meeting>,
+        time_s: f64,
+        sweeps: usize,
+        mut balance: Option<&mut Balance>,
+    ) {
+        for (s, segment) in self.steady.grid.segments.iter().enumerate().filter(|(_, segment)| segment.reaches > 1) {
             match &mut self.field {
                 None => state.interior(s, segment.nodes()),
                 Some(field) => state.interior_with(field.as_mut(), s, segment),
             }
         }
         // Supply: the first node of the first segment.
-        let first = self.arriving_upstream(state, 0);
+        let reached = first[0].arriving(state);
         let head = self.supply.head_m(time_s);
-        let flow = (head - first.e) / first.z;
-        self.leave_first(state, 0, head, flow);
+        let flow = (head - reached.e) / reached.z;
+        first[0].leave(state, head, flow);
         if let Some(balance) = &mut balance {
             balance.supply(state.h[0], flow);
         }
         // Joints.
-        let mut arriving = std::mem::take(&mut state.arriving);
-        for (s, both) in arriving.iter_mut().enumerate() {
-            *both = [self.arriving_downstream(state, s), self.arriving_upstream(state, s + 1)];
+        meetings.clear();
+        meetings.extend(last.iter().zip(&first[1..]).map(|(before, behind)| {
+            let (left, right) = (before.arriving(state), behind.arriving(state));
+            Meeting { left, right, by_both: 1.0 / (left.z + right.z) }
+        }));
+        for _ in 0..sweeps {
+            self.find_spread(state, first, meetings);
         }
-        self.find_spread(state, &arriving, sweeps);
-        for (s, &[left, right]) in arriving.iter().enumerate() {
+        for (s, &Meeting { left, right, by_both }) in meetings.iter().enumerate() {
             let joint = &mut self.joints[s];
             if joint.is_plain() {
-                let flow = (left.e - right.e - left.z * joint.taken_m3_s) / (left.z + right.z);
+                let flow = (left.e - right.e - left.z * joint.taken_m3_s) * by_both;
                 let head = right.e + right.z * flow;
-                let arriving = flow + joint.taken_m3_s;
-                self.leave_last(state, s, head, arriving);
-                self.leave_first(state, s + 1, head, flow);
+                last[s].leave(state, head, flow + joint.taken_m3_s);
+                first[s + 1].leave(state, head, flow);
                 continue;
             }
-            let node = grid.segments[s + 1].offset;
-            let guess = self.steady.head_m[node] + state.h[node];
-            let solved = joint.find(left, |h| ((h - right.e) / right.z, 1.0 / right.z), guess);
+            let by_z = 1.0 / right.z;
+            let onward = |h: f64| ((h - right.e) * by_z, by_z);
+            let solved = joint.find(left, onward, first[s + 1].head_m(state));
             if let Some(balance) = &mut balance {
                 balance.node(s, joint, &solved);
             }
             joint.advance(&solved);
-            self.leave_last(state, s, solved.left_head_m, solved.left_flow_m3_s);
-            self.leave_first(state, s + 1, solved.right_head_m, solved.right_flow_m3_s);
+            last[s].leave(state, solved.left_head_m, solved.left_flow_m3_s);
+            first[s + 1].leave(state, solved.right_head_m, solved.right_flow_m3_s);
         }
-        state.arriving = arriving;
         for one in &mut self.spread {
             if let Some(balance) = &mut balance {
                 balance.spread(one, state);
@@ -176,26 +210,23 @@ impl Line<'_> {
             one.advance();
         }
         // Valve: the last node of the last segment.
-        let s = grid.segments.len() - 1;
-        let last = self.arriving_downstream(state, s);
+        let s = last.len() - 1;
+        let (reached, outlet) = (last[s].arriving(state), self.valve.at(time_s));
         if self.at_valve.is_plain() {
-            let flow = self.valve.flow_m3_s(time_s, last.z, last.e);
-            let head = last.e - last.z * flow;
-            self.leave_last(state, s, head, flow);
+            let flow = outlet.flow_m3_s(reached.z, reached.e);
+            let head = reached.e - reached.z * flow;
+            last[s].leave(state, head, flow);
             if let Some(balance) = &mut balance {
                 balance.valve(head, flow);
             }
         } else {
-            let node = self.steady.head_m.len() - 1;
-            let guess = self.steady.head_m[node] + state.h[node];
-            let valve = &self.valve;
-            let solved = self.at_valve.find(last, |h| valve.flow_at_m3_s(time_s, h), guess);
+            let solved = self.at_valve.find(reached, |h| outlet.flow_at_m3_s(h), last[s].head_m(state));
             if let Some(balance) = &mut balance {
                 balance.node(s, &self.at_valve, &solved);
                 balance.valve(solved.right_head_m, solved.right_flow_m3_s);
             }
             self.at_valve.advance(&solved);
-            self.leave_last(state, s, solved.left_head_m, solved.left_flow_m3_s);
+            last[s].leave(state, solved.left_head_m, solved.left_flow_m3_s);
         }
 
         match balance {
@@ -211,32 +242,26 @@ impl Line<'_> {
     }
 
     /// Finds the flows of elements over several joints. Where two of them meet, each sees what the other takes.
-    fn find_spread(&mut self, state: &State, arriving: &[[Arriving; 2]], sweeps: usize) {
-        for _ in 0..sweeps {
-            for i in 0..self.spread.len() {
-                let (mut free_m, mut z) = (0.0, 0.0);
-                for k in 0..self.spread[i].at.len() {
-                    let (s, weight) = self.spread[i].at[k];
-                    let [left, right] = arriving[s];
-                    let joint = &mut self.joints[s];
-                    joint.taken_m3_s -= weight * self.spread[i].flow_m3_s;
-                    let node = self.steady.grid.segments[s + 1].offset;
-                    let by_both = 1.0 / (left.z + right.z);
-                    let own = left.z * right.z * by_both;
-                    let head_m = if joint.is_plain() {
-                        (left.e * right.z + right.e * left.z) * by_both - own * joint.taken_m3_s
-                    } else {
-                        let guess = self.steady.head_m[node] + state.h[node];
-                        joint.find(left, |h| ((h - right.e) / right.z, 1.0 / right.z), guess).right_head_m
-                    };
-                    free_m += weight * head_m;
-                    z += weight * weight * own;
-                }
-                let one = &mut self.spread[i];
-                one.find(free_m, z);
-                for &(s, weight) in &one.at {
-                    self.joints[s].taken_m3_s += weight * one.flow_m3_s;
-                }
+    fn find_spread(&mut self, state: &State, first: &[End<false>], meetings: &[Meeting]) {
+        for one in &mut self.spread {
+            let (mut free_m, mut z) = (0.0, 0.0);
+            for &(s, weight) in &one.at {
+                let (joint, Meeting { left, right, by_both }) = (&mut self.joints[s], meetings[s]);
+                joint.taken_m3_s -= weight * one.flow_m3_s;
+                let own = left.z * right.z * by_both;
+                let head_m = if joint.is_plain() {
+                    (left.e * right.z + right.e * left.z) * by_both - own * joint.taken_m3_s
+                } else {
+                    let by_z = 1.0 / right.z;
+                    let onward = |h: f64| ((h - right.e) * by_z, by_z);
+                    joint.find(left, onward, first[s + 1].head_m(state)).right_head_m
+                };
+                free_m += weight * head_m;
+                z += weight * weight * own;
+            }
+            one.find(free_m, z);
+            for &(s, weight) in &one.at {
+                self.joints[s].taken_m3_s += weight * one.flow_m3_s;
             }
         }
     }
@@ -251,68 +276,5 @@ impl Line<'_> {
                 term.advance(s, h, u, &mut state.storage[n.clone()], &mut state.momentum[n.clone()]);
             }
         }
-    }
-
-    /// `½R - ½R0` linearised about the last flow at a node: value at `u = 0` and slope.
-    #[inline]
-    fn half_loss_line(&self, state: &State, segment: usize, u: f64) -> (f64, f64) {
-        let (loss, slope) = self.steady.frictions[segment].half_loss_and_slope(u);
-        (loss - slope * u - state.steady_half_loss[segment], slope)
-    }
-
-    /// The characteristic from inside segment `s` that reaches its first node: `H - z Q = e`.
-    #[inline]
-    fn arriving_upstream(&self, state: &State, s: usize) -> Arriving {
-        let segment = &self.steady.grid.segments[s];
-        let node = segment.offset;
-        let (mu, by_kappa) = (state.implicit[s].mu, state.by_kappa[s]);
-        let (constant, slope) = self.half_loss_line(state, s, state.u[node]);
-        let known = state.bwd[node + 1] + state.storage[node] - state.momentum[node] + constant;
-        Arriving {
-            z: segment.impedance * (1.0 + mu + slope) * by_kappa,
-            e: self.steady.head_m[node] + known * by_kappa,
-        }
-    }
-
-    /// The characteristic from inside segment `s` that reaches its last node: `H + z Q = e`.
-    #[inline]
-    fn arriving_downstream(&self, state: &State, s: usize) -> Arriving {
-        let segment = &self.steady.grid.segments[s];
-        let node = segment.offset + segment.reaches;
-        let (mu, by_kappa) = (state.implicit[s].mu, state.by_kappa[s]);
-        let (constant, slope) = self.half_loss_line(state, s, state.u[node]);
-        let known = state.fwd[node - 1] + state.storage[node] + state.momentum[node] - constant;
-        Arriving {
-            z: segment.impedance * (1.0 + mu + slope) * by_kappa,
-            e: self.steady.head_m[node] + known * by_kappa,
-        }
-    }
-
-    /// Sets the first node of segment `s` and the wave that leaves it downstream.
-    #[inline]
-    fn leave_first(&self, state: &mut State, s: usize, head: f64, flow: f64) {
-        let segment = &self.steady.grid.segments[s];
-        let node = segment.offset;
-        let (h, u) = (head - self.steady.head_m[node], segment.impedance * flow);
-        let stored = h * (1.0 + state.implicit[s].kappa) - state.storage[node];
-        let moved = stored - state.bwd[node + 1];
-        state.h[node] = h;
-        state.u[node] = u;
-        state.new_fwd[node] = (2.0 * h - stored) + (2.0 * u - moved);
-        state.new_bwd[node] = 2.0 * h - state.new_fwd[node];
-    }
-
-    /// Sets the last node of segment `s` and the wave that leaves it upstream.
-    #[inline]
-    fn leave_last(&self, state: &mut State, s: usize, head: f64, flow: f64) {
-        let segment = &self.steady.grid.segments[s];
-        let node = segment.offset + segment.reaches;
-        let (h, u) = (head - self.steady.head_m[node], segment.impedance * flow);
-        let stored = h * (1.0 + state.implicit[s].kappa) - state.storage[node];
-        let moved = state.fwd[node - 1] - stored;
-        state.h[node] = h;
-        state.u[node] = u;
-        state.new_bwd[node] = (2.0 * h - stored) - (2.0 * u - moved);
-        state.new_fwd[node] = 2.0 * h - state.new_bwd[node];
     }
 }

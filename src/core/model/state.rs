@@ -5,7 +5,6 @@ use crate::model::friction::ReachFriction;
 use crate::model::grid::Segment;
 use crate::model::kernel;
 use crate::model::kernel::Terms;
-use crate::model::node::Arriving;
 use crate::model::steady::Steady;
 use crate::model::trace::{Probe, Trace};
 
@@ -22,16 +21,12 @@ pub(crate) struct State {
     /// Outflow of each node where there is a node field, m³/s.
     pub(crate) outflow: Vec<f64>,
     pub(crate) scratch: Vec<f64>,
-    /// The characteristics that reach each joint, from upstream and from downstream.
-    pub(crate) arriving: Vec<[Arriving; 2]>,
     /// No line terms and no flow to read: heads of interior nodes are not stored but read from the waves.
     pub(crate) elastic: bool,
     /// Half of the steady flow's loss over one reach, `½R0`, of each segment, m.
     pub(crate) steady_half_loss: Vec<f64>,
     /// `κ` and `μ` of each segment.
     pub(crate) implicit: Vec<Implicit>,
-    /// `1/(1 + κ)` of each segment: a division would hold up every step at every end of a segment.
-    pub(crate) by_kappa: Vec<f64>,
     /// Friction of each segment's reach for `w = 2u`, divided by its `1 + μ`.
     pub(crate) frictions: Vec<ReachFriction>,
 }
@@ -68,38 +63,30 @@ impl State {
         }
     }
 
-    /// The same with water taken out of every node. The flows on its two sides differ by the outflow; the head equation
-    /// sees half of it as `½ (1 + μ) B q`.
+    /// The same with water taken out of every node. The head equation sees half of the outflow as `½ (1 + μ) B q`.
     pub(crate) fn interior_with(&mut self, field: &mut dyn NodeField, s: usize, segment: &Segment) {
-        let friction = &self.frictions[s];
         let nodes = segment.nodes();
         let inner = nodes.start + 1..nodes.end - 1;
-        if inner.is_empty() {
-            return;
-        }
         let Implicit { kappa, mu } = self.implicit[s];
         let half_b = 0.5 * segment.impedance;
-        for i in inner.clone() {
-            self.scratch[i] = 0.5 * (self.fwd[i - 1] + self.bwd[i + 1]) + self.storage[i];
-        }
-        field.inner(
-            s,
-            1.0 + kappa,
-            (1.0 + mu) * half_b,
-            &self.scratch[inner.clone()],
-            &mut self.h[inner.clone()],
-            &mut self.outflow[inner.clone()],
-        );
-        for i in inner {
-            let d = 0.5 * (self.fwd[i - 1] - self.bwd[i + 1]);
-            let known = d + self.steady_half_loss[s] + self.momentum[i];
-            let u = 0.5 * friction.solve(2.0 * known / (1.0 + mu));
-            let (up, down) = (u + half_b * self.outflow[i], u - half_b * self.outflow[i]);
-            let stored = self.h[i] * (1.0 + kappa) - self.storage[i];
-            let (moved_up, moved_down) = (self.fwd[i - 1] - stored, stored - self.bwd[i + 1]);
-            self.u[i] = u;
-            self.new_bwd[i] = (2.0 * self.h[i] - stored) - (2.0 * up - moved_up);
-            self.new_fwd[i] = (2.0 * self.h[i] - stored) + (2.0 * down - moved_down);
+        let (fwd, bwd) = (&self.fwd[nodes.clone()], &self.bwd[nodes.clone()]);
+        let mean = &mut self.scratch[inner.clone()];
+        kernel::mean_arriving(fwd, bwd, &self.storage[nodes.clone()], mean);
+        let (h, outflow) = (&mut self.h[inner.clone()], &mut self.outflow[inner]);
+        field.inner(s, 1.0 + kappa, (1.0 + mu) * half_b, mean, h, outflow);
+        let terms = Terms {
+            storage: &self.storage[nodes.clone()],
+            kappa,
+            momentum: &self.momentum[nodes.clone()],
+            mu,
+            steady_loss: 2.0 * self.steady_half_loss[s],
+        };
+        let (h, q, u) = (&self.h[nodes.clone()], &self.outflow[nodes.clone()], &mut self.u[nodes.clone()]);
+        let (new_fwd, new_bwd) = (&mut self.new_fwd[nodes.clone()], &mut self.new_bwd[nodes]);
+        match &self.frictions[s] {
+            ReachFriction::Linear(f) => kernel::with_outflow(fwd, bwd, new_fwd, new_bwd, h, q, u, half_b, &terms, f),
+            ReachFriction::Quadratic(f) => kernel::with_outflow(fwd, bwd, new_fwd, new_bwd, h, q, u, half_b, &terms, f),
+            ReachFriction::Tabulated(f) => kernel::with_outflow(fwd, bwd, new_fwd, new_bwd, h, q, u, half_b, &terms, f),
         }
     }
 
