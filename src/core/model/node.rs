@@ -126,6 +126,20 @@ impl Loss {
         (self.k * u * u.abs(), slope / (1.0 + by * slope))
     }
 
+    /// Alone between two pipes, behind which `taken_m3_s` leaves: with `u` for what passes, one quadratic.
+    fn between(&self, left: Arriving, right: Arriving, taken_m3_s: f64) -> Solved {
+        let (by, z) = (self.by[0] + self.by[1], left.z + right.z);
+        let before = self.by[0] * self.drops_m[0] + self.by[1] * self.drops_m[1];
+        // z u + (1 + z by) k u|u| = known
+        let known = left.e - right.e + right.z * taken_m3_s + z * before;
+        let u = 2.0 * known / (z + (z * z + 4.0 * (1.0 + z * by) * self.k * known.abs()).sqrt());
+        let drop_m = self.k * u * u.abs();
+        let left_flow_m3_s = u + by * drop_m - before;
+        let right_flow_m3_s = left_flow_m3_s - taken_m3_s;
+        let right_head_m = right.e + right.z * right_flow_m3_s;
+        Solved { left_head_m: right_head_m + drop_m, left_flow_m3_s, right_head_m, right_flow_m3_s }
+    }
+
     fn advance(&mut self, flow_m3_s: f64) {
         self.drops_m = [self.drop_m(flow_m3_s).0, self.drops_m[0]];
     }
@@ -213,6 +227,17 @@ impl Node {
         Solved { left_head_m: head + drop, left_flow_m3_s: left_flow, right_head_m: head, right_flow_m3_s: right_flow }
     }
 
+    /// The solution between two pipes, as [`Node::find`].
+    pub fn find_between(&self, left: Arriving, right: Arriving, guess_m: f64) -> Solved {
+        match &self.losses[..] {
+            [loss] if self.shunts.is_empty() => loss.between(left, right, self.taken_m3_s),
+            _ => {
+                let by_z = 1.0 / right.z;
+                self.find(left, |h| ((h - right.e) * by_z, by_z), guess_m)
+            }
+        }
+    }
+
     /// Advances the elements with a solution.
     pub fn advance(&mut self, solved: &Solved) {
         for shunt in &mut self.shunts {
@@ -294,6 +319,22 @@ mod tests {
         assert!((s.left_flow_m3_s - s.right_flow_m3_s - leak).abs() < 1e-12);
         let loss = 2e5 * s.left_flow_m3_s * s.left_flow_m3_s.abs();
         assert!((s.left_head_m - s.right_head_m - loss).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_loss_alone_has_the_closed_form() {
+        let mut loss = Loss::new(2e7, Overlap([0.1, 0.02]), 4e4);
+        loss.settle(1e-3);
+        for (e, taken_m3_s) in [(70.0, 0.0), (-50.0, 1e-4), (20.0, -3e-5)] {
+            let node = Node { losses: vec![loss.clone()], taken_m3_s, ..Node::default() };
+            let (left, right) = (Arriving { z: 4e4, e }, Arriving { z: 5e4, e: 20.0 });
+            let closed = node.find_between(left, right, 0.0);
+            let root = node.find(left, |h| ((h - right.e) / right.z, 1.0 / right.z), 0.0);
+            assert!((closed.left_head_m - root.left_head_m).abs() < 1e-9, "{closed:?} {root:?}");
+            assert!((closed.right_head_m - root.right_head_m).abs() < 1e-9, "{closed:?} {root:?}");
+            assert!((closed.left_flow_m3_s - root.left_flow_m3_s).abs() < 1e-13, "{closed:?} {root:?}");
+            assert!((closed.right_flow_m3_s - root.right_flow_m3_s).abs() < 1e-13, "{closed:?} {root:?}");
+        }
     }
 
     #[test]

@@ -193,9 +193,7 @@ impl<'a> Line<'a> {
                 first[s + 1].leave(state, head, flow);
                 continue;
             }
-            let by_z = 1.0 / right.z;
-            let onward = |h: f64| ((h - right.e) * by_z, by_z);
-            let solved = joint.find(left, onward, first[s + 1].head_m(state));
+            let solved = joint.find_between(left, right, first[s + 1].head_m(state));
             if let Some(balance) = &mut balance {
                 balance.node(s, joint, &solved);
             }
@@ -252,9 +250,7 @@ impl<'a> Line<'a> {
                 let head_m = if joint.is_plain() {
                     (left.e * right.z + right.e * left.z) * by_both - own * joint.taken_m3_s
                 } else {
-                    let by_z = 1.0 / right.z;
-                    let onward = |h: f64| ((h - right.e) * by_z, by_z);
-                    joint.find(left, onward, first[s + 1].head_m(state)).right_head_m
+                    joint.find_between(left, right, first[s + 1].head_m(state)).right_head_m
                 };
                 free_m += weight * head_m;
                 z += weight * weight * own;

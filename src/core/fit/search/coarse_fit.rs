@@ -9,7 +9,7 @@ use crate::fit::problem::fit_problem::FitProblem;
 use crate::fit::search::calibrator::{Calibrator, Estimate};
 use crate::fit::search::starts::{Start, differing, drawn, starts_from, starts_of, take_over, vanish};
 use crate::fit::search::thresholds::{
-    COARSE, COARSE_REACHES, EVALUATE_ONLY, FOLLOWED, HOPELESS_START_RATIO, LOCKING_PERIODS, LOCKING_REACHES,
+    COARSE, COARSE_REACHES, EVALUATE_ONLY, FOLLOWED, HOPELESS_START_RATIO, LOCKING, LOCKING_PERIODS, LOCKING_REACHES,
     LOOKED_AGAIN, MAX_RELEASED, POOR_FIT_COST, SCREENING,
 };
 use crate::model::effects::Chosen;
@@ -197,8 +197,8 @@ fn lock(
     period_s: f64,
 ) -> Result<Estimate, ModelError> {
     let [first, more @ ..] = LOCKING_PERIODS;
-    let begun = attempt(ctx, model, held, values, first * period_s, COARSE)?;
-    more.iter().try_fold(begun, |at, periods| attempt(ctx, model, held, &at.values, periods * period_s, COARSE))
+    let begun = attempt(ctx, model, held, values, first * period_s, LOCKING)?;
+    more.iter().try_fold(begun, |at, periods| attempt(ctx, model, held, &at.values, periods * period_s, LOCKING))
 }
 
 fn attempt(

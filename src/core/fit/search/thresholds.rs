@@ -41,6 +41,8 @@ pub(crate) const EVALUATE_ONLY: Limits = Limits { iterations: 0, ..SCREENING };
 /// Of a coarse fit: what it leaves undone the finer grids do. Tuned; data unknown.
 pub(crate) const COARSE: Limits =
     Limits { iterations: 30, cost_tolerance: 3e-4, step_tolerance: 1e-7, thorough: false };
+/// Of a fit of the first cycles: what it leaves undone the next window does. Cost.
+pub(crate) const LOCKING: Limits = Limits { cost_tolerance: 3e-3, ..COARSE };
 /// Half the difference of two fits' sums of squares below which the data cannot tell two sensors apart. Derived: half of strong evidence.
 pub(crate) const SENSOR_TIE: f64 = 0.5 * STRONG_EVIDENCE;
 
