@@ -6,8 +6,8 @@
 
 use rayon::prelude::*;
 
-use crate::diagnose::candidate_fit::{CandidateFit, FullFitter, beyond, over_noise, square};
-use crate::diagnose::limits::{DOWN_TO_THE_NOISE, FULL_FITS, NO_FULL_FIT_ABOVE, REFINED_EFFECTS, START_USELESS};
+use crate::diagnose::candidate_fit::{CandidateFit, FullFitter, beyond, over_noise};
+use crate::diagnose::limits::{DOWN_TO_THE_NOISE, FULL_FITS, NO_FULL_FIT_ABOVE};
 use crate::fit::outcome::fit::Fit;
 use crate::fit::validate::conflict::{at_bounds, contradicts};
 
@@ -26,30 +26,29 @@ pub(crate) fn begin_afresh(fitter: &FullFitter, start: &Fit, candidate_fits: &mu
     done
 }
 
-/// Where the best model leaves more than solvers differ by, fits effects from the signals: the first ones, or all if the start model is useless, and those
-/// that leave more than the start model does. They contain it, so their refits have failed. Then fits the leading ones afresh that are not `done`.
+/// Where the start model and every sound fit leave more than solvers differ by, fits all effects from the signals: a refit may have failed, whatever its
+/// forecast promised. Then fits the leading ones afresh that are not `done`.
 pub(crate) fn search_on(fitter: &FullFitter, start: &Fit, candidate_fits: &mut [CandidateFit], mut done: Done) {
-    let start_error = over_noise(start, fitter.runs);
-    let fits = candidate_fits.iter().filter_map(|r| r.fit.as_ref()).chain([start]);
-    if fits.map(|fit| beyond(fit, fitter.runs)).fold(f64::INFINITY, f64::min) < fitter.least_fall {
+    let sound = candidate_fits.iter().filter_map(|r| r.fit.as_ref()).filter(|fit| is_sound(fitter, fit));
+    if sound.chain([start]).any(|fit| beyond(fit, fitter.runs) < fitter.least_fall) {
         return;
     }
-    let most = if start_error > START_USELESS { usize::MAX } else { REFINED_EFFECTS };
-    let failed = square(start);
-    let tried = candidate_fits.iter_mut().enumerate().filter(|(i, r)| *i < most || r.square > failed);
-    from_the_signals(fitter, &mut tried.map(|(_, r)| r).collect::<Vec<_>>());
+    from_the_signals(fitter, candidate_fits);
     afresh(fitter, candidate_fits, &mut done);
 }
 
 /// Fits the leading candidates afresh, unless one explains the records.
 fn afresh(fitter: &FullFitter, candidate_fits: &mut [CandidateFit], done: &mut Done) {
-    // A fit that gets to the noise against what the instruments say, or at a bound, has not shown that no other would.
-    let is_sound = |fit: &Fit| !contradicts(fit, fitter.runs) && at_bounds(fit).is_empty();
-    let explains = |fit: &Fit| over_noise(fit, fitter.runs) < DOWN_TO_THE_NOISE && is_sound(fit);
+    let explains = |fit: &Fit| over_noise(fit, fitter.runs) < DOWN_TO_THE_NOISE && is_sound(fitter, fit);
     if !candidate_fits.iter().filter_map(|r| r.fit.as_ref()).any(explains) {
         let mut fitted: Vec<_> = candidate_fits.iter_mut().filter(|r| r.fit.is_some()).collect();
         fit_afresh(fitter, &mut fitted, FULL_FITS, done);
     }
+}
+
+/// A fit that gets to the noise against what the instruments say, or at a bound, has not shown that no other would.
+fn is_sound(fitter: &FullFitter, fit: &Fit) -> bool {
+    !contradicts(fit, fitter.runs) && at_bounds(fit).is_empty()
 }
 
 /// Fits the leading candidates afresh, so many at the most, unless that is `done` already. What they leave may be the way that their fits came:
@@ -72,7 +71,7 @@ fn fit_afresh(fitter: &FullFitter, leading: &mut Vec<&mut CandidateFit>, number:
 }
 
 /// Fits candidates from the signals, without any earlier fit: all on a coarse grid, then those that leave least.
-fn from_the_signals(fitter: &FullFitter, candidate_fits: &mut [&mut CandidateFit]) {
+fn from_the_signals(fitter: &FullFitter, candidate_fits: &mut [CandidateFit]) {
     let coarse: Vec<_> =
         candidate_fits.par_iter().map(|candidate_fit| fitter.coarse_fit(candidate_fit.refit).ok()).collect();
     let mean_square = |i: usize| coarse[i].as_ref().map_or(f64::INFINITY, |c| c.mean_square);

@@ -87,9 +87,6 @@ pub(crate) const EXPLAINED_OVER_NOISE: f64 = 1.2;
 pub(crate) const DOWN_TO_THE_NOISE: f64 = 1.1;
 /// Error over noise of a model above which its parameters may be wrong. Tuned: data unknown.
 pub(crate) const START_DOUBTFUL: f64 = 3.0;
-/// Error over noise of the start model above which its parameters do not help to rank effects: the fallback search tries
-/// all of them. Tuned: data unknown.
-pub(crate) const START_USELESS: f64 = 10.0;
 
 /// Pairs of effects that are refitted. Cost.
 pub(crate) const REFINED_PAIRS: usize = 16;
