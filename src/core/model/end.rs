@@ -25,18 +25,20 @@ pub(crate) struct End<'a, const DOWNSTREAM: bool> {
 }
 
 impl<'a, const DOWNSTREAM: bool> End<'a, DOWNSTREAM> {
-    pub(crate) fn new(steady: &Steady<'a>, s: usize, implicit: Implicit, steady_half_loss_m: f64) -> Self {
+    /// Of segment `s` of a line in its initial state.
+    pub(crate) fn new(steady: &Steady<'a>, state: &State, s: usize) -> Self {
+        let Implicit { kappa, mu } = state.implicit[s];
         let Segment { offset, reaches, impedance, .. } = steady.grid.segments[s];
         let (node, inside) = if DOWNSTREAM { (offset + reaches, offset + reaches - 1) } else { (offset, offset + 1) };
         End {
             node,
             inside,
             impedance,
-            one_plus_kappa: 1.0 + implicit.kappa,
-            by_kappa: 1.0 / (1.0 + implicit.kappa),
-            one_plus_mu: 1.0 + implicit.mu,
+            one_plus_kappa: 1.0 + kappa,
+            by_kappa: 1.0 / (1.0 + kappa),
+            one_plus_mu: 1.0 + mu,
             steady_head_m: steady.head_m[node],
-            steady_half_loss_m,
+            steady_half_loss_m: state.steady_half_loss[s],
             friction: &steady.frictions[s],
         }
     }

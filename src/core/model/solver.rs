@@ -143,12 +143,10 @@ impl<'a> Line<'a> {
     }
 
     fn ends(&self, state: &State) -> Ends<'a> {
-        let steady = self.steady;
-        let of = |s: usize| (state.implicit[s], state.steady_half_loss[s]);
-        let segments = 0..steady.grid.segments.len();
+        let segments = 0..self.steady.grid.segments.len();
         Ends {
-            first: segments.clone().map(|s| End::new(steady, s, of(s).0, of(s).1)).collect(),
-            last: segments.map(|s| End::new(steady, s, of(s).0, of(s).1)).collect(),
+            first: segments.clone().map(|s| End::new(self.steady, state, s)).collect(),
+            last: segments.map(|s| End::new(self.steady, state, s)).collect(),
         }
     }
 
