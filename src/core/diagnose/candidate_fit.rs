@@ -107,9 +107,9 @@ impl<'a> CandidateFit<'a> {
         }
     }
 
-    /// Fits on until it converges.
-    pub(crate) fn converge(&mut self, fitter: &FullFitter) {
-        if let Some(fit) = self.fit.as_ref().filter(|_| !self.settled) {
+    /// Fits on until it converges, unless it has: a fit with cavities stopped at a grid that its rival's `reaches` may surpass.
+    pub(crate) fn converge(&mut self, fitter: &FullFitter, reaches: usize) {
+        if let Some(fit) = self.fit.as_ref().filter(|fit| !self.settled || fit.reaches < reaches) {
             let converged = fitter.converged(fit);
             self.take(converged);
             self.settled = true;

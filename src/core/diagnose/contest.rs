@@ -1,4 +1,4 @@
-//! Rivals are compared at their optima or not at all.
+//! Rivals are compared at their optima and on as fine a grid, or not at all.
 
 use rayon::prelude::*;
 
@@ -11,11 +11,12 @@ use crate::fit::outcome::fit::Fit;
 use crate::fit::search::calibrate::coarse_on;
 use crate::fit::search::starts::may_be_anywhere;
 
-/// Compares the rivals at their optima: the best is fitted until it converges, the others also start from where it ended.
+/// Compares the rivals at their optima: the best is fitted until it converges, the others also start from where it ended,
+/// and the grid of none is coarser that its own error might decide.
 pub(crate) fn contest(fitter: &FullFitter, candidate_fits: &mut [CandidateFit]) {
     let fitted = candidate_fits.iter_mut().filter(|r| r.fit.is_some());
     let Some(best) = fitted.min_by(|a, b| a.square.total_cmp(&b.square)) else { return };
-    best.converge(fitter);
+    best.converge(fitter, 0);
     let Some(winner) = best.fit.clone() else { return };
     if is_located(&winner) {
         in_its_place(fitter, &winner, candidate_fits);
@@ -29,8 +30,9 @@ pub(crate) fn contest(fitter: &FullFitter, candidate_fits: &mut [CandidateFit]) 
     rivals.for_each(|rival| {
         let fit = fitter.fit_from_rival(rival, &winner);
         rival.take(fit);
-        if rival.fit.as_ref().is_some_and(|f| square_at_optimum(f) < square(&winner)) {
-            rival.converge(fitter);
+        let may_win = |f: &Fit| square_at_optimum(f) < square(&winner) || f.reaches < winner.reaches;
+        if rival.fit.as_ref().is_some_and(may_win) {
+            rival.converge(fitter, winner.reaches);
         }
     });
 }
