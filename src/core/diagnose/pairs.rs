@@ -104,14 +104,34 @@ pub(crate) struct PairSearch {
     refitted: Vec<PairRefit>,
     /// To all samples, the best first.
     fits: Vec<PairFit>,
+    /// What the best single effect left when it was started from.
+    single: Option<f64>,
 }
 
 impl PairSearch {
-    /// Fits the pairs whose signatures promise most.
-    pub(crate) fn begin(&mut self, fitter: &FullFitter, baseline: &Baseline, refits: &[Refit]) {
+    /// Fits the pairs whose signatures promise most and, where none of them explains the records, those beside the best `single` effect; `leading` has a
+    /// form of each effect, that which leaves least alone first. Goes on only where the single effect leaves less than the last time.
+    pub(crate) fn go_on(
+        &mut self,
+        fitter: &FullFitter,
+        baseline: &Baseline,
+        refits: &[Refit],
+        single: Option<(&Form, &Fit)>,
+        leading: &[&Refit],
+    ) {
+        let left = single.map_or(f64::INFINITY, |(_, fit)| square(fit));
+        if self.single.replace(left).is_some_and(|known| known <= left) {
+            return;
+        }
         (fitter.progress)(&Progress::from("two effects at once"));
-        let promising = promising(baseline, refits);
-        self.refitted = promising.par_iter().filter_map(|of| refitted(baseline, *of)).collect();
+        if self.refitted.is_empty() {
+            self.refitted = promising(baseline, refits).par_iter().filter_map(|of| refitted(baseline, *of)).collect();
+            self.fit_best(fitter, baseline, refits);
+        }
+        if !self.explains(fitter.runs) {
+            self.refitted.extend(single.into_iter().flat_map(|(form, fit)| beside(fitter, form, fit)));
+        }
+        self.refitted.extend(in_its_place(baseline, &self.refitted, leading));
         self.fit_best(fitter, baseline, refits);
     }
 
@@ -120,25 +140,14 @@ impl PairSearch {
         self.fits.first().is_some_and(|best| over_noise(&best.fit, runs) < DOWN_TO_THE_NOISE)
     }
 
-    /// The pairs that leave least, the best first, fitted to all samples. The best `single` effect is one to start from; `leading` has a form of each
-    /// effect, that which leaves least alone first.
+    /// The pairs that leave least, the best first, fitted to all samples; where none explains the records, also from the signals.
     pub(crate) fn fitted(
         mut self,
         fitter: &FullFitter,
         baseline: &Baseline,
-        refits: &[Refit],
-        single: Option<(&Form, &Fit)>,
         leading: &[&Refit],
         start: &Fit,
     ) -> Vec<PairFit> {
-        if self.refitted.is_empty() {
-            self.begin(fitter, baseline, refits);
-        }
-        if !self.explains(fitter.runs) {
-            self.refitted.extend(single.into_iter().flat_map(|(form, fit)| beside(fitter, form, fit)));
-        }
-        self.refitted.extend(in_its_place(baseline, &self.refitted, leading));
-        self.fit_best(fitter, baseline, refits);
         let led_astray = over_noise(start, fitter.runs) > START_DOUBTFUL;
         let left = self.fits.first().map_or(f64::INFINITY, |best| over_noise(&best.fit, fitter.runs));
         if led_astray && left > EXPLAINED_OVER_NOISE {
