@@ -113,7 +113,7 @@ pub fn diagnose_fit(
         // Where single effects stay that far away, two that get down to the noise need no further search for one.
         let any_shown = candidate_fits.iter().any(|r| r.odds(&baseline.known) >= SHOWN);
         if is_far(&candidate_fits, runs) && !any_shown {
-            pairs.go_on(&fitter, &baseline, &refits, best_fit(&candidate_fits), &leading(&candidate_fits));
+            pairs.begin(&fitter, &baseline, &refits, best_fit(&candidate_fits), &leading(&candidate_fits));
         }
         if !pairs.explains(runs) {
             search_on(&fitter, &start, &mut candidate_fits, done);
@@ -298,14 +298,13 @@ fn pairs_of(
     start: &Fit,
     refits: &[Refit],
     candidate_fits: &mut [CandidateFit],
-    mut search: PairSearch,
+    search: PairSearch,
 ) -> Vec<PairFit> {
     if beyond(best_or(start, candidate_fits), fitter.runs) < EXPLAINED_OVER_NOISE.powi(2) - 1.0 {
         return Vec::new();
     }
-    let leading = leading(candidate_fits);
-    search.go_on(fitter, baseline, refits, best_fit(candidate_fits), &leading);
-    let mut pairs = search.fitted(fitter, baseline, &leading, start);
+    let (single, leading) = (best_fit(candidate_fits), leading(candidate_fits));
+    let mut pairs = search.fitted(fitter, baseline, refits, single, &leading, start);
     // Beside the other one an effect may have got where it explains the records alone.
     if let Some(best) = pairs.first() {
         let last = best.fit.effects.len() - 1;

@@ -39,6 +39,8 @@ struct PairRefit {
     square: f64,
     /// Of the samples.
     residuals: Vec<f64>,
+    /// See [`Baseline::mean_square`].
+    mean_square: f64,
     /// It has been fitted to all samples.
     is_fitted: bool,
 }
@@ -109,9 +111,10 @@ pub(crate) struct PairSearch {
 }
 
 impl PairSearch {
-    /// Fits the pairs whose signatures promise most and, where none of them explains the records, those beside the best `single` effect; `leading` has a
-    /// form of each effect, that which leaves least alone first. Goes on only where the single effect leaves less than the last time.
-    pub(crate) fn go_on(
+    /// Refits the pairs whose signatures promise most and, where none of them explains the records, those beside the best `single` effect if that leaves
+    /// less than the last time; `leading` has a form of each effect, that which leaves least alone first. Fits them to all samples only where one is not
+    /// far from the records on the coarse grid: else a better single effect may be found first.
+    pub(crate) fn begin(
         &mut self,
         fitter: &FullFitter,
         baseline: &Baseline,
@@ -126,11 +129,25 @@ impl PairSearch {
         (fitter.progress)(&Progress::from("two effects at once"));
         if self.refitted.is_empty() {
             self.refitted = promising(baseline, refits).par_iter().filter_map(|of| refitted(baseline, *of)).collect();
-            self.fit_best(fitter, baseline, refits);
+            if self.is_near() {
+                self.fit_best(fitter, baseline, refits);
+            }
         }
         if !self.explains(fitter.runs) {
             self.refitted.extend(single.into_iter().flat_map(|(form, fit)| beside(fitter, form, fit)));
         }
+        if self.is_near() {
+            self.compare(fitter, baseline, refits, leading);
+        }
+    }
+
+    /// Whether a pair is not far from the records on the coarse grid.
+    fn is_near(&self) -> bool {
+        self.refitted.iter().any(|pair| pair.mean_square < START_DOUBTFUL.powi(2))
+    }
+
+    /// Fits the best pairs to all samples, rivals of the leading effect in its place among them.
+    fn compare(&mut self, fitter: &FullFitter, baseline: &Baseline, refits: &[Refit], leading: &[&Refit]) {
         self.refitted.extend(in_its_place(baseline, &self.refitted, leading));
         self.fit_best(fitter, baseline, refits);
     }
@@ -140,14 +157,20 @@ impl PairSearch {
         self.fits.first().is_some_and(|best| over_noise(&best.fit, runs) < DOWN_TO_THE_NOISE)
     }
 
-    /// The pairs that leave least, the best first, fitted to all samples; where none explains the records, also from the signals.
+    /// The pairs that leave least, the best first, fitted to all samples. See [`PairSearch::begin`].
     pub(crate) fn fitted(
         mut self,
         fitter: &FullFitter,
         baseline: &Baseline,
+        refits: &[Refit],
+        single: Option<(&Form, &Fit)>,
         leading: &[&Refit],
         start: &Fit,
     ) -> Vec<PairFit> {
+        self.begin(fitter, baseline, refits, single, leading);
+        if !self.is_near() {
+            self.compare(fitter, baseline, refits, leading);
+        }
         let led_astray = over_noise(start, fitter.runs) > START_DOUBTFUL;
         let left = self.fits.first().map_or(f64::INFINITY, |best| over_noise(&best.fit, fitter.runs));
         if led_astray && left > EXPLAINED_OVER_NOISE {
@@ -244,6 +267,7 @@ fn beside(fitter: &FullFitter, form: &Form, single: &Fit) -> Vec<PairRefit> {
         added: refit.added,
         square: refit.square,
         residuals: refit.residuals[..baseline.samples].to_vec(),
+        mean_square: baseline.mean_square(&refit.residuals),
         values: refit.values,
         effects: refit.effects,
         is_fitted: false,
@@ -376,6 +400,7 @@ fn refined(
         values: problem.values(&solution.x),
         square: 2.0 * solution.cost,
         residuals: solution.residuals[..baseline.samples].to_vec(),
+        mean_square: baseline.mean_square(&solution.residuals),
         is_fitted: false,
     })
 }
