@@ -178,6 +178,12 @@ impl<'a> Baseline<'a> {
         FitProblem::new(model, &self.runs, window(self.reaches))
     }
 
+    /// The same for a descent that moves all parameters: a coarser grid shows the way.
+    pub(crate) fn passing<'m>(&'m self, model: &'m Model<'m>) -> FitProblem<'m> {
+        let starts: Vec<f64> = model.shared.iter().map(|p| p.start).collect();
+        self.problem(model).with_slopes_of_half(model.least_reaches(&starts))
+    }
+
     /// The residuals of samples and flow meters, without those of priors.
     pub fn seen(&self, all: &[f64]) -> Vec<f64> {
         seen(all, self.samples, self.runs.iter().filter(|r| r.meter.is_some()).count())

@@ -388,7 +388,7 @@ fn refined(
     starts: &[Vec<f64>],
 ) -> Option<PairRefit> {
     let model = baseline.model(effects);
-    let problem = baseline.problem(&model);
+    let problem = baseline.passing(&model);
     let starts = starts.iter().map(|values| problem.variables(values));
     let cost = |x: &Vec<f64>| problem.residuals(x).map_or(f64::INFINITY, |r| dot(&r, &r));
     let start = starts.map(|x| (cost(&x), x)).min_by(|a, b| a.0.total_cmp(&b.0))?.1;

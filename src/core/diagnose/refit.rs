@@ -151,7 +151,7 @@ impl Problem for Added<'_> {
 /// If it cannot be simulated.
 pub fn refine(baseline: &Baseline, screened: &Refit) -> Result<Refit, ModelError> {
     let model = baseline.model(&screened.effects);
-    let problem = baseline.problem(&model);
+    let problem = baseline.passing(&model);
     // A start model without cavities is far from any model with them, so these are also tried from the signals.
     let boils = screened.form.chosen.effect.lets_boil();
     let starts = std::iter::once(problem.variables(&screened.values))

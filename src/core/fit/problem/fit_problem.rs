@@ -142,9 +142,14 @@ impl<'a> FitProblem<'a> {
         self
     }
 
-    /// The same problem with a Jacobian from a coarser grid, which shows the way for a quarter of the cost at half the reaches. Where the
-    /// problem's own grid is fine, both change almost alike.
-    pub(crate) fn with_slopes_on(self, reaches: usize) -> Self {
+    /// The same problem with a Jacobian from a grid of half the reaches, or of a few more that fit the joints, but of the `least` that the pipes need: it
+    /// shows the way for a quarter of the cost, for both grids change almost alike. Where that saves little it stays as it is.
+    pub(crate) fn with_slopes_of_half(self, least: usize) -> Self {
+        let starts: Vec<f64> = self.model.shared.iter().map(|p| p.start).collect();
+        let reaches = self.model.fitting_reaches(&starts, (self.window.reaches / 2).max(least));
+        if 3 * reaches >= 2 * self.window.reaches {
+            return self;
+        }
         let coarser =
             FitProblem::new(self.model, self.runs, Window { reaches, ..self.window }).comparing(self.objective);
         FitProblem { coarser: Some(Box::new(coarser)), ..self }

@@ -136,12 +136,6 @@ impl<'a> Calibrator<'a> {
     /// The same for a descent that others follow: on a fine grid, a coarser one shows the way.
     pub(crate) fn passing<'m>(&'m self, model: &'m Model<'m>, window: Window) -> FitProblem<'m> {
         let problem = self.problem(model, window);
-        let starts: Vec<f64> = model.shared.iter().map(|p| p.start).collect();
-        let coarse = model.fitting_reaches(&starts, (window.reaches / 2).max(self.least_reaches));
-        if coarse >= FINAL_REACHES && 3 * coarse < 2 * window.reaches {
-            problem.with_slopes_on(coarse)
-        } else {
-            problem
-        }
+        if window.reaches < 2 * FINAL_REACHES { problem } else { problem.with_slopes_of_half(self.least_reaches) }
     }
 }
