@@ -130,6 +130,31 @@ mod tests {
         assert!((area_mm2 - 3.0).abs() < 0.1, "{area_mm2}");
     }
 
+    /// A fit that has converged goes on where its rival stands on a finer grid, and only there.
+    #[test]
+    fn rivals_meet_on_as_fine_a_grid() {
+        let rig = Rig::from_toml(&HDPE.replace("HDPE", "copper"), "rig.toml").unwrap();
+        let run =
+            RunValues { initial_velocity_m_s: 0.5, valve_head_m: 40.0, closing_time_s: 0.05, friction_scale: 1.0 };
+        let effects = parse_list("leak").unwrap();
+        let runs = [record(&rig, &effects, &[1200.0, 31.0, 3.0], run, 0.02, 3.0)];
+        let options = Options { most_reaches: 256, grid_error_over_noise: 0.0, ..Options::default() };
+        let start = calibrate(&rig, &runs, &[], &Options { most_reaches: 64, ..Options::default() }, &|_| {}).unwrap();
+        let baseline = Baseline::new(&rig, &runs, &start, &options).unwrap();
+        let [leak, _] = screened_of(&baseline, ["leak", "valve-seat-leak"]);
+        let mut candidate = CandidateFit::forecast(&baseline, &start, &leak, 0.0);
+        let coarse = Options { most_reaches: 64, ..Options::default() };
+        candidate.take(calibrate(&rig, &runs, &effects, &coarse, &|_| {}));
+        let reaches = |candidate: &CandidateFit| candidate.fit.as_ref().map_or(0, |fit| fit.reaches);
+        let begun = reaches(&candidate);
+        assert!(candidate.settled && begun > 0 && begun < 200, "{begun}");
+        let fitter = fitter(&rig, &runs, &[], &options);
+        candidate.converge(&fitter, begun);
+        assert_eq!(reaches(&candidate), begun);
+        candidate.converge(&fitter, 256);
+        assert!(reaches(&candidate) >= 256, "{}", reaches(&candidate));
+    }
+
     /// In a pipe that creeps a change of section imitates a short branch, whose refit cannot leave the place where the creep has made up for it.
     #[test]
     fn a_change_of_section_meets_the_branch_wherever_that_is() {
