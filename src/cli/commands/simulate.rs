@@ -15,7 +15,7 @@ use crate::cli::console::print::{say, say_text, tell};
 use crate::cli::console::progress::busy;
 use crate::fit::problem::observed::Place;
 use crate::model::constraint::Given;
-use crate::model::effects::{ATMOSPHERE_PA, Chosen, parse_list};
+use crate::model::effects::{ATMOSPHERE_PA, Chosen, boils, parse_list};
 use crate::model::trace::Trace;
 use crate::record::session::output::check_path;
 use crate::report::energy;
@@ -335,7 +335,7 @@ fn to_digits(value: f64, digits: usize) -> f64 {
 
 /// Without the physics of cavities a head below vapour pressure is a number, not water.
 fn warn_of_cavities(scenario: &Scenario, traces: &[Trace]) {
-    if scenario.effects.iter().any(|c| c.effect.lets_boil()) {
+    if boils(&scenario.effects) {
         return;
     }
     let least_pa = scenario.water.vapour_pressure_pa - ATMOSPHERE_PA;

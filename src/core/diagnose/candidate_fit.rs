@@ -17,7 +17,7 @@ use crate::fit::progress::{OnProgress, Progress};
 use crate::fit::search::calibrate::{CoarseFit, calibrate, fit_coarsely, go_on, refine, relocate, without};
 use crate::fit::search::options::Options;
 use crate::model::Model;
-use crate::model::effects::{Chosen, Circumstances, SHOWN};
+use crate::model::effects::{Chosen, Circumstances, SHOWN, boils};
 use crate::rig::Rig;
 
 /// An effect in its best form, with its refit and, later, its full fit.
@@ -28,14 +28,14 @@ pub(crate) struct CandidateFit<'a> {
     pub(crate) square: f64,
     pub(crate) fit: Option<Fit>,
     /// A fit on from there was tried: another one would end there again.
-    pub(crate) settled: bool,
+    is_tried: bool,
 }
 
 impl<'a> CandidateFit<'a> {
     /// Forecasts the square of the full fit from the share of the start model's square that the refit leaves.
     pub(crate) fn forecast(baseline: &Baseline, start: &Fit, refit: &'a Refit, evidence: f64) -> Self {
         let left = baseline.mean_square(&refit.residuals) / baseline.mean_square(&baseline.residuals);
-        CandidateFit { refit, evidence, square: square(start) * left, fit: None, settled: false }
+        CandidateFit { refit, evidence, square: square(start) * left, fit: None, is_tried: false }
     }
 
     pub(crate) fn odds(&self, known: &Circumstances) -> f64 {
@@ -102,17 +102,23 @@ impl<'a> CandidateFit<'a> {
             && self.fit.as_ref().is_none_or(|known| square(&fit) < square(known))
         {
             self.square = square(&fit);
-            self.settled = fit.converged;
+            self.is_tried = false;
             self.fit = Some(fit);
         }
     }
 
-    /// Fits on until it converges, unless it has: a fit with cavities stopped at a grid that its rival's `reaches` may surpass.
-    pub(crate) fn converge(&mut self, fitter: &FullFitter, reaches: usize) {
-        if let Some(fit) = self.fit.as_ref().filter(|fit| !self.settled || fit.reaches < reaches) {
+    /// Whether its fit is as good as it gets.
+    pub(crate) fn is_settled(&self, fitter: &FullFitter) -> bool {
+        let at_end = |fit: &Fit| fit.converged && !fitter.is_held_back(fit);
+        self.is_tried || self.fit.as_ref().is_none_or(at_end)
+    }
+
+    /// Fits on until it converges, on as fine a grid as it takes.
+    pub(crate) fn converge(&mut self, fitter: &FullFitter) {
+        if let Some(fit) = self.fit.as_ref().filter(|_| !self.is_settled(fitter)) {
             let converged = fitter.converged(fit);
             self.take(converged);
-            self.settled = true;
+            self.is_tried = true;
         }
     }
 
@@ -341,14 +347,13 @@ impl FullFitter<'_> {
     }
 
     /// Of a brief fit with these effects.
-    fn brief<'e>(&self, effects: impl IntoIterator<Item = &'e Chosen>) -> Options {
+    fn brief(&self, effects: &[Chosen]) -> Options {
         Options { brief: true, ..self.bounded(effects, MOST_REACHES_WITH_CAVITIES) }
     }
 
     /// The options, on no more reaches than so many where the effects have cavities. Models are compared, so their elements are not pruned.
-    fn bounded<'e>(&self, effects: impl IntoIterator<Item = &'e Chosen>, with_cavities: usize) -> Options {
-        let boils = effects.into_iter().any(|c| c.effect.lets_boil());
-        let most = if boils { with_cavities } else { usize::MAX };
+    fn bounded(&self, effects: &[Chosen], with_cavities: usize) -> Options {
+        let most = if boils(effects) { with_cavities } else { usize::MAX };
         Options { most_reaches: self.options.most_reaches.min(most), prune: false, ..self.options.clone() }
     }
 
@@ -357,13 +362,17 @@ impl FullFitter<'_> {
         without(self.rig, self.runs, fit, i, &self.brief(&fit.effects), &|_| {})
     }
 
+    /// Whether a brief fit with cavities stopped on a coarse grid, whose error may decide between rivals so near the noise.
+    pub(crate) fn is_held_back(&self, fit: &Fit) -> bool {
+        boils(&fit.effects) && over_noise(fit, self.runs) < START_DOUBTFUL
+    }
+
     /// Fits a candidate or a pair until it converges. Near the noise a model with cavities has a finer grid than before, for it is not to lose by the
     /// grid's error.
     pub(crate) fn converged(&self, fit: &Fit) -> Result<Fit, FitError> {
         let labels: Vec<String> = fit.effects.iter().map(Chosen::label).collect();
         let shown = |p: &Progress| (self.progress)(&p.within(&labels.join(" + ")));
-        let near = over_noise(fit, self.runs) < START_DOUBTFUL;
-        let most = if near { MOST_REACHES_NEAR_NOISE } else { MOST_REACHES_WITH_CAVITIES };
+        let most = if self.is_held_back(fit) { MOST_REACHES_NEAR_NOISE } else { MOST_REACHES_WITH_CAVITIES };
         refine(self.rig, self.runs, &fit.effects, &fit.values(), &self.bounded(&fit.effects, most), &shown)
     }
 }

@@ -2,8 +2,8 @@
 //!
 //! 1. The start model is fitted. A coarse problem around its fit makes refits cheap ([`baseline`]).
 //! 2. Each other effect is added alone. [`refit`] screens every form of it and refines the most promising ones.
-//! 3. The best candidates are fitted to all samples on the fine grid; if none comes near the records, pairs of effects are tried, and if
-//!    none explains them, a fallback search tries further, and then pairs again.
+//! 3. The best candidates are fitted to all samples on the fine grid; if none comes near the records, pairs of effects are tried, those beside the
+//!    best candidate among them, and if none explains them, a fallback search tries further, and then pairs again.
 //! 4. [`evidence`] turns what each fit leaves into probabilities, and [`verdict`] into the answer. Effects that the data
 //!    cannot tell apart are named together, with the test that would tell them apart ([`next`]).
 //!
@@ -113,7 +113,7 @@ pub fn diagnose_fit(
         // Where single effects stay that far away, two that get down to the noise need no further search for one.
         let any_shown = candidate_fits.iter().any(|r| r.odds(&baseline.known) >= SHOWN);
         if is_far(&candidate_fits, runs) && !any_shown {
-            pairs.begin(&fitter, &baseline, &refits, best_fit(&candidate_fits), &leading(&candidate_fits));
+            pairs.go_on(&fitter, &baseline, &refits, best_fit(&candidate_fits), &leading(&candidate_fits));
         }
         if !pairs.explains(runs) {
             search_on(&fitter, &start, &mut candidate_fits, done);
@@ -134,7 +134,7 @@ pub fn diagnose_fit(
     } else {
         pairs_of(&fitter, &baseline, &start, &refits, &mut candidate_fits, pairs)
     };
-    if pair_fits.is_empty() && (far || best_fitted(&candidate_fits).is_some_and(|best| !best.settled)) {
+    if pair_fits.is_empty() && (far || best_fitted(&candidate_fits).is_some_and(|best| !best.is_settled(&fitter))) {
         contest(&fitter, &mut candidate_fits);
     }
     let others = pair_fits.iter().map(|pair| &pair.fit).chain(more.as_ref().map(|more| &more.fit));

@@ -106,15 +106,17 @@ pub(crate) struct PairSearch {
     refitted: Vec<PairRefit>,
     /// To all samples, the best first.
     fits: Vec<PairFit>,
-    /// What the best single effect left when it was started from.
+    /// The square of the error over noise that the best single effect left when it was started from.
     single: Option<f64>,
+    /// The best are fitted to all samples.
+    is_compared: bool,
 }
 
 impl PairSearch {
-    /// Refits the pairs whose signatures promise most and, where none of them explains the records, those beside the best `single` effect if that leaves
-    /// less than the last time; `leading` has a form of each effect, that which leaves least alone first. Fits them to all samples only where one is not
-    /// far from the records on the coarse grid: else a better single effect may be found first.
-    pub(crate) fn begin(
+    /// Refits the pairs whose signatures promise most and, where none of them explains the records, those beside the best `single` effect; goes on only
+    /// where that leaves less than the last time. `leading` has a form of each effect, that which leaves least alone first. Fits the pairs to all samples
+    /// only where one is not far from the records on the coarse grid: else a better single effect may be found first.
+    pub(crate) fn go_on(
         &mut self,
         fitter: &FullFitter,
         baseline: &Baseline,
@@ -122,10 +124,12 @@ impl PairSearch {
         single: Option<(&Form, &Fit)>,
         leading: &[&Refit],
     ) {
-        let left = single.map_or(f64::INFINITY, |(_, fit)| square(fit));
-        if self.single.replace(left).is_some_and(|known| known <= left) {
+        let left = single.map_or(f64::MAX, |(_, fit)| over_noise(fit, fitter.runs).powi(2));
+        if self.single.is_some_and(|known| known - left < fitter.least_fall) {
             return;
         }
+        self.single = Some(left);
+        self.is_compared = false;
         (fitter.progress)(&Progress::from("two effects at once"));
         if self.refitted.is_empty() {
             self.refitted = promising(baseline, refits).par_iter().filter_map(|of| refitted(baseline, *of)).collect();
@@ -148,6 +152,7 @@ impl PairSearch {
 
     /// Fits the best pairs to all samples, rivals of the leading effect in its place among them.
     fn compare(&mut self, fitter: &FullFitter, baseline: &Baseline, refits: &[Refit], leading: &[&Refit]) {
+        self.is_compared = true;
         self.refitted.extend(in_its_place(baseline, &self.refitted, leading));
         self.fit_best(fitter, baseline, refits);
     }
@@ -157,7 +162,7 @@ impl PairSearch {
         self.fits.first().is_some_and(|best| over_noise(&best.fit, runs) < DOWN_TO_THE_NOISE)
     }
 
-    /// The pairs that leave least, the best first, fitted to all samples. See [`PairSearch::begin`].
+    /// The pairs that leave least, the best first, fitted to all samples. See [`PairSearch::go_on`].
     pub(crate) fn fitted(
         mut self,
         fitter: &FullFitter,
@@ -167,8 +172,8 @@ impl PairSearch {
         leading: &[&Refit],
         start: &Fit,
     ) -> Vec<PairFit> {
-        self.begin(fitter, baseline, refits, single, leading);
-        if !self.is_near() {
+        self.go_on(fitter, baseline, refits, single, leading);
+        if !self.is_compared {
             self.compare(fitter, baseline, refits, leading);
         }
         let led_astray = over_noise(start, fitter.runs) > START_DOUBTFUL;
@@ -210,7 +215,9 @@ fn fitted(fitter: &FullFitter, of: &[Form; 2], effects: &[Chosen], values: &[f64
 fn keep_better(fits: &mut Vec<PairFit>, more: Vec<PairFit>) {
     for pair in more {
         match fits.iter_mut().find(|known| known.is_of(&pair.of)) {
-            Some(known) if square(&pair.fit) < square(&known.fit) => *known = pair,
+            Some(known) if square(&pair.fit) < square(&known.fit) => {
+                *known = PairFit { is_afresh: known.is_afresh, ..pair };
+            }
             Some(_) => {}
             None => fits.push(pair),
         }

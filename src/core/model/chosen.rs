@@ -55,6 +55,11 @@ impl PartialEq for Chosen {
     }
 }
 
+/// Whether water may boil in a model with these effects.
+pub fn boils(effects: &[Chosen]) -> bool {
+    effects.iter().any(|chosen| chosen.effect.lets_boil())
+}
+
 /// Name of a model with `effects`, for users.
 pub fn name_of(effects: &[Chosen]) -> String {
     std::iter::once("base model".to_owned()).chain(effects.iter().map(Chosen::label)).collect::<Vec<_>>().join(" + ")

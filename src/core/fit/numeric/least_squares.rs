@@ -153,8 +153,11 @@ fn half_square(residuals: &[f64]) -> f64 {
 /// # Errors
 /// An evaluation that fails on both sides.
 pub fn jacobian<P: Problem>(problem: &P, x: &[f64], base: &[f64]) -> Result<Vec<Vec<f64>>, P::Error> {
-    if let Some(cheaper) = problem.cheaper() {
-        return jacobian(cheaper, x, &cheaper.residuals(x)?);
+    // a coarser grid may not hold what the problem's own one does
+    if let Some(cheaper) = problem.cheaper()
+        && let Ok(columns) = cheaper.residuals(x).and_then(|base| jacobian(cheaper, x, &base))
+    {
+        return Ok(columns);
     }
     let (_, upper) = problem.bounds();
     (0..x.len())

@@ -142,11 +142,10 @@ impl<'a> FitProblem<'a> {
         self
     }
 
-    /// The same problem with a Jacobian from a grid of half the reaches, or of a few more that fit the joints, but of the `least` that the pipes need: it
-    /// shows the way for a quarter of the cost, for both grids change almost alike. Where that saves little it stays as it is.
+    /// The same problem with a Jacobian from a grid of half the reaches (at least of `least`, and of a few more where that fits the joints): both change
+    /// almost alike, and it costs a quarter. Where that saves little the problem stays as it is.
     pub(crate) fn with_slopes_of_half(self, least: usize) -> Self {
-        let starts: Vec<f64> = self.model.shared.iter().map(|p| p.start).collect();
-        let reaches = self.model.fitting_reaches(&starts, (self.window.reaches / 2).max(least));
+        let reaches = self.model.fitting_reaches(&self.start_values(), (self.window.reaches / 2).max(least));
         if 3 * reaches >= 2 * self.window.reaches {
             return self;
         }
