@@ -5,7 +5,7 @@ use crate::diagnose::candidate::Form;
 use crate::diagnose::evidence::{EvidenceScale, tempered};
 use crate::diagnose::limits::{
     ERROR_OF_EFFECT, LEAST_EVIDENCE, LEAST_FALL, MODEL_ERROR, MOST_REACHES_NEAR_NOISE, MOST_REACHES_WITH_CAVITIES,
-    START_DOUBTFUL,
+    ODDS_AT_BOUND, START_DOUBTFUL,
 };
 use crate::diagnose::next::answer::Answer;
 use crate::diagnose::refit::Refit;
@@ -17,7 +17,7 @@ use crate::fit::progress::{OnProgress, Progress};
 use crate::fit::search::calibrate::{CoarseFit, calibrate, fit_coarsely, go_on, refine, relocate, without};
 use crate::fit::search::options::Options;
 use crate::model::Model;
-use crate::model::effects::{Chosen, Circumstances, SHOWN, boils};
+use crate::model::effects::{Chosen, SHOWN, boils};
 use crate::rig::Rig;
 
 /// An effect in its best form, with its refit and, later, its full fit.
@@ -38,16 +38,18 @@ impl<'a> CandidateFit<'a> {
         CandidateFit { refit, evidence, square: square(start) * left, fit: None, is_tried: false }
     }
 
-    pub(crate) fn odds(&self, known: &Circumstances) -> f64 {
+    pub(crate) fn odds(&self, baseline: &Baseline) -> f64 {
         // Prior odds in favour of an effect do not make up for a fit without evidence.
-        let odds = self.refit.form.chosen.effect.odds(known);
+        let odds = self.refit.form.chosen.effect.odds(&baseline.known);
         // If a record shows the effect by itself, any improvement will do.
-        let least = if odds >= SHOWN { 0.0 } else { LEAST_EVIDENCE };
-        if self.evidence < least { odds.min(1.0) } else { odds }
+        let shown = odds >= SHOWN;
+        let odds = if self.evidence < if shown { 0.0 } else { LEAST_EVIDENCE } { odds.min(1.0) } else { odds };
+        let at_bound = !shown && self.own_parameters(baseline).iter().any(|p| p.at_bound);
+        if at_bound { ODDS_AT_BOUND * odds } else { odds }
     }
 
-    pub(crate) fn log_odds(&self, known: &Circumstances) -> f64 {
-        tempered(self.evidence) + self.odds(known).ln()
+    pub(crate) fn log_odds(&self, baseline: &Baseline) -> f64 {
+        tempered(self.evidence) + self.odds(baseline).ln()
     }
 
     /// Its effects and the values of all variables: of the full fit if there is one, else of the refit.

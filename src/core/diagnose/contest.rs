@@ -128,6 +128,9 @@ mod tests {
         assert!(over_noise(found, &runs) < 1.05 && square(found) < square(fits[leak].fit.as_ref().unwrap()));
         let area_mm2 = found.parameter("seat_cda_mm2").unwrap().value;
         assert!((area_mm2 - 3.0).abs() < 0.1, "{area_mm2}");
+        // no leak is believed to be just where its place ends
+        let [leak, seat] = fits.each_ref().map(|candidate| candidate.odds(&baseline));
+        assert!(leak < 0.1 * seat, "{leak} {seat}");
     }
 
     /// Near the noise a fit with gas, whose grid was kept coarse, goes on to a finer one, though it has converged; one without cavities has had it.

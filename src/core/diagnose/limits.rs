@@ -119,6 +119,9 @@ pub(crate) const ERROR_OF_EFFECT: f64 = 0.02;
 /// Share of [`LEAST_FALL`]'s square that a refit must forecast for a fit to all samples. Cost: forecasts of the fall were right to a factor of
 /// three on all recordings of the open sets.
 pub(crate) const LEAST_FORECAST: f64 = 0.2;
+/// Share of an effect's odds that is left where one of its own parameters ends at a bound: the records ask for what lies beyond, such as a leak at the
+/// valve, and another effect may be just that. Derived: of a pipe, 4% lie beyond the bounds of a place.
+pub(crate) const ODDS_AT_BOUND: f64 = 0.04;
 /// Evidence that an effect has at most if it is not worth a model. Tuned: data unknown.
 pub const NEGLIGIBLE_EVIDENCE: f64 = -16.0;
 /// Difference of tempered evidence within which two effects cannot be told apart: a Bayes factor of twenty. Literature:

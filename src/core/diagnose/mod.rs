@@ -111,7 +111,7 @@ pub fn diagnose_fit(
     if !explained {
         let done = begin_afresh(&fitter, &start, &mut candidate_fits);
         // Where single effects stay that far away, two that get down to the noise need no further search for one.
-        let any_shown = candidate_fits.iter().any(|r| r.odds(&baseline.known) >= SHOWN);
+        let any_shown = candidate_fits.iter().any(|r| r.odds(&baseline) >= SHOWN);
         if is_far(&candidate_fits, runs) && !any_shown {
             pairs.go_on(&fitter, &baseline, &refits, best_fit(&candidate_fits), &leading(&candidate_fits));
         }
@@ -150,7 +150,7 @@ pub fn diagnose_fit(
         let added = pair.fit.parameters.len().saturating_sub(start.parameters.len());
         scale.evidence(square(&start), square(&pair.fit), added)
     };
-    let singles = candidate_fits.iter().map(|r| (r.evidence, r.odds(&baseline.known)));
+    let singles = candidate_fits.iter().map(|r| (r.evidence, r.odds(&baseline)));
     let two = pair_fits.iter().map(|pair| (evidence_of(pair), PRIOR_ODDS_OF_PAIR));
     let elements = more.as_ref().map(|more| more.evidence(scale, &baseline, &start));
     let shares = probabilities(&singles.chain(two).chain(elements).collect::<Vec<_>>());
@@ -239,7 +239,7 @@ fn candidate_fits<'a>(baseline: &Baseline, start: &Fit, refits: &'a [Refit]) -> 
 
 /// The most probable first.
 fn rank(baseline: &Baseline, candidate_fits: &mut [CandidateFit]) {
-    candidate_fits.sort_by(|a, b| b.log_odds(&baseline.known).total_cmp(&a.log_odds(&baseline.known)));
+    candidate_fits.sort_by(|a, b| b.log_odds(baseline).total_cmp(&a.log_odds(baseline)));
 }
 
 /// Fits the best candidates to all samples.
@@ -412,7 +412,7 @@ fn is_shown_by_another(baseline: &Baseline, candidate_fits: &[CandidateFit]) -> 
 /// Whether the record shows the most probable candidate by itself: one that lies on the floor of vapour pressure has cavities, even if no model
 /// follows their collapse well.
 fn is_shown(baseline: &Baseline, candidate_fits: &[CandidateFit]) -> bool {
-    candidate_fits.first().is_some_and(|r| r.odds(&baseline.known) >= SHOWN)
+    candidate_fits.first().is_some_and(|r| r.odds(baseline) >= SHOWN)
 }
 
 /// Whether the records show a wave that is faster than the rig file's pipes allow.
@@ -517,7 +517,7 @@ fn candidate(
     let near = candidate_fits.iter().enumerate().filter(|(j, other)| {
         *j != i
             && other.evidence > LEAST_EVIDENCE
-            && (other.log_odds(&baseline.known) - candidate_fit.log_odds(&baseline.known)).abs() < INDISTINGUISHABLE
+            && (other.log_odds(baseline) - candidate_fit.log_odds(baseline)).abs() < INDISTINGUISHABLE
     });
     let parameters = candidate_fit.own_parameters(baseline);
     Candidate {
