@@ -43,7 +43,8 @@ impl<'a> CandidateFit<'a> {
         let odds = self.refit.form.chosen.effect.odds(&baseline.known);
         // If a record shows the effect by itself, any improvement will do.
         let shown = odds >= SHOWN;
-        let odds = if self.evidence < if shown { 0.0 } else { LEAST_EVIDENCE } { odds.min(1.0) } else { odds };
+        let least = if shown { 0.0 } else { LEAST_EVIDENCE };
+        let odds = if self.evidence < least { odds.min(1.0) } else { odds };
         let at_bound = !shown && self.own_parameters(baseline).iter().any(|p| p.at_bound);
         if at_bound { ODDS_AT_BOUND * odds } else { odds }
     }

@@ -145,11 +145,9 @@ mod tests {
         let start = calibrate(&rig, &runs, &[], &coarse, &|_| {}).unwrap();
         let baseline = Baseline::new(&rig, &runs, &start, &options).unwrap();
         let fitter = fitter(&rig, &runs, &[], &options);
-        for ((refit, name), finer) in screened_of(&baseline, ["entrained-gas", "valve-seat-leak"])
-            .iter()
-            .zip(["entrained-gas", "valve-seat-leak"])
-            .zip([true, false])
-        {
+        let screened = screened_of(&baseline, ["entrained-gas", "valve-seat-leak"]);
+        for (refit, finer) in screened.iter().zip([true, false]) {
+            let name = refit.form.effect;
             let mut candidate = CandidateFit::forecast(&baseline, &start, refit, 0.0);
             candidate.take(calibrate(&rig, &runs, &parse_list(name).unwrap(), &coarse, &|_| {}));
             let begun = candidate.fit.clone().unwrap();
