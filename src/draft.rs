@@ -12,7 +12,7 @@ use crate::signal::faults::{in_words, sensor_faults};
 use crate::signal::levels::temperature_degc;
 use crate::signal::window::used;
 use crate::signal::{Features, SensorFeatures, inspect};
-use crate::storage::import::{NAMELESS, SourceFile, SourceOptions, Track, bind, is_electric, kind_of};
+use crate::storage::import::{SourceFile, SourceOptions, Track, bind, is_electric, is_nameless, kind_of, kind_of_name};
 use crate::units::{Quantity, UNITS, Unit};
 
 /// Units of a pressure that states none, and up to which median it is taken for each: a laboratory's line has 0.5 to 20 bar.
@@ -66,7 +66,7 @@ fn meant(
     unit: Option<Unit>,
     placed: &[(String, f64)],
 ) -> Option<(SensorKind, Option<Told<Unit>>)> {
-    let nameless = track.name.starts_with(NAMELESS);
+    let nameless = is_nameless(&track.name);
     let called = name_of(track, source);
     let line = source.scales.iter().find(|(name, _)| track.is_called(name) || name == called);
     let by_scale = line.and_then(|(_, line)| {
@@ -80,8 +80,9 @@ fn meant(
     // only a pressure has a place to give
     let by_place = || placed.iter().any(|(name, _)| name == called).then_some((SensorKind::Pressure, None));
     let kind = by_scale
-        .or_else(|| kind_of(track).map(|(kind, unit)| (kind, unit.map(Told::given))))
+        .or_else(|| kind_of(track).map(|(kind, unit)| (kind, unit.map(Told::given))).filter(|(_, unit)| unit.is_some()))
         .or_else(by_place)
+        .or_else(|| Some((kind_of_name(&track.short)?, None)))
         .or_else(|| Some((kind_of_numbers(&track.series.value)?, None)).filter(|_| nameless))
         .filter(|_| line.is_some() || !track.unit.as_deref().is_some_and(is_electric));
     kind.filter(|_| track.series.value.len() > 1 && !source.ignore.contains(&track.short))
@@ -296,7 +297,9 @@ fn unit_of(track: &Track, kind: SensorKind, level: f64, draft: &Draft) -> Told<U
         SensorKind::Temperature if level > 200.0 => "K",
         SensorKind::Temperature => "degC",
         SensorKind::ValvePosition if level > 1.5 => "%",
-        SensorKind::ValvePosition | SensorKind::Trigger => "1",
+        SensorKind::ValvePosition => "1",
+        // only the edges of a trigger count
+        SensorKind::Trigger => return Told::given(Unit::ONE),
     };
     Told::assumed(symbol.parse().unwrap_or(UNITS[0]), why)
 }

@@ -72,6 +72,9 @@ impl Unit {
     /// What most gauges of a laboratory show.
     pub const BAR: Unit = unit("bar", Quantity::Pressure, 1e5, 0.0);
 
+    /// A pure number.
+    pub const ONE: Unit = unit("1", Quantity::Ratio, 1.0, 0.0);
+
     /// The SI value (Pa, m³/s, °C or 1) of a displayed one; `density_kg_m3` is that of the rig's water, which
     /// `m(H2O)` is a column of.
     pub fn to_si(self, displayed: f64, density_kg_m3: f64) -> f64 {

@@ -323,14 +323,28 @@ pub enum CsvProblem {
     },
     /// Times with too few digits.
     #[error(
-        "{repeats} of {rows} lines repeat the time of the line above: the times are written too coarsely for this sample rate; export them with more decimals"
+        "{repeats} of {rows} lines repeat the time of the line above: the times are written too coarsely for this sample rate; give the rate with option \
+         `rate`{likely}, or export the times with more decimals"
     )]
     TimesTooCoarse {
         /// Lines that repeat a time.
         repeats: usize,
         /// All lines.
         rows: usize,
+        /// The rate that they seem to have, starting with a separator; may be empty.
+        likely: String,
     },
+    /// A rate that the times of the file contradict.
+    #[error("at {rate_hz} samples a second, this line would come later than its time, '{time}', says: the rate or the time is wrong; give another rate with option `rate`")]
+    RateContradicted {
+        /// The rate, Hz.
+        rate_hz: f64,
+        /// The time, as written.
+        time: String,
+    },
+    /// Something that the file does not say, where nobody has agreed to a guess.
+    #[error("{0}: this is a guess, for the file does not say so")]
+    Guessed(String),
     /// A pressure above the vacuum, where nothing says what the atmosphere was.
     #[error(
         "column '{column}' is absolute ('{unit}'), and a sensor's pressure counts from the atmosphere: accept the standard one as a guess, or give the \

@@ -134,7 +134,9 @@ fn by_hand((value, unit): (f64, Unit), file: &SourceFile, rig: &Rig) -> Result<T
 /// # Errors
 /// Names the first.
 pub fn check_names(file: &SourceFile, path: &Path, rig: Option<&Rig>, options: &SourceOptions) -> Result<(), LogError> {
-    let is_there = |name: &str| file.tracks.iter().any(|track| track.is_called(name));
+    let is_there = |name: &str| {
+        file.tracks.iter().any(|track| track.is_called(name)) || file.others.iter().any(|other| other == name)
+    };
     let is_sensor = |name: &str| {
         rig.is_some_and(|rig| rig.sensors.iter().any(|s| s.name == name))
             || options.map.iter().any(|(_, to)| to == name)

@@ -10,7 +10,8 @@ const WORDS: [(SensorKind, &[&str], &str); 5] = [
     (SensorKind::Flow, &["flow", "debit", "débit", "durchfl", "caudal", "portata", "discharge"], "qf"),
     (SensorKind::Temperature, &["temp"], "t"),
     (SensorKind::Trigger, &["trig"], ""),
-    (SensorKind::ValvePosition, &["valve", "opening", "ventil", "position"], ""),
+    // the valve alone is a place
+    (SensorKind::ValvePosition, &["opening", "position", "stroke", "öffnung", "stellung"], ""),
 ];
 
 /// What file and user say of a track.
@@ -25,7 +26,12 @@ pub(crate) enum Known {
 }
 
 /// How the names of columns without headings begin.
-pub const NAMELESS: &str = "column ";
+pub(crate) const NAMELESS: &str = "column ";
+
+/// Whether a heading is none: a number, as pandas and spreadsheets give.
+pub fn is_nameless(heading: &str) -> bool {
+    heading.starts_with(NAMELESS) || (!heading.is_empty() && heading.bytes().all(|b| b.is_ascii_digit()))
+}
 
 /// The unit of a pressure, and whether it counts from the vacuum: `bara`, `psia`, `kPa abs`, `bar(a)`, or a name that says so. Of gauges it may be
 /// `bar g` or `mbar Überdruck`.
@@ -52,7 +58,8 @@ pub(crate) fn is_unit(name: &str, text: &str) -> bool {
 
 /// What a logger measures before a transducer's line makes a pressure of it: volts or milliamperes.
 pub fn is_electric(unit: &str) -> bool {
-    matches!(unit, "V" | "mV" | "mA" | "Volt" | "Volts" | "volt" | "volts")
+    let plain = unit.trim().replace([' ', '.'], "");
+    matches!(plain.as_str(), "V" | "mV" | "uV" | "µV" | "mA" | "A" | "VDC" | "Vdc" | "mVDC" | "mAdc" | "V/V" | "mV/V" | "Volt" | "Volts" | "volt" | "volts" | "VOLT" | "VOLTS")
 }
 
 /// What a track measures and its unit, where either its unit or its name says so.
@@ -67,11 +74,15 @@ pub fn kind_of(track: &Track) -> Option<(SensorKind, Option<Unit>)> {
     if let Some((kind, unit)) = by_unit {
         return Some((kind, Some(unit)));
     }
+    let ratio = track.unit.as_deref().and_then(|unit| spelled_unit(unit, Quantity::Ratio));
+    if ratio.is_some() && ["valve", "ventil"].iter().any(|word| track.short.to_lowercase().contains(word)) {
+        return Some((SensorKind::ValvePosition, ratio));
+    }
     kind_of_name(&track.short).map(|kind| (kind, None))
 }
 
 /// What a name says that its column measures.
-pub(crate) fn kind_of_name(name: &str) -> Option<SensorKind> {
+pub fn kind_of_name(name: &str) -> Option<SensorKind> {
     let name = name.to_lowercase();
     let said = |words: &[&str]| words.iter().any(|w| name.contains(w));
     let lettered = |letters: &str| {
@@ -120,7 +131,7 @@ pub(crate) fn guessed(tracks: &[Track], rig: &Rig, known: impl Fn(&Track) -> Kno
         }
     }
     // A table without headings says nothing but the order of its columns.
-    let nameless = free.iter().all(|&t| tracks[t].name.starts_with(NAMELESS));
+    let nameless = free.iter().all(|&t| is_nameless(&tracks[t].name));
     if found.is_empty() && nameless {
         let pressures: Vec<usize> =
             open.iter().copied().filter(|&s| rig.sensors[s].kind == SensorKind::Pressure).collect();

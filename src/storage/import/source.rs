@@ -7,6 +7,7 @@ use serde::Serialize;
 
 use crate::recording::Series;
 use crate::rig::spelled_unit;
+use crate::storage::import::csv::stamp::Order;
 use crate::units::{Quantity, Unit};
 
 /// What a file of another program holds.
@@ -22,6 +23,8 @@ pub struct SourceFile {
     pub repairs: Vec<Repair>,
     /// Tracks that no sensor wants are left out silently (a table's columns are not: one may be misspelt).
     pub spare_tracks: bool,
+    /// Columns that are no tracks: times, counters, words.
+    pub others: Vec<String>,
 }
 
 /// A wall-clock time, and how finely it was written.
@@ -139,6 +142,15 @@ pub struct SourceOptions {
 }
 
 impl SourceOptions {
+    /// The order of day and month, where it is given.
+    pub(crate) fn order(&self) -> Order {
+        match self.day_first {
+            Some(true) => Order::DayFirst,
+            Some(false) => Order::MonthFirst,
+            None => Order::Unknown,
+        }
+    }
+
     /// Nothing is given that a plain time series does not need.
     pub(crate) fn is_plain(&self) -> bool {
         self.map.is_empty() && self.ignore.is_empty() && self.scales.is_empty() && self.flow.is_none()
@@ -168,7 +180,8 @@ impl FromStr for Line {
 fn line_of(text: &str) -> Option<Line> {
     let is_unit = |word: &str| word.starts_with(|c: char| c.is_alphabetic() && c != 'x');
     let known = |unit: &str| {
-        [Quantity::Pressure, Quantity::Flow, Quantity::Temperature].into_iter().find_map(|q| spelled_unit(unit, q))
+        let quantities = [Quantity::Pressure, Quantity::Flow, Quantity::Temperature, Quantity::Ratio];
+        quantities.into_iter().find_map(|q| spelled_unit(unit, q))
     };
     let text = text.trim();
     if let Some(unit) = known(text) {

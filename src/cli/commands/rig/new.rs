@@ -231,6 +231,24 @@ fn no_pressure(file: &Path, columns: &[String]) -> String {
     )
 }
 
+/// What to give where nothing states the unit of a sensor.
+fn unstated_units(sensors: &[DraftSensor]) -> Option<String> {
+    let open = |is_pressure: bool| {
+        sensors.iter().filter(move |s| !s.unit.why.is_empty() && (s.kind == SensorKind::Pressure) == is_pressure)
+    };
+    let pressures: Vec<&str> = open(true).map(|s| s.name.as_str()).collect();
+    let mut remedies = Vec::new();
+    if !pressures.is_empty() {
+        remedies.push(format!("that of the pressures ({}) with --unit, as in --unit bar", pressures.join(", ")));
+    }
+    remedies.extend(open(false).map(|s| {
+        let (kind, name, usual) = (s.kind.name(), &s.name, s.unit.value.symbol);
+        format!("that of '{name}' ({kind}) with --scale, as in --scale '{name}={usual}', or leave it out with --ignore '{name}'")
+    }));
+    let why = sensors.iter().find(|s| !s.unit.why.is_empty())?.unit.why.as_str();
+    Some(format!("{why}. Give the unit: {}", remedies.join("; ")))
+}
+
 /// What to do next, as a command.
 fn next(args: &Args) -> String {
     let rig = quoted(&args.output.shown());
@@ -384,7 +402,10 @@ impl Ask {
 
     /// The units that nothing states: once for all pressures, and for each other sensor.
     fn units(&self, sensors: &mut [DraftSensor]) -> Result<(), AnyError> {
-        let is_open = |s: &DraftSensor| self.asks && !s.unit.why.is_empty();
+        let is_open = |s: &DraftSensor| !s.unit.why.is_empty();
+        if let (false, Some(text)) = (self.asks, unstated_units(sensors)) {
+            return Err(text.into());
+        }
         while let Some(first) = sensors.iter().find(|s| is_open(s)).cloned() {
             let same = |s: &DraftSensor| is_open(s) && s.kind == first.kind && s.unit == first.unit;
             let names: Vec<String> = sensors.iter().filter(|s| same(s)).map(|s| s.name.clone()).collect();

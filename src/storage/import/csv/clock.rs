@@ -1,219 +1,308 @@
-//! The first column: seconds, another unit of time, date-times, or a date and a time of day in two columns.
+//! The times of rows: numbers in a unit, times since 1970, days, date-times in up to three columns, or counted samples.
 
 use crate::storage::error::CsvProblem;
-use crate::storage::import::csv::heading::{heading_unit, hint_on_time, time_unit};
+use crate::storage::import::csv::cell::Cell;
+use crate::storage::import::csv::layout::Column;
+use crate::storage::import::csv::missing::is_missing;
 use crate::storage::import::csv::numbers::Numbers;
+use crate::storage::import::csv::roles::{Clock as Columns, Form};
 use crate::storage::import::csv::row::Row;
 use crate::storage::import::csv::stamp;
 use crate::storage::import::csv::stamp::{Order, Stamp};
 use crate::storage::import::source::{Repair, SourceOptions, Start};
 use crate::storage::layout::{to_ns, to_s};
 
-/// Reads the times of a table.
+/// Spreadsheets count days from the end of 1899; these are of this century.
+const SPREADSHEET_DAYS: std::ops::Range<f64> = 36_526.0..73_051.0;
+const DAYS_BEFORE_1970: f64 = 25_569.0;
+const DAY_NS: i64 = 86_400_000_000_000;
+const HOUR_NS: i64 = 3_600_000_000_000;
+/// A clock that is set back by an hour in autumn is back by so much of it at least: the next sample comes a moment later.
+const MOST_OF_AN_HOUR_NS: i64 = HOUR_NS - 60_000_000_000;
+
+/// Reads the times of rows.
 pub(crate) struct Clock {
-    kind: Kind,
-    repairs: Vec<Repair>,
-    /// Column's heading.
+    columns: Columns,
+    /// The column's heading.
     name: String,
-    first_ns: Option<i64>,
-    digit_s: f64,
-    last_ns: i64,
-    /// What midnights have added, ns.
-    days_ns: i64,
+    order: Order,
     zone_s: i32,
     zone_assumed: bool,
+    repairs: Vec<Repair>,
+    /// The first time, ns, and days of the first row.
+    first_ns: Option<i64>,
+    first_days: Option<f64>,
+    digit_s: f64,
+    last_ns: i64,
+    /// What midnights, full hours and the end of summer time have added, ns.
+    added_ns: i64,
+    has_date: bool,
+    summer_ended: bool,
+    /// Rows so far, and the row and time at which the present stretch of counted samples begins.
+    rows: u64,
+    stretch: Option<(f64, f64)>,
+    host_ns: Option<i64>,
+    host_digit_s: f64,
 }
-
-#[derive(Clone, Copy, PartialEq)]
-enum Kind {
-    /// Numbers of this many seconds.
-    Numbers(f64),
-    /// Date-times, or dates alone.
-    Stamps { order: Order, has_time: bool },
-    /// A date, and the time of day in the next column.
-    TwoColumns(Order),
-    /// A time of day alone.
-    TimeOfDay,
-}
-
-const DAY_NS: i64 = 86_400_000_000_000;
 
 impl Clock {
-    /// The clock of a column of plain seconds.
-    pub(crate) fn of_seconds(name: &str) -> Clock {
-        Clock::of(Kind::Numbers(1.0), name, Vec::new(), &SourceOptions::default())
-    }
-
-    fn of(kind: Kind, name: &str, repairs: Vec<Repair>, options: &SourceOptions) -> Clock {
-        let zone_s = options.zone_s.or_else(|| stamp::zone_of_heading(name));
-        Clock {
-            kind,
-            repairs,
-            name: name.to_owned(),
-            first_ns: None,
-            digit_s: 1.0,
-            last_ns: i64::MIN,
-            days_ns: 0,
-            zone_s: zone_s.unwrap_or(0),
-            zone_assumed: zone_s.is_none(),
-        }
-    }
-
-    /// Finds out from the headings, the units under them and the first row.
-    pub(crate) fn find(
-        header: &[String],
-        units: Option<&[String]>,
-        row: &Row<'_>,
-        text: &str,
-        separator: char,
+    /// The clock of some columns of a table; `shown` are cells of date-times, which may tell the order of day and month.
+    ///
+    /// # Errors
+    /// A date that may be two, and nothing shows which.
+    pub(crate) fn new<'c>(
+        columns: Columns,
+        table: &[Column],
+        shown: impl Fn(usize) -> Option<&'c str>,
+        all_dates: impl Fn(usize) -> Option<Order>,
         options: &SourceOptions,
     ) -> Result<Clock, CsvProblem> {
-        let name = header.first().cloned().unwrap_or_default();
-        let cell = row.get(0).unwrap_or_default();
+        let name = columns.time.map_or(String::new(), |i| table[i].heading.clone());
+        let date = columns.date.or(columns.host).or(columns.time.filter(|_| columns.form == Form::Stamps));
         let mut repairs = Vec::new();
-        let number = Numbers::new(separator, false).read(cell, &name).is_ok_and(|v| !v.is_nan());
-        let kind = if number {
-            let unit = units.and_then(|u| u.first()).and_then(|u| time_unit(u));
-            let heading = heading_unit(&name).or(unit).or(options.time_unit_s);
-            let seconds = heading.ok_or_else(|| no_time_column(&name, header))?;
-            if seconds != 1.0 {
-                repairs.push(Repair::new(
-                    "time-unit",
-                    1,
-                    None,
-                    format!("the times of '{name}' are in units of {seconds} s"),
-                ));
-            } else if name != "time_s" {
-                repairs.push(Repair::new("time-column", 1, None, format!("the times are in '{name}', in seconds")));
-            }
-            Kind::Numbers(seconds)
-        } else {
-            let mut order = order(cell, text, separator, options);
-            if order == Order::Unknown && options.guess && stamp::is_ambiguous(cell) {
+        let mut order = options.order();
+        if let Some((column, cell)) = date.and_then(|column| Some((column, shown(column)?)))
+            && order == Order::Unknown
+        {
+            order = stamp::order_shown(cell).or_else(|| all_dates(column)).unwrap_or(Order::Unknown);
+            if order == Order::Unknown && stamp::is_ambiguous(cell) {
+                if !options.guess {
+                    return Err(CsvProblem::WhichDay(cell.into()));
+                }
                 order = stamp::likely_order(cell);
                 if let Some(read) = Stamp::parse(cell, order) {
                     let text = format!("'{cell}' is of {} (change that with option `date-order`)", read.date());
                     repairs.push(Repair::guess("date-order", text));
                 }
             }
-            match Stamp::parse(cell, order) {
-                Some(s) if s.has_date && s.has_time => Kind::Stamps { order, has_time: true },
-                Some(s) if s.has_time => Kind::TimeOfDay,
-                Some(_) => match row.get(1).and_then(|c| Stamp::parse(c, order)) {
-                    Some(s) if s.has_time && !s.has_date => Kind::TwoColumns(order),
-                    _ => Kind::Stamps { order, has_time: false },
-                },
-                None if stamp::is_ambiguous(cell) => return Err(CsvProblem::WhichDay(cell.into())),
-                None if heading_unit(&name).is_none() => return Err(no_time_column(&name, header)),
-                None => return Err(CsvProblem::NotANumber { column: name, cell: cell.into() }),
-            }
-        };
-        Ok(Clock::of(kind, &name, repairs, options))
+        }
+        let zone = date.and_then(|i| stamp::zone_of_heading(&table[i].heading));
+        let zone_s = options.zone_s.or(zone);
+        Ok(Clock {
+            columns,
+            name,
+            order,
+            zone_s: zone_s.unwrap_or(0),
+            zone_assumed: zone_s.is_none(),
+            repairs,
+            first_ns: None,
+            first_days: None,
+            digit_s: 1.0,
+            last_ns: i64::MIN,
+            added_ns: 0,
+            has_date: false,
+            summer_ended: false,
+            rows: 0,
+            stretch: None,
+            host_ns: None,
+            host_digit_s: 1.0,
+        })
     }
 
-    /// Number of columns that hold the time.
-    pub(crate) fn columns(&self) -> usize {
-        if matches!(self.kind, Kind::TwoColumns(_)) { 2 } else { 1 }
+    /// Whether one of the columns that hold the time of a row is empty there.
+    pub(crate) fn is_timeless(&self, row: &Row<'_>, is_no_time: impl Fn(&str) -> bool) -> bool {
+        let Columns { time, date, fraction, form, .. } = &self.columns;
+        let date = date.filter(|_| *form == Form::Stamps);
+        [*time, date, fraction.map(|(i, _)| i)].into_iter().flatten().any(|i| is_no_time(row.get(i).unwrap_or_default()))
     }
 
-    /// The time of a row, s: the column's own numbers, or seconds since the first date-time.
-    pub(crate) fn seconds(
-        &mut self,
-        row: &Row<'_>,
-        numbers: &mut Numbers,
-        header: &[String],
-    ) -> Result<f64, CsvProblem> {
-        let cell = row.get(0).unwrap_or_default();
-        let bad = || CsvProblem::NotATime(cell.into());
-        let stamp = match self.kind {
-            Kind::Numbers(unit_s) => {
-                let value = numbers.read(cell, &header[0])?;
-                if value.is_nan() {
-                    return Err(CsvProblem::NoTime);
-                }
+    /// Whether a row has something that looks like its time.
+    pub(crate) fn is_timed(&self, row: &Row<'_>) -> bool {
+        self.columns.time.is_some() && matches!(Cell::of(self.cell(row)), Cell::Number(_) | Cell::Stamp(_))
+    }
+
+    /// The time of a row, s: the column's own numbers, or seconds since the first time where they are those of the day.
+    pub(crate) fn seconds(&mut self, row: &Row<'_>, numbers: &mut Numbers) -> Result<f64, CsvProblem> {
+        if let Some(host) = self.columns.host
+            && self.host_ns.is_none()
+            && let Some(stamp) = self.stamp(row, host).filter(|s| s.has_date)
+        {
+            self.host_ns = Some(stamp.unix_ns(self.zone_s));
+            self.zone_assumed &= stamp.zone_s.is_none();
+            self.host_digit_s = stamp.digit_s;
+        }
+        let time_s = match self.columns.form {
+            Form::Numbers(unit_s) => {
+                let value = self.number(row, numbers)?;
                 // a division keeps decimal numbers what they are: 12.5 ms are 12.5/1000 s
-                let time_s = if unit_s < 1.0 { value / (1.0 / unit_s).round() } else { value * unit_s };
-                return to_ns(time_s).map(|_| time_s).ok_or_else(|| CsvProblem::TimeOutOfRange(cell.into()));
+                if unit_s < 1.0 { value / (1.0 / unit_s).round() } else { value * unit_s }
             }
-            // a date alone is no time among date-times
-            Kind::Stamps { order, has_time } => {
-                Stamp::parse(cell, order).filter(|s| s.has_date && (s.has_time || !has_time))
+            Form::Days => {
+                let days = self.number(row, numbers)?;
+                // seven decimals of a second are what a day in eight bytes holds
+                ((days - *self.first_days.get_or_insert(days)) * 86_400e7).round() / 1e7
             }
-            Kind::TimeOfDay => Stamp::parse(cell, Order::Unknown).filter(|s| !s.has_date),
-            Kind::TwoColumns(order) => {
-                let time = Stamp::parse(row.get(1).unwrap_or_default(), Order::Unknown).filter(|s| s.has_time);
-                Stamp::parse(cell, order).zip(time).map(|(date, time)| date.joined(time))
+            Form::Since1970(unit_s) => {
+                let cell = self.cell(row);
+                let ns = ns_of_decimal(cell, unit_s).ok_or_else(|| CsvProblem::NotATime(cell.into()))?;
+                self.has_date = true;
+                (self.zone_assumed, self.digit_s) = (false, self.digit_s.min(last_digit_s(cell, unit_s)));
+                to_s(ns - *self.first_ns.get_or_insert(ns))
             }
+            Form::Stamps => to_s(self.stamped(row, numbers)?),
+            Form::Counted(interval_s) => self.counted(row, numbers, interval_s)?,
         };
-        let stamp = stamp.ok_or_else(bad)?;
+        to_ns(time_s).map(|_| time_s).ok_or_else(|| CsvProblem::TimeOutOfRange(self.cell(row).into()))
+    }
+
+    fn cell<'r>(&self, row: &'r Row<'_>) -> &'r str {
+        self.columns.time.and_then(|i| row.get(i)).unwrap_or_default()
+    }
+
+    fn number(&self, row: &Row<'_>, numbers: &mut Numbers) -> Result<f64, CsvProblem> {
+        let value = numbers.read(self.cell(row), &self.name)?;
+        if value.is_nan() && !is_missing(value) { Err(CsvProblem::NoTime) } else { Ok(value) }
+    }
+
+    fn stamp(&self, row: &Row<'_>, column: usize) -> Option<Stamp> {
+        let stamp = Stamp::parse(row.get(column)?, self.order)?;
+        match self.columns.date.filter(|date| *date != column) {
+            Some(date) if !stamp.has_date => Some(Stamp::parse(row.get(date)?, self.order)?.joined(stamp)),
+            _ => Some(stamp),
+        }
+    }
+
+    /// Nanoseconds since the first date-time.
+    fn stamped(&mut self, row: &Row<'_>, numbers: &mut Numbers) -> Result<i64, CsvProblem> {
+        let bad = || CsvProblem::NotATime(self.cell(row).into());
+        let stamp = self.columns.time.and_then(|i| self.stamp(row, i)).ok_or_else(bad)?;
+        // a date alone is no time among date-times
+        if self.first_ns.is_some() && stamp.has_date != self.has_date {
+            return Err(bad());
+        }
+        self.has_date = stamp.has_date;
         self.zone_assumed &= stamp.zone_s.is_none();
         self.digit_s = self.digit_s.min(stamp.digit_s);
         let mut ns = stamp.unix_ns(self.zone_s);
-        if self.kind == Kind::TimeOfDay {
-            ns = ns.saturating_add(self.days_ns);
-            if ns < self.last_ns.saturating_sub(DAY_NS / 2) {
-                self.days_ns = self.days_ns.saturating_add(DAY_NS);
-                ns = ns.saturating_add(DAY_NS);
-                self.repairs.push(Repair::new(
-                    "midnight",
-                    1,
-                    None,
-                    format!("the times of '{}' run past midnight", self.name),
-                ));
-            }
-            self.last_ns = ns;
+        if let Some((column, unit_s)) = self.columns.fraction {
+            let part = numbers.read(row.get(column).unwrap_or_default(), "")?;
+            ns = ns.saturating_add((part * unit_s * 1e9).round() as i64);
+            self.digit_s = self.digit_s.min(unit_s);
         }
+        ns = ns.saturating_add(self.added_ns);
+        let back_ns = self.last_ns.saturating_sub(ns);
+        let local = stamp.zone_s.is_none() && self.has_date;
+        let (wraps_ns, what, text) = match () {
+            () if stamp.in_hour => (HOUR_NS, "hour", "run past the full hour"),
+            () if !stamp.has_date => (DAY_NS, "midnight", "run past midnight"),
+            () => (0, "", ""),
+        };
+        if wraps_ns > 0 && back_ns > wraps_ns / 2 {
+            self.added_ns = self.added_ns.saturating_add(wraps_ns);
+            ns = ns.saturating_add(wraps_ns);
+            self.repairs.push(Repair::new(what, 1, None, format!("the times of '{}' {text}", self.name)));
+        } else if local && !self.summer_ended && (MOST_OF_AN_HOUR_NS..=HOUR_NS).contains(&back_ns) {
+            (self.summer_ended, self.added_ns) = (true, self.added_ns.saturating_add(HOUR_NS));
+            ns = ns.saturating_add(HOUR_NS);
+            let text = format!("the clock of '{}' is set back by an hour at {}, as when summer time ends: the times go on", self.name, self.cell(row));
+            self.repairs.push(Repair::new("summer-time", 1, None, text));
+        }
+        self.last_ns = ns;
         let since = i128::from(ns) - i128::from(*self.first_ns.get_or_insert(ns));
-        let since = i64::try_from(since).map_err(|_| CsvProblem::TimeOutOfRange(cell.into()))?;
-        to_ns(to_s(since)).map(|_| to_s(since)).ok_or_else(|| CsvProblem::TimeOutOfRange(cell.into()))
+        i64::try_from(since).map_err(|_| CsvProblem::TimeOutOfRange(self.cell(row).into()))
+    }
+
+    /// The time of a counted sample. Where there are date-times beside it, too coarse for its rate, a pause in them is one in the samples, and a rate
+    /// that contradicts them is refused.
+    fn counted(&mut self, row: &Row<'_>, numbers: &mut Numbers, interval_s: f64) -> Result<f64, CsvProblem> {
+        let place = self.rows as f64;
+        self.rows += 1;
+        let per_s = 1.0 / interval_s;
+        // a rate of whole samples a second keeps decimal times what they are
+        let after = |samples: f64| if (per_s - per_s.round()).abs() < 1e-9 * per_s { samples / per_s.round() } else { samples * interval_s };
+        let is_stamped = self.columns.fraction.is_some() || self.columns.date.is_some() || self.columns.time.is_some_and(|i| row.get(i).is_some_and(|c| Stamp::parse(c, self.order).is_some()));
+        match self.columns.time {
+            None => Ok(after(place)),
+            Some(_) if is_stamped => {
+                let clock_s = to_s(self.stamped(row, numbers)?);
+                let (from, began_s) = *self.stretch.get_or_insert((0.0, clock_s));
+                let time_s = began_s + after(place - from);
+                let slack_s = self.digit_s + 2.0 * interval_s;
+                if clock_s > time_s + slack_s {
+                    self.stretch = Some((place, clock_s));
+                    return Ok(clock_s);
+                }
+                if time_s > clock_s + 2.0 * slack_s {
+                    return Err(CsvProblem::RateContradicted { rate_hz: per_s, time: self.cell(row).into() });
+                }
+                Ok(time_s)
+            }
+            Some(_) => Ok(after(self.number(row, numbers)?)),
+        }
     }
 
     /// Whether its times are those of a wall clock that gives no zone, and may jump with daylight saving time.
     pub(crate) fn is_local(&self) -> bool {
-        self.zone_assumed && !matches!(self.kind, Kind::Numbers(_))
+        self.zone_assumed && self.has_date
     }
 
-    /// Wall-clock time of time 0, where the column gives dates.
-    pub(crate) fn start(&self) -> Option<Start> {
-        let dated = matches!(self.kind, Kind::Stamps { .. } | Kind::TwoColumns(_));
-        let unix_ns = self.first_ns.filter(|_| dated).and_then(|ns| u64::try_from(ns).ok()).filter(|ns| *ns > 0)?;
-        Some(Start { unix_ns, digit_s: self.digit_s })
+    /// Wall-clock time of time 0, where a column gives dates; `first_s` is the first time.
+    pub(crate) fn start(&self, first_s: f64) -> Option<Start> {
+        let by_days = || {
+            let days = self.first_days.filter(|days| SPREADSHEET_DAYS.contains(days))?;
+            to_ns((days - DAYS_BEFORE_1970) * 86_400.0)
+        };
+        let (ns, digit_s) = match self.host_ns.or_else(by_days) {
+            Some(ns) if self.host_ns.is_none() => (ns, self.host_digit_s),
+            Some(ns) => (ns.saturating_sub(to_ns(first_s)?), self.host_digit_s),
+            None => (self.first_ns.filter(|_| self.has_date)?, self.digit_s),
+        };
+        u64::try_from(ns).ok().filter(|ns| *ns > 0).map(|unix_ns| Start { unix_ns, digit_s })
     }
 
     /// How the times are written, where they are not plain seconds.
     pub(crate) fn repairs(&mut self) -> Vec<Repair> {
         let mut repairs = std::mem::take(&mut self.repairs);
         let zone = if self.zone_assumed { ", taken as UTC (change that with option `zone`)" } else { "" };
-        let text = match self.kind {
-            Kind::Numbers(_) => return repairs,
-            Kind::Stamps { .. } => format!("'{}' holds date-times{zone}; time 0 is the first", self.name),
-            Kind::TwoColumns(_) => format!("the first two columns hold dates and times{zone}; time 0 is the first"),
-            Kind::TimeOfDay => format!("'{}' holds times of the day; time 0 is the first", self.name),
+        let name = &self.name;
+        let (what, text) = match self.columns.form {
+            Form::Numbers(unit_s) if unit_s != 1.0 => ("time-unit", format!("the times of '{name}' are in units of {unit_s} s")),
+            Form::Numbers(_) if name != "time_s" => ("time-column", format!("the times are in '{name}', in seconds")),
+            Form::Numbers(_) | Form::Days => return repairs,
+            Form::Counted(_) if !self.has_date => return repairs,
+            Form::Since1970(_) => ("date-times", format!("'{name}' counts from 1970; time 0 is the first time")),
+            _ if self.columns.date.is_some() => {
+                ("date-times", format!("the times of the day are in '{name}', their dates in a column of their own{zone}; time 0 is the first"))
+            }
+            _ if self.has_date => ("date-times", format!("'{name}' holds date-times{zone}; time 0 is the first")),
+            _ => ("date-times", format!("'{name}' holds times of the day; time 0 is the first")),
         };
-        repairs.push(Repair::new("date-times", 1, None, text));
+        repairs.push(Repair::new(what, 1, None, text));
         repairs
     }
 }
 
-/// The order of day and month: from the options, or from the first date that has a number above 12.
-fn order(cell: &str, text: &str, separator: char, options: &SourceOptions) -> Order {
-    match options.day_first {
-        Some(true) => Order::DayFirst,
-        Some(false) => Order::MonthFirst,
-        None if stamp::is_ambiguous(cell) => {
-            let first = |line: &str| line.split(separator).next().map(|c| c.trim().trim_matches('"').to_string());
-            text.lines().filter_map(first).find_map(|c| stamp::order_shown(&c)).unwrap_or(Order::Unknown)
-        }
-        // the first date's own order holds for all
-        None => stamp::order_shown(cell).unwrap_or(Order::Unknown),
+/// Nanoseconds of a decimal number in a unit of time, exactly.
+fn ns_of_decimal(cell: &str, unit_s: f64) -> Option<i64> {
+    let cell = cell.replace(',', ".");
+    if cell.contains(['e', 'E']) {
+        return to_ns(cell.parse::<f64>().ok()? * unit_s);
     }
+    let (whole, fraction) = cell.split_once('.').unwrap_or((&cell, ""));
+    let unit_ns = (unit_s * 1e9).round() as i64;
+    let digits = &fraction[..fraction.len().min(9)];
+    let part = if digits.is_empty() { 0 } else { digits.parse::<i64>().ok()?.checked_mul(unit_ns)? / 10i64.pow(digits.len() as u32) };
+    whole.parse::<i64>().ok()?.checked_mul(unit_ns)?.checked_add(part)
 }
 
-fn no_time_column(name: &str, header: &[String]) -> CsvProblem {
-    let hint = if header.len() > 1 && name.parse::<f64>().is_ok() {
-        ": the header line is missing".to_string()
-    } else {
-        hint_on_time(name)
-    };
-    CsvProblem::NoTimeColumn { found: name.into(), hint }
+fn last_digit_s(cell: &str, unit_s: f64) -> f64 {
+    let decimals = cell.split_once(['.', ',']).map_or(0, |(_, fraction)| fraction.len());
+    unit_s * 0.1f64.powi(i32::try_from(decimals).unwrap_or(9))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn times_since_1970_lose_no_digit() {
+        for (cell, unit_s, ns) in [
+            ("1773480413.25", 1.0, 1_773_480_413_250_000_000),
+            ("1773480413250", 1e-3, 1_773_480_413_250_000_000),
+            ("1773480413250000.125", 1e-6, 1_773_480_413_250_000_125),
+            ("1773480413250000001", 1e-9, 1_773_480_413_250_000_001),
+        ] {
+            assert_eq!(ns_of_decimal(cell, unit_s), Some(ns), "{cell}");
+        }
+    }
 }

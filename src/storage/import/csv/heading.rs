@@ -1,30 +1,174 @@
-//! Headings: names with units, and whether one is that of a time.
+//! Headings: names, the units that stand with them, and whether one is that of a time.
 
-/// Name and unit of a heading such as `P1 (bar)`, `P1 [kPa]` or `P1 / kPa`.
+use crate::storage::import::kinds::{is_electric, is_unit, kind_of_name};
+use crate::units::{Quantity, Unit};
+
+/// Names of times, in lower case and without signs.
+const TIMES: [&str; 30] = [
+    "time",
+    "times",
+    "t",
+    "x",
+    "xvalue",
+    "xaxis",
+    "zeit",
+    "uhrzeit",
+    "messzeit",
+    "zeitstempel",
+    "temps",
+    "heure",
+    "tempo",
+    "ora",
+    "tiempo",
+    "hora",
+    "tijd",
+    "tid",
+    "elapsed",
+    "timestamp",
+    "datetime",
+    "datetimeutc",
+    "datumzeit",
+    "second",
+    "seconds",
+    "sec",
+    "secs",
+    "millis",
+    "micros",
+    "clock",
+];
+
+/// Names of counted samples, in lower case and without signs.
+const COUNTERS: [&str; 22] = [
+    "",
+    "sample",
+    "samples",
+    "index",
+    "n",
+    "no",
+    "nr",
+    "i",
+    "id",
+    "scan",
+    "scans",
+    "count",
+    "counter",
+    "samplenumber",
+    "number",
+    "record",
+    "recno",
+    "point",
+    "points",
+    "row",
+    "sequence",
+    "seq",
+];
+
+/// A unit of what loggers record, also that of a transducer without its line.
+pub(crate) fn is_known_unit(text: &str) -> bool {
+    is_electric(text) || time_unit(text).is_some() || is_unit("", text)
+}
+
+/// Name and unit of a heading: `P1 (bar)`, `P1 [kPa]`, `P1 / kPa`, `P1/psi`, `Pres, kPa (logger 7)`; where the unit is none that is known, brackets and
+/// ` / ` show it all the same. A unit behind an underscore, a blank or a point must be known: `P1_psi`, `P1 PSI`, `P1.psi`, MATLAB's `P1_psi_`.
 pub(crate) fn header_unit(heading: &str) -> Option<(String, String)> {
-    for (open, close) in [(" (", ")"), ("(", ")"), ("[", "]"), (" / ", "")] {
-        if let Some((name, unit)) = heading.strip_suffix(close).and_then(|rest| rest.rsplit_once(open))
-            && !name.trim().is_empty()
-            && !unit.trim().is_empty()
+    let heading = heading.split_whitespace().collect::<Vec<_>>().join(" ");
+    let bracketed = in_brackets(&heading).or_else(|| behind(&heading, " / "));
+    if let Some((name, unit)) = &bracketed
+        && is_known_unit(unit)
+    {
+        return bracketed.clone().map(|_| (name.clone(), unit.clone()));
+    }
+    // what stands in brackets may be a remark
+    let rest = bracketed.as_ref().map_or(heading.as_str(), |(name, _)| name);
+    known_behind(rest).or(bracketed)
+}
+
+/// `P1 (bar)`, `P1(bar)`, `P1 [bar]`; `m(H2O)` has brackets of its own.
+fn in_brackets(heading: &str) -> Option<(String, String)> {
+    for (open, close) in [('(', ')'), ('[', ']'), ('{', '}')] {
+        let Some(inner) = heading.strip_suffix(close) else { continue };
+        let mut depth = 0;
+        let at = inner.char_indices().rev().find(|(_, c)| {
+            depth += i32::from(*c == close) - i32::from(*c == open);
+            depth < 0
+        });
+        let (name, unit) = (inner[..at?.0].trim(), inner[at?.0 + open.len_utf8()..].trim());
+        if unit == "H2O"
+            && let Some(column) = ["mm", "cm", "in", "ft", "m"].into_iter().find(|unit| name.ends_with(unit))
         {
-            // m(H2O) has brackets of its own
-            let unit = if unit == "H2O" && heading.ends_with("m(H2O)") { "m(H2O)" } else { unit };
-            let name = name.trim().strip_suffix(" m").filter(|_| unit == "m(H2O)").unwrap_or(name.trim());
-            return Some((name.to_string(), unit.trim().to_string()));
+            let name = name[..name.len() - column.len()].trim();
+            return (!name.is_empty()).then(|| (name.to_owned(), format!("{column}(H2O)")));
         }
+        return (!name.is_empty() && !unit.is_empty()).then(|| (name.to_owned(), unit.to_owned()));
     }
     None
 }
 
-/// Seconds of the unit in a heading of a time column: `time_s`, `Time (ms)`, `t [us]`; `None` where it names none or is none.
+fn behind(heading: &str, mark: &str) -> Option<(String, String)> {
+    let (name, unit) = heading.rsplit_once(mark)?;
+    let (name, unit) = (name.trim(), unit.trim());
+    (!name.is_empty() && !unit.is_empty()).then(|| (name.to_owned(), unit.to_owned()))
+}
+
+/// A unit that is known, behind a comma, a slash, or as the last word.
+fn known_behind(heading: &str) -> Option<(String, String)> {
+    let listed = |mark: &str| behind(heading, mark).filter(|(_, unit)| is_known_unit(unit));
+    if let Some(found) = listed(", ").or_else(|| listed("/")) {
+        return Some(found);
+    }
+    let heading = heading.trim_end_matches('_');
+    let is_mark = |c: char| matches!(c, '_' | ' ' | '.' | '-');
+    // two words first: `P1 mm Hg`, `p_kPa_abs`
+    let ends: Vec<usize> = heading.rmatch_indices(is_mark).map(|(at, _)| at).take(2).collect();
+    ends.into_iter().rev().find_map(|at| {
+        let (name, unit) = (heading[..at].trim_end_matches(is_mark), &heading[at + 1..]);
+        (!name.is_empty() && is_word_unit(name, unit)).then(|| (name.to_owned(), unit.to_owned()))
+    })
+}
+
+/// Whether a last word is a unit: as it is written in a rig file, in whatever case where it has three letters, and that of a time behind a time.
+fn is_word_unit(name: &str, unit: &str) -> bool {
+    let exact = unit.parse::<Unit>().is_ok_and(|u| u.quantity != Quantity::Ratio);
+    let spelled = unit.len() >= 3 && !unit.starts_with(|c: char| c.is_ascii_digit()) && is_unit("", unit);
+    // `ch0_V` is in volts; `P_V` may as well stand at the valve
+    let electric = is_electric(unit) && (unit != "V" || kind_of_name(name).is_none());
+    exact || spelled || electric || (is_time_name(name) && time_unit(unit).is_some())
+}
+
+/// A name without its signs, in lower case, and without a number at its end: `Time_1` is `time`.
+fn bare(name: &str) -> String {
+    let plain: String = name.chars().filter(|c| c.is_alphanumeric()).collect::<String>().to_lowercase();
+    plain.trim_end_matches(|c: char| c.is_ascii_digit()).to_owned()
+}
+
+/// Whether a name is that of a time: as a whole, or by its first or last word.
+pub(crate) fn is_time_name(name: &str) -> bool {
+    let is = |word: &str| TIMES.contains(&bare(word).as_str());
+    let mut words = name.split(|c: char| !c.is_alphanumeric()).filter(|w| !w.is_empty());
+    let first = words.next();
+    is(name) || first.is_some_and(|w| w.len() > 1 && is(w)) || words.next_back().is_some_and(|w| w.len() > 1 && is(w))
+}
+
+/// Whether a name is that of counted samples.
+pub(crate) fn is_counter_name(name: &str) -> bool {
+    let is_number = !name.is_empty() && name.bytes().all(|b| b.is_ascii_digit());
+    !is_number && COUNTERS.contains(&bare(name).as_str())
+}
+
+/// Seconds of the unit that a name means by itself: `millis`, `us`, `seconds`.
+pub(crate) fn unit_of_name(name: &str) -> Option<f64> {
+    match bare(name).as_str() {
+        "millis" => Some(1e-3),
+        "micros" => Some(1e-6),
+        // what is called `t` or `d` says nothing of a unit
+        plain if plain.len() > 1 => time_unit(plain),
+        _ => None,
+    }
+}
+
+/// Seconds of the unit in a heading of a time column: `time_s`, `Time (ms)`, `T1 (s)`, `t/us`, `millis`; `None` where it names none or is none.
 pub(crate) fn heading_unit(heading: &str) -> Option<f64> {
-    let (name, unit) = match header_unit(heading) {
-        Some(split) => split,
-        None => heading.rsplit_once(['_', ' ']).map(|(name, unit)| (name.to_string(), unit.to_string()))?,
-    };
-    let name = name.to_lowercase();
-    let is_time = ["time", "t", "times", "zeit", "temps", "tempo", "tiempo", "x", "elapsed time", "relative time"];
-    is_time.contains(&name.as_str()).then(|| time_unit(&unit)).flatten()
+    header_unit(heading).map_or_else(|| unit_of_name(heading), |(_, unit)| time_unit(&unit))
 }
 
 /// The unit of time of so many seconds.
@@ -35,12 +179,12 @@ pub fn time_symbol(seconds: f64) -> &'static str {
 /// Seconds of a unit of time.
 pub fn time_unit(text: &str) -> Option<f64> {
     match text.trim_end_matches('.').to_lowercase().as_str() {
-        "s" | "sec" | "secs" | "second" | "seconds" => Some(1.0),
-        "ms" | "msec" | "milliseconds" => Some(1e-3),
-        "us" | "µs" | "μs" | "usec" | "microseconds" => Some(1e-6),
-        "ns" | "nanoseconds" => Some(1e-9),
-        "min" | "minutes" => Some(60.0),
-        "h" | "hours" => Some(3600.0),
+        "s" | "sec" | "secs" | "second" | "seconds" | "sek" | "sekunden" => Some(1.0),
+        "ms" | "msec" | "msecs" | "millisecond" | "milliseconds" | "millisec" => Some(1e-3),
+        "us" | "µs" | "μs" | "usec" | "usecs" | "microsecond" | "microseconds" => Some(1e-6),
+        "ns" | "nsec" | "nanosecond" | "nanoseconds" => Some(1e-9),
+        "min" | "mins" | "minute" | "minutes" => Some(60.0),
+        "h" | "hr" | "hrs" | "hour" | "hours" => Some(3600.0),
         "d" | "day" | "days" => Some(86_400.0),
         _ => None,
     }
@@ -66,5 +210,54 @@ pub(crate) fn hint_on_time(heading: &str) -> String {
             )
         }
         None => ": if these times are in seconds, name the column time_s".into(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn units_of_headings_as_programs_write_them() {
+        for (heading, name, unit) in [
+            ("P1 (bar)", "P1", "bar"),
+            ("P1\n(psi)", "P1", "psi"),
+            ("P1(bar(g))", "P1", "bar(g)"),
+            ("P1 [kPa]", "P1", "kPa"),
+            ("P1 / kPa", "P1", "kPa"),
+            ("P1/psi", "P1", "psi"),
+            ("P1.psi", "P1", "psi"),
+            ("P1_psi_", "P1", "psi"),
+            ("P1_PSI", "P1", "PSI"),
+            ("P1 PSI", "P1", "PSI"),
+            ("P1 m(H2O)", "P1", "m(H2O)"),
+            ("P1 (m(H2O))", "P1", "m(H2O)"),
+            ("Pres, kPa (LGR S/N: 1, LBL: valve)", "Pres", "kPa"),
+            ("ch0_V", "ch0", "V"),
+            ("101 (VDC)", "101", "VDC"),
+            ("P1 (furlong)", "P1", "furlong"),
+            ("Time (ms)", "Time", "ms"),
+            ("Time_ms_", "Time", "ms"),
+            ("t/us", "t", "us"),
+            ("p_kPa_abs", "p", "kPa_abs"),
+        ] {
+            assert_eq!(header_unit(heading), Some((name.into(), unit.into())), "{heading}");
+        }
+        for heading in ["P1", "P_V", "Druck=2", "P1_m", "valve_s", "Sample", "Sensor A", "P.1", "Wave-K2"] {
+            assert_eq!(header_unit(heading), None, "{heading}");
+        }
+    }
+
+    #[test]
+    fn times_and_counters_by_their_names() {
+        for (heading, unit_s) in
+            [("time_s", 1.0), ("T1 (s)", 1.0), ("millis", 1e-3), ("t_ms", 1e-3), ("Elapsed Time (us)", 1e-6), ("x [ms]", 1e-3), ("Zeit [d]", 86_400.0)]
+        {
+            assert_eq!(heading_unit(heading), Some(unit_s), "{heading}");
+        }
+        assert!([heading_unit("t"), heading_unit("P1 (bar)"), heading_unit("valve_s"), heading_unit("d")].iter().all(Option::is_none));
+        assert!(["Time", "t1", "X_Value", "x-axis", "Elapsed Time", "pc_timestamp", "Date Time", "Time 1 - default sample rate"].into_iter().all(is_time_name));
+        assert!(!["P1", "Valve", "Temperature", "T valve", "Date"].into_iter().any(is_time_name));
+        assert!(["", "No", "Sample #", "RECORD", "#"].into_iter().all(is_counter_name) && !is_counter_name("P1"));
     }
 }

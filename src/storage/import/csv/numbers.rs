@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 
 use crate::storage::error::CsvProblem;
+use crate::storage::import::csv::missing::{missing, says_missing};
 use crate::storage::import::source::Repair;
 
 /// Reads cells, and holds the file to one decimal mark.
@@ -10,32 +11,56 @@ pub(crate) struct Numbers {
     separator: char,
     /// Decimal points only, and nothing between the thousands.
     strict: bool,
+    /// A mark that stands between thousands, as the columns show.
+    thousands: Option<char>,
     mark: Option<char>,
     grouped: usize,
     scratch: String,
 }
 
 impl Numbers {
-    pub(crate) fn new(separator: char, strict: bool) -> Numbers {
-        Numbers { separator, strict, mark: None, grouped: 0, scratch: String::new() }
+    /// Of a plain time series.
+    pub(crate) fn strict() -> Numbers {
+        Numbers { strict: true, ..Numbers::new(',', None) }
     }
 
-    /// The number of a cell; NaN where it is empty.
+    /// Of a table whose thousands may be separated by a mark that would otherwise be a decimal one.
+    pub(crate) fn new(separator: char, thousands: Option<char>) -> Numbers {
+        Numbers { separator, strict: false, thousands, mark: None, grouped: 0, scratch: String::new() }
+    }
+
+    /// The number of a cell; NaN where it is empty, [`missing`] where it says that it has none.
     pub(crate) fn read(&mut self, cell: &str, column: &str) -> Result<f64, CsvProblem> {
         if cell.is_empty() {
             return Ok(f64::NAN);
         }
-        let value = self.number(cell, column)?;
-        if value.is_finite() {
-            return Ok(value);
+        let found = self.number(cell, column);
+        match found {
+            Ok(value) if value.is_finite() => Ok(value),
+            _ if !self.strict && says_missing(cell) => Ok(missing()),
+            Ok(_) => Err(CsvProblem::NotFinite { column: column.into(), cell: cell.into() }),
+            Err(problem) => Err(problem),
         }
-        Err(CsvProblem::NotFinite { column: column.into(), cell: cell.into() })
     }
 
     fn number(&mut self, cell: &str, column: &str) -> Result<f64, CsvProblem> {
         let no_number = || CsvProblem::NotANumber { column: column.into(), cell: cell.into() };
-        let last = cell.rfind(['.', ',']).filter(|_| !self.strict);
-        let Some(last) = last else { return cell.parse().map_err(|_| no_number()) };
+        if self.strict {
+            return cell.parse().map_err(|_| no_number());
+        }
+        if !cell.is_ascii() || cell.contains(['\'', ' ']) {
+            let plain = without_grouping(cell).ok_or_else(no_number)?;
+            self.grouped += usize::from(plain.grouped);
+            return self.number(&plain.text, column).map_err(|_| no_number());
+        }
+        let marked = cell.rfind(['.', ',']).filter(|at| self.thousands != Some(char::from(cell.as_bytes()[*at])));
+        let Some(last) = marked else {
+            let Some(mark) = self.thousands.filter(|mark| cell.contains(*mark)) else {
+                return cell.parse().map_err(|_| no_number());
+            };
+            self.grouped += 1;
+            return if is_grouped(cell, mark) { cell.replace(mark, "").parse().map_err(|_| no_number()) } else { Err(no_number()) };
+        };
         let mark = if cell.as_bytes()[last] == b',' { ',' } else { '.' };
         let other = if mark == ',' { '.' } else { ',' };
         let both = cell[..last].contains(other);
@@ -66,11 +91,58 @@ impl Numbers {
         }
         if self.grouped > 0 {
             let text = format!("{} numbers have separators between their thousands", self.grouped);
-            repairs.push(Repair::new("thousands", self.grouped, None, text));
+            // where only the size of the numbers shows it, the file does not say so
+            repairs.push(Repair { guessed: self.thousands.is_some(), ..Repair::new("thousands", self.grouped, None, text) });
         }
         repairs
     }
 }
+
+/// A number in plain characters.
+struct Plain {
+    text: String,
+    grouped: bool,
+}
+
+/// The minus sign U+2212 becomes a hyphen; apostrophes and blanks between groups of three digits vanish. None where they stand elsewhere.
+fn without_grouping(cell: &str) -> Option<Plain> {
+    let signed = cell.replace('\u{2212}', "-");
+    let is_gap = |c: char| matches!(c, '\'' | '\u{2019}' | ' ' | '\u{a0}' | '\u{2009}' | '\u{202f}');
+    let whole = signed.find(['.', ',', 'e', 'E']).unwrap_or(signed.len());
+    let (whole, rest) = signed.split_at(whole);
+    let grouped = whole.contains(is_gap);
+    let text = whole.replace(is_gap, "_") + rest;
+    if !text.is_ascii() || text == cell || (grouped && !is_grouped(&text[..text.len() - rest.len()], '_')) {
+        return None;
+    }
+    Some(Plain { text: text.replace('_', ""), grouped })
+}
+
+/// The mark between the thousands of a column that looks like a decimal one: behind it stand three digits wherever it stands, and the numbers that
+/// lack it are not between those with it, as 998 is not between 1.002 and 1.003, but a thousand times larger.
+pub(crate) fn thousands<'c>(cells: impl Iterator<Item = &'c str>) -> Option<char> {
+    let (mut marked, mut plain, mut mark) = (Vec::new(), Vec::new(), None);
+    for cell in cells {
+        let digits = cell.trim_start_matches(['+', '-']);
+        match digits.find(['.', ',']) {
+            Some(at) => {
+                let own = char::from(digits.as_bytes()[at]);
+                if *mark.get_or_insert(own) != own || digits.starts_with('0') || !is_grouped(digits, own) {
+                    return None;
+                }
+                marked.push(digits.replace(own, ".").parse::<f64>().ok()?);
+            }
+            None if digits.is_empty() => {}
+            None => plain.push(digits.parse::<f64>().ok().filter(|_| digits.len() <= 3)?),
+        }
+    }
+    let most = marked.iter().copied().reduce(f64::max)?;
+    let least = plain.into_iter().filter(|v| *v != 0.0).reduce(f64::min)?;
+    mark.filter(|_| least > THOUSANDS_APART * most)
+}
+
+/// Numbers without a mark are so many times as large as those with it.
+const THOUSANDS_APART: f64 = 10.0;
 
 /// True for a decimal number as it would be printed, of so few digits that it survives the way through a binary number.
 fn is_plain_decimal(cell: &str) -> bool {
@@ -123,5 +195,37 @@ impl Written {
             Written::Decimals(d) => Some(d),
             Written::Nothing | Written::Mixed => None,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_of_many_countries() {
+        let read = |cells: &[&str]| {
+            let mut numbers = Numbers::new(';', None);
+            cells.iter().map(|c| numbers.read(c, "P1").unwrap_or(f64::NAN)).collect::<Vec<_>>()
+        };
+        assert_eq!(read(&["\u{2212}1.5", "+2.25", "1e-3"]), [-1.5, 2.25, 1e-3]);
+        assert_eq!(read(&["2'802.5", "2\u{2019}802.5", "-12'345'678"]), [2802.5, 2802.5, -12345678.0]);
+        assert_eq!(read(&["2 802,5", "2\u{a0}802,5", "2\u{202f}802"]), [2802.5, 2802.5, 2802.0]);
+        assert_eq!(read(&["1.200,25", "120,5"]), [1200.25, 120.5]);
+        assert!(read(&["1 2", "12 34", "1'2"]).iter().all(|v| v.is_nan()), "groups of three only");
+    }
+
+    #[test]
+    fn a_mark_of_thousands_is_told_from_a_decimal_one_by_the_numbers_without_it() {
+        let of = |cells: &[&str]| thousands(cells.iter().copied());
+        assert_eq!(of(&["2.802", "2.802", "998", "1.003"]), Some('.'));
+        assert_eq!(of(&["2,802", "998"]), Some(','));
+        for decimal in [&["2.802", "3", "2.998"][..], &["2.802", "2.95"], &["2.802", "1.003"], &["998", "1003"], &["0.001", "0", "0.002"], &["0.125", "3"]] {
+            assert_eq!(of(decimal), None, "{decimal:?}");
+        }
+        let mut numbers = Numbers::new(';', Some('.'));
+        assert_eq!(numbers.read("2.802", "").unwrap(), 2802.0);
+        assert_eq!(numbers.read("1.002,5", "").unwrap(), 1002.5);
+        assert!(numbers.repairs().iter().any(|r| r.what == "thousands" && r.guessed));
     }
 }

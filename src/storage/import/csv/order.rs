@@ -1,5 +1,6 @@
 //! Lines out of order, times that stand twice, times that are missing.
 
+use crate::number::significant;
 use crate::storage::error::{CsvFault, CsvProblem};
 use crate::storage::import::csv::grid::{Hole, even_holes, even_step};
 use crate::storage::import::csv::table::Table;
@@ -97,6 +98,14 @@ fn sort(table: &mut Table) {
     table.line = order.iter().map(|&i| table.line[i]).collect();
 }
 
+/// The rate that times to the second, or the like, show by how many of them stand between the first change and the last; in words.
+fn likely_rate(time_s: &[f64]) -> String {
+    let changes: Vec<usize> = (1..time_s.len()).filter(|&i| time_s[i] != time_s[i - 1]).collect();
+    let (Some(&first), Some(&last)) = (changes.first(), changes.last()) else { return String::new() };
+    let rate_hz = (last - first) as f64 / (time_s[last] - time_s[first]);
+    if first < last && rate_hz.is_finite() { format!(" (it seems to be {})", significant(rate_hz, 4)) } else { String::new() }
+}
+
 /// Makes one line of those of one time: what they agree in stays, of what they differ in the mean is taken.
 fn join_repeats(table: &mut Table, repairs: &mut Vec<Repair>) -> Result<(), CsvFault> {
     let rows = table.time_s.len();
@@ -109,7 +118,8 @@ fn join_repeats(table: &mut Table, repairs: &mut Vec<Repair>) -> Result<(), CsvF
     let contradicting = || (0..rows - 1).filter(repeated).filter(differs);
     let (first, repeats) = (contradicting().next().unwrap_or(0), contradicting().count());
     if repeats > 2 && repeats as f64 > MOST_REPEATED * rows as f64 {
-        return Err((Some(table.line[first + 1]), Box::new(CsvProblem::TimesTooCoarse { repeats, rows })));
+        let likely = likely_rate(&table.time_s);
+        return Err((Some(table.line[first + 1]), Box::new(CsvProblem::TimesTooCoarse { repeats, rows, likely })));
     }
     let (mut same, mut same_line) = (0, None);
     let (mut differing, mut differing_line, mut most) = (0, None, 0.0f64);

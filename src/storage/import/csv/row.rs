@@ -12,6 +12,11 @@ impl<'t> Row<'t> {
     /// Takes the cells of a line in the place of those it has.
     pub(crate) fn read(&mut self, line: &'t str, separator: char) {
         self.cells.clear();
+        // a blank stands for any number of them
+        if separator == ' ' {
+            self.cells.extend(line.split_whitespace().map(Cow::Borrowed));
+            return;
+        }
         if !line.contains('"') {
             self.cells.extend(line.split(separator).map(|cell| Cow::Borrowed(cell.trim())));
             return;
@@ -58,20 +63,4 @@ pub(crate) fn is_line(line: &str) -> bool {
 pub(crate) fn is_row(line: &str) -> bool {
     let separator = line.trim_end_matches(['\r', '\n']).strip_prefix("sep=").is_some_and(|s| s.chars().count() <= 1);
     !separator && !line.starts_with('#') && line.chars().any(|c| !c.is_whitespace() && !matches!(c, ',' | ';'))
-}
-
-/// The separator between the headings, outside of quotes.
-pub(crate) fn separator(header: &str) -> char {
-    let mut quoted = false;
-    let mut seen = [false; 2];
-    for c in header.chars() {
-        quoted ^= c == '"';
-        seen[0] |= c == ';' && !quoted;
-        seen[1] |= c == '\t' && !quoted;
-    }
-    match seen {
-        [true, _] => ';',
-        [_, true] => '\t',
-        _ => ',',
-    }
 }

@@ -17,6 +17,8 @@ pub(crate) struct Stamp {
     ns_of_day: i64,
     pub has_date: bool,
     pub has_time: bool,
+    /// Minutes and seconds alone, which begin anew at the full hour.
+    pub in_hour: bool,
     /// Seconds east of UTC, where it says so.
     pub zone_s: Option<i32>,
     /// Value of its last digit, s.
@@ -26,18 +28,21 @@ pub(crate) struct Stamp {
 const DAY_NS: i64 = 86_400_000_000_000;
 
 impl Stamp {
-    /// Reads `2026-03-14T09:26:53.5Z`, `2026/03/14 09:26:53`, `14.03.2026 09:26:53,5`, `3/14/2026 9:26:53 PM +01:00`,
-    /// `09:26:53.123` and `14.03.2026`. Slashes and dashes before the year need an order.
+    /// Reads `2026-03-14T09:26:53.5Z`, `2026/03/14 09:26:53`, `14.03.2026 09:26:53,5`, `3/14/2026 9:26:53 PM +01:00`, `14-Mar-2026 09:26:53`,
+    /// `09:26:53.123`, `09:26:53:123`, `26:53.123` (minutes and seconds), `0 days 00:00:01.5` and `14.03.2026`. Slashes and dashes before the year
+    /// need an order.
     pub(crate) fn parse(text: &str, order: Order) -> Option<Stamp> {
-        let (date, time) = match text.split_once(['T', ' ']) {
-            Some((date, time)) if !date.contains(':') => (Some(date), Some(time.trim())),
-            _ if text.contains(':') => (None, Some(text)),
-            _ => (Some(text), None),
+        let text = text.trim().strip_prefix("0 days ").unwrap_or(text.trim());
+        let (date, time) = match date_end(text) {
+            Some(end) => (Some(text[..end].trim_end_matches(',')), Some(text[end + 1..].trim())),
+            None if text.contains(':') => (None, Some(text)),
+            None => (Some(text), None),
         };
         let (has_date, has_time) = (date.is_some(), time.is_some());
         let date = date.map_or(NaiveDate::from_ymd_opt(1970, 1, 1), |d| parse_date(d, order))?;
-        let (ns_of_day, zone_s, digit_s) = time.map_or(Some((0, None, 1.0)), parse_time)?;
-        Some(Stamp { date, ns_of_day, has_date, has_time, zone_s, digit_s })
+        let time = time.map_or(Some(TimeOfDay { ns: 0, zone_s: None, digit_s: 1.0, in_hour: false }), parse_time)?;
+        let TimeOfDay { ns, zone_s, digit_s, in_hour } = time;
+        Some(Stamp { date, ns_of_day: ns, has_date, has_time, in_hour: in_hour && !has_date, zone_s, digit_s })
     }
 
     /// The date as it was read.
@@ -58,6 +63,50 @@ impl Stamp {
     }
 }
 
+/// Where the date ends that stands before a time of day: at a `T` between digits, or at the blank before the first colon.
+fn date_end(text: &str) -> Option<usize> {
+    let colon = text.find(':')?;
+    let digit = |at: Option<usize>| at.and_then(|at| text.as_bytes().get(at)).is_some_and(u8::is_ascii_digit);
+    let joint = |at: &usize| digit(at.checked_sub(1)) && digit(Some(at + 1));
+    let t = text[..colon].rfind('T').filter(joint);
+    t.or_else(|| text[..colon].trim_end().rfind(' ')).filter(|at| text[..*at].contains(|c: char| c.is_ascii_digit()))
+}
+
+/// English and German months, as far as they differ.
+const MONTHS: [(&str, u32); 15] = [
+    ("jan", 1),
+    ("feb", 2),
+    ("mar", 3),
+    ("mär", 3),
+    ("apr", 4),
+    ("may", 5),
+    ("mai", 5),
+    ("jun", 6),
+    ("jul", 7),
+    ("aug", 8),
+    ("sep", 9),
+    ("oct", 10),
+    ("okt", 10),
+    ("nov", 11),
+    ("dec", 12),
+];
+
+/// A date with the name of its month: `14-Mar-2026`, `14 March 2026`, `Mar 14, 2026`.
+fn named_date(text: &str) -> Option<NaiveDate> {
+    let words: Vec<&str> = text.split(['-', ' ', '/', '.', ',']).filter(|w| !w.is_empty()).collect();
+    let month = |word: &str| {
+        let word = word.to_lowercase().replace("dez", "dec").replace("mrz", "mar");
+        MONTHS.iter().find(|(name, _)| word.starts_with(name)).map(|(_, number)| *number)
+    };
+    let at = words.iter().position(|w| month(w).is_some())?;
+    let [day, year] = match (&words[..], at) {
+        ([day, _, year], 1) | ([_, day, year], 0) => [*day, *year],
+        _ => return None,
+    };
+    let year = year.parse::<i32>().ok().map(|y| if year.len() == 2 { 2000 + y } else { y })?;
+    NaiveDate::from_ymd_opt(year, month(words[at])?, day.parse().ok()?).filter(|_| (1000..=9999).contains(&year))
+}
+
 /// The three numbers of a date and whether the year stands first.
 fn date_parts(text: &str) -> Option<([u32; 3], char)> {
     let mark = text.chars().find(|c| !c.is_ascii_digit()).filter(|c| matches!(c, '-' | '/' | '.'))?;
@@ -67,6 +116,9 @@ fn date_parts(text: &str) -> Option<([u32; 3], char)> {
 }
 
 fn parse_date(text: &str, order: Order) -> Option<NaiveDate> {
+    if text.contains(char::is_alphabetic) {
+        return named_date(text);
+    }
     let ([a, b, c], mark) = date_parts(text)?;
     let (year, month, day) = match order {
         _ if a > 999 => (a, b, c),
@@ -83,9 +135,14 @@ fn parse_date(text: &str, order: Order) -> Option<NaiveDate> {
     NaiveDate::from_ymd_opt(i32::try_from(year).ok().filter(|y| (1000..=9999).contains(y))?, month, day)
 }
 
+/// What stands before the time of day.
+fn date_of(text: &str) -> &str {
+    date_end(text).map_or(text, |end| &text[..end])
+}
+
 /// Is this a date that only an order would tell apart from another one?
 pub(crate) fn is_ambiguous(text: &str) -> bool {
-    let date = text.split(['T', ' ']).next().unwrap_or_default();
+    let date = date_of(text);
     parse_date(date, Order::Unknown).is_none() && parse_date(date, Order::DayFirst).is_some()
 }
 
@@ -97,7 +154,7 @@ pub(crate) fn likely_order(text: &str) -> Order {
 
 /// The order that a date shows by having a number above 12.
 pub(crate) fn order_shown(text: &str) -> Option<Order> {
-    let ([a, b, _], mark) = date_parts(text.split(['T', ' ']).next()?)?;
+    let ([a, b, _], mark) = date_parts(date_of(text))?;
     match () {
         _ if a > 999 || mark == '.' => None,
         _ if a > 12 => Some(Order::DayFirst),
@@ -106,37 +163,50 @@ pub(crate) fn order_shown(text: &str) -> Option<Order> {
     }
 }
 
-/// Nanoseconds of the day, the zone, and the value of the last digit.
-fn parse_time(text: &str) -> Option<(i64, Option<i32>, f64)> {
+/// A time of day.
+struct TimeOfDay {
+    /// Since midnight, or since the full hour.
+    ns: i64,
+    /// Seconds east of UTC.
+    zone_s: Option<i32>,
+    /// Value of the last digit, s.
+    digit_s: f64,
+    in_hour: bool,
+}
+
+fn parse_time(text: &str) -> Option<TimeOfDay> {
     let (text, zone_s) = split_zone(text.trim())?;
     let upper = text.to_ascii_uppercase();
     let (clock, half) = match upper.strip_suffix("AM").or_else(|| upper.strip_suffix("PM")) {
         Some(clock) => (clock.trim_end(), Some(upper.ends_with("PM"))),
         None => (upper.as_str(), None),
     };
-    let mut parts = clock.split(':');
+    let parts: Vec<&str> = clock.split(':').collect();
     let whole = |p: &str| (1..=2).contains(&p.len()).then(|| p.parse::<u32>().ok()).flatten();
-    let (mut hour, minute) = (whole(parts.next()?)?, whole(parts.next()?)?);
-    let (second, fraction) = match parts.next() {
-        Some(seconds) => {
-            let (second, fraction) = seconds.split_once(['.', ',']).unwrap_or((seconds, ""));
-            if fraction.len() > 18 || !fraction.bytes().all(|b| b.is_ascii_digit()) {
-                return None;
-            }
-            (whole(second)?, &fraction[..fraction.len().min(9)])
-        }
-        None => (0, ""),
+    let cut = |seconds| str::split_once(seconds, ['.', ',']);
+    let (hour, minute, (second, fraction)) = match parts[..] {
+        // minutes and seconds show themselves by decimals
+        [minute, seconds] if cut(seconds).is_some() => (None, minute, cut(seconds)?),
+        [hour, minute] => (Some(hour), minute, ("0", "")),
+        [hour, minute, seconds] => (Some(hour), minute, cut(seconds).unwrap_or((seconds, ""))),
+        // a colon before the milliseconds
+        [hour, minute, second, fraction] if fraction.len() % 3 == 0 => (Some(hour), minute, (second, fraction)),
+        _ => return None,
     };
-    if parts.next().is_some() {
+    if fraction.len() > 18 || !fraction.bytes().all(|b| b.is_ascii_digit()) {
         return None;
     }
+    let fraction = &fraction[..fraction.len().min(9)];
+    let in_hour = hour.is_none();
+    let mut hour = hour.map_or(Some(0), whole)?;
     if let Some(after_noon) = half {
         hour = (1..=12).contains(&hour).then_some(hour % 12 + if after_noon { 12 } else { 0 })?;
     }
     let digit_ns = 10u32.pow(9 - fraction.len() as u32);
     let nano = format!("0{fraction}").parse::<u32>().ok()? * digit_ns;
-    let time = NaiveTime::from_hms_nano_opt(hour, minute, second, nano)?;
-    Some((time.signed_duration_since(NaiveTime::MIN).num_nanoseconds()?, zone_s, f64::from(digit_ns) * 1e-9))
+    let time = NaiveTime::from_hms_nano_opt(hour, whole(minute)?, whole(second)?, nano)?;
+    let ns = time.signed_duration_since(NaiveTime::MIN).num_nanoseconds()?;
+    Some(TimeOfDay { ns, zone_s, digit_s: f64::from(digit_ns) * 1e-9, in_hour })
 }
 
 /// Cuts `Z`, `UTC` or `+01:00` off.
@@ -170,4 +240,39 @@ pub fn zone_seconds(text: &str) -> Option<i32> {
     let number = |t: &str| (!t.is_empty() && t.len() <= 2).then(|| t.parse::<i32>().ok()).flatten();
     let (hours, minutes) = (number(hours)?, number(minutes)?);
     (hours <= 14 && minutes < 60).then_some(sign * (3600 * hours + 60 * minutes))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Seconds of the day by the digits themselves, and the date as it is written.
+    #[test]
+    fn stamps_of_many_programs() {
+        let at = 9 * 3600 + 26 * 60 + 53;
+        for (text, date, ms) in [
+            ("2026-03-14T09:26:53.250Z", "2026-03-14", 250),
+            ("14-Mar-2026 09:26:53.250", "2026-03-14", 250),
+            ("14 March 2026 09:26:53,250", "2026-03-14", 250),
+            ("Mar 14, 2026 09:26:53.250", "2026-03-14", 250),
+            ("14-Oct-2026 09:26:53.250", "2026-10-14", 250),
+            ("14.Okt.26 09:26:53:250", "2026-10-14", 250),
+            ("2026/03/14 09:26:53:250", "2026-03-14", 250),
+            ("0 days 09:26:53.250000", "1970-01-01", 250),
+            ("09:26:53:250", "1970-01-01", 250),
+            ("9:26:53.250 AM", "1970-01-01", 250),
+        ] {
+            let read = Stamp::parse(text, Order::Unknown).unwrap_or_else(|| panic!("{text}"));
+            assert_eq!(read.date().to_string(), date, "{text}");
+            assert_eq!(read.ns_of_day, (at * 1000 + ms) * 1_000_000, "{text}");
+            assert!((read.digit_s - if text.contains("250000") { 1e-6 } else { 1e-3 }).abs() < 1e-12);
+        }
+        let minutes = Stamp::parse("26:53.250", Order::Unknown).unwrap();
+        assert!(minutes.in_hour && !minutes.has_date && minutes.ns_of_day == (26 * 60 + 53) * 1_000_000_000 + 250_000_000);
+        let hours = Stamp::parse("09:26", Order::Unknown).unwrap();
+        assert!(!hours.in_hour && hours.ns_of_day == (9 * 60 + 26) * 60 * 1_000_000_000);
+        for text in ["P1", "Mar", "1:2:3:4", "14-Foo-2026", "26:53.25:1", "later", "2026", "Run 7 2026:", "Test 12:30"] {
+            assert!(Stamp::parse(text, Order::Unknown).is_none(), "{text}");
+        }
+    }
 }

@@ -3,7 +3,6 @@
 use crate::recording::Gap;
 use crate::storage::error::{CsvFault, CsvProblem};
 use crate::storage::import::csv::grid::Hole;
-use crate::storage::import::csv::row::Row;
 use crate::storage::import::source::{Repair, counted};
 
 /// Part of the lines that may lack their time: above it the file's clock is not to be relied on.
@@ -12,7 +11,8 @@ const MOST_TIMELESS: f64 = 0.1;
 /// What programs write where there is no time, in any case of letters.
 const NO_TIME: [&str; 6] = ["na", "n/a", "#n/a", "<na>", "null", "none"];
 
-fn is_no_time(cell: &str) -> bool {
+/// Whether a cell of a time says that there is none.
+pub(crate) fn is_no_time(cell: &str) -> bool {
     cell.is_empty()
         || NO_TIME.iter().any(|word| cell.eq_ignore_ascii_case(word))
         || cell.parse::<f64>().is_ok_and(f64::is_nan)
@@ -28,11 +28,6 @@ pub(crate) struct Timeless {
 }
 
 impl Timeless {
-    /// True where one of the `columns` that hold the time has none.
-    pub(crate) fn is(row: &Row<'_>, columns: usize) -> bool {
-        row.iter().take(columns).any(is_no_time)
-    }
-
     /// Leaves a line out that stands under one of a time.
     pub(crate) fn take(&mut self, line: usize, above_s: Option<f64>) {
         self.count += 1;

@@ -69,6 +69,7 @@ fn ours(bytes: &[u8], path: &Path) -> Result<SourceFile, LogError> {
         notes: recording.run.notes,
         repairs: Vec::new(),
         spare_tracks: true,
+        others: Vec::new(),
     })
 }
 
@@ -276,7 +277,7 @@ impl<'o> Reading<'o> {
         }
         let unix_ns = u64::try_from(zero_ns).ok().filter(|_| zero_ns > YEAR_NS);
         let start = unix_ns.map(|unix_ns| Start { unix_ns, digit_s: 1e-6 });
-        Ok(SourceFile { tracks, start, notes: Vec::new(), repairs, spare_tracks: true })
+        Ok(SourceFile { tracks, start, notes: Vec::new(), repairs, spare_tracks: true, ..SourceFile::default() })
     }
 
     /// Leaves out what was logged before the clock was set, where most was after; how many values that is.

@@ -81,7 +81,7 @@ pub(crate) fn read(bytes: &[u8]) -> Result<SourceFile, String> {
         tracks.push(track);
     }
     let start = start_ns.and_then(|ns| u64::try_from(ns).ok()).map(|unix_ns| Start { unix_ns, digit_s: 1e-6 });
-    Ok(SourceFile { tracks, start, notes, repairs, spare_tracks: true })
+    Ok(SourceFile { tracks, start, notes, repairs, spare_tracks: true, ..SourceFile::default() })
 }
 
 /// A channel of numbers with its times, s from its own start.

@@ -1,0 +1,352 @@
+//! Where a table stands among the lines of a file: its separator, its headings with the units that stand anywhere, its first row.
+
+use std::borrow::Cow;
+
+use crate::storage::import::csv::cell::Cell;
+use crate::storage::import::csv::heading::{header_unit, is_known_unit};
+use crate::storage::import::csv::lines::Line;
+use crate::storage::import::csv::row::{Row, is_row};
+use crate::storage::import::csv::settings::Settings;
+use crate::storage::import::kinds::NAMELESS;
+use crate::storage::import::source::Repair;
+
+/// Rows at the beginning and at the end of a table by which it is judged.
+const JUDGED: usize = 1500;
+/// Lines of headings: names, units, how each value was taken.
+const MOST_HEADINGS: usize = 4;
+/// So many rows show how wide a row is.
+const ENOUGH: usize = 3;
+/// How each value was taken, in lower case, as Campbell's loggers write it under the units.
+const PROCESSES: [&str; 10] = ["smp", "avg", "min", "max", "std", "tot", "med", "mean", "raw", "ave"];
+
+/// A column of a table.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Column {
+    /// Its heading as it stands in the file, on one line.
+    pub(crate) heading: String,
+    /// Its name without the unit.
+    pub(crate) name: String,
+    /// Its unit, from wherever it is written.
+    pub(crate) unit: Option<String>,
+}
+
+impl Column {
+    fn of(heading: &str) -> Column {
+        let heading = heading.split_whitespace().collect::<Vec<_>>().join(" ").replace('"', " ");
+        match header_unit(&heading) {
+            Some((name, unit)) => Column { heading, name, unit: Some(unit) },
+            None => Column { name: heading.clone(), heading, unit: None },
+        }
+    }
+}
+
+/// A table among the lines of a file.
+pub(crate) struct Layout<'t> {
+    /// A blank stands for any number of them.
+    pub(crate) separator: char,
+    /// The line of the names, as an index into the lines; none where the columns are numbered.
+    pub(crate) names_at: Option<usize>,
+    /// Lines of headings.
+    pub(crate) headings: Vec<usize>,
+    /// The first row, as an index into the lines.
+    pub(crate) first: usize,
+    pub(crate) columns: Vec<Column>,
+    /// Least cells of a row.
+    pub(crate) expected: usize,
+    /// Cells of a line with all separators.
+    pub(crate) widest: usize,
+    /// Rows from the beginning and from the end.
+    pub(crate) rows: Vec<Vec<Cow<'t, str>>>,
+    /// What stands around it.
+    pub(crate) settings: Settings,
+}
+
+/// The cells of a line.
+pub(crate) fn cells(line: &str, separator: char) -> Vec<Cow<'_, str>> {
+    let mut row = Row::default();
+    row.read(line, separator);
+    row.into_cells()
+}
+
+impl<'t> Layout<'t> {
+    /// Finds the table; none in a file without a row.
+    pub(crate) fn find(lines: &[Line<'t>]) -> Option<Layout<'t>> {
+        let rows: Vec<usize> = (0..lines.len()).filter(|&i| is_row(lines[i].text)).collect();
+        let separator = separator_of(lines, &rows)?;
+        let of = |at: usize| cells(lines[at].text, separator);
+        let late = Late::of(rows[rows.len() / 2..].iter().rev().take(JUDGED).map(|&at| of(at)));
+        let is_data = |at: usize| late.is_data(&of(at));
+        let first = rows.windows(2).find(|w| is_data(w[0]) && is_data(w[1])).map(|w| w[0]);
+        let mut first = first.or_else(|| rows.get(1).copied()).or(rows.first().copied())?;
+        // pandas numbers the columns that have no names
+        let is_numbered = rows.iter().position(|&at| at == first).and_then(|place| rows.get(place + 1)).is_some_and(|&below| numbers_columns(&of(first), &of(below)));
+        let mut judged: Vec<Vec<Cow<'t, str>>> = Vec::new();
+        let data: Vec<usize> = rows.iter().copied().filter(|&at| at >= first + usize::from(is_numbered)).collect();
+        let late_rows = data.len().saturating_sub(JUDGED).max(JUDGED.min(data.len()));
+        judged.extend(data[..JUDGED.min(data.len())].iter().chain(&data[late_rows..]).map(|&at| of(at)).filter(|row| late.is_data(row)));
+        let width = width_of(&judged).unwrap_or_else(|| of(first).len());
+        let mut above: Vec<usize> = (0..first).filter(|&at| is_row(lines[at].text) || lines[at].text.starts_with('#')).collect();
+        let mut headings = Vec::new();
+        if is_numbered {
+            headings.push(first);
+            above.push(first);
+            first = data[0];
+        } else {
+            let like_headings = |at: usize| late.is_heading(&heading_cells(lines[at].text, separator), width);
+            let near = above.iter().rev().take(MOST_HEADINGS).take_while(|&&at| like_headings(at)).count();
+            headings.extend_from_slice(&above[above.len() - near..]);
+        }
+        let cells_at = |at: usize| aligned(heading_cells(lines[at].text, separator), width);
+        let names_at = names_line(&mut headings, cells_at);
+        let named = names_at.map_or(0, |at| cells_at(at).iter().rposition(|c| !c.is_empty()).map_or(0, |last| last + 1));
+        let mut columns: Vec<Column> = match names_at {
+            Some(at) => cells_at(at).iter().map(|cell| Column::of(cell)).collect(),
+            None => (1..=width).map(|i| Column::of(&format!("{NAMELESS}{i}"))).collect(),
+        };
+        columns.resize_with(width.max(named), || Column::of(""));
+        let mut settled = Vec::new();
+        let widest = names_at.map_or(width, |at| of(at).len()).max(width);
+        let mut settings = Settings::default();
+        for &at in above.iter().filter(|at| !headings.contains(at)) {
+            settings.take(&match lines[at].text.strip_prefix('#') {
+                Some(comment) => vec![Cow::Borrowed(comment.trim())],
+                None => of(at),
+            });
+        }
+        // remarks at the end may say when it began
+        for line in lines[first..].iter().filter_map(|line| line.text.strip_prefix('#')) {
+            settings.take(&[Cow::Borrowed(line.trim())]);
+        }
+        for &at in headings.iter().filter(|at| Some(**at) != names_at) {
+            for ((column, cell), i) in columns.iter_mut().zip(cells_at(at)).zip(0..) {
+                let unit = cell.trim_matches(|c| matches!(c, '(' | ')' | '[' | ']')).trim();
+                match Cell::of(unit) {
+                    // a column without values holds what is said once
+                    Cell::Number(_) if late.is_empty(i) => {
+                        settings.take_under(&column.heading, unit);
+                        settled.push(i);
+                    }
+                    Cell::Word if unit != "-" && !PROCESSES.contains(&unit.to_lowercase().as_str()) => {
+                        column.unit.get_or_insert_with(|| unit.to_owned());
+                    }
+                    _ => {}
+                }
+            }
+        }
+        let expected = match names_at {
+            // headings to the right of all rows head nothing
+            Some(_) if named > width && judged.len() >= ENOUGH && judged.iter().all(|row| row.len() == width) => width,
+            Some(_) => (0..named).rev().find(|i| !settled.contains(i)).map_or(width, |last| last + 1),
+            None => width,
+        };
+        for row in &mut judged {
+            let beside = late.take_beside(row);
+            if beside.iter().any(|c| !c.is_empty()) {
+                settings.take(&beside);
+            }
+        }
+        Some(Layout { separator, names_at, headings, first, columns, expected, widest, rows: judged, settings })
+    }
+
+    /// Takes the units of `values`, and names of channels, from what stands around the table, for those that their headings leave without.
+    pub(crate) fn take_settings(&mut self, values: &[usize]) {
+        let units = self.settings.units(self.columns.len(), values);
+        for &i in values {
+            let column = &mut self.columns[i];
+            if let Some((name, unit)) = self.settings.channel(&column.name).filter(|_| column.unit.is_none()) {
+                column.name = name.unwrap_or_else(|| column.name.clone());
+                column.unit = Some(unit);
+            }
+            let stated = units.iter().find(|(at, _)| *at == i).map(|(_, unit)| unit);
+            column.unit = column.unit.take().or(stated.cloned());
+        }
+    }
+
+    /// What there is to say of where it stands.
+    pub(crate) fn repairs(&self, lines: &[Line<'_>]) -> Vec<Repair> {
+        let mut repairs = Vec::new();
+        let named = [(' ', "blanks"), (';', "semicolons"), ('\t', "tabs"), ('|', "bars")];
+        if let Some((_, name)) = named.iter().find(|(separator, _)| *separator == self.separator) {
+            repairs.push(Repair::new("separator", 1, None, format!("columns are separated by {name}")));
+        }
+        let Some(at) = self.names_at else {
+            let text = "no line names the columns: they are numbered (name them with option `map`)";
+            repairs.push(Repair::guess("headings", text.into()));
+            return repairs;
+        };
+        if lines[..at].iter().any(|line| is_row(line.text)) {
+            let line = lines[at].at;
+            let text = format!("the headings stand in line {line}; the lines above are kept as a note");
+            repairs.push(Repair::new("preamble", line - 1, Some(line), text));
+        }
+        if let [_, units, ..] = self.headings[..] {
+            repairs.push(Repair::new("units", 1, Some(lines[units].at), "the line under the header holds units"));
+        }
+        repairs
+    }
+
+    /// The cells of a column in the judged rows.
+    pub(crate) fn column(&self, column: usize) -> impl Iterator<Item = &str> {
+        self.rows.iter().filter_map(move |row| row.get(column)).map(|cell| &**cell)
+    }
+}
+
+/// The separator that leaves numbers alone, otherwise one that leaves few words beside them. A comma may be a decimal one, and is tried late.
+fn separator_of(lines: &[Line<'_>], rows: &[usize]) -> Option<char> {
+    let from = rows.len().saturating_sub(JUDGED + 1);
+    let judged = |separator: char, words: bool| {
+        let fits = |at: &&usize| {
+            let cells: Vec<Cell> = cells(lines[**at].text, separator).iter().map(|c| Cell::of(c)).collect();
+            cells.len() > 1 && is_numbers(&cells) && (words || !cells.iter().any(|c| c.is_word()))
+        };
+        let good = rows[from..].iter().filter(fits).count();
+        good > 1 && 10 * good > 9 * rows[from..].len().saturating_sub(2)
+    };
+    let found = |words| [';', '\t', ',', ' ', '|'].into_iter().find(|&s| judged(s, words));
+    let by_header = || {
+        let header = lines[*rows.first()?].text;
+        Some([';', '\t', ','].into_iter().find(|s| header.contains(*s)).unwrap_or(','))
+    };
+    found(false).or_else(|| found(true)).or_else(by_header)
+}
+
+/// Numbers and times, at least one number, and more of them than words, as in a column of remarks.
+fn is_numbers(cells: &[Cell]) -> bool {
+    let words = cells.iter().filter(|c| c.is_word()).count();
+    let filled = cells.iter().filter(|c| **c != Cell::Empty).count();
+    cells.iter().any(|c| c.is_number()) && 2 * words < filled
+}
+
+/// What the columns hold in the second half of a file, which is rows.
+struct Late {
+    /// Words and others, for each column.
+    counts: Vec<(usize, usize)>,
+}
+
+impl Late {
+    fn of<'c>(rows: impl Iterator<Item = Vec<Cow<'c, str>>>) -> Late {
+        let mut counts: Vec<(usize, usize)> = Vec::new();
+        for row in rows {
+            counts.resize(counts.len().max(row.len()), (0, 0));
+            for ((words, others), cell) in counts.iter_mut().zip(&row) {
+                match Cell::of(cell) {
+                    Cell::Empty => {}
+                    Cell::Word => *words += 1,
+                    _ => *others += 1,
+                }
+            }
+        }
+        Late { counts }
+    }
+
+    fn is_empty(&self, column: usize) -> bool {
+        self.counts.get(column).is_none_or(|c| *c == (0, 0))
+    }
+
+    /// Whether a line is a row: numbers, and words only where words stand. What is empty later on does not count: oscilloscopes write their settings
+    /// beside the first rows.
+    fn is_data(&self, row: &[Cow<'_, str>]) -> bool {
+        let cells = row.iter().enumerate().filter(|(i, _)| !self.is_empty(*i)).map(|(i, c)| (i, Cell::of(c)));
+        let (places, cells): (Vec<usize>, Vec<Cell>) = cells.unzip();
+        let at_home = |(i, cell): (&usize, &Cell)| !cell.is_word() || self.counts[*i].0 > 0;
+        is_numbers(&cells) && places.iter().zip(&cells).all(at_home)
+    }
+
+    /// Takes the settings of an oscilloscope out of a row: what stands in columns that are empty later on, beside the rows.
+    fn take_beside<'c>(&self, row: &mut [Cow<'c, str>]) -> Vec<Cow<'c, str>> {
+        let beside = row.iter().enumerate().take_while(|(i, _)| self.is_empty(*i)).count();
+        row[..beside].iter_mut().map(std::mem::take).collect()
+    }
+
+    /// Whether a line may head the columns: words, or whole numbers as names, and other numbers only over nothing.
+    fn is_heading(&self, row: &[Cow<'_, str>], width: usize) -> bool {
+        let filled = row.iter().rposition(|c| !c.is_empty()).map_or(0, |last| last + 1);
+        let least = (0..width).rev().find(|&i| !self.is_empty(i)).map_or(width, |last| last + 1);
+        let names = |(i, cell): (usize, &Cow<'_, str>)| match Cell::of(cell) {
+            Cell::Empty | Cell::Word | Cell::Missing => true,
+            Cell::Number(_) => self.is_empty(i) || cell.bytes().all(|b| b.is_ascii_digit()),
+            Cell::Stamp(_) => false,
+        };
+        // R names one column less than there are where the first numbers the rows
+        let fits = filled >= least || (width > 2 && filled + 1 == width && filled == row.len());
+        let worded = row.iter().any(|c| Cell::of(c).is_word() && !is_setting(c));
+        fits && worded && row.iter().enumerate().all(names)
+    }
+}
+
+/// `Operator: Kim` heads no column.
+fn is_setting(cell: &str) -> bool {
+    cell.split_once(": ").is_some_and(|(key, _)| !key.contains(['(', '[']))
+}
+
+/// Most cells of most rows.
+fn width_of(rows: &[Vec<Cow<'_, str>>]) -> Option<usize> {
+    let mut widths: Vec<usize> = rows.iter().map(Vec::len).collect();
+    widths.sort_unstable();
+    widths.chunk_by(|a, b| a == b).max_by_key(|same| same.len()).map(|same| same[0])
+}
+
+/// `0,1,2` over `0.000,2.80,2.85`: names that count the columns.
+fn numbers_columns(names: &[Cow<'_, str>], below: &[Cow<'_, str>]) -> bool {
+    let skipped = usize::from(names.first().is_some_and(|c| c.is_empty()));
+    let counted = names.iter().skip(skipped).enumerate();
+    let from = |first: usize| counted.clone().all(|(i, cell)| **cell == (i + first).to_string());
+    let marked = |row: &[Cow<'_, str>]| row.iter().any(|c| c.contains(['.', ',']));
+    names.len() == below.len() && names.len() > 1 && (from(0) || from(1)) && (skipped == 1 || (marked(below) && !marked(names)))
+}
+
+/// The cells of a line of headings, which may stand in a comment, as numpy writes them, and be apart by blanks from their units.
+fn heading_cells(line: &str, separator: char) -> Vec<Cow<'_, str>> {
+    let line = line.trim_start_matches(['#', '%']).trim_start_matches(|c| c == ' ' && separator != ' ');
+    let mut joined: Vec<Cow<'_, str>> = Vec::new();
+    for cell in cells(line, separator) {
+        match joined.last_mut() {
+            Some(last) if separator == ' ' && cell.starts_with(['(', '[']) && !last.is_empty() && !last.ends_with([')', ']']) => {
+                *last = Cow::Owned(format!("{last} {cell}"));
+            }
+            _ => joined.push(cell),
+        }
+    }
+    joined
+}
+
+/// As many cells as there are columns: R names one less where the first numbers the rows.
+fn aligned(mut row: Vec<Cow<'_, str>>, width: usize) -> Vec<Cow<'_, str>> {
+    if row.len() + 1 == width && row.first().is_some_and(|c| !c.is_empty()) {
+        row.insert(0, Cow::Borrowed(""));
+    }
+    row
+}
+
+/// The line of names among those of headings; leaves the lines that belong to it. Under the names may stand units, and how each value was taken.
+fn names_line<'t>(headings: &mut Vec<usize>, cells_at: impl Fn(usize) -> Vec<Cow<'t, str>>) -> Option<usize> {
+    let filled = |at: usize| cells_at(at).iter().filter(|c| !c.is_empty()).count();
+    let worded = |at: usize| cells_at(at).iter().filter(|c| Cell::of(c).is_word()).count();
+    let bare = |cell: &str| cell.trim_matches(|c| matches!(c, '(' | ')' | '[' | ']')).trim().to_owned();
+    let counted = |at: usize, is: &dyn Fn(&str) -> bool| cells_at(at).iter().filter(|c| is(&bare(c))).count();
+    let is_unit = |cell: &str| is_known_unit(cell) || is_clock_format(cell);
+    let is_units = |at: usize| {
+        let units = counted(at, &is_unit);
+        let shorts = counted(at, &|c: &str| c.chars().count() <= SHORT);
+        2 * units > worded(at) || (units > 0 && shorts == cells_at(at).len())
+    };
+    let is_process = |at: usize| {
+        let processes = counted(at, &|c: &str| PROCESSES.contains(&c.to_lowercase().as_str()));
+        processes > 0 && processes == filled(at)
+    };
+    // from the bottom: lines under the names, and the first that is none of these
+    let under = headings.iter().rev().take_while(|&&at| is_units(at) || is_process(at)).count();
+    let under = under.min(headings.len().saturating_sub(1));
+    let place = headings.len().checked_sub(under + 1)?;
+    headings.drain(..place);
+    headings.first().copied()
+}
+
+/// Units and their like have no more letters.
+const SHORT: usize = 8;
+
+/// `hh:mm:ss,000` stands for the unit of a time of day.
+fn is_clock_format(cell: &str) -> bool {
+    let lower = cell.to_lowercase();
+    lower.contains("mm:ss") || lower.contains("hh:mm") || lower == "ts"
+}

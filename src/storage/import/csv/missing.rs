@@ -1,0 +1,201 @@
+//! What programs write where there is no value: words, and numbers that stand for none.
+
+use std::collections::BTreeMap;
+
+use crate::storage::import::source::{Repair, counted};
+
+/// A cell that says that its value is missing: unlike an empty one, a sample was due there. It is a NaN of its own.
+const MISSING: u64 = f64::NAN.to_bits() | 0x5eed;
+
+/// Words for no value, in lower case.
+const WORDS: [&str; 48] = [
+    "nan",
+    "-nan",
+    "+nan",
+    "nan(ind)",
+    "-nan(ind)",
+    "1.#qnan",
+    "-1.#qnan",
+    "1.#ind",
+    "-1.#ind",
+    "1.#inf",
+    "-1.#inf",
+    "na",
+    "n/a",
+    "#n/a",
+    "#na",
+    "#n/v",
+    "#nv",
+    "<na>",
+    "nat",
+    "null",
+    "none",
+    "nil",
+    "ol",
+    "+ol",
+    "-ol",
+    "o.l",
+    "over",
+    "under",
+    "overload",
+    "overrange",
+    "overflow",
+    "underrange",
+    "underflow",
+    "open",
+    "no data",
+    "nodata",
+    "invalid",
+    "bad",
+    "error",
+    "err",
+    "inf",
+    "+inf",
+    "-inf",
+    "infinity",
+    "-infinity",
+    "∞",
+    "+∞",
+    "-∞",
+];
+
+/// Numbers that loggers write for no value: Campbell's, and the ends of a converter's range.
+const NUMBERS: [f64; 5] = [-7999.0, 7999.0, 6999.0, 32767.0, -32768.0];
+/// Instruments write 9.9E+37 (SCPI), or the largest number of four bytes.
+const ABOVE_ALL: f64 = 1e30;
+/// A number is far outside of the rest where it lies so many times their spread, and so many times their size, away from them.
+const FAR: f64 = 10.0;
+/// Values from which the spread of the rest is known.
+const ENOUGH: usize = 20;
+
+/// The value of a cell that says it has none.
+pub(crate) fn missing() -> f64 {
+    f64::from_bits(MISSING)
+}
+
+/// True for the value of such a cell, false for an empty one's.
+pub(crate) fn is_missing(value: f64) -> bool {
+    value.to_bits() == MISSING
+}
+
+/// Whether a cell says that its value is missing; an empty cell says nothing.
+pub(crate) fn says_missing(cell: &str) -> bool {
+    let first = cell.bytes().next();
+    let may = first.is_some_and(|b| b.is_ascii_alphabetic() || b"-+*#<1.?_=".contains(&b) || !b.is_ascii());
+    may && (is_filler(cell) || WORDS.contains(&cell.to_lowercase().as_str()))
+}
+
+/// `---`, `+++++`, `****`, `?`: signs and nothing else.
+fn is_filler(cell: &str) -> bool {
+    cell.bytes().all(|b| b"-+*#?_=".contains(&b))
+}
+
+/// Cells without a value, by their spelling: how many, and the line of the first.
+#[derive(Debug, Default)]
+pub(crate) struct Spellings(BTreeMap<String, (usize, usize)>);
+
+impl Spellings {
+    /// Counts one more.
+    pub(crate) fn count(&mut self, spelling: &str, line: usize) {
+        match self.0.get_mut(spelling) {
+            Some((count, _)) => *count += 1,
+            None => {
+                self.0.insert(spelling.to_owned(), (1, line));
+            }
+        }
+    }
+
+    /// Lists them: what they stand for is gone, and gaps stand in their places.
+    pub(crate) fn repair(&self) -> Option<Repair> {
+        let count = self.0.values().map(|(count, _)| count).sum();
+        let line = self.0.values().map(|(_, line)| *line).min()?;
+        let listed: Vec<String> = self.0.iter().map(|(spelling, (count, _))| format!("'{spelling}' {count} ×")).collect();
+        let text = counted(count, "value is missing", "values are missing") + &format!(" ({}): recorded as gaps", listed.join(", "));
+        Some(Repair { lost: true, ..Repair::new("missing-values", count, Some(line), text) })
+    }
+}
+
+/// Takes the numbers that stand for no value out of a column. A number does where it lies far outside of all others and is one that loggers use so, or
+/// comes again to the last digit.
+pub(crate) fn take_sentinels(values: &mut [f64], lines: &[usize], spellings: &mut Spellings) {
+    let mut counts: BTreeMap<u64, usize> = BTreeMap::new();
+    let mut sorted: Vec<f64> = values.iter().copied().filter(|v| !v.is_nan()).collect();
+    if sorted.len() < ENOUGH {
+        sorted.retain(|v| v.abs() < ABOVE_ALL);
+    }
+    sorted.sort_by(f64::total_cmp);
+    // The middle nine tenths, in which no few strays count.
+    let (Some(low), Some(high)) = (sorted.get(sorted.len() / 20), sorted.get(sorted.len() - 1 - sorted.len() / 20)) else { return };
+    let (spread, size) = (high - low, low.abs().max(high.abs()));
+    let reach = FAR * spread.max(size);
+    let is_far = |v: f64| v < low - reach || v > high + reach;
+    for value in values.iter().filter(|v| is_far(**v)) {
+        *counts.entry(value.to_bits()).or_default() += 1;
+    }
+    let stands_for_none = |v: f64, count: usize| is_known(v) || (count > 1 && spread > 0.0 && sorted.len() >= ENOUGH);
+    for (value, line) in values.iter_mut().zip(lines) {
+        if let Some(&count) = counts.get(&value.to_bits())
+            && stands_for_none(*value, count)
+        {
+            spellings.count(&shown(*value), *line);
+            *value = missing();
+        }
+    }
+}
+
+/// Nines, the ends of a range, or more than anything measures.
+fn is_known(value: f64) -> bool {
+    let digits: String = value.abs().to_string().chars().filter(|c| *c != '.').collect();
+    let nines = digits.trim_end_matches('0');
+    let is_nines = nines.len() >= 3 && nines.bytes().all(|b| b == b'9') && value.abs() >= 99.0;
+    is_nines || value.abs() >= ABOVE_ALL || NUMBERS.contains(&value)
+}
+
+fn shown(value: f64) -> String {
+    if value.abs() >= 1e9 { format!("{value:e}") } else { value.to_string() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn words_for_no_value_are_no_numbers_and_numbers_are() {
+        for word in ["NaN", "NAN", "-nan(ind)", "---", "#N/A", "OL", "inf", "∞", "+++++", "*****", "No Data", "?"] {
+            assert!(says_missing(word), "{word}");
+        }
+        for word in ["", "1", "-1.5", "+2", "P1", "remark", "-9999", "1e5", "."] {
+            assert!(!says_missing(word), "{word}");
+        }
+        assert!(is_missing(missing()) && !is_missing(f64::NAN) && missing().is_nan());
+    }
+
+    /// A pressure of some bar with `strays` in it.
+    fn column(strays: &[(usize, f64)]) -> (Vec<f64>, String) {
+        let mut values: Vec<f64> = (0..100).map(|i| 2.8 + 0.5 * f64::from(i).sin()).collect();
+        strays.iter().for_each(|(at, v)| values[*at] = *v);
+        let mut spellings = Spellings::default();
+        take_sentinels(&mut values, &(1..=100).collect::<Vec<_>>(), &mut spellings);
+        (values, spellings.repair().map_or(String::new(), |r| r.text))
+    }
+
+    #[test]
+    fn a_number_stands_for_none_where_it_is_far_outside_and_known_or_comes_again() {
+        for (stray, spelling) in [(-9999.0, "'-9999' 1 ×"), (9.9e37, "'9.9e37' 1 ×"), (-999.9, "'-999.9' 1 ×"), (7999.0, "'7999' 1 ×")] {
+            let (values, said) = column(&[(4, stray)]);
+            assert!(is_missing(values[4]) && said.contains(spelling), "{said}");
+            assert_eq!(values.iter().filter(|v| v.is_nan()).count(), 1);
+        }
+        let (values, said) = column(&[(4, -500.25), (70, -500.25)]);
+        assert!(is_missing(values[4]) && is_missing(values[70]) && said.contains("'-500.25' 2 ×"), "{said}");
+        // a peak is a peak, also a high one, and so is a value that comes again near the rest
+        assert_eq!(column(&[(4, 123.0)]).1, "");
+        assert_eq!(column(&[(4, 9.99), (70, 9.99)]).1, "");
+        // pulses of a trigger, a flow that stops
+        let mut pulses = [0.0; 100];
+        (pulses[50], pulses[51]) = (5.0, 5.0);
+        let mut spellings = Spellings::default();
+        take_sentinels(&mut pulses, &[1; 100], &mut spellings);
+        assert!(spellings.repair().is_none());
+    }
+}

@@ -1,0 +1,416 @@
+//! What each column of a table is: a time, a part of one, a counter, words, units, or values on the clock of one of the times.
+
+use crate::storage::error::CsvProblem;
+use crate::storage::import::csv::cell::Cell;
+use crate::storage::import::csv::heading::{heading_unit, is_counter_name, is_known_unit, is_time_name, time_symbol, time_unit, unit_of_name};
+use crate::storage::import::csv::layout::{Column, Layout};
+use crate::storage::import::csv::stamp::Stamp;
+use crate::storage::import::kinds::{is_electric, is_unit, kind_of_name};
+use crate::storage::import::source::{Repair, SourceOptions};
+
+/// Steps of an even column differ from their median by less than this share of it, in nineteen of twenty.
+const EVEN: f64 = 0.1;
+/// A logger of water hammer takes so many samples a second, and runs no longer than so many seconds.
+const RATES_HZ: [f64; 2] = [50.0, 2e5];
+const LASTS_S: f64 = 7200.0;
+/// Samples of a period `4L/a` at least.
+const LEAST_A_PERIOD: f64 = 20.0;
+/// Units that a time without one may have: name and seconds.
+const UNITS: [(&str, f64); 6] = [("s", 1.0), ("ms", 1e-3), ("d", 86_400.0), ("us", 1e-6), ("min", 60.0), ("ns", 1e-9)];
+/// Times since 1970 lie between 2001 and 2100, s.
+const SINCE_1970_S: [f64; 2] = [1e9, 4.1e9];
+
+/// What the times of a clock are written as.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Form {
+    /// Numbers of this many seconds.
+    Numbers(f64),
+    /// The same, since 1970 UTC.
+    Since1970(f64),
+    /// Days since the first.
+    Days,
+    /// Date-times, dates and times of the day in two columns, or times of the day.
+    Stamps,
+    /// One sample after the other, this many seconds apart.
+    Counted(f64),
+}
+
+/// Columns that give times, and those whose values they give them for.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Clock {
+    /// The column of times; none where each row is the next sample.
+    pub(crate) time: Option<usize>,
+    pub(crate) form: Form,
+    /// The column of the dates of times of the day.
+    pub(crate) date: Option<usize>,
+    /// A column of parts of a second, and its unit, s.
+    pub(crate) fraction: Option<(usize, f64)>,
+    pub(crate) values: Vec<usize>,
+    /// Another clock whose first date-time is the start.
+    pub(crate) host: Option<usize>,
+}
+
+/// The columns of a table by what they are.
+#[derive(Debug)]
+pub(crate) struct Roles {
+    pub(crate) clocks: Vec<Clock>,
+    /// Columns of words, which no sensor gives.
+    pub(crate) words: Vec<usize>,
+    /// Columns that count samples, or give the times of others a second time.
+    pub(crate) counters: Vec<usize>,
+    /// What was found out about it.
+    pub(crate) repairs: Vec<Repair>,
+}
+
+/// What a column looks like.
+#[derive(Debug, Clone, PartialEq)]
+enum Looks {
+    Empty,
+    Words,
+    /// One and the same unit in every row.
+    Unit(String),
+    Stamps(Stamp),
+    Numbers { even: bool, values: Vec<f64> },
+}
+
+/// Finds out what each column is, and takes units that stand in a column of their own into the columns.
+///
+/// # Errors
+/// No column holds times, and nothing states the time between samples.
+pub(crate) fn roles(layout: &mut Layout<'_>, options: &SourceOptions) -> Result<Roles, CsvProblem> {
+    let looks: Vec<Looks> = (0..layout.columns.len()).map(|i| looks_of(layout, i)).collect();
+    take_unit_columns(layout, &looks);
+    Finder { layout, looks, options }.roles()
+}
+
+fn looks_of(layout: &Layout<'_>, column: usize) -> Looks {
+    let cells: Vec<(Cell, &str)> = layout.column(column).map(|c| (Cell::of(c), c)).filter(|(c, _)| *c != Cell::Empty).collect();
+    let count = |is: fn(&Cell) -> bool| cells.iter().filter(|(c, _)| is(c)).count();
+    let (words, numbers) = (count(|c| c.is_word()), count(|c| c.is_number()));
+    let stamps = count(|c| matches!(c, Cell::Stamp(_)));
+    let missing = count(|c| *c == Cell::Missing);
+    let first = || cells.iter().find_map(|(c, _)| if let Cell::Stamp(stamp) = c { Some(*stamp) } else { None });
+    match cells.first() {
+        None => Looks::Empty,
+        Some((_, unit)) if is_known_unit(unit) && cells.iter().all(|(_, c)| c == unit) => Looks::Unit((*unit).to_owned()),
+        _ if words > numbers.max(stamps) => Looks::Words,
+        _ if numbers + stamps == 0 && missing > 0 => Looks::Words,
+        _ if stamps >= numbers => first().map_or(Looks::Words, Looks::Stamps),
+        _ => {
+            let values: Vec<f64> = cells.iter().map(|(c, _)| c.value()).filter(|v| !v.is_nan()).collect();
+            Looks::Numbers { even: is_even(&values), values }
+        }
+    }
+}
+
+/// A unit in a column of its own is that of the values on its left.
+fn take_unit_columns(layout: &mut Layout<'_>, looks: &[Looks]) {
+    for i in 0..looks.len() {
+        let Looks::Unit(unit) = &looks[i] else { continue };
+        let left = (0..i).rev().find(|&at| !matches!(looks[at], Looks::Unit(_) | Looks::Empty));
+        if let Some(column) = left.filter(|&at| matches!(looks[at], Looks::Numbers { .. })) {
+            layout.columns[column].unit.get_or_insert_with(|| unit.clone());
+        }
+    }
+}
+
+struct Finder<'a, 't> {
+    layout: &'a Layout<'t>,
+    looks: Vec<Looks>,
+    options: &'a SourceOptions,
+}
+
+impl Finder<'_, '_> {
+    fn column(&self, i: usize) -> &Column {
+        &self.layout.columns[i]
+    }
+
+    /// Whether an option names the column.
+    fn is_named(&self, i: usize, mut names: impl Iterator<Item = String>) -> bool {
+        names.any(|name| name == self.column(i).heading || name == self.column(i).name)
+    }
+
+    /// What the user says to be a value.
+    fn is_given(&self, i: usize) -> bool {
+        self.is_named(i, self.options.map.iter().map(|(name, _)| name.clone()))
+            || self.is_named(i, self.options.scales.iter().map(|(name, _)| name.clone()))
+    }
+
+    fn is_ignored(&self, i: usize) -> bool {
+        self.is_named(i, self.options.ignore.iter().cloned())
+    }
+
+    /// Columns that may tell the time: not what the user says to be something else.
+    fn may_be_time(&self, i: usize) -> bool {
+        !self.is_given(i) && !self.is_ignored(i)
+    }
+
+    /// Whether unit or name say that it is a quantity of a test. What a letter alone says, an evenly rising column is not.
+    fn is_quantity(&self, i: usize) -> bool {
+        let Column { name, unit, .. } = self.column(i);
+        let by_unit = unit.as_deref().is_some_and(|unit| is_unit(name, unit) || is_electric(unit));
+        let lettered = name.chars().next().is_some_and(|c| matches!(c, 't' | 'T')) && !name.to_lowercase().contains("temp");
+        by_unit || (kind_of_name(name).is_some() && !lettered)
+    }
+
+    /// The unit of a column's times, s, where its heading or the line of units states it.
+    fn stated_unit(&self, i: usize) -> Option<f64> {
+        let Column { heading, name, unit } = self.column(i);
+        let by_unit = unit.as_deref().and_then(time_unit);
+        by_unit.or_else(|| heading_unit(heading)).or_else(|| unit_of_name(name))
+    }
+
+    fn values(&self, i: usize) -> &[f64] {
+        if let Looks::Numbers { values, .. } = &self.looks[i] { values } else { &[] }
+    }
+
+    fn numbers(&self) -> impl Iterator<Item = usize> {
+        (0..self.looks.len()).filter(|&i| matches!(self.looks[i], Looks::Numbers { .. }) && self.may_be_time(i))
+    }
+
+    fn roles(&self) -> Result<Roles, CsvProblem> {
+        let mut repairs = Vec::new();
+        let stamps: Vec<usize> =
+            (0..self.looks.len()).filter(|&i| matches!(self.looks[i], Looks::Stamps(_)) && self.may_be_time(i)).collect();
+        let host = self.stamps_clock(&stamps);
+        let fraction = host.as_ref().and_then(|clock| clock.fraction.map(|(column, _)| column));
+        let device: Vec<usize> = self.numbers().filter(|&i| Some(i) != fraction && self.stated_unit(i).is_some() && rises(self.values(i))).collect();
+        let mut clocks = if let Some(rate_hz) = self.options.rate_hz {
+            vec![self.counted(1.0 / rate_hz, host.as_ref(), None, &mut repairs)]
+        } else if !device.is_empty() {
+            self.device_clocks(&device, host.as_ref(), &mut repairs)
+        } else if let Some(clock) = self.since_1970() {
+            vec![clock]
+        } else if let Some(clock) = host {
+            vec![clock]
+        } else if let Some(clock) = self.unstated(&mut repairs) {
+            clock
+        } else if let Some((interval_s, said)) = self.layout.settings.interval_s() {
+            vec![self.counted(interval_s, None, Some(said), &mut repairs)]
+        } else {
+            vec![self.guessed(&mut repairs)?]
+        };
+        let words = (0..self.looks.len()).filter(|&i| self.looks[i] == Looks::Words && (!stamps.contains(&i))).collect();
+        let counters = self.assign(&mut clocks, fraction);
+        Ok(Roles { clocks, words, counters, repairs })
+    }
+
+    /// The clock of the computer, or the only one: a date-time, or a date and a time of the day, with parts of a second in a column of their own.
+    fn stamps_clock(&self, stamps: &[usize]) -> Option<Clock> {
+        let stamp = |i: usize| if let Looks::Stamps(stamp) = self.looks[i] { Some(stamp) } else { None };
+        let time = stamps.iter().copied().find(|&i| stamp(i).is_some_and(|s| s.has_time)).or(stamps.first().copied())?;
+        let has_date = stamp(time)?.has_date;
+        let date = stamps.iter().copied().find(|&i| i != time && stamp(i).is_some_and(|s| s.has_date && !s.has_time)).filter(|_| !has_date);
+        let fraction = stamp(time).filter(|s| s.has_time).and_then(|_| {
+            let right = (time + 1..self.looks.len()).find(|&i| self.looks[i] != Looks::Empty)?;
+            let unit_s = self.fraction_unit(right)?;
+            let fits = self.values(right).iter().all(|v| (0.0..1.0).contains(&(v * unit_s)));
+            (fits && !self.values(right).is_empty()).then_some((right, unit_s))
+        });
+        Some(Clock { time: Some(time), form: Form::Stamps, date, fraction, values: Vec::new(), host: None })
+    }
+
+    /// Seconds of the unit of parts of a second: a column that is called by it, or in a line of units.
+    fn fraction_unit(&self, i: usize) -> Option<f64> {
+        let Column { name, unit, .. } = self.column(i);
+        let unit_s = unit_of_name(name).or_else(|| time_unit(name)).or_else(|| unit.as_deref().and_then(time_unit))?;
+        (unit_s < 1.0).then_some(unit_s)
+    }
+
+    /// The clocks of devices. Of two with no values between them the finer one counts, and of a host's clock the start.
+    fn device_clocks(&self, device: &[usize], host: Option<&Clock>, repairs: &mut Vec<Repair>) -> Vec<Clock> {
+        let value_between = |a: usize, b: usize| (a + 1..b).any(|i| matches!(self.looks[i], Looks::Numbers { .. }) && !self.is_counting(i));
+        let mut kept: Vec<usize> = Vec::new();
+        for &i in device {
+            let finer = |last: usize| distinct(self.values(i)) > distinct(self.values(last));
+            match kept.last_mut() {
+                Some(last) if !value_between(*last, i) => {
+                    if finer(*last) {
+                        *last = i;
+                    }
+                }
+                _ => kept.push(i),
+            }
+        }
+        // a clock to the second beside a finer one of the computer is none
+        if let (&[only], Some(host)) = (&kept[..], host)
+            && repeats(self.values(only)) && !self.repeats_stamps(host)
+        {
+            return vec![host.clone()];
+        }
+        let host_at = host.and_then(|clock| clock.time);
+        kept.into_iter()
+            .map(|i| {
+                let unit_s = self.stated_unit(i).unwrap_or(1.0);
+                let form = if unit_s == 86_400.0 { Form::Days } else { self.absolute(i, unit_s).unwrap_or(Form::Numbers(unit_s)) };
+                if form == Form::Days {
+                    repairs.push(Repair::new("time-unit", 1, None, format!("the times are in '{}', in days; time 0 is the first", self.column(i).heading)));
+                }
+                Clock { time: Some(i), form, date: host.and_then(|c| c.date), fraction: host.and_then(|c| c.fraction), values: Vec::new(), host: host_at }
+            })
+            .collect()
+    }
+
+    fn repeats_stamps(&self, host: &Clock) -> bool {
+        let Some(time) = host.time else { return true };
+        let cells: Vec<&str> = self.layout.column(time).collect();
+        let same = cells.windows(2).filter(|w| w[0] == w[1]).count();
+        host.fraction.is_none() && 5 * same > cells.len()
+    }
+
+    /// Numbers of a size that only times since 1970 have.
+    fn absolute(&self, i: usize, unit_s: f64) -> Option<Form> {
+        let is_recent = self.values(i).iter().all(|v| (SINCE_1970_S[0]..SINCE_1970_S[1]).contains(&(v * unit_s)));
+        (is_recent && !self.values(i).is_empty()).then_some(Form::Since1970(unit_s))
+    }
+
+    fn since_1970(&self) -> Option<Clock> {
+        let found = self.numbers().filter(|&i| rises(self.values(i)) && !self.is_quantity(i)).find_map(|i| {
+            let form = [1.0, 1e-3, 1e-6, 1e-9].into_iter().find_map(|unit_s| self.absolute(i, unit_s))?;
+            Some((i, form))
+        });
+        found.map(|(i, form)| Clock { time: Some(i), form, date: None, fraction: None, values: Vec::new(), host: None })
+    }
+
+    /// Named times whose unit stands around the table, or is given by the user.
+    fn unstated(&self, repairs: &mut Vec<Repair>) -> Option<Vec<Clock>> {
+        let unit_s = self.options.time_unit_s.or_else(|| self.layout.settings.time_unit_s())?;
+        let named: Vec<usize> = self.time_columns();
+        if named.is_empty() {
+            return None;
+        }
+        let form = if unit_s == 86_400.0 { Form::Days } else { Form::Numbers(unit_s) };
+        if self.options.time_unit_s.is_none() {
+            let text = format!("the times are in '{}', in {}", self.column(named[0]).heading, time_symbol(unit_s));
+            repairs.push(Repair::new("time-unit", 1, None, text));
+        }
+        let clock = |i: usize| Clock { time: Some(i), form, date: None, fraction: None, values: Vec::new(), host: None };
+        Some(named.into_iter().map(clock).collect())
+    }
+
+    /// Columns that are called times, otherwise the first that rises evenly and is neither a quantity nor a counter.
+    fn time_columns(&self) -> Vec<usize> {
+        let rising = |i: &usize| rises(self.values(*i));
+        let named: Vec<usize> = self.numbers().filter(rising).filter(|&i| is_time_name(&self.column(i).name) && !self.is_quantity(i)).collect();
+        if !named.is_empty() {
+            return named;
+        }
+        let even = self.numbers().find(|&i| self.is_counting(i) && !(is_counter_name(&self.column(i).name) && self.layout.names_at.is_some()));
+        even.into_iter().collect()
+    }
+
+    /// Rises evenly, and nothing says that it is a quantity.
+    fn is_counting(&self, i: usize) -> bool {
+        matches!(self.looks[i], Looks::Numbers { even: true, .. }) && !self.is_quantity(i) && !self.is_given(i)
+    }
+
+    /// One sample after the other; the column that counts them, if there is one, counts what is missing, too.
+    fn counted(&self, interval_s: f64, host: Option<&Clock>, said: Option<String>, repairs: &mut Vec<Repair>) -> Clock {
+        let rate = crate::number::significant(1.0 / interval_s, 6);
+        let by = said.map_or(String::new(), |said| format!(", as {said} says"));
+        let counts = |&i: &usize| self.values(i).windows(2).all(|w| w[1] - w[0] == 1.0) && self.values(i).len() > 1 && !self.is_quantity(i);
+        let counter = self.numbers().find(counts).filter(|_| host.is_none());
+        let text = match counter {
+            Some(i) => format!("'{}' counts samples, {rate} a second{by}", self.column(i).heading),
+            None => format!("each line is a sample, {rate} a second{by}"),
+        };
+        repairs.push(Repair::new("time-counter", 1, None, text));
+        let form = Form::Counted(interval_s);
+        match host {
+            Some(host) => Clock { form, ..host.clone() },
+            None => Clock { time: counter, form, date: None, fraction: None, values: Vec::new(), host: None },
+        }
+    }
+
+    /// Times in the one unit that makes a test of water hammer of them.
+    fn guessed(&self, repairs: &mut Vec<Repair>) -> Result<Clock, CsvProblem> {
+        let columns = self.time_columns();
+        let first = columns.first().copied().ok_or_else(|| self.without_time())?;
+        let units = likely_units(self.values(first), self.options.period_s);
+        let [unit] = units[..] else { return Err(self.without_time()) };
+        let heading = &self.column(first).heading;
+        let text = match unit {
+            "d" => format!("the times are in '{heading}', in days; time 0 is the first"),
+            unit => format!("the times are in '{heading}', in {unit}"),
+        };
+        repairs.push(Repair::guess("time-unit", text));
+        let form = if unit == "d" { Form::Days } else { Form::Numbers(time_unit(unit).unwrap_or(1.0)) };
+        Ok(Clock { time: Some(first), form, date: None, fraction: None, values: Vec::new(), host: None })
+    }
+
+    fn without_time(&self) -> CsvProblem {
+        let named = |is: &dyn Fn(usize) -> bool| (0..self.looks.len()).find(|&i| is(i)).map(|i| self.column(i).heading.clone());
+        let times = named(&|i| is_time_name(&self.column(i).name) && matches!(self.looks[i], Looks::Numbers { .. }));
+        let counter = named(&|i| !self.column(i).name.is_empty() && is_counter_name(&self.column(i).name));
+        let text = match (&times, counter) {
+            (Some(name), _) => format!(" in a unit that can be guessed: give the unit of '{name}' with option `time-unit`"),
+            (None, Some(name)) => format!(": '{name}' counts samples; give their rate with option `rate`"),
+            (None, None) => String::from("; if there is one sample after the other, give their rate with option `rate`"),
+        };
+        let columns = self.layout.columns.iter().map(|c| c.heading.as_str()).collect::<Vec<_>>().join(", ");
+        CsvProblem::NoTimes { named: text, counted: times.is_none(), columns }
+    }
+
+    /// Gives each column of values its clock, the nearest on its left, and returns the columns that count.
+    fn assign(&self, clocks: &mut [Clock], fraction: Option<usize>) -> Vec<usize> {
+        let times: Vec<usize> = clocks.iter().filter_map(|c| c.time).collect();
+        let parts: Vec<usize> =
+            clocks.iter().flat_map(|c| [c.date, c.fraction.map(|(i, _)| i), c.host]).flatten().chain(times.iter().copied()).chain(fraction).collect();
+        let mut counters = Vec::new();
+        for i in (0..self.looks.len()).filter(|i| matches!(self.looks[*i], Looks::Numbers { .. }) && !parts.contains(i)) {
+            let counts = self.stated_unit(i).is_some() || self.is_counting(i) || (is_time_name(&self.column(i).name) && rises(self.values(i)) && !self.is_quantity(i));
+            if counts && !self.is_given(i) {
+                counters.push(i);
+                continue;
+            }
+            // times may stand behind their values
+            let left = clocks.iter().rposition(|c| c.time.is_some_and(|time| time < i));
+            clocks[left.unwrap_or(0)].values.push(i);
+        }
+        counters
+    }
+}
+
+/// The units in which times are those of a water-hammer test, the likeliest first.
+fn likely_units(values: &[f64], period_s: Option<f64>) -> Vec<&'static str> {
+    let (Some(first), Some(last)) = (values.first(), values.last()) else { return Vec::new() };
+    let mut steps: Vec<f64> = values.windows(2).map(|w| w[1] - w[0]).filter(|s| *s > 0.0).collect();
+    if steps.is_empty() {
+        return Vec::new();
+    }
+    let middle = steps.len() / 2;
+    let step = *steps.select_nth_unstable_by(middle, f64::total_cmp).1;
+    let fits = |unit_s: f64| {
+        let (rate_hz, lasts_s) = (1.0 / (step * unit_s), (last - first) * unit_s);
+        let usual = (RATES_HZ[0]..=RATES_HZ[1]).contains(&rate_hz) && lasts_s <= LASTS_S;
+        usual && period_s.is_none_or(|p| rate_hz * p > LEAST_A_PERIOD && lasts_s > p)
+    };
+    UNITS.iter().filter(|(_, unit_s)| fits(*unit_s)).map(|(name, _)| *name).collect()
+}
+
+/// Steps of one size, all but a few.
+fn is_even(values: &[f64]) -> bool {
+    let mut steps: Vec<f64> = values.windows(2).map(|w| w[1] - w[0]).collect();
+    if steps.len() < 2 || steps.iter().filter(|s| **s < 0.0).count() > steps.len() / 20 {
+        return false;
+    }
+    let middle = steps.len() / 2;
+    let median = *steps.select_nth_unstable_by(middle, f64::total_cmp).1;
+    let even = steps.iter().filter(|s| (**s - median).abs() <= EVEN * median).count();
+    median > 0.0 && 20 * even >= 19 * steps.len()
+}
+
+/// Never falls, but for a few lines out of place, and does rise.
+fn rises(values: &[f64]) -> bool {
+    let falls = values.windows(2).filter(|w| w[1] < w[0]).count();
+    20 * falls <= values.len() && values.last() > values.first() || values.len() < 2
+}
+
+fn distinct(values: &[f64]) -> usize {
+    1 + values.windows(2).filter(|w| w[0] != w[1]).count()
+}
+
+/// More than a few times stand twice.
+fn repeats(values: &[f64]) -> bool {
+    5 * (values.len() - distinct(values).min(values.len())) > values.len()
+}

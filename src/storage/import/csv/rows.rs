@@ -1,0 +1,168 @@
+//! The rows of a table, read onto its clocks.
+
+use crate::storage::error::{CsvFault, CsvProblem};
+use crate::storage::import::csv::cell::Cell;
+use crate::storage::import::csv::clock::Clock;
+use crate::storage::import::csv::layout::Layout;
+use crate::storage::import::csv::lines::Line;
+use crate::storage::import::csv::missing::{Spellings, is_missing};
+use crate::storage::import::csv::numbers::Numbers;
+use crate::storage::import::csv::row::{Row, is_row};
+use crate::storage::import::csv::table::Table;
+use crate::storage::import::csv::timeless::{Timeless, is_no_time};
+use crate::storage::import::source::{Repair, counted};
+
+/// What lines under a table sum up, in lower case.
+const SUMMARIES: [&str; 19] = [
+    "min",
+    "minimum",
+    "max",
+    "maximum",
+    "mean",
+    "avg",
+    "average",
+    "std",
+    "stdev",
+    "std dev",
+    "rms",
+    "sum",
+    "total",
+    "count",
+    "median",
+    "peak",
+    "mittelwert",
+    "p-p",
+    "pk-pk",
+];
+
+/// A clock, and the columns of values that it times.
+pub(crate) struct Timed {
+    pub(crate) clock: Clock,
+    pub(crate) table: Table,
+    pub(crate) timeless: Timeless,
+    pub(crate) values: Vec<usize>,
+}
+
+impl Timed {
+    pub(crate) fn new(clock: Clock, values: Vec<usize>) -> Timed {
+        let table = Table { columns: vec![Vec::new(); values.len()], ..Table::default() };
+        Timed { clock, table, timeless: Timeless::default(), values }
+    }
+}
+
+/// The rows among the lines of a file.
+pub(crate) struct Rows<'a, 't> {
+    pub(crate) layout: &'a Layout<'t>,
+    pub(crate) lines: &'a [Line<'t>],
+    /// The line within which the file ends.
+    pub(crate) cut: Option<usize>,
+}
+
+impl<'t> Rows<'_, 't> {
+    /// Reads all of them; what was left out, and why.
+    ///
+    /// # Errors
+    /// The line, and what is wrong in it.
+    pub(crate) fn read(mut self, timed: &mut [Timed], numbers: &mut Numbers, spellings: &mut Spellings) -> Result<Vec<Repair>, CsvFault> {
+        let mut repairs = Vec::new();
+        let mut left = Left::default();
+        let mut row = Row::default();
+        let rows: Vec<Line<'t>> = self.lines[self.layout.first..].iter().copied().filter(|l| is_row(l.text)).collect();
+        for (i, line) in rows.iter().enumerate() {
+            if self.cut == Some(line.at) {
+                break;
+            }
+            if self.is_heading_again(line.text) {
+                left.headings.push(line.at);
+                continue;
+            }
+            row.read(line.text, self.layout.separator);
+            if self.is_remark(&row, timed) {
+                left.remarks.push(line.at);
+                continue;
+            }
+            if let Some(found) = row.ragged(self.layout.expected, self.layout.widest) {
+                // a logger that was switched off in the middle of a line, to which an editor may have given an end
+                let is_last = i + 1 == rows.len();
+                let is_first = timed.iter().all(|t| t.table.time_s.is_empty());
+                if !is_last || is_first || found > self.layout.expected {
+                    return Err((Some(line.at), Box::new(CsvProblem::Ragged { found, expected: self.layout.expected })));
+                }
+                self.cut = Some(line.at);
+                break;
+            }
+            for timed in &mut *timed {
+                self.take(timed, &row, line.at, numbers, spellings).map_err(|problem| (Some(line.at), Box::new(problem)))?;
+            }
+        }
+        if let Some(line) = self.cut {
+            let text = "the file ends within this line, which was left out";
+            repairs.push(Repair { lost: true, ..Repair::new("cut-off", 1, Some(line), text) });
+        }
+        repairs.extend(left.repairs());
+        Ok(repairs)
+    }
+
+    /// Reads what a clock gives the time of.
+    fn take(&self, timed: &mut Timed, row: &Row<'t>, line: usize, numbers: &mut Numbers, spellings: &mut Spellings) -> Result<(), CsvProblem> {
+        let columns = &self.layout.columns;
+        let holds = |i: &usize| row.get(*i).is_some_and(|c| !c.is_empty());
+        let is_timeless = timed.clock.is_timeless(row, is_no_time);
+        if is_timeless && !timed.values.iter().any(holds) {
+            return Ok(());
+        }
+        if is_timeless {
+            timed.timeless.take(line, timed.table.time_s.last().copied());
+        } else {
+            let time_s = timed.clock.seconds(row, numbers)?;
+            timed.table.time_s.push(time_s);
+            timed.table.line.push(line);
+        }
+        for (&i, column) in timed.values.iter().zip(&mut timed.table.columns) {
+            let cell = row.get(i).unwrap_or_default();
+            // what has no time must be numbers all the same: a row of units is no line of samples
+            let value = numbers.read(cell, &columns[i].heading)?;
+            if is_missing(value) {
+                spellings.count(cell, line);
+            }
+            if !is_timeless {
+                column.push(value);
+            }
+        }
+        Ok(())
+    }
+
+    /// Some loggers write their headings anew, with every block.
+    fn is_heading_again(&self, line: &str) -> bool {
+        self.layout.headings.iter().any(|&at| self.lines[at].text == line)
+    }
+
+    /// A line of words alone, or one that sums up a column.
+    fn is_remark(&self, row: &Row<'_>, timed: &[Timed]) -> bool {
+        let cell = |i: usize| row.get(i).map_or(Cell::Empty, Cell::of);
+        let filled = || timed.iter().flat_map(|t| &t.values).map(|&i| cell(i)).filter(|c| *c != Cell::Empty);
+        let first = row.iter().find(|c| !c.is_empty()).unwrap_or_default();
+        let summary = SUMMARIES.contains(&first.trim_end_matches([':', '.']).to_lowercase().as_str());
+        let has_time = timed.iter().any(|t| t.clock.is_timed(row));
+        summary || (!has_time && Cell::of(first).is_word() && filled().all(Cell::is_word))
+    }
+}
+
+/// Lines that are no rows.
+#[derive(Default)]
+struct Left {
+    headings: Vec<usize>,
+    remarks: Vec<usize>,
+}
+
+impl Left {
+    fn repairs(&self) -> Vec<Repair> {
+        let of = |what, lines: &[usize], one: &str, several: &str| {
+            let first = *lines.first()?;
+            Some(Repair::new(what, lines.len(), Some(first), counted(lines.len(), one, several)))
+        };
+        let again = of("headings-again", &self.headings, "line repeats the headings", "lines repeat the headings");
+        let remarks = of("remarks", &self.remarks, "line among or under the rows is a remark or a sum", "lines among or under the rows are remarks or sums");
+        again.into_iter().chain(remarks).collect()
+    }
+}

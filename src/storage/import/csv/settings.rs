@@ -1,0 +1,269 @@
+//! What stands around a table: lines of a key and its values, such as `Sample Interval,1.0e-03`, `Y_Unit_Label⇥bar⇥bar` or `# start: 2026-03-14`.
+
+use std::borrow::Cow;
+
+use crate::storage::import::csv::heading::{header_unit, is_known_unit, time_unit};
+use crate::storage::import::csv::numbers::Numbers;
+use crate::storage::import::csv::stamp::Stamp;
+use crate::storage::import::source::{Repair, SourceOptions, Start};
+
+/// Kind of the remark on a start that the file gives.
+pub(crate) const START: &str = "start";
+
+/// Keys of the time from sample to sample. Those of oscilloscopes and of LabVIEW are in seconds where no unit stands by.
+const INTERVALS: [&str; 12] = [
+    "sampleinterval",
+    "increment",
+    "xincrement",
+    "xinc",
+    "deltax",
+    "samplinginterval",
+    "samplingperiod",
+    "sampleperiod",
+    "interval",
+    "timeinterval",
+    "timestep",
+    "dt",
+];
+const IN_SECONDS: usize = 5;
+/// Keys of samples a second.
+const RATES: [&str; 14] = [
+    "samplerate",
+    "samplingrate",
+    "samplingfrequency",
+    "samplefrequency",
+    "scanrate",
+    "rate",
+    "fs",
+    "abtastrate",
+    "messrate",
+    "frequencydechantillonnage",
+    "samplespersecond",
+    "samplessec",
+    "acquisitionrate",
+    "datarate",
+];
+/// Keys of the units of columns.
+const UNITS: [&str; 13] = [
+    "unit",
+    "units",
+    "einheit",
+    "einheiten",
+    "unité",
+    "unités",
+    "unidad",
+    "eu",
+    "yunit",
+    "yunits",
+    "yunitlabel",
+    "verticalunits",
+    "engineeringunits",
+];
+/// Keys of the unit of times.
+const TIME_UNITS: [&str; 5] = ["horizontalunits", "xunit", "xunits", "xunitlabel", "timeunit"];
+/// Headings of a column of names in a table of channels.
+const NAMES: [&str; 6] = ["signalname", "name", "channelname", "label", "comment", "signal"];
+/// Keys of dates and times that are no start by their names.
+const STARTS: [&str; 5] = ["date", "datetime", "timestamp", "time0", "datum"];
+
+/// A key and what stands behind it.
+#[derive(Debug)]
+struct Setting {
+    /// As written.
+    name: String,
+    /// Without signs, in lower case.
+    key: String,
+    cells: Vec<String>,
+}
+
+/// All that stands around a table.
+#[derive(Debug, Default)]
+pub(crate) struct Settings {
+    all: Vec<Setting>,
+}
+
+fn bare(text: &str) -> String {
+    text.chars().filter(|c| c.is_alphanumeric()).collect::<String>().to_lowercase()
+}
+
+impl Settings {
+    /// Takes the cells of a line; of one cell alone what stands on both sides of a colon or an equals sign.
+    pub(crate) fn take(&mut self, cells: &[Cow<'_, str>]) {
+        let last = cells.iter().rposition(|c| !c.is_empty()).map_or(0, |last| last + 1);
+        let (name, cells): (&str, Vec<String>) = match &cells[..last] {
+            [] => return,
+            [one] => match one.split_once([':', '=']).or_else(|| one.split_once('\t')) {
+                Some((name, value)) => (name, vec![value.trim().to_owned()]),
+                None => return,
+            },
+            [name, rest @ ..] => (name, rest.iter().map(|c| c.to_string()).collect()),
+        };
+        let name = name.trim().trim_end_matches([':', '=']).trim();
+        self.all.push(Setting { name: name.to_owned(), key: bare(name), cells });
+    }
+
+    /// Takes a value that stands under its heading.
+    pub(crate) fn take_under(&mut self, heading: &str, cell: &str) {
+        self.all.push(Setting { name: heading.to_owned(), key: bare(heading), cells: vec![cell.to_owned()] });
+    }
+
+    /// The time between samples that is stated, s, and the words that state it.
+    pub(crate) fn interval_s(&self) -> Option<(f64, String)> {
+        self.all.iter().find_map(|setting| {
+            let (name, unit) = header_unit(&setting.name).unwrap_or((setting.name.clone(), String::new()));
+            let key = bare(&name);
+            let (place, is_rate) = match INTERVALS.iter().position(|k| *k == key) {
+                Some(place) => (place, false),
+                None => (RATES.iter().position(|k| *k == key)?, true),
+            };
+            let first = setting.cells.first()?;
+            let end = first.find(|c: char| !(c.is_ascii_digit() || "+-.,eE".contains(c))).unwrap_or(first.len());
+            // the `E` of a unit belongs to no number
+            let value = Numbers::new(';', None).read(first[..end].trim_end_matches(['e', 'E']).trim(), "").ok()?;
+            let behind = setting.cells.get(1).map_or("", |c| c.trim());
+            let unit = [first[end..].trim(), unit.as_str(), behind].into_iter().find(|u| !u.is_empty() && scale(u).is_some());
+            let stated = match (unit.and_then(scale), is_rate) {
+                (Some(scale), _) => scale,
+                (None, true) => Scale::Rate(1.0),
+                (None, false) => Scale::Interval(Some(1.0).filter(|_| place < IN_SECONDS)?),
+            };
+            let interval_s = match stated {
+                Scale::Interval(unit_s) => value * unit_s,
+                Scale::Rate(unit_hz) => 1.0 / (value * unit_hz),
+            };
+            (interval_s.is_finite() && interval_s > 0.0)
+                .then(|| (interval_s, format!("'{} {}'", setting.name, setting.cells.join(" ").trim())))
+        })
+    }
+
+    /// The unit of times that is stated, s.
+    pub(crate) fn time_unit_s(&self) -> Option<f64> {
+        let of = |s: &Setting| time_unit(s.cells.first()?);
+        self.all.iter().filter(|s| TIME_UNITS.contains(&s.key.as_str())).find_map(of)
+    }
+
+    /// The units of columns, where a line states them: one a column, an empty one where it says nothing. The key stands in the place of the first
+    /// column, `width` of all; a line of as many units as there are values goes by their order.
+    pub(crate) fn units(&self, width: usize, values: &[usize]) -> Vec<(usize, String)> {
+        let stated = |s: &&Setting| UNITS.contains(&s.key.as_str()) && s.cells.iter().any(|c| is_known_unit(c.trim()));
+        let Some(line) = self.all.iter().rev().find(stated) else { return Vec::new() };
+        let units = || line.cells.iter().map(|c| c.trim()).enumerate().filter(|(_, c)| !c.is_empty());
+        match units().count() {
+            1 if values.len() > 1 => {
+                units().flat_map(|(_, unit)| values.iter().map(move |v| (*v, unit.to_owned()))).collect()
+            }
+            n if n == values.len() => units().zip(values).map(|((_, unit), v)| (*v, unit.to_owned())).collect(),
+            _ => units().filter(|(i, _)| i + 1 < width).map(|(i, unit)| (i + 1, unit.to_owned())).collect(),
+        }
+    }
+
+    /// Name and unit of a channel in a table of channels, such as `CH,Signal name,…,Unit` over `CH1,Valve,…,bar`.
+    pub(crate) fn channel(&self, heading: &str) -> Option<(Option<String>, String)> {
+        let head = self.all.iter().position(|s| s.cells.len() > 1 && s.cells.iter().any(|c| UNITS.contains(&bare(c).as_str())))?;
+        let place = |of: &[&str]| self.all[head].cells.iter().position(|c| of.contains(&bare(c).as_str()));
+        let row = self.all[head + 1..].iter().find(|s| s.key == bare(heading) && !s.key.is_empty())?;
+        let cell = |at: Option<usize>| at.and_then(|at| row.cells.get(at)).filter(|c| !c.is_empty()).cloned();
+        let unit = cell(place(&UNITS)).filter(|unit| is_known_unit(unit))?;
+        Some((cell(place(&NAMES)), unit))
+    }
+
+    /// Wall-clock time of time 0, and a remark on it, that a line gives: `start: 2026-03-14T09:26:53.5Z`, or a date and a time in two lines, as
+    /// LabVIEW writes them. Of several the last holds, the one nearest to the table.
+    pub(crate) fn start(&self, options: &SourceOptions) -> Option<(Start, Repair)> {
+        let named = |s: &&Setting| s.key.contains("start") || STARTS.contains(&s.key.as_str());
+        let whole = |s: &Setting| {
+            let [first, second] = [s.cells.first()?, s.cells.get(1).unwrap_or(&s.cells[0])];
+            let order = options.order();
+            [first.clone(), format!("{first} {second}")]
+                .into_iter()
+                .find_map(|text| Stamp::parse(&text, order).filter(|s| s.has_date && s.has_time).map(|s| (s, text)))
+        };
+        let in_two = || {
+            let cell = |key: &str| self.all.iter().rev().find(|s| s.key == key).and_then(|s| s.cells.first());
+            let text = format!("{} {}", cell("date")?, cell("time")?);
+            Stamp::parse(&text, options.order()).filter(|s| s.has_date && s.has_time).map(|s| (s, text))
+        };
+        let (stamp, text) = self.all.iter().rev().filter(named).find_map(whole).or_else(in_two)?;
+        let ns = u64::try_from(stamp.unix_ns(options.zone_s.unwrap_or(0))).ok()?;
+        let zone = if stamp.zone_s.is_some() || options.zone_s.is_some() { "" } else { ", taken as UTC" };
+        let text = format!("time 0 is the start that the file gives, {text}{zone}");
+        Some((Start { unix_ns: ns, digit_s: stamp.digit_s }, Repair::new(START, 1, None, text)))
+    }
+}
+
+/// What a unit makes of a number.
+enum Scale {
+    /// Seconds.
+    Interval(f64),
+    /// Samples a second.
+    Rate(f64),
+}
+
+fn scale(unit: &str) -> Option<Scale> {
+    let unit = unit.trim().trim_start_matches(['[', '(']).trim_end_matches([']', ')']);
+    let rate = match unit.to_lowercase().as_str() {
+        "hz" | "1/s" | "s/s" | "sa/s" | "samples/s" | "sps" | "samples/sec" | "samples per second" | "sample/s" => Some(1.0),
+        "khz" | "ks/s" | "ksa/s" | "ksps" => Some(1e3),
+        "mhz" | "ms/s" | "msa/s" => Some(1e6),
+        _ => None,
+    };
+    rate.map(Scale::Rate).or_else(|| time_unit(unit).map(Scale::Interval))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn settings(lines: &[&str]) -> Settings {
+        let mut found = Settings::default();
+        lines.iter().for_each(|line| found.take(&line.split(',').map(Cow::Borrowed).collect::<Vec<_>>()));
+        found
+    }
+
+    #[test]
+    fn intervals_and_rates_in_the_words_of_many_devices() {
+        for (line, interval_s) in [
+            ("Sample Interval,1.000000e-03", 1e-3),
+            ("Sampling interval,1ms", 1e-3),
+            ("Delta_X,5.0E-4,5.0E-4", 5e-4),
+            ("Sampling interval (us),50", 5e-5),
+            ("Interval,500,us", 5e-4),
+            ("Sample rate: 2000 Hz", 5e-4),
+            ("Sampling Rate = 2 kHz", 5e-4),
+            ("Abtastrate,2000", 5e-4),
+            ("Scan rate,1000,samples/s", 1e-3),
+        ] {
+            let (found, said) = settings(&[line]).interval_s().unwrap_or_else(|| panic!("{line}"));
+            assert!((found / interval_s - 1.0).abs() < 1e-12 && said.starts_with('\''), "{line}: {found}");
+        }
+        for line in ["Sampling interval,1", "Baud rate,9600", "Interval,none", "Trigger Point,1.0e+01"] {
+            assert!(settings(&[line]).interval_s().is_none(), "{line}");
+        }
+    }
+
+    #[test]
+    fn units_by_place_by_order_and_of_channels() {
+        let lines = settings(&["Unit,psi,psi"]);
+        assert_eq!(lines.units(4, &[2, 3]), [(2, "psi".into()), (3, "psi".into())]);
+        let labview = settings(&["Y_Unit_Label,bar,,mbar"]);
+        assert_eq!(labview.units(5, &[1, 3, 4]), [(1, "bar".into()), (3, "mbar".into())]);
+        assert_eq!(settings(&["Vertical Units,V"]).units(3, &[1, 2]), [(1, "V".into()), (2, "V".into())]);
+        assert!(settings(&["TempUnit,C", "Unit,7"]).units(3, &[1, 2]).is_empty());
+        let graphtec = settings(&["CH,Signal name,Amp,Span,,Unit", "CH1,Valve,M,10,-10,bar", "CH2,,M,10,-10,psi"]);
+        assert_eq!(graphtec.channel("CH1"), Some((Some("Valve".into()), "bar".into())));
+        assert_eq!(graphtec.channel("CH2"), Some((None, "psi".into())));
+        assert_eq!(graphtec.channel("CH3"), None);
+    }
+
+    /// 2026-03-14T09:26:53Z is 1 773 480 413 s after 1970, by `date -u +%s`.
+    #[test]
+    fn a_start_in_one_line_or_two() {
+        let of = |lines: &[&str]| settings(lines).start(&SourceOptions::default()).map(|(start, _)| start.unix_ns);
+        assert_eq!(of(&["Start time,2026/03/14,09:26:53"]), Some(1_773_480_413_000_000_000));
+        assert_eq!(of(&["start: 2026-03-14T09:26:53.5Z"]), Some(1_773_480_413_500_000_000));
+        let labview = ["Date,2026/03/14", "Time,09:26:40.0352557312", "Date,2026/03/14", "Time,09:26:53.25"];
+        assert_eq!(of(&labview), Some(1_773_480_413_250_000_000));
+        assert_eq!(of(&["Date,2026/03/14"]), None);
+        assert_eq!(of(&["Serial,2026-03-14T09:26:53Z"]), None);
+    }
+}
