@@ -36,7 +36,7 @@ const fn unit(symbol: &'static str, quantity: Quantity, factor: f64, offset: f64
 }
 
 /// Every unit a rig file may name.
-pub const UNITS: [Unit; 27] = [
+pub const UNITS: [Unit; 31] = [
     unit("Pa", Quantity::Pressure, 1.0, 0.0),
     unit("kPa", Quantity::Pressure, 1e3, 0.0),
     unit("MPa", Quantity::Pressure, 1e6, 0.0),
@@ -47,11 +47,15 @@ pub const UNITS: [Unit; 27] = [
     unit("hPa", Quantity::Pressure, 100.0, 0.0),
     unit("atm", Quantity::Pressure, 101_325.0, 0.0),
     unit("ksi", Quantity::Pressure, 6_894_757.293_168, 0.0),
+    unit("dbar", Quantity::Pressure, 1e4, 0.0),
+    unit("kgf/cm2", Quantity::Pressure, 98_066.5, 0.0),
     // Conventional columns: water of 1000 kg/m3 and mercury of 13595.1 kg/m3 under 9.80665 m/s2 (NIST SP 811).
     unit("cmH2O", Quantity::Pressure, 98.0665, 0.0),
     unit("mmH2O", Quantity::Pressure, 9.80665, 0.0),
     unit("inH2O", Quantity::Pressure, 249.088_91, 0.0),
+    unit("ftH2O", Quantity::Pressure, 12.0 * 249.088_91, 0.0),
     unit("mmHg", Quantity::Pressure, 133.322_387_415, 0.0),
+    unit("inHg", Quantity::Pressure, 25.4 * 133.322_387_415, 0.0),
     unit("m3/s", Quantity::Flow, 1.0, 0.0),
     unit("m3/h", Quantity::Flow, 1.0 / 3600.0, 0.0),
     unit("L/s", Quantity::Flow, 1e-3, 0.0),

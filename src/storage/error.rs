@@ -342,6 +342,16 @@ pub enum CsvProblem {
         /// The time, as written.
         time: String,
     },
+    /// A column of two units.
+    #[error("column '{column}' is in '{first}' by its heading and in '{second}' by this line: give the unit that is right with option `scale` '{column}={first}', or correct the file")]
+    TwoUnits {
+        /// Its heading.
+        column: String,
+        /// The unit of its heading.
+        first: String,
+        /// That of the line.
+        second: String,
+    },
     /// Something that the file does not say, where nobody has agreed to a guess.
     #[error("{0}: this is a guess, for the file does not say so")]
     Guessed(String),

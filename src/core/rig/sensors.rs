@@ -166,7 +166,7 @@ fn read_unit(section: &Section<'_>, kind: Option<SensorKind>) -> Option<Unit> {
 }
 
 /// Other spellings of units, in lower case and without signs.
-const OTHER_SPELLINGS: [(&str, &str); 27] = [
+const OTHER_SPELLINGS: [(&str, &str); 36] = [
     ("c", "degC"),
     ("celsius", "degC"),
     ("kelvin", "K"),
@@ -186,6 +186,15 @@ const OTHER_SPELLINGS: [(&str, &str); 27] = [
     ("fahrenheit", "degF"),
     ("f", "degF"),
     ("torr", "mmHg"),
+    ("pascal", "Pa"),
+    ("pascals", "Pa"),
+    ("kilopascal", "kPa"),
+    ("megapascal", "MPa"),
+    ("bars", "bar"),
+    ("millibar", "mbar"),
+    ("nmm2", "MPa"),
+    ("kgcm2", "kgf/cm2"),
+    ("fth20", "ftH2O"),
     ("inwc", "inH2O"),
     ("mmwc", "mmH2O"),
     ("mmws", "mmH2O"),
@@ -207,7 +216,7 @@ pub fn spelled_unit(text: &str, quantity: Quantity) -> Option<Unit> {
 
 /// A unit without its signs and case.
 fn bare(text: &str) -> String {
-    let plain = text.replace('³', "3").replace('₂', "2").replace('°', "");
+    let plain = text.replace('³', "3").replace(['₂', '²'], "2").replace('°', "");
     plain.chars().filter(|c| c.is_alphanumeric() || *c == '%').collect::<String>().to_lowercase()
 }
 

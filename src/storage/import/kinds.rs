@@ -6,7 +6,7 @@ use crate::units::{Quantity, Unit};
 
 /// Words in names, in lower case. A name that starts with the letter alone, as `P1` and `Q_valve`, counts as well.
 const WORDS: [(SensorKind, &[&str], &str); 5] = [
-    (SensorKind::Pressure, &["press", "druck", "presi", "head", "transducer"], "ph"),
+    (SensorKind::Pressure, &["press", "druck", "presi", "transducer"], "ph"),
     (SensorKind::Flow, &["flow", "debit", "débit", "durchfl", "caudal", "portata", "discharge"], "qf"),
     (SensorKind::Temperature, &["temp"], "t"),
     (SensorKind::Trigger, &["trig"], ""),
@@ -56,6 +56,16 @@ pub(crate) fn is_unit(name: &str, text: &str) -> bool {
     pressure_unit(name, text).is_some() || other.into_iter().any(|quantity| spelled_unit(text, quantity).is_some())
 }
 
+/// Whether two spellings are of one unit.
+pub(crate) fn same_unit(a: &str, b: &str) -> bool {
+    let quantities = [Quantity::Flow, Quantity::Temperature, Quantity::Ratio];
+    let of = |text: &str| {
+        let pressure = pressure_unit("", text);
+        pressure.or_else(|| quantities.iter().find_map(|q| spelled_unit(text, *q)).map(|unit| (unit, false)))
+    };
+    a.eq_ignore_ascii_case(b) || of(a) == of(b)
+}
+
 /// What a logger measures before a transducer's line makes a pressure of it: volts or milliamperes.
 pub fn is_electric(unit: &str) -> bool {
     let plain = unit.trim().replace([' ', '.'], "");
@@ -85,6 +95,8 @@ pub fn kind_of(track: &Track) -> Option<(SensorKind, Option<Unit>)> {
 pub fn kind_of_name(name: &str) -> Option<SensorKind> {
     let name = name.to_lowercase();
     let said = |words: &[&str]| words.iter().any(|w| name.contains(w));
+    // a header is no head
+    let is_head = name.split(|c: char| !c.is_alphabetic()).any(|word| word == "head");
     let lettered = |letters: &str| {
         let mut chars = name.chars();
         chars.next().is_some_and(|c| letters.contains(c)) && !chars.next().is_some_and(char::is_alphabetic)
@@ -92,7 +104,8 @@ pub fn kind_of_name(name: &str) -> Option<SensorKind> {
     // A pressure at the valve is no valve's position.
     let (valve, quantities) = WORDS.split_last()?;
     let worded = quantities.iter().find(|(_, words, _)| said(words));
-    let named = worded.or_else(|| quantities.iter().find(|(.., letters)| lettered(letters)));
+    let head = quantities.first().filter(|_| is_head);
+    let named = worded.or(head).or_else(|| quantities.iter().find(|(.., letters)| lettered(letters)));
     let found = named.or(Some(valve).filter(|(_, words, _)| said(words)));
     found.map(|(kind, ..)| *kind)
 }

@@ -1,5 +1,6 @@
 //! What a cell of a table holds.
 
+use crate::storage::import::csv::heading::is_known_unit;
 use crate::storage::import::csv::missing::says_missing;
 use crate::storage::import::csv::numbers::Numbers;
 use crate::storage::import::csv::stamp::{Order, Stamp};
@@ -28,6 +29,9 @@ impl Cell {
         if let Some(value) = Numbers::new(',', None).read(cell, "").ok().filter(|v| !v.is_nan()) {
             return Cell::Number(value);
         }
+        if let Some((value, _)) = with_unit(cell) {
+            return Cell::Number(value);
+        }
         match stamp_of(cell) {
             Some(stamp) => Cell::Stamp(stamp),
             None if says_missing(cell) => Cell::Missing,
@@ -47,6 +51,13 @@ impl Cell {
     pub(crate) fn value(self) -> f64 {
         if let Cell::Number(value) = self { value } else { f64::NAN }
     }
+}
+
+/// A number and the unit behind it: `2.802 bar`, `0.001 sec`.
+pub(crate) fn with_unit(cell: &str) -> Option<(f64, &str)> {
+    let (number, unit) = cell.split_once(' ').filter(|(_, unit)| is_known_unit(unit.trim()))?;
+    let value = Numbers::new(',', None).read(number, "").ok().filter(|v| !v.is_nan())?;
+    Some((value, unit.trim()))
 }
 
 /// A date, a time of day or both, whichever of day and month stands first.

@@ -12,6 +12,8 @@ use crate::storage::import::csv::stamp::{Order, Stamp};
 use crate::storage::import::source::{Repair, SourceOptions, Start};
 use crate::storage::layout::{to_ns, to_s};
 
+/// A counter of four bytes begins anew.
+const FOUR_BYTES: f64 = 4_294_967_296.0;
 /// Spreadsheets count days from the end of 1899; these are of this century.
 const SPREADSHEET_DAYS: std::ops::Range<f64> = 36_526.0..73_051.0;
 const DAYS_BEFORE_1970: f64 = 25_569.0;
@@ -38,6 +40,9 @@ pub(crate) struct Clock {
     added_ns: i64,
     has_date: bool,
     summer_ended: bool,
+    /// The last count of a counter, and what its beginnings anew have added.
+    last_count: f64,
+    added_counts: f64,
     /// Rows so far, and the row and time at which the present stretch of counted samples begins.
     rows: u64,
     stretch: Option<(f64, f64)>,
@@ -92,6 +97,8 @@ impl Clock {
             added_ns: 0,
             has_date: false,
             summer_ended: false,
+            last_count: f64::NEG_INFINITY,
+            added_counts: 0.0,
             rows: 0,
             stretch: None,
             host_ns: None,
@@ -123,7 +130,7 @@ impl Clock {
         }
         let time_s = match self.columns.form {
             Form::Numbers(unit_s) => {
-                let value = self.number(row, numbers)?;
+                let value = self.unwrapped(self.number(row, numbers)?);
                 // a division keeps decimal numbers what they are: 12.5 ms are 12.5/1000 s
                 if unit_s < 1.0 { value / (1.0 / unit_s).round() } else { value * unit_s }
             }
@@ -152,6 +159,17 @@ impl Clock {
     fn number(&self, row: &Row<'_>, numbers: &mut Numbers) -> Result<f64, CsvProblem> {
         let value = numbers.read(self.cell(row), &self.name)?;
         if value.is_nan() && !is_missing(value) { Err(CsvProblem::NoTime) } else { Ok(value) }
+    }
+
+    /// Counts on where a counter of four bytes begins anew.
+    fn unwrapped(&mut self, value: f64) -> f64 {
+        if self.last_count - value > 0.5 * FOUR_BYTES && self.last_count < FOUR_BYTES {
+            self.added_counts += FOUR_BYTES;
+            let text = format!("'{}' begins anew at {value}, as a counter of 32 bits does: the times go on", self.name);
+            self.repairs.push(Repair::new("counter-wrap", 1, None, text));
+        }
+        self.last_count = value;
+        value + self.added_counts
     }
 
     fn stamp(&self, row: &Row<'_>, column: usize) -> Option<Stamp> {

@@ -72,7 +72,7 @@ pub(crate) fn is_known_unit(text: &str) -> bool {
 /// ` / ` show it all the same. A unit behind an underscore, a blank or a point must be known: `P1_psi`, `P1 PSI`, `P1.psi`, MATLAB's `P1_psi_`.
 pub(crate) fn header_unit(heading: &str) -> Option<(String, String)> {
     let heading = heading.split_whitespace().collect::<Vec<_>>().join(" ");
-    let bracketed = in_brackets(&heading).or_else(|| behind(&heading, " / "));
+    let bracketed = in_brackets(&heading).or_else(|| behind(&heading, " / ")).or_else(|| within(&heading));
     if let Some((name, unit)) = &bracketed
         && is_known_unit(unit)
     {
@@ -102,6 +102,14 @@ fn in_brackets(heading: &str) -> Option<(String, String)> {
         return (!name.is_empty() && !unit.is_empty()).then(|| (name.to_owned(), unit.to_owned()));
     }
     None
+}
+
+/// `101 (bar)- Valve`: a unit that is known, in brackets within the name.
+fn within(heading: &str) -> Option<(String, String)> {
+    let (before, rest) = heading.split_once(['(', '['])?;
+    let (unit, after) = rest.split_once([')', ']'])?;
+    let name = format!("{} {}", before.trim(), after.trim_start_matches([' ', '-', ':', ','])).trim().to_owned();
+    (is_known_unit(unit.trim()) && !name.is_empty()).then(|| (name, unit.trim().to_owned()))
 }
 
 fn behind(heading: &str, mark: &str) -> Option<(String, String)> {
@@ -147,6 +155,11 @@ pub(crate) fn is_time_name(name: &str) -> bool {
     let mut words = name.split(|c: char| !c.is_alphanumeric()).filter(|w| !w.is_empty());
     let first = words.next();
     is(name) || first.is_some_and(|w| w.len() > 1 && is(w)) || words.next_back().is_some_and(|w| w.len() > 1 && is(w))
+}
+
+/// Whether a name is that of a date.
+pub(crate) fn is_date_name(name: &str) -> bool {
+    ["date", "datum", "fecha", "data", "datetime"].contains(&bare(name).as_str())
 }
 
 /// Whether a name is that of counted samples.
@@ -235,6 +248,7 @@ mod tests {
             ("Pres, kPa (LGR S/N: 1, LBL: valve)", "Pres", "kPa"),
             ("ch0_V", "ch0", "V"),
             ("101 (VDC)", "101", "VDC"),
+            ("101 (bar)- Valve", "101 Valve", "bar"),
             ("P1 (furlong)", "P1", "furlong"),
             ("Time (ms)", "Time", "ms"),
             ("Time_ms_", "Time", "ms"),

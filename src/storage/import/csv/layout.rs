@@ -2,12 +2,12 @@
 
 use std::borrow::Cow;
 
-use crate::storage::import::csv::cell::Cell;
-use crate::storage::import::csv::heading::{header_unit, is_known_unit};
+use crate::storage::import::csv::cell::{Cell, with_unit};
+use crate::storage::import::csv::heading::{header_unit, is_date_name, is_known_unit, is_time_name};
 use crate::storage::import::csv::lines::Line;
 use crate::storage::import::csv::row::{Row, is_row};
 use crate::storage::import::csv::settings::Settings;
-use crate::storage::import::kinds::NAMELESS;
+use crate::storage::import::kinds::{NAMELESS, is_nameless, same_unit};
 use crate::storage::import::source::Repair;
 
 /// Rows at the beginning and at the end of a table by which it is judged.
@@ -28,14 +28,16 @@ pub(crate) struct Column {
     pub(crate) name: String,
     /// Its unit, from wherever it is written.
     pub(crate) unit: Option<String>,
+    /// The unit that stands behind each of its numbers.
+    pub(crate) suffix: Option<String>,
 }
 
 impl Column {
     fn of(heading: &str) -> Column {
         let heading = heading.split_whitespace().collect::<Vec<_>>().join(" ").replace('"', " ");
         match header_unit(&heading) {
-            Some((name, unit)) => Column { heading, name, unit: Some(unit) },
-            None => Column { name: heading.clone(), heading, unit: None },
+            Some((name, unit)) => Column { heading, name, unit: Some(unit), suffix: None },
+            None => Column { name: heading.clone(), heading, unit: None, suffix: None },
         }
     }
 }
@@ -59,6 +61,8 @@ pub(crate) struct Layout<'t> {
     pub(crate) rows: Vec<Vec<Cow<'t, str>>>,
     /// What stands around it.
     pub(crate) settings: Settings,
+    /// A column of two units: the line of the second, from 1, heading and both.
+    pub(crate) contradiction: Option<(usize, [String; 3])>,
 }
 
 /// The cells of a line.
@@ -76,8 +80,7 @@ impl<'t> Layout<'t> {
         let of = |at: usize| cells(lines[at].text, separator);
         let late = Late::of(rows[rows.len() / 2..].iter().rev().take(JUDGED).map(|&at| of(at)));
         let is_data = |at: usize| late.is_data(&of(at));
-        let first = rows.windows(2).find(|w| is_data(w[0]) && is_data(w[1])).map(|w| w[0]);
-        let mut first = first.or_else(|| rows.get(1).copied()).or(rows.first().copied())?;
+        let mut first = first_row(&rows, is_data).or_else(|| rows.get(1).copied()).or(rows.first().copied())?;
         // pandas numbers the columns that have no names
         let is_numbered = rows.iter().position(|&at| at == first).and_then(|place| rows.get(place + 1)).is_some_and(|&below| numbers_columns(&of(first), &of(below)));
         let mut judged: Vec<Vec<Cow<'t, str>>> = Vec::new();
@@ -96,8 +99,9 @@ impl<'t> Layout<'t> {
             let near = above.iter().rev().take(MOST_HEADINGS).take_while(|&&at| like_headings(at)).count();
             headings.extend_from_slice(&above[above.len() - near..]);
         }
-        let cells_at = |at: usize| aligned(heading_cells(lines[at].text, separator), width);
-        let names_at = names_line(&mut headings, cells_at);
+        let least = late.least(width);
+        let cells_at = |at: usize| aligned(heading_cells(lines[at].text, separator), least);
+        let names_at = names_line(&mut headings, cells_at, &late);
         let named = names_at.map_or(0, |at| cells_at(at).iter().rposition(|c| !c.is_empty()).map_or(0, |last| last + 1));
         let mut columns: Vec<Column> = match names_at {
             Some(at) => cells_at(at).iter().map(|cell| Column::of(cell)).collect(),
@@ -117,17 +121,25 @@ impl<'t> Layout<'t> {
         for line in lines[first..].iter().filter_map(|line| line.text.strip_prefix('#')) {
             settings.take(&[Cow::Borrowed(line.trim())]);
         }
+        let mut contradiction = None;
         for &at in headings.iter().filter(|at| Some(**at) != names_at) {
             for ((column, cell), i) in columns.iter_mut().zip(cells_at(at)).zip(0..) {
-                let unit = cell.trim_matches(|c| matches!(c, '(' | ')' | '[' | ']')).trim();
-                match Cell::of(unit) {
+                match Cell::of(&cell) {
                     // a column without values holds what is said once
                     Cell::Number(_) if late.is_empty(i) => {
-                        settings.take_under(&column.heading, unit);
+                        settings.take_under(&column.heading, &cell);
                         settled.push(i);
                     }
-                    Cell::Word if unit != "-" && !PROCESSES.contains(&unit.to_lowercase().as_str()) => {
-                        column.unit.get_or_insert_with(|| unit.to_owned());
+                    Cell::Word if column.heading.is_empty() && !is_known_unit(without_brackets(&cell)) => *column = Column::of(&cell),
+                    Cell::Word if is_known_unit(without_brackets(&cell)) || at == headings[1] => {
+                        let said = without_brackets(&cell);
+                        let differs = column.unit.as_ref().filter(|own| is_known_unit(own) && is_known_unit(said) && !same_unit(own, said));
+                        if let Some(own) = differs {
+                            contradiction.get_or_insert((lines[at].at, [column.heading.clone(), own.clone(), said.to_owned()]));
+                        }
+                        if !PROCESSES.contains(&said.to_lowercase().as_str()) {
+                            column.unit.get_or_insert_with(|| said.to_owned());
+                        }
                     }
                     _ => {}
                 }
@@ -139,18 +151,24 @@ impl<'t> Layout<'t> {
             Some(_) => (0..named).rev().find(|i| !settled.contains(i)).map_or(width, |last| last + 1),
             None => width,
         };
+        for (i, column) in columns.iter_mut().enumerate() {
+            let shown = judged.iter().filter_map(|row| row.get(i)).find(|c| !c.is_empty());
+            if let Some((_, suffix)) = shown.and_then(|cell| with_unit(cell)) {
+                (column.suffix, column.unit) = (Some(suffix.to_owned()), column.unit.take().or(Some(suffix.to_owned())));
+            }
+        }
         for row in &mut judged {
             let beside = late.take_beside(row);
             if beside.iter().any(|c| !c.is_empty()) {
                 settings.take(&beside);
             }
         }
-        Some(Layout { separator, names_at, headings, first, columns, expected, widest, rows: judged, settings })
+        Some(Layout { separator, names_at, headings, first, columns, expected, widest, rows: judged, settings, contradiction })
     }
 
     /// Takes the units of `values`, and names of channels, from what stands around the table, for those that their headings leave without.
     pub(crate) fn take_settings(&mut self, values: &[usize]) {
-        let units = self.settings.units(self.columns.len(), values);
+        let (units, names) = (self.settings.units(self.columns.len(), values), self.settings.names(self.columns.len(), values));
         for &i in values {
             let column = &mut self.columns[i];
             if let Some((name, unit)) = self.settings.channel(&column.name).filter(|_| column.unit.is_none()) {
@@ -159,6 +177,9 @@ impl<'t> Layout<'t> {
             }
             let stated = units.iter().find(|(at, _)| *at == i).map(|(_, unit)| unit);
             column.unit = column.unit.take().or(stated.cloned());
+            if let Some((_, name)) = names.iter().find(|(at, _)| *at == i).filter(|_| column.name.is_empty() || is_nameless(&column.name)) {
+                *column = Column { unit: column.unit.take(), ..Column::of(name) };
+            }
         }
     }
 
@@ -191,6 +212,23 @@ impl<'t> Layout<'t> {
     }
 }
 
+/// The first row of a run of rows: numbers may stand in a preamble, too, but not so many lines of them.
+fn first_row(rows: &[usize], is_data: impl Fn(usize) -> bool) -> Option<usize> {
+    let mut run = 0;
+    for (place, &at) in rows.iter().enumerate() {
+        run = if is_data(at) { run + 1 } else { 0 };
+        let from = place + 1 - run;
+        let enough = RUN.min((rows.len() - from).div_ceil(2)).max(2);
+        if run >= enough {
+            return Some(rows[from]);
+        }
+    }
+    None
+}
+
+/// So many lines of numbers on end are rows; half of a shorter table is enough.
+const RUN: usize = 20;
+
 /// The separator that leaves numbers alone, otherwise one that leaves few words beside them. A comma may be a decimal one, and is tried late.
 fn separator_of(lines: &[Line<'_>], rows: &[usize]) -> Option<char> {
     let from = rows.len().saturating_sub(JUDGED + 1);
@@ -217,6 +255,9 @@ fn is_numbers(cells: &[Cell]) -> bool {
     cells.iter().any(|c| c.is_number()) && 2 * words < filled
 }
 
+/// Words are at home in a column where more than one in so many cells is one.
+const WORDED: usize = 10;
+
 /// What the columns hold in the second half of a file, which is rows.
 struct Late {
     /// Words and others, for each column.
@@ -239,6 +280,16 @@ impl Late {
         Late { counts }
     }
 
+    /// Columns up to the last that holds anything.
+    fn least(&self, width: usize) -> usize {
+        (0..width).rev().find(|&i| !self.is_empty(i)).map_or(width, |last| last + 1)
+    }
+
+    /// Whether a column holds numbers.
+    fn is_numeric(&self, column: usize) -> bool {
+        self.counts.get(column).is_some_and(|(words, others)| others > words)
+    }
+
     fn is_empty(&self, column: usize) -> bool {
         self.counts.get(column).is_none_or(|c| *c == (0, 0))
     }
@@ -248,7 +299,7 @@ impl Late {
     fn is_data(&self, row: &[Cow<'_, str>]) -> bool {
         let cells = row.iter().enumerate().filter(|(i, _)| !self.is_empty(*i)).map(|(i, c)| (i, Cell::of(c)));
         let (places, cells): (Vec<usize>, Vec<Cell>) = cells.unzip();
-        let at_home = |(i, cell): (&usize, &Cell)| !cell.is_word() || self.counts[*i].0 > 0;
+        let at_home = |(i, cell): (&usize, &Cell)| !cell.is_word() || WORDED * self.counts[*i].0 > self.counts[*i].1;
         is_numbers(&cells) && places.iter().zip(&cells).all(at_home)
     }
 
@@ -261,14 +312,15 @@ impl Late {
     /// Whether a line may head the columns: words, or whole numbers as names, and other numbers only over nothing.
     fn is_heading(&self, row: &[Cow<'_, str>], width: usize) -> bool {
         let filled = row.iter().rposition(|c| !c.is_empty()).map_or(0, |last| last + 1);
-        let least = (0..width).rev().find(|&i| !self.is_empty(i)).map_or(width, |last| last + 1);
+        let least = self.least(width);
         let names = |(i, cell): (usize, &Cow<'_, str>)| match Cell::of(cell) {
             Cell::Empty | Cell::Word | Cell::Missing => true,
             Cell::Number(_) => self.is_empty(i) || cell.bytes().all(|b| b.is_ascii_digit()),
             Cell::Stamp(_) => false,
         };
-        // R names one column less than there are where the first numbers the rows
-        let fits = filled >= least || (width > 2 && filled + 1 == width && filled == row.len());
+        // R names one column less than there are where the first numbers the rows; the names of channels may stand in lines of their own
+        let begins = row.first().is_some_and(|c| is_time_name(c) || is_date_name(c));
+        let fits = filled >= least || (least > 2 && filled + 1 == least && filled == row.len()) || (begins && row.len() >= least);
         let worded = row.iter().any(|c| Cell::of(c).is_word() && !is_setting(c));
         fits && worded && row.iter().enumerate().all(names)
     }
@@ -295,13 +347,20 @@ fn numbers_columns(names: &[Cow<'_, str>], below: &[Cow<'_, str>]) -> bool {
     names.len() == below.len() && names.len() > 1 && (from(0) || from(1)) && (skipped == 1 || (marked(below) && !marked(names)))
 }
 
-/// The cells of a line of headings, which may stand in a comment, as numpy writes them, and be apart by blanks from their units.
+/// The cells of a line of headings, which may stand in a comment, as numpy writes them. Where blanks separate the columns, two of them are needed
+/// where one stands within names, and a unit in brackets belongs to the name before it.
 fn heading_cells(line: &str, separator: char) -> Vec<Cow<'_, str>> {
     let line = line.trim_start_matches(['#', '%']).trim_start_matches(|c| c == ' ' && separator != ' ');
+    if separator != ' ' {
+        return cells(line, separator);
+    }
+    if line.trim().contains("  ") {
+        return line.split("  ").map(str::trim).filter(|c| !c.is_empty()).map(Cow::Borrowed).collect();
+    }
     let mut joined: Vec<Cow<'_, str>> = Vec::new();
     for cell in cells(line, separator) {
         match joined.last_mut() {
-            Some(last) if separator == ' ' && cell.starts_with(['(', '[']) && !last.is_empty() && !last.ends_with([')', ']']) => {
+            Some(last) if cell.starts_with(['(', '[']) && !last.is_empty() && !last.ends_with([')', ']']) => {
                 *last = Cow::Owned(format!("{last} {cell}"));
             }
             _ => joined.push(cell),
@@ -310,40 +369,39 @@ fn heading_cells(line: &str, separator: char) -> Vec<Cow<'_, str>> {
     joined
 }
 
-/// As many cells as there are columns: R names one less where the first numbers the rows.
-fn aligned(mut row: Vec<Cow<'_, str>>, width: usize) -> Vec<Cow<'_, str>> {
-    if row.len() + 1 == width && row.first().is_some_and(|c| !c.is_empty()) {
+/// As many cells as there are columns up to the last that holds anything: R names one less where the first numbers the rows.
+fn aligned(mut row: Vec<Cow<'_, str>>, least: usize) -> Vec<Cow<'_, str>> {
+    if row.len() + 1 == least && row.first().is_some_and(|c| !c.is_empty()) {
         row.insert(0, Cow::Borrowed(""));
     }
     row
 }
 
-/// The line of names among those of headings; leaves the lines that belong to it. Under the names may stand units, and how each value was taken.
-fn names_line<'t>(headings: &mut Vec<usize>, cells_at: impl Fn(usize) -> Vec<Cow<'t, str>>) -> Option<usize> {
-    let filled = |at: usize| cells_at(at).iter().filter(|c| !c.is_empty()).count();
-    let worded = |at: usize| cells_at(at).iter().filter(|c| Cell::of(c).is_word()).count();
-    let bare = |cell: &str| cell.trim_matches(|c| matches!(c, '(' | ')' | '[' | ']')).trim().to_owned();
-    let counted = |at: usize, is: &dyn Fn(&str) -> bool| cells_at(at).iter().filter(|c| is(&bare(c))).count();
-    let is_unit = |cell: &str| is_known_unit(cell) || is_clock_format(cell);
+/// The line of names among those of headings; leaves the lines that belong to it. Under the names may stand units, and lines on how each value was
+/// taken.
+fn names_line<'t>(headings: &mut Vec<usize>, cells_at: impl Fn(usize) -> Vec<Cow<'t, str>>, late: &Late) -> Option<usize> {
     let is_units = |at: usize| {
-        let units = counted(at, &is_unit);
-        let shorts = counted(at, &|c: &str| c.chars().count() <= SHORT);
-        2 * units > worded(at) || (units > 0 && shorts == cells_at(at).len())
+        let cells = cells_at(at);
+        let numeric = || cells.iter().enumerate().filter(|(i, _)| late.is_numeric(*i));
+        let units = numeric().filter(|(_, cell)| is_known_unit(without_brackets(cell)) || is_clock_format(cell)).count();
+        units > 0 && 2 * units >= numeric().count()
     };
     let is_process = |at: usize| {
-        let processes = counted(at, &|c: &str| PROCESSES.contains(&c.to_lowercase().as_str()));
-        processes > 0 && processes == filled(at)
+        let cells = cells_at(at);
+        let mut filled = cells.iter().filter(|c| !c.is_empty()).peekable();
+        filled.peek().is_some() && filled.all(|c| PROCESSES.contains(&c.to_lowercase().as_str()))
     };
-    // from the bottom: lines under the names, and the first that is none of these
-    let under = headings.iter().rev().take_while(|&&at| is_units(at) || is_process(at)).count();
-    let under = under.min(headings.len().saturating_sub(1));
-    let place = headings.len().checked_sub(under + 1)?;
-    headings.drain(..place);
+    let names = match headings.iter().rposition(|&at| is_units(at)) {
+        Some(units) => units.saturating_sub(1),
+        None => headings.len().checked_sub(1 + headings.iter().rev().take_while(|&&at| is_process(at)).count())?,
+    };
+    headings.drain(..names);
     headings.first().copied()
 }
 
-/// Units and their like have no more letters.
-const SHORT: usize = 8;
+fn without_brackets(cell: &str) -> &str {
+    cell.trim_matches(|c| matches!(c, '(' | ')' | '[' | ']')).trim()
+}
 
 /// `hh:mm:ss,000` stands for the unit of a time of day.
 fn is_clock_format(cell: &str) -> bool {

@@ -56,6 +56,11 @@ pub(crate) fn read(bytes: &[u8], options: &SourceOptions) -> Result<SourceFile, 
     let all = lines(text);
     let mut layout = Layout::find(&all).ok_or((None, Box::new(CsvProblem::Empty)))?;
     let header_at = layout.names_at.map(|at| all[at].at);
+    if let Some((line, [column, first, second])) = layout.contradiction.take()
+        && !options.scales.iter().any(|(name, _)| *name == column || column.starts_with(name))
+    {
+        return Err((Some(line), Box::new(CsvProblem::TwoUnits { column, first, second })));
+    }
     let cut = is_cut_off(text, layout.separator).then(|| all.iter().rev().find(|l| is_row(l.text)).map(|l| l.at)).flatten();
     if all[layout.first..].iter().filter(|l| is_row(l.text) && Some(l.at) != cut).count() == 0 || layout.rows.is_empty() && layout.names_at == Some(layout.first) {
         return Err((header_at.or(Some(all[layout.first].at)), Box::new(CsvProblem::HeaderOnly)));
@@ -76,7 +81,8 @@ pub(crate) fn read(bytes: &[u8], options: &SourceOptions) -> Result<SourceFile, 
         let text = format!("no sensors, for they count samples or give the times once more: {}", counting.join(", "));
         repairs.push(Repair::new("counters", counting.len(), None, text));
     }
-    let mark = values.iter().find_map(|&i| thousands(layout.column(i)));
+    let numeric = found.clocks.iter().filter_map(|c| c.time).chain(values.iter().copied());
+    let mark = numeric.into_iter().find_map(|i| thousands(layout.column(i)));
     let mut numbers = Numbers::new(layout.separator, mark);
     let mut timed = Vec::new();
     for columns in &found.clocks {

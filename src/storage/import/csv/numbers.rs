@@ -14,6 +14,8 @@ pub(crate) struct Numbers {
     /// A mark that stands between thousands, as the columns show.
     thousands: Option<char>,
     mark: Option<char>,
+    /// A mark that stood between thousands beside the decimal one.
+    seen: Option<char>,
     grouped: usize,
     scratch: String,
 }
@@ -26,7 +28,7 @@ impl Numbers {
 
     /// Of a table whose thousands may be separated by a mark that would otherwise be a decimal one.
     pub(crate) fn new(separator: char, thousands: Option<char>) -> Numbers {
-        Numbers { separator, strict: false, thousands, mark: None, grouped: 0, scratch: String::new() }
+        Numbers { separator, strict: false, thousands, mark: None, seen: None, grouped: 0, scratch: String::new() }
     }
 
     /// The number of a cell; NaN where it is empty, [`missing`] where it says that it has none.
@@ -53,10 +55,11 @@ impl Numbers {
             self.grouped += usize::from(plain.grouped);
             return self.number(&plain.text, column).map_err(|_| no_number());
         }
-        let marked = cell.rfind(['.', ',']).filter(|at| self.thousands != Some(char::from(cell.as_bytes()[*at])));
+        let between = self.thousands.or(self.seen.filter(|mark| is_grouped(cell, *mark)));
+        let marked = cell.rfind(['.', ',']).filter(|at| between != Some(char::from(cell.as_bytes()[*at])));
         let Some(last) = marked else {
-            let Some(mark) = self.thousands.filter(|mark| cell.contains(*mark)) else {
-                return cell.parse().map_err(|_| no_number());
+            let Some(mark) = between.filter(|mark| cell.contains(*mark)) else {
+                return cell.parse().or_else(|_| fortran(cell)).map_err(|_| no_number());
             };
             self.grouped += 1;
             return if is_grouped(cell, mark) { cell.replace(mark, "").parse().map_err(|_| no_number()) } else { Err(no_number()) };
@@ -69,12 +72,14 @@ impl Numbers {
             return Err(CsvProblem::TwoDecimalMarks { column: column.into(), cell: cell.into() });
         }
         if mark == '.' && !both {
-            return cell.parse().map_err(|_| no_number());
+            return cell.parse().or_else(|_| fortran(cell)).map_err(|_| no_number());
         }
         if both && !is_grouped(&cell[..last], other) {
             return Err(no_number());
         }
-        self.grouped += usize::from(both);
+        if both {
+            (self.grouped, self.seen) = (self.grouped + 1, Some(other));
+        }
         self.scratch.clear();
         self.scratch.extend(cell[..last].chars().filter(|c| *c != other));
         self.scratch.push('.');
@@ -98,6 +103,11 @@ impl Numbers {
     }
 }
 
+/// Fortran writes `2.80D+00`.
+fn fortran(cell: &str) -> Result<f64, std::num::ParseFloatError> {
+    cell.replacen(['D', 'd'], "e", 1).parse()
+}
+
 /// A number in plain characters.
 struct Plain {
     text: String,
@@ -119,9 +129,10 @@ fn without_grouping(cell: &str) -> Option<Plain> {
 }
 
 /// The mark between the thousands of a column that looks like a decimal one: behind it stand three digits wherever it stands, and the numbers that
-/// lack it are not between those with it, as 998 is not between 1.002 and 1.003, but a thousand times larger.
+/// lack it are not between those with it, as 998 is not between 1.002 and 1.003, but a thousand times larger; or the numbers rise, one with another, if
+/// it stands between thousands, and not if it is a decimal one.
 pub(crate) fn thousands<'c>(cells: impl Iterator<Item = &'c str>) -> Option<char> {
-    let (mut marked, mut plain, mut mark) = (Vec::new(), Vec::new(), None);
+    let (mut marked, mut plain, mut mark, mut whole) = (Vec::new(), Vec::new(), None, Vec::new());
     for cell in cells {
         let digits = cell.trim_start_matches(['+', '-']);
         match digits.find(['.', ',']) {
@@ -131,16 +142,26 @@ pub(crate) fn thousands<'c>(cells: impl Iterator<Item = &'c str>) -> Option<char
                     return None;
                 }
                 marked.push(digits.replace(own, ".").parse::<f64>().ok()?);
+                whole.push(1e3 * marked[marked.len() - 1]);
             }
             None if digits.is_empty() => {}
-            None => plain.push(digits.parse::<f64>().ok().filter(|_| digits.len() <= 3)?),
+            None => {
+                plain.push(digits.parse::<f64>().ok().filter(|_| digits.len() <= 3)?);
+                whole.push(plain[plain.len() - 1]);
+            }
         }
+    }
+    let rises = whole.len() > ENOUGH && whole.windows(2).all(|w| w[1] > w[0]);
+    if rises && !marked.is_empty() && !plain.is_empty() {
+        return mark;
     }
     let most = marked.iter().copied().reduce(f64::max)?;
     let least = plain.into_iter().filter(|v| *v != 0.0).reduce(f64::min)?;
     mark.filter(|_| least > THOUSANDS_APART * most)
 }
 
+/// Numbers from which a column shows that it rises.
+const ENOUGH: usize = 10;
 /// Numbers without a mark are so many times as large as those with it.
 const THOUSANDS_APART: f64 = 10.0;
 

@@ -155,9 +155,11 @@ impl Finder<'_, '_> {
 
     /// The unit of a column's times, s, where its heading or the line of units states it.
     fn stated_unit(&self, i: usize) -> Option<f64> {
-        let Column { heading, name, unit } = self.column(i);
+        let Column { heading, name, unit, .. } = self.column(i);
         let by_unit = unit.as_deref().and_then(time_unit);
-        by_unit.or_else(|| heading_unit(heading)).or_else(|| unit_of_name(name))
+        // what rises evenly needs no other word of a time: `device_ms`
+        let last = || name.rsplit_once(['_', ' ', '.']).and_then(|(_, unit)| time_unit(unit)).filter(|_| self.is_even(i));
+        by_unit.or_else(|| heading_unit(heading)).or_else(|| unit_of_name(name)).or_else(last)
     }
 
     fn values(&self, i: usize) -> &[f64] {
@@ -181,8 +183,11 @@ impl Finder<'_, '_> {
             self.device_clocks(&device, host.as_ref(), &mut repairs)
         } else if let Some(clock) = self.since_1970() {
             vec![clock]
-        } else if let Some(clock) = host {
-            vec![clock]
+        } else if let Some(host) = host {
+            match self.layout.settings.interval_s().filter(|_| self.repeats_stamps(&host)) {
+                Some((interval_s, said)) => vec![self.counted(interval_s, Some(&host), Some(said), &mut repairs)],
+                None => vec![host],
+            }
         } else if let Some(clock) = self.unstated(&mut repairs) {
             clock
         } else if let Some((interval_s, said)) = self.layout.settings.interval_s() {
@@ -192,13 +197,22 @@ impl Finder<'_, '_> {
         };
         let words = (0..self.looks.len()).filter(|&i| self.looks[i] == Looks::Words && (!stamps.contains(&i))).collect();
         let counters = self.assign(&mut clocks, fraction);
+        if let [Clock { time: Some(time), form: Form::Numbers(unit_s), .. }] = clocks[..] {
+            repairs.extend(self.interval_contradicted(time, unit_s));
+        }
         Ok(Roles { clocks, words, counters, repairs })
     }
 
     /// The clock of the computer, or the only one: a date-time, or a date and a time of the day, with parts of a second in a column of their own.
     fn stamps_clock(&self, stamps: &[usize]) -> Option<Clock> {
         let stamp = |i: usize| if let Looks::Stamps(stamp) = self.looks[i] { Some(stamp) } else { None };
-        let time = stamps.iter().copied().find(|&i| stamp(i).is_some_and(|s| s.has_time)).or(stamps.first().copied())?;
+        // of several the finest, and of equals the first
+        let changes = |i: usize| {
+            let cells: Vec<&str> = self.layout.column(i).collect();
+            cells.windows(2).filter(|w| w[0] != w[1]).count()
+        };
+        let timed = stamps.iter().copied().filter(|&i| stamp(i).is_some_and(|s| s.has_time)).rev();
+        let time = timed.max_by_key(|&i| changes(i)).or(stamps.first().copied())?;
         let has_date = stamp(time)?.has_date;
         let date = stamps.iter().copied().find(|&i| i != time && stamp(i).is_some_and(|s| s.has_date && !s.has_time)).filter(|_| !has_date);
         let fraction = stamp(time).filter(|s| s.has_time).and_then(|_| {
@@ -214,7 +228,7 @@ impl Finder<'_, '_> {
     fn fraction_unit(&self, i: usize) -> Option<f64> {
         let Column { name, unit, .. } = self.column(i);
         let unit_s = unit_of_name(name).or_else(|| time_unit(name)).or_else(|| unit.as_deref().and_then(time_unit))?;
-        (unit_s < 1.0).then_some(unit_s)
+        (unit_s <= 1.0).then_some(unit_s)
     }
 
     /// The clocks of devices. Of two with no values between them the finer one counts, and of a host's clock the start.
@@ -264,11 +278,15 @@ impl Finder<'_, '_> {
         (is_recent && !self.values(i).is_empty()).then_some(Form::Since1970(unit_s))
     }
 
+    fn form_since_1970(&self, i: usize) -> Option<Form> {
+        let forms = || [1.0, 1e-3, 1e-6, 1e-9].into_iter().find_map(|unit_s| self.absolute(i, unit_s));
+        Some(i).filter(|&i| rises(self.values(i)) && !self.is_quantity(i)).and_then(|_| forms())
+    }
+
     fn since_1970(&self) -> Option<Clock> {
-        let found = self.numbers().filter(|&i| rises(self.values(i)) && !self.is_quantity(i)).find_map(|i| {
-            let form = [1.0, 1e-3, 1e-6, 1e-9].into_iter().find_map(|unit_s| self.absolute(i, unit_s))?;
-            Some((i, form))
-        });
+        // the device's own steps are even, those of a host's clock are not
+        let found = || self.numbers().filter_map(|i| Some((i, self.form_since_1970(i)?)));
+        let found = found().find(|(i, _)| self.is_even(*i)).or_else(|| found().next());
         found.map(|(i, form)| Clock { time: Some(i), form, date: None, fraction: None, values: Vec::new(), host: None })
     }
 
@@ -299,9 +317,13 @@ impl Finder<'_, '_> {
         even.into_iter().collect()
     }
 
+    fn is_even(&self, i: usize) -> bool {
+        matches!(self.looks[i], Looks::Numbers { even: true, .. })
+    }
+
     /// Rises evenly, and nothing says that it is a quantity.
     fn is_counting(&self, i: usize) -> bool {
-        matches!(self.looks[i], Looks::Numbers { even: true, .. }) && !self.is_quantity(i) && !self.is_given(i)
+        self.is_even(i) && !self.is_quantity(i) && !self.is_given(i)
     }
 
     /// One sample after the other; the column that counts them, if there is one, counts what is missing, too.
@@ -320,6 +342,19 @@ impl Finder<'_, '_> {
             Some(host) => Clock { form, ..host.clone() },
             None => Clock { time: counter, form, date: None, fraction: None, values: Vec::new(), host: None },
         }
+    }
+
+    /// A stated interval that is not that of the times: of two statements the times count.
+    fn interval_contradicted(&self, time: usize, unit_s: f64) -> Option<Repair> {
+        let (stated_s, said) = self.layout.settings.interval_s()?;
+        let mut steps: Vec<f64> = self.values(time).windows(2).map(|w| w[1] - w[0]).collect();
+        let middle = steps.len() / 2;
+        if steps.is_empty() {
+            return None;
+        }
+        let step_s = unit_s * *steps.select_nth_unstable_by(middle, f64::total_cmp).1;
+        let text = format!("{said} is not what the times say, which are {step_s} s apart: the times count");
+        ((step_s / stated_s).ln().abs() > EVEN).then(|| Repair::new("interval", 1, None, text))
     }
 
     /// Times in the one unit that makes a test of water hammer of them.
@@ -358,7 +393,7 @@ impl Finder<'_, '_> {
             clocks.iter().flat_map(|c| [c.date, c.fraction.map(|(i, _)| i), c.host]).flatten().chain(times.iter().copied()).chain(fraction).collect();
         let mut counters = Vec::new();
         for i in (0..self.looks.len()).filter(|i| matches!(self.looks[*i], Looks::Numbers { .. }) && !parts.contains(i)) {
-            let counts = self.stated_unit(i).is_some() || self.is_counting(i) || (is_time_name(&self.column(i).name) && rises(self.values(i)) && !self.is_quantity(i));
+            let counts = self.stated_unit(i).is_some() || self.form_since_1970(i).is_some() || self.is_counting(i) || (is_time_name(&self.column(i).name) && rises(self.values(i)) && !self.is_quantity(i));
             if counts && !self.is_given(i) {
                 counters.push(i);
                 continue;

@@ -24,7 +24,18 @@ impl<'t> Row<'t> {
         let delimiter = u8::try_from(separator).unwrap_or(b',');
         let mut quoted = csv::ReaderBuilder::new().has_headers(false).delimiter(delimiter).from_reader(line.as_bytes());
         let record = quoted.records().next().and_then(Result::ok).unwrap_or_default();
-        self.cells.extend(record.iter().map(|cell| Cow::Owned(cell.trim().to_string())));
+        // `="0.5"` keeps a spreadsheet from reading a number
+        let plain = |cell: &str| cell.trim().strip_prefix("=\"").and_then(|c| c.strip_suffix('"')).unwrap_or(cell.trim()).to_owned();
+        self.cells.extend(record.iter().map(|cell| Cow::Owned(plain(cell))));
+    }
+
+    /// Takes a unit off that stands behind a number.
+    pub(crate) fn take_suffix(&mut self, place: usize, suffix: &str) {
+        if let Some(cell) = self.cells.get_mut(place)
+            && let Some(number) = cell.strip_suffix(suffix)
+        {
+            *cell = Cow::Owned(number.trim_end().to_owned());
+        }
     }
 
     /// The cells themselves.
@@ -62,5 +73,6 @@ pub(crate) fn is_line(line: &str) -> bool {
 /// A line that holds more than separators, and is not Excel's word on what they are, which the headings show anyway.
 pub(crate) fn is_row(line: &str) -> bool {
     let separator = line.trim_end_matches(['\r', '\n']).strip_prefix("sep=").is_some_and(|s| s.chars().count() <= 1);
-    !separator && !line.starts_with('#') && line.chars().any(|c| !c.is_whitespace() && !matches!(c, ',' | ';'))
+    // a line that is ruled holds nothing either
+    !separator && !line.starts_with('#') && line.chars().any(|c| !c.is_whitespace() && !",;-=_|+".contains(c))
 }

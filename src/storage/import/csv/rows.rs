@@ -77,6 +77,7 @@ impl<'t> Rows<'_, 't> {
                 continue;
             }
             row.read(line.text, self.layout.separator);
+            self.layout.columns.iter().enumerate().filter_map(|(i, c)| Some((i, c.suffix.as_ref()?))).for_each(|(i, unit)| row.take_suffix(i, unit));
             if self.is_remark(&row, timed) {
                 left.remarks.push(line.at);
                 continue;

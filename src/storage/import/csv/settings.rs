@@ -4,28 +4,32 @@ use std::borrow::Cow;
 
 use crate::storage::import::csv::heading::{header_unit, is_known_unit, time_unit};
 use crate::storage::import::csv::numbers::Numbers;
-use crate::storage::import::csv::stamp::Stamp;
+use crate::storage::import::csv::stamp::{Order, Stamp};
 use crate::storage::import::source::{Repair, SourceOptions, Start};
 
 /// Kind of the remark on a start that the file gives.
 pub(crate) const START: &str = "start";
 
 /// Keys of the time from sample to sample. Those of oscilloscopes and of LabVIEW are in seconds where no unit stands by.
-const INTERVALS: [&str; 12] = [
+const INTERVALS: [&str; 16] = [
     "sampleinterval",
     "increment",
     "xincrement",
     "xinc",
     "deltax",
+    "xdelta",
+    "hresolution",
     "samplinginterval",
     "samplingperiod",
     "sampleperiod",
     "interval",
     "timeinterval",
     "timestep",
+    "scaninterval",
+    "delta",
     "dt",
 ];
-const IN_SECONDS: usize = 5;
+const IN_SECONDS: usize = 7;
 /// Keys of samples a second.
 const RATES: [&str; 14] = [
     "samplerate",
@@ -44,7 +48,7 @@ const RATES: [&str; 14] = [
     "datarate",
 ];
 /// Keys of the units of columns.
-const UNITS: [&str; 13] = [
+const UNITS: [&str; 18] = [
     "unit",
     "units",
     "einheit",
@@ -57,12 +61,18 @@ const UNITS: [&str; 13] = [
     "yunits",
     "yunitlabel",
     "verticalunits",
+    "verticalunit",
+    "vertunits",
+    "vunit",
+    "yeinheit",
+    "yaxisunits",
     "engineeringunits",
 ];
 /// Keys of the unit of times.
-const TIME_UNITS: [&str; 5] = ["horizontalunits", "xunit", "xunits", "xunitlabel", "timeunit"];
-/// Headings of a column of names in a table of channels.
-const NAMES: [&str; 6] = ["signalname", "name", "channelname", "label", "comment", "signal"];
+const TIME_UNITS: [&str; 8] =
+    ["horizontalunits", "horzunits", "hunit", "xunit", "xunits", "xeinheit", "xunitlabel", "timeunit"];
+/// Keys of the names of columns, and headings of a column of names in a table of channels.
+const NAMES: [&str; 8] = ["signalname", "name", "channelname", "tracename", "tag", "label", "signal", "comment"];
 /// Keys of dates and times that are no start by their names.
 const STARTS: [&str; 5] = ["date", "datetime", "timestamp", "time0", "datum"];
 
@@ -74,6 +84,23 @@ struct Setting {
     /// Without signs, in lower case.
     key: String,
     cells: Vec<String>,
+}
+
+impl Setting {
+    /// What a line says of each column: one thing of all; of as many as there are values, by their order; otherwise by their places, the key in that of
+    /// the first column or before it.
+    fn by_column(&self, width: usize, values: &[usize]) -> Vec<(usize, String)> {
+        let cells = || self.cells.iter().map(|c| c.trim()).enumerate().filter(|(_, c)| !c.is_empty());
+        let owned = |(i, cell): (usize, &str)| (i, cell.to_owned());
+        match cells().count() {
+            1 if values.len() > 1 => cells().flat_map(|(_, cell)| values.iter().map(move |v| owned((*v, cell)))).collect(),
+            n if n == values.len() => values.iter().zip(cells()).map(|(v, (_, cell))| owned((*v, cell))).collect(),
+            _ => {
+                let shift = usize::from(self.cells.len() != width);
+                cells().map(|(i, cell)| owned((i + shift, cell))).filter(|(i, _)| *i < width).collect()
+            }
+        }
+    }
 }
 
 /// All that stands around a table.
@@ -119,7 +146,13 @@ impl Settings {
             let first = setting.cells.first()?;
             let end = first.find(|c: char| !(c.is_ascii_digit() || "+-.,eE".contains(c))).unwrap_or(first.len());
             // the `E` of a unit belongs to no number
-            let value = Numbers::new(';', None).read(first[..end].trim_end_matches(['e', 'E']).trim(), "").ok()?;
+            let number = first[..end].trim_end_matches(['e', 'E']).trim();
+            // `00:00:00.001000` is a time, too
+            if first.contains(':') && !is_rate {
+                let time = Stamp::parse(first, Order::Unknown).filter(|s| !s.has_date && !s.in_hour)?;
+                return Some((time.seconds_of_day(), format!("'{} {first}'", setting.name)));
+            }
+            let value = Numbers::new(';', None).read(number, "").ok()?;
             let behind = setting.cells.get(1).map_or("", |c| c.trim());
             let unit = [first[end..].trim(), unit.as_str(), behind].into_iter().find(|u| !u.is_empty() && scale(u).is_some());
             let stated = match (unit.and_then(scale), is_rate) {
@@ -142,19 +175,17 @@ impl Settings {
         self.all.iter().filter(|s| TIME_UNITS.contains(&s.key.as_str())).find_map(of)
     }
 
-    /// The units of columns, where a line states them: one a column, an empty one where it says nothing. The key stands in the place of the first
-    /// column, `width` of all; a line of as many units as there are values goes by their order.
+    /// The units of columns, where a line states them.
     pub(crate) fn units(&self, width: usize, values: &[usize]) -> Vec<(usize, String)> {
         let stated = |s: &&Setting| UNITS.contains(&s.key.as_str()) && s.cells.iter().any(|c| is_known_unit(c.trim()));
-        let Some(line) = self.all.iter().rev().find(stated) else { return Vec::new() };
-        let units = || line.cells.iter().map(|c| c.trim()).enumerate().filter(|(_, c)| !c.is_empty());
-        match units().count() {
-            1 if values.len() > 1 => {
-                units().flat_map(|(_, unit)| values.iter().map(move |v| (*v, unit.to_owned()))).collect()
-            }
-            n if n == values.len() => units().zip(values).map(|((_, unit), v)| (*v, unit.to_owned())).collect(),
-            _ => units().filter(|(i, _)| i + 1 < width).map(|(i, unit)| (i + 1, unit.to_owned())).collect(),
-        }
+        self.all.iter().rev().find(stated).map_or(Vec::new(), |line| line.by_column(width, values))
+    }
+
+    /// The names of columns, where a line states them.
+    pub(crate) fn names(&self, width: usize, values: &[usize]) -> Vec<(usize, String)> {
+        let stated = |key: &&&str| self.all.iter().any(|s| s.key == **key && s.cells.len() >= values.len() && values.len() > 1);
+        let Some(key) = NAMES.iter().find(stated) else { return Vec::new() };
+        self.all.iter().find(|s| s.key == *key).map_or(Vec::new(), |line| line.by_column(width, values))
     }
 
     /// Name and unit of a channel in a table of channels, such as `CH,Signal name,…,Unit` over `CH1,Valve,…,bar`.
@@ -232,6 +263,8 @@ mod tests {
             ("Sampling Rate = 2 kHz", 5e-4),
             ("Abtastrate,2000", 5e-4),
             ("Scan rate,1000,samples/s", 1e-3),
+            ("Scan Interval,00:00:00.001000", 1e-3),
+            ("Delta              : 0,001 sec.", 1e-3),
         ] {
             let (found, said) = settings(&[line]).interval_s().unwrap_or_else(|| panic!("{line}"));
             assert!((found / interval_s - 1.0).abs() < 1e-12 && said.starts_with('\''), "{line}: {found}");

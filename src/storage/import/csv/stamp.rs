@@ -50,6 +50,11 @@ impl Stamp {
         self.date
     }
 
+    /// Seconds since midnight.
+    pub(crate) fn seconds_of_day(&self) -> f64 {
+        self.ns_of_day as f64 * 1e-9
+    }
+
     /// Nanoseconds since 1970 UTC; `zone_s` is for stamps that give no zone. Saturates some 290 years from 1970.
     pub(crate) fn unix_ns(&self, zone_s: i32) -> i64 {
         let days = self.date.signed_duration_since(NaiveDate::default()).num_days();
