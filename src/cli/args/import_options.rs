@@ -63,6 +63,7 @@ impl ForeignArgs {
             scales: self.scale,
             flow: self.flow,
             guess: false,
+            elsewhere: Vec::new(),
             period_s: None,
         }
     }

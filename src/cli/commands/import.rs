@@ -125,7 +125,8 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     let mut understood = Vec::new();
     for (i, path) in args.files.iter().enumerate() {
         // a flow by hand is one reading, not one a file
-        let foreign = SourceOptions { flow: foreign.flow.filter(|_| i == 0), ..foreign.clone() };
+        let elsewhere = recorded(&parts, &rig);
+        let foreign = SourceOptions { flow: foreign.flow.filter(|_| i == 0), elsewhere, ..foreign.clone() };
         let options = ImportOptions { start_unix_ns: start_of(path, &args.start), without: args.without.clone() };
         let read = |source: &SourceOptions| busy(path, || import_file(path, &rig, &options, source, alone));
         let imported = read(&foreign).or_else(|error| guessed(path, error, &args, json, &foreign, &rig, read))?;
@@ -139,6 +140,13 @@ pub fn run(args: Args, json: bool) -> CommandResult {
     let summary = Summary::of(&recording);
     let (used, _) = used(recording);
     Done { used, summary, reports, clocks, left_out, understood }.tell(&args, &output, json)
+}
+
+/// Sensors that the files before hold.
+fn recorded(parts: &[Part], rig: &Rig) -> Vec<String> {
+    let holds = |part: &Part, i: usize| part.recording.series.get(i).is_some_and(|s| !s.time_s.is_empty());
+    let names = rig.sensors.iter().enumerate().filter(|(i, _)| parts.iter().any(|part| holds(part, *i)));
+    names.map(|(_, sensor)| sensor.name.clone()).collect()
 }
 
 /// The file read again with guesses, which the user has accepted; otherwise the error that the file gave without them.

@@ -2,9 +2,10 @@
 
 use crate::align::clock::{Clock, Part};
 use crate::recording::{Gap, Recording, RunInfo, Series};
+use crate::robust::median;
 
-/// Puts all parts on the first one's clock and merges them. If several files have a sensor, the one with most samples
-/// stays. Notes state how each part was aligned and what was left out; comments keep their file's name. The second
+/// Puts all parts on the first one's clock and merges them. What several files have of a sensor is joined where one goes on after the other;
+/// otherwise the one with most samples stays. Notes state how each part was aligned and what was left out; comments keep their file's name. The second
 /// value lists what was left out. Times are whole nanoseconds afterwards.
 pub fn merge(parts: Vec<Part>, clocks: &[Clock]) -> Option<(Recording, Vec<String>)> {
     let rig = parts.first()?.recording.rig.clone();
@@ -12,10 +13,18 @@ pub fn merge(parts: Vec<Part>, clocks: &[Clock]) -> Option<(Recording, Vec<Strin
     let mut series = vec![Series::default(); rig.sensors.len()];
     for (sensor, place) in series.iter_mut().enumerate() {
         let count = |part: &Part| part.recording.series.get(sensor).map_or(0, |s| s.time_s.len());
-        let Some(best) = (0..parts.len()).rev().max_by_key(|&i| count(&parts[i])).filter(|&i| count(&parts[i]) > 0)
-        else {
+        let mut pieces: Vec<(usize, Series)> = (0..parts.len())
+            .filter(|&i| count(&parts[i]) > 0)
+            .map(|i| (i, on_clock(&parts[i].recording.series[sensor], &clocks[i])))
+            .collect();
+        pieces.sort_by(|a, b| a.1.time_s[0].total_cmp(&b.1.time_s[0]));
+        if pieces.windows(2).all(|w| w[0].1.time_s.last() < w[1].1.time_s.first()) {
+            *place = pieces.into_iter().map(|(_, series)| series).reduce(joined).unwrap_or_default();
             continue;
-        };
+        }
+        // of a trigger that several recorded one is enough
+        let most = pieces.iter().map(|(i, _)| count(&parts[*i])).max().unwrap_or(0);
+        let Some(best) = (0..parts.len()).find(|&i| count(&parts[i]) == most) else { continue };
         for (i, part) in parts.iter().enumerate().filter(|(i, p)| *i != best && count(p) > 0) {
             let name = &rig.sensors[sensor].name;
             left_out.push(format!(
@@ -53,6 +62,22 @@ pub fn merge(parts: Vec<Part>, clocks: &[Clock]) -> Option<(Recording, Vec<Strin
         csv: None,
     };
     Some((Recording { rig, series, run }, left_out))
+}
+
+/// One series after the other, with a gap where there is more than a step between them.
+fn joined(mut first: Series, then: Series) -> Series {
+    if let (Some(&from_s), Some(&to_s)) = (first.time_s.last(), then.time_s.first()) {
+        let steps = first.time_s.windows(2).chain(then.time_s.windows(2)).map(|w| w[1] - w[0]);
+        let step_s = median(&mut steps.collect::<Vec<f64>>());
+        let missing = ((to_s - from_s) / step_s).round() - 1.0;
+        if missing >= 1.0 {
+            first.gaps.push(Gap { from_s, to_s, samples: Some(missing as u64) });
+        }
+    }
+    first.time_s.extend(then.time_s);
+    first.value.extend(then.value);
+    first.gaps.extend(then.gaps);
+    first
 }
 
 fn on_clock(series: &Series, clock: &Clock) -> Series {

@@ -54,7 +54,7 @@ pub fn bind(
         Ok(None) if !ignored(track) => Known::Nothing,
         _ => Known::Ignored,
     };
-    let guesses = if options.guess { guessed(&file.tracks, rig, known) } else { Vec::new() };
+    let guesses = if options.guess { guessed(&file.tracks, rig, &options.elsewhere, known) } else { Vec::new() };
     for (at, mut track) in file.tracks.into_iter().enumerate() {
         let guess = guesses.iter().find(|(track, _)| *track == at).map(|(_, place)| *place);
         let named = sensor_of(&track, rig, options).map_err(fault)?;

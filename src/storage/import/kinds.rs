@@ -117,12 +117,19 @@ fn same(a: SensorKind, b: SensorKind) -> bool {
 
 /// Track and sensor for each sensor that no track is named for: by a name that differs in case and signs only, else by kind, in their order, where as
 /// many tracks of a kind are left as sensors.
-pub(crate) fn guessed(tracks: &[Track], rig: &Rig, known: impl Fn(&Track) -> Known) -> Vec<(usize, usize)> {
+pub(crate) fn guessed(
+    tracks: &[Track],
+    rig: &Rig,
+    elsewhere: &[String],
+    known: impl Fn(&Track) -> Known,
+) -> Vec<(usize, usize)> {
     let bare = |name: &str| name.to_lowercase().replace([' ', '_', '-', '.'], "");
     let mut found: Vec<(usize, usize)> = Vec::new();
     let known: Vec<Known> = tracks.iter().map(known).collect();
     let free: Vec<usize> = (0..tracks.len()).filter(|&t| known[t] == Known::Nothing).collect();
-    let open: Vec<usize> = (0..rig.sensors.len()).filter(|&s| !known.contains(&Known::Sensor(s))).collect();
+    let is_elsewhere = |s: usize| elsewhere.contains(&rig.sensors[s].name);
+    let open: Vec<usize> =
+        (0..rig.sensors.len()).filter(|&s| !known.contains(&Known::Sensor(s)) && !is_elsewhere(s)).collect();
     for &sensor in &open {
         let alike = |t: &&usize| bare(&tracks[**t].short) == bare(&rig.sensors[sensor].name);
         found.extend(free.iter().find(alike).map(|&t| (t, sensor)));

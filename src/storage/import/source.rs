@@ -137,6 +137,8 @@ pub struct SourceOptions {
     pub flow: Option<(f64, Unit)>,
     /// What the file does not say is guessed.
     pub guess: bool,
+    /// Sensors that another file of the record holds: no column is guessed to be one of them.
+    pub elsewhere: Vec<String>,
     /// The test's period `4L/a`, s, about: a guess of the unit of time goes by it.
     pub period_s: Option<f64>,
 }

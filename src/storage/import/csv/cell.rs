@@ -55,7 +55,7 @@ impl Cell {
 
 /// A number and the unit behind it: `2.802 bar`, `0.001 sec`.
 pub(crate) fn with_unit(cell: &str) -> Option<(f64, &str)> {
-    let (number, unit) = cell.split_once(' ').filter(|(_, unit)| is_known_unit(unit.trim()))?;
+    let (number, unit) = cell.split_once(' ').filter(|(_, unit)| !unit.starts_with(['(', '[']) && is_known_unit(unit.trim()))?;
     let value = Numbers::new(',', None).read(number, "").ok().filter(|v| !v.is_nan())?;
     Some((value, unit.trim()))
 }

@@ -43,6 +43,11 @@ pub(crate) struct Clock {
     /// The last count of a counter, and what its beginnings anew have added.
     last_count: f64,
     added_counts: f64,
+    /// Whether the next row begins a block, how late that began, what is added to its times, and the last time, s.
+    segment: bool,
+    segment_late_s: Option<f64>,
+    segment_s: f64,
+    last_s: f64,
     /// Rows so far, and the row and time at which the present stretch of counted samples begins.
     rows: u64,
     stretch: Option<(f64, f64)>,
@@ -97,6 +102,10 @@ impl Clock {
             added_ns: 0,
             has_date: false,
             summer_ended: false,
+            segment: false,
+            segment_late_s: None,
+            segment_s: 0.0,
+            last_s: f64::NEG_INFINITY,
             last_count: f64::NEG_INFINITY,
             added_counts: 0.0,
             rows: 0,
@@ -149,6 +158,7 @@ impl Clock {
             Form::Stamps => to_s(self.stamped(row, numbers)?),
             Form::Counted(interval_s) => self.counted(row, numbers, interval_s)?,
         };
+        let time_s = self.in_segment(time_s);
         to_ns(time_s).map(|_| time_s).ok_or_else(|| CsvProblem::TimeOutOfRange(self.cell(row).into()))
     }
 
@@ -159,6 +169,21 @@ impl Clock {
     fn number(&self, row: &Row<'_>, numbers: &mut Numbers) -> Result<f64, CsvProblem> {
         let value = numbers.read(self.cell(row), &self.name)?;
         if value.is_nan() && !is_missing(value) { Err(CsvProblem::NoTime) } else { Ok(value) }
+    }
+
+    /// Begins a block of rows whose own times may begin anew; `late_s` is how much later it began than the first, where the file says so.
+    pub(crate) fn begin_segment(&mut self, late_s: Option<f64>) {
+        (self.segment, self.segment_late_s) = (true, late_s);
+    }
+
+    /// The time of a block in that of the first one.
+    fn in_segment(&mut self, time_s: f64) -> f64 {
+        // a block whose times go on needs no start of its own
+        if std::mem::take(&mut self.segment) {
+            self.segment_s = self.segment_late_s.filter(|late_s| time_s < self.last_s && time_s + late_s > self.last_s).unwrap_or(0.0);
+        }
+        self.last_s = time_s + self.segment_s;
+        self.last_s
     }
 
     /// Counts on where a counter of four bytes begins anew.

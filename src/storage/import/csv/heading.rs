@@ -121,17 +121,21 @@ fn behind(heading: &str, mark: &str) -> Option<(String, String)> {
 /// A unit that is known, behind a comma, a slash, or as the last word.
 fn known_behind(heading: &str) -> Option<(String, String)> {
     let listed = |mark: &str| behind(heading, mark).filter(|(_, unit)| is_known_unit(unit));
-    if let Some(found) = listed(", ").or_else(|| listed("/")) {
+    if let Some(found) = listed(", ").or_else(|| listed(" in ")) {
         return Some(found);
     }
-    let heading = heading.trim_end_matches('_');
+    let whole = heading.trim_end_matches('_');
     let is_mark = |c: char| matches!(c, '_' | ' ' | '.' | '-');
     // two words first: `P1 mm Hg`, `p_kPa_abs`
-    let ends: Vec<usize> = heading.rmatch_indices(is_mark).map(|(at, _)| at).take(2).collect();
-    ends.into_iter().rev().find_map(|at| {
-        let (name, unit) = (heading[..at].trim_end_matches(is_mark), &heading[at + 1..]);
-        (!name.is_empty() && is_word_unit(name, unit)).then(|| (name.to_owned(), unit.to_owned()))
-    })
+    let ends: Vec<usize> = whole.rmatch_indices(is_mark).map(|(at, _)| at).take(2).collect();
+    let last = ends.into_iter().rev().find_map(|at| {
+        let (name, unit) = (whole[..at].trim_end_matches(is_mark), &whole[at + 1..]);
+        // `Channel A` is no current, nor `Sensor K` a temperature
+        let is_letter = unit.chars().count() == 1 && !whole[at..].starts_with('_');
+        (!name.is_empty() && !is_letter && is_word_unit(name, unit)).then(|| (name.to_owned(), unit.to_owned()))
+    });
+    // `Q L/min` is no minute
+    last.or_else(|| listed("/"))
 }
 
 /// Whether a last word is a unit: as it is written in a rig file, in whatever case where it has three letters, and that of a time behind a time.
@@ -239,6 +243,9 @@ mod tests {
             ("P1 [kPa]", "P1", "kPa"),
             ("P1 / kPa", "P1", "kPa"),
             ("P1/psi", "P1", "psi"),
+            ("Q in L/min", "Q", "L/min"),
+            ("Q L/min", "Q", "L/min"),
+            ("t in ms", "t", "ms"),
             ("P1.psi", "P1", "psi"),
             ("P1_psi_", "P1", "psi"),
             ("P1_PSI", "P1", "PSI"),
@@ -257,7 +264,7 @@ mod tests {
         ] {
             assert_eq!(header_unit(heading), Some((name.into(), unit.into())), "{heading}");
         }
-        for heading in ["P1", "P_V", "Druck=2", "P1_m", "valve_s", "Sample", "Sensor A", "P.1", "Wave-K2"] {
+        for heading in ["P1", "P_V", "Druck=2", "P1_m", "valve_s", "Sample", "Sensor A", "Channel A", "Sensor K", "P.1", "Wave-K2"] {
             assert_eq!(header_unit(heading), None, "{heading}");
         }
     }

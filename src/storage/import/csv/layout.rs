@@ -6,7 +6,7 @@ use crate::storage::import::csv::cell::{Cell, with_unit};
 use crate::storage::import::csv::heading::{header_unit, is_date_name, is_known_unit, is_time_name};
 use crate::storage::import::csv::lines::Line;
 use crate::storage::import::csv::row::{Row, is_row};
-use crate::storage::import::csv::settings::Settings;
+use crate::storage::import::csv::settings::{Settings, is_key};
 use crate::storage::import::kinds::{NAMELESS, is_nameless, same_unit};
 use crate::storage::import::source::Repair;
 
@@ -63,6 +63,7 @@ pub(crate) struct Layout<'t> {
     pub(crate) settings: Settings,
     /// A column of two units: the line of the second, from 1, heading and both.
     pub(crate) contradiction: Option<(usize, [String; 3])>,
+    late: Late,
 }
 
 /// The cells of a line.
@@ -95,9 +96,15 @@ impl<'t> Layout<'t> {
             above.push(first);
             first = data[0];
         } else {
-            let like_headings = |at: usize| late.is_heading(&heading_cells(lines[at].text, separator), width);
-            let near = above.iter().rev().take(MOST_HEADINGS).take_while(|&&at| like_headings(at)).count();
-            headings.extend_from_slice(&above[above.len() - near..]);
+            for &at in above.iter().rev().take(MOST_HEADINGS) {
+                let cells = heading_cells(lines[at].text, separator);
+                match late.is_heading(&cells, width) {
+                    // it says what it is: a setting
+                    _ if cells.first().is_some_and(|key| is_key(key)) => {}
+                    true => headings.insert(0, at),
+                    false => break,
+                }
+            }
         }
         let least = late.least(width);
         let cells_at = |at: usize| aligned(heading_cells(lines[at].text, separator), least);
@@ -148,7 +155,7 @@ impl<'t> Layout<'t> {
         let expected = match names_at {
             // headings to the right of all rows head nothing
             Some(_) if named > width && judged.len() >= ENOUGH && judged.iter().all(|row| row.len() == width) => width,
-            Some(_) => (0..named).rev().find(|i| !settled.contains(i)).map_or(width, |last| last + 1),
+            Some(_) => (0..named.max(least)).rev().find(|i| !settled.contains(i)).map_or(width, |last| last + 1),
             None => width,
         };
         for (i, column) in columns.iter_mut().enumerate() {
@@ -163,7 +170,7 @@ impl<'t> Layout<'t> {
                 settings.take(&beside);
             }
         }
-        Some(Layout { separator, names_at, headings, first, columns, expected, widest, rows: judged, settings, contradiction })
+        Some(Layout { separator, names_at, headings, first, columns, expected, widest, rows: judged, settings, contradiction, late })
     }
 
     /// Takes the units of `values`, and names of channels, from what stands around the table, for those that their headings leave without.
@@ -204,6 +211,11 @@ impl<'t> Layout<'t> {
             repairs.push(Repair::new("units", 1, Some(lines[units].at), "the line under the header holds units"));
         }
         repairs
+    }
+
+    /// Whether a line looks like the rows.
+    pub(crate) fn is_row(&self, line: &str) -> bool {
+        self.late.is_data(&cells(line, self.separator))
     }
 
     /// The cells of a column in the judged rows.

@@ -132,11 +132,12 @@ pub(crate) fn take_sentinels(values: &mut [f64], lines: &[usize], spellings: &mu
     for value in values.iter().filter(|v| is_far(**v)) {
         *counts.entry(value.to_bits()).or_default() += 1;
     }
-    let stands_for_none = |v: f64, count: usize| is_known(v) || (count > 1 && spread > 0.0 && sorted.len() >= ENOUGH);
+    // several such values are data of two levels
+    let unknown: Vec<usize> = counts.iter().filter(|(bits, _)| !is_known(f64::from_bits(**bits))).map(|(_, n)| *n).collect();
+    let comes_again = unknown.len() == 1 && unknown[0] > 1 && spread > 0.0 && sorted.len() >= ENOUGH;
+    let stands_for_none = |v: f64| is_known(v) || comes_again;
     for (value, line) in values.iter_mut().zip(lines) {
-        if let Some(&count) = counts.get(&value.to_bits())
-            && stands_for_none(*value, count)
-        {
+        if counts.contains_key(&value.to_bits()) && stands_for_none(*value) {
             spellings.count(&shown(*value), *line);
             *value = missing();
         }

@@ -50,6 +50,10 @@ impl Numbers {
         if self.strict {
             return cell.parse().map_err(|_| no_number());
         }
+        if let Some(rest) = cell.strip_prefix(['+', '-']).filter(|rest| rest.starts_with(' ')) {
+            let value = self.number(rest.trim_start(), column)?;
+            return Ok(if cell.starts_with('-') { -value } else { value });
+        }
         if !cell.is_ascii() || cell.contains(['\'', ' ']) {
             let plain = without_grouping(cell).ok_or_else(no_number)?;
             self.grouped += usize::from(plain.grouped);
@@ -129,7 +133,7 @@ fn without_grouping(cell: &str) -> Option<Plain> {
 }
 
 /// The mark between the thousands of a column that looks like a decimal one: behind it stand three digits wherever it stands, and the numbers that
-/// lack it are not between those with it, as 998 is not between 1.002 and 1.003, but a thousand times larger; or the numbers rise, one with another, if
+/// lack it are mostly larger than all with it, as 998 is larger than 1.002; or the numbers rise, one with another, if
 /// it stands between thousands, and not if it is a decimal one.
 pub(crate) fn thousands<'c>(cells: impl Iterator<Item = &'c str>) -> Option<char> {
     let (mut marked, mut plain, mut mark, mut whole) = (Vec::new(), Vec::new(), None, Vec::new());
@@ -156,14 +160,14 @@ pub(crate) fn thousands<'c>(cells: impl Iterator<Item = &'c str>) -> Option<char
         return mark;
     }
     let most = marked.iter().copied().reduce(f64::max)?;
-    let least = plain.into_iter().filter(|v| *v != 0.0).reduce(f64::min)?;
-    mark.filter(|_| least > THOUSANDS_APART * most)
+    plain.retain(|v| *v != 0.0);
+    // what is written without decimals now and then lies among the rest
+    let outside = plain.iter().filter(|v| **v > 2.0 * most).count();
+    mark.filter(|_| 2 * outside > plain.len())
 }
 
 /// Numbers from which a column shows that it rises.
 const ENOUGH: usize = 10;
-/// Numbers without a mark are so many times as large as those with it.
-const THOUSANDS_APART: f64 = 10.0;
 
 /// True for a decimal number as it would be printed, of so few digits that it survives the way through a binary number.
 fn is_plain_decimal(cell: &str) -> bool {
@@ -229,7 +233,7 @@ mod tests {
             let mut numbers = Numbers::new(';', None);
             cells.iter().map(|c| numbers.read(c, "P1").unwrap_or(f64::NAN)).collect::<Vec<_>>()
         };
-        assert_eq!(read(&["\u{2212}1.5", "+2.25", "1e-3"]), [-1.5, 2.25, 1e-3]);
+        assert_eq!(read(&["\u{2212}1.5", "+2.25", "1e-3", "- 1.5", "2.5D-03"]), [-1.5, 2.25, 1e-3, -1.5, 2.5e-3]);
         assert_eq!(read(&["2'802.5", "2\u{2019}802.5", "-12'345'678"]), [2802.5, 2802.5, -12345678.0]);
         assert_eq!(read(&["2 802,5", "2\u{a0}802,5", "2\u{202f}802"]), [2802.5, 2802.5, 2802.0]);
         assert_eq!(read(&["1.200,25", "120,5"]), [1200.25, 120.5]);

@@ -147,10 +147,15 @@ impl Finder<'_, '_> {
 
     /// Whether unit or name say that it is a quantity of a test. What a letter alone says, an evenly rising column is not.
     fn is_quantity(&self, i: usize) -> bool {
-        let Column { name, unit, .. } = self.column(i);
-        let by_unit = unit.as_deref().is_some_and(|unit| is_unit(name, unit) || is_electric(unit));
+        let name = &self.column(i).name;
         let lettered = name.chars().next().is_some_and(|c| matches!(c, 't' | 'T')) && !name.to_lowercase().contains("temp");
-        by_unit || (kind_of_name(name).is_some() && !lettered)
+        self.is_measured(i) || (kind_of_name(name).is_some() && !lettered)
+    }
+
+    /// Whether its unit says so.
+    fn is_measured(&self, i: usize) -> bool {
+        let Column { name, unit, .. } = self.column(i);
+        unit.as_deref().is_some_and(|unit| is_unit(name, unit) || is_electric(unit))
     }
 
     /// The unit of a column's times, s, where its heading or the line of units states it.
@@ -195,7 +200,13 @@ impl Finder<'_, '_> {
         } else {
             vec![self.guessed(&mut repairs)?]
         };
-        let words = (0..self.looks.len()).filter(|&i| self.looks[i] == Looks::Words && (!stamps.contains(&i))).collect();
+        let words: Vec<usize> = (0..self.looks.len()).filter(|&i| self.looks[i] == Looks::Words).collect();
+        // what has a unit of a test was meant to be numbers
+        if let Some(&i) = words.iter().find(|&&i| self.is_measured(i) && !self.is_ignored(i))
+            && let Some(cell) = self.layout.column(i).find(|c| Cell::of(c).is_word())
+        {
+            return Err(CsvProblem::NotANumber { column: self.column(i).heading.clone(), cell: cell.to_owned() });
+        }
         let counters = self.assign(&mut clocks, fraction);
         if let [Clock { time: Some(time), form: Form::Numbers(unit_s), .. }] = clocks[..] {
             repairs.extend(self.interval_contradicted(time, unit_s));
@@ -438,7 +449,7 @@ fn is_even(values: &[f64]) -> bool {
 /// Never falls, but for a few lines out of place, and does rise.
 fn rises(values: &[f64]) -> bool {
     let falls = values.windows(2).filter(|w| w[1] < w[0]).count();
-    20 * falls <= values.len() && values.last() > values.first() || values.len() < 2
+    20 * falls <= values.len() && values.windows(2).any(|w| w[1] > w[0]) || values.len() < 2
 }
 
 fn distinct(values: &[f64]) -> usize {

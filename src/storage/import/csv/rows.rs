@@ -3,14 +3,15 @@
 use crate::storage::error::{CsvFault, CsvProblem};
 use crate::storage::import::csv::cell::Cell;
 use crate::storage::import::csv::clock::Clock;
-use crate::storage::import::csv::layout::Layout;
+use crate::storage::import::csv::layout::{Layout, cells};
 use crate::storage::import::csv::lines::Line;
 use crate::storage::import::csv::missing::{Spellings, is_missing};
 use crate::storage::import::csv::numbers::Numbers;
 use crate::storage::import::csv::row::{Row, is_row};
+use crate::storage::import::csv::settings::Settings;
 use crate::storage::import::csv::table::Table;
 use crate::storage::import::csv::timeless::{Timeless, is_no_time};
-use crate::storage::import::source::{Repair, counted};
+use crate::storage::import::source::{Repair, SourceOptions, counted};
 
 /// What lines under a table sum up, in lower case.
 const SUMMARIES: [&str; 19] = [
@@ -68,12 +69,16 @@ impl<'t> Rows<'_, 't> {
         let mut left = Left::default();
         let mut row = Row::default();
         let rows: Vec<Line<'t>> = self.lines[self.layout.first..].iter().copied().filter(|l| is_row(l.text)).collect();
+        let segments = self.segments(&rows);
         for (i, line) in rows.iter().enumerate() {
             if self.cut == Some(line.at) {
                 break;
             }
-            if self.is_heading_again(line.text) {
-                left.headings.push(line.at);
+            if let Some(segment) = segments.iter().find(|s| (s.from..=s.names).contains(&i)) {
+                if segment.names == i {
+                    left.headings.push(line.at);
+                    timed.iter_mut().for_each(|t| t.clock.begin_segment(segment.late_s));
+                }
                 continue;
             }
             row.read(line.text, self.layout.separator);
@@ -133,9 +138,23 @@ impl<'t> Rows<'_, 't> {
         Ok(())
     }
 
-    /// Some loggers write their headings anew, with every block.
-    fn is_heading_again(&self, line: &str) -> bool {
-        self.layout.headings.iter().any(|&at| self.lines[at].text == line)
+    /// Some loggers write their headings anew with every block, and above them when it began.
+    fn segments(&self, rows: &[Line<'t>]) -> Vec<Segment> {
+        let headings = &self.layout.headings;
+        let again: Vec<usize> = (0..rows.len()).filter(|&i| headings.iter().any(|&at| self.lines[at].text == rows[i].text)).collect();
+        let options = SourceOptions::default();
+        let began = |settings: &Settings| settings.start(&options).map(|(start, _)| start.unix_ns);
+        let first_ns = began(&self.layout.settings);
+        let names = again.iter().copied().filter(|i| !again.contains(&(i + 1)));
+        names
+            .map(|names| {
+                let from = (0..names).rev().find(|&i| !again.contains(&i) && self.layout.is_row(rows[i].text)).map_or(0, |row| row + 1);
+                let mut settings = Settings::default();
+                rows[from..names].iter().for_each(|line| settings.take(&cells(line.text, self.layout.separator)));
+                let late_s = began(&settings).zip(first_ns).map(|(ns, first)| (i128::from(ns) - i128::from(first)) as f64 * 1e-9);
+                Segment { from, names, late_s }
+            })
+            .collect()
     }
 
     /// A line of words alone, or one that sums up a column.
@@ -147,6 +166,16 @@ impl<'t> Rows<'_, 't> {
         let has_time = timed.iter().any(|t| t.clock.is_timed(row));
         summary || (!has_time && Cell::of(first).is_word() && filled().all(Cell::is_word))
     }
+}
+
+/// Lines that begin a new block of rows.
+struct Segment {
+    /// The first, as an index into the rows.
+    from: usize,
+    /// The last, which holds the headings.
+    names: usize,
+    /// How much later it began than the first block, s, where both say when.
+    late_s: Option<f64>,
 }
 
 /// Lines that are no rows.

@@ -84,6 +84,14 @@ struct Setting {
     /// Without signs, in lower case.
     key: String,
     cells: Vec<String>,
+    /// The word alone in the last such line above.
+    head: Option<String>,
+}
+
+/// Whether a line that begins so states units or names.
+pub(crate) fn is_key(cell: &str) -> bool {
+    let key = bare(cell.trim_end_matches([':', '=']));
+    UNITS.contains(&key.as_str()) || NAMES[..NAMES.len() - 2].contains(&key.as_str())
 }
 
 impl Setting {
@@ -107,6 +115,7 @@ impl Setting {
 #[derive(Debug, Default)]
 pub(crate) struct Settings {
     all: Vec<Setting>,
+    head: Option<String>,
 }
 
 fn bare(text: &str) -> String {
@@ -114,24 +123,27 @@ fn bare(text: &str) -> String {
 }
 
 impl Settings {
-    /// Takes the cells of a line; of one cell alone what stands on both sides of a colon or an equals sign.
+    /// Takes the cells of a line; of one cell alone what stands on both sides of a colon or an equals sign. A word alone heads what follows.
     pub(crate) fn take(&mut self, cells: &[Cow<'_, str>]) {
         let last = cells.iter().rposition(|c| !c.is_empty()).map_or(0, |last| last + 1);
         let (name, cells): (&str, Vec<String>) = match &cells[..last] {
             [] => return,
             [one] => match one.split_once([':', '=']).or_else(|| one.split_once('\t')) {
                 Some((name, value)) => (name, vec![value.trim().to_owned()]),
-                None => return,
+                None => {
+                    self.head = Some(one.trim().to_owned());
+                    return;
+                }
             },
             [name, rest @ ..] => (name, rest.iter().map(|c| c.to_string()).collect()),
         };
         let name = name.trim().trim_end_matches([':', '=']).trim();
-        self.all.push(Setting { name: name.to_owned(), key: bare(name), cells });
+        self.all.push(Setting { name: name.to_owned(), key: bare(name), cells, head: self.head.clone() });
     }
 
     /// Takes a value that stands under its heading.
     pub(crate) fn take_under(&mut self, heading: &str, cell: &str) {
-        self.all.push(Setting { name: heading.to_owned(), key: bare(heading), cells: vec![cell.to_owned()] });
+        self.all.push(Setting { name: heading.to_owned(), key: bare(heading), cells: vec![cell.to_owned()], head: None });
     }
 
     /// The time between samples that is stated, s, and the words that state it.
@@ -177,7 +189,10 @@ impl Settings {
 
     /// The units of columns, where a line states them.
     pub(crate) fn units(&self, width: usize, values: &[usize]) -> Vec<(usize, String)> {
-        let stated = |s: &&Setting| UNITS.contains(&s.key.as_str()) && s.cells.iter().any(|c| is_known_unit(c.trim()));
+        let states = |s: &Setting| UNITS.contains(&s.key.as_str()) && s.cells.iter().any(|c| is_known_unit(c.trim()));
+        // of several that stand under heads of their own, each is of one
+        let headed = self.all.iter().filter(|s| states(s) && s.head.is_some() && s.cells.len() == 1).count() > 1;
+        let stated = |s: &&Setting| states(s) && !(headed && s.cells.len() == 1);
         self.all.iter().rev().find(stated).map_or(Vec::new(), |line| line.by_column(width, values))
     }
 
@@ -188,13 +203,17 @@ impl Settings {
         self.all.iter().find(|s| s.key == *key).map_or(Vec::new(), |line| line.by_column(width, values))
     }
 
-    /// Name and unit of a channel in a table of channels, such as `CH,Signal name,…,Unit` over `CH1,Valve,…,bar`.
+    /// Name and unit of a channel in a table of channels, such as `CH,Signal name,…,Unit` over `CH1,Valve,…,bar`, or its unit under its name.
     pub(crate) fn channel(&self, heading: &str) -> Option<(Option<String>, String)> {
+        let under = |s: &&Setting| UNITS.contains(&s.key.as_str()) && s.head.as_deref() == Some(heading);
+        if let Some(unit) = self.all.iter().find(under).and_then(|s| s.cells.first()).filter(|u| is_known_unit(u)) {
+            return Some((None, unit.clone()));
+        }
         let head = self.all.iter().position(|s| s.cells.len() > 1 && s.cells.iter().any(|c| UNITS.contains(&bare(c).as_str())))?;
         let place = |of: &[&str]| self.all[head].cells.iter().position(|c| of.contains(&bare(c).as_str()));
         let row = self.all[head + 1..].iter().find(|s| s.key == bare(heading) && !s.key.is_empty())?;
         let cell = |at: Option<usize>| at.and_then(|at| row.cells.get(at)).filter(|c| !c.is_empty()).cloned();
-        let unit = cell(place(&UNITS)).filter(|unit| is_known_unit(unit))?;
+        let unit = cell(place(&UNITS)).map(|u| u.trim_matches(['[', ']', '(', ')']).to_owned()).filter(|u| is_known_unit(u))?;
         Some((cell(place(&NAMES)), unit))
     }
 
@@ -286,6 +305,9 @@ mod tests {
         assert_eq!(graphtec.channel("CH1"), Some((Some("Valve".into()), "bar".into())));
         assert_eq!(graphtec.channel("CH2"), Some((None, "psi".into())));
         assert_eq!(graphtec.channel("CH3"), None);
+        let solinst = settings(&["Location:", "Valve", "LEVEL", "UNIT: kPa", "TEMPERATURE", "UNIT: Deg C"]);
+        assert_eq!(solinst.channel("LEVEL"), Some((None, "kPa".into())));
+        assert_eq!(solinst.channel("TEMPERATURE"), Some((None, "Deg C".into())));
     }
 
     /// 2026-03-14T09:26:53Z is 1 773 480 413 s after 1970, by `date -u +%s`.
