@@ -196,15 +196,11 @@ fn times_that_run_backwards_are_refused_and_the_mean_of_those_that_repeat_is_sai
 }
 
 #[test]
-fn nan_text_and_ragged_lines_are_refused() {
+fn text_and_ragged_lines_are_refused() {
     let bench = Bench::new();
-    for (name, cell, word) in
-        [("nan.csv", "NaN", "finite"), ("inf.csv", "inf", "finite"), ("text.csv", "4 bar", "not a number")]
-    {
-        bench.put(name, CSV.replace("455.75", cell));
-        let words = [&format!("{name}:4"), "column 'P1'", cell, word, "leave the cell empty"];
-        bench.refuses(&format!("import {name} --rig rig.toml -o x.mcap"), &words);
-    }
+    bench.put("text.csv", CSV.replace("455.75", "4 bar"));
+    let words = ["text.csv:4", "column 'P1'", "4 bar", "not a number", "leave the cell empty"];
+    bench.refuses("import text.csv --rig rig.toml -o x.mcap", &words);
     bench.put("ragged.csv", CSV.replace("455.75", "455,75"));
     bench.refuses("import ragged.csv --rig rig.toml -o x.mcap", &["ragged.csv:4", "5 cells where the header has 4"]);
     bench.put("latin1.csv", b"time_s,P1,P2,Q1\n0,1,2,\xb0\n");

@@ -267,7 +267,7 @@ fn every_fault_is_named_with_its_line() {
             "unit \"L/s\" does not fit the sensor's kind; allowed here are Pa, kPa, MPa, bar, psi, m(H2O)",
         ),
         ("unit = \"m(H2O)\"", "unit = \"mH2O\"", "unit \"mH2O\" is not a known unit; allowed here are Pa"),
-        ("unit = \"m(H2O)\"", "unit = \"mH2O\"", "mmHg; did you mean \"m(H2O)\"?"),
+        ("unit = \"m(H2O)\"", "unit = \"mH2O\"", "inHg; did you mean \"m(H2O)\"?"),
         ("unit = \"m(H2O)\"", "unit = \"mWC\"", "did you mean \"m(H2O)\"?"),
         ("unit = \"kPa\"", "unit = \"kpa\"", "did you mean \"kPa\"?"),
         ("unit = \"L/s\"", "unit = \"l/s\"", "did you mean \"L/s\"?"),

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 use serde_json::{Value, json};
 
-use crate::align::{Clock, Method, Part, align, merge};
+use crate::align::{Clock, Method, Part, align, merge, refuse_overlaps};
 use crate::cli::args::import_options::{ForeignArgs, start};
 use crate::cli::console::ask;
 use crate::cli::console::document::document;
@@ -251,6 +251,7 @@ fn joined(mut parts: Vec<Part>, rig: &Rig, args: &Args) -> Result<Joined, Box<dy
         AlignBy::Front => Method::Front,
     });
     let clocks = align(&parts, wanted)?;
+    refuse_overlaps(&parts, &clocks)?;
     let (recording, left_out) = merge(parts, &clocks).ok_or("no file to import")?;
     Ok((recording, clocks, left_out))
 }

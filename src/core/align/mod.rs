@@ -52,7 +52,9 @@ const FINE_TIME_S: f64 = 2e-3;
 /// If a file lacks what the method needs; the error says what.
 pub fn align(parts: &[Part], wanted: Option<Method>) -> Result<Vec<Clock>, AlignError> {
     let Some((first, others)) = parts.split_first() else { return Ok(Vec::new()) };
-    if let Some(clocks) = continued(parts)? {
+    if wanted.is_none()
+        && let Some(clocks) = continued(parts)
+    {
         return Ok(clocks);
     }
     let chosen = match wanted {
@@ -77,35 +79,45 @@ pub fn align(parts: &[Part], wanted: Option<Method>) -> Result<Vec<Clock>, Align
     Ok(clocks)
 }
 
-/// Clocks of files that hold one record, each a part of its time: they have sensors in common, and go on where others end, by their starts or, where
-/// not all give one, by their times. None where they have none in common; a trigger may be in all of them.
-fn continued(parts: &[Part]) -> Result<Option<Vec<Clock>>, AlignError> {
-    let sensors = &parts[0].recording.rig.sensors;
-    let holds = |part: &Part, sensor: usize| part.recording.series.get(sensor).is_some_and(|s| !s.time_s.is_empty());
-    let measured = (0..sensors.len()).filter(|&i| sensors[i].kind != SensorKind::Trigger);
-    let in_common = |&i: &usize| parts.iter().filter(|part| holds(part, i)).count() > 1;
-    let Some(common) = measured.clone().find(in_common) else { return Ok(None) };
+/// The first sensor that several files hold; a trigger may be in all of them.
+fn in_common(parts: &[Part]) -> Option<&str> {
+    let sensors = &parts.first()?.recording.rig.sensors;
+    let holds = |part: &Part, i: usize| part.recording.series.get(i).is_some_and(|s| !s.time_s.is_empty());
+    let mut measured = (0..sensors.len()).filter(|&i| sensors[i].kind != SensorKind::Trigger);
+    let shared = measured.find(|&i| parts.iter().filter(|part| holds(part, i)).count() > 1)?;
+    Some(&sensors[shared].name)
+}
+
+/// Clocks of files that hold one record, each a part of its time: they go on where others end, by their starts or, where not all give one, by their
+/// times. None where they have no sensor in common.
+fn continued(parts: &[Part]) -> Option<Vec<Clock>> {
+    in_common(parts)?;
     let by_start = parts.iter().all(|part| part.recording.run.start_unix_ns > 0);
     let clock = |part: &Part| match by_time(&parts[0], part) {
         Ok(clock) if by_start => Clock { remarks: Vec::new(), ..clock },
         _ => Clock::own(&part.file, Method::Time),
     };
-    let clocks: Vec<Clock> = parts.iter().map(clock).collect();
+    Some(parts.iter().map(clock).collect())
+}
+
+/// Refuses files that hold one sensor at the same times: one of them would have to be left out.
+///
+/// # Errors
+/// Names two such files and what to do.
+pub fn refuse_overlaps(parts: &[Part], clocks: &[Clock]) -> Result<(), AlignError> {
+    let Some(sensor) = in_common(parts) else { return Ok(()) };
     let mut spans: Vec<(f64, f64, usize)> = Vec::new();
-    for (i, (part, clock)) in parts.iter().zip(&clocks).enumerate() {
+    for (i, (part, clock)) in parts.iter().zip(clocks).enumerate() {
         spans.extend(span(part).map(|(from_s, to_s)| (clock.time_s(from_s), clock.time_s(to_s), i)));
     }
     spans.sort_by(|a, b| a.0.total_cmp(&b.0));
-    if let Some(w) = spans.windows(2).find(|w| w[1].0 <= w[0].1) {
-        let why = format!(
-            "both hold '{}', and at the same times: if these are two runs, import each alone; if one goes on after the other, give the start of each with \
-             option `start` FILE=TIME",
-            sensors[common].name
-        );
-        let [first, file] = [w[0].2, w[1].2].map(|i| parts[i].file.clone());
-        return Err(AlignError::Method { file, first, method: Method::Time, why });
-    }
-    Ok(Some(clocks))
+    let Some(w) = spans.windows(2).find(|w| w[1].0 <= w[0].1) else { return Ok(()) };
+    let why = format!(
+        "both hold '{sensor}', and at the same times: if these are two runs, import each alone; if one goes on after the other, give the start of each \
+         with option `start` FILE=TIME; if the column of one is another sensor, say which with option `map`"
+    );
+    let [first, file] = [w[0].2, w[1].2].map(|i| parts[i].file.clone());
+    Err(AlignError::Method { file, first, method: clocks[w[1].2].method, why })
 }
 
 fn choose(first: &Part, others: &[Part]) -> Result<Method, AlignError> {

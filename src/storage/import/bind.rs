@@ -47,7 +47,7 @@ pub fn bind(
     let names: Vec<(String, String)> = file.tracks.iter().map(|t| (t.name.clone(), t.short.clone())).collect();
     let mut series = vec![Series::default(); rig.sensors.len()];
     let mut taken: Vec<Option<String>> = vec![None; rig.sensors.len()];
-    let mut spare = Vec::new();
+    let (mut spare, mut unwanted) = (Vec::new(), 0);
     let ignored = |track: &Track| options.ignore.iter().any(|name| track.is_called(name) || name == "*");
     let known = |track: &Track| match sensor_of(track, rig, options) {
         Ok(Some(sensor)) => Known::Sensor(sensor),
@@ -58,10 +58,13 @@ pub fn bind(
     for (at, mut track) in file.tracks.into_iter().enumerate() {
         let guess = guesses.iter().find(|(track, _)| *track == at).map(|(_, place)| *place);
         let named = sensor_of(&track, rig, options).map_err(fault)?;
-        let Some(place) = named.or(guess) else {
+        // a numbered name may hide a second column of one sensor
+        let again = track.shares.as_ref().and_then(|name| rig.sensors.iter().position(|s| s.name == *name));
+        let Some(place) = named.or(guess).or(again.filter(|_| !ignored(&track))) else {
             if table && !options.guess && !ignored(&track) {
                 return Err(fault(unknown(&track, rig)));
             }
+            unwanted += usize::from(ignored(&track));
             spare.push(track.name);
             continue;
         };
@@ -95,7 +98,10 @@ pub fn bind(
     }
     if !spare.is_empty() {
         let text = format!("left out, because no sensor has this name: {}", listed(&spare));
-        repairs.push(Repair { guessed: table && options.guess, ..Repair::new("left-out", spare.len(), None, text) });
+        let guessed = table && options.guess;
+        // what nobody said to leave out is lost
+        let lost = table && unwanted < spare.len();
+        repairs.push(Repair { guessed, lost, ..Repair::new("left-out", spare.len(), None, text) });
     }
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     let run = RunInfo {
@@ -126,7 +132,14 @@ fn by_hand((value, unit): (f64, Unit), file: &SourceFile, rig: &Rig) -> Result<T
     let begin_s = starts.fold(f64::INFINITY, f64::min);
     let series = Series { time_s: vec![begin_s], value: vec![value], ..Series::default() };
     let name = sensor.name.clone();
-    Ok(Track { short: name.clone(), name, unit: Some(unit.symbol.to_owned()), series, repairs: Vec::new() })
+    Ok(Track {
+        short: name.clone(),
+        name,
+        unit: Some(unit.symbol.to_owned()),
+        series,
+        repairs: Vec::new(),
+        shares: None,
+    })
 }
 
 /// Names in the options that a file has no column of, and that are no sensor of the rig, are slips of the pen.

@@ -49,6 +49,8 @@ pub struct Track {
     pub series: Series,
     /// Its repairs, reported if it becomes a sensor.
     pub repairs: Vec<Repair>,
+    /// The name that it shares with a column before it; its own is numbered.
+    pub shares: Option<String>,
 }
 
 impl Track {

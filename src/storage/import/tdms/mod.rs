@@ -132,7 +132,8 @@ fn timed_track(
         _ => None,
     });
     let series = Series { time_s, value: values, gaps: Vec::new() };
-    let track = Track { name: channel.path.clone(), short: short.clone(), unit, series, repairs: Vec::new() };
+    let track =
+        Track { name: channel.path.clone(), short: short.clone(), unit, series, repairs: Vec::new(), shares: None };
     Ok(Some(Timed { track, start_ns, holes_s }))
 }
 
