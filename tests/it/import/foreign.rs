@@ -84,8 +84,10 @@ fn tables_of_many_loggers_are_understood() {
     for (name, text, notes) in tables {
         let bench = bench();
         bench.put(name, &text);
-        // Nobody is there to agree: nothing is written, and the answer says what would be.
-        bench.refuses(&[name], &["--yes", "as understood"]);
+        // Nobody is there to agree: nothing is written, and the answer says what would be. Units behind underscores are no guess.
+        if name != "suffix.csv" {
+            bench.refuses(&[name], &["--yes", "as understood"]);
+        }
         let is_left_out = notes.contains(&"left-out");
         let (document, said) = bench.import(if is_left_out { 3 } else { 0 }, &[name, "--yes"]);
         notes.iter().for_each(|what| assert_eq!(mended(&document, what)["file"], name));
@@ -242,7 +244,7 @@ fn the_headers_of_loggers_are_understood() {
         let bench = bench();
         bench.put(name, &text);
         // a column that no sensor takes is named, and lost
-        let is_whole = name != "halle.csv";
+        let is_whole = !["halle.csv", "dated.csv"].contains(&name);
         let (document, _) = bench.import(if is_whole { 0 } else { 3 }, &[name, "--yes"]);
         assert_eq!(mended(&document, note)["file"], name);
         holds_the_table(&bench, 1e-4);
