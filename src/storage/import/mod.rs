@@ -9,6 +9,7 @@
 //! | `mcap/` | MCAP of other programs: JSON and protobuf messages |
 //! | `arrays/` | MAT files and HDF5, by way of text |
 //! | `sheet` | workbooks of Excel and LibreOffice, by way of text |
+//! | `tables` | the tables of such files: texts become one source |
 //! | `kinds` | what a column measures, by its name and unit |
 //! | `gaps` | gaps of a track where its file says that there is no number |
 //! | `decode` | picks the reader |
@@ -29,6 +30,7 @@ pub(crate) mod long;
 pub(crate) mod mcap;
 pub(crate) mod sheet;
 pub(crate) mod source;
+pub(crate) mod tables;
 pub(crate) mod tdms;
 pub(crate) mod understood;
 pub(crate) mod unit_warnings;

@@ -23,7 +23,7 @@ pub struct SourceFile {
     pub repairs: Vec<Repair>,
     /// Tracks that no sensor wants are left out silently (a table's columns are not: one may be misspelt).
     pub spare_tracks: bool,
-    /// Columns that are no tracks: times, counters, words.
+    /// Names of what it holds besides and is no track: times, counters, words, arrays without times.
     pub others: Vec<String>,
 }
 
