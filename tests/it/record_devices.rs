@@ -379,3 +379,62 @@ fn ports_lists_and_tries_the_rigs_devices() {
     assert!(problem.contains("/dev/none1 of device 'logger' does not exist"), "{problem}");
     assert_eq!(program().arg("ports").output().unwrap().status.code(), Some(0));
 }
+
+/// The logger sends in one unit of time what the rig file takes for another.
+fn logger_in(sends: &str, read_as: &str, seconds: f64, options: impl Fn(Options) -> Options) -> (Summary, Vec<String>) {
+    let rig_in = |unit: &str| {
+        let text =
+            rig_text(0.03).replace("protocol = \"lines\"", &format!("protocol = \"lines\"\ntime_unit = \"{unit}\""));
+        Rig::from_toml(&text, "bench.toml").unwrap()
+    };
+    let logger = |rig: &Rig| live_devices(rig, &[]).unwrap().into_iter().find(|d| d.name == "logger").unwrap();
+    let folder = TempDir::new().unwrap();
+    let (sender, reader) = (rig_in(sends), rig_in(read_as));
+    let mut line = SimulatedDevice::open().unwrap();
+    let device = Device { port: line.path().display().to_string(), ..logger(&reader) };
+    let sources = Sources::open(&reader, std::slice::from_ref(&device), false).unwrap();
+    let script = Script::new(&playback(&sender, &logger(&sender), seconds), &sender, &logger(&sender)).unwrap();
+    line.start(script, 1.0, Faults::default()).unwrap();
+    let mut shown = Vec::new();
+    let mut look = |now: surgescope::record::health::snapshot::Snapshot| {
+        shown.extend(now.sensors.iter().filter_map(|s| s.fault).map(|fault| fault.word().to_owned()));
+        shown.dedup();
+    };
+    let options = options(Options::new(folder.path().join("run.mcap")));
+    let summary = record(&reader, &sources, &options, &AtomicBool::new(false), &mut look).unwrap();
+    line.stop().unwrap();
+    (summary, shown)
+}
+
+#[test]
+fn times_in_another_unit_are_called_out_within_seconds() {
+    // a thousand times too slow, and too fast; read as what they are, nothing is wrong
+    let cases = [
+        ("ms", "us", Some("ms")),
+        ("ns", "us", Some("ns")),
+        ("us", "ms", Some("us")),
+        ("ms", "ms", None),
+        ("us", "us", None),
+    ];
+    let one = |(sends, read_as, likely): (&'static str, &'static str, Option<&str>)| {
+        let (summary, shown) = logger_in(sends, read_as, 4.0, |options| options);
+        let units: Vec<_> = summary.alerts.iter().filter(|alert| alert.fault.word() == "wrong-time-unit").collect();
+        assert_eq!(
+            shown.iter().any(|word| word == "wrong-time-unit"),
+            likely.is_some(),
+            "{sends} as {read_as}: {shown:?}"
+        );
+        let Some(likely) = likely else { return assert!(units.is_empty(), "{units:?}") };
+        let [alert] = units[..] else { panic!("{sends} as {read_as}: {:?}", summary.alerts) };
+        let json = serde_json::to_value(alert).unwrap();
+        assert_eq!(
+            (&json["sensor"], &json["likely"], &json["read_as"]),
+            (&"P3".into(), &likely.into(), &read_as.into())
+        );
+        assert!(alert.advice.contains("time_unit") && alert.advice.contains("[[device]]"), "{json}");
+    };
+    thread::scope(|scope| cases.into_iter().for_each(|case| drop(scope.spawn(move || one(case)))));
+    // a duration of its own clock that is over at once
+    let (summary, _) = logger_in("ns", "us", 1.0, |options| Options { duration_s: Some(60.0), ..options });
+    assert_eq!(summary.alerts.iter().map(|alert| alert.fault.word()).collect::<Vec<_>>(), ["wrong-time-unit"]);
+}

@@ -38,7 +38,7 @@ impl Polling {
             .collect();
         let (unit, interval_s, timeout_s) = match device.protocol {
             Protocol::ModbusRtu { unit_id, poll_interval_s, timeout_s } => (unit_id, poll_interval_s, timeout_s),
-            Protocol::Frames | Protocol::Lines => (1, 0.1, 0.2),
+            Protocol::Frames | Protocol::Lines { .. } => (1, 0.1, 0.2),
         };
         let seconds =
             |s: f64| Duration::try_from_secs_f64(s).unwrap_or(Duration::MAX / 4).max(Duration::from_micros(100));

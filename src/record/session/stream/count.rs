@@ -132,7 +132,7 @@ pub fn expected(stream: &Stream<'_>, device: usize) -> impl Iterator<Item = Expe
 
 fn silent_after(stream: &Stream<'_>) -> Duration {
     let polls_s = match stream.device.protocol {
-        Protocol::Frames | Protocol::Lines => 0.0,
+        Protocol::Frames | Protocol::Lines { .. } => 0.0,
         Protocol::ModbusRtu { poll_interval_s, .. } => SILENT_POLLS * poll_interval_s,
     };
     SILENT_AFTER.max(Duration::try_from_secs_f64(polls_s).unwrap_or(Duration::MAX))
