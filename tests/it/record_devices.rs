@@ -438,3 +438,32 @@ fn times_in_another_unit_are_called_out_within_seconds() {
     let (summary, _) = logger_in("ns", "us", 1.0, |options| Options { duration_s: Some(60.0), ..options });
     assert_eq!(summary.alerts.iter().map(|alert| alert.fault.word()).collect::<Vec<_>>(), ["wrong-time-unit"]);
 }
+
+/// A two-wire adapter that listens while it speaks: every request comes back before its answer.
+#[test]
+fn a_line_that_sends_back_the_requests_is_read() {
+    let folder = TempDir::new().unwrap();
+    let file = folder.path().join("run.mcap");
+    let faults = Faults { echo: true, seed: 2, ..Faults::default() };
+    // a time-out that a loaded machine keeps
+    let rig_in_time = Rig::from_toml(&rig_text(0.5), "bench.toml").unwrap();
+    let (summary, sent) = record_devices(&rig_in_time, &["plc"], 4.0, |_| faults, &file);
+    let device = &summary.devices[0];
+    assert!(10 * device.returned_requests >= 9 * sent[0].frames, "{device:?} {sent:?}");
+    assert!(device.frames > 100 && device.bad_frames == 0 && !summary.data_lost, "{device:?}");
+    let recording = log::read(&file).unwrap();
+    for index in [3, 4] {
+        let rows: Vec<f64> = recording.series[index].value.iter().map(|value| row(index, *value)).collect();
+        assert!(rows.len() > 50 && rows.windows(2).all(|pair| pair[1] >= pair[0]), "{rows:?}");
+        assert!(rows.iter().all(|row| (0.0..4000.0).contains(row)), "{rows:?}");
+    }
+    // late and doubled answers are no one else's there either
+    let faults = Faults { echo: true, late: 0.2, duplicate: 0.05, drop: 0.02, seed: 4, ..Faults::default() };
+    let (summary, _) = record_devices(&rig(), &["plc"], 6.0, |_| faults, &folder.path().join("late.mcap"));
+    assert!(summary.devices[0].frames > 30, "{:?}", summary.devices[0]);
+    let recording = log::read(&folder.path().join("late.mcap")).unwrap();
+    for index in [3, 4] {
+        let rows: Vec<f64> = recording.series[index].value.iter().map(|value| row(index, *value)).collect();
+        assert!(rows.iter().all(|row| (0.0..6000.0).contains(row)) && rows.windows(2).all(|pair| pair[1] >= pair[0]));
+    }
+}

@@ -89,6 +89,7 @@ fn tally(stream: &Stream<'_>, waited: (u64, f64)) -> DeviceCount {
             let counts = polled.as_ref().map(|polled| polled.counts).unwrap_or_default();
             (count.frames, count.bad_frames) = (counts.answers, counts.bad + counts.refused);
             (count.lost_frames, count.late_answers) = (counts.missed.saturating_sub(stream.before.missed), counts.late);
+            count.returned_requests = counts.returned;
             count.skipped_polls = counts.skipped.saturating_sub(stream.before.skipped);
             count.poll_warning = poll_warning(stream, &count, counts.unproven > 0 && counts.answers > 0);
         }
