@@ -30,7 +30,7 @@ pub fn decode_source(bytes: &[u8], path: &Path, options: &SourceOptions) -> Resu
     if bytes.starts_with(::mcap::MAGIC) {
         mcap::read(bytes, path, options)
     } else if bytes.starts_with(b"TDSm") {
-        tdms::read(bytes).map_err(|why| LogError::SourceFile { path: path.into(), why })
+        tdms::read(bytes, options).map_err(|why| LogError::SourceFile { path: path.into(), why })
     } else if bytes.starts_with(b"TDSh") {
         let why = "this is the index of a TDMS file: name the .tdms file beside it".into();
         Err(LogError::SourceFile { path: path.into(), why })

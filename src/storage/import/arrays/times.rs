@@ -52,9 +52,15 @@ pub(crate) fn is_time(array: &Array) -> bool {
     rest_of_name(short(&array.name)).is_some() && rises(column)
 }
 
+/// The unit of time that a name ends with.
+pub(crate) fn unit_in_name(name: &str) -> Option<&str> {
+    let word = name.rsplit(['_', ' ', '(', '[']).next()?.trim_end_matches([')', ']']);
+    (word != name && time_unit(word).is_some()).then_some(word)
+}
+
 /// What is left of the name of a time without the word for it, in lower case: `p1` of `time_P1`, `1` of `t1`, nothing of `Time (s)`;
 /// none where it has no such word.
-fn rest_of_name(name: &str) -> Option<String> {
+pub(crate) fn rest_of_name(name: &str) -> Option<String> {
     let bare = name.split(['(', '[']).next().unwrap_or(name);
     // `tP1` and `t1` are two words each
     let mut words: Vec<String> = Vec::new();
@@ -158,7 +164,7 @@ pub(crate) fn step_of(array: &Array, contents: &Contents) -> Option<Step> {
 }
 
 /// Seconds between samples by a number and its name, such as `dt`, `dt_ms`, `fs_kHz`.
-fn seconds(name: &str, value: f64, unit: Option<&str>) -> Option<f64> {
+pub(crate) fn seconds(name: &str, value: f64, unit: Option<&str>) -> Option<f64> {
     let hertz = |unit: &str| match unit.to_lowercase().as_str() {
         "hz" => Some(1.0),
         "khz" => Some(1e3),
@@ -214,9 +220,7 @@ pub(crate) fn unit_of<'t>(array: &Array, alone: bool, texts: &'t [(String, Strin
 /// The heading of an array of times, such that a table's reader knows it for one.
 pub(crate) fn heading(time: &Array, texts: &[(String, String)]) -> String {
     let name = short(&time.name);
-    let words = || name.rsplit(['_', ' ', '(', '[']).next().map(|word| word.trim_end_matches([')', ']']));
-    let unit =
-        own_unit(&time.name, texts).or_else(|| words().filter(|word| *word != name && time_unit(word).is_some()));
+    let unit = own_unit(&time.name, texts).or_else(|| unit_in_name(name));
     let is_plain = heading_unit(name).is_some() || rest_of_name(name).is_some_and(|rest| rest.is_empty());
     match unit {
         _ if heading_unit(name).is_some() => name.to_owned(),
