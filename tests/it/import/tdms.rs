@@ -145,6 +145,7 @@ fn a_rate_counts_where_the_file_states_no_times() {
     bench.import(0, &["run.tdms", "--yes", "--map", &of("B"), "--rate", "50"]);
     assert!((last_s(&bench) - 99.0 / 500.0).abs() < 1e-12);
     // several times in one group
+    bench.refuses(&["run.tdms", "--map", &of("C")], &["the times of /'C'/'P1' are /'C'/'Time 1'", "--yes"]);
     for (channel, last) in [("P1", 0.099), ("P2", 0.396)] {
         bench.import(3, &["run.tdms", "--yes", "--map", &format!("/'C'/'{channel}'=P1")]);
         assert!((last_s(&bench) - last).abs() < 1e-12, "{channel}");
