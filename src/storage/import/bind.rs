@@ -142,8 +142,7 @@ pub fn check_names(file: &SourceFile, path: &Path, rig: Option<&Rig>, options: &
             || options.map.iter().any(|(_, to)| to == name)
     };
     let mapped = options.map.iter().map(|(from, _)| ("map", from)).find(|(_, name)| !is_there(name));
-    let is_known = |name: &String| name == "*" || is_there(name) || file.others.contains(name);
-    let ignored = options.ignore.iter().map(|name| ("ignore", name)).find(|(_, name)| !is_known(name));
+    let ignored = options.ignore.iter().map(|name| ("ignore", name)).find(|(_, name)| *name != "*" && !is_there(name));
     let scaled =
         options.scales.iter().map(|(name, _)| ("scale", name)).find(|(_, name)| !is_there(name) && !is_sensor(name));
     let Some((option, name)) = mapped.or(ignored).or(scaled) else { return Ok(()) };
