@@ -38,6 +38,7 @@ pub(crate) mod unit_warnings;
 pub use crate::storage::import::bind::{bind, check_names, require_sensors};
 pub use crate::storage::import::csv::heading::{time_symbol, time_unit};
 pub use crate::storage::import::csv::stamp::zone_seconds;
+pub use crate::storage::import::csv::text::encoding_named;
 pub use crate::storage::import::decode::{decode_source, read_source};
 pub use crate::storage::import::file::{Imported, import_file};
 pub use crate::storage::import::kinds::{is_electric, is_nameless, kind_of, kind_of_name};
