@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Writes tests/fixtures/nptdms.tdms and nptdms-stretches.tdms with npTDMS (pip install nptdms numpy), and what npTDMS reads back from it.
+"""Writes tests/fixtures/nptdms.tdms, nptdms-stretches.tdms and nptdms-rates.tdms with npTDMS (pip install nptdms numpy), and what npTDMS reads back from it.
 
 The file has what acquisition programs write: several segments (the later ones without new metadata), raw counts with a linear
 and a polynomial scale, waveform properties, a unit, a channel of timestamps beside a slow one, text, and two groups with
@@ -90,6 +90,22 @@ def stretches(path):
         writer.write_segment([ChannelObject("D", "P1", np.array([]), later)])
 
 
+def rates(path):
+    """Group A: no times. Group B: a rate under a name of the user's own. Group C: each channel behind times of its own. Group D: text."""
+    i = np.arange(100.0)
+    with TdmsWriter(path) as writer:
+        writer.write_segment([
+            ChannelObject("A", "P1", i),
+            GroupObject("B", {"Sample Rate": 500.0}),
+            ChannelObject("B", "P1", i),
+            ChannelObject("C", "Time 1", 0.001 * i),
+            ChannelObject("C", "P1", i),
+            ChannelObject("C", "Time 2 (ms)", 4.0 * i),
+            ChannelObject("C", "P2", 2 * i),
+            ChannelObject("D", "Remark", ["a", "b"]),
+        ])
+
+
 def handmade(folder, big, interleaved, cut):
     """Two segments of two channels, i16 and f64; the second one says 'as before'."""
     e = ">" if big else "<"
@@ -120,6 +136,7 @@ def handmade(folder, big, interleaved, cut):
 if __name__ == "__main__":
     fixture(FIXTURES / "nptdms.tdms")
     stretches(FIXTURES / "nptdms-stretches.tdms")
+    rates(FIXTURES / "nptdms-rates.tdms")
     for folder in sys.argv[1:]:
         handmade(folder, big=False, interleaved=False, cut=False)
         handmade(folder, big=True, interleaved=True, cut=False)

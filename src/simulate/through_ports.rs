@@ -85,7 +85,8 @@ pub fn record_playbacks(
     for (_, line, scripts) in &mut simulated {
         line.start_line(std::mem::take(scripts), speed, faults)?;
     }
-    let summary = record(rig, &sources, options, stop, report)?;
+    let options = Options { real_time: speed == 1.0, ..options.clone() };
+    let summary = record(rig, &sources, &options, stop, report)?;
     for (_, line, _) in simulated {
         line.stop()?;
     }

@@ -181,6 +181,12 @@ pub enum CsvProblem {
         /// What it probably is, starting with a space; may be empty.
         hint: &'static str,
     },
+    /// Bytes that the encoding which the user gave does not have.
+    #[error("this is no text in {encoding}: give the right one with option `encoding`, or leave the option out")]
+    NotInEncoding {
+        /// Its name.
+        encoding: &'static str,
+    },
     /// The first column is not `time_s`.
     #[error("the first column must be time_s (times in seconds), but it is '{found}'{hint}")]
     NoTimeColumn {

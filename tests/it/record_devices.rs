@@ -379,3 +379,91 @@ fn ports_lists_and_tries_the_rigs_devices() {
     assert!(problem.contains("/dev/none1 of device 'logger' does not exist"), "{problem}");
     assert_eq!(program().arg("ports").output().unwrap().status.code(), Some(0));
 }
+
+/// The logger sends in one unit of time what the rig file takes for another.
+fn logger_in(sends: &str, read_as: &str, seconds: f64, options: impl Fn(Options) -> Options) -> (Summary, Vec<String>) {
+    let rig_in = |unit: &str| {
+        let text =
+            rig_text(0.03).replace("protocol = \"lines\"", &format!("protocol = \"lines\"\ntime_unit = \"{unit}\""));
+        Rig::from_toml(&text, "bench.toml").unwrap()
+    };
+    let logger = |rig: &Rig| live_devices(rig, &[]).unwrap().into_iter().find(|d| d.name == "logger").unwrap();
+    let folder = TempDir::new().unwrap();
+    let (sender, reader) = (rig_in(sends), rig_in(read_as));
+    let mut line = SimulatedDevice::open().unwrap();
+    let device = Device { port: line.path().display().to_string(), ..logger(&reader) };
+    let sources = Sources::open(&reader, std::slice::from_ref(&device), false).unwrap();
+    let script = Script::new(&playback(&sender, &logger(&sender), seconds), &sender, &logger(&sender)).unwrap();
+    line.start(script, 1.0, Faults::default()).unwrap();
+    let mut shown = Vec::new();
+    let mut look = |now: surgescope::record::health::snapshot::Snapshot| {
+        shown.extend(now.sensors.iter().filter_map(|s| s.fault).map(|fault| fault.word().to_owned()));
+        shown.dedup();
+    };
+    let options = options(Options::new(folder.path().join("run.mcap")));
+    let summary = record(&reader, &sources, &options, &AtomicBool::new(false), &mut look).unwrap();
+    line.stop().unwrap();
+    (summary, shown)
+}
+
+#[test]
+fn times_in_another_unit_are_called_out_within_seconds() {
+    // a thousand times too slow, and too fast; read as what they are, nothing is wrong
+    let cases = [
+        ("ms", "us", Some("ms")),
+        ("ns", "us", Some("ns")),
+        ("us", "ms", Some("us")),
+        ("ms", "ms", None),
+        ("us", "us", None),
+    ];
+    let one = |(sends, read_as, likely): (&'static str, &'static str, Option<&str>)| {
+        let (summary, shown) = logger_in(sends, read_as, 4.0, |options| options);
+        let units: Vec<_> = summary.alerts.iter().filter(|alert| alert.fault.word() == "wrong-time-unit").collect();
+        assert_eq!(
+            shown.iter().any(|word| word == "wrong-time-unit"),
+            likely.is_some(),
+            "{sends} as {read_as}: {shown:?}"
+        );
+        let Some(likely) = likely else { return assert!(units.is_empty(), "{units:?}") };
+        let [alert] = units[..] else { panic!("{sends} as {read_as}: {:?}", summary.alerts) };
+        let json = serde_json::to_value(alert).unwrap();
+        assert_eq!(
+            (&json["sensor"], &json["likely"], &json["read_as"]),
+            (&"P3".into(), &likely.into(), &read_as.into())
+        );
+        assert!(alert.advice.contains("time_unit") && alert.advice.contains("[[device]]"), "{json}");
+    };
+    thread::scope(|scope| cases.into_iter().for_each(|case| drop(scope.spawn(move || one(case)))));
+    // a duration of its own clock that is over at once
+    let (summary, _) = logger_in("ns", "us", 1.0, |options| Options { duration_s: Some(60.0), ..options });
+    assert_eq!(summary.alerts.iter().map(|alert| alert.fault.word()).collect::<Vec<_>>(), ["wrong-time-unit"]);
+}
+
+/// A two-wire adapter that listens while it speaks: every request comes back before its answer.
+#[test]
+fn a_line_that_sends_back_the_requests_is_read() {
+    let folder = TempDir::new().unwrap();
+    let file = folder.path().join("run.mcap");
+    let faults = Faults { echo: true, seed: 2, ..Faults::default() };
+    // a time-out that a loaded machine keeps
+    let rig_in_time = Rig::from_toml(&rig_text(0.5), "bench.toml").unwrap();
+    let (summary, sent) = record_devices(&rig_in_time, &["plc"], 4.0, |_| faults, &file);
+    let device = &summary.devices[0];
+    assert!(10 * device.returned_requests >= 9 * sent[0].frames, "{device:?} {sent:?}");
+    assert!(device.frames > 100 && device.bad_frames == 0 && !summary.data_lost, "{device:?}");
+    let recording = log::read(&file).unwrap();
+    for index in [3, 4] {
+        let rows: Vec<f64> = recording.series[index].value.iter().map(|value| row(index, *value)).collect();
+        assert!(rows.len() > 50 && rows.windows(2).all(|pair| pair[1] >= pair[0]), "{rows:?}");
+        assert!(rows.iter().all(|row| (0.0..4000.0).contains(row)), "{rows:?}");
+    }
+    // late and doubled answers are no one else's there either
+    let faults = Faults { echo: true, late: 0.2, duplicate: 0.05, drop: 0.02, seed: 4, ..Faults::default() };
+    let (summary, _) = record_devices(&rig(), &["plc"], 6.0, |_| faults, &folder.path().join("late.mcap"));
+    assert!(summary.devices[0].frames > 30, "{:?}", summary.devices[0]);
+    let recording = log::read(&folder.path().join("late.mcap")).unwrap();
+    for index in [3, 4] {
+        let rows: Vec<f64> = recording.series[index].value.iter().map(|value| row(index, *value)).collect();
+        assert!(rows.iter().all(|row| (0.0..6000.0).contains(row)) && rows.windows(2).all(|pair| pair[1] >= pair[0]));
+    }
+}

@@ -85,7 +85,7 @@ fn too_few_reaches_for_a_section_are_refused_with_how_many_it_takes() {
         |reaches| ["--set", "section_start_m=100", "section_end_m=101", "section_wave_speed_ratio=1", reaches];
     let other =
         |reaches| ["--set", "section_start_m=100", "section_end_m=101", "section_wave_speed_ratio=0.999", reaches];
-    refused("section-change", &other("reaches=50"), &["50 reaches are too few", "need at least 279"]);
+    refused("section-change", &other("reaches=50"), &["50 reaches are too few", "need at least 279", "--set reaches=279"]);
     for enough in [other("reaches=279"), section("reaches=50")] {
         let output = simulated("section-change", &enough);
         assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));

@@ -1,11 +1,12 @@
 //! How files of other programs are read: names, units of time, zones. Shared by all of `import`'s formats.
 
 use chrono::DateTime;
+use encoding_rs::Encoding;
 
 use crate::cli::args::values::positive;
 use crate::report::advice::quoted;
 use crate::rig::spelled_unit;
-use crate::storage::import::{Line, MessageTime, SourceOptions, time_symbol, time_unit, zone_seconds};
+use crate::storage::import::{Line, MessageTime, SourceOptions, encoding_named, time_symbol, time_unit, zone_seconds};
 use crate::units::{Quantity, Unit};
 
 /// Options for what a file does not state.
@@ -36,6 +37,9 @@ pub struct ForeignArgs {
     /// Flow before the closure, where it was measured by hand (bucket and clock): '0.25 L/s'. It becomes a reading of the rig's flow sensor.
     #[arg(long, value_name = "FLOW", value_parser = flow)]
     pub flow: Option<(f64, Unit)>,
+    /// Code page of a text that is not UTF-8, where the guess is wrong: cp932, cp1250, cp1251, gbk, latin1, utf-16, ….
+    #[arg(long, value_name = "NAME", value_parser = encoding_named)]
+    encoding: Option<&'static Encoding>,
     /// Time of an MCAP message: when it was logged or published.
     #[arg(long, value_name = "WHICH", value_parser = ["log", "publish"], conflicts_with = "time_field")]
     message_time: Option<String>,
@@ -62,6 +66,7 @@ impl ForeignArgs {
             rate_hz: self.rate,
             scales: self.scale,
             flow: self.flow,
+            encoding: self.encoding,
             guess: false,
             elsewhere: Vec::new(),
             period_s: None,
@@ -80,6 +85,7 @@ impl std::fmt::Display for ForeignArgs {
         self.rate.iter().try_for_each(|hz| option("rate", &hz.to_string()))?;
         self.time_unit.iter().try_for_each(|unit_s| option("time-unit", time_symbol(*unit_s)))?;
         self.date_order.iter().try_for_each(|order| option("date-order", order))?;
+        self.encoding.iter().try_for_each(|encoding| option("encoding", encoding.name()))?;
         self.message_time.iter().try_for_each(|which| option("message-time", which))?;
         self.time_field.iter().try_for_each(|field| option("time-field", field))?;
         self.zone.iter().try_for_each(|east_s| {

@@ -25,7 +25,7 @@ pub(crate) fn table(summary: &Summary) -> String {
         );
     }
     for alert in &summary.alerts {
-        let _ = writeln!(text, "{} {}", alert.sensor, alert.message(0));
+        let _ = writeln!(text, "{} {}; {}", alert.sensor, alert.message(0), alert.advice);
     }
     for shot in &summary.shots {
         let _ = writeln!(text, "shot: {shot}");

@@ -6,7 +6,10 @@ use crate::shown::number;
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[allow(missing_docs)] // the sentences say it
 pub enum ModelError {
-    #[error("{reaches} reaches are too few: these pipes, with the sections they are given, need at least {needed}")]
+    #[error(
+        "{reaches} reaches are too few: the shortest of these pipes, or of the sections they are given, is shorter than a reach, and they need at \
+         least {needed} (option `set` reaches={needed} of a simulation, option `most_reaches` {needed} of a fit)"
+    )]
     TooFewReaches { reaches: usize, needed: usize },
     #[error("{name} = {} is outside its physical range ({allowed})", number(*value))]
     Value { name: String, value: f64, allowed: &'static str },
@@ -24,7 +27,7 @@ pub enum ModelError {
     FrictionTooCoarse { share: f64, needed: usize },
     #[error(
         "{steps:.0} steps on {nodes} nodes would need {gib:.1} GiB of memory, and {limit_gib:.1} GiB are free for it; shorten the \
-         duration or take fewer reaches"
+         duration or take fewer reaches (option `set` reaches=… of a simulation, option `most_reaches` of a fit)"
     )]
     TooLarge { steps: f64, nodes: usize, gib: f64, limit_gib: f64 },
     #[error(

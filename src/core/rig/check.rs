@@ -214,7 +214,7 @@ pub fn coarse_counts(rig: &Rig) -> Vec<Finding> {
         // A printed number or a float has digits behind the point.
         let counts = match device.protocol {
             Protocol::Frames => true,
-            Protocol::Lines => false,
+            Protocol::Lines { .. } => false,
             Protocol::ModbusRtu { .. } => wiring.register.is_some_and(|r| r.encoding != Encoding::F32),
         };
         let pa = |v: f64| sensor.unit.to_si(v, water.density_kg_m3);

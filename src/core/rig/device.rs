@@ -106,13 +106,53 @@ pub enum Parity {
     Odd,
 }
 
+/// Unit of the times that a device sends.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[allow(missing_docs)]
+pub enum TimeUnit {
+    Seconds,
+    Milliseconds,
+    #[default]
+    Microseconds,
+    Nanoseconds,
+}
+
+impl TimeUnit {
+    /// All of them, the longest first.
+    pub const ALL: [TimeUnit; 4] =
+        [TimeUnit::Seconds, TimeUnit::Milliseconds, TimeUnit::Microseconds, TimeUnit::Nanoseconds];
+
+    /// As the rig file has it.
+    pub fn symbol(self) -> &'static str {
+        match self {
+            TimeUnit::Seconds => "s",
+            TimeUnit::Milliseconds => "ms",
+            TimeUnit::Microseconds => "us",
+            TimeUnit::Nanoseconds => "ns",
+        }
+    }
+
+    /// Its length, s.
+    pub fn seconds(self) -> f64 {
+        match self {
+            TimeUnit::Seconds => 1.0,
+            TimeUnit::Milliseconds => 1e-3,
+            TimeUnit::Microseconds => 1e-6,
+            TimeUnit::Nanoseconds => 1e-9,
+        }
+    }
+}
+
 /// Wire protocol of a device.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Protocol {
     /// COBS frames of samples.
     Frames,
     /// Text lines.
-    Lines,
+    Lines {
+        /// What their times are in.
+        time_unit: TimeUnit,
+    },
     /// Polled Modbus RTU.
     ModbusRtu {
         /// Slave address.

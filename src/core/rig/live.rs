@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use crate::rig::device::{Device, Encoding, Framing, Parity, Protocol, Register, Wiring};
+use crate::rig::device::{Device, Encoding, Framing, Parity, Protocol, Register, TimeUnit, Wiring};
 use crate::rig::table::{FINITE, NOT_ZERO, POSITIVE, Section, nearest};
 use crate::rig::unique::Names;
 
@@ -17,6 +17,7 @@ pub(crate) const DEVICE_KEYS: &[&str] = &[
     "unit_id",
     "poll_interval_s",
     "timeout_s",
+    "time_unit",
 ];
 /// Keys of `[[device]]` for `modbus-rtu` only.
 const MODBUS_DEVICE: [&str; 3] = ["unit_id", "poll_interval_s", "timeout_s"];
@@ -57,9 +58,15 @@ fn read_device(section: &Section<'_>, names: &mut Names) -> Option<Device> {
     if speaks.is_some_and(|s| s != Speaks::Modbus) {
         only_for_modbus(section, &MODBUS_DEVICE);
     }
+    let units = TimeUnit::ALL.map(|unit| (unit.symbol(), unit));
+    let time_unit = section.choice("time_unit", &units).map_or(TimeUnit::default(), |unit| unit.value);
+    if let (Some(Speaks::Frames | Speaks::Modbus), Some(place)) = (speaks, section.place_of("time_unit")) {
+        let message = "'time_unit' is for devices with protocol = \"lines\" only; leave it out";
+        section.fault_at(&place, message);
+    }
     let protocol = match speaks? {
         Speaks::Frames => Protocol::Frames,
-        Speaks::Lines => Protocol::Lines,
+        Speaks::Lines => Protocol::Lines { time_unit },
         Speaks::Modbus => Protocol::ModbusRtu { unit_id, poll_interval_s, timeout_s },
     };
     Some(Device { name: name?.value.to_owned(), port: port?.value.to_owned(), baud: baud? as u32, framing, protocol })

@@ -34,7 +34,7 @@ pub(crate) mod unique;
 pub(crate) mod wall;
 pub mod water;
 
-pub use crate::rig::device::{Device, Encoding, Framing, Parity, Protocol, Register, Wiring};
+pub use crate::rig::device::{Device, Encoding, Framing, Parity, Protocol, Register, TimeUnit, Wiring};
 pub use crate::rig::error::{Problem, RigError};
 pub use crate::rig::friction::{
     CERTAINLY_LAMINAR_REYNOLDS, LAMINAR_REYNOLDS, Regime, darcy_friction_factor, turbulent_friction_factor,

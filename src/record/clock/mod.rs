@@ -1,4 +1,4 @@
-//! From the clocks of devices to one clock of the recording.
+//! From the clocks of devices to one clock of the recording, and whether they run at the right pace.
 
 pub mod align;
 pub mod clock_line;
@@ -6,3 +6,4 @@ pub mod device_clock;
 pub(crate) mod host_clock;
 pub mod pace;
 pub(crate) mod summary;
+pub(crate) mod time_unit;

@@ -58,6 +58,10 @@ impl<L: Line> Line for Tap<L> {
         }
         Ok(length)
     }
+
+    fn returned(&self) -> u64 {
+        self.bus.borrow().line.returned()
+    }
 }
 
 impl<L: Line> Bus<L> {

@@ -21,6 +21,8 @@ pub struct DeviceCount {
     pub late_answers: u64,
     /// Polls that fell out because the one before took too long.
     pub skipped_polls: u64,
+    /// Requests that its line itself sent back, as two-wire adapters do; they are taken off and do no harm.
+    pub returned_requests: u64,
     /// How often samples are known to be missing.
     pub holes: u64,
     /// How often its port vanished and came back.
@@ -98,6 +100,7 @@ impl DeviceCount {
         let seldom = [
             ("late_answers", self.late_answers),
             ("skipped_polls", self.skipped_polls),
+            ("returned_requests", self.returned_requests),
             ("reconnects", self.reconnects),
             ("restarts", self.restarts),
             ("clock_steps", self.clock_steps),

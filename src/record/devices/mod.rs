@@ -2,6 +2,7 @@
 
 pub(crate) mod bus;
 pub(crate) mod device_count;
+pub(crate) mod loopback;
 pub mod poll;
 pub mod polling;
 pub mod port;

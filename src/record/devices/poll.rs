@@ -49,6 +49,10 @@ pub trait Line {
     /// # Errors
     /// When the line is gone.
     fn receive(&mut self, buffer: &mut [u8], within: Duration) -> io::Result<usize>;
+    /// Requests that the line itself sent back, and that were taken off.
+    fn returned(&self) -> u64 {
+        0
+    }
 }
 
 /// What was seen of a slave.
@@ -66,6 +70,8 @@ pub struct PollCounts {
     pub refused: u64,
     /// Polls that fell out because the one before took too long.
     pub skipped: u64,
+    /// Requests that the line itself sent back.
+    pub returned: u64,
     /// Times that nothing but a long silence brought the line into step, because the slave has not answered an echo yet.
     pub unproven: u64,
 }
@@ -128,6 +134,8 @@ pub struct Poller<L> {
     echo_asked: Option<Instant>,
     /// It has returned or refused an echo before.
     knows_echoes: bool,
+    /// The line is known to send back what is sent.
+    loops: bool,
     last_byte: Instant,
 }
 
@@ -150,13 +158,14 @@ impl<L: Line> Poller<L> {
             next_echo,
             echo_asked: None,
             knows_echoes: false,
+            loops: false,
             last_byte: Instant::now(),
         }
     }
 
     /// What was seen so far.
     pub fn counts(&self) -> PollCounts {
-        self.counts
+        PollCounts { returned: self.line.returned(), ..self.counts }
     }
 
     /// Counts polls that fell out.
@@ -184,7 +193,10 @@ impl<L: Line> Poller<L> {
             self.counts.missed += 1;
             return Ok(Outcome::Missed);
         }
-        let outcome = self.ask(&request)?;
+        let outcome = match self.ask(&request)? {
+            _ if self.loops_after_all() => Outcome::Missed,
+            outcome => outcome,
+        };
         match &outcome {
             Outcome::Words(..) => {
                 self.counts.answers += 1;
@@ -206,6 +218,9 @@ impl<L: Line> Poller<L> {
 
     /// True where no answer can be on its way that would be taken for the one to `next`.
     fn is_ready(&mut self, next: Request) -> io::Result<bool> {
+        if self.loops_after_all() {
+            self.fall_out();
+        }
         if !self.in_step {
             return self.step();
         }
@@ -226,6 +241,16 @@ impl<L: Line> Poller<L> {
         }
         let silent = self.drain(SILENCE)? && self.counts.late == strays;
         Ok(silent && self.stepped())
+    }
+
+    /// True where the line has just been found to send back what is sent: the echoes so far were its own, and prove nothing.
+    fn loops_after_all(&mut self) -> bool {
+        let found = !self.loops && self.line.returned() > 0;
+        if found {
+            (self.loops, self.knows_echoes) = (true, false);
+            self.echoes.clear();
+        }
+        found
     }
 
     fn fall_out(&mut self) {

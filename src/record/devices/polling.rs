@@ -5,6 +5,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use crate::record::devices::bus::{Tap, taps};
+use crate::record::devices::loopback::Loopback;
 use crate::record::devices::poll::{Outcome, PollCounts, Poller};
 use crate::record::devices::port::SerialLine;
 use crate::record::devices::queue::{Input, Polled, Queue, why};
@@ -38,7 +39,7 @@ impl Polling {
             .collect();
         let (unit, interval_s, timeout_s) = match device.protocol {
             Protocol::ModbusRtu { unit_id, poll_interval_s, timeout_s } => (unit_id, poll_interval_s, timeout_s),
-            Protocol::Frames | Protocol::Lines => (1, 0.1, 0.2),
+            Protocol::Frames | Protocol::Lines { .. } => (1, 0.1, 0.2),
         };
         let seconds =
             |s: f64| Duration::try_from_secs_f64(s).unwrap_or(Duration::MAX / 4).max(Duration::from_micros(100));
@@ -63,11 +64,11 @@ pub struct Asked {
 /// Asks the slaves of a line in turn until nothing is wanted any more, or the port is gone for good.
 pub fn run(line: SerialLine, asked: Vec<Asked>, again: Option<&Device>) {
     let units: Vec<u8> = asked.iter().map(|asked| asked.polling.unit).collect();
-    let turn = |(asked, line): (Asked, Tap<SerialLine>)| {
+    let turn = |(asked, line): (Asked, Tap<Loopback<SerialLine>>)| {
         let poller = Poller::new(line, asked.polling.unit, asked.polling.timeout);
         Turn { asked, poller, due: Instant::now(), missed: 0 }
     };
-    let mut turns: Vec<Turn> = asked.into_iter().zip(taps(line, &units)).map(turn).collect();
+    let mut turns: Vec<Turn> = asked.into_iter().zip(taps(Loopback::new(line), &units)).map(turn).collect();
     loop {
         let reason = match poll(&mut turns) {
             Ok(()) => return,
@@ -87,14 +88,15 @@ pub fn run(line: SerialLine, asked: Vec<Asked>, again: Option<&Device>) {
         tell(Input::Vanished);
         let Some(line) = first.asked.queue.reopen(reason.clone(), || SerialLine::open(device).ok()) else { return };
         tell(|_| Input::Back);
-        turns = turns.into_iter().zip(taps(line, &units)).map(|(turn, line)| turn.reopened(line)).collect();
+        turns =
+            turns.into_iter().zip(taps(Loopback::new(line), &units)).map(|(turn, line)| turn.reopened(line)).collect();
     }
 }
 
 /// A slave, and when it is its turn.
 struct Turn {
     asked: Asked,
-    poller: Poller<Tap<SerialLine>>,
+    poller: Poller<Tap<Loopback<SerialLine>>>,
     due: Instant,
     /// Polls since it last answered.
     missed: u32,
@@ -134,7 +136,7 @@ impl Turn {
     }
 
     /// The port is back: what was due meanwhile was missed.
-    fn reopened(mut self, line: Tap<SerialLine>) -> Turn {
+    fn reopened(mut self, line: Tap<Loopback<SerialLine>>) -> Turn {
         let missed = self.behind(self.asked.polling.interval);
         let mut poller = self.poller.reopened(line);
         poller.missed(missed);

@@ -53,7 +53,7 @@ impl Sources {
                     let asked: Vec<Asked> = slaves.map(asked).collect();
                     sources.spawn(device, move || polling::run(line, asked, again.as_ref()))?;
                 }
-                Protocol::Frames | Protocol::Lines => {
+                Protocol::Frames | Protocol::Lines { .. } => {
                     let port = open_port(device)?;
                     let queue = sources.queue(&sender, device);
                     sources.spawn(device, move || pump(port, again.as_ref(), &queue))?;

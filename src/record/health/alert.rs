@@ -25,6 +25,13 @@ pub enum SensorFault {
         /// The upper end.
         upper: bool,
     },
+    /// Its device's times do not run as fast as they arrive.
+    WrongTimeUnit {
+        /// What they are taken for.
+        read_as: &'static str,
+        /// What they are likely in.
+        likely: &'static str,
+    },
     /// It does not move at all.
     Flat {
         /// Where it stands, in its unit.
@@ -71,6 +78,7 @@ impl SensorFault {
         match self {
             SensorFault::Silent => "silent",
             SensorFault::Saturated { .. } => "saturated",
+            SensorFault::WrongTimeUnit { .. } => "wrong-time-unit",
             SensorFault::Flat { .. } => "flat",
             SensorFault::Noisy { .. } => "noisy",
         }
@@ -83,6 +91,9 @@ impl SensorFault {
             SensorFault::Saturated { end, upper } => {
                 let which = if *upper { "upper" } else { "lower" };
                 format!("saturated: at the {which} end of its range, {} {unit}", short(*end, 4))
+            }
+            SensorFault::WrongTimeUnit { read_as, likely } => {
+                format!("in a wrong unit of time: its device's times arrive at the pace of {likely}, not {read_as}")
             }
             SensorFault::Flat { at } => {
                 format!("flat: constant at {} {unit} for 3 s", short(*at, 4))
@@ -103,6 +114,18 @@ impl SensorFault {
             SensorFault::Silent => "check its cable, and that its device runs and sends this channel",
             SensorFault::Saturated { .. } => {
                 "check its wiring and supply, or use a larger range (or another 'scale'), before you close the valve"
+            }
+            SensorFault::WrongTimeUnit { likely: "s", .. } => {
+                "set time_unit = \"s\" for its [[device]] in the rig file, and record anew"
+            }
+            SensorFault::WrongTimeUnit { likely: "ms", .. } => {
+                "set time_unit = \"ms\" for its [[device]] in the rig file, and record anew"
+            }
+            SensorFault::WrongTimeUnit { likely: "us", .. } => {
+                "leave out time_unit of its [[device]] in the rig file, and record anew"
+            }
+            SensorFault::WrongTimeUnit { .. } => {
+                "set time_unit = \"ns\" for its [[device]] in the rig file, and record anew"
             }
             SensorFault::Flat { .. } => {
                 "check that it is plugged in and powered, that its tapping is open, and that its channel is the right one"
@@ -139,6 +162,8 @@ pub struct Alert {
     pub to_s: Option<f64>,
     /// Unit of the numbers.
     pub unit: &'static str,
+    /// What to do about it.
+    pub advice: &'static str,
 }
 
 impl Alert {

@@ -6,8 +6,8 @@ use crate::record::clock::device_clock::seconds;
 use crate::record::health::alert::{Alert, SensorFault};
 use crate::record::health::sensor_health::SensorHealth;
 use crate::record::health::snapshot::SensorView;
-use crate::rig::Rig;
 use crate::rig::check::return_time_s;
+use crate::rig::{Rig, TimeUnit};
 
 /// How often the sensors are judged, ns of recorded time; of the wall clock where no time passes.
 const JUDGE_EVERY_NS: i64 = 200_000_000;
@@ -38,6 +38,8 @@ struct Watched {
     /// Its alert, an index into those of the monitor, and when it was last seen, ns.
     now: Option<(usize, i64)>,
     fault: Option<SensorFault>,
+    /// Unit of its device's times as they are read, and what they are likely in.
+    time_unit: Option<(TimeUnit, TimeUnit)>,
 }
 
 /// See the module.
@@ -69,6 +71,7 @@ impl Monitor {
                 pause: Duration::ZERO,
                 now: None,
                 fault: None,
+                time_unit: None,
             });
         }
         Monitor { watched, places, rig: rig.clone(), newest_ns: i64::MIN, judged: (i64::MIN, now), alerts: Vec::new() }
@@ -87,6 +90,18 @@ impl Monitor {
         if let Some(watched) = self.place(sensor) {
             watched.health.gap();
         }
+    }
+
+    /// The times of a sensor's device are read in the first unit, and likely in the second.
+    pub fn likely_unit(&mut self, sensor: usize, units: (TimeUnit, TimeUnit)) {
+        if let Some(watched) = self.place(sensor) {
+            watched.time_unit = Some(units);
+        }
+    }
+
+    /// To be called at the end of a session: what was found since the last look.
+    pub fn last_look(&mut self) {
+        self.judge(Instant::now());
     }
 
     fn place(&mut self, sensor: usize) -> Option<&mut Watched> {
@@ -113,6 +128,8 @@ impl Monitor {
             let Some(sensor) = self.rig.sensors.get(watched.expected.sensor) else { continue };
             let found = if watched.is_silent(moment) {
                 Some(SensorFault::Silent)
+            } else if let Some((read_as, likely)) = watched.time_unit {
+                Some(SensorFault::WrongTimeUnit { read_as: read_as.symbol(), likely: likely.symbol() })
             } else {
                 SensorFault::of(sensor, &watched.health)
             };
@@ -136,7 +153,8 @@ impl Monitor {
                         watched.now = Some((self.alerts.len(), now_ns));
                         let (sensor, unit) = (sensor.name.clone(), sensor.unit.symbol);
                         let (index, from_s) = (watched.expected.sensor, seconds(now_ns));
-                        self.alerts.push(Alert { sensor, index, fault, from_s, to_s: None, unit });
+                        let advice = fault.advice();
+                        self.alerts.push(Alert { sensor, index, fault, from_s, to_s: None, unit, advice });
                     }
                 }
                 (None, None) => watched.fault = None,

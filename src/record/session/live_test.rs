@@ -13,6 +13,7 @@ use crate::record::health::snapshot::{Reports, SensorView, Snapshot};
 pub use crate::record::session::options::{Options, SILENCE_S};
 use crate::record::session::output::{DeviceCount, Summary};
 use crate::record::session::session_log::Live;
+use crate::record::session::stream::line::check_unit;
 use crate::record::session::stream::{self, ON_ITS_WAY, State, Stream, count};
 use crate::recording::Gap;
 use crate::rig::{Device, Protocol, Rig};
@@ -80,6 +81,9 @@ pub fn record(
 ) -> Result<Summary, RecordError> {
     options.check()?;
     let mut streams = streams_of(rig, &sources.devices);
+    if !options.real_time {
+        streams.iter_mut().for_each(|stream| stream.timing.pace = None);
+    }
     let expected = streams.iter().enumerate().flat_map(|(device, stream)| count::expected(stream, device)).collect();
     let mut live = Live::new(rig, options, describe(&sources.devices), expected, sources.host);
     let mut reports = Reports::to(on_report);
@@ -219,6 +223,8 @@ fn finish(
     if !live.has_begun() {
         return Err(streams.first().map_or(RecordError::NotBegun, |stream| count::nothing(stream, ended)));
     }
+    streams.iter().try_for_each(|stream| check_unit(stream, true, &mut live))?;
+    live.output()?.monitor.last_look();
     write_clocks(&mut live, streams)?;
     let all_shots = live.output()?.is_over();
     let by_user = ended == BY_USER;
@@ -319,7 +325,7 @@ fn over(stream: &Stream<'_>, options: &Options) -> Option<String> {
         State::Open if stream.timing.last_message.elapsed() >= options.silence => {
             let what = match stream.device.protocol {
                 Protocol::Frames => "valid frame",
-                Protocol::Lines => "valid line",
+                Protocol::Lines { .. } => "valid line",
                 Protocol::ModbusRtu { .. } => "answer",
             };
             Some(format!("no {what} for {} s", options.silence.as_secs_f64()))
@@ -346,7 +352,7 @@ fn describe(devices: &[Device]) -> String {
     let one = |device: &Device| {
         let protocol = match device.protocol {
             Protocol::Frames => "frames",
-            Protocol::Lines => "lines",
+            Protocol::Lines { .. } => "lines",
             Protocol::ModbusRtu { .. } => "modbus-rtu",
         };
         format!("{protocol} from device '{}' on {}", device.name, device.port)

@@ -21,6 +21,8 @@ pub struct Options {
     pub silence: Duration,
     /// A device whose port has vanished is waited for so long.
     pub wait: Duration,
+    /// The devices send as time goes by; not those that are simulated at another speed.
+    pub real_time: bool,
     /// Free notes to keep with the run.
     pub notes: Vec<(String, String)>,
     /// Record shots around what a trigger sees, each in a file of its own, instead of everything in `file`.
@@ -35,6 +37,7 @@ impl Options {
             duration_s: None,
             silence: Duration::from_secs_f64(SILENCE_S),
             wait: Duration::ZERO,
+            real_time: true,
             notes: Vec::new(),
             shots: None,
         }

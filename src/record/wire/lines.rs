@@ -1,4 +1,5 @@
-//! The `lines` wire protocol: text lines `t_us,v0,v1,…` to rows of values, without any I/O.
+//! The `lines` wire protocol: text lines `t_us,v0,v1,…` to rows of values, without any I/O. The time may be in another unit, and then be a
+//! decimal number; it is good to a microsecond.
 //!
 //! Lines carry neither a check sum nor a number. How many values a line has is what the first two of one width agree on; until then
 //! they are held back. One that does not parse, or has another width, is counted and kept out; a missing one shows in the times only. A
@@ -7,6 +8,7 @@
 use std::collections::VecDeque;
 
 use crate::record::wire::pieces::Pieces;
+use crate::rig::TimeUnit;
 
 /// Longest line taken, bytes.
 pub const MAX_LINE: usize = 4096;
@@ -22,10 +24,9 @@ const RECENT: usize = 64;
 const STEPS: usize = 16;
 /// Steps needed before a jump differs from the device's own rhythm.
 const ENOUGH_STEPS: usize = 3;
-/// Where a counter of 32 bits, as a microcontroller's, begins again, µs: every 71.6 min.
-const WRAP_US: u64 = 1 << 32;
-/// No step across that is longer, µs: beyond, it is rather a time that was damaged before a rhythm was known.
-const MOST_WRAPPED_US: u64 = WRAP_US / 16;
+/// No step across the wrap of a counter is longer than this part of its reach: beyond, it is rather a time that was damaged before a rhythm
+/// was known.
+const MOST_WRAPPED: u64 = 16;
 /// Device times beyond this, µs, would not fit the recording's i64 nanoseconds.
 const MAX_DEVICE_US: u64 = (i64::MAX / 2000) as u64;
 
@@ -72,6 +73,7 @@ pub struct LineCounts {
 /// Incremental decoder: takes bytes in any split, finds the lines.
 #[derive(Debug, Default)]
 pub struct Decoder {
+    unit: TimeUnit,
     pieces: Pieces<b'\n', MAX_LINE>,
     width: Option<usize>,
     /// The first lines, until enough of them agree.
@@ -98,9 +100,14 @@ pub struct Decoder {
 }
 
 impl Decoder {
-    /// A decoder at the start of a stream.
+    /// A decoder at the start of a stream of times in µs.
     pub fn new() -> Decoder {
         Decoder::default()
+    }
+
+    /// A decoder at the start of a stream of times in a unit.
+    pub fn of(unit: TimeUnit) -> Decoder {
+        Decoder { unit, ..Decoder::default() }
     }
 
     /// What was seen so far.
@@ -115,7 +122,7 @@ impl Decoder {
             match piece.bytes {
                 // A first line could be the rest of one and parse all the same: it is never taken.
                 Some(text) if piece.maybe_rest || is_comment(text) => {}
-                Some(text) => match parse(text) {
+                Some(text) => match parse(text, self.unit) {
                     Some((time_us, values)) => self.line(time_us, values, began_ns, events),
                     None => self.bad(),
                 },
@@ -179,8 +186,9 @@ impl Decoder {
     /// are lost there: after more it is rather a device that restarted.
     fn unwrapped(&mut self, time_us: u64) -> u64 {
         let time_us = time_us + self.wrapped_us;
-        let next_us = time_us + WRAP_US;
-        let most_us = MOST_WRAPPED_US.min(STEPS as u64 * self.longest_us());
+        let wrap_us = wrap_us(self.unit);
+        let next_us = time_us + wrap_us;
+        let most_us = (wrap_us / MOST_WRAPPED).min(STEPS as u64 * self.longest_us());
         let last_us = self.doubtful.as_ref().map(|line| line.time_us).or(self.last_us);
         let goes_on = |last_us| time_us < last_us && (last_us + 1..=last_us + most_us).contains(&next_us);
         if self.steps.len() < ENOUGH_STEPS || !last_us.is_some_and(goes_on) {
@@ -265,7 +273,7 @@ impl Decoder {
             }
         }
         if self.wrapping_us.is_some_and(|from_us| line.time_us >= from_us) {
-            self.wrapped_us += WRAP_US;
+            self.wrapped_us += wrap_us(self.unit);
             self.wrapping_us = None;
         }
         self.last_us = Some(line.time_us);
@@ -329,10 +337,30 @@ fn is_comment(line: &[u8]) -> bool {
     text.is_empty() || text.starts_with(b"#")
 }
 
-fn parse(line: &[u8]) -> Option<(u64, Vec<Option<f64>>)> {
+/// Where a counter of 32 bits, as a microcontroller's, begins again, µs: every 71.6 min, or every 49.7 days of milliseconds. What counts seconds or
+/// nanoseconds has more bits.
+fn wrap_us(unit: TimeUnit) -> u64 {
+    match unit {
+        TimeUnit::Microseconds => 1 << 32,
+        TimeUnit::Milliseconds => 1000 << 32,
+        TimeUnit::Seconds | TimeUnit::Nanoseconds => 1 << 62,
+    }
+}
+
+/// Device time, µs.
+fn time_us(cell: &str, unit: TimeUnit) -> Option<u64> {
+    if unit == TimeUnit::Microseconds {
+        return cell.parse().ok();
+    }
+    let is_decimal = !cell.is_empty() && cell.bytes().all(|b| b.is_ascii_digit() || b == b'.');
+    let time: f64 = cell.parse().ok().filter(|_| is_decimal)?;
+    Some((time * unit.seconds() / TimeUnit::Microseconds.seconds()).round() as u64)
+}
+
+fn parse(line: &[u8], unit: TimeUnit) -> Option<(u64, Vec<Option<f64>>)> {
     let text = std::str::from_utf8(line).ok()?;
     let mut cells = text.split(',').map(str::trim);
-    let time_us = cells.next()?.parse().ok().filter(|time| *time <= MAX_DEVICE_US)?;
+    let time_us = time_us(cells.next()?, unit).filter(|time| *time <= MAX_DEVICE_US)?;
     // Words such as inf and nan parse: one sensor has no value then, and the others have theirs.
     let number = |cell: &str| cell.parse().ok().map(|value: f64| Some(value).filter(|value| value.is_finite()));
     let values: Vec<Option<f64>> = cells.map(number).collect::<Option<_>>()?;

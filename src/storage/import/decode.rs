@@ -4,8 +4,10 @@ use std::path::Path;
 
 use crate::storage::disk;
 use crate::storage::error::LogError;
-use crate::storage::import::arrays::{hdf5, mat, text_of_arrays};
+use crate::storage::import::arrays::table::tables_of_arrays;
+use crate::storage::import::arrays::{hdf5, mat};
 use crate::storage::import::source::{SourceFile, SourceOptions};
+use crate::storage::import::tables::{self, Tables};
 use crate::storage::import::{csv, mcap, sheet, tdms};
 use crate::storage::read::check_start;
 
@@ -28,29 +30,25 @@ pub fn decode_source(bytes: &[u8], path: &Path, options: &SourceOptions) -> Resu
     if bytes.starts_with(::mcap::MAGIC) {
         mcap::read(bytes, path, options)
     } else if bytes.starts_with(b"TDSm") {
-        tdms::read(bytes).map_err(|why| LogError::SourceFile { path: path.into(), why })
+        tdms::read(bytes, options).map_err(|why| LogError::SourceFile { path: path.into(), why })
     } else if bytes.starts_with(b"TDSh") {
         let why = "this is the index of a TDMS file: name the .tdms file beside it".into();
         Err(LogError::SourceFile { path: path.into(), why })
-    } else if let Some(text) = text_of_table(bytes) {
-        let text = text.map_err(|why| LogError::SourceFile { path: path.into(), why })?;
-        csv::read(text.as_bytes(), options).map_err(|(line, problem)| LogError::Csv {
-            path: path.into(),
-            line,
-            problem,
-        })
+    } else if let Some(found) = tables_of(bytes) {
+        let found = found.map_err(|why| LogError::SourceFile { path: path.into(), why })?;
+        tables::read(found, path, options)
     } else {
         csv::read(bytes, options).map_err(|(line, problem)| LogError::Csv { path: path.into(), line, problem })
     }
 }
 
-/// The table of a file that holds one, but not in text.
-fn text_of_table(bytes: &[u8]) -> Option<Result<String, String>> {
-    let arrays = match bytes {
-        _ if sheet::is_workbook(bytes) => return Some(sheet::text_of_sheet(bytes)),
+/// The tables of a file that holds some, but not in text.
+fn tables_of(bytes: &[u8]) -> Option<Result<Tables, String>> {
+    let contents = match bytes {
+        _ if sheet::is_workbook(bytes) => return Some(sheet::tables_of_book(bytes)),
         _ if mat::is_mat(bytes) => mat::read(bytes),
         _ if hdf5::is_hdf5(bytes) => hdf5::read(bytes),
         _ => return None,
     };
-    Some(arrays.and_then(|arrays| text_of_arrays(&arrays)))
+    Some(contents.and_then(tables_of_arrays))
 }

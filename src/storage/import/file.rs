@@ -127,6 +127,10 @@ pub fn import_file(
             }
             require_sensors(&[&recording], rig, &without)?;
         }
+        if let Some(guess) = repairs.iter().find(|repair| repair.guessed && !source.guess) {
+            let why = format!("the file does not say that {}", guess.text);
+            return Err(LogError::SourceFile { path: path.into(), why });
+        }
         Ok((recording, columns))
     });
     match (read, refused) {

@@ -9,6 +9,7 @@
 //! | `mcap/` | MCAP of other programs: JSON and protobuf messages |
 //! | `arrays/` | MAT files and HDF5, by way of text |
 //! | `sheet` | workbooks of Excel and LibreOffice, by way of text |
+//! | `tables` | the tables of such files: texts become one source |
 //! | `kinds` | what a column measures, by its name and unit |
 //! | `gaps` | gaps of a track where its file says that there is no number |
 //! | `decode` | picks the reader |
@@ -29,6 +30,7 @@ pub(crate) mod long;
 pub(crate) mod mcap;
 pub(crate) mod sheet;
 pub(crate) mod source;
+pub(crate) mod tables;
 pub(crate) mod tdms;
 pub(crate) mod understood;
 pub(crate) mod unit_warnings;
@@ -36,6 +38,7 @@ pub(crate) mod unit_warnings;
 pub use crate::storage::import::bind::{bind, check_names, require_sensors};
 pub use crate::storage::import::csv::heading::{time_symbol, time_unit};
 pub use crate::storage::import::csv::stamp::zone_seconds;
+pub use crate::storage::import::csv::text::encoding_named;
 pub use crate::storage::import::decode::{decode_source, read_source};
 pub use crate::storage::import::file::{Imported, import_file};
 pub use crate::storage::import::kinds::{is_electric, is_nameless, kind_of, kind_of_name};

@@ -1,10 +1,14 @@
-//! Sheets of Excel and LibreOffice: the first one with a table becomes a table in text.
+//! Workbooks of Excel and LibreOffice: the fullest table becomes one in text, over as many sheets as it takes.
 
 use std::io::{self, Cursor, Read as _};
 
-use calamine::{Data, Reader as _, Sheets, open_workbook_auto_from_rs};
-use chrono::{NaiveDate, NaiveTime, TimeDelta};
+use calamine::{Data, Range, Reader as _, Sheets, open_workbook_auto_from_rs};
+use chrono::{NaiveDate, NaiveDateTime, NaiveTime, TimeDelta};
 use zip::ZipArchive;
+
+use crate::storage::import::source::Repair;
+use crate::storage::import::tables::Tables;
+use crate::storage::nearest::listed;
 
 /// A workbook may unpack to so many times its size, and a small one to at least, and any to at most, so many bytes: what is in it takes as much
 /// memory again.
@@ -19,27 +23,140 @@ pub(crate) fn is_workbook(bytes: &[u8]) -> bool {
     bytes.starts_with(b"PK\x03\x04") || bytes.starts_with(b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1")
 }
 
-/// The fullest sheet as text, its columns separated by tabs.
+/// The fullest table of a workbook as text, with the sheets that go on with it; other sheets with a table are left out.
 ///
 /// # Errors
 /// A file that is no workbook, or holds no table.
-pub(crate) fn text_of_sheet(bytes: &[u8]) -> Result<String, String> {
+pub(crate) fn tables_of_book(bytes: &[u8]) -> Result<Tables, String> {
     check_unpacked(bytes)?;
     let mut book = open_workbook_auto_from_rs(Cursor::new(bytes))
         .map_err(|e| format!("it is no workbook of Excel or LibreOffice that can be read ({e}); save it as CSV"))?;
     check_spans(&mut book)?;
-    let sheets = book.worksheets();
-    let fullest = sheets.iter().max_by_key(|(_, range)| range.used_cells().count()).filter(|(_, r)| !r.is_empty());
-    let (_, range) = fullest.ok_or("the workbook has no table in it")?;
-    let all = || range.rows().skip(1);
-    let clocks: Vec<Clock> = (0..range.width()).map(|column| Clock::of(all().filter_map(|r| r.get(column)))).collect();
-    let mut text = String::new();
-    for row in range.rows() {
-        let cells: Vec<String> = row.iter().zip(&clocks).map(|(data, clock)| cell(data, *clock)).collect();
-        text += &cells.join("\t");
-        text.push('\n');
+    let since_1904 = match &book {
+        Sheets::Xls(book) => book.has_1904_epoch(),
+        Sheets::Xlsx(book) => book.has_1904_epoch(),
+        Sheets::Xlsb(book) => book.has_1904_epoch(),
+        Sheets::Ods(_) => false,
+    };
+    let sheets: Vec<Sheet> = book.worksheets().into_iter().map(|(name, range)| Sheet::new(name, range)).collect();
+    let mut tables: Vec<Vec<&Sheet>> = Vec::new();
+    for sheet in sheets.iter().filter(|sheet| !sheet.range.is_empty()) {
+        match tables.iter_mut().find(|table| table.last().is_some_and(|last| last.goes_on_in(sheet))) {
+            Some(table) => table.push(sheet),
+            None => tables.push(vec![sheet]),
+        }
     }
-    Ok(text)
+    let cells = |table: &[&Sheet]| table.iter().map(|sheet| sheet.range.used_cells().count()).sum::<usize>();
+    // the first of equals
+    let fullest =
+        (0..tables.len()).rev().max_by_key(|&i| cells(&tables[i])).ok_or("the workbook has no table in it")?;
+    let table = tables.swap_remove(fullest);
+    let mut repairs = Vec::new();
+    if let [first, others @ ..] = &table[..]
+        && !others.is_empty()
+    {
+        let names: Vec<String> = others.iter().map(|sheet| format!("'{}'", sheet.name)).collect();
+        let text = format!("the table of sheet '{}' goes on in {}: joined", first.name, listed(&names));
+        repairs.push(Repair::new("sheets", table.len(), None, text));
+    }
+    if since_1904 {
+        repairs.push(Repair::new("date-system", 1, None, "the workbook counts its days from 1904"));
+    }
+    let others = tables.iter().flatten().filter(|sheet| sheet.is_table());
+    let left_out = others.map(|sheet| (sheet.name.clone(), "a sheet with another table: save it as CSV".into()));
+    let left_out = left_out.collect();
+    Ok(Tables { texts: vec![(table[0].name.clone(), text_of(&table, since_1904))], repairs, left_out })
+}
+
+/// Sheets one below the other as text, the headings once.
+fn text_of(table: &[&Sheet], since_1904: bool) -> String {
+    let width = table.iter().map(|sheet| sheet.range.width()).max().unwrap_or_default();
+    let samples = || table.iter().flat_map(|sheet| sheet.range.rows().skip(sheet.first));
+    let clocks: Vec<Clock> = (0..width).map(|column| Clock::of(samples().filter_map(|r| r.get(column)))).collect();
+    let mut text = String::new();
+    for (i, sheet) in table.iter().enumerate() {
+        for row in sheet.range.rows().skip(if i == 0 { 0 } else { sheet.first }) {
+            let cells: Vec<String> =
+                row.iter().zip(&clocks).map(|(data, clock)| cell(data, *clock, since_1904)).collect();
+            text += &cells.join("\t");
+            text.push('\n');
+        }
+    }
+    text
+}
+
+/// Rows of numbers from which on a sheet is taken for a table: settings have fewer, or one number a row.
+const LEAST_ROWS: usize = 10;
+
+struct Sheet {
+    name: String,
+    range: Range<Data>,
+    /// The first row of numbers, from 0.
+    first: usize,
+}
+
+impl Sheet {
+    fn new(name: String, range: Range<Data>) -> Sheet {
+        let first = range.rows().position(is_sample).unwrap_or(range.height());
+        Sheet { name, range, first }
+    }
+
+    /// Whether numbers stand in it side by side, row after row.
+    fn is_table(&self) -> bool {
+        self.range.rows().filter(|row| is_sample(row)).count() >= LEAST_ROWS
+    }
+
+    /// Whether the other one holds the rows that come next: the same columns under the same headings or none, and one that rises goes on.
+    fn goes_on_in(&self, next: &Sheet) -> bool {
+        let headed = |sheet: &Sheet, above: usize| {
+            let at = sheet.first.checked_sub(above)?;
+            // a title fills one cell
+            let row = sheet.range.rows().nth(at).filter(|row| 2 * filled(row) > row.len())?;
+            Some(row.to_vec())
+        };
+        let alike = |above: usize| headed(next, above).is_none_or(|own| headed(self, above) == Some(own));
+        let rising = |sheet: &Sheet, column: usize| {
+            let of = |row: &[Data]| row.get(column).map(|data| rank(data).ok_or(()));
+            let ranks: Result<Vec<f64>, ()> = sheet.range.rows().skip(sheet.first).filter_map(of).collect();
+            let ranks = ranks.ok().filter(|r| r.len() > 1 && r.windows(2).all(|w| w[1] > w[0]))?;
+            Some((ranks[0], ranks[ranks.len() - 1]))
+        };
+        let goes_on = |column: usize| {
+            let ends = rising(self, column).zip(rising(next, column));
+            ends.is_some_and(|((_, last), (first, _))| first > last)
+        };
+        self.range.width() == next.range.width() && alike(1) && alike(2) && (0..self.range.width()).any(goes_on)
+    }
+}
+
+fn filled(row: &[Data]) -> usize {
+    row.iter().filter(|data| **data != Data::Empty).count()
+}
+
+/// Whether most of the cells of a row that hold something are numbers or times, two at least.
+fn is_sample(row: &[Data]) -> bool {
+    let numbers = row.iter().filter(|data| rank(data).is_some()).count();
+    numbers > 1 && 2 * numbers > filled(row)
+}
+
+/// A number or a time as a number that rises with it.
+fn rank(data: &Data) -> Option<f64> {
+    match data {
+        Data::Float(v) => Some(*v),
+        Data::Int(v) => Some(*v as f64),
+        Data::DateTime(v) => Some(v.as_f64()),
+        Data::DateTimeIso(v) => {
+            let at: NaiveDateTime =
+                v.parse().ok().or_else(|| Some(v.parse::<NaiveDate>().ok()?.and_time(NaiveTime::MIN)))?;
+            Some(at.and_utc().timestamp_micros() as f64 * 1e-6)
+        }
+        Data::DurationIso(v) => {
+            let since = time_of_day(v)?.parse::<NaiveTime>().ok()?.signed_duration_since(NaiveTime::MIN);
+            Some(since.num_microseconds()? as f64 * 1e-6)
+        }
+        Data::String(v) => v.trim().replace(',', ".").parse().ok(),
+        Data::Bool(_) | Data::Error(_) | Data::Empty => None,
+    }
 }
 
 /// Refuses an archive that unpacks to far more than it looks like: unpacks it once and keeps nothing.
@@ -89,7 +206,7 @@ fn check_spans(book: &mut Sheets<Cursor<&[u8]>>) -> Result<(), String> {
     Ok(())
 }
 
-/// What the date-times of a column say: a workbook holds all as days since 1900.
+/// What the date-times of a column say: a workbook holds all as days since 1900 or 1904.
 #[derive(Clone, Copy, PartialEq)]
 enum Clock {
     Dates,
@@ -108,9 +225,11 @@ impl Clock {
         }
     }
 
-    /// Days since 1900 as text; a workbook's times are good to a microsecond.
-    fn text(self, days: f64) -> Option<String> {
-        let since = NaiveDate::from_ymd_opt(1899, 12, 30)?.and_time(NaiveTime::MIN);
+    /// Days as text; a workbook's times are good to a microsecond.
+    fn text(self, days: f64, since_1904: bool) -> Option<String> {
+        let since =
+            if since_1904 { NaiveDate::from_ymd_opt(1904, 1, 1) } else { NaiveDate::from_ymd_opt(1899, 12, 30) };
+        let since = since?.and_time(NaiveTime::MIN);
         let at = since.checked_add_signed(TimeDelta::microseconds((days * 86_400e6).round() as i64))?;
         let form = match self {
             Clock::Dates => "%Y-%m-%d",
@@ -122,11 +241,11 @@ impl Clock {
 }
 
 /// A cell as text.
-fn cell(data: &Data, clock: Clock) -> String {
+fn cell(data: &Data, clock: Clock, since_1904: bool) -> String {
     match data {
         Data::Float(v) => v.to_string(),
         Data::Int(v) => v.to_string(),
-        Data::DateTime(v) => clock.text(v.as_f64()).unwrap_or_else(|| v.as_f64().to_string()),
+        Data::DateTime(v) => clock.text(v.as_f64(), since_1904).unwrap_or_else(|| v.as_f64().to_string()),
         Data::DateTimeIso(v) => v.clone(),
         Data::DurationIso(v) => time_of_day(v).unwrap_or_else(|| v.clone()),
         Data::String(v) => v.replace(['\t', '\n', '\r', '"'], " ").trim().to_owned(),
@@ -173,14 +292,14 @@ mod tests {
     #[test]
     fn a_small_file_does_not_fill_the_memory() {
         let first = "<row r=\"1\"><c r=\"A1\"><v>1</v></c><c r=\"B1\"><v>2.5</v></c></row>";
-        assert_eq!(text_of_sheet(&workbook(&[first])).unwrap(), "1\t2.5\n");
+        assert_eq!(tables_of_book(&workbook(&[first])).unwrap().texts[0].1, "1\t2.5\n");
         let far = "<row r=\"1048576\"><c r=\"XFD1048576\"><v>1</v></c></row>";
-        let why = text_of_sheet(&workbook(&[first, far])).unwrap_err();
+        let why = tables_of_book(&workbook(&[first, far])).unwrap_err();
         assert!(why.contains("row 1048576 and column 16384"), "{why}");
         let blanks = " ".repeat(1 << 20);
         let bomb = workbook(&vec![&blanks[..]; 80]);
         assert!(bomb.len() < 400_000, "{}", bomb.len());
-        let why = text_of_sheet(&bomb).unwrap_err();
+        let why = tables_of_book(&bomb).unwrap_err();
         assert!(why.contains("unpacks to more than 64 MB"), "{why}");
     }
 }

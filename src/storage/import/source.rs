@@ -3,6 +3,7 @@
 use std::fmt;
 use std::str::FromStr;
 
+use encoding_rs::Encoding;
 use serde::Serialize;
 
 use crate::recording::Series;
@@ -23,7 +24,7 @@ pub struct SourceFile {
     pub repairs: Vec<Repair>,
     /// Tracks that no sensor wants are left out silently (a table's columns are not: one may be misspelt).
     pub spare_tracks: bool,
-    /// Columns that are no tracks: times, counters, words.
+    /// Names of what it holds besides and is no track: times, counters, words, arrays without times.
     pub others: Vec<String>,
 }
 
@@ -137,6 +138,8 @@ pub struct SourceOptions {
     pub scales: Vec<(String, Line)>,
     /// The flow before the closure, measured by hand (a bucket and a clock), in its unit.
     pub flow: Option<(f64, Unit)>,
+    /// What its text is encoded in.
+    pub encoding: Option<&'static Encoding>,
     /// What the file does not say is guessed.
     pub guess: bool,
     /// Sensors that another file of the record holds: no column is guessed to be one of them.
@@ -157,7 +160,11 @@ impl SourceOptions {
 
     /// Nothing is given that a plain time series does not need.
     pub(crate) fn is_plain(&self) -> bool {
-        self.map.is_empty() && self.ignore.is_empty() && self.scales.is_empty() && self.flow.is_none()
+        self.map.is_empty()
+            && self.ignore.is_empty()
+            && self.scales.is_empty()
+            && self.flow.is_none()
+            && self.encoding.is_none()
     }
 }
 

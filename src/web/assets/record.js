@@ -103,7 +103,7 @@ export function live(told) {
   if (box.hidden) { box.hidden = false; room(); }
   at("live-line").textContent = `${told.file ? `${told.file}: ` : ""}${digits(told.recorded_s ?? 0, 4)} s, ${told.samples} samples, ${told.samples_per_s > 0 ? `${Math.round(told.samples_per_s)} a second, ` : ""}${told.gaps === 1 ? "1 gap" : `${told.gaps} gaps`}`;
   const trigger = told.trigger;
-  at("live-trigger").textContent = [trigger && `trigger ${trigger.condition}: ${trigger.phase}, ${trigger.fired === 1 ? "1 shot" : `${trigger.fired} shots`}`, ...told.devices.map((d) => d.trouble)].filter(Boolean).join("; ");
+  at("live-trigger").textContent = [trigger && `trigger ${trigger.condition}: ${trigger.phase}, ${trigger.fired === 1 ? "1 shot" : `${trigger.fired} shots`}`, ...told.devices.map((d) => d.trouble), ...told.sensors.map((s) => s.says && `${s.name} ${s.says}`)].filter(Boolean).join("; ");
   for (const sensor of told.sensors) {
     const own = strips.get(sensor.name);
     own.level.textContent = sensor.level === null ? "–" : `${digits(sensor.level, 4)} ${unitOf(sensor)}`;

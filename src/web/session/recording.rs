@@ -279,6 +279,7 @@ fn live(snapshot: &Snapshot) -> Value {
             json!({
                 "name": s.name, "unit": s.unit, "samples": s.samples, "rate_hz": s.rate_hz, "level": s.level,
                 "gaps": s.gaps, "trace": rounded(&s.trace), "fault": s.fault,
+                "says": s.fault.map(|fault| format!("{}; {}", fault.seen(s.unit), fault.advice())),
             })
         })
         .collect();

@@ -175,8 +175,32 @@ fn a_workbook_is_read() {
     let (document, _) = bench.import(3, &["two.xlsx", "--yes"]);
     assert!(mended(&document, "time-column")["text"].as_str().unwrap().contains("their dates in 'Date'"));
     sixty_samples(&bench);
+    // Days since 1904.
+    bench.put("mac.xlsx", std::fs::read("tests/fixtures/openpyxl-1904.xlsx").unwrap());
+    let (document, _) = bench.import(0, &["mac.xlsx", "--yes"]);
+    assert_eq!(mended(&document, "date-system")["guessed"], false);
+    sixty_samples(&bench);
     bench.put("broken.xlsx", b"PK\x03\x04 and nothing else");
     bench.refuses(&["broken.xlsx"], &["no workbook", "save it as CSV"]);
+}
+
+/// A table goes on in the next sheet, with its headings or without; another table is named, and settings are none.
+#[test]
+fn a_table_over_several_sheets_is_one() {
+    let bench = bench();
+    bench.put("sheets.xlsx", std::fs::read("tests/fixtures/openpyxl-sheets.xlsx").unwrap());
+    let (document, _) = bench.import(3, &["sheets.xlsx", "--yes"]);
+    assert_eq!(mended(&document, "sheets")["count"], 3);
+    let not_read = mended(&document, "not-read");
+    assert!(not_read["count"] == 1 && not_read["text"].as_str().unwrap().contains("'second run'"), "{not_read}");
+    let p1 = &bench.recording().series[0];
+    assert_eq!((p1.value.len(), p1.gaps.len()), (60, 0));
+    assert!(
+        (0..60)
+            .all(|i| (p1.time_s[i] - 0.005 * i as f64).abs() < 1e-9
+                && (p1.value[i] - 1.5 - 0.01 * i as f64).abs() < 1e-9)
+    );
+    bench.import(0, &["sheets.xlsx", "--yes", "--ignore", "second run"]);
 }
 
 /// 60 samples at 200 Hz from 2026-03-14T09:26:53 on.
@@ -268,20 +292,62 @@ fn absolute_pressures_need_an_agreement() {
 /// Written by SciPy and h5py (tools/arrays_fixture.py).
 #[test]
 fn files_of_arrays_are_tables() {
-    for (name, options) in [
-        ("scipy.mat", &["--scale", "P2=1e-6*x"][..]),
-        ("h5py.h5", &[]),
-        ("h5py-v73.mat", &["--map", "data 2=P1", "--map", "data 3=P2"]),
+    for (name, options, besides) in [
+        ("scipy.mat", &["--scale", "P2=1e-6*x"][..], Some("zero")),
+        ("h5py.h5", &[], Some("calibration")),
+        ("h5py-v73.mat", &["--map", "data 2=P1", "--map", "data 3=P2"], None),
+        (
+            "scipy-scope.mat",
+            &["--map", "A=P1", "--map", "B=P2", "--scale", "P1=bar", "--scale", "P2=bar"],
+            Some("Version"),
+        ),
     ] {
         let bench = bench();
         let bytes = std::fs::read(format!("tests/fixtures/{name}")).unwrap();
         bench.put(name, &bytes);
-        bench.import(0, &[&[name, "--yes"], options].concat());
+        let (document, _) = bench.import(besides.map_or(0, |_| 3), &[&[name, "--yes"], options].concat());
+        // what is not read is named, and is no loss where it is said to be none
+        if let Some(besides) = besides {
+            assert!(mended(&document, "not-read")["text"].as_str().unwrap().contains(&format!("'{besides}'")));
+            bench.import(0, &[&[name, "--yes", "--ignore", besides], options].concat());
+        }
         holds_the_table(&bench, 1e-5);
         // Cut off anywhere, it is refused or read as far as it goes.
         for length in (0..bytes.len()).step_by(37) {
             let read = decode_source(&bytes[..length], Path::new(name), &SourceOptions::default());
             assert!(read.is_err() || length > bytes.len() / 2, "{name} cut at {length}");
+        }
+    }
+}
+
+/// Written by SciPy and h5py: the second pressure has a clock of its own.
+#[test]
+fn arrays_go_by_their_own_times() {
+    for (name, options, lost) in [
+        ("scipy-clocks.mat", &[][..], &["tank", "names", "cells{1}", "spectrum"][..]),
+        ("h5py-groups.h5", &[], &["camera", "remarks"]),
+        ("h5py-table.h5", &["--scale", "P1=bar"], &["table/state"]),
+    ] {
+        let bench = bench();
+        bench.put(name, std::fs::read(format!("tests/fixtures/{name}")).unwrap());
+        let (document, said) = bench.import(3, &[&[name, "--yes"], options].concat());
+        let not_read = mended(&document, "not-read");
+        assert_eq!(not_read["count"], lost.len(), "{said}");
+        lost.iter()
+            .for_each(|what| assert!(not_read["text"].as_str().unwrap().contains(&format!("'{what}'")), "{said}"));
+        let recording = bench.recording();
+        let [p1, p2] = &recording.series[..] else { panic!() };
+        assert_eq!((p1.value.len(), p2.value.len()), (200, 100), "{name}");
+        for i in 0..100 {
+            let at = i as f64;
+            assert!(
+                (p1.time_s[i] - 1e-3 * at).abs() < 1e-9 && (p1.value[i] - 2.0 - (0.05 * at).sin()).abs() < 1e-6,
+                "{name}"
+            );
+            assert!(
+                (p2.time_s[i] - 2e-3 * at).abs() < 1e-9 && (p2.value[i] - 1.5 - (0.1 * at).cos()).abs() < 1e-6,
+                "{name}"
+            );
         }
     }
 }

@@ -304,3 +304,62 @@ fn a_clock_that_is_set_while_it_logs_is_refused_in_words() {
     let twice = ["other.mcap", "--map", "/daq.p=P1", "--map", "/daq.p=P2"];
     bench.refuses(&twice, &["--map assigns '/daq.p' to two sensors"]);
 }
+
+/// Packed with lz4 by Python's library (tools/mcap_fixture.py).
+#[test]
+fn chunks_in_lz4_are_read() {
+    let bench = Bench::new(&[("P1", "pressure", "bar", ""), ("P2", "pressure", "bar", "position_m = 60.0")]);
+    bench.put("lz4.mcap", fs::read("tests/fixtures/mcap-lz4.mcap").unwrap());
+    bench.import(0, &["lz4.mcap", "--map", "/daq.p1_bar=P1", "--map", "/daq.p2_bar=P2"]);
+    let recording = bench.recording();
+    assert_eq!(recording.run.start_unix_ns, 1_773_480_413_250_000_000);
+    let [p1, p2] = &recording.series[..] else { panic!() };
+    assert_eq!((p1.value.len(), p1.time_s[99], p2.value[99]), (100, 0.99, 1.5));
+    assert!((p1.value[99] - 2.99).abs() < 1e-12);
+}
+
+/// Any tool may have packed a recording anew.
+#[test]
+fn our_own_recording_packed_anew_is_read() {
+    let whole = fs::read("recordings/hdpe-creep.mcap").unwrap();
+    let right = surgescope::storage::decode(&whole, "whole.mcap".as_ref()).unwrap();
+    let packed = repacked(&whole);
+    assert!(packed.windows(4).any(|w| w == [0x04, 0x22, 0x4d, 0x18]), "no frame of lz4 in it");
+    let read = surgescope::storage::decode(&packed, "lz4.mcap".as_ref()).unwrap();
+    assert_eq!((&read.series, &read.rig.source), (&right.series, &right.rig.source));
+}
+
+/// The same records in chunks of lz4.
+fn repacked(whole: &[u8]) -> Vec<u8> {
+    use mcap::records::Record;
+    let options = mcap::WriteOptions::new().compression(Some(mcap::Compression::Lz4));
+    let mut file = std::io::Cursor::new(Vec::new());
+    let mut writer = mcap::Writer::with_options(&mut file, options).unwrap();
+    let (mut schemas, mut channels) = (BTreeMap::from([(0, 0)]), BTreeMap::new());
+    for record in mcap::read::ChunkFlattener::new(whole).unwrap() {
+        match record.unwrap() {
+            Record::Schema { header, data } => {
+                let id = writer.add_schema(&header.name, &header.encoding, &data).unwrap();
+                schemas.insert(header.id, id);
+            }
+            Record::Channel(c) => {
+                let id = writer.add_channel(schemas[&c.schema_id], &c.topic, &c.message_encoding, &c.metadata).unwrap();
+                channels.insert(c.id, id);
+            }
+            Record::Message { header, data } => {
+                let header = MessageHeader { channel_id: channels[&header.channel_id], ..header };
+                writer.write_to_known_channel(&header, &data).unwrap();
+            }
+            Record::Attachment { header, data, .. } => {
+                let (log_time, create_time) = (header.log_time, header.create_time);
+                let (name, media_type) = (header.name, header.media_type);
+                writer.attach(&mcap::Attachment { log_time, create_time, name, media_type, data }).unwrap();
+            }
+            Record::Metadata(metadata) => writer.write_metadata(&metadata).unwrap(),
+            _ => {}
+        }
+    }
+    writer.finish().unwrap();
+    drop(writer);
+    file.into_inner()
+}

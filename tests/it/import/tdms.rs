@@ -123,3 +123,42 @@ fn what_is_no_number_and_what_lies_between_stretches_is_a_gap() {
         assert!((p1.time_s[8] - p1.time_s[0] - last_s).abs() < 1e-9, "{group} {:?}", p1.time_s);
     }
 }
+
+#[test]
+fn a_rate_counts_where_the_file_states_no_times() {
+    let bench = Bench::new(&[("P1", "pressure", "kPa", "")]);
+    bench.put("run.tdms", fs::read(here("tests/fixtures/nptdms-rates.tdms")).unwrap());
+    let last_s = |bench: &Bench| bench.recording().series[0].time_s[99];
+    let of = |group: &str| format!("/'{group}'/'P1'=P1");
+    // what has no times is named, with the option that gives them, and lost
+    let (document, _) = bench.import(3, &["run.tdms", "--yes", "--map", &of("B")]);
+    assert!((last_s(&bench) - 99.0 / 500.0).abs() < 1e-12, "the stated rate");
+    let not_read = mended(&document, "not-read")["text"].as_str().unwrap();
+    assert!(
+        ["/'A'/'P1' (100 numbers without times)", "/'D'/'Remark'", "--rate"].iter().all(|w| not_read.contains(w)),
+        "{not_read}"
+    );
+    bench.import(0, &["run.tdms", "--yes", "--map", &of("B"), "--ignore", "/'A'/'P1'"]);
+    // the rate of the user counts there, and only there
+    bench.import(0, &["run.tdms", "--yes", "--map", &of("A"), "--rate", "50"]);
+    assert!((last_s(&bench) - 99.0 / 50.0).abs() < 1e-12);
+    bench.import(0, &["run.tdms", "--yes", "--map", &of("B"), "--rate", "50"]);
+    assert!((last_s(&bench) - 99.0 / 500.0).abs() < 1e-12);
+    // several times in one group
+    bench.refuses(&["run.tdms", "--map", &of("C")], &["the times of /'C'/'P1' are /'C'/'Time 1'", "--yes"]);
+    for (channel, last) in [("P1", 0.099), ("P2", 0.396)] {
+        bench.import(3, &["run.tdms", "--yes", "--map", &format!("/'C'/'{channel}'=P1")]);
+        assert!((last_s(&bench) - last).abs() < 1e-12, "{channel}");
+    }
+    let alone = fs::read(here("tools/fuzz/corpus/tdms/little-contiguous.tdms")).unwrap();
+    let mut without = alone.clone();
+    let mut from = 0;
+    while let Some(at) = without[from..].windows(12).position(|w| w == b"wf_increment") {
+        without[from + at..from + at + 12].copy_from_slice(b"no_increment");
+        from += at + 12;
+    }
+    bench.put("none.tdms", &without);
+    bench.refuses(&["none.tdms", "--yes"], &["neither wf_increment nor a time channel", "--rate"]);
+    bench.import(0, &["none.tdms", "--yes", "--rate", "10", "--map", "P2=P1"]);
+    assert_eq!(bench.recording().series[0].time_s[1], 0.1);
+}

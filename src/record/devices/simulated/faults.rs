@@ -24,6 +24,8 @@ pub struct Faults {
     pub reset: f64,
     /// A Modbus answer comes about when its time-out ends.
     pub late: f64,
+    /// The line sends back what is sent on it, as a two-wire adapter does; of slaves that are asked.
+    pub echo: bool,
     /// How much faster than this computer's the device's clock runs, millionths.
     pub drift_ppm: f64,
     /// Seed of the dice.
@@ -87,6 +89,10 @@ impl FromStr for Faults {
                 "stall" => &mut faults.stall,
                 "reset" => &mut faults.reset,
                 "late" => &mut faults.late,
+                "echo" => {
+                    faults.echo = value.parse().map_err(|_| format!("'{part}': write echo=true or echo=false"))?;
+                    continue;
+                }
                 "drift_ppm" => {
                     let drift = value.parse().ok().filter(|drift: &f64| drift.abs() <= 1e5);
                     faults.drift_ppm =
@@ -98,7 +104,7 @@ impl FromStr for Faults {
                     continue;
                 }
                 _ => {
-                    let known = "flip, drop, duplicate, noise, cut, crc, stall, reset, late, drift_ppm and seed";
+                    let known = "flip, drop, duplicate, noise, cut, crc, stall, reset, late, echo, drift_ppm and seed";
                     return Err(format!("unknown fault '{name}'; known are {known}"));
                 }
             };

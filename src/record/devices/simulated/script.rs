@@ -2,7 +2,7 @@
 
 use crate::record::error::RecordError;
 use crate::record::wire::registers::{Place, value, words};
-use crate::rig::{Device, Protocol, Rig, Wiring};
+use crate::rig::{Device, Protocol, Rig, TimeUnit, Wiring};
 
 /// Data to play on a device.
 #[derive(Debug, Clone, PartialEq)]
@@ -29,7 +29,7 @@ pub(crate) enum Form {
     /// Counts, interleaved by channel.
     Frames { channels: u8, interleaved: Vec<i16> },
     /// Columns of numbers to print.
-    Lines { columns: Vec<Vec<f64>> },
+    Lines { columns: Vec<Vec<f64>>, time_unit: TimeUnit },
     /// Numbers in registers.
     Registers { unit: u8, timeout_s: f64, values: Vec<(Place, Vec<f64>)> },
 }
@@ -72,10 +72,10 @@ impl Script {
                 }
                 Form::Frames { channels, interleaved }
             }
-            Protocol::Lines => {
+            Protocol::Lines { time_unit } => {
                 let mut printed = vec![vec![0.0; rows]; columns];
                 raw.into_iter().for_each(|(wiring, numbers)| printed[usize::from(wiring.channel)] = numbers);
-                Form::Lines { columns: printed }
+                Form::Lines { columns: printed, time_unit }
             }
             Protocol::ModbusRtu { unit_id, timeout_s, .. } => {
                 let mut values = Vec::new();

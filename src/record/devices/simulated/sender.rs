@@ -98,8 +98,9 @@ impl Booted {
                 let frame = frame.ok_or_else(|| io::Error::other("a frame that the wire cannot hold"))?;
                 Ok(if wrong_crc { frame.encode_with_wrong_crc() } else { frame.encode() })
             }
-            Form::Lines { columns } => {
-                let mut text = time_us.to_string();
+            Form::Lines { columns, time_unit } => {
+                let ticks = (time_us as f64 * 1e-6 / time_unit.seconds()).round() as u64;
+                let mut text = ticks.to_string();
                 for number in columns.iter().filter_map(|column| column.get(rows.start)) {
                     let _ = write!(text, ",{number}");
                 }

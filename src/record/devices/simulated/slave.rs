@@ -33,6 +33,9 @@ pub fn run(mut line: Wire, scripts: &[Script], speed: f64, faults: Faults) -> io
             pending.clear();
             continue;
         }
+        if faults.echo && !line.write_all(&buffer[..length])? {
+            return Ok(sent);
+        }
         pending.extend(buffer.iter().take(length));
         while pending.len() >= 8 {
             let Some((asked, request)) = Request::decode(&pending) else {

@@ -89,6 +89,7 @@ fn tally(stream: &Stream<'_>, waited: (u64, f64)) -> DeviceCount {
             let counts = polled.as_ref().map(|polled| polled.counts).unwrap_or_default();
             (count.frames, count.bad_frames) = (counts.answers, counts.bad + counts.refused);
             (count.lost_frames, count.late_answers) = (counts.missed.saturating_sub(stream.before.missed), counts.late);
+            count.returned_requests = counts.returned;
             count.skipped_polls = counts.skipped.saturating_sub(stream.before.skipped);
             count.poll_warning = poll_warning(stream, &count, counts.unproven > 0 && counts.answers > 0);
         }
@@ -132,7 +133,7 @@ pub fn expected(stream: &Stream<'_>, device: usize) -> impl Iterator<Item = Expe
 
 fn silent_after(stream: &Stream<'_>) -> Duration {
     let polls_s = match stream.device.protocol {
-        Protocol::Frames | Protocol::Lines => 0.0,
+        Protocol::Frames | Protocol::Lines { .. } => 0.0,
         Protocol::ModbusRtu { poll_interval_s, .. } => SILENT_POLLS * poll_interval_s,
     };
     SILENT_AFTER.max(Duration::try_from_secs_f64(polls_s).unwrap_or(Duration::MAX))

@@ -8,6 +8,7 @@ use crate::record::session::stream::state::Stream;
 use crate::record::session::stream::timing::Sign;
 use crate::record::wire::lines::{Event, Line};
 use crate::recording::Gap;
+use crate::rig::Protocol;
 
 /// Records what the decoder handed on.
 pub(crate) fn record(stream: &mut Stream<'_>, events: Vec<Event>, live: &mut Live<'_>) -> Result<(), RecordError> {
@@ -27,6 +28,10 @@ fn line(stream: &mut Stream<'_>, line: &Line, live: &mut Live<'_>) -> Result<(),
         return Ok(());
     }
     let device_ns = (line.time_us * 1000) as i64;
+    let is_news = stream.timing.pace.as_mut().is_some_and(|pace| pace.arrived(device_ns, line.began_ns));
+    if is_news {
+        check_unit(stream, false, live)?;
+    }
     let sign = if line.hole_before { Sign::Hole } else { Sign::None };
     let (sent_ns, began_ns) = (device_ns, line.began_ns);
     let stamp = Stamp { device_ns, sent_ns, began_ns, period_ns: 0, rows: 1, lost: 0, jump: None };
@@ -53,6 +58,18 @@ fn line(stream: &mut Stream<'_>, line: &Line, live: &mut Live<'_>) -> Result<(),
         }
         output.samples(tap.sensor, now_ns, 0.0, &[value])?;
         tap.last_ns = Some(now_ns);
+    }
+    Ok(())
+}
+
+/// Calls out times that are likely in another unit; `is_over` where no more will come.
+pub(crate) fn check_unit(stream: &Stream<'_>, is_over: bool, live: &mut Live<'_>) -> Result<(), RecordError> {
+    let Protocol::Lines { time_unit } = stream.device.protocol else { return Ok(()) };
+    if live.has_begun()
+        && let Some(likely) = stream.timing.pace.as_ref().and_then(|pace| pace.likely(time_unit, is_over))
+    {
+        let monitor = &mut live.output()?.monitor;
+        stream.sensors().for_each(|sensor| monitor.likely_unit(sensor, (time_unit, likely)));
     }
     Ok(())
 }

@@ -28,7 +28,7 @@ pub(crate) fn record(stream: &mut Stream<'_>, polled: Polled, live: &mut Live<'_
     let is_open = stream.state != State::Reached;
     let interval_s = match stream.device.protocol {
         Protocol::ModbusRtu { poll_interval_s, .. } => poll_interval_s,
-        Protocol::Frames | Protocol::Lines => 0.0,
+        Protocol::Frames | Protocol::Lines { .. } => 0.0,
     };
     for &(index, number) in &polled.values {
         let limit_ns = stream.timing.limit_ns(live);

@@ -85,7 +85,7 @@ impl<'a> Stream<'a> {
         });
         let codec = match device.protocol {
             Protocol::Frames => Codec::Frames(frames::Decoder::new()),
-            Protocol::Lines => Codec::Lines(lines::Decoder::new()),
+            Protocol::Lines { time_unit } => Codec::Lines(lines::Decoder::of(time_unit)),
             Protocol::ModbusRtu { .. } => Codec::Polled(None),
         };
         Stream {

@@ -4,6 +4,7 @@ use std::time::{Duration, Instant};
 
 use crate::record::clock::align::Stretch;
 use crate::record::clock::device_clock::{DeviceClock, seconds};
+use crate::record::clock::time_unit::Pace;
 use crate::record::error::RecordError;
 use crate::record::session::session_log::Live;
 use crate::record::session::stream::stamp::Stamp;
@@ -54,6 +55,8 @@ pub struct Timing {
     pub(super) returned: bool,
     /// What puts its logged times on the recording's clock, as well as it is known by now.
     moves: SensorClock,
+    /// How its times run against their arrival; none where they are played at another pace.
+    pub pace: Option<Pace>,
     /// How long its last message was.
     span: Duration,
     /// How often it is asked, of one that is polled.
@@ -65,7 +68,7 @@ impl Timing {
     pub(super) fn new(device: &Device) -> Timing {
         let poll = match device.protocol {
             Protocol::ModbusRtu { poll_interval_s, .. } => Duration::try_from_secs_f64(poll_interval_s).ok(),
-            Protocol::Frames | Protocol::Lines => None,
+            Protocol::Frames | Protocol::Lines { .. } => None,
         };
         Timing {
             last_message: Instant::now(),
@@ -78,6 +81,7 @@ impl Timing {
             restarted: false,
             returned: false,
             moves: SensorClock::default(),
+            pace: Some(Pace::default()),
             span: Duration::ZERO,
             poll,
         }

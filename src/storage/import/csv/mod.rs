@@ -51,7 +51,7 @@ use crate::storage::import::source::{Repair, SourceFile, SourceOptions, Start, T
 pub(crate) fn read(bytes: &[u8], options: &SourceOptions) -> Result<SourceFile, CsvFault> {
     check_lines(bytes)?;
     let mut repairs = Vec::new();
-    let text = decode(bytes, &mut repairs)?;
+    let text = decode(bytes, options, &mut repairs)?;
     let text = text.strip_prefix('\u{feff}').unwrap_or(&text);
     let all = lines(text);
     let mut layout = Layout::find(&all).ok_or((None, Box::new(CsvProblem::Empty)))?;

@@ -1,9 +1,16 @@
-//! Bytes become text: UTF-8, UTF-16 with its mark, and Latin-1 where only comments and headings need it.
+//! Bytes become text: UTF-8, UTF-16, and older code pages, which the bytes only suggest: letters decide among them, and numbers are the same in all.
 
 use std::borrow::Cow;
+use std::collections::BTreeSet;
+
+use chardetng::{EncodingDetector, Iso2022JpDetection, Utf8Detection};
+use encoding_rs::{Encoding, UTF_8, UTF_16BE, UTF_16LE, WINDOWS_1252};
 
 use crate::storage::error::{CsvFault, CsvProblem};
-use crate::storage::import::source::Repair;
+use crate::storage::import::source::{Repair, SourceOptions};
+
+/// Bytes, or lines with other letters than ASCII, by which an encoding is judged.
+const JUDGED: usize = 4096;
 
 /// A longer line is none of a table, bytes.
 const LONGEST_LINE: usize = 16 << 20;
@@ -21,9 +28,16 @@ pub(crate) fn check_lines(bytes: &[u8]) -> Result<(), CsvFault> {
     Ok(())
 }
 
-/// The text of a file, without a byte-order mark, its lines ended by line feeds.
-pub(crate) fn decode<'b>(bytes: &'b [u8], repairs: &mut Vec<Repair>) -> Result<Cow<'b, str>, CsvFault> {
-    let text = characters(bytes, repairs)?;
+/// The text of a file, its lines ended by line feeds.
+pub(crate) fn decode<'b>(
+    bytes: &'b [u8],
+    options: &SourceOptions,
+    repairs: &mut Vec<Repair>,
+) -> Result<Cow<'b, str>, CsvFault> {
+    let text = match options.encoding {
+        Some(encoding) => stated(bytes, encoding)?,
+        None => characters(bytes, repairs)?,
+    };
     if text.contains('\n') || !text.contains('\r') {
         return Ok(text);
     }
@@ -31,51 +45,106 @@ pub(crate) fn decode<'b>(bytes: &'b [u8], repairs: &mut Vec<Repair>) -> Result<C
     Ok(Cow::Owned(text.replace('\r', "\n")))
 }
 
+/// Read as the user says.
+fn stated<'b>(bytes: &'b [u8], encoding: &'static Encoding) -> Result<Cow<'b, str>, CsvFault> {
+    let bytes = Encoding::for_bom(bytes).map_or(bytes, |(_, length)| &bytes[length..]);
+    let text = encoding.decode_without_bom_handling_and_without_replacement(bytes);
+    text.ok_or_else(|| {
+        let at = first_fault(bytes, encoding);
+        (Some(line_of(bytes, at)), Box::new(CsvProblem::NotInEncoding { encoding: encoding.name() }))
+    })
+}
+
+/// Where the first bytes stand that an encoding does not have.
+fn first_fault(bytes: &[u8], encoding: &'static Encoding) -> usize {
+    let mut decoder = encoding.new_decoder_without_bom_handling();
+    let room = decoder.max_utf8_buffer_length_without_replacement(bytes.len()).unwrap_or_default();
+    decoder.decode_to_string_without_replacement(bytes, &mut String::with_capacity(room), true).1
+}
+
+fn line_of(bytes: &[u8], at: usize) -> usize {
+    1 + bytes[..at.min(bytes.len())].iter().filter(|b| **b == b'\n').count()
+}
+
 fn characters<'b>(bytes: &'b [u8], repairs: &mut Vec<Repair>) -> Result<Cow<'b, str>, CsvFault> {
-    if let Some(text) = utf16(bytes) {
-        let text =
-            text.ok_or((None, Box::new(CsvProblem::NotUtf8 { hint: " (nor UTF-16, which its first bytes promise)" })))?;
+    let marked = Encoding::for_bom(bytes);
+    if let Some((encoding, length)) =
+        marked.filter(|(encoding, _)| *encoding != UTF_8).or_else(|| Some((utf16(bytes)?, 0)))
+    {
+        let text = encoding.decode_without_bom_handling_and_without_replacement(&bytes[length..]);
+        let hint = " (nor UTF-16, which its first bytes promise)";
+        let text = text.ok_or((None, Box::new(CsvProblem::NotUtf8 { hint })))?;
         repairs.push(Repair::new("encoding", 1, None, "the text is UTF-16"));
-        return Ok(Cow::Owned(text));
+        return Ok(text);
     }
     match text_of(bytes) {
         Ok(text) => {
-            if bytes.starts_with(b"\xef\xbb\xbf") {
+            if marked.is_some() {
                 repairs.push(Repair::new("byte-order-mark", 1, Some(1), "the file begins with a byte-order mark"));
             }
             Ok(Cow::Borrowed(text))
         }
-        Err(fault) => latin1(bytes, repairs).map(Cow::Owned).ok_or(fault),
+        // no text has such bytes
+        Err(fault) if bytes.contains(&0) => Err(fault),
+        Err((line, _)) => {
+            let (encoding, text) = guessed(bytes);
+            let text_said = format!(
+                "the text is not UTF-8 and was read as {}: if a name looks wrong, give its code page with option `encoding`",
+                encoding.name()
+            );
+            repairs.push(Repair::new("encoding", 1, line, text_said));
+            Ok(Cow::Owned(text))
+        }
     }
 }
 
-/// `None` where it is not UTF-16, by its mark; `Some(None)` where the mark lies.
-fn utf16(bytes: &[u8]) -> Option<Option<String>> {
-    let (little, rest) = match bytes {
-        [0xff, 0xfe, rest @ ..] => (true, rest),
-        [0xfe, 0xff, rest @ ..] => (false, rest),
-        _ => return None,
+/// UTF-16 without a mark: of what Latin letters and digits take, every other byte is zero.
+fn utf16(bytes: &[u8]) -> Option<&'static Encoding> {
+    let head = &bytes[..bytes.len().min(JUDGED)];
+    let zeros = |odd: usize| head.iter().skip(odd).step_by(2).filter(|b| **b == 0).count();
+    let mostly = |zeros: usize| 3 * zeros > 2 * (head.len() / 2) && zeros > 1;
+    match (zeros(0), zeros(1)) {
+        (0, high) if mostly(high) => Some(UTF_16LE),
+        (high, 0) if mostly(high) => Some(UTF_16BE),
+        _ => None,
+    }
+}
+
+/// The likeliest code page and the text in it.
+fn guessed(bytes: &[u8]) -> (&'static Encoding, String) {
+    // Each line with letters beyond ASCII counts once, or a column of one sign would outvote the words.
+    let lines: BTreeSet<&[u8]> = bytes.split(|b| *b == b'\n').filter(|line| !line.is_ascii()).collect();
+    let mut detector = EncodingDetector::new(Iso2022JpDetection::Deny);
+    for line in lines.into_iter().take(JUDGED) {
+        detector.feed(line, false);
+        detector.feed(b"\n", false);
+    }
+    detector.feed(b"", true);
+    let likeliest = detector.guess(None, Utf8Detection::Deny);
+    match likeliest.decode_without_bom_handling_and_without_replacement(bytes) {
+        Some(text) => (likeliest, text.into_owned()),
+        // which every byte fits
+        None => (WINDOWS_1252, WINDOWS_1252.decode_without_bom_handling(bytes).0.into_owned()),
+    }
+}
+
+/// The encoding that a user means: `cp932`, `shift-jis`, `cp1250`, `latin1`, `gbk`, `utf-16`, ….
+///
+/// # Errors
+/// One that is not known.
+pub fn encoding_named(name: &str) -> Result<&'static Encoding, String> {
+    let plain = name.trim().to_lowercase();
+    let label = match plain.strip_prefix("cp").or(plain.strip_prefix("windows-")) {
+        Some("932") => "shift_jis".to_owned(),
+        Some("936") => "gbk".to_owned(),
+        Some("949") => "euc-kr".to_owned(),
+        Some("950") => "big5".to_owned(),
+        Some("65001") => "utf-8".to_owned(),
+        Some(page) if page.starts_with("125") => format!("windows-{page}"),
+        _ => plain,
     };
-    let unit = |pair: &[u8]| if little { [pair[0], pair[1]] } else { [pair[1], pair[0]] };
-    let units: Vec<u16> = rest.chunks_exact(2).map(|pair| u16::from_le_bytes(unit(pair))).collect();
-    Some(String::from_utf16(&units).ok().filter(|_| rest.len() % 2 == 0))
-}
-
-/// Latin-1 (every byte is its own code point), if what is not ASCII stands in comments and in what comes before the first line of numbers only.
-fn latin1(bytes: &[u8], repairs: &mut Vec<Repair>) -> Option<String> {
-    let text: String = bytes.iter().map(|&b| char::from(b)).collect();
-    let numbers = text.lines().position(is_numbers)?;
-    let line = text.lines().position(|l| !l.is_ascii())?;
-    if text.lines().skip(numbers).any(|l| !l.is_ascii() && !l.starts_with('#')) {
-        return None;
-    }
-    repairs.push(Repair::new("encoding", 1, Some(line + 1), "the text is not UTF-8 and was read as Latin-1"));
-    Some(text)
-}
-
-/// Whether a line holds samples: digits, and no letters but those of exponents and times of day.
-fn is_numbers(line: &str) -> bool {
-    line.bytes().any(|b| b.is_ascii_digit()) && line.chars().all(|c| !c.is_alphabetic() || "eEaApPmMTZ".contains(c))
+    Encoding::for_label(label.as_bytes())
+        .ok_or_else(|| format!("'{name}' is not known: write it like cp932, cp1251, gbk, latin1 or utf-16"))
 }
 
 /// UTF-8 text without its byte-order mark.
@@ -92,6 +161,87 @@ pub(crate) fn text_of(bytes: &[u8]) -> Result<&str, CsvFault> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use encoding_rs::{BIG5, EUC_KR, GBK, SHIFT_JIS, WINDOWS_1250, WINDOWS_1251};
+
+    fn read(bytes: &[u8], encoding: Option<&str>) -> Result<(String, Vec<Repair>), CsvFault> {
+        let encoding = encoding.map(|name| encoding_named(name).unwrap());
+        let mut repairs = Vec::new();
+        let options = SourceOptions { encoding, ..SourceOptions::default() };
+        let text = decode(bytes, &options, &mut repairs)?.into_owned();
+        Ok((text, repairs))
+    }
+
+    #[test]
+    fn headings_in_older_code_pages_are_read_as_what_they_are() {
+        let tables = [
+            (SHIFT_JIS, "時間(s),圧力1(kPa),弁開度,備考\n0.000,245.1,100,計測開始\n0.001,245.2,100,バルブ閉\n"),
+            (SHIFT_JIS, "日付,時刻,圧力\n"),
+            (GBK, "时间(s),压力1(kPa),阀门开度\n0.000,245.1,100\n"),
+            (WINDOWS_1251, "Время (с);Давление 1 (кПа);Расход\n0,000;245,1;0,5\n"),
+            (WINDOWS_1250, "Čas (s);Tlak u ventilu (kPa);Průtok\n0,000;245,1;0,5\nZavření ventilu příliš rychlé\n"),
+            (WINDOWS_1252, "Prüfstand 2;Überdruck (mbar);Öffnung\n0,000;245,1;0,5\n"),
+            (WINDOWS_1252, "Temps;Débit;Température (°C)\n0,000;245,1;0,5\n"),
+            (EUC_KR, "시간(s),압력(kPa),밸브 위치\n0.000,245.1,100\n"),
+            (BIG5, "時間(s),壓力(kPa),閥門開度\n0.000,245.1,100\n"),
+        ];
+        for (encoding, text) in tables {
+            let (bytes, ..) = encoding.encode(text);
+            let (found, repairs) = read(&bytes, None).unwrap();
+            assert_eq!(found, text, "{repairs:?}");
+            assert!(repairs[0].what == "encoding" && repairs[0].text.contains(encoding.name()), "{repairs:?}");
+            assert_eq!(read(&bytes, Some(encoding.name())).unwrap(), (text.to_owned(), Vec::new()));
+        }
+    }
+
+    #[test]
+    fn letters_may_stand_anywhere_and_numbers_are_read_whatever_the_letters() {
+        let mut bytes = "t_s,P1,remark\n".repeat(1).into_bytes();
+        (0..5000).for_each(|i| bytes.extend(format!("0.{i:04},1.5,\n").bytes()));
+        bytes.extend(b"0.5,1.5,valve closed at 20 \xb0C \x96 \xfcber\n");
+        let (text, repairs) = read(&bytes, None).unwrap();
+        assert!(text.ends_with("20 °C – über\n") && repairs[0].line == Some(5002), "{repairs:?}");
+        // what no code page has is still text
+        let (text, _) = read(b"t_s,P1 \x81\xff\x81\n0,1.5\n", None).unwrap();
+        assert!(text.ends_with("0,1.5\n"), "{text}");
+        let image = b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR\xff\xfe";
+        assert!(matches!(*read(image, None).unwrap_err().1, CsvProblem::NotUtf8 { .. }));
+    }
+
+    #[test]
+    fn utf_16_needs_no_mark() {
+        let text = "Zeit (s);Überdruck (bar)\n0,000;1,5\n";
+        for big in [false, true] {
+            let units = text.encode_utf16().map(|unit| if big { unit.to_be_bytes() } else { unit.to_le_bytes() });
+            let bytes: Vec<u8> = units.flatten().collect();
+            assert_eq!(read(&bytes, None).unwrap().0, text);
+            let mark = if big { [0xfe, 0xff] } else { [0xff, 0xfe] };
+            assert_eq!(read(&[&mark[..], &bytes].concat(), None).unwrap().0, text);
+            assert!(read(&[&mark[..], &bytes[1..]].concat(), None).is_err());
+        }
+    }
+
+    #[test]
+    fn an_encoding_that_is_stated_holds() {
+        assert_eq!(read(b"P\xfc\n", Some("cp1251")).unwrap().0, "Pь\n");
+        let (line, problem) = read(b"ok\nP\xfc,\n", Some("cp932")).unwrap_err();
+        assert!(line == Some(2) && problem.to_string().contains("Shift_JIS"), "{line:?} {problem}");
+        for name in [
+            "cp932",
+            "Shift-JIS",
+            "SJIS",
+            "cp936",
+            "GB2312",
+            "CP1250",
+            "windows-1252",
+            "latin1",
+            "ISO-8859-2",
+            "utf-16",
+            "koi8-r",
+        ] {
+            encoding_named(name).unwrap();
+        }
+        assert!(encoding_named("cp9999").unwrap_err().contains("cp932"));
+    }
 
     #[test]
     fn a_line_that_fills_the_memory_is_refused_and_long_files_are_not() {

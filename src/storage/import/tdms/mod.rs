@@ -17,13 +17,15 @@ use crate::storage::import::tdms::scale::scaling;
 use crate::storage::import::tdms::segment::{Reader, names as names_of};
 
 use crate::recording::{Gap, Series};
+use crate::storage::import::arrays::times::{rest_of_name, rises, seconds, unit_in_name};
 use crate::storage::import::csv::heading::time_unit;
 use crate::storage::import::gaps::gaps;
-use crate::storage::import::source::{Repair, SourceFile, Start, Track, counted};
+use crate::storage::import::source::{Repair, SourceFile, SourceOptions, Start, Track, counted};
 use crate::storage::layout::{to_ns, to_s};
+use crate::storage::nearest::listed;
 
 /// Reads a file. `Err` says what is wrong and what to do.
-pub(crate) fn read(bytes: &[u8]) -> Result<SourceFile, String> {
+pub(crate) fn read(bytes: &[u8], options: &SourceOptions) -> Result<SourceFile, String> {
     let mut reader = Reader::default();
     let incomplete = reader.read(bytes)?;
     let mut repairs = Vec::new();
@@ -43,18 +45,22 @@ pub(crate) fn read(bytes: &[u8]) -> Result<SourceFile, String> {
     }
     let properties = reader.properties;
     let channels = reader.channels;
-    let mut timed = Vec::new();
+    let (mut timed, mut left_out) = (Vec::new(), Vec::new());
     for channel in &channels {
-        if let Some(track) = timed_track(channel, &channels, &properties)? {
-            timed.push(track);
+        match found(channel, &channels, &properties, options)? {
+            Found::Track(track) => timed.push(track),
+            Found::LeftOut(why) => left_out.push((channel.path.clone(), why)),
+            Found::Times => {}
         }
     }
     if timed.is_empty() {
         return Err(
-            "it holds no channel of numbers with times: neither wf_increment nor a time channel in the same group"
+            "it holds no channel of numbers with times: neither wf_increment nor a time channel in the same group; if there is one sample \
+             after the other, give their rate with option `rate`"
                 .into(),
         );
     }
+    repairs.extend(not_read(&left_out, options));
     let start_ns = timed.iter().filter_map(|timed| timed.start_ns).filter(|ns| *ns > 0).min();
     let mut tracks = Vec::new();
     for Timed { mut track, start_ns: own_ns, holes_s } in timed {
@@ -81,7 +87,8 @@ pub(crate) fn read(bytes: &[u8]) -> Result<SourceFile, String> {
         tracks.push(track);
     }
     let start = start_ns.and_then(|ns| u64::try_from(ns).ok()).map(|unix_ns| Start { unix_ns, digit_s: 1e-6 });
-    Ok(SourceFile { tracks, start, notes, repairs, spare_tracks: true, ..SourceFile::default() })
+    let others = left_out.into_iter().map(|(path, _)| path).collect();
+    Ok(SourceFile { tracks, start, notes, repairs, spare_tracks: true, others })
 }
 
 /// A channel of numbers with its times, s from its own start.
@@ -93,35 +100,72 @@ struct Timed {
     holes_s: Vec<f64>,
 }
 
-/// Such a channel; `None` where it is none.
-fn timed_track(
+/// What a channel is.
+enum Found {
+    Track(Timed),
+    /// The times of others.
+    Times,
+    /// Neither, and why.
+    LeftOut(String),
+}
+
+fn found(
     channel: &Channel,
     all: &[Channel],
     properties: &BTreeMap<String, Properties>,
-) -> Result<Option<Timed>, String> {
-    let Values::Numbers(raw) = &channel.values else { return Ok(None) };
+    options: &SourceOptions,
+) -> Result<Found, String> {
+    let raw = match &channel.values {
+        Values::Numbers(raw) => raw,
+        Values::Times(_) => return Ok(Found::Times),
+        Values::Other(count) => return Ok(Found::LeftOut(format!("{count} texts"))),
+    };
     let names = names_of(&channel.path);
-    let (Some(group), Some(short)) = (names.first(), names.get(1)) else { return Ok(None) };
+    let (Some(group), Some(short)) = (names.first(), names.get(1)) else { return Ok(Found::Times) };
     let own = properties.get(&channel.path);
     let property = |key: &str| own.and_then(|p| p.get(key));
+    let chain = [channel.path.clone(), format!("/'{}'", group.replace('\'', "''")), "/".into()];
     let timing = own.map(Timing::of);
+    let mut repairs = Vec::new();
     let (time_s, start_ns, holes_s) = match timing.filter(|timing| timing.increment_s.is_some()) {
         Some(last) => evenly(channel, last, raw.len())?,
+        None if times(channel, &names, properties).is_some() => return Ok(Found::Times),
         None => {
-            let beside = |c: &&Channel| {
-                let names = names_of(&c.path);
-                names.first() == Some(group) && c.path != channel.path && c.values.len() == raw.len()
+            let beside = |c: &Channel| {
+                names_of(&c.path).first() == Some(group) && c.path != channel.path && c.values.len() == raw.len()
             };
-            match all.iter().filter(beside).find_map(|c| times(c, &names_of(&c.path), properties)) {
-                Some((times, first)) => (times, first, Vec::new()),
-                None => return Ok(None),
+            let mut fitting: Vec<(&Channel, (Vec<f64>, Option<i64>))> = (all.iter().filter(|c| beside(c)))
+                .filter_map(|c| Some((c, times(c, &names_of(&c.path), properties)?)))
+                .collect();
+            // in tables the times stand before what belongs to them
+            let own_place = all.iter().position(|c| c.path == channel.path);
+            let place = |c: &Channel| all.iter().position(|other| other.path == c.path);
+            let before = fitting.iter().rposition(|(c, _)| place(c) < own_place).unwrap_or_default();
+            let is_choice = fitting.windows(2).any(|pair| pair[0].1 != pair[1].1);
+            if is_choice {
+                let text = format!("the times of {} are {}", channel.path, fitting[before].0.path);
+                repairs.push(Repair::guess("times-of", text));
+            }
+            let step = (chain.iter().filter_map(|path| properties.get(path)))
+                .find_map(stated_step)
+                .or_else(|| options.rate_hz.map(|rate_hz| (1.0 / rate_hz, "option `rate`".to_owned())));
+            match (fitting.is_empty(), step) {
+                (false, _) => {
+                    let (times, first) = fitting.swap_remove(before).1;
+                    (times, first, Vec::new())
+                }
+                (true, Some((step_s, by))) => {
+                    let text = format!("{} has a sample every {step_s} s, by {by}", channel.path);
+                    repairs.push(Repair::new("step", 1, None, text));
+                    ((0..raw.len()).map(|i| i as f64 * step_s).collect(), timing.and_then(|t| t.start_ns), Vec::new())
+                }
+                (true, None) if raw.len() < 2 => return Ok(Found::Times),
+                (true, None) => {
+                    return Ok(Found::LeftOut(format!("{} numbers without times", raw.len())));
+                }
             }
         }
     };
-    if is_time_name(short).is_some() && timing.is_none_or(|timing| timing.increment_s.is_none()) {
-        return Ok(None);
-    }
-    let chain = [channel.path.clone(), format!("/'{}'", group.replace('\'', "''")), "/".into()];
     let scaled = chain.iter().filter_map(|path| properties.get(path)).find_map(|p| scaling(p).transpose());
     let values = match scaled.transpose().map_err(|why| format!("channel {}: {why}", channel.path))? {
         Some(scaling) => scaling.apply(raw),
@@ -132,9 +176,27 @@ fn timed_track(
         _ => None,
     });
     let series = Series { time_s, value: values, gaps: Vec::new() };
-    let track =
-        Track { name: channel.path.clone(), short: short.clone(), unit, series, repairs: Vec::new(), shares: None };
-    Ok(Some(Timed { track, start_ns, holes_s }))
+    let track = Track { name: channel.path.clone(), short: short.clone(), unit, series, repairs, shares: None };
+    Ok(Found::Track(Timed { track, start_ns, holes_s }))
+}
+
+/// A step or a rate among properties, such as `Sample Rate`, in s, and where it stands.
+fn stated_step(properties: &Properties) -> Option<(f64, String)> {
+    properties.iter().find_map(|(key, value)| match value {
+        Property::Number(number) => Some((seconds(key, *number, None)?, format!("'{key}'"))),
+        _ => None,
+    })
+}
+
+/// What is left out is lost where it is a series of numbers.
+fn not_read(left_out: &[(String, String)], options: &SourceOptions) -> Option<Repair> {
+    let is_ignored = |path: &String| options.ignore.iter().any(|name| name == path || name == "*");
+    let named = left_out.iter().filter(|(path, _)| !is_ignored(path));
+    let named: Vec<String> = named.map(|(path, why)| format!("{path} ({why})")).collect();
+    let lost = left_out.iter().any(|(path, why)| !is_ignored(path) && why.contains("numbers"));
+    let hint = if lost { "; give their rate with option `rate`, or leave them out with option `ignore`" } else { "" };
+    let text = format!("not read: {}{hint}", listed(&named));
+    (!named.is_empty()).then(|| Repair { lost, ..Repair::new("not-read", named.len(), None, text) })
 }
 
 /// Times of a channel, s from its own start, that start, and the last time before each hole between its stretches.
@@ -177,25 +239,16 @@ fn times(
             Some((ns.iter().map(|t| to_s(t.saturating_sub(first))).collect(), Some(first)))
         }
         Values::Numbers(values) => {
-            let unit_s = is_time_name(names.get(1)?)?;
-            let said = properties.get(&channel.path).and_then(|p| p.get("unit_string"));
-            let unit_s = match said {
-                Some(Property::Text(unit)) => time_unit(unit).unwrap_or(unit_s),
-                _ => unit_s,
+            let name = names.get(1)?;
+            rest_of_name(name).filter(|rest| rest.is_empty() || rises(values))?;
+            let said = match properties.get(&channel.path).and_then(|p| p.get("unit_string")) {
+                Some(Property::Text(unit)) => time_unit(unit),
+                _ => None,
             };
+            let unit_s = said.or_else(|| time_unit(unit_in_name(name)?)).unwrap_or(1.0);
             Some((values.iter().map(|t| t * unit_s).collect(), None))
         }
         Values::Other(_) => None,
-    }
-}
-
-/// Seconds of the unit of a channel of times, by its name.
-fn is_time_name(name: &str) -> Option<f64> {
-    match name.to_lowercase().as_str() {
-        "time" | "time_s" | "time (s)" | "time [s]" | "t" | "zeit" => Some(1.0),
-        "time_ms" | "time (ms)" | "time [ms]" => Some(1e-3),
-        "time_us" | "time (us)" | "time [us]" => Some(1e-6),
-        _ => None,
     }
 }
 

@@ -2,13 +2,14 @@
 
 use crate::record::session::live_test::tests::*;
 use crate::record::session::output::Absent;
+use crate::rig::TimeUnit;
 
 /// A shot of A (frames) from 2 s to 5 s of its clock, beside a B that speaks `lines` at these moments, ms; the line of moment 0 is the rest
 /// of one. Samples of B are its moments.
 fn beside_a_logger(moments_ms: &[i64]) -> (Summary, Recording) {
     let folder = tempfile::tempdir().unwrap();
     let mut rig = rig("frames");
-    rig.devices[1].protocol = Protocol::Lines;
+    rig.devices[1].protocol = Protocol::Lines { time_unit: TimeUnit::default() };
     let line = |ms: &i64| (ms * MS, 1, format!("{},{ms}\n", 1000 * (ms + 7_000_000)).into_bytes());
     let messages = sent(0, 14, 3000, on_time).chain([0].iter().chain(moments_ms).map(line)).collect();
     let summary = played_on(&rig, &shots(folder.path(), 1), messages);
@@ -68,7 +69,7 @@ fn a_bad_line_outside_of_every_shot_costs_nothing() {
     for (bad_ms, lost) in [(200, false), (3100, true)] {
         let folder = tempfile::tempdir().unwrap();
         let mut rig = rig("frames");
-        rig.devices[1].protocol = Protocol::Lines;
+        rig.devices[1].protocol = Protocol::Lines { time_unit: TimeUnit::default() };
         let line = |ms: i64| {
             let text = if ms == bad_ms { "4x\n".to_owned() } else { format!("{},{ms}\n", 1000 * (ms + 7_000_000)) };
             (ms * MS, 1, text.into_bytes())

@@ -1,0 +1,95 @@
+//! Tables of a file that is no text: each becomes text and is read as any table is; together they are one source.
+
+use std::path::Path;
+
+use crate::storage::error::LogError;
+use crate::storage::import::csv;
+use crate::storage::import::source::{Repair, SourceFile, SourceOptions, counted};
+use crate::storage::layout::to_s;
+use crate::storage::nearest::listed;
+
+/// What was found in such a file.
+#[derive(Debug, Default, PartialEq)]
+pub(crate) struct Tables {
+    /// Name and text of each table, its columns separated by tabs. Each has times of its own.
+    pub texts: Vec<(String, String)>,
+    /// What is said about them.
+    pub repairs: Vec<Repair>,
+    /// What is no table that can be read: its name, and why.
+    pub left_out: Vec<(String, String)>,
+}
+
+/// The tracks of all tables, on one clock: that of the earliest where they tell the date, else the file's own.
+///
+/// # Errors
+/// No table can be read: what is wrong with the first one.
+pub(crate) fn read(tables: Tables, path: &Path, options: &SourceOptions) -> Result<SourceFile, LogError> {
+    let Tables { texts, repairs, mut left_out } = tables;
+    let mut files = Vec::new();
+    let mut first_fault = None;
+    for (name, text) in texts {
+        match csv::read(text.as_bytes(), options) {
+            Ok(file) => files.push((name, file)),
+            Err((line, problem)) => {
+                left_out.push((name, problem.to_string()));
+                first_fault.get_or_insert(LogError::Csv { path: path.into(), line, problem });
+            }
+        }
+    }
+    // Where some tell the date and others do not, nothing says how they belong together.
+    let dated = files.iter().filter(|(_, file)| file.start.is_some()).count();
+    if dated > 0 && dated < files.len() {
+        let (kept, others): (Vec<_>, Vec<_>) = files.into_iter().partition(|(_, file)| file.start.is_some());
+        left_out
+            .extend(others.into_iter().map(|(name, _)| (name, "its times have no date, those of others do".into())));
+        files = kept;
+    }
+    let mut starts = files.iter().filter_map(|(_, file)| file.start).collect::<Vec<_>>();
+    starts.sort_by_key(|start| start.unix_ns);
+    let mut whole = SourceFile { start: starts.first().copied(), repairs, ..SourceFile::default() };
+    for (_, file) in files {
+        let late_s = match (file.start, whole.start) {
+            (Some(own), Some(first)) => to_s((own.unix_ns - first.unix_ns) as i64),
+            _ => 0.0,
+        };
+        for mut track in file.tracks {
+            track.series.time_s.iter_mut().for_each(|t| *t += late_s);
+            track
+                .series
+                .gaps
+                .iter_mut()
+                .for_each(|gap| (gap.from_s, gap.to_s) = (gap.from_s + late_s, gap.to_s + late_s));
+            whole.tracks.push(track);
+        }
+        whole.notes.extend(file.notes);
+        whole.others.extend(file.others);
+        // the tabs are ours
+        let news = file.repairs.into_iter().filter(|r| r.what != "separator" && !whole.repairs.contains(r));
+        whole.repairs.extend(news.collect::<Vec<_>>());
+    }
+    if whole.tracks.is_empty() {
+        let nothing = || LogError::SourceFile { path: path.into(), why: nothing_in(&left_out) };
+        return Err(first_fault.unwrap_or_else(nothing));
+    }
+    let is_ignored = |name: &str| options.ignore.iter().any(|other| other == name || other == "*");
+    let lost: Vec<String> =
+        left_out.iter().filter(|(name, _)| !is_ignored(name)).map(|(name, why)| format!("'{name}' ({why})")).collect();
+    if !lost.is_empty() {
+        let text = format!("not read: {}; option `ignore` says that it is not needed", listed(&lost));
+        whole.repairs.push(Repair { lost: true, ..Repair::new("not-read", lost.len(), None, text) });
+    }
+    whole.others.extend(left_out.into_iter().map(|(name, _)| name));
+    Ok(whole)
+}
+
+fn nothing_in(left_out: &[(String, String)]) -> String {
+    let all: Vec<String> = left_out.iter().map(|(name, why)| format!("'{name}' ({why})")).collect();
+    match all.len() {
+        0 => "it holds no table of numbers".into(),
+        n => format!(
+            "it holds no table of numbers that can be read, but {}: {}",
+            counted(n, "other thing", "others"),
+            listed(&all)
+        ),
+    }
+}
