@@ -4,6 +4,7 @@ import { post } from "/assets/api.js";
 import { at, digits, h, put } from "/assets/dom.js";
 import { app, complain } from "/assets/store.js";
 import { known, runs } from "/assets/runs.js";
+import { makeRig } from "/assets/newrig.js";
 
 const base64 = (file) => new Promise((resolve, reject) => {
   const reader = new FileReader();
@@ -12,7 +13,18 @@ const base64 = (file) => new Promise((resolve, reject) => {
   reader.readAsDataURL(file);
 });
 
+// A table of a rig that is not there yet: a form asks for it. False where the file knows its rig.
+async function withoutRig(file, new_rig = false) {
+  const found = await post("/api/import", { name: file.name, content: await base64(file), new_rig });
+  if (!found.needs_rig) return false;
+  at("runs").close();
+  await makeRig(found.needs_rig);
+  return true;
+}
+
 export async function arrive(file) {
+  const no_rig = !app.state.open && !app.state.can_record.length;
+  try { if (no_rig && (await withoutRig(file))) return; } catch (error) { complain(error); return; }
   if (!at("runs").open) runs();
   const box = at("import");
   put(box, h("p", { text: `Reading ${file.name}…` }));
@@ -85,7 +97,7 @@ export async function arrive(file) {
       rigs(found),
       hertz, h("table", {}, h("thead", {}, h("tr", {}, ["sensor", "column of the file", "another unit, or from V or mA", "unit", "samples", "first values"].map((text) => h("th", { scope: "col", text })))), h("tbody", {}, choices.map(line))),
       notes.length ? h("ul", {}, notes.map((text) => h("li", { text }))) : null,
-      h("p", { class: "buttons" }, h("button", { type: "button", class: "primary", text: "Import", disabled: Boolean(found.problem), onclick: () => look(...said(), true) }), h("button", { type: "button", text: "Do not import", onclick: () => put(box) }))));
+      h("p", { class: "buttons" }, h("button", { type: "button", class: "primary", text: "Import", disabled: Boolean(found.problem), onclick: () => look(...said(), true) }), h("button", { type: "button", text: "Do not import", onclick: () => put(box) }), found.as_it_is ? null : h("button", { type: "button", text: "It is of another rig: make one", onclick: () => withoutRig(file, true).catch(complain) }))));
   };
   await look([], [], [], false);
 }

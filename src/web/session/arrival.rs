@@ -17,6 +17,7 @@ use crate::signal::inspect;
 use crate::storage::import::{ImportOptions, Imported, Line, SourceOptions, import_file, read_source, unit_warnings};
 use crate::storage::{LogError, keep, read, write};
 use crate::watch::evaluate::sentence;
+use crate::web::session::new_rig::free;
 
 type AnyError = Box<dyn Error + Send + Sync>;
 
@@ -46,19 +47,34 @@ pub struct Dropped {
     /// Columns with what their numbers stand for: of volts or milliamperes such as `1..5 -> 0..10 bar`, of another unit such as `psi`.
     #[serde(default)]
     pub scales: Vec<(String, String)>,
+    /// It is of a rig that is not there yet: a form asks for it.
+    #[serde(default)]
+    pub new_rig: bool,
     /// Write it as it was understood; otherwise it is only looked at.
     #[serde(default)]
     pub accept: bool,
 }
 
-/// Reads a file on a rig and, where that is agreed, writes it to a folder. Returns how it was understood, and the recording.
+impl Dropped {
+    /// Its name as a folder lists it, and its bytes.
+    ///
+    /// # Errors
+    /// A file without a name, content that is not base64.
+    pub fn unpacked(&self) -> Result<(String, Vec<u8>), AnyError> {
+        let name = plain_name(&self.name).ok_or("the file has no name")?;
+        let bytes = BASE64_STANDARD.decode(&self.content).map_err(|e| format!("the content is not base64: {e}"))?;
+        Ok((name, bytes))
+    }
+}
+
+/// Reads a file on a rig and, where that is agreed, writes it to a folder. Returns how it was understood, and the recording; of a table without a rig
+/// that it `needs_rig`.
 ///
 /// # Errors
 /// A file that is no recording of this rig, a folder that cannot be written to.
-pub fn take(dropped: &Dropped, rig: &Rig, folder: &Path) -> Result<(Value, Option<PathBuf>), AnyError> {
-    let name = plain_name(&dropped.name).ok_or("the file has no name")?;
+pub fn take(dropped: &Dropped, rig: Option<&Rig>, folder: &Path) -> Result<(Value, Option<PathBuf>), AnyError> {
+    let (name, bytes) = dropped.unpacked()?;
     let name = name.as_str();
-    let bytes = BASE64_STANDARD.decode(&dropped.content).map_err(|e| format!("the content is not base64: {e}"))?;
     // readers go by the ending of a name
     let scratch = tempfile::tempdir()?;
     let path = scratch.path().join(name);
@@ -67,7 +83,9 @@ pub fn take(dropped: &Dropped, rig: &Rig, folder: &Path) -> Result<(Value, Optio
     let by_name = |error: AnyError| sentence(&*error).replace(&*path.shown(), &Path::new(name).shown());
     // A recording knows its rig, and is taken as it is.
     let own = if dropped.rig_of.is_none() { read(&path).ok() } else { None };
-    let rig = own.as_ref().map_or(rig, |recording| &recording.rig);
+    let Some(rig) = own.as_ref().map(|recording| &recording.rig).or(rig) else {
+        return Ok((json!({ "needs_rig": name }), None));
+    };
     let sensors: Vec<&str> = rig.sensors.iter().map(|sensor| sensor.name.as_str()).collect();
     let guessing = SourceOptions { guess: true, rate_hz: dropped.rate_hz, ..SourceOptions::default() };
     let source = read_source(&path, &guessing);
@@ -94,9 +112,9 @@ pub fn take(dropped: &Dropped, rig: &Rig, folder: &Path) -> Result<(Value, Optio
         "warnings": unit_warnings(&imported.recording), "sensor_faults": sensor_faults(&imported.recording),
         "written": null,
     });
-    let out = free(folder, Path::new(name));
-    let becomes = out.file_stem().unwrap_or_default().to_string_lossy();
     let taken = Path::new(name).file_stem().unwrap_or_default().to_string_lossy();
+    let out = free(folder, &taken, "mcap");
+    let becomes = out.file_stem().unwrap_or_default().to_string_lossy();
     about["taken"] = json!(
         (becomes != taken)
             .then(|| { format!("The folder has a recording {taken}.mcap already; this one becomes {becomes}.mcap.") })
@@ -135,12 +153,4 @@ fn imported(dropped: &Dropped, scales: Vec<(String, Line)>, rig: &Rig, path: &Pa
         let guessing = SourceOptions { guess: true, period_s: Some(period_s), ..said };
         Ok(import_file(path, rig, &options, &guessing, true)?)
     })
-}
-
-/// A recording of this name that does not exist yet.
-fn free(folder: &Path, name: &Path) -> PathBuf {
-    let stem = name.file_stem().unwrap_or_default().to_string_lossy();
-    let first = folder.join(format!("{stem}.mcap"));
-    let further = (2..).map(|n| folder.join(format!("{stem}-{n}.mcap")));
-    std::iter::once(first.clone()).chain(further).find(|path| !path.exists()).unwrap_or(first)
 }
